@@ -52,6 +52,10 @@ unit: $(UNITS)
 unit-one: $(BUILD)/unit/$(T)
 	$<
 
+# goals that compile nothing in this make: they need no dependency scan (and no compiler yet)
+NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev keys style test demo deposit \
+  penetration verification manual bench
+
 # --- version, stamped at build time --------------------------------------------------------
 VERSION := $(shell cat VERSION 2>/dev/null || echo 0.0.0)
 GITHASH := $(shell git describe --always --dirty 2>/dev/null || echo none)
@@ -62,7 +66,7 @@ $(OBJ) $(MOD) $(BIN) $(LIB) $(BUILD)/unit:
 
 $(BUILD)/depend.mk: $(ALL_F90) tools/depend.awk | $(OBJ) $(MOD)
 	awk -v obj='$$(OBJ)' -f tools/depend.awk $(ALL_F90) > $@.tmp && mv $@.tmp $@
-ifeq ($(filter clean deps deps-run deps-render keys style help,$(MAKECMDGOALS)),)
+ifneq ($(filter-out $(NO_BUILD),$(or $(MAKECMDGOALS),all)),)
 -include $(BUILD)/depend.mk
 endif
 
@@ -97,6 +101,71 @@ $(BUILD)/unit/$(1): $(OBJ)/tests-unit-$(1).o $(OBJ)/tests-unit-talus_test.o \
 	  $(if $(filter test_fem_%,$(1)),$(LIBS_MUMPS)) $(LIBS_HDF5)
 endef
 $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
+
+# --- what a user calls ---------------------------------------------------------------------
+.PHONY: help deps deps-apt deps-run deps-render deps-dev keys test demo deposit penetration \
+  bench verification manual style install
+PY := $(VENV)/bin/python
+
+help:
+	@printf '%s\n' \
+	  'make               build talus-dem, talus-fem, talus-couple into $(BUILD)/bin' \
+	  'make demo          set up, build, run the coupled penetration, name its figures' \
+	  'make test          set up, build, run every test and the quick verification cases' \
+	  'make verification  all verification cases (CASE=id for one)' \
+	  'make manual        the manual as HTML in build/manual' \
+	  'make penetration   three containers and the sweep of moduli (hours)' \
+	  'make deposit       remake the shipped deposit and compare' \
+	  'make bench         speed, side by side with other codes that apt offers' \
+	  'make deps          what all this needs (deps-run: batch nodes, deps-render: pictures)' \
+	  'make style         layout rules of the code' \
+	  'make install PREFIX=/usr/local' \
+	  'options: MODE=debug  ARCH=native|x86-64-v3|...  BUILD=folder'
+
+deps: deps-apt deps-run deps-render deps-dev
+deps-apt:
+	@tools/deps.sh apt
+deps-run deps-render deps-dev: deps-%: deps-apt
+	@tools/deps.sh $*
+deps-render deps-dev: deps-run
+
+# sub-makes see the compilers that deps has just installed
+test: deps
+	@$(MAKE) --no-print-directory all unit
+	$(PY) tools/test_all.py --bin $(BIN) --units $(BUILD)/unit
+
+demo: deps-run deps-render
+	@$(MAKE) --no-print-directory all
+	examples/01-penetration/run.sh demo build/demo
+
+deposit penetration: deps-run deps-render
+	@$(MAKE) --no-print-directory all
+	examples/01-penetration/run.sh $@ build/$@
+
+verification: deps
+	@$(MAKE) --no-print-directory all
+	$(PY) tools/verify.py --bin $(BIN) --out build/verification $(if $(CASE),--case $(CASE))
+
+manual: deps-run deps-dev
+	$(PY) tools/manual.py --out build/manual
+
+bench: deps-run
+	@$(MAKE) --no-print-directory all
+	$(PY) tools/bench.py --bin $(BIN) --out build/bench
+
+keys: deps-run
+	$(PY) tools/keys.py
+
+style: deps-run deps-dev
+	$(PY) tools/style.py
+
+install: all
+	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/share/talus
+	install -m 755 $(PROGRAMS) $(DESTDIR)$(PREFIX)/bin
+	cp -r prepost/talus prepost/requirements-run.txt prepost/requirements-render.txt LICENSE \
+	  $(DESTDIR)$(PREFIX)/share/talus
+	sed 's|@SHARE@|$(PREFIX)/share/talus|' tools/talus.in > $(DESTDIR)$(PREFIX)/bin/talus
+	chmod 755 $(DESTDIR)$(PREFIX)/bin/talus
 
 clean:
 	rm -rf $(BUILD)/obj $(BUILD)/mod $(BUILD)/bin $(BUILD)/lib $(BUILD)/unit $(BUILD)/depend.mk

@@ -1,0 +1,89 @@
+"""Run every test suite of Talus one after the other and add up what passed and failed.
+
+Usage: test_all.py [--bin build/bin] [--units build/unit] [--only NAME ...]
+Each suite prints its own failures and closes with 'N passed, M failed'.
+"""
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+TALLY = re.compile(r"(\d+) passed(?:, (\d+) failed)?")
+PYTEST_FAILED = re.compile(r"(\d+) failed(?:, (\d+) passed)?")
+
+
+def suites(binaries: Path, units: Path) -> Iterator[tuple[str, list[str]]]:
+    """Yield (name, command) of every suite."""
+    python = sys.executable
+    yield "keys", [python, "tools/keys.py", "--check"]
+    yield "style", [python, "tools/style.py"]
+    for unit in sorted(units.glob("test_*")):
+        yield f"unit {unit.name}", [str(unit)]
+    yield "python", [python, "-m", "pytest", "-q", "--no-header", "-x", "tests/python"]
+    yield "errors", [python, "tools/test_errors.py", "--bin", str(binaries)]
+    for script in sorted(ROOT.glob("tests/regression/*/run.*")) + sorted(ROOT.glob("tests/faults/*/run.*")):
+        command = [python] if script.suffix == ".py" else ["bash"]
+        scratch = ROOT / "build" / "tests" / script.parent.name
+        yield f"{script.parent.parent.name} {script.parent.name}", [
+            *command, str(script), str(binaries), str(scratch),
+        ]  # fmt: skip
+    yield "verification (quick)", [
+        python, "tools/verify.py", "--quick", "--bin", str(binaries), "--out", "build/verification",
+    ]  # fmt: skip
+
+
+def tally(output: str, code: int) -> tuple[int, int]:
+    """Return (passed, failed) of a suite from its closing line, or from its exit code."""
+    passed, failed = int(code == 0), int(code != 0)
+    for line in reversed(output.splitlines()):
+        if found := PYTEST_FAILED.search(line):
+            if line.strip().startswith(found.group(0)) and "in " in line:
+                return int(found.group(2) or 0), int(found.group(1))
+        if found := TALLY.search(line):
+            passed, failed = int(found.group(1)), int(found.group(2) or 0)
+            break
+    if code != 0 and failed == 0:
+        failed = 1
+    return passed, failed
+
+
+def run_suite(name: str, command: list[str]) -> tuple[int, int]:
+    """Run one suite, print a line for it and its output when it failed."""
+    start = time.monotonic()
+    environment = dict(os.environ, PYTHONPATH=str(ROOT / "prepost"))
+    done = subprocess.run(
+        command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    passed, failed = tally(done.stdout, done.returncode)
+    seconds = time.monotonic() - start
+    print(f"{name:40s} {passed:4d} passed {failed:4d} failed {seconds:8.1f} s", flush=True)
+    if failed:
+        print(done.stdout[-6000:], flush=True)
+    return passed, failed
+
+
+def main() -> int:
+    """Run the suites; return 1 if anything failed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--bin", type=Path, default=ROOT / "build/bin")
+    parser.add_argument("--units", type=Path, default=ROOT / "build/unit")
+    parser.add_argument("--only", nargs="*", default=[], help="suites whose name contains one of these")
+    options = parser.parse_args()
+    passed = failed = 0
+    for name, command in suites(options.bin.resolve(), options.units.resolve()):
+        if options.only and not any(word in name for word in options.only):
+            continue
+        good, bad = run_suite(name, command)
+        passed, failed = passed + good, failed + bad
+    print(f"{passed} passed, {failed} failed")
+    return 1 if failed or not passed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
