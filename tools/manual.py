@@ -1,0 +1,175 @@
+"""Build the manual as HTML: pages in Markdown, plus what the sources and the runs generate.
+
+Usage: manual.py [--out build/manual] [--verification build/verification]
+Pages stand in manual/*.md in the order of ORDER; the deck reference comes from the deck.toml
+files, the error chapter from the errors.toml files, the verification chapter from the summary
+of the last `make verification` (or of the quick cases that `make test` ran).
+Formulas between $...$ and $$...$$ become MathML.
+"""
+
+import argparse
+import html
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import markdown
+from latex2mathml.converter import convert as latex_to_mathml
+
+ROOT = Path(__file__).resolve().parent.parent
+ORDER = ["index", "first-run", "install", "running", "files", "deck-dem", "deck-fem", "deck-couple"]
+ORDER += ["prepost", "theory-dem", "theory-fem", "theory-coupling", "port", "verification", "errors", "extending"]
+STYLE = """
+body{margin:0;font:16px/1.55 system-ui,sans-serif;color:#1c2430;display:flex}
+nav{width:15rem;min-height:100vh;background:#f3f1ec;padding:1.2rem;box-sizing:border-box;flex:none}
+nav a{display:block;color:#31506e;text-decoration:none;padding:.15rem 0}nav a.here{font-weight:700}
+main{max-width:54rem;padding:1rem 2.5rem 4rem;min-width:0}
+table{border-collapse:collapse;margin:1rem 0;font-size:.92em}td,th{border:1px solid #cfd6de;padding:.25rem .6rem;
+text-align:left;vertical-align:top}th{background:#f3f1ec}pre{background:#f6f7f9;padding:.8rem;overflow-x:auto;
+border-radius:4px}code{font-size:.92em}img{max-width:100%}.fail{color:#b00020;font-weight:700}
+.pass{color:#1f6f3d}footer{color:#7a828c;font-size:.85em;margin-top:3rem}
+"""
+
+
+def math_to_mathml(text: str) -> tuple[str, list[str]]:
+    """Replace formulas by marks that Markdown leaves alone; return the text and the MathML pieces."""
+    pieces: list[str] = []
+
+    def keep(source: str, display: str) -> str:
+        pieces.append(latex_to_mathml(source.strip(), display=display))
+        return f"\x02{len(pieces) - 1}\x03"
+
+    blocks = re.split(r"(```.*?```|`[^`\n]*`)", text, flags=re.S)
+    for k in range(0, len(blocks), 2):
+        blocks[k] = re.sub(r"\$\$(.+?)\$\$", lambda m: keep(m[1], "block"), blocks[k], flags=re.S)
+        blocks[k] = re.sub(r"(?<!\\)\$([^$\n]+?)\$", lambda m: keep(m[1], "inline"), blocks[k])
+    return "".join(blocks), pieces
+
+
+def page_html(source: str) -> str:
+    """Turn one Markdown page into the HTML of its body."""
+    text, pieces = math_to_mathml(source)
+    body = markdown.markdown(text, extensions=["tables", "fenced_code", "toc", "sane_lists"])
+    return re.sub(r"\x02(\d+)\x03", lambda m: pieces[int(m[1])], body)
+
+
+def title_of(source: str, name: str) -> str:
+    """Return the first heading of a page."""
+    found = re.search(r"^# (.+)$", source, flags=re.M)
+    return found[1] if found else name
+
+
+def errors_page() -> str:
+    """Return the chapter of error codes from */errors.toml."""
+    lines = ["# Error codes", "", "The letter gives the exit code: D (deck) and I (input data) 1, N (numerical) 2,"]
+    lines += ["S (system) and P (partner) 4, B (bug) 5, E (Python tools) 1 or 4. Exit code 3 is no error:"]
+    lines += ["the run stopped early on request and left a checkpoint.", ""]
+    for folder in ["common", "dem", "fem", "couple", "prepost"]:
+        path = ROOT / folder / "errors.toml"
+        if not path.exists():
+            continue
+        lines += [f"## {folder}", "", "| code | what | meaning and cure |", "|---|---|---|"]
+        for code, entry in sorted(tomllib.loads(path.read_text()).items()):
+            cells = [code, entry["title"], entry["explain"]]
+            lines.append("| " + " | ".join(" ".join(cell.split()).replace("|", "\\|") for cell in cells) + " |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def verification_page(folder: Path, out: Path) -> str:
+    """Return the verification chapter from summary.json; copies the figures beside the pages."""
+    lines = ["# Verification", ""]
+    summary = folder / "summary.json"
+    if not summary.exists():
+        return "\n".join([*lines, "No results yet: run `make verification`, then `make manual`.", ""])
+    data = json.loads(summary.read_text())
+    cases = data["cases"]
+    failed = [case for case in cases if not case["pass"]]
+    lines += [f"{len(cases)} cases, {len(failed)} failing; version {data.get('version', '?')}."]
+    lines += ["Cases that fail stand in red; nothing is tuned to pass.", ""]
+    for area in ["dem", "fem", "couple"]:
+        chosen = [case for case in cases if case.get("area") == area]
+        if chosen:
+            lines += [f"## {area}", ""]
+        for case in chosen:
+            lines += case_lines(case, folder, out)
+    return "\n".join(lines)
+
+
+def case_lines(case: dict, folder: Path, out: Path) -> list[str]:
+    """Return the lines of one verification case: text, table of metrics, figure."""
+    state = "pass" if case["pass"] else "fail"
+    lines = [f"### {case['title']} ({case['id']}) <span class='{state}'>{state}</span>", ""]
+    readme = ROOT / "verification" / case.get("area", "") / case["id"] / "README.md"
+    if readme.exists():
+        lines += [re.sub(r"^# .*\n", "", readme.read_text()), ""]
+    else:
+        lines += [case.get("claim", ""), "", f"*Source: {case.get('source', '')}*", ""]
+    if case.get("error"):
+        lines += [f"<p class='fail'>{html.escape(case['error'])}</p>", ""]
+    lines += ["| metric | value | expected | limit | |", "|---|---|---|---|---|"]
+    for metric in case.get("metrics", []):
+        mark = "pass" if metric["pass"] else "fail"
+        expected = "" if metric.get("expected") is None else f"{metric['expected']:.6g}"
+        value = "nan" if metric["value"] is None else f"{metric['value']:.6g}"
+        lines.append(
+            f"| {metric['metric']} | {value} | {expected} | {metric['limit']:.3g} "
+            f"| <span class='{mark}'>{mark}</span> |"
+        )
+    for figure in case.get("figures", []):
+        source = folder / case["id"] / figure
+        if source.exists():
+            target = out / "figures" / f"{case['id']}-{Path(figure).name}"
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, target)
+            lines += ["", f"![{case['title']}](figures/{target.name})"]
+    return [*lines, ""]
+
+
+def gather(out: Path, verification: Path) -> dict[str, str]:
+    """Return name -> Markdown of every page, generated ones included."""
+    generated = out / "generated"
+    subprocess.run([sys.executable, ROOT / "tools/keys.py", "--docs", generated], check=True, cwd=ROOT)
+    pages = {path.stem: path.read_text() for path in generated.glob("*.md")}
+    pages |= {path.stem: path.read_text() for path in (ROOT / "manual").glob("*.md")}
+    pages["errors"] = errors_page()
+    pages["verification"] = verification_page(verification, out)
+    return pages
+
+
+def main() -> int:
+    """Build the manual; return 0, or 1 when a page links to one that does not exist."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=ROOT / "build/manual")
+    parser.add_argument("--verification", type=Path, default=ROOT / "build/verification")
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    version = (ROOT / "VERSION").read_text().strip()
+    pages = gather(options.out, options.verification)
+    names = [n for n in ORDER if n in pages] + sorted(set(pages) - set(ORDER))
+    titles = {name: title_of(pages[name], name) for name in names}
+    dead = 0
+    for name in names:
+        links = "".join(
+            f"<a href='{n}.html'{' class=here' if n == name else ''}>{html.escape(titles[n])}</a>" for n in names
+        )
+        body = page_html(pages[name]).replace('.md"', '.html"')
+        for target in re.findall(r'href="([\w-]+)\.html', body):
+            if target not in pages:
+                print(f"manual: page {name} links to {target}, which does not exist", file=sys.stderr)
+                dead += 1
+        (options.out / f"{name}.html").write_text(
+            f"<!doctype html><html lang='en'><meta charset='utf-8'><title>{html.escape(titles[name])} - Talus"
+            f"</title><style>{STYLE}</style><nav><strong>Talus {version}</strong>{links}</nav><main>{body}"
+            f"<footer>Talus {version}</footer></main></html>"
+        )
+    print(f"manual: {len(names)} pages, {options.out}/index.html")
+    return 1 if dead else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
