@@ -1,0 +1,45 @@
+"""Energy closure of a settling bed, with every column of the ledger."""
+
+import numpy as np
+
+from talus.verification import Case, read_history, write_packing
+
+AXES = np.array([2.5e-3, 2.0e-3, 1.5e-3])
+
+
+def cloud() -> tuple[np.ndarray, np.ndarray]:
+    """240 grains on a 5 x 5 lattice of pitch 5.5 mm with random orientations."""
+    rng = np.random.default_rng(3)
+    i, j, k = np.meshgrid(np.arange(5), np.arange(5), np.arange(10), indexing="ij")
+    x = np.column_stack([i.ravel(), j.ravel(), k.ravel()]) * 5.5e-3 + np.array([4e-3, 4e-3, 4e-3])
+    x = x[np.argsort(x[:, 2], kind="stable")][:240] + rng.uniform(-2e-4, 2e-4, size=(240, 3))
+    quat = rng.normal(size=(240, 4))
+    return x, quat / np.linalg.norm(quat, axis=1, keepdims=True)
+
+
+def run(case: Case) -> None:
+    """Judge the closure; plot all columns."""
+    x, quat = cloud()
+    write_packing(case.folder / "pack.h5", x, np.tile(AXES, (len(x), 1)), quat=quat)
+    case.run("talus-dem", "deck.nml", "--threads=2")
+    rows = read_history(case.folder / "deck_energy.csv")
+    given = rows["gravity"]
+    scale = np.abs(given).max()
+    spent = rows["kinetic"] - rows["kinetic"][0]
+    names = ["elastic", "friction", "contact_damping", "curvature", "tangential_relaxation"]
+    for name in names:
+        spent = spent + rows[name]
+    error = np.abs(given + rows["boundary"] - spent) / scale
+    case.below("largest closure error / work of gravity", float(error.max()), 1e-4)
+    case.below("kinetic energy at the end / work of gravity", float(rows["kinetic"][-1] / scale), 1e-2, "settled")
+    without = np.abs(given + rows["boundary"] - spent + rows["curvature"] + rows["tangential_relaxation"]) / scale
+    case.above("closure error without the two small columns", float(without.max()), 1e-4, "they matter")
+    least = min(float(np.diff(rows[name]).min()) for name in ["friction", "contact_damping"])
+    case.above("least step of friction and damping / input", least / scale, -1e-12, "never negative")
+    fig, ax = case.figure()
+    ax.plot(rows["time"], given, "-", label="work of gravity")
+    for name in ["kinetic", *names]:
+        ax.plot(rows["time"], rows[name], "--", label=name.replace("_", " "))
+    ax.set(xlabel="time [s]", ylabel="energy [J]")
+    ax.legend(fontsize=8)
+    case.save(fig)
