@@ -1,0 +1,140 @@
+!> Named arrays: the complete state of a system on its way to or from a checkpoint.
+module dem_archive
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
+  implicit none
+  private
+  public :: dem_archive_type, dem_item_type
+
+  !> One named array: real (components, n) or integer (components, n).
+  type :: dem_item_type
+    character(len=32) :: name = ''
+    logical :: is_real = .true.
+    real(wp), allocatable :: reals(:, :)
+    integer(i8), allocatable :: integers(:, :)
+  end type dem_item_type
+
+  !> All items, in the order in which they were put.
+  type :: dem_archive_type
+    integer(i4) :: count = 0
+    type(dem_item_type), allocatable :: item(:)
+  contains
+    procedure :: put_reals
+    procedure :: put_integers
+    procedure :: get_reals
+    procedure :: get_integers
+    procedure :: find
+    procedure :: clear
+  end type dem_archive_type
+
+contains
+
+  subroutine clear(self)
+    class(dem_archive_type), intent(inout) :: self
+    self%count = 0
+    if (allocated(self%item)) deallocate (self%item)
+  end subroutine clear
+
+  !> Room for one more item; arrays are moved, not copied.
+  subroutine grow(self)
+    class(dem_archive_type), intent(inout) :: self
+    type(dem_item_type), allocatable :: longer(:)
+    integer(i4) :: k
+
+    if (.not. allocated(self%item)) allocate (self%item(32))
+    if (self%count == size(self%item)) then
+      allocate (longer(2*self%count))
+      do k = 1, self%count
+        longer(k)%name = self%item(k)%name
+        longer(k)%is_real = self%item(k)%is_real
+        call move_alloc(self%item(k)%reals, longer(k)%reals)
+        call move_alloc(self%item(k)%integers, longer(k)%integers)
+      end do
+      call move_alloc(longer, self%item)
+    end if
+    self%count = self%count + 1
+  end subroutine grow
+
+  subroutine put_reals(self, name, values)
+    class(dem_archive_type), intent(inout) :: self
+    character(len=*), intent(in) :: name
+    real(wp), intent(in) :: values(:, :)
+    call grow(self)
+    self%item(self%count)%name = name
+    self%item(self%count)%is_real = .true.
+    allocate (self%item(self%count)%reals(size(values, 1), size(values, 2)))
+    self%item(self%count)%reals(:, :) = values
+  end subroutine put_reals
+
+  subroutine put_integers(self, name, values)
+    class(dem_archive_type), intent(inout) :: self
+    character(len=*), intent(in) :: name
+    integer(i8), intent(in) :: values(:, :)
+    call grow(self)
+    self%item(self%count)%name = name
+    self%item(self%count)%is_real = .false.
+    allocate (self%item(self%count)%integers(size(values, 1), size(values, 2)))
+    self%item(self%count)%integers(:, :) = values
+  end subroutine put_integers
+
+  !> Position of an item, 0 if there is none of that name.
+  pure integer(i4) function find(self, name) result(k)
+    class(dem_archive_type), intent(in) :: self
+    character(len=*), intent(in) :: name
+    do k = 1, self%count
+      if (self%item(k)%name == name) return
+    end do
+    k = 0
+  end function find
+
+  !> Array of an item; a missing one or one of the wrong shape is a fault (I229).
+  subroutine get_reals(self, name, components, n, values, errors)
+    class(dem_archive_type), intent(in) :: self
+    character(len=*), intent(in) :: name
+    integer(i4), intent(in) :: components, n  !! expected shape; n < 0: any
+    real(wp), allocatable, intent(out) :: values(:, :)
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+
+    k = find(self, name)
+    if (k > 0) then
+      if (self%item(k)%is_real .and. size(self%item(k)%reals, 1) == components .and. &
+          (n < 0 .or. size(self%item(k)%reals, 2) == n)) then
+        allocate (values, source=self%item(k)%reals)
+        return
+      end if
+    end if
+    allocate (values(components, max(n, 0)), source=0.0_wp)
+    call misfit(name, errors)
+  end subroutine get_reals
+
+  !> As get_reals, for integers.
+  subroutine get_integers(self, name, components, n, values, errors)
+    class(dem_archive_type), intent(in) :: self
+    character(len=*), intent(in) :: name
+    integer(i4), intent(in) :: components, n
+    integer(i8), allocatable, intent(out) :: values(:, :)
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+
+    k = find(self, name)
+    if (k > 0) then
+      if (.not. self%item(k)%is_real .and. allocated(self%item(k)%integers)) then
+        if (size(self%item(k)%integers, 1) == components .and. &
+            (n < 0 .or. size(self%item(k)%integers, 2) == n)) then
+          allocate (values, source=self%item(k)%integers)
+          return
+        end if
+      end if
+    end if
+    allocate (values(components, max(n, 0)), source=0_i8)
+    call misfit(name, errors)
+  end subroutine get_integers
+
+  subroutine misfit(name, errors)
+    character(len=*), intent(in) :: name
+    type(error_list_type), intent(inout) :: errors
+    call errors%add('I229', "checkpoint: array '"//name//"' is missing or has another size", &
+                    hint='the checkpoint belongs to another packing, deck or version')
+  end subroutine misfit
+end module dem_archive

@@ -1,0 +1,158 @@
+!> Grains from bare data: sorted by id, checked, with mass, inertia and work arrays.
+module dem_make
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use dem_state, only: dem_grains_type, dem_planes_type, dem_material_type
+  implicit none
+  private
+  public :: make_grains, make_planes, sorted_order
+
+  real(wp), parameter :: pi = acos(-1.0_wp)
+
+contains
+
+  !> Fill `grains` from arrays in any order; faults name the grain (I200 to I204).
+  subroutine make_grains(grains, materials, id, kind, material, x, quat, axes, v, omega, errors)
+    type(dem_grains_type), intent(out) :: grains
+    type(dem_material_type), intent(in) :: materials(:)
+    integer(i8), intent(in) :: id(:)
+    integer(i4), intent(in) :: kind(:), material(:)
+    real(wp), intent(in) :: x(:, :)      !! (3, n) [m]
+    real(wp), intent(in) :: quat(:, :)   !! (4, n) w, x, y, z
+    real(wp), intent(in) :: axes(:, :)   !! (3, n) semi-axes [m]
+    real(wp), intent(in) :: v(:, :)      !! (3, n) [m/s]
+    real(wp), intent(in) :: omega(:, :)  !! (3, n) space frame [rad/s]
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), allocatable :: order(:)
+    integer(i4) :: i, k
+    real(wp) :: axis(3), q(4)
+
+    call check_grains(id, kind, material, size(materials), x, quat, axes, v, omega, errors)
+    if (errors%any()) return
+    grains%n = size(id)
+    call allocate_grains(grains)
+    order = sorted_order(id)
+    do i = 1, grains%n
+      k = order(i)
+      if (i > 1) then
+        if (id(k) == id(order(i - 1))) then
+          call errors%add('I203', 'grain id '//str(id(k))//' is given twice', &
+                          hint='ids of a packing must differ')
+          return
+        end if
+      end if
+      axis = axes(:, k)
+      q = quat(:, k)/sqrt(sum(quat(:, k)**2))
+      grains%id(i) = id(k)
+      grains%kind(i) = kind(k)
+      grains%material(i) = material(k)
+      grains%x(:, i) = x(:, k)
+      grains%quat(:, i) = q
+      grains%target_quat(:, i) = q
+      grains%v(:, i) = v(:, k)
+      grains%omega(:, i) = omega(:, k)
+      grains%axes(:, i) = axis
+      grains%radius(i) = maxval(axis)
+      grains%mass(i) = materials(material(k))%density*4.0_wp/3.0_wp*pi*product(axis)
+      grains%inertia(:, i) = 0.2_wp*grains%mass(i)*(sum(axis**2) - axis**2)
+    end do
+  end subroutine make_grains
+
+  subroutine check_grains(id, kind, material, n_materials, x, quat, axes, v, omega, errors)
+    integer(i8), intent(in) :: id(:)
+    integer(i4), intent(in) :: kind(:), material(:), n_materials
+    real(wp), intent(in) :: x(:, :), quat(:, :), axes(:, :), v(:, :), omega(:, :)
+    type(error_list_type), intent(inout) :: errors
+    character(len=*), parameter :: hint = 'make the packing again or mend the file'
+    character(len=:), allocatable :: who
+    integer(i4) :: k
+
+    do k = 1, size(id)
+      who = 'grain '//str(id(k))//': '
+      if (.not. all(abs(x(:, k)) < huge(1.0_wp)) .or. .not. all(abs(v(:, k)) < huge(1.0_wp)) &
+          .or. .not. all(abs(omega(:, k)) < huge(1.0_wp))) then
+        call errors%add('I200', who//'position, velocity or spin is not a number: '// &
+                        str([x(:, k), v(:, k), omega(:, k)]), hint=hint)
+      end if
+      if (.not. all(axes(:, k) > 0.0_wp .and. axes(:, k) < huge(1.0_wp))) then
+        call errors%add('I201', who//'semi-axes must be positive, got '//str(axes(:, k)), hint=hint)
+      end if
+      if (.not. abs(sum(quat(:, k)**2) - 1.0_wp) < 1.0e-3_wp) then
+        call errors%add('I202', who//'orientation is no unit quaternion: '//str(quat(:, k)), &
+                        hint='order w, x, y, z, length 1')
+      end if
+      if (kind(k) < 0 .or. kind(k) > 3 .or. material(k) < 1 .or. material(k) > n_materials) then
+        call errors%add('I204', who//'unknown kind '//str(kind(k))//' or material '// &
+                        str(material(k)), hint='kinds: 0 free, 1 fixed, 2 driven')
+      end if
+    end do
+  end subroutine check_grains
+
+  subroutine allocate_grains(g)
+    type(dem_grains_type), intent(inout) :: g
+    integer(i4) :: n
+    n = g%n
+    allocate (g%id(n), source=0_i8)
+    allocate (g%kind(n), g%material(n), source=0_i4)
+    allocate (g%x(3, n), g%v(3, n), g%omega(3, n), g%axes(3, n), g%inertia(3, n), source=0.0_wp)
+    allocate (g%force(3, n), g%moment(3, n), g%theta(3, n), g%target_x(3, n), source=0.0_wp)
+    allocate (g%extra_force(3, n), g%extra_moment(3, n), g%impulse(3, n), source=0.0_wp)
+    allocate (g%moment_impulse(3, n), g%quat(4, n), g%target_quat(4, n), source=0.0_wp)
+    allocate (g%radius(n), g%mass(n), g%work(n), g%turn(4, n), source=0.0_wp)
+    allocate (g%has_target(n), source=.false.)
+    g%turn(1, :) = 1.0_wp
+  end subroutine allocate_grains
+
+  !> Planes from points, normals (any length), velocities and materials.
+  subroutine make_planes(planes, point, normal, velocity, material)
+    type(dem_planes_type), intent(out) :: planes
+    real(wp), intent(in) :: point(:, :), normal(:, :), velocity(:, :)  !! (3, n)
+    integer(i4), intent(in) :: material(:)
+    integer(i4) :: k, n
+
+    n = size(material)
+    planes%n = n
+    allocate (planes%material, source=material)
+    allocate (planes%point(3, n), planes%normal(3, n), planes%velocity(3, n), source=0.0_wp)
+    allocate (planes%force(3, n), planes%impulse(3, n), planes%work(n), source=0.0_wp)
+    do k = 1, n
+      planes%point(:, k) = point(:, k)
+      planes%normal(:, k) = normal(:, k)/sqrt(sum(normal(:, k)**2))
+      planes%velocity(:, k) = velocity(:, k)
+    end do
+  end subroutine make_planes
+
+  !> Order that sorts keys upwards (merge sort, stable).
+  pure function sorted_order(keys) result(order)
+    integer(i8), intent(in) :: keys(:)
+    integer(i4), allocatable :: order(:), other(:)
+    integer(i4) :: n, width, low, middle, high, a, b, k
+
+    n = size(keys)
+    allocate (order(n), other(n))
+    order = [(k, k=1, n)]
+    width = 1
+    do while (width < n)
+      low = 1
+      do while (low <= n)
+        middle = min(low + width, n + 1)
+        high = min(low + 2*width, n + 1)
+        a = low
+        b = middle
+        do k = low, high - 1
+          if (a < middle .and. (b >= high .or. keys(order(min(a, n))) <= keys(order(min(b, n))))) then
+            other(k) = order(a)
+            a = a + 1
+          else
+            other(k) = order(b)
+            b = b + 1
+          end if
+        end do
+        low = high
+      end do
+      order = other
+      width = 2*width
+    end do
+  end function sorted_order
+end module dem_make

@@ -1,0 +1,171 @@
+!> What a system of grains is made of: grains, planes, contact laws, candidate pairs, parameters,
+!! energy ledger, health counters. Plain arrays, no behaviour (formulation: theory-dem).
+module dem_state
+  use talus_kinds, only: wp, i4, i8
+  implicit none
+  private
+  public :: dem_grains_type, dem_planes_type, dem_law_type, dem_material_type, dem_pairs_type
+  public :: dem_parameters_type, dem_ledger_type, dem_health_type, dem_weights_type
+  public :: kind_free, kind_fixed, kind_driven, kind_ghost
+  public :: mode_dynamic, mode_relaxation
+  public :: law_hertz_mindlin, law_hertz_no_history, law_linear
+  public :: lanes, body_size, history_size, result_size, column_count
+
+  integer(i4), parameter :: kind_free = 0    !! moved by the forces on it
+  integer(i4), parameter :: kind_fixed = 1   !! never moves
+  integer(i4), parameter :: kind_driven = 2  !! moved by the deck
+  integer(i4), parameter :: kind_ghost = 3   !! moved by the port
+
+  integer(i4), parameter :: mode_dynamic = 1, mode_relaxation = 2
+
+  integer(i4), parameter :: law_hertz_mindlin = 1     !! Hertz and Mindlin, history kept
+  integer(i4), parameter :: law_hertz_no_history = 2  !! Hertz, tangential force viscous only
+  integer(i4), parameter :: law_linear = 3            !! spring and dashpot of given stiffness
+
+  integer(i4), parameter :: lanes = 64         !! pairs in a block, the unit of work
+  integer(i4), parameter :: body_size = 20     !! reals in a body record, see dem_pairs_type
+  integer(i4), parameter :: history_size = 20  !! reals kept for a candidate, see dem_law
+  integer(i4), parameter :: result_size = 9    !! force on the second, moments on first and second
+  integer(i4), parameter :: column_count = 6   !! work columns that a contact block returns
+
+  !> Elastic constants and density of a material.
+  type :: dem_material_type
+    real(wp) :: young = 0.0_wp    !! Young's modulus [Pa]
+    real(wp) :: poisson = 0.0_wp  !! Poisson's ratio [-]
+    real(wp) :: density = 0.0_wp  !! density [kg/m^3]
+  end type dem_material_type
+
+  !> Contact law of an ordered pair of materials (filled by dem_law).
+  type :: dem_law_type
+    integer(i4) :: kind = 0                !! law_..., 0 = not given
+    real(wp) :: e_star = 0.0_wp            !! contact modulus E* [Pa]
+    real(wp) :: g_star = 0.0_wp            !! shear contact modulus G* [Pa]
+    real(wp) :: friction = 0.0_wp          !! Coulomb coefficient [-]
+    real(wp) :: damping_ratio = 0.0_wp     !! normal damping ratio xi [-]
+    real(wp) :: tangential_ratio = 0.0_wp  !! tangential damping ratio [-]
+    real(wp) :: kn = 0.0_wp                !! normal stiffness of the linear law [N/m]
+    real(wp) :: kt = 0.0_wp                !! tangential stiffness of the linear law [N/m]
+    real(wp) :: share = 0.5_wp             !! compliance share of the first material [-]
+  end type dem_law_type
+
+  !> All grains, in ascending order of id. Arrays are (components, grains).
+  type :: dem_grains_type
+    integer(i4) :: n = 0                           !! number of grains
+    integer(i8), allocatable :: id(:)              !! identity, ascending
+    integer(i4), allocatable :: kind(:)            !! kind_...
+    integer(i4), allocatable :: material(:)        !! index into the materials
+    real(wp), allocatable :: x(:, :)               !! centre [m]
+    real(wp), allocatable :: quat(:, :)            !! orientation w,x,y,z: body to space [-]
+    real(wp), allocatable :: v(:, :)               !! velocity [m/s]
+    real(wp), allocatable :: omega(:, :)           !! spin, space frame [rad/s]
+    real(wp), allocatable :: axes(:, :)            !! semi-axes a, b, c [m]
+    real(wp), allocatable :: radius(:)             !! largest semi-axis [m]
+    real(wp), allocatable :: mass(:)               !! unscaled mass [kg]
+    real(wp), allocatable :: inertia(:, :)         !! principal moments, body frame [kg m^2]
+    real(wp), allocatable :: force(:, :)           !! contact force, no gravity [N]
+    real(wp), allocatable :: moment(:, :)          !! contact moment about the centre [N m]
+    real(wp), allocatable :: theta(:, :)           !! accumulated rotation [rad]
+    real(wp), allocatable :: extra_force(:, :)     !! held external force on free grains [N]
+    real(wp), allocatable :: extra_moment(:, :)    !! held external moment on free grains [N m]
+    real(wp), allocatable :: impulse(:, :)         !! time integral of force since reset [N s]
+    real(wp), allocatable :: moment_impulse(:, :)  !! time integral of moment since reset [N m s]
+    real(wp), allocatable :: work(:)               !! work of the prescription since reset [J]
+    logical, allocatable :: has_target(:)          !! prescribed to end exactly on the target
+    real(wp), allocatable :: target_x(:, :)        !! centre at the end of the interval [m]
+    real(wp), allocatable :: target_quat(:, :)     !! orientation at the end of the interval [-]
+    real(wp), allocatable :: turn(:, :)            !! rotation of one sub-step, quaternion [-]
+  end type dem_grains_type
+
+  !> Infinite planes; grains stand on the side to which the normal points.
+  type :: dem_planes_type
+    integer(i4) :: n = 0
+    integer(i4), allocatable :: material(:)
+    real(wp), allocatable :: point(:, :)     !! a point of the plane, moves with it [m]
+    real(wp), allocatable :: normal(:, :)    !! unit normal, into the grains [-]
+    real(wp), allocatable :: velocity(:, :)  !! [m/s]
+    real(wp), allocatable :: force(:, :)     !! of the grains on the plane [N]
+    real(wp), allocatable :: impulse(:, :)   !! time integral of the force since reset [N s]
+    real(wp), allocatable :: work(:)         !! of the plane on the grains since reset [J]
+  end type dem_planes_type
+
+  !> Candidate pairs in blocks of 64 lanes, their cached normals and contact history.
+  !!
+  !! Bodies 1..n are grains, n+1 and n+2 pads far away, n+3 a pad plane, n+3+k is plane k.
+  !! A body record: x(3), A = Q diag(a^2,b^2,c^2) Q^T as xx yy zz xy yz zx, v(3), omega(3), trace
+  !! of A, (a b c)^2; planes use x and v only.
+  type :: dem_pairs_type
+    integer(i4) :: blocks = 0                    !! blocks in use
+    integer(i4) :: grain_blocks = 0              !! of these, grain-grain (the first ones)
+    integer(i4) :: count = 0                     !! real pairs, pads not counted
+    real(wp) :: skin = 0.0_wp                    !! pairs with a gap below it are listed [m]
+    integer(i4), allocatable :: first(:, :)      !! (lanes, blocks) body A, the lower id
+    integer(i4), allocatable :: second(:, :)     !! (lanes, blocks) body B
+    integer(i4), allocatable :: law_first(:)     !! (blocks) material of A
+    integer(i4), allocatable :: law_second(:)    !! (blocks) material of B
+    real(wp), allocatable :: normal(:, :, :)     !! (lanes, 3, blocks) last normal, A to B [-]
+    real(wp), allocatable :: history(:, :, :)    !! (lanes, history_size, blocks), see dem_law
+    real(wp), allocatable :: weight(:, :)        !! (lanes, blocks) contact weight [-]
+    real(wp), allocatable :: m_star(:, :)        !! (lanes, blocks) reduced mass m* [kg]
+    logical, allocatable :: touched(:)           !! (blocks) some lane had contact last time
+    real(wp), allocatable :: result(:, :, :)     !! (result_size, lanes, blocks) [N, N m]
+    real(wp), allocatable :: columns(:, :)       !! (column_count, blocks) work of this step [J]
+    real(wp), allocatable :: body(:, :)          !! (body_size, bodies) records
+    real(wp), allocatable :: reference_x(:, :)   !! (3, bodies) where the list was made [m]
+    real(wp), allocatable :: reference_q(:, :)   !! (4, bodies) orientation then [-]
+    real(wp), allocatable :: reach(:)            !! (bodies) greatest minus least semi-axis [m]
+    integer(i4), allocatable :: start(:)         !! (bodies+1) first entry of a body
+    integer(i4), allocatable :: entry(:)         !! 2*(slot-1) + side, by partner id
+  end type dem_pairs_type
+
+  !> Contact weights set through the port, sorted by (lower id, higher id); all others weigh 1.
+  type :: dem_weights_type
+    integer(i4) :: n = 0
+    integer(i8), allocatable :: id(:, :)  !! (2, n) lower id first
+    real(wp), allocatable :: value(:)     !! [-]
+  end type dem_weights_type
+
+  !> How the system moves.
+  type :: dem_parameters_type
+    integer(i4) :: mode = mode_dynamic           !! mode_...
+    real(wp) :: dt = 0.0_wp                      !! time step [s]
+    real(wp) :: mass_scale = 1.0_wp              !! s, relaxation mode [-]
+    real(wp) :: inertia_scale = 1.0_wp           !! s_I, relaxation mode [-]
+    real(wp) :: damping = 0.0_wp                 !! background damping a [1/s]
+    logical :: full_damping = .false.            !! a = 2/dt, whatever dt is
+    real(wp) :: gravity(3) = 0.0_wp              !! [m/s^2]
+    real(wp) :: gravity_scale = 1.0_wp           !! [-]
+    real(wp) :: skin = -1.0_wp                   !! list margin [m]; <= 0: chosen at init
+    real(wp) :: dt_factor = 0.3_wp               !! automatic step / step limit [-]
+    real(wp) :: overlap_limit = 0.1_wp           !! overlap / least semi-axis that is a fault [-]
+    real(wp) :: energy_limit = 1.0e3_wp          !! kinetic energy / reference that is a fault [-]
+    logical :: ghost_pairs = .false.             !! keep ghost-ghost contacts
+  end type dem_parameters_type
+
+  !> Energy ledger since the start of the run [J]. Closure: see dem_ledger.
+  type :: dem_ledger_type
+    real(wp) :: kinetic = 0.0_wp                !! now, with scaled masses
+    real(wp) :: elastic_normal = 0.0_wp         !! now, stored in normal springs
+    real(wp) :: elastic_tangential = 0.0_wp     !! now, stored in tangential springs
+    real(wp) :: staggering = 0.0_wp             !! now, (dt^2/8m) F^2 of the leapfrog
+    real(wp) :: friction = 0.0_wp               !! dissipated by sliding
+    real(wp) :: contact_damping = 0.0_wp        !! dissipated by contact dashpots
+    real(wp) :: background_damping = 0.0_wp     !! dissipated by background damping
+    real(wp) :: curvature = 0.0_wp              !! curvature work, fed into the normal springs
+    real(wp) :: tangential_relaxation = 0.0_wp  !! lost by tangential springs without sliding
+    real(wp) :: boundary = 0.0_wp               !! work of prescribed grains and planes
+    real(wp) :: external = 0.0_wp               !! work of held extra forces
+    real(wp) :: gravity = 0.0_wp                !! work of gravity
+    real(wp) :: start = 0.0_wp                  !! kinetic + elastic - staggering at the start
+    real(wp) :: largest = 0.0_wp                !! largest energy turned over so far, for scale
+  end type dem_ledger_type
+
+  !> Counters that tell whether to trust a run.
+  type :: dem_health_type
+    integer(i8) :: steps = 0                !! sub-steps taken
+    integer(i8) :: rebuilds = 0             !! list rebuilds
+    integer(i8) :: late_rebuilds = 0        !! of these, after more than the margin was used up
+    integer(i8) :: evaluations = 0          !! force evaluations
+    real(wp) :: max_overlap = 0.0_wp        !! largest overlap / least semi-axis so far [-]
+    real(wp) :: reference_energy = 0.0_wp   !! scale for the runaway test [J]
+  end type dem_health_type
+end module dem_state
