@@ -1,0 +1,313 @@
+!> Exchange port: talus-couple asks, a solver answers (manual/port.md).
+!!
+!! Ask side: `create`, launch the solver with `--port=SPEC`, `watch` its process, then `send` and
+!! `receive` (or `ask`); several ports may be sent to before any is read. Serve side: `connect`,
+!! then `receive` and `send` in turn; `beat` in long work. A partner that ends, hangs or disagrees
+!! gives one P fault that names it.
+module talus_port
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str, starts_with
+  use talus_errors, only: error_list_type
+  use talus_message, only: message_type, verb_name
+  use talus_partner, only: partner_type, now, nap
+  use talus_port_shm, only: shm_port_type
+  use talus_port_file, only: file_port_type
+  implicit none
+  private
+  public :: port_type
+
+  integer(i4), parameter :: transport_none = 0, transport_shm = 1, transport_file = 2
+  real(wp), parameter :: slice = 0.05_wp             !! s between two looks at the partner
+  real(wp), parameter :: connect_limit = 30.0_wp     !! s that a solver looks for its port
+  real(wp), parameter :: far_ask_limit = 600.0_wp    !! s of silence of an asker on another host
+
+  !> One end of a port. Set `partner%name` and `partner%log` for good messages, `trace` and
+  !! `join_limit` before `create`.
+  type :: port_type
+    type(partner_type) :: partner
+    logical :: trace = .false.            !! keep the message files (hdf5 transport)
+    real(wp) :: join_limit = 0.0_wp       !! s until the partner must have joined; 0 = time limit
+    character(len=:), allocatable :: spec
+    character(len=:), allocatable :: run_id
+    integer(i4), private :: transport = transport_none
+    logical, private :: asks = .false.
+    integer(i8), private :: sequence = 0  !! of the last request
+    integer(i4), private :: verb = 0      !! of the last request
+    type(shm_port_type), private :: shm
+    type(file_port_type), private :: file
+  contains
+    procedure :: create
+    procedure :: connect
+    procedure :: watch
+    procedure :: send
+    procedure :: receive
+    procedure :: ask
+    procedure :: beat
+    procedure :: is_open
+    procedure :: close => port_close
+  end type port_type
+
+contains
+
+  !> Open the asking side: 'shm:/talus-NAME' or 'hdf5:FOLDER/SIDE'.
+  subroutine create(self, spec, run_id, time_limit, errors)
+    class(port_type), intent(inout) :: self
+    character(len=*), intent(in) :: spec, run_id
+    real(wp), intent(in) :: time_limit  !! s of silence that count as a hang; 0 = never
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: transport, faults
+
+    faults = errors%count
+    call read_spec(spec, transport, errors)
+    if (errors%count > faults) return
+    self%asks = .true.
+    self%sequence = 0
+    self%spec = spec
+    self%run_id = run_id
+    self%partner%time_limit = time_limit
+    if (transport == transport_shm) then
+      call self%shm%create(spec(5:), run_id, errors)
+    else
+      call self%file%create(spec(6:), run_id, self%trace, errors)
+    end if
+    if (errors%count == faults) self%transport = transport
+  end subroutine create
+
+  !> Open the answering side; waits a while for the asker to make the port.
+  subroutine connect(self, spec, errors)
+    class(port_type), intent(inout) :: self
+    character(len=*), intent(in) :: spec
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: transport, faults
+    logical :: absent
+    real(wp) :: started
+
+    faults = errors%count
+    call read_spec(spec, transport, errors)
+    if (errors%count > faults) return
+    self%asks = .false.
+    self%sequence = 0
+    self%spec = spec
+    started = now()
+    do
+      if (transport == transport_shm) then
+        call self%shm%connect(spec(5:), absent, errors)
+      else
+        call self%file%connect(spec(6:), absent, errors)
+      end if
+      if (errors%count > faults) return
+      if (.not. absent) exit
+      if (now() - started > connect_limit) then
+        call report_absent(spec, transport, errors)
+        return
+      end if
+      call nap(0.01_wp)
+    end do
+    self%transport = transport
+    if (.not. allocated(self%partner%name)) self%partner%name = 'talus-couple'
+    call meet(self)
+    if (.not. self%partner%same_place) self%partner%time_limit = far_ask_limit
+  end subroutine connect
+
+  subroutine read_spec(spec, transport, errors)
+    character(len=*), intent(in) :: spec
+    integer(i4), intent(out) :: transport
+    type(error_list_type), intent(inout) :: errors
+    integer :: slash
+
+    transport = transport_none
+    if (starts_with(spec, 'shm:/')) then
+      if (len(spec) > 5 .and. len(spec) < 200 .and. index(spec(6:), '/') == 0) &
+        transport = transport_shm
+    else if (starts_with(spec, 'hdf5:')) then
+      slash = index(spec, '/', back=.true.)
+      if (slash > 6 .and. slash < len(spec)) transport = transport_file
+    end if
+    if (transport == transport_none) &
+      call errors%add('P004', 'the port '''//spec//''' is neither ''shm:/NAME'' nor '// &
+                      '''hdf5:FOLDER/SIDE''', '', 'talus-couple hands it on as --port=SPEC')
+  end subroutine read_spec
+
+  subroutine report_absent(spec, transport, errors)
+    character(len=*), intent(in) :: spec
+    integer(i4), intent(in) :: transport
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: hint
+    hint = 'is talus-couple running? For another host use transport = ''hdf5'''
+    if (transport == transport_file) hint = 'is talus-couple running, and is the folder shared?'
+    call errors%add('P003', 'nobody has opened the port '''//spec//''' on this host within '// &
+                    str(connect_limit)//' s', '', hint)
+  end subroutine report_absent
+
+  !> The process that was launched to serve this port: its end ends every wait.
+  subroutine watch(self, pid)
+    class(port_type), intent(inout) :: self
+    integer(i4), intent(in) :: pid
+    call self%partner%started(pid)
+  end subroutine watch
+
+  !> Send a request (ask side) or the reply to the last request (serve side).
+  subroutine send(self, message, errors)
+    class(port_type), intent(inout) :: self
+    type(message_type), intent(inout) :: message
+    type(error_list_type), intent(inout) :: errors
+    logical :: finished
+    integer(i4) :: faults
+
+    if (self%transport == transport_none) error stop 'bug: the port is not open'
+    faults = errors%count
+    if (self%asks) then
+      self%sequence = self%sequence + 1
+      self%verb = message%verb
+    end if
+    call message%seal(self%sequence)
+    call self%partner%fresh()
+    do
+      if (self%transport == transport_shm) then
+        call self%shm%push(message, slice, finished)
+      else
+        call self%file%push(message, errors)
+        finished = .true.
+      end if
+      if (finished .or. errors%count > faults) return
+      call look(self, .false., errors)
+      if (errors%count > faults) return
+    end do
+  end subroutine send
+
+  !> Wait for the reply (ask side) or the next request (serve side), and check it.
+  subroutine receive(self, message, errors)
+    class(port_type), intent(inout) :: self
+    type(message_type), intent(inout) :: message
+    type(error_list_type), intent(inout) :: errors
+    integer(i8) :: words
+    integer(i4) :: faults
+
+    if (self%transport == transport_none) error stop 'bug: the port is not open'
+    faults = errors%count
+    call self%partner%fresh()
+    do
+      if (self%transport == transport_shm) then
+        call self%shm%pull(message, slice, words)
+      else
+        call self%file%pull(message, slice, words, errors)
+      end if
+      if (errors%count > faults) return
+      if (words /= 0) exit
+      call look(self, .true., errors)
+      if (errors%count > faults) return
+    end do
+    if (self%partner%pid == 0) call meet(self)
+    call check(self, message, words, errors)
+  end subroutine receive
+
+  !> The message must be whole, and the one that is due.
+  subroutine check(self, message, words, errors)
+    class(port_type), intent(inout) :: self
+    type(message_type), intent(inout) :: message
+    integer(i8), intent(in) :: words
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: faults
+
+    faults = errors%count
+    call message%parse(words, errors)
+    if (errors%count == faults) then
+      if (.not. self%asks) self%sequence = self%sequence + 1
+      if (message%sequence /= self%sequence) then
+        call errors%add('P007', 'message '//str(message%sequence)//' arrived, message '// &
+                        str(self%sequence)//' is due', message%place(), &
+                        'the partner has lost or repeated a message')
+      else if (self%asks .and. message%verb /= self%verb) then
+        call errors%add('P008', 'the reply is to '//verb_name(message%verb)//', '// &
+                        verb_name(self%verb)//' was asked', message%place(), &
+                        'the partner does not speak this port')
+      else if (message%verb < 1) then
+        call errors%add('P017', 'the request has a verb that is not known here', &
+                        message%place(), 'use programs of the same version')
+      end if
+      self%verb = message%verb
+    end if
+    if (errors%count > faults) &
+      errors%item(faults + 1)%message = self%partner%title()//': '//errors%item(faults + 1)%message
+  end subroutine check
+
+  !> Send, receive, and hand on the fault that the reply reports.
+  subroutine ask(self, request, reply, errors)
+    class(port_type), intent(inout) :: self
+    type(message_type), intent(inout) :: request, reply
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: faults
+    faults = errors%count
+    call self%send(request, errors)
+    if (errors%count == faults) call self%receive(reply, errors)
+    if (errors%count == faults) call reply%faults(errors)
+  end subroutine ask
+
+  !> While waiting: has the partner joined, ended, fallen silent?
+  subroutine look(self, reading, errors)
+    class(port_type), intent(inout) :: self
+    logical, intent(in) :: reading  !! a message that arrived counts more than the end of its sender
+    type(error_list_type), intent(inout) :: errors
+    integer(i8) :: beat
+    logical :: gone
+    real(wp) :: limit
+
+    if (self%partner%pid == 0) call meet(self)
+    gone = self%partner%ended()
+    if (self%transport == transport_shm) then
+      gone = gone .or. self%shm%partner_gone()
+      if (gone .and. reading) gone = .not. self%shm%arrived()
+      beat = self%shm%partner_beat()
+    else
+      call self%file%beat()
+      if (gone .and. reading) gone = .not. self%file%arrived()
+      beat = self%file%partner_beat()
+    end if
+    if (gone) then
+      call self%partner%report_end(errors)
+      return
+    end if
+    limit = self%partner%time_limit
+    if (self%partner%pid == 0 .and. self%join_limit > 0.0_wp) &
+      self%partner%time_limit = self%join_limit
+    if (self%partner%silent(beat)) call self%partner%report_silence(errors)
+    self%partner%time_limit = limit
+  end subroutine look
+
+  !> Learn who is on the other side, once it has joined.
+  subroutine meet(self)
+    class(port_type), intent(inout) :: self
+    character(len=:), allocatable :: place
+    integer(i4) :: pid
+
+    if (self%transport == transport_shm) then
+      call self%shm%partner(pid, place)
+      if (pid > 0 .and. .not. self%asks) self%run_id = self%shm%run_id()
+    else
+      call self%file%partner(pid, place)
+      if (pid > 0 .and. .not. self%asks) self%run_id = self%file%run_id
+    end if
+    if (pid > 0) call self%partner%joined(pid, place)
+  end subroutine meet
+
+  !> Sign of life; call it in loops that may run long. Costs a few nanoseconds.
+  subroutine beat(self)
+    class(port_type), intent(inout) :: self
+    if (self%transport == transport_shm) call self%shm%beat()
+    if (self%transport == transport_file) call self%file%beat()
+  end subroutine beat
+
+  pure logical function is_open(self)
+    class(port_type), intent(in) :: self
+    is_open = self%transport /= transport_none
+  end function is_open
+
+  !> Leave the port; nothing of it stays behind.
+  subroutine port_close(self)
+    class(port_type), intent(inout) :: self
+    if (self%transport == transport_shm) call self%shm%close()
+    if (self%transport == transport_file) call self%file%close(self%partner%ended())
+    self%transport = transport_none
+    call self%partner%close()
+  end subroutine port_close
+end module talus_port
