@@ -377,9 +377,14 @@ contains
     class(message_type), intent(inout) :: self
     type(error_list_type), intent(in) :: errors
     character(len=:), allocatable :: more
+    integer(i8) :: step
+    real(wp) :: t0, t1
 
     if (.not. errors%any()) error stop 'bug: a reply can fail only with a fault'
-    call self%start(self%verb, self%step, self%t0, self%t1)
+    step = self%step
+    t0 = self%t0
+    t1 = self%t1
+    call self%start(self%verb, step, t0, t1)
     self%status = errors%exit_code()
     more = ''
     if (errors%count > 1) more = ' (and '//str(errors%count - 1)//' more, see its log)'
