@@ -1,0 +1,105 @@
+!> When to stop before the end: a signal, the wall limit, or a stop file.
+!!
+!! check() is cheap enough for every step. A stop file is removed when it is seen, so that the
+!! restarted run does not stop at once.
+module talus_stop
+  use talus_kinds, only: wp, i4
+  use talus_files, only: file_exists, remove_file
+  use talus_system, only: install_signals, signal_seen, signal_checkpoint, wall_clock
+  use talus_text, only: str
+  implicit none
+  private
+  public :: stop_type, stop_none, stop_signal, stop_wall, stop_file
+
+  integer(i4), parameter :: stop_none = 0    !! go on
+  integer(i4), parameter :: stop_signal = 1  !! SIGINT or SIGTERM came
+  integer(i4), parameter :: stop_wall = 2    !! the wall limit is reached
+  integer(i4), parameter :: stop_file = 3    !! the stop file is there
+
+  integer(i4), parameter :: interrupt = 2            !! SIGINT
+  real(wp), parameter :: look_every = 0.5_wp         !! [s] between looks at the stop file
+
+  !> Reasons to stop that are watched.
+  type :: stop_type
+    real(wp) :: wall_limit = 0.0_wp                  !! [s], 0 none
+    character(len=:), allocatable :: file            !! empty none
+    integer(i4) :: reason = stop_none                !! first reason met; it stays
+    real(wp), private :: begun = 0.0_wp              !! wall clock at init [s]
+    real(wp), private :: looked = -1.0e30_wp         !! wall clock at the last look [s]
+  contains
+    procedure :: init
+    procedure :: check
+    procedure :: checkpoint_asked
+    procedure :: elapsed
+    procedure :: text => reason_text
+  end type stop_type
+
+contains
+
+  !> Watch from here on. A run under a coupler obeys no signals: they are the coupler's.
+  subroutine init(self, wall_limit, file, obey_signals)
+    class(stop_type), intent(inout) :: self
+    real(wp), intent(in) :: wall_limit    !! [s] from now, 0 or less: none
+    character(len=*), intent(in) :: file  !! name of the stop file, empty: none
+    logical, intent(in), optional :: obey_signals  !! default .true.
+    logical :: obey
+    obey = .true.
+    if (present(obey_signals)) obey = obey_signals
+    self%wall_limit = wall_limit
+    self%file = file
+    self%reason = stop_none
+    self%begun = wall_clock()
+    call install_signals(obey)
+  end subroutine init
+
+  !> Reason to stop now, stop_none to go on.
+  integer(i4) function check(self)
+    class(stop_type), intent(inout) :: self
+    real(wp) :: now
+    if (self%reason == stop_none) then
+      now = wall_clock()
+      if (signal_seen() /= 0) then
+        self%reason = stop_signal
+      else if (self%wall_limit > 0.0_wp .and. now - self%begun >= self%wall_limit) then
+        self%reason = stop_wall
+      else if (now - self%looked >= look_every) then
+        self%looked = now
+        if (len(self%file) > 0) then
+          if (file_exists(self%file)) then
+            self%reason = stop_file
+            call remove_file(self%file)
+          end if
+        end if
+      end if
+    end if
+    check = self%reason
+  end function check
+
+  !> True once after SIGUSR1: write a checkpoint and go on.
+  logical function checkpoint_asked(self)
+    class(stop_type), intent(in) :: self
+    checkpoint_asked = signal_checkpoint()
+  end function checkpoint_asked
+
+  !> Wall time since init [s].
+  real(wp) function elapsed(self)
+    class(stop_type), intent(in) :: self
+    elapsed = wall_clock() - self%begun
+  end function elapsed
+
+  !> The reason in words: 'signal SIGTERM', 'wall limit of 3600 s', "stop file 'stop'".
+  function reason_text(self) result(text)
+    class(stop_type), intent(in) :: self
+    character(len=:), allocatable :: text
+    select case (self%reason)
+    case (stop_signal)
+      text = 'signal '//trim(merge('SIGINT ', 'SIGTERM', signal_seen() == interrupt))
+    case (stop_wall)
+      text = 'wall limit of '//str(self%wall_limit)//' s'
+    case (stop_file)
+      text = "stop file '"//self%file//"'"
+    case default
+      text = ''
+    end select
+  end function reason_text
+end module talus_stop
