@@ -19,13 +19,20 @@ module talus_message_file
   use talus_verbs, only: verb_name
   implicit none
   private
-  public :: write_message_file, read_message_file
+  public :: start_hdf5, write_message_file, read_message_file
 
   !> Attributes of the root, in the order of the header words; t0 and t1 are reals.
   character(len=8), parameter :: header_name(11) = [character(len=8) :: 'magic', 'protocol', &
     'sequence', 'verb', 'step', 't0', 't1', 'status', 'fields', 'words', 'checksum']
 
 contains
+
+  !> Before the first file; every further call costs the library time, so a port calls it once.
+  subroutine start_hdf5()
+    integer :: stat
+    call h5open_f(stat)
+    if (stat < 0) error stop 'bug: the HDF5 library does not start'
+  end subroutine start_hdf5
 
   !> Write a sealed message; `failed` names the part that could not be written, '' when all was.
   subroutine write_message_file(path, message, failed)
@@ -38,7 +45,6 @@ contains
     integer(i4) :: k
 
     failed = ''
-    call h5open_f(stat)
     call h5eset_auto_f(0, stat)
     call h5fcreate_f(path, h5f_acc_trunc_f, file, stat)
     if (stat < 0) then
@@ -183,7 +189,6 @@ contains
     integer :: stat
 
     failed = ''
-    call h5open_f(stat)
     call h5eset_auto_f(0, stat)
     call h5fopen_f(path, h5f_acc_rdonly_f, file, stat)
     if (stat < 0) then

@@ -2,13 +2,12 @@
 
    A message moves in chunks of at most one slot. Each direction has two counters: chunks written
    and chunks taken; the writer may write when they are equal, the reader may read when they are
-   not. Who waits spins for about 200 pauses and then sleeps on the counter's futex (shared between
+   not. Who waits spins for SPIN seconds and then sleeps on the counter's futex (shared between
    processes, so without the PRIVATE flag) for one slice; between slices the caller looks whether
    the partner lives. A side shows its life by an OFD lock on its own byte of the segment. */
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
-#include <immintrin.h>
 #include <limits.h>
 #include <linux/futex.h>
 #include <stdatomic.h>
@@ -21,9 +20,13 @@
 #include <sys/syscall.h>
 #include <time.h>
 #include <unistd.h>
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
 
-enum { ASK = 0, SERVE = 1, PAUSES = 200, TEXT = 128 };
+enum { ASK = 0, SERVE = 1, PAUSES = 16, TEXT = 128 };
 enum { STAGE_OPEN = 1, STAGE_SPACE, STAGE_MAP, STAGE_LOCK, STAGE_ABSENT, STAGE_FOREIGN };
+static const double SPIN = 40e-6; /* s; about what a sleep and a wake cost */
 static const uint64_t MAGIC = 0x31504D4853534C54u; /* 'TLSSHMP1' */
 
 struct channel {
@@ -226,16 +229,52 @@ struct port *talus_shm_connect(const char *name, const char *place, const char *
     return p;
 }
 
+static double now(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+static void pause_briefly(void)
+{
+#if defined(__x86_64__)
+    _mm_pause();
+#endif
+}
+
+/* Copy into the slot past the caches: lines that one core has changed come slowly to another core
+   (measured: 104 kB in 50 us; past the caches in 8 us). Short chunks gain nothing. */
+static void copy_out(unsigned char *to, const unsigned char *from, size_t bytes)
+{
+    size_t k = 0;
+#if defined(__x86_64__)
+    if (bytes >= 2048) {
+        for (; k + 64 <= bytes; k += 64)
+            for (size_t j = k; j < k + 64; j += 16)
+                _mm_stream_si128((__m128i *)(void *)(to + j),
+                                 _mm_loadu_si128((const __m128i *)(const void *)(from + j)));
+        _mm_sfence();
+    }
+#endif
+    memcpy(to + k, from + k, bytes - k);
+}
+
 /* Wait until *word differs from `old`, for at most one slice (s); 1 when it does. */
 static int wait_change(atomic_uint *word, unsigned old, atomic_uint *sleeps, double slice)
 {
-    for (int k = 0; k < PAUSES; k++) {
-        if (atomic_load_explicit(word, memory_order_acquire) != old)
-            return 1;
-        _mm_pause();
-    }
+    if (atomic_load_explicit(word, memory_order_acquire) != old)
+        return 1;
     if (slice <= 0.0)
         return 0;
+    const double end = now() + SPIN;
+    do
+        for (int k = 0; k < PAUSES; k++) {
+            if (atomic_load_explicit(word, memory_order_acquire) != old)
+                return 1;
+            pause_briefly();
+        }
+    while (now() < end);
     struct timespec limit = {.tv_sec = (time_t)slice};
     limit.tv_nsec = (long)(1e9 * (slice - (double)limit.tv_sec));
     atomic_store(sleeps, 1u);
@@ -267,7 +306,7 @@ int talus_shm_write(struct port *p, const void *from, int64_t total, int64_t *do
             continue;
         c->chunk = total - *done < slot ? total - *done : slot;
         c->total = total;
-        memcpy(p->data[p->me], (const unsigned char *)from + *done, (size_t)c->chunk);
+        copy_out(p->data[p->me], (const unsigned char *)from + *done, (size_t)c->chunk);
         *done += c->chunk;
         bump(&c->written, written + 1, &c->reader_sleeps);
     }
