@@ -5,7 +5,7 @@ module dem_state
   implicit none
   private
   public :: dem_grains_type, dem_planes_type, dem_law_type, dem_material_type, dem_pairs_type
-  public :: dem_parameters_type, dem_ledger_type, dem_health_type, dem_weights_type
+  public :: dem_parameters_type, dem_ledger_type, dem_health_type, dem_weights_type, dem_data_type
   public :: kind_free, kind_fixed, kind_driven, kind_ghost
   public :: mode_dynamic, mode_relaxation
   public :: law_hertz_mindlin, law_hertz_no_history, law_linear
@@ -24,9 +24,9 @@ module dem_state
 
   integer(i4), parameter :: lanes = 64         !! pairs in a block, the unit of work
   integer(i4), parameter :: body_size = 20     !! reals in a body record, see dem_pairs_type
-  integer(i4), parameter :: history_size = 20  !! reals kept for a candidate, see dem_law
+  integer(i4), parameter :: history_size = 14  !! reals kept for a candidate, see dem_contact
   integer(i4), parameter :: result_size = 9    !! force on the second, moments on first and second
-  integer(i4), parameter :: column_count = 6   !! work columns that a contact block returns
+  integer(i4), parameter :: column_count = 4   !! work of a block: see dem_contact
 
   !> Elastic constants and density of a material.
   type :: dem_material_type
@@ -103,7 +103,7 @@ module dem_state
     integer(i4), allocatable :: law_first(:)     !! (blocks) material of A
     integer(i4), allocatable :: law_second(:)    !! (blocks) material of B
     real(wp), allocatable :: normal(:, :, :)     !! (lanes, 3, blocks) last normal, A to B [-]
-    real(wp), allocatable :: history(:, :, :)    !! (lanes, history_size, blocks), see dem_law
+    real(wp), allocatable :: history(:, :, :)    !! (lanes, history_size, blocks), see dem_contact
     real(wp), allocatable :: weight(:, :)        !! (lanes, blocks) contact weight [-]
     real(wp), allocatable :: m_star(:, :)        !! (lanes, blocks) reduced mass m* [kg]
     logical, allocatable :: touched(:)           !! (blocks) some lane had contact last time
@@ -168,4 +168,20 @@ module dem_state
     real(wp) :: max_overlap = 0.0_wp        !! largest overlap / least semi-axis so far [-]
     real(wp) :: reference_energy = 0.0_wp   !! scale for the runaway test [J]
   end type dem_health_type
+
+  !> A whole system, without behaviour.
+  type :: dem_data_type
+    type(dem_grains_type) :: grains
+    type(dem_planes_type) :: planes
+    type(dem_material_type), allocatable :: materials(:)
+    type(dem_law_type), allocatable :: laws(:, :)  !! (first, second material)
+    type(dem_parameters_type) :: par
+    type(dem_pairs_type) :: pairs
+    type(dem_weights_type) :: weights
+    type(dem_ledger_type) :: ledger
+    type(dem_health_type) :: health
+    real(wp) :: pending = 0.0_wp                   !! drift since forces were evaluated [s]
+    real(wp) :: ledger_dt = 0.0_wp                 !! step that ledger%staggering is for [s]
+    logical :: ready = .false.                     !! lists and forces exist
+  end type dem_data_type
 end module dem_state

@@ -5,9 +5,19 @@
 module dem_system
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
+  use talus_text, only: str
   use dem_archive, only: dem_archive_type
-  use dem_state, only: dem_grains_type, dem_planes_type, dem_law_type, dem_material_type, &
-    dem_pairs_type, dem_parameters_type, dem_ledger_type, dem_health_type, dem_weights_type
+  use dem_state, only: dem_data_type, kind_free, kind_fixed, lanes, mode_relaxation
+  use dem_make, only: sorted_order, make_planes
+  use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
+  use dem_steps, only: take_steps, evaluate_forces, motion_of, rebuild_if_needed, add_grain_work
+  use dem_integrate, only: motion_type, kick_grain, drift_free, drift_prescribed, work_count
+  use dem_shape, only: quaternion_from_rotation, rotation_between
+  use dem_ledger, only: refresh_stored, start_ledger, follow_step, closure_of
+  use dem_limits, only: gershgorin_step, rayleigh_step, impact_step
+  use dem_measure, only: check_overlap, check_runaway, contact_count
+  use dem_store, only: put_state, get_state
+  use dem_contact, only: contact_constants_type, constants_of
   implicit none
   private
   public :: dem_system_type, dem_contacts_type
@@ -24,18 +34,9 @@ module dem_system
     real(wp), allocatable :: overlap(:)        !! (n) [m]
   end type dem_contacts_type
 
-  type :: dem_system_type
-    type(dem_grains_type) :: grains
-    type(dem_planes_type) :: planes
-    type(dem_material_type), allocatable :: materials(:)
-    type(dem_law_type), allocatable :: laws(:, :)    !! (first, second material)
-    type(dem_parameters_type) :: par
-    type(dem_pairs_type) :: pairs
-    type(dem_weights_type) :: weights
-    type(dem_ledger_type) :: ledger
-    type(dem_health_type) :: health
-    real(wp) :: pending = 0.0_wp                     !! drift since forces were evaluated [s]
-    logical :: ready = .false.                       !! init was done
+  !> The state of a system with its verbs; `kept` is what restore goes back to.
+  type, extends(dem_data_type) :: dem_system_type
+    type(dem_data_type), allocatable :: kept
   contains
     procedure :: init             !! (errors): lists and forces at the start; no time passes
     procedure :: step             !! (n, errors): n sub-steps of par%dt
@@ -43,7 +44,8 @@ module dem_system
     procedure :: kick             !! (dt): v += dt (F + X)/m, rotation alike
     procedure :: drift            !! (dt): x += dt v, rotation alike; prescribed grains too
     procedure :: step_limit       !! (): Gershgorin limit [s], huge without contacts
-    procedure :: automatic_step   !! (): dt_factor x least of step limit, Rayleigh time
+    procedure :: rayleigh_limit   !! (): least Rayleigh time of the free grains [s]
+    procedure :: automatic_step   !! (speed): dt_factor x least of all limits [s]
     procedure :: set_motion       !! (index, x1, quat1, steps): linear/slerp to the target
     procedure :: set_velocity     !! (index, v, omega): constant from now on
     procedure :: set_state        !! (index, x, quat, v, omega): placed at once
@@ -53,8 +55,8 @@ module dem_system
     procedure :: reset_impulses   !! (): impulses and work of grains and planes to zero
     procedure :: find             !! (ids, index, errors): grain indices of ids
     procedure :: refresh_ledger   !! (): fills the 'now' columns of ledger
-    procedure :: closure          !! (): ledger's closure error [J]
-    procedure :: contacts         !! (list): contacts at the current state
+    procedure :: closure          !! (): closure error of the ledger as last refreshed [J]
+    procedure :: contacts         !! (list): contacts at the last evaluation
     procedure :: save             !! (): keep the state in memory
     procedure :: restore          !! (): return to the kept state
     procedure :: export_state     !! (archive): complete state as named arrays
@@ -63,119 +65,372 @@ module dem_system
 
 contains
 
+  !> Lists and forces at the start. Needs grains, materials, laws, par; planes may be absent.
   subroutine init(self, errors)
     class(dem_system_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
+
+    if (.not. allocated(self%planes%point)) call no_planes(self)
+    call check_laws(self, errors)
+    if (errors%any()) return
+    self%pairs%skin = self%par%skin
+    if (.not. self%pairs%skin > 0.0_wp) self%pairs%skin = usual_skin(self)
+    call allocate_bodies(self%pairs, self%grains, self%planes)
+    call update_bodies(self%pairs, self%grains, self%planes)
+    call build_pairs(self%pairs, self%grains, self%planes, self%weights, self%par%ghost_pairs)
+    call evaluate_forces(self%dem_data_type, 0.0_wp)
+    self%pending = 0.0_wp
+    self%ready = .true.
+    call check_overlap(self%dem_data_type, 'I205', errors)
+    call start_ledger(self%dem_data_type, self%par%dt)
   end subroutine init
 
+  subroutine no_planes(self)
+    class(dem_system_type), intent(inout) :: self
+    real(wp) :: none(3, 0)
+    integer(i4) :: no_material(0)
+    call make_planes(self%planes, none, none, none, no_material)
+  end subroutine no_planes
+
+  !> Margin of the list: a tenth of the mean least semi-axis of the grains that move.
+  pure real(wp) function usual_skin(self) result(skin)
+    class(dem_system_type), intent(in) :: self
+    integer(i4) :: i, n
+    real(wp), parameter :: part = 0.1_wp
+    skin = 0.0_wp
+    n = 0
+    do i = 1, self%grains%n
+      if (self%grains%kind(i) /= kind_free) cycle
+      n = n + 1
+      skin = skin + minval(self%grains%axes(:, i))
+    end do
+    if (n > 0) then
+      skin = part*skin/n
+    else
+      skin = part*minval(self%grains%axes)
+    end if
+  end function usual_skin
+
+  !> Every pair of materials in use needs a contact law (D200).
+  subroutine check_laws(self, errors)
+    class(dem_system_type), intent(in) :: self
+    type(error_list_type), intent(inout) :: errors
+    logical, allocatable :: used(:)
+    integer(i4) :: a, b
+
+    allocate (used(size(self%materials)), source=.false.)
+    used(self%grains%material) = .true.
+    used(self%planes%material) = .true.
+    do a = 1, size(used)
+      do b = a, size(used)
+        if (.not. (used(a) .and. used(b))) cycle
+        if (self%laws(a, b)%kind > 0 .and. self%laws(b, a)%kind > 0) cycle
+        call errors%add('D200', 'no contact law between materials '//str(a)//' and '//str(b), &
+                        hint='add a contact group for this pair')
+      end do
+    end do
+  end subroutine check_laws
+
+  !> n sub-steps of par%dt; afterwards the state is checked (N200, N201, N202).
   subroutine step(self, n, errors)
     class(dem_system_type), intent(inout) :: self
     integer(i4), intent(in) :: n
     type(error_list_type), intent(inout) :: errors
+
+    call follow_step(self%dem_data_type, self%par%dt)
+    call take_steps(self%dem_data_type, n, errors)
+    if (errors%any()) return
+    call check_runaway(self%dem_data_type, errors)
+    call check_overlap(self%dem_data_type, 'N202', errors)
   end subroutine step
 
+  !> Forces at the current state; the drift since the last evaluation moves the history on.
   subroutine forces(self)
     class(dem_system_type), intent(inout) :: self
+    call update_bodies(self%pairs, self%grains, self%planes)
+    call rebuild_if_needed(self%dem_data_type)
+    call evaluate_forces(self%dem_data_type, self%pending)
+    self%pending = 0.0_wp
   end subroutine forces
 
+  !> v += dt (F + X)/m of free grains, rotation alike.
   subroutine kick(self, dt)
     class(dem_system_type), intent(inout) :: self
     real(wp), intent(in) :: dt  !! [s]
+    type(motion_type) :: motion
+    real(wp) :: work(work_count, 1)
+    integer(i4) :: i
+
+    motion = motion_of(self%dem_data_type, dt)
+    work = 0.0_wp
+    do i = 1, self%grains%n
+      if (self%grains%kind(i) == kind_free) call kick_grain(self%grains, i, motion, work(:, 1))
+    end do
+    call add_grain_work(self%dem_data_type, work)
   end subroutine kick
 
+  !> x += dt v of all grains and planes, rotation alike; no forces.
   subroutine drift(self, dt)
     class(dem_system_type), intent(inout) :: self
     real(wp), intent(in) :: dt  !! [s]
+    integer(i4) :: i, k
+
+    if (.not. dt > 0.0_wp) return
+    do i = 1, self%grains%n
+      if (self%grains%kind(i) == kind_free) then
+        call drift_free(self%grains, i, dt, self%pairs%body(:, i))
+      else if (self%grains%kind(i) /= kind_fixed) then
+        self%grains%turn(:, i) = quaternion_from_rotation(dt*self%grains%omega(:, i))
+        call drift_prescribed(self%grains, i, dt, .true., self%pairs%body(:, i))
+        self%grains%has_target(i) = .false.
+      end if
+    end do
+    do k = 1, self%planes%n
+      self%planes%point(:, k) = self%planes%point(:, k) + dt*self%planes%velocity(:, k)
+    end do
+    self%pending = self%pending + dt
+    self%health%steps = self%health%steps + 1
   end subroutine drift
 
+  !> Gershgorin limit of the contacts in hand [s].
   real(wp) function step_limit(self)
     class(dem_system_type), intent(in) :: self
-    step_limit = huge(1.0_wp)
+    step_limit = gershgorin_step(self%dem_data_type)
   end function step_limit
 
-  real(wp) function automatic_step(self)
+  !> Least Rayleigh time of the free grains [s].
+  real(wp) function rayleigh_limit(self)
     class(dem_system_type), intent(in) :: self
-    automatic_step = huge(1.0_wp)
+    rayleigh_limit = rayleigh_step(self%dem_data_type)
+  end function rayleigh_limit
+
+  !> par%dt_factor times the least of the contact limit, the Rayleigh time and the limit of an
+  !! impact at the given speed [s].
+  real(wp) function automatic_step(self, speed)
+    class(dem_system_type), intent(in) :: self
+    real(wp), intent(in) :: speed  !! approach speed to be foreseen, 0: none [m/s]
+    automatic_step = self%par%dt_factor*min(self%step_limit(), self%rayleigh_limit(), &
+                                            impact_step(self%dem_data_type, speed))
   end function automatic_step
 
+  !> Prescribed grains go to x1, quat1 in `steps` steps of par%dt: constant velocity and spin.
   subroutine set_motion(self, index, x1, quat1, steps)
     class(dem_system_type), intent(inout) :: self
     integer(i4), intent(in) :: index(:)
     real(wp), intent(in) :: x1(:, :)     !! (3, :) [m]
     real(wp), intent(in) :: quat1(:, :)  !! (4, :) [-]
     integer(i4), intent(in) :: steps     !! sub-steps to get there
+    real(wp) :: time, rotation(3)
+    integer(i4) :: k, i
+
+    time = steps*self%par%dt
+    do k = 1, size(index)
+      i = index(k)
+      rotation = rotation_between(self%grains%quat(:, i), quat1(:, k))
+      self%grains%v(:, i) = (x1(:, k) - self%grains%x(:, i))/time
+      self%grains%omega(:, i) = rotation/time
+      self%grains%turn(:, i) = quaternion_from_rotation(rotation/steps)
+      self%grains%target_x(:, i) = x1(:, k)
+      self%grains%target_quat(:, i) = quat1(:, k)
+      self%grains%has_target(i) = .true.
+    end do
   end subroutine set_motion
 
+  !> Prescribed grains move with constant velocity and spin from now on.
   subroutine set_velocity(self, index, v, omega)
     class(dem_system_type), intent(inout) :: self
     integer(i4), intent(in) :: index(:)
     real(wp), intent(in) :: v(:, :), omega(:, :)  !! (3, :) [m/s], [rad/s]
+    integer(i4) :: k, i
+    do k = 1, size(index)
+      i = index(k)
+      self%grains%v(:, i) = v(:, k)
+      self%grains%omega(:, i) = omega(:, k)
+      self%grains%turn(:, i) = quaternion_from_rotation(self%par%dt*omega(:, k))
+      self%grains%has_target(i) = .false.
+    end do
   end subroutine set_velocity
 
+  !> Prescribed grains stand at x, quat with velocity v and spin omega at once.
   subroutine set_state(self, index, x, quat, v, omega)
     class(dem_system_type), intent(inout) :: self
     integer(i4), intent(in) :: index(:)
     real(wp), intent(in) :: x(:, :), quat(:, :), v(:, :), omega(:, :)
+    integer(i4) :: k
+    do k = 1, size(index)
+      self%grains%x(:, index(k)) = x(:, k)
+      self%grains%quat(:, index(k)) = quat(:, k)
+    end do
+    call self%set_velocity(index, v, omega)
   end subroutine set_state
 
+  !> Forces and moments held on free grains until changed.
   subroutine set_extra(self, index, force, moment)
     class(dem_system_type), intent(inout) :: self
     integer(i4), intent(in) :: index(:)
     real(wp), intent(in) :: force(:, :), moment(:, :)  !! (3, :) [N], [N m]
+    integer(i4) :: k
+    do k = 1, size(index)
+      self%grains%extra_force(:, index(k)) = force(:, k)
+      self%grains%extra_moment(:, index(k)) = moment(:, k)
+    end do
   end subroutine set_extra
 
   subroutine clear_extra(self)
     class(dem_system_type), intent(inout) :: self
+    self%grains%extra_force = 0.0_wp
+    self%grains%extra_moment = 0.0_wp
   end subroutine clear_extra
 
+  !> Contact weights by pair id, all others 1; takes effect at the next evaluation.
   subroutine set_weights(self, ids, value)
     class(dem_system_type), intent(inout) :: self
-    integer(i8), intent(in) :: ids(:, :)
-    real(wp), intent(in) :: value(:)
+    integer(i8), intent(in) :: ids(:, :)   !! (2, :) in any order
+    real(wp), intent(in) :: value(:)       !! [-]
+    integer(i8), allocatable :: low(:), high(:)
+    integer(i4), allocatable :: order(:)
+
+    allocate (low(size(value)), high(size(value)))
+    low = min(ids(1, :), ids(2, :))
+    high = max(ids(1, :), ids(2, :))
+    order = sorted_order(high)
+    order = order(sorted_order(low(order)))
+    self%weights%n = size(value)
+    self%weights%id = reshape([low(order), high(order)], [2, size(order)], order=[2, 1])
+    self%weights%value = value(order)
+    if (self%ready) then
+      call build_pairs(self%pairs, self%grains, self%planes, self%weights, self%par%ghost_pairs)
+    end if
   end subroutine set_weights
 
+  !> Impulses and works of grains and planes to zero (start of an exchange).
   subroutine reset_impulses(self)
     class(dem_system_type), intent(inout) :: self
+    self%grains%impulse = 0.0_wp
+    self%grains%moment_impulse = 0.0_wp
+    self%grains%work = 0.0_wp
+    self%planes%impulse = 0.0_wp
+    self%planes%work = 0.0_wp
   end subroutine reset_impulses
 
+  !> Indices of ids; unknown ones are faults (I206) and give 0.
   subroutine find(self, ids, index, errors)
     class(dem_system_type), intent(in) :: self
     integer(i8), intent(in) :: ids(:)
     integer(i4), allocatable, intent(out) :: index(:)
     type(error_list_type), intent(inout) :: errors
-    allocate (index(size(ids)))
+    integer(i4) :: k, low, high, middle
+
+    allocate (index(size(ids)), source=0)
+    do k = 1, size(ids)
+      low = 1
+      high = self%grains%n
+      do while (low <= high)
+        middle = (low + high)/2
+        if (self%grains%id(middle) == ids(k)) then
+          index(k) = middle
+          exit
+        else if (self%grains%id(middle) < ids(k)) then
+          low = middle + 1
+        else
+          high = middle - 1
+        end if
+      end do
+      if (index(k) == 0) call errors%add('I206', 'there is no grain with id '//str(ids(k)), &
+                                         hint='ids are those of the packing file')
+    end do
   end subroutine find
 
+  !> Fill the 'now' columns of the ledger.
   subroutine refresh_ledger(self)
     class(dem_system_type), intent(inout) :: self
+    call follow_step(self%dem_data_type, self%par%dt)
+    call refresh_stored(self%dem_data_type, self%par%dt, self%ledger)
   end subroutine refresh_ledger
 
+  !> Closure error of the ledger as last refreshed [J].
   real(wp) function closure(self)
     class(dem_system_type), intent(in) :: self
-    closure = 0.0_wp
+    closure = closure_of(self%ledger)
   end function closure
 
+  !> Contacts at the last evaluation, ordered by ids; planes after all grain pairs.
   subroutine contacts(self, list)
     class(dem_system_type), intent(in) :: self
     type(dem_contacts_type), intent(inout) :: list
+    integer(i4) :: i, e, slot, lane, block, m
+
+    m = contact_count(self%dem_data_type)
+    list%n = 0
+    if (allocated(list%ids)) deallocate (list%ids, list%point, list%normal, list%branch, &
+                                         list%force, list%stiffness, list%overlap)
+    allocate (list%ids(2, m), list%point(3, m), list%normal(3, m), list%branch(3, m))
+    allocate (list%force(3, m), list%stiffness(2, m), list%overlap(m))
+    do i = 1, self%grains%n + 3 + self%planes%n
+      do e = self%pairs%start(i), self%pairs%start(i + 1) - 1
+        if (mod(self%pairs%entry(e), 2) == 1) cycle
+        slot = self%pairs%entry(e)/2
+        lane = 1 + mod(slot, lanes)
+        block = 1 + slot/lanes
+        if (self%pairs%history(lane, 12, block) > 0.0_wp) call add_contact(self, lane, block, list)
+      end do
+    end do
   end subroutine contacts
 
+  subroutine add_contact(self, lane, block, list)
+    class(dem_system_type), intent(in) :: self
+    integer(i4), intent(in) :: lane, block
+    type(dem_contacts_type), intent(inout) :: list
+    type(contact_constants_type) :: c
+    integer(i4) :: i, j, k
+
+    i = self%pairs%first(lane, block)
+    j = self%pairs%second(lane, block)
+    list%n = list%n + 1
+    k = list%n
+    if (i > self%grains%n) then
+      list%ids(1, k) = -int(i - self%grains%n - 3, i8)
+    else
+      list%ids(1, k) = self%grains%id(i)
+    end if
+    list%ids(2, k) = self%grains%id(j)
+    list%point(:, k) = self%pairs%body(1:3, i) + self%pairs%history(lane, 7:9, block)
+    list%normal(:, k) = self%pairs%normal(lane, :, block)
+    list%branch(:, k) = self%pairs%body(1:3, j) - self%pairs%body(1:3, i)
+    list%force(:, k) = self%pairs%result(1:3, lane, block)
+    c = constants_of(self%laws(self%pairs%law_first(block), self%pairs%law_second(block)))
+    list%stiffness(1, k) = c%kn_a*self%pairs%history(lane, 11, block) + c%kn
+    list%stiffness(2, k) = c%kt_a*self%pairs%history(lane, 11, block) + c%kt
+    list%overlap(k) = self%pairs%history(lane, 12, block)
+  end subroutine add_contact
+
+  !> Keep the state in memory.
   subroutine save(self)
     class(dem_system_type), intent(inout) :: self
+    if (.not. allocated(self%kept)) allocate (self%kept)
+    self%kept = self%dem_data_type
   end subroutine save
 
+  !> Return to the kept state; what was set through par stays kept too.
   subroutine restore(self)
     class(dem_system_type), intent(inout) :: self
+    if (allocated(self%kept)) self%dem_data_type = self%kept
   end subroutine restore
 
+  !> The complete state as named arrays.
   subroutine export_state(self, archive)
     class(dem_system_type), intent(in) :: self
     type(dem_archive_type), intent(inout) :: archive
+    call put_state(self%dem_data_type, archive)
   end subroutine export_state
 
+  !> Take the state from an archive, instead of init; grains, planes, laws, par were set as before.
   subroutine import_state(self, archive, errors)
     class(dem_system_type), intent(inout) :: self
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
+    if (.not. allocated(self%planes%point)) call no_planes(self)
+    call get_state(self%dem_data_type, archive, errors)
+    self%ready = .not. errors%any()
   end subroutine import_state
 end module dem_system

@@ -1,0 +1,116 @@
+!> The energy ledger: what is stored now, and how well all columns close.
+module dem_ledger
+  use talus_kinds, only: wp, i4
+  use dem_state, only: dem_data_type, dem_ledger_type, kind_free, lanes
+  use dem_contact, only: contact_constants_type, constants_of, stored_energy
+  use dem_integrate, only: motion_type, scaled_spin_momentum
+  use dem_shape, only: rotation_of
+  use dem_steps, only: motion_of
+  implicit none
+  private
+  public :: refresh_stored, start_ledger, follow_step, closure_of, turnover_of
+
+contains
+
+  !> Kinetic, elastic and staggering columns at the current state, for step dt.
+  subroutine refresh_stored(d, dt, ledger)
+    type(dem_data_type), intent(in) :: d
+    real(wp), intent(in) :: dt
+    type(dem_ledger_type), intent(inout) :: ledger
+    type(motion_type) :: motion
+    type(contact_constants_type) :: constants
+    real(wp) :: energy(2), part(2)
+    integer(i4) :: i, k, lane
+
+    motion = motion_of(d, dt)
+    ledger%kinetic = 0.0_wp
+    ledger%staggering = 0.0_wp
+    do i = 1, d%grains%n
+      if (d%grains%kind(i) /= kind_free) cycle
+      part = grain_energy(d, i, motion)
+      ledger%kinetic = ledger%kinetic + part(1)
+      ledger%staggering = ledger%staggering + part(2)
+    end do
+    ledger%elastic_normal = 0.0_wp
+    ledger%elastic_tangential = 0.0_wp
+    do k = 1, d%pairs%blocks
+      if (.not. d%pairs%touched(k)) cycle
+      constants = constants_of(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)))
+      energy = 0.0_wp
+      do lane = 1, lanes
+        energy = energy + d%pairs%weight(lane, k) &
+                 *stored_energy(constants, d%pairs%history(lane, :, k))
+      end do
+      ledger%elastic_normal = ledger%elastic_normal + energy(1)
+      ledger%elastic_tangential = ledger%elastic_tangential + energy(2)
+    end do
+  end subroutine refresh_stored
+
+  !> Kinetic energy of a free grain with scaled masses, and the leapfrog's part of it: the works of
+  !! the half kicks add up to m v-.v+/2 = m v^2/2 - dt^2 G^2/(8 m), G the total force [J].
+  pure function grain_energy(d, i, motion) result(part)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: i
+    type(motion_type), intent(in) :: motion
+    real(wp) :: part(2), m, total(3), l(3), moment(3), inertia(3), r(3, 3)
+
+    associate (g => d%grains)
+      m = motion%mass_scale*g%mass(i)
+      inertia = motion%inertia_scale*g%inertia(:, i)
+      l = scaled_spin_momentum(g%quat(:, i), inertia, g%omega(:, i))
+      part(1) = 0.5_wp*m*sum(g%v(:, i)**2) + 0.5_wp*dot_product(l, g%omega(:, i))
+      total = g%force(:, i) + g%extra_force(:, i) + g%mass(i)*motion%gravity &
+              - motion%damping*m*g%v(:, i)
+      moment = g%moment(:, i) + g%extra_moment(:, i) - motion%damping*l
+      r = rotation_of(g%quat(:, i))
+      moment = matmul(moment, r)
+      part(2) = motion%dt**2/8.0_wp*(sum(total**2)/m + sum(moment**2/inertia))
+    end associate
+  end function grain_energy
+
+  !> Energy content now, as the steps see it [J].
+  pure real(wp) function content(ledger)
+    type(dem_ledger_type), intent(in) :: ledger
+    content = ledger%kinetic - ledger%staggering + ledger%elastic_normal &
+              + ledger%elastic_tangential
+  end function content
+
+  !> Begin a ledger at the current state for step dt; all works are zero.
+  subroutine start_ledger(d, dt)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: dt
+    type(dem_ledger_type) :: fresh
+    call refresh_stored(d, dt, fresh)
+    fresh%start = content(fresh)
+    d%ledger = fresh
+    d%ledger_dt = dt
+  end subroutine start_ledger
+
+  !> A step of another length changes the staggering, not the energy: move the start along.
+  subroutine follow_step(d, dt)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: dt
+    type(dem_ledger_type) :: before, after
+    if (.not. abs(dt - d%ledger_dt) > 0.0_wp) return
+    call refresh_stored(d, d%ledger_dt, before)
+    call refresh_stored(d, dt, after)
+    d%ledger%start = d%ledger%start - (after%staggering - before%staggering)
+    d%ledger_dt = dt
+  end subroutine follow_step
+
+  !> Closure error: input minus all the rest, 0 for a perfect ledger [J].
+  pure real(wp) function closure_of(ledger) result(error)
+    type(dem_ledger_type), intent(in) :: ledger
+    error = ledger%start + ledger%boundary + ledger%external + ledger%gravity + ledger%curvature &
+            - content(ledger) - ledger%friction - ledger%contact_damping &
+            - ledger%background_damping - ledger%tangential_relaxation
+  end function closure_of
+
+  !> Energy turned over so far, the scale of the closure error [J].
+  pure real(wp) function turnover_of(ledger) result(scale)
+    type(dem_ledger_type), intent(in) :: ledger
+    scale = max(abs(ledger%start), ledger%kinetic + ledger%elastic_normal, abs(ledger%boundary) &
+                + abs(ledger%external) + abs(ledger%gravity), ledger%friction &
+                + ledger%contact_damping + ledger%background_damping)
+  end function turnover_of
+end module dem_ledger

@@ -1,0 +1,195 @@
+!> What is measured on a system: momenta, coordination, overlap, stress, runaway energy.
+module dem_measure
+  use talus_kinds, only: wp, i4
+  use talus_errors, only: error_list_type
+  use talus_text, only: str
+  use dem_state, only: dem_data_type, kind_free, lanes
+  use dem_integrate, only: motion_type, scaled_spin_momentum
+  use dem_steps, only: motion_of
+  implicit none
+  private
+  public :: momentum_of, angular_momentum_of, coordination_of, largest_overlap, stress_of
+  public :: contact_count, least_axis, check_runaway, check_overlap, cross
+
+contains
+
+  !> Linear momentum of the free grains, scaled masses [kg m/s].
+  function momentum_of(d) result(p)
+    type(dem_data_type), intent(in) :: d
+    real(wp) :: p(3)
+    type(motion_type) :: motion
+    integer(i4) :: i
+    motion = motion_of(d, d%par%dt)
+    p = 0.0_wp
+    do i = 1, d%grains%n
+      if (d%grains%kind(i) == kind_free) p = p + motion%mass_scale*d%grains%mass(i)*d%grains%v(:, i)
+    end do
+  end function momentum_of
+
+  !> Angular momentum of the free grains about the origin, scaled masses [kg m^2/s].
+  function angular_momentum_of(d) result(l)
+    type(dem_data_type), intent(in) :: d
+    real(wp) :: l(3)
+    type(motion_type) :: motion
+    integer(i4) :: i
+    motion = motion_of(d, d%par%dt)
+    l = 0.0_wp
+    do i = 1, d%grains%n
+      if (d%grains%kind(i) /= kind_free) cycle
+      l = l + motion%mass_scale*d%grains%mass(i)*cross(d%grains%x(:, i), d%grains%v(:, i)) &
+          + motion%inertia_scale*scaled_spin_momentum(d%grains%quat(:, i), d%grains%inertia(:, i), &
+                                                      d%grains%omega(:, i))
+    end do
+  end function angular_momentum_of
+
+  pure function cross(a, b) result(c)
+    real(wp), intent(in) :: a(3), b(3)
+    real(wp) :: c(3)
+    c(1) = a(2)*b(3) - a(3)*b(2)
+    c(2) = a(3)*b(1) - a(1)*b(3)
+    c(3) = a(1)*b(2) - a(2)*b(1)
+  end function cross
+
+  !> Contacts of every grain, planes included.
+  function coordination_of(d) result(z)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), allocatable :: z(:)
+    integer(i4) :: k, lane, i
+
+    allocate (z(d%grains%n), source=0)
+    do k = 1, d%pairs%blocks
+      if (.not. d%pairs%touched(k)) cycle
+      do lane = 1, lanes
+        if (.not. d%pairs%history(lane, 12, k) > 0.0_wp) cycle
+        i = d%pairs%first(lane, k)
+        if (i <= d%grains%n) z(i) = z(i) + 1
+        z(d%pairs%second(lane, k)) = z(d%pairs%second(lane, k)) + 1
+      end do
+    end do
+  end function coordination_of
+
+  !> Number of contacts.
+  integer(i4) function contact_count(d)
+    type(dem_data_type), intent(in) :: d
+    integer(i4) :: k
+    contact_count = 0
+    do k = 1, d%pairs%blocks
+      if (d%pairs%touched(k)) contact_count = contact_count + count(d%pairs%history(:, 12, k) > 0.0_wp)
+    end do
+  end function contact_count
+
+  !> Least semi-axis of the two bodies of a pair; a plane has none [m].
+  pure real(wp) function least_axis(d, first, second) result(axis)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: first, second
+    axis = minval(d%grains%axes(:, second))
+    if (first <= d%grains%n) axis = min(axis, minval(d%grains%axes(:, first)))
+  end function least_axis
+
+  !> Largest overlap/least semi-axis, and its pair (slot 0: no contact).
+  subroutine largest_overlap(d, ratio, first, second)
+    type(dem_data_type), intent(in) :: d
+    real(wp), intent(out) :: ratio
+    integer(i4), intent(out) :: first, second  !! bodies, 0 without contact
+    integer(i4) :: k, lane
+    real(wp) :: this
+
+    ratio = 0.0_wp
+    first = 0
+    second = 0
+    do k = 1, d%pairs%blocks
+      if (.not. d%pairs%touched(k)) cycle
+      do lane = 1, lanes
+        if (.not. d%pairs%history(lane, 12, k) > 0.0_wp) cycle
+        this = d%pairs%history(lane, 12, k) &
+               /least_axis(d, d%pairs%first(lane, k), d%pairs%second(lane, k))
+        if (this <= ratio) cycle
+        ratio = this
+        first = d%pairs%first(lane, k)
+        second = d%pairs%second(lane, k)
+      end do
+    end do
+  end subroutine largest_overlap
+
+  !> Love-Weber stress of all grain-grain contacts over a volume, compression negative [Pa]:
+  !! sigma_ij = -1/V sum of branch_i force_j, the force being that on the second grain.
+  function stress_of(d, volume) result(sigma)
+    type(dem_data_type), intent(in) :: d
+    real(wp), intent(in) :: volume  !! [m^3]
+    real(wp) :: sigma(3, 3), branch(3), force(3)
+    integer(i4) :: k, lane, j
+
+    sigma = 0.0_wp
+    do k = 1, d%pairs%grain_blocks
+      if (.not. d%pairs%touched(k)) cycle
+      do lane = 1, lanes
+        if (.not. d%pairs%history(lane, 12, k) > 0.0_wp) cycle
+        branch = d%pairs%body(1:3, d%pairs%second(lane, k)) - d%pairs%body(1:3, d%pairs%first(lane, k))
+        force = d%pairs%result(1:3, lane, k)
+        do j = 1, 3
+          sigma(:, j) = sigma(:, j) - branch*force(j)
+        end do
+      end do
+    end do
+    sigma = sigma/volume
+  end function stress_of
+
+  !> Fault N201 when kinetic energy exceeds par%energy_limit times all that was ever put in.
+  subroutine check_runaway(d, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(error_list_type), intent(inout) :: errors
+    type(motion_type) :: motion
+    real(wp) :: kinetic, this, most, scale
+    integer(i4) :: i, worst
+
+    motion = motion_of(d, d%par%dt)
+    kinetic = 0.0_wp
+    most = -1.0_wp
+    worst = 0
+    do i = 1, d%grains%n
+      if (d%grains%kind(i) /= kind_free) cycle
+      this = 0.5_wp*motion%mass_scale*d%grains%mass(i)*sum(d%grains%v(:, i)**2) &
+             + 0.5_wp*motion%inertia_scale*maxval(d%grains%inertia(:, i)) &
+             *sum(d%grains%omega(:, i)**2)
+      kinetic = kinetic + this
+      if (this > most) then
+        most = this
+        worst = i
+      end if
+    end do
+    scale = max(abs(d%ledger%start), abs(d%ledger%gravity), abs(d%ledger%boundary), &
+                abs(d%ledger%external))
+    d%health%reference_energy = max(d%health%reference_energy, scale)
+    if (worst == 0 .or. .not. d%health%reference_energy > 0.0_wp) return
+    if (kinetic <= d%par%energy_limit*d%health%reference_energy) return
+    call errors%add('N201', 'runaway energy: '//str(kinetic)//' J of motion from '// &
+                    str(d%health%reference_energy)//' J put in; fastest is grain '// &
+                    str(d%grains%id(worst))//' with '//str(sqrt(sum(d%grains%v(:, worst)**2)))// &
+                    ' m/s', place='step '//str(d%health%steps), &
+                    hint='lower the time step; its limit now stands in the log')
+  end subroutine check_runaway
+
+  !> Largest overlap into the health counters; fault `code` when it passes par%overlap_limit.
+  subroutine check_overlap(d, code, errors)
+    type(dem_data_type), intent(inout) :: d
+    character(len=*), intent(in) :: code
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: ratio
+    integer(i4) :: first, second
+    character(len=:), allocatable :: partner
+
+    call largest_overlap(d, ratio, first, second)
+    d%health%max_overlap = max(d%health%max_overlap, ratio)
+    if (ratio <= d%par%overlap_limit) return
+    if (first > d%grains%n) then
+      partner = 'plane '//str(first - d%grains%n - 3)
+    else
+      partner = 'grain '//str(d%grains%id(first))
+    end if
+    call errors%add(code, partner//' and grain '//str(d%grains%id(second))//' overlap by '// &
+                    str(ratio)//' of the least semi-axis, more than the limit '// &
+                    str(d%par%overlap_limit), place='step '//str(d%health%steps), &
+                    hint='a stiffer material, a smaller load or a smaller time step; the limit is '// &
+                    'limits overlap')
+  end subroutine check_overlap
+end module dem_measure

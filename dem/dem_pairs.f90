@@ -1,0 +1,420 @@
+!> The candidate list: made from cells, ordered into blocks, history carried over by pair.
+!!
+!! Blocks hold pairs of one law; inside a law those that touch or nearly touch come first, so that
+!! far blocks cost one gap test. Per-body maps list a body's pairs by partner, so that sums do
+!! not depend on the order of the list.
+module dem_pairs
+  use talus_kinds, only: wp, i4, i8
+  use dem_state, only: dem_grains_type, dem_planes_type, dem_pairs_type, dem_weights_type, &
+    kind_free, lanes, body_size, history_size, result_size, column_count
+  use dem_cells, only: find_candidates
+  use dem_gap, only: solve_gap
+  use dem_shape, only: rotation_of, shape_matrix, matrix_times
+  implicit none
+  private
+  public :: build_pairs, update_bodies, allocate_bodies, slot_of
+
+  !> Candidates before they are put into blocks.
+  type :: list_type
+    integer(i4) :: count = 0
+    integer(i4), allocatable :: first(:), second(:)
+    integer(i4), allocatable :: old(:)      !! slot in the last list, 0 if new
+    integer(i4), allocatable :: group(:)    !! law and nearness
+    real(wp), allocatable :: normal(:, :)
+  end type list_type
+
+contains
+
+  !> Body records for all grains, planes and pads.
+  subroutine allocate_bodies(pairs, grains, planes)
+    type(dem_pairs_type), intent(inout) :: pairs
+    type(dem_grains_type), intent(in) :: grains
+    type(dem_planes_type), intent(in) :: planes
+    integer(i4) :: n, bodies, i
+
+    n = grains%n
+    bodies = n + 3 + planes%n
+    if (allocated(pairs%body)) deallocate (pairs%body, pairs%reference_x, pairs%reference_q, &
+                                           pairs%reach)
+    allocate (pairs%body(body_size, bodies), pairs%reference_x(3, bodies), source=0.0_wp)
+    allocate (pairs%reference_q(4, bodies), pairs%reach(bodies), source=0.0_wp)
+    do i = n + 1, bodies
+      pairs%body(4:6, i) = 1.0_wp
+      pairs%body(16, i) = 3.0_wp
+      pairs%body(17, i) = 1.0_wp
+    end do
+    pairs%body(1, n + 1) = -1.0e4_wp
+    pairs%body(1, n + 2) = 1.0e4_wp
+    do i = 1, n
+      pairs%reach(i) = maxval(grains%axes(:, i)) - minval(grains%axes(:, i))
+      pairs%body(16, i) = sum(grains%axes(:, i)**2)
+      pairs%body(17, i) = product(grains%axes(:, i)**2)
+    end do
+  end subroutine allocate_bodies
+
+  !> Body records from the state of grains and planes.
+  subroutine update_bodies(pairs, grains, planes)
+    type(dem_pairs_type), intent(inout) :: pairs
+    type(dem_grains_type), intent(in) :: grains
+    type(dem_planes_type), intent(in) :: planes
+    integer(i4) :: i, k
+
+    do i = 1, grains%n
+      pairs%body(1:3, i) = grains%x(:, i)
+      pairs%body(4:9, i) = shape_matrix(rotation_of(grains%quat(:, i)), grains%axes(:, i))
+      pairs%body(10:12, i) = grains%v(:, i)
+      pairs%body(13:15, i) = grains%omega(:, i)
+    end do
+    do k = 1, planes%n
+      pairs%body(1:3, grains%n + 3 + k) = planes%point(:, k)
+      pairs%body(10:12, grains%n + 3 + k) = planes%velocity(:, k)
+    end do
+  end subroutine update_bodies
+
+  !> Make the list anew for the current bodies; contacts keep normal and history, bit for bit.
+  subroutine build_pairs(pairs, grains, planes, weights, ghost_pairs)
+    type(dem_pairs_type), intent(inout) :: pairs
+    type(dem_grains_type), intent(in) :: grains
+    type(dem_planes_type), intent(in) :: planes
+    type(dem_weights_type), intent(in) :: weights
+    logical, intent(in) :: ghost_pairs
+    type(list_type) :: list
+    integer(i4), allocatable :: slot(:)
+    integer(i4) :: i
+
+    call list_grain_pairs(pairs, grains, ghost_pairs, list)
+    call list_plane_pairs(pairs, grains, planes, list)
+    call order_blocks(pairs, grains, planes, list, slot)
+    call map_bodies(pairs, grains%n + 3 + planes%n, list, slot)
+    call set_lane_constants(pairs, grains, weights, list, slot)
+    do i = 1, grains%n
+      pairs%reference_x(:, i) = grains%x(:, i)
+      pairs%reference_q(:, i) = grains%quat(:, i)
+    end do
+    do i = 1, planes%n
+      pairs%reference_x(:, grains%n + 3 + i) = planes%point(:, i)
+    end do
+  end subroutine build_pairs
+
+  !> Slot of a pair in the current list, 0 if it is not a candidate.
+  pure integer(i4) function slot_of(pairs, first, second) result(slot)
+    type(dem_pairs_type), intent(in) :: pairs
+    integer(i4), intent(in) :: first, second
+    integer(i4) :: e
+    slot = 0
+    if (.not. allocated(pairs%entry)) return
+    do e = pairs%start(first), pairs%start(first + 1) - 1
+      if (mod(pairs%entry(e), 2) == 1) cycle
+      slot = pairs%entry(e)/2 + 1
+      if (pairs%second(1 + mod(slot - 1, lanes), 1 + (slot - 1)/lanes) == second) return
+    end do
+    slot = 0
+  end function slot_of
+
+  !> Grain pairs with a gap below the skin, with their normals and old slots.
+  subroutine list_grain_pairs(pairs, grains, ghost_pairs, list)
+    type(dem_pairs_type), intent(in) :: pairs
+    type(dem_grains_type), intent(in) :: grains
+    logical, intent(in) :: ghost_pairs
+    type(list_type), intent(inout) :: list
+    real(wp), allocatable :: gap(:)
+    integer(i4) :: k, kept, lane, block, near
+
+    call find_candidates(pairs%body, grains%radius, grains%kind, pairs%skin, ghost_pairs, &
+                         list%first, list%second, list%count)
+    allocate (list%old(list%count), list%group(list%count), source=0)
+    allocate (list%normal(3, list%count), gap(list%count))
+    !$omp parallel do default(none) shared(list, pairs, gap) private(lane, block) schedule(static)
+    do k = 1, list%count
+      list%old(k) = slot_of(pairs, list%first(k), list%second(k))
+      list%normal(:, k) = 0.0_wp
+      if (list%old(k) > 0) then
+        lane = 1 + mod(list%old(k) - 1, lanes)
+        block = 1 + (list%old(k) - 1)/lanes
+        list%normal(:, k) = pairs%normal(lane, :, block)
+        if (pairs%history(lane, 12, block) > 0.0_wp) then
+          gap(k) = -1.0_wp
+          cycle
+        end if
+      end if
+      call find_gap(pairs%body(:, list%first(k)), pairs%body(:, list%second(k)), pairs%skin, &
+                    list%normal(:, k), gap(k))
+    end do
+    kept = 0
+    do k = 1, list%count
+      if (gap(k) > pairs%skin) cycle
+      kept = kept + 1
+      near = merge(0, 1, gap(k) < 0.05_wp*pairs%skin)
+      list%first(kept) = list%first(k)
+      list%second(kept) = list%second(k)
+      list%old(kept) = list%old(k)
+      list%normal(:, kept) = list%normal(:, k)
+      list%group(kept) = group_of(grains%material(list%first(kept)), &
+                                  grains%material(list%second(kept)), near)
+    end do
+    list%count = kept
+  end subroutine list_grain_pairs
+
+  !> Order of blocks: materials of first and second, then near before far.
+  pure integer(i4) function group_of(first, second, near)
+    integer(i4), intent(in) :: first, second, near
+    integer(i4), parameter :: most_materials = 1000
+    group_of = near + 2*(second + most_materials*first)
+  end function group_of
+
+  !> Gap along the given normal if that already exceeds the skin, else along the true one.
+  pure subroutine find_gap(body_a, body_b, skin, normal, gap)
+    real(wp), intent(in) :: body_a(:), body_b(:), skin
+    real(wp), intent(inout) :: normal(3)
+    real(wp), intent(out) :: gap
+    real(wp) :: r(3)
+    r = body_b(1:3) - body_a(1:3)
+    if (sum(normal**2) > 0.5_wp) then
+      gap = dot_product(r, normal) - sqrt(dot_product(normal, matrix_times(body_a(4:9), normal))) &
+            - sqrt(dot_product(normal, matrix_times(body_b(4:9), normal)))
+      if (gap > 0.0_wp) return
+    end if
+    call solve_gap(r, body_a(4:9), body_b(4:9), normal, gap)
+  end subroutine find_gap
+
+  !> Plane-grain pairs, after all grain pairs.
+  subroutine list_plane_pairs(pairs, grains, planes, list)
+    type(dem_pairs_type), intent(in) :: pairs
+    type(dem_grains_type), intent(in) :: grains
+    type(dem_planes_type), intent(in) :: planes
+    type(list_type), intent(inout) :: list
+    type(list_type) :: longer
+    integer(i4) :: k, j, n, body
+    real(wp) :: gap, normal(3)
+
+    if (planes%n == 0) return
+    n = list%count + grains%n*planes%n
+    allocate (longer%first(n), longer%second(n), longer%old(n), longer%group(n))
+    allocate (longer%normal(3, n))
+    n = list%count
+    longer%first(:n) = list%first(:n)
+    longer%second(:n) = list%second(:n)
+    longer%old(:n) = list%old(:n)
+    longer%group(:n) = list%group(:n)
+    longer%normal(:, :n) = list%normal(:, :n)
+    do k = 1, planes%n
+      body = grains%n + 3 + k
+      normal = planes%normal(:, k)
+      do j = 1, grains%n
+        if (grains%kind(j) /= kind_free) cycle
+        gap = dot_product(pairs%body(1:3, j) - planes%point(:, k), normal) &
+              - sqrt(dot_product(normal, matrix_times(pairs%body(4:9, j), normal)))
+        if (gap > pairs%skin) cycle
+        n = n + 1
+        longer%first(n) = body
+        longer%second(n) = j
+        longer%old(n) = slot_of(pairs, body, j)
+        longer%normal(:, n) = normal
+        longer%group(n) = group_of(planes%material(k), grains%material(j), 0)
+      end do
+    end do
+    longer%count = n
+    call move_alloc(longer%first, list%first)
+    call move_alloc(longer%second, list%second)
+    call move_alloc(longer%old, list%old)
+    call move_alloc(longer%group, list%group)
+    call move_alloc(longer%normal, list%normal)
+    list%count = n
+  end subroutine list_plane_pairs
+
+  !> Give every pair its slot, pad the blocks, carry normals and history.
+  subroutine order_blocks(pairs, grains, planes, list, slot)
+    type(dem_pairs_type), intent(inout) :: pairs
+    type(dem_grains_type), intent(in) :: grains
+    type(dem_planes_type), intent(in) :: planes
+    type(list_type), intent(in) :: list
+    integer(i4), allocatable, intent(out) :: slot(:)
+    integer(i4) :: k, pass, low, blocks, group, used, last, n
+    integer(i4), allocatable :: law_first(:), law_second(:)
+
+    n = grains%n
+    allocate (slot(list%count), source=0)
+    allocate (law_first(list%count + 1), law_second(list%count + 1))
+    blocks = 0
+    pairs%grain_blocks = 0
+    do pass = 1, 2
+      last = -1
+      do
+        group = next_group(list, n, pass, last)
+        if (group == huge(group)) exit
+        last = group
+        low = blocks
+        used = 0
+        do k = 1, list%count
+          if (list%group(k) /= group .or. (list%first(k) > n .neqv. pass == 2)) cycle
+          used = used + 1
+          slot(k) = low*lanes + used
+          blocks = low + (used + lanes - 1)/lanes
+          law_first(blocks) = material_of(list%first(k))
+          law_second(blocks) = grains%material(list%second(k))
+        end do
+      end do
+      if (pass == 1) pairs%grain_blocks = blocks
+    end do
+    pairs%blocks = blocks
+    pairs%count = list%count
+    if (allocated(pairs%law_first)) deallocate (pairs%law_first, pairs%law_second)
+    allocate (pairs%law_first, source=law_first(:blocks))
+    allocate (pairs%law_second, source=law_second(:blocks))
+    call move_lanes(pairs, n, list, slot)
+
+  contains
+
+    pure integer(i4) function material_of(body)
+      integer(i4), intent(in) :: body
+      if (body <= n) then
+        material_of = grains%material(body)
+      else
+        material_of = planes%material(body - n - 3)
+      end if
+    end function material_of
+  end subroutine order_blocks
+
+  !> Least group above `last` among grain pairs (pass 1) or plane pairs (pass 2).
+  pure integer(i4) function next_group(list, n, pass, last)
+    type(list_type), intent(in) :: list
+    integer(i4), intent(in) :: n, pass, last
+    integer(i4) :: k
+    next_group = huge(next_group)
+    do k = 1, list%count
+      if (list%first(k) > n .neqv. pass == 2) cycle
+      if (list%group(k) > last) next_group = min(next_group, list%group(k))
+    end do
+  end function next_group
+
+  !> Fill the lanes of the new blocks from the old ones.
+  subroutine move_lanes(pairs, n, list, slot)
+    type(dem_pairs_type), intent(inout) :: pairs
+    integer(i4), intent(in) :: n
+    type(list_type), intent(in) :: list
+    integer(i4), intent(in) :: slot(:)
+    real(wp), allocatable :: normal(:, :, :), history(:, :, :)
+    integer(i4) :: k, lane, block, old_lane, old_block
+
+    allocate (normal(lanes, 3, pairs%blocks), history(lanes, history_size, pairs%blocks), &
+              source=0.0_wp)
+    normal(:, 1, :) = 1.0_wp
+    call allocate_blocks(pairs, n)
+    do k = 1, list%count
+      lane = 1 + mod(slot(k) - 1, lanes)
+      block = 1 + (slot(k) - 1)/lanes
+      pairs%first(lane, block) = list%first(k)
+      pairs%second(lane, block) = list%second(k)
+      normal(lane, :, block) = list%normal(:, k)
+      if (list%old(k) > 0) then
+        old_lane = 1 + mod(list%old(k) - 1, lanes)
+        old_block = 1 + (list%old(k) - 1)/lanes
+        history(lane, :, block) = pairs%history(old_lane, :, old_block)
+        if (history(lane, 12, block) > 0.0_wp) pairs%touched(block) = .true.
+      end if
+    end do
+    call move_alloc(normal, pairs%normal)
+    call move_alloc(history, pairs%history)
+  end subroutine move_lanes
+
+  !> Arrays of the blocks, all lanes pads.
+  subroutine allocate_blocks(pairs, n)
+    type(dem_pairs_type), intent(inout) :: pairs
+    integer(i4), intent(in) :: n
+    if (allocated(pairs%first)) deallocate (pairs%first, pairs%second, pairs%weight, &
+                                            pairs%m_star, pairs%touched, pairs%result, pairs%columns)
+    allocate (pairs%first(lanes, pairs%blocks), source=n + 1)
+    allocate (pairs%second(lanes, pairs%blocks), source=n + 2)
+    if (pairs%blocks > pairs%grain_blocks) pairs%first(:, pairs%grain_blocks + 1:) = n + 3
+    allocate (pairs%weight(lanes, pairs%blocks), pairs%m_star(lanes, pairs%blocks), source=1.0_wp)
+    allocate (pairs%touched(pairs%blocks), source=.false.)
+    allocate (pairs%result(result_size, lanes, pairs%blocks), source=0.0_wp)
+    allocate (pairs%columns(column_count, pairs%blocks), source=0.0_wp)
+  end subroutine allocate_blocks
+
+  !> Per-body maps; pairs come in ascending order, so entries are ordered by partner.
+  subroutine map_bodies(pairs, bodies, list, slot)
+    type(dem_pairs_type), intent(inout) :: pairs
+    integer(i4), intent(in) :: bodies
+    type(list_type), intent(in) :: list
+    integer(i4), intent(in) :: slot(:)
+    integer(i4), allocatable :: fill(:)
+    integer(i4) :: k, i, j
+
+    if (allocated(pairs%start)) deallocate (pairs%start, pairs%entry)
+    allocate (pairs%start(bodies + 1), source=0)
+    allocate (pairs%entry(2*list%count))
+    do k = 1, list%count
+      i = list%first(k)
+      j = list%second(k)
+      pairs%start(i + 1) = pairs%start(i + 1) + 1
+      pairs%start(j + 1) = pairs%start(j + 1) + 1
+    end do
+    pairs%start(1) = 1
+    do k = 2, bodies + 1
+      pairs%start(k) = pairs%start(k) + pairs%start(k - 1)
+    end do
+    allocate (fill, source=pairs%start)
+    do k = 1, list%count
+      i = list%first(k)
+      j = list%second(k)
+      pairs%entry(fill(i)) = 2*(slot(k) - 1)
+      fill(i) = fill(i) + 1
+      pairs%entry(fill(j)) = 2*(slot(k) - 1) + 1
+      fill(j) = fill(j) + 1
+    end do
+  end subroutine map_bodies
+
+  !> Reduced masses (free mass where the partner is prescribed) and contact weights.
+  subroutine set_lane_constants(pairs, grains, weights, list, slot)
+    type(dem_pairs_type), intent(inout) :: pairs
+    type(dem_grains_type), intent(in) :: grains
+    type(dem_weights_type), intent(in) :: weights
+    type(list_type), intent(in) :: list
+    integer(i4), intent(in) :: slot(:)
+    integer(i4) :: k, i, j, lane, block
+    logical :: free_i, free_j
+
+    do k = 1, list%count
+      i = list%first(k)
+      j = list%second(k)
+      lane = 1 + mod(slot(k) - 1, lanes)
+      block = 1 + (slot(k) - 1)/lanes
+      if (i > grains%n) then
+        pairs%m_star(lane, block) = grains%mass(j)
+        cycle
+      end if
+      free_i = grains%kind(i) == kind_free
+      free_j = grains%kind(j) == kind_free
+      pairs%m_star(lane, block) = grains%mass(i)*grains%mass(j)/(grains%mass(i) + grains%mass(j))
+      if (free_i .and. .not. free_j) pairs%m_star(lane, block) = grains%mass(i)
+      if (free_j .and. .not. free_i) pairs%m_star(lane, block) = grains%mass(j)
+      if (weights%n > 0) pairs%weight(lane, block) = weight_of(weights, grains%id(i), grains%id(j))
+    end do
+  end subroutine set_lane_constants
+
+  !> Weight of a pair by binary search, 1 if none was set.
+  pure real(wp) function weight_of(weights, first, second) result(value)
+    type(dem_weights_type), intent(in) :: weights
+    integer(i8), intent(in) :: first, second
+    integer(i4) :: low, high, middle
+    logical :: below
+    value = 1.0_wp
+    low = 1
+    high = weights%n
+    do while (low <= high)
+      middle = (low + high)/2
+      if (weights%id(1, middle) == first .and. weights%id(2, middle) == second) then
+        value = weights%value(middle)
+        return
+      end if
+      below = weights%id(1, middle) < first
+      if (weights%id(1, middle) == first) below = weights%id(2, middle) < second
+      if (below) then
+        low = middle + 1
+      else
+        high = middle - 1
+      end if
+    end do
+  end function weight_of
+end module dem_pairs

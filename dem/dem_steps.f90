@@ -1,0 +1,352 @@
+!> Time stepping: one parallel region for many steps, two barriers a step.
+!!
+!! A step is (1) half kick and drift of every grain, (2) forces of every block, (3) sums and second
+!! half kick; (3) and the next (1) belong to the same thread and need no barrier between them.
+!! Work is added to the ledger by one thread in a fixed order, so that the thread count changes no
+!! bit. The region is left when the list must be made anew.
+module dem_steps
+  use talus_kinds, only: wp, i4
+  use talus_errors, only: error_list_type
+  use talus_text, only: str
+  use dem_state, only: dem_data_type, kind_free, kind_fixed, mode_relaxation, lanes
+  use dem_pairs, only: build_pairs, update_bodies
+  use dem_forces, only: block_forces, sum_body
+  use dem_integrate, only: motion_type, start_grain, finish_grain, work_count
+  implicit none
+  private
+  public :: take_steps, evaluate_forces, motion_of, rebuild_if_needed, largest_travel
+  public :: add_grain_work
+
+  integer(i4), parameter :: chunk = 64  !! grains in a unit of work
+
+contains
+
+  !> Constants of a step of length dt.
+  pure function motion_of(d, dt) result(motion)
+    type(dem_data_type), intent(in) :: d
+    real(wp), intent(in) :: dt
+    type(motion_type) :: motion
+    motion%dt = dt
+    motion%damping = d%par%damping
+    if (d%par%full_damping .and. d%par%dt > 0.0_wp) motion%damping = 2.0_wp/d%par%dt
+    if (d%par%mode == mode_relaxation) then
+      motion%mass_scale = d%par%mass_scale
+      motion%inertia_scale = d%par%inertia_scale
+    end if
+    motion%gravity = d%par%gravity_scale*d%par%gravity
+  end function motion_of
+
+  !> Take n steps of par%dt; grains with targets reach them at the last one.
+  subroutine take_steps(d, n, errors)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: n
+    type(error_list_type), intent(inout) :: errors
+    type(motion_type) :: motion
+    real(wp), allocatable :: started(:, :), finished(:, :), travel(:)
+    integer(i4) :: done, chunks
+    logical :: rebuild, resumed
+
+    motion = motion_of(d, d%par%dt)
+    chunks = (d%grains%n + chunk - 1)/chunk + 1
+    allocate (started(work_count, chunks), finished(work_count, chunks), travel(chunks))
+    done = 0
+    resumed = .false.
+    do while (done < n)
+      call run_region(d, motion, n, done, resumed, rebuild, started, finished, travel)
+      if (.not. rebuild) exit
+      if (.not. all_finite(d)) then
+        call name_lost_grain(d, errors)
+        return
+      end if
+      call rebuild_list(d, maxval(travel))
+      resumed = .true.
+    end do
+    if (n > 0) call add_grain_work(d, finished)
+    d%grains%has_target = .false.
+    if (.not. all_finite(d)) call name_lost_grain(d, errors)
+  end subroutine take_steps
+
+  !> Steps done+1 to n, or until the list is used up (then half of step done+1 is done).
+  subroutine run_region(d, motion, n, done, resumed, rebuild, started, finished, travel)
+    type(dem_data_type), intent(inout) :: d
+    type(motion_type), intent(in) :: motion
+    integer(i4), intent(in) :: n
+    integer(i4), intent(inout) :: done
+    logical, intent(in) :: resumed         !! step done+1 was begun before
+    logical, intent(out) :: rebuild
+    real(wp), intent(inout) :: started(:, :), finished(:, :), travel(:)
+    integer(i4) :: s, c, k, chunks
+    logical :: begun, leave
+
+    chunks = size(travel)
+    rebuild = .false.
+    !$omp parallel default(none) private(s, c, k, begun, leave) &
+    !$omp   shared(d, motion, n, done, resumed, rebuild, started, finished, travel, chunks)
+    begun = resumed
+    leave = .false.
+    do s = done + 1, n
+      if (.not. begun) then
+        !$omp do schedule(static)
+        do c = 1, chunks
+          call start_chunk(d, c, motion, s == n, started(:, c), travel(c))
+        end do
+        !$omp end do
+        leave = .not. maxval(travel) <= 0.5_wp*d%pairs%skin
+        if (leave) exit
+      end if
+      begun = .false.
+      !$omp master
+      if (s > 1) call add_grain_work(d, finished)
+      call add_grain_work(d, started)
+      !$omp end master
+      !$omp do schedule(static, 1)
+      do k = 1, d%pairs%blocks
+        call block_forces(d%pairs, d%laws, k, motion%dt)
+      end do
+      !$omp end do
+      !$omp master
+      call add_contact_work(d)
+      !$omp end master
+      !$omp do schedule(static)
+      do c = 1, chunks
+        call finish_chunk(d, c, motion, finished(:, c))
+      end do
+      !$omp end do nowait
+    end do
+    !$omp barrier
+    !$omp master
+    rebuild = leave
+    d%health%steps = d%health%steps + s - 1 - done
+    done = s - 1
+    !$omp end master
+    !$omp end parallel
+  end subroutine run_region
+
+  !> Start of a step for the grains of chunk c; the last chunk is the planes'.
+  subroutine start_chunk(d, c, motion, last, work, travel)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: c
+    type(motion_type), intent(in) :: motion
+    logical, intent(in) :: last
+    real(wp), intent(out) :: work(work_count), travel
+    integer(i4) :: i
+
+    work = 0.0_wp
+    travel = 0.0_wp
+    if ((c - 1)*chunk >= d%grains%n) then
+      do i = 1, d%planes%n
+        d%planes%point(:, i) = d%planes%point(:, i) + motion%dt*d%planes%velocity(:, i)
+        d%pairs%body(1:3, d%grains%n + 3 + i) = d%planes%point(:, i)
+        d%pairs%body(10:12, d%grains%n + 3 + i) = d%planes%velocity(:, i)
+        travel = max(travel, sqrt(sum((d%planes%point(:, i) &
+                                       - d%pairs%reference_x(:, d%grains%n + 3 + i))**2)))
+      end do
+      return
+    end if
+    do i = (c - 1)*chunk + 1, min(c*chunk, d%grains%n)
+      if (d%grains%kind(i) == kind_fixed) cycle
+      call start_grain(d%grains, i, motion, last, d%pairs%body(:, i), work)
+      travel = larger(travel, travel_of(d, i))
+    end do
+  end subroutine start_chunk
+
+  !> Larger of two, not-a-number wins.
+  pure real(wp) function larger(a, b)
+    real(wp), intent(in) :: a, b
+    larger = a
+    if (.not. b <= a) larger = b
+  end function larger
+
+  !> Bound of how far the surface of grain i has come, along any normal, since the list was made:
+  !! displacement, and rotation times the difference of the extreme semi-axes.
+  pure real(wp) function travel_of(d, i)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: i
+    real(wp) :: square, cosine, sine
+    square = (d%grains%x(1, i) - d%pairs%reference_x(1, i))**2 &
+             + (d%grains%x(2, i) - d%pairs%reference_x(2, i))**2 &
+             + (d%grains%x(3, i) - d%pairs%reference_x(3, i))**2
+    cosine = d%grains%quat(1, i)*d%pairs%reference_q(1, i) &
+             + d%grains%quat(2, i)*d%pairs%reference_q(2, i) &
+             + d%grains%quat(3, i)*d%pairs%reference_q(3, i) &
+             + d%grains%quat(4, i)*d%pairs%reference_q(4, i)
+    sine = sqrt(max(1.0_wp - cosine*cosine, 0.0_wp))
+    ! asin(s) <= s + (pi/2 - 1) s^3
+    travel_of = sqrt(square) + 2.0_wp*d%pairs%reach(i)*sine*(1.0_wp + 0.571_wp*sine*sine)
+  end function travel_of
+
+  !> Sums and end of the step for the grains of chunk c; the last chunk is the planes'.
+  subroutine finish_chunk(d, c, motion, work)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: c
+    type(motion_type), intent(in) :: motion
+    real(wp), intent(out) :: work(work_count)
+    real(wp) :: force(3), moment(3), mean(3), done
+    integer(i4) :: i
+
+    work = 0.0_wp
+    if ((c - 1)*chunk >= d%grains%n) then
+      do i = 1, d%planes%n
+        call sum_body(d%pairs%start, d%pairs%entry, d%pairs%result, d%grains%n + 3 + i, force, &
+                      moment)
+        mean = 0.5_wp*motion%dt*(d%planes%force(:, i) + force)
+        d%planes%force(:, i) = force
+        d%planes%impulse(:, i) = d%planes%impulse(:, i) + mean
+        done = -dot_product(mean, d%planes%velocity(:, i))
+        d%planes%work(i) = d%planes%work(i) + done
+        work(4) = work(4) + done
+      end do
+      return
+    end if
+    do i = (c - 1)*chunk + 1, min(c*chunk, d%grains%n)
+      call sum_body(d%pairs%start, d%pairs%entry, d%pairs%result, i, force, moment)
+      call finish_grain(d%grains, i, motion, force, moment, work)
+    end do
+  end subroutine finish_chunk
+
+  !> Chunk sums into the ledger, in the order of chunks.
+  subroutine add_grain_work(d, work)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: work(:, :)
+    real(wp) :: total(work_count)
+    integer(i4) :: c
+    total = 0.0_wp
+    do c = 1, size(work, 2)
+      total = total + work(:, c)
+    end do
+    d%ledger%gravity = d%ledger%gravity + total(1)
+    d%ledger%external = d%ledger%external + total(2)
+    d%ledger%background_damping = d%ledger%background_damping + total(3)
+    d%ledger%boundary = d%ledger%boundary + total(4)
+  end subroutine add_grain_work
+
+  !> Block sums into the ledger, in the order of blocks.
+  subroutine add_contact_work(d)
+    type(dem_data_type), intent(inout) :: d
+    real(wp) :: total(4)
+    integer(i4) :: k
+    total = 0.0_wp
+    do k = 1, d%pairs%blocks
+      total = total + d%pairs%columns(:, k)
+    end do
+    d%ledger%contact_damping = d%ledger%contact_damping + total(1)
+    d%ledger%friction = d%ledger%friction + total(2)
+    d%ledger%tangential_relaxation = d%ledger%tangential_relaxation + total(3)
+    d%ledger%curvature = d%ledger%curvature + total(4)
+    d%health%evaluations = d%health%evaluations + 1
+  end subroutine add_contact_work
+
+  !> Forces at the current state over the pending drift h; sums go to the grains and planes.
+  subroutine evaluate_forces(d, h)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: h
+    type(motion_type) :: motion
+    real(wp), allocatable :: finished(:, :)
+    integer(i4) :: k, c, chunks, i
+
+    chunks = (d%grains%n + chunk - 1)/chunk + 1
+    allocate (finished(work_count, chunks), source=0.0_wp)
+    motion = motion_of(d, h)
+    !$omp parallel default(none) private(k, c, i) shared(d, motion, h, chunks, finished)
+    !$omp do schedule(static, 1)
+    do k = 1, d%pairs%blocks
+      call block_forces(d%pairs, d%laws, k, h)
+    end do
+    !$omp end do
+    !$omp do schedule(static)
+    do c = 1, chunks
+      call sum_chunk(d, c, motion, finished(:, c))
+    end do
+    !$omp end do
+    !$omp end parallel
+    call add_contact_work(d)
+    call add_grain_work(d, finished)
+  end subroutine evaluate_forces
+
+  !> As finish_chunk, but free grains are not kicked.
+  subroutine sum_chunk(d, c, motion, work)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: c
+    type(motion_type), intent(in) :: motion
+    real(wp), intent(out) :: work(work_count)
+    integer(i4) :: i
+
+    if ((c - 1)*chunk >= d%grains%n) then
+      call finish_chunk(d, c, motion, work)
+      return
+    end if
+    work = 0.0_wp
+    do i = (c - 1)*chunk + 1, min(c*chunk, d%grains%n)
+      if (d%grains%kind(i) == kind_free) then
+        call sum_body(d%pairs%start, d%pairs%entry, d%pairs%result, i, d%grains%force(:, i), &
+                      d%grains%moment(:, i))
+      else
+        call finish_prescribed(d, i, motion, work)
+      end if
+    end do
+  end subroutine sum_chunk
+
+  subroutine finish_prescribed(d, i, motion, work)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: i
+    type(motion_type), intent(in) :: motion
+    real(wp), intent(inout) :: work(work_count)
+    real(wp) :: force(3), moment(3)
+    call sum_body(d%pairs%start, d%pairs%entry, d%pairs%result, i, force, moment)
+    call finish_grain(d%grains, i, motion, force, moment, work)
+  end subroutine finish_prescribed
+
+  !> Largest travel of any grain or plane since the list was made [m].
+  real(wp) function largest_travel(d) result(travel)
+    type(dem_data_type), intent(in) :: d
+    integer(i4) :: i
+    travel = 0.0_wp
+    do i = 1, d%grains%n
+      travel = larger(travel, travel_of(d, i))
+    end do
+    do i = 1, d%planes%n
+      travel = larger(travel, sqrt(sum((d%planes%point(:, i) &
+                                        - d%pairs%reference_x(:, d%grains%n + 3 + i))**2)))
+    end do
+  end function largest_travel
+
+  !> Make the list anew if the current positions have used it up (bodies must be up to date).
+  subroutine rebuild_if_needed(d)
+    type(dem_data_type), intent(inout) :: d
+    real(wp) :: travel
+    travel = largest_travel(d)
+    if (.not. travel <= 0.5_wp*d%pairs%skin) call rebuild_list(d, travel)
+  end subroutine rebuild_if_needed
+
+  !> New list; late if one step went further than the whole margin.
+  subroutine rebuild_list(d, travel)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: travel
+    d%health%rebuilds = d%health%rebuilds + 1
+    if (travel > d%pairs%skin) d%health%late_rebuilds = d%health%late_rebuilds + 1
+    call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs)
+  end subroutine rebuild_list
+
+  logical function all_finite(d)
+    type(dem_data_type), intent(in) :: d
+    real(wp), parameter :: far = 1.0e6_wp
+    all_finite = all(abs(d%grains%x) < far) .and. all(abs(d%grains%v) < huge(1.0_wp)) &
+                 .and. all(abs(d%grains%omega) < huge(1.0_wp))
+  end function all_finite
+
+  !> Fault N200 for the first grain whose state is no number or has left the world.
+  subroutine name_lost_grain(d, errors)
+    type(dem_data_type), intent(in) :: d
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: i
+    do i = 1, d%grains%n
+      if (all(abs(d%grains%x(:, i)) < 1.0e6_wp) .and. all(abs(d%grains%v(:, i)) < huge(1.0_wp)) &
+          .and. all(abs(d%grains%omega(:, i)) < huge(1.0_wp))) cycle
+      call errors%add('N200', 'the motion of grain '//str(d%grains%id(i))//' is lost: position '// &
+                      str(d%grains%x(:, i))//' m, velocity '//str(d%grains%v(:, i))//' m/s', &
+                      place='step '//str(d%health%steps), &
+                      hint='lower the time step, or look for grains that overlap at the start')
+      return
+    end do
+  end subroutine name_lost_grain
+end module dem_steps

@@ -1,0 +1,275 @@
+!> The complete state as named arrays, and back, so that a run goes on bit for bit.
+module dem_store
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
+  use dem_archive, only: dem_archive_type
+  use dem_state, only: dem_data_type, dem_pairs_type, dem_ledger_type, dem_health_type, lanes, &
+    history_size, result_size, column_count
+  use dem_pairs, only: allocate_bodies, update_bodies
+  implicit none
+  private
+  public :: put_state, get_state
+
+contains
+
+  !> Everything that changes in a run.
+  subroutine put_state(d, archive)
+    type(dem_data_type), intent(in) :: d
+    type(dem_archive_type), intent(inout) :: archive
+
+    call archive%clear()
+    call put_grains(d, archive)
+    call put_pairs(d%pairs, archive)
+    call archive%put_reals('ledger', ledger_row(d%ledger))
+    call archive%put_reals('health.real', reshape([d%health%max_overlap, &
+                           d%health%reference_energy, d%pending, d%ledger_dt, d%par%dt], [5, 1]))
+    call archive%put_integers('health.count', reshape([d%health%steps, d%health%rebuilds, &
+                              d%health%late_rebuilds, d%health%evaluations], [4, 1]))
+    call archive%put_integers('weights.id', weight_ids(d))
+    call archive%put_reals('weights.value', reshape(weight_values(d), [1, d%weights%n]))
+  end subroutine put_state
+
+  pure function weight_ids(d) result(ids)
+    type(dem_data_type), intent(in) :: d
+    integer(i8) :: ids(2, d%weights%n)
+    if (d%weights%n > 0) ids = d%weights%id(:, :d%weights%n)
+  end function weight_ids
+
+  pure function weight_values(d) result(values)
+    type(dem_data_type), intent(in) :: d
+    real(wp) :: values(d%weights%n)
+    if (d%weights%n > 0) values = d%weights%value(:d%weights%n)
+  end function weight_values
+
+  subroutine put_grains(d, archive)
+    type(dem_data_type), intent(in) :: d
+    type(dem_archive_type), intent(inout) :: archive
+    integer(i4) :: n
+    associate (g => d%grains)
+      n = g%n
+      call archive%put_integers('grains.id', reshape(g%id, [1, n]))
+      call archive%put_integers('grains.kind', int(reshape(g%kind, [1, n]), i8))
+      call archive%put_integers('grains.material', int(reshape(g%material, [1, n]), i8))
+      call archive%put_reals('grains.x', g%x)
+      call archive%put_reals('grains.quat', g%quat)
+      call archive%put_reals('grains.v', g%v)
+      call archive%put_reals('grains.omega', g%omega)
+      call archive%put_reals('grains.axes', g%axes)
+      call archive%put_reals('grains.mass', reshape(g%mass, [1, n]))
+      call archive%put_reals('grains.inertia', g%inertia)
+      call archive%put_reals('grains.force', g%force)
+      call archive%put_reals('grains.moment', g%moment)
+      call archive%put_reals('grains.theta', g%theta)
+      call archive%put_reals('grains.extra_force', g%extra_force)
+      call archive%put_reals('grains.extra_moment', g%extra_moment)
+      call archive%put_reals('grains.impulse', g%impulse)
+      call archive%put_reals('grains.moment_impulse', g%moment_impulse)
+      call archive%put_reals('grains.work', reshape(g%work, [1, n]))
+      call archive%put_reals('grains.turn', g%turn)
+    end associate
+    call archive%put_reals('planes.point', d%planes%point)
+    call archive%put_reals('planes.velocity', d%planes%velocity)
+    call archive%put_reals('planes.force', d%planes%force)
+    call archive%put_reals('planes.impulse', d%planes%impulse)
+    call archive%put_reals('planes.work', reshape(d%planes%work, [1, d%planes%n]))
+  end subroutine put_grains
+
+  !> The list in its order, normals and history of every candidate, reference positions.
+  subroutine put_pairs(p, archive)
+    type(dem_pairs_type), intent(in) :: p
+    type(dem_archive_type), intent(inout) :: archive
+    integer(i4) :: m
+    m = p%blocks
+    call archive%put_integers('pairs.count', reshape(int([p%blocks, p%grain_blocks, p%count], i8), &
+                                                     [3, 1]))
+    call archive%put_integers('pairs.first', int(p%first, i8))
+    call archive%put_integers('pairs.second', int(p%second, i8))
+    call archive%put_integers('pairs.law', int(reshape([p%law_first, p%law_second, &
+                              merge(1, 0, p%touched)], [m, 3]), i8))
+    call archive%put_integers('pairs.start', int(reshape(p%start, [size(p%start), 1]), i8))
+    call archive%put_integers('pairs.entry', int(reshape(p%entry, [size(p%entry), 1]), i8))
+    call archive%put_reals('pairs.skin', reshape([p%skin], [1, 1]))
+    call archive%put_reals('pairs.normal', reshape(p%normal, [lanes*3, m]))
+    call archive%put_reals('pairs.history', reshape(p%history, [lanes*history_size, m]))
+    call archive%put_reals('pairs.result', reshape(p%result, [lanes*result_size, m]))
+    call archive%put_reals('pairs.weight', p%weight)
+    call archive%put_reals('pairs.m_star', p%m_star)
+    call archive%put_reals('pairs.reference_x', p%reference_x)
+    call archive%put_reals('pairs.reference_q', p%reference_q)
+  end subroutine put_pairs
+
+  pure function ledger_row(l) result(row)
+    type(dem_ledger_type), intent(in) :: l
+    real(wp) :: row(14, 1)
+    row(:, 1) = [l%kinetic, l%elastic_normal, l%elastic_tangential, l%staggering, l%friction, &
+                 l%contact_damping, l%background_damping, l%curvature, l%tangential_relaxation, &
+                 l%boundary, l%external, l%gravity, l%start, l%largest]
+  end function ledger_row
+
+  pure function ledger_from(row) result(l)
+    real(wp), intent(in) :: row(14)
+    type(dem_ledger_type) :: l
+    l%kinetic = row(1)
+    l%elastic_normal = row(2)
+    l%elastic_tangential = row(3)
+    l%staggering = row(4)
+    l%friction = row(5)
+    l%contact_damping = row(6)
+    l%background_damping = row(7)
+    l%curvature = row(8)
+    l%tangential_relaxation = row(9)
+    l%boundary = row(10)
+    l%external = row(11)
+    l%gravity = row(12)
+    l%start = row(13)
+    l%largest = row(14)
+  end function ledger_from
+
+  !> Take the state from an archive; grains must be those of the packing (same ids).
+  subroutine get_state(d, archive, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: row(:, :)
+    integer(i8), allocatable :: counts(:, :)
+
+    call get_grains(d, archive, errors)
+    if (errors%any()) return
+    call allocate_bodies(d%pairs, d%grains, d%planes)
+    call get_pairs(d, archive, errors)
+    if (errors%any()) return
+    call update_bodies(d%pairs, d%grains, d%planes)
+    call archive%get_reals('ledger', 14, 1, row, errors)
+    d%ledger = ledger_from(row(:, 1))
+    call archive%get_reals('health.real', 5, 1, row, errors)
+    d%health%max_overlap = row(1, 1)
+    d%health%reference_energy = row(2, 1)
+    d%pending = row(3, 1)
+    d%ledger_dt = row(4, 1)
+    d%par%dt = row(5, 1)
+    call archive%get_integers('health.count', 4, 1, counts, errors)
+    d%health%steps = counts(1, 1)
+    d%health%rebuilds = counts(2, 1)
+    d%health%late_rebuilds = counts(3, 1)
+    d%health%evaluations = counts(4, 1)
+    call archive%get_integers('weights.id', 2, -1, counts, errors)
+    d%weights%n = size(counts, 2)
+    call archive%get_reals('weights.value', 1, d%weights%n, row, errors)
+    d%weights%id = counts
+    d%weights%value = row(1, :)
+  end subroutine get_state
+
+  subroutine get_grains(d, archive, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: ids(:, :)
+    integer(i4) :: n
+
+    n = d%grains%n
+    call archive%get_integers('grains.id', 1, n, ids, errors)
+    if (errors%any()) return
+    if (any(ids(1, :) /= d%grains%id)) then
+      call errors%add('I229', 'checkpoint: its grains have other ids than the packing', &
+                      hint='the checkpoint belongs to another packing, deck or version')
+      return
+    end if
+    call archive%get_integers('grains.kind', 1, n, ids, errors)
+    d%grains%kind = int(ids(1, :), i4)
+    call archive%get_integers('grains.material', 1, n, ids, errors)
+    d%grains%material = int(ids(1, :), i4)
+    associate (g => d%grains)
+      call take('grains.x', g%x)
+      call take('grains.quat', g%quat)
+      call take('grains.v', g%v)
+      call take('grains.omega', g%omega)
+      call take('grains.axes', g%axes)
+      call take('grains.inertia', g%inertia)
+      call take('grains.force', g%force)
+      call take('grains.moment', g%moment)
+      call take('grains.theta', g%theta)
+      call take('grains.extra_force', g%extra_force)
+      call take('grains.extra_moment', g%extra_moment)
+      call take('grains.impulse', g%impulse)
+      call take('grains.moment_impulse', g%moment_impulse)
+      call take('grains.turn', g%turn)
+      call take_row('grains.mass', g%mass)
+      call take_row('grains.work', g%work)
+    end associate
+    d%grains%radius = maxval(d%grains%axes, dim=1)
+    d%grains%has_target = .false.
+    call take('planes.point', d%planes%point)
+    call take('planes.velocity', d%planes%velocity)
+    call take('planes.force', d%planes%force)
+    call take('planes.impulse', d%planes%impulse)
+    call take_row('planes.work', d%planes%work)
+
+  contains
+
+    subroutine take(name, array)
+      character(len=*), intent(in) :: name
+      real(wp), intent(inout) :: array(:, :)
+      real(wp), allocatable :: values(:, :)
+      call archive%get_reals(name, size(array, 1), size(array, 2), values, errors)
+      array = values
+    end subroutine take
+
+    subroutine take_row(name, array)
+      character(len=*), intent(in) :: name
+      real(wp), intent(inout) :: array(:)
+      real(wp), allocatable :: values(:, :)
+      call archive%get_reals(name, 1, size(array), values, errors)
+      array = values(1, :)
+    end subroutine take_row
+  end subroutine get_grains
+
+  subroutine get_pairs(d, archive, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: counts(:, :), law(:, :), first(:, :), second(:, :), start(:, :), &
+      entry(:, :)
+    real(wp), allocatable :: flat(:, :)
+    integer(i4) :: m, bodies
+
+    bodies = d%grains%n + 3 + d%planes%n
+    call archive%get_integers('pairs.count', 3, 1, counts, errors)
+    if (errors%any()) return
+    m = int(counts(1, 1), i4)
+    call archive%get_integers('pairs.first', lanes, m, first, errors)
+    call archive%get_integers('pairs.second', lanes, m, second, errors)
+    call archive%get_integers('pairs.law', m, 3, law, errors)
+    call archive%get_integers('pairs.start', bodies + 1, 1, start, errors)
+    call archive%get_integers('pairs.entry', 2*int(counts(3, 1), i4), 1, entry, errors)
+    if (errors%any()) return
+    associate (p => d%pairs)
+      p%blocks = m
+      p%grain_blocks = int(counts(2, 1), i4)
+      p%count = int(counts(3, 1), i4)
+      p%first = int(first, i4)
+      p%second = int(second, i4)
+      p%law_first = int(law(:, 1), i4)
+      p%law_second = int(law(:, 2), i4)
+      p%touched = law(:, 3) == 1
+      p%start = int(start(:, 1), i4)
+      p%entry = int(entry(:, 1), i4)
+      call archive%get_reals('pairs.skin', 1, 1, flat, errors)
+      p%skin = flat(1, 1)
+      call archive%get_reals('pairs.normal', lanes*3, m, flat, errors)
+      p%normal = reshape(flat, [lanes, 3, m])
+      call archive%get_reals('pairs.history', lanes*history_size, m, flat, errors)
+      p%history = reshape(flat, [lanes, history_size, m])
+      call archive%get_reals('pairs.result', lanes*result_size, m, flat, errors)
+      p%result = reshape(flat, [result_size, lanes, m])
+      call archive%get_reals('pairs.weight', lanes, m, flat, errors)
+      p%weight = flat
+      call archive%get_reals('pairs.m_star', lanes, m, flat, errors)
+      p%m_star = flat
+      call archive%get_reals('pairs.reference_x', 3, bodies, flat, errors)
+      p%reference_x = flat
+      call archive%get_reals('pairs.reference_q', 4, bodies, flat, errors)
+      p%reference_q = flat
+      p%columns = reshape(spread(0.0_wp, 1, column_count*m), [column_count, m])
+    end associate
+  end subroutine get_pairs
+end module dem_store
