@@ -59,6 +59,9 @@ NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev keys style te
 # --- version, stamped at build time --------------------------------------------------------
 VERSION := $(shell cat VERSION 2>/dev/null || echo 0.0.0)
 GITHASH := $(shell git describe --always --dirty 2>/dev/null || echo none)
+ifneq ($(filter-out $(NO_BUILD),$(or $(MAKECMDGOALS),all)),)
+$(shell tools/stamp.sh $(BUILD)/talus_build.c '$(VERSION)' '$(GITHASH)')
+endif
 
 # --- Fortran and C -------------------------------------------------------------------------
 $(OBJ) $(MOD) $(BIN) $(LIB) $(BUILD)/unit:
@@ -83,6 +86,9 @@ $(LIB)/libtalus_$(1).a: $(call objects,$(1)) | $(LIB)
 	rm -f $$@ && ar rcs $$@ $$^
 endef
 $(foreach d,common dem fem couple,$(eval $(call library_rules,$(d))))
+$(LIB)/libtalus_common.a: $(OBJ)/common-talus_build_c.o
+$(OBJ)/common-talus_build_c.o: $(BUILD)/talus_build.c | $(OBJ)
+	$(CC) $(CFLAGS) -c -o $@ $<
 
 $(BIN)/talus-dem: $(OBJ)/dem-dem_main.o $(LIB)/libtalus_dem.a $(LIB)/libtalus_common.a | $(BIN)
 	gfortran -fopenmp $(LDFLAGS) -o $@ $^ $(LIBS_HDF5)
@@ -168,4 +174,5 @@ install: all
 	chmod 755 $(DESTDIR)$(PREFIX)/bin/talus
 
 clean:
-	rm -rf $(BUILD)/obj $(BUILD)/mod $(BUILD)/bin $(BUILD)/lib $(BUILD)/unit $(BUILD)/depend.mk
+	rm -rf $(BUILD)/obj $(BUILD)/mod $(BUILD)/bin $(BUILD)/lib $(BUILD)/unit $(BUILD)/depend.mk \
+	  $(BUILD)/talus_build.c
