@@ -12,6 +12,7 @@ module dem_steps
   use dem_pairs, only: build_pairs, update_bodies
   use dem_forces, only: block_forces, sum_body
   use dem_integrate, only: motion_type, start_grain, finish_grain, work_count
+  use dem_shape, only: quaternion_from_rotation
   implicit none
   private
   public :: take_steps, evaluate_forces, motion_of, rebuild_if_needed, largest_travel
@@ -51,6 +52,7 @@ contains
     allocate (started(work_count, chunks), finished(work_count, chunks), travel(chunks))
     done = 0
     resumed = .false.
+    call set_turns(d)
     do while (done < n)
       call run_region(d, motion, n, done, resumed, rebuild, started, finished, travel)
       if (.not. rebuild) exit
@@ -65,6 +67,17 @@ contains
     d%grains%has_target = .false.
     if (.not. all_finite(d)) call name_lost_grain(d, errors)
   end subroutine take_steps
+
+  !> Rotation of one step of the grains that keep a constant spin.
+  subroutine set_turns(d)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4) :: i
+    do i = 1, d%grains%n
+      if (d%grains%kind(i) == kind_free .or. d%grains%kind(i) == kind_fixed) cycle
+      if (d%grains%has_target(i)) cycle
+      d%grains%turn(:, i) = quaternion_from_rotation(d%par%dt*d%grains%omega(:, i))
+    end do
+  end subroutine set_turns
 
   !> Steps done+1 to n, or until the list is used up (then half of step done+1 is done).
   subroutine run_region(d, motion, n, done, resumed, rebuild, started, finished, travel)
