@@ -5,34 +5,28 @@
 !! same words and so the same checksum (manual/port.md).
 module talus_message_file
   use, intrinsic :: iso_c_binding, only: c_ptr, c_loc
-  use hdf5, only: hid_t, hsize_t, size_t, h5open_f, h5eset_auto_f, h5fcreate_f, h5fopen_f, &
+  use hdf5, only: hid_t, hsize_t, size_t, h5fcreate_f, h5fopen_f, &
     h5fclose_f, h5gcreate_f, h5gopen_f, h5gclose_f, h5gget_info_f, h5dcreate_f, h5dopen_f, &
     h5dclose_f, h5dwrite_f, h5dread_f, h5dget_space_f, h5dget_type_f, h5screate_f, &
-    h5screate_simple_f, h5sclose_f, h5sget_simple_extent_ndims_f, h5sget_simple_extent_dims_f, h5sget_simple_extent_type_f, &
-    h5tcopy_f, h5tset_size_f, h5tset_strpad_f, h5tget_class_f, h5tget_size_f, h5tclose_f, &
+    h5screate_simple_f, h5sclose_f, h5sget_simple_extent_ndims_f, h5sget_simple_extent_dims_f, &
+    h5sget_simple_extent_type_f, h5tcopy_f, h5tset_size_f, h5tset_strpad_f, h5tget_class_f, h5tget_size_f, h5tclose_f, &
     h5acreate_f, h5aopen_f, h5awrite_f, h5aread_f, h5aclose_f, h5f_acc_trunc_f, &
     h5f_acc_rdonly_f, h5s_scalar_f, h5s_null_f, h5t_std_i64le, h5t_ieee_f64le, h5t_c_s1, &
     h5t_str_nullpad_f, h5t_float_f, h5t_integer_f, h5t_string_f
   use talus_kinds, only: i4, i8
+  use talus_h5_raw, only: start_library
   use talus_message_buffer, only: message_buffer_type, field_type, kind_real, kind_integer, &
     kind_text, header_words, name_length
   use talus_verbs, only: verb_name
   implicit none
   private
-  public :: start_hdf5, write_message_file, read_message_file
+  public :: write_message_file, read_message_file
 
   !> Attributes of the root, in the order of the header words; t0 and t1 are reals.
   character(len=8), parameter :: header_name(11) = [character(len=8) :: 'magic', 'protocol', &
     'sequence', 'verb', 'step', 't0', 't1', 'status', 'fields', 'words', 'checksum']
 
 contains
-
-  !> Before the first file; every further call costs the library time, so a port calls it once.
-  subroutine start_hdf5()
-    integer :: stat
-    call h5open_f(stat)
-    if (stat < 0) error stop 'bug: the HDF5 library does not start'
-  end subroutine start_hdf5
 
   !> Write a sealed message; `failed` names the part that could not be written, '' when all was.
   subroutine write_message_file(path, message, failed)
@@ -45,7 +39,7 @@ contains
     integer(i4) :: k
 
     failed = ''
-    call h5eset_auto_f(0, stat)
+    call start_library()
     call h5fcreate_f(path, h5f_acc_trunc_f, file, stat)
     if (stat < 0) then
       failed = 'the file'
@@ -189,7 +183,7 @@ contains
     integer :: stat
 
     failed = ''
-    call h5eset_auto_f(0, stat)
+    call start_library()
     call h5fopen_f(path, h5f_acc_rdonly_f, file, stat)
     if (stat < 0) then
       failed = 'the file (no HDF5 file, or cut off)'

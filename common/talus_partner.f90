@@ -37,6 +37,7 @@ module talus_partner
     procedure :: silent => partner_silent
     procedure :: fresh => partner_fresh
     procedure :: report_end => partner_report_end
+    procedure :: report_absence => partner_report_absence
     procedure :: report_silence => partner_report_silence
     procedure :: title => partner_title
     procedure :: close => partner_close
@@ -175,6 +176,15 @@ contains
     call errors%add('P001', self%title()//' ended before it answered', log_place(self), &
                     'the end of its log tells more; the last checkpoint is valid')
   end subroutine partner_report_end
+
+  !> Fault: it did not come to the port in time.
+  subroutine partner_report_absence(self, errors)
+    class(partner_type), intent(in) :: self
+    type(error_list_type), intent(inout) :: errors
+    call errors%add('P003', self%title()//' did not join the port within '// &
+                    str(self%time_limit)//' s', log_place(self), &
+                    'its log tells more; for another host use transport = ''hdf5''')
+  end subroutine partner_report_absence
 
   !> Fault: no sign of life for the time limit.
   subroutine partner_report_silence(self, errors)

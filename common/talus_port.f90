@@ -251,6 +251,7 @@ contains
     integer(i8) :: beat
     logical :: gone
     real(wp) :: limit
+    logical :: silent
 
     if (self%partner%pid == 0) call meet(self)
     gone = self%partner%ended()
@@ -270,7 +271,12 @@ contains
     limit = self%partner%time_limit
     if (self%partner%pid == 0 .and. self%join_limit > 0.0_wp) &
       self%partner%time_limit = self%join_limit
-    if (self%partner%silent(beat)) call self%partner%report_silence(errors)
+    silent = self%partner%silent(beat)
+    if (silent .and. self%partner%pid == 0) then
+      call self%partner%report_absence(errors)
+    else if (silent) then
+      call self%partner%report_silence(errors)
+    end if
     self%partner%time_limit = limit
   end subroutine look
 

@@ -9,7 +9,7 @@ module talus_port_file
   use talus_text, only: str, string_type, append_string
   use talus_errors, only: error_list_type
   use talus_message_buffer, only: message_buffer_type
-  use talus_message_file, only: start_hdf5, write_message_file, read_message_file
+  use talus_message_file, only: write_message_file, read_message_file
   use talus_partner, only: own_pid, own_place, now, text_of
   implicit none
   private
@@ -109,7 +109,6 @@ contains
     integer(c_int) :: code
     character(len=1), parameter :: nl = new_line('a')
 
-    call start_hdf5()
     call set_names(self, path)
     self%asks = .true.
     self%trace = trace
@@ -139,7 +138,6 @@ contains
 
     absent = c_wait(path//'.port'//c_null_char, 0.01_wp) == 0
     if (absent) return
-    call start_hdf5()
     call set_names(self, path)
     self%asks = .false.
     call read_lines(path//'.port', line)

@@ -2,14 +2,16 @@
 
    A message moves in chunks of at most one slot. Each direction has two counters: chunks written
    and chunks taken; the writer may write when they are equal, the reader may read when they are
-   not. Who waits spins for SPIN seconds and then sleeps on the counter's futex (shared between
-   processes, so without the PRIVATE flag) for one slice; between slices the caller looks whether
-   the partner lives. A side shows its life by an OFD lock on its own byte of the segment. */
+   not. Who waits spins for SPIN seconds (not when both sides share a core: the partner could not
+   run) and then sleeps on the counter's futex (shared between processes, so without the PRIVATE
+   flag) for one slice; between slices the caller looks whether the partner lives. A side shows its
+   life by an OFD lock on its own byte of the segment. */
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
 #include <linux/futex.h>
+#include <sched.h>
 #include <stdatomic.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -40,6 +42,7 @@ struct channel {
 
 struct side {
     _Alignas(64) atomic_ullong beat;
+    atomic_int core; /* where it last waited or wrote */
     _Alignas(64) atomic_uint joined;
     int32_t pid;
     char place[TEXT], host[TEXT];
@@ -150,6 +153,7 @@ static void sign_in(struct port *p, const char *place, const char *host)
 {
     struct side *s = &p->control->side[p->me];
     s->pid = (int32_t)getpid();
+    atomic_store(&s->core, -1 - p->me);
     snprintf(s->place, TEXT, "%s", place);
     snprintf(s->host, TEXT, "%s", host);
     atomic_store(&s->joined, 1u);
@@ -260,12 +264,18 @@ static void copy_out(unsigned char *to, const unsigned char *from, size_t bytes)
     memcpy(to + k, from + k, bytes - k);
 }
 
-/* Wait until *word differs from `old`, for at most one slice (s); 1 when it does. */
-static int wait_change(atomic_uint *word, unsigned old, atomic_uint *sleeps, double slice)
+static int note_core(struct port *p)
 {
-    if (atomic_load_explicit(word, memory_order_acquire) != old)
-        return 1;
-    if (slice <= 0.0)
+    const int core = sched_getcpu();
+    atomic_store_explicit(&p->control->side[p->me].core, core, memory_order_relaxed);
+    return core;
+}
+
+/* Spin until *word differs from `old`; 1 when it does. */
+static int spin(struct port *p, atomic_uint *word, unsigned old)
+{
+    const struct side *other = &p->control->side[1 - p->me];
+    if (note_core(p) == atomic_load_explicit(&other->core, memory_order_relaxed))
         return 0;
     const double end = now() + SPIN;
     do
@@ -275,6 +285,19 @@ static int wait_change(atomic_uint *word, unsigned old, atomic_uint *sleeps, dou
             pause_briefly();
         }
     while (now() < end);
+    return 0;
+}
+
+/* Wait until *word differs from `old`, for at most one slice (s); 1 when it does. */
+static int wait_change(struct port *p, atomic_uint *word, unsigned old, atomic_uint *sleeps,
+                       double slice)
+{
+    if (atomic_load_explicit(word, memory_order_acquire) != old)
+        return 1;
+    if (slice <= 0.0)
+        return 0;
+    if (spin(p, word, old))
+        return 1;
     struct timespec limit = {.tv_sec = (time_t)slice};
     limit.tv_nsec = (long)(1e9 * (slice - (double)limit.tv_sec));
     atomic_store(sleeps, 1u);
@@ -300,7 +323,7 @@ int talus_shm_write(struct port *p, const void *from, int64_t total, int64_t *do
     while (*done < total) {
         const unsigned written = atomic_load_explicit(&c->written, memory_order_relaxed);
         const unsigned taken = atomic_load_explicit(&c->taken, memory_order_acquire);
-        if (taken != written && !wait_change(&c->taken, taken, &c->writer_sleeps, slice))
+        if (taken != written && !wait_change(p, &c->taken, taken, &c->writer_sleeps, slice))
             return 1;
         if (atomic_load_explicit(&c->taken, memory_order_acquire) != written)
             continue;
@@ -308,6 +331,7 @@ int talus_shm_write(struct port *p, const void *from, int64_t total, int64_t *do
         c->total = total;
         copy_out(p->data[p->me], (const unsigned char *)from + *done, (size_t)c->chunk);
         *done += c->chunk;
+        note_core(p);
         bump(&c->written, written + 1, &c->reader_sleeps);
     }
     return 0;
@@ -318,7 +342,7 @@ int64_t talus_shm_incoming(struct port *p, double slice)
 {
     struct channel *c = &p->control->channel[1 - p->me];
     const unsigned taken = atomic_load_explicit(&c->taken, memory_order_relaxed);
-    return wait_change(&c->written, taken, &c->reader_sleeps, slice) ? c->total : 0;
+    return wait_change(p, &c->written, taken, &c->reader_sleeps, slice) ? c->total : 0;
 }
 
 /* Read on from *done; 0 when all is here, 1 when the slice passed, -1 when the counts disagree. */
@@ -328,13 +352,14 @@ int talus_shm_read(struct port *p, void *to, int64_t total, int64_t *done, doubl
 
     while (*done < total) {
         const unsigned taken = atomic_load_explicit(&c->taken, memory_order_relaxed);
-        if (!wait_change(&c->written, taken, &c->reader_sleeps, slice))
+        if (!wait_change(p, &c->written, taken, &c->reader_sleeps, slice))
             return 1;
         const int64_t chunk = c->chunk;
         if (chunk <= 0 || chunk > p->control->slot || chunk > total - *done)
             return -1;
         memcpy((unsigned char *)to + *done, p->data[1 - p->me], (size_t)chunk);
         *done += chunk;
+        note_core(p);
         bump(&c->taken, taken + 1, &c->writer_sleeps);
     }
     return 0;
