@@ -1,8 +1,8 @@
 !> The deck: groups and keys that the user gave, checked against the key table of the program.
 !!
 !! call deck%read(path, table, errors); after that every value has its type, size and range, and
-!! get hands it out, or its default where the user gave none. What the table cannot say is checked by
-!! the set-up code, which reports with deck%fault at the same places.
+!! get hands it out, or its default where the user gave none. What the table cannot say is checked
+!! by the set-up code, which reports with deck%fault at the same places.
 module talus_deck
   use talus_kinds, only: wp, i4
   use talus_text, only: string_type, str, append_string
@@ -285,7 +285,7 @@ contains
   end subroutine fault
 
   !> The deck as understood, a line a key, defaults marked with (default); groups stand in the order
-  !! of the deck.
+  !! of the deck; then come groups that were left out and have a default for every key.
   subroutine echo(self, lines)
     class(deck_type), intent(in) :: self
     type(string_type), allocatable, intent(out) :: lines(:)
@@ -297,7 +297,23 @@ contains
         if (instance%group > 0) call echo_group(self, instance%group, instance%number, lines)
       end associate
     end do
+    do k = 1, self%table%group_count
+      associate (group => self%table%group(k))
+        if (self%count(group%name) > 0 .or. group%repeats) cycle
+        if (all_preset(self%table, k)) call echo_group(self, k, 1, lines)
+      end associate
+    end do
   end subroutine echo
+
+  pure logical function all_preset(table, group)
+    type(key_table_type), intent(in) :: table
+    integer(i4), intent(in) :: group
+    integer(i4) :: k
+    all_preset = .true.
+    do k = 1, table%group(group)%key_count
+      all_preset = all_preset .and. allocated(table%group(group)%key(k)%preset)
+    end do
+  end function all_preset
 
   subroutine echo_group(self, group, instance, lines)
     class(deck_type), intent(in) :: self

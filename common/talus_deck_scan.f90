@@ -208,7 +208,8 @@ contains
       case default
         message = 'there is no ''='' after '''//lower(token_text(source, token))//''''
       end select
-      call faults%add(source, 'D007', message, token%line, token%first, tokens%item(last)%last, hint)
+      call faults%add(source, 'D007', message, token%line, token%first, tokens%item(last)%last, &
+                      hint)
     end associate
   end subroutine pass_unexpected
 end module talus_deck_scan

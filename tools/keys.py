@@ -1,0 +1,459 @@
+"""Turn the deck.toml files into Fortran key tables and the deck reference of the manual.
+
+Usage: keys.py            write the tables that have changed
+       keys.py --check    say whether the tables are up to date (exit 1 if not)
+       keys.py --docs DIR write deck-dem.md, deck-fem.md, deck-couple.md
+The format of deck.toml is described at the top of common/deck.toml. Standard library only.
+"""
+
+import argparse
+import math
+import re
+import sys
+import textwrap
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+PROGRAMS = {"dem": "dem", "fem": "fem", "couple": "cpl"}  # folder: prefix of its modules
+KINDS = ("real", "integer", "logical", "string", "file")
+GROUP_WORDS = {"doc", "repeat", "required", "example", "keys"}
+KEY_WORDS = {"type", "doc", "size", "unit", "default", "required", "choices", "words"}
+BOUNDS = ("min", "max", "above", "below")
+HEADER_WORDS = {"program", "doc", "include", "example"}
+NAME = re.compile(r"[a-z][a-z0-9_]{0,30}$")
+HUGE = 2147483647
+
+
+@dataclass
+class Key:
+    """One key of a group, as in deck.toml."""
+
+    name: str
+    kind: str
+    doc: str
+    least: int = 1
+    most: int = 1
+    unit: str = ""
+    default: list | None = None
+    required: bool = False
+    bounds: dict[str, float] = field(default_factory=dict)
+    choices: list[str] = field(default_factory=list)
+    words: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass
+class Group:
+    """One group of a deck."""
+
+    name: str
+    doc: str
+    repeat: bool
+    required: bool
+    example: str
+    keys: list[Key]
+    shared: bool
+
+
+@dataclass
+class Program:
+    """All groups of a program."""
+
+    name: str
+    folder: str
+    doc: str
+    example: str
+    groups: list[Group]
+
+
+class Faults:
+    """Collect what is wrong with the definitions."""
+
+    def __init__(self) -> None:
+        """Start without faults."""
+        self.lines: list[str] = []
+
+    def add(self, place: str, text: str) -> None:
+        """Add a fault."""
+        self.lines.append(f"{place}: {text}")
+
+
+def load(path: Path, faults: Faults) -> dict:
+    """Return a TOML file as a dictionary, empty when it cannot be read."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        faults.add(str(path.relative_to(ROOT)), str(error))
+        return {}
+
+
+def clean(text: str) -> str:
+    """Join the lines of a text."""
+    return " ".join(str(text).split())
+
+
+def is_number(value: object) -> bool:
+    """Tell whether a TOML value is a finite number."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def read_size(entry: dict, place: str, faults: Faults) -> tuple[int, int]:
+    """Return the least and the largest number of values."""
+    size = entry.get("size", 1)
+    if size == "n":
+        return 1, HUGE
+    if isinstance(size, int) and not isinstance(size, bool) and size >= 1:
+        return size, size
+    if isinstance(size, list) and len(size) == 2:
+        least, most = size[0], HUGE if size[1] == "n" else size[1]
+        if isinstance(least, int) and isinstance(most, int) and 1 <= least <= most:
+            return least, most
+    faults.add(place, f"size = {size!r} is not 1, 3, \"n\" or [least, most]")
+    return 1, 1
+
+
+def fits(value: object, key: Key) -> bool:
+    """Tell whether one default value has the type of its key, its bounds and its choices."""
+    if key.kind in ("string", "file"):
+        return isinstance(value, str) and (not key.choices or value in key.choices)
+    if key.kind == "logical":
+        return isinstance(value, bool)
+    if isinstance(value, str):
+        return value in key.words
+    if not is_number(value) or (key.kind == "integer" and not isinstance(value, int)):
+        return False
+    number = float(value)  # type: ignore[arg-type]
+    low = number >= key.bounds.get("min", -math.inf) and number > key.bounds.get("above", -math.inf)
+    return low and number <= key.bounds.get("max", math.inf) and number < key.bounds.get("below", math.inf)
+
+
+def read_default(entry: dict, key: Key, place: str, faults: Faults) -> list | None:
+    """Return the default as a list of values, None without one."""
+    if "default" not in entry:
+        return None
+    value = entry["default"]
+    values = value if isinstance(value, list) else [value]
+    if not values:
+        return None
+    if key.required:
+        faults.add(place, "a required key has no default")
+    if not key.least <= len(values) <= key.most:
+        faults.add(place, f"default has {len(values)} values, size says otherwise")
+    for item in values:
+        if not fits(item, key) or (isinstance(item, str) and re.search(r"[|\n]", item)):
+            faults.add(place, f"default {item!r} does not fit type, bounds or choices")
+    return values
+
+
+def read_key(name: str, entry: dict, place: str, faults: Faults) -> Key | None:
+    """Return one key after checking its definition."""
+    if not isinstance(entry, dict):
+        faults.add(place, "a key is a table: name = { type = ..., doc = ... }")
+        return None
+    for word in sorted(set(entry) - KEY_WORDS - set(BOUNDS)):
+        faults.add(place, f"unknown word '{word}' (known: {', '.join(sorted(KEY_WORDS))}, {', '.join(BOUNDS)})")
+    if not NAME.match(name):
+        faults.add(place, "a name is lower case, starts with a letter, has at most 31 letters")
+    if entry.get("type") not in KINDS:
+        faults.add(place, f"type = {entry.get('type')!r} is not one of {', '.join(KINDS)}")
+        return None
+    if not clean(entry.get("doc", "")):
+        faults.add(place, "doc is missing")
+    least, most = read_size(entry, place, faults)
+    key = Key(name, entry["type"], clean(entry.get("doc", "")), least, most, clean(entry.get("unit", "")))
+    key.required = bool(entry.get("required", False))
+    key.bounds = {word: entry[word] for word in BOUNDS if word in entry}
+    key.choices = list(entry.get("choices", []))
+    key.words = dict(entry.get("words", {}))
+    check_limits(key, place, faults)
+    key.default = read_default(entry, key, place, faults)
+    return key
+
+
+def check_limits(key: Key, place: str, faults: Faults) -> None:
+    """Check bounds, choices and words of a key against its type."""
+    if key.bounds and key.kind not in ("real", "integer"):
+        faults.add(place, "bounds are for numbers")
+    if {"min", "above"} <= set(key.bounds) or {"max", "below"} <= set(key.bounds):
+        faults.add(place, "give one of min and above, one of max and below")
+    if not all(is_number(value) for value in key.bounds.values()):
+        faults.add(place, "a bound is a number")
+    if key.choices and (key.kind != "string" or not all(isinstance(c, str) and "|" not in c for c in key.choices)):
+        faults.add(place, "choices are strings, for a string")
+    if key.words and (key.kind != "real" or not all(is_number(value) for value in key.words.values())):
+        faults.add(place, "words = { word = number } are for a real key")
+
+
+def merge(base: dict, change: dict) -> dict:
+    """Return an included group with the changes and further keys of a program."""
+    merged = {**base, **{word: value for word, value in change.items() if word != "keys"}}
+    keys = {name: dict(entry) for name, entry in base.get("keys", {}).items()}
+    for name, entry in change.get("keys", {}).items():
+        keys[name] = {**keys.get(name, {}), **entry} if isinstance(entry, dict) else entry
+    merged["keys"] = keys
+    return merged
+
+
+def read_group(name: str, entry: dict, shared: bool, place: str, faults: Faults) -> Group:
+    """Return one group after checking its definition."""
+    for word in sorted(set(entry) - GROUP_WORDS):
+        faults.add(place, f"unknown word '{word}' (known: {', '.join(sorted(GROUP_WORDS))}; keys stand in [{name}.keys])")
+    if not NAME.match(name):
+        faults.add(place, "a name is lower case, starts with a letter, has at most 31 letters")
+    if not clean(entry.get("doc", "")):
+        faults.add(place, "doc is missing")
+    keys = []
+    table = entry.get("keys", {})
+    for key_name, key_entry in table.items() if isinstance(table, dict) else []:
+        key = read_key(key_name, key_entry, f"{place}.{key_name}", faults)
+        if key:
+            keys.append(key)
+    if not keys:
+        faults.add(place, f"no keys: they stand in [{name}.keys]")
+    example = str(entry.get("example", "")).strip()
+    return Group(name, clean(entry.get("doc", "")), bool(entry.get("repeat", False)),
+                 bool(entry.get("required", False)), example, keys, shared)  # fmt: skip
+
+
+def read_program(folder: str, common: dict, faults: Faults) -> Program | None:
+    """Return the groups of a program: those it includes, then its own."""
+    path = ROOT / folder / "deck.toml"
+    if not path.exists():
+        return None
+    data = load(path, faults)
+    if not data:
+        return None
+    place = f"{folder}/deck.toml"
+    if not isinstance(data.get("program"), str):
+        faults.add(place, 'program = "talus-..." is missing at the top')
+    groups = []
+    include = data.get("include", [])
+    for name in include:
+        if name not in common:
+            faults.add(place, f"include: common/deck.toml has no group '{name}' (it has {', '.join(common)})")
+            continue
+        change = data.get(name, {})
+        groups.append(read_group(name, merge(common[name], change), not change, f"{place}: {name}", faults))
+    for name, entry in data.items():
+        if name in HEADER_WORDS or name in include:
+            continue
+        if isinstance(entry, dict):
+            if name in common:
+                faults.add(place, f"group '{name}' stands in common/deck.toml too: include it, then change it")
+            groups.append(read_group(name, entry, False, f"{place}: {name}", faults))
+        else:
+            faults.add(place, f"unknown word '{name}' at the top (known: {', '.join(sorted(HEADER_WORDS))})")
+    return Program(str(data.get("program")), folder, str(data.get("doc", "")).strip(),
+                   str(data.get("example", "")).strip(), groups)  # fmt: skip
+
+
+# --- Fortran ------------------------------------------------------------------------------------
+
+
+def quoted(text: str) -> str:
+    """Return a Fortran string constant."""
+    return "'" + text.replace("'", "''") + "'"
+
+
+def real(value: float) -> str:
+    """Return a Fortran real constant of kind wp."""
+    text = repr(float(value))
+    return (text if "." in text or "e" in text else text + ".0") + "_wp"
+
+
+def call(head: str, doc: str, tail: str, indent: str = "    ") -> list[str]:
+    """Return a Fortran call whose long text is cut over lines of at most 100 columns."""
+    one = f"{indent}{head}{quoted(doc)}{tail}"
+    if len(one) <= 96:
+        return [one]
+    lines = [f"{indent}{head}&"]
+    pieces = textwrap.wrap(doc, 80, drop_whitespace=False, break_on_hyphens=False)
+    for number, piece in enumerate(pieces):
+        last = number == len(pieces) - 1
+        lines.append(f"{indent}  {'' if number == 0 else '//'}{quoted(piece)}{tail if last else ' &'}")
+    return lines
+
+
+def preset(key: Key) -> str:
+    """Return the default of a key as text, values apart by |."""
+    values = []
+    for value in key.default or []:
+        if isinstance(value, bool):
+            values.append(".true." if value else ".false.")
+        else:
+            values.append(value if isinstance(value, str) else repr(value))
+    return "|".join(values)
+
+
+def key_lines(key: Key) -> list[str]:
+    """Return the calls that define one key."""
+    lines = call(f"call table%add_key({quoted(key.name)}, {quoted(key.kind)}, {quoted(key.unit)}, ", key.doc, ")")
+    if key.required:
+        lines.append("    call table%need()")
+    if (key.least, key.most) != (1, 1):
+        most = "huge(1_i4)" if key.most == HUGE else f"{key.most}_i4"
+        lines.append(f"    call table%sized({key.least}_i4, {most})")
+    if key.default is not None:
+        lines += call("call table%preset(", preset(key), ")")
+    if key.bounds:
+        limits = ", ".join(f"{word}={real(value)}" for word, value in key.bounds.items())
+        lines.append(f"    call table%bounds({limits})")
+    if key.choices:
+        lines += call("call table%allow(", "|".join(key.choices), ")")
+    if key.words:
+        values = ", ".join(real(value) for value in key.words.values())
+        lines += call("call table%words(", "|".join(key.words), f", [{values}])")
+    return lines
+
+
+def group_lines(group: Group) -> list[str]:
+    """Return the subroutines of one group, each with at most about 60 lines."""
+    parts: list[list[str]] = [[]]
+    for key in group.keys:
+        lines = key_lines(key)
+        if len(parts[-1]) + len(lines) > 48:
+            parts.append([])
+        parts[-1] += lines
+    tail = f"{', repeats=.true.' if group.repeat else ''}{', required=.true.' if group.required else ''})"
+    head = call(f"call table%add_group({quoted(group.name)}, {len(group.keys)}, ", group.doc, tail)
+    text = []
+    for number, lines in enumerate(parts):
+        name = f"group_{group.name}" + ("" if number == 0 else f"_{number + 1}")
+        text += ["", f"  subroutine {name}(table)", "    type(key_table_type), intent(inout) :: table"]
+        text += (head if number == 0 else []) + lines
+        if number < len(parts) - 1:
+            text.append(f"    call group_{group.name}_{number + 2}(table)")
+        text.append(f"  end subroutine {name}")
+    return text
+
+
+def fortran(program: Program) -> str:
+    """Return the module of a program's key table."""
+    prefix = PROGRAMS[program.folder]
+    text = [f"!> Key table of {program.name}: generated by tools/keys.py from {program.folder}/deck.toml and"]
+    text += ["!! common/deck.toml; edit those and run `make keys`.", f"module {prefix}_deck_keys"]
+    body = [line for group in program.groups for line in group_lines(group)]
+    kinds = [kind for kind in ("wp", "i4") if any(f"_{kind}" in line for line in body)]
+    if kinds:
+        text.append(f"  use talus_kinds, only: {', '.join(kinds)}")
+    text += ["  use talus_deck_table, only: key_table_type", "  implicit none", "  private"]
+    text += [f"  public :: {prefix}_deck_table", "", "contains", ""]
+    text += [f"  !> All groups and keys of a deck of {program.name}.", f"  subroutine {prefix}_deck_table(table)"]
+    text += ["    type(key_table_type), intent(inout) :: table"]
+    text += [f"    call table%init({quoted(program.name)}, {len(program.groups)})"]
+    text += [f"    call group_{group.name}(table)" for group in program.groups]
+    text += [f"  end subroutine {prefix}_deck_table", *body, f"end module {prefix}_deck_keys", ""]
+    return "\n".join(text)
+
+
+# --- manual -------------------------------------------------------------------------------------
+
+
+def range_text(key: Key) -> str:
+    """Return bounds, choices and words of a key."""
+    signs = {"min": "≥", "max": "≤", "above": ">", "below": "<"}
+    parts = [f"{signs[word]} {value:g}" for word, value in key.bounds.items()]
+    if key.choices:
+        parts.append(", ".join(f"`'{choice}'`" for choice in key.choices))
+    if key.words:
+        parts.append("or " + ", ".join(f"`'{word}'`" for word in key.words))
+    return ", ".join(parts)
+
+
+def size_text(key: Key) -> str:
+    """Return the type of a key with its size."""
+    if key.most == HUGE:
+        return f"{key.kind}, list" if key.least == 1 else f"{key.kind}, list of at least {key.least}"
+    if key.most > key.least:
+        return f"{key.kind}, {key.least} to {key.most}"
+    return key.kind if key.most == 1 else f"{key.kind}, {key.most}"
+
+
+def default_text(key: Key) -> str:
+    """Return the default of a key as it would stand in a deck."""
+    if key.required:
+        return "**required**"
+    if key.default is None:
+        return ""
+    shown = [f"'{v}'" if isinstance(v, str) else f".{str(v).lower()}." if isinstance(v, bool) else f"{v!r}"
+             for v in key.default]  # fmt: skip
+    return f"`{', '.join(shown)}`"
+
+
+def cell(text: str) -> str:
+    """Return a text that is safe in a cell of a Markdown table."""
+    return text.replace("|", "\\|")
+
+
+def group_page(group: Group) -> list[str]:
+    """Return the section of one group: what it does, keys, example."""
+    said = ["required" if group.required else "optional"]
+    said.append("may stand several times" if group.repeat else "at most once")
+    lines = [f"## &{group.name}", "", group.doc, "", f"*{', '.join(said).capitalize()}.*", ""]
+    lines += ["| key | type | unit | default | range | meaning |", "|---|---|---|---|---|---|"]
+    for key in group.keys:
+        cells = [f"`{key.name}`", size_text(key), key.unit, default_text(key), range_text(key), key.doc]
+        lines.append("| " + " | ".join(cell(text) for text in cells) + " |")
+    if group.example:
+        lines += ["", "```fortran", group.example, "```"]
+    return [*lines, ""]
+
+
+def page(program: Program) -> str:
+    """Return the page of one program."""
+    lines = [f"# Deck of {program.name}", ""]
+    if program.doc:
+        lines += [program.doc, ""]
+    lines += ["Groups stand in any order as `&group key = value, value, ... /`; `!` starts a comment; strings"]
+    lines += ["are quoted; units are SI; file names are relative to the deck. Every fault of a deck is reported"]
+    lines += [f"in one go, with its place. `{program.name} --keys` prints this table."]
+    if program.example:
+        lines += ["", "```fortran", program.example, "```"]
+    lines += ["", "| group | |", "|---|---|"]
+    lines += [f"| `&{group.name}` | {cell(group.doc)} |" for group in program.groups]
+    lines.append("")
+    for group in program.groups:
+        lines += group_page(group)
+    return "\n".join(lines)
+
+
+# --- what is asked for --------------------------------------------------------------------------
+
+
+def main() -> int:
+    """Write or check the tables, or write the reference; return 1 for any fault."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", action="store_true", help="only say whether the tables are up to date")
+    parser.add_argument("--docs", type=Path, metavar="DIR", help="write the deck reference there")
+    options = parser.parse_args()
+    faults = Faults()
+    common = load(ROOT / "common/deck.toml", faults)
+    for name, entry in common.items():
+        read_group(name, entry, True, f"common/deck.toml: {name}", faults)
+    programs = [p for folder in PROGRAMS if (p := read_program(folder, common, faults))]
+    if faults.lines:
+        print("\n".join(f"keys: {line}" for line in faults.lines), file=sys.stderr)
+        return 1
+    if options.docs:
+        options.docs.mkdir(parents=True, exist_ok=True)
+        for program in programs:
+            (options.docs / f"deck-{program.folder}.md").write_text(page(program), encoding="utf-8")
+        return 0
+    stale = 0
+    for program in programs:
+        path = ROOT / program.folder / f"{PROGRAMS[program.folder]}_deck_keys.f90"
+        text = fortran(program)
+        if path.exists() and path.read_text(encoding="utf-8") == text:
+            continue
+        stale += 1
+        print(f"keys: {path.relative_to(ROOT)} {'is out of date: run make keys' if options.check else 'written'}")
+        if not options.check:
+            path.write_text(text, encoding="utf-8")
+    if options.check:
+        print(f"{len(programs) - stale} passed, {stale} failed")
+    return 1 if options.check and stale else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
