@@ -1,4 +1,4 @@
-!> summary.json of a run: results and health under nested keys ('health.energy_error'), written whole.
+!> summary.json of a run: results and health under nested keys ('health.energy_error').
 module talus_summary
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type

@@ -161,7 +161,7 @@ contains
   subroutine expect(name, code)
     character(len=*), intent(in) :: name, code
     call test%check(name//': one fault', errors%count == 1)
-    if (errors%count > 0) call test%check_text(name//': '//errors%text(1), errors%item(1)%code, code)
+    if (errors%any()) call test%check_text(name//': '//errors%text(1), errors%item(1)%code, code)
     call errors%clear()
   end subroutine expect
 end program test_talus_checkpoint

@@ -1,0 +1,179 @@
+!> Field output over time in one HDF5 file: /steps/000000, /steps/000001, ... each with the
+!! attributes time [s], count and complete.
+!!
+!! The file is opened, added to and closed for every step, so that an interrupted run leaves the
+!! earlier steps readable and a viewer can look in between. On restart the steps later than the
+!! checkpoint go; a file that cannot be read any more is moved aside and told in note.
+module talus_series
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
+  use talus_files, only: file_exists, rename_file
+  use talus_hdf5, only: h5_file_type
+  use talus_text, only: string_type
+  implicit none
+  private
+  public :: series_type, step_type
+
+  !> One step that stands in the file.
+  type :: step_type
+    real(wp) :: time = 0.0_wp   !! [s]
+    integer(i8) :: count = 0    !! grains, or whatever may change in number
+    integer(i4) :: number = 0   !! of the group
+  end type step_type
+
+  !> A growing file of fields.
+  type :: series_type
+    character(len=:), allocatable :: path
+    character(len=:), allocatable :: format
+    character(len=:), allocatable :: note         !! what resume had to do, empty if nothing
+    integer(i4) :: count = 0                      !! whole steps in the file
+    type(step_type), allocatable :: step(:)
+    type(step_type), private :: current
+  contains
+    procedure :: start
+    procedure :: resume
+    procedure :: begin_step
+    procedure :: end_step
+    procedure :: step_path
+  end type series_type
+
+contains
+
+  !> Begin anew. The caller may put what does not change (a mesh) into file and then commits it.
+  subroutine start(self, path, format, file, errors)
+    class(series_type), intent(inout) :: self
+    character(len=*), intent(in) :: path, format  !! format: 'talus-grains', 'talus-solid'
+    type(h5_file_type), intent(inout) :: file
+    type(error_list_type), intent(inout) :: errors
+    self%path = path
+    self%format = format
+    self%note = ''
+    self%count = 0
+    if (allocated(self%step)) deallocate (self%step)
+    allocate (self%step(64))
+    call file%create(path, errors, format=format)
+    call file%group('/steps', errors)
+  end subroutine start
+
+  !> Go on after a restart at time [s]: later and unfinished steps are removed. found is .false.
+  !! when there is no usable file: then call start.
+  subroutine resume(self, path, format, time, found, errors)
+    class(series_type), intent(inout) :: self
+    character(len=*), intent(in) :: path, format
+    real(wp), intent(in) :: time
+    logical, intent(out) :: found
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+    type(error_list_type) :: faults
+    integer(i4) :: before
+
+    self%path = path
+    self%format = format
+    self%note = ''
+    self%count = 0
+    if (allocated(self%step)) deallocate (self%step)
+    allocate (self%step(64))
+    found = file_exists(path)
+    if (.not. found) return
+    call file%open(path, faults, format=format, write=.true.)
+    if (file%is_open()) call keep_until(self, file, time, faults)
+    call file%close(faults)
+    if (.not. faults%any()) return
+    before = errors%count
+    call rename_file(path, path//'.damaged', errors)
+    found = errors%count > before
+    self%count = 0
+    self%note = "field file moved to '"//path//".damaged', a new one is begun: "// &
+                faults%item(1)%message
+  end subroutine resume
+
+  subroutine keep_until(self, file, time, errors)
+    class(series_type), intent(inout) :: self
+    type(h5_file_type), intent(inout) :: file
+    real(wp), intent(in) :: time
+    type(error_list_type), intent(inout) :: errors
+    type(error_list_type) :: missing
+    type(string_type), allocatable :: names(:)
+    type(step_type) :: step
+    integer(i4) :: complete
+    integer :: k, stat
+
+    call file%names('/steps', names)
+    do k = 1, size(names)
+      complete = 0
+      call file%attr_get('/steps/'//names(k)%s, 'time', step%time, missing)
+      call file%attr_get('/steps/'//names(k)%s, 'count', step%count, missing)
+      call file%attr_get('/steps/'//names(k)%s, 'complete', complete, missing)
+      read (names(k)%s, *, iostat=stat) step%number
+      if (missing%any() .or. complete /= 1 .or. stat /= 0 .or. step%time > time) then
+        call file%delete('/steps/'//names(k)%s, errors)
+      else
+        call add(self, step)
+      end if
+      call missing%clear()
+    end do
+  end subroutine keep_until
+
+  subroutine add(self, step)
+    class(series_type), intent(inout) :: self
+    type(step_type), intent(in) :: step
+    type(step_type), allocatable :: longer(:)
+    if (self%count == size(self%step)) then
+      allocate (longer(2*self%count))
+      longer(:self%count) = self%step(:self%count)
+      call move_alloc(longer, self%step)
+    end if
+    self%count = self%count + 1
+    self%step(self%count) = step
+  end subroutine add
+
+  !> Open the file for one more step: datasets go to group//'/...'.
+  subroutine begin_step(self, time, file, group, errors)
+    class(series_type), intent(inout) :: self
+    real(wp), intent(in) :: time  !! [s]
+    type(h5_file_type), intent(inout) :: file
+    character(len=:), allocatable, intent(out) :: group
+    type(error_list_type), intent(inout) :: errors
+    self%current = step_type(time=time)
+    if (self%count > 0) self%current%number = self%step(self%count)%number + 1
+    group = group_name(self%current%number)
+    call file%open(self%path, errors, format=self%format, write=.true.)
+    if (file%exists(group)) call file%delete(group, errors)
+    call file%group(group, errors)
+    call file%attr_put(group, 'time', time, errors)
+  end subroutine begin_step
+
+  !> Mark the step complete and close the file.
+  subroutine end_step(self, count, file, errors)
+    class(series_type), intent(inout) :: self
+    integer(i8), intent(in) :: count  !! grains of this step
+    type(h5_file_type), intent(inout) :: file
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: group
+    logical :: whole
+    group = group_name(self%current%number)
+    self%current%count = count
+    call file%attr_put(group, 'count', count, errors)
+    call file%flush(errors)
+    call file%attr_put(group, 'complete', 1_i4, errors)
+    whole = .not. file%silent()
+    call file%close(errors)
+    if (whole .and. .not. file%failed) call add(self, self%current)
+  end subroutine end_step
+
+  !> Group of step k (1 is the first) in the file.
+  pure function step_path(self, k) result(path)
+    class(series_type), intent(in) :: self
+    integer(i4), intent(in) :: k
+    character(len=:), allocatable :: path
+    path = group_name(self%step(k)%number)
+  end function step_path
+
+  pure function group_name(number) result(name)
+    integer(i4), intent(in) :: number
+    character(len=:), allocatable :: name
+    character(len=16) :: digits
+    write (digits, '(i6.6)') number
+    name = '/steps/'//trim(digits)
+  end function group_name
+end module talus_series
