@@ -1,0 +1,1 @@
+"""The sub-commands of `talus`; each module has register(commands) and run functions."""

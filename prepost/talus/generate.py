@@ -1,0 +1,157 @@
+"""Make packings: the containers of the penetration benchmark, lattices, random clouds.
+
+Lengths in metres. The benchmark's numbers are those of the source chapter, sections 1.1 and 4.2.
+"""
+
+import numpy as np
+
+from talus.faults import FaultError
+from talus.packing import DRIVEN, FIXED, Packing, make_packing
+
+PITCH = 5.0e-3
+WALL_RADIUS = 2.475e-3
+WALL_ROWS = 23
+FLOOR_HEIGHT = -25.0e-3
+GRAIN_AXES = (2.5e-3, 2.0e-3, 1.5e-3)
+TOOL_AXES = (6.0e-3, 6.0e-3, 20.0e-3)
+GRID = {"small": 7, "medium": 9, "large": 11, "wide": 22}
+LATTICES = {
+    "sc": [(0, 0, 0)],
+    "bcc": [(0, 0, 0), (0.5, 0.5, 0.5)],
+    "fcc": [(0, 0, 0), (0.5, 0.5, 0), (0.5, 0, 0.5), (0, 0.5, 0.5)],
+}
+
+
+def random_quaternions(rng: np.random.Generator, n: int) -> np.ndarray:
+    """Uniformly distributed unit quaternions (n, 4)."""
+    quat = rng.normal(size=(n, 4))
+    return quat / np.linalg.norm(quat, axis=1, keepdims=True)
+
+
+def wall_columns(grid: int) -> np.ndarray:
+    """Coordinates of the wall columns: -2.5 g ... 2.5 g mm in steps of 5 mm."""
+    return np.arange(grid + 1) * PITCH - 0.5 * PITCH * grid
+
+
+def container(grid: int, rows: int = WALL_ROWS) -> np.ndarray:
+    """Centres of the fixed spheres: four walls of (g+1) x rows without corner columns, and the floor."""
+    along = wall_columns(grid)
+    half = 25.0e-3 * (grid + 1) / 10.0
+    heights = FLOOR_HEIGHT + PITCH * np.arange(rows)
+    a, z = (m.ravel() for m in np.meshgrid(along, heights))
+    side = np.full_like(a, half)
+    walls = [np.column_stack(p) for p in ((-side, a, z), (side, a, z), (a, -side, z), (a, side, z))]
+    fx, fy = (m.ravel() for m in np.meshgrid(along, along))
+    floor = np.column_stack([fx, fy, np.full_like(fx, FLOOR_HEIGHT)])
+    return np.concatenate([*walls, floor])
+
+
+def penetration(name: str, seed: int, layers: int = 40, guard_rows: int = 0) -> Packing:
+    """Container and grains of the benchmark before they fall; groups container, free, guard.
+
+    `guard_rows` more rows of fixed spheres stand above the walls (group guard) so that every grain
+    falls inside; they are dropped from the deposit.
+    """
+    if name not in GRID:
+        raise FaultError("E510", f"no container '{name}'", f"one of {', '.join(GRID)}")
+    grid = GRID[name]
+    fixed = container(grid)
+    tall = container(grid, WALL_ROWS + guard_rows)
+    top = FLOOR_HEIGHT + PITCH * (WALL_ROWS - 0.5)
+    guard = tall[tall[:, 2] > top]
+    lattice = (np.arange(grid) - 0.5 * (grid - 1)) * PITCH
+    heights = 25.0e-3 + PITCH * np.arange(layers)
+    z, y, x = (m.ravel() for m in np.meshgrid(heights, lattice, lattice, indexing="ij"))
+    free = np.column_stack([x, y, z])
+    rng = np.random.default_rng(seed)
+    n_fixed, n_free, n_guard = len(fixed), len(free), len(guard)
+    quat = np.tile([1.0, 0.0, 0.0, 0.0], (n_fixed + n_free + n_guard, 1))
+    quat[n_fixed : n_fixed + n_free] = random_quaternions(rng, n_free)
+    axes = np.full((len(quat), 3), WALL_RADIUS)
+    axes[n_fixed : n_fixed + n_free] = GRAIN_AXES
+    kind = np.full(len(quat), FIXED)
+    kind[n_fixed : n_fixed + n_free] = 0
+    ids = np.arange(1, len(quat) + 1)
+    groups = {"container": ids[:n_fixed], "free": ids[n_fixed : n_fixed + n_free]}
+    if n_guard:
+        groups["guard"] = ids[n_fixed + n_free :]
+    return make_packing(np.concatenate([fixed, free, guard]), axes, quat, kind, ids, groups)
+
+
+def surface_under(packing: Packing, axes: tuple[float, float, float]) -> float:
+    """Height of the centre at which an upright ellipsoid on the axis just clears the bed [m].
+
+    Free grains are taken as their bounding spheres; the outline of ellipsoid plus sphere (their
+    Minkowski sum) is followed by the angle of its normal.
+    """
+    free = packing.kind == 0
+    x, radius = packing.x[free], packing.axes[free].max(axis=1)
+    distance = np.hypot(x[:, 0], x[:, 1])
+    near = np.flatnonzero(distance < axes[0] + radius)
+    if not near.size:
+        raise FaultError("E511", "no free grain lies under the penetrator")
+    angle = np.linspace(0.0, 0.5 * np.pi, 400)
+    sine, cosine = np.sin(angle), np.cos(angle)
+    support = np.sqrt((axes[0] * sine) ** 2 + (axes[2] * cosine) ** 2)
+    highest = -np.inf
+    for k in near:
+        across = axes[0] ** 2 * sine / support + radius[k] * sine
+        up = axes[2] ** 2 * cosine / support + radius[k] * cosine
+        highest = max(highest, x[k, 2] + float(np.interp(distance[k], across, up)))
+    return highest
+
+
+def add_tool(packing: Packing, axes: tuple[float, float, float], height: float | None) -> Packing:
+    """Add the penetrator (kind driven, group tool) with its centre on the axis at a height [m]."""
+    centre = surface_under(packing, axes) if height is None else height
+    tool = make_packing(
+        np.array([[0.0, 0.0, centre]]),
+        np.array([axes]),
+        kind=np.array([DRIVEN]),
+        ids=np.array([packing.id.max() + 1]),
+        groups={"tool": np.array([packing.id.max() + 1])},
+    )
+    return packing.join(tool)
+
+
+def lattice(kind: str, cells: tuple[int, int, int], pitch: float, axes: np.ndarray) -> Packing:
+    """Grains on a lattice (sc, bcc, fcc) with a cubic cell of edge `pitch` [m]."""
+    if kind not in LATTICES:
+        raise FaultError("E510", f"no lattice '{kind}'", f"one of {', '.join(LATTICES)}")
+    base = np.array(LATTICES[kind], float)
+    corners = np.stack(np.meshgrid(*(np.arange(c) for c in cells), indexing="ij"), -1).reshape(-1, 3)
+    x = ((corners[:, None, :] + base[None]) * pitch).reshape(-1, 3)
+    return make_packing(x, np.tile(axes, (len(x), 1)))
+
+
+def cloud(
+    count: int, box: np.ndarray, axes: np.ndarray, seed: int, spread: float = 0.0, tries: int = 2000
+) -> Packing:
+    """Random grains whose bounding spheres do not overlap, in a box from the origin [m].
+
+    `spread` scales sizes uniformly by number in 1 +- spread. Larger grains are placed first.
+    """
+    rng = np.random.default_rng(seed)
+    scale = np.sort(1.0 + spread * rng.uniform(-1.0, 1.0, count))[::-1]
+    radius = scale * float(np.max(axes))
+    cell = 2.0 * radius[0]
+    grid: dict[tuple[int, ...], list[int]] = {}
+    x = np.zeros((count, 3))
+    for k in range(count):
+        for _ in range(tries):
+            trial = radius[k] + rng.uniform(size=3) * (box - 2.0 * radius[k])
+            home = tuple((trial // cell).astype(int))
+            near = [
+                j
+                for d in np.ndindex(3, 3, 3)
+                for j in grid.get((home[0] + d[0] - 1, home[1] + d[1] - 1, home[2] + d[2] - 1), [])
+            ]
+            if not near or np.all(np.linalg.norm(x[near] - trial, axis=1) > radius[near] + radius[k]):
+                x[k] = trial
+                grid.setdefault(home, []).append(k)
+                break
+        else:
+            raise FaultError(
+                "E512", f"only {k} of {count} grains found room", "enlarge the box or ask for fewer grains"
+            )
+    return make_packing(x, scale[:, None] * axes[None, :], random_quaternions(rng, count))

@@ -1,0 +1,40 @@
+"""The one look of all plots: exact = line, Talus = marks, version stamped in the corner."""
+
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt  # noqa: E402
+
+from talus import version  # noqa: E402
+
+COLOURS = ["#1b4f72", "#c0392b", "#1e8449", "#b9770e", "#6c3483", "#117a65", "#7b7d7d", "#a04000"]
+SETTINGS = {
+    "figure.figsize": (6.4, 4.2),
+    "figure.dpi": 110,
+    "savefig.dpi": 150,
+    "font.size": 10,
+    "axes.grid": True,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.prop_cycle": matplotlib.cycler(color=COLOURS),
+    "legend.frameon": False,
+    "lines.linewidth": 1.5,
+}
+
+
+def new_figure(**options: object) -> tuple:
+    """Return (fig, ax or axes); options go to matplotlib's subplots."""
+    with plt.rc_context(SETTINGS):
+        return plt.subplots(layout="constrained", **options)
+
+
+def save_figure(fig: object, path: Path) -> None:
+    """Stamp the version, save as PNG and close."""
+    fig.text(0.995, 0.005, f"Talus {version()}", ha="right", va="bottom", fontsize=6, color="#888888")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fig.savefig(path)
+    plt.close(fig)

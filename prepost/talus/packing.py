@@ -1,0 +1,192 @@
+"""Packings: the data of grains in memory, packing.h5 and the text form.
+
+Arrays have one row a grain; SI units; quaternions are (w, x, y, z), body to space.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from talus.faults import FaultError
+
+FREE, FIXED, DRIVEN = 0, 1, 2
+TEXT_COLUMNS = "id kind a b c x y z qw qx qy qz group"
+
+
+@dataclass
+class Packing:
+    """Grains and their named groups; every array has n rows."""
+
+    id: np.ndarray
+    x: np.ndarray
+    quat: np.ndarray
+    axes: np.ndarray
+    kind: np.ndarray
+    v: np.ndarray
+    omega: np.ndarray
+    groups: dict[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def count(self) -> int:
+        """Number of grains."""
+        return len(self.id)
+
+    def take(self, keep: np.ndarray) -> "Packing":
+        """Return the grains of a mask or index array; groups shrink with them."""
+        ids = self.id[keep]
+        groups = {name: g[np.isin(g, ids)] for name, g in self.groups.items()}
+        return Packing(
+            ids, self.x[keep], self.quat[keep], self.axes[keep], self.kind[keep], self.v[keep],
+            self.omega[keep], groups,
+        )  # fmt: skip
+
+    def join(self, other: "Packing") -> "Packing":
+        """Return both packings in one; ids must differ."""
+        twice = np.intersect1d(self.id, other.id)
+        if twice.size:
+            raise FaultError("E503", f"grain id {twice[0]} stands in both packings")
+        groups = dict(self.groups)
+        for name, ids in other.groups.items():
+            groups[name] = np.concatenate([groups.get(name, np.empty(0, np.int64)), ids])
+        return Packing(
+            *(
+                np.concatenate([getattr(self, key), getattr(other, key)])
+                for key in ("id", "x", "quat", "axes", "kind", "v", "omega")
+            ),
+            groups=groups,
+        )
+
+
+def make_packing(
+    x: np.ndarray,
+    axes: np.ndarray,
+    quat: np.ndarray | None = None,
+    kind: np.ndarray | None = None,
+    ids: np.ndarray | None = None,
+    groups: dict[str, np.ndarray] | None = None,
+    v: np.ndarray | None = None,
+    omega: np.ndarray | None = None,
+) -> Packing:
+    """Return a packing; what is not given is free, at rest, unturned, numbered from 1."""
+    n = len(x)
+    upright = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+    zero = np.zeros((n, 3))
+
+    def filled(value: object, default: np.ndarray, dtype: type) -> np.ndarray:
+        return np.array(default if value is None else value, dtype=dtype)
+
+    return Packing(
+        filled(ids, np.arange(1, n + 1), np.int64),
+        np.array(x, float),
+        filled(quat, upright, float),
+        np.array(axes, float),
+        filled(kind, np.zeros(n), np.int32),
+        filled(v, zero, float),
+        filled(omega, zero, float),
+        {name: np.asarray(g, np.int64) for name, g in (groups or {}).items()},
+    )
+
+
+def write_h5(path: Path, packing: Packing) -> None:
+    """Write packing.h5 (to a temporary name, then renamed)."""
+    temporary = path.with_name(path.name + ".tmp")
+    try:
+        with h5py.File(temporary, "w") as file:
+            file.attrs["format"] = np.bytes_("talus-packing")
+            file.attrs["version"] = np.int32(1)
+            grains = file.create_group("grains")
+            grains["id"] = packing.id.astype(np.int64)
+            grains["kind"] = packing.kind.astype(np.int32)
+            for name in ("x", "quat", "axes", "v", "omega"):
+                grains[name] = np.ascontiguousarray(getattr(packing, name), np.float64)
+            groups = file.create_group("groups")
+            for name, ids in packing.groups.items():
+                groups[name] = np.sort(ids).astype(np.int64)
+        temporary.replace(path)
+    except OSError as fault:
+        raise FaultError("E501", f"cannot write {path}: {fault}", exit_code=4) from fault
+
+
+def read_h5(path: Path) -> Packing:
+    """Read packing.h5."""
+    try:
+        with h5py.File(path) as file:
+            kind = file.attrs.get("format", b"")
+            kind = kind.decode() if isinstance(kind, bytes) else str(kind)
+            if kind != "talus-packing":
+                raise FaultError("E502", f"{path} is no packing (format '{kind}')")
+            grains = {name: file["grains"][name][...] for name in file["grains"]}
+            groups = {name: file["groups"][name][...] for name in file.get("groups", {})}
+    except FileNotFoundError as fault:
+        raise FaultError("E501", f"no such file: {path}", exit_code=1) from fault
+    except (OSError, KeyError) as fault:
+        raise FaultError("E502", f"{path} cannot be read as a packing: {fault}") from fault
+    return make_packing(
+        grains["x"], grains["axes"], grains.get("quat"), grains.get("kind"), grains.get("id"),
+        groups, grains.get("v"), grains.get("omega"),
+    )  # fmt: skip
+
+
+def write_text(path: Path, packing: Packing, header: str = "") -> None:
+    """Write the text form; 17 digits, so that it reads back to the same bits."""
+    group_of = {int(i): "-" for i in packing.id}
+    for name, ids in packing.groups.items():
+        group_of.update({int(i): name for i in ids})
+    lines = [f"# {line}" for line in ["talus-packing text 1", *header.splitlines(), TEXT_COLUMNS]]
+    for k in range(packing.count):
+        numbers = [*packing.axes[k], *packing.x[k], *packing.quat[k]]
+        text = " ".join(repr(float(value)) for value in numbers)
+        lines.append(f"{packing.id[k]} {packing.kind[k]} {text} {group_of[int(packing.id[k])]}")
+    try:
+        path.write_text("\n".join(lines) + "\n")
+    except OSError as fault:
+        raise FaultError("E501", f"cannot write {path}: {fault}", exit_code=4) from fault
+
+
+def read_text(path: Path) -> Packing:
+    """Read the text form."""
+    try:
+        rows = [
+            (number, line.split())
+            for number, line in enumerate(path.read_text().splitlines(), 1)
+            if line.strip() and not line.startswith("#")
+        ]
+    except OSError as fault:
+        raise FaultError("E501", f"cannot read {path}: {fault}") from fault
+    if not rows:
+        raise FaultError("E502", f"{path} holds no grains", f"rows are: {TEXT_COLUMNS}")
+    groups: dict[str, list[int]] = {}
+    ids, kinds, numbers = [], [], []
+    for number, words in rows:
+        try:
+            if len(words) != 13:
+                raise ValueError(f"{len(words)} words instead of 13")
+            ids.append(int(words[0]))
+            kinds.append(int(words[1]))
+            numbers.append([float(word) for word in words[2:12]])
+        except ValueError as fault:
+            raise FaultError(
+                "E502", f"a row is no grain: {fault}", f"rows are: {TEXT_COLUMNS}", f"{path}:{number}"
+            ) from fault
+        if words[12] != "-":
+            groups.setdefault(words[12], []).append(ids[-1])
+    values = np.array(numbers)
+    return make_packing(
+        values[:, 3:6], values[:, 0:3], values[:, 6:10], np.array(kinds), np.array(ids),
+        {name: np.array(g) for name, g in groups.items()},
+    )  # fmt: skip
+
+
+def read_packing(path: Path) -> Packing:
+    """Read packing.h5 or the text form, by the ending of the name."""
+    return read_text(path) if path.suffix in (".txt", ".text") else read_h5(path)
+
+
+def write_packing_file(path: Path, packing: Packing, header: str = "") -> None:
+    """Write packing.h5 or the text form, by the ending of the name."""
+    if path.suffix in (".txt", ".text"):
+        write_text(path, packing, header)
+    else:
+        write_h5(path, packing)

@@ -1,0 +1,35 @@
+"""Find the solvers, and tell which one a deck is for."""
+
+import os
+import re
+import shutil
+from pathlib import Path
+
+from talus.faults import FaultError
+
+OF_COUPLE, OF_GRAINS, OF_SOLID = {"program", "facets", "clock"}, {"particles", "contact"}, {"mesh", "section"}
+
+
+def find_program(name: str) -> Path:
+    """Path of a solver: TALUS_BIN, the build folder of this checkout, or the PATH."""
+    places = [Path(os.environ["TALUS_BIN"])] if "TALUS_BIN" in os.environ else []
+    places += [folder / "build/bin" for folder in Path(__file__).resolve().parents]
+    for place in places:
+        if (place / name).exists():
+            return place / name
+    if found := shutil.which(name):
+        return Path(found)
+    raise FaultError("E530", f"{name} was not found", "build it (make) or set TALUS_BIN", exit_code=4)
+
+
+def program_of(deck: Path) -> str:
+    """Name of the solver that a deck is for, by its groups."""
+    try:
+        text = deck.read_text(errors="replace")
+    except OSError as fault:
+        raise FaultError("E531", f"cannot read {deck}: {fault.strerror}") from fault
+    groups = {name.lower() for name in re.findall(r"^\s*&(\w+)", text, flags=re.M)}
+    for name, own in (("talus-couple", OF_COUPLE), ("talus-dem", OF_GRAINS), ("talus-fem", OF_SOLID)):
+        if groups & own:
+            return name
+    raise FaultError("E532", f"{deck} is no deck of Talus that I know", "name the program with --program")

@@ -1,0 +1,147 @@
+"""What a verification case needs: input writers, readers of results, and the Case that judges.
+
+A case is a folder verification/<area>/<id>/ with case.toml (id, title, quick, claim, source),
+decks, and exact.py with `def run(case: Case) -> None`.
+"""
+
+import csv
+import os
+import subprocess
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from talus import mesh as meshes
+from talus.packing import make_packing, write_h5
+
+
+def write_packing(
+    path: Path,
+    x: np.ndarray,
+    axes: np.ndarray,
+    quat: np.ndarray | None = None,
+    kind: np.ndarray | None = None,
+    ids: np.ndarray | None = None,
+    groups: dict[str, np.ndarray] | None = None,
+    v: np.ndarray | None = None,
+    omega: np.ndarray | None = None,
+) -> None:
+    """Write packing.h5 from arrays with one row a grain."""
+    write_h5(Path(path), make_packing(x, axes, quat, kind, ids, groups, v, omega))
+
+
+def write_hex_mesh(
+    path: Path,
+    x: np.ndarray,
+    hex8: np.ndarray,
+    facets: dict[str, np.ndarray] | None = None,
+    nodes: dict[str, np.ndarray] | None = None,
+    volumes: dict[str, np.ndarray] | None = None,
+) -> None:
+    """Write mesh.h5 from nodes (n, 3), hexahedra (m, 8) from 0, and groups."""
+    volumes = volumes or {"all": np.arange(len(hex8))}
+    meshes.write_mesh(Path(path), meshes.Mesh(x, hex8, volumes, facets or {}, nodes or {}))
+
+
+def read_history(path: Path) -> dict[str, np.ndarray]:
+    """Read a CSV history; keys are the column names without unit."""
+    with Path(path).open() as file:
+        rows = list(csv.reader(file))
+    names = [name.split("[")[0].strip() for name in rows[0]]
+    values = np.array([[float(cell) for cell in row] for row in rows[1:]]).reshape(-1, len(names))
+    return {name: values[:, k] for k, name in enumerate(names)}
+
+
+@dataclass
+class Step:
+    """One step of a field file: time [s] and the arrays of grains, contacts or the solid."""
+
+    time: float
+    grains: dict[str, np.ndarray] = field(default_factory=dict)
+    contacts: dict[str, np.ndarray] = field(default_factory=dict)
+    solid: dict[str, np.ndarray] = field(default_factory=dict)
+
+
+def field_steps(path: Path) -> list[Step]:
+    """Read all steps of run.h5; grains are sorted by id."""
+    steps = []
+    with h5py.File(path) as file:
+        for name in sorted(file["steps"]):
+            group = file["steps"][name]
+            step = Step(float(np.ravel(group.attrs["time"])[0]))
+            step.solid = {k: d[...] for k, d in group.items() if isinstance(d, h5py.Dataset)}
+            if "grains" in group:
+                grains = {k: d[...] for k, d in group["grains"].items()}
+                order = np.argsort(grains["id"])
+                step.grains = {k: d[order] for k, d in grains.items()}
+            if "contacts" in group:
+                step.contacts = {k: d[...] for k, d in group["contacts"].items()}
+            steps.append(step)
+    return steps
+
+
+@dataclass
+class Case:
+    """One verification case at work: runs programs in its scratch folder and gathers judgements."""
+
+    id: str
+    title: str
+    folder: Path
+    binaries: Path
+    metrics: list[dict] = field(default_factory=list)
+    figures: list[str] = field(default_factory=list)
+
+    def bin(self, program: str) -> Path:
+        """Path of a program."""
+        return self.binaries / program
+
+    def run(
+        self, program: str, deck: str, *args: str, expect: int = 0, timeout: float = 1800.0
+    ) -> subprocess.CompletedProcess:
+        """Run a program on a deck in the case's folder; an unexpected exit code raises."""
+        environment = dict(os.environ)
+        environment.setdefault("OMP_NUM_THREADS", "2")
+        done = subprocess.run(
+            [str(self.bin(program)), deck, *args], cwd=self.folder, env=environment,
+            capture_output=True, text=True, timeout=timeout,
+        )  # fmt: skip
+        if done.returncode != expect:
+            tail = (done.stdout + done.stderr)[-1500:]
+            raise RuntimeError(f"{program} {deck} ended with {done.returncode}, not {expect}\n{tail}")
+        return done
+
+    def metric(self, name: str, value: float, expected: float, limit: float, note: str = "") -> None:
+        """Judge |value - expected| <= limit."""
+        good = bool(np.isfinite(value)) and abs(value - expected) <= limit
+        self.judge(name, value, expected, limit, good, note)
+
+    def below(self, name: str, value: float, limit: float, note: str = "") -> None:
+        """Judge value <= limit."""
+        self.judge(name, value, None, limit, bool(value <= limit), note)
+
+    def above(self, name: str, value: float, limit: float, note: str = "") -> None:
+        """Judge value >= limit."""
+        self.judge(name, value, None, limit, bool(value >= limit), note)
+
+    def judge(
+        self, name: str, value: float, expected: float | None, limit: float, good: bool, note: str
+    ) -> None:
+        """Keep one judgement."""
+        finite = float(value) if np.isfinite(value) else None
+        entry = {"metric": name, "value": finite, "expected": expected, "limit": limit}
+        self.metrics.append(entry | {"pass": good, "note": note})
+
+    def figure(self, **options: object) -> tuple:
+        """Return (fig, ax) in the common look."""
+        from talus.look import new_figure
+
+        return new_figure(**options)
+
+    def save(self, fig: object, name: str = "figure.png") -> None:
+        """Save a figure beside the results and keep its name."""
+        from talus.look import save_figure
+
+        save_figure(fig, self.folder / name)
+        self.figures.append(name)

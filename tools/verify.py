@@ -1,0 +1,114 @@
+"""Run verification cases and write build/verification/summary.json.
+
+Usage: verify.py [--case ID ...] [--quick] [--bin build/bin] [--out build/verification]
+A case is verification/<area>/<id>/ with case.toml and exact.py (see talus.verification).
+Cases that were not run keep their last result in the summary.
+"""
+
+import argparse
+import difflib
+import importlib.util
+import json
+import os
+import shutil
+import sys
+import time
+import tomllib
+import traceback
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "prepost"))
+sys.dont_write_bytecode = True
+
+from talus import version  # noqa: E402
+from talus.verification import Case  # noqa: E402
+
+
+def find_cases() -> dict[str, dict]:
+    """Return id -> facts of case.toml, with its area and folder."""
+    cases = {}
+    for path in sorted(ROOT.glob("verification/*/*/case.toml")):
+        facts = tomllib.loads(path.read_text())
+        if facts["id"] != path.parent.name:
+            raise SystemExit(f"verify: {path}: id '{facts['id']}' differs from the folder's name")
+        cases[facts["id"]] = facts | {"area": path.parent.parent.name, "folder": path.parent}
+    return cases
+
+
+def run_case(facts: dict, binaries: Path, out: Path) -> dict:
+    """Run one case in a scratch copy of its folder; return its entry of the summary."""
+    scratch = out / facts["id"]
+    shutil.rmtree(scratch, ignore_errors=True)
+    shutil.copytree(facts["folder"], scratch)
+    spec = importlib.util.spec_from_file_location(f"exact_{facts['id']}", scratch / "exact.py")
+    module = importlib.util.module_from_spec(spec)
+    case = Case(facts["id"], facts["title"], scratch, binaries)
+    start, error = time.monotonic(), ""
+    sys.path.insert(0, str(facts["folder"].parent))
+    try:
+        spec.loader.exec_module(module)
+        module.run(case)
+    except Exception as fault:  # a case that breaks is a case that fails, with its text
+        error = f"{type(fault).__name__}: {fault}"
+        (scratch / "traceback.txt").write_text(traceback.format_exc())
+    finally:
+        sys.path.pop(0)
+    keep = ("id", "title", "area", "quick", "claim", "source")
+    entry = {key: facts.get(key) for key in keep} | {"metrics": case.metrics, "figures": case.figures}
+    good = not error and bool(case.metrics) and all(m["pass"] for m in case.metrics)
+    return entry | {"error": error, "pass": good, "seconds": round(time.monotonic() - start, 2)}
+
+
+def show(entry: dict) -> None:
+    """Print one case: a line, and its failures."""
+    state = "pass" if entry["pass"] else "FAIL"
+    print(f"{state}  {entry['area']:7s} {entry['id']:28s} {len(entry['metrics']):3d} metrics {entry['seconds']:8.1f} s")
+    for m in entry["metrics"]:
+        if not m["pass"]:
+            wanted = f"limit {m['limit']:.4g}" + ("" if m["expected"] is None else f" about {m['expected']:.8g}")
+            print(f"      {m['metric']}: {m['value']} ({wanted})")
+    if entry["error"]:
+        print("      " + entry["error"].replace("\n", "\n      "))
+    sys.stdout.flush()
+
+
+def choose(cases: dict[str, dict], wanted: list[str], quick: bool) -> list[dict]:
+    """Return the cases to run; an unknown id is a fault that names the nearest."""
+    for name in wanted:
+        if name not in cases:
+            near = difflib.get_close_matches(name, cases, 1)
+            hint = f"; did you mean '{near[0]}'?" if near else ""
+            raise SystemExit(f"verify: no case '{name}'{hint} (there are {', '.join(cases)})")
+    return [c for c in cases.values() if (not wanted or c["id"] in wanted) and (not quick or c.get("quick"))]
+
+
+def main() -> int:
+    """Run the cases; return 1 if any failed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--case", nargs="*", default=[])
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--bin", type=Path, default=ROOT / "build/bin")
+    parser.add_argument("--out", type=Path, default=ROOT / "build/verification")
+    options = parser.parse_args()
+    os.environ.setdefault("TALUS_BIN", str(options.bin.resolve()))
+    cases = find_cases()
+    out = options.out.resolve()
+    out.mkdir(parents=True, exist_ok=True)
+    summary = out / "summary.json"
+    old = json.loads(summary.read_text())["cases"] if summary.exists() else []
+    results = {entry["id"]: entry for entry in old if entry["id"] in cases}
+    passed = failed = 0
+    for facts in choose(cases, options.case, options.quick):
+        entry = run_case(facts, options.bin.resolve(), out)
+        results[entry["id"]] = entry
+        passed, failed = passed + entry["pass"], failed + (not entry["pass"])
+        show(entry)
+        ordered = [results[name] for name in cases if name in results]
+        summary.write_text(json.dumps({"version": version(), "cases": ordered}, indent=1) + "\n")
+    print(f"{passed} passed, {failed} failed")
+    return 1 if failed or not passed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
