@@ -312,8 +312,8 @@ contains
                       ', this program '//str(protocol_version), '', &
                       'use programs of the same version')
     else if (self%word(at_words) /= words) then
-      call errors%add('P006', 'a message of '//str(8*self%word(at_words))//' bytes arrived with '// &
-                      str(8*words), '', 'the message is damaged')
+      call errors%add('P006', 'a message of '//str(self%word(at_words))//' words arrived with '// &
+                      str(words), '', 'the message is damaged')
     end if
     if (errors%any()) return
     call read_header(self)
@@ -357,6 +357,9 @@ contains
         bad = field%kind < kind_real .or. field%kind > kind_text .or. field%components < 0 .or. &
               field%count < 0 .or. field%words < 0 .or. field%words > words - field%at + 1
       end if
+      ! bounds first: a product of damaged numbers must not overflow
+      if (.not. bad) bad = max(field%components, field%count) > 8*words
+      if (.not. bad .and. field%count > 0) bad = field%components > 8*words/field%count
       if (.not. bad) bad = field%words /= data_words(field%kind, field%components, field%count)
       if (.not. bad) bad = position(self, field%name) > 0
       if (bad) exit

@@ -52,6 +52,7 @@ program test_talus_port
     call round_trips('hdf5:talus-port-'//str(own_pid())//'/time', 200)
     call test%finish()
   end if
+  deallocate (table)
 
 contains
 

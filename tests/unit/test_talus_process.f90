@@ -38,6 +38,7 @@ program test_talus_process
     call parent_killed()
     call log_tail()
     call remove(log_file)
+    deallocate (log_file)
     call test%finish()
   end if
 
