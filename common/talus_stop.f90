@@ -25,7 +25,7 @@ module talus_stop
     character(len=:), allocatable :: file            !! empty none
     integer(i4) :: reason = stop_none                !! first reason met; it stays
     real(wp), private :: begun = 0.0_wp              !! wall clock at init [s]
-    real(wp), private :: looked = -1.0e30_wp         !! wall clock at the last look [s]
+    real(wp), private :: looked = 0.0_wp             !! wall clock at the last look [s]
   contains
     procedure :: init
     procedure :: check
@@ -49,6 +49,7 @@ contains
     self%file = file
     self%reason = stop_none
     self%begun = wall_clock()
+    self%looked = self%begun - 2.0_wp*look_every
     call install_signals(obey)
   end subroutine init
 

@@ -136,10 +136,11 @@ contains
   subroutine damaged()
     type(series_type) :: series
     logical :: found
-    call truncate_file(folder//'/solid.h5', file_size(folder//'/solid.h5')/2, errors)
-    call series%resume(folder//'/solid.h5', 'talus-solid', 1.0_wp, found, errors)
+    call execute_command_line('cp '//folder//'/solid.h5 '//folder//'/torn.h5')
+    call truncate_file(folder//'/torn.h5', file_size(folder//'/torn.h5')/2, errors)
+    call series%resume(folder//'/torn.h5', 'talus-solid', 1.0_wp, found, errors)
     call test%check('a damaged file is moved aside', .not. found .and. .not. errors%any())
-    call test%check('and is still there', file_exists(folder//'/solid.h5.damaged'))
+    call test%check('and is still there', file_exists(folder//'/torn.h5.damaged'))
     call test%check('and told: '//series%note, index(series%note, 'truncated') > 0)
   end subroutine damaged
 
