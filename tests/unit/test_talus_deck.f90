@@ -1,0 +1,352 @@
+!> The deck reader: what it accepts, what it hands out, and every fault with its place.
+program test_talus_deck
+  use talus_kinds, only: wp, i4
+  use talus_text, only: string_type, str, join
+  use talus_errors, only: error_list_type
+  use talus_deck, only: deck_type
+  use talus_deck_table, only: key_table_type
+  use talus_system, only: process_id
+  use talus_test, only: test_type
+  implicit none
+  character(len=*), parameter :: lf = achar(10), cr = achar(13), tab = achar(9)
+  type(test_type) :: test
+  type(key_table_type) :: table
+  type(deck_type) :: deck
+  type(error_list_type) :: errors
+  character(len=:), allocatable :: path
+
+  path = '/tmp/talus_test_'//str(int(process_id(), i4))//'.nml'
+  call make_table()
+  call good_decks()
+  call defaults()
+  call other_forms()
+  call syntax_faults()
+  call name_faults()
+  call value_faults()
+  call file_faults()
+  call several_faults()
+  call set_up_faults()
+  call odd_decks()
+  call remove()
+  call test%finish()
+
+contains
+
+  subroutine make_table()
+    call table%init('talus-test', 3)
+    call table%add_group('run', 6, 'What is run.', required=.true.)
+    call table%add_key('title', 'string', '', 'Title.')
+    call table%preset('none')
+    call table%add_key('t_end', 'real', 's', 'End.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%add_key('gravity', 'real', 'm/s2', 'Gravity.')
+    call table%sized(3, 3)
+    call table%preset('0.0|0.0|-9.81')
+    call table%add_key('threads', 'integer', '', 'Threads.')
+    call table%bounds(min=0.0_wp, max=64.0_wp)
+    call table%add_key('verbose', 'logical', '', 'Talk.')
+    call table%preset('.true.')
+    call table%add_key('damping', 'real', '1/s', 'Damping.')
+    call table%bounds(min=0.0_wp)
+    call table%words('full', [-1.0_wp])
+    call table%add_group('wall', 5, 'A wall.', repeats=.true.)
+    call table%add_key('id', 'string', '', 'Name.')
+    call table%need()
+    call table%add_key('kind', 'string', '', 'Kind.')
+    call table%allow('plane|sphere')
+    call table%add_key('grains', 'integer', '', 'Ids.')
+    call table%sized(1, huge(1_i4))
+    call table%add_key('file', 'file', '', 'A file.')
+    call table%add_key('fields', 'string', '', 'Fields.')
+    call table%sized(1, 3)
+    call table%add_group('limits', 1, 'Limits.')
+    call table%add_key('overlap', 'real', '', 'Overlap.')
+    call table%preset('0.1')
+    call table%bounds(above=0.0_wp, max=1.0_wp)
+  end subroutine make_table
+
+  !> Write a text as it is and read it as a deck.
+  subroutine read_text(text)
+    character(len=*), intent(in) :: text
+    integer :: unit
+    call remove()
+    open (newunit=unit, file=path, access='stream', form='unformatted', status='new')
+    write (unit) text
+    close (unit)
+    call errors%clear()
+    call deck%read(path, table, errors)
+  end subroutine read_text
+
+  subroutine remove()
+    integer :: unit, stat
+    open (newunit=unit, file=path, status='old', iostat=stat)
+    if (stat == 0) close (unit, status='delete')
+  end subroutine remove
+
+  !> A deck has exactly these faults: codes and places 'D011:1:5 D014:2:7' in order.
+  subroutine expect(name, text, faults)
+    character(len=*), intent(in) :: name, text, faults
+    character(len=:), allocatable :: found, place
+    integer(i4) :: k, cut
+    call read_text(text)
+    found = ''
+    do k = 1, errors%count
+      place = errors%item(k)%place
+      cut = index(place, lf)
+      if (cut > 0) place = place(:cut - 1)
+      if (k > 1) found = found//' '
+      found = found//errors%item(k)%code//place(len(path) + 1:)
+    end do
+    call test%check_text(name, found, faults)
+  end subroutine expect
+
+  !> The last fault read has this text in message, place or hint.
+  subroutine says(k, piece)
+    integer(i4), intent(in) :: k
+    character(len=*), intent(in) :: piece
+    if (errors%count < k) then
+      call test%check('fault '//str(k)//' is there: '//piece, .false.)
+    else
+      call test%check('fault '//str(k)//' says: '//piece//' in '//errors%text(k), &
+                      index(errors%text(k), piece) > 0)
+    end if
+  end subroutine says
+
+  subroutine good_decks()
+    character(len=:), allocatable :: text
+    real(wp) :: value
+    real(wp), allocatable :: values(:)
+    integer(i4), allocatable :: ids(:)
+    integer(i4) :: number
+    logical :: flag
+    type(string_type), allocatable :: names(:)
+
+    call expect('good', '! a comment with ''quotes" and a / and &run'//lf// &
+                '&RUN title = ''it''''s a / & b ! c'', T_end=1.5d-3 ! more'//lf// &
+                '  gravity = 1, -2.0'//lf//tab//'3e0, threads = +4 verbose = false,'//lf//'/'//lf// &
+                '&wall id="say ""hi""" grains = 3 1,'//lf//' 2 /&wall id = ''two'', '// &
+                'fields=''a'',''b'' /', '')
+    call test%check('counts', deck%count('run') == 1 .and. deck%count('wall') == 2 &
+                    .and. deck%count('limits') == 0)
+    call deck%get('run', 1, 'title', text)
+    call test%check_text('string', text, 'it''s a / & b ! c')
+    call deck%get('run', 1, 't_end', value)
+    call test%check_close('real', value, 1.5e-3_wp, 0.0_wp)
+    call deck%get('run', 1, 'gravity', values)
+    call test%check_text('list', str(values), '1, -2, 3')
+    call deck%get('run', 1, 'threads', number)
+    call test%check('integer', number == 4)
+    call deck%get('run', 1, 'verbose', flag)
+    call test%check('logical', .not. flag)
+    call deck%get('wall', 1, 'id', text)
+    call test%check_text('double quotes', text, 'say "hi"')
+    call deck%get('wall', 1, 'grains', ids)
+    call test%check_text('integers', str(ids), '3, 1, 2')
+    call deck%get('wall', 2, 'grains', ids)
+    call test%check('none given', size(ids) == 0)
+    call deck%get('wall', 2, 'fields', names)
+    call test%check_text('strings', join(names, '+'), 'a+b')
+    call test%check('given', deck%given('run', 1, 't_end') .and. .not. deck%given('run', 1, 'damping'))
+    call test%check('given in one of two', deck%given('wall', 1, 'grains') &
+                    .and. .not. deck%given('wall', 2, 'grains'))
+  end subroutine good_decks
+
+  subroutine defaults()
+    character(len=:), allocatable :: text
+    real(wp) :: value
+    real(wp), allocatable :: values(:)
+    logical :: flag
+    type(string_type), allocatable :: lines(:)
+
+    call expect('few', '&run t_end = 1 /', '')
+    call deck%get('run', 1, 'title', text)
+    call test%check_text('default string', text, 'none')
+    call deck%get('run', 1, 'gravity', values)
+    call test%check_text('default list', str(values), '0, 0, -9.81')
+    call deck%get('run', 1, 'verbose', flag)
+    call test%check('default logical', flag)
+    call deck%get('limits', 1, 'overlap', value)
+    call test%check_close('default of an absent group', value, 0.1_wp, 0.0_wp)
+    call deck%get('run', 1, 'damping', value)
+    call test%check_close('no default', value, 0.0_wp, 0.0_wp)
+    call deck%echo(lines)
+    call test%check_text('echo', join(lines, '|'), &
+                         '&run|  title            = ''none''  (default)|'// &
+                         '  t_end            = 1  [s]|'// &
+                         '  gravity          = 0.0, 0.0, -9.81  [m/s2]  (default)|'// &
+                         '  verbose          = .true.  (default)|/|'// &
+                         '&limits|  overlap          = 0.1  (default)|/')
+    call expect('word', '&run t_end = 1, damping = ''full'' /', '')
+    call deck%get('run', 1, 'damping', value)
+    call test%check_close('word stands for its value', value, -1.0_wp, 0.0_wp)
+  end subroutine defaults
+
+  subroutine other_forms()
+    character(len=16) :: hash
+    character(len=:), allocatable :: text
+
+    call expect('unix', '&run t_end = 1'//lf//'/'//lf//'&wall id = ''a'' /'//lf, '')
+    hash = deck%hash()
+    call expect('dos', '&run t_end = 1'//cr//lf//'/'//cr//lf//'&wall id = ''a'' /'//cr//lf, '')
+    call test%check_text('same hash', deck%hash(), hash)
+    call test%check('last group read', deck%count('wall') == 1)
+    call expect('no final newline', '&run t_end = 1'//lf//'/'//lf//'&wall id = ''a'' /', '')
+    call test%check_text('same hash again', deck%hash(), hash)
+    call expect('byte order mark', char(239)//char(187)//char(191)//'&run t_end = 1 /', '')
+    call expect('other text', '&run t_end = 2 /', '')
+    call test%check('other hash', deck%hash() /= hash)
+    call expect('all on one line', '&wall id=''a''/&run t_end=1/! end', '')
+    call expect('numbers', '&run t_end = .5, gravity = 1. -1.e-3 +2D+2, threads = 007 /', '')
+    call expect('utf-8', '&run title = '''//char(195)//char(182)//''', qqq = 1, t_end = 1 /', 'D011:1:19')
+    call says(1, '  |                   ^~~')
+    call expect('tab', tab//'&run t_end = 1'//tab//'titel = ''x'' /', 'D011:1:17')
+    call says(1, '    1 |  &run t_end = 1 titel = ''x'' /'//lf//'        |                 ^~~~~')
+    call expect('string with a quote at its end', '&run t_end=1 title = ''a'''''' /', '')
+    call deck%get('run', 1, 'title', text)
+    call test%check_text('doubled quote', text, 'a''')
+    call expect('empty string', '&run t_end=1 title = '''' /', '')
+    call deck%get('run', 1, 'title', text)
+    call test%check_text('empty', text, '')
+  end subroutine other_forms
+
+  subroutine syntax_faults()
+    call expect('stray text', 'hello'//lf//'&run t_end = 1 /', 'D004:1:1')
+    call says(1, '^~~~~')
+    call expect('stray behind', '&run t_end = 1 / threads = 2 ! c'//lf//'&wall id=''a'' /', 'D004:1:18')
+    call expect('stray block is one fault', '&run t_end = 1 /'//lf//'a = 1'//lf//'b = 2'//lf, 'D004:2:1')
+    call expect('stray twice', 'x'//lf//'&run t_end = 1 /'//lf//'y', 'D004:1:1 D004:3:1')
+    call expect('two slashes', '&run t_end = 1 / /', 'D004:1:18')
+    call expect('missing quote', '&run title = ''abc, t_end = 1 /'//lf//'&wall id = ''a'' /', 'D005:1:14')
+    call says(1, 'close the string with ''')
+    call expect('missing quote, more lines', '&run title = "abc,'//lf//'t_end = 1 /', 'D005:1:14')
+    call expect('missing quote in the middle', '&run t_end=1 /'//lf// &
+                '&wall id = ''abc, kind = ''plane'' /'//lf//'&limits overlap = 2.0 /', &
+                'D005:2:12 D016:3:19')
+    call expect('missing slash', '&run t_end = 1'//lf//'&wall id = ''a'' /', 'D006:2:1')
+    call says(1, 'group &run (line 1) is still open at &wall')
+    call expect('missing slash at the end', '&run t_end = 1 /'//lf//'&wall id = ''a''', 'D006:2:15')
+    call says(1, 'the end of the deck')
+    call expect('no equals', '&run t_end 1 /', 'D013:1:1 D007:1:6')
+    call expect('no key', '&run = 3, t_end = 1 /', 'D007:1:6')
+    call expect('two commas', '&run t_end = 1, gravity = 1,, 2, 3 /', 'D007:1:29')
+    call expect('comma first', '&run t_end = 1, gravity = , 1, 2, 3 /', 'D007:1:27')
+    call expect('string alone', '&run ''abc'' t_end = 1 /', 'D007:1:6')
+    call expect('quoted key', '&run ''t_end'' = 1 /', 'D013:1:1 D007:1:6')
+  end subroutine syntax_faults
+
+  subroutine name_faults()
+    call expect('unknown group', '&run t_end=1 /'//lf//'  &wal id = ''a'' /', 'D008:2:3')
+    call says(1, 'did you mean ''wall''?')
+    call says(1, '    2 |   &wal id = ''a'' /'//lf//'        |   ^~~~')
+    call expect('strange group', '&run t_end=1 /'//lf//'&qqq /', 'D008:2:1')
+    call says(1, 'groups of talus-test: run, wall, limits')
+    call expect('mistyped required group', '&rum t_end=1 /', 'D008:1:1')
+    call expect('no name', '&run t_end=1 /'//lf//'& wall id=''a'' /', 'D008:2:1 D007:2:3')
+    call expect('given twice', '&run t_end=1 /'//lf//'&run t_end = 2 /', 'D009:2:1')
+    call says(1, 'first on line 1')
+    call expect('missing group', '&wall id = ''a'' /', 'D010')
+    call says(1, 'group &run is missing')
+    call expect('unknown key', '&run t_end = 1, thraeds = 2 /', 'D011:1:17')
+    call says(1, 'did you mean ''threads''?')
+    call expect('key of another group', '&run t_end = 1, grains = 2 /', 'D011:1:17')
+    call says(1, '''grains'' belongs to group &wall')
+    call expect('strange key', '&run t_end = 1, qqq = 2 /', 'D011:1:17')
+    call says(1, 'keys of &run: title, t_end')
+    call expect('repeated key', '&run t_end = 1,'//lf//' T_END = 2 /', 'D012:2:2')
+    call says(1, 'first on line 1')
+    call expect('missing key', '&run threads = 1 /', 'D013:1:1')
+    call says(1, 'needs key ''t_end''')
+    call expect('mistyped required key', '&run tend = 1 /', 'D011:1:6')
+  end subroutine name_faults
+
+  subroutine value_faults()
+    call expect('real for integer', '&run t_end=1 threads = 1.5 /', 'D014:1:24')
+    call says(1, '1.5 is a real number')
+    call expect('quoted number', '&run t_end = ''1.0'' /', 'D014:1:14')
+    call says(1, 'without quotes: 1.0')
+    call expect('bare string', '&run t_end=1 title = quartz /', 'D014:1:22')
+    call says(1, 'write ''quartz''')
+    call expect('bare path', '&run t_end=1 /&wall id=''a'' file = a/b.h5 /', 'D014:1:35')
+    call says(1, 'a/b.h5 stands without quotes')
+    call expect('bare word for a word', '&run t_end=1 damping = full /', 'D014:1:24')
+    call says(1, 'a word stands in quotes: ''full''')
+    call expect('wrong word', '&run t_end=1 damping = ''ful'' /', 'D014:1:24')
+    call says(1, 'did you mean ''full''?')
+    call expect('no number', '&run t_end = 1.0.0 /', 'D014:1:14')
+    call expect('unit behind a number', '&run t_end = 1s /', 'D014:1:14')
+    call expect('repeat count', '&run t_end=1 gravity = 3*0.0 /', 'D015:1:14 D014:1:24')
+    call expect('no logical', '&run t_end=1 verbose = yes /', 'D014:1:24')
+    call expect('quoted logical', '&run t_end=1 verbose = ''true'' /', 'D014:1:24')
+    call expect('too few', '&run t_end=1 gravity = 0, 1 /', 'D015:1:14')
+    call says(1, 'takes 3 values, 2 are given')
+    call expect('too many', '&run t_end=1 gravity = 0, 1, 2, 3, 4 /', 'D015:1:33')
+    call expect('no value', '&run t_end= /', 'D015:1:6')
+    call says(1, 'takes 1 value, none is given')
+    call expect('missing equals', '&run t_end=1 threads 3 /', 'D015:1:14')
+    call says(1, 'is a ''='' missing after ''threads''?')
+    call expect('above', '&run t_end = 0.0 /', 'D016:1:14')
+    call says(1, 'it must be > 0')
+    call expect('max', '&run t_end=1 threads = 65 /', 'D016:1:24')
+    call says(1, 'it must be >= 0 and <= 64')
+    call expect('min', '&run t_end=1 threads = -1 /', 'D016:1:24')
+    call expect('at the bounds', '&run t_end=1 threads = 64 / &limits overlap = 1.0 /', '')
+    call expect('huge', '&run t_end = 1e999 /', 'D016:1:14')
+    call expect('huge integer', '&run t_end=1 threads = 99999999999999999999 /', 'D016:1:24')
+    call expect('choice', '&run t_end=1 /&wall id=''a'' kind = ''plan'' /', 'D017:1:35')
+    call says(1, 'did you mean ''plane''?')
+    call expect('nan', '&run t_end = NaN /', 'D019:1:14')
+    call expect('infinity', '&run t_end=1 gravity = 0, -Inf, 0 /', 'D019:1:27')
+  end subroutine value_faults
+
+  subroutine file_faults()
+    character(len=:), allocatable :: name
+    call expect('missing file', '&run t_end=1 /'//lf//'&wall id=''a'' file = ''no.h5'' /', 'D018:2:21')
+    call says(1, '/tmp/no.h5')
+    name = path(6:)
+    call expect('file beside the deck', '&run t_end=1 /&wall id=''a'' file = '''//name//''' /', '')
+    call test%check_text('path', deck%path('wall', 1, 'file'), path)
+    call expect('absolute file', '&run t_end=1 /&wall id=''a'' file = '''//path//''' /', '')
+    call test%check_text('absolute path', deck%path('wall', 1, 'file'), path)
+    call errors%clear()
+    call deck%read('/tmp/no/such/deck.nml', table, errors)
+    call test%check('no deck', errors%count == 1 .and. errors%item(1)%code == 'D001')
+    call errors%clear()
+    call deck%read('/tmp', table, errors)
+    call test%check('a folder', errors%count == 1 .and. errors%item(1)%code == 'D001')
+    call expect('binary', '&run t_end = 1 /'//achar(0)//achar(1), 'D002')
+    call expect('empty', '', 'D003')
+    call expect('only a comment', '! &run t_end = 1 /'//lf, 'D003')
+  end subroutine file_faults
+
+  subroutine several_faults()
+    call expect('all in one go', 'stray'//lf//'&run titel = ''x'', t_end = -1, threads = 1.5,'//lf// &
+                ' gravity = 0, 0 /'//lf//'&wall kind = ''box'' /'//lf//'&blob /'//lf// &
+                '&limits overlap = ''a''', &
+                'D004:1:1 D011:2:6 D016:2:27 D014:2:41 D015:3:2 D013:4:1 D017:4:14 D008:5:1 '// &
+                'D014:6:19 D006:6:22')
+    call test%check('exit code', errors%exit_code() == 1)
+  end subroutine several_faults
+
+  subroutine set_up_faults()
+    call read_text('&run t_end = 1 /'//lf//'&wall id = ''a'' /'//lf//'&wall id = ''a'', grains = 1,'// &
+                   ' 2 /')
+    call deck%fault(errors, 'D100', 'two walls named a', 'wall', 2, 'id', 'rename one')
+    call says(1, ':3:7'//lf//'      3 | &wall id = ''a'', grains = 1, 2 /'//lf//'        |       ^~~~~~~~')
+    call deck%fault(errors, 'D100', 'a wall needs a normal', 'wall', 2, 'kind', 'give it')
+    call says(2, ':3:1')
+    call deck%fault(errors, 'D100', 'no limits', 'limits', 1, '', 'give them')
+    call test%check_text('file only', errors%item(3)%place, path)
+  end subroutine set_up_faults
+
+  !> Decks that are no decks must end in faults, not in a crash.
+  subroutine odd_decks()
+    call expect('only an ampersand', '&', 'D008:1:1 D006:1:2 D010')
+    call expect('only a slash', '/', 'D004:1:1')
+    call expect('only a quote', '&run ''', 'D005:1:6')
+    call expect('csv', 'a,b,c'//lf//'1,2,3'//lf, 'D004:1:1')
+    call read_text('&run t_end = 1, title = '''//repeat('x', 400)//''', thraeds = 2 /')
+    call says(1, '...')
+    call test%check('long line is cut', index(errors%text(1), repeat('x', 120)) == 0)
+  end subroutine odd_decks
+end program test_talus_deck
