@@ -162,7 +162,8 @@ contains
     if (field%components == extent(1) .and. field%count == extent(2)) return
     call errors%add('P010', 'the field '''//trim(name)//''' is '//str(field%components)//' x '// &
                     str(field%count)//', '//str(extent(1))//' x '//str(extent(2))// &
-                    ' is expected', self%place(), 'components x count; the sets of both sides differ')
+                    ' is expected', self%place(), &
+                    'components x count; the sets of both sides differ')
     field%at = 0
   end subroutine find_shaped
 

@@ -135,7 +135,7 @@ contains
     end if
   end subroutine reserve
 
-  !> Describe a new field and give the place of its data. Twice the same name is a bug of the caller.
+  !> Describe a new field and give the place of its data. The same name twice is a caller's bug.
   subroutine add_field(self, name, kind, components, count, at)
     class(message_buffer_type), intent(inout) :: self
     character(len=*), intent(in) :: name
@@ -389,7 +389,8 @@ contains
   pure function place(self) result(text)
     class(message_buffer_type), intent(in) :: self
     character(len=:), allocatable :: text
-    text = 'message '//str(self%sequence)//' ('//verb_name(self%verb)//', step '//str(self%step)//')'
+    text = 'message '//str(self%sequence)//' ('//verb_name(self%verb)//', step '// &
+           str(self%step)//')'
   end function place
 
   pure function kind_name(kind) result(name)

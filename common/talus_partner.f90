@@ -14,7 +14,7 @@ module talus_partner
   public :: partner_type, own_pid, own_place, own_host, now, nap, text_of
 
   real(wp), parameter :: look_every = 0.2_wp  !! s between two looks at the CPU time
-  real(wp), parameter :: longest_gap = 1.0_wp !! s; a longer gap means that we were stopped ourselves
+  real(wp), parameter :: longest_gap = 1.0_wp !! s; a longer gap: we were stopped ourselves
 
   !> One watched process.
   type :: partner_type

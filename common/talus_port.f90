@@ -12,6 +12,7 @@ module talus_port
   use talus_partner, only: partner_type, now, nap
   use talus_port_shm, only: shm_port_type
   use talus_port_file, only: file_port_type
+  use talus_rendezvous, only: write_rendezvous, read_rendezvous, remove_rendezvous
   implicit none
   private
   public :: port_type
@@ -19,6 +20,7 @@ module talus_port
   integer(i4), parameter :: transport_none = 0, transport_shm = 1, transport_file = 2
   real(wp), parameter :: slice = 0.05_wp             !! s between two looks at the partner
   real(wp), parameter :: connect_limit = 30.0_wp     !! s that a solver looks for its port
+  real(wp), parameter :: attach_limit = 600.0_wp     !! s that it waits for a rendezvous file
   real(wp), parameter :: far_ask_limit = 600.0_wp    !! s of silence of an asker on another host
 
   !> One end of a port. Set `partner%name` and `partner%log` for good messages, `trace` and
@@ -33,11 +35,13 @@ module talus_port
     logical, private :: asks = .false.
     integer(i8), private :: sequence = 0  !! of the last request
     integer(i4), private :: verb = 0      !! of the last request
+    character(len=:), allocatable, private :: rendezvous  !! file to remove at the end
     type(shm_port_type), private :: shm
     type(file_port_type), private :: file
   contains
     procedure :: create
     procedure :: connect
+    procedure :: publish
     procedure :: watch
     procedure :: send
     procedure :: receive
@@ -73,7 +77,17 @@ contains
     if (errors%count == faults) self%transport = transport
   end subroutine create
 
-  !> Open the answering side; waits a while for the asker to make the port.
+  !> Tell in a file where the port is, for a solver that the user starts with --port=attach:FILE.
+  subroutine publish(self, path, errors)
+    class(port_type), intent(inout) :: self
+    character(len=*), intent(in) :: path
+    type(error_list_type), intent(inout) :: errors
+    call write_rendezvous(path, self%spec, self%run_id, errors)
+    self%rendezvous = path
+  end subroutine publish
+
+  !> Open the answering side; waits a while for the asker to make the port. `spec` is that of the
+  !! asker, or 'attach:FILE' with the file that it publishes.
   subroutine connect(self, spec, errors)
     class(port_type), intent(inout) :: self
     character(len=*), intent(in) :: spec
@@ -83,22 +97,24 @@ contains
     real(wp) :: started
 
     faults = errors%count
-    call read_spec(spec, transport, errors)
+    self%spec = spec
+    if (starts_with(spec, 'attach:')) &
+      call read_rendezvous(spec(8:), attach_limit, self%spec, errors)
+    if (errors%count == faults) call read_spec(self%spec, transport, errors)
     if (errors%count > faults) return
     self%asks = .false.
     self%sequence = 0
-    self%spec = spec
     started = now()
     do
       if (transport == transport_shm) then
-        call self%shm%connect(spec(5:), absent, errors)
+        call self%shm%connect(self%spec(5:), absent, errors)
       else
-        call self%file%connect(spec(6:), absent, errors)
+        call self%file%connect(self%spec(6:), absent, errors)
       end if
       if (errors%count > faults) return
       if (.not. absent) exit
       if (now() - started > connect_limit) then
-        call report_absent(spec, transport, errors)
+        call report_absent(self%spec, transport, errors)
         return
       end if
       call nap(0.01_wp)
@@ -124,8 +140,8 @@ contains
       if (slash > 6 .and. slash < len(spec)) transport = transport_file
     end if
     if (transport == transport_none) &
-      call errors%add('P004', 'the port '''//spec//''' is neither ''shm:/NAME'' nor '// &
-                      '''hdf5:FOLDER/SIDE''', '', 'talus-couple hands it on as --port=SPEC')
+      call errors%add('P004', 'the port '''//spec//''' is neither ''shm:/NAME'', ''hdf5:FOLDER/SIDE'' '// &
+                      'nor ''attach:FILE''', '', 'talus-couple hands it on as --port=SPEC')
   end subroutine read_spec
 
   subroutine report_absent(spec, transport, errors)
@@ -314,6 +330,10 @@ contains
     if (self%transport == transport_shm) call self%shm%close()
     if (self%transport == transport_file) call self%file%close(self%partner%ended())
     self%transport = transport_none
+    if (allocated(self%rendezvous)) then
+      call remove_rendezvous(self%rendezvous)
+      deallocate (self%rendezvous)
+    end if
     call self%partner%close()
   end subroutine port_close
 end module talus_port

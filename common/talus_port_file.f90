@@ -13,7 +13,7 @@ module talus_port_file
   use talus_partner, only: own_pid, own_place, now, text_of
   implicit none
   private
-  public :: file_port_type
+  public :: file_port_type, read_lines, write_lines, remove_file
 
   real(wp), parameter :: beat_every = 0.25_wp  !! s between two writings of the heartbeat file
   integer, parameter :: room = 1024
@@ -161,6 +161,17 @@ contains
       call errors%add('P018', 'the port''s folder cannot be written (system error '// &
                       str(code)//')', self%folder, 'a writable folder that both sides see')
   end subroutine file_connect
+
+  !> Write a small text file under a temporary name and rename it; 0 or the system's error number.
+  integer function write_lines(path, text)
+    character(len=*), intent(in) :: path, text
+    write_lines = c_write(path//c_null_char, text//c_null_char)
+  end function write_lines
+
+  subroutine remove_file(path)
+    character(len=*), intent(in) :: path
+    call c_remove(path//c_null_char)
+  end subroutine remove_file
 
   !> The lines of a small text file; none when it is not there.
   subroutine read_lines(path, line)

@@ -40,7 +40,7 @@ static int starts(const char *text, const char *head)
     return strncmp(text, head, strlen(head)) == 0;
 }
 
-/* What a parent MPI launcher left: a child that inherits it takes itself for a rank of the parent. */
+/* What a parent MPI launcher left: a child that inherits it takes itself for one of its ranks. */
 static int of_launcher(const char *entry)
 {
     if (starts(entry, "OMPI_ALLOW_RUN_AS_ROOT"))

@@ -83,8 +83,8 @@ contains
     class(process_type), intent(inout) :: self
     type(string_type), intent(in) :: argv(:)
     character(len=*), intent(in) :: folder    !! working folder; '' = ours
-    character(len=*), intent(in) :: log_file  !! for stdout and stderr, relative to folder; '' = ours
-    integer(i4), intent(in) :: threads        !! OpenMP and BLAS threads; 0 = as the environment says
+    character(len=*), intent(in) :: log_file  !! of stdout, stderr, in folder; '' = ours
+    integer(i4), intent(in) :: threads        !! of OpenMP and BLAS; 0 = as it is
     type(error_list_type), intent(inout) :: errors
     integer(i4), intent(in), optional :: death_signal  !! sent when we die; kill unless given
     type(string_type), allocatable :: edits(:)

@@ -49,6 +49,7 @@ program test_talus_port_faults
       call asker_dies(k)
     end do
     call never_joins()
+    call attached()
     call forged('protocol', 'P005')
     call forged('magic', 'P005')
     call forged('checksum', 'P006')
@@ -272,6 +273,38 @@ contains
     call test%check('nothing left of a port that nobody joined', .not. left)
   end subroutine never_joins
 
+  !> A solver that finds its port in a rendezvous file; one on another machine is told so.
+  subroutine attached()
+    type(port_type) :: port, far
+    type(process_type) :: process
+    type(message_type) :: request, reply
+    type(error_list_type) :: errors, more
+    character(len=*), parameter :: path = 'talus-faults.port'
+    integer :: unit
+    logical :: left
+
+    call port%create(spec_of(1, 'attach'), 'faults', 5.0_wp, errors)
+    call port%publish(path, errors)
+    call start_partner('serve', 'attach:'//path, '-', process, errors)
+    call request%start(verb_stop)
+    call port%ask(request, reply, errors)
+    call test%check('attached', .not. errors%any())
+    call process%stop(2.0_wp)
+    call port%close()
+    inquire (file=path, exist=left)
+    call test%check('rendezvous file is gone', .not. left)
+    open (newunit=unit, file=path)
+    write (unit, '(a)') 'shm:/talus-far', 'farhost', 'another-boot/1', 'run'
+    close (unit)
+    call far%connect('attach:'//path, more)
+    open (newunit=unit, file=path)
+    close (unit, status='delete')
+    call test%check('another machine', more%count == 1)
+    if (more%any()) call test%check('named, with the way out: '//more%item(1)%message, &
+      more%item(1)%code == 'P016' .and. index(more%item(1)%message, 'farhost') > 0 .and. &
+      index(more%item(1)%hint, 'hdf5') > 0)
+  end subroutine attached
+
   !> A partner that answers HELLO with a reply that is wrong in one way.
   subroutine forge(spec, mode)
     character(len=*), intent(in) :: spec, mode
@@ -397,9 +430,9 @@ contains
 
   !> Nothing of all this stays: no segment, no folder.
   subroutine left_over()
-    character(len=8), parameter :: name(17) = [character(len=8) :: 'die', 'leave', 'stop', 'work', &
+    character(len=8), parameter :: name(18) = [character(len=8) :: 'die', 'leave', 'stop', 'work', &
       'beat', 'fail', 'orphan', 'alone', 'protocol', 'magic', 'checksum', 'short', 'cut', &
-      'sequence', 'verb', 'bad', '']
+      'sequence', 'verb', 'bad', 'attach', '']
     logical :: left
     integer :: j
     do j = 1, size(name)
