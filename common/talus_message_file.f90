@@ -9,7 +9,8 @@ module talus_message_file
     h5fclose_f, h5gcreate_f, h5gopen_f, h5gclose_f, h5gget_info_f, h5dcreate_f, h5dopen_f, &
     h5dclose_f, h5dwrite_f, h5dread_f, h5dget_space_f, h5dget_type_f, h5screate_f, &
     h5screate_simple_f, h5sclose_f, h5sget_simple_extent_ndims_f, &
-    h5sget_simple_extent_dims_f, h5sget_simple_extent_type_f, h5tcopy_f, h5tset_size_f, h5tset_strpad_f, h5tget_class_f, h5tget_size_f, h5tclose_f, &
+    h5sget_simple_extent_dims_f, h5sget_simple_extent_type_f, h5tcopy_f, &
+    h5tset_size_f, h5tset_strpad_f, h5tget_class_f, h5tget_size_f, h5tclose_f, &
     h5acreate_f, h5aopen_f, h5awrite_f, h5aread_f, h5aclose_f, h5f_acc_trunc_f, &
     h5f_acc_rdonly_f, h5s_scalar_f, h5s_null_f, h5t_std_i64le, h5t_ieee_f64le, h5t_c_s1, &
     h5t_str_nullpad_f, h5t_float_f, h5t_integer_f, h5t_string_f

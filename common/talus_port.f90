@@ -140,8 +140,8 @@ contains
       if (slash > 6 .and. slash < len(spec)) transport = transport_file
     end if
     if (transport == transport_none) &
-      call errors%add('P004', 'the port '''//spec//''' is neither ''shm:/NAME'', ''hdf5:FOLDER/SIDE'' '// &
-                      'nor ''attach:FILE''', '', 'talus-couple hands it on as --port=SPEC')
+      call errors%add('P004', 'the port '''//spec//''' is neither ''shm:/NAME'', '// &
+                      '''hdf5:FOLDER/SIDE'' nor ''attach:FILE''', '', 'talus-couple hands it on as --port=SPEC')
   end subroutine read_spec
 
   subroutine report_absent(spec, transport, errors)
