@@ -141,7 +141,8 @@ contains
     end if
     if (transport == transport_none) &
       call errors%add('P004', 'the port '''//spec//''' is neither ''shm:/NAME'', '// &
-                      '''hdf5:FOLDER/SIDE'' nor ''attach:FILE''', '', 'talus-couple hands it on as --port=SPEC')
+                      '''hdf5:FOLDER/SIDE'' nor ''attach:FILE''', '', &
+                      'talus-couple hands it on as --port=SPEC')
   end subroutine read_spec
 
   subroutine report_absent(spec, transport, errors)
