@@ -35,8 +35,8 @@ contains
         instance%number = number(instance%group)
         if (instance%number == 1) first_line(instance%group) = instance%head%line
         if (instance%number > 1 .and. .not. table%group(instance%group)%repeats) &
-          call faults%add(source, 'D009', 'group &'//table%group(instance%group)%name//' is given ' &
-                          //'again (first on line '//str(first_line(instance%group))//')', &
+          call faults%add(source, 'D009', 'group &'//table%group(instance%group)%name//' is given' &
+                          //' again (first on line '//str(first_line(instance%group))//')', &
                           instance%head%line, instance%head%first, instance%head%last, &
                           'it may stand only once: merge the two')
       end associate

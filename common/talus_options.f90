@@ -209,8 +209,8 @@ contains
     call append_string(lines, '  --threads=N     OpenMP threads')
     if (program /= 'talus-couple') &
       call append_string(lines, '  --port=SPEC     serve talus-couple there (set by talus-couple)')
-    call append_string(lines, '  --point=FILE    rendezvous file, where all three are started by'// &
-                       ' hand')
+    call append_string(lines, '  --point=FILE    rendezvous file, where all three are started'// &
+                       ' by hand')
     call append_string(lines, '')
     call append_string(lines, 'exit codes: 0 finished, 1 input faults, 2 numerical failure,'// &
                        ' 3 stopped on request, 4 system, 5 bug')

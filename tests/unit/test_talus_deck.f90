@@ -124,7 +124,8 @@ contains
 
     call expect('good', '! a comment with ''quotes" and a / and &run'//lf// &
                 '&RUN title = ''it''''s a / & b ! c'', T_end=1.5d-3 ! more'//lf// &
-                '  gravity = 1, -2.0'//lf//tab//'3e0, threads = +4 verbose = false,'//lf//'/'//lf// &
+                '  gravity = 1, -2.0'//lf//tab//'3e0, threads = +4 verbose = false,'//lf// &
+                '/'//lf// &
                 '&wall id="say ""hi""" grains = 3 1,'//lf//' 2 /&wall id = ''two'', '// &
                 'fields=''a'',''b'' /', '')
     call test%check('counts', deck%count('run') == 1 .and. deck%count('wall') == 2 &
@@ -147,7 +148,8 @@ contains
     call test%check('none given', size(ids) == 0)
     call deck%get('wall', 2, 'fields', names)
     call test%check_text('strings', join(names, '+'), 'a+b')
-    call test%check('given', deck%given('run', 1, 't_end') .and. .not. deck%given('run', 1, 'damping'))
+    call test%check('given', deck%given('run', 1, 't_end') &
+                    .and. .not. deck%given('run', 1, 'damping'))
     call test%check('given in one of two', deck%given('wall', 1, 'grains') &
                     .and. .not. deck%given('wall', 2, 'grains'))
   end subroutine good_decks
@@ -198,7 +200,8 @@ contains
     call test%check('other hash', deck%hash() /= hash)
     call expect('all on one line', '&wall id=''a''/&run t_end=1/! end', '')
     call expect('numbers', '&run t_end = .5, gravity = 1. -1.e-3 +2D+2, threads = 007 /', '')
-    call expect('utf-8', '&run title = '''//char(195)//char(182)//''', qqq = 1, t_end = 1 /', 'D011:1:19')
+    call expect('utf-8', '&run title = '''//char(195)//char(182)//''', qqq = 1, t_end = 1 /', &
+                'D011:1:19')
     call says(1, '  |                   ^~~')
     call expect('tab', tab//'&run t_end = 1'//tab//'titel = ''x'' /', 'D011:1:17')
     call says(1, '    1 |  &run t_end = 1 titel = ''x'' /'//lf//'        |                 ^~~~~')
@@ -213,11 +216,14 @@ contains
   subroutine syntax_faults()
     call expect('stray text', 'hello'//lf//'&run t_end = 1 /', 'D004:1:1')
     call says(1, '^~~~~')
-    call expect('stray behind', '&run t_end = 1 / threads = 2 ! c'//lf//'&wall id=''a'' /', 'D004:1:18')
-    call expect('stray block is one fault', '&run t_end = 1 /'//lf//'a = 1'//lf//'b = 2'//lf, 'D004:2:1')
+    call expect('stray behind', '&run t_end = 1 / threads = 2 ! c'//lf//'&wall id=''a'' /', &
+                'D004:1:18')
+    call expect('stray block is one fault', '&run t_end = 1 /'//lf//'a = 1'//lf//'b = 2'//lf, &
+                'D004:2:1')
     call expect('stray twice', 'x'//lf//'&run t_end = 1 /'//lf//'y', 'D004:1:1 D004:3:1')
     call expect('two slashes', '&run t_end = 1 / /', 'D004:1:18')
-    call expect('missing quote', '&run title = ''abc, t_end = 1 /'//lf//'&wall id = ''a'' /', 'D005:1:14')
+    call expect('missing quote', '&run title = ''abc, t_end = 1 /'//lf//'&wall id = ''a'' /', &
+                'D005:1:14')
     call says(1, 'close the string with ''')
     call expect('missing quote, more lines', '&run title = "abc,'//lf//'t_end = 1 /', 'D005:1:14')
     call expect('missing quote in the middle', '&run t_end=1 /'//lf// &
@@ -301,7 +307,8 @@ contains
 
   subroutine file_faults()
     character(len=:), allocatable :: name
-    call expect('missing file', '&run t_end=1 /'//lf//'&wall id=''a'' file = ''no.h5'' /', 'D018:2:21')
+    call expect('missing file', '&run t_end=1 /'//lf//'&wall id=''a'' file = ''no.h5'' /', &
+                'D018:2:21')
     call says(1, '/tmp/no.h5')
     name = path(6:)
     call expect('file beside the deck', '&run t_end=1 /&wall id=''a'' file = '''//name//''' /', '')
@@ -320,7 +327,8 @@ contains
   end subroutine file_faults
 
   subroutine several_faults()
-    call expect('all in one go', 'stray'//lf//'&run titel = ''x'', t_end = -1, threads = 1.5,'//lf// &
+    call expect('all in one go', 'stray'//lf//'&run titel = ''x'', t_end = -1, threads = 1.5,' &
+                //lf// &
                 ' gravity = 0, 0 /'//lf//'&wall kind = ''box'' /'//lf//'&blob /'//lf// &
                 '&limits overlap = ''a''', &
                 'D004:1:1 D011:2:6 D016:2:27 D014:2:41 D015:3:2 D013:4:1 D017:4:14 D008:5:1 '// &
@@ -329,10 +337,11 @@ contains
   end subroutine several_faults
 
   subroutine set_up_faults()
-    call read_text('&run t_end = 1 /'//lf//'&wall id = ''a'' /'//lf//'&wall id = ''a'', grains = 1,'// &
-                   ' 2 /')
+    call read_text('&run t_end = 1 /'//lf//'&wall id = ''a'' /'//lf//'&wall id = ''a'', '// &
+                   'grains = 1, 2 /')
     call deck%fault(errors, 'D100', 'two walls named a', 'wall', 2, 'id', 'rename one')
-    call says(1, ':3:7'//lf//'      3 | &wall id = ''a'', grains = 1, 2 /'//lf//'        |       ^~~~~~~~')
+    call says(1, ':3:7'//lf//'      3 | &wall id = ''a'', grains = 1, 2 /'//lf// &
+              '        |       ^~~~~~~~')
     call deck%fault(errors, 'D100', 'a wall needs a normal', 'wall', 2, 'kind', 'give it')
     call says(2, ':3:1')
     call deck%fault(errors, 'D100', 'no limits', 'limits', 1, '', 'give them')

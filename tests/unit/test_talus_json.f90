@@ -35,7 +35,8 @@ program test_talus_json
   call json%put_null('none')
   call json%end()
   call test%check_text('text', json%text(), &
-                       '{'//lf//'  "name": "it''s",'//lf//'  "value": 0.1,'//lf//'  "nan": null,'//lf// &
+                       '{'//lf//'  "name": "it''s",'//lf//'  "value": 0.1,'//lf//'  "nan": null,' &
+                       //lf// &
                        '  "count": 3,'//lf//'  "large": 123456789012,'//lf//'  "ok": true,'//lf// &
                        '  "list": [1, 2.5e-7],'//lf//'  "ids": [1, 2],'//lf// &
                        '  "names": ["x", "y\""],'//lf//'  "inner": {},'//lf//'  "items": ['//lf// &

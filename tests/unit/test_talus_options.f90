@@ -10,7 +10,8 @@ program test_talus_options
   type(error_list_type) :: errors
   type(string_type), allocatable :: lines(:)
 
-  call parse('a b.nml|--check|--json|--restart=auto|--port=shm:/x|--threads=4|--output=out|--point=p')
+  call parse('a b.nml|--check|--json|--restart=auto|--port=shm:/x|--threads=4|--output=out'// &
+             '|--point=p')
   call test%check('no fault', .not. errors%any())
   call test%check_text('deck', options%deck, 'a b.nml')
   call test%check('flags', options%check .and. options%json .and. .not. options%keys)
@@ -40,7 +41,8 @@ program test_talus_options
   call parse('--chek|--jsn')
   call test%check('all options in one go', errors%count == 2)
   call usage_text('talus-dem', lines)
-  call test%check('usage', index(lines(1)%s, 'usage: talus-dem deck.nml') == 1 .and. size(lines) > 8)
+  call test%check('usage', index(lines(1)%s, 'usage: talus-dem deck.nml') == 1 &
+                  .and. size(lines) > 8)
   call test%finish()
 
 contains

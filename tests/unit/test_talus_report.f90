@@ -13,7 +13,8 @@ program test_talus_report
   character(len=:), allocatable :: place, source, text
   integer(i4) :: line, column
 
-  call split_place('a:b/deck.nml:12:8'//lf//'   12 | x'//lf//'      | ^', place, line, column, source)
+  call split_place('a:b/deck.nml:12:8'//lf//'   12 | x'//lf//'      | ^', place, line, column, &
+                   source)
   call test%check_text('place', place, 'a:b/deck.nml:12:8')
   call test%check('line and column', line == 12 .and. column == 8)
   call test%check_text('source', source, '   12 | x'//lf//'      | ^')

@@ -19,7 +19,8 @@ program test_talus_suggest
   call test%check_text('nearest', nearest_name('yuong', names), 'young')
   call test%check_text('case', nearest_name('YOUNG_', names), 'young')
   call test%check_text('holds the other', nearest_name('youngs_modulus', names), 'young')
-  call test%check_text('part of the other', nearest_name('stiffness', names), 'tangential_stiffness')
+  call test%check_text('part of the other', nearest_name('stiffness', names), &
+                       'tangential_stiffness')
   call test%check_text('none', nearest_name('mesh', names), '')
   call test%check_text('no name', nearest_name('', names), '')
   call test%check_text('hint', did_you_mean('densty', names, 'keys:'), 'did you mean ''density''?')
