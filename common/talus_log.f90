@@ -4,6 +4,7 @@
 !! by wall time, health, timer_table, finish. A progress bar is drawn only on a terminal. A log that
 !! can no longer be written does not stop the run: that is said once on standard error.
 module talus_log
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
@@ -314,6 +315,11 @@ contains
     character(len=:), allocatable :: text
     character(len=32) :: buffer, form
     real(wp) :: magnitude
+    if (.not. ieee_is_finite(value)) then
+      write (buffer, *) value
+      text = trim(adjustl(buffer))
+      return
+    end if
     magnitude = abs(value)
     if (magnitude < 1.0e7_wp .and. abs(value - anint(value)) <= 0.0_wp) then
       write (buffer, '(i0)') nint(value)

@@ -1,5 +1,6 @@
 !> summary.json of a run: results and health under nested keys ('health.energy_error').
 module talus_summary
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_files, only: replace_file
@@ -192,7 +193,7 @@ contains
     real(wp), intent(in) :: value
     character(len=:), allocatable :: text
     text = 'null'
-    if (abs(value) <= huge(1.0_wp)) text = str(value)
+    if (ieee_is_finite(value)) text = str(value)
   end function json_real
 
   !> JSON string: quotes, backslashes and control characters escaped.

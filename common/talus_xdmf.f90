@@ -84,7 +84,7 @@ contains
     if (present(kind)) self%list(self%attribute_count)%kind = kind
   end subroutine attribute
 
-  !> Describe all steps that stand in the field file.
+  !> Describe all steps that stand in the field file; call it after each step and after a restart.
   subroutine write_xdmf(self, series, errors)
     class(xdmf_type), intent(inout) :: self
     type(series_type), intent(in) :: series

@@ -28,6 +28,7 @@ program test_talus_checkpoint
   call wrong_ones()
   call schedule()
   call execute_command_line('rm -rf '//folder)
+  deallocate (folder, stem)
   call test%finish()
 
 contains

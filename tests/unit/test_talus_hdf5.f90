@@ -24,6 +24,7 @@ program test_talus_hdf5
   call failing_writes()
   call appending()
   call execute_command_line('rm -rf '//folder)
+  deallocate (folder)
   call test%finish()
 
 contains

@@ -1,5 +1,6 @@
 !> The log: what stands in the file, numbers for people, spacing of rows, full disk.
 program test_talus_log
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use talus_kinds, only: wp
   use talus_errors, only: error_list_type
   use talus_files, only: read_file, remove_file
@@ -21,6 +22,7 @@ program test_talus_log
   call whole_log()
   call faults()
   call remove_file(path)
+  deallocate (path)
   call test%finish()
 
 contains
@@ -32,6 +34,7 @@ contains
     call test%check_text('small', short_number(1.23456e-5_wp), '1.2346E-05')
     call test%check_text('below one', short_number(0.25_wp), '0.25000')
     call test%check_text('thousands', short_number(12345.6_wp), '12346.')
+    call test%check_text('no number', short_number(ieee_value(1.0_wp, ieee_quiet_nan)), 'NaN')
     call test%check_text('large', short_number(1.5e12_wp), '1.5000E+12')
     call test%check_text('seconds', duration_text(41.7_wp), '42 s')
     call test%check_text('minutes', duration_text(200.0_wp), '3 min 20 s')

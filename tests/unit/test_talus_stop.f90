@@ -53,6 +53,7 @@ program test_talus_stop
   call kill_self('TERM')
   call test%check('signal', watch%check() == stop_signal .and. signal_seen() == 15)
   call test%check_text('signal in words', watch%text(), 'signal SIGTERM')
+  deallocate (path)
   call test%finish()
 
 contains

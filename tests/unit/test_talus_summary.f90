@@ -54,5 +54,6 @@ program test_talus_summary
   call test%check('unwritable', errors%count == 1)
   if (errors%any()) call test%check_text('unwritable: code', errors%item(1)%code, 'S001')
   call remove_file(path)
+  deallocate (path, text)
   call test%finish()
 end program test_talus_summary

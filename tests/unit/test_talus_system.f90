@@ -20,6 +20,7 @@ program test_talus_system
   call files()
   call faults()
   call execute_command_line('rm -rf '//folder)
+  deallocate (folder)
   call test%finish()
 
 contains

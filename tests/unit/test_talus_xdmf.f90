@@ -23,6 +23,7 @@ program test_talus_xdmf
   call damaged()
   call full_disk()
   if (environment('TALUS_TEST_KEEP') == '') call execute_command_line('rm -rf '//folder)
+  deallocate (folder)
   call test%finish()
 
 contains
@@ -55,10 +56,7 @@ contains
 
     call series%start(folder//'/grains.h5', 'talus-grains', file, errors)
     call file%commit(errors)
-    call xdmf%describe_points(folder//'/grains.xdmf', 'grains/x')
-    call xdmf%attribute('velocity', 'grains/v', xdmf_node, 3)
-    call xdmf%attribute('id', 'grains/id', xdmf_node, 1, kind='int8')
-    call xdmf%attribute('quat', 'grains/quat', xdmf_node, 4)
+    call describe(xdmf)
     call save_grains(series, 0.0_wp, 5)
     call xdmf%write(series, errors)
     call save_grains(series, 0.25_wp, 4)
@@ -76,6 +74,14 @@ contains
       'NumberType="Int" Precision="8" Dimensions="5">grains.h5:/steps/000000/grains/id<') > 0)
   end subroutine grains
 
+  subroutine describe(xdmf)
+    type(xdmf_type), intent(inout) :: xdmf
+    call xdmf%describe_points(folder//'/grains.xdmf', 'grains/x')
+    call xdmf%attribute('velocity', 'grains/v', xdmf_node, 3)
+    call xdmf%attribute('id', 'grains/id', xdmf_node, 1, kind='int8')
+    call xdmf%attribute('quat', 'grains/quat', xdmf_node, 4)
+  end subroutine describe
+
   !> Back to t = 0.25: the step at 0.5 goes, and the next takes its place.
   subroutine restart()
     type(series_type) :: series
@@ -83,6 +89,8 @@ contains
     type(string_type), allocatable :: names(:)
     logical :: found
     real(wp) :: time
+    type(xdmf_type) :: xdmf
+    character(len=:), allocatable :: text
     call file%open(folder//'/grains.h5', errors, write=.true.)
     call file%group('/steps/000003', errors)
     call file%attr_put('/steps/000003', 'time', 0.1_wp, errors)
@@ -92,6 +100,11 @@ contains
     call test%check('later and unfinished steps are gone', series%count == 2)
     call test%check('counts are known', series%step(1)%count == 5 .and. series%step(2)%count == 4)
     call save_grains(series, 0.75_wp, 6)
+    call describe(xdmf)
+    call xdmf%write(series, errors)
+    call read_file(folder//'/grains.xdmf', text, errors)
+    call test%check('described anew', occurrences(text, '<Time ') == 3 .and. &
+                    index(text, 'Dimensions="6 3">grains.h5:/steps/000002/grains/x<') > 0)
     call file%open(folder//'/grains.h5', errors, format='talus-grains')
     call file%names('/steps', names)
     call test%check('three steps again', size(names) == 3)
