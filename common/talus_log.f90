@@ -4,14 +4,13 @@
 !! by wall time, health, timer_table, finish. A progress bar is drawn only on a terminal. A log that
 !! can no longer be written does not stop the run: that is said once on standard error.
 module talus_log
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use talus_files, only: open_append, write_text, close_file
   use talus_system, only: compiler_text, date_text, host_name, is_terminal, memory_free, &
     memory_resident, process_id, wall_clock
-  use talus_text, only: str, string_type
+  use talus_text, only: str, string_type, is_finite
   use talus_timers, only: timers_type
   use talus_version, only: git_hash, version_text
   implicit none
@@ -315,7 +314,7 @@ contains
     character(len=:), allocatable :: text
     character(len=32) :: buffer, form
     real(wp) :: magnitude
-    if (.not. ieee_is_finite(value)) then
+    if (.not. is_finite(value)) then
       write (buffer, *) value
       text = trim(adjustl(buffer))
       return

@@ -1,10 +1,9 @@
 !> summary.json of a run: results and health under nested keys ('health.energy_error').
 module talus_summary
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_files, only: replace_file
-  use talus_text, only: str, string_type, append_string
+  use talus_text, only: str, string_type, append_string, is_finite
   use talus_timers, only: timers_type
   use talus_version, only: git_hash, version_text
   implicit none
@@ -193,7 +192,7 @@ contains
     real(wp), intent(in) :: value
     character(len=:), allocatable :: text
     text = 'null'
-    if (ieee_is_finite(value)) text = str(value)
+    if (is_finite(value)) text = str(value)
   end function json_real
 
   !> JSON string: quotes, backslashes and control characters escaped.

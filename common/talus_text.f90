@@ -3,7 +3,7 @@ module talus_text
   use talus_kinds, only: wp, i4, i8
   implicit none
   private
-  public :: string_type, str, join, lower, starts_with, ends_with, append_string
+  public :: string_type, str, join, lower, starts_with, ends_with, append_string, is_finite
 
   !> One string of its own length, so that arrays of them can differ in length.
   type :: string_type
@@ -125,6 +125,14 @@ contains
       text = text//str_i4(values(k))
     end do
   end function str_integers
+
+  !> Neither NaN nor infinite, told by the bits: comparisons would trap in a debug build, and
+  !! -fno-trapping-math lets ieee_is_finite compare.
+  elemental logical function is_finite(value)
+    real(wp), intent(in) :: value
+    integer(i8), parameter :: exponent_bits = int(z'7FF0000000000000', i8)
+    is_finite = iand(transfer(value, exponent_bits), exponent_bits) /= exponent_bits
+  end function is_finite
 
   !> The strings of a list with a separator between them.
   pure function join(list, separator) result(text)
