@@ -1,9 +1,8 @@
 !> A small JSON writer: objects and arrays nested as they are opened, texts escaped, numbers that
 !! read back unchanged; NaN and infinity, which JSON lacks, become null.
 module talus_json
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use talus_kinds, only: wp, i4, i8
-  use talus_text, only: string_type, str
+  use talus_text, only: string_type, str, is_finite
   implicit none
   private
   public :: json_type, json_escape
@@ -203,7 +202,7 @@ contains
     real(wp), intent(in) :: value
     character(len=:), allocatable :: text
     text = 'null'
-    if (ieee_is_finite(value)) text = str(value)
+    if (is_finite(value)) text = str(value)
   end function number
 
   !> A text with quotes, backslashes and control characters escaped.
