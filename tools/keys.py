@@ -109,7 +109,7 @@ def read_size(entry: dict, place: str, faults: Faults) -> tuple[int, int]:
         least, most = size[0], HUGE if size[1] == "n" else size[1]
         if isinstance(least, int) and isinstance(most, int) and 1 <= least <= most:
             return least, most
-    faults.add(place, f"size = {size!r} is not 1, 3, \"n\" or [least, most]")
+    faults.add(place, f'size = {size!r} is not 1, 3, "n" or [least, most]')
     return 1, 1
 
 
@@ -125,7 +125,11 @@ def fits(value: object, key: Key) -> bool:
         return False
     number = float(value)  # type: ignore[arg-type]
     low = number >= key.bounds.get("min", -math.inf) and number > key.bounds.get("above", -math.inf)
-    return low and number <= key.bounds.get("max", math.inf) and number < key.bounds.get("below", math.inf)
+    return (
+        low
+        and number <= key.bounds.get("max", math.inf)
+        and number < key.bounds.get("below", math.inf)
+    )
 
 
 def read_default(entry: dict, key: Key, place: str, faults: Faults) -> list | None:
@@ -152,7 +156,10 @@ def read_key(name: str, entry: dict, place: str, faults: Faults) -> Key | None:
         faults.add(place, "a key is a table: name = { type = ..., doc = ... }")
         return None
     for word in sorted(set(entry) - KEY_WORDS - set(BOUNDS)):
-        faults.add(place, f"unknown word '{word}' (known: {', '.join(sorted(KEY_WORDS))}, {', '.join(BOUNDS)})")
+        faults.add(
+            place,
+            f"unknown word '{word}' (known: {', '.join(sorted(KEY_WORDS))}, {', '.join(BOUNDS)})",
+        )
     if not NAME.match(name):
         faults.add(place, "a name is lower case, starts with a letter, has at most 31 letters")
     if entry.get("type") not in KINDS:
@@ -161,7 +168,9 @@ def read_key(name: str, entry: dict, place: str, faults: Faults) -> Key | None:
     if not clean(entry.get("doc", "")):
         faults.add(place, "doc is missing")
     least, most = read_size(entry, place, faults)
-    key = Key(name, entry["type"], clean(entry.get("doc", "")), least, most, clean(entry.get("unit", "")))
+    key = Key(
+        name, entry["type"], clean(entry.get("doc", "")), least, most, clean(entry.get("unit", ""))
+    )
     key.required = bool(entry.get("required", False))
     key.bounds = {word: entry[word] for word in BOUNDS if word in entry}
     key.choices = list(entry.get("choices", []))
@@ -179,9 +188,13 @@ def check_limits(key: Key, place: str, faults: Faults) -> None:
         faults.add(place, "give one of min and above, one of max and below")
     if not all(is_number(value) for value in key.bounds.values()):
         faults.add(place, "a bound is a number")
-    if key.choices and (key.kind != "string" or not all(isinstance(c, str) and "|" not in c for c in key.choices)):
+    if key.choices and (
+        key.kind != "string" or not all(isinstance(c, str) and "|" not in c for c in key.choices)
+    ):
         faults.add(place, "choices are strings, for a string")
-    if key.words and (key.kind != "real" or not all(is_number(value) for value in key.words.values())):
+    if key.words and (
+        key.kind != "real" or not all(is_number(value) for value in key.words.values())
+    ):
         faults.add(place, "words = { word = number } are for a real key")
 
 
@@ -190,15 +203,29 @@ def merge(base: dict, change: dict) -> dict:
     merged = {**base, **{word: value for word, value in change.items() if word != "keys"}}
     keys = {name: dict(entry) for name, entry in base.get("keys", {}).items()}
     for name, entry in change.get("keys", {}).items():
-        keys[name] = {**keys.get(name, {}), **entry} if isinstance(entry, dict) else entry
+        keys[name] = change_key(keys.get(name, {}), entry) if isinstance(entry, dict) else entry
     merged["keys"] = keys
     return merged
+
+
+def change_key(base: dict, change: dict) -> dict:
+    """Return an included key as a program changes it; a new bound replaces the one on its side."""
+    kept = dict(base)
+    for side in (("min", "above"), ("max", "below")):
+        if set(side) & set(change):
+            for word in side:
+                kept.pop(word, None)
+    return {**kept, **change}
 
 
 def read_group(name: str, entry: dict, shared: bool, place: str, faults: Faults) -> Group:
     """Return one group after checking its definition."""
     for word in sorted(set(entry) - GROUP_WORDS):
-        faults.add(place, f"unknown word '{word}' (known: {', '.join(sorted(GROUP_WORDS))}; keys stand in [{name}.keys])")
+        faults.add(
+            place,
+            f"unknown word '{word}' (known: {', '.join(sorted(GROUP_WORDS))}; "
+            f"keys stand in [{name}.keys])",
+        )
     if not NAME.match(name):
         faults.add(place, "a name is lower case, starts with a letter, has at most 31 letters")
     if not clean(entry.get("doc", "")):
@@ -231,19 +258,30 @@ def read_program(folder: str, common: dict, faults: Faults) -> Program | None:
     include = data.get("include", [])
     for name in include:
         if name not in common:
-            faults.add(place, f"include: common/deck.toml has no group '{name}' (it has {', '.join(common)})")
+            faults.add(
+                place,
+                f"include: common/deck.toml has no group '{name}' (it has {', '.join(common)})",
+            )
             continue
         change = data.get(name, {})
-        groups.append(read_group(name, merge(common[name], change), not change, f"{place}: {name}", faults))
+        groups.append(
+            read_group(name, merge(common[name], change), not change, f"{place}: {name}", faults)
+        )
     for name, entry in data.items():
         if name in HEADER_WORDS or name in include:
             continue
         if isinstance(entry, dict):
             if name in common:
-                faults.add(place, f"group '{name}' stands in common/deck.toml too: include it, then change it")
+                faults.add(
+                    place,
+                    f"group '{name}' stands in common/deck.toml too: include it, then change it",
+                )
             groups.append(read_group(name, entry, False, f"{place}: {name}", faults))
         else:
-            faults.add(place, f"unknown word '{name}' at the top (known: {', '.join(sorted(HEADER_WORDS))})")
+            faults.add(
+                place,
+                f"unknown word '{name}' at the top (known: {', '.join(sorted(HEADER_WORDS))})",
+            )
     return Program(str(data.get("program")), folder, str(data.get("doc", "")).strip(),
                    str(data.get("example", "")).strip(), groups)  # fmt: skip
 
@@ -271,7 +309,9 @@ def call(head: str, doc: str, tail: str, indent: str = "    ") -> list[str]:
     pieces = textwrap.wrap(doc, 80, drop_whitespace=False, break_on_hyphens=False)
     for number, piece in enumerate(pieces):
         last = number == len(pieces) - 1
-        lines.append(f"{indent}  {'' if number == 0 else '//'}{quoted(piece)}{tail if last else ' &'}")
+        lines.append(
+            f"{indent}  {'' if number == 0 else '//'}{quoted(piece)}{tail if last else ' &'}"
+        )
     return lines
 
 
@@ -288,7 +328,11 @@ def preset(key: Key) -> str:
 
 def key_lines(key: Key) -> list[str]:
     """Return the calls that define one key."""
-    lines = call(f"call table%add_key({quoted(key.name)}, {quoted(key.kind)}, {quoted(key.unit)}, ", key.doc, ")")
+    lines = call(
+        f"call table%add_key({quoted(key.name)}, {quoted(key.kind)}, {quoted(key.unit)}, ",
+        key.doc,
+        ")",
+    )
     if key.required:
         lines.append("    call table%need()")
     if (key.least, key.most) != (1, 1):
@@ -315,12 +359,17 @@ def group_lines(group: Group) -> list[str]:
         if len(parts[-1]) + len(lines) > 48:
             parts.append([])
         parts[-1] += lines
-    tail = f"{', repeats=.true.' if group.repeat else ''}{', required=.true.' if group.required else ''})"
+    tail = ", repeats=.true." if group.repeat else ""
+    tail += ", required=.true.)" if group.required else ")"
     head = call(f"call table%add_group({quoted(group.name)}, {len(group.keys)}, ", group.doc, tail)
     text = []
     for number, lines in enumerate(parts):
         name = f"group_{group.name}" + ("" if number == 0 else f"_{number + 1}")
-        text += ["", f"  subroutine {name}(table)", "    type(key_table_type), intent(inout) :: table"]
+        text += [
+            "",
+            f"  subroutine {name}(table)",
+            "    type(key_table_type), intent(inout) :: table",
+        ]
         text += (head if number == 0 else []) + lines
         if number < len(parts) - 1:
             text.append(f"    call group_{group.name}_{number + 2}(table)")
@@ -331,15 +380,19 @@ def group_lines(group: Group) -> list[str]:
 def fortran(program: Program) -> str:
     """Return the module of a program's key table."""
     prefix = PROGRAMS[program.folder]
-    text = [f"!> Key table of {program.name}: generated by tools/keys.py from {program.folder}/deck.toml and"]
-    text += ["!! common/deck.toml; edit those and run `make keys`.", f"module {prefix}_deck_keys"]
+    text = [f"!> Key table of {program.name}: generated by tools/keys.py, do not edit. Sources:"]
+    text += [f"!! {program.folder}/deck.toml and common/deck.toml; then `make keys`."]
+    text += [f"module {prefix}_deck_keys"]
     body = [line for group in program.groups for line in group_lines(group)]
     kinds = [kind for kind in ("wp", "i4") if any(f"_{kind}" in line for line in body)]
     if kinds:
         text.append(f"  use talus_kinds, only: {', '.join(kinds)}")
     text += ["  use talus_deck_table, only: key_table_type", "  implicit none", "  private"]
     text += [f"  public :: {prefix}_deck_table", "", "contains", ""]
-    text += [f"  !> All groups and keys of a deck of {program.name}.", f"  subroutine {prefix}_deck_table(table)"]
+    text += [
+        f"  !> All groups and keys of a deck of {program.name}.",
+        f"  subroutine {prefix}_deck_table(table)",
+    ]
     text += ["    type(key_table_type), intent(inout) :: table"]
     text += [f"    call table%init({quoted(program.name)}, {len(program.groups)})"]
     text += [f"    call group_{group.name}(table)" for group in program.groups]
@@ -364,10 +417,21 @@ def range_text(key: Key) -> str:
 def size_text(key: Key) -> str:
     """Return the type of a key with its size."""
     if key.most == HUGE:
-        return f"{key.kind}, list" if key.least == 1 else f"{key.kind}, list of at least {key.least}"
+        return (
+            f"{key.kind}, list" if key.least == 1 else f"{key.kind}, list of at least {key.least}"
+        )
     if key.most > key.least:
         return f"{key.kind}, {key.least} to {key.most}"
     return key.kind if key.most == 1 else f"{key.kind}, {key.most}"
+
+
+def deck_text(value: object) -> str:
+    """Return a value as it would stand in a deck."""
+    if isinstance(value, str):
+        return f"'{value}'"
+    if isinstance(value, bool):
+        return ".true." if value else ".false."
+    return repr(value)
 
 
 def default_text(key: Key) -> str:
@@ -376,9 +440,7 @@ def default_text(key: Key) -> str:
         return "**required**"
     if key.default is None:
         return ""
-    shown = [f"'{v}'" if isinstance(v, str) else f".{str(v).lower()}." if isinstance(v, bool) else f"{v!r}"
-             for v in key.default]  # fmt: skip
-    return f"`{', '.join(shown)}`"
+    return f"`{', '.join(deck_text(value) for value in key.default)}`"
 
 
 def cell(text: str) -> str:
@@ -393,7 +455,14 @@ def group_page(group: Group) -> list[str]:
     lines = [f"## &{group.name}", "", group.doc, "", f"*{', '.join(said).capitalize()}.*", ""]
     lines += ["| key | type | unit | default | range | meaning |", "|---|---|---|---|---|---|"]
     for key in group.keys:
-        cells = [f"`{key.name}`", size_text(key), key.unit, default_text(key), range_text(key), key.doc]
+        cells = [
+            f"`{key.name}`",
+            size_text(key),
+            key.unit,
+            default_text(key),
+            range_text(key),
+            key.doc,
+        ]
         lines.append("| " + " | ".join(cell(text) for text in cells) + " |")
     if group.example:
         lines += ["", "```fortran", group.example, "```"]
@@ -405,9 +474,15 @@ def page(program: Program) -> str:
     lines = [f"# Deck of {program.name}", ""]
     if program.doc:
         lines += [program.doc, ""]
-    lines += ["Groups stand in any order as `&group key = value, value, ... /`; `!` starts a comment; strings"]
-    lines += ["are quoted; units are SI; file names are relative to the deck. Every fault of a deck is reported"]
-    lines += [f"in one go, with its place. `{program.name} --keys` prints this table."]
+    lines += [
+        "Groups stand in any order as `&group key = value, value, ... /`; `!` starts a comment;"
+    ]
+    lines += [
+        "strings are quoted; units are SI; file names are relative to the deck. Every fault of a"
+    ]
+    lines += [
+        f"deck is reported in one go, with its place. `{program.name} --keys` prints this table."
+    ]
     if program.example:
         lines += ["", "```fortran", program.example, "```"]
     lines += ["", "| group | |", "|---|---|"]
@@ -423,23 +498,45 @@ def page(program: Program) -> str:
 
 def main() -> int:
     """Write or check the tables, or write the reference; return 1 for any fault."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--check", action="store_true", help="only say whether the tables are up to date")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--check", action="store_true", help="only say whether the tables are up to date"
+    )
     parser.add_argument("--docs", type=Path, metavar="DIR", help="write the deck reference there")
     options = parser.parse_args()
     faults = Faults()
     common = load(ROOT / "common/deck.toml", faults)
     for name, entry in common.items():
         read_group(name, entry, True, f"common/deck.toml: {name}", faults)
-    programs = [p for folder in PROGRAMS if (p := read_program(folder, common, faults))]
+    programs = []
+    for folder in PROGRAMS if not faults.lines else []:
+        own = Faults()  # a fault in one folder does not hold up the others
+        program = read_program(folder, common, own)
+        if program and not own.lines:
+            programs.append(program)
+        faults.lines += own.lines
     if faults.lines:
         print("\n".join(f"keys: {line}" for line in faults.lines), file=sys.stderr)
-        return 1
+    stale = 0
     if options.docs:
-        options.docs.mkdir(parents=True, exist_ok=True)
-        for program in programs:
-            (options.docs / f"deck-{program.folder}.md").write_text(page(program), encoding="utf-8")
-        return 0
+        write_pages(programs, options.docs)
+    else:
+        stale = write_tables(programs, options.check)
+    return 1 if faults.lines or stale else 0
+
+
+def write_pages(programs: list[Program], folder: Path) -> None:
+    """Write the deck reference, one page a program."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for program in programs:
+        path = folder / f"deck-{program.folder}.md"
+        path.write_text(page(program), encoding="utf-8")
+
+
+def write_tables(programs: list[Program], only_check: bool) -> int:
+    """Write the tables that have changed; with only_check return how many would be."""
     stale = 0
     for program in programs:
         path = ROOT / program.folder / f"{PROGRAMS[program.folder]}_deck_keys.f90"
@@ -447,12 +544,13 @@ def main() -> int:
         if path.exists() and path.read_text(encoding="utf-8") == text:
             continue
         stale += 1
-        print(f"keys: {path.relative_to(ROOT)} {'is out of date: run make keys' if options.check else 'written'}")
-        if not options.check:
+        outcome = "is out of date: run make keys" if only_check else "written"
+        print(f"keys: {path.relative_to(ROOT)} {outcome}")
+        if not only_check:
             path.write_text(text, encoding="utf-8")
-    if options.check:
+    if only_check:
         print(f"{len(programs) - stale} passed, {stale} failed")
-    return 1 if options.check and stale else 0
+    return stale if only_check else 0
 
 
 if __name__ == "__main__":
