@@ -197,7 +197,7 @@ contains
       factor = c%c*overlap*overlap*sqrt(overlap)
       length = history(k, 13)
       sum_curvature = sum_curvature + weight(k)*0.5_wp*(factor + history(k, 14)) &
-                      *merge(root - length, 0.0_wp, on > 0.5_wp .and. length > 0.0_wp)
+                      *(on*merge(1.0_wp, 0.0_wp, length > 0.0_wp)*(root - length))
       ! force on B and moments
       fx = weight(k)*(total*nx + tx + dx)
       fy = weight(k)*(total*ny + ty + dy)

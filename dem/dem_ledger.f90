@@ -57,12 +57,12 @@ contains
     associate (g => d%grains)
       m = motion%mass_scale*g%mass(i)
       inertia = motion%inertia_scale*g%inertia(:, i)
-      l = scaled_spin_momentum(g%quat(:, i), inertia, g%omega(:, i))
+      r = rotation_of(g%quat(:, i))
+      l = scaled_spin_momentum(r, inertia, g%omega(:, i))
       part(1) = 0.5_wp*m*sum(g%v(:, i)**2) + 0.5_wp*dot_product(l, g%omega(:, i))
       total = g%force(:, i) + g%extra_force(:, i) + g%mass(i)*motion%gravity &
               - motion%damping*m*g%v(:, i)
       moment = g%moment(:, i) + g%extra_moment(:, i) - motion%damping*l
-      r = rotation_of(g%quat(:, i))
       moment = matmul(moment, r)
       part(2) = motion%dt**2/8.0_wp*(sum(total**2)/m + sum(moment**2/inertia))
     end associate

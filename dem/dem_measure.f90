@@ -5,6 +5,7 @@ module dem_measure
   use talus_text, only: str
   use dem_state, only: dem_data_type, kind_free, lanes
   use dem_integrate, only: motion_type, scaled_spin_momentum
+  use dem_shape, only: rotation_of
   use dem_steps, only: motion_of
   implicit none
   private
@@ -37,8 +38,8 @@ contains
     do i = 1, d%grains%n
       if (d%grains%kind(i) /= kind_free) cycle
       l = l + motion%mass_scale*d%grains%mass(i)*cross(d%grains%x(:, i), d%grains%v(:, i)) &
-          + motion%inertia_scale*scaled_spin_momentum(d%grains%quat(:, i), d%grains%inertia(:, i), &
-                                                      d%grains%omega(:, i))
+          + motion%inertia_scale*scaled_spin_momentum(rotation_of(d%grains%quat(:, i)), &
+                                                      d%grains%inertia(:, i), d%grains%omega(:, i))
     end do
   end function angular_momentum_of
 

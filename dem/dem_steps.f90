@@ -11,14 +11,16 @@ module dem_steps
   use dem_state, only: dem_data_type, kind_free, kind_fixed, mode_relaxation, lanes
   use dem_pairs, only: build_pairs, update_bodies
   use dem_forces, only: block_forces, sum_body
-  use dem_integrate, only: motion_type, start_grain, finish_grain, work_count
+  use dem_integrate, only: motion_type, mover_type, load_mover, kick_mover, drift_mover, &
+    store_mover, put_bodies, work_count
+  use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_shape, only: quaternion_from_rotation
   implicit none
   private
   public :: take_steps, evaluate_forces, motion_of, rebuild_if_needed, largest_travel
-  public :: add_grain_work
+  public :: kick_all, drift_all
 
-  integer(i4), parameter :: chunk = 64  !! grains in a unit of work
+  integer(i4), parameter :: chunk = lanes  !! grains in a unit of work
 
 contains
 
@@ -142,26 +144,46 @@ contains
     type(motion_type), intent(in) :: motion
     logical, intent(in) :: last
     real(wp), intent(out) :: work(work_count), travel
-    integer(i4) :: i
+    type(mover_type) :: mover
+    integer(i4) :: i, low, high
 
     work = 0.0_wp
     travel = 0.0_wp
-    if ((c - 1)*chunk >= d%grains%n) then
-      do i = 1, d%planes%n
-        d%planes%point(:, i) = d%planes%point(:, i) + motion%dt*d%planes%velocity(:, i)
-        d%pairs%body(1:3, d%grains%n + 3 + i) = d%planes%point(:, i)
-        d%pairs%body(10:12, d%grains%n + 3 + i) = d%planes%velocity(:, i)
-        travel = max(travel, sqrt(sum((d%planes%point(:, i) &
-                                       - d%pairs%reference_x(:, d%grains%n + 3 + i))**2)))
-      end do
+    low = (c - 1)*chunk
+    if (low >= d%grains%n) then
+      call start_planes(d, motion%dt, travel)
       return
     end if
-    do i = (c - 1)*chunk + 1, min(c*chunk, d%grains%n)
+    high = min(c*chunk, d%grains%n)
+    if (any(d%grains%kind(low + 1:high) == kind_free)) then
+      call load_mover(d%grains, low, high - low, mover)
+      call kick_mover(mover, motion, .true., work)
+      call drift_mover(mover, motion%dt)
+      call store_mover(mover, .true., d%grains)
+      call put_bodies(mover, d%pairs%body)
+    end if
+    do i = low + 1, high
       if (d%grains%kind(i) == kind_fixed) cycle
-      call start_grain(d%grains, i, motion, last, d%pairs%body(:, i), work)
+      if (d%grains%kind(i) /= kind_free) then
+        call drift_prescribed(d%grains, i, motion%dt, last, d%pairs%body(:, i))
+      end if
       travel = larger(travel, travel_of(d, i))
     end do
   end subroutine start_chunk
+
+  subroutine start_planes(d, dt, travel)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: dt
+    real(wp), intent(inout) :: travel
+    integer(i4) :: i, body
+    do i = 1, d%planes%n
+      body = d%grains%n + 3 + i
+      d%planes%point(:, i) = d%planes%point(:, i) + dt*d%planes%velocity(:, i)
+      d%pairs%body(1:3, body) = d%planes%point(:, i)
+      d%pairs%body(10:12, body) = d%planes%velocity(:, i)
+      travel = max(travel, sqrt(sum((d%planes%point(:, i) - d%pairs%reference_x(:, body))**2)))
+    end do
+  end subroutine start_planes
 
   !> Larger of two, not-a-number wins.
   pure real(wp) function larger(a, b)
@@ -194,28 +216,104 @@ contains
     integer(i4), intent(in) :: c
     type(motion_type), intent(in) :: motion
     real(wp), intent(out) :: work(work_count)
-    real(wp) :: force(3), moment(3), mean(3), done
+    type(mover_type) :: mover
+    integer(i4) :: low, high
+
+    call sum_chunk(d, c, motion%dt, work)
+    low = (c - 1)*chunk
+    if (low >= d%grains%n) return
+    high = min(c*chunk, d%grains%n)
+    if (.not. any(d%grains%kind(low + 1:high) == kind_free)) return
+    call load_mover(d%grains, low, high - low, mover)
+    call kick_mover(mover, motion, .false., work)
+    call store_mover(mover, .false., d%grains)
+  end subroutine finish_chunk
+
+  !> Forces of the grains of chunk c from their contacts; work and impulse of prescribed ones.
+  subroutine sum_chunk(d, c, dt, work)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: c
+    real(wp), intent(in) :: dt
+    real(wp), intent(out) :: work(work_count)
+    real(wp) :: force(3), moment(3)
     integer(i4) :: i
 
     work = 0.0_wp
     if ((c - 1)*chunk >= d%grains%n) then
-      do i = 1, d%planes%n
-        call sum_body(d%pairs%start, d%pairs%entry, d%pairs%result, d%grains%n + 3 + i, force, &
-                      moment)
-        mean = 0.5_wp*motion%dt*(d%planes%force(:, i) + force)
-        d%planes%force(:, i) = force
-        d%planes%impulse(:, i) = d%planes%impulse(:, i) + mean
-        done = -dot_product(mean, d%planes%velocity(:, i))
-        d%planes%work(i) = d%planes%work(i) + done
-        work(4) = work(4) + done
-      end do
+      call finish_planes(d, dt, work)
       return
     end if
     do i = (c - 1)*chunk + 1, min(c*chunk, d%grains%n)
       call sum_body(d%pairs%start, d%pairs%entry, d%pairs%result, i, force, moment)
-      call finish_grain(d%grains, i, motion, force, moment, work)
+      if (d%grains%kind(i) == kind_free) then
+        d%grains%force(:, i) = force
+        d%grains%moment(:, i) = moment
+      else
+        call finish_prescribed(d%grains, i, dt, force, moment, work)
+      end if
     end do
-  end subroutine finish_chunk
+  end subroutine sum_chunk
+
+  subroutine finish_planes(d, dt, work)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: dt
+    real(wp), intent(inout) :: work(work_count)
+    real(wp) :: force(3), moment(3), mean(3), done
+    integer(i4) :: i
+    do i = 1, d%planes%n
+      call sum_body(d%pairs%start, d%pairs%entry, d%pairs%result, d%grains%n + 3 + i, force, moment)
+      mean = 0.5_wp*dt*(d%planes%force(:, i) + force)
+      d%planes%force(:, i) = force
+      d%planes%impulse(:, i) = d%planes%impulse(:, i) + mean
+      done = -dot_product(mean, d%planes%velocity(:, i))
+      d%planes%work(i) = d%planes%work(i) + done
+      work(4) = work(4) + done
+    end do
+  end subroutine finish_planes
+
+  !> Full kick over dt: both half kicks with the forces in hand.
+  subroutine kick_all(d, dt)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: dt
+    type(motion_type) :: motion
+    type(mover_type) :: mover
+    real(wp) :: work(work_count, 1)
+    integer(i4) :: low
+
+    motion = motion_of(d, dt)
+    work = 0.0_wp
+    do low = 0, d%grains%n - 1, chunk
+      call load_mover(d%grains, low, min(chunk, d%grains%n - low), mover)
+      call kick_mover(mover, motion, .false., work(:, 1))
+      call kick_mover(mover, motion, .true., work(:, 1))
+      call store_mover(mover, .false., d%grains)
+    end do
+    call add_grain_work(d, work)
+  end subroutine kick_all
+
+  !> Drift over dt of everything that moves; targets are reached. No forces.
+  subroutine drift_all(d, dt)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: dt
+    type(mover_type) :: mover
+    real(wp) :: travel
+    integer(i4) :: low, i
+
+    do low = 0, d%grains%n - 1, chunk
+      call load_mover(d%grains, low, min(chunk, d%grains%n - low), mover)
+      call drift_mover(mover, dt)
+      call store_mover(mover, .true., d%grains)
+      call put_bodies(mover, d%pairs%body)
+    end do
+    do i = 1, d%grains%n
+      if (d%grains%kind(i) == kind_free .or. d%grains%kind(i) == kind_fixed) cycle
+      d%grains%turn(:, i) = quaternion_from_rotation(dt*d%grains%omega(:, i))
+      call drift_prescribed(d%grains, i, dt, .true., d%pairs%body(:, i))
+      d%grains%has_target(i) = .false.
+    end do
+    travel = 0.0_wp
+    call start_planes(d, dt, travel)
+  end subroutine drift_all
 
   !> Chunk sums into the ledger, in the order of chunks.
   subroutine add_grain_work(d, work)
@@ -253,14 +351,12 @@ contains
   subroutine evaluate_forces(d, h)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: h
-    type(motion_type) :: motion
     real(wp), allocatable :: finished(:, :)
-    integer(i4) :: k, c, chunks, i
+    integer(i4) :: k, c, chunks
 
     chunks = (d%grains%n + chunk - 1)/chunk + 1
     allocate (finished(work_count, chunks), source=0.0_wp)
-    motion = motion_of(d, h)
-    !$omp parallel default(none) private(k, c, i) shared(d, motion, h, chunks, finished)
+    !$omp parallel default(none) private(k, c) shared(d, h, chunks, finished)
     !$omp do schedule(static, 1)
     do k = 1, d%pairs%blocks
       call block_forces(d%pairs, d%laws, k, h)
@@ -268,46 +364,13 @@ contains
     !$omp end do
     !$omp do schedule(static)
     do c = 1, chunks
-      call sum_chunk(d, c, motion, finished(:, c))
+      call sum_chunk(d, c, h, finished(:, c))
     end do
     !$omp end do
     !$omp end parallel
     call add_contact_work(d)
     call add_grain_work(d, finished)
   end subroutine evaluate_forces
-
-  !> As finish_chunk, but free grains are not kicked.
-  subroutine sum_chunk(d, c, motion, work)
-    type(dem_data_type), intent(inout) :: d
-    integer(i4), intent(in) :: c
-    type(motion_type), intent(in) :: motion
-    real(wp), intent(out) :: work(work_count)
-    integer(i4) :: i
-
-    if ((c - 1)*chunk >= d%grains%n) then
-      call finish_chunk(d, c, motion, work)
-      return
-    end if
-    work = 0.0_wp
-    do i = (c - 1)*chunk + 1, min(c*chunk, d%grains%n)
-      if (d%grains%kind(i) == kind_free) then
-        call sum_body(d%pairs%start, d%pairs%entry, d%pairs%result, i, d%grains%force(:, i), &
-                      d%grains%moment(:, i))
-      else
-        call finish_prescribed(d, i, motion, work)
-      end if
-    end do
-  end subroutine sum_chunk
-
-  subroutine finish_prescribed(d, i, motion, work)
-    type(dem_data_type), intent(inout) :: d
-    integer(i4), intent(in) :: i
-    type(motion_type), intent(in) :: motion
-    real(wp), intent(inout) :: work(work_count)
-    real(wp) :: force(3), moment(3)
-    call sum_body(d%pairs%start, d%pairs%entry, d%pairs%result, i, force, moment)
-    call finish_grain(d%grains, i, motion, force, moment, work)
-  end subroutine finish_prescribed
 
   !> Largest travel of any grain or plane since the list was made [m].
   real(wp) function largest_travel(d) result(travel)

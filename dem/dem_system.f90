@@ -7,11 +7,10 @@ module dem_system
   use talus_errors, only: error_list_type
   use talus_text, only: str
   use dem_archive, only: dem_archive_type
-  use dem_state, only: dem_data_type, kind_free, kind_fixed, lanes, mode_relaxation
+  use dem_state, only: dem_data_type, kind_free, lanes
   use dem_make, only: sorted_order, make_planes
   use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
-  use dem_steps, only: take_steps, evaluate_forces, motion_of, rebuild_if_needed, add_grain_work
-  use dem_integrate, only: motion_type, kick_grain, drift_free, drift_prescribed, work_count
+  use dem_steps, only: take_steps, evaluate_forces, rebuild_if_needed, kick_all, drift_all
   use dem_shape, only: quaternion_from_rotation, rotation_between
   use dem_ledger, only: refresh_stored, start_ledger, follow_step, closure_of
   use dem_limits, only: gershgorin_step, rayleigh_step, impact_step
@@ -157,37 +156,15 @@ contains
   subroutine kick(self, dt)
     class(dem_system_type), intent(inout) :: self
     real(wp), intent(in) :: dt  !! [s]
-    type(motion_type) :: motion
-    real(wp) :: work(work_count, 1)
-    integer(i4) :: i
-
-    motion = motion_of(self%dem_data_type, dt)
-    work = 0.0_wp
-    do i = 1, self%grains%n
-      if (self%grains%kind(i) == kind_free) call kick_grain(self%grains, i, motion, work(:, 1))
-    end do
-    call add_grain_work(self%dem_data_type, work)
+    call kick_all(self%dem_data_type, dt)
   end subroutine kick
 
   !> x += dt v of all grains and planes, rotation alike; no forces.
   subroutine drift(self, dt)
     class(dem_system_type), intent(inout) :: self
     real(wp), intent(in) :: dt  !! [s]
-    integer(i4) :: i, k
-
     if (.not. dt > 0.0_wp) return
-    do i = 1, self%grains%n
-      if (self%grains%kind(i) == kind_free) then
-        call drift_free(self%grains, i, dt, self%pairs%body(:, i))
-      else if (self%grains%kind(i) /= kind_fixed) then
-        self%grains%turn(:, i) = quaternion_from_rotation(dt*self%grains%omega(:, i))
-        call drift_prescribed(self%grains, i, dt, .true., self%pairs%body(:, i))
-        self%grains%has_target(i) = .false.
-      end if
-    end do
-    do k = 1, self%planes%n
-      self%planes%point(:, k) = self%planes%point(:, k) + dt*self%planes%velocity(:, k)
-    end do
+    call drift_all(self%dem_data_type, dt)
     self%pending = self%pending + dt
     self%health%steps = self%health%steps + 1
   end subroutine drift
