@@ -22,7 +22,7 @@ int talus_process_wait(int pid, int fd, int milliseconds, int *exit_code, int *s
 int talus_process_kill_group(int pid, int signal_number);
 void talus_process_close(int fd);
 void talus_process_sibling(const char *name, char *path, int room);
-const char *talus_process_core_type(void);
+void talus_process_core_type(char *text, int room);
 
 /* `count` strings, each ended by a zero byte, one behind the other, as an array ended by NULL. */
 static char **split(const char *text, int count)
@@ -198,16 +198,15 @@ void talus_process_sibling(const char *name, char *path, int room)
 }
 
 /* Kernels that OpenBLAS should take where it does not know the processor (older releases). */
-const char *talus_process_core_type(void)
+void talus_process_core_type(char *text, int room)
 {
-    if (getenv("OPENBLAS_CORETYPE"))
-        return "";
+    const char *kernels = "";
 #if defined(__x86_64__)
     __builtin_cpu_init();
     if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl"))
-        return "SkylakeX";
-    if (__builtin_cpu_supports("avx2"))
-        return "Haswell";
+        kernels = "SkylakeX";
+    else if (__builtin_cpu_supports("avx2"))
+        kernels = "Haswell";
 #endif
-    return "";
+    snprintf(text, (size_t)room, "%s", getenv("OPENBLAS_CORETYPE") ? "" : kernels);
 }

@@ -3,7 +3,7 @@
 !! A child gets no variables of a parent MPI launcher, a passive OpenMP wait policy, its thread
 !! counts, and is killed by the kernel when this program dies, however it dies.
 module talus_process
-  use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char, c_ptr, c_f_pointer
+  use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
   use talus_kinds, only: wp, i4
   use talus_text, only: str, string_type, append_string
   use talus_errors, only: error_list_type
@@ -70,10 +70,11 @@ module talus_process
       character(kind=c_char), intent(inout) :: path(*)
       integer(c_int), value :: room
     end subroutine c_sibling
-    function c_core_type() result(text) bind(c, name='talus_process_core_type')
-      import :: c_ptr
-      type(c_ptr) :: text
-    end function c_core_type
+    subroutine c_core_type(text, room) bind(c, name='talus_process_core_type')
+      import :: c_char, c_int
+      character(kind=c_char), intent(inout) :: text(*)
+      integer(c_int), value :: room
+    end subroutine c_core_type
   end interface
 
 contains
@@ -125,30 +126,17 @@ contains
     integer(i4), intent(in) :: threads
     type(string_type), allocatable, intent(out) :: edits(:)
     character(len=:), allocatable :: core
+    character(kind=c_char) :: buffer(16)
 
     call append_string(edits, 'OMP_WAIT_POLICY=passive')
     if (threads > 0) then
       call append_string(edits, 'OMP_NUM_THREADS='//str(threads))
       call append_string(edits, 'OPENBLAS_NUM_THREADS='//str(threads))
     end if
-    core = core_type()
+    call c_core_type(buffer, size(buffer))
+    core = text_of(buffer)
     if (len(core) > 0) call append_string(edits, 'OPENBLAS_CORETYPE='//core)
   end subroutine environment_edits
-
-  function core_type() result(text)
-    character(len=:), allocatable :: text
-    character(kind=c_char), pointer :: chars(:)
-    type(c_ptr) :: address
-    integer :: k
-
-    address = c_core_type()
-    call c_f_pointer(address, chars, [16])
-    text = ''
-    do k = 1, 16
-      if (chars(k) == c_null_char) exit
-      text = text//chars(k)
-    end do
-  end function core_type
 
   !> The strings one behind the other, each ended by a zero byte.
   pure function flat(list) result(text)
