@@ -12,7 +12,7 @@ module dem_make
 
 contains
 
-  !> Fill `grains` from arrays in any order; faults name the grain (I200 to I204).
+  !> Fill `grains` from arrays in any order; faults name the grain (I210 to I214).
   subroutine make_grains(grains, materials, id, kind, material, x, quat, axes, v, omega, errors)
     type(dem_grains_type), intent(out) :: grains
     type(dem_material_type), intent(in) :: materials(:)
@@ -37,7 +37,7 @@ contains
       k = order(i)
       if (i > 1) then
         if (id(k) == id(order(i - 1))) then
-          call errors%add('I203', 'grain id '//str(id(k))//' is given twice', &
+          call errors%add('I213', 'grain id '//str(id(k))//' is given twice', &
                           hint='ids of a packing must differ')
           return
         end if
@@ -72,18 +72,18 @@ contains
       who = 'grain '//str(id(k))//': '
       if (.not. all(abs(x(:, k)) < huge(1.0_wp)) .or. .not. all(abs(v(:, k)) < huge(1.0_wp)) &
           .or. .not. all(abs(omega(:, k)) < huge(1.0_wp))) then
-        call errors%add('I200', who//'position, velocity or spin is not a number: '// &
+        call errors%add('I210', who//'position, velocity or spin is not a number: '// &
                         str([x(:, k), v(:, k), omega(:, k)]), hint=hint)
       end if
       if (.not. all(axes(:, k) > 0.0_wp .and. axes(:, k) < huge(1.0_wp))) then
-        call errors%add('I201', who//'semi-axes must be positive, got '//str(axes(:, k)), hint=hint)
+        call errors%add('I211', who//'semi-axes must be positive, got '//str(axes(:, k)), hint=hint)
       end if
       if (.not. abs(sum(quat(:, k)**2) - 1.0_wp) < 1.0e-3_wp) then
-        call errors%add('I202', who//'orientation is no unit quaternion: '//str(quat(:, k)), &
+        call errors%add('I212', who//'orientation is no unit quaternion: '//str(quat(:, k)), &
                         hint='order w, x, y, z, length 1')
       end if
       if (kind(k) < 0 .or. kind(k) > 3 .or. material(k) < 1 .or. material(k) > n_materials) then
-        call errors%add('I204', who//'unknown kind '//str(kind(k))//' or material '// &
+        call errors%add('I214', who//'unknown kind '//str(kind(k))//' or material '// &
                         str(material(k)), hint='kinds: 0 free, 1 fixed, 2 driven')
       end if
     end do

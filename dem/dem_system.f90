@@ -80,7 +80,7 @@ contains
     call evaluate_forces(self%dem_data_type, 0.0_wp)
     self%pending = 0.0_wp
     self%ready = .true.
-    call check_overlap(self%dem_data_type, 'I205', errors)
+    call check_overlap(self%dem_data_type, 'I215', errors)
     call start_ledger(self%dem_data_type, self%par%dt)
   end subroutine init
 
@@ -110,7 +110,7 @@ contains
     end if
   end function usual_skin
 
-  !> Every pair of materials in use needs a contact law (D200).
+  !> Every pair of materials in use needs a contact law (D217).
   subroutine check_laws(self, errors)
     class(dem_system_type), intent(in) :: self
     type(error_list_type), intent(inout) :: errors
@@ -124,7 +124,7 @@ contains
       do b = a, size(used)
         if (.not. (used(a) .and. used(b))) cycle
         if (self%laws(a, b)%kind > 0 .and. self%laws(b, a)%kind > 0) cycle
-        call errors%add('D200', 'no contact law between materials '//str(a)//' and '//str(b), &
+        call errors%add('D217', 'no contact law between materials '//str(a)//' and '//str(b), &
                         hint='add a contact group for this pair')
       end do
     end do
@@ -290,7 +290,7 @@ contains
     self%planes%work = 0.0_wp
   end subroutine reset_impulses
 
-  !> Indices of ids; unknown ones are faults (I206) and give 0.
+  !> Indices of ids; unknown ones are faults (I216) and give 0.
   subroutine find(self, ids, index, errors)
     class(dem_system_type), intent(in) :: self
     integer(i8), intent(in) :: ids(:)
@@ -313,7 +313,7 @@ contains
           high = middle - 1
         end if
       end do
-      if (index(k) == 0) call errors%add('I206', 'there is no grain with id '//str(ids(k)), &
+      if (index(k) == 0) call errors%add('I216', 'there is no grain with id '//str(ids(k)), &
                                          hint='ids are those of the packing file')
     end do
   end subroutine find
