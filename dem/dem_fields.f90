@@ -1,0 +1,119 @@
+!> Field output: grains (and contacts, where asked for) step by step in HDF5, described in XDMF.
+module dem_fields
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: string_type
+  use talus_errors, only: error_list_type
+  use talus_hdf5, only: h5_file_type
+  use talus_series, only: series_type
+  use talus_xdmf, only: xdmf_type, xdmf_node
+  use dem_system, only: dem_system_type, dem_contacts_type
+  use dem_measure, only: coordination_of
+  implicit none
+  private
+  public :: dem_fields_type
+
+  character(len=*), parameter :: format_name = 'talus-grains'
+
+  type :: dem_fields_type
+    logical :: contacts = .false.     !! write contacts too
+    logical :: opened = .false.
+    real(wp) :: last_time = -1.0_wp   !! of the last step written [s]
+    type(series_type) :: series
+    type(xdmf_type) :: xdmf
+  contains
+    procedure :: open => open_fields
+    procedure :: write => write_fields
+  end type dem_fields_type
+
+contains
+
+  !> Begin the file, or go on in it after a restart at time >= 0; note tells what was mended.
+  subroutine open_fields(self, stem, time, note, errors)
+    class(dem_fields_type), intent(inout) :: self
+    character(len=*), intent(in) :: stem
+    real(wp), intent(in) :: time  !! of the checkpoint [s]; < 0: a fresh run
+    character(len=:), allocatable, intent(out) :: note
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+    logical :: found
+    integer(i4) :: before
+
+    before = errors%count
+    found = .false.
+    note = ''
+    if (time >= 0.0_wp) then
+      call self%series%resume(stem//'.h5', format_name, time, found, errors)
+      note = self%series%note
+      if (found .and. self%series%count > 0) &
+        self%last_time = self%series%step(self%series%count)%time
+    end if
+    if (errors%count == before .and. .not. found) then
+      call self%series%start(stem//'.h5', format_name, file, errors)
+      call file%commit(errors)
+    end if
+    call describe(self%xdmf, stem)
+    self%opened = errors%count == before
+  end subroutine open_fields
+
+  subroutine describe(xdmf, stem)
+    type(xdmf_type), intent(inout) :: xdmf
+    character(len=*), intent(in) :: stem
+    call xdmf%describe_points(stem//'.xdmf', 'grains/x')
+    call xdmf%attribute('id', 'grains/id', xdmf_node, 1, 'int8')
+    call xdmf%attribute('kind', 'grains/kind', xdmf_node, 1, 'int4')
+    call xdmf%attribute('coordination', 'grains/coordination', xdmf_node, 1, 'int4')
+    call xdmf%attribute('quat', 'grains/quat', xdmf_node, 4)
+    call xdmf%attribute('axes', 'grains/axes', xdmf_node, 3)
+    call xdmf%attribute('v', 'grains/v', xdmf_node, 3)
+    call xdmf%attribute('omega', 'grains/omega', xdmf_node, 3)
+    call xdmf%attribute('force', 'grains/force', xdmf_node, 3)
+    call xdmf%attribute('moment', 'grains/moment', xdmf_node, 3)
+  end subroutine describe
+
+  !> One more step; a time that was just written is not written twice.
+  subroutine write_fields(self, time, system, errors)
+    class(dem_fields_type), intent(inout) :: self
+    real(wp), intent(in) :: time  !! s
+    type(dem_system_type), intent(in) :: system
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+    character(len=:), allocatable :: group
+
+    if (.not. self%opened .or. .not. time > self%last_time) return
+    call self%series%begin_step(time, file, group, errors)
+    call file%group(group//'/grains', errors)
+    associate (g => system%grains)
+      call file%put(group//'/grains/id', g%id, errors)
+      call file%put(group//'/grains/kind', g%kind, errors)
+      call file%put(group//'/grains/coordination', &
+                    int(coordination_of(system%dem_data_type), i4), errors)
+      call file%put(group//'/grains/x', g%x, errors)
+      call file%put(group//'/grains/quat', g%quat, errors)
+      call file%put(group//'/grains/axes', g%axes, errors)
+      call file%put(group//'/grains/v', g%v, errors)
+      call file%put(group//'/grains/omega', g%omega, errors)
+      call file%put(group//'/grains/force', g%force, errors)
+      call file%put(group//'/grains/moment', g%moment, errors)
+    end associate
+    if (self%contacts) call put_contacts(file, group//'/contacts', system, errors)
+    call self%series%end_step(int(system%grains%n, i8), file, errors)
+    call self%xdmf%write(self%series, errors)
+    self%last_time = time
+  end subroutine write_fields
+
+  subroutine put_contacts(file, group, system, errors)
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: group
+    type(dem_system_type), intent(in) :: system
+    type(error_list_type), intent(inout) :: errors
+    type(dem_contacts_type) :: list
+
+    call system%contacts(list)
+    call file%group(group, errors)
+    call file%put(group//'/ids', list%ids(:, :list%n), errors)
+    call file%put(group//'/point', list%point(:, :list%n), errors)
+    call file%put(group//'/normal', list%normal(:, :list%n), errors)
+    call file%put(group//'/force', list%force(:, :list%n), errors)
+    call file%put(group//'/overlap', list%overlap(:list%n), errors)
+  end subroutine put_contacts
+end module dem_fields

@@ -1,0 +1,176 @@
+!> What a run tells its user: log (header, model, rows, health) and summary.json.
+module dem_logbook
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str, string_type
+  use talus_errors, only: error_list_type
+  use talus_deck, only: deck_type
+  use talus_log, only: log_type, short_number, duration_text
+  use talus_summary, only: summary_type
+  use talus_timers, only: timers_type
+  use dem_state, only: kind_free, kind_fixed, kind_driven, kind_ghost
+  use dem_system, only: dem_system_type
+  use dem_measure, only: contact_count
+  use dem_histories, only: relative_closure
+  use dem_clock, only: dem_clock_type
+  use dem_setup, only: dem_choices_type
+  use dem_setup_laws, only: law_lines
+  implicit none
+  private
+  public :: begin_log, log_model, log_row_titles, log_row, log_health, write_summary
+
+contains
+
+  !> Header and deck as understood.
+  subroutine begin_log(log, program, deck, threads)
+    type(log_type), intent(inout) :: log
+    character(len=*), intent(in) :: program
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: threads
+    type(string_type), allocatable :: lines(:)
+    character(len=:), allocatable :: title
+
+    call deck%get('run', 1, 'title', title)
+    call log%header(program, title, deck%source%path, deck%hash(), 1_i4, threads)
+    call deck%echo(lines)
+    call log%deck_echo(lines)
+  end subroutine begin_log
+
+  !> Size of the model, laws, step and its limits.
+  subroutine log_model(log, deck, system, choices, clock)
+    type(log_type), intent(inout) :: log
+    type(deck_type), intent(in) :: deck
+    type(dem_system_type), intent(in) :: system
+    type(dem_choices_type), intent(in) :: choices
+    type(dem_clock_type), intent(in) :: clock
+    type(string_type), allocatable :: lines(:)
+    character(len=:), allocatable :: how
+    real(wp) :: limit
+    integer(i4) :: k
+
+    call log%section('Model')
+    call log%item('grains', str(system%grains%n), counted(system, kind_free)//' free, '// &
+                  counted(system, kind_fixed)//' fixed, '//counted(system, kind_driven)// &
+                  ' driven, '//counted(system, kind_ghost)//' ghosts')
+    call log%item('walls', str(system%planes%n))
+    call law_lines(deck, system%laws, choices%material, lines)
+    do k = 1, size(lines)
+      call log%item(trim(merge('contact laws', '            ', k == 1)), lines(k)%s)
+    end do
+    call log%item('contacts', str(contact_count(system%dem_data_type)), &
+                  str(system%pairs%count)//' candidate pairs, skin '// &
+                  short_number(system%pairs%skin)//' m')
+    limit = system%step_limit()
+    how = 'no contacts yet'
+    if (limit < 0.1_wp*huge(limit)) how = short_number(limit)//' s'
+    call log%item('stability limit', how)
+    limit = system%rayleigh_limit()
+    if (limit < 0.1_wp*huge(limit)) call log%item('Rayleigh time', short_number(limit)//' s')
+    how = 'given'
+    if (clock%automatic) how = 'automatic, '//short_number(system%par%dt_factor)// &
+      ' of the limits'
+    if (clock%dt > 0.0_wp) call log%item('time step', str(clock%dt)//' s', how)
+    call log%memory()
+  end subroutine log_model
+
+  function counted(system, kind) result(text)
+    type(dem_system_type), intent(in) :: system
+    integer(i4), intent(in) :: kind
+    character(len=:), allocatable :: text
+    text = str(count(system%grains%kind == kind))
+  end function counted
+
+  subroutine log_row_titles(log)
+    type(log_type), intent(inout) :: log
+    type(string_type) :: titles(8)
+    titles(1)%s = 'time [s]'
+    titles(2)%s = 'steps'
+    titles(3)%s = 'contacts'
+    titles(4)%s = 'kinetic [J]'
+    titles(5)%s = 'energy error'
+    titles(6)%s = 'max overlap'
+    titles(7)%s = 'ms/step'
+    titles(8)%s = 'time left'
+    call log%row_titles(titles)
+  end subroutine log_row_titles
+
+  !> One row; step_time and left are wall times [s], left < 0 is not known.
+  subroutine log_row(log, system, clock, step_time, left)
+    type(log_type), intent(inout) :: log
+    type(dem_system_type), intent(inout) :: system
+    type(dem_clock_type), intent(in) :: clock
+    real(wp), intent(in) :: step_time, left
+    type(string_type) :: cells(8)
+
+    call system%refresh_ledger()
+    cells(1)%s = short_number(clock%time())
+    cells(2)%s = str(clock%steps)
+    cells(3)%s = str(contact_count(system%dem_data_type))
+    cells(4)%s = short_number(system%ledger%kinetic)
+    cells(5)%s = short_number(relative_closure(system))
+    cells(6)%s = short_number(system%health%max_overlap)
+    cells(7)%s = short_number(1.0e3_wp*step_time)
+    cells(8)%s = '-'
+    if (left >= 0.0_wp) cells(8)%s = duration_text(left)
+    call log%row(cells)
+  end subroutine log_row
+
+  !> The line that tells whether to trust the run.
+  subroutine log_health(log, system, clock)
+    type(log_type), intent(inout) :: log
+    type(dem_system_type), intent(inout) :: system
+    type(dem_clock_type), intent(in) :: clock
+    character(len=:), allocatable :: text
+
+    call system%refresh_ledger()
+    text = 'energy error '//short_number(relative_closure(system))//', largest overlap '// &
+      short_number(100.0_wp*system%health%max_overlap)//' % of the least semi-axis, '// &
+      str(system%health%rebuilds)//' list rebuilds, '//str(system%health%late_rebuilds)//' late'
+    if (clock%unstable > 0) text = text//', step above the stability limit at '// &
+      str(clock%unstable)//' looks'
+    call log%health(text)
+  end subroutine log_health
+
+  !> summary.json; steps_time is the wall time spent in steps [s].
+  subroutine write_summary(path, program, deck, system, clock, timers, steps_done, steps_time, &
+                           exit_code, faults, errors)
+    character(len=*), intent(in) :: path, program
+    type(deck_type), intent(in) :: deck
+    type(dem_system_type), intent(inout) :: system
+    type(dem_clock_type), intent(in) :: clock
+    type(timers_type), intent(in) :: timers
+    integer(i8), intent(in) :: steps_done  !! in this run, without those before a restart
+    real(wp), intent(in) :: steps_time
+    integer(i4), intent(in) :: exit_code
+    type(error_list_type), intent(in) :: faults
+    type(error_list_type), intent(inout) :: errors
+    type(summary_type) :: summary
+    real(wp) :: rate
+
+    call system%refresh_ledger()
+    call summary%set_program(program, deck%source%path, deck%hash())
+    call summary%set('exit_code', exit_code)
+    call summary%set('wall_time_s', timers%elapsed())
+    call summary%set('steps', clock%steps)
+    call summary%set('time_s', clock%time())
+    call summary%set('dt_s', clock%dt)
+    call summary%set('grains', system%grains%n)
+    call summary%set('free_grains', int(count(system%grains%kind == kind_free), i4))
+    call summary%set('contacts', contact_count(system%dem_data_type))
+    rate = 0.0_wp
+    if (steps_time > 0.0_wp) rate = real(steps_done, wp)/steps_time
+    call summary%set('grain_steps_per_s', rate*system%grains%n)
+    call summary%set('free_grain_steps_per_s', rate*count(system%grains%kind == kind_free))
+    call summary%set('health.energy_error', relative_closure(system))
+    call summary%set('health.closure_J', system%closure())
+    call summary%set('health.max_overlap', system%health%max_overlap)
+    call summary%set('health.rebuilds', system%health%rebuilds)
+    call summary%set('health.late_rebuilds', system%health%late_rebuilds)
+    call summary%set('health.steps_above_limit', clock%unstable)
+    call summary%set('energy.kinetic_J', system%ledger%kinetic)
+    call summary%set('energy.elastic_J', system%ledger%elastic_normal &
+                     + system%ledger%elastic_tangential)
+    call summary%set_timers(timers)
+    call summary%set_errors(faults)
+    call summary%write(path, errors)
+  end subroutine write_summary
+end module dem_logbook

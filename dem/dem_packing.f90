@@ -1,0 +1,209 @@
+!> Packing files (HDF5, format 'talus-packing', version 1): read, check, write.
+!!
+!! Faults of the file itself come from talus_hdf5; here I230 to I234: version, sizes, groups.
+!! What a grain may be is checked where grains are made (dem_make).
+module dem_packing
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str, string_type
+  use talus_errors, only: error_list_type
+  use talus_hdf5, only: h5_file_type
+  use talus_suggest, only: did_you_mean
+  use dem_state, only: dem_grains_type, kind_ghost, kind_driven
+  implicit none
+  private
+  public :: dem_packing_type, dem_group_type, read_packing, write_packing, group_index
+
+  character(len=*), parameter :: format_name = 'talus-packing'
+  integer(i4), parameter :: format_version = 1
+
+  !> A named group of grains.
+  type :: dem_group_type
+    character(len=:), allocatable :: name
+    integer(i8), allocatable :: id(:)
+  end type dem_group_type
+
+  !> What a packing file holds, in the order of the file.
+  type :: dem_packing_type
+    integer(i4) :: n = 0
+    integer(i8), allocatable :: id(:)
+    integer(i4), allocatable :: kind(:)   !! 0 free, 1 fixed, 2 driven
+    real(wp), allocatable :: x(:, :)      !! (3, n) [m]
+    real(wp), allocatable :: quat(:, :)   !! (4, n) w, x, y, z
+    real(wp), allocatable :: axes(:, :)   !! (3, n) semi-axes [m]
+    real(wp), allocatable :: v(:, :)      !! (3, n) [m/s]
+    real(wp), allocatable :: omega(:, :)  !! (3, n) space frame [rad/s]
+    type(dem_group_type), allocatable :: group(:)
+  end type dem_packing_type
+
+contains
+
+  !> Read a packing; all faults of the file are found in one go.
+  subroutine read_packing(packing, path, errors)
+    type(dem_packing_type), intent(inout) :: packing
+    character(len=*), intent(in) :: path
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+    integer(i4) :: before, version
+
+    before = errors%count
+    call file%open(path, errors, format=format_name)
+    if (errors%count > before) return
+    version = 0
+    call file%attr_get('/', 'version', version, errors)
+    if (errors%count == before .and. version /= format_version) then
+      call errors%add('I230', "'"//path//"' is a packing of version "//str(version)//', '// &
+                      str(format_version)//' is read', path, &
+                      "make it again with the 'talus pack' of this version")
+    end if
+    if (errors%count == before) then
+      call file%get('/grains/id', packing%id, errors)
+      call file%get('/grains/kind', packing%kind, errors)
+      call file%get('/grains/x', packing%x, errors)
+      call file%get('/grains/quat', packing%quat, errors)
+      call file%get('/grains/axes', packing%axes, errors)
+      call file%get('/grains/v', packing%v, errors)
+      call file%get('/grains/omega', packing%omega, errors)
+    end if
+    if (errors%count == before) call check_sizes(packing, path, errors)
+    if (errors%count == before) call read_groups(packing, file, errors)
+    call file%close(errors)
+  end subroutine read_packing
+
+  subroutine check_sizes(packing, path, errors)
+    type(dem_packing_type), intent(inout) :: packing
+    character(len=*), intent(in) :: path
+    type(error_list_type), intent(inout) :: errors
+
+    packing%n = size(packing%id)
+    if (packing%n == 0) then
+      call errors%add('I231', "'"//path//"' holds no grains", path//':/grains/id', &
+                      "look at the file with h5ls, or make it again with 'talus pack'")
+      return
+    end if
+    call check('kind', 1, 1, size(packing%kind))
+    call check('x', size(packing%x, 1), 3, size(packing%x, 2))
+    call check('quat', size(packing%quat, 1), 4, size(packing%quat, 2))
+    call check('axes', size(packing%axes, 1), 3, size(packing%axes, 2))
+    call check('v', size(packing%v, 1), 3, size(packing%v, 2))
+    call check('omega', size(packing%omega, 1), 3, size(packing%omega, 2))
+
+  contains
+
+    subroutine check(name, width, expected, rows)
+      character(len=*), intent(in) :: name
+      integer, intent(in) :: width, expected, rows
+      if (width == expected .and. rows == packing%n) return
+      call errors%add('I232', "'"//path//"': /grains/"//name//' has '//str(rows)//' rows of '// &
+                      str(width)//', not '//str(packing%n)//' rows of '//str(expected), &
+                      path//':/grains/'//name, 'each grain has one row in every dataset')
+    end subroutine check
+  end subroutine check_sizes
+
+  subroutine read_groups(packing, file, errors)
+    type(dem_packing_type), intent(inout) :: packing
+    type(h5_file_type), intent(inout) :: file
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: names(:)
+    integer(i8) :: missing
+    integer(i4) :: k, before
+
+    before = errors%count
+    call file%names('/groups', names)
+    if (allocated(packing%group)) deallocate (packing%group)
+    allocate (packing%group(size(names)))
+    do k = 1, size(names)
+      packing%group(k)%name = names(k)%s
+      call file%get('/groups/'//names(k)%s, packing%group(k)%id, errors)
+      if (errors%count > before) return
+      missing = first_missing(packing%group(k)%id, packing%id)
+      if (missing /= 0) then
+        call errors%add('I233', "'"//file%path//"': group '"//names(k)%s//"' holds grain "// &
+                        str(missing)//', which the packing has not', &
+                        file%path//':/groups/'//names(k)%s, 'a group lists ids of /grains/id')
+        return
+      end if
+    end do
+  end subroutine read_groups
+
+  !> First of some ids that is not among the known ones, 0 if all are.
+  pure integer(i8) function first_missing(ids, known) result(missing)
+    integer(i8), intent(in) :: ids(:), known(:)
+    logical, allocatable :: there(:)
+    integer(i8) :: low, high, k
+
+    missing = 0
+    low = minval(known)
+    high = maxval(known)
+    if (high - low > 64_i8*size(known) + 1000000_i8) then
+      do k = 1, size(ids)
+        if (any(known == ids(k))) cycle
+        missing = ids(k)
+        return
+      end do
+      return
+    end if
+    allocate (there(low:high), source=.false.)
+    do k = 1, size(known)
+      there(known(k)) = .true.
+    end do
+    do k = 1, size(ids)
+      if (ids(k) >= low .and. ids(k) <= high) then
+        if (there(ids(k))) cycle
+      end if
+      missing = ids(k)
+      return
+    end do
+  end function first_missing
+
+  !> Position of a group; 0 and a hint (the nearest name, or all) when there is none.
+  subroutine group_index(groups, name, k, hint)
+    type(dem_group_type), intent(in) :: groups(:)
+    character(len=*), intent(in) :: name
+    integer(i4), intent(out) :: k
+    character(len=:), allocatable, intent(out) :: hint
+    type(string_type), allocatable :: names(:)
+    integer(i4) :: j
+
+    hint = ''
+    do k = 1, size(groups)
+      if (groups(k)%name == name) return
+    end do
+    k = 0
+    hint = 'the packing has no groups'
+    if (size(groups) == 0) return
+    allocate (names(size(groups)))
+    do j = 1, size(groups)
+      names(j)%s = groups(j)%name
+    end do
+    hint = did_you_mean(name, names, 'groups of the packing:')
+  end subroutine group_index
+
+  !> Write the present state of grains as a packing; ghosts are written as fixed.
+  subroutine write_packing(path, grains, groups, errors)
+    character(len=*), intent(in) :: path
+    type(dem_grains_type), intent(in) :: grains
+    type(dem_group_type), intent(in) :: groups(:)
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+    integer(i4) :: k, before
+
+    before = errors%count
+    call file%create(path, errors, format=format_name)
+    if (errors%count > before) return
+    call file%attr_put('/', 'version', format_version, errors)
+    call file%group('/grains', errors)
+    call file%put('/grains/id', grains%id, errors)
+    call file%put('/grains/kind', merge(1_i4, min(grains%kind, kind_driven), &
+                                        grains%kind == kind_ghost), errors)
+    call file%put('/grains/x', grains%x, errors)
+    call file%put('/grains/quat', grains%quat, errors)
+    call file%put('/grains/axes', grains%axes, errors)
+    call file%put('/grains/v', grains%v, errors)
+    call file%put('/grains/omega', grains%omega, errors)
+    call file%group('/groups', errors)
+    do k = 1, size(groups)
+      call file%put('/groups/'//groups(k)%name, groups(k)%id, errors)
+    end do
+    call file%commit(errors)
+  end subroutine write_packing
+end module dem_packing

@@ -1,0 +1,162 @@
+!> Replies of the port that only look: HELLO, DESCRIBE, SELECT, scalars.
+module dem_port_state
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
+  use talus_message, only: message_type
+  use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_friction, &
+    scalar_contact_damping, scalar_background_damping, scalar_curvature, &
+    scalar_tangential_relaxation, scalar_boundary, scalar_gravity, scalar_momentum, &
+    scalar_angular_momentum, scalar_step_limit, scalar_max_overlap, scalar_flags, scalar_count, &
+    flag_late_rebuild, flag_large_overlap
+  use talus_version, only: version_text
+  use dem_measure, only: momentum_of, angular_momentum_of
+  use dem_packing, only: group_index
+  use dem_system, only: dem_system_type, dem_contacts_type
+  use dem_model, only: dem_model_type, program_name
+  use dem_sets, only: dem_set_type
+  implicit none
+  private
+  public :: reply_hello, reply_describe, reply_selected, put_scalars
+
+  character(len=*), parameter :: capabilities = 'prescribe load report contact_weight '// &
+    'mass_factor advance force kick_drift reject checkpoint'
+
+contains
+
+  !> Who we are and where we stand.
+  subroutine reply_hello(model, reply)
+    type(dem_model_type), intent(in) :: model
+    type(message_type), intent(inout) :: reply
+    call reply%put_text('program', program_name)
+    call reply%put_text('version', version_text())
+    call reply%put_text('deck_hash', model%deck%hash())
+    call reply%put_text('capabilities', capabilities)
+    call reply%put('gravity', model%system%par%gravity_scale*model%system%par%gravity)
+    call reply%put('time', model%clock%time())
+    call reply%put('t_end', model%clock%t_end)
+    call reply%put('step_limit', model%system%step_limit())
+    call reply%put_int('ranks', 1_i4)
+  end subroutine reply_hello
+
+  !> Grains, contacts, groups, a group.
+  subroutine reply_describe(model, what, group, reply, errors)
+    type(dem_model_type), intent(in) :: model
+    character(len=*), intent(in) :: what, group
+    type(message_type), intent(inout) :: reply
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: names, hint
+    integer(i4) :: k
+
+    select case (what)
+    case ('grains')
+      call put_grains(model%system, reply)
+    case ('contacts')
+      call put_contacts(model%system, reply)
+    case ('groups')
+      names = ''
+      do k = 1, size(model%packing%group)
+        if (k > 1) names = names//new_line('a')
+        names = names//model%packing%group(k)%name
+      end do
+      call reply%put_text('names', names)
+    case ('group')
+      call group_index(model%packing%group, group, k, hint)
+      if (k == 0) then
+        call errors%add('D240', "the packing has no group '"//group//"'", &
+                        model%deck%path('particles', 1, 'file'), hint)
+      else
+        call reply%put_int('id', model%packing%group(k)%id)
+      end if
+    case default
+      call errors%add('P255', "talus-dem cannot describe '"//what//"'", 'exchange port, DESCRIBE', &
+                      'it knows grains, contacts, groups and group')
+    end select
+  end subroutine reply_describe
+
+  subroutine put_grains(system, reply)
+    type(dem_system_type), intent(in) :: system
+    type(message_type), intent(inout) :: reply
+    associate (g => system%grains)
+      call reply%put_int('id', g%id)
+      call reply%put('x', g%x)
+      call reply%put('quat', g%quat)
+      call reply%put('axes', g%axes)
+      call reply%put('radius', g%radius)
+      call reply%put('mass', g%mass)
+      call reply%put('inertia', g%inertia)
+      call reply%put_int('kind', g%kind)
+    end associate
+  end subroutine put_grains
+
+  subroutine put_contacts(system, reply)
+    type(dem_system_type), intent(in) :: system
+    type(message_type), intent(inout) :: reply
+    type(dem_contacts_type) :: list
+    call system%contacts(list)
+    call reply%put_int('ids', list%ids(:, :list%n))
+    call reply%put('point', list%point(:, :list%n))
+    call reply%put('normal', list%normal(:, :list%n))
+    call reply%put('branch', list%branch(:, :list%n))
+    call reply%put('force', list%force(:, :list%n))
+    call reply%put('stiffness', list%stiffness(:, :list%n))
+  end subroutine put_contacts
+
+  !> Mass of each grain of a set, and the sum of the normal stiffness of its contacts.
+  subroutine reply_selected(system, set, reply)
+    type(dem_system_type), intent(in) :: system
+    type(dem_set_type), intent(in) :: set
+    type(message_type), intent(inout) :: reply
+    type(dem_contacts_type) :: list
+    real(wp), allocatable :: stiffness(:)
+    integer(i4), allocatable :: pair(:)
+    type(error_list_type) :: none
+    integer(i4) :: k
+
+    allocate (stiffness(system%grains%n), source=0.0_wp)
+    call system%contacts(list)
+    do k = 1, list%n
+      if (list%ids(1, k) < 0) then
+        call system%find(list%ids(2:2, k), pair, none)
+      else
+        call system%find(list%ids(:, k), pair, none)
+      end if
+      stiffness(pair) = stiffness(pair) + list%stiffness(1, k)
+    end do
+    call reply%put('mass', system%grains%mass(set%index))
+    call reply%put('stiffness', stiffness(set%index))
+  end subroutine reply_selected
+
+  !> Ledger, momentum, limits and flags; late is the number of late rebuilds told so far.
+  subroutine put_scalars(system, late, reply)
+    type(dem_system_type), intent(inout) :: system
+    integer(i8), intent(inout) :: late
+    type(message_type), intent(inout) :: reply
+    real(wp) :: value(scalar_count)
+    integer(i4) :: flags
+
+    call system%refresh_ledger()
+    value = 0.0_wp
+    associate (l => system%ledger)
+      value(scalar_kinetic) = l%kinetic - l%staggering
+      value(scalar_elastic) = l%elastic_normal + l%elastic_tangential
+      value(scalar_friction) = l%friction
+      value(scalar_contact_damping) = l%contact_damping
+      value(scalar_background_damping) = l%background_damping
+      value(scalar_curvature) = l%curvature
+      value(scalar_tangential_relaxation) = l%tangential_relaxation
+      value(scalar_boundary) = l%boundary + l%external
+      value(scalar_gravity) = l%gravity
+    end associate
+    value(scalar_momentum:scalar_momentum + 2) = momentum_of(system%dem_data_type)
+    value(scalar_angular_momentum:scalar_angular_momentum + 2) = &
+      angular_momentum_of(system%dem_data_type)
+    value(scalar_step_limit) = system%step_limit()
+    value(scalar_max_overlap) = system%health%max_overlap
+    flags = 0
+    if (system%health%late_rebuilds > late) flags = flags + flag_late_rebuild
+    if (system%health%max_overlap > system%par%overlap_limit) flags = flags + flag_large_overlap
+    value(scalar_flags) = flags
+    late = system%health%late_rebuilds
+    call reply%put('scalars', value)
+  end subroutine put_scalars
+end module dem_port_state

@@ -1,0 +1,264 @@
+!> Verbs of the port in which grains move: ADVANCE, FORCE, KICK_DRIFT, and what they reply.
+module dem_port_step
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_message, only: message_type
+  use dem_system, only: dem_system_type
+  use dem_model, only: dem_model_type
+  use dem_sets, only: dem_sets_type, dem_set_type, role_prescribe, role_load, role_report
+  use dem_port_state, only: put_scalars
+  implicit none
+  private
+  public :: advance, force, kick_drift, put_sets
+
+  real(wp), parameter :: round_off = 1.0e-9_wp  !! relative, for times of both sides
+
+contains
+
+  !> Own sub-steps to t1: prescribed grains go there in a straight line, loads are held.
+  subroutine advance(model, sets, request, reply, late, errors)
+    type(dem_model_type), intent(inout) :: model
+    type(dem_sets_type), intent(in) :: sets
+    type(message_type), intent(inout) :: request, reply
+    integer(i8), intent(inout) :: late
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k, substeps
+
+    call check_start(model, request, errors)
+    call count_substeps(model, request%t1, substeps, errors)
+    if (errors%any()) return
+    do k = 1, sets%count
+      if (sets%set(k)%role == role_prescribe) &
+        call take_motion(model%system, sets%set(k), request, substeps, errors)
+      if (sets%set(k)%role == role_load) call take_load(model%system, sets%set(k), request, errors)
+    end do
+    call request%all_read(errors)
+    if (errors%any()) return
+    call model%system%reset_impulses()
+    call model%timers%start('steps')
+    call model%system%step(substeps, errors)
+    call model%timers%stop('steps')
+    call model%clock%jump(request%t1, substeps)
+    if (errors%any()) return
+    call put_sets(model%system, sets, .true., reply)
+    call reply%put_int('substeps', substeps)
+    call put_scalars(model%system, late, reply)
+  end subroutine advance
+
+  !> The partner's interval must begin where the grains stand (P256).
+  subroutine check_start(model, request, errors)
+    type(dem_model_type), intent(in) :: model
+    type(message_type), intent(in) :: request
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: now, slack
+    now = model%clock%time()
+    slack = round_off*max(abs(now), request%t1 - request%t0)
+    if (abs(request%t0 - now) <= slack .and. request%t1 > request%t0) return
+    call errors%add('P256', 'an interval from '//str(request%t0)//' s to '//str(request%t1)// &
+                    ' s was asked, the grains stand at '//str(now)//' s', request%place(), &
+                    'both sides must go on from the same accepted time')
+  end subroutine check_start
+
+  !> Number of sub-steps to t1, and their length: a fixed step must divide the interval (P254), an
+  !! automatic one is cut so that it does.
+  subroutine count_substeps(model, t1, substeps, errors)
+    type(dem_model_type), intent(inout) :: model
+    real(wp), intent(in) :: t1  !! s
+    integer(i4), intent(out) :: substeps
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: span, dt
+
+    substeps = 1
+    if (errors%any()) return
+    span = t1 - model%clock%time()
+    if (model%clock%automatic) then
+      substeps = max(1_i4, ceiling(span/model%automatic_dt() - round_off))
+      dt = span/substeps
+      if (abs(dt - model%system%par%dt) <= round_off*dt) dt = model%system%par%dt
+    else
+      dt = model%choices%dt
+      substeps = nint(span/dt)
+      if (substeps < 1 .or. abs(substeps*dt - span) > round_off*max(span, t1)) then
+        call errors%add('P254', 'the interval of '//str(span)//' s is no multiple of the '// &
+                        'grains'' time step '//str(dt)//' s', model%deck%source%path, &
+                        'choose &clock exchange as a multiple of dt, or leave dt out of the '// &
+                        'grains'' deck')
+        return
+      end if
+      if (dt > model%system%step_limit()) model%clock%unstable = model%clock%unstable + 1
+    end if
+    model%clock%dt = dt
+    if (abs(dt - model%system%par%dt) > 0.0_wp) call model%use_step(dt)
+  end subroutine count_substeps
+
+  !> Where a prescribed set is at t1; a set that is not mentioned stays at rest.
+  subroutine take_motion(system, set, request, substeps, errors)
+    type(dem_system_type), intent(inout) :: system
+    type(dem_set_type), intent(in) :: set
+    type(message_type), intent(inout) :: request
+    integer(i4), intent(in) :: substeps
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: x(3, size(set%index)), quat(4, size(set%index))
+
+    x = system%grains%x(:, set%index)
+    quat = system%grains%quat(:, set%index)
+    if (request%has(set%name//'.x')) call request%get(set%name//'.x', x, errors)
+    if (request%has(set%name//'.quat')) call request%get(set%name//'.quat', quat, errors)
+    call check_motion(system, set, x, quat, errors)
+    if (errors%any()) return
+    call system%set_motion(set%index, x, quat, substeps)
+  end subroutine take_motion
+
+  !> A partner's motion must be numbers, its orientations unit quaternions (P257).
+  subroutine check_motion(system, set, x, quat, errors)
+    type(dem_system_type), intent(in) :: system
+    type(dem_set_type), intent(in) :: set
+    real(wp), intent(in) :: x(:, :), quat(:, :)
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    do k = 1, size(x, 2)
+      if (all(abs(x(:, k)) < huge(1.0_wp)) .and. abs(sum(quat(:, k)**2) - 1.0_wp) < 1.0e-6_wp) cycle
+      call errors%add('P257', "set '"//set%name//"': grain "// &
+                      str(system%grains%id(set%index(k)))//' was told to go to '//str(x(:, k))// &
+                      ', orientation '//str(quat(:, k)), 'exchange port', &
+                      'positions must be numbers, orientations unit quaternions')
+      return
+    end do
+  end subroutine check_motion
+
+  subroutine take_load(system, set, request, errors)
+    type(dem_system_type), intent(inout) :: system
+    type(dem_set_type), intent(in) :: set
+    type(message_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: force(3, size(set%index)), moment(3, size(set%index))
+
+    force = 0.0_wp
+    moment = 0.0_wp
+    if (request%has(set%name//'.force')) call request%get(set%name//'.force', force, errors)
+    if (request%has(set%name//'.moment')) call request%get(set%name//'.moment', moment, errors)
+    if (.not. errors%any()) call system%set_extra(set%index, force, moment)
+  end subroutine take_load
+
+  !> Forces with prescribed grains placed as told; no time passes.
+  subroutine force(model, sets, request, reply, late, errors)
+    type(dem_model_type), intent(inout) :: model
+    type(dem_sets_type), intent(in) :: sets
+    type(message_type), intent(inout) :: request, reply
+    integer(i8), intent(inout) :: late
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: scope
+    integer(i4) :: k
+
+    if (request%has('scope')) call request%get_text('scope', scope, errors)
+    do k = 1, sets%count
+      if (sets%set(k)%role == role_prescribe) &
+        call take_state(model%system, sets%set(k), request, errors)
+    end do
+    call request%all_read(errors)
+    if (errors%any()) return
+    call model%timers%start('steps')
+    call model%system%forces()
+    call model%timers%stop('steps')
+    do k = 1, sets%count
+      associate (set => sets%set(k))
+        if (set%wants('force')) &
+          call reply%put(set%name//'.force', model%system%grains%force(:, set%index))
+        if (set%wants('moment')) &
+          call reply%put(set%name//'.moment', model%system%grains%moment(:, set%index))
+      end associate
+    end do
+    call put_scalars(model%system, late, reply)
+  end subroutine force
+
+  !> Place, velocity and spin of a prescribed set now; what is not mentioned stays.
+  subroutine take_state(system, set, request, errors)
+    type(dem_system_type), intent(inout) :: system
+    type(dem_set_type), intent(in) :: set
+    type(message_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: x(3, size(set%index)), v(3, size(set%index)), omega(3, size(set%index))
+    real(wp) :: quat(4, size(set%index))
+
+    x = system%grains%x(:, set%index)
+    quat = system%grains%quat(:, set%index)
+    v = system%grains%v(:, set%index)
+    omega = system%grains%omega(:, set%index)
+    if (request%has(set%name//'.x')) call request%get(set%name//'.x', x, errors)
+    if (request%has(set%name//'.quat')) call request%get(set%name//'.quat', quat, errors)
+    if (request%has(set%name//'.v')) call request%get(set%name//'.v', v, errors)
+    if (request%has(set%name//'.omega')) call request%get(set%name//'.omega', omega, errors)
+    call check_motion(system, set, x, quat, errors)
+    if (.not. errors%any()) call system%set_state(set%index, x, quat, v, omega)
+  end subroutine take_state
+
+  !> v += kick (F + X)/m of free grains, then x += drift v of all.
+  subroutine kick_drift(model, sets, request, reply, late, errors)
+    type(dem_model_type), intent(inout) :: model
+    type(dem_sets_type), intent(in) :: sets
+    type(message_type), intent(inout) :: request, reply
+    integer(i8), intent(inout) :: late
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: kick, drift
+    integer(i4) :: k
+
+    kick = 0.0_wp
+    drift = 0.0_wp
+    call request%get('kick', kick, errors)
+    call request%get('drift', drift, errors)
+    do k = 1, sets%count
+      if (sets%set(k)%role == role_load) call take_load(model%system, sets%set(k), request, errors)
+    end do
+    call request%all_read(errors)
+    if (errors%any()) return
+    call model%timers%start('steps')
+    if (kick > 0.0_wp) call model%system%kick(kick)
+    if (drift > 0.0_wp) call model%system%drift(drift)
+    call model%timers%stop('steps')
+    if (drift > 0.0_wp) call model%clock%jump(model%clock%time() + drift, 1_i4)
+    call put_sets(model%system, sets, .false., reply)
+    call put_scalars(model%system, late, reply)
+  end subroutine kick_drift
+
+  !> What the sets have to say after motion: forces and impulses where wanted, and states.
+  subroutine put_sets(system, sets, forces, reply)
+    type(dem_system_type), intent(in) :: system
+    type(dem_sets_type), intent(in) :: sets
+    logical, intent(in) :: forces  !! with force, moment, impulses and work of prescribed sets
+    type(message_type), intent(inout) :: reply
+    integer(i4) :: k
+    do k = 1, sets%count
+      if (sets%set(k)%role == role_prescribe .and. forces) &
+        call put_prescribed(system, sets%set(k), reply)
+      if (sets%set(k)%role == role_report) call put_state(system, sets%set(k), reply)
+    end do
+  end subroutine put_sets
+
+  subroutine put_prescribed(system, set, reply)
+    type(dem_system_type), intent(in) :: system
+    type(dem_set_type), intent(in) :: set
+    type(message_type), intent(inout) :: reply
+    associate (g => system%grains, index => set%index)
+      if (set%wants('force')) call reply%put(set%name//'.force', g%force(:, index))
+      if (set%wants('moment')) call reply%put(set%name//'.moment', g%moment(:, index))
+      if (set%wants('impulse')) call reply%put(set%name//'.impulse', g%impulse(:, index))
+      if (set%wants('moment_impulse')) &
+        call reply%put(set%name//'.moment_impulse', g%moment_impulse(:, index))
+      if (set%wants('work')) call reply%put(set%name//'.work', sum(g%work(index)))
+    end associate
+  end subroutine put_prescribed
+
+  subroutine put_state(system, set, reply)
+    type(dem_system_type), intent(in) :: system
+    type(dem_set_type), intent(in) :: set
+    type(message_type), intent(inout) :: reply
+    associate (g => system%grains, index => set%index)
+      if (set%wants('x')) call reply%put(set%name//'.x', g%x(:, index))
+      if (set%wants('quat')) call reply%put(set%name//'.quat', g%quat(:, index))
+      if (set%wants('v')) call reply%put(set%name//'.v', g%v(:, index))
+      if (set%wants('omega')) call reply%put(set%name//'.omega', g%omega(:, index))
+      if (set%wants('theta')) call reply%put(set%name//'.theta', g%theta(:, index))
+    end associate
+  end subroutine put_state
+end module dem_port_step

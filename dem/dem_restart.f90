@@ -1,0 +1,121 @@
+!> Checkpoints of a run: state, clock and works to and from an HDF5 file, bit for bit.
+module dem_restart
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str, string_type
+  use talus_errors, only: error_list_type
+  use talus_hdf5, only: h5_file_type
+  use talus_checkpoint, only: checkpoint_type, checkpoint_info_type
+  use dem_archive, only: dem_archive_type
+  use dem_clock, only: dem_clock_type
+  use dem_system, only: dem_system_type
+  use dem_histories, only: dem_histories_type
+  implicit none
+  private
+  public :: write_checkpoint, read_checkpoint
+
+contains
+
+  !> Write a checkpoint of an accepted state; with a tag it is set apart.
+  subroutine write_checkpoint(checkpoint, system, clock, histories, tag, errors)
+    type(checkpoint_type), intent(inout) :: checkpoint
+    type(dem_system_type), intent(in) :: system
+    type(dem_clock_type), intent(in) :: clock
+    type(dem_histories_type), intent(in) :: histories
+    character(len=*), intent(in) :: tag  !! '' for the run's own series
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+    type(dem_archive_type) :: archive
+    integer(i4) :: k
+
+    if (len(tag) > 0) then
+      call checkpoint%begin(file, clock%time(), clock%steps, errors, tag)
+    else
+      call checkpoint%begin(file, clock%time(), clock%steps, errors)
+    end if
+    call file%group('/clock', errors)
+    call file%put('/clock/reals', [clock%base, clock%dt, system%par%dt], errors)
+    call file%put('/clock/integers', [clock%count, clock%steps, clock%unstable], errors)
+    call file%put('/clock/driven_work', histories%driven_work, errors)
+    call file%put('/clock/wall_work', histories%wall_work, errors)
+    call system%export_state(archive)
+    call file%group('/state', errors)
+    do k = 1, archive%count
+      if (archive%item(k)%is_real) then
+        call file%put('/state/'//trim(archive%item(k)%name), archive%item(k)%reals, errors)
+      else
+        call file%put('/state/'//trim(archive%item(k)%name), archive%item(k)%integers, errors)
+      end if
+    end do
+    call checkpoint%finish(file, errors)
+  end subroutine write_checkpoint
+
+  !> Go on from a checkpoint; the system holds the same grains, not yet initialised.
+  subroutine read_checkpoint(checkpoint, path, system, clock, histories, deck_changed, errors)
+    type(checkpoint_type), intent(inout) :: checkpoint
+    character(len=*), intent(in) :: path
+    type(dem_system_type), intent(inout) :: system
+    type(dem_clock_type), intent(inout) :: clock
+    type(dem_histories_type), intent(inout) :: histories
+    logical, intent(out) :: deck_changed
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+    type(checkpoint_info_type) :: info
+    type(dem_archive_type) :: archive
+    real(wp), allocatable :: reals(:), driven(:), walls(:)
+    integer(i8), allocatable :: integers(:)
+    integer(i4) :: before
+
+    before = errors%count
+    deck_changed = .false.
+    call checkpoint%open(path, file, info, errors)
+    if (errors%count > before) return
+    call file%get('/clock/reals', reals, errors)
+    call file%get('/clock/integers', integers, errors)
+    call file%get('/clock/driven_work', driven, errors)
+    call file%get('/clock/wall_work', walls, errors)
+    call read_archive(file, archive, errors)
+    call file%close(errors)
+    if (errors%count > before) return
+    if (size(driven) /= size(histories%driven_work) .or. &
+        size(walls) /= size(histories%wall_work)) then
+      call errors%add('I235', "checkpoint '"//path//"' has "//str(size(driven))// &
+                      ' driven grains and '//str(size(walls))//' walls, the deck has '// &
+                      str(size(histories%driven_work))//' and '// &
+                      str(size(histories%wall_work)), path, &
+                      'restart with the deck that made it, or start anew')
+      return
+    end if
+    histories%driven_work = driven
+    histories%wall_work = walls
+    clock%base = reals(1)
+    clock%dt = reals(2)
+    clock%count = integers(1)
+    clock%steps = integers(2)
+    clock%unstable = integers(3)
+    system%par%dt = reals(3)
+    call system%import_state(archive, errors)
+    deck_changed = info%deck_hash /= checkpoint%deck_hash
+  end subroutine read_checkpoint
+
+  subroutine read_archive(file, archive, errors)
+    type(h5_file_type), intent(inout) :: file
+    type(dem_archive_type), intent(inout) :: archive
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: names(:)
+    real(wp), allocatable :: reals(:, :)
+    integer(i8), allocatable :: integers(:, :)
+    integer(i4) :: k, before
+
+    before = errors%count
+    call file%names('/state', names)
+    do k = 1, size(names)
+      if (file%class_of('/state/'//names(k)%s) == 'integer') then
+        call file%get('/state/'//names(k)%s, integers, errors)
+        if (errors%count == before) call archive%put_integers(names(k)%s, integers)
+      else
+        call file%get('/state/'//names(k)%s, reals, errors)
+        if (errors%count == before) call archive%put_reals(names(k)%s, reals)
+      end if
+    end do
+  end subroutine read_archive
+end module dem_restart

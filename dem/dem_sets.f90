@@ -1,0 +1,184 @@
+!> Sets of grains that a partner has selected, each with a role.
+module dem_sets
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use dem_state, only: kind_free, kind_ghost
+  use dem_system, only: dem_system_type
+  implicit none
+  private
+  public :: dem_set_type, dem_sets_type, role_report, role_prescribe, role_load
+
+  integer(i4), parameter :: role_report = 1     !! its states are told in replies
+  integer(i4), parameter :: role_prescribe = 2  !! the partner moves it
+  integer(i4), parameter :: role_load = 3       !! the partner puts forces on it
+
+  type :: dem_set_type
+    character(len=:), allocatable :: name
+    character(len=:), allocatable :: fields  !! what replies hold, ',a,b,'; ',,' for the usual
+    integer(i4) :: role = 0
+    integer(i4), allocatable :: index(:)     !! of the grains
+  contains
+    procedure :: wants
+  end type dem_set_type
+
+  type :: dem_sets_type
+    integer(i4) :: count = 0
+    type(dem_set_type), allocatable :: set(:)
+  contains
+    procedure :: find
+    procedure :: select
+  end type dem_sets_type
+
+contains
+
+  !> Does the reply hold this quantity? All usual ones unless fields were named.
+  pure logical function wants(self, quantity)
+    class(dem_set_type), intent(in) :: self
+    character(len=*), intent(in) :: quantity
+    wants = self%fields == ',,' .or. index(self%fields, ','//quantity//',') > 0
+  end function wants
+
+  !> Number of a set; an unknown one is a fault (P251) and gives 0.
+  subroutine find(self, name, k, errors)
+    class(dem_sets_type), intent(in) :: self
+    character(len=*), intent(in) :: name
+    integer(i4), intent(out) :: k
+    type(error_list_type), intent(inout) :: errors
+    do k = 1, self%count
+      if (self%set(k)%name == name) return
+    end do
+    k = 0
+    call errors%add('P251', "the set '"//name//"' was not selected", 'exchange port', &
+                    'SELECT comes before all other use of a set')
+  end subroutine find
+
+  !> Make a set, or replace the one of this name. Kinds of grains may change: changed tells.
+  subroutine select(self, name, role_name, ids, fields, system, may_change, changed, errors)
+    class(dem_sets_type), intent(inout) :: self
+    character(len=*), intent(in) :: name, role_name, fields
+    integer(i8), intent(in) :: ids(:)
+    type(dem_system_type), intent(inout) :: system
+    logical, intent(in) :: may_change  !! no step was taken yet
+    logical, intent(out) :: changed
+    type(error_list_type), intent(inout) :: errors
+    type(dem_set_type), allocatable :: longer(:)
+    integer(i4), allocatable :: index(:)
+    integer(i4) :: k, role, before
+
+    before = errors%count
+    changed = .false.
+    call role_of(role_name, role, errors)
+    call system%find(ids, index, errors)
+    if (errors%count > before) return
+    if (role == role_prescribe) call prescribe(system, index, may_change, changed, errors)
+    if (role == role_load) call check_free(system, index, errors)
+    if (errors%count > before) return
+    do k = 1, self%count
+      if (self%set(k)%name == name) exit
+    end do
+    if (k > self%count) then
+      allocate (longer(k))
+      do k = 1, self%count
+        call move_set(self%set(k), longer(k))
+      end do
+      self%count = size(longer)
+      call move_alloc(longer, self%set)
+      k = self%count
+    end if
+    self%set(k)%name = name
+    self%set(k)%role = role
+    self%set(k)%fields = ','//comma_list(fields)//','
+    call move_alloc(index, self%set(k)%index)
+  end subroutine select
+
+  subroutine move_set(from, to)
+    type(dem_set_type), intent(inout) :: from, to
+    call move_alloc(from%name, to%name)
+    call move_alloc(from%fields, to%fields)
+    call move_alloc(from%index, to%index)
+    to%role = from%role
+  end subroutine move_set
+
+  subroutine role_of(name, role, errors)
+    character(len=*), intent(in) :: name
+    integer(i4), intent(out) :: role
+    type(error_list_type), intent(inout) :: errors
+    role = 0
+    select case (name)
+    case ('report')
+      role = role_report
+    case ('prescribe')
+      role = role_prescribe
+    case ('load')
+      role = role_load
+    case ('surface')
+      call errors%add('P250', "talus-dem lacks the capability 'surface': grains do not meet "// &
+                      'moving triangles', 'exchange port, SELECT', &
+                      'HELLO lists the capabilities; couple by ghost grains (role prescribe)')
+    case default
+      call errors%add('P250', "there is no role '"//name//"'", 'exchange port, SELECT', &
+                      'roles: report, prescribe, load')
+    end select
+  end subroutine role_of
+
+  !> Turn grains into ghosts at rest; only before the first step (P253).
+  subroutine prescribe(system, index, may_change, changed, errors)
+    type(dem_system_type), intent(inout) :: system
+    integer(i4), intent(in) :: index(:)
+    logical, intent(in) :: may_change
+    logical, intent(out) :: changed
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+
+    changed = any(system%grains%kind(index) /= kind_ghost)
+    if (.not. changed) return
+    if (.not. may_change) then
+      changed = .false.
+      call errors%add('P253', 'grains can become prescribed only before the first step', &
+                      'exchange port, SELECT', 'select all prescribed sets before READY')
+      return
+    end if
+    do k = 1, size(index)
+      if (system%grains%kind(index(k)) == kind_ghost) cycle
+      system%grains%kind(index(k)) = kind_ghost
+      system%grains%v(:, index(k)) = 0.0_wp
+      system%grains%omega(:, index(k)) = 0.0_wp
+    end do
+  end subroutine prescribe
+
+  !> Forces can be put on free grains only (P252).
+  subroutine check_free(system, index, errors)
+    type(dem_system_type), intent(in) :: system
+    integer(i4), intent(in) :: index(:)
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    do k = 1, size(index)
+      if (system%grains%kind(index(k)) == kind_free) cycle
+      call errors%add('P252', 'grain '//str(system%grains%id(index(k)))//' is not free: no force '// &
+                      'can be put on it', 'exchange port, SELECT', &
+                      'the role load is for free grains')
+      return
+    end do
+  end subroutine check_free
+
+  !> Names between commas, blanks or line ends, as 'a,b,c'.
+  pure function comma_list(text) result(list)
+    character(len=*), intent(in) :: text
+    character(len=:), allocatable :: list
+    integer :: k
+    list = ''
+    do k = 1, len(text)
+      if (text(k:k) == ',' .or. text(k:k) == ' ' .or. text(k:k) == new_line('a')) then
+        if (len(list) > 0) then
+          if (list(len(list):) /= ',') list = list//','
+        end if
+      else
+        list = list//text(k:k)
+      end if
+    end do
+    if (len(list) > 0) then
+      if (list(len(list):) == ',') list = list(:len(list) - 1)
+    end if
+  end function comma_list
+end module dem_sets
