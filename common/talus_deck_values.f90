@@ -184,7 +184,6 @@ contains
     type(token_type), intent(in) :: token
     type(deck_faults_type), intent(inout) :: faults
     character(len=:), allocatable :: text
-    logical :: there
     integer(i4) :: k
 
     text = token_text(source, token)
@@ -198,13 +197,31 @@ contains
       call add_at(source, 'D017', key%name//' = '''//text//''' is not one of '//range_text(key), &
                   token, did_you_mean(text, key%choice, 'it takes:'), faults)
     else if (key%kind == 'file') then
-      inquire (file=resolve_path(source%path, text), exist=there)
-      if (len_trim(text) == 0) there = .false.
-      if (.not. there) call add_at(source, 'D018', key%name//': there is no file '''//text//'''', &
-                                   token, 'looked for '//resolve_path(source%path, text) &
-                                   //'; names are relative to the deck', faults)
+      call check_file(source, key, token, text, faults)
     end if
   end subroutine check_string
+
+  !> The file must exist and be no folder.
+  subroutine check_file(source, key, token, name, faults)
+    type(deck_source_type), intent(in) :: source
+    type(deck_key_type), intent(in) :: key
+    type(token_type), intent(in) :: token
+    character(len=*), intent(in) :: name
+    type(deck_faults_type), intent(inout) :: faults
+    character(len=:), allocatable :: path
+    logical :: there, folder
+
+    path = resolve_path(source%path, name)
+    inquire (file=path, exist=there)
+    inquire (file=path//'/.', exist=folder)
+    if (len_trim(name) == 0 .or. .not. there) then
+      call add_at(source, 'D018', key%name//': there is no file '''//name//'''', token, &
+                  'looked for '//path//'; names are relative to the deck', faults)
+    else if (folder) then
+      call add_at(source, 'D018', key%name//': '''//name//''' is a folder, not a file', token, &
+                  key%doc, faults)
+    end if
+  end subroutine check_file
 
   !> Number of the word of a real key, 0 if it is none.
   pure integer(i4) function word_number(key, text)

@@ -310,6 +310,10 @@ contains
     call expect('missing file', '&run t_end=1 /'//lf//'&wall id=''a'' file = ''no.h5'' /', &
                 'D018:2:21')
     call says(1, '/tmp/no.h5')
+    call expect('folder for a file', '&run t_end=1 /'//lf//'&wall id=''a'' file = ''.'' /', &
+                'D018:2:21')
+    call says(1, 'is a folder')
+    call expect('empty name', '&run t_end=1 /'//lf//'&wall id=''a'' file = '''' /', 'D018:2:21')
     name = path(6:)
     call expect('file beside the deck', '&run t_end=1 /&wall id=''a'' file = '''//name//''' /', '')
     call test%check_text('path', deck%path('wall', 1, 'file'), path)
