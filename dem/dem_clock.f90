@@ -39,6 +39,7 @@ module dem_clock
     procedure :: jump
     procedure :: due
     procedure :: passed
+    procedure :: on_time
     procedure :: finished
   end type dem_clock_type
 
@@ -169,6 +170,17 @@ contains
     if (self%every(event) > 0.0_wp) &
       self%next(event) = floor((self%time() + near*self%dt)/self%every(event), i8) + 1
   end subroutine passed
+
+  !> Does an event fall on the present time?
+  pure logical function on_time(self, event)
+    class(dem_clock_type), intent(in) :: self
+    integer(i4), intent(in) :: event
+    real(wp) :: turns
+    on_time = .false.
+    if (.not. self%every(event) > 0.0_wp) return
+    turns = self%time()/self%every(event)
+    on_time = abs(turns - anint(turns))*self%every(event) <= near*self%dt
+  end function on_time
 
   pure logical function finished(self)
     class(dem_clock_type), intent(in) :: self

@@ -6,7 +6,7 @@ module dem_model
   use omp_lib, only: omp_set_num_threads, omp_get_max_threads
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, string_type, append_string
-  use talus_errors, only: error_list_type, exit_stopped
+  use talus_errors, only: error_list_type, exit_input, exit_stopped
   use talus_options, only: options_type
   use talus_deck, only: deck_type
   use talus_deck_table, only: key_table_type
@@ -66,6 +66,8 @@ module dem_model
     procedure :: use_step
     procedure :: take_steps
     procedure :: write_due
+    procedure, private :: write_row
+    procedure, private :: steps_seconds
     procedure :: save_checkpoint
   end type dem_model_type
 
@@ -211,13 +213,14 @@ contains
     end associate
   end subroutine use_step
 
-  !> Open log, histories and fields; the first state of a fresh run is written.
+  !> Open log, histories and fields; the first state of a fresh run is written. A last field that
+  !! an earlier part wrote off the output times goes, so that the file is that of one whole run.
   subroutine open_run(self, errors)
     class(dem_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
     type(string_type), allocatable :: fields(:)
     character(len=:), allocatable :: note, stop_file
-    real(wp) :: wall_limit
+    real(wp) :: wall_limit, kept
     integer(i4) :: k
 
     call make_folder(folder_of(self%stem), errors)
@@ -236,7 +239,9 @@ contains
       do k = 1, size(fields)
         self%fields%contacts = self%fields%contacts .or. fields(k)%s == 'contacts'
       end do
-      call self%fields%open(self%stem, self%start_time, note, errors)
+      kept = self%start_time
+      if (.not. self%clock%on_time(event_output)) kept = kept*(1.0_wp - epsilon(kept))
+      call self%fields%open(self%stem, kept, note, errors)
       if (len(note) > 0) call append_string(self%warnings, note)
     end if
     do k = 1, size(self%warnings)
@@ -309,8 +314,7 @@ contains
   subroutine write_due(self, errors)
     class(dem_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: t, spent, left, step_time
-    integer(i8) :: steps
+    real(wp) :: t
 
     if (errors%any()) return
     t = self%clock%time()
@@ -325,18 +329,35 @@ contains
     end if
     if (self%log%row_due()) then
       call self%histories%flush(errors)
-      steps = max(self%clock%steps - self%start_steps, 1_i8)
-      spent = self%timers%elapsed()
-      step_time = spent/real(steps, wp)
-      left = -1.0_wp
-      if (self%clock%t_end > 0.0_wp) left = max(0.0_wp, self%clock%t_end - t)/self%clock%dt &
-        *step_time
-      call log_row(self%log, self%system, self%clock, step_time, left)
+      call self%write_row()
     end if
     call self%timers%stop('output')
     if (self%clock%t_end > 0.0_wp .and. .not. self%served) &
       call self%log%progress(t/self%clock%t_end, short_number(t)//' s')
   end subroutine write_due
+
+  !> A row of the log, with the wall time of a step and what is left.
+  subroutine write_row(self)
+    class(dem_model_type), intent(inout) :: self
+    real(wp) :: step_time, left
+    integer(i8) :: steps
+
+    steps = max(self%clock%steps - self%start_steps, 1_i8)
+    step_time = self%timers%elapsed()/real(steps, wp)
+    left = -1.0_wp
+    if (self%clock%t_end > 0.0_wp .and. .not. self%served) &
+      left = max(0.0_wp, self%clock%t_end - self%clock%time())/self%clock%dt*step_time
+    step_time = self%steps_seconds()/real(steps, wp)
+    call log_row(self%log, self%system, self%clock, step_time, left)
+  end subroutine write_row
+
+  !> Wall time spent in steps so far [s].
+  real(wp) function steps_seconds(self)
+    class(dem_model_type), intent(inout) :: self
+    integer(i4) :: number
+    call self%timers%index('steps', number)
+    steps_seconds = self%timers%seconds(number)
+  end function steps_seconds
 
   !> Write a checkpoint; histories reach the disk first.
   subroutine save_checkpoint(self, tag, errors)
@@ -360,8 +381,6 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(error_list_type) :: ignored
     character(len=:), allocatable :: packing
-    real(wp) :: spent
-    integer(i4) :: number
 
     if (.not. errors%any()) then
       call self%fields%write(self%clock%time(), self%system, errors)
@@ -378,14 +397,13 @@ contains
     exit_code = errors%exit_code()
     if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped
     if (.not. self%opened) return
-    call self%timers%index('steps', number)
-    spent = self%timers%seconds(number)
+    if (errors%exit_code() /= exit_input) call self%write_row()
     call self%log%faults(errors)
     call log_health(self%log, self%system, self%clock)
     call self%log%timer_table(self%timers)
     call write_summary(self%stem//'_summary.json', program_name, self%deck, self%system, &
-                       self%clock, self%timers, self%clock%steps - self%start_steps, spent, &
-                       exit_code, errors, ignored)
+                       self%clock, self%timers, self%clock%steps - self%start_steps, &
+                       self%steps_seconds(), exit_code, errors, ignored)
     call self%log%finish(program_name, exit_code, 'time '//short_number(self%clock%time())// &
                          ' s, '//str(self%clock%steps)//' steps')
     call self%log%close()
