@@ -179,10 +179,11 @@ contains
     real(wp), intent(in) :: a(6), b(6)     !! shape matrices [m^2]
     real(wp), intent(inout) :: n(3)        !! start (zero: line of centres), then the normal
     real(wp), intent(out) :: gap           !! g at the normal [m]
-    real(wp) :: t(3), trial(3), trial_gap, residual, fraction
+    real(wp) :: t(3), trial(3), trial_gap, residual, fraction, rounding
     integer(i4) :: step, cut
     integer(i4), parameter :: most_cuts = 30
 
+    rounding = 4.0_wp*epsilon(1.0_wp)*sqrt(sum(r*r))
     if (.not. sum(n*n) > 0.5_wp) n = r/sqrt(sum(r*r))
     call ascent(r, a, b, n, gap, t, residual)
     do step = 1, most_steps
@@ -193,7 +194,7 @@ contains
         trial = trial/sqrt(sum(trial*trial))
         trial_gap = dot_product(r, trial) - sqrt(dot_product(trial, matrix_times(a, trial))) &
                     - sqrt(dot_product(trial, matrix_times(b, trial)))
-        if (trial_gap >= gap - 4.0e-16_wp*abs(gap) - 1.0e-17_wp*sqrt(a(1) + a(2) + a(3))) exit
+        if (trial_gap >= gap - rounding) exit
         fraction = 0.5_wp*fraction
       end do
       if (cut > most_cuts) return
