@@ -6,7 +6,7 @@ module dem_model
   use omp_lib, only: omp_set_num_threads, omp_get_max_threads
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, string_type, append_string
-  use talus_errors, only: error_list_type, exit_input, exit_stopped
+  use talus_errors, only: error_list_type, exit_stopped
   use talus_options, only: options_type
   use talus_deck, only: deck_type
   use talus_deck_table, only: key_table_type
@@ -51,6 +51,7 @@ module dem_model
     type(string_type), allocatable :: warnings(:)  !! for the log, once it is open
     real(wp) :: start_time = -1.0_wp               !! of the checkpoint [s], < 0: a fresh run
     integer(i8) :: start_steps = 0                 !! steps taken before
+    integer(i8) :: row_step = -1                   !! step of the last log row
     logical :: served = .false.                    !! a partner drives this run
     logical :: stopped = .false.                   !! left early on request
     logical :: opened = .false.                    !! log and files are open
@@ -303,7 +304,7 @@ contains
     call self%timers%start('steps')
     call self%system%step(n, errors)
     call self%timers%stop('steps')
-    call self%clock%advance(n)
+    call self%clock%advance(int(self%system%health%steps - kept%steps, i4))
     if (n < whole) then
       self%system%health%max_overlap = kept%max_overlap
       self%system%health%reference_energy = kept%reference_energy
@@ -349,6 +350,7 @@ contains
       left = max(0.0_wp, self%clock%t_end - self%clock%time())/self%clock%dt*step_time
     step_time = self%steps_seconds()/real(steps, wp)
     call log_row(self%log, self%system, self%clock, step_time, left)
+    self%row_step = self%clock%steps
   end subroutine write_row
 
   !> Wall time spent in steps so far [s].
@@ -397,7 +399,7 @@ contains
     exit_code = errors%exit_code()
     if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped
     if (.not. self%opened) return
-    if (errors%exit_code() /= exit_input) call self%write_row()
+    if (self%row_step < self%clock%steps) call self%write_row()
     call self%log%faults(errors)
     call log_health(self%log, self%system, self%clock)
     call self%log%timer_table(self%timers)
