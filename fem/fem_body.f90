@@ -1,0 +1,318 @@
+!> A solid body: mesh, matrices, loads, supports, state; one static or Newmark step from the last
+!! accepted state. Linear: a step is one residual and one back-substitution.
+module fem_body
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str, is_finite
+  use talus_errors, only: error_list_type
+  use fem_types, only: fem_mesh_type, fem_elastic_type, fem_curve_type, fem_load_type, &
+    fem_springs_type, fem_state_type, fem_energy_type
+  use fem_sparse, only: fem_pattern_type, make_pattern, assemble_stiffness, assemble_mass, &
+    add_springs, multiply, multiply_mass, lumped_mass
+  use fem_solver, only: fem_solver_type
+  use fem_supports, only: check_supports
+  use fem_loads, only: gravity_force, curve_value
+  use fem_recover, only: initial_stress_force, element_forces
+  implicit none
+  private
+  public :: fem_body_type, fem_motion_type
+
+  real(wp), parameter :: same_step = 1.0e-9_wp  !! relative change of dt that needs new factors
+
+  !> Prescribed motion of one component of some nodes.
+  type :: fem_motion_type
+    integer(i4) :: component = 1, curve = 0
+    real(wp) :: scale = 1.0_wp             !! [m]
+    integer(i4), allocatable :: node(:)
+  end type fem_motion_type
+
+  type :: fem_body_type
+    type(fem_mesh_type) :: mesh
+    type(fem_elastic_type) :: elastic
+    type(fem_curve_type), allocatable :: curve(:)
+    type(fem_load_type), allocatable :: load(:)
+    type(fem_motion_type), allocatable :: motion(:)
+    type(fem_springs_type) :: ground             !! springs to the ground, of the deck
+    type(fem_springs_type) :: robin              !! springs to the last accepted state, of the port
+    logical, allocatable :: held(:, :)           !! (3, nodes) supported by the deck
+    logical, allocatable :: prescribed(:, :)     !! (3, nodes) moved by the port
+    real(wp), allocatable :: given_u(:, :)       !! (3, nodes) values of the port [m]
+    real(wp), allocatable :: port_load(:, :)     !! (3, nodes) of the port, now [N]
+    real(wp), allocatable :: dead_load(:, :)     !! (3, nodes) of the port, constant [N]
+    real(wp), allocatable :: mass_factor(:)      !! (nodes) for explicit steps [-]
+    real(wp) :: gravity(3) = 0.0_wp              !! [m/s^2]
+    logical :: dynamic = .false.
+    real(wp) :: beta = 0.25_wp, gamma = 0.5_wp
+    type(fem_pattern_type) :: pattern
+    type(fem_solver_type) :: solver
+    real(wp), allocatable :: k(:, :, :), mass(:), lumped(:)
+    real(wp), allocatable :: weight_force(:, :)  !! of gravity [N]
+    real(wp), allocatable :: initial_force(:, :) !! internal forces of the initial stress [N]
+    real(wp) :: factored_dt = -1.0_wp            !! [s], 0 in statics, < 0 not factored
+    logical :: fresh_numbering = .false.
+    type(fem_state_type) :: state, accepted
+    type(fem_energy_type) :: energy, accepted_energy
+  contains
+    procedure :: allocate_state
+    procedure :: assemble
+    procedure :: factor
+    procedure :: step
+    procedure :: accept
+    procedure :: reject
+    procedure :: internal_force
+    procedure :: external_at
+    procedure :: update_energy
+    procedure :: start_acceleration
+    procedure :: interface_force
+    procedure :: explicit_energy
+    procedure, private :: impose
+  end type fem_body_type
+
+contains
+
+  !> Arrays of the state and loads for the mesh, all zero.
+  subroutine allocate_state(self)
+    class(fem_body_type), intent(inout) :: self
+    integer(i4) :: n
+    n = self%mesh%nodes
+    allocate (self%state%u(3, n), self%state%v(3, n), self%state%a(3, n), source=0.0_wp)
+    allocate (self%state%external(3, n), self%state%reaction(3, n), source=0.0_wp)
+    allocate (self%given_u(3, n), self%port_load(3, n), self%dead_load(3, n), source=0.0_wp)
+    allocate (self%weight_force(3, n), self%initial_force(3, n), source=0.0_wp)
+    allocate (self%held(3, n), self%prescribed(3, n), source=.false.)
+    allocate (self%mass_factor(n), source=1.0_wp)
+    self%accepted = self%state
+  end subroutine allocate_state
+
+  !> Pattern, stiffness, mass and weight; again after moduli or weights have changed.
+  subroutine assemble(self)
+    class(fem_body_type), intent(inout) :: self
+    if (.not. allocated(self%pattern%start)) call make_pattern(self%mesh, self%pattern)
+    call assemble_stiffness(self%mesh, self%elastic, self%pattern, self%k)
+    call add_springs(self%ground, self%pattern, self%k)
+    call assemble_mass(self%mesh, self%elastic, self%pattern, self%mass)
+    self%lumped = lumped_mass(self%pattern, self%mass)
+    call gravity_force(self%mesh, self%elastic, self%gravity, self%weight_force)
+    call initial_stress_force(self%mesh, self%elastic, self%initial_force)
+    self%factored_dt = -1.0_wp
+  end subroutine assemble
+
+  !> Factor for a step dt (statics: dt is not used); nothing to do if that is done.
+  subroutine factor(self, dt, errors)
+    class(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: dt  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: k(:, :, :)
+    real(wp) :: wanted, mass_term
+    logical :: fixed(3, self%mesh%nodes)
+
+    wanted = merge(dt, 0.0_wp, self%dynamic)
+    if (self%factored_dt >= 0.0_wp .and. abs(wanted - self%factored_dt) <= same_step*wanted) return
+    if (.not. self%fresh_numbering) then
+      fixed = self%held .or. self%prescribed
+      if (.not. self%dynamic) call check_supports(self%mesh, self%pattern, fixed, self%ground, errors)
+      if (errors%any()) return
+      call self%solver%number(self%pattern, fixed, errors)
+      if (errors%any()) return
+      self%fresh_numbering = .true.
+    end if
+    mass_term = 0.0_wp
+    if (self%dynamic) mass_term = 1.0_wp/(self%beta*dt*dt)
+    k = self%k
+    call add_springs(self%robin, self%pattern, k)
+    call self%solver%factor(self%pattern, k, self%mass, mass_term, errors)
+    if (.not. errors%any()) self%factored_dt = wanted
+  end subroutine factor
+
+  !> All loads at time t [N], reactions not counted.
+  subroutine external_at(self, t, force)
+    class(fem_body_type), intent(in) :: self
+    real(wp), intent(in) :: t
+    real(wp), intent(out) :: force(:, :)
+    integer(i4) :: k
+    force = self%weight_force + self%dead_load + self%port_load
+    do k = 1, size(self%load)
+      if (self%load(k)%curve == 0) then
+        force = force + self%load(k)%force
+      else
+        force = force + curve_value(self%curve(self%load(k)%curve), t)*self%load(k)%force
+      end if
+    end do
+  end subroutine external_at
+
+  !> Internal forces K u plus those of the initial stress [N].
+  subroutine internal_force(self, u, force)
+    class(fem_body_type), intent(in) :: self
+    real(wp), intent(in) :: u(:, :)
+    real(wp), intent(out) :: force(:, :)
+    call multiply(self%pattern, self%k, u, force)
+    force = force + self%initial_force
+  end subroutine internal_force
+
+  !> Put prescribed displacements at time t into u.
+  subroutine impose(self, t, u)
+    class(fem_body_type), intent(in) :: self
+    real(wp), intent(in) :: t
+    real(wp), intent(inout) :: u(:, :)
+    real(wp) :: value
+    integer(i4) :: k
+    where (self%held) u = 0.0_wp
+    where (self%prescribed) u = self%given_u
+    do k = 1, size(self%motion)
+      associate (m => self%motion(k))
+        value = m%scale*curve_value(self%curve(m%curve), t)
+        u(m%component, m%node) = value
+      end associate
+    end do
+  end subroutine impose
+
+  !> One step from the accepted state to time t1; the new state stays a trial until `accept`.
+  subroutine step(self, t1, errors)
+    class(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: t1  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    real(wp), dimension(3, self%mesh%nodes) :: residual, internal, inertia, du, tie
+    real(wp) :: dt, c
+    integer(i4) :: bad(2)
+
+    dt = t1 - self%accepted%time
+    call self%factor(dt, errors)
+    if (errors%any()) return
+    associate (s => self%state, old => self%accepted)
+      s%time = t1
+      s%u = old%u
+      call self%impose(t1, s%u)
+      call self%external_at(t1, s%external)
+      call self%internal_force(s%u, internal)
+      call robin_force(self%robin, old%u, s%u, tie)
+      inertia = 0.0_wp
+      c = 0.0_wp
+      if (self%dynamic) then
+        c = 1.0_wp/(self%beta*dt*dt)
+        s%a = c*(s%u - old%u - dt*old%v) - (0.5_wp/self%beta - 1.0_wp)*old%a
+        call multiply_mass(self%pattern, self%mass, s%a, inertia)
+      end if
+      residual = s%external + tie - internal - inertia
+      call self%solver%solve(residual, du, errors)
+      if (errors%any()) return
+      s%u = s%u + du
+      if (.not. all(is_finite(s%u))) then
+        bad = findloc(is_finite(s%u), .false.)
+        call errors%add('N304', 'the displacement of node '//str(bad(2))//' is not finite', &
+                        'time '//str(t1)//' s', 'check loads, moduli and supports')
+        return
+      end if
+      call self%internal_force(s%u, internal)
+      call robin_force(self%robin, old%u, s%u, tie)
+      if (self%dynamic) then
+        s%a = s%a + c*du
+        s%v = old%v + dt*((1.0_wp - self%gamma)*old%a + self%gamma*s%a)
+        call multiply_mass(self%pattern, self%mass, s%a, inertia)
+      end if
+      s%reaction = internal + inertia - s%external - tie
+      where (.not. (self%held .or. self%prescribed)) s%reaction = 0.0_wp
+      call self%update_energy(internal, tie)
+    end associate
+  end subroutine step
+
+  !> Forces of the Robin springs, S (u_old - u) [N].
+  pure subroutine robin_force(robin, old, u, force)
+    type(fem_springs_type), intent(in) :: robin
+    real(wp), intent(in) :: old(:, :), u(:, :)
+    real(wp), intent(out) :: force(:, :)
+    real(wp) :: stretch(3)
+    integer(i4) :: s, a
+    force = 0.0_wp
+    do s = 1, robin%n
+      stretch = 0.0_wp
+      do a = 1, 4
+        stretch = stretch + robin%weight(a, s)*(old(:, robin%node(a, s)) - u(:, robin%node(a, s)))
+      end do
+      stretch = matmul(robin%stiffness(:, :, s), stretch)
+      do a = 1, 4
+        force(:, robin%node(a, s)) = force(:, robin%node(a, s)) + robin%weight(a, s)*stretch
+      end do
+    end do
+  end subroutine robin_force
+
+  !> Ledger of the trial state: stored energies now, works by the trapezoidal rule.
+  subroutine update_energy(self, internal, tie)
+    class(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: internal(:, :)  !! K u + initial [N]
+    real(wp), intent(in) :: tie(:, :)       !! Robin forces at the end [N]
+    real(wp), dimension(3, self%mesh%nodes) :: moved, momentum
+    associate (s => self%state, old => self%accepted, e => self%energy)
+      e = self%accepted_energy
+      moved = s%u - old%u
+      e%strain = 0.5_wp*sum(s%u*(internal + self%initial_force))
+      e%load = e%load + 0.5_wp*sum((s%external + old%external)*moved)
+      e%gravity = e%gravity + sum(self%weight_force*moved)
+      e%support = e%support + 0.5_wp*sum((s%reaction + old%reaction)*moved)
+      e%spring = e%spring + 0.5_wp*sum(tie*moved)
+      if (.not. self%dynamic) return
+      call multiply_mass(self%pattern, self%mass, s%v, momentum)
+      e%kinetic = 0.5_wp*sum(s%v*momentum)
+    end associate
+  end subroutine update_energy
+
+  !> Acceleration at the start of a dynamic run from the loads there: M a = f - K u.
+  subroutine start_acceleration(self, errors)
+    class(fem_body_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    type(fem_solver_type) :: solver
+    real(wp), dimension(3, self%mesh%nodes) :: internal, residual
+    real(wp), allocatable :: none(:, :, :)
+
+    call self%external_at(self%state%time, self%state%external)
+    call self%internal_force(self%state%u, internal)
+    residual = self%state%external - internal
+    if (maxval(abs(residual)) > 0.0_wp) then
+      call solver%number(self%pattern, self%held .or. self%prescribed, errors)
+      if (errors%any()) return
+      allocate (none(3, 3, size(self%mass)), source=0.0_wp)
+      call solver%factor(self%pattern, none, self%mass, 1.0_wp, errors)
+      if (.not. errors%any()) call solver%solve(residual, self%state%a, errors)
+      call solver%mumps%free()
+    end if
+    self%accepted = self%state
+  end subroutine start_acceleration
+
+  !> Internal forces of the elements alone that have a prescribed node [N].
+  subroutine interface_force(self, u, force)
+    class(fem_body_type), intent(in) :: self
+    real(wp), intent(in) :: u(:, :)
+    real(wp), intent(out) :: force(:, :)
+    logical :: chosen(self%mesh%elements)
+    integer(i4) :: e
+    do e = 1, self%mesh%elements
+      chosen(e) = any(self%prescribed(:, self%mesh%hex8(:, e)))
+    end do
+    call element_forces(self%mesh, self%elastic, u, chosen, force)
+  end subroutine interface_force
+
+  !> Ledger of an explicit state with lumped mass; loads by what moved since the accepted state.
+  subroutine explicit_energy(self)
+    class(fem_body_type), intent(inout) :: self
+    real(wp), dimension(3, self%mesh%nodes) :: internal, tie
+    integer(i4) :: i
+    call self%internal_force(self%state%u, internal)
+    tie = 0.0_wp
+    call self%update_energy(internal, tie)
+    self%energy%kinetic = 0.0_wp
+    do i = 1, self%mesh%nodes
+      self%energy%kinetic = self%energy%kinetic + 0.5_wp*self%lumped(i)*self%mass_factor(i) &
+                            *sum(self%state%v(:, i)**2)
+    end do
+  end subroutine explicit_energy
+
+  subroutine accept(self)
+    class(fem_body_type), intent(inout) :: self
+    self%accepted = self%state
+    self%accepted_energy = self%energy
+  end subroutine accept
+
+  subroutine reject(self)
+    class(fem_body_type), intent(inout) :: self
+    self%state = self%accepted
+    self%energy = self%accepted_energy
+  end subroutine reject
+end module fem_body

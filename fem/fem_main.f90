@@ -1,0 +1,80 @@
+!> talus-fem: solids. `talus-fem deck.nml` runs a deck, `talus-fem --help` says the rest.
+program talus_fem
+  use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
+  use talus_kinds, only: i4
+  use talus_text, only: string_type
+  use talus_errors, only: error_list_type
+  use talus_options, only: options_type, parse_options, usage_text
+  use talus_report, only: report_check, report_keys
+  use talus_deck_table, only: key_table_type
+  use talus_system, only: talus_blas_kernels, talus_exit
+  use talus_version, only: version_text, git_hash
+  use fem_model, only: fem_model_type, program_name
+  use fem_deck_keys, only: fem_deck_table
+  use fem_mumps, only: mumps_end
+  use fem_port, only: serve
+  implicit none
+
+  type(options_type) :: options
+  type(fem_model_type), allocatable :: model
+  type(error_list_type) :: errors
+  integer(i4) :: exit_code
+
+  call talus_blas_kernels()
+  call parse_options(options, program_name, errors)
+  if (errors%any()) call leave_with_faults()
+  if (options%help .or. options%version .or. options%keys) call answer()
+  allocate (model)
+  if (options%check) call check()
+  if (len(options%port) > 0) then
+    call serve(model, options, exit_code, errors)
+  else
+    call model%read(options, errors)
+    if (.not. errors%any()) call model%prepare(errors)
+    if (errors%any()) call leave_with_faults()
+    call model%open(errors)
+    if (.not. errors%any()) call model%run(errors)
+    call model%finish(exit_code, errors)
+  end if
+  if (errors%any()) call errors%print(error_unit)
+  call model%body%solver%mumps%free()
+  call mumps_end()
+  call talus_exit(exit_code)
+
+contains
+
+  subroutine leave_with_faults()
+    call errors%print(error_unit)
+    call mumps_end()
+    call talus_exit(errors%exit_code())
+  end subroutine leave_with_faults
+
+  !> --help, --version, --keys.
+  subroutine answer()
+    type(string_type), allocatable :: lines(:)
+    type(key_table_type) :: table
+    integer(i4) :: k
+
+    if (options%help) then
+      call usage_text(program_name, lines)
+      do k = 1, size(lines)
+        write (output_unit, '(a)') lines(k)%s
+      end do
+    else if (options%version) then
+      write (output_unit, '(a)') program_name//' '//version_text()//', git '//git_hash()
+    else
+      call fem_deck_table(table)
+      call report_keys(table, options%json)
+    end if
+    call talus_exit(0_i4)
+  end subroutine answer
+
+  !> --check: read everything, assemble and factor, report, leave.
+  subroutine check()
+    call model%read(options, errors)
+    if (.not. errors%any()) call model%prepare(errors)
+    call report_check(program_name, model%deck, errors, options%json)
+    call mumps_end()
+    call talus_exit(errors%exit_code())
+  end subroutine check
+end program talus_fem

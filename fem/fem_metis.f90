@@ -1,0 +1,78 @@
+!> Fill-reducing order of the nodes by METIS' nested dissection (METIS 5.1, 32-bit indices).
+!! The node graph is ordered, not the degrees of freedom: those of a node share a vertex.
+module fem_metis
+  use, intrinsic :: iso_c_binding, only: c_int, c_ptr, c_null_ptr
+  use talus_kinds, only: i4
+  use talus_errors, only: error_list_type
+  use talus_text, only: str
+  use fem_sparse, only: fem_pattern_type
+  implicit none
+  private
+  public :: dissect
+
+  integer(c_int), parameter :: metis_ok = 1
+
+  interface
+    integer(c_int) function metis_node_nd(n, xadj, adjncy, weight, options, perm, iperm) &
+      bind(c, name='METIS_NodeND')
+      import :: c_int, c_ptr
+      integer(c_int), intent(in) :: n
+      integer(c_int), intent(inout) :: xadj(*), adjncy(*)
+      type(c_ptr), value :: weight, options
+      integer(c_int), intent(out) :: perm(*), iperm(*)
+    end function metis_node_nd
+  end interface
+
+contains
+
+  !> Position of each node in the elimination order, from 1.
+  subroutine dissect(pattern, position, errors)
+    type(fem_pattern_type), intent(in) :: pattern
+    integer(i4), allocatable, intent(out) :: position(:)
+    type(error_list_type), intent(inout) :: errors
+    integer(c_int), allocatable :: xadj(:), adjncy(:), perm(:), iperm(:)
+    integer(c_int) :: status
+
+    call full_graph(pattern, xadj, adjncy)
+    allocate (perm(pattern%nodes), iperm(pattern%nodes))
+    status = metis_node_nd(int(pattern%nodes, c_int), xadj, adjncy, c_null_ptr, c_null_ptr, perm, iperm)
+    if (status /= metis_ok) then
+      call errors%add('S301', 'METIS could not order the nodes (status '//str(int(status, i4))//')', &
+                      hint='this is mostly a lack of memory')
+      return
+    end if
+    position = int(iperm, i4) + 1
+  end subroutine dissect
+
+  !> Both triangles of the pattern without the diagonal, counted from 0 as METIS wants them.
+  subroutine full_graph(pattern, xadj, adjncy)
+    type(fem_pattern_type), intent(in) :: pattern
+    integer(c_int), allocatable, intent(out) :: xadj(:), adjncy(:)
+    integer(c_int), allocatable :: next(:)
+    integer(i4) :: i, j, p
+
+    allocate (xadj(pattern%nodes + 1))
+    xadj = 0
+    do i = 1, pattern%nodes
+      do p = pattern%start(i) + 1, pattern%start(i + 1) - 1
+        j = pattern%column(p)
+        xadj(i + 1) = xadj(i + 1) + 1
+        xadj(j + 1) = xadj(j + 1) + 1
+      end do
+    end do
+    do i = 1, pattern%nodes
+      xadj(i + 1) = xadj(i) + xadj(i + 1)
+    end do
+    next = xadj + 1
+    allocate (adjncy(xadj(pattern%nodes + 1)))
+    do i = 1, pattern%nodes
+      do p = pattern%start(i) + 1, pattern%start(i + 1) - 1
+        j = pattern%column(p)
+        adjncy(next(i)) = int(j - 1, c_int)
+        next(i) = next(i) + 1
+        adjncy(next(j)) = int(i - 1, c_int)
+        next(j) = next(j) + 1
+      end do
+    end do
+  end subroutine full_graph
+end module fem_metis

@@ -1,0 +1,312 @@
+!> A run of talus-fem: read, prepare, open, run, finish. Nothing is written before the deck, the mesh
+!! and the factorisation are found good.
+module fem_model
+  use omp_lib, only: omp_set_num_threads, omp_get_max_threads
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str, string_type, append_string
+  use talus_errors, only: error_list_type, exit_stopped
+  use talus_options, only: options_type
+  use talus_deck, only: deck_type
+  use talus_deck_table, only: key_table_type
+  use talus_files, only: make_folder, folder_of, stem_of
+  use talus_checkpoint, only: checkpoint_type
+  use talus_log, only: log_type, short_number
+  use talus_stop, only: stop_type, stop_none
+  use talus_summary, only: summary_type
+  use talus_timers, only: timers_type
+  use fem_body, only: fem_body_type
+  use fem_deck_keys, only: fem_deck_table
+  use fem_output, only: fem_output_type, energy_error
+  use fem_restart, only: write_checkpoint, read_checkpoint
+  use fem_setup, only: read_body
+  implicit none
+  private
+  public :: fem_model_type, program_name
+
+  character(len=*), parameter :: program_name = 'talus-fem'
+  real(wp), parameter :: near = 1.0e-9_wp  !! of a step that counts as the end
+
+  type :: fem_model_type
+    type(options_type) :: options
+    type(deck_type) :: deck
+    type(fem_body_type) :: body
+    type(fem_output_type) :: output
+    type(checkpoint_type) :: checkpoint
+    type(stop_type) :: stop
+    type(timers_type) :: timers
+    type(log_type) :: log
+    character(len=:), allocatable :: stem
+    type(string_type), allocatable :: warnings(:)
+    real(wp) :: dt = 0.0_wp, t_end = 0.0_wp  !! [s]
+    real(wp) :: start_time = -1.0_wp         !! of the checkpoint [s], < 0: a fresh run
+    integer(i8) :: steps = 0, start_steps = 0
+    integer(i4) :: logged_factors = 0
+    logical :: served = .false., stopped = .false., opened = .false.
+  contains
+    procedure :: read => read_run
+    procedure :: prepare
+    procedure :: begin
+    procedure :: open => open_run
+    procedure :: run
+    procedure :: finish
+    procedure :: save_checkpoint
+    procedure :: log_row
+    procedure :: log_factors
+  end type fem_model_type
+
+contains
+
+  !> Deck and mesh.
+  subroutine read_run(self, options, errors)
+    class(fem_model_type), intent(inout) :: self
+    type(options_type), intent(in) :: options
+    type(error_list_type), intent(inout) :: errors
+    type(key_table_type) :: table
+    integer(i4) :: threads
+
+    self%options = options
+    self%served = len(options%port) > 0
+    allocate (self%warnings(0))
+    call self%timers%init()
+    call fem_deck_table(table)
+    call self%deck%read(options%deck, table, errors)
+    if (errors%any()) return
+    self%stem = stem_of(options%deck)
+    if (len(options%output_dir) > 0) then
+      self%stem = options%output_dir//'/'//self%stem
+    else if (folder_of(options%deck) /= '.') then
+      self%stem = folder_of(options%deck)//'/'//self%stem
+    end if
+    threads = options%threads
+    if (threads == 0) call self%deck%get('run', 1, 'threads', threads)
+    if (threads > 0) call omp_set_num_threads(threads)
+    call read_body(self%deck, self%body, errors)
+    if (.not. errors%any()) call read_times(self, errors)
+  end subroutine read_run
+
+  !> End and step; statics takes one step to 1 s where the deck says nothing.
+  subroutine read_times(self, errors)
+    class(fem_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    call self%deck%get('run', 1, 't_end', self%t_end)
+    call self%deck%get('analysis', 1, 'dt', self%dt)
+    if (self%served) return
+    if (self%body%dynamic) then
+      if (.not. self%t_end > 0.0_wp) call self%deck%fault(errors, 'D308', 'the run has no end', 'run', &
+        1, '', 'add t_end = ... in s; only under talus-couple it may be left out')
+      if (.not. self%dt > 0.0_wp) call self%deck%fault(errors, 'D308', 'the analysis has no step', &
+        'analysis', 1, 'kind', 'add dt = ... in s')
+      return
+    end if
+    if (.not. self%t_end > 0.0_wp) self%t_end = 1.0_wp
+    if (.not. self%dt > 0.0_wp) self%dt = self%t_end
+  end subroutine read_times
+
+  !> Matrices; with a deck of its own also the factors. A checkpoint if one is asked for.
+  subroutine prepare(self, errors)
+    class(fem_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: path
+    type(string_type), allocatable :: found(:)
+    real(wp) :: every_wall, every_time
+    integer(i4) :: keep, k
+    logical :: changed
+
+    call self%timers%start('assembly')
+    call self%body%assemble()
+    call self%timers%stop('assembly')
+    call self%deck%get('checkpoint', 1, 'keep', keep)
+    call self%checkpoint%init(self%stem, program_name, self%deck%hash(), keep)
+    if (len(self%options%restart) > 0 .and. .not. self%options%check) then
+      call self%checkpoint%find(self%options%restart, path, found, errors)
+      if (errors%any()) return
+      do k = 1, size(found)
+        call append_string(self%warnings, found(k)%s)
+      end do
+      if (len(path) > 0) then
+        call read_checkpoint(self%checkpoint, path, self%body, self%steps, changed, errors)
+        if (errors%any()) return
+        self%start_time = self%body%accepted%time
+        self%start_steps = self%steps
+        if (changed) call append_string(self%warnings, 'the deck is not the one that wrote '//path)
+      else
+        call append_string(self%warnings, 'there is no checkpoint to go on from: a fresh run')
+      end if
+    end if
+    every_wall = 0.0_wp
+    every_time = 0.0_wp
+    if (.not. self%served) then
+      call self%deck%get('checkpoint', 1, 'every_wall', every_wall)
+      call self%deck%get('checkpoint', 1, 'every_time', every_time)
+      call self%begin(self%dt, errors)
+    end if
+    call self%checkpoint%schedule(every_wall, every_time, self%body%accepted%time)
+  end subroutine prepare
+
+  !> Factors for steps of dt, and the acceleration at the start of a dynamic run.
+  subroutine begin(self, dt, errors)
+    class(fem_model_type), intent(inout) :: self
+    real(wp), intent(in) :: dt  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    call self%timers%start('factorisation')
+    call self%body%factor(dt, errors)
+    if (self%body%dynamic .and. self%start_time < 0.0_wp .and. .not. errors%any()) &
+      call self%body%start_acceleration(errors)
+    call self%timers%stop('factorisation')
+  end subroutine begin
+
+  !> Open log and results; the first state of a fresh run is written.
+  subroutine open_run(self, errors)
+    class(fem_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: lines(:)
+    character(len=:), allocatable :: title, stop_file
+    real(wp) :: wall_limit
+    integer(i4) :: k
+
+    call make_folder(folder_of(self%stem), errors)
+    if (errors%any()) return
+    call self%log%open(self%stem//'.log', errors, append=self%start_time >= 0.0_wp)
+    if (errors%any()) return
+    self%opened = .true.
+    call self%deck%get('run', 1, 'title', title)
+    call self%log%header(program_name, title, self%options%deck, self%deck%hash(), 1, &
+                         int(omp_get_max_threads(), i4))
+    call self%deck%echo(lines)
+    call self%log%deck_echo(lines)
+    call self%log%section('Model')
+    call self%log%item('nodes', str(self%body%mesh%nodes))
+    call self%log%item('elements', str(self%body%mesh%elements))
+    call self%log%item('mass', str(sum(self%body%lumped))//' kg')
+    if (self%start_time >= 0.0_wp) call self%log%item('goes on from', str(self%start_time)//' s')
+    call self%log_factors()
+    call self%log%memory()
+    do k = 1, size(self%warnings)
+      call self%log%warn(self%warnings(k)%s)
+    end do
+    call row_titles(self%log)
+    call self%output%open(self%deck, self%stem, self%body, self%start_time, errors)
+    wall_limit = 0.0_wp
+    stop_file = ''
+    if (.not. self%served) then
+      call self%deck%get('run', 1, 'wall_limit', wall_limit)
+      call self%deck%get('run', 1, 'stop_file', stop_file)
+      if (len(stop_file) > 0) stop_file = self%deck%path('run', 1, 'stop_file')
+    end if
+    call self%stop%init(wall_limit, stop_file, obey_signals=.not. self%served)
+    if (self%start_time < 0.0_wp) call self%output%write_due(self%body, .false., errors)
+  end subroutine open_run
+
+  subroutine row_titles(log)
+    type(log_type), intent(inout) :: log
+    type(string_type) :: titles(6)
+    titles(1)%s = 'time [s]'
+    titles(2)%s = 'steps'
+    titles(3)%s = 'largest u [m]'
+    titles(4)%s = 'strain [J]'
+    titles(5)%s = 'kinetic [J]'
+    titles(6)%s = 'energy error'
+    call log%row_titles(titles)
+  end subroutine row_titles
+
+  subroutine log_row(self)
+    class(fem_model_type), intent(inout) :: self
+    call self%log%row([self%body%accepted%time, real(self%steps, wp), &
+                       sqrt(maxval(sum(self%body%accepted%u**2, 1))), &
+                       self%body%accepted_energy%strain, self%body%accepted_energy%kinetic, &
+                       energy_error(self%body)])
+  end subroutine log_row
+
+  !> Tell of factorisations that the log does not know yet.
+  subroutine log_factors(self)
+    class(fem_model_type), intent(inout) :: self
+    real(wp), parameter :: giga = 1.0e9_wp
+    associate (solver => self%body%solver)
+      if (solver%factorisations <= self%logged_factors .or. .not. self%opened) return
+      self%logged_factors = solver%factorisations
+      call self%log%item('factorisation '//str(solver%factorisations), str(solver%free)// &
+                         ' free degrees of freedom', short_number(real(solver%mumps%entries, wp))// &
+                         ' entries, '//short_number(solver%mumps%flops/giga)//' GFlop, METIS order')
+    end associate
+  end subroutine log_factors
+
+  !> Steps to the end, a fault or a request to stop.
+  subroutine run(self, errors)
+    class(fem_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: t1
+    logical :: last
+
+    do
+      if (self%body%accepted%time >= self%t_end - near*self%dt) exit
+      if (self%stop%check() /= stop_none) then
+        self%stopped = .true.
+        call self%log%line('stopped by '//self%stop%text())
+        exit
+      end if
+      if (self%stop%checkpoint_asked() .or. self%checkpoint%due(self%body%accepted%time)) &
+        call self%save_checkpoint('', errors)
+      t1 = real(self%steps + 1, wp)*self%dt
+      last = t1 >= self%t_end - near*self%dt
+      if (last) t1 = self%t_end
+      call self%timers%start('steps')
+      call self%body%step(t1, errors)
+      call self%timers%stop('steps')
+      if (errors%any()) return
+      call self%body%accept()
+      self%steps = self%steps + 1
+      call self%timers%start('output')
+      call self%output%write_due(self%body, last, errors)
+      call self%timers%stop('output')
+      if (errors%any()) return
+      if (self%log%row_due()) call self%log_row()
+      call self%log%progress(t1/self%t_end, 'time '//short_number(t1)//' s')
+    end do
+  end subroutine run
+
+  subroutine save_checkpoint(self, tag, errors)
+    class(fem_model_type), intent(inout) :: self
+    character(len=*), intent(in) :: tag
+    type(error_list_type), intent(inout) :: errors
+    call self%timers%start('checkpoint')
+    call self%output%flush(errors)
+    call write_checkpoint(self%checkpoint, self%body, self%steps, tag, errors)
+    call self%timers%stop('checkpoint')
+  end subroutine save_checkpoint
+
+  !> Checkpoint if stopped, close everything, summary, last line.
+  subroutine finish(self, exit_code, errors)
+    class(fem_model_type), intent(inout) :: self
+    integer(i4), intent(out) :: exit_code
+    type(error_list_type), intent(inout) :: errors
+    type(error_list_type) :: late
+    type(summary_type) :: summary
+
+    if (self%opened) then
+      if (self%stopped .and. .not. self%served .and. .not. errors%any()) &
+        call self%save_checkpoint('', errors)
+      call self%output%close(errors)
+    end if
+    exit_code = errors%exit_code()
+    if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped
+    if (.not. self%opened) return
+    call self%log_row()
+    call self%log%health('energy error '//short_number(energy_error(self%body))//', '// &
+                         str(self%body%solver%factorisations)//' factorisations')
+    call self%log%timer_table(self%timers)
+    call self%log%faults(errors)
+    call summary%set_program(program_name, self%options%deck, self%deck%hash())
+    call summary%set('exit_code', exit_code)
+    call summary%set('wall_time_s', self%timers%elapsed())
+    call summary%set('steps', self%steps)
+    call summary%set('time_s', self%body%accepted%time)
+    call summary%set('health.energy_error', energy_error(self%body))
+    call summary%set('health.factorisations', self%body%solver%factorisations)
+    call summary%set_timers(self%timers)
+    call summary%set_errors(errors)
+    call summary%write(self%stem//'_summary.json', late)
+    call self%log%finish(program_name, exit_code, 'time '//short_number(self%body%accepted%time)// &
+                         ' s, '//str(self%steps)//' steps')
+    call self%log%close()
+  end subroutine finish
+end module fem_model

@@ -1,0 +1,174 @@
+!> The one module that speaks MUMPS (5.5): symmetric positive definite factors that are kept.
+!!
+!! The order comes from METIS through PERM_IN (Debian's MUMPS has none inside). MPI is started
+!! with the first factorisation and ended by `mumps_end`; runs that solve nothing pay nothing.
+module fem_mumps
+  use mpi, only: mpi_init, mpi_initialized, mpi_finalize, mpi_finalized, mpi_comm_self
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
+  use talus_text, only: str
+  implicit none
+  private
+  public :: mumps_type, mumps_end
+
+  include 'dmumps_struc.h'
+
+  integer(i4), parameter :: spd = 1, given_order = 1
+  integer(i4), parameter :: extra_space = 30, most_space = 200  !! ICNTL(14) [%]
+
+  !> One matrix with its factors.
+  type :: mumps_type
+    logical :: analysed = .false., factored = .false.
+    integer(i4) :: n = 0                 !! order of the matrix
+    integer(i8) :: entries = 0           !! in the factors
+    real(wp) :: flops = 0.0_wp           !! of the factorisation
+    integer(i4) :: memory = 0            !! [MB]
+    type(dmumps_struc), allocatable, private :: id
+  contains
+    procedure :: analyse
+    procedure :: factor
+    procedure :: solve
+    procedure :: free
+  end type mumps_type
+
+contains
+
+  subroutine start_mpi()
+    logical :: running
+    integer :: status
+    call mpi_initialized(running, status)
+    if (.not. running) call mpi_init(status)
+  end subroutine start_mpi
+
+  !> End MPI if it was started.
+  subroutine mumps_end()
+    logical :: running, ended
+    integer :: status
+    call mpi_initialized(running, status)
+    if (.not. running) return
+    call mpi_finalized(ended, status)
+    if (.not. ended) call mpi_finalize(status)
+  end subroutine mumps_end
+
+  !> Symbolic analysis for rows irn(:), columns jcn(:) of one triangle and a given order.
+  subroutine analyse(self, n, irn, jcn, order, errors)
+    class(mumps_type), intent(inout) :: self
+    integer(i4), intent(in) :: n
+    integer(i4), intent(in) :: irn(:), jcn(:)
+    integer(i4), intent(in) :: order(:)  !! (n) position of each row in the elimination
+    type(error_list_type), intent(inout) :: errors
+
+    call self%free()
+    call start_mpi()
+    allocate (self%id)
+    self%n = n
+    self%id%comm = mpi_comm_self
+    self%id%sym = spd
+    self%id%par = 1
+    self%id%job = -1
+    call dmumps(self%id)
+    self%id%icntl(1:3) = -1
+    self%id%icntl(4) = 0
+    self%id%icntl(7) = given_order
+    self%id%icntl(14) = extra_space
+    self%id%icntl(28) = 1
+    self%id%n = n
+    self%id%nnz = size(irn, kind=i8)
+    allocate (self%id%irn(size(irn)), self%id%jcn(size(irn)), self%id%a(size(irn)))
+    allocate (self%id%perm_in(n), self%id%rhs(n))
+    self%id%irn = irn
+    self%id%jcn = jcn
+    self%id%perm_in = order
+    self%id%job = 1
+    call dmumps(self%id)
+    if (self%id%infog(1) < 0) then
+      call translate(self%id%infog(1), self%id%infog(2), 'the symbolic analysis', errors)
+    else if (self%id%infog(7) /= given_order) then
+      call errors%add('S302', 'MUMPS did not take the order of METIS (INFOG(7) = ' &
+                      //str(self%id%infog(7))//')', hint='install another build of MUMPS 5')
+    end if
+    self%analysed = self%id%infog(1) >= 0
+  end subroutine analyse
+
+  !> Numerical factorisation of the values a(:) in the order of irn and jcn.
+  subroutine factor(self, a, errors)
+    class(mumps_type), intent(inout) :: self
+    real(wp), intent(in) :: a(:)
+    type(error_list_type), intent(inout) :: errors
+
+    if (.not. self%analysed) error stop 'bug: factorisation before analysis'
+    self%factored = .false.
+    self%id%a = a
+    do
+      self%id%job = 2
+      call dmumps(self%id)
+      if (self%id%infog(1) /= -9 .or. self%id%icntl(14) >= most_space) exit
+      self%id%icntl(14) = 2*self%id%icntl(14)
+    end do
+    if (self%id%infog(1) < 0) then
+      call translate(self%id%infog(1), self%id%infog(2), 'the factorisation', errors)
+      return
+    end if
+    if (self%id%infog(12) > 0) then
+      call errors%add('N302', 'the stiffness has '//str(self%id%infog(12))//' negative pivots: it is '// &
+                      'not positive definite', hint='check supports, moduli and the mesh')
+      return
+    end if
+    self%factored = .true.
+    self%flops = self%id%rinfog(3)
+    self%memory = self%id%infog(19)
+    self%entries = self%id%infog(9)
+    if (self%entries < 0) self%entries = -self%entries*1000000_i8
+  end subroutine factor
+
+  !> Solve in place for one right-hand side b(n).
+  subroutine solve(self, b, errors)
+    class(mumps_type), intent(inout) :: self
+    real(wp), intent(inout) :: b(:)
+    type(error_list_type), intent(inout) :: errors
+
+    if (.not. self%factored) error stop 'bug: solution before factorisation'
+    self%id%rhs = b
+    self%id%nrhs = 1
+    self%id%lrhs = self%n
+    self%id%job = 3
+    call dmumps(self%id)
+    if (self%id%infog(1) < 0) then
+      call translate(self%id%infog(1), self%id%infog(2), 'the solution', errors)
+      return
+    end if
+    b = self%id%rhs
+  end subroutine solve
+
+  !> Give the factors back.
+  subroutine free(self)
+    class(mumps_type), intent(inout) :: self
+    if (.not. allocated(self%id)) return
+    if (associated(self%id%irn)) deallocate (self%id%irn, self%id%jcn, self%id%a)
+    if (associated(self%id%perm_in)) deallocate (self%id%perm_in, self%id%rhs)
+    self%id%job = -2
+    call dmumps(self%id)
+    deallocate (self%id)
+    self%analysed = .false.
+    self%factored = .false.
+  end subroutine free
+
+  !> MUMPS' error codes in words.
+  subroutine translate(code, detail, where, errors)
+    integer(i4), intent(in) :: code, detail
+    character(len=*), intent(in) :: where
+    type(error_list_type), intent(inout) :: errors
+
+    select case (code)
+    case (-7, -8, -9, -13, -19)
+      call errors%add('S303', 'not enough memory for '//where//' (MUMPS '//str(code)//', '// &
+                      str(detail)//')', hint='use a smaller mesh or a machine with more memory')
+    case (-6, -10, -40)
+      call errors%add('N301', 'the stiffness is singular in '//where//' (MUMPS '//str(code)//', '// &
+                      str(detail)//')', hint='is every part of the body supported?')
+    case default
+      call errors%add('S304', where//' failed with MUMPS code '//str(code)//' ('//str(detail)//')', &
+                      hint='MUMPS users'' guide, section on error codes')
+    end select
+  end subroutine translate
+end module fem_mumps

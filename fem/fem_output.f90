@@ -1,0 +1,244 @@
+!> Results of a body: energy ledger and reactions as CSV, fields in HDF5 with XDMF.
+module fem_output
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str, string_type, append_string
+  use talus_errors, only: error_list_type
+  use talus_deck, only: deck_type
+  use talus_hdf5, only: h5_file_type
+  use talus_history, only: history_type
+  use talus_series, only: series_type
+  use talus_xdmf, only: xdmf_type, xdmf_node, xdmf_cell
+  use fem_types, only: group_facet, group_node, group_volume
+  use fem_mesh, only: find_group
+  use fem_body, only: fem_body_type
+  use fem_recover, only: point_stress, mean_stress, nodal_stress
+  implicit none
+  private
+  public :: fem_output_type, energy_error
+
+  character(len=*), parameter :: format_name = 'talus-solid'
+  real(wp), parameter :: near = 1.0e-6_wp  !! of an interval that counts as on time
+
+  !> What is written, and when the next of each is due.
+  type :: fem_output_type
+    real(wp) :: every_history = 0.0_wp, every_output = 0.0_wp  !! [s], 0 never
+    integer(i8) :: next_history = 0, next_output = 0
+    real(wp) :: last_field = -1.0_wp                           !! time of the last field step [s]
+    integer(i4), allocatable :: support(:)                     !! groups whose reactions are written
+    type(history_type) :: energy, reactions
+    type(series_type) :: series
+    type(xdmf_type) :: xdmf
+  contains
+    procedure :: open => open_output
+    procedure :: write_due
+    procedure :: write_fields
+    procedure :: write_history
+    procedure :: flush => flush_output
+    procedure :: close => close_output
+  end type fem_output_type
+
+contains
+
+  !> Open all files; start_time < 0 is a fresh run, else rows and steps later than it are cut.
+  subroutine open_output(self, deck, stem, body, start_time, errors)
+    class(fem_output_type), intent(inout) :: self
+    type(deck_type), intent(in) :: deck
+    character(len=*), intent(in) :: stem
+    type(fem_body_type), intent(in) :: body
+    real(wp), intent(in) :: start_time
+    type(error_list_type), intent(inout) :: errors
+
+    call deck%get('history', 1, 'every_time', self%every_history)
+    call deck%get('output', 1, 'every_time', self%every_output)
+    if (deck%count('history') == 0) self%every_history = 0.0_wp
+    if (deck%count('output') == 0) self%every_output = 0.0_wp
+    if (self%every_history > 0.0_wp) call open_histories(self, deck, stem, body, start_time, errors)
+    if (self%every_output > 0.0_wp) call open_fields(self, stem, body, start_time, errors)
+    if (start_time >= 0.0_wp) then
+      if (self%every_history > 0.0_wp) self%next_history = after(start_time, self%every_history)
+      if (self%every_output > 0.0_wp) self%next_output = after(start_time, self%every_output)
+    end if
+  end subroutine open_output
+
+  pure integer(i8) function after(time, every)
+    real(wp), intent(in) :: time, every
+    after = floor(time/every + near, i8) + 1
+  end function after
+
+  subroutine open_histories(self, deck, stem, body, start_time, errors)
+    class(fem_output_type), intent(inout) :: self
+    type(deck_type), intent(in) :: deck
+    character(len=*), intent(in) :: stem
+    type(fem_body_type), intent(in) :: body
+    real(wp), intent(in) :: start_time
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: columns(:)
+    character(len=:), allocatable :: name
+    character(len=1), parameter :: letters(3) = ['x', 'y', 'z']
+    character(len=*), parameter :: ledger(7) = [character(len=18) :: 'time [s]', 'strain [J]', &
+      'kinetic [J]', 'load [J]', 'gravity [J]', 'support [J]', 'spring [J]']
+    integer(i4) :: k, c, s, g
+
+    do k = 1, size(ledger)
+      call append_string(columns, trim(ledger(k)))
+    end do
+    call append_string(columns, 'closure [J]')
+    call start_or_resume(self%energy, stem//'_energy.csv', columns, start_time, errors)
+    deallocate (columns)
+    call append_string(columns, 'time [s]')
+    allocate (self%support(0))
+    do s = 1, deck%count('support') + deck%count('motion')
+      if (s <= deck%count('support')) then
+        call deck%get('support', s, 'group', name)
+      else
+        call deck%get('motion', s - deck%count('support'), 'group', name)
+      end if
+      g = find_group(body%mesh, name, [group_facet, group_node, group_volume])
+      if (g == 0 .or. any(self%support == g)) cycle
+      self%support = [self%support, g]
+      do c = 1, 3
+        call append_string(columns, name//' '//letters(c)//' [N]')
+      end do
+    end do
+    call start_or_resume(self%reactions, stem//'_reactions.csv', columns, start_time, errors)
+  end subroutine open_histories
+
+  subroutine start_or_resume(history, path, columns, start_time, errors)
+    type(history_type), intent(inout) :: history
+    character(len=*), intent(in) :: path
+    type(string_type), intent(in) :: columns(:)
+    real(wp), intent(in) :: start_time
+    type(error_list_type), intent(inout) :: errors
+    if (start_time < 0.0_wp) then
+      call history%open(path, columns, .false., errors)
+    else
+      call history%resume(path, columns, start_time, errors)
+    end if
+  end subroutine start_or_resume
+
+  subroutine open_fields(self, stem, body, start_time, errors)
+    class(fem_output_type), intent(inout) :: self
+    character(len=*), intent(in) :: stem
+    type(fem_body_type), intent(in) :: body
+    real(wp), intent(in) :: start_time
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+    logical :: found
+
+    found = .false.
+    if (start_time >= 0.0_wp) call self%series%resume(stem//'.h5', format_name, start_time, found, errors)
+    if (found .and. self%series%count > 0) self%last_field = self%series%step(self%series%count)%time
+    if (.not. found) then
+      call self%series%start(stem//'.h5', format_name, file, errors)
+      call file%group('/mesh', errors)
+      call file%put('/mesh/x', body%mesh%x, errors)
+      call file%put('/mesh/hex8', body%mesh%hex8 - 1, errors)
+      call file%commit(errors)
+    end if
+    call self%xdmf%describe_hex8(stem//'.xdmf', '/mesh/x', '/mesh/hex8', int(body%mesh%nodes, i8), &
+                                 int(body%mesh%elements, i8))
+    call self%xdmf%attribute('u', 'u', xdmf_node, 3)
+    call self%xdmf%attribute('v', 'v', xdmf_node, 3)
+    call self%xdmf%attribute('reaction', 'reaction', xdmf_node, 3)
+    call self%xdmf%attribute('stress', 'stress', xdmf_cell, 6)
+    call self%xdmf%attribute('stress_nodal', 'stress_nodal', xdmf_node, 6)
+  end subroutine open_fields
+
+  !> Write what is due at the accepted state; `last` writes all that is open once more if it lags.
+  subroutine write_due(self, body, last, errors)
+    class(fem_output_type), intent(inout) :: self
+    type(fem_body_type), intent(in) :: body
+    logical, intent(in) :: last
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: t
+
+    t = body%accepted%time
+    if (self%every_history > 0.0_wp) then
+      if (t >= (self%next_history - near)*self%every_history) then
+        call self%write_history(body, errors)
+        self%next_history = after(t, self%every_history)
+      end if
+    end if
+    if (self%every_output > 0.0_wp) then
+      if (t >= (self%next_output - near)*self%every_output .or. (last .and. self%last_field < t)) then
+        call self%write_fields(body, errors)
+        self%next_output = after(t, self%every_output)
+      end if
+    end if
+  end subroutine write_due
+
+  subroutine write_history(self, body, errors)
+    class(fem_output_type), intent(inout) :: self
+    type(fem_body_type), intent(in) :: body
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: row(1 + 3*size(self%support))
+    integer(i4) :: s, c
+    associate (e => body%accepted_energy, t => body%accepted%time)
+      call self%energy%write([t, e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring, &
+                              closure(body)], errors)
+      row(1) = t
+      do s = 1, size(self%support)
+        do c = 1, 3
+          row(3*s - 2 + c) = sum(body%accepted%reaction(c, body%mesh%group(self%support(s))%node))
+        end do
+      end do
+      call self%reactions%write(row, errors)
+    end associate
+  end subroutine write_history
+
+  !> Work put in minus energy stored [J].
+  pure real(wp) function closure(body)
+    type(fem_body_type), intent(in) :: body
+    associate (e => body%accepted_energy)
+      closure = e%load + e%support + e%spring - e%strain - e%kinetic
+    end associate
+  end function closure
+
+  !> |closure| over the largest of the ledger's columns.
+  pure real(wp) function energy_error(body)
+    type(fem_body_type), intent(in) :: body
+    real(wp) :: scale
+    associate (e => body%accepted_energy)
+      scale = max(abs(e%load), abs(e%support), abs(e%strain), abs(e%kinetic))
+    end associate
+    energy_error = 0.0_wp
+    if (scale > 0.0_wp) energy_error = abs(closure(body))/scale
+  end function energy_error
+
+  subroutine write_fields(self, body, errors)
+    class(fem_output_type), intent(inout) :: self
+    type(fem_body_type), intent(in) :: body
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+    character(len=:), allocatable :: group
+    real(wp), allocatable :: stress(:, :, :), mean(:, :), nodal(:, :)
+
+    allocate (stress(6, 8, body%mesh%elements), mean(6, body%mesh%elements), nodal(6, body%mesh%nodes))
+    call point_stress(body%mesh, body%elastic, body%accepted%u, stress)
+    call mean_stress(body%mesh, stress, mean)
+    call nodal_stress(body%mesh, stress, nodal)
+    call self%series%begin_step(body%accepted%time, file, group, errors)
+    call file%put(group//'/u', body%accepted%u, errors)
+    call file%put(group//'/v', body%accepted%v, errors)
+    call file%put(group//'/reaction', body%accepted%reaction, errors)
+    call file%put(group//'/stress', mean, errors)
+    call file%put(group//'/stress_nodal', nodal, errors)
+    call self%series%end_step(int(body%mesh%nodes, i8), file, errors)
+    call self%xdmf%write(self%series, errors)
+    self%last_field = body%accepted%time
+  end subroutine write_fields
+
+  subroutine flush_output(self, errors)
+    class(fem_output_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    if (self%energy%is_open()) call self%energy%flush(errors)
+    if (self%reactions%is_open()) call self%reactions%flush(errors)
+  end subroutine flush_output
+
+  subroutine close_output(self, errors)
+    class(fem_output_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    if (self%energy%is_open()) call self%energy%close(errors)
+    if (self%reactions%is_open()) call self%reactions%close(errors)
+  end subroutine close_output
+end module fem_output

@@ -1,0 +1,295 @@
+!> What talus-fem tells of itself at the port (HELLO, DESCRIBE, scalars) and takes (SET).
+module fem_port_state
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_message, only: message_type
+  use talus_scalars, only: scalar_count, scalar_kinetic, scalar_elastic, scalar_boundary, &
+    scalar_gravity, scalar_momentum, scalar_angular_momentum, scalar_step_limit
+  use talus_version, only: version_text
+  use fem_types, only: group_volume, group_facet, group_node, role_load
+  use fem_body, only: fem_body_type
+  use fem_mesh, only: find_group, group_names
+  use fem_model, only: fem_model_type, program_name
+  use fem_recover, only: point_stress, point_positions, point_weights
+  use fem_sets, only: fem_sets_type
+  use fem_sparse, only: multiply_mass
+  implicit none
+  private
+  public :: reply_hello, reply_describe, set_values, put_scalars
+
+contains
+
+  subroutine reply_hello(model, reply)
+    type(fem_model_type), intent(in) :: model
+    type(message_type), intent(inout) :: reply
+    call reply%put_text('program', program_name)
+    call reply%put_text('version', version_text())
+    call reply%put_text('deck_hash', model%deck%hash())
+    call reply%put_text('capabilities', 'report,prescribe,load,solve,advance,force,kick_drift,springs,'// &
+                        'dead_load,initial_stress,quad_weight,moduli,mass_factor')
+    call reply%put_text('analysis', trim(merge('newmark', 'static ', model%body%dynamic)))
+    call reply%put('gravity', model%body%gravity)
+    call reply%put('time', model%body%accepted%time)
+    call reply%put('t_end', model%t_end)
+    call reply%put('step_limit', huge(1.0_wp))
+    call reply%put_int('ranks', 1_i4)
+  end subroutine reply_hello
+
+  !> Mesh, facets, quadrature, groups, or the nodes of one group.
+  subroutine reply_describe(body, what, group, reply, errors)
+    type(fem_body_type), intent(in) :: body
+    character(len=*), intent(in) :: what, group
+    type(message_type), intent(inout) :: reply
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k, g
+
+    select case (what)
+    case ('mesh')
+      call reply%put_int('id', [(k, k=1, body%mesh%nodes)])
+      call reply%put('x', body%mesh%x)
+      call reply%put('mass_u', body%lumped)
+      call reply%put_int('connectivity', body%mesh%hex8)
+    case ('facets')
+      g = find_group(body%mesh, group, [group_facet])
+      if (g == 0) then
+        call no_group('facet group', group, group_names(body%mesh, [group_facet]), errors)
+        return
+      end if
+      call reply%put_int('connectivity', body%mesh%group(g)%facet)
+    case ('quadrature')
+      call describe_points(body, reply)
+    case ('groups')
+      call reply%put_text('names', lines(group_names(body%mesh, [group_volume, group_facet, group_node])))
+    case ('group')
+      g = find_group(body%mesh, group, [group_node, group_facet, group_volume])
+      if (g == 0) then
+        call no_group('group', group, group_names(body%mesh, [group_volume, group_facet, group_node]), &
+                      errors)
+        return
+      end if
+      call reply%put_int('id', body%mesh%group(g)%node)
+    case default
+      call errors%add('P301', "talus-fem cannot describe '"//what//"'", '', &
+                      'it knows mesh, facets, quadrature, groups and group')
+    end select
+  end subroutine reply_describe
+
+  subroutine no_group(what, name, there, errors)
+    character(len=*), intent(in) :: what, name, there
+    type(error_list_type), intent(inout) :: errors
+    call errors%add('D301', 'the mesh has no '//what//" '"//name//"'", '', 'it has: '//there)
+  end subroutine no_group
+
+  !> A list 'a, b' with a line each.
+  pure function lines(list) result(text)
+    character(len=*), intent(in) :: list
+    character(len=:), allocatable :: text
+    integer(i4) :: k
+    text = ''
+    do k = 1, len(list)
+      if (list(k:k) == ',') then
+        text = text//new_line('a')
+      else if (list(k:k) /= ' ') then
+        text = text//list(k:k)
+      end if
+    end do
+  end function lines
+
+  subroutine describe_points(body, reply)
+    type(fem_body_type), intent(in) :: body
+    type(message_type), intent(inout) :: reply
+    real(wp), allocatable :: x(:, :), weight(:), stress(:, :, :)
+    integer(i4) :: n, e, q
+    n = 8*body%mesh%elements
+    allocate (x(3, n), weight(n), stress(6, 8, body%mesh%elements))
+    call point_positions(body%mesh, x)
+    call point_weights(body%mesh, weight)
+    call point_stress(body%mesh, body%elastic, body%state%u, stress)
+    call reply%put('x', x)
+    call reply%put('weight', weight)
+    call reply%put('stress', reshape(stress, [6, n]))
+    call reply%put_int('element', [((e, q=1, 8), e=1, body%mesh%elements)])
+  end subroutine describe_points
+
+  !> SET: springs, dead loads, initial stress, weights, moduli, mass factors.
+  subroutine set_values(body, sets, request, errors)
+    type(fem_body_type), intent(inout) :: body
+    type(fem_sets_type), intent(in) :: sets
+    type(message_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: what
+    integer(i4) :: points
+
+    points = 8*body%mesh%elements
+    call request%get_text('what', what, errors)
+    if (errors%any()) return
+    select case (what)
+    case ('springs')
+      call set_springs(body, request, errors)
+    case ('dead_load')
+      call set_dead_load(body, sets, request, errors)
+    case ('initial_stress')
+      call set_points(body, request, 6, errors)
+    case ('quad_weight')
+      call set_points(body, request, 1, errors)
+    case ('moduli')
+      call set_moduli(body, request, errors)
+    case ('mass_factor')
+      call set_mass_factor(body, sets, request, errors)
+    case default
+      call errors%add('P301', "talus-fem cannot set '"//what//"'", request%place(), 'it knows springs, '// &
+                      'dead_load, initial_stress, quad_weight, moduli and mass_factor')
+    end select
+  end subroutine set_values
+
+  subroutine set_springs(body, request, errors)
+    type(fem_body_type), intent(inout) :: body
+    type(message_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: stiffness(:)
+    integer(i4) :: s, c
+
+    if (allocated(body%robin%node)) deallocate (body%robin%node, body%robin%weight, body%robin%stiffness)
+    call request%take_int('node', body%robin%node, errors)
+    call request%take('weight', body%robin%weight, errors)
+    call request%take('stiffness', stiffness, errors)
+    if (errors%any()) return
+    body%robin%n = size(stiffness)
+    if (any(body%robin%node < 1) .or. any(body%robin%node > body%mesh%nodes)) then
+      body%robin%n = 0
+      call errors%add('P302', 'springs name nodes that do not exist', request%place())
+      return
+    end if
+    allocate (body%robin%stiffness(3, 3, body%robin%n), source=0.0_wp)
+    do s = 1, body%robin%n
+      do c = 1, 3
+        body%robin%stiffness(c, c, s) = stiffness(s)
+      end do
+    end do
+    body%factored_dt = -1.0_wp
+  end subroutine set_springs
+
+  subroutine set_dead_load(body, sets, request, errors)
+    type(fem_body_type), intent(inout) :: body
+    type(fem_sets_type), intent(in) :: sets
+    type(message_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name
+    real(wp), allocatable :: force(:, :)
+    integer(i4) :: k
+
+    call request%get_text('set', name, errors)
+    if (errors%any()) return
+    call find_set(sets, name, k, request, errors)
+    if (errors%any()) return
+    allocate (force(3, size(sets%set(k)%node)))
+    call request%get('force', force, errors)
+    if (.not. errors%any()) body%dead_load(:, sets%set(k)%node) = force
+  end subroutine set_dead_load
+
+  subroutine find_set(sets, name, k, request, errors)
+    type(fem_sets_type), intent(in) :: sets
+    character(len=*), intent(in) :: name
+    integer(i4), intent(out) :: k
+    type(message_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    call sets%find(name, k)
+    if (k == 0) call errors%add('P302', "no set '"//name//"' was selected", request%place(), &
+                                'SELECT it first')
+  end subroutine find_set
+
+  !> Initial stress (6 values) or weight (1 value) of every Gauss point.
+  subroutine set_points(body, request, components, errors)
+    type(fem_body_type), intent(inout) :: body
+    type(message_type), intent(inout) :: request
+    integer(i4), intent(in) :: components
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: stress(:, :), weight(:)
+    integer(i4) :: n
+    n = 8*body%mesh%elements
+    if (components == 6) then
+      allocate (stress(6, n))
+      call request%get('value', stress, errors)
+      if (errors%any()) return
+      body%elastic%initial = reshape(stress, [6, 8, body%mesh%elements])
+      body%elastic%has_initial = .true.
+    else
+      allocate (weight(n))
+      call request%get('value', weight, errors)
+      if (errors%any()) return
+      body%elastic%factor = reshape(weight, [8, body%mesh%elements])
+    end if
+    call body%assemble()
+  end subroutine set_points
+
+  subroutine set_moduli(body, request, errors)
+    type(fem_body_type), intent(inout) :: body
+    type(message_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), allocatable :: element(:)
+    real(wp), allocatable :: young(:), poisson(:)
+
+    call request%take_int('element', element, errors)
+    if (errors%any()) return
+    allocate (young(size(element)), poisson(size(element)))
+    call request%get('young', young, errors)
+    call request%get('poisson', poisson, errors)
+    if (errors%any()) return
+    if (any(element < 1) .or. any(element > body%mesh%elements)) then
+      call errors%add('P302', 'moduli are given for elements that do not exist', request%place())
+    else if (.not. (all(young > 0.0_wp) .and. all(poisson > -1.0_wp) .and. all(poisson < 0.5_wp))) then
+      call errors%add('P302', 'moduli must be young > 0 and -1 < poisson < 0.5', request%place())
+    else
+      body%elastic%young(element) = young
+      body%elastic%poisson(element) = poisson
+      call body%assemble()
+    end if
+  end subroutine set_moduli
+
+  subroutine set_mass_factor(body, sets, request, errors)
+    type(fem_body_type), intent(inout) :: body
+    type(fem_sets_type), intent(in) :: sets
+    type(message_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name
+    real(wp), allocatable :: value(:)
+    integer(i4) :: k
+    call request%get_text('set', name, errors)
+    if (errors%any()) return
+    call find_set(sets, name, k, request, errors)
+    if (errors%any()) return
+    allocate (value(size(sets%set(k)%node)))
+    call request%get('value', value, errors)
+    if (.not. errors%any()) body%mass_factor(sets%set(k)%node) = value
+  end subroutine set_mass_factor
+
+  !> Energies, momentum and angular momentum of the trial state.
+  subroutine put_scalars(body, reply)
+    type(fem_body_type), intent(in) :: body
+    type(message_type), intent(inout) :: reply
+    real(wp) :: scalars(scalar_count), p(3, body%mesh%nodes), x(3)
+    integer(i4) :: i
+
+    scalars = 0.0_wp
+    scalars(scalar_kinetic) = body%energy%kinetic
+    scalars(scalar_elastic) = body%energy%strain
+    scalars(scalar_boundary) = body%energy%support + body%energy%spring + body%energy%load &
+                               - body%energy%gravity
+    scalars(scalar_gravity) = body%energy%gravity
+    scalars(scalar_step_limit) = huge(1.0_wp)
+    if (body%dynamic) then
+      call multiply_mass(body%pattern, body%mass, body%state%v, p)
+      scalars(scalar_momentum:scalar_momentum + 2) = sum(p, 2)
+      associate (l => scalars(scalar_angular_momentum:scalar_angular_momentum + 2))
+        do i = 1, body%mesh%nodes
+          x = body%mesh%x(:, i) + body%state%u(:, i)
+          l(1) = l(1) + x(2)*p(3, i) - x(3)*p(2, i)
+          l(2) = l(2) + x(3)*p(1, i) - x(1)*p(3, i)
+          l(3) = l(3) + x(1)*p(2, i) - x(2)*p(1, i)
+        end do
+      end associate
+    end if
+    call reply%put('scalars', scalars)
+  end subroutine put_scalars
+end module fem_port_state

@@ -1,0 +1,159 @@
+!> The step verbs of talus-fem: SOLVE, ADVANCE, FORCE, KICK_DRIFT.
+module fem_port_step
+  use talus_kinds, only: wp, i4
+  use talus_errors, only: error_list_type
+  use talus_message, only: message_type
+  use fem_types, only: role_prescribe, role_load
+  use fem_model, only: fem_model_type
+  use fem_sets, only: fem_sets_type
+  use fem_port_state, only: put_scalars
+  implicit none
+  private
+  public :: solve, advance, force, kick_drift
+
+contains
+
+  !> One static or implicit step from the accepted state to t1.
+  subroutine solve(model, sets, request, reply, errors)
+    type(fem_model_type), intent(inout) :: model
+    type(fem_sets_type), intent(in) :: sets
+    type(message_type), intent(inout) :: request, reply
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: trial
+
+    trial = 1
+    if (request%has('trial')) call request%get_int('trial', trial, errors)
+    call sets%take_loads(model%body, request, errors)
+    call sets%take_motion(model%body, request, errors)
+    call request%all_read(errors)
+    if (errors%any()) return
+    call model%body%step(request%t1, errors)
+    if (errors%any()) return
+    call sets%put_states(model%body, reply)
+    call reply%put_int('iterations', 1_i4)
+    call put_scalars(model%body, reply)
+  end subroutine solve
+
+  !> Own steps to t1 (one if the deck gives no dt); impulses and work on prescribed sets.
+  subroutine advance(model, sets, request, reply, errors)
+    type(fem_model_type), intent(inout) :: model
+    type(fem_sets_type), intent(in) :: sets
+    type(message_type), intent(inout) :: request, reply
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: start_u(:, :), end_u(:, :), impulse(:, :), work(:), before(:, :), moved(:, :)
+    real(wp) :: t0, share, dt
+    integer(i4) :: k, n, s, i
+
+    call sets%take_loads(model%body, request, errors)
+    start_u = model%body%given_u
+    call sets%take_motion(model%body, request, errors)
+    call request%all_read(errors)
+    if (errors%any()) return
+    end_u = model%body%given_u
+    t0 = model%body%accepted%time
+    n = 1
+    if (model%dt > 0.0_wp) n = max(1, nint((request%t1 - t0)/model%dt))
+    dt = (request%t1 - t0)/n
+    impulse = 0.0_wp*start_u
+    allocate (work(sets%n), source=0.0_wp)
+    associate (body => model%body)
+      start: do k = 1, n
+        share = real(k, wp)/real(n, wp)
+        body%given_u = start_u + share*(end_u - start_u)
+        before = body%accepted%reaction
+        moved = body%accepted%u
+        call body%step(t0 + share*(request%t1 - t0), errors)
+        if (errors%any()) exit start
+        moved = body%state%u - moved
+        impulse = impulse + 0.5_wp*dt*(before + body%state%reaction)
+        do s = 1, sets%n
+          do i = 1, size(sets%set(s)%node)
+            work(s) = work(s) + 0.5_wp*dot_product(before(:, sets%set(s)%node(i)) + &
+                      body%state%reaction(:, sets%set(s)%node(i)), moved(:, sets%set(s)%node(i)))
+          end do
+        end do
+        if (k < n) call body%accept()
+      end do start
+      if (errors%any()) return
+      call sets%put_states(body, reply)
+      do s = 1, sets%n
+        if (sets%set(s)%role /= role_prescribe) cycle
+        call reply%put(trim(sets%set(s)%name)//'.impulse', -impulse(:, sets%set(s)%node))
+        call reply%put(trim(sets%set(s)%name)//'.work', work(s))
+      end do
+      call reply%put_int('substeps', n)
+      call put_scalars(body, reply)
+    end associate
+  end subroutine advance
+
+  !> Internal forces of the present state with prescribed nodes where the request puts them.
+  !! Scope `interface`: only elements that have a node of a prescribed set count.
+  subroutine force(model, sets, request, reply, errors)
+    type(fem_model_type), intent(inout) :: model
+    type(fem_sets_type), intent(in) :: sets
+    type(message_type), intent(inout) :: request, reply
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: scope
+    real(wp), allocatable :: f(:, :)
+    integer(i4) :: s
+
+    scope = 'all'
+    if (request%has('scope')) call request%get_text('scope', scope, errors)
+    call sets%take_motion(model%body, request, errors)
+    call request%all_read(errors)
+    if (errors%any()) return
+    associate (body => model%body)
+      where (body%prescribed) body%state%u = body%given_u
+      allocate (f(3, body%mesh%nodes))
+      if (scope == 'interface') then
+        call body%interface_force(body%state%u, f)
+      else
+        call body%internal_force(body%state%u, f)
+      end if
+      f = -f
+      if (scope /= 'interface') f = f + body%weight_force
+      do s = 1, sets%n
+        call reply%put(trim(sets%set(s)%name)//'.force', f(:, sets%set(s)%node))
+      end do
+      call put_scalars(body, reply)
+    end associate
+  end subroutine force
+
+  !> v += kick (F + X)/m, x += drift v on free degrees of freedom, with lumped mass.
+  subroutine kick_drift(model, sets, request, reply, errors)
+    type(fem_model_type), intent(inout) :: model
+    type(fem_sets_type), intent(in) :: sets
+    type(message_type), intent(inout) :: request, reply
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: f(:, :), external(:, :)
+    real(wp) :: kick, drift
+    integer(i4) :: i
+
+    kick = 0.0_wp
+    drift = 0.0_wp
+    call request%get('kick', kick, errors)
+    call request%get('drift', drift, errors)
+    call sets%take_loads(model%body, request, errors)
+    call sets%take_motion(model%body, request, errors)
+    call request%all_read(errors)
+    if (errors%any()) return
+    associate (body => model%body)
+      allocate (f(3, body%mesh%nodes), external(3, body%mesh%nodes))
+      where (body%prescribed) body%state%u = body%given_u
+      call body%internal_force(body%state%u, f)
+      call body%external_at(request%t0, external)
+      do i = 1, body%mesh%nodes
+        where (.not. (body%held(:, i) .or. body%prescribed(:, i)))
+          body%state%v(:, i) = body%state%v(:, i) + kick*(external(:, i) - f(:, i)) &
+                               /(body%lumped(i)*body%mass_factor(i))
+          body%state%u(:, i) = body%state%u(:, i) + drift*body%state%v(:, i)
+        end where
+      end do
+      body%state%external = external
+      body%state%time = request%t1
+      call body%explicit_energy()
+      call sets%put_states(body, reply)
+      call put_scalars(body, reply)
+    end associate
+  end subroutine kick_drift
+end module fem_port_step

@@ -1,0 +1,85 @@
+!> Checkpoints of a body: everything that changes in time, to and from an HDF5 file.
+module fem_restart
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_hdf5, only: h5_file_type
+  use talus_checkpoint, only: checkpoint_type, checkpoint_info_type
+  use fem_types, only: fem_energy_type
+  use fem_body, only: fem_body_type
+  implicit none
+  private
+  public :: write_checkpoint, read_checkpoint
+
+contains
+
+  !> Write the accepted state; tag '' is the run's own series.
+  subroutine write_checkpoint(checkpoint, body, steps, tag, errors)
+    type(checkpoint_type), intent(inout) :: checkpoint
+    type(fem_body_type), intent(in) :: body
+    integer(i8), intent(in) :: steps
+    character(len=*), intent(in) :: tag
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+
+    if (len(tag) > 0) then
+      call checkpoint%begin(file, body%accepted%time, steps, errors, tag)
+    else
+      call checkpoint%begin(file, body%accepted%time, steps, errors)
+    end if
+    call file%group('/state', errors)
+    call file%put('/state/u', body%accepted%u, errors)
+    call file%put('/state/v', body%accepted%v, errors)
+    call file%put('/state/a', body%accepted%a, errors)
+    call file%put('/state/external', body%accepted%external, errors)
+    call file%put('/state/reaction', body%accepted%reaction, errors)
+    call file%put('/state/port_load', body%port_load, errors)
+    call file%put('/state/given_u', body%given_u, errors)
+    associate (e => body%accepted_energy)
+      call file%put('/state/energy', [e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring], &
+                    errors)
+    end associate
+    call checkpoint%finish(file, errors)
+  end subroutine write_checkpoint
+
+  !> Take the state of a checkpoint; the body holds the same mesh.
+  subroutine read_checkpoint(checkpoint, path, body, steps, deck_changed, errors)
+    type(checkpoint_type), intent(inout) :: checkpoint
+    character(len=*), intent(in) :: path
+    type(fem_body_type), intent(inout) :: body
+    integer(i8), intent(out) :: steps
+    logical, intent(out) :: deck_changed
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+    type(checkpoint_info_type) :: info
+    real(wp), allocatable :: energy(:), u(:, :)
+
+    steps = 0
+    deck_changed = .false.
+    call checkpoint%open(path, file, info, errors)
+    if (errors%any()) return
+    call file%get('/state/u', u, errors)
+    if (.not. errors%any()) then
+      if (size(u, 2) /= body%mesh%nodes) call errors%add('I306', 'the checkpoint has '// &
+        str(int(size(u, 2), i4))//' nodes, the mesh '//str(body%mesh%nodes), path, &
+        'restart with the mesh that wrote it')
+    end if
+    if (.not. errors%any()) then
+      body%state%u = u
+      call file%get('/state/v', body%state%v, errors)
+      call file%get('/state/a', body%state%a, errors)
+      call file%get('/state/external', body%state%external, errors)
+      call file%get('/state/reaction', body%state%reaction, errors)
+      call file%get('/state/port_load', body%port_load, errors)
+      call file%get('/state/given_u', body%given_u, errors)
+      call file%get('/state/energy', energy, errors)
+    end if
+    call file%close(errors)
+    if (errors%any()) return
+    body%state%time = info%time
+    body%energy = fem_energy_type(energy(1), energy(2), energy(3), energy(4), energy(5), energy(6))
+    steps = info%step
+    deck_changed = info%deck_hash /= checkpoint%deck_hash
+    call body%accept()
+  end subroutine read_checkpoint
+end module fem_restart

@@ -1,0 +1,196 @@
+!> Tractions, point loads and ground springs of the deck.
+module fem_setup_loads
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_deck, only: deck_type
+  use fem_types, only: fem_load_type, fem_mesh_type, group_facet
+  use fem_mesh, only: find_group, group_names
+  use fem_loads, only: traction_force, facet_springs, facet_point
+  use fem_body, only: fem_body_type
+  implicit none
+  private
+  public :: read_tractions, read_point_loads, read_springs
+
+  real(wp), parameter :: on_facet = 1.0e-6_wp  !! distance / facet size that counts as on it
+
+contains
+
+  subroutine read_tractions(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: value(:)
+    type(fem_load_type) :: load
+    integer(i4) :: s, g
+
+    allocate (body%load(0))
+    do s = 1, deck%count('traction')
+      call facet_group(deck, body, 'traction', s, 'group', g, errors)
+      call read_curve(deck, body, 'traction', s, load%curve, errors)
+      if (g == 0) cycle
+      call deck%get('traction', s, 'value', value)
+      load%force = 0.0_wp*body%mesh%x
+      call traction_force(body%mesh, body%mesh%group(g)%facet, value, load%force)
+      call append_load(body%load, load)
+    end do
+  end subroutine read_tractions
+
+  subroutine read_point_loads(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: force(:)
+    type(fem_load_type) :: load
+    integer(i4) :: s, node, before
+
+    do s = 1, deck%count('point_load')
+      call deck%get('point_load', s, 'node', node)
+      call deck%get('point_load', s, 'force', force)
+      call read_curve(deck, body, 'point_load', s, load%curve, errors)
+      load%force = 0.0_wp*body%mesh%x
+      before = errors%count
+      if (node > body%mesh%nodes) then
+        call deck%fault(errors, 'D307', 'there is no node '//str(node)//', the mesh has '// &
+                        str(body%mesh%nodes), 'point_load', s, 'node', 'node ids count from 1')
+      else if (node > 0) then
+        load%force(:, node) = force
+      else
+        call at_position(deck, body, s, force, load%force, errors)
+      end if
+      if (errors%count == before) call append_load(body%load, load)
+    end do
+  end subroutine read_point_loads
+
+  !> Share a force at a point of a facet group to the facet's nodes by its shape functions.
+  subroutine at_position(deck, body, s, force, nodal, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(in) :: body
+    integer(i4), intent(in) :: s
+    real(wp), intent(in) :: force(3)
+    real(wp), intent(inout) :: nodal(:, :)
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: position(:)
+    real(wp) :: n(4), xi(2), off, best
+    integer(i4) :: g, f, a, chosen
+
+    if (.not. (deck%given('point_load', s, 'position') .and. deck%given('point_load', s, 'facets'))) then
+      call deck%fault(errors, 'D307', 'the point load has no place', 'point_load', s, '', &
+                      'give node, or position together with facets')
+      return
+    end if
+    call facet_group(deck, body, 'point_load', s, 'facets', g, errors)
+    if (g == 0) return
+    call deck%get('point_load', s, 'position', position)
+    best = huge(best)
+    chosen = 0
+    do f = 1, size(body%mesh%group(g)%facet, 2)
+      call natural(body%mesh%x(:, body%mesh%group(g)%facet(:, f)), position, xi, off)
+      if (off < best) then
+        best = off
+        chosen = f
+      end if
+    end do
+    if (chosen == 0 .or. best > on_facet) then
+      call deck%fault(errors, 'D307', 'the position lies on no facet of the group', 'point_load', s, &
+                      'position', 'the nearest is off by '//str(best)//' facet sizes')
+      return
+    end if
+    associate (facet => body%mesh%group(g)%facet(:, chosen))
+      call natural(body%mesh%x(:, facet), position, xi, off, n)
+      do a = 1, 4
+        nodal(:, facet(a)) = nodal(:, facet(a)) + n(a)*force
+      end do
+    end associate
+  end subroutine at_position
+
+  !> Natural coordinates of the point of a facet nearest to p (Newton), and how far p is outside of
+  !! the facet, off / size.
+  pure subroutine natural(x, p, xi, off, n)
+    real(wp), intent(in) :: x(3, 4), p(3)
+    real(wp), intent(out) :: xi(2), off
+    real(wp), intent(out), optional :: n(4)
+    integer(i4), parameter :: most = 20
+    real(wp) :: shape(4), area(3), d(3, 2), r(3), g(2, 2), b(2), det, size, step(2), clip(2)
+    integer(i4) :: k
+
+    xi = 0.0_wp
+    size = norm2(x(:, 3) - x(:, 1))
+    do k = 1, most
+      call facet_point(x, xi, shape, area)
+      d(:, 1) = 0.25_wp*((1.0_wp - xi(2))*(x(:, 2) - x(:, 1)) + (1.0_wp + xi(2))*(x(:, 3) - x(:, 4)))
+      d(:, 2) = 0.25_wp*((1.0_wp - xi(1))*(x(:, 4) - x(:, 1)) + (1.0_wp + xi(1))*(x(:, 3) - x(:, 2)))
+      r = p - matmul(x, shape)
+      b = matmul(r, d)
+      g = matmul(transpose(d), d)
+      det = g(1, 1)*g(2, 2) - g(1, 2)**2
+      step = [g(2, 2)*b(1) - g(1, 2)*b(2), g(1, 1)*b(2) - g(1, 2)*b(1)]/det
+      xi = xi + step
+      if (maxval(abs(step)) < 1.0e-12_wp) exit
+    end do
+    clip = max(-1.0_wp, min(1.0_wp, xi))
+    call facet_point(x, clip, shape, area)
+    off = norm2(p - matmul(x, shape))/size
+    if (present(n)) n = shape
+  end subroutine natural
+
+  subroutine read_springs(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: normal, tangential
+    integer(i4) :: s, g
+
+    do s = 1, deck%count('spring')
+      call facet_group(deck, body, 'spring', s, 'group', g, errors)
+      if (g == 0) cycle
+      call deck%get('spring', s, 'normal', normal)
+      call deck%get('spring', s, 'tangential', tangential)
+      call facet_springs(body%mesh, body%mesh%group(g)%facet, normal, tangential, body%ground)
+    end do
+  end subroutine read_springs
+
+  !> Index of the facet group that a key names; 0 with a fault if there is none.
+  subroutine facet_group(deck, body, group, s, key, g, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(in) :: body
+    character(len=*), intent(in) :: group, key
+    integer(i4), intent(in) :: s
+    integer(i4), intent(out) :: g
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name
+    call deck%get(group, s, key, name)
+    g = find_group(body%mesh, name, [group_facet])
+    if (g == 0) call deck%fault(errors, 'D301', "the mesh has no facet group '"//name//"'", group, s, &
+                                key, 'it has: '//group_names(body%mesh, [group_facet]))
+  end subroutine facet_group
+
+  subroutine read_curve(deck, body, group, s, curve, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(in) :: body
+    character(len=*), intent(in) :: group
+    integer(i4), intent(in) :: s
+    integer(i4), intent(out) :: curve
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name
+    integer(i4) :: k
+    curve = 0
+    call deck%get(group, s, 'curve', name)
+    if (len(name) == 0) return
+    do k = 1, size(body%curve)
+      if (body%curve(k)%name == name) curve = k
+    end do
+    if (curve == 0) call deck%fault(errors, 'D303', "there is no curve '"//name//"'", group, s, &
+                                    'curve', 'define it with &curve id = ...')
+  end subroutine read_curve
+
+  subroutine append_load(list, load)
+    type(fem_load_type), allocatable, intent(inout) :: list(:)
+    type(fem_load_type), intent(in) :: load
+    type(fem_load_type), allocatable :: longer(:)
+    allocate (longer(size(list) + 1))
+    longer(:size(list)) = list
+    longer(size(longer)) = load
+    call move_alloc(longer, list)
+  end subroutine append_load
+end module fem_setup_loads

@@ -1,0 +1,157 @@
+!> The linear system of free degrees of freedom: numbering, order, factors, solution.
+module fem_solver
+  use talus_kinds, only: wp, i4
+  use talus_errors, only: error_list_type
+  use fem_sparse, only: fem_pattern_type
+  use fem_metis, only: dissect
+  use fem_mumps, only: mumps_type
+  implicit none
+  private
+  public :: fem_solver_type
+
+  !> Factors of K_ff and what leads to them.
+  type :: fem_solver_type
+    integer(i4) :: free = 0                      !! free degrees of freedom
+    integer(i4), allocatable :: equation(:, :)   !! (3, nodes) row, 0 = prescribed
+    integer(i4), allocatable :: position(:)      !! (nodes) in the elimination order
+    type(mumps_type) :: mumps
+    integer(i4) :: factorisations = 0
+    real(wp), allocatable, private :: value(:), right(:)
+  contains
+    procedure :: number
+    procedure :: factor
+    procedure :: solve
+  end type fem_solver_type
+
+contains
+
+  !> Number the free degrees of freedom and analyse the pattern.
+  subroutine number(self, pattern, fixed, errors)
+    class(fem_solver_type), intent(inout) :: self
+    type(fem_pattern_type), intent(in) :: pattern
+    logical, intent(in) :: fixed(:, :)  !! (3, nodes) supported or prescribed
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), allocatable :: irn(:), jcn(:), order(:)
+    integer(i4) :: i, c
+
+    if (.not. allocated(self%position)) call dissect(pattern, self%position, errors)
+    if (errors%any()) return
+    if (allocated(self%equation)) deallocate (self%equation)
+    allocate (self%equation(3, pattern%nodes))
+    self%free = 0
+    do i = 1, pattern%nodes
+      do c = 1, 3
+        self%equation(c, i) = 0
+        if (fixed(c, i)) cycle
+        self%free = self%free + 1
+        self%equation(c, i) = self%free
+      end do
+    end do
+    if (self%free == 0) return
+    call entries_of(self, pattern, irn, jcn)
+    call elimination(self, order)
+    call self%mumps%analyse(self%free, irn, jcn, order, errors)
+    if (allocated(self%value)) deallocate (self%value, self%right)
+    allocate (self%value(size(irn)), self%right(self%free))
+  end subroutine number
+
+  !> Rows and columns (upper triangle) of all entries between free degrees of freedom.
+  subroutine entries_of(self, pattern, irn, jcn)
+    class(fem_solver_type), intent(in) :: self
+    type(fem_pattern_type), intent(in) :: pattern
+    integer(i4), allocatable, intent(out) :: irn(:), jcn(:)
+    integer(i4) :: i, j, p, a, b, n, pass
+
+    do pass = 1, 2
+      n = 0
+      do i = 1, pattern%nodes
+        do p = pattern%start(i), pattern%start(i + 1) - 1
+          j = pattern%column(p)
+          do b = 1, 3
+            do a = 1, merge(b, 3, i == j)
+              if (self%equation(a, i) == 0 .or. self%equation(b, j) == 0) cycle
+              n = n + 1
+              if (pass == 1) cycle
+              irn(n) = self%equation(a, i)
+              jcn(n) = self%equation(b, j)
+            end do
+          end do
+        end do
+      end do
+      if (pass == 1) allocate (irn(n), jcn(n))
+    end do
+  end subroutine entries_of
+
+  !> Elimination order of the equations: by node position, then by component.
+  subroutine elimination(self, order)
+    class(fem_solver_type), intent(in) :: self
+    integer(i4), allocatable, intent(out) :: order(:)
+    integer(i4), allocatable :: node_at(:)
+    integer(i4) :: i, c, n
+
+    allocate (node_at(size(self%position)), order(self%free))
+    do i = 1, size(self%position)
+      node_at(self%position(i)) = i
+    end do
+    n = 0
+    do i = 1, size(node_at)
+      do c = 1, 3
+        if (self%equation(c, node_at(i)) == 0) cycle
+        n = n + 1
+        order(self%equation(c, node_at(i))) = n
+      end do
+    end do
+  end subroutine elimination
+
+  !> Factor K + mass_factor M (blocks of the pattern).
+  subroutine factor(self, pattern, k, mass, mass_factor, errors)
+    class(fem_solver_type), intent(inout) :: self
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in) :: k(:, :, :), mass(:)
+    real(wp), intent(in) :: mass_factor  !! [1/s^2], 0 in statics
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: i, j, p, a, b, n
+
+    if (self%free == 0) return
+    n = 0
+    do i = 1, pattern%nodes
+      do p = pattern%start(i), pattern%start(i + 1) - 1
+        j = pattern%column(p)
+        do b = 1, 3
+          do a = 1, merge(b, 3, i == j)
+            if (self%equation(a, i) == 0 .or. self%equation(b, j) == 0) cycle
+            n = n + 1
+            self%value(n) = k(a, b, p)
+            if (a == b .and. mass_factor > 0.0_wp) self%value(n) = self%value(n) + mass_factor*mass(p)
+          end do
+        end do
+      end do
+    end do
+    call self%mumps%factor(self%value, errors)
+    self%factorisations = self%factorisations + 1
+  end subroutine factor
+
+  !> du(3, nodes) from residual(3, nodes); prescribed entries of du are zero.
+  subroutine solve(self, residual, du, errors)
+    class(fem_solver_type), intent(inout) :: self
+    real(wp), intent(in) :: residual(:, :)
+    real(wp), intent(out) :: du(:, :)
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: i, c
+
+    du = 0.0_wp
+    if (self%free == 0) return
+    do i = 1, size(self%equation, 2)
+      do c = 1, 3
+        if (self%equation(c, i) > 0) self%right(self%equation(c, i)) = residual(c, i)
+      end do
+    end do
+    call self%mumps%solve(self%right, errors)
+    if (errors%any()) return
+    do i = 1, size(self%equation, 2)
+      do c = 1, 3
+        if (self%equation(c, i) > 0) du(c, i) = self%right(self%equation(c, i))
+      end do
+    end do
+  end subroutine solve
+end module fem_solver

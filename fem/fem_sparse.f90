@@ -1,0 +1,294 @@
+!> Symmetric matrix of 3 x 3 node blocks on the pattern of the mesh: upper triangle by rows.
+!!
+!! The pattern is made once; stiffness and mass share it (mass is a scalar a node pair).
+module fem_sparse
+  use talus_kinds, only: wp, i4
+  use fem_types, only: fem_mesh_type, fem_elastic_type, fem_springs_type
+  use fem_hex8, only: hex8_geometry, hex8_geometry_type, hex8_stiffness, gauss_shape, hex8_points
+  implicit none
+  private
+  public :: fem_pattern_type, make_pattern, assemble_stiffness, assemble_mass, add_springs
+  public :: multiply, multiply_mass, lumped_mass, block_diagonal
+
+  integer(i4), parameter :: batch = 512  !! elements whose matrices are held at once
+
+  !> Rows of the upper triangle: row n has the columns column(start(n):start(n+1)-1), all >= n.
+  type :: fem_pattern_type
+    integer(i4) :: nodes = 0
+    integer(i4), allocatable :: start(:), column(:)
+  end type fem_pattern_type
+
+contains
+
+  !> Pattern of a mesh; springs on facets fit into it, their nodes share an element.
+  subroutine make_pattern(mesh, pattern)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_pattern_type), intent(out) :: pattern
+    integer(i4), allocatable :: count(:), first(:), list(:), mark(:)
+    integer(i4) :: e, n, k, total, a
+    integer(i4) :: pass
+
+    pattern%nodes = mesh%nodes
+    call elements_of_nodes(mesh, first, list)
+    allocate (count(mesh%nodes), mark(mesh%nodes), pattern%start(mesh%nodes + 1))
+    do pass = 1, 2
+      mark = 0
+      total = 0
+      do n = 1, mesh%nodes
+        if (pass == 2) pattern%start(n) = total + 1
+        do k = first(n), first(n + 1) - 1
+          e = list(k)
+          do a = 1, 8
+            call take(mesh%hex8(a, e))
+          end do
+        end do
+        if (pass == 2) call sort(pattern%column(pattern%start(n):total))
+      end do
+      if (pass == 1) allocate (pattern%column(total))
+    end do
+    pattern%start(mesh%nodes + 1) = total + 1
+
+  contains
+
+    subroutine take(other)
+      integer(i4), intent(in) :: other
+      if (other < n .or. mark(other) == n) return
+      mark(other) = n
+      total = total + 1
+      if (pass == 2) pattern%column(total) = other
+    end subroutine take
+  end subroutine make_pattern
+
+  !> CSR list of the elements at each node.
+  subroutine elements_of_nodes(mesh, first, list)
+    type(fem_mesh_type), intent(in) :: mesh
+    integer(i4), allocatable, intent(out) :: first(:), list(:)
+    integer(i4), allocatable :: next(:)
+    integer(i4) :: e, a, n
+
+    allocate (first(mesh%nodes + 1), list(8*mesh%elements))
+    first = 0
+    do e = 1, mesh%elements
+      do a = 1, 8
+        first(mesh%hex8(a, e) + 1) = first(mesh%hex8(a, e) + 1) + 1
+      end do
+    end do
+    first(1) = 1
+    do n = 1, mesh%nodes
+      first(n + 1) = first(n) + first(n + 1)
+    end do
+    next = first
+    do e = 1, mesh%elements
+      do a = 1, 8
+        n = mesh%hex8(a, e)
+        list(next(n)) = e
+        next(n) = next(n) + 1
+      end do
+    end do
+  end subroutine elements_of_nodes
+
+  !> Insertion sort; rows have about fourteen entries.
+  pure subroutine sort(list)
+    integer(i4), intent(inout) :: list(:)
+    integer(i4) :: i, j, value
+    do i = 2, size(list)
+      value = list(i)
+      do j = i - 1, 1, -1
+        if (list(j) <= value) exit
+        list(j + 1) = list(j)
+      end do
+      list(j + 1) = value
+    end do
+  end subroutine sort
+
+  !> Place of the pair (i, j), i <= j, in the pattern; 0 if it is not there.
+  pure integer(i4) function place(pattern, i, j)
+    type(fem_pattern_type), intent(in) :: pattern
+    integer(i4), intent(in) :: i, j
+    integer(i4) :: low, high, mid
+
+    low = pattern%start(i)
+    high = pattern%start(i + 1) - 1
+    place = 0
+    do while (low <= high)
+      mid = (low + high)/2
+      if (pattern%column(mid) == j) then
+        place = mid
+        return
+      else if (pattern%column(mid) < j) then
+        low = mid + 1
+      else
+        high = mid - 1
+      end if
+    end do
+  end function place
+
+  !> Stiffness blocks k(3, 3, entries) [N/m]. Elements are worked in parallel, added in order.
+  subroutine assemble_stiffness(mesh, elastic, pattern, k)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_elastic_type), intent(in) :: elastic
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), allocatable, intent(inout) :: k(:, :, :)
+    real(wp), allocatable :: ke(:, :, :, :, :)
+    type(hex8_geometry_type) :: geometry
+    integer(i4) :: e, first, last
+
+    if (.not. allocated(k)) allocate (k(3, 3, size(pattern%column)))
+    k = 0.0_wp
+    allocate (ke(3, 3, 8, 8, batch))
+    do first = 1, mesh%elements, batch
+      last = min(first + batch - 1, mesh%elements)
+      !$omp parallel do default(none) shared(mesh, elastic, ke, first, last) private(e, geometry) &
+      !$omp schedule(static)
+      do e = first, last
+        call hex8_geometry(mesh%x(:, mesh%hex8(:, e)), geometry)
+        call hex8_stiffness(geometry, bulk(elastic, e), shear(elastic, e), elastic%factor(:, e), &
+                            elastic%bbar(e), ke(:, :, :, :, e - first + 1))
+      end do
+      !$omp end parallel do
+      do e = first, last
+        call scatter(mesh%hex8(:, e), pattern, ke(:, :, :, :, e - first + 1), k)
+      end do
+    end do
+  end subroutine assemble_stiffness
+
+  pure real(wp) function bulk(elastic, e)
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: e
+    bulk = elastic%young(e)/(3.0_wp*(1.0_wp - 2.0_wp*elastic%poisson(e)))
+  end function bulk
+
+  pure real(wp) function shear(elastic, e)
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: e
+    shear = elastic%young(e)/(2.0_wp*(1.0_wp + elastic%poisson(e)))
+  end function shear
+
+  !> Add the blocks a <= b of an element; a pair whose global order is turned is transposed.
+  pure subroutine scatter(node, pattern, ke, k)
+    integer(i4), intent(in) :: node(8)
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in) :: ke(3, 3, 8, 8)
+    real(wp), intent(inout) :: k(:, :, :)
+    integer(i4) :: a, b, p
+    do b = 1, 8
+      do a = 1, b
+        if (node(a) <= node(b)) then
+          p = place(pattern, node(a), node(b))
+          k(:, :, p) = k(:, :, p) + ke(:, :, a, b)
+        else
+          p = place(pattern, node(b), node(a))
+          k(:, :, p) = k(:, :, p) + transpose(ke(:, :, a, b))
+        end if
+      end do
+    end do
+  end subroutine scatter
+
+  !> Consistent mass: one scalar a node pair [kg].
+  subroutine assemble_mass(mesh, elastic, pattern, mass)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_elastic_type), intent(in) :: elastic
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), allocatable, intent(inout) :: mass(:)
+    type(hex8_geometry_type) :: geometry
+    real(wp) :: n(8, hex8_points), w
+    integer(i4) :: e, a, b, q, i, j, p
+
+    if (.not. allocated(mass)) allocate (mass(size(pattern%column)))
+    mass = 0.0_wp
+    do q = 1, hex8_points
+      n(:, q) = gauss_shape(q)
+    end do
+    do e = 1, mesh%elements
+      call hex8_geometry(mesh%x(:, mesh%hex8(:, e)), geometry)
+      do b = 1, 8
+        do a = 1, b
+          w = elastic%density(e)*sum(geometry%weight*n(a, :)*n(b, :))
+          i = min(mesh%hex8(a, e), mesh%hex8(b, e))
+          j = max(mesh%hex8(a, e), mesh%hex8(b, e))
+          p = place(pattern, i, j)
+          mass(p) = mass(p) + w
+        end do
+      end do
+    end do
+  end subroutine assemble_mass
+
+  !> Add springs, sum over points of N' k N, to the stiffness; their nodes share an element.
+  subroutine add_springs(springs, pattern, k)
+    type(fem_springs_type), intent(in) :: springs
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(inout) :: k(:, :, :)
+    integer(i4) :: s, a, b, i, j, p
+    do s = 1, springs%n
+      do b = 1, 4
+        do a = 1, 4
+          i = springs%node(a, s)
+          j = springs%node(b, s)
+          if (i > j) cycle
+          p = place(pattern, i, j)
+          k(:, :, p) = k(:, :, p) + springs%weight(a, s)*springs%weight(b, s)*springs%stiffness(:, :, s)
+        end do
+      end do
+    end do
+  end subroutine add_springs
+
+  !> y = K u for the symmetric blocks.
+  pure subroutine multiply(pattern, k, u, y)
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in) :: k(:, :, :), u(:, :)
+    real(wp), intent(out) :: y(:, :)
+    integer(i4) :: i, j, p
+    y = 0.0_wp
+    do i = 1, pattern%nodes
+      do p = pattern%start(i), pattern%start(i + 1) - 1
+        j = pattern%column(p)
+        y(:, i) = y(:, i) + matmul(k(:, :, p), u(:, j))
+        if (j /= i) y(:, j) = y(:, j) + matmul(u(:, i), k(:, :, p))
+      end do
+    end do
+  end subroutine multiply
+
+  !> y = M a for the scalar mass blocks.
+  pure subroutine multiply_mass(pattern, mass, a, y)
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in) :: mass(:), a(:, :)
+    real(wp), intent(out) :: y(:, :)
+    integer(i4) :: i, j, p
+    y = 0.0_wp
+    do i = 1, pattern%nodes
+      do p = pattern%start(i), pattern%start(i + 1) - 1
+        j = pattern%column(p)
+        y(:, i) = y(:, i) + mass(p)*a(:, j)
+        if (j /= i) y(:, j) = y(:, j) + mass(p)*a(:, i)
+      end do
+    end do
+  end subroutine multiply_mass
+
+  !> Row sums of the mass: positive for hex8 [kg].
+  pure function lumped_mass(pattern, mass) result(lumped)
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in) :: mass(:)
+    real(wp) :: lumped(pattern%nodes)
+    integer(i4) :: i, j, p
+    lumped = 0.0_wp
+    do i = 1, pattern%nodes
+      do p = pattern%start(i), pattern%start(i + 1) - 1
+        j = pattern%column(p)
+        lumped(i) = lumped(i) + mass(p)
+        if (j /= i) lumped(j) = lumped(j) + mass(p)
+      end do
+    end do
+  end function lumped_mass
+
+  !> Mean of the diagonal of each node's own block [N/m].
+  pure function block_diagonal(pattern, k) result(diagonal)
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in) :: k(:, :, :)
+    real(wp) :: diagonal(pattern%nodes)
+    integer(i4) :: i, p
+    do i = 1, pattern%nodes
+      p = pattern%start(i)
+      diagonal(i) = (k(1, 1, p) + k(2, 2, p) + k(3, 3, p))/3.0_wp
+    end do
+  end function block_diagonal
+end module fem_sparse

@@ -1,0 +1,176 @@
+!> Is the body held? Rigid motions of every connected part that supports leave free are named.
+module fem_supports
+  use talus_kinds, only: wp, i4
+  use talus_errors, only: error_list_type
+  use talus_text, only: str
+  use fem_types, only: fem_mesh_type, fem_springs_type
+  use fem_sparse, only: fem_pattern_type
+  implicit none
+  private
+  public :: check_supports
+
+  real(wp), parameter :: negligible = 1.0e-10_wp  !! eigenvalue / largest that counts as free
+
+  interface
+    subroutine dsyev(jobz, uplo, n, a, lda, w, work, lwork, info)
+      import :: wp
+      character(len=1), intent(in) :: jobz, uplo
+      integer, intent(in) :: n, lda, lwork
+      real(wp), intent(inout) :: a(lda, *)
+      real(wp), intent(out) :: w(*), work(*)
+      integer, intent(out) :: info
+    end subroutine dsyev
+  end interface
+
+contains
+
+  !> Fault N303 for every part that can still move as a rigid body.
+  subroutine check_supports(mesh, pattern, fixed, springs, errors)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_pattern_type), intent(in) :: pattern
+    logical, intent(in) :: fixed(:, :)             !! (3, nodes)
+    type(fem_springs_type), intent(in) :: springs
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), allocatable :: part(:)
+    real(wp), allocatable :: gram(:, :, :), centre(:, :)
+    integer(i4) :: parts, p
+
+    call connected_parts(pattern, part, parts)
+    call part_centres(mesh, part, parts, centre)
+    call hold(mesh, part, fixed, springs, centre, gram)
+    do p = 1, parts
+      call judge(mesh, part, p, gram(:, :, p), errors)
+    end do
+  end subroutine check_supports
+
+  !> Part number of each node.
+  subroutine connected_parts(pattern, part, parts)
+    type(fem_pattern_type), intent(in) :: pattern
+    integer(i4), allocatable, intent(out) :: part(:)
+    integer(i4), intent(out) :: parts
+    integer(i4), allocatable :: root(:)
+    integer(i4) :: i, p, a, b
+
+    allocate (root(pattern%nodes), part(pattern%nodes))
+    root = [(i, i=1, pattern%nodes)]
+    do i = 1, pattern%nodes
+      do p = pattern%start(i), pattern%start(i + 1) - 1
+        a = top(root, i)
+        b = top(root, pattern%column(p))
+        root(max(a, b)) = min(a, b)
+      end do
+    end do
+    parts = 0
+    do i = 1, pattern%nodes
+      if (root(i) == i) then
+        parts = parts + 1
+        part(i) = parts
+      else
+        part(i) = part(top(root, i))
+      end if
+    end do
+  end subroutine connected_parts
+
+  pure integer(i4) function top(root, i)
+    integer(i4), intent(in) :: root(:), i
+    top = i
+    do while (root(top) /= top)
+      top = root(top)
+    end do
+  end function top
+
+  subroutine part_centres(mesh, part, parts, centre)
+    type(fem_mesh_type), intent(in) :: mesh
+    integer(i4), intent(in) :: part(:), parts
+    real(wp), allocatable, intent(out) :: centre(:, :)
+    integer(i4) :: count(parts), i
+    allocate (centre(3, parts))
+    centre = 0.0_wp
+    count = 0
+    do i = 1, mesh%nodes
+      centre(:, part(i)) = centre(:, part(i)) + mesh%x(:, i)
+      count(part(i)) = count(part(i)) + 1
+    end do
+    do i = 1, parts
+      centre(:, i) = centre(:, i)/count(i)
+    end do
+  end subroutine part_centres
+
+  !> Sum of R'R over held degrees of freedom, R the six rigid motions (lengths scaled to the body).
+  subroutine hold(mesh, part, fixed, springs, centre, gram)
+    type(fem_mesh_type), intent(in) :: mesh
+    integer(i4), intent(in) :: part(:)
+    logical, intent(in) :: fixed(:, :)
+    type(fem_springs_type), intent(in) :: springs
+    real(wp), intent(in) :: centre(:, :)
+    real(wp), allocatable, intent(out) :: gram(:, :, :)
+    real(wp) :: motion(3, 6), length
+    integer(i4) :: i, c, s, a
+
+    allocate (gram(6, 6, size(centre, 2)))
+    gram = 0.0_wp
+    length = maxval(maxval(mesh%x, dim=2) - minval(mesh%x, dim=2))
+    do i = 1, mesh%nodes
+      motion = rigid((mesh%x(:, i) - centre(:, part(i)))/length)
+      do c = 1, 3
+        if (fixed(c, i)) call add(gram(:, :, part(i)), motion(c, :))
+      end do
+    end do
+    do s = 1, springs%n
+      motion = 0.0_wp
+      do a = 1, 4
+        i = springs%node(a, s)
+        motion = motion + springs%weight(a, s)*rigid((mesh%x(:, i) - centre(:, part(i)))/length)
+      end do
+      do c = 1, 3
+        if (springs%stiffness(c, c, s) > 0.0_wp) call add(gram(:, :, part(i)), motion(c, :))
+      end do
+    end do
+  end subroutine hold
+
+  pure subroutine add(gram, row)
+    real(wp), intent(inout) :: gram(6, 6)
+    real(wp), intent(in) :: row(6)
+    integer(i4) :: k
+    do k = 1, 6
+      gram(:, k) = gram(:, k) + row*row(k)
+    end do
+  end subroutine add
+
+  !> Displacement at r of unit translations along and unit rotations about x, y, z.
+  pure function rigid(r) result(motion)
+    real(wp), intent(in) :: r(3)
+    real(wp) :: motion(3, 6)
+    motion = 0.0_wp
+    motion(1, 1) = 1.0_wp
+    motion(2, 2) = 1.0_wp
+    motion(3, 3) = 1.0_wp
+    motion(:, 4) = [0.0_wp, -r(3), r(2)]
+    motion(:, 5) = [r(3), 0.0_wp, -r(1)]
+    motion(:, 6) = [-r(2), r(1), 0.0_wp]
+  end function rigid
+
+  subroutine judge(mesh, part, p, gram, errors)
+    type(fem_mesh_type), intent(in) :: mesh
+    integer(i4), intent(in) :: part(:), p
+    real(wp), intent(in) :: gram(6, 6)
+    type(error_list_type), intent(inout) :: errors
+    character(len=24), parameter :: names(6) = [character(len=24) :: 'translation along x', &
+      'translation along y', 'translation along z', 'rotation about x', 'rotation about y', &
+      'rotation about z']
+    real(wp) :: vectors(6, 6), values(6), work(64)
+    integer :: info
+    integer(i4) :: free, kind
+
+    vectors = gram
+    call dsyev('V', 'U', 6, vectors, 6, values, work, size(work), info)
+    free = count(values <= negligible*max(1.0_wp, values(6)))
+    if (info /= 0 .or. free == 0) return
+    kind = int(maxloc(abs(vectors(:, 1)), 1), i4)
+    call errors%add('N303', 'the body is not held: '//str(free)//' of 6 rigid motions are free, the '// &
+                    'first is mostly a '//trim(names(kind)), &
+                    'the part with node '//str(int(findloc(part, p, 1), i4))//' ('// &
+                    str(count(part == p))//' of '//str(mesh%nodes)//' nodes)', &
+                    'add a &support, or springs, that stop it')
+  end subroutine judge
+end module fem_supports

@@ -1,0 +1,85 @@
+!> What a solid is made of: mesh, materials, loads, supports and its state. Plain arrays.
+module fem_types
+  use talus_kinds, only: wp, i4
+  implicit none
+  private
+  public :: fem_mesh_type, fem_group_type, fem_elastic_type, fem_curve_type, fem_load_type
+  public :: fem_state_type, fem_springs_type, fem_energy_type, fem_set_type
+  public :: group_volume, group_facet, group_node, name_length
+  public :: role_report, role_prescribe, role_load
+
+  integer(i4), parameter :: group_volume = 3, group_facet = 2, group_node = 0
+  integer(i4), parameter :: role_report = 1, role_prescribe = 2, role_load = 3
+  integer(i4), parameter :: name_length = 64
+
+  !> A named group of elements, facets or nodes.
+  type :: fem_group_type
+    character(len=name_length) :: name = ''
+    integer(i4) :: kind = group_node
+    integer(i4), allocatable :: element(:)   !! element ids (volume), element of each facet
+    integer(i4), allocatable :: facet(:, :)  !! (4, k) node ids, normal outward
+    integer(i4), allocatable :: node(:)      !! ids of all its nodes, ascending
+  end type fem_group_type
+
+  !> Hexahedral mesh; ids count from 1.
+  type :: fem_mesh_type
+    integer(i4) :: nodes = 0, elements = 0
+    real(wp), allocatable :: x(:, :)        !! (3, nodes) [m]
+    integer(i4), allocatable :: hex8(:, :)  !! (8, elements) node ids, VTK order
+    type(fem_group_type), allocatable :: group(:)
+  end type fem_mesh_type
+
+  !> Elastic data of each element, so that the port can change them one by one.
+  type :: fem_elastic_type
+    real(wp), allocatable :: young(:), poisson(:), density(:)  !! (elements) [Pa], [-], [kg/m^3]
+    logical, allocatable :: bbar(:)                            !! (elements)
+    real(wp), allocatable :: factor(:, :)       !! (8, elements) weight of each Gauss point [-]
+    real(wp), allocatable :: initial(:, :, :)   !! (6, 8, elements) initial stress [Pa]
+    logical :: has_initial = .false.
+  end type fem_elastic_type
+
+  !> Piecewise linear function of time, constant beyond its ends.
+  type :: fem_curve_type
+    character(len=name_length) :: name = ''
+    real(wp), allocatable :: time(:), value(:)
+  end type fem_curve_type
+
+  !> A nodal load pattern (3, nodes) that follows a curve; curve 0 means constant.
+  type :: fem_load_type
+    integer(i4) :: curve = 0
+    real(wp), allocatable :: force(:, :)  !! [N]
+  end type fem_load_type
+
+  !> Springs that tie points of facets to where they were (Robin) or to the ground.
+  type :: fem_springs_type
+    integer(i4) :: n = 0
+    integer(i4), allocatable :: node(:, :)      !! (4, n) node ids
+    real(wp), allocatable :: weight(:, :)       !! (4, n) shape functions
+    real(wp), allocatable :: stiffness(:, :, :) !! (3, 3, n) [N/m]
+  end type fem_springs_type
+
+  !> Named set of nodes that the port has selected.
+  type :: fem_set_type
+    character(len=name_length) :: name = ''
+    integer(i4) :: role = role_report
+    integer(i4), allocatable :: node(:)
+  end type fem_set_type
+
+  !> Everything that changes in time.
+  type :: fem_state_type
+    real(wp) :: time = 0.0_wp
+    real(wp), allocatable :: u(:, :), v(:, :), a(:, :)  !! (3, nodes) [m], [m/s], [m/s^2]
+    real(wp), allocatable :: external(:, :)             !! loads without reactions [N]
+    real(wp), allocatable :: reaction(:, :)             !! on prescribed dofs [N]
+  end type fem_state_type
+
+  !> Energy ledger [J].
+  type :: fem_energy_type
+    real(wp) :: strain = 0.0_wp   !! now
+    real(wp) :: kinetic = 0.0_wp  !! now
+    real(wp) :: load = 0.0_wp     !! work of all loads so far, gravity included
+    real(wp) :: gravity = 0.0_wp  !! of this, gravity
+    real(wp) :: support = 0.0_wp  !! work of prescribed motions so far
+    real(wp) :: spring = 0.0_wp   !! work of facet springs so far
+  end type fem_energy_type
+end module fem_types
