@@ -1,0 +1,364 @@
+!> talus-dem's service at the port: every verb, refusals, REJECT bit for bit, restart by HELLO.
+!!
+!! The service runs in this program itself, started as `serve SPEC DECK`. Three spheres of 1 mm: 10
+!! is fixed and becomes a ghost, 20 touches it, 30 is alone and gets a force.
+program test_dem_port
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str, string_type, append_string
+  use talus_errors, only: error_list_type
+  use talus_files, only: file_exists, make_folder, replace_file
+  use talus_message, only: message_type, protocol_version, verb_hello, verb_describe, verb_select, &
+    verb_set, verb_ready, verb_advance, verb_solve, verb_force, verb_kick_drift, verb_accept, &
+    verb_reject, verb_checkpoint, verb_write, verb_stop, verb_abort
+  use talus_options, only: options_type, parse_arguments
+  use talus_partner, only: own_pid
+  use talus_port, only: port_type
+  use talus_process, only: process_type
+  use talus_scalars, only: scalar_count, scalar_kinetic
+  use talus_test, only: test_type
+  use dem_make, only: make_grains
+  use dem_model, only: dem_model_type
+  use dem_packing, only: dem_group_type, write_packing
+  use dem_port, only: serve
+  use dem_state, only: dem_grains_type, dem_material_type
+  implicit none
+
+  character(len=*), parameter :: nl = new_line('a')
+  real(wp), parameter :: overlap = 5.0e-7_wp, dt = 1.0e-7_wp
+  type(test_type) :: test
+  type(port_type) :: port
+  type(message_type) :: ask, reply
+  type(process_type) :: child
+  type(error_list_type) :: errors
+  character(len=:), allocatable :: folder
+  character(len=512) :: argument(3)
+  real(wp) :: now_at, mass(3)
+
+  call get_command_argument(1, argument(1))
+  call get_command_argument(2, argument(2))
+  call get_command_argument(3, argument(3))
+  if (argument(1) == 'serve') then
+    call be_served(trim(argument(2)), trim(argument(3)))
+  else
+    folder = '/tmp/talus-dem-port-'//str(own_pid())
+    call make_input()
+    call start('first')
+    call look_round()
+    call select_and_set()
+    call advance_and_reject()
+    call refusals()
+    call split_steps()
+    call files_and_end()
+    call go_on()
+    call execute_command_line('rm -rf '//folder)
+    call test%finish()
+  end if
+
+contains
+
+  subroutine be_served(spec, deck)
+    character(len=*), intent(in) :: spec, deck
+    type(dem_model_type), allocatable :: model
+    type(options_type) :: options
+    type(string_type), allocatable :: arguments(:)
+    type(error_list_type) :: faults
+    integer(i4) :: exit_code
+    call append_string(arguments, deck)
+    call append_string(arguments, '--port='//spec)
+    call parse_arguments(options, 'talus-dem', arguments, faults)
+    allocate (model)
+    call serve(model, options, exit_code, faults)
+    if (faults%any()) call faults%print(0)
+    stop exit_code, quiet=.true.
+  end subroutine be_served
+
+  subroutine make_input()
+    type(dem_grains_type) :: grains
+    type(dem_material_type) :: quartz(1)
+    type(dem_group_type) :: box(1)
+    real(wp) :: x(3, 3), quat(4, 3), axes(3, 3), none(3, 3)
+
+    quartz(1) = dem_material_type(young=29.0e9_wp, poisson=0.25_wp, density=2650.0_wp)
+    x = 0.0_wp
+    x(3, 2) = 2.0e-3_wp - overlap
+    x(1, 3) = 1.0e-2_wp
+    quat = 0.0_wp
+    quat(1, :) = 1.0_wp
+    axes = 1.0e-3_wp
+    none = 0.0_wp
+    call make_grains(grains, quartz, [10_i8, 20_i8, 30_i8], [1, 0, 0], [1, 1, 1], x, quat, axes, &
+                     none, none, errors)
+    mass = grains%mass
+    box(1)%name = 'box'
+    box(1)%id = [10_i8]
+    call make_folder(folder, errors)
+    call write_packing(folder//'/pack.h5', grains, box, errors)
+    call replace_file(folder//'/deck.nml', '&run gravity = 0.0, 0.0, 0.0 /'//nl// &
+      "&material id = 'q', density = 2650.0, young = 29.0e9, poisson = 0.25 /"//nl// &
+      "&contact between = 'q', 'q', law = 'hertz_mindlin', friction = 0.5 /"//nl// &
+      "&particles file = 'pack.h5', material = 'q' /"//nl//'&dynamics dt = 1.0e-7 /'//nl// &
+      '&history every_time = 1.0e-6 /'//nl//'&output every_time = 1.0e-6 /'//nl, errors)
+    call test%check('input is written', .not. errors%any())
+  end subroutine make_input
+
+  !> Start a service and greet it.
+  subroutine start(name, restart)
+    character(len=*), intent(in) :: name
+    character(len=*), intent(in), optional :: restart
+    type(string_type), allocatable :: argv(:)
+    character(len=512) :: program_path
+    character(len=:), allocatable :: spec, text
+    integer(i4) :: ranks
+
+    spec = 'shm:/talus-demport-'//str(own_pid())//'-'//name
+    call port%create(spec, 'run', 20.0_wp, errors)
+    call get_command_argument(0, program_path)
+    call append_string(argv, trim(program_path))
+    call append_string(argv, 'serve')
+    call append_string(argv, spec)
+    call append_string(argv, folder//'/deck.nml')
+    child = process_type()
+    call child%spawn(argv, '', folder//'/'//name//'.out', 1_i4, errors)
+    call port%watch(child%pid)
+    call ask%start(verb_hello)
+    call ask%put_text('run_id', 'run')
+    text = ''
+    if (present(restart)) text = restart
+    call ask%put_text('restart', text)
+    call ask%put_int('protocol', int(protocol_version, i4))
+    call port%ask(ask, reply, errors)
+    call reply%get_text('program', text, errors)
+    call test%check_text('HELLO tells the program', text, 'talus-dem')
+    call reply%get('time', now_at, errors)
+    call reply%get_int('ranks', ranks, errors)
+    call test%check('HELLO without faults', ranks == 1 .and. .not. errors%any())
+  end subroutine start
+
+  !> Ask, and expect the fault `code` ('' for none).
+  subroutine expect(what, code)
+    character(len=*), intent(in) :: what, code
+    type(error_list_type) :: faults
+    call port%ask(ask, reply, faults)
+    if (len(code) == 0) then
+      call test%check(what, .not. faults%any())
+      if (faults%any()) call faults%print(0)
+    else if (faults%any()) then
+      call test%check_text(what, faults%item(1)%code, code)
+    else
+      call test%check(what//': no fault', .false.)
+    end if
+  end subroutine expect
+
+  subroutine look_round()
+    integer(i8), allocatable :: ids(:), pairs(:, :)
+    real(wp), allocatable :: force(:, :), normal(:, :)
+    character(len=:), allocatable :: names
+
+    call ask%start(verb_describe)
+    call ask%put_text('what', 'grains')
+    call expect('DESCRIBE grains', '')
+    call reply%take_int('id', ids, errors)
+    call test%check('ids', all(ids == [10_i8, 20_i8, 30_i8]))
+    call ask%start(verb_describe)
+    call ask%put_text('what', 'contacts')
+    call expect('DESCRIBE contacts', '')
+    call reply%take_int('ids', pairs, errors)
+    call reply%take('normal', normal, errors)
+    call reply%take('force', force, errors)
+    call test%check('one contact', size(pairs, 2) == 1 .and. all(pairs(:, 1) == [10_i8, 20_i8]))
+    call test%check_close('its normal', normal(3, 1), 1.0_wp, 1.0e-12_wp)
+    ! Hertz: 4/3 E* sqrt(R) delta^1.5, E* = E/(2(1 - nu^2)), R = 0.5 mm
+    call test%check_close('its force', force(3, 1), 4.0_wp/3.0_wp*29.0e9_wp/1.875_wp &
+                          *sqrt(0.5e-3_wp)*overlap**1.5_wp, 1.0e-3_wp*force(3, 1))
+    call ask%start(verb_describe)
+    call ask%put_text('what', 'groups')
+    call expect('DESCRIBE groups', '')
+    call reply%get_text('names', names, errors)
+    call test%check_text('groups', names, 'box')
+    call ask%start(verb_describe)
+    call ask%put_text('what', 'group')
+    call ask%put_text('group', 'bux')
+    call expect('unknown group', 'D240')
+    call ask%start(verb_describe)
+    call ask%put_text('what', 'mesh')
+    call expect('no mesh', 'P255')
+  end subroutine look_round
+
+  subroutine choose(name, role, ids, code)
+    character(len=*), intent(in) :: name, role, code
+    integer(i8), intent(in) :: ids(:)
+    call ask%start(verb_select)
+    call ask%put_text('set', name)
+    call ask%put_text('role', role)
+    call ask%put_text('fields', '')
+    call ask%put_int('id', ids)
+    call expect('SELECT '//name//' '//role, code)
+  end subroutine choose
+
+  subroutine select_and_set()
+    real(wp) :: before(3, 1), after(3, 1), m(1), stiffness(1), scalars(scalar_count)
+
+    call choose('s', 'surface', [10_i8], 'P250')
+    call choose('g', 'prescribe', [11_i8], 'I216')
+    call choose('l', 'load', [10_i8], 'P252')
+    call choose('g', 'prescribe', [10_i8], '')
+    call reply%get('mass', m, errors)
+    call reply%get('stiffness', stiffness, errors)
+    call test%check_close('mass', m(1), mass(1), 0.0_wp)
+    call test%check('stiffness', stiffness(1) > 0.0_wp)
+    call choose('r', 'report', [20_i8, 30_i8], '')
+    call choose('l', 'load', [30_i8], '')
+    call ask%start(verb_advance, 1_i8, 0.0_wp, 1.0e-6_wp)
+    call expect('ADVANCE before READY', 'P258')
+    call ask%start(verb_ready)
+    call expect('READY', '')
+    call reply%get('g.force', before, errors)
+    call test%check('the ghost is pressed down', before(3, 1) < 0.0_wp)
+    call ask%start(verb_set)
+    call ask%put_text('what', 'contact_weight')
+    call ask%put_int('ids', reshape([20_i8, 10_i8], [2, 1]))
+    call ask%put('value', [0.5_wp])
+    call expect('SET contact_weight', '')
+    call ask%start(verb_set)
+    call ask%put_text('what', 'moduli')
+    call expect('SET moduli', 'P255')
+    call ask%start(verb_ready)
+    call expect('READY again', '')
+    call reply%get('g.force', after, errors)
+    call reply%get('scalars', scalars, errors)
+    call test%check_close('half the weight, half the force', after(3, 1), 0.5_wp*before(3, 1), &
+                          1.0e-12_wp*abs(before(3, 1)))
+    call test%check('READY without faults', .not. errors%any())
+  end subroutine select_and_set
+
+  !> One interval of 1e-6 s: the ghost goes up by 1e-8 m, grain 30 feels 1e-3 N.
+  subroutine ask_interval(t0, t1)
+    real(wp), intent(in) :: t0, t1
+    call ask%start(verb_advance, 1_i8, t0, t1)
+    call ask%put('g.x', reshape([0.0_wp, 0.0_wp, 1.0e-8_wp], [3, 1]))
+    call ask%put('g.quat', reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [4, 1]))
+    call ask%put('l.force', reshape([1.0e-3_wp, 0.0_wp, 0.0_wp], [3, 1]))
+    call ask%put('l.moment', reshape([0.0_wp, 0.0_wp, 0.0_wp], [3, 1]))
+  end subroutine ask_interval
+
+  subroutine advance_and_reject()
+    real(wp) :: v(3, 2), x(3, 2), again(3, 2), impulse(3, 1), work
+    integer(i4) :: substeps
+
+    call ask_interval(0.0_wp, 1.0e-6_wp)
+    call expect('ADVANCE', '')
+    call reply%get('g.impulse', impulse, errors)
+    call reply%get('g.work', work, errors)
+    call reply%get('r.v', v, errors)
+    call reply%get('r.x', x, errors)
+    call reply%get_int('substeps', substeps, errors)
+    call test%check('ten sub-steps', substeps == 10)
+    call test%check_close('impulse of the ghost is the momentum of grain 20', impulse(3, 1), &
+                          -mass(2)*v(3, 1), 1.0e-10_wp*abs(impulse(3, 1)))
+    call test%check_close('the load accelerates grain 30', v(1, 2), 1.0e-9_wp/mass(3), &
+                          1.0e-10_wp*v(1, 2))
+    call test%check('work is done by the rising ghost', work > 0.0_wp)
+    call ask%start(verb_reject)
+    call expect('REJECT', '')
+    call ask_interval(0.0_wp, 1.0e-6_wp)
+    call expect('ADVANCE again', '')
+    call reply%get('r.x', again, errors)
+    call test%check('the same bits after REJECT', all(abs(again - x) <= 0.0_wp))
+    call ask%start(verb_accept)
+    call expect('ACCEPT', '')
+    now_at = 1.0e-6_wp
+    call test%check('ADVANCE without faults', .not. errors%any())
+  end subroutine advance_and_reject
+
+  subroutine refusals()
+    call ask_interval(now_at, now_at + 1.05e-6_wp)
+    call expect('no whole number of steps', 'P254')
+    call ask_interval(now_at + dt, now_at + 2.0_wp*dt)
+    call expect('an interval that begins elsewhere', 'P256')
+    call ask_interval(now_at, now_at + dt)
+    call ask%put('g.phi', 1.0_wp)
+    call expect('an unknown field', 'P012')
+    call ask%start(verb_advance, 1_i8, now_at, now_at + dt)
+    call ask%put('g.quat', reshape([2.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [4, 1]))
+    call expect('no unit quaternion', 'P257')
+    call ask%start(verb_solve, 1_i8, now_at, now_at + dt)
+    call expect('SOLVE is not for grains', 'P259')
+    call choose('h', 'prescribe', [20_i8], 'P253')
+  end subroutine refusals
+
+  subroutine split_steps()
+    real(wp) :: force(3, 1), v(3, 2), before(3, 2)
+
+    call ask%start(verb_kick_drift, 1_i8, now_at, now_at)
+    call ask%put('kick', 0.0_wp)
+    call ask%put('drift', 0.0_wp)
+    call expect('KICK_DRIFT of nothing', '')
+    call reply%get('r.v', before, errors)
+    call ask%start(verb_force, 1_i8, now_at, now_at)
+    call ask%put_text('scope', 'interface')
+    call ask%put('g.x', reshape([0.0_wp, 0.0_wp, -1.0e-4_wp], [3, 1]))
+    call expect('FORCE', '')
+    call reply%get('g.force', force, errors)
+    call test%check_close('no force when the ghost is away', force(3, 1), 0.0_wp, 0.0_wp)
+    call ask%start(verb_kick_drift, 1_i8, now_at, now_at + dt)
+    call ask%put('kick', dt)
+    call ask%put('drift', dt)
+    call ask%put('l.force', reshape([2.0e-3_wp, 0.0_wp, 0.0_wp], [3, 1]))
+    call expect('KICK_DRIFT', '')
+    call reply%get('r.v', v, errors)
+    call test%check_close('kicked by its load', v(1, 2) - before(1, 2), 2.0e-3_wp*dt/mass(3), &
+                          1.0e-9_wp*abs(v(1, 2)))
+    call test%check_close('not kicked without force', v(3, 1), before(3, 1), 0.0_wp)
+    call ask%start(verb_force, 1_i8, now_at + dt, now_at + dt)
+    call expect('FORCE after the drift', '')
+    call ask%start(verb_accept)
+    call expect('ACCEPT of a split step', '')
+    now_at = now_at + dt
+    call test%check('split steps without faults', .not. errors%any())
+  end subroutine split_steps
+
+  subroutine files_and_end()
+    character(len=:), allocatable :: path, hash
+
+    call ask%start(verb_checkpoint)
+    call ask%put_text('tag', '000001')
+    call expect('CHECKPOINT', '')
+    call reply%get_text('path', path, errors)
+    call reply%get_text('hash', hash, errors)
+    call test%check_text('its path', path, folder//'/deck.000001.chk.h5')
+    call test%check('it is there', file_exists(path) .and. len(hash) == 16)
+    call ask%start(verb_write)
+    call ask%put_text('tag', '000001')
+    call expect('WRITE', '')
+    call ask%start(verb_stop)
+    call ask%put_int('early', 0_i4)
+    call expect('STOP', '')
+    call test%check('it ends with 0', child%wait(20.0_wp) .and. child%exit_code == 0)
+    call port%close()
+    call test%check('histories and summary', file_exists(folder//'/deck_energy.csv') .and. &
+                    file_exists(folder//'/deck_summary.json') .and. file_exists(folder//'/deck.h5'))
+  end subroutine files_and_end
+
+  !> Another service goes on from the checkpoint, is stopped early, a third one is aborted.
+  subroutine go_on()
+    real(wp) :: reached
+    reached = now_at
+    call start('second', '000001')
+    call test%check_close('it stands where the first one was', now_at, reached, 0.0_wp)
+    call choose('g', 'prescribe', [10_i8], '')
+    call ask%start(verb_ready)
+    call expect('READY after a restart', '')
+    call ask%start(verb_advance, 2_i8, now_at, now_at + dt)
+    call expect('ADVANCE after a restart', '')
+    call ask%start(verb_stop)
+    call ask%put_int('early', 1_i4)
+    call expect('STOP early', '')
+    call test%check('it ends with 3', child%wait(20.0_wp) .and. child%exit_code == 3)
+    call port%close()
+    call start('third')
+    call ask%start(verb_abort)
+    call expect('ABORT', '')
+    call test%check('it ends with 4', child%wait(20.0_wp) .and. child%exit_code == 4)
+    call port%close()
+  end subroutine go_on
+end program test_dem_port
