@@ -21,7 +21,7 @@ KINDS = ("real", "integer", "logical", "string", "file")
 GROUP_WORDS = {"doc", "repeat", "required", "example", "keys"}
 KEY_WORDS = {"type", "doc", "size", "unit", "default", "required", "choices", "words"}
 BOUNDS = ("min", "max", "above", "below")
-HEADER_WORDS = {"program", "doc", "include", "example"}
+HEADER_WORDS = {"program", "name", "doc", "include", "example"}
 NAME = re.compile(r"[a-z][a-z0-9_]{0,30}$")
 HUGE = 2147483647
 
@@ -252,7 +252,8 @@ def read_program(folder: str, common: dict, faults: Faults) -> Program | None:
     if not data:
         return None
     place = f"{folder}/deck.toml"
-    if not isinstance(data.get("program"), str):
+    title = data.get("name", data.get("program"))  # name: where a group is called program
+    if not isinstance(title, str):
         faults.add(place, 'program = "talus-..." is missing at the top')
     groups = []
     include = data.get("include", [])
@@ -268,7 +269,7 @@ def read_program(folder: str, common: dict, faults: Faults) -> Program | None:
             read_group(name, merge(common[name], change), not change, f"{place}: {name}", faults)
         )
     for name, entry in data.items():
-        if name in HEADER_WORDS or name in include:
+        if name in include or (name in HEADER_WORDS and not isinstance(entry, dict)):
             continue
         if isinstance(entry, dict):
             if name in common:
@@ -282,7 +283,7 @@ def read_program(folder: str, common: dict, faults: Faults) -> Program | None:
                 place,
                 f"unknown word '{name}' at the top (known: {', '.join(sorted(HEADER_WORDS))})",
             )
-    return Program(str(data.get("program")), folder, str(data.get("doc", "")).strip(),
+    return Program(str(title), folder, str(data.get("doc", "")).strip(),
                    str(data.get("example", "")).strip(), groups)  # fmt: skip
 
 

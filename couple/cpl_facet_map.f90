@@ -1,0 +1,318 @@
+!> Ghost grains on facets of the solid: where each rides, and the operator N that moves it.
+!!
+!! x_g = sum_a N_a(xi, eta) x_a + offset; nodal forces f = N'P. Sum N_a = 1 and sum N_a x_a = x_g
+!! make the transfer of force and moment exact (formulation, facet coupling).
+module cpl_facet_map
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_hash, only: hash_text
+  implicit none
+  private
+  public :: facet_map_type, shape_functions
+
+  integer(i4), parameter :: most_steps = 20            !! of Newton's method
+  real(wp), parameter :: settled = 1.0e-12_wp          !! last step, relative to the facet's size
+  real(wp), parameter :: rim = 1.0e-6_wp               !! natural coordinates may pass 1 by this
+  real(wp), parameter :: tie = 1.0e-9_wp               !! distances this close are equal, of the size
+  real(wp), parameter :: default_offset = 1.0e-3_wp    !! of the size of the facet
+  real(wp), parameter :: identity_limit = 1.0e-12_wp
+  integer(i4), parameter :: listed = 8                 !! ghosts named in a fault
+
+  !> The operator N between interface nodes and ghosts.
+  type :: facet_map_type
+    integer(i4) :: ghosts = 0
+    integer(i4) :: nodes = 0
+    integer(i8), allocatable :: ghost_id(:)      !! ids of the grains
+    integer(i8), allocatable :: node_id(:)       !! ids of the interface nodes, ascending
+    integer(i4), allocatable :: facet(:)         !! of each ghost, from 1
+    real(wp), allocatable :: natural(:, :)       !! xi, eta (2, ghosts)
+    real(wp), allocatable :: offset(:, :)        !! ghost minus its point on the facet [m]
+    real(wp), allocatable :: weight(:, :)        !! N_a (4, ghosts)
+    integer(i4), allocatable :: corner(:, :)     !! numbers in node_id (4, ghosts)
+  contains
+    procedure :: build
+    procedure :: to_ghosts
+    procedure :: to_nodes
+    procedure :: identity_error
+    procedure :: moment_of
+    procedure :: hash => map_hash
+  end type facet_map_type
+
+contains
+
+  !> Bilinear shape functions of a facet, corners in the order (-1,-1), (1,-1), (1,1), (-1,1).
+  pure function shape_functions(natural) result(n)
+    real(wp), intent(in) :: natural(2)
+    real(wp) :: n(4)
+    associate (xi => natural(1), eta => natural(2))
+      n = 0.25_wp*[(1.0_wp - xi)*(1.0_wp - eta), (1.0_wp + xi)*(1.0_wp - eta), &
+                   (1.0_wp + xi)*(1.0_wp + eta), (1.0_wp - xi)*(1.0_wp + eta)]
+    end associate
+  end function shape_functions
+
+  !> Find the facet of every ghost. Faults: I401 ghosts beside the facets, I402 no ghosts or facets.
+  subroutine build(self, ids, x_ghost, facets, x_node, max_offset, errors)
+    class(facet_map_type), intent(inout) :: self
+    integer(i8), intent(in) :: ids(:)
+    real(wp), intent(in) :: x_ghost(:, :)      !! (3, ghosts) [m]
+    integer(i4), intent(in) :: facets(:, :)    !! (4, k) node ids from 1
+    real(wp), intent(in) :: x_node(:, :)       !! (3, nodes), all nodes of the mesh, by id [m]
+    real(wp), intent(in) :: max_offset         !! [m], below 0: a share of the facet's size
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: distance(:)
+    integer(i4) :: g
+
+    self%ghosts = size(ids)
+    if (size(ids) == 0 .or. size(facets, 2) == 0) then
+      call errors%add('I402', str(size(ids))//' ghosts and '//str(size(facets, 2))//' facets: '// &
+                      'there is nothing to couple', '', 'look at the groups that &facets names')
+      return
+    end if
+    self%ghost_id = ids
+    if (allocated(self%facet)) deallocate (self%facet, self%natural, self%offset, self%weight)
+    allocate (self%facet(size(ids)), self%natural(2, size(ids)), self%offset(3, size(ids)), &
+              self%weight(4, size(ids)), distance(size(ids)))
+    do g = 1, size(ids)
+      call locate(x_ghost(:, g), facets, x_node, max_offset, self%facet(g), self%natural(:, g), &
+                  distance(g))
+      self%weight(:, g) = shape_functions(self%natural(:, g))
+      if (self%facet(g) == 0) cycle
+      self%offset(:, g) = x_ghost(:, g) - &
+        matmul(x_node(:, facets(:, self%facet(g))), self%weight(:, g))
+    end do
+    if (any(self%facet == 0)) then
+      call report_outside(ids, self%facet, distance, errors)
+      return
+    end if
+    call number_nodes(self, facets, size(x_node, 2))
+  end subroutine build
+
+  !> The facet nearest to a point, the lowest number among equals; 0 when none is near enough, and
+  !! distance is then that to the nearest facet.
+  subroutine locate(x, facets, x_node, max_offset, facet, natural, distance)
+    real(wp), intent(in) :: x(3)
+    integer(i4), intent(in) :: facets(:, :)
+    real(wp), intent(in) :: x_node(:, :)
+    real(wp), intent(in) :: max_offset
+    integer(i4), intent(out) :: facet
+    real(wp), intent(out) :: natural(2), distance
+    real(wp) :: corners(3, 4), h, limit, off, seen(2), best, nearest
+    integer(i4) :: k
+    logical :: found
+
+    facet = 0
+    natural = 0.0_wp
+    best = huge(1.0_wp)
+    nearest = huge(1.0_wp)
+    do k = 1, size(facets, 2)
+      corners = x_node(:, facets(:, k))
+      h = facet_size(corners)
+      limit = max_offset
+      if (limit < 0.0_wp) limit = default_offset*h
+      limit = limit + rim*h
+      nearest = min(nearest, box_distance(x, corners))
+      if (box_distance(x, corners) > limit) cycle
+      call project(x, corners, h, seen, found)
+      if (.not. found) cycle
+      if (any(abs(seen) > 1.0_wp + rim)) then
+        nearest = min(nearest, norm2(x - matmul(corners, shape_functions(clipped(seen)))))
+        cycle
+      end if
+      off = norm2(x - matmul(corners, shape_functions(seen)))
+      if (off > limit .or. off >= best - tie*h) cycle
+      best = off
+      facet = k
+      natural = seen
+    end do
+    distance = best
+    if (facet == 0) distance = nearest
+  end subroutine locate
+
+  pure function clipped(natural) result(inside)
+    real(wp), intent(in) :: natural(2)
+    real(wp) :: inside(2)
+    inside = max(-1.0_wp, min(1.0_wp, natural))
+  end function clipped
+
+  !> Length of the longer diagonal [m].
+  pure real(wp) function facet_size(corners)
+    real(wp), intent(in) :: corners(3, 4)
+    facet_size = max(norm2(corners(:, 3) - corners(:, 1)), norm2(corners(:, 4) - corners(:, 2)))
+  end function facet_size
+
+  !> Distance between a point and the box around a facet [m].
+  pure real(wp) function box_distance(x, corners)
+    real(wp), intent(in) :: x(3), corners(3, 4)
+    box_distance = norm2(max(0.0_wp, minval(corners, 2) - x, x - maxval(corners, 2)))
+  end function box_distance
+
+  !> Natural coordinates of the point of a bilinear facet nearest to x: Newton's method on
+  !! r.t1 = r.t2 = 0 with r = x - x(xi, eta).
+  pure subroutine project(x, corners, h, natural, found)
+    real(wp), intent(in) :: x(3), corners(3, 4)
+    real(wp), intent(in) :: h            !! size of the facet [m]
+    real(wp), intent(out) :: natural(2)
+    logical, intent(out) :: found
+    real(wp) :: r(3), t1(3), t2(3), twist(3), a11, a12, a22, b(2), step(2), det
+    integer(i4) :: k
+
+    natural = 0.0_wp
+    found = .false.
+    twist = 0.25_wp*(corners(:, 1) - corners(:, 2) + corners(:, 3) - corners(:, 4))
+    do k = 1, most_steps
+      r = x - matmul(corners, shape_functions(natural))
+      t1 = 0.25_wp*((1.0_wp - natural(2))*(corners(:, 2) - corners(:, 1)) &
+                    + (1.0_wp + natural(2))*(corners(:, 3) - corners(:, 4)))
+      t2 = 0.25_wp*((1.0_wp - natural(1))*(corners(:, 4) - corners(:, 1)) &
+                    + (1.0_wp + natural(1))*(corners(:, 3) - corners(:, 2)))
+      a11 = dot_product(t1, t1)
+      a12 = dot_product(t1, t2) - dot_product(r, twist)
+      a22 = dot_product(t2, t2)
+      b = [dot_product(r, t1), dot_product(r, t2)]
+      det = a11*a22 - a12*a12
+      if (.not. det > tiny(1.0_wp)) return
+      step = [a22*b(1) - a12*b(2), a11*b(2) - a12*b(1)]/det
+      natural = natural + step
+      if (any(abs(natural) > 1.0e3_wp)) return
+      found = norm2(step(1)*t1 + step(2)*t2) < settled*h
+      if (found) return
+    end do
+  end subroutine project
+
+  subroutine report_outside(ids, facet, distance, errors)
+    integer(i8), intent(in) :: ids(:)
+    integer(i4), intent(in) :: facet(:)
+    real(wp), intent(in) :: distance(:)
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: list
+    integer(i4) :: g, n
+
+    list = ''
+    n = 0
+    do g = 1, size(ids)
+      if (facet(g) /= 0) cycle
+      n = n + 1
+      if (n > listed) cycle
+      if (n > 1) list = list//', '
+      list = list//'grain '//str(ids(g))//' ('//str(distance(g))//' m)'
+    end do
+    if (n > listed) list = list//', ...'
+    call errors%add('I401', str(n)//' of '//str(size(ids))//' ghosts lie on no facet: '//list, '', &
+                    'move the facets under the ghosts'' centres, or set &facets max_offset')
+  end subroutine report_outside
+
+  !> Gather the interface nodes, ascending by id, and point the ghosts to them.
+  subroutine number_nodes(self, facets, node_count)
+    class(facet_map_type), intent(inout) :: self
+    integer(i4), intent(in) :: facets(:, :)
+    integer(i4), intent(in) :: node_count
+    integer(i4) :: number(node_count)
+    integer(i4) :: g, k
+
+    number = 0
+    do g = 1, self%ghosts
+      number(facets(:, self%facet(g))) = 1
+    end do
+    self%nodes = sum(number)
+    if (allocated(self%node_id)) deallocate (self%node_id, self%corner)
+    allocate (self%node_id(self%nodes), self%corner(4, self%ghosts))
+    self%nodes = 0
+    do k = 1, node_count
+      if (number(k) == 0) cycle
+      self%nodes = self%nodes + 1
+      number(k) = self%nodes
+      self%node_id(self%nodes) = k
+    end do
+    do g = 1, self%ghosts
+      self%corner(:, g) = number(facets(:, self%facet(g)))
+    end do
+  end subroutine number_nodes
+
+  !> Motion of the ghosts from that of the nodes: N u.
+  pure subroutine to_ghosts(self, u, d)
+    class(facet_map_type), intent(in) :: self
+    real(wp), intent(in) :: u(:, :)   !! (3, nodes)
+    real(wp), intent(out) :: d(:, :)  !! (3, ghosts)
+    integer(i4) :: g
+    do g = 1, self%ghosts
+      d(:, g) = self%weight(1, g)*u(:, self%corner(1, g)) + self%weight(2, g)*u(:, self%corner(2, g)) &
+        + self%weight(3, g)*u(:, self%corner(3, g)) + self%weight(4, g)*u(:, self%corner(4, g))
+    end do
+  end subroutine to_ghosts
+
+  !> Forces on the nodes from those on the ghosts: N'P, added in the order of the ghosts.
+  pure subroutine to_nodes(self, p, f)
+    class(facet_map_type), intent(in) :: self
+    real(wp), intent(in) :: p(:, :)   !! (3, ghosts)
+    real(wp), intent(out) :: f(:, :)  !! (3, nodes)
+    integer(i4) :: g, a
+    f = 0.0_wp
+    do g = 1, self%ghosts
+      do a = 1, 4
+        f(:, self%corner(a, g)) = f(:, self%corner(a, g)) + self%weight(a, g)*p(:, g)
+      end do
+    end do
+  end subroutine to_nodes
+
+  !> Largest violation of sum N = 1 and of sum N x + offset = x_g, relative to the extent of the
+  !! facets. Should be below 1e-12; N405 says so.
+  subroutine identity_error(self, x_ghost, x_node, worst, errors)
+    class(facet_map_type), intent(in) :: self
+    real(wp), intent(in) :: x_ghost(:, :)  !! (3, ghosts) [m]
+    real(wp), intent(in) :: x_node(:, :)   !! (3, all nodes) [m]
+    real(wp), intent(out) :: worst
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: x(3, self%nodes), d(3, self%ghosts), extent
+    integer(i4) :: k
+
+    do k = 1, self%nodes
+      x(:, k) = x_node(:, self%node_id(k))
+    end do
+    extent = max(maxval(abs(x)), maxval(maxval(x, 2) - minval(x, 2)), tiny(1.0_wp))
+    call self%to_ghosts(x, d)
+    worst = max(maxval(abs(sum(self%weight, 1) - 1.0_wp)), &
+                maxval(abs(d + self%offset - x_ghost))/extent)
+    if (worst <= identity_limit) return
+    call errors%add('N405', 'the facet map violates sum N = 1 or sum N x = x_g by '// &
+                    str(worst), '', 'look at the facets'' shape: a corner may be turned in')
+  end subroutine identity_error
+
+  !> Total moment about the origin of forces that act at the ghosts, and that of N'P; the
+  !! difference is what offsets lose [N m].
+  pure function moment_of(self, p) result(lost)
+    class(facet_map_type), intent(in) :: self
+    real(wp), intent(in) :: p(:, :)  !! (3, ghosts) [N]
+    real(wp) :: lost(3)
+    integer(i4) :: g
+    lost = 0.0_wp
+    do g = 1, self%ghosts
+      associate (r => self%offset(:, g))
+        lost = lost + [r(2)*p(3, g) - r(3)*p(2, g), r(3)*p(1, g) - r(1)*p(3, g), &
+                       r(1)*p(2, g) - r(2)*p(1, g)]
+      end associate
+    end do
+  end function moment_of
+
+  !> Hash of the whole operator: ids, nodes and the bits of the weights.
+  pure function map_hash(self) result(hex)
+    class(facet_map_type), intent(in) :: self
+    character(len=16) :: hex
+    character(len=:), allocatable :: text
+    character(len=16) :: word
+    integer(i4) :: g, a
+
+    allocate (character(len=self%ghosts*9*16) :: text)
+    do g = 1, self%ghosts
+      write (word, '(z16.16)') self%ghost_id(g)
+      text(1 + (g - 1)*144:16 + (g - 1)*144) = word
+      do a = 1, 4
+        write (word, '(z16.16)') self%node_id(self%corner(a, g))
+        text((g - 1)*144 + 32*a - 15:(g - 1)*144 + 32*a) = word
+        write (word, '(z16.16)') transfer(self%weight(a, g), 0_i8)
+        text((g - 1)*144 + 32*a + 1:(g - 1)*144 + 32*a + 16) = word
+      end do
+    end do
+    hex = hash_text(text)
+  end function map_hash
+end module cpl_facet_map

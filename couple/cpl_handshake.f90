@@ -1,0 +1,118 @@
+!> HELLO to both solvers: who are they, do they agree with each other and with the coupled deck?
+module cpl_handshake
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_message, only: verb_hello, protocol_version
+  use talus_timers, only: timers_type
+  use talus_version, only: version_text
+  use cpl_choices, only: cpl_choices_type
+  use cpl_solver, only: cpl_solver_type, side_grains, side_solid
+  implicit none
+  private
+  public :: shake_hands
+
+  real(wp), parameter :: same = 1.0e-9_wp  !! relative, for times and gravity
+
+contains
+
+  !> Greet both before either answer is read, then compare. restart: a checkpoint of each side.
+  subroutine shake_hands(solvers, choices, run_id, grains_restart, solid_restart, time, timers, &
+                         errors)
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(cpl_choices_type), intent(in) :: choices
+    character(len=*), intent(in) :: run_id, grains_restart, solid_restart
+    real(wp), intent(in) :: time  !! at which both must stand [s]
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+
+    do k = 1, 2
+      call solvers(k)%start_request(verb_hello, 0_i8, time, time)
+      call solvers(k)%request%put_text('run_id', run_id)
+      if (k == side_grains) call solvers(k)%request%put_text('restart', grains_restart)
+      if (k == side_solid) call solvers(k)%request%put_text('restart', solid_restart)
+      call solvers(k)%request%put_int('protocol', int(protocol_version, i4))
+      call solvers(k)%send(errors)
+      if (errors%any()) return
+    end do
+    do k = 1, 2
+      call solvers(k)%receive(timers, errors)
+    end do
+    if (errors%any()) return
+    do k = 1, 2
+      call read_answer(solvers(k), errors)
+    end do
+    if (errors%any()) return
+    do k = 1, 2
+      call compare(solvers(k), choices, time, errors)
+    end do
+    call compare_gravity(solvers, choices, errors)
+  end subroutine shake_hands
+
+  subroutine read_answer(solver, errors)
+    type(cpl_solver_type), intent(inout) :: solver
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: program
+
+    call solver%reply%get_text('program', program, errors)
+    call solver%reply%get_text('version', solver%version, errors)
+    call solver%reply%get_text('deck_hash', solver%deck_hash, errors)
+    call solver%reply%get_text('capabilities', solver%capabilities, errors)
+    call solver%reply%get('gravity', solver%gravity, errors)
+    call solver%reply%get('time', solver%time, errors)
+    call solver%reply%get('t_end', solver%t_end, errors)
+    call solver%reply%get('step_limit', solver%step_limit, errors)
+    call solver%reply%get_int('ranks', solver%ranks, errors)
+    call solver%reply%all_read(errors)
+    if (errors%any()) return
+    solver%greeted = .true.
+    solver%program = program
+  end subroutine read_answer
+
+  !> Version, start time and end time; D410, P411, P412.
+  subroutine compare(solver, choices, time, errors)
+    type(cpl_solver_type), intent(in) :: solver
+    type(cpl_choices_type), intent(in) :: choices
+    real(wp), intent(in) :: time  !! s
+    type(error_list_type), intent(inout) :: errors
+
+    if (solver%version /= version_text()) &
+      call errors%add('P411', solver%title()//' has version '//solver%version// &
+                      ', talus-couple has '//version_text(), solver%deck, &
+                      'use programs of the same version')
+    if (abs(solver%time - time) > same*max(choices%exchange, time)) &
+      call errors%add('P412', solver%title()//' stands at '//str(solver%time)// &
+                      ' s, the coupled run begins at '//str(time)//' s', solver%deck, &
+                      'go on with --restart=auto of the coupled run, not of a solver')
+    if (solver%t_end > 0.0_wp .and. abs(solver%t_end - choices%t_end) > same*choices%t_end) &
+      call errors%add('D410', 't_end is '//str(solver%t_end)//' s in '//solver%deck//', '// &
+                      str(choices%t_end)//' s in the coupled deck', solver%deck, &
+                      'leave t_end out of the solver''s deck, or write the same')
+  end subroutine compare
+
+  !> Gravity must be the same on both sides, and that of the coupled deck when it names one (D413).
+  subroutine compare_gravity(solvers, choices, errors)
+    type(cpl_solver_type), intent(in) :: solvers(2)
+    type(cpl_choices_type), intent(in) :: choices
+    type(error_list_type), intent(inout) :: errors
+
+    if (differs(solvers(1)%gravity, solvers(2)%gravity)) then
+      call errors%add('D413', 'gravity is '//str(solvers(1)%gravity)//' for '// &
+                      solvers(1)%title()//', '//str(solvers(2)%gravity)//' for '// &
+                      solvers(2)%title(), solvers(2)%deck, &
+                      'write the same &run gravity in both decks (a relaxation without '// &
+                      'gravity_scale has none)')
+    else if (choices%gravity_given) then
+      if (differs(solvers(1)%gravity, choices%gravity)) &
+        call errors%add('D413', 'gravity is '//str(choices%gravity)//' in the coupled deck, '// &
+                        str(solvers(1)%gravity)//' for both solvers', solvers(1)%deck, &
+                        'leave gravity out of the coupled deck')
+    end if
+  end subroutine compare_gravity
+
+  pure logical function differs(a, b)
+    real(wp), intent(in) :: a(3), b(3)  !! m/s2
+    differs = norm2(a - b) > same*max(norm2(a), norm2(b), tiny(1.0_wp))
+  end function differs
+end module cpl_handshake

@@ -1,0 +1,161 @@
+!> A solver as talus-couple sees it: process, port, messages, what it said of itself.
+module cpl_solver
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_message, only: message_type, verb_hello
+  use talus_port, only: port_type
+  use talus_process, only: process_type, tail_of
+  use talus_timers, only: timers_type
+  implicit none
+  private
+  public :: cpl_solver_type, side_grains, side_solid, sides
+
+  integer(i4), parameter :: side_grains = 1, side_solid = 2
+  character(len=6), parameter :: sides(2) = ['grains', 'solid ']
+  integer(i4), parameter :: tail_lines = 12       !! of a log, shown with a fault
+  real(wp), parameter :: end_wait = 5.0_wp        !! s until a partner that ended can be waited for
+
+  !> One solver. `ask` is `send` and `receive`; both solvers may be sent to before either is read.
+  type :: cpl_solver_type
+    character(len=:), allocatable :: side     !! 'grains' or 'solid'
+    character(len=:), allocatable :: program  !! 'talus-dem' or 'talus-fem'
+    character(len=:), allocatable :: deck     !! path
+    character(len=:), allocatable :: launch   !! fork, command or attach
+    character(len=:), allocatable :: command  !! launcher and program, without deck
+    character(len=:), allocatable :: output   !! file that takes its stdout and stderr
+    integer(i4) :: threads = 0
+    type(process_type) :: process
+    type(port_type) :: port
+    type(message_type) :: request, reply
+    logical :: started = .false.   !! its port is open, it is or will be there
+    logical :: greeted = .false.   !! HELLO was answered
+    logical :: lost = .false.      !! its port gave a fault: nothing more can be asked
+    character(len=:), allocatable :: version, deck_hash, capabilities
+    real(wp) :: gravity(3) = 0.0_wp  !! m/s2
+    real(wp) :: time = 0.0_wp        !! s
+    real(wp) :: t_end = 0.0_wp       !! s, 0: none given
+    real(wp) :: step_limit = 0.0_wp  !! s
+    integer(i4) :: ranks = 1
+  contains
+    procedure :: start_request
+    procedure :: send
+    procedure :: receive
+    procedure :: ask
+    procedure :: can
+    procedure :: title
+  end type cpl_solver_type
+
+contains
+
+  !> Begin a request about the interval t0 to t1 [s].
+  subroutine start_request(self, verb, step, t0, t1)
+    class(cpl_solver_type), intent(inout) :: self
+    integer(i4), intent(in) :: verb
+    integer(i8), intent(in) :: step
+    real(wp), intent(in) :: t0, t1
+    call self%request%start(verb, step, t0, t1)
+  end subroutine start_request
+
+  subroutine send(self, errors)
+    class(cpl_solver_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: faults
+    if (self%lost) return
+    faults = errors%count
+    call self%port%send(self%request, errors)
+    if (errors%count > faults) call say_how_it_ended(self, faults + 1, errors)
+  end subroutine send
+
+  !> Wait for the reply; the wait is put on the solver's timer. A fault that the solver reports is
+  !! handed on as it is.
+  subroutine receive(self, timers, errors)
+    class(cpl_solver_type), intent(inout) :: self
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: faults
+    if (self%lost) return
+    faults = errors%count
+    call timers%start('waiting for '//self%side)
+    call self%port%receive(self%reply, errors)
+    call timers%stop('waiting for '//self%side)
+    if (errors%count > faults) then
+      call say_how_it_ended(self, faults + 1, errors)
+      return
+    end if
+    call self%reply%faults(errors)
+    if (errors%count == faults) return
+    associate (fault => errors%item(faults + 1))
+      fault%message = self%program//': '//fault%message
+      if (len(fault%place) == 0) fault%place = self%deck
+    end associate
+  end subroutine receive
+
+  subroutine ask(self, timers, errors)
+    class(cpl_solver_type), intent(inout) :: self
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: faults
+    faults = errors%count
+    call self%send(errors)
+    if (errors%count == faults) call self%receive(timers, errors)
+  end subroutine ask
+
+  !> A fault of the port: add how the process ended and the end of what it wrote. Before HELLO its
+  !! own exit code 1 or 2 is passed on (I420, N421).
+  subroutine say_how_it_ended(self, k, errors)
+    class(cpl_solver_type), intent(inout) :: self
+    integer(i4), intent(in) :: k  !! number of the fault
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: tail
+    logical :: ended
+
+    self%lost = .true.
+    if (self%launch == 'attach') return
+    ended = self%process%wait(merge(end_wait, 0.0_wp, errors%item(k)%code == 'P001'))
+    tail = tail_of(self%output, tail_lines)
+    associate (fault => errors%item(k))
+      if (ended) fault%message = fault%message//': '//self%process%epitaph()
+      if (.not. self%greeted .and. self%process%ended) then
+        if (self%process%exit_code == 1) fault%code = 'I420'
+        if (self%process%exit_code == 2) fault%code = 'N421'
+        if (self%process%exit_code == 1 .or. self%process%exit_code == 2) &
+          fault%hint = 'what it said stands above; `'//self%program//' --check '//self%deck// &
+          '` says all'
+      end if
+      fault%place = self%output
+      if (len(tail) > 0) fault%place = fault%place//', its end:'//new_line('a')//without_end(tail)
+    end associate
+  end subroutine say_how_it_ended
+
+  pure function without_end(text) result(shorter)
+    character(len=*), intent(in) :: text
+    character(len=:), allocatable :: shorter
+    shorter = text
+    if (len(text) > 0) then
+      if (text(len(text):) == new_line('a')) shorter = text(:len(text) - 1)
+    end if
+  end function without_end
+
+  !> Does HELLO's list of capabilities hold this word?
+  pure logical function can(self, word)
+    class(cpl_solver_type), intent(in) :: self
+    character(len=*), intent(in) :: word
+    character(len=:), allocatable :: list
+    integer :: k
+    can = .false.
+    if (.not. allocated(self%capabilities)) return
+    list = ' '//self%capabilities//' '
+    do k = 1, len(list)
+      if (list(k:k) == ',' .or. list(k:k) == new_line('a')) list(k:k) = ' '
+    end do
+    can = index(list, ' '//word//' ') > 0
+  end function can
+
+  !> 'talus-dem (grains.nml)'
+  pure function title(self) result(text)
+    class(cpl_solver_type), intent(in) :: self
+    character(len=:), allocatable :: text
+    text = self%program//' ('//self%deck//')'
+  end function title
+end module cpl_solver
