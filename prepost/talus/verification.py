@@ -130,8 +130,9 @@ class Case:
     ) -> None:
         """Keep one judgement."""
         finite = float(value) if np.isfinite(value) else None
-        entry = {"metric": name, "value": finite, "expected": expected, "limit": limit}
-        self.metrics.append(entry | {"pass": good, "note": note})
+        wanted = None if expected is None else float(expected)
+        entry = {"metric": name, "value": finite, "expected": wanted, "limit": float(limit)}
+        self.metrics.append(entry | {"pass": bool(good), "note": note})
 
     def figure(self, **options: object) -> tuple:
         """Return (fig, ax) in the common look."""
