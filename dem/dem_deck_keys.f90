@@ -51,8 +51,8 @@ contains
       //'checkpoint and leaves with exit code 3. Empty: none.')
     call table%preset('')
     call table%add_key('threads', 'integer', '', &
-      'OpenMP threads; 0 takes OMP_NUM_THREADS or all cores. The option --threads=N ' &
-      //'goes before it.')
+      'OpenMP threads; 0 takes OMP_NUM_THREADS or all cores, but no more than one for ' &
+      //'every 500 grains. The option --threads=N goes before it.')
     call table%preset('0')
     call table%bounds(min=0.0_wp, max=1024.0_wp)
   end subroutine group_run

@@ -31,6 +31,7 @@ module dem_model
 
   character(len=*), parameter :: program_name = 'talus-dem'
   integer(i4), parameter :: block_work = 300000  !! grain-steps between two looks round
+  integer(i4), parameter :: grains_a_thread = 500  !! fewer are not worth another thread
   integer(i4), parameter :: blocks(7) = [100, 50, 20, 10, 5, 2, 1]  !! steps in a block
 
   type :: dem_model_type
@@ -67,6 +68,7 @@ module dem_model
     procedure :: use_step
     procedure :: take_steps
     procedure :: write_due
+    procedure, private :: watch_stops
     procedure, private :: write_row
     procedure, private :: steps_seconds
     procedure :: save_checkpoint
@@ -96,14 +98,16 @@ contains
     else if (folder_of(options%deck) /= '.') then
       self%stem = folder_of(options%deck)//'/'//self%stem
     end if
-    threads = options%threads
-    if (threads == 0) call self%deck%get('run', 1, 'threads', threads)
-    if (threads > 0) call omp_set_num_threads(threads)
     call self%deck%get('run', 1, 't_end', self%clock%t_end)
     if (.not. self%served .and. .not. self%deck%given('run', 1, 't_end')) &
       call self%deck%fault(errors, 'D246', 'the run has no end', 'run', 1, '', &
                            'add t_end = ... in s; only under talus-couple it may be left out')
     call read_model(self%deck, self%system, self%packing, self%choices, errors)
+    threads = options%threads
+    if (threads == 0) call self%deck%get('run', 1, 'threads', threads)
+    if (threads == 0) threads = min(int(omp_get_max_threads(), i4), &
+                                    1 + self%system%grains%n/grains_a_thread)
+    call omp_set_num_threads(threads)
     if (errors%any() .or. self%served) return
     if (size(self%choices%idle) > 0) &
       call self%deck%fault(errors, 'D243', 'grain '//str(self%choices%idle(1))//' is marked as '// &
@@ -220,10 +224,11 @@ contains
     class(dem_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
     type(string_type), allocatable :: fields(:)
-    character(len=:), allocatable :: note, stop_file
-    real(wp) :: wall_limit, kept
+    character(len=:), allocatable :: note
+    real(wp) :: kept
     integer(i4) :: k
 
+    call self%watch_stops()
     call make_folder(folder_of(self%stem), errors)
     if (errors%any()) return
     call self%log%open(self%stem//'.log', errors, append=self%start_time >= 0.0_wp)
@@ -249,6 +254,16 @@ contains
       call self%log%warn(self%warnings(k)%s)
     end do
     call log_row_titles(self%log)
+    if (self%start_time >= 0.0_wp .or. errors%any()) return
+    call self%histories%write(0.0_wp, self%system, errors)
+    call self%fields%write(0.0_wp, self%system, errors)
+  end subroutine open_run
+
+  !> Signals, wall limit and stop file are watched from here on; a partner has its own.
+  subroutine watch_stops(self)
+    class(dem_model_type), intent(inout) :: self
+    character(len=:), allocatable :: stop_file
+    real(wp) :: wall_limit
     wall_limit = 0.0_wp
     stop_file = ''
     if (.not. self%served) then
@@ -257,10 +272,7 @@ contains
       if (len(stop_file) > 0) stop_file = self%deck%path('run', 1, 'stop_file')
     end if
     call self%stop%init(wall_limit, stop_file, obey_signals=.not. self%served)
-    if (self%start_time >= 0.0_wp .or. errors%any()) return
-    call self%histories%write(0.0_wp, self%system, errors)
-    call self%fields%write(0.0_wp, self%system, errors)
-  end subroutine open_run
+  end subroutine watch_stops
 
   !> Steps until the end, a fault or a request to stop.
   subroutine run(self, errors)
