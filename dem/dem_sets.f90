@@ -155,8 +155,8 @@ contains
     integer(i4) :: k
     do k = 1, size(index)
       if (system%grains%kind(index(k)) == kind_free) cycle
-      call errors%add('P252', 'grain '//str(system%grains%id(index(k)))//' is not free: no force '// &
-                      'can be put on it', 'exchange port, SELECT', &
+      call errors%add('P252', 'grain '//str(system%grains%id(index(k)))//' is not free: no '// &
+                      'force can be put on it', 'exchange port, SELECT', &
                       'the role load is for free grains')
       return
     end do
