@@ -295,8 +295,8 @@ contains
     call table%add_group('limits', 3, 'What counts as a failure of the run.')
     call table%add_key('overlap', 'real', '', &
       'Largest overlap over the smaller grain''s least semi-axis; beyond it the run ' &
-      //'stops with exit code 2.')
-    call table%preset('0.1')
+      //'stops with exit code 2. Contact laws are meant for a few per cent.')
+    call table%preset('0.3')
     call table%bounds(max=1.0_wp, above=0.0_wp)
     call table%add_key('initial_overlap', 'real', '', &
       'Largest overlap between two free grains at the start, over the smaller grain''s ' &
