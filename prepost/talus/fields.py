@@ -1,0 +1,144 @@
+"""Field files run.h5 of the solvers: read single steps, follow grains, write VTU series."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from talus.faults import FaultError
+from talus.packing import FIXED
+
+GHOST = 3  # kind of grains that a partner moves
+MOVED = 1.0e-12  # displacement above which a fixed grain counts as moved [m]
+
+
+@dataclass
+class Snapshot:
+    """One step: time [s], grains sorted by id, and point and cell fields of the solid."""
+
+    time: float
+    grains: dict[str, np.ndarray] = field(default_factory=dict)
+    solid: dict[str, np.ndarray] = field(default_factory=dict)
+
+
+class FieldFile:
+    """A field file, open for reading; use it in a `with` statement."""
+
+    def __init__(self, path: Path):
+        """Open the file; a file that is missing, damaged or foreign is a fault."""
+        self.path = path
+        if not path.exists():
+            raise FaultError("E542", f"no such file: {path}")
+        try:
+            self.file = h5py.File(path)
+        except OSError as fault:
+            raise FaultError("E542", f"{path} cannot be read: {fault}") from fault
+        if "steps" not in self.file or not len(self.file["steps"]):
+            self.file.close()
+            hint = "a field file (grains.h5, solid.h5) of a run with output is wanted"
+            raise FaultError("E543", f"{path} holds no steps", hint)
+        self.names = sorted(self.file["steps"])
+
+    def __enter__(self) -> "FieldFile":
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the file."""
+        self.file.close()
+
+    def __len__(self) -> int:
+        """Number of steps."""
+        return len(self.names)
+
+    @property
+    def mesh(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Nodes (n, 3) [m] and hexahedra (m, 8) of a solid, or None for grains."""
+        if "mesh" not in self.file:
+            return None
+        return self.file["mesh/x"][...], self.file["mesh/hex8"][...]
+
+    def read(self, step: int) -> Snapshot:
+        """Read one step; negative numbers count from the end."""
+        if not -len(self) <= step < len(self):
+            raise FaultError("E544", f"{self.path} has no step {step}", f"it has {len(self)} steps")
+        group = self.file["steps"][self.names[step]]
+        try:
+            found = Snapshot(float(np.ravel(group.attrs["time"])[0]))
+            if "grains" in group:
+                grains = {name: data[...] for name, data in group["grains"].items()}
+                order = np.argsort(grains["id"], kind="stable")
+                found.grains = {name: data[order] for name, data in grains.items()}
+            datasets = (item for item in group.items() if isinstance(item[1], h5py.Dataset))
+            found.solid = {name: data[...] for name, data in datasets}
+        except (OSError, KeyError) as fault:
+            raise FaultError("E542", f"{self.path}, step {step}: {fault}") from fault
+        return found
+
+
+def displacement(first: dict[str, np.ndarray], now: dict[str, np.ndarray]) -> np.ndarray:
+    """Displacement of the grains of `now` since `first` (n, 3) [m]; NaN for grains not there then."""
+    moved = np.full(now["x"].shape, np.nan)
+    _, there, here = np.intersect1d(first["id"], now["id"], return_indices=True)
+    moved[here] = now["x"][here] - first["x"][there]
+    return moved
+
+
+def ghost_rows(first: dict[str, np.ndarray], now: dict[str, np.ndarray]) -> np.ndarray:
+    """Rows of the ghosts: grains of kind ghost, or else fixed grains that have moved."""
+    ghosts = np.flatnonzero(now["kind"] == GHOST)
+    if ghosts.size:
+        return ghosts
+    moved = np.linalg.norm(displacement(first, now), axis=1) > MOVED
+    return np.flatnonzero(moved & (now["kind"] == FIXED))
+
+
+def convert_to_vtu(source: Path, target: Path, watch: object = iter) -> list[Path]:
+    """Write every step as VTU and a .pvd that ties them together; return the files written."""
+    import meshio
+
+    folder, stem = (target.parent, target.stem) if target.suffix else (target, source.stem)
+    folder.mkdir(parents=True, exist_ok=True)
+    written, rows = [], []
+    with FieldFile(source) as fields:
+        mesh = fields.mesh
+        steps: Iterable[int] = watch(range(len(fields)))
+        for step in steps:
+            snapshot = fields.read(step)
+            made = vtu_of_solid(snapshot, mesh) if mesh else vtu_of_grains(snapshot)
+            path = folder / f"{stem}_{step:06d}.vtu"
+            try:
+                meshio.write(path, made)
+            except OSError as fault:
+                raise FaultError("E501", f"cannot write {path}: {fault}", exit_code=4) from fault
+            written.append(path)
+            rows.append(f'<DataSet timestep="{snapshot.time!r}" part="0" file="{path.name}"/>')
+    pvd = folder / f"{stem}.pvd"
+    pvd.write_text(
+        '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
+        + "\n".join(rows)
+        + "\n</Collection>\n</VTKFile>\n"
+    )
+    return [*written, pvd]
+
+
+def vtu_of_grains(snapshot: Snapshot) -> object:
+    """Return the grains as points with all their fields."""
+    import meshio
+
+    grains = dict(snapshot.grains)
+    x = grains.pop("x")
+    return meshio.Mesh(x, [("vertex", np.arange(len(x))[:, None])], point_data=grains)
+
+
+def vtu_of_solid(snapshot: Snapshot, mesh: tuple[np.ndarray, np.ndarray]) -> object:
+    """Return the solid with the fields of nodes, and the mean stress of elements."""
+    import meshio
+
+    x, hex8 = mesh
+    of_cells = {name for name in snapshot.solid if name == "stress"}
+    points = {k: d for k, d in snapshot.solid.items() if k not in of_cells and len(d) == len(x)}
+    cells = {k: [d] for k, d in snapshot.solid.items() if k in of_cells}
+    return meshio.Mesh(x, [("hexahedron", hex8)], point_data=points, cell_data=cells)

@@ -1,0 +1,60 @@
+"""CSV histories: columns `name [unit]`, read with their units."""
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from talus.faults import FaultError
+
+
+@dataclass
+class History:
+    """Columns of a history by name, and their units."""
+
+    path: Path
+    columns: dict[str, np.ndarray]
+    units: dict[str, str]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Return a column, or raise a fault that names those there are."""
+        if name not in self.columns:
+            raise FaultError(
+                "E546", f"{self.path} has no column '{name}'", f"it has: {', '.join(self.columns)}"
+            )
+        return self.columns[name]
+
+    def of_unit(self, unit: str) -> list[str]:
+        """Names of the columns with a unit."""
+        return [name for name, own in self.units.items() if own == unit]
+
+
+def read(path: Path) -> History:
+    """Read a history; a row that a stopped program left unfinished is skipped."""
+    try:
+        with path.open(newline="") as file:
+            rows = list(csv.reader(file))
+    except OSError as fault:
+        raise FaultError("E545", f"cannot read {path}: {fault.strerror}") from fault
+    if not rows or "[" not in rows[0][0]:
+        raise FaultError("E545", f"{path} is no history", "its first line must be: time [s], ...")
+    titles = [title.strip() for title in rows[0]]
+    names = [title.split("[")[0].strip() for title in titles]
+    units = {n: t.partition("[")[2].rstrip("]") for n, t in zip(names, titles, strict=True)}
+    values = []
+    for number, row in enumerate(rows[1:], 2):
+        last = number == len(rows)
+        try:
+            numbers = [float(cell) for cell in row]
+        except ValueError as fault:
+            if last:
+                continue
+            raise FaultError("E545", f"a row is unreadable: {fault}", place=f"{path}:{number}") from fault
+        if len(numbers) == len(names):
+            values.append(numbers)
+        elif not last:
+            text = f"a row has {len(numbers)} values instead of {len(names)}"
+            raise FaultError("E545", text, place=f"{path}:{number}")
+    table = np.array(values).reshape(-1, len(names))
+    return History(path, {name: table[:, k] for k, name in enumerate(names)}, units)
