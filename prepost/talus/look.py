@@ -1,5 +1,6 @@
 """The one look of all plots: exact = line, Talus = marks, version stamped in the corner."""
 
+import io
 from pathlib import Path
 
 import matplotlib
@@ -32,9 +33,23 @@ def new_figure(**options: object) -> tuple:
         return plt.subplots(layout="constrained", **options)
 
 
+def stamp(fig: object) -> None:
+    """Write the version into the corner."""
+    fig.text(0.995, 0.005, f"Talus {version()}", ha="right", va="bottom", fontsize=6, color="#888888")
+
+
 def save_figure(fig: object, path: Path) -> None:
     """Stamp the version, save as PNG and close."""
-    fig.text(0.995, 0.005, f"Talus {version()}", ha="right", va="bottom", fontsize=6, color="#888888")
+    stamp(fig)
     path.parent.mkdir(parents=True, exist_ok=True)
     fig.savefig(path)
     plt.close(fig)
+
+
+def figure_bytes(fig: object) -> bytes:
+    """Stamp the version, return the PNG and close."""
+    stamp(fig)
+    data = io.BytesIO()
+    fig.savefig(data, format="png")
+    plt.close(fig)
+    return data.getvalue()

@@ -1,0 +1,27 @@
+"""`talus render`: a picture of grains as ellipsoids with the block around them cut away."""
+
+import argparse
+from pathlib import Path
+
+from talus import pictures
+
+
+def register(commands: argparse._SubParsersAction) -> None:
+    """Add `render`."""
+    new = commands.add_parser("render", help="picture of grains and solid (needs pyvista)")
+    new.add_argument("grains", type=Path, help="field file of the grains")
+    new.add_argument("--solid", type=Path, help="field file of the solid")
+    new.add_argument("--step", type=int, default=-1, help="step, negative from the end")
+    new.add_argument("--color", choices=sorted(pictures.COLOURS_OF), default="displacement")
+    new.add_argument("--size", type=int, nargs=2, default=(1400, 1050), help="width and height [pixels]")
+    new.add_argument("-o", "--output", type=Path, default=Path("view3d.png"))
+    new.set_defaults(run=render)
+
+
+def render(options: argparse.Namespace) -> int:
+    """Write the picture and say its name."""
+    pictures.render(
+        options.grains, options.solid, options.step, options.color, options.output, tuple(options.size)
+    )
+    print(options.output)
+    return 0

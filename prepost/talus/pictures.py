@@ -1,0 +1,133 @@
+"""Pictures of grains and the block around them, a quarter cut away (off-screen, pyvista)."""
+
+from pathlib import Path
+
+import numpy as np
+
+from talus import version
+from talus.faults import FaultError
+from talus.fields import GHOST, FieldFile, Snapshot, displacement
+from talus.measure import rotations
+from talus.packing import DRIVEN, FIXED
+
+MILLI = 1.0e3
+COLOURS_OF = {"displacement": "displacement [mm]", "speed": "speed [m/s]"}
+VIEW = np.array([0.95, -1.0, 0.62])  # from the cut quarter (+x, -y), from above
+WALL_GREY, TOOL_RED, SOLID_SAND = "#9aa3ad", "#c0392b", "#d8c7a3"
+
+
+def load_pyvista() -> object:
+    """Import pyvista, or say how to get it."""
+    try:
+        import pyvista
+    except ImportError as fault:
+        raise FaultError(
+            "E550", "pictures need pyvista, which is not installed", "make deps-render", exit_code=4
+        ) from fault
+    pyvista.OFF_SCREEN = True
+    return pyvista
+
+
+def render(
+    grains: Path, solid: Path | None, step: int, color: str, output: Path, size: tuple[int, int]
+) -> None:
+    """Write a PNG of the grains at a step, coloured, with the block of `solid` around them."""
+    pyvista = load_pyvista()
+    with FieldFile(grains) as fields:
+        first, now = fields.read(0), fields.read(step)
+    if not now.grains:
+        raise FaultError("E543", f"{grains} holds no grains", "grains.h5 comes first, --solid after it")
+    plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
+    plotter.set_background("white")
+    add_grains(pyvista, plotter, first, now, color)
+    if solid is not None:
+        add_solid(pyvista, plotter, solid, now.time)
+    text = f"t = {now.time:.4g} s"
+    plotter.add_text(text, position="upper_left", font_size=11, color="black")
+    plotter.add_text(f"Talus {version()}", position="lower_right", font_size=6, color="grey")
+    plotter.enable_parallel_projection()
+    plotter.camera_position = [tuple(10.0 * VIEW), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
+    plotter.enable_anti_aliasing("ssaa")
+    plotter.reset_camera()
+    plotter.camera.zoom(1.15)
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        plotter.screenshot(str(output))
+    except OSError as fault:
+        raise FaultError("E501", f"cannot write {output}: {fault}", exit_code=4) from fault
+    finally:
+        plotter.close()
+
+
+def in_cut(x: np.ndarray) -> np.ndarray:
+    """Whether points lie in the quarter that is cut away (x > 0, y < 0)."""
+    return (x[..., 0] > 0.0) & (x[..., 1] < 0.0)
+
+
+def values_of(first: Snapshot, now: Snapshot, color: str) -> np.ndarray:
+    """Values that the grains are coloured by (n): displacement [mm] or speed [m/s]."""
+    if color == "speed":
+        return np.linalg.norm(now.grains["v"], axis=1)
+    return MILLI * np.linalg.norm(np.nan_to_num(displacement(first.grains, now.grains)), axis=1)
+
+
+def add_grains(pyvista: object, plotter: object, first: Snapshot, now: Snapshot, color: str) -> None:
+    """Add the grains outside the cut: free ones coloured, walls grey, the penetrator whole and red."""
+    g = now.grains
+    kind = g["kind"]
+    shown = ~in_cut(g["x"])
+    free = shown & ~np.isin(kind, (FIXED, DRIVEN, GHOST))
+    walls = shown & np.isin(kind, (FIXED, GHOST))
+    if free.any():
+        values = values_of(first, now, color)[free]
+        top = max(float(np.quantile(values, 0.99)), 1.0e-12)
+        bar = {"title": COLOURS_OF[color], "color": "black", "vertical": True, "position_x": 0.88,
+               "position_y": 0.25, "height": 0.5, "n_labels": 5}  # fmt: skip
+        mesh = ellipsoids(pyvista, g, np.flatnonzero(free), values)
+        plotter.add_mesh(mesh, scalars="value", cmap="viridis", clim=(0.0, top), smooth_shading=True,
+                         scalar_bar_args=bar)  # fmt: skip
+    for rows, colour in ((walls, WALL_GREY), (kind == DRIVEN, TOOL_RED)):
+        if rows.any():
+            mesh = ellipsoids(pyvista, g, np.flatnonzero(rows), np.zeros(int(rows.sum())))
+            plotter.add_mesh(mesh, color=colour, smooth_shading=True)
+
+
+def ellipsoids(pyvista: object, g: dict[str, np.ndarray], rows: np.ndarray, values: np.ndarray) -> object:
+    """Return one surface of many ellipsoids with the point data `value` and normals; lengths in mm."""
+    ball = pyvista.Sphere(radius=1.0, theta_resolution=20, phi_resolution=14)
+    unit = np.asarray(ball.points, float)
+    faces = np.asarray(ball.faces).reshape(-1, 4)
+    turn = rotations(g["quat"][rows])
+    points = np.einsum("nij,nj,pj->npi", turn, g["axes"][rows], unit) + g["x"][rows][:, None, :]
+    shift = (np.arange(len(rows)) * len(unit))[:, None, None]
+    cells = np.tile(faces, (len(rows), 1, 1))
+    cells[:, :, 1:] += shift
+    mesh = pyvista.PolyData(MILLI * points.reshape(-1, 3), cells.ravel())
+    mesh["value"] = np.repeat(values, len(unit))
+    return mesh
+
+
+def add_solid(pyvista: object, plotter: object, path: Path, time: float) -> None:
+    """Add the block at the step nearest in time, without the elements of the cut."""
+    with FieldFile(path) as fields:
+        if fields.mesh is None:
+            raise FaultError("E543", f"{path} holds no mesh", "the field file of the solid is wanted")
+        x, hex8 = fields.mesh
+        times = [fields.read(k).time for k in range(len(fields))]
+        step = int(np.argmin(np.abs(np.array(times) - time)))
+        moved = fields.read(step).solid.get("u", np.zeros_like(x))
+    grid = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: hex8}, MILLI * (x + moved))
+    centres = x[hex8].mean(axis=1)
+    block = split_at_cut(grid, in_cut(centres))
+    plotter.add_mesh(block, color=SOLID_SAND, show_edges=True, edge_color="#8a7a58", line_width=1)
+
+
+def split_at_cut(grid: object, cut: np.ndarray) -> object:
+    """Return the elements outside the cut; those that straddle its planes are clipped there."""
+    whole = grid.extract_cells(np.flatnonzero(~cut))
+    box = grid.bounds
+    if box[0] >= 0.0 or box[1] <= 0.0 or box[2] >= 0.0 or box[3] <= 0.0:
+        return whole
+    left = grid.clip(normal=(1.0, 0.0, 0.0), origin=(0.0, 0.0, 0.0))
+    right = grid.clip(normal=(-1.0, 0.0, 0.0), origin=(0.0, 0.0, 0.0))
+    return left.merge(right.clip(normal=(0.0, -1.0, 0.0), origin=(0.0, 0.0, 0.0)), merge_points=False)
