@@ -1,0 +1,136 @@
+!> A body of a few bricks: factors with METIS' order, springs of both kinds, supports, Newmark,
+!! reject, against closed forms.
+program test_fem_body
+  use talus_kinds, only: wp, i4
+  use talus_errors, only: error_list_type
+  use talus_test, only: test_type
+  use fem_body, only: fem_body_type
+  use fem_mumps, only: mumps_end
+  use fem_types, only: fem_mesh_type
+  implicit none
+  type(test_type) :: test
+
+  call static_bar()
+  call robin_springs()
+  call not_held()
+  call newmark_frequency()
+  call mumps_end()
+  call test%finish()
+
+contains
+
+  !> A column of n unit cubes along z, E = 1000, nu = 0, rho = 3; sides held, base held.
+  subroutine make_column(n, body)
+    integer(i4), intent(in) :: n
+    type(fem_body_type), intent(inout) :: body
+    integer(i4) :: k, e
+    body%mesh%nodes = 4*(n + 1)
+    body%mesh%elements = n
+    allocate (body%mesh%x(3, body%mesh%nodes), body%mesh%hex8(8, n), body%mesh%group(0))
+    do k = 0, n
+      body%mesh%x(:, 4*k + 1) = [0.0_wp, 0.0_wp, real(k, wp)]
+      body%mesh%x(:, 4*k + 2) = [1.0_wp, 0.0_wp, real(k, wp)]
+      body%mesh%x(:, 4*k + 3) = [1.0_wp, 1.0_wp, real(k, wp)]
+      body%mesh%x(:, 4*k + 4) = [0.0_wp, 1.0_wp, real(k, wp)]
+    end do
+    do e = 1, n
+      body%mesh%hex8(:, e) = [(4*(e - 1) + k, k=1, 8)]
+    end do
+    allocate (body%elastic%young(n), source=1000.0_wp)
+    allocate (body%elastic%poisson(n), source=0.0_wp)
+    allocate (body%elastic%density(n), source=3.0_wp)
+    allocate (body%elastic%bbar(n), source=.true.)
+    allocate (body%elastic%factor(8, n), source=1.0_wp)
+    allocate (body%elastic%initial(6, 8, n), source=0.0_wp)
+    allocate (body%curve(0), body%load(0), body%motion(0))
+    call body%allocate_state()
+    body%held(1:2, :) = .true.
+    body%held(3, 1:4) = .true.
+  end subroutine make_column
+
+  subroutine static_bar()
+    type(fem_body_type) :: body
+    type(error_list_type) :: errors
+    call make_column(5, body)
+    call body%assemble()
+    body%port_load(3, 21:24) = -2.5_wp
+    call body%step(1.0_wp, errors)
+    call test%check('no fault', .not. errors%any())
+    call test%check_close('shortening F L/(E A)', body%state%u(3, 24), -0.05_wp, 1.0e-15_wp)
+    call test%check_close('reaction', sum(body%state%reaction(3, :)), 10.0_wp, 1.0e-12_wp)
+    call test%check_close('half the work of the load is strain energy', &
+                          body%energy%strain, 0.5_wp*10.0_wp*0.05_wp, 1.0e-13_wp)
+    call test%check_close('mass', sum(body%lumped), 15.0_wp, 1.0e-12_wp)
+    call body%reject()
+    call test%check('rejected', all(abs(body%state%u) <= 0.0_wp))
+    call body%solver%mumps%free()
+  end subroutine static_bar
+
+  !> Robin springs of stiffness s slow the approach to the fixed point by s/(k + s) a step.
+  subroutine robin_springs()
+    type(fem_body_type) :: body
+    type(error_list_type) :: errors
+    real(wp), parameter :: s = 600.0_wp, k = 200.0_wp, still = -10.0_wp/k
+    real(wp) :: expected
+    integer(i4) :: n, c
+    call make_column(5, body)
+    call body%assemble()
+    body%robin%n = 1
+    body%robin%node = reshape([21, 22, 23, 24], [4, 1])
+    body%robin%weight = reshape([0.25_wp, 0.25_wp, 0.25_wp, 0.25_wp], [4, 1])
+    allocate (body%robin%stiffness(3, 3, 1), source=0.0_wp)
+    do c = 1, 3
+      body%robin%stiffness(c, c, 1) = s
+    end do
+    body%port_load(3, 21:24) = -2.5_wp
+    expected = 0.0_wp
+    do n = 1, 6
+      call body%step(real(n, wp), errors)
+      call body%accept()
+      expected = still + s/(k + s)*(expected - still)
+      call test%check_close('Robin step', body%state%u(3, 22), expected, 1.0e-14_wp)
+    end do
+    call test%check('no fault', .not. errors%any())
+    call test%check('one factorisation', body%solver%factorisations == 1)
+    call body%solver%mumps%free()
+  end subroutine robin_springs
+
+  !> Without the base the column can fall: the fault names the translation along z.
+  subroutine not_held()
+    type(fem_body_type) :: body
+    type(error_list_type) :: errors
+    call make_column(2, body)
+    body%held(3, :) = .false.
+    call body%assemble()
+    call body%factor(1.0_wp, errors)
+    call test%check('one fault', errors%count == 1)
+    call test%check_text('code', errors%item(1)%code, 'I307')
+    call test%check('names the motion', index(errors%item(1)%message, 'translation along z') > 0)
+  end subroutine not_held
+
+  !> One brick on its base: u = u_s (1 - cos(w_d t)), w_d = (2/dt) atan(w dt/2), w^2 = 3 E/(rho L^2).
+  subroutine newmark_frequency()
+    type(fem_body_type) :: body
+    type(error_list_type) :: errors
+    real(wp), parameter :: dt = 0.03_wp, omega = sqrt(3.0_wp*1000.0_wp/3.0_wp)
+    real(wp) :: discrete, worst
+    integer(i4) :: n
+    call make_column(1, body)
+    body%dynamic = .true.
+    body%port_load(3, 5:8) = -2.5_wp
+    call body%assemble()
+    call body%factor(dt, errors)
+    call body%start_acceleration(errors)
+    discrete = 2.0_wp/dt*atan(0.5_wp*omega*dt)
+    worst = 0.0_wp
+    do n = 1, 200
+      call body%step(n*dt, errors)
+      call body%accept()
+      worst = max(worst, abs(body%state%u(3, 5) + 0.01_wp*(1.0_wp - cos(discrete*n*dt))))
+    end do
+    call test%check('no fault', .not. errors%any())
+    call test%check('discrete frequency', worst < 1.0e-12_wp)
+    call test%check_close('energy', body%energy%strain + body%energy%kinetic, body%energy%load, 1.0e-12_wp)
+    call body%solver%mumps%free()
+  end subroutine newmark_frequency
+end program test_fem_body
