@@ -18,15 +18,18 @@ contains
 
   !> Greet both before either answer is read, then compare. restart: a checkpoint of each side.
   subroutine shake_hands(solvers, choices, run_id, grains_restart, solid_restart, time, timers, &
-                         errors)
+                         dynamic, errors)
     type(cpl_solver_type), intent(inout) :: solvers(2)
     type(cpl_choices_type), intent(in) :: choices
     character(len=*), intent(in) :: run_id, grains_restart, solid_restart
     real(wp), intent(in) :: time  !! at which both must stand [s]
     type(timers_type), intent(inout) :: timers
+    logical, intent(out) :: dynamic  !! the solid has inertia
     type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: analysis
     integer(i4) :: k
 
+    dynamic = .false.
     do k = 1, 2
       call solvers(k)%start_request(verb_hello, 0_i8, time, time)
       call solvers(k)%request%put_text('run_id', run_id)
@@ -40,6 +43,10 @@ contains
       call solvers(k)%receive(timers, errors)
     end do
     if (errors%any()) return
+    if (solvers(side_solid)%reply%has('analysis')) then
+      call solvers(side_solid)%reply%get_text('analysis', analysis, errors)
+      dynamic = analysis /= 'static'
+    end if
     do k = 1, 2
       call read_answer(solvers(k), errors)
     end do

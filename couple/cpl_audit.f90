@@ -1,0 +1,146 @@
+!> The audit: a row for each exchange in <stem>_audit.csv, and the worst of it for the health line.
+module cpl_audit
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: string_type, append_string
+  use talus_errors, only: error_list_type
+  use talus_history, only: history_type
+  use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_friction, &
+    scalar_contact_damping, scalar_background_damping, scalar_boundary, scalar_gravity, &
+    scalar_momentum, scalar_angular_momentum, scalar_max_overlap, scalar_flags
+  use cpl_interface, only: interface_type
+  implicit none
+  private
+  public :: audit_type
+
+  integer(i4), parameter :: column_count = 32
+
+  !> Worst values so far, and the file.
+  type :: audit_type
+    type(history_type) :: file
+    real(wp) :: gap = 0.0_wp              !! largest distance between ghosts and facets [m]
+    real(wp) :: spring_residual = 0.0_wp  !! of the last exchange [-]
+    integer(i4) :: iterations = 0         !! most in an exchange
+    real(wp) :: ghost_motion = 0.0_wp     !! largest displacement of a ghost now [m]
+    real(wp) :: ghost_force = 0.0_wp      !! mean force on a ghost now [N]
+  contains
+    procedure :: open => open_audit
+    procedure :: note
+    procedure :: row
+    procedure :: work_error
+  end type audit_type
+
+contains
+
+  subroutine columns_of(columns)
+    type(string_type), allocatable, intent(out) :: columns(:)
+    character(len=*), parameter :: axes(3) = ['x', 'y', 'z']
+    integer :: k
+
+    call append_string(columns, 'time [s]')
+    call append_string(columns, 'grains_kinetic [J]')
+    call append_string(columns, 'grains_elastic [J]')
+    call append_string(columns, 'grains_friction [J]')
+    call append_string(columns, 'grains_contact_damping [J]')
+    call append_string(columns, 'grains_background_damping [J]')
+    call append_string(columns, 'grains_boundary_work [J]')
+    call append_string(columns, 'grains_gravity_work [J]')
+    call append_string(columns, 'solid_kinetic [J]')
+    call append_string(columns, 'solid_elastic [J]')
+    call append_string(columns, 'solid_boundary_work [J]')
+    call append_string(columns, 'solid_gravity_work [J]')
+    call append_string(columns, 'interface_work_on_grains [J]')
+    call append_string(columns, 'interface_work_on_solid [J]')
+    call append_string(columns, 'interface_work_difference [J]')
+    do k = 1, 3
+      call append_string(columns, 'momentum_'//axes(k)//' [kg m/s]')
+    end do
+    do k = 1, 3
+      call append_string(columns, 'angular_momentum_'//axes(k)//' [N m s]')
+    end do
+    do k = 1, 3
+      call append_string(columns, 'force_on_solid_'//axes(k)//' [N]')
+    end do
+    call append_string(columns, 'largest_ghost_displacement [m]')
+    call append_string(columns, 'mean_ghost_force [N]')
+    call append_string(columns, 'constraint_residual [m]')
+    call append_string(columns, 'spring_residual [-]')
+    call append_string(columns, 'spring_stiffness [N/m]')
+    call append_string(columns, 'iterations [-]')
+    call append_string(columns, 'lost_moment_impulse [N m s]')
+    call append_string(columns, 'largest_overlap [-]')
+  end subroutine columns_of
+
+  !> Begin the file, or after a restart at time [s] go on in it.
+  subroutine open_audit(self, path, again, time, errors)
+    class(audit_type), intent(inout) :: self
+    character(len=*), intent(in) :: path
+    logical, intent(in) :: again
+    real(wp), intent(in) :: time
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: columns(:)
+
+    call columns_of(columns)
+    if (size(columns) /= column_count) error stop 'bug: columns of the audit'
+    if (again) then
+      call self%file%resume(path, columns, time, errors)
+    else
+      call self%file%open(path, columns, .false., errors)
+    end if
+  end subroutine open_audit
+
+  !> Measure the interface after an exchange.
+  subroutine note(self, face, gap)
+    class(audit_type), intent(inout) :: self
+    type(interface_type), intent(in) :: face
+    real(wp), intent(out) :: gap  !! between ghosts and facets [m]
+    gap = face%gap()
+    self%gap = max(self%gap, gap)
+    self%spring_residual = face%spring_residual
+    self%iterations = max(self%iterations, face%iterations)
+    self%ghost_motion = sqrt(maxval(sum(face%d_new**2, 1)))
+    self%ghost_force = sum(sqrt(sum(face%p_mean**2, 1)))/face%map%ghosts
+  end subroutine note
+
+  !> Difference of the works from both sides, relative to what went through the interface.
+  pure real(wp) function work_error(self, face)
+    class(audit_type), intent(in) :: self
+    type(interface_type), intent(in) :: face
+    work_error = 0.0_wp
+    if (face%work_turnover > 0.0_wp .and. self%iterations > 0) &
+      work_error = abs(face%grains_work + face%solid_work)/face%work_turnover
+  end function work_error
+
+  !> A row at time [s], after the exchange was accepted.
+  subroutine row(self, face, time, gap, errors)
+    class(audit_type), intent(inout) :: self
+    type(interface_type), intent(in) :: face
+    real(wp), intent(in) :: time
+    real(wp), intent(in) :: gap  !! of this exchange [m]
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: value(column_count)
+
+    associate (g => face%grains, s => face%solid)
+      value(1) = time
+      value(2:8) = g([scalar_kinetic, scalar_elastic, scalar_friction, scalar_contact_damping, &
+                      scalar_background_damping, scalar_boundary, scalar_gravity])
+      value(9:12) = s([scalar_kinetic, scalar_elastic, scalar_boundary, scalar_gravity])
+      value(13) = face%grains_work
+      value(14) = face%solid_work
+      value(15) = face%grains_work + face%solid_work
+      value(16:18) = g(scalar_momentum:scalar_momentum + 2) + &
+        s(scalar_momentum:scalar_momentum + 2)
+      value(19:21) = g(scalar_angular_momentum:scalar_angular_momentum + 2) + &
+        s(scalar_angular_momentum:scalar_angular_momentum + 2)
+      value(22:24) = sum(face%p_mean, 2)
+      value(25) = self%ghost_motion
+      value(26) = self%ghost_force
+      value(27) = gap
+      value(28) = self%spring_residual
+      value(29) = face%relax%stiffness
+      value(30) = face%iterations
+      value(31) = face%lost_impulse
+      value(32) = g(scalar_max_overlap)
+    end associate
+    call self%file%write(value, errors)
+  end subroutine row
+end module cpl_audit

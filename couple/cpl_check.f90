@@ -1,0 +1,143 @@
+!> `--check` of a coupled deck: run both solvers' own `--check --json` and gather their faults.
+module cpl_check
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str, string_type, append_string
+  use talus_errors, only: error_list_type
+  use talus_files, only: read_file, remove_file
+  use talus_process, only: process_type, sibling_program
+  use cpl_solver, only: cpl_solver_type
+  implicit none
+  private
+  public :: check_solvers, take_faults
+
+  real(wp), parameter :: patience = 600.0_wp  !! s
+
+contains
+
+  !> Check the decks of both solvers as decks of a coupled run. Those launched by a command or by
+  !! the user are checked with the program that stands beside this one.
+  subroutine check_solvers(solvers, errors)
+    type(cpl_solver_type), intent(in) :: solvers(2)
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    do k = 1, 2
+      if (.not. allocated(solvers(k)%deck)) cycle
+      if (len(solvers(k)%deck) > 0) call check_one(solvers(k), errors)
+    end do
+  end subroutine check_solvers
+
+  subroutine check_one(solver, errors)
+    type(cpl_solver_type), intent(in) :: solver
+    type(error_list_type), intent(inout) :: errors
+    type(process_type) :: process
+    type(string_type), allocatable :: argv(:)
+    character(len=:), allocatable :: text
+    integer(i4) :: before
+
+    call append_string(argv, sibling_program(solver%program))
+    call append_string(argv, solver%deck)
+    call append_string(argv, '--check')
+    call append_string(argv, '--json')
+    call append_string(argv, '--port=check')
+    before = errors%count
+    call process%spawn(argv, '', solver%output, solver%threads, errors)
+    if (errors%count > before) return
+    if (.not. process%wait(patience)) call process%stop(0.0_wp)
+    call read_file(solver%output, text, errors)
+    call remove_file(solver%output)
+    if (errors%count > before) return
+    call take_faults(solver%program, text, errors)
+    if (errors%count == before .and. process%exit_code /= 0) &
+      call errors%add('P424', solver%program//' --check gave no answer: '//process%epitaph(), &
+                      solver%deck, 'start it by hand to see why')
+  end subroutine check_one
+
+  !> Faults in the answer of a program's --check --json (talus_report writes them).
+  subroutine take_faults(program, json, errors)
+    character(len=*), intent(in) :: program
+    character(len=*), intent(in) :: json
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: code, message, place, line, column, source, hint
+    integer :: at
+
+    at = index(json, '"errors"')
+    if (at == 0) return
+    do
+      call next_value(json, 'code', at, code)
+      if (at == 0) return
+      call next_value(json, 'message', at, message)
+      if (at > 0) call next_value(json, 'place', at, place)
+      if (at > 0) call next_value(json, 'line', at, line)
+      if (at > 0) call next_value(json, 'column', at, column)
+      if (at > 0) call next_value(json, 'source', at, source)
+      if (at > 0) call next_value(json, 'hint', at, hint)
+      if (at == 0) return
+      if (line /= '0') place = place//':'//line//':'//column
+      if (len(source) > 0) place = place//new_line('a')//source
+      call errors%add(code, program//': '//message, place, hint)
+    end do
+  end subroutine take_faults
+
+  !> Value of the next "key": after position at, which moves behind it; 0 when there is none.
+  subroutine next_value(json, key, at, value)
+    character(len=*), intent(in) :: json, key
+    integer, intent(inout) :: at
+    character(len=:), allocatable, intent(out) :: value
+    integer :: found
+
+    value = ''
+    found = index(json(at:), '"'//key//'":')
+    if (found == 0) then
+      at = 0
+      return
+    end if
+    at = at + found - 1 + len(key) + 3
+    do while (at < len(json) .and. json(at:at) == ' ')
+      at = at + 1
+    end do
+    if (json(at:at) == '"') then
+      call take_string(json, at, value)
+    else
+      found = scan(json(at:)//',', ',}'//new_line('a'))
+      value = trim(json(at:at + found - 2))
+      at = at + found - 1
+    end if
+    if (at > len(json)) at = 0
+  end subroutine next_value
+
+  !> A quoted text with its escapes; at moves from its first quote to behind its last.
+  subroutine take_string(json, at, value)
+    character(len=*), intent(in) :: json
+    integer, intent(inout) :: at
+    character(len=:), allocatable, intent(inout) :: value
+    integer :: code, stat
+
+    at = at + 1
+    do while (at <= len(json))
+      select case (json(at:at))
+      case ('"')
+        at = at + 1
+        return
+      case ('\')
+        at = at + 1
+        if (at > len(json)) return
+        select case (json(at:at))
+        case ('n')
+          value = value//new_line('a')
+        case ('t')
+          value = value//achar(9)
+        case ('u')
+          code = iachar('?')
+          if (at + 4 <= len(json)) read (json(at + 1:at + 4), '(z4)', iostat=stat) code
+          value = value//achar(min(code, 127))
+          at = at + 4
+        case default
+          value = value//json(at:at)
+        end select
+      case default
+        value = value//json(at:at)
+      end select
+      at = at + 1
+    end do
+  end subroutine take_string
+end module cpl_check

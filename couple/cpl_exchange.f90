@@ -1,0 +1,267 @@
+!> One exchange: the grains run the interval, the solid answers, both are accepted.
+module cpl_exchange
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_message, only: verb_advance, verb_solve, verb_accept, verb_reject, verb_select, verb_set
+  use talus_timers, only: timers_type
+  use cpl_choices, only: cpl_choices_type, scheme_average, scheme_iterated, scheme_state, &
+    interface_springs
+  use cpl_interface, only: interface_type, ghost_set, node_set
+  use cpl_solver, only: cpl_solver_type, side_grains, side_solid
+  implicit none
+  private
+  public :: exchange, look_at_stiffness, set_springs, judge_both
+
+  real(wp), parameter :: raise = 2.0_wp           !! springs over contact stiffness
+  integer(i8), parameter :: look_every = 50_i8    !! exchanges between looks at the stiffness
+  integer(i4), parameter :: patience = 2          !! looks at which it must be outgrown
+
+contains
+
+  !> From t0 to t1 [s]; after a fault nothing was accepted.
+  subroutine exchange(face, solvers, choices, t0, t1, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(cpl_choices_type), intent(in) :: choices
+    real(wp), intent(in) :: t0, t1
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+
+    if (choices%scheme == scheme_state) then
+      call step_with_state(face, solvers, t0, t1, timers, errors)
+    else
+      call step_with_mean(face, solvers, choices, t0, t1, timers, errors)
+    end if
+    if (errors%any()) return
+    call judge_both(solvers, verb_accept, face%step, t0, t1, timers, errors)
+    if (errors%any()) return
+    call face%accept(t1 - t0)
+    if (face%relax%method == interface_springs .and. .not. choices%stiffness > 0.0_wp) then
+      if (mod(face%step, look_every) == 0 .or. iand(face%step, face%step - 1_i8) == 0) &
+        call look_at_stiffness(face, solvers, t1, timers, errors)
+    end if
+  end subroutine exchange
+
+  !> Grains on a predicted motion, then the solid with their mean force; iterated: until the ghosts
+  !! end where the facets do.
+  subroutine step_with_mean(face, solvers, choices, t0, t1, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(cpl_choices_type), intent(in) :: choices
+    real(wp), intent(in) :: t0, t1
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: at(3, face%map%ghosts), gap, moved
+    integer(i4) :: trial
+
+    call face%predict(t1 - t0, face%d_new)
+    do trial = 1, choices%max_iterations
+      face%iterations = trial
+      call advance_grains(face, solvers(side_grains), t0, t1, timers, errors)
+      if (errors%any()) return
+      at = face%d_new
+      if (choices%scheme == scheme_average) at = 0.5_wp*(face%d + face%d_new)
+      call solve_solid(face, solvers(side_solid), at, trial, t0, t1, timers, errors)
+      if (errors%any() .or. choices%scheme == scheme_average) exit
+      gap = face%gap()
+      moved = sqrt(maxval(sum((face%d_new - face%d)**2, 1)))
+      if (gap <= choices%tolerance*max(moved, least_motion(face)) .and. &
+          maxval(abs(face%p_mean - face%relax%held)) <= &
+          choices%tolerance*maxval(abs(face%p_mean))) exit
+      if (trial == choices%max_iterations) then
+        call errors%add('N406', 'ghosts and facets still differ by '//str(gap)//' m after '// &
+                        str(trial)//' iterations, in which they move by '//str(moved)//' m', &
+                        'exchange from '//str(t0)//' s to '//str(t1)//' s', &
+                        "shorten &clock exchange, use interface = 'aitken' or 'springs', or "// &
+                        'raise max_iterations')
+        return
+      end if
+      call judge_both(solvers, verb_reject, face%step, t0, t1, timers, errors)
+      if (errors%any()) return
+      call face%map%to_ghosts(face%u_new, face%d_new)
+    end do
+    if (errors%any()) return
+    if (use_midpoint(face)) face%p_put = 2.0_wp*face%relax%held - face%p_put
+  end subroutine step_with_mean
+
+  !> Motion below which the convergence of an iteration is not looked at [m].
+  pure real(wp) function least_motion(face)
+    type(interface_type), intent(in) :: face
+    real(wp), parameter :: share = 1.0e-9_wp  !! of the extent of the facets
+    least_motion = share*maxval(maxval(face%x_node, 2) - minval(face%x_node, 2))
+  end function least_motion
+
+  !> An implicit dynamic solid takes the mean of its loads at t0 and t1: to hand it the mean force
+  !! of the interval, the load at t1 is twice the mean less the load at t0 (exact momentum).
+  pure logical function use_midpoint(face)
+    type(interface_type), intent(in) :: face
+    use_midpoint = face%dynamic .and. face%relax%method /= interface_springs
+  end function use_midpoint
+
+  !> The solid steps with the force at t0, then the grains follow its motion.
+  subroutine step_with_state(face, solvers, t0, t1, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    real(wp), intent(in) :: t0, t1
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+
+    face%iterations = 1
+    face%p_mean = face%p_end
+    face%p_put = face%p_end
+    call solve_solid(face, solvers(side_solid), face%d, 1_i4, t0, t1, timers, errors)
+    if (errors%any()) return
+    call face%map%to_ghosts(face%u_new, face%d_new)
+    call advance_grains(face, solvers(side_grains), t0, t1, timers, errors)
+  end subroutine step_with_state
+
+  !> ADVANCE: ghosts go to d_new in a straight line; mean and end forces come back.
+  subroutine advance_grains(face, grains, t0, t1, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: grains
+    real(wp), intent(in) :: t0, t1
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: span
+    integer(i4) :: substeps
+
+    span = t1 - t0
+    call grains%start_request(verb_advance, face%step, t0, t1)
+    call grains%request%put(ghost_set//'.x', face%x_ref + face%d_new)
+    call grains%ask(timers, errors)
+    if (errors%any()) return
+    associate (reply => grains%reply)
+      call reply%get(ghost_set//'.force', face%p_end, errors)
+      call reply%get(ghost_set//'.impulse', face%p_mean, errors)
+      call reply%get(ghost_set//'.moment_impulse', face%m_mean, errors)
+      call reply%get(ghost_set//'.work', face%step_work, errors)
+      call reply%get('scalars', face%grains_new, errors)
+      call reply%get_int('substeps', substeps, errors)
+      call reply%all_read(errors)
+    end associate
+    face%p_mean = face%p_mean/span
+    face%m_mean = face%m_mean/span
+    if (errors%any() .or. face%finite()) return
+    call errors%add('N407', 'a force on a ghost is no number', 'exchange from '//str(t0)//' s to '// &
+                    str(t1)//' s', 'the grains have become unstable: look at their step limit')
+  end subroutine advance_grains
+
+  !> SOLVE with N'P; at is the ghosts' displacement that goes with the mean force.
+  subroutine solve_solid(face, solid, at, trial, t0, t1, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solid
+    real(wp), intent(in) :: at(:, :)
+    integer(i4), intent(in) :: trial
+    real(wp), intent(in) :: t0, t1
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: load(3, face%map%ghosts), held(3, face%map%ghosts), nodal(3, face%map%nodes)
+    integer(i4) :: iterations
+
+    call face%map%to_ghosts(face%u, held)
+    call face%relax%force(face%p_mean, at, held, load)
+    if (use_midpoint(face)) load = 2.0_wp*load - face%p_put
+    call face%map%to_nodes(load, nodal)
+    call solid%start_request(verb_solve, face%step, t0, t1)
+    call solid%request%put(node_set//'.force', nodal)
+    call solid%request%put_int('trial', trial)
+    call solid%ask(timers, errors)
+    if (errors%any()) return
+    call read_solid(face, solid, errors)
+    call solid%reply%get_int('iterations', iterations, errors)
+    call solid%reply%all_read(errors)
+    if (errors%any() .or. face%finite()) return
+    call errors%add('N407', 'a displacement of the interface is no number', 'exchange from '// &
+                    str(t0)//' s to '//str(t1)//' s', 'look at the log of the solid')
+  end subroutine solve_solid
+
+  !> Motion of the interface nodes and scalars from a reply of the solid.
+  subroutine read_solid(face, solid, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solid
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: a(3, face%map%nodes)
+    call solid%reply%get(node_set//'.u', face%u_new, errors)
+    call solid%reply%get(node_set//'.v', face%v_new, errors)
+    call solid%reply%get(node_set//'.a', a, errors)
+    call solid%reply%get('scalars', face%solid_new, errors)
+  end subroutine read_solid
+
+  !> ACCEPT or REJECT to both, asked before either is read.
+  subroutine judge_both(solvers, verb, step, t0, t1, timers, errors)
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    integer(i4), intent(in) :: verb
+    integer(i8), intent(in) :: step
+    real(wp), intent(in) :: t0, t1
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+
+    do k = 1, 2
+      call solvers(k)%start_request(verb, step, t0, t1)
+      call solvers(k)%send(errors)
+    end do
+    do k = 1, 2
+      if (.not. errors%any()) call solvers(k)%receive(timers, errors)
+    end do
+  end subroutine judge_both
+
+  !> Ask how stiff the ghosts' contacts are now; raise the springs when they were outgrown twice.
+  subroutine look_at_stiffness(face, solvers, time, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    real(wp), intent(in) :: time  !! s
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: mass(face%map%ghosts), stiffness(face%map%ghosts)
+
+    associate (grains => solvers(side_grains))
+      call grains%start_request(verb_select, face%step, time, time)
+      call grains%request%put_text('set', ghost_set)
+      call grains%request%put_text('role', 'prescribe')
+      call grains%request%put_int('id', face%map%ghost_id)
+      call grains%request%put_text('fields', 'force,moment,impulse,moment_impulse,work')
+      call grains%ask(timers, errors)
+      if (errors%any()) return
+      call grains%reply%get('mass', mass, errors)
+      call grains%reply%get('stiffness', stiffness, errors)
+      call grains%reply%all_read(errors)
+    end associate
+    if (errors%any()) return
+    face%contact_stiffness = maxval(stiffness)
+    if (face%contact_stiffness <= face%relax%stiffness) then
+      face%outgrown = 0
+      return
+    end if
+    face%outgrown = face%outgrown + 1
+    if (face%outgrown < patience .and. face%relax%stiffness > 0.0_wp) return
+    face%relax%stiffness = raise*face%contact_stiffness
+    face%outgrown = 0
+    face%refactored = face%refactored + 1
+    call set_springs(face, solvers(side_solid), time, timers, errors)
+  end subroutine look_at_stiffness
+
+  !> Put the springs on the facets of the solid.
+  subroutine set_springs(face, solid, time, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solid
+    real(wp), intent(in) :: time  !! s
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i8) :: node(4, face%map%ghosts)
+    real(wp) :: stiffness(face%map%ghosts)
+    integer(i4) :: g
+
+    do g = 1, face%map%ghosts
+      node(:, g) = face%map%node_id(face%map%corner(:, g))
+    end do
+    stiffness = face%relax%stiffness
+    call solid%start_request(verb_set, face%step, time, time)
+    call solid%request%put_text('what', 'springs')
+    call solid%request%put_int('node', node)
+    call solid%request%put('weight', face%map%weight)
+    call solid%request%put('stiffness', stiffness)
+    call solid%ask(timers, errors)
+  end subroutine set_springs
+end module cpl_exchange

@@ -1,0 +1,189 @@
+!> What a coupled run tells its user: log (header, model, rows, health) and summary.json.
+module cpl_logbook
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str, string_type
+  use talus_errors, only: error_list_type
+  use talus_deck, only: deck_type
+  use talus_log, only: log_type, short_number, duration_text
+  use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_max_overlap
+  use talus_summary, only: summary_type
+  use talus_timers, only: timers_type
+  use cpl_audit, only: audit_type
+  use cpl_choices, only: cpl_choices_type, interface_springs
+  use cpl_interface, only: interface_type
+  use cpl_solver, only: cpl_solver_type
+  implicit none
+  private
+  public :: begin_log, log_solvers, log_interface, log_row_titles, log_row, log_health, &
+    write_summary, overhead_share
+
+contains
+
+  !> Header and deck as understood.
+  subroutine begin_log(log, program, deck)
+    type(log_type), intent(inout) :: log
+    character(len=*), intent(in) :: program
+    type(deck_type), intent(in) :: deck
+    type(string_type), allocatable :: lines(:)
+    character(len=:), allocatable :: title
+    call deck%get('run', 1, 'title', title)
+    call log%header(program, title, deck%source%path, deck%hash(), 1_i4, 1_i4)
+    call deck%echo(lines)
+    call log%deck_echo(lines)
+  end subroutine begin_log
+
+  !> Who answered HELLO.
+  subroutine log_solvers(log, solvers)
+    type(log_type), intent(inout) :: log
+    type(cpl_solver_type), intent(in) :: solvers(2)
+    integer(i4) :: k
+    call log%section('Solvers')
+    do k = 1, 2
+      call log%item(solvers(k)%side, solvers(k)%title(), solvers(k)%program//' '// &
+                    solvers(k)%version//', deck hash '//solvers(k)%deck_hash//', '// &
+                    str(solvers(k)%ranks)//' rank, port '//solvers(k)%port%spec)
+    end do
+    call log%item('gravity', str(solvers(1)%gravity)//' m/s2')
+  end subroutine log_solvers
+
+  !> Ghosts, facets, identities, springs.
+  subroutine log_interface(log, face, choices, identity)
+    type(log_type), intent(inout) :: log
+    type(interface_type), intent(in) :: face
+    type(cpl_choices_type), intent(in) :: choices
+    real(wp), intent(in) :: identity  !! largest error of the operator identities
+    call log%section('Interface')
+    call log%item('ghosts', str(face%map%ghosts), 'on '//str(used_facets(face))//' facets with '// &
+                  str(face%map%nodes)//' nodes, map '//face%map%hash())
+    call log%item('identities', 'sum N = 1, sum N x = x_g within '//short_number(identity))
+    call log%item('largest offset', short_number(sqrt(maxval(sum(face%map%offset**2, 1))))//' m')
+    call log%item('contact stiffness', short_number(face%contact_stiffness)//' N/m', &
+                  'largest of a ghost')
+    if (face%relax%method == interface_springs) &
+      call log%item('spring stiffness', short_number(face%relax%stiffness)//' N/m at each ghost')
+    call log%item('solid', trim(merge('dynamic', 'static ', face%dynamic)))
+    call log%item('exchanges', str(choices%exchanges), 'of '//short_number(choices%exchange)// &
+                  ' s, scheme '//choices%scheme_name//', interface '//choices%interface_name)
+    if (face%dynamic .and. face%relax%method == interface_springs) &
+      call log%warn("interface = 'springs' acts like dampers on a dynamic solid: choose 'none'"// &
+                    " or 'aitken'")
+    call log%memory()
+  end subroutine log_interface
+
+  pure integer(i4) function used_facets(face)
+    type(interface_type), intent(in) :: face
+    integer(i4) :: g
+    used_facets = 0
+    do g = 1, face%map%ghosts
+      if (.not. any(face%map%facet(:g - 1) == face%map%facet(g))) used_facets = used_facets + 1
+    end do
+  end function used_facets
+
+  subroutine log_row_titles(log)
+    type(log_type), intent(inout) :: log
+    type(string_type) :: titles(8)
+    titles(1)%s = 'time [s]'
+    titles(2)%s = 'ghosts moved [m]'
+    titles(3)%s = 'ghost force [N]'
+    titles(4)%s = 'kinetic [J]'
+    titles(5)%s = 'elastic grains [J]'
+    titles(6)%s = 'elastic solid [J]'
+    titles(7)%s = 'overhead [%]'
+    titles(8)%s = 'time left'
+    call log%row_titles(titles)
+  end subroutine log_row_titles
+
+  subroutine log_row(log, face, audit, time, overhead, left)
+    type(log_type), intent(inout) :: log
+    type(interface_type), intent(in) :: face
+    type(audit_type), intent(in) :: audit
+    real(wp), intent(in) :: time      !! s
+    real(wp), intent(in) :: overhead  !! share of the run time
+    real(wp), intent(in) :: left      !! wall time [s], < 0 not known
+    type(string_type) :: cells(8)
+    cells(1)%s = short_number(time)
+    cells(2)%s = short_number(audit%ghost_motion)
+    cells(3)%s = short_number(audit%ghost_force)
+    cells(4)%s = short_number(face%grains(scalar_kinetic) + face%solid(scalar_kinetic))
+    cells(5)%s = short_number(face%grains(scalar_elastic))
+    cells(6)%s = short_number(face%solid(scalar_elastic))
+    cells(7)%s = short_number(100.0_wp*overhead)
+    cells(8)%s = '-'
+    if (left >= 0.0_wp) cells(8)%s = duration_text(left)
+    call log%row(cells)
+  end subroutine log_row
+
+  !> Share of the time since `begun` [s of the timers] in which no solver was waited for.
+  real(wp) function overhead_share(timers, begun, waited_before)
+    type(timers_type), intent(inout) :: timers
+    real(wp), intent(in) :: begun          !! elapsed time when the exchanges began [s]
+    real(wp), intent(in) :: waited_before  !! waits until then [s]
+    real(wp) :: whole
+    whole = max(timers%elapsed() - begun, tiny(1.0_wp))
+    overhead_share = max(0.0_wp, whole - (waited(timers) - waited_before))/whole
+  end function overhead_share
+
+  real(wp) function waited(timers)
+    type(timers_type), intent(inout) :: timers
+    integer(i4) :: n
+    call timers%index('waiting for grains', n)
+    waited = timers%seconds(n)
+    call timers%index('waiting for solid', n)
+    waited = waited + timers%seconds(n)
+  end function waited
+
+  !> The line that tells whether to trust the run.
+  subroutine log_health(log, face, audit, overhead)
+    type(log_type), intent(inout) :: log
+    type(interface_type), intent(in) :: face
+    type(audit_type), intent(in) :: audit
+    real(wp), intent(in) :: overhead
+    character(len=:), allocatable :: text
+    text = 'interface work differs by '//short_number(100.0_wp*audit%work_error(face))// &
+      ' % between the sides, ghosts off their facets by '//short_number(audit%gap)// &
+      ' m at most, iterations '//str(audit%iterations)//' at most, spring residual '// &
+      short_number(audit%spring_residual)//' at the end, springs raised '// &
+      str(face%refactored)//' times, largest overlap '// &
+      short_number(100.0_wp*face%grains(scalar_max_overlap))//' %, coupling overhead '// &
+      short_number(100.0_wp*overhead)//' % of the run time'
+    call log%health(text)
+  end subroutine log_health
+
+  subroutine write_summary(path, program, deck, face, audit, timers, time, overhead, exit_code, &
+                           faults, errors)
+    character(len=*), intent(in) :: path, program
+    type(deck_type), intent(in) :: deck
+    type(interface_type), intent(in) :: face
+    type(audit_type), intent(in) :: audit
+    type(timers_type), intent(in) :: timers
+    real(wp), intent(in) :: time, overhead
+    integer(i4), intent(in) :: exit_code
+    type(error_list_type), intent(in) :: faults
+    type(error_list_type), intent(inout) :: errors
+    type(summary_type) :: summary
+
+    call summary%set_program(program, deck%source%path, deck%hash())
+    call summary%set('exit_code', exit_code)
+    call summary%set('wall_time_s', timers%elapsed())
+    call summary%set('steps', face%step)
+    call summary%set('time_s', time)
+    call summary%set('ghosts', face%map%ghosts)
+    call summary%set('interface_nodes', face%map%nodes)
+    call summary%set('iterations', face%all_iterations)
+    call summary%set('coupling_overhead', overhead)
+    call summary%set('health.interface_work_error', audit%work_error(face))
+    call summary%set('health.constraint_residual_m', audit%gap)
+    call summary%set('health.spring_residual', audit%spring_residual)
+    call summary%set('health.most_iterations', audit%iterations)
+    call summary%set('health.springs_raised', face%refactored)
+    call summary%set('health.lost_moment_impulse_Nms', face%lost_impulse)
+    call summary%set('health.max_overlap', face%grains(scalar_max_overlap))
+    call summary%set('interface.spring_stiffness_N_per_m', face%relax%stiffness)
+    call summary%set('interface.work_on_grains_J', face%grains_work)
+    call summary%set('interface.work_on_solid_J', face%solid_work)
+    call summary%set('interface.largest_ghost_displacement_m', audit%ghost_motion)
+    call summary%set_timers(timers)
+    call summary%set_errors(faults)
+    call summary%write(path, errors)
+  end subroutine write_summary
+end module cpl_logbook

@@ -1,0 +1,69 @@
+!> talus-couple: grains and solid together. `talus-couple deck.nml` runs a coupled deck.
+program talus_couple
+  use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
+  use talus_kinds, only: i4
+  use talus_text, only: string_type
+  use talus_errors, only: error_list_type
+  use talus_options, only: options_type, parse_options, usage_text
+  use talus_report, only: report_check, report_keys
+  use talus_deck_table, only: key_table_type
+  use talus_system, only: talus_exit
+  use talus_version, only: version_text, git_hash
+  use cpl_check, only: check_solvers
+  use cpl_deck_keys, only: cpl_deck_table
+  use cpl_model, only: cpl_model_type, program_name
+  implicit none
+
+  type(options_type) :: options
+  type(cpl_model_type), allocatable :: model
+  type(error_list_type) :: errors
+  integer(i4) :: exit_code
+
+  call parse_options(options, program_name, errors)
+  if (errors%any()) call leave_with_faults()
+  if (options%help .or. options%version .or. options%keys) call answer()
+  allocate (model)
+  call model%read(options, errors)
+  if (options%check) call check()
+  if (errors%any()) call leave_with_faults()
+  call model%open(errors)
+  if (.not. errors%any()) call model%prepare(errors)
+  if (.not. errors%any()) call model%run(errors)
+  call model%finish(exit_code, errors)
+  if (errors%any()) call errors%print(error_unit)
+  call talus_exit(exit_code)
+
+contains
+
+  subroutine leave_with_faults()
+    call errors%print(error_unit)
+    call talus_exit(errors%exit_code())
+  end subroutine leave_with_faults
+
+  !> --help, --version, --keys.
+  subroutine answer()
+    type(string_type), allocatable :: lines(:)
+    type(key_table_type) :: table
+    integer(i4) :: k
+
+    if (options%help) then
+      call usage_text(program_name, lines)
+      do k = 1, size(lines)
+        write (output_unit, '(a)') lines(k)%s
+      end do
+    else if (options%version) then
+      write (output_unit, '(a)') program_name//' '//version_text()//', git '//git_hash()
+    else
+      call cpl_deck_table(table)
+      call report_keys(table, options%json)
+    end if
+    call talus_exit(0_i4)
+  end subroutine answer
+
+  !> --check: the coupled deck, then both solvers' own checks, all faults together.
+  subroutine check()
+    call check_solvers(model%solvers, errors)
+    call report_check(program_name, model%deck, errors, options%json)
+    call talus_exit(errors%exit_code())
+  end subroutine check
+end program talus_couple

@@ -1,0 +1,331 @@
+!> A coupled run: read, open, launch, run, finish.
+!!
+!! Only this program obeys signals, wall limit and stop file. Whatever happens, `finish` ends both
+!! solvers and removes the ports.
+module cpl_model
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str, string_type, append_string
+  use talus_errors, only: error_list_type, exit_stopped, exit_input
+  use talus_options, only: options_type
+  use talus_deck, only: deck_type
+  use talus_deck_table, only: key_table_type
+  use talus_checkpoint, only: checkpoint_type
+  use talus_files, only: make_folder, folder_of, stem_of
+  use talus_hash, only: hash_file, hash_text
+  use talus_log, only: log_type, short_number
+  use talus_message, only: verb_checkpoint
+  use talus_stop, only: stop_type, stop_none
+  use talus_system, only: process_id, date_text
+  use talus_timers, only: timers_type
+  use cpl_audit, only: audit_type
+  use cpl_choices, only: cpl_choices_type, read_choices, read_solvers
+  use cpl_deck_keys, only: cpl_deck_table
+  use cpl_exchange, only: exchange
+  use cpl_handshake, only: shake_hands
+  use cpl_interface, only: interface_type
+  use cpl_launch, only: launch_solver, stop_solvers, abort_solvers
+  use cpl_logbook, only: begin_log, log_solvers, log_interface, log_row_titles, log_row, &
+    log_health, write_summary, overhead_share
+  use cpl_manifest, only: manifest_type, write_manifest, find_manifest
+  use cpl_setup, only: find_ghosts, make_map, select_sets, begin_interface
+  use cpl_solver, only: cpl_solver_type
+  use cpl_state_file, only: write_state, read_state, read_reference
+  implicit none
+  private
+  public :: cpl_model_type, program_name
+
+  character(len=*), parameter :: program_name = 'talus-couple'
+
+  type :: cpl_model_type
+    type(options_type) :: options
+    type(deck_type) :: deck
+    type(cpl_choices_type) :: choices
+    type(cpl_solver_type) :: solvers(2)
+    type(interface_type) :: face
+    type(audit_type) :: audit
+    type(checkpoint_type) :: checkpoint
+    type(manifest_type) :: manifest        !! gone on from
+    type(stop_type) :: stop
+    type(timers_type) :: timers
+    type(log_type) :: log
+    character(len=:), allocatable :: stem
+    character(len=:), allocatable :: run_id
+    type(string_type), allocatable :: warnings(:)
+    integer(i4) :: keep = 2
+    logical :: again = .false.             !! goes on from a checkpoint
+    logical :: opened = .false.            !! the log is open
+    logical :: running = .false.           !! exchanges have begun
+    logical :: stopped = .false.           !! left early on request
+    real(wp) :: begun = 0.0_wp             !! elapsed time when the exchanges began [s]
+    real(wp) :: waited = 0.0_wp            !! waits until then [s]
+    integer(i8) :: first_step = 0          !! of this part of the run
+  contains
+    procedure :: read => read_run
+    procedure :: open => open_run
+    procedure :: prepare
+    procedure :: run
+    procedure :: finish
+    procedure, private :: time_of
+    procedure, private :: overhead
+    procedure, private :: rebuild
+    procedure, private :: save_checkpoint
+    procedure, private :: write_row
+  end type cpl_model_type
+
+contains
+
+  !> Deck and all that it alone can tell.
+  subroutine read_run(self, options, errors)
+    class(cpl_model_type), intent(inout) :: self
+    type(options_type), intent(in) :: options
+    type(error_list_type), intent(inout) :: errors
+    type(key_table_type) :: table
+
+    self%options = options
+    allocate (self%warnings(0))
+    call self%timers%init()
+    call cpl_deck_table(table)
+    call self%deck%read(options%deck, table, errors)
+    if (errors%any()) return
+    self%stem = stem_of(options%deck)
+    if (len(options%output_dir) > 0) then
+      self%stem = options%output_dir//'/'//self%stem
+    else if (folder_of(options%deck) /= '.') then
+      self%stem = folder_of(options%deck)//'/'//self%stem
+    end if
+    self%run_id = str(process_id())//'-'//hash_text(date_text()//self%stem)
+    call read_choices(self%deck, self%choices, errors)
+    call read_solvers(self%deck, self%stem, self%solvers, errors)
+  end subroutine read_run
+
+  !> Log, signals, checkpoint to go on from.
+  subroutine open_run(self, errors)
+    class(cpl_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: stop_file, path
+    real(wp) :: wall_limit
+    integer(i4) :: k
+
+    call make_folder(folder_of(self%stem), errors)
+    if (errors%any()) return
+    call self%deck%get('checkpoint', 1, 'keep', self%keep)
+    call self%checkpoint%init(self%stem, program_name, self%deck%hash(), self%keep)
+    if (len(self%options%restart) > 0) then
+      call find_manifest(self%options%restart, self%stem, self%manifest, path, self%again, &
+                         self%warnings, errors)
+      if (errors%any()) return
+      if (.not. self%again) call append_string(self%warnings, &
+        'there is no manifest to go on from: a fresh run')
+    end if
+    call self%log%open(self%stem//'.log', errors, append=self%again)
+    if (errors%any()) return
+    self%opened = .true.
+    call begin_log(self%log, program_name, self%deck)
+    if (self%again) then
+      call self%log%item('goes on from', path, 'time '//str(self%manifest%time)//' s, exchange '// &
+                         str(self%manifest%step))
+      if (self%manifest%deck_hash /= self%deck%hash()) call append_string(self%warnings, &
+        'the deck is not the one that wrote '//path)
+    end if
+    do k = 1, size(self%warnings)
+      call self%log%warn(self%warnings(k)%s)
+    end do
+    call self%deck%get('run', 1, 'wall_limit', wall_limit)
+    call self%deck%get('run', 1, 'stop_file', stop_file)
+    if (len(stop_file) > 0) stop_file = self%deck%path('run', 1, 'stop_file')
+    call self%stop%init(wall_limit, stop_file)
+  end subroutine open_run
+
+  !> Launch, HELLO, map, sets, READY.
+  subroutine prepare(self, errors)
+    class(cpl_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    type(string_type) :: restart(2)
+    real(wp) :: identity
+    integer(i4) :: k
+
+    do k = 1, 2
+      restart(k)%s = ''
+      if (self%again) restart(k)%s = self%manifest%path(k)%s
+      call launch_solver(self%solvers(k), self%choices%transport, self%run_id, &
+                         self%choices%time_limit, self%choices%trace, folder_of(self%stem), &
+                         restart(k)%s, self%log, errors)
+      if (errors%any()) return
+    end do
+    call shake_hands(self%solvers, self%choices, self%run_id, restart(1)%s, restart(2)%s, &
+                     self%manifest%time, self%timers, self%face%dynamic, errors)
+    if (errors%any()) return
+    call log_solvers(self%log, self%solvers)
+    call self%rebuild(identity, errors)
+    if (errors%any()) return
+    call select_sets(self%face, self%solvers, self%timers, errors)
+    if (self%again .and. .not. errors%any()) &
+      call read_state(self%checkpoint, self%manifest%path(3)%s, self%face, errors)
+    if (errors%any()) return
+    call begin_interface(self%face, self%solvers, self%choices, self%again, self%timers, errors)
+    if (errors%any()) return
+    call log_interface(self%log, self%face, self%choices, identity)
+    call self%audit%open(self%stem//'_audit.csv', self%again, self%manifest%time, errors)
+  end subroutine prepare
+
+  !> The operators: from the packing and the mesh, or from the stored reference state, whose hash
+  !! must come out again (I404).
+  subroutine rebuild(self, identity, errors)
+    class(cpl_model_type), intent(inout) :: self
+    real(wp), intent(out) :: identity
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: ids(:)
+    real(wp), allocatable :: x(:, :)
+    character(len=:), allocatable :: map_hash
+    real(wp) :: time
+
+    identity = 0.0_wp
+    if (self%again) then
+      call read_reference(self%checkpoint, self%manifest%path(3)%s, ids, x, map_hash, time, errors)
+    else
+      call find_ghosts(self%solvers(1), self%choices%ghosts, ids, x, self%timers, errors)
+    end if
+    if (errors%any()) return
+    call make_map(self%face, self%solvers(2), self%choices, ids, x, identity, self%timers, errors)
+    if (errors%any() .or. .not. self%again) return
+    if (self%face%map%hash() /= map_hash) &
+      call errors%add('I404', 'the facet map is not the one of the checkpoint ('// &
+                      self%face%map%hash()//', not '//map_hash//')', self%manifest%path(3)%s, &
+                      'go on with the mesh and the deck that wrote it')
+  end subroutine rebuild
+
+  !> Exchanges until the end, a fault or a request to stop.
+  subroutine run(self, errors)
+    class(cpl_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: t0, t1, every_wall, every_time, gap
+
+    call self%deck%get('checkpoint', 1, 'every_wall', every_wall)
+    call self%deck%get('checkpoint', 1, 'every_time', every_time)
+    call self%checkpoint%schedule(every_wall, every_time, self%time_of(self%face%step))
+    self%first_step = self%face%step
+    self%running = .true.
+    self%begun = self%timers%elapsed()
+    self%waited = (1.0_wp - overhead_share(self%timers, 0.0_wp, 0.0_wp))*self%begun
+    call log_row_titles(self%log)
+    do while (self%face%step < self%choices%exchanges)
+      if (self%stop%check() /= stop_none) exit
+      t0 = self%time_of(self%face%step)
+      t1 = self%time_of(self%face%step + 1)
+      call exchange(self%face, self%solvers, self%choices, t0, t1, self%timers, errors)
+      if (errors%any()) return
+      call self%timers%start('audit and log')
+      call self%audit%note(self%face, gap)
+      call self%audit%row(self%face, t1, gap, errors)
+      if (self%log%row_due()) call self%write_row()
+      call self%log%progress(t1/self%choices%t_end, short_number(t1)//' s')
+      call self%timers%stop('audit and log')
+      if (self%checkpoint%due(t1) .or. self%stop%checkpoint_asked()) &
+        call self%save_checkpoint(errors)
+      if (errors%any()) return
+    end do
+    if (self%face%step < self%choices%exchanges) then
+      self%stopped = .true.
+      call self%log%line('stopping early: '//self%stop%text())
+      call self%save_checkpoint(errors)
+    else if (self%deck%count('checkpoint') > 0) then
+      call self%save_checkpoint(errors)
+    end if
+  end subroutine run
+
+  !> Time of an exchange [s]: a multiple of the interval, the same however often it is restarted.
+  pure real(wp) function time_of(self, step)
+    class(cpl_model_type), intent(in) :: self
+    integer(i8), intent(in) :: step
+    time_of = step*self%choices%exchange
+    if (step == self%choices%exchanges) time_of = self%choices%t_end
+  end function time_of
+
+  !> Files of all three at the accepted exchange, then the manifest.
+  subroutine save_checkpoint(self, errors)
+    class(cpl_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    type(manifest_type) :: manifest
+    character(len=:), allocatable :: tag, hash
+    character(len=16) :: own
+    real(wp) :: time
+    integer(i4) :: k, status
+
+    time = self%time_of(self%face%step)
+    tag = 'x'//str(self%face%step)
+    call self%audit%file%flush(errors)
+    do k = 1, 2
+      call self%solvers(k)%start_request(verb_checkpoint, self%face%step, time, time)
+      call self%solvers(k)%request%put_text('tag', tag)
+      call self%solvers(k)%send(errors)
+    end do
+    do k = 1, 2
+      if (errors%any()) return
+      call self%solvers(k)%receive(self%timers, errors)
+      if (errors%any()) return
+      call self%solvers(k)%reply%get_text('path', manifest%path(k)%s, errors)
+      call self%solvers(k)%reply%get_text('hash', hash, errors)
+      manifest%hash(k) = hash
+    end do
+    call self%timers%start('checkpoint')
+    call write_state(self%checkpoint, self%face, time, tag, errors)
+    if (.not. errors%any()) then
+      manifest%path(3)%s = self%checkpoint%tag_path(tag)
+      call hash_file(manifest%path(3)%s, own, status)
+      manifest%hash(3) = own
+      manifest%time = time
+      manifest%step = self%face%step
+      manifest%deck_hash = self%deck%hash()
+      call write_manifest(self%stem, manifest, self%keep, errors)
+    end if
+    call self%timers%stop('checkpoint')
+  end subroutine save_checkpoint
+
+  subroutine write_row(self)
+    class(cpl_model_type), intent(inout) :: self
+    type(error_list_type) :: ignored
+    real(wp) :: left
+    integer(i8) :: done
+    done = max(self%face%step - self%first_step, 1_i8)
+    left = (self%timers%elapsed() - self%begun)/done*(self%choices%exchanges - self%face%step)
+    call log_row(self%log, self%face, self%audit, self%time_of(self%face%step), self%overhead(), left)
+    call self%audit%file%flush(ignored)
+  end subroutine write_row
+
+  !> Share of the time of the exchanges that is the coupling's own.
+  real(wp) function overhead(self)
+    class(cpl_model_type), intent(inout) :: self
+    overhead = overhead_share(self%timers, self%begun, self%waited)
+  end function overhead
+
+  !> End both solvers, log, summary; exit_code is that of the run.
+  subroutine finish(self, exit_code, errors)
+    class(cpl_model_type), intent(inout) :: self
+    integer(i4), intent(out) :: exit_code
+    type(error_list_type), intent(inout) :: errors
+    type(error_list_type) :: ignored
+    real(wp) :: time, overhead
+
+    time = self%time_of(self%face%step)
+    overhead = 0.0_wp
+    if (self%running) overhead = self%overhead()
+    if (.not. errors%any()) &
+      call stop_solvers(self%solvers, self%stopped, self%face%step, time, self%timers, errors)
+    call abort_solvers(self%solvers, self%face%step, time)
+    call self%audit%file%close(errors)
+    exit_code = errors%exit_code()
+    if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped
+    if (.not. self%opened) return
+    call self%log%faults(errors)
+    if (self%running) then
+      if (self%face%step > self%first_step) call self%write_row()
+      call log_health(self%log, self%face, self%audit, overhead)
+      call self%log%timer_table(self%timers)
+      call write_summary(self%stem//'_summary.json', program_name, self%deck, self%face, &
+                         self%audit, self%timers, time, overhead, exit_code, errors, ignored)
+    end if
+    call self%log%finish(program_name, exit_code, 'time '//short_number(time)//' s, '// &
+                         str(self%face%step)//' exchanges')
+    call self%log%close()
+  end subroutine finish
+end module cpl_model

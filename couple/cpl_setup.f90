@@ -1,0 +1,201 @@
+!> Make the interface from what the solvers describe, or from a checkpoint's reference state.
+module cpl_setup
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_message, only: verb_describe, verb_select, verb_set, verb_ready
+  use talus_timers, only: timers_type
+  use cpl_choices, only: cpl_choices_type, interface_springs
+  use cpl_exchange, only: set_springs
+  use cpl_interface, only: interface_type, ghost_set, node_set
+  use cpl_solver, only: cpl_solver_type, side_grains, side_solid
+  implicit none
+  private
+  public :: find_ghosts, make_map, select_sets, begin_interface
+
+  real(wp), parameter :: first_stiffness = 2.0_wp  !! springs over the contacts' stiffness
+
+contains
+
+  !> DESCRIBE: ids and positions of the ghosts.
+  subroutine find_ghosts(grains, group, ids, x, timers, errors)
+    type(cpl_solver_type), intent(inout) :: grains
+    character(len=*), intent(in) :: group
+    integer(i8), allocatable, intent(out) :: ids(:)
+    real(wp), allocatable, intent(out) :: x(:, :)  !! (3, n) [m]
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: all_ids(:)
+    real(wp), allocatable :: all_x(:, :)
+    integer(i4) :: k
+
+    call describe(grains, 'group', group, timers, errors)
+    if (errors%any()) return
+    call grains%reply%take_int('id', ids, errors)
+    call describe(grains, 'grains', '', timers, errors)
+    if (errors%any()) return
+    call grains%reply%take_int('id', all_ids, errors)
+    call grains%reply%take('x', all_x, errors)
+    if (errors%any()) return
+    allocate (x(3, size(ids)))
+    do k = 1, size(ids)
+      call position_of(ids(k), all_ids, all_x, x(:, k), errors)
+      if (errors%any()) return
+    end do
+  end subroutine find_ghosts
+
+  subroutine position_of(id, all_ids, all_x, x, errors)
+    integer(i8), intent(in) :: id, all_ids(:)
+    real(wp), intent(in) :: all_x(:, :)
+    real(wp), intent(out) :: x(3)
+    type(error_list_type), intent(inout) :: errors
+    integer :: at
+    x = 0.0_wp
+    at = findloc(all_ids, id, 1)
+    if (at > 0) then
+      x = all_x(:, at)
+    else
+      call errors%add('I403', 'the group of the ghosts names grain '//str(id)// &
+                      ', which the packing does not hold', '', 'make the packing again')
+    end if
+  end subroutine position_of
+
+  subroutine describe(solver, what, group, timers, errors)
+    type(cpl_solver_type), intent(inout) :: solver
+    character(len=*), intent(in) :: what, group
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call solver%start_request(verb_describe, 0_i8, solver%time, solver%time)
+    call solver%request%put_text('what', what)
+    if (len(group) > 0) call solver%request%put_text('group', group)
+    call solver%ask(timers, errors)
+  end subroutine describe
+
+  !> Facets and mesh of the solid; the operator N and its identities.
+  subroutine make_map(face, solid, choices, ids, x_ghost, identity, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solid
+    type(cpl_choices_type), intent(in) :: choices
+    integer(i8), intent(in) :: ids(:)
+    real(wp), intent(in) :: x_ghost(:, :)  !! reference positions (3, n) [m]
+    real(wp), intent(out) :: identity
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), allocatable :: facets(:, :)
+    real(wp), allocatable :: x_node(:, :)
+
+    identity = 0.0_wp
+    call describe(solid, 'facets', choices%facets, timers, errors)
+    if (errors%any()) return
+    call solid%reply%take_int('connectivity', facets, errors)
+    call describe(solid, 'mesh', '', timers, errors)
+    if (errors%any()) return
+    call solid%reply%take('x', x_node, errors)
+    if (errors%any()) return
+    call face%map%build(ids, x_ghost, facets, x_node, choices%max_offset, errors)
+    if (errors%any()) return
+    call face%map%identity_error(x_ghost, x_node, identity, errors)
+    if (errors%any()) return
+    call face%init(x_ghost, x_node)
+    call face%relax%init(choices%interface, choices%theta, face%map%ghosts)
+  end subroutine make_map
+
+  !> SELECT the ghosts and the interface nodes.
+  subroutine select_sets(face, solvers, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: stiffness(face%map%ghosts)
+    integer(i4) :: k
+
+    do k = 1, 2
+      call solvers(k)%start_request(verb_select, face%step, solvers(k)%time, solvers(k)%time)
+      if (k == side_grains) then
+        call solvers(k)%request%put_text('set', ghost_set)
+        call solvers(k)%request%put_text('role', 'prescribe')
+        call solvers(k)%request%put_int('id', face%map%ghost_id)
+        call solvers(k)%request%put_text('fields', 'force,moment,impulse,moment_impulse,work')
+      else
+        call solvers(k)%request%put_text('set', node_set)
+        call solvers(k)%request%put_text('role', 'load')
+        call solvers(k)%request%put_int('id', face%map%node_id)
+        call solvers(k)%request%put_text('fields', 'u,v,a')
+      end if
+      call solvers(k)%send(errors)
+    end do
+    do k = 1, 2
+      if (.not. errors%any()) call solvers(k)%receive(timers, errors)
+    end do
+    if (errors%any()) return
+    call solvers(side_grains)%reply%get('stiffness', stiffness, errors)
+    if (.not. errors%any()) face%contact_stiffness = maxval(stiffness)
+  end subroutine select_sets
+
+  !> READY grains, springs and dead load on the solid, READY solid. A fresh run takes forces and
+  !! motion from the replies; a restarted one keeps what its checkpoint says.
+  subroutine begin_interface(face, solvers, choices, again, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(cpl_choices_type), intent(in) :: choices
+    logical, intent(in) :: again  !! after a restart
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: p(3, face%map%ghosts)
+
+    call ready(solvers(side_grains), face%step, timers, errors)
+    if (errors%any()) return
+    if (.not. again) then
+      call solvers(side_grains)%reply%get(ghost_set//'.force', p, errors)
+      call solvers(side_grains)%reply%get('scalars', face%grains, errors)
+      if (errors%any()) return
+      face%p_end = p
+      if (choices%interface == interface_springs) then
+        face%relax%stiffness = choices%stiffness
+        if (.not. choices%stiffness > 0.0_wp) &
+          face%relax%stiffness = first_stiffness*face%contact_stiffness
+      end if
+      if (choices%dead_load) then
+        call face%map%to_nodes(p, face%dead_load)
+        face%dead_load = -face%dead_load
+        face%relax%held = p
+        face%relax%begun = .true.
+      end if
+    end if
+    if (face%relax%stiffness > 0.0_wp) &
+      call set_springs(face, solvers(side_solid), solvers(side_solid)%time, timers, errors)
+    if (choices%dead_load .and. .not. errors%any()) &
+      call put_dead_load(face, solvers(side_solid), timers, errors)
+    if (errors%any()) return
+    call ready(solvers(side_solid), face%step, timers, errors)
+    if (again .or. errors%any()) return
+    associate (reply => solvers(side_solid)%reply)
+      call reply%get(node_set//'.u', face%u, errors)
+      call reply%get(node_set//'.v', face%v, errors)
+      call reply%get('scalars', face%solid, errors)
+    end associate
+    face%v_before = face%v
+    face%u_new = face%u
+  end subroutine begin_interface
+
+  subroutine ready(solver, step, timers, errors)
+    type(cpl_solver_type), intent(inout) :: solver
+    integer(i8), intent(in) :: step
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call solver%start_request(verb_ready, step, solver%time, solver%time)
+    call solver%ask(timers, errors)
+  end subroutine ready
+
+  subroutine put_dead_load(face, solid, timers, errors)
+    type(interface_type), intent(in) :: face
+    type(cpl_solver_type), intent(inout) :: solid
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call solid%start_request(verb_set, face%step, solid%time, solid%time)
+    call solid%request%put_text('what', 'dead_load')
+    call solid%request%put_text('set', node_set)
+    call solid%request%put('force', face%dead_load)
+    call solid%ask(timers, errors)
+  end subroutine put_dead_load
+end module cpl_setup

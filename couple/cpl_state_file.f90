@@ -1,0 +1,114 @@
+!> The state of the coupling itself in a checkpoint: reference, motion, forces, relaxation, works.
+module cpl_state_file
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
+  use talus_checkpoint, only: checkpoint_type, checkpoint_info_type
+  use talus_hdf5, only: h5_file_type
+  use cpl_interface, only: interface_type
+  implicit none
+  private
+  public :: write_state, read_state, read_reference
+
+contains
+
+  !> Write <stem>.<tag>.chk.h5.
+  subroutine write_state(checkpoint, face, time, tag, errors)
+    type(checkpoint_type), intent(inout) :: checkpoint
+    type(interface_type), intent(in) :: face
+    real(wp), intent(in) :: time  !! s
+    character(len=*), intent(in) :: tag
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+
+    call checkpoint%begin(file, time, face%step, errors, tag)
+    call file%attr_put('/', 'map_hash', face%map%hash(), errors)
+    call file%put('/ghosts/id', face%map%ghost_id, errors)
+    call file%put('/ghosts/x_ref', face%x_ref, errors)
+    call file%put('/ghosts/d', face%d, errors)
+    call file%put('/ghosts/p_mean', face%p_mean, errors)
+    call file%put('/ghosts/p_end', face%p_end, errors)
+    call file%put('/ghosts/p_put', face%p_put, errors)
+    call file%put('/ghosts/held', face%relax%held, errors)
+    call file%put('/ghosts/residual', face%relax%residual, errors)
+    call file%put('/nodes/id', face%map%node_id, errors)
+    call file%put('/nodes/u', face%u, errors)
+    call file%put('/nodes/v', face%v, errors)
+    call file%put('/nodes/v_before', face%v_before, errors)
+    call file%put('/nodes/dead_load', face%dead_load, errors)
+    call file%put('/numbers', [face%grains_work, face%solid_work, face%work_turnover, &
+                               face%lost_impulse, face%relax%stiffness, face%relax%factor, &
+                               face%contact_stiffness], errors)
+    call file%put('/counts', [face%step, face%all_iterations, int(face%outgrown, i8), &
+                              int(face%refactored, i8), merge(1_i8, 0_i8, face%relax%begun)], errors)
+    call file%put('/scalars/grains', face%grains, errors)
+    call file%put('/scalars/solid', face%solid, errors)
+    call checkpoint%finish(file, errors)
+  end subroutine write_state
+
+  !> Ids and reference positions of the ghosts: the operators are made from them.
+  subroutine read_reference(checkpoint, path, ids, x_ref, map_hash, time, errors)
+    type(checkpoint_type), intent(in) :: checkpoint
+    character(len=*), intent(in) :: path
+    integer(i8), allocatable, intent(out) :: ids(:)
+    real(wp), allocatable, intent(out) :: x_ref(:, :)
+    character(len=:), allocatable, intent(out) :: map_hash
+    real(wp), intent(out) :: time  !! s
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+    type(checkpoint_info_type) :: info
+
+    map_hash = ''
+    time = 0.0_wp
+    call checkpoint%open(path, file, info, errors)
+    if (errors%any()) return
+    time = info%time
+    call file%attr_get('/', 'map_hash', map_hash, errors)
+    call file%get('/ghosts/id', ids, errors)
+    call file%get('/ghosts/x_ref', x_ref, errors)
+    call file%close(errors)
+  end subroutine read_reference
+
+  !> The rest, into an interface whose map was rebuilt.
+  subroutine read_state(checkpoint, path, face, errors)
+    type(checkpoint_type), intent(in) :: checkpoint
+    character(len=*), intent(in) :: path
+    type(interface_type), intent(inout) :: face
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+    type(checkpoint_info_type) :: info
+    real(wp) :: numbers(7)
+    integer(i8) :: counts(5)
+
+    numbers = 0.0_wp
+    counts = 0
+    call checkpoint%open(path, file, info, errors)
+    if (errors%any()) return
+    call file%get_into('/ghosts/d', face%d, errors)
+    call file%get_into('/ghosts/p_mean', face%p_mean, errors)
+    call file%get_into('/ghosts/p_end', face%p_end, errors)
+    call file%get_into('/ghosts/p_put', face%p_put, errors)
+    call file%get_into('/ghosts/held', face%relax%held, errors)
+    call file%get_into('/ghosts/residual', face%relax%residual, errors)
+    call file%get_into('/nodes/u', face%u, errors)
+    call file%get_into('/nodes/v', face%v, errors)
+    call file%get_into('/nodes/v_before', face%v_before, errors)
+    call file%get_into('/nodes/dead_load', face%dead_load, errors)
+    call file%get_into('/numbers', numbers, errors)
+    call file%get_into('/counts', counts, errors)
+    call file%get_into('/scalars/grains', face%grains, errors)
+    call file%get_into('/scalars/solid', face%solid, errors)
+    call file%close(errors)
+    face%grains_work = numbers(1)
+    face%solid_work = numbers(2)
+    face%work_turnover = numbers(3)
+    face%lost_impulse = numbers(4)
+    face%relax%stiffness = numbers(5)
+    face%relax%factor = numbers(6)
+    face%contact_stiffness = numbers(7)
+    face%step = counts(1)
+    face%all_iterations = counts(2)
+    face%outgrown = int(counts(3), i4)
+    face%refactored = int(counts(4), i4)
+    face%relax%begun = counts(5) == 1
+  end subroutine read_state
+end module cpl_state_file
