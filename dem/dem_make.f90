@@ -141,7 +141,8 @@ contains
         a = low
         b = middle
         do k = low, high - 1
-          if (a < middle .and. (b >= high .or. keys(order(min(a, n))) <= keys(order(min(b, n))))) then
+          if (a < middle .and. (b >= high .or. keys(order(min(a, n))) <= keys(order(min(b, &
+                                                  n))))) then
             other(k) = order(a)
             a = a + 1
           else

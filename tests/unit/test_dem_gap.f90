@@ -64,7 +64,8 @@ contains
       worst = max(worst, sqrt(sum((d - gap*n)**2)))
       if (gap < 0.0_wp) touching = touching + 1
     end do
-    call test%check('pairs apart and in touch were both tried', touching > 200 .and. touching < 1800)
+    call test%check('pairs apart and in touch were both tried', &
+                    touching > 200 .and. touching < 1800)
     call test%check_close('closest points on the normal', worst/axes(1), 0.0_wp, 1.0e-12_wp)
   end subroutine check_closest_points
 

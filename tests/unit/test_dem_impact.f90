@@ -1,5 +1,6 @@
 !> Two-body impacts against closed forms: Hertz time and overlap, restitution, linear law, ledger.
 program test_dem_impact
+  use omp_lib, only: omp_set_num_threads
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_test, only: test_type
@@ -13,6 +14,7 @@ program test_dem_impact
   type(test_type) :: test
   real(wp), parameter :: pi = acos(-1.0_wp)
 
+  call omp_set_num_threads(1)
   call check_restitution_formulas()
   call check_hertz_impact()
   call check_restitution(0.05_wp, 0.8468_wp)
@@ -67,8 +69,10 @@ contains
                           0.4231_wp, 5.0e-5_wp)
     call test%check_close('inverse of the law in force', &
                           restitution_of(law_hertz_mindlin, &
-                                         damping_ratio_for(law_hertz_mindlin, 0.6_wp)), 0.6_wp, 1.0e-12_wp)
-    call test%check_close('beyond critical damping', restitution_of(law_linear, 1.0_wp + 1.0e-7_wp), &
+                                         damping_ratio_for(law_hertz_mindlin, 0.6_wp)), 0.6_wp, &
+                                             1.0e-12_wp)
+    call test%check_close('beyond critical damping', restitution_of(law_linear, &
+                                                  1.0_wp + 1.0e-7_wp), &
                           restitution_of(law_linear, 1.0_wp - 1.0e-7_wp), 1.0e-6_wp)
   end subroutine check_restitution_formulas
 
@@ -81,7 +85,8 @@ contains
     integer :: k
 
     call make_pair(s, [radius, radius, radius], [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], &
-                   [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [2.0_wp*radius*(1.0_wp + 1.0e-12_wp), 0.0_wp, 0.0_wp], &
+                   [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [2.0_wp*radius*(1.0_wp + 1.0e-12_wp), &
+                                                  0.0_wp, 0.0_wp], &
                    [v, 0.0_wp, 0.0_wp], law_hertz_mindlin, 0.5_wp, 0.0_wp)
     e_star = s%laws(1, 1)%e_star
     m = 0.5_wp*s%grains%mass(1)
@@ -117,7 +122,8 @@ contains
                    [v, 0.0_wp, 0.0_wp], law_hertz_mindlin, 0.5_wp, ratio)
     s%par%dt = 5.0e-9_wp
     call s%step(6000, errors)
-    call test%check_close('restitution at work', (s%grains%v(1, 2) - s%grains%v(1, 1))/v, expected, &
+    call test%check_close('restitution at work', (s%grains%v(1, 2) - s%grains%v(1, 1))/v, &
+                          expected, &
                           3.0e-4_wp)
     call s%refresh_ledger()
     call test%check_close('ledger of the damped impact', &
@@ -169,7 +175,8 @@ contains
                     .and. s%ledger%elastic_normal <= 0.0_wp)
     call test%check_close('ellipsoid ledger', closure/energy, 0.0_wp, 1.0e-6_wp)
     call test%check('curvature work matters', abs(closure - s%ledger%curvature)/energy > 1.0e-3_wp)
-    call test%check_close('momentum', maxval(abs(momentum_of(s%dem_data_type) - p))/sqrt(sum(p**2)), &
+    call test%check_close('momentum', &
+                          maxval(abs(momentum_of(s%dem_data_type) - p))/sqrt(sum(p**2)), &
                           0.0_wp, 1.0e-13_wp)
     call test%check_close('angular momentum', &
                           maxval(abs(angular_momentum_of(s%dem_data_type) - l))/sqrt(sum(p**2))/4.0e-3_wp, &
@@ -197,7 +204,8 @@ contains
                           1.0e-3_wp*mu)
     call test%check_close('friction work', s%ledger%friction/energy, &
                           mu*m*v*(2.0_wp*v - 3.5_wp*mu*v)/energy, 1.0e-2_wp*mu)
-    call test%check('relaxation is not negative', s%ledger%tangential_relaxation > -1.0e-7_wp*energy)
+    call test%check('relaxation is not negative', &
+                    s%ledger%tangential_relaxation > -1.0e-7_wp*energy)
     call test%check_close('oblique ledger', s%closure()/energy, 0.0_wp, 1.0e-5_wp)
   end subroutine check_oblique
 end program test_dem_impact

@@ -1,0 +1,346 @@
+!> A falling heap in a box: same bits for threads, list margins and restarts; ledger, momentum,
+!! impulses, prescribed motion, split verbs, memory.
+program test_dem_system
+  use omp_lib, only: omp_set_num_threads
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
+  use talus_test, only: test_type
+  use dem_state, only: law_hertz_mindlin, kind_free, kind_fixed, kind_driven, kind_ghost, &
+    mode_relaxation
+  use dem_law, only: make_law
+  use dem_make, only: make_grains, make_planes
+  use dem_archive, only: dem_archive_type
+  use dem_measure, only: coordination_of, contact_count, momentum_of
+  use dem_system, only: dem_system_type, dem_contacts_type
+  implicit none
+  type(test_type) :: test
+  integer(i4) :: seed = 1
+  type(dem_system_type) :: ripe  !! a heap with many contacts
+
+  call omp_set_num_threads(1)
+  call check_bits()
+  call check_ledger()
+  call check_restart()
+  call check_memory()
+  call check_prescribed()
+  call check_split_verbs()
+  call check_relaxation()
+  call check_lists()
+  call check_faults()
+  call test%finish()
+
+contains
+
+  real(wp) function uniform()
+    seed = int(mod(16807_i8*seed, 2147483647_i8), i4)
+    uniform = seed/2147483647.0_wp
+  end function uniform
+
+  !> Five layers of ellipsoids above a floor of fixed spheres and one driven grain, planes around;
+  !! listed backwards, so that the order of the file is not that of the ids.
+  subroutine make_heap(s, skin, friction, ratio)
+    type(dem_system_type), intent(inout) :: s
+    real(wp), intent(in) :: skin, friction, ratio
+    integer(i4), parameter :: m = 4, layers = 5, n = m*m*(layers + 1) + 1
+    type(error_list_type) :: errors
+    integer(i8) :: id(n)
+    integer(i4) :: kind(n), material(n), i, j, k, at
+    real(wp) :: x(3, n), q(4, n), a(3, n), v(3, n), w(3, n)
+
+    seed = 4711
+    at = n + 1
+    v = 0.0_wp
+    w = 0.0_wp
+    do k = 0, layers
+      do j = 1, m
+        do i = 1, m
+          at = at - 1
+          id(at) = 10 + n - at
+          x(:, at) = 5.0e-3_wp*[real(i, wp) - 2.5_wp, real(j, wp) - 2.5_wp, real(k, wp)]
+          q(:, at) = [uniform() - 0.5_wp, uniform() - 0.5_wp, uniform() - 0.5_wp, &
+                      uniform() - 0.5_wp]
+          q(:, at) = q(:, at)/sqrt(sum(q(:, at)**2))
+          a(:, at) = [2.5e-3_wp, 2.0e-3_wp, 1.5e-3_wp]
+          v(:, at) = [0.2_wp*uniform(), 0.2_wp*uniform(), -0.5_wp]
+          w(:, at) = 50.0_wp*[uniform(), uniform(), uniform()]
+          kind(at) = kind_free
+          if (k == 0) kind(at) = kind_fixed
+          if (k == 0) a(:, at) = 2.45e-3_wp
+          if (k == 0) v(:, at) = 0.0_wp
+          if (k == 0) w(:, at) = 0.0_wp
+        end do
+      end do
+    end do
+    id(1) = 5000
+    x(:, 1) = [0.0_wp, 0.0_wp, 34.0e-3_wp]
+    q(:, 1) = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
+    a(:, 1) = [3.0e-3_wp, 3.0e-3_wp, 6.0e-3_wp]
+    v(:, 1) = [0.0_wp, 0.0_wp, -0.5_wp]
+    w(:, 1) = [0.0_wp, 0.0_wp, 20.0_wp]
+    kind(1) = kind_driven
+    material = 1
+    allocate (s%materials(1), s%laws(1, 1))
+    s%materials(1)%young = 29.0e6_wp
+    s%materials(1)%poisson = 0.25_wp
+    s%materials(1)%density = 2650.0_wp
+    s%laws(1, 1) = make_law(law_hertz_mindlin, s%materials(1), s%materials(1), friction, ratio, &
+                            ratio)
+    call make_grains(s%grains, s%materials, id, kind, material, x, q, a, v, w, errors)
+    call make_planes(s%planes, reshape([-10.1e-3_wp, 0.0_wp, 0.0_wp, 10.1e-3_wp, 0.0_wp, 0.0_wp, &
+                                        0.0_wp, -10.1e-3_wp, 0.0_wp, 0.0_wp, 10.1e-3_wp, 0.0_wp], &
+                                            [3, 4]), &
+                     reshape([1.0_wp, 0.0_wp, 0.0_wp, -1.0_wp, 0.0_wp, 0.0_wp, &
+                              0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, -2.0_wp, 0.0_wp], [3, 4]), &
+                     reshape([0.1_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
+                              0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [3, 4]), [1, 1, 1, &
+                                                  1])
+    s%par%gravity = [0.0_wp, 0.0_wp, -9.81_wp]
+    s%par%skin = skin
+    s%par%overlap_limit = 0.5_wp
+    s%par%dt = 1.2e-5_wp
+    call s%init(errors)
+    call test%check('heap made without faults', .not. errors%any())
+  end subroutine make_heap
+
+  logical function same_bits(a, b)
+    type(dem_system_type), intent(in) :: a, b
+    same_bits = all(transfer(a%grains%x, [0_i8]) == transfer(b%grains%x, [0_i8])) &
+                .and. all(transfer(a%grains%quat, [0_i8]) == transfer(b%grains%quat, [0_i8])) &
+                .and. all(transfer(a%grains%v, [0_i8]) == transfer(b%grains%v, [0_i8])) &
+                .and. all(transfer(a%grains%omega, [0_i8]) == transfer(b%grains%omega, [0_i8])) &
+                .and. all(transfer(a%grains%force, [0_i8]) == transfer(b%grains%force, [0_i8])) &
+                .and. all(transfer(a%grains%impulse, [0_i8]) == transfer(b%grains%impulse, [0_i8]))
+  end function same_bits
+
+  logical function same_ledger(a, b)
+    type(dem_system_type), intent(in) :: a, b
+    same_ledger = all(transfer(a%ledger, [0_i8]) == transfer(b%ledger, [0_i8]))
+  end function same_ledger
+
+  !> Threads, and lists made at other times, change no bit.
+  subroutine check_bits()
+    type(dem_system_type) :: one, two, wide
+    type(error_list_type) :: errors
+    call make_heap(one, 2.0e-4_wp, 0.5_wp, 0.05_wp)
+    call one%step(2700, errors)
+    ripe%dem_data_type = one%dem_data_type
+    two%dem_data_type = one%dem_data_type
+    call one%step(100, errors)
+    call omp_set_num_threads(2)
+    call two%step(100, errors)
+    call omp_set_num_threads(1)
+    call test%check('one and two threads: same bits', same_bits(one, two))
+    call one%refresh_ledger()
+    call two%refresh_ledger()
+    call test%check('one and two threads: same ledger', same_ledger(one, two))
+    call make_heap(wide, 5.0e-4_wp, 0.5_wp, 0.05_wp)
+    call wide%step(2800, errors)
+    call test%check('lists were made anew', one%health%rebuilds > wide%health%rebuilds &
+                    .and. wide%health%rebuilds > 2)
+    call test%check('other lists: same bits', same_bits(one, wide))
+    call test%check('no list was late', one%health%late_rebuilds == 0_i8)
+    call test%check('heap has contacts', contact_count(one%dem_data_type) > 60)
+    call test%check('no faults on the way', .not. errors%any())
+  end subroutine check_bits
+
+  !> All columns at work: free, fixed, driven grains, a moving plane, gravity.
+  subroutine check_ledger()
+    type(dem_system_type) :: s
+    type(error_list_type) :: errors
+    real(wp) :: input
+    integer :: k
+    call make_heap(s, 3.0e-4_wp, 0.5_wp, 0.05_wp)
+    s%par%dt = 3.0e-6_wp
+    do k = 1, 12
+      call s%step(1000, errors)
+    end do
+    call s%refresh_ledger()
+    input = s%ledger%start + abs(s%ledger%gravity) + abs(s%ledger%boundary)
+    call test%check_close('ledger of the heap', s%closure()/input, 0.0_wp, 1.0e-4_wp)
+    call test%check('friction at work', s%ledger%friction > 0.1_wp*input)
+    call test%check('damping at work', s%ledger%contact_damping > 0.02_wp*input)
+    call test%check('boundary at work', s%ledger%boundary > 0.01_wp*input)
+    call test%check('relaxation positive', s%ledger%tangential_relaxation > 0.0_wp)
+    call test%check_close('boundary work is that of the driven grain and the plane', &
+                          sum(s%grains%work) + sum(s%planes%work), s%ledger%boundary, &
+                              1.0e-12_wp*input)
+  end subroutine check_ledger
+
+  !> Steps, export, import into a fresh system, steps: the bits of an uninterrupted run.
+  subroutine check_restart()
+    type(dem_system_type) :: whole, first, second
+    type(dem_archive_type) :: archive
+    type(error_list_type) :: errors
+    whole%dem_data_type = ripe%dem_data_type
+    call whole%step(400, errors)
+    first%dem_data_type = ripe%dem_data_type
+    call first%step(234, errors)
+    call first%export_state(archive)
+    call make_heap(second, 3.0e-4_wp, 0.5_wp, 0.05_wp)
+    call second%import_state(archive, errors)
+    call second%step(166, errors)
+    call test%check('restart: same bits', same_bits(whole, second))
+    call whole%refresh_ledger()
+    call second%refresh_ledger()
+    call test%check('restart: same ledger', same_ledger(whole, second))
+    call test%check('restart: same counts', whole%health%steps == second%health%steps &
+                    .and. whole%health%rebuilds == second%health%rebuilds)
+    archive%item(archive%find('grains.x'))%name = 'other'
+    call second%import_state(archive, errors)
+    call test%check('missing array is a fault', errors%any())
+  end subroutine check_restart
+
+  !> What is kept in memory comes back and goes on alike.
+  subroutine check_memory()
+    type(dem_system_type) :: s, other
+    type(error_list_type) :: errors
+    s%dem_data_type = ripe%dem_data_type
+    call s%step(10, errors)
+    call s%save()
+    call s%step(50, errors)
+    call s%restore()
+    call s%step(30, errors)
+    other%dem_data_type = ripe%dem_data_type
+    call other%step(40, errors)
+    call test%check('restored: same bits', same_bits(s, other))
+  end subroutine check_memory
+
+  !> A ghost reaches its target exactly; momentum changes by what impulses say.
+  subroutine check_prescribed()
+    type(dem_system_type) :: s
+    type(error_list_type) :: errors
+    integer(i4), allocatable :: index(:)
+    real(wp) :: x1(3, 1), q1(4, 1), before(3), weight(3)
+    s%dem_data_type = ripe%dem_data_type
+    call s%find([5000_i8], index, errors)
+    s%grains%kind(index) = kind_ghost
+    x1(:, 1) = s%grains%x(:, index(1)) + [1.0e-4_wp, -2.0e-4_wp, -4.0e-4_wp]
+    q1(:, 1) = [0.9_wp, 0.1_wp, -0.2_wp, 0.3_wp]
+    q1 = q1/sqrt(sum(q1**2))
+    call s%reset_impulses()
+    before = momentum_of(s%dem_data_type)
+    call s%set_motion(index, x1, q1, 700)
+    call s%step(700, errors)
+    call test%check('target reached', all(transfer(s%grains%x(:, index(1)), [0_i8]) &
+                    == transfer(x1(:, 1), [0_i8])) .and. &
+                    all(transfer(s%grains%quat(:, index(1)), [0_i8]) == transfer(q1(:, 1), [0_i8])))
+    call test%check('ghost felt grains', sum(abs(s%grains%impulse(:, index(1)))) > 0.0_wp)
+    weight = sum(s%grains%mass, mask=s%grains%kind == kind_free)*s%par%gravity
+    before = before + 700*s%par%dt*weight - sum(s%grains%impulse, dim=2) - sum(s%planes%impulse, &
+                                                  dim=2)
+    call test%check_close('momentum follows the impulses', &
+                          maxval(abs(momentum_of(s%dem_data_type) - before)), 0.0_wp, 1.0e-14_wp)
+    call s%find([7_i8], index, errors)
+    call test%check('unknown id is a fault', errors%any())
+  end subroutine check_prescribed
+
+  !> Half kick, drift, forces, half kick are a step.
+  subroutine check_split_verbs()
+    type(dem_system_type) :: s, split
+    type(error_list_type) :: errors
+    real(wp) :: scale
+    integer :: k
+    s%dem_data_type = ripe%dem_data_type
+    split%dem_data_type = ripe%dem_data_type
+    call s%step(200, errors)
+    do k = 1, 200
+      call split%kick(0.5_wp*s%par%dt)
+      call split%drift(s%par%dt)
+      call split%forces()
+      call split%kick(0.5_wp*s%par%dt)
+    end do
+    scale = maxval(abs(s%grains%v))
+    call test%check_close('split verbs: positions', maxval(abs(s%grains%x - split%grains%x)), &
+                          0.0_wp, &
+                          1.0e-10_wp)
+    call test%check_close('split verbs: velocities', &
+                          maxval(abs(s%grains%v - split%grains%v))/scale, &
+                          0.0_wp, 1.0e-6_wp)
+    call split%forces()
+    call split%refresh_ledger()
+    call s%refresh_ledger()
+    call test%check_close('split verbs: ledger', split%closure()/s%ledger%start, &
+                          s%closure()/s%ledger%start, 1.0e-6_wp)
+  end subroutine check_split_verbs
+
+  !> Full damping: v = F dt/(2 s m), whatever v was.
+  subroutine check_relaxation()
+    type(dem_system_type) :: s
+    type(error_list_type) :: errors
+    real(wp), allocatable :: force(:, :), x(:, :)
+    real(wp) :: step, worst
+    integer :: i
+    s%dem_data_type = ripe%dem_data_type
+    s%par%mode = mode_relaxation
+    s%par%mass_scale = 10.0_wp
+    s%par%inertia_scale = 10.0_wp
+    s%par%full_damping = .true.
+    s%par%gravity_scale = 0.0_wp
+    call s%set_extra([20], reshape([1.0e-3_wp, 0.0_wp, 0.0_wp], [3, 1]), &
+                     reshape([0.0_wp, 0.0_wp, 0.0_wp], [3, 1]))
+    force = s%grains%force + s%grains%extra_force
+    x = s%grains%x
+    call s%step(1, errors)
+    worst = 0.0_wp
+    do i = 1, s%grains%n
+      if (s%grains%kind(i) /= kind_free) cycle
+      step = s%par%dt**2/(2.0_wp*10.0_wp*s%grains%mass(i))
+      worst = max(worst, maxval(abs(s%grains%x(:, i) - x(:, i) - step*force(:, i))))
+    end do
+    call test%check_close('fully damped step', worst, 0.0_wp, 1.0e-17_wp)
+    call test%check('unscaled limit is below the scaled one', s%step_limit() > 0.0_wp &
+                    .and. s%step_limit() < 1.0e-2_wp)
+  end subroutine check_relaxation
+
+  !> Contact list, coordination, weights.
+  subroutine check_lists()
+    type(dem_system_type) :: s
+    type(dem_contacts_type) :: list
+    type(error_list_type) :: errors
+    integer(i4), allocatable :: z(:), index(:)
+    real(wp) :: force(3)
+    integer :: k
+    s%dem_data_type = ripe%dem_data_type
+    call s%contacts(list)
+    z = coordination_of(s%dem_data_type)
+    call test%check('list and coordination agree', sum(z) == 2*count(list%ids(1, :) > 0) &
+                    + count(list%ids(1, :) < 0))
+    call test%check('planes are listed', any(list%ids(1, :) < 0))
+    call test%check('lower ids first', all(list%ids(1, :) < list%ids(2, :)))
+    call s%find([40_i8], index, errors)
+    force = 0.0_wp
+    do k = 1, list%n
+      if (list%ids(1, k) == 40_i8) force = force - list%force(:, k)
+      if (list%ids(2, k) == 40_i8) force = force + list%force(:, k)
+    end do
+    call test%check_close('forces of a grain add up', &
+                          maxval(abs(force - s%grains%force(:, index(1)))), 0.0_wp, 1.0e-12_wp)
+    k = maxloc(list%overlap, dim=1, mask=list%ids(1, :) > 0)
+    force = list%force(:, k)
+    call s%set_weights(reshape([list%ids(2, k), list%ids(1, k), 900_i8, 901_i8], [2, 2]), &
+                       [0.25_wp, 3.0_wp])
+    call s%forces()
+    call s%contacts(list)
+    call test%check_close('weighted contact', sqrt(sum(list%force(:, k)**2)/sum(force**2)), &
+                          0.25_wp, &
+                          1.0e-2_wp)
+  end subroutine check_lists
+
+  !> A step far too long ends with the grain named, not with a crash.
+  subroutine check_faults()
+    type(dem_system_type) :: s
+    type(error_list_type) :: errors
+    integer :: k
+    s%dem_data_type = ripe%dem_data_type
+    s%par%overlap_limit = 1.0e9_wp
+    call s%step(10, errors)
+    call test%check('stable so far', .not. errors%any())
+    s%par%dt = 100.0_wp*s%step_limit()
+    do k = 1, 200
+      call s%step(10, errors)
+      if (errors%any()) exit
+    end do
+    call test%check('runaway found', errors%any())
+    if (errors%any()) call test%check('as a numerical fault', errors%exit_code() == 2)
+  end subroutine check_faults
+end program test_dem_system
