@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt  # noqa: E402
 
 from talus import version  # noqa: E402
 
-COLOURS = ["#1b4f72", "#c0392b", "#1e8449", "#b9770e", "#6c3483", "#117a65", "#7b7d7d", "#a04000"]
+COLOURS = ["#1b4f72", "#c0392b", "#1e8449", "#b9770e", "#6c3483", "#00a3a3", "#7b7d7d", "#a04000"]
 SETTINGS = {
     "figure.figsize": (6.4, 4.2),
     "figure.dpi": 110,
@@ -25,12 +25,12 @@ SETTINGS = {
     "legend.frameon": False,
     "lines.linewidth": 1.5,
 }
+plt.rcParams.update(SETTINGS)
 
 
 def new_figure(**options: object) -> tuple:
     """Return (fig, ax or axes); options go to matplotlib's subplots."""
-    with plt.rc_context(SETTINGS):
-        return plt.subplots(layout="constrained", **options)
+    return plt.subplots(layout="constrained", **options)
 
 
 def stamp(fig: object) -> None:

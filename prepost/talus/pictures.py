@@ -25,6 +25,7 @@ def load_pyvista() -> object:
             "E550", "pictures need pyvista, which is not installed", "make deps-render", exit_code=4
         ) from fault
     pyvista.OFF_SCREEN = True
+    pyvista.vtk_verbosity("error")  # VTK warns that there is no screen, which is not wanted
     return pyvista
 
 
@@ -117,17 +118,26 @@ def add_solid(pyvista: object, plotter: object, path: Path, time: float) -> None
         step = int(np.argmin(np.abs(np.array(times) - time)))
         moved = fields.read(step).solid.get("u", np.zeros_like(x))
     grid = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: hex8}, MILLI * (x + moved))
-    centres = x[hex8].mean(axis=1)
-    block = split_at_cut(grid, in_cut(centres))
-    plotter.add_mesh(block, color=SOLID_SAND, show_edges=True, edge_color="#8a7a58", line_width=1)
+    block = split_at_cut(grid, x[hex8])
+    plotter.add_mesh(
+        block, color=SOLID_SAND, show_edges=True, edge_color="#8a7a58", line_width=1, ambient=0.25
+    )
 
 
-def split_at_cut(grid: object, cut: np.ndarray) -> object:
-    """Return the elements outside the cut; those that straddle its planes are clipped there."""
-    whole = grid.extract_cells(np.flatnonzero(~cut))
-    box = grid.bounds
-    if box[0] >= 0.0 or box[1] <= 0.0 or box[2] >= 0.0 or box[3] <= 0.0:
+def split_at_cut(grid: object, x: np.ndarray) -> object:
+    """Return the elements outside the cut; x (m, 8, 3) are their corners [m] at the start.
+
+    Only where elements straddle the planes of the cut are they clipped (which splits them).
+    """
+    small = 1.0e-9
+    low, high = x.min(axis=1), x.max(axis=1)
+    inside = (low[:, 0] > -small) & (high[:, 1] < small)
+    straddle = (high[:, 0] > small) & (low[:, 1] < -small) & ~inside
+    whole = grid.extract_cells(np.flatnonzero(~inside & ~straddle))
+    if not straddle.any():
         return whole
-    left = grid.clip(normal=(1.0, 0.0, 0.0), origin=(0.0, 0.0, 0.0))
-    right = grid.clip(normal=(-1.0, 0.0, 0.0), origin=(0.0, 0.0, 0.0))
-    return left.merge(right.clip(normal=(0.0, -1.0, 0.0), origin=(0.0, 0.0, 0.0)), merge_points=False)
+    part = grid.extract_cells(np.flatnonzero(straddle))
+    left = part.clip(normal=(1.0, 0.0, 0.0), origin=(0.0, 0.0, 0.0))
+    right = part.clip(normal=(-1.0, 0.0, 0.0), origin=(0.0, 0.0, 0.0))
+    right = right.clip(normal=(0.0, -1.0, 0.0), origin=(0.0, 0.0, 0.0))
+    return whole.merge([left, right], merge_points=False)

@@ -147,7 +147,7 @@ def ghosts(path: Path, step: int = -1) -> object:
     x = now.grains["x"][rows] - moved
     size = np.linalg.norm(moved, axis=1)
     scale = round_scale(0.12 * float(np.ptp(x, axis=0).max()) / max(float(size.max()), 1.0e-300))
-    fig, (side, top) = new_figure(ncols=2, figsize=(10.4, 5.6), width_ratios=[1, 1])
+    fig, (side, top) = new_figure(ncols=2, figsize=(10.4, 5.6), width_ratios=[2, 3])
     # the side view keeps the walls that it sees edge-on, so that arrows do not hide each other
     walls = np.abs(x[:, 1]) < 0.9 * np.abs(x[:, 1]).max() + 1.0e-12
     for ax, (a, b), chosen in ((side, (0, 2), walls), (top, (0, 1), np.ones(len(x), bool))):
@@ -176,7 +176,10 @@ def draw_arrows(
         x[:, a], x[:, b], scale * moved[:, a], scale * moved[:, b], size, angles="xy",
         scale_units="xy", scale=1.0, width=0.004, zorder=3, **limits,
     )  # fmt: skip
-    ax.margins(0.14)
+    tips = x + scale * moved
+    for limit, axis in ((ax.set_xlim, a), (ax.set_ylim, b)):
+        both = np.concatenate([x[:, axis], tips[:, axis]])
+        limit(both.min() - 4.0, both.max() + 4.0)
     return ax.scatter(x[:, a], x[:, b], c=size, s=9, zorder=2, cmap="viridis", vmin=0.0, vmax=limits["clim"][1])
 
 
