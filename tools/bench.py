@@ -40,7 +40,9 @@ def run(command: list[str], folder: Path, threads: int = 1) -> float:
     environment = dict(os.environ, OMP_NUM_THREADS=str(threads))
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
     if done.returncode:
-        raise SystemExit(f"bench: {' '.join(command)} ended with {done.returncode}\n{done.stdout[-2000:]}{done.stderr}")
+        raise SystemExit(
+            f"bench: {' '.join(command)} ended with {done.returncode}\n{done.stdout[-2000:]}{done.stderr}"
+        )
     return time.monotonic() - start
 
 
@@ -77,13 +79,24 @@ def write_cube(path: Path, n: int) -> None:
     s = np.linspace(0.0, 1.0, n + 1)
     z, y, x = np.meshgrid(s, s, s, indexing="ij")
     nodes = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
-    k, j, i = (a.ravel() for a in np.meshgrid(np.arange(n), np.arange(n), np.arange(n), indexing="ij"))
+    k, j, i = (
+        a.ravel() for a in np.meshgrid(np.arange(n), np.arange(n), np.arange(n), indexing="ij")
+    )
     m = n + 1
 
     def node(di: int, dj: int, dk: int) -> "np.ndarray":
         return ((k + dk) * m + j + dj) * m + i + di
 
-    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    corners = [
+        (0, 0, 0),
+        (1, 0, 0),
+        (1, 1, 0),
+        (0, 1, 0),
+        (0, 0, 1),
+        (1, 0, 1),
+        (1, 1, 1),
+        (0, 1, 1),
+    ]
     hex8 = np.column_stack([node(*c) for c in corners])
     write_hex_mesh(path, nodes, hex8, nodes={"z0": np.flatnonzero(nodes[:, 2] == 0.0)},
                    volumes={"all": np.arange(len(hex8))})  # fmt: skip
@@ -100,9 +113,22 @@ def calculix_deck(path: Path, mesh: Path) -> None:
     lines += ["*ELEMENT, TYPE=C3D8, ELSET=CUBE"]
     lines += [f"{k + 1}," + ",".join(map(str, e)) for k, e in enumerate(hex8)]
     lines += ["*NSET, NSET=BASE", *[f"{k}," for k in base]]
-    lines += ["*MATERIAL, NAME=M", "*ELASTIC", "210e9,0.3", "*DENSITY", "7800.", "*SOLID SECTION, ELSET=CUBE, MATERIAL=M"]
+    lines += [
+        "*MATERIAL, NAME=M",
+        "*ELASTIC",
+        "210e9,0.3",
+        "*DENSITY",
+        "7800.",
+        "*SOLID SECTION, ELSET=CUBE, MATERIAL=M",
+    ]
     lines += ["*BOUNDARY", "BASE,1,3", "*STEP", "*STATIC, SOLVER=SPOOLES", "*DLOAD"]
-    lines += ["CUBE,GRAV,10.258464798, 0.2924414270, 0., -0.9562834663", "*NODE FILE", "U", "*END STEP", ""]
+    lines += [
+        "CUBE,GRAV,10.258464798, 0.2924414270, 0., -0.9562834663",
+        "*NODE FILE",
+        "U",
+        "*END STEP",
+        "",
+    ]
     path.write_text("\n".join(lines))
 
 

@@ -22,7 +22,16 @@ from latex2mathml.converter import convert as latex_to_mathml
 
 ROOT = Path(__file__).resolve().parent.parent
 ORDER = ["index", "first-run", "install", "running", "files", "deck-dem", "deck-fem", "deck-couple"]
-ORDER += ["prepost", "theory-dem", "theory-fem", "theory-coupling", "port", "verification", "errors", "extending"]
+ORDER += [
+    "prepost",
+    "theory-dem",
+    "theory-fem",
+    "theory-coupling",
+    "port",
+    "verification",
+    "errors",
+    "extending",
+]
 STYLE = """
 body{margin:0;font:16px/1.55 system-ui,sans-serif;color:#1c2430;display:flex}
 nav{width:15rem;min-height:100vh;background:#f3f1ec;padding:1.2rem;box-sizing:border-box;flex:none}
@@ -65,8 +74,14 @@ def title_of(source: str, name: str) -> str:
 
 def errors_page() -> str:
     """Return the chapter of error codes from */errors.toml."""
-    lines = ["# Error codes", "", "The letter gives the exit code: D (deck) and I (input data) 1, N (numerical) 2,"]
-    lines += ["S (system) and P (partner) 4, B (bug) 5, E (Python tools) 1 or 4. Exit code 3 is no error:"]
+    lines = [
+        "# Error codes",
+        "",
+        "The letter gives the exit code: D (deck) and I (input data) 1, N (numerical) 2,",
+    ]
+    lines += [
+        "S (system) and P (partner) 4, B (bug) 5, E (Python tools) 1 or 4. Exit code 3 is no error:"
+    ]
     lines += ["the run stopped early on request and left a checkpoint.", ""]
     for folder in ["common", "dem", "fem", "couple", "prepost"]:
         path = ROOT / folder / "errors.toml"
@@ -75,7 +90,11 @@ def errors_page() -> str:
         lines += [f"## {folder}", "", "| code | what | meaning and cure |", "|---|---|---|"]
         for code, entry in sorted(tomllib.loads(path.read_text()).items()):
             cells = [code, entry["title"], entry["explain"]]
-            lines.append("| " + " | ".join(" ".join(cell.split()).replace("|", "\\|") for cell in cells) + " |")
+            lines.append(
+                "| "
+                + " | ".join(" ".join(cell.split()).replace("|", "\\|") for cell in cells)
+                + " |"
+            )
         lines.append("")
     return "\n".join(lines)
 
@@ -85,7 +104,9 @@ def verification_page(folder: Path, out: Path) -> str:
     lines = ["# Verification", ""]
     summary = folder / "summary.json"
     if not summary.exists():
-        return "\n".join([*lines, "No results yet: run `make verification`, then `make manual`.", ""])
+        return "\n".join(
+            [*lines, "No results yet: run `make verification`, then `make manual`.", ""]
+        )
     data = json.loads(summary.read_text())
     cases = data["cases"]
     failed = [case for case in cases if not case["pass"]]
@@ -133,7 +154,9 @@ def case_lines(case: dict, folder: Path, out: Path) -> list[str]:
 def gather(out: Path, verification: Path) -> dict[str, str]:
     """Return name -> Markdown of every page, generated ones included."""
     generated = out / "generated"
-    subprocess.run([sys.executable, ROOT / "tools/keys.py", "--docs", generated], check=True, cwd=ROOT)
+    subprocess.run(
+        [sys.executable, ROOT / "tools/keys.py", "--docs", generated], check=True, cwd=ROOT
+    )
     pages = {path.stem: path.read_text() for path in generated.glob("*.md")}
     pages |= {path.stem: path.read_text() for path in (ROOT / "manual").glob("*.md")}
     pages["errors"] = errors_page()
@@ -155,12 +178,15 @@ def main() -> int:
     dead = 0
     for name in names:
         links = "".join(
-            f"<a href='{n}.html'{' class=here' if n == name else ''}>{html.escape(titles[n])}</a>" for n in names
+            f"<a href='{n}.html'{' class=here' if n == name else ''}>{html.escape(titles[n])}</a>"
+            for n in names
         )
         body = page_html(pages[name]).replace('.md"', '.html"')
         for target in re.findall(r'href="([\w-]+)\.html', body):
             if target not in pages:
-                print(f"manual: page {name} links to {target}, which does not exist", file=sys.stderr)
+                print(
+                    f"manual: page {name} links to {target}, which does not exist", file=sys.stderr
+                )
                 dead += 1
         (options.out / f"{name}.html").write_text(
             f"<!doctype html><html lang='en'><meta charset='utf-8'><title>{html.escape(titles[name])} - Talus"

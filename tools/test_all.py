@@ -27,7 +27,9 @@ def suites(binaries: Path, units: Path) -> Iterator[tuple[str, list[str]]]:
         yield f"unit {unit.name}", [str(unit)]
     yield "python", [python, "-m", "pytest", "-q", "--no-header", "-x", "tests/python"]
     yield "errors", [python, "tools/test_errors.py", "--bin", str(binaries)]
-    for script in sorted(ROOT.glob("tests/regression/*/run.*")) + sorted(ROOT.glob("tests/faults/*/run.*")):
+    for script in sorted(ROOT.glob("tests/regression/*/run.*")) + sorted(
+        ROOT.glob("tests/faults/*/run.*")
+    ):
         command = [python] if script.suffix == ".py" else ["bash"]
         scratch = ROOT / "build" / "tests" / script.parent.name
         yield f"{script.parent.parent.name} {script.parent.name}", [
@@ -58,7 +60,12 @@ def run_suite(name: str, command: list[str]) -> tuple[int, int]:
     start = time.monotonic()
     environment = dict(os.environ, PYTHONPATH=str(ROOT / "prepost"))
     done = subprocess.run(
-        command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        command,
+        cwd=ROOT,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
     )
     passed, failed = tally(done.stdout, done.returncode)
     seconds = time.monotonic() - start
@@ -73,7 +80,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bin", type=Path, default=ROOT / "build/bin")
     parser.add_argument("--units", type=Path, default=ROOT / "build/unit")
-    parser.add_argument("--only", nargs="*", default=[], help="suites whose name contains one of these")
+    parser.add_argument(
+        "--only", nargs="*", default=[], help="suites whose name contains one of these"
+    )
     options = parser.parse_args()
     passed = failed = 0
     for name, command in suites(options.bin.resolve(), options.units.resolve()):

@@ -26,18 +26,34 @@ def judge(folder: Path, binaries: Path) -> list[str]:
     with tempfile.TemporaryDirectory() as name:
         scratch = Path(name) / folder.name
         shutil.copytree(folder, scratch)
-        environment = dict(os.environ, PYTHONPATH=str(ROOT / "prepost"), PYTHONDONTWRITEBYTECODE="1")
+        environment = dict(
+            os.environ, PYTHONPATH=str(ROOT / "prepost"), PYTHONDONTWRITEBYTECODE="1"
+        )
         if (scratch / "make_input.py").exists():
             made = subprocess.run(
-                [sys.executable, "make_input.py"], cwd=scratch, env=environment, capture_output=True, text=True
+                [sys.executable, "make_input.py"],
+                cwd=scratch,
+                env=environment,
+                capture_output=True,
+                text=True,
             )
             if made.returncode:
                 return [f"make_input.py failed: {made.stderr[-500:]}"]
         before = {path.relative_to(scratch) for path in scratch.rglob("*")}
-        command = [str(binaries / expect["program"]), expect.get("deck", "deck.nml"), *expect.get("args", [])]
+        command = [
+            str(binaries / expect["program"]),
+            expect.get("deck", "deck.nml"),
+            *expect.get("args", []),
+        ]
         try:
             done = subprocess.run(
-                command, cwd=scratch, env=environment, capture_output=True, text=True, timeout=120, errors="replace"
+                command,
+                cwd=scratch,
+                env=environment,
+                capture_output=True,
+                text=True,
+                timeout=120,
+                errors="replace",
             )
         except subprocess.TimeoutExpired:
             return ["ran longer than 120 s"]
@@ -53,8 +69,12 @@ def differences(expect: dict, done: subprocess.CompletedProcess, new_files: list
         found.append(f"exit code {done.returncode}, expected {expect['exit']}")
     missing = set(expect["codes"]) - set(CODE.findall(output))
     if missing:
-        found.append(f"codes {sorted(missing)} not reported (reported: {sorted(set(CODE.findall(output)))})")
-    found += [f"text not shown: {text!r}" for text in expect.get("contains", []) if text not in output]
+        found.append(
+            f"codes {sorted(missing)} not reported (reported: {sorted(set(CODE.findall(output)))})"
+        )
+    found += [
+        f"text not shown: {text!r}" for text in expect.get("contains", []) if text not in output
+    ]
     if expect["exit"] == 1 and new_files and not expect.get("writes"):
         found.append(f"left files behind: {', '.join(new_files)}")
     if found:

@@ -55,7 +55,10 @@ def run_case(facts: dict, binaries: Path, out: Path) -> dict:
     finally:
         sys.path.pop(0)
     keep = ("id", "title", "area", "quick", "claim", "source")
-    entry = {key: facts.get(key) for key in keep} | {"metrics": case.metrics, "figures": case.figures}
+    entry = {key: facts.get(key) for key in keep} | {
+        "metrics": case.metrics,
+        "figures": case.figures,
+    }
     good = not error and bool(case.metrics) and all(m["pass"] for m in case.metrics)
     return entry | {"error": error, "pass": good, "seconds": round(time.monotonic() - start, 2)}
 
@@ -63,10 +66,14 @@ def run_case(facts: dict, binaries: Path, out: Path) -> dict:
 def show(entry: dict) -> None:
     """Print one case: a line, and its failures."""
     state = "pass" if entry["pass"] else "FAIL"
-    print(f"{state}  {entry['area']:7s} {entry['id']:28s} {len(entry['metrics']):3d} metrics {entry['seconds']:8.1f} s")
+    print(
+        f"{state}  {entry['area']:7s} {entry['id']:28s} {len(entry['metrics']):3d} metrics {entry['seconds']:8.1f} s"
+    )
     for m in entry["metrics"]:
         if not m["pass"]:
-            wanted = f"limit {m['limit']:.4g}" + ("" if m["expected"] is None else f" about {m['expected']:.8g}")
+            wanted = f"limit {m['limit']:.4g}" + (
+                "" if m["expected"] is None else f" about {m['expected']:.8g}"
+            )
             print(f"      {m['metric']}: {m['value']} ({wanted})")
     if entry["error"]:
         print("      " + entry["error"].replace("\n", "\n      "))
@@ -80,7 +87,11 @@ def choose(cases: dict[str, dict], wanted: list[str], quick: bool) -> list[dict]
             near = difflib.get_close_matches(name, cases, 1)
             hint = f"; did you mean '{near[0]}'?" if near else ""
             raise SystemExit(f"verify: no case '{name}'{hint} (there are {', '.join(cases)})")
-    return [c for c in cases.values() if (not wanted or c["id"] in wanted) and (not quick or c.get("quick"))]
+    return [
+        c
+        for c in cases.values()
+        if (not wanted or c["id"] in wanted) and (not quick or c.get("quick"))
+    ]
 
 
 def main() -> int:

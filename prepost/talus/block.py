@@ -31,7 +31,9 @@ def build_block(path: Path, block: Block) -> None:
     The block is cut into 3 x 3 x 2 boxes, without the one of the hole; every line is transfinite.
     """
     if not 0.0 < block.hole < block.outer or not block.bottom < block.top or block.floor <= 0.0:
-        raise FaultError("E526", f"no block with these sizes: {block}", "hole < outer, bottom < top")
+        raise FaultError(
+            "E526", f"no block with these sizes: {block}", "hole < outer, bottom < top"
+        )
     import gmsh
 
     xs = [-block.outer, -block.hole, block.hole, block.outer]
@@ -112,4 +114,6 @@ def is_hole(at: list[set[int]]) -> bool:
     if at[2] == {1}:
         return at[0] == {1, 2} and at[1] == {1, 2}
     side = at[2] == {1, 2}
-    return side and ((at[0] in ({1}, {2}) and at[1] == {1, 2}) or (at[1] in ({1}, {2}) and at[0] == {1, 2}))
+    return side and (
+        (at[0] in ({1}, {2}) and at[1] == {1, 2}) or (at[1] in ({1}, {2}) and at[0] == {1, 2})
+    )

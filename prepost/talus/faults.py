@@ -4,7 +4,9 @@
 class FaultError(Exception):
     """A fault with code, message, place and hint; `exit_code` 1 for input, 4 for the system."""
 
-    def __init__(self, code: str, message: str, hint: str = "", place: str = "", exit_code: int = 1):
+    def __init__(
+        self, code: str, message: str, hint: str = "", place: str = "", exit_code: int = 1
+    ):
         """Keep the parts; `str()` gives the text that a user sees."""
         self.code, self.hint, self.place, self.exit_code = code, hint, place, exit_code
         lines = [f"error {code}: {message}"]

@@ -119,7 +119,9 @@ def lattice(kind: str, cells: tuple[int, int, int], pitch: float, axes: np.ndarr
     if kind not in LATTICES:
         raise FaultError("E510", f"no lattice '{kind}'", f"one of {', '.join(LATTICES)}")
     base = np.array(LATTICES[kind], float)
-    corners = np.stack(np.meshgrid(*(np.arange(c) for c in cells), indexing="ij"), -1).reshape(-1, 3)
+    corners = np.stack(np.meshgrid(*(np.arange(c) for c in cells), indexing="ij"), -1).reshape(
+        -1, 3
+    )
     x = ((corners[:, None, :] + base[None]) * pitch).reshape(-1, 3)
     return make_packing(x, np.tile(axes, (len(x), 1)))
 
@@ -146,12 +148,16 @@ def cloud(
                 for d in np.ndindex(3, 3, 3)
                 for j in grid.get((home[0] + d[0] - 1, home[1] + d[1] - 1, home[2] + d[2] - 1), [])
             ]
-            if not near or np.all(np.linalg.norm(x[near] - trial, axis=1) > radius[near] + radius[k]):
+            if not near or np.all(
+                np.linalg.norm(x[near] - trial, axis=1) > radius[near] + radius[k]
+            ):
                 x[k] = trial
                 grid.setdefault(home, []).append(k)
                 break
         else:
             raise FaultError(
-                "E512", f"only {k} of {count} grains found room", "enlarge the box or ask for fewer grains"
+                "E512",
+                f"only {k} of {count} grains found room",
+                "enlarge the box or ask for fewer grains",
             )
     return make_packing(x, scale[:, None] * axes[None, :], random_quaternions(rng, count))

@@ -50,7 +50,9 @@ def read(path: Path) -> History:
         except ValueError as fault:
             if last:
                 continue
-            raise FaultError("E545", f"a row is unreadable: {fault}", place=f"{path}:{number}") from fault
+            raise FaultError(
+                "E545", f"a row is unreadable: {fault}", place=f"{path}:{number}"
+            ) from fault
         if len(numbers) == len(names):
             values.append(numbers)
         elif not last:

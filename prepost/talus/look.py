@@ -35,7 +35,9 @@ def new_figure(**options: object) -> tuple:
 
 def stamp(fig: object) -> None:
     """Write the version into the corner."""
-    fig.text(0.995, 0.005, f"Talus {version()}", ha="right", va="bottom", fontsize=6, color="#888888")
+    fig.text(
+        0.995, 0.005, f"Talus {version()}", ha="right", va="bottom", fontsize=6, color="#888888"
+    )
 
 
 def save_figure(fig: object, path: Path) -> None:

@@ -60,7 +60,10 @@ def solid_fraction(
         last = np.minimum(last, count)
         if (last <= first).any():
             continue
-        d = [lower[i] + (np.arange(first[i], last[i]) + 0.5) * step[i] - packing.x[k, i] for i in range(3)]
+        d = [
+            lower[i] + (np.arange(first[i], last[i]) + 0.5) * step[i] - packing.x[k, i]
+            for i in range(3)
+        ]
         a = inverse[k]
         x, y, z = d[0][:, None, None], d[1][None, :, None], d[2][None, None, :]
         level = (
@@ -84,7 +87,10 @@ def near_pairs(x: np.ndarray, reach: np.ndarray) -> np.ndarray:
     found = []
     for shift in np.ndindex(3, 3, 3):
         other = key + ((shift[0] - 1) * size[1] + shift[1] - 1) * size[2] + shift[2] - 1
-        first, last = np.searchsorted(key_sorted, other), np.searchsorted(key_sorted, other, "right")
+        first, last = (
+            np.searchsorted(key_sorted, other),
+            np.searchsorted(key_sorted, other, "right"),
+        )
         number = last - first
         i = np.repeat(np.arange(len(x)), number)
         inner = np.arange(number.sum()) - np.repeat(np.cumsum(number) - number, number)
@@ -150,7 +156,10 @@ def _newton(n: np.ndarray, gradient: np.ndarray, hessian: np.ndarray) -> np.ndar
     """Newton step in the tangent plane; the normal direction is made regular with a unit entry."""
     size = np.linalg.norm(hessian, axis=(1, 2))[:, None, None] + 1.0e-300
     matrix = hessian / size - n[:, :, None] * n[:, None, :]
-    step = -np.linalg.solve(matrix - 1.0e-14 * np.eye(3), gradient[:, :, None])[:, :, 0] / size[:, :, 0]
+    step = (
+        -np.linalg.solve(matrix - 1.0e-14 * np.eye(3), gradient[:, :, None])[:, :, 0]
+        / size[:, :, 0]
+    )
     length = np.linalg.norm(step, axis=1, keepdims=True)
     return step * np.minimum(1.0, 0.5 / np.maximum(length, 1.0e-300))
 
@@ -177,7 +186,9 @@ def short_axis_fabric(packing: Packing, rows: np.ndarray | None = None) -> np.nd
     """Second moment <m m> (3, 3) of the directions of the shortest axes; 1/3 on the diagonal: none."""
     chosen = np.flatnonzero(packing.kind == FREE) if rows is None else rows
     turn = rotations(packing.quat[chosen])
-    short = np.take_along_axis(turn, packing.axes[chosen].argmin(axis=1)[:, None, None], axis=2)[:, :, 0]
+    short = np.take_along_axis(turn, packing.axes[chosen].argmin(axis=1)[:, None, None], axis=2)[
+        :, :, 0
+    ]
     return short.T @ short / max(1, len(chosen))
 
 
@@ -197,7 +208,9 @@ def core_box(packing: Packing, margin: float) -> tuple[np.ndarray, np.ndarray]:
     lower = np.quantile(x, 0.005, axis=0) + margin
     upper = np.quantile(x, 0.995, axis=0) - margin
     if not (upper > lower).all():
-        raise FaultError("E541", f"no bulk is left {margin} m inside the packing", "a smaller margin")
+        raise FaultError(
+            "E541", f"no bulk is left {margin} m inside the packing", "a smaller margin"
+        )
     return lower, upper
 
 
@@ -224,7 +237,9 @@ def layer_fractions(
 
 def describe(packing: Packing, layers: int = 5, watch: Watch = iter) -> dict[str, float]:
     """Return the measures that two packings are compared by."""
-    size = float(np.median(packing.axes[packing.kind == FREE].mean(axis=1))) if packing.count else 0.0
+    size = (
+        float(np.median(packing.axes[packing.kind == FREE].mean(axis=1))) if packing.count else 0.0
+    )
     margin = 3.0 * size
     _, fractions = layer_fractions(packing, margin, layers, size / 8.0, watch)
     bulk = bulk_rows(packing, margin)

@@ -33,14 +33,14 @@ def boundary_faces(hex8: np.ndarray) -> dict[tuple[int, ...], tuple[int, np.ndar
     quads = hex8[:, FACES].reshape(-1, 4)
     keys = np.sort(quads, axis=1)
     _, first, count = np.unique(keys, axis=0, return_index=True, return_counts=True)
-    return {
-        tuple(int(v) for v in keys[k]): (int(k) // 6, quads[k]) for k in first[count == 1]
-    }
+    return {tuple(int(v) for v in keys[k]): (int(k) // 6, quads[k]) for k in first[count == 1]}
 
 
 def corner_volumes(x: np.ndarray, hex8: np.ndarray) -> np.ndarray:
     """Jacobian determinant at the eight corners of every element (m, 8); all must be positive."""
-    edges = np.array([[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]])
+    edges = np.array(
+        [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]]
+    )
     p = x[hex8]
     d = p[:, edges] - p[:, :, None, :]
     return np.einsum("eci,eci->ec", np.cross(d[:, :, 0], d[:, :, 1]), d[:, :, 2])
@@ -62,7 +62,9 @@ def check_mesh(mesh: Mesh) -> None:
         )
     unused = np.setdiff1d(np.arange(len(mesh.x)), mesh.hex8)
     if unused.size:
-        raise FaultError("E523", f"node {unused[0] + 1} belongs to no element ({unused.size} such nodes)")
+        raise FaultError(
+            "E523", f"node {unused[0] + 1} belongs to no element ({unused.size} such nodes)"
+        )
 
 
 def write_mesh(path: Path, mesh: Mesh) -> None:
@@ -125,7 +127,9 @@ def structured(
     nx, ny, nz = (len(line) - 1 for line in lines)
     z, y, x = np.meshgrid(lines[2], lines[1], lines[0], indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
-    k, j, i = (a.ravel() for a in np.meshgrid(np.arange(nz), np.arange(ny), np.arange(nx), indexing="ij"))
+    k, j, i = (
+        a.ravel() for a in np.meshgrid(np.arange(nz), np.arange(ny), np.arange(nx), indexing="ij")
+    )
     if keep is not None:
         chosen = keep[i, j, k]
         i, j, k = i[chosen], j[chosen], k[chosen]
@@ -133,7 +137,16 @@ def structured(
     def node(di: int, dj: int, dk: int) -> np.ndarray:
         return ((k + dk) * (ny + 1) + j + dj) * (nx + 1) + i + di
 
-    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    corners = [
+        (0, 0, 0),
+        (1, 0, 0),
+        (1, 1, 0),
+        (0, 1, 0),
+        (0, 0, 1),
+        (1, 0, 1),
+        (1, 1, 1),
+        (0, 1, 1),
+    ]
     hex8 = np.column_stack([node(*c) for c in corners])
     used, hex8 = np.unique(hex8, return_inverse=True)
     return points[used], hex8.reshape(-1, 8)
@@ -186,7 +199,9 @@ def from_gmsh(path: Path) -> Mesh:
         row += len(block.data) if dim == 3 else 0
     mesh.volumes = {name: np.concatenate(parts) for name, parts in gathered["hexahedron"].items()}
     mesh.facets = {name: np.concatenate(parts) for name, parts in gathered["quad"].items()}
-    mesh.nodes = {name: np.unique(np.concatenate(parts)) for name, parts in gathered["vertex"].items()}
+    mesh.nodes = {
+        name: np.unique(np.concatenate(parts)) for name, parts in gathered["vertex"].items()
+    }
     return without_unused(mesh)
 
 

@@ -168,7 +168,10 @@ def read_text(path: Path) -> Packing:
             numbers.append([float(word) for word in words[2:12]])
         except ValueError as fault:
             raise FaultError(
-                "E502", f"a row is no grain: {fault}", f"rows are: {TEXT_COLUMNS}", f"{path}:{number}"
+                "E502",
+                f"a row is no grain: {fault}",
+                f"rows are: {TEXT_COLUMNS}",
+                f"{path}:{number}",
             ) from fault
         if words[12] != "-":
             groups.setdefault(words[12], []).append(ids[-1])

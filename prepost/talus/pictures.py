@@ -37,7 +37,9 @@ def render(
     with FieldFile(grains) as fields:
         first, now = fields.read(0), fields.read(step)
     if not now.grains:
-        raise FaultError("E543", f"{grains} holds no grains", "grains.h5 comes first, --solid after it")
+        raise FaultError(
+            "E543", f"{grains} holds no grains", "grains.h5 comes first, --solid after it"
+        )
     plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
     plotter.set_background("white")
     add_grains(pyvista, plotter, first, now, color)
@@ -72,7 +74,9 @@ def values_of(first: Snapshot, now: Snapshot, color: str) -> np.ndarray:
     return MILLI * np.linalg.norm(np.nan_to_num(displacement(first.grains, now.grains)), axis=1)
 
 
-def add_grains(pyvista: object, plotter: object, first: Snapshot, now: Snapshot, color: str) -> None:
+def add_grains(
+    pyvista: object, plotter: object, first: Snapshot, now: Snapshot, color: str
+) -> None:
     """Add the grains outside the cut: free ones coloured, walls grey, the penetrator whole and red."""
     g = now.grains
     kind = g["kind"]
@@ -93,7 +97,9 @@ def add_grains(pyvista: object, plotter: object, first: Snapshot, now: Snapshot,
             plotter.add_mesh(mesh, color=colour, smooth_shading=True)
 
 
-def ellipsoids(pyvista: object, g: dict[str, np.ndarray], rows: np.ndarray, values: np.ndarray) -> object:
+def ellipsoids(
+    pyvista: object, g: dict[str, np.ndarray], rows: np.ndarray, values: np.ndarray
+) -> object:
     """Return one surface of many ellipsoids with the point data `value` and normals; lengths in mm."""
     ball = pyvista.Sphere(radius=1.0, theta_resolution=20, phi_resolution=14)
     unit = np.asarray(ball.points, float)
@@ -112,7 +118,9 @@ def add_solid(pyvista: object, plotter: object, path: Path, time: float) -> None
     """Add the block at the step nearest in time, without the elements of the cut."""
     with FieldFile(path) as fields:
         if fields.mesh is None:
-            raise FaultError("E543", f"{path} holds no mesh", "the field file of the solid is wanted")
+            raise FaultError(
+                "E543", f"{path} holds no mesh", "the field file of the solid is wanted"
+            )
         x, hex8 = fields.mesh
         times = [fields.read(k).time for k in range(len(fields))]
         step = int(np.argmin(np.abs(np.array(times) - time)))

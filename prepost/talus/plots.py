@@ -33,12 +33,16 @@ def energy(path: Path) -> object:
     names = [name for name in names if name not in split]
     largest = max((float(np.abs(history[name]).max()) for name in names), default=0.0)
     shown = [name for name in names if np.abs(history[name]).max() > SMALL * largest]
-    fig, (top, low) = new_figure(
-        nrows=2, sharex=True, figsize=(7.6, 5.4), height_ratios=[3, 1]
-    )
+    fig, (top, low) = new_figure(nrows=2, sharex=True, figsize=(7.6, 5.4), height_ratios=[3, 1])
     for k, name in enumerate(shown):
         style = "-" if k < len(COLOURS) else "--"
-        top.plot(time, history[name], style, color=COLOURS[k % len(COLOURS)], label=name.replace("_", " "))
+        top.plot(
+            time,
+            history[name],
+            style,
+            color=COLOURS[k % len(COLOURS)],
+            label=name.replace("_", " "),
+        )
     top.set(ylabel="energy [J]", title=f"Energy ledger, {stem_of(path, '_energy')}")
     if shown:
         top.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
@@ -67,13 +71,17 @@ def audit(path: Path) -> object:
         force.plot(time, history[f"force_on_solid_{axis}"], label=axis, lw=1.2)
     force.set(ylabel="force on the solid [N]")
     ghosts = axes[1, 0]
-    ghosts.plot(time, MILLI * history["largest_ghost_displacement"], label="largest ghost displacement")
+    ghosts.plot(
+        time, MILLI * history["largest_ghost_displacement"], label="largest ghost displacement"
+    )
     ghosts.plot(time, MILLI * history["constraint_residual"], label="constraint residual")
     ghosts.set(xlabel="time [s]", ylabel="length [mm]")
     share = axes[1, 1]
     size = np.maximum.accumulate(np.abs(history[both[0]]))
     good = size > 0.0
-    share.semilogy(time[good], np.abs(history[both[2]][good]) / size[good] + 1.0e-18, label="work difference")
+    share.semilogy(
+        time[good], np.abs(history[both[2]][good]) / size[good] + 1.0e-18, label="work difference"
+    )
     if "spring_residual" in history.columns and np.any(history["spring_residual"] > 0.0):
         share.semilogy(time, history["spring_residual"], label="spring residual")
     share.set(xlabel="time [s]", ylabel="relative error [-]")
@@ -137,7 +145,9 @@ def ghosts(path: Path, step: int = -1) -> object:
     with FieldFile(path) as fields:
         first, now = fields.read(0), fields.read(step)
     if not now.grains:
-        raise FaultError("E543", f"{path} holds no grains", "the field file of the grains is wanted")
+        raise FaultError(
+            "E543", f"{path} holds no grains", "the field file of the grains is wanted"
+        )
     rows = ghost_rows(first.grains, now.grains)
     if not rows.size:
         hint = "ghosts are wall grains that a coupled run moves"
@@ -180,7 +190,9 @@ def draw_arrows(
     for limit, axis in ((ax.set_xlim, a), (ax.set_ylim, b)):
         both = np.concatenate([x[:, axis], tips[:, axis]])
         limit(both.min() - 4.0, both.max() + 4.0)
-    return ax.scatter(x[:, a], x[:, b], c=size, s=9, zorder=2, cmap="viridis", vmin=0.0, vmax=limits["clim"][1])
+    return ax.scatter(
+        x[:, a], x[:, b], c=size, s=9, zorder=2, cmap="viridis", vmin=0.0, vmax=limits["clim"][1]
+    )
 
 
 def round_scale(value: float) -> float:
@@ -193,7 +205,9 @@ def rows_of(history: histories.History) -> np.ndarray:
     """Return the times of a history; one without rows is a fault."""
     time = history["time"]
     if not time.size:
-        raise FaultError("E545", f"{history.path} has no rows yet", "the run has written no history")
+        raise FaultError(
+            "E545", f"{history.path} has no rows yet", "the run has written no history"
+        )
     return time
 
 

@@ -7,7 +7,11 @@ from pathlib import Path
 
 from talus.faults import FaultError
 
-OF_COUPLE, OF_GRAINS, OF_SOLID = {"program", "facets", "clock"}, {"particles", "contact"}, {"mesh", "section"}
+OF_COUPLE, OF_GRAINS, OF_SOLID = (
+    {"program", "facets", "clock"},
+    {"particles", "contact"},
+    {"mesh", "section"},
+)
 
 
 def find_program(name: str) -> Path:
@@ -19,7 +23,9 @@ def find_program(name: str) -> Path:
             return place / name
     if found := shutil.which(name):
         return Path(found)
-    raise FaultError("E530", f"{name} was not found", "build it (make) or set TALUS_BIN", exit_code=4)
+    raise FaultError(
+        "E530", f"{name} was not found", "build it (make) or set TALUS_BIN", exit_code=4
+    )
 
 
 def program_of(deck: Path) -> str:
@@ -29,7 +35,13 @@ def program_of(deck: Path) -> str:
     except OSError as fault:
         raise FaultError("E531", f"cannot read {deck}: {fault.strerror}") from fault
     groups = {name.lower() for name in re.findall(r"^\s*&(\w+)", text, flags=re.M)}
-    for name, own in (("talus-couple", OF_COUPLE), ("talus-dem", OF_GRAINS), ("talus-fem", OF_SOLID)):
+    for name, own in (
+        ("talus-couple", OF_COUPLE),
+        ("talus-dem", OF_GRAINS),
+        ("talus-fem", OF_SOLID),
+    ):
         if groups & own:
             return name
-    raise FaultError("E532", f"{deck} is no deck of Talus that I know", "name the program with --program")
+    raise FaultError(
+        "E532", f"{deck} is no deck of Talus that I know", "name the program with --program"
+    )

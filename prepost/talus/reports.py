@@ -18,7 +18,16 @@ vertical-align:top}td,th{border:1px solid #cfd6de;padding:.2rem .6rem;text-align
 th{background:#f3f1ec;font-weight:600}img{max-width:100%}figcaption{color:#5c6570;font-size:.9em}
 .bad{color:#b00020;font-weight:700}.good{color:#1f6f3d;font-weight:700}footer{color:#7a828c;margin-top:3rem}
 """
-MAIN_ROWS = ("version", "git", "deck", "exit_code", "wall_time_s", "steps", "time_s", "grain_steps_per_s")
+MAIN_ROWS = (
+    "version",
+    "git",
+    "deck",
+    "exit_code",
+    "wall_time_s",
+    "steps",
+    "time_s",
+    "grain_steps_per_s",
+)
 ENDS = {0: "finished", 1: "fault of the input", 2: "numerical fault", 3: "stopped early",
         4: "fault of the system", 5: "bug"}  # fmt: skip
 
@@ -86,7 +95,9 @@ def build(folder: Path, title: str) -> str:
     images = sorted(folder.glob("*.png"))
     ledgers = [p for p in sorted(folder.glob("*_energy.csv")) if not p.with_suffix(".png").exists()]
     if not summaries and not images and not ledgers:
-        raise FaultError("E553", f"{folder} holds no results", "*_summary.json, *.png, *_energy.csv")
+        raise FaultError(
+            "E553", f"{folder} holds no results", "*_summary.json, *.png, *_energy.csv"
+        )
     parts = [run_section(path) for path in summaries]
     if images or ledgers:
         parts.append("<h2>Figures</h2>")

@@ -109,10 +109,14 @@ class Case:
         )  # fmt: skip
         if done.returncode != expect:
             tail = (done.stdout + done.stderr)[-1500:]
-            raise RuntimeError(f"{program} {deck} ended with {done.returncode}, not {expect}\n{tail}")
+            raise RuntimeError(
+                f"{program} {deck} ended with {done.returncode}, not {expect}\n{tail}"
+            )
         return done
 
-    def metric(self, name: str, value: float, expected: float, limit: float, note: str = "") -> None:
+    def metric(
+        self, name: str, value: float, expected: float, limit: float, note: str = ""
+    ) -> None:
         """Judge |value - expected| <= limit."""
         good = bool(np.isfinite(value)) and abs(value - expected) <= limit
         self.judge(name, value, expected, limit, good, note)

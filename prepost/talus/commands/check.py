@@ -21,7 +21,9 @@ def check(options: argparse.Namespace) -> int:
     """Show every fault of the deck; return the program's exit code."""
     program = options.program or program_of(options.deck)
     done = subprocess.run(
-        [str(find_program(program)), str(options.deck), "--check", "--json"], capture_output=True, text=True
+        [str(find_program(program)), str(options.deck), "--check", "--json"],
+        capture_output=True,
+        text=True,
     )
     try:
         result = json.loads(done.stdout)
@@ -30,7 +32,11 @@ def check(options: argparse.Namespace) -> int:
             "E533", f"{program} gave no readable answer", done.stderr.strip()[-300:], exit_code=4
         ) from fault
     for error in result["errors"]:
-        print(FaultError(error["code"], error["message"], error.get("hint", ""), error.get("place", "")))
+        print(
+            FaultError(
+                error["code"], error["message"], error.get("hint", ""), error.get("place", "")
+            )
+        )
     if result["errors"]:
         print(f"{options.deck}: {len(result['errors'])} faults")
     else:

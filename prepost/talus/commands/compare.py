@@ -21,7 +21,11 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument("--layers", type=int, default=5, help="layers of the solid fraction")
     text = ", ".join(f"{name}={value:g}" for name, value in LIMITS.items())
     new.add_argument(
-        "--limits", nargs="*", default=[], metavar="NAME=VALUE", help=f"largest differences (default {text})"
+        "--limits",
+        nargs="*",
+        default=[],
+        metavar="NAME=VALUE",
+        help=f"largest differences (default {text})",
     )
     new.set_defaults(run=compare)
 
@@ -56,6 +60,8 @@ def compare(options: argparse.Namespace) -> int:
         far = limit is not None and not abs(two - one) <= limit
         beyond += far
         shown = "" if limit is None else f"{limit:10.4g}"
-        print(f"{name:28s} {one:12.6g} {two:12.6g} {two - one:12.4g} {shown:>10s}{'  BEYOND' * far}")
+        print(
+            f"{name:28s} {one:12.6g} {two:12.6g} {two - one:12.4g} {shown:>10s}{'  BEYOND' * far}"
+        )
     print(f"{beyond} beyond their limits" if beyond else "within all limits")
     return int(beyond > 0)

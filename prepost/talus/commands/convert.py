@@ -11,7 +11,9 @@ def register(commands: argparse._SubParsersAction) -> None:
     """Add `convert`."""
     new = commands.add_parser("convert", help="field file to VTU series")
     new.add_argument("source", type=Path, help="field file (grains.h5, solid.h5)")
-    new.add_argument("-o", "--output", type=Path, required=True, help="folder, or name ending in .vtu")
+    new.add_argument(
+        "-o", "--output", type=Path, required=True, help="folder, or name ending in .vtu"
+    )
     new.set_defaults(run=convert)
 
 

@@ -20,7 +20,9 @@ def register(commands: argparse._SubParsersAction) -> None:
         ("bottom", "height of the hole's floor"), ("top", "height of the block's top"),
         ("floor", "thickness under the hole"), ("size", "edge of an element"),
     ):  # fmt: skip
-        new.add_argument(f"--{name}", type=float, default=getattr(defaults, name), help=f"{text} [m]")
+        new.add_argument(
+            f"--{name}", type=float, default=getattr(defaults, name), help=f"{text} [m]"
+        )
     new.set_defaults(run=block)
     new.add_argument("-o", "--output", type=Path, required=True)
     new = mesh.add_parser("box", help="structured box with groups x0 ... z1")
@@ -39,7 +41,9 @@ def finish(path: Path, mesh: meshes.Mesh) -> int:
     """Write the mesh and say what it holds."""
     meshes.write_mesh(path, mesh)
     groups = ", ".join(
-        [f"volume {n}" for n in mesh.volumes] + [f"facets {n}" for n in mesh.facets] + [f"nodes {n}" for n in mesh.nodes]
+        [f"volume {n}" for n in mesh.volumes]
+        + [f"facets {n}" for n in mesh.facets]
+        + [f"nodes {n}" for n in mesh.nodes]
     )
     print(f"{path}: {len(mesh.x)} nodes, {len(mesh.hex8)} hexahedra; {groups}")
     return 0

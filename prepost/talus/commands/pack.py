@@ -13,12 +13,16 @@ from talus.packing import FREE, Packing, read_packing, write_packing_file
 
 def register(commands: argparse._SubParsersAction) -> None:
     """Add `pack` and its own sub-commands."""
-    pack = commands.add_parser("pack", help="make or change a packing").add_subparsers(required=True)
+    pack = commands.add_parser("pack", help="make or change a packing").add_subparsers(
+        required=True
+    )
     new = _sub(pack, "penetration", penetration, "container and grains of the benchmark")
     new.add_argument("--container", choices=sorted(generate.GRID), default="small")
     new.add_argument("--seed", type=int, default=1)
     new.add_argument("--layers", type=int, default=40)
-    new.add_argument("--guard-rows", type=int, default=0, help="more rows of fixed spheres above the walls")
+    new.add_argument(
+        "--guard-rows", type=int, default=0, help="more rows of fixed spheres above the walls"
+    )
     new = _sub(pack, "lattice", lattice, "grains on a lattice")
     new.add_argument("--kind", choices=sorted(generate.LATTICES), default="sc")
     new.add_argument("--cells", type=int, nargs=3, default=(5, 5, 5))
@@ -30,7 +34,10 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument("--axes", type=float, nargs=3, required=True, help="semi-axes [m]")
     new.add_argument("--spread", type=float, default=0.0, help="sizes 1 +- spread")
     new.add_argument("--seed", type=int, default=1)
-    for name, text in (("text2h5", "text form to packing.h5"), ("h52text", "packing.h5 to text form")):
+    for name, text in (
+        ("text2h5", "text form to packing.h5"),
+        ("h52text", "packing.h5 to text form"),
+    ):
         new = _sub(pack, name, transfer, text)
         new.add_argument("source", type=Path)
         new.add_argument("--header", default="", help="a comment line for the text form")
@@ -40,11 +47,15 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument("--drop-container-above", type=float, help="drop container grains above z [m]")
     new.add_argument("--tool", action="store_true", help="add the penetrator")
     new.add_argument("--tool-axes", type=float, nargs=3, default=generate.TOOL_AXES)
-    new.add_argument("--tool-height", type=float, help="height of its centre [m]; default: just above the bed")
+    new.add_argument(
+        "--tool-height", type=float, help="height of its centre [m]; default: just above the bed"
+    )
     new.add_argument("--at-rest", action="store_true", help="set all velocities to zero")
 
 
-def _sub(pack: argparse._SubParsersAction, name: str, run: object, text: str) -> argparse.ArgumentParser:
+def _sub(
+    pack: argparse._SubParsersAction, name: str, run: object, text: str
+) -> argparse.ArgumentParser:
     """Add one sub-command with the options that all share."""
     parser = pack.add_parser(name, help=text)
     parser.add_argument("-o", "--output", type=Path, required=True)
@@ -77,7 +88,8 @@ def penetration(options: argparse.Namespace) -> int:
 def lattice(options: argparse.Namespace) -> int:
     """Make a lattice."""
     return finish(
-        options, generate.lattice(options.kind, tuple(options.cells), options.pitch, np.array(options.axes))
+        options,
+        generate.lattice(options.kind, tuple(options.cells), options.pitch, np.array(options.axes)),
     )
 
 
@@ -118,6 +130,8 @@ def group_ids(packing: Packing, name: str) -> np.ndarray:
     """Ids of a group, or a fault that names the groups there are."""
     if name not in packing.groups:
         raise FaultError(
-            "E513", f"the packing has no group '{name}'", f"it has: {', '.join(packing.groups) or 'none'}"
+            "E513",
+            f"the packing has no group '{name}'",
+            f"it has: {', '.join(packing.groups) or 'none'}",
         )
     return packing.groups[name]

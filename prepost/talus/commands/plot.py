@@ -39,7 +39,9 @@ def plot(options: argparse.Namespace) -> int:
         raise FaultError("E549", f"'talus plot {options.what}' takes one file")
     source = Path(options.files[0])
     if options.what == "ghosts":
-        return save(plots.ghosts(source, options.step), options.output or Path("ghost_displacement.png"))
+        return save(
+            plots.ghosts(source, options.step), options.output or Path("ghost_displacement.png")
+        )
     figure = plots.audit(source) if options.what == "audit" else plots.energy(source)
     return save(figure, options.output or Path(f"{source.stem}.png"))
 
@@ -57,7 +59,9 @@ def plot_force(options: argparse.Namespace) -> int:
     if options.csv:
         plots.write_force_table(options.csv, curves)
         print(options.csv)
-    return save(plots.force_figure(curves, options.title), options.output or Path("force_penetration.png"))
+    return save(
+        plots.force_figure(curves, options.title), options.output or Path("force_penetration.png")
+    )
 
 
 def save(figure: object, path: Path) -> int:
@@ -78,8 +82,12 @@ def plot_folder(folder: Path, options: argparse.Namespace) -> int:
         hint = f"a folder, or one of {', '.join(KINDS)}"
         raise FaultError("E549", f"'{folder}' is no folder and no kind of plot", hint)
     out = options.output or folder
-    works = [(path, plots.energy, f"{path.stem}.png") for path in sorted(folder.glob("*_energy.csv"))]
-    works += [(path, plots.audit, f"{path.stem}.png") for path in sorted(folder.glob("*_audit.csv"))]
+    works = [
+        (path, plots.energy, f"{path.stem}.png") for path in sorted(folder.glob("*_energy.csv"))
+    ]
+    works += [
+        (path, plots.audit, f"{path.stem}.png") for path in sorted(folder.glob("*_audit.csv"))
+    ]
     driven = sorted(folder.glob("*_driven.csv"))
     if driven:
         works.append((driven, force_of_all, "force_penetration.png"))
@@ -96,7 +104,9 @@ def plot_folder(folder: Path, options: argparse.Namespace) -> int:
             if fault.code not in ("E543", "E548"):  # no grains, no ghosts: nothing to draw
                 print(fault, file=sys.stderr)
     if not made:
-        raise FaultError("E549", f"{folder} holds nothing to plot", "*_energy.csv, *_driven.csv, ...")
+        raise FaultError(
+            "E549", f"{folder} holds nothing to plot", "*_energy.csv, *_driven.csv, ..."
+        )
     return 0
 
 

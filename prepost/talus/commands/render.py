@@ -13,7 +13,9 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument("--solid", type=Path, help="field file of the solid")
     new.add_argument("--step", type=int, default=-1, help="step, negative from the end")
     new.add_argument("--color", choices=sorted(pictures.COLOURS_OF), default="displacement")
-    new.add_argument("--size", type=int, nargs=2, default=(1400, 1050), help="width and height [pixels]")
+    new.add_argument(
+        "--size", type=int, nargs=2, default=(1400, 1050), help="width and height [pixels]"
+    )
     new.add_argument("-o", "--output", type=Path, default=Path("view3d.png"))
     new.set_defaults(run=render)
 
@@ -21,7 +23,12 @@ def register(commands: argparse._SubParsersAction) -> None:
 def render(options: argparse.Namespace) -> int:
     """Write the picture and say its name."""
     pictures.render(
-        options.grains, options.solid, options.step, options.color, options.output, tuple(options.size)
+        options.grains,
+        options.solid,
+        options.step,
+        options.color,
+        options.output,
+        tuple(options.size),
     )
     print(options.output)
     return 0

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+
 from talus.packing import make_packing, write_h5
 
 x = np.array([[0.0, 0.0, 2.0e-3], [5.0e-3, 0.0, 2.0e-3]])

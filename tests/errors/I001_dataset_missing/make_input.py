@@ -4,6 +4,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+
 from talus.packing import make_packing, write_h5
 
 x = np.array([[0.0, 0.0, 2.0e-3], [5.0e-3, 0.0, 2.0e-3]])

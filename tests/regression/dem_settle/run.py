@@ -69,7 +69,9 @@ def same_h5(first: Path, second: Path) -> list[str]:
     different = []
     with h5py.File(first) as a, h5py.File(second) as b:
         names: list[str] = []
-        a.visititems(lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None)
+        a.visititems(
+            lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None
+        )
         for name in names:
             if name not in b or a[name][()].tobytes() != b[name][()].tobytes():
                 different.append(name)
@@ -137,12 +139,16 @@ def main() -> int:
         part = folder_with(scratch, f"part_{half}", half)
         check(f"first part to {half} s", run(program, part, "--threads=1") == 0)
         shutil.copy(whole / "deck.nml", part / "deck.nml")
-        check(f"second part from {half} s", run(program, part, "--threads=2", "--restart=auto") == 0)
+        check(
+            f"second part from {half} s", run(program, part, "--threads=2", "--restart=auto") == 0
+        )
         compare(f"restart at {half} s", whole, part)
     shutil.copy(whole / "end.h5", whole / "pack.h5")
     text = (whole / "deck.nml").read_text().replace("t_end = 0.1", "t_end = 0.001")
     (whole / "deck.nml").write_text(text)
-    check("the packing written can be read", run(program, whole, f"--output={scratch / 'third'}") == 0)
+    check(
+        "the packing written can be read", run(program, whole, f"--output={scratch / 'third'}") == 0
+    )
     interrupted(program, scratch)
     print(f"{PASSED} passed, {len(FAILURES)} failed")
     return 1 if FAILURES else 0

@@ -124,15 +124,27 @@ def run(case: Case) -> None:
     found[(first[order] - 1) // 2] = contacts["overlap"][order]
     missing = int(np.isnan(found).sum())
     case.metric("pairs missed", missing, 0, 0)
-    case.below("largest |overlap - brute force| / semi-axis", float(np.nanmax(np.abs(found - exact)) / 2.5e-3), 1e-9)
+    case.below(
+        "largest |overlap - brute force| / semi-axis",
+        float(np.nanmax(np.abs(found - exact)) / 2.5e-3),
+        1e-9,
+    )
     q = matrices(quat)
     tensor = np.einsum("nij,j,nkj->nik", q, AXES**2, q)
     other = np.array(
-        [potential_overlap(x[2 * k + 1] - x[2 * k], tensor[2 * k], tensor[2 * k + 1]) for k in range(PAIRS)]
+        [
+            potential_overlap(x[2 * k + 1] - x[2 * k], tensor[2 * k], tensor[2 * k + 1])
+            for k in range(PAIRS)
+        ]
     )
     relative = np.abs(other - found) / found
     slope = float(np.nanmedian(relative / (found / 1.5e-3)))
-    case.below("difference to the geometric potential / (overlap / least semi-axis)", slope, 1.0, "O(overlap/R)")
+    case.below(
+        "difference to the geometric potential / (overlap / least semi-axis)",
+        slope,
+        1.0,
+        "O(overlap/R)",
+    )
     fig, ax = case.figure()
     ax.loglog(found / 1.5e-3, relative, "o", ms=4, label="geometric potential against Talus")
     ax.loglog(found / 1.5e-3, found / 1.5e-3, "-", label="overlap / least semi-axis")

@@ -45,7 +45,9 @@ def impact(case: Case, ratio: float, speed: float) -> tuple[float, float, float]
     case.run("talus-dem", name)
     steps = field_steps(case.folder / name.replace(".nml", ".h5"))
     time = np.array([step.time for step in steps])
-    overlap = np.array([2 * RADIUS - np.linalg.norm(s.grains["x"][1] - s.grains["x"][0]) for s in steps])
+    overlap = np.array(
+        [2 * RADIUS - np.linalg.norm(s.grains["x"][1] - s.grains["x"][0]) for s in steps]
+    )
     inside = np.flatnonzero(overlap > 0.0)
     first, last = inside[0], inside[-1]
     start = np.interp(0.0, overlap[first - 1 : first + 1], time[first - 1 : first + 1])
@@ -61,13 +63,33 @@ def run(case: Case) -> None:
     speed = 1.0
     overlap, duration, rebound = impact(case, 0.0, speed)
     exact = (15.0 * M_STAR * speed**2 / (16.0 * E_STAR * np.sqrt(R_STAR))) ** 0.4
-    case.metric("largest overlap / exact", overlap / exact, 1.0, 1e-4, "parabola through five samples")
-    case.metric("contact time / exact", duration / (2.9433 * exact / speed), 1.0, 1e-3, "2.9433 has five digits")
-    case.metric("restitution without damping", rebound, 1.0, 1e-5, "symplectic, step 1/280 of the contact time")
+    case.metric(
+        "largest overlap / exact", overlap / exact, 1.0, 1e-4, "parabola through five samples"
+    )
+    case.metric(
+        "contact time / exact",
+        duration / (2.9433 * exact / speed),
+        1.0,
+        1e-3,
+        "2.9433 has five digits",
+    )
+    case.metric(
+        "restitution without damping",
+        rebound,
+        1.0,
+        1e-5,
+        "symplectic, step 1/280 of the contact time",
+    )
     measured = [rebound]
     for ratio in RATIOS[1:]:
         measured.append(impact(case, ratio, speed)[2])
-        case.metric(f"restitution at {ratio}", measured[-1], restitution_of_cut_law(ratio), 2e-3, "first order cut")
+        case.metric(
+            f"restitution at {ratio}",
+            measured[-1],
+            restitution_of_cut_law(ratio),
+            2e-3,
+            "first order cut",
+        )
     slow = impact(case, 0.10, 0.5)[2]
     case.metric("restitution at half the speed", slow, measured[2], 2e-3)
     fig, ax = case.figure()

@@ -31,11 +31,23 @@ def run(case: Case) -> None:
         spent = spent + rows[name]
     error = np.abs(given + rows["boundary"] - spent) / scale
     case.below("largest closure error / work of gravity", float(error.max()), 1e-4)
-    case.below("kinetic energy at the end / work of gravity", float(rows["kinetic"][-1] / scale), 1e-2, "settled")
-    without = np.abs(given + rows["boundary"] - spent + rows["curvature"] + rows["tangential_relaxation"]) / scale
-    case.above("closure error without the two small columns", float(without.max()), 1e-4, "they matter")
+    case.below(
+        "kinetic energy at the end / work of gravity",
+        float(rows["kinetic"][-1] / scale),
+        1e-2,
+        "settled",
+    )
+    without = (
+        np.abs(given + rows["boundary"] - spent + rows["curvature"] + rows["tangential_relaxation"])
+        / scale
+    )
+    case.above(
+        "closure error without the two small columns", float(without.max()), 1e-4, "they matter"
+    )
     least = min(float(np.diff(rows[name]).min()) for name in ["friction", "contact_damping"])
-    case.above("least step of friction and damping / input", least / scale, -1e-12, "never negative")
+    case.above(
+        "least step of friction and damping / input", least / scale, -1e-12, "never negative"
+    )
     fig, ax = case.figure()
     ax.plot(rows["time"], given, "-", label="work of gravity")
     for name in ["kinetic", *names]:

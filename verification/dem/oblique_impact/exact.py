@@ -78,16 +78,33 @@ def run(case: Case) -> None:
                         1.0, 1e-4, "gross sliding, normal impulse m* 2 v_n")  # fmt: skip
             sliding_spin = -2.5 * FRICTION * vn / RADIUS
             case.metric(f"{angle:.0f} deg: spin / exact", spin[2] / sliding_spin, 1.0, 1e-4)
-        worst = max(worst, abs(v[1] - wanted_v) / SPEED, abs(spin[2] + abs(wanted_spin)) * RADIUS / SPEED)
+        worst = max(
+            worst, abs(v[1] - wanted_v) / SPEED, abs(spin[2] + abs(wanted_spin)) * RADIUS / SPEED
+        )
         incoming.append(vt / vn)
         measured.append((v[1] + RADIUS * spin[2]) * 2 / vn)
         exact.append((wanted_v - RADIUS * abs(wanted_spin)) * 2 / vn)
-    case.below("largest difference to the independent integration / speed", worst, 2e-3, "steps 20 and 2 ns")
+    case.below(
+        "largest difference to the independent integration / speed",
+        worst,
+        2e-3,
+        "steps 20 and 2 ns",
+    )
     case.below("momentum lost / (m v)", lost, 1e-12)
-    case.below("angular momentum lost / (m v R)", turned, 1e-6, "overlap moves the contact point by delta/R")
+    case.below(
+        "angular momentum lost / (m v R)",
+        turned,
+        1e-6,
+        "overlap moves the contact point by delta/R",
+    )
     fig, ax = case.figure()
-    ax.plot(scale * np.array(incoming), scale * np.array(exact), "-", label="independent integration")
+    ax.plot(
+        scale * np.array(incoming), scale * np.array(exact), "-", label="independent integration"
+    )
     ax.plot(scale * np.array(incoming), scale * np.array(measured), "o", label="Talus")
-    ax.set(xlabel="scaled tangent of the angle before [-]", ylabel="scaled rebound of the contact point [-]")
+    ax.set(
+        xlabel="scaled tangent of the angle before [-]",
+        ylabel="scaled rebound of the contact point [-]",
+    )
     ax.legend()
     case.save(fig)

@@ -26,7 +26,9 @@ def jacobi(u: np.ndarray, m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         last = phi
         phi = (phi + np.arcsin(c[k] / a[k] * np.sin(phi))) / 2
     sn, cn = np.sin(phi), np.cos(phi)
-    dn = np.where(np.abs(np.cos(last - phi)) > 1e-12, cn / np.cos(last - phi), np.sqrt(1 - m * sn**2))
+    dn = np.where(
+        np.abs(np.cos(last - phi)) > 1e-12, cn / np.cos(last - phi), np.sqrt(1 - m * sn**2)
+    )
     return sn, cn, dn
 
 
@@ -79,8 +81,14 @@ def run(case: Case) -> None:
         time, spin, _ = history(case, step)
         error[step] = np.abs(spin - exact_axis_spin(time, start)).max()
     time, spin, length = history(case, 1.0e-5)
-    case.below("drift of |L| over 1e6 steps", float(np.abs(length - 1).max()), 1e-10, "rounding, 1e6 steps")
-    case.below("spin error / largest spin", float(np.abs(spin - exact_axis_spin(time, start)).max() / 9.0), 1e-6)
+    case.below(
+        "drift of |L| over 1e6 steps", float(np.abs(length - 1).max()), 1e-10, "rounding, 1e6 steps"
+    )
+    case.below(
+        "spin error / largest spin",
+        float(np.abs(spin - exact_axis_spin(time, start)).max() / 9.0),
+        1e-6,
+    )
     order = float(np.log2(error[4.0e-4] / error[2.0e-4]))
     case.metric("observed order in time", order, 2.0, 0.1)
     fig, ax = case.figure()

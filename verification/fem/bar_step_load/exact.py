@@ -26,7 +26,12 @@ def run(case: Case) -> None:
     full = 2.0 * TRACTION * LENGTH / YOUNG
     for share in (8, 4, 2):
         value = np.interp(PERIOD / share, time, end) / full
-        case.metric(f"u(T/{share}) / (2 P L / E A)", float(value), float(triangle(np.array(PERIOD / share))), 0.01)
+        case.metric(
+            f"u(T/{share}) / (2 P L / E A)",
+            float(value),
+            float(triangle(np.array(PERIOD / share))),
+            0.01,
+        )
     case.metric("period / (4 L/c)", float(time[np.argmin(end)] * 2.0 / PERIOD), 1.0, 0.02)
     fig, ax = case.figure()
     ax.plot(1e6 * time, triangle(time) * full, "-", label="exact")

@@ -33,16 +33,29 @@ def compliance(case: Case, n: int, element: str, poisson: float) -> float:
 def run(case: Case) -> None:
     """Judge the finest mesh, the order, and locking; plot convergence."""
     sizes = [8, 16, 32, 64]
-    values = {e: [compliance(case, n, e, 1.0 / 3.0) for n in sizes] for e in ("hex8_bbar", "hex8_full")}
+    values = {
+        e: [compliance(case, n, e, 1.0 / 3.0) for n in sizes] for e in ("hex8_bbar", "hex8_full")
+    }
     for element, found in values.items():
         case.metric(f"{element} 64 x 64 / converged", found[-1] / EXACT, 1.0, 3e-3)
         order = np.log2((EXACT - found[1]) / (EXACT - found[3])) / 2
-        case.metric(f"{element}: observed order", float(order), 1.6, 0.5, "corner singularities lower it from 2")
+        case.metric(
+            f"{element}: observed order",
+            float(order),
+            1.6,
+            0.5,
+            "corner singularities lower it from 2",
+        )
     soft = compliance(case, 32, "hex8_bbar", 0.4999)
     locked = compliance(case, 32, "hex8_full", 0.4999)
     finer = compliance(case, 64, "hex8_bbar", 0.4999)
     case.metric("nu = 0.4999: hex8_bbar 32 / 64", soft / finer, 1.0, 0.03, "no locking")
-    case.below("nu = 0.4999: hex8_full / hex8_bbar", locked / soft, 0.95, "plain integration locks, as known")
+    case.below(
+        "nu = 0.4999: hex8_full / hex8_bbar",
+        locked / soft,
+        0.95,
+        "plain integration locks, as known",
+    )
     fig, ax = case.figure()
     ax.axhline(EXACT, color="k", lw=1, label="converged")
     for element, found in values.items():

@@ -17,12 +17,20 @@ def run(case: Case) -> None:
             mesh = meshes.box(np.zeros(3), np.ones(3), (n, n, n))
             meshes.write_mesh(case.folder / "cube.h5", mesh)
             name = f"{element}_{n}.nml"
-            (case.folder / name).write_text((case.folder / "deck.nml").read_text().replace("hex8_full", element))
+            (case.folder / name).write_text(
+                (case.folder / "deck.nml").read_text().replace("hex8_full", element)
+            )
             case.run("talus-fem", name)
             u = field_steps(case.folder / name.replace(".nml", ".h5"))[-1].solid["u"]
             found[element, n] = u[np.linalg.norm(mesh.x - 1.0, axis=1) < 1e-9][0]
     for k, letter in enumerate("xyz"):
-        case.metric(f"u_{letter} of the corner / others", float(found["hex8_full", 10][k] / OTHERS[k]), 1.0, 1e-6, "seven digits are printed")
+        case.metric(
+            f"u_{letter} of the corner / others",
+            float(found["hex8_full", 10][k] / OTHERS[k]),
+            1.0,
+            1e-6,
+            "seven digits are printed",
+        )
     near = np.abs(found["hex8_bbar", 20][[0, 2]] / FINE[[0, 2]] - 1).max()
     case.below("hex8_bbar 20^3 against hex27 20^3, u_x and u_z", float(near), 0.01)
     fig, ax = case.figure()

@@ -23,7 +23,13 @@ def run(case: Case) -> None:
     z = mesh.x[:, 2]
     exact = -DENSITY * GRAVITY / CONFINED * (HEIGHT * z - z**2 / 2)
     top = last["u"][z > HEIGHT - 1e-9, 2].mean()
-    case.metric("settlement of the top / exact", top / exact.min(), 1.0, 1e-10, "nodally exact in one dimension")
+    case.metric(
+        "settlement of the top / exact",
+        top / exact.min(),
+        1.0,
+        1e-10,
+        "nodally exact in one dimension",
+    )
     centre = mesh.x[mesh.hex8].mean(axis=1)[:, 2]
     vertical = -DENSITY * GRAVITY * (HEIGHT - centre)
     off = np.abs(last["stress"][:, 2] - vertical).max() / (DENSITY * GRAVITY * HEIGHT)
@@ -31,12 +37,28 @@ def run(case: Case) -> None:
     ratio = last["stress"][:, 0] / last["stress"][:, 2]
     case.metric("K0", float(ratio.mean()), POISSON / (1 - POISSON), 1e-10)
     base = read_history(case.folder / "deck_reactions.csv")["z0 z"][-1]
-    case.metric("base reaction with its nodes' share / weight", base / (DENSITY * GRAVITY * HEIGHT), 1.0, 1e-10)
+    case.metric(
+        "base reaction with its nodes' share / weight",
+        base / (DENSITY * GRAVITY * HEIGHT),
+        1.0,
+        1e-10,
+    )
     ledger = read_history(case.folder / "deck_energy.csv")
-    case.metric("strain energy / exact, energy", ledger["strain"][-1] / energy(), 1.0, 1e-3, "elements hold constant stress")
+    case.metric(
+        "strain energy / exact, energy",
+        ledger["strain"][-1] / energy(),
+        1.0,
+        1e-3,
+        "elements hold constant stress",
+    )
     fig, ax = case.figure()
     line = np.linspace(0, HEIGHT, 101)
-    ax.plot(-1e3 * DENSITY * GRAVITY / CONFINED * (HEIGHT * line - line**2 / 2), line, "-", label="exact")
+    ax.plot(
+        -1e3 * DENSITY * GRAVITY / CONFINED * (HEIGHT * line - line**2 / 2),
+        line,
+        "-",
+        label="exact",
+    )
     column = (mesh.x[:, 0] < 1e-9) & (mesh.x[:, 1] < 1e-9)
     ax.plot(1e3 * last["u"][column, 2], z[column], "o", ms=4, label="Talus")
     ax.set(xlabel="settlement [mm]", ylabel="height [m]")

@@ -26,9 +26,17 @@ def run(case: Case) -> None:
         top = np.array([s.solid["u"][-1, 2] for s in steps])
         discrete = 2.0 / dt * np.arctan(OMEGA * dt / 2.0)
         exact = still * (1.0 - np.cos(discrete * time))
-        case.below(f"dt = {dt}: |u - discrete solution| / static", float(np.abs(top - exact).max() / abs(still)), 1e-8)
+        case.below(
+            f"dt = {dt}: |u - discrete solution| / static",
+            float(np.abs(top - exact).max() / abs(still)),
+            1e-8,
+        )
         ledger = read_history(case.folder / name.replace(".nml", "_energy.csv"))
-        case.below(f"dt = {dt}: energy closure / largest", float(np.abs(ledger["closure"]).max() / ledger["strain"].max()), 1e-10)
+        case.below(
+            f"dt = {dt}: energy closure / largest",
+            float(np.abs(ledger["closure"]).max() / ledger["strain"].max()),
+            1e-10,
+        )
         ax.plot(time[:120], exact[:120] / still, "-", label=f"exact for dt = {dt} s")
         ax.plot(time[:120], top[:120] / still, "o", ms=3)
     ax.set(xlabel="time [s]", ylabel="displacement / static [-]", xlim=(0, 2))

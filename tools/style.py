@@ -1,0 +1,158 @@
+"""Check the layout rules of the code that a machine can check (marked (c) in the style guide).
+
+Usage: style.py [--root FOLDER]
+Fortran under common, dem, fem, couple and tests/unit; Python by ruff, where it is installed.
+Prints `file:line: rule`, closes with 'N passed, M failed' (files), exits with 1 on failure.
+"""
+
+import argparse
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDERS = ("common", "dem", "fem", "couple", "tests/unit")
+PYTHON = ("prepost", "tools", "verification", "tests")
+COLUMNS, LINES = 100, 600
+REAL = re.compile(
+    r"(?<![\w.])(?:\d+\.\d*(?:[ed][+-]?\d+)?|\.\d+(?:[ed][+-]?\d+)?|\d+[ed][+-]?\d+)(?!\w)"
+)
+FORBIDDEN = (
+    (re.compile(r"(,|^)\s*pointer\b(?!\s*=)"), "pointer"),
+    (re.compile(r"^\s*pointer\b"), "pointer"),
+    (re.compile(r"\bgo\s*to\b"), "goto"),
+    (re.compile(r"(^|,)\s*save\b(?!\s*[=(%])"), "save"),
+    (re.compile(r"^\s*common\b\s*(/|\w)(?!.*=)"), "common block"),
+    (re.compile(r"^\s*equivalence\s*\("), "equivalence"),
+    (re.compile(r"^\s*include\s"), "include"),
+)
+# the module that speaks MUMPS may do what that asks for; memory that C owns needs a pointer
+ALLOWED = {"include": {"fem_mumps.f90"}, "pointer": {"fem_mumps.f90"}}
+OF_C = re.compile(r"\bcall\s+c_f_pointer\b")
+FORMAT = re.compile(r"^\s*\d+\s+format\b")
+
+
+def code_of(lines: list[str]) -> list[str]:
+    """Return the lines in lower case without comments, and with the insides of strings blanked."""
+    bare, quote = [], ""
+    for line in lines:
+        kept = []
+        for letter in line:
+            if quote:
+                quote = "" if letter == quote else quote
+                kept.append(letter if not quote else " ")
+            elif letter in "'\"":
+                quote = letter
+                kept.append(letter)
+            elif letter == "!":
+                break
+            else:
+                kept.append(letter)
+        text = "".join(kept)
+        if quote and not text.rstrip().endswith("&") and not line.rstrip().endswith("&"):
+            quote = ""
+        bare.append(text.lower())
+    return bare
+
+
+def check_layout(path: Path, lines: list[str]) -> list[tuple[int, str]]:
+    """Length of lines and file, blanks at line ends, tabs."""
+    found = [(n, f"line of {len(t)} columns") for n, t in enumerate(lines, 1) if len(t) > COLUMNS]
+    found += [(n, "tab") for n, text in enumerate(lines, 1) if "\t" in text]
+    found += [
+        (n, "blank at the end of the line")
+        for n, text in enumerate(lines, 1)
+        if text != text.rstrip()
+    ]
+    if len(lines) > LINES and not path.name.endswith("_deck_keys.f90"):
+        found.append((len(lines), f"file of {len(lines)} lines"))
+    return found
+
+
+def check_module(path: Path, code: list[str]) -> list[tuple[int, str]]:
+    """One module a file, named as the file, with implicit none and private."""
+    found = []
+    start = re.compile(r"^\s*(module|program)\s+(\w+)\s*$")
+    units = [(n, *m.groups()) for n, text in enumerate(code, 1) if (m := start.match(text))]
+    if len(units) != 1:
+        return [(1, f"{len(units)} modules or programs in one file")]
+    number, kind, name = units[0]
+    if kind == "module" and name != path.stem:
+        found.append((number, f"module {name} in a file of another name"))
+    if not any(re.match(r"^\s*implicit\s+none\b", text) for text in code):
+        found.append((number, "no implicit none"))
+    if kind == "module" and not any(re.match(r"^\s*private\s*$", text) for text in code):
+        found.append((number, "no private"))
+    return found
+
+
+def check_statements(path: Path, code: list[str]) -> list[tuple[int, str]]:
+    """`use` without only, literals without kind, forbidden statements."""
+    found = []
+    maps_memory = any(OF_C.search(text) for text in code)
+    for number, text in enumerate(code, 1):
+        if re.match(r"^\s*use\b(?!\s*=)", text) and "only" not in text:
+            found.append((number, "use without only"))
+        if not FORMAT.match(text):
+            found += [
+                (number, f"real literal {m.group()} without kind") for m in REAL.finditer(text)
+            ]
+        for pattern, name in FORBIDDEN:
+            allowed = path.name in ALLOWED.get(name, ()) or (name == "pointer" and maps_memory)
+            if pattern.search(text) and not allowed:
+                found.append((number, f"{name} is not used here"))
+                break
+    return found
+
+
+def check_fortran(path: Path) -> list[tuple[int, str]]:
+    """Return (line, rule) of all breaches in a file."""
+    lines = path.read_text().splitlines()
+    code = code_of(lines)
+    found = check_layout(path, lines) + check_module(path, code) + check_statements(path, code)
+    return sorted(set(found))
+
+
+def check_python(root: Path) -> tuple[int, int, list[str]]:
+    """Return (files in order, files with breaches, what ruff says); (0, 0, ...) without ruff."""
+    ruff = shutil.which("ruff") or shutil.which("ruff", path=str(Path(sys.executable).parent))
+    if ruff is None:
+        return 0, 0, ["ruff is not installed (make deps-dev): Python was not checked"]
+    folders = [name for name in PYTHON if (root / name).exists()]
+    files = {str(p.relative_to(root)) for name in folders for p in (root / name).rglob("*.py")}
+    bad, said = set(), []
+    for arguments in (["check", "--output-format", "concise"], ["format", "--check"]):
+        command = [ruff, *arguments, "--no-cache", *folders]
+        done = subprocess.run(command, cwd=root, capture_output=True, text=True)
+        if done.returncode > 1:
+            return 0, 1, [f"ruff failed: {done.stderr.strip()}"]
+        for line in done.stdout.splitlines():
+            name = line.removeprefix("Would reformat: ").split(":")[0]
+            if name in files:
+                bad.add(name)
+                said.append(line)
+    return len(files) - len(bad), len(bad), said
+
+
+def main() -> int:
+    """Check all files; return 1 if a rule is broken."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--root", type=Path, default=ROOT)
+    root = parser.parse_args().root.resolve()
+    passed = failed = 0
+    for path in (path for folder in FOLDERS for path in sorted((root / folder).glob("*.f90"))):
+        found = check_fortran(path)
+        for number, rule in found:
+            print(f"{path.relative_to(root)}:{number}: {rule}")
+        passed, failed = passed + (not found), failed + bool(found)
+    good, bad, said = check_python(root)
+    print("\n".join(said), end="\n" if said else "")
+    passed, failed = passed + good, failed + bad
+    print(f"{passed} passed, {failed} failed")
+    return int(failed > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
