@@ -262,7 +262,8 @@ contains
     type(fem_model_type), intent(inout) :: model
     type(message_type), intent(inout) :: request, reply
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: tag, path, hash
+    character(len=:), allocatable :: tag, path
+    character(len=16) :: hash
     integer(i4) :: status
 
     call request%get_text('tag', tag, errors)
@@ -277,7 +278,6 @@ contains
     if (errors%any()) return
     path = model%checkpoint%tag_path(tag)
     call hash_file(path, hash, status)
-    if (status /= 0) hash = ''
     call reply%put_text('path', path)
     call reply%put_text('hash', hash)
   end subroutine write_files
