@@ -7,7 +7,7 @@ module cpl_exchange
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, scheme_average, scheme_iterated, scheme_state, &
     interface_springs
-  use cpl_interface, only: interface_type, ghost_set, node_set
+  use cpl_interface, only: interface_type, ghost_set, ghost_fields, node_set
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
@@ -15,6 +15,7 @@ module cpl_exchange
 
   real(wp), parameter :: raise = 2.0_wp           !! springs over contact stiffness
   integer(i8), parameter :: look_every = 50_i8    !! exchanges between looks at the stiffness
+  real(wp), parameter :: growth = 1.5_wp          !! of the largest force that calls for a look
   integer(i4), parameter :: patience = 2          !! looks at which it must be outgrown
 
 contains
@@ -37,10 +38,10 @@ contains
     call judge_both(solvers, verb_accept, face%step, t0, t1, timers, errors)
     if (errors%any()) return
     call face%accept(t1 - t0)
-    if (face%relax%method == interface_springs .and. .not. choices%stiffness > 0.0_wp) then
-      if (mod(face%step, look_every) == 0 .or. iand(face%step, face%step - 1_i8) == 0) &
-        call look_at_stiffness(face, solvers, t1, timers, errors)
-    end if
+    if (face%relax%method /= interface_springs .or. choices%stiffness > 0.0_wp) return
+    if (mod(face%step, look_every) == 0 .or. face%outgrown > 0 .or. &
+        maxval(abs(face%p_end)) > growth*face%force_at_look) &
+      call look_at_stiffness(face, solvers, t1, timers, errors)
   end subroutine exchange
 
   !> Grains on a predicted motion, then the solid with their mean force; iterated: until the ghosts
@@ -221,7 +222,7 @@ contains
       call grains%request%put_text('set', ghost_set)
       call grains%request%put_text('role', 'prescribe')
       call grains%request%put_int('id', face%map%ghost_id)
-      call grains%request%put_text('fields', 'force,moment,impulse,moment_impulse,work')
+      call grains%request%put_text('fields', ghost_fields)
       call grains%ask(timers, errors)
       if (errors%any()) return
       call grains%reply%get('mass', mass, errors)
@@ -230,6 +231,7 @@ contains
     end associate
     if (errors%any()) return
     face%contact_stiffness = maxval(stiffness)
+    face%force_at_look = maxval(abs(face%p_end))
     if (face%contact_stiffness <= face%relax%stiffness) then
       face%outgrown = 0
       return

@@ -6,9 +6,10 @@ module cpl_interface
   use cpl_relax, only: relax_type
   implicit none
   private
-  public :: interface_type, ghost_set, node_set
+  public :: interface_type, ghost_set, ghost_fields, node_set
 
   character(len=*), parameter :: ghost_set = 'ghosts'     !! set of the grains
+  character(len=*), parameter :: ghost_fields = 'force,impulse,moment_impulse,work'
   character(len=*), parameter :: node_set = 'interface'   !! set of the solid
 
   !> Displacements count from the reference state, in which the facet map was made.
@@ -42,6 +43,7 @@ module cpl_interface
     integer(i4) :: outgrown = 0              !! looks at which contacts were stiffer than the springs
     integer(i4) :: refactored = 0            !! times the springs were raised
     real(wp) :: contact_stiffness = 0.0_wp   !! largest of a ghost at the last look [N/m]
+    real(wp) :: force_at_look = 0.0_wp       !! largest force on a ghost then [N]
     real(wp) :: grains(scalar_count) = 0.0_wp, solid(scalar_count) = 0.0_wp
     real(wp) :: grains_new(scalar_count) = 0.0_wp, solid_new(scalar_count) = 0.0_wp
   contains

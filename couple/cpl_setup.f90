@@ -7,7 +7,7 @@ module cpl_setup
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, interface_springs
   use cpl_exchange, only: set_springs
-  use cpl_interface, only: interface_type, ghost_set, node_set
+  use cpl_interface, only: interface_type, ghost_set, ghost_fields, node_set
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
@@ -115,7 +115,7 @@ contains
         call solvers(k)%request%put_text('set', ghost_set)
         call solvers(k)%request%put_text('role', 'prescribe')
         call solvers(k)%request%put_int('id', face%map%ghost_id)
-        call solvers(k)%request%put_text('fields', 'force,moment,impulse,moment_impulse,work')
+        call solvers(k)%request%put_text('fields', ghost_fields)
       else
         call solvers(k)%request%put_text('set', node_set)
         call solvers(k)%request%put_text('role', 'load')
@@ -150,6 +150,7 @@ contains
       call solvers(side_grains)%reply%get('scalars', face%grains, errors)
       if (errors%any()) return
       face%p_end = p
+      face%force_at_look = maxval(abs(p))
       if (choices%interface == interface_springs) then
         face%relax%stiffness = choices%stiffness
         if (.not. choices%stiffness > 0.0_wp) &

@@ -60,11 +60,11 @@ contains
   subroutine send(self, errors)
     class(cpl_solver_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
-    integer(i4) :: faults
+    type(error_list_type) :: faults
     if (self%lost) return
-    faults = errors%count
-    call self%port%send(self%request, errors)
-    if (errors%count > faults) call say_how_it_ended(self, faults + 1, errors)
+    call self%port%send(self%request, faults)
+    if (faults%any()) call say_how_it_ended(self, faults)
+    call errors%take(faults)
   end subroutine send
 
   !> Wait for the reply; the wait is put on the solver's timer. A fault that the solver reports is
@@ -73,22 +73,21 @@ contains
     class(cpl_solver_type), intent(inout) :: self
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    integer(i4) :: faults
+    type(error_list_type) :: faults
     if (self%lost) return
-    faults = errors%count
     call timers%start('waiting for '//self%side)
-    call self%port%receive(self%reply, errors)
+    call self%port%receive(self%reply, faults)
     call timers%stop('waiting for '//self%side)
-    if (errors%count > faults) then
-      call say_how_it_ended(self, faults + 1, errors)
-      return
+    if (faults%any()) then
+      call say_how_it_ended(self, faults)
+    else
+      call self%reply%faults(faults)
+      if (faults%any()) then
+        faults%item(1)%message = self%program//': '//faults%item(1)%message
+        if (len(faults%item(1)%place) == 0) faults%item(1)%place = self%deck
+      end if
     end if
-    call self%reply%faults(errors)
-    if (errors%count == faults) return
-    associate (fault => errors%item(faults + 1))
-      fault%message = self%program//': '//fault%message
-      if (len(fault%place) == 0) fault%place = self%deck
-    end associate
+    call errors%take(faults)
   end subroutine receive
 
   subroutine ask(self, timers, errors)
@@ -103,18 +102,17 @@ contains
 
   !> A fault of the port: add how the process ended and the end of what it wrote. Before HELLO its
   !! own exit code 1 or 2 is passed on (I420, N421).
-  subroutine say_how_it_ended(self, k, errors)
+  subroutine say_how_it_ended(self, errors)
     class(cpl_solver_type), intent(inout) :: self
-    integer(i4), intent(in) :: k  !! number of the fault
-    type(error_list_type), intent(inout) :: errors
+    type(error_list_type), intent(inout) :: errors  !! the first is it
     character(len=:), allocatable :: tail
     logical :: ended
 
     self%lost = .true.
     if (self%launch == 'attach') return
-    ended = self%process%wait(merge(end_wait, 0.0_wp, errors%item(k)%code == 'P001'))
+    ended = self%process%wait(merge(end_wait, 0.0_wp, errors%item(1)%code == 'P001'))
     tail = tail_of(self%output, tail_lines)
-    associate (fault => errors%item(k))
+    associate (fault => errors%item(1))
       if (ended) fault%message = fault%message//': '//self%process%epitaph()
       if (.not. self%greeted .and. self%process%ended) then
         if (self%process%exit_code == 1) fault%code = 'I420'

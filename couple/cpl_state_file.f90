@@ -37,7 +37,7 @@ contains
     call file%put('/nodes/dead_load', face%dead_load, errors)
     call file%put('/numbers', [face%grains_work, face%solid_work, face%work_turnover, &
                                face%lost_impulse, face%relax%stiffness, face%relax%factor, &
-                               face%contact_stiffness], errors)
+                               face%contact_stiffness, face%force_at_look], errors)
     call file%put('/counts', [face%step, face%all_iterations, int(face%outgrown, i8), &
                               int(face%refactored, i8), merge(1_i8, 0_i8, face%relax%begun)], errors)
     call file%put('/scalars/grains', face%grains, errors)
@@ -76,7 +76,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(h5_file_type) :: file
     type(checkpoint_info_type) :: info
-    real(wp) :: numbers(7)
+    real(wp) :: numbers(8)
     integer(i8) :: counts(5)
 
     numbers = 0.0_wp
@@ -105,6 +105,7 @@ contains
     face%relax%stiffness = numbers(5)
     face%relax%factor = numbers(6)
     face%contact_stiffness = numbers(7)
+    face%force_at_look = numbers(8)
     face%step = counts(1)
     face%all_iterations = counts(2)
     face%outgrown = int(counts(3), i4)
