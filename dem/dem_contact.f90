@@ -58,15 +58,22 @@ contains
     c%share = law%share
   end function constants_of
 
-  !> Stored normal and tangential energy of a lane from its history [J].
-  pure function stored_energy(c, history) result(energy)
+  !> Stored normal and tangential energy of a block from its history [J].
+  pure function stored_energy(c, weight, history) result(energy)
     type(contact_constants_type), intent(in) :: c
-    real(wp), intent(in) :: history(history_size)
-    real(wp) :: energy(2), kt
-    energy(1) = history(14)*history(13) + 0.5_wp*c%kn*history(12)**2
-    kt = c%kt_a*history(11) + c%kt
-    energy(2) = 0.0_wp
-    if (kt > 0.0_wp) energy(2) = 0.5_wp*sum(history(1:3)**2)/kt
+    real(wp), intent(in) :: weight(lanes), history(lanes, history_size)
+    real(wp) :: energy(2), kt, normal, tangential
+    integer(i4) :: k
+    normal = 0.0_wp
+    tangential = 0.0_wp
+    !$omp simd private(kt) reduction(+: normal, tangential)
+    do k = 1, lanes
+      kt = max(c%kt_a*history(k, 11) + c%kt, tiny_force)
+      normal = normal + weight(k)*(history(k, 14)*history(k, 13) + 0.5_wp*c%kn*history(k, 12)**2)
+      tangential = tangential + weight(k)*0.5_wp/kt &
+                   *(history(k, 1)**2 + history(k, 2)**2 + history(k, 3)**2)
+    end do
+    energy = [normal, tangential]
   end function stored_energy
 
   !> Forces and moments of all lanes into block%f, history brought forward by h.

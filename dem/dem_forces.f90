@@ -3,7 +3,7 @@ module dem_forces
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_pairs_type, dem_law_type, lanes, history_size, result_size
   use dem_block, only: dem_block_type, gather_geometry, gather_motion
-  use dem_gap, only: evaluate_pairs, evaluate_planes, refine_normals, add_curvatures, solve_gap
+  use dem_gap, only: evaluate_pairs, evaluate_planes, refine_normals, add_curvatures, solve_lane
   use dem_contact, only: contact_block, constants_of
   implicit none
   private
@@ -55,7 +55,6 @@ contains
     integer(i4), intent(in) :: k
     integer(i4) :: lane
     logical :: moved, fresh
-    real(wp) :: n(3), gap
 
     block%ox = block%nx
     block%oy = block%ny
@@ -66,12 +65,7 @@ contains
       fresh = .false.
       do lane = 1, lanes
         if (block%gap(lane) > 0.0_wp .or. pairs%history(lane, 12, k) > 0.0_wp) cycle
-        n = 0.0_wp
-        call solve_gap([block%rx(lane), block%ry(lane), block%rz(lane)], block%a(lane, :), &
-                       block%b(lane, :), n, gap)
-        block%nx(lane) = n(1)
-        block%ny(lane) = n(2)
-        block%nz(lane) = n(3)
+        call solve_lane(block, lane, .true.)
         fresh = .true.
       end do
       if (fresh) call evaluate_pairs(block)

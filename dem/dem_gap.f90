@@ -10,7 +10,8 @@ module dem_gap
   use dem_shape, only: matrix_times
   implicit none
   private
-  public :: evaluate_pairs, evaluate_planes, refine_normals, add_curvatures, solve_gap
+  public :: evaluate_pairs, evaluate_planes, refine_normals, add_curvatures, solve_gap, &
+    solve_lane
   public :: settled_residual
 
   !> |d_t|^2/(h_A + h_B)^2 below which a normal counts as converged: 1e-8 radian or so.
@@ -164,10 +165,12 @@ contains
     type(dem_block_type), intent(inout) :: b
     integer(i4), intent(in) :: k
     logical, intent(in) :: cold
-    real(wp) :: n(3), gap
+    real(wp) :: n(3), gap, shape_a(6), shape_b(6)
     n = [b%nx(k), b%ny(k), b%nz(k)]
     if (cold) n = 0.0_wp
-    call solve_gap([b%rx(k), b%ry(k), b%rz(k)], b%a(k, :), b%b(k, :), n, gap)
+    shape_a = b%a(k, :)
+    shape_b = b%b(k, :)
+    call solve_gap([b%rx(k), b%ry(k), b%rz(k)], shape_a, shape_b, n, gap)
     b%nx(k) = n(1)
     b%ny(k) = n(2)
     b%nz(k) = n(3)

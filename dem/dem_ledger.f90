@@ -1,7 +1,7 @@
 !> The energy ledger: what is stored now, and how well all columns close.
 module dem_ledger
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_data_type, dem_ledger_type, kind_free, lanes
+  use dem_state, only: dem_data_type, dem_ledger_type, kind_free
   use dem_contact, only: contact_constants_type, constants_of, stored_energy
   use dem_integrate, only: motion_type, scaled_spin_momentum
   use dem_shape, only: rotation_of
@@ -20,7 +20,7 @@ contains
     type(motion_type) :: motion
     type(contact_constants_type) :: constants
     real(wp) :: energy(2), part(2)
-    integer(i4) :: i, k, lane
+    integer(i4) :: i, k
 
     motion = motion_of(d, dt)
     ledger%kinetic = 0.0_wp
@@ -36,11 +36,7 @@ contains
     do k = 1, d%pairs%blocks
       if (.not. d%pairs%touched(k)) cycle
       constants = constants_of(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)))
-      energy = 0.0_wp
-      do lane = 1, lanes
-        energy = energy + d%pairs%weight(lane, k) &
-                 *stored_energy(constants, d%pairs%history(lane, :, k))
-      end do
+      energy = stored_energy(constants, d%pairs%weight(:, k), d%pairs%history(:, :, k))
       ledger%elastic_normal = ledger%elastic_normal + energy(1)
       ledger%elastic_tangential = ledger%elastic_tangential + energy(2)
     end do

@@ -19,7 +19,7 @@ contains
     type(dem_data_type), intent(in) :: d
     real(wp), allocatable :: lambda(:, :)
     type(contact_constants_type) :: c
-    real(wp) :: kn, kt, radius, scale(2)
+    real(wp) :: kn, kt, radius, scale(2), point(3)
     integer(i4) :: k, lane, i
 
     allocate (lambda(2, d%grains%n), source=0.0_wp)
@@ -31,8 +31,8 @@ contains
         radius = d%pairs%history(lane, 11, k)
         kn = d%pairs%weight(lane, k)*(c%kn_a*radius + c%kn)
         kt = d%pairs%weight(lane, k)*(c%kt_a*radius + c%kt)
-        call add_pair(d, d%pairs%first(lane, k), d%pairs%second(lane, k), kn, kt, &
-                      d%pairs%history(lane, 7:9, k), lambda)
+        point = d%pairs%history(lane, 7:9, k)
+        call add_pair(d, d%pairs%first(lane, k), d%pairs%second(lane, k), kn, kt, point, lambda)
       end do
     end do
     scale = 1.0_wp

@@ -128,6 +128,7 @@ contains
     integer(i8), intent(in) :: keys(:)
     integer(i4), allocatable :: order(:), other(:)
     integer(i4) :: n, width, low, middle, high, a, b, k
+    logical :: take_first
 
     n = size(keys)
     allocate (order(n), other(n))
@@ -141,8 +142,9 @@ contains
         a = low
         b = middle
         do k = low, high - 1
-          if (a < middle .and. (b >= high .or. keys(order(min(a, n))) <= keys(order(min(b, &
-                                                  n))))) then
+          take_first = a < middle
+          if (take_first .and. b < high) take_first = keys(order(a)) <= keys(order(b))
+          if (take_first) then
             other(k) = order(a)
             a = a + 1
           else

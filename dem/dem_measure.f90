@@ -75,8 +75,8 @@ contains
     integer(i4) :: k
     contact_count = 0
     do k = 1, d%pairs%blocks
-      if (d%pairs%touched(k)) contact_count = contact_count + count(d%pairs%history(:, 12, &
-                                                  k) > 0.0_wp)
+      if (.not. d%pairs%touched(k)) cycle
+      contact_count = contact_count + count(d%pairs%history(:, 12, k) > 0.0_wp)
     end do
   end function contact_count
 
@@ -126,8 +126,8 @@ contains
       if (.not. d%pairs%touched(k)) cycle
       do lane = 1, lanes
         if (.not. d%pairs%history(lane, 12, k) > 0.0_wp) cycle
-        branch = d%pairs%body(1:3, d%pairs%second(lane, k)) - d%pairs%body(1:3, &
-                                                  d%pairs%first(lane, k))
+        branch = d%pairs%body(1:3, d%pairs%second(lane, k)) &
+                 - d%pairs%body(1:3, d%pairs%first(lane, k))
         force = d%pairs%result(1:3, lane, k)
         do j = 1, 3
           sigma(:, j) = sigma(:, j) - branch*force(j)
@@ -192,7 +192,7 @@ contains
     call errors%add(code, partner//' and grain '//str(d%grains%id(second))//' overlap by '// &
                     str(ratio)//' of the least semi-axis, more than the limit '// &
                     str(d%par%overlap_limit), place='step '//str(d%health%steps), &
-                    hint='a stiffer material, a smaller load or a smaller time step; the limit is '// &
-                    'limits overlap')
+                    hint='a stiffer material, a smaller load or a smaller time step; the '// &
+                    'limit is &limits overlap')
   end subroutine check_overlap
 end module dem_measure

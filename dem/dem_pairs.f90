@@ -321,9 +321,10 @@ contains
   subroutine allocate_blocks(pairs, n)
     type(dem_pairs_type), intent(inout) :: pairs
     integer(i4), intent(in) :: n
-    if (allocated(pairs%first)) deallocate (pairs%first, pairs%second, pairs%weight, &
-                                            pairs%m_star, pairs%touched, pairs%result, &
-                                                pairs%columns)
+    if (allocated(pairs%first)) then
+      deallocate (pairs%first, pairs%second, pairs%weight, pairs%m_star)
+      deallocate (pairs%touched, pairs%result, pairs%columns)
+    end if
     allocate (pairs%first(lanes, pairs%blocks), source=n + 1)
     allocate (pairs%second(lanes, pairs%blocks), source=n + 2)
     if (pairs%blocks > pairs%grain_blocks) pairs%first(:, pairs%grain_blocks + 1:) = n + 3

@@ -203,15 +203,17 @@ contains
   !> A block: warm normals converge to the scalar ones; curvature of spheres is 1/R1 + 1/R2.
   subroutine check_batch()
     type(dem_block_type) :: block
-    real(wp) :: r(3), q1(4), q2(4), n(3, lanes), gap(lanes), worst
+    real(wp) :: r(3), a(6), b(6), q1(4), q2(4), n(3, lanes), gap(lanes), worst
     integer :: k
     do k = 1, lanes
-      call random_pair(3.2e-3_wp, r, block%a(k, :), block%b(k, :), q1, q2)
+      call random_pair(3.2e-3_wp, r, a, b, q1, q2)
+      block%a(k, :) = a
+      block%b(k, :) = b
       n(:, k) = 0.0_wp
-      call solve_gap(r, block%a(k, :), block%b(k, :), n(:, k), gap(k))
+      call solve_gap(r, a, b, n(:, k), gap(k))
       r = r - (gap(k) + 1.0e-6_wp)*n(:, k)
       n(:, k) = 0.0_wp
-      call solve_gap(r, block%a(k, :), block%b(k, :), n(:, k), gap(k))
+      call solve_gap(r, a, b, n(:, k), gap(k))
       block%rx(k) = r(1)
       block%ry(k) = r(2)
       block%rz(k) = r(3)
