@@ -131,12 +131,13 @@ contains
     call table%allow('average|iterated|state_at_n')
     call table%add_key('tolerance', 'real', '', &
       'Iterated: largest distance between the ghosts and the facets they ride on, ' &
-      //'relative to their motion in the interval.')
-    call table%preset('1e-06')
+      //'relative to their motion in the interval, and largest difference of the force ' &
+      //'measured and the force put on, relative to the force.')
+    call table%preset('1e-05')
     call table%bounds(above=0.0_wp, below=1.0_wp)
     call table%add_key('max_iterations', 'integer', '', &
       'Iterated: iterations after which the run fails.')
-    call table%preset('20')
+    call table%preset('100')
     call table%bounds(min=2.0_wp, max=1000.0_wp)
   end subroutine group_clock
 

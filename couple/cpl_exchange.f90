@@ -11,7 +11,7 @@ module cpl_exchange
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
-  public :: exchange, look_at_stiffness, set_springs, judge_both
+  public :: exchange, set_springs
 
   real(wp), parameter :: raise = 2.0_wp           !! springs over contact stiffness
   integer(i8), parameter :: look_every = 50_i8    !! exchanges between looks at the stiffness
@@ -38,11 +38,19 @@ contains
     call judge_both(solvers, verb_accept, face%step, t0, t1, timers, errors)
     if (errors%any()) return
     call face%accept(t1 - t0)
-    if (face%relax%method /= interface_springs .or. choices%stiffness > 0.0_wp) return
+    if (.not. automatic_springs(face, choices)) return
     if (mod(face%step, look_every) == 0 .or. face%outgrown > 0 .or. &
         maxval(abs(face%p_end)) > growth*face%force_at_look) &
-      call look_at_stiffness(face, solvers, t1, timers, errors)
+      call look_at_stiffness(face, solvers, t1, .false., timers, errors)
   end subroutine exchange
+
+  !> Springs whose stiffness the deck does not give.
+  pure logical function automatic_springs(face, choices)
+    type(interface_type), intent(in) :: face
+    type(cpl_choices_type), intent(in) :: choices
+    automatic_springs = face%relax%method == interface_springs .and. &
+      .not. choices%stiffness > 0.0_wp
+  end function automatic_springs
 
   !> Grains on a predicted motion, then the solid with their mean force; iterated: until the ghosts
   !! end where the facets do.
@@ -53,9 +61,10 @@ contains
     real(wp), intent(in) :: t0, t1
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: at(3, face%map%ghosts), gap, moved
+    real(wp) :: at(3, face%map%ghosts), gap, moved, gap_before
     integer(i4) :: trial
 
+    gap_before = huge(1.0_wp)
     call face%predict(t1 - t0, face%d_new)
     do trial = 1, choices%max_iterations
       face%iterations = trial
@@ -78,7 +87,11 @@ contains
                         'raise max_iterations')
         return
       end if
-      call judge_both(solvers, verb_reject, face%step, t0, t1, timers, errors)
+      if (automatic_springs(face, choices) .and. gap > gap_before) &
+        call look_at_stiffness(face, solvers, t1, .true., timers, errors)
+      gap_before = gap
+      if (.not. errors%any()) &
+        call judge_both(solvers, verb_reject, face%step, t0, t1, timers, errors)
       if (errors%any()) return
       call face%map%to_ghosts(face%u_new, face%d_new)
     end do
@@ -208,11 +221,13 @@ contains
     end do
   end subroutine judge_both
 
-  !> Ask how stiff the ghosts' contacts are now; raise the springs when they were outgrown twice.
-  subroutine look_at_stiffness(face, solvers, time, timers, errors)
+  !> Ask how stiff the ghosts' contacts are now; raise the springs when they were outgrown twice,
+  !! or at once.
+  subroutine look_at_stiffness(face, solvers, time, at_once, timers, errors)
     type(interface_type), intent(inout) :: face
     type(cpl_solver_type), intent(inout) :: solvers(2)
     real(wp), intent(in) :: time  !! s
+    logical, intent(in) :: at_once
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     real(wp) :: mass(face%map%ghosts), stiffness(face%map%ghosts)
@@ -237,7 +252,7 @@ contains
       return
     end if
     face%outgrown = face%outgrown + 1
-    if (face%outgrown < patience .and. face%relax%stiffness > 0.0_wp) return
+    if (face%outgrown < patience .and. face%relax%stiffness > 0.0_wp .and. .not. at_once) return
     face%relax%stiffness = raise*face%contact_stiffness
     face%outgrown = 0
     face%refactored = face%refactored + 1

@@ -66,7 +66,7 @@ contains
       if (self%begun) then
         change = sum((new - self%residual)**2)
         if (change > 0.0_wp) self%factor = min(1.0_wp, max(least_factor, &
-          abs(self%factor*sum(self%residual*(new - self%residual))/change)))
+          -self%factor*sum(self%residual*(new - self%residual))/change))
       end if
       self%residual = new
       self%held = self%held + self%factor*new
