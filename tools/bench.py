@@ -19,7 +19,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "prepost"))
 
-GRAINS_DECK = """&run title = 'Bench: settled small container', t_end = {t_end}, gravity = 0.0, 0.0, -9.81 /
+GRAINS_DECK = """&run title = 'Bench: settled small container', t_end = {t_end},
+     gravity = 0.0, 0.0, -9.81 /
 &material id = 'quartz', density = 2650.0, young = 29.0e9, poisson = 0.25 /
 &contact between = 'quartz', 'quartz', law = 'hertz_mindlin', friction = 0.5, damping_ratio = 0.05 /
 &particles file = 'pack.h5', material = 'quartz' /
@@ -41,7 +42,8 @@ def run(command: list[str], folder: Path, threads: int = 1) -> float:
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
     if done.returncode:
         raise SystemExit(
-            f"bench: {' '.join(command)} ended with {done.returncode}\n{done.stdout[-2000:]}{done.stderr}"
+            f"bench: {' '.join(command)} ended with {done.returncode}\n"
+            f"{done.stdout[-2000:]}{done.stderr}"
         )
     return time.monotonic() - start
 
@@ -58,8 +60,8 @@ def bench_grains(binaries: Path, out: Path, repeats: int) -> dict:
     deposit = ROOT / "examples/01-penetration/deposit_small.txt"
     talus = [sys.executable, "-m", "talus"]
     environment = dict(os.environ, PYTHONPATH=str(ROOT / "prepost"))
-    subprocess.run([*talus, "pack", "text2h5", str(deposit), "-o", str(folder / "pack.h5")], check=True,
-                   env=environment, stdout=subprocess.DEVNULL)  # fmt: skip
+    command = [*talus, "pack", "text2h5", str(deposit), "-o", str(folder / "pack.h5")]
+    subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
     dt = 4.0e-7
     (folder / "bench.nml").write_text(GRAINS_DECK.format(t_end=3000 * dt, dt=dt))
     speeds: dict[int, list[float]] = {1: [], 2: []}

@@ -1,4 +1,4 @@
-"""Make the package `talus` of this checkout importable in the running environment, with its command.
+"""Make the package `talus` of this checkout and its command known to the running environment.
 
 A path file and a three-line command do what an editable install does, without a build back end
 that would have to be fetched.

@@ -37,7 +37,8 @@ body{margin:0;font:16px/1.55 system-ui,sans-serif;color:#1c2430;display:flex}
 nav{width:15rem;min-height:100vh;background:#f3f1ec;padding:1.2rem;box-sizing:border-box;flex:none}
 nav a{display:block;color:#31506e;text-decoration:none;padding:.15rem 0}nav a.here{font-weight:700}
 main{max-width:54rem;padding:1rem 2.5rem 4rem;min-width:0}
-table{border-collapse:collapse;margin:1rem 0;font-size:.92em}td,th{border:1px solid #cfd6de;padding:.25rem .6rem;
+table{border-collapse:collapse;margin:1rem 0;font-size:.92em}td,th{border:1px solid #cfd6de;
+padding:.25rem .6rem;
 text-align:left;vertical-align:top}th{background:#f3f1ec}pre{background:#f6f7f9;padding:.8rem;overflow-x:auto;
 border-radius:4px}code{font-size:.92em}img{max-width:100%}.fail{color:#b00020;font-weight:700}
 .pass{color:#1f6f3d}footer{color:#7a828c;font-size:.85em;margin-top:3rem}
@@ -45,7 +46,7 @@ border-radius:4px}code{font-size:.92em}img{max-width:100%}.fail{color:#b00020;fo
 
 
 def math_to_mathml(text: str) -> tuple[str, list[str]]:
-    """Replace formulas by marks that Markdown leaves alone; return the text and the MathML pieces."""
+    """Replace formulas by marks that Markdown leaves alone; return text and MathML pieces."""
     pieces: list[str] = []
 
     def keep(source: str, display: str) -> str:
@@ -189,8 +190,9 @@ def main() -> int:
                 )
                 dead += 1
         (options.out / f"{name}.html").write_text(
-            f"<!doctype html><html lang='en'><meta charset='utf-8'><title>{html.escape(titles[name])} - Talus"
-            f"</title><style>{STYLE}</style><nav><strong>Talus {version}</strong>{links}</nav><main>{body}"
+            "<!doctype html><html lang='en'><meta charset='utf-8'>"
+            f"<title>{html.escape(titles[name])} - Talus</title><style>{STYLE}</style>"
+            f"<nav><strong>Talus {version}</strong>{links}</nav><main>{body}"
             f"<footer>Talus {version}</footer></main></html>"
         )
     print(f"manual: {len(names)} pages, {options.out}/index.html")

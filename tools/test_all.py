@@ -44,9 +44,9 @@ def tally(output: str, code: int) -> tuple[int, int]:
     """Return (passed, failed) of a suite from its closing line, or from its exit code."""
     passed, failed = int(code == 0), int(code != 0)
     for line in reversed(output.splitlines()):
-        if found := PYTEST_FAILED.search(line):
-            if line.strip().startswith(found.group(0)) and "in " in line:
-                return int(found.group(2) or 0), int(found.group(1))
+        found = PYTEST_FAILED.search(line)
+        if found and line.strip().startswith(found.group(0)) and "in " in line:
+            return int(found.group(2) or 0), int(found.group(1))
         if found := TALLY.search(line):
             passed, failed = int(found.group(1)), int(found.group(2) or 0)
             break

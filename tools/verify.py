@@ -67,7 +67,8 @@ def show(entry: dict) -> None:
     """Print one case: a line, and its failures."""
     state = "pass" if entry["pass"] else "FAIL"
     print(
-        f"{state}  {entry['area']:7s} {entry['id']:28s} {len(entry['metrics']):3d} metrics {entry['seconds']:8.1f} s"
+        f"{state}  {entry['area']:7s} {entry['id']:28s} {len(entry['metrics']):3d} metrics "
+        f"{entry['seconds']:8.1f} s"
     )
     for m in entry["metrics"]:
         if not m["pass"]:

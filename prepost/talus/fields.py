@@ -79,7 +79,7 @@ class FieldFile:
 
 
 def displacement(first: dict[str, np.ndarray], now: dict[str, np.ndarray]) -> np.ndarray:
-    """Displacement of the grains of `now` since `first` (n, 3) [m]; NaN for grains not there then."""
+    """Displacement of the grains of `now` since `first` (n, 3) [m]; NaN where not there then."""
     moved = np.full(now["x"].shape, np.nan)
     _, there, here = np.intersect1d(first["id"], now["id"], return_indices=True)
     moved[here] = now["x"][here] - first["x"][there]

@@ -34,7 +34,7 @@ def wall_columns(grid: int) -> np.ndarray:
 
 
 def container(grid: int, rows: int = WALL_ROWS) -> np.ndarray:
-    """Centres of the fixed spheres: four walls of (g+1) x rows without corner columns, and the floor."""
+    """Centres of the fixed spheres: four walls of (g+1) x rows without corners, and the floor."""
     along = wall_columns(grid)
     half = 25.0e-3 * (grid + 1) / 10.0
     heights = FLOOR_HEIGHT + PITCH * np.arange(rows)

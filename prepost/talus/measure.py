@@ -14,7 +14,7 @@ Watch = Callable[[Iterable], Iterable]
 
 
 def rotations(quat: np.ndarray) -> np.ndarray:
-    """Rotation matrices (n, 3, 3) of unit quaternions (n, 4); columns are the body axes in space."""
+    """Rotation matrices (n, 3, 3) of quaternions (n, 4); columns are the body axes in space."""
     w, x, y, z = (quat / np.linalg.norm(quat, axis=1, keepdims=True)).T
     return np.stack(
         [
@@ -75,7 +75,7 @@ def solid_fraction(
 
 
 def near_pairs(x: np.ndarray, reach: np.ndarray) -> np.ndarray:
-    """Pairs (m, 2), rows i < j, whose spheres of radius `reach` (n) [m] touch; by a grid of cells."""
+    """Pairs (m, 2), rows i < j, whose spheres of radius `reach` (n) [m] touch, by cells."""
     if not len(x):
         return np.empty((0, 2), int)
     edge = 2.0 * float(reach.max())
@@ -183,7 +183,7 @@ def coordination(packing: Packing, tolerance: float = 0.0) -> np.ndarray:
 
 
 def short_axis_fabric(packing: Packing, rows: np.ndarray | None = None) -> np.ndarray:
-    """Second moment <m m> (3, 3) of the directions of the shortest axes; 1/3 on the diagonal: none."""
+    """Second moment <m m> (3, 3) of the directions of the shortest axes; isotropic: 1/3 delta."""
     chosen = np.flatnonzero(packing.kind == FREE) if rows is None else rows
     turn = rotations(packing.quat[chosen])
     short = np.take_along_axis(turn, packing.axes[chosen].argmin(axis=1)[:, None, None], axis=2)[

@@ -1,6 +1,6 @@
 """Meshes of hexahedra: the block of the benchmark, boxes, and any gmsh file with physical groups.
 
-A mesh is written as mesh.h5 (manual, Files): connectivity from 0 in VTK order, facet normals outward.
+A mesh is written as mesh.h5 (manual, Files): nodes from 0 in VTK order, facet normals outward.
 """
 
 from dataclasses import dataclass, field
@@ -99,8 +99,8 @@ def orient(name: str, quads: np.ndarray, outer: dict) -> tuple[np.ndarray, np.nd
         if key not in outer:
             raise FaultError(
                 "E524",
-                f"facet group '{name}' has a facet (nodes {', '.join(str(v + 1) for v in quad)}) that is "
-                "no outer face of one element",
+                f"facet group '{name}' has a facet (nodes "
+                f"{', '.join(str(v + 1) for v in quad)}) that is no outer face of one element",
                 "facet groups must lie on the surface of the mesh",
             )
         cells.append(outer[key][0])
@@ -123,7 +123,7 @@ def read_mesh(path: Path) -> Mesh:
 def structured(
     lines: tuple[np.ndarray, np.ndarray, np.ndarray], keep: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes and hexahedra of a grid with given coordinates; `keep` (nx, ny, nz) leaves cells out."""
+    """Nodes and hexahedra of a grid of given coordinates; `keep` (nx, ny, nz) leaves cells out."""
     nx, ny, nz = (len(line) - 1 for line in lines)
     z, y, x = np.meshgrid(lines[2], lines[1], lines[0], indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel(), z.ravel()])

@@ -77,7 +77,7 @@ def values_of(first: Snapshot, now: Snapshot, color: str) -> np.ndarray:
 def add_grains(
     pyvista: object, plotter: object, first: Snapshot, now: Snapshot, color: str
 ) -> None:
-    """Add the grains outside the cut: free ones coloured, walls grey, the penetrator whole and red."""
+    """Add the grains outside the cut: free coloured, walls grey, the penetrator whole and red."""
     g = now.grains
     kind = g["kind"]
     shown = ~in_cut(g["x"])
@@ -89,8 +89,8 @@ def add_grains(
         bar = {"title": COLOURS_OF[color], "color": "black", "vertical": True, "position_x": 0.88,
                "position_y": 0.25, "height": 0.5, "n_labels": 5}  # fmt: skip
         mesh = ellipsoids(pyvista, g, np.flatnonzero(free), values)
-        plotter.add_mesh(mesh, scalars="value", cmap="viridis", clim=(0.0, top), smooth_shading=True,
-                         scalar_bar_args=bar)  # fmt: skip
+        colours = {"scalars": "value", "cmap": "viridis", "clim": (0.0, top)}
+        plotter.add_mesh(mesh, smooth_shading=True, scalar_bar_args=bar, **colours)
     for rows, colour in ((walls, WALL_GREY), (kind == DRIVEN, TOOL_RED)):
         if rows.any():
             mesh = ellipsoids(pyvista, g, np.flatnonzero(rows), np.zeros(int(rows.sum())))
@@ -100,7 +100,7 @@ def add_grains(
 def ellipsoids(
     pyvista: object, g: dict[str, np.ndarray], rows: np.ndarray, values: np.ndarray
 ) -> object:
-    """Return one surface of many ellipsoids with the point data `value` and normals; lengths in mm."""
+    """Return one surface of many ellipsoids with the point data `value`; lengths in mm."""
     ball = pyvista.Sphere(radius=1.0, theta_resolution=20, phi_resolution=14)
     unit = np.asarray(ball.points, float)
     faces = np.asarray(ball.faces).reshape(-1, 4)

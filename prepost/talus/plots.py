@@ -56,7 +56,7 @@ def energy(path: Path) -> object:
 
 
 def audit(path: Path) -> object:
-    """Audit of a coupled run: interface works and their difference, momentum, ghosts, iterations."""
+    """Audit of a coupled run: works at the interface, force, ghosts, relative errors."""
     history = histories.read(path)
     time = rows_of(history)
     fig, axes = new_figure(nrows=2, ncols=2, figsize=(9.6, 6.4), sharex=True)
@@ -120,8 +120,7 @@ def force_figure(curves: dict[str, dict[str, np.ndarray]], title: str = "") -> o
         ax.plot(curve["depth"], curve["mean"], color=colour, lw=1.8, label=label)
     ax.set(xlabel="penetration depth [mm]", ylabel="force on the penetrator, upwards [N]")
     ax.set_xlim(left=0.0)
-    ax.set_title(title or "Force-penetration (thin: as written, thick: running mean over 4 % of the stroke)",
-                 fontsize=10)  # fmt: skip
+    ax.set_title(title or "thin: as written; thick: mean over 4 % of the stroke", fontsize=10)
     ax.legend()
     return fig
 

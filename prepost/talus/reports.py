@@ -11,7 +11,8 @@ from talus.faults import FaultError
 from talus.look import figure_bytes
 
 STYLE = """
-body{font:15px/1.5 system-ui,sans-serif;color:#1c2430;max-width:62rem;margin:2rem auto;padding:0 1rem}
+body{font:15px/1.5 system-ui,sans-serif;color:#1c2430;max-width:62rem;margin:2rem auto;
+padding:0 1rem}
 h1{font-size:1.6rem}h2{margin-top:2.2rem;border-bottom:1px solid #cfd6de}figure{margin:1.2rem 0}
 table{border-collapse:collapse;margin:.6rem 1.5rem .6rem 0;font-size:.9em;display:inline-table;
 vertical-align:top}td,th{border:1px solid #cfd6de;padding:.2rem .6rem;text-align:left}
@@ -52,7 +53,8 @@ def shown(value: object) -> str:
 def table(title: str, rows: dict[str, object]) -> str:
     """Return a table with two columns and a title."""
     body = "".join(
-        f"<tr><td>{html.escape(name.replace('_', ' '))}</td><td>{html.escape(shown(value))}</td></tr>"
+        f"<tr><td>{html.escape(name.replace('_', ' '))}</td>"
+        f"<td>{html.escape(shown(value))}</td></tr>"
         for name, value in rows.items()
     )
     return f'<table><tr><th colspan="2">{html.escape(title)}</th></tr>{body}</table>'
@@ -72,7 +74,8 @@ def run_section(path: Path) -> str:
     parts.append(table("run", {row: facts[row] for row in MAIN_ROWS if row in facts}))
     parts += [table(key, value) for key, value in facts.items() if isinstance(value, dict)]
     for error in facts.get("errors", []):
-        text = f"{error.get('code')}: {error.get('message')} ({error.get('place')}) {error.get('hint')}"
+        code, message, place, hint = (error.get(k) for k in ("code", "message", "place", "hint"))
+        text = f"{code}: {message} ({place}) {hint}"
         parts.append(f'<p class="bad">{html.escape(text)}</p>')
     return "\n".join(parts)
 

@@ -102,7 +102,7 @@ class Case:
     ) -> subprocess.CompletedProcess:
         """Run a program on a deck in the case's folder; an unexpected exit code raises."""
         environment = dict(os.environ)
-        environment.setdefault("OMP_NUM_THREADS", "2")
+        environment.setdefault("OMP_NUM_THREADS", "1")
         done = subprocess.run(
             [str(self.bin(program)), deck, *args], cwd=self.folder, env=environment,
             capture_output=True, text=True, timeout=timeout,

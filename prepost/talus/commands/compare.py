@@ -9,8 +9,13 @@ from talus.packing import read_packing
 from talus.progress import watch
 
 LIMITS = {"solid_fraction": 0.01, "coordination": 0.25, "height": 2.0e-3, "fabric": 0.05}
-LIMIT_OF = {"solid fraction": "solid_fraction", "coordination": "coordination",
-            "bed height [m]": "height", "short axes, zz": "fabric", "short axes, xx": "fabric"}  # fmt: skip
+LIMIT_OF = {
+    "solid fraction": "solid_fraction",
+    "coordination": "coordination",
+    "bed height [m]": "height",
+    "short axes, zz": "fabric",
+    "short axes, xx": "fabric",
+}
 
 
 def register(commands: argparse._SubParsersAction) -> None:

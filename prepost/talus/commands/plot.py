@@ -77,7 +77,7 @@ def save(figure: object, path: Path) -> int:
 
 
 def plot_folder(folder: Path, options: argparse.Namespace) -> int:
-    """Make every figure that the files of a folder allow; a damaged file does not stop the others."""
+    """Make every figure that a folder's files allow; a damaged file does not stop the others."""
     if not folder.is_dir():
         hint = f"a folder, or one of {', '.join(KINDS)}"
         raise FaultError("E549", f"'{folder}' is no folder and no kind of plot", hint)

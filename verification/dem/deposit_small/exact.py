@@ -12,7 +12,7 @@ from talus.packing import FREE, read_packing
 DEPOSIT = Path(talus.__file__).resolve().parents[2] / "examples/01-penetration/deposit_small.txt"
 MARGIN = 6.0e-3  # three mean semi-axes: bulk grains see neither wall nor surface [m]
 LAYERS = 9
-SPACING = 0.25e-3  # of the points that the solid fraction is measured with, 1/6 of the least semi-axis [m]
+SPACING = 0.25e-3  # of the points inside grains that are counted, 1/6 of the least semi-axis [m]
 
 
 def run(case: object) -> None:

@@ -14,7 +14,8 @@ M_STAR, R_STAR = MASS / 2.0, RADIUS / 2.0
 def restitution_of_cut_law(ratio: float) -> float:
     """Integrate the scaled law x'' = -x^1.5 - 2 b x^(1/4) x' until the force is no longer positive.
 
-    With k_n = 2 E* sqrt(R x) = 1.5 F/x, damping 2 ratio sqrt(m k_n) becomes 2 ratio sqrt(1.5) x^(1/4).
+    With k_n = 2 E* sqrt(R x) = 1.5 F/x, damping 2 ratio sqrt(m k_n) becomes
+    2 ratio sqrt(1.5) x^(1/4).
     """
     c = 2.0 * ratio * np.sqrt(1.5)
 

@@ -41,7 +41,7 @@ def reference(normal: float, tangential: float) -> tuple[float, float]:
 
 
 def impact(case: Case, angle: float) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Run one impact; return velocity and spin of sphere 1 after, and the losses of both momenta."""
+    """Run one impact; return velocity and spin of sphere 1 after, and both losses of momentum."""
     vn, vt = SPEED * np.cos(np.radians(angle)), SPEED * np.sin(np.radians(angle))
     half = RADIUS + 0.5e-6 * vn
     x = np.array([[-half, 0, 0], [half, 0, 0]])
@@ -74,8 +74,9 @@ def run(case: Case) -> None:
         lost, turned = max(lost, a), max(turned, b)
         wanted_v, wanted_spin = reference(vn, vt)
         if angle >= 60.0:
-            case.metric(f"{angle:.0f} deg: tangential loss / (friction x normal)", (vt / 2 - v[1]) / (FRICTION * vn),
-                        1.0, 1e-4, "gross sliding, normal impulse m* 2 v_n")  # fmt: skip
+            loss = (vt / 2 - v[1]) / (FRICTION * vn)
+            name = f"{angle:.0f} deg: tangential loss / (friction x normal)"
+            case.metric(name, loss, 1.0, 1e-4, "gross sliding, normal impulse m* 2 v_n")
             sliding_spin = -2.5 * FRICTION * vn / RADIUS
             case.metric(f"{angle:.0f} deg: spin / exact", spin[2] / sliding_spin, 1.0, 1e-4)
         worst = max(
