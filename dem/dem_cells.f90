@@ -221,13 +221,13 @@ contains
       integer(i4), intent(in) :: i, j
       integer(i4), intent(inout) :: found
       real(wp) :: r(3), square, reach
+      if (kind(i) /= kind_free .and. kind(j) /= kind_free) then
+        if (.not. (ghost_pairs .and. kind(i) == kind_ghost .and. kind(j) == kind_ghost)) return
+      end if
       r = body(1:3, j) - body(1:3, i)
       square = r(1)*r(1) + r(2)*r(2) + r(3)*r(3)
       reach = radius(i) + radius(j) + margin
       if (square > reach*reach) return
-      if (kind(i) /= kind_free .and. kind(j) /= kind_free) then
-        if (.not. (ghost_pairs .and. kind(i) == kind_ghost .and. kind(j) == kind_ghost)) return
-      end if
       if (square - sqrt(form(body(4:9, i), r)) - sqrt(form(body(4:9, j), r)) &
           > margin*sqrt(square)) return
       found = found + 1

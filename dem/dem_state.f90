@@ -98,6 +98,9 @@ module dem_state
     integer(i4) :: grain_blocks = 0              !! of these, grain-grain (the first ones)
     integer(i4) :: count = 0                     !! real pairs, pads not counted
     real(wp) :: skin = 0.0_wp                    !! pairs with a gap below it are listed [m]
+    real(wp) :: least_skin = 0.0_wp              !! the skin grows above it while grains move [m]
+    real(wp) :: most_skin = 0.0_wp               !! and never beyond this [m]
+    integer(i8) :: built_at = 0                  !! step of the last rebuild
     integer(i4), allocatable :: first(:, :)      !! (lanes, blocks) body A, the lower id
     integer(i4), allocatable :: second(:, :)     !! (lanes, blocks) body B
     integer(i4), allocatable :: law_first(:)     !! (blocks) material of A

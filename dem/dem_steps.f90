@@ -5,7 +5,7 @@
 !! Work is added to the ledger by one thread in a fixed order, so that the thread count changes no
 !! bit. The region is left when the list must be made anew.
 module dem_steps
-  use talus_kinds, only: wp, i4
+  use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_text, only: str
   use dem_state, only: dem_data_type, kind_free, kind_fixed, mode_relaxation, lanes
@@ -21,6 +21,9 @@ module dem_steps
   public :: kick_all, drift_all
 
   integer(i4), parameter :: chunk = lanes  !! grains in a unit of work
+  integer(i8), parameter :: few_steps = 40    !! a list that lasts less gets a wider skin
+  integer(i8), parameter :: many_steps = 200  !! one that lasts longer a narrower one
+  integer(i8), parameter :: rest_steps = 2000
 
 contains
 
@@ -92,11 +95,13 @@ contains
     real(wp), intent(inout) :: started(:, :), finished(:, :), travel(:)
     integer(i4) :: s, c, k, chunks
     logical :: begun, leave
+    integer(i8) :: before
 
     chunks = size(travel)
+    before = d%health%steps - done
     rebuild = .false.
     !$omp parallel default(none) private(s, c, k, begun, leave) &
-    !$omp   shared(d, motion, n, done, resumed, rebuild, started, finished, travel, chunks)
+    !$omp   shared(d, motion, n, done, resumed, rebuild, started, finished, travel, chunks, before)
     begun = resumed
     leave = .false.
     do s = done + 1, n
@@ -106,7 +111,7 @@ contains
           call start_chunk(d, c, motion, s == n, started(:, c), travel(c))
         end do
         !$omp end do
-        leave = .not. maxval(travel) <= 0.5_wp*d%pairs%skin
+        leave = .not. maxval(travel) <= 0.5_wp*d%pairs%skin .or. outlived(d, before + s)
         if (leave) exit
       end if
       begun = .false.
@@ -136,6 +141,13 @@ contains
     !$omp end master
     !$omp end parallel
   end subroutine run_region
+
+  !> A list with a wide skin is given up when the grains have come to rest.
+  pure logical function outlived(d, step)
+    type(dem_data_type), intent(in) :: d
+    integer(i8), intent(in) :: step
+    outlived = step - d%pairs%built_at > rest_steps .and. d%pairs%skin > d%pairs%least_skin
+  end function outlived
 
   !> Start of a step for the grains of chunk c; the last chunk is the planes'.
   subroutine start_chunk(d, c, motion, last, work, travel)
@@ -400,6 +412,12 @@ contains
     real(wp), intent(in) :: travel
     d%health%rebuilds = d%health%rebuilds + 1
     if (travel > d%pairs%skin) d%health%late_rebuilds = d%health%late_rebuilds + 1
+    if (d%health%steps - d%pairs%built_at < few_steps) then
+      d%pairs%skin = min(1.3_wp*d%pairs%skin, d%pairs%most_skin)
+    else if (d%health%steps - d%pairs%built_at > many_steps) then
+      d%pairs%skin = max(d%pairs%skin/1.3_wp, d%pairs%least_skin)
+    end if
+    d%pairs%built_at = d%health%steps
     call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs)
   end subroutine rebuild_list
 

@@ -80,15 +80,15 @@ contains
     type(dem_archive_type), intent(inout) :: archive
     integer(i4) :: m
     m = p%blocks
-    call archive%put_integers('pairs.count', reshape(int([p%blocks, p%grain_blocks, p%count], i8), &
-                                                     [3, 1]))
+    call archive%put_integers('pairs.count', reshape([int(p%blocks, i8), &
+                              int(p%grain_blocks, i8), int(p%count, i8), p%built_at], [4, 1]))
     call archive%put_integers('pairs.first', int(p%first, i8))
     call archive%put_integers('pairs.second', int(p%second, i8))
     call archive%put_integers('pairs.law', int(reshape([p%law_first, p%law_second, &
                               merge(1, 0, p%touched)], [m, 3]), i8))
     call archive%put_integers('pairs.start', int(reshape(p%start, [size(p%start), 1]), i8))
     call archive%put_integers('pairs.entry', int(reshape(p%entry, [size(p%entry), 1]), i8))
-    call archive%put_reals('pairs.skin', reshape([p%skin], [1, 1]))
+    call archive%put_reals('pairs.skin', reshape([p%skin, p%least_skin, p%most_skin], [3, 1]))
     call archive%put_reals('pairs.normal', reshape(p%normal, [lanes*3, m]))
     call archive%put_reals('pairs.history', reshape(p%history, [lanes*history_size, m]))
     call archive%put_reals('pairs.result', reshape(p%result, [lanes*result_size, m]))
@@ -233,7 +233,7 @@ contains
     integer(i4) :: m, bodies
 
     bodies = d%grains%n + 3 + d%planes%n
-    call archive%get_integers('pairs.count', 3, 1, counts, errors)
+    call archive%get_integers('pairs.count', 4, 1, counts, errors)
     if (errors%any()) return
     m = int(counts(1, 1), i4)
     call archive%get_integers('pairs.first', lanes, m, first, errors)
@@ -246,6 +246,7 @@ contains
       p%blocks = m
       p%grain_blocks = int(counts(2, 1), i4)
       p%count = int(counts(3, 1), i4)
+      p%built_at = counts(4, 1)
       p%first = int(first, i4)
       p%second = int(second, i4)
       p%law_first = int(law(:, 1), i4)
@@ -253,8 +254,10 @@ contains
       p%touched = law(:, 3) == 1
       p%start = int(start(:, 1), i4)
       p%entry = int(entry(:, 1), i4)
-      call archive%get_reals('pairs.skin', 1, 1, flat, errors)
+      call archive%get_reals('pairs.skin', 3, 1, flat, errors)
       p%skin = flat(1, 1)
+      p%least_skin = flat(2, 1)
+      p%most_skin = flat(3, 1)
       call archive%get_reals('pairs.normal', lanes*3, m, flat, errors)
       p%normal = reshape(flat, [lanes, 3, m])
       call archive%get_reals('pairs.history', lanes*history_size, m, flat, errors)

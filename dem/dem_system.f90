@@ -73,7 +73,12 @@ contains
     call check_laws(self, errors)
     if (errors%any()) return
     self%pairs%skin = self%par%skin
-    if (.not. self%pairs%skin > 0.0_wp) self%pairs%skin = usual_skin(self)
+    self%pairs%most_skin = self%pairs%skin
+    if (.not. self%pairs%skin > 0.0_wp) then
+      self%pairs%skin = usual_skin(self)
+      self%pairs%most_skin = 4.0_wp*self%pairs%skin
+    end if
+    self%pairs%least_skin = self%pairs%skin
     call allocate_bodies(self%pairs, self%grains, self%planes)
     call update_bodies(self%pairs, self%grains, self%planes)
     call build_pairs(self%pairs, self%grains, self%planes, self%weights, self%par%ghost_pairs)
