@@ -6,7 +6,7 @@ import numpy as np
 
 from talus import histories
 from talus.faults import FaultError
-from talus.fields import FieldFile, displacement, ghost_rows
+from talus.fields import MOVED, FieldFile, displacement, ghost_rows
 from talus.look import COLOURS, new_figure
 
 SMALL = 2.0e-3  # energies below this share of the largest are left out of a plot
@@ -155,10 +155,12 @@ def ghosts(path: Path, step: int = -1) -> object:
     rows, moved = rows[np.isfinite(moved).all(axis=1)], moved[np.isfinite(moved).all(axis=1)]
     x = now.grains["x"][rows] - moved
     size = np.linalg.norm(moved, axis=1)
-    scale = round_scale(0.12 * float(np.ptp(x, axis=0).max()) / max(float(size.max()), 1.0e-300))
+    extent, largest = float(np.ptp(x, axis=0).max()), float(size.max())
+    scale = round_scale(0.12 * extent / largest) if extent > 0.0 and largest > MOVED else 1.0
     fig, (side, top) = new_figure(ncols=2, figsize=(10.4, 5.6), width_ratios=[2, 3])
     # the side view keeps the walls that it sees edge-on, so that arrows do not hide each other
     walls = np.abs(x[:, 1]) < 0.9 * np.abs(x[:, 1]).max() + 1.0e-12
+    walls |= not walls.any()
     for ax, (a, b), chosen in ((side, (0, 2), walls), (top, (0, 1), np.ones(len(x), bool))):
         dots = draw_arrows(ax, x[chosen], moved[chosen], size[chosen], size.max(), (a, b), scale)
         ax.set(xlabel="xyz"[a] + " [mm]", ylabel="xyz"[b] + " [mm]", aspect="equal")

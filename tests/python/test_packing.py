@@ -1,0 +1,123 @@
+"""Packings: counts and places of the benchmark's containers, editing, the two file forms."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from talus import generate
+from talus.cli import main
+from talus.faults import FaultError
+from talus.packing import (
+    DRIVEN,
+    FIXED,
+    FREE,
+    make_packing,
+    read_h5,
+    read_text,
+    write_h5,
+    write_text,
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "fixed", "free"), [("small", 800, 1960), ("medium", 1020, 3240), ("large", 1248, 4840)]
+)
+def test_counts(name: str, fixed: int, free: int) -> None:
+    """The chapter's numbers of grains come out exactly."""
+    packing = generate.penetration(name, seed=1)
+    assert (packing.kind == FIXED).sum() == fixed
+    assert (packing.kind == FREE).sum() == free
+    assert packing.count == {"small": 2760, "medium": 4260, "large": 6088}[name]
+    assert len(np.unique(packing.id)) == packing.count
+    assert len(packing.groups["container"]) == fixed
+    assert len(packing.groups["free"]) == free
+
+
+@pytest.mark.parametrize(("name", "half"), [("small", 0.020), ("medium", 0.025), ("large", 0.030)])
+def test_walls(name: str, half: float) -> None:
+    """Walls stand at +-25 (g+1)/10 mm, columns 5 mm apart, 23 rows from z = -25 mm, no corners."""
+    packing = generate.penetration(name, seed=1)
+    fixed = packing.x[packing.kind == FIXED]
+    assert np.abs(fixed[:, :2]).max() == pytest.approx(half, abs=1e-12)
+    west = fixed[np.isclose(fixed[:, 0], -half)]
+    g = generate.GRID[name]
+    assert len(west) == 23 * (g + 1)
+    assert np.allclose(np.unique(west[:, 1].round(9)), (np.arange(g + 1) - 0.5 * g) * 5e-3)
+    assert np.allclose(np.unique(west[:, 2].round(9)), -25e-3 + 5e-3 * np.arange(23))
+    corners = np.isclose(np.abs(fixed[:, 0]), half) & np.isclose(np.abs(fixed[:, 1]), half)
+    assert not corners.any()
+    # the inner width of the chapter: between the surfaces of opposite walls
+    assert 2 * (half - generate.WALL_RADIUS) == pytest.approx(5e-3 * (g + 1) - 4.95e-3)
+
+
+def test_seed_decides() -> None:
+    """The same seed gives the same bits, another seed other orientations."""
+    one, again, other = (generate.penetration("small", seed) for seed in (3, 3, 4))
+    assert np.array_equal(one.quat, again.quat)
+    assert not np.allclose(one.quat, other.quat)
+
+
+def test_ghosts_of_the_coupled_run(tmp_path: Path) -> None:
+    """Without container grains above 61 mm 640 are left; the tool comes on top, group tool."""
+    start, cut = tmp_path / "start.h5", tmp_path / "cut.h5"
+    assert main(["pack", "penetration", "--container", "small", "-o", str(start)]) == 0
+    edit = ["pack", "edit", str(start), "--drop-container-above", "0.061", "--tool", "-o", str(cut)]
+    assert main(edit) == 0
+    packing = read_h5(cut)
+    assert (packing.kind == FIXED).sum() == len(packing.groups["container"]) == 640
+    assert (packing.kind == FREE).sum() == 1960
+    tool = packing.kind == DRIVEN
+    assert packing.id[tool].tolist() == packing.groups["tool"].tolist()
+    assert packing.axes[tool].tolist() == [list(generate.TOOL_AXES)]
+    free_top = packing.x[packing.kind == FREE, 2].max()
+    assert packing.x[tool][0, 2] > free_top
+
+
+def test_round_trip_is_exact(tmp_path: Path) -> None:
+    """h5 -> text -> h5 keeps ids, kinds, axes, places, orientations and groups to the bit."""
+    packing = generate.penetration("small", seed=7, layers=3)
+    rng = np.random.default_rng(1)
+    packing.x += rng.normal(size=packing.x.shape) * 1e-3
+    write_h5(tmp_path / "a.h5", packing)
+    write_text(tmp_path / "a.txt", read_h5(tmp_path / "a.h5"), "a comment")
+    write_h5(tmp_path / "b.h5", read_text(tmp_path / "a.txt"))
+    one, two = read_h5(tmp_path / "a.h5"), read_h5(tmp_path / "b.h5")
+    for name in ("id", "kind", "axes", "x", "quat"):
+        assert np.array_equal(getattr(one, name), getattr(two, name)), name
+    assert one.groups.keys() == two.groups.keys()
+    assert all(np.array_equal(one.groups[g], two.groups[g]) for g in one.groups)
+    assert not list(tmp_path.glob("*.tmp"))
+
+
+def test_faults_of_packings(tmp_path: Path) -> None:
+    """Foreign files, broken rows and doubled ids are named with code and place."""
+    bad = tmp_path / "bad.txt"
+    bad.write_text("# comment\n1 0 1 1 1\n")
+    with pytest.raises(FaultError, match="5 words instead of 13") as fault:
+        read_text(bad)
+    assert fault.value.code == "E502"
+    assert f"{bad}:2" in str(fault.value)
+    foreign = tmp_path / "foreign.h5"
+    foreign.write_bytes(b"no hdf5")
+    with pytest.raises(FaultError, match="E502"):
+        read_h5(foreign)
+    one = make_packing(np.zeros((1, 3)), np.ones((1, 3)))
+    with pytest.raises(FaultError, match="E503"):
+        one.join(one)
+
+
+def test_lattice_and_cloud() -> None:
+    """A lattice has its cells' sites; the bounding spheres of a cloud keep apart and inside."""
+    axes = np.array([1.0, 0.8, 0.6]) * 1e-3
+    assert generate.lattice("fcc", (2, 3, 4), 5e-3, axes).count == 4 * 24
+    box = np.array([0.02, 0.02, 0.02])
+    cloud = generate.cloud(60, box, axes, seed=2, spread=0.2)
+    radius = cloud.axes.max(axis=1)
+    apart = np.linalg.norm(cloud.x[:, None] - cloud.x[None], axis=2)
+    np.fill_diagonal(apart, np.inf)
+    assert (apart >= radius[:, None] + radius[None] - 1e-15).all()
+    assert (cloud.x - radius[:, None] >= -1e-15).all()
+    assert (cloud.x + radius[:, None] <= box + 1e-15).all()
+    with pytest.raises(FaultError, match="E512"):
+        generate.cloud(500, np.array([5e-3, 5e-3, 5e-3]), axes, seed=2, tries=5)
