@@ -22,6 +22,7 @@ program talus_dem
   call parse_options(options, program_name, errors)
   if (errors%any()) call leave_with_faults()
   if (options%help .or. options%version .or. options%keys) call answer()
+  if (len(options%point) > 0 .and. len(options%port) == 0) options%port = 'attach:'//options%point
   allocate (model)
   if (options%check) call check()
   if (len(options%port) > 0) then
