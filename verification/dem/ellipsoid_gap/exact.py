@@ -69,12 +69,16 @@ def deepest_point(d: np.ndarray, a1: np.ndarray, a2: np.ndarray) -> np.ndarray:
     return np.linalg.solve(a1 + high * a2, a1 @ d)
 
 
-def potential_overlap(r: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
-    """Distance between the two deepest points of the geometric potential [m]."""
+def potential_overlap(r: np.ndarray, a: np.ndarray, b: np.ndarray, n: np.ndarray) -> float:
+    """Distance of the two deepest points of the geometric potential along the normal [m].
+
+    The points of one level are scaled about the centre, so that the deepest points also lie apart
+    along the tangent plane, by a distance of the order of the overlap: only the normal part agrees.
+    """
     fa, fb = np.linalg.inv(a), np.linalg.inv(b)
     in_a = r + deepest_point(-r, fa, fb)  # point of B deepest in A
     in_b = deepest_point(r, fb, fa)  # point of A deepest in B
-    return float(np.linalg.norm(in_a - in_b))
+    return float(abs((in_a - in_b) @ n))
 
 
 def make_pairs(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -122,6 +126,8 @@ def run(case: Case) -> None:
     order = np.argsort(first)
     found = np.full(PAIRS, np.nan)
     found[(first[order] - 1) // 2] = contacts["overlap"][order]
+    normal = np.zeros((PAIRS, 3))
+    normal[(first[order] - 1) // 2] = contacts["normal"][order]
     missing = int(np.isnan(found).sum())
     case.metric("pairs missed", missing, 0, 0)
     case.below(
@@ -133,7 +139,7 @@ def run(case: Case) -> None:
     tensor = np.einsum("nij,j,nkj->nik", q, AXES**2, q)
     other = np.array(
         [
-            potential_overlap(x[2 * k + 1] - x[2 * k], tensor[2 * k], tensor[2 * k + 1])
+            potential_overlap(x[2 * k + 1] - x[2 * k], tensor[2 * k], tensor[2 * k + 1], normal[k])
             for k in range(PAIRS)
         ]
     )

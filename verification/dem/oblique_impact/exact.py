@@ -5,7 +5,7 @@ import numpy as np
 from talus.verification import Case, field_steps, write_packing
 
 RADIUS, DENSITY, YOUNG, POISSON, FRICTION = 0.01, 2650.0, 29.0e9, 0.25, 0.3
-SPEED = 1.0
+SPEED = 0.01  # slow: the normal turns by v T/(2 R) = 1e-4 rad during the contact
 ANGLES = [5.0, 15.0, 25.0, 35.0, 45.0, 60.0, 75.0, 80.0]
 MASS = DENSITY * 4.0 / 3.0 * np.pi * RADIUS**3
 INERTIA = 0.4 * MASS * RADIUS**2
@@ -20,7 +20,7 @@ def reference(normal: float, tangential: float) -> tuple[float, float]:
     velocity at the contact; spheres turn alike, so the slip velocity is w = v_t - 2 R omega.
     """
     overlap, rate, v, spin = 0.0, normal, tangential, 0.0
-    force, last_a, h = 0.0, 0.0, 2.0e-9
+    force, last_a, h = 0.0, 0.0, 2.0e-8
     r_e = RADIUS / 2
     while overlap >= 0.0:
         rate_mid = rate
@@ -73,12 +73,12 @@ def run(case: Case) -> None:
         v, spin, a, b = impact(case, angle)
         lost, turned = max(lost, a), max(turned, b)
         wanted_v, wanted_spin = reference(vn, vt)
-        if angle >= 60.0:
+        if angle >= 75.0:
             loss = (vt / 2 - v[1]) / (FRICTION * vn)
             name = f"{angle:.0f} deg: tangential loss / (friction x normal)"
-            case.metric(name, loss, 1.0, 1e-4, "gross sliding, normal impulse m* 2 v_n")
+            case.metric(name, loss, 1.0, 2e-3, "gross sliding; the turning normal gives 6e-4")
             sliding_spin = -2.5 * FRICTION * vn / RADIUS
-            case.metric(f"{angle:.0f} deg: spin / exact", spin[2] / sliding_spin, 1.0, 1e-4)
+            case.metric(f"{angle:.0f} deg: spin / exact", spin[2] / sliding_spin, 1.0, 2e-3)
         worst = max(
             worst, abs(v[1] - wanted_v) / SPEED, abs(spin[2] + abs(wanted_spin)) * RADIUS / SPEED
         )
