@@ -17,6 +17,7 @@ SETTINGS = {
     "savefig.dpi": 150,
     "font.size": 10,
     "axes.grid": True,
+    "axes.axisbelow": True,
     "grid.color": "#dddddd",
     "grid.linewidth": 0.6,
     "axes.spines.top": False,

@@ -193,8 +193,8 @@ def short_axis_fabric(packing: Packing, rows: np.ndarray | None = None) -> np.nd
 
 
 def bed_height(packing: Packing, part: float = 0.98) -> float:
-    """Height below which the part `part` of the free grains' centres lies [m]."""
-    z = packing.x[packing.kind == FREE, 2]
+    """Height of the surface: the part `part` of the free grains has its top below it [m]."""
+    z = (packing.x[:, 2] + extents(packing)[:, 2])[packing.kind == FREE]
     if not z.size:
         raise FaultError("E540", "the packing has no free grains")
     return float(np.quantile(z, part))
