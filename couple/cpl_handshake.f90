@@ -27,7 +27,7 @@ contains
     logical, intent(out) :: dynamic  !! the solid has inertia
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: analysis
-    integer(i4) :: k
+    integer(i4) :: k, faults
 
     dynamic = .false.
     do k = 1, 2
@@ -40,7 +40,9 @@ contains
       if (errors%any()) return
     end do
     do k = 1, 2
+      faults = errors%count
       call solvers(k)%receive(timers, errors)
+      solvers(k)%greeted = errors%count == faults
     end do
     if (errors%any()) return
     if (solvers(side_solid)%reply%has('analysis')) then
@@ -73,7 +75,6 @@ contains
     call solver%reply%get_int('ranks', solver%ranks, errors)
     call solver%reply%all_read(errors)
     if (errors%any()) return
-    solver%greeted = .true.
     solver%program = program
   end subroutine read_answer
 

@@ -137,16 +137,20 @@ contains
     integer(i8), intent(in) :: step
     real(wp), intent(in) :: time  !! s
     type(error_list_type) :: ignored
+    logical :: ended
     integer(i4) :: k
 
     do k = 1, size(solvers)
       if (.not. solvers(k)%started) cycle
+      ended = solvers(k)%lost
       if (solvers(k)%greeted .and. .not. solvers(k)%lost) then
         call solvers(k)%start_request(verb_abort, step, time, time)
         call solvers(k)%port%send(solvers(k)%request, ignored)
-        if (solvers(k)%process%wait(2.0_wp*abort_grace)) solvers(k)%lost = .true.
+        ended = solvers(k)%process%wait(2.0_wp*abort_grace)
       end if
-      call solvers(k)%process%stop(merge(0.0_wp, abort_grace, solvers(k)%lost))
+      call solvers(k)%process%stop(merge(0.0_wp, abort_grace, ended))
+      if (.not. solvers(k)%lost .and. solvers(k)%launch /= 'attach') &
+        call remove_file(solvers(k)%output)
       call solvers(k)%port%close()
       solvers(k)%started = .false.
     end do
