@@ -145,7 +145,8 @@ def run(case: Case) -> None:
     )
     relative = np.abs(other - found) / found
     order = np.polyfit(np.log(found), np.log(relative), 1)[0]
-    case.metric("order of the difference to the geometric potential", float(order), 1.0, 0.15, "O(overlap/R)")
+    name = "order of the difference to the geometric potential"
+    case.metric(name, float(order), 1.0, 0.15, "O(overlap/R)")
     fig, ax = case.figure()
     ax.loglog(found / 1.5e-3, relative, "o", ms=4, label="geometric potential against Talus")
     ax.loglog(found / 1.5e-3, found / 1.5e-3, "-", label="overlap / least semi-axis")
