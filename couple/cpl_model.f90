@@ -59,6 +59,7 @@ module cpl_model
     real(wp) :: begun = 0.0_wp             !! elapsed time when the exchanges began [s]
     real(wp) :: waited = 0.0_wp            !! waits until then [s]
     integer(i8) :: first_step = 0          !! of this part of the run
+    integer(i8) :: saved_step = -1         !! of the last checkpoint
   contains
     procedure :: read => read_run
     procedure :: open => open_run
@@ -204,6 +205,7 @@ contains
     call self%deck%get('checkpoint', 1, 'every_time', every_time)
     call self%checkpoint%schedule(every_wall, every_time, self%time_of(self%face%step))
     self%first_step = self%face%step
+    if (self%again) self%saved_step = self%face%step
     self%running = .true.
     self%begun = self%timers%elapsed()
     self%waited = (1.0_wp - overhead_share(self%timers, 0.0_wp, 0.0_wp))*self%begun
@@ -251,6 +253,7 @@ contains
     real(wp) :: time
     integer(i4) :: k, status
 
+    if (self%face%step == self%saved_step) return
     time = self%time_of(self%face%step)
     tag = 'x'//str(self%face%step)
     call self%audit%file%flush(errors)
@@ -277,6 +280,7 @@ contains
       manifest%step = self%face%step
       manifest%deck_hash = self%deck%hash()
       call write_manifest(self%stem, manifest, self%keep, errors)
+      self%saved_step = self%face%step
     end if
     call self%timers%stop('checkpoint')
   end subroutine save_checkpoint
