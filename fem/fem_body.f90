@@ -48,6 +48,7 @@ module fem_body
     real(wp), allocatable :: weight_force(:, :)  !! of gravity [N]
     real(wp), allocatable :: initial_force(:, :) !! internal forces of the initial stress [N]
     real(wp) :: factored_dt = -1.0_wp            !! [s], 0 in statics, < 0 not factored
+    real(wp) :: restored_dt = -1.0_wp            !! [s] of the factors at a checkpoint, < 0 none
     logical :: fresh_numbering = .false.
     type(fem_state_type) :: state, accepted
     type(fem_energy_type) :: energy, accepted_energy
@@ -76,6 +77,7 @@ contains
     n = self%mesh%nodes
     allocate (self%state%u(3, n), self%state%v(3, n), self%state%a(3, n), source=0.0_wp)
     allocate (self%state%external(3, n), self%state%reaction(3, n), source=0.0_wp)
+    allocate (self%state%tie(3, n), source=0.0_wp)
     allocate (self%given_u(3, n), self%port_load(3, n), self%dead_load(3, n), source=0.0_wp)
     allocate (self%weight_force(3, n), self%initial_force(3, n), source=0.0_wp)
     allocate (self%held(3, n), self%prescribed(3, n), source=.false.)
@@ -210,7 +212,8 @@ contains
       end if
       s%reaction = internal + inertia - s%external - tie
       where (.not. (self%held .or. self%prescribed)) s%reaction = 0.0_wp
-      call self%update_energy(internal, tie)
+      s%tie = tie
+      call self%update_energy(internal)
     end associate
   end subroutine step
 
@@ -235,10 +238,9 @@ contains
   end subroutine robin_force
 
   !> Ledger of the trial state: stored energies now, works by the trapezoidal rule.
-  subroutine update_energy(self, internal, tie)
+  subroutine update_energy(self, internal)
     class(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: internal(:, :)  !! K u + initial [N]
-    real(wp), intent(in) :: tie(:, :)       !! Robin forces at the end [N]
     real(wp), dimension(3, self%mesh%nodes) :: moved, momentum
     associate (s => self%state, old => self%accepted, e => self%energy)
       e = self%accepted_energy
@@ -247,7 +249,7 @@ contains
       e%load = e%load + 0.5_wp*sum((s%external + old%external)*moved)
       e%gravity = e%gravity + sum(self%weight_force*moved)
       e%support = e%support + 0.5_wp*sum((s%reaction + old%reaction)*moved)
-      e%spring = e%spring + 0.5_wp*sum(tie*moved)
+      e%spring = e%spring + 0.5_wp*sum((s%tie + old%tie)*moved)
       if (.not. self%dynamic) return
       call multiply_mass(self%pattern, self%mass, s%v, momentum)
       e%kinetic = 0.5_wp*sum(s%v*momentum)
@@ -292,11 +294,11 @@ contains
   !> Ledger of an explicit state with lumped mass; loads by what moved since the accepted state.
   subroutine explicit_energy(self)
     class(fem_body_type), intent(inout) :: self
-    real(wp), dimension(3, self%mesh%nodes) :: internal, tie
+    real(wp), dimension(3, self%mesh%nodes) :: internal
     integer(i4) :: i
     call self%internal_force(self%state%u, internal)
-    tie = 0.0_wp
-    call self%update_energy(internal, tie)
+    self%state%tie = 0.0_wp
+    call self%update_energy(internal)
     self%energy%kinetic = 0.0_wp
     do i = 1, self%mesh%nodes
       self%energy%kinetic = self%energy%kinetic + 0.5_wp*self%lumped(i)*self%mass_factor(i) &

@@ -143,13 +143,19 @@ contains
     call self%checkpoint%schedule(every_wall, every_time, self%body%accepted%time)
   end subroutine prepare
 
-  !> Factors for steps of dt, and the acceleration at the start of a dynamic run.
+  !> Factors for steps of dt, and the acceleration at the start of a dynamic run. A served dynamic
+  !! run learns dt from its first step; after a restart the factors are for the dt of the checkpoint,
+  !! bit for bit.
   subroutine begin(self, dt, errors)
     class(fem_model_type), intent(inout) :: self
     real(wp), intent(in) :: dt  !! [s]
     type(error_list_type), intent(inout) :: errors
     call self%timers%start('factorisation')
-    call self%body%factor(dt, errors)
+    if (self%body%dynamic .and. self%body%restored_dt > 0.0_wp) then
+      call self%body%factor(self%body%restored_dt, errors)
+    else if (dt > 0.0_wp .or. .not. self%body%dynamic) then
+      call self%body%factor(dt, errors)
+    end if
     if (self%body%dynamic .and. self%start_time < 0.0_wp .and. .not. errors%any()) &
       call self%body%start_acceleration(errors)
     call self%timers%stop('factorisation')

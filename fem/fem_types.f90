@@ -71,6 +71,7 @@ module fem_types
     real(wp), allocatable :: u(:, :), v(:, :), a(:, :)  !! (3, nodes) [m], [m/s], [m/s^2]
     real(wp), allocatable :: external(:, :)             !! loads without reactions [N]
     real(wp), allocatable :: reaction(:, :)             !! on prescribed dofs [N]
+    real(wp), allocatable :: tie(:, :)                  !! of the Robin springs at its end [N]
   end type fem_state_type
 
   !> Energy ledger [J].
