@@ -13,7 +13,7 @@ def write_box(path: Path, lower: list[float], upper: list[float], cells: tuple[i
     write_mesh(path, box(np.array(lower), np.array(upper), cells))
 
 
-def write_deck(case: Case, name: str, base: str, **values: object) -> str:
+def write_deck(case: Case, name: str, base: str, /, **values: object) -> str:
     """Copy a deck with @key@ replaced by values; return the new name."""
     text = (case.folder / base).read_text()
     for key, value in values.items():

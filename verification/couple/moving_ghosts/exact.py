@@ -1,0 +1,39 @@
+"""Ledgers of both solvers and of the interface while ghosts are driven into a bed."""
+
+import numpy as np
+from bed import write_bed
+from coupled import audit_of, write_deck
+
+from talus.verification import Case, read_history
+
+
+def run(case: Case) -> None:
+    """Judge closures for a static and a dynamic solid, with and without iterations."""
+    write_bed(case.folder)
+    fig, ax = case.figure()
+    ways = (
+        ("static", "average", "springs", 0.2),
+        ("static", "iterated", "springs", 1e-6),
+        ("newmark", "average", "none", 2e-2),
+        ("newmark", "iterated", "none", 1e-6),
+    )
+    for analysis, scheme, interface, limit in ways:
+        name = f"{analysis}_{scheme}"
+        values = {"name": name, "analysis": analysis, "scheme": scheme, "interface": interface}
+        write_deck(case, f"{name}_grains.nml", "grains.nml")
+        write_deck(case, f"{name}_solid.nml", "solid.nml", **values)
+        case.run("talus-couple", write_deck(case, f"{name}.nml", "coupled.nml", **values))
+        audit = audit_of(case, name)
+        on_grains, on_solid = audit["interface_work_on_grains"], audit["interface_work_on_solid"]
+        turnover = np.abs(np.diff(on_grains)).sum()
+        case.above(f"{name}: work on the grains [J]", np.abs(on_grains).max(), 1e-6, "something happens")
+        case.below(f"{name}: works at the interface", np.abs(on_grains + on_solid).max() / turnover, limit)
+        energy = read_history(case.folder / f"{name}_grains_energy.csv")
+        case.below(f"{name}: ledger of the grains", np.abs(energy["relative_closure"]).max(), 1e-3)
+        solid = read_history(case.folder / f"{name}_solid_energy.csv")
+        most = max(np.abs(solid[k]).max() for k in ("strain", "kinetic", "load", "gravity", "support"))
+        case.below(f"{name}: ledger of the solid", np.abs(solid["closure"]).max() / most, 1e-9)
+        ax.plot(1e3 * audit["time"], 1e6 * on_grains, label=f"{analysis}, {scheme}")
+    ax.set(xlabel="time [ms]", ylabel="work of the ghosts on the grains [µJ]")
+    ax.legend()
+    case.save(fig)
