@@ -132,7 +132,8 @@ contains
     type(error_list_type), intent(in) :: other
     integer(i4) :: k
     do k = 1, other%count
-      call self%add(other%item(k)%code, other%item(k)%message, other%item(k)%place, other%item(k)%hint)
+      call self%add(other%item(k)%code, other%item(k)%message, other%item(k)%place, &
+        other%item(k)%hint)
     end do
   end subroutine error_list_take
 end module talus_errors

@@ -3,7 +3,8 @@ module talus_h5_text
   use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_int, c_int64_t, c_loc, &
     c_associated, c_null_char, c_ptr, c_size_t
   use hdf5, only: hid_t, hsize_t, size_t, h5t_c_s1, h5t_cset_utf8_f, h5tcopy_f, h5tget_class_f, &
-    h5t_string_f, h5tset_cset_f, h5tclose_f, h5tis_variable_str_f, h5tget_size_f, h5dopen_f, h5dget_type_f, &
+    h5t_string_f, h5tset_cset_f, h5tclose_f, h5tis_variable_str_f, h5tget_size_f, h5dopen_f, &
+      h5dget_type_f, &
     h5dclose_f, h5aopen_f, h5aget_type_f, h5aclose_f, h5oopen_f, h5oclose_f
   use talus_kinds, only: i4
   use talus_errors, only: error_list_type

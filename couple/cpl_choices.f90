@@ -150,7 +150,8 @@ contains
     do s = 1, 2
       if (at(s) > 0) cycle
       call deck%fault(errors, 'D404', "no program is given for the side '"//trim(sides(s))//"'", &
-                      'program', 1, 'side', "add &program side = '"//trim(sides(s))//"', deck = ... /")
+                      'program', 1, 'side', "add &program side = '"//trim(sides(s))// &
+                        "', deck = ... /")
     end do
     if (any(at == 0)) return
     if (stem_of(solvers(1)%deck) == stem_of(solvers(2)%deck)) &
@@ -179,7 +180,8 @@ contains
                       'program', k, 'ranks', "write launch = 'command', command = 'mpirun -np "// &
                       str(ranks)//' '//solver%program//"'")
     if (solver%launch == 'command' .and. len(solver%command) == 0) &
-      call deck%fault(errors, 'D405', "launch = 'command' needs a command", 'program', k, 'launch', &
+      call deck%fault(errors, 'D405', "launch = 'command' needs a command", 'program', k, &
+        'launch', &
                       "for example command = 'mpirun -np 2 "//solver%program//"'")
     if (solver%launch /= 'command' .and. len(solver%command) > 0) &
       call deck%fault(errors, 'D405', "command means nothing with launch = '"//solver%launch//"'", &

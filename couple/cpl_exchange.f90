@@ -113,7 +113,8 @@ contains
     use_midpoint = face%dynamic .and. face%relax%method /= interface_springs
   end function use_midpoint
 
-  !> The solid steps with the force at t0, then the grains follow its motion.
+  !> The solid steps with the force at t0, then the grains follow its motion. A dynamic solid takes
+  !! the mean force of the interval as the last two forces foretell it.
   subroutine step_with_state(face, solvers, t0, t1, timers, errors)
     type(interface_type), intent(inout) :: face
     type(cpl_solver_type), intent(inout) :: solvers(2)
@@ -123,9 +124,11 @@ contains
 
     face%iterations = 1
     face%p_mean = face%p_end
-    face%p_put = face%p_end
+    if (face%dynamic) face%p_mean = 1.5_wp*face%p_end - 0.5_wp*face%p_before
+    face%p_before = face%p_end
     call solve_solid(face, solvers(side_solid), face%d, 1_i4, t0, t1, timers, errors)
     if (errors%any()) return
+    if (use_midpoint(face)) face%p_put = 2.0_wp*face%relax%held - face%p_put
     call face%map%to_ghosts(face%u_new, face%d_new)
     call advance_grains(face, solvers(side_grains), t0, t1, timers, errors)
   end subroutine step_with_state
@@ -157,7 +160,8 @@ contains
     face%p_mean = face%p_mean/span
     face%m_mean = face%m_mean/span
     if (errors%any() .or. face%finite()) return
-    call errors%add('N407', 'a force on a ghost is no number', 'exchange from '//str(t0)//' s to '// &
+    call errors%add('N407', 'a force on a ghost is no number', &
+      'exchange from '//str(t0)//' s to '// &
                     str(t1)//' s', 'the grains have become unstable: look at their step limit')
   end subroutine advance_grains
 

@@ -14,7 +14,8 @@ module cpl_facet_map
   integer(i4), parameter :: most_steps = 20            !! of Newton's method
   real(wp), parameter :: settled = 1.0e-12_wp          !! last step, relative to the facet's size
   real(wp), parameter :: rim = 1.0e-6_wp               !! natural coordinates may pass 1 by this
-  real(wp), parameter :: tie = 1.0e-9_wp               !! distances this close are equal, of the size
+  real(wp), parameter :: tie = 1.0e-9_wp               !! distances this close are equal, of the
+                                                       !! size
   real(wp), parameter :: default_offset = 1.0e-3_wp    !! of the size of the facet
   real(wp), parameter :: identity_limit = 1.0e-12_wp
   integer(i4), parameter :: listed = 8                 !! ghosts named in a fault
@@ -236,7 +237,8 @@ contains
     real(wp), intent(out) :: d(:, :)  !! (3, ghosts)
     integer(i4) :: g
     do g = 1, self%ghosts
-      d(:, g) = self%weight(1, g)*u(:, self%corner(1, g)) + self%weight(2, g)*u(:, self%corner(2, g)) &
+      d(:, g) = self%weight(1, g)*u(:, self%corner(1, g)) &
+        + self%weight(2, g)*u(:, self%corner(2, g)) &
         + self%weight(3, g)*u(:, self%corner(3, g)) + self%weight(4, g)*u(:, self%corner(4, g))
     end do
   end subroutine to_ghosts

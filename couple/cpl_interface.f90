@@ -27,8 +27,10 @@ module cpl_interface
     real(wp), allocatable :: u_new(:, :)     !! trial values
     real(wp), allocatable :: v_new(:, :)
     real(wp), allocatable :: d_new(:, :)
-    real(wp), allocatable :: p_mean(:, :)    !! mean force on each ghost over the interval (3, g) [N]
+    real(wp), allocatable :: p_mean(:, :)    !! mean force on each ghost over the interval (3, g)
+                                             !! [N]
     real(wp), allocatable :: p_end(:, :)     !! force at its end [N]
+    real(wp), allocatable :: p_before(:, :)  !! force at the end of the interval before [N]
     real(wp), allocatable :: p_put(:, :)     !! force at tn that the implicit solid holds [N]
     real(wp), allocatable :: m_mean(:, :)    !! mean moment on each ghost [N m]
     real(wp), allocatable :: dead_load(:, :) !! (3, m) [N]
@@ -40,7 +42,8 @@ module cpl_interface
     real(wp) :: spring_residual = 0.0_wp     !! what the springs held back in the last exchange [-]
     integer(i4) :: iterations = 0            !! of the last exchange
     integer(i8) :: all_iterations = 0
-    integer(i4) :: outgrown = 0              !! looks at which contacts were stiffer than the springs
+    integer(i4) :: outgrown = 0              !! looks at which contacts were stiffer than the
+                                             !! springs
     integer(i4) :: refactored = 0            !! times the springs were raised
     real(wp) :: contact_stiffness = 0.0_wp   !! largest of a ghost at the last look [N/m]
     real(wp) :: force_at_look = 0.0_wp       !! largest force on a ghost then [N]
@@ -69,7 +72,8 @@ contains
     self%x_ref = x_ghost
     self%x_node = x_all(:, self%map%node_id)
     allocate (self%d(3, g), self%d_new(3, g), self%p_mean(3, g), self%p_end(3, g), &
-              self%p_put(3, g), self%m_mean(3, g), source=0.0_wp)
+              self%p_put(3, g), self%p_before(3, g), &
+              self%m_mean(3, g), source=0.0_wp)
     allocate (self%u(3, m), self%v(3, m), self%v_before(3, m), self%u_new(3, m), &
               self%v_new(3, m), self%dead_load(3, m), source=0.0_wp)
   end subroutine init

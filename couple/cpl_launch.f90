@@ -22,7 +22,8 @@ module cpl_launch
 contains
 
   !> Open the port and start the solver, or tell the user how to.
-  subroutine launch_solver(solver, transport, run_id, time_limit, trace, folder, restart, log, errors)
+  subroutine launch_solver(solver, transport, run_id, time_limit, trace, folder, restart, log, &
+    errors)
     type(cpl_solver_type), intent(inout) :: solver
     character(len=*), intent(in) :: transport   !! shared_memory or hdf5
     character(len=*), intent(in) :: run_id

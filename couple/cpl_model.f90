@@ -292,7 +292,8 @@ contains
     integer(i8) :: done
     done = max(self%face%step - self%first_step, 1_i8)
     left = (self%timers%elapsed() - self%begun)/done*(self%choices%exchanges - self%face%step)
-    call log_row(self%log, self%face, self%audit, self%time_of(self%face%step), self%overhead(), left)
+    call log_row(self%log, self%face, self%audit, self%time_of(self%face%step), &
+      self%overhead(), left)
     call self%audit%file%flush(ignored)
   end subroutine write_row
 

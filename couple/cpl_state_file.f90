@@ -27,6 +27,7 @@ contains
     call file%put('/ghosts/d', face%d, errors)
     call file%put('/ghosts/p_mean', face%p_mean, errors)
     call file%put('/ghosts/p_end', face%p_end, errors)
+    call file%put('/ghosts/p_before', face%p_before, errors)
     call file%put('/ghosts/p_put', face%p_put, errors)
     call file%put('/ghosts/held', face%relax%held, errors)
     call file%put('/ghosts/residual', face%relax%residual, errors)
@@ -39,7 +40,8 @@ contains
                                face%lost_impulse, face%relax%stiffness, face%relax%factor, &
                                face%contact_stiffness, face%force_at_look], errors)
     call file%put('/counts', [face%step, face%all_iterations, int(face%outgrown, i8), &
-                              int(face%refactored, i8), merge(1_i8, 0_i8, face%relax%begun)], errors)
+                              int(face%refactored, i8), merge(1_i8, 0_i8, face%relax%begun)], &
+                                errors)
     call file%put('/scalars/grains', face%grains, errors)
     call file%put('/scalars/solid', face%solid, errors)
     call checkpoint%finish(file, errors)
@@ -86,6 +88,7 @@ contains
     call file%get_into('/ghosts/d', face%d, errors)
     call file%get_into('/ghosts/p_mean', face%p_mean, errors)
     call file%get_into('/ghosts/p_end', face%p_end, errors)
+    call file%get_into('/ghosts/p_before', face%p_before, errors)
     call file%get_into('/ghosts/p_put', face%p_put, errors)
     call file%get_into('/ghosts/held', face%relax%held, errors)
     call file%get_into('/ghosts/residual', face%relax%residual, errors)

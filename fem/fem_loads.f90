@@ -91,7 +91,8 @@ contains
     integer(i4) :: f, q, s, i, j
 
     longer%n = springs%n + 4*size(facet, 2)
-    allocate (longer%node(4, longer%n), longer%weight(4, longer%n), longer%stiffness(3, 3, longer%n))
+    allocate (longer%node(4, longer%n), longer%weight(4, longer%n), &
+      longer%stiffness(3, 3, longer%n))
     s = springs%n
     if (s > 0) then
       longer%node(:, :s) = springs%node

@@ -162,7 +162,8 @@ contains
     end do
     if (all(used)) return
     call errors%add('I304', 'node '//str(int(findloc(used, .false., 1), i4))// &
-                    ' belongs to no element ('//str(int(count(.not. used), i4))//' such nodes)', path, &
+                    ' belongs to no element ('//str(int(count(.not. used), i4))// &
+                      ' such nodes)', path, &
                     'drop such nodes: `talus mesh convert` does so')
   end subroutine check_ids
 
@@ -183,7 +184,8 @@ contains
     end do
     if (bad == 0) return
     call hex8_geometry(mesh%x(:, mesh%hex8(:, first)), geometry)
-    call errors%add('I302', str(bad)//' elements are inside out, the first is element '//str(first)// &
+    call errors%add('I302', str(bad)//' elements are inside out, the first is element '// &
+      str(first)// &
                     ' (least Jacobian '//str(geometry%least)//' m3)', path, &
                     'nodes must follow the VTK order: bottom face, then top face')
   end subroutine check_shape

@@ -51,7 +51,8 @@ contains
                 if (on_face(mesh%x(:, n), mesh%x(:, quad(:, f)))) hit = n
               end if
               if (hit > 0) then
-                call errors%add('I303', 'node '//str(hit)//' hangs on a face or edge of element '// &
+                call errors%add('I303', 'node '//str(hit)// &
+                  ' hangs on a face or edge of element '// &
                                 str(owner(f))//' (at '//str(mesh%x(:, hit))//' m)', path, &
                                 'join the meshes so that neighbours share their nodes')
                 return
@@ -90,7 +91,8 @@ contains
   !> Does p lie on the quadrangle (within a small distance), its rim included?
   pure logical function on_face(p, x)
     real(wp), intent(in) :: p(3), x(3, 4)
-    on_face = in_triangle(p, x(:, 1), x(:, 2), x(:, 3)) .or. in_triangle(p, x(:, 1), x(:, 3), x(:, 4))
+    on_face = in_triangle(p, x(:, 1), x(:, 2), x(:, 3)) &
+      .or. in_triangle(p, x(:, 1), x(:, 3), x(:, 4))
   end function on_face
 
   pure logical function in_triangle(p, a, b, c)
@@ -109,7 +111,8 @@ contains
     s = (dot_product(r, e)*g(2, 2) - dot_product(r, f)*g(1, 2))/det
     t = (dot_product(r, f)*g(1, 1) - dot_product(r, e)*g(1, 2))/det
     off = r - s*e - t*f
-    in_triangle = norm2(off) < near*scale .and. s > -near .and. t > -near .and. s + t < 1.0_wp + near
+    in_triangle = norm2(off) < near*scale .and. s > -near .and. t > -near .and. s + t < 1.0_wp &
+      + near
   end function in_triangle
 
   !> Faces that only one element has, by sorting their node sets.

@@ -35,9 +35,11 @@ contains
 
     call full_graph(pattern, xadj, adjncy)
     allocate (perm(pattern%nodes), iperm(pattern%nodes))
-    status = metis_node_nd(int(pattern%nodes, c_int), xadj, adjncy, c_null_ptr, c_null_ptr, perm, iperm)
+    status = metis_node_nd(int(pattern%nodes, c_int), xadj, adjncy, c_null_ptr, c_null_ptr, &
+      perm, iperm)
     if (status /= metis_ok) then
-      call errors%add('S301', 'METIS could not order the nodes (status '//str(int(status, i4))//')', &
+      call errors%add('S301', 'METIS could not order the nodes (status '//str(int(status, i4))// &
+        ')', &
                       hint='this is mostly a lack of memory')
       return
     end if

@@ -110,7 +110,8 @@ contains
       return
     end if
     if (self%id%infog(12) > 0) then
-      call errors%add('N302', 'the stiffness has '//str(self%id%infog(12))//' negative pivots: it is '// &
+      call errors%add('N302', 'the stiffness has '//str(self%id%infog(12))// &
+        ' negative pivots: it is '// &
                       'not positive definite', hint='check supports, moduli and the mesh')
       return
     end if
@@ -164,10 +165,12 @@ contains
       call errors%add('S303', 'not enough memory for '//where//' (MUMPS '//str(code)//', '// &
                       str(detail)//')', hint='use a smaller mesh or a machine with more memory')
     case (-6, -10, -40)
-      call errors%add('N301', 'the stiffness is singular in '//where//' (MUMPS '//str(code)//', '// &
+      call errors%add('N301', 'the stiffness is singular in '//where//' (MUMPS '//str(code)// &
+        ', '// &
                       str(detail)//')', hint='is every part of the body supported?')
     case default
-      call errors%add('S304', where//' failed with MUMPS code '//str(code)//' ('//str(detail)//')', &
+      call errors%add('S304', where//' failed with MUMPS code '//str(code)//' ('//str(detail)// &
+        ')', &
                       hint='MUMPS users'' guide, section on error codes')
     end select
   end subroutine translate

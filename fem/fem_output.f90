@@ -126,8 +126,10 @@ contains
     logical :: found
 
     found = .false.
-    if (start_time >= 0.0_wp) call self%series%resume(stem//'.h5', format_name, start_time, found, errors)
-    if (found .and. self%series%count > 0) self%last_field = self%series%step(self%series%count)%time
+    if (start_time >= 0.0_wp) call self%series%resume(stem//'.h5', format_name, start_time, &
+      found, errors)
+    if (found .and. self%series%count > 0) &
+      self%last_field = self%series%step(self%series%count)%time
     if (.not. found) then
       call self%series%start(stem//'.h5', format_name, file, errors)
       call file%group('/mesh', errors)
@@ -160,7 +162,8 @@ contains
       end if
     end if
     if (self%every_output > 0.0_wp) then
-      if (t >= (self%next_output - near)*self%every_output .or. (last .and. self%last_field < t)) then
+      if (t >= (self%next_output - near)*self%every_output &
+        .or. (last .and. self%last_field < t)) then
         call self%write_fields(body, errors)
         self%next_output = after(t, self%every_output)
       end if
@@ -213,7 +216,8 @@ contains
     character(len=:), allocatable :: group
     real(wp), allocatable :: stress(:, :, :), mean(:, :), nodal(:, :)
 
-    allocate (stress(6, 8, body%mesh%elements), mean(6, body%mesh%elements), nodal(6, body%mesh%nodes))
+    allocate (stress(6, 8, body%mesh%elements), mean(6, body%mesh%elements), &
+      nodal(6, body%mesh%nodes))
     call point_stress(body%mesh, body%elastic, body%accepted%u, stress)
     call mean_stress(body%mesh, stress, mean)
     call nodal_stress(body%mesh, stress, nodal)

@@ -86,7 +86,8 @@ contains
     type(error_list_type), intent(inout) :: fatal   !! faults that end the run
     type(error_list_type), intent(inout) :: errors  !! faults of this request
 
-    if (.not. service%greeted .and. request%verb /= verb_hello .and. .not. leaving(request%verb)) then
+    if (.not. service%greeted .and. request%verb /= verb_hello &
+      .and. .not. leaving(request%verb)) then
       call errors%add('P303', verb_name(request%verb)//' came before HELLO', request%place(), &
                       'HELLO is the first request')
       return
@@ -131,7 +132,8 @@ contains
     call request%all_read(errors)
     if (errors%any()) return
     if (protocol /= protocol_version) then
-      call errors%add('P005', 'the partner speaks another protocol than talus-fem', request%place(), &
+      call errors%add('P005', 'the partner speaks another protocol than talus-fem', &
+        request%place(), &
                       'use programs of the same version')
       return
     end if

@@ -26,7 +26,8 @@ contains
     call reply%put_text('program', program_name)
     call reply%put_text('version', version_text())
     call reply%put_text('deck_hash', model%deck%hash())
-    call reply%put_text('capabilities', 'report,prescribe,load,solve,advance,force,kick_drift,springs,'// &
+    call reply%put_text('capabilities', &
+      'report,prescribe,load,solve,advance,force,kick_drift,springs,'// &
                         'dead_load,initial_stress,quad_weight,moduli,mass_factor')
     call reply%put_text('analysis', trim(merge('newmark', 'static ', model%body%dynamic)))
     call reply%put('gravity', model%body%gravity)
@@ -60,11 +61,13 @@ contains
     case ('quadrature')
       call describe_points(body, reply)
     case ('groups')
-      call reply%put_text('names', lines(group_names(body%mesh, [group_volume, group_facet, group_node])))
+      call reply%put_text('names', lines(group_names(body%mesh, &
+        [group_volume, group_facet, group_node])))
     case ('group')
       g = find_group(body%mesh, group, [group_node, group_facet, group_volume])
       if (g == 0) then
-        call no_group('group', group, group_names(body%mesh, [group_volume, group_facet, group_node]), &
+        call no_group('group', group, group_names(body%mesh, &
+          [group_volume, group_facet, group_node]), &
                       errors)
         return
       end if
@@ -138,7 +141,8 @@ contains
     case ('mass_factor')
       call set_mass_factor(body, sets, request, errors)
     case default
-      call errors%add('P301', "talus-fem cannot set '"//what//"'", request%place(), 'it knows springs, '// &
+      call errors%add('P301', "talus-fem cannot set '"//what//"'", request%place(), &
+        'it knows springs, '// &
                       'dead_load, initial_stress, quad_weight, moduli and mass_factor')
     end select
   end subroutine set_values
@@ -150,7 +154,8 @@ contains
     real(wp), allocatable :: stiffness(:)
     integer(i4) :: s, c
 
-    if (allocated(body%robin%node)) deallocate (body%robin%node, body%robin%weight, body%robin%stiffness)
+    if (allocated(body%robin%node)) deallocate (body%robin%node, body%robin%weight, &
+      body%robin%stiffness)
     call request%take_int('node', body%robin%node, errors)
     call request%take('weight', body%robin%weight, errors)
     call request%take('stiffness', stiffness, errors)
@@ -238,7 +243,8 @@ contains
     if (errors%any()) return
     if (any(element < 1) .or. any(element > body%mesh%elements)) then
       call errors%add('P302', 'moduli are given for elements that do not exist', request%place())
-    else if (.not. (all(young > 0.0_wp) .and. all(poisson > -1.0_wp) .and. all(poisson < 0.5_wp))) then
+    else if (.not. (all(young > 0.0_wp) .and. all(poisson > -1.0_wp) &
+      .and. all(poisson < 0.5_wp))) then
       call errors%add('P302', 'moduli must be young > 0 and -1 < poisson < 0.5', request%place())
     else
       body%elastic%young(element) = young

@@ -40,7 +40,8 @@ contains
     type(fem_sets_type), intent(in) :: sets
     type(message_type), intent(inout) :: request, reply
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: start_u(:, :), end_u(:, :), impulse(:, :), work(:), before(:, :), moved(:, :)
+    real(wp), allocatable :: start_u(:, :), end_u(:, :), impulse(:, :), work(:), before(:, :), &
+      moved(:, :)
     real(wp) :: t0, share, dt
     integer(i4) :: k, n, s, i
 

@@ -82,7 +82,8 @@ contains
     if (.not. elastic%has_initial) return
     do e = 1, mesh%elements
       call hex8_geometry(mesh%x(:, mesh%hex8(:, e)), geometry)
-      call hex8_forces(geometry, elastic%initial(:, :, e), elastic%factor(:, e), elastic%bbar(e), fe)
+      call hex8_forces(geometry, elastic%initial(:, :, e), elastic%factor(:, e), &
+        elastic%bbar(e), fe)
       do a = 1, 8
         force(:, mesh%hex8(a, e)) = force(:, mesh%hex8(a, e)) + fe(:, a)
       end do

@@ -41,7 +41,8 @@ contains
       return
     end if
     if (any(ids < 1) .or. any(ids > body%mesh%nodes)) then
-      call errors%add('P302', 'set '//name//' names nodes that do not exist', hint='node ids go from 1 to '// &
+      call errors%add('P302', 'set '//name//' names nodes that do not exist', &
+        hint='node ids go from 1 to '// &
                       str(body%mesh%nodes))
       return
     end if
@@ -91,7 +92,8 @@ contains
       call request%get(trim(self%set(k)%name)//'.force', force, errors)
       if (errors%any()) return
       do j = 1, size(self%set(k)%node)
-        body%port_load(:, self%set(k)%node(j)) = body%port_load(:, self%set(k)%node(j)) + force(:, j)
+        body%port_load(:, self%set(k)%node(j)) = body%port_load(:, self%set(k)%node(j)) &
+          + force(:, j)
       end do
     end do
   end subroutine take_loads

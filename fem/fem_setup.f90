@@ -68,7 +68,8 @@ contains
           call deck%get('material', k, 'id', name)
           if (name == id) m = k
         end do
-        if (m == 0) call deck%fault(errors, 'D302', "there is no material '"//id//"'", 'section', s, &
+        if (m == 0) call deck%fault(errors, 'D302', "there is no material '"//id//"'", &
+          'section', s, &
                                     'material', 'define it with &material id = ...')
         if (g == 0) call group_fault(deck, body, 'section', s, [group_volume], errors)
         if (g == 0 .or. m == 0) cycle
@@ -88,8 +89,10 @@ contains
       end do
     end associate
     if (all(owner > 0) .or. errors%any()) return
-    call deck%fault(errors, 'D305', str(int(count(owner == 0), i4))//' elements have no section, the '// &
-                    'first is element '//str(int(findloc(owner, 0, 1), i4)), 'section', 1, 'group', &
+    call deck%fault(errors, 'D305', str(int(count(owner == 0), i4))// &
+      ' elements have no section, the '// &
+                    'first is element '//str(int(findloc(owner, 0, 1), i4)), 'section', 1, &
+                      'group', &
                     'volume groups of the mesh: '//group_names(body%mesh, [group_volume]))
   end subroutine read_sections
 
@@ -104,7 +107,8 @@ contains
       call deck%get(group, i, 'id', a)
       do j = 1, i - 1
         call deck%get(group, j, 'id', b)
-        if (a == b) call deck%fault(errors, 'D309', "the id '"//a//"' stands twice", group, i, 'id', &
+        if (a == b) call deck%fault(errors, 'D309', "the id '"//a//"' stands twice", group, i, &
+          'id', &
                                     'give each &'//group//' an id of its own')
       end do
     end do
@@ -148,7 +152,8 @@ contains
                         str(int(size(curve(k)%value), i4))//' values', 'curve', k, 'values', &
                         'give one value for each time')
       else if (any(curve(k)%time(2:) <= curve(k)%time(:n - 1))) then
-        call deck%fault(errors, 'D304', 'the times of the curve do not increase', 'curve', k, 'times', &
+        call deck%fault(errors, 'D304', 'the times of the curve do not increase', 'curve', k, &
+          'times', &
                         'put them in order, each once')
       end if
     end do
@@ -200,7 +205,8 @@ contains
       if (g == 0 .or. motion%curve == 0) cycle
       motion%node = body%mesh%group(g)%node
       clash = any(body%held(motion%component, motion%node))
-      if (clash) call deck%fault(errors, 'D306', 'component '//component//' of some of these nodes '// &
+      if (clash) call deck%fault(errors, 'D306', &
+        'component '//component//' of some of these nodes '// &
                                  'is held or moved already', 'motion', s, 'group', &
                                  'leave it out of &support and of the other &motion')
       body%held(motion%component, motion%node) = .true.

@@ -74,7 +74,8 @@ contains
     real(wp) :: n(4), xi(2), off, best
     integer(i4) :: g, f, a, chosen
 
-    if (.not. (deck%given('point_load', s, 'position') .and. deck%given('point_load', s, 'facets'))) then
+    if (.not. (deck%given('point_load', s, 'position') &
+      .and. deck%given('point_load', s, 'facets'))) then
       call deck%fault(errors, 'D307', 'the point load has no place', 'point_load', s, '', &
                       'give node, or position together with facets')
       return
@@ -92,7 +93,8 @@ contains
       end if
     end do
     if (chosen == 0 .or. best > on_facet) then
-      call deck%fault(errors, 'D307', 'the position lies on no facet of the group', 'point_load', s, &
+      call deck%fault(errors, 'D307', 'the position lies on no facet of the group', &
+        'point_load', s, &
                       'position', 'the nearest is off by '//str(best)//' facet sizes')
       return
     end if
@@ -118,8 +120,10 @@ contains
     size = norm2(x(:, 3) - x(:, 1))
     do k = 1, most
       call facet_point(x, xi, shape, area)
-      d(:, 1) = 0.25_wp*((1.0_wp - xi(2))*(x(:, 2) - x(:, 1)) + (1.0_wp + xi(2))*(x(:, 3) - x(:, 4)))
-      d(:, 2) = 0.25_wp*((1.0_wp - xi(1))*(x(:, 4) - x(:, 1)) + (1.0_wp + xi(1))*(x(:, 3) - x(:, 2)))
+      d(:, 1) = 0.25_wp*((1.0_wp - xi(2))*(x(:, 2) - x(:, 1)) &
+        + (1.0_wp + xi(2))*(x(:, 3) - x(:, 4)))
+      d(:, 2) = 0.25_wp*((1.0_wp - xi(1))*(x(:, 4) - x(:, 1)) &
+        + (1.0_wp + xi(1))*(x(:, 3) - x(:, 2)))
       r = p - matmul(x, shape)
       b = matmul(r, d)
       g = matmul(transpose(d), d)
@@ -161,7 +165,8 @@ contains
     character(len=:), allocatable :: name
     call deck%get(group, s, key, name)
     g = find_group(body%mesh, name, [group_facet])
-    if (g == 0) call deck%fault(errors, 'D301', "the mesh has no facet group '"//name//"'", group, s, &
+    if (g == 0) call deck%fault(errors, 'D301', "the mesh has no facet group '"//name//"'", &
+      group, s, &
                                 key, 'it has: '//group_names(body%mesh, [group_facet]))
   end subroutine facet_group
 

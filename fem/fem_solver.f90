@@ -122,7 +122,8 @@ contains
             if (self%equation(a, i) == 0 .or. self%equation(b, j) == 0) cycle
             n = n + 1
             self%value(n) = k(a, b, p)
-            if (a == b .and. mass_factor > 0.0_wp) self%value(n) = self%value(n) + mass_factor*mass(p)
+            if (a == b .and. mass_factor > 0.0_wp) self%value(n) = self%value(n) &
+              + mass_factor*mass(p)
           end do
         end do
       end do

@@ -226,7 +226,8 @@ contains
           j = springs%node(b, s)
           if (i > j) cycle
           p = place(pattern, i, j)
-          k(:, :, p) = k(:, :, p) + springs%weight(a, s)*springs%weight(b, s)*springs%stiffness(:, :, s)
+          k(:, :, p) = k(:, :, p) &
+            + springs%weight(a, s)*springs%weight(b, s)*springs%stiffness(:, :, s)
         end do
       end do
     end do
@@ -235,16 +236,31 @@ contains
   !> y = K u for the symmetric blocks.
   pure subroutine multiply(pattern, k, u, y)
     type(fem_pattern_type), intent(in) :: pattern
-    real(wp), intent(in) :: k(:, :, :), u(:, :)
-    real(wp), intent(out) :: y(:, :)
+    real(wp), intent(in), contiguous :: k(:, :, :), u(:, :)
+    real(wp), intent(out), contiguous :: y(:, :)
+    real(wp) :: u1, u2, u3, y1, y2, y3
     integer(i4) :: i, j, p
     y = 0.0_wp
     do i = 1, pattern%nodes
-      do p = pattern%start(i), pattern%start(i + 1) - 1
+      u1 = u(1, i)
+      u2 = u(2, i)
+      u3 = u(3, i)
+      p = pattern%start(i)
+      y1 = k(1, 1, p)*u1 + k(1, 2, p)*u2 + k(1, 3, p)*u3
+      y2 = k(2, 1, p)*u1 + k(2, 2, p)*u2 + k(2, 3, p)*u3
+      y3 = k(3, 1, p)*u1 + k(3, 2, p)*u2 + k(3, 3, p)*u3
+      do p = pattern%start(i) + 1, pattern%start(i + 1) - 1
         j = pattern%column(p)
-        y(:, i) = y(:, i) + matmul(k(:, :, p), u(:, j))
-        if (j /= i) y(:, j) = y(:, j) + matmul(u(:, i), k(:, :, p))
+        y1 = y1 + k(1, 1, p)*u(1, j) + k(1, 2, p)*u(2, j) + k(1, 3, p)*u(3, j)
+        y2 = y2 + k(2, 1, p)*u(1, j) + k(2, 2, p)*u(2, j) + k(2, 3, p)*u(3, j)
+        y3 = y3 + k(3, 1, p)*u(1, j) + k(3, 2, p)*u(2, j) + k(3, 3, p)*u(3, j)
+        y(1, j) = y(1, j) + k(1, 1, p)*u1 + k(2, 1, p)*u2 + k(3, 1, p)*u3
+        y(2, j) = y(2, j) + k(1, 2, p)*u1 + k(2, 2, p)*u2 + k(3, 2, p)*u3
+        y(3, j) = y(3, j) + k(1, 3, p)*u1 + k(2, 3, p)*u2 + k(3, 3, p)*u3
       end do
+      y(1, i) = y(1, i) + y1
+      y(2, i) = y(2, i) + y2
+      y(3, i) = y(3, i) + y3
     end do
   end subroutine multiply
 

@@ -167,7 +167,8 @@ contains
     free = count(values <= negligible*max(1.0_wp, values(6)))
     if (info /= 0 .or. free == 0) return
     kind = int(maxloc(abs(vectors(:, 1)), 1), i4)
-    call errors%add('I307', 'the body is not held: '//str(free)//' of 6 rigid motions are free, the '// &
+    call errors%add('I307', 'the body is not held: '//str(free)// &
+      ' of 6 rigid motions are free, the '// &
                     'first is mostly a '//trim(names(kind)), &
                     'the part with node '//str(int(findloc(part, p, 1), i4))//' ('// &
                     str(count(part == p))//' of '//str(mesh%nodes)//' nodes)', &

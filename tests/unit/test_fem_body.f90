@@ -108,7 +108,8 @@ contains
     call test%check('names the motion', index(errors%item(1)%message, 'translation along z') > 0)
   end subroutine not_held
 
-  !> One brick on its base: u = u_s (1 - cos(w_d t)), w_d = (2/dt) atan(w dt/2), w^2 = 3 E/(rho L^2).
+  !> One brick on its base: u = u_s (1 - cos(w_d t)), w_d = (2/dt) atan(w dt/2), w^2 = 3 E/(rho
+  !! L^2).
   subroutine newmark_frequency()
     type(fem_body_type) :: body
     type(error_list_type) :: errors
@@ -130,7 +131,8 @@ contains
     end do
     call test%check('no fault', .not. errors%any())
     call test%check('discrete frequency', worst < 1.0e-12_wp)
-    call test%check_close('energy', body%energy%strain + body%energy%kinetic, body%energy%load, 1.0e-12_wp)
+    call test%check_close('energy', body%energy%strain + body%energy%kinetic, body%energy%load, &
+      1.0e-12_wp)
     call body%solver%mumps%free()
   end subroutine newmark_frequency
 end program test_fem_body

@@ -9,7 +9,8 @@ program test_fem_hex8
   real(wp), parameter :: one(8) = 1.0_wp, bulk = 1.0_wp/1.2_wp, shear = 1.0_wp/2.6_wp
   real(wp) :: x(3, 8)
 
-  call test%check_close('partition of unity', sum(hex8_shape([0.3_wp, -0.2_wp, 0.7_wp])), 1.0_wp, 1.0e-15_wp)
+  call test%check_close('partition of unity', sum(hex8_shape([0.3_wp, -0.2_wp, 0.7_wp])), &
+    1.0_wp, 1.0e-15_wp)
   call test%check_close('facet partition', sum(quad4_shape([0.3_wp, -0.9_wp])), 1.0_wp, 1.0e-15_wp)
   x = 0.5_wp*hex8_corners
   x(:, 7) = x(:, 7) + [0.1_wp, 0.05_wp, -0.08_wp]

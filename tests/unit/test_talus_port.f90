@@ -23,7 +23,8 @@ program test_talus_port
     character(len=320) :: request, reply
   end type exchange_type
 
-  character(len=*), parameter :: state = ' g.x:r:3:7 g.quat:r:4:7 g.v:r:3:7 g.omega:r:3:7 g.theta:r:3:7'
+  character(len=*), parameter :: state = &
+    ' g.x:r:3:7 g.quat:r:4:7 g.v:r:3:7 g.omega:r:3:7 g.theta:r:3:7'
   character(len=*), parameter :: work = ' p.force:r:3:5 p.moment:r:3:5 p.impulse:r:3:5'// &
     ' p.moment_impulse:r:3:5 p.work:r:1:1'
   character(len=*), parameter :: scalars = ' scalars:r:1:19'
@@ -406,7 +407,8 @@ contains
     integer(i4) :: k, n
 
     do k = 1, 2
-      call launch('shm:/talus-'//str(own_pid())//'-both'//str(k), 'echo', process(k), port(k), errors)
+      call launch('shm:/talus-'//str(own_pid())//'-both'//str(k), 'echo', process(k), port(k), &
+        errors)
     end do
     back = 0.0_wp
     do n = 1, 200

@@ -197,7 +197,8 @@ contains
     if (mode == 'stop' .and. errors%any()) &
       call test%check('SIGSTOP is named', index(errors%item(1)%message, 'stopped') > 0)
     call process%stop(0.1_wp)
-    if (mode == 'die') call test%check_text('end', process%epitaph(), 'killed by signal 9 (SIGKILL)')
+    if (mode == 'die') call test%check_text('end', process%epitaph(), &
+      'killed by signal 9 (SIGKILL)')
     if (mode == 'leave') call test%check_text('end', process%epitaph(), 'exit code 3')
     call port%close()
   end subroutine expect_fault
@@ -411,7 +412,8 @@ contains
   end subroutine bad_file
 
   subroutine bad_specs()
-    character(len=24), parameter :: spec(8) = [character(len=24) :: '', 'shm:', 'shm:/', 'shm:name', &
+    character(len=24), parameter :: spec(8) = [character(len=24) :: '', 'shm:', 'shm:/', &
+      'shm:name', &
       'shm:/a/b', 'hdf5:side', 'hdf5:dir/', 'tcp:host']
     type(port_type) :: port
     type(error_list_type) :: errors

@@ -191,7 +191,8 @@ contains
                          '  | two'//new_line('a')//'  | three'//new_line('a'))
     call test%check_text('no file', tail_of('no-such-file.log', 2), '')
     call test%check_text('a program of PATH', sibling_program('no-such-program'), 'no-such-program')
-    call test%check('a program beside this one', index(sibling_program('test_talus_process'), '/') == 1)
+    call test%check('a program beside this one', &
+      index(sibling_program('test_talus_process'), '/') == 1)
     flush (output_unit)
   end subroutine log_tail
 end program test_talus_process
