@@ -131,7 +131,7 @@ contains
         s(scalar_momentum:scalar_momentum + 2)
       value(19:21) = g(scalar_angular_momentum:scalar_angular_momentum + 2) + &
         s(scalar_angular_momentum:scalar_angular_momentum + 2)
-      value(22:24) = sum(face%p_mean, 2)
+      value(22:24) = sum(face%relax%held, 2)
       value(25) = self%ghost_motion
       value(26) = self%ghost_force
       value(27) = gap

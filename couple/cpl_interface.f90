@@ -35,7 +35,7 @@ module cpl_interface
     real(wp), allocatable :: m_mean(:, :)    !! mean moment on each ghost [N m]
     real(wp), allocatable :: dead_load(:, :) !! (3, m) [N]
     real(wp) :: grains_work = 0.0_wp         !! by the ghosts' motion on the grains, total [J]
-    real(wp) :: solid_work = 0.0_wp          !! by the mean forces on the solid, total [J]
+    real(wp) :: solid_work = 0.0_wp          !! by the forces put on the solid, total [J]
     real(wp) :: work_turnover = 0.0_wp       !! sum of |work| over the exchanges [J]
     real(wp) :: step_work = 0.0_wp           !! by the ghosts in this exchange [J]
     real(wp) :: lost_impulse = 0.0_wp        !! of moments, total [N m s]
@@ -121,7 +121,7 @@ contains
     self%spring_residual = self%held_back()
     call self%map%to_ghosts(self%u, before)
     call self%map%to_ghosts(self%u_new, after)
-    work = sum(self%p_mean*(after - before))
+    work = sum(self%relax%held*(after - before))
     self%solid_work = self%solid_work + work
     self%grains_work = self%grains_work + self%step_work
     self%work_turnover = self%work_turnover + max(abs(work), abs(self%step_work))

@@ -150,6 +150,7 @@ contains
       call solvers(side_grains)%reply%get('scalars', face%grains, errors)
       if (errors%any()) return
       face%p_end = p
+      face%p_before = p
       face%force_at_look = maxval(abs(p))
       if (choices%interface == interface_springs) then
         face%relax%stiffness = choices%stiffness
