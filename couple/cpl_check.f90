@@ -57,7 +57,7 @@ contains
     character(len=*), intent(in) :: program
     character(len=*), intent(in) :: json
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: code, message, place, line, column, source, hint
+    character(len=:), allocatable :: code, message, place, source, hint
     integer :: at
 
     at = index(json, '"errors"')
@@ -67,12 +67,9 @@ contains
       if (at == 0) return
       call next_value(json, 'message', at, message)
       if (at > 0) call next_value(json, 'place', at, place)
-      if (at > 0) call next_value(json, 'line', at, line)
-      if (at > 0) call next_value(json, 'column', at, column)
       if (at > 0) call next_value(json, 'source', at, source)
       if (at > 0) call next_value(json, 'hint', at, hint)
       if (at == 0) return
-      if (line /= '0') place = place//':'//line//':'//column
       if (len(source) > 0) place = place//new_line('a')//source
       call errors%add(code, program//': '//message, place, hint)
     end do

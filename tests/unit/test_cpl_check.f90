@@ -1,0 +1,31 @@
+!> Faults of a solver's --check --json, as talus_report writes them, come back unchanged.
+program test_cpl_check
+  use talus_errors, only: error_list_type
+  use talus_report, only: faults_json
+  use talus_test, only: test_type
+  use cpl_check, only: take_faults
+  implicit none
+
+  type(test_type) :: test
+  type(error_list_type) :: told, heard
+  character(len=1), parameter :: nl = new_line('a')
+
+  call told%add('D017', 'kind = ''a "b" \ c'' is wrong', 'solid.nml:6:16'//nl//'  6 | &x'//nl// &
+                '    | ^', 'it takes: static, newmark')
+  call told%add('I210', 'grain 5 is no number, "code": none', 'pack.h5', '')
+  call take_faults('talus-fem', faults_json('talus-fem', 'solid.nml', told), heard)
+  call test%check('both', heard%count == 2)
+  call test%check_text('code', heard%item(1)%code, 'D017')
+  call test%check_text('message', heard%item(1)%message, 'talus-fem: '//told%item(1)%message)
+  call test%check_text('place', heard%item(1)%place, told%item(1)%place)
+  call test%check_text('hint', heard%item(1)%hint, told%item(1)%hint)
+  call test%check_text('second', heard%item(2)%message, 'talus-fem: '//told%item(2)%message)
+  call test%check_text('second place', heard%item(2)%place, 'pack.h5')
+  call heard%clear()
+  call told%clear()
+  call take_faults('talus-fem', faults_json('talus-fem', 'solid.nml', told), heard)
+  call test%check('none', heard%count == 0)
+  call take_faults('talus-fem', 'Segmentation fault', heard)
+  call test%check('no JSON', heard%count == 0)
+  call test%finish()
+end program test_cpl_check
