@@ -1,4 +1,4 @@
-"""A small bed of grains that falls on ghosts on a block: input of the cases about files and transports."""
+"""A small bed of grains that falls on ghosts on a block: input of several coupled cases."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ RADIUS, PITCH, ACROSS, LAYERS = 2.0e-3, 4.4e-3, 4, 3
 
 
 def write_bed(folder: Path) -> None:
-    """Write block.h5 and pack.h5: a floor of ghosts, layers of free spheres and ellipsoids above."""
+    """Write block.h5 and pack.h5: a floor of ghosts, layers of spheres and ellipsoids above."""
     half = 0.5 * PITCH * ACROSS + RADIUS
     write_box(folder / "block.h5", [-half, -half, -0.02], [half, half, 0.0], (4, 4, 3))
     rng = np.random.default_rng(3)

@@ -1,14 +1,17 @@
-"""What the cases of coupled runs share: boxes of hexahedra, grains between ghosts and planes, decks."""
+"""What the cases of coupled runs share: boxes of hexahedra, decks with places to fill, audits,
+and the comparison of two runs bit for bit."""
 
 from pathlib import Path
 
 import numpy as np
 
 from talus.mesh import box, write_mesh
-from talus.verification import Case, read_history
+from talus.verification import Case, field_steps, read_history
 
 
-def write_box(path: Path, lower: list[float], upper: list[float], cells: tuple[int, int, int]) -> None:
+def write_box(
+    path: Path, lower: list[float], upper: list[float], cells: tuple[int, int, int]
+) -> None:
     """Write a box as mesh.h5 with facet and node groups x0 ... z1 and the volume 'all' [m]."""
     write_mesh(path, box(np.array(lower), np.array(upper), cells))
 
@@ -25,3 +28,24 @@ def write_deck(case: Case, name: str, base: str, /, **values: object) -> str:
 def audit_of(case: Case, stem: str) -> dict[str, np.ndarray]:
     """Read <stem>_audit.csv of a coupled run."""
     return read_history(case.folder / f"{stem}_audit.csv")
+
+
+def fields_that_differ(first: Path, second: Path) -> int:
+    """Count the datasets of two field files that are not equal bit for bit, and missing steps."""
+    a, b = field_steps(first), field_steps(second)
+    count = abs(len(a) - len(b))
+    for s, t in zip(a, b, strict=False):
+        for p, q in ((s.grains, t.grains), (s.contacts, t.contacts), (s.solid, t.solid)):
+            count += sum(not np.array_equal(p[key], q[key]) for key in p)
+    return count
+
+
+def compare_runs(case: Case, label: str, first: str, second: str) -> None:
+    """Judge that two runs, named by the heads of their files, wrote the same."""
+    for name in ("audit.csv", "grains_energy.csv", "solid_energy.csv", "solid_reactions.csv"):
+        a, b = (case.folder / f"{head}_{name}" for head in (first, second))
+        differs = float(a.read_bytes() != b.read_bytes())
+        case.metric(f"{label}{name} differs", differs, 0.0, 0.0, "bytes")
+    for side in ("grains", "solid"):
+        a, b = (case.folder / f"{head}_{side}.h5" for head in (first, second))
+        case.metric(f"{label}fields of the {side} that differ", fields_that_differ(a, b), 0, 0)

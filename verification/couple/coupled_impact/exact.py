@@ -39,7 +39,8 @@ def run(case: Case) -> None:
         case.above(f"{scheme}: largest force [N]", push, 10.0, "they do meet")
         off = np.linalg.norm(vectors(audit, "momentum") - start, axis=1).max() / (MASS * SPEED)
         case.below(f"{scheme}: momentum", off, 1e-11, "round-off of 500 exchanges")
-        off = np.linalg.norm(vectors(audit, "angular_momentum") - spin, axis=1).max() / np.linalg.norm(spin)
+        turned = vectors(audit, "angular_momentum") - spin
+        off = np.linalg.norm(turned, axis=1).max() / np.linalg.norm(spin)
         case.below(f"{scheme}: angular momentum", off, 5e-4, "small displacements, u/x")
         grains = audit["grains_kinetic"] + audit["grains_elastic"]
         solid = audit["solid_kinetic"] + audit["solid_elastic"]

@@ -30,7 +30,13 @@ def run(case: Case) -> None:
     kind = np.repeat([1, 0], n)
     v = np.vstack([np.zeros((n, 3)), rng.uniform(-1e-2, 1e-2, (n, 3))])
     write_packing(
-        case.folder / "pack.h5", x, np.full((2 * n, 3), RADIUS), kind=kind, ids=ids, v=v, groups={"ghosts": ids[:n]}
+        case.folder / "pack.h5",
+        x,
+        np.full((2 * n, 3), RADIUS),
+        kind=kind,
+        ids=ids,
+        v=v,
+        groups={"ghosts": ids[:n]},
     )
     case.run("talus-couple", "coupled.nml")
     force = field_steps(case.folder / "grains.h5")[0].grains["force"][:n]
@@ -38,7 +44,9 @@ def run(case: Case) -> None:
     total, moment = force.sum(axis=0), np.cross(ghosts, force).sum(axis=0)
     scale = np.abs(force).sum()
     case.above("ghosts", n, 20, "enough of them")
-    case.above("mean force on a ghost [N]", np.linalg.norm(force, axis=1).mean(), 0.1, "they are loaded")
+    case.above(
+        "mean force on a ghost [N]", np.linalg.norm(force, axis=1).mean(), 0.1, "they are loaded"
+    )
     off = np.linalg.norm(total + reaction.sum(axis=0)) / scale
     case.below("force balance", off, 1e-10, "round-off of a factorisation")
     turned = np.linalg.norm(moment + np.cross(mesh.x, reaction).sum(axis=0)) / (scale * 0.02)

@@ -1,8 +1,11 @@
 """Settling of the exchange where contacts are much stiffer than the facet they press on."""
 
+from pathlib import Path
+
 import numpy as np
 from coupled import audit_of, write_box, write_deck
 
+from talus.mesh import read_mesh
 from talus.verification import Case, field_steps, write_packing
 
 RADIUS, SQUEEZE, RATIO = 5.0e-3, 2.0e-5, 50.0
@@ -14,11 +17,13 @@ def run(case: Case) -> None:
     write_box(case.folder / "block.h5", [-0.03, -0.03, -0.02], [0.03, 0.03, 0.0], (3, 3, 2))
     case.run("talus-fem", "probe.nml")
     with_load = field_steps(case.folder / "probe.h5")[-1].solid["u"][:, 2]
-    facet = -1.0 / np.mean(with_load[top_of_middle(case)])
+    facet = -1.0 / np.mean(with_load[middle_of_top(case.folder / "block.h5")])
     series = RATIO * facet
     x = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2 * RADIUS - SQUEEZE / 2]])
     axes = np.array([[ACROSS, ACROSS, RADIUS], [RADIUS] * 3])
-    write_packing(case.folder / "pack.h5", x, axes, kind=np.array([1, 0]), groups={"ghosts": np.array([1])})
+    write_packing(
+        case.folder / "pack.h5", x, axes, kind=np.array([1, 0]), groups={"ghosts": np.array([1])}
+    )
     lid = 3 * RADIUS - SQUEEZE
     write_deck(case, "grains_at_work.nml", "grains.nml", stiffness=2 * series, lid=lid)
     mass = 2650.0 * 4 / 3 * np.pi * RADIUS**3
@@ -31,7 +36,13 @@ def run(case: Case) -> None:
         ("theta", "average", ", theta = 0.02"),
         ("none", "average", ""),
     ):
-        values = {"interface": name, "scheme": scheme, "exchange": exchange, "end": 60 * exchange, "more": more}
+        values = {
+            "interface": name,
+            "scheme": scheme,
+            "exchange": exchange,
+            "end": 60 * exchange,
+            "more": more,
+        }
         case.run("talus-couple", write_deck(case, f"coupled_{name}.nml", "coupled.nml", **values))
         audit = audit_of(case, f"coupled_{name}")
         moved = audit["largest_ghost_displacement"]
@@ -39,7 +50,9 @@ def run(case: Case) -> None:
             swing = np.ptp(moved[-20:]) / exact
             case.above("none: swing of the last 20 exchanges", swing, 0.5, "does not settle")
         else:
-            case.metric(f"{name}: displacement / exact", moved[-1] / exact, 1.0, 1e-3, "60 exchanges")
+            case.metric(
+                f"{name}: displacement / exact", moved[-1] / exact, 1.0, 1e-3, "60 exchanges"
+            )
         ax.plot(np.arange(1, len(moved) + 1), moved / exact, "o", label=f"Talus, {name}, {scheme}")
     ax.axhline(1.0, label="exact")
     ax.set(xlabel="exchange [-]", ylabel="displacement / exact [-]", ylim=(0.0, 3.0))
@@ -47,14 +60,7 @@ def run(case: Case) -> None:
     case.save(fig)
 
 
-def top_of_middle(case: Case) -> np.ndarray:
+def middle_of_top(path: Path) -> np.ndarray:
     """Nodes of the facet in the middle of the upper face."""
-    x = field_steps_mesh(case)
+    x = read_mesh(path).x
     return np.flatnonzero((np.abs(x[:, :2]) < 0.011).all(axis=1) & (x[:, 2] > -1e-9))
-
-
-def field_steps_mesh(case: Case) -> np.ndarray:
-    """Node positions of the block [m]."""
-    from talus.mesh import read_mesh
-
-    return read_mesh(case.folder / "block.h5").x
