@@ -25,7 +25,8 @@ PROGRAMS = {"talus-dem": "grains", "talus-fem": "solid"}
 
 GRAINS = """&run       title = 'Grains on a cube', gravity = 0.0, 0.0, -9.81 /
 &material  id = 'quartz', density = 2650.0, young = 1.0e9, poisson = 0.25 /
-&contact   between = 'quartz', 'quartz', law = 'hertz_mindlin', friction = 0.5, damping_ratio = 0.05 /
+&contact   between = 'quartz', 'quartz', law = 'hertz_mindlin', friction = 0.5,
+           damping_ratio = 0.05 /
 &particles file = 'packing.h5', material = 'quartz' /
 &dynamics  dt = 5.0e-6 /
 &history   every_time = 1.0e-3 /
