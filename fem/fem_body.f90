@@ -111,7 +111,8 @@ contains
     if (self%factored_dt >= 0.0_wp .and. abs(wanted - self%factored_dt) <= same_step*wanted) return
     if (.not. self%fresh_numbering) then
       fixed = self%held .or. self%prescribed
-      if (.not. self%dynamic) call check_supports(self%mesh, self%pattern, fixed, self%ground, errors)
+      if (.not. self%dynamic) &
+        call check_supports(self%mesh, self%pattern, fixed, self%ground, errors)
       if (errors%any()) return
       call self%solver%number(self%pattern, fixed, errors)
       if (errors%any()) return

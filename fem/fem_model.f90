@@ -1,5 +1,5 @@
-!> A run of talus-fem: read, prepare, open, run, finish. Nothing is written before the deck, the mesh
-!! and the factorisation are found good.
+!> A run of talus-fem: read, prepare, open, run, finish. Nothing is written before the deck, the
+!! mesh and the factorisation are found good.
 module fem_model
   use omp_lib, only: omp_set_num_threads, omp_get_max_threads
   use talus_kinds, only: wp, i4, i8
@@ -92,8 +92,8 @@ contains
     call self%deck%get('analysis', 1, 'dt', self%dt)
     if (self%served) return
     if (self%body%dynamic) then
-      if (.not. self%t_end > 0.0_wp) call self%deck%fault(errors, 'D308', 'the run has no end', 'run', &
-        1, '', 'add t_end = ... in s; only under talus-couple it may be left out')
+      if (.not. self%t_end > 0.0_wp) call self%deck%fault(errors, 'D308', 'the run has no end', &
+        'run', 1, '', 'add t_end = ... in s; only under talus-couple it may be left out')
       if (.not. self%dt > 0.0_wp) call self%deck%fault(errors, 'D308', 'the analysis has no step', &
         'analysis', 1, 'kind', 'add dt = ... in s')
       return
@@ -128,7 +128,8 @@ contains
         if (errors%any()) return
         self%start_time = self%body%accepted%time
         self%start_steps = self%steps
-        if (changed) call append_string(self%warnings, 'the deck is not the one that wrote '//path)
+        if (changed) &
+          call append_string(self%warnings, 'the deck is not the one that wrote '//path)
       else
         call append_string(self%warnings, 'there is no checkpoint to go on from: a fresh run')
       end if
@@ -144,7 +145,7 @@ contains
   end subroutine prepare
 
   !> Factors for steps of dt, and the acceleration at the start of a dynamic run. A served dynamic
-  !! run learns dt from its first step; after a restart the factors are for the dt of the checkpoint,
+  !! run learns dt from its first step; after a restart the factors are for that of the checkpoint,
   !! bit for bit.
   subroutine begin(self, dt, errors)
     class(fem_model_type), intent(inout) :: self
@@ -228,11 +229,11 @@ contains
     class(fem_model_type), intent(inout) :: self
     real(wp), parameter :: giga = 1.0e9_wp
     associate (solver => self%body%solver)
-      if (solver%factorisations <= self%logged_factors .or. .not. self%opened) return
+      if (.not. self%opened .or. solver%factorisations <= self%logged_factors) return
       self%logged_factors = solver%factorisations
       call self%log%item('factorisation '//str(solver%factorisations), str(solver%free)// &
-                         ' free degrees of freedom', short_number(real(solver%mumps%entries, wp))// &
-                         ' entries, '//short_number(solver%mumps%flops/giga)//' GFlop, METIS order')
+                         ' free degrees of freedom', &
+                         short_number(real(solver%mumps%entries, wp))//' entries, '//short_number(solver%mumps%flops/giga)//' GFlop, METIS order')
     end associate
   end subroutine log_factors
 

@@ -38,8 +38,8 @@ contains
     call file%put('/state/port_load', body%port_load, errors)
     call file%put('/state/given_u', body%given_u, errors)
     associate (e => body%accepted_energy)
-      call file%put('/state/energy', [e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring], &
-                    errors)
+      call file%put('/state/energy', &
+                    [e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring], errors)
     end associate
     call checkpoint%finish(file, errors)
   end subroutine write_checkpoint
