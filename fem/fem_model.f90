@@ -231,9 +231,10 @@ contains
     associate (solver => self%body%solver)
       if (.not. self%opened .or. solver%factorisations <= self%logged_factors) return
       self%logged_factors = solver%factorisations
-      call self%log%item('factorisation '//str(solver%factorisations), str(solver%free)// &
-                         ' free degrees of freedom', &
-                         short_number(real(solver%mumps%entries, wp))//' entries, '//short_number(solver%mumps%flops/giga)//' GFlop, METIS order')
+      call self%log%item('factorisation '//str(solver%factorisations), &
+                         str(solver%free)//' free degrees of freedom', &
+                         short_number(real(solver%mumps%entries, wp))//' entries, '// &
+                         short_number(solver%mumps%flops/giga)//' GFlop, METIS order')
     end associate
   end subroutine log_factors
 
