@@ -30,6 +30,23 @@ module dem_contact
     real(wp) :: friction, damping, tangential_damping, share
   end type contact_constants_type
 
+  !> What passes between the parts of contact_block, a lane each.
+  type :: scratch_type
+    real(wp) :: on(lanes)                           !! 1 in contact, else 0
+    real(wp) :: overlap(lanes), root(lanes)         !! [m], sqrt(R_e) [m^1/2]
+    real(wp) :: a(lanes), c(lanes)                  !! contact radius [m], 8/15 E* overlap^(5/2)
+    real(wp) :: kn(lanes), kt(lanes)                !! stiffnesses [N/m]
+    real(wp) :: elastic(lanes), total(lanes)        !! normal force without and with damping [N]
+    real(wp) :: px(lanes), py(lanes), pz(lanes)     !! contact point from the centre of A [m]
+    real(wp) :: sx(lanes), sy(lanes), sz(lanes)     !! relative velocity at the contact [m/s]
+    real(wp) :: ox(lanes), oy(lanes), oz(lanes)     !! relative velocity at the last contact [m/s]
+    real(wp) :: vn(lanes)                           !! normal part of s [m/s]
+    real(wp) :: wx(lanes), wy(lanes), wz(lanes)     !! tangential part of s [m/s]
+    real(wp) :: tx(lanes), ty(lanes), tz(lanes)     !! tangential elastic force [N]
+    real(wp) :: dx(lanes), dy(lanes), dz(lanes)     !! tangential damping force [N]
+    real(wp) :: was(lanes), t2(lanes), slip(lanes)  !! |T|^2 before and now [N^2], slip work [J]
+  end type scratch_type
+
 contains
 
   pure function constants_of(law) result(c)
@@ -85,157 +102,252 @@ contains
     real(wp), intent(in) :: weight(lanes)                !! contact weights [-]
     real(wp), intent(inout) :: history(lanes, history_size)
     real(wp), intent(out) :: columns(column_count)
-    integer(i4) :: k
-    real(wp) :: nx, ny, nz, on, overlap, root, a, kn, kt, elastic, damping, total, cap
-    real(wp) :: ax, ay, az, bx, by, bz, sx, sy, sz, vn, ox, oy, oz, wx, wy, wz, spin
-    real(wp) :: px, py, pz, tx, ty, tz, dx, dy, dz, t2, d2, td, factor, was, half, last
-    real(wp) :: slip, work_t, work_d, energy, energy_last, length, fx, fy, fz
-    real(wp) :: sum_damping, sum_friction, sum_relaxation, sum_curvature
+    type(scratch_type) :: s
 
-    half = 0.5_wp*h
-    sum_damping = 0.0_wp
-    sum_friction = 0.0_wp
-    sum_relaxation = 0.0_wp
-    sum_curvature = 0.0_wp
-    !$omp simd private(nx, ny, nz, on, overlap, root, a, kn, kt, elastic, damping, total, cap, &
-    !$omp   ax, ay, az, bx, by, bz, sx, sy, sz, vn, ox, oy, oz, wx, wy, wz, spin, px, py, pz, &
-    !$omp   tx, ty, tz, dx, dy, dz, t2, d2, td, factor, was, last, slip, work_t, work_d, energy, &
-    !$omp   energy_last, length, fx, fy, fz) &
-    !$omp   reduction(+: sum_damping, sum_friction, sum_relaxation, sum_curvature)
+    call normal_forces(b, c, s)
+    call relative_motion(b, h, history, s)
+    call damp_normal(b, c, m_star, s)
+    call tangential_springs(b, c, h, history, s)
+    call damp_tangent(c, m_star, s)
+    call sum_work(b, c, h, weight, history, s, columns)
+    call keep_history(s, history)
+    call put_forces(b, weight, s)
+  end subroutine contact_block
+
+  !> Hertz or linear normal force, stiffnesses, contact point.
+  pure subroutine normal_forces(b, c, s)
+    type(dem_block_type), intent(in) :: b
+    type(contact_constants_type), intent(in) :: c
+    type(scratch_type), intent(inout) :: s
+    real(wp) :: on, factor
+    integer(i4) :: k
+
+    !$omp simd private(on, factor)
     do k = 1, lanes
-      nx = b%nx(k)
-      ny = b%ny(k)
-      nz = b%nz(k)
-      ! normal force
-      overlap = max(-b%gap(k), 0.0_wp)
-      on = merge(1.0_wp, 0.0_wp, overlap > 0.0_wp)
-      root = on/sqrt(b%curvature(k))
-      a = root*sqrt(overlap)
-      kn = c%kn_a*a + c%kn*on
-      kt = c%kt_a*a + c%kt*on
-      elastic = c%normal_share*kn*overlap
-      ! contact point and relative velocity there
+      s%overlap(k) = max(-b%gap(k), 0.0_wp)
+      on = merge(1.0_wp, 0.0_wp, s%overlap(k) > 0.0_wp)
+      s%on(k) = on
+      s%root(k) = on/sqrt(b%curvature(k))
+      s%a(k) = s%root(k)*sqrt(s%overlap(k))
+      s%kn(k) = c%kn_a*s%a(k) + c%kn*on
+      s%kt(k) = c%kt_a*s%a(k) + c%kt*on
+      s%elastic(k) = c%normal_share*s%kn(k)*s%overlap(k)
       factor = c%share*b%gap(k)
-      ax = b%ax(k) + factor*nx
-      ay = b%ay(k) + factor*ny
-      az = b%az(k) + factor*nz
-      bx = ax - b%rx(k)
-      by = ay - b%ry(k)
-      bz = az - b%rz(k)
+      s%px(k) = b%ax(k) + factor*b%nx(k)
+      s%py(k) = b%ay(k) + factor*b%ny(k)
+      s%pz(k) = b%az(k) + factor*b%nz(k)
+    end do
+  end subroutine normal_forces
+
+  !> Velocity of B relative to A at the contact point and at the last one.
+  pure subroutine relative_motion(b, h, history, s)
+    type(dem_block_type), intent(in) :: b
+    real(wp), intent(in) :: h, history(lanes, history_size)
+    type(scratch_type), intent(inout) :: s
+    real(wp) :: ax, ay, az, bx, by, bz, dx, dy, dz
+    integer(i4) :: k
+
+    !$omp simd private(ax, ay, az, bx, by, bz, dx, dy, dz)
+    do k = 1, lanes
       dx = b%vbx(k) - b%vax(k)
       dy = b%vby(k) - b%vay(k)
       dz = b%vbz(k) - b%vaz(k)
-      sx = dx + b%wby(k)*bz - b%wbz(k)*by - b%way(k)*az + b%waz(k)*ay
-      sy = dy + b%wbz(k)*bx - b%wbx(k)*bz - b%waz(k)*ax + b%wax(k)*az
-      sz = dz + b%wbx(k)*by - b%wby(k)*bx - b%wax(k)*ay + b%way(k)*ax
-      vn = sx*nx + sy*ny + sz*nz
-      ! relative velocity at the last contact point
-      px = history(k, 7)
-      py = history(k, 8)
-      pz = history(k, 9)
-      bx = px - b%rx(k) + h*dx
-      by = py - b%ry(k) + h*dy
-      bz = pz - b%rz(k) + h*dz
-      ox = dx + b%wby(k)*bz - b%wbz(k)*by - b%way(k)*pz + b%waz(k)*py
-      oy = dy + b%wbz(k)*bx - b%wbx(k)*bz - b%waz(k)*px + b%wax(k)*pz
-      oz = dz + b%wbx(k)*by - b%wby(k)*bx - b%wax(k)*py + b%way(k)*px
-      work_d = history(k, 10)*(b%ox(k)*ox + b%oy(k)*oy + b%oz(k)*oz) + history(k, 4)*ox &
-               + history(k, 5)*oy + history(k, 6)*oz
-      work_t = history(k, 1)*ox + history(k, 2)*oy + history(k, 3)*oz
-      ! normal damping; the contact does not pull
-      total = max(elastic - c%damping*sqrt(m_star(k)*kn)*vn, 0.0_wp)
-      damping = total - elastic
-      ! stored tangential force: turned with the frame (length kept), then scaled on unloading
-      tx = history(k, 1)
-      ty = history(k, 2)
-      tz = history(k, 3)
-      last = history(k, 11)
-      was = tx*tx + ty*ty + tz*tz
-      factor = tx*nx + ty*ny + tz*nz
-      tx = tx - factor*nx
-      ty = ty - factor*ny
-      tz = tz - factor*nz
-      spin = half*((b%wax(k) + b%wbx(k))*nx + (b%way(k) + b%wby(k))*ny &
-                   + (b%waz(k) + b%wbz(k))*nz)
-      px = tx + spin*(ny*tz - nz*ty)
-      py = ty + spin*(nz*tx - nx*tz)
-      pz = tz + spin*(nx*ty - ny*tx)
-      t2 = px*px + py*py + pz*pz
-      factor = sqrt(was/max(t2, tiny_force)) &
-               *min(1.0_wp, kt/max(c%kt_a*last + c%kt, tiny_force))
-      ! no-slip increment and Coulomb cap
-      wx = sx - vn*nx
-      wy = sy - vn*ny
-      wz = sz - vn*nz
-      length = c%spring*kt*h
-      tx = factor*px - length*wx
-      ty = factor*py - length*wy
-      tz = factor*pz - length*wz
-      cap = c%friction*elastic
-      t2 = tx*tx + ty*ty + tz*tz
-      length = sqrt(t2)
-      slip = max(length - cap, 0.0_wp)
-      factor = c%spring*on*min(1.0_wp, cap/max(length, tiny_force))
-      tx = factor*tx
-      ty = factor*ty
-      tz = factor*tz
-      t2 = factor*factor*t2
-      slip = c%spring*cap*slip/max(kt, tiny_force)
-      ! tangential damping, shortened so that the sum stays below the cap
-      length = -c%tangential_damping*sqrt(m_star(k)*kt)
-      dx = length*wx
-      dy = length*wy
-      dz = length*wz
-      d2 = dx*dx + dy*dy + dz*dz
-      td = tx*dx + ty*dy + tz*dz
-      factor = (sqrt(max(td*td + d2*(cap*cap - t2), 0.0_wp)) - td)/max(d2, tiny_force)
-      factor = max(min(factor, 1.0_wp), 0.0_wp)
-      dx = factor*dx
-      dy = factor*dy
-      dz = factor*dz
-      ! work of the step
-      work_d = work_d + damping*vn + dx*sx + dy*sy + dz*sz
-      work_t = work_t + tx*sx + ty*sy + tz*sz
-      energy = 0.5_wp*t2/max(kt, tiny_force)
-      energy_last = 0.5_wp*was/max(c%kt_a*last + c%kt, tiny_force)
-      sum_damping = sum_damping - half*weight(k)*work_d
-      sum_friction = sum_friction + weight(k)*slip
-      sum_relaxation = sum_relaxation - weight(k)*(half*work_t + energy - energy_last + slip)
-      factor = c%c*overlap*overlap*sqrt(overlap)
-      length = history(k, 13)
-      sum_curvature = sum_curvature + weight(k)*0.5_wp*(factor + history(k, 14)) &
-                      *(on*merge(1.0_wp, 0.0_wp, length > 0.0_wp)*(root - length))
-      ! force on B and moments
-      fx = weight(k)*(total*nx + tx + dx)
-      fy = weight(k)*(total*ny + ty + dy)
-      fz = weight(k)*(total*nz + tz + dz)
+      ax = s%px(k)
+      ay = s%py(k)
+      az = s%pz(k)
       bx = ax - b%rx(k)
       by = ay - b%ry(k)
       bz = az - b%rz(k)
+      s%sx(k) = dx + b%wby(k)*bz - b%wbz(k)*by - b%way(k)*az + b%waz(k)*ay
+      s%sy(k) = dy + b%wbz(k)*bx - b%wbx(k)*bz - b%waz(k)*ax + b%wax(k)*az
+      s%sz(k) = dz + b%wbx(k)*by - b%wby(k)*bx - b%wax(k)*ay + b%way(k)*ax
+      ax = history(k, 7)
+      ay = history(k, 8)
+      az = history(k, 9)
+      bx = ax - b%rx(k) + h*dx
+      by = ay - b%ry(k) + h*dy
+      bz = az - b%rz(k) + h*dz
+      s%ox(k) = dx + b%wby(k)*bz - b%wbz(k)*by - b%way(k)*az + b%waz(k)*ay
+      s%oy(k) = dy + b%wbz(k)*bx - b%wbx(k)*bz - b%waz(k)*ax + b%wax(k)*az
+      s%oz(k) = dz + b%wbx(k)*by - b%wby(k)*bx - b%wax(k)*ay + b%way(k)*ax
+    end do
+  end subroutine relative_motion
+
+  !> Normal damping; the contact does not pull. Leaves the tangential part of the velocity in w.
+  pure subroutine damp_normal(b, c, m_star, s)
+    type(dem_block_type), intent(in) :: b
+    type(contact_constants_type), intent(in) :: c
+    real(wp), intent(in) :: m_star(lanes)
+    type(scratch_type), intent(inout) :: s
+    real(wp) :: vn
+    integer(i4) :: k
+
+    !$omp simd private(vn)
+    do k = 1, lanes
+      vn = s%sx(k)*b%nx(k) + s%sy(k)*b%ny(k) + s%sz(k)*b%nz(k)
+      s%total(k) = max(s%elastic(k) - c%damping*sqrt(m_star(k)*s%kn(k))*vn, 0.0_wp)
+      s%vn(k) = vn
+      s%wx(k) = s%sx(k) - vn*b%nx(k)
+      s%wy(k) = s%sy(k) - vn*b%ny(k)
+      s%wz(k) = s%sz(k) - vn*b%nz(k)
+    end do
+  end subroutine damp_normal
+
+  !> Stored tangential force: turned with the contact frame (length kept), scaled on unloading,
+  !! no-slip increment, Coulomb cap by the elastic normal force.
+  pure subroutine tangential_springs(b, c, h, history, s)
+    type(dem_block_type), intent(in) :: b
+    type(contact_constants_type), intent(in) :: c
+    real(wp), intent(in) :: h, history(lanes, history_size)
+    type(scratch_type), intent(inout) :: s
+    real(wp) :: tx, ty, tz, px, py, pz, factor, spin, kt_last, length, cap, t2
+    integer(i4) :: k
+
+    !$omp simd private(tx, ty, tz, px, py, pz, factor, spin, kt_last, length, cap, t2)
+    do k = 1, lanes
+      tx = history(k, 1)
+      ty = history(k, 2)
+      tz = history(k, 3)
+      s%was(k) = tx*tx + ty*ty + tz*tz
+      factor = tx*b%nx(k) + ty*b%ny(k) + tz*b%nz(k)
+      tx = tx - factor*b%nx(k)
+      ty = ty - factor*b%ny(k)
+      tz = tz - factor*b%nz(k)
+      spin = 0.5_wp*h*((b%wax(k) + b%wbx(k))*b%nx(k) + (b%way(k) + b%wby(k))*b%ny(k) &
+                       + (b%waz(k) + b%wbz(k))*b%nz(k))
+      px = tx + spin*(b%ny(k)*tz - b%nz(k)*ty)
+      py = ty + spin*(b%nz(k)*tx - b%nx(k)*tz)
+      pz = tz + spin*(b%nx(k)*ty - b%ny(k)*tx)
+      t2 = px*px + py*py + pz*pz
+      kt_last = max(c%kt_a*history(k, 11) + c%kt, tiny_force)
+      factor = sqrt(s%was(k)/max(t2, tiny_force))*min(1.0_wp, s%kt(k)/kt_last)
+      length = c%spring*s%kt(k)*h
+      tx = factor*px - length*s%wx(k)
+      ty = factor*py - length*s%wy(k)
+      tz = factor*pz - length*s%wz(k)
+      cap = c%friction*s%elastic(k)
+      t2 = tx*tx + ty*ty + tz*tz
+      length = sqrt(t2)
+      s%slip(k) = c%spring*cap*max(length - cap, 0.0_wp)/max(s%kt(k), tiny_force)
+      factor = c%spring*s%on(k)*min(1.0_wp, cap/max(length, tiny_force))
+      s%tx(k) = factor*tx
+      s%ty(k) = factor*ty
+      s%tz(k) = factor*tz
+      s%t2(k) = factor*factor*t2
+    end do
+  end subroutine tangential_springs
+
+  !> Tangential damping, shortened so that its sum with the spring stays below the cap.
+  pure subroutine damp_tangent(c, m_star, s)
+    type(contact_constants_type), intent(in) :: c
+    real(wp), intent(in) :: m_star(lanes)
+    type(scratch_type), intent(inout) :: s
+    real(wp) :: length, dx, dy, dz, d2, td, cap, factor
+    integer(i4) :: k
+
+    !$omp simd private(length, dx, dy, dz, d2, td, cap, factor)
+    do k = 1, lanes
+      length = -c%tangential_damping*sqrt(m_star(k)*s%kt(k))
+      dx = length*s%wx(k)
+      dy = length*s%wy(k)
+      dz = length*s%wz(k)
+      d2 = dx*dx + dy*dy + dz*dz
+      td = s%tx(k)*dx + s%ty(k)*dy + s%tz(k)*dz
+      cap = c%friction*s%elastic(k)
+      factor = (sqrt(max(td*td + d2*(cap*cap - s%t2(k)), 0.0_wp)) - td)/max(d2, tiny_force)
+      factor = max(min(factor, 1.0_wp), 0.0_wp)
+      s%dx(k) = factor*dx
+      s%dy(k) = factor*dy
+      s%dz(k) = factor*dz
+      s%c(k) = c%c*s%overlap(k)*s%overlap(k)*sqrt(s%overlap(k))
+    end do
+  end subroutine damp_tangent
+
+  !> Work of the step, see the head of this module.
+  pure subroutine sum_work(b, c, h, weight, history, s, columns)
+    type(dem_block_type), intent(in) :: b
+    type(contact_constants_type), intent(in) :: c
+    real(wp), intent(in) :: h, weight(lanes), history(lanes, history_size)
+    type(scratch_type), intent(in) :: s
+    real(wp), intent(out) :: columns(column_count)
+    real(wp) :: work_d, work_t, stored, last, damping, friction, relaxation, curvature, half
+    integer(i4) :: k
+
+    half = 0.5_wp*h
+    damping = 0.0_wp
+    friction = 0.0_wp
+    relaxation = 0.0_wp
+    curvature = 0.0_wp
+    !$omp simd private(work_d, work_t, stored, last) &
+    !$omp   reduction(+: damping, friction, relaxation, curvature)
+    do k = 1, lanes
+      work_d = history(k, 10)*(b%ox(k)*s%ox(k) + b%oy(k)*s%oy(k) + b%oz(k)*s%oz(k)) &
+               + history(k, 4)*s%ox(k) + history(k, 5)*s%oy(k) + history(k, 6)*s%oz(k) &
+               + (s%total(k) - s%elastic(k))*s%vn(k) &
+               + s%dx(k)*s%sx(k) + s%dy(k)*s%sy(k) + s%dz(k)*s%sz(k)
+      work_t = history(k, 1)*s%ox(k) + history(k, 2)*s%oy(k) + history(k, 3)*s%oz(k) &
+               + s%tx(k)*s%sx(k) + s%ty(k)*s%sy(k) + s%tz(k)*s%sz(k)
+      stored = 0.5_wp*s%t2(k)/max(s%kt(k), tiny_force)
+      last = 0.5_wp*s%was(k)/max(c%kt_a*history(k, 11) + c%kt, tiny_force)
+      damping = damping - half*weight(k)*work_d
+      friction = friction + weight(k)*s%slip(k)
+      relaxation = relaxation - weight(k)*(half*work_t + stored - last + s%slip(k))
+      last = history(k, 13)
+      curvature = curvature + weight(k)*0.5_wp*(s%c(k) + history(k, 14)) &
+                  *(s%on(k)*merge(1.0_wp, 0.0_wp, last > 0.0_wp)*(s%root(k) - last))
+    end do
+    columns = [damping, friction, relaxation, curvature]
+  end subroutine sum_work
+
+  pure subroutine keep_history(s, history)
+    type(scratch_type), intent(in) :: s
+    real(wp), intent(inout) :: history(lanes, history_size)
+    integer(i4) :: k
+
+    !$omp simd
+    do k = 1, lanes
+      history(k, 1) = s%tx(k)
+      history(k, 2) = s%ty(k)
+      history(k, 3) = s%tz(k)
+      history(k, 4) = s%dx(k)
+      history(k, 5) = s%dy(k)
+      history(k, 6) = s%dz(k)
+      history(k, 7) = s%on(k)*s%px(k)
+      history(k, 8) = s%on(k)*s%py(k)
+      history(k, 9) = s%on(k)*s%pz(k)
+      history(k, 10) = s%total(k) - s%elastic(k)
+      history(k, 11) = s%a(k)
+      history(k, 12) = s%overlap(k)
+      history(k, 13) = s%root(k)
+      history(k, 14) = s%c(k)
+    end do
+  end subroutine keep_history
+
+  !> Force on B, moments on A and on B about their centres.
+  pure subroutine put_forces(b, weight, s)
+    type(dem_block_type), intent(inout) :: b
+    real(wp), intent(in) :: weight(lanes)
+    type(scratch_type), intent(in) :: s
+    real(wp) :: fx, fy, fz, bx, by, bz
+    integer(i4) :: k
+
+    !$omp simd private(fx, fy, fz, bx, by, bz)
+    do k = 1, lanes
+      fx = weight(k)*(s%total(k)*b%nx(k) + s%tx(k) + s%dx(k))
+      fy = weight(k)*(s%total(k)*b%ny(k) + s%ty(k) + s%dy(k))
+      fz = weight(k)*(s%total(k)*b%nz(k) + s%tz(k) + s%dz(k))
+      bx = s%px(k) - b%rx(k)
+      by = s%py(k) - b%ry(k)
+      bz = s%pz(k) - b%rz(k)
       b%f(k, 1) = fx
       b%f(k, 2) = fy
       b%f(k, 3) = fz
-      b%f(k, 4) = az*fy - ay*fz
-      b%f(k, 5) = ax*fz - az*fx
-      b%f(k, 6) = ay*fx - ax*fy
+      b%f(k, 4) = s%pz(k)*fy - s%py(k)*fz
+      b%f(k, 5) = s%px(k)*fz - s%pz(k)*fx
+      b%f(k, 6) = s%py(k)*fx - s%px(k)*fy
       b%f(k, 7) = by*fz - bz*fy
       b%f(k, 8) = bz*fx - bx*fz
       b%f(k, 9) = bx*fy - by*fx
-      history(k, 1) = tx
-      history(k, 2) = ty
-      history(k, 3) = tz
-      history(k, 4) = dx
-      history(k, 5) = dy
-      history(k, 6) = dz
-      history(k, 7) = on*ax
-      history(k, 8) = on*ay
-      history(k, 9) = on*az
-      history(k, 10) = damping
-      history(k, 11) = a
-      history(k, 12) = overlap
-      history(k, 13) = root
-      history(k, 14) = factor
     end do
-    columns = [sum_damping, sum_friction, sum_relaxation, sum_curvature]
-  end subroutine contact_block
+  end subroutine put_forces
 end module dem_contact
