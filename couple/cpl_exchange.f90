@@ -218,7 +218,7 @@ contains
 
     do k = 1, 2
       call solvers(k)%start_request(verb, step, t0, t1)
-      call solvers(k)%send(errors)
+      call solvers(k)%send(timers, errors)
     end do
     do k = 1, 2
       if (.not. errors%any()) call solvers(k)%receive(timers, errors)

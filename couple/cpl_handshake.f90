@@ -36,7 +36,7 @@ contains
       if (k == side_grains) call solvers(k)%request%put_text('restart', grains_restart)
       if (k == side_solid) call solvers(k)%request%put_text('restart', solid_restart)
       call solvers(k)%request%put_int('protocol', int(protocol_version, i4))
-      call solvers(k)%send(errors)
+      call solvers(k)%send(timers, errors)
       if (errors%any()) return
     end do
     do k = 1, 2

@@ -108,7 +108,7 @@ contains
     do k = 1, size(solvers)
       call solvers(k)%start_request(verb_stop, step, time, time)
       call solvers(k)%request%put_int('early', merge(1_i4, 0_i4, early))
-      call solvers(k)%send(errors)
+      call solvers(k)%send(timers, errors)
     end do
     do k = 1, size(solvers)
       call solvers(k)%receive(timers, errors)

@@ -260,7 +260,7 @@ contains
     do k = 1, 2
       call self%solvers(k)%start_request(verb_checkpoint, self%face%step, time, time)
       call self%solvers(k)%request%put_text('tag', tag)
-      call self%solvers(k)%send(errors)
+      call self%solvers(k)%send(self%timers, errors)
     end do
     do k = 1, 2
       if (errors%any()) return

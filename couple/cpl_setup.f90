@@ -13,7 +13,7 @@ module cpl_setup
   private
   public :: find_ghosts, make_map, select_sets, begin_interface
 
-  real(wp), parameter :: first_stiffness = 2.0_wp  !! springs over the contacts' stiffness
+  real(wp), parameter :: first_stiffness = 1.5_wp  !! springs over the contacts' stiffness
 
 contains
 
@@ -122,7 +122,7 @@ contains
         call solvers(k)%request%put_int('id', face%map%node_id)
         call solvers(k)%request%put_text('fields', 'u,v,a')
       end if
-      call solvers(k)%send(errors)
+      call solvers(k)%send(timers, errors)
     end do
     do k = 1, 2
       if (.not. errors%any()) call solvers(k)%receive(timers, errors)

@@ -57,12 +57,17 @@ contains
     call self%request%start(verb, step, t0, t1)
   end subroutine start_request
 
-  subroutine send(self, errors)
+  !> Hand a request over. Where cores are short the solver that wakes up may take ours at once, so
+  !! that this, too, is a wait for it.
+  subroutine send(self, timers, errors)
     class(cpl_solver_type), intent(inout) :: self
+    type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     type(error_list_type) :: faults
     if (self%lost) return
+    call timers%start('waiting for '//self%side)
     call self%port%send(self%request, faults)
+    call timers%stop('waiting for '//self%side)
     if (faults%any()) call say_how_it_ended(self, faults)
     call errors%take(faults)
   end subroutine send
@@ -96,7 +101,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: faults
     faults = errors%count
-    call self%send(errors)
+    call self%send(timers, errors)
     if (errors%count == faults) call self%receive(timers, errors)
   end subroutine ask
 
