@@ -166,8 +166,8 @@ contains
     call table%preset('springs')
     call table%allow('springs|theta|aitken|none')
     call table%add_key('stiffness', 'real', 'N/m', &
-      'Springs: stiffness at each ghost. Left out, twice the largest contact stiffness ' &
-      //'of a ghost, raised when contacts outgrow it.')
+      'Springs: stiffness at each ghost. Left out, one and a half times the largest ' &
+      //'contact stiffness of a ghost, raised when contacts outgrow it.')
     call table%bounds(above=0.0_wp)
     call table%add_key('theta', 'real', '', &
       'Theta: share of the new force, 1/(1 + contact stiffness/facet stiffness); also ' &

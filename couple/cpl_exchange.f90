@@ -13,7 +13,7 @@ module cpl_exchange
   private
   public :: exchange, set_springs
 
-  real(wp), parameter :: raise = 2.0_wp           !! springs over contact stiffness
+  real(wp), parameter :: raise = 1.5_wp           !! springs over contact stiffness
   integer(i8), parameter :: look_every = 50_i8    !! exchanges between looks at the stiffness
   real(wp), parameter :: growth = 1.5_wp          !! of the largest force that calls for a look
   integer(i4), parameter :: patience = 2          !! looks at which it must be outgrown
@@ -71,7 +71,7 @@ contains
       call advance_grains(face, solvers(side_grains), t0, t1, timers, errors)
       if (errors%any()) return
       at = face%d_new
-      if (choices%scheme == scheme_average) at = 0.5_wp*(face%d + face%d_new)
+      if (choices%scheme == scheme_average) at = at + lead(face)*(face%d_new - face%d)
       call solve_solid(face, solvers(side_solid), at, trial, t0, t1, timers, errors)
       if (errors%any() .or. choices%scheme == scheme_average) exit
       gap = face%gap()
@@ -98,6 +98,19 @@ contains
     if (errors%any()) return
     if (use_midpoint(face)) face%p_put = 2.0_wp*face%relax%held - face%p_put
   end subroutine step_with_mean
+
+  !> How far ahead of the ghosts the springs are laid, in motions of the last interval, so that they
+  !! hold back a steady motion as little as they can. On a scalar model with contact stiffness k and
+  !! spring stiffness s the exchange is stable for lead < 1 - k/(2 s).
+  pure real(wp) function lead(face)
+    type(interface_type), intent(in) :: face
+    real(wp), parameter :: share = 0.6_wp     !! of what is stable
+    real(wp), parameter :: least = -0.5_wp    !! at the mean of the interval: stable for k < 3 s
+    lead = 0.0_wp
+    if (.not. face%relax%stiffness > 0.0_wp) return
+    lead = max(least, share*(1.0_wp - 0.5_wp*face%contact_stiffness/face%relax%stiffness))
+    if (face%dynamic) lead = 0.0_wp
+  end function lead
 
   !> Motion below which the convergence of an iteration is not looked at [m].
   pure real(wp) function least_motion(face)
@@ -178,6 +191,7 @@ contains
     integer(i4) :: iterations
 
     call face%map%to_ghosts(face%u, held)
+    face%d_spring = at
     call face%relax%force(face%p_mean, at, held, load)
     if (use_midpoint(face)) load = 2.0_wp*load - face%p_put
     call face%map%to_nodes(load, nodal)

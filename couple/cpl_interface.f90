@@ -27,6 +27,7 @@ module cpl_interface
     real(wp), allocatable :: u_new(:, :)     !! trial values
     real(wp), allocatable :: v_new(:, :)
     real(wp), allocatable :: d_new(:, :)
+    real(wp), allocatable :: d_spring(:, :)  !! where the springs are laid (3, g) [m]
     real(wp), allocatable :: p_mean(:, :)    !! mean force on each ghost over the interval (3, g)
                                              !! [N]
     real(wp), allocatable :: p_end(:, :)     !! force at its end [N]
@@ -71,9 +72,9 @@ contains
     m = self%map%nodes
     self%x_ref = x_ghost
     self%x_node = x_all(:, self%map%node_id)
-    allocate (self%d(3, g), self%d_new(3, g), self%p_mean(3, g), self%p_end(3, g), &
-              self%p_put(3, g), self%p_before(3, g), &
-              self%m_mean(3, g), source=0.0_wp)
+    allocate (self%d(3, g), self%d_new(3, g), self%d_spring(3, g), self%p_mean(3, g), &
+              self%p_end(3, g), self%p_put(3, g), self%p_before(3, g), self%m_mean(3, g), &
+              source=0.0_wp)
     allocate (self%u(3, m), self%v(3, m), self%v_before(3, m), self%u_new(3, m), &
               self%v_new(3, m), self%dead_load(3, m), source=0.0_wp)
   end subroutine init
@@ -109,7 +110,7 @@ contains
     if (self%relax%stiffness <= 0.0_wp .or. scale <= 0.0_wp) return
     call self%map%to_ghosts(self%u_new, on_facet)
     held_back = self%relax%stiffness &
-      *sqrt(maxval(sum((on_facet - 0.5_wp*(self%d + self%d_new))**2, 1)))/scale
+      *sqrt(maxval(sum((on_facet - self%d_spring)**2, 1)))/scale
   end function held_back
 
   !> The trial becomes the state; h is the interval's length [s].
