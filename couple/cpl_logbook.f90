@@ -17,6 +17,8 @@ module cpl_logbook
   public :: begin_log, log_solvers, log_interface, log_row_titles, log_row, log_health, &
     write_summary, overhead_share
 
+  real(wp), parameter :: large_residual = 0.1_wp  !! of the springs, worth a warning
+
 contains
 
   !> Header and deck as understood.
@@ -147,6 +149,9 @@ contains
       short_number(100.0_wp*face%grains(scalar_max_overlap))//' %, coupling overhead '// &
       short_number(100.0_wp*overhead)//' % of the run time'
     call log%health(text)
+    if (audit%spring_residual > large_residual) call log%warn('the springs still hold back '// &
+      short_number(100.0_wp*audit%spring_residual)//' % of the largest force: the wall moves too '// &
+      'slowly; a shorter &clock exchange or scheme = ''iterated'' tells by how much')
   end subroutine log_health
 
   subroutine write_summary(path, program, deck, face, audit, timers, time, overhead, exit_code, &
