@@ -20,6 +20,7 @@ int talus_c_is_terminal(int fd);
 int talus_c_setenv(const char *name, const char *value, int overwrite);
 void talus_c_exit(int code);
 int talus_c_blas_kernels(void);
+int talus_c_short_spins(void);
 void talus_c_error_text(int error, char *text, int room);
 
 /* A launcher may deliver one request twice (to the group and to each process): what follows the
@@ -179,10 +180,22 @@ failed:
 
 /* OpenBLAS chooses its kernels when it is loaded, so the choice needs a fresh start of the program.
    Returns 0 when nothing had to be done, otherwise the error that kept the old kernels. */
+/* Set a variable of the environment and start this program anew with the same arguments; comes back
+   with an error number when that is not possible. */
+static int start_again(const char *name, const char *value)
+{
+    char **words = own_arguments();
+    if (words == NULL) return errno != 0 ? errno : ENOMEM;
+    setenv(name, value, 1);
+    execv("/proc/self/exe", words);
+    free(words[0]);
+    free(words);
+    return errno;
+}
+
 int talus_c_blas_kernels(void)
 {
     const char *kernels = NULL;
-    char **words;
     if (getenv("OPENBLAS_CORETYPE") != NULL) return 0;
 #if defined(__x86_64__)
     __builtin_cpu_init();
@@ -192,12 +205,11 @@ int talus_c_blas_kernels(void)
     else if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
         kernels = "Haswell";
 #endif
-    if (kernels == NULL) return 0;
-    words = own_arguments();
-    if (words == NULL) return errno != 0 ? errno : ENOMEM;
-    setenv("OPENBLAS_CORETYPE", kernels, 1);
-    execv("/proc/self/exe", words);
-    free(words[0]);
-    free(words);
-    return errno;
+    return kernels == NULL ? 0 : start_again("OPENBLAS_CORETYPE", kernels);
+}
+
+int talus_c_short_spins(void)
+{
+    if (getenv("OMP_WAIT_POLICY") != NULL || getenv("GOMP_SPINCOUNT") != NULL) return 0;
+    return start_again("GOMP_SPINCOUNT", "1000");
 }

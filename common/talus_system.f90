@@ -12,7 +12,8 @@ module talus_system
   public :: install_signals, signal_seen, signal_checkpoint
   public :: wall_clock, host_name, boot_id, process_id, date_text
   public :: memory_free, memory_resident, is_terminal
-  public :: environment, set_environment, talus_blas_kernels, talus_exit
+  public :: environment, set_environment, talus_blas_kernels, talus_short_spins
+  public :: talus_exit
   public :: compiler_text, system_error_text, c_string
 
   interface
@@ -59,6 +60,9 @@ module talus_system
     integer(c_int) function c_blas_kernels() bind(c, name='talus_c_blas_kernels')
       import :: c_int
     end function c_blas_kernels
+    integer(c_int) function c_short_spins() bind(c, name='talus_c_short_spins')
+      import :: c_int
+    end function c_short_spins
     subroutine c_error_text(error, text, room) bind(c, name='talus_c_error_text')
       import :: c_char, c_int
       integer(c_int), value :: error, room
@@ -173,6 +177,17 @@ contains
     if (stat /= 0) write (error_unit, '(a)') 'warning: BLAS kernels of this CPU not chosen: '// &
       system_error_text(int(stat, i4))//'; set OPENBLAS_CORETYPE by hand'
   end subroutine talus_blas_kernels
+
+  !> Let waiting OpenMP threads sleep soon: unless OMP_WAIT_POLICY or GOMP_SPINCOUNT is set, sets a
+  !! short spin and starts the program anew. On a busy machine the library's default spins for
+  !! milliseconds at every barrier. Call it first in the main program.
+  subroutine talus_short_spins()
+    integer(c_int) :: stat
+    flush (output_unit)
+    stat = c_short_spins()
+    if (stat /= 0) write (error_unit, '(a)') 'warning: threads may spin: '// &
+      system_error_text(int(stat, i4))//'; set OMP_WAIT_POLICY=passive by hand'
+  end subroutine talus_short_spins
 
   !> Flush all units and leave with this exit code.
   subroutine talus_exit(code)

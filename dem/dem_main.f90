@@ -7,7 +7,7 @@ program talus_dem
   use talus_options, only: options_type, parse_options, usage_text
   use talus_report, only: report_check, report_keys
   use talus_deck_table, only: key_table_type
-  use talus_system, only: talus_exit
+  use talus_system, only: talus_exit, talus_short_spins
   use talus_version, only: version_text, git_hash
   use dem_model, only: dem_model_type, program_name
   use dem_deck_keys, only: dem_deck_table
@@ -19,6 +19,7 @@ program talus_dem
   type(error_list_type) :: errors
   integer(i4) :: exit_code
 
+  call talus_short_spins()
   call parse_options(options, program_name, errors)
   if (errors%any()) call leave_with_faults()
   if (options%help .or. options%version .or. options%keys) call answer()

@@ -7,7 +7,7 @@ program talus_fem
   use talus_options, only: options_type, parse_options, usage_text
   use talus_report, only: report_check, report_keys
   use talus_deck_table, only: key_table_type
-  use talus_system, only: talus_blas_kernels, talus_exit
+  use talus_system, only: talus_blas_kernels, talus_exit, talus_short_spins
   use talus_version, only: version_text, git_hash
   use fem_model, only: fem_model_type, program_name
   use fem_deck_keys, only: fem_deck_table
@@ -20,6 +20,7 @@ program talus_fem
   type(error_list_type) :: errors
   integer(i4) :: exit_code
 
+  call talus_short_spins()
   call talus_blas_kernels()
   call parse_options(options, program_name, errors)
   if (errors%any()) call leave_with_faults()

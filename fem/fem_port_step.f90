@@ -46,26 +46,28 @@ contains
     integer(i4) :: k, n, s, i
 
     call sets%take_loads(model%body, request, errors)
-    start_u = model%body%given_u
+    allocate (start_u, source=model%body%given_u)
     call sets%take_motion(model%body, request, errors)
     call request%all_read(errors)
     if (errors%any()) return
-    end_u = model%body%given_u
+    allocate (end_u, source=model%body%given_u)
     t0 = model%body%accepted%time
     n = 1
     if (model%dt > 0.0_wp) n = max(1, nint((request%t1 - t0)/model%dt))
     dt = (request%t1 - t0)/n
-    impulse = 0.0_wp*start_u
+    allocate (impulse, mold=start_u)
+    impulse = 0.0_wp
     allocate (work(sets%n), source=0.0_wp)
+    allocate (before, moved, mold=start_u)
     associate (body => model%body)
       start: do k = 1, n
         share = real(k, wp)/real(n, wp)
         body%given_u = start_u + share*(end_u - start_u)
-        before = body%accepted%reaction
-        moved = body%accepted%u
+        before(:, :) = body%accepted%reaction
+        moved(:, :) = body%accepted%u
         call body%step(t0 + share*(request%t1 - t0), errors)
         if (errors%any()) exit start
-        moved = body%state%u - moved
+        moved(:, :) = body%state%u - moved
         impulse = impulse + 0.5_wp*dt*(before + body%state%reaction)
         do s = 1, sets%n
           do i = 1, size(sets%set(s)%node)
