@@ -11,56 +11,64 @@ program test_cpl_manifest
   implicit none
 
   type(test_type) :: test
-  type(error_list_type) :: errors
-  type(manifest_type) :: manifest
-  type(string_type), allocatable :: warnings(:), names(:)
-  character(len=:), allocatable :: folder, stem, path
-  logical :: found
-  integer(i4) :: k
+  character(len=:), allocatable :: folder, stem
 
   folder = '/tmp/talus-test-'//str(process_id())
   stem = folder//'/run'
-  call make_folder(folder, errors)
-  allocate (warnings(0))
-  call find_manifest('auto', stem, manifest, path, found, warnings, errors)
-  call test%check('none is there', .not. found .and. .not. errors%any())
-  do k = 1, 3
-    call save(k)
-  end do
-  call test%check('no faults', .not. errors%any())
-  call test%check('two are kept', file_exists(stem//'.1.manifest') .and. &
-                  .not. file_exists(stem//'.2.manifest'))
-  call test%check('files of the oldest are gone', .not. file_exists(name_of(1, 1)) .and. &
-                  file_exists(name_of(2, 1)) .and. file_exists(name_of(3, 3)))
-  call find_manifest('auto', stem, manifest, path, found, warnings, errors)
-  call test%check('newest', found .and. manifest%step == 30_i8 .and. size(warnings) == 0)
-  call test%check_close('time', manifest%time, 0.3_wp, 0.0_wp)
-  call test%check_text('deck hash', manifest%deck_hash, 'ABC')
-
-  call remove_file(name_of(3, 2))
-  call find_manifest('auto', stem, manifest, path, found, warnings, errors)
-  call test%check('older one taken', found .and. manifest%step == 20_i8 .and. size(warnings) == 1)
-  call replace_file(name_of(2, 3), 'changed', errors)
-  call find_manifest('auto', stem, manifest, path, found, warnings, errors)
-  call test%check('none left', .not. found .and. errors%count == 1)
-  call test%check_text('code', errors%item(1)%code, 'S432')
-  call errors%clear()
-  call read_manifest(stem//'.1.manifest', manifest, errors)
-  call test%check_text('changed file', errors%item(1)%code, 'S431')
-  call errors%clear()
-  call replace_file(stem//'.manifest', 'talus-manifest 1'//new_line('a')//'time 0.1'// &
-                    new_line('a'), errors)
-  call read_manifest(stem//'.manifest', manifest, errors)
-  call test%check_text('cut off', errors%item(1)%code, 'I430')
-
-  call list_files(folder, '', names)
-  do k = 1, size(names)
-    call remove_file(folder//'/'//names(k)%s)
-  end do
-  call execute_command_line('rmdir '//folder)
+  call rotation()
+  deallocate (folder, stem)
   call test%finish()
 
 contains
+
+  !> Three checkpoints of which two are kept; then their files go one by one.
+  subroutine rotation()
+    type(error_list_type) :: errors
+    type(manifest_type) :: manifest
+    type(string_type), allocatable :: warnings(:), names(:)
+    character(len=:), allocatable :: path
+    logical :: found
+    integer(i4) :: k
+
+    call make_folder(folder, errors)
+    allocate (warnings(0))
+    call find_manifest('auto', stem, manifest, path, found, warnings, errors)
+    call test%check('none is there', .not. found .and. .not. errors%any())
+    do k = 1, 3
+      call save(k, errors)
+    end do
+    call test%check('no faults', .not. errors%any())
+    call test%check('two are kept', file_exists(stem//'.1.manifest') .and. &
+                    .not. file_exists(stem//'.2.manifest'))
+    call test%check('files of the oldest are gone', .not. file_exists(name_of(1, 1)) .and. &
+                    file_exists(name_of(2, 1)) .and. file_exists(name_of(3, 3)))
+    call find_manifest('auto', stem, manifest, path, found, warnings, errors)
+    call test%check('newest', found .and. manifest%step == 30_i8 .and. size(warnings) == 0)
+    call test%check_close('time', manifest%time, 0.3_wp, 0.0_wp)
+    call test%check_text('deck hash', manifest%deck_hash, 'ABC')
+
+    call remove_file(name_of(3, 2))
+    call find_manifest('auto', stem, manifest, path, found, warnings, errors)
+    call test%check('older one taken', found .and. manifest%step == 20_i8 .and. size(warnings) == 1)
+    call replace_file(name_of(2, 3), 'changed', errors)
+    call find_manifest('auto', stem, manifest, path, found, warnings, errors)
+    call test%check('none left', .not. found .and. errors%count == 1)
+    call test%check_text('code', errors%item(1)%code, 'S432')
+    call errors%clear()
+    call read_manifest(stem//'.1.manifest', manifest, errors)
+    call test%check_text('changed file', errors%item(1)%code, 'S431')
+    call errors%clear()
+    call replace_file(stem//'.manifest', 'talus-manifest 1'//new_line('a')//'time 0.1'// &
+                      new_line('a'), errors)
+    call read_manifest(stem//'.manifest', manifest, errors)
+    call test%check_text('cut off', errors%item(1)%code, 'I430')
+
+    call list_files(folder, '', names)
+    do k = 1, size(names)
+      call remove_file(folder//'/'//names(k)%s)
+    end do
+    call execute_command_line('rmdir '//folder)
+  end subroutine rotation
 
   function name_of(number, program) result(name)
     integer(i4), intent(in) :: number, program
@@ -69,8 +77,9 @@ contains
   end function name_of
 
   !> A coupled checkpoint of three small files.
-  subroutine save(number)
+  subroutine save(number, errors)
     integer(i4), intent(in) :: number
+    type(error_list_type), intent(inout) :: errors
     type(manifest_type) :: new
     integer(i4) :: program, status
 
