@@ -7,7 +7,7 @@ module cpl_handshake
   use talus_timers, only: timers_type
   use talus_version, only: version_text
   use cpl_choices, only: cpl_choices_type
-  use cpl_solver, only: cpl_solver_type, side_grains, side_solid
+  use cpl_solver, only: cpl_solver_type, side_solid
   implicit none
   private
   public :: shake_hands
@@ -16,12 +16,11 @@ module cpl_handshake
 
 contains
 
-  !> Greet both before either answer is read, then compare. restart: a checkpoint of each side.
-  subroutine shake_hands(solvers, choices, run_id, grains_restart, solid_restart, time, timers, &
-                         dynamic, errors)
+  !> Greet both before either answer is read, then compare.
+  subroutine shake_hands(solvers, choices, run_id, time, timers, dynamic, errors)
     type(cpl_solver_type), intent(inout) :: solvers(2)
     type(cpl_choices_type), intent(in) :: choices
-    character(len=*), intent(in) :: run_id, grains_restart, solid_restart
+    character(len=*), intent(in) :: run_id
     real(wp), intent(in) :: time  !! at which both must stand [s]
     type(timers_type), intent(inout) :: timers
     logical, intent(out) :: dynamic  !! the solid has inertia
@@ -33,8 +32,7 @@ contains
     do k = 1, 2
       call solvers(k)%start_request(verb_hello, 0_i8, time, time)
       call solvers(k)%request%put_text('run_id', run_id)
-      if (k == side_grains) call solvers(k)%request%put_text('restart', grains_restart)
-      if (k == side_solid) call solvers(k)%request%put_text('restart', solid_restart)
+      call solvers(k)%request%put_text('restart', solvers(k)%restart)
       call solvers(k)%request%put_int('protocol', int(protocol_version, i4))
       call solvers(k)%send(timers, errors)
       if (errors%any()) return

@@ -8,6 +8,7 @@ module cpl_launch
   use talus_message, only: verb_stop, verb_abort
   use talus_process, only: sibling_program
   use talus_timers, only: timers_type
+  use cpl_choices, only: cpl_choices_type
   use cpl_solver, only: cpl_solver_type
   implicit none
   private
@@ -22,15 +23,11 @@ module cpl_launch
 contains
 
   !> Open the port and start the solver, or tell the user how to.
-  subroutine launch_solver(solver, transport, run_id, time_limit, trace, folder, restart, log, &
-    errors)
+  subroutine launch_solver(solver, choices, run_id, folder, log, errors)
     type(cpl_solver_type), intent(inout) :: solver
-    character(len=*), intent(in) :: transport   !! shared_memory or hdf5
+    type(cpl_choices_type), intent(in) :: choices
     character(len=*), intent(in) :: run_id
-    real(wp), intent(in) :: time_limit          !! s
-    logical, intent(in) :: trace
-    character(len=*), intent(in) :: folder      !! of the results
-    character(len=*), intent(in) :: restart     !! checkpoint of this solver, '' for a fresh run
+    character(len=*), intent(in) :: folder  !! of the results
     type(log_type), intent(inout) :: log
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: spec
@@ -38,20 +35,20 @@ contains
 
     faults = errors%count
     spec = 'shm:/talus-'//run_id//'-'//solver%side
-    if (transport == 'hdf5') spec = 'hdf5:'//folder//'/talus-'//run_id//'.port/'//solver%side
-    solver%port%trace = trace
+    if (choices%transport == 'hdf5') spec = 'hdf5:'//folder//'/talus-'//run_id//'.port/'//solver%side
+    solver%port%trace = choices%trace
     solver%port%partner%name = solver%title()
     solver%port%partner%log = solver%output
-    solver%port%join_limit = max(time_limit, fork_wait)
-    if (solver%launch == 'attach') solver%port%join_limit = max(time_limit, attach_wait)
-    if (solver%launch == 'command') solver%port%join_limit = max(time_limit, command_wait)
-    call solver%port%create(spec, run_id, time_limit, errors)
+    solver%port%join_limit = max(choices%time_limit, fork_wait)
+    if (solver%launch == 'attach') solver%port%join_limit = max(choices%time_limit, attach_wait)
+    if (solver%launch == 'command') solver%port%join_limit = max(choices%time_limit, command_wait)
+    call solver%port%create(spec, run_id, choices%time_limit, errors)
     if (errors%count > faults) return
     solver%started = .true.
     if (solver%launch == 'attach') then
       call invite(solver, folder//'/'//run_id//'.'//solver%side//'.port', log, errors)
     else
-      call start_process(solver, spec, folder, restart, errors)
+      call start_process(solver, spec, folder, errors)
     end if
     if (errors%count == faults .and. solver%process%pid > 0) &
       call solver%port%watch(solver%process%pid)
@@ -68,9 +65,9 @@ contains
                   ' --port=attach:'//path)
   end subroutine invite
 
-  subroutine start_process(solver, spec, folder, restart, errors)
+  subroutine start_process(solver, spec, folder, errors)
     type(cpl_solver_type), intent(inout) :: solver
-    character(len=*), intent(in) :: spec, folder, restart
+    character(len=*), intent(in) :: spec, folder
     type(error_list_type), intent(inout) :: errors
     type(string_type), allocatable :: argv(:)
     integer :: k
@@ -84,7 +81,7 @@ contains
     call append_string(argv, '--port='//spec)
     call append_string(argv, '--output='//folder)
     if (solver%threads > 0) call append_string(argv, '--threads='//str(solver%threads))
-    if (len(restart) > 0) call append_string(argv, '--restart='//restart)
+    if (len(solver%restart) > 0) call append_string(argv, '--restart='//solver%restart)
     if (solver%launch == 'command') then
       do k = 2, size(argv)
         argv(1)%s = argv(1)%s//" '"//argv(k)%s//"'"

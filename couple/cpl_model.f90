@@ -141,20 +141,18 @@ contains
   subroutine prepare(self, errors)
     class(cpl_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
-    type(string_type) :: restart(2)
     real(wp) :: identity
     integer(i4) :: k
 
     do k = 1, 2
-      restart(k)%s = ''
-      if (self%again) restart(k)%s = self%manifest%path(k)%s
-      call launch_solver(self%solvers(k), self%choices%transport, self%run_id, &
-                         self%choices%time_limit, self%choices%trace, folder_of(self%stem), &
-                         restart(k)%s, self%log, errors)
+      self%solvers(k)%restart = ''
+      if (self%again) self%solvers(k)%restart = self%manifest%path(k)%s
+      call launch_solver(self%solvers(k), self%choices, self%run_id, folder_of(self%stem), &
+                         self%log, errors)
       if (errors%any()) return
     end do
-    call shake_hands(self%solvers, self%choices, self%run_id, restart(1)%s, restart(2)%s, &
-                     self%manifest%time, self%timers, self%face%dynamic, errors)
+    call shake_hands(self%solvers, self%choices, self%run_id, self%manifest%time, self%timers, &
+                     self%face%dynamic, errors)
     if (errors%any()) return
     call log_solvers(self%log, self%solvers)
     call self%rebuild(identity, errors)

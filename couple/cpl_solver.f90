@@ -24,6 +24,7 @@ module cpl_solver
     character(len=:), allocatable :: launch   !! fork, command or attach
     character(len=:), allocatable :: command  !! launcher and program, without deck
     character(len=:), allocatable :: output   !! file that takes its stdout and stderr
+    character(len=:), allocatable :: restart  !! checkpoint to go on from, '' for a fresh run
     integer(i4) :: threads = 0
     type(process_type) :: process
     type(port_type) :: port
