@@ -35,7 +35,8 @@ contains
 
     faults = errors%count
     spec = 'shm:/talus-'//run_id//'-'//solver%side
-    if (choices%transport == 'hdf5') spec = 'hdf5:'//folder//'/talus-'//run_id//'.port/'//solver%side
+    if (choices%transport == 'hdf5') &
+      spec = 'hdf5:'//folder//'/talus-'//run_id//'.port/'//solver%side
     solver%port%trace = choices%trace
     solver%port%partner%name = solver%title()
     solver%port%partner%log = solver%output
