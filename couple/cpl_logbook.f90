@@ -151,7 +151,7 @@ contains
     call log%health(text)
     if (audit%spring_residual > large_residual) call log%warn('the springs still hold back '// &
       short_number(100.0_wp*audit%spring_residual)//' % of the largest force: the wall moves '// &
-      'too slowly; a shorter &clock exchange or scheme = ''iterated'' tells by how much')
+      "too slowly; a shorter &clock exchange or scheme = 'iterated' tells by how much")
   end subroutine log_health
 
   subroutine write_summary(path, program, deck, face, audit, timers, time, overhead, exit_code, &
