@@ -168,7 +168,7 @@ style: deps-run deps-dev
 install: all
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/share/talus
 	install -m 755 $(PROGRAMS) $(DESTDIR)$(PREFIX)/bin
-	cp -r prepost/talus prepost/requirements-run.txt prepost/requirements-render.txt LICENSE \
+	cp -r prepost/talus VERSION prepost/requirements-run.txt prepost/requirements-render.txt LICENSE \
 	  $(DESTDIR)$(PREFIX)/share/talus
 	sed 's|@SHARE@|$(PREFIX)/share/talus|' tools/talus.in > $(DESTDIR)$(PREFIX)/bin/talus
 	chmod 755 $(DESTDIR)$(PREFIX)/bin/talus

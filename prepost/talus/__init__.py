@@ -8,4 +8,4 @@ def version() -> str:
     for folder in Path(__file__).resolve().parents:
         if (folder / "VERSION").exists():
             return (folder / "VERSION").read_text().strip()
-    return "0.1.0"
+    return "unknown"
