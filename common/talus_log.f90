@@ -270,14 +270,19 @@ contains
   end subroutine faults
 
   !> Last line of every log: 'talus-dem: finished, exit 0, wall 12.3 s, detail'.
-  subroutine finish(self, program, exit_code, detail)
+  subroutine finish(self, program, exit_code, detail, wall)
     class(log_type), intent(inout) :: self
     character(len=*), intent(in) :: program
     integer(i4), intent(in) :: exit_code
     character(len=*), intent(in) :: detail  !! may be empty
+    real(wp), intent(in), optional :: wall  !! of the whole run [s]; else since the log was opened
     character(len=:), allocatable :: text
+    real(wp) :: took
+
+    took = wall_clock() - self%begun
+    if (present(wall)) took = wall
     text = program//': '//outcome(exit_code)//', exit '//str(exit_code)//', wall '// &
-           short_number(wall_clock() - self%begun)//' s'
+           short_number(took)//' s'
     if (len(detail) > 0) text = text//', '//detail
     call self%line('')
     call self%line(text)

@@ -66,6 +66,9 @@ module fem_body
     procedure :: interface_force
     procedure :: explicit_energy
     procedure, private :: impose
+    procedure, private :: predict
+    procedure, private :: correct
+    procedure, private :: correct_support_work
   end type fem_body_type
 
 contains
@@ -173,8 +176,8 @@ contains
     class(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: t1  !! [s]
     type(error_list_type), intent(inout) :: errors
-    real(wp), dimension(3, self%mesh%nodes) :: residual, internal, inertia, du, tie
-    real(wp) :: dt, c
+    real(wp), dimension(3, self%mesh%nodes) :: internal, inertia, du, tie
+    real(wp) :: dt
     integer(i4) :: bad(2)
 
     dt = t1 - self%accepted%time
@@ -188,14 +191,11 @@ contains
       call self%internal_force(s%u, internal)
       call robin_force(self%robin, old%u, s%u, tie)
       inertia = 0.0_wp
-      c = 0.0_wp
       if (self%dynamic) then
-        c = 1.0_wp/(self%beta*dt*dt)
-        s%a = c*(s%u - old%u - dt*old%v) - (0.5_wp/self%beta - 1.0_wp)*old%a
+        call self%predict(dt)
         call multiply_mass(self%pattern, self%mass, s%a, inertia)
       end if
-      residual = s%external + tie - internal - inertia
-      call self%solver%solve(residual, du, errors)
+      call self%solver%solve(s%external + tie - internal - inertia, du, errors)
       if (errors%any()) return
       s%u = s%u + du
       if (.not. all(is_finite(s%u))) then
@@ -207,16 +207,66 @@ contains
       call self%internal_force(s%u, internal)
       call robin_force(self%robin, old%u, s%u, tie)
       if (self%dynamic) then
-        s%a = s%a + c*du
-        s%v = old%v + dt*((1.0_wp - self%gamma)*old%a + self%gamma*s%a)
+        call self%correct(dt, du)
         call multiply_mass(self%pattern, self%mass, s%a, inertia)
       end if
       s%reaction = internal + inertia - s%external - tie
       where (.not. (self%held .or. self%prescribed)) s%reaction = 0.0_wp
       s%tie = tie
       call self%update_energy(internal)
+      if (self%dynamic) call self%correct_support_work(dt)
     end associate
   end subroutine step
+
+  !> Accelerations for unchanged free displacements (Newmark). What is prescribed has a velocity
+  !! constant over the step and the backward difference of it as acceleration: Newmark's own
+  !! relations would let both ring about a ramp, without bound.
+  subroutine predict(self, dt)
+    class(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: dt  !! [s]
+    associate (s => self%state, old => self%accepted)
+      where (self%held .or. self%prescribed)
+        s%v = (s%u - old%u)/dt
+        s%a = (s%v - old%v)/dt
+      elsewhere
+        s%a = -old%v/(self%beta*dt) - (0.5_wp/self%beta - 1.0_wp)*old%a
+      end where
+    end associate
+  end subroutine predict
+
+  !> Accelerations and velocities of what is free after its displacements have changed by du [m].
+  subroutine correct(self, dt, du)
+    class(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: dt, du(:, :)
+    associate (s => self%state, old => self%accepted)
+      where (.not. (self%held .or. self%prescribed))
+        s%a = s%a + du/(self%beta*dt*dt)
+        s%v = old%v + dt*((1.0_wp - self%gamma)*old%a + self%gamma*s%a)
+      end where
+    end associate
+  end subroutine correct
+
+  !> The trapezoidal work of supports counts the inertia of moved nodes by Newmark's relations,
+  !! which these do not obey; with e = du - dt v_mean and f = dt a_mean - dv (zero where free) the
+  !! difference is f'M v_mean + e'M a_mean, and without it average acceleration closes the ledger.
+  subroutine correct_support_work(self, dt)
+    class(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: dt  !! [s]
+    real(wp), dimension(3, self%mesh%nodes) :: mean, product, defect
+    associate (s => self%state, old => self%accepted, fixed => self%held .or. self%prescribed)
+      mean = 0.5_wp*(s%a + old%a)
+      defect = merge(s%u - old%u - 0.5_wp*dt*(s%v + old%v), 0.0_wp, fixed)
+      if (any(abs(defect) > 0.0_wp)) then
+        call multiply_mass(self%pattern, self%mass, mean, product)
+        self%energy%support = self%energy%support - sum(defect*product)
+      end if
+      defect = merge(dt*mean - (s%v - old%v), 0.0_wp, fixed)
+      if (.not. any(abs(defect) > 0.0_wp)) return
+      mean = 0.5_wp*(s%v + old%v)
+      call multiply_mass(self%pattern, self%mass, mean, product)
+      self%energy%support = self%energy%support - sum(defect*product)
+    end associate
+  end subroutine correct_support_work
 
   !> Forces of the Robin springs, S (u_old - u) [N].
   pure subroutine robin_force(robin, old, u, force)
@@ -243,12 +293,15 @@ contains
     class(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: internal(:, :)  !! K u + initial [N]
     real(wp), dimension(3, self%mesh%nodes) :: moved, momentum
+    real(wp) :: before
     associate (s => self%state, old => self%accepted, e => self%energy)
+      ! the first static step brings the weight up from nothing, as it does all loads
+      before = merge(1.0_wp, 0.0_wp, any(abs(old%external) > 0.0_wp))
       e = self%accepted_energy
       moved = s%u - old%u
       e%strain = 0.5_wp*sum(s%u*(internal + self%initial_force))
       e%load = e%load + 0.5_wp*sum((s%external + old%external)*moved)
-      e%gravity = e%gravity + sum(self%weight_force*moved)
+      e%gravity = e%gravity + 0.5_wp*(1.0_wp + before)*sum(self%weight_force*moved)
       e%support = e%support + 0.5_wp*sum((s%reaction + old%reaction)*moved)
       e%spring = e%spring + 0.5_wp*sum((s%tie + old%tie)*moved)
       if (.not. self%dynamic) return
@@ -299,6 +352,8 @@ contains
     integer(i4) :: i
     call self%internal_force(self%state%u, internal)
     self%state%tie = 0.0_wp
+    self%state%reaction = merge(internal - self%state%external, 0.0_wp, &
+                                self%held .or. self%prescribed)
     call self%update_energy(internal)
     self%energy%kinetic = 0.0_wp
     do i = 1, self%mesh%nodes

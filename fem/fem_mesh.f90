@@ -6,7 +6,7 @@ module fem_mesh
   use talus_hdf5, only: h5_file_type
   use fem_types, only: fem_mesh_type, fem_group_type, group_volume, group_facet, group_node
   use fem_hex8, only: hex8_geometry, hex8_geometry_type
-  use fem_mesh_checks, only: check_hanging
+  use fem_mesh_checks, only: check_hanging, check_facets
   implicit none
   private
   public :: read_mesh, find_group, group_names
@@ -38,6 +38,7 @@ contains
     call file%close(errors)
     if (.not. errors%any()) call check_ids(path, mesh, errors)
     if (.not. errors%any()) call check_shape(path, mesh, errors)
+    if (.not. errors%any()) call check_facets(path, mesh, errors)
     if (.not. errors%any()) call check_hanging(path, mesh, errors)
   end subroutine read_mesh
 
@@ -83,6 +84,10 @@ contains
     if (group%kind == group_facet) then
       call file%get(name//'/quad4', group%facet, errors)
       if (errors%any()) return
+      if (size(group%facet, 1) /= 4) then
+        call errors%add('I301', name//'/quad4 must be (k, 4)', path)
+        return
+      end if
       group%facet = group%facet + 1
       rows = [group%facet]
       if (file%exists(name//'/cell')) then

@@ -1,12 +1,13 @@
 !> Hanging nodes: a node of the surface inside a surface face, or on an edge, that does not have it.
+!! Facets of groups: each must be a face of an element.
 module fem_mesh_checks
   use talus_kinds, only: wp, i4
   use talus_text, only: str
   use talus_errors, only: error_list_type
-  use fem_types, only: fem_mesh_type
+  use fem_types, only: fem_mesh_type, group_facet
   implicit none
   private
-  public :: check_hanging
+  public :: check_hanging, check_facets
 
   integer(i4), parameter :: face(4, 6) = reshape([1, 4, 3, 2, 5, 6, 7, 8, 1, 2, 6, 5, &
                                                   3, 4, 8, 7, 2, 3, 7, 6, 1, 5, 8, 4], [4, 6])
@@ -82,6 +83,51 @@ contains
     end subroutine fill_grid
   end subroutine check_hanging
 
+  !> Fault I305 for the first facet of a group that is no face of an element.
+  subroutine check_facets(path, mesh, errors)
+    character(len=*), intent(in) :: path
+    type(fem_mesh_type), intent(in) :: mesh
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), allocatable :: quads(:, :), head(:), link(:)
+    integer(i4) :: g, f, q
+
+    call all_faces(mesh, quads, head, link)
+    do g = 1, size(mesh%group)
+      if (mesh%group(g)%kind /= group_facet) cycle
+      do f = 1, size(mesh%group(g)%facet, 2)
+        q = head(minval(mesh%group(g)%facet(:, f)))
+        do while (q > 0)
+          if (same(mesh%group(g)%facet(:, f), quads(:, q))) exit
+          q = link(q)
+        end do
+        if (q > 0) cycle
+        call errors%add('I305', 'facet '//str(f)//" of group '"//trim(mesh%group(g)%name)// &
+                        "' (nodes "//str(mesh%group(g)%facet(:, f))// &
+                        ') is no face of an element', path, &
+                        'facet groups hold faces of the hexahedra, four nodes each')
+        return
+      end do
+    end do
+  end subroutine check_facets
+
+  !> All faces of all elements, and lists of those with the same smallest node.
+  subroutine all_faces(mesh, quads, head, link)
+    type(fem_mesh_type), intent(in) :: mesh
+    integer(i4), allocatable, intent(out) :: quads(:, :), head(:), link(:)
+    integer(i4) :: e, f, q, n
+    allocate (quads(4, 6*mesh%elements), link(6*mesh%elements))
+    allocate (head(mesh%nodes), source=0)
+    do e = 1, mesh%elements
+      do f = 1, 6
+        q = 6*(e - 1) + f
+        quads(:, q) = mesh%hex8(face(:, f), e)
+        n = minval(quads(:, q))
+        link(q) = head(n)
+        head(n) = q
+      end do
+    end do
+  end subroutine all_faces
+
   pure function extent(x) result(length)
     real(wp), intent(in) :: x(3, 4)
     real(wp) :: length(3)
@@ -123,25 +169,17 @@ contains
     logical, allocatable :: single(:)
     integer(i4) :: e, f, q, n, other
 
-    allocate (all_quads(4, 6*mesh%elements), single(6*mesh%elements), link(6*mesh%elements))
-    allocate (head(mesh%nodes), source=0)
-    single = .true.
-    do e = 1, mesh%elements
-      do f = 1, 6
-        q = 6*(e - 1) + f
-        all_quads(:, q) = mesh%hex8(face(:, f), e)
-        n = minval(all_quads(:, q))
-        link(q) = head(n)
-        other = head(n)
-        do while (other > 0)
-          if (same(all_quads(:, q), all_quads(:, other))) then
-            single(q) = .false.
-            single(other) = .false.
-            exit
-          end if
-          other = link(other)
-        end do
-        head(n) = q
+    call all_faces(mesh, all_quads, head, link)
+    allocate (single(size(link)), source=.true.)
+    do q = 1, size(link)
+      other = link(q)
+      do while (other > 0)
+        if (same(all_quads(:, q), all_quads(:, other))) then
+          single(q) = .false.
+          single(other) = .false.
+          exit
+        end if
+        other = link(other)
       end do
     end do
     owner = pack([((e, f=1, 6), e=1, mesh%elements)], single)

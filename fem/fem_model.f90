@@ -40,6 +40,7 @@ module fem_model
     real(wp) :: dt = 0.0_wp, t_end = 0.0_wp  !! [s]
     real(wp) :: start_time = -1.0_wp         !! of the checkpoint [s], < 0: a fresh run
     integer(i8) :: steps = 0, start_steps = 0
+    integer(i8) :: row_step = -1             !! of the last row in the log
     integer(i4) :: logged_factors = 0
     logical :: served = .false., stopped = .false., opened = .false.
   contains
@@ -81,7 +82,11 @@ contains
     if (threads == 0) call self%deck%get('run', 1, 'threads', threads)
     if (threads > 0) call omp_set_num_threads(threads)
     call read_body(self%deck, self%body, errors)
-    if (.not. errors%any()) call read_times(self, errors)
+    if (errors%any()) return
+    call read_times(self, errors)
+    if (self%body%dynamic .and. 2.0_wp*self%body%beta < self%body%gamma) &
+      call append_string(self%warnings, 'beta < gamma/2: Newmark is stable only for steps '// &
+                         'that resolve the highest frequency of the mesh')
   end subroutine read_run
 
   !> End and step; statics takes one step to 1 s where the deck says nothing.
@@ -218,6 +223,7 @@ contains
 
   subroutine log_row(self)
     class(fem_model_type), intent(inout) :: self
+    self%row_step = self%steps
     call self%log%row([self%body%accepted%time, real(self%steps, wp), &
                        sqrt(maxval(sum(self%body%accepted%u**2, 1))), &
                        self%body%accepted_energy%strain, self%body%accepted_energy%kinetic, &
@@ -291,6 +297,7 @@ contains
     type(summary_type) :: summary
 
     if (self%opened) then
+      if (errors%any()) call self%output%write_last(self%body, late)
       if (self%stopped .and. .not. self%served .and. .not. errors%any()) &
         call self%save_checkpoint('', errors)
       call self%output%close(errors)
@@ -298,7 +305,7 @@ contains
     exit_code = errors%exit_code()
     if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped
     if (.not. self%opened) return
-    call self%log_row()
+    if (self%row_step < self%steps) call self%log_row()
     call self%log%health('energy error '//short_number(energy_error(self%body))//', '// &
                          str(self%body%solver%factorisations)//' factorisations')
     call self%log%timer_table(self%timers)
@@ -314,7 +321,7 @@ contains
     call summary%set_errors(errors)
     call summary%write(self%stem//'_summary.json', late)
     call self%log%finish(program_name, exit_code, 'time '//short_number(self%body%accepted%time)// &
-                         ' s, '//str(self%steps)//' steps')
+                         ' s, '//str(self%steps)//' steps', self%timers%elapsed())
     call self%log%close()
   end subroutine finish
 end module fem_model

@@ -6,6 +6,7 @@ module fem_mumps
   use mpi, only: mpi_init, mpi_initialized, mpi_finalize, mpi_finalized, mpi_comm_self
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
+  use talus_system, only: environment, set_environment
   use talus_text, only: str
   implicit none
   private
@@ -33,11 +34,22 @@ module fem_mumps
 
 contains
 
+  !> Outside a launcher OpenMPI is told that this process is alone: it then needs no daemon (which
+  !! would outlive a kill) and starts in a third of the time.
   subroutine start_mpi()
+    character(len=*), parameter :: launcher(4) = [character(len=20) :: 'OMPI_COMM_WORLD_SIZE', &
+      'PMIX_RANK', 'PMI_RANK', 'SLURM_PROCID']
     logical :: running
     integer :: status
+    integer(i4) :: k
     call mpi_initialized(running, status)
-    if (.not. running) call mpi_init(status)
+    if (running) return
+    if (.not. any([(len(environment(trim(launcher(k)))) > 0, k=1, size(launcher))])) then
+      call set_environment('OMPI_MCA_ess_singleton_isolated', '1', .false.)
+      call set_environment('OMPI_MCA_pml', 'ob1', .false.)
+      call set_environment('OMPI_MCA_btl', 'self', .false.)
+    end if
+    call mpi_init(status)
   end subroutine start_mpi
 
   !> End MPI if it was started.

@@ -32,6 +32,7 @@ module fem_output
     procedure :: open => open_output
     procedure :: write_due
     procedure :: write_fields
+    procedure :: write_last
     procedure :: write_history
     procedure :: flush => flush_output
     procedure :: close => close_output
@@ -231,6 +232,15 @@ contains
     call self%xdmf%write(self%series, errors)
     self%last_field = body%accepted%time
   end subroutine write_fields
+
+  !> Fields of the accepted state where a run breaks off, if fields are written at all.
+  subroutine write_last(self, body, errors)
+    class(fem_output_type), intent(inout) :: self
+    type(fem_body_type), intent(in) :: body
+    type(error_list_type), intent(inout) :: errors
+    if (self%every_output > 0.0_wp .and. self%last_field < body%accepted%time) &
+      call self%write_fields(body, errors)
+  end subroutine write_last
 
   subroutine flush_output(self, errors)
     class(fem_output_type), intent(inout) :: self

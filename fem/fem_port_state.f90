@@ -7,13 +7,13 @@ module fem_port_state
   use talus_scalars, only: scalar_count, scalar_kinetic, scalar_elastic, scalar_boundary, &
     scalar_gravity, scalar_momentum, scalar_angular_momentum, scalar_step_limit
   use talus_version, only: version_text
-  use fem_types, only: group_volume, group_facet, group_node, role_load
+  use fem_types, only: fem_mesh_type, group_volume, group_facet, group_node, role_load
   use fem_body, only: fem_body_type
   use fem_mesh, only: find_group, group_names
   use fem_model, only: fem_model_type, program_name
   use fem_recover, only: point_stress, point_positions, point_weights
   use fem_sets, only: fem_sets_type
-  use fem_sparse, only: multiply_mass
+  use fem_sparse, only: multiply_mass, share_element
   implicit none
   private
   public :: reply_hello, reply_describe, set_values, put_scalars
@@ -61,8 +61,7 @@ contains
     case ('quadrature')
       call describe_points(body, reply)
     case ('groups')
-      call reply%put_text('names', lines(group_names(body%mesh, &
-        [group_volume, group_facet, group_node])))
+      call reply%put_text('names', lines(body%mesh))
     case ('group')
       g = find_group(body%mesh, group, [group_node, group_facet, group_volume])
       if (g == 0) then
@@ -84,18 +83,15 @@ contains
     call errors%add('D301', 'the mesh has no '//what//" '"//name//"'", '', 'it has: '//there)
   end subroutine no_group
 
-  !> A list 'a, b' with a line each.
-  pure function lines(list) result(text)
-    character(len=*), intent(in) :: list
+  !> Names of all groups with a line each.
+  pure function lines(mesh) result(text)
+    type(fem_mesh_type), intent(in) :: mesh
     character(len=:), allocatable :: text
-    integer(i4) :: k
+    integer(i4) :: g
     text = ''
-    do k = 1, len(list)
-      if (list(k:k) == ',') then
-        text = text//new_line('a')
-      else if (list(k:k) /= ' ') then
-        text = text//list(k:k)
-      end if
+    do g = 1, size(mesh%group)
+      if (g > 1) text = text//new_line('a')
+      text = text//trim(mesh%group(g)%name)
     end do
   end function lines
 
@@ -160,12 +156,20 @@ contains
     call request%take('weight', body%robin%weight, errors)
     call request%take('stiffness', stiffness, errors)
     if (errors%any()) return
-    body%robin%n = size(stiffness)
-    if (any(body%robin%node < 1) .or. any(body%robin%node > body%mesh%nodes)) then
-      body%robin%n = 0
-      call errors%add('P302', 'springs name nodes that do not exist', request%place())
+    body%robin%n = 0
+    if (any([size(body%robin%node, 1), shape(body%robin%weight)] /= [4, 4, size(stiffness)]) &
+      .or. size(body%robin%node, 2) /= size(stiffness)) then
+      call errors%add('P302', 'springs need four nodes, four weights and one stiffness each', &
+                      request%place())
       return
     end if
+    do s = 1, size(stiffness)
+      if (share_element(body%pattern, body%robin%node(:, s))) cycle
+      call errors%add('P302', 'the nodes '//str(body%robin%node(:, s))//' of spring '//str(s)// &
+                      ' are not those of a facet', request%place())
+      return
+    end do
+    body%robin%n = size(stiffness)
     allocate (body%robin%stiffness(3, 3, body%robin%n), source=0.0_wp)
     do s = 1, body%robin%n
       do c = 1, 3

@@ -3,7 +3,7 @@ module fem_port_step
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
-  use fem_types, only: role_prescribe, role_load
+  use fem_types, only: role_prescribe, role_load, fem_state_type, fem_energy_type
   use fem_model, only: fem_model_type
   use fem_sets, only: fem_sets_type
   use fem_port_state, only: put_scalars
@@ -34,7 +34,8 @@ contains
     call put_scalars(model%body, reply)
   end subroutine solve
 
-  !> Own steps to t1 (one if the deck gives no dt); impulses and work on prescribed sets.
+  !> Own steps to t1 (one if the deck gives no dt); impulses and work on prescribed sets. The
+  !! accepted state stays as it was, so that REJECT finds it.
   subroutine advance(model, sets, request, reply, errors)
     type(fem_model_type), intent(inout) :: model
     type(fem_sets_type), intent(in) :: sets
@@ -42,6 +43,8 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: start_u(:, :), end_u(:, :), impulse(:, :), work(:), before(:, :), &
       moved(:, :)
+    type(fem_state_type) :: held
+    type(fem_energy_type) :: held_energy
     real(wp) :: t0, share, dt
     integer(i4) :: k, n, s, i
 
@@ -60,6 +63,8 @@ contains
     allocate (work(sets%n), source=0.0_wp)
     allocate (before, moved, mold=start_u)
     associate (body => model%body)
+      held = body%accepted
+      held_energy = body%accepted_energy
       start: do k = 1, n
         share = real(k, wp)/real(n, wp)
         body%given_u = start_u + share*(end_u - start_u)
@@ -77,6 +82,8 @@ contains
         end do
         if (k < n) call body%accept()
       end do start
+      body%accepted = held
+      body%accepted_energy = held_energy
       if (errors%any()) return
       call sets%put_states(body, reply)
       do s = 1, sets%n

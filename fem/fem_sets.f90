@@ -31,6 +31,7 @@ contains
     type(fem_body_type), intent(inout) :: body
     logical, intent(out) :: changed
     type(error_list_type), intent(inout) :: errors
+    logical :: before(3, body%mesh%nodes)
     integer(i4) :: k, r
 
     changed = .false.
@@ -58,9 +59,13 @@ contains
     self%set(k)%name = name
     self%set(k)%role = r
     self%set(k)%node = int(ids, i4)
-    if (r /= role_prescribe) return
-    changed = .not. all(body%prescribed(:, self%set(k)%node))
-    body%prescribed(:, self%set(k)%node) = .true.
+    before = body%prescribed
+    body%prescribed = .false.
+    do k = 1, self%n
+      if (self%set(k)%role == role_prescribe) body%prescribed(:, self%set(k)%node) = .true.
+    end do
+    where (body%prescribed .and. .not. before) body%given_u = body%accepted%u
+    changed = any(body%prescribed .neqv. before)
   end subroutine select_set
 
   !> Index of a set, 0 if there is none.

@@ -53,6 +53,9 @@ contains
       if (node > body%mesh%nodes) then
         call deck%fault(errors, 'D307', 'there is no node '//str(node)//', the mesh has '// &
                         str(body%mesh%nodes), 'point_load', s, 'node', 'node ids count from 1')
+      else if (node > 0 .and. deck%given('point_load', s, 'position')) then
+        call deck%fault(errors, 'D307', 'the point load has two places', 'point_load', s, &
+                        'position', 'give node, or position together with facets')
       else if (node > 0) then
         load%force(:, node) = force
       else

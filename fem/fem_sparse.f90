@@ -8,7 +8,7 @@ module fem_sparse
   implicit none
   private
   public :: fem_pattern_type, make_pattern, assemble_stiffness, assemble_mass, add_springs
-  public :: multiply, multiply_mass, lumped_mass, block_diagonal
+  public :: multiply, multiply_mass, lumped_mass, block_diagonal, share_element
 
   integer(i4), parameter :: batch = 512  !! elements whose matrices are held at once
 
@@ -122,6 +122,21 @@ contains
       end if
     end do
   end function place
+
+  !> Do these nodes exist, and does the pattern have a block for each pair of them?
+  pure logical function share_element(pattern, node)
+    type(fem_pattern_type), intent(in) :: pattern
+    integer(i4), intent(in) :: node(:)
+    integer(i4) :: a, b
+    share_element = all(node >= 1 .and. node <= pattern%nodes)
+    if (.not. share_element) return
+    do b = 1, size(node)
+      do a = 1, b - 1
+        share_element = share_element .and. &
+                        place(pattern, min(node(a), node(b)), max(node(a), node(b))) > 0
+      end do
+    end do
+  end function share_element
 
   !> Stiffness blocks k(3, 3, entries) [N/m]. Elements are worked in parallel, added in order.
   subroutine assemble_stiffness(mesh, elastic, pattern, k)
