@@ -4,25 +4,29 @@ Usage: judge.py containers.csv moduli.csv. Prints a table and whether each order
 tuned, so an order that does not hold is printed as such and the exit code stays 0.
 """
 
+import csv
 import sys
 from pathlib import Path
 
 import numpy as np
-
-from talus.verification import read_history
 
 WINDOW = (30.0, 60.0)  # depth [mm]
 TIE = 0.02
 
 
 def means(path: Path) -> dict[str, float]:
-    """Return label -> mean force [N] over the window from a table of curves."""
-    table = read_history(path)
-    depth = next(values for name, values in table.items() if "depth" in name)
-    inside = (depth >= WINDOW[0]) & (depth <= WINDOW[1])
-    return {
-        name: float(np.nanmean(values[inside])) for name, values in table.items() if "depth" not in name
-    }
+    """Return label -> mean force [N] over the window, from a table with a row a point."""
+    curves: dict[str, list[tuple[float, float]]] = {}
+    with path.open() as file:
+        for row in csv.DictReader(file):
+            curves.setdefault(row["run"], []).append(
+                (float(row["depth [mm]"]), float(row["force [N]"]))
+            )
+    found = {}
+    for name, points in curves.items():
+        depth, force = np.array(points).T
+        found[name] = float(force[(depth >= WINDOW[0]) & (depth <= WINDOW[1])].mean())
+    return found
 
 
 def report(title: str, found: dict[str, float]) -> None:
