@@ -372,5 +372,6 @@ contains
     class(fem_body_type), intent(inout) :: self
     self%state = self%accepted
     self%energy = self%accepted_energy
+    where (self%prescribed) self%given_u = self%accepted%u
   end subroutine reject
 end module fem_body

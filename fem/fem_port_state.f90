@@ -7,7 +7,7 @@ module fem_port_state
   use talus_scalars, only: scalar_count, scalar_kinetic, scalar_elastic, scalar_boundary, &
     scalar_gravity, scalar_momentum, scalar_angular_momentum, scalar_step_limit
   use talus_version, only: version_text
-  use fem_types, only: fem_mesh_type, group_volume, group_facet, group_node, role_load
+  use fem_types, only: fem_mesh_type, fem_springs_type, group_volume, group_facet, group_node
   use fem_body, only: fem_body_type
   use fem_mesh, only: find_group, group_names
   use fem_model, only: fem_model_type, program_name
@@ -143,39 +143,38 @@ contains
     end select
   end subroutine set_values
 
+  !> Springs of the partner; they take the place of those that it gave before.
   subroutine set_springs(body, request, errors)
     type(fem_body_type), intent(inout) :: body
     type(message_type), intent(inout) :: request
     type(error_list_type), intent(inout) :: errors
+    type(fem_springs_type) :: springs
     real(wp), allocatable :: stiffness(:)
     integer(i4) :: s, c
 
-    if (allocated(body%robin%node)) deallocate (body%robin%node, body%robin%weight, &
-      body%robin%stiffness)
-    call request%take_int('node', body%robin%node, errors)
-    call request%take('weight', body%robin%weight, errors)
+    call request%take_int('node', springs%node, errors)
+    call request%take('weight', springs%weight, errors)
     call request%take('stiffness', stiffness, errors)
     if (errors%any()) return
-    body%robin%n = 0
-    if (any([size(body%robin%node, 1), shape(body%robin%weight)] /= [4, 4, size(stiffness)]) &
-      .or. size(body%robin%node, 2) /= size(stiffness)) then
+    springs%n = size(stiffness)
+    if (any(shape(springs%node) /= [4, springs%n]) &
+      .or. any(shape(springs%weight) /= [4, springs%n])) then
       call errors%add('P302', 'springs need four nodes, four weights and one stiffness each', &
                       request%place())
       return
     end if
-    do s = 1, size(stiffness)
-      if (share_element(body%pattern, body%robin%node(:, s))) cycle
-      call errors%add('P302', 'the nodes '//str(body%robin%node(:, s))//' of spring '//str(s)// &
-                      ' are not those of a facet', request%place())
-      return
-    end do
-    body%robin%n = size(stiffness)
-    allocate (body%robin%stiffness(3, 3, body%robin%n), source=0.0_wp)
-    do s = 1, body%robin%n
+    allocate (springs%stiffness(3, 3, springs%n), source=0.0_wp)
+    do s = 1, springs%n
+      if (.not. share_element(body%pattern, springs%node(:, s))) then
+        call errors%add('P302', 'the nodes '//str(springs%node(:, s))//' of spring '//str(s)// &
+                        ' are not those of a facet', request%place())
+        return
+      end if
       do c = 1, 3
-        body%robin%stiffness(c, c, s) = stiffness(s)
+        springs%stiffness(c, c, s) = stiffness(s)
       end do
     end do
+    body%robin = springs
     body%factored_dt = -1.0_wp
   end subroutine set_springs
 

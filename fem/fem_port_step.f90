@@ -49,7 +49,7 @@ contains
     integer(i4) :: k, n, s, i
 
     call sets%take_loads(model%body, request, errors)
-    allocate (start_u, source=model%body%given_u)
+    allocate (start_u, source=model%body%accepted%u)
     call sets%take_motion(model%body, request, errors)
     call request%all_read(errors)
     if (errors%any()) return

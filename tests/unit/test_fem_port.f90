@@ -1,0 +1,463 @@
+!> talus-fem's service at the port: every verb, refusals, REJECT bit for bit, restart by HELLO.
+!!
+!! The service runs in this program itself, started as `serve SPEC DECK`. A column of five unit
+!! cubes, E = 1000 Pa, nu = 0, 3 kg/m3, held at its sides and base: k = 200 N/m at its top.
+program test_fem_port
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str, string_type, append_string
+  use talus_errors, only: error_list_type
+  use talus_files, only: file_exists, make_folder, replace_file
+  use talus_hdf5, only: h5_file_type
+  use talus_message, only: message_type, protocol_version, verb_hello, verb_describe, verb_select, &
+    verb_set, verb_ready, verb_advance, verb_solve, verb_force, verb_kick_drift, verb_accept, &
+    verb_reject, verb_checkpoint, verb_write, verb_stop, verb_abort
+  use talus_options, only: options_type, parse_arguments
+  use talus_partner, only: own_pid
+  use talus_port, only: port_type
+  use talus_process, only: process_type
+  use talus_scalars, only: scalar_count, scalar_kinetic, scalar_elastic
+  use talus_test, only: test_type
+  use fem_model, only: fem_model_type
+  use fem_mumps, only: mumps_end
+  use fem_port, only: serve
+  implicit none
+
+  character(len=*), parameter :: nl = new_line('a')
+  integer(i8), parameter :: top(4) = [21_i8, 22_i8, 23_i8, 24_i8]
+  integer(i8), parameter :: middle(4) = [9_i8, 10_i8, 11_i8, 12_i8]
+  real(wp), parameter :: k_top = 200.0_wp, k_spring = 600.0_wp
+  type(test_type) :: test
+  type(port_type) :: port
+  type(message_type) :: ask, reply
+  type(process_type) :: child
+  type(error_list_type) :: errors
+  character(len=:), allocatable :: folder
+  character(len=512) :: argument(3)
+  real(wp) :: now_at
+
+  call get_command_argument(1, argument(1))
+  call get_command_argument(2, argument(2))
+  call get_command_argument(3, argument(3))
+  if (argument(1) == 'serve') then
+    call be_served(trim(argument(2)), trim(argument(3)))
+  else
+    folder = '/tmp/talus-fem-port-'//str(own_pid())
+    call make_input()
+    call start('first')
+    call look_round()
+    call refusals()
+    call springs_and_loads()
+    call split_steps()
+    call files_and_end()
+    call go_on()
+    call prescribed()
+    call matter()
+    call execute_command_line('rm -rf '//folder)
+    call test%finish()
+  end if
+
+contains
+
+  subroutine be_served(spec, deck)
+    character(len=*), intent(in) :: spec, deck
+    type(fem_model_type), allocatable :: model
+    type(options_type) :: options
+    type(string_type), allocatable :: arguments(:)
+    type(error_list_type) :: faults
+    integer(i4) :: exit_code
+    call append_string(arguments, deck)
+    call append_string(arguments, '--port='//spec)
+    call parse_arguments(options, 'talus-fem', arguments, faults)
+    allocate (model)
+    call serve(model, options, exit_code, faults)
+    if (faults%any()) call faults%print(0)
+    call model%body%solver%mumps%free()
+    call mumps_end()
+    stop exit_code, quiet=.true.
+  end subroutine be_served
+
+  subroutine make_input()
+    type(h5_file_type) :: file
+    real(wp) :: x(3, 24)
+    integer(i4) :: hex8(8, 5), k
+
+    do k = 0, 5
+      x(:, 4*k + 1) = [0.0_wp, 0.0_wp, real(k, wp)]
+      x(:, 4*k + 2) = [1.0_wp, 0.0_wp, real(k, wp)]
+      x(:, 4*k + 3) = [1.0_wp, 1.0_wp, real(k, wp)]
+      x(:, 4*k + 4) = [0.0_wp, 1.0_wp, real(k, wp)]
+    end do
+    hex8 = reshape([(k, k=0, 7), (k, k=4, 11), (k, k=8, 15), (k, k=12, 19), (k, k=16, 23)], [8, 5])
+    call make_folder(folder, errors)
+    call file%create(folder//'/mesh.h5', errors)
+    call file%attr_put('/', 'format', 'talus-mesh', errors)
+    call file%attr_put('/', 'version', 1_i4, errors)
+    call file%group('/nodes', errors)
+    call file%put('/nodes/x', x, errors)
+    call file%group('/cells', errors)
+    call file%put('/cells/hex8', hex8, errors)
+    call file%group('/volume_groups', errors)
+    call file%put('/volume_groups/all', [(k, k=0, 4)], errors)
+    call file%group('/facet_groups', errors)
+    call file%group('/facet_groups/the top', errors)
+    call file%put('/facet_groups/the top/quad4', reshape([20, 21, 22, 23], [4, 1]), errors)
+    call file%group('/node_groups', errors)
+    call file%put('/node_groups/base', [0, 1, 2, 3], errors)
+    call file%commit(errors)
+    call replace_file(folder//'/deck.nml', '&run gravity = 0.0, 0.0, 0.0 /'//nl// &
+      "&mesh file = 'mesh.h5' /"//nl// &
+      "&material id = 'm', density = 3.0, young = 1000.0, poisson = 0.0 /"//nl// &
+      "&section group = 'all', material = 'm' /"//nl//"&support group = 'all', fix = 'x', 'y' /"// &
+      nl//"&support group = 'base', fix = 'z' /"//nl//"&analysis kind = 'static', dt = 0.25 /"// &
+      nl//'&history every_time = 1.0 /'//nl//'&output every_time = 1.0 /'//nl, errors)
+    call test%check('input is written', .not. errors%any())
+    if (errors%any()) call errors%print(0)
+  end subroutine make_input
+
+  !> Start a service and greet it.
+  subroutine start(name, restart)
+    character(len=*), intent(in) :: name
+    character(len=*), intent(in), optional :: restart
+    type(string_type), allocatable :: argv(:)
+    character(len=512) :: program_path
+    character(len=:), allocatable :: spec, text
+    integer(i4) :: ranks
+
+    spec = 'shm:/talus-femport-'//str(own_pid())//'-'//name
+    call port%create(spec, 'run', 20.0_wp, errors)
+    call get_command_argument(0, program_path)
+    call append_string(argv, trim(program_path))
+    call append_string(argv, 'serve')
+    call append_string(argv, spec)
+    call append_string(argv, folder//'/deck.nml')
+    child = process_type()
+    call child%spawn(argv, '', folder//'/'//name//'.out', 1_i4, errors)
+    call port%watch(child%pid)
+    call ask%start(verb_hello)
+    call ask%put_text('run_id', 'run')
+    text = ''
+    if (present(restart)) text = restart
+    call ask%put_text('restart', text)
+    call ask%put_int('protocol', int(protocol_version, i4))
+    call port%ask(ask, reply, errors)
+    call reply%get_text('program', text, errors)
+    call test%check_text('HELLO tells the program', text, 'talus-fem')
+    call reply%get('time', now_at, errors)
+    call reply%get_int('ranks', ranks, errors)
+    call test%check('HELLO without faults', ranks == 1 .and. .not. errors%any())
+  end subroutine start
+
+  !> Ask, and expect the fault `code` ('' for none).
+  subroutine expect(what, code)
+    character(len=*), intent(in) :: what, code
+    type(error_list_type) :: faults
+    call port%ask(ask, reply, faults)
+    if (len(code) == 0) then
+      call test%check(what, .not. faults%any())
+      if (faults%any()) call faults%print(0)
+    else if (faults%any()) then
+      call test%check_text(what, faults%item(1)%code, code)
+    else
+      call test%check(what//': no fault', .false.)
+    end if
+  end subroutine expect
+
+  subroutine describe(what, group, code)
+    character(len=*), intent(in) :: what, group, code
+    call ask%start(verb_describe)
+    call ask%put_text('what', what)
+    if (len(group) > 0) call ask%put_text('group', group)
+    call expect('DESCRIBE '//what//' '//group, code)
+  end subroutine describe
+
+  subroutine choose(name, role, ids, code)
+    character(len=*), intent(in) :: name, role, code
+    integer(i8), intent(in) :: ids(:)
+    call ask%start(verb_select)
+    call ask%put_text('set', name)
+    call ask%put_text('role', role)
+    call ask%put_int('id', ids)
+    call expect('SELECT '//name//' '//role, code)
+  end subroutine choose
+
+  subroutine look_round()
+    real(wp), allocatable :: mass(:), weight(:), stress(:, :)
+    integer(i4), allocatable :: quad(:, :), element(:)
+    integer(i8), allocatable :: ids(:)
+    character(len=:), allocatable :: names
+
+    call describe('mesh', '', '')
+    call reply%take('mass_u', mass, errors)
+    call test%check_close('mass of the column', sum(mass), 15.0_wp, 1.0e-12_wp)
+    call describe('facets', 'the top', '')
+    call reply%take_int('connectivity', quad, errors)
+    call test%check('facet of the top', all(quad(:, 1) == top))
+    call describe('facets', 'base', 'D301')
+    call describe('quadrature', '', '')
+    call reply%take('weight', weight, errors)
+    call reply%take('stress', stress, errors)
+    call reply%take_int('element', element, errors)
+    call test%check_close('volume', sum(weight), 5.0_wp, 1.0e-12_wp)
+    call test%check('points of the last element', size(stress, 2) == 40 .and. element(40) == 5)
+    call describe('groups', '', '')
+    call reply%get_text('names', names, errors)
+    call test%check_text('groups', names, 'all'//nl//'the top'//nl//'base')
+    call describe('group', 'base', '')
+    call reply%take_int('id', ids, errors)
+    call test%check('nodes of the base', all(ids == [1_i8, 2_i8, 3_i8, 4_i8]))
+    call describe('grains', '', 'P301')
+    call test%check('DESCRIBE without faults', .not. errors%any())
+  end subroutine look_round
+
+  subroutine refusals()
+    call choose('s', 'surface', top, 'P301')
+    call choose('l', 'load', [25_i8], 'P302')
+    call ask_solve(1.0_wp, -2.5_wp)
+    call expect('SOLVE before READY', 'P303')
+    call ask_springs([1_i4, 2_i4, 3_i4, 24_i4])
+    call expect('springs that are on no facet', 'P302')
+    call ask_springs([21_i4, 22_i4, 23_i4, 99_i4])
+    call expect('springs on no nodes', 'P302')
+    call ask%start(verb_set)
+    call ask%put_text('what', 'contact_weight')
+    call expect('SET contact_weight', 'P301')
+    call ask%start(verb_set)
+    call ask%put_text('what', 'dead_load')
+    call ask%put_text('set', 'nobody')
+    call expect('dead load of an unknown set', 'P302')
+    call ask%start(verb_set)
+    call ask%put_text('what', 'moduli')
+    call ask%put_int('element', [1_i4])
+    call ask%put('young', [1000.0_wp])
+    call ask%put('poisson', [0.5_wp])
+    call expect('incompressible', 'P302')
+  end subroutine refusals
+
+  subroutine ask_springs(nodes)
+    integer(i4), intent(in) :: nodes(4)
+    call ask%start(verb_set)
+    call ask%put_text('what', 'springs')
+    call ask%put_int('node', int(reshape(nodes, [4, 1]), i8))
+    call ask%put('weight', reshape([0.25_wp, 0.25_wp, 0.25_wp, 0.25_wp], [4, 1]))
+    call ask%put('stiffness', [k_spring])
+  end subroutine ask_springs
+
+  !> A force on each node of the load set `l` at the top.
+  subroutine ask_solve(t1, force)
+    real(wp), intent(in) :: t1, force
+    call ask%start(verb_solve, 1_i8, t1 - 1.0_wp, t1)
+    call ask%put('l.force', spread([0.0_wp, 0.0_wp, force], 2, 4))
+    call ask%put_int('trial', 1_i4)
+  end subroutine ask_solve
+
+  !> Springs slow the approach to the still state by s/(k + s); REJECT forgets a trial.
+  subroutine springs_and_loads()
+    real(wp), parameter :: still = -14.0_wp/k_top
+    real(wp) :: u(3, 4), again(3, 4), mass(4), stiffness(4), scalars(scalar_count), expected
+
+    call choose('l', 'load', top, '')
+    call reply%get('mass', mass, errors)
+    call reply%get('stiffness', stiffness, errors)
+    call test%check_close('lumped mass', mass(1), 0.375_wp, 1.0e-12_wp)
+    call test%check('stiffness', all(stiffness > 0.0_wp))
+    call choose('r', 'report', middle, '')
+    call ask_springs(int(top, i4))
+    call expect('SET springs', '')
+    call ask%start(verb_set)
+    call ask%put_text('what', 'dead_load')
+    call ask%put_text('set', 'l')
+    call ask%put('force', spread([0.0_wp, 0.0_wp, -1.0_wp], 2, 4))
+    call expect('SET dead_load', '')
+    call ask%start(verb_ready)
+    call expect('READY', '')
+    call ask_solve(1.0_wp, -2.5_wp)
+    call expect('SOLVE', '')
+    call reply%get('l.u', u, errors)
+    expected = still*k_top/(k_top + k_spring)
+    call test%check_close('with springs', u(3, 2), expected, 1.0e-13_wp)
+    call ask%start(verb_reject)
+    call expect('REJECT', '')
+    call ask_solve(1.0_wp, -2.5_wp)
+    call expect('SOLVE again', '')
+    call reply%get('l.u', again, errors)
+    call test%check('the same bits after REJECT', all(abs(again - u) <= 0.0_wp))
+    call ask%start(verb_accept)
+    call expect('ACCEPT', '')
+    call ask_solve(2.0_wp, -2.5_wp)
+    call expect('SOLVE from there', '')
+    call reply%get('l.u', u, errors)
+    call reply%get('scalars', scalars, errors)
+    expected = still + k_spring/(k_top + k_spring)*(expected - still)
+    call test%check_close('closer', u(3, 2), expected, 1.0e-13_wp)
+    call test%check_close('strain energy', scalars(scalar_elastic), 0.5_wp*k_top*expected**2, &
+                          1.0e-13_wp)
+    call ask%start(verb_accept)
+    call expect('ACCEPT of the second', '')
+    call ask_solve(3.0_wp, -2.5_wp)
+    call ask%put('l.moment', 1.0_wp)
+    call expect('an unknown field', 'P012')
+    call test%check('SOLVE without faults', .not. errors%any())
+  end subroutine springs_and_loads
+
+  !> FORCE tells minus the internal forces; a kick of the middle nodes, mass doubled by its factor.
+  subroutine split_steps()
+    real(wp) :: force(3, 4), u(3, 4), v(3, 4), scalars(scalar_count)
+    real(wp), parameter :: kick = 1.0e-3_wp
+    real(wp) :: before(3, 4)
+
+    call ask%start(verb_force, 3_i8, 2.0_wp, 2.0_wp)
+    call expect('FORCE', '')
+    call reply%get('l.force', force, errors)
+    call ask%start(verb_kick_drift, 3_i8, 2.0_wp, 2.0_wp)
+    call ask%put('kick', 0.0_wp)
+    call ask%put('drift', 0.0_wp)
+    call expect('KICK_DRIFT of nothing', '')
+    call reply%get('l.u', u, errors)
+    call test%check_close('the column pushes back', sum(force(3, :)), -k_top*u(3, 1), 1.0e-11_wp)
+    call choose('m', 'load', middle, '')
+    call ask%start(verb_set)
+    call ask%put_text('what', 'mass_factor')
+    call ask%put_text('set', 'm')
+    call ask%put('value', [2.0_wp, 2.0_wp, 2.0_wp, 2.0_wp])
+    call expect('SET mass_factor', '')
+    call ask%start(verb_force, 3_i8, 2.0_wp, 2.0_wp)
+    call ask%put_text('scope', 'all')
+    call expect('FORCE again', '')
+    call reply%get('m.force', before, errors)
+    call ask%start(verb_kick_drift, 3_i8, 2.0_wp, 2.0_wp + kick)
+    call ask%put('kick', kick)
+    call ask%put('drift', 0.0_wp)
+    call ask%put('m.force', spread([0.0_wp, 0.0_wp, 1.5_wp], 2, 4))
+    call expect('KICK_DRIFT', '')
+    call reply%get('m.v', v, errors)
+    call reply%get('scalars', scalars, errors)
+    ! lumped mass 0.75 kg a node, doubled; the column is in balance inside
+    call test%check_close('kicked', v(3, 1), kick*(1.5_wp + before(3, 1))/1.5_wp, 1.0e-14_wp)
+    call test%check('held at its sides', all(abs(v(1:2, :)) <= 0.0_wp))
+    call test%check('kinetic energy', scalars(scalar_kinetic) > 0.0_wp)
+    call ask%start(verb_reject)
+    call expect('REJECT of a split step', '')
+    call test%check('split steps without faults', .not. errors%any())
+  end subroutine split_steps
+
+  subroutine files_and_end()
+    character(len=:), allocatable :: path, hash
+
+    call ask%start(verb_checkpoint)
+    call ask%put_text('tag', '000002')
+    call expect('CHECKPOINT', '')
+    call reply%get_text('path', path, errors)
+    call reply%get_text('hash', hash, errors)
+    call test%check_text('its path', path, folder//'/deck.000002.chk.h5')
+    call test%check('it is there', file_exists(path) .and. len(hash) == 16)
+    call ask%start(verb_write)
+    call ask%put_text('tag', '000002')
+    call expect('WRITE', '')
+    call ask%start(verb_stop)
+    call ask%put_int('early', 0_i4)
+    call expect('STOP', '')
+    call test%check('it ends with 0', child%wait(20.0_wp) .and. child%exit_code == 0)
+    call port%close()
+    call test%check('histories and summary', file_exists(folder//'/deck_energy.csv') .and. &
+                    file_exists(folder//'/deck_summary.json') .and. file_exists(folder//'/deck.h5'))
+  end subroutine files_and_end
+
+  !> Another service goes on from the checkpoint and is stopped early.
+  subroutine go_on()
+    real(wp) :: u(3, 4)
+    call start('second', '000002')
+    call test%check_close('it stands where the first one was', now_at, 2.0_wp, 0.0_wp)
+    call choose('l', 'load', top, '')
+    call ask%start(verb_ready)
+    call expect('READY after a restart', '')
+    call reply%get('l.u', u, errors)
+    call test%check_close('its displacement', u(3, 1), -14.0_wp/k_top*(1.0_wp - 0.75_wp**2), &
+                          1.0e-13_wp)
+    call ask%start(verb_stop)
+    call ask%put_int('early', 1_i4)
+    call expect('STOP early', '')
+    call test%check('it ends with 3', child%wait(20.0_wp) .and. child%exit_code == 3)
+    call port%close()
+  end subroutine go_on
+
+  !> The top goes down by 0.05 m in four steps of its own; REJECT forgets all four.
+  subroutine prescribed()
+    real(wp) :: reaction(3, 4), impulse(3, 4), work, u(3, 4), first(3, 4)
+    integer(i4) :: substeps, pass
+
+    call start('third')
+    call choose('top', 'prescribe', top, '')
+    call choose('r', 'report', middle, '')
+    call ask%start(verb_ready)
+    call expect('READY with a prescribed top', '')
+    do pass = 1, 2
+      call ask%start(verb_advance, 1_i8, 0.0_wp, 1.0_wp)
+      call ask%put('top.u', spread([0.0_wp, 0.0_wp, -0.05_wp], 2, 4))
+      call expect('ADVANCE', '')
+      call reply%get('top.reaction', reaction, errors)
+      call reply%get('top.impulse', impulse, errors)
+      call reply%get('top.work', work, errors)
+      call reply%get('r.u', u, errors)
+      call reply%get_int('substeps', substeps, errors)
+      call test%check('four steps of its own', substeps == 4)
+      call test%check_close('reaction', sum(reaction(3, :)), -0.05_wp*k_top, 1.0e-12_wp)
+      call test%check_close('impulse on the top', sum(impulse(3, :)), 0.025_wp*k_top, 1.0e-12_wp)
+      call test%check_close('work', work, 0.5_wp*k_top*0.05_wp**2, 1.0e-13_wp)
+      call test%check_close('displacement inside', u(3, 1), -0.02_wp, 1.0e-14_wp)
+      if (pass == 1) first = u
+      if (pass == 2) call test%check('the same bits', all(abs(u - first) <= 0.0_wp))
+      call ask%start(verb_reject)
+      call expect('REJECT of all sub-steps', '')
+      call ask%start(verb_ready)
+      call expect('READY again', '')
+      call reply%get('r.u', u, errors)
+      call test%check('back at the start', all(abs(u) <= 0.0_wp))
+    end do
+    call test%check('ADVANCE without faults', .not. errors%any())
+  end subroutine prescribed
+
+  !> Moduli, weights and initial stress by SET change the reaction of the pressed top as they should.
+  subroutine matter()
+    real(wp) :: reaction
+    integer(i4) :: k
+
+    call ask%start(verb_set)
+    call ask%put_text('what', 'moduli')
+    call ask%put_int('element', [(k, k=1, 5)])
+    call ask%put('young', [(3000.0_wp, k=1, 5)])
+    call ask%put('poisson', [(0.0_wp, k=1, 5)])
+    call expect('SET moduli', '')
+    call press(reaction)
+    call test%check_close('three times as stiff', reaction, -0.15_wp*k_top, 1.0e-11_wp)
+    call ask%start(verb_set)
+    call ask%put_text('what', 'quad_weight')
+    call ask%put('value', [(0.5_wp, k=1, 40)])
+    call expect('SET quad_weight', '')
+    call press(reaction)
+    call test%check_close('half the weight', reaction, -0.075_wp*k_top, 1.0e-11_wp)
+    call ask%start(verb_set)
+    call ask%put_text('what', 'initial_stress')
+    call ask%put('value', spread([0.0_wp, 0.0_wp, -4.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 2, 40))
+    call expect('SET initial_stress', '')
+    call press(reaction)
+    call test%check_close('half of it', reaction, -0.075_wp*k_top - 2.0_wp, 1.0e-11_wp)
+    call ask%start(verb_abort)
+    call expect('ABORT', '')
+    call test%check('it ends with 3', child%wait(20.0_wp) .and. child%exit_code == 3)
+    call port%close()
+    call test%check('SET without faults', .not. errors%any())
+  end subroutine matter
+
+  !> Reaction of the top, 0.05 m down.
+  subroutine press(reaction)
+    real(wp), intent(out) :: reaction
+    real(wp) :: force(3, 4)
+    call ask%start(verb_solve, 1_i8, 0.0_wp, 1.0_wp)
+    call ask%put('top.u', spread([0.0_wp, 0.0_wp, -0.05_wp], 2, 4))
+    call expect('SOLVE with a prescribed top', '')
+    call reply%get('top.reaction', force, errors)
+    reaction = sum(force(3, :))
+    call ask%start(verb_reject)
+    call expect('REJECT of the pressed state', '')
+  end subroutine press
+end program test_fem_port
