@@ -137,7 +137,7 @@ contains
     call body%solver%mumps%free()
   end subroutine newmark_frequency
 
-  !> The top moves at a constant velocity from rest: the support feels rho c v A until the wave comes
+  !> The top moves at constant velocity from rest: the support feels rho c v A until the wave comes
   !! back, nothing rings, and the ledger closes. Then the same with a motion that bends.
   subroutine pushed_bar()
     type(fem_body_type) :: body

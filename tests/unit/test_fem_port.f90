@@ -416,7 +416,7 @@ contains
     call test%check('ADVANCE without faults', .not. errors%any())
   end subroutine prescribed
 
-  !> Moduli, weights and initial stress by SET change the reaction of the pressed top as they should.
+  !> Moduli, weights and initial stress by SET change the reaction of the pressed top.
   subroutine matter()
     real(wp) :: reaction
     integer(i4) :: k
