@@ -1,14 +1,13 @@
 !> talus-fem: solids. `talus-fem deck.nml` runs a deck, `talus-fem --help` says the rest.
 program talus_fem
-  use, intrinsic :: iso_fortran_env, only: error_unit, output_unit
+  use, intrinsic :: iso_fortran_env, only: error_unit
   use talus_kinds, only: i4
-  use talus_text, only: string_type
   use talus_errors, only: error_list_type
-  use talus_options, only: options_type, parse_options, usage_text
-  use talus_report, only: report_check, report_keys
+  use talus_answers, only: asks_a_question, answer_question
+  use talus_options, only: options_type, parse_options
+  use talus_report, only: report_check
   use talus_deck_table, only: key_table_type
   use talus_system, only: talus_blas_kernels, talus_exit, talus_short_spins
-  use talus_version, only: version_text, git_hash
   use fem_model, only: fem_model_type, program_name
   use fem_deck_keys, only: fem_deck_table
   use fem_mumps, only: mumps_end
@@ -24,7 +23,7 @@ program talus_fem
   call talus_blas_kernels()
   call parse_options(options, program_name, errors)
   if (errors%any()) call leave_with_faults()
-  if (options%help .or. options%version .or. options%keys) call answer()
+  if (asks_a_question(options)) call answer()
   allocate (model)
   if (options%check) call check()
   if (len(options%port) > 0) then
@@ -52,21 +51,9 @@ contains
 
   !> --help, --version, --keys.
   subroutine answer()
-    type(string_type), allocatable :: lines(:)
     type(key_table_type) :: table
-    integer(i4) :: k
-
-    if (options%help) then
-      call usage_text(program_name, lines)
-      do k = 1, size(lines)
-        write (output_unit, '(a)') lines(k)%s
-      end do
-    else if (options%version) then
-      write (output_unit, '(a)') program_name//' '//version_text()//', git '//git_hash()
-    else
-      call fem_deck_table(table)
-      call report_keys(table, options%json)
-    end if
+    call fem_deck_table(table)
+    call answer_question(program_name, options, table)
     call talus_exit(0_i4)
   end subroutine answer
 
