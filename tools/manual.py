@@ -51,7 +51,7 @@ def math_to_mathml(text: str) -> tuple[str, list[str]]:
 
     def keep(source: str, display: str) -> str:
         pieces.append(latex_to_mathml(source.strip(), display=display))
-        return f"\x02{len(pieces) - 1}\x03"
+        return f"@formula{len(pieces) - 1}@"
 
     blocks = re.split(r"(```.*?```|`[^`\n]*`)", text, flags=re.S)
     for k in range(0, len(blocks), 2):
@@ -64,7 +64,7 @@ def page_html(source: str) -> str:
     """Turn one Markdown page into the HTML of its body."""
     text, pieces = math_to_mathml(source)
     body = markdown.markdown(text, extensions=["tables", "fenced_code", "toc", "sane_lists"])
-    return re.sub(r"\x02(\d+)\x03", lambda m: pieces[int(m[1])], body)
+    return re.sub(r"@formula(\d+)@", lambda m: pieces[int(m[1])], body)
 
 
 def title_of(source: str, name: str) -> str:
