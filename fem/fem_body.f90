@@ -176,7 +176,7 @@ contains
     class(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: t1  !! [s]
     type(error_list_type), intent(inout) :: errors
-    real(wp), dimension(3, self%mesh%nodes) :: internal, inertia, du, tie
+    real(wp), dimension(3, self%mesh%nodes) :: internal, inertia, residual, du, tie
     real(wp) :: dt
     integer(i4) :: bad(2)
 
@@ -195,7 +195,8 @@ contains
         call self%predict(dt)
         call multiply_mass(self%pattern, self%mass, s%a, inertia)
       end if
-      call self%solver%solve(s%external + tie - internal - inertia, du, errors)
+      residual = s%external + tie - internal - inertia
+      call self%solver%solve(residual, du, errors)
       if (errors%any()) return
       s%u = s%u + du
       if (.not. all(is_finite(s%u))) then
@@ -310,24 +311,28 @@ contains
     end associate
   end subroutine update_energy
 
-  !> Acceleration at the start of a dynamic run from the loads there: M a = f - K u.
+  !> Accelerations and reactions at the start of a dynamic run from the loads there: M a = f - K u.
   subroutine start_acceleration(self, errors)
     class(fem_body_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
     type(fem_solver_type) :: solver
-    real(wp), dimension(3, self%mesh%nodes) :: internal, residual
+    real(wp), dimension(3, self%mesh%nodes) :: internal, residual, inertia
     real(wp), allocatable :: none(:, :, :)
+    logical :: fixed(3, self%mesh%nodes)
 
     call self%external_at(self%state%time, self%state%external)
     call self%internal_force(self%state%u, internal)
     residual = self%state%external - internal
+    fixed = self%held .or. self%prescribed
     if (maxval(abs(residual)) > 0.0_wp) then
-      call solver%number(self%pattern, self%held .or. self%prescribed, errors)
+      call solver%number(self%pattern, fixed, errors)
       if (errors%any()) return
       allocate (none(3, 3, size(self%mass)), source=0.0_wp)
       call solver%factor(self%pattern, none, self%mass, 1.0_wp, errors)
       if (.not. errors%any()) call solver%solve(residual, self%state%a, errors)
       call solver%mumps%free()
+      call multiply_mass(self%pattern, self%mass, self%state%a, inertia)
+      self%state%reaction = merge(inertia - residual, 0.0_wp, fixed)
     end if
     self%accepted = self%state
   end subroutine start_acceleration

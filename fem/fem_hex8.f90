@@ -71,18 +71,18 @@ contains
   pure subroutine hex8_geometry(x, geometry)
     real(wp), intent(in) :: x(3, 8)
     type(hex8_geometry_type), intent(out) :: geometry
-    real(wp) :: d(3, 8), jacobian(3, 3), inverse(3, 3), determinant
+    real(wp) :: d(3, 8), tangent(3, 3), inverse(3, 3), determinant
     integer(i4) :: q
 
     geometry%mean = 0.0_wp
     geometry%least = huge(1.0_wp)
     do q = 1, hex8_points
       d = natural_gradient(q)
-      jacobian = matmul(d, transpose(x))
-      inverse(:, 1) = cross(jacobian(2, :), jacobian(3, :))
-      inverse(:, 2) = cross(jacobian(3, :), jacobian(1, :))
-      inverse(:, 3) = cross(jacobian(1, :), jacobian(2, :))
-      determinant = dot_product(jacobian(1, :), inverse(:, 1))
+      tangent = matmul(x, transpose(d))
+      inverse(:, 1) = cross(tangent(:, 2), tangent(:, 3))
+      inverse(:, 2) = cross(tangent(:, 3), tangent(:, 1))
+      inverse(:, 3) = cross(tangent(:, 1), tangent(:, 2))
+      determinant = dot_product(tangent(:, 1), inverse(:, 1))
       geometry%least = min(geometry%least, determinant)
       geometry%gradient(:, :, q) = matmul(inverse/determinant, d)
       geometry%weight(q) = determinant
