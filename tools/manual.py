@@ -73,6 +73,11 @@ def title_of(source: str, name: str) -> str:
     return found[1] if found else name
 
 
+def cell(text: str) -> str:
+    """Return text as one cell of a Markdown table."""
+    return " ".join(text.split()).replace("|", "\\|")
+
+
 def errors_page() -> str:
     """Return the chapter of error codes from */errors.toml."""
     lines = [
@@ -91,11 +96,7 @@ def errors_page() -> str:
         lines += [f"## {folder}", "", "| code | what | meaning and cure |", "|---|---|---|"]
         for code, entry in sorted(tomllib.loads(path.read_text()).items()):
             cells = [code, entry["title"], entry["explain"]]
-            lines.append(
-                "| "
-                + " | ".join(" ".join(cell.split()).replace("|", "\\|") for cell in cells)
-                + " |"
-            )
+            lines.append("| " + " | ".join(cell(text) for text in cells) + " |")
         lines.append("")
     return "\n".join(lines)
 
@@ -139,7 +140,7 @@ def case_lines(case: dict, folder: Path, out: Path) -> list[str]:
         expected = "" if metric.get("expected") is None else f"{metric['expected']:.6g}"
         value = "nan" if metric["value"] is None else f"{metric['value']:.6g}"
         lines.append(
-            f"| {metric['metric']} | {value} | {expected} | {metric['limit']:.3g} "
+            f"| {cell(metric['metric'])} | {value} | {expected} | {metric['limit']:.3g} "
             f"| <span class='{mark}'>{mark}</span> |"
         )
     for figure in case.get("figures", []):
