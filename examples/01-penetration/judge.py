@@ -10,22 +10,23 @@ from pathlib import Path
 
 import numpy as np
 
+COLUMNS = ("depth [mm]", "force [N]")
 WINDOW = (30.0, 60.0)  # depth [mm]
 TIE = 0.02
 
 
 def means(path: Path) -> dict[str, float]:
-    """Return label -> mean force [N] over the window, from a table with a row a point."""
-    curves: dict[str, list[tuple[float, float]]] = {}
-    with path.open() as file:
-        for row in csv.DictReader(file):
-            curves.setdefault(row["run"], []).append(
-                (float(row["depth [mm]"]), float(row["force [N]"]))
-            )
+    """Return label -> mean force [N] over the window, from rows run, depth, force, mean."""
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
     found = {}
-    for name, points in curves.items():
-        depth, force = np.array(points).T
-        found[name] = float(force[(depth >= WINDOW[0]) & (depth <= WINDOW[1])].mean())
+    for label in dict.fromkeys(row["run"] for row in rows):
+        own = [row for row in rows if row["run"] == label]
+        depth, force = (np.array([float(row[name]) for row in own]) for name in COLUMNS)
+        inside = (depth >= WINDOW[0]) & (depth <= WINDOW[1])
+        if not inside.any():
+            raise SystemExit(f"judge: '{label}' of {path} has no rows at {WINDOW} mm depth")
+        found[label] = float(force[inside].mean())
     return found
 
 
