@@ -7,6 +7,7 @@ there, is run first in the scratch copy.
 """
 
 import argparse
+import hashlib
 import os
 import re
 import shutil
@@ -18,6 +19,16 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 CODE = re.compile(r"\berror ([A-Z]\d{3})")
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Return the hash of every file under a folder by its name (empty for folders)."""
+    return {
+        str(path.relative_to(folder)): (
+            hashlib.sha256(path.read_bytes()).digest() if path.is_file() else b""
+        )
+        for path in folder.rglob("*")
+    }
 
 
 def judge(folder: Path, binaries: Path) -> list[str]:
@@ -39,7 +50,7 @@ def judge(folder: Path, binaries: Path) -> list[str]:
             )
             if made.returncode:
                 return [f"make_input.py failed: {made.stderr[-500:]}"]
-        before = {path.relative_to(scratch) for path in scratch.rglob("*")}
+        before = contents(scratch)
         command = [
             str(binaries / expect["program"]),
             expect.get("deck", "deck.nml"),
@@ -57,11 +68,14 @@ def judge(folder: Path, binaries: Path) -> list[str]:
             )
         except subprocess.TimeoutExpired:
             return ["ran longer than 120 s"]
-        after = {path.relative_to(scratch) for path in scratch.rglob("*")}
-    return differences(expect, done, sorted(str(path) for path in after - before))
+        after = contents(scratch)
+    touched = sorted(
+        name for name in before.keys() | after.keys() if before.get(name) != after.get(name)
+    )
+    return differences(expect, done, touched)
 
 
-def differences(expect: dict, done: subprocess.CompletedProcess, new_files: list[str]) -> list[str]:
+def differences(expect: dict, done: subprocess.CompletedProcess, touched: list[str]) -> list[str]:
     """Compare a finished run with what was expected."""
     output = done.stdout + done.stderr
     found = []
@@ -75,8 +89,8 @@ def differences(expect: dict, done: subprocess.CompletedProcess, new_files: list
     found += [
         f"text not shown: {text!r}" for text in expect.get("contains", []) if text not in output
     ]
-    if expect["exit"] == 1 and new_files and not expect.get("writes"):
-        found.append(f"left files behind: {', '.join(new_files)}")
+    if expect["exit"] == 1 and touched and not expect.get("writes"):
+        found.append(f"files made, changed or removed: {', '.join(touched)}")
     if found:
         found.append("output: " + output[-800:])
     return found

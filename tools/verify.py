@@ -98,7 +98,7 @@ def choose(cases: dict[str, dict], wanted: list[str], quick: bool) -> list[dict]
 def main() -> int:
     """Run the cases; return 1 if any failed."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--case", nargs="*", default=[])
+    parser.add_argument("--case", nargs="+", action="extend", default=[])
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--bin", type=Path, default=ROOT / "build/bin")
     parser.add_argument("--out", type=Path, default=ROOT / "build/verification")
