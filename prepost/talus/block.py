@@ -20,6 +20,9 @@ class Block:
     size: float = 10.0e-3  # edge of an element
 
 
+LARGEST = 5_000_000  # elements that a mesh may have
+
+
 def divisions(length: float, size: float) -> int:
     """Number of elements along a length."""
     return max(1, round(length / size))
@@ -30,10 +33,7 @@ def build_block(path: Path, block: Block) -> None:
 
     The block is cut into 3 x 3 x 2 boxes, without the one of the hole; every line is transfinite.
     """
-    if not 0.0 < block.hole < block.outer or not block.bottom < block.top or block.floor <= 0.0:
-        raise FaultError(
-            "E526", f"no block with these sizes: {block}", "hole < outer, bottom < top"
-        )
+    check_block(block)
     import gmsh
 
     xs = [-block.outer, -block.hole, block.hole, block.outer]
@@ -47,6 +47,20 @@ def build_block(path: Path, block: Block) -> None:
         gmsh.write(str(path))
     finally:
         gmsh.finalize()
+
+
+def check_block(block: Block) -> None:
+    """Raise fault E526 for sizes that make no block, or far too many elements."""
+    if not 0.0 < block.hole < block.outer or not block.bottom < block.top or block.floor <= 0.0:
+        text = f"no block with these sizes: {block}"
+        raise FaultError("E526", text, "0 < hole < outer, bottom < top, floor > 0")
+    if block.size <= 0.0:
+        raise FaultError("E526", f"the size of elements is {block.size} m", "it must be above 0")
+    across = 2 * block.outer / block.size
+    count = across * across * (block.top - block.bottom + block.floor) / block.size
+    if count > LARGEST:
+        text = f"elements of {block.size} m would be about {count:.2g}"
+        raise FaultError("E526", text, f"at most {LARGEST}: choose a larger --size")
 
 
 def make_cells(gmsh: object, xs: list[float], zs: list[float], size: float) -> None:

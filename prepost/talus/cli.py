@@ -1,31 +1,41 @@
 """The command `talus`: one sub-command a job, each in its own module."""
 
-import argparse
+import os
 import sys
 
 from talus import version
-from talus.commands import check, compare, convert, mesh, pack, plot, render, report
+from talus.arguments import Parser
+from talus.commands import check, compare, convert, measure, mesh, pack, plot, render, report
 from talus.faults import FaultError
 
+MODULES = (pack, mesh, check, plot, render, convert, report, measure, compare)
 
-def build_parser() -> argparse.ArgumentParser:
+
+def build_parser() -> Parser:
     """Return the parser with all sub-commands."""
-    parser = argparse.ArgumentParser(prog="talus", description="Prepare and evaluate Talus runs.")
+    parser = Parser(prog="talus", description="Prepare and evaluate Talus runs.")
     parser.add_argument("--version", action="version", version=f"talus {version()}")
     commands = parser.add_subparsers(dest="command", required=True)
-    for module in (pack, mesh, check, plot, render, convert, report, compare):
+    for module in MODULES:
         module.register(commands)
     return parser
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one sub-command; return the exit code."""
-    options = build_parser().parse_args(arguments)
     try:
+        options = build_parser().parse_args(arguments)
         return int(options.run(options) or 0)
     except FaultError as fault:
         print(fault, file=sys.stderr)
         return fault.exit_code
+    except BrokenPipeError:  # the reader of a pipe left (talus ... | head)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except OSError as fault:
+        where = f"{fault.filename}: " if fault.filename else ""
+        print(FaultError("E501", f"{where}{fault.strerror or fault}"), file=sys.stderr)
+        return 4
     except KeyboardInterrupt:
         print("talus: stopped", file=sys.stderr)
         return 3

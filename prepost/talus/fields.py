@@ -8,7 +8,9 @@ import h5py
 import numpy as np
 
 from talus.faults import FaultError
-from talus.packing import FIXED
+from talus.files import make_folder, replaced, write_text_file
+from talus.measure import rotations
+from talus.packing import DRIVEN, FIXED, FREE, Packing, check_packing, packing_of, read_packing
 
 GHOST = 3  # kind of grains that a partner moves
 MOVED = 1.0e-12  # displacement above which a fixed grain counts as moved [m]
@@ -78,6 +80,32 @@ class FieldFile:
         return found
 
 
+def read_grains(path: Path, step: int = -1) -> tuple[Packing, np.ndarray | None]:
+    """Read a packing, or a step of a field file with the forces on the grains (n, 3) [N]."""
+    if path.suffix not in (".h5", ".hdf5") or not has_steps(path):
+        return read_packing(path), None
+    with FieldFile(path) as fields:
+        grains = fields.read(step).grains
+    if not grains:
+        raise FaultError(
+            "E543", f"{path} holds no grains", "the field file of the grains is wanted"
+        )
+    known = np.isin(grains["kind"], (FREE, FIXED, DRIVEN))
+    kinds = np.where(known, grains["kind"], FIXED)  # ghosts are walls here
+    packing = packing_of(grains | {"kind": kinds}, {}, path)
+    check_packing(packing, str(path))
+    return packing, grains.get("force")
+
+
+def has_steps(path: Path) -> bool:
+    """Whether a file is a field file."""
+    try:
+        with h5py.File(path) as file:
+            return "steps" in file
+    except OSError:
+        return False
+
+
 def displacement(first: dict[str, np.ndarray], now: dict[str, np.ndarray]) -> np.ndarray:
     """Displacement of the grains of `now` since `first` (n, 3) [m]; NaN where not there then."""
     moved = np.full(now["x"].shape, np.nan)
@@ -99,37 +127,46 @@ def convert_to_vtu(source: Path, target: Path, watch: object = iter) -> list[Pat
     """Write every step as VTU and a .pvd that ties them together; return the files written."""
     import meshio
 
+    if target.suffix not in ("", ".vtu"):
+        raise FaultError("E555", f"'{target}' is no folder and no name ending in .vtu")
     folder, stem = (target.parent, target.stem) if target.suffix else (target, source.stem)
-    folder.mkdir(parents=True, exist_ok=True)
     written, rows = [], []
     with FieldFile(source) as fields:
+        make_folder(folder)
         mesh = fields.mesh
         steps: Iterable[int] = watch(range(len(fields)))
         for step in steps:
             snapshot = fields.read(step)
             made = vtu_of_solid(snapshot, mesh) if mesh else vtu_of_grains(snapshot)
             path = folder / f"{stem}_{step:06d}.vtu"
-            try:
-                meshio.write(path, made)
-            except OSError as fault:
-                raise FaultError("E501", f"cannot write {path}: {fault}", exit_code=4) from fault
+            with replaced(path) as temporary:
+                meshio.write(temporary, made)
             written.append(path)
             rows.append(f'<DataSet timestep="{snapshot.time!r}" part="0" file="{path.name}"/>')
     pvd = folder / f"{stem}.pvd"
-    pvd.write_text(
+    write_text_file(
+        pvd,
         '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
         + "\n".join(rows)
-        + "\n</Collection>\n</VTKFile>\n"
+        + "\n</Collection>\n</VTKFile>\n",
     )
     return [*written, pvd]
 
 
 def vtu_of_grains(snapshot: Snapshot) -> object:
-    """Return the grains as points with all their fields."""
+    """Return the grains as points with all their fields.
+
+    `ellipsoid` (9) is the tensor R diag(a, b, c) R^T [m] that a tensor glyph draws as the grain
+    (from spheres of radius 1).
+    """
     import meshio
 
     grains = dict(snapshot.grains)
     x = grains.pop("x")
+    if "quat" in grains and "axes" in grains:
+        turn = rotations(grains["quat"])
+        tensor = np.einsum("nij,nj,nkj->nik", turn, grains["axes"], turn)
+        grains["ellipsoid"] = tensor.reshape(-1, 9)
     return meshio.Mesh(x, [("vertex", np.arange(len(x))[:, None])], point_data=grains)
 
 

@@ -14,11 +14,19 @@ WALL_ROWS = 23
 FLOOR_HEIGHT = -25.0e-3
 GRAIN_AXES = (2.5e-3, 2.0e-3, 1.5e-3)
 TOOL_AXES = (6.0e-3, 6.0e-3, 20.0e-3)
+LARGEST = 5_000_000  # grains that a lattice may have
+FINE = 400  # steps between two sieves where sizes are tabled
 GRID = {"small": 7, "medium": 9, "large": 11, "wide": 22}
+THIRD = 1.0 / 3.0
+# edges of the cell in units of the pitch, and places of grains in units of the edges
 LATTICES = {
-    "sc": [(0, 0, 0)],
-    "bcc": [(0, 0, 0), (0.5, 0.5, 0.5)],
-    "fcc": [(0, 0, 0), (0.5, 0.5, 0), (0.5, 0, 0.5), (0, 0.5, 0.5)],
+    "sc": ((1, 1, 1), [(0, 0, 0)]),
+    "bcc": ((1, 1, 1), [(0, 0, 0), (0.5, 0.5, 0.5)]),
+    "fcc": ((1, 1, 1), [(0, 0, 0), (0.5, 0.5, 0), (0.5, 0, 0.5), (0, 0.5, 0.5)]),
+    "hcp": (
+        (1, np.sqrt(3.0), np.sqrt(8.0 / 3.0)),
+        [(0, 0, 0), (0.5, 0.5, 0), (0.5, 0.5 * THIRD, 0.5), (0, 2.0 * THIRD, 0.5)],
+    ),
 }
 
 
@@ -115,49 +123,87 @@ def add_tool(packing: Packing, axes: tuple[float, float, float], height: float |
 
 
 def lattice(kind: str, cells: tuple[int, int, int], pitch: float, axes: np.ndarray) -> Packing:
-    """Grains on a lattice (sc, bcc, fcc) with a cubic cell of edge `pitch` [m]."""
+    """Grains on a lattice; `pitch` [m] is the cell's edge (hcp: the distance in a layer)."""
     if kind not in LATTICES:
         raise FaultError("E510", f"no lattice '{kind}'", f"one of {', '.join(LATTICES)}")
-    base = np.array(LATTICES[kind], float)
-    corners = np.stack(np.meshgrid(*(np.arange(c) for c in cells), indexing="ij"), -1).reshape(
-        -1, 3
-    )
-    x = ((corners[:, None, :] + base[None]) * pitch).reshape(-1, 3)
+    edges, base = (np.array(part, float) for part in LATTICES[kind])
+    if np.prod(cells, dtype=float) * len(base) > LARGEST:
+        text = f"{' x '.join(map(str, cells))} cells are too many"
+        raise FaultError("E512", text, f"at most {LARGEST} grains")
+    corners = np.stack(np.meshgrid(*(np.arange(c) for c in cells), indexing="ij"), -1)
+    x = (corners.reshape(-1, 1, 3) + base[None]) * edges * pitch
+    x = x.reshape(-1, 3)
     return make_packing(x, np.tile(axes, (len(x), 1)))
 
 
+def uniform_sizes(count: int, spread: float, rng: np.random.Generator) -> np.ndarray:
+    """Scale factors (count), uniform by number in 1 +- spread."""
+    return 1.0 + spread * rng.uniform(-1.0, 1.0, count)
+
+
+def sieved_sizes(count: int, openings: np.ndarray, passing: np.ndarray) -> np.ndarray:
+    """Sizes (count) [m] that follow a sieve curve: share of the *mass* passing each opening.
+
+    Between sieves the mass is spread evenly over the logarithm of the size. By number a size d
+    counts with 1 / d^3; the sizes are the middles of `count` equal shares of the number.
+    """
+    rising = (np.diff(openings) > 0.0).all() and (np.diff(passing) >= 0.0).all()
+    if len(openings) < 2 or not rising or openings[0] <= 0.0 or passing[0] or passing[-1] != 1.0:
+        pairs = " ".join(f"{d:g}:{p:g}" for d, p in zip(openings, passing, strict=True))
+        hint = "openings above 0 and rising, shares of the mass from 0 to 1: 2e-3:0 3e-3:0.4 5e-3:1"
+        raise FaultError("E514", f"{pairs} is no sieve curve", hint)
+    edges = np.concatenate(
+        [
+            np.geomspace(a, b, FINE, endpoint=False)
+            for a, b in zip(openings, openings[1:], strict=False)
+        ]
+    )
+    edges = np.append(edges, openings[-1])
+    mass = np.diff(np.interp(np.log(edges), np.log(openings), passing))
+    number = mass / (edges[1:] * edges[:-1]) ** 1.5
+    share = np.concatenate([[0.0], np.cumsum(number)])
+    return np.interp((np.arange(count) + 0.5) / count, share / share[-1], edges)
+
+
 def cloud(
-    count: int, box: np.ndarray, axes: np.ndarray, seed: int, spread: float = 0.0, tries: int = 2000
-) -> Packing:
+    sizes: np.ndarray, box: np.ndarray, axes: np.ndarray, seed: int, tries: int = 2000,
+    watch: object = iter,
+) -> Packing:  # fmt: skip
     """Random grains whose bounding spheres do not overlap, in a box from the origin [m].
 
-    `spread` scales sizes uniformly by number in 1 +- spread. Larger grains are placed first.
+    `sizes` (n) multiply `axes` [m]. Larger grains are placed first.
     """
     rng = np.random.default_rng(seed)
-    scale = np.sort(1.0 + spread * rng.uniform(-1.0, 1.0, count))[::-1]
+    scale = np.sort(sizes)[::-1]
     radius = scale * float(np.max(axes))
+    if (2.0 * radius[0] > box).any():
+        text = f"the largest grain, {2.0 * radius[0]:.4g} m across, is wider than the box"
+        raise FaultError("E512", text, "enlarge the box")
     cell = 2.0 * radius[0]
     grid: dict[tuple[int, ...], list[int]] = {}
-    x = np.zeros((count, 3))
-    for k in range(count):
+    x = np.zeros((len(scale), 3))
+    for k in watch(range(len(scale))):
         for _ in range(tries):
             trial = radius[k] + rng.uniform(size=3) * (box - 2.0 * radius[k])
             home = tuple((trial // cell).astype(int))
-            near = [
-                j
-                for d in np.ndindex(3, 3, 3)
-                for j in grid.get((home[0] + d[0] - 1, home[1] + d[1] - 1, home[2] + d[2] - 1), [])
-            ]
-            if not near or np.all(
-                np.linalg.norm(x[near] - trial, axis=1) > radius[near] + radius[k]
-            ):
+            if clear_of(trial, radius[k], home, grid, x, radius):
                 x[k] = trial
                 grid.setdefault(home, []).append(k)
                 break
         else:
-            raise FaultError(
-                "E512",
-                f"only {k} of {count} grains found room",
-                "enlarge the box or ask for fewer grains",
-            )
-    return make_packing(x, scale[:, None] * axes[None, :], random_quaternions(rng, count))
+            text = f"only {k} of {len(scale)} grains found room"
+            raise FaultError("E512", text, "enlarge the box or ask for fewer grains")
+    return make_packing(x, scale[:, None] * axes[None, :], random_quaternions(rng, len(scale)))
+
+
+def clear_of(
+    trial: np.ndarray, own: float, home: tuple[int, ...],
+    grid: dict[tuple[int, ...], list[int]], x: np.ndarray, radius: np.ndarray,
+) -> bool:  # fmt: skip
+    """Whether a sphere of radius `own` at `trial` touches none of those placed (by cells)."""
+    near = [
+        j
+        for d in np.ndindex(3, 3, 3)
+        for j in grid.get((home[0] + d[0] - 1, home[1] + d[1] - 1, home[2] + d[2] - 1), [])
+    ]
+    return not near or bool(np.all(np.linalg.norm(x[near] - trial, axis=1) > radius[near] + own))

@@ -37,7 +37,9 @@ def read(path: Path) -> History:
             rows = list(csv.reader(file))
     except OSError as fault:
         raise FaultError("E545", f"cannot read {path}: {fault.strerror}") from fault
-    if not rows or "[" not in rows[0][0]:
+    except (UnicodeDecodeError, csv.Error) as fault:
+        raise FaultError("E545", f"{path} is no history: {fault}") from fault
+    if not rows or not rows[0] or "[" not in rows[0][0]:
         raise FaultError("E545", f"{path} is no history", "its first line must be: time [s], ...")
     titles = [title.strip() for title in rows[0]]
     names = [title.split("[")[0].strip() for title in titles]
@@ -59,4 +61,12 @@ def read(path: Path) -> History:
             text = f"a row has {len(numbers)} values instead of {len(names)}"
             raise FaultError("E545", text, place=f"{path}:{number}")
     table = np.array(values).reshape(-1, len(names))
+    back = np.flatnonzero(np.diff(table[:, 0]) < 0.0)
+    if back.size and names[0] == "time":
+        raise FaultError(
+            "E545",
+            f"the time runs back from {table[back[0], 0]:g} to {table[back[0] + 1, 0]:g} s",
+            "two runs wrote this file at once: run one of them again",
+            f"{path}:{back[0] + 3}",
+        )
     return History(path, {name: table[:, k] for k, name in enumerate(names)}, units)

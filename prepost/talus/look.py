@@ -9,6 +9,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 
 from talus import version  # noqa: E402
+from talus.faults import FaultError  # noqa: E402
+from talus.files import make_folder, replaced  # noqa: E402
 
 COLOURS = ["#1b4f72", "#c0392b", "#1e8449", "#b9770e", "#6c3483", "#00a3a3", "#7b7d7d", "#a04000"]
 SETTINGS = {
@@ -42,10 +44,16 @@ def stamp(fig: object) -> None:
 
 
 def save_figure(fig: object, path: Path) -> None:
-    """Stamp the version, save as PNG and close."""
+    """Stamp the version, save in the form of the name's ending and close."""
     stamp(fig)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fig.savefig(path)
+    path = Path(path)
+    known = fig.canvas.get_supported_filetypes()
+    if path.suffix.lstrip(".") not in known:
+        plt.close(fig)
+        raise FaultError("E554", f"no figure can be written as '{path.name}'", "end it with .png")
+    make_folder(path.parent)
+    with replaced(path) as temporary:
+        fig.savefig(temporary)
     plt.close(fig)
 
 

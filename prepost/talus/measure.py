@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from talus.faults import FaultError
-from talus.packing import FREE, Packing
+from talus.packing import FIXED, FREE, Packing
 
 Watch = Callable[[Iterable], Iterable]
 
@@ -227,6 +227,9 @@ def layer_fractions(
     """Return middle heights [m] and solid fractions of equal layers of the bulk."""
     lower, upper = core_box(packing, margin)
     edges = np.linspace(lower[2], upper[2], layers + 1)
+    if edges[1] - edges[0] < spacing:
+        text = f"{layers} layers would be {edges[1] - edges[0]:.2g} m thin"
+        raise FaultError("E541", text, f"the points that are counted stand {spacing:.2g} m apart")
     parts = []
     for k in watch(range(layers)):
         low, high = lower.copy(), upper.copy()
@@ -235,17 +238,38 @@ def layer_fractions(
     return 0.5 * (edges[1:] + edges[:-1]), np.array(parts)
 
 
-def describe(packing: Packing, layers: int = 5, watch: Watch = iter) -> dict[str, float]:
+def floor_share(
+    packing: Packing, force: np.ndarray, density: float = 2650.0, gravity: float = 9.81
+) -> float:
+    """Vertical load on the lowest fixed grains over the weight of the free ones.
+
+    Below 1 the walls carry a part (silo screening). `force` (n, 3) [N] acts on the grains.
+    """
+    fixed, free = packing.kind == FIXED, packing.kind == FREE
+    if not fixed.any() or not free.any():
+        return np.nan
+    lowest = packing.x[fixed, 2].min()
+    floor = fixed & (packing.x[:, 2] < lowest + 0.5 * packing.axes[fixed].min())
+    weight = density * gravity * 4.0 / 3.0 * np.pi * packing.axes[free].prod(axis=1).sum()
+    return float(-force[floor, 2].sum() / weight)
+
+
+def describe(
+    packing: Packing, layers: int = 5, watch: Watch = iter, force: np.ndarray | None = None
+) -> dict[str, float]:
     """Return the measures that two packings are compared by."""
-    size = (
-        float(np.median(packing.axes[packing.kind == FREE].mean(axis=1))) if packing.count else 0.0
-    )
+    free = packing.kind == FREE
+    if not free.any():
+        raise FaultError("E540", "the packing has no free grains")
+    size = float(np.median(packing.axes[free].mean(axis=1)))
     margin = 3.0 * size
     _, fractions = layer_fractions(packing, margin, layers, size / 8.0, watch)
     bulk = bulk_rows(packing, margin)
+    if not bulk.size:
+        raise FaultError("E541", "the bulk of the packing holds no grain", "a larger packing")
     fabric = short_axis_fabric(packing, bulk)
     facts = {
-        "free grains": float((packing.kind == FREE).sum()),
+        "free grains": float(free.sum()),
         "bulk grains": float(len(bulk)),
         "solid fraction": float(fractions.mean()),
     }
@@ -254,4 +278,6 @@ def describe(packing: Packing, layers: int = 5, watch: Watch = iter) -> dict[str
     facts["bed height [m]"] = bed_height(packing)
     facts["short axes, zz"] = float(fabric[2, 2])
     facts["short axes, xx"] = float(fabric[0, 0])
+    if force is not None:
+        facts["load on floor / weight"] = floor_share(packing, force)
     return facts

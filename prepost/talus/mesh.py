@@ -3,6 +3,8 @@
 A mesh is written as mesh.h5 (manual, Files): nodes from 0 in VTK order, facet normals outward.
 """
 
+import contextlib
+import io
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import h5py
 import numpy as np
 
 from talus.faults import FaultError
+from talus.files import refuse, replaced
 
 # local faces of a hexahedron, normals outward (VTK order)
 FACES = np.array(
@@ -71,24 +74,19 @@ def write_mesh(path: Path, mesh: Mesh) -> None:
     """Check the mesh and write mesh.h5."""
     check_mesh(mesh)
     outer = boundary_faces(mesh.hex8)
-    temporary = path.with_name(path.name + ".tmp")
-    try:
-        with h5py.File(temporary, "w") as file:
-            file.attrs["format"] = np.bytes_("talus-mesh")
-            file.attrs["version"] = np.int32(1)
-            file["nodes/x"] = np.ascontiguousarray(mesh.x, np.float64)
-            file["cells/hex8"] = np.ascontiguousarray(mesh.hex8, np.int32)
-            for name, rows in mesh.volumes.items():
-                file[f"volume_groups/{name}"] = np.asarray(rows, np.int32)
-            for name, rows in mesh.nodes.items():
-                file[f"node_groups/{name}"] = np.asarray(rows, np.int32)
-            for name, quads in mesh.facets.items():
-                cells, turned = orient(name, quads, outer)
-                file[f"facet_groups/{name}/quad4"] = turned.astype(np.int32)
-                file[f"facet_groups/{name}/cell"] = cells.astype(np.int32)
-        temporary.replace(path)
-    except OSError as fault:
-        raise FaultError("E501", f"cannot write {path}: {fault}", exit_code=4) from fault
+    facets = {name: orient(name, quads, outer) for name, quads in mesh.facets.items()}
+    with replaced(path) as temporary, h5py.File(temporary, "w") as file:
+        file.attrs["format"] = np.bytes_("talus-mesh")
+        file.attrs["version"] = np.int32(1)
+        file["nodes/x"] = np.ascontiguousarray(mesh.x, np.float64)
+        file["cells/hex8"] = np.ascontiguousarray(mesh.hex8, np.int32)
+        for name, rows in mesh.volumes.items():
+            file[f"volume_groups/{name}"] = np.asarray(rows, np.int32)
+        for name, rows in mesh.nodes.items():
+            file[f"node_groups/{name}"] = np.asarray(rows, np.int32)
+        for name, (cells, turned) in facets.items():
+            file[f"facet_groups/{name}/quad4"] = turned.astype(np.int32)
+            file[f"facet_groups/{name}/cell"] = cells.astype(np.int32)
 
 
 def orient(name: str, quads: np.ndarray, outer: dict) -> tuple[np.ndarray, np.ndarray]:
@@ -117,7 +115,8 @@ def read_mesh(path: Path) -> Mesh:
             nodes = {k: v[...] for k, v in file.get("node_groups", {}).items()}
             return Mesh(file["nodes/x"][...], file["cells/hex8"][...], volumes, facets, nodes)
     except (OSError, KeyError) as fault:
-        raise FaultError("E520", f"{path} cannot be read as a mesh: {fault}") from fault
+        reason = str(refuse(path, fault)).split(f"{path}: ", 1)[-1]
+        raise FaultError("E520", f"{path} cannot be read as a mesh: {reason}") from fault
 
 
 def structured(
@@ -170,9 +169,15 @@ def from_gmsh(path: Path) -> Mesh:
     """Read any gmsh file with physical groups through meshio (hexahedra and quadrangles)."""
     import meshio
 
+    if not path.is_file():
+        raise FaultError("E520", f"{path}: there is no such file")
     try:
-        data = meshio.read(path)
-    except (OSError, meshio.ReadError, SystemExit) as fault:
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            data = meshio.read(path)
+    except SystemExit as fault:  # meshio leaves when no reader of this ending takes the file
+        hint = "a whole .msh file of gmsh is wanted"
+        raise FaultError("E520", f"{path} is not in the form of its ending", hint) from fault
+    except Exception as fault:  # a damaged file may raise anything inside a reader
         raise FaultError("E520", f"{path} cannot be read: {fault}") from fault
     kinds = sorted({block.type for block in data.cells})
     others = set(kinds) - {"hexahedron", "quad", "line", "vertex"}

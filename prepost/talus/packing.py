@@ -10,8 +10,11 @@ import h5py
 import numpy as np
 
 from talus.faults import FaultError
+from talus.files import refuse, replaced, write_text_file
 
 FREE, FIXED, DRIVEN = 0, 1, 2
+UNIT = 1.0e-6  # how far the length of a quaternion may be from 1
+TEXT_ENDINGS = (".txt", ".text")
 TEXT_COLUMNS = "id kind a b c x y z qw qx qy qz group"
 
 
@@ -91,22 +94,17 @@ def make_packing(
 
 def write_h5(path: Path, packing: Packing) -> None:
     """Write packing.h5 (to a temporary name, then renamed)."""
-    temporary = path.with_name(path.name + ".tmp")
-    try:
-        with h5py.File(temporary, "w") as file:
-            file.attrs["format"] = np.bytes_("talus-packing")
-            file.attrs["version"] = np.int32(1)
-            grains = file.create_group("grains")
-            grains["id"] = packing.id.astype(np.int64)
-            grains["kind"] = packing.kind.astype(np.int32)
-            for name in ("x", "quat", "axes", "v", "omega"):
-                grains[name] = np.ascontiguousarray(getattr(packing, name), np.float64)
-            groups = file.create_group("groups")
-            for name, ids in packing.groups.items():
-                groups[name] = np.sort(ids).astype(np.int64)
-        temporary.replace(path)
-    except OSError as fault:
-        raise FaultError("E501", f"cannot write {path}: {fault}", exit_code=4) from fault
+    with replaced(path) as temporary, h5py.File(temporary, "w") as file:
+        file.attrs["format"] = np.bytes_("talus-packing")
+        file.attrs["version"] = np.int32(1)
+        grains = file.create_group("grains")
+        grains["id"] = packing.id.astype(np.int64)
+        grains["kind"] = packing.kind.astype(np.int32)
+        for name in ("x", "quat", "axes", "v", "omega"):
+            grains[name] = np.ascontiguousarray(getattr(packing, name), np.float64)
+        groups = file.create_group("groups")
+        for name, ids in packing.groups.items():
+            groups[name] = np.sort(ids).astype(np.int64)
 
 
 def read_h5(path: Path) -> Packing:
@@ -122,27 +120,77 @@ def read_h5(path: Path) -> Packing:
     except FileNotFoundError as fault:
         raise FaultError("E501", f"no such file: {path}", exit_code=1) from fault
     except (OSError, KeyError) as fault:
-        raise FaultError("E502", f"{path} cannot be read as a packing: {fault}") from fault
+        reason = str(refuse(path, fault)).split(f"{path}: ", 1)[-1]
+        raise FaultError("E502", f"{path} cannot be read as a packing: {reason}") from fault
+    return packing_of(grains, groups, path)
+
+
+def packing_of(grains: dict[str, np.ndarray], groups: dict[str, np.ndarray], path: Path) -> Packing:
+    """Return the packing of the datasets of a file; missing ones and other shapes are faults."""
+    for name in ("x", "axes"):
+        if name not in grains:
+            raise FaultError("E502", f"{path} has no dataset /grains/{name}")
+    n = len(grains["x"])
+    width = {"x": (3,), "axes": (3,), "quat": (4,), "v": (3,), "omega": (3,), "kind": (), "id": ()}
+    for name, shape in width.items():
+        if name in grains and grains[name].shape != (n, *shape):
+            text = f"/grains/{name} has the shape {grains[name].shape} instead of {(n, *shape)}"
+            raise FaultError("E502", text, place=str(path))
     return make_packing(
         grains["x"], grains["axes"], grains.get("quat"), grains.get("kind"), grains.get("id"),
         groups, grains.get("v"), grains.get("omega"),
     )  # fmt: skip
 
 
+def check_packing(packing: Packing, place: str) -> None:
+    """Raise a fault for the first grain that no solver would take (E504), or an id twice (E503)."""
+    ids = packing.id
+    if not len(ids):
+        raise FaultError("E502", "there are no grains", place=place)
+    finite = {
+        name: ~np.isfinite(getattr(packing, name)).all(axis=1)
+        for name in ("x", "axes", "quat", "v", "omega")
+    }
+    tests = [(name, bad, "a finite number is wanted") for name, bad in finite.items()]
+    length = np.linalg.norm(packing.quat, axis=1)
+    tests += [
+        ("axes", (packing.axes <= 0.0).any(axis=1), "all three semi-axes must be above 0"),
+        ("kind", ~np.isin(packing.kind, (FREE, FIXED, DRIVEN)), "0 free, 1 fixed, 2 driven"),
+        ("quat", np.abs(length - 1.0) > UNIT, "a quaternion must have the length 1"),
+    ]
+    for name, bad, hint in tests:
+        if bad.any():
+            row = np.flatnonzero(bad)[0]
+            text = f"grain {ids[row]}: {name} = {getattr(packing, name)[row]}"
+            raise FaultError("E504", f"{text} ({bad.sum()} such grains)", hint, place)
+    unique, count = np.unique(ids, return_counts=True)
+    if (count > 1).any():
+        raise FaultError("E503", f"id {unique[count > 1][0]} stands twice", "", place)
+    for name, members in packing.groups.items():
+        strangers = np.setdiff1d(members, ids)
+        if strangers.size:
+            text = f"group '{name}' names grain {strangers[0]}, which there is not"
+            raise FaultError("E504", text, place=place)
+
+
 def write_text(path: Path, packing: Packing, header: str = "") -> None:
-    """Write the text form; 17 digits, so that it reads back to the same bits."""
-    group_of = {int(i): "-" for i in packing.id}
+    """Write the text form; 17 digits, so that it reads back to the same bits.
+
+    The last word of a row names the grain's groups with commas between; '-' is none.
+    """
+    members: dict[int, list[str]] = {int(i): [] for i in packing.id}
     for name, ids in packing.groups.items():
-        group_of.update({int(i): name for i in ids})
+        if len(name.split()) != 1 or "," in name or name == "-":
+            raise FaultError("E504", f"the text form cannot hold a group called '{name}'")
+        for i in ids:
+            members[int(i)].append(name)
     lines = [f"# {line}" for line in ["talus-packing text 1", *header.splitlines(), TEXT_COLUMNS]]
     for k in range(packing.count):
         numbers = [*packing.axes[k], *packing.x[k], *packing.quat[k]]
         text = " ".join(repr(float(value)) for value in numbers)
-        lines.append(f"{packing.id[k]} {packing.kind[k]} {text} {group_of[int(packing.id[k])]}")
-    try:
-        path.write_text("\n".join(lines) + "\n")
-    except OSError as fault:
-        raise FaultError("E501", f"cannot write {path}: {fault}", exit_code=4) from fault
+        own = ",".join(members[int(packing.id[k])]) or "-"
+        lines.append(f"{packing.id[k]} {packing.kind[k]} {text} {own}")
+    write_text_file(path, "\n".join(lines) + "\n")
 
 
 def read_text(path: Path) -> Packing:
@@ -153,8 +201,10 @@ def read_text(path: Path) -> Packing:
             for number, line in enumerate(path.read_text().splitlines(), 1)
             if line.strip() and not line.startswith("#")
         ]
+    except UnicodeDecodeError as fault:
+        raise FaultError("E502", f"{path} is no text file", f"rows are: {TEXT_COLUMNS}") from fault
     except OSError as fault:
-        raise FaultError("E501", f"cannot read {path}: {fault}") from fault
+        raise FaultError("E501", f"cannot read {path}: {fault.strerror}") from fault
     if not rows:
         raise FaultError("E502", f"{path} holds no grains", f"rows are: {TEXT_COLUMNS}")
     groups: dict[str, list[int]] = {}
@@ -173,8 +223,8 @@ def read_text(path: Path) -> Packing:
                 f"rows are: {TEXT_COLUMNS}",
                 f"{path}:{number}",
             ) from fault
-        if words[12] != "-":
-            groups.setdefault(words[12], []).append(ids[-1])
+        for name in words[12].split(",") if words[12] != "-" else ():
+            groups.setdefault(name, []).append(ids[-1])
     values = np.array(numbers)
     return make_packing(
         values[:, 3:6], values[:, 0:3], values[:, 6:10], np.array(kinds), np.array(ids),
@@ -183,13 +233,16 @@ def read_text(path: Path) -> Packing:
 
 
 def read_packing(path: Path) -> Packing:
-    """Read packing.h5 or the text form, by the ending of the name."""
-    return read_text(path) if path.suffix in (".txt", ".text") else read_h5(path)
+    """Read packing.h5 or the text form, by the ending of the name, and check every grain."""
+    packing = read_text(path) if path.suffix in TEXT_ENDINGS else read_h5(path)
+    check_packing(packing, str(path))
+    return packing
 
 
 def write_packing_file(path: Path, packing: Packing, header: str = "") -> None:
-    """Write packing.h5 or the text form, by the ending of the name."""
-    if path.suffix in (".txt", ".text"):
+    """Check every grain; write packing.h5 or the text form, by the ending of the name."""
+    check_packing(packing, str(path))
+    if path.suffix in TEXT_ENDINGS:
         write_text(path, packing, header)
     else:
         write_h5(path, packing)

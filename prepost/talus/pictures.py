@@ -7,11 +7,13 @@ import numpy as np
 from talus import version
 from talus.faults import FaultError
 from talus.fields import GHOST, FieldFile, Snapshot, displacement
+from talus.files import make_folder, replaced
 from talus.measure import rotations
 from talus.packing import DRIVEN, FIXED
 
 MILLI = 1.0e3
-COLOURS_OF = {"displacement": "displacement [mm]", "speed": "speed [m/s]"}
+COLOURS_OF = {"displacement": "displacement [mm]", "speed": "speed [m/s]", "force": "force [N]"}
+ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".bmp")
 VIEW = np.array([0.95, -1.0, 0.62])  # from the cut quarter (+x, -y), from above
 WALL_GREY, TOOL_RED, SOLID_SAND = "#9aa3ad", "#c0392b", "#d8c7a3"
 
@@ -33,6 +35,10 @@ def render(
     grains: Path, solid: Path | None, step: int, color: str, output: Path, size: tuple[int, int]
 ) -> None:
     """Write a PNG of the grains at a step, coloured, with the block of `solid` around them."""
+    if output.suffix not in ENDINGS:
+        raise FaultError(
+            "E554", f"no picture can be written as '{output.name}'", "end it with .png"
+        )
     pyvista = load_pyvista()
     with FieldFile(grains) as fields:
         first, now = fields.read(0), fields.read(step)
@@ -54,10 +60,9 @@ def render(
     plotter.reset_camera()
     plotter.camera.zoom(1.15)
     try:
-        output.parent.mkdir(parents=True, exist_ok=True)
-        plotter.screenshot(str(output))
-    except OSError as fault:
-        raise FaultError("E501", f"cannot write {output}: {fault}", exit_code=4) from fault
+        make_folder(output.parent)
+        with replaced(output) as temporary:
+            plotter.screenshot(str(temporary))
     finally:
         plotter.close()
 
@@ -68,7 +73,11 @@ def in_cut(x: np.ndarray) -> np.ndarray:
 
 
 def values_of(first: Snapshot, now: Snapshot, color: str) -> np.ndarray:
-    """Values that the grains are coloured by (n): displacement [mm] or speed [m/s]."""
+    """Values that the grains are coloured by (n): displacement, speed or force, with its unit."""
+    if color == "force":
+        if "force" not in now.grains:
+            raise FaultError("E543", "the field file holds no forces", "colour by another field")
+        return np.linalg.norm(now.grains["force"], axis=1)
     if color == "speed":
         return np.linalg.norm(now.grains["v"], axis=1)
     return MILLI * np.linalg.norm(np.nan_to_num(displacement(first.grains, now.grains)), axis=1)

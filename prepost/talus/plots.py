@@ -7,12 +7,15 @@ import numpy as np
 from talus import histories
 from talus.faults import FaultError
 from talus.fields import MOVED, FieldFile, displacement, ghost_rows
+from talus.files import make_folder, write_text_file
 from talus.look import COLOURS, new_figure
 
 SMALL = 2.0e-3  # energies below this share of the largest are left out of a plot
 CLOSURES = ("closure_error", "closure")
 FORCE_COLUMNS = "depth [mm],force [N],force_mean [N]"
 MILLI = 1.0e3
+LEAST = 1.0e-18  # relative errors below this are drawn there
+MARKS = "os^Dvp*X"
 
 
 def running_mean(values: np.ndarray, half: int) -> np.ndarray:
@@ -48,7 +51,7 @@ def energy(path: Path) -> object:
         top.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     closure = next((history[name] for name in CLOSURES if name in history.columns), None)
     if closure is not None and largest > 0.0 and np.any(closure):
-        low.semilogy(time, np.abs(closure) / largest, color=COLOURS[1])
+        low.semilogy(time, np.maximum(np.abs(closure) / largest, LEAST), color=COLOURS[1])
     elif closure is not None:
         low.text(0.5, 0.5, "zero", transform=low.transAxes, ha="center")
     low.set(xlabel="time [s]", ylabel="|closure| /\nlargest term [-]")
@@ -80,7 +83,7 @@ def audit(path: Path) -> object:
     size = np.maximum.accumulate(np.abs(history[both[0]]))
     good = size > 0.0
     share.semilogy(
-        time[good], np.abs(history[both[2]][good]) / size[good] + 1.0e-18, label="work difference"
+        time[good], np.abs(history[both[2]][good]) / size[good] + LEAST, label="work difference"
     )
     if "spring_residual" in history.columns and np.any(history["spring_residual"] > 0.0):
         share.semilogy(time, history["spring_residual"], label="spring residual")
@@ -117,7 +120,8 @@ def force_figure(curves: dict[str, dict[str, np.ndarray]], title: str = "") -> o
     for k, (label, curve) in enumerate(curves.items()):
         colour = COLOURS[k % len(COLOURS)]
         ax.plot(curve["depth"], curve["force"], color=colour, lw=0.5, alpha=0.45)
-        ax.plot(curve["depth"], curve["mean"], color=colour, lw=1.8, label=label)
+        mark = {"marker": MARKS[k % len(MARKS)], "ms": 5, "markevery": (0.02 * k, 0.1)}
+        ax.plot(curve["depth"], curve["mean"], color=colour, lw=1.8, label=label, **mark)
     ax.set(xlabel="penetration depth [mm]", ylabel="force on the penetrator, upwards [N]")
     ax.set_xlim(left=0.0)
     ax.set_title(title or "thin: as written; thick: mean over 4 % of the stroke", fontsize=10)
@@ -132,11 +136,8 @@ def write_force_table(path: Path, curves: dict[str, dict[str, np.ndarray]]) -> N
         rows = zip(curve["depth"], curve["force"], curve["mean"], strict=True)
         text = label.replace('"', "'")
         lines += [f'"{text}",{d:.9g},{f:.9g},{m:.9g}' for d, f, m in rows]
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("\n".join(lines) + "\n")
-    except OSError as fault:
-        raise FaultError("E501", f"cannot write {path}: {fault}", exit_code=4) from fault
+    make_folder(path.parent)
+    write_text_file(path, "\n".join(lines) + "\n")
 
 
 def ghosts(path: Path, step: int = -1) -> object:

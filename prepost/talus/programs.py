@@ -15,11 +15,15 @@ OF_COUPLE, OF_GRAINS, OF_SOLID = (
 
 
 def find_program(name: str) -> Path:
-    """Path of a solver: TALUS_BIN, the build folder of this checkout, or the PATH."""
-    places = [Path(os.environ["TALUS_BIN"])] if "TALUS_BIN" in os.environ else []
-    places += [folder / "build/bin" for folder in Path(__file__).resolve().parents]
+    """Path of a solver: in TALUS_BIN if set, else in build/bin of the checkout or on PATH."""
+    if folder := os.environ.get("TALUS_BIN"):
+        if (Path(folder) / name).is_file():
+            return Path(folder) / name
+        text = f"{name} is not in {folder}, which TALUS_BIN names"
+        raise FaultError("E530", text, "build it (make) or set TALUS_BIN anew", exit_code=4)
+    places = [folder / "build/bin" for folder in Path(__file__).resolve().parents]
     for place in places:
-        if (place / name).exists():
+        if (place / name).is_file():
             return place / name
     if found := shutil.which(name):
         return Path(found)

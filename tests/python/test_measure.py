@@ -1,5 +1,6 @@
 """Measures of packings: solid fraction, gaps, coordination, fabric, comparison."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from talus import generate, measure
 from talus.cli import main
 from talus.faults import FaultError
-from talus.packing import make_packing, write_h5
+from talus.packing import FIXED, FREE, make_packing, write_h5
 
 
 def test_solid_fraction_of_lattices() -> None:
@@ -115,3 +116,25 @@ def test_compare(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     assert main(["compare", a, b, "--limits", "solid_fraction=0.2", "coordination=9"]) == 0
     assert main(["compare", a, b, "--limits", "solid=0.2"]) == 1
     assert "E551" in capsys.readouterr().err
+
+
+def test_floor_carries_a_share() -> None:
+    """Half of the weight on the lowest fixed grains is a share of one half."""
+    x = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [3.0, 0.0, 1.0]])
+    packing = make_packing(x, np.full((3, 3), 0.5), kind=np.array([FIXED, FREE, FIXED]))
+    weight = 2650.0 * 9.81 * np.pi / 6.0
+    force = np.array([[0.0, 0.0, -0.5], [0.0, 0.0, 1.0], [0.0, 0.0, -0.5]]) * weight
+    assert measure.floor_share(packing, force) == pytest.approx(0.5)
+
+
+def test_measure_command(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """`talus measure` gives the solid fraction of a lattice; layers too thin are refused."""
+    path = str(tmp_path / "sc.h5")
+    write_h5(Path(path), generate.lattice("sc", (9, 9, 9), 5e-3, np.full(3, 2.5e-3)))
+    assert main(["measure", path, "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    # 0.03: the bulk is no whole number of cells
+    assert facts["solid fraction"] == pytest.approx(np.pi / 6, abs=0.03)
+    assert facts["free grains"] == 729
+    assert main(["measure", path, "--layers", "100000"]) == 1
+    assert "E541" in capsys.readouterr().err

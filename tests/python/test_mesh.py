@@ -1,5 +1,6 @@
 """Meshes: the block of the benchmark, boxes, gmsh files, and what is refused."""
 
+import json
 from pathlib import Path
 
 import h5py
@@ -9,7 +10,9 @@ import pytest
 
 from talus import mesh as meshes
 from talus.block import Block, build_block
+from talus.cli import main
 from talus.faults import FaultError
+from talus.surface import check_hanging
 
 
 def volume(mesh: meshes.Mesh) -> float:
@@ -122,3 +125,37 @@ def test_bad_meshes_are_refused(tmp_path: Path) -> None:
     inner = np.flatnonzero(np.isclose(good.x[:, 0], 0.5))[[0, 1, 3, 2]]
     assert code_of(meshes.Mesh(good.x, good.hex8, facets={"mid": inner[None]})) == "E524"
     assert not path.exists()
+
+
+def two_boxes(shift: np.ndarray, cells: tuple[int, int, int]) -> meshes.Mesh:
+    """A box of one element and another one at `shift`, without common nodes."""
+    one = meshes.box(np.zeros(3), np.ones(3), (1, 1, 1))
+    two = meshes.box(shift, shift + 1.0, cells)
+    return meshes.Mesh(np.vstack([one.x, two.x]), np.vstack([one.hex8, two.hex8 + 8]))
+
+
+def test_hanging_nodes() -> None:
+    """Nodes on a face, edge or corner of a stranger are found; parts that stand apart pass."""
+    for shift, cells in (
+        ([1.0, 0.0, 0.0], (1, 1, 1)),  # doubled nodes
+        ([1.0, 0.0, 0.0], (1, 2, 2)),  # finer on one side
+        ([1.0, 0.3, 0.2], (1, 1, 1)),  # a corner inside a face
+        ([1.0, 0.5, 1.0], (1, 1, 1)),  # a corner on an edge
+    ):
+        with pytest.raises(FaultError, match="E527"):
+            check_hanging(two_boxes(np.array(shift), cells))
+    check_hanging(two_boxes(np.array([1.01, 0.0, 0.0]), (1, 2, 2)))
+    check_hanging(meshes.box(np.zeros(3), np.array([1.0, 2.0, 9.0]), (4, 3, 5)))
+
+
+def test_block_by_words(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """`coarse` is the default; `fine` has more elements; both are without hanging nodes."""
+    counts = []
+    for size in ("coarse", "fine"):
+        path = str(tmp_path / "block.h5")
+        assert main(["mesh", "block", "--size", size, "--json", "-o", path]) == 0
+        facts = json.loads(capsys.readouterr().out)
+        counts.append(facts["hexahedra"])
+        assert set(facts["groups"]["facets"]) == {"hole", "outer", "top"}
+        assert list(facts["groups"]["volumes"]) == ["block"]
+    assert counts[1] > 2 * counts[0]

@@ -112,7 +112,8 @@ def test_lattice_and_cloud() -> None:
     axes = np.array([1.0, 0.8, 0.6]) * 1e-3
     assert generate.lattice("fcc", (2, 3, 4), 5e-3, axes).count == 4 * 24
     box = np.array([0.02, 0.02, 0.02])
-    cloud = generate.cloud(60, box, axes, seed=2, spread=0.2)
+    sizes = generate.uniform_sizes(60, 0.2, np.random.default_rng(3))
+    cloud = generate.cloud(sizes, box, axes, seed=2)
     radius = cloud.axes.max(axis=1)
     apart = np.linalg.norm(cloud.x[:, None] - cloud.x[None], axis=2)
     np.fill_diagonal(apart, np.inf)
@@ -120,4 +121,46 @@ def test_lattice_and_cloud() -> None:
     assert (cloud.x - radius[:, None] >= -1e-15).all()
     assert (cloud.x + radius[:, None] <= box + 1e-15).all()
     with pytest.raises(FaultError, match="E512"):
-        generate.cloud(500, np.array([5e-3, 5e-3, 5e-3]), axes, seed=2, tries=5)
+        generate.cloud(np.ones(500), np.full(3, 5e-3), axes, seed=2, tries=5)
+
+
+def test_hexagonal_lattice() -> None:
+    """Every inner grain of hcp has twelve neighbours one pitch away."""
+    x = generate.lattice("hcp", (5, 4, 4), 2.0, np.ones(3)).x
+    apart = np.linalg.norm(x[:, None] - x[None], axis=2)
+    np.fill_diagonal(apart, np.inf)
+    assert apart.min() == pytest.approx(2.0)
+    inner = ((x > x.min(axis=0) + 2.1) & (x < x.max(axis=0) - 2.1)).all(axis=1)
+    assert inner.sum() > 10
+    assert (np.isclose(apart, 2.0).sum(axis=1)[inner] == 12).all()
+
+
+def test_gradation_by_mass(tmp_path: Path) -> None:
+    """Shares of the mass that pass the sieves are those asked for."""
+    openings, passing = np.array([2e-3, 3e-3, 5e-3]), np.array([0.0, 0.4, 1.0])
+    sizes = generate.sieved_sizes(5000, openings, passing)
+    mass = sizes**3 / (sizes**3).sum()
+    assert sizes.min() >= 2e-3
+    assert sizes.max() <= 5e-3
+    # 2e-3: of 5000 middles of equal shares the largest grains are a few
+    assert mass[sizes < 3e-3].sum() == pytest.approx(0.4, abs=2e-3)
+    half = np.sqrt(3e-3 * 5e-3)  # half of what lies between two sieves, in the logarithm
+    assert mass[sizes < half].sum() == pytest.approx(0.7, abs=2e-3)
+    for bad in ([0.1, 1.0, 1.0], [0.0, 1.0, 0.9], [0.0, 0.4, 0.9]):
+        with pytest.raises(FaultError, match="E514"):
+            generate.sieved_sizes(10, openings, np.array(bad))
+    words = "pack cloud --count 50 --box .03 .03 .03 --axes 5 4 3 --gradation 2e-3:0 4e-3:1 -o"
+    assert main([*words.split(), str(tmp_path / "cloud.h5")]) == 0
+    cloud = read_h5(tmp_path / "cloud.h5")
+    middle = 2.0 * np.median(cloud.axes, axis=1)
+    assert ((middle > 2e-3) & (middle < 4e-3)).all()
+    assert np.allclose(cloud.axes / cloud.axes[:, :1], [1.0, 0.8, 0.6])
+
+
+def test_groups_that_share_grains(tmp_path: Path) -> None:
+    """The text form keeps groups that share grains, and grains without group."""
+    groups = {"all": [1, 2], "one": [2]}
+    packing = make_packing(np.zeros((3, 3)), np.ones((3, 3)), groups=groups)
+    write_text(tmp_path / "a.txt", packing)
+    again = read_text(tmp_path / "a.txt").groups
+    assert {name: ids.tolist() for name, ids in again.items()} == groups

@@ -47,6 +47,9 @@ def test_history(tmp_path: Path) -> None:
     path.write_text("time [s],kinetic [J]\n0,1\n1,oops\n2,3\n")
     with pytest.raises(FaultError, match="run_energy.csv:3"):
         histories.read(path)
+    path.write_text("time [s],kinetic [J]\n0,1\n2,1\n1,4\n3,5\n")
+    with pytest.raises(FaultError, match="runs back from 2 to 1 s"):
+        histories.read(path)
     path.write_text("time [s],kinetic [J]\n0,1\n1,4\n")
     assert read_history(path)["kinetic"].tolist() == [1.0, 4.0]
     path.write_text("hello\n")
@@ -81,6 +84,9 @@ def test_vtu_series(tmp_path: Path) -> None:
     assert len(mesh.points) == 3
     assert mesh.point_data["id"].tolist() == [1, 2, 3]
     assert mesh.points[1, 0] == pytest.approx(1.01e-2)
+    # unturned spheres of 1 mm: the tensor is 1 mm times the unit tensor
+    assert np.allclose(mesh.point_data["ellipsoid"], 1e-3 * np.eye(3).ravel())
+    assert not list((tmp_path / "vtu").glob("*.tmp*"))
 
 
 def test_force_curve(tmp_path: Path) -> None:

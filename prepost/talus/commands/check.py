@@ -17,6 +17,17 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.set_defaults(run=check)
 
 
+def text_of(error: dict) -> str:
+    """Return a fault with its place, the line underlined, and the hint."""
+    lines = [f"error {error['code']}: {error['message']}"]
+    if error.get("place"):
+        lines.append(f"  at {error['place']}")
+    lines += error.get("source", "").splitlines()
+    if error.get("hint"):
+        lines.append(f"  hint: {error['hint']}")
+    return "\n".join(lines)
+
+
 def check(options: argparse.Namespace) -> int:
     """Show every fault of the deck; return the program's exit code."""
     program = options.program or program_of(options.deck)
@@ -32,13 +43,9 @@ def check(options: argparse.Namespace) -> int:
             "E533", f"{program} gave no readable answer", done.stderr.strip()[-300:], exit_code=4
         ) from fault
     for error in result["errors"]:
-        print(
-            FaultError(
-                error["code"], error["message"], error.get("hint", ""), error.get("place", "")
-            )
-        )
+        print(text_of(error))
     if result["errors"]:
-        print(f"{options.deck}: {len(result['errors'])} faults")
+        print(f"{options.deck}: {len(result['errors'])} fault{'s' * (len(result['errors']) > 1)}")
     else:
         print(f"{options.deck}: in order ({program})")
     return done.returncode

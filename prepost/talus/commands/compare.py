@@ -1,29 +1,37 @@
-"""`talus compare`: two packings by solid fraction, coordination, height and fabric."""
+"""`talus compare`: two packings by solid fraction, coordination, height, fabric, screening."""
 
 import argparse
 from pathlib import Path
 
 from talus import measure
+from talus.arguments import counting
 from talus.faults import FaultError
-from talus.packing import read_packing
+from talus.fields import read_grains
 from talus.progress import watch
 
-LIMITS = {"solid_fraction": 0.01, "coordination": 0.25, "height": 2.0e-3, "fabric": 0.05}
+LIMITS = {
+    "solid_fraction": 0.01,
+    "coordination": 0.25,
+    "height": 2.0e-3,
+    "fabric": 0.05,
+    "floor": 0.1,
+}
 LIMIT_OF = {
     "solid fraction": "solid_fraction",
     "coordination": "coordination",
     "bed height [m]": "height",
     "short axes, zz": "fabric",
     "short axes, xx": "fabric",
+    "load on floor / weight": "floor",
 }
 
 
 def register(commands: argparse._SubParsersAction) -> None:
     """Add `compare`."""
     new = commands.add_parser("compare", help="compare two packings")
-    new.add_argument("first", type=Path)
+    new.add_argument("first", type=Path, help="packing, or field file of grains (last step)")
     new.add_argument("second", type=Path)
-    new.add_argument("--layers", type=int, default=5, help="layers of the solid fraction")
+    new.add_argument("--layers", type=counting, default=5, help="layers of the solid fraction")
     text = ", ".join(f"{name}={value:g}" for name, value in LIMITS.items())
     new.add_argument(
         "--limits",
@@ -53,13 +61,15 @@ def read_limits(texts: list[str]) -> dict[str, float]:
 def compare(options: argparse.Namespace) -> int:
     """Print both columns, differences and limits; return 1 if a limit is passed."""
     limits = read_limits(options.limits)
-    facts = [
-        measure.describe(read_packing(path), options.layers, watch)
-        for path in (options.first, options.second)
-    ]
+    facts = []
+    for path in (options.first, options.second):
+        packing, force = read_grains(path)
+        facts.append(measure.describe(packing, options.layers, watch, force))
     print(f"{'':28s} {'first':>12s} {'second':>12s} {'difference':>12s} {'limit':>10s}")
     beyond = 0
     for name, one in facts[0].items():
+        if name not in facts[1]:  # forces are known of one only
+            continue
         two = facts[1][name]
         limit = limits.get(LIMIT_OF.get(name, ""))
         far = limit is not None and not abs(two - one) <= limit

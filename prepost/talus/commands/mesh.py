@@ -1,6 +1,7 @@
 """`talus mesh`: the block of the benchmark, boxes, conversion of gmsh files."""
 
 import argparse
+import json
 import tempfile
 from pathlib import Path
 
@@ -8,6 +9,16 @@ import numpy as np
 
 from talus import block as blocks
 from talus import mesh as meshes
+from talus.arguments import counting, number, positive
+from talus.faults import FaultError
+from talus.surface import check_hanging
+
+SIZES = {"coarse": 10.0e-3, "fine": 7.0e-3}  # edges of elements around the small container [m]
+
+
+def size_of(text: str) -> float:
+    """Return the edge of an element [m] from a number or a word."""
+    return SIZES[text] if text in SIZES else positive(text)
 
 
 def register(commands: argparse._SubParsersAction) -> None:
@@ -18,34 +29,46 @@ def register(commands: argparse._SubParsersAction) -> None:
     for name, text in (
         ("hole", "half-width of the hole"), ("outer", "half-width of the block"),
         ("bottom", "height of the hole's floor"), ("top", "height of the block's top"),
-        ("floor", "thickness under the hole"), ("size", "edge of an element"),
+        ("floor", "thickness under the hole"),
     ):  # fmt: skip
         new.add_argument(
-            f"--{name}", type=float, default=getattr(defaults, name), help=f"{text} [m]"
+            f"--{name}", type=number, default=getattr(defaults, name), help=f"{text} [m]"
         )
-    new.set_defaults(run=block)
-    new.add_argument("-o", "--output", type=Path, required=True)
+    words = ", ".join(f"{word} = {value}" for word, value in SIZES.items())
+    new.add_argument(
+        "--size", type=size_of, default=defaults.size, help=f"edge of an element [m]; {words}"
+    )
+    _output(new, block)
     new = mesh.add_parser("box", help="structured box with groups x0 ... z1")
-    new.add_argument("--lower", type=float, nargs=3, default=(0.0, 0.0, 0.0))
-    new.add_argument("--upper", type=float, nargs=3, required=True)
-    new.add_argument("--cells", type=int, nargs=3, required=True)
-    new.add_argument("-o", "--output", type=Path, required=True)
-    new.set_defaults(run=box)
+    new.add_argument("--lower", type=number, nargs=3, default=(0.0, 0.0, 0.0), metavar="X")
+    new.add_argument("--upper", type=number, nargs=3, required=True, metavar="X")
+    new.add_argument("--cells", type=counting, nargs=3, required=True, metavar="N")
+    _output(new, box)
     new = mesh.add_parser("convert", help="any gmsh file with physical groups")
     new.add_argument("source", type=Path)
-    new.add_argument("-o", "--output", type=Path, required=True)
-    new.set_defaults(run=convert)
+    _output(new, convert)
 
 
-def finish(path: Path, mesh: meshes.Mesh) -> int:
-    """Write the mesh and say what it holds."""
-    meshes.write_mesh(path, mesh)
-    groups = ", ".join(
-        [f"volume {n}" for n in mesh.volumes]
-        + [f"facets {n}" for n in mesh.facets]
-        + [f"nodes {n}" for n in mesh.nodes]
-    )
-    print(f"{path}: {len(mesh.x)} nodes, {len(mesh.hex8)} hexahedra; {groups}")
+def _output(parser: argparse.ArgumentParser, run: object) -> None:
+    """Add the options that all share."""
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--json", action="store_true", help="say what was made as JSON")
+    parser.set_defaults(run=run)
+
+
+def finish(options: argparse.Namespace, mesh: meshes.Mesh) -> int:
+    """Check and write the mesh, and say what it holds."""
+    meshes.check_mesh(mesh)
+    check_hanging(mesh)
+    meshes.write_mesh(options.output, mesh)
+    kinds = {"volumes": mesh.volumes, "facets": mesh.facets, "nodes": mesh.nodes}
+    counts = {kind: {n: len(rows) for n, rows in groups.items()} for kind, groups in kinds.items()}
+    facts = {"file": str(options.output), "nodes": len(mesh.x), "hexahedra": len(mesh.hex8)}
+    if options.json:
+        print(json.dumps(facts | {"groups": counts}))
+        return 0
+    groups = ", ".join(f"{kind} {name}" for kind, names in counts.items() for name in names)
+    print(f"{options.output}: {len(mesh.x)} nodes, {len(mesh.hex8)} hexahedra; {groups}")
     return 0
 
 
@@ -56,15 +79,21 @@ def block(options: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "block.msh"
         blocks.build_block(path, wanted)
-        return finish(options.output, meshes.from_gmsh(path))
+        return finish(options, meshes.from_gmsh(path))
 
 
 def box(options: argparse.Namespace) -> int:
     """Make a structured box."""
+    if not (np.array(options.upper) > np.array(options.lower)).all():
+        text = f"no box from {options.lower} to {options.upper} m"
+        raise FaultError("E526", text, "every upper coordinate must be above the lower one")
+    if np.prod(options.cells, dtype=float) > blocks.LARGEST:
+        text = f"{' x '.join(map(str, options.cells))} elements are too many"
+        raise FaultError("E526", text, f"at most {blocks.LARGEST}")
     made = meshes.box(np.array(options.lower), np.array(options.upper), tuple(options.cells))
-    return finish(options.output, made)
+    return finish(options, made)
 
 
 def convert(options: argparse.Namespace) -> int:
     """Convert a gmsh file."""
-    return finish(options.output, meshes.from_gmsh(options.source))
+    return finish(options, meshes.from_gmsh(options.source))

@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from talus import generate
+from talus.arguments import counting, natural, number, positive, share
 from talus.faults import FaultError
-from talus.packing import FREE, Packing, read_packing, write_packing_file
+from talus.packing import FREE, TEXT_ENDINGS, Packing, read_packing, write_packing_file
+from talus.progress import watch
 
 
 def register(commands: argparse._SubParsersAction) -> None:
@@ -18,22 +20,28 @@ def register(commands: argparse._SubParsersAction) -> None:
     )
     new = _sub(pack, "penetration", penetration, "container and grains of the benchmark")
     new.add_argument("--container", choices=sorted(generate.GRID), default="small")
-    new.add_argument("--seed", type=int, default=1)
-    new.add_argument("--layers", type=int, default=40)
+    new.add_argument("--seed", type=natural, default=1)
+    new.add_argument("--layers", type=counting, default=40)
     new.add_argument(
-        "--guard-rows", type=int, default=0, help="more rows of fixed spheres above the walls"
+        "--guard-rows", type=natural, default=0, help="more rows of fixed spheres above the walls"
     )
     new = _sub(pack, "lattice", lattice, "grains on a lattice")
     new.add_argument("--kind", choices=sorted(generate.LATTICES), default="sc")
-    new.add_argument("--cells", type=int, nargs=3, default=(5, 5, 5))
-    new.add_argument("--pitch", type=float, required=True, help="edge of the cubic cell [m]")
-    new.add_argument("--axes", type=float, nargs=3, required=True, help="semi-axes [m]")
+    new.add_argument("--cells", type=counting, nargs=3, default=(5, 5, 5), metavar="N")
+    new.add_argument("--pitch", type=positive, required=True, help="edge of the cell [m]")
+    _axes(new, "--axes", "semi-axes [m]", required=True)
     new = _sub(pack, "cloud", cloud, "random grains that do not overlap")
-    new.add_argument("--count", type=int, required=True)
-    new.add_argument("--box", type=float, nargs=3, required=True, help="edges of the box [m]")
-    new.add_argument("--axes", type=float, nargs=3, required=True, help="semi-axes [m]")
-    new.add_argument("--spread", type=float, default=0.0, help="sizes 1 +- spread")
-    new.add_argument("--seed", type=int, default=1)
+    new.add_argument("--count", type=counting, required=True)
+    _axes(new, "--box", "edges of the box [m]", required=True)
+    _axes(new, "--axes", "semi-axes [m]; with --gradation their ratios", required=True)
+    sizes = new.add_mutually_exclusive_group()
+    sizes.add_argument("--spread", type=share, default=0.0, help="sizes 1 +- spread, by number")
+    sizes.add_argument(
+        "--gradation", nargs="+", metavar="OPENING:SHARE",
+        help="sieve curve: opening [m] and share of the mass that passes, 2e-3:0 3e-3:0.4 5e-3:1; "
+        "a grain passes by its middle axis",
+    )  # fmt: skip
+    new.add_argument("--seed", type=natural, default=1)
     for name, text in (
         ("text2h5", "text form to packing.h5"),
         ("h52text", "packing.h5 to text form"),
@@ -44,11 +52,13 @@ def register(commands: argparse._SubParsersAction) -> None:
     new = _sub(pack, "edit", edit, "drop grains, renumber, add the penetrator, stop all motion")
     new.add_argument("source", type=Path)
     new.add_argument("--drop-group", action="append", default=[], help="leave a group out")
-    new.add_argument("--drop-container-above", type=float, help="drop container grains above z [m]")
-    new.add_argument("--tool", action="store_true", help="add the penetrator")
-    new.add_argument("--tool-axes", type=float, nargs=3, default=generate.TOOL_AXES)
     new.add_argument(
-        "--tool-height", type=float, help="height of its centre [m]; default: just above the bed"
+        "--drop-container-above", type=number, help="drop container grains above z [m]"
+    )
+    new.add_argument("--tool", action="store_true", help="add the penetrator")
+    _axes(new, "--tool-axes", "its semi-axes [m]", default=generate.TOOL_AXES)
+    new.add_argument(
+        "--tool-height", type=number, help="height of its centre [m]; default: just above the bed"
     )
     new.add_argument("--at-rest", action="store_true", help="set all velocities to zero")
 
@@ -62,6 +72,11 @@ def _sub(
     parser.add_argument("--json", action="store_true", help="say what was made as JSON")
     parser.set_defaults(run=run)
     return parser
+
+
+def _axes(parser: argparse.ArgumentParser, name: str, text: str, **options: object) -> None:
+    """Add an option of three lengths."""
+    parser.add_argument(name, type=positive, nargs=3, metavar="L", help=text, **options)
 
 
 def finish(options: argparse.Namespace, packing: Packing, header: str = "") -> int:
@@ -95,15 +110,36 @@ def lattice(options: argparse.Namespace) -> int:
 
 def cloud(options: argparse.Namespace) -> int:
     """Make a random cloud."""
-    made = generate.cloud(
-        options.count, np.array(options.box), np.array(options.axes), options.seed, options.spread
-    )
+    axes = np.array(options.axes)
+    if options.gradation:
+        openings, passing = read_gradation(options.gradation)
+        # a grain of size 1 has the middle axis 1 m: it passes an opening of its size
+        axes = axes / (2.0 * np.median(axes))
+        sizes = generate.sieved_sizes(options.count, openings, passing)
+    else:
+        rng = np.random.default_rng(options.seed + 1)
+        sizes = generate.uniform_sizes(options.count, options.spread, rng)
+    made = generate.cloud(sizes, np.array(options.box), axes, options.seed, watch=watch)
     return finish(options, made)
+
+
+def read_gradation(texts: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Return openings [m] and shares of the mass from words OPENING:SHARE."""
+    try:
+        pairs = [[float(part) for part in text.split(":")] for text in texts]
+        openings, passing = np.array(pairs, float).reshape(len(texts), 2).T
+    except ValueError as fault:
+        hint = "OPENING:SHARE, as 2e-3:0 3e-3:0.4 5e-3:1"
+        raise FaultError("E514", f"'{' '.join(texts)}' is no sieve curve", hint) from fault
+    return openings, passing
 
 
 def transfer(options: argparse.Namespace) -> int:
     """Convert between packing.h5 and the text form (by the names' endings)."""
-    return finish(options, read_packing(options.source), options.header)
+    packing = read_packing(options.source)
+    if options.output.suffix in TEXT_ENDINGS and (packing.v.any() or packing.omega.any()):
+        print(f"{options.source}: the text form holds no velocities, they are left out")
+    return finish(options, packing, options.header)
 
 
 def edit(options: argparse.Namespace) -> int:
@@ -122,6 +158,9 @@ def edit(options: argparse.Namespace) -> int:
     if options.tool:
         if not (packing.kind == FREE).any():
             raise FaultError("E511", f"{options.source} has no free grains to push into")
+        if "tool" in packing.groups:
+            hint = "leave the old one out: --drop-group tool"
+            raise FaultError("E511", f"{options.source} has a penetrator already", hint)
         packing = generate.add_tool(packing, tuple(options.tool_axes), options.tool_height)
     return finish(options, packing)
 

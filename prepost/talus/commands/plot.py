@@ -68,10 +68,7 @@ def save(figure: object, path: Path) -> int:
     """Write one figure and say its name."""
     from talus.look import save_figure
 
-    try:
-        save_figure(figure, path)
-    except (OSError, ValueError) as fault:
-        raise FaultError("E501", f"cannot write {path}: {fault}", exit_code=4) from fault
+    save_figure(figure, path)
     print(path)
     return 0
 

@@ -6,6 +6,14 @@ from pathlib import Path
 from talus import pictures
 
 
+def pixels(text: str) -> int:
+    """Return a width or height that a picture can have."""
+    value = int(text)
+    if not 50 <= value <= 8000:
+        raise argparse.ArgumentTypeError(f"{text} is not from 50 to 8000 pixels")
+    return value
+
+
 def register(commands: argparse._SubParsersAction) -> None:
     """Add `render`."""
     new = commands.add_parser("render", help="picture of grains and solid (needs pyvista)")
@@ -14,7 +22,7 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument("--step", type=int, default=-1, help="step, negative from the end")
     new.add_argument("--color", choices=sorted(pictures.COLOURS_OF), default="displacement")
     new.add_argument(
-        "--size", type=int, nargs=2, default=(1400, 1050), help="width and height [pixels]"
+        "--size", type=pixels, nargs=2, default=(1400, 1050), help="width and height [pixels]"
     )
     new.add_argument("-o", "--output", type=Path, default=Path("view3d.png"))
     new.set_defaults(run=render)

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from talus import reports
-from talus.faults import FaultError
+from talus.files import make_folder, write_text_file
 
 
 def register(commands: argparse._SubParsersAction) -> None:
@@ -19,10 +19,7 @@ def register(commands: argparse._SubParsersAction) -> None:
 def report(options: argparse.Namespace) -> int:
     """Write the page and say its name."""
     page = reports.build(options.folder, options.title)
-    try:
-        options.output.parent.mkdir(parents=True, exist_ok=True)
-        options.output.write_text(page)
-    except OSError as fault:
-        raise FaultError("E501", f"cannot write {options.output}: {fault}", exit_code=4) from fault
+    make_folder(options.output.parent)
+    write_text_file(options.output, page)
     print(options.output)
     return 0
