@@ -1,7 +1,8 @@
 !> Read mesh.h5 and check it: ids in range, elements right way round, no hanging or lone nodes.
 module fem_mesh
   use talus_kinds, only: wp, i4
-  use talus_text, only: str, string_type, is_finite
+  use talus_suggest, only: did_you_mean
+  use talus_text, only: str, string_type, append_string, is_finite
   use talus_errors, only: error_list_type
   use talus_hdf5, only: h5_file_type
   use fem_types, only: fem_mesh_type, fem_group_type, group_volume, group_facet, group_node
@@ -9,7 +10,9 @@ module fem_mesh
   use fem_mesh_checks, only: check_hanging, check_facets
   implicit none
   private
-  public :: read_mesh, find_group, group_names
+  public :: read_mesh, find_group, group_hint
+
+  integer(i4), parameter :: format_version = 1
 
 contains
 
@@ -20,9 +23,16 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(h5_file_type) :: file
     integer(i4), allocatable :: cells(:, :)
+    integer(i4) :: version
 
     call file%open(path, errors, format='talus-mesh')
     if (errors%any()) return
+    version = 0
+    call file%attr_get('/', 'version', version, errors)
+    if (.not. errors%any() .and. version /= format_version) &
+      call errors%add('I301', "'"//path//"' is a mesh of version "//str(version)//', '// &
+                      str(format_version)//' is read', path, &
+                      "make it again with the 'talus mesh' of this version")
     call file%get('/nodes/x', mesh%x, errors)
     call file%get('/cells/hex8', cells, errors)
     if (.not. errors%any()) then
@@ -211,17 +221,38 @@ contains
     end do
   end function find_group
 
-  !> Names of all groups of some kinds, for hints.
-  pure function group_names(mesh, kinds) result(text)
+  !> Names of all groups of some kinds, each once, for hints.
+  pure subroutine group_names(mesh, kinds, names)
     type(fem_mesh_type), intent(in) :: mesh
     integer(i4), intent(in) :: kinds(:)
-    character(len=:), allocatable :: text
-    integer(i4) :: g
-    text = ''
+    type(string_type), allocatable, intent(out) :: names(:)
+    integer(i4) :: g, k
+    logical :: known
+    allocate (names(0))
     do g = 1, size(mesh%group)
       if (.not. any(kinds == mesh%group(g)%kind)) cycle
-      if (len(text) > 0) text = text//', '
-      text = text//trim(mesh%group(g)%name)
+      known = .false.
+      do k = 1, size(names)
+        known = known .or. names(k)%s == mesh%group(g)%name
+      end do
+      if (.not. known) call append_string(names, trim(mesh%group(g)%name))
     end do
-  end function group_names
+  end subroutine group_names
+
+  !> Hint where a group does not exist: the nearest name and all that there are.
+  pure function group_hint(mesh, name, kinds) result(hint)
+    type(fem_mesh_type), intent(in) :: mesh
+    character(len=*), intent(in) :: name
+    integer(i4), intent(in) :: kinds(:)
+    character(len=:), allocatable :: hint
+    type(string_type), allocatable :: names(:)
+    integer(i4) :: k
+    call group_names(mesh, kinds, names)
+    hint = did_you_mean(name, names, '')
+    if (len(hint) > 0) hint = hint//' '
+    if (size(names) == 0) hint = 'it has none'
+    do k = 1, size(names)
+      hint = hint//trim(merge('it has:', ',      ', k == 1))//' '//names(k)%s
+    end do
+  end function group_hint
 end module fem_mesh

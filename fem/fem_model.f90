@@ -25,6 +25,7 @@ module fem_model
 
   character(len=*), parameter :: program_name = 'talus-fem'
   real(wp), parameter :: near = 1.0e-9_wp  !! of a step that counts as the end
+  real(wp), parameter :: runaway = 10.0_wp !! stored energy / work put in that ends a run
 
   type :: fem_model_type
     type(options_type) :: options
@@ -266,6 +267,7 @@ contains
       call self%timers%start('steps')
       call self%body%step(t1, errors)
       call self%timers%stop('steps')
+      if (.not. errors%any()) call check_energy(self%body, errors)
       if (errors%any()) return
       call self%body%accept()
       self%steps = self%steps + 1
@@ -277,6 +279,22 @@ contains
       call self%log%progress(t1/self%t_end, 'time '//short_number(t1)//' s')
     end do
   end subroutine run
+
+  !> A dynamic body cannot store more than was put in; the fastest node is named.
+  subroutine check_energy(body, errors)
+    type(fem_body_type), intent(in) :: body
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: node
+    if (.not. body%dynamic) return
+    associate (e => body%energy)
+      if (e%strain + e%kinetic <= runaway*(abs(e%load) + abs(e%support) + abs(e%spring))) return
+      node = int(maxloc(sum(body%state%v**2, 1), 1), i4)
+      call errors%add('N303', 'runaway energy: '//short_number(e%strain + e%kinetic)// &
+        ' J are stored, '//short_number(e%load + e%support)//' J were put in; node '// &
+        str(node)//' is fastest', 'time '//str(body%state%time)//' s', &
+        'is beta < gamma/2? Then the step must resolve the highest frequency of the mesh')
+    end associate
+  end subroutine check_energy
 
   subroutine save_checkpoint(self, tag, errors)
     class(fem_model_type), intent(inout) :: self

@@ -9,7 +9,7 @@ module fem_port_state
   use talus_version, only: version_text
   use fem_types, only: fem_mesh_type, fem_springs_type, group_volume, group_facet, group_node
   use fem_body, only: fem_body_type
-  use fem_mesh, only: find_group, group_names
+  use fem_mesh, only: find_group, group_hint
   use fem_model, only: fem_model_type, program_name
   use fem_recover, only: point_stress, point_positions, point_weights
   use fem_sets, only: fem_sets_type
@@ -54,7 +54,7 @@ contains
     case ('facets')
       g = find_group(body%mesh, group, [group_facet])
       if (g == 0) then
-        call no_group('facet group', group, group_names(body%mesh, [group_facet]), errors)
+        call no_group('facet group', group, group_hint(body%mesh, group, [group_facet]), errors)
         return
       end if
       call reply%put_int('connectivity', body%mesh%group(g)%facet)
@@ -65,9 +65,8 @@ contains
     case ('group')
       g = find_group(body%mesh, group, [group_node, group_facet, group_volume])
       if (g == 0) then
-        call no_group('group', group, group_names(body%mesh, &
-          [group_volume, group_facet, group_node]), &
-                      errors)
+        call no_group('group', group, group_hint(body%mesh, group, &
+          [group_volume, group_facet, group_node]), errors)
         return
       end if
       call reply%put_int('id', body%mesh%group(g)%node)
@@ -77,10 +76,10 @@ contains
     end select
   end subroutine reply_describe
 
-  subroutine no_group(what, name, there, errors)
-    character(len=*), intent(in) :: what, name, there
+  subroutine no_group(what, name, hint, errors)
+    character(len=*), intent(in) :: what, name, hint
     type(error_list_type), intent(inout) :: errors
-    call errors%add('D301', 'the mesh has no '//what//" '"//name//"'", '', 'it has: '//there)
+    call errors%add('D301', 'the mesh has no '//what//" '"//name//"'", '', hint)
   end subroutine no_group
 
   !> Names of all groups with a line each.

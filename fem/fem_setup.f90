@@ -5,7 +5,7 @@ module fem_setup
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use fem_types, only: fem_curve_type, name_length, group_volume, group_facet, group_node
-  use fem_mesh, only: read_mesh, find_group, group_names
+  use fem_mesh, only: read_mesh, find_group, group_hint
   use fem_setup_loads, only: read_tractions, read_point_loads, read_springs
   use fem_body, only: fem_body_type, fem_motion_type
   implicit none
@@ -93,7 +93,7 @@ contains
       ' elements have no section, the '// &
                     'first is element '//str(int(findloc(owner, 0, 1), i4)), 'section', 1, &
                       'group', &
-                    'volume groups of the mesh: '//group_names(body%mesh, [group_volume]))
+                    'volume groups: '//group_hint(body%mesh, '', [group_volume]))
   end subroutine read_sections
 
   !> Ids of a repeated group must differ.
@@ -129,7 +129,7 @@ contains
       if (kinds(1) == group_volume) what = 'volume group'
     end if
     call deck%fault(errors, 'D301', "the mesh has no "//what//" '"//name//"'", group, instance, &
-                    'group', 'it has: '//group_names(body%mesh, kinds))
+                    'group', group_hint(body%mesh, name, kinds))
   end subroutine group_fault
 
   subroutine read_curves(deck, curve, errors)

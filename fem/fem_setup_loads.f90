@@ -5,7 +5,7 @@ module fem_setup_loads
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use fem_types, only: fem_load_type, fem_mesh_type, group_facet
-  use fem_mesh, only: find_group, group_names
+  use fem_mesh, only: find_group, group_hint
   use fem_loads, only: traction_force, facet_springs, facet_point
   use fem_body, only: fem_body_type
   implicit none
@@ -170,7 +170,7 @@ contains
     g = find_group(body%mesh, name, [group_facet])
     if (g == 0) call deck%fault(errors, 'D301', "the mesh has no facet group '"//name//"'", &
       group, s, &
-                                key, 'it has: '//group_names(body%mesh, [group_facet]))
+                                key, group_hint(body%mesh, name, [group_facet]))
   end subroutine facet_group
 
   subroutine read_curve(deck, body, group, s, curve, errors)
