@@ -21,7 +21,7 @@ FFLAGS_COMMON := -std=f2018 -march=$(ARCH) -fopenmp -fno-math-errno -fno-trappin
 CFLAGS_COMMON := -std=c11 -D_GNU_SOURCE -march=$(ARCH) -Wall -Wextra -Wpedantic -Wconversion
 ifeq ($(MODE),debug)
   SANITIZE := -fsanitize=address,undefined -fno-omit-frame-pointer
-  FFLAGS := $(FFLAGS_COMMON) -O1 -g -fcheck=all -ffpe-trap=invalid,zero,overflow -fbacktrace $(SANITIZE)
+  FFLAGS := $(FFLAGS_COMMON) -O1 -g -fcheck=all,no-array-temps -ffpe-trap=invalid,zero,overflow -fbacktrace $(SANITIZE)
   CFLAGS := $(CFLAGS_COMMON) -O1 -g $(SANITIZE)
   LDFLAGS := $(SANITIZE)
 else
