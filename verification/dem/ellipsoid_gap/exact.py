@@ -144,6 +144,16 @@ def run(case: Case) -> None:
         ]
     )
     relative = np.abs(other - found) / found
+    direction = np.array(
+        [
+            brute_force(x[2 * k + 1] - x[2 * k], tensor[2 * k], tensor[2 * k + 1])[1]
+            for k in range(PAIRS)
+        ]
+    )
+    turned = np.abs(normal - direction).max()
+    case.below(
+        "largest difference of the normal", float(turned), 1e-6, "the gap is flat: sqrt(eps)"
+    )
     order = np.polyfit(np.log(found), np.log(relative), 1)[0]
     name = "order of the difference to the geometric potential"
     case.metric(name, float(order), 1.0, 0.15, "O(overlap/R)")
