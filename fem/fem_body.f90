@@ -6,8 +6,10 @@ module fem_body
   use talus_errors, only: error_list_type
   use fem_types, only: fem_mesh_type, fem_elastic_type, fem_curve_type, fem_load_type, &
     fem_springs_type, fem_state_type, fem_energy_type
-  use fem_sparse, only: fem_pattern_type, make_pattern, assemble_stiffness, assemble_mass, &
-    add_springs, multiply, multiply_mass, lumped_mass
+  use fem_assembly, only: assemble_stiffness, assemble_mass
+  use fem_dofs, only: fem_dofs_type, number_fields
+  use fem_sparse, only: fem_pattern_type, make_pattern, add_springs, multiply, multiply_mass, &
+    lumped_mass
   use fem_solver, only: fem_solver_type
   use fem_supports, only: check_supports
   use fem_loads, only: gravity_force, curve_value
@@ -27,18 +29,19 @@ module fem_body
 
   type :: fem_body_type
     type(fem_mesh_type) :: mesh
+    type(fem_dofs_type) :: dofs
     type(fem_elastic_type) :: elastic
     type(fem_curve_type), allocatable :: curve(:)
     type(fem_load_type), allocatable :: load(:)
     type(fem_motion_type), allocatable :: motion(:)
     type(fem_springs_type) :: ground             !! springs to the ground, of the deck
     type(fem_springs_type) :: robin              !! springs to the last accepted state, of the port
-    logical, allocatable :: held(:, :)           !! (3, nodes) supported by the deck
-    logical, allocatable :: prescribed(:, :)     !! (3, nodes) moved by the port
-    real(wp), allocatable :: given_u(:, :)       !! (3, nodes) values of the port [m]
-    real(wp), allocatable :: port_load(:, :)     !! (3, nodes) of the port, now [N]
-    real(wp), allocatable :: dead_load(:, :)     !! (3, nodes) of the port, constant [N]
-    real(wp), allocatable :: mass_factor(:)      !! (nodes) for explicit steps [-]
+    logical, allocatable :: held(:, :)           !! (3, blocks) supported by the deck
+    logical, allocatable :: prescribed(:, :)     !! (3, blocks) moved by the port
+    real(wp), allocatable :: given_u(:, :)       !! (3, blocks) values of the port [m]
+    real(wp), allocatable :: port_load(:, :)     !! (3, blocks) of the port, now [N]
+    real(wp), allocatable :: dead_load(:, :)     !! (3, blocks) of the port, constant [N]
+    real(wp), allocatable :: mass_factor(:)      !! (blocks) for explicit steps [-]
     real(wp) :: gravity(3) = 0.0_wp              !! [m/s^2]
     logical :: dynamic = .false.
     real(wp) :: beta = 0.25_wp, gamma = 0.5_wp
@@ -73,11 +76,17 @@ module fem_body
 
 contains
 
-  !> Arrays of the state and loads for the mesh, all zero.
+  !> Arrays of the state and loads for the fields, all zero; displacements alone if they have not
+  !! been numbered.
   subroutine allocate_state(self)
     class(fem_body_type), intent(inout) :: self
     integer(i4) :: n
-    n = self%mesh%nodes
+    integer(i4), allocatable :: none(:)
+    if (self%dofs%blocks == 0) then
+      allocate (none(self%mesh%elements), source=0)
+      call number_fields(self%mesh, none, self%dofs)
+    end if
+    n = self%dofs%blocks
     allocate (self%state%u(3, n), self%state%v(3, n), self%state%a(3, n), source=0.0_wp)
     allocate (self%state%external(3, n), self%state%reaction(3, n), source=0.0_wp)
     allocate (self%state%tie(3, n), source=0.0_wp)
@@ -91,8 +100,8 @@ contains
   !> Pattern, stiffness, mass and weight; again after moduli or weights have changed.
   subroutine assemble(self)
     class(fem_body_type), intent(inout) :: self
-    if (.not. allocated(self%pattern%start)) call make_pattern(self%mesh, self%pattern)
-    call assemble_stiffness(self%mesh, self%elastic, self%pattern, self%k)
+    if (.not. allocated(self%pattern%start)) call make_pattern(self%dofs, self%pattern)
+    call assemble_stiffness(self%mesh, self%dofs, self%elastic, self%pattern, self%k)
     call add_springs(self%ground, self%pattern, self%k)
     call assemble_mass(self%mesh, self%elastic, self%pattern, self%mass)
     self%lumped = lumped_mass(self%pattern, self%mass)
@@ -108,16 +117,16 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: k(:, :, :)
     real(wp) :: wanted, mass_term
-    logical :: fixed(3, self%mesh%nodes)
+    logical :: fixed(3, self%dofs%blocks)
 
     wanted = merge(dt, 0.0_wp, self%dynamic)
     if (self%factored_dt >= 0.0_wp .and. abs(wanted - self%factored_dt) <= same_step*wanted) return
     if (.not. self%fresh_numbering) then
       fixed = self%held .or. self%prescribed
       if (.not. self%dynamic) &
-        call check_supports(self%mesh, self%pattern, fixed, self%ground, errors)
+        call check_supports(self%mesh, self%dofs, self%pattern, fixed, self%ground, errors)
       if (errors%any()) return
-      call self%solver%number(self%pattern, fixed, errors)
+      call self%solver%number(self%dofs, self%pattern, fixed, errors)
       if (errors%any()) return
       self%fresh_numbering = .true.
     end if
@@ -176,7 +185,7 @@ contains
     class(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: t1  !! [s]
     type(error_list_type), intent(inout) :: errors
-    real(wp), dimension(3, self%mesh%nodes) :: internal, inertia, residual, du, tie
+    real(wp), dimension(3, self%dofs%blocks) :: internal, inertia, residual, du, tie
     real(wp) :: dt
     integer(i4) :: bad(2)
 
@@ -201,7 +210,8 @@ contains
       s%u = s%u + du
       if (.not. all(is_finite(s%u))) then
         bad = findloc(is_finite(s%u), .false.)
-        call errors%add('N304', 'the displacement of node '//str(bad(2))//' is not finite', &
+        call errors%add('N304', 'the displacement of node '//str(self%dofs%node(bad(2)))// &
+                        ' is not finite', &
                         'time '//str(t1)//' s', 'check loads, moduli and supports')
         return
       end if
@@ -253,7 +263,7 @@ contains
   subroutine correct_support_work(self, dt)
     class(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: dt  !! [s]
-    real(wp), dimension(3, self%mesh%nodes) :: mean, product, defect
+    real(wp), dimension(3, self%dofs%blocks) :: mean, product, defect
     associate (s => self%state, old => self%accepted, fixed => self%held .or. self%prescribed)
       mean = 0.5_wp*(s%a + old%a)
       defect = merge(s%u - old%u - 0.5_wp*dt*(s%v + old%v), 0.0_wp, fixed)
@@ -293,7 +303,7 @@ contains
   subroutine update_energy(self, internal)
     class(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: internal(:, :)  !! K u + initial [N]
-    real(wp), dimension(3, self%mesh%nodes) :: moved, momentum
+    real(wp), dimension(3, self%dofs%blocks) :: moved, momentum
     real(wp) :: before
     associate (s => self%state, old => self%accepted, e => self%energy)
       ! the first static step brings the weight up from nothing, as it does all loads
@@ -316,16 +326,16 @@ contains
     class(fem_body_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
     type(fem_solver_type) :: solver
-    real(wp), dimension(3, self%mesh%nodes) :: internal, residual, inertia
+    real(wp), dimension(3, self%dofs%blocks) :: internal, residual, inertia
     real(wp), allocatable :: none(:, :, :)
-    logical :: fixed(3, self%mesh%nodes)
+    logical :: fixed(3, self%dofs%blocks)
 
     call self%external_at(self%state%time, self%state%external)
     call self%internal_force(self%state%u, internal)
     residual = self%state%external - internal
     fixed = self%held .or. self%prescribed
     if (maxval(abs(residual)) > 0.0_wp) then
-      call solver%number(self%pattern, fixed, errors)
+      call solver%number(self%dofs, self%pattern, fixed, errors)
       if (errors%any()) return
       allocate (none(3, 3, size(self%mass)), source=0.0_wp)
       call solver%factor(self%pattern, none, self%mass, 1.0_wp, errors)
@@ -353,7 +363,7 @@ contains
   !> Ledger of an explicit state with lumped mass; loads by what moved since the accepted state.
   subroutine explicit_energy(self)
     class(fem_body_type), intent(inout) :: self
-    real(wp), dimension(3, self%mesh%nodes) :: internal
+    real(wp), dimension(3, self%dofs%blocks) :: internal
     integer(i4) :: i
     call self%internal_force(self%state%u, internal)
     self%state%tie = 0.0_wp
@@ -361,7 +371,7 @@ contains
                                 self%held .or. self%prescribed)
     call self%update_energy(internal)
     self%energy%kinetic = 0.0_wp
-    do i = 1, self%mesh%nodes
+    do i = 1, self%dofs%blocks
       self%energy%kinetic = self%energy%kinetic + 0.5_wp*self%lumped(i)*self%mass_factor(i) &
                             *sum(self%state%v(:, i)**2)
     end do

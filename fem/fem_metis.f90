@@ -5,6 +5,7 @@ module fem_metis
   use talus_kinds, only: i4
   use talus_errors, only: error_list_type
   use talus_text, only: str
+  use fem_dofs, only: fem_dofs_type
   use fem_sparse, only: fem_pattern_type
   implicit none
   private
@@ -26,16 +27,17 @@ module fem_metis
 contains
 
   !> Position of each node in the elimination order, from 1.
-  subroutine dissect(pattern, position, errors)
+  subroutine dissect(dofs, pattern, position, errors)
+    type(fem_dofs_type), intent(in) :: dofs
     type(fem_pattern_type), intent(in) :: pattern
     integer(i4), allocatable, intent(out) :: position(:)
     type(error_list_type), intent(inout) :: errors
     integer(c_int), allocatable :: xadj(:), adjncy(:), perm(:), iperm(:)
     integer(c_int) :: status
 
-    call full_graph(pattern, xadj, adjncy)
-    allocate (perm(pattern%nodes), iperm(pattern%nodes))
-    status = metis_node_nd(int(pattern%nodes, c_int), xadj, adjncy, c_null_ptr, c_null_ptr, &
+    call full_graph(dofs%nodes, pattern, xadj, adjncy)
+    allocate (perm(dofs%nodes), iperm(dofs%nodes))
+    status = metis_node_nd(int(dofs%nodes, c_int), xadj, adjncy, c_null_ptr, c_null_ptr, &
       perm, iperm)
     if (status /= metis_ok) then
       call errors%add('S301', 'METIS could not order the nodes (status '//str(int(status, i4))// &
@@ -46,30 +48,34 @@ contains
     position = int(iperm, i4) + 1
   end subroutine dissect
 
-  !> Both triangles of the pattern without the diagonal, counted from 0 as METIS wants them.
-  subroutine full_graph(pattern, xadj, adjncy)
+  !> Both triangles of the pattern of the displacements (all nodes of an element have them)
+  !! without the diagonal, counted from 0 as METIS wants them.
+  subroutine full_graph(nodes, pattern, xadj, adjncy)
+    integer(i4), intent(in) :: nodes
     type(fem_pattern_type), intent(in) :: pattern
     integer(c_int), allocatable, intent(out) :: xadj(:), adjncy(:)
     integer(c_int), allocatable :: next(:)
     integer(i4) :: i, j, p
 
-    allocate (xadj(pattern%nodes + 1))
+    allocate (xadj(nodes + 1))
     xadj = 0
-    do i = 1, pattern%nodes
+    do i = 1, nodes
       do p = pattern%start(i) + 1, pattern%start(i + 1) - 1
         j = pattern%column(p)
+        if (j > nodes) exit
         xadj(i + 1) = xadj(i + 1) + 1
         xadj(j + 1) = xadj(j + 1) + 1
       end do
     end do
-    do i = 1, pattern%nodes
+    do i = 1, nodes
       xadj(i + 1) = xadj(i) + xadj(i + 1)
     end do
     next = xadj + 1
-    allocate (adjncy(xadj(pattern%nodes + 1)))
-    do i = 1, pattern%nodes
+    allocate (adjncy(xadj(nodes + 1)))
+    do i = 1, nodes
       do p = pattern%start(i) + 1, pattern%start(i + 1) - 1
         j = pattern%column(p)
+        if (j > nodes) exit
         adjncy(next(i)) = int(j - 1, c_int)
         next(i) = next(i) + 1
         adjncy(next(j)) = int(i - 1, c_int)

@@ -190,7 +190,7 @@ contains
     call self%log%section('Model')
     call self%log%item('nodes', str(self%body%mesh%nodes))
     call self%log%item('elements', str(self%body%mesh%elements))
-    call self%log%item('mass', str(sum(self%body%lumped))//' kg')
+    call self%log%item('mass', str(sum(self%body%lumped(:self%body%mesh%nodes)))//' kg')
     if (self%start_time >= 0.0_wp) call self%log%item('goes on from', str(self%start_time)//' s')
     call self%log_factors()
     call self%log%memory()

@@ -49,7 +49,7 @@ contains
     case ('mesh')
       call reply%put_int('id', [(k, k=1, body%mesh%nodes)])
       call reply%put('x', body%mesh%x)
-      call reply%put('mass_u', body%lumped)
+      call reply%put('mass_u', body%lumped(:body%mesh%nodes))
       call reply%put_int('connectivity', body%mesh%hex8)
     case ('facets')
       g = find_group(body%mesh, group, [group_facet])
@@ -276,7 +276,7 @@ contains
   subroutine put_scalars(body, reply)
     type(fem_body_type), intent(in) :: body
     type(message_type), intent(inout) :: reply
-    real(wp) :: scalars(scalar_count), p(3, body%mesh%nodes), x(3)
+    real(wp) :: scalars(scalar_count), p(3, body%dofs%blocks), x(3)
     integer(i4) :: i
 
     scalars = 0.0_wp
@@ -288,7 +288,7 @@ contains
     scalars(scalar_step_limit) = huge(1.0_wp)
     if (body%dynamic) then
       call multiply_mass(body%pattern, body%mass, body%state%v, p)
-      scalars(scalar_momentum:scalar_momentum + 2) = sum(p, 2)
+      scalars(scalar_momentum:scalar_momentum + 2) = sum(p(:, :body%mesh%nodes), 2)
       associate (l => scalars(scalar_angular_momentum:scalar_angular_momentum + 2))
         do i = 1, body%mesh%nodes
           x = body%mesh%x(:, i) + body%state%u(:, i)

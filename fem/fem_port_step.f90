@@ -114,7 +114,7 @@ contains
     if (errors%any()) return
     associate (body => model%body)
       where (body%prescribed) body%state%u = body%given_u
-      allocate (f(3, body%mesh%nodes))
+      allocate (f(3, body%dofs%blocks))
       if (scope == 'interface') then
         call body%interface_force(body%state%u, f)
       else
@@ -148,11 +148,11 @@ contains
     call request%all_read(errors)
     if (errors%any()) return
     associate (body => model%body)
-      allocate (f(3, body%mesh%nodes), external(3, body%mesh%nodes))
+      allocate (f(3, body%dofs%blocks), external(3, body%dofs%blocks))
       where (body%prescribed) body%state%u = body%given_u
       call body%internal_force(body%state%u, f)
       call body%external_at(request%t0, external)
-      do i = 1, body%mesh%nodes
+      do i = 1, body%dofs%blocks
         where (.not. (body%held(:, i) .or. body%prescribed(:, i)))
           body%state%v(:, i) = body%state%v(:, i) + kick*(external(:, i) - f(:, i)) &
                                /(body%lumped(i)*body%mass_factor(i))

@@ -62,8 +62,8 @@ contains
     if (errors%any()) return
     call file%get('/state/u', u, errors)
     if (.not. errors%any()) then
-      if (size(u, 2) /= body%mesh%nodes) call errors%add('I306', 'the checkpoint has '// &
-        str(int(size(u, 2), i4))//' nodes, the mesh '//str(body%mesh%nodes), path, &
+      if (size(u, 2) /= body%dofs%blocks) call errors%add('I306', 'the checkpoint has '// &
+        str(int(size(u, 2), i4))//' blocks of unknowns, the model '//str(body%dofs%blocks), path, &
         'restart with the mesh that wrote it')
     end if
     if (.not. errors%any()) then

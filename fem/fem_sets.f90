@@ -31,7 +31,7 @@ contains
     type(fem_body_type), intent(inout) :: body
     logical, intent(out) :: changed
     type(error_list_type), intent(inout) :: errors
-    logical :: before(3, body%mesh%nodes)
+    logical :: before(3, body%dofs%blocks)
     integer(i4) :: k, r
 
     changed = .false.

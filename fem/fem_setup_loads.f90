@@ -30,7 +30,7 @@ contains
       call read_curve(deck, body, 'traction', s, load%curve, errors)
       if (g == 0) cycle
       call deck%get('traction', s, 'value', value)
-      load%force = 0.0_wp*body%mesh%x
+      load%force = 0.0_wp*body%state%u
       call traction_force(body%mesh, body%mesh%group(g)%facet, value, load%force)
       call append_load(body%load, load)
     end do
@@ -48,7 +48,7 @@ contains
       call deck%get('point_load', s, 'node', node)
       call deck%get('point_load', s, 'force', force)
       call read_curve(deck, body, 'point_load', s, load%curve, errors)
-      load%force = 0.0_wp*body%mesh%x
+      load%force = 0.0_wp*body%state%u
       before = errors%count
       if (node > body%mesh%nodes) then
         call deck%fault(errors, 'D307', 'there is no node '//str(node)//', the mesh has '// &

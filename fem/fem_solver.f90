@@ -2,6 +2,7 @@
 module fem_solver
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
+  use fem_dofs, only: fem_dofs_type
   use fem_sparse, only: fem_pattern_type
   use fem_metis, only: dissect
   use fem_mumps, only: mumps_type
@@ -12,7 +13,7 @@ module fem_solver
   !> Factors of K_ff and what leads to them.
   type :: fem_solver_type
     integer(i4) :: free = 0                      !! free degrees of freedom
-    integer(i4), allocatable :: equation(:, :)   !! (3, nodes) row, 0 = prescribed
+    integer(i4), allocatable :: equation(:, :)   !! (3, blocks) row, 0 = prescribed
     integer(i4), allocatable :: position(:)      !! (nodes) in the elimination order
     type(mumps_type) :: mumps
     integer(i4) :: factorisations = 0
@@ -26,15 +27,16 @@ module fem_solver
 contains
 
   !> Number the free degrees of freedom and analyse the pattern.
-  subroutine number(self, pattern, fixed, errors)
+  subroutine number(self, dofs, pattern, fixed, errors)
     class(fem_solver_type), intent(inout) :: self
+    type(fem_dofs_type), intent(in) :: dofs
     type(fem_pattern_type), intent(in) :: pattern
-    logical, intent(in) :: fixed(:, :)  !! (3, nodes) supported or prescribed
+    logical, intent(in) :: fixed(:, :)  !! (3, blocks) supported or prescribed
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: irn(:), jcn(:), order(:)
     integer(i4) :: i, c
 
-    if (.not. allocated(self%position)) call dissect(pattern, self%position, errors)
+    if (.not. allocated(self%position)) call dissect(dofs, pattern, self%position, errors)
     if (errors%any()) return
     if (allocated(self%equation)) deallocate (self%equation)
     allocate (self%equation(3, pattern%nodes))
@@ -49,7 +51,7 @@ contains
     end do
     if (self%free == 0) return
     call entries_of(self, pattern, irn, jcn)
-    call elimination(self, order)
+    call elimination(self, dofs, order)
     call self%mumps%analyse(self%free, irn, jcn, order, errors)
     if (allocated(self%value)) deallocate (self%value, self%right)
     allocate (self%value(size(irn)), self%right(self%free))
@@ -82,25 +84,35 @@ contains
     end do
   end subroutine entries_of
 
-  !> Elimination order of the equations: by node position, then by component.
-  subroutine elimination(self, order)
+  !> Elimination order of the equations: by node position, then by field, then by component.
+  subroutine elimination(self, dofs, order)
     class(fem_solver_type), intent(in) :: self
+    type(fem_dofs_type), intent(in) :: dofs
     integer(i4), allocatable, intent(out) :: order(:)
     integer(i4), allocatable :: node_at(:)
-    integer(i4) :: i, c, n
+    integer(i4) :: i, n
 
-    allocate (node_at(size(self%position)), order(self%free))
-    do i = 1, size(self%position)
+    allocate (node_at(dofs%nodes), order(self%free))
+    do i = 1, dofs%nodes
       node_at(self%position(i)) = i
     end do
     n = 0
-    do i = 1, size(node_at)
-      do c = 1, 3
-        if (self%equation(c, node_at(i)) == 0) cycle
-        n = n + 1
-        order(self%equation(c, node_at(i))) = n
-      end do
+    do i = 1, dofs%nodes
+      call take(node_at(i))
+      if (dofs%phi(node_at(i)) > 0) call take(dofs%phi(node_at(i)))
     end do
+
+  contains
+
+    subroutine take(block)
+      integer(i4), intent(in) :: block
+      integer(i4) :: c
+      do c = 1, 3
+        if (self%equation(c, block) == 0) cycle
+        n = n + 1
+        order(self%equation(c, block)) = n
+      end do
+    end subroutine take
   end subroutine elimination
 
   !> Factor K + mass_factor M (blocks of the pattern).
@@ -132,7 +144,7 @@ contains
     self%factorisations = self%factorisations + 1
   end subroutine factor
 
-  !> du(3, nodes) from residual(3, nodes); prescribed entries of du are zero.
+  !> du(3, blocks) from residual(3, blocks); prescribed entries of du are zero.
   subroutine solve(self, residual, du, errors)
     class(fem_solver_type), intent(inout) :: self
     real(wp), intent(in) :: residual(:, :)

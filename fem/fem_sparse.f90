@@ -1,52 +1,50 @@
-!> Symmetric matrix of 3 x 3 node blocks on the pattern of the mesh: upper triangle by rows.
+!> Symmetric matrix of 3 x 3 blocks on the pattern of the fields: upper triangle by rows.
 !!
-!! The pattern is made once; stiffness and mass share it (mass is a scalar a node pair).
+!! The pattern is made once; stiffness and mass share it (mass is a scalar a pair of blocks).
 module fem_sparse
   use talus_kinds, only: wp, i4
-  use fem_types, only: fem_mesh_type, fem_elastic_type, fem_springs_type
-  use fem_hex8, only: hex8_geometry, hex8_geometry_type, hex8_stiffness, gauss_shape, hex8_points
+  use fem_dofs, only: fem_dofs_type
+  use fem_types, only: fem_springs_type
   implicit none
   private
-  public :: fem_pattern_type, make_pattern, assemble_stiffness, assemble_mass, add_springs
+  public :: fem_pattern_type, make_pattern, scatter, place, add_springs
   public :: multiply, multiply_mass, lumped_mass, block_diagonal, share_element
-
-  integer(i4), parameter :: batch = 512  !! elements whose matrices are held at once
 
   !> Rows of the upper triangle: row n has the columns column(start(n):start(n+1)-1), all >= n.
   type :: fem_pattern_type
-    integer(i4) :: nodes = 0
+    integer(i4) :: nodes = 0  !! rows: one a block
     integer(i4), allocatable :: start(:), column(:)
   end type fem_pattern_type
 
 contains
 
-  !> Pattern of a mesh; springs on facets fit into it, their nodes share an element.
-  subroutine make_pattern(mesh, pattern)
-    type(fem_mesh_type), intent(in) :: mesh
+  !> Pattern of the fields of a mesh; springs on facets fit into it, their nodes share an element.
+  subroutine make_pattern(dofs, pattern)
+    type(fem_dofs_type), intent(in) :: dofs
     type(fem_pattern_type), intent(out) :: pattern
-    integer(i4), allocatable :: count(:), first(:), list(:), mark(:)
+    integer(i4), allocatable :: first(:), list(:), mark(:)
     integer(i4) :: e, n, k, total, a
     integer(i4) :: pass
 
-    pattern%nodes = mesh%nodes
-    call elements_of_nodes(mesh, first, list)
-    allocate (count(mesh%nodes), mark(mesh%nodes), pattern%start(mesh%nodes + 1))
+    pattern%nodes = dofs%blocks
+    call elements_of_blocks(dofs, first, list)
+    allocate (mark(dofs%blocks), pattern%start(dofs%blocks + 1))
     do pass = 1, 2
       mark = 0
       total = 0
-      do n = 1, mesh%nodes
+      do n = 1, dofs%blocks
         if (pass == 2) pattern%start(n) = total + 1
         do k = first(n), first(n + 1) - 1
           e = list(k)
-          do a = 1, 8
-            call take(mesh%hex8(a, e))
+          do a = dofs%start(e), dofs%start(e + 1) - 1
+            call take(dofs%block(a))
           end do
         end do
         if (pass == 2) call sort(pattern%column(pattern%start(n):total))
       end do
       if (pass == 1) allocate (pattern%column(total))
     end do
-    pattern%start(mesh%nodes + 1) = total + 1
+    pattern%start(dofs%blocks + 1) = total + 1
 
   contains
 
@@ -59,35 +57,33 @@ contains
     end subroutine take
   end subroutine make_pattern
 
-  !> CSR list of the elements at each node.
-  subroutine elements_of_nodes(mesh, first, list)
-    type(fem_mesh_type), intent(in) :: mesh
+  !> CSR list of the elements at each block.
+  subroutine elements_of_blocks(dofs, first, list)
+    type(fem_dofs_type), intent(in) :: dofs
     integer(i4), allocatable, intent(out) :: first(:), list(:)
     integer(i4), allocatable :: next(:)
     integer(i4) :: e, a, n
 
-    allocate (first(mesh%nodes + 1), list(8*mesh%elements))
+    allocate (first(dofs%blocks + 1), list(size(dofs%block)))
     first = 0
-    do e = 1, mesh%elements
-      do a = 1, 8
-        first(mesh%hex8(a, e) + 1) = first(mesh%hex8(a, e) + 1) + 1
-      end do
+    do a = 1, size(dofs%block)
+      first(dofs%block(a) + 1) = first(dofs%block(a) + 1) + 1
     end do
     first(1) = 1
-    do n = 1, mesh%nodes
+    do n = 1, dofs%blocks
       first(n + 1) = first(n) + first(n + 1)
     end do
     next = first
-    do e = 1, mesh%elements
-      do a = 1, 8
-        n = mesh%hex8(a, e)
+    do e = 1, size(dofs%start) - 1
+      do a = dofs%start(e), dofs%start(e + 1) - 1
+        n = dofs%block(a)
         list(next(n)) = e
         next(n) = next(n) + 1
       end do
     end do
-  end subroutine elements_of_nodes
+  end subroutine elements_of_blocks
 
-  !> Insertion sort; rows have about fourteen entries.
+  !> Insertion sort; rows have about fourteen entries (hex8).
   pure subroutine sort(list)
     integer(i4), intent(inout) :: list(:)
     integer(i4) :: i, j, value
@@ -138,95 +134,25 @@ contains
     end do
   end function share_element
 
-  !> Stiffness blocks k(3, 3, entries) [N/m]. Elements are worked in parallel, added in order.
-  subroutine assemble_stiffness(mesh, elastic, pattern, k)
-    type(fem_mesh_type), intent(in) :: mesh
-    type(fem_elastic_type), intent(in) :: elastic
-    type(fem_pattern_type), intent(in) :: pattern
-    real(wp), allocatable, intent(inout) :: k(:, :, :)
-    real(wp), allocatable :: ke(:, :, :, :, :)
-    type(hex8_geometry_type) :: geometry
-    integer(i4) :: e, first, last
-
-    if (.not. allocated(k)) allocate (k(3, 3, size(pattern%column)))
-    k = 0.0_wp
-    allocate (ke(3, 3, 8, 8, batch))
-    do first = 1, mesh%elements, batch
-      last = min(first + batch - 1, mesh%elements)
-      !$omp parallel do default(none) shared(mesh, elastic, ke, first, last) private(e, geometry) &
-      !$omp schedule(static)
-      do e = first, last
-        call hex8_geometry(mesh%x(:, mesh%hex8(:, e)), geometry)
-        call hex8_stiffness(geometry, bulk(elastic, e), shear(elastic, e), elastic%factor(:, e), &
-                            elastic%bbar(e), ke(:, :, :, :, e - first + 1))
-      end do
-      !$omp end parallel do
-      do e = first, last
-        call scatter(mesh%hex8(:, e), pattern, ke(:, :, :, :, e - first + 1), k)
-      end do
-    end do
-  end subroutine assemble_stiffness
-
-  pure real(wp) function bulk(elastic, e)
-    type(fem_elastic_type), intent(in) :: elastic
-    integer(i4), intent(in) :: e
-    bulk = elastic%young(e)/(3.0_wp*(1.0_wp - 2.0_wp*elastic%poisson(e)))
-  end function bulk
-
-  pure real(wp) function shear(elastic, e)
-    type(fem_elastic_type), intent(in) :: elastic
-    integer(i4), intent(in) :: e
-    shear = elastic%young(e)/(2.0_wp*(1.0_wp + elastic%poisson(e)))
-  end function shear
-
   !> Add the blocks a <= b of an element; a pair whose global order is turned is transposed.
-  pure subroutine scatter(node, pattern, ke, k)
-    integer(i4), intent(in) :: node(8)
+  pure subroutine scatter(block, pattern, ke, k)
+    integer(i4), intent(in) :: block(:)
     type(fem_pattern_type), intent(in) :: pattern
-    real(wp), intent(in) :: ke(3, 3, 8, 8)
+    real(wp), intent(in) :: ke(:, :, :, :)
     real(wp), intent(inout) :: k(:, :, :)
     integer(i4) :: a, b, p
-    do b = 1, 8
+    do b = 1, size(block)
       do a = 1, b
-        if (node(a) <= node(b)) then
-          p = place(pattern, node(a), node(b))
+        if (block(a) <= block(b)) then
+          p = place(pattern, block(a), block(b))
           k(:, :, p) = k(:, :, p) + ke(:, :, a, b)
         else
-          p = place(pattern, node(b), node(a))
+          p = place(pattern, block(b), block(a))
           k(:, :, p) = k(:, :, p) + transpose(ke(:, :, a, b))
         end if
       end do
     end do
   end subroutine scatter
-
-  !> Consistent mass: one scalar a node pair [kg].
-  subroutine assemble_mass(mesh, elastic, pattern, mass)
-    type(fem_mesh_type), intent(in) :: mesh
-    type(fem_elastic_type), intent(in) :: elastic
-    type(fem_pattern_type), intent(in) :: pattern
-    real(wp), allocatable, intent(inout) :: mass(:)
-    type(hex8_geometry_type) :: geometry
-    real(wp) :: n(8, hex8_points), w
-    integer(i4) :: e, a, b, q, i, j, p
-
-    if (.not. allocated(mass)) allocate (mass(size(pattern%column)))
-    mass = 0.0_wp
-    do q = 1, hex8_points
-      n(:, q) = gauss_shape(q)
-    end do
-    do e = 1, mesh%elements
-      call hex8_geometry(mesh%x(:, mesh%hex8(:, e)), geometry)
-      do b = 1, 8
-        do a = 1, b
-          w = elastic%density(e)*sum(geometry%weight*n(a, :)*n(b, :))
-          i = min(mesh%hex8(a, e), mesh%hex8(b, e))
-          j = max(mesh%hex8(a, e), mesh%hex8(b, e))
-          p = place(pattern, i, j)
-          mass(p) = mass(p) + w
-        end do
-      end do
-    end do
-  end subroutine assemble_mass
 
   !> Add springs, sum over points of N' k N, to the stiffness; their nodes share an element.
   subroutine add_springs(springs, pattern, k)
@@ -295,7 +221,7 @@ contains
     end do
   end subroutine multiply_mass
 
-  !> Row sums of the mass: positive for hex8 [kg].
+  !> Row sums of the mass [kg].
   pure function lumped_mass(pattern, mass) result(lumped)
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), intent(in) :: mass(:)

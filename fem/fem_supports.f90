@@ -4,6 +4,7 @@ module fem_supports
   use talus_errors, only: error_list_type
   use talus_text, only: str
   use fem_types, only: fem_mesh_type, fem_springs_type
+  use fem_dofs, only: fem_dofs_type
   use fem_sparse, only: fem_pattern_type
   implicit none
   private
@@ -25,10 +26,11 @@ module fem_supports
 contains
 
   !> Fault I307 for every part that can still move as a rigid body.
-  subroutine check_supports(mesh, pattern, fixed, springs, errors)
+  subroutine check_supports(mesh, dofs, pattern, fixed, springs, errors)
     type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
     type(fem_pattern_type), intent(in) :: pattern
-    logical, intent(in) :: fixed(:, :)             !! (3, nodes)
+    logical, intent(in) :: fixed(:, :)             !! (3, blocks)
     type(fem_springs_type), intent(in) :: springs
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: part(:)
@@ -37,13 +39,13 @@ contains
 
     call connected_parts(pattern, part, parts)
     call part_centres(mesh, part, parts, centre)
-    call hold(mesh, part, fixed, springs, centre, gram)
+    call hold(mesh, dofs, part, fixed, springs, centre, gram)
     do p = 1, parts
       call judge(mesh, part, p, gram(:, :, p), errors)
     end do
   end subroutine check_supports
 
-  !> Part number of each node.
+  !> Part number of each block.
   subroutine connected_parts(pattern, part, parts)
     type(fem_pattern_type), intent(in) :: pattern
     integer(i4), allocatable, intent(out) :: part(:)
@@ -96,9 +98,11 @@ contains
     end do
   end subroutine part_centres
 
-  !> Sum of R'R over held degrees of freedom, R the six rigid motions (lengths scaled to the body).
-  subroutine hold(mesh, part, fixed, springs, centre, gram)
+  !> Sum of R'R over held degrees of freedom, R the six rigid motions (lengths scaled to the body);
+  !! a micro-rotation follows the rotation of the body.
+  subroutine hold(mesh, dofs, part, fixed, springs, centre, gram)
     type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
     integer(i4), intent(in) :: part(:)
     logical, intent(in) :: fixed(:, :)
     type(fem_springs_type), intent(in) :: springs
@@ -113,6 +117,13 @@ contains
     do i = 1, mesh%nodes
       motion = rigid((mesh%x(:, i) - centre(:, part(i)))/length)
       do c = 1, 3
+        if (fixed(c, i)) call add(gram(:, :, part(i)), motion(c, :))
+      end do
+    end do
+    do i = mesh%nodes + 1, dofs%blocks
+      do c = 1, 3
+        motion = 0.0_wp
+        motion(c, 3 + c) = 1.0_wp
         if (fixed(c, i)) call add(gram(:, :, part(i)), motion(c, :))
       end do
     end do
@@ -171,7 +182,7 @@ contains
       ' of 6 rigid motions are free, the '// &
                     'first is mostly a '//trim(names(kind)), &
                     'the part with node '//str(int(findloc(part, p, 1), i4))//' ('// &
-                    str(count(part == p))//' of '//str(mesh%nodes)//' nodes)', &
+                    str(count(part(:mesh%nodes) == p))//' of '//str(mesh%nodes)//' nodes)', &
                     'add a &support, or springs, that stop it')
   end subroutine judge
 end module fem_supports
