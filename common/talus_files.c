@@ -14,6 +14,7 @@ int talus_c_mkdirs(const char *path);
 int talus_c_rename(const char *from, const char *to);
 int talus_c_link(const char *from, const char *to);
 int talus_c_unlink(const char *path);
+int talus_c_rmdir(const char *path);
 int talus_c_sync_path(const char *path);
 int talus_c_stat(const char *path, int64_t *size, double *changed, int *is_folder);
 int64_t talus_c_disk_free(const char *folder);
@@ -59,6 +60,11 @@ int talus_c_link(const char *from, const char *to)
 int talus_c_unlink(const char *path)
 {
     return unlink(path) == 0 ? 0 : errno;
+}
+
+int talus_c_rmdir(const char *path)
+{
+    return rmdir(path) == 0 ? 0 : errno;
 }
 
 /* fsync of a file or a folder; file systems that cannot sync a folder are forgiven. */

@@ -11,7 +11,8 @@ module talus_files
   implicit none
   private
   public :: file_exists, folder_exists, file_size, file_changed, disk_free, list_files
-  public :: make_folder, rename_file, link_file, remove_file, sync_file, sync_folder
+  public :: make_folder, remove_empty_folder
+  public :: rename_file, link_file, remove_file, sync_file, sync_folder
   public :: open_append, write_text, close_file, truncate_file, replace_file, read_file, write_fault
   public :: folder_of, name_of, stem_of
 
@@ -35,6 +36,10 @@ module talus_files
       import :: c_char, c_int
       character(kind=c_char), intent(in) :: path(*)
     end function c_unlink
+    integer(c_int) function c_rmdir(path) bind(c, name='talus_c_rmdir')
+      import :: c_char, c_int
+      character(kind=c_char), intent(in) :: path(*)
+    end function c_rmdir
     integer(c_int) function c_sync_path(path) bind(c, name='talus_c_sync_path')
       import :: c_char, c_int
       character(kind=c_char), intent(in) :: path(*)
@@ -196,6 +201,13 @@ contains
     call errors%add('S007', "'"//path//"' cannot be removed: "//system_error_text(stat), path, &
                     'look at the folder')
   end subroutine remove_file
+
+  !> Remove a folder if nothing is in it.
+  subroutine remove_empty_folder(path)
+    character(len=*), intent(in) :: path
+    integer(i4) :: stat
+    stat = c_rmdir(c_string(path))
+  end subroutine remove_empty_folder
 
   !> Bring a closed file to the disk.
   subroutine sync_file(path, errors)

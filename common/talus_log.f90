@@ -28,6 +28,7 @@ module talus_log
     character(len=:), allocatable :: path
     logical :: screen = .true.                             !! also to standard output
     integer(i4), private :: descriptor = -1
+    character(len=:), allocatable, private :: kept         !! lines for a file that is opened later
     logical, private :: terminal = .false.
     logical, private :: bar_drawn = .false.
     real(wp), private :: begun = 0.0_wp                    !! wall clock at open [s]
@@ -36,6 +37,7 @@ module talus_log
     real(wp), private :: next_bar = 0.0_wp                 !! [s]
     integer(i4), allocatable, private :: width(:)          !! of the columns of rows
   contains
+    procedure :: hold
     procedure :: open => open_log
     procedure :: line
     procedure :: section
@@ -58,6 +60,14 @@ module talus_log
 
 contains
 
+  !> Begin a log on the screen; its lines also go to the file that `open` makes later.
+  subroutine hold(self)
+    class(log_type), intent(inout) :: self
+    type(error_list_type) :: none
+    call self%open('', none)
+    self%kept = ''
+  end subroutine hold
+
   !> Begin a log; with an empty path it goes to the screen only.
   subroutine open_log(self, path, errors, append, screen)
     class(log_type), intent(inout) :: self
@@ -71,6 +81,13 @@ contains
     fresh = .true.
     if (present(append)) fresh = .not. append
     if (present(screen)) self%screen = screen
+    if (allocated(self%kept)) then
+      call open_append(path, fresh, self%descriptor, errors)
+      if (self%descriptor >= 0) &
+        call write_text(self%descriptor, path, self%kept, errors)
+      deallocate (self%kept)
+      return
+    end if
     self%terminal = self%screen .and. is_terminal(1_i4)
     self%begun = wall_clock()
     self%next_row = self%begun
@@ -93,6 +110,7 @@ contains
       write (output_unit, '(a)', iostat=stat) text
       flush (output_unit, iostat=stat)
     end if
+    if (allocated(self%kept)) self%kept = self%kept//text//new_line('a')
     if (self%descriptor < 0) return
     call write_text(self%descriptor, self%path, text//new_line('a'), errors)
     if (.not. errors%any()) return

@@ -10,8 +10,10 @@ module cpl_model
   use talus_deck, only: deck_type
   use talus_deck_table, only: key_table_type
   use talus_checkpoint, only: checkpoint_type
-  use talus_files, only: make_folder, folder_of, stem_of
+  use talus_files, only: make_folder, remove_empty_folder, remove_file, folder_exists, &
+    folder_of, stem_of
   use talus_hash, only: hash_file, hash_text
+  use talus_lock, only: lock_type
   use talus_log, only: log_type, short_number
   use talus_message, only: verb_checkpoint
   use talus_stop, only: stop_type, stop_none
@@ -48,12 +50,15 @@ module cpl_model
     type(stop_type) :: stop
     type(timers_type) :: timers
     type(log_type) :: log
+    type(lock_type) :: lock
     character(len=:), allocatable :: stem
     character(len=:), allocatable :: run_id
     type(string_type), allocatable :: warnings(:)
     integer(i4) :: keep = 2
     logical :: again = .false.             !! goes on from a checkpoint
-    logical :: opened = .false.            !! the log is open
+    logical :: begun_log = .false.         !! the log is on the screen
+    logical :: opened = .false.            !! the log is a file
+    logical :: new_folder = .false.        !! the folder of the results was made by this run
     logical :: running = .false.           !! exchanges have begun
     logical :: stopped = .false.           !! left early on request
     real(wp) :: begun = 0.0_wp             !! elapsed time when the exchanges began [s]
@@ -66,6 +71,8 @@ module cpl_model
     procedure :: prepare
     procedure :: run
     procedure :: finish
+    procedure, private :: open_log
+    procedure, private :: close_all
     procedure, private :: time_of
     procedure, private :: overhead
     procedure, private :: rebuild
@@ -99,7 +106,8 @@ contains
     call read_solvers(self%deck, self%stem, self%solvers, errors)
   end subroutine read_run
 
-  !> Log, signals, checkpoint to go on from.
+  !> Lock, signals, checkpoint to go on from; the log, which goes to its file when both solvers and
+  !! the facet map are found good.
   subroutine open_run(self, errors)
     class(cpl_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
@@ -107,7 +115,9 @@ contains
     real(wp) :: wall_limit
     integer(i4) :: k
 
+    self%new_folder = .not. folder_exists(folder_of(self%stem))
     call make_folder(folder_of(self%stem), errors)
+    if (.not. errors%any()) call self%lock%take(self%stem, program_name, errors)
     if (errors%any()) return
     call self%deck%get('checkpoint', 1, 'keep', self%keep)
     call self%checkpoint%init(self%stem, program_name, self%deck%hash(), self%keep)
@@ -118,9 +128,8 @@ contains
       if (.not. self%again) call append_string(self%warnings, &
         'there is no manifest to go on from: a fresh run')
     end if
-    call self%log%open(self%stem//'.log', errors, append=self%again)
-    if (errors%any()) return
-    self%opened = .true.
+    call self%log%hold()
+    self%begun_log = .true.
     call begin_log(self%log, program_name, self%deck)
     if (self%again) then
       call self%log%item('goes on from', path, 'time '//str(self%manifest%time)//' s, exchange '// &
@@ -136,6 +145,14 @@ contains
     if (len(stop_file) > 0) stop_file = self%deck%path('run', 1, 'stop_file')
     call self%stop%init(wall_limit, stop_file)
   end subroutine open_run
+
+  !> From here on the log is also a file.
+  subroutine open_log(self, errors)
+    class(cpl_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    call self%log%open(self%stem//'.log', errors, append=self%again)
+    self%opened = .not. errors%any()
+  end subroutine open_log
 
   !> Launch, HELLO, map, sets, READY.
   subroutine prepare(self, errors)
@@ -160,6 +177,7 @@ contains
     call select_sets(self%face, self%solvers, self%timers, errors)
     if (self%again .and. .not. errors%any()) &
       call read_state(self%checkpoint, self%manifest%path(3)%s, self%face, errors)
+    if (.not. errors%any()) call self%open_log(errors)
     if (errors%any()) return
     call begin_interface(self%face, self%solvers, self%choices, self%again, self%timers, errors)
     if (errors%any()) return
@@ -318,7 +336,12 @@ contains
     call self%audit%file%close(errors)
     exit_code = errors%exit_code()
     if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped
-    if (.not. self%opened) return
+    if (self%begun_log .and. exit_code /= exit_input .and. .not. self%opened) &
+      call self%open_log(ignored)
+    if (.not. self%opened) then
+      call self%close_all(exit_code)
+      return
+    end if
     call self%log%faults(errors)
     if (self%running) then
       if (self%face%step > self%first_step) call self%write_row()
@@ -329,6 +352,22 @@ contains
     end if
     call self%log%finish(program_name, exit_code, 'time '//short_number(time)//' s, '// &
                          str(self%face%step)//' exchanges')
-    call self%log%close()
+    call self%close_all(exit_code)
   end subroutine finish
+
+  !> Log and lock; a run that was refused leaves nothing.
+  subroutine close_all(self, exit_code)
+    class(cpl_model_type), intent(inout) :: self
+    integer(i4), intent(in) :: exit_code
+    integer(i4) :: k
+    if (self%opened) call self%log%close()
+    if (exit_code == exit_input .and. .not. self%opened .and. self%begun_log) then
+      do k = 1, 2
+        call remove_file(self%solvers(k)%output)
+      end do
+    end if
+    call self%lock%release()
+    if (exit_code == exit_input .and. self%new_folder) &
+      call remove_empty_folder(folder_of(self%stem))
+  end subroutine close_all
 end module cpl_model

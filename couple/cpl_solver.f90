@@ -128,7 +128,9 @@ contains
           '` says all'
       end if
       fault%place = self%output
-      if (len(tail) > 0) fault%place = fault%place//', its end:'//new_line('a')//without_end(tail)
+      if (fault%code == 'I420') fault%place = self%deck
+      if (len(tail) > 0) fault%place = fault%place//', the end of its output:'//new_line('a')// &
+        without_end(tail)
     end associate
   end subroutine say_how_it_ended
 

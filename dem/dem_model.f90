@@ -12,6 +12,7 @@ module dem_model
   use talus_deck_table, only: key_table_type
   use talus_files, only: make_folder, folder_of, stem_of
   use talus_checkpoint, only: checkpoint_type
+  use talus_lock, only: lock_type
   use talus_log, only: log_type, short_number
   use talus_stop, only: stop_type, stop_none
   use talus_timers, only: timers_type
@@ -47,6 +48,7 @@ module dem_model
     type(stop_type) :: stop
     type(timers_type) :: timers
     type(log_type) :: log
+    type(lock_type) :: lock
     character(len=:), allocatable :: stem          !! of all files of the run
     character(len=:), allocatable :: restart_path  !! checkpoint gone on from, '' for none
     type(string_type), allocatable :: warnings(:)  !! for the log, once it is open
@@ -230,6 +232,7 @@ contains
 
     call self%watch_stops()
     call make_folder(folder_of(self%stem), errors)
+    if (.not. errors%any()) call self%lock%take(self%stem, program_name, errors)
     if (errors%any()) return
     call self%log%open(self%stem//'.log', errors, append=self%start_time >= 0.0_wp)
     if (errors%any()) return
@@ -410,6 +413,7 @@ contains
     call self%histories%close(errors)
     exit_code = errors%exit_code()
     if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped
+    if (.not. self%opened) call self%lock%release()
     if (.not. self%opened) return
     if (self%row_step < self%clock%steps) call self%write_row()
     call self%log%faults(errors)
@@ -421,5 +425,6 @@ contains
     call self%log%finish(program_name, exit_code, 'time '//short_number(self%clock%time())// &
                          ' s, '//str(self%clock%steps)//' steps')
     call self%log%close()
+    call self%lock%release()
   end subroutine finish
 end module dem_model

@@ -10,6 +10,7 @@ module fem_model
   use talus_deck_table, only: key_table_type
   use talus_files, only: make_folder, folder_of, stem_of
   use talus_checkpoint, only: checkpoint_type
+  use talus_lock, only: lock_type
   use talus_log, only: log_type, short_number
   use talus_stop, only: stop_type, stop_none
   use talus_summary, only: summary_type
@@ -36,6 +37,7 @@ module fem_model
     type(stop_type) :: stop
     type(timers_type) :: timers
     type(log_type) :: log
+    type(lock_type) :: lock
     character(len=:), allocatable :: stem
     type(string_type), allocatable :: warnings(:)
     real(wp) :: dt = 0.0_wp, t_end = 0.0_wp  !! [s]
@@ -178,6 +180,7 @@ contains
     integer(i4) :: k
 
     call make_folder(folder_of(self%stem), errors)
+    if (.not. errors%any()) call self%lock%take(self%stem, program_name, errors)
     if (errors%any()) return
     call self%log%open(self%stem//'.log', errors, append=self%start_time >= 0.0_wp)
     if (errors%any()) return
@@ -322,6 +325,7 @@ contains
     end if
     exit_code = errors%exit_code()
     if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped
+    if (.not. self%opened) call self%lock%release()
     if (.not. self%opened) return
     if (self%row_step < self%steps) call self%log_row()
     call self%log%health('energy error '//short_number(energy_error(self%body))//', '// &
@@ -341,5 +345,6 @@ contains
     call self%log%finish(program_name, exit_code, 'time '//short_number(self%body%accepted%time)// &
                          ' s, '//str(self%steps)//' steps', self%timers%elapsed())
     call self%log%close()
+    call self%lock%release()
   end subroutine finish
 end module fem_model

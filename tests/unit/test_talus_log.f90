@@ -3,7 +3,7 @@ program test_talus_log
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use talus_kinds, only: wp
   use talus_errors, only: error_list_type
-  use talus_files, only: read_file, remove_file
+  use talus_files, only: file_exists, read_file, remove_file
   use talus_log, only: log_type, short_number, duration_text
   use talus_system, only: process_id, install_signals
   use talus_test, only: test_type
@@ -21,11 +21,28 @@ program test_talus_log
   call numbers()
   call whole_log()
   call faults()
+  call held_back()
   call remove_file(path)
   deallocate (path)
   call test%finish()
 
 contains
+
+  !> Lines of a log that is held go to the file when it is opened; before, there is none.
+  subroutine held_back()
+    type(log_type) :: log
+    character(len=:), allocatable :: text
+    call remove_file(path)
+    log%screen = .false.
+    call log%hold()
+    call log%line('first')
+    call test%check('held: no file yet', .not. file_exists(path))
+    call log%open(path, errors)
+    call log%line('second')
+    call log%close()
+    call read_file(path, text, errors)
+    call test%check_text('held: all lines in order', text, 'first'//nl//'second'//nl)
+  end subroutine held_back
 
   subroutine numbers()
     call test%check_text('zero', short_number(0.0_wp), '0')

@@ -2,7 +2,8 @@
 
 Usage: run.py BIN SCRATCH
 20 kills of a solver at random moments, a solver that is stopped (SIGSTOP), SIGTERM to talus-couple
-and a restart, stop of talus-couple itself by SIGKILL. Prints 'N passed, M failed'.
+and a restart, stop of talus-couple itself by SIGKILL, a second run in the folder of a first one.
+Prints 'N passed, M failed'.
 """
 
 import os
@@ -226,10 +227,52 @@ def restarts(tally: Tally, binaries: Path, scratch: Path) -> None:
         tally.check(f"restart: {name} is that of the whole run", same)
 
 
+def second_run(tally: Tally, binaries: Path, scratch: Path) -> None:
+    """Refuse a run whose files another one writes; take the locks over once it was killed."""
+    folder = scratch / "second"
+    make_model(folder, 2.0)
+    first = Run(binaries, folder)
+    first.wait_for_solvers()
+    audit = folder / "coupled_audit.csv"
+    limit = time.monotonic() + 20.0
+    while time.monotonic() < limit and not (audit.exists() and audit.stat().st_size > 0):
+        time.sleep(0.02)
+    for program, deck in (
+        ("talus-couple", "coupled.nml"),
+        ("talus-dem", "grains.nml"),
+        ("talus-fem", "solid.nml"),
+    ):
+        if program == "talus-dem":
+            text = GRAINS.replace("&run ", "&run t_end = 1.0e-4,")
+            (folder / deck).write_text(text)
+        done = subprocess.run(
+            [str(binaries / program), deck], cwd=folder, capture_output=True, text=True, timeout=60
+        )
+        said = done.stdout + done.stderr
+        tally.check(f"second {program}: exit 4, not {done.returncode}", done.returncode == 4, said)
+        holder = first.pid if program == "talus-couple" else first.solvers[program]
+        named = "error S014" in said and f"process {holder} on host" in said
+        tally.check(f"second {program}: the holder {holder} is named", named, said)
+    tally.check("the first run goes on", first.process.poll() is None)
+    first.process.kill()
+    first.end()
+    left = first.left_behind()
+    tally.check(f"first run killed: nothing left behind: {left}", not left)
+    (folder / "grains.nml").write_text(GRAINS)
+    (folder / "coupled.nml").write_text(
+        COUPLED.format(t_end=1.0e-3, transport="shared_memory").replace("2.0e-3", "1.0e-3")
+    )
+    code, text = Run(binaries, folder).end()
+    tally.check(f"locks of dead runs are taken over: exit 0, not {code}", code == 0, text)
+    locks = [path.name for path in folder.glob("*.lock")]
+    tally.check(f"no lock stays: {locks}", not locks)
+
+
 def main() -> int:
     """Run all faults; return 1 if any check failed."""
     binaries, scratch = Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve()
     tally = Tally()
+    second_run(tally, binaries, scratch)
     restarts(tally, binaries, scratch)
     stopped_solver(tally, binaries, scratch)
     killed_coupler(tally, binaries, scratch)
