@@ -156,7 +156,8 @@ contains
       weights = spread(1.0_wp/6.0_wp, 1, 3)
     case (3:4)
       points = reshape([orbit3(0.445948490915964886_wp), orbit3(0.091576213509770743_wp)], [2, 6])
-      weights = 0.5_wp*[spread(0.223381589678011466_wp, 1, 3), spread(0.109951743655321868_wp, 1, 3)]
+      weights = 0.5_wp*[spread(0.223381589678011466_wp, 1, 3), &
+                        spread(0.109951743655321868_wp, 1, 3)]
     case (5)
       points = reshape([third, third, orbit3(0.470142064105115090_wp), &
                         orbit3(0.101286507323456339_wp)], [2, 7])
