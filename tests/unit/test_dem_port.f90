@@ -209,7 +209,7 @@ contains
     call choose('r', 'report', [20_i8, 30_i8], '')
     call choose('l', 'load', [30_i8], '')
     call ask%start(verb_advance, 1_i8, 0.0_wp, 1.0e-6_wp)
-    call expect('ADVANCE before READY', 'P258')
+    call expect('ADVANCE before READY', 'P021')
     call ask%start(verb_ready)
     call expect('READY', '')
     call reply%get('g.force', before, errors)

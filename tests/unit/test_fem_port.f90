@@ -213,7 +213,7 @@ contains
     call choose('s', 'surface', top, 'P301')
     call choose('l', 'load', [25_i8], 'P302')
     call ask_solve(1.0_wp, -2.5_wp)
-    call expect('SOLVE before READY', 'P303')
+    call expect('SOLVE before READY', 'P021')
     call ask_springs([1_i4, 2_i4, 3_i4, 24_i4])
     call expect('springs that are on no facet', 'P302')
     call ask_springs([21_i4, 22_i4, 23_i4, 99_i4])
@@ -443,7 +443,7 @@ contains
     call test%check_close('half of it', reaction, -0.075_wp*k_top - 2.0_wp, 1.0e-11_wp)
     call ask%start(verb_abort)
     call expect('ABORT', '')
-    call test%check('it ends with 3', child%wait(20.0_wp) .and. child%exit_code == 3)
+    call test%check('it ends with 4', child%wait(20.0_wp) .and. child%exit_code == 4)
     call port%close()
     call test%check('SET without faults', .not. errors%any())
   end subroutine matter

@@ -1,0 +1,315 @@
+!> The service of a solver at the exchange port: requests come in, replies go out.
+!!
+!! A solver extends `server_type` by what each verb does; order of the verbs, faults, restart tags
+!! and the end are the same for all. A fault of a request is told in its reply and the service goes
+!! on: what to do is the partner's decision. A numerical failure, or a fault before HELLO was
+!! answered, ends the run.
+module talus_serve
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type, exit_numerical
+  use talus_files, only: file_exists
+  use talus_hash, only: hash_file
+  use talus_message, only: message_type, protocol_version, verb_name, verb_hello, verb_describe, &
+    verb_select, verb_set, verb_ready, verb_accept, verb_reject, verb_checkpoint, verb_write, &
+    verb_stop, verb_abort
+  use talus_options, only: options_type
+  use talus_port, only: port_type
+  use talus_system, only: install_signals
+  implicit none
+  private
+  public :: server_type, serve_partner, restart_file
+
+  !> What every solver's service remembers, and what each solver must do.
+  type, abstract :: server_type
+    character(len=:), allocatable :: program  !! 'talus-dem'
+    logical :: greeted = .false.              !! HELLO was answered
+    logical :: begun = .false.                !! READY was answered
+    logical :: leave = .false.                !! STOP or ABORT came
+    integer(i4) :: exit_code = 0
+    type(error_list_type) :: fatal            !! faults that end the run
+  contains
+    procedure(take_options), deferred :: read      !! deck and input
+    procedure(answer_hello), deferred :: hello     !! first state or checkpoint; who we are
+    procedure(answer_describe), deferred :: describe
+    procedure(answer_select), deferred :: choose
+    procedure(answer_request), deferred :: set
+    procedure(answer), deferred :: ready           !! open files; state at zero duration
+    procedure(answer_request), deferred :: move    !! the step verbs
+    procedure(judge), deferred :: accept
+    procedure(judge), deferred :: reject
+    procedure(file_of), deferred :: save           !! CHECKPOINT
+    procedure(file_of), deferred :: write          !! WRITE
+    procedure(end_run), deferred :: finish         !! sets exit_code
+  end type server_type
+
+  abstract interface
+    subroutine take_options(self, options, errors)
+      import :: server_type, options_type, error_list_type
+      class(server_type), intent(inout) :: self
+      type(options_type), intent(in) :: options
+      type(error_list_type), intent(inout) :: errors
+    end subroutine take_options
+    subroutine answer_hello(self, restart, reply, errors)
+      import :: server_type, message_type, error_list_type
+      class(server_type), intent(inout) :: self
+      character(len=*), intent(in) :: restart  !! checkpoint, tag of one, 'auto' or ''
+      type(message_type), intent(inout) :: reply
+      type(error_list_type), intent(inout) :: errors
+    end subroutine answer_hello
+    subroutine answer_describe(self, what, group, reply, errors)
+      import :: server_type, message_type, error_list_type
+      class(server_type), intent(inout) :: self
+      character(len=*), intent(in) :: what, group
+      type(message_type), intent(inout) :: reply
+      type(error_list_type), intent(inout) :: errors
+    end subroutine answer_describe
+    subroutine answer_select(self, request, name, role, ids, reply, errors)
+      import :: server_type, message_type, error_list_type, i8
+      class(server_type), intent(inout) :: self
+      type(message_type), intent(inout) :: request  !! its fields are for the solver to read
+      character(len=*), intent(in) :: name, role
+      integer(i8), intent(in) :: ids(:)
+      type(message_type), intent(inout) :: reply
+      type(error_list_type), intent(inout) :: errors
+    end subroutine answer_select
+    subroutine answer_request(self, request, reply, errors)
+      import :: server_type, message_type, error_list_type
+      class(server_type), intent(inout) :: self
+      type(message_type), intent(inout) :: request, reply
+      type(error_list_type), intent(inout) :: errors
+    end subroutine answer_request
+    subroutine answer(self, reply, errors)
+      import :: server_type, message_type, error_list_type
+      class(server_type), intent(inout) :: self
+      type(message_type), intent(inout) :: reply
+      type(error_list_type), intent(inout) :: errors
+    end subroutine answer
+    subroutine judge(self, errors)
+      import :: server_type, error_list_type
+      class(server_type), intent(inout) :: self
+      type(error_list_type), intent(inout) :: errors
+    end subroutine judge
+    subroutine file_of(self, tag, path, errors)
+      import :: server_type, error_list_type
+      class(server_type), intent(inout) :: self
+      character(len=*), intent(in) :: tag
+      character(len=:), allocatable, intent(out) :: path
+      type(error_list_type), intent(inout) :: errors
+    end subroutine file_of
+    subroutine end_run(self, regular, early, errors)
+      import :: server_type, error_list_type
+      class(server_type), intent(inout) :: self
+      logical, intent(in) :: regular  !! by STOP
+      logical, intent(in) :: early    !! on request, before the end
+      type(error_list_type), intent(inout) :: errors
+    end subroutine end_run
+  end interface
+
+contains
+
+  !> Serve a partner until STOP, ABORT or its end; exit_code is that of the program.
+  subroutine serve_partner(server, options, errors)
+    class(server_type), intent(inout) :: server
+    type(options_type), intent(in) :: options
+    type(error_list_type), intent(inout) :: errors
+    type(port_type) :: port
+    type(message_type) :: request, reply
+    type(error_list_type) :: faults
+
+    call install_signals(.false.)
+    call port%connect(options%port, errors)
+    server%exit_code = errors%exit_code()
+    if (errors%any()) return
+    call server%read(options, faults)
+    call server%fatal%take(faults)
+    do while (.not. server%leave)
+      call port%receive(request, errors)
+      if (errors%any()) exit
+      call reply%answer(request)
+      call faults%clear()
+      if (server%fatal%any() .and. .not. leaving(request%verb)) then
+        call faults%take(server%fatal)
+      else
+        call handle(server, request, reply, faults)
+      end if
+      if (faults%any()) call reply%fail_with(faults)
+      if (.not. server%fatal%any() .and. faults%exit_code() == exit_numerical) &
+        call server%fatal%take(faults)
+      if (.not. server%leave) call port%beat()
+      call port%send(reply, errors)
+      if (errors%any() .or. (server%fatal%any() .and. .not. server%greeted)) exit
+    end do
+    call errors%take(server%fatal)
+    if (.not. server%leave) then
+      call server%finish(.false., .false., errors)
+      if (errors%any()) server%exit_code = errors%exit_code()
+    end if
+    call port%close()
+  end subroutine serve_partner
+
+  pure logical function leaving(verb)
+    integer(i4), intent(in) :: verb
+    leaving = verb == verb_stop .or. verb == verb_abort
+  end function leaving
+
+  !> Answer one request.
+  subroutine handle(server, request, reply, errors)
+    class(server_type), intent(inout) :: server
+    type(message_type), intent(inout) :: request, reply
+    type(error_list_type), intent(inout) :: errors  !! faults of this request
+
+    call check_order(server, request, errors)
+    if (errors%any()) return
+    select case (request%verb)
+    case (verb_hello)
+      call hello(server, request, reply, errors)
+    case (verb_describe)
+      call describe(server, request, reply, errors)
+    case (verb_select)
+      call choose(server, request, reply, errors)
+    case (verb_set)
+      call server%set(request, reply, errors)
+    case (verb_ready)
+      call request%all_read(errors)
+      if (.not. errors%any()) call server%ready(reply, errors)
+      server%begun = server%begun .or. .not. errors%any()
+    case (verb_accept, verb_reject)
+      call request%all_read(errors)
+      if (errors%any()) return
+      if (request%verb == verb_accept) call server%accept(errors)
+      if (request%verb == verb_reject) call server%reject(errors)
+    case (verb_checkpoint, verb_write)
+      call write_files(server, request, reply, errors)
+    case (verb_stop, verb_abort)
+      call leave(server, request, errors)
+    case default
+      call server%move(request, reply, errors)
+    end select
+  end subroutine handle
+
+  !> HELLO comes before all, READY before all that moves or judges (P021).
+  subroutine check_order(server, request, errors)
+    class(server_type), intent(in) :: server
+    type(message_type), intent(in) :: request
+    type(error_list_type), intent(inout) :: errors
+    if (leaving(request%verb) .or. request%verb == verb_hello) return
+    if (.not. server%greeted) then
+      call errors%add('P021', verb_name(request%verb)//' came before HELLO', request%place(), &
+                      'HELLO is the first request')
+      return
+    end if
+    select case (request%verb)
+    case (verb_describe, verb_select, verb_set, verb_ready, verb_checkpoint, verb_write)
+      return
+    end select
+    if (.not. server%begun) &
+      call errors%add('P021', verb_name(request%verb)//' came before READY', request%place(), &
+                      'READY comes before all steps')
+  end subroutine check_order
+
+  !> Same protocol? Then the first state, or that of a checkpoint; a fault of it ends the run.
+  subroutine hello(server, request, reply, errors)
+    class(server_type), intent(inout) :: server
+    type(message_type), intent(inout) :: request, reply
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: run_id, restart
+    integer(i4) :: protocol
+
+    protocol = 0
+    call request%get_text('run_id', run_id, errors)
+    call request%get_text('restart', restart, errors)
+    call request%get_int('protocol', protocol, errors)
+    call request%all_read(errors)
+    if (errors%any()) return
+    if (protocol /= protocol_version) then
+      call errors%add('P005', 'the partner speaks another protocol than '//server%program, &
+                      request%place(), 'use programs of the same version')
+      return
+    end if
+    call server%hello(restart, reply, errors)
+    if (errors%any() .and. .not. server%greeted) call server%fatal%take(errors)
+    server%greeted = server%greeted .or. .not. errors%any()
+  end subroutine hello
+
+  !> The checkpoint that a restart text names: a file, 'auto', or the tag of one of this run.
+  function restart_file(restart, stem) result(path)
+    character(len=*), intent(in) :: restart, stem
+    character(len=:), allocatable :: path
+    path = restart
+    if (len(restart) == 0 .or. restart == 'auto') return
+    if (.not. file_exists(restart)) path = stem//'.'//restart//'.chk.h5'
+  end function restart_file
+
+  subroutine describe(server, request, reply, errors)
+    class(server_type), intent(inout) :: server
+    type(message_type), intent(inout) :: request, reply
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: what, group
+
+    group = ''
+    call request%get_text('what', what, errors)
+    if (request%has('group')) call request%get_text('group', group, errors)
+    call request%all_read(errors)
+    if (.not. errors%any()) call server%describe(what, group, reply, errors)
+  end subroutine describe
+
+  subroutine choose(server, request, reply, errors)
+    class(server_type), intent(inout) :: server
+    type(message_type), intent(inout) :: request, reply
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name, role
+    integer(i8), allocatable :: ids(:)
+
+    call request%get_text('set', name, errors)
+    call request%get_text('role', role, errors)
+    call request%take_int('id', ids, errors)
+    if (.not. errors%any()) call server%choose(request, name, role, ids, reply, errors)
+  end subroutine choose
+
+  !> CHECKPOINT and WRITE at the accepted state; they reply with the file's path.
+  subroutine write_files(server, request, reply, errors)
+    class(server_type), intent(inout) :: server
+    type(message_type), intent(inout) :: request, reply
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: tag, path
+    character(len=16) :: hash
+    integer(i4) :: status
+
+    tag = ''
+    if (request%has('tag')) call request%get_text('tag', tag, errors)
+    call request%all_read(errors)
+    if (errors%any()) return
+    if (request%verb == verb_checkpoint) then
+      call server%save(tag, path, errors)
+      if (errors%any()) return
+      call hash_file(path, hash, status)
+      call reply%put_text('hash', hash)
+    else
+      call server%write(tag, path, errors)
+      if (errors%any()) return
+    end if
+    call reply%put_text('path', path)
+  end subroutine write_files
+
+  !> STOP: the normal end, with early = 1 the one on request. ABORT: leave at once (P022, exit 4,
+  !! unless a fault of our own was the reason).
+  subroutine leave(server, request, errors)
+    class(server_type), intent(inout) :: server
+    type(message_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    type(error_list_type) :: reasons
+    integer(i4) :: early
+
+    server%leave = .true.
+    early = 0
+    if (request%has('early')) call request%get_int('early', early, errors)
+    call reasons%take(server%fatal)
+    if (request%verb == verb_abort .and. .not. reasons%any()) &
+      call reasons%add('P022', 'the partner has ended this run', request%place(), &
+                            'the reason stands in the log of the coupled run')
+    call server%finish(request%verb == verb_stop, early == 1, reasons)
+    call server%fatal%clear()
+    call server%fatal%take(reasons)
+    if (request%verb == verb_stop) call errors%take(reasons)
+  end subroutine leave
+end module talus_serve
