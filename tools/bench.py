@@ -1,5 +1,11 @@
 """Measure speed: grains of the settled small container, a factorisation, an exchange at the port.
 
+One bed alone, talus-dem only (beds: build/bench/beds/NAME.{h5,nml}; made by tools/bench_beds.py):
+    cd build/bench/beds && taskset -c 0 talus-dem spheres_10000.nml --threads=1 --output=/tmp
+runs 1000 steps without output (t_end in the deck decides); the rate is grain_steps_per_s of the
+summary, wall time of the steps alone. NAME: spheres_10000, spheres_50000, ellipsoids_2760,
+ellipsoids_20000. `perf stat -e task-clock` tells CPU time where the machine is shared.
+
 Usage: bench.py [--bin build/bin] [--out build/bench] [--repeats 3]
 Figures are medians of several runs and go to OUT/bench.json. Machines are shared and noisy: compare
 figures of one run only. Codes that apt offers are run side by side where they are installed
