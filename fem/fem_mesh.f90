@@ -1,56 +1,89 @@
 !> Read mesh.h5 and check it: ids in range, elements right way round, no hanging or lone nodes.
 module fem_mesh
-  use talus_kinds, only: wp, i4
+  use talus_kinds, only: i4
   use talus_suggest, only: did_you_mean
-  use talus_text, only: str, string_type, append_string, is_finite
+  use talus_text, only: str, string_type, append_string
   use talus_errors, only: error_list_type
   use talus_hdf5, only: h5_file_type
+  use fem_kinds, only: hex8, solid_kinds, first_facet, kinds, kind_name, node_count
+  use fem_mesh_checks, only: check_ids, check_mesh
   use fem_types, only: fem_mesh_type, fem_group_type, group_volume, group_facet, group_node
-  use fem_hex8, only: hex8_geometry, hex8_geometry_type
-  use fem_mesh_checks, only: check_hanging, check_facets
+  use fem_topology, only: element_nodes
   implicit none
   private
   public :: read_mesh, find_group, group_hint
 
-  integer(i4), parameter :: format_version = 1
+  integer(i4), parameter :: versions(2) = [1, 2]  !! 1: hex8 and quad4 alone; 2: all kinds
 
 contains
 
-  !> Mesh of a file; faults I301 to I305.
+  !> Mesh of a file; faults I301 to I305, I308.
   subroutine read_mesh(path, mesh, errors)
     character(len=*), intent(in) :: path
     type(fem_mesh_type), intent(out) :: mesh
     type(error_list_type), intent(inout) :: errors
     type(h5_file_type) :: file
-    integer(i4), allocatable :: cells(:, :)
     integer(i4) :: version
 
     call file%open(path, errors, format='talus-mesh')
     if (errors%any()) return
     version = 0
     call file%attr_get('/', 'version', version, errors)
-    if (.not. errors%any() .and. version /= format_version) &
+    if (.not. errors%any() .and. .not. any(version == versions)) &
       call errors%add('I301', "'"//path//"' is a mesh of version "//str(version)//', '// &
-                      str(format_version)//' is read', path, &
+                      str(versions(1))//' to '//str(versions(2))//' are read', path, &
                       "make it again with the 'talus mesh' of this version")
     call file%get('/nodes/x', mesh%x, errors)
-    call file%get('/cells/hex8', cells, errors)
     if (.not. errors%any()) then
-      if (size(mesh%x, 1) /= 3 .or. size(cells, 1) /= 8 .or. size(cells, 2) == 0) then
-        call errors%add('I301', '/nodes/x must be (n, 3) and /cells/hex8 (m, 8), m > 0', path)
-      else
-        mesh%nodes = size(mesh%x, 2)
-        mesh%elements = size(cells, 2)
-        mesh%hex8 = cells + 1
-        call read_groups(file, path, mesh, errors)
-      end if
+      mesh%nodes = size(mesh%x, 2)
+      if (size(mesh%x, 1) /= 3) call errors%add('I301', '/nodes/x must be (n, 3)', path)
     end if
-    call file%close(errors)
+    if (.not. errors%any()) call read_cells(file, path, mesh, errors)
     if (.not. errors%any()) call check_ids(path, mesh, errors)
-    if (.not. errors%any()) call check_shape(path, mesh, errors)
-    if (.not. errors%any()) call check_facets(path, mesh, errors)
-    if (.not. errors%any()) call check_hanging(path, mesh, errors)
+    if (.not. errors%any()) call read_groups(file, path, mesh, errors)
+    call file%close(errors)
+    if (.not. errors%any()) call check_mesh(path, mesh, errors)
   end subroutine read_mesh
+
+  !> Elements of all kinds, in the order of the kinds.
+  subroutine read_cells(file, path, mesh, errors)
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: path
+    type(fem_mesh_type), intent(inout) :: mesh
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), allocatable :: cells(:, :)
+    character(len=:), allocatable :: name
+    integer(i4) :: k, e, known
+
+    allocate (mesh%kind(0), mesh%node(0))
+    do k = 1, solid_kinds
+      name = '/cells/'//kind_name(k)
+      if (.not. file%exists(name)) cycle
+      call file%get(name, cells, errors)
+      if (errors%any()) return
+      if (size(cells, 1) /= node_count(k)) then
+        call errors%add('I301', name//' must be (m, '//str(node_count(k))//')', path)
+        return
+      end if
+      mesh%kind = [mesh%kind, spread(k, 1, size(cells, 2))]
+      mesh%node = [mesh%node, reshape(cells, [size(cells)]) + 1]
+      if (k == hex8) mesh%hex8 = cells + 1
+    end do
+    mesh%elements = size(mesh%kind)
+    if (mesh%elements == 0) then
+      call errors%add('I301', 'there are no elements', path, &
+                      '/cells must hold hex8, hex20, hex27, tet4, tet10 or wedge6')
+      return
+    end if
+    if (any(mesh%kind /= hex8) .and. allocated(mesh%hex8)) deallocate (mesh%hex8)
+    allocate (mesh%start(mesh%elements + 1))
+    known = 1
+    do e = 1, mesh%elements
+      mesh%start(e) = known
+      known = known + node_count(mesh%kind(e))
+    end do
+    mesh%start(mesh%elements + 1) = known
+  end subroutine read_cells
 
   subroutine read_groups(file, path, mesh, errors)
     type(h5_file_type), intent(inout) :: file
@@ -92,25 +125,14 @@ contains
 
     limit = mesh%nodes
     if (group%kind == group_facet) then
-      call file%get(name//'/quad4', group%facet, errors)
-      if (errors%any()) return
-      if (size(group%facet, 1) /= 4) then
-        call errors%add('I301', name//'/quad4 must be (k, 4)', path)
-        return
-      end if
-      group%facet = group%facet + 1
-      rows = [group%facet]
-      if (file%exists(name//'/cell')) then
-        call file%get(name//'/cell', group%element, errors)
-        if (errors%any()) return
-        group%element = group%element + 1
-      end if
+      call read_facets(file, path, name, group, rows, errors)
     else
       call file%get(name, rows, errors)
       if (errors%any()) return
       rows = rows + 1
       if (group%kind == group_volume) limit = mesh%elements
     end if
+    if (errors%any()) return
     if (any(rows < 1) .or. any(rows > limit)) then
       call errors%add('I305', 'group '//name//' names row '// &
                       str(pick(rows, limit))//' of '//str(limit), path)
@@ -118,10 +140,50 @@ contains
     end if
     if (group%kind == group_volume) then
       group%element = rows
-      rows = [mesh%hex8(:, group%element)]
+      call nodes_of_elements(mesh, rows, group%node)
+    else
+      call unique_nodes(mesh%nodes, rows, group%node)
     end if
-    call unique_nodes(mesh%nodes, rows, group%node)
   end subroutine read_group
+
+  !> Facets of all kinds of a group, in the order of the kinds; `rows` are all their nodes.
+  subroutine read_facets(file, path, name, group, rows, errors)
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: path, name
+    type(fem_group_type), intent(inout) :: group
+    integer(i4), allocatable, intent(out) :: rows(:)
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), allocatable :: part(:, :), longer(:, :)
+    integer(i4) :: k, n, most
+
+    allocate (rows(0), group%facet(0, 0), group%facet_kind(0))
+    do k = first_facet, kinds
+      if (.not. file%exists(name//'/'//kind_name(k))) cycle
+      call file%get(name//'/'//kind_name(k), part, errors)
+      if (errors%any()) return
+      if (size(part, 1) /= node_count(k)) then
+        call errors%add('I301', name//'/'//kind_name(k)//' must be (k, '// &
+                        str(node_count(k))//')', path)
+        return
+      end if
+      n = size(group%facet_kind)
+      most = max(size(group%facet, 1), node_count(k))
+      allocate (longer(most, n + size(part, 2)), source=0)
+      longer(:size(group%facet, 1), :n) = group%facet
+      longer(:node_count(k), n + 1:) = part + 1
+      call move_alloc(longer, group%facet)
+      group%facet_kind = [group%facet_kind, spread(k, 1, size(part, 2))]
+      rows = [rows, reshape(part, [size(part)]) + 1]
+    end do
+    if (size(group%facet, 1) == 0) then
+      call errors%add('I301', name//' has no facets', path, &
+                      'it must hold quad4, quad8, quad9, tri3 or tri6')
+      return
+    end if
+    if (.not. file%exists(name//'/cell')) return
+    call file%get(name//'/cell', group%element, errors)
+    if (.not. errors%any()) group%element = group%element + 1
+  end subroutine read_facets
 
   !> The first row out of range.
   pure integer(i4) function pick(rows, limit)
@@ -147,63 +209,18 @@ contains
     list = pack([(k, k=1, nodes)], in)
   end subroutine unique_nodes
 
-  subroutine check_ids(path, mesh, errors)
-    character(len=*), intent(in) :: path
+  pure subroutine nodes_of_elements(mesh, element, list)
     type(fem_mesh_type), intent(in) :: mesh
-    type(error_list_type), intent(inout) :: errors
-    logical :: used(mesh%nodes)
-    integer(i4) :: e, a, n
-
-    do n = 1, mesh%nodes
-      if (all(is_finite(mesh%x(:, n)))) cycle
-      call errors%add('I305', 'node '//str(n)//' has the coordinates '//str(mesh%x(:, n)), path)
-      return
+    integer(i4), intent(in) :: element(:)
+    integer(i4), allocatable, intent(out) :: list(:)
+    logical :: in(mesh%nodes)
+    integer(i4) :: k
+    in = .false.
+    do k = 1, size(element)
+      in(element_nodes(mesh, element(k))) = .true.
     end do
-    used = .false.
-    do e = 1, mesh%elements
-      do a = 1, 8
-        n = mesh%hex8(a, e)
-        if (n < 1 .or. n > mesh%nodes) then
-          call errors%add('I305', 'element '//str(e)//' names node '//str(n)//' of '// &
-                          str(mesh%nodes), path)
-          return
-        end if
-        if (any(mesh%hex8(:a - 1, e) == n)) then
-          call errors%add('I305', 'element '//str(e)//' names node '//str(n)//' twice', path)
-          return
-        end if
-        used(n) = .true.
-      end do
-    end do
-    if (all(used)) return
-    call errors%add('I304', 'node '//str(int(findloc(used, .false., 1), i4))// &
-                    ' belongs to no element ('//str(int(count(.not. used), i4))// &
-                      ' such nodes)', path, &
-                    'drop such nodes: `talus mesh convert` does so')
-  end subroutine check_ids
-
-  subroutine check_shape(path, mesh, errors)
-    character(len=*), intent(in) :: path
-    type(fem_mesh_type), intent(in) :: mesh
-    type(error_list_type), intent(inout) :: errors
-    type(hex8_geometry_type) :: geometry
-    integer(i4) :: e, bad, first
-
-    bad = 0
-    first = 0
-    do e = 1, mesh%elements
-      call hex8_geometry(mesh%x(:, mesh%hex8(:, e)), geometry)
-      if (geometry%least > 0.0_wp) cycle
-      bad = bad + 1
-      if (first == 0) first = e
-    end do
-    if (bad == 0) return
-    call hex8_geometry(mesh%x(:, mesh%hex8(:, first)), geometry)
-    call errors%add('I302', str(bad)//' elements are inside out, the first is element '// &
-      str(first)// &
-                    ' (least Jacobian '//str(geometry%least)//' m3)', path, &
-                    'nodes must follow the VTK order: bottom face, then top face')
-  end subroutine check_shape
+    list = pack([(k, k=1, mesh%nodes)], in)
+  end subroutine nodes_of_elements
 
   !> Index of a named group of one of the kinds; 0 if there is none.
   pure integer(i4) function find_group(mesh, name, kinds)

@@ -1,203 +1,185 @@
-!> Hanging nodes: a node of the surface inside a surface face, or on an edge, that does not have it.
-!! Facets of groups: each must be a face of an element.
+!> Checks of a mesh: ids in range, elements right way round, facets that are faces of elements,
+!! neighbours that share all nodes of their faces.
 module fem_mesh_checks
   use talus_kinds, only: wp, i4
-  use talus_text, only: str
+  use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
+  use fem_kinds, only: solid_kinds, most_nodes, kind_name, corner_count
+  use fem_mesh_hanging, only: check_hanging
+  use fem_quadrature, only: fem_rule_type, tabulate, mass_degree
+  use fem_topology, only: element_nodes, facet_nodes, facet_total, fem_faces_type, list_faces, &
+    find_face, nodes_of_face, twin_of, same_set
   use fem_types, only: fem_mesh_type, group_facet
   implicit none
   private
-  public :: check_hanging, check_facets
+  public :: check_ids, check_mesh
 
-  integer(i4), parameter :: face(4, 6) = reshape([1, 4, 3, 2, 5, 6, 7, 8, 1, 2, 6, 5, &
-                                                  3, 4, 8, 7, 2, 3, 7, 6, 1, 5, 8, 4], [4, 6])
-  real(wp), parameter :: near = 1.0e-6_wp  !! distance / face size that counts as on it
+  real(wp), parameter :: flat = 1.0e-14_wp  !! Jacobian over the cube of the size, of no volume
 
 contains
 
-  !> Fault I303 for the first hanging node.
-  subroutine check_hanging(path, mesh, errors)
+  !> All checks that follow `check_ids`, each only if those before it found nothing; faults I302,
+  !! I303, I305, I308.
+  subroutine check_mesh(path, mesh, errors)
     character(len=*), intent(in) :: path
     type(fem_mesh_type), intent(in) :: mesh
     type(error_list_type), intent(inout) :: errors
-    integer(i4), allocatable :: quad(:, :), owner(:), first(:), next(:)
-    logical, allocatable :: surface(:)
-    real(wp) :: low(3), high(3), size_max, cell
-    integer(i4) :: cells(3), f, n, c(3), d(3), i, j, k, hit
+    type(fem_faces_type) :: faces
 
-    call outer_faces(mesh, quad, owner)
-    allocate (surface(mesh%nodes), source=.false.)
-    size_max = 0.0_wp
-    do f = 1, size(owner)
-      surface(quad(:, f)) = .true.
-      size_max = max(size_max, maxval(extent(mesh%x(:, quad(:, f)))))
+    call check_nodes(path, mesh, errors)
+    if (.not. errors%any()) call check_shape(path, mesh, errors)
+    if (errors%any()) return
+    call list_faces(mesh, faces)
+    call check_facets(path, mesh, faces, errors)
+    if (.not. errors%any()) call check_nesting(path, mesh, faces, errors)
+    if (.not. errors%any()) call check_hanging(path, mesh, faces, errors)
+  end subroutine check_mesh
+
+  !> Fault I305 for the first coordinate that is NaN or infinite.
+  subroutine check_nodes(path, mesh, errors)
+    character(len=*), intent(in) :: path
+    type(fem_mesh_type), intent(in) :: mesh
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: n
+    do n = 1, mesh%nodes
+      if (all(is_finite(mesh%x(:, n)))) cycle
+      call errors%add('I305', 'node '//str(n)//' has the coordinates '//str(mesh%x(:, n)), path)
+      return
     end do
-    low = minval(mesh%x, dim=2)
-    high = maxval(mesh%x, dim=2)
-    cell = max(size_max, maxval(high - low)/200.0_wp)
-    cells = int((high - low)/cell) + 1
-    call fill_grid()
-    do f = 1, size(owner)
-      c = 1 + int((minval(mesh%x(:, quad(:, f)), dim=2) - low)/cell)
-      d = 1 + int((maxval(mesh%x(:, quad(:, f)), dim=2) - low)/cell)
-      c = max(1, c - 1)
-      d = min(cells, d + 1)
-      do k = c(3), d(3)
-        do j = c(2), d(2)
-          do i = c(1), d(1)
-            n = first(i + cells(1)*(j - 1 + cells(2)*(k - 1)))
-            do while (n > 0)
-              hit = 0
-              if (.not. any(quad(:, f) == n)) then
-                if (on_face(mesh%x(:, n), mesh%x(:, quad(:, f)))) hit = n
-              end if
-              if (hit > 0) then
-                call errors%add('I303', 'node '//str(hit)// &
-                  ' hangs on a face or edge of element '// &
-                                str(owner(f))//' (at '//str(mesh%x(:, hit))//' m)', path, &
-                                'join the meshes so that neighbours share their nodes')
-                return
-              end if
-              n = next(n)
-            end do
-          end do
-        end do
+  end subroutine check_nodes
+
+  !> Fault I305 for ids out of range or twice in an element, I304 for nodes of no element.
+  subroutine check_ids(path, mesh, errors)
+    character(len=*), intent(in) :: path
+    type(fem_mesh_type), intent(in) :: mesh
+    type(error_list_type), intent(inout) :: errors
+    logical, allocatable :: used(:)
+    integer(i4) :: e, a, n
+
+    allocate (used(mesh%nodes), source=.false.)
+    do e = 1, mesh%elements
+      do a = mesh%start(e), mesh%start(e + 1) - 1
+        n = mesh%node(a)
+        if (n < 1 .or. n > mesh%nodes) then
+          call errors%add('I305', 'element '//str(e)//' names node '//str(n)//' of '// &
+                          str(mesh%nodes), path)
+          return
+        end if
+        if (any(mesh%node(mesh%start(e):a - 1) == n)) then
+          call errors%add('I305', 'element '//str(e)//' names node '//str(n)//' twice', path)
+          return
+        end if
+        used(n) = .true.
       end do
     end do
+    if (all(used)) return
+    call errors%add('I304', 'node '//str(int(findloc(used, .false., 1), i4))// &
+                    ' belongs to no element ('//str(int(count(.not. used), i4))// &
+                    ' such nodes)', path, 'drop such nodes: `talus mesh convert` does so')
+  end subroutine check_ids
 
-  contains
+  !> Fault I302 for elements whose Jacobian is not positive at every quadrature point.
+  subroutine check_shape(path, mesh, errors)
+    character(len=*), intent(in) :: path
+    type(fem_mesh_type), intent(in) :: mesh
+    type(error_list_type), intent(inout) :: errors
+    type(fem_rule_type) :: rule(solid_kinds)
+    real(wp) :: least, worst
+    integer(i4) :: e, k, bad, first
 
-    !> Linked lists of the surface nodes in a grid of cells.
-    subroutine fill_grid()
-      integer(i4) :: m, at(3), place
-      allocate (first(product(cells)), next(mesh%nodes))
-      first = 0
-      next = 0
-      do m = 1, mesh%nodes
-        if (.not. surface(m)) cycle
-        at = min(cells, 1 + int((mesh%x(:, m) - low)/cell))
-        place = at(1) + cells(1)*(at(2) - 1 + cells(2)*(at(3) - 1))
-        next(m) = first(place)
-        first(place) = m
+    do k = 1, solid_kinds
+      if (any(mesh%kind == k)) call tabulate(k, mass_degree(k), rule(k))
+    end do
+    bad = 0
+    first = 0
+    worst = 0.0_wp
+    do e = 1, mesh%elements
+      call least_jacobian(mesh, rule(mesh%kind(e)), e, least)
+      if (least > 0.0_wp) cycle
+      bad = bad + 1
+      if (first == 0) then
+        first = e
+        worst = least
+      end if
+    end do
+    if (bad == 0) return
+    call errors%add('I302', str(bad)//' elements are inside out or flat, the first is element '// &
+                    str(first)//' ('//kind_name(mesh%kind(first))//', least Jacobian '// &
+                    str(worst)//' m3)', path, &
+                    'nodes must follow the VTK order (manual, Files); move middle nodes inward '// &
+                    'where edges are curved')
+  end subroutine check_shape
+
+  !> Least Jacobian determinant at the quadrature points [m^3]; 0 if it is but rounding.
+  subroutine least_jacobian(mesh, rule, e, least)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_rule_type), intent(in) :: rule
+    integer(i4), intent(in) :: e
+    real(wp), intent(out) :: least
+    real(wp) :: x(3, most_nodes), t(3, 3), size3
+    integer(i4) :: n, q, a
+    n = rule%nodes
+    x(:, :n) = mesh%x(:, mesh%node(mesh%start(e):mesh%start(e) + n - 1))
+    least = huge(1.0_wp)
+    do q = 1, rule%points
+      t = 0.0_wp
+      do a = 1, n
+        t(:, 1) = t(:, 1) + rule%dn(1, a, q)*x(:, a)
+        t(:, 2) = t(:, 2) + rule%dn(2, a, q)*x(:, a)
+        t(:, 3) = t(:, 3) + rule%dn(3, a, q)*x(:, a)
       end do
-    end subroutine fill_grid
-  end subroutine check_hanging
+      least = min(least, t(1, 1)*(t(2, 2)*t(3, 3) - t(3, 2)*t(2, 3)) &
+                  + t(2, 1)*(t(3, 2)*t(1, 3) - t(1, 2)*t(3, 3)) &
+                  + t(3, 1)*(t(1, 2)*t(2, 3) - t(2, 2)*t(1, 3)))
+    end do
+    size3 = maxval(maxval(x(:, :n), dim=2) - minval(x(:, :n), dim=2))**3
+    if (abs(least) <= flat*size3) least = 0.0_wp
+  end subroutine least_jacobian
 
   !> Fault I305 for the first facet of a group that is no face of an element.
-  subroutine check_facets(path, mesh, errors)
+  subroutine check_facets(path, mesh, faces, errors)
     character(len=*), intent(in) :: path
     type(fem_mesh_type), intent(in) :: mesh
+    type(fem_faces_type), intent(in) :: faces
     type(error_list_type), intent(inout) :: errors
-    integer(i4), allocatable :: quads(:, :), head(:), link(:)
-    integer(i4) :: g, f, q
+    integer(i4) :: g, f
 
-    call all_faces(mesh, quads, head, link)
     do g = 1, size(mesh%group)
       if (mesh%group(g)%kind /= group_facet) cycle
-      do f = 1, size(mesh%group(g)%facet, 2)
-        q = head(minval(mesh%group(g)%facet(:, f)))
-        do while (q > 0)
-          if (same(mesh%group(g)%facet(:, f), quads(:, q))) exit
-          q = link(q)
-        end do
-        if (q > 0) cycle
-        call errors%add('I305', 'facet '//str(f)//" of group '"//trim(mesh%group(g)%name)// &
-                        "' (nodes "//str(mesh%group(g)%facet(:, f))// &
-                        ') is no face of an element', path, &
-                        'facet groups hold faces of the hexahedra, four nodes each')
+      do f = 1, facet_total(mesh%group(g))
+        associate (group => mesh%group(g))
+          if (find_face(mesh, faces, group%facet_kind(f), facet_nodes(group, f)) > 0) cycle
+          call errors%add('I305', 'facet '//str(f)//" of group '"//trim(group%name)// &
+                          "' (nodes "//str(facet_nodes(group, f))// &
+                          ') is no face of an element', path, &
+                          'facet groups hold faces of the elements, with all their nodes')
+        end associate
         return
       end do
     end do
   end subroutine check_facets
 
-  !> All faces of all elements, and lists of those with the same smallest node.
-  subroutine all_faces(mesh, quads, head, link)
+  !> Fault I308 for the first two elements that share the corners of a face but not all its nodes.
+  subroutine check_nesting(path, mesh, faces, errors)
+    character(len=*), intent(in) :: path
     type(fem_mesh_type), intent(in) :: mesh
-    integer(i4), allocatable, intent(out) :: quads(:, :), head(:), link(:)
-    integer(i4) :: e, f, q, n
-    allocate (quads(4, 6*mesh%elements), link(6*mesh%elements))
-    allocate (head(mesh%nodes), source=0)
-    do e = 1, mesh%elements
-      do f = 1, 6
-        q = 6*(e - 1) + f
-        quads(:, q) = mesh%hex8(face(:, f), e)
-        n = minval(quads(:, q))
-        link(q) = head(n)
-        head(n) = q
-      end do
+    type(fem_faces_type), intent(in) :: faces
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: q, twin, e, other
+
+    do q = 1, faces%n
+      if (corner_count(mesh%kind(faces%element(q))) == size(element_nodes(mesh, &
+        faces%element(q)))) cycle
+      twin = twin_of(faces, q)
+      if (twin == 0) cycle
+      if (same_set(nodes_of_face(mesh, faces, q), nodes_of_face(mesh, faces, twin))) cycle
+      e = min(faces%element(q), faces%element(twin))
+      other = max(faces%element(q), faces%element(twin))
+      call errors%add('I308', 'elements '//str(e)//' ('//kind_name(mesh%kind(e))//') and '// &
+                      str(other)//' ('//kind_name(mesh%kind(other))// &
+                      ') share the corners of a face but not the nodes between them', path, &
+                      'give neighbours the same order, and the same nodes on the common face')
+      return
     end do
-  end subroutine all_faces
-
-  pure function extent(x) result(length)
-    real(wp), intent(in) :: x(3, 4)
-    real(wp) :: length(3)
-    length = maxval(x, dim=2) - minval(x, dim=2)
-  end function extent
-
-  !> Does p lie on the quadrangle (within a small distance), its rim included?
-  pure logical function on_face(p, x)
-    real(wp), intent(in) :: p(3), x(3, 4)
-    on_face = in_triangle(p, x(:, 1), x(:, 2), x(:, 3)) &
-      .or. in_triangle(p, x(:, 1), x(:, 3), x(:, 4))
-  end function on_face
-
-  pure logical function in_triangle(p, a, b, c)
-    real(wp), intent(in) :: p(3), a(3), b(3), c(3)
-    real(wp) :: e(3), f(3), r(3), g(2, 2), det, s, t, off(3), scale
-    e = b - a
-    f = c - a
-    r = p - a
-    g(1, 1) = dot_product(e, e)
-    g(2, 2) = dot_product(f, f)
-    g(1, 2) = dot_product(e, f)
-    det = g(1, 1)*g(2, 2) - g(1, 2)**2
-    scale = sqrt(max(g(1, 1), g(2, 2)))
-    in_triangle = .false.
-    if (.not. det > 0.0_wp) return
-    s = (dot_product(r, e)*g(2, 2) - dot_product(r, f)*g(1, 2))/det
-    t = (dot_product(r, f)*g(1, 1) - dot_product(r, e)*g(1, 2))/det
-    off = r - s*e - t*f
-    in_triangle = norm2(off) < near*scale .and. s > -near .and. t > -near .and. s + t < 1.0_wp &
-      + near
-  end function in_triangle
-
-  !> Faces that only one element has, by sorting their node sets.
-  subroutine outer_faces(mesh, quad, owner)
-    type(fem_mesh_type), intent(in) :: mesh
-    integer(i4), allocatable, intent(out) :: quad(:, :), owner(:)
-    integer(i4), allocatable :: head(:), link(:), all_quads(:, :)
-    logical, allocatable :: single(:)
-    integer(i4) :: e, f, q, n, other
-
-    call all_faces(mesh, all_quads, head, link)
-    allocate (single(size(link)), source=.true.)
-    do q = 1, size(link)
-      other = link(q)
-      do while (other > 0)
-        if (same(all_quads(:, q), all_quads(:, other))) then
-          single(q) = .false.
-          single(other) = .false.
-          exit
-        end if
-        other = link(other)
-      end do
-    end do
-    owner = pack([((e, f=1, 6), e=1, mesh%elements)], single)
-    allocate (quad(4, size(owner)))
-    n = 0
-    do q = 1, size(single)
-      if (.not. single(q)) cycle
-      n = n + 1
-      quad(:, n) = all_quads(:, q)
-    end do
-  end subroutine outer_faces
-
-  pure logical function same(a, b)
-    integer(i4), intent(in) :: a(4), b(4)
-    integer(i4) :: k
-    same = .true.
-    do k = 1, 4
-      same = same .and. any(b == a(k))
-    end do
-  end function same
+  end subroutine check_nesting
 end module fem_mesh_checks

@@ -16,16 +16,21 @@ module fem_types
   type :: fem_group_type
     character(len=name_length) :: name = ''
     integer(i4) :: kind = group_node
-    integer(i4), allocatable :: element(:)   !! element ids (volume), element of each facet
-    integer(i4), allocatable :: facet(:, :)  !! (4, k) node ids, normal outward
-    integer(i4), allocatable :: node(:)      !! ids of all its nodes, ascending
+    integer(i4), allocatable :: element(:)     !! element ids (volume), element of each facet
+    integer(i4), allocatable :: facet(:, :)    !! (most nodes, k) ids, normal outward, 0 beyond
+    integer(i4), allocatable :: facet_kind(:)  !! (k) quad4, quad8, quad9, tri3, tri6 (fem_kinds)
+    integer(i4), allocatable :: node(:)        !! ids of all its nodes, ascending
   end type fem_group_type
 
-  !> Hexahedral mesh; ids count from 1.
+  !> Mesh of one or several kinds of elements; ids count from 1, in the order of the kinds
+  !! (fem_kinds). Element e has the nodes node(start(e):start(e + 1) - 1).
   type :: fem_mesh_type
     integer(i4) :: nodes = 0, elements = 0
     real(wp), allocatable :: x(:, :)        !! (3, nodes) [m]
-    integer(i4), allocatable :: hex8(:, :)  !! (8, elements) node ids, VTK order
+    integer(i4), allocatable :: kind(:)     !! (elements) hex8, hex20, ... (fem_kinds)
+    integer(i4), allocatable :: start(:)    !! (elements + 1)
+    integer(i4), allocatable :: node(:)     !! node ids of all elements, VTK order
+    integer(i4), allocatable :: hex8(:, :)  !! (8, elements) the same if all are hex8
     type(fem_group_type), allocatable :: group(:)
   end type fem_mesh_type
 
