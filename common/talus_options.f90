@@ -21,6 +21,7 @@ module talus_options
     character(len=:), allocatable :: restart     !! '', 'auto' or a checkpoint
     character(len=:), allocatable :: port        !! '' or where talus-couple listens
     character(len=:), allocatable :: output_dir  !! '' or the folder of the results
+    logical :: one_point = .false.               !! talus-fem --point: a material, without mesh
     character(len=:), allocatable :: point       !! '' or the rendezvous file of launch = 'attach'
     integer(i4) :: threads = 0                   !! 0: not said
   end type options_type
@@ -101,6 +102,10 @@ contains
         return
       end if
     case ('--restart', '--port', '--output', '--point', '--threads')
+      if (name == '--point' .and. equals == 0 .and. program == 'talus-fem') then
+        options%one_point = .true.
+        return
+      end if
       if (len(value) == 0) then
         call errors%add('D022', 'option '//name//' needs a value', 'command line', &
                         'write '//name//'='//example_of(name)//' in one piece')
@@ -211,6 +216,9 @@ contains
       call append_string(lines, '  --port=SPEC     serve talus-couple there (set by talus-couple)')
     call append_string(lines, '  --point=FILE    rendezvous file, where all three are started'// &
                        ' by hand')
+    if (program == 'talus-fem') &
+      call append_string(lines, '  --point         one material along the &path states of the'// &
+                         ' deck, without mesh')
     call append_string(lines, '')
     call append_string(lines, 'exit codes: 0 finished, 1 input faults, 2 numerical failure,'// &
                        ' 3 stopped on request, 4 system, 5 bug')

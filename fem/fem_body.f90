@@ -1,18 +1,19 @@
-!> A solid body: mesh, matrices, loads, supports, state; one static or Newmark step from the last
-!! accepted state. Linear: a step is one residual and one back-substitution.
+!> A solid body: mesh, matrices, loads, supports, state; one static or implicit step (Newmark,
+!! HHT-alpha) from the last accepted state. Linear: a residual and a back-substitution.
 module fem_body
   use talus_kinds, only: wp, i4
   use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
-  use fem_types, only: fem_mesh_type, fem_elastic_type, fem_curve_type, fem_load_type, &
-    fem_springs_type, fem_state_type, fem_energy_type
-  use fem_assembly, only: assemble_stiffness, assemble_mass
-  use fem_dofs, only: fem_dofs_type, number_fields
-  use fem_sparse, only: fem_pattern_type, make_pattern, add_springs, multiply, multiply_mass, &
-    lumped_mass
+  use fem_types, only: fem_mesh_type, fem_curve_type, fem_load_type, fem_springs_type, &
+    fem_state_type, fem_energy_type
+  use fem_assembly, only: assemble_stiffness, assemble_mass, body_force
+  use fem_damping, only: fem_damping_type
+  use fem_dofs, only: fem_dofs_type, blocks_of
+  use fem_elastic, only: fem_elastic_type
+  use fem_sparse, only: fem_pattern_type, make_pattern, add_springs, multiply, multiply_mass
   use fem_solver, only: fem_solver_type
   use fem_supports, only: check_supports
-  use fem_loads, only: gravity_force, curve_value
+  use fem_loads, only: curve_value
   use fem_recover, only: initial_stress_force, element_forces
   implicit none
   private
@@ -20,11 +21,11 @@ module fem_body
 
   real(wp), parameter :: same_step = 1.0e-9_wp  !! relative change of dt that needs new factors
 
-  !> Prescribed motion of one component of some nodes.
+  !> Prescribed motion of one component of some blocks.
   type :: fem_motion_type
     integer(i4) :: component = 1, curve = 0
-    real(wp) :: scale = 1.0_wp             !! [m]
-    integer(i4), allocatable :: node(:)
+    real(wp) :: scale = 1.0_wp             !! [m], [rad]
+    integer(i4), allocatable :: block(:)
   end type fem_motion_type
 
   type :: fem_body_type
@@ -45,6 +46,8 @@ module fem_body
     real(wp) :: gravity(3) = 0.0_wp              !! [m/s^2]
     logical :: dynamic = .false.
     real(wp) :: beta = 0.25_wp, gamma = 0.5_wp
+    real(wp) :: lag = 0.0_wp                     !! HHT: share of the old balance, -alpha [-]
+    type(fem_damping_type) :: damping
     type(fem_pattern_type) :: pattern
     type(fem_solver_type) :: solver
     real(wp), allocatable :: k(:, :, :), mass(:), lumped(:)
@@ -71,21 +74,16 @@ module fem_body
     procedure, private :: impose
     procedure, private :: predict
     procedure, private :: correct
-    procedure, private :: correct_support_work
+    procedure, private :: dynamic_work
+    procedure :: viscous_force
   end type fem_body_type
 
 contains
 
-  !> Arrays of the state and loads for the fields, all zero; displacements alone if they have not
-  !! been numbered.
+  !> Arrays of the state and loads for the numbered fields, all zero.
   subroutine allocate_state(self)
     class(fem_body_type), intent(inout) :: self
     integer(i4) :: n
-    integer(i4), allocatable :: none(:)
-    if (self%dofs%blocks == 0) then
-      allocate (none(self%mesh%elements), source=0)
-      call number_fields(self%mesh, none, self%dofs)
-    end if
     n = self%dofs%blocks
     allocate (self%state%u(3, n), self%state%v(3, n), self%state%a(3, n), source=0.0_wp)
     allocate (self%state%external(3, n), self%state%reaction(3, n), source=0.0_wp)
@@ -100,13 +98,16 @@ contains
   !> Pattern, stiffness, mass and weight; again after moduli or weights have changed.
   subroutine assemble(self)
     class(fem_body_type), intent(inout) :: self
+    integer(i4) :: e
     if (.not. allocated(self%pattern%start)) call make_pattern(self%dofs, self%pattern)
     call assemble_stiffness(self%mesh, self%dofs, self%elastic, self%pattern, self%k)
     call add_springs(self%ground, self%pattern, self%k)
-    call assemble_mass(self%mesh, self%elastic, self%pattern, self%mass)
-    self%lumped = lumped_mass(self%pattern, self%mass)
-    call gravity_force(self%mesh, self%elastic, self%gravity, self%weight_force)
-    call initial_stress_force(self%mesh, self%elastic, self%initial_force)
+    call assemble_mass(self%mesh, self%dofs, self%elastic, self%pattern, self%mass, self%lumped)
+    self%weight_force = 0.0_wp
+    call body_force(self%mesh, self%dofs, self%elastic, [(e, e=1, self%mesh%elements)], &
+                    self%gravity, [0.0_wp, 0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp, 0.0_wp], &
+                    self%weight_force)
+    call initial_stress_force(self%mesh, self%dofs, self%elastic, self%initial_force)
     self%factored_dt = -1.0_wp
   end subroutine assemble
 
@@ -116,7 +117,7 @@ contains
     real(wp), intent(in) :: dt  !! [s]
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: k(:, :, :)
-    real(wp) :: wanted, mass_term
+    real(wp) :: wanted, mass_term, share, rate
     logical :: fixed(3, self%dofs%blocks)
 
     wanted = merge(dt, 0.0_wp, self%dynamic)
@@ -131,8 +132,14 @@ contains
       self%fresh_numbering = .true.
     end if
     mass_term = 0.0_wp
-    if (self%dynamic) mass_term = 1.0_wp/(self%beta*dt*dt)
     k = self%k
+    if (self%dynamic) then
+      share = 1.0_wp - self%lag
+      rate = share*self%gamma/(self%beta*dt)
+      mass_term = 1.0_wp/(self%beta*dt*dt) + rate*self%damping%mass
+      if (self%damping%active() .or. share < 1.0_wp) k = (share + rate*self%damping%stiffness)*k
+      call self%damping%add_dashpots(self%pattern, rate, k)
+    end if
     call add_springs(self%robin, self%pattern, k)
     call self%solver%factor(self%pattern, k, self%mass, mass_term, errors)
     if (.not. errors%any()) self%factored_dt = wanted
@@ -175,36 +182,50 @@ contains
     do k = 1, size(self%motion)
       associate (m => self%motion(k))
         value = m%scale*curve_value(self%curve(m%curve), t)
-        u(m%component, m%node) = value
+        u(m%component, m%block) = value
       end associate
     end do
   end subroutine impose
 
+  !> C v of the damping [N, N m].
+  subroutine viscous_force(self, v, force)
+    class(fem_body_type), intent(in) :: self
+    real(wp), intent(in) :: v(:, :)
+    real(wp), intent(out) :: force(:, :)
+    force = 0.0_wp
+    if (self%dynamic .and. self%damping%active()) &
+      call self%damping%force(self%pattern, self%k, self%mass, v, force)
+  end subroutine viscous_force
+
   !> One step from the accepted state to time t1; the new state stays a trial until `accept`.
+  !! With lag = -alpha the balance of HHT is M a1 = (1 - lag) b1 + lag b0, b = f - K u - C v.
   subroutine step(self, t1, errors)
     class(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: t1  !! [s]
     type(error_list_type), intent(inout) :: errors
-    real(wp), dimension(3, self%dofs%blocks) :: internal, inertia, residual, du, tie
+    real(wp), dimension(3, self%dofs%blocks) :: internal, inertia, residual, du, tie, old_balance, &
+      viscous
     real(wp) :: dt
     integer(i4) :: bad(2)
 
     dt = t1 - self%accepted%time
     call self%factor(dt, errors)
     if (errors%any()) return
-    associate (s => self%state, old => self%accepted)
+    associate (s => self%state, old => self%accepted, share => 1.0_wp - self%lag)
       s%time = t1
       s%u = old%u
       call self%impose(t1, s%u)
       call self%external_at(t1, s%external)
-      call self%internal_force(s%u, internal)
-      call robin_force(self%robin, old%u, s%u, tie)
       inertia = 0.0_wp
+      old_balance = 0.0_wp
       if (self%dynamic) then
         call self%predict(dt)
         call multiply_mass(self%pattern, self%mass, s%a, inertia)
+        if (self%lag > 0.0_wp) call balance(self, old, old_balance)
       end if
-      residual = s%external + tie - internal - inertia
+      call inner_forces(self, s, internal)
+      call robin_force(self%robin, old%u, s%u, tie)
+      residual = tie + share*(s%external - internal) + self%lag*old_balance - inertia
       call self%solver%solve(residual, du, errors)
       if (errors%any()) return
       s%u = s%u + du
@@ -215,19 +236,41 @@ contains
                         'time '//str(t1)//' s', 'check loads, moduli and supports')
         return
       end if
-      call self%internal_force(s%u, internal)
-      call robin_force(self%robin, old%u, s%u, tie)
       if (self%dynamic) then
         call self%correct(dt, du)
         call multiply_mass(self%pattern, self%mass, s%a, inertia)
       end if
-      s%reaction = internal + inertia - s%external - tie
+      call self%internal_force(s%u, internal)
+      call self%viscous_force(s%v, viscous)
+      call robin_force(self%robin, old%u, s%u, tie)
+      s%reaction = (inertia - tie - self%lag*old_balance)/share + internal + viscous &
+                   - s%external
       where (.not. (self%held .or. self%prescribed)) s%reaction = 0.0_wp
       s%tie = tie
-      call self%update_energy(internal)
-      if (self%dynamic) call self%correct_support_work(dt)
+      call self%update_energy(internal, viscous)
+      if (self%dynamic) call self%dynamic_work(dt, inertia, old_balance)
     end associate
   end subroutine step
+
+  !> K u + C v and the forces of the initial stress [N, N m].
+  subroutine inner_forces(self, s, force)
+    class(fem_body_type), intent(in) :: self
+    type(fem_state_type), intent(in) :: s
+    real(wp), intent(out) :: force(:, :)
+    real(wp) :: viscous(3, self%dofs%blocks)
+    call self%internal_force(s%u, force)
+    call self%viscous_force(s%v, viscous)
+    force = force + viscous
+  end subroutine inner_forces
+
+  !> Forces that are not in balance, inertia left out: f + reactions - K u - C v [N, N m].
+  subroutine balance(self, s, force)
+    class(fem_body_type), intent(in) :: self
+    type(fem_state_type), intent(in) :: s
+    real(wp), intent(out) :: force(:, :)
+    call inner_forces(self, s, force)
+    force = s%external + s%reaction - force
+  end subroutine balance
 
   !> Accelerations for unchanged free displacements (Newmark). What is prescribed has a velocity
   !! constant over the step and the backward difference of it as acceleration: Newmark's own
@@ -257,27 +300,37 @@ contains
     end associate
   end subroutine correct
 
-  !> The trapezoidal work of supports counts the inertia of moved nodes by Newmark's relations,
-  !! which these do not obey; with e = du - dt v_mean and f = dt a_mean - dv (zero where free) the
-  !! difference is f'M v_mean + e'M a_mean, and without it average acceleration closes the ledger.
-  subroutine correct_support_work(self, dt)
+  !> What trapezoidal works leave over. By their balance in every state it is D = du'b - dv'M v_mean
+  !! with b the mean of what accelerates (M a, or the balances of HHT): the dissipation of the
+  !! scheme. Moved supports do not obey Newmark's relations; with e = du - dt v_mean and
+  !! f = dt a_mean - dv there (zero where free) f'M v_mean + e'M a_mean is work of theirs.
+  subroutine dynamic_work(self, dt, inertia, old_balance)
     class(fem_body_type), intent(inout) :: self
-    real(wp), intent(in) :: dt  !! [s]
-    real(wp), dimension(3, self%dofs%blocks) :: mean, product, defect
+    real(wp), intent(in) :: dt                                 !! [s]
+    real(wp), intent(in) :: inertia(:, :), old_balance(:, :)   !! M a1, b0 of HHT [N]
+    real(wp), dimension(3, self%dofs%blocks) :: mean, product, defect, moved
+    real(wp) :: left, supports
     associate (s => self%state, old => self%accepted, fixed => self%held .or. self%prescribed)
+      moved = s%u - old%u
+      if (self%lag <= 0.0_wp .and. abs(self%gamma - 0.5_wp) + abs(self%beta - 0.25_wp) <= 0.0_wp &
+          .and. .not. any(fixed .and. abs(moved) + abs(s%v) + abs(old%v) + abs(s%a) + abs(old%a) &
+                          > 0.0_wp)) return
       mean = 0.5_wp*(s%a + old%a)
-      defect = merge(s%u - old%u - 0.5_wp*dt*(s%v + old%v), 0.0_wp, fixed)
-      if (any(abs(defect) > 0.0_wp)) then
-        call multiply_mass(self%pattern, self%mass, mean, product)
-        self%energy%support = self%energy%support - sum(defect*product)
-      end if
+      call multiply_mass(self%pattern, self%mass, mean, product)
+      defect = merge(moved - 0.5_wp*dt*(s%v + old%v), 0.0_wp, fixed)
+      supports = sum(defect*product)
+      left = sum(moved*product)
+      if (self%lag > 0.0_wp) left = 0.5_wp*sum(moved*(old_balance + s%tie &
+        + (inertia - s%tie - self%lag*old_balance)/(1.0_wp - self%lag)))
       defect = merge(dt*mean - (s%v - old%v), 0.0_wp, fixed)
-      if (.not. any(abs(defect) > 0.0_wp)) return
       mean = 0.5_wp*(s%v + old%v)
       call multiply_mass(self%pattern, self%mass, mean, product)
-      self%energy%support = self%energy%support - sum(defect*product)
+      supports = supports + sum(defect*product)
+      left = left - sum((s%v - old%v)*product)
+      self%energy%support = self%energy%support - supports
+      self%energy%numerical = self%energy%numerical + left - supports
     end associate
-  end subroutine correct_support_work
+  end subroutine dynamic_work
 
   !> Forces of the Robin springs, S (u_old - u) [N].
   pure subroutine robin_force(robin, old, u, force)
@@ -300,10 +353,11 @@ contains
   end subroutine robin_force
 
   !> Ledger of the trial state: stored energies now, works by the trapezoidal rule.
-  subroutine update_energy(self, internal)
+  subroutine update_energy(self, internal, viscous)
     class(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: internal(:, :)  !! K u + initial [N]
-    real(wp), dimension(3, self%dofs%blocks) :: moved, momentum
+    real(wp), intent(in) :: viscous(:, :)   !! C v [N]
+    real(wp), dimension(3, self%dofs%blocks) :: moved, force
     real(wp) :: before
     associate (s => self%state, old => self%accepted, e => self%energy)
       ! the first static step brings the weight up from nothing, as it does all loads
@@ -316,8 +370,11 @@ contains
       e%support = e%support + 0.5_wp*sum((s%reaction + old%reaction)*moved)
       e%spring = e%spring + 0.5_wp*sum((s%tie + old%tie)*moved)
       if (.not. self%dynamic) return
-      call multiply_mass(self%pattern, self%mass, s%v, momentum)
-      e%kinetic = 0.5_wp*sum(s%v*momentum)
+      call multiply_mass(self%pattern, self%mass, s%v, force)
+      e%kinetic = 0.5_wp*sum(s%v*force)
+      if (.not. self%damping%active()) return
+      call self%viscous_force(old%v, force)
+      e%damping = e%damping + 0.5_wp*sum((force + viscous)*moved)
     end associate
   end subroutine update_energy
 
@@ -355,21 +412,22 @@ contains
     logical :: chosen(self%mesh%elements)
     integer(i4) :: e
     do e = 1, self%mesh%elements
-      chosen(e) = any(self%prescribed(:, self%mesh%hex8(:, e)))
+      chosen(e) = any(self%prescribed(:, blocks_of(self%dofs, e)))
     end do
-    call element_forces(self%mesh, self%elastic, u, chosen, force)
+    call element_forces(self%mesh, self%dofs, self%elastic, u, chosen, force)
   end subroutine interface_force
 
   !> Ledger of an explicit state with lumped mass; loads by what moved since the accepted state.
   subroutine explicit_energy(self)
     class(fem_body_type), intent(inout) :: self
-    real(wp), dimension(3, self%dofs%blocks) :: internal
+    real(wp), dimension(3, self%dofs%blocks) :: internal, viscous
     integer(i4) :: i
     call self%internal_force(self%state%u, internal)
     self%state%tie = 0.0_wp
     self%state%reaction = merge(internal - self%state%external, 0.0_wp, &
                                 self%held .or. self%prescribed)
-    call self%update_energy(internal)
+    viscous = 0.0_wp
+    call self%update_energy(internal, viscous)
     self%energy%kinetic = 0.0_wp
     do i = 1, self%dofs%blocks
       self%energy%kinetic = self%energy%kinetic + 0.5_wp*self%lumped(i)*self%mass_factor(i) &

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-fem.
   subroutine fem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-fem', 14)
+    call table%init('talus-fem', 17)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -24,9 +24,12 @@ contains
     call group_curve(table)
     call group_motion(table)
     call group_traction(table)
+    call group_couple(table)
+    call group_body_load(table)
     call group_point_load(table)
     call group_spring(table)
     call group_analysis(table)
+    call group_path(table)
   end subroutine fem_deck_table
 
   subroutine group_run(table)
@@ -68,8 +71,9 @@ contains
     call table%need()
     call table%bounds(above=0.0_wp)
     call table%add_key('fields', 'string', '', &
-      'Fields besides the standard ones of the program.')
+      '`points` adds position, stress and couple stress of the quadrature points.')
     call table%sized(1_i4, huge(1_i4))
+    call table%allow('points')
   end subroutine group_output
 
   subroutine group_history(table)
@@ -98,22 +102,51 @@ contains
 
   subroutine group_material(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('material', 5, 'A material.', repeats=.true., required=.true.)
+    call table%add_group('material', 17, 'A material.', repeats=.true., required=.true.)
     call table%add_key('id', 'string', '', 'Name by which other groups refer to it.')
     call table%need()
     call table%add_key('density', 'real', 'kg/m3', 'Mass density of the solid substance.')
     call table%need()
     call table%bounds(above=0.0_wp)
     call table%add_key('young', 'real', 'Pa', 'Young''s modulus.')
-    call table%need()
     call table%bounds(above=0.0_wp)
     call table%add_key('poisson', 'real', '', 'Poisson''s ratio.')
-    call table%need()
     call table%bounds(above=-1.0_wp, below=0.5_wp)
     call table%add_key('law', 'string', '', &
-      'Constitutive law: isotropic linear elasticity at small strains.')
+      '`linear_elastic`: isotropic elasticity at small strains, of `young` and ' &
+      //'`poisson`; `micropolar`: Eringen''s solid with micro-rotations, either of ' &
+      //'`lambda` to `gamma` or of the engineering constants `shear` (or `young`), ' &
+      //'`poisson`, `l_t`, `l_b`, `coupling` and `polar_ratio`.')
     call table%preset('linear_elastic')
-    call table%allow('linear_elastic')
+    call table%allow('linear_elastic|micropolar')
+    call table%add_key('lambda', 'real', 'Pa', &
+      'Eringen''s lambda; with 3 lambda + 2 mu + kappa > 0.')
+    call table%add_key('mu', 'real', 'Pa', &
+      'Eringen''s mu; it may be negative as long as 2 mu + kappa > 0. G = mu + kappa/2.')
+    call table%add_key('kappa', 'real', 'Pa', &
+      'Eringen''s kappa > 0, which ties the micro-rotation to the rotation of the ' &
+      //'material.')
+    call table%add_key('alpha', 'real', 'N', &
+      'Eringen''s alpha; with 3 alpha + beta + gamma >= 0.')
+    call table%add_key('beta', 'real', 'N', 'Eringen''s beta, between -gamma and gamma.')
+    call table%add_key('gamma', 'real', 'N', 'Eringen''s gamma >= 0; gamma = 4 G l_b^2.')
+    call table%add_key('shear', 'real', 'Pa', &
+      'Shear modulus G = mu + kappa/2 of a micropolar solid (or give `young`).')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('l_t', 'real', 'm', &
+      'Characteristic length of torsion; l_t^2 = (beta + gamma)/(2 mu + kappa).')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('l_b', 'real', 'm', &
+      'Characteristic length of bending; l_b^2 = gamma/(2 (2 mu + kappa)).')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('coupling', 'real', '', &
+      'Coupling number N in [0, 1); N^2 = kappa/(2 (mu + kappa)).')
+    call table%add_key('polar_ratio', 'real', '', &
+      'Polar ratio Psi in (0, 3/2]; Psi = (beta + gamma)/(alpha + beta + gamma).')
+    call table%add_key('micro_inertia', 'real', 'm2', &
+      'Micro-inertia j of a micropolar solid, 2/5 r^2 of spheres of radius r; dynamics ' &
+      //'needs it.')
+    call table%bounds(above=0.0_wp)
   end subroutine group_material
 
   subroutine group_mesh(table)
@@ -133,22 +166,31 @@ contains
     call table%add_key('material', 'string', '', 'Id of a material.')
     call table%need()
     call table%add_key('element', 'string', '', &
-      '`hex8_bbar` takes the volumetric strain from the mean over the element and does ' &
+      'Element formulation; it must fit the cells of the mesh. Names with a slash are ' &
+      //'of micropolar solids: displacement / micro-rotation, the latter one order lower ' &
+      //'by default because equal orders of hexahedra lock when the coupling number nears' &
+      //' 1. `auto`: `hex8_bbar`, or the kind of the cells; in micropolar solids ' &
+      //'`hex20/hex8`, `hex27/hex8`, `tet10/tet4`, and equal orders for linear cells. ' &
+      //'`hex8_bbar` takes the volumetric strain from the mean over the element and does ' &
       //'not lock near incompressibility; `hex8_full` is plain 2 x 2 x 2 integration.')
-    call table%preset('hex8_bbar')
-    call table%allow('hex8_bbar|hex8_full')
+    call table%preset('auto')
+    call table%allow(&
+      'auto|hex8_bbar|hex8_full|hex20|hex27|tet4|tet10|wedge6|hex8/hex8|hex20/hex8|hex2' &
+      //'7/hex8|hex20/hex20|tet4/tet4|tet10/tet4')
   end subroutine group_section
 
   subroutine group_support(table)
     type(key_table_type), intent(inout) :: table
     call table%add_group('support', 2, &
-      'Components of displacement that are held at zero on a group.', repeats=.true.)
+      'Components of displacement and micro-rotation that a group holds at zero.', repeats=.true.)
     call table%add_key('group', 'string', '', 'Facet, node or volume group.')
     call table%need()
-    call table%add_key('fix', 'string', '', 'The components.')
+    call table%add_key('fix', 'string', '', &
+      'The components; `rx`, `ry` and `rz` are micro-rotations, of the nodes that have ' &
+      //'them.')
     call table%need()
-    call table%sized(1_i4, 3_i4)
-    call table%allow('x|y|z')
+    call table%sized(1_i4, 6_i4)
+    call table%allow('x|y|z|rx|ry|rz')
   end subroutine group_support
 
   subroutine group_curve(table)
@@ -168,12 +210,14 @@ contains
   subroutine group_motion(table)
     type(key_table_type), intent(inout) :: table
     call table%add_group('motion', 4, &
-      'A prescribed displacement component of a group: scale times the curve.', repeats=.true.)
+      'A prescribed component of displacement or micro-rotation of a group: scale times' &
+      //' the curve.', repeats=.true.)
     call table%add_key('group', 'string', '', 'Facet, node or volume group.')
     call table%need()
-    call table%add_key('component', 'string', '', 'The component.')
+    call table%add_key('component', 'string', '', &
+      'The component; `rx`, `ry` and `rz` are micro-rotations [rad].')
     call table%need()
-    call table%allow('x|y|z')
+    call table%allow('x|y|z|rx|ry|rz')
     call table%add_key('curve', 'string', '', 'Id of a curve.')
     call table%need()
     call table%add_key('scale', 'real', 'm', 'Factor of the curve.')
@@ -194,9 +238,41 @@ contains
     call table%preset('')
   end subroutine group_traction
 
+  subroutine group_couple(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('couple', 3, &
+      'A couple per area on facets of a micropolar solid.', repeats=.true.)
+    call table%add_key('group', 'string', '', 'Facet group.')
+    call table%need()
+    call table%add_key('value', 'real', 'N/m', 'The couple per area.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%add_key('curve', 'string', '', &
+      'Id of a curve that scales it; without one it is constant.')
+    call table%preset('')
+  end subroutine group_couple
+
+  subroutine group_body_load(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('body_load', 4, &
+      'A force and a couple per volume in a group of elements; the weight comes from ' &
+      //'`gravity` of &run.', repeats=.true.)
+    call table%add_key('group', 'string', '', 'Volume group.')
+    call table%need()
+    call table%add_key('force', 'real', 'N/m3', 'Force per volume.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%add_key('couple', 'real', 'N/m2', 'Couple per volume, of a micropolar solid.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%add_key('curve', 'string', '', &
+      'Id of a curve that scales it; without one it is constant.')
+    call table%preset('')
+  end subroutine group_body_load
+
   subroutine group_point_load(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('point_load', 5, &
+    call table%add_group('point_load', 6, &
       'A force at a node, or at a point of the surface (shared to the facet''s nodes by ' &
       //'its shape functions).', repeats=.true.)
     call table%add_key('node', 'integer', '', 'Node id; or give a position.')
@@ -208,8 +284,11 @@ contains
     call table%add_key('facets', 'string', '', 'Facet group on which the position lies.')
     call table%preset('')
     call table%add_key('force', 'real', 'N', 'The force.')
-    call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%add_key('couple', 'real', 'N m', 'The couple, at a node with micro-rotation.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
     call table%add_key('curve', 'string', '', &
       'Id of a curve that scales it; without one it is constant.')
     call table%preset('')
@@ -251,4 +330,26 @@ contains
     call table%preset('0.5')
     call table%bounds(min=0.5_wp, max=1.0_wp)
   end subroutine group_analysis
+
+  subroutine group_path(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('path', 4, &
+      'A state of strain for the one-point driver, `talus-fem --point deck.nml`; the ' &
+      //'states follow in the deck''s order.', repeats=.true.)
+    call table%add_key('material', 'string', '', &
+      'Id of the material; may be left out where there is one.')
+    call table%preset('')
+    call table%add_key('gradient', 'real', '', &
+      'Displacement gradient, u_1,1 u_1,2 u_1,3 u_2,1 to u_3,3.')
+    call table%need()
+    call table%sized(9_i4, 9_i4)
+    call table%add_key('rotation', 'real', 'rad', &
+      'Micro-rotation phi; a classical solid takes that of the gradient.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%add_key('rotation_gradient', 'real', '1/m', &
+      'Gradient of the micro-rotation, phi_1,1 phi_1,2 to phi_3,3.')
+    call table%sized(9_i4, 9_i4)
+    call table%preset('0.0|0.0|0.0|0.0|0.0|0.0|0.0|0.0|0.0')
+  end subroutine group_path
 end module fem_deck_keys

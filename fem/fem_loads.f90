@@ -1,38 +1,16 @@
-!> Nodal forces of gravity, tractions and point loads; curves; springs of facets.
+!> Nodal forces of tractions; curves; springs of facets.
 module fem_loads
   use talus_kinds, only: wp, i4
-  use fem_types, only: fem_mesh_type, fem_elastic_type, fem_curve_type, fem_springs_type
-  use fem_hex8, only: hex8_geometry, hex8_geometry_type, hex8_points, gauss_shape, quad4_shape
+  use fem_types, only: fem_mesh_type, fem_curve_type, fem_springs_type
+  use fem_hex8, only: quad4_shape
   implicit none
   private
-  public :: gravity_force, traction_force, curve_value, facet_springs, facet_point
+  public :: traction_force, curve_value, facet_springs, facet_point
 
   real(wp), parameter :: g = 0.57735026918962576451_wp
   real(wp), parameter :: gauss2(2, 4) = reshape([-g, -g, g, -g, g, g, -g, g], [2, 4])
 
 contains
-
-  !> Consistent nodal forces (3, nodes) of the weight of all elements [N].
-  subroutine gravity_force(mesh, elastic, gravity, force)
-    type(fem_mesh_type), intent(in) :: mesh
-    type(fem_elastic_type), intent(in) :: elastic
-    real(wp), intent(in) :: gravity(3)  !! [m/s^2]
-    real(wp), intent(out) :: force(:, :)
-    type(hex8_geometry_type) :: geometry
-    real(wp) :: n(8)
-    integer(i4) :: e, q, a
-
-    force = 0.0_wp
-    do e = 1, mesh%elements
-      call hex8_geometry(mesh%x(:, mesh%hex8(:, e)), geometry)
-      do q = 1, hex8_points
-        n = elastic%density(e)*geometry%weight(q)*gauss_shape(q)
-        do a = 1, 8
-          force(:, mesh%hex8(a, e)) = force(:, mesh%hex8(a, e)) + n(a)*gravity
-        end do
-      end do
-    end do
-  end subroutine gravity_force
 
   !> Point, shape functions and area vector (normal times area element) at facet coordinates.
   pure subroutine facet_point(x, xi, n, area)

@@ -11,6 +11,7 @@ program talus_fem
   use fem_model, only: fem_model_type, program_name
   use fem_deck_keys, only: fem_deck_table
   use fem_mumps, only: mumps_end
+  use fem_point, only: run_point
   use fem_port, only: serve
   implicit none
 
@@ -24,6 +25,11 @@ program talus_fem
   call parse_options(options, program_name, errors)
   if (errors%any()) call leave_with_faults()
   if (asks_a_question(options)) call answer()
+  if (options%one_point) then
+    call run_point(options, errors)
+    if (errors%any()) call errors%print(error_unit)
+    call talus_exit(errors%exit_code())
+  end if
   allocate (model)
   if (options%check) call check()
   if (len(options%port) > 0) then

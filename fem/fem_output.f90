@@ -11,7 +11,8 @@ module fem_output
   use fem_types, only: group_facet, group_node, group_volume
   use fem_mesh, only: find_group
   use fem_body, only: fem_body_type
-  use fem_recover, only: point_stress, mean_stress, nodal_stress
+  use fem_elastic, only: classical
+  use fem_recover, only: point_stress, mean_stress, nodal_stress, point_positions, nodal_rotation
   implicit none
   private
   public :: fem_output_type, energy_error
@@ -24,6 +25,7 @@ module fem_output
     real(wp) :: every_history = 0.0_wp, every_output = 0.0_wp  !! [s], 0 never
     integer(i8) :: next_history = 0, next_output = 0
     real(wp) :: last_field = -1.0_wp                           !! time of the last field step [s]
+    logical :: points = .false.                                  !! stress at points is written
     integer(i4), allocatable :: support(:)                     !! groups whose reactions are written
     type(history_type) :: energy, reactions
     type(series_type) :: series
@@ -51,6 +53,7 @@ contains
 
     call deck%get('history', 1, 'every_time', self%every_history)
     call deck%get('output', 1, 'every_time', self%every_output)
+    self%points = deck%given('output', 1, 'fields')  ! there is one choice
     if (deck%count('history') == 0) self%every_history = 0.0_wp
     if (deck%count('output') == 0) self%every_output = 0.0_wp
     if (self%every_history > 0.0_wp) call open_histories(self, deck, stem, body, start_time, errors)
@@ -76,8 +79,9 @@ contains
     type(string_type), allocatable :: columns(:)
     character(len=:), allocatable :: name
     character(len=1), parameter :: letters(3) = ['x', 'y', 'z']
-    character(len=*), parameter :: ledger(7) = [character(len=18) :: 'time [s]', 'strain [J]', &
-      'kinetic [J]', 'load [J]', 'gravity [J]', 'support [J]', 'spring [J]']
+    character(len=*), parameter :: ledger(9) = [character(len=18) :: 'time [s]', 'strain [J]', &
+      'kinetic [J]', 'load [J]', 'gravity [J]', 'support [J]', 'spring [J]', 'damping [J]', &
+      'numerical [J]']
     integer(i4) :: k, c, s, g
 
     do k = 1, size(ledger)
@@ -99,6 +103,10 @@ contains
       self%support = [self%support, g]
       do c = 1, 3
         call append_string(columns, name//' '//letters(c)//' [N]')
+      end do
+      if (.not. any(body%dofs%phi(body%mesh%group(g)%node) > 0)) cycle
+      do c = 1, 3
+        call append_string(columns, name//' r'//letters(c)//' [N m]')
       end do
     end do
     call start_or_resume(self%reactions, stem//'_reactions.csv', columns, start_time, errors)
@@ -143,8 +151,18 @@ contains
     call self%xdmf%attribute('u', 'u', xdmf_node, 3)
     call self%xdmf%attribute('v', 'v', xdmf_node, 3)
     call self%xdmf%attribute('reaction', 'reaction', xdmf_node, 3)
-    call self%xdmf%attribute('stress', 'stress', xdmf_cell, 6)
-    call self%xdmf%attribute('stress_nodal', 'stress_nodal', xdmf_node, 6)
+    if (body%elastic%components == classical) then
+      call self%xdmf%attribute('stress', 'stress', xdmf_cell, 6)
+      call self%xdmf%attribute('stress_nodal', 'stress_nodal', xdmf_node, 6)
+      return
+    end if
+    call self%xdmf%attribute('stress', 'stress', xdmf_cell, 9)
+    call self%xdmf%attribute('couple_stress', 'couple_stress', xdmf_cell, 9)
+    call self%xdmf%attribute('stress_nodal', 'stress_nodal', xdmf_node, 9)
+    call self%xdmf%attribute('couple_stress_nodal', 'couple_stress_nodal', xdmf_node, 9)
+    call self%xdmf%attribute('phi', 'phi', xdmf_node, 3)
+    call self%xdmf%attribute('phi_rate', 'phi_rate', xdmf_node, 3)
+    call self%xdmf%attribute('reaction_couple', 'reaction_couple', xdmf_node, 3)
   end subroutine open_fields
 
   !> Write what is due at the accepted state; `last` writes all that is open once more if it lags.
@@ -175,26 +193,28 @@ contains
     class(fem_output_type), intent(inout) :: self
     type(fem_body_type), intent(in) :: body
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: row(1 + 3*size(self%support))
-    integer(i4) :: s, c
+    real(wp), allocatable :: row(:)
+    integer(i4), allocatable :: block(:)
+    integer(i4) :: s
     associate (e => body%accepted_energy, t => body%accepted%time)
       call self%energy%write([t, e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring, &
-                              closure(body)], errors)
-      row(1) = t
+                              e%damping, e%numerical, closure(body)], errors)
+      row = [t]
       do s = 1, size(self%support)
-        do c = 1, 3
-          row(3*s - 2 + c) = sum(body%accepted%reaction(c, body%mesh%group(self%support(s))%node))
-        end do
+        block = body%mesh%group(self%support(s))%node
+        row = [row, sum(body%accepted%reaction(:, block), 2)]
+        block = pack(body%dofs%phi(block), body%dofs%phi(block) > 0)
+        if (size(block) > 0) row = [row, sum(body%accepted%reaction(:, block), 2)]
       end do
       call self%reactions%write(row, errors)
     end associate
   end subroutine write_history
 
-  !> Work put in minus energy stored [J].
+  !> Work put in minus energy stored and dissipated [J].
   pure real(wp) function closure(body)
     type(fem_body_type), intent(in) :: body
     associate (e => body%accepted_energy)
-      closure = e%load + e%support + e%spring - e%strain - e%kinetic
+      closure = e%load + e%support + e%spring - e%strain - e%kinetic - e%damping - e%numerical
     end associate
   end function closure
 
@@ -215,22 +235,52 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(h5_file_type) :: file
     character(len=:), allocatable :: group
-    real(wp), allocatable :: stress(:, :, :), mean(:, :), nodal(:, :)
+    real(wp), allocatable :: stress(:, :), mean(:, :), nodal(:, :), position(:, :)
+    integer(i4) :: n, c
 
-    allocate (stress(6, 8, body%mesh%elements), mean(6, body%mesh%elements), &
-      nodal(6, body%mesh%nodes))
-    call point_stress(body%mesh, body%elastic, body%accepted%u, stress)
-    call mean_stress(body%mesh, stress, mean)
-    call nodal_stress(body%mesh, stress, nodal)
+    n = body%mesh%nodes
+    c = body%elastic%components
+    allocate (stress(c, body%elastic%points), mean(c, body%mesh%elements), nodal(c, n))
+    call point_stress(body%mesh, body%dofs, body%elastic, body%accepted%u, stress)
+    call mean_stress(body%mesh, body%dofs, body%elastic, stress, mean)
+    call nodal_stress(body%mesh, body%dofs, body%elastic, stress, nodal)
     call self%series%begin_step(body%accepted%time, file, group, errors)
-    call file%put(group//'/u', body%accepted%u(:, :body%mesh%nodes), errors)
-    call file%put(group//'/v', body%accepted%v(:, :body%mesh%nodes), errors)
-    call file%put(group//'/reaction', body%accepted%reaction(:, :body%mesh%nodes), errors)
-    call file%put(group//'/stress', mean, errors)
-    call file%put(group//'/stress_nodal', nodal, errors)
+    call file%put(group//'/u', body%accepted%u(:, :n), errors)
+    call file%put(group//'/v', body%accepted%v(:, :n), errors)
+    call file%put(group//'/reaction', body%accepted%reaction(:, :n), errors)
+    call put_stress('stress', mean)
+    call put_stress('stress_nodal', nodal)
+    if (c > classical) then
+      call nodal_rotation(body%dofs, body%elastic, body%accepted%u, nodal)
+      call file%put(group//'/phi', nodal(:3, :), errors)
+      call nodal_rotation(body%dofs, body%elastic, body%accepted%v, nodal)
+      call file%put(group//'/phi_rate', nodal(:3, :), errors)
+      nodal(:3, :) = 0.0_wp
+      nodal(:3, body%dofs%node(n + 1:)) = body%accepted%reaction(:, n + 1:)
+      call file%put(group//'/reaction_couple', nodal(:3, :), errors)
+    end if
+    if (self%points) then
+      allocate (position(3, body%elastic%points))
+      call point_positions(body%mesh, body%dofs, body%elastic, position)
+      call file%put(group//'/points_x', position, errors)
+      call put_stress('stress_points', stress)
+    end if
     call self%series%end_step(int(body%mesh%nodes, i8), file, errors)
     call self%xdmf%write(self%series, errors)
     self%last_field = body%accepted%time
+
+  contains
+
+    subroutine put_stress(name, values)
+      character(len=*), intent(in) :: name
+      real(wp), intent(in) :: values(:, :)
+      if (c == classical) then
+        call file%put(group//'/'//name, values, errors)
+      else
+        call file%put(group//'/'//name, values(:9, :), errors)
+        call file%put(group//'/couple_'//name, values(10:, :), errors)
+      end if
+    end subroutine put_stress
   end subroutine write_fields
 
   !> Fields of the accepted state where a run breaks off, if fields are written at all.

@@ -9,6 +9,8 @@ module fem_port_state
   use talus_version, only: version_text
   use fem_types, only: fem_mesh_type, fem_springs_type, group_volume, group_facet, group_node
   use fem_body, only: fem_body_type
+  use fem_elastic, only: classical
+  use fem_micropolar, only: lame_moduli, violated_inequality
   use fem_mesh, only: find_group, group_hint
   use fem_model, only: fem_model_type, program_name
   use fem_recover, only: point_stress, point_positions, point_weights
@@ -97,17 +99,23 @@ contains
   subroutine describe_points(body, reply)
     type(fem_body_type), intent(in) :: body
     type(message_type), intent(inout) :: reply
-    real(wp), allocatable :: x(:, :), weight(:), stress(:, :, :)
+    real(wp), allocatable :: x(:, :), weight(:), stress(:, :)
     integer(i4) :: n, e, q
-    n = 8*body%mesh%elements
-    allocate (x(3, n), weight(n), stress(6, 8, body%mesh%elements))
-    call point_positions(body%mesh, x)
-    call point_weights(body%mesh, weight)
-    call point_stress(body%mesh, body%elastic, body%state%u, stress)
+    n = body%elastic%points
+    allocate (x(3, n), weight(n), stress(body%elastic%components, n))
+    call point_positions(body%mesh, body%dofs, body%elastic, x)
+    call point_weights(body%mesh, body%dofs, body%elastic, weight)
+    call point_stress(body%mesh, body%dofs, body%elastic, body%state%u, stress)
     call reply%put('x', x)
     call reply%put('weight', weight)
-    call reply%put('stress', reshape(stress, [6, n]))
-    call reply%put_int('element', [((e, q=1, 8), e=1, body%mesh%elements)])
+    if (body%elastic%components == classical) then
+      call reply%put('stress', stress)
+    else
+      call reply%put('stress', stress(:9, :))
+      call reply%put('couple_stress', stress(10:, :))
+    end if
+    call reply%put_int('element', [((e, q=body%elastic%point(e), body%elastic%point(e + 1) - 1), &
+                                   e=1, body%mesh%elements)])
   end subroutine describe_points
 
   !> SET: springs, dead loads, initial stress, weights, moduli, mass factors.
@@ -117,9 +125,7 @@ contains
     type(message_type), intent(inout) :: request
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: what
-    integer(i4) :: points
 
-    points = 8*body%mesh%elements
     call request%get_text('what', what, errors)
     if (errors%any()) return
     select case (what)
@@ -128,9 +134,9 @@ contains
     case ('dead_load')
       call set_dead_load(body, sets, request, errors)
     case ('initial_stress')
-      call set_points(body, request, 6, errors)
+      call set_initial(body, request, errors)
     case ('quad_weight')
-      call set_points(body, request, 1, errors)
+      call set_weights(body, request, errors)
     case ('moduli')
       call set_moduli(body, request, errors)
     case ('mass_factor')
@@ -206,53 +212,88 @@ contains
                                 'SELECT it first')
   end subroutine find_set
 
-  !> Initial stress (6 values) or weight (1 value) of every Gauss point.
-  subroutine set_points(body, request, components, errors)
+  !> Initial stress `value` of every point (6, points) [Pa]; in a polar body sigma_kl (9, points)
+  !! and couple stress `couple` (9, points) [N/m], zero if left out.
+  subroutine set_initial(body, request, errors)
     type(fem_body_type), intent(inout) :: body
     type(message_type), intent(inout) :: request
-    integer(i4), intent(in) :: components
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: stress(:, :), weight(:)
-    integer(i4) :: n
-    n = 8*body%mesh%elements
-    if (components == 6) then
-      allocate (stress(6, n))
-      call request%get('value', stress, errors)
-      if (errors%any()) return
-      body%elastic%initial = reshape(stress, [6, 8, body%mesh%elements])
-      body%elastic%has_initial = .true.
-    else
-      allocate (weight(n))
-      call request%get('value', weight, errors)
-      if (errors%any()) return
-      body%elastic%factor = reshape(weight, [8, body%mesh%elements])
-    end if
-    call body%assemble()
-  end subroutine set_points
+    real(wp), allocatable :: stress(:, :), couple(:, :)
 
+    allocate (stress(merge(6, 9, body%elastic%components == classical), body%elastic%points))
+    call request%get('value', stress, errors)
+    if (errors%any()) return
+    if (.not. allocated(body%elastic%initial)) &
+      allocate (body%elastic%initial(body%elastic%components, body%elastic%points))
+    body%elastic%initial = 0.0_wp
+    body%elastic%initial(:size(stress, 1), :) = stress
+    if (body%elastic%components > classical .and. request%has('couple')) then
+      allocate (couple(9, body%elastic%points))
+      call request%get('couple', couple, errors)
+      if (errors%any()) return
+      body%elastic%initial(10:, :) = couple
+    end if
+    body%elastic%has_initial = .true.
+    call body%assemble()
+  end subroutine set_initial
+
+  !> Weight of every quadrature point in the stored energy.
+  subroutine set_weights(body, request, errors)
+    type(fem_body_type), intent(inout) :: body
+    type(message_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: weight(:)
+    allocate (weight(body%elastic%points))
+    call request%get('value', weight, errors)
+    if (errors%any()) return
+    body%elastic%factor = weight
+    call body%assemble()
+  end subroutine set_weights
+
+  !> Moduli of elements: young and poisson, or Eringen's six as `micropolar` (6, elements).
   subroutine set_moduli(body, request, errors)
     type(fem_body_type), intent(inout) :: body
     type(message_type), intent(inout) :: request
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: element(:)
-    real(wp), allocatable :: young(:), poisson(:)
+    real(wp), allocatable :: young(:), poisson(:), moduli(:, :)
+    integer(i4) :: k
 
     call request%take_int('element', element, errors)
     if (errors%any()) return
-    allocate (young(size(element)), poisson(size(element)))
-    call request%get('young', young, errors)
-    call request%get('poisson', poisson, errors)
+    allocate (moduli(6, size(element)), young(size(element)), poisson(size(element)))
+    if (request%has('micropolar')) then
+      call request%get('micropolar', moduli, errors)
+    else
+      call request%get('young', young, errors)
+      call request%get('poisson', poisson, errors)
+    end if
     if (errors%any()) return
     if (any(element < 1) .or. any(element > body%mesh%elements)) then
       call errors%add('P302', 'moduli are given for elements that do not exist', request%place())
-    else if (.not. (all(young > 0.0_wp) .and. all(poisson > -1.0_wp) &
-      .and. all(poisson < 0.5_wp))) then
-      call errors%add('P302', 'moduli must be young > 0 and -1 < poisson < 0.5', request%place())
-    else
-      body%elastic%young(element) = young
-      body%elastic%poisson(element) = poisson
-      call body%assemble()
+      return
     end if
+    do k = 1, size(element)
+      associate (polar => body%elastic%rule(body%elastic%rule_of(element(k)))%polar)
+        if (polar .neqv. request%has('micropolar')) then
+          call errors%add('P302', 'moduli of element '//str(element(k))//' are of the other law', &
+            request%place(), 'give micropolar where the element is, young and poisson elsewhere')
+          return
+        end if
+        if (polar) then
+          if (len(violated_inequality(moduli(:, k))) > 0) call errors%add('P302', 'moduli of '// &
+            'element '//str(element(k))//': '//violated_inequality(moduli(:, k)), request%place())
+        else if (.not. (young(k) > 0.0_wp .and. abs(poisson(k) + 0.25_wp) < 0.75_wp)) then
+          call errors%add('P302', 'moduli must be young > 0 and -1 < poisson < 0.5', &
+                          request%place())
+        else
+          moduli(:, k) = lame_moduli(young(k), poisson(k))
+        end if
+        if (errors%any()) return
+      end associate
+    end do
+    body%elastic%moduli(:, element) = moduli
+    call body%assemble()
   end subroutine set_moduli
 
   subroutine set_mass_factor(body, sets, request, errors)

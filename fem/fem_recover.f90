@@ -1,142 +1,285 @@
-!> Stresses at Gauss points, element means, nodal means; forces of the initial stress.
+!> Stresses at quadrature points, element means, nodal means; forces of stresses.
 module fem_recover
   use talus_kinds, only: wp, i4
-  use fem_types, only: fem_mesh_type, fem_elastic_type
-  use fem_hex8, only: hex8_geometry, hex8_geometry_type, hex8_stress, hex8_forces, hex8_points, &
-    gauss_shape
+  use fem_dofs, only: fem_dofs_type
+  use fem_elastic, only: fem_elastic_type, classical
+  use fem_element, only: fem_shape_type, element_shape, element_stress, element_force, points_at
+  use fem_hex8, only: hex8_geometry, hex8_geometry_type, hex8_stress, hex8_forces
+  use fem_types, only: fem_mesh_type
   implicit none
   private
   public :: point_stress, mean_stress, nodal_stress, initial_stress_force, point_positions
-  public :: point_weights, element_forces
+  public :: point_weights, element_forces, nodal_rotation
+
+  integer(i4), parameter :: full(9) = [1, 4, 6, 4, 2, 5, 6, 5, 3]  !! six components as nine
+  integer(i4), parameter :: six(6) = [1, 5, 9, 2, 6, 7]            !! and back
 
 contains
 
-  !> Stress at all Gauss points (6, 8, elements) [Pa], the initial stress included.
-  subroutine point_stress(mesh, elastic, u, stress)
+  !> Stress at all points (components, points), the initial stress included: xx yy zz xy yz zx [Pa]
+  !! or, where a part of the body is polar, sigma_kl [Pa] and m_kl [N/m], nine each.
+  subroutine point_stress(mesh, dofs, elastic, u, stress)
     type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(in) :: u(:, :)
-    real(wp), intent(out) :: stress(:, :, :)
-    type(hex8_geometry_type) :: geometry
+    real(wp), intent(out) :: stress(:, :)
     integer(i4) :: e
-    !$omp parallel do default(none) shared(mesh, elastic, u, stress) private(e, geometry) &
+    !$omp parallel do default(none) shared(mesh, dofs, elastic, u, stress) private(e) &
     !$omp schedule(static)
     do e = 1, mesh%elements
-      call hex8_geometry(mesh%x(:, mesh%hex8(:, e)), geometry)
-      call hex8_stress(geometry, u(:, mesh%hex8(:, e)), &
-                       elastic%young(e)/(3.0_wp*(1.0_wp - 2.0_wp*elastic%poisson(e))), &
-                       elastic%young(e)/(2.0_wp*(1.0_wp + elastic%poisson(e))), &
-                       elastic%bbar(e), stress(:, :, e))
-      if (elastic%has_initial) stress(:, :, e) = stress(:, :, e) + elastic%initial(:, :, e)
+      call stress_of(mesh, dofs, elastic, e, u, &
+                     stress(:, elastic%point(e):elastic%point(e + 1) - 1))
     end do
     !$omp end parallel do
+    if (elastic%has_initial) stress = stress + elastic%initial
   end subroutine point_stress
 
-  !> Means over the elements (6, elements) by volume.
-  subroutine mean_stress(mesh, stress, mean)
+  !> Stress of element e without the initial stress, in the components of the body.
+  subroutine stress_of(mesh, dofs, elastic, e, u, stress)
     type(fem_mesh_type), intent(in) :: mesh
-    real(wp), intent(in) :: stress(:, :, :)
-    real(wp), intent(out) :: mean(:, :)
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: e
+    real(wp), intent(in) :: u(:, :)
+    real(wp), intent(out) :: stress(:, :)
     type(hex8_geometry_type) :: geometry
+    type(fem_shape_type) :: shape
+    real(wp) :: six_values(classical, size(stress, 2))
+
+    associate (rule => elastic%rule(elastic%rule_of(e)), m => elastic%moduli(:, e), &
+               block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
+      if (rule%brick) then
+        call hex8_geometry(mesh%x(:, block), geometry)
+        call hex8_stress(geometry, u(:, block), m(1) + 2.0_wp/3.0_wp*m(2), m(2), rule%bbar, &
+                         six_values)
+      else
+        call element_shape(rule%at, mesh%x(:, block(:rule%nodes)), shape)
+        if (rule%polar) then
+          call element_stress(rule, shape, u(:, block), m, stress)
+          return
+        end if
+        call element_stress(rule, shape, u(:, block), m, six_values)
+      end if
+    end associate
+    if (size(stress, 1) == classical) then
+      stress = six_values
+    else
+      stress(:9, :) = six_values(full, :)
+      stress(10:, :) = 0.0_wp
+    end if
+  end subroutine stress_of
+
+  !> Forces of the stress of element e, which has the components of the body.
+  subroutine force_of(mesh, dofs, elastic, e, stress, force)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: e
+    real(wp), intent(in) :: stress(:, :)
+    real(wp), intent(out) :: force(:, :)
+    type(hex8_geometry_type) :: geometry
+    type(fem_shape_type) :: shape
+    real(wp) :: six_values(classical, size(stress, 2))
+
+    associate (rule => elastic%rule(elastic%rule_of(e)), &
+               factor => elastic%factor(elastic%point(e):elastic%point(e + 1) - 1), &
+               block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
+      if (size(stress, 1) == classical) then
+        six_values = stress
+      else
+        six_values = stress(six, :)
+      end if
+      if (rule%brick) then
+        call hex8_geometry(mesh%x(:, block), geometry)
+        call hex8_forces(geometry, six_values, factor, rule%bbar, force)
+        return
+      end if
+      call element_shape(rule%at, mesh%x(:, block(:rule%nodes)), shape)
+      if (rule%polar) then
+        call element_force(rule, shape, stress, factor, force)
+      else
+        call element_force(rule, shape, six_values, factor, force)
+      end if
+    end associate
+  end subroutine force_of
+
+  !> Means over the elements (components, elements) by volume.
+  subroutine mean_stress(mesh, dofs, elastic, stress, mean)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: stress(:, :)
+    real(wp), intent(out) :: mean(:, :)
+    real(wp) :: weight(elastic%points)
     integer(i4) :: e
+    call point_weights(mesh, dofs, elastic, weight)
     do e = 1, mesh%elements
-      call hex8_geometry(mesh%x(:, mesh%hex8(:, e)), geometry)
-      mean(:, e) = matmul(stress(:, :, e), geometry%weight)/sum(geometry%weight)
+      associate (first => elastic%point(e), last => elastic%point(e + 1) - 1)
+        mean(:, e) = matmul(stress(:, first:last), weight(first:last))/sum(weight(first:last))
+      end associate
     end do
   end subroutine mean_stress
 
-  !> Nodal stresses (6, nodes): sum of N sigma w over sum of N w.
-  subroutine nodal_stress(mesh, stress, nodal)
+  !> Nodal stresses (components, nodes). Bricks share theirs by shape functions, sum of N sigma w
+  !! over sum of N w; the others by a least squares fit of the corner functions in the element, and
+  !! nodes between corners take the mean of the fits there.
+  subroutine nodal_stress(mesh, dofs, elastic, stress, nodal)
     type(fem_mesh_type), intent(in) :: mesh
-    real(wp), intent(in) :: stress(:, :, :)
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: stress(:, :)
     real(wp), intent(out) :: nodal(:, :)
-    type(hex8_geometry_type) :: geometry
-    real(wp) :: share(mesh%nodes), n(8)
+    real(wp) :: share(mesh%nodes), weight(elastic%points)
+    real(wp), allocatable :: corner(:, :), volume(:)
     integer(i4) :: e, q, a
+
     nodal = 0.0_wp
     share = 0.0_wp
+    call point_weights(mesh, dofs, elastic, weight)
     do e = 1, mesh%elements
-      call hex8_geometry(mesh%x(:, mesh%hex8(:, e)), geometry)
-      do q = 1, hex8_points
-        n = gauss_shape(q)*geometry%weight(q)
-        do a = 1, 8
-          share(mesh%hex8(a, e)) = share(mesh%hex8(a, e)) + n(a)
-          nodal(:, mesh%hex8(a, e)) = nodal(:, mesh%hex8(a, e)) + n(a)*stress(:, q, e)
+      associate (rule => elastic%rule(elastic%rule_of(e)), first => elastic%point(e), &
+                 last => elastic%point(e + 1) - 1, node => dofs%block(dofs%start(e):))
+        volume = matmul(rule%at%corner, weight(first:last))
+        if (rule%brick) then
+          do q = 1, rule%at%n
+            do a = 1, rule%corners
+              nodal(:, node(a)) = nodal(:, node(a)) &
+                + rule%at%corner(a, q)*weight(first + q - 1)*stress(:, first + q - 1)
+            end do
+          end do
+          share(node(:8)) = share(node(:8)) + volume
+          cycle
+        end if
+        corner = matmul(stress(:, first:last), transpose(rule%spread))
+        do a = 1, rule%nodes
+          nodal(:, node(a)) = nodal(:, node(a)) + sum(volume)*matmul(corner, rule%middle(:, a))
+          share(node(a)) = share(node(a)) + sum(volume)
         end do
-      end do
+      end associate
     end do
     do a = 1, mesh%nodes
       nodal(:, a) = nodal(:, a)/share(a)
     end do
   end subroutine nodal_stress
 
-  !> Internal nodal forces of the (weighted) initial stress [N].
-  subroutine initial_stress_force(mesh, elastic, force)
+  !> Micro-rotations at all nodes, rows 1 to 3 of `nodal`: between corners as the element
+  !! interpolates them, zero where there are none. `u` may be the rates too.
+  subroutine nodal_rotation(dofs, elastic, u, nodal)
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: u(:, :)        !! (3, blocks)
+    real(wp), intent(inout) :: nodal(:, :)
+    integer(i4) :: e, a, n
+    nodal(:3, :) = 0.0_wp
+    do e = 1, size(elastic%rule_of)
+      associate (rule => elastic%rule(elastic%rule_of(e)), block => dofs%block(dofs%start(e):))
+        if (.not. rule%polar) cycle
+        do a = 1, rule%nodes
+          n = block(a)
+          if (dofs%phi(n) > 0) then
+            nodal(:3, n) = u(:, dofs%phi(n))
+          else
+            nodal(:3, n) = matmul(u(:, block(rule%nodes + 1:rule%nodes + rule%corners)), &
+                                  rule%middle(:, a))
+          end if
+        end do
+      end associate
+    end do
+  end subroutine nodal_rotation
+
+  !> Internal forces (3, blocks) of the (weighted) initial stress [N, N m].
+  subroutine initial_stress_force(mesh, dofs, elastic, force)
     type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(out) :: force(:, :)
-    type(hex8_geometry_type) :: geometry
-    real(wp) :: fe(3, 8)
-    integer(i4) :: e, a
+    integer(i4) :: e
     force = 0.0_wp
     if (.not. elastic%has_initial) return
     do e = 1, mesh%elements
-      call hex8_geometry(mesh%x(:, mesh%hex8(:, e)), geometry)
-      call hex8_forces(geometry, elastic%initial(:, :, e), elastic%factor(:, e), &
-        elastic%bbar(e), fe)
-      do a = 1, 8
-        force(:, mesh%hex8(a, e)) = force(:, mesh%hex8(a, e)) + fe(:, a)
-      end do
+      call add_force(mesh, dofs, elastic, e, &
+                     elastic%initial(:, elastic%point(e):elastic%point(e + 1) - 1), force)
     end do
   end subroutine initial_stress_force
 
-  !> Internal nodal forces of chosen elements at displacements u [N].
-  subroutine element_forces(mesh, elastic, u, chosen, force)
+  !> Internal forces (3, blocks) of chosen elements at displacements u [N, N m].
+  subroutine element_forces(mesh, dofs, elastic, u, chosen, force)
     type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(in) :: u(:, :)
     logical, intent(in) :: chosen(:)
     real(wp), intent(out) :: force(:, :)
-    type(hex8_geometry_type) :: geometry
-    real(wp) :: stress(6, 8), fe(3, 8)
-    integer(i4) :: e, a
+    real(wp), allocatable :: stress(:, :)
+    integer(i4) :: e, first, last
     force = 0.0_wp
     do e = 1, mesh%elements
       if (.not. chosen(e)) cycle
-      call hex8_geometry(mesh%x(:, mesh%hex8(:, e)), geometry)
-      call hex8_stress(geometry, u(:, mesh%hex8(:, e)), &
-                       elastic%young(e)/(3.0_wp*(1.0_wp - 2.0_wp*elastic%poisson(e))), &
-                       elastic%young(e)/(2.0_wp*(1.0_wp + elastic%poisson(e))), &
-                       elastic%bbar(e), stress)
-      if (elastic%has_initial) stress = stress + elastic%initial(:, :, e)
-      call hex8_forces(geometry, stress, elastic%factor(:, e), elastic%bbar(e), fe)
-      do a = 1, 8
-        force(:, mesh%hex8(a, e)) = force(:, mesh%hex8(a, e)) + fe(:, a)
-      end do
+      first = elastic%point(e)
+      last = elastic%point(e + 1) - 1
+      if (allocated(stress)) deallocate (stress)
+      allocate (stress(elastic%components, last - first + 1))
+      call stress_of(mesh, dofs, elastic, e, u, stress)
+      if (elastic%has_initial) stress = stress + elastic%initial(:, first:last)
+      call add_force(mesh, dofs, elastic, e, stress, force)
     end do
   end subroutine element_forces
 
-  !> Positions of all Gauss points (3, 8 elements) [m], element by element.
-  subroutine point_positions(mesh, x)
+  subroutine add_force(mesh, dofs, elastic, e, stress, force)
     type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: e
+    real(wp), intent(in) :: stress(:, :)
+    real(wp), intent(inout) :: force(:, :)
+    real(wp), allocatable :: fe(:, :)
+    associate (block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
+      allocate (fe(3, size(block)))
+      call force_of(mesh, dofs, elastic, e, stress, fe)
+      force(:, block) = force(:, block) + fe
+    end associate
+  end subroutine add_force
+
+  !> Positions of all points (3, points) [m], element by element.
+  subroutine point_positions(mesh, dofs, elastic, x)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(out) :: x(:, :)
-    integer(i4) :: e, q
+    integer(i4) :: e
     do e = 1, mesh%elements
-      do q = 1, hex8_points
-        x(:, 8*(e - 1) + q) = matmul(mesh%x(:, mesh%hex8(:, e)), gauss_shape(q))
-      end do
+      associate (rule => elastic%rule(elastic%rule_of(e)))
+        x(:, elastic%point(e):elastic%point(e + 1) - 1) = points_at(rule%at, &
+          mesh%x(:, dofs%block(dofs%start(e):dofs%start(e) + rule%nodes - 1)))
+      end associate
     end do
   end subroutine point_positions
 
-  !> Volumes of all Gauss points (8 elements) [m^3].
-  subroutine point_weights(mesh, weight)
+  !> Volumes of all points (points) [m^3].
+  subroutine point_weights(mesh, dofs, elastic, weight)
     type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(out) :: weight(:)
     type(hex8_geometry_type) :: geometry
-    integer(i4) :: e
+    type(fem_shape_type) :: shape
+    integer(i4) :: e, last
+    last = 0
     do e = 1, mesh%elements
-      call hex8_geometry(mesh%x(:, mesh%hex8(:, e)), geometry)
-      weight(8*(e - 1) + 1:8*e) = geometry%weight
+      associate (rule => elastic%rule(elastic%rule_of(e)), first => elastic%point(e), &
+                 node => dofs%block(dofs%start(e):))
+        if (rule%brick) then
+          call hex8_geometry(mesh%x(:, node(:8)), geometry)
+          weight(first:first + 7) = geometry%weight
+          cycle
+        end if
+        if (allocated(shape%weight) .and. elastic%rule_of(e) /= last) &
+          deallocate (shape%weight, shape%u, shape%phi)
+        last = elastic%rule_of(e)
+        call element_shape(rule%at, mesh%x(:, node(:rule%nodes)), shape)
+        weight(first:elastic%point(e + 1) - 1) = shape%weight
+      end associate
     end do
   end subroutine point_weights
 end module fem_recover

@@ -39,7 +39,8 @@ contains
     call file%put('/state/given_u', body%given_u, errors)
     associate (e => body%accepted_energy)
       call file%put('/state/energy', &
-                    [e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring], errors)
+                    [e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring, &
+                     e%damping, e%numerical], errors)
     end associate
     call checkpoint%finish(file, errors)
   end subroutine write_checkpoint
@@ -81,7 +82,8 @@ contains
     call file%close(errors)
     if (errors%any()) return
     body%state%time = info%time
-    body%energy = fem_energy_type(energy(1), energy(2), energy(3), energy(4), energy(5), energy(6))
+    body%energy = fem_energy_type(energy(1), energy(2), energy(3), energy(4), energy(5), &
+                                  energy(6), energy(7), energy(8))
     steps = info%step
     deck_changed = info%deck_hash /= checkpoint%deck_hash
     call body%accept()

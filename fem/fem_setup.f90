@@ -4,9 +4,12 @@ module fem_setup
   use talus_text, only: str, string_type
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
-  use fem_types, only: fem_curve_type, name_length, group_volume, group_facet, group_node
+  use fem_dofs, only: number_fields
+  use fem_types, only: fem_curve_type, group_volume, group_facet, group_node
   use fem_mesh, only: read_mesh, find_group, group_hint
-  use fem_setup_loads, only: read_tractions, read_point_loads, read_springs
+  use fem_setup_loads, only: read_tractions, read_couples, read_point_loads, read_springs, &
+    read_body_loads
+  use fem_setup_sections, only: read_sections, check_ids
   use fem_body, only: fem_body_type, fem_motion_type
   implicit none
   private
@@ -26,7 +29,6 @@ contains
 
     call read_mesh(deck%path('mesh', 1, 'file'), body%mesh, errors)
     if (errors%any()) return
-    call body%allocate_state()
     call deck%get('run', 1, 'gravity', gravity)
     body%gravity = gravity
     call deck%get('analysis', 1, 'kind', kind)
@@ -34,85 +36,18 @@ contains
     call deck%get('analysis', 1, 'beta', body%beta)
     call deck%get('analysis', 1, 'gamma', body%gamma)
     call read_sections(deck, body, errors)
+    if (errors%any()) return
+    call number_fields(body%mesh, body%elastic%rotations(), body%dofs)
+    call body%allocate_state()
     call read_curves(deck, body%curve, errors)
     call read_supports(deck, body, errors)
     call read_motions(deck, body, errors)
     call read_tractions(deck, body, errors)
+    call read_couples(deck, body, errors)
+    call read_body_loads(deck, body, errors)
     call read_point_loads(deck, body, errors)
     call read_springs(deck, body, errors)
   end subroutine read_body
-
-  !> Elastic constants and formulation of every element.
-  subroutine read_sections(deck, body, errors)
-    type(deck_type), intent(in) :: deck
-    type(fem_body_type), intent(inout) :: body
-    type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: name, id, element
-    integer(i4) :: owner(body%mesh%elements), s, m, g, k, e, n
-
-    n = body%mesh%elements
-    associate (el => body%elastic)
-      allocate (el%young(n), el%poisson(n), el%density(n), source=0.0_wp)
-      allocate (el%bbar(n), source=.true.)
-      allocate (el%factor(8, n), source=1.0_wp)
-      allocate (el%initial(6, 8, n), source=0.0_wp)
-      owner = 0
-      call check_ids(deck, 'material', errors)
-      do s = 1, deck%count('section')
-        call deck%get('section', s, 'group', name)
-        call deck%get('section', s, 'material', id)
-        call deck%get('section', s, 'element', element)
-        g = find_group(body%mesh, name, [group_volume])
-        m = 0
-        do k = 1, deck%count('material')
-          call deck%get('material', k, 'id', name)
-          if (name == id) m = k
-        end do
-        if (m == 0) call deck%fault(errors, 'D302', "there is no material '"//id//"'", &
-          'section', s, &
-                                    'material', 'define it with &material id = ...')
-        if (g == 0) call group_fault(deck, body, 'section', s, [group_volume], errors)
-        if (g == 0 .or. m == 0) cycle
-        do k = 1, size(body%mesh%group(g)%element)
-          e = body%mesh%group(g)%element(k)
-          if (owner(e) > 0 .and. owner(e) /= s) then
-            call deck%fault(errors, 'D305', 'element '//str(e)//' has two sections', 'section', s, &
-                            'group', 'groups of sections must not share elements')
-            exit
-          end if
-          owner(e) = s
-          call deck%get('material', m, 'young', el%young(e))
-          call deck%get('material', m, 'poisson', el%poisson(e))
-          call deck%get('material', m, 'density', el%density(e))
-          el%bbar(e) = element == 'hex8_bbar'
-        end do
-      end do
-    end associate
-    if (all(owner > 0) .or. errors%any()) return
-    call deck%fault(errors, 'D305', str(int(count(owner == 0), i4))// &
-      ' elements have no section, the '// &
-                    'first is element '//str(int(findloc(owner, 0, 1), i4)), 'section', 1, &
-                      'group', &
-                    'volume groups: '//group_hint(body%mesh, '', [group_volume]))
-  end subroutine read_sections
-
-  !> Ids of a repeated group must differ.
-  subroutine check_ids(deck, group, errors)
-    type(deck_type), intent(in) :: deck
-    character(len=*), intent(in) :: group
-    type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: a, b
-    integer(i4) :: i, j
-    do i = 2, deck%count(group)
-      call deck%get(group, i, 'id', a)
-      do j = 1, i - 1
-        call deck%get(group, j, 'id', b)
-        if (a == b) call deck%fault(errors, 'D309', "the id '"//a//"' stands twice", group, i, &
-          'id', &
-                                    'give each &'//group//' an id of its own')
-      end do
-    end do
-  end subroutine check_ids
 
   subroutine group_fault(deck, body, group, instance, kinds, errors)
     type(deck_type), intent(in) :: deck
@@ -165,7 +100,8 @@ contains
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: name
     type(string_type), allocatable :: fix(:)
-    integer(i4) :: s, g, k
+    integer(i4), allocatable :: block(:)
+    integer(i4) :: s, g, k, component
 
     do s = 1, deck%count('support')
       call deck%get('support', s, 'group', name)
@@ -176,10 +112,34 @@ contains
       end if
       call deck%get('support', s, 'fix', fix)
       do k = 1, size(fix)
-        body%held(index('xyz', fix(k)%s), body%mesh%group(g)%node) = .true.
+        call blocks_for(deck, body, 'support', s, g, fix(k)%s, component, block, errors)
+        body%held(component, block) = .true.
       end do
     end do
   end subroutine read_supports
+
+  !> Component and blocks that 'x' to 'rz' mean at the nodes of group g; fault D323 where no node
+  !! has a micro-rotation.
+  subroutine blocks_for(deck, body, group, instance, g, text, component, block, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(in) :: body
+    character(len=*), intent(in) :: group, text
+    integer(i4), intent(in) :: instance, g
+    integer(i4), intent(out) :: component
+    integer(i4), allocatable, intent(out) :: block(:)
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name
+
+    component = index('xyz', text(len(text):))
+    block = body%mesh%group(g)%node
+    if (text(1:1) /= 'r') return
+    block = pack(body%dofs%phi(block), body%dofs%phi(block) > 0)
+    if (size(block) > 0) return
+    call deck%get(group, instance, 'group', name)
+    call deck%fault(errors, 'D323', "no node of '"//name//"' has a micro-rotation", group, &
+      instance, trim(merge('fix      ', 'component', group == 'support')), &
+      "rotations belong to sections of a material with law = 'micropolar'")
+  end subroutine blocks_for
 
   subroutine read_motions(deck, body, errors)
     type(deck_type), intent(in) :: deck
@@ -198,18 +158,17 @@ contains
       call deck%get('motion', s, 'component', component)
       call deck%get('motion', s, 'curve', name)
       call deck%get('motion', s, 'scale', motion%scale)
-      motion%component = index('xyz', component)
       motion%curve = find_curve(body%curve, name)
       if (motion%curve == 0) call deck%fault(errors, 'D303', "there is no curve '"//name//"'", &
                                              'motion', s, 'curve', 'define it with &curve id = ...')
       if (g == 0 .or. motion%curve == 0) cycle
-      motion%node = body%mesh%group(g)%node
-      clash = any(body%held(motion%component, motion%node))
+      call blocks_for(deck, body, 'motion', s, g, component, motion%component, motion%block, errors)
+      clash = any(body%held(motion%component, motion%block))
       if (clash) call deck%fault(errors, 'D306', &
         'component '//component//' of some of these nodes '// &
                                  'is held or moved already', 'motion', s, 'group', &
                                  'leave it out of &support and of the other &motion')
-      body%held(motion%component, motion%node) = .true.
+      body%held(motion%component, motion%block) = .true.
       call append_motion(body%motion, motion)
     end do
   end subroutine read_motions

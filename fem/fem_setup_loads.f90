@@ -4,13 +4,14 @@ module fem_setup_loads
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
-  use fem_types, only: fem_load_type, fem_mesh_type, group_facet
+  use fem_types, only: fem_load_type, fem_mesh_type, group_facet, group_volume
+  use fem_assembly, only: body_force
   use fem_mesh, only: find_group, group_hint
   use fem_loads, only: traction_force, facet_springs, facet_point
   use fem_body, only: fem_body_type
   implicit none
   private
-  public :: read_tractions, read_point_loads, read_springs
+  public :: read_tractions, read_couples, read_point_loads, read_springs, read_body_loads
 
   real(wp), parameter :: on_facet = 1.0e-6_wp  !! distance / facet size that counts as on it
 
@@ -36,17 +37,86 @@ contains
     end do
   end subroutine read_tractions
 
+  !> Couples per area; fault D323 where a facet has no micro-rotation.
+  subroutine read_couples(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name
+    real(wp), allocatable :: value(:)
+    real(wp) :: nodal(3, body%mesh%nodes)
+    type(fem_load_type) :: load
+    integer(i4) :: s, g, n
+
+    do s = 1, deck%count('couple')
+      call facet_group(deck, body, 'couple', s, 'group', g, errors)
+      call read_curve(deck, body, 'couple', s, load%curve, errors)
+      if (g == 0) cycle
+      call deck%get('couple', s, 'value', value)
+      nodal = 0.0_wp
+      call traction_force(body%mesh, body%mesh%group(g)%facet, value, nodal)
+      load%force = 0.0_wp*body%state%u
+      do n = 1, body%mesh%nodes
+        if (all(abs(nodal(:, n)) <= 0.0_wp)) cycle
+        if (body%dofs%phi(n) == 0) then
+          call deck%get('couple', s, 'group', name)
+          call deck%fault(errors, 'D323', "node "//str(n)//" of '"//name// &
+            "' has no micro-rotation", 'couple', s, 'group', &
+            "couples act on sections of a material with law = 'micropolar'")
+          exit
+        end if
+        load%force(:, body%dofs%phi(n)) = nodal(:, n)
+      end do
+      call append_load(body%load, load)
+    end do
+  end subroutine read_couples
+
+  !> Forces and couples per volume; fault D323 for couples on classical elements.
+  subroutine read_body_loads(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name
+    real(wp), allocatable :: force(:), couple(:)
+    type(fem_load_type) :: load
+    integer(i4) :: s, g
+
+    do s = 1, deck%count('body_load')
+      call deck%get('body_load', s, 'group', name)
+      g = find_group(body%mesh, name, [group_volume])
+      if (g == 0) call deck%fault(errors, 'D301', "the mesh has no volume group '"//name//"'", &
+        'body_load', s, 'group', group_hint(body%mesh, name, [group_volume]))
+      call read_curve(deck, body, 'body_load', s, load%curve, errors)
+      if (g == 0) cycle
+      call deck%get('body_load', s, 'force', force)
+      call deck%get('body_load', s, 'couple', couple)
+      associate (element => body%mesh%group(g)%element)
+        if (any(abs(couple) > 0.0_wp) .and. &
+            .not. all(body%elastic%rule(body%elastic%rule_of(element))%polar)) then
+          call deck%fault(errors, 'D323', "elements of '"//name//"' take no couples", 'body_load', &
+            s, 'couple', "couples act on sections of a material with law = 'micropolar'")
+          cycle
+        end if
+        load%force = 0.0_wp*body%state%u
+        call body_force(body%mesh, body%dofs, body%elastic, element, 0.0_wp*force, force, couple, &
+                        load%force)
+      end associate
+      call append_load(body%load, load)
+    end do
+  end subroutine read_body_loads
+
   subroutine read_point_loads(deck, body, errors)
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: force(:)
+    real(wp), allocatable :: force(:), couple(:)
     type(fem_load_type) :: load
     integer(i4) :: s, node, before
 
     do s = 1, deck%count('point_load')
       call deck%get('point_load', s, 'node', node)
       call deck%get('point_load', s, 'force', force)
+      call deck%get('point_load', s, 'couple', couple)
       call read_curve(deck, body, 'point_load', s, load%curve, errors)
       load%force = 0.0_wp*body%state%u
       before = errors%count
@@ -58,12 +128,32 @@ contains
                         'position', 'give node, or position together with facets')
       else if (node > 0) then
         load%force(:, node) = force
+        if (any(abs(couple) > 0.0_wp)) &
+          call couple_at_node(deck, body, s, node, couple, load%force, errors)
+      else if (any(abs(couple) > 0.0_wp)) then
+        call deck%fault(errors, 'D307', 'a couple needs a node', 'point_load', s, 'couple', &
+                        'give node; on facets use &couple')
       else
         call at_position(deck, body, s, force, load%force, errors)
       end if
       if (errors%count == before) call append_load(body%load, load)
     end do
   end subroutine read_point_loads
+
+  subroutine couple_at_node(deck, body, s, node, couple, nodal, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(in) :: body
+    integer(i4), intent(in) :: s, node
+    real(wp), intent(in) :: couple(3)
+    real(wp), intent(inout) :: nodal(:, :)
+    type(error_list_type), intent(inout) :: errors
+    if (body%dofs%phi(node) == 0) then
+      call deck%fault(errors, 'D323', 'node '//str(node)//' has no micro-rotation', 'point_load', &
+        s, 'couple', "couples act at corner nodes of a material with law = 'micropolar'")
+    else
+      nodal(:, body%dofs%phi(node)) = couple
+    end if
+  end subroutine couple_at_node
 
   !> Share a force at a point of a facet group to the facet's nodes by its shape functions.
   subroutine at_position(deck, body, s, force, nodal, errors)

@@ -8,7 +8,7 @@ module fem_sparse
   implicit none
   private
   public :: fem_pattern_type, make_pattern, scatter, place, add_springs
-  public :: multiply, multiply_mass, lumped_mass, block_diagonal, share_element
+  public :: multiply, multiply_mass, block_diagonal, share_element
 
   !> Rows of the upper triangle: row n has the columns column(start(n):start(n+1)-1), all >= n.
   type :: fem_pattern_type
@@ -220,22 +220,6 @@ contains
       end do
     end do
   end subroutine multiply_mass
-
-  !> Row sums of the mass [kg].
-  pure function lumped_mass(pattern, mass) result(lumped)
-    type(fem_pattern_type), intent(in) :: pattern
-    real(wp), intent(in) :: mass(:)
-    real(wp) :: lumped(pattern%nodes)
-    integer(i4) :: i, j, p
-    lumped = 0.0_wp
-    do i = 1, pattern%nodes
-      do p = pattern%start(i), pattern%start(i + 1) - 1
-        j = pattern%column(p)
-        lumped(i) = lumped(i) + mass(p)
-        if (j /= i) lumped(j) = lumped(j) + mass(p)
-      end do
-    end do
-  end function lumped_mass
 
   !> Mean of the diagonal of each node's own block [N/m].
   pure function block_diagonal(pattern, k) result(diagonal)

@@ -3,7 +3,7 @@ module fem_types
   use talus_kinds, only: wp, i4
   implicit none
   private
-  public :: fem_mesh_type, fem_group_type, fem_elastic_type, fem_curve_type, fem_load_type
+  public :: fem_mesh_type, fem_group_type, fem_curve_type, fem_load_type
   public :: fem_state_type, fem_springs_type, fem_energy_type, fem_set_type
   public :: group_volume, group_facet, group_node, name_length
   public :: role_report, role_prescribe, role_load
@@ -34,22 +34,13 @@ module fem_types
     type(fem_group_type), allocatable :: group(:)
   end type fem_mesh_type
 
-  !> Elastic data of each element, so that the port can change them one by one.
-  type :: fem_elastic_type
-    real(wp), allocatable :: young(:), poisson(:), density(:)  !! (elements) [Pa], [-], [kg/m^3]
-    logical, allocatable :: bbar(:)                            !! (elements)
-    real(wp), allocatable :: factor(:, :)       !! (8, elements) weight of each Gauss point [-]
-    real(wp), allocatable :: initial(:, :, :)   !! (6, 8, elements) initial stress [Pa]
-    logical :: has_initial = .false.
-  end type fem_elastic_type
-
   !> Piecewise linear function of time, constant beyond its ends.
   type :: fem_curve_type
     character(len=name_length) :: name = ''
     real(wp), allocatable :: time(:), value(:)
   end type fem_curve_type
 
-  !> A nodal load pattern (3, nodes) that follows a curve; curve 0 means constant.
+  !> A load pattern (3, blocks) that follows a curve; curve 0 means constant.
   type :: fem_load_type
     integer(i4) :: curve = 0
     real(wp), allocatable :: force(:, :)  !! [N]
@@ -73,7 +64,7 @@ module fem_types
   !> Everything that changes in time.
   type :: fem_state_type
     real(wp) :: time = 0.0_wp
-    real(wp), allocatable :: u(:, :), v(:, :), a(:, :)  !! (3, nodes) [m], [m/s], [m/s^2]
+    real(wp), allocatable :: u(:, :), v(:, :), a(:, :)  !! (3, blocks) [m], [m/s], [m/s^2]
     real(wp), allocatable :: external(:, :)             !! loads without reactions [N]
     real(wp), allocatable :: reaction(:, :)             !! on prescribed dofs [N]
     real(wp), allocatable :: tie(:, :)                  !! of the Robin springs at its end [N]
@@ -87,5 +78,7 @@ module fem_types
     real(wp) :: gravity = 0.0_wp  !! of this, gravity
     real(wp) :: support = 0.0_wp  !! work of prescribed motions so far
     real(wp) :: spring = 0.0_wp   !! work of facet springs so far
+    real(wp) :: damping = 0.0_wp  !! dissipated by dashpots and Rayleigh damping so far
+    real(wp) :: numerical = 0.0_wp  !! dissipated by the time integration so far
   end type fem_energy_type
 end module fem_types

@@ -5,6 +5,8 @@ program test_fem_body
   use talus_errors, only: error_list_type
   use talus_test, only: test_type
   use fem_body, only: fem_body_type, fem_motion_type
+  use fem_dofs, only: number_fields
+  use fem_micropolar, only: lame_moduli
   use fem_mumps, only: mumps_end
   use fem_types, only: fem_mesh_type
   implicit none
@@ -37,12 +39,15 @@ contains
     do e = 1, n
       body%mesh%hex8(:, e) = [(4*(e - 1) + k, k=1, 8)]
     end do
-    allocate (body%elastic%young(n), source=1000.0_wp)
-    allocate (body%elastic%poisson(n), source=0.0_wp)
-    allocate (body%elastic%density(n), source=3.0_wp)
-    allocate (body%elastic%bbar(n), source=.true.)
-    allocate (body%elastic%factor(8, n), source=1.0_wp)
-    allocate (body%elastic%initial(6, 8, n), source=0.0_wp)
+    call body%elastic%start(n)
+    call body%elastic%use_rule('hex8_bbar', body%elastic%rule_of(1))
+    body%elastic%rule_of = 1
+    do e = 1, n
+      body%elastic%moduli(:, e) = lame_moduli(1000.0_wp, 0.0_wp)
+    end do
+    body%elastic%density = 3.0_wp
+    call body%elastic%number_points()
+    call number_fields(body%mesh, body%elastic%rotations(), body%dofs)
     allocate (body%curve(0), body%load(0), body%motion(0))
     call body%allocate_state()
     body%held(1:2, :) = .true.
@@ -153,7 +158,7 @@ contains
     body%curve(1)%time = [0.0_wp, 4.0_wp, 8.0_wp]
     body%curve(1)%value = [0.0_wp, 4.0_wp, 6.0_wp]
     body%motion(1) = fem_motion_type(3, 1, v, [(n, n=4*cubes + 1, 4*cubes + 4)])
-    body%held(3, body%motion(1)%node) = .true.
+    body%held(3, body%motion(1)%block) = .true.
     call body%assemble()
     force = 0.0_wp
     worst = 0.0_wp

@@ -1,0 +1,130 @@
+!> The one-point driver: a material along a path of strain states, without mesh and equilibrium.
+!! `talus-fem --point deck.nml` writes <stem>_point.csv, a row for each &path.
+module fem_point
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str, string_type, append_string
+  use talus_errors, only: error_list_type
+  use talus_options, only: options_type
+  use talus_deck, only: deck_type
+  use talus_deck_table, only: key_table_type
+  use talus_files, only: make_folder, folder_of, stem_of
+  use talus_history, only: history_type
+  use fem_deck_keys, only: fem_deck_table
+  use fem_micropolar, only: micropolar_strain, micropolar_stress, micropolar_energy, axial
+  use fem_setup_sections, only: read_material, fem_material_type, check_ids
+  implicit none
+  private
+  public :: run_point
+
+contains
+
+  !> Read the deck, evaluate, write.
+  subroutine run_point(options, errors)
+    type(options_type), intent(in) :: options
+    type(error_list_type), intent(inout) :: errors
+    type(key_table_type) :: table
+    type(deck_type) :: deck
+    type(fem_material_type), allocatable :: material(:)
+    type(history_type) :: file
+    character(len=:), allocatable :: stem
+    integer(i4) :: k, m
+
+    call point_table(table)
+    call deck%read(options%deck, table, errors)
+    if (errors%any()) return
+    call check_ids(deck, 'material', errors)
+    allocate (material(deck%count('material')))
+    do k = 1, size(material)
+      call read_material(deck, k, material(k), errors)
+    end do
+    do k = 1, deck%count('path')
+      call find_material(deck, k, material, m, errors)
+    end do
+    if (errors%any() .or. options%check) return
+    stem = folder_of(options%deck)//'/'//stem_of(options%deck)
+    if (len(options%output_dir) > 0) stem = options%output_dir//'/'//stem_of(options%deck)
+    call make_folder(folder_of(stem), errors)
+    if (errors%any()) return
+    call open_table(file, stem//'_point.csv', errors)
+    do k = 1, deck%count('path')
+      call find_material(deck, k, material, m, errors)
+      call write_state(deck, k, material(m), file, errors)
+    end do
+    call file%close(errors)
+  end subroutine run_point
+
+  !> The table of decks, of which a point needs neither mesh nor sections nor an analysis.
+  subroutine point_table(table)
+    type(key_table_type), intent(inout) :: table
+    character(len=*), parameter :: spare(3) = [character(len=8) :: 'mesh', 'section', 'analysis']
+    integer(i4) :: k
+    call fem_deck_table(table)
+    do k = 1, table%group_count
+      if (any(spare == table%group(k)%name)) table%group(k)%required = .false.
+      if (table%group(k)%name == 'path') table%group(k)%required = .true.
+    end do
+  end subroutine point_table
+
+  !> Material of path state k: the one it names, or the only one.
+  subroutine find_material(deck, k, material, m, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(fem_material_type), intent(in) :: material(:)
+    integer(i4), intent(out) :: m
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: id
+    call deck%get('path', k, 'material', id)
+    do m = 1, size(material)
+      if (material(m)%id == id .or. (len(id) == 0 .and. size(material) == 1)) return
+    end do
+    call deck%fault(errors, 'D302', "there is no material '"//id//"'", 'path', k, 'material', &
+                    'with several materials each &path names one')
+  end subroutine find_material
+
+  subroutine open_table(file, path, errors)
+    type(history_type), intent(inout) :: file
+    character(len=*), intent(in) :: path
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: columns(:)
+    character(len=2), parameter :: kl(9) = ['11', '12', '13', '21', '22', '23', '31', '32', '33']
+    integer(i4) :: k
+
+    call append_string(columns, 'state [-]')
+    do k = 1, 9
+      call append_string(columns, 'gamma '//kl(k)//' [-]')
+    end do
+    do k = 1, 9
+      call append_string(columns, 'sigma '//kl(k)//' [Pa]')
+    end do
+    do k = 1, 9
+      call append_string(columns, 'm '//kl(k)//' [N/m]')
+    end do
+    do k = 1, 3
+      call append_string(columns, 'axial '//str(k)//' [Pa]')
+    end do
+    call append_string(columns, 'energy [J/m3]')
+    call file%open(path, columns, .false., errors)
+  end subroutine open_table
+
+  subroutine write_state(deck, k, material, file, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(fem_material_type), intent(in) :: material
+    type(history_type), intent(inout) :: file
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: gradient(:), rotation(:), curvature(:)
+    real(wp) :: h(3, 3), c(3, 3), gamma(9), sigma(9), couple(9)
+
+    call deck%get('path', k, 'gradient', gradient)
+    call deck%get('path', k, 'rotation', rotation)
+    call deck%get('path', k, 'rotation_gradient', curvature)
+    h = transpose(reshape(gradient, [3, 3]))
+    c = transpose(reshape(curvature, [3, 3]))
+    if (.not. material%polar) rotation = 0.5_wp*[h(3, 2) - h(2, 3), h(1, 3) - h(3, 1), &
+                                                 h(2, 1) - h(1, 2)]
+    gamma = micropolar_strain(h, rotation)
+    call micropolar_stress(material%moduli, gamma, c, sigma, couple)
+    call file%write([real(k, wp), gamma, sigma, couple, axial(sigma), &
+                     micropolar_energy(material%moduli, gamma, c)], errors)
+  end subroutine write_state
+end module fem_point

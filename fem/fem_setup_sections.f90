@@ -1,0 +1,249 @@
+!> Materials and sections of the deck: law, constants and element formulation of every element.
+module fem_setup_sections
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_deck, only: deck_type
+  use fem_body, only: fem_body_type
+  use fem_mesh, only: find_group, group_hint
+  use fem_micropolar, only: technical_type, eringen_moduli, lame_moduli, violated_inequality
+  use fem_rules, only: kind_of_rule, usual_rule, polar_rule, rules_for
+  use fem_shape, only: kind_name, hex8
+  use fem_types, only: group_volume, name_length
+  implicit none
+  private
+  public :: read_sections, check_ids, read_material, fem_material_type
+
+  character(len=*), parameter :: eringen(6) = [character(len=6) :: 'lambda', 'mu', 'kappa', &
+    'alpha', 'beta', 'gamma']
+  character(len=*), parameter :: technical(7) = [character(len=11) :: 'poisson', 'l_t', 'l_b', &
+    'coupling', 'polar_ratio', 'shear', 'young']
+
+  !> What a &material says.
+  type :: fem_material_type
+    character(len=name_length) :: id = ''
+    logical :: polar = .false.
+    real(wp) :: moduli(6) = 0.0_wp  !! lambda, mu, kappa [Pa], alpha, beta, gamma [N]
+    real(wp) :: density = 0.0_wp    !! [kg/m^3]
+    real(wp) :: inertia = 0.0_wp    !! micro-inertia j [m^2]
+  end type fem_material_type
+
+contains
+
+  !> Material m of the deck; faults D320 and D321.
+  subroutine read_material(deck, m, material, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: m
+    type(fem_material_type), intent(out) :: material
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: law, text
+    real(wp) :: young, poisson
+    integer(i4) :: k, before
+
+    before = errors%count
+    call deck%get('material', m, 'id', text)
+    material%id = text
+    call deck%get('material', m, 'law', law)
+    call deck%get('material', m, 'density', material%density)
+    call deck%get('material', m, 'micro_inertia', material%inertia)
+    material%polar = law == 'micropolar'
+    if (material%polar) then
+      if (any([(deck%given('material', m, trim(eringen(k))), k=1, 6)])) then
+        call read_eringen(deck, m, material%moduli, errors)
+      else
+        call read_technical(deck, m, material%moduli, errors)
+      end if
+      if (errors%count > before) return
+      text = violated_inequality(material%moduli)
+      if (len(text) > 0) call deck%fault(errors, 'D321', text, 'material', m, 'id', &
+        'these limits keep the stored energy positive; mu itself may be negative')
+      return
+    end if
+    do k = 1, 6
+      if (deck%given('material', m, trim(eringen(k)))) call deck%fault(errors, 'D320', &
+        trim(eringen(k))//' is a constant of micropolar solids', 'material', m, &
+        trim(eringen(k)), "give young and poisson, or law = 'micropolar'")
+    end do
+    do k = 1, size(technical) - 1
+      if (k == 1 .or. .not. deck%given('material', m, trim(technical(k)))) cycle
+      call deck%fault(errors, 'D320', trim(technical(k))//' is a constant of micropolar solids', &
+        'material', m, trim(technical(k)), "give young and poisson, or law = 'micropolar'")
+    end do
+    if (.not. (deck%given('material', m, 'young') .and. deck%given('material', m, 'poisson'))) &
+      call deck%fault(errors, 'D320', 'the material has no young or no poisson', 'material', m, &
+                      'id', 'a linear elastic solid needs both')
+    if (errors%count > before) return
+    call deck%get('material', m, 'young', young)
+    call deck%get('material', m, 'poisson', poisson)
+    material%moduli = lame_moduli(young, poisson)
+  end subroutine read_material
+
+  !> The six constants of Eringen; all are needed and no others.
+  subroutine read_eringen(deck, m, moduli, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: m
+    real(wp), intent(out) :: moduli(6)
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    moduli = 0.0_wp
+    do k = 1, 6
+      if (deck%given('material', m, trim(eringen(k)))) then
+        call deck%get('material', m, trim(eringen(k)), moduli(k))
+      else
+        call deck%fault(errors, 'D320', 'the constant '//trim(eringen(k))//' is missing', &
+          'material', m, 'id', 'give lambda, mu, kappa, alpha, beta and gamma, all six')
+      end if
+    end do
+    do k = 1, size(technical)
+      if (deck%given('material', m, trim(technical(k)))) call deck%fault(errors, 'D320', &
+        'the material has constants of both kinds', 'material', m, trim(technical(k)), &
+        'give either lambda to gamma or the engineering constants')
+    end do
+  end subroutine read_eringen
+
+  !> Engineering constants; N = 1 and Psi = 0 would need infinite moduli.
+  subroutine read_technical(deck, m, moduli, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: m
+    real(wp), intent(out) :: moduli(6)
+    type(error_list_type), intent(inout) :: errors
+    type(technical_type) :: t
+    integer(i4) :: k, before
+
+    before = errors%count
+    moduli = 0.0_wp
+    do k = 1, 5
+      if (.not. deck%given('material', m, trim(technical(k)))) call deck%fault(errors, 'D320', &
+        'the constant '//trim(technical(k))//' is missing', 'material', m, 'id', &
+        'give shear or young, poisson, l_t, l_b, coupling and polar_ratio; or lambda to gamma')
+    end do
+    if (deck%given('material', m, 'shear') .eqv. deck%given('material', m, 'young')) &
+      call deck%fault(errors, 'D320', 'a micropolar solid needs shear or young, one of them', &
+                      'material', m, 'id', 'G = mu + kappa/2, E = 2 G (1 + nu)')
+    call deck%get('material', m, 'shear', t%shear)
+    call deck%get('material', m, 'young', t%young)
+    call deck%get('material', m, 'poisson', t%poisson)
+    call deck%get('material', m, 'l_t', t%length_torsion)
+    call deck%get('material', m, 'l_b', t%length_bending)
+    call deck%get('material', m, 'coupling', t%coupling)
+    call deck%get('material', m, 'polar_ratio', t%polar_ratio)
+    if (errors%count > before) return
+    if (t%coupling >= 1.0_wp .or. t%coupling < 0.0_wp) &
+      call deck%fault(errors, 'D321', 'the coupling number N must be in [0, 1), not '// &
+        str(t%coupling), 'material', m, 'coupling', &
+        'N = 1 means an infinite kappa (couple stress theory): N = 0.99 comes close to it')
+    if (.not. t%polar_ratio > 0.0_wp .or. t%polar_ratio > 1.5_wp) &
+      call deck%fault(errors, 'D321', 'the polar ratio Psi must be in (0, 3/2], not '// &
+        str(t%polar_ratio), 'material', m, 'polar_ratio', &
+        'Psi = 0 means an infinite alpha: Psi = 0.01 comes close to it')
+    if (errors%count == before) moduli = eringen_moduli(t)
+  end subroutine read_technical
+
+  !> Elastic constants and formulation of every element.
+  subroutine read_sections(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    type(error_list_type), intent(inout) :: errors
+    type(fem_material_type), allocatable :: material(:)
+    integer(i4) :: owner(body%mesh%elements), s, m, g
+
+    call body%elastic%start(body%mesh%elements)
+    owner = 0
+    call check_ids(deck, 'material', errors)
+    allocate (material(deck%count('material')))
+    do m = 1, size(material)
+      call read_material(deck, m, material(m), errors)
+      if (body%dynamic .and. material(m)%polar .and. .not. material(m)%inertia > 0.0_wp) &
+        call deck%fault(errors, 'D320', 'the micropolar material has no micro_inertia', &
+          'material', m, 'id', 'dynamics needs it: 2/5 r^2 of grains of radius r')
+    end do
+    do s = 1, deck%count('section')
+      call find_parts(deck, body, s, material, g, m, errors)
+      if (g > 0 .and. m > 0) call fill_section(deck, body, s, g, material(m), owner, errors)
+    end do
+    if (.not. all(owner > 0) .and. .not. errors%any()) &
+      call deck%fault(errors, 'D305', str(int(count(owner == 0), i4))// &
+      ' elements have no section, the first is element '//str(int(findloc(owner, 0, 1), i4)), &
+      'section', 1, 'group', 'volume groups: '//group_hint(body%mesh, '', [group_volume]))
+    if (.not. errors%any()) call body%elastic%number_points()
+  end subroutine read_sections
+
+  !> Group and material that section s names; 0 with a fault where there are none.
+  subroutine find_parts(deck, body, s, material, g, m, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(in) :: body
+    integer(i4), intent(in) :: s
+    type(fem_material_type), intent(in) :: material(:)
+    integer(i4), intent(out) :: g, m
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name, id
+    integer(i4) :: k
+
+    call deck%get('section', s, 'group', name)
+    call deck%get('section', s, 'material', id)
+    g = find_group(body%mesh, name, [group_volume])
+    m = 0
+    do k = 1, size(material)
+      if (material(k)%id == id) m = k
+    end do
+    if (m == 0) call deck%fault(errors, 'D302', "there is no material '"//id//"'", 'section', s, &
+                                'material', 'define it with &material id = ...')
+    if (g == 0) call deck%fault(errors, 'D301', "the mesh has no volume group '"//name//"'", &
+      'section', s, 'group', group_hint(body%mesh, name, [group_volume]))
+  end subroutine find_parts
+
+  subroutine fill_section(deck, body, s, g, material, owner, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    integer(i4), intent(in) :: s, g
+    type(fem_material_type), intent(in) :: material
+    integer(i4), intent(inout) :: owner(:)
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: element, name
+    integer(i4) :: k, e, r, kind
+
+    call deck%get('section', s, 'element', element)
+    do k = 1, size(body%mesh%group(g)%element)
+      e = body%mesh%group(g)%element(k)
+      if (owner(e) > 0 .and. owner(e) /= s) then
+        call deck%fault(errors, 'D305', 'element '//str(e)//' has two sections', 'section', s, &
+                        'group', 'groups of sections must not share elements')
+        return
+      end if
+      owner(e) = s
+      kind = hex8
+      name = element
+      if (element == 'auto') name = usual_rule(kind, material%polar)
+      if (len_trim(name) == 0 .or. kind_of_rule(name) /= kind &
+          .or. polar_rule(name) .neqv. material%polar) then
+        call deck%fault(errors, 'D322', "the element '"//element//"' does not fit element "// &
+          str(e)//', a '//trim(kind_name(kind))//' of a '// &
+          trim(merge('micropolar', 'classical ', material%polar))//' solid', 'section', s, &
+          'element', 'formulations that fit: '//rules_for(kind, material%polar))
+        return
+      end if
+      call body%elastic%use_rule(trim(name), r)
+      body%elastic%rule_of(e) = r
+      body%elastic%moduli(:, e) = material%moduli
+      body%elastic%density(e) = material%density
+      body%elastic%inertia(e) = material%inertia
+    end do
+  end subroutine fill_section
+
+  !> Ids of a repeated group must differ.
+  subroutine check_ids(deck, group, errors)
+    type(deck_type), intent(in) :: deck
+    character(len=*), intent(in) :: group
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: a, b
+    integer(i4) :: i, j
+    do i = 2, deck%count(group)
+      call deck%get(group, i, 'id', a)
+      do j = 1, i - 1
+        call deck%get(group, j, 'id', b)
+        if (a == b) call deck%fault(errors, 'D309', "the id '"//a//"' stands twice", group, i, &
+          'id', 'give each &'//group//' an id of its own')
+      end do
+    end do
+  end subroutine check_ids
+end module fem_setup_sections
