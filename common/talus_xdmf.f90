@@ -1,5 +1,5 @@
 !> XDMF description of a field file, so that ParaView opens it: a temporal collection of points or
-!! of a hex8 mesh with attributes, written anew and renamed after every step.
+!! of a mesh with attributes, written anew and renamed after every step.
 !!
 !! Datasets are named relative to the group of a step ('grains/x'), or absolutely ('/mesh/x').
 !! Attributes of four and six components are shown component by component: XDMF has no quaternion,
@@ -16,7 +16,7 @@ module talus_xdmf
 
   integer(i4), parameter :: xdmf_node = 1  !! attribute of nodes (or grains)
   integer(i4), parameter :: xdmf_cell = 2  !! attribute of cells
-  integer(i4), parameter :: shape_points = 1, shape_hex8 = 2
+  integer(i4), parameter :: shape_points = 1, shape_mesh = 2
   integer(i4), parameter :: most = 64      !! attributes of one description
   character(len=*), parameter :: nl = new_line('a')
 
@@ -31,14 +31,16 @@ module talus_xdmf
   type :: xdmf_type
     character(len=:), allocatable :: path
     integer(i4), private :: form = shape_points
-    character(len=:), allocatable, private :: points, cells
-    integer(i8), private :: node_count = 0, cell_count = 0  !! hex8 only
+    character(len=:), allocatable, private :: points, cells, topology
+    integer(i8), private :: node_count = 0, cell_count = 0  !! of a mesh
+    integer(i8), allocatable, private :: extent(:)          !! of the dataset of cells
     integer(i4), private :: attribute_count = 0
     type(attribute_type), private :: list(most)
     character(len=:), allocatable, private :: body          !! text of the steps written so far
     integer(i4), private :: body_steps = 0
   contains
     procedure :: describe_points
+    procedure :: describe_mesh
     procedure :: describe_hex8
     procedure :: attribute
     procedure :: write => write_xdmf
@@ -58,17 +60,29 @@ contains
     self%body_steps = 0
   end subroutine describe_points
 
-  !> A mesh of bricks that stays the same.
+  !> A mesh that stays the same: XDMF's name of the topology ('Hexahedron_20', 'Mixed', ...) and the
+  !! dataset of cells (int32, nodes from 0, VTK order) with its extent as HDF5 sees it.
+  subroutine describe_mesh(self, path, points, topology, cells, extent, node_count, cell_count)
+    class(xdmf_type), intent(inout) :: self
+    character(len=*), intent(in) :: path, points, topology, cells
+    integer(i8), intent(in) :: extent(:), node_count, cell_count
+    call self%describe_points(path, points)
+    self%form = shape_mesh
+    self%topology = topology
+    self%cells = cells
+    self%extent = extent
+    self%node_count = node_count
+    self%cell_count = cell_count
+  end subroutine describe_mesh
+
+  !> A mesh of bricks.
   subroutine describe_hex8(self, path, points, cells, node_count, cell_count)
     class(xdmf_type), intent(inout) :: self
     character(len=*), intent(in) :: path, points
     character(len=*), intent(in) :: cells   !! dataset (8, m) of int32, nodes from 0, VTK order
     integer(i8), intent(in) :: node_count, cell_count
-    call self%describe_points(path, points)
-    self%form = shape_hex8
-    self%cells = cells
-    self%node_count = node_count
-    self%cell_count = cell_count
+    call self%describe_mesh(path, points, 'Hexahedron', cells, [cell_count, 8_i8], node_count, &
+                            cell_count)
   end subroutine describe_hex8
 
   !> One more attribute, in every step.
@@ -117,9 +131,9 @@ contains
       text = text//'<Topology TopologyType="Polyvertex" NumberOfElements="'//str(nodes)// &
              '" NodesPerElement="1"/>'//nl
     else
-      text = text//'<Topology TopologyType="Hexahedron" NumberOfElements="'// &
+      text = text//'<Topology TopologyType="'//self%topology//'" NumberOfElements="'// &
              str(self%cell_count)//'">'// &
-             data_item(source, self%cells, 'int4', [self%cell_count, 8_i8])//'</Topology>'//nl
+             data_item(source, self%cells, 'int4', self%extent)//'</Topology>'//nl
     end if
     text = text//'<Geometry GeometryType="XYZ">'// &
            data_item(source, self%points, 'real', [nodes, 3_i8])//'</Geometry>'//nl

@@ -34,8 +34,9 @@ contains
     allocate (dofs%start(mesh%elements + 1))
     dofs%start(1) = 1
     do e = 1, mesh%elements
-      dofs%phi(mesh%hex8(:rotations(e), e)) = 1
-      dofs%start(e + 1) = dofs%start(e) + 8 + rotations(e)
+      k = mesh%start(e)
+      dofs%phi(mesh%node(k:k + rotations(e) - 1)) = 1
+      dofs%start(e + 1) = dofs%start(e) + mesh%start(e + 1) - k + rotations(e)
     end do
     dofs%blocks = mesh%nodes
     do n = 1, mesh%nodes
@@ -50,9 +51,10 @@ contains
     end do
     do e = 1, mesh%elements
       k = dofs%start(e)
-      dofs%block(k:k + 7) = mesh%hex8(:, e)
+      n = mesh%start(e + 1) - mesh%start(e)
+      dofs%block(k:k + n - 1) = mesh%node(mesh%start(e):mesh%start(e + 1) - 1)
       do a = 1, rotations(e)
-        dofs%block(k + 7 + a) = dofs%phi(mesh%hex8(a, e))
+        dofs%block(k + n + a - 1) = dofs%phi(mesh%node(mesh%start(e) + a - 1))
       end do
     end do
   end subroutine number_fields

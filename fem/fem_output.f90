@@ -11,6 +11,7 @@ module fem_output
   use fem_types, only: group_facet, group_node, group_volume
   use fem_mesh, only: find_group
   use fem_body, only: fem_body_type
+  use fem_cells, only: put_cells, describe_cells
   use fem_elastic, only: classical
   use fem_recover, only: point_stress, mean_stress, nodal_stress, point_positions, nodal_rotation
   implicit none
@@ -141,13 +142,10 @@ contains
       self%last_field = self%series%step(self%series%count)%time
     if (.not. found) then
       call self%series%start(stem//'.h5', format_name, file, errors)
-      call file%group('/mesh', errors)
-      call file%put('/mesh/x', body%mesh%x, errors)
-      call file%put('/mesh/hex8', body%mesh%hex8 - 1, errors)
+      call put_cells(body%mesh, file, errors)
       call file%commit(errors)
     end if
-    call self%xdmf%describe_hex8(stem//'.xdmf', '/mesh/x', '/mesh/hex8', int(body%mesh%nodes, i8), &
-                                 int(body%mesh%elements, i8))
+    call describe_cells(body%mesh, stem//'.xdmf', self%xdmf)
     call self%xdmf%attribute('u', 'u', xdmf_node, 3)
     call self%xdmf%attribute('v', 'v', xdmf_node, 3)
     call self%xdmf%attribute('reaction', 'reaction', xdmf_node, 3)

@@ -52,7 +52,10 @@ contains
       call reply%put_int('id', [(k, k=1, body%mesh%nodes)])
       call reply%put('x', body%mesh%x)
       call reply%put('mass_u', body%lumped(:body%mesh%nodes))
-      call reply%put_int('connectivity', body%mesh%hex8)
+      if (allocated(body%mesh%hex8)) call reply%put_int('connectivity', body%mesh%hex8)
+      call reply%put_int('kind', body%mesh%kind)
+      call reply%put_int('start', body%mesh%start)
+      call reply%put_int('node', body%mesh%node)
     case ('facets')
       g = find_group(body%mesh, group, [group_facet])
       if (g == 0) then

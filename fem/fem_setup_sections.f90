@@ -8,7 +8,7 @@ module fem_setup_sections
   use fem_mesh, only: find_group, group_hint
   use fem_micropolar, only: technical_type, eringen_moduli, lame_moduli, violated_inequality
   use fem_rules, only: kind_of_rule, usual_rule, polar_rule, rules_for
-  use fem_shape, only: kind_name, hex8
+  use fem_kinds, only: kind_name
   use fem_types, only: group_volume, name_length
   implicit none
   private
@@ -211,13 +211,13 @@ contains
         return
       end if
       owner(e) = s
-      kind = hex8
+      kind = body%mesh%kind(e)
       name = element
       if (element == 'auto') name = usual_rule(kind, material%polar)
       if (len_trim(name) == 0 .or. kind_of_rule(name) /= kind &
           .or. polar_rule(name) .neqv. material%polar) then
         call deck%fault(errors, 'D322', "the element '"//element//"' does not fit element "// &
-          str(e)//', a '//trim(kind_name(kind))//' of a '// &
+          str(e)//', a '//kind_name(kind)//' of a '// &
           trim(merge('micropolar', 'classical ', material%polar))//' solid', 'section', s, &
           'element', 'formulations that fit: '//rules_for(kind, material%polar))
         return

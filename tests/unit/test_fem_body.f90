@@ -6,8 +6,10 @@ program test_fem_body
   use talus_test, only: test_type
   use fem_body, only: fem_body_type, fem_motion_type
   use fem_dofs, only: number_fields
+  use fem_kinds, only: hex8
   use fem_micropolar, only: lame_moduli
   use fem_mumps, only: mumps_end
+  use fem_topology, only: set_elements
   use fem_types, only: fem_mesh_type
   implicit none
   type(test_type) :: test
@@ -27,18 +29,14 @@ contains
     integer(i4), intent(in) :: n
     type(fem_body_type), intent(inout) :: body
     integer(i4) :: k, e
-    body%mesh%nodes = 4*(n + 1)
-    body%mesh%elements = n
-    allocate (body%mesh%x(3, body%mesh%nodes), body%mesh%hex8(8, n), body%mesh%group(0))
+    allocate (body%mesh%x(3, 4*(n + 1)), body%mesh%group(0))
     do k = 0, n
       body%mesh%x(:, 4*k + 1) = [0.0_wp, 0.0_wp, real(k, wp)]
       body%mesh%x(:, 4*k + 2) = [1.0_wp, 0.0_wp, real(k, wp)]
       body%mesh%x(:, 4*k + 3) = [1.0_wp, 1.0_wp, real(k, wp)]
       body%mesh%x(:, 4*k + 4) = [0.0_wp, 1.0_wp, real(k, wp)]
     end do
-    do e = 1, n
-      body%mesh%hex8(:, e) = [(4*(e - 1) + k, k=1, 8)]
-    end do
+    call set_elements(body%mesh, hex8, reshape([((4*(e - 1) + k, k=1, 8), e=1, n)], [8, n]))
     call body%elastic%start(n)
     call body%elastic%use_rule('hex8_bbar', body%elastic%rule_of(1))
     body%elastic%rule_of = 1
