@@ -53,8 +53,8 @@ unit-one: $(BUILD)/unit/$(T)
 	$<
 
 # goals that compile nothing in this make: they need no dependency scan (and no compiler yet)
-NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev keys style test demo deposit \
-  penetration verification manual bench
+NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev bench-deps keys style test demo \
+  deposit penetration verification manual bench
 
 # --- version, stamped at build time --------------------------------------------------------
 VERSION := $(shell cat VERSION 2>/dev/null || echo 0.0.0)
@@ -110,7 +110,7 @@ $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
 
 # --- what a user calls ---------------------------------------------------------------------
 .PHONY: help deps deps-apt deps-run deps-render deps-dev keys test demo deposit penetration \
-  bench verification manual style install
+  bench bench-deps verification manual style install
 PY := $(VENV)/bin/python
 
 help:
@@ -122,7 +122,7 @@ help:
 	  'make manual        the manual as HTML in build/manual' \
 	  'make penetration   three containers and the sweep of moduli (hours)' \
 	  'make deposit       remake the shipped deposit and compare' \
-	  'make bench         speed, side by side with other codes that apt offers' \
+	  'make bench         speed beside other codes (make bench-deps; CASES=..., QUICK=1, ACCEPT=1)' \
 	  'make deps          what all this needs (deps-run: batch nodes, deps-render: pictures)' \
 	  'make style         layout rules of the code' \
 	  'make install PREFIX=/usr/local' \
@@ -155,9 +155,13 @@ verification: deps
 manual: deps-run deps-dev
 	$(PY) tools/manual.py --out build/manual
 
+bench-deps: deps-apt
+	@tools/deps.sh bench
+
 bench: deps-run
 	@$(MAKE) --no-print-directory all
-	$(PY) tools/bench.py --bin $(BIN) --out build/bench
+	$(PY) tools/bench.py --bin $(BIN) --out build/bench $(if $(CASES),--cases $(CASES)) \
+	  $(if $(REPEATS),--repeats $(REPEATS)) $(if $(QUICK),--quick) $(if $(ACCEPT),--accept)
 
 keys: deps-run
 	$(PY) tools/keys.py

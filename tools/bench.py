@@ -1,191 +1,104 @@
-"""Measure speed: grains of the settled small container, a factorisation, an exchange at the port.
+"""Measure speed, beside other codes that apt offers: grains, a static solve, the port.
 
-One bed alone, talus-dem only (beds: build/bench/beds/NAME.{h5,nml}; made by tools/bench_beds.py):
+Usage: bench.py [--bin build/bin] [--out build/bench] [--cases NAME ...] [--cores 1 2]
+                [--repeats 3] [--quick] [--accept]
+       (make bench CASES='spheres_10000 ellipsoids_2760' QUICK=1 ACCEPT=1)
+
+Cases are the beds of bench_beds.py, settled once, and `solid`. Writes OUT/bench.csv, bench.png and
+bench.json; --accept also writes manual/speed.csv, which the manual shows. Figures are medians.
+Machines are shared and noisy: compare figures of one run only; the rate by CPU time tells more
+where others load the machine.
+
+One bed alone, talus-dem only (beds: build/bench/beds/NAME.{h5,nml}, made by bench_beds.py):
     cd build/bench/beds && taskset -c 0 talus-dem spheres_10000.nml --threads=1 --output=/tmp
 runs 1000 steps without output (t_end in the deck decides); the rate is grain_steps_per_s of the
 summary, wall time of the steps alone. NAME: spheres_10000, spheres_50000, ellipsoids_2760,
 ellipsoids_20000. `perf stat -e task-clock` tells CPU time where the machine is shared.
-
-Usage: bench.py [--bin build/bin] [--out build/bench] [--repeats 3]
-Figures are medians of several runs and go to OUT/bench.json. Machines are shared and noisy: compare
-figures of one run only. Codes that apt offers are run side by side where they are installed
-(ccx for the solid).
 """
 
 import argparse
+import datetime
 import json
 import os
+import platform
 import shutil
-import statistics
-import subprocess
 import sys
-import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "prepost"))
+sys.path.insert(0, str(ROOT / "tools"))
 
-GRAINS_DECK = """&run title = 'Bench: settled small container', t_end = {t_end},
-     gravity = 0.0, 0.0, -9.81 /
-&material id = 'quartz', density = 2650.0, young = 29.0e9, poisson = 0.25 /
-&contact between = 'quartz', 'quartz', law = 'hertz_mindlin', friction = 0.5, damping_ratio = 0.05 /
-&particles file = 'pack.h5', material = 'quartz' /
-&dynamics dt = {dt} /
-"""
-SOLID_DECK = """&run title = 'Bench: cube', gravity = 3.0, 0.0, -9.81 /
-&mesh file = 'cube.h5' /
-&material id = 'steel', law = 'linear_elastic', density = 7800.0, young = 210.0e9, poisson = 0.3 /
-&section group = 'all', material = 'steel', element = 'hex8_full' /
-&support group = 'z0', fix = 'x', 'y', 'z' /
-&analysis kind = 'static' /
-"""
+import bench_beds  # noqa: E402
+import bench_grains  # noqa: E402
+import bench_solid  # noqa: E402
+import bench_table  # noqa: E402
+
+DEFAULT = [name for name in bench_beds.BEDS if name != "spheres_2000"]
 
 
-def run(command: list[str], folder: Path, threads: int = 1) -> float:
-    """Run a command in a folder; return wall seconds."""
-    start = time.monotonic()
-    environment = dict(os.environ, OMP_NUM_THREADS=str(threads))
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
-    if done.returncode:
-        raise SystemExit(
-            f"bench: {' '.join(command)} ended with {done.returncode}\n"
-            f"{done.stdout[-2000:]}{done.stderr}"
-        )
-    return time.monotonic() - start
+def machine() -> str:
+    """Return processor, cores and system in one line."""
+    cpu = platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        names = [line for line in info.read_text().splitlines() if line.startswith("model name")]
+        cpu = names[0].split(":", 1)[1].strip() if names else cpu
+    return f"{cpu}, {os.cpu_count()} cores, {platform.system()} {platform.release().split('-')[0]}"
 
 
-def summary(path: Path) -> dict:
-    """Read a run's summary.json."""
-    return json.loads(path.read_text())
-
-
-def bench_grains(binaries: Path, out: Path, repeats: int) -> dict:
-    """Return million grain-steps per second with 1 and 2 threads for the shipped deposit."""
-    folder = out / "grains"
-    folder.mkdir(parents=True, exist_ok=True)
-    deposit = ROOT / "examples/01-penetration/deposit_small.txt"
-    talus = [sys.executable, "-m", "talus"]
-    environment = dict(os.environ, PYTHONPATH=str(ROOT / "prepost"))
-    command = [*talus, "pack", "text2h5", str(deposit), "-o", str(folder / "pack.h5")]
-    subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
-    dt = 4.0e-7
-    (folder / "bench.nml").write_text(GRAINS_DECK.format(t_end=3000 * dt, dt=dt))
-    speeds: dict[int, list[float]] = {1: [], 2: []}
-    for _ in range(repeats):
-        for threads, found in speeds.items():
-            run([str(binaries / "talus-dem"), "bench.nml", f"--threads={threads}"], folder, threads)
-            found.append(summary(folder / "bench_summary.json")["grain_steps_per_s"] / 1e6)
-    return {f"{threads}_threads": statistics.median(found) for threads, found in speeds.items()}
-
-
-def write_cube(path: Path, n: int) -> None:
-    """Write a unit cube of n^3 hex8 with the node group z0."""
-    import numpy as np
-
-    from talus.verification import write_hex_mesh
-
-    s = np.linspace(0.0, 1.0, n + 1)
-    z, y, x = np.meshgrid(s, s, s, indexing="ij")
-    nodes = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
-    k, j, i = (
-        a.ravel() for a in np.meshgrid(np.arange(n), np.arange(n), np.arange(n), indexing="ij")
+def arguments() -> argparse.Namespace:
+    """Return the options."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    m = n + 1
-
-    def node(di: int, dj: int, dk: int) -> "np.ndarray":
-        return ((k + dk) * m + j + dj) * m + i + di
-
-    corners = [
-        (0, 0, 0),
-        (1, 0, 0),
-        (1, 1, 0),
-        (0, 1, 0),
-        (0, 0, 1),
-        (1, 0, 1),
-        (1, 1, 1),
-        (0, 1, 1),
-    ]
-    hex8 = np.column_stack([node(*c) for c in corners])
-    write_hex_mesh(path, nodes, hex8, nodes={"z0": np.flatnonzero(nodes[:, 2] == 0.0)},
-                   volumes={"all": np.arange(len(hex8))})  # fmt: skip
-
-
-def calculix_deck(path: Path, mesh: Path) -> None:
-    """Write the same cube for CalculiX (SPOOLES)."""
-    import h5py
-
-    with h5py.File(mesh) as file:
-        x, hex8, base = file["nodes/x"][:], file["cells/hex8"][:] + 1, file["node_groups/z0"][:] + 1
-    lines = ["*NODE, NSET=ALL"]
-    lines += [f"{k + 1},{p[0]:.12g},{p[1]:.12g},{p[2]:.12g}" for k, p in enumerate(x)]
-    lines += ["*ELEMENT, TYPE=C3D8, ELSET=CUBE"]
-    lines += [f"{k + 1}," + ",".join(map(str, e)) for k, e in enumerate(hex8)]
-    lines += ["*NSET, NSET=BASE", *[f"{k}," for k in base]]
-    lines += [
-        "*MATERIAL, NAME=M",
-        "*ELASTIC",
-        "210e9,0.3",
-        "*DENSITY",
-        "7800.",
-        "*SOLID SECTION, ELSET=CUBE, MATERIAL=M",
-    ]
-    lines += ["*BOUNDARY", "BASE,1,3", "*STEP", "*STATIC, SOLVER=SPOOLES", "*DLOAD"]
-    lines += [
-        "CUBE,GRAV,10.258464798, 0.2924414270, 0., -0.9562834663",
-        "*NODE FILE",
-        "U",
-        "*END STEP",
-        "",
-    ]
-    path.write_text("\n".join(lines))
-
-
-def bench_solid(binaries: Path, out: Path, repeats: int, size: int) -> dict:
-    """Return seconds of a static solve of a cube of hex8, talus-fem and (if installed) CalculiX."""
-    folder = out / "solid"
-    folder.mkdir(parents=True, exist_ok=True)
-    write_cube(folder / "cube.h5", size)
-    (folder / "cube.nml").write_text(SOLID_DECK)
-    calculix = shutil.which("ccx")
-    if calculix:
-        calculix_deck(folder / "ccx.inp", folder / "cube.h5")
-    ours, theirs = [], []
-    for _ in range(repeats):
-        ours.append(run([str(binaries / "talus-fem"), "cube.nml"], folder))
-        if calculix:
-            theirs.append(run([calculix, "ccx"], folder))
-    result = {"elements": size**3, "talus_s": statistics.median(ours)}
-    if theirs:
-        result |= {"calculix_s": statistics.median(theirs)}
-        result["ratio"] = result["calculix_s"] / result["talus_s"]
-    return result
-
-
-def bench_port(units: Path) -> dict:
-    """Return what the port's own test prints about an exchange of 1000 ghosts."""
-    test = units / "test_talus_port"
-    if not test.exists():
-        return {}
-    done = subprocess.run([str(test)], capture_output=True, text=True)
-    return {"lines": [line for line in done.stdout.splitlines() if " us" in line]}
+    parser.add_argument("--bin", type=Path, default=ROOT / "build/bin")
+    parser.add_argument("--out", type=Path, default=ROOT / "build/bench")
+    parser.add_argument("--cases", nargs="+", choices=[*bench_beds.BEDS, "solid"])
+    parser.add_argument("--cores", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--size", type=int, default=20, help="elements along an edge of the cube")
+    parser.add_argument("--quick", action="store_true", help="small beds, one repeat")
+    parser.add_argument("--accept", action="store_true", help="show this run in the manual")
+    return parser.parse_args()
 
 
 def main() -> int:
-    """Run all benches and write bench.json."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--bin", type=Path, default=ROOT / "build/bin")
-    parser.add_argument("--out", type=Path, default=ROOT / "build/bench")
-    parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--size", type=int, default=20, help="elements along an edge of the cube")
-    options = parser.parse_args()
+    """Run what was asked for and write table, figure and record."""
+    options = arguments()
     binaries, out = options.bin.resolve(), options.out.resolve()
     out.mkdir(parents=True, exist_ok=True)
-    result = {"cores": os.cpu_count(), "repeats": options.repeats}
-    result["grains_million_grain_steps_per_s"] = bench_grains(binaries, out, options.repeats)
-    result["solid_static"] = bench_solid(binaries, out, options.repeats, options.size)
-    result["port"] = bench_port(binaries.parent / "unit")
+    repeats = 1 if options.quick else options.repeats
+    cases = options.cases or [*(bench_grains.QUICK if options.quick else DEFAULT), "solid"]
+    cores = [n for n in options.cores if n <= (os.cpu_count() or 1)]
+    load = os.getloadavg()[0]
+    if load > 0.5:
+        print(f"bench: the machine is not quiet (load {load:.1f}): wall times will be off")
+    head = {
+        "machine": machine(),
+        "date": datetime.date.today().isoformat(),
+        "version": (ROOT / "VERSION").read_text().strip(),
+        "load": round(load, 2),
+        "repeats": repeats,
+    }
+    result: dict[str, object] = dict(head)
+    names = [name for name in cases if name != "solid"]
+    if names:
+        binary = binaries / "talus-dem"
+        timings, checks = bench_grains.run(binary, out, names, cores, repeats, max(cores))
+        rows = bench_table.table(timings)
+        bench_table.write(out / "bench.csv", rows, head)
+        bench_table.figure(out / "bench.png", rows, head)
+        result |= {"grains": rows, "same_work": checks}
+        if options.accept:
+            shutil.copyfile(out / "bench.csv", ROOT / "manual/speed.csv")
+    if "solid" in cases:
+        size = 10 if options.quick else options.size
+        result["solid_static"] = bench_solid.bench_solid(binaries, out, repeats, size)
+        result["port"] = bench_solid.bench_port(binaries.parent / "unit")
+        print(f"solid: {json.dumps(result['solid_static'])}")
     (out / "bench.json").write_text(json.dumps(result, indent=2) + "\n")
-    print(json.dumps(result, indent=2))
+    print(f"bench: {out / 'bench.csv'}, {out / 'bench.png'}, {out / 'bench.json'}")
     return 0
 
 

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Install what Talus needs: apt packages (with sudo where not root) and a Python environment.
-# Usage: tools/deps.sh apt | run | render | dev     (each costs nothing when already done)
+# Usage: tools/deps.sh apt | bench | run | render | dev     (each costs nothing when already done)
+# bench: other codes beside which make bench puts Talus.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 venv=build/venv
@@ -8,16 +9,17 @@ stamps=build/deps
 
 compilers="gcc gfortran make libc6-dev libopenblas-dev libmumps-dev libmetis-dev libhdf5-dev openmpi-bin libopenmpi-dev python3 python3-venv"
 gmsh_libraries="libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxext6 libxft2 libfontconfig1 libxinerama1 libx11-6 libgomp1"
+peers="lammps liggghts calculix-ccx openmpi-bin util-linux"
 
 fail() { printf 'deps: %s\n' "$*" >&2; exit 4; }
 
-apt_packages() {
+apt_packages() {  # $1: names of packages
   local missing=() package
   if ! command -v dpkg-query >/dev/null || ! command -v apt-get >/dev/null; then
     command -v mpifort >/dev/null || fail "no apt on this machine: load a Fortran compiler, MPI, MUMPS, METIS, HDF5 and OpenBLAS (README, 'Without apt')"
     return 0
   fi
-  for package in $compilers $gmsh_libraries; do
+  for package in $1; do
     dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
   done
   [ ${#missing[@]} -eq 0 ] && return 0
@@ -55,7 +57,8 @@ python_environment() {  # $1: name of the requirements list
 }
 
 case "${1:-}" in
-  apt) apt_packages ;;
+  apt) apt_packages "$compilers $gmsh_libraries" ;;
+  bench) apt_packages "$peers" ;;
   run | render | dev) python_environment "$1" ;;
-  *) fail "usage: tools/deps.sh apt | run | render | dev" ;;
+  *) fail "usage: tools/deps.sh apt | bench | run | render | dev" ;;
 esac

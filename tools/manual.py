@@ -17,6 +17,7 @@ import sys
 import tomllib
 from pathlib import Path
 
+import bench_table
 import markdown
 from latex2mathml.converter import convert as latex_to_mathml
 
@@ -29,6 +30,7 @@ ORDER += [
     "theory-coupling",
     "port",
     "verification",
+    "speed",
     "errors",
     "extending",
 ]
@@ -163,7 +165,18 @@ def gather(out: Path, verification: Path) -> dict[str, str]:
     pages |= {path.stem: path.read_text() for path in (ROOT / "manual").glob("*.md")}
     pages["errors"] = errors_page()
     pages["verification"] = verification_page(verification, out)
+    pages["speed"] += speed_results(ROOT / "manual/speed.csv", out)
     return pages
+
+
+def speed_results(accepted: Path, out: Path) -> str:
+    """Return the table and the figure of the last accepted run of `make bench`."""
+    if not accepted.exists():
+        return "\n## Last accepted run\n\nNone yet: `make bench ACCEPT=1`.\n"
+    rows, head = bench_table.read(accepted)
+    bench_table.figure(out / "figures/speed.png", rows, head)
+    text = bench_table.markdown(rows, head)
+    return f"\n## Last accepted run\n\n{text}\n![Speed](figures/speed.png)\n"
 
 
 def main() -> int:

@@ -1,0 +1,107 @@
+"""Table and figure of `make bench`: bench.csv, its Markdown for the manual, bench.png."""
+
+import csv
+import statistics
+from pathlib import Path
+
+import numpy as np
+
+REFERENCE = "spheres_10000"  # LAMMPS' rate beside which ellipsoids are put
+QUICK_REFERENCE = "spheres_2000"
+COLUMNS = (
+    "code", "case", "grains", "cores", "grain_steps_per_s", "contacts_per_s", "max_rss_mb",
+    "ratio_to_lammps", "grain_steps_per_cpu_s",
+)  # fmt: skip
+
+
+def table(timings: list) -> list[dict]:
+    """Return the rows of bench.csv, medians of the repeats.
+
+    ratio_to_lammps: of the same bed with as many cores; for ellipsoids, which LAMMPS of Debian
+    does not have, of LAMMPS' spheres_10000 (spheres_2000 in quick runs). Empty without LAMMPS.
+    """
+    rates = {(t.code, t.case, t.cores): statistics.median(t.wall) for t in timings}
+    rows = []
+    for t in timings:
+        rate = statistics.median(t.wall)
+        beside = (t.case, REFERENCE, QUICK_REFERENCE)
+        found = [rates.get(("lammps", case, t.cores)) for case in beside]
+        peer = next((value for value in found if value), None)
+        rows.append({
+            "code": t.code,
+            "case": t.case,
+            "grains": t.grains,
+            "cores": t.cores,
+            "grain_steps_per_s": round(rate),
+            "contacts_per_s": round(rate * t.contacts / t.grains),
+            "max_rss_mb": round(t.memory, 1),
+            "ratio_to_lammps": round(rate / peer, 3) if peer else "",
+            "grain_steps_per_cpu_s": round(statistics.median(t.cpu)),
+        })  # fmt: skip
+    return rows
+
+
+def write(path: Path, rows: list[dict], head: dict) -> None:
+    """Write the rows as CSV; what was run where stands in comments above."""
+    with path.open("w", newline="") as file:
+        for key, value in head.items():
+            file.write(f"# {key}: {value}\n")
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def read(path: Path) -> tuple[list[dict], dict]:
+    """Read what `write` wrote: rows (as text) and head."""
+    lines = path.read_text().splitlines()
+    head = dict(line[2:].split(": ", 1) for line in lines if line.startswith("# "))
+    return list(csv.DictReader(line for line in lines if not line.startswith("#"))), head
+
+
+def figure(path: Path, rows: list[dict], head: dict) -> None:
+    """Draw grain-steps a second of every code, bed by bed."""
+    from talus.look import COLOURS, new_figure, save_figure
+
+    cases = list(dict.fromkeys(row["case"] for row in rows))
+    kinds = list(dict.fromkeys((row["code"], int(row["cores"])) for row in rows))
+    codes = list(dict.fromkeys(code for code, _ in kinds))
+    fig, ax = new_figure(figsize=(8.0, 4.2))
+    width = 0.8 / len(kinds)
+    for k, (code, cores) in enumerate(sorted(kinds, key=lambda kind: (kind[1], kind[0]))):
+        values = [
+            next((float(row["grain_steps_per_s"]) / 1e6 for row in rows
+                  if (row["code"], int(row["cores"]), row["case"]) == (code, cores, case)), np.nan)
+            for case in cases
+        ]  # fmt: skip
+        places = np.arange(len(cases)) + (k - 0.5 * (len(kinds) - 1)) * width
+        label = f"{code}, {cores} core{'s' if cores > 1 else ''}"
+        ax.bar(
+            places, values, 0.92 * width, label=label, color=COLOURS[codes.index(code)],
+            alpha=1.0 if cores == 1 else 0.55,
+        )  # fmt: skip
+    ax.set_xticks(np.arange(len(cases)), [case.replace("_", "\n") for case in cases])
+    ax.set_ylabel("speed [million grain-steps/s]")
+    ax.grid(axis="x", visible=False)
+    ax.set_title(f"{head['machine']}, {head['date']}", fontsize=8)
+    ax.legend(fontsize=8)
+    save_figure(fig, path)
+
+
+def markdown(rows: list[dict], head: dict) -> str:
+    """Return the table for the manual."""
+    lines = [
+        f"Machine: {head['machine']}; {head['date']}; Talus {head['version']}; medians of "
+        f"{head['repeats']} repeats; load of the machine at the start {head['load']}.",
+        "",
+        "| case | cores | code | million grain-steps/s | million contacts/s | memory [MB] "
+        "| ratio to LAMMPS | by CPU time [million/s] |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        rate, contacts = (float(row[key]) / 1e6 for key in ("grain_steps_per_s", "contacts_per_s"))
+        lines.append(
+            f"| {row['case']} | {row['cores']} | {row['code']} | {rate:.3g} | {contacts:.3g} "
+            f"| {float(row['max_rss_mb']):.0f} | {row['ratio_to_lammps'] or '–'} "
+            f"| {float(row['grain_steps_per_cpu_s']) / 1e6:.3g} |"
+        )
+    return "\n".join(lines) + "\n"
