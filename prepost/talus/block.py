@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from talus.faults import FaultError
+from talus.mesh import Mesh, boundary_faces, structured
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,37 @@ def build_block(path: Path, block: Block) -> None:
         gmsh.write(str(path))
     finally:
         gmsh.finalize()
+
+
+def structured_block(block: Block) -> Mesh:
+    """The same block with all hexahedra running along x, y, z, without gmsh."""
+    check_block(block)
+    xs = [-block.outer, -block.hole, block.hole, block.outer]
+    zs = [block.bottom - block.floor, block.bottom, block.top]
+
+    def line(values: list[float]) -> np.ndarray:
+        parts = [
+            np.linspace(a, b, divisions(b - a, block.size) + 1)
+            for a, b in zip(values, values[1:], strict=False)
+        ]
+        return np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
+
+    lines = line(xs), line(xs), line(zs)
+    centre = np.meshgrid(*((a[1:] + a[:-1]) / 2.0 for a in lines), indexing="ij")
+    hole = (np.abs(centre[0]) < block.hole) & (np.abs(centre[1]) < block.hole)
+    x, hex8 = structured(lines, ~(hole & (centre[2] > block.bottom)))
+    small = 1e-9 * block.outer
+    groups: dict[str, list] = {"hole": [], "outer": [], "top": []}
+    for _, quad in boundary_faces(hex8).values():
+        p = x[quad]
+        if (np.abs(p[:, 2] - block.top) < small).all():
+            groups["top"].append(quad)
+        elif (np.abs(p[:, :2]) < block.hole + small).all() and (p[:, 2] > zs[1] - small).all():
+            groups["hole"].append(quad)
+        else:
+            groups["outer"].append(quad)
+    facets = {name: np.array(quads) for name, quads in groups.items()}
+    return Mesh(x, hex8, {"block": np.arange(len(hex8))}, facets)
 
 
 def check_block(block: Block) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from talus.elements import KINDS, MESHIO
 from talus.faults import FaultError
 from talus.files import make_folder, replaced, write_text_file
 from talus.measure import rotations
@@ -56,11 +57,12 @@ class FieldFile:
         return len(self.names)
 
     @property
-    def mesh(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """Nodes (n, 3) [m] and hexahedra (m, 8) of a solid, or None for grains."""
+    def mesh(self) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
+        """Nodes (n, 3) [m] and elements by kind of a solid, or None for grains."""
         if "mesh" not in self.file:
             return None
-        return self.file["mesh/x"][...], self.file["mesh/hex8"][...]
+        mesh = self.file["mesh"]
+        return mesh["x"][...], {kind: mesh[kind][...] for kind in KINDS if kind in mesh}
 
     def read(self, step: int) -> Snapshot:
         """Read one step; negative numbers count from the end."""
@@ -170,12 +172,22 @@ def vtu_of_grains(snapshot: Snapshot) -> object:
     return meshio.Mesh(x, [("vertex", np.arange(len(x))[:, None])], point_data=grains)
 
 
-def vtu_of_solid(snapshot: Snapshot, mesh: tuple[np.ndarray, np.ndarray]) -> object:
+def vtu_of_solid(snapshot: Snapshot, mesh: tuple[np.ndarray, dict[str, np.ndarray]]) -> object:
     """Return the solid with the fields of nodes, and the mean stress of elements."""
     import meshio
 
-    x, hex8 = mesh
+    x, elements = mesh
     of_cells = {name for name in snapshot.solid if name == "stress"}
     points = {k: d for k, d in snapshot.solid.items() if k not in of_cells and len(d) == len(x)}
-    cells = {k: [d] for k, d in snapshot.solid.items() if k in of_cells}
-    return meshio.Mesh(x, [("hexahedron", hex8)], point_data=points, cell_data=cells)
+    ends = np.cumsum([len(rows) for rows in elements.values()])[:-1]
+    cells = {k: np.split(d, ends) for k, d in snapshot.solid.items() if k in of_cells}
+    blocks = [(MESHIO[kind], for_meshio(kind, rows)) for kind, rows in elements.items()]
+    return meshio.Mesh(x, blocks, point_data=points, cell_data=cells)
+
+
+def for_meshio(kind: str, cells: np.ndarray) -> np.ndarray:
+    """Return elements so that meshio writes them in our order: it turns wedges over in VTU files.
+
+    VTK has faces outward with the order of gmsh, which is ours.
+    """
+    return cells[:, [0, 2, 1, 3, 5, 4]] if kind == "wedge6" else cells

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from talus import version
+from talus.elements import VTK
 from talus.faults import FaultError
 from talus.fields import GHOST, FieldFile, Snapshot, displacement
 from talus.files import make_folder, replaced
@@ -130,24 +131,27 @@ def add_solid(pyvista: object, plotter: object, path: Path, time: float) -> None
             raise FaultError(
                 "E543", f"{path} holds no mesh", "the field file of the solid is wanted"
             )
-        x, hex8 = fields.mesh
+        x, elements = fields.mesh
         times = [fields.read(k).time for k in range(len(fields))]
         step = int(np.argmin(np.abs(np.array(times) - time)))
         moved = fields.read(step).solid.get("u", np.zeros_like(x))
-    grid = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: hex8}, MILLI * (x + moved))
-    block = split_at_cut(grid, x[hex8])
+    cells = {VTK[kind]: rows for kind, rows in elements.items()}
+    grid = pyvista.UnstructuredGrid(cells, MILLI * (x + moved))
+    corners = [x[rows] for rows in elements.values()]
+    low = np.concatenate([p.min(axis=1) for p in corners])
+    high = np.concatenate([p.max(axis=1) for p in corners])
+    block = split_at_cut(grid, low, high)
     plotter.add_mesh(
         block, color=SOLID_SAND, show_edges=True, edge_color="#8a7a58", line_width=1, ambient=0.25
     )
 
 
-def split_at_cut(grid: object, x: np.ndarray) -> object:
-    """Return the elements outside the cut; x (m, 8, 3) are their corners [m] at the start.
+def split_at_cut(grid: object, low: np.ndarray, high: np.ndarray) -> object:
+    """Return the elements outside the cut; low, high (m, 3) are their bounds [m] at the start.
 
     Only where elements straddle the planes of the cut are they clipped (which splits them).
     """
     small = 1.0e-9
-    low, high = x.min(axis=1), x.max(axis=1)
     inside = (low[:, 0] > -small) & (high[:, 1] < small)
     straddle = (high[:, 0] > small) & (low[:, 1] < -small) & ~inside
     whole = grid.extract_cells(np.flatnonzero(~inside & ~straddle))

@@ -155,7 +155,7 @@ def test_block_by_words(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
         path = str(tmp_path / "block.h5")
         assert main(["mesh", "block", "--size", size, "--json", "-o", path]) == 0
         facts = json.loads(capsys.readouterr().out)
-        counts.append(facts["hexahedra"])
+        counts.append(facts["elements"]["hex8"])
         assert set(facts["groups"]["facets"]) == {"hole", "outer", "top"}
         assert list(facts["groups"]["volumes"]) == ["block"]
     assert counts[1] > 2 * counts[0]

@@ -10,7 +10,9 @@ import numpy as np
 from talus import block as blocks
 from talus import mesh as meshes
 from talus.arguments import counting, number, positive
+from talus.elements import KINDS
 from talus.faults import FaultError
+from talus.orders import FIRST, converted
 from talus.surface import check_hanging
 
 SIZES = {"coarse": 10.0e-3, "fine": 7.0e-3}  # edges of elements around the small container [m]
@@ -38,15 +40,23 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument(
         "--size", type=size_of, default=defaults.size, help=f"edge of an element [m]; {words}"
     )
+    _kind(new)
     _output(new, block)
     new = mesh.add_parser("box", help="structured box with groups x0 ... z1")
     new.add_argument("--lower", type=number, nargs=3, default=(0.0, 0.0, 0.0), metavar="X")
     new.add_argument("--upper", type=number, nargs=3, required=True, metavar="X")
     new.add_argument("--cells", type=counting, nargs=3, required=True, metavar="N")
+    _kind(new)
     _output(new, box)
     new = mesh.add_parser("convert", help="any gmsh file with physical groups")
     new.add_argument("source", type=Path)
     _output(new, convert)
+
+
+def _kind(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of elements."""
+    text = "elements; wedges and tetrahedra are made by cutting hexahedra into 2 and 6"
+    parser.add_argument("--kind", choices=KINDS, default="hex8", help=text)
 
 
 def _output(parser: argparse.ArgumentParser, run: object) -> None:
@@ -63,12 +73,15 @@ def finish(options: argparse.Namespace, mesh: meshes.Mesh) -> int:
     meshes.write_mesh(options.output, mesh)
     kinds = {"volumes": mesh.volumes, "facets": mesh.facets, "nodes": mesh.nodes}
     counts = {kind: {n: len(rows) for n, rows in groups.items()} for kind, groups in kinds.items()}
-    facts = {"file": str(options.output), "nodes": len(mesh.x), "hexahedra": len(mesh.hex8)}
+    counts["facets"] = {name: meshes.facet_count(group) for name, group in mesh.facets.items()}
+    elements = {kind: len(cells) for kind, cells in mesh.cells.items()}
+    facts = {"file": str(options.output), "nodes": len(mesh.x), "elements": elements}
     if options.json:
         print(json.dumps(facts | {"groups": counts}))
         return 0
     groups = ", ".join(f"{kind} {name}" for kind, names in counts.items() for name in names)
-    print(f"{options.output}: {len(mesh.x)} nodes, {len(mesh.hex8)} hexahedra; {groups}")
+    made = ", ".join(f"{count} {kind}" for kind, count in elements.items())
+    print(f"{options.output}: {len(mesh.x)} nodes, {made}; {groups}")
     return 0
 
 
@@ -79,7 +92,10 @@ def block(options: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "block.msh"
         blocks.build_block(path, wanted)
-        return finish(options, meshes.from_gmsh(path))
+        made = meshes.from_gmsh(path)
+        if FIRST[options.kind] != "hex8":  # wedges and tetrahedra need hexahedra of one direction
+            made = blocks.structured_block(wanted)
+        return finish(options, converted(made, options.kind))
 
 
 def box(options: argparse.Namespace) -> int:
@@ -91,7 +107,7 @@ def box(options: argparse.Namespace) -> int:
         text = f"{' x '.join(map(str, options.cells))} elements are too many"
         raise FaultError("E526", text, f"at most {blocks.LARGEST}")
     made = meshes.box(np.array(options.lower), np.array(options.upper), tuple(options.cells))
-    return finish(options, made)
+    return finish(options, converted(made, options.kind))
 
 
 def convert(options: argparse.Namespace) -> int:
