@@ -342,11 +342,11 @@ contains
     force = 0.0_wp
     do s = 1, robin%n
       stretch = 0.0_wp
-      do a = 1, 4
+      do a = 1, size(robin%node, 1)
         stretch = stretch + robin%weight(a, s)*(old(:, robin%node(a, s)) - u(:, robin%node(a, s)))
       end do
       stretch = matmul(robin%stiffness(:, :, s), stretch)
-      do a = 1, 4
+      do a = 1, size(robin%node, 1)
         force(:, robin%node(a, s)) = force(:, robin%node(a, s)) + robin%weight(a, s)*stretch
       end do
     end do

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-fem.
   subroutine fem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-fem', 17)
+    call table%init('talus-fem', 18)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -24,6 +24,7 @@ contains
     call group_curve(table)
     call group_motion(table)
     call group_traction(table)
+    call group_pressure(table)
     call group_couple(table)
     call group_body_load(table)
     call group_point_load(table)
@@ -237,6 +238,20 @@ contains
       'Id of a curve that scales it; without one it is constant.')
     call table%preset('')
   end subroutine group_traction
+
+  subroutine group_pressure(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('pressure', 3, &
+      'A pressure on facets, along their normals into the solid (of the undeformed ' &
+      //'mesh).', repeats=.true.)
+    call table%add_key('group', 'string', '', 'Facet group.')
+    call table%need()
+    call table%add_key('value', 'real', 'Pa', 'The pressure; negative values pull.')
+    call table%need()
+    call table%add_key('curve', 'string', '', &
+      'Id of a curve that scales it; without one it is constant.')
+    call table%preset('')
+  end subroutine group_pressure
 
   subroutine group_couple(table)
     type(key_table_type), intent(inout) :: table

@@ -1,45 +1,103 @@
-!> Nodal forces of tractions; curves; springs of facets.
+!> Nodal forces of tractions, pressures and couples on facets of all kinds; curves; springs.
 module fem_loads
   use talus_kinds, only: wp, i4
-  use fem_types, only: fem_mesh_type, fem_curve_type, fem_springs_type
-  use fem_hex8, only: quad4_shape
+  use fem_facets, only: facet_point
+  use fem_quadrature, only: quadrature_rule, full_degree
+  use fem_shape, only: shape_functions, node_count, corner_kind, most_facet_nodes
+  use fem_topology, only: facet_nodes, facet_total
+  use fem_types, only: fem_mesh_type, fem_group_type, fem_curve_type, &
+    fem_springs_type
   implicit none
   private
-  public :: traction_force, curve_value, facet_springs, facet_point
-
-  real(wp), parameter :: g = 0.57735026918962576451_wp
-  real(wp), parameter :: gauss2(2, 4) = reshape([-g, -g, g, -g, g, g, -g, g], [2, 4])
+  public :: traction_force, pressure_force, couple_force, curve_value, facet_springs
 
 contains
 
-  !> Point, shape functions and area vector (normal times area element) at facet coordinates.
-  pure subroutine facet_point(x, xi, n, area)
-    real(wp), intent(in) :: x(3, 4), xi(2)
-    real(wp), intent(out) :: n(4), area(3)
-    real(wp) :: d1(3), d2(3)
-    n = quad4_shape(xi)
-    d1 = 0.25_wp*((1.0_wp - xi(2))*(x(:, 2) - x(:, 1)) + (1.0_wp + xi(2))*(x(:, 3) - x(:, 4)))
-    d2 = 0.25_wp*((1.0_wp - xi(1))*(x(:, 4) - x(:, 1)) + (1.0_wp + xi(1))*(x(:, 3) - x(:, 2)))
-    area = [d1(2)*d2(3) - d1(3)*d2(2), d1(3)*d2(1) - d1(1)*d2(3), d1(1)*d2(2) - d1(2)*d2(1)]
-  end subroutine facet_point
-
-  !> Add the nodal forces of a constant traction [Pa] on facets.
-  subroutine traction_force(mesh, facet, traction, force)
+  !> Add the nodal forces (3, nodes and more) of a constant traction [Pa] on facets [N].
+  subroutine traction_force(mesh, group, traction, force)
     type(fem_mesh_type), intent(in) :: mesh
-    integer(i4), intent(in) :: facet(:, :)
+    type(fem_group_type), intent(in) :: group
     real(wp), intent(in) :: traction(3)
     real(wp), intent(inout) :: force(:, :)
-    real(wp) :: n(4), area(3)
-    integer(i4) :: f, q, a
-    do f = 1, size(facet, 2)
-      do q = 1, 4
-        call facet_point(mesh%x(:, facet(:, f)), gauss2(:, q), n, area)
-        do a = 1, 4
-          force(:, facet(a, f)) = force(:, facet(a, f)) + n(a)*norm2(area)*traction
+    real(wp) :: n(most_facet_nodes), area(3)
+    real(wp), allocatable :: points(:, :), weights(:)
+    integer(i4) :: f, q, m
+    do f = 1, facet_total(group)
+      m = node_count(group%facet_kind(f))
+      call quadrature_rule(group%facet_kind(f), full_degree(group%facet_kind(f)), points, weights)
+      associate (node => group%facet(:m, f))
+        do q = 1, size(weights)
+          call facet_point(group%facet_kind(f), mesh%x(:, node), points(:, q), n(:m), area)
+          call add_shares(node, n(:m), weights(q)*norm2(area)*traction, force)
         end do
-      end do
+      end associate
     end do
   end subroutine traction_force
+
+  !> Add the nodal forces of a constant pressure [Pa] on facets, positive into the solid [N].
+  subroutine pressure_force(mesh, group, pressure, force)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_group_type), intent(in) :: group
+    real(wp), intent(in) :: pressure
+    real(wp), intent(inout) :: force(:, :)
+    real(wp) :: n(most_facet_nodes), area(3)
+    real(wp), allocatable :: points(:, :), weights(:)
+    integer(i4) :: f, q, m
+    do f = 1, facet_total(group)
+      m = node_count(group%facet_kind(f))
+      call quadrature_rule(group%facet_kind(f), full_degree(group%facet_kind(f)), points, weights)
+      associate (node => group%facet(:m, f))
+        do q = 1, size(weights)
+          call facet_point(group%facet_kind(f), mesh%x(:, node), points(:, q), n(:m), area)
+          call add_shares(node, n(:m), -weights(q)*pressure*area, force)
+        end do
+      end associate
+    end do
+  end subroutine pressure_force
+
+  !> Add the couples (3, blocks) of a couple per area [N/m] on facets to the micro-rotations
+  !! [N m]: shared by the facet's own functions where all its nodes have one, by those of the
+  !! corners in mixed orders. `missing` is the first node that has none, 0 if all have.
+  subroutine couple_force(mesh, group, phi, couple, force, missing)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_group_type), intent(in) :: group
+    integer(i4), intent(in) :: phi(:)    !! (nodes) block of the micro-rotation, 0 where none
+    real(wp), intent(in) :: couple(3)
+    real(wp), intent(inout) :: force(:, :)
+    integer(i4), intent(out) :: missing
+    real(wp) :: n(most_facet_nodes), area(3), slope(2, most_facet_nodes)
+    real(wp), allocatable :: points(:, :), weights(:)
+    integer(i4), allocatable :: node(:)
+    integer(i4) :: f, q, kind
+
+    missing = 0
+    do f = 1, facet_total(group)
+      kind = group%facet_kind(f)
+      node = facet_nodes(group, f)
+      call quadrature_rule(kind, full_degree(kind), points, weights)
+      if (any(phi(node) == 0)) kind = corner_kind(kind)
+      if (any(phi(node(:node_count(kind))) == 0)) then
+        missing = node(findloc(phi(node(:node_count(kind))), 0, 1))
+        return
+      end if
+      do q = 1, size(weights)
+        call facet_point(group%facet_kind(f), mesh%x(:, node), points(:, q), n(:size(node)), area)
+        call shape_functions(kind, points(:, q), n(:node_count(kind)), slope(:, :node_count(kind)))
+        call add_shares(phi(node(:node_count(kind))), n(:node_count(kind)), &
+                        weights(q)*norm2(area)*couple, force)
+      end do
+    end do
+  end subroutine couple_force
+
+  pure subroutine add_shares(block, n, value, force)
+    integer(i4), intent(in) :: block(:)
+    real(wp), intent(in) :: n(:), value(3)
+    real(wp), intent(inout) :: force(:, :)
+    integer(i4) :: a
+    do a = 1, size(block)
+      force(:, block(a)) = force(:, block(a)) + n(a)*value
+    end do
+  end subroutine add_shares
 
   !> Value of a curve at time t.
   pure real(wp) function curve_value(curve, t)
@@ -58,39 +116,64 @@ contains
     end if
   end function curve_value
 
-  !> Springs at the Gauss points of facets from stiffnesses per area [N/m^3]; appended.
-  subroutine facet_springs(mesh, facet, normal, tangential, springs)
+  !> Springs at the quadrature points of facets from stiffnesses per area [N/m^3]; appended.
+  subroutine facet_springs(mesh, group, normal, tangential, springs)
     type(fem_mesh_type), intent(in) :: mesh
-    integer(i4), intent(in) :: facet(:, :)
+    type(fem_group_type), intent(in) :: group
     real(wp), intent(in) :: normal, tangential
     type(fem_springs_type), intent(inout) :: springs
-    type(fem_springs_type) :: longer
+    real(wp), allocatable :: points(:, :), weights(:)
     real(wp) :: area(3), unit(3)
-    integer(i4) :: f, q, s, i, j
+    integer(i4) :: f, q, s, i, j, m, kind
 
-    longer%n = springs%n + 4*size(facet, 2)
-    allocate (longer%node(4, longer%n), longer%weight(4, longer%n), &
-      longer%stiffness(3, 3, longer%n))
     s = springs%n
-    if (s > 0) then
-      longer%node(:, :s) = springs%node
-      longer%weight(:, :s) = springs%weight
-      longer%stiffness(:, :, :s) = springs%stiffness
-    end if
-    do f = 1, size(facet, 2)
-      do q = 1, 4
+    call make_room(group, springs)
+    do f = 1, facet_total(group)
+      kind = group%facet_kind(f)
+      m = node_count(kind)
+      call quadrature_rule(kind, full_degree(kind), points, weights)
+      do q = 1, size(weights)
         s = s + 1
-        longer%node(:, s) = facet(:, f)
-        call facet_point(mesh%x(:, facet(:, f)), gauss2(:, q), longer%weight(:, s), area)
+        springs%node(:, s) = group%facet(1, f)  ! beyond the facet's nodes the weight is zero
+        springs%weight(:, s) = 0.0_wp
+        springs%node(:m, s) = group%facet(:m, f)
+        call facet_point(kind, mesh%x(:, group%facet(:m, f)), points(:, q), &
+                         springs%weight(:m, s), area)
         unit = area/norm2(area)
+        area = weights(q)*area
         do j = 1, 3
           do i = 1, 3
-            longer%stiffness(i, j, s) = norm2(area)*(normal - tangential)*unit(i)*unit(j)
+            springs%stiffness(i, j, s) = norm2(area)*(normal - tangential)*unit(i)*unit(j)
           end do
-          longer%stiffness(j, j, s) = longer%stiffness(j, j, s) + norm2(area)*tangential
+          springs%stiffness(j, j, s) = springs%stiffness(j, j, s) + norm2(area)*tangential
         end do
       end do
     end do
-    springs = longer
   end subroutine facet_springs
+
+  !> Lengthen springs by those of a group; `n` counts them already.
+  subroutine make_room(group, springs)
+    type(fem_group_type), intent(in) :: group
+    type(fem_springs_type), intent(inout) :: springs
+    type(fem_springs_type) :: longer
+    real(wp), allocatable :: points(:, :), weights(:)
+    integer(i4) :: f, m, n
+    n = springs%n
+    longer%n = n
+    do f = 1, facet_total(group)
+      call quadrature_rule(group%facet_kind(f), full_degree(group%facet_kind(f)), points, weights)
+      longer%n = longer%n + size(weights)
+    end do
+    m = size(group%facet, 1)
+    if (n > 0) m = max(m, size(springs%node, 1))
+    allocate (longer%node(m, longer%n), source=1)
+    allocate (longer%weight(m, longer%n), longer%stiffness(3, 3, longer%n), source=0.0_wp)
+    do f = 1, n
+      longer%node(:, f) = springs%node(1, f)
+      longer%node(:size(springs%node, 1), f) = springs%node(:, f)
+      longer%weight(:size(springs%node, 1), f) = springs%weight(:, f)
+      longer%stiffness(:, :, f) = springs%stiffness(:, :, f)
+    end do
+    springs = longer
+  end subroutine make_room
 end module fem_loads

@@ -165,10 +165,10 @@ contains
     call request%take('stiffness', stiffness, errors)
     if (errors%any()) return
     springs%n = size(stiffness)
-    if (any(shape(springs%node) /= [4, springs%n]) &
-      .or. any(shape(springs%weight) /= [4, springs%n])) then
-      call errors%add('P302', 'springs need four nodes, four weights and one stiffness each', &
-                      request%place())
+    if (size(springs%node, 2) /= springs%n .or. &
+        any(shape(springs%node) /= shape(springs%weight))) then
+      call errors%add('P302', 'springs need as many weights as nodes, and one stiffness each', &
+                      request%place(), 'facets of fewer nodes repeat one with weight zero')
       return
     end if
     allocate (springs%stiffness(3, 3, springs%n), source=0.0_wp)

@@ -7,7 +7,10 @@ module fem_setup_loads
   use fem_types, only: fem_load_type, fem_mesh_type, group_facet, group_volume
   use fem_assembly, only: body_force
   use fem_mesh, only: find_group, group_hint
-  use fem_loads, only: traction_force, facet_springs, facet_point
+  use fem_facets, only: facet_point, locate_on_facet
+  use fem_kinds, only: most_facet_nodes
+  use fem_loads, only: traction_force, pressure_force, couple_force, facet_springs
+  use fem_topology, only: facet_nodes, facet_total
   use fem_body, only: fem_body_type
   implicit none
   private
@@ -17,11 +20,13 @@ module fem_setup_loads
 
 contains
 
+  !> Tractions and pressures on facets.
   subroutine read_tractions(deck, body, errors)
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: value(:)
+    real(wp) :: pressure
     type(fem_load_type) :: load
     integer(i4) :: s, g
 
@@ -32,7 +37,16 @@ contains
       if (g == 0) cycle
       call deck%get('traction', s, 'value', value)
       load%force = 0.0_wp*body%state%u
-      call traction_force(body%mesh, body%mesh%group(g)%facet, value, load%force)
+      call traction_force(body%mesh, body%mesh%group(g), value, load%force)
+      call append_load(body%load, load)
+    end do
+    do s = 1, deck%count('pressure')
+      call facet_group(deck, body, 'pressure', s, 'group', g, errors)
+      call read_curve(deck, body, 'pressure', s, load%curve, errors)
+      if (g == 0) cycle
+      call deck%get('pressure', s, 'value', pressure)
+      load%force = 0.0_wp*body%state%u
+      call pressure_force(body%mesh, body%mesh%group(g), pressure, load%force)
       call append_load(body%load, load)
     end do
   end subroutine read_tractions
@@ -44,7 +58,6 @@ contains
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: name
     real(wp), allocatable :: value(:)
-    real(wp) :: nodal(3, body%mesh%nodes)
     type(fem_load_type) :: load
     integer(i4) :: s, g, n
 
@@ -53,20 +66,14 @@ contains
       call read_curve(deck, body, 'couple', s, load%curve, errors)
       if (g == 0) cycle
       call deck%get('couple', s, 'value', value)
-      nodal = 0.0_wp
-      call traction_force(body%mesh, body%mesh%group(g)%facet, value, nodal)
       load%force = 0.0_wp*body%state%u
-      do n = 1, body%mesh%nodes
-        if (all(abs(nodal(:, n)) <= 0.0_wp)) cycle
-        if (body%dofs%phi(n) == 0) then
-          call deck%get('couple', s, 'group', name)
-          call deck%fault(errors, 'D323', "node "//str(n)//" of '"//name// &
-            "' has no micro-rotation", 'couple', s, 'group', &
-            "couples act on sections of a material with law = 'micropolar'")
-          exit
-        end if
-        load%force(:, body%dofs%phi(n)) = nodal(:, n)
-      end do
+      call couple_force(body%mesh, body%mesh%group(g), body%dofs%phi, value, load%force, n)
+      if (n > 0) then
+        call deck%get('couple', s, 'group', name)
+        call deck%fault(errors, 'D323', "node "//str(n)//" of '"//name// &
+          "' has no micro-rotation", 'couple', s, 'group', &
+          "couples act on sections of a material with law = 'micropolar'")
+      end if
       call append_load(body%load, load)
     end do
   end subroutine read_couples
@@ -164,7 +171,8 @@ contains
     real(wp), intent(inout) :: nodal(:, :)
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: position(:)
-    real(wp) :: n(4), xi(2), off, best
+    integer(i4), allocatable :: node(:)
+    real(wp) :: n(most_facet_nodes), xi(2), area(3), off, best
     integer(i4) :: g, f, a, chosen
 
     if (.not. (deck%given('point_load', s, 'position') &
@@ -178,8 +186,11 @@ contains
     call deck%get('point_load', s, 'position', position)
     best = huge(best)
     chosen = 0
-    do f = 1, size(body%mesh%group(g)%facet, 2)
-      call natural(body%mesh%x(:, body%mesh%group(g)%facet(:, f)), position, xi, off)
+    do f = 1, facet_total(body%mesh%group(g))
+      associate (kind => body%mesh%group(g)%facet_kind(f))
+        call locate_on_facet(kind, body%mesh%x(:, facet_nodes(body%mesh%group(g), f)), position, &
+                             xi, off)
+      end associate
       if (off < best) then
         best = off
         chosen = f
@@ -191,45 +202,15 @@ contains
                       'position', 'the nearest is off by '//str(best)//' facet sizes')
       return
     end if
-    associate (facet => body%mesh%group(g)%facet(:, chosen))
-      call natural(body%mesh%x(:, facet), position, xi, off, n)
-      do a = 1, 4
-        nodal(:, facet(a)) = nodal(:, facet(a)) + n(a)*force
-      end do
+    node = facet_nodes(body%mesh%group(g), chosen)
+    associate (kind => body%mesh%group(g)%facet_kind(chosen))
+      call locate_on_facet(kind, body%mesh%x(:, node), position, xi, off)
+      call facet_point(kind, body%mesh%x(:, node), xi, n(:size(node)), area)
     end associate
-  end subroutine at_position
-
-  !> Natural coordinates of the point of a facet nearest to p (Newton), and how far p is outside of
-  !! the facet, off / size.
-  pure subroutine natural(x, p, xi, off, n)
-    real(wp), intent(in) :: x(3, 4), p(3)
-    real(wp), intent(out) :: xi(2), off
-    real(wp), intent(out), optional :: n(4)
-    integer(i4), parameter :: most = 20
-    real(wp) :: shape(4), area(3), d(3, 2), r(3), g(2, 2), b(2), det, size, step(2), clip(2)
-    integer(i4) :: k
-
-    xi = 0.0_wp
-    size = norm2(x(:, 3) - x(:, 1))
-    do k = 1, most
-      call facet_point(x, xi, shape, area)
-      d(:, 1) = 0.25_wp*((1.0_wp - xi(2))*(x(:, 2) - x(:, 1)) &
-        + (1.0_wp + xi(2))*(x(:, 3) - x(:, 4)))
-      d(:, 2) = 0.25_wp*((1.0_wp - xi(1))*(x(:, 4) - x(:, 1)) &
-        + (1.0_wp + xi(1))*(x(:, 3) - x(:, 2)))
-      r = p - matmul(x, shape)
-      b = matmul(r, d)
-      g = matmul(transpose(d), d)
-      det = g(1, 1)*g(2, 2) - g(1, 2)**2
-      step = [g(2, 2)*b(1) - g(1, 2)*b(2), g(1, 1)*b(2) - g(1, 2)*b(1)]/det
-      xi = xi + step
-      if (maxval(abs(step)) < 1.0e-12_wp) exit
+    do a = 1, size(node)
+      nodal(:, node(a)) = nodal(:, node(a)) + n(a)*force
     end do
-    clip = max(-1.0_wp, min(1.0_wp, xi))
-    call facet_point(x, clip, shape, area)
-    off = norm2(p - matmul(x, shape))/size
-    if (present(n)) n = shape
-  end subroutine natural
+  end subroutine at_position
 
   subroutine read_springs(deck, body, errors)
     type(deck_type), intent(in) :: deck
@@ -243,7 +224,7 @@ contains
       if (g == 0) cycle
       call deck%get('spring', s, 'normal', normal)
       call deck%get('spring', s, 'tangential', tangential)
-      call facet_springs(body%mesh, body%mesh%group(g)%facet, normal, tangential, body%ground)
+      call facet_springs(body%mesh, body%mesh%group(g), normal, tangential, body%ground)
     end do
   end subroutine read_springs
 

@@ -161,8 +161,8 @@ contains
     real(wp), intent(inout) :: k(:, :, :)
     integer(i4) :: s, a, b, i, j, p
     do s = 1, springs%n
-      do b = 1, 4
-        do a = 1, 4
+      do b = 1, size(springs%node, 1)
+        do a = 1, size(springs%node, 1)
           i = springs%node(a, s)
           j = springs%node(b, s)
           if (i > j) cycle

@@ -129,7 +129,7 @@ contains
     end do
     do s = 1, springs%n
       motion = 0.0_wp
-      do a = 1, 4
+      do a = 1, size(springs%node, 1)
         i = springs%node(a, s)
         motion = motion + springs%weight(a, s)*rigid((mesh%x(:, i) - centre(:, part(i)))/length)
       end do
