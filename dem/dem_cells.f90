@@ -228,7 +228,7 @@ contains
       square = r(1)*r(1) + r(2)*r(2) + r(3)*r(3)
       reach = radius(i) + radius(j) + margin
       if (square > reach*reach) return
-      if (square - sqrt(form(body(4:9, i), r)) - sqrt(form(body(4:9, j), r)) &
+      if (square - sqrt(form(body(10:15, i), r)) - sqrt(form(body(10:15, j), r)) &
           > margin*sqrt(square)) return
       found = found + 1
       partner(found) = j

@@ -1,20 +1,20 @@
 !> Contact forces of one block: normal, tangential with history, damping, and their work.
 !!
-!! History of a lane (all zero without contact): 1-3 tangential elastic force on B, 4-6 tangential
-!! damping force on B [N], 7-9 contact point from the centre of A [m], 10 normal damping force [N],
-!! 11 contact radius a [m], 12 overlap [m], 13 sqrt(R_e) [m^1/2], 14 c = 8/15 E* overlap^(5/2).
+!! History of a lane (all zero without contact): 1-3 tangential elastic force on B, 4-6 damping force
+!! on B [N], 7-9 contact point from the centre of A [m], 10 overlap [m], 11 sqrt(R_e) [m^1/2].
 !! Work columns: contact damping, friction, tangential relaxation, curvature work [J].
 !! The work of a step is half that of the last forces at the last contact point and half that of
 !! the new ones, both with the velocity of the step: this is what the leapfrog puts into the
 !! kinetic energy, so that the ledger closes to the error of the stored energies alone.
 module dem_contact
   use talus_kinds, only: wp, i4
-  use dem_state, only: lanes, history_size, column_count, dem_law_type, law_linear, &
-    law_hertz_no_history
+  use dem_state, only: lanes, history_size, history_overlap, history_root, column_count, &
+    dem_law_type, law_linear, law_hertz_no_history
   use dem_block, only: dem_block_type
   implicit none
   private
-  public :: contact_block, contact_constants_type, constants_of, stored_energy
+  public :: contact_block, contact_constants_type, constants_of, stored_energy, &
+    contact_radius
 
   real(wp), parameter :: tiny_force = 1.0e-200_wp
 
@@ -34,16 +34,15 @@ module dem_contact
   type :: scratch_type
     real(wp) :: on(lanes)                           !! 1 in contact, else 0
     real(wp) :: overlap(lanes), root(lanes)         !! [m], sqrt(R_e) [m^1/2]
-    real(wp) :: a(lanes), c(lanes)                  !! contact radius [m], 8/15 E* overlap^(5/2)
-    real(wp) :: kn(lanes), kt(lanes)                !! stiffnesses [N/m]
+    real(wp) :: c(lanes), c_last(lanes)             !! 8/15 E* overlap^(5/2) now and before
+    real(wp) :: kn(lanes), kt(lanes), kt_last(lanes)  !! stiffnesses now and before [N/m]
     real(wp) :: elastic(lanes), total(lanes)        !! normal force without and with damping [N]
     real(wp) :: px(lanes), py(lanes), pz(lanes)     !! contact point from the centre of A [m]
     real(wp) :: sx(lanes), sy(lanes), sz(lanes)     !! relative velocity at the contact [m/s]
     real(wp) :: ox(lanes), oy(lanes), oz(lanes)     !! relative velocity at the last contact [m/s]
-    real(wp) :: vn(lanes)                           !! normal part of s [m/s]
     real(wp) :: wx(lanes), wy(lanes), wz(lanes)     !! tangential part of s [m/s]
     real(wp) :: tx(lanes), ty(lanes), tz(lanes)     !! tangential elastic force [N]
-    real(wp) :: dx(lanes), dy(lanes), dz(lanes)     !! tangential damping force [N]
+    real(wp) :: dx(lanes), dy(lanes), dz(lanes)     !! damping force [N]
     real(wp) :: was(lanes), t2(lanes), slip(lanes)  !! |T|^2 before and now [N^2], slip work [J]
   end type scratch_type
 
@@ -75,25 +74,33 @@ contains
     c%share = law%share
   end function constants_of
 
+  !> Radius of a contact from its history [m].
+  pure real(wp) function contact_radius(history)
+    real(wp), intent(in) :: history(history_size)
+    contact_radius = history(history_root)*sqrt(history(history_overlap))
+  end function contact_radius
+
   !> Stored normal and tangential energy of a block from its history [J].
   pure function stored_energy(c, weight, history) result(energy)
     type(contact_constants_type), intent(in) :: c
     real(wp), intent(in) :: weight(lanes), history(lanes, history_size)
-    real(wp) :: energy(2), kt, normal, tangential
+    real(wp) :: energy(2), kt, normal, tangential, overlap, root
     integer(i4) :: k
     normal = 0.0_wp
     tangential = 0.0_wp
-    !$omp simd private(kt) reduction(+: normal, tangential)
+    !$omp simd private(kt, overlap, root) reduction(+: normal, tangential)
     do k = 1, lanes
-      kt = max(c%kt_a*history(k, 11) + c%kt, tiny_force)
-      normal = normal + weight(k)*(history(k, 14)*history(k, 13) + 0.5_wp*c%kn*history(k, 12)**2)
+      overlap = history(k, history_overlap)
+      root = history(k, history_root)
+      kt = max(c%kt_a*root*sqrt(overlap) + c%kt, tiny_force)
+      normal = normal + weight(k)*overlap*overlap*(c%c*root*sqrt(overlap) + 0.5_wp*c%kn)
       tangential = tangential + weight(k)*0.5_wp/kt &
                    *(history(k, 1)**2 + history(k, 2)**2 + history(k, 3)**2)
     end do
     energy = [normal, tangential]
   end function stored_energy
 
-  !> Forces and moments of all lanes into block%f, history brought forward by h.
+  !> Forces and moments of all lanes into the block, history brought forward by h.
   pure subroutine contact_block(b, c, h, m_star, weight, history, columns)
     type(dem_block_type), intent(inout) :: b
     type(contact_constants_type), intent(in) :: c
@@ -104,34 +111,41 @@ contains
     real(wp), intent(out) :: columns(column_count)
     type(scratch_type) :: s
 
-    call normal_forces(b, c, s)
+    call normal_forces(b, c, history, s)
     call relative_motion(b, h, history, s)
     call damp_normal(b, c, m_star, s)
     call tangential_springs(b, c, h, history, s)
-    call damp_tangent(c, m_star, s)
-    call sum_work(b, c, h, weight, history, s, columns)
+    call damp_tangent(b, c, m_star, s)
+    call sum_work(h, weight, history, s, columns)
     call keep_history(s, history)
     call put_forces(b, weight, s)
   end subroutine contact_block
 
   !> Hertz or linear normal force, stiffnesses, contact point.
-  pure subroutine normal_forces(b, c, s)
+  pure subroutine normal_forces(b, c, history, s)
     type(dem_block_type), intent(in) :: b
     type(contact_constants_type), intent(in) :: c
+    real(wp), intent(in) :: history(lanes, history_size)
     type(scratch_type), intent(inout) :: s
-    real(wp) :: on, factor
+    real(wp) :: on, factor, side, last
     integer(i4) :: k
 
-    !$omp simd private(on, factor)
+    !$omp simd private(on, factor, side, last)
     do k = 1, lanes
       s%overlap(k) = max(-b%gap(k), 0.0_wp)
       on = merge(1.0_wp, 0.0_wp, s%overlap(k) > 0.0_wp)
       s%on(k) = on
       s%root(k) = on/sqrt(b%curvature(k))
-      s%a(k) = s%root(k)*sqrt(s%overlap(k))
-      s%kn(k) = c%kn_a*s%a(k) + c%kn*on
-      s%kt(k) = c%kt_a*s%a(k) + c%kt*on
+      side = sqrt(s%overlap(k))
+      s%c(k) = c%c*s%overlap(k)*s%overlap(k)*side
+      side = s%root(k)*side
+      s%kn(k) = c%kn_a*side + c%kn*on
+      s%kt(k) = c%kt_a*side + c%kt*on
       s%elastic(k) = c%normal_share*s%kn(k)*s%overlap(k)
+      last = history(k, history_overlap)
+      side = sqrt(last)
+      s%c_last(k) = c%c*last*last*side
+      s%kt_last(k) = max(c%kt_a*history(k, history_root)*side + c%kt, tiny_force)
       factor = c%share*b%gap(k)
       s%px(k) = b%ax(k) + factor*b%nx(k)
       s%py(k) = b%ay(k) + factor*b%ny(k)
@@ -149,27 +163,27 @@ contains
 
     !$omp simd private(ax, ay, az, bx, by, bz, dx, dy, dz)
     do k = 1, lanes
-      dx = b%vbx(k) - b%vax(k)
-      dy = b%vby(k) - b%vay(k)
-      dz = b%vbz(k) - b%vaz(k)
+      dx = b%b%vx(k) - b%a%vx(k)
+      dy = b%b%vy(k) - b%a%vy(k)
+      dz = b%b%vz(k) - b%a%vz(k)
       ax = s%px(k)
       ay = s%py(k)
       az = s%pz(k)
       bx = ax - b%rx(k)
       by = ay - b%ry(k)
       bz = az - b%rz(k)
-      s%sx(k) = dx + b%wby(k)*bz - b%wbz(k)*by - b%way(k)*az + b%waz(k)*ay
-      s%sy(k) = dy + b%wbz(k)*bx - b%wbx(k)*bz - b%waz(k)*ax + b%wax(k)*az
-      s%sz(k) = dz + b%wbx(k)*by - b%wby(k)*bx - b%wax(k)*ay + b%way(k)*ax
+      s%sx(k) = dx + b%b%wy(k)*bz - b%b%wz(k)*by - b%a%wy(k)*az + b%a%wz(k)*ay
+      s%sy(k) = dy + b%b%wz(k)*bx - b%b%wx(k)*bz - b%a%wz(k)*ax + b%a%wx(k)*az
+      s%sz(k) = dz + b%b%wx(k)*by - b%b%wy(k)*bx - b%a%wx(k)*ay + b%a%wy(k)*ax
       ax = history(k, 7)
       ay = history(k, 8)
       az = history(k, 9)
       bx = ax - b%rx(k) + h*dx
       by = ay - b%ry(k) + h*dy
       bz = az - b%rz(k) + h*dz
-      s%ox(k) = dx + b%wby(k)*bz - b%wbz(k)*by - b%way(k)*az + b%waz(k)*ay
-      s%oy(k) = dy + b%wbz(k)*bx - b%wbx(k)*bz - b%waz(k)*ax + b%wax(k)*az
-      s%oz(k) = dz + b%wbx(k)*by - b%wby(k)*bx - b%wax(k)*ay + b%way(k)*ax
+      s%ox(k) = dx + b%b%wy(k)*bz - b%b%wz(k)*by - b%a%wy(k)*az + b%a%wz(k)*ay
+      s%oy(k) = dy + b%b%wz(k)*bx - b%b%wx(k)*bz - b%a%wz(k)*ax + b%a%wx(k)*az
+      s%oz(k) = dz + b%b%wx(k)*by - b%b%wy(k)*bx - b%a%wx(k)*ay + b%a%wy(k)*ax
     end do
   end subroutine relative_motion
 
@@ -186,7 +200,6 @@ contains
     do k = 1, lanes
       vn = s%sx(k)*b%nx(k) + s%sy(k)*b%ny(k) + s%sz(k)*b%nz(k)
       s%total(k) = max(s%elastic(k) - c%damping*sqrt(m_star(k)*s%kn(k))*vn, 0.0_wp)
-      s%vn(k) = vn
       s%wx(k) = s%sx(k) - vn*b%nx(k)
       s%wy(k) = s%sy(k) - vn*b%ny(k)
       s%wz(k) = s%sz(k) - vn*b%nz(k)
@@ -200,10 +213,10 @@ contains
     type(contact_constants_type), intent(in) :: c
     real(wp), intent(in) :: h, history(lanes, history_size)
     type(scratch_type), intent(inout) :: s
-    real(wp) :: tx, ty, tz, px, py, pz, factor, spin, kt_last, length, cap, t2
+    real(wp) :: tx, ty, tz, px, py, pz, factor, spin, length, cap, t2
     integer(i4) :: k
 
-    !$omp simd private(tx, ty, tz, px, py, pz, factor, spin, kt_last, length, cap, t2)
+    !$omp simd private(tx, ty, tz, px, py, pz, factor, spin, length, cap, t2)
     do k = 1, lanes
       tx = history(k, 1)
       ty = history(k, 2)
@@ -213,14 +226,13 @@ contains
       tx = tx - factor*b%nx(k)
       ty = ty - factor*b%ny(k)
       tz = tz - factor*b%nz(k)
-      spin = 0.5_wp*h*((b%wax(k) + b%wbx(k))*b%nx(k) + (b%way(k) + b%wby(k))*b%ny(k) &
-                       + (b%waz(k) + b%wbz(k))*b%nz(k))
+      spin = 0.5_wp*h*((b%a%wx(k) + b%b%wx(k))*b%nx(k) + (b%a%wy(k) + b%b%wy(k))*b%ny(k) &
+                       + (b%a%wz(k) + b%b%wz(k))*b%nz(k))
       px = tx + spin*(b%ny(k)*tz - b%nz(k)*ty)
       py = ty + spin*(b%nz(k)*tx - b%nx(k)*tz)
       pz = tz + spin*(b%nx(k)*ty - b%ny(k)*tx)
       t2 = px*px + py*py + pz*pz
-      kt_last = max(c%kt_a*history(k, 11) + c%kt, tiny_force)
-      factor = sqrt(s%was(k)/max(t2, tiny_force))*min(1.0_wp, s%kt(k)/kt_last)
+      factor = sqrt(s%was(k)/max(t2, tiny_force))*min(1.0_wp, s%kt(k)/s%kt_last(k))
       length = c%spring*s%kt(k)*h
       tx = factor*px - length*s%wx(k)
       ty = factor*py - length*s%wy(k)
@@ -237,15 +249,17 @@ contains
     end do
   end subroutine tangential_springs
 
-  !> Tangential damping, shortened so that its sum with the spring stays below the cap.
-  pure subroutine damp_tangent(c, m_star, s)
+  !> Tangential damping, shortened so that its sum with the spring stays below the cap; d becomes
+  !! the whole damping force.
+  pure subroutine damp_tangent(b, c, m_star, s)
+    type(dem_block_type), intent(in) :: b
     type(contact_constants_type), intent(in) :: c
     real(wp), intent(in) :: m_star(lanes)
     type(scratch_type), intent(inout) :: s
-    real(wp) :: length, dx, dy, dz, d2, td, cap, factor
+    real(wp) :: length, dx, dy, dz, d2, td, cap, factor, normal
     integer(i4) :: k
 
-    !$omp simd private(length, dx, dy, dz, d2, td, cap, factor)
+    !$omp simd private(length, dx, dy, dz, d2, td, cap, factor, normal)
     do k = 1, lanes
       length = -c%tangential_damping*sqrt(m_star(k)*s%kt(k))
       dx = length*s%wx(k)
@@ -256,17 +270,15 @@ contains
       cap = c%friction*s%elastic(k)
       factor = (sqrt(max(td*td + d2*(cap*cap - s%t2(k)), 0.0_wp)) - td)/max(d2, tiny_force)
       factor = max(min(factor, 1.0_wp), 0.0_wp)
-      s%dx(k) = factor*dx
-      s%dy(k) = factor*dy
-      s%dz(k) = factor*dz
-      s%c(k) = c%c*s%overlap(k)*s%overlap(k)*sqrt(s%overlap(k))
+      normal = s%total(k) - s%elastic(k)
+      s%dx(k) = factor*dx + normal*b%nx(k)
+      s%dy(k) = factor*dy + normal*b%ny(k)
+      s%dz(k) = factor*dz + normal*b%nz(k)
     end do
   end subroutine damp_tangent
 
   !> Work of the step, see the head of this module.
-  pure subroutine sum_work(b, c, h, weight, history, s, columns)
-    type(dem_block_type), intent(in) :: b
-    type(contact_constants_type), intent(in) :: c
+  pure subroutine sum_work(h, weight, history, s, columns)
     real(wp), intent(in) :: h, weight(lanes), history(lanes, history_size)
     type(scratch_type), intent(in) :: s
     real(wp), intent(out) :: columns(column_count)
@@ -281,19 +293,17 @@ contains
     !$omp simd private(work_d, work_t, stored, last) &
     !$omp   reduction(+: damping, friction, relaxation, curvature)
     do k = 1, lanes
-      work_d = history(k, 10)*(b%ox(k)*s%ox(k) + b%oy(k)*s%oy(k) + b%oz(k)*s%oz(k)) &
-               + history(k, 4)*s%ox(k) + history(k, 5)*s%oy(k) + history(k, 6)*s%oz(k) &
-               + (s%total(k) - s%elastic(k))*s%vn(k) &
+      work_d = history(k, 4)*s%ox(k) + history(k, 5)*s%oy(k) + history(k, 6)*s%oz(k) &
                + s%dx(k)*s%sx(k) + s%dy(k)*s%sy(k) + s%dz(k)*s%sz(k)
       work_t = history(k, 1)*s%ox(k) + history(k, 2)*s%oy(k) + history(k, 3)*s%oz(k) &
                + s%tx(k)*s%sx(k) + s%ty(k)*s%sy(k) + s%tz(k)*s%sz(k)
       stored = 0.5_wp*s%t2(k)/max(s%kt(k), tiny_force)
-      last = 0.5_wp*s%was(k)/max(c%kt_a*history(k, 11) + c%kt, tiny_force)
+      last = 0.5_wp*s%was(k)/s%kt_last(k)
       damping = damping - half*weight(k)*work_d
       friction = friction + weight(k)*s%slip(k)
       relaxation = relaxation - weight(k)*(half*work_t + stored - last + s%slip(k))
-      last = history(k, 13)
-      curvature = curvature + weight(k)*0.5_wp*(s%c(k) + history(k, 14)) &
+      last = history(k, history_root)
+      curvature = curvature + weight(k)*0.5_wp*(s%c(k) + s%c_last(k)) &
                   *(s%on(k)*merge(1.0_wp, 0.0_wp, last > 0.0_wp)*(s%root(k) - last))
     end do
     columns = [damping, friction, relaxation, curvature]
@@ -315,39 +325,33 @@ contains
       history(k, 7) = s%on(k)*s%px(k)
       history(k, 8) = s%on(k)*s%py(k)
       history(k, 9) = s%on(k)*s%pz(k)
-      history(k, 10) = s%total(k) - s%elastic(k)
-      history(k, 11) = s%a(k)
-      history(k, 12) = s%overlap(k)
-      history(k, 13) = s%root(k)
-      history(k, 14) = s%c(k)
+      history(k, history_overlap) = s%overlap(k)
+      history(k, history_root) = s%root(k)
     end do
   end subroutine keep_history
 
-  !> Force on B, moments on A and on B about their centres.
+  !> Force on B and its moment about the origin.
   pure subroutine put_forces(b, weight, s)
     type(dem_block_type), intent(inout) :: b
     real(wp), intent(in) :: weight(lanes)
     type(scratch_type), intent(in) :: s
-    real(wp) :: fx, fy, fz, bx, by, bz
+    real(wp) :: fx, fy, fz, px, py, pz
     integer(i4) :: k
 
-    !$omp simd private(fx, fy, fz, bx, by, bz)
+    !$omp simd private(fx, fy, fz, px, py, pz)
     do k = 1, lanes
-      fx = weight(k)*(s%total(k)*b%nx(k) + s%tx(k) + s%dx(k))
-      fy = weight(k)*(s%total(k)*b%ny(k) + s%ty(k) + s%dy(k))
-      fz = weight(k)*(s%total(k)*b%nz(k) + s%tz(k) + s%dz(k))
-      bx = s%px(k) - b%rx(k)
-      by = s%py(k) - b%ry(k)
-      bz = s%pz(k) - b%rz(k)
-      b%f(k, 1) = fx
-      b%f(k, 2) = fy
-      b%f(k, 3) = fz
-      b%f(k, 4) = s%pz(k)*fy - s%py(k)*fz
-      b%f(k, 5) = s%px(k)*fz - s%pz(k)*fx
-      b%f(k, 6) = s%py(k)*fx - s%px(k)*fy
-      b%f(k, 7) = by*fz - bz*fy
-      b%f(k, 8) = bz*fx - bx*fz
-      b%f(k, 9) = bx*fy - by*fx
+      fx = weight(k)*(s%elastic(k)*b%nx(k) + s%tx(k) + s%dx(k))
+      fy = weight(k)*(s%elastic(k)*b%ny(k) + s%ty(k) + s%dy(k))
+      fz = weight(k)*(s%elastic(k)*b%nz(k) + s%tz(k) + s%dz(k))
+      px = s%px(k) + b%a%x(k)
+      py = s%py(k) + b%a%y(k)
+      pz = s%pz(k) + b%a%z(k)
+      b%load%fx(k) = fx
+      b%load%fy(k) = fy
+      b%load%fz(k) = fz
+      b%load%mx(k) = py*fz - pz*fy
+      b%load%my(k) = pz*fx - px*fz
+      b%load%mz(k) = px*fy - py*fx
     end do
   end subroutine put_forces
 end module dem_contact

@@ -10,7 +10,7 @@ module dem_gap
   use dem_shape, only: matrix_times
   implicit none
   private
-  public :: evaluate_pairs, evaluate_planes, refine_normals, add_curvatures, solve_gap, &
+  public :: branch_vectors, evaluate_pairs, evaluate_spheres, evaluate_planes, refine_normals, add_curvatures, solve_gap, &
     solve_lane
   public :: settled_residual
 
@@ -19,6 +19,44 @@ module dem_gap
   integer(i4), parameter :: most_steps = 60
 
 contains
+
+  !> x_B - x_A of all lanes.
+  pure subroutine branch_vectors(b)
+    type(dem_block_type), intent(inout) :: b
+    integer(i4) :: k
+    !$omp simd
+    do k = 1, lanes
+      b%rx(k) = b%b%x(k) - b%a%x(k)
+      b%ry(k) = b%b%y(k) - b%a%y(k)
+      b%rz(k) = b%b%z(k) - b%a%z(k)
+    end do
+  end subroutine branch_vectors
+
+  !> Normal, gap, surface points and curvature of all lanes where both bodies are spheres.
+  pure subroutine evaluate_spheres(b)
+    type(dem_block_type), intent(inout) :: b
+    integer(i4) :: k
+    real(wp) :: nx, ny, nz, distance, inverse, ra, rb
+
+    !$omp simd private(nx, ny, nz, distance, inverse, ra, rb)
+    do k = 1, lanes
+      ra = sqrt(b%a%s(k, 1))
+      rb = sqrt(b%b%s(k, 1))
+      distance = sqrt(b%rx(k)*b%rx(k) + b%ry(k)*b%ry(k) + b%rz(k)*b%rz(k))
+      inverse = 1.0_wp/max(distance, tiny(1.0_wp))
+      nx = b%rx(k)*inverse
+      ny = b%ry(k)*inverse
+      nz = b%rz(k)*inverse
+      b%nx(k) = nx
+      b%ny(k) = ny
+      b%nz(k) = nz
+      b%gap(k) = distance - ra - rb
+      b%ax(k) = ra*nx
+      b%ay(k) = ra*ny
+      b%az(k) = ra*nz
+      b%curvature(k) = 1.0_wp/ra + 1.0_wp/rb
+    end do
+  end subroutine evaluate_spheres
 
   !> g(n), supports, surface points and tangential residual of all lanes.
   pure subroutine evaluate_pairs(b)
@@ -31,12 +69,12 @@ contains
       nx = b%nx(k)
       ny = b%ny(k)
       nz = b%nz(k)
-      px = b%a(k, 1)*nx + b%a(k, 4)*ny + b%a(k, 6)*nz
-      py = b%a(k, 4)*nx + b%a(k, 2)*ny + b%a(k, 5)*nz
-      pz = b%a(k, 6)*nx + b%a(k, 5)*ny + b%a(k, 3)*nz
-      qx = b%b(k, 1)*nx + b%b(k, 4)*ny + b%b(k, 6)*nz
-      qy = b%b(k, 4)*nx + b%b(k, 2)*ny + b%b(k, 5)*nz
-      qz = b%b(k, 6)*nx + b%b(k, 5)*ny + b%b(k, 3)*nz
+      px = b%a%s(k, 1)*nx + b%a%s(k, 4)*ny + b%a%s(k, 6)*nz
+      py = b%a%s(k, 4)*nx + b%a%s(k, 2)*ny + b%a%s(k, 5)*nz
+      pz = b%a%s(k, 6)*nx + b%a%s(k, 5)*ny + b%a%s(k, 3)*nz
+      qx = b%b%s(k, 1)*nx + b%b%s(k, 4)*ny + b%b%s(k, 6)*nz
+      qy = b%b%s(k, 4)*nx + b%b%s(k, 2)*ny + b%b%s(k, 5)*nz
+      qz = b%b%s(k, 6)*nx + b%b%s(k, 5)*ny + b%b%s(k, 3)*nz
       h = sqrt(nx*px + ny*py + nz*pz)
       b%ha(k) = h
       h = 1.0_wp/h
@@ -78,9 +116,9 @@ contains
       nx = b%nx(k)
       ny = b%ny(k)
       nz = b%nz(k)
-      qx = b%b(k, 1)*nx + b%b(k, 4)*ny + b%b(k, 6)*nz
-      qy = b%b(k, 4)*nx + b%b(k, 2)*ny + b%b(k, 5)*nz
-      qz = b%b(k, 6)*nx + b%b(k, 5)*ny + b%b(k, 3)*nz
+      qx = b%b%s(k, 1)*nx + b%b%s(k, 4)*ny + b%b%s(k, 6)*nz
+      qy = b%b%s(k, 4)*nx + b%b%s(k, 2)*ny + b%b%s(k, 5)*nz
+      qz = b%b%s(k, 6)*nx + b%b%s(k, 5)*ny + b%b%s(k, 3)*nz
       h = sqrt(nx*qx + ny*qy + nz*qz)
       b%ha(k) = 0.0_wp
       b%hb(k) = h
@@ -135,12 +173,12 @@ contains
       ia = 1.0_wp/b%ha(k)
       ib = 1.0_wp/b%hb(k)
       c = b%ha(k) + b%hb(k)
-      s(1) = (b%a(k, 1) - b%ax(k)*b%ax(k))*ia + (b%b(k, 1) - b%bx(k)*b%bx(k))*ib + g + c*nx*nx
-      s(2) = (b%a(k, 2) - b%ay(k)*b%ay(k))*ia + (b%b(k, 2) - b%by(k)*b%by(k))*ib + g + c*ny*ny
-      s(3) = (b%a(k, 3) - b%az(k)*b%az(k))*ia + (b%b(k, 3) - b%bz(k)*b%bz(k))*ib + g + c*nz*nz
-      s(4) = (b%a(k, 4) - b%ax(k)*b%ay(k))*ia + (b%b(k, 4) - b%bx(k)*b%by(k))*ib + c*nx*ny
-      s(5) = (b%a(k, 5) - b%ay(k)*b%az(k))*ia + (b%b(k, 5) - b%by(k)*b%bz(k))*ib + c*ny*nz
-      s(6) = (b%a(k, 6) - b%az(k)*b%ax(k))*ia + (b%b(k, 6) - b%bz(k)*b%bx(k))*ib + c*nz*nx
+      s(1) = (b%a%s(k, 1) - b%ax(k)*b%ax(k))*ia + (b%b%s(k, 1) - b%bx(k)*b%bx(k))*ib + g + c*nx*nx
+      s(2) = (b%a%s(k, 2) - b%ay(k)*b%ay(k))*ia + (b%b%s(k, 2) - b%by(k)*b%by(k))*ib + g + c*ny*ny
+      s(3) = (b%a%s(k, 3) - b%az(k)*b%az(k))*ia + (b%b%s(k, 3) - b%bz(k)*b%bz(k))*ib + g + c*nz*nz
+      s(4) = (b%a%s(k, 4) - b%ax(k)*b%ay(k))*ia + (b%b%s(k, 4) - b%bx(k)*b%by(k))*ib + c*nx*ny
+      s(5) = (b%a%s(k, 5) - b%ay(k)*b%az(k))*ia + (b%b%s(k, 5) - b%by(k)*b%bz(k))*ib + c*ny*nz
+      s(6) = (b%a%s(k, 6) - b%az(k)*b%ax(k))*ia + (b%b%s(k, 6) - b%bz(k)*b%bx(k))*ib + c*nz*nx
       m(1) = s(2)*s(3) - s(5)*s(5)
       m(2) = s(3)*s(1) - s(6)*s(6)
       m(3) = s(1)*s(2) - s(4)*s(4)
@@ -168,8 +206,8 @@ contains
     real(wp) :: n(3), gap, shape_a(6), shape_b(6)
     n = [b%nx(k), b%ny(k), b%nz(k)]
     if (cold) n = 0.0_wp
-    shape_a = b%a(k, :)
-    shape_b = b%b(k, :)
+    shape_a = b%a%s(k, :)
+    shape_b = b%b%s(k, :)
     call solve_gap([b%rx(k), b%ry(k), b%rz(k)], shape_a, shape_b, n, gap)
     b%nx(k) = n(1)
     b%ny(k) = n(2)
@@ -249,14 +287,14 @@ contains
 
     !$omp simd
     do k = 1, lanes
-      b%curvature(k) = 0.5_wp*(b%traces(k, 2) - b%bx(k)**2 - b%by(k)**2 - b%bz(k)**2) &
-                       *(b%hb(k)*b%hb(k)*b%hb(k))/b%volumes(k, 2)
+      b%curvature(k) = 0.5_wp*(b%b%s(k, 1) + b%b%s(k, 2) + b%b%s(k, 3) - b%bx(k)**2 - b%by(k)**2 - b%bz(k)**2) &
+                       *(b%hb(k)*b%hb(k)*b%hb(k))/b%b%volume(k)
     end do
     if (.not. with_first) return
     !$omp simd
     do k = 1, lanes
-      b%curvature(k) = b%curvature(k) + 0.5_wp*(b%traces(k, 1) - b%ax(k)**2 - b%ay(k)**2 &
-                       - b%az(k)**2)*(b%ha(k)*b%ha(k)*b%ha(k))/b%volumes(k, 1)
+      b%curvature(k) = b%curvature(k) + 0.5_wp*(b%a%s(k, 1) + b%a%s(k, 2) + b%a%s(k, 3) - b%ax(k)**2 - b%ay(k)**2 &
+                       - b%az(k)**2)*(b%ha(k)*b%ha(k)*b%ha(k))/b%a%volume(k)
     end do
   end subroutine add_curvatures
 end module dem_gap

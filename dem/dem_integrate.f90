@@ -1,4 +1,4 @@
-!> Motion of grains, 64 at a time: half kicks and drifts of free grains, and the work done.
+!> Motion of grains, a block of lanes at a time: half kicks and drifts of free grains, and the work done.
 !!
 !! A step is an explicit half kick, a drift, forces, an implicit half kick; together
 !! v+ = [(2 - a dt) v- + 2 F dt/(s m)]/(2 + a dt), x+ = x + v+ dt, and v is known at the times of x.
@@ -8,11 +8,14 @@
 !! which is what the kinetic energy m v-.v+/2 of the leapfrog gains.
 module dem_integrate
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_grains_type, kind_free, lanes
+  use dem_state, only: dem_grains_type, dem_pairs_type, kind_free, lanes, body_size
+  use dem_block, only: dem_side_type
+  use dem_lanes, only: put_side
+  use dem_orientation, only: rotations, shapes
   implicit none
   private
   public :: motion_type, mover_type, load_mover, kick_mover, drift_mover, store_mover
-  public :: put_bodies, scaled_spin_momentum, work_count
+  public :: put_bodies, travel_of_mover, scaled_spin_momentum, work_count
 
   integer(i4), parameter :: work_count = 4  !! gravity, external, background damping, boundary
 
@@ -25,89 +28,118 @@ module dem_integrate
     real(wp) :: gravity(3) = 0.0_wp     !! scaled already [m/s^2]
   end type motion_type
 
-  !> Up to 64 grains, one short array a quantity; lanes that are not free are carried idle.
+  !> Constants of a half kick: v <- (keep v + half/(scale m) F) kicked.
+  type :: kick_type
+    real(wp) :: half = 0.0_wp     !! half a step [s]
+    real(wp) :: keep = 1.0_wp     !! [-]
+    real(wp) :: kicked = 1.0_wp   !! [-]
+    real(wp) :: mix = 0.0_wp      !! 1: explicit, 0: implicit
+    real(wp) :: scale = 1.0_wp    !! of mass or inertia [-]
+    real(wp) :: pull = 0.0_wp     !! this component of gravity [m/s^2]
+    real(wp) :: damping = 0.0_wp  !! a [1/s]
+  end type kick_type
+
+  !> Consecutive grains, one short array a quantity; lanes that are not free stand still.
   type :: mover_type
     integer(i4) :: low = 0, count = 0    !! grains low+1 .. low+count
+    integer(i4) :: free_count = 0        !! of these, free
+    logical :: round = .false.           !! all are spheres
+    logical :: pushed = .false.          !! some have extra forces or moments
     real(wp) :: free(lanes)              !! 1 for free grains, else 0
-    real(wp) :: x(lanes, 3), v(lanes, 3), w(lanes, 3), q(lanes, 4)
+    type(dem_side_type) :: s             !! centres, velocities, spins, shape matrices
+    real(wp) :: q(lanes, 4), theta(lanes, 3)
     real(wp) :: f(lanes, 3), m(lanes, 3), ef(lanes, 3), em(lanes, 3)
-    real(wp) :: mass(lanes), inertia(lanes, 3), square(lanes, 3), theta(lanes, 3)
+    real(wp) :: mass(lanes), inertia(lanes, 3), square(lanes, 3)
+    real(wp) :: x0(lanes, 3), q0(lanes, 4), reach(lanes)  !! where the list was made
     real(wp) :: r(lanes, 9)              !! rotation, body to space, by columns
-    real(wp) :: a(lanes, 6)              !! shape matrix
   end type mover_type
 
 contains
 
   !> Grains low+1 .. low+count into lanes; the other lanes are made harmless.
-  pure subroutine load_mover(g, low, count, b)
+  pure subroutine load_mover(g, pairs, low, count, b)
     type(dem_grains_type), intent(in) :: g
+    type(dem_pairs_type), intent(in) :: pairs  !! bodies and reference positions
     integer(i4), intent(in) :: low, count
     type(mover_type), intent(inout) :: b
     integer(i4) :: k, i, c
 
     b%low = low
     b%count = count
+    call idle(b)
     do k = 1, count
       i = low + k
-      b%free(k) = merge(1.0_wp, 0.0_wp, g%kind(i) == kind_free)
       b%mass(k) = g%mass(i)
-      b%q(k, 1) = g%quat(1, i)
-      b%q(k, 2) = g%quat(2, i)
-      b%q(k, 3) = g%quat(3, i)
-      b%q(k, 4) = g%quat(4, i)
+      b%reach(k) = pairs%reach(i)
+      b%s%volume(k) = pairs%body(body_size, i)
+      do c = 1, 4
+        b%q(k, c) = g%quat(c, i)
+        b%q0(k, c) = pairs%reference_q(c, i)
+      end do
+      b%s%x(k) = g%x(1, i)
+      b%s%y(k) = g%x(2, i)
+      b%s%z(k) = g%x(3, i)
       do c = 1, 3
-        b%x(k, c) = g%x(c, i)
-        b%v(k, c) = g%v(c, i)
-        b%w(k, c) = g%omega(c, i)
-        b%f(k, c) = g%force(c, i)
-        b%m(k, c) = g%moment(c, i)
-        b%ef(k, c) = g%extra_force(c, i)
-        b%em(k, c) = g%extra_moment(c, i)
+        b%x0(k, c) = pairs%reference_x(c, i)
+        b%theta(k, c) = g%theta(c, i)
         b%inertia(k, c) = g%inertia(c, i)
         b%square(k, c) = g%axes(c, i)*g%axes(c, i)
-        b%theta(k, c) = g%theta(c, i)
       end do
+      if (g%kind(i) == kind_free) call load_motion(g, i, k, b)
     end do
-    do k = count + 1, lanes
-      b%free(k) = 0.0_wp
-      b%mass(k) = 1.0_wp
-      b%q(k, :) = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
-      b%x(k, :) = 0.0_wp
-      b%v(k, :) = 0.0_wp
-      b%w(k, :) = 0.0_wp
-      b%f(k, :) = 0.0_wp
-      b%m(k, :) = 0.0_wp
-      b%ef(k, :) = 0.0_wp
-      b%em(k, :) = 0.0_wp
-      b%inertia(k, :) = 1.0_wp
-      b%square(k, :) = 1.0_wp
-      b%theta(k, :) = 0.0_wp
-    end do
-    call rotations(b)
+    b%free_count = nint(sum(b%free))
+    b%round = all(.not. b%reach > 0.0_wp)
+    b%pushed = any(abs(b%ef) > 0.0_wp) .or. any(abs(b%em) > 0.0_wp)
+    call rotations(b%q, b%r)
+    call shapes(b%square, b%r, b%round, b%s%s)
   end subroutine load_mover
 
-  !> Rotation matrices of all lanes.
-  pure subroutine rotations(b)
+  !> What only a free grain has.
+  pure subroutine load_motion(g, i, k, b)
+    type(dem_grains_type), intent(in) :: g
+    integer(i4), intent(in) :: i, k  !! grain, lane
     type(mover_type), intent(inout) :: b
-    integer(i4) :: k
-    real(wp) :: w, x, y, z
-    !$omp simd private(w, x, y, z)
-    do k = 1, lanes
-      w = b%q(k, 1)
-      x = b%q(k, 2)
-      y = b%q(k, 3)
-      z = b%q(k, 4)
-      b%r(k, 1) = 1.0_wp - 2.0_wp*(y*y + z*z)
-      b%r(k, 2) = 2.0_wp*(x*y + w*z)
-      b%r(k, 3) = 2.0_wp*(x*z - w*y)
-      b%r(k, 4) = 2.0_wp*(x*y - w*z)
-      b%r(k, 5) = 1.0_wp - 2.0_wp*(x*x + z*z)
-      b%r(k, 6) = 2.0_wp*(y*z + w*x)
-      b%r(k, 7) = 2.0_wp*(x*z + w*y)
-      b%r(k, 8) = 2.0_wp*(y*z - w*x)
-      b%r(k, 9) = 1.0_wp - 2.0_wp*(x*x + y*y)
-    end do
-  end subroutine rotations
+    b%free(k) = 1.0_wp
+    b%s%vx(k) = g%v(1, i)
+    b%s%vy(k) = g%v(2, i)
+    b%s%vz(k) = g%v(3, i)
+    b%s%wx(k) = g%omega(1, i)
+    b%s%wy(k) = g%omega(2, i)
+    b%s%wz(k) = g%omega(3, i)
+    b%f(k, :) = g%force(:, i)
+    b%m(k, :) = g%moment(:, i)
+    b%ef(k, :) = g%extra_force(:, i)
+    b%em(k, :) = g%extra_moment(:, i)
+  end subroutine load_motion
+
+  !> All lanes as spheres at rest in the origin.
+  pure subroutine idle(b)
+    type(mover_type), intent(inout) :: b
+    b%free = 0.0_wp
+    b%s%x = 0.0_wp
+    b%s%y = 0.0_wp
+    b%s%z = 0.0_wp
+    b%s%vx = 0.0_wp
+    b%s%vy = 0.0_wp
+    b%s%vz = 0.0_wp
+    b%s%wx = 0.0_wp
+    b%s%wy = 0.0_wp
+    b%s%wz = 0.0_wp
+    b%s%volume = 1.0_wp
+    b%q = 0.0_wp
+    b%q(:, 1) = 1.0_wp
+    b%q0 = b%q
+    b%x0 = 0.0_wp
+    b%theta = 0.0_wp
+    b%f = 0.0_wp
+    b%m = 0.0_wp
+    b%ef = 0.0_wp
+    b%em = 0.0_wp
+    b%mass = 1.0_wp
+    b%inertia = 1.0_wp
+    b%square = 1.0_wp
+    b%reach = 0.0_wp
+  end subroutine idle
 
   !> Half kick of all lanes with the forces in hand: explicit before a drift, implicit after one.
   pure subroutine kick_mover(b, step, explicit, work)
@@ -115,69 +147,86 @@ contains
     type(motion_type), intent(in) :: step
     logical, intent(in) :: explicit
     real(wp), intent(inout) :: work(work_count)
-    real(wp) :: keep, kicked
+    type(kick_type) :: kick
+    real(wp) :: extra(lanes, 3), turning(lanes, 3)
 
-    keep = 1.0_wp
-    kicked = 1.0_wp
-    if (explicit) keep = 1.0_wp - 0.5_wp*step%damping*step%dt
-    if (.not. explicit) kicked = 1.0_wp/(1.0_wp + 0.5_wp*step%damping*step%dt)
-    call kick_centres(b, step, explicit, keep, kicked, work)
-    call kick_spins(b, step, explicit, keep, kicked, work)
+    kick%half = 0.5_wp*step%dt
+    kick%damping = step%damping
+    if (explicit) then
+      kick%keep = 1.0_wp - 0.5_wp*step%damping*step%dt
+      kick%mix = 1.0_wp
+    else
+      kick%kicked = 1.0_wp/(1.0_wp + 0.5_wp*step%damping*step%dt)
+    end if
+    kick%scale = step%mass_scale
+    kick%pull = step%gravity(1)
+    if (b%pushed) then
+      extra = b%ef
+      turning = b%em
+    else
+      extra = 0.0_wp
+      turning = 0.0_wp
+    end if
+    call kick_lanes(kick, b%mass, b%free, b%f(:, 1), extra(:, 1), b%s%vx, work)
+    kick%pull = step%gravity(2)
+    call kick_lanes(kick, b%mass, b%free, b%f(:, 2), extra(:, 2), b%s%vy, work)
+    kick%pull = step%gravity(3)
+    call kick_lanes(kick, b%mass, b%free, b%f(:, 3), extra(:, 3), b%s%vz, work)
+    kick%scale = step%inertia_scale
+    kick%pull = 0.0_wp
+    if (.not. b%round) then
+      call kick_spins(b, kick, turning, work)
+    else
+      call kick_lanes(kick, b%inertia(:, 1), b%free, b%m(:, 1), turning(:, 1), b%s%wx, work)
+      call kick_lanes(kick, b%inertia(:, 1), b%free, b%m(:, 2), turning(:, 2), b%s%wy, work)
+      call kick_lanes(kick, b%inertia(:, 1), b%free, b%m(:, 3), turning(:, 3), b%s%wz, work)
+    end if
   end subroutine kick_mover
 
-  !> Translation of kick_mover.
-  pure subroutine kick_centres(b, step, explicit, keep, kicked, work)
-    type(mover_type), intent(inout) :: b
-    type(motion_type), intent(in) :: step
-    logical, intent(in) :: explicit
-    real(wp), intent(in) :: keep, kicked
+  !> One component of the velocities, or of the spins of spheres.
+  pure subroutine kick_lanes(kick, mass, free, load, extra, v, work)
+    type(kick_type), intent(in) :: kick
+    real(wp), intent(in) :: mass(lanes), free(lanes)   !! mass or moment of inertia, not scaled
+    real(wp), intent(in) :: load(lanes), extra(lanes)  !! force or moment
+    real(wp), intent(inout) :: v(lanes)
     real(wp), intent(inout) :: work(work_count)
-    real(wp) :: half, rate, old, new, between, now, push, mass
-    real(wp) :: gravity, external, damping, mix
-    integer(i4) :: k, c
+    real(wp) :: old, new, between, now, push, scaled, gravity, external, damping
+    integer(i4) :: k
 
-    half = 0.5_wp*step%dt
     gravity = 0.0_wp
     external = 0.0_wp
     damping = 0.0_wp
-    mix = merge(1.0_wp, 0.0_wp, explicit)
-    do c = 1, 3
-      !$omp simd private(mass, rate, old, new, between, now, push) &
-      !$omp   reduction(+: gravity, external, damping)
-      do k = 1, lanes
-        mass = step%mass_scale*b%mass(k)
-        rate = half/mass
-        push = b%mass(k)*step%gravity(c)
-        old = b%v(k, c)
-        new = (old*keep + rate*(b%f(k, c) + push + b%ef(k, c)))*kicked
-        between = mix*new + (1.0_wp - mix)*old
-        now = mix*old + (1.0_wp - mix)*new
-        gravity = gravity + b%free(k)*push*between
-        external = external + b%free(k)*b%ef(k, c)*between
-        damping = damping + b%free(k)*mass*now*between
-        b%v(k, c) = new
-      end do
+    !$omp simd private(scaled, old, new, between, now, push) &
+    !$omp   reduction(+: gravity, external, damping)
+    do k = 1, lanes
+      scaled = kick%scale*mass(k)
+      push = mass(k)*kick%pull
+      old = v(k)
+      new = free(k)*(old*kick%keep + kick%half/scaled*(load(k) + push + extra(k)))*kick%kicked
+      between = kick%mix*new + (1.0_wp - kick%mix)*old
+      now = kick%mix*old + (1.0_wp - kick%mix)*new
+      gravity = gravity + push*between
+      external = external + extra(k)*between
+      damping = damping + scaled*now*between
+      v(k) = new
     end do
-    work(1) = work(1) + half*gravity
-    work(2) = work(2) + half*external
-    work(3) = work(3) + half*step%damping*damping
-  end subroutine kick_centres
+    work(1) = work(1) + kick%half*gravity
+    work(2) = work(2) + kick%half*external
+    work(3) = work(3) + kick%half*kick%damping*damping
+  end subroutine kick_lanes
 
-  !> Rotation of kick_mover, in the body frame.
-  pure subroutine kick_spins(b, step, explicit, keep, kicked, work)
+  !> Spins of kick_mover, in the body frame.
+  pure subroutine kick_spins(b, kick, turning, work)
     type(mover_type), intent(inout) :: b
-    type(motion_type), intent(in) :: step
-    logical, intent(in) :: explicit
-    real(wp), intent(in) :: keep, kicked
+    type(kick_type), intent(in) :: kick
+    real(wp), intent(in) :: turning(lanes, 3)  !! extra moments [N m]
     real(wp), intent(inout) :: work(work_count)
-    real(wp) :: half, inertia, old, new, between, now, moment, extra, external, damping, mix
+    real(wp) :: inertia, old, new, between, now, moment, extra, external, damping
     real(wp) :: sx, sy, sz, rx, ry, rz
     integer(i4) :: k, c
 
-    half = 0.5_wp*step%dt
     external = 0.0_wp
     damping = 0.0_wp
-    mix = merge(1.0_wp, 0.0_wp, explicit)
     !$omp simd private(inertia, old, new, between, now, moment, extra, sx, sy, sz, rx, ry, rz, c) &
     !$omp   reduction(+: external, damping)
     do k = 1, lanes
@@ -188,40 +237,98 @@ contains
         rx = b%r(k, 3*c - 2)
         ry = b%r(k, 3*c - 1)
         rz = b%r(k, 3*c)
-        inertia = step%inertia_scale*b%inertia(k, c)
-        old = rx*b%w(k, 1) + ry*b%w(k, 2) + rz*b%w(k, 3)
+        inertia = kick%scale*b%inertia(k, c)
+        old = rx*b%s%wx(k) + ry*b%s%wy(k) + rz*b%s%wz(k)
         moment = rx*b%m(k, 1) + ry*b%m(k, 2) + rz*b%m(k, 3)
-        extra = rx*b%em(k, 1) + ry*b%em(k, 2) + rz*b%em(k, 3)
-        new = (old*keep + half*(moment + extra)/inertia)*kicked
-        between = mix*new + (1.0_wp - mix)*old
-        now = mix*old + (1.0_wp - mix)*new
-        external = external + b%free(k)*extra*between
-        damping = damping + b%free(k)*inertia*now*between
+        extra = rx*turning(k, 1) + ry*turning(k, 2) + rz*turning(k, 3)
+        new = (old*kick%keep + kick%half*(moment + extra)/inertia)*kick%kicked
+        between = kick%mix*new + (1.0_wp - kick%mix)*old
+        now = kick%mix*old + (1.0_wp - kick%mix)*new
+        external = external + extra*between
+        damping = damping + inertia*now*between
         sx = sx + rx*new
         sy = sy + ry*new
         sz = sz + rz*new
       end do
-      b%w(k, 1) = sx
-      b%w(k, 2) = sy
-      b%w(k, 3) = sz
+      b%s%wx(k) = sx
+      b%s%wy(k) = sy
+      b%s%wz(k) = sz
     end do
-    work(2) = work(2) + half*external
-    work(3) = work(3) + half*step%damping*damping
+    work(2) = work(2) + kick%half*external
+    work(3) = work(3) + kick%half*kick%damping*damping
   end subroutine kick_spins
 
   !> Drift of all lanes by dt: centres, orientations, spins, accumulated rotations, shapes.
   pure subroutine drift_mover(b, dt)
     type(mover_type), intent(inout) :: b
     real(wp), intent(in) :: dt
+    integer(i4) :: k
+
+    !$omp simd
+    do k = 1, lanes
+      b%s%x(k) = b%s%x(k) + dt*b%s%vx(k)
+      b%s%y(k) = b%s%y(k) + dt*b%s%vy(k)
+      b%s%z(k) = b%s%z(k) + dt*b%s%vz(k)
+    end do
+    if (b%round) then
+      call turn_round(b, dt)
+    else
+      call turn_bodies(b, dt)
+      call rotations(b%q, b%r)
+      call spins_to_space(b)
+      call shapes(b%square, b%r, .false., b%s%s)
+    end if
+    !$omp simd
+    do k = 1, lanes
+      b%theta(k, 1) = b%theta(k, 1) + dt*b%s%wx(k)
+      b%theta(k, 2) = b%theta(k, 2) + dt*b%s%wy(k)
+      b%theta(k, 3) = b%theta(k, 3) + dt*b%s%wz(k)
+    end do
+  end subroutine drift_mover
+
+  !> Orientations of spheres: their spin stays, the turn has its Cayley angle.
+  pure subroutine turn_round(b, dt)
+    type(mover_type), intent(inout) :: b
+    real(wp), intent(in) :: dt
+    real(wp) :: hx, hy, hz, q1, q2, q3, q4, p1, p2, p3, p4, scale
+    integer(i4) :: k
+
+    !$omp simd private(hx, hy, hz, q1, q2, q3, q4, p1, p2, p3, p4, scale)
+    do k = 1, lanes
+      hx = 0.5_wp*dt*b%s%wx(k)
+      hy = 0.5_wp*dt*b%s%wy(k)
+      hz = 0.5_wp*dt*b%s%wz(k)
+      q1 = b%q(k, 1)
+      q2 = b%q(k, 2)
+      q3 = b%q(k, 3)
+      q4 = b%q(k, 4)
+      p1 = q1 - hx*q2 - hy*q3 - hz*q4
+      p2 = q2 + hx*q1 + hy*q4 - hz*q3
+      p3 = q3 + hy*q1 + hz*q2 - hx*q4
+      p4 = q4 + hz*q1 + hx*q3 - hy*q2
+      scale = 1.0_wp/sqrt(p1*p1 + p2*p2 + p3*p3 + p4*p4)
+      b%q(k, 1) = merge(scale*p1, b%q(k, 1), b%free(k) > 0.5_wp)
+      b%q(k, 2) = merge(scale*p2, b%q(k, 2), b%free(k) > 0.5_wp)
+      b%q(k, 3) = merge(scale*p3, b%q(k, 3), b%free(k) > 0.5_wp)
+      b%q(k, 4) = merge(scale*p4, b%q(k, 4), b%free(k) > 0.5_wp)
+    end do
+  end subroutine turn_round
+
+  !> Free rotation of all lanes by dt; spins are left in the body frame.
+  pure subroutine turn_bodies(b, dt)
+    type(mover_type), intent(inout) :: b
+    real(wp), intent(in) :: dt
     real(wp) :: l1, l2, l3, q1, q2, q3, q4, i1, i2, i3, scale
     integer(i4) :: k
 
-    b%x = b%x + dt*b%v
     !$omp simd private(l1, l2, l3, q1, q2, q3, q4, i1, i2, i3, scale)
     do k = 1, lanes
-      l1 = b%inertia(k, 1)*(b%r(k, 1)*b%w(k, 1) + b%r(k, 2)*b%w(k, 2) + b%r(k, 3)*b%w(k, 3))
-      l2 = b%inertia(k, 2)*(b%r(k, 4)*b%w(k, 1) + b%r(k, 5)*b%w(k, 2) + b%r(k, 6)*b%w(k, 3))
-      l3 = b%inertia(k, 3)*(b%r(k, 7)*b%w(k, 1) + b%r(k, 8)*b%w(k, 2) + b%r(k, 9)*b%w(k, 3))
+      q1 = b%s%wx(k)
+      q2 = b%s%wy(k)
+      q3 = b%s%wz(k)
+      l1 = b%inertia(k, 1)*(b%r(k, 1)*q1 + b%r(k, 2)*q2 + b%r(k, 3)*q3)
+      l2 = b%inertia(k, 2)*(b%r(k, 4)*q1 + b%r(k, 5)*q2 + b%r(k, 6)*q3)
+      l3 = b%inertia(k, 3)*(b%r(k, 7)*q1 + b%r(k, 8)*q2 + b%r(k, 9)*q3)
       i1 = dt/b%inertia(k, 1)
       i2 = dt/b%inertia(k, 2)
       i3 = dt/b%inertia(k, 3)
@@ -235,18 +342,15 @@ contains
       call turn(0.25_wp*i2, l2, l3, l1, q1, q3, q4, q2)
       call turn(0.25_wp*i1, l1, l2, l3, q1, q2, q3, q4)
       scale = 1.0_wp/sqrt(q1*q1 + q2*q2 + q3*q3 + q4*q4)
-      b%q(k, 1) = scale*q1
-      b%q(k, 2) = scale*q2
-      b%q(k, 3) = scale*q3
-      b%q(k, 4) = scale*q4
-      b%w(k, 1) = l1/b%inertia(k, 1)
-      b%w(k, 2) = l2/b%inertia(k, 2)
-      b%w(k, 3) = l3/b%inertia(k, 3)
+      b%q(k, 1) = merge(scale*q1, b%q(k, 1), b%free(k) > 0.5_wp)
+      b%q(k, 2) = merge(scale*q2, b%q(k, 2), b%free(k) > 0.5_wp)
+      b%q(k, 3) = merge(scale*q3, b%q(k, 3), b%free(k) > 0.5_wp)
+      b%q(k, 4) = merge(scale*q4, b%q(k, 4), b%free(k) > 0.5_wp)
+      b%s%wx(k) = l1/b%inertia(k, 1)
+      b%s%wy(k) = l2/b%inertia(k, 2)
+      b%s%wz(k) = l3/b%inertia(k, 3)
     end do
-    call rotations(b)
-    call spins_to_space(b, dt)
-    call shapes(b)
-  end subroutine drift_mover
+  end subroutine turn_bodies
 
   !> Turn about a body axis by the Cayley angle 2 atan(t), t = factor * momentum about it: momentum
   !! in the body frame, quaternion not normalised.
@@ -269,88 +373,66 @@ contains
     qc = qc - t*old
   end subroutine turn
 
-  !> Spins from the body frame to space, and into the accumulated rotation.
-  pure subroutine spins_to_space(b, dt)
+  !> Spins from the body frame to space.
+  pure subroutine spins_to_space(b)
     type(mover_type), intent(inout) :: b
-    real(wp), intent(in) :: dt
     real(wp) :: s1, s2, s3
     integer(i4) :: k
     !$omp simd private(s1, s2, s3)
     do k = 1, lanes
-      s1 = b%w(k, 1)
-      s2 = b%w(k, 2)
-      s3 = b%w(k, 3)
-      b%w(k, 1) = b%r(k, 1)*s1 + b%r(k, 4)*s2 + b%r(k, 7)*s3
-      b%w(k, 2) = b%r(k, 2)*s1 + b%r(k, 5)*s2 + b%r(k, 8)*s3
-      b%w(k, 3) = b%r(k, 3)*s1 + b%r(k, 6)*s2 + b%r(k, 9)*s3
-      b%theta(k, 1) = b%theta(k, 1) + dt*b%w(k, 1)
-      b%theta(k, 2) = b%theta(k, 2) + dt*b%w(k, 2)
-      b%theta(k, 3) = b%theta(k, 3) + dt*b%w(k, 3)
+      s1 = b%s%wx(k)
+      s2 = b%s%wy(k)
+      s3 = b%s%wz(k)
+      b%s%wx(k) = b%r(k, 1)*s1 + b%r(k, 4)*s2 + b%r(k, 7)*s3
+      b%s%wy(k) = b%r(k, 2)*s1 + b%r(k, 5)*s2 + b%r(k, 8)*s3
+      b%s%wz(k) = b%r(k, 3)*s1 + b%r(k, 6)*s2 + b%r(k, 9)*s3
     end do
   end subroutine spins_to_space
 
-  !> Shape matrices of all lanes.
-  pure subroutine shapes(b)
-    type(mover_type), intent(inout) :: b
-    real(wp) :: s1, s2, s3
-    integer(i4) :: k
-    !$omp simd private(s1, s2, s3)
-    do k = 1, lanes
-      s1 = b%square(k, 1)
-      s2 = b%square(k, 2)
-      s3 = b%square(k, 3)
-      b%a(k, 1) = s1*b%r(k, 1)*b%r(k, 1) + s2*b%r(k, 4)*b%r(k, 4) + s3*b%r(k, 7)*b%r(k, 7)
-      b%a(k, 2) = s1*b%r(k, 2)*b%r(k, 2) + s2*b%r(k, 5)*b%r(k, 5) + s3*b%r(k, 8)*b%r(k, 8)
-      b%a(k, 3) = s1*b%r(k, 3)*b%r(k, 3) + s2*b%r(k, 6)*b%r(k, 6) + s3*b%r(k, 9)*b%r(k, 9)
-      b%a(k, 4) = s1*b%r(k, 1)*b%r(k, 2) + s2*b%r(k, 4)*b%r(k, 5) + s3*b%r(k, 7)*b%r(k, 8)
-      b%a(k, 5) = s1*b%r(k, 2)*b%r(k, 3) + s2*b%r(k, 5)*b%r(k, 6) + s3*b%r(k, 8)*b%r(k, 9)
-      b%a(k, 6) = s1*b%r(k, 3)*b%r(k, 1) + s2*b%r(k, 6)*b%r(k, 4) + s3*b%r(k, 9)*b%r(k, 7)
-    end do
-  end subroutine shapes
-
-  !> Free lanes back to the grains: velocities, and after a drift the positions too.
-  pure subroutine store_mover(b, moved, g)
+  !> Largest travel of the surfaces of the free lanes, along any normal, since the list was made:
+  !! displacement, and rotation times the difference of the extreme semi-axes [m].
+  pure real(wp) function travel_of_mover(b) result(most)
     type(mover_type), intent(in) :: b
-    logical, intent(in) :: moved
+    real(wp) :: square, cosine, sine, travel(lanes)
+    integer(i4) :: k
+
+    !$omp simd private(square, cosine, sine)
+    do k = 1, lanes
+      square = (b%s%x(k) - b%x0(k, 1))**2 + (b%s%y(k) - b%x0(k, 2))**2 + (b%s%z(k) - b%x0(k, 3))**2
+      cosine = b%q(k, 1)*b%q0(k, 1) + b%q(k, 2)*b%q0(k, 2) + b%q(k, 3)*b%q0(k, 3) &
+               + b%q(k, 4)*b%q0(k, 4)
+      sine = sqrt(max(1.0_wp - cosine*cosine, 0.0_wp))
+      ! asin(s) <= s + (pi/2 - 1) s^3
+      travel(k) = b%free(k)*(sqrt(square) + 2.0_wp*b%reach(k)*sine*(1.0_wp + 0.571_wp*sine*sine))
+    end do
+    most = maxval(travel)
+    if (.not. all(travel <= huge(most))) most = huge(most)
+  end function travel_of_mover
+
+  !> Free lanes back to the grains.
+  pure subroutine store_mover(b, g)
+    type(mover_type), intent(in) :: b
     type(dem_grains_type), intent(inout) :: g
-    integer(i4) :: k, i, c
+    integer(i4) :: k, i
 
     do k = 1, b%count
       if (b%free(k) < 0.5_wp) cycle
       i = b%low + k
-      do c = 1, 3
-        g%v(c, i) = b%v(k, c)
-        g%omega(c, i) = b%w(k, c)
-      end do
-      if (.not. moved) cycle
-      do c = 1, 3
-        g%x(c, i) = b%x(k, c)
-        g%theta(c, i) = b%theta(k, c)
-      end do
-      g%quat(1, i) = b%q(k, 1)
-      g%quat(2, i) = b%q(k, 2)
-      g%quat(3, i) = b%q(k, 3)
-      g%quat(4, i) = b%q(k, 4)
+      g%x(:, i) = [b%s%x(k), b%s%y(k), b%s%z(k)]
+      g%v(:, i) = [b%s%vx(k), b%s%vy(k), b%s%vz(k)]
+      g%omega(:, i) = [b%s%wx(k), b%s%wy(k), b%s%wz(k)]
+      g%theta(:, i) = b%theta(k, :)
+      g%quat(:, i) = b%q(k, :)
+      g%force(:, i) = b%f(k, :)
+      g%moment(:, i) = b%m(k, :)
     end do
   end subroutine store_mover
 
-  !> Body records of the free lanes after a drift.
+  !> Body records of all lanes; those of prescribed grains are put right by their own motion.
   pure subroutine put_bodies(b, body)
     type(mover_type), intent(in) :: b
     real(wp), intent(inout), contiguous :: body(:, :)
-    integer(i4) :: k, i, c
-    do k = 1, b%count
-      if (b%free(k) < 0.5_wp) cycle
-      i = b%low + k
-      do c = 1, 3
-        body(c, i) = b%x(k, c)
-        body(9 + c, i) = b%v(k, c)
-        body(12 + c, i) = b%w(k, c)
-      end do
-      do c = 1, 6
-        body(3 + c, i) = b%a(k, c)
-      end do
-    end do
+    call put_side(b%s, b%count, body(:, b%low + 1:b%low + b%count))
   end subroutine put_bodies
 
   !> Spin angular momentum in space [kg m^2/s].

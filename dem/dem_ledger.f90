@@ -36,7 +36,8 @@ contains
     do k = 1, d%pairs%blocks
       if (.not. d%pairs%touched(k)) cycle
       constants = constants_of(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)))
-      energy = stored_energy(constants, d%pairs%weight(:, k), d%pairs%history(:, :, k))
+      energy = stored_energy(constants, d%pairs%weight(:, min(k, size(d%pairs%weight, 2))), &
+                             d%pairs%history(:, :, k))
       ledger%elastic_normal = ledger%elastic_normal + energy(1)
       ledger%elastic_tangential = ledger%elastic_tangential + energy(2)
     end do

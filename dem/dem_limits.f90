@@ -4,8 +4,9 @@
 !! and sum f k_t |r_c|^2/(s_I I_min), with f = 2 for a free partner and 1 for a prescribed one.
 module dem_limits
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_data_type, kind_free, law_linear, lanes, mode_relaxation
-  use dem_contact, only: contact_constants_type, constants_of
+  use dem_state, only: dem_data_type, kind_free, law_linear, lanes, mode_relaxation, &
+    history_point, history_overlap
+  use dem_contact, only: contact_constants_type, constants_of, contact_radius
   implicit none
   private
   public :: gershgorin_step, rayleigh_step, impact_step
@@ -19,7 +20,7 @@ contains
     type(dem_data_type), intent(in) :: d
     real(wp), allocatable :: lambda(:, :)
     type(contact_constants_type) :: c
-    real(wp) :: kn, kt, radius, scale(2), point(3)
+    real(wp) :: kn, kt, radius, weight, scale(2), point(3)
     integer(i4) :: k, lane, i
 
     allocate (lambda(2, d%grains%n), source=0.0_wp)
@@ -27,11 +28,12 @@ contains
       if (.not. d%pairs%touched(k)) cycle
       c = constants_of(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)))
       do lane = 1, lanes
-        if (.not. d%pairs%history(lane, 12, k) > 0.0_wp) cycle
-        radius = d%pairs%history(lane, 11, k)
-        kn = d%pairs%weight(lane, k)*(c%kn_a*radius + c%kn)
-        kt = d%pairs%weight(lane, k)*(c%kt_a*radius + c%kt)
-        point = d%pairs%history(lane, 7:9, k)
+        if (.not. d%pairs%history(lane, history_overlap, k) > 0.0_wp) cycle
+        radius = contact_radius(d%pairs%history(lane, :, k))
+        weight = d%pairs%weight(lane, min(k, size(d%pairs%weight, 2)))
+        kn = weight*(c%kn_a*radius + c%kn)
+        kt = weight*(c%kt_a*radius + c%kt)
+        point = d%pairs%history(lane, history_point:history_point + 2, k)
         call add_pair(d, d%pairs%first(lane, k), d%pairs%second(lane, k), kn, kt, point, lambda)
       end do
     end do

@@ -6,21 +6,25 @@
 module dem_pairs
   use talus_kinds, only: wp, i4, i8
   use dem_state, only: dem_grains_type, dem_planes_type, dem_pairs_type, dem_weights_type, &
-    kind_free, lanes, body_size, history_size, result_size, column_count
+    kind_free, lanes, body_size, history_size, history_overlap, result_size, column_count
   use dem_cells, only: find_candidates
   use dem_gap, only: solve_gap
-  use dem_shape, only: rotation_of, shape_matrix, matrix_times
+  use dem_prescribed, only: put_body
+  use dem_shape, only: matrix_times
   implicit none
   private
   public :: build_pairs, update_bodies, allocate_bodies, slot_of
+
+  integer(i4), parameter :: bands = 4  !! of gaps, see band_of
 
   !> Candidates before they are put into blocks.
   type :: list_type
     integer(i4) :: count = 0
     integer(i4), allocatable :: first(:), second(:)
     integer(i4), allocatable :: old(:)      !! slot in the last list, 0 if new
-    integer(i4), allocatable :: group(:)    !! law and nearness
+    integer(i4), allocatable :: group(:)    !! law, geometry and band of gaps
     real(wp), allocatable :: normal(:, :)
+    real(wp), allocatable :: gap(:)         !! a lower bound; -1 for contacts [m]
   end type list_type
 
 contains
@@ -39,16 +43,13 @@ contains
     allocate (pairs%body(body_size, bodies), pairs%reference_x(3, bodies), source=0.0_wp)
     allocate (pairs%reference_q(4, bodies), pairs%reach(bodies), source=0.0_wp)
     do i = n + 1, bodies
-      pairs%body(4:6, i) = 1.0_wp
-      pairs%body(16, i) = 3.0_wp
-      pairs%body(17, i) = 1.0_wp
+      pairs%body(10:12, i) = 1.0_wp
+      pairs%body(16, i) = 1.0_wp
     end do
     pairs%body(1, n + 1) = -1.0e4_wp
     pairs%body(1, n + 2) = 1.0e4_wp
     do i = 1, n
       pairs%reach(i) = maxval(grains%axes(:, i)) - minval(grains%axes(:, i))
-      pairs%body(16, i) = sum(grains%axes(:, i)**2)
-      pairs%body(17, i) = product(grains%axes(:, i)**2)
     end do
   end subroutine allocate_bodies
 
@@ -60,14 +61,11 @@ contains
     integer(i4) :: i, k
 
     do i = 1, grains%n
-      pairs%body(1:3, i) = grains%x(:, i)
-      pairs%body(4:9, i) = shape_matrix(rotation_of(grains%quat(:, i)), grains%axes(:, i))
-      pairs%body(10:12, i) = grains%v(:, i)
-      pairs%body(13:15, i) = grains%omega(:, i)
+      call put_body(grains, i, pairs%body(:, i))
     end do
     do k = 1, planes%n
       pairs%body(1:3, grains%n + 3 + k) = planes%point(:, k)
-      pairs%body(10:12, grains%n + 3 + k) = planes%velocity(:, k)
+      pairs%body(4:6, grains%n + 3 + k) = planes%velocity(:, k)
     end do
   end subroutine update_bodies
 
@@ -85,6 +83,7 @@ contains
     call list_grain_pairs(pairs, grains, ghost_pairs, list)
     call list_plane_pairs(pairs, grains, planes, list)
     call order_blocks(pairs, grains, planes, list, slot)
+    call move_lanes(pairs, grains%n, weights%n > 0, list, slot)
     call map_bodies(pairs, grains%n + 3 + planes%n, list, slot)
     call set_lane_constants(pairs, grains, weights, list, slot)
     do i = 1, grains%n
@@ -117,64 +116,88 @@ contains
     type(dem_grains_type), intent(in) :: grains
     logical, intent(in) :: ghost_pairs
     type(list_type), intent(inout) :: list
-    real(wp), allocatable :: gap(:)
-    integer(i4) :: k, kept, lane, block, near
+    integer(i4) :: k, kept
 
     call find_candidates(pairs%body, grains%radius, grains%kind, pairs%skin, ghost_pairs, &
                          list%first, list%second, list%count)
-    allocate (list%old(list%count), list%group(list%count), source=0)
-    allocate (list%normal(3, list%count), gap(list%count))
-    !$omp parallel do default(none) shared(list, pairs, gap) private(lane, block) schedule(static)
+    allocate (list%old(list%count), list%group(list%count))
+    allocate (list%normal(3, list%count), list%gap(list%count))
+    !$omp parallel do default(none) shared(list, pairs, grains) schedule(static)
     do k = 1, list%count
-      list%old(k) = slot_of(pairs, list%first(k), list%second(k))
-      list%normal(:, k) = 0.0_wp
-      if (list%old(k) > 0) then
-        lane = 1 + mod(list%old(k) - 1, lanes)
-        block = 1 + (list%old(k) - 1)/lanes
-        list%normal(:, k) = pairs%normal(lane, :, block)
-        if (pairs%history(lane, 12, block) > 0.0_wp) then
-          gap(k) = -1.0_wp
-          cycle
-        end if
-      end if
-      call find_gap(pairs%body(:, list%first(k)), pairs%body(:, list%second(k)), pairs%skin, &
-                    list%normal(:, k), gap(k))
+      call look_at_pair(pairs, grains, list, k)
     end do
     kept = 0
     do k = 1, list%count
-      if (gap(k) > pairs%skin) cycle
+      if (list%gap(k) > pairs%skin) cycle
       kept = kept + 1
-      near = merge(0, 1, gap(k) < 0.05_wp*pairs%skin)
+      if (kept == k) cycle
       list%first(kept) = list%first(k)
       list%second(kept) = list%second(k)
       list%old(kept) = list%old(k)
       list%normal(:, kept) = list%normal(:, k)
-      list%group(kept) = group_of(grains%material(list%first(kept)), &
-                                  grains%material(list%second(kept)), near)
+      list%gap(kept) = list%gap(k)
+      list%group(kept) = list%group(k)
     end do
     list%count = kept
   end subroutine list_grain_pairs
 
-  !> Order of blocks: materials of first and second, then near before far.
-  pure integer(i4) function group_of(first, second, near)
-    integer(i4), intent(in) :: first, second, near
+  !> Old slot, normal, gap and group of candidate k.
+  pure subroutine look_at_pair(pairs, grains, list, k)
+    type(dem_pairs_type), intent(in) :: pairs
+    type(dem_grains_type), intent(in) :: grains
+    type(list_type), intent(inout) :: list
+    integer(i4), intent(in) :: k
+    integer(i4) :: i, j, lane, block
+    logical :: contact, round
+
+    i = list%first(k)
+    j = list%second(k)
+    list%old(k) = slot_of(pairs, i, j)
+    list%normal(:, k) = 0.0_wp
+    contact = .false.
+    if (list%old(k) > 0) then
+      lane = 1 + mod(list%old(k) - 1, lanes)
+      block = 1 + (list%old(k) - 1)/lanes
+      list%normal(:, k) = pairs%normal(lane, :, block)
+      contact = in_contact(pairs, list%old(k))
+    end if
+    round = .not. (pairs%reach(i) > 0.0_wp .or. pairs%reach(j) > 0.0_wp)
+    list%gap(k) = -1.0_wp
+    if (.not. contact) call find_gap(pairs%body(:, i), pairs%body(:, j), list%normal(:, k), &
+                                     list%gap(k))
+    list%group(k) = group_of(grains%material(i), grains%material(j), round, &
+                             band_of(list%gap(k), pairs%skin))
+  end subroutine look_at_pair
+
+  !> Pairs that touch or nearly touch are in band 0; the others can be passed over for a while.
+  pure integer(i4) function band_of(gap, skin) result(band)
+    real(wp), intent(in) :: gap, skin  !! [m]
+    real(wp), parameter :: ends(bands - 1) = [0.05_wp, 0.25_wp, 0.5_wp]
+    band = count(gap >= ends*skin)
+  end function band_of
+
+  !> Order of blocks: materials of first and second, spheres, band of gaps.
+  pure integer(i4) function group_of(first, second, round, band)
+    integer(i4), intent(in) :: first, second, band
+    logical, intent(in) :: round
     integer(i4), parameter :: most_materials = 1000
-    group_of = near + 2*(second + most_materials*first)
+    group_of = band + bands*(merge(0, 1, round) + 2*(second + most_materials*first))
   end function group_of
 
-  !> Gap along the given normal if that already exceeds the skin, else along the true one.
-  pure subroutine find_gap(body_a, body_b, skin, normal, gap)
-    real(wp), intent(in) :: body_a(:), body_b(:), skin
+  !> Gap along the given normal if that already separates the bodies, else along the true one.
+  pure subroutine find_gap(body_a, body_b, normal, gap)
+    real(wp), intent(in) :: body_a(:), body_b(:)
     real(wp), intent(inout) :: normal(3)
     real(wp), intent(out) :: gap
     real(wp) :: r(3)
     r = body_b(1:3) - body_a(1:3)
     if (sum(normal**2) > 0.5_wp) then
-      gap = dot_product(r, normal) - sqrt(dot_product(normal, matrix_times(body_a(4:9), normal))) &
-            - sqrt(dot_product(normal, matrix_times(body_b(4:9), normal)))
+      gap = dot_product(r, normal) &
+            - sqrt(dot_product(normal, matrix_times(body_a(10:15), normal))) &
+            - sqrt(dot_product(normal, matrix_times(body_b(10:15), normal)))
       if (gap > 0.0_wp) return
     end if
-    call solve_gap(r, body_a(4:9), body_b(4:9), normal, gap)
+    call solve_gap(r, body_a(10:15), body_b(10:15), normal, gap)
   end subroutine find_gap
 
   !> Plane-grain pairs, after all grain pairs.
@@ -190,27 +213,33 @@ contains
     if (planes%n == 0) return
     n = list%count + grains%n*planes%n
     allocate (longer%first(n), longer%second(n), longer%old(n), longer%group(n))
-    allocate (longer%normal(3, n))
+    allocate (longer%normal(3, n), longer%gap(n))
     n = list%count
     longer%first(:n) = list%first(:n)
     longer%second(:n) = list%second(:n)
     longer%old(:n) = list%old(:n)
     longer%group(:n) = list%group(:n)
     longer%normal(:, :n) = list%normal(:, :n)
+    longer%gap(:n) = list%gap(:n)
     do k = 1, planes%n
       body = grains%n + 3 + k
       normal = planes%normal(:, k)
       do j = 1, grains%n
         if (grains%kind(j) /= kind_free) cycle
         gap = dot_product(pairs%body(1:3, j) - planes%point(:, k), normal) &
-              - sqrt(dot_product(normal, matrix_times(pairs%body(4:9, j), normal)))
+              - sqrt(dot_product(normal, matrix_times(pairs%body(10:15, j), normal)))
         if (gap > pairs%skin) cycle
         n = n + 1
         longer%first(n) = body
         longer%second(n) = j
         longer%old(n) = slot_of(pairs, body, j)
         longer%normal(:, n) = normal
-        longer%group(n) = group_of(planes%material(k), grains%material(j), 0)
+        if (longer%old(n) > 0) then
+          if (in_contact(pairs, longer%old(n))) gap = -1.0_wp
+        end if
+        longer%gap(n) = gap
+        longer%group(n) = group_of(planes%material(k), grains%material(j), .false., &
+                                   band_of(gap, pairs%skin))
       end do
     end do
     longer%count = n
@@ -219,8 +248,16 @@ contains
     call move_alloc(longer%old, list%old)
     call move_alloc(longer%group, list%group)
     call move_alloc(longer%normal, list%normal)
+    call move_alloc(longer%gap, list%gap)
     list%count = n
   end subroutine list_plane_pairs
+
+  pure logical function in_contact(pairs, slot)
+    type(dem_pairs_type), intent(in) :: pairs
+    integer(i4), intent(in) :: slot
+    in_contact = pairs%history(1 + mod(slot - 1, lanes), history_overlap, &
+                               1 + (slot - 1)/lanes) > 0.0_wp
+  end function in_contact
 
   !> Give every pair its slot, pad the blocks, carry normals and history.
   subroutine order_blocks(pairs, grains, planes, list, slot)
@@ -229,51 +266,63 @@ contains
     type(dem_planes_type), intent(in) :: planes
     type(list_type), intent(in) :: list
     integer(i4), allocatable, intent(out) :: slot(:)
-    integer(i4) :: k, pass, low, blocks, group, used, last, n
-    integer(i4), allocatable :: law_first(:), law_second(:)
+    integer(i4) :: k, pass, group, used, n
+    integer(i4), allocatable :: ends(:), names(:)
 
     n = grains%n
     allocate (slot(list%count), source=0)
-    allocate (law_first(list%count + 1), law_second(list%count + 1))
-    blocks = 0
+    allocate (ends(0), names(0))
+    pairs%blocks = 0
     pairs%grain_blocks = 0
     do pass = 1, 2
-      last = -1
-      do
-        group = next_group(list, n, pass, last)
-        if (group == huge(group)) exit
-        last = group
-        low = blocks
-        used = 0
+      group = next_group(list, n, pass, -1)
+      do while (group < huge(group))
+        used = pairs%blocks*lanes
         do k = 1, list%count
           if (list%group(k) /= group .or. (list%first(k) > n .neqv. pass == 2)) cycle
           used = used + 1
-          slot(k) = low*lanes + used
-          blocks = low + (used + lanes - 1)/lanes
-          law_first(blocks) = material_of(list%first(k))
-          law_second(blocks) = grains%material(list%second(k))
+          slot(k) = used
         end do
+        pairs%blocks = (used + lanes - 1)/lanes
+        ends = [ends, pairs%blocks]
+        names = [names, group]
+        group = next_group(list, n, pass, group)
       end do
-      if (pass == 1) pairs%grain_blocks = blocks
+      if (pass == 1) pairs%grain_blocks = pairs%blocks
     end do
-    pairs%blocks = blocks
+    pairs%groups = size(ends)
+    pairs%group_end = ends
     pairs%count = list%count
-    if (allocated(pairs%law_first)) deallocate (pairs%law_first, pairs%law_second)
-    allocate (pairs%law_first, source=law_first(:blocks))
-    allocate (pairs%law_second, source=law_second(:blocks))
-    call move_lanes(pairs, n, list, slot)
-
-  contains
-
-    pure integer(i4) function material_of(body)
-      integer(i4), intent(in) :: body
-      if (body <= n) then
-        material_of = grains%material(body)
-      else
-        material_of = planes%material(body - n - 3)
-      end if
-    end function material_of
+    call name_blocks(pairs, grains, planes, list, slot)
   end subroutine order_blocks
+
+  !> Materials, geometry and least gap of each block.
+  subroutine name_blocks(pairs, grains, planes, list, slot)
+    type(dem_pairs_type), intent(inout) :: pairs
+    type(dem_grains_type), intent(in) :: grains
+    type(dem_planes_type), intent(in) :: planes
+    type(list_type), intent(in) :: list
+    integer(i4), intent(in) :: slot(:)
+    integer(i4) :: k, block
+
+    if (allocated(pairs%law_first)) then
+      deallocate (pairs%law_first, pairs%law_second, pairs%round, pairs%least_gap)
+    end if
+    allocate (pairs%law_first(pairs%blocks), pairs%law_second(pairs%blocks))
+    allocate (pairs%round(pairs%blocks))
+    allocate (pairs%least_gap(pairs%blocks), source=huge(1.0_wp))
+    do k = 1, list%count
+      block = 1 + (slot(k) - 1)/lanes
+      if (list%first(k) <= grains%n) then
+        pairs%law_first(block) = grains%material(list%first(k))
+      else
+        pairs%law_first(block) = planes%material(list%first(k) - grains%n - 3)
+      end if
+      pairs%law_second(block) = grains%material(list%second(k))
+      pairs%round(block) = mod(list%group(k)/bands, 2) == 0
+      pairs%least_gap(block) = min(pairs%least_gap(block), list%gap(k))
+    end do
+  end subroutine name_blocks
 
   !> Least group above `last` among grain pairs (pass 1) or plane pairs (pass 2).
   pure integer(i4) function next_group(list, n, pass, last)
@@ -288,9 +337,10 @@ contains
   end function next_group
 
   !> Fill the lanes of the new blocks from the old ones.
-  subroutine move_lanes(pairs, n, list, slot)
+  subroutine move_lanes(pairs, n, weighted, list, slot)
     type(dem_pairs_type), intent(inout) :: pairs
     integer(i4), intent(in) :: n
+    logical, intent(in) :: weighted
     type(list_type), intent(in) :: list
     integer(i4), intent(in) :: slot(:)
     real(wp), allocatable :: normal(:, :, :), history(:, :, :)
@@ -299,7 +349,7 @@ contains
     allocate (normal(lanes, 3, pairs%blocks), history(lanes, history_size, pairs%blocks), &
               source=0.0_wp)
     normal(:, 1, :) = 1.0_wp
-    call allocate_blocks(pairs, n)
+    call allocate_blocks(pairs, n, weighted)
     do k = 1, list%count
       lane = 1 + mod(slot(k) - 1, lanes)
       block = 1 + (slot(k) - 1)/lanes
@@ -310,7 +360,7 @@ contains
         old_lane = 1 + mod(list%old(k) - 1, lanes)
         old_block = 1 + (list%old(k) - 1)/lanes
         history(lane, :, block) = pairs%history(old_lane, :, old_block)
-        if (history(lane, 12, block) > 0.0_wp) pairs%touched(block) = .true.
+        if (history(lane, history_overlap, block) > 0.0_wp) pairs%touched(block) = .true.
       end if
     end do
     call move_alloc(normal, pairs%normal)
@@ -318,9 +368,10 @@ contains
   end subroutine move_lanes
 
   !> Arrays of the blocks, all lanes pads.
-  subroutine allocate_blocks(pairs, n)
+  subroutine allocate_blocks(pairs, n, weighted)
     type(dem_pairs_type), intent(inout) :: pairs
     integer(i4), intent(in) :: n
+    logical, intent(in) :: weighted
     if (allocated(pairs%first)) then
       deallocate (pairs%first, pairs%second, pairs%weight, pairs%m_star)
       deallocate (pairs%touched, pairs%result, pairs%columns)
@@ -328,9 +379,10 @@ contains
     allocate (pairs%first(lanes, pairs%blocks), source=n + 1)
     allocate (pairs%second(lanes, pairs%blocks), source=n + 2)
     if (pairs%blocks > pairs%grain_blocks) pairs%first(:, pairs%grain_blocks + 1:) = n + 3
-    allocate (pairs%weight(lanes, pairs%blocks), pairs%m_star(lanes, pairs%blocks), source=1.0_wp)
+    allocate (pairs%m_star(lanes, pairs%blocks), source=1.0_wp)
+    allocate (pairs%weight(lanes, merge(pairs%blocks, 1, weighted)), source=1.0_wp)
     allocate (pairs%touched(pairs%blocks), source=.false.)
-    allocate (pairs%result(result_size, lanes, pairs%blocks), source=0.0_wp)
+    allocate (pairs%result(result_size, lanes*pairs%blocks), source=0.0_wp)
     allocate (pairs%columns(column_count, pairs%blocks), source=0.0_wp)
   end subroutine allocate_blocks
 
@@ -361,8 +413,8 @@ contains
       i = list%first(k)
       j = list%second(k)
       pairs%entry(fill(i)) = 2*(slot(k) - 1)
-      fill(i) = fill(i) + 1
       pairs%entry(fill(j)) = 2*(slot(k) - 1) + 1
+      fill(i) = fill(i) + 1
       fill(j) = fill(j) + 1
     end do
   end subroutine map_bodies

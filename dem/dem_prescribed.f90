@@ -1,14 +1,26 @@
 !> Motion of fixed, driven and ghost grains, and the work and impulse of what moves them.
 module dem_prescribed
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_grains_type, kind_fixed
+  use dem_state, only: dem_grains_type, kind_fixed, body_size
   use dem_shape, only: rotation_of, shape_matrix, quaternion_product
   use dem_integrate, only: work_count
   implicit none
   private
-  public :: drift_prescribed, finish_prescribed
+  public :: put_body, drift_prescribed, finish_prescribed
 
 contains
+
+  !> Body record of a grain.
+  pure subroutine put_body(g, i, body)
+    type(dem_grains_type), intent(in) :: g
+    integer(i4), intent(in) :: i
+    real(wp), intent(inout) :: body(body_size)
+    body(1:3) = g%x(:, i)
+    body(4:6) = g%v(:, i)
+    body(7:9) = g%omega(:, i)
+    body(10:15) = shape_matrix(rotation_of(g%quat(:, i)), g%axes(:, i))
+    body(16) = product(g%axes(:, i)**2)
+  end subroutine put_body
 
   !> Move a prescribed grain by dt with its velocity and spin; the last step ends on the target.
   pure subroutine drift_prescribed(g, i, dt, last, body)
@@ -29,10 +41,7 @@ contains
       g%x(:, i) = g%target_x(:, i)
       g%quat(:, i) = g%target_quat(:, i)
     end if
-    body(1:3) = g%x(:, i)
-    body(4:9) = shape_matrix(rotation_of(g%quat(:, i)), g%axes(:, i))
-    body(10:12) = g%v(:, i)
-    body(13:15) = g%omega(:, i)
+    call put_body(g, i, body)
   end subroutine drift_prescribed
 
   !> New contact force and moment are in: impulse of the step and work of the prescription, each

@@ -10,6 +10,7 @@ module dem_state
   public :: mode_dynamic, mode_relaxation
   public :: law_hertz_mindlin, law_hertz_no_history, law_linear
   public :: lanes, body_size, history_size, result_size, column_count
+  public :: history_overlap, history_root, history_point
 
   integer(i4), parameter :: kind_free = 0    !! moved by the forces on it
   integer(i4), parameter :: kind_fixed = 1   !! never moves
@@ -22,11 +23,15 @@ module dem_state
   integer(i4), parameter :: law_hertz_no_history = 2  !! Hertz, tangential force viscous only
   integer(i4), parameter :: law_linear = 3            !! spring and dashpot of given stiffness
 
-  integer(i4), parameter :: lanes = 64         !! pairs in a block, the unit of work
-  integer(i4), parameter :: body_size = 20     !! reals in a body record, see dem_pairs_type
-  integer(i4), parameter :: history_size = 14  !! reals kept for a candidate, see dem_contact
-  integer(i4), parameter :: result_size = 9    !! force on the second, moments on first and second
+  integer(i4), parameter :: lanes = 32         !! pairs in a block, the unit of work
+  integer(i4), parameter :: body_size = 16     !! reals in a body record, see dem_pairs_type
+  integer(i4), parameter :: history_size = 11  !! reals kept for a candidate, see dem_contact
+  integer(i4), parameter :: result_size = 8    !! force, moment about the origin, two spare
   integer(i4), parameter :: column_count = 4   !! work of a block: see dem_contact
+
+  integer(i4), parameter :: history_point = 7     !! contact point from the centre of A, 7-9
+  integer(i4), parameter :: history_overlap = 10  !! overlap, > 0 in contact
+  integer(i4), parameter :: history_root = 11     !! square root of the effective radius
 
   !> Elastic constants and density of a material.
   type :: dem_material_type
@@ -88,29 +93,36 @@ module dem_state
     real(wp), allocatable :: work(:)         !! of the plane on the grains since reset [J]
   end type dem_planes_type
 
-  !> Candidate pairs in blocks of 64 lanes, their cached normals and contact history.
+  !> Candidate pairs in blocks, their cached normals and contact history.
   !!
   !! Bodies 1..n are grains, n+1 and n+2 pads far away, n+3 a pad plane, n+3+k is plane k.
-  !! A body record: x(3), A = Q diag(a^2,b^2,c^2) Q^T as xx yy zz xy yz zx, v(3), omega(3), trace
-  !! of A, (a b c)^2; planes use x and v only.
+  !! A body record: x(3), v(3), omega(3), A = Q diag(a^2,b^2,c^2) Q^T as xx yy zz xy yz zx,
+  !! (a b c)^2; planes use x and v only. Blocks come in groups of one law, one kind of geometry and
+  !! one band of gaps; a slot is lanes (block - 1) + lane, counted on through all blocks.
   type :: dem_pairs_type
     integer(i4) :: blocks = 0                    !! blocks in use
     integer(i4) :: grain_blocks = 0              !! of these, grain-grain (the first ones)
+    integer(i4) :: groups = 0                    !! groups of blocks
     integer(i4) :: count = 0                     !! real pairs, pads not counted
     real(wp) :: skin = 0.0_wp                    !! pairs with a gap below it are listed [m]
     real(wp) :: least_skin = 0.0_wp              !! the skin grows above it while grains move [m]
     real(wp) :: most_skin = 0.0_wp               !! and never beyond this [m]
     integer(i8) :: built_at = 0                  !! step of the last rebuild
+    integer(i4), allocatable :: group_end(:)     !! (groups) last block of each
+    logical, allocatable :: round(:)             !! (blocks) all pairs are of spheres
+    real(wp), allocatable :: least_gap(:)        !! (blocks) when the list was made [m]
     integer(i4), allocatable :: first(:, :)      !! (lanes, blocks) body A, the lower id
     integer(i4), allocatable :: second(:, :)     !! (lanes, blocks) body B
     integer(i4), allocatable :: law_first(:)     !! (blocks) material of A
     integer(i4), allocatable :: law_second(:)    !! (blocks) material of B
-    real(wp), allocatable :: normal(:, :, :)     !! (lanes, 3, blocks) last normal, A to B [-]
+    real(wp), allocatable :: normal(:, :, :)     !! (lanes, 3, blocks) last normal, A to B [-]; not
+                                                 !! kept up for spheres
     real(wp), allocatable :: history(:, :, :)    !! (lanes, history_size, blocks), see dem_contact
-    real(wp), allocatable :: weight(:, :)        !! (lanes, blocks) contact weight [-]
+    real(wp), allocatable :: weight(:, :)        !! (lanes, blocks) contact weight; one column of
+                                                 !! ones if none was set [-]
     real(wp), allocatable :: m_star(:, :)        !! (lanes, blocks) reduced mass m* [kg]
     logical, allocatable :: touched(:)           !! (blocks) some lane had contact last time
-    real(wp), allocatable :: result(:, :, :)     !! (result_size, lanes, blocks) [N, N m]
+    real(wp), allocatable :: result(:, :)        !! (result_size, slots) on B [N, N m]
     real(wp), allocatable :: columns(:, :)       !! (column_count, blocks) work of this step [J]
     real(wp), allocatable :: body(:, :)          !! (body_size, bodies) records
     real(wp), allocatable :: reference_x(:, :)   !! (3, bodies) where the list was made [m]

@@ -1,18 +1,21 @@
 !> Time stepping: one parallel region for many steps, two barriers a step.
 !!
 !! A step is (1) half kick and drift of every grain, (2) forces of every block, (3) sums and second
-!! half kick; (3) and the next (1) belong to the same thread and need no barrier between them.
-!! Work is added to the ledger by one thread in a fixed order, so that the thread count changes no
-!! bit. The region is left when the list must be made anew.
+!! half kick; (3) and the next (1) go together, chunk by chunk, without a barrier between them.
+!! A thread owns a run of grains, whose motion stays in its movers as long as the region lasts, and a
+!! run of the blocks of each group: as grains and blocks both follow the ids, most bodies of its
+!! blocks are its own. Work is added to the ledger by one thread in a fixed order, so that the
+!! thread count changes no bit. The region is left when the list must be made anew.
 module dem_steps
+  use, intrinsic :: omp_lib, only: omp_get_thread_num, omp_get_num_threads
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_text, only: str
   use dem_state, only: dem_data_type, kind_free, kind_fixed, mode_relaxation, lanes
-  use dem_pairs, only: build_pairs, update_bodies
+  use dem_pairs, only: build_pairs
   use dem_forces, only: block_forces, sum_body
   use dem_integrate, only: motion_type, mover_type, load_mover, kick_mover, drift_mover, &
-    store_mover, put_bodies, work_count
+    store_mover, put_bodies, travel_of_mover, work_count
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_shape, only: quaternion_from_rotation
   implicit none
@@ -24,6 +27,15 @@ module dem_steps
   integer(i8), parameter :: few_steps = 40    !! a list that lasts less gets a wider skin
   integer(i8), parameter :: many_steps = 200  !! one that lasts longer a narrower one
   integer(i8), parameter :: rest_steps = 2000
+
+  !> What a region works on beside the system itself.
+  type :: work_type
+    type(mover_type), allocatable :: movers(:)    !! of each chunk; the last chunk is the planes'
+    real(wp), allocatable :: started(:, :)        !! (work_count, chunks) of the first half [J]
+    real(wp), allocatable :: finished(:, :)       !! (work_count, chunks) of the second half [J]
+    real(wp), allocatable :: travel(:)            !! (chunks) since the list was made [m]
+    integer(i4), allocatable :: load(:)           !! (chunks) work up to and with each chunk
+  end type work_type
 
 contains
 
@@ -48,30 +60,57 @@ contains
     integer(i4), intent(in) :: n
     type(error_list_type), intent(inout) :: errors
     type(motion_type) :: motion
-    real(wp), allocatable :: started(:, :), finished(:, :), travel(:)
-    integer(i4) :: done, chunks
+    type(work_type) :: work
+    integer(i4) :: done
     logical :: rebuild, resumed
 
     motion = motion_of(d, d%par%dt)
-    chunks = (d%grains%n + chunk - 1)/chunk + 1
-    allocate (started(work_count, chunks), finished(work_count, chunks), travel(chunks))
+    call plan_work(d, work)
     done = 0
     resumed = .false.
     call set_turns(d)
     do while (done < n)
-      call run_region(d, motion, n, done, resumed, rebuild, started, finished, travel)
+      call run_region(d, motion, n, done, resumed, rebuild, work)
       if (.not. rebuild) exit
       if (.not. all_finite(d)) then
         call name_lost_grain(d, errors)
         return
       end if
-      call rebuild_list(d, maxval(travel))
+      call rebuild_list(d, maxval(work%travel))
       resumed = .true.
     end do
-    if (n > 0) call add_grain_work(d, finished)
+    if (n > 0) call add_grain_work(d, work%finished)
     d%grains%has_target = .false.
     if (.not. all_finite(d)) call name_lost_grain(d, errors)
   end subroutine take_steps
+
+  !> Chunks of grains and how much work each is: a free grain counts ten, another one one.
+  subroutine plan_work(d, work)
+    type(dem_data_type), intent(in) :: d
+    type(work_type), intent(inout) :: work
+    integer(i4) :: chunks, c, low, high
+
+    chunks = (d%grains%n + chunk - 1)/chunk + 1
+    allocate (work%movers(chunks - 1), work%load(chunks), work%travel(chunks))
+    allocate (work%started(work_count, chunks), work%finished(work_count, chunks))
+    do c = 1, chunks
+      low = (c - 1)*chunk + 1
+      high = min(c*chunk, d%grains%n)
+      work%load(c) = 1 + 9*count(d%grains%kind(low:high) == kind_free) + max(high - low + 1, 0)
+      if (c > 1) work%load(c) = work%load(c) + work%load(c - 1)
+    end do
+  end subroutine plan_work
+
+  !> Chunks low..high of one of the threads: runs of equal work.
+  pure subroutine share_chunks(load, me, threads, low, high)
+    integer(i4), intent(in) :: load(:)      !! running sum
+    integer(i4), intent(in) :: me, threads  !! me from 0
+    integer(i4), intent(out) :: low, high
+    integer(i8) :: total
+    total = load(size(load))
+    low = 1 + count(load <= total*me/threads)
+    high = count(load <= total*(me + 1)/threads)
+  end subroutine share_chunks
 
   !> Rotation of one step of the grains that keep a constant spin.
   subroutine set_turns(d)
@@ -85,53 +124,62 @@ contains
   end subroutine set_turns
 
   !> Steps done+1 to n, or until the list is used up (then half of step done+1 is done).
-  subroutine run_region(d, motion, n, done, resumed, rebuild, started, finished, travel)
+  subroutine run_region(d, motion, n, done, resumed, rebuild, work)
     type(dem_data_type), intent(inout) :: d
     type(motion_type), intent(in) :: motion
     integer(i4), intent(in) :: n
     integer(i4), intent(inout) :: done
     logical, intent(in) :: resumed         !! step done+1 was begun before
     logical, intent(out) :: rebuild
-    real(wp), intent(inout) :: started(:, :), finished(:, :), travel(:)
-    integer(i4) :: s, c, k, chunks
+    type(work_type), intent(inout) :: work
+    integer(i4) :: s, c, me, threads, low, high
     logical :: begun, leave
     integer(i8) :: before
+    real(wp) :: travel
 
-    chunks = size(travel)
     before = d%health%steps - done
     rebuild = .false.
-    !$omp parallel default(none) private(s, c, k, begun, leave) &
-    !$omp   shared(d, motion, n, done, resumed, rebuild, started, finished, travel, chunks, before)
+    !$omp parallel default(none) private(s, c, begun, leave, me, threads, low, high, travel) &
+    !$omp   shared(d, motion, n, done, resumed, rebuild, work, before)
+    me = omp_get_thread_num()
+    threads = omp_get_num_threads()
+    call share_chunks(work%load, me, threads, low, high)
+    do c = low, min(high, size(work%movers))
+      call load_mover(d%grains, d%pairs, (c - 1)*chunk, min(chunk, d%grains%n - (c - 1)*chunk), &
+                      work%movers(c))
+    end do
+    if (.not. resumed) then
+      do c = low, high
+        call start_chunk(d, c, motion, done + 1 == n, work)
+      end do
+    end if
     begun = resumed
     leave = .false.
+    travel = 0.0_wp
     do s = done + 1, n
       if (.not. begun) then
-        !$omp do schedule(static)
-        do c = 1, chunks
-          call start_chunk(d, c, motion, s == n, started(:, c), travel(c))
-        end do
-        !$omp end do
-        leave = .not. maxval(travel) <= 0.5_wp*d%pairs%skin .or. outlived(d, before + s)
+        !$omp barrier
+        travel = maxval(work%travel)
+        leave = .not. all(work%travel <= 0.5_wp*d%pairs%skin) .or. outlived(d, before + s)
         if (leave) exit
       end if
       begun = .false.
       !$omp master
-      if (s > 1) call add_grain_work(d, finished)
-      call add_grain_work(d, started)
+      if (s > 1) call add_grain_work(d, work%finished)
+      call add_grain_work(d, work%started)
       !$omp end master
-      !$omp do schedule(static, 1)
-      do k = 1, d%pairs%blocks
-        call block_forces(d%pairs, d%laws, k, motion%dt)
-      end do
-      !$omp end do
+      call share_forces(d, motion%dt, travel, me, threads)
+      !$omp barrier
       !$omp master
       call add_contact_work(d)
       !$omp end master
-      !$omp do schedule(static)
-      do c = 1, chunks
-        call finish_chunk(d, c, motion, finished(:, c))
+      do c = low, high
+        call finish_chunk(d, c, motion, work)
+        if (s < n) call start_chunk(d, c, motion, s + 1 == n, work)
       end do
-      !$omp end do nowait
+    end do
+    do c = low, min(high, size(work%movers))
+      call store_mover(work%movers(c), d%grains)
     end do
     !$omp barrier
     !$omp master
@@ -142,6 +190,24 @@ contains
     !$omp end parallel
   end subroutine run_region
 
+  !> Forces of this thread's run of the blocks of each group.
+  subroutine share_forces(d, h, travel, me, threads)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: h       !! time since the last evaluation [s]
+    real(wp), intent(in) :: travel  !! since the list was made [m]
+    integer(i4), intent(in) :: me, threads
+    integer(i4) :: g, k, base, length
+    base = 0
+    do g = 1, d%pairs%groups
+      length = d%pairs%group_end(g) - base
+      do k = base + 1 + int(int(length, i8)*me/threads, i4), &
+             base + int(int(length, i8)*(me + 1)/threads, i4)
+        call block_forces(d%pairs, d%laws, k, h, travel)
+      end do
+      base = d%pairs%group_end(g)
+    end do
+  end subroutine share_forces
+
   !> A list with a wide skin is given up when the grains have come to rest.
   pure logical function outlived(d, step)
     type(dem_data_type), intent(in) :: d
@@ -150,37 +216,35 @@ contains
   end function outlived
 
   !> Start of a step for the grains of chunk c; the last chunk is the planes'.
-  subroutine start_chunk(d, c, motion, last, work, travel)
+  subroutine start_chunk(d, c, motion, last, work)
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: c
     type(motion_type), intent(in) :: motion
     logical, intent(in) :: last
-    real(wp), intent(out) :: work(work_count), travel
-    type(mover_type) :: mover
-    integer(i4) :: i, low, high
+    type(work_type), intent(inout) :: work
+    real(wp) :: travel
+    integer(i4) :: i
 
-    work = 0.0_wp
+    work%started(:, c) = 0.0_wp
     travel = 0.0_wp
-    low = (c - 1)*chunk
-    if (low >= d%grains%n) then
+    if (c > size(work%movers)) then
       call start_planes(d, motion%dt, travel)
-      return
+    else
+      associate (mover => work%movers(c))
+        if (mover%free_count > 0) then
+          call kick_mover(mover, motion, .true., work%started(:, c))
+          call drift_mover(mover, motion%dt)
+          call put_bodies(mover, d%pairs%body)
+          travel = travel_of_mover(mover)
+        end if
+        do i = mover%low + 1, mover%low + merge(0, mover%count, mover%free_count == mover%count)
+          if (d%grains%kind(i) == kind_fixed .or. d%grains%kind(i) == kind_free) cycle
+          call drift_prescribed(d%grains, i, motion%dt, last, d%pairs%body(:, i))
+          travel = larger(travel, travel_of(d, i))
+        end do
+      end associate
     end if
-    high = min(c*chunk, d%grains%n)
-    if (any(d%grains%kind(low + 1:high) == kind_free)) then
-      call load_mover(d%grains, low, high - low, mover)
-      call kick_mover(mover, motion, .true., work)
-      call drift_mover(mover, motion%dt)
-      call store_mover(mover, .true., d%grains)
-      call put_bodies(mover, d%pairs%body)
-    end if
-    do i = low + 1, high
-      if (d%grains%kind(i) == kind_fixed) cycle
-      if (d%grains%kind(i) /= kind_free) then
-        call drift_prescribed(d%grains, i, motion%dt, last, d%pairs%body(:, i))
-      end if
-      travel = larger(travel, travel_of(d, i))
-    end do
+    work%travel(c) = travel
   end subroutine start_chunk
 
   subroutine start_planes(d, dt, travel)
@@ -192,7 +256,7 @@ contains
       body = d%grains%n + 3 + i
       d%planes%point(:, i) = d%planes%point(:, i) + dt*d%planes%velocity(:, i)
       d%pairs%body(1:3, body) = d%planes%point(:, i)
-      d%pairs%body(10:12, body) = d%planes%velocity(:, i)
+      d%pairs%body(4:6, body) = d%planes%velocity(:, i)
       travel = max(travel, sqrt(sum((d%planes%point(:, i) - d%pairs%reference_x(:, body))**2)))
     end do
   end subroutine start_planes
@@ -227,44 +291,29 @@ contains
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: c
     type(motion_type), intent(in) :: motion
-    real(wp), intent(out) :: work(work_count)
-    type(mover_type) :: mover
-    integer(i4) :: low, high
-
-    call sum_chunk(d, c, motion%dt, work)
-    low = (c - 1)*chunk
-    if (low >= d%grains%n) return
-    high = min(c*chunk, d%grains%n)
-    if (.not. any(d%grains%kind(low + 1:high) == kind_free)) return
-    call load_mover(d%grains, low, high - low, mover)
-    call kick_mover(mover, motion, .false., work)
-    call store_mover(mover, .false., d%grains)
-  end subroutine finish_chunk
-
-  !> Forces of the grains of chunk c from their contacts; work and impulse of prescribed ones.
-  subroutine sum_chunk(d, c, dt, work)
-    type(dem_data_type), intent(inout) :: d
-    integer(i4), intent(in) :: c
-    real(wp), intent(in) :: dt
-    real(wp), intent(out) :: work(work_count)
+    type(work_type), intent(inout) :: work
     real(wp) :: force(3), moment(3)
-    integer(i4) :: i
+    integer(i4) :: i, k
 
-    work = 0.0_wp
-    if ((c - 1)*chunk >= d%grains%n) then
-      call finish_planes(d, dt, work)
+    work%finished(:, c) = 0.0_wp
+    if (c > size(work%movers)) then
+      call finish_planes(d, motion%dt, work%finished(:, c))
       return
     end if
-    do i = (c - 1)*chunk + 1, min(c*chunk, d%grains%n)
-      call sum_body(d%pairs%start, d%pairs%entry, d%pairs%result, i, force, moment)
-      if (d%grains%kind(i) == kind_free) then
-        d%grains%force(:, i) = force
-        d%grains%moment(:, i) = moment
-      else
-        call finish_prescribed(d%grains, i, dt, force, moment, work)
-      end if
-    end do
-  end subroutine sum_chunk
+    associate (mover => work%movers(c))
+      do k = 1, mover%count
+        i = mover%low + k
+        call sum_body(d%pairs, i, force, moment)
+        if (mover%free(k) > 0.5_wp) then
+          mover%f(k, :) = force
+          mover%m(k, :) = moment
+        else
+          call finish_prescribed(d%grains, i, motion%dt, force, moment, work%finished(:, c))
+        end if
+      end do
+      if (mover%free_count > 0) call kick_mover(mover, motion, .false., work%finished(:, c))
+    end associate
+  end subroutine finish_chunk
 
   subroutine finish_planes(d, dt, work)
     type(dem_data_type), intent(inout) :: d
@@ -273,7 +322,7 @@ contains
     real(wp) :: force(3), moment(3), mean(3), done
     integer(i4) :: i
     do i = 1, d%planes%n
-      call sum_body(d%pairs%start, d%pairs%entry, d%pairs%result, d%grains%n + 3 + i, force, moment)
+      call sum_body(d%pairs, d%grains%n + 3 + i, force, moment)
       mean = 0.5_wp*dt*(d%planes%force(:, i) + force)
       d%planes%force(:, i) = force
       d%planes%impulse(:, i) = d%planes%impulse(:, i) + mean
@@ -295,10 +344,10 @@ contains
     motion = motion_of(d, dt)
     work = 0.0_wp
     do low = 0, d%grains%n - 1, chunk
-      call load_mover(d%grains, low, min(chunk, d%grains%n - low), mover)
+      call load_mover(d%grains, d%pairs, low, min(chunk, d%grains%n - low), mover)
       call kick_mover(mover, motion, .false., work(:, 1))
       call kick_mover(mover, motion, .true., work(:, 1))
-      call store_mover(mover, .false., d%grains)
+      call store_mover(mover, d%grains)
     end do
     call add_grain_work(d, work)
   end subroutine kick_all
@@ -312,9 +361,9 @@ contains
     integer(i4) :: low, i
 
     do low = 0, d%grains%n - 1, chunk
-      call load_mover(d%grains, low, min(chunk, d%grains%n - low), mover)
+      call load_mover(d%grains, d%pairs, low, min(chunk, d%grains%n - low), mover)
       call drift_mover(mover, dt)
-      call store_mover(mover, .true., d%grains)
+      call store_mover(mover, d%grains)
       call put_bodies(mover, d%pairs%body)
     end do
     do i = 1, d%grains%n
@@ -363,25 +412,25 @@ contains
   subroutine evaluate_forces(d, h)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: h
-    real(wp), allocatable :: finished(:, :)
-    integer(i4) :: k, c, chunks
+    real(wp) :: work(work_count, 1), force(3), moment(3)
+    integer(i4) :: i
 
-    chunks = (d%grains%n + chunk - 1)/chunk + 1
-    allocate (finished(work_count, chunks), source=0.0_wp)
-    !$omp parallel default(none) private(k, c) shared(d, h, chunks, finished)
-    !$omp do schedule(static, 1)
-    do k = 1, d%pairs%blocks
-      call block_forces(d%pairs, d%laws, k, h)
-    end do
-    !$omp end do
-    !$omp do schedule(static)
-    do c = 1, chunks
-      call sum_chunk(d, c, h, finished(:, c))
-    end do
-    !$omp end do
+    !$omp parallel default(none) shared(d, h)
+    call share_forces(d, h, huge(h), omp_get_thread_num(), omp_get_num_threads())
     !$omp end parallel
+    work = 0.0_wp
+    do i = 1, d%grains%n
+      call sum_body(d%pairs, i, force, moment)
+      if (d%grains%kind(i) == kind_free) then
+        d%grains%force(:, i) = force
+        d%grains%moment(:, i) = moment
+      else
+        call finish_prescribed(d%grains, i, h, force, moment, work(:, 1))
+      end if
+    end do
+    call finish_planes(d, h, work(:, 1))
     call add_contact_work(d)
-    call add_grain_work(d, finished)
+    call add_grain_work(d, work)
   end subroutine evaluate_forces
 
   !> Largest travel of any grain or plane since the list was made [m].

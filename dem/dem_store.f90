@@ -85,13 +85,15 @@ contains
     call archive%put_integers('pairs.first', int(p%first, i8))
     call archive%put_integers('pairs.second', int(p%second, i8))
     call archive%put_integers('pairs.law', int(reshape([p%law_first, p%law_second, &
-                              merge(1, 0, p%touched)], [m, 3]), i8))
+                              merge(1, 0, p%touched), merge(1, 0, p%round)], [m, 4]), i8))
+    call archive%put_integers('pairs.group_end', int(reshape(p%group_end, [1, p%groups]), i8))
     call archive%put_integers('pairs.start', int(reshape(p%start, [size(p%start), 1]), i8))
     call archive%put_integers('pairs.entry', int(reshape(p%entry, [size(p%entry), 1]), i8))
     call archive%put_reals('pairs.skin', reshape([p%skin, p%least_skin, p%most_skin], [3, 1]))
     call archive%put_reals('pairs.normal', reshape(p%normal, [lanes*3, m]))
     call archive%put_reals('pairs.history', reshape(p%history, [lanes*history_size, m]))
-    call archive%put_reals('pairs.result', reshape(p%result, [lanes*result_size, m]))
+    call archive%put_reals('pairs.result', p%result)
+    call archive%put_reals('pairs.least_gap', reshape(p%least_gap, [1, m]))
     call archive%put_reals('pairs.weight', p%weight)
     call archive%put_reals('pairs.m_star', p%m_star)
     call archive%put_reals('pairs.reference_x', p%reference_x)
@@ -228,7 +230,7 @@ contains
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
     integer(i8), allocatable :: counts(:, :), law(:, :), first(:, :), second(:, :), start(:, :), &
-      entry(:, :)
+      entry(:, :), group(:, :)
     real(wp), allocatable :: flat(:, :)
     integer(i4) :: m, bodies
 
@@ -238,7 +240,8 @@ contains
     m = int(counts(1, 1), i4)
     call archive%get_integers('pairs.first', lanes, m, first, errors)
     call archive%get_integers('pairs.second', lanes, m, second, errors)
-    call archive%get_integers('pairs.law', m, 3, law, errors)
+    call archive%get_integers('pairs.law', m, 4, law, errors)
+    call archive%get_integers('pairs.group_end', 1, -1, group, errors)
     call archive%get_integers('pairs.start', bodies + 1, 1, start, errors)
     call archive%get_integers('pairs.entry', 2*int(counts(3, 1), i4), 1, entry, errors)
     if (errors%any()) return
@@ -252,6 +255,9 @@ contains
       p%law_first = int(law(:, 1), i4)
       p%law_second = int(law(:, 2), i4)
       p%touched = law(:, 3) == 1
+      p%round = law(:, 4) == 1
+      p%groups = size(group, 2)
+      p%group_end = int(group(1, :), i4)
       p%start = int(start(:, 1), i4)
       p%entry = int(entry(:, 1), i4)
       call archive%get_reals('pairs.skin', 3, 1, flat, errors)
@@ -262,9 +268,11 @@ contains
       p%normal = reshape(flat, [lanes, 3, m])
       call archive%get_reals('pairs.history', lanes*history_size, m, flat, errors)
       p%history = reshape(flat, [lanes, history_size, m])
-      call archive%get_reals('pairs.result', lanes*result_size, m, flat, errors)
-      p%result = reshape(flat, [result_size, lanes, m])
-      call archive%get_reals('pairs.weight', lanes, m, flat, errors)
+      call archive%get_reals('pairs.result', result_size, lanes*m, flat, errors)
+      p%result = flat
+      call archive%get_reals('pairs.least_gap', 1, m, flat, errors)
+      p%least_gap = flat(1, :)
+      call archive%get_reals('pairs.weight', lanes, -1, flat, errors)
       p%weight = flat
       call archive%get_reals('pairs.m_star', lanes, m, flat, errors)
       p%m_star = flat

@@ -7,7 +7,7 @@ module dem_system
   use talus_errors, only: error_list_type
   use talus_text, only: str
   use dem_archive, only: dem_archive_type
-  use dem_state, only: dem_data_type, kind_free, lanes
+  use dem_state, only: dem_data_type, kind_free, lanes, history_point, history_overlap
   use dem_make, only: sorted_order, make_planes
   use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
   use dem_steps, only: take_steps, evaluate_forces, rebuild_if_needed, kick_all, drift_all
@@ -16,7 +16,7 @@ module dem_system
   use dem_limits, only: gershgorin_step, rayleigh_step, impact_step
   use dem_measure, only: check_overlap, check_runaway, contact_count
   use dem_store, only: put_state, get_state
-  use dem_contact, only: contact_constants_type, constants_of
+  use dem_contact, only: contact_constants_type, constants_of, contact_radius
   implicit none
   private
   public :: dem_system_type, dem_contacts_type
@@ -354,7 +354,7 @@ contains
         slot = self%pairs%entry(e)/2
         lane = 1 + mod(slot, lanes)
         block = 1 + slot/lanes
-        if (self%pairs%history(lane, 12, block) > 0.0_wp) call add_contact(self, lane, block, list)
+        if (self%pairs%history(lane, history_overlap, block) > 0.0_wp) call add_contact(self, lane, block, list)
       end do
     end do
   end subroutine contacts
@@ -364,6 +364,7 @@ contains
     integer(i4), intent(in) :: lane, block
     type(dem_contacts_type), intent(inout) :: list
     type(contact_constants_type) :: c
+    real(wp) :: radius
     integer(i4) :: i, j, k
 
     i = self%pairs%first(lane, block)
@@ -376,14 +377,17 @@ contains
       list%ids(1, k) = self%grains%id(i)
     end if
     list%ids(2, k) = self%grains%id(j)
-    list%point(:, k) = self%pairs%body(1:3, i) + self%pairs%history(lane, 7:9, block)
+    list%point(:, k) = self%pairs%body(1:3, i) + &
+      self%pairs%history(lane, history_point:history_point + 2, block)
     list%normal(:, k) = self%pairs%normal(lane, :, block)
     list%branch(:, k) = self%pairs%body(1:3, j) - self%pairs%body(1:3, i)
-    list%force(:, k) = self%pairs%result(1:3, lane, block)
+    if (self%pairs%round(block)) list%normal(:, k) = list%branch(:, k)/norm2(list%branch(:, k))
+    list%force(:, k) = self%pairs%result(1:3, (block - 1)*lanes + lane)
     c = constants_of(self%laws(self%pairs%law_first(block), self%pairs%law_second(block)))
-    list%stiffness(1, k) = c%kn_a*self%pairs%history(lane, 11, block) + c%kn
-    list%stiffness(2, k) = c%kt_a*self%pairs%history(lane, 11, block) + c%kt
-    list%overlap(k) = self%pairs%history(lane, 12, block)
+    radius = contact_radius(self%pairs%history(lane, :, block))
+    list%stiffness(1, k) = c%kn_a*radius + c%kn
+    list%stiffness(2, k) = c%kt_a*radius + c%kt
+    list%overlap(k) = self%pairs%history(lane, history_overlap, block)
   end subroutine add_contact
 
   !> Keep the state in memory.

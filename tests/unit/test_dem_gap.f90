@@ -5,7 +5,7 @@ program test_dem_gap
   use talus_test, only: test_type
   use dem_state, only: lanes
   use dem_block, only: dem_block_type
-  use dem_gap, only: solve_gap, evaluate_pairs, refine_normals, add_curvatures
+  use dem_gap, only: evaluate_spheres, solve_gap, evaluate_pairs, refine_normals, add_curvatures
   use dem_shape, only: rotation_of, shape_matrix, matrix_times, support, surface_point
   implicit none
   type(test_type) :: test
@@ -207,8 +207,8 @@ contains
     integer :: k
     do k = 1, lanes
       call random_pair(3.2e-3_wp, r, a, b, q1, q2)
-      block%a(k, :) = a
-      block%b(k, :) = b
+      block%a%s(k, :) = a
+      block%b%s(k, :) = b
       n(:, k) = 0.0_wp
       call solve_gap(r, a, b, n(:, k), gap(k))
       r = r - (gap(k) + 1.0e-6_wp)*n(:, k)
@@ -229,13 +229,20 @@ contains
     call test%check_close('batched normals', worst, 0.0_wp, 2.0e-8_wp)
     call test%check_close('batched gaps', maxval(abs(block%gap - gap)), 0.0_wp, 1.0e-15_wp)
 
-    block%a = spread([4.0_wp, 4.0_wp, 4.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 1, lanes)
-    block%b = spread([9.0_wp, 9.0_wp, 9.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 1, lanes)
-    block%traces = spread([12.0_wp, 27.0_wp], 1, lanes)
-    block%volumes = spread([64.0_wp, 729.0_wp], 1, lanes)
+    block%a%s = spread([4.0_wp, 4.0_wp, 4.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 1, lanes)
+    block%b%s = spread([9.0_wp, 9.0_wp, 9.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 1, lanes)
+    block%a%volume = 64.0_wp
+    block%b%volume = 729.0_wp
     call evaluate_pairs(block)
     call add_curvatures(block, .true.)
     call test%check_close('curvature of spheres', maxval(abs(block%curvature - 5.0_wp/6.0_wp)), &
                           0.0_wp, 1.0e-14_wp)
+    call evaluate_spheres(block)
+    call test%check_close('curvature on the path of spheres', &
+                          maxval(abs(block%curvature - 5.0_wp/6.0_wp)), 0.0_wp, 1.0e-14_wp)
+    call test%check_close('gap of spheres', maxval(abs(block%gap + 5.0_wp &
+                          - sqrt(block%rx**2 + block%ry**2 + block%rz**2))), 0.0_wp, 1.0e-15_wp)
+    call test%check_close('normal of spheres', maxval(abs(block%nx*block%ry - block%ny*block%rx)), &
+                          0.0_wp, 1.0e-15_wp)
   end subroutine check_batch
 end program test_dem_gap

@@ -1,0 +1,116 @@
+/*
+ * Records to lanes and back: the turning of 8 x 8 squares of reals that the Fortran compiler does one
+ * number at a time. GCC's vector types become the machine's own registers, whatever it has.
+ *
+ * The loops over a square must be unrolled, or it would live in memory and not in registers.
+ * A body record is 16 reals, a result record 8; a block has LANES lanes, one short array a quantity
+ * (dem_block.f90: dem_side_type, dem_load_type). Indices are those of Fortran, from 1.
+ */
+#include <stdint.h>
+#include <string.h>
+
+enum { LANES = 32, WIDTH = 8, BODY = 16, RESULT = 8, LOADS = 6 };
+
+typedef double row_type __attribute__((vector_size(WIDTH * sizeof(double))));
+typedef int64_t pick_type __attribute__((vector_size(WIDTH * sizeof(int64_t))));
+
+static inline row_type load(const double *from)
+{
+    row_type row;
+    memcpy(&row, from, sizeof row);
+    return row;
+}
+
+static inline void store(double *to, row_type row) { memcpy(to, &row, sizeof row); }
+
+/* Turn a square: column i of the result is row i of the input. */
+static inline void turn(row_type m[WIDTH])
+{
+    const pick_type low1 = {0, 8, 2, 10, 4, 12, 6, 14}, high1 = {1, 9, 3, 11, 5, 13, 7, 15};
+    const pick_type low2 = {0, 1, 8, 9, 4, 5, 12, 13}, high2 = {2, 3, 10, 11, 6, 7, 14, 15};
+    const pick_type low4 = {0, 1, 2, 3, 8, 9, 10, 11}, high4 = {4, 5, 6, 7, 12, 13, 14, 15};
+    row_type a[WIDTH], b[WIDTH];
+#pragma GCC unroll 8
+    for (int i = 0; i < WIDTH; i += 2) {
+        a[i] = __builtin_shuffle(m[i], m[i + 1], low1);
+        a[i + 1] = __builtin_shuffle(m[i], m[i + 1], high1);
+    }
+#pragma GCC unroll 8
+    for (int i = 0; i < WIDTH; i += 4) {
+#pragma GCC unroll 8
+        for (int j = 0; j < 2; j++) {
+            b[i + j] = __builtin_shuffle(a[i + j], a[i + j + 2], low2);
+            b[i + j + 2] = __builtin_shuffle(a[i + j], a[i + j + 2], high2);
+        }
+    }
+#pragma GCC unroll 8
+    for (int i = 0; i < WIDTH / 2; i++) {
+        m[i] = __builtin_shuffle(b[i], b[i + 4], low4);
+        m[i + 4] = __builtin_shuffle(b[i], b[i + 4], high4);
+    }
+}
+
+/* The records of LANES bodies into lanes: side[BODY][LANES]. */
+void dem_gather_side(const double *body, const int32_t index[LANES], double *side)
+{
+    for (int k = 0; k < LANES; k += WIDTH) {
+        for (int half = 0; half < BODY; half += WIDTH) {
+            row_type m[WIDTH];
+#pragma GCC unroll 8
+            for (int i = 0; i < WIDTH; i++) {
+                m[i] = load(body + (int64_t)(index[k + i] - 1) * BODY + half);
+            }
+            turn(m);
+#pragma GCC unroll 8
+            for (int i = 0; i < WIDTH; i++) store(side + (half + i) * LANES + k, m[i]);
+        }
+    }
+}
+
+/* Loads of the lanes, load[LOADS][LANES], to LANES records that follow each other; spare reals 0. */
+void dem_put_loads(const double *load_of, double *result)
+{
+    for (int k = 0; k < LANES; k += WIDTH) {
+        row_type m[WIDTH];
+#pragma GCC unroll 8
+        for (int i = 0; i < LOADS; i++) m[i] = load(load_of + i * LANES + k);
+#pragma GCC unroll 8
+        for (int i = LOADS; i < WIDTH; i++) m[i] = (row_type){0};
+        turn(m);
+#pragma GCC unroll 8
+        for (int i = 0; i < WIDTH; i++) store(result + (k + i) * RESULT, m[i]);
+    }
+}
+
+/* Lanes to the records of `count` bodies that follow each other. */
+void dem_put_bodies(const double *side, int32_t count, double *body)
+{
+    for (int k = 0; k < count; k += WIDTH) {
+        for (int half = 0; half < BODY; half += WIDTH) {
+            row_type m[WIDTH];
+#pragma GCC unroll 8
+            for (int i = 0; i < WIDTH; i++) m[i] = load(side + (half + i) * LANES + k);
+            turn(m);
+#pragma GCC unroll 8
+            for (int i = 0; i < WIDTH && k + i < count; i++) {
+                store(body + (int64_t)(k + i) * BODY + half, m[i]);
+            }
+        }
+    }
+}
+
+/*
+ * What acts on a body: the sum of the results of its pairs in the order of its entries first .. last
+ * (from 1, last < first: none). An entry is 2 (slot - 1) + side; side 1 gets the load, side 0 its
+ * opposite. total[RESULT].
+ */
+void dem_sum_results(const double *result, const int32_t *entry, int32_t first, int32_t last,
+                     double *total)
+{
+    row_type sum = {0};
+    for (int64_t e = first - 1; e < last; e++) {
+        const row_type row = load(result + (int64_t)(entry[e] >> 1) * RESULT);
+        sum += (entry[e] & 1) ? row : -row;
+    }
+    store(total, sum);
+}

@@ -1,0 +1,43 @@
+!> Records to lanes and back (dem_lanes.c).
+module dem_lanes
+  use, intrinsic :: iso_c_binding, only: c_double, c_int32_t
+  use dem_state, only: lanes, body_size, result_size
+  use dem_block, only: dem_side_type, dem_load_type
+  implicit none
+  private
+  public :: gather_side, put_loads, put_side, sum_results
+
+  interface
+    !> Records body(:, index) into the lanes of a side.
+    pure subroutine gather_side(body, index, side) bind(c, name='dem_gather_side')
+      import :: c_double, c_int32_t, dem_side_type, lanes, body_size
+      real(c_double), intent(in) :: body(body_size, *)
+      integer(c_int32_t), intent(in) :: index(lanes)
+      type(dem_side_type), intent(inout) :: side
+    end subroutine gather_side
+
+    !> Loads of the lanes to the records of a block.
+    pure subroutine put_loads(load, result) bind(c, name='dem_put_loads')
+      import :: c_double, dem_load_type, lanes, result_size
+      type(dem_load_type), intent(in) :: load
+      real(c_double), intent(out) :: result(result_size, lanes)
+    end subroutine put_loads
+
+    !> The first `count` lanes of a side to records that follow each other from `body` on.
+    pure subroutine put_side(side, count, body) bind(c, name='dem_put_bodies')
+      import :: c_double, c_int32_t, dem_side_type, body_size
+      type(dem_side_type), intent(in) :: side
+      integer(c_int32_t), value, intent(in) :: count
+      real(c_double), intent(inout) :: body(body_size, *)
+    end subroutine put_side
+
+    !> Sum of the results named by the entries first..last of a body, in their order.
+    pure subroutine sum_results(result, entry, first, last, total) bind(c, name='dem_sum_results')
+      import :: c_double, c_int32_t, result_size
+      real(c_double), intent(in) :: result(result_size, *)
+      integer(c_int32_t), intent(in) :: entry(*)
+      integer(c_int32_t), value, intent(in) :: first, last
+      real(c_double), intent(out) :: total(result_size)
+    end subroutine sum_results
+  end interface
+end module dem_lanes

@@ -1,0 +1,63 @@
+!> Records to lanes and back, and the sums of results.
+program test_dem_lanes
+  use talus_kinds, only: wp, i4
+  use talus_test, only: test_type
+  use dem_state, only: lanes, body_size, result_size
+  use dem_block, only: dem_side_type, dem_load_type
+  use dem_lanes, only: gather_side, put_loads, put_side, sum_results
+  implicit none
+  type(test_type) :: test
+  integer(i4), parameter :: bodies = 3*lanes + 5
+  real(wp) :: body(body_size, bodies)
+  type(dem_side_type) :: side
+  integer(i4) :: index(lanes), i, k
+
+  do i = 1, bodies
+    body(:, i) = [(100.0_wp*i + k, k=1, body_size)]
+  end do
+  index = [(1 + mod(37*k, bodies), k=1, lanes)]
+  call gather_side(body, index, side)
+  call test%check('centres', all(side%x == body(1, index)) .and. all(side%z == body(3, index)))
+  call test%check('velocities', all(side%vx == body(4, index)) .and. all(side%vz == body(6, index)))
+  call test%check('spins', all(side%wx == body(7, index)) .and. all(side%wz == body(9, index)))
+  call test%check('shapes', all([(all(side%s(:, k) == body(9 + k, index)), k=1, 6)]))
+  call test%check('volumes', all(side%volume == body(16, index)))
+  call check_put()
+  call check_loads()
+  call test%finish()
+
+contains
+
+  !> Back to records that follow each other; what lies behind is left alone.
+  subroutine check_put()
+    real(wp) :: back(body_size, lanes)
+    integer(i4) :: count
+    do count = 1, lanes
+      back = -1.0_wp
+      call put_side(side, count, back)
+      if (any(back(:, :count) /= body(:, index(:count))) .or. any(back(:, count + 1:) > 0.0_wp)) exit
+    end do
+    call test%check('lanes go back as they came', count > lanes)
+  end subroutine check_put
+
+  !> A load acts on B as it is and on A reversed, summed in the order of entries.
+  subroutine check_loads()
+    type(dem_load_type) :: load
+    real(wp) :: result(result_size, lanes), total(result_size)
+    integer(i4) :: entry(3)
+    load%fx = [(1.0_wp*k, k=1, lanes)]
+    load%fy = 2.0_wp*load%fx
+    load%fz = 3.0_wp*load%fx
+    load%mx = 4.0_wp*load%fx
+    load%my = 5.0_wp*load%fx
+    load%mz = 6.0_wp*load%fx
+    call put_loads(load, result)
+    call test%check('loads', all([(all(result(k, :) == k*load%fx), k=1, 6)]))
+    call test%check('spare reals are zero', .not. any(abs(result(7:, :)) > 0.0_wp))
+    entry = [2*(3 - 1) + 1, 2*(7 - 1), 2*(lanes - 1) + 1]
+    call sum_results(result, entry, 1, 3, total)
+    call test%check_close('sum of a body', total(2), 2.0_wp*(3.0_wp - 7.0_wp + lanes), 0.0_wp)
+    call sum_results(result, entry, 2, 1, total)
+    call test%check('sum of none', .not. any(abs(total) > 0.0_wp))
+  end subroutine check_loads
+end program test_dem_lanes
