@@ -10,7 +10,7 @@ module fem_assembly
   use fem_types, only: fem_mesh_type
   implicit none
   private
-  public :: assemble_stiffness, assemble_mass, body_force, stiffness_of, lumped_of
+  public :: assemble_stiffness, assemble_mass, body_force, stiffness_of, lumped_mass_of
 
   integer(i4), parameter :: batch = 256  !! elements whose matrices are held at once
 
@@ -131,6 +131,18 @@ contains
       if (rule%polar) lumped(m + 1:) = lumped(m + 1:)*sum(mass(m + 1:, m + 1:))/sum(lumped(m + 1:))
     end associate
   end subroutine lumped_of
+
+  !> Lumped mass of element e [kg, kg m^2].
+  subroutine lumped_mass_of(mesh, dofs, elastic, e, lumped)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: e
+    real(wp), allocatable, intent(out) :: lumped(:)
+    real(wp), allocatable :: mass(:, :)
+    call mass_of(mesh, elastic, e, dofs%block(dofs%start(e):dofs%start(e + 1) - 1), mass)
+    call lumped_of(elastic, e, mass, lumped)
+  end subroutine lumped_mass_of
 
   !> Add the consistent forces (3, blocks) of a force per mass on all elements, and of a force and
   !! a couple per volume on chosen ones [N, N m].
