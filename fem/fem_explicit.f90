@@ -34,8 +34,8 @@ contains
     end do
   end subroutine drift_half
 
-  !> Accelerations and velocities from `force`, all forces at u1 but those of dashpots and a M, which
-  !! are added here to new%viscous. What is fixed has the velocity of the step.
+  !> Accelerations and velocities from `force`, all forces at u1 but those of dashpots and a M,
+  !! which are added here to new%viscous. What is fixed has the velocity of the step.
   pure subroutine kick_half(dt, fixed, mass, damping, force, half, old, new)
     real(wp), intent(in) :: dt, mass(:)   !! [s], (blocks) [kg]
     logical, intent(in) :: fixed(:, :)

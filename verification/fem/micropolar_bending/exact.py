@@ -3,7 +3,6 @@
 import numpy as np
 from solid import polar_nodes, save, shape_of
 
-from talus.elements import CORNERS
 from talus.mesh import box, facet_parts
 from talus.orders import converted
 from talus.verification import Case, field_steps
@@ -54,7 +53,11 @@ def end_loads(mesh: object) -> str:
                     weight = w[i] * w[j] / 4
                     if len(nodes) in (3, 6):
                         corner = p[:3]
-                        r = corner[0] + s * (corner[1] - corner[0]) + t * (1 - s) * (corner[2] - corner[0])
+                        r = (
+                            corner[0]
+                            + s * (corner[1] - corner[0])
+                            + t * (1 - s) * (corner[2] - corner[0])
+                        )
                         e, f = corner[1] - corner[0], corner[2] - corner[0]
                         weight *= (1 - s) * abs(e[0] * f[1] - e[1] * f[0])
                     else:
@@ -80,8 +83,9 @@ def solve(case: Case, element: str, cells: tuple[int, int, int]) -> dict:
     for n in end:
         mesh.nodes[f"n{n}"] = np.array([n])
         parts = [("x", u[n, 0]), ("z", u[n, 2])] + ([("ry", phi[n, 1])] if has[n] else [])
-        lines += [f"&motion group = 'n{n}', component = '{c}', curve = 'on', scale = {float(v)!r} /\n"
-                  for c, v in parts]  # fmt: skip
+        for c, v in parts:
+            start = f"&motion group = 'n{n}', component = '{c}', curve = 'on'"
+            lines.append(f"{start}, scale = {float(v)!r} /\n")
     save(mesh, case.folder / "slab.h5")
     name = element.replace("/", "_") + f"_{cells[0]}"
     text = (case.folder / "deck.nml").read_text().replace("ELEMENT", element)
@@ -89,12 +93,16 @@ def solve(case: Case, element: str, cells: tuple[int, int, int]) -> dict:
     case.run("talus-fem", f"{name}.nml")
     last = field_steps(case.folder / f"{name}.h5")[-1].solid
     z = last["points_x"][:, 2]
-    moment = float(mesh.x[end, 2] @ last["reaction"][end, 0] + last["reaction_couple"][end, 1].sum())
+    moment = float(
+        mesh.x[end, 2] @ last["reaction"][end, 0] + last["reaction_couple"][end, 1].sum()
+    )
     sigma, m = last["stress_points"], last["couple_stress_points"]
     return {
         "u": float(np.abs(last["u"] - u).max() / np.abs(u).max()),
         "phi": float(np.abs(last["phi"] - phi).max() / np.abs(phi).max()),
-        "sigma": float(np.abs(sigma[:, 0] + MODULUS * CURVATURE * z).max() / (MODULUS * CURVATURE * H / 2)),
+        "sigma": float(
+            np.abs(sigma[:, 0] + MODULUS * CURVATURE * z).max() / (MODULUS * CURVATURE * H / 2)
+        ),
         "m_xy": float(np.abs(m[:, 1] + GAMMA * CURVATURE).max() / (GAMMA * CURVATURE)),
         "m_yx": float(np.abs(m[:, 3] + BETA * CURVATURE).max() / (BETA * CURVATURE)),
         "moment": moment / (MODULUS * CURVATURE * H**3 / 12 * B),
@@ -108,14 +116,18 @@ def run(case: Case) -> None:
         for name in ("u", "phi", "sigma", "m_xy"):
             case.below(f"{element}: {name}, error / largest", found[name], 1e-9)
         case.below(f"{element}: m_yx, error / exact", found["m_yx"], 1e-6, "4000 times smaller")
-        case.metric(f"{element}: moment of the reactions / classical", found["moment"], 1.02986666667, 1e-9)
+        case.metric(
+            f"{element}: moment of the reactions / classical", found["moment"], 1.02986666667, 1e-9
+        )
     sizes = (4, 8, 16)
     errors = [solve(case, "hex8/hex8", (n, 1, n // 2))["u"] for n in sizes]
     order = float(np.log2(errors[1] / errors[2]))
     case.metric("hex8/hex8: observed order of u", order, 2.0, 0.3)
     fig, ax = case.figure()
     ax.loglog(sizes, errors, "ko-", label="hex8/hex8")
-    ax.loglog(sizes, [errors[0] * (sizes[0] / n) ** 2 for n in sizes], "k:", lw=1, label="second order")
+    ax.loglog(
+        sizes, [errors[0] * (sizes[0] / n) ** 2 for n in sizes], "k:", lw=1, label="second order"
+    )
     ax.set(xlabel="elements along the slab [-]", ylabel="error of u / largest u [-]")
     ax.legend()
     case.save(fig)

@@ -73,5 +73,9 @@ def run(case: Case) -> None:
         marks[element] = stress
     fig, ax = case.figure()
     ax.barh(list(marks), [max(v, 1e-17) for v in marks.values()], color="0.6")
-    ax.set(xscale="log", xlabel="largest error of the stress / largest stress [-]", ylabel="element [-]")
+    ax.set(
+        xscale="log",
+        xlabel="largest error of the stress / largest stress [-]",
+        ylabel="element [-]",
+    )
     case.save(fig)
