@@ -6,7 +6,7 @@ module fem_body
   use talus_errors, only: error_list_type
   use fem_types, only: fem_mesh_type, fem_curve_type, fem_load_type, fem_springs_type, &
     fem_state_type, fem_energy_type
-  use fem_assembly, only: assemble_stiffness, assemble_mass, body_force
+  use fem_assembly, only: assemble_stiffness, assemble_mass
   use fem_damping, only: fem_damping_type
   use fem_dofs, only: fem_dofs_type, blocks_of
   use fem_elastic, only: fem_elastic_type
@@ -101,15 +101,14 @@ contains
   !> Pattern, stiffness, mass and weight; again after moduli or weights have changed.
   subroutine assemble(self)
     class(fem_body_type), intent(inout) :: self
-    integer(i4) :: e
+    real(wp) :: fall(3, self%dofs%blocks)
     if (.not. allocated(self%pattern%start)) call make_pattern(self%dofs, self%pattern)
     call assemble_stiffness(self%mesh, self%dofs, self%elastic, self%pattern, self%k)
     call add_springs(self%ground, self%pattern, self%k)
     call assemble_mass(self%mesh, self%dofs, self%elastic, self%pattern, self%mass, self%lumped)
-    self%weight_force = 0.0_wp
-    call body_force(self%mesh, self%dofs, self%elastic, [(e, e=1, self%mesh%elements)], &
-                    self%gravity, [0.0_wp, 0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp, 0.0_wp], &
-                    self%weight_force)
+    fall = 0.0_wp
+    fall(:, :self%mesh%nodes) = spread(self%gravity, 2, self%mesh%nodes)
+    call multiply_mass(self%pattern, self%mass, fall, self%weight_force)  ! sum of N_b is one
     call initial_stress_force(self%mesh, self%dofs, self%elastic, self%initial_force)
     self%factored_dt = -1.0_wp
   end subroutine assemble
