@@ -179,7 +179,9 @@ contains
     associate (rule => elastic%rule(elastic%rule_of(e)), m => elastic%moduli(:, e), &
                factor => elastic%factor(elastic%point(e):elastic%point(e + 1) - 1), &
                node => dofs%block(dofs%start(e):))
-      if (rule%brick) then
+      if (rule%modes > 0) then
+        call condensed_stiffness(mesh, elastic, e, ke)
+      else if (rule%brick) then
         call hex8_geometry(mesh%x(:, node(:8)), geometry)
         call hex8_stiffness(geometry, m(1) + 2.0_wp/3.0_wp*m(2), m(2), factor, rule%bbar, ke)
       else
@@ -188,6 +190,27 @@ contains
       end if
     end associate
   end subroutine stiffness_of
+
+  !> Stiffness of an element with incompatible modes, as a batch of one.
+  subroutine condensed_stiffness(mesh, elastic, e, ke)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: e
+    real(wp), intent(out) :: ke(:, :, :, :)
+    type(fem_batch_type) :: batch
+    integer(i4) :: a, b
+    associate (rule => elastic%rule(elastic%rule_of(e)))
+      call batch_room(rule, rule%at, batch)
+      call fill_batch(mesh, elastic, [e], batch)
+      call batch_shape(rule%at, batch)
+      call batch_stiffness(rule, batch)
+      do b = 1, rule%nodes
+        do a = 1, b
+          ke(:, :, a, b) = reshape(batch%k(1, :, pair(a, b)), [3, 3])
+        end do
+      end do
+    end associate
+  end subroutine condensed_stiffness
 
   !> Consistent mass, one scalar a pair of blocks, and lumped mass of the blocks [kg, kg m^2].
   subroutine assemble_mass(mesh, dofs, elastic, pattern, mass, lumped)

@@ -17,7 +17,7 @@ module fem_batch
   !> Room for a batch of one formulation; the first index is the element.
   type :: fem_batch_type
     real(wp), allocatable :: x(:, :, :)       !! (lanes, 3, nodes) [m]
-    real(wp), allocatable :: u(:, :, :, :)    !! (lanes, 3, n, nodes) gradients of u functions [1/m]
+    real(wp), allocatable :: u(:, :, :, :)    !! (lanes, 3, n, nodes + modes) gradients of u [1/m]
     real(wp), allocatable :: phi(:, :, :, :)  !! (lanes, 3, n, rotations)
     real(wp), allocatable :: weight(:, :)     !! (lanes, n) volumes of the points [m^3]
     real(wp), allocatable :: factor(:, :)     !! (lanes, n) weights of the points [-]
@@ -40,9 +40,9 @@ contains
     type(fem_points_type), intent(in) :: at
     type(fem_batch_type), intent(out) :: batch
     integer(i4) :: blocks, pairs
-    blocks = rule%nodes + rule%rotations
+    blocks = rule%nodes + rule%rotations + rule%modes
     pairs = pair(blocks, blocks)
-    allocate (batch%x(lanes, 3, rule%nodes), batch%u(lanes, 3, at%n, rule%nodes))
+    allocate (batch%x(lanes, 3, rule%nodes), batch%u(lanes, 3, at%n, rule%nodes + rule%modes))
     allocate (batch%phi(lanes, 3, at%n, rule%rotations))
     allocate (batch%weight(lanes, at%n), batch%factor(lanes, at%n), batch%moduli(lanes, 6))
     allocate (batch%k(lanes, 9, pairs), batch%mass(lanes, pairs))
@@ -62,7 +62,7 @@ contains
       end do
       call invert(t, r, det)
       batch%weight(:, q) = det*at%weight(q)
-      do a = 1, size(batch%u, 4)
+      do a = 1, size(batch%x, 3)
         call to_space(r, at%u_slope(:, a, q), batch%u(:, :, q, a))
       end do
       do a = 1, size(batch%phi, 4)
@@ -134,7 +134,9 @@ contains
     if (rule%bbar) pqr(:, 1) = -two_thirds*batch%moduli(:, 2)
     pqr(:, 2) = batch%moduli(:, 2)
     pqr(:, 3) = batch%moduli(:, 2) + batch%moduli(:, 3)
-    call gradient_blocks(rule%at%n, rule%nodes, 0, batch%u, w, pqr, batch%k)
+    if (rule%modes > 0) call mode_gradients(rule, batch)
+    call gradient_blocks(rule%at%n, rule%nodes + rule%modes, 0, batch%u, w, pqr, batch%k)
+    if (rule%modes > 0) call condense(rule, batch)
     if (rule%bbar) call add_mean(rule, w, batch)
     if (rule%polar) call add_rotations(rule, w, batch)
   end subroutine batch_stiffness
@@ -195,6 +197,61 @@ contains
     k(:, 8) = pqr(:, 1)*s23 + pqr(:, 2)*s32
     k(:, 9) = (pqr(:, 1) + pqr(:, 2))*s33 + trace
   end subroutine one_block
+
+  !> Gradients of the incompatible modes by the Jacobian of the centre, times j0/j: their volume
+  !! integrals vanish, and any mesh passes the patch test (Taylor, Beresford and Wilson 1976).
+  pure subroutine mode_gradients(rule, batch)
+    type(fem_formulation_type), intent(in) :: rule
+    type(fem_batch_type), intent(inout) :: batch
+    real(wp) :: t(lanes, 9), r(lanes, 9), det(lanes), ratio(lanes)
+    integer(i4) :: a, i, q
+    t = 0.0_wp
+    do a = 1, rule%nodes
+      call add_tangent(batch%x(:, :, a), rule%centre_slope(:, a), t)
+    end do
+    call invert(t, r, det)
+    do q = 1, rule%at%n
+      ratio = det*rule%at%weight(q)/batch%weight(:, q)
+      do a = 1, rule%modes
+        do i = 1, 3
+          batch%u(:, i, q, rule%nodes + a) = ratio*r(:, 3*a - 3 + i)*rule%mode_slope(a, q)
+        end do
+      end do
+    end do
+  end subroutine mode_gradients
+
+  !> Eliminate the blocks of the modes, the last first: K_ab - K_ac K_cc^-1 K_cb.
+  pure subroutine condense(rule, batch)
+    type(fem_formulation_type), intent(in) :: rule
+    type(fem_batch_type), intent(inout) :: batch
+    real(wp) :: inverse(lanes, 9), half(lanes, 9), det(lanes)
+    integer(i4) :: a, b, c, i, j, m
+    do c = rule%nodes + rule%modes, rule%nodes + 1, -1
+      call invert(batch%k(:, :, pair(c, c)), inverse, det)  ! symmetric: transposing changes nothing
+      do b = 1, c - 1
+        ! half = K_cc^-1 K_cb, with K_cb = K_bc'
+        half = 0.0_wp
+        do j = 1, 3
+          do m = 1, 3
+            do i = 1, 3
+              half(:, i + 3*j - 3) = half(:, i + 3*j - 3) &
+                + inverse(:, i + 3*m - 3)*batch%k(:, j + 3*m - 3, pair(b, c))
+            end do
+          end do
+        end do
+        do a = 1, b
+          do j = 1, 3
+            do m = 1, 3
+              do i = 1, 3
+                batch%k(:, i + 3*j - 3, pair(a, b)) = batch%k(:, i + 3*j - 3, pair(a, b)) &
+                  - batch%k(:, i + 3*m - 3, pair(a, c))*half(:, m + 3*j - 3)
+              end do
+            end do
+          end do
+        end do
+      end do
+    end do
+  end subroutine condense
 
   !> The volumetric part of B-bar elements: bulk modulus times m_a m_b' times the weighted volume.
   pure subroutine add_mean(rule, w, batch)

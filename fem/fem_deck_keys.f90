@@ -173,11 +173,13 @@ contains
       //' 1. `auto`: `hex8_bbar`, or the kind of the cells; in micropolar solids ' &
       //'`hex20/hex8`, `hex27/hex8`, `tet10/tet4`, and equal orders for linear cells. ' &
       //'`hex8_bbar` takes the volumetric strain from the mean over the element and does ' &
-      //'not lock near incompressibility; `hex8_full` is plain 2 x 2 x 2 integration.')
+      //'not lock near incompressibility; `hex8_full` is plain 2 x 2 x 2 integration; ' &
+      //'`hex8_incompatible` adds modes inside the element and bends well, best with ' &
+      //'bricks that are nearly rectangular.')
     call table%preset('auto')
     call table%allow(&
-      'auto|hex8_bbar|hex8_full|hex20|hex27|tet4|tet10|wedge6|hex8/hex8|hex20/hex8|hex2' &
-      //'7/hex8|hex20/hex20|tet4/tet4|tet10/tet4')
+      'auto|hex8_bbar|hex8_full|hex8_incompatible|hex20|hex27|tet4|tet10|wedge6|hex8/he' &
+      //'x8|hex20/hex8|hex27/hex8|hex20/hex20|tet4/tet4|tet10/tet4')
   end subroutine group_section
 
   subroutine group_support(table)
