@@ -46,6 +46,7 @@ module fem_body
     real(wp), allocatable :: mass_factor(:)      !! (blocks) for explicit steps [-]
     real(wp) :: gravity(3) = 0.0_wp              !! [m/s^2]
     logical :: dynamic = .false.
+    logical :: massive = .false.                 !! mass matters: dynamics or modes
     logical :: explicit = .false.                !! central differences; dynamic is true too
     real(wp) :: beta = 0.25_wp, gamma = 0.5_wp
     real(wp) :: lag = 0.0_wp                     !! HHT: share of the old balance, -alpha [-]
@@ -55,6 +56,7 @@ module fem_body
     real(wp), allocatable :: k(:, :, :), mass(:), lumped(:)
     real(wp), allocatable :: weight_force(:, :)  !! of gravity [N]
     real(wp), allocatable :: initial_force(:, :) !! internal forces of the initial stress [N]
+    real(wp) :: step_limit = huge(1.0_wp)        !! of central differences [s]
     real(wp) :: factored_dt = -1.0_wp            !! [s], 0 in statics, < 0 not factored
     real(wp) :: restored_dt = -1.0_wp            !! [s] of the factors at a checkpoint, < 0 none
     logical :: fresh_numbering = .false.
@@ -258,7 +260,7 @@ contains
     real(wp), intent(in) :: t1  !! [s]
     type(error_list_type), intent(inout) :: errors
     real(wp), dimension(3, self%dofs%blocks) :: internal, half, force
-    real(wp) :: mass(self%dofs%blocks), dt, supports
+    real(wp) :: mass(self%dofs%blocks), dt, discrete, supports
     logical :: fixed(3, self%dofs%blocks)
 
     dt = t1 - self%accepted%time
@@ -284,8 +286,9 @@ contains
       where (fixed) s%reaction = s%reaction + s%a*spread(mass, 1, 3)
       s%tie = 0.0_wp
       call self%update_energy(internal)
-      call explicit_kinetic(dt, fixed, mass, old, s, self%energy%kinetic, supports)
+      call explicit_kinetic(dt, fixed, mass, old, s, self%energy%kinetic, discrete, supports)
       self%energy%support = self%energy%support - supports
+      self%energy%numerical = self%energy%numerical + discrete
     end associate
   end subroutine leap
 
@@ -321,9 +324,9 @@ contains
     force = s%external + s%reaction - force
   end subroutine balance
 
-  !> Accelerations for unchanged free displacements (Newmark). What is prescribed has a velocity
-  !! constant over the step and the backward difference of it as acceleration: Newmark's own
-  !! relations would let both ring about a ramp, without bound.
+  !> Velocities and accelerations for unchanged free displacements (Newmark). What is prescribed
+  !! has a velocity constant over the step and the backward difference of it as acceleration:
+  !! Newmark's own relations would let both ring about a ramp, without bound.
   subroutine predict(self, dt)
     class(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: dt  !! [s]
@@ -333,6 +336,7 @@ contains
         s%a = (s%v - old%v)/dt
       elsewhere
         s%a = -old%v/(self%beta*dt) - (0.5_wp/self%beta - 1.0_wp)*old%a
+        s%v = old%v + dt*((1.0_wp - self%gamma)*old%a + self%gamma*s%a)
       end where
     end associate
   end subroutine predict
