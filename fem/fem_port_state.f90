@@ -72,6 +72,7 @@ contains
         return
       end if
       call reply%put_int('connectivity', body%mesh%group(g)%facet)
+      call reply%put_int('kind', body%mesh%group(g)%facet_kind)
     case ('quadrature')
       call describe_points(body, reply)
     case ('groups')
