@@ -233,7 +233,7 @@ contains
       call inner_forces(self, s, internal)
       call robin_force(self%robin, old%u, s%u, tie)
       residual = tie + share*(s%external - internal) + self%lag*old_balance - inertia
-      call self%solver%solve(residual, du, errors)
+      call self%solver%solve(self%pattern, residual, du, errors)
       if (errors%any()) return
       s%u = s%u + du
       call check_finite(self, errors)
@@ -450,7 +450,7 @@ contains
       if (errors%any()) return
       allocate (none(3, 3, size(self%mass)), source=0.0_wp)
       call solver%factor(self%pattern, none, self%mass, 1.0_wp, errors)
-      if (.not. errors%any()) call solver%solve(residual, self%state%a, errors)
+      if (.not. errors%any()) call solver%solve(self%pattern, residual, self%state%a, errors)
       call solver%mumps%free()
       call multiply_mass(self%pattern, self%mass, self%state%a, inertia)
       self%state%reaction = merge(inertia - residual, 0.0_wp, fixed)

@@ -330,7 +330,7 @@ contains
 
   subroutine group_analysis(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('analysis', 13, &
+    call table%add_group('analysis', 14, &
       'What is computed, and in which steps.', required=.true.)
     call table%add_key('kind', 'string', '', &
       '`static`: equilibrium at each step; `newmark` and `hht`: implicit dynamics with ' &
@@ -384,6 +384,14 @@ contains
 
   subroutine group_analysis_2(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('solver', 'string', '', &
+      'How `static` solves its equations: `direct` by factors (MUMPS), which serve any ' &
+      //'number of steps; `iterative` by conjugate gradients with an incomplete ' &
+      //'factorisation, for large problems of few steps. `auto`: iterative from 40 000 ' &
+      //'degrees of freedom on, unless there are more than ten steps or the run is ' &
+      //'coupled; direct if it does not converge. Dynamics is direct.')
+    call table%preset('auto')
+    call table%allow('auto|direct|iterative')
     call table%add_key('modes', 'integer', '', &
       'Number of modes of `modal`, from the lowest; rigid motions count.')
     call table%preset('10')

@@ -137,7 +137,7 @@ contains
     do k = 1, q
       call multiply_mass(body%pattern, body%mass, x(:, :, k), right(:, :, k))
       where (body%solver%equation == 0) right(:, :, k) = 0.0_wp
-      call body%solver%solve(right(:, :, k), x(:, :, k), errors)
+      call body%solver%solve(body%pattern, right(:, :, k), x(:, :, k), errors)
       if (errors%any()) return
     end do
     do k = 1, q  ! (K + s M) x = right

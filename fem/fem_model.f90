@@ -27,6 +27,8 @@ module fem_model
 
   character(len=*), parameter :: program_name = 'talus-fem'
   real(wp), parameter :: near = 1.0e-9_wp  !! of a step that counts as the end
+  integer(i4), parameter :: large = 40000  !! degrees of freedom from which on iterating is faster
+  real(wp), parameter :: few_steps = 10.0_wp
   real(wp), parameter :: runaway = 10.0_wp !! stored energy / work put in that ends a run
 
   type :: fem_model_type
@@ -47,6 +49,7 @@ module fem_model
     integer(i8) :: row_step = -1             !! of the last row in the log
     integer(i4) :: logged_factors = 0
     logical :: served = .false., stopped = .false., opened = .false., modal = .false.
+    logical :: auto_solver = .false.
   contains
     procedure :: read => read_run
     procedure :: prepare
@@ -203,6 +206,20 @@ contains
     end associate
   end subroutine choose_step
 
+  !> Conjugate gradients for large statics of few steps, factors for the rest.
+  subroutine choose_solver(self)
+    class(fem_model_type), intent(inout) :: self
+    character(len=:), allocatable :: solver
+    call self%deck%get('analysis', 1, 'solver', solver)
+    associate (body => self%body)
+      self%auto_solver = solver == 'auto'
+      body%solver%iterative = solver == 'iterative'
+      if (.not. self%auto_solver) return
+      body%solver%iterative = .not. (body%dynamic .or. self%served .or. self%modal) .and. &
+        count(.not. body%held) >= large .and. self%t_end <= few_steps*self%dt
+    end associate
+  end subroutine choose_solver
+
   !> Factors for steps of dt, and the acceleration at the start of a dynamic run. A served dynamic
   !! run learns dt from its first step; after a restart the factors are for that of the checkpoint,
   !! bit for bit.
@@ -211,6 +228,7 @@ contains
     real(wp), intent(in) :: dt  !! [s]
     type(error_list_type), intent(inout) :: errors
     call self%timers%start('factorisation')
+    call choose_solver(self)
     if (self%body%dynamic .and. self%body%restored_dt > 0.0_wp) then
       call self%body%factor(self%body%restored_dt, errors)
     else if (dt > 0.0_wp .or. .not. self%body%dynamic) then
@@ -295,6 +313,12 @@ contains
     associate (solver => self%body%solver)
       if (.not. self%opened .or. solver%factorisations <= self%logged_factors) return
       self%logged_factors = solver%factorisations
+      if (solver%iterative) then
+        call self%log%item('solver', 'conjugate gradients', str(solver%free)// &
+          ' free degrees of freedom, incomplete factors '//short_number(solver%cg%memory)// &
+          ' MB, diagonal raised by '//short_number(solver%cg%raise))
+        return
+      end if
       call self%log%item('factorisation '//str(solver%factorisations), &
                          str(solver%free)//' free degrees of freedom', &
                          short_number(real(solver%mumps%entries, wp))//' entries, '// &
@@ -323,6 +347,8 @@ contains
       if (last) t1 = self%t_end
       call self%timers%start('steps')
       call self%body%step(t1, errors)
+      if (errors%any() .and. self%auto_solver .and. self%body%solver%iterative) &
+        call go_direct(self, t1, errors)
       call self%timers%stop('steps')
       if (.not. errors%any()) call check_energy(self%body, errors)
       if (errors%any()) return
@@ -332,10 +358,29 @@ contains
       call self%output%write_due(self%body, last, errors)
       call self%timers%stop('output')
       if (errors%any()) return
+      if (self%body%solver%iterative) call self%log%item('iterations', &
+        str(self%body%solver%cg%iterations), 'residual '// &
+        short_number(self%body%solver%cg%residual))
       if (self%log%row_due()) call self%log_row()
       call self%log%progress(t1/self%t_end, 'time '//short_number(t1)//' s')
     end do
   end subroutine run
+
+  !> The step again by factors, where conjugate gradients were chosen and did not converge.
+  subroutine go_direct(self, t1, errors)
+    class(fem_model_type), intent(inout) :: self
+    real(wp), intent(in) :: t1
+    type(error_list_type), intent(inout) :: errors
+    call self%log%warn('conjugate gradients did not converge; factors are made')
+    call errors%clear()
+    call self%body%reject()
+    self%body%solver%iterative = .false.
+    call self%body%solver%cg%drop()
+    self%body%fresh_numbering = .false.
+    self%body%factored_dt = -1.0_wp
+    call self%body%step(t1, errors)
+    call self%log_factors()
+  end subroutine go_direct
 
   !> A dynamic body cannot store more than was put in; the fastest node is named.
   subroutine check_energy(body, errors)

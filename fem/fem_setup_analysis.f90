@@ -13,12 +13,12 @@ module fem_setup_analysis
   public :: read_analysis, read_absorbing
 
   !> Keys that only some kinds know.
-  character(len=*), parameter :: keys(11) = [character(len=18) :: 'beta', 'gamma', 'alpha', &
+  character(len=*), parameter :: keys(12) = [character(len=18) :: 'beta', 'gamma', 'alpha', &
     'dt_factor', 'allow_unstable', 'rotation_mass', 'modes', 'tolerance', 'max_iterations', &
-    'rayleigh_mass', 'rayleigh_stiffness']
-  character(len=*), parameter :: kinds(11) = [character(len=22) :: 'newmark', 'newmark', 'hht', &
+    'rayleigh_mass', 'rayleigh_stiffness', 'solver']
+  character(len=*), parameter :: kinds(12) = [character(len=22) :: 'newmark', 'newmark', 'hht', &
     'explicit', 'explicit', 'explicit', 'modal', 'modal', 'modal', &
-    'newmark hht explicit', 'newmark hht explicit']
+    'newmark hht explicit', 'newmark hht explicit', 'static']
 
 contains
 
