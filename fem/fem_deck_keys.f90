@@ -176,11 +176,12 @@ contains
       //'`hex8_bbar` takes the volumetric strain from the mean over the element and does ' &
       //'not lock near incompressibility; `hex8_full` is plain 2 x 2 x 2 integration; ' &
       //'`hex8_incompatible` adds modes inside the element and bends well, best with ' &
-      //'bricks that are nearly rectangular.')
+      //'bricks that are nearly rectangular; `hex8_one_point` has the mean strain alone ' &
+      //'and an elastic hourglass control, for fast explicit runs.')
     call table%preset('auto')
     call table%allow(&
-      'auto|hex8_bbar|hex8_full|hex8_incompatible|hex20|hex27|tet4|tet10|wedge6|hex8/he' &
-      //'x8|hex20/hex8|hex27/hex8|hex20/hex20|tet4/tet4|tet10/tet4')
+      'auto|hex8_bbar|hex8_full|hex8_incompatible|hex8_one_point|hex20|hex27|tet4|tet10' &
+      //'|wedge6|hex8/hex8|hex20/hex8|hex27/hex8|hex20/hex20|tet4/tet4|tet10/tet4')
   end subroutine group_section
 
   subroutine group_support(table)
