@@ -1,9 +1,9 @@
 !> Hourglass control of one-point hexahedra (Flanagan and Belytschko 1981), for `lanes` elements at
-!! once. With the hourglass base vectors h_m (+1, -1 at the nodes), mean gradients b_i and the moments
+!! once. With hourglass base vectors h_m (+1, -1 at the nodes), mean gradients b_i and the moments
 !! X_mi = sum_a h_ma x_ia, gamma_m = h_m - X_mi b_i is orthogonal to all linear fields: it sees what
 !! one point does not. The modes q_mi = gamma_m . u_i get the forces c q_mi, with
 !!   c = (epsilon/8) (lambda + 2 mu) V sum b_ia^2,
-!! a fraction epsilon of the largest stiffness of the uniform strains. A cube by full integration has
+!! a fraction epsilon of the largest stiffness of uniform strains. A cube by full integration has
 !! 0.06 to 0.14 of it, depending on the mode.
 module fem_hourglass
   use talus_kinds, only: wp, i4

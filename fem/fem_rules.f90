@@ -13,7 +13,8 @@ module fem_rules
   integer(i4), parameter :: name_size = 18
   character(len=name_size), parameter :: rule_names(15) = [character(len=name_size) :: &
     'hex8_bbar', 'hex8_full', 'hex8_incompatible', 'hex8_one_point', 'hex20', 'hex27', 'tet4', &
-    'tet10', 'wedge6', 'hex8/hex8', 'hex20/hex8', 'hex27/hex8', 'hex20/hex20', 'tet4/tet4', 'tet10/tet4']
+    'tet10', 'wedge6', 'hex8/hex8', &
+    'hex20/hex8', 'hex27/hex8', 'hex20/hex20', 'tet4/tet4', 'tet10/tet4']
   integer(i4), parameter :: kind_u(15) = [hex8, hex8, hex8, hex8, hex20, hex27, &
     tet4, tet10, wedge6, hex8, hex20, hex27, hex20, &
     tet4, tet10]

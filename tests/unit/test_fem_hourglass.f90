@@ -126,7 +126,8 @@ contains
     call test%check('eighteen zero modes without control', zero_modes(bare) == 18)
     call test%check('twelve modes are controlled', zero_modes(k - bare) == 12)
     call test%check('orthogonal base vectors', &
-                    maxval(abs(matmul(transpose(hourglass), hourglass) - 8.0_wp*unit4())) < 1e-14_wp)
+                    maxval(abs(matmul(transpose(hourglass), hourglass) - 8.0_wp*unit4())) &
+                    < 1.0e-14_wp)
   end subroutine check_rank
 
   pure function unit4() result(one)
