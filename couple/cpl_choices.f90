@@ -34,6 +34,8 @@ module cpl_choices
     real(wp) :: max_offset = -1.0_wp   !! m, below 0: not given
     real(wp) :: stiffness = 0.0_wp     !! N/m, 0: not given
     real(wp) :: theta = 0.0_wp         !! 0: not given
+    real(wp) :: spread = 0.0_wp        !! width of the kernel [m], 0: none
+    logical :: turns = .false.         !! ghosts rotate with the solid
     logical :: dead_load = .true.
   end type cpl_choices_type
 
@@ -43,7 +45,7 @@ contains
     type(deck_type), intent(in) :: deck
     type(cpl_choices_type), intent(inout) :: choices
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: initial
+    character(len=:), allocatable :: initial, rotation
     real(wp), allocatable :: gravity(:)
 
     call deck%get('run', 1, 't_end', choices%t_end)
@@ -62,6 +64,9 @@ contains
     call deck%get('facets', 1, 'interface', choices%interface_name)
     call deck%get('facets', 1, 'initial', initial)
     choices%dead_load = initial == 'dead_load'
+    call deck%get('facets', 1, 'rotation', rotation)
+    choices%turns = rotation == 'curl'
+    if (deck%given('facets', 1, 'spread')) call deck%get('facets', 1, 'spread', choices%spread)
     if (deck%given('facets', 1, 'max_offset')) &
       call deck%get('facets', 1, 'max_offset', choices%max_offset)
     if (deck%given('facets', 1, 'stiffness')) &

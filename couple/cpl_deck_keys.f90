@@ -143,7 +143,7 @@ contains
 
   subroutine group_facets(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('facets', 8, 'Ghost grains on facets of the solid.', required=.true.)
+    call table%add_group('facets', 9, 'Ghost grains on facets of the solid.', required=.true.)
     call table%add_key('ghosts', 'string', '', &
       'Group of the packing whose grains become ghosts.')
     call table%need()
@@ -155,10 +155,16 @@ contains
       //' audit counts.')
     call table%bounds(min=0.0_wp)
     call table%add_key('rotation', 'string', '', &
-      'Rotation of the ghosts: `''fixed''`; the moments that they take are counted as ' &
-      //'lost in the audit.')
+      'Rotation of the ghosts. `''fixed''`: none; the moments that they take are counted ' &
+      //'as lost in the audit. `''curl''`: they turn with half the curl of the displacement' &
+      //' in the element behind their facet, and their moments act on its nodes.')
     call table%preset('fixed')
-    call table%allow('fixed')
+    call table%allow('fixed|curl')
+    call table%add_key('spread', 'real', 'm', &
+      'Width of a kernel with which the force of each ghost is smeared over the facets ' &
+      //'around it, about one diameter; left out, it acts at a point. The ghosts then ' &
+      //'follow the mean motion of the facets under the kernel.')
+    call table%bounds(above=0.0_wp)
     call table%add_key('interface', 'string', '', &
       'What keeps the exchange stable when contacts are stiffer than the facets: ' &
       //'`''springs''` (a constant stiffness on the facets that acts on the change only), ' &
