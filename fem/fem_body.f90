@@ -7,6 +7,7 @@ module fem_body
   use fem_types, only: fem_mesh_type, fem_curve_type, fem_load_type, fem_springs_type, &
     fem_state_type, fem_energy_type
   use fem_assembly, only: assemble_stiffness, assemble_mass
+  use fem_critical, only: largest_frequency, stable_step
   use fem_damping, only: fem_damping_type
   use fem_dofs, only: fem_dofs_type, blocks_of
   use fem_elastic, only: fem_elastic_type
@@ -57,6 +58,7 @@ module fem_body
     real(wp), allocatable :: weight_force(:, :)  !! of gravity [N]
     real(wp), allocatable :: initial_force(:, :) !! internal forces of the initial stress [N]
     real(wp) :: step_limit = huge(1.0_wp)        !! of central differences [s]
+    integer(i4) :: stiffest = 0                  !! element that sets it
     real(wp) :: factored_dt = -1.0_wp            !! [s], 0 in statics, < 0 not factored
     real(wp) :: restored_dt = -1.0_wp            !! [s] of the factors at a checkpoint, < 0 none
     logical :: fresh_numbering = .false.
@@ -103,6 +105,7 @@ contains
   !> Pattern, stiffness, mass and weight; again after moduli or weights have changed.
   subroutine assemble(self)
     class(fem_body_type), intent(inout) :: self
+    real(wp) :: frequency
     real(wp) :: fall(3, self%dofs%blocks)
     if (.not. allocated(self%pattern%start)) call make_pattern(self%dofs, self%pattern)
     call assemble_stiffness(self%mesh, self%dofs, self%elastic, self%pattern, self%k)
@@ -112,6 +115,11 @@ contains
     fall(:, :self%mesh%nodes) = spread(self%gravity, 2, self%mesh%nodes)
     call multiply_mass(self%pattern, self%mass, fall, self%weight_force)  ! sum of N_b is one
     call initial_stress_force(self%mesh, self%dofs, self%elastic, self%initial_force)
+    if (self%explicit) then
+      call largest_frequency(self%mesh, self%dofs, self%elastic, self%ground, self%lumped, &
+                             frequency, self%stiffest)
+      self%step_limit = stable_step(frequency, self%damping%stiffness)
+    end if
     self%factored_dt = -1.0_wp
   end subroutine assemble
 

@@ -16,7 +16,7 @@ module fem_model
   use talus_summary, only: summary_type
   use talus_timers, only: timers_type
   use fem_body, only: fem_body_type
-  use fem_critical, only: largest_frequency, scale_rotations, stable_step
+  use fem_critical, only: scale_rotations
   use fem_deck_keys, only: fem_deck_table
   use fem_output, only: fem_output_type, energy_error
   use fem_restart, only: write_checkpoint, read_checkpoint
@@ -180,14 +180,10 @@ contains
   subroutine choose_step(self, errors)
     class(fem_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: frequency, factor
-    integer(i4) :: element
+    real(wp) :: factor
     logical :: allowed
 
     associate (body => self%body)
-      call largest_frequency(body%mesh, body%dofs, body%elastic, body%ground, body%lumped, &
-                             frequency, element)
-      body%step_limit = stable_step(frequency, body%damping%stiffness)
       call self%deck%get('analysis', 1, 'dt_factor', factor)
       call self%deck%get('analysis', 1, 'allow_unstable', allowed)
       if (self%dt > body%step_limit) then
@@ -197,7 +193,7 @@ contains
         else
           call self%deck%fault(errors, 'D324', 'dt = '//short_number(self%dt)// &
             ' s is above the largest stable step '//short_number(body%step_limit)// &
-            ' s, which element '//str(element)//' sets', 'analysis', 1, 'dt', 'leave dt out')
+            ' s, which element '//str(body%stiffest)//' sets', 'analysis', 1, 'dt', 'leave dt out')
         end if
       else if (.not. self%dt > 0.0_wp) then
         self%dt = factor*body%step_limit
