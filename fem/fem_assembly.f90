@@ -18,6 +18,7 @@ module fem_assembly
   implicit none
   private
   public :: assemble_stiffness, assemble_mass, body_force, stiffness_of, lumped_mass_of
+  public :: share_nodes, elements_at, fill_batch
 
 contains
 

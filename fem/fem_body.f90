@@ -12,6 +12,7 @@ module fem_body
   use fem_dofs, only: fem_dofs_type, blocks_of
   use fem_elastic, only: fem_elastic_type
   use fem_explicit, only: drift_half, kick_half, explicit_kinetic
+  use fem_one_point, only: fem_one_point_type
   use fem_sparse, only: fem_pattern_type, make_pattern, add_springs, multiply, multiply_mass
   use fem_solver, only: fem_solver_type
   use fem_supports, only: check_supports
@@ -52,6 +53,7 @@ module fem_body
     real(wp) :: beta = 0.25_wp, gamma = 0.5_wp
     real(wp) :: lag = 0.0_wp                     !! HHT: share of the old balance, -alpha [-]
     type(fem_damping_type) :: damping
+    type(fem_one_point_type) :: one_point        !! of explicit steps, if all elements are such
     type(fem_pattern_type) :: pattern
     type(fem_solver_type) :: solver
     real(wp), allocatable :: k(:, :, :), mass(:), lumped(:)
@@ -115,6 +117,8 @@ contains
     fall(:, :self%mesh%nodes) = spread(self%gravity, 2, self%mesh%nodes)
     call multiply_mass(self%pattern, self%mass, fall, self%weight_force)  ! sum of N_b is one
     call initial_stress_force(self%mesh, self%dofs, self%elastic, self%initial_force)
+    if (self%explicit .and. self%ground%n == 0) &
+      call self%one_point%prepare(self%mesh, self%dofs, self%elastic, self%pattern)
     if (self%explicit) then
       call largest_frequency(self%mesh, self%dofs, self%elastic, self%ground, self%lumped, &
                              frequency, self%stiffest)
@@ -179,7 +183,11 @@ contains
     class(fem_body_type), intent(in) :: self
     real(wp), intent(in) :: u(:, :)
     real(wp), intent(out) :: force(:, :)
-    call multiply(self%pattern, self%k, u, force)
+    if (self%one_point%ready) then
+      call self%one_point%force(u, force)
+    else
+      call multiply(self%pattern, self%k, u, force)
+    end if
     force = force + self%initial_force
   end subroutine internal_force
 
