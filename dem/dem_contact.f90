@@ -1,7 +1,7 @@
 !> Contact forces of one block: normal, tangential with history, damping, and their work.
 !!
-!! History of a lane (all zero without contact): 1-3 tangential elastic force on B, 4-6 damping force
-!! on B [N], 7-9 contact point from the centre of A [m], 10 overlap [m], 11 sqrt(R_e) [m^1/2].
+!! History of a lane (all zero without contact): 1-3 tangential elastic force on B, 4-6 damping
+!! force on B [N], 7-9 contact point from the centre of A [m], 10 overlap [m], 11 sqrt(R_e) [m^1/2].
 !! Work columns: contact damping, friction, tangential relaxation, curvature work [J].
 !! The work of a step is half that of the last forces at the last contact point and half that of
 !! the new ones, both with the velocity of the step: this is what the leapfrog puts into the

@@ -22,14 +22,16 @@ contains
     real(wp), intent(in) :: h           !! time since the last evaluation [s]
     real(wp), intent(in) :: travel      !! no surface has moved further since the list was made [m]
     type(dem_block_type) :: block
+    integer(i4) :: next
     logical :: contact
 
     if (2.0_wp*travel < pairs%least_gap(k) .and. .not. pairs%touched(k)) then
       pairs%columns(:, k) = 0.0_wp
       return
     end if
-    call gather_side(pairs%body, pairs%first(:, k), block%a)
-    call gather_side(pairs%body, pairs%second(:, k), block%b)
+    next = min(k + 1, pairs%blocks)
+    call gather_side(pairs%body, pairs%first(:, k), pairs%first(:, next), block%a)
+    call gather_side(pairs%body, pairs%second(:, k), pairs%second(:, next), block%b)
     call branch_vectors(block)
     if (pairs%round(k)) then
       call evaluate_spheres(block)

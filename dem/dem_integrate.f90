@@ -1,4 +1,4 @@
-!> Motion of grains, a block of lanes at a time: half kicks and drifts of free grains, and the work done.
+!> Motion of grains, a block of lanes at a time: half kicks and drifts of free grains, and the work.
 !!
 !! A step is an explicit half kick, a drift, forces, an implicit half kick; together
 !! v+ = [(2 - a dt) v- + 2 F dt/(s m)]/(2 + a dt), x+ = x + v+ dt, and v is known at the times of x.

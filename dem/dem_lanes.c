@@ -9,7 +9,7 @@
 #include <stdint.h>
 #include <string.h>
 
-enum { LANES = 32, WIDTH = 8, BODY = 16, RESULT = 8, LOADS = 6 };
+enum { LANES = 32, WIDTH = 8, BODY = 16, RESULT = 8, LOADS = 6, AHEAD = 24 };
 
 typedef double row_type __attribute__((vector_size(WIDTH * sizeof(double))));
 typedef int64_t pick_type __attribute__((vector_size(WIDTH * sizeof(int64_t))));
@@ -50,9 +50,15 @@ static inline void turn(row_type m[WIDTH])
     }
 }
 
-/* The records of LANES bodies into lanes: side[BODY][LANES]. */
-void dem_gather_side(const double *body, const int32_t index[LANES], double *side)
+/* The records of LANES bodies into lanes, side[BODY][LANES]; those of `next` are called for. */
+void dem_gather_side(const double *body, const int32_t index[LANES], const int32_t next[LANES],
+                     double *side)
 {
+    for (int k = 0; k < LANES; k++) {
+        const double *ahead = body + (int64_t)(next[k] - 1) * BODY;
+        __builtin_prefetch(ahead);
+        __builtin_prefetch(ahead + WIDTH);
+    }
     for (int k = 0; k < LANES; k += WIDTH) {
         for (int half = 0; half < BODY; half += WIDTH) {
             row_type m[WIDTH];
@@ -102,13 +108,15 @@ void dem_put_bodies(const double *side, int32_t count, double *body)
 /*
  * What acts on a body: the sum of the results of its pairs in the order of its entries first .. last
  * (from 1, last < first: none). An entry is 2 (slot - 1) + side; side 1 gets the load, side 0 its
- * opposite. total[RESULT].
+ * opposite. total[RESULT]. The list of entries goes on for AHEAD entries that name slots, so that
+ * results can be called for early.
  */
 void dem_sum_results(const double *result, const int32_t *entry, int32_t first, int32_t last,
                      double *total)
 {
     row_type sum = {0};
     for (int64_t e = first - 1; e < last; e++) {
+        __builtin_prefetch(result + (int64_t)(entry[e + AHEAD] >> 1) * RESULT);
         const row_type row = load(result + (int64_t)(entry[e] >> 1) * RESULT);
         sum += (entry[e] & 1) ? row : -row;
     }

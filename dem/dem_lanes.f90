@@ -8,11 +8,11 @@ module dem_lanes
   public :: gather_side, put_loads, put_side, sum_results
 
   interface
-    !> Records body(:, index) into the lanes of a side.
-    pure subroutine gather_side(body, index, side) bind(c, name='dem_gather_side')
+    !> Records body(:, index) into the lanes of a side; body(:, next) will be wanted soon.
+    pure subroutine gather_side(body, index, next, side) bind(c, name='dem_gather_side')
       import :: c_double, c_int32_t, dem_side_type, lanes, body_size
       real(c_double), intent(in) :: body(body_size, *)
-      integer(c_int32_t), intent(in) :: index(lanes)
+      integer(c_int32_t), intent(in) :: index(lanes), next(lanes)
       type(dem_side_type), intent(inout) :: side
     end subroutine gather_side
 

@@ -6,7 +6,8 @@
 module dem_pairs
   use talus_kinds, only: wp, i4, i8
   use dem_state, only: dem_grains_type, dem_planes_type, dem_pairs_type, dem_weights_type, &
-    kind_free, lanes, body_size, history_size, history_overlap, result_size, column_count
+    kind_free, lanes, body_size, history_size, history_overlap, result_size, column_count, &
+    entries_ahead
   use dem_cells, only: find_candidates
   use dem_gap, only: solve_gap
   use dem_prescribed, only: put_body
@@ -397,7 +398,7 @@ contains
 
     if (allocated(pairs%start)) deallocate (pairs%start, pairs%entry)
     allocate (pairs%start(bodies + 1), source=0)
-    allocate (pairs%entry(2*list%count))
+    allocate (pairs%entry(2*list%count + entries_ahead), source=0)
     do k = 1, list%count
       i = list%first(k)
       j = list%second(k)

@@ -2,8 +2,8 @@
 !!
 !! A step is (1) half kick and drift of every grain, (2) forces of every block, (3) sums and second
 !! half kick; (3) and the next (1) go together, chunk by chunk, without a barrier between them.
-!! A thread owns a run of grains, whose motion stays in its movers as long as the region lasts, and a
-!! run of the blocks of each group: as grains and blocks both follow the ids, most bodies of its
+!! A thread owns a run of grains, whose motion stays in its movers as long as the region lasts, and
+!! a run of the blocks of each group: as grains and blocks both follow the ids, most bodies of its
 !! blocks are its own. Work is added to the ledger by one thread in a fixed order, so that the
 !! thread count changes no bit. The region is left when the list must be made anew.
 module dem_steps

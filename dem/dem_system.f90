@@ -354,7 +354,8 @@ contains
         slot = self%pairs%entry(e)/2
         lane = 1 + mod(slot, lanes)
         block = 1 + slot/lanes
-        if (self%pairs%history(lane, history_overlap, block) > 0.0_wp) call add_contact(self, lane, block, list)
+        if (.not. self%pairs%history(lane, history_overlap, block) > 0.0_wp) cycle
+        call add_contact(self, lane, block, list)
       end do
     end do
   end subroutine contacts
