@@ -26,9 +26,9 @@ contains
     integer(i4) :: k
     !$omp simd
     do k = 1, lanes
-      b%rx(k) = b%b%x(k) - b%a%x(k)
-      b%ry(k) = b%b%y(k) - b%a%y(k)
-      b%rz(k) = b%b%z(k) - b%a%z(k)
+      b%rx(k) = b%b%x(k, 1) - b%a%x(k, 1)
+      b%ry(k) = b%b%x(k, 2) - b%a%x(k, 2)
+      b%rz(k) = b%b%x(k, 3) - b%a%x(k, 3)
     end do
   end subroutine branch_vectors
 

@@ -14,8 +14,9 @@ module dem_steps
   use dem_state, only: dem_data_type, kind_free, kind_fixed, mode_relaxation, lanes
   use dem_pairs, only: build_pairs
   use dem_forces, only: block_forces, sum_body
-  use dem_integrate, only: motion_type, mover_type, load_mover, kick_mover, drift_mover, &
-    store_mover, put_bodies, travel_of_mover, work_count
+  use dem_lanes, only: sum_lanes
+  use dem_integrate, only: motion_type, mover_type, push_type, load_mover, store_mover, load_forces, &
+    store_forces, ready_push, kick_mover, drift_mover, put_bodies, travel_of_mover, work_count
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_shape, only: quaternion_from_rotation
   implicit none
@@ -136,10 +137,11 @@ contains
     logical :: begun, leave
     integer(i8) :: before
     real(wp) :: travel
+    type(push_type) :: push
 
     before = d%health%steps - done
     rebuild = .false.
-    !$omp parallel default(none) private(s, c, begun, leave, me, threads, low, high, travel) &
+    !$omp parallel default(none) private(s, c, begun, leave, me, threads, low, high, travel, push) &
     !$omp   shared(d, motion, n, done, resumed, rebuild, work, before)
     me = omp_get_thread_num()
     threads = omp_get_num_threads()
@@ -150,7 +152,7 @@ contains
     end do
     if (.not. resumed) then
       do c = low, high
-        call start_chunk(d, c, motion, done + 1 == n, work)
+        call start_chunk(d, c, motion, done + 1 == n, work, push, .true.)
       end do
     end if
     begun = resumed
@@ -174,8 +176,8 @@ contains
       call add_contact_work(d)
       !$omp end master
       do c = low, high
-        call finish_chunk(d, c, motion, work)
-        if (s < n) call start_chunk(d, c, motion, s + 1 == n, work)
+        call finish_chunk(d, c, motion, s == n, work, push)
+        if (s < n) call start_chunk(d, c, motion, s + 1 == n, work, push, .false.)
       end do
     end do
     do c = low, min(high, size(work%movers))
@@ -215,13 +217,16 @@ contains
     outlived = step - d%pairs%built_at > rest_steps .and. d%pairs%skin > d%pairs%least_skin
   end function outlived
 
-  !> Start of a step for the grains of chunk c; the last chunk is the planes'.
-  subroutine start_chunk(d, c, motion, last, work)
+  !> Start of a step for the grains of chunk c; the last chunk is the planes'. The push is that left
+  !! by finish_chunk, or it is fresh.
+  subroutine start_chunk(d, c, motion, last, work, push, fresh)
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: c
     type(motion_type), intent(in) :: motion
     logical, intent(in) :: last
     type(work_type), intent(inout) :: work
+    type(push_type), intent(inout) :: push
+    logical, intent(in) :: fresh
     real(wp) :: travel
     integer(i4) :: i
 
@@ -232,14 +237,19 @@ contains
     else
       associate (mover => work%movers(c))
         if (mover%free_count > 0) then
-          call kick_mover(mover, motion, .true., work%started(:, c))
-          call drift_mover(mover, motion%dt)
+          if (fresh) then
+            call load_forces(mover, d%grains, push)
+            call ready_push(mover, d%grains, push)
+          end if
+          call kick_mover(mover, push, motion, .true., work%started(:, c))
+          call drift_mover(mover, push, motion%dt)
           call put_bodies(mover, d%pairs%body)
           travel = travel_of_mover(mover)
         end if
         do i = mover%low + 1, mover%low + merge(0, mover%count, mover%free_count == mover%count)
           if (d%grains%kind(i) == kind_fixed .or. d%grains%kind(i) == kind_free) cycle
           call drift_prescribed(d%grains, i, motion%dt, last, d%pairs%body(:, i))
+          mover%s%x(i - mover%low, :) = d%grains%x(:, i)
           travel = larger(travel, travel_of(d, i))
         end do
       end associate
@@ -287,13 +297,14 @@ contains
   end function travel_of
 
   !> Sums and end of the step for the grains of chunk c; the last chunk is the planes'.
-  subroutine finish_chunk(d, c, motion, work)
+  subroutine finish_chunk(d, c, motion, last, work, push)
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: c
     type(motion_type), intent(in) :: motion
+    logical, intent(in) :: last  !! the forces are wanted with the grains
     type(work_type), intent(inout) :: work
-    real(wp) :: force(3), moment(3)
-    integer(i4) :: i, k
+    type(push_type), intent(inout) :: push
+    integer(i4) :: k
 
     work%finished(:, c) = 0.0_wp
     if (c > size(work%movers)) then
@@ -301,17 +312,17 @@ contains
       return
     end if
     associate (mover => work%movers(c))
-      do k = 1, mover%count
-        i = mover%low + k
-        call sum_body(d%pairs, i, force, moment)
-        if (mover%free(k) > 0.5_wp) then
-          mover%f(k, :) = force
-          mover%m(k, :) = moment
-        else
-          call finish_prescribed(d%grains, i, motion%dt, force, moment, work%finished(:, c))
-        end if
+      call sum_lanes(d%pairs%result, d%pairs%entry, d%pairs%start(mover%low + 1:), mover%count, &
+                     mover%s%x, push%f, push%m)
+      do k = 1, merge(0, mover%count, mover%free_count == mover%count)
+        if (mover%free(k) > 0.5_wp) cycle
+        call finish_prescribed(d%grains, mover%low + k, motion%dt, push%f(k, :), push%m(k, :), &
+                               work%finished(:, c))
       end do
-      if (mover%free_count > 0) call kick_mover(mover, motion, .false., work%finished(:, c))
+      if (mover%free_count == 0) return
+      if (last) call store_forces(mover, push, d%grains)
+      call ready_push(mover, d%grains, push)
+      call kick_mover(mover, push, motion, .false., work%finished(:, c))
     end associate
   end subroutine finish_chunk
 
@@ -338,6 +349,7 @@ contains
     real(wp), intent(in) :: dt
     type(motion_type) :: motion
     type(mover_type) :: mover
+    type(push_type) :: push
     real(wp) :: work(work_count, 1)
     integer(i4) :: low
 
@@ -345,8 +357,10 @@ contains
     work = 0.0_wp
     do low = 0, d%grains%n - 1, chunk
       call load_mover(d%grains, d%pairs, low, min(chunk, d%grains%n - low), mover)
-      call kick_mover(mover, motion, .false., work(:, 1))
-      call kick_mover(mover, motion, .true., work(:, 1))
+      call load_forces(mover, d%grains, push)
+      call ready_push(mover, d%grains, push)
+      call kick_mover(mover, push, motion, .false., work(:, 1))
+      call kick_mover(mover, push, motion, .true., work(:, 1))
       call store_mover(mover, d%grains)
     end do
     call add_grain_work(d, work)
@@ -357,12 +371,14 @@ contains
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: dt
     type(mover_type) :: mover
+    type(push_type) :: push
     real(wp) :: travel
     integer(i4) :: low, i
 
     do low = 0, d%grains%n - 1, chunk
       call load_mover(d%grains, d%pairs, low, min(chunk, d%grains%n - low), mover)
-      call drift_mover(mover, dt)
+      call ready_push(mover, d%grains, push)
+      call drift_mover(mover, push, dt)
       call store_mover(mover, d%grains)
       call put_bodies(mover, d%pairs%body)
     end do
