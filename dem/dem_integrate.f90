@@ -219,9 +219,12 @@ contains
     if (.not. b%round) then
       call kick_spins(b, push, kick, work)
     else
-      call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 1), push%em(:, 1), b%s%wx, work)
-      call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 2), push%em(:, 2), b%s%wy, work)
-      call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 3), push%em(:, 3), b%s%wz, work)
+      call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 1), push%em(:, 1), &
+                      b%s%wx, work)
+      call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 2), push%em(:, 2), &
+                      b%s%wy, work)
+      call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 3), push%em(:, 3), &
+                      b%s%wz, work)
     end if
   end subroutine kick_mover
 
@@ -446,7 +449,8 @@ contains
 
     !$omp simd private(square, cosine, sine)
     do k = 1, lanes
-      square = (b%s%x(k, 1) - b%x0(k, 1))**2 + (b%s%x(k, 2) - b%x0(k, 2))**2 + (b%s%x(k, 3) - b%x0(k, 3))**2
+      square = (b%s%x(k, 1) - b%x0(k, 1))**2 + (b%s%x(k, 2) - b%x0(k, 2))**2 &
+               + (b%s%x(k, 3) - b%x0(k, 3))**2
       cosine = b%q(k, 1)*b%q0(k, 1) + b%q(k, 2)*b%q0(k, 2) + b%q(k, 3)*b%q0(k, 3) &
                + b%q(k, 4)*b%q0(k, 4)
       sine = sqrt(max(1.0_wp - cosine*cosine, 0.0_wp))

@@ -152,9 +152,3 @@ void dem_sum_lanes(const double *result, const int32_t *entry, const int32_t *st
         store(moment + 2 * LANES + k, m[5] - (px * m[1] - py * m[0]));
     }
 }
-
-/* Calls for n reals from `from` on. */
-void dem_call_for(const double *from, int32_t n)
-{
-    for (int32_t i = 0; i < n; i += WIDTH) __builtin_prefetch(from + i);
-}

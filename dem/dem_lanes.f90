@@ -5,7 +5,7 @@ module dem_lanes
   use dem_block, only: dem_side_type, dem_load_type
   implicit none
   private
-  public :: gather_side, put_loads, put_side, sum_results, sum_lanes, call_for
+  public :: gather_side, put_loads, put_side, sum_results, sum_lanes
 
   interface
     !> Records body(:, index) into the lanes of a side; body(:, next) will be wanted soon.
@@ -50,12 +50,5 @@ module dem_lanes
       real(c_double), intent(in) :: x(lanes, 3)                              !! centres [m]
       real(c_double), intent(inout) :: force(lanes, 3), moment(lanes, 3)  !! [N], [N m]
     end subroutine sum_lanes
-
-    !> n reals from `from` on will be wanted soon.
-    pure subroutine call_for(from, n) bind(c, name='dem_call_for')
-      import :: c_double, c_int32_t
-      real(c_double), intent(in) :: from(*)
-      integer(c_int32_t), value, intent(in) :: n
-    end subroutine call_for
   end interface
 end module dem_lanes

@@ -15,8 +15,9 @@ module dem_steps
   use dem_pairs, only: build_pairs
   use dem_forces, only: block_forces, sum_body
   use dem_lanes, only: sum_lanes
-  use dem_integrate, only: motion_type, mover_type, push_type, load_mover, store_mover, load_forces, &
-    store_forces, ready_push, kick_mover, drift_mover, put_bodies, travel_of_mover, work_count
+  use dem_integrate, only: motion_type, mover_type, push_type, load_mover, store_mover, &
+    load_forces, store_forces, ready_push, kick_mover, drift_mover, put_bodies, travel_of_mover, &
+    work_count
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_shape, only: quaternion_from_rotation
   implicit none
