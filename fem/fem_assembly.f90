@@ -1,49 +1,170 @@
 !> Stiffness, mass and body forces of all elements on the pattern of the fields.
+!!
+!! Elements are worked in batches of one formulation (fem_batch). Each thread owns the rows of a
+!! range of nodes, computes all elements that touch them and adds to its own rows only, in the
+!! order of the elements: the sums are the same bits for any number of threads.
 module fem_assembly
+  use, intrinsic :: omp_lib, only: omp_get_max_threads
   use talus_kinds, only: wp, i4
-  use fem_dofs, only: fem_dofs_type, blocks_of
+  use fem_batch, only: lanes, fem_batch_type, batch_room, batch_shape, batch_stiffness, &
+    batch_mass, pair
+  use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
   use fem_element, only: fem_shape_type, element_shape, element_stiffness, element_mass, &
     element_load
   use fem_hex8, only: hex8_geometry, hex8_geometry_type, hex8_stiffness
-  use fem_sparse, only: fem_pattern_type, scatter, place
+  use fem_sparse, only: fem_pattern_type, place
   use fem_types, only: fem_mesh_type
   implicit none
   private
-  public :: assemble_stiffness, assemble_mass, body_force, stiffness_of, lumped_of
-
-  integer(i4), parameter :: batch = 256  !! elements whose matrices are held at once
+  public :: assemble_stiffness, assemble_mass, body_force, stiffness_of, lumped_mass_of
 
 contains
 
-  !> Stiffness blocks k(3, 3, entries) [N/m]. Elements are worked in parallel, added in order.
+  !> Stiffness blocks k(3, 3, entries) [N/m].
   subroutine assemble_stiffness(mesh, dofs, elastic, pattern, k)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), allocatable, intent(inout) :: k(:, :, :)
-    real(wp), allocatable :: ke(:, :, :, :, :)
-    integer(i4) :: e, first, last, n
+    integer(i4), allocatable :: first(:)
+    integer(i4) :: t
 
     if (.not. allocated(k)) allocate (k(3, 3, size(pattern%column)))
-    k = 0.0_wp
-    n = maxval(dofs%start(2:) - dofs%start(:mesh%elements))
-    allocate (ke(3, 3, n, n, batch))
-    do first = 1, mesh%elements, batch
-      last = min(first + batch - 1, mesh%elements)
-      !$omp parallel do default(none) shared(mesh, dofs, elastic, ke, first, last) &
-      !$omp private(e, n) schedule(static)
-      do e = first, last
-        n = dofs%start(e + 1) - dofs%start(e)
-        call stiffness_of(mesh, dofs, elastic, e, ke(:, :, :n, :n, e - first + 1))
+    call share_nodes(dofs, pattern, omp_get_max_threads(), first)
+    !$omp parallel do default(none) shared(mesh, dofs, elastic, pattern, k, first) private(t) &
+    !$omp schedule(static, 1)
+    do t = 1, size(first) - 1
+      call stiffness_share(mesh, dofs, elastic, pattern, first(t:t + 1), k)
+    end do
+    !$omp end parallel do
+  end subroutine assemble_stiffness
+
+  !> First node of each thread (and one past the last): about as many entries of the pattern each.
+  subroutine share_nodes(dofs, pattern, threads, first)
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_pattern_type), intent(in) :: pattern
+    integer(i4), intent(in) :: threads
+    integer(i4), allocatable, intent(out) :: first(:)
+    integer(i4) :: n, t, entries
+    real(wp) :: sum_of
+    allocate (first(threads + 1), source=dofs%nodes + 1)
+    first(1) = 1
+    t = 1
+    sum_of = 0.0_wp
+    do n = 1, dofs%nodes
+      if (sum_of >= real(t, wp)*size(pattern%column)/threads .and. t < threads) then
+        t = t + 1
+        first(t) = n
+      end if
+      entries = pattern%start(n + 1) - pattern%start(n)
+      if (dofs%phi(n) > 0) entries = entries + pattern%start(dofs%phi(n) + 1) &
+                                     - pattern%start(dofs%phi(n))
+      sum_of = sum_of + entries
+    end do
+  end subroutine share_nodes
+
+  !> The elements of one formulation that touch the nodes range(1) to range(2) - 1.
+  subroutine elements_at(mesh, elastic, r, range, chosen)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: r, range(2)
+    integer(i4), allocatable, intent(out) :: chosen(:)
+    integer(i4) :: e
+    logical :: in(mesh%elements)
+    do e = 1, mesh%elements
+      in(e) = elastic%rule_of(e) == r
+      if (in(e)) in(e) = any(mesh%node(mesh%start(e):mesh%start(e + 1) - 1) >= range(1) &
+                             .and. mesh%node(mesh%start(e):mesh%start(e + 1) - 1) < range(2))
+    end do
+    chosen = pack([(e, e=1, mesh%elements)], in)
+  end subroutine elements_at
+
+  !> Positions, moduli and weights of points of up to `lanes` elements; the last fills the rest.
+  subroutine fill_batch(mesh, elastic, element, batch)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: element(:)
+    type(fem_batch_type), intent(inout) :: batch
+    integer(i4) :: l, e, a, q
+    do l = 1, lanes
+      e = element(min(l, size(element)))
+      do a = 1, size(batch%x, 3)
+        batch%x(l, :, a) = mesh%x(:, mesh%node(mesh%start(e) + a - 1))
       end do
-      !$omp end parallel do
-      do e = first, last
-        call scatter(blocks_of(dofs, e), pattern, ke(:, :, :, :, e - first + 1), k)
+      batch%moduli(l, :) = elastic%moduli(:, e)
+      if (size(batch%factor, 2) /= elastic%point(e + 1) - elastic%point(e)) cycle  ! mass points
+      do q = 1, size(batch%factor, 2)
+        batch%factor(l, q) = elastic%factor(elastic%point(e) + q - 1)
       end do
     end do
-  end subroutine assemble_stiffness
+  end subroutine fill_batch
+
+  !> The rows of the nodes of a range.
+  subroutine stiffness_share(mesh, dofs, elastic, pattern, range, k)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    type(fem_pattern_type), intent(in) :: pattern
+    integer(i4), intent(in) :: range(2)
+    real(wp), intent(inout) :: k(:, :, :)
+    type(fem_batch_type) :: batch
+    integer(i4), allocatable :: chosen(:)
+    integer(i4) :: r, i, l, n
+
+    do n = range(1), range(2) - 1
+      k(:, :, pattern%start(n):pattern%start(n + 1) - 1) = 0.0_wp
+      if (dofs%phi(n) == 0) cycle
+      k(:, :, pattern%start(dofs%phi(n)):pattern%start(dofs%phi(n) + 1) - 1) = 0.0_wp
+    end do
+    do r = 1, size(elastic%rule)
+      call batch_room(elastic%rule(r), elastic%rule(r)%at, batch)
+      call elements_at(mesh, elastic, r, range, chosen)
+      do i = 1, size(chosen), lanes
+        n = min(lanes, size(chosen) - i + 1)
+        call fill_batch(mesh, elastic, chosen(i:i + n - 1), batch)
+        call batch_shape(elastic%rule(r)%at, batch)
+        call batch_stiffness(elastic%rule(r), batch)
+        do l = 1, n
+          associate (e => chosen(i + l - 1))
+            call add_blocks(dofs%block(dofs%start(e):dofs%start(e + 1) - 1), dofs%node, pattern, &
+                            range, batch%k(l, :, :), k)
+          end associate
+        end do
+      end do
+    end do
+  end subroutine stiffness_share
+
+  !> Add the blocks a <= b of an element to the rows of a range of nodes; a pair whose global order
+  !! is turned is transposed.
+  pure subroutine add_blocks(block, node, pattern, range, ke, k)
+    integer(i4), intent(in) :: block(:), node(:), range(2)
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in) :: ke(:, :)
+    real(wp), intent(inout) :: k(:, :, :)
+    integer(i4) :: a, b, p, row, j
+    do b = 1, size(block)
+      do a = 1, b
+        row = node(min(block(a), block(b)))
+        if (row < range(1) .or. row >= range(2)) cycle
+        p = place(pattern, min(block(a), block(b)), max(block(a), block(b)))
+        if (block(a) <= block(b)) then
+          do j = 1, 3
+            k(1, j, p) = k(1, j, p) + ke(3*j - 2, pair(a, b))
+            k(2, j, p) = k(2, j, p) + ke(3*j - 1, pair(a, b))
+            k(3, j, p) = k(3, j, p) + ke(3*j, pair(a, b))
+          end do
+        else
+          do j = 1, 3
+            k(1, j, p) = k(1, j, p) + ke(j, pair(a, b))
+            k(2, j, p) = k(2, j, p) + ke(j + 3, pair(a, b))
+            k(3, j, p) = k(3, j, p) + ke(j + 6, pair(a, b))
+          end do
+        end if
+      end do
+    end do
+  end subroutine add_blocks
 
   !> Stiffness of element e, blocks a <= b [N/m, N, N m].
   subroutine stiffness_of(mesh, dofs, elastic, e, ke)
@@ -58,7 +179,9 @@ contains
     associate (rule => elastic%rule(elastic%rule_of(e)), m => elastic%moduli(:, e), &
                factor => elastic%factor(elastic%point(e):elastic%point(e + 1) - 1), &
                node => dofs%block(dofs%start(e):))
-      if (rule%brick) then
+      if (rule%modes > 0) then
+        call condensed_stiffness(mesh, elastic, e, ke)
+      else if (rule%brick) then
         call hex8_geometry(mesh%x(:, node(:8)), geometry)
         call hex8_stiffness(geometry, m(1) + 2.0_wp/3.0_wp*m(2), m(2), factor, rule%bbar, ke)
       else
@@ -68,6 +191,27 @@ contains
     end associate
   end subroutine stiffness_of
 
+  !> Stiffness of an element with incompatible modes, as a batch of one.
+  subroutine condensed_stiffness(mesh, elastic, e, ke)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: e
+    real(wp), intent(out) :: ke(:, :, :, :)
+    type(fem_batch_type) :: batch
+    integer(i4) :: a, b
+    associate (rule => elastic%rule(elastic%rule_of(e)))
+      call batch_room(rule, rule%at, batch)
+      call fill_batch(mesh, elastic, [e], batch)
+      call batch_shape(rule%at, batch)
+      call batch_stiffness(rule, batch)
+      do b = 1, rule%nodes
+        do a = 1, b
+          ke(:, :, a, b) = reshape(batch%k(1, :, pair(a, b)), [3, 3])
+        end do
+      end do
+    end associate
+  end subroutine condensed_stiffness
+
   !> Consistent mass, one scalar a pair of blocks, and lumped mass of the blocks [kg, kg m^2].
   subroutine assemble_mass(mesh, dofs, elastic, pattern, mass, lumped)
     type(fem_mesh_type), intent(in) :: mesh
@@ -75,26 +219,85 @@ contains
     type(fem_elastic_type), intent(in) :: elastic
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), allocatable, intent(inout) :: mass(:), lumped(:)
-    real(wp), allocatable :: me(:, :), le(:)
-    integer(i4) :: e, a, b, p
+    integer(i4), allocatable :: first(:)
+    integer(i4) :: t
 
     if (.not. allocated(mass)) allocate (mass(size(pattern%column)), lumped(dofs%blocks))
     mass = 0.0_wp
     lumped = 0.0_wp
-    do e = 1, mesh%elements
-      associate (block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
-        call mass_of(mesh, elastic, e, block, me)
-        do b = 1, size(block)
-          do a = 1, b
-            p = place(pattern, min(block(a), block(b)), max(block(a), block(b)))
-            mass(p) = mass(p) + me(a, b)
-          end do
-        end do
-        call lumped_of(elastic, e, me, le)
-        lumped(block) = lumped(block) + le
-      end associate
+    call share_nodes(dofs, pattern, omp_get_max_threads(), first)
+    !$omp parallel do default(none) shared(mesh, dofs, elastic, pattern, mass, lumped, first) &
+    !$omp private(t) schedule(static, 1)
+    do t = 1, size(first) - 1
+      call mass_share(mesh, dofs, elastic, pattern, first(t:t + 1), mass, lumped)
     end do
+    !$omp end parallel do
   end subroutine assemble_mass
+
+  subroutine mass_share(mesh, dofs, elastic, pattern, range, mass, lumped)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    type(fem_pattern_type), intent(in) :: pattern
+    integer(i4), intent(in) :: range(2)
+    real(wp), intent(inout) :: mass(:), lumped(:)
+    type(fem_batch_type) :: batch
+    integer(i4), allocatable :: chosen(:)
+    real(wp), allocatable :: me(:, :), le(:)
+    integer(i4) :: r, i, l, m, a, b, e, p, row
+
+    do r = 1, size(elastic%rule)
+      call batch_room(elastic%rule(r), elastic%rule(r)%mass_at, batch)
+      call elements_at(mesh, elastic, r, range, chosen)
+      do i = 1, size(chosen), lanes
+        m = min(lanes, size(chosen) - i + 1)
+        call fill_batch(mesh, elastic, chosen(i:i + m - 1), batch)
+        call batch_shape(elastic%rule(r)%mass_at, batch)
+        call batch_mass(elastic%rule(r), batch)
+        do l = 1, m
+          e = chosen(i + l - 1)
+          call whole_mass(elastic, e, batch%mass(l, :), me)
+          call lumped_of(elastic, e, me, le)
+          associate (block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
+            do b = 1, size(block)
+              row = dofs%node(block(b))
+              if (row >= range(1) .and. row < range(2)) lumped(block(b)) = lumped(block(b)) + le(b)
+              do a = 1, b
+                row = dofs%node(min(block(a), block(b)))
+                if (row < range(1) .or. row >= range(2)) cycle
+                p = place(pattern, min(block(a), block(b)), max(block(a), block(b)))
+                mass(p) = mass(p) + me(a, b)
+              end do
+            end do
+          end associate
+        end do
+      end do
+    end do
+  end subroutine mass_share
+
+  !> Mass of element e from the integrals of its pairs.
+  pure subroutine whole_mass(elastic, e, integrals, mass)
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: e
+    real(wp), intent(in) :: integrals(:)
+    real(wp), allocatable, intent(inout) :: mass(:, :)
+    integer(i4) :: a, b, m, n
+    associate (rule => elastic%rule(elastic%rule_of(e)))
+      m = rule%nodes
+      n = m + rule%rotations
+    end associate
+    if (allocated(mass)) then
+      if (size(mass, 1) /= n) deallocate (mass)
+    end if
+    if (.not. allocated(mass)) allocate (mass(n, n))
+    do b = 1, n
+      do a = 1, b
+        mass(a, b) = elastic%density(e)*integrals(pair(a, b))
+        if (a > m) mass(a, b) = elastic%inertia(e)*mass(a, b)
+        mass(b, a) = mass(a, b)
+      end do
+    end do
+  end subroutine whole_mass
 
   !> Consistent mass of element e.
   subroutine mass_of(mesh, elastic, e, block, mass)
@@ -131,6 +334,18 @@ contains
       if (rule%polar) lumped(m + 1:) = lumped(m + 1:)*sum(mass(m + 1:, m + 1:))/sum(lumped(m + 1:))
     end associate
   end subroutine lumped_of
+
+  !> Lumped mass of element e [kg, kg m^2].
+  subroutine lumped_mass_of(mesh, dofs, elastic, e, lumped)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: e
+    real(wp), allocatable, intent(out) :: lumped(:)
+    real(wp), allocatable :: mass(:, :)
+    call mass_of(mesh, elastic, e, dofs%block(dofs%start(e):dofs%start(e + 1) - 1), mass)
+    call lumped_of(elastic, e, mass, lumped)
+  end subroutine lumped_mass_of
 
   !> Add the consistent forces (3, blocks) of a force per mass on all elements, and of a force and
   !! a couple per volume on chosen ones [N, N m].

@@ -6,10 +6,11 @@ module fem_body
   use talus_errors, only: error_list_type
   use fem_types, only: fem_mesh_type, fem_curve_type, fem_load_type, fem_springs_type, &
     fem_state_type, fem_energy_type
-  use fem_assembly, only: assemble_stiffness, assemble_mass, body_force
+  use fem_assembly, only: assemble_stiffness, assemble_mass
   use fem_damping, only: fem_damping_type
   use fem_dofs, only: fem_dofs_type, blocks_of
   use fem_elastic, only: fem_elastic_type
+  use fem_explicit, only: drift_half, kick_half, explicit_kinetic
   use fem_sparse, only: fem_pattern_type, make_pattern, add_springs, multiply, multiply_mass
   use fem_solver, only: fem_solver_type
   use fem_supports, only: check_supports
@@ -45,6 +46,8 @@ module fem_body
     real(wp), allocatable :: mass_factor(:)      !! (blocks) for explicit steps [-]
     real(wp) :: gravity(3) = 0.0_wp              !! [m/s^2]
     logical :: dynamic = .false.
+    logical :: massive = .false.                 !! mass matters: dynamics or modes
+    logical :: explicit = .false.                !! central differences; dynamic is true too
     real(wp) :: beta = 0.25_wp, gamma = 0.5_wp
     real(wp) :: lag = 0.0_wp                     !! HHT: share of the old balance, -alpha [-]
     type(fem_damping_type) :: damping
@@ -53,6 +56,7 @@ module fem_body
     real(wp), allocatable :: k(:, :, :), mass(:), lumped(:)
     real(wp), allocatable :: weight_force(:, :)  !! of gravity [N]
     real(wp), allocatable :: initial_force(:, :) !! internal forces of the initial stress [N]
+    real(wp) :: step_limit = huge(1.0_wp)        !! of central differences [s]
     real(wp) :: factored_dt = -1.0_wp            !! [s], 0 in statics, < 0 not factored
     real(wp) :: restored_dt = -1.0_wp            !! [s] of the factors at a checkpoint, < 0 none
     logical :: fresh_numbering = .false.
@@ -71,6 +75,7 @@ module fem_body
     procedure :: start_acceleration
     procedure :: interface_force
     procedure :: explicit_energy
+    procedure, private :: leap
     procedure, private :: impose
     procedure, private :: predict
     procedure, private :: correct
@@ -87,7 +92,7 @@ contains
     n = self%dofs%blocks
     allocate (self%state%u(3, n), self%state%v(3, n), self%state%a(3, n), source=0.0_wp)
     allocate (self%state%external(3, n), self%state%reaction(3, n), source=0.0_wp)
-    allocate (self%state%tie(3, n), source=0.0_wp)
+    allocate (self%state%tie(3, n), self%state%viscous(3, n), source=0.0_wp)
     allocate (self%given_u(3, n), self%port_load(3, n), self%dead_load(3, n), source=0.0_wp)
     allocate (self%weight_force(3, n), self%initial_force(3, n), source=0.0_wp)
     allocate (self%held(3, n), self%prescribed(3, n), source=.false.)
@@ -98,15 +103,14 @@ contains
   !> Pattern, stiffness, mass and weight; again after moduli or weights have changed.
   subroutine assemble(self)
     class(fem_body_type), intent(inout) :: self
-    integer(i4) :: e
+    real(wp) :: fall(3, self%dofs%blocks)
     if (.not. allocated(self%pattern%start)) call make_pattern(self%dofs, self%pattern)
     call assemble_stiffness(self%mesh, self%dofs, self%elastic, self%pattern, self%k)
     call add_springs(self%ground, self%pattern, self%k)
     call assemble_mass(self%mesh, self%dofs, self%elastic, self%pattern, self%mass, self%lumped)
-    self%weight_force = 0.0_wp
-    call body_force(self%mesh, self%dofs, self%elastic, [(e, e=1, self%mesh%elements)], &
-                    self%gravity, [0.0_wp, 0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp, 0.0_wp], &
-                    self%weight_force)
+    fall = 0.0_wp
+    fall(:, :self%mesh%nodes) = spread(self%gravity, 2, self%mesh%nodes)
+    call multiply_mass(self%pattern, self%mass, fall, self%weight_force)  ! sum of N_b is one
     call initial_stress_force(self%mesh, self%dofs, self%elastic, self%initial_force)
     self%factored_dt = -1.0_wp
   end subroutine assemble
@@ -120,6 +124,7 @@ contains
     real(wp) :: wanted, mass_term, share, rate
     logical :: fixed(3, self%dofs%blocks)
 
+    if (self%explicit) return
     wanted = merge(dt, 0.0_wp, self%dynamic)
     if (self%factored_dt >= 0.0_wp .and. abs(wanted - self%factored_dt) <= same_step*wanted) return
     if (.not. self%fresh_numbering) then
@@ -203,11 +208,13 @@ contains
     class(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: t1  !! [s]
     type(error_list_type), intent(inout) :: errors
-    real(wp), dimension(3, self%dofs%blocks) :: internal, inertia, residual, du, tie, old_balance, &
-      viscous
+    real(wp), dimension(3, self%dofs%blocks) :: internal, inertia, residual, du, tie, old_balance
     real(wp) :: dt
-    integer(i4) :: bad(2)
 
+    if (self%explicit) then
+      call self%leap(t1, errors)
+      return
+    end if
     dt = t1 - self%accepted%time
     call self%factor(dt, errors)
     if (errors%any()) return
@@ -226,31 +233,76 @@ contains
       call inner_forces(self, s, internal)
       call robin_force(self%robin, old%u, s%u, tie)
       residual = tie + share*(s%external - internal) + self%lag*old_balance - inertia
-      call self%solver%solve(residual, du, errors)
+      call self%solver%solve(self%pattern, residual, du, errors)
       if (errors%any()) return
       s%u = s%u + du
-      if (.not. all(is_finite(s%u))) then
-        bad = findloc(is_finite(s%u), .false.)
-        call errors%add('N304', 'the displacement of node '//str(self%dofs%node(bad(2)))// &
-                        ' is not finite', &
-                        'time '//str(t1)//' s', 'check loads, moduli and supports')
-        return
-      end if
+      call check_finite(self, errors)
+      if (errors%any()) return
       if (self%dynamic) then
         call self%correct(dt, du)
         call multiply_mass(self%pattern, self%mass, s%a, inertia)
       end if
       call self%internal_force(s%u, internal)
-      call self%viscous_force(s%v, viscous)
+      call self%viscous_force(s%v, s%viscous)
       call robin_force(self%robin, old%u, s%u, tie)
-      s%reaction = (inertia - tie - self%lag*old_balance)/share + internal + viscous &
-                   - s%external
+      s%reaction = (inertia - tie - self%lag*old_balance)/share + internal &
+                   + s%viscous - s%external
       where (.not. (self%held .or. self%prescribed)) s%reaction = 0.0_wp
       s%tie = tie
-      call self%update_energy(internal, viscous)
+      call self%update_energy(internal)
       if (self%dynamic) call self%dynamic_work(dt, inertia, old_balance)
     end associate
   end subroutine step
+
+  !> One step of central differences.
+  subroutine leap(self, t1, errors)
+    class(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: t1  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    real(wp), dimension(3, self%dofs%blocks) :: internal, half, force
+    real(wp) :: mass(self%dofs%blocks), dt, discrete, supports
+    logical :: fixed(3, self%dofs%blocks)
+
+    dt = t1 - self%accepted%time
+    fixed = self%held .or. self%prescribed
+    mass = self%lumped*self%mass_factor
+    associate (s => self%state, old => self%accepted)
+      s%time = t1
+      s%u = old%u
+      call self%impose(t1, s%u)
+      call drift_half(dt, fixed, old, s, half)
+      call check_finite(self, errors)
+      if (errors%any()) return
+      call self%external_at(t1, s%external)
+      call self%internal_force(s%u, internal)
+      s%viscous = 0.0_wp
+      if (self%damping%stiffness > 0.0_wp) then
+        call multiply(self%pattern, self%k, half, s%viscous)
+        s%viscous = self%damping%stiffness*s%viscous
+      end if
+      force = s%external - internal - s%viscous
+      call kick_half(dt, fixed, mass, self%damping, force, half, old, s)
+      s%reaction = merge(internal + s%viscous - s%external, 0.0_wp, fixed)
+      where (fixed) s%reaction = s%reaction + s%a*spread(mass, 1, 3)
+      s%tie = 0.0_wp
+      call self%update_energy(internal)
+      call explicit_kinetic(dt, fixed, mass, old, s, self%energy%kinetic, discrete, supports)
+      self%energy%support = self%energy%support - supports
+      self%energy%numerical = self%energy%numerical + discrete
+    end associate
+  end subroutine leap
+
+  !> Fault N304 for the first displacement that is not finite.
+  subroutine check_finite(self, errors)
+    class(fem_body_type), intent(in) :: self
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: bad(2)
+    if (all(is_finite(self%state%u))) return
+    bad = findloc(is_finite(self%state%u), .false.)
+    call errors%add('N304', 'the displacement of node '//str(self%dofs%node(bad(2)))// &
+                    ' is not finite', 'time '//str(self%state%time)//' s', &
+                    'check loads, moduli and supports')
+  end subroutine check_finite
 
   !> K u + C v and the forces of the initial stress [N, N m].
   subroutine inner_forces(self, s, force)
@@ -272,9 +324,9 @@ contains
     force = s%external + s%reaction - force
   end subroutine balance
 
-  !> Accelerations for unchanged free displacements (Newmark). What is prescribed has a velocity
-  !! constant over the step and the backward difference of it as acceleration: Newmark's own
-  !! relations would let both ring about a ramp, without bound.
+  !> Velocities and accelerations for unchanged free displacements (Newmark). What is prescribed
+  !! has a velocity constant over the step and the backward difference of it as acceleration:
+  !! Newmark's own relations would let both ring about a ramp, without bound.
   subroutine predict(self, dt)
     class(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: dt  !! [s]
@@ -284,6 +336,7 @@ contains
         s%a = (s%v - old%v)/dt
       elsewhere
         s%a = -old%v/(self%beta*dt) - (0.5_wp/self%beta - 1.0_wp)*old%a
+        s%v = old%v + dt*((1.0_wp - self%gamma)*old%a + self%gamma*s%a)
       end where
     end associate
   end subroutine predict
@@ -353,11 +406,10 @@ contains
   end subroutine robin_force
 
   !> Ledger of the trial state: stored energies now, works by the trapezoidal rule.
-  subroutine update_energy(self, internal, viscous)
+  subroutine update_energy(self, internal)
     class(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: internal(:, :)  !! K u + initial [N]
-    real(wp), intent(in) :: viscous(:, :)   !! C v [N]
-    real(wp), dimension(3, self%dofs%blocks) :: moved, force
+    real(wp), dimension(3, self%dofs%blocks) :: moved, momentum
     real(wp) :: before
     associate (s => self%state, old => self%accepted, e => self%energy)
       ! the first static step brings the weight up from nothing, as it does all loads
@@ -370,11 +422,10 @@ contains
       e%support = e%support + 0.5_wp*sum((s%reaction + old%reaction)*moved)
       e%spring = e%spring + 0.5_wp*sum((s%tie + old%tie)*moved)
       if (.not. self%dynamic) return
-      call multiply_mass(self%pattern, self%mass, s%v, force)
-      e%kinetic = 0.5_wp*sum(s%v*force)
-      if (.not. self%damping%active()) return
-      call self%viscous_force(old%v, force)
-      e%damping = e%damping + 0.5_wp*sum((force + viscous)*moved)
+      e%damping = e%damping + 0.5_wp*sum((s%viscous + old%viscous)*moved)
+      if (self%explicit) return
+      call multiply_mass(self%pattern, self%mass, s%v, momentum)
+      e%kinetic = 0.5_wp*sum(s%v*momentum)
     end associate
   end subroutine update_energy
 
@@ -391,12 +442,15 @@ contains
     call self%internal_force(self%state%u, internal)
     residual = self%state%external - internal
     fixed = self%held .or. self%prescribed
-    if (maxval(abs(residual)) > 0.0_wp) then
+    if (self%explicit) then
+      self%state%a = merge(0.0_wp, residual/spread(self%lumped*self%mass_factor, 1, 3), fixed)
+      self%state%reaction = merge(-residual, 0.0_wp, fixed)
+    else if (maxval(abs(residual)) > 0.0_wp) then
       call solver%number(self%dofs, self%pattern, fixed, errors)
       if (errors%any()) return
       allocate (none(3, 3, size(self%mass)), source=0.0_wp)
       call solver%factor(self%pattern, none, self%mass, 1.0_wp, errors)
-      if (.not. errors%any()) call solver%solve(residual, self%state%a, errors)
+      if (.not. errors%any()) call solver%solve(self%pattern, residual, self%state%a, errors)
       call solver%mumps%free()
       call multiply_mass(self%pattern, self%mass, self%state%a, inertia)
       self%state%reaction = merge(inertia - residual, 0.0_wp, fixed)
@@ -420,14 +474,13 @@ contains
   !> Ledger of an explicit state with lumped mass; loads by what moved since the accepted state.
   subroutine explicit_energy(self)
     class(fem_body_type), intent(inout) :: self
-    real(wp), dimension(3, self%dofs%blocks) :: internal, viscous
+    real(wp), dimension(3, self%dofs%blocks) :: internal
     integer(i4) :: i
     call self%internal_force(self%state%u, internal)
     self%state%tie = 0.0_wp
     self%state%reaction = merge(internal - self%state%external, 0.0_wp, &
                                 self%held .or. self%prescribed)
-    viscous = 0.0_wp
-    call self%update_energy(internal, viscous)
+    call self%update_energy(internal)
     self%energy%kinetic = 0.0_wp
     do i = 1, self%dofs%blocks
       self%energy%kinetic = self%energy%kinetic + 0.5_wp*self%lumped(i)*self%mass_factor(i) &

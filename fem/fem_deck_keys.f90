@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-fem.
   subroutine fem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-fem', 18)
+    call table%init('talus-fem', 19)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -30,6 +30,7 @@ contains
     call group_point_load(table)
     call group_spring(table)
     call group_analysis(table)
+    call group_absorbing(table)
     call group_path(table)
   end subroutine fem_deck_table
 
@@ -173,11 +174,13 @@ contains
       //' 1. `auto`: `hex8_bbar`, or the kind of the cells; in micropolar solids ' &
       //'`hex20/hex8`, `hex27/hex8`, `tet10/tet4`, and equal orders for linear cells. ' &
       //'`hex8_bbar` takes the volumetric strain from the mean over the element and does ' &
-      //'not lock near incompressibility; `hex8_full` is plain 2 x 2 x 2 integration.')
+      //'not lock near incompressibility; `hex8_full` is plain 2 x 2 x 2 integration; ' &
+      //'`hex8_incompatible` adds modes inside the element and bends well, best with ' &
+      //'bricks that are nearly rectangular.')
     call table%preset('auto')
     call table%allow(&
-      'auto|hex8_bbar|hex8_full|hex20|hex27|tet4|tet10|wedge6|hex8/hex8|hex20/hex8|hex2' &
-      //'7/hex8|hex20/hex20|tet4/tet4|tet10/tet4')
+      'auto|hex8_bbar|hex8_full|hex8_incompatible|hex20|hex27|tet4|tet10|wedge6|hex8/he' &
+      //'x8|hex20/hex8|hex27/hex8|hex20/hex20|tet4/tet4|tet10/tet4')
   end subroutine group_section
 
   subroutine group_support(table)
@@ -327,16 +330,19 @@ contains
 
   subroutine group_analysis(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('analysis', 4, &
+    call table%add_group('analysis', 14, &
       'What is computed, and in which steps.', required=.true.)
     call table%add_key('kind', 'string', '', &
-      '`static`: equilibrium at each step; `newmark`: implicit dynamics with consistent' &
-      //' mass.')
+      '`static`: equilibrium at each step; `newmark` and `hht`: implicit dynamics with ' &
+      //'consistent mass; `explicit`: central differences with lumped mass; `modal`: the ' &
+      //'lowest free vibrations.')
     call table%need()
-    call table%allow('static|newmark')
+    call table%allow('static|newmark|hht|explicit|modal')
     call table%add_key('dt', 'real', 's', &
-      'Time step. Statics: t_end in one step if left out. Needed for `newmark`; in a ' &
-      //'coupled run the exchange interval is the step.')
+      'Time step. Statics: t_end in one step if left out. Needed for `newmark` and ' &
+      //'`hht`; `explicit` takes dt_factor times the largest stable step if it is left ' &
+      //'out, and refuses a longer one than that. In a coupled run the exchange interval ' &
+      //'is the step.')
     call table%bounds(above=0.0_wp)
     call table%add_key('beta', 'real', '', 'Newmark''s beta; 1/4 is average acceleration.')
     call table%preset('0.25')
@@ -344,7 +350,71 @@ contains
     call table%add_key('gamma', 'real', '', 'Newmark''s gamma; above 1/2 dissipates.')
     call table%preset('0.5')
     call table%bounds(min=0.5_wp, max=1.0_wp)
+    call table%add_key('alpha', 'real', '', &
+      'HHT''s alpha from -1/3 (most dissipation of high frequencies) to 0 (none); beta =' &
+      //' (1 - alpha)^2/4, gamma = 1/2 - alpha.')
+    call table%preset('-0.05')
+    call table%bounds(min=-0.3333333333333333_wp, max=0.0_wp)
+    call table%add_key('rayleigh_mass', 'real', '1/s', &
+      'Rayleigh damping, factor a of C = a M + b K.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('rayleigh_stiffness', 'real', 's', &
+      'Rayleigh damping, factor b of C = a M + b K; in `explicit` it shortens the ' &
+      //'stable step.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('dt_factor', 'real', '', &
+      'Step of `explicit` over the largest stable one, by the largest frequency of any ' &
+      //'element.')
+    call table%preset('0.9')
+    call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%add_key('allow_unstable', 'logical', '', &
+      'Take a dt above the largest stable step all the same, with a warning.')
+    call table%preset('.false.')
+    call table%add_key('rotation_mass', 'real', '', &
+      'Factor on the micro-inertia in `explicit`, so that slow motions need not follow ' &
+      //'its fast rotations. ''auto'' raises it in each element until displacements alone ' &
+      //'govern the step.')
+    call table%preset('1.0')
+    call table%bounds(min=0.0_wp)
+    call table%words('auto', [0.0_wp])
+    call group_analysis_2(table)
   end subroutine group_analysis
+
+  subroutine group_analysis_2(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('solver', 'string', '', &
+      'How `static` solves its equations: `direct` by factors (MUMPS), which serve any ' &
+      //'number of steps; `iterative` by conjugate gradients with an incomplete ' &
+      //'factorisation, for large problems of few steps. `auto`: iterative from 40 000 ' &
+      //'degrees of freedom on, unless there are more than ten steps or the run is ' &
+      //'coupled; direct if it does not converge. Dynamics is direct.')
+    call table%preset('auto')
+    call table%allow('auto|direct|iterative')
+    call table%add_key('modes', 'integer', '', &
+      'Number of modes of `modal`, from the lowest; rigid motions count.')
+    call table%preset('10')
+    call table%bounds(min=1.0_wp)
+    call table%add_key('tolerance', 'real', '', &
+      'Relative change of the squared frequencies at which the iteration of `modal` ' &
+      //'ends.')
+    call table%preset('1e-10')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('max_iterations', 'integer', '', 'Most iterations of `modal`.')
+    call table%preset('200')
+    call table%bounds(min=1.0_wp)
+  end subroutine group_analysis_2
+
+  subroutine group_absorbing(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('absorbing', 1, &
+      'Absorbing faces (Lysmer and Kuhlemeyer 1969): dashpots rho c_p along the normal ' &
+      //'and rho c_s in the plane, which let waves out that come along the normal. For ' &
+      //'`newmark`, `hht` and `explicit`.', repeats=.true.)
+    call table%add_key('group', 'string', '', 'Facet group.')
+    call table%need()
+  end subroutine group_absorbing
 
   subroutine group_path(table)
     type(key_table_type), intent(inout) :: table

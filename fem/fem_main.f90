@@ -8,6 +8,7 @@ program talus_fem
   use talus_report, only: report_check
   use talus_deck_table, only: key_table_type
   use talus_system, only: talus_blas_kernels, talus_exit, talus_short_spins
+  use fem_modal_run, only: run_modal
   use fem_model, only: fem_model_type, program_name
   use fem_deck_keys, only: fem_deck_table
   use fem_mumps, only: mumps_end
@@ -39,7 +40,13 @@ program talus_fem
     if (.not. errors%any()) call model%prepare(errors)
     if (errors%any()) call leave_with_faults()
     call model%open(errors)
-    if (.not. errors%any()) call model%run(errors)
+    if (.not. errors%any()) then
+      if (model%modal) then
+        call run_modal(model, errors)
+      else
+        call model%run(errors)
+      end if
+    end if
     call model%finish(exit_code, errors)
   end if
   if (errors%any()) call errors%print(error_unit)

@@ -16,6 +16,7 @@ module fem_model
   use talus_summary, only: summary_type
   use talus_timers, only: timers_type
   use fem_body, only: fem_body_type
+  use fem_critical, only: largest_frequency, scale_rotations, stable_step
   use fem_deck_keys, only: fem_deck_table
   use fem_output, only: fem_output_type, energy_error
   use fem_restart, only: write_checkpoint, read_checkpoint
@@ -26,6 +27,8 @@ module fem_model
 
   character(len=*), parameter :: program_name = 'talus-fem'
   real(wp), parameter :: near = 1.0e-9_wp  !! of a step that counts as the end
+  integer(i4), parameter :: large = 40000  !! degrees of freedom from which on iterating is faster
+  real(wp), parameter :: few_steps = 10.0_wp
   real(wp), parameter :: runaway = 10.0_wp !! stored energy / work put in that ends a run
 
   type :: fem_model_type
@@ -45,7 +48,8 @@ module fem_model
     integer(i8) :: steps = 0, start_steps = 0
     integer(i8) :: row_step = -1             !! of the last row in the log
     integer(i4) :: logged_factors = 0
-    logical :: served = .false., stopped = .false., opened = .false.
+    logical :: served = .false., stopped = .false., opened = .false., modal = .false.
+    logical :: auto_solver = .false.
   contains
     procedure :: read => read_run
     procedure :: prepare
@@ -96,14 +100,19 @@ contains
   subroutine read_times(self, errors)
     class(fem_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: kind
     call self%deck%get('run', 1, 't_end', self%t_end)
     call self%deck%get('analysis', 1, 'dt', self%dt)
+    call self%deck%get('analysis', 1, 'kind', kind)
+    self%modal = kind == 'modal'
+    if (self%modal .and. self%served) call self%deck%fault(errors, 'D325', &
+      'a coupled run takes no modes', 'analysis', 1, 'kind', "run this deck alone")
     if (self%served) return
     if (self%body%dynamic) then
       if (.not. self%t_end > 0.0_wp) call self%deck%fault(errors, 'D308', 'the run has no end', &
         'run', 1, '', 'add t_end = ... in s; only under talus-couple it may be left out')
-      if (.not. self%dt > 0.0_wp) call self%deck%fault(errors, 'D308', 'the analysis has no step', &
-        'analysis', 1, 'kind', 'add dt = ... in s')
+      if (.not. self%dt > 0.0_wp .and. .not. self%body%explicit) call self%deck%fault(errors, &
+        'D308', 'the analysis has no step', 'analysis', 1, 'kind', 'add dt = ... in s')
       return
     end if
     if (.not. self%t_end > 0.0_wp) self%t_end = 1.0_wp
@@ -121,8 +130,11 @@ contains
     logical :: changed
 
     call self%timers%start('assembly')
+    if (self%body%explicit) call scale_inertia(self)
     call self%body%assemble()
+    if (self%body%explicit) call choose_step(self, errors)
     call self%timers%stop('assembly')
+    if (errors%any()) return
     call self%deck%get('checkpoint', 1, 'keep', keep)
     call self%checkpoint%init(self%stem, program_name, self%deck%hash(), keep)
     if (len(self%options%restart) > 0 .and. .not. self%options%check) then
@@ -147,10 +159,66 @@ contains
     if (.not. self%served) then
       call self%deck%get('checkpoint', 1, 'every_wall', every_wall)
       call self%deck%get('checkpoint', 1, 'every_time', every_time)
-      call self%begin(self%dt, errors)
+      if (.not. self%modal) call self%begin(self%dt, errors)
     end if
     call self%checkpoint%schedule(every_wall, every_time, self%body%accepted%time)
   end subroutine prepare
+
+  !> Rotational mass scaling, before the mass is assembled.
+  subroutine scale_inertia(self)
+    class(fem_model_type), intent(inout) :: self
+    real(wp) :: factor, most
+    call self%deck%get('analysis', 1, 'rotation_mass', factor)
+    if (self%body%dofs%blocks == self%body%mesh%nodes .or. abs(factor - 1.0_wp) <= 0.0_wp) return
+    call scale_rotations(self%body%mesh, self%body%dofs, self%body%elastic, factor, most)
+    call append_string(self%warnings, 'micro-inertia is raised by up to '//short_number(most)// &
+                       ' (rotation_mass)')
+  end subroutine scale_inertia
+
+  !> Largest stable step, and the step of the run: that of the deck, or a factor times the largest
+  !! and a whole number of them to t_end. Fault D324 for one that is too long.
+  subroutine choose_step(self, errors)
+    class(fem_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: frequency, factor
+    integer(i4) :: element
+    logical :: allowed
+
+    associate (body => self%body)
+      call largest_frequency(body%mesh, body%dofs, body%elastic, body%ground, body%lumped, &
+                             frequency, element)
+      body%step_limit = stable_step(frequency, body%damping%stiffness)
+      call self%deck%get('analysis', 1, 'dt_factor', factor)
+      call self%deck%get('analysis', 1, 'allow_unstable', allowed)
+      if (self%dt > body%step_limit) then
+        if (allowed) then
+          call append_string(self%warnings, 'dt is '//short_number(self%dt/body%step_limit)// &
+                             ' times the largest stable step (allow_unstable)')
+        else
+          call self%deck%fault(errors, 'D324', 'dt = '//short_number(self%dt)// &
+            ' s is above the largest stable step '//short_number(body%step_limit)// &
+            ' s, which element '//str(element)//' sets', 'analysis', 1, 'dt', 'leave dt out')
+        end if
+      else if (.not. self%dt > 0.0_wp) then
+        self%dt = factor*body%step_limit
+        if (self%t_end > 0.0_wp) self%dt = self%t_end/ceiling(self%t_end/self%dt, i8)
+      end if
+    end associate
+  end subroutine choose_step
+
+  !> Conjugate gradients for large statics of few steps, factors for the rest.
+  subroutine choose_solver(self)
+    class(fem_model_type), intent(inout) :: self
+    character(len=:), allocatable :: solver
+    call self%deck%get('analysis', 1, 'solver', solver)
+    associate (body => self%body)
+      self%auto_solver = solver == 'auto'
+      body%solver%iterative = solver == 'iterative'
+      if (.not. self%auto_solver) return
+      body%solver%iterative = .not. (body%dynamic .or. self%served .or. self%modal) .and. &
+        count(.not. body%held) >= large .and. self%t_end <= few_steps*self%dt
+    end associate
+  end subroutine choose_solver
 
   !> Factors for steps of dt, and the acceleration at the start of a dynamic run. A served dynamic
   !! run learns dt from its first step; after a restart the factors are for that of the checkpoint,
@@ -160,6 +228,7 @@ contains
     real(wp), intent(in) :: dt  !! [s]
     type(error_list_type), intent(inout) :: errors
     call self%timers%start('factorisation')
+    call choose_solver(self)
     if (self%body%dynamic .and. self%body%restored_dt > 0.0_wp) then
       call self%body%factor(self%body%restored_dt, errors)
     else if (dt > 0.0_wp .or. .not. self%body%dynamic) then
@@ -195,6 +264,8 @@ contains
     call self%log%item('elements', str(self%body%mesh%elements))
     call self%log%item('mass', str(sum(self%body%lumped(:self%body%mesh%nodes)))//' kg')
     if (self%start_time >= 0.0_wp) call self%log%item('goes on from', str(self%start_time)//' s')
+    if (self%body%explicit) call self%log%item('largest stable step', &
+      short_number(self%body%step_limit)//' s', 'dt '//short_number(self%dt)//' s')
     call self%log_factors()
     call self%log%memory()
     do k = 1, size(self%warnings)
@@ -210,7 +281,8 @@ contains
       if (len(stop_file) > 0) stop_file = self%deck%path('run', 1, 'stop_file')
     end if
     call self%stop%init(wall_limit, stop_file, obey_signals=.not. self%served)
-    if (self%start_time < 0.0_wp) call self%output%write_due(self%body, .false., errors)
+    if (self%start_time < 0.0_wp .and. .not. self%modal) &
+      call self%output%write_due(self%body, .false., errors)
   end subroutine open_run
 
   subroutine row_titles(log)
@@ -241,6 +313,12 @@ contains
     associate (solver => self%body%solver)
       if (.not. self%opened .or. solver%factorisations <= self%logged_factors) return
       self%logged_factors = solver%factorisations
+      if (solver%iterative) then
+        call self%log%item('solver', 'conjugate gradients', str(solver%free)// &
+          ' free degrees of freedom, incomplete factors '//short_number(solver%cg%memory)// &
+          ' MB, diagonal raised by '//short_number(solver%cg%raise))
+        return
+      end if
       call self%log%item('factorisation '//str(solver%factorisations), &
                          str(solver%free)//' free degrees of freedom', &
                          short_number(real(solver%mumps%entries, wp))//' entries, '// &
@@ -269,6 +347,8 @@ contains
       if (last) t1 = self%t_end
       call self%timers%start('steps')
       call self%body%step(t1, errors)
+      if (errors%any() .and. self%auto_solver .and. self%body%solver%iterative) &
+        call go_direct(self, t1, errors)
       call self%timers%stop('steps')
       if (.not. errors%any()) call check_energy(self%body, errors)
       if (errors%any()) return
@@ -278,21 +358,43 @@ contains
       call self%output%write_due(self%body, last, errors)
       call self%timers%stop('output')
       if (errors%any()) return
+      if (self%body%solver%iterative) call self%log%item('iterations', &
+        str(self%body%solver%cg%iterations), 'residual '// &
+        short_number(self%body%solver%cg%residual))
       if (self%log%row_due()) call self%log_row()
       call self%log%progress(t1/self%t_end, 'time '//short_number(t1)//' s')
     end do
   end subroutine run
 
+  !> The step again by factors, where conjugate gradients were chosen and did not converge.
+  subroutine go_direct(self, t1, errors)
+    class(fem_model_type), intent(inout) :: self
+    real(wp), intent(in) :: t1
+    type(error_list_type), intent(inout) :: errors
+    call self%log%warn('conjugate gradients did not converge; factors are made')
+    call errors%clear()
+    call self%body%reject()
+    self%body%solver%iterative = .false.
+    call self%body%solver%cg%drop()
+    self%body%fresh_numbering = .false.
+    self%body%factored_dt = -1.0_wp
+    call self%body%step(t1, errors)
+    call self%log_factors()
+  end subroutine go_direct
+
   !> A dynamic body cannot store more than was put in; the fastest node is named.
   subroutine check_energy(body, errors)
     type(fem_body_type), intent(in) :: body
     type(error_list_type), intent(inout) :: errors
+    real(wp) :: stored
     integer(i4) :: node
     if (.not. body%dynamic) return
     associate (e => body%energy)
-      if (e%strain + e%kinetic <= runaway*(abs(e%load) + abs(e%support) + abs(e%spring))) return
+      stored = e%strain + e%kinetic
+      if (body%explicit) stored = stored + e%numerical
+      if (stored <= runaway*(abs(e%load) + abs(e%support) + abs(e%spring))) return
       node = int(maxloc(sum(body%state%v**2, 1), 1), i4)
-      call errors%add('N303', 'runaway energy: '//short_number(e%strain + e%kinetic)// &
+      call errors%add('N303', 'runaway energy: '//short_number(stored)// &
         ' J are stored, '//short_number(e%load + e%support)//' J were put in; node '// &
         str(node)//' is fastest', 'time '//str(body%state%time)//' s', &
         'is beta < gamma/2? Then the step must resolve the highest frequency of the mesh')

@@ -31,13 +31,22 @@ contains
     call reply%put_text('capabilities', &
       'report,prescribe,load,solve,advance,force,kick_drift,springs,'// &
                         'dead_load,initial_stress,quad_weight,moduli,mass_factor')
-    call reply%put_text('analysis', trim(merge('newmark', 'static ', model%body%dynamic)))
+    call reply%put_text('analysis', analysis_name(model%body))
     call reply%put('gravity', model%body%gravity)
     call reply%put('time', model%body%accepted%time)
     call reply%put('t_end', model%t_end)
-    call reply%put('step_limit', huge(1.0_wp))
+    call reply%put('step_limit', model%body%step_limit)
     call reply%put_int('ranks', 1_i4)
   end subroutine reply_hello
+
+  pure function analysis_name(body) result(name)
+    type(fem_body_type), intent(in) :: body
+    character(len=:), allocatable :: name
+    name = 'static'
+    if (body%dynamic) name = 'newmark'
+    if (body%dynamic .and. body%lag > 0.0_wp) name = 'hht'
+    if (body%explicit) name = 'explicit'
+  end function analysis_name
 
   !> Mesh, facets, quadrature, groups, or the nodes of one group.
   subroutine reply_describe(body, what, group, reply, errors)
@@ -63,6 +72,7 @@ contains
         return
       end if
       call reply%put_int('connectivity', body%mesh%group(g)%facet)
+      call reply%put_int('kind', body%mesh%group(g)%facet_kind)
     case ('quadrature')
       call describe_points(body, reply)
     case ('groups')
@@ -329,7 +339,7 @@ contains
     scalars(scalar_boundary) = body%energy%support + body%energy%spring + body%energy%load &
                                - body%energy%gravity
     scalars(scalar_gravity) = body%energy%gravity
-    scalars(scalar_step_limit) = huge(1.0_wp)
+    scalars(scalar_step_limit) = body%step_limit
     if (body%dynamic) then
       call multiply_mass(body%pattern, body%mass, body%state%v, p)
       scalars(scalar_momentum:scalar_momentum + 2) = sum(p(:, :body%mesh%nodes), 2)

@@ -57,6 +57,7 @@ contains
     t0 = model%body%accepted%time
     n = 1
     if (model%dt > 0.0_wp) n = max(1, nint((request%t1 - t0)/model%dt))
+    if (model%body%explicit) n = max(n, ceiling((request%t1 - t0)/model%body%step_limit))
     dt = (request%t1 - t0)/n
     allocate (impulse, mold=start_u)
     impulse = 0.0_wp

@@ -5,6 +5,7 @@ module fem_recover
   use fem_elastic, only: fem_elastic_type, classical
   use fem_element, only: fem_shape_type, element_shape, element_stress, element_force, points_at
   use fem_hex8, only: hex8_geometry, hex8_geometry_type, hex8_stress, hex8_forces
+  use fem_incompatible, only: add_mode_stress
   use fem_types, only: fem_mesh_type
   implicit none
   private
@@ -53,6 +54,8 @@ contains
         call hex8_geometry(mesh%x(:, block), geometry)
         call hex8_stress(geometry, u(:, block), m(1) + 2.0_wp/3.0_wp*m(2), m(2), rule%bbar, &
                          six_values)
+        if (rule%modes > 0) call add_mode_stress(rule, mesh%x(:, block), geometry, m(:2), &
+          elastic%factor(elastic%point(e):elastic%point(e + 1) - 1), six_values)
       else
         call element_shape(rule%at, mesh%x(:, block(:rule%nodes)), shape)
         if (rule%polar) then

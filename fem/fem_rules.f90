@@ -10,19 +10,19 @@ module fem_rules
   public :: fem_formulation_type, fem_points_type, make_rule, rule_index, kind_of_rule, usual_rule
   public :: polar_rule, rules_for
 
-  integer(i4), parameter :: name_size = 12
-  character(len=name_size), parameter :: rule_names(13) = [character(len=name_size) :: &
-    'hex8_bbar', 'hex8_full', 'hex20', 'hex27', 'tet4', 'tet10', 'wedge6', 'hex8/hex8', &
-    'hex20/hex8', 'hex27/hex8', 'hex20/hex20', 'tet4/tet4', 'tet10/tet4']
-  integer(i4), parameter :: kind_u(13) = [hex8, hex8, hex20, hex27, &
+  integer(i4), parameter :: name_size = 18
+  character(len=name_size), parameter :: rule_names(14) = [character(len=name_size) :: &
+    'hex8_bbar', 'hex8_full', 'hex8_incompatible', 'hex20', 'hex27', 'tet4', 'tet10', 'wedge6', &
+    'hex8/hex8', 'hex20/hex8', 'hex27/hex8', 'hex20/hex20', 'tet4/tet4', 'tet10/tet4']
+  integer(i4), parameter :: kind_u(14) = [hex8, hex8, hex8, hex20, hex27, &
     tet4, tet10, wedge6, hex8, hex20, hex27, hex20, &
     tet4, tet10]
-  integer(i4), parameter :: kind_phi(13) = [0, 0, 0, 0, 0, 0, 0, hex8, hex8, &
+  integer(i4), parameter :: kind_phi(14) = [0, 0, 0, 0, 0, 0, 0, 0, hex8, hex8, &
     hex8, hex20, tet4, tet4]
   !> Degree of the polynomials that the stiffness, and the mass, integrate exactly on undistorted
   !! elements; for hexahedra 3 means two points and 5 three points a direction.
-  integer(i4), parameter :: degree(13) = [3, 3, 5, 5, 1, 2, 3, 3, 5, 5, 5, 2, 2]
-  integer(i4), parameter :: mass_degree(13) = [3, 3, 5, 5, 2, 4, 3, 3, 5, 5, 5, 2, 4]
+  integer(i4), parameter :: degree(14) = [3, 3, 3, 5, 5, 1, 2, 3, 3, 5, 5, 5, 2, 2]
+  integer(i4), parameter :: mass_degree(14) = [3, 3, 3, 5, 5, 2, 4, 3, 3, 5, 5, 5, 2, 4]
 
   !> Shape functions of both fields at quadrature points.
   type :: fem_points_type
@@ -38,6 +38,7 @@ module fem_rules
   type :: fem_formulation_type
     character(len=name_size) :: name = ''
     integer(i4) :: kind = 0, nodes = 0, rotations = 0, corners = 0
+    integer(i4) :: modes = 0    !! incompatible modes 1 - xi_i^2, condensed in the element
     logical :: polar = .false.
     logical :: brick = .false.  !! hex8 by its own routines
     logical :: bbar = .false.
@@ -46,6 +47,8 @@ module fem_rules
     type(fem_points_type) :: mass_at  !! for mass and body forces
     real(wp), allocatable :: spread(:, :)  !! (corners, n) least squares from points to corners
     real(wp), allocatable :: middle(:, :)  !! (corners, nodes) corner functions at the nodes
+    real(wp), allocatable :: mode_slope(:, :)    !! (modes, n) d(1 - xi_i^2)/dxi_i
+    real(wp), allocatable :: centre_slope(:, :)  !! (3, nodes) of the u functions at the centre
   end type fem_formulation_type
 
 contains
@@ -120,7 +123,21 @@ contains
     do q = 1, rule%nodes
       call shape_functions(corner_kind(rule%kind), at(:, q), rule%middle(:, q), slope)
     end do
+    if (rule%name == 'hex8_incompatible') call add_modes(degree(k), rule)
   end subroutine make_rule
+
+  !> Three incompatible modes of a hex8 (Taylor, Beresford and Wilson 1976).
+  subroutine add_modes(order, rule)
+    integer(i4), intent(in) :: order
+    type(fem_formulation_type), intent(inout) :: rule
+    real(wp), allocatable :: points(:, :), weights(:)
+    real(wp) :: n(rule%nodes)
+    rule%modes = 3
+    call quadrature_rule(rule%kind, order, points, weights)
+    rule%mode_slope = -2.0_wp*points
+    allocate (rule%centre_slope(3, rule%nodes))
+    call shape_functions(rule%kind, [0.0_wp, 0.0_wp, 0.0_wp], n, rule%centre_slope)
+  end subroutine add_modes
 
   subroutine evaluate(kind, rotations_kind, order, at)
     integer(i4), intent(in) :: kind, rotations_kind, order

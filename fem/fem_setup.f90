@@ -9,6 +9,7 @@ module fem_setup
   use fem_mesh, only: read_mesh, find_group, group_hint
   use fem_setup_loads, only: read_tractions, read_couples, read_point_loads, read_springs, &
     read_body_loads
+  use fem_setup_analysis, only: read_analysis, read_absorbing
   use fem_setup_sections, only: read_sections, check_ids
   use fem_body, only: fem_body_type, fem_motion_type
   implicit none
@@ -24,17 +25,13 @@ contains
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: kind
     real(wp), allocatable :: gravity(:)
 
     call read_mesh(deck%path('mesh', 1, 'file'), body%mesh, errors)
     if (errors%any()) return
     call deck%get('run', 1, 'gravity', gravity)
     body%gravity = gravity
-    call deck%get('analysis', 1, 'kind', kind)
-    body%dynamic = kind == 'newmark'
-    call deck%get('analysis', 1, 'beta', body%beta)
-    call deck%get('analysis', 1, 'gamma', body%gamma)
+    call read_analysis(deck, body, errors)
     call read_sections(deck, body, errors)
     if (errors%any()) return
     call number_fields(body%mesh, body%elastic%rotations(), body%dofs)
@@ -47,6 +44,7 @@ contains
     call read_body_loads(deck, body, errors)
     call read_point_loads(deck, body, errors)
     call read_springs(deck, body, errors)
+    call read_absorbing(deck, body, errors)
   end subroutine read_body
 
   subroutine group_fault(deck, body, group, instance, kinds, errors)

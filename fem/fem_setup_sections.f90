@@ -153,9 +153,9 @@ contains
     allocate (material(deck%count('material')))
     do m = 1, size(material)
       call read_material(deck, m, material(m), errors)
-      if (body%dynamic .and. material(m)%polar .and. .not. material(m)%inertia > 0.0_wp) &
+      if (body%massive .and. material(m)%polar .and. .not. material(m)%inertia > 0.0_wp) &
         call deck%fault(errors, 'D320', 'the micropolar material has no micro_inertia', &
-          'material', m, 'id', 'dynamics needs it: 2/5 r^2 of grains of radius r')
+          'material', m, 'id', 'dynamics and modes need it: 2/5 r^2 of grains of radius r')
     end do
     do s = 1, deck%count('section')
       call find_parts(deck, body, s, material, g, m, errors)

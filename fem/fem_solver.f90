@@ -1,7 +1,10 @@
-!> The linear system of free degrees of freedom: numbering, order, factors, solution.
+!> The linear system of free degrees of freedom: numbering, order, factors, solution; by MUMPS, or
+!! by conjugate gradients where that is faster.
 module fem_solver
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
+  use talus_text, only: str
+  use fem_cg, only: cg_type
   use fem_dofs, only: fem_dofs_type
   use fem_sparse, only: fem_pattern_type
   use fem_metis, only: dissect
@@ -17,6 +20,9 @@ module fem_solver
     integer(i4), allocatable :: position(:)      !! (nodes) in the elimination order
     type(mumps_type) :: mumps
     integer(i4) :: factorisations = 0
+    logical :: iterative = .false.               !! conjugate gradients
+    real(wp) :: tolerance = 1.0e-10_wp           !! of their residual, relative
+    type(cg_type) :: cg
     real(wp), allocatable, private :: value(:), right(:)
   contains
     procedure :: number
@@ -36,7 +42,8 @@ contains
     integer(i4), allocatable :: irn(:), jcn(:), order(:)
     integer(i4) :: i, c
 
-    if (.not. allocated(self%position)) call dissect(dofs, pattern, self%position, errors)
+    if (.not. allocated(self%position) .and. .not. self%iterative) &
+      call dissect(dofs, pattern, self%position, errors)
     if (errors%any()) return
     if (allocated(self%equation)) deallocate (self%equation)
     allocate (self%equation(3, pattern%nodes))
@@ -49,7 +56,7 @@ contains
         self%equation(c, i) = self%free
       end do
     end do
-    if (self%free == 0) return
+    if (self%free == 0 .or. self%iterative) return
     call entries_of(self, pattern, irn, jcn)
     call elimination(self, dofs, order)
     call self%mumps%analyse(self%free, irn, jcn, order, errors)
@@ -125,6 +132,14 @@ contains
     integer(i4) :: i, j, p, a, b, n
 
     if (self%free == 0) return
+    if (self%iterative) then
+      if (mass_factor > 0.0_wp) error stop 'bug: the iterative solver is for statics'
+      self%factorisations = self%factorisations + 1
+      call self%cg%prepare(pattern, k, self%equation > 0)
+      if (.not. self%cg%ready) call errors%add('N302', 'the stiffness is not positive definite', &
+        hint='check supports, moduli and the mesh')
+      return
+    end if
     n = 0
     do i = 1, pattern%nodes
       do p = pattern%start(i), pattern%start(i + 1) - 1
@@ -145,15 +160,24 @@ contains
   end subroutine factor
 
   !> du(3, blocks) from residual(3, blocks); prescribed entries of du are zero.
-  subroutine solve(self, residual, du, errors)
+  subroutine solve(self, pattern, residual, du, errors)
     class(fem_solver_type), intent(inout) :: self
+    type(fem_pattern_type), intent(in) :: pattern
     real(wp), intent(in) :: residual(:, :)
     real(wp), intent(out) :: du(:, :)
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: i, c
+    logical :: found
 
     du = 0.0_wp
     if (self%free == 0) return
+    if (self%iterative) then
+      call self%cg%solve(pattern, residual, self%tolerance, du, found)
+      if (.not. found) call errors%add('N306', 'conjugate gradients stopped after '// &
+        str(self%cg%iterations)//' iterations at a residual of '//str(self%cg%residual), &
+        hint="take solver = 'direct' in &analysis")
+      return
+    end if
     do i = 1, size(self%equation, 2)
       do c = 1, 3
         if (self%equation(c, i) > 0) self%right(self%equation(c, i)) = residual(c, i)

@@ -7,7 +7,7 @@ module fem_sparse
   use fem_types, only: fem_springs_type
   implicit none
   private
-  public :: fem_pattern_type, make_pattern, scatter, place, add_springs
+  public :: fem_pattern_type, make_pattern, place, add_springs
   public :: multiply, multiply_mass, block_diagonal, share_element
 
   !> Rows of the upper triangle: row n has the columns column(start(n):start(n+1)-1), all >= n.
@@ -97,26 +97,21 @@ contains
     end do
   end subroutine sort
 
-  !> Place of the pair (i, j), i <= j, in the pattern; 0 if it is not there.
+  !> Place of the pair (i, j), i <= j, in the pattern; 0 if it is not there. Rows are short:
+  !! counting the columns before j is a few vector operations without a branch.
   pure integer(i4) function place(pattern, i, j)
     type(fem_pattern_type), intent(in) :: pattern
     integer(i4), intent(in) :: i, j
-    integer(i4) :: low, high, mid
+    integer(i4) :: p
 
-    low = pattern%start(i)
-    high = pattern%start(i + 1) - 1
-    place = 0
-    do while (low <= high)
-      mid = (low + high)/2
-      if (pattern%column(mid) == j) then
-        place = mid
-        return
-      else if (pattern%column(mid) < j) then
-        low = mid + 1
-      else
-        high = mid - 1
-      end if
+    place = pattern%start(i)
+    do p = pattern%start(i), pattern%start(i + 1) - 1
+      place = place + merge(1, 0, pattern%column(p) < j)
     end do
+    if (place < pattern%start(i + 1)) then
+      if (pattern%column(place) == j) return
+    end if
+    place = 0
   end function place
 
   !> Do these nodes exist, and does the pattern have a block for each pair of them?
@@ -133,26 +128,6 @@ contains
       end do
     end do
   end function share_element
-
-  !> Add the blocks a <= b of an element; a pair whose global order is turned is transposed.
-  pure subroutine scatter(block, pattern, ke, k)
-    integer(i4), intent(in) :: block(:)
-    type(fem_pattern_type), intent(in) :: pattern
-    real(wp), intent(in) :: ke(:, :, :, :)
-    real(wp), intent(inout) :: k(:, :, :)
-    integer(i4) :: a, b, p
-    do b = 1, size(block)
-      do a = 1, b
-        if (block(a) <= block(b)) then
-          p = place(pattern, block(a), block(b))
-          k(:, :, p) = k(:, :, p) + ke(:, :, a, b)
-        else
-          p = place(pattern, block(b), block(a))
-          k(:, :, p) = k(:, :, p) + transpose(ke(:, :, a, b))
-        end if
-      end do
-    end do
-  end subroutine scatter
 
   !> Add springs, sum over points of N' k N, to the stiffness; their nodes share an element.
   subroutine add_springs(springs, pattern, k)

@@ -68,6 +68,7 @@ module fem_types
     real(wp), allocatable :: external(:, :)             !! loads without reactions [N]
     real(wp), allocatable :: reaction(:, :)             !! on prescribed dofs [N]
     real(wp), allocatable :: tie(:, :)                  !! of the Robin springs at its end [N]
+    real(wp), allocatable :: viscous(:, :)              !! C v [N]
   end type fem_state_type
 
   !> Energy ledger [J].

@@ -192,6 +192,8 @@ contains
     call describe('facets', 'the top', '')
     call reply%take_int('connectivity', quad, errors)
     call test%check('facet of the top', all(quad(:, 1) == top))
+    call reply%take_int('kind', ids, errors)
+    call test%check('it is a quad4', all(ids == [7_i8]))
     call describe('facets', 'base', 'D301')
     call describe('quadrature', '', '')
     call reply%take('weight', weight, errors)

@@ -30,7 +30,7 @@ def run(case: Case) -> None:
     stress = lame * np.trace(strain) * np.eye(3) + YOUNG / (1 + POISSON) * strain
     wanted = stress[[0, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 0]]
     fig, ax = case.figure()
-    for element in ("hex8_bbar", "hex8_full"):
+    for element in ("hex8_bbar", "hex8_full", "hex8_incompatible"):
         text = deck.replace("hex8_bbar", element) + "\n".join(lines) + "\n"
         (case.folder / f"{element}.nml").write_text(text)
         case.run("talus-fem", f"{element}.nml")

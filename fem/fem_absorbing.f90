@@ -1,0 +1,79 @@
+!> Absorbing faces: dashpots rho c_p along the normal and rho c_s in the plane let plane waves out
+!! that come in along the normal (Lysmer and Kuhlemeyer 1969).
+module fem_absorbing
+  use talus_kinds, only: wp, i4
+  use fem_damping, only: fem_damping_type
+  use fem_elastic, only: fem_elastic_type
+  use fem_facets, only: facet_point
+  use fem_kinds, only: node_count, most_facet_nodes
+  use fem_quadrature, only: quadrature_rule
+  use fem_topology, only: facet_total
+  use fem_types, only: fem_mesh_type, fem_group_type
+  implicit none
+  private
+  public :: absorb
+
+  integer(i4), parameter :: degree = 4  !! three points a direction, six on triangles
+
+contains
+
+  !> Add the dashpots of the facets of a group to the nodes, whose shares are int N^2 scaled to the
+  !! area, so that none is negative. `lost` is a facet whose element is not known, else 0.
+  subroutine absorb(mesh, elastic, group, damping, lost)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_elastic_type), intent(in) :: elastic
+    type(fem_group_type), intent(in) :: group
+    type(fem_damping_type), intent(inout) :: damping
+    integer(i4), intent(out) :: lost
+    real(wp) :: c(3, 3, most_facet_nodes), press, shear
+    integer(i4) :: f, m, e
+
+    lost = 0
+    do f = 1, facet_total(group)
+      e = 0
+      if (allocated(group%element)) e = group%element(f)
+      if (e == 0) lost = f
+      if (e == 0) return
+      associate (k => elastic%moduli(:, e), rho => elastic%density(e))
+        press = sqrt(rho*(k(1) + 2.0_wp*k(2) + k(3)))
+        shear = sqrt(rho*(k(2) + 0.5_wp*k(3)))
+      end associate
+      m = node_count(group%facet_kind(f))
+      call facet_dashpots(group%facet_kind(f), mesh%x(:, group%facet(:m, f)), press, shear, &
+                          c(:, :, :m))
+      call damping%add_face(group%facet(:m, f), c(:, :, :m))
+    end do
+  end subroutine absorb
+
+  !> Dashpots of the nodes of one facet [N s/m].
+  pure subroutine facet_dashpots(kind, x, press, shear, c)
+    integer(i4), intent(in) :: kind
+    real(wp), intent(in) :: x(:, :)            !! (3, nodes) [m]
+    real(wp), intent(in) :: press, shear       !! rho c_p, rho c_s [N s/m^3]
+    real(wp), intent(out) :: c(:, :, :)
+    real(wp), allocatable :: xi(:, :), weight(:)
+    real(wp) :: n(size(x, 2)), area(3), size_of, whole, squares, share
+    integer(i4) :: q, a, i, j
+
+    call quadrature_rule(kind, degree, xi, weight)
+    c = 0.0_wp
+    whole = 0.0_wp
+    squares = 0.0_wp
+    do q = 1, size(weight)
+      call facet_point(kind, x, xi(:, q), n, area)
+      size_of = norm2(area)
+      whole = whole + weight(q)*size_of
+      squares = squares + weight(q)*size_of*sum(n**2)
+      do a = 1, size(n)
+        share = weight(q)*size_of*n(a)**2
+        do j = 1, 3
+          do i = 1, 3
+            c(i, j, a) = c(i, j, a) + share*(press - shear)*area(i)*area(j)/size_of**2
+          end do
+          c(j, j, a) = c(j, j, a) + share*shear
+        end do
+      end do
+    end do
+    c = c*whole/squares
+  end subroutine facet_dashpots
+end module fem_absorbing

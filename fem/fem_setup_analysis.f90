@@ -1,0 +1,83 @@
+!> The &analysis of the deck: kind, time integration, damping, absorbing faces.
+module fem_setup_analysis
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_deck, only: deck_type
+  use fem_absorbing, only: absorb
+  use fem_body, only: fem_body_type
+  use fem_mesh, only: find_group, group_hint
+  use fem_types, only: group_facet
+  implicit none
+  private
+  public :: read_analysis, read_absorbing
+
+  !> Keys that only some kinds know.
+  character(len=*), parameter :: keys(12) = [character(len=18) :: 'beta', 'gamma', 'alpha', &
+    'dt_factor', 'allow_unstable', 'rotation_mass', 'modes', 'tolerance', 'max_iterations', &
+    'rayleigh_mass', 'rayleigh_stiffness', 'solver']
+  character(len=*), parameter :: kinds(12) = [character(len=22) :: 'newmark', 'newmark', 'hht', &
+    'explicit', 'explicit', 'explicit', 'modal', 'modal', 'modal', &
+    'newmark hht explicit', 'newmark hht explicit', 'static']
+
+contains
+
+  !> Kind and numbers of the analysis; fault D325 for keys that the kind does not know.
+  subroutine read_analysis(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: kind
+    real(wp) :: alpha
+    integer(i4) :: k
+
+    call deck%get('analysis', 1, 'kind', kind)
+    do k = 1, size(keys)
+      if (.not. deck%given('analysis', 1, trim(keys(k)))) cycle
+      if (index(' '//trim(kinds(k))//' ', ' '//kind//' ') > 0) cycle
+      call deck%fault(errors, 'D325', trim(keys(k))//" means nothing to kind = '"//kind//"'", &
+        'analysis', 1, trim(keys(k)), 'it belongs to: '//trim(kinds(k)))
+    end do
+    body%dynamic = kind == 'newmark' .or. kind == 'hht' .or. kind == 'explicit'
+    body%explicit = kind == 'explicit'
+    body%massive = body%dynamic .or. kind == 'modal'
+    call deck%get('analysis', 1, 'beta', body%beta)
+    call deck%get('analysis', 1, 'gamma', body%gamma)
+    if (kind == 'hht') then
+      call deck%get('analysis', 1, 'alpha', alpha)
+      body%lag = -alpha
+      body%beta = 0.25_wp*(1.0_wp - alpha)**2
+      body%gamma = 0.5_wp - alpha
+    end if
+    call deck%get('analysis', 1, 'rayleigh_mass', body%damping%mass)
+    call deck%get('analysis', 1, 'rayleigh_stiffness', body%damping%stiffness)
+  end subroutine read_analysis
+
+  !> Dashpots of the absorbing faces, whose elements are known by now.
+  subroutine read_absorbing(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name
+    integer(i4) :: s, g, lost
+
+    do s = 1, deck%count('absorbing')
+      call deck%get('absorbing', s, 'group', name)
+      g = find_group(body%mesh, name, [group_facet])
+      if (g == 0) then
+        call deck%fault(errors, 'D301', "the mesh has no facet group '"//name//"'", 'absorbing', &
+                        s, 'group', group_hint(body%mesh, name, [group_facet]))
+        cycle
+      end if
+      if (.not. body%dynamic) then
+        call deck%fault(errors, 'D325', 'absorbing faces act in dynamics alone', 'absorbing', s, &
+                        'group', "take kind = 'newmark', 'hht' or 'explicit', or leave them out")
+        cycle
+      end if
+      call absorb(body%mesh, body%elastic, body%mesh%group(g), body%damping, lost)
+      if (lost > 0) call deck%fault(errors, 'D326', 'the element of facet '//str(lost)//" of '"// &
+        name//"' is not in the mesh file", 'absorbing', s, 'group', &
+        "make the mesh with `talus mesh`, which writes the dataset 'cell' of facet groups")
+    end do
+  end subroutine read_absorbing
+end module fem_setup_analysis
