@@ -219,12 +219,12 @@ contains
     if (.not. b%round) then
       call kick_spins(b, push, kick, work)
     else
-      call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 1), push%em(:, 1), &
-                      b%s%wx, work)
-      call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 2), push%em(:, 2), &
-                      b%s%wy, work)
-      call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 3), push%em(:, 3), &
-                      b%s%wz, work)
+      call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 1), &
+                      push%em(:, 1), b%s%wx, work)
+      call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 2), &
+                      push%em(:, 2), b%s%wy, work)
+      call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 3), &
+                      push%em(:, 3), b%s%wz, work)
     end if
   end subroutine kick_mover
 
