@@ -39,6 +39,9 @@ module dem_steps
     integer(i4), allocatable :: load(:)           !! (chunks) work up to and with each chunk
   end type work_type
 
+  !> Memory that one call of take_steps leaves to the next; it carries no state.
+  type(work_type), save :: spare
+
 contains
 
   !> Constants of a step of length dt.
@@ -62,26 +65,25 @@ contains
     integer(i4), intent(in) :: n
     type(error_list_type), intent(inout) :: errors
     type(motion_type) :: motion
-    type(work_type) :: work
     integer(i4) :: done
     logical :: rebuild, resumed
 
     motion = motion_of(d, d%par%dt)
-    call plan_work(d, work)
+    call plan_work(d, spare)
     done = 0
     resumed = .false.
     call set_turns(d)
     do while (done < n)
-      call run_region(d, motion, n, done, resumed, rebuild, work)
+      call run_region(d, motion, n, done, resumed, rebuild, spare)
       if (.not. rebuild) exit
       if (.not. all_finite(d)) then
         call name_lost_grain(d, errors)
         return
       end if
-      call rebuild_list(d, maxval(work%travel))
+      call rebuild_list(d, maxval(spare%travel))
       resumed = .true.
     end do
-    if (n > 0) call add_grain_work(d, work%finished)
+    if (n > 0) call add_grain_work(d, spare%finished)
     d%grains%has_target = .false.
     if (.not. all_finite(d)) call name_lost_grain(d, errors)
   end subroutine take_steps
@@ -93,8 +95,14 @@ contains
     integer(i4) :: chunks, c, low, high
 
     chunks = (d%grains%n + chunk - 1)/chunk + 1
-    allocate (work%movers(chunks - 1), work%load(chunks), work%travel(chunks))
-    allocate (work%started(work_count, chunks), work%finished(work_count, chunks))
+    if (allocated(work%load)) then
+      if (size(work%load) /= chunks) deallocate (work%movers, work%load, work%travel, &
+                                                 work%started, work%finished)
+    end if
+    if (.not. allocated(work%load)) then
+      allocate (work%movers(chunks - 1), work%load(chunks), work%travel(chunks))
+      allocate (work%started(work_count, chunks), work%finished(work_count, chunks))
+    end if
     do c = 1, chunks
       low = (c - 1)*chunk + 1
       high = min(c*chunk, d%grains%n)
