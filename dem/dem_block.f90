@@ -9,7 +9,7 @@ module dem_block
 
   !> One body of each pair; the layout is that of the body records turned round (dem_lanes).
   type, bind(c) :: dem_side_type
-    real(c_double) :: x(lanes), y(lanes), z(lanes)     !! centre [m]
+    real(c_double) :: x(lanes, 3)                      !! centre [m]
     real(c_double) :: vx(lanes), vy(lanes), vz(lanes)  !! velocity [m/s]
     real(c_double) :: wx(lanes), wy(lanes), wz(lanes)  !! spin [rad/s]
     real(c_double) :: s(lanes, 6)                      !! shape matrix, xx yy zz xy yz zx [m^2]

@@ -1,14 +1,15 @@
 !> Contact forces of one block: normal, tangential with history, damping, and their work.
 !!
-!! History of a lane (all zero without contact): 1-3 tangential elastic force on B, 4-6 damping force
-!! on B [N], 7-9 contact point from the centre of A [m], 10 overlap [m], 11 sqrt(R_e) [m^1/2].
+!! History of a lane (all zero without contact): 1-3 tangential elastic force on B, 4-6 damping
+!! force on B [N], 7-9 contact point from the centre of A [m], 10 square root of
+!! the overlap, 11 sqrt(R_e) [m^1/2].
 !! Work columns: contact damping, friction, tangential relaxation, curvature work [J].
 !! The work of a step is half that of the last forces at the last contact point and half that of
 !! the new ones, both with the velocity of the step: this is what the leapfrog puts into the
 !! kinetic energy, so that the ledger closes to the error of the stored energies alone.
 module dem_contact
   use talus_kinds, only: wp, i4
-  use dem_state, only: lanes, history_size, history_overlap, history_root, column_count, &
+  use dem_state, only: lanes, history_size, history_side, history_root, column_count, &
     dem_law_type, law_linear, law_hertz_no_history
   use dem_block, only: dem_block_type
   implicit none
@@ -27,15 +28,19 @@ module dem_contact
     real(wp) :: spring     !! 1: tangential spring kept, 0: none
     real(wp) :: normal_share  !! elastic force = normal_share k_n overlap: 2/3 or 1
     real(wp) :: c          !! 8/15 E* [Pa]
-    real(wp) :: friction, damping, tangential_damping, share
+    real(wp) :: damping             !! 2 xi: dashpot = damping sqrt(m* k_n) [-]
+    real(wp) :: tangential_damping  !! the same for the tangent, times sqrt(k_t/k_n) [-]
+    real(wp) :: friction, share
   end type contact_constants_type
 
   !> What passes between the parts of contact_block, a lane each.
   type :: scratch_type
     real(wp) :: on(lanes)                           !! 1 in contact, else 0
-    real(wp) :: overlap(lanes), root(lanes)         !! [m], sqrt(R_e) [m^1/2]
+    real(wp) :: side(lanes), root(lanes)            !! sqrt(overlap), sqrt(R_e) [m^1/2]
     real(wp) :: c(lanes), c_last(lanes)             !! 8/15 E* overlap^(5/2) now and before
-    real(wp) :: kn(lanes), kt(lanes), kt_last(lanes)  !! stiffnesses now and before [N/m]
+    real(wp) :: kn(lanes), kt(lanes)                !! stiffnesses [N/m]
+    real(wp) :: soft(lanes), soft_last(lanes)       !! 1/k_t now and before [m/N]
+    real(wp) :: dash(lanes)                         !! sqrt(m* k_n) [kg/s]
     real(wp) :: elastic(lanes), total(lanes)        !! normal force without and with damping [N]
     real(wp) :: px(lanes), py(lanes), pz(lanes)     !! contact point from the centre of A [m]
     real(wp) :: sx(lanes), sy(lanes), sz(lanes)     !! relative velocity at the contact [m/s]
@@ -70,30 +75,31 @@ contains
     end if
     c%friction = law%friction
     c%damping = 2.0_wp*law%damping_ratio
-    c%tangential_damping = 2.0_wp*law%tangential_ratio
+    c%tangential_damping = 2.0_wp*law%tangential_ratio &
+                           *sqrt((c%kt_a + c%kt)/max(c%kn_a + c%kn, tiny_force))
     c%share = law%share
   end function constants_of
 
   !> Radius of a contact from its history [m].
   pure real(wp) function contact_radius(history)
     real(wp), intent(in) :: history(history_size)
-    contact_radius = history(history_root)*sqrt(history(history_overlap))
+    contact_radius = history(history_root)*history(history_side)
   end function contact_radius
 
   !> Stored normal and tangential energy of a block from its history [J].
   pure function stored_energy(c, weight, history) result(energy)
     type(contact_constants_type), intent(in) :: c
     real(wp), intent(in) :: weight(lanes), history(lanes, history_size)
-    real(wp) :: energy(2), kt, normal, tangential, overlap, root
+    real(wp) :: energy(2), kt, normal, tangential, overlap, a
     integer(i4) :: k
     normal = 0.0_wp
     tangential = 0.0_wp
-    !$omp simd private(kt, overlap, root) reduction(+: normal, tangential)
+    !$omp simd private(kt, overlap, a) reduction(+: normal, tangential)
     do k = 1, lanes
-      overlap = history(k, history_overlap)
-      root = history(k, history_root)
-      kt = max(c%kt_a*root*sqrt(overlap) + c%kt, tiny_force)
-      normal = normal + weight(k)*overlap*overlap*(c%c*root*sqrt(overlap) + 0.5_wp*c%kn)
+      overlap = history(k, history_side)**2
+      a = history(k, history_root)*history(k, history_side)
+      kt = max(c%kt_a*a + c%kt, tiny_force)
+      normal = normal + weight(k)*overlap*overlap*(c%c*a + 0.5_wp*c%kn)
       tangential = tangential + weight(k)*0.5_wp/kt &
                    *(history(k, 1)**2 + history(k, 2)**2 + history(k, 3)**2)
     end do
@@ -111,41 +117,43 @@ contains
     real(wp), intent(out) :: columns(column_count)
     type(scratch_type) :: s
 
-    call normal_forces(b, c, history, s)
+    call normal_forces(b, c, m_star, history, s)
     call relative_motion(b, h, history, s)
-    call damp_normal(b, c, m_star, s)
+    call damp_normal(b, c, s)
     call tangential_springs(b, c, h, history, s)
-    call damp_tangent(b, c, m_star, s)
+    call damp_tangent(b, c, s)
     call sum_work(h, weight, history, s, columns)
     call keep_history(s, history)
     call put_forces(b, weight, s)
   end subroutine contact_block
 
   !> Hertz or linear normal force, stiffnesses, contact point.
-  pure subroutine normal_forces(b, c, history, s)
+  pure subroutine normal_forces(b, c, m_star, history, s)
     type(dem_block_type), intent(in) :: b
     type(contact_constants_type), intent(in) :: c
-    real(wp), intent(in) :: history(lanes, history_size)
+    real(wp), intent(in) :: m_star(lanes), history(lanes, history_size)
     type(scratch_type), intent(inout) :: s
-    real(wp) :: on, factor, side, last
+    real(wp) :: on, factor, overlap, side, a, last
     integer(i4) :: k
 
-    !$omp simd private(on, factor, side, last)
+    !$omp simd private(on, factor, overlap, side, a, last)
     do k = 1, lanes
-      s%overlap(k) = max(-b%gap(k), 0.0_wp)
-      on = merge(1.0_wp, 0.0_wp, s%overlap(k) > 0.0_wp)
+      overlap = max(-b%gap(k), 0.0_wp)
+      on = merge(1.0_wp, 0.0_wp, overlap > 0.0_wp)
+      side = sqrt(overlap)
       s%on(k) = on
+      s%side(k) = side
       s%root(k) = on/sqrt(b%curvature(k))
-      side = sqrt(s%overlap(k))
-      s%c(k) = c%c*s%overlap(k)*s%overlap(k)*side
-      side = s%root(k)*side
-      s%kn(k) = c%kn_a*side + c%kn*on
-      s%kt(k) = c%kt_a*side + c%kt*on
-      s%elastic(k) = c%normal_share*s%kn(k)*s%overlap(k)
-      last = history(k, history_overlap)
-      side = sqrt(last)
-      s%c_last(k) = c%c*last*last*side
-      s%kt_last(k) = max(c%kt_a*history(k, history_root)*side + c%kt, tiny_force)
+      a = s%root(k)*side
+      s%c(k) = c%c*overlap*overlap*side
+      s%kn(k) = c%kn_a*a + c%kn*on
+      s%kt(k) = c%kt_a*a + c%kt*on
+      s%soft(k) = 1.0_wp/max(s%kt(k), tiny_force)
+      s%dash(k) = sqrt(m_star(k)*s%kn(k))
+      s%elastic(k) = c%normal_share*s%kn(k)*overlap
+      last = history(k, history_side)
+      s%c_last(k) = c%c*last*last*last*last*last
+      s%soft_last(k) = 1.0_wp/max(c%kt_a*history(k, history_root)*last + c%kt, tiny_force)
       factor = c%share*b%gap(k)
       s%px(k) = b%ax(k) + factor*b%nx(k)
       s%py(k) = b%ay(k) + factor*b%ny(k)
@@ -188,10 +196,9 @@ contains
   end subroutine relative_motion
 
   !> Normal damping; the contact does not pull. Leaves the tangential part of the velocity in w.
-  pure subroutine damp_normal(b, c, m_star, s)
+  pure subroutine damp_normal(b, c, s)
     type(dem_block_type), intent(in) :: b
     type(contact_constants_type), intent(in) :: c
-    real(wp), intent(in) :: m_star(lanes)
     type(scratch_type), intent(inout) :: s
     real(wp) :: vn
     integer(i4) :: k
@@ -199,7 +206,7 @@ contains
     !$omp simd private(vn)
     do k = 1, lanes
       vn = s%sx(k)*b%nx(k) + s%sy(k)*b%ny(k) + s%sz(k)*b%nz(k)
-      s%total(k) = max(s%elastic(k) - c%damping*sqrt(m_star(k)*s%kn(k))*vn, 0.0_wp)
+      s%total(k) = max(s%elastic(k) - c%damping*s%dash(k)*vn, 0.0_wp)
       s%wx(k) = s%sx(k) - vn*b%nx(k)
       s%wy(k) = s%sy(k) - vn*b%ny(k)
       s%wz(k) = s%sz(k) - vn*b%nz(k)
@@ -232,7 +239,7 @@ contains
       py = ty + spin*(b%nz(k)*tx - b%nx(k)*tz)
       pz = tz + spin*(b%nx(k)*ty - b%ny(k)*tx)
       t2 = px*px + py*py + pz*pz
-      factor = sqrt(s%was(k)/max(t2, tiny_force))*min(1.0_wp, s%kt(k)/s%kt_last(k))
+      factor = sqrt(s%was(k)/max(t2, tiny_force))*min(1.0_wp, s%kt(k)*s%soft_last(k))
       length = c%spring*s%kt(k)*h
       tx = factor*px - length*s%wx(k)
       ty = factor*py - length*s%wy(k)
@@ -240,7 +247,7 @@ contains
       cap = c%friction*s%elastic(k)
       t2 = tx*tx + ty*ty + tz*tz
       length = sqrt(t2)
-      s%slip(k) = c%spring*cap*max(length - cap, 0.0_wp)/max(s%kt(k), tiny_force)
+      s%slip(k) = c%spring*cap*max(length - cap, 0.0_wp)*s%soft(k)
       factor = c%spring*s%on(k)*min(1.0_wp, cap/max(length, tiny_force))
       s%tx(k) = factor*tx
       s%ty(k) = factor*ty
@@ -251,17 +258,16 @@ contains
 
   !> Tangential damping, shortened so that its sum with the spring stays below the cap; d becomes
   !! the whole damping force.
-  pure subroutine damp_tangent(b, c, m_star, s)
+  pure subroutine damp_tangent(b, c, s)
     type(dem_block_type), intent(in) :: b
     type(contact_constants_type), intent(in) :: c
-    real(wp), intent(in) :: m_star(lanes)
     type(scratch_type), intent(inout) :: s
     real(wp) :: length, dx, dy, dz, d2, td, cap, factor, normal
     integer(i4) :: k
 
     !$omp simd private(length, dx, dy, dz, d2, td, cap, factor, normal)
     do k = 1, lanes
-      length = -c%tangential_damping*sqrt(m_star(k)*s%kt(k))
+      length = -c%tangential_damping*s%dash(k)
       dx = length*s%wx(k)
       dy = length*s%wy(k)
       dz = length*s%wz(k)
@@ -297,8 +303,8 @@ contains
                + s%dx(k)*s%sx(k) + s%dy(k)*s%sy(k) + s%dz(k)*s%sz(k)
       work_t = history(k, 1)*s%ox(k) + history(k, 2)*s%oy(k) + history(k, 3)*s%oz(k) &
                + s%tx(k)*s%sx(k) + s%ty(k)*s%sy(k) + s%tz(k)*s%sz(k)
-      stored = 0.5_wp*s%t2(k)/max(s%kt(k), tiny_force)
-      last = 0.5_wp*s%was(k)/s%kt_last(k)
+      stored = 0.5_wp*s%t2(k)*s%soft(k)
+      last = 0.5_wp*s%was(k)*s%soft_last(k)
       damping = damping - half*weight(k)*work_d
       friction = friction + weight(k)*s%slip(k)
       relaxation = relaxation - weight(k)*(half*work_t + stored - last + s%slip(k))
@@ -325,7 +331,7 @@ contains
       history(k, 7) = s%on(k)*s%px(k)
       history(k, 8) = s%on(k)*s%py(k)
       history(k, 9) = s%on(k)*s%pz(k)
-      history(k, history_overlap) = s%overlap(k)
+      history(k, history_side) = s%side(k)
       history(k, history_root) = s%root(k)
     end do
   end subroutine keep_history
@@ -343,9 +349,9 @@ contains
       fx = weight(k)*(s%elastic(k)*b%nx(k) + s%tx(k) + s%dx(k))
       fy = weight(k)*(s%elastic(k)*b%ny(k) + s%ty(k) + s%dy(k))
       fz = weight(k)*(s%elastic(k)*b%nz(k) + s%tz(k) + s%dz(k))
-      px = s%px(k) + b%a%x(k)
-      py = s%py(k) + b%a%y(k)
-      pz = s%pz(k) + b%a%z(k)
+      px = s%px(k) + b%a%x(k, 1)
+      py = s%py(k) + b%a%x(k, 2)
+      pz = s%pz(k) + b%a%x(k, 3)
       b%load%fx(k) = fx
       b%load%fy(k) = fy
       b%load%fz(k) = fz

@@ -1,7 +1,7 @@
 !> Contact forces of all blocks, and their sums per grain in the order of partner ids.
 module dem_forces
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_pairs_type, dem_law_type, lanes, history_overlap, result_size
+  use dem_state, only: dem_pairs_type, dem_law_type, lanes, history_side, result_size
   use dem_block, only: dem_block_type
   use dem_lanes, only: gather_side, put_loads, sum_results
   use dem_gap, only: branch_vectors, evaluate_pairs, evaluate_spheres, evaluate_planes, &
@@ -22,14 +22,16 @@ contains
     real(wp), intent(in) :: h           !! time since the last evaluation [s]
     real(wp), intent(in) :: travel      !! no surface has moved further since the list was made [m]
     type(dem_block_type) :: block
+    integer(i4) :: next
     logical :: contact
 
     if (2.0_wp*travel < pairs%least_gap(k) .and. .not. pairs%touched(k)) then
       pairs%columns(:, k) = 0.0_wp
       return
     end if
-    call gather_side(pairs%body, pairs%first(:, k), block%a)
-    call gather_side(pairs%body, pairs%second(:, k), block%b)
+    next = min(k + 1, pairs%blocks)
+    call gather_side(pairs%body, pairs%first(:, k), pairs%first(:, next), block%a)
+    call gather_side(pairs%body, pairs%second(:, k), pairs%second(:, next), block%b)
     call branch_vectors(block)
     if (pairs%round(k)) then
       call evaluate_spheres(block)
@@ -85,10 +87,10 @@ contains
 
     if (.not. any(block%gap <= 0.0_wp)) return
     call refine_normals(block)
-    if (any(block%gap <= 0.0_wp .and. pairs%history(:, history_overlap, k) <= 0.0_wp)) then
+    if (any(block%gap <= 0.0_wp .and. pairs%history(:, history_side, k) <= 0.0_wp)) then
       fresh = .false.
       do lane = 1, lanes
-        if (block%gap(lane) > 0.0_wp .or. pairs%history(lane, history_overlap, k) > 0.0_wp) cycle
+        if (block%gap(lane) > 0.0_wp .or. pairs%history(lane, history_side, k) > 0.0_wp) cycle
         call solve_lane(block, lane, .true.)
         fresh = .true.
       end do

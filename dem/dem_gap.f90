@@ -10,8 +10,8 @@ module dem_gap
   use dem_shape, only: matrix_times
   implicit none
   private
-  public :: branch_vectors, evaluate_pairs, evaluate_spheres, evaluate_planes, refine_normals, add_curvatures, solve_gap, &
-    solve_lane
+  public :: branch_vectors, evaluate_pairs, evaluate_spheres, evaluate_planes, &
+    refine_normals, add_curvatures, solve_gap, solve_lane
   public :: settled_residual
 
   !> |d_t|^2/(h_A + h_B)^2 below which a normal counts as converged: 1e-8 radian or so.
@@ -26,9 +26,9 @@ contains
     integer(i4) :: k
     !$omp simd
     do k = 1, lanes
-      b%rx(k) = b%b%x(k) - b%a%x(k)
-      b%ry(k) = b%b%y(k) - b%a%y(k)
-      b%rz(k) = b%b%z(k) - b%a%z(k)
+      b%rx(k) = b%b%x(k, 1) - b%a%x(k, 1)
+      b%ry(k) = b%b%x(k, 2) - b%a%x(k, 2)
+      b%rz(k) = b%b%x(k, 3) - b%a%x(k, 3)
     end do
   end subroutine branch_vectors
 
@@ -287,14 +287,16 @@ contains
 
     !$omp simd
     do k = 1, lanes
-      b%curvature(k) = 0.5_wp*(b%b%s(k, 1) + b%b%s(k, 2) + b%b%s(k, 3) - b%bx(k)**2 - b%by(k)**2 - b%bz(k)**2) &
+      b%curvature(k) = 0.5_wp*(b%b%s(k, 1) + b%b%s(k, 2) + b%b%s(k, 3) &
+                              - b%bx(k)**2 - b%by(k)**2 - b%bz(k)**2) &
                        *(b%hb(k)*b%hb(k)*b%hb(k))/b%b%volume(k)
     end do
     if (.not. with_first) return
     !$omp simd
     do k = 1, lanes
-      b%curvature(k) = b%curvature(k) + 0.5_wp*(b%a%s(k, 1) + b%a%s(k, 2) + b%a%s(k, 3) - b%ax(k)**2 - b%ay(k)**2 &
-                       - b%az(k)**2)*(b%ha(k)*b%ha(k)*b%ha(k))/b%a%volume(k)
+      b%curvature(k) = b%curvature(k) + 0.5_wp*(b%a%s(k, 1) + b%a%s(k, 2) + b%a%s(k, 3) &
+                       - b%ax(k)**2 - b%ay(k)**2 - b%az(k)**2) &
+                       *(b%ha(k)*b%ha(k)*b%ha(k))/b%a%volume(k)
     end do
   end subroutine add_curvatures
 end module dem_gap

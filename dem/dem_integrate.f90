@@ -1,4 +1,4 @@
-!> Motion of grains, a block of lanes at a time: half kicks and drifts of free grains, and the work done.
+!> Motion of grains, a block of lanes at a time: half kicks and drifts of free grains, and the work.
 !!
 !! A step is an explicit half kick, a drift, forces, an implicit half kick; together
 !! v+ = [(2 - a dt) v- + 2 F dt/(s m)]/(2 + a dt), x+ = x + v+ dt, and v is known at the times of x.
@@ -14,7 +14,8 @@ module dem_integrate
   use dem_orientation, only: rotations, shapes
   implicit none
   private
-  public :: motion_type, mover_type, load_mover, kick_mover, drift_mover, store_mover
+  public :: motion_type, mover_type, push_type, load_mover, store_mover, load_forces, store_forces
+  public :: ready_push, kick_mover, drift_mover
   public :: put_bodies, travel_of_mover, scaled_spin_momentum, work_count
 
   integer(i4), parameter :: work_count = 4  !! gravity, external, background damping, boundary
@@ -48,11 +49,17 @@ module dem_integrate
     real(wp) :: free(lanes)              !! 1 for free grains, else 0
     type(dem_side_type) :: s             !! centres, velocities, spins, shape matrices
     real(wp) :: q(lanes, 4), theta(lanes, 3)
-    real(wp) :: f(lanes, 3), m(lanes, 3), ef(lanes, 3), em(lanes, 3)
     real(wp) :: mass(lanes), inertia(lanes, 3), square(lanes, 3)
     real(wp) :: x0(lanes, 3), q0(lanes, 4), reach(lanes)  !! where the list was made
-    real(wp) :: r(lanes, 9)              !! rotation, body to space, by columns
   end type mover_type
+
+  !> What is needed of a mover for the length of a half step: it stays in the cache.
+  type :: push_type
+    real(wp) :: f(lanes, 3), m(lanes, 3)    !! contact force and moment of the free lanes
+    real(wp) :: ef(lanes, 3), em(lanes, 3)  !! extra force and moment
+    real(wp) :: r(lanes, 9)                 !! rotation, body to space, by columns
+    real(wp) :: light(lanes), agile(lanes, 3)  !! 1/mass [1/kg], 1/inertia [1/(kg m^2)]
+  end type push_type
 
 contains
 
@@ -62,6 +69,7 @@ contains
     type(dem_pairs_type), intent(in) :: pairs  !! bodies and reference positions
     integer(i4), intent(in) :: low, count
     type(mover_type), intent(inout) :: b
+    real(wp) :: r(lanes, 9)
     integer(i4) :: k, i, c
 
     b%low = low
@@ -76,9 +84,9 @@ contains
         b%q(k, c) = g%quat(c, i)
         b%q0(k, c) = pairs%reference_q(c, i)
       end do
-      b%s%x(k) = g%x(1, i)
-      b%s%y(k) = g%x(2, i)
-      b%s%z(k) = g%x(3, i)
+      b%s%x(k, 1) = g%x(1, i)
+      b%s%x(k, 2) = g%x(2, i)
+      b%s%x(k, 3) = g%x(3, i)
       do c = 1, 3
         b%x0(k, c) = pairs%reference_x(c, i)
         b%theta(k, c) = g%theta(c, i)
@@ -89,9 +97,10 @@ contains
     end do
     b%free_count = nint(sum(b%free))
     b%round = all(.not. b%reach > 0.0_wp)
-    b%pushed = any(abs(b%ef) > 0.0_wp) .or. any(abs(b%em) > 0.0_wp)
-    call rotations(b%q, b%r)
-    call shapes(b%square, b%r, b%round, b%s%s)
+    b%pushed = any(abs(g%extra_force(:, low + 1:low + count)) > 0.0_wp) &
+               .or. any(abs(g%extra_moment(:, low + 1:low + count)) > 0.0_wp)
+    call rotations(b%q, r)
+    call shapes(b%square, r, b%round, b%s%s)
   end subroutine load_mover
 
   !> What only a free grain has.
@@ -106,19 +115,63 @@ contains
     b%s%wx(k) = g%omega(1, i)
     b%s%wy(k) = g%omega(2, i)
     b%s%wz(k) = g%omega(3, i)
-    b%f(k, :) = g%force(:, i)
-    b%m(k, :) = g%moment(:, i)
-    b%ef(k, :) = g%extra_force(:, i)
-    b%em(k, :) = g%extra_moment(:, i)
   end subroutine load_motion
+
+  !> Contact forces and moments of the free grains as they stand with the grains.
+  pure subroutine load_forces(b, g, push)
+    type(mover_type), intent(in) :: b
+    type(dem_grains_type), intent(in) :: g
+    type(push_type), intent(inout) :: push
+    integer(i4) :: k
+    push%f = 0.0_wp
+    push%m = 0.0_wp
+    do k = 1, b%count
+      if (b%free(k) < 0.5_wp) cycle
+      push%f(k, :) = g%force(:, b%low + k)
+      push%m(k, :) = g%moment(:, b%low + k)
+    end do
+  end subroutine load_forces
+
+  !> The same back.
+  pure subroutine store_forces(b, push, g)
+    type(mover_type), intent(in) :: b
+    type(push_type), intent(in) :: push
+    type(dem_grains_type), intent(inout) :: g
+    integer(i4) :: k
+    do k = 1, b%count
+      if (b%free(k) < 0.5_wp) cycle
+      g%force(:, b%low + k) = push%f(k, :)
+      g%moment(:, b%low + k) = push%m(k, :)
+    end do
+  end subroutine store_forces
+
+  !> Extra forces, and rotations for the current orientations: what a kick and a drift need.
+  pure subroutine ready_push(b, g, push)
+    type(mover_type), intent(in) :: b
+    type(dem_grains_type), intent(in) :: g
+    type(push_type), intent(inout) :: push
+    integer(i4) :: k
+    push%ef = 0.0_wp
+    push%em = 0.0_wp
+    push%light = 1.0_wp/b%mass
+    push%agile(:, 1) = 1.0_wp/b%inertia(:, 1)
+    if (.not. b%round) then
+      push%agile(:, 2:) = 1.0_wp/b%inertia(:, 2:)
+      call rotations(b%q, push%r)
+    end if
+    if (.not. b%pushed) return
+    do k = 1, b%count
+      if (b%free(k) < 0.5_wp) cycle
+      push%ef(k, :) = g%extra_force(:, b%low + k)
+      push%em(k, :) = g%extra_moment(:, b%low + k)
+    end do
+  end subroutine ready_push
 
   !> All lanes as spheres at rest in the origin.
   pure subroutine idle(b)
     type(mover_type), intent(inout) :: b
     b%free = 0.0_wp
     b%s%x = 0.0_wp
-    b%s%y = 0.0_wp
-    b%s%z = 0.0_wp
     b%s%vx = 0.0_wp
     b%s%vy = 0.0_wp
     b%s%vz = 0.0_wp
@@ -131,10 +184,6 @@ contains
     b%q0 = b%q
     b%x0 = 0.0_wp
     b%theta = 0.0_wp
-    b%f = 0.0_wp
-    b%m = 0.0_wp
-    b%ef = 0.0_wp
-    b%em = 0.0_wp
     b%mass = 1.0_wp
     b%inertia = 1.0_wp
     b%square = 1.0_wp
@@ -142,13 +191,13 @@ contains
   end subroutine idle
 
   !> Half kick of all lanes with the forces in hand: explicit before a drift, implicit after one.
-  pure subroutine kick_mover(b, step, explicit, work)
+  pure subroutine kick_mover(b, push, step, explicit, work)
     type(mover_type), intent(inout) :: b
+    type(push_type), intent(in) :: push
     type(motion_type), intent(in) :: step
     logical, intent(in) :: explicit
     real(wp), intent(inout) :: work(work_count)
     type(kick_type) :: kick
-    real(wp) :: extra(lanes, 3), turning(lanes, 3)
 
     kick%half = 0.5_wp*step%dt
     kick%damping = step%damping
@@ -160,39 +209,37 @@ contains
     end if
     kick%scale = step%mass_scale
     kick%pull = step%gravity(1)
-    if (b%pushed) then
-      extra = b%ef
-      turning = b%em
-    else
-      extra = 0.0_wp
-      turning = 0.0_wp
-    end if
-    call kick_lanes(kick, b%mass, b%free, b%f(:, 1), extra(:, 1), b%s%vx, work)
+    call kick_lanes(kick, b%mass, push%light, b%free, push%f(:, 1), push%ef(:, 1), b%s%vx, work)
     kick%pull = step%gravity(2)
-    call kick_lanes(kick, b%mass, b%free, b%f(:, 2), extra(:, 2), b%s%vy, work)
+    call kick_lanes(kick, b%mass, push%light, b%free, push%f(:, 2), push%ef(:, 2), b%s%vy, work)
     kick%pull = step%gravity(3)
-    call kick_lanes(kick, b%mass, b%free, b%f(:, 3), extra(:, 3), b%s%vz, work)
+    call kick_lanes(kick, b%mass, push%light, b%free, push%f(:, 3), push%ef(:, 3), b%s%vz, work)
     kick%scale = step%inertia_scale
     kick%pull = 0.0_wp
     if (.not. b%round) then
-      call kick_spins(b, kick, turning, work)
+      call kick_spins(b, push, kick, work)
     else
-      call kick_lanes(kick, b%inertia(:, 1), b%free, b%m(:, 1), turning(:, 1), b%s%wx, work)
-      call kick_lanes(kick, b%inertia(:, 1), b%free, b%m(:, 2), turning(:, 2), b%s%wy, work)
-      call kick_lanes(kick, b%inertia(:, 1), b%free, b%m(:, 3), turning(:, 3), b%s%wz, work)
+      call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 1), &
+                      push%em(:, 1), b%s%wx, work)
+      call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 2), &
+                      push%em(:, 2), b%s%wy, work)
+      call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 3), &
+                      push%em(:, 3), b%s%wz, work)
     end if
   end subroutine kick_mover
 
   !> One component of the velocities, or of the spins of spheres.
-  pure subroutine kick_lanes(kick, mass, free, load, extra, v, work)
+  pure subroutine kick_lanes(kick, mass, light, free, load, extra, v, work)
     type(kick_type), intent(in) :: kick
-    real(wp), intent(in) :: mass(lanes), free(lanes)   !! mass or moment of inertia, not scaled
+    real(wp), intent(in) :: mass(lanes), light(lanes)  !! mass or inertia, not scaled; inverse
+    real(wp), intent(in) :: free(lanes)
     real(wp), intent(in) :: load(lanes), extra(lanes)  !! force or moment
     real(wp), intent(inout) :: v(lanes)
     real(wp), intent(inout) :: work(work_count)
-    real(wp) :: old, new, between, now, push, scaled, gravity, external, damping
+    real(wp) :: old, new, between, now, push, scaled, gravity, external, damping, rate
     integer(i4) :: k
 
+    rate = kick%half/kick%scale
     gravity = 0.0_wp
     external = 0.0_wp
     damping = 0.0_wp
@@ -202,7 +249,7 @@ contains
       scaled = kick%scale*mass(k)
       push = mass(k)*kick%pull
       old = v(k)
-      new = free(k)*(old*kick%keep + kick%half/scaled*(load(k) + push + extra(k)))*kick%kicked
+      new = free(k)*(old*kick%keep + rate*light(k)*(load(k) + push + extra(k)))*kick%kicked
       between = kick%mix*new + (1.0_wp - kick%mix)*old
       now = kick%mix*old + (1.0_wp - kick%mix)*new
       gravity = gravity + push*between
@@ -216,15 +263,16 @@ contains
   end subroutine kick_lanes
 
   !> Spins of kick_mover, in the body frame.
-  pure subroutine kick_spins(b, kick, turning, work)
+  pure subroutine kick_spins(b, push, kick, work)
     type(mover_type), intent(inout) :: b
+    type(push_type), intent(in) :: push
     type(kick_type), intent(in) :: kick
-    real(wp), intent(in) :: turning(lanes, 3)  !! extra moments [N m]
     real(wp), intent(inout) :: work(work_count)
-    real(wp) :: inertia, old, new, between, now, moment, extra, external, damping
+    real(wp) :: inertia, old, new, between, now, moment, extra, external, damping, rate
     real(wp) :: sx, sy, sz, rx, ry, rz
     integer(i4) :: k, c
 
+    rate = kick%half/kick%scale
     external = 0.0_wp
     damping = 0.0_wp
     !$omp simd private(inertia, old, new, between, now, moment, extra, sx, sy, sz, rx, ry, rz, c) &
@@ -234,14 +282,14 @@ contains
       sy = 0.0_wp
       sz = 0.0_wp
       do c = 1, 3
-        rx = b%r(k, 3*c - 2)
-        ry = b%r(k, 3*c - 1)
-        rz = b%r(k, 3*c)
+        rx = push%r(k, 3*c - 2)
+        ry = push%r(k, 3*c - 1)
+        rz = push%r(k, 3*c)
         inertia = kick%scale*b%inertia(k, c)
         old = rx*b%s%wx(k) + ry*b%s%wy(k) + rz*b%s%wz(k)
-        moment = rx*b%m(k, 1) + ry*b%m(k, 2) + rz*b%m(k, 3)
-        extra = rx*turning(k, 1) + ry*turning(k, 2) + rz*turning(k, 3)
-        new = (old*kick%keep + kick%half*(moment + extra)/inertia)*kick%kicked
+        moment = rx*push%m(k, 1) + ry*push%m(k, 2) + rz*push%m(k, 3)
+        extra = rx*push%em(k, 1) + ry*push%em(k, 2) + rz*push%em(k, 3)
+        new = b%free(k)*(old*kick%keep + rate*push%agile(k, c)*(moment + extra))*kick%kicked
         between = kick%mix*new + (1.0_wp - kick%mix)*old
         now = kick%mix*old + (1.0_wp - kick%mix)*new
         external = external + extra*between
@@ -259,24 +307,25 @@ contains
   end subroutine kick_spins
 
   !> Drift of all lanes by dt: centres, orientations, spins, accumulated rotations, shapes.
-  pure subroutine drift_mover(b, dt)
+  pure subroutine drift_mover(b, push, dt)
     type(mover_type), intent(inout) :: b
+    type(push_type), intent(inout) :: push
     real(wp), intent(in) :: dt
     integer(i4) :: k
 
     !$omp simd
     do k = 1, lanes
-      b%s%x(k) = b%s%x(k) + dt*b%s%vx(k)
-      b%s%y(k) = b%s%y(k) + dt*b%s%vy(k)
-      b%s%z(k) = b%s%z(k) + dt*b%s%vz(k)
+      b%s%x(k, 1) = b%s%x(k, 1) + dt*b%s%vx(k)
+      b%s%x(k, 2) = b%s%x(k, 2) + dt*b%s%vy(k)
+      b%s%x(k, 3) = b%s%x(k, 3) + dt*b%s%vz(k)
     end do
     if (b%round) then
       call turn_round(b, dt)
     else
-      call turn_bodies(b, dt)
-      call rotations(b%q, b%r)
-      call spins_to_space(b)
-      call shapes(b%square, b%r, .false., b%s%s)
+      call turn_bodies(b, push, dt)
+      call rotations(b%q, push%r)
+      call spins_to_space(b, push%r)
+      call shapes(b%square, push%r, .false., b%s%s)
     end if
     !$omp simd
     do k = 1, lanes
@@ -315,8 +364,9 @@ contains
   end subroutine turn_round
 
   !> Free rotation of all lanes by dt; spins are left in the body frame.
-  pure subroutine turn_bodies(b, dt)
+  pure subroutine turn_bodies(b, push, dt)
     type(mover_type), intent(inout) :: b
+    type(push_type), intent(in) :: push
     real(wp), intent(in) :: dt
     real(wp) :: l1, l2, l3, q1, q2, q3, q4, i1, i2, i3, scale
     integer(i4) :: k
@@ -326,12 +376,12 @@ contains
       q1 = b%s%wx(k)
       q2 = b%s%wy(k)
       q3 = b%s%wz(k)
-      l1 = b%inertia(k, 1)*(b%r(k, 1)*q1 + b%r(k, 2)*q2 + b%r(k, 3)*q3)
-      l2 = b%inertia(k, 2)*(b%r(k, 4)*q1 + b%r(k, 5)*q2 + b%r(k, 6)*q3)
-      l3 = b%inertia(k, 3)*(b%r(k, 7)*q1 + b%r(k, 8)*q2 + b%r(k, 9)*q3)
-      i1 = dt/b%inertia(k, 1)
-      i2 = dt/b%inertia(k, 2)
-      i3 = dt/b%inertia(k, 3)
+      l1 = b%inertia(k, 1)*(push%r(k, 1)*q1 + push%r(k, 2)*q2 + push%r(k, 3)*q3)
+      l2 = b%inertia(k, 2)*(push%r(k, 4)*q1 + push%r(k, 5)*q2 + push%r(k, 6)*q3)
+      l3 = b%inertia(k, 3)*(push%r(k, 7)*q1 + push%r(k, 8)*q2 + push%r(k, 9)*q3)
+      i1 = dt*push%agile(k, 1)
+      i2 = dt*push%agile(k, 2)
+      i3 = dt*push%agile(k, 3)
       q1 = b%q(k, 1)
       q2 = b%q(k, 2)
       q3 = b%q(k, 3)
@@ -346,9 +396,9 @@ contains
       b%q(k, 2) = merge(scale*q2, b%q(k, 2), b%free(k) > 0.5_wp)
       b%q(k, 3) = merge(scale*q3, b%q(k, 3), b%free(k) > 0.5_wp)
       b%q(k, 4) = merge(scale*q4, b%q(k, 4), b%free(k) > 0.5_wp)
-      b%s%wx(k) = l1/b%inertia(k, 1)
-      b%s%wy(k) = l2/b%inertia(k, 2)
-      b%s%wz(k) = l3/b%inertia(k, 3)
+      b%s%wx(k) = l1*push%agile(k, 1)
+      b%s%wy(k) = l2*push%agile(k, 2)
+      b%s%wz(k) = l3*push%agile(k, 3)
     end do
   end subroutine turn_bodies
 
@@ -374,8 +424,9 @@ contains
   end subroutine turn
 
   !> Spins from the body frame to space.
-  pure subroutine spins_to_space(b)
+  pure subroutine spins_to_space(b, r)
     type(mover_type), intent(inout) :: b
+    real(wp), intent(in) :: r(lanes, 9)
     real(wp) :: s1, s2, s3
     integer(i4) :: k
     !$omp simd private(s1, s2, s3)
@@ -383,9 +434,9 @@ contains
       s1 = b%s%wx(k)
       s2 = b%s%wy(k)
       s3 = b%s%wz(k)
-      b%s%wx(k) = b%r(k, 1)*s1 + b%r(k, 4)*s2 + b%r(k, 7)*s3
-      b%s%wy(k) = b%r(k, 2)*s1 + b%r(k, 5)*s2 + b%r(k, 8)*s3
-      b%s%wz(k) = b%r(k, 3)*s1 + b%r(k, 6)*s2 + b%r(k, 9)*s3
+      b%s%wx(k) = r(k, 1)*s1 + r(k, 4)*s2 + r(k, 7)*s3
+      b%s%wy(k) = r(k, 2)*s1 + r(k, 5)*s2 + r(k, 8)*s3
+      b%s%wz(k) = r(k, 3)*s1 + r(k, 6)*s2 + r(k, 9)*s3
     end do
   end subroutine spins_to_space
 
@@ -398,7 +449,8 @@ contains
 
     !$omp simd private(square, cosine, sine)
     do k = 1, lanes
-      square = (b%s%x(k) - b%x0(k, 1))**2 + (b%s%y(k) - b%x0(k, 2))**2 + (b%s%z(k) - b%x0(k, 3))**2
+      square = (b%s%x(k, 1) - b%x0(k, 1))**2 + (b%s%x(k, 2) - b%x0(k, 2))**2 &
+               + (b%s%x(k, 3) - b%x0(k, 3))**2
       cosine = b%q(k, 1)*b%q0(k, 1) + b%q(k, 2)*b%q0(k, 2) + b%q(k, 3)*b%q0(k, 3) &
                + b%q(k, 4)*b%q0(k, 4)
       sine = sqrt(max(1.0_wp - cosine*cosine, 0.0_wp))
@@ -418,13 +470,11 @@ contains
     do k = 1, b%count
       if (b%free(k) < 0.5_wp) cycle
       i = b%low + k
-      g%x(:, i) = [b%s%x(k), b%s%y(k), b%s%z(k)]
+      g%x(:, i) = [b%s%x(k, 1), b%s%x(k, 2), b%s%x(k, 3)]
       g%v(:, i) = [b%s%vx(k), b%s%vy(k), b%s%vz(k)]
       g%omega(:, i) = [b%s%wx(k), b%s%wy(k), b%s%wz(k)]
       g%theta(:, i) = b%theta(k, :)
       g%quat(:, i) = b%q(k, :)
-      g%force(:, i) = b%f(k, :)
-      g%moment(:, i) = b%m(k, :)
     end do
   end subroutine store_mover
 

@@ -9,7 +9,7 @@
 #include <stdint.h>
 #include <string.h>
 
-enum { LANES = 32, WIDTH = 8, BODY = 16, RESULT = 8, LOADS = 6 };
+enum { LANES = 32, WIDTH = 8, BODY = 16, RESULT = 8, LOADS = 6, AHEAD = 24 };
 
 typedef double row_type __attribute__((vector_size(WIDTH * sizeof(double))));
 typedef int64_t pick_type __attribute__((vector_size(WIDTH * sizeof(int64_t))));
@@ -50,9 +50,15 @@ static inline void turn(row_type m[WIDTH])
     }
 }
 
-/* The records of LANES bodies into lanes: side[BODY][LANES]. */
-void dem_gather_side(const double *body, const int32_t index[LANES], double *side)
+/* The records of LANES bodies into lanes, side[BODY][LANES]; those of `next` are called for. */
+void dem_gather_side(const double *body, const int32_t index[LANES], const int32_t next[LANES],
+                     double *side)
 {
+    for (int k = 0; k < LANES; k++) {
+        const double *ahead = body + (int64_t)(next[k] - 1) * BODY;
+        __builtin_prefetch(ahead);
+        __builtin_prefetch(ahead + WIDTH);
+    }
     for (int k = 0; k < LANES; k += WIDTH) {
         for (int half = 0; half < BODY; half += WIDTH) {
             row_type m[WIDTH];
@@ -102,15 +108,47 @@ void dem_put_bodies(const double *side, int32_t count, double *body)
 /*
  * What acts on a body: the sum of the results of its pairs in the order of its entries first .. last
  * (from 1, last < first: none). An entry is 2 (slot - 1) + side; side 1 gets the load, side 0 its
- * opposite. total[RESULT].
+ * opposite. The list of entries goes on for AHEAD entries that name slots, so that results can be
+ * called for early.
  */
-void dem_sum_results(const double *result, const int32_t *entry, int32_t first, int32_t last,
-                     double *total)
+static inline row_type sum_of(const double *result, const int32_t *entry, int64_t first, int64_t last)
 {
     row_type sum = {0};
     for (int64_t e = first - 1; e < last; e++) {
+        __builtin_prefetch(result + (int64_t)(entry[e + AHEAD] >> 1) * RESULT);
         const row_type row = load(result + (int64_t)(entry[e] >> 1) * RESULT);
         sum += (entry[e] & 1) ? row : -row;
     }
-    store(total, sum);
+    return sum;
+}
+
+/* The sum of one body, moment about the origin: total[RESULT]. */
+void dem_sum_results(const double *result, const int32_t *entry, int32_t first, int32_t last,
+                     double *total)
+{
+    store(total, sum_of(result, entry, first, last));
+}
+
+/*
+ * Forces and moments about their centres x[3][LANES] of `count` bodies that follow each other, the
+ * first of them with the entries start[0] .. start[1] - 1: force[3][LANES], moment[3][LANES].
+ */
+void dem_sum_lanes(const double *result, const int32_t *entry, const int32_t *start, int32_t count,
+                   const double *x, double *force, double *moment)
+{
+    for (int k = 0; k < LANES; k += WIDTH) {
+        row_type m[WIDTH];
+        for (int i = 0; i < WIDTH; i++) {
+            m[i] = (row_type){0};
+            if (k + i < count) m[i] = sum_of(result, entry, start[k + i], start[k + i + 1] - 1);
+        }
+        turn(m);
+        const row_type px = load(x + k), py = load(x + LANES + k), pz = load(x + 2 * LANES + k);
+        store(force + k, m[0]);
+        store(force + LANES + k, m[1]);
+        store(force + 2 * LANES + k, m[2]);
+        store(moment + k, m[3] - (py * m[2] - pz * m[1]));
+        store(moment + LANES + k, m[4] - (pz * m[0] - px * m[2]));
+        store(moment + 2 * LANES + k, m[5] - (px * m[1] - py * m[0]));
+    }
 }

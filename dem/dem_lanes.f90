@@ -5,14 +5,14 @@ module dem_lanes
   use dem_block, only: dem_side_type, dem_load_type
   implicit none
   private
-  public :: gather_side, put_loads, put_side, sum_results
+  public :: gather_side, put_loads, put_side, sum_results, sum_lanes
 
   interface
-    !> Records body(:, index) into the lanes of a side.
-    pure subroutine gather_side(body, index, side) bind(c, name='dem_gather_side')
+    !> Records body(:, index) into the lanes of a side; body(:, next) will be wanted soon.
+    pure subroutine gather_side(body, index, next, side) bind(c, name='dem_gather_side')
       import :: c_double, c_int32_t, dem_side_type, lanes, body_size
       real(c_double), intent(in) :: body(body_size, *)
-      integer(c_int32_t), intent(in) :: index(lanes)
+      integer(c_int32_t), intent(in) :: index(lanes), next(lanes)
       type(dem_side_type), intent(inout) :: side
     end subroutine gather_side
 
@@ -39,5 +39,16 @@ module dem_lanes
       integer(c_int32_t), value, intent(in) :: first, last
       real(c_double), intent(out) :: total(result_size)
     end subroutine sum_results
+
+    !> Forces and moments about their centres of `count` bodies that follow each other.
+    pure subroutine sum_lanes(result, entry, start, count, x, force, moment) &
+      bind(c, name='dem_sum_lanes')
+      import :: c_double, c_int32_t, result_size, lanes
+      real(c_double), intent(in) :: result(result_size, *)
+      integer(c_int32_t), intent(in) :: entry(*), start(*)
+      integer(c_int32_t), value, intent(in) :: count
+      real(c_double), intent(in) :: x(lanes, 3)                              !! centres [m]
+      real(c_double), intent(inout) :: force(lanes, 3), moment(lanes, 3)  !! [N], [N m]
+    end subroutine sum_lanes
   end interface
 end module dem_lanes

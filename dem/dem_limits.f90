@@ -5,7 +5,7 @@
 module dem_limits
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_data_type, kind_free, law_linear, lanes, mode_relaxation, &
-    history_point, history_overlap
+    history_point, history_side
   use dem_contact, only: contact_constants_type, constants_of, contact_radius
   implicit none
   private
@@ -28,7 +28,7 @@ contains
       if (.not. d%pairs%touched(k)) cycle
       c = constants_of(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)))
       do lane = 1, lanes
-        if (.not. d%pairs%history(lane, history_overlap, k) > 0.0_wp) cycle
+        if (.not. d%pairs%history(lane, history_side, k) > 0.0_wp) cycle
         radius = contact_radius(d%pairs%history(lane, :, k))
         weight = d%pairs%weight(lane, min(k, size(d%pairs%weight, 2)))
         kn = weight*(c%kn_a*radius + c%kn)

@@ -3,7 +3,7 @@ module dem_measure
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use talus_text, only: str
-  use dem_state, only: dem_data_type, kind_free, lanes, history_overlap
+  use dem_state, only: dem_data_type, kind_free, lanes, history_side
   use dem_integrate, only: motion_type, scaled_spin_momentum
   use dem_shape, only: rotation_of
   use dem_steps, only: motion_of
@@ -61,7 +61,7 @@ contains
     do k = 1, d%pairs%blocks
       if (.not. d%pairs%touched(k)) cycle
       do lane = 1, lanes
-        if (.not. d%pairs%history(lane, history_overlap, k) > 0.0_wp) cycle
+        if (.not. d%pairs%history(lane, history_side, k) > 0.0_wp) cycle
         i = d%pairs%first(lane, k)
         if (i <= d%grains%n) z(i) = z(i) + 1
         z(d%pairs%second(lane, k)) = z(d%pairs%second(lane, k)) + 1
@@ -76,7 +76,7 @@ contains
     contact_count = 0
     do k = 1, d%pairs%blocks
       if (.not. d%pairs%touched(k)) cycle
-      contact_count = contact_count + count(d%pairs%history(:, history_overlap, k) > 0.0_wp)
+      contact_count = contact_count + count(d%pairs%history(:, history_side, k) > 0.0_wp)
     end do
   end function contact_count
 
@@ -102,8 +102,8 @@ contains
     do k = 1, d%pairs%blocks
       if (.not. d%pairs%touched(k)) cycle
       do lane = 1, lanes
-        if (.not. d%pairs%history(lane, history_overlap, k) > 0.0_wp) cycle
-        this = d%pairs%history(lane, history_overlap, k) &
+        if (.not. d%pairs%history(lane, history_side, k) > 0.0_wp) cycle
+        this = d%pairs%history(lane, history_side, k)**2 &
                /least_axis(d, d%pairs%first(lane, k), d%pairs%second(lane, k))
         if (this <= ratio) cycle
         ratio = this
@@ -125,7 +125,7 @@ contains
     do k = 1, d%pairs%grain_blocks
       if (.not. d%pairs%touched(k)) cycle
       do lane = 1, lanes
-        if (.not. d%pairs%history(lane, history_overlap, k) > 0.0_wp) cycle
+        if (.not. d%pairs%history(lane, history_side, k) > 0.0_wp) cycle
         branch = d%pairs%body(1:3, d%pairs%second(lane, k)) &
                  - d%pairs%body(1:3, d%pairs%first(lane, k))
         force = d%pairs%result(1:3, (k - 1)*lanes + lane)

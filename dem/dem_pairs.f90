@@ -6,7 +6,8 @@
 module dem_pairs
   use talus_kinds, only: wp, i4, i8
   use dem_state, only: dem_grains_type, dem_planes_type, dem_pairs_type, dem_weights_type, &
-    kind_free, lanes, body_size, history_size, history_overlap, result_size, column_count
+    kind_free, lanes, body_size, history_size, history_side, result_size, column_count, &
+    entries_ahead
   use dem_cells, only: find_candidates
   use dem_gap, only: solve_gap
   use dem_prescribed, only: put_body
@@ -255,7 +256,7 @@ contains
   pure logical function in_contact(pairs, slot)
     type(dem_pairs_type), intent(in) :: pairs
     integer(i4), intent(in) :: slot
-    in_contact = pairs%history(1 + mod(slot - 1, lanes), history_overlap, &
+    in_contact = pairs%history(1 + mod(slot - 1, lanes), history_side, &
                                1 + (slot - 1)/lanes) > 0.0_wp
   end function in_contact
 
@@ -360,7 +361,7 @@ contains
         old_lane = 1 + mod(list%old(k) - 1, lanes)
         old_block = 1 + (list%old(k) - 1)/lanes
         history(lane, :, block) = pairs%history(old_lane, :, old_block)
-        if (history(lane, history_overlap, block) > 0.0_wp) pairs%touched(block) = .true.
+        if (history(lane, history_side, block) > 0.0_wp) pairs%touched(block) = .true.
       end if
     end do
     call move_alloc(normal, pairs%normal)
@@ -397,7 +398,7 @@ contains
 
     if (allocated(pairs%start)) deallocate (pairs%start, pairs%entry)
     allocate (pairs%start(bodies + 1), source=0)
-    allocate (pairs%entry(2*list%count))
+    allocate (pairs%entry(2*list%count + entries_ahead), source=0)
     do k = 1, list%count
       i = list%first(k)
       j = list%second(k)

@@ -10,7 +10,7 @@ module dem_state
   public :: mode_dynamic, mode_relaxation
   public :: law_hertz_mindlin, law_hertz_no_history, law_linear
   public :: lanes, body_size, history_size, result_size, column_count
-  public :: history_overlap, history_root, history_point
+  public :: entries_ahead, history_side, history_root, history_point
 
   integer(i4), parameter :: kind_free = 0    !! moved by the forces on it
   integer(i4), parameter :: kind_fixed = 1   !! never moves
@@ -29,8 +29,10 @@ module dem_state
   integer(i4), parameter :: result_size = 8    !! force, moment about the origin, two spare
   integer(i4), parameter :: column_count = 4   !! work of a block: see dem_contact
 
+  integer(i4), parameter :: entries_ahead = 24  !! spare entries that sums may look at
+
   integer(i4), parameter :: history_point = 7     !! contact point from the centre of A, 7-9
-  integer(i4), parameter :: history_overlap = 10  !! overlap, > 0 in contact
+  integer(i4), parameter :: history_side = 10     !! square root of the overlap, > 0 in contact
   integer(i4), parameter :: history_root = 11     !! square root of the effective radius
 
   !> Elastic constants and density of a material.

@@ -2,8 +2,8 @@
 !!
 !! A step is (1) half kick and drift of every grain, (2) forces of every block, (3) sums and second
 !! half kick; (3) and the next (1) go together, chunk by chunk, without a barrier between them.
-!! A thread owns a run of grains, whose motion stays in its movers as long as the region lasts, and a
-!! run of the blocks of each group: as grains and blocks both follow the ids, most bodies of its
+!! A thread owns a run of grains, whose motion stays in its movers as long as the region lasts, and
+!! a run of the blocks of each group: as grains and blocks both follow the ids, most bodies of its
 !! blocks are its own. Work is added to the ledger by one thread in a fixed order, so that the
 !! thread count changes no bit. The region is left when the list must be made anew.
 module dem_steps
@@ -14,8 +14,10 @@ module dem_steps
   use dem_state, only: dem_data_type, kind_free, kind_fixed, mode_relaxation, lanes
   use dem_pairs, only: build_pairs
   use dem_forces, only: block_forces, sum_body
-  use dem_integrate, only: motion_type, mover_type, load_mover, kick_mover, drift_mover, &
-    store_mover, put_bodies, travel_of_mover, work_count
+  use dem_lanes, only: sum_lanes
+  use dem_integrate, only: motion_type, mover_type, push_type, load_mover, store_mover, &
+    load_forces, store_forces, ready_push, kick_mover, drift_mover, put_bodies, travel_of_mover, &
+    work_count
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_shape, only: quaternion_from_rotation
   implicit none
@@ -36,6 +38,9 @@ module dem_steps
     real(wp), allocatable :: travel(:)            !! (chunks) since the list was made [m]
     integer(i4), allocatable :: load(:)           !! (chunks) work up to and with each chunk
   end type work_type
+
+  !> Memory that one call of take_steps leaves to the next; it carries no state.
+  type(work_type), save :: spare
 
 contains
 
@@ -60,26 +65,25 @@ contains
     integer(i4), intent(in) :: n
     type(error_list_type), intent(inout) :: errors
     type(motion_type) :: motion
-    type(work_type) :: work
     integer(i4) :: done
     logical :: rebuild, resumed
 
     motion = motion_of(d, d%par%dt)
-    call plan_work(d, work)
+    call plan_work(d, spare)
     done = 0
     resumed = .false.
     call set_turns(d)
     do while (done < n)
-      call run_region(d, motion, n, done, resumed, rebuild, work)
+      call run_region(d, motion, n, done, resumed, rebuild, spare)
       if (.not. rebuild) exit
       if (.not. all_finite(d)) then
         call name_lost_grain(d, errors)
         return
       end if
-      call rebuild_list(d, maxval(work%travel))
+      call rebuild_list(d, maxval(spare%travel))
       resumed = .true.
     end do
-    if (n > 0) call add_grain_work(d, work%finished)
+    if (n > 0) call add_grain_work(d, spare%finished)
     d%grains%has_target = .false.
     if (.not. all_finite(d)) call name_lost_grain(d, errors)
   end subroutine take_steps
@@ -91,8 +95,14 @@ contains
     integer(i4) :: chunks, c, low, high
 
     chunks = (d%grains%n + chunk - 1)/chunk + 1
-    allocate (work%movers(chunks - 1), work%load(chunks), work%travel(chunks))
-    allocate (work%started(work_count, chunks), work%finished(work_count, chunks))
+    if (allocated(work%load)) then
+      if (size(work%load) /= chunks) deallocate (work%movers, work%load, work%travel, &
+                                                 work%started, work%finished)
+    end if
+    if (.not. allocated(work%load)) then
+      allocate (work%movers(chunks - 1), work%load(chunks), work%travel(chunks))
+      allocate (work%started(work_count, chunks), work%finished(work_count, chunks))
+    end if
     do c = 1, chunks
       low = (c - 1)*chunk + 1
       high = min(c*chunk, d%grains%n)
@@ -136,10 +146,11 @@ contains
     logical :: begun, leave
     integer(i8) :: before
     real(wp) :: travel
+    type(push_type) :: push
 
     before = d%health%steps - done
     rebuild = .false.
-    !$omp parallel default(none) private(s, c, begun, leave, me, threads, low, high, travel) &
+    !$omp parallel default(none) private(s, c, begun, leave, me, threads, low, high, travel, push) &
     !$omp   shared(d, motion, n, done, resumed, rebuild, work, before)
     me = omp_get_thread_num()
     threads = omp_get_num_threads()
@@ -150,7 +161,7 @@ contains
     end do
     if (.not. resumed) then
       do c = low, high
-        call start_chunk(d, c, motion, done + 1 == n, work)
+        call start_chunk(d, c, motion, done + 1 == n, work, push, .true.)
       end do
     end if
     begun = resumed
@@ -174,8 +185,8 @@ contains
       call add_contact_work(d)
       !$omp end master
       do c = low, high
-        call finish_chunk(d, c, motion, work)
-        if (s < n) call start_chunk(d, c, motion, s + 1 == n, work)
+        call finish_chunk(d, c, motion, s == n, work, push)
+        if (s < n) call start_chunk(d, c, motion, s + 1 == n, work, push, .false.)
       end do
     end do
     do c = low, min(high, size(work%movers))
@@ -215,13 +226,16 @@ contains
     outlived = step - d%pairs%built_at > rest_steps .and. d%pairs%skin > d%pairs%least_skin
   end function outlived
 
-  !> Start of a step for the grains of chunk c; the last chunk is the planes'.
-  subroutine start_chunk(d, c, motion, last, work)
+  !> Start of a step for the grains of chunk c; the last chunk is the planes'. The push is that left
+  !! by finish_chunk, or it is fresh.
+  subroutine start_chunk(d, c, motion, last, work, push, fresh)
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: c
     type(motion_type), intent(in) :: motion
     logical, intent(in) :: last
     type(work_type), intent(inout) :: work
+    type(push_type), intent(inout) :: push
+    logical, intent(in) :: fresh
     real(wp) :: travel
     integer(i4) :: i
 
@@ -232,14 +246,19 @@ contains
     else
       associate (mover => work%movers(c))
         if (mover%free_count > 0) then
-          call kick_mover(mover, motion, .true., work%started(:, c))
-          call drift_mover(mover, motion%dt)
+          if (fresh) then
+            call load_forces(mover, d%grains, push)
+            call ready_push(mover, d%grains, push)
+          end if
+          call kick_mover(mover, push, motion, .true., work%started(:, c))
+          call drift_mover(mover, push, motion%dt)
           call put_bodies(mover, d%pairs%body)
           travel = travel_of_mover(mover)
         end if
         do i = mover%low + 1, mover%low + merge(0, mover%count, mover%free_count == mover%count)
           if (d%grains%kind(i) == kind_fixed .or. d%grains%kind(i) == kind_free) cycle
           call drift_prescribed(d%grains, i, motion%dt, last, d%pairs%body(:, i))
+          mover%s%x(i - mover%low, :) = d%grains%x(:, i)
           travel = larger(travel, travel_of(d, i))
         end do
       end associate
@@ -287,13 +306,14 @@ contains
   end function travel_of
 
   !> Sums and end of the step for the grains of chunk c; the last chunk is the planes'.
-  subroutine finish_chunk(d, c, motion, work)
+  subroutine finish_chunk(d, c, motion, last, work, push)
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: c
     type(motion_type), intent(in) :: motion
+    logical, intent(in) :: last  !! the forces are wanted with the grains
     type(work_type), intent(inout) :: work
-    real(wp) :: force(3), moment(3)
-    integer(i4) :: i, k
+    type(push_type), intent(inout) :: push
+    integer(i4) :: k
 
     work%finished(:, c) = 0.0_wp
     if (c > size(work%movers)) then
@@ -301,17 +321,17 @@ contains
       return
     end if
     associate (mover => work%movers(c))
-      do k = 1, mover%count
-        i = mover%low + k
-        call sum_body(d%pairs, i, force, moment)
-        if (mover%free(k) > 0.5_wp) then
-          mover%f(k, :) = force
-          mover%m(k, :) = moment
-        else
-          call finish_prescribed(d%grains, i, motion%dt, force, moment, work%finished(:, c))
-        end if
+      call sum_lanes(d%pairs%result, d%pairs%entry, d%pairs%start(mover%low + 1:), mover%count, &
+                     mover%s%x, push%f, push%m)
+      do k = 1, merge(0, mover%count, mover%free_count == mover%count)
+        if (mover%free(k) > 0.5_wp) cycle
+        call finish_prescribed(d%grains, mover%low + k, motion%dt, push%f(k, :), push%m(k, :), &
+                               work%finished(:, c))
       end do
-      if (mover%free_count > 0) call kick_mover(mover, motion, .false., work%finished(:, c))
+      if (mover%free_count == 0) return
+      if (last) call store_forces(mover, push, d%grains)
+      call ready_push(mover, d%grains, push)
+      call kick_mover(mover, push, motion, .false., work%finished(:, c))
     end associate
   end subroutine finish_chunk
 
@@ -338,6 +358,7 @@ contains
     real(wp), intent(in) :: dt
     type(motion_type) :: motion
     type(mover_type) :: mover
+    type(push_type) :: push
     real(wp) :: work(work_count, 1)
     integer(i4) :: low
 
@@ -345,8 +366,10 @@ contains
     work = 0.0_wp
     do low = 0, d%grains%n - 1, chunk
       call load_mover(d%grains, d%pairs, low, min(chunk, d%grains%n - low), mover)
-      call kick_mover(mover, motion, .false., work(:, 1))
-      call kick_mover(mover, motion, .true., work(:, 1))
+      call load_forces(mover, d%grains, push)
+      call ready_push(mover, d%grains, push)
+      call kick_mover(mover, push, motion, .false., work(:, 1))
+      call kick_mover(mover, push, motion, .true., work(:, 1))
       call store_mover(mover, d%grains)
     end do
     call add_grain_work(d, work)
@@ -357,12 +380,14 @@ contains
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: dt
     type(mover_type) :: mover
+    type(push_type) :: push
     real(wp) :: travel
     integer(i4) :: low, i
 
     do low = 0, d%grains%n - 1, chunk
       call load_mover(d%grains, d%pairs, low, min(chunk, d%grains%n - low), mover)
-      call drift_mover(mover, dt)
+      call ready_push(mover, d%grains, push)
+      call drift_mover(mover, push, dt)
       call store_mover(mover, d%grains)
       call put_bodies(mover, d%pairs%body)
     end do

@@ -4,7 +4,7 @@ module dem_store
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
   use dem_state, only: dem_data_type, dem_pairs_type, dem_ledger_type, dem_health_type, lanes, &
-    history_size, result_size, column_count
+    history_size, result_size, column_count, entries_ahead
   use dem_pairs, only: allocate_bodies, update_bodies
   implicit none
   private
@@ -88,7 +88,7 @@ contains
                               merge(1, 0, p%touched), merge(1, 0, p%round)], [m, 4]), i8))
     call archive%put_integers('pairs.group_end', int(reshape(p%group_end, [1, p%groups]), i8))
     call archive%put_integers('pairs.start', int(reshape(p%start, [size(p%start), 1]), i8))
-    call archive%put_integers('pairs.entry', int(reshape(p%entry, [size(p%entry), 1]), i8))
+    call archive%put_integers('pairs.entry', int(reshape(p%entry(:2*p%count), [2*p%count, 1]), i8))
     call archive%put_reals('pairs.skin', reshape([p%skin, p%least_skin, p%most_skin], [3, 1]))
     call archive%put_reals('pairs.normal', reshape(p%normal, [lanes*3, m]))
     call archive%put_reals('pairs.history', reshape(p%history, [lanes*history_size, m]))
@@ -259,7 +259,7 @@ contains
       p%groups = size(group, 2)
       p%group_end = int(group(1, :), i4)
       p%start = int(start(:, 1), i4)
-      p%entry = int(entry(:, 1), i4)
+      p%entry = int([entry(:, 1), spread(0_i8, 1, entries_ahead)], i4)
       call archive%get_reals('pairs.skin', 3, 1, flat, errors)
       p%skin = flat(1, 1)
       p%least_skin = flat(2, 1)

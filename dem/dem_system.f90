@@ -7,7 +7,7 @@ module dem_system
   use talus_errors, only: error_list_type
   use talus_text, only: str
   use dem_archive, only: dem_archive_type
-  use dem_state, only: dem_data_type, kind_free, lanes, history_point, history_overlap
+  use dem_state, only: dem_data_type, kind_free, lanes, history_point, history_side
   use dem_make, only: sorted_order, make_planes
   use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
   use dem_steps, only: take_steps, evaluate_forces, rebuild_if_needed, kick_all, drift_all
@@ -354,7 +354,8 @@ contains
         slot = self%pairs%entry(e)/2
         lane = 1 + mod(slot, lanes)
         block = 1 + slot/lanes
-        if (self%pairs%history(lane, history_overlap, block) > 0.0_wp) call add_contact(self, lane, block, list)
+        if (.not. self%pairs%history(lane, history_side, block) > 0.0_wp) cycle
+        call add_contact(self, lane, block, list)
       end do
     end do
   end subroutine contacts
@@ -387,7 +388,7 @@ contains
     radius = contact_radius(self%pairs%history(lane, :, block))
     list%stiffness(1, k) = c%kn_a*radius + c%kn
     list%stiffness(2, k) = c%kt_a*radius + c%kt
-    list%overlap(k) = self%pairs%history(lane, history_overlap, block)
+    list%overlap(k) = self%pairs%history(lane, history_side, block)**2
   end subroutine add_contact
 
   !> Keep the state in memory.
