@@ -22,8 +22,8 @@ module fem_rules
     hex8, hex20, tet4, tet4]
   !> Degree of the polynomials that the stiffness, and the mass, integrate exactly on undistorted
   !! elements; for hexahedra 3 means two points and 5 three points a direction.
-  integer(i4), parameter :: degree(15) = [3, 3, 3, 1, 5, 5, 1, 2, 3, 3, 5, 5, 5, 2, 2]
-  integer(i4), parameter :: mass_degree(15) = [3, 3, 3, 3, 5, 5, 2, 4, 3, 3, 5, 5, 5, 2, 4]
+  integer(i4), parameter :: degree(15) = [3, 3, 3, 1, 5, 5, 1, 2, 2, 3, 5, 5, 5, 2, 2]
+  integer(i4), parameter :: mass_degree(15) = [3, 3, 3, 3, 5, 5, 2, 4, 2, 3, 5, 5, 5, 2, 4]
 
   !> Shape functions of both fields at quadrature points.
   type :: fem_points_type
