@@ -11,7 +11,8 @@ module cpl_exchange
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
-  public :: exchange, set_springs, read_forces, advance_grains, solve_solid, judge_both
+  public :: exchange, set_springs, read_forces, advance_grains, solve_solid
+  public :: automatic_springs, look_at_stiffness, lead
 
   real(wp), parameter :: raise = 1.5_wp           !! springs over contact stiffness
   integer(i8), parameter :: look_every = 50_i8    !! exchanges between looks at the stiffness
@@ -223,7 +224,7 @@ contains
     if (errors%any()) return
     call read_solid(face, solid, errors)
     call solid%reply%get_int('iterations', iterations, errors)
-    call solid%reply%all_read(errors)
+    if (.not. allocated(face%start_load)) call solid%reply%all_read(errors)
     if (errors%any() .or. face%finite()) return
     call errors%add('N407', 'a displacement of the interface is no number', 'exchange from '// &
                     str(t0)//' s to '//str(t1)//' s', 'look at the log of the solid')

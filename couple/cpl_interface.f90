@@ -28,6 +28,9 @@ module cpl_interface
     real(wp), allocatable :: x_start(:, :)   !! ghosts at the start (3, g) [m]
     real(wp), allocatable :: x_node(:, :)    !! interface nodes (3, m) [m]
     real(wp), allocatable :: u_start(:, :)   !! of the nodes, from the map's state to the start
+    integer(i4) :: all_nodes = 0             !! of the solid
+    real(wp), allocatable :: start_stress(:, :)  !! of the relaxed solid at its points (6, q) [Pa]
+    real(wp), allocatable :: start_load(:, :)    !! on all its nodes [N]
     real(wp), allocatable :: w(:, :)         !! of the nodes, that the ghosts follow (3, m) [m]
     real(wp), allocatable :: u(:, :)         !! of the nodes, accepted (3, m) [m]
     real(wp), allocatable :: v(:, :)         !! velocity of the nodes, accepted (3, m) [m/s]
@@ -90,6 +93,7 @@ contains
     self%x_ref = x_ghost
     self%x_start = x_ghost
     self%x_node = x_all(:, self%map%node_id)
+    self%all_nodes = size(x_all, 2)
     allocate (self%d(c, g), self%d_new(c, g), self%p_mean(c, g), self%p_end(c, g), &
               self%p_put(c, g), self%p_before(c, g), self%m_mean(3, g), self%quat(4, g), &
               self%quat_new(4, g), source=0.0_wp)

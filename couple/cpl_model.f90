@@ -29,8 +29,10 @@ module cpl_model
   use cpl_logbook, only: begin_log, log_solvers, log_interface, log_row_titles, log_row, &
     log_health, write_summary, overhead_share
   use cpl_manifest, only: manifest_type, write_manifest, find_manifest
-  use cpl_setup, only: find_ghosts, find_radii, make_map, select_sets, begin_interface
+  use cpl_setup, only: find_ghosts, find_radii, make_map, select_sets, begin_interface, &
+    end_rehearsal
   use cpl_solver, only: cpl_solver_type
+  use cpl_start, only: relax_together
   use cpl_state_file, only: write_state, read_state, read_reference
   implicit none
   private
@@ -181,6 +183,11 @@ contains
     if (.not. errors%any()) call self%open_log(errors)
     if (errors%any()) return
     call begin_interface(self%face, self%solvers, self%choices, self%again, self%timers, errors)
+    if (self%choices%relaxed .and. .not. (self%again .or. errors%any())) then
+      call relax_together(self%face, self%solvers, self%choices, self%log, self%stop, &
+                          self%timers, errors)
+      if (.not. errors%any()) call end_rehearsal(self%face, self%solvers, self%timers, errors)
+    end if
     if (errors%any()) return
     call log_interface(self%log, self%face, self%choices, identity)
     call self%audit%open(self%stem//'_audit.csv', self%again, self%manifest%time, errors)

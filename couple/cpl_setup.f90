@@ -8,10 +8,11 @@ module cpl_setup
   use cpl_choices, only: cpl_choices_type, interface_springs
   use cpl_exchange, only: set_springs, read_forces
   use cpl_interface, only: interface_type, ghost_set, ghost_fields, node_set
+  use cpl_start, only: put_reference
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
-  public :: find_ghosts, find_radii, make_map, select_sets, begin_interface
+  public :: find_ghosts, find_radii, make_map, select_sets, begin_interface, end_rehearsal
 
   real(wp), parameter :: first_stiffness = 1.5_wp  !! springs over the contacts' stiffness
 
@@ -163,6 +164,7 @@ contains
 
   !> READY grains, springs and dead load on the solid, READY solid. A fresh run takes forces and
   !! motion from the replies; a restarted one keeps what its checkpoint says.
+  !! With initial = 'relax' the first READY begins the rehearsal: `end_rehearsal` comes after it.
   subroutine begin_interface(face, solvers, choices, again, timers, errors)
     type(interface_type), intent(inout) :: face
     type(cpl_solver_type), intent(inout) :: solvers(2)
@@ -171,8 +173,10 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     real(wp) :: p(face%transfer%rows, face%map%ghosts), stiffness
+    logical :: rehearsal
 
-    call ready(solvers(side_grains), face%step, timers, errors)
+    rehearsal = choices%relaxed .and. .not. again
+    call ready(solvers(side_grains), rehearsal, face%step, timers, errors)
     if (errors%any()) return
     if (.not. again) then
       call read_forces(face, solvers(side_grains), p, errors)
@@ -198,24 +202,51 @@ contains
       call set_springs(face, solvers(side_solid), solvers(side_solid)%time, timers, errors)
     if (choices%dead_load .and. .not. errors%any()) &
       call put_dead_load(face, solvers(side_solid), timers, errors)
+    if (again .and. choices%relaxed .and. .not. errors%any()) &
+      call put_reference(face, solvers(side_solid), timers, errors)
     if (errors%any()) return
-    call ready(solvers(side_solid), face%step, timers, errors)
+    call ready(solvers(side_solid), rehearsal, face%step, timers, errors)
     if (again .or. errors%any()) return
-    associate (reply => solvers(side_solid)%reply)
-      call reply%get(node_set//'.u', face%u, errors)
-      call reply%get(node_set//'.v', face%v, errors)
-      call reply%get('scalars', face%solid, errors)
-    end associate
-    face%v_before = face%v
-    face%u_new = face%u
+    call take_solid(face, solvers(side_solid), errors)
   end subroutine begin_interface
 
-  subroutine ready(solver, step, timers, errors)
+  !> READY to both after the rehearsal: the run begins at this state.
+  subroutine end_rehearsal(face, solvers, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+
+    call ready(solvers(side_grains), .false., face%step, timers, errors)
+    if (errors%any()) return
+    call read_forces(face, solvers(side_grains), face%p_end, errors)
+    call solvers(side_grains)%reply%get('scalars', face%grains, errors)
+    face%p_before = face%p_end
+    face%force_at_look = maxval(abs(face%p_end))
+    if (.not. errors%any()) call ready(solvers(side_solid), .false., face%step, timers, errors)
+    if (.not. errors%any()) call take_solid(face, solvers(side_solid), errors)
+  end subroutine end_rehearsal
+
+  !> State of the interface nodes from the solid's reply to READY.
+  subroutine take_solid(face, solid, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solid
+    type(error_list_type), intent(inout) :: errors
+    call solid%reply%get(node_set//'.u', face%u, errors)
+    call solid%reply%get(node_set//'.v', face%v, errors)
+    call solid%reply%get('scalars', face%solid, errors)
+    face%v_before = face%v
+    face%u_new = face%u
+  end subroutine take_solid
+
+  subroutine ready(solver, rehearsal, step, timers, errors)
     type(cpl_solver_type), intent(inout) :: solver
+    logical, intent(in) :: rehearsal
     integer(i8), intent(in) :: step
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     call solver%start_request(verb_ready, step, solver%time, solver%time)
+    if (rehearsal) call solver%request%put_int('rehearsal', 1_i4)
     call solver%ask(timers, errors)
   end subroutine ready
 

@@ -44,6 +44,10 @@ contains
     call file%put('/counts', [face%step, face%all_iterations, int(face%outgrown, i8), &
                               int(face%refactored, i8), merge(1_i8, 0_i8, face%relax%begun)], &
                                 errors)
+    if (allocated(face%start_stress)) then
+      call file%put('/solid/start_stress', face%start_stress, errors)
+      call file%put('/solid/start_load', face%start_load, errors)
+    end if
     call file%put('/scalars/grains', face%grains, errors)
     call file%put('/scalars/solid', face%solid, errors)
     call checkpoint%finish(file, errors)
@@ -102,6 +106,10 @@ contains
     call file%get_into('/nodes/dead_load', face%dead_load, errors)
     call file%get_into('/numbers', numbers, errors)
     call file%get_into('/counts', counts, errors)
+    if (file%exists('/solid/start_stress')) then
+      call file%get('/solid/start_stress', face%start_stress, errors)
+      call file%get('/solid/start_load', face%start_load, errors)
+    end if
     call file%get_into('/scalars/grains', face%grains, errors)
     call file%get_into('/scalars/solid', face%solid, errors)
     call file%close(errors)

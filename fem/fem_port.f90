@@ -133,7 +133,7 @@ contains
     associate (model => self%model)
       call model%begin(model%dt, errors)
       if (errors%any()) return
-      if (.not. model%opened) call model%open(errors)
+      if (.not. (model%opened .or. self%rehearsing)) call model%open(errors)
       if (errors%any()) return
       call model%body%accept()
       call self%sets%put_states(model%body, reply)
@@ -168,6 +168,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     associate (model => self%model)
       call model%body%accept()
+      if (self%rehearsing) return
       model%steps = model%steps + 1
       call model%timers%start('output')
       call model%output%write_due(model%body, .false., errors)

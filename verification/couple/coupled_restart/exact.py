@@ -16,6 +16,7 @@ def run(case: Case) -> None:
         ("newmark", "iterated", "aitken", ""),
         ("newmark", "state_at_n", "none", ""),
         ("static", "average", "springs", ", rotation = 'curl', spread = 4.0e-3"),
+        ("static", "average", "springs", ", initial = 'relax', relax_exchanges = 150"),
     )
     for analysis, scheme, interface, more in ways:
         label = f"{analysis}, {scheme}, {interface}{more}"
