@@ -80,7 +80,7 @@ module fem_body
     procedure :: interface_force
     procedure :: explicit_energy
     procedure, private :: leap
-    procedure, private :: impose
+    procedure :: impose
     procedure, private :: predict
     procedure, private :: correct
     procedure, private :: dynamic_work
