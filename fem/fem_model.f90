@@ -292,7 +292,7 @@ contains
       if (len(stop_file) > 0) stop_file = self%deck%path('run', 1, 'stop_file')
     end if
     call self%stop%init(wall_limit, stop_file, obey_signals=.not. self%served)
-    if (self%start_time < 0.0_wp .and. .not. self%modal) &
+    if (self%start_time < 0.0_wp .and. .not. self%modal .and. .not. errors%any()) &
       call self%output%write_due(self%body, .false., errors)
   end subroutine open_run
 

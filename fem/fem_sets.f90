@@ -44,9 +44,10 @@ contains
       return
     end if
     if (any(ids < 1) .or. any(ids > body%mesh%nodes)) then
-      call errors%add('P302', 'set '//name//' names nodes that do not exist', &
-        hint='node ids go from 1 to '// &
-                      str(body%mesh%nodes))
+      k = findloc(ids < 1 .or. ids > body%mesh%nodes, .true., 1)
+      call errors%add('P302', 'set '//name//' names node '//str(ids(k))// &
+                      ', which does not exist', 'set '//name, &
+                      'node ids go from 1 to '//str(body%mesh%nodes))
       return
     end if
     turns = index(','//fields//',', ',phi,') > 0
