@@ -224,7 +224,8 @@ contains
     if (errors%any()) return
     call read_solid(face, solid, errors)
     call solid%reply%get_int('iterations', iterations, errors)
-    if (.not. allocated(face%start_load)) call solid%reply%all_read(errors)
+    if (.not. (allocated(face%start_load) .or. solid%reply%has(node_set//'.phi'))) &
+      call solid%reply%all_read(errors)
     if (errors%any() .or. face%finite()) return
     call errors%add('N407', 'a displacement of the interface is no number', 'exchange from '// &
                     str(t0)//' s to '//str(t1)//' s', 'look at the log of the solid')

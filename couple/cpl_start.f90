@@ -24,6 +24,8 @@ module cpl_start
   character(len=*), parameter :: all_set = 'everything'  !! all nodes of the solid
   integer(i4), parameter :: look_every = 10_i4           !! exchanges between looks at stiffness
 
+  real(wp), parameter :: unbalanced = 0.05_wp            !! motion in the balance over all motion
+
 contains
 
   !> Rehearse until grains touch the ghosts and the change of facets and forces in an exchange is
@@ -61,6 +63,12 @@ contains
                   1))))//' m', 'the ghosts at most; displacements count from there')
     call log%item('balance', short_number(sqrt(maxval(sum(face%u_new**2, 1))))//' m', &
                   'that the solid still moves under the same forces')
+    if (settled .and. relative(face%u_new, face%u_start) > unbalanced) &
+      call errors%add('N408', 'the relaxed solid still moves by '// &
+                      str(relative(face%u_new, face%u_start))//' of what it has moved', &
+                      solvers(side_solid)%deck, 'it carries something at the start that is '// &
+                      'neither stress nor force on nodes, such as couple stress: write '// &
+                      "initial = 'dead_load'")
   end subroutine relax_together
 
   !> One exchange of the rehearsal; relative changes of facets and forces in it.

@@ -119,6 +119,9 @@ contains
 
     scope = 'all'
     if (request%has('scope')) call request%get_text('scope', scope, errors)
+    if (scope /= 'all' .and. scope /= 'interface') &
+      call errors%add('P301', "FORCE has no scope '"//scope//"'", request%place(), &
+                      "it is 'all' or 'interface'")
     call sets%take_motion(model%body, request, errors)
     call request%all_read(errors)
     if (errors%any()) return
