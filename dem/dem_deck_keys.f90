@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 14)
+    call table%init('talus-dem', 15)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -25,6 +25,7 @@ contains
     call group_wall(table)
     call group_dynamics(table)
     call group_relaxation(table)
+    call group_equilibrium(table)
     call group_search(table)
     call group_limits(table)
   end subroutine dem_deck_table
@@ -261,10 +262,12 @@ contains
     call table%bounds(above=0.0_wp)
     call table%add_key('damping', 'real', '1/s', &
       'Background damping a, or `''full''`: a = 2/dt, which erases the velocity in every ' &
-      //'step, v = F dt/(2 s m).')
+      //'step, v = F dt/(2 s m), or `''adaptive''`: no drag, but every 10 steps each grain ' &
+      //'that force and moment brake is stopped; grains that fall or roll down go on. ' &
+      //'`''adaptive''` does not work under talus-couple.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
-    call table%words('full', [-1.0_wp])
+    call table%words('full|adaptive', [-1.0_wp, -2.0_wp])
     call table%add_key('dt', 'real', 's', &
       'Fixed time step; left out, the program chooses it as in dynamics.')
     call table%bounds(above=0.0_wp)
@@ -280,6 +283,29 @@ contains
       'Run even if the given step is above the stability limit.')
     call table%preset('.false.')
   end subroutine group_relaxation
+
+  subroutine group_equilibrium(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('equilibrium', 3, &
+      'End the run as soon as the grains are at rest, with exit code 0. A run that ' &
+      //'reaches t_end first writes everything as usual and ends with exit code 2 (N203),' &
+      //' both measures in the log and in summary.json under health. Works in dynamics ' &
+      //'and in relaxation, not under talus-couple.')
+    call table%add_key('unbalanced', 'real', '', &
+      'Largest mean unbalanced force of the free grains (contacts, gravity and held ' &
+      //'forces, without background damping) over the mean contact force.')
+    call table%preset('0.0001')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('energy_ratio', 'real', '', &
+      'Largest kinetic energy (of the scaled masses) over the elastic energy stored in ' &
+      //'the contacts.')
+    call table%preset('1e-08')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('check_every', 'integer', '', &
+      'Steps between two looks, a multiple of 100.')
+    call table%preset('100')
+    call table%bounds(min=100.0_wp)
+  end subroutine group_equilibrium
 
   subroutine group_search(table)
     type(key_table_type), intent(inout) :: table

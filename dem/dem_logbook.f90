@@ -8,6 +8,7 @@ module dem_logbook
   use talus_summary, only: summary_type
   use talus_timers, only: timers_type
   use dem_state, only: kind_free, kind_fixed, kind_driven, kind_ghost
+  use dem_equilibrium, only: dem_equilibrium_type
   use dem_system, only: dem_system_type
   use dem_measure, only: contact_count
   use dem_histories, only: relative_closure
@@ -132,7 +133,7 @@ contains
 
   !> summary.json; steps_time is the wall time spent in steps [s].
   subroutine write_summary(path, program, deck, system, clock, timers, steps_done, steps_time, &
-                           exit_code, faults, errors)
+                           exit_code, faults, equilibrium, errors)
     character(len=*), intent(in) :: path, program
     type(deck_type), intent(in) :: deck
     type(dem_system_type), intent(inout) :: system
@@ -142,6 +143,7 @@ contains
     real(wp), intent(in) :: steps_time
     integer(i4), intent(in) :: exit_code
     type(error_list_type), intent(in) :: faults
+    type(dem_equilibrium_type), intent(in) :: equilibrium
     type(error_list_type), intent(inout) :: errors
     type(summary_type) :: summary
     real(wp) :: rate
@@ -166,6 +168,11 @@ contains
     call summary%set('health.rebuilds', system%health%rebuilds)
     call summary%set('health.late_rebuilds', system%health%late_rebuilds)
     call summary%set('health.steps_above_limit', clock%unstable)
+    if (equilibrium%watched) then
+      call summary%set('health.equilibrium', equilibrium%reached)
+      call summary%set('health.unbalanced_force', equilibrium%unbalanced)
+      call summary%set('health.kinetic_over_elastic', equilibrium%energy_ratio)
+    end if
     call summary%set('energy.kinetic_J', system%ledger%kinetic)
     call summary%set('energy.elastic_J', system%ledger%elastic_normal &
                      + system%ledger%elastic_tangential)

@@ -25,6 +25,7 @@ module dem_model
   use dem_fields, only: dem_fields_type
   use dem_restart, only: write_checkpoint, read_checkpoint
   use dem_logbook, only: begin_log, log_model, log_row_titles, log_row, log_health, write_summary
+  use dem_equilibrium, only: dem_equilibrium_type
   use dem_deck_keys, only: dem_deck_table
   implicit none
   private
@@ -42,6 +43,7 @@ module dem_model
     type(dem_packing_type) :: packing
     type(dem_choices_type) :: choices
     type(dem_clock_type) :: clock
+    type(dem_equilibrium_type) :: equilibrium
     type(dem_histories_type) :: histories
     type(dem_fields_type) :: fields
     type(checkpoint_type) :: checkpoint
@@ -68,6 +70,7 @@ module dem_model
     procedure :: begin_again
     procedure :: automatic_dt
     procedure :: use_step
+    procedure, private :: follow_laws
     procedure :: take_steps
     procedure :: write_due
     procedure, private :: watch_stops
@@ -105,6 +108,7 @@ contains
       call self%deck%fault(errors, 'D246', 'the run has no end', 'run', 1, '', &
                            'add t_end = ... in s; only under talus-couple it may be left out')
     call read_model(self%deck, self%system, self%packing, self%choices, errors)
+    call self%equilibrium%read(self%deck, self%choices%adaptive, self%served, errors)
     threads = options%threads
     if (threads == 0) call self%deck%get('run', 1, 'threads', threads)
     if (threads == 0) threads = min(int(omp_get_max_threads(), i4), &
@@ -191,12 +195,27 @@ contains
     self%start_time = self%clock%time()
     self%start_steps = self%clock%steps
     call self%clock%set_events(every)
+    if (deck_changed) call self%follow_laws()
     if (deck_changed) call append_string(self%warnings, 'the deck is not the one that wrote '// &
       path//'; grains, driven motion and walls go on as in the checkpoint')
     if (self%clock%automatic .or. abs(self%choices%dt - self%clock%dt) <= 0.0_wp) return
     call self%clock%start_at(self%clock%time(), self%choices%dt)
     call self%use_step(self%choices%dt)
   end subroutine begin_again
+
+  !> Contact laws may have changed since the checkpoint: the energy that is stored by the new ones
+  !! was there at the start, so that the ledger closes as it did.
+  subroutine follow_laws(self)
+    class(dem_model_type), intent(inout) :: self
+    real(wp) :: error, stored
+    associate (ledger => self%system%ledger)
+      error = self%system%closure()
+      stored = ledger%elastic_normal + ledger%elastic_tangential
+      call self%system%refresh_ledger()
+      if (.not. abs(ledger%elastic_normal + ledger%elastic_tangential - stored) > 0.0_wp) return
+      ledger%start = ledger%start + error - self%system%closure()
+    end associate
+  end subroutine follow_laws
 
   !> Step that an automatic choice takes now [s].
   real(wp) function automatic_dt(self) result(dt)
@@ -285,8 +304,9 @@ contains
 
     block = blocks(findloc(blocks*real(self%system%grains%n, wp) <= block_work, .true., 1) &
                    + merge(7, 0, self%system%grains%n > block_work))
+    block = min(block, self%equilibrium%longest_block())
     do
-      if (errors%any() .or. self%clock%finished()) return
+      if (errors%any() .or. self%clock%finished() .or. self%equilibrium%reached) return
       if (self%stop%check() /= stop_none) then
         self%stopped = .true.
         call self%log%line('')
@@ -300,6 +320,9 @@ contains
         if (abs(self%clock%dt - self%system%par%dt) > 0.0_wp) call self%use_step(self%clock%dt)
       end if
       call self%take_steps(block, errors)
+      if (errors%any()) return
+      call self%equilibrium%damp(self%system, self%clock%steps)
+      if (self%equilibrium%due(self%clock%steps)) call self%equilibrium%look(self%system)
       call self%write_due(errors)
     end do
   end subroutine run
@@ -399,6 +422,7 @@ contains
     type(error_list_type) :: ignored
     character(len=:), allocatable :: packing
 
+    if (.not. (errors%any() .or. self%stopped)) call self%equilibrium%look(self%system)
     if (.not. errors%any()) then
       call self%fields%write(self%clock%time(), self%system, errors)
       if (.not. self%served .and. (self%stopped .or. self%deck%count('checkpoint') > 0)) &
@@ -411,17 +435,20 @@ contains
       call self%fields%write(self%clock%time(), self%system, ignored)
     end if
     call self%histories%close(errors)
+    if (.not. self%stopped) call self%equilibrium%judge(self%clock%time(), self%deck%source%path, &
+                                                        errors)
     exit_code = errors%exit_code()
     if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped
     if (.not. self%opened) call self%lock%release()
     if (.not. self%opened) return
     if (self%row_step < self%clock%steps) call self%write_row()
     call self%log%faults(errors)
+    if (self%equilibrium%watched) call self%log%line(self%equilibrium%text())
     call log_health(self%log, self%system, self%clock)
     call self%log%timer_table(self%timers)
     call write_summary(self%stem//'_summary.json', program_name, self%deck, self%system, &
                        self%clock, self%timers, self%clock%steps - self%start_steps, &
-                       self%steps_seconds(), exit_code, errors, ignored)
+                       self%steps_seconds(), exit_code, errors, self%equilibrium, ignored)
     call self%log%finish(program_name, exit_code, 'time '//short_number(self%clock%time())// &
                          ' s, '//str(self%clock%steps)//' steps')
     call self%log%close()

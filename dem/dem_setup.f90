@@ -19,6 +19,7 @@ module dem_setup
     type(string_type), allocatable :: wall(:)      !! names
     real(wp) :: dt = 0.0_wp                        !! fixed step [s]; 0: automatic
     logical :: allow_unstable = .false.
+    logical :: adaptive = .false.                  !! damping stops grains as they need it
     real(wp) :: initial_overlap = 0.0_wp           !! limit, of the least semi-axis [-]
     integer(i8), allocatable :: idle(:)            !! driven grains that no group drives
   end type dem_choices_type
@@ -106,7 +107,8 @@ contains
         call deck%get(mode, 1, 'gravity_scale', par%gravity_scale)
       end if
       call deck%get(mode, 1, 'damping', par%damping)
-      par%full_damping = par%damping < 0.0_wp
+      choices%adaptive = par%damping < -1.5_wp
+      par%full_damping = par%damping < 0.0_wp .and. .not. choices%adaptive
       par%damping = max(par%damping, 0.0_wp)
       call deck%get(mode, 1, 'dt', choices%dt)
       call deck%get(mode, 1, 'dt_factor', par%dt_factor)

@@ -1,0 +1,193 @@
+!> Is the bed at rest, and adaptive damping that brings it there (theory-dem, Equilibrium).
+!!
+!! Looks fall on whole multiples of steps and use sums in the order of the ids, so that neither
+!! threads nor restarts change a bit.
+module dem_equilibrium
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
+  use talus_log, only: short_number
+  use talus_deck, only: deck_type
+  use dem_state, only: dem_data_type, kind_free
+  use dem_integrate, only: scaled_spin_momentum
+  use dem_measure, only: contact_count
+  use dem_shape, only: rotation_of
+  use dem_steps, only: motion_of
+  use dem_system, only: dem_system_type, dem_contacts_type
+  implicit none
+  private
+  public :: dem_equilibrium_type, stop_opposed, mean_unbalanced
+
+  integer(i4), parameter :: damping_steps = 10  !! between two looks of adaptive damping
+
+  type :: dem_equilibrium_type
+    logical :: watched = .false.             !! the deck asks for equilibrium
+    logical :: adaptive = .false.            !! grains are stopped when their force opposes them
+    real(wp) :: unbalanced_limit = 0.0_wp    !! [-]
+    real(wp) :: energy_limit = 0.0_wp        !! [-]
+    integer(i4) :: every = 1                 !! steps between two looks at the criterion
+    logical :: reached = .false.
+    real(wp) :: unbalanced = -1.0_wp         !! mean force left over mean contact force [-]
+    real(wp) :: energy_ratio = -1.0_wp       !! kinetic over elastic energy [-]
+  contains
+    procedure :: read => read_equilibrium
+    procedure :: longest_block
+    procedure :: damp
+    procedure :: due
+    procedure :: look
+    procedure :: judge
+    procedure :: text => equilibrium_text
+    procedure, private :: measures
+  end type dem_equilibrium_type
+
+contains
+
+  !> Group equilibrium and adaptive damping; neither works when a partner sets the steps (D247).
+  subroutine read_equilibrium(self, deck, adaptive, served, errors)
+    class(dem_equilibrium_type), intent(inout) :: self
+    type(deck_type), intent(in) :: deck
+    logical, intent(in) :: adaptive, served
+    type(error_list_type), intent(inout) :: errors
+
+    self%adaptive = adaptive
+    self%watched = deck%count('equilibrium') > 0
+    if (served .and. self%watched) &
+      call deck%fault(errors, 'D247', 'a partner ends this run, equilibrium cannot', &
+                      'equilibrium', 1, '', 'leave &equilibrium out under talus-couple')
+    if (served .and. adaptive) &
+      call deck%fault(errors, 'D247', 'adaptive damping stops grains at times that a partner '// &
+                      'does not see', 'relaxation', 1, 'damping', &
+                      "take a number in 1/s or 'full' under talus-couple")
+    call deck%get('equilibrium', 1, 'unbalanced', self%unbalanced_limit)
+    call deck%get('equilibrium', 1, 'energy_ratio', self%energy_limit)
+    call deck%get('equilibrium', 1, 'check_every', self%every)
+    if (modulo(self%every, 100) /= 0) &
+      call deck%fault(errors, 'D248', 'looks fall on multiples of 100 steps', 'equilibrium', 1, &
+                      'check_every', 'take 100, 200, ...')
+  end subroutine read_equilibrium
+
+  !> Steps that may pass without a look.
+  pure integer(i4) function longest_block(self)
+    class(dem_equilibrium_type), intent(in) :: self
+    longest_block = merge(damping_steps, 100_i4, self%adaptive)
+  end function longest_block
+
+  !> Adaptive damping, when it is due.
+  subroutine damp(self, system, steps)
+    class(dem_equilibrium_type), intent(in) :: self
+    type(dem_system_type), intent(inout) :: system
+    integer(i8), intent(in) :: steps  !! taken so far
+    if (.not. self%adaptive) return
+    if (modulo(steps, int(damping_steps, i8)) /= 0) return
+    call stop_opposed(system%dem_data_type)
+  end subroutine damp
+
+  pure logical function due(self, steps)
+    class(dem_equilibrium_type), intent(in) :: self
+    integer(i8), intent(in) :: steps
+    due = self%watched .and. modulo(steps, int(self%every, i8)) == 0 .and. steps > 0
+  end function due
+
+  !> Compare both measures with their limits; a bed without contacts is not in equilibrium.
+  subroutine look(self, system)
+    class(dem_equilibrium_type), intent(inout) :: self
+    type(dem_system_type), intent(inout) :: system
+    real(wp) :: elastic
+
+    self%reached = .false.
+    if (.not. self%watched) return
+    call system%refresh_ledger()
+    elastic = system%ledger%elastic_normal + system%ledger%elastic_tangential
+    self%unbalanced = -1.0_wp
+    self%energy_ratio = -1.0_wp
+    if (contact_count(system%dem_data_type) == 0 .or. .not. elastic > 0.0_wp) return
+    self%unbalanced = mean_unbalanced(system)
+    self%energy_ratio = system%ledger%kinetic/elastic
+    self%reached = self%unbalanced <= self%unbalanced_limit .and. &
+                   self%energy_ratio <= self%energy_limit
+  end subroutine look
+
+  !> A run that reached its end without the equilibrium that was asked for says so (N203).
+  subroutine judge(self, time, place, errors)
+    class(dem_equilibrium_type), intent(in) :: self
+    real(wp), intent(in) :: time  !! s
+    character(len=*), intent(in) :: place
+    type(error_list_type), intent(inout) :: errors
+    if (.not. self%watched .or. self%reached .or. errors%any()) return
+    call errors%add('N203', 'not in equilibrium at '//short_number(time)//' s: '// &
+                    self%measures(), place, 'raise t_end and go on with --restart, damp more, '// &
+                    'or ask for less in &equilibrium; the state was written as usual')
+  end subroutine judge
+
+  !> One line for the log.
+  function equilibrium_text(self) result(text)
+    class(dem_equilibrium_type), intent(in) :: self
+    character(len=:), allocatable :: text
+    text = 'equilibrium: '//trim(merge('reached    ', 'not reached', self%reached))//', '// &
+      self%measures()
+  end function equilibrium_text
+
+  function measures(self) result(text)
+    class(dem_equilibrium_type), intent(in) :: self
+    character(len=:), allocatable :: text
+    text = 'there are no contacts'
+    if (self%unbalanced < 0.0_wp) return
+    text = 'unbalanced force '//short_number(self%unbalanced)//' of the mean contact force '// &
+      '(limit '//short_number(self%unbalanced_limit)//'), kinetic energy '// &
+      short_number(self%energy_ratio)//' of the elastic (limit '// &
+      short_number(self%energy_limit)//')'
+  end function measures
+
+  !> Mean force left on a free grain (contacts, gravity, extra forces; no background damping) over
+  !! the mean force of a contact [-].
+  real(wp) function mean_unbalanced(system) result(ratio)
+    type(dem_system_type), intent(in) :: system
+    type(dem_contacts_type) :: list
+    real(wp) :: left, force, gravity(3)
+    integer(i4) :: i, n
+
+    gravity = system%par%gravity_scale*system%par%gravity
+    left = 0.0_wp
+    n = 0
+    do i = 1, system%grains%n
+      if (system%grains%kind(i) /= kind_free) cycle
+      n = n + 1
+      left = left + norm2(system%grains%force(:, i) + system%grains%extra_force(:, i) &
+                          + system%grains%mass(i)*gravity)
+    end do
+    call system%contacts(list)
+    force = 0.0_wp
+    do i = 1, list%n
+      force = force + norm2(list%force(:, i))
+    end do
+    ratio = 0.0_wp
+    if (n > 0) ratio = left/n
+    if (force > 0.0_wp) ratio = ratio*list%n/force
+  end function mean_unbalanced
+
+  !> Stop every free grain whose force and moment together brake it (F.v + M.omega < 0); what it
+  !! loses is background damping. A grain that falls freely is left alone. Translation and rotation
+  !! stop together: one without the other would break rolling into sliding, and the bed would creep.
+  subroutine stop_opposed(d)
+    type(dem_data_type), intent(inout) :: d
+    real(wp) :: lost, scale(2), gravity(3), force(3), moment(3), l(3)
+    integer(i4) :: i
+
+    associate (motion => motion_of(d, d%par%dt), g => d%grains)
+      scale = [motion%mass_scale, motion%inertia_scale]
+      gravity = motion%gravity
+      lost = 0.0_wp
+      do i = 1, g%n
+        if (g%kind(i) /= kind_free) cycle
+        force = g%force(:, i) + g%extra_force(:, i) + g%mass(i)*gravity
+        moment = g%moment(:, i) + g%extra_moment(:, i)
+        if (.not. dot_product(force, g%v(:, i)) + dot_product(moment, g%omega(:, i)) < 0.0_wp) cycle
+        l = scaled_spin_momentum(rotation_of(g%quat(:, i)), scale(2)*g%inertia(:, i), g%omega(:, i))
+        lost = lost + 0.5_wp*scale(1)*g%mass(i)*sum(g%v(:, i)**2) &
+               + 0.5_wp*dot_product(l, g%omega(:, i))
+        g%v(:, i) = 0.0_wp
+        g%omega(:, i) = 0.0_wp
+      end do
+    end associate
+    d%ledger%background_damping = d%ledger%background_damping + lost
+  end subroutine stop_opposed
+end module dem_equilibrium
