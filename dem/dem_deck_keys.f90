@@ -263,8 +263,9 @@ contains
     call table%add_key('damping', 'real', '1/s', &
       'Background damping a, or `''full''`: a = 2/dt, which erases the velocity in every ' &
       //'step, v = F dt/(2 s m), or `''adaptive''`: no drag, but every 10 steps each grain ' &
-      //'that force and moment brake is stopped; grains that fall or roll down go on. ' &
-      //'`''adaptive''` does not work under talus-couple.')
+      //'that force and moment brake is stopped; grains that fall or roll down go on. It ' &
+      //'takes most of the energy at once, but the last loose grains come to rest sooner ' &
+      //'with little damping or none. `''adaptive''` does not work under talus-couple.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
     call table%words('full|adaptive', [-1.0_wp, -2.0_wp])

@@ -114,8 +114,8 @@ contains
     type(error_list_type), intent(inout) :: errors
     if (.not. self%watched .or. self%reached .or. errors%any()) return
     call errors%add('N203', 'not in equilibrium at '//short_number(time)//' s: '// &
-                    self%measures(), place, 'raise t_end and go on with --restart, damp more, '// &
-                    'or ask for less in &equilibrium; the state was written as usual')
+                    self%measures(), place, 'raise t_end and go on with --restart, change '// &
+                    'the damping, or ask for less in &equilibrium; the state was written')
   end subroutine judge
 
   !> One line for the log.
