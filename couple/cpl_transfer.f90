@@ -187,8 +187,8 @@ contains
     class(transfer_type), intent(in) :: self
     real(wp), intent(in) :: u(:, :)   !! (3, nodes) [m]
     real(wp), intent(out) :: d(:, :)  !! (rows, ghosts) [m, rad]
-    real(wp) :: at(3), theta(3)
-    integer(i4) :: g, e, a
+    real(wp) :: at(3), theta(3), b(3)
+    integer(i4) :: g, e, a, n
     do g = 1, self%ghosts
       at = 0.0_wp
       do e = self%first(g), self%first(g + 1) - 1
@@ -198,9 +198,13 @@ contains
       if (self%rows == 3) cycle
       theta = 0.0_wp
       do a = 1, 8
-        theta = theta + cross(self%gradient(:, a, g), u(:, self%corner(a, g)))
+        n = self%corner(a, g)
+        b(:) = self%gradient(:, a, g)
+        theta(1) = theta(1) + b(2)*u(3, n) - b(3)*u(2, n)
+        theta(2) = theta(2) + b(3)*u(1, n) - b(1)*u(3, n)
+        theta(3) = theta(3) + b(1)*u(2, n) - b(2)*u(1, n)
       end do
-      theta = 0.5_wp*theta
+      theta(:) = 0.5_wp*theta
       d(1:3, g) = at + cross(theta, self%arm(:, g))
       d(4:6, g) = theta
     end do
@@ -211,8 +215,8 @@ contains
     class(transfer_type), intent(in) :: self
     real(wp), intent(in) :: p(:, :)   !! (rows, ghosts) [N, N m]
     real(wp), intent(out) :: f(:, :)  !! (3, nodes) [N]
-    real(wp) :: half(3)
-    integer(i4) :: g, e, a
+    real(wp) :: half(3), b(3)
+    integer(i4) :: g, e, a, n
     f = 0.0_wp
     do g = 1, self%ghosts
       do e = self%first(g), self%first(g + 1) - 1
@@ -221,7 +225,11 @@ contains
       if (self%rows == 3) cycle
       half = 0.5_wp*(p(4:6, g) + cross(self%arm(:, g), p(1:3, g)))
       do a = 1, 8
-        f(:, self%corner(a, g)) = f(:, self%corner(a, g)) + cross(half, self%gradient(:, a, g))
+        n = self%corner(a, g)
+        b(:) = self%gradient(:, a, g)
+        f(1, n) = f(1, n) + half(2)*b(3) - half(3)*b(2)
+        f(2, n) = f(2, n) + half(3)*b(1) - half(1)*b(3)
+        f(3, n) = f(3, n) + half(1)*b(2) - half(2)*b(1)
       end do
     end do
   end subroutine to_nodes
