@@ -13,6 +13,7 @@ module fem_body
   use fem_elastic, only: fem_elastic_type
   use fem_explicit, only: drift_half, kick_half, explicit_kinetic
   use fem_leap, only: fem_leap_type, drift_all, kick_all
+  use fem_ledger, only: step_works, fem_works_type
   use fem_one_point, only: fem_one_point_type
   use fem_sparse, only: fem_pattern_type, make_pattern, add_springs, multiply, multiply_mass
   use fem_solver, only: fem_solver_type
@@ -74,6 +75,7 @@ module fem_body
     procedure :: factor
     procedure :: step
     procedure :: accept
+    procedure :: hand_over
     procedure :: reject
     procedure :: internal_force
     procedure :: external_at
@@ -356,7 +358,7 @@ contains
     class(fem_body_type), intent(in) :: self
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: bad(2)
-    if (all(is_finite(self%state%u))) return
+    if (is_finite(sum(abs(self%state%u)))) return
     bad = findloc(is_finite(self%state%u), .false.)
     call errors%add('N304', 'the displacement of node '//str(self%dofs%node(bad(2)))// &
                     ' is not finite', 'time '//str(self%state%time)//' s', &
@@ -468,20 +470,20 @@ contains
   subroutine update_energy(self, internal)
     class(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: internal(:, :)  !! K u + initial [N]
-    real(wp), dimension(3, self%dofs%blocks) :: moved, momentum
-    real(wp) :: before
+    real(wp) :: momentum(3, self%dofs%blocks), before
+    type(fem_works_type) :: works
     associate (s => self%state, old => self%accepted, e => self%energy)
       ! the first static step brings the weight up from nothing, as it does all loads
       before = merge(1.0_wp, 0.0_wp, any(abs(old%external) > 0.0_wp))
+      call step_works(old, s, internal, self%initial_force, self%weight_force, works)
       e = self%accepted_energy
-      moved = s%u - old%u
-      e%strain = 0.5_wp*sum(s%u*(internal + self%initial_force))
-      e%load = e%load + 0.5_wp*sum((s%external + old%external)*moved)
-      e%gravity = e%gravity + 0.5_wp*(1.0_wp + before)*sum(self%weight_force*moved)
-      e%support = e%support + 0.5_wp*sum((s%reaction + old%reaction)*moved)
-      e%spring = e%spring + 0.5_wp*sum((s%tie + old%tie)*moved)
+      e%strain = works%strain
+      e%load = e%load + works%load
+      e%gravity = e%gravity + 0.5_wp*(1.0_wp + before)*works%weight
+      e%support = e%support + works%support
+      e%spring = e%spring + works%spring
       if (.not. self%dynamic) return
-      e%damping = e%damping + 0.5_wp*sum((s%viscous + old%viscous)*moved)
+      e%damping = e%damping + works%damping
       if (self%explicit) return
       call multiply_mass(self%pattern, self%mass, s%v, momentum)
       e%kinetic = 0.5_wp*sum(s%v*momentum)
@@ -546,6 +548,29 @@ contains
                             *sum(self%state%v(:, i)**2)
     end do
   end subroutine explicit_energy
+
+  !> Accept the trial state without a copy: the arrays change places, and `state` holds what is old
+  !! until the next step fills it. For runs that look at `accepted` alone and never reject.
+  subroutine hand_over(self)
+    class(fem_body_type), intent(inout) :: self
+    call swap(self%state%u, self%accepted%u)
+    call swap(self%state%v, self%accepted%v)
+    call swap(self%state%a, self%accepted%a)
+    call swap(self%state%external, self%accepted%external)
+    call swap(self%state%reaction, self%accepted%reaction)
+    call swap(self%state%tie, self%accepted%tie)
+    call swap(self%state%viscous, self%accepted%viscous)
+    self%accepted%time = self%state%time
+    self%accepted_energy = self%energy
+  end subroutine hand_over
+
+  pure subroutine swap(a, b)
+    real(wp), allocatable, intent(inout) :: a(:, :), b(:, :)
+    real(wp), allocatable :: spare(:, :)
+    call move_alloc(a, spare)
+    call move_alloc(b, a)
+    call move_alloc(spare, b)
+  end subroutine swap
 
   subroutine accept(self)
     class(fem_body_type), intent(inout) :: self

@@ -369,7 +369,7 @@ contains
       call self%timers%stop('steps')
       if (.not. errors%any()) call check_energy(self%body, errors)
       if (errors%any()) return
-      call self%body%accept()
+      call self%body%hand_over()
       self%steps = self%steps + 1
       call self%timers%start('output')
       call self%output%write_due(self%body, last, errors)

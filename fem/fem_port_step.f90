@@ -94,17 +94,26 @@ contains
       body%accepted_energy = held_energy
       if (errors%any()) return
       call sets%put_states(body, reply)
-      do s = 1, sets%n
-        if (sets%set(s)%role /= role_prescribe) cycle
-        call reply%put(trim(sets%set(s)%name)//'.impulse', -impulse(:, sets%set(s)%node))
-        if (size(sets%set(s)%phi) > 0) call reply%put(trim(sets%set(s)%name)// &
-          '.moment_impulse', -impulse(:, sets%set(s)%phi))
-        call reply%put(trim(sets%set(s)%name)//'.work', work(s))
-      end do
+      call put_impulses(sets, impulse, work, reply)
       call reply%put_int('substeps', n)
       call put_scalars(body, reply)
     end associate
   end subroutine advance
+
+  !> Impulses and works of the prescribed sets; signs as the partner feels them.
+  subroutine put_impulses(sets, impulse, work, reply)
+    type(fem_sets_type), intent(in) :: sets
+    real(wp), intent(in) :: impulse(:, :), work(:)
+    type(message_type), intent(inout) :: reply
+    integer(i4) :: s
+    do s = 1, sets%n
+      if (sets%set(s)%role /= role_prescribe) cycle
+      call reply%put(trim(sets%set(s)%name)//'.impulse', -impulse(:, sets%set(s)%node))
+      if (size(sets%set(s)%phi) > 0) call reply%put(trim(sets%set(s)%name)// &
+        '.moment_impulse', -impulse(:, sets%set(s)%phi))
+      call reply%put(trim(sets%set(s)%name)//'.work', work(s))
+    end do
+  end subroutine put_impulses
 
   !> Internal forces of the present state with prescribed nodes where the request puts them.
   !! Scope `interface`: only elements that have a node of a prescribed set count.
