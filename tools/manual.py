@@ -131,7 +131,8 @@ def case_lines(case: dict, folder: Path, out: Path) -> list[str]:
     lines = [f"### {case['title']} ({case['id']}) <span class='{state}'>{state}</span>", ""]
     readme = ROOT / "verification" / case.get("area", "") / case["id"] / "README.md"
     if readme.exists():
-        lines += [re.sub(r"^# .*\n", "", readme.read_text()), ""]
+        # without its title and its table of measured values: those of this run follow
+        lines += [re.sub(r"^(# |\|).*\n", "", readme.read_text(), flags=re.MULTILINE), ""]
     else:
         lines += [case.get("claim", ""), "", f"*Source: {case.get('source', '')}*", ""]
     if case.get("error"):

@@ -133,7 +133,7 @@ def run(case: Case) -> None:
     case.below(
         "largest |overlap - brute force| / semi-axis",
         float(np.nanmax(np.abs(found - exact)) / 2.5e-3),
-        1e-9,
+        1e-12,
     )
     q = matrices(quat)
     tensor = np.einsum("nij,j,nkj->nik", q, AXES**2, q)

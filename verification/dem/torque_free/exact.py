@@ -87,7 +87,8 @@ def run(case: Case) -> None:
     case.below(
         "spin error / largest spin",
         float(np.abs(spin - exact_axis_spin(time, start)).max() / 9.0),
-        1e-6,
+        2e-7,
+        "(largest spin x step)^2 x turns",
     )
     order = float(np.log2(error[4.0e-4] / error[2.0e-4]))
     case.metric("observed order in time", order, 2.0, 0.1)

@@ -29,13 +29,13 @@ def run(case: Case) -> None:
         case.below(
             f"dt = {dt}: |u - discrete solution| / static",
             float(np.abs(top - exact).max() / abs(still)),
-            1e-8,
+            1e-11,
         )
         ledger = read_history(case.folder / name.replace(".nml", "_energy.csv"))
         case.below(
             f"dt = {dt}: energy closure / largest",
             float(np.abs(ledger["closure"]).max() / ledger["strain"].max()),
-            1e-10,
+            1e-12,
         )
         ax.plot(time[:120], exact[:120] / still, "-", label=f"exact for dt = {dt} s")
         ax.plot(time[:120], top[:120] / still, "o", ms=3)
