@@ -1,49 +1,130 @@
-"""Judge the penetration's curves: mean force over 30-60 mm depth, ordered as PENETRATION asks.
+"""Judge the penetration: mean forces by depth, ordered as the benchmark asks, and both figures.
 
-Usage: judge.py containers.csv moduli.csv. Prints a table and whether each order holds; nothing is
-tuned, so an order that does not hold is printed as such and the exit code stays 0.
+Usage: judge.py OUT, the folder of `run.sh penetration`. Reads OUT/rigid_CONTAINER_SEED and
+OUT/coupled_MODULUS_SIZE; writes containers.png, moduli.png and judge.csv and prints the table. What
+is missing is left out and named. Nothing is tuned: an order that does not hold is printed as such
+and the exit code stays 0.
 """
 
-import csv
 import sys
 from pathlib import Path
 
 import numpy as np
 
-COLUMNS = ("depth [mm]", "force [N]")
-WINDOW = (30.0, 60.0)  # depth [mm]
-TIE = 0.02
+from talus.look import COLOURS, new_figure, save_figure
+from talus.plots import force_curve
+
+CONTAINERS = ("small", "medium", "large")
+BANDS = ((0.0, 10.0), (10.0, 20.0), (20.0, 30.0), (30.0, 60.0))  # depth [mm]; the last is judged
+TIE = 0.02  # moduli: a force may be this much above its neighbour's
+MODE = "literal mode: mass scale 10, damping 2/dt, no gravity, 0.25 m/s"
+DEPTH = np.arange(0.0, 62.01, 0.25)  # [mm] where curves of several seeds are averaged
+Curve = dict[str, np.ndarray]
 
 
-def means(path: Path) -> dict[str, float]:
-    """Return label -> mean force [N] over the window, from rows run, depth, force, mean."""
-    with path.open(newline="") as file:
-        rows = list(csv.DictReader(file))
+def rigid_curves(out: Path) -> dict[str, list[Curve]]:
+    """Return the curves of every container, one a seed that is finished."""
     found = {}
-    for label in dict.fromkeys(row["run"] for row in rows):
-        own = [row for row in rows if row["run"] == label]
-        depth, force = (np.array([float(row[name]) for row in own]) for name in COLUMNS)
-        inside = (depth >= WINDOW[0]) & (depth <= WINDOW[1])
-        if not inside.any():
-            raise SystemExit(f"judge: '{label}' of {path} has no rows at {WINDOW} mm depth")
-        found[label] = float(force[inside].mean())
+    for name in CONTAINERS:
+        folders = sorted(folder.parent for folder in out.glob(f"rigid_{name}_*/finished"))
+        if folders:
+            found[name] = [force_curve(folder / "rigid_driven.csv") for folder in folders]
     return found
 
 
-def report(title: str, found: dict[str, float]) -> None:
-    """Print means and whether they fall from first to last (ties within 2 %)."""
-    values = list(found.values())
-    ordered = all(b <= a * (1 + TIE) for a, b in zip(values, values[1:], strict=False))
-    print(f"{title}: mean force over {WINDOW[0]:.0f}-{WINDOW[1]:.0f} mm")
-    for name, value in found.items():
-        print(f"  {name:20s} {value:12.2f} N  {value / values[0]:8.3f}")
-    print("  the order holds" if ordered else "  THE ORDER DOES NOT HOLD")
+def coupled_curves(out: Path) -> dict[str, dict[float, Curve]]:
+    """Return element size -> modulus [Pa] -> curve, stiffest first."""
+    found: dict[str, dict[float, Curve]] = {}
+    for mark in out.glob("coupled_*/finished"):
+        _, young, size = mark.parent.name.split("_")
+        curve = force_curve(mark.parent / "grains_driven.csv")
+        found.setdefault(size, {})[float(young)] = curve
+    return {size: dict(sorted(found[size].items(), reverse=True)) for size in sorted(found)[::-1]}
+
+
+def mean_force(curve: Curve, band: tuple[float, float]) -> float:
+    """Return the mean force [N] over a band of depth, NaN if the curve ends before it does."""
+    inside = (curve["depth"] >= band[0]) & (curve["depth"] <= band[1])
+    if curve["depth"][-1] < band[1] - 0.5:
+        return float("nan")
+    return float(curve["force"][inside].mean())
+
+
+def bands_of(curves: list[Curve]) -> tuple[list[float], list[float]]:
+    """Return mean and standard deviation over the seeds [N] for every band."""
+    values = np.array([[mean_force(curve, band) for band in BANDS] for curve in curves])
+    spread = values.std(axis=0, ddof=1) if len(curves) > 1 else np.full(len(BANDS), np.nan)
+    return values.mean(axis=0).tolist(), spread.tolist()
+
+
+def tabulate(title: str, rows: dict[str, list[Curve]], lines: list[str]) -> dict[str, list[float]]:
+    """Print forces and their ratios to the first row by band; add them to the CSV lines."""
+    heads = "".join(f"  {low:4.0f}-{high:2.0f} mm [N]       " for low, high in BANDS)
+    print(f"\n{title}\n  {'':22s}{heads}")
+    means = {name: bands_of(curves) for name, curves in rows.items()}
+    first = next(iter(means.values()))[0] if means else []
+    for name, (mean, spread) in means.items():
+        line = f"  {name:22s}"
+        for (low, high), m, s, f in zip(BANDS, mean, spread, first, strict=True):
+            line += f"{m:9.2f} ±{s:7.2f} {m / f:5.2f}"
+            numbers = f"{low:g},{high:g},{len(rows[name])},{m:.6g},{s:.6g},{m / f:.6g}"
+            lines.append(f"{title},{name},{numbers}")
+        print(line)
+    return {name: mean for name, (mean, _) in means.items()}
+
+
+def verdict(title: str, names: list[str], means: dict[str, list[float]], tie: float) -> str:
+    """Say whether mean forces over the judged band fall from each name to the next."""
+    missing = [name for name in names if name not in means or np.isnan(means[name][-1])]
+    if missing:
+        return f"{title},not judged,missing: {' '.join(missing)}"
+    pairs = list(zip(names, names[1:], strict=False))
+    wrong = [f"{b} > {a}" for a, b in pairs if not means[b][-1] <= means[a][-1] * (1.0 + tie)]
+    return f"{title},fail,{'; '.join(wrong)}" if wrong else f"{title},pass,"
+
+
+def draw(path: Path, title: str, rows: dict[str, list[Curve]]) -> None:
+    """Draw thin lines of every seed and the mean of the smoothed curves."""
+    fig, ax = new_figure(figsize=(7.0, 4.6))
+    for k, (name, curves) in enumerate(rows.items()):
+        colour = COLOURS[k % len(COLOURS)]
+        smooth = [np.interp(DEPTH, c["depth"], c["mean"], right=np.nan) for c in curves]
+        for one in smooth:
+            ax.plot(DEPTH, one, color=colour, lw=0.6, alpha=0.6)
+        label = f"{name} ({len(curves)})"
+        ax.plot(DEPTH, np.mean(smooth, axis=0), color=colour, lw=1.8, label=label)
+    ax.set(xlabel="penetration depth [mm]", ylabel="force on the penetrator, upwards [N]")
+    ax.set_xlim(left=0.0)
+    ax.set_title(f"{title} (number of seeds)\n{MODE}", fontsize=9)
+    ax.legend(fontsize=8)
+    save_figure(fig, path)
+    print(path)
 
 
 def main() -> int:
-    """Judge both tables."""
-    report("containers, rigid (small > medium > large)", means(Path(sys.argv[1])))
-    report("coupled, falling modulus", means(Path(sys.argv[2])))
+    """Judge a folder."""
+    out = Path(sys.argv[1])
+    lines = ["table,run,from [mm],to [mm],seeds,mean [N],standard deviation [N],ratio to first"]
+    verdicts = []
+    rigid = rigid_curves(out)
+    if rigid:
+        draw(out / "containers.png", "Rigid containers", rigid)
+    means = tabulate("containers", rigid, lines)
+    verdicts.append(verdict("small > medium > large", list(CONTAINERS), means, 0.0))
+    for size, curves in coupled_curves(out).items():
+        rows = {"rigid": rigid["small"][:1]} if "small" in rigid else {}
+        rows |= {f"{young:.0e} Pa": [curve] for young, curve in curves.items()}
+        names = list(rows)
+        means = tabulate(f"elements of {size} m", rows, lines)
+        verdicts.append(verdict(f"rigid and moduli falling ({size} m)", names, means, TIE))
+        if "large" in rigid:
+            rows["large, rigid"] = rigid["large"]
+        name = "moduli.png" if size == max(coupled_curves(out)) else f"moduli_{size}.png"
+        draw(out / name, f"Coupled, elements of {size} m", rows)
+    print()
+    for text in verdicts:
+        print("  " + text.replace(",", ": ", 1).rstrip(","))
+    (out / "judge.csv").write_text("\n".join([*lines, "", "order,verdict,what", *verdicts]) + "\n")
     return 0
 
 

@@ -71,39 +71,73 @@ demo() {
     "$out/ghost_displacement.png" "$out/view3d.png" "$out/energy.png" "$out"/*_summary.json
 }
 
-# three containers rigid, then the small one in blocks of falling modulus on two meshes
+# a piece of the benchmark that is finished is not run again
+finished() { [ -e "$1/finished" ]; }
+
+# $1 OUT, $2 container, $3 seed: the deposit; seed 1 of the small container ships with the example
+make_deposit() {
+  local folder=$1/deposit_$2_$3
+  if finished "$folder" || [ "$2_$3" = small_1 ]; then return; fi
+  SEED=$3 deposit "$folder" "$2" >"$folder.out" 2>&1
+  touch "$folder/finished"
+}
+
+# $1 OUT, $2 container, $3 seed: its deposit's packing
+deposit_of() {
+  if [ "$2_$3" = small_1 ]; then
+    echo "$here/deposit_small.txt"
+  else
+    echo "$1/deposit_$2_$3/deposit.h5"
+  fi
+}
+
+# $1 OUT, $2 container, $3 seed: the rigid container
+rigid_piece() {
+  local folder=$1/rigid_$2_$3
+  if finished "$folder"; then return; fi
+  make_deposit "$1" "$2" "$3"
+  fresh "$folder"
+  packings "$folder" "$(deposit_of "$1" "$2" "$3")" >"$folder.out" 2>&1
+  rigid "$folder" >>"$folder.out" 2>&1
+  touch "$folder/finished"
+}
+
+# $1 OUT, $2 modulus [Pa], $3 element size [m]: the small container in an elastic block
+coupled_piece() {
+  local folder=$1/coupled_$2_$3
+  if finished "$folder"; then return; fi
+  fresh "$folder"
+  packings "$folder" "$here/deposit_small.txt" >"$folder.out" 2>&1
+  (cd "$folder" && "$talus" mesh block --size "$3" -o block.h5) >>"$folder.out" 2>&1
+  sed -i "s/young = 50.0e6/young = $2/" "$folder/solid.nml"
+  coupled "$folder" >>"$folder.out" 2>&1
+  "$talus" plot ghosts "$folder/grains.h5" -o "$1/ghosts_$2_$3.png" >>"$folder.out" 2>&1
+  touch "$folder/finished"
+}
+
+# one piece by its words, so that pieces can run beside each other
+piece() {
+  say "$*"
+  case "$1" in
+    rigid) rigid_piece "$out" "$2" "$3" ;;
+    coupled) coupled_piece "$out" "$2" "$3" ;;
+  esac
+}
+
+# three containers rigid, three seeds; the small one in blocks of falling modulus on two meshes. One
+# thread a piece, as many pieces as there are cores. SEEDS, MODULI, FINE_MODULI ask for other sets.
 penetration() {
-  local out=$1 container young size folder curves=()
-  for container in small medium large; do
-    folder=$out/rigid_$container
-    if [ "$container" = small ]; then
-      fresh "$folder"
-      packings "$folder" "$here/deposit_small.txt"
-    else
-      deposit "$folder" "$container"
-      packings "$folder" deposit.h5
-    fi
-    say "rigid $container container"
-    rigid "$folder"
-    curves+=("$folder/rigid_driven.csv=$container")
-  done
-  "$talus" plot force "${curves[@]}" -o "$out/containers.png" --csv "$out/containers.csv" --title "Rigid, $mode"
-  curves=("$out/rigid_small/rigid_driven.csv=rigid")
-  for size in 0.010 0.007; do
-    for young in 1.0e9 100.0e6 10.0e6 1.0e6; do
-      folder=$out/coupled_${young}_$size
-      fresh "$folder"
-      packings "$folder" "$here/deposit_small.txt"
-      (cd "$folder" && "$talus" mesh block --size "$size" -o block.h5)
-      sed -i "s/young = 50.0e6/young = $young/" "$folder/solid.nml"
-      say "coupled, E = $young Pa, elements of $size m"
-      coupled "$folder"
-      "$talus" plot ghosts "$folder/grains.h5" -o "$out/ghosts_${young}_$size.png"
-      [ "$size" = 0.010 ] && curves+=("$folder/grains_driven.csv=$young Pa")
+  local container seed young
+  {
+    for young in ${MODULI:-1.0e9 100.0e6 10.0e6 1.0e6}; do echo "coupled $young 0.010"; done
+    for seed in ${SEEDS:-1 2 3}; do
+      for container in small medium large; do echo "rigid $container $seed"; done
     done
-  done
-  "$talus" plot force "${curves[@]}" -o "$out/moduli.png" --csv "$out/moduli.csv" --title "Coupled, $mode"
-  "$root/build/venv/bin/python" "$here/judge.py" "$out/containers.csv" "$out/moduli.csv"
+    for young in ${FINE_MODULI:-1.0e9 100.0e6 10.0e6 1.0e6}; do echo "coupled $young 0.007"; done
+  } | OMP_NUM_THREADS=1 OMP_WAIT_POLICY=passive \
+    xargs -P "$(nproc)" -L 1 "$here/run.sh" piece "$out" \
+    || say "some pieces failed: see $out/*.out; the same command runs them again"
+  "$root/build/venv/bin/python" "$here/judge.py" "$out"
 }
 
 out=${2:?usage: run.sh demo|deposit|penetration OUT}
@@ -115,7 +149,8 @@ case "${1:-}" in
     deposit "$out" "${3:-small}"
     "$talus" compare "$here/deposit_small.txt" "$out/deposit.h5"
     ;;
-  penetration) penetration "$out" ;;
+  penetration) penetration ;;
+  piece) piece "${@:3}" ;;
   *)
     echo "usage: run.sh demo|deposit|penetration OUT" >&2
     exit 1

@@ -96,8 +96,9 @@ def check_adaptive(program: Path, scratch: Path) -> None:
     for folder in folders:
         lines = (folder / "deck.nml").read_text().splitlines()
         kept = [line for line in lines if not line.startswith("&equilibrium")]
-        text = "\n".join(kept).replace("&dynamics    damping = 50.0", "&relaxation damping = adaptive")
-        (folder / "deck.nml").write_text(text.replace("adaptive,", "'adaptive',") + "\n")
+        text = "\n".join(kept) + "\n"
+        text = text.replace("&dynamics    damping = 50.0", "&relaxation damping = 'adaptive'")
+        (folder / "deck.nml").write_text(text)
     check("adaptive damping", run(program, folders[0], "--threads=1").returncode == 0)
     check_ledger(list(csv.DictReader((folders[0] / "deck_energy.csv").open())))
     check("its first part", run(program, folders[1], "--threads=1").returncode == 0)
