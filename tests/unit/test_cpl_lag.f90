@@ -1,0 +1,60 @@
+!> The lag over windows of exchanges: one warning when it is large and stays, none while it falls.
+program test_cpl_lag
+  use talus_kinds, only: wp, i4
+  use talus_test, only: test_type
+  use cpl_choices, only: interface_aitken, interface_none, interface_springs, scheme_average, &
+    scheme_iterated
+  use cpl_lag, only: lag_type, lag_limit
+  implicit none
+  type(test_type) :: test
+
+  call small()
+  call falls()
+  call stays()
+  call test%finish()
+
+contains
+
+  subroutine small()
+    type(lag_type) :: lag
+    integer(i4) :: k
+    do k = 1, 200
+      call lag%note(0.5_wp*lag_limit)
+    end do
+    call test%check('small: no stall', lag%stalls == 0)
+    call test%check_close('small: mean', lag%mean, 0.5_wp*lag_limit, 1.0e-14_wp)
+    call test%check_text('small: no warning', lag%warning(interface_springs, scheme_average), '')
+  end subroutine small
+
+  !> Large at first, but each exchange carries a twentieth more.
+  subroutine falls()
+    type(lag_type) :: lag
+    integer(i4) :: k
+    do k = 1, 150
+      call lag%note(0.95_wp**k)
+    end do
+    call test%check('falls: no stall', lag%stalls == 0)
+    call test%check('falls: the last is known', lag%now < 1.0e-3_wp)
+  end subroutine falls
+
+  !> A limit cycle: told once, with what to change.
+  subroutine stays()
+    type(lag_type) :: lag
+    character(len=:), allocatable :: text
+    integer(i4) :: k
+    do k = 1, 100
+      call lag%note(merge(0.9_wp, 0.05_wp, mod(k, 2) == 0))
+    end do
+    call test%check('stays: two windows', lag%stalls == 2)
+    text = lag%warning(interface_aitken, scheme_average)
+    call test%check('stays: limit cycle', index(text, 'limit cycle') > 0)
+    call test%check('stays: what to write', index(text, "interface = 'springs'") > 0)
+    call test%check_text('stays: told once', lag%warning(interface_aitken, scheme_average), '')
+    lag%told = .false.
+    text = lag%warning(interface_springs, scheme_average)
+    call test%check('springs: shorter exchange', index(text, 'shorten &clock exchange') > 0)
+    lag%told = .false.
+    text = lag%warning(interface_none, scheme_iterated)
+    call test%check('iterated: tolerance', index(text, 'tolerance') > 0)
+  end subroutine stays
+end program test_cpl_lag
