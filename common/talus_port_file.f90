@@ -219,7 +219,7 @@ contains
     end if
     if (failed /= '') then
       call c_remove(path//'.tmp'//c_null_char)
-      call errors%add('P018', 'a message file cannot be written: '//failed, path, &
+      call errors%add('P018', 'the message file '//path//' cannot be written: '//failed, path, &
                       'is the disk full, or the folder gone?')
     end if
     call self%beat()
@@ -239,7 +239,7 @@ contains
     if (c_wait(path//c_null_char, slice) == 0) return
     call read_message_file(path, message, failed)
     if (failed /= '') then
-      call errors%add('P019', 'a message file cannot be read: '//failed, path, &
+      call errors%add('P019', 'the message file '//path//' cannot be read: '//failed, path, &
                       'the file is damaged, or of another program')
       return
     end if

@@ -101,7 +101,8 @@ contains
                        log_file//c_null_char, on_death, code)
     if (self%pid == 0) then
       call errors%add('P020', 'the program '''//argv(1)%s//''' cannot be started (system error '// &
-                      str(code)//reason(code)//')', '', 'its path, its rights, the log''s folder')
+                      str(code)//reason(code)//')', log_file, &
+                      'its path and rights, or those of its log')
       return
     end if
     self%fd = c_open(self%pid)

@@ -24,6 +24,7 @@ module talus_serve
     character(len=:), allocatable :: program  !! 'talus-dem'
     logical :: greeted = .false.              !! HELLO was answered
     logical :: begun = .false.                !! READY was answered
+    logical :: rehearsing = .false.           !! READY asked for steps that do not count
     logical :: leave = .false.                !! STOP or ABORT came
     integer(i4) :: exit_code = 0
     type(error_list_type) :: fatal            !! faults that end the run
@@ -170,9 +171,7 @@ contains
     case (verb_set)
       call server%set(request, reply, errors)
     case (verb_ready)
-      call request%all_read(errors)
-      if (.not. errors%any()) call server%ready(reply, errors)
-      server%begun = server%begun .or. .not. errors%any()
+      call ready(server, request, reply, errors)
     case (verb_accept, verb_reject)
       call request%all_read(errors)
       if (errors%any()) return
@@ -230,6 +229,23 @@ contains
     if (errors%any() .and. .not. server%greeted) call server%fatal%take(errors)
     server%greeted = server%greeted .or. .not. errors%any()
   end subroutine hello
+
+  !> READY. With rehearsal = 1 steps may be tried and accepted, but what the deck itself moves
+  !! stands still and no file is written; the READY that ends it sets the clock back to the start.
+  subroutine ready(server, request, reply, errors)
+    class(server_type), intent(inout) :: server
+    type(message_type), intent(inout) :: request, reply
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: rehearsal
+
+    rehearsal = 0
+    if (request%has('rehearsal')) call request%get_int('rehearsal', rehearsal, errors)
+    call request%all_read(errors)
+    if (errors%any()) return
+    server%rehearsing = rehearsal == 1
+    call server%ready(reply, errors)
+    server%begun = server%begun .or. .not. errors%any()
+  end subroutine ready
 
   !> The checkpoint that a restart text names: a file, 'auto', or the tag of one of this run.
   function restart_file(restart, stem) result(path)

@@ -21,6 +21,7 @@ int talus_c_setenv(const char *name, const char *value, int overwrite);
 void talus_c_exit(int code);
 int talus_c_blas_kernels(void);
 int talus_c_short_spins(void);
+void talus_c_write_signals(void);
 void talus_c_error_text(int error, char *text, int room);
 
 /* A launcher may deliver one request twice (to the group and to each process): what follows the
@@ -60,11 +61,17 @@ static void handle(int number, void (*handler)(int))
     sigaction(number, &action, NULL);
 }
 
+/* A closed pipe or a file over the limit becomes a write error. */
+void talus_c_write_signals(void)
+{
+    handle(SIGPIPE, SIG_IGN);
+    handle(SIGXFSZ, SIG_IGN);
+}
+
 void talus_c_signals(int obey, int second_leaves)
 {
     leave_on_second = second_leaves;
-    handle(SIGPIPE, SIG_IGN);
-    handle(SIGXFSZ, SIG_IGN); /* a file over the limit becomes a write error */
+    talus_c_write_signals();
     handle(SIGINT, obey ? on_stop : SIG_IGN);
     handle(SIGTERM, obey ? on_stop : SIG_IGN);
     handle(SIGUSR1, obey ? on_checkpoint : SIG_IGN);

@@ -9,7 +9,7 @@ module talus_system
   use talus_kinds, only: wp, i4, i8
   implicit none
   private
-  public :: install_signals, signal_seen, signal_checkpoint
+  public :: ignore_write_signals, install_signals, signal_seen, signal_checkpoint
   public :: wall_clock, host_name, boot_id, process_id, date_text
   public :: memory_free, memory_resident, is_terminal
   public :: environment, set_environment, talus_blas_kernels, talus_short_spins
@@ -60,6 +60,8 @@ module talus_system
     integer(c_int) function c_blas_kernels() bind(c, name='talus_c_blas_kernels')
       import :: c_int
     end function c_blas_kernels
+    subroutine c_write_signals() bind(c, name='talus_c_write_signals')
+    end subroutine c_write_signals
     integer(c_int) function c_short_spins() bind(c, name='talus_c_short_spins')
       import :: c_int
     end function c_short_spins
@@ -71,6 +73,11 @@ module talus_system
   end interface
 
 contains
+
+  !> SIGPIPE and SIGXFSZ become write errors. Call it at the start of the main program.
+  subroutine ignore_write_signals()
+    call c_write_signals()
+  end subroutine ignore_write_signals
 
   !> Set up the signals; SIGPIPE and SIGXFSZ are always ignored, so that they become write errors.
   subroutine install_signals(obey, second_leaves)

@@ -8,6 +8,7 @@ module cpl_audit
     scalar_contact_damping, scalar_background_damping, scalar_boundary, scalar_gravity, &
     scalar_momentum, scalar_angular_momentum, scalar_max_overlap, scalar_flags
   use cpl_interface, only: interface_type
+  use cpl_lag, only: lag_type
   implicit none
   private
   public :: audit_type
@@ -18,7 +19,7 @@ module cpl_audit
   type :: audit_type
     type(history_type) :: file
     real(wp) :: gap = 0.0_wp              !! largest distance between ghosts and facets [m]
-    real(wp) :: spring_residual = 0.0_wp  !! of the last exchange [-]
+    type(lag_type) :: lag
     integer(i4) :: iterations = 0         !! most in an exchange
     real(wp) :: ghost_motion = 0.0_wp     !! largest displacement of a ghost now [m]
     real(wp) :: ghost_force = 0.0_wp      !! mean force on a ghost now [N]
@@ -63,7 +64,7 @@ contains
     call append_string(columns, 'largest_ghost_displacement [m]')
     call append_string(columns, 'mean_ghost_force [N]')
     call append_string(columns, 'constraint_residual [m]')
-    call append_string(columns, 'spring_residual [-]')
+    call append_string(columns, 'force_lag [-]')
     call append_string(columns, 'spring_stiffness [N/m]')
     call append_string(columns, 'iterations [-]')
     call append_string(columns, 'lost_moment_impulse [N m s]')
@@ -95,10 +96,10 @@ contains
     real(wp), intent(out) :: gap  !! between ghosts and facets [m]
     gap = face%gap()
     self%gap = max(self%gap, gap)
-    self%spring_residual = face%spring_residual
+    call self%lag%note(face%lag)
     self%iterations = max(self%iterations, face%iterations)
-    self%ghost_motion = sqrt(maxval(sum(face%d_new**2, 1)))
-    self%ghost_force = sum(sqrt(sum(face%p_mean**2, 1)))/face%map%ghosts
+    self%ghost_motion = sqrt(maxval(sum(face%d_new(:3, :)**2, 1)))
+    self%ghost_force = sum(sqrt(sum(face%p_mean(:3, :)**2, 1)))/face%map%ghosts
   end subroutine note
 
   !> Difference of the works from both sides, relative to what went through the interface.
@@ -131,12 +132,12 @@ contains
         s(scalar_momentum:scalar_momentum + 2)
       value(19:21) = g(scalar_angular_momentum:scalar_angular_momentum + 2) + &
         s(scalar_angular_momentum:scalar_angular_momentum + 2)
-      value(22:24) = sum(face%relax%held, 2)
+      value(22:24) = sum(face%relax%held(:3, :), 2)
       value(25) = self%ghost_motion
       value(26) = self%ghost_force
       value(27) = gap
-      value(28) = self%spring_residual
-      value(29) = face%relax%stiffness
+      value(28) = face%lag
+      value(29) = face%springs%stiffness
       value(30) = face%iterations
       value(31) = face%lost_impulse
       value(32) = g(scalar_max_overlap)

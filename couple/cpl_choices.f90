@@ -34,7 +34,12 @@ module cpl_choices
     real(wp) :: max_offset = -1.0_wp   !! m, below 0: not given
     real(wp) :: stiffness = 0.0_wp     !! N/m, 0: not given
     real(wp) :: theta = 0.0_wp         !! 0: not given
+    real(wp) :: spread = 0.0_wp        !! width of the kernel [m], 0: none
+    logical :: turns = .false.         !! ghosts rotate with the solid
     logical :: dead_load = .true.
+    logical :: relaxed = .false.       !! both sides find their balance before the run
+    real(wp) :: relax_tolerance = 0.0_wp
+    integer(i4) :: relax_exchanges = 0
   end type cpl_choices_type
 
 contains
@@ -43,7 +48,7 @@ contains
     type(deck_type), intent(in) :: deck
     type(cpl_choices_type), intent(inout) :: choices
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: initial
+    character(len=:), allocatable :: initial, rotation
     real(wp), allocatable :: gravity(:)
 
     call deck%get('run', 1, 't_end', choices%t_end)
@@ -62,6 +67,12 @@ contains
     call deck%get('facets', 1, 'interface', choices%interface_name)
     call deck%get('facets', 1, 'initial', initial)
     choices%dead_load = initial == 'dead_load'
+    choices%relaxed = initial == 'relax'
+    call deck%get('facets', 1, 'relax_tolerance', choices%relax_tolerance)
+    call deck%get('facets', 1, 'relax_exchanges', choices%relax_exchanges)
+    call deck%get('facets', 1, 'rotation', rotation)
+    choices%turns = rotation == 'curl'
+    if (deck%given('facets', 1, 'spread')) call deck%get('facets', 1, 'spread', choices%spread)
     if (deck%given('facets', 1, 'max_offset')) &
       call deck%get('facets', 1, 'max_offset', choices%max_offset)
     if (deck%given('facets', 1, 'stiffness')) &
@@ -121,6 +132,12 @@ contains
       call deck%fault(errors, 'D403', "stiffness means nothing with interface = '"// &
                       choices%interface_name//"'", 'facets', 1, 'stiffness', &
                       "choose interface = 'springs', or leave stiffness out")
+    if (.not. choices%relaxed .and. deck%given('facets', 1, 'relax_tolerance')) &
+      call deck%fault(errors, 'D403', "relax_tolerance goes with initial = 'relax' only", &
+                      'facets', 1, 'relax_tolerance', "write initial = 'relax', or leave it out")
+    if (.not. choices%relaxed .and. deck%given('facets', 1, 'relax_exchanges')) &
+      call deck%fault(errors, 'D403', "relax_exchanges goes with initial = 'relax' only", &
+                      'facets', 1, 'relax_exchanges', "write initial = 'relax', or leave it out")
     if (choices%scheme == scheme_state .and. choices%interface /= interface_none) &
       call deck%fault(errors, 'D403', "scheme = 'state_at_n' goes with interface = 'none' only", &
                       'facets', 1, 'interface', "write interface = 'none'")

@@ -143,7 +143,7 @@ contains
 
   subroutine group_facets(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('facets', 8, 'Ghost grains on facets of the solid.', required=.true.)
+    call table%add_group('facets', 11, 'Ghost grains on facets of the solid.', required=.true.)
     call table%add_key('ghosts', 'string', '', &
       'Group of the packing whose grains become ghosts.')
     call table%need()
@@ -155,10 +155,16 @@ contains
       //' audit counts.')
     call table%bounds(min=0.0_wp)
     call table%add_key('rotation', 'string', '', &
-      'Rotation of the ghosts: `''fixed''`; the moments that they take are counted as ' &
-      //'lost in the audit.')
+      'Rotation of the ghosts. `''fixed''`: none; the moments that they take are counted ' &
+      //'as lost in the audit. `''curl''`: they turn with half the curl of the displacement' &
+      //' in the element behind their facet, and their moments act on its nodes.')
     call table%preset('fixed')
-    call table%allow('fixed')
+    call table%allow('fixed|curl')
+    call table%add_key('spread', 'real', 'm', &
+      'Width of a kernel with which the force of each ghost is smeared over the facets ' &
+      //'around it, about one diameter; left out, it acts at a point. The ghosts then ' &
+      //'follow the mean motion of the facets under the kernel.')
+    call table%bounds(above=0.0_wp)
     call table%add_key('interface', 'string', '', &
       'What keeps the exchange stable when contacts are stiffer than the facets: ' &
       //'`''springs''` (a constant stiffness on the facets that acts on the change only), ' &
@@ -175,8 +181,25 @@ contains
     call table%bounds(max=1.0_wp, above=0.0_wp)
     call table%add_key('initial', 'string', '', &
       'What happens to the forces that the ghosts carry at the start: `''dead_load''` ' &
-      //'balances them, so that the solid starts undeformed; `''none''` lets them act.')
+      //'balances them, so that the solid starts undeformed; `''relax''` runs exchanges ' &
+      //'before the start, with what the decks move held at rest, until grains and a ' &
+      //'static solid are in balance, and counts displacements from there; `''none''` lets ' &
+      //'them act.')
     call table%preset('dead_load')
-    call table%allow('dead_load|none')
+    call table%allow('dead_load|relax|none')
+    call table%add_key('relax_tolerance', 'real', '', &
+      'Relax: change of the facets'' displacement and of the ghosts'' forces in an ' &
+      //'exchange, relative to their largest, below which the start is found.')
+    call table%preset('0.0001')
+    call table%bounds(above=0.0_wp, below=1.0_wp)
+    call group_facets_2(table)
   end subroutine group_facets
+
+  subroutine group_facets_2(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('relax_exchanges', 'integer', '', &
+      'Relax: exchanges after which the run begins all the same, with a warning.')
+    call table%preset('500')
+    call table%bounds(min=2.0_wp, max=1000000.0_wp)
+  end subroutine group_facets_2
 end module cpl_deck_keys

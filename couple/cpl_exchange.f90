@@ -11,7 +11,8 @@ module cpl_exchange
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
-  public :: exchange, set_springs
+  public :: exchange, set_springs, read_forces, advance_grains, solve_solid
+  public :: automatic_springs, look_at_stiffness, lead
 
   real(wp), parameter :: raise = 1.5_wp           !! springs over contact stiffness
   integer(i8), parameter :: look_every = 50_i8    !! exchanges between looks at the stiffness
@@ -61,24 +62,24 @@ contains
     real(wp), intent(in) :: t0, t1
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: at(3, face%map%ghosts), gap, moved, gap_before
+    real(wp) :: gap, moved, gap_before
     integer(i4) :: trial
 
     gap_before = huge(1.0_wp)
-    call face%predict(t1 - t0, face%d_new)
+    call face%predict(t1 - t0)
     do trial = 1, choices%max_iterations
       face%iterations = trial
       call advance_grains(face, solvers(side_grains), t0, t1, timers, errors)
       if (errors%any()) return
-      at = face%d_new
-      if (choices%scheme == scheme_average) at = at + lead(face)*(face%d_new - face%d)
-      call solve_solid(face, solvers(side_solid), at, trial, t0, t1, timers, errors)
+      face%w_spring = face%w_new
+      if (choices%scheme == scheme_average) &
+        face%w_spring = face%w_spring + lead(face)*(face%w_new - face%w)
+      call solve_solid(face, solvers(side_solid), trial, t0, t1, timers, errors)
       if (errors%any() .or. choices%scheme == scheme_average) exit
       gap = face%gap()
-      moved = sqrt(maxval(sum((face%d_new - face%d)**2, 1)))
+      moved = sqrt(maxval(sum((face%d_new(:3, :) - face%d(:3, :))**2, 1)))
       if (gap <= choices%tolerance*max(moved, least_motion(face)) .and. &
-          maxval(abs(face%p_mean - face%relax%held)) <= &
-          choices%tolerance*maxval(abs(face%p_mean))) exit
+          face%settled(choices%tolerance)) exit
       if (trial == choices%max_iterations) then
         call errors%add('N406', 'ghosts and facets still differ by '//str(gap)//' m after '// &
                         str(trial)//' iterations, in which they move by '//str(moved)//' m', &
@@ -93,7 +94,8 @@ contains
       if (.not. errors%any()) &
         call judge_both(solvers, verb_reject, face%step, t0, t1, timers, errors)
       if (errors%any()) return
-      call face%map%to_ghosts(face%u_new, face%d_new)
+      face%w_new = face%u_new
+      call face%follow()
     end do
     if (errors%any()) return
     if (use_midpoint(face)) face%p_put = 2.0_wp*face%relax%held - face%p_put
@@ -107,8 +109,8 @@ contains
     real(wp), parameter :: share = 0.6_wp     !! of what is stable
     real(wp), parameter :: least = -0.5_wp    !! at the mean of the interval: stable for k < 3 s
     lead = 0.0_wp
-    if (.not. face%relax%stiffness > 0.0_wp) return
-    lead = max(least, share*(1.0_wp - 0.5_wp*face%contact_stiffness/face%relax%stiffness))
+    if (.not. face%springs%stiffness > 0.0_wp) return
+    lead = max(least, share*(1.0_wp - 0.5_wp*face%contact_stiffness/face%springs%stiffness))
     if (face%dynamic) lead = 0.0_wp
   end function lead
 
@@ -139,10 +141,11 @@ contains
     face%p_mean = face%p_end
     if (face%dynamic) face%p_mean = 1.5_wp*face%p_end - 0.5_wp*face%p_before
     face%p_before = face%p_end
-    call solve_solid(face, solvers(side_solid), face%d, 1_i4, t0, t1, timers, errors)
+    call solve_solid(face, solvers(side_solid), 1_i4, t0, t1, timers, errors)
     if (errors%any()) return
     if (use_midpoint(face)) face%p_put = 2.0_wp*face%relax%held - face%p_put
-    call face%map%to_ghosts(face%u_new, face%d_new)
+    face%w_new = face%u_new
+    call face%follow()
     call advance_grains(face, solvers(side_grains), t0, t1, timers, errors)
   end subroutine step_with_state
 
@@ -153,48 +156,67 @@ contains
     real(wp), intent(in) :: t0, t1
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: span
+    real(wp) :: span, impulse(3, face%map%ghosts)
     integer(i4) :: substeps
 
     span = t1 - t0
     call grains%start_request(verb_advance, face%step, t0, t1)
-    call grains%request%put(ghost_set//'.x', face%x_ref + face%d_new)
+    call grains%request%put(ghost_set//'.x', face%x_start + face%d_new(:3, :))
+    if (face%transfer%rows > 3) call grains%request%put(ghost_set//'.quat', face%quat_new)
     call grains%ask(timers, errors)
     if (errors%any()) return
     associate (reply => grains%reply)
-      call reply%get(ghost_set//'.force', face%p_end, errors)
-      call reply%get(ghost_set//'.impulse', face%p_mean, errors)
+      call read_forces(face, grains, face%p_end, errors)
+      call reply%get(ghost_set//'.impulse', impulse, errors)
       call reply%get(ghost_set//'.moment_impulse', face%m_mean, errors)
       call reply%get(ghost_set//'.work', face%step_work, errors)
       call reply%get('scalars', face%grains_new, errors)
       call reply%get_int('substeps', substeps, errors)
       call reply%all_read(errors)
     end associate
-    face%p_mean = face%p_mean/span
     face%m_mean = face%m_mean/span
+    face%p_mean(:3, :) = impulse/span
+    if (face%transfer%rows > 3) face%p_mean(4:, :) = face%m_mean
     if (errors%any() .or. face%finite()) return
     call errors%add('N407', 'a force on a ghost is no number', &
       'exchange from '//str(t0)//' s to '// &
                     str(t1)//' s', 'the grains have become unstable: look at their step limit')
   end subroutine advance_grains
 
-  !> SOLVE with N'P; at is the ghosts' displacement that goes with the mean force.
-  subroutine solve_solid(face, solid, at, trial, t0, t1, timers, errors)
+  !> Forces and, with rotation, moments on the ghosts now, from a reply of the grains.
+  subroutine read_forces(face, grains, p, errors)
+    type(interface_type), intent(in) :: face
+    type(cpl_solver_type), intent(inout) :: grains
+    real(wp), intent(out) :: p(:, :)  !! (rows, ghosts)
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: part(3, face%map%ghosts)
+    call grains%reply%get(ghost_set//'.force', part, errors)
+    p(:3, :) = part
+    call grains%reply%get(ghost_set//'.moment', part, errors)
+    if (face%transfer%rows > 3) p(4:, :) = part
+  end subroutine read_forces
+
+  !> SOLVE with N'P; the springs are laid at w_spring.
+  subroutine solve_solid(face, solid, trial, t0, t1, timers, errors)
     type(interface_type), intent(inout) :: face
     type(cpl_solver_type), intent(inout) :: solid
-    real(wp), intent(in) :: at(:, :)
     integer(i4), intent(in) :: trial
     real(wp), intent(in) :: t0, t1
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: load(3, face%map%ghosts), held(3, face%map%ghosts), nodal(3, face%map%nodes)
+    real(wp), dimension(3, face%map%nodes) :: nodal, pull
     integer(i4) :: iterations
 
-    call face%map%to_ghosts(face%u, held)
-    face%d_spring = at
-    call face%relax%force(face%p_mean, at, held, load)
-    if (use_midpoint(face)) load = 2.0_wp*load - face%p_put
-    call face%map%to_nodes(load, nodal)
+    call face%relax%force(face%p_mean)
+    if (use_midpoint(face)) then
+      call face%transfer%to_nodes(2.0_wp*face%relax%held - face%p_put, nodal)
+    else
+      call face%transfer%to_nodes(face%relax%held, nodal)
+    end if
+    if (face%springs%n > 0) then
+      call face%springs%force(face%w_spring - face%u, pull)
+      nodal = nodal + pull
+    end if
     call solid%start_request(verb_solve, face%step, t0, t1)
     call solid%request%put(node_set//'.force', nodal)
     call solid%request%put_int('trial', trial)
@@ -202,7 +224,8 @@ contains
     if (errors%any()) return
     call read_solid(face, solid, errors)
     call solid%reply%get_int('iterations', iterations, errors)
-    call solid%reply%all_read(errors)
+    if (.not. (allocated(face%start_load) .or. solid%reply%has(node_set//'.phi'))) &
+      call solid%reply%all_read(errors)
     if (errors%any() .or. face%finite()) return
     call errors%add('N407', 'a displacement of the interface is no number', 'exchange from '// &
                     str(t0)//' s to '//str(t1)//' s', 'look at the log of the solid')
@@ -265,13 +288,13 @@ contains
     if (errors%any()) return
     face%contact_stiffness = maxval(stiffness)
     face%force_at_look = maxval(abs(face%p_end))
-    if (face%contact_stiffness <= face%relax%stiffness) then
+    if (face%contact_stiffness <= face%springs%stiffness) then
       face%outgrown = 0
       return
     end if
     face%outgrown = face%outgrown + 1
-    if (face%outgrown < patience .and. face%relax%stiffness > 0.0_wp .and. .not. at_once) return
-    face%relax%stiffness = raise*face%contact_stiffness
+    if (face%outgrown < patience .and. face%springs%stiffness > 0.0_wp .and. .not. at_once) return
+    call face%springs%make(raise*face%contact_stiffness, face%map, face%transfer, face%radius)
     face%outgrown = 0
     face%refactored = face%refactored + 1
     call set_springs(face, solvers(side_solid), time, timers, errors)
@@ -284,19 +307,17 @@ contains
     real(wp), intent(in) :: time  !! s
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    integer(i8) :: node(4, face%map%ghosts)
-    real(wp) :: stiffness(face%map%ghosts)
-    integer(i4) :: g
+    integer(i8) :: node(4, face%springs%n)
+    integer(i4) :: k
 
-    do g = 1, face%map%ghosts
-      node(:, g) = face%map%node_id(face%map%corner(:, g))
+    do k = 1, face%springs%n
+      node(:, k) = face%map%node_id(face%springs%node(:, k))
     end do
-    stiffness = face%relax%stiffness
     call solid%start_request(verb_set, face%step, time, time)
     call solid%request%put_text('what', 'springs')
     call solid%request%put_int('node', node)
-    call solid%request%put('weight', face%map%weight)
-    call solid%request%put('stiffness', stiffness)
+    call solid%request%put('weight', face%springs%weight)
+    call solid%request%put('stiffness', face%springs%each)
     call solid%ask(timers, errors)
   end subroutine set_springs
 end module cpl_exchange

@@ -1,7 +1,7 @@
-!> Ghost grains on facets of the solid: where each rides, and the operator N that moves it.
+!> Ghost grains on facets of the solid: where each rides.
 !!
-!! x_g = sum_a N_a(xi, eta) x_a + offset; nodal forces f = N'P. Sum N_a = 1 and sum N_a x_a = x_g
-!! make the transfer of force and moment exact (formulation, facet coupling).
+!! x_g = sum_a N_a(xi, eta) x_a + offset; cpl_transfer makes the operator between nodes and ghosts
+!! from it (formulation, facet coupling).
 module cpl_facet_map
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
@@ -20,7 +20,7 @@ module cpl_facet_map
   real(wp), parameter :: identity_limit = 1.0e-12_wp
   integer(i4), parameter :: listed = 8                 !! ghosts named in a fault
 
-  !> The operator N between interface nodes and ghosts.
+  !> Facet, place on it and shape functions of each ghost.
   type :: facet_map_type
     integer(i4) :: ghosts = 0
     integer(i4) :: nodes = 0
@@ -33,10 +33,9 @@ module cpl_facet_map
     integer(i4), allocatable :: corner(:, :)     !! numbers in node_id (4, ghosts)
   contains
     procedure :: build
-    procedure :: to_ghosts
-    procedure :: to_nodes
+    procedure :: point_on_facet
+    procedure :: number_nodes
     procedure :: identity_error
-    procedure :: moment_of
     procedure :: hash => map_hash
   end type facet_map_type
 
@@ -62,7 +61,8 @@ contains
     real(wp), intent(in) :: max_offset         !! [m], below 0: a share of the facet's size
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: distance(:)
-    integer(i4) :: g
+    logical :: none(size(x_node, 2))
+    integer(i4) :: g, number(size(x_node, 2))
 
     self%ghosts = size(ids)
     if (size(ids) == 0 .or. size(facets, 2) == 0) then
@@ -86,7 +86,8 @@ contains
       call report_outside(ids, self%facet, distance, errors)
       return
     end if
-    call number_nodes(self, facets, size(x_node, 2))
+    none = .false.
+    call self%number_nodes(facets, none, number)
   end subroutine build
 
   !> The facet nearest to a point, the lowest number among equals; 0 when none is near enough, and
@@ -203,15 +204,16 @@ contains
                     'move the facets under the ghosts'' centres, or set &facets max_offset')
   end subroutine report_outside
 
-  !> Gather the interface nodes, ascending by id, and point the ghosts to them.
-  subroutine number_nodes(self, facets, node_count)
+  !> Number the interface nodes, ascending by id: those of the ghosts' facets and the further
+  !! ones that are needed; `number` is 0 for all others.
+  subroutine number_nodes(self, facets, needed, number)
     class(facet_map_type), intent(inout) :: self
     integer(i4), intent(in) :: facets(:, :)
-    integer(i4), intent(in) :: node_count
-    integer(i4) :: number(node_count)
+    logical, intent(in) :: needed(:)        !! (all nodes)
+    integer(i4), intent(out) :: number(:)   !! (all nodes)
     integer(i4) :: g, k
 
-    number = 0
+    number = merge(1, 0, needed)
     do g = 1, self%ghosts
       number(facets(:, self%facet(g))) = 1
     end do
@@ -219,7 +221,7 @@ contains
     if (allocated(self%node_id)) deallocate (self%node_id, self%corner)
     allocate (self%node_id(self%nodes), self%corner(4, self%ghosts))
     self%nodes = 0
-    do k = 1, node_count
+    do k = 1, size(number)
       if (number(k) == 0) cycle
       self%nodes = self%nodes + 1
       number(k) = self%nodes
@@ -230,32 +232,19 @@ contains
     end do
   end subroutine number_nodes
 
-  !> Motion of the ghosts from that of the nodes: N u.
-  pure subroutine to_ghosts(self, u, d)
+  !> Where a ghost's facet is nearest to it [m].
+  pure function point_on_facet(self, g, facets, x_node) result(x)
     class(facet_map_type), intent(in) :: self
-    real(wp), intent(in) :: u(:, :)   !! (3, nodes)
-    real(wp), intent(out) :: d(:, :)  !! (3, ghosts)
-    integer(i4) :: g
-    do g = 1, self%ghosts
-      d(:, g) = self%weight(1, g)*u(:, self%corner(1, g)) &
-        + self%weight(2, g)*u(:, self%corner(2, g)) &
-        + self%weight(3, g)*u(:, self%corner(3, g)) + self%weight(4, g)*u(:, self%corner(4, g))
+    integer(i4), intent(in) :: g
+    integer(i4), intent(in) :: facets(:, :)
+    real(wp), intent(in) :: x_node(:, :)
+    real(wp) :: x(3)
+    integer(i4) :: a
+    x = 0.0_wp
+    do a = 1, 4
+      x = x + self%weight(a, g)*x_node(:, facets(a, self%facet(g)))
     end do
-  end subroutine to_ghosts
-
-  !> Forces on the nodes from those on the ghosts: N'P, added in the order of the ghosts.
-  pure subroutine to_nodes(self, p, f)
-    class(facet_map_type), intent(in) :: self
-    real(wp), intent(in) :: p(:, :)   !! (3, ghosts)
-    real(wp), intent(out) :: f(:, :)  !! (3, nodes)
-    integer(i4) :: g, a
-    f = 0.0_wp
-    do g = 1, self%ghosts
-      do a = 1, 4
-        f(:, self%corner(a, g)) = f(:, self%corner(a, g)) + self%weight(a, g)*p(:, g)
-      end do
-    end do
-  end subroutine to_nodes
+  end function point_on_facet
 
   !> Largest violation of sum N = 1 and of sum N x + offset = x_g, relative to the extent of the
   !! facets. Should be below 1e-12; N405 says so.
@@ -265,38 +254,22 @@ contains
     real(wp), intent(in) :: x_node(:, :)   !! (3, all nodes) [m]
     real(wp), intent(out) :: worst
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: x(3, self%nodes), d(3, self%ghosts), extent
-    integer(i4) :: k
+    real(wp) :: x(3, self%nodes), extent
+    integer(i4) :: g
 
-    do k = 1, self%nodes
-      x(:, k) = x_node(:, self%node_id(k))
-    end do
+    x = x_node(:, self%node_id)
     extent = max(maxval(abs(x)), maxval(maxval(x, 2) - minval(x, 2)), tiny(1.0_wp))
-    call self%to_ghosts(x, d)
-    worst = max(maxval(abs(sum(self%weight, 1) - 1.0_wp)), &
-                maxval(abs(d + self%offset - x_ghost))/extent)
+    worst = maxval(abs(sum(self%weight, 1) - 1.0_wp))
+    do g = 1, self%ghosts
+      worst = max(worst, maxval(abs(matmul(x(:, self%corner(:, g)), self%weight(:, g)) &
+                                    + self%offset(:, g) - x_ghost(:, g)))/extent)
+    end do
     if (worst <= identity_limit) return
     call errors%add('N405', 'the facet map violates sum N = 1 or sum N x = x_g by '// &
                     str(worst), '', 'look at the facets'' shape: a corner may be turned in')
   end subroutine identity_error
 
-  !> Total moment about the origin of forces that act at the ghosts, and that of N'P; the
-  !! difference is what offsets lose [N m].
-  pure function moment_of(self, p) result(lost)
-    class(facet_map_type), intent(in) :: self
-    real(wp), intent(in) :: p(:, :)  !! (3, ghosts) [N]
-    real(wp) :: lost(3)
-    integer(i4) :: g
-    lost = 0.0_wp
-    do g = 1, self%ghosts
-      associate (r => self%offset(:, g))
-        lost = lost + [r(2)*p(3, g) - r(3)*p(2, g), r(3)*p(1, g) - r(1)*p(3, g), &
-                       r(1)*p(2, g) - r(2)*p(1, g)]
-      end associate
-    end do
-  end function moment_of
-
-  !> Hash of the whole operator: ids, nodes and the bits of the weights.
+  !> Hash of the map: ids, nodes and the bits of the weights.
   pure function map_hash(self) result(hex)
     class(facet_map_type), intent(in) :: self
     character(len=16) :: hex

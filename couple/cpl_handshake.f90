@@ -55,6 +55,11 @@ contains
       call compare(solvers(k), choices, time, errors)
     end do
     call compare_gravity(solvers, choices, errors)
+    if (choices%relaxed .and. dynamic) &
+      call errors%add('D414', "initial = 'relax' needs a static solid, "// &
+                      solvers(side_solid)%title()//' is dynamic ('//analysis//')', &
+                      solvers(side_solid)%deck, "write initial = 'dead_load', or &analysis "// &
+                      "kind = 'static' in the solid's deck")
   end subroutine shake_hands
 
   subroutine read_answer(solver, errors)

@@ -4,43 +4,59 @@ module cpl_interface
   use talus_scalars, only: scalar_count
   use cpl_facet_map, only: facet_map_type
   use cpl_relax, only: relax_type
+  use cpl_springs, only: springs_type
+  use cpl_transfer, only: transfer_type
   implicit none
   private
   public :: interface_type, ghost_set, ghost_fields, node_set
 
   character(len=*), parameter :: ghost_set = 'ghosts'     !! set of the grains
-  character(len=*), parameter :: ghost_fields = 'force,impulse,moment_impulse,work'
+  character(len=*), parameter :: ghost_fields = 'force,moment,impulse,moment_impulse,work'
   character(len=*), parameter :: node_set = 'interface'   !! set of the solid
 
-  !> Displacements count from the reference state, in which the facet map was made.
+  !> Displacements count from the state at the start, forces of ghosts have 3 rows, with rotation 6
+  !! (moments behind). The ghosts follow a motion w of the nodes; the solid's own is u.
   type :: interface_type
     type(facet_map_type) :: map
+    type(transfer_type) :: transfer
+    type(springs_type) :: springs
     type(relax_type) :: relax
     logical :: dynamic = .false.             !! the solid has inertia
     integer(i8) :: step = 0                  !! accepted exchanges
-    real(wp), allocatable :: x_ref(:, :)     !! ghosts (3, g) [m]
+    real(wp), allocatable :: radius(:)       !! of the ghosts [m]
+    real(wp), allocatable :: x_ref(:, :)     !! ghosts where the map was made (3, g) [m]
+    real(wp), allocatable :: x_start(:, :)   !! ghosts at the start (3, g) [m]
     real(wp), allocatable :: x_node(:, :)    !! interface nodes (3, m) [m]
-    real(wp), allocatable :: d(:, :)         !! displacement of the ghosts (3, g) [m]
+    real(wp), allocatable :: u_start(:, :)   !! of the nodes, from the map's state to the start
+    integer(i4) :: all_nodes = 0             !! of the solid
+    real(wp), allocatable :: start_stress(:, :)  !! of the relaxed solid at its points (6, q) [Pa]
+    real(wp), allocatable :: start_load(:, :)    !! on all its nodes [N]
+    real(wp), allocatable :: w(:, :)         !! of the nodes, that the ghosts follow (3, m) [m]
     real(wp), allocatable :: u(:, :)         !! of the nodes, accepted (3, m) [m]
     real(wp), allocatable :: v(:, :)         !! velocity of the nodes, accepted (3, m) [m/s]
     real(wp), allocatable :: v_before(:, :)  !! one exchange earlier
-    real(wp), allocatable :: u_new(:, :)     !! trial values
+    real(wp), allocatable :: d(:, :)         !! motion of the ghosts, W w (rows, g) [m, rad]
+    real(wp), allocatable :: quat(:, :)      !! orientation of the ghosts (4, g)
+    real(wp), allocatable :: w_new(:, :)     !! trial values
+    real(wp), allocatable :: u_new(:, :)
     real(wp), allocatable :: v_new(:, :)
     real(wp), allocatable :: d_new(:, :)
-    real(wp), allocatable :: d_spring(:, :)  !! where the springs are laid (3, g) [m]
-    real(wp), allocatable :: p_mean(:, :)    !! mean force on each ghost over the interval (3, g)
-                                             !! [N]
+    real(wp), allocatable :: quat_new(:, :)
+    real(wp), allocatable :: w_spring(:, :)  !! where the springs are laid (3, m) [m]
+    real(wp), allocatable :: p_mean(:, :)    !! mean force on each ghost over the interval
+                                             !! (rows, g) [N, N m]
     real(wp), allocatable :: p_end(:, :)     !! force at its end [N]
     real(wp), allocatable :: p_before(:, :)  !! force at the end of the interval before [N]
     real(wp), allocatable :: p_put(:, :)     !! force at tn that the implicit solid holds [N]
-    real(wp), allocatable :: m_mean(:, :)    !! mean moment on each ghost [N m]
+    real(wp), allocatable :: m_mean(:, :)    !! mean moment on each ghost (3, g) [N m]
     real(wp), allocatable :: dead_load(:, :) !! (3, m) [N]
     real(wp) :: grains_work = 0.0_wp         !! by the ghosts' motion on the grains, total [J]
     real(wp) :: solid_work = 0.0_wp          !! by the forces put on the solid, total [J]
     real(wp) :: work_turnover = 0.0_wp       !! sum of |work| over the exchanges [J]
     real(wp) :: step_work = 0.0_wp           !! by the ghosts in this exchange [J]
     real(wp) :: lost_impulse = 0.0_wp        !! of moments, total [N m s]
-    real(wp) :: spring_residual = 0.0_wp     !! what the springs held back in the last exchange [-]
+    real(wp) :: lag = 0.0_wp                 !! force lag of the last exchange [-]
+    real(wp) :: largest = 0.0_wp             !! |N'P| or |K u| so far [N]
     integer(i4) :: iterations = 0            !! of the last exchange
     integer(i8) :: all_iterations = 0
     integer(i4) :: outgrown = 0              !! looks at which contacts were stiffer than the
@@ -52,86 +68,158 @@ module cpl_interface
     real(wp) :: grains_new(scalar_count) = 0.0_wp, solid_new(scalar_count) = 0.0_wp
   contains
     procedure :: init
+    procedure :: resume
+    procedure :: follow
     procedure :: predict
     procedure :: gap
-    procedure, private :: held_back
+    procedure :: settled
+    procedure, private :: force_lag
     procedure :: accept
     procedure :: finite
   end type interface_type
 
 contains
 
-  !> Zero state for a map that has been built.
+  !> Zero state for a map and an operator that have been built.
   subroutine init(self, x_ghost, x_all)
     class(interface_type), intent(inout) :: self
     real(wp), intent(in) :: x_ghost(:, :)  !! (3, g) [m]
     real(wp), intent(in) :: x_all(:, :)    !! all nodes of the mesh (3, n) [m]
-    integer(i4) :: g, m
+    integer(i4) :: g, m, c
 
     g = self%map%ghosts
     m = self%map%nodes
+    c = self%transfer%rows
     self%x_ref = x_ghost
+    self%x_start = x_ghost
     self%x_node = x_all(:, self%map%node_id)
-    allocate (self%d(3, g), self%d_new(3, g), self%d_spring(3, g), self%p_mean(3, g), &
-              self%p_end(3, g), self%p_put(3, g), self%p_before(3, g), self%m_mean(3, g), &
-              source=0.0_wp)
+    self%all_nodes = size(x_all, 2)
+    allocate (self%d(c, g), self%d_new(c, g), self%p_mean(c, g), self%p_end(c, g), &
+              self%p_put(c, g), self%p_before(c, g), self%m_mean(3, g), self%quat(4, g), &
+              self%quat_new(4, g), source=0.0_wp)
     allocate (self%u(3, m), self%v(3, m), self%v_before(3, m), self%u_new(3, m), &
-              self%v_new(3, m), self%dead_load(3, m), source=0.0_wp)
+              self%v_new(3, m), self%w(3, m), self%w_new(3, m), self%w_spring(3, m), &
+              self%u_start(3, m), self%dead_load(3, m), source=0.0_wp)
+    self%quat(1, :) = 1.0_wp
+    self%quat_new = self%quat
   end subroutine init
 
-  !> Displacement of the ghosts at the end of the next interval of length h [s]. Statics: where the
+  !> Motion of the ghosts from that of the nodes, after a checkpoint was read or a start was found.
+  subroutine resume(self)
+    class(interface_type), intent(inout) :: self
+    call self%transfer%to_ghosts(self%u_start, self%d)
+    self%x_start = self%x_ref + self%d(:3, :)
+    call self%transfer%to_ghosts(self%w, self%d)
+    self%quat_new = self%quat
+  end subroutine resume
+
+  !> The ghosts go where the trial motion w_new of the nodes takes them. They turn by the change of
+  !! their rotation since the accepted state, at a constant spin: the power of the moments is then
+  !! that of the nodal forces.
+  subroutine follow(self)
+    class(interface_type), intent(inout) :: self
+    integer(i4) :: g
+    call self%transfer%to_ghosts(self%w_new, self%d_new)
+    if (self%transfer%rows == 3) return
+    do g = 1, self%map%ghosts
+      self%quat_new(:, g) = turned(self%quat(:, g), self%d_new(4:6, g) - self%d(4:6, g))
+    end do
+  end subroutine follow
+
+  !> Orientation after a rotation about a fixed axis [rad].
+  pure function turned(quat, rotation) result(new)
+    real(wp), intent(in) :: quat(4), rotation(3)
+    real(wp) :: new(4), s, a(3)
+    real(wp), parameter :: small = 1.0e-8_wp
+    s = norm2(rotation)
+    if (s < small) then
+      a = 0.5_wp*rotation
+    else
+      a = sin(0.5_wp*s)/s*rotation
+    end if
+    s = cos(0.5_wp*s)
+    new(1) = s*quat(1) - dot_product(a, quat(2:4))
+    new(2:4) = s*quat(2:4) + quat(1)*a + [a(2)*quat(4) - a(3)*quat(3), &
+               a(3)*quat(2) - a(1)*quat(4), a(1)*quat(3) - a(2)*quat(2)]
+    new = new/norm2(new)
+  end function turned
+
+  !> Motion that the ghosts follow in the next interval of length h [s]. Statics: to where the
   !! facets were found last (lagged: extrapolation halves the stable stiffness). Dynamics: straight
   !! on with the velocity and its last change.
-  subroutine predict(self, h, d)
-    class(interface_type), intent(in) :: self
+  subroutine predict(self, h)
+    class(interface_type), intent(inout) :: self
     real(wp), intent(in) :: h
-    real(wp), intent(out) :: d(:, :)
-    if (self%dynamic) then
-      call self%map%to_ghosts(self%u + h*self%v + 0.5_wp*h*(self%v - self%v_before), d)
-    else
-      call self%map%to_ghosts(self%u, d)
-    end if
+    self%w_new = self%u
+    if (self%dynamic) &
+      self%w_new = self%u + h*self%v + 0.5_wp*h*(self%v - self%v_before)
+    call self%follow()
   end subroutine predict
 
   !> Largest distance between the ghosts (trial) and the facets (trial) [m].
   pure real(wp) function gap(self)
     class(interface_type), intent(in) :: self
-    real(wp) :: on_facet(3, self%map%ghosts)
-    call self%map%to_ghosts(self%u_new, on_facet)
-    gap = sqrt(maxval(sum((on_facet - self%d_new)**2, 1)))
+    real(wp) :: on_facet(self%transfer%rows, self%map%ghosts)
+    call self%transfer%to_ghosts(self%u_new, on_facet)
+    gap = sqrt(maxval(sum((on_facet(:3, :) - self%d_new(:3, :))**2, 1)))
   end function gap
 
-  !> Largest force of the springs over the largest mean force: what they still hold back [-].
-  pure real(wp) function held_back(self)
+  !> Are the force measured and the force put on the solid the same, within a relative tolerance?
+  pure logical function settled(self, tolerance)
     class(interface_type), intent(in) :: self
-    real(wp) :: on_facet(3, self%map%ghosts), scale
-    held_back = 0.0_wp
-    scale = sqrt(maxval(sum(self%p_mean**2, 1)))
-    if (self%relax%stiffness <= 0.0_wp .or. scale <= 0.0_wp) return
-    call self%map%to_ghosts(self%u_new, on_facet)
-    held_back = self%relax%stiffness &
-      *sqrt(maxval(sum((on_facet - self%d_spring)**2, 1)))/scale
-  end function held_back
+    real(wp), intent(in) :: tolerance
+    real(wp) :: scale
+    scale = maxval(abs(self%p_mean(:3, :)))
+    settled = maxval(abs(self%p_mean(:3, :) - self%relax%held(:3, :))) <= tolerance*scale
+    if (self%transfer%rows == 3 .or. .not. settled) return
+    scale = max(scale*self%relax%arm, maxval(abs(self%p_mean(4:, :))))
+    settled = maxval(abs(self%p_mean(4:, :) - self%relax%held(4:, :))) <= tolerance*scale
+  end function settled
+
+  !> Forces of the ghosts that the solid does not carry yet, |N'P - K u| over the larger of |N'P|
+  !! and |K u|, or a thousandth of the largest so far [-]: what springs hold back, what
+  !! under-relaxation withholds, what came after the solid had stepped.
+  subroutine force_lag(self, lag)
+    class(interface_type), intent(inout) :: self
+    real(wp), intent(out) :: lag
+    real(wp), dimension(3, self%map%nodes) :: whole, rest
+    real(wp), parameter :: nothing = 1.0e-3_wp  !! of the largest force
+    real(wp) :: scale
+    lag = 0.0_wp
+    call self%transfer%to_nodes(self%p_mean, whole)
+    if (self%springs%n > 0) then
+      call self%springs%force(self%w_spring - self%u_new, rest)
+    else
+      call self%transfer%to_nodes(self%p_mean - self%relax%held, rest)
+    end if
+    scale = sqrt(max(sum(whole**2), sum((whole - rest)**2)))
+    self%largest = max(self%largest, scale)
+    scale = max(scale, nothing*self%largest)
+    if (scale > 0.0_wp) lag = sqrt(sum(rest**2))/scale
+  end subroutine force_lag
 
   !> The trial becomes the state; h is the interval's length [s].
   subroutine accept(self, h)
     class(interface_type), intent(inout) :: self
     real(wp), intent(in) :: h
-    real(wp) :: before(3, self%map%ghosts), after(3, self%map%ghosts), work
+    real(wp), dimension(self%transfer%rows, self%map%ghosts) :: before, after
+    real(wp) :: work
 
-    self%spring_residual = self%held_back()
-    call self%map%to_ghosts(self%u, before)
-    call self%map%to_ghosts(self%u_new, after)
+    call self%force_lag(self%lag)
+    call self%transfer%to_ghosts(self%u, before)
+    call self%transfer%to_ghosts(self%u_new, after)
     work = sum(self%relax%held*(after - before))
     self%solid_work = self%solid_work + work
     self%grains_work = self%grains_work + self%step_work
     self%work_turnover = self%work_turnover + max(abs(work), abs(self%step_work))
-    self%lost_impulse = self%lost_impulse + h*norm2(sum(self%m_mean, 2) + &
-                                                    self%map%moment_of(self%p_mean))
+    if (self%transfer%rows == 3) self%lost_impulse = self%lost_impulse + &
+      h*norm2(sum(self%m_mean, 2) + self%transfer%moment_of(self%p_mean))
     self%u = self%u_new
+    self%w = self%w_new
     self%v_before = self%v
     self%v = self%v_new
     self%d = self%d_new
+    self%quat = self%quat_new
     self%grains = self%grains_new
     self%solid = self%solid_new
     self%step = self%step + 1

@@ -11,13 +11,12 @@ module cpl_logbook
   use cpl_audit, only: audit_type
   use cpl_choices, only: cpl_choices_type, interface_springs
   use cpl_interface, only: interface_type
+  use cpl_lag, only: lag_limit
   use cpl_solver, only: cpl_solver_type
   implicit none
   private
   public :: begin_log, log_solvers, log_interface, log_row_titles, log_row, log_health, &
     write_summary, overhead_share
-
-  real(wp), parameter :: large_residual = 0.1_wp  !! of the springs, worth a warning
 
 contains
 
@@ -62,7 +61,7 @@ contains
     call log%item('contact stiffness', short_number(face%contact_stiffness)//' N/m', &
                   'largest of a ghost')
     if (face%relax%method == interface_springs) &
-      call log%item('spring stiffness', short_number(face%relax%stiffness)//' N/m at each ghost')
+      call log%item('spring stiffness', short_number(face%springs%stiffness)//' N/m at each ghost')
     call log%item('solid', trim(merge('dynamic', 'static ', face%dynamic)))
     call log%item('exchanges', str(choices%exchanges), 'of '//short_number(choices%exchange)// &
                   ' s, scheme '//choices%scheme_name//', interface '//choices%interface_name)
@@ -143,15 +142,16 @@ contains
     character(len=:), allocatable :: text
     text = 'interface work differs by '//short_number(100.0_wp*audit%work_error(face))// &
       ' % between the sides, ghosts off their facets by '//short_number(audit%gap)// &
-      ' m at most, iterations '//str(audit%iterations)//' at most, spring residual '// &
-      short_number(audit%spring_residual)//' at the end, springs raised '// &
+      ' m at most, iterations '//str(audit%iterations)//' at most, force lag '// &
+      short_number(100.0_wp*audit%lag%mean)//' % (limit '//short_number(100.0_wp*lag_limit)// &
+      ' %), windows that did not settle '//str(audit%lag%stalls)//', springs raised '// &
       str(face%refactored)//' times, largest overlap '// &
       short_number(100.0_wp*face%grains(scalar_max_overlap))//' %, coupling overhead '// &
       short_number(100.0_wp*overhead)//' % of the run time'
     call log%health(text)
-    if (audit%spring_residual > large_residual) call log%warn('the springs still hold back '// &
-      short_number(100.0_wp*audit%spring_residual)//' % of the largest force: the wall moves '// &
-      "too slowly; a shorter &clock exchange or scheme = 'iterated' tells by how much")
+    if (audit%lag%mean > lag_limit .and. .not. audit%lag%told) call log%warn('the solid does '// &
+      'not carry '//short_number(100.0_wp*audit%lag%mean)//" % of the ghosts' force at the "// &
+      "end: a shorter &clock exchange or scheme = 'iterated' tells by how much it matters")
   end subroutine log_health
 
   subroutine write_summary(path, program, deck, face, audit, timers, time, overhead, exit_code, &
@@ -178,12 +178,13 @@ contains
     call summary%set('coupling_overhead', overhead)
     call summary%set('health.interface_work_error', audit%work_error(face))
     call summary%set('health.constraint_residual_m', audit%gap)
-    call summary%set('health.spring_residual', audit%spring_residual)
+    call summary%set('health.force_lag', audit%lag%mean)
+    call summary%set('health.windows_not_settled', audit%lag%stalls)
     call summary%set('health.most_iterations', audit%iterations)
     call summary%set('health.springs_raised', face%refactored)
     call summary%set('health.lost_moment_impulse_Nms', face%lost_impulse)
     call summary%set('health.max_overlap', face%grains(scalar_max_overlap))
-    call summary%set('interface.spring_stiffness_N_per_m', face%relax%stiffness)
+    call summary%set('interface.spring_stiffness_N_per_m', face%springs%stiffness)
     call summary%set('interface.work_on_grains_J', face%grains_work)
     call summary%set('interface.work_on_solid_J', face%solid_work)
     call summary%set('interface.largest_ghost_displacement_m', audit%ghost_motion)

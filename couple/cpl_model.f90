@@ -29,8 +29,10 @@ module cpl_model
   use cpl_logbook, only: begin_log, log_solvers, log_interface, log_row_titles, log_row, &
     log_health, write_summary, overhead_share
   use cpl_manifest, only: manifest_type, write_manifest, find_manifest
-  use cpl_setup, only: find_ghosts, make_map, select_sets, begin_interface
+  use cpl_setup, only: find_ghosts, find_radii, make_map, select_sets, begin_interface, &
+    end_rehearsal
   use cpl_solver, only: cpl_solver_type
+  use cpl_start, only: relax_together
   use cpl_state_file, only: write_state, read_state, read_reference
   implicit none
   private
@@ -78,6 +80,7 @@ module cpl_model
     procedure, private :: rebuild
     procedure, private :: save_checkpoint
     procedure, private :: write_row
+    procedure, private :: tell_of_lag
   end type cpl_model_type
 
 contains
@@ -180,6 +183,11 @@ contains
     if (.not. errors%any()) call self%open_log(errors)
     if (errors%any()) return
     call begin_interface(self%face, self%solvers, self%choices, self%again, self%timers, errors)
+    if (self%choices%relaxed .and. .not. (self%again .or. errors%any())) then
+      call relax_together(self%face, self%solvers, self%choices, self%log, self%stop, &
+                          self%timers, errors)
+      if (.not. errors%any()) call end_rehearsal(self%face, self%solvers, self%timers, errors)
+    end if
     if (errors%any()) return
     call log_interface(self%log, self%face, self%choices, identity)
     call self%audit%open(self%stem//'_audit.csv', self%again, self%manifest%time, errors)
@@ -194,6 +202,7 @@ contains
     integer(i8), allocatable :: ids(:)
     real(wp), allocatable :: x(:, :)
     character(len=:), allocatable :: map_hash
+    character(len=16) :: own
     real(wp) :: time
 
     identity = 0.0_wp
@@ -204,10 +213,13 @@ contains
     end if
     if (errors%any()) return
     call make_map(self%face, self%solvers(2), self%choices, ids, x, identity, self%timers, errors)
+    if (self%choices%turns .and. .not. errors%any()) &
+      call find_radii(self%face, self%solvers(1), self%timers, errors)
     if (errors%any() .or. .not. self%again) return
-    if (self%face%map%hash() /= map_hash) &
+    own = self%face%transfer%hash(self%face%map)
+    if (own /= map_hash) &
       call errors%add('I404', 'the facet map is not the one of the checkpoint ('// &
-                      self%face%map%hash()//', not '//map_hash//')', self%manifest%path(3)%s, &
+                      own//', not '//map_hash//')', self%manifest%path(3)%s, &
                       'go on with the mesh and the deck that wrote it')
   end subroutine rebuild
 
@@ -235,6 +247,7 @@ contains
       call self%timers%start('audit and log')
       call self%audit%note(self%face, gap)
       call self%audit%row(self%face, t1, gap, errors)
+      call self%tell_of_lag()
       if (self%log%row_due()) call self%write_row()
       call self%log%progress(t1/self%choices%t_end, short_number(t1)//' s')
       call self%timers%stop('audit and log')
@@ -312,6 +325,15 @@ contains
       self%overhead(), left)
     call self%audit%file%flush(ignored)
   end subroutine write_row
+
+  !> One warning when the exchange does not settle.
+  subroutine tell_of_lag(self)
+    class(cpl_model_type), intent(inout) :: self
+    character(len=:), allocatable :: text
+    if (self%audit%lag%stalls == 0 .or. self%audit%lag%told) return
+    text = self%audit%lag%warning(self%choices%interface, self%choices%scheme)
+    call self%log%warn('time '//short_number(self%time_of(self%face%step))//' s: '//text)
+  end subroutine tell_of_lag
 
   !> Share of the time of the exchanges that is the coupling's own.
   real(wp) function overhead(self)

@@ -1,8 +1,5 @@
-!> What the solid is loaded with, so that the exchange of motion and force settles.
-!!
-!! Plain staggering contracts only while contacts are softer than the facet below them. Springs
-!! (Robin): (K + sum k N'N) u = X + N'P + sum k N'N d, d the ghosts' motion with which P was
-!! measured; the same fixed point, contraction whenever k is at least half the true stiffness.
+!> What the solid is loaded with, so that the exchange of motion and force settles: under-relaxed
+!! forces, constant or by Aitken. Springs are in cpl_springs.
 module cpl_relax
   use talus_kinds, only: wp, i4
   use cpl_choices, only: interface_springs, interface_theta, interface_aitken, interface_none
@@ -16,24 +13,25 @@ module cpl_relax
   !> Method and memory of the relaxation.
   type :: relax_type
     integer(i4) :: method = interface_none
-    real(wp) :: stiffness = 0.0_wp           !! springs: at each ghost [N/m]
     real(wp) :: theta = 1.0_wp               !! share of the new force
     real(wp) :: factor = 1.0_wp              !! Aitken: the present share
     logical :: begun = .false.               !! held and residual have a past
-    real(wp), allocatable :: held(:, :)      !! force last put on the solid (3, ghosts) [N]
-    real(wp), allocatable :: residual(:, :)  !! Aitken: last new minus held [N]
+    real(wp) :: arm = 1.0_wp                 !! length that makes moments forces [m]
+    real(wp), allocatable :: held(:, :)      !! force last put on the solid (rows, ghosts) [N, N m]
+    real(wp), allocatable :: residual(:, :)  !! Aitken: last new minus held
   contains
     procedure :: init
     procedure :: force
+    procedure, private :: weighted
   end type relax_type
 
 contains
 
-  subroutine init(self, method, theta, ghosts)
+  subroutine init(self, method, theta, rows, ghosts)
     class(relax_type), intent(inout) :: self
     integer(i4), intent(in) :: method
     real(wp), intent(in) :: theta  !! 0: not given
-    integer(i4), intent(in) :: ghosts
+    integer(i4), intent(in) :: rows, ghosts
     self%method = method
     self%theta = 1.0_wp
     if (theta > 0.0_wp) self%theta = theta
@@ -41,40 +39,40 @@ contains
     if (theta > 0.0_wp) self%factor = theta
     self%begun = .false.
     if (allocated(self%held)) deallocate (self%held, self%residual)
-    allocate (self%held(3, ghosts), self%residual(3, ghosts), source=0.0_wp)
+    allocate (self%held(rows, ghosts), self%residual(rows, ghosts), source=0.0_wp)
   end subroutine init
 
-  !> Force to put on the solid at the ghosts, from the force measured with the ghosts displaced by
-  !! d, while the solid's springs hold it at d_solid.
-  subroutine force(self, measured, d, d_solid, load)
+  !> Force to put on the solid at the ghosts, from the force measured there. Springs act beside it
+  !! (cpl_springs).
+  subroutine force(self, measured)
     class(relax_type), intent(inout) :: self
-    real(wp), intent(in) :: measured(:, :)           !! (3, ghosts) [N]
-    real(wp), intent(in) :: d(:, :), d_solid(:, :)   !! (3, ghosts) [m]
-    real(wp), intent(out) :: load(:, :)              !! (3, ghosts) [N]
-    real(wp) :: new(3, size(measured, 2)), change
+    real(wp), intent(in) :: measured(:, :)  !! (rows, ghosts) [N, N m]
+    real(wp) :: new(size(measured, 1), size(measured, 2)), change
 
     select case (self%method)
-    case (interface_springs)
-      load = measured + self%stiffness*(d - d_solid)
-      self%held = measured
     case (interface_theta)
       if (.not. self%begun) self%held = 0.0_wp
       self%held = self%held + self%theta*(measured - self%held)
-      load = self%held
     case (interface_aitken)
       new = measured - self%held
       if (self%begun) then
-        change = sum((new - self%residual)**2)
+        change = self%weighted(new - self%residual, new - self%residual)
         if (change > 0.0_wp) self%factor = min(1.0_wp, max(least_factor, &
-          -self%factor*sum(self%residual*(new - self%residual))/change))
+          -self%factor*self%weighted(self%residual, new - self%residual)/change))
       end if
       self%residual = new
       self%held = self%held + self%factor*new
-      load = self%held
     case default
       self%held = measured
-      load = measured
     end select
     self%begun = .true.
   end subroutine force
+
+  !> Scalar product of forces; moments count by their arm [N2].
+  pure real(wp) function weighted(self, a, b)
+    class(relax_type), intent(in) :: self
+    real(wp), intent(in) :: a(:, :), b(:, :)  !! (rows, ghosts)
+    weighted = sum(a(:3, :)*b(:3, :))
+    if (size(a, 1) > 3) weighted = weighted + sum(a(4:, :)*b(4:, :))/self%arm**2
+  end function weighted
 end module cpl_relax

@@ -6,12 +6,13 @@ module cpl_setup
   use talus_message, only: verb_describe, verb_select, verb_set, verb_ready
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, interface_springs
-  use cpl_exchange, only: set_springs
+  use cpl_exchange, only: set_springs, read_forces
   use cpl_interface, only: interface_type, ghost_set, ghost_fields, node_set
+  use cpl_start, only: put_reference
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
-  public :: find_ghosts, make_map, select_sets, begin_interface
+  public :: find_ghosts, find_radii, make_map, select_sets, begin_interface, end_rehearsal
 
   real(wp), parameter :: first_stiffness = 1.5_wp  !! springs over the contacts' stiffness
 
@@ -82,7 +83,9 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: facets(:, :)
+    integer(i4), allocatable :: hex8(:, :)
     real(wp), allocatable :: x_node(:, :)
+    real(wp) :: turned
 
     identity = 0.0_wp
     call describe(solid, 'facets', choices%facets, timers, errors)
@@ -91,14 +94,41 @@ contains
     call describe(solid, 'mesh', '', timers, errors)
     if (errors%any()) return
     call solid%reply%take('x', x_node, errors)
+    call solid%reply%take_int('connectivity', hex8, errors)
     if (errors%any()) return
     call face%map%build(ids, x_ghost, facets, x_node, choices%max_offset, errors)
     if (errors%any()) return
     call face%map%identity_error(x_ghost, x_node, identity, errors)
+    if (.not. errors%any()) call face%transfer%build(face%map, facets, x_node, hex8, &
+                                                     choices%spread, choices%turns, errors)
     if (errors%any()) return
     call face%init(x_ghost, x_node)
-    call face%relax%init(choices%interface, choices%theta, face%map%ghosts)
+    call face%transfer%identity_error(face%x_node, x_ghost, turned, errors)
+    identity = max(identity, turned)
+    call face%relax%init(choices%interface, choices%theta, face%transfer%rows, face%map%ghosts)
+    face%radius = spread(0.0_wp, 1, face%map%ghosts)
   end subroutine make_map
+
+  !> DESCRIBE: radii of the ghosts, for springs that hold their rotation.
+  subroutine find_radii(face, grains, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: grains
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: all_ids(:)
+    real(wp), allocatable :: radius(:)
+    integer(i4) :: g
+
+    call describe(grains, 'grains', '', timers, errors)
+    if (errors%any()) return
+    call grains%reply%take_int('id', all_ids, errors)
+    call grains%reply%take('radius', radius, errors)
+    if (errors%any()) return
+    do g = 1, face%map%ghosts
+      face%radius(g) = radius(findloc(all_ids, face%map%ghost_id(g), 1))
+    end do
+    face%relax%arm = sum(face%radius)/face%map%ghosts
+  end subroutine find_radii
 
   !> SELECT the ghosts and the interface nodes.
   subroutine select_sets(face, solvers, timers, errors)
@@ -134,6 +164,7 @@ contains
 
   !> READY grains, springs and dead load on the solid, READY solid. A fresh run takes forces and
   !! motion from the replies; a restarted one keeps what its checkpoint says.
+  !! With initial = 'relax' the first READY begins the rehearsal: `end_rehearsal` comes after it.
   subroutine begin_interface(face, solvers, choices, again, timers, errors)
     type(interface_type), intent(inout) :: face
     type(cpl_solver_type), intent(inout) :: solvers(2)
@@ -141,51 +172,81 @@ contains
     logical, intent(in) :: again  !! after a restart
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: p(3, face%map%ghosts)
+    real(wp) :: p(face%transfer%rows, face%map%ghosts), stiffness
+    logical :: rehearsal
 
-    call ready(solvers(side_grains), face%step, timers, errors)
+    rehearsal = choices%relaxed .and. .not. again
+    call ready(solvers(side_grains), rehearsal, face%step, timers, errors)
     if (errors%any()) return
     if (.not. again) then
-      call solvers(side_grains)%reply%get(ghost_set//'.force', p, errors)
+      call read_forces(face, solvers(side_grains), p, errors)
       call solvers(side_grains)%reply%get('scalars', face%grains, errors)
       if (errors%any()) return
       face%p_end = p
       face%p_before = p
       face%force_at_look = maxval(abs(p))
       if (choices%interface == interface_springs) then
-        face%relax%stiffness = choices%stiffness
-        if (.not. choices%stiffness > 0.0_wp) &
-          face%relax%stiffness = first_stiffness*face%contact_stiffness
+        stiffness = choices%stiffness
+        if (.not. stiffness > 0.0_wp) stiffness = first_stiffness*face%contact_stiffness
+        if (stiffness > 0.0_wp) &
+          call face%springs%make(stiffness, face%map, face%transfer, face%radius)
       end if
       if (choices%dead_load) then
-        call face%map%to_nodes(p, face%dead_load)
+        call face%transfer%to_nodes(p, face%dead_load)
         face%dead_load = -face%dead_load
         face%relax%held = p
         face%relax%begun = .true.
       end if
     end if
-    if (face%relax%stiffness > 0.0_wp) &
+    if (face%springs%n > 0) &
       call set_springs(face, solvers(side_solid), solvers(side_solid)%time, timers, errors)
     if (choices%dead_load .and. .not. errors%any()) &
       call put_dead_load(face, solvers(side_solid), timers, errors)
+    if (again .and. choices%relaxed .and. .not. errors%any()) &
+      call put_reference(face, solvers(side_solid), timers, errors)
     if (errors%any()) return
-    call ready(solvers(side_solid), face%step, timers, errors)
+    call ready(solvers(side_solid), rehearsal, face%step, timers, errors)
     if (again .or. errors%any()) return
-    associate (reply => solvers(side_solid)%reply)
-      call reply%get(node_set//'.u', face%u, errors)
-      call reply%get(node_set//'.v', face%v, errors)
-      call reply%get('scalars', face%solid, errors)
-    end associate
-    face%v_before = face%v
-    face%u_new = face%u
+    call take_solid(face, solvers(side_solid), errors)
   end subroutine begin_interface
 
-  subroutine ready(solver, step, timers, errors)
+  !> READY to both after the rehearsal: the run begins at this state.
+  subroutine end_rehearsal(face, solvers, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+
+    call ready(solvers(side_grains), .false., face%step, timers, errors)
+    if (errors%any()) return
+    call read_forces(face, solvers(side_grains), face%p_end, errors)
+    call solvers(side_grains)%reply%get('scalars', face%grains, errors)
+    face%p_before = face%p_end
+    face%force_at_look = maxval(abs(face%p_end))
+    if (.not. errors%any()) call ready(solvers(side_solid), .false., face%step, timers, errors)
+    if (.not. errors%any()) call take_solid(face, solvers(side_solid), errors)
+  end subroutine end_rehearsal
+
+  !> State of the interface nodes from the solid's reply to READY.
+  subroutine take_solid(face, solid, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solid
+    type(error_list_type), intent(inout) :: errors
+    call solid%reply%get(node_set//'.u', face%u, errors)
+    call solid%reply%get(node_set//'.v', face%v, errors)
+    call solid%reply%get('scalars', face%solid, errors)
+    face%v_before = face%v
+    face%u_new = face%u
+  end subroutine take_solid
+
+  subroutine ready(solver, rehearsal, step, timers, errors)
     type(cpl_solver_type), intent(inout) :: solver
+    logical, intent(in) :: rehearsal
     integer(i8), intent(in) :: step
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     call solver%start_request(verb_ready, step, solver%time, solver%time)
+    if (rehearsal) call solver%request%put_int('rehearsal', 1_i4)
     call solver%ask(timers, errors)
   end subroutine ready
 

@@ -21,10 +21,10 @@ contains
     type(h5_file_type) :: file
 
     call checkpoint%begin(file, time, face%step, errors, tag)
-    call file%attr_put('/', 'map_hash', face%map%hash(), errors)
+    call file%attr_put('/', 'map_hash', face%transfer%hash(face%map), errors)
     call file%put('/ghosts/id', face%map%ghost_id, errors)
     call file%put('/ghosts/x_ref', face%x_ref, errors)
-    call file%put('/ghosts/d', face%d, errors)
+    call file%put('/ghosts/quat', face%quat, errors)
     call file%put('/ghosts/p_mean', face%p_mean, errors)
     call file%put('/ghosts/p_end', face%p_end, errors)
     call file%put('/ghosts/p_before', face%p_before, errors)
@@ -33,15 +33,21 @@ contains
     call file%put('/ghosts/residual', face%relax%residual, errors)
     call file%put('/nodes/id', face%map%node_id, errors)
     call file%put('/nodes/u', face%u, errors)
+    call file%put('/nodes/w', face%w, errors)
+    call file%put('/nodes/u_start', face%u_start, errors)
     call file%put('/nodes/v', face%v, errors)
     call file%put('/nodes/v_before', face%v_before, errors)
     call file%put('/nodes/dead_load', face%dead_load, errors)
     call file%put('/numbers', [face%grains_work, face%solid_work, face%work_turnover, &
-                               face%lost_impulse, face%relax%stiffness, face%relax%factor, &
-                               face%contact_stiffness, face%force_at_look], errors)
+                               face%lost_impulse, face%springs%stiffness, face%relax%factor, &
+                               face%contact_stiffness, face%force_at_look, face%largest], errors)
     call file%put('/counts', [face%step, face%all_iterations, int(face%outgrown, i8), &
                               int(face%refactored, i8), merge(1_i8, 0_i8, face%relax%begun)], &
                                 errors)
+    if (allocated(face%start_stress)) then
+      call file%put('/solid/start_stress', face%start_stress, errors)
+      call file%put('/solid/start_load', face%start_load, errors)
+    end if
     call file%put('/scalars/grains', face%grains, errors)
     call file%put('/scalars/solid', face%solid, errors)
     call checkpoint%finish(file, errors)
@@ -78,14 +84,14 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(h5_file_type) :: file
     type(checkpoint_info_type) :: info
-    real(wp) :: numbers(8)
+    real(wp) :: numbers(9)
     integer(i8) :: counts(5)
 
     numbers = 0.0_wp
     counts = 0
     call checkpoint%open(path, file, info, errors)
     if (errors%any()) return
-    call file%get_into('/ghosts/d', face%d, errors)
+    call file%get_into('/ghosts/quat', face%quat, errors)
     call file%get_into('/ghosts/p_mean', face%p_mean, errors)
     call file%get_into('/ghosts/p_end', face%p_end, errors)
     call file%get_into('/ghosts/p_before', face%p_before, errors)
@@ -93,11 +99,17 @@ contains
     call file%get_into('/ghosts/held', face%relax%held, errors)
     call file%get_into('/ghosts/residual', face%relax%residual, errors)
     call file%get_into('/nodes/u', face%u, errors)
+    call file%get_into('/nodes/w', face%w, errors)
+    call file%get_into('/nodes/u_start', face%u_start, errors)
     call file%get_into('/nodes/v', face%v, errors)
     call file%get_into('/nodes/v_before', face%v_before, errors)
     call file%get_into('/nodes/dead_load', face%dead_load, errors)
     call file%get_into('/numbers', numbers, errors)
     call file%get_into('/counts', counts, errors)
+    if (file%exists('/solid/start_stress')) then
+      call file%get('/solid/start_stress', face%start_stress, errors)
+      call file%get('/solid/start_load', face%start_load, errors)
+    end if
     call file%get_into('/scalars/grains', face%grains, errors)
     call file%get_into('/scalars/solid', face%solid, errors)
     call file%close(errors)
@@ -105,14 +117,17 @@ contains
     face%solid_work = numbers(2)
     face%work_turnover = numbers(3)
     face%lost_impulse = numbers(4)
-    face%relax%stiffness = numbers(5)
+    if (numbers(5) > 0.0_wp) &
+      call face%springs%make(numbers(5), face%map, face%transfer, face%radius)
     face%relax%factor = numbers(6)
     face%contact_stiffness = numbers(7)
     face%force_at_look = numbers(8)
+    face%largest = numbers(9)
     face%step = counts(1)
     face%all_iterations = counts(2)
     face%outgrown = int(counts(3), i4)
     face%refactored = int(counts(4), i4)
     face%relax%begun = counts(5) == 1
+    call face%resume()
   end subroutine read_state
 end module cpl_state_file

@@ -7,7 +7,7 @@ program talus_dem
   use talus_options, only: options_type, parse_options
   use talus_report, only: report_check
   use talus_deck_table, only: key_table_type
-  use talus_system, only: talus_exit, talus_short_spins
+  use talus_system, only: ignore_write_signals, talus_exit, talus_short_spins
   use dem_model, only: dem_model_type, program_name
   use dem_deck_keys, only: dem_deck_table
   use dem_port, only: serve
@@ -18,6 +18,7 @@ program talus_dem
   type(error_list_type) :: errors
   integer(i4) :: exit_code
 
+  call ignore_write_signals()
   call talus_short_spins()
   call parse_options(options, program_name, errors)
   if (errors%any()) call leave_with_faults()

@@ -8,6 +8,7 @@ module dem_port
   use talus_options, only: options_type
   use talus_serve, only: server_type, serve_partner, restart_file
   use dem_clock, only: dem_clock_type
+  use dem_ledger, only: start_ledger
   use dem_model, only: dem_model_type, program_name
   use dem_sets, only: dem_sets_type
   use dem_port_state, only: reply_hello, reply_describe, reply_selected, put_scalars
@@ -25,6 +26,9 @@ module dem_port
     real(wp), allocatable :: base_inertia(:, :)  !! [kg m^2]
     real(wp), allocatable :: factor(:)      !! mass factors set through the port [-]
     integer(i8) :: late = 0                 !! late rebuilds told so far
+    logical :: held = .false.               !! driven grains and planes stand still
+    real(wp), allocatable :: held_v(:, :), held_omega(:, :)  !! of driven grains [m/s, rad/s]
+    real(wp), allocatable :: held_planes(:, :)  !! velocity of the planes [m/s]
     logical :: stale = .false.              !! kinds or masses changed: forces must be made anew
   contains
     procedure :: read => read_input
@@ -40,6 +44,8 @@ module dem_port
     procedure :: write => write_fields
     procedure :: finish
     procedure, private :: refresh
+    procedure, private :: hold
+    procedure, private :: let_go
   end type dem_server_type
 
 contains
@@ -222,7 +228,12 @@ contains
 
     call self%refresh(errors)
     if (errors%any()) return
-    if (.not. self%model%opened) call self%model%open(errors)
+    if (self%rehearsing) then
+      call self%hold()
+    else
+      call self%let_go()
+      if (.not. self%model%opened) call self%model%open(errors)
+    end if
     if (errors%any()) return
     associate (system => self%model%system)
       call system%reset_impulses()
@@ -233,6 +244,39 @@ contains
       call put_scalars(system, self%late, reply)
     end associate
   end subroutine ready
+
+  !> What the deck moves stands still during a rehearsal.
+  subroutine hold(self)
+    class(dem_server_type), intent(inout) :: self
+    real(wp) :: rest(3, size(self%model%histories%index))
+    if (self%held) return
+    self%held = .true.
+    associate (system => self%model%system, driven => self%model%histories%index)
+      self%held_v = system%grains%v(:, driven)
+      self%held_omega = system%grains%omega(:, driven)
+      self%held_planes = system%planes%velocity
+      rest = 0.0_wp
+      call system%set_velocity(driven, rest, rest)
+      system%planes%velocity = 0.0_wp
+    end associate
+  end subroutine hold
+
+  !> After a rehearsal: it moves again, the clock and the ledger start anew.
+  subroutine let_go(self)
+    class(dem_server_type), intent(inout) :: self
+    if (.not. self%held) return
+    self%held = .false.
+    associate (model => self%model, system => self%model%system)
+      call system%set_velocity(model%histories%index, self%held_v, self%held_omega)
+      system%planes%velocity = self%held_planes
+      call model%clock%start_at(0.0_wp, system%par%dt)
+      model%clock%steps = 0
+      model%clock%unstable = 0
+      call system%reset_impulses()
+      call model%histories%init(system)
+      call start_ledger(system%dem_data_type, system%par%dt)
+    end associate
+  end subroutine let_go
 
   subroutine move(self, request, reply, errors)
     class(dem_server_type), intent(inout) :: self
@@ -257,11 +301,11 @@ contains
     class(dem_server_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
     associate (model => self%model)
-      call model%histories%keep_work(model%system)
+      if (.not. self%rehearsing) call model%histories%keep_work(model%system)
       call model%timers%start('keeping states')
       call model%system%save()
       call model%timers%stop('keeping states')
-      call model%write_due(errors)
+      if (.not. self%rehearsing) call model%write_due(errors)
       self%kept = model%clock
     end associate
   end subroutine accept

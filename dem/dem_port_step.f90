@@ -141,7 +141,7 @@ contains
     if (.not. errors%any()) call system%set_extra(set%index, force, moment)
   end subroutine take_load
 
-  !> Forces with prescribed grains placed as told; no time passes.
+  !> Forces with prescribed grains placed as told; no time passes. Both scopes take all contacts.
   subroutine force(model, sets, request, reply, late, errors)
     type(dem_model_type), intent(inout) :: model
     type(dem_sets_type), intent(in) :: sets
@@ -151,7 +151,11 @@ contains
     character(len=:), allocatable :: scope
     integer(i4) :: k
 
+    scope = 'all'
     if (request%has('scope')) call request%get_text('scope', scope, errors)
+    if (scope /= 'all' .and. scope /= 'interface') &
+      call errors%add('P255', "FORCE has no scope '"//scope//"'", request%place(), &
+                      "it is 'all' or 'interface'; grains evaluate all contacts in both")
     do k = 1, sets%count
       if (sets%set(k)%role == role_prescribe) &
         call take_state(model%system, sets%set(k), request, errors)

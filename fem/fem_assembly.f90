@@ -18,6 +18,7 @@ module fem_assembly
   implicit none
   private
   public :: assemble_stiffness, assemble_mass, body_force, stiffness_of, lumped_mass_of
+  public :: share_nodes, elements_at, fill_batch
 
 contains
 
@@ -179,8 +180,8 @@ contains
     associate (rule => elastic%rule(elastic%rule_of(e)), m => elastic%moduli(:, e), &
                factor => elastic%factor(elastic%point(e):elastic%point(e + 1) - 1), &
                node => dofs%block(dofs%start(e):))
-      if (rule%modes > 0) then
-        call condensed_stiffness(mesh, elastic, e, ke)
+      if (rule%modes > 0 .or. rule%one_point) then
+        call batch_of_one(mesh, elastic, e, ke)
       else if (rule%brick) then
         call hex8_geometry(mesh%x(:, node(:8)), geometry)
         call hex8_stiffness(geometry, m(1) + 2.0_wp/3.0_wp*m(2), m(2), factor, rule%bbar, ke)
@@ -191,8 +192,8 @@ contains
     end associate
   end subroutine stiffness_of
 
-  !> Stiffness of an element with incompatible modes, as a batch of one.
-  subroutine condensed_stiffness(mesh, elastic, e, ke)
+  !> Stiffness of an element as a batch of one.
+  subroutine batch_of_one(mesh, elastic, e, ke)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_elastic_type), intent(in) :: elastic
     integer(i4), intent(in) :: e
@@ -210,7 +211,7 @@ contains
         end do
       end do
     end associate
-  end subroutine condensed_stiffness
+  end subroutine batch_of_one
 
   !> Consistent mass, one scalar a pair of blocks, and lumped mass of the blocks [kg, kg m^2].
   subroutine assemble_mass(mesh, dofs, elastic, pattern, mass, lumped)

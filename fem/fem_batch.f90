@@ -6,12 +6,12 @@
 !! gradients m are those of B-bar elements, where p = -2/3 mu, else p = lambda and s = 0.
 module fem_batch
   use talus_kinds, only: wp, i4
+  use fem_hourglass, only: lanes, hourglass, hourglass_moments, hourglass_stiffness
   use fem_rules, only: fem_formulation_type, fem_points_type
   implicit none
   private
   public :: lanes, fem_batch_type, batch_room, batch_shape, batch_stiffness, batch_mass, pair
 
-  integer(i4), parameter :: lanes = 8  !! elements at once: a vector of 512 bits
   real(wp), parameter :: two_thirds = 2.0_wp/3.0_wp
 
   !> Room for a batch of one formulation; the first index is the element.
@@ -55,6 +55,10 @@ contains
     real(wp) :: t(lanes, 9), r(lanes, 9), det(lanes)
     integer(i4) :: q, a
 
+    if (allocated(at%fine_slope)) then
+      call batch_mean_shape(at, batch)
+      return
+    end if
     do q = 1, at%n
       t = 0.0_wp  ! column j: dx/dxi_j
       do a = 1, size(batch%x, 3)
@@ -70,6 +74,35 @@ contains
       end do
     end do
   end subroutine batch_shape
+
+  !> The one point by means over the volume, as `mean_shape` of fem_element.
+  pure subroutine batch_mean_shape(at, batch)
+    type(fem_points_type), intent(in) :: at
+    type(fem_batch_type), intent(inout) :: batch
+    real(wp) :: t(lanes, 9), r(lanes, 9), det(lanes), g(lanes, 3)
+    integer(i4) :: q, a, i
+    batch%u = 0.0_wp
+    batch%weight = 0.0_wp
+    do q = 1, size(at%fine_slope, 3)
+      t = 0.0_wp
+      do a = 1, size(batch%x, 3)
+        call add_tangent(batch%x(:, :, a), at%fine_slope(:, a, q), t)
+      end do
+      call invert(t, r, det)
+      batch%weight(:, 1) = batch%weight(:, 1) + det
+      do a = 1, size(batch%x, 3)
+        call to_space(r, at%fine_slope(:, a, q), g)
+        do i = 1, 3
+          batch%u(:, i, 1, a) = batch%u(:, i, 1, a) + det*g(:, i)
+        end do
+      end do
+    end do
+    do a = 1, size(batch%x, 3)
+      do i = 1, 3
+        batch%u(:, i, 1, a) = batch%u(:, i, 1, a)/batch%weight(:, 1)
+      end do
+    end do
+  end subroutine batch_mean_shape
 
   pure subroutine add_tangent(x, slope, t)
     real(wp), intent(in) :: x(lanes, 3), slope(3)
@@ -138,6 +171,7 @@ contains
     call gradient_blocks(rule%at%n, rule%nodes + rule%modes, 0, batch%u, w, pqr, batch%k)
     if (rule%modes > 0) call condense(rule, batch)
     if (rule%bbar) call add_mean(rule, w, batch)
+    if (rule%one_point) call add_hourglass(batch)
     if (rule%polar) call add_rotations(rule, w, batch)
   end subroutine batch_stiffness
 
@@ -285,6 +319,32 @@ contains
       end do
     end do
   end subroutine add_mean
+
+  !> Elastic stiffness of the twelve hourglass modes (fem_one_point), weighted as the point is.
+  pure subroutine add_hourglass(batch)
+    type(fem_batch_type), intent(inout) :: batch
+    real(wp) :: moment(lanes, 3, 4), gamma(lanes, 4, 8), c(lanes), product(lanes)
+    integer(i4) :: a, b, i, m
+    call hourglass_moments(batch%x, moment)
+    call hourglass_stiffness(batch%u(:, :, 1, :), batch%weight(:, 1), batch%moduli, c)
+    c = c*batch%factor(:, 1)
+    do a = 1, 8
+      do m = 1, 4
+        gamma(:, m, a) = hourglass(a, m)
+        do i = 1, 3
+          gamma(:, m, a) = gamma(:, m, a) - batch%u(:, i, 1, a)*moment(:, i, m)
+        end do
+      end do
+    end do
+    do b = 1, 8
+      do a = 1, b
+        product = c*sum(gamma(:, :, a)*gamma(:, :, b), dim=2)
+        do i = 1, 9, 4
+          batch%k(:, i, pair(a, b)) = batch%k(:, i, pair(a, b)) + product
+        end do
+      end do
+    end do
+  end subroutine add_hourglass
 
   !> Blocks of the micro-rotation with itself and with the displacement.
   pure subroutine add_rotations(rule, w, batch)

@@ -7,10 +7,13 @@ module fem_body
   use fem_types, only: fem_mesh_type, fem_curve_type, fem_load_type, fem_springs_type, &
     fem_state_type, fem_energy_type
   use fem_assembly, only: assemble_stiffness, assemble_mass
+  use fem_critical, only: largest_frequency, stable_step
   use fem_damping, only: fem_damping_type
   use fem_dofs, only: fem_dofs_type, blocks_of
   use fem_elastic, only: fem_elastic_type
   use fem_explicit, only: drift_half, kick_half, explicit_kinetic
+  use fem_leap, only: fem_leap_type, drift_all, kick_all
+  use fem_one_point, only: fem_one_point_type
   use fem_sparse, only: fem_pattern_type, make_pattern, add_springs, multiply, multiply_mass
   use fem_solver, only: fem_solver_type
   use fem_supports, only: check_supports
@@ -51,12 +54,15 @@ module fem_body
     real(wp) :: beta = 0.25_wp, gamma = 0.5_wp
     real(wp) :: lag = 0.0_wp                     !! HHT: share of the old balance, -alpha [-]
     type(fem_damping_type) :: damping
+    type(fem_leap_type) :: leap_work             !! of undamped explicit steps
+    type(fem_one_point_type) :: one_point        !! of explicit steps, if all elements are such
     type(fem_pattern_type) :: pattern
     type(fem_solver_type) :: solver
     real(wp), allocatable :: k(:, :, :), mass(:), lumped(:)
     real(wp), allocatable :: weight_force(:, :)  !! of gravity [N]
     real(wp), allocatable :: initial_force(:, :) !! internal forces of the initial stress [N]
     real(wp) :: step_limit = huge(1.0_wp)        !! of central differences [s]
+    integer(i4) :: stiffest = 0                  !! element that sets it
     real(wp) :: factored_dt = -1.0_wp            !! [s], 0 in statics, < 0 not factored
     real(wp) :: restored_dt = -1.0_wp            !! [s] of the factors at a checkpoint, < 0 none
     logical :: fresh_numbering = .false.
@@ -76,7 +82,7 @@ module fem_body
     procedure :: interface_force
     procedure :: explicit_energy
     procedure, private :: leap
-    procedure, private :: impose
+    procedure :: impose
     procedure, private :: predict
     procedure, private :: correct
     procedure, private :: dynamic_work
@@ -103,6 +109,7 @@ contains
   !> Pattern, stiffness, mass and weight; again after moduli or weights have changed.
   subroutine assemble(self)
     class(fem_body_type), intent(inout) :: self
+    real(wp) :: frequency
     real(wp) :: fall(3, self%dofs%blocks)
     if (.not. allocated(self%pattern%start)) call make_pattern(self%dofs, self%pattern)
     call assemble_stiffness(self%mesh, self%dofs, self%elastic, self%pattern, self%k)
@@ -112,6 +119,13 @@ contains
     fall(:, :self%mesh%nodes) = spread(self%gravity, 2, self%mesh%nodes)
     call multiply_mass(self%pattern, self%mass, fall, self%weight_force)  ! sum of N_b is one
     call initial_stress_force(self%mesh, self%dofs, self%elastic, self%initial_force)
+    if (self%explicit .and. self%ground%n == 0) &
+      call self%one_point%prepare(self%mesh, self%dofs, self%elastic, self%pattern)
+    if (self%explicit) then
+      call largest_frequency(self%mesh, self%dofs, self%elastic, self%ground, self%lumped, &
+                             frequency, self%stiffest)
+      self%step_limit = stable_step(frequency, self%damping%stiffness)
+    end if
     self%factored_dt = -1.0_wp
   end subroutine assemble
 
@@ -171,8 +185,12 @@ contains
     class(fem_body_type), intent(in) :: self
     real(wp), intent(in) :: u(:, :)
     real(wp), intent(out) :: force(:, :)
-    call multiply(self%pattern, self%k, u, force)
-    force = force + self%initial_force
+    if (self%one_point%ready) then
+      call self%one_point%force(u, force)
+    else
+      call multiply(self%pattern, self%k, u, force)
+    end if
+    if (self%elastic%has_initial) force = force + self%initial_force
   end subroutine internal_force
 
   !> Put prescribed displacements at time t into u.
@@ -263,6 +281,10 @@ contains
     real(wp) :: mass(self%dofs%blocks), dt, discrete, supports
     logical :: fixed(3, self%dofs%blocks)
 
+    if (.not. self%damping%active()) then
+      call quick_leap(self, t1, errors)
+      return
+    end if
     dt = t1 - self%accepted%time
     fixed = self%held .or. self%prescribed
     mass = self%lumped*self%mass_factor
@@ -291,6 +313,43 @@ contains
       self%energy%numerical = self%energy%numerical + discrete
     end associate
   end subroutine leap
+
+  !> One undamped step of central differences.
+  subroutine quick_leap(self, t1, errors)
+    class(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: t1  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: dt
+    integer(i4) :: k
+
+    dt = t1 - self%accepted%time
+    associate (s => self%state, old => self%accepted, work => self%leap_work)
+      s%time = t1
+      call drift_all(dt, self%held, self%prescribed, self%given_u, old, s, work)
+      do k = 1, size(self%motion)
+        associate (m => self%motion(k))
+          s%u(m%component, m%block) = m%scale*curve_value(self%curve(m%curve), t1)
+          work%half(m%component, m%block) = (s%u(m%component, m%block) &
+                                             - old%u(m%component, m%block))/dt
+        end associate
+      end do
+      work%mass = self%lumped*self%mass_factor
+      call self%external_at(t1, s%external)
+      call self%internal_force(s%u, work%internal)
+      call kick_all(dt, self%initial_force, self%weight_force, old, s, work)
+      if (.not. is_finite(work%strain)) call check_finite(self, errors)
+      self%energy = self%accepted_energy
+      associate (e => self%energy)
+        e%strain = work%strain
+        e%load = e%load + work%load
+        ! the first step from rest brings the weight up from nothing, as it does all loads
+        e%gravity = e%gravity + merge(1.0_wp, 0.5_wp, any(abs(old%external) > 0.0_wp))*work%weight
+        e%support = e%support + work%support
+        e%kinetic = work%kinetic
+        e%numerical = e%numerical + work%discrete
+      end associate
+    end associate
+  end subroutine quick_leap
 
   !> Fault N304 for the first displacement that is not finite.
   subroutine check_finite(self, errors)
@@ -490,7 +549,16 @@ contains
 
   subroutine accept(self)
     class(fem_body_type), intent(inout) :: self
-    self%accepted = self%state
+    if (self%explicit .and. .not. self%damping%active()) then
+      self%accepted%time = self%state%time  ! all that an undamped explicit step changes
+      self%accepted%u = self%state%u
+      self%accepted%v = self%state%v
+      self%accepted%a = self%state%a
+      self%accepted%external = self%state%external
+      self%accepted%reaction = self%state%reaction
+    else
+      self%accepted = self%state
+    end if
     self%accepted_energy = self%energy
   end subroutine accept
 

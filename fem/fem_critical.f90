@@ -56,7 +56,7 @@ contains
     end do
     extra = 0.0_wp
     do s = 1, springs%n
-      do a = 1, 4
+      do a = 1, size(springs%node, 1)
         extra(springs%node(a, s)) = extra(springs%node(a, s)) + abs(springs%weight(a, s)) &
           *sum(abs(springs%weight(:, s)))*maxval(sum(abs(springs%stiffness(:, :, s)), 1))
       end do

@@ -176,11 +176,12 @@ contains
       //'`hex8_bbar` takes the volumetric strain from the mean over the element and does ' &
       //'not lock near incompressibility; `hex8_full` is plain 2 x 2 x 2 integration; ' &
       //'`hex8_incompatible` adds modes inside the element and bends well, best with ' &
-      //'bricks that are nearly rectangular.')
+      //'bricks that are nearly rectangular; `hex8_one_point` has the mean strain alone ' &
+      //'and an elastic hourglass control, for fast explicit runs.')
     call table%preset('auto')
     call table%allow(&
-      'auto|hex8_bbar|hex8_full|hex8_incompatible|hex20|hex27|tet4|tet10|wedge6|hex8/he' &
-      //'x8|hex20/hex8|hex27/hex8|hex20/hex20|tet4/tet4|tet10/tet4')
+      'auto|hex8_bbar|hex8_full|hex8_incompatible|hex8_one_point|hex20|hex27|tet4|tet10' &
+      //'|wedge6|hex8/hex8|hex20/hex8|hex27/hex8|hex20/hex20|tet4/tet4|tet10/tet4')
   end subroutine group_section
 
   subroutine group_support(table)
@@ -335,9 +336,9 @@ contains
     call table%add_key('kind', 'string', '', &
       '`static`: equilibrium at each step; `newmark` and `hht`: implicit dynamics with ' &
       //'consistent mass; `explicit`: central differences with lumped mass; `modal`: the ' &
-      //'lowest free vibrations.')
+      //'lowest free vibrations; `relaxation`: equilibrium by a damped pseudo-motion.')
     call table%need()
-    call table%allow('static|newmark|hht|explicit|modal')
+    call table%allow('static|newmark|hht|explicit|modal|relaxation')
     call table%add_key('dt', 'real', 's', &
       'Time step. Statics: t_end in one step if left out. Needed for `newmark` and ' &
       //'`hht`; `explicit` takes dt_factor times the largest stable step if it is left ' &
@@ -398,10 +399,13 @@ contains
     call table%bounds(min=1.0_wp)
     call table%add_key('tolerance', 'real', '', &
       'Relative change of the squared frequencies at which the iteration of `modal` ' &
-      //'ends.')
+      //'ends; residual over loads and reactions at which `relaxation` ends (there 1e-8 ' &
+      //'unless given).')
     call table%preset('1e-10')
     call table%bounds(above=0.0_wp)
-    call table%add_key('max_iterations', 'integer', '', 'Most iterations of `modal`.')
+    call table%add_key('max_iterations', 'integer', '', &
+      'Most iterations of `modal`, and of a step of `relaxation` (there 100 000 unless ' &
+      //'given).')
     call table%preset('200')
     call table%bounds(min=1.0_wp)
   end subroutine group_analysis_2

@@ -39,6 +39,10 @@ contains
       allocate (shape%weight, source=at%weight)
     end if
     shape%least = huge(1.0_wp)
+    if (allocated(at%fine_slope)) then
+      call mean_shape(at, x, shape)
+      return
+    end if
     do q = 1, at%n
       tangent = matmul(x, transpose(at%u_slope(:, :, q)))
       inverse(:, 1) = cross(tangent(:, 2), tangent(:, 3))
@@ -52,6 +56,29 @@ contains
       shape%weight(q) = determinant*at%weight(q)
     end do
   end subroutine element_shape
+
+  !> The one point of an element by means over its volume: exact integrals of the gradients, which
+  !! pass the patch test (Flanagan and Belytschko 1981).
+  pure subroutine mean_shape(at, x, shape)
+    type(fem_points_type), intent(in) :: at
+    real(wp), intent(in) :: x(:, :)
+    type(fem_shape_type), intent(inout) :: shape
+    real(wp) :: tangent(3, 3), cofactor(3, 3), determinant
+    integer(i4) :: q
+    shape%u = 0.0_wp
+    shape%weight = 0.0_wp
+    do q = 1, size(at%fine_slope, 3)
+      tangent = matmul(x, transpose(at%fine_slope(:, :, q)))
+      cofactor(:, 1) = cross(tangent(:, 2), tangent(:, 3))
+      cofactor(:, 2) = cross(tangent(:, 3), tangent(:, 1))
+      cofactor(:, 3) = cross(tangent(:, 1), tangent(:, 2))
+      determinant = dot_product(tangent(:, 1), cofactor(:, 1))
+      shape%least = min(shape%least, determinant)
+      shape%u(:, :, 1) = shape%u(:, :, 1) + matmul(cofactor, at%fine_slope(:, :, q))
+      shape%weight(1) = shape%weight(1) + determinant
+    end do
+    shape%u = shape%u/shape%weight(1)
+  end subroutine mean_shape
 
   pure function cross(a, b) result(c)
     real(wp), intent(in) :: a(3), b(3)

@@ -7,7 +7,8 @@ program talus_fem
   use talus_options, only: options_type, parse_options
   use talus_report, only: report_check
   use talus_deck_table, only: key_table_type
-  use talus_system, only: talus_blas_kernels, talus_exit, talus_short_spins
+  use talus_system, only: ignore_write_signals, talus_blas_kernels, talus_exit, &
+    talus_short_spins
   use fem_modal_run, only: run_modal
   use fem_model, only: fem_model_type, program_name
   use fem_deck_keys, only: fem_deck_table
@@ -21,6 +22,7 @@ program talus_fem
   type(error_list_type) :: errors
   integer(i4) :: exit_code
 
+  call ignore_write_signals()
   call talus_short_spins()
   call talus_blas_kernels()
   call parse_options(options, program_name, errors)

@@ -16,9 +16,11 @@ module fem_model
   use talus_summary, only: summary_type
   use talus_timers, only: timers_type
   use fem_body, only: fem_body_type
-  use fem_critical, only: largest_frequency, scale_rotations, stable_step
+  use fem_critical, only: scale_rotations
   use fem_deck_keys, only: fem_deck_table
   use fem_output, only: fem_output_type, energy_error
+  use fem_relaxation, only: relax
+  use fem_supports, only: check_supports
   use fem_restart, only: write_checkpoint, read_checkpoint
   use fem_setup, only: read_body
   implicit none
@@ -49,7 +51,9 @@ module fem_model
     integer(i8) :: row_step = -1             !! of the last row in the log
     integer(i4) :: logged_factors = 0
     logical :: served = .false., stopped = .false., opened = .false., modal = .false.
-    logical :: auto_solver = .false.
+    logical :: auto_solver = .false., relaxation = .false.
+    real(wp) :: tolerance = 1.0e-8_wp        !! of dynamic relaxation
+    integer(i4) :: most_iterations = 100000  !! of one of its steps
   contains
     procedure :: read => read_run
     procedure :: prepare
@@ -105,6 +109,13 @@ contains
     call self%deck%get('analysis', 1, 'dt', self%dt)
     call self%deck%get('analysis', 1, 'kind', kind)
     self%modal = kind == 'modal'
+    self%relaxation = kind == 'relaxation'
+    if (self%deck%given('analysis', 1, 'tolerance')) &
+      call self%deck%get('analysis', 1, 'tolerance', self%tolerance)
+    if (self%deck%given('analysis', 1, 'max_iterations')) &
+      call self%deck%get('analysis', 1, 'max_iterations', self%most_iterations)
+    if (self%relaxation .and. self%served) call self%deck%fault(errors, 'D325', &
+      'a coupled run is not relaxed', 'analysis', 1, 'kind', "take kind = 'static'")
     if (self%modal .and. self%served) call self%deck%fault(errors, 'D325', &
       'a coupled run takes no modes', 'analysis', 1, 'kind', "run this deck alone")
     if (self%served) return
@@ -180,14 +191,10 @@ contains
   subroutine choose_step(self, errors)
     class(fem_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: frequency, factor
-    integer(i4) :: element
+    real(wp) :: factor
     logical :: allowed
 
     associate (body => self%body)
-      call largest_frequency(body%mesh, body%dofs, body%elastic, body%ground, body%lumped, &
-                             frequency, element)
-      body%step_limit = stable_step(frequency, body%damping%stiffness)
       call self%deck%get('analysis', 1, 'dt_factor', factor)
       call self%deck%get('analysis', 1, 'allow_unstable', allowed)
       if (self%dt > body%step_limit) then
@@ -197,7 +204,7 @@ contains
         else
           call self%deck%fault(errors, 'D324', 'dt = '//short_number(self%dt)// &
             ' s is above the largest stable step '//short_number(body%step_limit)// &
-            ' s, which element '//str(element)//' sets', 'analysis', 1, 'dt', 'leave dt out')
+            ' s, which element '//str(body%stiffest)//' sets', 'analysis', 1, 'dt', 'leave dt out')
         end if
       else if (.not. self%dt > 0.0_wp) then
         self%dt = factor*body%step_limit
@@ -215,7 +222,8 @@ contains
       self%auto_solver = solver == 'auto'
       body%solver%iterative = solver == 'iterative'
       if (.not. self%auto_solver) return
-      body%solver%iterative = .not. (body%dynamic .or. self%served .or. self%modal) .and. &
+      body%solver%iterative = .not. (body%dynamic .or. self%served .or. self%modal .or. &
+                                     self%relaxation) .and. &
         count(.not. body%held) >= large .and. self%t_end <= few_steps*self%dt
     end associate
   end subroutine choose_solver
@@ -229,7 +237,10 @@ contains
     type(error_list_type), intent(inout) :: errors
     call self%timers%start('factorisation')
     call choose_solver(self)
-    if (self%body%dynamic .and. self%body%restored_dt > 0.0_wp) then
+    if (self%relaxation) then
+      call check_supports(self%body%mesh, self%body%dofs, self%body%pattern, self%body%held, &
+                          self%body%ground, errors)
+    else if (self%body%dynamic .and. self%body%restored_dt > 0.0_wp) then
       call self%body%factor(self%body%restored_dt, errors)
     else if (dt > 0.0_wp .or. .not. self%body%dynamic) then
       call self%body%factor(dt, errors)
@@ -281,7 +292,7 @@ contains
       if (len(stop_file) > 0) stop_file = self%deck%path('run', 1, 'stop_file')
     end if
     call self%stop%init(wall_limit, stop_file, obey_signals=.not. self%served)
-    if (self%start_time < 0.0_wp .and. .not. self%modal) &
+    if (self%start_time < 0.0_wp .and. .not. self%modal .and. .not. errors%any()) &
       call self%output%write_due(self%body, .false., errors)
   end subroutine open_run
 
@@ -331,6 +342,7 @@ contains
     class(fem_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
     real(wp) :: t1
+    integer(i4) :: iterations
     logical :: last
 
     do
@@ -346,7 +358,12 @@ contains
       last = t1 >= self%t_end - near*self%dt
       if (last) t1 = self%t_end
       call self%timers%start('steps')
-      call self%body%step(t1, errors)
+      if (self%relaxation) then
+        call relax(self%body, t1, self%tolerance, self%most_iterations, iterations, errors)
+        call self%log%item('relaxed', str(iterations)//' iterations')
+      else
+        call self%body%step(t1, errors)
+      end if
       if (errors%any() .and. self%auto_solver .and. self%body%solver%iterative) &
         call go_direct(self, t1, errors)
       call self%timers%stop('steps')

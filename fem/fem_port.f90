@@ -94,11 +94,12 @@ contains
     real(wp), allocatable :: diagonal(:)
     logical :: changed
 
+    fields = ''
     if (request%has('fields')) call request%get_text('fields', fields, errors)
     call request%all_read(errors)
     if (errors%any()) return
     associate (body => self%model%body)
-      call self%sets%select(name, role, ids, body, changed, errors)
+      call self%sets%select(name, role, fields, ids, body, changed, errors)
       if (errors%any()) return
       if (changed) then
         body%factored_dt = -1.0_wp
@@ -107,6 +108,10 @@ contains
       diagonal = block_diagonal(body%pattern, body%k)
       call reply%put('mass', body%lumped(ids))
       call reply%put('stiffness', diagonal(ids))
+      if (index(','//fields//',', ',phi,') > 0) then
+        call reply%put('inertia', body%lumped(body%dofs%phi(ids)))
+        call reply%put('stiffness_phi', diagonal(body%dofs%phi(ids)))
+      end if
     end associate
   end subroutine choose
 
@@ -116,7 +121,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     call set_matter(self%model%body, self%sets, request, errors)
     if (.not. errors%any()) call request%all_read(errors)
-    if (.not. errors%any()) call reply%put('step_limit', huge(1.0_wp))
+    if (.not. errors%any()) call reply%put('step_limit', self%model%body%step_limit)
   end subroutine set_values
 
   !> All is set: factors, files, and a reply as after a step of no length.
@@ -128,7 +133,7 @@ contains
     associate (model => self%model)
       call model%begin(model%dt, errors)
       if (errors%any()) return
-      if (.not. model%opened) call model%open(errors)
+      if (.not. (model%opened .or. self%rehearsing)) call model%open(errors)
       if (errors%any()) return
       call model%body%accept()
       call self%sets%put_states(model%body, reply)
@@ -163,6 +168,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     associate (model => self%model)
       call model%body%accept()
+      if (self%rehearsing) return
       model%steps = model%steps + 1
       call model%timers%start('output')
       call model%output%write_due(model%body, .false., errors)

@@ -5,6 +5,7 @@ module fem_port_state
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
   use talus_scalars, only: scalar_count, scalar_kinetic, scalar_elastic, scalar_boundary, &
+    scalar_background_damping, &
     scalar_gravity, scalar_momentum, scalar_angular_momentum, scalar_step_limit
   use talus_version, only: version_text
   use fem_types, only: fem_mesh_type, fem_springs_type, group_volume, group_facet, group_node
@@ -39,6 +40,14 @@ contains
     call reply%put_int('ranks', 1_i4)
   end subroutine reply_hello
 
+  !> Lumped micro-inertia of every node, zero where there is no micro-rotation [kg m^2].
+  pure function inertia_of_nodes(body) result(inertia)
+    type(fem_body_type), intent(in) :: body
+    real(wp) :: inertia(body%mesh%nodes)
+    inertia = 0.0_wp
+    inertia(body%dofs%node(body%mesh%nodes + 1:)) = body%lumped(body%mesh%nodes + 1:)
+  end function inertia_of_nodes
+
   pure function analysis_name(body) result(name)
     type(fem_body_type), intent(in) :: body
     character(len=:), allocatable :: name
@@ -61,6 +70,7 @@ contains
       call reply%put_int('id', [(k, k=1, body%mesh%nodes)])
       call reply%put('x', body%mesh%x)
       call reply%put('mass_u', body%lumped(:body%mesh%nodes))
+      if (body%dofs%blocks > body%mesh%nodes) call reply%put('mass_phi', inertia_of_nodes(body))
       if (allocated(body%mesh%hex8)) call reply%put_int('connectivity', body%mesh%hex8)
       call reply%put_int('kind', body%mesh%kind)
       call reply%put_int('start', body%mesh%start)
@@ -212,6 +222,9 @@ contains
     allocate (force(3, size(sets%set(k)%node)))
     call request%get('force', force, errors)
     if (.not. errors%any()) body%dead_load(:, sets%set(k)%node) = force
+    if (size(sets%set(k)%phi) == 0 .or. .not. request%has('moment')) return
+    call request%get('moment', force, errors)
+    if (.not. errors%any()) body%dead_load(:, sets%set(k)%phi) = force
   end subroutine set_dead_load
 
   subroutine find_set(sets, name, k, request, errors)
@@ -324,6 +337,9 @@ contains
     allocate (value(size(sets%set(k)%node)))
     call request%get('value', value, errors)
     if (.not. errors%any()) body%mass_factor(sets%set(k)%node) = value
+    if (size(sets%set(k)%phi) == 0 .or. .not. request%has('value_phi')) return
+    call request%get('value_phi', value, errors)
+    if (.not. errors%any()) body%mass_factor(sets%set(k)%phi) = value
   end subroutine set_mass_factor
 
   !> Energies, momentum and angular momentum of the trial state.
@@ -339,6 +355,7 @@ contains
     scalars(scalar_boundary) = body%energy%support + body%energy%spring + body%energy%load &
                                - body%energy%gravity
     scalars(scalar_gravity) = body%energy%gravity
+    scalars(scalar_background_damping) = body%energy%damping + body%energy%numerical
     scalars(scalar_step_limit) = body%step_limit
     if (body%dynamic) then
       call multiply_mass(body%pattern, body%mass, body%state%v, p)
@@ -350,6 +367,7 @@ contains
           l(2) = l(2) + x(3)*p(1, i) - x(1)*p(3, i)
           l(3) = l(3) + x(1)*p(2, i) - x(2)*p(1, i)
         end do
+        l = l + sum(p(:, body%mesh%nodes + 1:), 2)
       end associate
     end if
     call reply%put('scalars', scalars)

@@ -22,6 +22,11 @@ contains
     integer(i4) :: trial
 
     trial = 1
+    if (model%body%explicit) then
+      call errors%add('P301', 'an explicit body does not answer SOLVE', request%place(), &
+                      "ask for ADVANCE, or take kind = 'newmark'")
+      return
+    end if
     if (request%has('trial')) call request%get_int('trial', trial, errors)
     call sets%take_loads(model%body, request, errors)
     call sets%take_motion(model%body, request, errors)
@@ -76,10 +81,12 @@ contains
         moved(:, :) = body%state%u - moved
         impulse = impulse + 0.5_wp*dt*(before + body%state%reaction)
         do s = 1, sets%n
-          do i = 1, size(sets%set(s)%node)
-            work(s) = work(s) + 0.5_wp*dot_product(before(:, sets%set(s)%node(i)) + &
-                      body%state%reaction(:, sets%set(s)%node(i)), moved(:, sets%set(s)%node(i)))
-          end do
+          associate (block => [sets%set(s)%node, sets%set(s)%phi])
+            do i = 1, size(block)
+              work(s) = work(s) + 0.5_wp*dot_product(before(:, block(i)) &
+                        + body%state%reaction(:, block(i)), moved(:, block(i)))
+            end do
+          end associate
         end do
         if (k < n) call body%accept()
       end do start
@@ -90,6 +97,8 @@ contains
       do s = 1, sets%n
         if (sets%set(s)%role /= role_prescribe) cycle
         call reply%put(trim(sets%set(s)%name)//'.impulse', -impulse(:, sets%set(s)%node))
+        if (size(sets%set(s)%phi) > 0) call reply%put(trim(sets%set(s)%name)// &
+          '.moment_impulse', -impulse(:, sets%set(s)%phi))
         call reply%put(trim(sets%set(s)%name)//'.work', work(s))
       end do
       call reply%put_int('substeps', n)
@@ -110,6 +119,9 @@ contains
 
     scope = 'all'
     if (request%has('scope')) call request%get_text('scope', scope, errors)
+    if (scope /= 'all' .and. scope /= 'interface') &
+      call errors%add('P301', "FORCE has no scope '"//scope//"'", request%place(), &
+                      "it is 'all' or 'interface'")
     call sets%take_motion(model%body, request, errors)
     call request%all_read(errors)
     if (errors%any()) return
@@ -125,6 +137,8 @@ contains
       if (scope /= 'interface') f = f + body%weight_force
       do s = 1, sets%n
         call reply%put(trim(sets%set(s)%name)//'.force', f(:, sets%set(s)%node))
+        if (size(sets%set(s)%phi) > 0) call reply%put(trim(sets%set(s)%name)//'.moment', &
+          f(:, sets%set(s)%phi))
       end do
       call put_scalars(body, reply)
     end associate

@@ -5,6 +5,7 @@ module fem_recover
   use fem_elastic, only: fem_elastic_type, classical
   use fem_element, only: fem_shape_type, element_shape, element_stress, element_force, points_at
   use fem_hex8, only: hex8_geometry, hex8_geometry_type, hex8_stress, hex8_forces
+  use fem_hourglass, only: lanes, one_point_size, one_point_data, one_point_force
   use fem_incompatible, only: add_mode_stress
   use fem_types, only: fem_mesh_type
   implicit none
@@ -226,8 +227,34 @@ contains
       call stress_of(mesh, dofs, elastic, e, u, stress)
       if (elastic%has_initial) stress = stress + elastic%initial(:, first:last)
       call add_force(mesh, dofs, elastic, e, stress, force)
+      if (elastic%rule(elastic%rule_of(e))%one_point) &
+        call add_hourglass_force(mesh, elastic, e, u, force)
     end do
   end subroutine element_forces
+
+  !> Forces that a one-point element has from its hourglass modes.
+  subroutine add_hourglass_force(mesh, elastic, e, u, force)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: e
+    real(wp), intent(in) :: u(:, :)
+    real(wp), intent(inout) :: force(:, :)
+    type(fem_shape_type) :: shape
+    real(wp) :: data(lanes, one_point_size), f(lanes, 3, 8)
+    real(wp), dimension(lanes, 3, 8) :: x, b, moved
+    associate (node => mesh%node(mesh%start(e):mesh%start(e) + 7))
+      call element_shape(elastic%rule(elastic%rule_of(e))%at, mesh%x(:, node), shape)
+      x = spread(mesh%x(:, node), 1, lanes)
+      b = spread(shape%u(:, :, 1), 1, lanes)
+      moved = spread(u(:, node), 1, lanes)
+      call one_point_data(x, b, spread(shape%weight(1), 1, lanes), &
+                          spread(elastic%moduli(:, e), 1, lanes), &
+                          spread(elastic%factor(elastic%point(e)), 1, lanes), data)
+      data(:, 37:38) = 0.0_wp  ! the stress of the point is counted already
+      call one_point_force(data, moved, f)
+      force(:, node) = force(:, node) + f(1, :, :)
+    end associate
+  end subroutine add_hourglass_force
 
   subroutine add_force(mesh, dofs, elastic, e, stress, force)
     type(fem_mesh_type), intent(in) :: mesh

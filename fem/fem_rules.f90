@@ -11,18 +11,19 @@ module fem_rules
   public :: polar_rule, rules_for
 
   integer(i4), parameter :: name_size = 18
-  character(len=name_size), parameter :: rule_names(14) = [character(len=name_size) :: &
-    'hex8_bbar', 'hex8_full', 'hex8_incompatible', 'hex20', 'hex27', 'tet4', 'tet10', 'wedge6', &
-    'hex8/hex8', 'hex20/hex8', 'hex27/hex8', 'hex20/hex20', 'tet4/tet4', 'tet10/tet4']
-  integer(i4), parameter :: kind_u(14) = [hex8, hex8, hex8, hex20, hex27, &
+  character(len=name_size), parameter :: rule_names(15) = [character(len=name_size) :: &
+    'hex8_bbar', 'hex8_full', 'hex8_incompatible', 'hex8_one_point', 'hex20', 'hex27', 'tet4', &
+    'tet10', 'wedge6', 'hex8/hex8', &
+    'hex20/hex8', 'hex27/hex8', 'hex20/hex20', 'tet4/tet4', 'tet10/tet4']
+  integer(i4), parameter :: kind_u(15) = [hex8, hex8, hex8, hex8, hex20, hex27, &
     tet4, tet10, wedge6, hex8, hex20, hex27, hex20, &
     tet4, tet10]
-  integer(i4), parameter :: kind_phi(14) = [0, 0, 0, 0, 0, 0, 0, 0, hex8, hex8, &
+  integer(i4), parameter :: kind_phi(15) = [0, 0, 0, 0, 0, 0, 0, 0, 0, hex8, hex8, &
     hex8, hex20, tet4, tet4]
   !> Degree of the polynomials that the stiffness, and the mass, integrate exactly on undistorted
   !! elements; for hexahedra 3 means two points and 5 three points a direction.
-  integer(i4), parameter :: degree(14) = [3, 3, 3, 5, 5, 1, 2, 3, 3, 5, 5, 5, 2, 2]
-  integer(i4), parameter :: mass_degree(14) = [3, 3, 3, 5, 5, 2, 4, 3, 3, 5, 5, 5, 2, 4]
+  integer(i4), parameter :: degree(15) = [3, 3, 3, 1, 5, 5, 1, 2, 2, 3, 5, 5, 5, 2, 2]
+  integer(i4), parameter :: mass_degree(15) = [3, 3, 3, 3, 5, 5, 2, 4, 2, 3, 5, 5, 5, 2, 4]
 
   !> Shape functions of both fields at quadrature points.
   type :: fem_points_type
@@ -33,11 +34,13 @@ module fem_rules
     real(wp), allocatable :: phi(:, :)         !! (rotations, n)
     real(wp), allocatable :: phi_slope(:, :, :)
     real(wp), allocatable :: corner(:, :)      !! (corners, n) of the corner element
+    real(wp), allocatable :: fine_slope(:, :, :)  !! (3, nodes, points) to take gradients as means
   end type fem_points_type
 
   type :: fem_formulation_type
     character(len=name_size) :: name = ''
     integer(i4) :: kind = 0, nodes = 0, rotations = 0, corners = 0
+    logical :: one_point = .false.  !! mean gradients, hourglass modes by an elastic stiffness
     integer(i4) :: modes = 0    !! incompatible modes 1 - xi_i^2, condensed in the element
     logical :: polar = .false.
     logical :: brick = .false.  !! hex8 by its own routines
@@ -112,11 +115,13 @@ contains
     rule%corners = node_count(corner_kind(rule%kind))
     rule%polar = kind_phi(k) > 0
     if (rule%polar) rule%rotations = node_count(kind_phi(k))
-    rule%brick = rule%kind == hex8 .and. .not. rule%polar
+    rule%one_point = rule%name == 'hex8_one_point'
+    rule%brick = rule%kind == hex8 .and. .not. (rule%polar .or. rule%one_point)
     rule%bbar = rule%name == 'hex8_bbar'
     rule%hrz = rule%kind == hex20 .or. rule%kind == tet10
     call evaluate(rule%kind, kind_phi(k), degree(k), rule%at)
     call evaluate(rule%kind, kind_phi(k), mass_degree(k), rule%mass_at)
+    if (rule%one_point) rule%at%fine_slope = rule%mass_at%u_slope  ! 2 x 2 x 2: exact means
     call fit(rule%at, rule%corners, rule%spread)
     at = reference_nodes(rule%kind)
     allocate (rule%middle(rule%corners, rule%nodes), slope(3, rule%corners))

@@ -23,15 +23,17 @@ module fem_sets
 
 contains
 
-  !> Name a set of nodes; `changed` when the free degrees of freedom are others now.
-  subroutine select_set(self, name, role, ids, body, changed, errors)
+  !> Name a set of nodes; `changed` when the free degrees of freedom are others now. With `phi`
+  !! among the fields the set acts on micro-rotations too; with phi alone only on them.
+  subroutine select_set(self, name, role, fields, ids, body, changed, errors)
     class(fem_sets_type), intent(inout) :: self
     character(len=*), intent(in) :: name, role
+    character(len=*), intent(in) :: fields  !! 'u', 'u,v,a', 'u,phi', 'phi'; '' means u
     integer(i8), intent(in) :: ids(:)
     type(fem_body_type), intent(inout) :: body
     logical, intent(out) :: changed
     type(error_list_type), intent(inout) :: errors
-    logical :: before(3, body%dofs%blocks)
+    logical :: before(3, body%dofs%blocks), turns
     integer(i4) :: k, r
 
     changed = .false.
@@ -42,10 +44,20 @@ contains
       return
     end if
     if (any(ids < 1) .or. any(ids > body%mesh%nodes)) then
-      call errors%add('P302', 'set '//name//' names nodes that do not exist', &
-        hint='node ids go from 1 to '// &
-                      str(body%mesh%nodes))
+      k = findloc(ids < 1 .or. ids > body%mesh%nodes, .true., 1)
+      call errors%add('P302', 'set '//name//' names node '//str(ids(k))// &
+                      ', which does not exist', 'set '//name, &
+                      'node ids go from 1 to '//str(body%mesh%nodes))
       return
+    end if
+    turns = index(','//fields//',', ',phi,') > 0
+    if (turns) then
+      if (any(body%dofs%phi(ids) == 0)) then
+        k = int(ids(findloc(body%dofs%phi(ids), 0, 1)), i4)
+        call errors%add('P302', 'set '//name//': node '//str(k)//' has no micro-rotation', &
+          hint='only corner nodes of mixed pairs and micropolar sections have them')
+        return
+      end if
     end if
     call self%find(name, k)
     if (k == 0) then
@@ -59,10 +71,16 @@ contains
     self%set(k)%name = name
     self%set(k)%role = r
     self%set(k)%node = int(ids, i4)
+    self%set(k)%moves = .not. turns .or. index(','//fields//',', ',u,') > 0
+    if (allocated(self%set(k)%phi)) deallocate (self%set(k)%phi)
+    allocate (self%set(k)%phi(merge(size(ids), 0, turns)))
+    if (turns) self%set(k)%phi = body%dofs%phi(ids)
     before = body%prescribed
     body%prescribed = .false.
     do k = 1, self%n
-      if (self%set(k)%role == role_prescribe) body%prescribed(:, self%set(k)%node) = .true.
+      if (self%set(k)%role /= role_prescribe) cycle
+      if (self%set(k)%moves) body%prescribed(:, self%set(k)%node) = .true.
+      body%prescribed(:, self%set(k)%phi) = .true.
     end do
     where (body%prescribed .and. .not. before) body%given_u = body%accepted%u
     changed = any(body%prescribed .neqv. before)
@@ -79,51 +97,68 @@ contains
     k = 0
   end subroutine find
 
-  !> Loads of all load sets in a request; without them the loads are zero.
+  !> Forces, and moments on micro-rotations, of all load sets in a request; without them the loads
+  !! are zero.
   subroutine take_loads(self, body, request, errors)
     class(fem_sets_type), intent(in) :: self
     type(fem_body_type), intent(inout) :: body
     type(message_type), intent(inout) :: request
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: force(:, :)
-    integer(i4) :: k, j
+    integer(i4) :: k
 
     body%port_load = 0.0_wp
     do k = 1, self%n
       if (self%set(k)%role /= role_load) cycle
-      if (.not. request%has(trim(self%set(k)%name)//'.force')) cycle
-      if (allocated(force)) deallocate (force)
-      allocate (force(3, size(self%set(k)%node)))
-      call request%get(trim(self%set(k)%name)//'.force', force, errors)
+      if (self%set(k)%moves) call add(self%set(k)%node, '.force')
+      if (size(self%set(k)%phi) > 0) call add(self%set(k)%phi, '.moment')
       if (errors%any()) return
-      do j = 1, size(self%set(k)%node)
-        body%port_load(:, self%set(k)%node(j)) = body%port_load(:, self%set(k)%node(j)) &
-          + force(:, j)
-      end do
     end do
+
+  contains
+
+    subroutine add(block, field)
+      integer(i4), intent(in) :: block(:)
+      character(len=*), intent(in) :: field
+      real(wp) :: value(3, size(block))
+      integer(i4) :: j
+      if (.not. request%has(trim(self%set(k)%name)//field)) return
+      call request%get(trim(self%set(k)%name)//field, value, errors)
+      if (errors%any()) return
+      do j = 1, size(block)
+        body%port_load(:, block(j)) = body%port_load(:, block(j)) + value(:, j)
+      end do
+    end subroutine add
   end subroutine take_loads
 
-  !> Prescribed displacements of all prescribe sets in a request.
+  !> Prescribed displacements and micro-rotations of all prescribe sets in a request.
   subroutine take_motion(self, body, request, errors)
     class(fem_sets_type), intent(in) :: self
     type(fem_body_type), intent(inout) :: body
     type(message_type), intent(inout) :: request
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: u(:, :)
     integer(i4) :: k
 
     do k = 1, self%n
       if (self%set(k)%role /= role_prescribe) cycle
-      if (.not. request%has(trim(self%set(k)%name)//'.u')) cycle
-      if (allocated(u)) deallocate (u)
-      allocate (u(3, size(self%set(k)%node)))
-      call request%get(trim(self%set(k)%name)//'.u', u, errors)
+      if (self%set(k)%moves) call take(self%set(k)%node, '.u')
+      if (size(self%set(k)%phi) > 0) call take(self%set(k)%phi, '.phi')
       if (errors%any()) return
-      body%given_u(:, self%set(k)%node) = u
     end do
+
+  contains
+
+    subroutine take(block, field)
+      integer(i4), intent(in) :: block(:)
+      character(len=*), intent(in) :: field
+      real(wp) :: value(3, size(block))
+      if (.not. request%has(trim(self%set(k)%name)//field)) return
+      call request%get(trim(self%set(k)%name)//field, value, errors)
+      if (.not. errors%any()) body%given_u(:, block) = value
+    end subroutine take
   end subroutine take_motion
 
-  !> u, v, a of every set, reactions of prescribed ones.
+  !> u, v, a of every set and phi, phi_rate, phi_acceleration where it has them; reactions and
+  !! their moments of prescribed ones.
   subroutine put_states(self, body, reply)
     class(fem_sets_type), intent(in) :: self
     type(fem_body_type), intent(in) :: body
@@ -137,6 +172,12 @@ contains
       call reply%put(name//'.a', body%state%a(:, self%set(k)%node))
       if (self%set(k)%role == role_prescribe) &
         call reply%put(name//'.reaction', body%state%reaction(:, self%set(k)%node))
+      if (size(self%set(k)%phi) == 0) cycle
+      call reply%put(name//'.phi', body%state%u(:, self%set(k)%phi))
+      call reply%put(name//'.phi_rate', body%state%v(:, self%set(k)%phi))
+      call reply%put(name//'.phi_acceleration', body%state%a(:, self%set(k)%phi))
+      if (self%set(k)%role == role_prescribe) &
+        call reply%put(name//'.reaction_moment', body%state%reaction(:, self%set(k)%phi))
     end do
   end subroutine put_states
 end module fem_sets

@@ -17,7 +17,7 @@ module fem_setup_analysis
     'dt_factor', 'allow_unstable', 'rotation_mass', 'modes', 'tolerance', 'max_iterations', &
     'rayleigh_mass', 'rayleigh_stiffness', 'solver']
   character(len=*), parameter :: kinds(12) = [character(len=22) :: 'newmark', 'newmark', 'hht', &
-    'explicit', 'explicit', 'explicit', 'modal', 'modal', 'modal', &
+    'explicit', 'explicit', 'explicit', 'modal', 'modal relaxation', 'modal relaxation', &
     'newmark hht explicit', 'newmark hht explicit', 'static']
 
 contains

@@ -58,7 +58,9 @@ module fem_types
   type :: fem_set_type
     character(len=name_length) :: name = ''
     integer(i4) :: role = role_report
+    logical :: moves = .true.              !! the set acts on displacements
     integer(i4), allocatable :: node(:)
+    integer(i4), allocatable :: phi(:)     !! blocks of the micro-rotations; none: size 0
   end type fem_set_type
 
   !> Everything that changes in time.

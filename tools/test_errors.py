@@ -1,24 +1,39 @@
 """Run the failing decks of tests/errors and compare exit code, codes and text.
 
-Usage: test_errors.py [--bin build/bin] [--only WORD]
+Usage: test_errors.py [--bin build/bin] [--only WORD] [--codes]
 Each folder holds expect.toml: program, exit, codes, contains (texts that must appear), optional
-args, deck (default deck.nml) and writes = true where files may be left behind. make_input.py, if
-there, is run first in the scratch copy.
+args, deck (default deck.nml) and writes = true where files may be left behind. Further, in the
+order in which they take effect on a scratch copy:
+  base     folders of tests/errors/base whose files are there before those of the case
+  edits    [file, old text, new text]; no old text: the new one is put at the end
+  (make_input.py is run, if there)
+  before   command lines of programs that must succeed before
+  damage   Python statements
+  partner  a Python script with arguments that runs beside the program; its output counts too
+  file_size  limit on the size of a file in bytes, as of a full disk
+First the codes themselves are checked: those of the sources, of errors.toml and of the tests must
+be the same (tools/error_codes.py); --codes does no more than that.
 """
 
 import argparse
 import hashlib
 import os
 import re
+import resource
+import shlex
 import shutil
 import subprocess
 import sys
 import tempfile
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+
+from error_codes import check_codes
 
 ROOT = Path(__file__).resolve().parent.parent
 CODE = re.compile(r"\berror ([A-Z]\d{3})")
+LIMIT = 300.0
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -31,56 +46,109 @@ def contents(folder: Path) -> dict[str, bytes]:
     }
 
 
+class Bench:
+    """A scratch copy of a case, and how commands are run in it."""
+
+    def __init__(self, folder: Path, scratch: Path, binaries: Path) -> None:
+        """Copy base and case, make the edits."""
+        self.expect = tomllib.loads((folder / "expect.toml").read_text())
+        self.scratch, self.binaries = scratch, binaries
+        self.environment = dict(
+            os.environ,
+            PYTHONPATH=f"{ROOT / 'prepost'}:{scratch}",
+            PYTHONDONTWRITEBYTECODE="1",
+            TALUS_BIN=str(binaries),
+            TALUS_PYTHON=sys.executable,
+            OMP_NUM_THREADS="1",
+        )
+        for base in self.expect.get("base", []):
+            shutil.copytree(ROOT / "tests/errors/base" / base, scratch, dirs_exist_ok=True)
+        shutil.copytree(folder, scratch, dirs_exist_ok=True)
+        for name, old, new in self.expect.get("edits", []):
+            path = scratch / name
+            text = path.read_text() if path.exists() else ""
+            if old not in text:
+                raise ValueError(f"{name} does not hold {old!r}")
+            path.write_text(text.replace(old, new) if old else text + new)
+
+    def start(self, command: list[str], file_size: int = 0) -> subprocess.Popen:
+        """Start a command in the scratch copy."""
+
+        def limit() -> None:
+            if file_size:
+                resource.setrlimit(resource.RLIMIT_FSIZE, (file_size, file_size))
+
+        return subprocess.Popen(
+            command,
+            cwd=self.scratch,
+            env=self.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            preexec_fn=limit,
+        )
+
+    def prepare(self) -> str:
+        """Make the input and do what comes before; return what went wrong."""
+        commands = []
+        if (self.scratch / "make_input.py").exists():
+            commands.append([sys.executable, "make_input.py"])
+        for line in self.expect.get("before", []):
+            program, *rest = shlex.split(line)
+            commands.append([str(self.binaries / program), *rest])
+        if "damage" in self.expect:
+            commands.append([sys.executable, "-c", self.expect["damage"]])
+        for command in commands:
+            process = self.start(command)
+            said, _ = process.communicate(timeout=LIMIT)
+            if process.returncode:
+                return f"{command} failed: {said[-800:]}"
+        return ""
+
+    def run(self) -> tuple[int, str]:
+        """Run the program; return exit code (-1: it hangs) and output, the partner's too."""
+        expect = self.expect
+        program = [str(self.binaries / expect["program"]), expect.get("deck", "deck.nml")]
+        partner = None
+        if "partner" in expect:
+            partner = self.start([sys.executable, *shlex.split(expect["partner"])])
+        process = self.start(program + expect.get("args", []), expect.get("file_size", 0))
+        output, code = "", None
+        for one in (process, partner):
+            if one is None:
+                continue
+            try:
+                output += one.communicate(timeout=LIMIT)[0]
+            except subprocess.TimeoutExpired:
+                one.kill()
+                output += one.communicate()[0] + "ran longer than allowed"
+                code = -1
+        return process.returncode if code is None else code, output
+
+
 def judge(folder: Path, binaries: Path) -> list[str]:
     """Run one failing deck in a scratch copy; return what differs from expect.toml."""
-    expect = tomllib.loads((folder / "expect.toml").read_text())
     with tempfile.TemporaryDirectory() as name:
         scratch = Path(name) / folder.name
-        shutil.copytree(folder, scratch)
-        environment = dict(
-            os.environ, PYTHONPATH=str(ROOT / "prepost"), PYTHONDONTWRITEBYTECODE="1"
-        )
-        if (scratch / "make_input.py").exists():
-            made = subprocess.run(
-                [sys.executable, "make_input.py"],
-                cwd=scratch,
-                env=environment,
-                capture_output=True,
-                text=True,
-            )
-            if made.returncode:
-                return [f"make_input.py failed: {made.stderr[-500:]}"]
+        bench = Bench(folder, scratch, binaries)
+        wrong = bench.prepare()
+        if wrong:
+            return [wrong]
         before = contents(scratch)
-        command = [
-            str(binaries / expect["program"]),
-            expect.get("deck", "deck.nml"),
-            *expect.get("args", []),
-        ]
-        try:
-            done = subprocess.run(
-                command,
-                cwd=scratch,
-                env=environment,
-                capture_output=True,
-                text=True,
-                timeout=120,
-                errors="replace",
-            )
-        except subprocess.TimeoutExpired:
-            return ["ran longer than 120 s"]
+        code, output = bench.run()
         after = contents(scratch)
     touched = sorted(
         name for name in before.keys() | after.keys() if before.get(name) != after.get(name)
     )
-    return differences(expect, done, touched)
+    return differences(bench.expect, code, output, touched)
 
 
-def differences(expect: dict, done: subprocess.CompletedProcess, touched: list[str]) -> list[str]:
+def differences(expect: dict, code: int, output: str, touched: list[str]) -> list[str]:
     """Compare a finished run with what was expected."""
-    output = done.stdout + done.stderr
     found = []
-    if done.returncode != expect["exit"]:
-        found.append(f"exit code {done.returncode}, expected {expect['exit']}")
+    if code != expect["exit"]:
+        found.append(f"exit code {code}, expected {expect['exit']}")
     missing = set(expect["codes"]) - set(CODE.findall(output))
     if missing:
         found.append(
@@ -89,10 +157,15 @@ def differences(expect: dict, done: subprocess.CompletedProcess, touched: list[s
     found += [
         f"text not shown: {text!r}" for text in expect.get("contains", []) if text not in output
     ]
+    others = set(re.findall(r"^error ([A-Z]\d{3}): ", output, re.MULTILINE)) - set(expect["codes"])
+    if expect["exit"] in (2, 4) and others:
+        found.append(f"further codes {sorted(others)}")
+    if re.search(r"Fortran runtime|Backtrace for|Sanitizer|runtime error:", output):
+        found.append("a trace instead of a message")
     if expect["exit"] == 1 and touched and not expect.get("writes"):
         found.append(f"files made, changed or removed: {', '.join(touched)}")
     if found:
-        found.append("output: " + output[-800:])
+        found.append("output: " + output[-1500:])
     return found
 
 
@@ -101,15 +174,21 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bin", type=Path, default=ROOT / "build/bin")
     parser.add_argument("--only", default="")
+    parser.add_argument("--codes", action="store_true")
     options = parser.parse_args()
-    passed = failed = 0
-    for path in sorted(ROOT.glob("tests/errors/*/expect.toml")):
-        if options.only not in path.parent.name:
-            continue
-        problems = judge(path.parent, options.bin.resolve())
-        passed, failed = passed + (not problems), failed + bool(problems)
-        if problems:
-            print(f"FAILED {path.parent.name}\n    " + "\n    ".join(problems))
+    problems = check_codes()
+    passed, failed = int(not problems), len(problems)
+    if problems:
+        print("FAILED codes\n    " + "\n    ".join(problems))
+    folders = [path.parent for path in sorted(ROOT.glob("tests/errors/*/expect.toml"))]
+    folders = [f for f in folders if options.only in f.name and not options.codes]
+    # some wait for a time limit: two at a time even on one core
+    with ThreadPoolExecutor(max(2, os.cpu_count() or 1)) as pool:
+        results = pool.map(lambda folder: judge(folder, options.bin.resolve()), folders)
+        for folder, found in zip(folders, results, strict=True):
+            passed, failed = passed + (not found), failed + bool(found)
+            if found:
+                print(f"FAILED {folder.name}\n    " + "\n    ".join(found), flush=True)
     print(f"{passed} passed, {failed} failed")
     return 1 if failed or not passed else 0
 

@@ -85,8 +85,8 @@ def audit(path: Path) -> object:
     share.semilogy(
         time[good], np.abs(history[both[2]][good]) / size[good] + LEAST, label="work difference"
     )
-    if "spring_residual" in history.columns and np.any(history["spring_residual"] > 0.0):
-        share.semilogy(time, history["spring_residual"], label="spring residual")
+    if "force_lag" in history.columns and np.any(history["force_lag"] > 0.0):
+        share.semilogy(time, history["force_lag"], label="force lag")
     share.set(xlabel="time [s]", ylabel="relative error [-]")
     for ax in axes.flat:
         ax.legend(fontsize=8)

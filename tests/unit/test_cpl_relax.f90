@@ -4,6 +4,7 @@ program test_cpl_relax
   use talus_test, only: test_type
   use cpl_choices, only: interface_springs, interface_theta, interface_aitken, interface_none
   use cpl_relax, only: relax_type
+  use cpl_springs, only: springs_type
   implicit none
 
   real(wp), parameter :: k_facet = 1.0_wp, ratio = 50.0_wp, force_at_rest = 51.0_wp
@@ -35,19 +36,24 @@ contains
     real(wp), intent(in) :: stiffness, theta
     real(wp), intent(out) :: u
     type(relax_type) :: relax
-    real(wp) :: d, d_new, measured(3, 1), load(3, 1), at(3, 1), held(3, 1)
+    type(springs_type) :: springs
+    real(wp) :: d, d_new, measured(3, 1), load(3, 1), at(3, 1), pull(3, 1)
     integer(i4) :: n
 
-    call relax%init(method, theta, 1_i4)
-    relax%stiffness = stiffness
+    call relax%init(method, theta, 3_i4, 1_i4)
+    springs%n = 1
+    springs%node = reshape([1, 1, 1, 1], [4, 1])
+    springs%weight = reshape([0.25_wp, 0.25_wp, 0.25_wp, 0.25_wp], [4, 1])
+    springs%each = [stiffness]
     u = 0.0_wp
     d = 0.0_wp
     do n = 1, exchanges
       d_new = u
       measured = force_at_rest - ratio*k_facet*0.5_wp*(d + d_new)
       at = 0.5_wp*(d + d_new)
-      held = u
-      call relax%force(measured, at, held, load)
+      call relax%force(measured)
+      call springs%force(at - u, pull)
+      load = relax%held + pull
       u = (load(1, 1) + stiffness*u)/(k_facet + stiffness)
       d = d_new
     end do
@@ -57,16 +63,15 @@ contains
   subroutine iterate_aitken(u)
     real(wp), intent(out) :: u
     type(relax_type) :: relax
-    real(wp) :: measured(3, 1), load(3, 1), at(3, 1)
+    real(wp) :: measured(3, 1)
     integer(i4) :: n
 
-    call relax%init(interface_aitken, 0.0_wp, 1_i4)
+    call relax%init(interface_aitken, 0.0_wp, 3_i4, 1_i4)
     u = 0.0_wp
     do n = 1, 8
-      at = u
       measured = force_at_rest - ratio*k_facet*u
-      call relax%force(measured, at, at, load)
-      u = load(1, 1)/k_facet
+      call relax%force(measured)
+      u = relax%held(1, 1)/k_facet
     end do
   end subroutine iterate_aitken
 end program test_cpl_relax

@@ -50,6 +50,7 @@ program test_dem_port
     call split_steps()
     call files_and_end()
     call go_on()
+    call rehearse()
     call execute_command_line('rm -rf '//folder)
     call test%finish()
   end if
@@ -310,6 +311,9 @@ contains
                           1.0e-9_wp*abs(v(1, 2)))
     call test%check_close('not kicked without force', v(3, 1), before(3, 1), 0.0_wp)
     call ask%start(verb_force, 1_i8, now_at + dt, now_at + dt)
+    call ask%put_text('scope', 'some')
+    call expect('FORCE with an unknown scope', 'P255')
+    call ask%start(verb_force, 1_i8, now_at + dt, now_at + dt)
     call expect('FORCE after the drift', '')
     call ask%start(verb_accept)
     call expect('ACCEPT of a split step', '')
@@ -361,4 +365,53 @@ contains
     call test%check('it ends with 4', child%wait(20.0_wp) .and. child%exit_code == 4)
     call port%close()
   end subroutine go_on
+
+  !> A rehearsal: the driven grain 30 stands still, nothing is written; then it moves from time 0.
+  subroutine rehearse()
+    type(error_list_type) :: faults
+    real(wp) :: x(3, 1), v(3, 1), scalars(scalar_count)
+    integer(i4) :: k
+
+    call replace_file(folder//'/deck.nml', '&run gravity = 0.0, 0.0, 0.0 /'//nl// &
+      "&material id = 'q', density = 2650.0, young = 29.0e9, poisson = 0.25 /"//nl// &
+      "&contact between = 'q', 'q', law = 'hertz_mindlin', friction = 0.5 /"//nl// &
+      "&particles file = 'pack.h5', material = 'q' /"//nl//'&dynamics dt = 1.0e-7 /'//nl// &
+      '&driven ids = 30, velocity = 0.0, 0.0, 0.5 /'//nl//'&history every_time = 1.0e-6 /'//nl, &
+      faults)
+    call execute_command_line('rm -f '//folder//'/deck_* '//folder//'/deck.log')
+    call start('fourth')
+    call choose('g', 'prescribe', [10_i8], '')
+    call choose('r', 'report', [30_i8], '')
+    call ask%start(verb_ready)
+    call ask%put_int('rehearsal', 1_i4)
+    call expect('READY for a rehearsal', '')
+    do k = 1, 3
+      call ask%start(verb_advance, 1_i8, (k - 1)*1.0e-6_wp, k*1.0e-6_wp)
+      call expect('ADVANCE in a rehearsal', '')
+      call reply%get('r.x', x, errors)
+      call ask%start(verb_accept)
+      call expect('ACCEPT in a rehearsal', '')
+    end do
+    call test%check_close('the driven grain stands still', x(3, 1), 0.0_wp, 0.0_wp)
+    call test%check('nothing is written', .not. (file_exists(folder//'/deck_energy.csv') .or. &
+                                                 file_exists(folder//'/deck.log')))
+    call ask%start(verb_ready)
+    call expect('READY that ends it', '')
+    call reply%get('r.v', v, errors)
+    call reply%get('scalars', scalars, errors)
+    call test%check_close('it moves again', v(3, 1), 0.5_wp, 0.0_wp)
+    call test%check('grain 20 was pushed meanwhile', scalars(scalar_kinetic) > 0.0_wp)
+    call test%check('files are open', file_exists(folder//'/deck_energy.csv'))
+    call ask%start(verb_advance, 1_i8, 0.0_wp, 1.0e-6_wp)
+    call expect('ADVANCE from time 0', '')
+    call reply%get('r.x', x, errors)
+    call test%check_close('it has moved', x(3, 1), 0.5e-6_wp, 1.0e-18_wp)
+    call ask%start(verb_accept)
+    call expect('ACCEPT', '')
+    call ask%start(verb_stop)
+    call expect('STOP after a rehearsal', '')
+    call test%check('it ends with 0', child%wait(20.0_wp) .and. child%exit_code == 0)
+    call port%close()
+    call test%check('rehearsal without faults', .not. errors%any())
+  end subroutine rehearse
 end program test_dem_port

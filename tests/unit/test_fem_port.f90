@@ -416,11 +416,54 @@ contains
       call test%check('back at the start', all(abs(u) <= 0.0_wp))
     end do
     call test%check('ADVANCE without faults', .not. errors%any())
+    call scopes()
   end subroutine prescribed
+
+  !> FORCE in the pressed state: in balance the element at the top pushes its lower nodes, which the
+  !! scope `interface` tells, while all elements together leave them in balance.
+  subroutine scopes()
+    integer(i8), parameter :: below(4) = [17_i8, 18_i8, 19_i8, 20_i8]
+    real(wp), parameter :: pressed = 0.05_wp*k_top
+    real(wp) :: force(3, 4)
+
+    call choose('b', 'report', below, '')
+    call ask%start(verb_solve, 1_i8, 0.0_wp, 1.0_wp)
+    call ask%put('top.u', spread([0.0_wp, 0.0_wp, -0.05_wp], 2, 4))
+    call expect('SOLVE before FORCE', '')
+    call ask_force('interface', -0.05_wp)
+    call expect('FORCE, interface', '')
+    call reply%get('top.force', force, errors)
+    call test%check_close('the top is pushed up', sum(force(3, :)), pressed, 1.0e-11_wp)
+    call reply%get('b.force', force, errors)
+    call test%check_close('below it down', sum(force(3, :)), -pressed, 1.0e-11_wp)
+    call reply%get('r.force', force, errors)
+    call test%check_close('far from the interface', maxval(abs(force)), 0.0_wp, 0.0_wp)
+    call ask_force('all', -0.05_wp)
+    call expect('FORCE, all', '')
+    call reply%get('b.force', force, errors)
+    call test%check_close('all in balance', maxval(abs(force)), 0.0_wp, 1.0e-11_wp)
+    call ask_force('all', -0.1_wp)
+    call expect('FORCE with the top moved', '')
+    call reply%get('top.force', force, errors)
+    call test%check_close('six elements'' worth', sum(force(3, :)), 6.0_wp*pressed, 1.0e-11_wp)
+    call ask_force('some', 0.0_wp)
+    call expect('FORCE with an unknown scope', 'P301')
+    call ask%start(verb_reject)
+    call expect('REJECT after FORCE', '')
+    call test%check('FORCE without faults', .not. errors%any())
+  end subroutine scopes
+
+  subroutine ask_force(scope, u)
+    character(len=*), intent(in) :: scope
+    real(wp), intent(in) :: u  !! of the top [m]
+    call ask%start(verb_force, 1_i8, 1.0_wp, 1.0_wp)
+    call ask%put_text('scope', scope)
+    call ask%put('top.u', spread([0.0_wp, 0.0_wp, u], 2, 4))
+  end subroutine ask_force
 
   !> Moduli, weights and initial stress by SET change the reaction of the pressed top.
   subroutine matter()
-    real(wp) :: reaction
+    real(wp) :: reaction, force(3, 4)
     integer(i4) :: k
 
     call ask%start(verb_set)
@@ -437,6 +480,12 @@ contains
     call expect('SET quad_weight', '')
     call press(reaction)
     call test%check_close('half the weight', reaction, -0.075_wp*k_top, 1.0e-11_wp)
+    call ask_force('interface', -0.05_wp)
+    call expect('FORCE of weighted elements', '')
+    call reply%get('top.force', force, errors)
+    call test%check_close('the top element alone, halved', sum(force(3, :)), 75.0_wp, 1.0e-10_wp)
+    call ask%start(verb_reject)
+    call expect('REJECT of weighted elements', '')
     call ask%start(verb_set)
     call ask%put_text('what', 'initial_stress')
     call ask%put('value', spread([0.0_wp, 0.0_wp, -4.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 2, 40))

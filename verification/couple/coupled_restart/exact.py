@@ -11,14 +11,16 @@ def run(case: Case) -> None:
     """Compare for three ways of coupling."""
     write_bed(case.folder)
     ways = (
-        ("static", "average", "springs"),
-        ("newmark", "average", "none"),
-        ("newmark", "iterated", "aitken"),
-        ("newmark", "state_at_n", "none"),
+        ("static", "average", "springs", ""),
+        ("newmark", "average", "none", ""),
+        ("newmark", "iterated", "aitken", ""),
+        ("newmark", "state_at_n", "none", ""),
+        ("static", "average", "springs", ", rotation = 'curl', spread = 4.0e-3"),
+        ("static", "average", "springs", ", initial = 'relax', relax_exchanges = 150"),
     )
-    for analysis, scheme, interface in ways:
-        label = f"{analysis}, {scheme}, {interface}"
-        values = {"analysis": analysis, "scheme": scheme, "interface": interface}
+    for analysis, scheme, interface, more in ways:
+        label = f"{analysis}, {scheme}, {interface}{more}"
+        values = {"analysis": analysis, "scheme": scheme, "interface": interface, "more": more}
         for name in ("whole", "parts"):
             for path in case.folder.glob(f"{name}*"):
                 path.unlink()

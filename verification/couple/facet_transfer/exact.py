@@ -1,6 +1,7 @@
 """Reactions of a block against the contact forces of ghosts on its distorted upper face."""
 
 import numpy as np
+from coupled import write_deck
 
 from talus.mesh import box, write_mesh
 from talus.verification import Case, field_steps, write_packing
@@ -9,7 +10,7 @@ RADIUS, OVERLAP = 0.8e-3, 2.0e-6
 
 
 def run(case: Case) -> None:
-    """Put grains on ghosts at random, couple once, balance forces and moments."""
+    """Put grains on ghosts at random, couple once each way, balance forces and moments."""
     rng = np.random.default_rng(7)
     mesh = box(np.array([-0.02, -0.02, -0.02]), np.array([0.02, 0.02, 0.0]), (4, 4, 2))
     top = mesh.nodes["z1"]
@@ -36,21 +37,47 @@ def run(case: Case) -> None:
         kind=kind,
         ids=ids,
         v=v,
+        omega=np.vstack([np.zeros((n, 3)), rng.uniform(-50.0, 50.0, (n, 3))]),
         groups={"ghosts": ids[:n]},
     )
-    case.run("talus-couple", "coupled.nml")
-    force = field_steps(case.folder / "grains.h5")[0].grains["force"][:n]
-    reaction = field_steps(case.folder / "solid.h5")[-1].solid["reaction"]
-    total, moment = force.sum(axis=0), np.cross(ghosts, force).sum(axis=0)
-    scale = np.abs(force).sum()
     case.above("ghosts", n, 20, "enough of them")
-    case.above(
-        "mean force on a ghost [N]", np.linalg.norm(force, axis=1).mean(), 0.1, "they are loaded"
+    ways = (
+        ("point", "fixed", ""),
+        ("point", "curl", ""),
+        ("kernel", "fixed", ", spread = 4.0e-3"),
+        ("kernel", "curl", ", spread = 4.0e-3"),
     )
-    off = np.linalg.norm(total + reaction.sum(axis=0)) / scale
-    case.below("force balance", off, 1e-10, "round-off of a factorisation")
-    turned = np.linalg.norm(moment + np.cross(mesh.x, reaction).sum(axis=0)) / (scale * 0.02)
-    case.below("moment balance", turned, 1e-10, "over sum |F| x half-width")
+    for name, rotation, more in ways:
+        for path in case.folder.glob("grains.h5"):
+            path.unlink()
+        deck = write_deck(
+            case, f"{name}_{rotation}.nml", "coupled.nml", rotation=rotation, more=more
+        )
+        case.run("talus-couple", deck)
+        balance(case, f"{name}, {rotation}", mesh.x, ghosts, rotation == "curl")
+
+
+def balance(case: Case, label: str, x: np.ndarray, ghosts: np.ndarray, turns: bool) -> None:
+    """Judge total force and moment about the origin against the reactions of the solid."""
+    n = len(ghosts)
+    grains = field_steps(case.folder / "grains.h5")[0].grains
+    force, own = grains["force"][:n], grains["moment"][:n]
+    reaction = field_steps(case.folder / "solid.h5")[-1].solid["reaction"]
+    scale = np.abs(force).sum()
+    case.above(
+        f"{label}: mean force on a ghost [N]", np.linalg.norm(force, axis=1).mean(), 0.1, "loaded"
+    )
+    off = np.linalg.norm(force.sum(axis=0) + reaction.sum(axis=0)) / scale
+    case.below(f"{label}: force balance", off, 1e-10, "round-off of a factorisation")
+    moment = np.cross(ghosts, force).sum(axis=0) + turns * own.sum(axis=0)
+    turned = np.linalg.norm(moment + np.cross(x, reaction).sum(axis=0)) / (scale * 0.02)
+    if turns:
+        twist = np.linalg.norm(own, axis=1).mean() / (scale / n * RADIUS)
+        case.above(f"{label}: moment of a ghost over its force x radius", twist, 3e-3, "they turn")
+    if turns or label.startswith("point"):
+        case.below(f"{label}: moment balance", turned, 1e-10, "over sum |F| x half-width")
+    else:
+        case.below(f"{label}: moment balance", turned, 1e-3, "arms along the warped facets' normal")
 
 
 def spread(points: np.ndarray, least: float) -> np.ndarray:

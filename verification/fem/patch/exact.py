@@ -6,6 +6,7 @@ from talus.mesh import structured
 from talus.verification import Case, field_steps, write_hex_mesh
 
 GRADIENT = 1e-3 * np.array([[1.0, 0.4, -0.2], [0.3, -0.6, 0.5], [0.1, 0.7, 0.8]])
+BRICKS = ("hex8_bbar", "hex8_full", "hex8_incompatible", "hex8_one_point")
 YOUNG, POISSON = 1.0e6, 0.3
 
 
@@ -30,7 +31,7 @@ def run(case: Case) -> None:
     stress = lame * np.trace(strain) * np.eye(3) + YOUNG / (1 + POISSON) * strain
     wanted = stress[[0, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 0]]
     fig, ax = case.figure()
-    for element in ("hex8_bbar", "hex8_full", "hex8_incompatible"):
+    for element in BRICKS:
         text = deck.replace("hex8_bbar", element) + "\n".join(lines) + "\n"
         (case.folder / f"{element}.nml").write_text(text)
         case.run("talus-fem", f"{element}.nml")

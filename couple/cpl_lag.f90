@@ -1,0 +1,72 @@
+!> Does the exchange keep up? The force lag over windows of exchanges, and one warning if it stays.
+module cpl_lag
+  use talus_kinds, only: wp, i4, i8
+  use talus_log, only: short_number
+  use cpl_choices, only: interface_aitken, interface_springs, interface_theta, scheme_iterated
+  implicit none
+  private
+  public :: lag_type, lag_limit
+
+  real(wp), parameter :: lag_limit = 0.1_wp  !! of the force lag, worth a warning [-]
+  integer(i4), parameter :: half = 25        !! exchanges in half a window
+  real(wp), parameter :: falling = 0.8_wp    !! second half over first: it still settles
+
+  type :: lag_type
+    real(wp) :: now = 0.0_wp                 !! of the last exchange [-]
+    real(wp) :: mean = 0.0_wp                !! over the last half window [-]
+    integer(i8) :: stalls = 0                !! windows in which it was large and did not fall
+    logical :: told = .false.                !! the warning was given
+    integer(i4), private :: count = 0        !! in the window
+    real(wp), private :: first = 0.0_wp, second = 0.0_wp  !! sums of the halves
+  contains
+    procedure :: note
+    procedure :: warning
+  end type lag_type
+
+contains
+
+  !> The lag of one more exchange.
+  pure subroutine note(self, lag)
+    class(lag_type), intent(inout) :: self
+    real(wp), intent(in) :: lag
+    self%now = lag
+    self%count = self%count + 1
+    if (self%count <= half) then
+      self%first = self%first + lag
+    else
+      self%second = self%second + lag
+    end if
+    if (self%count < 2*half) then
+      if (self%count == half) self%mean = self%first/half
+      return
+    end if
+    self%mean = self%second/half
+    if (self%mean > lag_limit .and. self%second > falling*self%first) self%stalls = self%stalls + 1
+    self%count = 0
+    self%first = 0.0_wp
+    self%second = 0.0_wp
+  end subroutine note
+
+  !> What to tell the user, once: empty when all is well or it was told.
+  function warning(self, method, scheme) result(text)
+    class(lag_type), intent(inout) :: self
+    integer(i4), intent(in) :: method, scheme
+    character(len=:), allocatable :: text
+    text = ''
+    if (self%told .or. self%stalls == 0) return
+    self%told = .true.
+    text = 'the solid lags behind the grains: '//short_number(100.0_wp*self%mean)// &
+      ' % of the ghosts'' force are not carried, and this has not fallen over '// &
+      short_number(real(2*half, wp))//' exchanges: '
+    if (scheme == scheme_iterated) then
+      text = text//'lower &clock tolerance'
+    else if (method == interface_aitken) then
+      text = text//"interface = 'aitken' with scheme = 'average' ends in a limit cycle here; "// &
+        "write interface = 'springs', or scheme = 'iterated'"
+    else if (method == interface_springs .or. method == interface_theta) then
+      text = text//"the wall moves too slowly; shorten &clock exchange or write scheme = 'iterated'"
+    else
+      text = text//"write interface = 'springs', or shorten &clock exchange"
+    end if
+  end function warning
+end module cpl_lag

@@ -1,0 +1,219 @@
+!> initial = 'relax': grains and solid find their balance with the tool at rest before the run.
+!!
+!! Both solvers rehearse: the grains run exchanges with what they drive held still, the solid is
+!! solved for their mean force from its undeformed state, until neither the facets nor the forces
+!! change any more. Then the solid's state becomes its reference: the stress goes in as initial
+!! stress, what other springs carry as dead load, and displacements count from there.
+module cpl_start
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_log, only: log_type, short_number
+  use talus_message, only: verb_accept, verb_describe, verb_force, verb_ready, verb_reject, &
+    verb_select, verb_set
+  use talus_stop, only: stop_type, stop_none
+  use talus_timers, only: timers_type
+  use cpl_choices, only: cpl_choices_type
+  use cpl_exchange, only: advance_grains, solve_solid, automatic_springs, look_at_stiffness, lead
+  use cpl_interface, only: interface_type, node_set
+  use cpl_solver, only: cpl_solver_type, side_grains, side_solid
+  implicit none
+  private
+  public :: relax_together, put_reference
+
+  character(len=*), parameter :: all_set = 'everything'  !! all nodes of the solid
+  integer(i4), parameter :: look_every = 10_i4           !! exchanges between looks at stiffness
+
+  real(wp), parameter :: unbalanced = 0.05_wp            !! motion in the balance over all motion
+
+contains
+
+  !> Rehearse until grains touch the ghosts and the change of facets and forces in an exchange is
+  !! below the tolerance, relative to what they are, or until the number of exchanges is used up.
+  !! Both solvers are ready for it.
+  subroutine relax_together(face, solvers, choices, log, stop, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(cpl_choices_type), intent(in) :: choices
+    type(log_type), intent(inout) :: log
+    type(stop_type), intent(inout) :: stop
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: moved, changed
+    integer(i4) :: k
+    logical :: settled
+
+    settled = .false.
+    do k = 1, choices%relax_exchanges
+      call rehearse(face, solvers, choices, k, moved, changed, timers, errors)
+      if (errors%any()) return
+      settled = k > 1 .and. max(moved, changed) <= choices%relax_tolerance .and. &
+        any(abs(face%p_mean) > 0.0_wp)
+      if (settled .or. stop%check() /= stop_none) exit
+    end do
+    k = min(k, choices%relax_exchanges)
+    call log%item('relaxed', str(k)//' exchanges', 'last change of the facets '// &
+                  short_number(moved)//', of the forces '//short_number(changed))
+    if (.not. settled) call log%warn('the start has not settled within '// &
+      short_number(choices%relax_tolerance)//' in '//str(k)//" exchanges: raise &facets "// &
+      'relax_exchanges, or relax_tolerance if that is near enough')
+    call make_reference(face, solvers(side_solid), timers, errors)
+    if (errors%any()) return
+    call log%item('moved meanwhile', short_number(sqrt(maxval(sum((face%x_start - face%x_ref)**2, &
+                  1))))//' m', 'the ghosts at most; displacements count from there')
+    call log%item('balance', short_number(sqrt(maxval(sum(face%u_new**2, 1))))//' m', &
+                  'that the solid still moves under the same forces')
+    if (settled .and. relative(face%u_new, face%u_start) > unbalanced) &
+      call errors%add('N408', 'the relaxed solid still moves by '// &
+                      str(relative(face%u_new, face%u_start))//' of what it has moved', &
+                      solvers(side_solid)%deck, 'it carries something at the start that is '// &
+                      'neither stress nor force on nodes, such as couple stress: write '// &
+                      "initial = 'dead_load'")
+  end subroutine relax_together
+
+  !> One exchange of the rehearsal; relative changes of facets and forces in it.
+  subroutine rehearse(face, solvers, choices, k, moved, changed, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(cpl_choices_type), intent(in) :: choices
+    integer(i4), intent(in) :: k
+    real(wp), intent(out) :: moved, changed
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: p_before(face%transfer%rows, face%map%ghosts), u_before(3, face%map%nodes), t1
+
+    moved = 0.0_wp
+    changed = 0.0_wp
+    u_before = face%u_new
+    p_before = face%p_mean
+    face%w_new = face%u_new
+    call face%follow()
+    t1 = k*choices%exchange
+    call advance_grains(face, solvers(side_grains), (k - 1)*choices%exchange, t1, timers, errors)
+    if (.not. errors%any()) call tell(solvers(side_grains), verb_accept, timers, errors)
+    if (errors%any()) return
+    face%w_spring = face%w_new + lead(face)*(face%w_new - face%w)
+    face%w = face%w_new
+    face%d = face%d_new
+    face%quat = face%quat_new
+    call solve_solid(face, solvers(side_solid), k, 0.0_wp, 0.0_wp, timers, errors)
+    if (errors%any()) return
+    moved = relative(face%u_new - u_before, face%u_new)
+    changed = relative(face%p_mean(:3, :) - p_before(:3, :), face%p_mean(:3, :))
+    if (automatic_springs(face, choices) .and. mod(k, look_every) == 0) &
+      call look_at_stiffness(face, solvers, t1, .false., timers, errors)
+  end subroutine rehearse
+
+  pure real(wp) function relative(change, whole)
+    real(wp), intent(in) :: change(:, :), whole(:, :)
+    relative = 0.0_wp
+    if (maxval(abs(change)) > 0.0_wp) relative = sqrt(maxval(sum(change**2, 1)) &
+      /max(maxval(sum(whole**2, 1)), tiny(1.0_wp)))
+  end function relative
+
+  subroutine tell(solver, verb, timers, errors)
+    type(cpl_solver_type), intent(inout) :: solver
+    integer(i4), intent(in) :: verb
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call solver%start_request(verb, 0_i8, solver%time, solver%time)
+    call solver%ask(timers, errors)
+  end subroutine tell
+
+  !> The solid's trial state becomes its reference; then it is solved once more under the same
+  !! forces and must stay where it is.
+  subroutine make_reference(face, solid, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solid
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: with_motion(:, :), without(:, :)
+
+    face%u_start = face%w
+    call solid%start_request(verb_describe, 0_i8, 0.0_wp, 0.0_wp)
+    call solid%request%put_text('what', 'quadrature')
+    call solid%ask(timers, errors)
+    if (errors%any()) return
+    call solid%reply%take('stress', face%start_stress, errors)
+    call choose_nodes(solid, face%all_nodes, timers, errors)
+    call forces_now(face, solid, with_motion, timers, errors)
+    if (.not. errors%any()) call tell(solid, verb_reject, timers, errors)
+    if (.not. errors%any()) call put_stress(face, solid, timers, errors)
+    call forces_now(face, solid, without, timers, errors)
+    if (errors%any()) return
+    face%start_load = with_motion - without
+    call put_load(face, solid, timers, errors)
+    if (errors%any()) return
+    face%w_spring = 0.0_wp
+    call solve_solid(face, solid, 1_i4, 0.0_wp, 0.0_wp, timers, errors)
+    if (.not. errors%any()) call tell(solid, verb_accept, timers, errors)
+    face%w = 0.0_wp
+    call face%resume()
+  end subroutine make_reference
+
+  !> After a restart: the same reference again, before READY.
+  subroutine put_reference(face, solid, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solid
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call put_stress(face, solid, timers, errors)
+    call choose_nodes(solid, face%all_nodes, timers, errors)
+    if (.not. errors%any()) call put_load(face, solid, timers, errors)
+  end subroutine put_reference
+
+  !> SELECT the first n nodes of the solid.
+  subroutine choose_nodes(solid, n, timers, errors)
+    type(cpl_solver_type), intent(inout) :: solid
+    integer(i4), intent(in) :: n
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i8) :: k
+    if (errors%any()) return
+    call solid%start_request(verb_select, 0_i8, solid%time, solid%time)
+    call solid%request%put_text('set', all_set)
+    call solid%request%put_text('role', 'load')
+    call solid%request%put_int('id', [(k, k=1, int(n, i8))])
+    call solid%ask(timers, errors)
+  end subroutine choose_nodes
+
+  !> FORCE on all nodes in the present (trial) state [N].
+  subroutine forces_now(face, solid, force, timers, errors)
+    type(interface_type), intent(in) :: face
+    type(cpl_solver_type), intent(inout) :: solid
+    real(wp), allocatable, intent(out) :: force(:, :)
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    allocate (force(3, face%all_nodes), source=0.0_wp)
+    if (errors%any()) return
+    call solid%start_request(verb_force, 0_i8, 0.0_wp, 0.0_wp)
+    call solid%request%put_text('scope', 'all')
+    call solid%ask(timers, errors)
+    if (.not. errors%any()) call solid%reply%get(all_set//'.force', force, errors)
+  end subroutine forces_now
+
+  subroutine put_stress(face, solid, timers, errors)
+    type(interface_type), intent(in) :: face
+    type(cpl_solver_type), intent(inout) :: solid
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call solid%start_request(verb_set, 0_i8, solid%time, solid%time)
+    call solid%request%put_text('what', 'initial_stress')
+    call solid%request%put('value', face%start_stress)
+    call solid%ask(timers, errors)
+  end subroutine put_stress
+
+  !> SET the dead load; afterwards the set of all nodes shrinks to one, so that replies stay short.
+  subroutine put_load(face, solid, timers, errors)
+    type(interface_type), intent(in) :: face
+    type(cpl_solver_type), intent(inout) :: solid
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call solid%start_request(verb_set, 0_i8, solid%time, solid%time)
+    call solid%request%put_text('what', 'dead_load')
+    call solid%request%put_text('set', all_set)
+    call solid%request%put('force', face%start_load)
+    call solid%ask(timers, errors)
+    call choose_nodes(solid, 1_i4, timers, errors)
+  end subroutine put_load
+end module cpl_start

@@ -1,0 +1,8 @@
+"""Ask talus-dem for what it does not have."""
+
+from port import Asker
+
+solver = Asker("meeting/side")
+solver.hello()
+solver.ask("SELECT", set="a", role="report", id=[77], fields="x")
+solver.ask("ABORT")

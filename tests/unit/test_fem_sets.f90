@@ -1,0 +1,126 @@
+!> Sets of the port with micro-rotations: loads with moments, prescribed rotations, reactions.
+program test_fem_sets
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
+  use talus_message, only: message_type, verb_solve
+  use talus_test, only: test_type
+  use fem_body, only: fem_body_type
+  use fem_dofs, only: number_fields
+  use fem_kinds, only: hex8
+  use fem_mumps, only: mumps_end
+  use fem_sets, only: fem_sets_type
+  use fem_topology, only: set_elements
+  implicit none
+
+  real(wp), parameter :: kappa = 6.0_wp, gamma = 2.0_wp
+  type(test_type) :: test
+
+  call turned_block()
+  call loaded_block()
+  call refused()
+  call mumps_end()
+  call test%finish()
+
+contains
+
+  !> A unit cube of a micropolar solid, displacements held.
+  subroutine make_cube(body)
+    type(fem_body_type), intent(inout) :: body
+    allocate (body%mesh%x(3, 8), body%mesh%group(0))
+    body%mesh%x = reshape([0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, &
+      0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, 1.0_wp, 1.0_wp, 1.0_wp, &
+      1.0_wp, 0.0_wp, 1.0_wp, 1.0_wp], [3, 8])
+    call set_elements(body%mesh, hex8, reshape([1, 2, 3, 4, 5, 6, 7, 8], [8, 1]))
+    call body%elastic%start(1)
+    call body%elastic%use_rule('hex8/hex8', body%elastic%rule_of(1))
+    body%elastic%moduli(:, 1) = [1.0_wp, -1.0_wp, kappa, 0.0_wp, 0.0_wp, gamma]
+    body%elastic%density = 3.0_wp
+    body%elastic%inertia = 0.5_wp
+    call body%elastic%number_points()
+    call number_fields(body%mesh, body%elastic%rotations(), body%dofs)
+    allocate (body%curve(0), body%load(0), body%motion(0))
+    call body%allocate_state()
+    body%held(:, :8) = .true.
+    call body%assemble()
+  end subroutine make_cube
+
+  !> The whole block turned by phi against held displacements: moment 2 kappa phi per volume.
+  subroutine turned_block()
+    type(fem_body_type) :: body
+    type(fem_sets_type) :: sets
+    type(message_type) :: request, reply
+    type(error_list_type) :: errors
+    real(wp) :: phi(3, 8), moment(3, 8)
+    integer(i8) :: ids(8)
+    integer(i4) :: k
+    logical :: changed
+
+    call make_cube(body)
+    ids = [(int(k, i8), k=1, 8)]
+    call sets%select('all', 'prescribe', 'phi', ids, body, changed, errors)
+    call test%check('micro-rotations are prescribed', changed .and. all(body%prescribed(:, 9:)))
+    call test%check('displacements are not', .not. any(body%prescribed(:, :8)))
+    phi = spread([0.1_wp, 0.0_wp, -0.2_wp], 2, 8)
+    call request%start(verb_solve)
+    call request%put('all.phi', phi)
+    call sets%take_motion(body, request, errors)
+    call body%step(1.0_wp, errors)
+    call reply%start(verb_solve)
+    call sets%put_states(body, reply)
+    call reply%get('all.reaction_moment', moment, errors)
+    call test%check('no fault', .not. errors%any())
+    call test%check_close('moment about x', sum(moment(1, :)), 2.0_wp*kappa*0.1_wp, 1.0e-13_wp)
+    call test%check_close('moment about z', sum(moment(3, :)), -4.0_wp*kappa*0.1_wp, 1.0e-13_wp)
+    call test%check_close('work is stored', body%energy%support, body%energy%strain, 1.0e-14_wp)
+    call body%solver%mumps%free()
+  end subroutine turned_block
+
+  !> Moments on micro-rotations against held displacements: phi = m / (2 kappa V).
+  subroutine loaded_block()
+    type(fem_body_type) :: body
+    type(fem_sets_type) :: sets
+    type(message_type) :: request, reply
+    type(error_list_type) :: errors
+    real(wp) :: phi(3, 8)
+    integer(i8) :: ids(8)
+    integer(i4) :: k
+    logical :: changed
+
+    call make_cube(body)
+    ids = [(int(k, i8), k=1, 8)]
+    call sets%select('all', 'load', 'u,phi', ids, body, changed, errors)
+    call request%start(verb_solve)
+    call request%put('all.force', 0.0_wp*phi_like(1.0_wp))
+    call request%put('all.moment', phi_like(0.25_wp))
+    call sets%take_loads(body, request, errors)
+    call body%step(1.0_wp, errors)
+    call reply%start(verb_solve)
+    call sets%put_states(body, reply)
+    call reply%get('all.phi', phi, errors)
+    call test%check('no fault of loads', .not. errors%any())
+    call test%check('uniform rotation', maxval(abs(phi(2, :) - 2.0_wp/(2.0_wp*kappa))) < 1.0e-14_wp)
+    call test%check('about y alone', maxval(abs(phi([1, 3], :))) < 1.0e-15_wp)
+    call body%solver%mumps%free()
+  end subroutine loaded_block
+
+  pure function phi_like(value) result(field)
+    real(wp), intent(in) :: value
+    real(wp) :: field(3, 8)
+    field = 0.0_wp
+    field(2, :) = value
+  end function phi_like
+
+  !> A node without micro-rotation is named.
+  subroutine refused()
+    type(fem_body_type) :: body
+    type(fem_sets_type) :: sets
+    type(error_list_type) :: errors
+    logical :: changed
+    call make_cube(body)
+    body%dofs%phi(5) = 0
+    call sets%select('all', 'load', 'u,phi', [1_i8, 5_i8], body, changed, errors)
+    call test%check('one fault', errors%count == 1)
+    call test%check_text('its code', errors%item(1)%code, 'P302')
+    call test%check('the node is named', index(errors%item(1)%message, 'node 5') > 0)
+  end subroutine refused
+end program test_fem_sets

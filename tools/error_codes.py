@@ -1,0 +1,80 @@
+"""Compare the error codes of the sources with those of errors.toml and of the tests.
+
+Every code in the sources must be explained in errors.toml and the other way round; every code must
+be expected by a test of tests/errors, tests/faults or tests/python, unless UNTESTED says why not.
+"""
+
+import re
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+LISTS = {
+    "common": ("common",),
+    "dem": ("dem",),
+    "fem": ("fem",),
+    "couple": ("couple",),
+    "prepost": ("prepost/talus",),
+}
+IN_FORTRAN = re.compile(r"'([DINSPB]\d{3})'")
+IN_PYTHON = re.compile(r"\bE5\d\d\b")
+ANY = re.compile(r"\b[A-Z]\d{3}\b")
+
+#: Codes without a failing deck, and why; those tested by a unit test are named with it.
+UNTESTED: dict[str, str] = {
+    "N405": "guards the identities of the operators; no mesh that talus-fem takes breaks them",
+    "P424": "a solver that dies in its --check without a word; no input does that",
+    "S301": "METIS out of memory",
+    "S302": "another build of MUMPS",
+    "S303": "MUMPS out of memory",
+    "S304": "a fault inside MUMPS",
+}
+
+
+def explained() -> dict[str, str]:
+    """Return code and folder of every entry of errors.toml."""
+    return {
+        code: folder
+        for folder in LISTS
+        for code in tomllib.loads((ROOT / folder / "errors.toml").read_text())
+    }
+
+
+def in_sources() -> dict[str, str]:
+    """Return every code that a source uses, and where."""
+    used: dict[str, str] = {}
+    for folder in LISTS:
+        fortran = folder != "prepost"
+        paths = (ROOT / folder).glob("*.f90") if fortran else (ROOT / folder).glob("talus/**/*.py")
+        for path in sorted(paths):
+            for code in (IN_FORTRAN if fortran else IN_PYTHON).findall(path.read_text()):
+                used.setdefault(code, str(path.relative_to(ROOT)))
+    return used
+
+
+def in_tests() -> set[str]:
+    """Return every code that a failing deck, a fault script or a Python test expects."""
+    found: set[str] = set()
+    for path in ROOT.glob("tests/errors/*/expect.toml"):
+        found.update(tomllib.loads(path.read_text())["codes"])
+    for path in [*ROOT.glob("tests/python/*.py"), *ROOT.glob("tests/faults/*/*.py")]:
+        found.update(ANY.findall(path.read_text()))
+    return found
+
+
+def check_codes() -> list[str]:
+    """Return what is wrong: codes without explanation, use or test, and idle exceptions."""
+    listed, used, tested = explained(), in_sources(), in_tests()
+    wrong = [f"{c} ({used[c]}) is not in errors.toml" for c in sorted(used.keys() - listed.keys())]
+    wrong += [
+        f"{c} ({listed[c]}/errors.toml) is used nowhere"
+        for c in sorted(listed.keys() - used.keys())
+    ]
+    wrong += [
+        f"{code} ({used.get(code, listed[code])}) has no test"
+        for code in sorted(listed.keys() - tested - UNTESTED.keys())
+    ]
+    wrong += [
+        f"{code} has a test, yet stands in UNTESTED" for code in sorted(tested & UNTESTED.keys())
+    ]
+    return wrong
