@@ -259,7 +259,7 @@ contains
     real(wp), intent(in) :: free(lanes)
     real(wp), intent(in) :: load(lanes), extra(lanes)  !! force or moment
     real(wp), intent(inout) :: v(lanes)
-    real(wp), intent(inout) :: tally(lanes, 3)         !! works per half step: gravity, extra, damping
+    real(wp), intent(inout) :: tally(lanes, 3)         !! works/half: gravity, extra, damping
     real(wp) :: old, new, between, now, push, scaled, rate
     integer(i4) :: k
 
