@@ -198,7 +198,9 @@ contains
     logical, intent(in) :: explicit
     real(wp), intent(inout) :: work(work_count)
     type(kick_type) :: kick
+    real(wp) :: tally(lanes, 3)
 
+    tally = 0.0_wp
     kick%half = 0.5_wp*step%dt
     kick%damping = step%damping
     if (explicit) then
@@ -209,42 +211,60 @@ contains
     end if
     kick%scale = step%mass_scale
     kick%pull = step%gravity(1)
-    call kick_lanes(kick, b%mass, push%light, b%free, push%f(:, 1), push%ef(:, 1), b%s%vx, work)
+    call kick_lanes(kick, b%mass, push%light, b%free, push%f(:, 1), push%ef(:, 1), b%s%vx, tally)
     kick%pull = step%gravity(2)
-    call kick_lanes(kick, b%mass, push%light, b%free, push%f(:, 2), push%ef(:, 2), b%s%vy, work)
+    call kick_lanes(kick, b%mass, push%light, b%free, push%f(:, 2), push%ef(:, 2), b%s%vy, tally)
     kick%pull = step%gravity(3)
-    call kick_lanes(kick, b%mass, push%light, b%free, push%f(:, 3), push%ef(:, 3), b%s%vz, work)
+    call kick_lanes(kick, b%mass, push%light, b%free, push%f(:, 3), push%ef(:, 3), b%s%vz, tally)
     kick%scale = step%inertia_scale
     kick%pull = 0.0_wp
     if (.not. b%round) then
-      call kick_spins(b, push, kick, work)
+      call kick_spins(b, push, kick, tally)
     else
       call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 1), &
-                      push%em(:, 1), b%s%wx, work)
+                      push%em(:, 1), b%s%wx, tally)
       call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 2), &
-                      push%em(:, 2), b%s%wy, work)
+                      push%em(:, 2), b%s%wy, tally)
       call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 3), &
-                      push%em(:, 3), b%s%wz, work)
+                      push%em(:, 3), b%s%wz, tally)
     end if
+    call add_tally(tally, kick, work)
   end subroutine kick_mover
 
+  !> Works of all lanes into the chunk's sums.
+  pure subroutine add_tally(tally, kick, work)
+    real(wp), intent(in) :: tally(lanes, 3)
+    type(kick_type), intent(in) :: kick
+    real(wp), intent(inout) :: work(work_count)
+    real(wp) :: gravity, external, damping
+    integer(i4) :: k
+    gravity = 0.0_wp
+    external = 0.0_wp
+    damping = 0.0_wp
+    !$omp simd reduction(+: gravity, external, damping)
+    do k = 1, lanes
+      gravity = gravity + tally(k, 1)
+      external = external + tally(k, 2)
+      damping = damping + tally(k, 3)
+    end do
+    work(1) = work(1) + kick%half*gravity
+    work(2) = work(2) + kick%half*external
+    work(3) = work(3) + kick%half*kick%damping*damping
+  end subroutine add_tally
+
   !> One component of the velocities, or of the spins of spheres.
-  pure subroutine kick_lanes(kick, mass, light, free, load, extra, v, work)
+  pure subroutine kick_lanes(kick, mass, light, free, load, extra, v, tally)
     type(kick_type), intent(in) :: kick
     real(wp), intent(in) :: mass(lanes), light(lanes)  !! mass or inertia, not scaled; inverse
     real(wp), intent(in) :: free(lanes)
     real(wp), intent(in) :: load(lanes), extra(lanes)  !! force or moment
     real(wp), intent(inout) :: v(lanes)
-    real(wp), intent(inout) :: work(work_count)
-    real(wp) :: old, new, between, now, push, scaled, gravity, external, damping, rate
+    real(wp), intent(inout) :: tally(lanes, 3)         !! works/half: gravity, extra, damping
+    real(wp) :: old, new, between, now, push, scaled, rate
     integer(i4) :: k
 
     rate = kick%half/kick%scale
-    gravity = 0.0_wp
-    external = 0.0_wp
-    damping = 0.0_wp
-    !$omp simd private(scaled, old, new, between, now, push) &
-    !$omp   reduction(+: gravity, external, damping)
+    !$omp simd private(scaled, old, new, between, now, push)
     do k = 1, lanes
       scaled = kick%scale*mass(k)
       push = mass(k)*kick%pull
@@ -252,31 +272,25 @@ contains
       new = free(k)*(old*kick%keep + rate*light(k)*(load(k) + push + extra(k)))*kick%kicked
       between = kick%mix*new + (1.0_wp - kick%mix)*old
       now = kick%mix*old + (1.0_wp - kick%mix)*new
-      gravity = gravity + push*between
-      external = external + extra(k)*between
-      damping = damping + scaled*now*between
+      tally(k, 1) = tally(k, 1) + push*between
+      tally(k, 2) = tally(k, 2) + extra(k)*between
+      tally(k, 3) = tally(k, 3) + scaled*now*between
       v(k) = new
     end do
-    work(1) = work(1) + kick%half*gravity
-    work(2) = work(2) + kick%half*external
-    work(3) = work(3) + kick%half*kick%damping*damping
   end subroutine kick_lanes
 
   !> Spins of kick_mover, in the body frame.
-  pure subroutine kick_spins(b, push, kick, work)
+  pure subroutine kick_spins(b, push, kick, tally)
     type(mover_type), intent(inout) :: b
     type(push_type), intent(in) :: push
     type(kick_type), intent(in) :: kick
-    real(wp), intent(inout) :: work(work_count)
-    real(wp) :: inertia, old, new, between, now, moment, extra, external, damping, rate
+    real(wp), intent(inout) :: tally(lanes, 3)
+    real(wp) :: inertia, old, new, between, now, moment, extra, rate
     real(wp) :: sx, sy, sz, rx, ry, rz
     integer(i4) :: k, c
 
     rate = kick%half/kick%scale
-    external = 0.0_wp
-    damping = 0.0_wp
-    !$omp simd private(inertia, old, new, between, now, moment, extra, sx, sy, sz, rx, ry, rz, c) &
-    !$omp   reduction(+: external, damping)
+    !$omp simd private(inertia, old, new, between, now, moment, extra, sx, sy, sz, rx, ry, rz, c)
     do k = 1, lanes
       sx = 0.0_wp
       sy = 0.0_wp
@@ -292,8 +306,8 @@ contains
         new = b%free(k)*(old*kick%keep + rate*push%agile(k, c)*(moment + extra))*kick%kicked
         between = kick%mix*new + (1.0_wp - kick%mix)*old
         now = kick%mix*old + (1.0_wp - kick%mix)*new
-        external = external + extra*between
-        damping = damping + inertia*now*between
+        tally(k, 2) = tally(k, 2) + extra*between
+        tally(k, 3) = tally(k, 3) + inertia*now*between
         sx = sx + rx*new
         sy = sy + ry*new
         sz = sz + rz*new
@@ -302,8 +316,6 @@ contains
       b%s%wy(k) = sy
       b%s%wz(k) = sz
     end do
-    work(2) = work(2) + kick%half*external
-    work(3) = work(3) + kick%half*kick%damping*damping
   end subroutine kick_spins
 
   !> Drift of all lanes by dt: centres, orientations, spins, accumulated rotations, shapes.
@@ -444,18 +456,27 @@ contains
   !! displacement, and rotation times the difference of the extreme semi-axes [m].
   pure real(wp) function travel_of_mover(b) result(most)
     type(mover_type), intent(in) :: b
-    real(wp) :: square, cosine, sine, travel(lanes)
+    real(wp) :: square(lanes), cosine, sine, travel(lanes)
     integer(i4) :: k
 
-    !$omp simd private(square, cosine, sine)
+    !$omp simd
     do k = 1, lanes
-      square = (b%s%x(k, 1) - b%x0(k, 1))**2 + (b%s%x(k, 2) - b%x0(k, 2))**2 &
-               + (b%s%x(k, 3) - b%x0(k, 3))**2
+      square(k) = b%free(k)*((b%s%x(k, 1) - b%x0(k, 1))**2 + (b%s%x(k, 2) - b%x0(k, 2))**2 &
+                             + (b%s%x(k, 3) - b%x0(k, 3))**2)
+    end do
+    if (b%round) then
+      most = sqrt(maxval(square))
+      if (.not. all(square <= huge(most))) most = huge(most)
+      return
+    end if
+    !$omp simd private(cosine, sine)
+    do k = 1, lanes
       cosine = b%q(k, 1)*b%q0(k, 1) + b%q(k, 2)*b%q0(k, 2) + b%q(k, 3)*b%q0(k, 3) &
                + b%q(k, 4)*b%q0(k, 4)
       sine = sqrt(max(1.0_wp - cosine*cosine, 0.0_wp))
       ! asin(s) <= s + (pi/2 - 1) s^3
-      travel(k) = b%free(k)*(sqrt(square) + 2.0_wp*b%reach(k)*sine*(1.0_wp + 0.571_wp*sine*sine))
+      travel(k) = sqrt(square(k)) &
+                  + b%free(k)*2.0_wp*b%reach(k)*sine*(1.0_wp + 0.571_wp*sine*sine)
     end do
     most = maxval(travel)
     if (.not. all(travel <= huge(most))) most = huge(most)

@@ -9,7 +9,7 @@
 #include <stdint.h>
 #include <string.h>
 
-enum { LANES = 32, WIDTH = 8, BODY = 16, RESULT = 8, LOADS = 6, AHEAD = 24 };
+enum { LANES = 16, WIDTH = 8, BODY = 16, RESULT = 8, LOADS = 6, AHEAD = 24 };
 
 typedef double row_type __attribute__((vector_size(WIDTH * sizeof(double))));
 typedef int64_t pick_type __attribute__((vector_size(WIDTH * sizeof(int64_t))));

@@ -23,7 +23,7 @@ module dem_state
   integer(i4), parameter :: law_hertz_no_history = 2  !! Hertz, tangential force viscous only
   integer(i4), parameter :: law_linear = 3            !! spring and dashpot of given stiffness
 
-  integer(i4), parameter :: lanes = 32         !! pairs in a block, the unit of work
+  integer(i4), parameter :: lanes = 16         !! pairs in a block, the unit of work
   integer(i4), parameter :: body_size = 16     !! reals in a body record, see dem_pairs_type
   integer(i4), parameter :: history_size = 11  !! reals kept for a candidate, see dem_contact
   integer(i4), parameter :: result_size = 8    !! force, moment about the origin, two spare

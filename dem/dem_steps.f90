@@ -22,7 +22,8 @@ module dem_steps
   use dem_shape, only: quaternion_from_rotation
   implicit none
   private
-  public :: take_steps, evaluate_forces, motion_of, rebuild_if_needed, largest_travel
+  public :: step_memory_type, take_steps, evaluate_forces, motion_of, rebuild_if_needed
+  public :: largest_travel
   public :: kick_all, drift_all
 
   integer(i4), parameter :: chunk = lanes  !! grains in a unit of work
@@ -30,17 +31,15 @@ module dem_steps
   integer(i8), parameter :: many_steps = 200  !! one that lasts longer a narrower one
   integer(i8), parameter :: rest_steps = 2000
 
-  !> What a region works on beside the system itself.
-  type :: work_type
+  !> What a region works on beside the system itself: memory that one call of take_steps leaves to
+  !! the next. It carries no state.
+  type :: step_memory_type
     type(mover_type), allocatable :: movers(:)    !! of each chunk; the last chunk is the planes'
     real(wp), allocatable :: started(:, :)        !! (work_count, chunks) of the first half [J]
     real(wp), allocatable :: finished(:, :)       !! (work_count, chunks) of the second half [J]
     real(wp), allocatable :: travel(:)            !! (chunks) since the list was made [m]
     integer(i4), allocatable :: load(:)           !! (chunks) work up to and with each chunk
-  end type work_type
-
-  !> Memory that one call of take_steps leaves to the next; it carries no state.
-  type(work_type), save :: spare
+  end type step_memory_type
 
 contains
 
@@ -60,8 +59,9 @@ contains
   end function motion_of
 
   !> Take n steps of par%dt; grains with targets reach them at the last one.
-  subroutine take_steps(d, n, errors)
+  subroutine take_steps(d, work, n, errors)
     type(dem_data_type), intent(inout) :: d
+    type(step_memory_type), intent(inout) :: work
     integer(i4), intent(in) :: n
     type(error_list_type), intent(inout) :: errors
     type(motion_type) :: motion
@@ -69,21 +69,21 @@ contains
     logical :: rebuild, resumed
 
     motion = motion_of(d, d%par%dt)
-    call plan_work(d, spare)
+    call plan_work(d, work)
     done = 0
     resumed = .false.
     call set_turns(d)
     do while (done < n)
-      call run_region(d, motion, n, done, resumed, rebuild, spare)
+      call run_region(d, motion, n, done, resumed, rebuild, work)
       if (.not. rebuild) exit
       if (.not. all_finite(d)) then
         call name_lost_grain(d, errors)
         return
       end if
-      call rebuild_list(d, maxval(spare%travel))
+      call rebuild_list(d, maxval(work%travel))
       resumed = .true.
     end do
-    if (n > 0) call add_grain_work(d, spare%finished)
+    if (n > 0) call add_grain_work(d, work%finished)
     d%grains%has_target = .false.
     if (.not. all_finite(d)) call name_lost_grain(d, errors)
   end subroutine take_steps
@@ -91,7 +91,7 @@ contains
   !> Chunks of grains and how much work each is: a free grain counts ten, another one one.
   subroutine plan_work(d, work)
     type(dem_data_type), intent(in) :: d
-    type(work_type), intent(inout) :: work
+    type(step_memory_type), intent(inout) :: work
     integer(i4) :: chunks, c, low, high
 
     chunks = (d%grains%n + chunk - 1)/chunk + 1
@@ -141,7 +141,7 @@ contains
     integer(i4), intent(inout) :: done
     logical, intent(in) :: resumed         !! step done+1 was begun before
     logical, intent(out) :: rebuild
-    type(work_type), intent(inout) :: work
+    type(step_memory_type), intent(inout) :: work
     integer(i4) :: s, c, me, threads, low, high
     logical :: begun, leave
     integer(i8) :: before
@@ -233,7 +233,7 @@ contains
     integer(i4), intent(in) :: c
     type(motion_type), intent(in) :: motion
     logical, intent(in) :: last
-    type(work_type), intent(inout) :: work
+    type(step_memory_type), intent(inout) :: work
     type(push_type), intent(inout) :: push
     logical, intent(in) :: fresh
     real(wp) :: travel
@@ -311,7 +311,7 @@ contains
     integer(i4), intent(in) :: c
     type(motion_type), intent(in) :: motion
     logical, intent(in) :: last  !! the forces are wanted with the grains
-    type(work_type), intent(inout) :: work
+    type(step_memory_type), intent(inout) :: work
     type(push_type), intent(inout) :: push
     integer(i4) :: k
 

@@ -10,7 +10,8 @@ module dem_system
   use dem_state, only: dem_data_type, kind_free, lanes, history_point, history_side
   use dem_make, only: sorted_order, make_planes
   use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
-  use dem_steps, only: take_steps, evaluate_forces, rebuild_if_needed, kick_all, drift_all
+  use dem_steps, only: step_memory_type, take_steps, evaluate_forces, rebuild_if_needed, &
+    kick_all, drift_all
   use dem_shape, only: quaternion_from_rotation, rotation_between
   use dem_ledger, only: refresh_stored, start_ledger, follow_step, closure_of
   use dem_limits, only: gershgorin_step, rayleigh_step, impact_step
@@ -36,6 +37,7 @@ module dem_system
   !> The state of a system with its verbs; `kept` is what restore goes back to.
   type, extends(dem_data_type) :: dem_system_type
     type(dem_data_type), allocatable :: kept
+    type(step_memory_type), private :: memory
   contains
     procedure :: init             !! (errors): lists and forces at the start; no time passes
     procedure :: step             !! (n, errors): n sub-steps of par%dt
@@ -136,7 +138,7 @@ contains
     type(error_list_type), intent(inout) :: errors
 
     call follow_step(self%dem_data_type, self%par%dt)
-    call take_steps(self%dem_data_type, n, errors)
+    call take_steps(self%dem_data_type, self%memory, n, errors)
     if (errors%any()) return
     call check_runaway(self%dem_data_type, errors)
     call check_overlap(self%dem_data_type, 'N202', errors)
