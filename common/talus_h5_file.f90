@@ -5,7 +5,7 @@ module talus_h5_file
     h5gcreate_f, h5gclose_f, h5gget_info_by_name_f, h5lget_name_by_idx_f, h5ldelete_f, &
     h5pcreate_f, h5pclose_f, h5pset_create_inter_group_f, h5p_link_create_f, h5_index_name_f, &
     h5_iter_inc_f
-  use talus_kinds, only: i4, i8
+  use talus_kinds, only: i4, i8, wp
   use talus_errors, only: error_list_type
   use talus_files, only: file_exists, folder_exists, file_size, remove_file, rename_file, &
     sync_file, sync_folder
@@ -44,6 +44,8 @@ module talus_h5_file
     procedure :: shape_fault
     procedure :: attribute_fault
   end type h5_base_type
+
+  real(wp), parameter :: densest = 2000.0_wp  !! values a byte, packed (deflate: 1032 bytes a byte)
 
 contains
 
@@ -340,7 +342,12 @@ contains
                       ', not '//class_name, self%path//':'//name, 'write it as '//class_name)
     else
       call object_shape(self%id, name, found, stat)
-      if (size(found) == rank .or. (rank == 0 .and. product(found) == 1)) then
+      if (product(real(found, wp)) > densest*real(file_size(self%path), wp)) then
+        call errors%add('S005', "'"//self%path//"' is damaged: "//name//' has the shape '// &
+                        shape_text(int(found, i8))//', more than '//str(file_size(self%path))// &
+                        ' bytes can hold', self%path//':'//name, &
+                        'make it anew or take an older one')
+      else if (size(found) == rank .or. (rank == 0 .and. product(found) == 1)) then
         call move_alloc(found, extent)
       else
         call errors%add('I002', "'"//self%path//"': "//name//' has '//str(size(found))// &
