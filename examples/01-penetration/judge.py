@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from talus.fields import FieldFile, displacement, ghost_rows
 from talus.look import COLOURS, new_figure, save_figure
 from talus.plots import force_curve
 
@@ -80,7 +81,33 @@ def verdict(title: str, names: list[str], means: dict[str, list[float]], tie: fl
         return f"{title},not judged,missing: {' '.join(missing)}"
     pairs = list(zip(names, names[1:], strict=False))
     wrong = [f"{b} > {a}" for a, b in pairs if not means[b][-1] <= means[a][-1] * (1.0 + tie)]
-    return f"{title},fail,{'; '.join(wrong)}" if wrong else f"{title},pass,"
+    return f"{title},fail,{'; '.join(wrong)}" if wrong else f"{title},pass,{' >= '.join(names)}"
+
+
+def ghost_displacement(path: Path) -> np.ndarray:
+    """Return the displacement of every ghost [mm] at the end of a coupled run, (ghosts, 3)."""
+    with FieldFile(path) as fields:
+        first, last = fields.read(0).grains, fields.read(-1).grains
+    return 1.0e3 * displacement(first, last)[ghost_rows(first, last)]
+
+
+def compare_meshes(out: Path) -> list[str]:
+    """Compare the ghosts' displacements at the end on the coarsest and the finest elements."""
+    lines = []
+    names = {mark.parent.name.split("_")[1] for mark in out.glob("coupled_*/finished")}
+    for young in sorted(names, key=float):
+        folders = sorted(mark.parent for mark in out.glob(f"coupled_{young}_*/finished"))
+        if len(folders) < 2:
+            continue
+        fine, coarse = (ghost_displacement(f / "grains.h5") for f in (folders[0], folders[-1]))
+        if fine.shape != coarse.shape:
+            lines.append(f"ghosts at {young} Pa,not compared,other ghosts have moved")
+            continue
+        far = float(np.sqrt(((fine - coarse) ** 2).sum() / (fine**2).sum()))
+        sizes = [float(np.linalg.norm(u, axis=1).max()) for u in (coarse, fine)]
+        text = f"largest {sizes[0]:.3g} mm coarse; {sizes[1]:.3g} mm fine"
+        lines.append(f"ghosts at {young} Pa,measured,{text}; difference {far:.3g} (rms)")
+    return lines
 
 
 def draw(path: Path, title: str, rows: dict[str, list[Curve]]) -> None:
@@ -121,6 +148,7 @@ def main() -> int:
             rows["large, rigid"] = rigid["large"]
         name = "moduli.png" if size == max(coupled_curves(out)) else f"moduli_{size}.png"
         draw(out / name, f"Coupled, elements of {size} m", rows)
+    verdicts += compare_meshes(out)
     print()
     for text in verdicts:
         print("  " + text.replace(",", ": ", 1).rstrip(","))
