@@ -133,7 +133,7 @@ contains
     if (self%automatic .and. self%grid > 0.0_wp) &
       until = min(until, (floor(self%time()/self%grid + near, i8) + 1)*self%grid)
     n = block - int(modulo(self%steps, int(block, i8)), i4)
-    if ((until - self%time())/self%dt < real(n, wp)) &
+    if (until - self%time() < real(n, wp)*self%dt) &
       n = ceiling((until - self%time())/self%dt - near)
     n = max(n, 1_i4)
   end function steps_ahead

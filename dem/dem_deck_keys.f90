@@ -232,7 +232,7 @@ contains
       //'the stability limit and the Rayleigh time; it shrinks when contacts stiffen, and' &
       //' is cut so that histories and output fall on their times.')
     call table%add_key('dt', 'real', 's', 'Fixed time step; left out, the program chooses it.')
-    call table%bounds(above=0.0_wp)
+    call table%bounds(min=1e-15_wp)
     call table%add_key('dt_factor', 'real', '', &
       'Automatic step over the smaller of stability limit and Rayleigh time.')
     call table%preset('0.3')
@@ -271,7 +271,7 @@ contains
     call table%words('full|adaptive', [-1.0_wp, -2.0_wp])
     call table%add_key('dt', 'real', 's', &
       'Fixed time step; left out, the program chooses it as in dynamics.')
-    call table%bounds(above=0.0_wp)
+    call table%bounds(min=1e-15_wp)
     call table%add_key('dt_factor', 'real', '', &
       'Automatic step over the smaller of stability limit and Rayleigh time, both with ' &
       //'scaled masses.')

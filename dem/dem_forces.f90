@@ -25,7 +25,7 @@ contains
     integer(i4) :: next
     logical :: contact
 
-    if (2.0_wp*travel < pairs%least_gap(k) .and. .not. pairs%touched(k)) then
+    if (travel < 0.5_wp*pairs%least_gap(k) .and. .not. pairs%touched(k)) then
       pairs%columns(:, k) = 0.0_wp
       return
     end if
