@@ -66,7 +66,7 @@ BEDS = {
         Bed("spheres_50000", "spheres", 50000, 37, 0.30, 25.0),
         Bed("ellipsoids_2760", "ellipsoids", 2760, 14, 0.30, 25.0, DENSE),
         Bed("ellipsoids_20000", "ellipsoids", 20000, 27, 0.35, 15.0, 0.40),
-        Bed("ellipsoids_1000000", "ellipsoids", 1000000, 27, 0.004, 15.0, FRICTION,
+        Bed("ellipsoids_1000000", "ellipsoids", 1000000, 27, 0.004, 200.0, FRICTION,
             "ellipsoids_20000", (10, 5)),
     )
 }  # fmt: skip
@@ -118,16 +118,27 @@ def loose(bed: Bed, seed: int = 1):  # noqa: ANN201 (a Packing; imported late)
 
 
 def replicate(bed: Bed, source: Path):  # noqa: ANN201 (a Packing)
-    """Return copies of a settled bed side by side, their walls taken out."""
+    """Return copies of a settled bed side by side, each the mirror image of its neighbours.
+
+    Grains at a wall then lean against their images, so that taking the walls out changes little.
+    """
     from talus.packing import make_packing, read_packing
 
     block = read_packing(source)
     edge = bed.columns * bed.pitch
-    i, j = np.meshgrid(np.arange(bed.copies[0]), np.arange(bed.copies[1]))
-    shift = np.column_stack([i.ravel(), j.ravel(), np.zeros(i.size)]) * edge
-    x = (block.x[None] + shift[:, None]).reshape(-1, 3)
-    many = len(shift)
-    return make_packing(x, np.tile(block.axes, (many, 1)), np.tile(block.quat, (many, 1)))
+    places, turns = [], []
+    for i in range(bed.copies[0]):
+        for j in range(bed.copies[1]):
+            x, quat = block.x.copy(), block.quat.copy()
+            for axis, count in ((0, i), (1, j)):
+                if count % 2:
+                    x[:, axis] = edge - x[:, axis]
+                    # axes of rotation are pseudo-vectors: the parts along the mirror change sign
+                    quat[:, [1 + k for k in range(3) if k != axis]] *= -1.0
+            places.append(x + np.array([i, j, 0]) * edge)
+            turns.append(quat)
+    axes = np.tile(block.axes, (len(places), 1))
+    return make_packing(np.concatenate(places), axes, np.concatenate(turns))
 
 
 def settle(binary: Path, folder: Path, bed: Bed, threads: int) -> dict:
