@@ -88,6 +88,11 @@ def compare(name: str, whole: Path, other: Path) -> None:
         check(f"{name}: {file}", (whole / file).read_bytes() == (other / file).read_bytes())
 
 
+def rebuilds(folder: Path) -> int:
+    """Return how often the list of candidates was rebuilt, restarts counted on."""
+    return json.loads((folder / "deck_summary.json").read_text())["health"]["rebuilds"]
+
+
 def check_ledger(whole: Path) -> None:
     """Check the ledger's closure and what must never be negative."""
     rows = list(csv.DictReader((whole / "deck_energy.csv").open()))
@@ -133,17 +138,21 @@ def main() -> int:
     whole = folder_with(scratch, "whole")
     check("the whole run", run(program, whole, "--threads=1") == 0)
     check_ledger(whole)
-    threads = folder_with(scratch, "threads")
-    check("with two threads", run(program, threads, "--threads=2") == 0)
-    compare("threads", whole, threads)
+    for number in (2, 3):
+        threads = folder_with(scratch, f"threads_{number}")
+        check(f"with {number} threads", run(program, threads, f"--threads={number}") == 0)
+        compare(f"{number} threads", whole, threads)
     for half in ("0.05", "0.03234"):
         part = folder_with(scratch, f"part_{half}", half)
         check(f"first part to {half} s", run(program, part, "--threads=1") == 0)
+        before = rebuilds(part)
         shutil.copy(whole / "deck.nml", part / "deck.nml")
         check(
-            f"second part from {half} s", run(program, part, "--threads=2", "--restart=auto") == 0
+            f"second part from {half} s", run(program, part, "--threads=3", "--restart=auto") == 0
         )
         compare(f"restart at {half} s", whole, part)
+        check(f"list rebuilt before {half} s", before > 0, before)
+        check(f"list rebuilt after {half} s", rebuilds(whole) > before, (before, rebuilds(whole)))
     shutil.copy(whole / "end.h5", whole / "pack.h5")
     text = (whole / "deck.nml").read_text().replace("t_end = 0.1", "t_end = 0.001")
     (whole / "deck.nml").write_text(text)
