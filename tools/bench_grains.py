@@ -6,6 +6,7 @@ must agree, so that the same work is timed. Then the codes take turns, with one 
 
 import json
 import os
+import re
 import statistics
 import subprocess
 import time
@@ -68,23 +69,23 @@ def measured(command: list[str], folder: Path, cores: int) -> tuple[str, float]:
     return done.stdout, cpu
 
 
-def peak_memory(command: list[str], folder: Path, cores: int, name: str) -> float:
-    """Run a command and return the largest resident size of its processes called `name` [MB]."""
+def peak_memory(command: list[str], folder: Path, cores: int, program: str) -> float:
+    """Run a command and return the largest resident size of its processes of a program [MB]."""
     threads = 1 if "mpirun" in command else cores
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    own, binary = str(folder), os.path.realpath(program)
     peaks: dict[str, float] = {}
     with subprocess.Popen(command, cwd=folder, env=environment(threads), **quiet) as running:
         while running.poll() is None:
-            for path in Path("/proc").glob("[0-9]*/status"):
+            for path in Path("/proc").glob("[0-9]*"):
                 try:
-                    text = dict(
-                        line.split(":", 1) for line in path.read_text().splitlines() if ":" in line
-                    )
-                    mine = Path(os.readlink(path.parent / "cwd")) == folder
+                    if os.readlink(path / "exe") != binary or os.readlink(path / "cwd") != own:
+                        continue
+                    found = re.search(r"VmHWM:\s+(\d+) kB", (path / "status").read_text())
                 except OSError:
                     continue
-                if mine and text["Name"].strip() == name[:15] and "VmHWM" in text:
-                    peaks[path.parent.name] = float(text["VmHWM"].split()[0]) / 1024.0
+                if found:
+                    peaks[path.name] = float(found[1]) / 1024.0
             time.sleep(0.02)
     return sum(peaks.values())
 
@@ -168,8 +169,8 @@ class Bench:
 
     def memory(self, code: str, cores: int) -> float:
         """Peak memory of a code [MB], from a run of its own."""
-        name = Path(self.codes[code]).name
-        return peak_memory(self.command(code, "time", cores), self.folder, cores, name)
+        command = self.command(code, "time", cores)
+        return peak_memory(command, self.folder, cores, self.codes[code])
 
 
 def disagreement(found: dict[str, tuple[float, float]]) -> list[str]:
