@@ -98,7 +98,8 @@ def main() -> int:
         result["port"] = bench_solid.bench_port(binaries.parent / "unit")
         print(f"solid: {json.dumps(result['solid_static'])}")
     (out / "bench.json").write_text(json.dumps(result, indent=2) + "\n")
-    print(f"bench: {out / 'bench.csv'}, {out / 'bench.png'}, {out / 'bench.json'}")
+    written = (["bench.csv", "bench.png"] if names else []) + ["bench.json"]
+    print(f"bench: {', '.join(written)} in {out}")
     return 0
 
 
