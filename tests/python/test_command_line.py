@@ -129,7 +129,12 @@ def test_old_files_survive(tmp_path: Path) -> None:
 def test_judge_of_the_penetration(tmp_path: Path) -> None:
     """The judge reads a folder of pieces, finished ones only, and tells orders that do not hold."""
     head = "time [s],id [-],x [m],y [m],z [m],force_z [N],work [J]\n"
-    pieces = {"rigid_small_1": 3.0, "rigid_small_2": 5.0, "rigid_medium_1": 4.5, "rigid_large_1": 1.0}
+    pieces = {
+        "rigid_small_1": 3.0,
+        "rigid_small_2": 5.0,
+        "rigid_medium_1": 4.5,
+        "rigid_large_1": 1.0,
+    }
     pieces |= {"coupled_1.0e6_0.010": 1.0, "coupled_1.0e9_0.010": 2.0}
     for name, slope in pieces.items():
         rows = [f"{k},7,0,0,{-1e-3 * k},{slope * k},0\n" for k in range(70)]
