@@ -248,7 +248,7 @@ contains
 
   subroutine group_relaxation(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('relaxation', 7, &
+    call table%add_group('relaxation', 8, &
       'Dynamic relaxation: motion with scaled masses and background damping, to find ' &
       //'equilibrium; the time in between means little. A deck has exactly one of ' &
       //'dynamics and relaxation.')
@@ -262,13 +262,19 @@ contains
     call table%bounds(above=0.0_wp)
     call table%add_key('damping', 'real', '1/s', &
       'Background damping a, or `''full''`: a = 2/dt, which erases the velocity in every ' &
-      //'step, v = F dt/(2 s m), or `''adaptive''`: no drag, but every 10 steps each grain ' &
-      //'that force and moment brake is stopped; grains that fall or roll down go on. It ' &
-      //'takes most of the energy at once, but the last loose grains come to rest sooner ' &
-      //'with little damping or none. `''adaptive''` does not work under talus-couple.')
+      //'step, v = F dt/(2 s m), or `''adaptive''`: no drag, but every damping_every steps ' &
+      //'each grain whose kinetic energy has fallen since the last look is stopped; ' &
+      //'grains that fall or roll down go on. `''adaptive''` does not work under ' &
+      //'talus-couple.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
     call table%words('full|adaptive', [-1.0_wp, -2.0_wp])
+    call table%add_key('damping_every', 'integer', '', &
+      'Steps between two looks of adaptive damping: 10, 20, 50 or a multiple of 100. ' &
+      //'Few take much energy at once, as after a switch of moduli; about 1000 bring the ' &
+      //'last loose grains, which roll slowly, to rest.')
+    call table%preset('10')
+    call table%bounds(min=10.0_wp)
     call table%add_key('dt', 'real', 's', &
       'Fixed time step; left out, the program chooses it as in dynamics.')
     call table%bounds(min=1e-15_wp)

@@ -11,17 +11,17 @@ module dem_equilibrium
   use dem_integrate, only: scaled_spin_momentum
   use dem_measure, only: contact_count
   use dem_shape, only: rotation_of
-  use dem_steps, only: motion_of
   use dem_system, only: dem_system_type, dem_contacts_type
   implicit none
   private
-  public :: dem_equilibrium_type, stop_opposed, mean_unbalanced
+  public :: dem_equilibrium_type, stop_slowing, mean_unbalanced
 
-  integer(i4), parameter :: damping_steps = 10  !! between two looks of adaptive damping
+  integer(i4), parameter :: longest = 100  !! steps in a block
 
   type :: dem_equilibrium_type
     logical :: watched = .false.             !! the deck asks for equilibrium
-    logical :: adaptive = .false.            !! grains are stopped when their force opposes them
+    logical :: adaptive = .false.            !! grains are stopped when they slow down
+    integer(i4) :: damping_every = 10        !! steps between two looks of adaptive damping
     real(wp) :: unbalanced_limit = 0.0_wp    !! [-]
     real(wp) :: energy_limit = 0.0_wp        !! [-]
     integer(i4) :: every = 1                 !! steps between two looks at the criterion
@@ -60,15 +60,20 @@ contains
     call deck%get('equilibrium', 1, 'unbalanced', self%unbalanced_limit)
     call deck%get('equilibrium', 1, 'energy_ratio', self%energy_limit)
     call deck%get('equilibrium', 1, 'check_every', self%every)
-    if (modulo(self%every, 100) /= 0) &
+    if (modulo(self%every, longest) /= 0) &
       call deck%fault(errors, 'D248', 'looks fall on multiples of 100 steps', 'equilibrium', 1, &
                       'check_every', 'take 100, 200, ...')
+    call deck%get('relaxation', 1, 'damping_every', self%damping_every)
+    if (modulo(self%damping_every, longest) /= 0 .and. modulo(longest, self%damping_every) /= 0) &
+      call deck%fault(errors, 'D248', 'looks fall on divisors or multiples of 100 steps', &
+                      'relaxation', 1, 'damping_every', 'take 10, 20, 50, 100, 200, ...')
   end subroutine read_equilibrium
 
   !> Steps that may pass without a look.
   pure integer(i4) function longest_block(self)
     class(dem_equilibrium_type), intent(in) :: self
-    longest_block = merge(damping_steps, 100_i4, self%adaptive)
+    longest_block = longest
+    if (self%adaptive) longest_block = min(longest, self%damping_every)
   end function longest_block
 
   !> Adaptive damping, when it is due.
@@ -77,8 +82,8 @@ contains
     type(dem_system_type), intent(inout) :: system
     integer(i8), intent(in) :: steps  !! taken so far
     if (.not. self%adaptive) return
-    if (modulo(steps, int(damping_steps, i8)) /= 0) return
-    call stop_opposed(system%dem_data_type)
+    if (modulo(steps, int(self%damping_every, i8)) /= 0) return
+    call stop_slowing(system%dem_data_type)
   end subroutine damp
 
   pure logical function due(self, steps)
@@ -164,30 +169,32 @@ contains
     if (force > 0.0_wp) ratio = ratio*list%n/force
   end function mean_unbalanced
 
-  !> Stop every free grain whose force and moment together brake it (F.v + M.omega < 0); what it
-  !! loses is background damping. A grain that falls freely is left alone. Translation and rotation
-  !! stop together: one without the other would break rolling into sliding, and the bed would creep.
-  subroutine stop_opposed(d)
+  !> Stop every free grain whose kinetic energy has fallen since the last look: it has passed the
+  !! lowest point of its motion. What it loses is background damping. A grain that falls or rolls down
+  !! is left alone. Translation and rotation stop together: one without the other would break
+  !! rolling into sliding, and the bed would creep.
+  subroutine stop_slowing(d)
     type(dem_data_type), intent(inout) :: d
-    real(wp) :: lost, scale(2), gravity(3), force(3), moment(3), l(3)
+    real(wp) :: lost, now, scale(2), l(3)
     integer(i4) :: i
 
-    associate (motion => motion_of(d, d%par%dt), g => d%grains)
-      scale = [motion%mass_scale, motion%inertia_scale]
-      gravity = motion%gravity
-      lost = 0.0_wp
+    if (.not. allocated(d%seen_kinetic)) allocate (d%seen_kinetic(d%grains%n), source=0.0_wp)
+    scale = [d%par%mass_scale, d%par%inertia_scale]
+    lost = 0.0_wp
+    associate (g => d%grains, seen => d%seen_kinetic)
       do i = 1, g%n
         if (g%kind(i) /= kind_free) cycle
-        force = g%force(:, i) + g%extra_force(:, i) + g%mass(i)*gravity
-        moment = g%moment(:, i) + g%extra_moment(:, i)
-        if (.not. dot_product(force, g%v(:, i)) + dot_product(moment, g%omega(:, i)) < 0.0_wp) cycle
         l = scaled_spin_momentum(rotation_of(g%quat(:, i)), scale(2)*g%inertia(:, i), g%omega(:, i))
-        lost = lost + 0.5_wp*scale(1)*g%mass(i)*sum(g%v(:, i)**2) &
-               + 0.5_wp*dot_product(l, g%omega(:, i))
-        g%v(:, i) = 0.0_wp
-        g%omega(:, i) = 0.0_wp
+        now = 0.5_wp*scale(1)*g%mass(i)*sum(g%v(:, i)**2) + 0.5_wp*dot_product(l, g%omega(:, i))
+        if (now < seen(i)) then
+          lost = lost + now
+          now = 0.0_wp
+          g%v(:, i) = 0.0_wp
+          g%omega(:, i) = 0.0_wp
+        end if
+        seen(i) = now
       end do
     end associate
     d%ledger%background_damping = d%ledger%background_damping + lost
-  end subroutine stop_opposed
+  end subroutine stop_slowing
 end module dem_equilibrium

@@ -321,8 +321,8 @@ contains
       end if
       call self%take_steps(block, errors)
       if (errors%any()) return
-      call self%equilibrium%damp(self%system, self%clock%steps)
       if (self%equilibrium%due(self%clock%steps)) call self%equilibrium%look(self%system)
+      call self%equilibrium%damp(self%system, self%clock%steps)
       call self%write_due(errors)
     end do
   end subroutine run

@@ -20,6 +20,8 @@ contains
     call archive%clear()
     call put_grains(d, archive)
     call put_pairs(d%pairs, archive)
+    if (allocated(d%seen_kinetic)) call archive%put_reals( &
+      'damping.seen_kinetic', reshape(d%seen_kinetic, [1, size(d%seen_kinetic)]))
     call archive%put_reals('ledger', ledger_row(d%ledger))
     call archive%put_reals('health.real', reshape([d%health%max_overlap, &
                            d%health%reference_energy, d%pending, d%ledger_dt, d%par%dt], [5, 1]))
@@ -141,6 +143,10 @@ contains
     call get_pairs(d, archive, errors)
     if (errors%any()) return
     call update_bodies(d%pairs, d%grains, d%planes)
+    if (archive%find('damping.seen_kinetic') > 0) then
+      call archive%get_reals('damping.seen_kinetic', 1, d%grains%n, row, errors)
+      d%seen_kinetic = row(1, :)
+    end if
     call archive%get_reals('ledger', 14, 1, row, errors)
     d%ledger = ledger_from(row(:, 1))
     call archive%get_reals('health.real', 5, 1, row, errors)

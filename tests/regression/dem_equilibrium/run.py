@@ -90,14 +90,16 @@ def check_ledger(rows: list[dict[str, str]]) -> None:
     check("damping took energy", taken[-1] > 0.0 and taken == sorted(taken))
 
 
-def check_adaptive(program: Path, scratch: Path) -> None:
+def check_adaptive(program: Path, scratch: Path, every: int) -> None:
     """Check adaptive damping: ledger, and the same bits for two threads and after a restart."""
-    folders = [folder_with(scratch, name, end) for name, end in (("a", "0.2"), ("b", "0.08123"))]
+    ends = ((f"a{every}", "0.2"), (f"b{every}", "0.08123"))
+    folders = [folder_with(scratch, name, end) for name, end in ends]
     for folder in folders:
         lines = (folder / "deck.nml").read_text().splitlines()
         kept = [line for line in lines if not line.startswith("&equilibrium")]
         text = "\n".join(kept) + "\n"
-        text = text.replace("&dynamics    damping = 50.0", "&relaxation damping = 'adaptive'")
+        adaptive = f"&relaxation damping = 'adaptive', damping_every = {every}"
+        text = text.replace("&dynamics    damping = 50.0", adaptive)
         (folder / "deck.nml").write_text(text)
     check("adaptive damping", run(program, folders[0], "--threads=1").returncode == 0)
     check_ledger(list(csv.DictReader((folders[0] / "deck_energy.csv").open())))
@@ -131,7 +133,8 @@ def main() -> int:
     ended = run(program, part, "--threads=2", "--restart=auto")
     check("gone on to equilibrium", ended.returncode == 0, ended.stderr)
     check("restart: same bits", state(part) == state(whole))
-    check_adaptive(program, scratch)
+    for every in (10, 500):
+        check_adaptive(program, scratch, every)
     print(f"{PASSED} passed, {len(FAILURES)} failed")
     return 1 if FAILURES else 0
 
