@@ -170,8 +170,8 @@ contains
   end function mean_unbalanced
 
   !> Stop every free grain whose kinetic energy has fallen since the last look: it has passed the
-  !! lowest point of its motion. What it loses is background damping. A grain that falls or rolls down
-  !! is left alone. Translation and rotation stop together: one without the other would break
+  !! lowest point of its motion. What it loses is background damping. A grain that falls or rolls
+  !! down is left alone. Translation and rotation stop together: one without the other would break
   !! rolling into sliding, and the bed would creep.
   subroutine stop_slowing(d)
     type(dem_data_type), intent(inout) :: d

@@ -199,7 +199,7 @@ module dem_state
     type(dem_health_type) :: health
     real(wp) :: pending = 0.0_wp                   !! drift since forces were evaluated [s]
     real(wp) :: ledger_dt = 0.0_wp                 !! step that ledger%staggering is for [s]
-    real(wp), allocatable :: seen_kinetic(:)       !! of each grain, adaptive damping's last look [J]
+    real(wp), allocatable :: seen_kinetic(:)       !! (grains) at the last look of damping [J]
     logical :: ready = .false.                     !! lists and forces exist
   end type dem_data_type
 end module dem_state
