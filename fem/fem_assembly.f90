@@ -17,7 +17,7 @@ module fem_assembly
   use fem_types, only: fem_mesh_type
   implicit none
   private
-  public :: assemble_stiffness, assemble_mass, body_force, stiffness_of, lumped_mass_of
+  public :: assemble_stiffness, assemble_mass, body_force, stiffness_of, lumped_mass_of, mass_of
   public :: share_nodes, elements_at, fill_batch
 
 contains

@@ -1,17 +1,19 @@
-!> The largest stable step of central differences, by the element eigenvalue bound: the largest
-!! frequency of the body is at most that of its stiffest element with its own lumped mass (Irons;
-!! theory: dynamics). Micro-inertia may be raised where rotations alone would govern the step.
+!> The largest stable step of the time integration, by the element eigenvalue bound: the largest
+!! frequency of the body is at most that of its stiffest element with its own mass, factors of the
+!! port on it (Irons; theory: dynamics). Micro-inertia may be raised where rotations alone would
+!! govern the step.
 module fem_critical
-  use talus_kinds, only: wp, i4
-  use fem_assembly, only: stiffness_of, lumped_mass_of
+  use talus_kinds, only: wp, i4, i8
+  use fem_assembly, only: stiffness_of, lumped_mass_of, mass_of
   use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
   use fem_types, only: fem_mesh_type, fem_springs_type
   implicit none
   private
-  public :: largest_frequency, scale_rotations, stable_step
+  public :: largest_frequency, spring_rate, scale_rotations, stable_step, newmark_step
 
   real(wp), parameter :: same = 1.0e-12_wp  !! relative difference of matrices that count as equal
+  integer(i4), parameter :: chunks = 64          !! of elements
 
   interface
     subroutine dsyev(jobz, uplo, n, a, lda, w, work, lwork, info)
@@ -22,30 +24,65 @@ module fem_critical
       real(wp), intent(out) :: w(*), work(*)
       integer, intent(out) :: info
     end subroutine dsyev
+    subroutine dsygv(itype, jobz, uplo, n, a, lda, b, ldb, w, work, lwork, info)
+      import :: wp
+      integer, intent(in) :: itype, n, lda, ldb, lwork
+      character(len=1), intent(in) :: jobz, uplo
+      real(wp), intent(inout) :: a(lda, *), b(ldb, *)
+      real(wp), intent(out) :: w(*), work(*)
+      integer, intent(out) :: info
+    end subroutine dsygv
   end interface
 
 contains
 
-  !> Bound of the largest circular frequency [rad/s] and the element that sets it; springs to the
-  !! ground add their row sums.
-  subroutine largest_frequency(mesh, dofs, elastic, springs, lumped, frequency, element)
+  !> Bound of the square of the largest circular frequency [1/s^2] and the element that sets it.
+  !! Elements are worked in chunks whose number does not depend on the threads, so that the bits
+  !! of the step do not either.
+  subroutine largest_frequency(mesh, dofs, elastic, factor, lumped, square, element)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
-    type(fem_springs_type), intent(in) :: springs
-    real(wp), intent(in) :: lumped(:)          !! (blocks) [kg]
-    real(wp), intent(out) :: frequency
+    real(wp), intent(in) :: factor(:)   !! (blocks) on the mass [-]
+    logical, intent(in) :: lumped       !! lumped or consistent mass
+    real(wp), intent(out) :: square
     integer(i4), intent(out) :: element
-    real(wp), allocatable :: k(:, :, :, :), mass(:), last_k(:, :, :, :), last_mass(:)
-    real(wp) :: square, most, extra(size(lumped))
-    integer(i4) :: e, n, s, a
+    real(wp) :: most(chunks)
+    integer(i4) :: stiffest(chunks), c
+    !$omp parallel do default(none) shared(mesh, dofs, elastic, factor, lumped, most, stiffest) &
+    !$omp private(c) schedule(dynamic)
+    do c = 1, chunks
+      call chunk_frequency(mesh, dofs, elastic, factor, lumped, c, most(c), stiffest(c))
+    end do
+    !$omp end parallel do
+    c = int(maxloc(most, 1), i4)
+    square = most(c)
+    element = stiffest(c)
+  end subroutine largest_frequency
+
+  !> The same of the elements of chunk c.
+  subroutine chunk_frequency(mesh, dofs, elastic, factor, lumped, c, most, element)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: factor(:)
+    logical, intent(in) :: lumped
+    integer(i4), intent(in) :: c
+    real(wp), intent(out) :: most
+    integer(i4), intent(out) :: element
+    real(wp), allocatable :: k(:, :, :, :), mass(:, :), last_k(:, :, :, :), last_mass(:, :)
+    real(wp) :: square
+    integer(i4) :: e, n, first, last
 
     most = 0.0_wp
     element = 0
     square = 0.0_wp
-    do e = 1, mesh%elements
+    first = int((c - 1)*int(mesh%elements, i8)/chunks, i4) + 1
+    last = int(c*int(mesh%elements, i8)/chunks, i4)
+    do e = first, last
       n = dofs%start(e + 1) - dofs%start(e)
-      call matrices_of(mesh, dofs, elastic, e, k, mass)
+      call matrices_of(mesh, dofs, elastic, e, lumped, k, mass)
+      call scale_block_mass(factor(dofs%block(dofs%start(e):dofs%start(e + 1) - 1)), mass)
       if (.not. unchanged(k, mass, last_k, last_mass)) square = top_value(k, mass, 1, n)
       if (square > most) then
         most = square
@@ -54,6 +91,32 @@ contains
       call move_alloc(k, last_k)
       call move_alloc(mass, last_mass)
     end do
+  end subroutine chunk_frequency
+
+  !> Mass between blocks a and b times sqrt(f_a f_b), which leaves it positive; f of a lumped one.
+  pure subroutine scale_block_mass(factor, mass)
+    real(wp), intent(in) :: factor(:)
+    real(wp), intent(inout) :: mass(:, :)
+    integer(i4) :: a, b
+    do b = 1, size(mass, 2)
+      if (size(mass, 1) == 1) then
+        mass(1, b) = factor(b)*mass(1, b)
+      else
+        do a = 1, size(mass, 1)
+          mass(a, b) = sqrt(factor(a)*factor(b))*mass(a, b)
+        end do
+      end if
+    end do
+  end subroutine scale_block_mass
+
+  !> What springs add at most to the square of a frequency [1/s^2]: their row sums over the mass.
+  pure real(wp) function spring_rate(springs, mass)
+    type(fem_springs_type), intent(in) :: springs
+    real(wp), intent(in) :: mass(:)  !! (blocks) lumped [kg]
+    real(wp) :: extra(size(mass))
+    integer(i4) :: s, a
+    spring_rate = 0.0_wp
+    if (springs%n == 0) return
     extra = 0.0_wp
     do s = 1, springs%n
       do a = 1, size(springs%node, 1)
@@ -61,28 +124,35 @@ contains
           *sum(abs(springs%weight(:, s)))*maxval(sum(abs(springs%stiffness(:, :, s)), 1))
       end do
     end do
-    frequency = sqrt(most + maxval(extra/lumped))
-  end subroutine largest_frequency
+    spring_rate = maxval(extra/mass)
+  end function spring_rate
 
-  !> Stiffness and lumped mass of an element.
-  subroutine matrices_of(mesh, dofs, elastic, e, k, mass)
+  !> Stiffness of an element; its mass, lumped (1, n) or consistent (n, n).
+  subroutine matrices_of(mesh, dofs, elastic, e, lumped, k, mass)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     integer(i4), intent(in) :: e
-    real(wp), allocatable, intent(out) :: k(:, :, :, :), mass(:)
+    logical, intent(in) :: lumped
+    real(wp), allocatable, intent(out) :: k(:, :, :, :), mass(:, :)
+    real(wp), allocatable :: diagonal(:)
     integer(i4) :: n
     n = dofs%start(e + 1) - dofs%start(e)
     allocate (k(3, 3, n, n))
     k = 0.0_wp
     call stiffness_of(mesh, dofs, elastic, e, k)
-    call lumped_mass_of(mesh, dofs, elastic, e, mass)
+    if (lumped) then
+      call lumped_mass_of(mesh, dofs, elastic, e, diagonal)
+      mass = reshape(diagonal, [1, n])
+    else
+      call mass_of(mesh, elastic, e, dofs%block(dofs%start(e):dofs%start(e + 1) - 1), mass)
+    end if
   end subroutine matrices_of
 
   !> Is the element like the one before? Regular meshes are done at once by this.
   pure logical function unchanged(k, mass, last_k, last_mass)
-    real(wp), intent(in) :: k(:, :, :, :), mass(:)
-    real(wp), allocatable, intent(in) :: last_k(:, :, :, :), last_mass(:)
+    real(wp), intent(in) :: k(:, :, :, :), mass(:, :)
+    real(wp), allocatable, intent(in) :: last_k(:, :, :, :), last_mass(:, :)
     unchanged = .false.
     if (.not. allocated(last_k)) return
     if (size(last_mass) /= size(mass)) return
@@ -90,22 +160,35 @@ contains
                 .and. maxval(abs(k - last_k)) <= same*maxval(abs(k))
   end function unchanged
 
-  !> Largest eigenvalue of the lumped mass and stiffness of blocks first to last [1/s^2].
+  !> Largest eigenvalue of the mass and stiffness of blocks first to last [1/s^2].
   real(wp) function top_value(k, mass, first, last)
-    real(wp), intent(in) :: k(:, :, :, :), mass(:)
+    real(wp), intent(in) :: k(:, :, :, :), mass(:, :)
     integer(i4), intent(in) :: first, last
-    real(wp) :: matrix(3*(last - first + 1), 3*(last - first + 1))
+    real(wp), dimension(3*(last - first + 1), 3*(last - first + 1)) :: matrix, heavy
     real(wp) :: values(size(matrix, 1)), work(12*size(matrix, 1))
-    integer(i4) :: a, b, i, j
-    integer :: info
+    integer(i4) :: a, b, c, i, j
+    integer :: info, n
+    heavy = 0.0_wp
     do b = first, last
       do a = first, b
         i = 3*(a - first)
         j = 3*(b - first)
-        matrix(i + 1:i + 3, j + 1:j + 3) = k(:, :, a, b)/sqrt(mass(a)*mass(b))
+        if (size(mass, 1) == 1) then
+          matrix(i + 1:i + 3, j + 1:j + 3) = k(:, :, a, b)/sqrt(mass(1, a)*mass(1, b))
+        else
+          matrix(i + 1:i + 3, j + 1:j + 3) = k(:, :, a, b)
+          do c = 1, 3
+            heavy(i + c, j + c) = mass(a, b)
+          end do
+        end if
       end do
     end do
-    call dsyev('N', 'U', size(matrix, 1), matrix, size(matrix, 1), values, work, size(work), info)
+    n = size(matrix, 1)
+    if (size(mass, 1) == 1) then
+      call dsyev('N', 'U', n, matrix, n, values, work, size(work), info)
+    else
+      call dsygv(1, 'N', 'U', n, matrix, n, heavy, n, values, work, size(work), info)
+    end if
     top_value = merge(values(size(values)), huge(1.0_wp), info == 0)
   end function top_value
 
@@ -117,7 +200,7 @@ contains
     type(fem_elastic_type), intent(inout) :: elastic
     real(wp), intent(in) :: factor
     real(wp), intent(out) :: most
-    real(wp), allocatable :: k(:, :, :, :), mass(:), last_k(:, :, :, :), last_mass(:)
+    real(wp), allocatable :: k(:, :, :, :), mass(:, :), last_k(:, :, :, :), last_mass(:, :)
     real(wp) :: needed
     integer(i4) :: e, m, n
 
@@ -129,7 +212,7 @@ contains
       m = elastic%rule(elastic%rule_of(e))%nodes
       n = dofs%start(e + 1) - dofs%start(e)
       if (n == m) cycle
-      call matrices_of(mesh, dofs, elastic, e, k, mass)
+      call matrices_of(mesh, dofs, elastic, e, .true., k, mass)
       if (.not. unchanged(k, mass, last_k, last_mass)) &
         needed = max(1.0_wp, top_value(k, mass, m + 1, n)/top_value(k, mass, 1, m))
       elastic%inertia(e) = needed*elastic%inertia(e)
@@ -147,4 +230,10 @@ contains
     ratio = 0.5_wp*stiffness_damping*frequency
     stable_step = 2.0_wp/frequency*(sqrt(1.0_wp + ratio**2) - ratio)
   end function stable_step
+
+  !> Largest stable step [s] of Newmark's scheme with 2 beta < gamma (Hughes 1987, section 9.1).
+  pure real(wp) function newmark_step(frequency, beta, gamma)
+    real(wp), intent(in) :: frequency, beta, gamma
+    newmark_step = 1.0_wp/(frequency*sqrt(0.5_wp*gamma - beta))
+  end function newmark_step
 end module fem_critical

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-fem.
   subroutine fem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-fem', 19)
+    call table%init('talus-fem', 20)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -23,6 +23,7 @@ contains
     call group_support(table)
     call group_curve(table)
     call group_motion(table)
+    call group_initial(table)
     call group_traction(table)
     call group_pressure(table)
     call group_couple(table)
@@ -228,6 +229,23 @@ contains
     call table%add_key('scale', 'real', 'm', 'Factor of the curve.')
     call table%preset('1.0')
   end subroutine group_motion
+
+  subroutine group_initial(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('initial', 3, &
+      'A component of the velocity, or of the rate of micro-rotation, that a group has ' &
+      //'at the start of a dynamic run. What is held stays at rest, what is moved follows' &
+      //' its curve; where groups share nodes the last one counts.', repeats=.true.)
+    call table%add_key('group', 'string', '', 'Facet, node or volume group.')
+    call table%need()
+    call table%add_key('component', 'string', '', &
+      'The component; `rx`, `ry` and `rz` are rates of micro-rotation [rad/s], at the ' &
+      //'nodes that have one.')
+    call table%need()
+    call table%allow('x|y|z|rx|ry|rz')
+    call table%add_key('value', 'real', 'm/s', 'Velocity, or rate of micro-rotation [rad/s].')
+    call table%need()
+  end subroutine group_initial
 
   subroutine group_traction(table)
     type(key_table_type), intent(inout) :: table

@@ -23,6 +23,8 @@ module fem_model
   use fem_supports, only: check_supports
   use fem_restart, only: write_checkpoint, read_checkpoint
   use fem_setup, only: read_body
+  use fem_start, only: start_motion
+  use fem_step, only: take_step
   implicit none
   private
   public :: fem_model_type, program_name
@@ -100,9 +102,6 @@ contains
     call read_body(self%deck, self%body, errors)
     if (errors%any()) return
     call read_times(self, errors)
-    if (self%body%dynamic .and. 2.0_wp*self%body%beta < self%body%gamma) &
-      call append_string(self%warnings, 'beta < gamma/2: Newmark is stable only for steps '// &
-                         'that resolve the highest frequency of the mesh')
   end subroutine read_run
 
   !> Are these the same file, as far as their names tell ('./a' is 'a')?
@@ -155,6 +154,9 @@ contains
     if (self%body%explicit) call scale_inertia(self)
     call self%body%assemble()
     if (self%body%explicit) call choose_step(self, errors)
+    if (.not. self%body%explicit .and. self%body%step_limit < huge(1.0_wp)) &
+      call append_string(self%warnings, 'beta < gamma/2: Newmark is stable up to a step of '// &
+                         short_number(self%body%step_limit)//' s')
     call self%timers%stop('assembly')
     if (errors%any()) return
     call self%deck%get('checkpoint', 1, 'keep', keep)
@@ -248,7 +250,10 @@ contains
     type(error_list_type), intent(inout) :: errors
     call self%timers%start('factorisation')
     call choose_solver(self)
-    if (self%relaxation) then
+    if (self%body%dynamic .and. self%start_time < 0.0_wp) call start_motion(self%body, errors)
+    if (errors%any()) then
+      continue
+    else if (self%relaxation) then
       call check_supports(self%body%mesh, self%body%dofs, self%body%pattern, self%body%held, &
                           self%body%ground, errors)
     else if (self%body%dynamic .and. self%body%restored_dt > 0.0_wp) then
@@ -256,8 +261,6 @@ contains
     else if (dt > 0.0_wp .or. .not. self%body%dynamic) then
       call self%body%factor(dt, errors)
     end if
-    if (self%body%dynamic .and. self%start_time < 0.0_wp .and. .not. errors%any()) &
-      call self%body%start_acceleration(errors)
     call self%timers%stop('factorisation')
   end subroutine begin
 
@@ -373,7 +376,7 @@ contains
         call relax(self%body, t1, self%tolerance, self%most_iterations, iterations, errors)
         call self%log%item('relaxed', str(iterations)//' iterations')
       else
-        call self%body%step(t1, errors)
+        call take_step(self%body, t1, errors)
       end if
       if (errors%any() .and. self%auto_solver .and. self%body%solver%iterative) &
         call go_direct(self, t1, errors)
@@ -406,7 +409,7 @@ contains
     call self%body%solver%cg%drop()
     self%body%fresh_numbering = .false.
     self%body%factored_dt = -1.0_wp
-    call self%body%step(t1, errors)
+    call take_step(self%body, t1, errors)
     call self%log_factors()
   end subroutine go_direct
 
@@ -420,10 +423,10 @@ contains
     associate (e => body%energy)
       stored = e%strain + e%kinetic
       if (body%explicit) stored = stored + e%numerical
-      if (stored <= runaway*(abs(e%load) + abs(e%support) + abs(e%spring))) return
+      if (stored <= runaway*(e%start + abs(e%load) + abs(e%support) + abs(e%spring))) return
       node = int(maxloc(sum(body%state%v**2, 1), 1), i4)
       call errors%add('N303', 'runaway energy: '//short_number(stored)// &
-        ' J are stored, '//short_number(e%load + e%support)//' J were put in; node '// &
+        ' J are stored, '//short_number(e%start + e%load + e%support)//' J were put in; node '// &
         str(node)//' is fastest', 'time '//str(body%state%time)//' s', &
         'is beta < gamma/2? Then the step must resolve the highest frequency of the mesh')
     end associate

@@ -212,7 +212,8 @@ contains
   pure real(wp) function closure(body)
     type(fem_body_type), intent(in) :: body
     associate (e => body%accepted_energy)
-      closure = e%load + e%support + e%spring - e%strain - e%kinetic - e%damping - e%numerical
+      closure = e%start + e%load + e%support + e%spring - e%strain - e%kinetic - e%damping &
+                - e%numerical
     end associate
   end function closure
 

@@ -1,7 +1,7 @@
 !> What talus-fem tells of itself at the port (HELLO, DESCRIBE, scalars) and takes (SET).
 module fem_port_state
   use talus_kinds, only: wp, i4, i8
-  use talus_text, only: str
+  use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
   use talus_scalars, only: scalar_count, scalar_kinetic, scalar_elastic, scalar_boundary, &
@@ -204,6 +204,7 @@ contains
     end do
     body%robin = springs
     body%factored_dt = -1.0_wp
+    call body%limit_step()
   end subroutine set_springs
 
   subroutine set_dead_load(body, sets, request, errors)
@@ -322,24 +323,37 @@ contains
     call body%assemble()
   end subroutine set_moduli
 
+  !> Factors on the mass of the nodes of a set, and with it on their weight; `value_phi` on the
+  !! micro-inertia. The step limit follows.
   subroutine set_mass_factor(body, sets, request, errors)
     type(fem_body_type), intent(inout) :: body
     type(fem_sets_type), intent(in) :: sets
     type(message_type), intent(inout) :: request
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: name
-    real(wp), allocatable :: value(:)
+    real(wp), allocatable :: value(:), value_phi(:)
     integer(i4) :: k
+    logical :: polar
     call request%get_text('set', name, errors)
     if (errors%any()) return
     call find_set(sets, name, k, request, errors)
     if (errors%any()) return
-    allocate (value(size(sets%set(k)%node)))
+    allocate (value(size(sets%set(k)%node)), value_phi(size(sets%set(k)%phi)))
     call request%get('value', value, errors)
-    if (.not. errors%any()) body%mass_factor(sets%set(k)%node) = value
-    if (size(sets%set(k)%phi) == 0 .or. .not. request%has('value_phi')) return
-    call request%get('value_phi', value, errors)
-    if (.not. errors%any()) body%mass_factor(sets%set(k)%phi) = value
+    polar = size(sets%set(k)%phi) > 0 .and. request%has('value_phi')
+    if (polar) call request%get('value_phi', value_phi, errors)
+    if (errors%any()) return
+    if (.not. polar) value_phi = 1.0_wp
+    if (.not. (all(is_finite(value)) .and. all(is_finite(value_phi)) .and. &
+               minval([value, value_phi]) > 0.0_wp)) then
+      call errors%add('P302', 'mass factors must be above 0, the least is '// &
+        str(minval([value, value_phi])), request%place(), &
+        'a node without mass has no acceleration: prescribe it')
+      return
+    end if
+    body%mass_factor(sets%set(k)%node) = value
+    if (polar) body%mass_factor(sets%set(k)%phi) = value_phi
+    call body%assemble()
   end subroutine set_mass_factor
 
   !> Energies, momentum and angular momentum of the trial state.

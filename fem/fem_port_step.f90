@@ -3,6 +3,8 @@ module fem_port_step
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
+  use fem_central, only: explicit_energy
+  use fem_step, only: take_step
   use fem_types, only: role_prescribe, role_load, fem_state_type, fem_energy_type
   use fem_model, only: fem_model_type
   use fem_sets, only: fem_sets_type
@@ -32,7 +34,7 @@ contains
     call sets%take_motion(model%body, request, errors)
     call request%all_read(errors)
     if (errors%any()) return
-    call model%body%step(request%t1, errors)
+    call take_step(model%body, request%t1, errors)
     if (errors%any()) return
     call sets%put_states(model%body, reply)
     call reply%put_int('iterations', 1_i4)
@@ -76,7 +78,7 @@ contains
         body%given_u = start_u + share*(end_u - start_u)
         before(:, :) = body%accepted%reaction
         moved(:, :) = body%accepted%u
-        call body%step(t0 + share*(request%t1 - t0), errors)
+        call take_step(body, t0 + share*(request%t1 - t0), errors)
         if (errors%any()) exit start
         moved(:, :) = body%state%u - moved
         impulse = impulse + 0.5_wp*dt*(before + body%state%reaction)
@@ -185,7 +187,7 @@ contains
       end do
       body%state%external = external
       body%state%time = request%t1
-      call body%explicit_energy()
+      call explicit_energy(body)
       call sets%put_states(body, reply)
       call put_scalars(body, reply)
     end associate

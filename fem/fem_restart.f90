@@ -41,7 +41,7 @@ contains
     associate (e => body%accepted_energy)
       call file%put('/state/energy', &
                     [e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring, &
-                     e%damping, e%numerical], errors)
+                     e%damping, e%numerical, e%start], errors)
     end associate
     call checkpoint%finish(file, errors)
   end subroutine write_checkpoint
@@ -85,7 +85,7 @@ contains
     if (errors%any()) return
     body%state%time = info%time
     body%energy = fem_energy_type(energy(1), energy(2), energy(3), energy(4), energy(5), &
-                                  energy(6), energy(7), energy(8))
+                                  energy(6), energy(7), energy(8), energy(9))
     steps = info%step
     deck_changed = info%deck_hash /= checkpoint%deck_hash
     call body%accept()

@@ -39,6 +39,7 @@ contains
     call read_curves(deck, body%curve, errors)
     call read_supports(deck, body, errors)
     call read_motions(deck, body, errors)
+    call read_initial(deck, body, errors)
     call read_tractions(deck, body, errors)
     call read_couples(deck, body, errors)
     call read_body_loads(deck, body, errors)
@@ -170,6 +171,36 @@ contains
       call append_motion(body%motion, motion)
     end do
   end subroutine read_motions
+
+  !> Velocities at the start of a dynamic run.
+  subroutine read_initial(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name, text
+    integer(i4), allocatable :: block(:)
+    real(wp) :: value
+    integer(i4) :: s, g, component
+
+    do s = 1, deck%count('initial')
+      if (.not. body%dynamic) call deck%fault(errors, 'D325', 'only dynamics has velocities', &
+        'initial', s, 'group', "take kind = 'newmark', 'hht' or 'explicit', or leave it out")
+      call deck%get('initial', s, 'group', name)
+      g = find_group(body%mesh, name, any_kind)
+      if (g == 0) call group_fault(deck, body, 'initial', s, any_kind, errors)
+      if (g == 0 .or. .not. body%dynamic) cycle
+      call deck%get('initial', s, 'component', text)
+      call deck%get('initial', s, 'value', value)
+      call blocks_for(deck, body, 'initial', s, g, text, component, block, errors)
+      if (size(block) > 0 .and. all(body%held(component, block))) &
+        call deck%fault(errors, 'D328', 'component '//text// &
+          " is held or moved at all nodes of '"//name//"'", 'initial', s, 'component', &
+          'leave it out, or take it from the &support')
+      body%state%v(component, block) = value
+    end do
+    where (body%held) body%state%v = 0.0_wp
+    body%accepted%v = body%state%v
+  end subroutine read_initial
 
   subroutine append_motion(list, motion)
     type(fem_motion_type), allocatable, intent(inout) :: list(:)

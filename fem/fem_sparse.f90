@@ -8,7 +8,7 @@ module fem_sparse
   implicit none
   private
   public :: fem_pattern_type, make_pattern, place, add_springs
-  public :: multiply, multiply_mass, block_diagonal, share_element
+  public :: multiply, multiply_mass, scale_mass, block_diagonal, share_element
 
   !> Rows of the upper triangle: row n has the columns column(start(n):start(n+1)-1), all >= n.
   type :: fem_pattern_type
@@ -195,6 +195,20 @@ contains
       end do
     end do
   end subroutine multiply_mass
+
+  !> Mass between blocks i and j times sqrt(f_i f_j): factors at the blocks that leave it positive.
+  pure subroutine scale_mass(pattern, factor, mass)
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in) :: factor(:)    !! (blocks) [-]
+    real(wp), intent(inout) :: mass(:)
+    integer(i4) :: i, p
+    if (all(abs(factor - 1.0_wp) <= 0.0_wp)) return
+    do i = 1, pattern%nodes
+      do p = pattern%start(i), pattern%start(i + 1) - 1
+        mass(p) = sqrt(factor(i)*factor(pattern%column(p)))*mass(p)
+      end do
+    end do
+  end subroutine scale_mass
 
   !> Mean of the diagonal of each node's own block [N/m].
   pure function block_diagonal(pattern, k) result(diagonal)

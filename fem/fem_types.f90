@@ -83,5 +83,6 @@ module fem_types
     real(wp) :: spring = 0.0_wp   !! work of facet springs so far
     real(wp) :: damping = 0.0_wp  !! dissipated by dashpots and Rayleigh damping so far
     real(wp) :: numerical = 0.0_wp  !! dissipated by the time integration so far
+    real(wp) :: start = 0.0_wp      !! kinetic energy of the initial velocities
   end type fem_energy_type
 end module fem_types

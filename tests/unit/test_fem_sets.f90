@@ -9,6 +9,7 @@ program test_fem_sets
   use fem_kinds, only: hex8
   use fem_mumps, only: mumps_end
   use fem_sets, only: fem_sets_type
+  use fem_step, only: take_step
   use fem_topology, only: set_elements
   implicit none
 
@@ -64,7 +65,7 @@ contains
     call request%start(verb_solve)
     call request%put('all.phi', phi)
     call sets%take_motion(body, request, errors)
-    call body%step(1.0_wp, errors)
+    call take_step(body, 1.0_wp, errors)
     call reply%start(verb_solve)
     call sets%put_states(body, reply)
     call reply%get('all.reaction_moment', moment, errors)
@@ -93,7 +94,7 @@ contains
     call request%put('all.force', 0.0_wp*phi_like(1.0_wp))
     call request%put('all.moment', phi_like(0.25_wp))
     call sets%take_loads(body, request, errors)
-    call body%step(1.0_wp, errors)
+    call take_step(body, 1.0_wp, errors)
     call reply%start(verb_solve)
     call sets%put_states(body, reply)
     call reply%get('all.phi', phi, errors)

@@ -1,0 +1,113 @@
+!> A step of central differences of a body with lumped masses, with and without damping, and the
+!! ledger of explicit states.
+module fem_central
+  use talus_kinds, only: wp, i4
+  use talus_errors, only: error_list_type
+  use talus_text, only: is_finite
+  use fem_body, only: fem_body_type
+  use fem_explicit, only: drift_half, kick_half, explicit_kinetic
+  use fem_leap, only: drift_all, kick_all
+  use fem_loads, only: curve_value
+  use fem_sparse, only: multiply
+  implicit none
+  private
+  public :: central_step, explicit_energy
+
+contains
+
+  !> One step of central differences.
+  subroutine central_step(self, t1, errors)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: t1  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    real(wp), dimension(3, self%dofs%blocks) :: internal, half, force
+    real(wp) :: mass(self%dofs%blocks), dt, discrete, supports
+    logical :: fixed(3, self%dofs%blocks)
+
+    if (.not. self%damping%active()) then
+      call quick_leap(self, t1, errors)
+      return
+    end if
+    dt = t1 - self%accepted%time
+    fixed = self%held .or. self%prescribed
+    mass = self%lumped*self%mass_factor
+    associate (s => self%state, old => self%accepted)
+      s%time = t1
+      s%u = old%u
+      call self%impose(t1, s%u)
+      call drift_half(dt, fixed, old, s, half)
+      call self%check_finite(errors)
+      if (errors%any()) return
+      call self%external_at(t1, s%external)
+      call self%internal_force(s%u, internal)
+      s%viscous = 0.0_wp
+      if (self%damping%stiffness > 0.0_wp) then
+        call multiply(self%pattern, self%k, half, s%viscous)
+        s%viscous = self%damping%stiffness*s%viscous
+      end if
+      force = s%external - internal - s%viscous
+      call kick_half(dt, fixed, mass, self%damping, force, half, old, s)
+      s%reaction = merge(internal + s%viscous - s%external, 0.0_wp, fixed)
+      where (fixed) s%reaction = s%reaction + s%a*spread(mass, 1, 3)
+      s%tie = 0.0_wp
+      call self%update_energy(internal)
+      call explicit_kinetic(dt, fixed, mass, old, s, self%energy%kinetic, discrete, supports)
+      self%energy%support = self%energy%support - supports
+      self%energy%numerical = self%energy%numerical + discrete
+    end associate
+  end subroutine central_step
+
+  !> One undamped step of central differences.
+  subroutine quick_leap(self, t1, errors)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: t1  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: dt
+    integer(i4) :: k
+
+    dt = t1 - self%accepted%time
+    associate (s => self%state, old => self%accepted, work => self%leap_work)
+      s%time = t1
+      call drift_all(dt, self%held, self%prescribed, self%given_u, old, s, work)
+      do k = 1, size(self%motion)
+        associate (m => self%motion(k))
+          s%u(m%component, m%block) = m%scale*curve_value(self%curve(m%curve), t1)
+          work%half(m%component, m%block) = (s%u(m%component, m%block) &
+                                             - old%u(m%component, m%block))/dt
+        end associate
+      end do
+      work%mass = self%lumped*self%mass_factor
+      call self%external_at(t1, s%external)
+      call self%internal_force(s%u, work%internal)
+      call kick_all(dt, self%initial_force, self%weight_force, old, s, work)
+      if (.not. is_finite(work%strain)) call self%check_finite(errors)
+      self%energy = self%accepted_energy
+      associate (e => self%energy)
+        e%strain = work%strain
+        e%load = e%load + work%load
+        ! the first step from rest brings the weight up from nothing, as it does all loads
+        e%gravity = e%gravity + merge(1.0_wp, 0.5_wp, any(abs(old%external) > 0.0_wp))*work%weight
+        e%support = e%support + work%support
+        e%kinetic = work%kinetic
+        e%numerical = e%numerical + work%discrete
+      end associate
+    end associate
+  end subroutine quick_leap
+
+  !> Ledger of an explicit state with lumped mass; loads by what moved since the accepted state.
+  subroutine explicit_energy(self)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), dimension(3, self%dofs%blocks) :: internal
+    integer(i4) :: i
+    call self%internal_force(self%state%u, internal)
+    self%state%tie = 0.0_wp
+    self%state%reaction = merge(internal - self%state%external, 0.0_wp, &
+                                self%held .or. self%prescribed)
+    call self%update_energy(internal)
+    self%energy%kinetic = 0.0_wp
+    do i = 1, self%dofs%blocks
+      self%energy%kinetic = self%energy%kinetic + 0.5_wp*self%lumped(i)*self%mass_factor(i) &
+                            *sum(self%state%v(:, i)**2)
+    end do
+  end subroutine explicit_energy
+end module fem_central

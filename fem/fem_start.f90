@@ -1,0 +1,70 @@
+!> The start of a dynamic run: initial velocities, accelerations and reactions in balance with the
+!! loads, and the energy that the body starts with.
+module fem_start
+  use talus_kinds, only: wp, i4
+  use talus_errors, only: error_list_type
+  use fem_body, only: fem_body_type
+  use fem_sparse, only: multiply_mass
+  implicit none
+  private
+  public :: start_motion
+
+contains
+
+  !> Start from the velocities of the deck, which what is held does not have, with accelerations and
+  !! reactions in balance with the loads there: M a = f - K u - C v.
+  subroutine start_motion(self, errors)
+    type(fem_body_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    real(wp), dimension(3, self%dofs%blocks) :: internal, residual, mass, momentum
+    logical :: fixed(3, self%dofs%blocks)
+
+    fixed = self%held .or. self%prescribed
+    associate (s => self%state)
+      where (fixed) s%v = 0.0_wp
+      call self%external_at(s%time, s%external)
+      call self%internal_force(s%u, internal)
+      call self%viscous_force(s%v, s%viscous)
+      residual = s%external - internal - s%viscous
+      if (self%explicit) then
+        mass = spread(self%lumped*self%mass_factor, 1, 3)
+        s%a = merge(0.0_wp, residual/mass, fixed)
+        s%reaction = merge(-residual, 0.0_wp, fixed)
+        momentum = mass*s%v
+      else
+        if (maxval(abs(residual)) > 0.0_wp) call consistent_start(self, fixed, residual, errors)
+        if (errors%any()) return
+        call multiply_mass(self%pattern, self%mass, s%v, momentum)
+      end if
+      self%energy%kinetic = 0.5_wp*sum(s%v*momentum)
+    end associate
+    self%energy%start = self%energy%kinetic
+    self%accepted = self%state
+    self%accepted_energy = self%energy
+  end subroutine start_motion
+
+  !> Accelerations and reactions by factors of the consistent mass; the analysis of the pattern
+  !! serves the steps too.
+  subroutine consistent_start(self, fixed, residual, errors)
+    type(fem_body_type), intent(inout) :: self
+    logical, intent(in) :: fixed(:, :)
+    real(wp), intent(in) :: residual(:, :)  !! [N, N m]
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: none(:, :, :)
+    real(wp) :: inertia(3, self%dofs%blocks)
+
+    if (.not. self%fresh_numbering) then
+      call self%solver%number(self%dofs, self%pattern, fixed, errors)
+      if (errors%any()) return
+      self%fresh_numbering = .true.
+    end if
+    allocate (none(3, 3, size(self%mass)), source=0.0_wp)
+    call self%solver%factor(self%pattern, none, self%mass, 1.0_wp, errors)
+    self%factored_dt = -1.0_wp
+    if (errors%any()) return
+    call self%solver%solve(self%pattern, residual, self%state%a, errors)
+    if (errors%any()) return
+    call multiply_mass(self%pattern, self%mass, self%state%a, inertia)
+    self%state%reaction = merge(inertia - residual, 0.0_wp, fixed)
+  end subroutine consistent_start
+end module fem_start

@@ -1,0 +1,168 @@
+!> One static or implicit step of a body (Newmark, HHT-alpha) from the last accepted state. Linear:
+!! a residual and a back-substitution. Explicit bodies step by fem_central.
+module fem_step
+  use talus_kinds, only: wp, i4
+  use talus_errors, only: error_list_type
+  use fem_body, only: fem_body_type
+  use fem_central, only: central_step
+  use fem_sparse, only: multiply_mass
+  use fem_types, only: fem_springs_type, fem_state_type
+  implicit none
+  private
+  public :: take_step
+
+contains
+
+  !> One step from the accepted state to time t1; the new state stays a trial until `accept`.
+  !! With lag = -alpha the balance of HHT is M a1 = (1 - lag) b1 + lag b0, b = f - K u - C v.
+  subroutine take_step(self, t1, errors)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: t1  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    real(wp), dimension(3, self%dofs%blocks) :: internal, inertia, residual, du, tie, old_balance
+    real(wp) :: dt
+
+    if (self%explicit) then
+      call central_step(self, t1, errors)
+      return
+    end if
+    dt = t1 - self%accepted%time
+    call self%factor(dt, errors)
+    if (errors%any()) return
+    associate (s => self%state, old => self%accepted, share => 1.0_wp - self%lag)
+      s%time = t1
+      s%u = old%u
+      call self%impose(t1, s%u)
+      call self%external_at(t1, s%external)
+      inertia = 0.0_wp
+      old_balance = 0.0_wp
+      if (self%dynamic) then
+        call predict(self, dt)
+        call multiply_mass(self%pattern, self%mass, s%a, inertia)
+        if (self%lag > 0.0_wp) call balance(self, old, old_balance)
+      end if
+      call inner_forces(self, s, internal)
+      call robin_force(self%robin, old%u, s%u, tie)
+      residual = tie + share*(s%external - internal) + self%lag*old_balance - inertia
+      call self%solver%solve(self%pattern, residual, du, errors)
+      if (errors%any()) return
+      s%u = s%u + du
+      call self%check_finite(errors)
+      if (errors%any()) return
+      if (self%dynamic) then
+        call correct(self, dt, du)
+        call multiply_mass(self%pattern, self%mass, s%a, inertia)
+      end if
+      call self%internal_force(s%u, internal)
+      call self%viscous_force(s%v, s%viscous)
+      call robin_force(self%robin, old%u, s%u, tie)
+      s%reaction = (inertia - tie - self%lag*old_balance)/share + internal &
+                   + s%viscous - s%external
+      where (.not. (self%held .or. self%prescribed)) s%reaction = 0.0_wp
+      s%tie = tie
+      call self%update_energy(internal)
+      if (self%dynamic) call dynamic_work(self, dt, inertia, old_balance)
+    end associate
+  end subroutine take_step
+
+  !> K u + C v and the forces of the initial stress [N, N m].
+  subroutine inner_forces(self, s, force)
+    type(fem_body_type), intent(in) :: self
+    type(fem_state_type), intent(in) :: s
+    real(wp), intent(out) :: force(:, :)
+    real(wp) :: viscous(3, self%dofs%blocks)
+    call self%internal_force(s%u, force)
+    call self%viscous_force(s%v, viscous)
+    force = force + viscous
+  end subroutine inner_forces
+
+  !> Forces that are not in balance, inertia left out: f + reactions - K u - C v [N, N m].
+  subroutine balance(self, s, force)
+    type(fem_body_type), intent(in) :: self
+    type(fem_state_type), intent(in) :: s
+    real(wp), intent(out) :: force(:, :)
+    call inner_forces(self, s, force)
+    force = s%external + s%reaction - force
+  end subroutine balance
+
+  !> Velocities and accelerations for unchanged free displacements (Newmark). What is prescribed
+  !! has a velocity constant over the step and the backward difference of it as acceleration:
+  !! Newmark's own relations would let both ring about a ramp, without bound.
+  subroutine predict(self, dt)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: dt  !! [s]
+    associate (s => self%state, old => self%accepted)
+      where (self%held .or. self%prescribed)
+        s%v = (s%u - old%u)/dt
+        s%a = (s%v - old%v)/dt
+      elsewhere
+        s%a = -old%v/(self%beta*dt) - (0.5_wp/self%beta - 1.0_wp)*old%a
+        s%v = old%v + dt*((1.0_wp - self%gamma)*old%a + self%gamma*s%a)
+      end where
+    end associate
+  end subroutine predict
+
+  !> Accelerations and velocities of what is free after its displacements have changed by du [m].
+  subroutine correct(self, dt, du)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: dt, du(:, :)
+    associate (s => self%state, old => self%accepted)
+      where (.not. (self%held .or. self%prescribed))
+        s%a = s%a + du/(self%beta*dt*dt)
+        s%v = old%v + dt*((1.0_wp - self%gamma)*old%a + self%gamma*s%a)
+      end where
+    end associate
+  end subroutine correct
+
+  !> What trapezoidal works leave over. By their balance in every state it is D = du'b - dv'M v_mean
+  !! with b the mean of what accelerates (M a, or the balances of HHT): the dissipation of the
+  !! scheme. Moved supports do not obey Newmark's relations; with e = du - dt v_mean and
+  !! f = dt a_mean - dv there (zero where free) f'M v_mean + e'M a_mean is work of theirs.
+  subroutine dynamic_work(self, dt, inertia, old_balance)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: dt                                 !! [s]
+    real(wp), intent(in) :: inertia(:, :), old_balance(:, :)   !! M a1, b0 of HHT [N]
+    real(wp), dimension(3, self%dofs%blocks) :: mean, product, defect, moved
+    real(wp) :: left, supports
+    associate (s => self%state, old => self%accepted, fixed => self%held .or. self%prescribed)
+      moved = s%u - old%u
+      if (self%lag <= 0.0_wp .and. abs(self%gamma - 0.5_wp) + abs(self%beta - 0.25_wp) <= 0.0_wp &
+          .and. .not. any(fixed .and. abs(moved) + abs(s%v) + abs(old%v) + abs(s%a) + abs(old%a) &
+                          > 0.0_wp)) return
+      mean = 0.5_wp*(s%a + old%a)
+      call multiply_mass(self%pattern, self%mass, mean, product)
+      defect = merge(moved - 0.5_wp*dt*(s%v + old%v), 0.0_wp, fixed)
+      supports = sum(defect*product)
+      left = sum(moved*product)
+      if (self%lag > 0.0_wp) left = 0.5_wp*sum(moved*(old_balance + s%tie &
+        + (inertia - s%tie - self%lag*old_balance)/(1.0_wp - self%lag)))
+      defect = merge(dt*mean - (s%v - old%v), 0.0_wp, fixed)
+      mean = 0.5_wp*(s%v + old%v)
+      call multiply_mass(self%pattern, self%mass, mean, product)
+      supports = supports + sum(defect*product)
+      left = left - sum((s%v - old%v)*product)
+      self%energy%support = self%energy%support - supports
+      self%energy%numerical = self%energy%numerical + left - supports
+    end associate
+  end subroutine dynamic_work
+
+  !> Forces of the Robin springs, S (u_old - u) [N].
+  pure subroutine robin_force(robin, old, u, force)
+    type(fem_springs_type), intent(in) :: robin
+    real(wp), intent(in) :: old(:, :), u(:, :)
+    real(wp), intent(out) :: force(:, :)
+    real(wp) :: stretch(3)
+    integer(i4) :: s, a
+    force = 0.0_wp
+    do s = 1, robin%n
+      stretch = 0.0_wp
+      do a = 1, size(robin%node, 1)
+        stretch = stretch + robin%weight(a, s)*(old(:, robin%node(a, s)) - u(:, robin%node(a, s)))
+      end do
+      stretch = matmul(robin%stiffness(:, :, s), stretch)
+      do a = 1, size(robin%node, 1)
+        force(:, robin%node(a, s)) = force(:, robin%node(a, s)) + robin%weight(a, s)*stretch
+      end do
+    end do
+  end subroutine robin_force
+end module fem_step
