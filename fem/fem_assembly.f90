@@ -95,6 +95,7 @@ contains
         batch%x(l, :, a) = mesh%x(:, mesh%node(mesh%start(e) + a - 1))
       end do
       batch%moduli(l, :) = elastic%moduli(:, e)
+      batch%share(l) = elastic%hourglass(e)
       if (size(batch%factor, 2) /= elastic%point(e + 1) - elastic%point(e)) cycle  ! mass points
       do q = 1, size(batch%factor, 2)
         batch%factor(l, q) = elastic%factor(elastic%point(e) + q - 1)

@@ -6,7 +6,7 @@
 !! gradients m are those of B-bar elements, where p = -2/3 mu, else p = lambda and s = 0.
 module fem_batch
   use talus_kinds, only: wp, i4
-  use fem_hourglass, only: lanes, hourglass, hourglass_moments, hourglass_stiffness
+  use fem_hourglass, only: lanes, usual_share, hourglass, hourglass_moments, hourglass_stiffness
   use fem_rules, only: fem_formulation_type, fem_points_type
   implicit none
   private
@@ -22,6 +22,7 @@ module fem_batch
     real(wp), allocatable :: weight(:, :)     !! (lanes, n) volumes of the points [m^3]
     real(wp), allocatable :: factor(:, :)     !! (lanes, n) weights of the points [-]
     real(wp), allocatable :: moduli(:, :)     !! (lanes, 6) as in fem_micropolar
+    real(wp), allocatable :: share(:)         !! (lanes) of the hourglass control [-]
     real(wp), allocatable :: k(:, :, :)       !! (lanes, 9, pairs) blocks a <= b, see `pair`
     real(wp), allocatable :: mass(:, :)       !! (lanes, pairs) mass over density [m^3]
   end type fem_batch_type
@@ -45,6 +46,7 @@ contains
     allocate (batch%x(lanes, 3, rule%nodes), batch%u(lanes, 3, at%n, rule%nodes + rule%modes))
     allocate (batch%phi(lanes, 3, at%n, rule%rotations))
     allocate (batch%weight(lanes, at%n), batch%factor(lanes, at%n), batch%moduli(lanes, 6))
+    allocate (batch%share(lanes), source=usual_share)
     allocate (batch%k(lanes, 9, pairs), batch%mass(lanes, pairs))
   end subroutine batch_room
 
@@ -326,7 +328,8 @@ contains
     real(wp) :: moment(lanes, 3, 4), gamma(lanes, 4, 8), c(lanes), product(lanes)
     integer(i4) :: a, b, i, m
     call hourglass_moments(batch%x, moment)
-    call hourglass_stiffness(batch%u(:, :, 1, :), batch%weight(:, 1), batch%moduli, c)
+    call hourglass_stiffness(batch%u(:, :, 1, :), batch%weight(:, 1), batch%moduli, batch%share, &
+                             c)
     c = c*batch%factor(:, 1)
     do a = 1, 8
       do m = 1, 4

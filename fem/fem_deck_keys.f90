@@ -161,7 +161,7 @@ contains
 
   subroutine group_section(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('section', 3, &
+    call table%add_group('section', 4, &
       'Which material and element formulation a group of elements has. Every element ' &
       //'needs exactly one.', repeats=.true., required=.true.)
     call table%add_key('group', 'string', '', 'Volume group of the mesh.')
@@ -183,6 +183,13 @@ contains
     call table%allow(&
       'auto|hex8_bbar|hex8_full|hex8_incompatible|hex8_one_point|hex20|hex27|tet4|tet10' &
       //'|wedge6|hex8/hex8|hex20/hex8|hex27/hex8|hex20/hex20|tet4/tet4|tet10/tet4')
+    call table%add_key('hourglass', 'real', '', &
+      'Hourglass control of `hex8_one_point`, as a share of the largest stiffness of ' &
+      //'uniform strains. Full integration has 0.06 to 0.14; 1/9 makes a beam one cube ' &
+      //'thick bend exactly (without Poisson''s effect). 0 leaves the hourglass modes ' &
+      //'free.')
+    call table%preset('0.05')
+    call table%bounds(min=0.0_wp, max=1.0_wp)
   end subroutine group_section
 
   subroutine group_support(table)

@@ -1,6 +1,7 @@
 !> Formulation and material data of every element, and the values at its quadrature points.
 module fem_elastic
   use talus_kinds, only: wp, i4
+  use fem_hourglass, only: usual_share
   use fem_rules, only: fem_formulation_type, make_rule, rule_index
   implicit none
   private
@@ -15,6 +16,7 @@ module fem_elastic
     real(wp), allocatable :: moduli(:, :)   !! (6, elements) lambda mu kappa [Pa], alpha.. [N]
     real(wp), allocatable :: density(:)     !! (elements) [kg/m^3]
     real(wp), allocatable :: inertia(:)     !! (elements) micro-inertia j [m^2]
+    real(wp), allocatable :: hourglass(:)   !! (elements) share of the hourglass control [-]
     integer(i4), allocatable :: point(:)    !! (elements + 1) first point of each element
     integer(i4) :: points = 0
     integer(i4) :: components = classical   !! of the stress at a point
@@ -39,6 +41,7 @@ contains
     self%moduli = 0.0_wp
     self%density = 0.0_wp
     self%inertia = 0.0_wp
+    allocate (self%hourglass(n), source=usual_share)
   end subroutine start
 
   !> Index of the rule of a name (of `rule_names`), which is made if it is new.

@@ -2,18 +2,18 @@
 !! once. With hourglass base vectors h_m (+1, -1 at the nodes), mean gradients b_i and the moments
 !! X_mi = sum_a h_ma x_ia, gamma_m = h_m - X_mi b_i is orthogonal to all linear fields: it sees what
 !! one point does not. The modes q_mi = gamma_m . u_i get the forces c q_mi, with
-!!   c = (epsilon/8) (lambda + 2 mu) V sum b_ia^2,
-!! a fraction epsilon of the largest stiffness of uniform strains. A cube by full integration has
-!! 0.06 to 0.14 of it, depending on the mode.
+!!   c = (share/8) (lambda + 2 mu) V sum b_ia^2,
+!! a share of the largest stiffness of uniform strains. A cube by full integration has 0.06 to 0.14
+!! of it, depending on the mode.
 module fem_hourglass
   use talus_kinds, only: wp, i4
   implicit none
   private
-  public :: lanes, hourglass, hourglass_moments, hourglass_stiffness, one_point_data
+  public :: lanes, usual_share, hourglass, hourglass_moments, hourglass_stiffness, one_point_data
   public :: one_point_force, one_point_size
 
   integer(i4), parameter :: lanes = 8            !! elements at once: a vector of 512 bits
-  real(wp), parameter :: epsilon = 0.05_wp
+  real(wp), parameter :: usual_share = 0.05_wp   !! of the control, unless the deck says another
   real(wp), parameter :: hourglass(8, 4) = reshape([ &
     1.0_wp, 1.0_wp, -1.0_wp, -1.0_wp, -1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp, &
     1.0_wp, -1.0_wp, -1.0_wp, 1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp, &
@@ -40,10 +40,11 @@ contains
   end subroutine hourglass_moments
 
   !> Stiffness c [N/m] of the modes.
-  pure subroutine hourglass_stiffness(b, volume, moduli, c)
+  pure subroutine hourglass_stiffness(b, volume, moduli, share, c)
     real(wp), intent(in) :: b(lanes, 3, 8)     !! mean gradients [1/m]
     real(wp), intent(in) :: volume(lanes)      !! [m^3]
     real(wp), intent(in) :: moduli(lanes, 6)   !! lambda, mu, ... [Pa]
+    real(wp), intent(in) :: share(lanes)       !! of the control [-]
     real(wp), intent(out) :: c(lanes)
     integer(i4) :: a, i
     c = 0.0_wp
@@ -52,17 +53,18 @@ contains
         c = c + b(:, i, a)**2
       end do
     end do
-    c = 0.125_wp*epsilon*(moduli(:, 1) + 2.0_wp*moduli(:, 2))*volume*c
+    c = 0.125_wp*share*(moduli(:, 1) + 2.0_wp*moduli(:, 2))*volume*c
   end subroutine hourglass_stiffness
 
   !> What stays the same in time, from mean gradients, nodes and moduli.
-  pure subroutine one_point_data(x, b, volume, moduli, factor, data)
+  pure subroutine one_point_data(x, b, volume, moduli, factor, share, data)
     real(wp), intent(in) :: x(lanes, 3, 8), b(lanes, 3, 8), volume(lanes)
     real(wp), intent(in) :: moduli(lanes, 6), factor(lanes)  !! factor: weight of the point [-]
+    real(wp), intent(in) :: share(lanes)                     !! of the hourglass control [-]
     real(wp), intent(out) :: data(lanes, one_point_size)
     real(wp) :: moment(lanes, 3, 4), c(lanes)
     call hourglass_moments(x, moment)
-    call hourglass_stiffness(b, volume, moduli, c)
+    call hourglass_stiffness(b, volume, moduli, share, c)
     data(:, 1:24) = reshape(b, [lanes, 24])
     data(:, 25:36) = reshape(moment, [lanes, 12])
     data(:, 37) = factor*moduli(:, 1)*volume

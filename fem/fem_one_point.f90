@@ -80,7 +80,7 @@ contains
       call fill_batch(mesh, elastic, chosen(i + 1:min(i + lanes, share%elements)), batch)
       call batch_shape(elastic%rule(1)%at, batch)
       call one_point_data(batch%x, batch%u(:, :, 1, :), batch%weight(:, 1), batch%moduli, &
-                          batch%factor(:, 1), share%data(:, :, c))
+                          batch%factor(:, 1), batch%share, share%data(:, :, c))
     end do
   end subroutine fill_share
 

@@ -249,7 +249,8 @@ contains
       moved = spread(u(:, node), 1, lanes)
       call one_point_data(x, b, spread(shape%weight(1), 1, lanes), &
                           spread(elastic%moduli(:, e), 1, lanes), &
-                          spread(elastic%factor(elastic%point(e)), 1, lanes), data)
+                          spread(elastic%factor(elastic%point(e)), 1, lanes), &
+                          spread(elastic%hourglass(e), 1, lanes), data)
       data(:, 37:38) = 0.0_wp  ! the stress of the point is counted already
       call one_point_force(data, moved, f)
       force(:, node) = force(:, node) + f(1, :, :)

@@ -200,9 +200,14 @@ contains
     integer(i4), intent(inout) :: owner(:)
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: element, name
+    real(wp) :: share
     integer(i4) :: k, e, r, kind
 
     call deck%get('section', s, 'element', element)
+    call deck%get('section', s, 'hourglass', share)
+    if (deck%given('section', s, 'hourglass') .and. element /= 'hex8_one_point') &
+      call deck%fault(errors, 'D322', "hourglass means nothing to the element '"//element//"'", &
+                      'section', s, 'hourglass', 'it belongs to hex8_one_point')
     do k = 1, size(body%mesh%group(g)%element)
       e = body%mesh%group(g)%element(k)
       if (owner(e) > 0 .and. owner(e) /= s) then
@@ -227,6 +232,7 @@ contains
       body%elastic%moduli(:, e) = material%moduli
       body%elastic%density(e) = material%density
       body%elastic%inertia(e) = material%inertia
+      body%elastic%hourglass(e) = share
     end do
   end subroutine fill_section
 

@@ -17,6 +17,7 @@ program test_fem_hourglass
 
   call make_rule(rule_index('hex8_one_point'), rule)
   call batch_room(rule, rule%at, batch)
+  batch%share = [0.05_wp, 0.1_wp, 0.0_wp, 0.2_wp, 0.05_wp, 0.07_wp, 0.3_wp, 1.0_wp]
   batch%moduli = 0.0_wp
   do l = 1, lanes
     do a = 1, 8
@@ -64,7 +65,7 @@ contains
     real(wp), intent(out) :: f(lanes, 3, 8)
     real(wp) :: data(lanes, one_point_size)
     call one_point_data(batch%x, batch%u(:, :, 1, :), batch%weight(:, 1), batch%moduli, &
-                        batch%factor(:, 1), data)
+                        batch%factor(:, 1), batch%share, data)
     call one_point_force(data, u, f)
   end subroutine fast_forces
 
