@@ -1,10 +1,11 @@
-"""Measure speed, beside other codes that apt offers: grains, a static solve, the port.
+"""Measure speed, beside other codes that apt offers: grains, solids, the port.
 
 Usage: bench.py [--bin build/bin] [--out build/bench] [--cases NAME ...] [--cores 1 2]
                 [--repeats 3] [--quick] [--accept]
        (make bench CASES='spheres_10000 ellipsoids_2760' QUICK=1 ACCEPT=1)
 
-Cases are the beds of bench_beds.py, settled once, and `solid`. Writes OUT/bench.csv, bench.png and
+Cases are the beds of bench_beds.py, settled once, and those of bench_solid.py; `solid` stands for
+all of these but solid_million, which alone takes some minutes. Writes OUT/bench.csv, bench.png and
 bench.json; --accept also writes manual/speed.csv, which the manual shows. Figures are medians.
 Machines are shared and noisy: compare figures of one run only; the rate by CPU time tells more
 where others load the machine.
@@ -35,6 +36,7 @@ import bench_solid  # noqa: E402
 import bench_table  # noqa: E402
 
 DEFAULT = [name for name in bench_beds.BEDS if name != "spheres_2000"]
+CHOICES = [*bench_beds.BEDS, "solid", *bench_solid.CASES]
 
 
 def machine() -> str:
@@ -54,13 +56,19 @@ def arguments() -> argparse.Namespace:
     )
     parser.add_argument("--bin", type=Path, default=ROOT / "build/bin")
     parser.add_argument("--out", type=Path, default=ROOT / "build/bench")
-    parser.add_argument("--cases", nargs="+", choices=[*bench_beds.BEDS, "solid"])
+    parser.add_argument("--cases", nargs="+", choices=CHOICES)
     parser.add_argument("--cores", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--size", type=int, default=20, help="elements along an edge of the cube")
     parser.add_argument("--quick", action="store_true", help="small beds, one repeat")
     parser.add_argument("--accept", action="store_true", help="show this run in the manual")
     return parser.parse_args()
+
+
+def solid_cases(cases: list[str], quick: bool) -> list[str]:
+    """Return the cases of solids, `solid` written out."""
+    whole = bench_solid.QUICK if quick else bench_solid.DEFAULT
+    named = [name for case in cases for name in (whole if case == "solid" else [case])]
+    return [name for name in dict.fromkeys(named) if name in bench_solid.CASES]
 
 
 def main() -> int:
@@ -82,24 +90,24 @@ def main() -> int:
         "repeats": repeats,
     }
     result: dict[str, object] = dict(head)
-    names = [name for name in cases if name != "solid"]
-    if names:
+    grains = [name for name in cases if name in bench_beds.BEDS]
+    rows: list[dict] = []
+    if grains:
         binary = binaries / "talus-dem"
-        timings, checks = bench_grains.run(binary, out, names, cores, repeats, max(cores))
+        timings, checks = bench_grains.run(binary, out, grains, cores, repeats, max(cores))
         rows = bench_table.table(timings)
-        bench_table.write(out / "bench.csv", rows, head)
-        bench_table.figure(out / "bench.png", rows, head)
-        result |= {"grains": rows, "same_work": checks}
-        if options.accept:
-            shutil.copyfile(out / "bench.csv", ROOT / "manual/speed.csv")
-    if "solid" in cases:
-        size = 10 if options.quick else options.size
-        result["solid_static"] = bench_solid.bench_solid(binaries, out, repeats, size)
-        result["port"] = bench_solid.bench_port(binaries.parent / "unit")
-        print(f"solid: {json.dumps(result['solid_static'])}")
+        result |= {"grains": list(rows), "same_work": checks}
+    solids = solid_cases(cases, options.quick)
+    if solids:
+        found = bench_solid.bench_solid(binaries, out, solids, cores, repeats, options.quick)
+        result |= {"solids": found, "port": bench_solid.bench_port(binaries.parent / "unit")}
+        rows += found
+    bench_table.write(out / "bench.csv", rows, head)
+    bench_table.figure(out / "bench.png", rows, head)
+    if options.accept:
+        shutil.copyfile(out / "bench.csv", ROOT / "manual/speed.csv")
     (out / "bench.json").write_text(json.dumps(result, indent=2) + "\n")
-    written = (["bench.csv", "bench.png"] if names else []) + ["bench.json"]
-    print(f"bench: {', '.join(written)} in {out}")
+    print(f"bench: bench.csv, bench.png, bench.json in {out}")
     return 0
 
 

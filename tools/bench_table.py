@@ -10,7 +10,8 @@ REFERENCE = "spheres_10000"  # LAMMPS' rate beside which ellipsoids are put
 QUICK_REFERENCE = "spheres_2000"
 COLUMNS = (
     "code", "case", "grains", "cores", "grain_steps_per_s", "contacts_per_s", "max_rss_mb",
-    "ratio_to_lammps", "grain_steps_per_cpu_s",
+    "ratio_to_lammps", "grain_steps_per_cpu_s", "seconds", "ratio_to_calculix", "difference",
+    "residual",
 )  # fmt: skip
 
 
@@ -58,10 +59,18 @@ def read(path: Path) -> tuple[list[dict], dict]:
     return list(csv.DictReader(line for line in lines if not line.startswith("#"))), head
 
 
+def split(rows: list[dict]) -> tuple[list[dict], list[dict]]:
+    """Return the rows of grains and those of solids."""
+    solids = [row for row in rows if row.get("seconds")]
+    return [row for row in rows if not row.get("seconds")], solids
+
+
 def figure(path: Path, rows: list[dict], head: dict) -> None:
-    """Draw grain-steps a second of every code, bed by bed."""
+    """Draw grain-steps a second of every code, bed by bed (without grains: of solids)."""
     from talus.look import COLOURS, new_figure, save_figure
 
+    rows = split(rows)[0] or rows
+    unit = "grain" if split(rows)[0] else "element"
     cases = list(dict.fromkeys(row["case"] for row in rows))
     kinds = list(dict.fromkeys((row["code"], int(row["cores"])) for row in rows))
     codes = list(dict.fromkeys(code for code, _ in kinds))
@@ -80,11 +89,30 @@ def figure(path: Path, rows: list[dict], head: dict) -> None:
             alpha=1.0 if cores == 1 else 0.55,
         )  # fmt: skip
     ax.set_xticks(np.arange(len(cases)), [case.replace("_", "\n") for case in cases])
-    ax.set_ylabel("speed [million grain-steps/s]")
+    ax.set_ylabel(f"speed [million {unit}-steps/s]")
     ax.grid(axis="x", visible=False)
     ax.set_title(f"{head['machine']}, {head['date']}", fontsize=8)
     ax.legend(fontsize=8)
     save_figure(fig, path)
+
+
+def solid_table(rows: list[dict]) -> list[str]:
+    """Return the lines of the table of solids."""
+    lines = [
+        "",
+        "| solid | cores | code | elements | seconds | million element-steps/s | by CPU time "
+        "[million/s] | memory [MB] | ratio to CalculiX | corner off by | residual |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        rate, cpu = (float(row[k]) / 1e6 for k in ("grain_steps_per_s", "grain_steps_per_cpu_s"))
+        lines.append(
+            f"| {row['case']} | {row['cores']} | {row['code']} | {row['grains']} "
+            f"| {row['seconds']} | {rate:.3g} | {cpu:.3g} | {float(row['max_rss_mb']):.0f} "
+            f"| {row['ratio_to_calculix'] or '–'} | {row['difference'] or '–'} "
+            f"| {row['residual'] or '–'} |"
+        )
+    return lines
 
 
 def markdown(rows: list[dict], head: dict) -> str:
@@ -97,11 +125,13 @@ def markdown(rows: list[dict], head: dict) -> str:
         "| ratio to LAMMPS | by CPU time [million/s] |",
         "|---|---|---|---|---|---|---|---|",
     ]
-    for row in rows:
+    grains, solids = split(rows)
+    for row in grains:
         rate, contacts = (float(row[key]) / 1e6 for key in ("grain_steps_per_s", "contacts_per_s"))
         lines.append(
             f"| {row['case']} | {row['cores']} | {row['code']} | {rate:.3g} | {contacts:.3g} "
             f"| {float(row['max_rss_mb']):.0f} | {row['ratio_to_lammps'] or '–'} "
             f"| {float(row['grain_steps_per_cpu_s']) / 1e6:.3g} |"
         )
-    return "\n".join(lines) + "\n"
+    lines = lines if grains else lines[:2]
+    return "\n".join(lines + (solid_table(solids) if solids else [])) + "\n"

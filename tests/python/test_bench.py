@@ -11,8 +11,10 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
 
 import bench_beds  # noqa: E402
+import bench_calculix  # noqa: E402
 import bench_grains  # noqa: E402
 import bench_peers  # noqa: E402
+import bench_solid  # noqa: E402
 import bench_table  # noqa: E402
 
 
@@ -98,3 +100,54 @@ def test_table(tmp_path: Path) -> None:
     assert bench_table.markdown(again, read).count("\n| ") == 7
     bench_table.figure(tmp_path / "bench.png", again, read)
     assert (tmp_path / "bench.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("kind", ["hex8", "hex20"])
+def test_model_of_calculix_is_the_mesh(tmp_path: Path, kind: str) -> None:
+    """Nodes, elements, base and the corner of the cube stand in the model; the step names it."""
+    mesh = bench_solid.write_cube(tmp_path, kind, 2)
+    bench_calculix.write_model(tmp_path / "m", tmp_path / mesh, bench_solid.CONSTANTS)
+    text = (tmp_path / "m").read_text()
+    cells = text.split("ELSET=CUBE\n")[1].split("*NSET")[0].replace(",\n", ",").splitlines()
+    assert len(cells) == 8
+    assert all(len(line.split(",")) == 1 + int(kind[3:]) for line in cells)
+    nodes = dict(
+        (int(k), [float(v) for v in xyz])
+        for k, *xyz in (line.split(",") for line in text.split("*ELEMENT")[0].splitlines()[1:])
+    )
+    corner = int(text.split("NSET=CORNER\n")[1].split()[0])
+    assert nodes[corner] == [1.0, 1.0, 1.0]
+    base = [int(line[:-1]) for line in text.split("NSET=BASE\n")[1].split("*")[0].split()]
+    assert sorted(base) == [k for k, x in nodes.items() if x[2] == 0.0]
+    deck = bench_calculix.static("m", bench_solid.GRAVITY, "iterative")
+    load = deck.split("CUBE, GRAV, ")[1].splitlines()[0].split(", ")
+    size, *way = (float(value) for value in load)
+    assert [size * value for value in way] == pytest.approx(bench_solid.GRAVITY)
+
+
+def test_what_calculix_prints(tmp_path: Path) -> None:
+    """The corner's displacement and the step are found among other lines."""
+    (tmp_path / "a.dat").write_text(
+        "\n displacements (vx,vy,vz) for set CORNER and time  0.1000000E+01\n\n"
+        "      9261  3.262305E-07  1.565238E-09 -2.654282E-07\n"
+    )
+    assert bench_calculix.corner(tmp_path / "a.dat") == [3.262305e-7, 1.565238e-9, -2.654282e-7]
+    said = "initial stable time increment:6.3e-06\n SELECTED time increment:6.369308e-06\n"
+    assert bench_calculix.explicit_step(said) == 6.369308e-6
+
+
+def test_rows_of_solids(tmp_path: Path) -> None:
+    """Rows of solids share the columns; the table of the manual shows them apart."""
+    row = bench_solid.Row("talus", "static_hex8_10_direct", 1000, 1, 1000.0, [2.0], [1.0], 5.0)
+    row.difference = bench_solid.difference([1.0, 0.0, 2.0], (1.0, 0.0, 2.002))
+    rows = [row.as_dict(1.5)]
+    head = {"machine": "test", "date": "2000-01-01", "version": "0", "repeats": 3, "load": 0.0}
+    bench_table.write(tmp_path / "bench.csv", rows, head)
+    again, read = bench_table.read(tmp_path / "bench.csv")
+    assert float(again[0]["grain_steps_per_s"]) == 500.0
+    assert again[0]["difference"] == "1.0e-03"
+    assert again[0]["contacts_per_s"] == again[0]["residual"] == ""
+    text = bench_table.markdown(again, read)
+    assert text.count("\n| ") == 2
+    assert "1.0e-03" in text
+    bench_table.figure(tmp_path / "bench.png", again, read)
