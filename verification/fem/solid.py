@@ -16,7 +16,7 @@ MATERIAL = (
 
 def shape_of(element: str) -> str:
     """Kind of the cells of an element formulation: hex20 of hex20/hex8."""
-    return element.split("/")[0].replace("_bbar", "").replace("_full", "")
+    return element.split("/")[0].split("_")[0]
 
 
 def polar_nodes(mesh: Mesh, element: str) -> np.ndarray:

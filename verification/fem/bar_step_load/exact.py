@@ -3,7 +3,7 @@
 import numpy as np
 
 from talus import mesh as meshes
-from talus.verification import Case, field_steps
+from talus.verification import Case, field_steps, read_history
 
 YOUNG, DENSITY, LENGTH, TRACTION = 302.4, 1.89e-9, 5.0, -1.512
 PERIOD = 4.0 * LENGTH / np.sqrt(YOUNG / DENSITY)
@@ -33,6 +33,9 @@ def run(case: Case) -> None:
             0.01,
         )
     case.metric("period / (4 L/c)", float(time[np.argmin(end)] * 2.0 / PERIOD), 1.0, 0.02)
+    energy = read_history(case.folder / "deck_energy.csv")
+    error = float(abs(energy["closure"]).max() / abs(energy["load"]).max())
+    case.below("ledger, error / largest work", error, 1e-10)
     fig, ax = case.figure()
     ax.plot(1e6 * time, triangle(time) * full, "-", label="exact")
     ax.plot(1e6 * time[::4], end[::4], "o", ms=4, label="Talus")

@@ -15,6 +15,8 @@ LINEAR, QUADRATIC = (4, 8), (3, 6)
 CASES = {
     "hex8_bbar": (LINEAR, 2.0, 0.3, None),
     "hex8_full": (LINEAR, 2.0, 0.3, None),
+    "hex8_incompatible": (LINEAR, 2.0, 0.3, None),
+    "hex8_one_point": (LINEAR, 2.0, 0.3, None),
     "tet4": (LINEAR, 2.0, 0.4, None),
     "wedge6": (LINEAR, 2.0, 0.4, None),
     "hex20": (QUADRATIC, 3.0, 0.4, None),

@@ -21,7 +21,8 @@ STATES = {
     ),
 }
 PAIRS = ("hex8/hex8", "hex20/hex8", "hex27/hex8", "hex20/hex20", "tet4/tet4", "tet10/tet4")
-CLASSICAL = ("hex8_bbar", "hex8_full", "hex20", "hex27", "tet4", "tet10", "wedge6")
+CLASSICAL = ("hex8_bbar", "hex8_full", "hex8_incompatible", "hex8_one_point", "hex20", "hex27",
+             "tet4", "tet10", "wedge6")  # fmt: skip
 
 
 def errors_of(case: Case, element: str, state: str) -> tuple[float, float, float]:
