@@ -20,6 +20,7 @@ module dem_cells
     integer(i4), allocatable :: cell(:)     !! cell of a grain, 0 for large ones
     integer(i4), allocatable :: start(:)    !! (cells+1)
     integer(i4), allocatable :: member(:)   !! grains by cell, ascending inside a cell
+    real(wp), allocatable :: centre(:, :)   !! (4, members) centre and bounding radius [m]
     integer(i4), allocatable :: large(:)    !! large grains, ascending
   end type grid_type
 
@@ -121,7 +122,7 @@ contains
     allocate (grid%cell(n), source=0)
     allocate (grid%start(product(grid%n) + 1), source=0)
     large = count(radius > common)
-    allocate (grid%large(large), grid%member(n - large))
+    allocate (grid%large(large), grid%member(n - large), grid%centre(4, n - large))
     large = 0
     do i = 1, n
       if (radius(i) > common) then
@@ -142,6 +143,7 @@ contains
       c = grid%cell(i)
       if (c == 0) cycle
       grid%member(fill(c)) = i
+      grid%centre(:, fill(c)) = [body(1:3, i), radius(i)]
       fill(c) = fill(c) + 1
     end do
   end subroutine make_grid
@@ -184,22 +186,26 @@ contains
 
     subroutine list_grain(i)
       integer(i4), intent(in) :: i
-      integer(i4) :: found, c(3), cx, cy, cz, m, at, k
+      integer(i4) :: found, c(3), cy, cz, m, at, k
+      real(wp) :: x(3), reach
       found = 0
       if (grid%cell(i) == 0) then
         do k = i + 1, n
           call try(i, k, found)
         end do
       else
-        c = cell_of(grid, body(1:3, i))
+        x = body(1:3, i)
+        reach = radius(i) + margin
+        c = cell_of(grid, x)
         do cz = max(c(3) - 1, 1), min(c(3) + 1, grid%n(3))
           do cy = max(c(2) - 1, 1), min(c(2) + 1, grid%n(2))
-            do cx = max(c(1) - 1, 1), min(c(1) + 1, grid%n(1))
-              at = cell_index(grid, [cx, cy, cz])
-              do m = grid%start(at + 1) - 1, grid%start(at), -1
-                if (grid%member(m) <= i) exit
-                call try(i, grid%member(m), found)
-              end do
+            at = cell_index(grid, [1, cy, cz]) - 1
+            do m = grid%start(at + max(c(1) - 1, 1)), &
+                   grid%start(at + min(c(1) + 1, grid%n(1)) + 1) - 1
+              if (grid%member(m) <= i) cycle
+              if ((grid%centre(1, m) - x(1))**2 + (grid%centre(2, m) - x(2))**2 &
+                  + (grid%centre(3, m) - x(3))**2 > (grid%centre(4, m) + reach)**2) cycle
+              call try(i, grid%member(m), found)
             end do
           end do
         end do

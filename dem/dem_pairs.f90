@@ -17,6 +17,8 @@ module dem_pairs
   public :: build_pairs, update_bodies, allocate_bodies, slot_of
 
   integer(i4), parameter :: bands = 4  !! of gaps, see band_of
+  integer(i4), parameter :: most_materials = 1000
+  integer(i4), parameter :: first_wall_group = 2*bands*most_materials*(most_materials + 2)
 
   !> Candidates before they are put into blocks.
   type :: list_type
@@ -166,7 +168,7 @@ contains
     list%gap(k) = -1.0_wp
     if (.not. contact) call find_gap(pairs%body(:, i), pairs%body(:, j), list%normal(:, k), &
                                      list%gap(k))
-    list%group(k) = group_of(grains%material(i), grains%material(j), round, &
+    list%group(k) = group_of(.false., grains%material(i), grains%material(j), round, &
                              band_of(list%gap(k), pairs%skin))
   end subroutine look_at_pair
 
@@ -177,12 +179,12 @@ contains
     band = count(gap >= ends*skin)
   end function band_of
 
-  !> Order of blocks: materials of first and second, spheres, band of gaps.
-  pure integer(i4) function group_of(first, second, round, band)
+  !> Order of blocks: planes last, materials of first and second, spheres, band of gaps.
+  pure integer(i4) function group_of(wall, first, second, round, band)
+    logical, intent(in) :: wall, round
     integer(i4), intent(in) :: first, second, band
-    logical, intent(in) :: round
-    integer(i4), parameter :: most_materials = 1000
     group_of = band + bands*(merge(0, 1, round) + 2*(second + most_materials*first))
+    if (wall) group_of = group_of + first_wall_group
   end function group_of
 
   !> Gap along the given normal if that already separates the bodies, else along the true one.
@@ -227,8 +229,9 @@ contains
       normal = planes%normal(:, k)
       do j = 1, grains%n
         if (grains%kind(j) /= kind_free) cycle
-        gap = dot_product(pairs%body(1:3, j) - planes%point(:, k), normal) &
-              - sqrt(dot_product(normal, matrix_times(pairs%body(10:15, j), normal)))
+        gap = dot_product(pairs%body(1:3, j) - planes%point(:, k), normal)
+        if (gap - grains%radius(j) > pairs%skin) cycle
+        gap = gap - sqrt(dot_product(normal, matrix_times(pairs%body(10:15, j), normal)))
         if (gap > pairs%skin) cycle
         n = n + 1
         longer%first(n) = body
@@ -239,7 +242,7 @@ contains
           if (in_contact(pairs, longer%old(n))) gap = -1.0_wp
         end if
         longer%gap(n) = gap
-        longer%group(n) = group_of(planes%material(k), grains%material(j), .false., &
+        longer%group(n) = group_of(.true., planes%material(k), grains%material(j), .false., &
                                    band_of(gap, pairs%skin))
       end do
     end do
@@ -260,42 +263,77 @@ contains
                                1 + (slot - 1)/lanes) > 0.0_wp
   end function in_contact
 
-  !> Give every pair its slot, pad the blocks, carry normals and history.
+  !> Give every pair its slot: by group, in the order of the list; pad the blocks of a group.
   subroutine order_blocks(pairs, grains, planes, list, slot)
     type(dem_pairs_type), intent(inout) :: pairs
     type(dem_grains_type), intent(in) :: grains
     type(dem_planes_type), intent(in) :: planes
     type(list_type), intent(in) :: list
     integer(i4), allocatable, intent(out) :: slot(:)
-    integer(i4) :: k, pass, group, used, n
-    integer(i4), allocatable :: ends(:), names(:)
+    integer(i4), allocatable :: groups(:), next(:)
+    integer(i4) :: k, g, length
 
-    n = grains%n
-    allocate (slot(list%count), source=0)
-    allocate (ends(0), names(0))
+    call find_groups(list, groups)
+    allocate (next(size(groups)), source=0)
+    do k = 1, list%count
+      g = place_of(groups, list%group(k))
+      next(g) = next(g) + 1
+    end do
+    if (allocated(pairs%group_end)) deallocate (pairs%group_end)
+    allocate (pairs%group_end(size(groups)))
+    pairs%groups = size(groups)
+    pairs%count = list%count
     pairs%blocks = 0
     pairs%grain_blocks = 0
-    do pass = 1, 2
-      group = next_group(list, n, pass, -1)
-      do while (group < huge(group))
-        used = pairs%blocks*lanes
-        do k = 1, list%count
-          if (list%group(k) /= group .or. (list%first(k) > n .neqv. pass == 2)) cycle
-          used = used + 1
-          slot(k) = used
-        end do
-        pairs%blocks = (used + lanes - 1)/lanes
-        ends = [ends, pairs%blocks]
-        names = [names, group]
-        group = next_group(list, n, pass, group)
-      end do
-      if (pass == 1) pairs%grain_blocks = pairs%blocks
+    do g = 1, size(groups)
+      length = (next(g) + lanes - 1)/lanes
+      next(g) = pairs%blocks*lanes
+      pairs%blocks = pairs%blocks + length
+      pairs%group_end(g) = pairs%blocks
+      if (groups(g) < first_wall_group) pairs%grain_blocks = pairs%blocks
     end do
-    pairs%groups = size(ends)
-    pairs%group_end = ends
-    pairs%count = list%count
+    allocate (slot(list%count))
+    do k = 1, list%count
+      g = place_of(groups, list%group(k))
+      next(g) = next(g) + 1
+      slot(k) = next(g)
+    end do
     call name_blocks(pairs, grains, planes, list, slot)
   end subroutine order_blocks
+
+  !> The groups that occur, ascending.
+  pure subroutine find_groups(list, groups)
+    type(list_type), intent(in) :: list
+    integer(i4), allocatable, intent(out) :: groups(:)
+    integer(i4) :: k, g, last
+    allocate (groups(0))
+    last = -1
+    do k = 1, list%count
+      if (list%group(k) == last) cycle
+      last = list%group(k)
+      g = place_of(groups, last)
+      if (g <= size(groups)) then
+        if (groups(g) == last) cycle
+      end if
+      groups = [groups(:g - 1), last, groups(g:)]
+    end do
+  end subroutine find_groups
+
+  !> First place in an ascending list whose group is not less, one past the end if there is none.
+  pure integer(i4) function place_of(groups, group) result(low)
+    integer(i4), intent(in) :: groups(:), group
+    integer(i4) :: high, middle
+    low = 1
+    high = size(groups) + 1
+    do while (low < high)
+      middle = (low + high)/2
+      if (groups(middle) < group) then
+        low = middle + 1
+      else
+        high = middle
+      end if
+    end do
+  end function place_of
 
   !> Materials, geometry and least gap of each block.
   subroutine name_blocks(pairs, grains, planes, list, slot)
@@ -325,18 +363,6 @@ contains
     end do
   end subroutine name_blocks
 
-  !> Least group above `last` among grain pairs (pass 1) or plane pairs (pass 2).
-  pure integer(i4) function next_group(list, n, pass, last)
-    type(list_type), intent(in) :: list
-    integer(i4), intent(in) :: n, pass, last
-    integer(i4) :: k
-    next_group = huge(next_group)
-    do k = 1, list%count
-      if (list%first(k) > n .neqv. pass == 2) cycle
-      if (list%group(k) > last) next_group = min(next_group, list%group(k))
-    end do
-  end function next_group
-
   !> Fill the lanes of the new blocks from the old ones.
   subroutine move_lanes(pairs, n, weighted, list, slot)
     type(dem_pairs_type), intent(inout) :: pairs
@@ -351,6 +377,8 @@ contains
               source=0.0_wp)
     normal(:, 1, :) = 1.0_wp
     call allocate_blocks(pairs, n, weighted)
+    !$omp parallel do default(none) shared(list, slot, pairs, normal, history) &
+    !$omp   private(lane, block, old_lane, old_block) schedule(static)
     do k = 1, list%count
       lane = 1 + mod(slot(k) - 1, lanes)
       block = 1 + (slot(k) - 1)/lanes
@@ -361,8 +389,11 @@ contains
         old_lane = 1 + mod(list%old(k) - 1, lanes)
         old_block = 1 + (list%old(k) - 1)/lanes
         history(lane, :, block) = pairs%history(old_lane, :, old_block)
-        if (history(lane, history_side, block) > 0.0_wp) pairs%touched(block) = .true.
       end if
+    end do
+    !$omp end parallel do
+    do block = 1, pairs%blocks
+      pairs%touched(block) = any(history(:, history_side, block) > 0.0_wp)
     end do
     call move_alloc(normal, pairs%normal)
     call move_alloc(history, pairs%history)
@@ -430,6 +461,8 @@ contains
     integer(i4) :: k, i, j, lane, block
     logical :: free_i, free_j
 
+    !$omp parallel do default(none) shared(list, slot, pairs, grains, weights) &
+    !$omp   private(i, j, lane, block, free_i, free_j) schedule(static)
     do k = 1, list%count
       i = list%first(k)
       j = list%second(k)
@@ -446,6 +479,7 @@ contains
       if (free_j .and. .not. free_i) pairs%m_star(lane, block) = grains%mass(j)
       if (weights%n > 0) pairs%weight(lane, block) = weight_of(weights, grains%id(i), grains%id(j))
     end do
+    !$omp end parallel do
   end subroutine set_lane_constants
 
   !> Weight of a pair by binary search, 1 if none was set.
