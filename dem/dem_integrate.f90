@@ -10,7 +10,7 @@ module dem_integrate
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_grains_type, dem_pairs_type, kind_free, lanes, body_size
   use dem_block, only: dem_side_type
-  use dem_lanes, only: put_side
+  use dem_lanes, only: put_side, put_motion
   use dem_orientation, only: rotations, shapes
   implicit none
   private
@@ -499,11 +499,16 @@ contains
     end do
   end subroutine store_mover
 
-  !> Body records of all lanes; those of prescribed grains are put right by their own motion.
+  !> Body records of all lanes, of spheres what changes in them; those of prescribed grains are put
+  !! right by their own motion.
   pure subroutine put_bodies(b, body)
     type(mover_type), intent(in) :: b
     real(wp), intent(inout), contiguous :: body(:, :)
-    call put_side(b%s, b%count, body(:, b%low + 1:b%low + b%count))
+    if (b%round) then
+      call put_motion(b%s, b%count, body(:, b%low + 1:b%low + b%count))
+    else
+      call put_side(b%s, b%count, body(:, b%low + 1:b%low + b%count))
+    end if
   end subroutine put_bodies
 
   !> Spin angular momentum in space [kg m^2/s].

@@ -9,7 +9,7 @@
 #include <stdint.h>
 #include <string.h>
 
-enum { LANES = 16, WIDTH = 8, BODY = 16, RESULT = 8, LOADS = 6, AHEAD = 24 };
+enum { LANES = 16, WIDTH = 8, BODY = 16, MOTION = 9, RESULT = 8, LOADS = 6, AHEAD = 24 };
 
 typedef double row_type __attribute__((vector_size(WIDTH * sizeof(double))));
 typedef int64_t pick_type __attribute__((vector_size(WIDTH * sizeof(int64_t))));
@@ -101,6 +101,21 @@ void dem_put_bodies(const double *side, int32_t count, double *body)
             for (int i = 0; i < WIDTH && k + i < count; i++) {
                 store(body + (int64_t)(k + i) * BODY + half, m[i]);
             }
+        }
+    }
+}
+
+/* The same for spheres, whose records change in the first MOTION reals only. */
+void dem_put_motions(const double *side, int32_t count, double *body)
+{
+    for (int k = 0; k < count; k += WIDTH) {
+        row_type m[WIDTH];
+#pragma GCC unroll 8
+        for (int i = 0; i < WIDTH; i++) m[i] = load(side + i * LANES + k);
+        turn(m);
+        for (int i = 0; i < WIDTH && k + i < count; i++) {
+            store(body + (int64_t)(k + i) * BODY, m[i]);
+            body[(int64_t)(k + i) * BODY + MOTION - 1] = side[(MOTION - 1) * LANES + k + i];
         }
     }
 }

@@ -5,7 +5,7 @@ module dem_lanes
   use dem_block, only: dem_side_type, dem_load_type
   implicit none
   private
-  public :: gather_side, put_loads, put_side, sum_results, sum_lanes
+  public :: gather_side, put_loads, put_side, put_motion, sum_results, sum_lanes
 
   interface
     !> Records body(:, index) into the lanes of a side; body(:, next) will be wanted soon.
@@ -30,6 +30,14 @@ module dem_lanes
       integer(c_int32_t), value, intent(in) :: count
       real(c_double), intent(inout) :: body(body_size, *)
     end subroutine put_side
+
+    !> The same for spheres: centre, velocity and spin; the rest of the records stays.
+    pure subroutine put_motion(side, count, body) bind(c, name='dem_put_motions')
+      import :: c_double, c_int32_t, dem_side_type, body_size
+      type(dem_side_type), intent(in) :: side
+      integer(c_int32_t), value, intent(in) :: count
+      real(c_double), intent(inout) :: body(body_size, *)
+    end subroutine put_motion
 
     !> Sum of the results named by the entries first..last of a body, in their order.
     pure subroutine sum_results(result, entry, first, last, total) bind(c, name='dem_sum_results')

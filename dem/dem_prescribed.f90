@@ -18,7 +18,12 @@ contains
     body(1:3) = g%x(:, i)
     body(4:6) = g%v(:, i)
     body(7:9) = g%omega(:, i)
-    body(10:15) = shape_matrix(rotation_of(g%quat(:, i)), g%axes(:, i))
+    if (maxval(g%axes(:, i)) > minval(g%axes(:, i))) then
+      body(10:15) = shape_matrix(rotation_of(g%quat(:, i)), g%axes(:, i))
+    else
+      body(10:12) = g%axes(:, i)**2
+      body(13:15) = 0.0_wp
+    end if
     body(16) = product(g%axes(:, i)**2)
   end subroutine put_body
 

@@ -4,7 +4,7 @@ program test_dem_lanes
   use talus_test, only: test_type
   use dem_state, only: lanes, body_size, result_size, entries_ahead
   use dem_block, only: dem_side_type, dem_load_type
-  use dem_lanes, only: gather_side, put_loads, put_side, sum_results, sum_lanes
+  use dem_lanes, only: gather_side, put_loads, put_side, put_motion, sum_results, sum_lanes
   implicit none
   type(test_type) :: test
   integer(i4), parameter :: bodies = 3*lanes + 5
@@ -39,6 +39,13 @@ contains
       if (any(back(:, count + 1:) > 0.0_wp)) exit
     end do
     call test%check('lanes go back as they came', count > lanes)
+    do count = 1, lanes
+      back = -1.0_wp
+      call put_motion(side, count, back)
+      if (any(back(:9, :count) /= body(:9, index(:count)))) exit
+      if (any(back(10:, :) > 0.0_wp) .or. any(back(:, count + 1:) > 0.0_wp)) exit
+    end do
+    call test%check('motion goes back, shapes stay', count > lanes)
   end subroutine check_put
 
   !> A load acts on B as it is and on A reversed, summed in the order of entries.

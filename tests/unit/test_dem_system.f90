@@ -171,6 +171,8 @@ contains
     type(dem_system_type) :: whole, first, second
     type(dem_archive_type) :: archive
     type(error_list_type) :: errors
+    integer(i4) :: k
+
     whole%dem_data_type = ripe%dem_data_type
     call whole%step(400, errors)
     first%dem_data_type = ripe%dem_data_type
@@ -185,7 +187,8 @@ contains
     call test%check('restart: same ledger', same_ledger(whole, second))
     call test%check('restart: same counts', whole%health%steps == second%health%steps &
                     .and. whole%health%rebuilds == second%health%rebuilds)
-    archive%item(archive%find('grains.x'))%name = 'other'
+    k = archive%find('grains.x')
+    archive%item(k)%name = 'other'
     call second%import_state(archive, errors)
     call test%check('missing array is a fault', errors%any())
   end subroutine check_restart
