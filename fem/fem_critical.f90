@@ -7,6 +7,7 @@ module fem_critical
   use fem_assembly, only: stiffness_of, lumped_mass_of, mass_of
   use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
+  use fem_spectrum, only: lanes, largest_values
   use fem_types, only: fem_mesh_type, fem_springs_type
   implicit none
   private
@@ -14,6 +15,13 @@ module fem_critical
 
   real(wp), parameter :: same = 1.0e-12_wp  !! relative difference of matrices that count as equal
   integer(i4), parameter :: chunks = 64          !! of elements
+
+  !> Matrices of elements of one size that wait until there are enough to be worked together.
+  type :: waiting_type
+    integer(i4) :: n = 0
+    integer(i4) :: element(lanes) = 0
+    real(wp), allocatable :: matrix(:, :, :)  !! (lanes, n, n) [1/s^2]
+  end type waiting_type
 
   interface
     subroutine dsyev(jobz, uplo, n, a, lda, w, work, lwork, info)
@@ -71,27 +79,82 @@ contains
     real(wp), intent(out) :: most
     integer(i4), intent(out) :: element
     real(wp), allocatable :: k(:, :, :, :), mass(:, :), last_k(:, :, :, :), last_mass(:, :)
+    type(waiting_type) :: waiting
     real(wp) :: square
     integer(i4) :: e, n, first, last
 
     most = 0.0_wp
     element = 0
-    square = 0.0_wp
     first = int((c - 1)*int(mesh%elements, i8)/chunks, i4) + 1
     last = int(c*int(mesh%elements, i8)/chunks, i4)
     do e = first, last
       n = dofs%start(e + 1) - dofs%start(e)
       call matrices_of(mesh, dofs, elastic, e, lumped, k, mass)
       call scale_block_mass(factor(dofs%block(dofs%start(e):dofs%start(e + 1) - 1)), mass)
-      if (.not. unchanged(k, mass, last_k, last_mass)) square = top_value(k, mass, 1, n)
-      if (square > most) then
-        most = square
-        element = e
+      if (unchanged(k, mass, last_k, last_mass)) cycle
+      if (lumped) then
+        call wait_for_more(e, n, k, mass, waiting, most, element)
+      else
+        square = top_value(k, mass, 1, n)
+        if (square > most) element = e
+        most = max(most, square)
       end if
       call move_alloc(k, last_k)
       call move_alloc(mass, last_mass)
     end do
+    call work_off(waiting, most, element)
   end subroutine chunk_frequency
+
+  !> Put an element with lumped mass to those that wait; full ranks, and others of another size,
+  !! are worked off.
+  subroutine wait_for_more(e, n, k, mass, waiting, most, element)
+    integer(i4), intent(in) :: e, n
+    real(wp), intent(in) :: k(:, :, :, :), mass(:, :)
+    type(waiting_type), intent(inout) :: waiting
+    real(wp), intent(inout) :: most
+    integer(i4), intent(inout) :: element
+    integer(i4) :: a, b, i, j, l
+
+    if (allocated(waiting%matrix)) then
+      if (size(waiting%matrix, 2) /= 3*n) then
+        call work_off(waiting, most, element)
+        deallocate (waiting%matrix)
+      end if
+    end if
+    if (.not. allocated(waiting%matrix)) allocate (waiting%matrix(lanes, 3*n, 3*n))
+    waiting%n = waiting%n + 1
+    l = waiting%n
+    waiting%element(l) = e
+    do b = 1, n
+      do a = 1, b  ! the lower triangle from the blocks of the upper one
+        do j = 1, 3
+          do i = 1, 3
+            waiting%matrix(l, 3*b - 3 + j, 3*a - 3 + i) = k(i, j, a, b)/sqrt(mass(1, a)*mass(1, b))
+          end do
+        end do
+      end do
+    end do
+    if (l == lanes) call work_off(waiting, most, element)
+  end subroutine wait_for_more
+
+  !> Raise `most` to the largest eigenvalue of those that wait; the first that has it is named.
+  subroutine work_off(waiting, most, element)
+    type(waiting_type), intent(inout) :: waiting
+    real(wp), intent(inout) :: most
+    integer(i4), intent(inout) :: element
+    real(wp) :: top(lanes)
+    integer(i4) :: l
+    if (waiting%n == 0) return
+    do l = waiting%n + 1, lanes
+      waiting%matrix(l, :, :) = 0.0_wp
+    end do
+    call largest_values(waiting%matrix, top)
+    do l = 1, waiting%n
+      if (top(l) > most) element = waiting%element(l)
+      most = max(most, top(l))
+    end do
+    waiting%n = 0
+  end subroutine work_off
 
   !> Mass between blocks a and b times sqrt(f_a f_b), which leaves it positive; f of a lumped one.
   pure subroutine scale_block_mass(factor, mass)
