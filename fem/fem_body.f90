@@ -11,11 +11,12 @@ module fem_body
   use fem_damping, only: fem_damping_type
   use fem_dofs, only: fem_dofs_type, blocks_of
   use fem_elastic, only: fem_elastic_type
-  use fem_leap, only: fem_leap_type
+  use fem_leap, only: fem_leap_type, least_shared
   use fem_ledger, only: step_works, fem_works_type
   use fem_one_point, only: fem_one_point_type
   use fem_sparse, only: fem_pattern_type, make_pattern, add_springs, multiply, multiply_mass, &
     scale_mass
+  use fem_shares, only: share_pattern
   use fem_solver, only: fem_solver_type
   use fem_supports, only: check_supports
   use fem_loads, only: curve_value
@@ -60,6 +61,7 @@ module fem_body
     type(fem_pattern_type) :: pattern
     type(fem_solver_type) :: solver
     real(wp), allocatable :: k(:, :, :), mass(:), lumped(:)
+    real(wp), allocatable :: node_mass(:)        !! (blocks) lumped, with the factors [kg, kg m^2]
     real(wp), allocatable :: weight_force(:, :)  !! of gravity [N]
     real(wp), allocatable :: initial_force(:, :) !! internal forces of the initial stress [N]
     real(wp) :: step_limit = huge(1.0_wp)        !! of the time integration [s]
@@ -108,7 +110,10 @@ contains
     class(fem_body_type), intent(inout) :: self
     real(wp) :: fall(3, self%dofs%blocks)
     integer(i4) :: i
-    if (.not. allocated(self%pattern%start)) call make_pattern(self%dofs, self%pattern)
+    if (.not. allocated(self%pattern%start)) then
+      call make_pattern(self%dofs, self%pattern)
+      call share_pattern(self%dofs, self%pattern)
+    end if
     call assemble_stiffness(self%mesh, self%dofs, self%elastic, self%pattern, self%k)
     call add_springs(self%ground, self%pattern, self%k)
     call assemble_mass(self%mesh, self%dofs, self%elastic, self%pattern, self%mass, self%lumped)
@@ -119,6 +124,7 @@ contains
       self%weight_force(:, i) = self%mass_factor(i)*self%weight_force(:, i)
     end do
     call scale_mass(self%pattern, self%mass_factor, self%mass)
+    self%node_mass = self%lumped*self%mass_factor
     call initial_stress_force(self%mesh, self%dofs, self%elastic, self%initial_force)
     if (self%explicit .and. self%ground%n == 0) &
       call self%one_point%prepare(self%mesh, self%dofs, self%elastic, self%pattern)
@@ -130,12 +136,12 @@ contains
   !! stand for what hangs at the nodes of an explicit body: they act on its step alone.
   subroutine limit_step(self)
     class(fem_body_type), intent(inout) :: self
-    real(wp) :: square, mass(self%dofs%blocks)
+    real(wp) :: square
     if (self%explicit) then
-      mass = self%lumped*self%mass_factor
       call largest_frequency(self%mesh, self%dofs, self%elastic, self%mass_factor, .true., square, &
                              self%stiffest)
-      square = square + spring_rate(self%ground, mass) + spring_rate(self%robin, mass)
+      square = square + spring_rate(self%ground, self%node_mass) &
+               + spring_rate(self%robin, self%node_mass)
       self%step_limit = stable_step(sqrt(square), self%damping%stiffness)
     else if (self%dynamic .and. 2.0_wp*self%beta < self%gamma) then
       call largest_frequency(self%mesh, self%dofs, self%elastic, self%mass_factor, .false., &
@@ -184,15 +190,21 @@ contains
     class(fem_body_type), intent(in) :: self
     real(wp), intent(in) :: t
     real(wp), intent(out) :: force(:, :)
-    integer(i4) :: k
-    force = self%weight_force + self%dead_load + self%port_load
+    real(wp) :: value(size(self%load))
+    integer(i4) :: i, k
+    value = 1.0_wp
     do k = 1, size(self%load)
-      if (self%load(k)%curve == 0) then
-        force = force + self%load(k)%force
-      else
-        force = force + curve_value(self%curve(self%load(k)%curve), t)*self%load(k)%force
-      end if
+      if (self%load(k)%curve > 0) value(k) = curve_value(self%curve(self%load(k)%curve), t)
     end do
+    !$omp parallel do default(none) shared(self, force, value) private(i, k) schedule(static) &
+    !$omp if(size(force, 2) > least_shared)
+    do i = 1, size(force, 2)
+      force(:, i) = self%weight_force(:, i) + self%dead_load(:, i) + self%port_load(:, i)
+      do k = 1, size(value)
+        force(:, i) = force(:, i) + value(k)*self%load(k)%force(:, i)
+      end do
+    end do
+    !$omp end parallel do
   end subroutine external_at
 
   !> Internal forces K u plus those of the initial stress [N].

@@ -30,7 +30,7 @@ contains
     end if
     dt = t1 - self%accepted%time
     fixed = self%held .or. self%prescribed
-    mass = self%lumped*self%mass_factor
+    mass = self%node_mass
     associate (s => self%state, old => self%accepted)
       s%time = t1
       s%u = old%u
@@ -76,10 +76,9 @@ contains
                                              - old%u(m%component, m%block))/dt
         end associate
       end do
-      work%mass = self%lumped*self%mass_factor
       call self%external_at(t1, s%external)
       call self%internal_force(s%u, work%internal)
-      call kick_all(dt, self%initial_force, self%weight_force, old, s, work)
+      call kick_all(dt, self%node_mass, self%initial_force, self%weight_force, old, s, work)
       if (.not. is_finite(work%strain)) call self%check_finite(errors)
       self%energy = self%accepted_energy
       associate (e => self%energy)
@@ -106,8 +105,8 @@ contains
     call self%update_energy(internal)
     self%energy%kinetic = 0.0_wp
     do i = 1, self%dofs%blocks
-      self%energy%kinetic = self%energy%kinetic + 0.5_wp*self%lumped(i)*self%mass_factor(i) &
-                            *sum(self%state%v(:, i)**2)
+      self%energy%kinetic = self%energy%kinetic &
+        + 0.5_wp*self%node_mass(i)*sum(self%state%v(:, i)**2)
     end do
   end subroutine explicit_energy
 end module fem_central

@@ -28,7 +28,7 @@ contains
   end function active
 
   !> C v [N, N m].
-  pure subroutine force(self, pattern, k, mass, v, f)
+  subroutine force(self, pattern, k, mass, v, f)
     class(fem_damping_type), intent(in) :: self
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), intent(in), contiguous :: k(:, :, :), mass(:), v(:, :)

@@ -8,6 +8,7 @@
 module fem_explicit
   use talus_kinds, only: wp, i4
   use fem_damping, only: fem_damping_type
+  use fem_leap, only: least_shared, chunk
   use fem_types, only: fem_state_type
   implicit none
   private
@@ -16,13 +17,15 @@ module fem_explicit
 contains
 
   !> Velocities at mid-step and displacements of what is free; u of what is fixed is in `new`.
-  pure subroutine drift_half(dt, fixed, old, new, half)
+  subroutine drift_half(dt, fixed, old, new, half)
     real(wp), intent(in) :: dt            !! [s]
     logical, intent(in) :: fixed(:, :)    !! (3, blocks)
     type(fem_state_type), intent(in) :: old
     type(fem_state_type), intent(inout) :: new
     real(wp), intent(out) :: half(:, :)   !! [m/s]
     integer(i4) :: i, c
+    !$omp parallel do default(none) shared(dt, fixed, old, new, half) private(i, c) &
+    !$omp schedule(static) if(size(half, 2) > least_shared)
     do i = 1, size(half, 2)
       do c = 1, 3
         if (fixed(c, i)) then
@@ -33,11 +36,12 @@ contains
         end if
       end do
     end do
+    !$omp end parallel do
   end subroutine drift_half
 
   !> Accelerations and velocities from `force`, all forces at u1 but those of dashpots and a M,
   !! which are added here to new%viscous. What is fixed has the velocity of the step.
-  pure subroutine kick_half(dt, fixed, mass, damping, force, half, old, new)
+  subroutine kick_half(dt, fixed, mass, damping, force, half, old, new)
     real(wp), intent(in) :: dt, mass(:)   !! [s], (blocks) [kg]
     logical, intent(in) :: fixed(:, :)
     type(fem_damping_type), intent(in) :: damping
@@ -48,9 +52,12 @@ contains
     integer(i4) :: i, c, k
 
     slow = 1.0_wp + 0.5_wp*dt*damping%mass
+    !$omp parallel do default(none) shared(mass, force, damping, half, slow, new) private(i) &
+    !$omp schedule(static) if(size(mass) > least_shared)
     do i = 1, size(mass)
       new%a(:, i) = (force(:, i)/mass(i) - damping%mass*half(:, i))/slow
     end do
+    !$omp end parallel do
     do k = 1, damping%n
       i = damping%block(k)
       matrix = 0.5_wp*dt*damping%dashpot(:, :, k)
@@ -61,6 +68,8 @@ contains
              - matmul(damping%dashpot(:, :, k), half(:, i))
       new%a(:, i) = solution(matrix, rest)
     end do
+    !$omp parallel do default(none) shared(dt, mass, fixed, damping, half, old, new) private(i, c) &
+    !$omp schedule(static) if(size(mass) > least_shared)
     do i = 1, size(mass)
       do c = 1, 3
         if (fixed(c, i)) then
@@ -73,6 +82,7 @@ contains
       if (damping%mass > 0.0_wp) new%viscous(:, i) = new%viscous(:, i) &
         + damping%mass*mass(i)*new%v(:, i)
     end do
+    !$omp end parallel do
     do k = 1, damping%n
       i = damping%block(k)
       new%viscous(:, i) = new%viscous(:, i) + matmul(damping%dashpot(:, :, k), new%v(:, i))
@@ -97,25 +107,48 @@ contains
 
   !> Kinetic energy 1/2 v M v [J]; growth of the discrete term -dt^2/8 a M a of what is free; what
   !! of the works of moved supports is inertia beyond trapezoidal work, du m a_mean - d(1/2 m v^2).
-  pure subroutine explicit_kinetic(dt, fixed, mass, old, new, kinetic, discrete, supports)
+  subroutine explicit_kinetic(dt, fixed, mass, old, new, kinetic, discrete, supports)
     real(wp), intent(in) :: dt, mass(:)
     logical, intent(in) :: fixed(:, :)
     type(fem_state_type), intent(in) :: old, new
     real(wp), intent(out) :: kinetic, discrete, supports
-    integer(i4) :: i, c
+    real(wp) :: sums(3, (size(mass) + chunk - 1)/chunk)
+    integer(i4) :: k
+    !$omp parallel do default(none) shared(mass, fixed, old, new, sums) private(k) &
+    !$omp schedule(static) if(size(mass) > least_shared)
+    do k = 1, size(sums, 2)
+      call kinetic_chunk(mass, fixed, k, old, new, sums(:, k))
+    end do
+    !$omp end parallel do
     kinetic = 0.0_wp
     discrete = 0.0_wp
     supports = 0.0_wp
-    do i = 1, size(mass)
+    do k = 1, size(sums, 2)
+      kinetic = kinetic + sums(1, k)
+      discrete = discrete - dt*dt*sums(2, k)
+      supports = supports + sums(3, k)
+    end do
+  end subroutine explicit_kinetic
+
+  !> The blocks of chunk k, the second sum without dt^2.
+  pure subroutine kinetic_chunk(mass, fixed, k, old, new, sums)
+    real(wp), intent(in) :: mass(:)
+    logical, intent(in) :: fixed(:, :)
+    integer(i4), intent(in) :: k
+    type(fem_state_type), intent(in) :: old, new
+    real(wp), intent(out) :: sums(3)
+    integer(i4) :: i, c
+    sums = 0.0_wp
+    do i = (k - 1)*chunk + 1, min(k*chunk, int(size(mass), i4))
       do c = 1, 3
-        kinetic = kinetic + 0.5_wp*mass(i)*new%v(c, i)**2
+        sums(1) = sums(1) + 0.5_wp*mass(i)*new%v(c, i)**2
         if (fixed(c, i)) then
-          supports = supports + 0.5_wp*mass(i)*((new%u(c, i) - old%u(c, i)) &
+          sums(3) = sums(3) + 0.5_wp*mass(i)*((new%u(c, i) - old%u(c, i)) &
             *(new%a(c, i) + old%a(c, i)) - new%v(c, i)**2 + old%v(c, i)**2)
         else
-          discrete = discrete - 0.125_wp*dt*dt*mass(i)*(new%a(c, i)**2 - old%a(c, i)**2)
+          sums(2) = sums(2) + 0.125_wp*mass(i)*(new%a(c, i)**2 - old%a(c, i)**2)
         end if
       end do
     end do
-  end subroutine explicit_kinetic
+  end subroutine kinetic_chunk
 end module fem_explicit

@@ -1,6 +1,8 @@
-!> Sums for the energy ledger in one pass over the state: stored energy and trapezoidal works.
+!> Sums for the energy ledger in one pass over the state: stored energy and trapezoidal works; by
+!! chunks, so that they are the same bits for any number of threads.
 module fem_ledger
   use talus_kinds, only: wp, i4
+  use fem_leap, only: least_shared, chunk
   use fem_types, only: fem_state_type
   implicit none
   private
@@ -16,17 +18,40 @@ module fem_ledger
 contains
 
   !> Works between two states; `weight` is that of gravity's force over the whole step.
-  pure subroutine step_works(old, new, internal, initial, gravity, works)
+  subroutine step_works(old, new, internal, initial, gravity, works)
     type(fem_state_type), intent(in) :: old, new
     real(wp), intent(in) :: internal(:, :)  !! K u + initial [N]
     real(wp), intent(in) :: initial(:, :)   !! forces of the initial stress [N]
     real(wp), intent(in) :: gravity(:, :)   !! weight [N]
     type(fem_works_type), intent(out) :: works
-    real(wp) :: moved, sums(6)
+    real(wp) :: parts(6, (size(internal, 2) + chunk - 1)/chunk), sums(6)
+    integer(i4) :: k
+
+    !$omp parallel do default(none) shared(old, new, internal, initial, gravity, parts) private(k) &
+    !$omp schedule(static) if(size(internal, 2) > least_shared)
+    do k = 1, size(parts, 2)
+      call chunk_works(old, new, internal, initial, gravity, k, parts(:, k))
+    end do
+    !$omp end parallel do
+    sums = 0.0_wp
+    do k = 1, size(parts, 2)
+      sums = sums + parts(:, k)
+    end do
+    works = fem_works_type(0.5_wp*sums(1), 0.5_wp*sums(2), sums(3), 0.5_wp*sums(4), &
+                           0.5_wp*sums(5), 0.5_wp*sums(6))
+  end subroutine step_works
+
+  !> Sums over the blocks of chunk k.
+  pure subroutine chunk_works(old, new, internal, initial, gravity, k, sums)
+    type(fem_state_type), intent(in) :: old, new
+    real(wp), intent(in) :: internal(:, :), initial(:, :), gravity(:, :)
+    integer(i4), intent(in) :: k
+    real(wp), intent(out) :: sums(6)
+    real(wp) :: moved
     integer(i4) :: i, c
 
     sums = 0.0_wp
-    do i = 1, size(internal, 2)
+    do i = (k - 1)*chunk + 1, min(k*chunk, int(size(internal, 2), i4))
       do c = 1, 3
         moved = new%u(c, i) - old%u(c, i)
         sums(1) = sums(1) + new%u(c, i)*(internal(c, i) + initial(c, i))
@@ -37,7 +62,5 @@ contains
         sums(6) = sums(6) + moved*(new%viscous(c, i) + old%viscous(c, i))
       end do
     end do
-    works = fem_works_type(0.5_wp*sums(1), 0.5_wp*sums(2), sums(3), 0.5_wp*sums(4), &
-                           0.5_wp*sums(5), 0.5_wp*sums(6))
-  end subroutine step_works
+  end subroutine chunk_works
 end module fem_ledger

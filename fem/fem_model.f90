@@ -340,8 +340,9 @@ contains
       self%logged_factors = solver%factorisations
       if (solver%iterative) then
         call self%log%item('solver', 'conjugate gradients', str(solver%free)// &
-          ' free degrees of freedom, incomplete factors '//short_number(solver%cg%memory)// &
-          ' MB, diagonal raised by '//short_number(solver%cg%raise))
+          ' free degrees of freedom, incomplete factors '// &
+          short_number(solver%cg%factors%memory)//' MB, diagonal raised by '// &
+          short_number(solver%cg%factors%raise))
         return
       end if
       call self%log%item('factorisation '//str(solver%factorisations), &

@@ -9,6 +9,7 @@ module fem_one_point
   use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
   use fem_hourglass, only: lanes, one_point_data, one_point_force, one_point_size
+  use fem_leap, only: least_shared
   use fem_sparse, only: fem_pattern_type
   use fem_types, only: fem_mesh_type
   implicit none
@@ -90,7 +91,8 @@ contains
     real(wp), intent(in), contiguous :: u(:, :)
     real(wp), intent(inout), contiguous :: f(:, :)
     integer(i4) :: t
-    !$omp parallel do default(none) shared(self, u, f) private(t) schedule(static, 1)
+    !$omp parallel do default(none) shared(self, u, f) private(t) schedule(static, 1) &
+    !$omp if(size(f, 2) > least_shared)
     do t = 1, size(self%share)
       call share_force(self%share(t), u, f)
     end do

@@ -136,7 +136,8 @@ contains
       if (mass_factor > 0.0_wp) error stop 'bug: the iterative solver is for statics'
       self%factorisations = self%factorisations + 1
       call self%cg%prepare(pattern, k, self%equation > 0)
-      if (.not. self%cg%ready) call errors%add('N302', 'the stiffness is not positive definite', &
+      if (.not. self%cg%factors%ready) &
+        call errors%add('N302', 'the stiffness is not positive definite', &
         hint='check supports, moduli and the mesh')
       return
     end if

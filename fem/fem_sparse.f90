@@ -7,13 +7,25 @@ module fem_sparse
   use fem_types, only: fem_springs_type
   implicit none
   private
-  public :: fem_pattern_type, make_pattern, place, add_springs
+  public :: fem_pattern_type, fem_share_type, rows_inner, rows_border, rows_foreign, has_block
+  public :: make_pattern, place, add_springs
   public :: multiply, multiply_mass, scale_mass, block_diagonal, share_element
+
+  !> Rows whose columns are all of their share, some of which are, or that belong to another.
+  integer(i4), parameter :: rows_inner = 1, rows_border = 2, rows_foreign = 3
+
+  !> What a thread does in a product: its blocks are two ranges, displacements and micro-rotations
+  !! of the same nodes.
+  type :: fem_share_type
+    integer(i4) :: first(2) = 1, last(2) = 0
+    integer(i4), allocatable :: rows(:, :)  !! (3, n) first and last row, and their kind
+  end type fem_share_type
 
   !> Rows of the upper triangle: row n has the columns column(start(n):start(n+1)-1), all >= n.
   type :: fem_pattern_type
     integer(i4) :: nodes = 0  !! rows: one a block
     integer(i4), allocatable :: start(:), column(:)
+    type(fem_share_type), allocatable :: share(:)  !! of the threads, none for one
   end type fem_pattern_type
 
 contains
@@ -149,22 +161,62 @@ contains
     end do
   end subroutine add_springs
 
-  !> y = K u for the symmetric blocks.
-  pure subroutine multiply(pattern, k, u, y)
+  !> y = K u for the symmetric blocks. With shares each thread owns the rows of a range of nodes and
+  !! adds to them alone, in the order of the rows: the same bits for any number of threads.
+  subroutine multiply(pattern, k, u, y)
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), intent(in), contiguous :: k(:, :, :), u(:, :)
     real(wp), intent(out), contiguous :: y(:, :)
+    integer(i4) :: t
+    if (.not. allocated(pattern%share)) then
+      y = 0.0_wp
+      call inner_rows(pattern, k, u, 1, pattern%nodes, y)
+      return
+    end if
+    !$omp parallel do default(none) shared(pattern, k, u, y) private(t) schedule(static, 1) &
+    !$omp num_threads(size(pattern%share))
+    do t = 1, size(pattern%share)
+      call share_rows(pattern, pattern%share(t), k, u, y)
+    end do
+    !$omp end parallel do
+  end subroutine multiply
+
+  !> The rows of one share, and what rows of others have in its columns, in the order of the rows.
+  pure subroutine share_rows(pattern, share, k, u, y)
+    type(fem_pattern_type), intent(in) :: pattern
+    type(fem_share_type), intent(in) :: share
+    real(wp), intent(in), contiguous :: k(:, :, :), u(:, :)
+    real(wp), intent(inout), contiguous :: y(:, :)
+    integer(i4) :: s, i
+    do s = 1, 2
+      y(:, share%first(s):share%last(s)) = 0.0_wp
+    end do
+    do s = 1, size(share%rows, 2)
+      select case (share%rows(3, s))
+      case (rows_inner)
+        call inner_rows(pattern, k, u, share%rows(1, s), share%rows(2, s), y)
+      case default
+        do i = share%rows(1, s), share%rows(2, s)
+          call border_row(pattern, share, k, u, i, share%rows(3, s) == rows_border, y)
+        end do
+      end select
+    end do
+  end subroutine share_rows
+
+  !> Rows first to last, whose columns are all at home.
+  pure subroutine inner_rows(pattern, k, u, first, last, y)
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in), contiguous :: k(:, :, :), u(:, :)
+    integer(i4), intent(in) :: first, last
+    real(wp), intent(inout), contiguous :: y(:, :)
     real(wp) :: u1, u2, u3, y1, y2, y3
     integer(i4) :: i, j, p
-    y = 0.0_wp
-    do i = 1, pattern%nodes
+    do i = first, last
       u1 = u(1, i)
       u2 = u(2, i)
       u3 = u(3, i)
       p = pattern%start(i)
-      y1 = k(1, 1, p)*u1 + k(1, 2, p)*u2 + k(1, 3, p)*u3
-      y2 = k(2, 1, p)*u1 + k(2, 2, p)*u2 + k(2, 3, p)*u3
-      y3 = k(3, 1, p)*u1 + k(3, 2, p)*u2 + k(3, 3, p)*u3
+      call diagonal_block(k(:, :, p), u1, u2, u3, y1, y2, y3)
       do p = pattern%start(i) + 1, pattern%start(i + 1) - 1
         j = pattern%column(p)
         y1 = y1 + k(1, 1, p)*u(1, j) + k(1, 2, p)*u(2, j) + k(1, 3, p)*u(3, j)
@@ -178,7 +230,63 @@ contains
       y(2, i) = y(2, i) + y2
       y(3, i) = y(3, i) + y3
     end do
-  end subroutine multiply
+  end subroutine inner_rows
+
+  !> Products of which each sum has one: whether the compiler fuses them does not hang on the loop.
+  pure subroutine diagonal_block(k, u1, u2, u3, y1, y2, y3)
+    real(wp), intent(in) :: k(3, 3), u1, u2, u3
+    real(wp), intent(out) :: y1, y2, y3
+    y1 = k(1, 1)*u1
+    y2 = k(2, 1)*u1
+    y3 = k(3, 1)*u1
+    y1 = y1 + k(1, 2)*u2
+    y2 = y2 + k(2, 2)*u2
+    y3 = y3 + k(3, 2)*u2
+    y1 = y1 + k(1, 3)*u3
+    y2 = y2 + k(2, 3)*u3
+    y3 = y3 + k(3, 3)*u3
+  end subroutine diagonal_block
+
+  !> Row i, which has columns of other shares; `own`: the row itself belongs to this one.
+  pure subroutine border_row(pattern, share, k, u, i, own, y)
+    type(fem_pattern_type), intent(in) :: pattern
+    type(fem_share_type), intent(in) :: share
+    real(wp), intent(in), contiguous :: k(:, :, :), u(:, :)
+    integer(i4), intent(in) :: i
+    logical, intent(in) :: own
+    real(wp), intent(inout), contiguous :: y(:, :)
+    real(wp) :: u1, u2, u3, y1, y2, y3
+    integer(i4) :: j, p
+    u1 = u(1, i)
+    u2 = u(2, i)
+    u3 = u(3, i)
+    p = pattern%start(i)
+    call diagonal_block(k(:, :, p), u1, u2, u3, y1, y2, y3)
+    do p = pattern%start(i) + 1, pattern%start(i + 1) - 1
+      j = pattern%column(p)
+      if (own) then
+        y1 = y1 + k(1, 1, p)*u(1, j) + k(1, 2, p)*u(2, j) + k(1, 3, p)*u(3, j)
+        y2 = y2 + k(2, 1, p)*u(1, j) + k(2, 2, p)*u(2, j) + k(2, 3, p)*u(3, j)
+        y3 = y3 + k(3, 1, p)*u(1, j) + k(3, 2, p)*u(2, j) + k(3, 3, p)*u(3, j)
+      end if
+      if (.not. has_block(share, j)) cycle
+      y(1, j) = y(1, j) + k(1, 1, p)*u1 + k(2, 1, p)*u2 + k(3, 1, p)*u3
+      y(2, j) = y(2, j) + k(1, 2, p)*u1 + k(2, 2, p)*u2 + k(3, 2, p)*u3
+      y(3, j) = y(3, j) + k(1, 3, p)*u1 + k(2, 3, p)*u2 + k(3, 3, p)*u3
+    end do
+    if (.not. own) return
+    y(1, i) = y(1, i) + y1
+    y(2, i) = y(2, i) + y2
+    y(3, i) = y(3, i) + y3
+  end subroutine border_row
+
+  !> Is block j one of a share?
+  elemental logical function has_block(share, j)
+    type(fem_share_type), intent(in) :: share
+    integer(i4), intent(in) :: j
+    has_block = (j >= share%first(1) .and. j <= share%last(1)) &
+                .or. (j >= share%first(2) .and. j <= share%last(2))
+  end function has_block
 
   !> y = M a for the scalar mass blocks.
   pure subroutine multiply_mass(pattern, mass, a, y)

@@ -27,7 +27,7 @@ contains
       call self%viscous_force(s%v, s%viscous)
       residual = s%external - internal - s%viscous
       if (self%explicit) then
-        mass = spread(self%lumped*self%mass_factor, 1, 3)
+        mass = spread(self%node_mass, 1, 3)
         s%a = merge(0.0_wp, residual/mass, fixed)
         s%reaction = merge(-residual, 0.0_wp, fixed)
         momentum = mass*s%v
