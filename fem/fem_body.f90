@@ -69,6 +69,7 @@ module fem_body
     real(wp) :: factored_dt = -1.0_wp            !! [s], 0 in statics, < 0 not factored
     real(wp) :: restored_dt = -1.0_wp            !! [s] of the factors at a checkpoint, < 0 none
     logical :: fresh_numbering = .false.
+    real(wp) :: residual = 0.0_wp                !! largest of implicit steps, see fem_step [-]
     type(fem_state_type) :: state, accepted
     type(fem_energy_type) :: energy, accepted_energy
   contains

@@ -473,6 +473,8 @@ contains
     call summary%set('time_s', self%body%accepted%time)
     call summary%set('health.energy_error', energy_error(self%body))
     call summary%set('health.factorisations', self%body%solver%factorisations)
+    if (.not. (self%body%explicit .or. self%relaxation .or. self%modal)) &
+      call summary%set('health.residual', self%body%residual)
     call summary%set_timers(self%timers)
     call summary%set_errors(errors)
     call summary%write(self%stem//'_summary.json', late)

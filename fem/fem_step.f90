@@ -58,12 +58,36 @@ contains
       call robin_force(self%robin, old%u, s%u, tie)
       s%reaction = (inertia - tie - self%lag*old_balance)/share + internal &
                    + s%viscous - s%external
-      where (.not. (self%held .or. self%prescribed)) s%reaction = 0.0_wp
+      call part_reactions(self)
       s%tie = tie
       call self%update_energy(internal)
       if (self%dynamic) call dynamic_work(self, dt, inertia, old_balance)
     end associate
   end subroutine take_step
+
+  !> Reactions are what is missing to balance where something is held; elsewhere it is the residual,
+  !! taken over loads and reactions.
+  subroutine part_reactions(self)
+    type(fem_body_type), intent(inout) :: self
+    real(wp) :: left, scale
+    integer(i4) :: i, c
+    left = 0.0_wp
+    scale = 0.0_wp
+    associate (s => self%state)
+      do i = 1, size(s%reaction, 2)
+        do c = 1, 3
+          if (self%held(c, i) .or. self%prescribed(c, i)) then
+            scale = scale + s%reaction(c, i)**2
+          else
+            left = left + s%reaction(c, i)**2
+            scale = scale + s%external(c, i)**2
+            s%reaction(c, i) = 0.0_wp
+          end if
+        end do
+      end do
+    end associate
+    if (scale > 0.0_wp) self%residual = max(self%residual, sqrt(left/scale))
+  end subroutine part_reactions
 
   !> K u + C v and the forces of the initial stress [N, N m].
   subroutine inner_forces(self, s, force)

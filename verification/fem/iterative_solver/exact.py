@@ -1,5 +1,6 @@
 """The same systems by both solvers."""
 
+import json
 import re
 
 import numpy as np
@@ -46,6 +47,10 @@ def run(case: Case) -> None:
         found = solve(case, name, element, material, "iterative")
         off = float(abs(found - direct).max() / abs(direct).max())
         case.below(f"{element}, nu = {poisson}: difference / largest", off, 1e-8)
+        for solver in ("direct", "iterative"):
+            summary = json.loads((case.folder / f"{name}_{solver}_summary.json").read_text())
+            left = summary["health"]["residual"]
+            case.below(f"{element}, nu = {poisson}: residual, {solver}", left, 1e-8)
         if element in ("hex8_bbar", "tet10", "hex20/hex8") and poisson < 0.4:
             found = solve(case, name, element, material, "relaxation")
             off = float(abs(found - direct).max() / abs(direct).max())
