@@ -3,6 +3,7 @@ module talus_deck_source
   use talus_kinds, only: i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
+  use talus_files, only: folder_exists, plain_file
   implicit none
   private
   public :: deck_source_type
@@ -63,6 +64,11 @@ contains
     inquire (file=path, exist=there)
     if (.not. there) then
       call errors%add('D001', 'there is no deck '''//path//'''', path, 'see its name and folder')
+      return
+    end if
+    if (.not. (plain_file(path) .or. folder_exists(path))) then
+      call errors%add('D001', 'the deck cannot be read: it is a pipe or a device', path, &
+                      'give a text file')
       return
     end if
     open (newunit=unit, file=path, access='stream', form='unformatted', status='old', &

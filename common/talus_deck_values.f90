@@ -3,6 +3,7 @@ module talus_deck_values
   use talus_kinds, only: wp, i4
   use talus_text, only: string_type, str, lower
   use talus_suggest, only: nearest_name, did_you_mean
+  use talus_files, only: plain_file
   use talus_deck_table, only: deck_group_type, deck_key_type, range_text, size_text
   use talus_deck_value, only: parse_real, parse_integer, parse_logical, value_good, &
     value_not_finite, value_too_large, value_is_real
@@ -220,6 +221,9 @@ contains
     else if (folder) then
       call add_at(source, 'D018', key%name//': '''//name//''' is a folder, not a file', token, &
                   key%doc, faults)
+    else if (.not. plain_file(path)) then
+      call add_at(source, 'D018', key%name//': '''//name//''' is a pipe or a device, not a file', &
+                  token, key%doc, faults)
     end if
   end subroutine check_file
 

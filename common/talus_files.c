@@ -17,6 +17,9 @@ int talus_c_unlink(const char *path);
 int talus_c_rmdir(const char *path);
 int talus_c_sync_path(const char *path);
 int talus_c_stat(const char *path, int64_t *size, double *changed, int *is_folder);
+int talus_c_is_plain(const char *path);
+int talus_c_same_file(const char *a, const char *b);
+int talus_c_writable(const char *folder);
 int64_t talus_c_disk_free(const char *folder);
 int talus_c_open_append(const char *path, int fresh, int *fd);
 int talus_c_write(int fd, const char *data, int64_t size);
@@ -85,6 +88,24 @@ int talus_c_stat(const char *path, int64_t *size, double *changed, int *is_folde
     *changed = (double)st.st_mtim.tv_sec + 1e-9 * (double)st.st_mtim.tv_nsec;
     *is_folder = S_ISDIR(st.st_mode) ? 1 : 0;
     return 0;
+}
+
+int talus_c_is_plain(const char *path)
+{
+    struct stat st;
+    return stat(path, &st) == 0 && S_ISREG(st.st_mode);
+}
+
+int talus_c_same_file(const char *a, const char *b)
+{
+    struct stat st_a, st_b;
+    if (stat(a, &st_a) != 0 || stat(b, &st_b) != 0) return 0;
+    return st_a.st_dev == st_b.st_dev && st_a.st_ino == st_b.st_ino;
+}
+
+int talus_c_writable(const char *folder)
+{
+    return access(folder, W_OK | X_OK) == 0 ? 0 : errno;
 }
 
 int64_t talus_c_disk_free(const char *folder)

@@ -10,11 +10,12 @@ module talus_files
   use talus_text, only: str, string_type, append_string
   implicit none
   private
-  public :: file_exists, folder_exists, file_size, file_changed, disk_free, list_files
+  public :: file_exists, folder_exists, plain_file, same_file
+  public :: file_size, file_changed, disk_free, list_files
   public :: make_folder, remove_empty_folder
   public :: rename_file, link_file, remove_file, sync_file, sync_folder
   public :: open_append, write_text, close_file, truncate_file, replace_file, read_file, write_fault
-  public :: folder_of, name_of, stem_of
+  public :: folder_of, name_of, stem_of, run_stem
 
   integer(i4), parameter :: no_space = 28, file_too_big = 27, over_quota = 122  !! Linux errno
   integer(i4), parameter :: not_there = 2
@@ -51,6 +52,18 @@ module talus_files
       real(c_double), intent(out) :: changed
       integer(c_int), intent(out) :: is_folder
     end function c_stat
+    integer(c_int) function c_is_plain(path) bind(c, name='talus_c_is_plain')
+      import :: c_char, c_int
+      character(kind=c_char), intent(in) :: path(*)
+    end function c_is_plain
+    integer(c_int) function c_same_file(a, b) bind(c, name='talus_c_same_file')
+      import :: c_char, c_int
+      character(kind=c_char), intent(in) :: a(*), b(*)
+    end function c_same_file
+    integer(c_int) function c_writable(folder) bind(c, name='talus_c_writable')
+      import :: c_char, c_int
+      character(kind=c_char), intent(in) :: folder(*)
+    end function c_writable
     integer(c_int64_t) function c_disk_free(folder) bind(c, name='talus_c_disk_free')
       import :: c_char, c_int64_t
       character(kind=c_char), intent(in) :: folder(*)
@@ -99,6 +112,18 @@ contains
     file_exists = .false.
     if (c_stat(c_string(path), bytes, changed, is_folder) == 0) file_exists = is_folder == 0
   end function file_exists
+
+  !> Is it a file with content of its own: no folder, pipe or device?
+  logical function plain_file(path)
+    character(len=*), intent(in) :: path
+    plain_file = c_is_plain(c_string(path)) /= 0
+  end function plain_file
+
+  !> Are both there, and one and the same file (links and './' seen through)?
+  logical function same_file(a, b)
+    character(len=*), intent(in) :: a, b
+    same_file = c_same_file(c_string(a), c_string(b)) /= 0
+  end function same_file
 
   logical function folder_exists(path)
     character(len=*), intent(in) :: path
@@ -170,6 +195,11 @@ contains
     if (stat /= 0) call errors%add('S008', "folder '"//path//"' cannot be made: "// &
                                    system_error_text(stat), path, &
                                    'choose another folder with --output=DIR')
+    if (stat /= 0) return
+    stat = c_writable(c_string(path))
+    if (stat /= 0) call errors%add('S001', "nothing can be written into folder '"//path//"': "// &
+                                   system_error_text(stat), path, &
+                                   'look at its permissions, or choose --output=DIR')
   end subroutine make_folder
 
   subroutine rename_file(from, to, errors)
@@ -372,4 +402,17 @@ contains
     k = scan(stem, '.', back=.true.)
     if (k > 1) stem = stem(:k - 1)
   end function stem_of
+
+  !> What the names of all files of a run begin with: the deck's stem, in its folder or another one.
+  pure function run_stem(deck, folder) result(stem)
+    character(len=*), intent(in) :: deck
+    character(len=*), intent(in) :: folder  !! '': that of the deck
+    character(len=:), allocatable :: stem
+    stem = stem_of(deck)
+    if (len(folder) > 0) then
+      stem = folder//'/'//stem
+    else if (folder_of(deck) /= '.') then
+      stem = folder_of(deck)//'/'//stem
+    end if
+  end function run_stem
 end module talus_files

@@ -75,18 +75,20 @@ contains
     call solver%reply%get('time', solver%time, errors)
     call solver%reply%get('t_end', solver%t_end, errors)
     call solver%reply%get('step_limit', solver%step_limit, errors)
+    if (solver%reply%has('dt')) call solver%reply%get('dt', solver%dt, errors)
     call solver%reply%get_int('ranks', solver%ranks, errors)
     call solver%reply%all_read(errors)
     if (errors%any()) return
     solver%program = program
   end subroutine read_answer
 
-  !> Version, start time and end time; D410, P411, P412.
+  !> Version, start time, end time and step; D410, D415, P411, P412.
   subroutine compare(solver, choices, time, errors)
     type(cpl_solver_type), intent(in) :: solver
     type(cpl_choices_type), intent(in) :: choices
     real(wp), intent(in) :: time  !! s
     type(error_list_type), intent(inout) :: errors
+    real(wp) :: steps
 
     if (solver%version /= version_text()) &
       call errors%add('P411', solver%title()//' has version '//solver%version// &
@@ -100,6 +102,12 @@ contains
       call errors%add('D410', 't_end is '//str(solver%t_end)//' s in '//solver%deck//', '// &
                       str(choices%t_end)//' s in the coupled deck', solver%deck, &
                       'leave t_end out of the solver''s deck, or write the same')
+    if (.not. solver%dt > 0.0_wp) return
+    steps = choices%exchange/solver%dt
+    if (steps < 1.0_wp - same .or. abs(steps - anint(steps)) > same*steps) &
+      call errors%add('D415', 'exchange = '//str(choices%exchange)//' s is no multiple of dt = '// &
+                      str(solver%dt)//' s in '//solver%deck, solver%deck, &
+                      'choose a multiple, or leave dt out of the solver''s deck')
   end subroutine compare
 
   !> Gravity must be the same on both sides, and that of the coupled deck when it names one (D413).

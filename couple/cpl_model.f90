@@ -11,7 +11,7 @@ module cpl_model
   use talus_deck_table, only: key_table_type
   use talus_checkpoint, only: checkpoint_type
   use talus_files, only: make_folder, remove_empty_folder, remove_file, folder_exists, &
-    folder_of, stem_of
+    folder_of, run_stem
   use talus_hash, only: hash_file, hash_text
   use talus_lock, only: lock_type
   use talus_log, only: log_type, short_number
@@ -98,12 +98,7 @@ contains
     call cpl_deck_table(table)
     call self%deck%read(options%deck, table, errors)
     if (errors%any()) return
-    self%stem = stem_of(options%deck)
-    if (len(options%output_dir) > 0) then
-      self%stem = options%output_dir//'/'//self%stem
-    else if (folder_of(options%deck) /= '.') then
-      self%stem = folder_of(options%deck)//'/'//self%stem
-    end if
+    self%stem = run_stem(options%deck, options%output_dir)
     self%run_id = str(process_id())//'-'//hash_text(date_text()//self%stem)
     call read_choices(self%deck, self%choices, errors)
     call read_solvers(self%deck, self%stem, self%solvers, errors)

@@ -37,6 +37,7 @@ module cpl_solver
     real(wp) :: time = 0.0_wp        !! s
     real(wp) :: t_end = 0.0_wp       !! s, 0: none given
     real(wp) :: step_limit = 0.0_wp  !! s
+    real(wp) :: dt = 0.0_wp          !! step of its deck that must divide an interval [s], 0: none
     integer(i4) :: ranks = 1
   contains
     procedure :: start_request

@@ -9,6 +9,7 @@ module dem_make
   public :: make_grains, make_planes, sorted_order
 
   real(wp), parameter :: pi = acos(-1.0_wp)
+  real(wp), parameter :: least_axis = 1.0e-60_wp  !! m; mass and inertia of less are no numbers
 
 contains
 
@@ -75,8 +76,12 @@ contains
         call errors%add('I210', who//'position, velocity or spin is not a number: '// &
                         str([x(:, k), v(:, k), omega(:, k)]), hint=hint)
       end if
-      if (.not. all(axes(:, k) > 0.0_wp .and. axes(:, k) < huge(1.0_wp))) then
+      if (.not. all(axes(:, k) > least_axis .and. axes(:, k) < 1.0_wp/least_axis)) then
         call errors%add('I211', who//'semi-axes must be positive, got '//str(axes(:, k)), hint=hint)
+      end if
+      if (id(k) < 1 .or. id(k) > huge(1_i4)) then
+        call errors%add('I213', 'grain id '//str(id(k))//' is not from 1 to '//str(huge(1_i4)), &
+                        hint='decks and ports name grains by ids')
       end if
       if (.not. abs(sum(quat(:, k)**2) - 1.0_wp) < 1.0e-3_wp) then
         call errors%add('I212', who//'orientation is no unit quaternion: '//str(quat(:, k)), &

@@ -10,7 +10,7 @@ module dem_model
   use talus_options, only: options_type
   use talus_deck, only: deck_type
   use talus_deck_table, only: key_table_type
-  use talus_files, only: make_folder, folder_of, stem_of
+  use talus_files, only: make_folder, folder_of, name_of, run_stem, same_file
   use talus_checkpoint, only: checkpoint_type
   use talus_lock, only: lock_type
   use talus_log, only: log_type, short_number
@@ -97,16 +97,12 @@ contains
     call dem_deck_table(table)
     call self%deck%read(options%deck, table, errors)
     if (errors%any()) return
-    self%stem = stem_of(options%deck)
-    if (len(options%output_dir) > 0) then
-      self%stem = options%output_dir//'/'//self%stem
-    else if (folder_of(options%deck) /= '.') then
-      self%stem = folder_of(options%deck)//'/'//self%stem
-    end if
+    self%stem = run_stem(options%deck, options%output_dir)
     call self%deck%get('run', 1, 't_end', self%clock%t_end)
     if (.not. self%served .and. .not. self%deck%given('run', 1, 't_end')) &
       call self%deck%fault(errors, 'D246', 'the run has no end', 'run', 1, '', &
                            'add t_end = ... in s; only under talus-couple it may be left out')
+    call spare_inputs(self%deck, self%stem, errors)
     call read_model(self%deck, self%system, self%packing, self%choices, errors)
     call self%equilibrium%read(self%deck, self%choices%adaptive, self%served, errors)
     threads = options%threads
@@ -121,6 +117,30 @@ contains
                            'file', 'add &driven ids = '//str(self%choices%idle(1))// &
                            ', velocity = ... /, or &fixed')
   end subroutine read_run
+
+  !> No result may take the place of the deck or the packing, or of another result (D249).
+  subroutine spare_inputs(deck, stem, errors)
+    type(deck_type), intent(in) :: deck
+    character(len=*), intent(in) :: stem
+    type(error_list_type), intent(inout) :: errors
+    character(len=*), parameter :: hint = 'rename one of both; results are named as the deck'
+    character(len=:), allocatable :: input, packing
+
+    input = deck%path('particles', 1, 'file')
+    if (deck%count('output') == 0) return
+    if (same_file(input, stem//'.h5')) call deck%fault(errors, 'D249', &
+      'the fields of this run would overwrite its packing', 'particles', 1, 'file', hint)
+    call deck%get('output', 1, 'packing', packing)
+    if (len(packing) == 0) return
+    packing = folder_of(stem)//'/'//packing
+    if (same_file(packing, input) .or. same_file(packing, deck%source%path)) then
+      call deck%fault(errors, 'D249', 'the last state would overwrite an input of this run', &
+                      'output', 1, 'packing', hint)
+    else if (packing == folder_of(stem)//'/'//name_of(stem)//'.h5') then
+      call deck%fault(errors, 'D249', 'the last state would overwrite the fields of this run', &
+                      'output', 1, 'packing', hint)
+    end if
+  end subroutine spare_inputs
 
   !> First forces and time step, or the state of a checkpoint.
   subroutine prepare(self, errors)

@@ -35,6 +35,7 @@ contains
     call reply%put('time', model%clock%time())
     call reply%put('t_end', model%clock%t_end)
     call reply%put('step_limit', model%system%step_limit())
+    if (.not. model%clock%automatic) call reply%put('dt', model%choices%dt)
     call reply%put_int('ranks', 1_i4)
   end subroutine reply_hello
 

@@ -201,6 +201,8 @@ contains
     end do
     do k = 1, packing%n
       if (packing%kind(k) /= kind_fixed) cycle
+      ! what is no number stays, to be named with the other faults of the packing (I210)
+      if (.not. all(abs([packing%v(:, k), packing%omega(:, k)]) <= huge(1.0_wp))) cycle
       packing%v(:, k) = 0.0_wp
       packing%omega(:, k) = 0.0_wp
     end do

@@ -8,7 +8,7 @@ module fem_model
   use talus_options, only: options_type
   use talus_deck, only: deck_type
   use talus_deck_table, only: key_table_type
-  use talus_files, only: make_folder, folder_of, name_of, stem_of
+  use talus_files, only: make_folder, folder_of, run_stem, same_file
   use talus_checkpoint, only: checkpoint_type
   use talus_lock, only: lock_type
   use talus_log, only: log_type, short_number
@@ -85,16 +85,11 @@ contains
     call fem_deck_table(table)
     call self%deck%read(options%deck, table, errors)
     if (errors%any()) return
-    self%stem = stem_of(options%deck)
-    if (len(options%output_dir) > 0) then
-      self%stem = options%output_dir//'/'//self%stem
-    else if (folder_of(options%deck) /= '.') then
-      self%stem = folder_of(options%deck)//'/'//self%stem
-    end if
+    self%stem = run_stem(options%deck, options%output_dir)
     threads = options%threads
     if (threads == 0) call self%deck%get('run', 1, 'threads', threads)
     if (threads > 0) call omp_set_num_threads(threads)
-    if (self%deck%count('output') > 0 .and. same_path(self%deck%path('mesh', 1, 'file'), &
+    if (self%deck%count('output') > 0 .and. same_file(self%deck%path('mesh', 1, 'file'), &
         self%stem//'.h5')) call self%deck%fault(errors, 'D327', &
       'the fields of this run would overwrite its mesh', 'mesh', 1, 'file', &
       'results are named as the deck: rename one of both')
@@ -103,12 +98,6 @@ contains
     if (errors%any()) return
     call read_times(self, errors)
   end subroutine read_run
-
-  !> Are these the same file, as far as their names tell ('./a' is 'a')?
-  pure logical function same_path(a, b)
-    character(len=*), intent(in) :: a, b
-    same_path = name_of(a) == name_of(b) .and. folder_of(a) == folder_of(b)
-  end function same_path
 
   !> End and step; statics takes one step to 1 s where the deck says nothing.
   subroutine read_times(self, errors)

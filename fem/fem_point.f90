@@ -7,7 +7,7 @@ module fem_point
   use talus_options, only: options_type
   use talus_deck, only: deck_type
   use talus_deck_table, only: key_table_type
-  use talus_files, only: make_folder, folder_of, stem_of
+  use talus_files, only: make_folder, folder_of, run_stem
   use talus_history, only: history_type
   use fem_deck_keys, only: fem_deck_table
   use fem_micropolar, only: micropolar_strain, micropolar_stress, micropolar_energy, axial
@@ -41,8 +41,7 @@ contains
       call find_material(deck, k, material, m, errors)
     end do
     if (errors%any() .or. options%check) return
-    stem = folder_of(options%deck)//'/'//stem_of(options%deck)
-    if (len(options%output_dir) > 0) stem = options%output_dir//'/'//stem_of(options%deck)
+    stem = run_stem(options%deck, options%output_dir)
     call make_folder(folder_of(stem), errors)
     if (errors%any()) return
     call open_table(file, stem//'_point.csv', errors)

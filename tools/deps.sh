@@ -9,6 +9,7 @@ stamps=build/deps
 
 compilers="gcc gfortran make libc6-dev libopenblas-dev libmumps-dev libmetis-dev libhdf5-dev openmpi-bin libopenmpi-dev python3 python3-venv"
 gmsh_libraries="libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxext6 libxft2 libfontconfig1 libxinerama1 libx11-6 libgomp1"
+drawing_libraries="libegl1"  # VTK draws through it where there is no screen
 peers="lammps liggghts calculix-ccx openmpi-bin util-linux"
 
 fail() { printf 'deps: %s\n' "$*" >&2; exit 4; }
@@ -57,7 +58,7 @@ python_environment() {  # $1: name of the requirements list
 }
 
 case "${1:-}" in
-  apt) apt_packages "$compilers $gmsh_libraries" ;;
+  apt) apt_packages "$compilers $gmsh_libraries $drawing_libraries" ;;
   bench) apt_packages "$peers" ;;
   run | render | dev) python_environment "$1" ;;
   *) fail "usage: tools/deps.sh apt | bench | run | render | dev" ;;

@@ -13,6 +13,7 @@ from talus.files import make_folder, replaced, write_text_file
 from talus.measure import rotations
 from talus.packing import DRIVEN, FIXED, FREE, Packing, check_packing, packing_of, read_packing
 
+ALWAYS = ("id", "kind", "x", "quat", "axes")  # datasets of every step of grains
 GHOST = 3  # kind of grains that a partner moves
 MOVED = 1.0e-12  # displacement above which a fixed grain counts as moved [m]
 
@@ -73,12 +74,15 @@ class FieldFile:
             found = Snapshot(float(np.ravel(group.attrs["time"])[0]))
             if "grains" in group:
                 grains = {name: data[...] for name, data in group["grains"].items()}
+                missing = [name for name in ALWAYS if name not in grains]
+                if missing:
+                    raise KeyError(f"no dataset grains/{missing[0]}")
                 order = np.argsort(grains["id"], kind="stable")
                 found.grains = {name: data[order] for name, data in grains.items()}
             datasets = (item for item in group.items() if isinstance(item[1], h5py.Dataset))
             found.solid = {name: data[...] for name, data in datasets}
         except (OSError, KeyError) as fault:
-            raise FaultError("E542", f"{self.path}, step {step}: {fault}") from fault
+            raise FaultError("E542", f"{self.path}, step {step}: {fault.args[-1]}") from fault
         return found
 
 

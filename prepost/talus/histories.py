@@ -33,7 +33,7 @@ class History:
 def read(path: Path) -> History:
     """Read a history; a row that a stopped program left unfinished is skipped."""
     try:
-        with path.open(newline="") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.reader(file))
     except OSError as fault:
         raise FaultError("E545", f"cannot read {path}: {fault.strerror}") from fault
@@ -61,6 +61,9 @@ def read(path: Path) -> History:
             text = f"a row has {len(numbers)} values instead of {len(names)}"
             raise FaultError("E545", text, place=f"{path}:{number}")
     table = np.array(values).reshape(-1, len(names))
+    if len(table) and not np.isfinite(table[:, 1:]).any():
+        hint = "look at the end of the run's log"
+        raise FaultError("E545", f"{path} holds no finite number", hint)
     back = np.flatnonzero(np.diff(table[:, 0]) < 0.0)
     if back.size and names[0] == "time":
         raise FaultError(

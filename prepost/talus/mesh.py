@@ -280,6 +280,8 @@ def from_gmsh(path: Path) -> Mesh:
     for block in data.cells:
         if known.get(block.type) in KINDS:
             cells[known[block.type]].append(np.asarray(block.data))
+    if not found:
+        raise FaultError("E525", f"{path} holds no elements", "save a mesh of volumes")
     if others - {"vertex"} or not any(cells.values()):
         raise FaultError(
             "E525",
@@ -336,7 +338,8 @@ def read_foreign(path: Path) -> object:
         hint = "a whole .msh file of gmsh is wanted"
         raise FaultError("E520", f"{path} is not in the form of its ending", hint) from fault
     except Exception as fault:  # a damaged file may raise anything inside a reader
-        raise FaultError("E520", f"{path} cannot be read: {fault}") from fault
+        hint = "a whole .msh file of gmsh (2.2 or 4.1) is wanted"
+        raise FaultError("E520", f"{path} cannot be read: {fault}", hint) from fault
 
 
 def without_unused(mesh: Mesh) -> Mesh:

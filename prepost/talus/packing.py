@@ -14,6 +14,7 @@ from talus.files import refuse, replaced, write_text_file
 
 FREE, FIXED, DRIVEN = 0, 1, 2
 UNIT = 1.0e-6  # how far the length of a quaternion may be from 1
+LARGEST_ID = 2**31 - 1  # what decks can name
 TEXT_ENDINGS = (".txt", ".text")
 TEXT_COLUMNS = "id kind a b c x y z qw qx qy qz group"
 
@@ -156,6 +157,7 @@ def check_packing(packing: Packing, place: str) -> None:
     tests += [
         ("axes", (packing.axes <= 0.0).any(axis=1), "all three semi-axes must be above 0"),
         ("kind", ~np.isin(packing.kind, (FREE, FIXED, DRIVEN)), "0 free, 1 fixed, 2 driven"),
+        ("id", (ids < 1) | (ids > LARGEST_ID), f"ids lie from 1 to {LARGEST_ID}"),
         ("quat", np.abs(length - 1.0) > UNIT, "a quaternion must have the length 1"),
     ]
     for name, bad, hint in tests:
@@ -198,7 +200,7 @@ def read_text(path: Path) -> Packing:
     try:
         rows = [
             (number, line.split())
-            for number, line in enumerate(path.read_text().splitlines(), 1)
+            for number, line in enumerate(path.read_text(encoding="utf-8-sig").splitlines(), 1)
             if line.strip() and not line.startswith("#")
         ]
     except UnicodeDecodeError as fault:
@@ -214,6 +216,8 @@ def read_text(path: Path) -> Packing:
             if len(words) != 13:
                 raise ValueError(f"{len(words)} words instead of 13")
             ids.append(int(words[0]))
+            if not 1 <= ids[-1] <= LARGEST_ID:
+                raise ValueError(f"id {words[0]} is not from 1 to {LARGEST_ID}")
             kinds.append(int(words[1]))
             numbers.append([float(word) for word in words[2:12]])
         except ValueError as fault:

@@ -1,5 +1,7 @@
 """Pictures of grains and the block around them, a quarter cut away (off-screen, pyvista)."""
 
+import ctypes
+import os
 from pathlib import Path
 
 import numpy as np
@@ -14,19 +16,36 @@ from talus.packing import DRIVEN, FIXED
 
 MILLI = 1.0e3
 COLOURS_OF = {"displacement": "displacement [mm]", "speed": "speed [m/s]", "force": "force [N]"}
+DRAWING = ("libEGL.so.1", "libOSMesa.so.8", "libOSMesa.so")  # what VTK looks for
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".bmp")
 VIEW = np.array([0.95, -1.0, 0.62])  # from the cut quarter (+x, -y), from above
 WALL_GREY, TOOL_RED, SOLID_SAND = "#9aa3ad", "#c0392b", "#d8c7a3"
 
 
+def loads(library: str) -> bool:
+    """Whether the system finds a shared library."""
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
 def load_pyvista() -> object:
-    """Import pyvista, or say how to get it."""
+    """Import pyvista, or say how to get it and what it draws with (VTK would end with a signal)."""
     try:
         import pyvista
     except ImportError as fault:
         raise FaultError(
             "E550", "pictures need pyvista, which is not installed", "make deps-render", exit_code=4
         ) from fault
+    if not os.environ.get("DISPLAY") and not any(map(loads, DRAWING)):
+        raise FaultError(
+            "E550",
+            f"no library that draws without a screen: neither {' nor '.join(DRAWING)}",
+            "Debian: apt-get install libegl1; cluster: load Mesa",
+            exit_code=4,
+        )
     pyvista.OFF_SCREEN = True
     pyvista.vtk_verbosity("error")  # VTK warns that there is no screen, which is not wanted
     return pyvista

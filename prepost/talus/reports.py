@@ -36,7 +36,11 @@ ENDS = {0: "finished", 1: "fault of the input", 2: "numerical fault", 3: "stoppe
 def read_summary(path: Path) -> dict:
     """Read one *_summary.json."""
     try:
-        return json.loads(path.read_text())
+        facts = json.loads(path.read_text())
+        faults = facts.get("errors", []) if isinstance(facts, dict) else [None]
+        if not isinstance(faults, list) or not all(isinstance(fault, dict) for fault in faults):
+            raise ValueError("it is no summary of a run")
+        return facts
     except (OSError, ValueError) as fault:
         raise FaultError("E552", f"{path} cannot be read: {fault}") from fault
 
@@ -65,11 +69,12 @@ def run_section(path: Path) -> str:
     facts = read_summary(path)
     code = facts.get("exit_code")
     kind = "good" if code == 0 else "bad"
+    end = ENDS.get(code, "unknown end") if isinstance(code, int) else "unknown end"
     name = path.name.removesuffix("_summary.json")
     program = html.escape(str(facts.get("program", "")))
     parts = [
         f"<h2>{html.escape(name)}: {program}, "
-        f'<span class="{kind}">{html.escape(ENDS.get(code, "unknown end"))}</span></h2>'
+        f'<span class="{kind}">{html.escape(end)}</span></h2>'
     ]
     parts.append(table("run", {row: facts[row] for row in MAIN_ROWS if row in facts}))
     parts += [table(key, value) for key, value in facts.items() if isinstance(value, dict)]

@@ -90,6 +90,7 @@ def test_input(
         (ROW.replace("1 0 1 1", "1 7 1 1"), "E504"),
         (ROW.replace("1 0 0 0 -", "2 0 0 0 -"), "E504"),
         (ROW + ROW, "E503"),
+        (ROW.replace("1 0 1 1", "9" * 30 + " 0 1 1"), "E502"),
         ("# no grains\n", "E502"),
     ],
 )

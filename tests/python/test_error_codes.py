@@ -37,6 +37,8 @@ def spheres(path: Path, kind: int, groups: dict[str, np.ndarray] | None = None) 
         ("render fixed.h5 --output a.xyz", "E554", "written as 'a.xyz'"),
         ("convert fixed.h5 --output a.stl", "E555", "'a.stl' is no folder"),
         ("report broken", "E552", "broken/run_summary.json"),
+        ("report odd", "E552", "it is no summary of a run"),
+        ("render half.h5 --output a.png", "E542", "step 0: no dataset grains/quat"),
         ("check nowhere.nml", "E531", "cannot read nowhere.nml"),
     ],
 )
@@ -51,6 +53,13 @@ def test_codes(
     Path("run_energy.csv").write_text(CSV)
     Path("broken").mkdir()
     Path("broken/run_summary.json").write_text('{"program": ')
+    Path("odd").mkdir()
+    Path("odd/run_summary.json").write_text('{"program": "talus-dem", "errors": [1]}')
+    with h5py.File("half.h5", "w") as file:
+        step = file.create_group("steps/000000")
+        step.attrs["time"] = 0.0
+        for name in ("id", "kind", "x", "axes"):
+            step[f"grains/{name}"] = [1]
     before = sorted(tmp_path.rglob("*"))
     assert main(words.split()) == 1
     said = capsys.readouterr().err

@@ -57,6 +57,16 @@ def test_history(tmp_path: Path) -> None:
         histories.read(path)
 
 
+def test_history_of_another_editor(tmp_path: Path) -> None:
+    """A byte order mark is no part of a name; a table of NaN alone is no history."""
+    path = tmp_path / "run_energy.csv"
+    path.write_bytes(b"\xef\xbb\xbftime [s],kinetic [J]\r\n0,1\r\n1,nan\r\n")
+    assert histories.read(path)["time"].tolist() == [0.0, 1.0]
+    path.write_text("time [s],kinetic [J]\n0,nan\n1,nan\n")
+    with pytest.raises(FaultError, match="no finite number"):
+        histories.read(path)
+
+
 def test_fields(tmp_path: Path) -> None:
     """Grains come sorted by id; ghosts are fixed grains that moved; steps count from the end."""
     path = tmp_path / "grains.h5"

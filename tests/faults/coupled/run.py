@@ -9,6 +9,7 @@ Prints 'N passed, M failed'.
 import os
 import random
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -271,6 +272,7 @@ def second_run(tally: Tally, binaries: Path, scratch: Path) -> None:
 def main() -> int:
     """Run all faults; return 1 if any check failed."""
     binaries, scratch = Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve()
+    shutil.rmtree(scratch, ignore_errors=True)
     tally = Tally()
     second_run(tally, binaries, scratch)
     restarts(tally, binaries, scratch)
