@@ -73,8 +73,7 @@ def run_section(path: Path) -> str:
     name = path.name.removesuffix("_summary.json")
     program = html.escape(str(facts.get("program", "")))
     parts = [
-        f"<h2>{html.escape(name)}: {program}, "
-        f'<span class="{kind}">{html.escape(end)}</span></h2>'
+        f'<h2>{html.escape(name)}: {program}, <span class="{kind}">{html.escape(end)}</span></h2>'
     ]
     parts.append(table("run", {row: facts[row] for row in MAIN_ROWS if row in facts}))
     parts += [table(key, value) for key, value in facts.items() if isinstance(value, dict)]
