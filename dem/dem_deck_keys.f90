@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 15)
+    call table%init('talus-dem', 17)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -23,6 +23,8 @@ contains
     call group_fixed(table)
     call group_driven(table)
     call group_wall(table)
+    call group_curve(table)
+    call group_servo(table)
     call group_dynamics(table)
     call group_relaxation(table)
     call group_equilibrium(table)
@@ -204,7 +206,7 @@ contains
 
   subroutine group_wall(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('wall', 6, &
+    call table%add_group('wall', 7, &
       'An infinite plane; grains stand on the side to which its normal points.', repeats=.true.)
     call table%add_key('id', 'string', '', 'Name in the log and in `<deck>_walls.csv`.')
     call table%need()
@@ -219,10 +221,70 @@ contains
     call table%sized(3_i4, 3_i4)
     call table%add_key('material', 'string', '', 'Material of the wall.')
     call table%need()
-    call table%add_key('velocity', 'real', 'm/s', 'Velocity of the wall, constant.')
+    call table%add_key('velocity', 'real', 'm/s', &
+      'Velocity of the wall, times the curve if there is one.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%add_key('curve', 'string', '', &
+      'The curve by which the velocity is multiplied; every 10 steps the wall takes its' &
+      //' mean over the next 10.')
+    call table%preset('')
   end subroutine group_wall
+
+  subroutine group_curve(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('curve', 3, &
+      'A function of time, piecewise linear, constant beyond its ends.', repeats=.true.)
+    call table%add_key('id', 'string', '', 'Name by which walls and servos refer to it.')
+    call table%need()
+    call table%add_key('times', 'real', 's', 'Times, increasing.')
+    call table%need()
+    call table%sized(1_i4, huge(1_i4))
+    call table%add_key('values', 'real', '', 'Values at these times.')
+    call table%need()
+    call table%sized(1_i4, huge(1_i4))
+  end subroutine group_curve
+
+  subroutine group_servo(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('servo', 8, &
+      'A wall that moves along its normal so that the grains press on it with a given ' &
+      //'stress. Every 10 steps its velocity is gain times the force that is wanting, ' &
+      //'over the stiffness of its contacts and the time of 10 steps, and a slow integral' &
+      //' of that. Histories in `<deck>_servos.csv`. A run that ends beyond the tolerance' &
+      //' ends with exit code 2 (N204). Not under talus-couple.', repeats=.true.)
+    call table%add_key('wall', 'string', '', 'Id of the wall.')
+    call table%need()
+    call table%add_key('stress', 'real', 'Pa', &
+      'Target: force of the grains on the wall over its area; pressure is positive.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%add_key('curve', 'string', '', 'The curve by which the stress is multiplied.')
+    call table%preset('')
+    call table%add_key('area', 'real', 'm2', &
+      'Area of the wall; 0: the area between the two pairs of opposite walls at right ' &
+      //'angles to it, as they stand at the time.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('speed', 'real', 'm/s', &
+      'Largest speed of the wall; it comes at this speed as long as it touches no ' &
+      //'grain.')
+    call table%preset('0.05')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('gain', 'real', '', &
+      'Part of the error that its own contacts would take up until the next look.')
+    call table%preset('0.1')
+    call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%add_key('tolerance', 'real', '', &
+      'Largest relative error of the stress at the end of the run, and for ' &
+      //'&equilibrium.')
+    call table%preset('0.05')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('until', 'real', 's', &
+      'Time from which on the wall moves with its own velocity and curve; left out, the' &
+      //' servo works to the end.')
+    call table%bounds(above=0.0_wp)
+  end subroutine group_servo
 
   subroutine group_dynamics(table)
     type(key_table_type), intent(inout) :: table

@@ -93,9 +93,10 @@ contains
   end function due
 
   !> Compare both measures with their limits; a bed without contacts is not in equilibrium.
-  subroutine look(self, system)
+  subroutine look(self, system, held)
     class(dem_equilibrium_type), intent(inout) :: self
     type(dem_system_type), intent(inout) :: system
+    logical, intent(in) :: held  !! servos hold their stresses
     real(wp) :: elastic
 
     self%reached = .false.
@@ -108,7 +109,7 @@ contains
     self%unbalanced = mean_unbalanced(system)
     self%energy_ratio = system%ledger%kinetic/elastic
     self%reached = self%unbalanced <= self%unbalanced_limit .and. &
-                   self%energy_ratio <= self%energy_limit
+                   self%energy_ratio <= self%energy_limit .and. held
   end subroutine look
 
   !> A run that reached its end without the equilibrium that was asked for says so (N203).

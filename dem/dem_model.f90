@@ -26,6 +26,7 @@ module dem_model
   use dem_restart, only: write_checkpoint, read_checkpoint
   use dem_logbook, only: begin_log, log_model, log_row_titles, log_row, log_health, write_summary
   use dem_equilibrium, only: dem_equilibrium_type
+  use dem_servo, only: dem_servo_type
   use dem_deck_keys, only: dem_deck_table
   implicit none
   private
@@ -44,6 +45,7 @@ module dem_model
     type(dem_choices_type) :: choices
     type(dem_clock_type) :: clock
     type(dem_equilibrium_type) :: equilibrium
+    type(dem_servo_type) :: servo
     type(dem_histories_type) :: histories
     type(dem_fields_type) :: fields
     type(checkpoint_type) :: checkpoint
@@ -105,6 +107,8 @@ contains
     call spare_inputs(self%deck, self%stem, errors)
     call read_model(self%deck, self%system, self%packing, self%choices, errors)
     call self%equilibrium%read(self%deck, self%choices%adaptive, self%served, errors)
+    call self%servo%read(self%deck, self%system%dem_data_type, self%choices%wall, self%served, &
+                         errors)
     threads = options%threads
     if (threads == 0) call self%deck%get('run', 1, 'threads', threads)
     if (threads == 0) threads = min(int(omp_get_max_threads(), i4), &
@@ -198,6 +202,7 @@ contains
     if (self%clock%automatic) dt = self%clock%chosen_step(self%automatic_dt())
     call self%clock%start_at(0.0_wp, dt)
     call self%use_step(dt)
+    call self%servo%start(self%system%dem_data_type, 0.0_wp)
   end subroutine begin_fresh
 
   !> Start from a checkpoint.
@@ -282,6 +287,7 @@ contains
       'time '//str(self%start_time)//' s, step '//str(self%start_steps))
     if (self%deck%count('history') > 0) &
       call self%histories%open(self%stem, self%start_time, errors)
+    if (self%deck%count('history') > 0) call self%servo%open(self%stem, self%start_time, errors)
     if (self%deck%count('output') > 0 .and. .not. errors%any()) then
       call self%deck%get('output', 1, 'fields', fields)
       do k = 1, size(fields)
@@ -298,6 +304,7 @@ contains
     call log_row_titles(self%log)
     if (self%start_time >= 0.0_wp .or. errors%any()) return
     call self%histories%write(0.0_wp, self%system, errors)
+    call self%servo%write(0.0_wp, self%system%dem_data_type, errors)
     call self%fields%write(0.0_wp, self%system, errors)
   end subroutine open_run
 
@@ -324,7 +331,7 @@ contains
 
     block = blocks(findloc(blocks*real(self%system%grains%n, wp) <= block_work, .true., 1) &
                    + merge(7, 0, self%system%grains%n > block_work))
-    block = min(block, self%equilibrium%longest_block())
+    block = min(block, self%equilibrium%longest_block(), self%servo%longest_block())
     do
       if (errors%any() .or. self%clock%finished() .or. self%equilibrium%reached) return
       if (self%stop%check() /= stop_none) then
@@ -341,7 +348,10 @@ contains
       end if
       call self%take_steps(block, errors)
       if (errors%any()) return
-      if (self%equilibrium%due(self%clock%steps)) call self%equilibrium%look(self%system)
+      if (self%servo%due(self%clock%steps)) &
+        call self%servo%look(self%system%dem_data_type, self%clock%time())
+      if (self%equilibrium%due(self%clock%steps)) &
+        call self%equilibrium%look(self%system, self%servo%satisfied(self%system%dem_data_type))
       call self%equilibrium%damp(self%system, self%clock%steps)
       call self%write_due(errors)
     end do
@@ -380,6 +390,7 @@ contains
     call self%timers%start('output')
     if (self%clock%due(event_history)) then
       call self%histories%write(t, self%system, errors)
+      call self%servo%write(t, self%system%dem_data_type, errors)
       call self%clock%passed(event_history)
     end if
     if (self%clock%due(event_output)) then
@@ -388,6 +399,7 @@ contains
     end if
     if (self%log%row_due()) then
       call self%histories%flush(errors)
+      call self%servo%history%flush(errors)
       call self%write_row()
     end if
     call self%timers%stop('output')
@@ -442,7 +454,8 @@ contains
     type(error_list_type) :: ignored
     character(len=:), allocatable :: packing
 
-    if (.not. (errors%any() .or. self%stopped)) call self%equilibrium%look(self%system)
+    if (.not. (errors%any() .or. self%stopped)) &
+      call self%equilibrium%look(self%system, self%servo%satisfied(self%system%dem_data_type))
     if (.not. errors%any()) then
       call self%fields%write(self%clock%time(), self%system, errors)
       if (.not. self%served .and. (self%stopped .or. self%deck%count('checkpoint') > 0)) &
@@ -455,8 +468,11 @@ contains
       call self%fields%write(self%clock%time(), self%system, ignored)
     end if
     call self%histories%close(errors)
+    call self%servo%history%close(errors)
     if (.not. self%stopped) call self%equilibrium%judge(self%clock%time(), self%deck%source%path, &
                                                         errors)
+    if (.not. self%stopped) call self%servo%judge(self%system%dem_data_type, &
+                                                  self%clock%time(), self%deck%source%path, errors)
     exit_code = errors%exit_code()
     if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped
     if (.not. self%opened) call self%lock%release()

@@ -22,6 +22,7 @@ contains
     call put_pairs(d%pairs, archive)
     if (allocated(d%seen_kinetic)) call archive%put_reals( &
       'damping.seen_kinetic', reshape(d%seen_kinetic, [1, size(d%seen_kinetic)]))
+    if (allocated(d%servo_seen)) call archive%put_reals('servo.seen', d%servo_seen)
     call archive%put_reals('ledger', ledger_row(d%ledger))
     call archive%put_reals('health.real', reshape([d%health%max_overlap, &
                            d%health%reference_energy, d%pending, d%ledger_dt, d%par%dt], [5, 1]))
@@ -136,6 +137,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: row(:, :)
     integer(i8), allocatable :: counts(:, :)
+    integer(i4) :: k
 
     call get_grains(d, archive, errors)
     if (errors%any()) return
@@ -147,6 +149,8 @@ contains
       call archive%get_reals('damping.seen_kinetic', 1, d%grains%n, row, errors)
       d%seen_kinetic = row(1, :)
     end if
+    k = archive%find('servo.seen')
+    if (k > 0) d%servo_seen = archive%item(k)%reals
     call archive%get_reals('ledger', 14, 1, row, errors)
     d%ledger = ledger_from(row(:, 1))
     call archive%get_reals('health.real', 5, 1, row, errors)

@@ -110,6 +110,30 @@ def check_adaptive(program: Path, scratch: Path, every: int) -> None:
     check("adaptive damping: same bits", state(folders[0]) == state(folders[1]))
 
 
+SERVO = """&curve id = 'press', times = 0.0, 0.05, values = 0.5, 1.0 /
+&wall  id = 'lid', point = 0.0, 0.0, 0.12, normal = 0.0, 0.0, -1.0, material = 'quartz' /
+&servo wall = 'lid', stress = 200.0, speed = 1.0, curve = 'press' /
+"""
+
+
+def check_servo(program: Path, scratch: Path) -> None:
+    """Check a servo with a curve: it holds its stress, same bits after a restart, two threads."""
+    folders = [folder_with(scratch, *item) for item in (("servo", "0.25"), ("cut", "0.2123"))]
+    for folder in folders:
+        deck = (folder / "deck.nml").read_text()
+        kept = [line for line in deck.splitlines() if not line.startswith("&equilibrium")]
+        (folder / "deck.nml").write_text("\n".join(kept) + "\n" + SERVO)
+    ended = run(program, folders[0], "--threads=1")
+    check("servo holds its stress", ended.returncode == 0, ended.stderr)
+    run(program, folders[1], "--threads=1")
+    shutil.copy(folders[0] / "deck.nml", folders[1] / "deck.nml")
+    ended = run(program, folders[1], "--threads=2", "--restart=auto")
+    check("its second part, two threads", ended.returncode == 0, ended.stderr)
+    check("servo: same bits", state(folders[0]) == state(folders[1]))
+    rows = [(folder / "deck_servos.csv").read_text().splitlines() for folder in folders]
+    check("servo: same history", rows[0] == rows[1])
+
+
 def main() -> int:
     """Run all checks; return 1 if any failed."""
     program, scratch = Path(sys.argv[1]).resolve() / "talus-dem", Path(sys.argv[2])
@@ -135,6 +159,7 @@ def main() -> int:
     check("restart: same bits", state(part) == state(whole))
     for every in (10, 500):
         check_adaptive(program, scratch, every)
+    check_servo(program, scratch)
     print(f"{PASSED} passed, {len(FAILURES)} failed")
     return 1 if FAILURES else 0
 

@@ -1,0 +1,369 @@
+!> Walls that follow a curve or hold a stress: their velocity is set anew every few steps.
+!!
+!! A servo is proportional, with a slow integral: with the force F on its wall since the last look,
+!! the target F_t and the sum K of the normal stiffnesses of the wall's contacts, it moves at
+!! gain (F_t - F)/(K T) + v_i, T the time between two looks, but never faster than its speed; a
+!! wall without contact comes at its speed. v_i grows by gain^2/50 (F_t - F)/(K T) a look, so that
+!! nothing is left of the error while the specimen is sheared at a steady rate. The specimen behind
+!! the wall is softer than its contacts: without v_i a gain below one cannot overshoot, and v_i is
+!! damped as long as the specimen has more than a fiftieth of the contacts' stiffness. Looks fall
+!! on whole multiples of steps: neither threads nor restarts change a bit.
+module dem_servo
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: string_type
+  use talus_errors, only: error_list_type
+  use talus_curve, only: curve_type, read_curves, curve_index
+  use talus_deck, only: deck_type
+  use talus_history, only: history_type
+  use talus_log, only: short_number
+  use dem_state, only: dem_data_type, lanes, history_side
+  use dem_contact, only: contact_radius, constants_of, contact_constants_type
+  implicit none
+  private
+  public :: dem_servo_type, measured_area, wall_stiffness
+
+  integer(i4), parameter :: look_steps = 10
+  integer(i4), parameter :: seen_size = 7  !! impulse(3), time, stress, target of the last look, v_i
+  real(wp), parameter :: integral_share = 0.02_wp
+  real(wp), parameter :: parallel = 1.0e-9_wp
+  character(len=14), parameter :: columns(7) = [character(len=14) :: 'time [s]', 'wall [-]', &
+    'area [m2]', 'target [Pa]', 'stress [Pa]', 'velocity [m/s]', 'position [m]']
+
+  type :: servo_wall_type
+    integer(i4) :: wall = 0            !! plane
+    integer(i4) :: curve = 0           !! of the target, 0: constant
+    real(wp) :: stress = 0.0_wp        !! target, pressure is positive [Pa]
+    real(wp) :: area = 0.0_wp          !! [m^2]; 0: measured
+    real(wp) :: speed = 0.0_wp         !! most [m/s]
+    real(wp) :: gain = 0.0_wp          !! [-]
+    real(wp) :: tolerance = 0.0_wp     !! of the stress at the end [-]
+    real(wp) :: until = 0.0_wp         !! from then on the wall has its own velocity [s]
+    integer(i8) :: looks = 0           !! of this run
+    integer(i8) :: at_speed = 0        !! of these, at the speed limit
+  end type servo_wall_type
+
+  type :: dem_servo_type
+    type(string_type), allocatable :: name(:)      !! of the walls
+    type(curve_type), allocatable :: curve(:)
+    integer(i4), allocatable :: wall_curve(:)      !! (walls) 0: constant velocity
+    real(wp), allocatable :: wall_velocity(:, :)   !! (3, walls) of the deck [m/s]
+    type(servo_wall_type), allocatable :: servo(:)
+    type(history_type) :: history
+  contains
+    procedure :: read => read_servos
+    procedure :: active
+    procedure :: longest_block
+    procedure :: due
+    procedure :: start
+    procedure :: look
+    procedure :: satisfied
+    procedure :: judge
+    procedure :: open => open_history
+    procedure :: write => write_rows
+    procedure, private :: set_servo
+    procedure, private :: error_of
+  end type dem_servo_type
+
+contains
+
+  !> Groups curve and servo, and the curves of walls; a partner sets its own pace (D247).
+  subroutine read_servos(self, deck, d, names, served, errors)
+    class(dem_servo_type), intent(inout) :: self
+    type(deck_type), intent(in) :: deck
+    type(dem_data_type), intent(in) :: d
+    type(string_type), intent(in) :: names(:)  !! of the walls
+    logical, intent(in) :: served
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+
+    self%name = names
+    call read_curves(deck, 'D250', self%curve, errors)
+    allocate (self%wall_curve(size(names)), source=0)
+    allocate (self%servo(deck%count('servo')))
+    if (d%planes%n /= size(names)) return  ! walls had faults
+    self%wall_velocity = d%planes%velocity
+    do k = 1, size(names)
+      call curve_index(deck, 'D250', self%curve, 'wall', k, self%wall_curve(k), errors)
+    end do
+    if (served .and. self%active()) &
+      call deck%fault(errors, 'D247', 'walls with curves or servos do not work under a partner', &
+                      merge('servo', 'wall ', size(self%servo) > 0), 1, '', &
+                      'give the walls constant velocities')
+    do k = 1, size(self%servo)
+      call read_servo(self, deck, d, k, errors)
+    end do
+  end subroutine read_servos
+
+  !> One group servo (D251).
+  subroutine read_servo(self, deck, d, k, errors)
+    type(dem_servo_type), intent(inout) :: self
+    type(deck_type), intent(in) :: deck
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: k
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name
+    integer(i4) :: j
+
+    associate (servo => self%servo(k))
+      call deck%get('servo', k, 'wall', name)
+      call deck%get('servo', k, 'stress', servo%stress)
+      call deck%get('servo', k, 'area', servo%area)
+      call deck%get('servo', k, 'speed', servo%speed)
+      call deck%get('servo', k, 'gain', servo%gain)
+      call deck%get('servo', k, 'tolerance', servo%tolerance)
+      servo%until = huge(1.0_wp)
+      if (deck%given('servo', k, 'until')) call deck%get('servo', k, 'until', servo%until)
+      call curve_index(deck, 'D250', self%curve, 'servo', k, servo%curve, errors)
+      do j = 1, size(self%name)
+        if (self%name(j)%s == name) servo%wall = j
+      end do
+      if (servo%wall == 0) then
+        call deck%fault(errors, 'D251', "there is no wall '"//name//"'", 'servo', k, 'wall', &
+                        'walls of this deck:'//listed(self%name))
+        return
+      end if
+      if (any(self%servo(:k - 1)%wall == servo%wall)) &
+        call deck%fault(errors, 'D251', "wall '"//name//"' has two servos", 'servo', k, 'wall', &
+                        'one servo a wall')
+      if (any(abs(d%planes%velocity(:, servo%wall)) > 0.0_wp) .and. &
+          .not. deck%given('servo', k, 'until')) &
+        call deck%fault(errors, 'D251', "wall '"//name//"' has a velocity and a servo", 'servo', &
+                        k, 'wall', 'leave the velocity out, or say until when the servo works')
+      if (.not. servo%area > 0.0_wp .and. .not. measured_area(d, servo%wall) > 0.0_wp) &
+        call deck%fault(errors, 'D251', "the area of wall '"//name//"' cannot be measured: it "// &
+                        'takes two pairs of opposite walls, at right angles to it and to '// &
+                        'each other', 'servo', k, 'area', 'give area = ... in m2')
+    end associate
+  end subroutine read_servo
+
+  pure function listed(names) result(text)
+    type(string_type), intent(in) :: names(:)
+    character(len=:), allocatable :: text
+    integer(i4) :: k
+    text = ''
+    if (size(names) == 0) text = ' none'
+    do k = 1, size(names)
+      text = text//" '"//names(k)%s//"'"
+    end do
+  end function listed
+
+  !> Area between the two pairs of opposite planes that stand at right angles to a plane and to
+  !! each other [m^2]; 0 if there are no such two pairs or more than two.
+  pure real(wp) function measured_area(d, wall) result(area)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: wall
+    integer(i4) :: i, j, pairs
+    real(wp) :: across(3)
+
+    pairs = 0
+    area = 1.0_wp
+    across = 0.0_wp
+    associate (p => d%planes)
+      do i = 1, p%n
+        if (abs(dot_product(p%normal(:, i), p%normal(:, wall))) > parallel) cycle
+        do j = i + 1, p%n
+          if (dot_product(p%normal(:, i), p%normal(:, j)) > parallel - 1.0_wp) cycle
+          if (abs(dot_product(p%normal(:, i), across)) > parallel) pairs = 3
+          across = p%normal(:, i)
+          pairs = pairs + 1
+          area = area*dot_product(p%point(:, j) - p%point(:, i), p%normal(:, i))
+        end do
+      end do
+    end associate
+    if (pairs /= 2) area = 0.0_wp
+  end function measured_area
+
+  !> Sum of the normal stiffnesses of a plane's contacts [N/m].
+  pure real(wp) function wall_stiffness(d, wall) result(stiffness)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: wall
+    type(contact_constants_type) :: c
+    integer(i4) :: e, slot, lane, block, body
+
+    stiffness = 0.0_wp
+    body = d%grains%n + 3 + wall
+    do e = d%pairs%start(body), d%pairs%start(body + 1) - 1
+      slot = d%pairs%entry(e)/2
+      lane = 1 + mod(slot, lanes)
+      block = 1 + slot/lanes
+      c = constants_of(d%laws(d%pairs%law_first(block), d%pairs%law_second(block)))
+      if (.not. d%pairs%history(lane, history_side, block) > 0.0_wp) cycle
+      stiffness = stiffness + c%kn_a*contact_radius(d%pairs%history(lane, :, block)) + c%kn
+    end do
+  end function wall_stiffness
+
+  pure logical function active(self)
+    class(dem_servo_type), intent(in) :: self
+    active = size(self%servo) > 0 .or. any(self%wall_curve > 0)
+  end function active
+
+  !> Steps that may pass without a look.
+  pure integer(i4) function longest_block(self)
+    class(dem_servo_type), intent(in) :: self
+    longest_block = merge(look_steps, huge(look_steps), self%active())
+  end function longest_block
+
+  pure logical function due(self, steps)
+    class(dem_servo_type), intent(in) :: self
+    integer(i8), intent(in) :: steps  !! taken so far
+    due = self%active() .and. modulo(steps, int(look_steps, i8)) == 0
+  end function due
+
+  !> First velocities of a fresh run.
+  subroutine start(self, d, time)
+    class(dem_servo_type), intent(inout) :: self
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: time  !! [s]
+    if (.not. self%active()) return
+    allocate (d%servo_seen(seen_size, d%planes%n), source=0.0_wp)
+    d%servo_seen(:3, :) = d%planes%impulse
+    d%servo_seen(4, :) = time
+    call self%look(d, time)
+  end subroutine start
+
+  !> Velocities for the steps to come.
+  subroutine look(self, d, time)
+    class(dem_servo_type), intent(inout) :: self
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: time  !! [s]
+    integer(i4) :: k
+    real(wp) :: ahead
+
+    ahead = look_steps*d%par%dt
+    d%planes%velocity = self%wall_velocity
+    do k = 1, size(self%wall_curve)
+      if (self%wall_curve(k) == 0) cycle
+      d%planes%velocity(:, k) = self%wall_velocity(:, k) &
+                                *self%curve(self%wall_curve(k))%mean(time, time + ahead)
+    end do
+    do k = 1, size(self%servo)
+      if (time < self%servo(k)%until) call self%set_servo(k, d, time, ahead)
+    end do
+  end subroutine look
+
+  !> Velocity of servo k.
+  subroutine set_servo(self, k, d, time, ahead)
+    class(dem_servo_type), intent(inout) :: self
+    integer(i4), intent(in) :: k
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: time, ahead  !! now, and to the next look [s]
+    real(wp) :: force(3), area, stiffness, velocity, answer
+
+    associate (servo => self%servo(k), p => d%planes, seen => d%servo_seen(:, self%servo(k)%wall))
+      force = p%force(:, servo%wall)
+      if (time > seen(4)) force = (p%impulse(:, servo%wall) - seen(:3))/(time - seen(4))
+      area = servo%area
+      if (.not. area > 0.0_wp) area = measured_area(d, servo%wall)
+      seen(:3) = p%impulse(:, servo%wall)
+      seen(4) = time
+      seen(5) = -dot_product(force, p%normal(:, servo%wall))/area
+      seen(6) = servo%stress
+      if (servo%curve > 0) seen(6) = servo%stress*self%curve(servo%curve)%at(time)
+      stiffness = wall_stiffness(d, servo%wall)
+      velocity = servo%speed
+      if (stiffness > 0.0_wp) then
+        answer = servo%gain*(seen(6) - seen(5))*area/(stiffness*ahead)
+        velocity = answer + seen(7)
+        if (abs(velocity) < servo%speed) seen(7) = seen(7) + integral_share*servo%gain*answer
+      else
+        seen(7) = 0.0_wp
+      end if
+      servo%looks = servo%looks + 1
+      if (abs(velocity) >= servo%speed) servo%at_speed = servo%at_speed + 1
+      velocity = min(max(velocity, -servo%speed), servo%speed)
+      p%velocity(:, servo%wall) = velocity*p%normal(:, servo%wall)
+    end associate
+  end subroutine set_servo
+
+  !> Relative error of the stress of servo k at the last look.
+  pure real(wp) function error_of(self, k, d)
+    class(dem_servo_type), intent(in) :: self
+    integer(i4), intent(in) :: k
+    type(dem_data_type), intent(in) :: d
+    associate (seen => d%servo_seen(:, self%servo(k)%wall))
+      error_of = abs(seen(5) - seen(6))/max(abs(seen(6)), tiny(1.0_wp))
+    end associate
+  end function error_of
+
+  !> Every servo holds its stress.
+  pure logical function satisfied(self, d)
+    class(dem_servo_type), intent(in) :: self
+    type(dem_data_type), intent(in) :: d
+    integer(i4) :: k
+    satisfied = .true.
+    do k = 1, size(self%servo)
+      satisfied = satisfied .and. (self%error_of(k, d) <= self%servo(k)%tolerance .or. &
+                                   self%servo(k)%until < huge(1.0_wp))
+    end do
+  end function satisfied
+
+  !> A servo that does not hold its stress at the end of the run says by how much and why (N204).
+  subroutine judge(self, d, time, place, errors)
+    class(dem_servo_type), intent(in) :: self
+    type(dem_data_type), intent(in) :: d
+    real(wp), intent(in) :: time  !! of the end [s]
+    character(len=*), intent(in) :: place
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    character(len=:), allocatable :: why, hint
+
+    if (errors%any()) return
+    do k = 1, size(self%servo)
+      associate (servo => self%servo(k), seen => d%servo_seen(:, self%servo(k)%wall))
+        if (self%error_of(k, d) <= servo%tolerance) cycle
+        if (servo%until <= time) cycle
+        why = 'it was still on its way'
+        hint = 'raise t_end and go on with --restart, raise gain, or widen tolerance'
+        if (2*servo%at_speed > servo%looks) then
+          why = 'it moved at its speed limit of '//short_number(servo%speed)//' m/s in '// &
+            short_number(100.0_wp*real(servo%at_speed, wp)/real(servo%looks, wp))//' % of its looks'
+          hint = 'raise speed or t_end, or look whether the grains run away from the wall'
+        end if
+        call errors%add('N204', "servo of wall '"//self%name(servo%wall)%s//"' ended at "// &
+                        short_number(seen(5))//' Pa instead of '//short_number(seen(6))// &
+                        ' Pa: '//why, place, hint)
+      end associate
+    end do
+  end subroutine judge
+
+  !> Begin <stem>_servos.csv, or go on in it after a restart at time >= 0.
+  subroutine open_history(self, stem, time, errors)
+    class(dem_servo_type), intent(inout) :: self
+    character(len=*), intent(in) :: stem
+    real(wp), intent(in) :: time  !! of the checkpoint [s]; < 0: a fresh run
+    type(error_list_type), intent(inout) :: errors
+    type(string_type) :: names(size(columns))
+    integer(i4) :: k
+    if (size(self%servo) == 0) return
+    do k = 1, size(columns)
+      names(k)%s = trim(columns(k))
+    end do
+    if (time < 0.0_wp) then
+      call self%history%open(stem//'_servos.csv', names, .false., errors)
+    else
+      call self%history%resume(stem//'_servos.csv', names, time, errors)
+    end if
+  end subroutine open_history
+
+  !> A row a servo: what it saw at its last look, and where it is now.
+  subroutine write_rows(self, time, d, errors)
+    class(dem_servo_type), intent(inout) :: self
+    real(wp), intent(in) :: time  !! [s]
+    type(dem_data_type), intent(in) :: d
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: area
+    integer(i4) :: k
+    if (.not. self%history%is_open()) return
+    do k = 1, size(self%servo)
+      associate (servo => self%servo(k), p => d%planes)
+        area = servo%area
+        if (.not. area > 0.0_wp) area = measured_area(d, servo%wall)
+        call self%history%write([time, real(servo%wall, wp), area, d%servo_seen(6, servo%wall), &
+                                 d%servo_seen(5, servo%wall), &
+                                 dot_product(p%velocity(:, servo%wall), p%normal(:, servo%wall)), &
+                                 dot_product(p%point(:, servo%wall), p%normal(:, servo%wall))], &
+                                errors)
+      end associate
+    end do
+  end subroutine write_rows
+end module dem_servo
