@@ -1,7 +1,6 @@
 """Isotropic compression: do servo walls hold their stress, and is it the stress inside?"""
 
 import numpy as np
-
 from talus.generate import cloud
 from talus.packing import write_h5
 from talus.verification import Case, field_steps, read_history
@@ -42,7 +41,7 @@ def run(case: Case) -> None:
 
 
 def love_weber(case: Case, volume: float) -> tuple[np.ndarray, np.ndarray]:
-    """Mean stress, pressure positive: force times branch, and the walls' forces times their points."""
+    """Mean stress, pressure positive: forces times branches, and the walls' forces times points."""
     step = field_steps(case.folder / "deck.h5")[-1]
     ids, x = step.grains["id"], step.grains["x"]
     contacts = step.contacts
