@@ -255,7 +255,7 @@ class Bench:
         rows = []
         for n in sizes:
             name, mesh, dt = f"{case}_{n}", write_cube(self.folder, kind, n), courant / (n * WAVE)
-            steps = max(10, round((0.1 if self.quick else 1.0) * work / n**3))
+            steps = max(10 if self.quick else 40, round((0.1 if self.quick else 1.0) * work / n**3))
             for stem, end in ((name, steps), (f"{name}_base", 1)):
                 self.deck(stem, mesh, element, f"kind = 'explicit', dt = {dt!r}", end * dt)
             peer = self.peer and element == "hex8_full" and n == sizes[0]

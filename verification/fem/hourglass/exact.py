@@ -4,7 +4,7 @@ import numpy as np
 from solid import save
 
 from talus.mesh import box
-from talus.verification import Case, field_steps
+from talus.verification import Case, field_steps, read_history
 
 YOUNG, H, CELLS, FORCE, PULL = 1.0e7, 0.1, 20, 0.5, 3.0
 LENGTH = CELLS * H
@@ -54,6 +54,9 @@ def run(case: Case) -> None:
     settle = "kind = 'explicit', rayleigh_mass = 5.0"
     deflection, _ = solve(case, mesh, 1.0 / 9.0, ", t_end = 8.0", settle, "explicit")
     case.metric("explicit, at rest: deflection / exact bending", deflection / exact, 1.0, 1e-6)
+    energy = read_history(case.folder / "explicit_energy.csv")
+    error = float(abs(energy["closure"]).max() / abs(energy["load"]).max())
+    case.below("explicit: ledger, error / work of the loads", error, 1e-9)
     fig, ax = case.figure()
     line = np.linspace(0.018, 0.55, 200)
     ax.loglog(line, 1.0 / (9.0 * line), "-", label="1/(9 coefficient)")
