@@ -13,6 +13,7 @@ module fem_body
   use fem_elastic, only: fem_elastic_type
   use fem_leap, only: fem_leap_type, least_shared
   use fem_ledger, only: step_works, fem_works_type
+  use fem_null_mode, only: explain_singular
   use fem_one_point, only: fem_one_point_type
   use fem_sparse, only: fem_pattern_type, make_pattern, add_springs, multiply, multiply_mass, &
     scale_mass
@@ -183,6 +184,7 @@ contains
     end if
     call add_springs(self%robin, self%pattern, k)
     call self%solver%factor(self%pattern, k, self%mass, mass_term, errors)
+    if (.not. self%dynamic) call explain_singular(self%solver, self%pattern, self%dofs, k, errors)
     if (.not. errors%any()) self%factored_dt = wanted
   end subroutine factor
 

@@ -356,7 +356,7 @@ contains
 
   subroutine group_analysis(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('analysis', 14, &
+    call table%add_group('analysis', 16, &
       'What is computed, and in which steps.', required=.true.)
     call table%add_key('kind', 'string', '', &
       '`static`: equilibrium at each step; `newmark` and `hht`: implicit dynamics with ' &
@@ -418,6 +418,14 @@ contains
       //'coupled; direct if it does not converge. Dynamics is direct.')
     call table%preset('auto')
     call table%allow('auto|direct|iterative')
+    call table%add_key('factors', 'string', '', &
+      'Where the factors of the direct solver are kept; `auto`: in memory, on disk ' &
+      //'where it does not suffice.')
+    call table%preset('auto')
+    call table%allow('auto|memory|disk')
+    call table%add_key('scratch', 'string', '', &
+      'Folder for factors on disk; that of the deck if left out.')
+    call table%preset('')
     call table%add_key('modes', 'integer', '', &
       'Number of modes of `modal`, from the lowest; rigid motions count.')
     call table%preset('10')

@@ -18,6 +18,7 @@ module fem_model
   use fem_body, only: fem_body_type
   use fem_critical, only: scale_rotations
   use fem_deck_keys, only: fem_deck_table
+  use fem_mumps, only: storage_memory, storage_disk
   use fem_output, only: fem_output_type, energy_error
   use fem_relaxation, only: relax
   use fem_supports, only: check_supports
@@ -97,7 +98,22 @@ contains
     call read_body(self%deck, self%body, errors)
     if (errors%any()) return
     call read_times(self, errors)
+    call choose_storage(self)
   end subroutine read_run
+
+  !> Where factors are kept.
+  subroutine choose_storage(self)
+    class(fem_model_type), intent(inout) :: self
+    character(len=:), allocatable :: factors
+    call self%deck%get('analysis', 1, 'factors', factors)
+    associate (mumps => self%body%solver%mumps)
+      if (factors == 'memory') mumps%storage = storage_memory
+      if (factors == 'disk') mumps%storage = storage_disk
+      mumps%scratch = folder_of(self%options%deck)
+      if (self%deck%given('analysis', 1, 'scratch')) &
+        mumps%scratch = self%deck%path('analysis', 1, 'scratch')
+    end associate
+  end subroutine choose_storage
 
   !> End and step; statics takes one step to 1 s where the deck says nothing.
   subroutine read_times(self, errors)
@@ -337,7 +353,8 @@ contains
       call self%log%item('factorisation '//str(solver%factorisations), &
                          str(solver%free)//' free degrees of freedom', &
                          short_number(real(solver%mumps%entries, wp))//' entries, '// &
-                         short_number(solver%mumps%flops/giga)//' GFlop, METIS order')
+                         short_number(solver%mumps%flops/giga)//' GFlop, METIS order'// &
+                         trim(merge(', on disk', '         ', solver%mumps%on_disk)))
     end associate
   end subroutine log_factors
 

@@ -1,4 +1,5 @@
-!> The one module that speaks MUMPS (5.5): symmetric positive definite factors that are kept.
+!> The one module that speaks MUMPS (5.5): factors that are kept, of symmetric positive definite
+!! matrices or of general ones, in memory or on disk.
 !!
 !! The order comes from METIS through PERM_IN (Debian's MUMPS has none inside). MPI is started
 !! with the first factorisation and ended by `mumps_end`; runs that solve nothing pay nothing.
@@ -6,19 +7,26 @@ module fem_mumps
   use mpi, only: mpi_init, mpi_initialized, mpi_finalize, mpi_finalized, mpi_comm_self
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use talus_system, only: environment, set_environment
+  use talus_system, only: environment, set_environment, memory_free
   use talus_text, only: str
   implicit none
   private
-  public :: mumps_type, mumps_end
+  public :: mumps_type, mumps_end, storage_auto, storage_memory, storage_disk
 
   include 'dmumps_struc.h'
 
-  integer(i4), parameter :: spd = 1, given_order = 1
+  integer(i4), parameter :: spd = 1, unsymmetric = 0, given_order = 1
+  integer(i4), parameter :: storage_auto = 0, storage_memory = 1, storage_disk = 2
+  real(wp), parameter :: usable = 0.9_wp   !! share of the free memory that factors may take
+  real(wp), parameter :: mega = 1.0e6_wp
   integer(i4), parameter :: extra_space = 30, most_space = 200  !! ICNTL(14) [%]
 
   !> One matrix with its factors.
   type :: mumps_type
+    logical :: general = .false.         !! not symmetric: all entries are given, not one triangle
+    integer(i4) :: storage = storage_auto
+    character(len=:), allocatable :: scratch  !! folder of factors on disk
+    logical :: on_disk = .false.         !! the factors are
     logical :: analysed = .false., factored = .false.
     integer(i4) :: n = 0                 !! order of the matrix
     integer(i8) :: entries = 0           !! in the factors
@@ -62,7 +70,8 @@ contains
     if (.not. ended) call mpi_finalize(status)
   end subroutine mumps_end
 
-  !> Symbolic analysis for rows irn(:), columns jcn(:) of one triangle and a given order.
+  !> Symbolic analysis for rows irn(:), columns jcn(:) of one triangle (or of all of a general
+  !! matrix) and a given order.
   subroutine analyse(self, n, irn, jcn, order, errors)
     class(mumps_type), intent(inout) :: self
     integer(i4), intent(in) :: n
@@ -75,12 +84,13 @@ contains
     allocate (self%id)
     self%n = n
     self%id%comm = mpi_comm_self
-    self%id%sym = spd
+    self%id%sym = merge(unsymmetric, spd, self%general)
     self%id%par = 1
     self%id%job = -1
     call dmumps(self%id)
     self%id%icntl(1:3) = -1
     self%id%icntl(4) = 0
+    self%id%icntl(6) = 0  ! no permutation by values: the analysis serves many
     self%id%icntl(7) = given_order
     self%id%icntl(14) = extra_space
     self%id%icntl(28) = 1
@@ -94,7 +104,7 @@ contains
     self%id%job = 1
     call dmumps(self%id)
     if (self%id%infog(1) < 0) then
-      call translate(self%id%infog(1), self%id%infog(2), 'the symbolic analysis', errors)
+      call translate(self, 'the symbolic analysis', errors)
     else if (self%id%infog(7) /= given_order) then
       call errors%add('S302', 'MUMPS did not take the order of METIS (INFOG(7) = ' &
                       //str(self%id%infog(7))//')', hint='install another build of MUMPS 5')
@@ -111,28 +121,57 @@ contains
     if (.not. self%analysed) error stop 'bug: factorisation before analysis'
     self%factored = .false.
     self%id%a = a
+    call choose_storage(self)
     do
       self%id%job = 2
       call dmumps(self%id)
-      if (self%id%infog(1) /= -9 .or. self%id%icntl(14) >= most_space) exit
-      self%id%icntl(14) = 2*self%id%icntl(14)
+      select case (self%id%infog(1))
+      case (-9)  ! its own guess of the room was too small
+        if (self%id%icntl(14) >= most_space) exit
+        self%id%icntl(14) = 2*self%id%icntl(14)
+      case (-13)
+        if (self%on_disk .or. self%storage /= storage_auto) exit
+        call use_disk(self)
+      case default
+        exit
+      end select
     end do
     if (self%id%infog(1) < 0) then
-      call translate(self%id%infog(1), self%id%infog(2), 'the factorisation', errors)
-      return
-    end if
-    if (self%id%infog(12) > 0) then
-      call errors%add('N302', 'the stiffness has '//str(self%id%infog(12))// &
-        ' negative pivots: it is '// &
-                      'not positive definite', hint='check supports, moduli and the mesh')
+      call translate(self, 'the factorisation', errors)
       return
     end if
     self%factored = .true.
+    if (self%id%infog(12) > 0 .and. .not. self%general) then
+      call errors%add('N302', 'the stiffness has '//str(self%id%infog(12))// &
+        ' negative pivots: it is not positive definite', hint='check supports, moduli and the mesh')
+      return
+    end if
     self%flops = self%id%rinfog(3)
     self%memory = self%id%infog(19)
     self%entries = self%id%infog(9)
     if (self%entries < 0) self%entries = -self%entries*1000000_i8
   end subroutine factor
+
+  !> On disk if the deck says so, or if it leaves the choice and memory is short.
+  subroutine choose_storage(self)
+    class(mumps_type), intent(inout) :: self
+    real(wp) :: free
+    self%on_disk = .false.
+    self%id%icntl(22) = 0
+    free = real(memory_free(), wp)/mega
+    if (self%storage == storage_disk) call use_disk(self)
+    if (self%storage == storage_auto .and. free > 0.0_wp .and. &
+        real(self%id%infog(16), wp) > usable*free) call use_disk(self)
+  end subroutine choose_storage
+
+  subroutine use_disk(self)
+    class(mumps_type), intent(inout) :: self
+    self%on_disk = .true.
+    self%id%icntl(22) = 1
+    self%id%ooc_tmpdir = '/tmp'
+    if (allocated(self%scratch)) self%id%ooc_tmpdir = self%scratch
+    self%id%ooc_prefix = 'talus-factors-'
+  end subroutine use_disk
 
   !> Solve in place for one right-hand side b(n).
   subroutine solve(self, b, errors)
@@ -147,7 +186,7 @@ contains
     self%id%job = 3
     call dmumps(self%id)
     if (self%id%infog(1) < 0) then
-      call translate(self%id%infog(1), self%id%infog(2), 'the solution', errors)
+      call translate(self, 'the solution', errors)
       return
     end if
     b = self%id%rhs
@@ -166,23 +205,33 @@ contains
     self%factored = .false.
   end subroutine free
 
-  !> MUMPS' error codes in words.
-  subroutine translate(code, detail, where, errors)
-    integer(i4), intent(in) :: code, detail
+  !> MUMPS' error codes in words, with what can be done.
+  subroutine translate(self, where, errors)
+    class(mumps_type), intent(in) :: self
     character(len=*), intent(in) :: where
     type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: hint, mumps
+    integer(i4) :: detail
 
-    select case (code)
+    detail = self%id%infog(2)
+    mumps = ' (MUMPS '//str(self%id%infog(1))//', '//str(detail)//')'
+    select case (self%id%infog(1))
     case (-7, -8, -9, -13, -19)
-      call errors%add('S303', 'not enough memory for '//where//' (MUMPS '//str(code)//', '// &
-                      str(detail)//')', hint='use a smaller mesh or a machine with more memory')
+      hint = "factors = 'disk' needs "//str(self%id%infog(26))//" MB, solver = 'iterative' in "// &
+             'statics less still; or take a smaller mesh'
+      if (self%on_disk) hint = "solver = 'iterative' in statics needs less; or take a smaller mesh"
+      call errors%add('S303', 'not enough memory for '//where//mumps//': about '// &
+        str(self%id%infog(merge(26, 16, self%on_disk)))//' MB are needed, '// &
+        str(int(memory_free()/int(mega, i8), i4))//' MB are free', hint=hint)
+    case (-90)
+      call errors%add('S305', 'the factors cannot be put on disk'//mumps, &
+        trim(self%id%ooc_tmpdir), 'is it a folder with room for '//str(self%id%infog(16))// &
+        ' MB? `scratch` in &analysis names another')
     case (-6, -10, -40)
-      call errors%add('N301', 'the stiffness is singular in '//where//' (MUMPS '//str(code)// &
-        ', '// &
-                      str(detail)//')', hint='is every part of the body supported?')
+      call errors%add('N301', 'the stiffness is singular in '//where//mumps, &
+                      hint='is every part of the body supported?')
     case default
-      call errors%add('S304', where//' failed with MUMPS code '//str(code)//' ('//str(detail)// &
-        ')', &
+      call errors%add('S304', where//' failed'//mumps, &
                       hint='MUMPS users'' guide, section on error codes')
     end select
   end subroutine translate

@@ -20,6 +20,8 @@ def solve(case: Case, name: str, element: str, material: str, solver: str) -> np
     text = (case.folder / "deck.nml").read_text().replace("ELEMENT", element)
     text = text.replace("MATERIAL", material).replace("FIX", fix)
     analysis = f"kind = 'static', solver = '{solver}'"
+    if solver == "disk":
+        analysis = "kind = 'static', solver = 'direct', factors = 'disk'"
     if solver == "relaxation":
         analysis = "kind = 'relaxation', tolerance = 1.0e-9"
     text = text.replace("SOLVER", analysis)
@@ -55,6 +57,9 @@ def run(case: Case) -> None:
             found = solve(case, name, element, material, "relaxation")
             off = float(abs(found - direct).max() / abs(direct).max())
             case.below(f"{element}: relaxation, difference / largest", off, 1e-6)
+            found = solve(case, name, element, material, "disk")
+            off = float(abs(found - direct).max() / abs(direct).max())
+            case.below(f"{element}: factors on disk, difference / largest", off, 1e-12)
         log = (case.folder / f"{name}_iterative.log").read_text()
         counts[name] = int(re.search(r"iterations\s+(\d+)\s+residual", log)[1])
     fig, ax = case.figure()
