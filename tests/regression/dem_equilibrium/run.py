@@ -13,6 +13,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+
 from talus.packing import make_packing, write_h5
 
 HERE = Path(__file__).resolve().parent

@@ -3,6 +3,7 @@
 import re
 
 import numpy as np
+
 from talus.generate import lattice
 from talus.packing import write_h5
 from talus.verification import Case, read_history

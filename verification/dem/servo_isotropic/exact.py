@@ -1,6 +1,7 @@
 """Isotropic compression: do servo walls hold their stress, and is it the stress inside?"""
 
 import numpy as np
+
 from talus.generate import cloud
 from talus.packing import write_h5
 from talus.verification import Case, field_steps, read_history
