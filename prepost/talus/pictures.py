@@ -71,8 +71,9 @@ def render(
     add_grains(pyvista, plotter, first, now, color)
     if solid is not None:
         add_solid(pyvista, plotter, solid, now.time)
-    text = f"t = {now.time:.4g} s"
-    plotter.add_text(text, position="upper_left", font_size=11, color="black")
+    low, high = np.reshape(plotter.bounds, (3, 2)).T
+    text = f"t = {now.time:.4g} s\n{' x '.join(f'{d:.3g}' for d in high - low)} mm"
+    plotter.add_text(text, position=(0.02, 0.92), viewport=True, font_size=11, color="black")
     plotter.add_text(f"Talus {version()}", position="lower_right", font_size=6, color="grey")
     plotter.enable_parallel_projection()
     plotter.camera_position = [tuple(10.0 * VIEW), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
@@ -103,6 +104,13 @@ def values_of(first: Snapshot, now: Snapshot, color: str) -> np.ndarray:
     return MILLI * np.linalg.norm(np.nan_to_num(displacement(first.grains, now.grains)), axis=1)
 
 
+def round_above(value: float) -> float:
+    """Return the next of some numbers whose fifths are short, times a power of ten."""
+    power = 10.0 ** np.floor(np.log10(value))
+    steps = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.5, 10.0)
+    return float(power * min(s for s in steps if s * (1.0 + 1.0e-9) >= value / power))
+
+
 def add_grains(
     pyvista: object, plotter: object, first: Snapshot, now: Snapshot, color: str
 ) -> None:
@@ -114,9 +122,12 @@ def add_grains(
     walls = shown & np.isin(kind, (FIXED, GHOST))
     if free.any():
         values = values_of(first, now, color)[free]
-        top = max(float(np.quantile(values, 0.99)), 1.0e-12)
+        top = round_above(max(float(np.quantile(values, 0.99)), 1.0e-12))
+        if values.max() > top:
+            note = f"some grains above the scale: up to {values.max():.3g}"
+            plotter.add_text(note, position=(0.02, 0.02), viewport=True, font_size=8, color="black")
         bar = {"title": COLOURS_OF[color], "color": "black", "vertical": True, "position_x": 0.88,
-               "position_y": 0.25, "height": 0.5, "n_labels": 5}  # fmt: skip
+               "position_y": 0.25, "height": 0.5, "n_labels": 6, "fmt": "%.3g"}  # fmt: skip
         mesh = ellipsoids(pyvista, g, np.flatnonzero(free), values)
         colours = {"scalars": "value", "cmap": "viridis", "clim": (0.0, top)}
         plotter.add_mesh(mesh, smooth_shading=True, scalar_bar_args=bar, **colours)

@@ -27,6 +27,11 @@ def running_mean(values: np.ndarray, half: int) -> np.ndarray:
     return (total[at + reach + 1] - total[at - reach]) / (2 * reach + 1)
 
 
+def peak(values: np.ndarray) -> float:
+    """Largest size among the finite values (a run that failed may end with NaN)."""
+    return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
+
+
 def energy(path: Path) -> object:
     """Energy ledger: the terms above, the closure error below on a logarithmic axis."""
     history = histories.read(path)
@@ -34,8 +39,9 @@ def energy(path: Path) -> object:
     names = [name for name in history.of_unit("J") if name not in CLOSURES]
     split = {"elastic_normal", "elastic_tangential"} if "elastic" in names else set()
     names = [name for name in names if name not in split]
-    largest = max((float(np.abs(history[name]).max()) for name in names), default=0.0)
-    shown = [name for name in names if np.abs(history[name]).max() > SMALL * largest]
+    peaks = {name: peak(history[name]) for name in names}
+    largest = max(peaks.values(), default=0.0)
+    shown = [name for name in names if peaks[name] > SMALL * largest]
     fig, (top, low) = new_figure(nrows=2, sharex=True, figsize=(7.6, 5.4), height_ratios=[3, 1])
     for k, name in enumerate(shown):
         style = "-" if k < len(COLOURS) else "--"
@@ -124,8 +130,12 @@ def force_figure(curves: dict[str, dict[str, np.ndarray]], title: str = "") -> o
         ax.plot(curve["depth"], curve["mean"], color=colour, lw=1.8, label=label, **mark)
     ax.set(xlabel="penetration depth [mm]", ylabel="force on the penetrator, upwards [N]")
     ax.set_xlim(left=0.0)
-    ax.set_title(title or "thin: as written; thick: mean over 4 % of the stroke", fontsize=10)
-    ax.legend()
+    ax.set_title(title, fontsize=10)
+    ax.legend(
+        title="thin: as written\nthick: mean over 4 % of the stroke",
+        title_fontsize=8,
+        alignment="left",
+    )
     return fig
 
 
