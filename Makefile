@@ -174,9 +174,11 @@ style: deps-run deps-dev
 install: all
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/share/talus
 	install -m 755 $(PROGRAMS) $(DESTDIR)$(PREFIX)/bin
+	rm -rf $(DESTDIR)$(PREFIX)/share/talus/talus
 	cp -r prepost/talus VERSION prepost/requirements-run.txt prepost/requirements-render.txt LICENSE \
 	  $(DESTDIR)$(PREFIX)/share/talus
-	sed 's|@SHARE@|$(PREFIX)/share/talus|' tools/talus.in > $(DESTDIR)$(PREFIX)/bin/talus
+	find $(DESTDIR)$(PREFIX)/share/talus -name __pycache__ -prune -exec rm -r {} +
+	sed 's|@SHARE@|$(PREFIX)/share/talus|g; s|@BIN@|$(PREFIX)/bin|' tools/talus.in > $(DESTDIR)$(PREFIX)/bin/talus
 	chmod 755 $(DESTDIR)$(PREFIX)/bin/talus
 
 clean:
