@@ -1,9 +1,10 @@
 !> Contact forces of all blocks, and their sums per grain in the order of partner ids.
 module dem_forces
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_pairs_type, dem_law_type, lanes, history_side, result_size
+  use dem_state, only: dem_pairs_type, dem_law_type, lanes, history_size, history_side, &
+    result_size
   use dem_block, only: dem_block_type
-  use dem_lanes, only: gather_side, put_loads, sum_results
+  use dem_lanes, only: read_in_order, gather_side, put_loads, sum_results
   use dem_gap, only: branch_vectors, evaluate_pairs, evaluate_spheres, evaluate_planes, &
     refine_normals, add_curvatures, solve_lane
   use dem_contact, only: contact_block, constants_of
@@ -29,6 +30,8 @@ contains
       pairs%columns(:, k) = 0.0_wp
       return
     end if
+    if (pairs%touched(k)) call read_in_order(pairs%history(:, 1, k), history_size*lanes)
+    if (.not. pairs%round(k)) call read_in_order(pairs%normal(:, 1, k), 3*lanes)
     next = min(k + 1, pairs%blocks)
     call gather_side(pairs%body, pairs%first(:, k), pairs%first(:, next), block%a)
     call gather_side(pairs%body, pairs%second(:, k), pairs%second(:, next), block%b)

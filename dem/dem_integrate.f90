@@ -10,13 +10,13 @@ module dem_integrate
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_grains_type, dem_pairs_type, kind_free, lanes, body_size
   use dem_block, only: dem_side_type
-  use dem_lanes, only: put_side, put_motion
+  use dem_lanes, only: read_in_order, put_side, put_motion
   use dem_orientation, only: rotations, shapes
   implicit none
   private
   public :: motion_type, mover_type, push_type, load_mover, store_mover, load_forces, store_forces
   public :: ready_push, kick_mover, drift_mover
-  public :: put_bodies, travel_of_mover, scaled_spin_momentum, work_count
+  public :: read_mover, put_bodies, travel_of_mover, scaled_spin_momentum, work_count
 
   integer(i4), parameter :: work_count = 4  !! gravity, external, background damping, boundary
 
@@ -116,6 +116,12 @@ contains
     b%s%wy(k) = g%omega(2, i)
     b%s%wz(k) = g%omega(3, i)
   end subroutine load_motion
+
+  !> Bring a mover into the cache.
+  subroutine read_mover(b)
+    type(mover_type), intent(in) :: b
+    call read_in_order(b%free, int(storage_size(b)/storage_size(1.0_wp), i4) - lanes)
+  end subroutine read_mover
 
   !> Contact forces and moments of the free grains as they stand with the grains.
   pure subroutine load_forces(b, g, push)

@@ -5,9 +5,16 @@ module dem_lanes
   use dem_block, only: dem_side_type, dem_load_type
   implicit none
   private
-  public :: gather_side, put_loads, put_side, put_motion, sum_results, sum_lanes
+  public :: read_in_order, gather_side, put_loads, put_side, put_motion, sum_results, sum_lanes
 
   interface
+    !> Read memory from front to back, so that the processor fetches what lies behind it.
+    pure subroutine read_in_order(from, reals) bind(c, name='dem_read_in_order')
+      import :: c_double, c_int32_t
+      real(c_double), intent(in) :: from(*)
+      integer(c_int32_t), value, intent(in) :: reals
+    end subroutine read_in_order
+
     !> Records body(:, index) into the lanes of a side; body(:, next) will be wanted soon.
     pure subroutine gather_side(body, index, next, side) bind(c, name='dem_gather_side')
       import :: c_double, c_int32_t, dem_side_type, lanes, body_size

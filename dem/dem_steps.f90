@@ -16,8 +16,8 @@ module dem_steps
   use dem_forces, only: block_forces, sum_body
   use dem_lanes, only: sum_lanes
   use dem_integrate, only: motion_type, mover_type, push_type, load_mover, store_mover, &
-    load_forces, store_forces, ready_push, kick_mover, drift_mover, put_bodies, travel_of_mover, &
-    work_count
+    load_forces, store_forces, ready_push, kick_mover, drift_mover, read_mover, put_bodies, &
+    travel_of_mover, work_count
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_shape, only: quaternion_from_rotation
   implicit none
@@ -321,6 +321,7 @@ contains
       return
     end if
     associate (mover => work%movers(c))
+      call read_mover(mover)
       call sum_lanes(d%pairs%result, d%pairs%entry, d%pairs%start(mover%low + 1:), mover%count, &
                      mover%s%x, push%f, push%m)
       do k = 1, merge(0, mover%count, mover%free_count == mover%count)
