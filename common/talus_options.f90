@@ -20,6 +20,7 @@ module talus_options
     logical :: version = .false., help = .false.
     character(len=:), allocatable :: restart     !! '', 'auto' or a checkpoint
     character(len=:), allocatable :: port        !! '' or where talus-couple listens
+    character(len=:), allocatable :: measure     !! '' or a field file for talus-dem to measure
     character(len=:), allocatable :: output_dir  !! '' or the folder of the results
     logical :: one_point = .false.               !! talus-fem --point: a material, without mesh
     character(len=:), allocatable :: point       !! '' or the rendezvous file of launch = 'attach'
@@ -60,6 +61,7 @@ contains
     options%port = ''
     options%output_dir = ''
     options%point = ''
+    options%measure = ''
     do k = 1, size(arguments)
       associate (text => arguments(k)%s)
         if (starts_with(text, '-')) then
@@ -101,7 +103,11 @@ contains
         call errors%add('D022', 'option '//name//' takes no value', 'command line', 'write '//name)
         return
       end if
-    case ('--restart', '--port', '--output', '--point', '--threads')
+    case ('--restart', '--port', '--output', '--point', '--threads', '--measure')
+      if (name == '--measure' .and. program /= 'talus-dem') then
+        call unknown_option(program, name, errors)
+        return
+      end if
       if (name == '--point' .and. equals == 0 .and. program == 'talus-fem') then
         options%one_point = .true.
         return
@@ -143,6 +149,8 @@ contains
       options%output_dir = value
     case ('--point')
       options%point = value
+    case ('--measure')
+      options%measure = value
     case ('--threads')
       call parse_integer(value, options%threads, status)
       if (status /= value_good .or. options%threads < 1 .or. options%threads > most_threads) then
@@ -168,6 +176,7 @@ contains
     call append_string(names, '--output=')
     call append_string(names, '--point=')
     call append_string(names, '--threads=')
+    if (program == 'talus-dem') call append_string(names, '--measure=')
     call errors%add('D020', program//' has no option '//name, 'command line', &
                     did_you_mean(name, names, 'options:'))
   end subroutine unknown_option
@@ -216,6 +225,9 @@ contains
       call append_string(lines, '  --port=SPEC     serve talus-couple there (set by talus-couple)')
     call append_string(lines, '  --point=FILE    rendezvous file, where all three are started'// &
                        ' by hand')
+    if (program == 'talus-dem') &
+      call append_string(lines, '  --measure=FILE  &measure and &grid of the deck, on a field'// &
+                         ' file of an earlier run')
     if (program == 'talus-fem') &
       call append_string(lines, '  --point         one material along the &path states of the'// &
                          ' deck, without mesh')

@@ -1,16 +1,18 @@
 !> Simulated time, the time step, and when histories, fields and checkpoints are due.
 !!
 !! Time is base + count dt, so that a fixed step gathers no rounding. An automatic step is cut so
-!! that steps end on multiples of the grid (the history interval, else the output interval). All
-!! that decides a step is part of the state: a restart takes the same steps.
+!! that steps end on multiples of the grid (the interval of histories, else output, else
+!! measures). All that decides a step is part of the state: a restart takes the same steps.
 module dem_clock
   use talus_kinds, only: wp, i4, i8
   implicit none
   private
-  public :: dem_clock_type, event_history, event_output, event_checkpoint, event_count
+  public :: dem_clock_type, event_history, event_output, event_checkpoint, event_measure
+  public :: event_count
 
   integer(i4), parameter :: event_history = 1, event_output = 2, event_checkpoint = 3
-  integer(i4), parameter :: event_count = 3
+  integer(i4), parameter :: event_measure = 4
+  integer(i4), parameter :: event_count = 4
   integer(i4), parameter :: check_steps = 100   !! steps between two looks at the step limit
   real(wp), parameter :: near = 1.0e-6_wp       !! what counts as on time, in steps
   real(wp), parameter :: growth = 1.1_wp        !! automatic step, largest growth in one go
@@ -67,6 +69,7 @@ contains
     self%every = every
     self%grid = every(event_history)
     if (.not. self%grid > 0.0_wp) self%grid = every(event_output)
+    if (.not. self%grid > 0.0_wp) self%grid = every(event_measure)
     do k = 1, event_count
       call self%passed(k)
     end do

@@ -28,6 +28,8 @@ contains
     call group_dynamics(table)
     call group_relaxation(table)
     call group_equilibrium(table)
+    call group_measure(table)
+    call group_grid(table)
     call group_search(table)
     call group_limits(table)
   end subroutine dem_deck_table
@@ -73,7 +75,8 @@ contains
     call table%add_key('fields', 'string', '', &
       'Fields besides the standard ones. Always written: id, x, quat, axes, v, omega, ' &
       //'force, moment, kind, coordination (their names are accepted and change nothing);' &
-      //' `''contacts''` adds ids, point, normal, force and overlap of every contact.')
+      //' `''contacts''` adds ids, point, normal, force, stiffness and overlap of every ' &
+      //'contact.')
     call table%sized(1_i4, huge(1_i4))
     call table%allow('velocity|spin|force|moment|coordination|contacts')
     call table%add_key('packing', 'string', '', &
@@ -375,6 +378,84 @@ contains
     call table%preset('100')
     call table%bounds(min=100.0_wp)
   end subroutine group_equilibrium
+
+  subroutine group_measure(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('measure', 12, &
+      'Measures of a region, one row a time in `<deck>_measure_<id>.csv`: stress, solid' &
+      //' fraction, coordination, fabrics, sliding, inertial number, affine moduli. The ' &
+      //'first and the last state are always measured. `talus-dem --measure=FILE` takes ' &
+      //'the states from a field file instead.', repeats=.true.)
+    call table%add_key('id', 'string', '', 'Name, part of the name of the file.')
+    call table%need()
+    call table%add_key('region', 'string', '', &
+      'What is measured; `''all''` is the box around all free grains, which follows them.')
+    call table%preset('all')
+    call table%allow('all|box|cylinder')
+    call table%add_key('every_time', 'real', 's', &
+      'Simulated time between two rows, a multiple of the least of all measures and ' &
+      //'grids. Left out: first and last state.')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('lower', 'real', 'm', 'Lower corner of a box.')
+    call table%sized(3_i4, 3_i4)
+    call table%add_key('upper', 'real', 'm', 'Upper corner of a box.')
+    call table%sized(3_i4, 3_i4)
+    call table%add_key('base', 'real', 'm', 'Centre of the lower face of a cylinder.')
+    call table%sized(3_i4, 3_i4)
+    call table%add_key('axis', 'real', '', 'Direction of a cylinder, of any length.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|1.0')
+    call table%add_key('radius', 'real', 'm', 'Radius of a cylinder.')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('length', 'real', 'm', 'Length of a cylinder along its axis.')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('resolution', 'integer', '', &
+      'Points to the diameter of a grain that the faces cut, by which the part inside ' &
+      //'is found.')
+    call table%preset('24')
+    call table%bounds(min=2.0_wp, max=400.0_wp)
+    call table%add_key('origin', 'real', 'm', &
+      'Origin of the arms of the couple stress; left out, the middle of each branch.')
+    call table%sized(3_i4, 3_i4)
+    call table%add_key('moduli', 'logical', '', &
+      'Write the affine moduli in full (C, B and D, 9 x 9 each) to ' &
+      //'`<deck>_moduli_<id>.csv`.')
+    call table%preset('.false.')
+  end subroutine group_measure
+
+  subroutine group_grid(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('grid', 7, &
+      'Coarse-grained fields on a grid of cells, in `<deck>_grid_<id>.h5` and `.xdmf`: ' &
+      //'solid fraction, density, momentum, velocity, stress of contacts and of motion, ' &
+      //'fabric. Mass and momentum are kept where the kernels lie within the grid.', repeats=.true.)
+    call table%add_key('id', 'string', '', 'Name, part of the name of the file.')
+    call table%need()
+    call table%add_key('lower', 'real', 'm', 'Lower corner.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%add_key('upper', 'real', 'm', 'Upper corner.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%add_key('cells', 'integer', '', &
+      'Cells along x, y, z; none wider than the kernel''s width.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%bounds(min=1.0_wp)
+    call table%add_key('width', 'real', 'm', &
+      'Width w of the kernel, usually 0.5 to 1 grain diameter.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%add_key('kernel', 'string', '', &
+      '`''gaussian''`: exp(-r^2/(2 w^2)), cut at 3 w. `''lucy''`: (1 + 3 q)(1 - q)^3 with q' &
+      //' = r/(2 w).')
+    call table%preset('gaussian')
+    call table%allow('gaussian|lucy')
+    call table%add_key('every_time', 'real', 's', &
+      'Simulated time between two steps, a multiple of the least of all measures and ' &
+      //'grids. Left out: first and last state.')
+    call table%bounds(above=0.0_wp)
+  end subroutine group_grid
 
   subroutine group_search(table)
     type(key_table_type), intent(inout) :: table

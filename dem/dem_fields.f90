@@ -114,6 +114,7 @@ contains
     call file%put(group//'/point', list%point(:, :list%n), errors)
     call file%put(group//'/normal', list%normal(:, :list%n), errors)
     call file%put(group//'/force', list%force(:, :list%n), errors)
+    call file%put(group//'/stiffness', list%stiffness(:, :list%n), errors)
     call file%put(group//'/overlap', list%overlap(:list%n), errors)
   end subroutine put_contacts
 end module dem_fields

@@ -9,6 +9,7 @@ program talus_dem
   use talus_deck_table, only: key_table_type
   use talus_system, only: ignore_write_signals, talus_exit, talus_short_spins
   use dem_model, only: dem_model_type, program_name
+  use dem_measure_file, only: measure_file
   use dem_deck_keys, only: dem_deck_table
   use dem_port, only: serve
   implicit none
@@ -26,6 +27,7 @@ program talus_dem
   if (len(options%point) > 0 .and. len(options%port) == 0) options%port = 'attach:'//options%point
   allocate (model)
   if (options%check) call check()
+  if (len(options%measure) > 0) call measure()
   if (len(options%port) > 0) then
     call serve(model, options, exit_code, errors)
   else
@@ -61,4 +63,12 @@ contains
     call report_check(program_name, model%deck, errors, options%json)
     call talus_exit(errors%exit_code())
   end subroutine check
+
+  !> --measure=FILE: the measures of the deck on a field file.
+  subroutine measure()
+    call model%read(options, errors)
+    if (.not. errors%any()) call measure_file(model, options%measure, errors)
+    if (errors%any()) call leave_with_faults()
+    call talus_exit(0_i4)
+  end subroutine measure
 end program talus_dem

@@ -20,9 +20,11 @@ module dem_model
   use dem_system, only: dem_system_type
   use dem_packing, only: dem_packing_type, write_packing
   use dem_setup, only: dem_choices_type, read_model, check_initial_overlap, check_step
-  use dem_clock, only: dem_clock_type, event_history, event_output, event_checkpoint, event_count
+  use dem_clock, only: dem_clock_type, event_history, event_output, event_checkpoint, &
+    event_measure, event_count
   use dem_histories, only: dem_histories_type
   use dem_fields, only: dem_fields_type
+  use dem_measures, only: dem_measures_type
   use dem_restart, only: write_checkpoint, read_checkpoint
   use dem_logbook, only: begin_log, log_model, log_row_titles, log_row, log_health, write_summary
   use dem_equilibrium, only: dem_equilibrium_type
@@ -48,6 +50,7 @@ module dem_model
     type(dem_servo_type) :: servo
     type(dem_histories_type) :: histories
     type(dem_fields_type) :: fields
+    type(dem_measures_type) :: measures
     type(checkpoint_type) :: checkpoint
     type(stop_type) :: stop
     type(timers_type) :: timers
@@ -106,6 +109,7 @@ contains
                            'add t_end = ... in s; only under talus-couple it may be left out')
     call spare_inputs(self%deck, self%stem, errors)
     call read_model(self%deck, self%system, self%packing, self%choices, errors)
+    call self%measures%read(self%deck, errors)
     call self%equilibrium%read(self%deck, self%choices%adaptive, self%served, errors)
     call self%servo%read(self%deck, self%system%dem_data_type, self%choices%wall, self%served, &
                          errors)
@@ -160,6 +164,7 @@ contains
     call self%deck%get('output', 1, 'every_time', every(event_output))
     call self%deck%get('checkpoint', 1, 'every_time', every(event_checkpoint))
     if (self%served) every(event_checkpoint) = 0.0_wp
+    every(event_measure) = self%measures%every
     self%clock%automatic = .not. self%choices%dt > 0.0_wp
     if (len(self%options%restart) > 0 .and. .not. self%options%check) then
       call self%checkpoint%find(self%options%restart, self%restart_path, found, errors)
@@ -298,6 +303,7 @@ contains
       call self%fields%open(self%stem, kept, note, errors)
       if (len(note) > 0) call append_string(self%warnings, note)
     end if
+    if (.not. errors%any()) call self%measures%open(self%stem, self%start_time, errors)
     do k = 1, size(self%warnings)
       call self%log%warn(self%warnings(k)%s)
     end do
@@ -306,6 +312,7 @@ contains
     call self%histories%write(0.0_wp, self%system, errors)
     call self%servo%write(0.0_wp, self%system%dem_data_type, errors)
     call self%fields%write(0.0_wp, self%system, errors)
+    call self%measures%write(0.0_wp, self%system, .true., errors)
   end subroutine open_run
 
   !> Signals, wall limit and stop file are watched from here on; a partner has its own.
@@ -397,6 +404,10 @@ contains
       call self%fields%write(t, self%system, errors)
       call self%clock%passed(event_output)
     end if
+    if (self%clock%due(event_measure)) then
+      call self%measures%write(t, self%system, .false., errors)
+      call self%clock%passed(event_measure)
+    end if
     if (self%log%row_due()) then
       call self%histories%flush(errors)
       call self%servo%history%flush(errors)
@@ -439,6 +450,7 @@ contains
 
     call self%timers%start('checkpoint')
     call self%histories%flush(errors)
+    call self%measures%flush(errors)
     call self%system%refresh_ledger()
     call self%clock%passed(event_checkpoint)
     if (.not. errors%any()) call write_checkpoint(self%checkpoint, self%system, self%clock, &
@@ -458,6 +470,7 @@ contains
       call self%equilibrium%look(self%system, self%servo%satisfied(self%system%dem_data_type))
     if (.not. errors%any()) then
       call self%fields%write(self%clock%time(), self%system, errors)
+      call self%measures%write(self%clock%time(), self%system, .true., errors)
       if (.not. self%served .and. (self%stopped .or. self%deck%count('checkpoint') > 0)) &
         call self%save_checkpoint('', errors)
       call self%deck%get('output', 1, 'packing', packing)
@@ -469,6 +482,7 @@ contains
     end if
     call self%histories%close(errors)
     call self%servo%history%close(errors)
+    call self%measures%close(errors)
     if (.not. self%stopped) call self%equilibrium%judge(self%clock%time(), self%deck%source%path, &
                                                         errors)
     if (.not. self%stopped) call self%servo%judge(self%system%dem_data_type, &

@@ -21,7 +21,7 @@ contains
 
     clock%t_end = 1.0e-2_wp
     call clock%start_at(0.0_wp, 1.0e-6_wp)
-    call clock%set_events([1.0e-5_wp, 5.0e-3_wp, 0.0_wp])
+    call clock%set_events([1.0e-5_wp, 5.0e-3_wp, 0.0_wp, 0.0_wp])
     rows = 0
     do while (.not. clock%finished())
       call clock%advance(clock%steps_ahead(100_i4, clock%t_end))
@@ -46,7 +46,7 @@ contains
 
     clock%automatic = .true.
     clock%t_end = 1.0_wp
-    call clock%set_events([1.0e-3_wp, 0.0_wp, 0.0_wp])
+    call clock%set_events([1.0e-3_wp, 0.0_wp, 0.0_wp, 0.0_wp])
     dt = clock%chosen_step(3.0e-4_wp)
     call test%check_close('four steps to the grid', dt, 2.5e-4_wp, 1.0e-18_wp)
     call clock%start_at(0.0_wp, dt)
@@ -66,7 +66,7 @@ contains
   subroutine blocks()
     type(dem_clock_type) :: clock
     call clock%start_at(0.0_wp, 1.0e-6_wp)
-    call clock%set_events([0.0_wp, 0.0_wp, 0.0_wp])
+    call clock%set_events([0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp])
     call test%check('stopped by the end', clock%steps_ahead(50_i4, 13.0e-6_wp) == 13)
     call clock%advance(13_i4)
     call test%check('the rest of the block', clock%steps_ahead(50_i4, 1.0_wp) == 37)

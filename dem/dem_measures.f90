@@ -1,0 +1,330 @@
+!> Measures of regions and coarse-grained grids that a deck asks for: &measure and &grid, in the run
+!! and afterwards. The formulas are those of common (talus_measures, talus_coarse).
+!!
+!! Faults: D260 name, D261 region, D262 interval, D263 grid.
+module dem_measures
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str, string_type
+  use talus_errors, only: error_list_type
+  use talus_deck, only: deck_type
+  use talus_history, only: history_type
+  use talus_measures, only: request_type, measure_columns, measure_row, moduli_columns, moduli_row
+  use talus_region, only: region_all, region_box, region_cylinder
+  use talus_sample, only: sample_type
+  use dem_grids, only: dem_grid_type, read_grid
+  use dem_sample, only: fill_sample
+  use dem_system, only: dem_system_type, dem_contacts_type
+  implicit none
+  private
+  public :: dem_measures_type
+
+  real(wp), parameter :: near = 1.0e-6_wp  !! what counts as on time, in steps or intervals
+
+  type :: measure_type
+    character(len=:), allocatable :: id
+    type(request_type) :: request
+    logical :: moduli = .false.        !! write the affine moduli in full
+    real(wp) :: every = 0.0_wp         !! [s]; 0: first and last state only
+    real(wp) :: last_time = -1.0_wp    !! of the last row [s]
+    type(history_type) :: history, full
+  end type measure_type
+
+  type :: dem_measures_type
+    integer(i4) :: n = 0, grids = 0
+    type(measure_type), allocatable :: item(:)
+    type(dem_grid_type), allocatable :: grid(:)
+    real(wp) :: every = 0.0_wp               !! least interval [s]; 0: none
+    type(sample_type) :: sample
+    logical, private :: opened = .false.
+  contains
+    procedure :: read => read_measures
+    procedure :: open => open_measures
+    procedure :: write => write_measures
+    procedure :: flush => flush_measures
+    procedure :: close => close_measures
+    procedure, private :: write_sample
+  end type dem_measures_type
+
+contains
+
+  !> Groups measure and grid.
+  subroutine read_measures(self, deck, errors)
+    class(dem_measures_type), intent(inout) :: self
+    type(deck_type), intent(in) :: deck
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+
+    self%n = deck%count('measure')
+    self%grids = deck%count('grid')
+    allocate (self%item(self%n), self%grid(self%grids))
+    do k = 1, self%n
+      call deck%get('measure', k, 'id', self%item(k)%id)
+      call deck%get('measure', k, 'every_time', self%item(k)%every)
+      call deck%get('measure', k, 'moduli', self%item(k)%moduli)
+      call check_name(deck, 'measure', k, self%item(k)%id, errors)
+      call read_region(deck, k, self%item(k)%request, errors)
+    end do
+    do k = 1, self%grids
+      call read_grid(deck, k, self%grid(k), errors)
+      call check_name(deck, 'grid', k, self%grid(k)%id, errors)
+    end do
+    self%every = least_interval(self)
+    do k = 1, self%n
+      call check_interval(deck, 'measure', k, self%item(k)%every, self%every, errors)
+    end do
+    do k = 1, self%grids
+      call check_interval(deck, 'grid', k, self%grid(k)%every, self%every, errors)
+    end do
+  end subroutine read_measures
+
+  !> Names make file names: letters, digits, _ and -, each once (D260).
+  subroutine check_name(deck, group, k, id, errors)
+    type(deck_type), intent(in) :: deck
+    character(len=*), intent(in) :: group, id
+    integer(i4), intent(in) :: k
+    type(error_list_type), intent(inout) :: errors
+    character(len=*), parameter :: allowed = &
+      'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-'
+    character(len=:), allocatable :: other
+    integer(i4) :: j
+
+    if (len(id) == 0 .or. verify(id, allowed) > 0) &
+      call deck%fault(errors, 'D260', "'"//id//"' cannot be part of a file name", group, k, 'id', &
+                      'take letters, digits, _ and -')
+    do j = 1, k - 1
+      call deck%get(group, j, 'id', other)
+      if (other == id) &
+        call deck%fault(errors, 'D260', "there are two of the name '"//id//"'", group, k, 'id', &
+                        'each has its own file: give it its own name')
+    end do
+  end subroutine check_name
+
+  !> Least interval that was given [s], 0 if none was.
+  pure real(wp) function least_interval(self) result(least)
+    class(dem_measures_type), intent(in) :: self
+    real(wp) :: every(self%n + self%grids)
+    integer(i4) :: k
+    every = [(self%item(k)%every, k=1, self%n), (self%grid(k)%every, k=1, self%grids)]
+    least = 0.0_wp
+    if (any(every > 0.0_wp)) least = minval(every, mask=every > 0.0_wp)
+  end function least_interval
+
+  !> Intervals are multiples of the least one (D262).
+  subroutine check_interval(deck, group, k, every, least, errors)
+    type(deck_type), intent(in) :: deck
+    character(len=*), intent(in) :: group
+    integer(i4), intent(in) :: k
+    real(wp), intent(in) :: every, least
+    type(error_list_type), intent(inout) :: errors
+    if (.not. every > 0.0_wp) return
+    if (abs(every/least - anint(every/least)) > near) &
+      call deck%fault(errors, 'D262', 'the interval '//str(every)//' s is no multiple of the '// &
+                      'least one, '//str(least)//' s', group, k, 'every_time', &
+                      'take '//str(anint(every/least)*least))
+  end subroutine check_interval
+
+  !> Region of a measure: keys that belong to it, none that do not (D261).
+  subroutine read_region(deck, k, request, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(request_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    character(len=6), parameter :: keys(6) = [character(len=6) :: 'lower', 'upper', 'base', &
+                                              'axis', 'radius', 'length']
+    integer(i4), parameter :: owner(6) = [region_box, region_box, region_cylinder, &
+                                          region_cylinder, region_cylinder, region_cylinder]
+    character(len=:), allocatable :: kind
+    integer(i4) :: j, before
+
+    before = errors%count
+    call deck%get('measure', k, 'region', kind)
+    request%region%kind = region_all
+    if (kind == 'box') request%region%kind = region_box
+    if (kind == 'cylinder') request%region%kind = region_cylinder
+    do j = 1, size(keys)
+      if (deck%given('measure', k, trim(keys(j)))) then
+        if (owner(j) /= request%region%kind) &
+          call deck%fault(errors, 'D261', "region '"//kind//"' has no "//trim(keys(j)), &
+                          'measure', k, trim(keys(j)), 'a box has lower and upper, a cylinder '// &
+                          'base, axis, radius and length')
+      else if (owner(j) == request%region%kind .and. keys(j) /= 'axis') then
+        call deck%fault(errors, 'D261', "region '"//kind//"' needs "//trim(keys(j)), 'measure', &
+                        k, '', 'a box has lower and upper, a cylinder base, radius and length')
+      end if
+    end do
+    call deck%get('measure', k, 'resolution', request%resolution)
+    request%has_origin = deck%given('measure', k, 'origin')
+    if (request%has_origin) call get_three(deck, k, 'origin', request%origin)
+    if (errors%count == before) call read_extent(deck, k, request, errors)
+  end subroutine read_region
+
+  subroutine read_extent(deck, k, request, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(request_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    associate (r => request%region)
+      if (r%kind == region_box) then
+        call get_three(deck, k, 'lower', r%lower)
+        call get_three(deck, k, 'upper', r%upper)
+        if (.not. all(r%upper > r%lower)) &
+          call deck%fault(errors, 'D261', 'the box has no volume', 'measure', k, 'upper', &
+                          'upper must be above lower in x, y and z')
+      else if (r%kind == region_cylinder) then
+        call get_three(deck, k, 'base', r%base)
+        call get_three(deck, k, 'axis', r%axis)
+        call deck%get('measure', k, 'radius', r%radius)
+        call deck%get('measure', k, 'length', r%length)
+        if (.not. norm2(r%axis) > 0.0_wp) then
+          call deck%fault(errors, 'D261', 'the axis has no length', 'measure', k, 'axis', &
+                          'give a direction, for example 0.0, 0.0, 1.0')
+          return
+        end if
+        r%axis = r%axis/norm2(r%axis)
+      end if
+    end associate
+  end subroutine read_extent
+
+  subroutine get_three(deck, k, key, value)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    character(len=*), intent(in) :: key
+    real(wp), intent(out) :: value(3)
+    real(wp), allocatable :: list(:)
+    call deck%get('measure', k, key, list)
+    value = list
+  end subroutine get_three
+
+  !> Begin the files, or go on in them after a restart at time >= 0.
+  subroutine open_measures(self, stem, time, errors)
+    class(dem_measures_type), intent(inout) :: self
+    character(len=*), intent(in) :: stem
+    real(wp), intent(in) :: time  !! of the checkpoint [s]; < 0: a fresh run
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: names(:)
+    real(wp) :: kept
+    integer(i4) :: k
+
+    do k = 1, self%n
+      associate (item => self%item(k))
+        kept = kept_time(time, item%every)
+        call measure_columns(names)
+        call begin(item%history, stem//'_measure_'//item%id//'.csv', names, kept, errors)
+        call moduli_columns(names)
+        if (item%moduli) call begin(item%full, stem//'_moduli_'//item%id//'.csv', names, kept, &
+                                    errors)
+        item%last_time = -1.0_wp
+        if (kept >= time .and. time >= 0.0_wp) item%last_time = time
+      end associate
+    end do
+    do k = 1, self%grids
+      call self%grid(k)%open(stem, kept_time(time, self%grid(k)%every), errors)
+    end do
+    self%opened = .not. errors%any()
+  end subroutine open_measures
+
+  !> Rows up to here stand in a whole run too: a last row off the interval does not.
+  pure real(wp) function kept_time(time, every) result(kept)
+    real(wp), intent(in) :: time, every
+    kept = time
+    if (.not. time > 0.0_wp) return
+    if (every > 0.0_wp) then
+      if (abs(time/every - anint(time/every)) <= near) return
+    end if
+    kept = time*(1.0_wp - epsilon(time))
+  end function kept_time
+
+  subroutine begin(history, path, names, time, errors)
+    type(history_type), intent(inout) :: history
+    character(len=*), intent(in) :: path
+    type(string_type), intent(in) :: names(:)
+    real(wp), intent(in) :: time
+    type(error_list_type), intent(inout) :: errors
+    if (time < 0.0_wp) then
+      call history%open(path, names, .false., errors)
+    else
+      call history%resume(path, names, time, errors)
+    end if
+  end subroutine begin
+
+  !> Measure what is due now, or (all) everything that was not measured at this time.
+  subroutine write_measures(self, time, system, all, errors, list)
+    class(dem_measures_type), intent(inout) :: self
+    real(wp), intent(in) :: time  !! s
+    type(dem_system_type), intent(in) :: system
+    logical, intent(in) :: all
+    type(error_list_type), intent(inout) :: errors
+    type(dem_contacts_type), intent(in), optional :: list  !! instead of the system's own
+    type(dem_contacts_type) :: now
+    integer(i4) :: before
+
+    if (.not. self%opened) return
+    before = errors%count
+    if (present(list)) then
+      call fill_sample(system, list, self%sample, errors)
+    else
+      call system%contacts(now)
+      call fill_sample(system, now, self%sample, errors)
+    end if
+    if (errors%count == before) call self%write_sample(time, system%par%dt, all, errors)
+  end subroutine write_measures
+
+  subroutine write_sample(self, time, dt, all, errors)
+    class(dem_measures_type), intent(inout) :: self
+    real(wp), intent(in) :: time, dt
+    logical, intent(in) :: all
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: row(:)
+    integer(i4) :: k
+
+    do k = 1, self%n
+      associate (item => self%item(k))
+        if (.not. wanted(time, dt, item%last_time, item%every, self%every, all)) cycle
+        call measure_row(time, self%sample, item%request, row)
+        call item%history%write(row, errors)
+        item%last_time = time
+        if (.not. item%moduli) cycle
+        call moduli_row(time, self%sample, item%request, row)
+        call item%full%write(row, errors)
+      end associate
+    end do
+    do k = 1, self%grids
+      associate (grid => self%grid(k))
+        if (.not. wanted(time, dt, grid%last_time, grid%every, self%every, all)) cycle
+        call grid%write(time, self%sample, errors)
+      end associate
+    end do
+  end subroutine write_sample
+
+  !> Is something with this interval to be measured at the present event?
+  pure logical function wanted(time, dt, last_time, every, least, all)
+    real(wp), intent(in) :: time, dt, last_time, every, least
+    logical, intent(in) :: all
+    integer(i4) :: event, stride
+    wanted = time > last_time .and. all
+    if (all .or. .not. every > 0.0_wp .or. .not. time > last_time) return
+    event = floor((time + near*dt)/least)
+    stride = nint(every/least)
+    wanted = modulo(event, stride) == 0
+  end function wanted
+
+  subroutine flush_measures(self, errors)
+    class(dem_measures_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    do k = 1, self%n
+      call self%item(k)%history%flush(errors)
+      call self%item(k)%full%flush(errors)
+    end do
+  end subroutine flush_measures
+
+  subroutine close_measures(self, errors)
+    class(dem_measures_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    do k = 1, self%n
+      call self%item(k)%history%close(errors)
+      call self%item(k)%full%close(errors)
+    end do
+  end subroutine close_measures
+end module dem_measures

@@ -1,0 +1,82 @@
+!> The grains and contacts of a system as a sample to be measured.
+module dem_sample
+  use talus_kinds, only: wp, i4
+  use talus_errors, only: error_list_type
+  use talus_sample, only: sample_type, rotation_matrix
+  use dem_contact, only: contact_constants_type, constants_of
+  use dem_state, only: kind_free
+  use dem_system, only: dem_system_type, dem_contacts_type
+  implicit none
+  private
+  public :: fill_sample
+
+  real(wp), parameter :: at_limit = 1.0_wp - 1.0e-6_wp  !! of the friction limit counts as sliding
+  real(wp), parameter :: pi = acos(-1.0_wp)
+
+contains
+
+  !> Sample of the grains of a system and a list of contacts between them; ids that the system does
+  !! not have are faults (I216).
+  subroutine fill_sample(system, list, sample, errors)
+    type(dem_system_type), intent(in) :: system
+    type(dem_contacts_type), intent(in) :: list
+    type(sample_type), intent(inout) :: sample
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), allocatable :: first(:), second(:)
+    integer(i4) :: i, c, before
+
+    before = errors%count
+    call system%find(list%ids(2, :list%n), second, errors)
+    call system%find(pack(list%ids(1, :list%n), list%ids(1, :list%n) > 0), first, errors)
+    if (errors%count > before) return
+    call sample%make(system%grains%n, list%n)
+    associate (g => system%grains)
+      sample%x = g%x
+      sample%axes = g%axes
+      sample%v = g%v
+      sample%omega = g%omega
+      sample%mass = g%mass
+      sample%inertia = sum(g%inertia, 1)/3.0_wp
+      sample%volume = 4.0_wp/3.0_wp*pi*product(g%axes, 1)
+      sample%free = g%kind == kind_free
+      do i = 1, g%n
+        sample%turn(:, :, i) = rotation_matrix(g%quat(:, i))
+      end do
+    end associate
+    sample%second = second
+    sample%first = unpack(first, list%ids(1, :list%n) > 0, 0_i4)
+    do c = 1, list%n
+      call put_contact(system, list, c, sample)
+    end do
+  end subroutine fill_sample
+
+  subroutine put_contact(system, list, c, sample)
+    type(dem_system_type), intent(in) :: system
+    type(dem_contacts_type), intent(in) :: list
+    integer(i4), intent(in) :: c
+    type(sample_type), intent(inout) :: sample
+    type(contact_constants_type) :: law
+    integer(i4) :: material
+    real(wp) :: shear(3)
+
+    sample%point(:, c) = list%point(:, c)
+    sample%normal(:, c) = list%normal(:, c)
+    sample%force(:, c) = -list%force(:, c)
+    sample%stiffness(:, c) = list%stiffness(:, c)
+    if (sample%first(c) > 0) then
+      sample%start(:, c) = sample%x(:, sample%first(c))
+      material = system%grains%material(sample%first(c))
+    else
+      sample%start(:, c) = list%point(:, c)
+      material = 0
+      if (-list%ids(1, c) <= system%planes%n) &
+        material = system%planes%material(int(-list%ids(1, c), i4))
+    end if
+    if (material == 0) return
+    law = constants_of(system%laws(material, system%grains%material(sample%second(c))))
+    shear = list%force(:, c) &
+            - dot_product(list%force(:, c), list%normal(:, c))*list%normal(:, c)
+    sample%sliding(c) = norm2(shear) >= at_limit*law%friction*law%normal_share &
+                        *list%stiffness(1, c)*list%overlap(c)
+  end subroutine put_contact
+end module dem_sample
