@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 17)
+    call table%init('talus-dem', 19)
     call group_run(table)
     call group_output(table)
     call group_history(table)
