@@ -77,8 +77,8 @@ contains
   pure subroutine one_point_force(data, u, f)
     real(wp), intent(in) :: data(lanes, one_point_size), u(lanes, 3, 8)
     real(wp), intent(out) :: f(lanes, 3, 8)
-    real(wp) :: g(lanes, 3, 3), s(lanes, 3, 3), r(lanes, 3, 4), trace(lanes)
-    integer(i4) :: a, i, j, m
+    real(wp) :: g(lanes, 3, 3), s(lanes, 3, 3), r(lanes, 3, 4)
+    integer(i4) :: a, i, j
 
     g = 0.0_wp
     do a = 1, 8
@@ -89,24 +89,7 @@ contains
       end do
     end do
     call modes(u, r)
-    trace = data(:, 37)*(g(:, 1, 1) + g(:, 2, 2) + g(:, 3, 3))
-    do j = 1, 3
-      do i = 1, 3
-        s(:, i, j) = data(:, 38)*(g(:, i, j) + g(:, j, i))
-      end do
-      s(:, j, j) = s(:, j, j) + trace
-    end do
-    do m = 1, 4
-      do i = 1, 3
-        do j = 1, 3
-          r(:, i, m) = r(:, i, m) - data(:, 21 + 3*m + j)*g(:, i, j)
-        end do
-        r(:, i, m) = data(:, 39)*r(:, i, m)
-        do j = 1, 3
-          s(:, i, j) = s(:, i, j) - data(:, 21 + 3*m + j)*r(:, i, m)
-        end do
-      end do
-    end do
+    call stresses(data, g, r, s)
     call nodal(data, s, r, f)
   end subroutine one_point_force
 
@@ -114,23 +97,63 @@ contains
   pure subroutine modes(u, r)
     real(wp), intent(in) :: u(lanes, 3, 8)
     real(wp), intent(out) :: r(lanes, 3, 4)
-    real(wp), dimension(lanes) :: p, q, v, w
-    integer(i4) :: i
+    real(wp) :: p, q, v, w
+    integer(i4) :: i, l
     do i = 1, 3
-      p = u(:, i, 1) - u(:, i, 7)
-      q = u(:, i, 2) - u(:, i, 8)
-      v = u(:, i, 3) - u(:, i, 5)
-      w = u(:, i, 4) - u(:, i, 6)
-      r(:, i, 4) = q + w - p - v
-      p = u(:, i, 1) + u(:, i, 7)
-      q = u(:, i, 2) + u(:, i, 8)
-      v = u(:, i, 3) + u(:, i, 5)
-      w = u(:, i, 4) + u(:, i, 6)
-      r(:, i, 1) = p + q - v - w
-      r(:, i, 2) = p - q - v + w
-      r(:, i, 3) = p - q + v - w
+      !$omp simd private(p, q, v, w)
+      do l = 1, lanes
+        p = u(l, i, 1) - u(l, i, 7)
+        q = u(l, i, 2) - u(l, i, 8)
+        v = u(l, i, 3) - u(l, i, 5)
+        w = u(l, i, 4) - u(l, i, 6)
+        r(l, i, 4) = q + w - p - v
+        p = u(l, i, 1) + u(l, i, 7)
+        q = u(l, i, 2) + u(l, i, 8)
+        v = u(l, i, 3) + u(l, i, 5)
+        w = u(l, i, 4) + u(l, i, 6)
+        r(l, i, 1) = p + q - v - w
+        r(l, i, 2) = p - q - v + w
+        r(l, i, 3) = p - q + v - w
+      end do
     end do
   end subroutine modes
+
+  !> s_ij = V sigma_ij - X_mj r_mi from the gradients g; r comes as h_m . u_i and goes as c q.
+  pure subroutine stresses(data, g, r, s)
+    real(wp), intent(in) :: data(lanes, one_point_size), g(lanes, 3, 3)
+    real(wp), intent(inout) :: r(lanes, 3, 4)
+    real(wp), intent(out) :: s(lanes, 3, 3)
+    real(wp) :: trace, mu, x1, x2, x3
+    integer(i4) :: i, l, m
+    !$omp simd private(trace, mu)
+    do l = 1, lanes
+      trace = data(l, 37)*(g(l, 1, 1) + g(l, 2, 2) + g(l, 3, 3))
+      mu = data(l, 38)
+      s(l, 1, 1) = 2.0_wp*mu*g(l, 1, 1) + trace
+      s(l, 2, 2) = 2.0_wp*mu*g(l, 2, 2) + trace
+      s(l, 3, 3) = 2.0_wp*mu*g(l, 3, 3) + trace
+      s(l, 1, 2) = mu*(g(l, 1, 2) + g(l, 2, 1))
+      s(l, 1, 3) = mu*(g(l, 1, 3) + g(l, 3, 1))
+      s(l, 2, 3) = mu*(g(l, 2, 3) + g(l, 3, 2))
+      s(l, 2, 1) = s(l, 1, 2)
+      s(l, 3, 1) = s(l, 1, 3)
+      s(l, 3, 2) = s(l, 2, 3)
+    end do
+    do m = 1, 4
+      do i = 1, 3
+        !$omp simd private(x1, x2, x3)
+        do l = 1, lanes
+          x1 = data(l, 22 + 3*m)
+          x2 = data(l, 23 + 3*m)
+          x3 = data(l, 24 + 3*m)
+          r(l, i, m) = data(l, 39)*(r(l, i, m) - x1*g(l, i, 1) - x2*g(l, i, 2) - x3*g(l, i, 3))
+          s(l, i, 1) = s(l, i, 1) - x1*r(l, i, m)
+          s(l, i, 2) = s(l, i, 2) - x2*r(l, i, m)
+          s(l, i, 3) = s(l, i, 3) - x3*r(l, i, m)
+        end do
+      end do
+    end do
+  end subroutine stresses
 
   !> f_ia = b_ja s_ij + h_ma r_mi.
   pure subroutine nodal(data, s, r, f)
