@@ -13,7 +13,7 @@ module cpl_audit
   private
   public :: audit_type
 
-  integer(i4), parameter :: column_count = 32
+  integer(i4), parameter :: column_count = 35
 
   !> Worst values so far, and the file.
   type :: audit_type
@@ -69,6 +69,9 @@ contains
     call append_string(columns, 'iterations [-]')
     call append_string(columns, 'lost_moment_impulse [N m s]')
     call append_string(columns, 'largest_overlap [-]')
+    do k = 1, 3
+      call append_string(columns, 'moment_on_solid_'//axes(k)//' [N m]')
+    end do
   end subroutine columns_of
 
   !> Begin the file, or after a restart at time [s] go on in it.
@@ -141,6 +144,8 @@ contains
       value(30) = face%iterations
       value(31) = face%lost_impulse
       value(32) = g(scalar_max_overlap)
+      value(33:35) = 0.0_wp
+      if (face%transfer%rows > 3) value(33:35) = sum(face%relax%held(4:, :), 2)
     end associate
     call self%file%write(value, errors)
   end subroutine row

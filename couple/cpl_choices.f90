@@ -11,10 +11,12 @@ module cpl_choices
   public :: cpl_choices_type, read_choices, read_solvers
   public :: scheme_average, scheme_iterated, scheme_state
   public :: interface_springs, interface_theta, interface_aitken, interface_none
+  public :: rotation_fixed, rotation_curl, rotation_micro
 
   integer(i4), parameter :: scheme_average = 1, scheme_iterated = 2, scheme_state = 3
   integer(i4), parameter :: interface_springs = 1, interface_theta = 2, interface_aitken = 3, &
     interface_none = 4
+  integer(i4), parameter :: rotation_fixed = 0, rotation_curl = 1, rotation_micro = 2
   real(wp), parameter :: round_off = 1.0e-9_wp  !! of an interval
 
   type :: cpl_choices_type
@@ -35,7 +37,7 @@ module cpl_choices
     real(wp) :: stiffness = 0.0_wp     !! N/m, 0: not given
     real(wp) :: theta = 0.0_wp         !! 0: not given
     real(wp) :: spread = 0.0_wp        !! width of the kernel [m], 0: none
-    logical :: turns = .false.         !! ghosts rotate with the solid
+    integer(i4) :: rotation = rotation_fixed  !! of the ghosts
     logical :: dead_load = .true.
     logical :: relaxed = .false.       !! both sides find their balance before the run
     real(wp) :: relax_tolerance = 0.0_wp
@@ -71,7 +73,8 @@ contains
     call deck%get('facets', 1, 'relax_tolerance', choices%relax_tolerance)
     call deck%get('facets', 1, 'relax_exchanges', choices%relax_exchanges)
     call deck%get('facets', 1, 'rotation', rotation)
-    choices%turns = rotation == 'curl'
+    if (rotation == 'curl') choices%rotation = rotation_curl
+    if (rotation == 'micro') choices%rotation = rotation_micro
     if (deck%given('facets', 1, 'spread')) call deck%get('facets', 1, 'spread', choices%spread)
     if (deck%given('facets', 1, 'max_offset')) &
       call deck%get('facets', 1, 'max_offset', choices%max_offset)
@@ -138,6 +141,9 @@ contains
     if (.not. choices%relaxed .and. deck%given('facets', 1, 'relax_exchanges')) &
       call deck%fault(errors, 'D403', "relax_exchanges goes with initial = 'relax' only", &
                       'facets', 1, 'relax_exchanges', "write initial = 'relax', or leave it out")
+    if (choices%relaxed .and. choices%rotation == rotation_micro) &
+      call deck%fault(errors, 'D403', "initial = 'relax' does not go with rotation = 'micro'", &
+                      'facets', 1, 'initial', "write initial = 'dead_load' or 'none'")
     if (choices%scheme == scheme_state .and. choices%interface /= interface_none) &
       call deck%fault(errors, 'D403', "scheme = 'state_at_n' goes with interface = 'none' only", &
                       'facets', 1, 'interface', "write interface = 'none'")

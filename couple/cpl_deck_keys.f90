@@ -157,9 +157,11 @@ contains
     call table%add_key('rotation', 'string', '', &
       'Rotation of the ghosts. `''fixed''`: none; the moments that they take are counted ' &
       //'as lost in the audit. `''curl''`: they turn with half the curl of the displacement' &
-      //' in the element behind their facet, and their moments act on its nodes.')
+      //' in the element behind their facet, and their moments act on its nodes. ' &
+      //'`''micro''`: they turn with the micro-rotation of a micropolar solid under them, ' &
+      //'and their moments are couples on it.')
     call table%preset('fixed')
-    call table%allow('fixed|curl')
+    call table%allow('fixed|curl|micro')
     call table%add_key('spread', 'real', 'm', &
       'Width of a kernel with which the force of each ghost is smeared over the facets ' &
       //'around it, about one diameter; left out, it acts at a point. The ghosts then ' &
@@ -187,16 +189,16 @@ contains
       //'them act.')
     call table%preset('dead_load')
     call table%allow('dead_load|relax|none')
-    call table%add_key('relax_tolerance', 'real', '', &
-      'Relax: change of the facets'' displacement and of the ghosts'' forces in an ' &
-      //'exchange, relative to their largest, below which the start is found.')
-    call table%preset('0.0001')
-    call table%bounds(above=0.0_wp, below=1.0_wp)
     call group_facets_2(table)
   end subroutine group_facets
 
   subroutine group_facets_2(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('relax_tolerance', 'real', '', &
+      'Relax: change of the facets'' displacement and of the ghosts'' forces in an ' &
+      //'exchange, relative to their largest, below which the start is found.')
+    call table%preset('0.0001')
+    call table%bounds(above=0.0_wp, below=1.0_wp)
     call table%add_key('relax_exchanges', 'integer', '', &
       'Relax: exchanges after which the run begins all the same, with a warning.')
     call table%preset('500')

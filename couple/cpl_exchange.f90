@@ -7,11 +7,11 @@ module cpl_exchange
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, scheme_average, scheme_iterated, scheme_state, &
     interface_springs
-  use cpl_interface, only: interface_type, ghost_set, ghost_fields, node_set
+  use cpl_interface, only: interface_type, ghost_set, ghost_fields, node_set, phi_set
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
-  public :: exchange, set_springs, read_forces, advance_grains, solve_solid
+  public :: exchange, set_springs, read_forces, read_motion, advance_grains, solve_solid
   public :: automatic_springs, look_at_stiffness, lead
 
   real(wp), parameter :: raise = 1.5_wp           !! springs over contact stiffness
@@ -204,7 +204,7 @@ contains
     real(wp), intent(in) :: t0, t1
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp), dimension(3, face%map%nodes) :: nodal, pull
+    real(wp), dimension(3, face%transfer%blocks) :: nodal, pull
     integer(i4) :: iterations
 
     call face%relax%force(face%p_mean)
@@ -218,17 +218,19 @@ contains
       nodal = nodal + pull
     end if
     call solid%start_request(verb_solve, face%step, t0, t1)
-    call solid%request%put(node_set//'.force', nodal)
+    call solid%request%put(node_set//'.force', nodal(:, :face%map%nodes))
+    if (face%transfer%blocks > face%map%nodes) &
+      call solid%request%put(phi_set//'.moment', nodal(:, face%map%nodes + 1:))
     call solid%request%put_int('trial', trial)
     call solid%ask(timers, errors)
     if (errors%any()) return
     call read_solid(face, solid, errors)
     call solid%reply%get_int('iterations', iterations, errors)
-    if (.not. (allocated(face%start_load) .or. solid%reply%has(node_set//'.phi'))) &
-      call solid%reply%all_read(errors)
+    if (.not. allocated(face%start_load)) call solid%reply%all_read(errors)
     if (errors%any() .or. face%finite()) return
-    call errors%add('N407', 'a displacement of the interface is no number', 'exchange from '// &
-                    str(t0)//' s to '//str(t1)//' s', 'look at the log of the solid')
+    call errors%add('N407', 'a displacement of the interface is no number', &
+                    'exchange from '//str(t0)//' s to '//str(t1)//' s', &
+                    'look at the log of the solid')
   end subroutine solve_solid
 
   !> Motion of the interface nodes and scalars from a reply of the solid.
@@ -236,12 +238,37 @@ contains
     type(interface_type), intent(inout) :: face
     type(cpl_solver_type), intent(inout) :: solid
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: a(3, face%map%nodes)
-    call solid%reply%get(node_set//'.u', face%u_new, errors)
-    call solid%reply%get(node_set//'.v', face%v_new, errors)
-    call solid%reply%get(node_set//'.a', a, errors)
+    call read_motion(face, solid, face%u_new, face%v_new, errors)
     call solid%reply%get('scalars', face%solid_new, errors)
   end subroutine read_solid
+
+  !> Displacements, micro-rotations and their rates from a reply of the solid.
+  subroutine read_motion(face, solid, u, v, errors)
+    type(interface_type), intent(in) :: face
+    type(cpl_solver_type), intent(inout) :: solid
+    real(wp), intent(inout) :: u(:, :)  !! (3, blocks) [m, rad]
+    real(wp), intent(inout) :: v(:, :)  !! (3, blocks) [m/s, rad/s]
+    type(error_list_type), intent(inout) :: errors
+    real(wp), dimension(3, face%map%nodes) :: at, rate, unused
+    real(wp), dimension(3, size(face%transfer%phi_id)) :: turn, turn_rate, unused_phi
+
+    call solid%reply%get(node_set//'.u', at, errors)
+    call solid%reply%get(node_set//'.v', rate, errors)
+    call solid%reply%get(node_set//'.a', unused, errors)
+    if (errors%any()) return
+    u(:, :face%map%nodes) = at
+    v(:, :face%map%nodes) = rate
+    if (face%transfer%blocks == face%map%nodes) return
+    call solid%reply%get(phi_set//'.u', unused_phi, errors)
+    call solid%reply%get(phi_set//'.v', unused_phi, errors)
+    call solid%reply%get(phi_set//'.a', unused_phi, errors)
+    call solid%reply%get(phi_set//'.phi', turn, errors)
+    call solid%reply%get(phi_set//'.phi_rate', turn_rate, errors)
+    call solid%reply%get(phi_set//'.phi_acceleration', unused_phi, errors)
+    if (errors%any()) return
+    u(:, face%map%nodes + 1:) = turn
+    v(:, face%map%nodes + 1:) = turn_rate
+  end subroutine read_motion
 
   !> ACCEPT or REJECT to both, asked before either is read.
   subroutine judge_both(solvers, verb, step, t0, t1, timers, errors)
@@ -307,17 +334,24 @@ contains
     real(wp), intent(in) :: time  !! s
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    integer(i8) :: node(4, face%springs%n)
-    integer(i4) :: k
+    integer(i8) :: node(size(face%springs%node, 1), face%springs%n), ids(face%transfer%blocks)
+    integer(i4) :: k, n
 
+    ids = [face%map%node_id, face%transfer%phi_id]
     do k = 1, face%springs%n
-      node(:, k) = face%map%node_id(face%springs%node(:, k))
+      node(:, k) = ids(face%springs%node(:, k))
     end do
+    n = face%springs%n - face%springs%turning
     call solid%start_request(verb_set, face%step, time, time)
     call solid%request%put_text('what', 'springs')
-    call solid%request%put_int('node', node)
-    call solid%request%put('weight', face%springs%weight)
-    call solid%request%put('stiffness', face%springs%each)
+    call solid%request%put_int('node', node(:, :n))
+    call solid%request%put('weight', face%springs%weight(:, :n))
+    call solid%request%put('stiffness', face%springs%each(:n))
+    if (face%springs%turning > 0) then
+      call solid%request%put_int('node_phi', node(:, n + 1:))
+      call solid%request%put('weight_phi', face%springs%weight(:, n + 1:))
+      call solid%request%put('stiffness_phi', face%springs%each(n + 1:))
+    end if
     call solid%ask(timers, errors)
   end subroutine set_springs
 end module cpl_exchange

@@ -1,18 +1,22 @@
 !> Ghost grains on facets of the solid: where each rides.
 !!
-!! x_g = sum_a N_a(xi, eta) x_a + offset; cpl_transfer makes the operator between nodes and ghosts
-!! from it (formulation, facet coupling).
+!! x_g = sum_a N_a(xi, eta) x_a + offset, N_a the shape functions of the facet, of whatever kind;
+!! cpl_transfer makes the operator between nodes and ghosts from it (formulation, facet coupling).
 module cpl_facet_map
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_hash, only: hash_text
+  use cpl_shapes, only: node_count, corner_count, shapes, shapes_at, centre_of, inside, &
+    nearest_inside
   implicit none
   private
-  public :: facet_map_type, shape_functions
+  public :: facet_map_type
 
   integer(i4), parameter :: most_steps = 20            !! of Newton's method
   real(wp), parameter :: settled = 1.0e-12_wp          !! last step, relative to the facet's size
+  real(wp), parameter :: bulge = 0.25_wp               !! of a curved facet beyond its nodes, of its
+                                                       !! size
   real(wp), parameter :: rim = 1.0e-6_wp               !! natural coordinates may pass 1 by this
   real(wp), parameter :: tie = 1.0e-9_wp               !! distances this close are equal, of the
                                                        !! size
@@ -29,8 +33,9 @@ module cpl_facet_map
     integer(i4), allocatable :: facet(:)         !! of each ghost, from 1
     real(wp), allocatable :: natural(:, :)       !! xi, eta (2, ghosts)
     real(wp), allocatable :: offset(:, :)        !! ghost minus its point on the facet [m]
-    real(wp), allocatable :: weight(:, :)        !! N_a (4, ghosts)
-    integer(i4), allocatable :: corner(:, :)     !! numbers in node_id (4, ghosts)
+    real(wp), allocatable :: weight(:, :)        !! N_a (most nodes, ghosts), 0 beyond
+    integer(i4), allocatable :: corner(:, :)     !! numbers in node_id (most nodes, ghosts),
+                                                 !! the first again beyond
   contains
     procedure :: build
     procedure :: point_on_facet
@@ -41,28 +46,18 @@ module cpl_facet_map
 
 contains
 
-  !> Bilinear shape functions of a facet, corners in the order (-1,-1), (1,-1), (1,1), (-1,1).
-  pure function shape_functions(natural) result(n)
-    real(wp), intent(in) :: natural(2)
-    real(wp) :: n(4)
-    associate (xi => natural(1), eta => natural(2))
-      n = 0.25_wp*[(1.0_wp - xi)*(1.0_wp - eta), (1.0_wp + xi)*(1.0_wp - eta), &
-                   (1.0_wp + xi)*(1.0_wp + eta), (1.0_wp - xi)*(1.0_wp + eta)]
-    end associate
-  end function shape_functions
-
   !> Find the facet of every ghost. Faults: I401 ghosts beside the facets, I402 no ghosts or facets.
   subroutine build(self, ids, x_ghost, facets, x_node, max_offset, errors)
     class(facet_map_type), intent(inout) :: self
     integer(i8), intent(in) :: ids(:)
     real(wp), intent(in) :: x_ghost(:, :)      !! (3, ghosts) [m]
-    integer(i4), intent(in) :: facets(:, :)    !! (4, k) node ids from 1
+    integer(i4), intent(in) :: facets(:, :)    !! (most, k) node ids from 1, 0 beyond
     real(wp), intent(in) :: x_node(:, :)       !! (3, nodes), all nodes of the mesh, by id [m]
     real(wp), intent(in) :: max_offset         !! [m], below 0: a share of the facet's size
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: distance(:)
     logical :: none(size(x_node, 2))
-    integer(i4) :: g, number(size(x_node, 2))
+    integer(i4) :: g, n, number(size(x_node, 2))
 
     self%ghosts = size(ids)
     if (size(ids) == 0 .or. size(facets, 2) == 0) then
@@ -73,14 +68,15 @@ contains
     self%ghost_id = ids
     if (allocated(self%facet)) deallocate (self%facet, self%natural, self%offset, self%weight)
     allocate (self%facet(size(ids)), self%natural(2, size(ids)), self%offset(3, size(ids)), &
-              self%weight(4, size(ids)), distance(size(ids)))
+              self%weight(size(facets, 1), size(ids)), distance(size(ids)))
     do g = 1, size(ids)
       call locate(x_ghost(:, g), facets, x_node, max_offset, self%facet(g), self%natural(:, g), &
                   distance(g))
-      self%weight(:, g) = shape_functions(self%natural(:, g))
+      self%weight(:, g) = 0.0_wp
       if (self%facet(g) == 0) cycle
-      self%offset(:, g) = x_ghost(:, g) - &
-        matmul(x_node(:, facets(:, self%facet(g))), self%weight(:, g))
+      n = node_count(facets(:, self%facet(g)))
+      self%weight(:n, g) = shapes_at(n, self%natural(:, g))
+      self%offset(:, g) = x_ghost(:, g) - self%point_on_facet(g, facets, x_node)
     end do
     if (any(self%facet == 0)) then
       call report_outside(ids, self%facet, distance, errors)
@@ -99,8 +95,9 @@ contains
     real(wp), intent(in) :: max_offset
     integer(i4), intent(out) :: facet
     real(wp), intent(out) :: natural(2), distance
-    real(wp) :: corners(3, 4), h, limit, off, seen(2), best, nearest
-    integer(i4) :: k
+    real(wp) :: h, limit, off, seen(2), best, nearest, reach
+    real(wp), allocatable :: node(:, :)
+    integer(i4) :: k, n
     logical :: found
 
     facet = 0
@@ -108,20 +105,22 @@ contains
     best = huge(1.0_wp)
     nearest = huge(1.0_wp)
     do k = 1, size(facets, 2)
-      corners = x_node(:, facets(:, k))
-      h = facet_size(corners)
+      n = node_count(facets(:, k))
+      node = x_node(:, facets(:n, k))
+      h = facet_size(node)
       limit = max_offset
       if (limit < 0.0_wp) limit = default_offset*h
       limit = limit + rim*h
-      nearest = min(nearest, box_distance(x, corners))
-      if (box_distance(x, corners) > limit) cycle
-      call project(x, corners, h, seen, found)
+      reach = limit
+      if (n > corner_count(n)) reach = reach + bulge*h
+      nearest = min(nearest, box_distance(x, node))
+      if (box_distance(x, node) > reach) cycle
+      call project(x, node, h, seen, found)
       if (.not. found) cycle
-      if (any(abs(seen) > 1.0_wp + rim)) then
-        nearest = min(nearest, norm2(x - matmul(corners, shape_functions(clipped(seen)))))
-        cycle
-      end if
-      off = norm2(x - matmul(corners, shape_functions(seen)))
+      off = norm2(x - matmul(node, shapes_at(n, nearest_inside(n, seen))))
+      nearest = min(nearest, off)
+      if (.not. inside(n, seen, rim)) cycle
+      off = norm2(x - matmul(node, shapes_at(n, seen)))
       if (off > limit .or. off >= best - tie*h) cycle
       best = off
       facet = k
@@ -131,53 +130,56 @@ contains
     if (facet == 0) distance = nearest
   end subroutine locate
 
-  pure function clipped(natural) result(inside)
-    real(wp), intent(in) :: natural(2)
-    real(wp) :: inside(2)
-    inside = max(-1.0_wp, min(1.0_wp, natural))
-  end function clipped
-
-  !> Length of the longer diagonal [m].
-  pure real(wp) function facet_size(corners)
-    real(wp), intent(in) :: corners(3, 4)
-    facet_size = max(norm2(corners(:, 3) - corners(:, 1)), norm2(corners(:, 4) - corners(:, 2)))
+  !> Length of the longest line between corners [m].
+  pure real(wp) function facet_size(node)
+    real(wp), intent(in) :: node(:, :)
+    integer(i4) :: a, b
+    facet_size = 0.0_wp
+    do a = 2, corner_count(size(node, 2))
+      do b = 1, a - 1
+        facet_size = max(facet_size, norm2(node(:, a) - node(:, b)))
+      end do
+    end do
   end function facet_size
 
-  !> Distance between a point and the box around a facet [m].
-  pure real(wp) function box_distance(x, corners)
-    real(wp), intent(in) :: x(3), corners(3, 4)
-    box_distance = norm2(max(0.0_wp, minval(corners, 2) - x, x - maxval(corners, 2)))
+  !> Distance between a point and the box around the nodes of a facet [m].
+  pure real(wp) function box_distance(x, node)
+    real(wp), intent(in) :: x(3), node(:, :)
+    box_distance = norm2(max(0.0_wp, minval(node, 2) - x, x - maxval(node, 2)))
   end function box_distance
 
-  !> Natural coordinates of the point of a bilinear facet nearest to x: Newton's method on
-  !! r.t1 = r.t2 = 0 with r = x - x(xi, eta).
-  pure subroutine project(x, corners, h, natural, found)
-    real(wp), intent(in) :: x(3), corners(3, 4)
+  !> Natural coordinates of the point of a facet nearest to x: Newton's method on r.t1 = r.t2 = 0
+  !! with r = x - x(xi, eta); where that leads to no minimum, without the curvature.
+  pure subroutine project(x, node, h, natural, found)
+    real(wp), intent(in) :: x(3), node(:, :)
     real(wp), intent(in) :: h            !! size of the facet [m]
     real(wp), intent(out) :: natural(2)
     logical, intent(out) :: found
-    real(wp) :: r(3), t1(3), t2(3), twist(3), a11, a12, a22, b(2), step(2), det
+    real(wp), dimension(size(node, 2)) :: value
+    real(wp) :: slope(2, size(node, 2)), bend(3, size(node, 2)), r(3), t(3, 2), a(3), b(2), &
+      step(2), det
     integer(i4) :: k
 
-    natural = 0.0_wp
+    natural = centre_of(int(size(node, 2), i4))
     found = .false.
-    twist = 0.25_wp*(corners(:, 1) - corners(:, 2) + corners(:, 3) - corners(:, 4))
     do k = 1, most_steps
-      r = x - matmul(corners, shape_functions(natural))
-      t1 = 0.25_wp*((1.0_wp - natural(2))*(corners(:, 2) - corners(:, 1)) &
-                    + (1.0_wp + natural(2))*(corners(:, 3) - corners(:, 4)))
-      t2 = 0.25_wp*((1.0_wp - natural(1))*(corners(:, 4) - corners(:, 1)) &
-                    + (1.0_wp + natural(1))*(corners(:, 3) - corners(:, 2)))
-      a11 = dot_product(t1, t1)
-      a12 = dot_product(t1, t2) - dot_product(r, twist)
-      a22 = dot_product(t2, t2)
-      b = [dot_product(r, t1), dot_product(r, t2)]
-      det = a11*a22 - a12*a12
+      call shapes(int(size(node, 2), i4), natural, value, slope, bend)
+      r = x - matmul(node, value)
+      t = matmul(node, transpose(slope))
+      b = matmul(r, t)
+      a = [dot_product(t(:, 1), t(:, 1)), dot_product(t(:, 1), t(:, 2)), &
+           dot_product(t(:, 2), t(:, 2))]
+      a = a - matmul(bend, matmul(r, node))
+      det = a(1)*a(3) - a(2)**2
+      if (.not. (det > tiny(1.0_wp) .and. a(1) > 0.0_wp)) then
+        a = a + matmul(bend, matmul(r, node))
+        det = a(1)*a(3) - a(2)**2
+      end if
       if (.not. det > tiny(1.0_wp)) return
-      step = [a22*b(1) - a12*b(2), a11*b(2) - a12*b(1)]/det
+      step = [a(3)*b(1) - a(2)*b(2), a(1)*b(2) - a(2)*b(1)]/det
       natural = natural + step
       if (any(abs(natural) > 1.0e3_wp)) return
-      found = norm2(step(1)*t1 + step(2)*t2) < settled*h
+      found = norm2(matmul(t, step)) < settled*h
       if (found) return
     end do
   end subroutine project
@@ -211,15 +213,16 @@ contains
     integer(i4), intent(in) :: facets(:, :)
     logical, intent(in) :: needed(:)        !! (all nodes)
     integer(i4), intent(out) :: number(:)   !! (all nodes)
-    integer(i4) :: g, k
+    integer(i4) :: g, k, n
 
     number = merge(1, 0, needed)
     do g = 1, self%ghosts
-      number(facets(:, self%facet(g))) = 1
+      n = node_count(facets(:, self%facet(g)))
+      number(facets(:n, self%facet(g))) = 1
     end do
     self%nodes = sum(number)
     if (allocated(self%node_id)) deallocate (self%node_id, self%corner)
-    allocate (self%node_id(self%nodes), self%corner(4, self%ghosts))
+    allocate (self%node_id(self%nodes), self%corner(size(facets, 1), self%ghosts))
     self%nodes = 0
     do k = 1, size(number)
       if (number(k) == 0) cycle
@@ -228,7 +231,9 @@ contains
       self%node_id(self%nodes) = k
     end do
     do g = 1, self%ghosts
-      self%corner(:, g) = number(facets(:, self%facet(g)))
+      n = node_count(facets(:, self%facet(g)))
+      self%corner(:, g) = number(facets(1, self%facet(g)))
+      self%corner(:n, g) = number(facets(:n, self%facet(g)))
     end do
   end subroutine number_nodes
 
@@ -241,7 +246,7 @@ contains
     real(wp) :: x(3)
     integer(i4) :: a
     x = 0.0_wp
-    do a = 1, 4
+    do a = 1, node_count(facets(:, self%facet(g)))
       x = x + self%weight(a, g)*x_node(:, facets(a, self%facet(g)))
     end do
   end function point_on_facet
@@ -274,18 +279,17 @@ contains
     class(facet_map_type), intent(in) :: self
     character(len=16) :: hex
     character(len=:), allocatable :: text
-    character(len=16) :: word
-    integer(i4) :: g, a
+    integer(i4) :: g, a, at
 
-    allocate (character(len=self%ghosts*9*16) :: text)
+    allocate (character(len=self%ghosts*(1 + 2*size(self%weight, 1))*16) :: text)
+    at = 0
     do g = 1, self%ghosts
-      write (word, '(z16.16)') self%ghost_id(g)
-      text(1 + (g - 1)*144:16 + (g - 1)*144) = word
-      do a = 1, 4
-        write (word, '(z16.16)') self%node_id(self%corner(a, g))
-        text((g - 1)*144 + 32*a - 15:(g - 1)*144 + 32*a) = word
-        write (word, '(z16.16)') transfer(self%weight(a, g), 0_i8)
-        text((g - 1)*144 + 32*a + 1:(g - 1)*144 + 32*a + 16) = word
+      write (text(at + 1:at + 16), '(z16.16)') self%ghost_id(g)
+      at = at + 16
+      do a = 1, size(self%weight, 1)
+        write (text(at + 1:at + 16), '(z16.16)') self%node_id(self%corner(a, g))
+        write (text(at + 17:at + 32), '(z16.16)') transfer(self%weight(a, g), 0_i8)
+        at = at + 32
       end do
     end do
     hex = hash_text(text)

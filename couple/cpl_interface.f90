@@ -8,14 +8,17 @@ module cpl_interface
   use cpl_transfer, only: transfer_type
   implicit none
   private
-  public :: interface_type, ghost_set, ghost_fields, node_set
+  public :: interface_type, ghost_set, ghost_fields, node_set, phi_set
 
   character(len=*), parameter :: ghost_set = 'ghosts'     !! set of the grains
   character(len=*), parameter :: ghost_fields = 'force,moment,impulse,moment_impulse,work'
   character(len=*), parameter :: node_set = 'interface'   !! set of the solid
+  character(len=*), parameter :: phi_set = 'rotations'    !! set of its micro-rotations
 
   !> Displacements count from the state at the start, forces of ghosts have 3 rows, with rotation 6
-  !! (moments behind). The ghosts follow a motion w of the nodes; the solid's own is u.
+  !! (moments behind). Nodal values of m columns
+  !! are those of cpl_transfer: nodes, then micro-rotations [rad]. The ghosts follow a motion w of
+  !! the nodes; the solid's own is u.
   type :: interface_type
     type(facet_map_type) :: map
     type(transfer_type) :: transfer
@@ -88,7 +91,7 @@ contains
     integer(i4) :: g, m, c
 
     g = self%map%ghosts
-    m = self%map%nodes
+    m = self%transfer%blocks
     c = self%transfer%rows
     self%x_ref = x_ghost
     self%x_start = x_ghost
@@ -182,7 +185,7 @@ contains
   subroutine force_lag(self, lag)
     class(interface_type), intent(inout) :: self
     real(wp), intent(out) :: lag
-    real(wp), dimension(3, self%map%nodes) :: whole, rest
+    real(wp), dimension(3, self%transfer%blocks) :: whole, rest
     real(wp), parameter :: nothing = 1.0e-3_wp  !! of the largest force
     real(wp) :: scale
     lag = 0.0_wp
@@ -192,6 +195,8 @@ contains
     else
       call self%transfer%to_nodes(self%p_mean - self%relax%held, rest)
     end if
+    whole(:, self%map%nodes + 1:) = whole(:, self%map%nodes + 1:)/self%relax%arm
+    rest(:, self%map%nodes + 1:) = rest(:, self%map%nodes + 1:)/self%relax%arm
     scale = sqrt(max(sum(whole**2), sum((whole - rest)**2)))
     self%largest = max(self%largest, scale)
     scale = max(scale, nothing*self%largest)
@@ -202,13 +207,11 @@ contains
   subroutine accept(self, h)
     class(interface_type), intent(inout) :: self
     real(wp), intent(in) :: h
-    real(wp), dimension(self%transfer%rows, self%map%ghosts) :: before, after
-    real(wp) :: work
+    real(wp) :: nodal(3, self%transfer%blocks), work
 
     call self%force_lag(self%lag)
-    call self%transfer%to_ghosts(self%u, before)
-    call self%transfer%to_ghosts(self%u_new, after)
-    work = sum(self%relax%held*(after - before))
+    call self%transfer%to_nodes(self%relax%held, nodal)
+    work = sum(nodal*(self%u_new - self%u))
     self%solid_work = self%solid_work + work
     self%grains_work = self%grains_work + self%step_work
     self%work_turnover = self%work_turnover + max(abs(work), abs(self%step_work))

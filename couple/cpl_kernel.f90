@@ -6,7 +6,7 @@
 !! along the normal, where facets are curved; it is part of the ghost's arm.
 module cpl_kernel
   use talus_kinds, only: wp, i4
-  use cpl_facet_map, only: shape_functions
+  use cpl_shapes, only: node_count, corner_count, shapes, shapes_at, centre_of
   implicit none
   private
   public :: spread_weights
@@ -28,88 +28,100 @@ contains
   subroutine spread_weights(x, own, facets, x_node, width, own_weight, list, weight)
     real(wp), intent(in) :: x(3)             !! [m]
     integer(i4), intent(in) :: own
-    integer(i4), intent(in) :: facets(:, :)  !! (4, k) node ids from 1
+    integer(i4), intent(in) :: facets(:, :)  !! (most, k) node ids from 1, 0 beyond
     real(wp), intent(in) :: x_node(:, :)     !! (3, all nodes) [m]
     real(wp), intent(in) :: width            !! [m]
-    real(wp), intent(in) :: own_weight(4)
+    real(wp), intent(in) :: own_weight(:)  !! of the nodes of `own`
     integer(i4), allocatable, intent(out) :: list(:)
     real(wp), allocatable, intent(out) :: weight(:)
     type(moments_type) :: moments
     real(wp), allocatable :: share(:, :)
     real(wp) :: axes(3, 3), alpha(3)
     logical :: good
-    integer(i4) :: k
+    integer(i4) :: k, n
 
-    axes = tangents(x_node(:, facets(:, own)))
+    n = node_count(facets(:, own))
+    axes = tangents(x_node(:, facets(:n, own)))
     allocate (list(0), share(3, 0))
     do k = 1, size(facets, 2)
-      if (beyond(x, x_node(:, facets(:, k)), width)) cycle
-      call add_facet(x, axes, facets(:, k), x_node(:, facets(:, k)), width, moments, list, share)
+      n = node_count(facets(:, k))
+      if (beyond(x, x_node(:, facets(:n, k)), width)) cycle
+      call add_facet(x, axes, facets(:n, k), x_node(:, facets(:n, k)), width, moments, list, share)
     end do
     call solve(moments%m, alpha, good)
     if (good) then
       weight = matmul(alpha, share)
     else
-      list = facets(:, own)
-      weight = own_weight
+      n = node_count(facets(:, own))
+      list = facets(:n, own)
+      weight = own_weight(:n)
     end if
     call sort(list, weight)
   end subroutine spread_weights
 
   !> Two unit tangents and the unit normal of a facet at its centre.
-  pure function tangents(corners) result(axes)
-    real(wp), intent(in) :: corners(3, 4)
-    real(wp) :: axes(3, 3), b(3)
-    axes(:, 1) = corners(:, 2) + corners(:, 3) - corners(:, 1) - corners(:, 4)
-    axes(:, 1) = axes(:, 1)/norm2(axes(:, 1))
-    b = corners(:, 3) + corners(:, 4) - corners(:, 1) - corners(:, 2)
-    b = b - dot_product(b, axes(:, 1))*axes(:, 1)
-    axes(:, 2) = b/norm2(b)
-    axes(:, 3) = [axes(2, 1)*axes(3, 2) - axes(3, 1)*axes(2, 2), &
-                  axes(3, 1)*axes(1, 2) - axes(1, 1)*axes(3, 2), &
-                  axes(1, 1)*axes(2, 2) - axes(2, 1)*axes(1, 2)]
+  pure function tangents(node) result(axes)
+    real(wp), intent(in) :: node(:, :)
+    real(wp) :: axes(3, 3), t(3, 2)
+    t = slopes(node, centre_of(int(size(node, 2), i4)))
+    axes(:, 1) = t(:, 1)/norm2(t(:, 1))
+    t(:, 2) = t(:, 2) - dot_product(t(:, 2), axes(:, 1))*axes(:, 1)
+    axes(:, 2) = t(:, 2)/norm2(t(:, 2))
+    axes(:, 3) = normal_of(axes(:, :2))
   end function tangents
 
-  pure logical function beyond(x, corners, width)
-    real(wp), intent(in) :: x(3), corners(3, 4), width
-    beyond = norm2(max(0.0_wp, minval(corners, 2) - x, x - maxval(corners, 2))) > width
+  !> Derivatives of the place along the natural coordinates [m].
+  pure function slopes(node, natural) result(t)
+    real(wp), intent(in) :: node(:, :), natural(2)
+    real(wp) :: t(3, 2), value(size(node, 2)), slope(2, size(node, 2)), bend(3, size(node, 2))
+    call shapes(int(size(node, 2), i4), natural, value, slope, bend)
+    t = matmul(node, transpose(slope))
+  end function slopes
+
+  pure function normal_of(t) result(n)
+    real(wp), intent(in) :: t(3, 2)
+    real(wp) :: n(3)
+    n = [t(2, 1)*t(3, 2) - t(3, 1)*t(2, 2), t(3, 1)*t(1, 2) - t(1, 1)*t(3, 2), &
+         t(1, 1)*t(2, 2) - t(2, 1)*t(1, 2)]
+  end function normal_of
+
+  pure logical function beyond(x, node, width)
+    real(wp), intent(in) :: x(3), node(:, :), width
+    beyond = norm2(max(0.0_wp, minval(node, 2) - x, x - maxval(node, 2))) > width
   end function beyond
 
   !> Midpoint rule over the parts of a facet that looks the same way as the ghost's.
-  subroutine add_facet(x, axes, nodes, corners, width, moments, list, share)
-    real(wp), intent(in) :: x(3), axes(3, 3), corners(3, 4), width
-    integer(i4), intent(in) :: nodes(4)
+  subroutine add_facet(x, axes, nodes, place, width, moments, list, share)
+    real(wp), intent(in) :: x(3), axes(3, 3), place(:, :), width
+    integer(i4), intent(in) :: nodes(:)
     type(moments_type), intent(inout) :: moments
     integer(i4), allocatable, intent(inout) :: list(:)
     real(wp), allocatable, intent(inout) :: share(:, :)  !! (3, list): sums of phi N (1, t1, t2)
-    real(wp) :: sums(3, 4), own(3, 3), basis(3), n(4), r(3), area, phi, natural(2)
-    integer(i4) :: parts, i, j, a, b
+    real(wp) :: sums(3, size(nodes)), own(3, 3), basis(3), n(size(nodes)), r(3), phi, whole
+    real(wp), allocatable :: natural(:, :)
+    integer(i4) :: k, a, b
 
-    own = tangents(corners)
+    own = tangents(place)
     if (dot_product(own(:, 3), axes(:, 3)) < turned) return
-    parts = min(most_parts, max(2, ceiling(fineness*max(norm2(corners(:, 3) - corners(:, 1)), &
-                                                        norm2(corners(:, 4) - corners(:, 2))) &
-                                           /width)))
+    natural = parts_of(place, width)
+    whole = merge(0.5_wp, 4.0_wp, corner_count(int(size(nodes), i4)) == 3)
     sums = 0.0_wp
-    do j = 1, parts
-      do i = 1, parts
-        natural = (2.0_wp*real([i, j], wp) - 1.0_wp)/parts - 1.0_wp
-        n = shape_functions(natural)
-        r = matmul(corners, n) - x
-        if (dot_product(r, r) >= width**2) cycle
-        area = area_at(corners, natural)/real(parts, wp)**2
-        phi = area*(1.0_wp - dot_product(r, r)/width**2)**2
-        basis = [1.0_wp, dot_product(r, axes(:, 1))/width, dot_product(r, axes(:, 2))/width]
-        do a = 1, 4
-          sums(:, a) = sums(:, a) + phi*n(a)*basis
-        end do
-        do b = 1, 3
-          moments%m(:, b) = moments%m(:, b) + phi*basis*basis(b)
-        end do
+    do k = 1, size(natural, 2)
+      n = shapes_at(int(size(nodes), i4), natural(:, k))
+      r = matmul(place, n) - x
+      if (dot_product(r, r) >= width**2) cycle
+      phi = whole*norm2(normal_of(slopes(place, natural(:, k))))/size(natural, 2) &
+            *(1.0_wp - dot_product(r, r)/width**2)**2
+      basis = [1.0_wp, dot_product(r, axes(:, 1))/width, dot_product(r, axes(:, 2))/width]
+      do a = 1, size(nodes)
+        sums(:, a) = sums(:, a) + phi*n(a)*basis
+      end do
+      do b = 1, 3
+        moments%m(:, b) = moments%m(:, b) + phi*basis*basis(b)
       end do
     end do
     if (.not. any(sums(1, :) > 0.0_wp)) return
-    do a = 1, 4
+    do a = 1, size(nodes)
       b = findloc(list, nodes(a), 1)
       if (b == 0) then
         list = [list, nodes(a)]
@@ -120,17 +132,40 @@ contains
     end do
   end subroutine add_facet
 
-  !> Area of the facet per unit of the natural coordinates [m2].
-  pure real(wp) function area_at(corners, natural) result(area)
-    real(wp), intent(in) :: corners(3, 4), natural(2)
-    real(wp) :: t1(3), t2(3)
-    t1 = (1.0_wp - natural(2))*(corners(:, 2) - corners(:, 1)) &
-      + (1.0_wp + natural(2))*(corners(:, 3) - corners(:, 4))
-    t2 = (1.0_wp - natural(1))*(corners(:, 4) - corners(:, 1)) &
-      + (1.0_wp + natural(1))*(corners(:, 3) - corners(:, 2))
-    area = norm2([t1(2)*t2(3) - t1(3)*t2(2), t1(3)*t2(1) - t1(1)*t2(3), &
-                  t1(1)*t2(2) - t1(2)*t2(1)])/16.0_wp
-  end function area_at
+  !> Middles of equal parts of a facet in natural coordinates: squares, or triangles of a triangle.
+  pure function parts_of(place, width) result(natural)
+    real(wp), intent(in) :: place(:, :), width
+    real(wp), allocatable :: natural(:, :)
+    real(wp) :: longest
+    integer(i4) :: parts, corners, i, j, k
+    corners = corner_count(int(size(place, 2), i4))
+    longest = 0.0_wp
+    do j = 2, corners
+      do i = 1, j - 1
+        longest = max(longest, norm2(place(:, j) - place(:, i)))
+      end do
+    end do
+    parts = min(most_parts, max(2, ceiling(fineness*longest/width)))
+    allocate (natural(2, parts**2))
+    k = 0
+    do j = 1, parts
+      do i = 1, parts
+        if (corners == 4) then
+          k = k + 1
+          natural(:, k) = (2.0_wp*real([i, j], wp) - 1.0_wp)/parts - 1.0_wp
+          cycle
+        end if
+        if (i + j <= parts + 1) then
+          k = k + 1
+          natural(:, k) = (real([i, j], wp) - 2.0_wp/3.0_wp)/parts
+        end if
+        if (i + j <= parts) then
+          k = k + 1
+          natural(:, k) = (real([i, j], wp) - 1.0_wp/3.0_wp)/parts
+        end if
+      end do
+    end do
+  end function parts_of
 
   !> m alpha = (1, 0, 0): the linear function that makes the weights add up and centres them.
   pure subroutine solve(m, alpha, good)

@@ -20,7 +20,7 @@ module cpl_model
   use talus_system, only: process_id, date_text
   use talus_timers, only: timers_type
   use cpl_audit, only: audit_type
-  use cpl_choices, only: cpl_choices_type, read_choices, read_solvers
+  use cpl_choices, only: cpl_choices_type, read_choices, read_solvers, rotation_fixed
   use cpl_deck_keys, only: cpl_deck_table
   use cpl_exchange, only: exchange
   use cpl_handshake, only: shake_hands
@@ -208,7 +208,7 @@ contains
     end if
     if (errors%any()) return
     call make_map(self%face, self%solvers(2), self%choices, ids, x, identity, self%timers, errors)
-    if (self%choices%turns .and. .not. errors%any()) &
+    if (self%choices%rotation /= rotation_fixed .and. .not. errors%any()) &
       call find_radii(self%face, self%solvers(1), self%timers, errors)
     if (errors%any() .or. .not. self%again) return
     own = self%face%transfer%hash(self%face%map)

@@ -5,10 +5,11 @@ module cpl_setup
   use talus_errors, only: error_list_type
   use talus_message, only: verb_describe, verb_select, verb_set, verb_ready
   use talus_timers, only: timers_type
-  use cpl_choices, only: cpl_choices_type, interface_springs
-  use cpl_exchange, only: set_springs, read_forces
-  use cpl_interface, only: interface_type, ghost_set, ghost_fields, node_set
+  use cpl_choices, only: cpl_choices_type, interface_springs, rotation_micro
+  use cpl_exchange, only: set_springs, read_forces, read_motion
+  use cpl_interface, only: interface_type, ghost_set, ghost_fields, node_set, phi_set
   use cpl_start, only: put_reference
+  use cpl_solid_mesh, only: solid_mesh_type
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
@@ -82,32 +83,47 @@ contains
     real(wp), intent(out) :: identity
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    integer(i4), allocatable :: facets(:, :)
-    integer(i4), allocatable :: hex8(:, :)
-    real(wp), allocatable :: x_node(:, :)
+    type(solid_mesh_type) :: mesh
     real(wp) :: turned
 
     identity = 0.0_wp
-    call describe(solid, 'facets', choices%facets, timers, errors)
+    call read_mesh(solid, choices%facets, mesh, timers, errors)
     if (errors%any()) return
-    call solid%reply%take_int('connectivity', facets, errors)
-    call describe(solid, 'mesh', '', timers, errors)
+    call face%map%build(ids, x_ghost, mesh%facets, mesh%x, choices%max_offset, errors)
     if (errors%any()) return
-    call solid%reply%take('x', x_node, errors)
-    call solid%reply%take_int('connectivity', hex8, errors)
+    call face%map%identity_error(x_ghost, mesh%x, identity, errors)
+    if (.not. errors%any()) call face%transfer%build(face%map, mesh, choices%spread, &
+                                                     choices%rotation, errors)
     if (errors%any()) return
-    call face%map%build(ids, x_ghost, facets, x_node, choices%max_offset, errors)
-    if (errors%any()) return
-    call face%map%identity_error(x_ghost, x_node, identity, errors)
-    if (.not. errors%any()) call face%transfer%build(face%map, facets, x_node, hex8, &
-                                                     choices%spread, choices%turns, errors)
-    if (errors%any()) return
-    call face%init(x_ghost, x_node)
+    call face%init(x_ghost, mesh%x)
     call face%transfer%identity_error(face%x_node, x_ghost, turned, errors)
     identity = max(identity, turned)
     call face%relax%init(choices%interface, choices%theta, face%transfer%rows, face%map%ghosts)
     face%radius = spread(0.0_wp, 1, face%map%ghosts)
   end subroutine make_map
+
+  !> DESCRIBE: a group of facets and the mesh behind them.
+  subroutine read_mesh(solid, group, mesh, timers, errors)
+    type(cpl_solver_type), intent(inout) :: solid
+    character(len=*), intent(in) :: group
+    type(solid_mesh_type), intent(inout) :: mesh
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+
+    call describe(solid, 'facets', group, timers, errors)
+    if (errors%any()) return
+    call solid%reply%take_int('connectivity', mesh%facets, errors)
+    call describe(solid, 'mesh', '', timers, errors)
+    if (errors%any()) return
+    call solid%reply%take('x', mesh%x, errors)
+    allocate (mesh%hex8(8, 0))
+    if (solid%reply%has('connectivity')) &
+      call solid%reply%take_int('connectivity', mesh%hex8, errors)
+    if (errors%any()) return
+    allocate (mesh%polar(size(mesh%x, 2)), source=0_i4)
+    if (solid%reply%has('polar')) call solid%reply%take_int('polar', mesh%polar, errors)
+    if (.not. errors%any()) call mesh%check(errors)
+  end subroutine read_mesh
 
   !> DESCRIBE: radii of the ghosts, for springs that hold their rotation.
   subroutine find_radii(face, grains, timers, errors)
@@ -157,10 +173,26 @@ contains
     do k = 1, 2
       if (.not. errors%any()) call solvers(k)%receive(timers, errors)
     end do
+    if (face%transfer%rotation == rotation_micro .and. .not. errors%any()) &
+      call select_rotations(face, solvers(side_solid), timers, errors)
     if (errors%any()) return
     call solvers(side_grains)%reply%get('stiffness', stiffness, errors)
     if (.not. errors%any()) face%contact_stiffness = maxval(stiffness)
   end subroutine select_sets
+
+  !> SELECT the micro-rotations of the interface nodes.
+  subroutine select_rotations(face, solid, timers, errors)
+    type(interface_type), intent(in) :: face
+    type(cpl_solver_type), intent(inout) :: solid
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call solid%start_request(verb_select, face%step, solid%time, solid%time)
+    call solid%request%put_text('set', phi_set)
+    call solid%request%put_text('role', 'load')
+    call solid%request%put_int('id', face%transfer%phi_id)
+    call solid%request%put_text('fields', 'phi')
+    call solid%ask(timers, errors)
+  end subroutine select_rotations
 
   !> READY grains, springs and dead load on the solid, READY solid. A fresh run takes forces and
   !! motion from the replies; a restarted one keeps what its checkpoint says.
@@ -232,8 +264,7 @@ contains
     type(interface_type), intent(inout) :: face
     type(cpl_solver_type), intent(inout) :: solid
     type(error_list_type), intent(inout) :: errors
-    call solid%reply%get(node_set//'.u', face%u, errors)
-    call solid%reply%get(node_set//'.v', face%v, errors)
+    call read_motion(face, solid, face%u, face%v, errors)
     call solid%reply%get('scalars', face%solid, errors)
     face%v_before = face%v
     face%u_new = face%u
@@ -255,10 +286,21 @@ contains
     type(cpl_solver_type), intent(inout) :: solid
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    call solid%start_request(verb_set, face%step, solid%time, solid%time)
-    call solid%request%put_text('what', 'dead_load')
-    call solid%request%put_text('set', node_set)
-    call solid%request%put('force', face%dead_load)
-    call solid%ask(timers, errors)
+
+    call put_load(node_set, 'force', face%dead_load(:, :face%map%nodes))
+    if (face%transfer%rotation /= rotation_micro .or. errors%any()) return
+    call put_load(phi_set, 'moment', face%dead_load(:, face%map%nodes + 1:))
+
+  contains
+
+    subroutine put_load(set, field, load)
+      character(len=*), intent(in) :: set, field
+      real(wp), intent(in) :: load(:, :)
+      call solid%start_request(verb_set, face%step, solid%time, solid%time)
+      call solid%request%put_text('what', 'dead_load')
+      call solid%request%put_text('set', set)
+      call solid%request%put(field, load)
+      call solid%ask(timers, errors)
+    end subroutine put_load
   end subroutine put_dead_load
 end module cpl_setup

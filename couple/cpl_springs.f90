@@ -3,22 +3,25 @@
 !! Plain staggering contracts only while contacts are softer than the facet below. With springs
 !! the solid solves (K + S) u = X + N'P + S w, S = sum k N'N, w the motion that P was measured with:
 !! the same fixed point, contraction whenever k is at least half the true stiffness. Where ghosts
-!! turn with the solid, their moments are held by springs on the nodes of the elements behind.
+!! turn with the solid, their moments are held by springs on the nodes of the elements behind, or on
+!! the micro-rotations that they follow.
 module cpl_springs
   use talus_kinds, only: wp, i4
+  use cpl_choices, only: rotation_curl, rotation_micro
   use cpl_facet_map, only: facet_map_type
   use cpl_transfer, only: transfer_type
   implicit none
   private
   public :: springs_type
 
-  !> Springs, each at a weighted mean of four nodes.
+  !> Springs, each at a weighted mean of nodal values; those on micro-rotations stand last.
   type :: springs_type
     integer(i4) :: n = 0
+    integer(i4) :: turning = 0                !! of them on micro-rotations
     real(wp) :: stiffness = 0.0_wp            !! at each ghost [N/m]; 0: no springs
-    integer(i4), allocatable :: node(:, :)    !! numbers of interface nodes (4, n)
-    real(wp), allocatable :: weight(:, :)     !! (4, n)
-    real(wp), allocatable :: each(:)          !! stiffness of each (n) [N/m]
+    integer(i4), allocatable :: node(:, :)    !! columns of nodal values (most, n)
+    real(wp), allocatable :: weight(:, :)     !! (most, n)
+    real(wp), allocatable :: each(:)          !! stiffness of each (n) [N/m, N m]
   contains
     procedure :: make
     procedure :: force
@@ -34,26 +37,42 @@ contains
     type(transfer_type), intent(in) :: transfer
     real(wp), intent(in) :: radius(:)        !! of the ghosts [m]
     real(wp) :: turning(transfer%nodes)
-    integer(i4) :: with(4, transfer%nodes), k, n
+    integer(i4) :: with(4, transfer%nodes), k, n, most
 
     turning = 0.0_wp
-    if (transfer%rows > 3) call turning_springs(transfer, stiffness*radius**2, turning, with)
-    n = map%ghosts + count(turning > 0.0_wp)
+    if (transfer%rotation == rotation_curl) &
+      call turning_springs(transfer, stiffness*radius**2, turning, with)
+    self%turning = merge(map%ghosts, 0, transfer%rotation == rotation_micro)
+    n = map%ghosts + count(turning > 0.0_wp) + self%turning
+    most = max(4, size(map%corner, 1))
     self%n = n
     self%stiffness = stiffness
     if (allocated(self%node)) deallocate (self%node, self%weight, self%each)
-    allocate (self%node(4, n), self%weight(4, n), self%each(n))
-    self%node(:, :map%ghosts) = map%corner
-    self%weight(:, :map%ghosts) = map%weight
-    self%each(:map%ghosts) = stiffness
+    allocate (self%node(most, n), self%each(n))
+    allocate (self%weight(most, n), source=0.0_wp)
+    do k = 1, map%ghosts
+      call put(k, map%corner(:, k), map%weight(:, k), stiffness)
+    end do
     n = map%ghosts
     do k = 1, transfer%nodes
       if (.not. turning(k) > 0.0_wp) cycle
       n = n + 1
-      self%node(:, n) = with(:, k)
-      self%weight(:, n) = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
-      self%each(n) = turning(k)
+      call put(n, with(:, k), [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], turning(k))
     end do
+    do k = 1, self%turning
+      call put(n + k, transfer%phi(:, k), transfer%phi_weight(:, k), stiffness*radius(k)**2)
+    end do
+
+  contains
+
+    subroutine put(at, node, weight, each)
+      integer(i4), intent(in) :: at, node(:)
+      real(wp), intent(in) :: weight(:), each
+      self%node(:, at) = node(1)
+      self%node(:size(node), at) = node
+      self%weight(:size(weight), at) = weight
+      self%each(at) = each
+    end subroutine put
   end subroutine make
 
   !> Stiffness at the nodes that is at least that of rotational springs at the ghosts: theta = R u
@@ -74,21 +93,21 @@ contains
     end do
   end subroutine turning_springs
 
-  !> Forces S w on the nodes [N].
+  !> Forces S w on the nodes, couples on their micro-rotations [N, N m].
   pure subroutine force(self, w, f)
     class(springs_type), intent(in) :: self
-    real(wp), intent(in) :: w(:, :)   !! (3, nodes) [m]
-    real(wp), intent(out) :: f(:, :)  !! (3, nodes) [N]
+    real(wp), intent(in) :: w(:, :)   !! (3, blocks) [m, rad]
+    real(wp), intent(out) :: f(:, :)  !! (3, blocks) [N, N m]
     real(wp) :: pull(3)
     integer(i4) :: s, a
     f = 0.0_wp
     do s = 1, self%n
       pull = 0.0_wp
-      do a = 1, 4
+      do a = 1, size(self%node, 1)
         pull = pull + self%weight(a, s)*w(:, self%node(a, s))
       end do
       pull = self%each(s)*pull
-      do a = 1, 4
+      do a = 1, size(self%node, 1)
         f(:, self%node(a, s)) = f(:, self%node(a, s)) + self%weight(a, s)*pull
       end do
     end do

@@ -80,7 +80,7 @@ contains
     real(wp), intent(out) :: moved, changed
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: p_before(face%transfer%rows, face%map%ghosts), u_before(3, face%map%nodes), t1
+    real(wp) :: p_before(face%transfer%rows, face%map%ghosts), u_before(3, face%transfer%blocks), t1
 
     moved = 0.0_wp
     changed = 0.0_wp

@@ -1,20 +1,28 @@
 !> The operator between the solid's nodes and the ghosts: motion one way, forces the other way.
 !!
 !! x_g = sum_a W_a x_a + arm; W_a are the facet's shape functions at the ghost, or those smeared
-!! with a kernel over the facets around it (spread). With rotation the ghost turns by half the curl
-!! of the displacement in the element behind its facet,
-!!   theta = R u = 1/2 sum_a grad N_a x u_a,   d = W u + theta x arm,
-!! and the transposed operator puts a force and a moment on the nodes,
-!!   f_a = W_a P + 1/2 (m + arm x P) x grad N_a.
-!! Sum W = 1, sum grad N = 0 and sum x_a (grad N_a)' = 1 make total force and moment exact, and the
-!! transpose makes the powers of both sides equal (formulation, facet coupling).
+!! with a kernel over the facets around it (spread). A ghost that turns, by theta, moves by
+!!   d = W u + theta x arm
+!! and the transposed operator puts its force P and moment m on the nodes. theta is half the curl of
+!! the displacement in the element behind its facet (curl),
+!!   theta = 1/2 sum_a grad N_a x u_a,     f_a = W_a P + 1/2 (m + arm x P) x grad N_a,
+!! or the micro-rotation of a micropolar solid (micro), with M_b the functions of that field,
+!!   theta = sum_b M_b phi_b,              f_a = W_a P,   c_b = M_b (m + arm x P).
+!! Sum W = 1, sum M = 1, sum grad N = 0 and sum x_a (grad N_a)' = 1 make total force and moment
+!! exact, and the transpose makes the powers of both sides equal (formulation, facet coupling).
+!!
+!! Columns of nodal values: displacements or forces of the interface nodes, then micro-rotations or
+!! couples of those that have them.
 module cpl_transfer
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_hash, only: hash_text
+  use cpl_choices, only: rotation_fixed, rotation_curl, rotation_micro
   use cpl_facet_map, only: facet_map_type
   use cpl_kernel, only: spread_weights
+  use cpl_shapes, only: node_count, corner_count, shapes_at
+  use cpl_solid_mesh, only: solid_mesh_type
   implicit none
   private
   public :: transfer_type, cross
@@ -25,13 +33,19 @@ module cpl_transfer
   type :: transfer_type
     integer(i4) :: ghosts = 0
     integer(i4) :: nodes = 0
+    integer(i4) :: blocks = 0                     !! columns: nodes, and their micro-rotations
     integer(i4) :: rows = 3
+    integer(i4) :: rotation = rotation_fixed
+    integer(i8), allocatable :: phi_id(:)         !! ids of the nodes with micro-rotations
     integer(i4), allocatable :: first(:)          !! of each ghost's entries (ghosts + 1)
     integer(i4), allocatable :: node(:)           !! of each entry, number of the interface node
     real(wp), allocatable :: weight(:)            !! W_a of each entry
     real(wp), allocatable :: arm(:, :)            !! ghost minus sum W x (3, ghosts) [m]
     integer(i4), allocatable :: corner(:, :)      !! of the element behind (8, ghosts)
     real(wp), allocatable :: gradient(:, :, :)    !! grad N_a there (3, 8, ghosts) [1/m]
+    integer(i4), allocatable :: phi(:, :)         !! columns of micro-rotations (most, ghosts), the
+                                                  !! first again beyond
+    real(wp), allocatable :: phi_weight(:, :)     !! M_b (most, ghosts), 0 beyond
   contains
     procedure :: build
     procedure :: to_ghosts
@@ -44,56 +58,104 @@ module cpl_transfer
 contains
 
   !> Make the operator for a map, whose nodes are numbered anew: those of the elements behind and
-  !! of facets in reach join them. Faults: I405 a facet without an element behind it.
-  subroutine build(self, map, facets, x_node, hex8, spread, turns, errors)
+  !! of facets in reach join them. Faults: I405 a facet without an element behind it, I406 one
+  !! without micro-rotations.
+  subroutine build(self, map, mesh, spread, rotation, errors)
     class(transfer_type), intent(inout) :: self
     type(facet_map_type), intent(inout) :: map
-    integer(i4), intent(in) :: facets(:, :)  !! (4, k) node ids from 1
-    real(wp), intent(in) :: x_node(:, :)     !! (3, all nodes) [m]
-    integer(i4), intent(in) :: hex8(:, :)    !! (8, elements) node ids from 1
+    type(solid_mesh_type), intent(in) :: mesh
     real(wp), intent(in) :: spread           !! width of the kernel [m], 0: none
-    logical, intent(in) :: turns             !! ghosts rotate with the solid
+    integer(i4), intent(in) :: rotation      !! of the ghosts, as in cpl_choices
     type(error_list_type), intent(inout) :: errors
-    logical :: needed(size(x_node, 2))
-    integer(i4), allocatable :: list(:)
-    real(wp), allocatable :: weight(:)
-    integer(i4) :: g, n, element(map%ghosts), number(size(x_node, 2))
+    logical :: needed(size(mesh%x, 2))
+    integer(i4) :: g, element(map%ghosts), number(size(mesh%x, 2))
 
     self%ghosts = map%ghosts
-    self%rows = merge(6, 3, turns)
+    self%rotation = rotation
+    self%rows = merge(3, 6, rotation == rotation_fixed)
+    self%phi_id = [integer(i8) ::]
+    call weigh(self, map, mesh, spread)
+    needed = .false.
+    needed(self%node) = .true.
+    if (rotation == rotation_curl) then
+      call find_elements(map, mesh%facets, mesh%hex8, element, errors)
+      if (errors%any()) return
+      do g = 1, map%ghosts
+        needed(mesh%hex8(:, element(g))) = .true.
+      end do
+    end if
+    call map%number_nodes(mesh%facets, needed, number)
+    self%nodes = map%nodes
+    self%node = number(self%node)
+    if (rotation == rotation_curl) call make_gradients(self, map, mesh%facets, mesh%x, mesh%hex8, &
+                                                       element, number)
+    if (rotation == rotation_micro) call find_rotations(self, map, mesh, errors)
+    self%blocks = self%nodes + size(self%phi_id)
+  end subroutine build
+
+  !> Nodes, by their ids, and weights of the displacement of each ghost, and its arm.
+  subroutine weigh(self, map, mesh, spread)
+    type(transfer_type), intent(inout) :: self
+    type(facet_map_type), intent(in) :: map
+    type(solid_mesh_type), intent(in) :: mesh
+    real(wp), intent(in) :: spread  !! [m]
+    integer(i4), allocatable :: list(:)
+    real(wp), allocatable :: weight(:)
+    integer(i4) :: g, n
+
     self%first = [(1_i4, g=0, map%ghosts)]
     self%node = [integer(i4) ::]
     self%weight = [real(wp) ::]
     self%arm = map%offset
     do g = 1, map%ghosts
       if (spread > 0.0_wp) then
-        call spread_weights(map%point_on_facet(g, facets, x_node), map%facet(g), facets, x_node, &
-                            spread, map%weight(:, g), list, weight)
-        self%arm(:, g) = map%offset(:, g) + map%point_on_facet(g, facets, x_node) &
-                         - matmul(x_node(:, list), weight)
+        call spread_weights(map%point_on_facet(g, mesh%facets, mesh%x), map%facet(g), &
+                            mesh%facets, mesh%x, spread, map%weight(:, g), list, weight)
+        self%arm(:, g) = map%offset(:, g) + map%point_on_facet(g, mesh%facets, mesh%x) &
+                         - matmul(mesh%x(:, list), weight)
       else
-        list = facets(:, map%facet(g))
-        weight = map%weight(:, g)
+        n = node_count(mesh%facets(:, map%facet(g)))
+        list = mesh%facets(:n, map%facet(g))
+        weight = map%weight(:n, g)
       end if
       n = size(list)
       self%first(g + 1) = self%first(g) + n
       self%node = [self%node, list]
       self%weight = [self%weight, weight]
     end do
-    needed = .false.
-    needed(self%node) = .true.
-    if (turns) then
-      call find_elements(map, facets, hex8, element, errors)
-      if (errors%any()) return
-      do g = 1, map%ghosts
-        needed(hex8(:, element(g))) = .true.
-      end do
-    end if
-    call map%number_nodes(facets, needed, number)
-    self%nodes = map%nodes
-    self%node = number(self%node)
-    if (turns) call make_gradients(self, map, facets, x_node, hex8, element, number)
-  end subroutine build
+  end subroutine weigh
+
+  !> Micro-rotations under each ghost, at its place: of all nodes of its facet, or of the corners
+  !! alone with their own functions, as in pairs of mixed order.
+  subroutine find_rotations(self, map, mesh, errors)
+    type(transfer_type), intent(inout) :: self
+    type(facet_map_type), intent(in) :: map
+    type(solid_mesh_type), intent(in) :: mesh
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: g, n, k, column(size(mesh%x, 2))
+
+    column = 0
+    self%phi_id = pack(map%node_id, mesh%polar(map%node_id) == 1)
+    column(self%phi_id) = [(self%nodes + k, k=1, int(size(self%phi_id), i4))]
+    allocate (self%phi(size(mesh%facets, 1), map%ghosts))
+    allocate (self%phi_weight(size(mesh%facets, 1), map%ghosts), source=0.0_wp)
+    do g = 1, map%ghosts
+      associate (nodes => mesh%facets(:node_count(mesh%facets(:, map%facet(g))), map%facet(g)))
+        n = size(nodes)
+        if (any(column(nodes) == 0)) n = corner_count(n)
+        if (any(column(nodes(:n)) == 0)) then
+          call errors%add('I406', 'facet '//str(map%facet(g))//' of ghost '// &
+                          str(map%ghost_id(g))//' has no micro-rotation', '', &
+                          "rotation = 'micro' needs facets of a micropolar section: see the "// &
+                          "solid's deck, or write rotation = 'curl' or 'fixed'")
+          return
+        end if
+        self%phi(:, g) = column(nodes(1))
+        self%phi(:n, g) = column(nodes(:n))
+        self%phi_weight(:n, g) = shapes_at(n, map%natural(:, g))
+      end associate
+    end do
+  end subroutine find_rotations
 
   !> The element behind the facet of each ghost; between two the lower number.
   subroutine find_elements(map, facets, hex8, element, errors)
@@ -102,13 +164,13 @@ contains
     integer(i4), intent(out) :: element(:)
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: behind(size(facets, 2)), e, f, g
-    logical :: used(maxval(hex8))
+    logical :: used(max(maxval(facets), maxval(hex8)))
 
     used = .false.
     behind = -1
     do g = 1, map%ghosts
       behind(map%facet(g)) = 0
-      used(facets(:, map%facet(g))) = .true.
+      if (node_count(facets(:, map%facet(g))) == 4) used(facets(:4, map%facet(g))) = .true.
     end do
     do e = 1, size(hex8, 2)
       if (count(used(hex8(:, e))) < 4) cycle
@@ -122,16 +184,16 @@ contains
       if (element(g) > 0) cycle
       call errors%add('I405', 'no element lies behind facet '//str(map%facet(g))//' of ghost '// &
                       str(map%ghost_id(g)), '', "rotation = 'curl' needs facets that are faces "// &
-                      'of hexahedra of the mesh')
+                      'of eight-node hexahedra, and no other elements in the mesh')
       return
     end do
   end subroutine find_elements
 
   pure logical function holds(nodes, corners)
-    integer(i4), intent(in) :: nodes(8), corners(4)
+    integer(i4), intent(in) :: nodes(8), corners(:)
     integer(i4) :: a
-    holds = .true.
-    do a = 1, 4
+    holds = node_count(corners) == 4
+    do a = 1, min(4, int(size(corners), i4))
       holds = holds .and. any(nodes == corners(a))
     end do
   end function holds
@@ -182,13 +244,13 @@ contains
     c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
   end function cross
 
-  !> Motion of the ghosts (rows, ghosts) from displacements of the nodes.
+  !> Motion of the ghosts (rows, ghosts) from displacements and micro-rotations of the nodes.
   pure subroutine to_ghosts(self, u, d)
     class(transfer_type), intent(in) :: self
-    real(wp), intent(in) :: u(:, :)   !! (3, nodes) [m]
+    real(wp), intent(in) :: u(:, :)   !! (3, blocks) [m, rad]
     real(wp), intent(out) :: d(:, :)  !! (rows, ghosts) [m, rad]
-    real(wp) :: at(3), theta(3), b(3)
-    integer(i4) :: g, e, a, n
+    real(wp) :: at(3), theta(3)
+    integer(i4) :: g, e
     do g = 1, self%ghosts
       at = 0.0_wp
       do e = self%first(g), self%first(g + 1) - 1
@@ -196,26 +258,37 @@ contains
       end do
       d(1:3, g) = at
       if (self%rows == 3) cycle
-      theta = 0.0_wp
-      do a = 1, 8
-        n = self%corner(a, g)
-        b(:) = self%gradient(:, a, g)
-        theta(1) = theta(1) + b(2)*u(3, n) - b(3)*u(2, n)
-        theta(2) = theta(2) + b(3)*u(1, n) - b(1)*u(3, n)
-        theta(3) = theta(3) + b(1)*u(2, n) - b(2)*u(1, n)
-      end do
-      theta(:) = 0.5_wp*theta
+      if (self%rotation == rotation_micro) then
+        theta(:) = matmul(u(:, self%phi(:, g)), self%phi_weight(:, g))
+      else
+        theta(:) = half_curl(self%gradient(:, :, g), u(:, self%corner(:, g)))
+      end if
       d(1:3, g) = at + cross(theta, self%arm(:, g))
       d(4:6, g) = theta
     end do
   end subroutine to_ghosts
 
-  !> Forces on the nodes from forces and moments on the ghosts, added in the order of the ghosts.
+  !> 1/2 sum grad N_a x u_a [rad].
+  pure function half_curl(b, u) result(theta)
+    real(wp), intent(in) :: b(3, 8), u(3, 8)
+    real(wp) :: theta(3)
+    integer(i4) :: a
+    theta = 0.0_wp
+    do a = 1, 8
+      theta(1) = theta(1) + b(2, a)*u(3, a) - b(3, a)*u(2, a)
+      theta(2) = theta(2) + b(3, a)*u(1, a) - b(1, a)*u(3, a)
+      theta(3) = theta(3) + b(1, a)*u(2, a) - b(2, a)*u(1, a)
+    end do
+    theta = 0.5_wp*theta
+  end function half_curl
+
+  !> Forces and couples on the nodes from forces and moments on the ghosts, added in the order of
+  !! the ghosts.
   pure subroutine to_nodes(self, p, f)
     class(transfer_type), intent(in) :: self
     real(wp), intent(in) :: p(:, :)   !! (rows, ghosts) [N, N m]
-    real(wp), intent(out) :: f(:, :)  !! (3, nodes) [N]
-    real(wp) :: half(3), b(3)
+    real(wp), intent(out) :: f(:, :)  !! (3, blocks) [N, N m]
+    real(wp) :: moment(3), half(3), b(3)
     integer(i4) :: g, e, a, n
     f = 0.0_wp
     do g = 1, self%ghosts
@@ -223,7 +296,15 @@ contains
         f(:, self%node(e)) = f(:, self%node(e)) + self%weight(e)*p(1:3, g)
       end do
       if (self%rows == 3) cycle
-      half = 0.5_wp*(p(4:6, g) + cross(self%arm(:, g), p(1:3, g)))
+      moment = p(4:6, g) + cross(self%arm(:, g), p(1:3, g))
+      if (self%rotation == rotation_micro) then
+        do a = 1, size(self%phi, 1)
+          n = self%phi(a, g)
+          f(:, n) = f(:, n) + self%phi_weight(a, g)*moment
+        end do
+        cycle
+      end if
+      half = 0.5_wp*moment
       do a = 1, 8
         n = self%corner(a, g)
         b(:) = self%gradient(:, a, g)
@@ -247,16 +328,16 @@ contains
     end do
   end function moment_of
 
-  !> Largest violation of rigid motion: a displacement of one extent, or a turn by one radian, of
-  !! the nodes moves and turns the ghosts likewise; relative to the extent of the facets. N405 when
-  !! it is above 1e-11.
+  !> Largest violation of rigid motion and of equal powers. A displacement of one extent, or a turn
+  !! by one radian, of the nodes moves and turns the ghosts likewise; relative to the extent of the
+  !! facets. N405 when it is above 1e-11.
   subroutine identity_error(self, x_node, x_ghost, worst, errors)
     class(transfer_type), intent(in) :: self
     real(wp), intent(in) :: x_node(:, :)   !! interface nodes (3, nodes) [m]
     real(wp), intent(in) :: x_ghost(:, :)  !! (3, ghosts) [m]
     real(wp), intent(out) :: worst
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: u(3, self%nodes), d(self%rows, self%ghosts), axis(3), wanted(3), extent
+    real(wp) :: u(3, self%blocks), d(self%rows, self%ghosts), axis(3), wanted(3), extent
     integer(i4) :: k, n, g
 
     extent = max(maxval(abs(x_node)), maxval(maxval(x_node, 2) - minval(x_node, 2)), &
@@ -268,6 +349,9 @@ contains
       do n = 1, self%nodes
         if (k <= 3) u(:, n) = extent*axis
         if (k > 3) u(:, n) = cross(axis, x_node(:, n))
+      end do
+      do n = self%nodes + 1, self%blocks
+        u(:, n) = merge(axis, 0.0_wp, k > 3)
       end do
       call self%to_ghosts(u, d)
       do g = 1, self%ghosts
@@ -281,10 +365,33 @@ contains
         axis(1 + mod(k - 1, 3)) = 1.0_wp
       end do
     end do
+    worst = max(worst, power_error(self, extent))
     if (worst <= identity_limit) return
-    call errors%add('N405', 'the operator between nodes and ghosts is off a rigid motion by '// &
+    call errors%add('N405', 'the operator between nodes and ghosts is off a rigid motion, or '// &
+                    'the powers of both sides off each other, by '// &
                     str(worst), '', 'look at the facets'' shape: a corner may be turned in')
   end subroutine identity_error
+
+  !> Power of forces and moments of the ghosts less that of the nodal forces and couples, for
+  !! motions and forces that are all over the place; over the sum of the powers' sizes.
+  pure real(wp) function power_error(self, extent)
+    type(transfer_type), intent(in) :: self
+    real(wp), intent(in) :: extent  !! [m]
+    real(wp) :: u(3, self%blocks), f(3, self%blocks), d(self%rows, self%ghosts), &
+      p(self%rows, self%ghosts)
+    integer(i4) :: k, c
+    do k = 1, self%blocks
+      u(:, k) = sin([(1.0_wp*k*c, c=1, 3)])
+      if (k <= self%nodes) u(:, k) = extent*u(:, k)
+    end do
+    do k = 1, self%ghosts
+      p(:, k) = cos([(0.7_wp*k*c, c=1, self%rows)])
+      p(4:, k) = extent*p(4:, k)
+    end do
+    call self%to_ghosts(u, d)
+    call self%to_nodes(p, f)
+    power_error = abs(sum(p*d) - sum(f*u))/max(sum(abs(p*d)), sum(abs(f*u)), tiny(1.0_wp))
+  end function power_error
 
   !> Hash of the whole operator: map, nodes and the bits of its numbers.
   pure function transfer_hash(self, map) result(hex)
@@ -296,13 +403,15 @@ contains
     integer(i4) :: k, n
 
     n = size(self%node)
-    allocate (bits(2*n + merge(32*self%ghosts, 0, self%rows > 3)))
+    allocate (bits(2*n))
     bits(:n) = map%node_id(self%node)
-    bits(n + 1:2*n) = transfer(self%weight, bits, n)
-    if (self%rows > 3) then
-      bits(2*n + 1:2*n + 8*self%ghosts) = map%node_id(reshape(self%corner, [8*self%ghosts]))
-      bits(2*n + 8*self%ghosts + 1:) = transfer(self%gradient, bits, 24*self%ghosts)
-    end if
+    bits(n + 1:) = transfer(self%weight, [0_i8], n)
+    if (self%rotation == rotation_curl) bits = [bits, &
+      map%node_id(reshape(self%corner, [8*self%ghosts])), &
+      transfer(self%gradient, [0_i8], 24*self%ghosts)]
+    if (self%rotation == rotation_micro) bits = [bits, &
+      self%phi_id(reshape(self%phi - self%nodes, [size(self%phi)])), &
+      transfer(self%phi_weight, [0_i8], size(self%phi))]
     allocate (character(len=16*size(bits)) :: text)
     do k = 1, size(bits)
       write (text(16*k - 15:16*k), '(z16.16)') bits(k)

@@ -71,6 +71,8 @@ contains
       call reply%put('x', body%mesh%x)
       call reply%put('mass_u', body%lumped(:body%mesh%nodes))
       if (body%dofs%blocks > body%mesh%nodes) call reply%put('mass_phi', inertia_of_nodes(body))
+      if (body%dofs%blocks > body%mesh%nodes) call reply%put_int('polar', merge(1_i4, 0_i4, &
+        body%dofs%phi > 0))
       if (allocated(body%mesh%hex8)) call reply%put_int('connectivity', body%mesh%hex8)
       call reply%put_int('kind', body%mesh%kind)
       call reply%put_int('start', body%mesh%start)
@@ -171,18 +173,36 @@ contains
     end select
   end subroutine set_values
 
-  !> Springs of the partner; they take the place of those that it gave before.
+  !> Springs of the partner on displacements, and with `node_phi` on micro-rotations; they take the
+  !! place of those that it gave before.
   subroutine set_springs(body, request, errors)
     type(fem_body_type), intent(inout) :: body
     type(message_type), intent(inout) :: request
     type(error_list_type), intent(inout) :: errors
-    type(fem_springs_type) :: springs
+    type(fem_springs_type) :: springs, turning
+
+    call read_springs(body, request, '', springs, errors)
+    if (request%has('node_phi')) call read_springs(body, request, '_phi', turning, errors)
+    if (errors%any()) return
+    if (turning%n > 0) call join_springs(turning, springs)
+    body%robin = springs
+    body%factored_dt = -1.0_wp
+    call body%limit_step()
+  end subroutine set_springs
+
+  !> Fields node, weight and stiffness with an ending; P302 when they do not fit.
+  subroutine read_springs(body, request, ending, springs, errors)
+    type(fem_body_type), intent(in) :: body
+    type(message_type), intent(inout) :: request
+    character(len=*), intent(in) :: ending  !! '' or '_phi'
+    type(fem_springs_type), intent(inout) :: springs
+    type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: stiffness(:)
     integer(i4) :: s, c
 
-    call request%take_int('node', springs%node, errors)
-    call request%take('weight', springs%weight, errors)
-    call request%take('stiffness', stiffness, errors)
+    call request%take_int('node'//ending, springs%node, errors)
+    call request%take('weight'//ending, springs%weight, errors)
+    call request%take('stiffness'//ending, stiffness, errors)
     if (errors%any()) return
     springs%n = size(stiffness)
     if (size(springs%node, 2) /= springs%n .or. &
@@ -191,6 +211,12 @@ contains
                       request%place(), 'facets of fewer nodes repeat one with weight zero')
       return
     end if
+    if (.not. (all(is_finite(springs%weight)) .and. all(is_finite(stiffness)))) then
+      call errors%add('P302', 'a spring''s weight or stiffness is no number', request%place())
+      return
+    end if
+    if (len(ending) > 0) call turn_nodes(body, springs, request%place(), errors)
+    if (errors%any()) return
     allocate (springs%stiffness(3, 3, springs%n), source=0.0_wp)
     do s = 1, springs%n
       if (.not. share_element(body%pattern, springs%node(:, s))) then
@@ -202,10 +228,58 @@ contains
         springs%stiffness(c, c, s) = stiffness(s)
       end do
     end do
-    body%robin = springs
-    body%factored_dt = -1.0_wp
-    call body%limit_step()
-  end subroutine set_springs
+  end subroutine read_springs
+
+  !> Node ids become the numbers of their micro-rotations.
+  subroutine turn_nodes(body, springs, place, errors)
+    type(fem_body_type), intent(in) :: body
+    type(fem_springs_type), intent(inout) :: springs
+    character(len=*), intent(in) :: place
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: s, a
+    do s = 1, springs%n
+      do a = 1, size(springs%node, 1)
+        associate (node => springs%node(a, s))
+          if (node >= 1 .and. node <= body%mesh%nodes) then
+            if (body%dofs%phi(node) > 0) then
+              node = body%dofs%phi(node)
+              cycle
+            end if
+          end if
+          call errors%add('P302', 'spring '//str(s)//' on micro-rotations names node '// &
+                          str(node)//', which has none', place)
+          return
+        end associate
+      end do
+    end do
+  end subroutine turn_nodes
+
+  !> Add springs, of lists as long or shorter, behind others.
+  pure subroutine join_springs(more, springs)
+    type(fem_springs_type), intent(in) :: more
+    type(fem_springs_type), intent(inout) :: springs
+    type(fem_springs_type) :: all
+    integer(i4) :: s, m, k
+    all%n = springs%n + more%n
+    m = max(size(springs%node, 1), size(more%node, 1))
+    allocate (all%node(m, all%n), all%stiffness(3, 3, all%n))
+    allocate (all%weight(m, all%n), source=0.0_wp)
+    do s = 1, all%n
+      k = s - springs%n
+      if (k <= 0) then
+        all%node(:, s) = springs%node(1, s)
+        all%node(:size(springs%node, 1), s) = springs%node(:, s)
+        all%weight(:size(springs%node, 1), s) = springs%weight(:, s)
+      else
+        all%node(:, s) = more%node(1, k)
+        all%node(:size(more%node, 1), s) = more%node(:, k)
+        all%weight(:size(more%node, 1), s) = more%weight(:, k)
+      end if
+    end do
+    all%stiffness(:, :, :springs%n) = springs%stiffness
+    all%stiffness(:, :, springs%n + 1:) = more%stiffness
+    springs = all
+  end subroutine join_springs
 
   subroutine set_dead_load(body, sets, request, errors)
     type(fem_body_type), intent(inout) :: body
@@ -221,8 +295,10 @@ contains
     call find_set(sets, name, k, request, errors)
     if (errors%any()) return
     allocate (force(3, size(sets%set(k)%node)))
-    call request%get('force', force, errors)
-    if (.not. errors%any()) body%dead_load(:, sets%set(k)%node) = force
+    if (sets%set(k)%moves .or. request%has('force')) then
+      call request%get('force', force, errors)
+      if (.not. errors%any()) body%dead_load(:, sets%set(k)%node) = force
+    end if
     if (size(sets%set(k)%phi) == 0 .or. .not. request%has('moment')) return
     call request%get('moment', force, errors)
     if (.not. errors%any()) body%dead_load(:, sets%set(k)%phi) = force

@@ -49,7 +49,7 @@ module fem_types
   !> Springs that tie points of facets to where they were (Robin) or to the ground.
   type :: fem_springs_type
     integer(i4) :: n = 0
-    integer(i4), allocatable :: node(:, :)      !! (facet nodes, n) node ids, any where weight = 0
+    integer(i4), allocatable :: node(:, :)      !! (facet nodes, n) blocks, any where weight = 0
     real(wp), allocatable :: weight(:, :)       !! (facet nodes, n) shape functions
     real(wp), allocatable :: stiffness(:, :, :) !! (3, 3, n) [N/m]
   end type fem_springs_type

@@ -3,7 +3,8 @@ program test_cpl_facet_map
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_test, only: test_type
-  use cpl_facet_map, only: facet_map_type, shape_functions
+  use cpl_facet_map, only: facet_map_type
+  use cpl_shapes, only: shapes_at
   implicit none
 
   type(test_type) :: test
@@ -42,7 +43,7 @@ contains
     do g = 1, n
       on(g) = 1 + mod(g, 4)
       natural(:, g) = [sin(1.7_wp*g), cos(2.3_wp*g)]*0.97_wp
-      ghost(:, g) = matmul(x(:, facets(:, on(g))), shape_functions(natural(:, g)))
+      ghost(:, g) = matmul(x(:, facets(:, on(g))), shapes_at(4, natural(:, g)))
       ids(g) = 100 + g
     end do
     call map%build(ids, ghost, facets, x, -1.0_wp, errors)

@@ -4,7 +4,10 @@ program test_cpl_transfer
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_test, only: test_type
-  use cpl_facet_map, only: facet_map_type, shape_functions
+  use cpl_choices, only: rotation_curl, rotation_fixed
+  use cpl_facet_map, only: facet_map_type
+  use cpl_shapes, only: shapes_at
+  use cpl_solid_mesh, only: solid_mesh_type
   use cpl_springs, only: springs_type
   use cpl_transfer, only: transfer_type, cross
   implicit none
@@ -54,6 +57,15 @@ contains
     end do
   end subroutine make_sheet
 
+  function mesh_of(elements) result(mesh)
+    integer(i4), intent(in) :: elements(:, :)
+    type(solid_mesh_type) :: mesh
+    allocate (mesh%x, source=x)
+    allocate (mesh%facets, source=facets)
+    allocate (mesh%hex8, source=elements)
+    allocate (mesh%polar(size(x, 2)), source=0_i4)
+  end function mesh_of
+
   subroutine transfers(name, width, turns, offset)
     character(len=*), intent(in) :: name
     real(wp), intent(in) :: width, offset
@@ -68,11 +80,12 @@ contains
     do g = 1, n
       on = 1 + mod(7*g, size(facets, 2))
       natural = [sin(1.7_wp*g), cos(2.3_wp*g)]*0.97_wp
-      ghost(:, g) = matmul(x(:, facets(:, on)), shape_functions(natural))
+      ghost(:, g) = matmul(x(:, facets(:, on)), shapes_at(4, natural))
       ghost(3, g) = ghost(3, g) + offset*sin(1.0_wp*g)
     end do
     call map%build([(100_i8 + g, g=1, n)], ghost, facets, x, 1.0e-2_wp, errors)
-    call transfer%build(map, facets, x, hex8, width, turns, errors)
+    call transfer%build(map, mesh_of(hex8), width, merge(rotation_curl, rotation_fixed, turns), &
+                        errors)
     call test%check(name//': no faults', .not. errors%any())
     call transfer%identity_error(x(:, map%node_id), ghost, worst, errors)
     call test%check_close(name//': rigid motion', worst, 0.0_wp, 1.0e-13_wp)
@@ -131,7 +144,7 @@ contains
     real(wp) :: ghost(3, 1)
     ghost(:, 1) = 0.25_wp*sum(x(:, facets(:, 2)), 2)
     call map%build([7_i8], ghost, facets, x, -1.0_wp, errors)
-    call transfer%build(map, facets, x, hex8(:, :1), 0.0_wp, .true., errors)
+    call transfer%build(map, mesh_of(hex8(:, :1)), 0.0_wp, rotation_curl, errors)
     call test%check('no element behind', errors%count == 1)
     call test%check_text('no element behind: code', errors%item(1)%code, 'I405')
   end subroutine no_element
