@@ -48,9 +48,10 @@ module dem_integrate
     logical :: pushed = .false.          !! some have extra forces or moments
     real(wp) :: free(lanes)              !! 1 for free grains, else 0
     type(dem_side_type) :: s             !! centres, velocities, spins, shape matrices
-    real(wp) :: q(lanes, 4), theta(lanes, 3)
-    real(wp) :: mass(lanes), inertia(lanes, 3), square(lanes, 3)
-    real(wp) :: x0(lanes, 3), q0(lanes, 4), reach(lanes)  !! where the list was made
+    real(wp) :: q(lanes, 4), theta(lanes, 3), mass(lanes)
+    real(wp) :: x0(lanes, 3)                  !! where the list was made [m]
+    real(wp) :: inertia(lanes, 3), square(lanes, 3)
+    real(wp) :: q0(lanes, 4), reach(lanes)    !! when the list was made
   end type mover_type
 
   !> What is needed of a mover for the length of a half step: it stays in the cache.
@@ -117,10 +118,16 @@ contains
     b%s%wz(k) = g%omega(3, i)
   end subroutine load_motion
 
-  !> Bring a mover into the cache.
+  !> Bring a mover into the cache; spheres need the arrays up to their spins, and those from the
+  !! quaternions to their one moment of inertia.
   subroutine read_mover(b)
     type(mover_type), intent(in) :: b
-    call read_in_order(b%free, int(storage_size(b)/storage_size(1.0_wp), i4) - lanes)
+    if (b%round) then
+      call read_in_order(b%free, 10*lanes)
+      call read_in_order(b%q, 12*lanes)
+    else
+      call read_in_order(b%free, 39*lanes)
+    end if
   end subroutine read_mover
 
   !> Contact forces and moments of the free grains as they stand with the grains.
