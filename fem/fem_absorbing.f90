@@ -1,12 +1,15 @@
 !> Absorbing faces: dashpots rho c_p along the normal and rho c_s in the plane let plane waves out
-!! that come in along the normal (Lysmer and Kuhlemeyer 1969).
+!! that come in along the normal (Lysmer and Kuhlemeyer 1969). Micro-rotations have their own, rho j
+!! times the speeds of their waves far above the cut-off (theory: absorbing faces).
 module fem_absorbing
   use talus_kinds, only: wp, i4
   use fem_damping, only: fem_damping_type
   use fem_elastic, only: fem_elastic_type
   use fem_facets, only: facet_point
+  use fem_dofs, only: fem_dofs_type
   use fem_kinds, only: node_count, most_facet_nodes
   use fem_quadrature, only: quadrature_rule
+  use fem_shape, only: corner_kind, shape_functions
   use fem_topology, only: facet_total
   use fem_types, only: fem_mesh_type, fem_group_type
   implicit none
@@ -19,14 +22,15 @@ contains
 
   !> Add the dashpots of the facets of a group to the nodes, whose shares are int N^2 scaled to the
   !! area, so that none is negative. `lost` is a facet whose element is not known, else 0.
-  subroutine absorb(mesh, elastic, group, damping, lost)
+  subroutine absorb(mesh, dofs, elastic, group, damping, lost)
     type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     type(fem_group_type), intent(in) :: group
     type(fem_damping_type), intent(inout) :: damping
     integer(i4), intent(out) :: lost
-    real(wp) :: c(3, 3, most_facet_nodes), press, shear
-    integer(i4) :: f, m, e
+    real(wp) :: c(3, 3, most_facet_nodes), press, shear, spin(2)
+    integer(i4) :: f, m, e, kind
 
     lost = 0
     do f = 1, facet_total(group)
@@ -37,22 +41,30 @@ contains
       associate (k => elastic%moduli(:, e), rho => elastic%density(e))
         press = sqrt(rho*(k(1) + 2.0_wp*k(2) + k(3)))
         shear = sqrt(rho*(k(2) + 0.5_wp*k(3)))
+        spin = sqrt(rho*elastic%inertia(e)*[k(4) + k(5) + k(6), k(6)])
       end associate
       m = node_count(group%facet_kind(f))
-      call facet_dashpots(group%facet_kind(f), mesh%x(:, group%facet(:m, f)), press, shear, &
-                          c(:, :, :m))
+      kind = group%facet_kind(f)
+      call facet_dashpots(kind, kind, mesh%x(:, group%facet(:m, f)), press, shear, c(:, :, :m))
       call damping%add_face(group%facet(:m, f), c(:, :, :m))
+      if (.not. elastic%rule(elastic%rule_of(e))%polar) cycle
+      if (any(dofs%phi(group%facet(:m, f)) == 0)) kind = corner_kind(kind)
+      call facet_dashpots(group%facet_kind(f), kind, mesh%x(:, group%facet(:m, f)), spin(1), &
+                          spin(2), c(:, :, :node_count(kind)))
+      m = node_count(kind)
+      call damping%add_face(dofs%phi(group%facet(:m, f)), c(:, :, :m))
     end do
   end subroutine absorb
 
-  !> Dashpots of the nodes of one facet [N s/m].
-  pure subroutine facet_dashpots(kind, x, press, shear, c)
-    integer(i4), intent(in) :: kind
+  !> Dashpots of the nodes of one facet [N s/m], of a field with the shape functions of `field`.
+  pure subroutine facet_dashpots(kind, field, x, press, shear, c)
+    integer(i4), intent(in) :: kind, field     !! of the facet, of the field's functions on it
     real(wp), intent(in) :: x(:, :)            !! (3, nodes) [m]
     real(wp), intent(in) :: press, shear       !! rho c_p, rho c_s [N s/m^3]
     real(wp), intent(out) :: c(:, :, :)
     real(wp), allocatable :: xi(:, :), weight(:)
-    real(wp) :: n(size(x, 2)), area(3), size_of, whole, squares, share
+    real(wp) :: u(size(x, 2)), n(node_count(field)), slope(2, node_count(field))
+    real(wp) :: area(3), size_of, whole, squares, share
     integer(i4) :: q, a, i, j
 
     call quadrature_rule(kind, degree, xi, weight)
@@ -60,7 +72,8 @@ contains
     whole = 0.0_wp
     squares = 0.0_wp
     do q = 1, size(weight)
-      call facet_point(kind, x, xi(:, q), n, area)
+      call facet_point(kind, x, xi(:, q), u, area)
+      call shape_functions(field, xi(:, q), n, slope)
       size_of = norm2(area)
       whole = whole + weight(q)*size_of
       squares = squares + weight(q)*size_of*sum(n**2)

@@ -34,6 +34,7 @@ module fem_model
   real(wp), parameter :: near = 1.0e-9_wp  !! of a step that counts as the end
   integer(i4), parameter :: large = 40000  !! degrees of freedom from which on iterating is faster
   real(wp), parameter :: few_steps = 10.0_wp
+  real(wp), parameter :: round_off = 1.0e-10_wp  !! of sums that cancel
   real(wp), parameter :: runaway = 10.0_wp !! stored energy / work put in that ends a run
 
   type :: fem_model_type
@@ -430,7 +431,8 @@ contains
     associate (e => body%energy)
       stored = e%strain + e%kinetic
       if (body%explicit) stored = stored + e%numerical
-      if (stored <= runaway*(e%start + abs(e%load) + abs(e%support) + abs(e%spring))) return
+      if (stored <= runaway*(e%start + abs(e%load) + abs(e%support) + abs(e%spring)) &
+          + round_off*(e%strain + e%kinetic)) return
       node = int(maxloc(sum(body%state%v**2, 1), 1), i4)
       call errors%add('N303', 'runaway energy: '//short_number(stored)// &
         ' J are stored, '//short_number(e%start + e%load + e%support)//' J were put in; node '// &

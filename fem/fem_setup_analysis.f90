@@ -75,7 +75,7 @@ contains
                         'group', "take kind = 'newmark', 'hht' or 'explicit', or leave them out")
         cycle
       end if
-      call absorb(body%mesh, body%elastic, body%mesh%group(g), body%damping, lost)
+      call absorb(body%mesh, body%dofs, body%elastic, body%mesh%group(g), body%damping, lost)
       if (lost > 0) call deck%fault(errors, 'D326', 'the element of facet '//str(lost)//" of '"// &
         name//"' is not in the mesh file", 'absorbing', s, 'group', &
         "make the mesh with `talus mesh`, which writes the dataset 'cell' of facet groups")

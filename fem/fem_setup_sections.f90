@@ -64,6 +64,9 @@ contains
         trim(eringen(k))//' is a constant of micropolar solids', 'material', m, &
         trim(eringen(k)), "give young and poisson, or law = 'micropolar'")
     end do
+    if (deck%given('material', m, 'micro_inertia')) call deck%fault(errors, 'D320', &
+      'micro_inertia is a constant of micropolar solids', 'material', m, 'micro_inertia', &
+      "leave it out, or take law = 'micropolar'")
     do k = 1, size(technical) - 1
       if (k == 1 .or. .not. deck%given('material', m, trim(technical(k)))) cycle
       call deck%fault(errors, 'D320', trim(technical(k))//' is a constant of micropolar solids', &
@@ -220,7 +223,7 @@ contains
       name = element
       if (element == 'auto') name = usual_rule(kind, material%polar)
       if (len_trim(name) == 0 .or. kind_of_rule(name) /= kind &
-          .or. polar_rule(name) .neqv. material%polar) then
+          .or. (polar_rule(name) .neqv. material%polar)) then
         call deck%fault(errors, 'D322', "the element '"//element//"' does not fit element "// &
           str(e)//', a '//kind_name(kind)//' of a '// &
           trim(merge('micropolar', 'classical ', material%polar))//' solid', 'section', s, &

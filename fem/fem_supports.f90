@@ -161,26 +161,47 @@ contains
     motion(:, 6) = [-r(2), r(1), 0.0_wp]
   end function rigid
 
+  !> Names of free motions: of the projection on what is free the axis with most of it, and so on
+  !! with what is left.
+  pure function free_motions(vectors) result(text)
+    real(wp), intent(in) :: vectors(:, :)  !! (6, free) orthonormal
+    character(len=:), allocatable :: text
+    character(len=24), parameter :: names(6) = [character(len=24) :: 'translation along x', &
+      'translation along y', 'translation along z', 'rotation about x', 'rotation about y', &
+      'rotation about z']
+    real(wp) :: left(6, 6)
+    logical :: chosen(6)
+    integer(i4) :: n, k
+    left = matmul(vectors, transpose(vectors))
+    chosen = .false.
+    do n = 1, int(size(vectors, 2), i4)
+      k = int(maxloc([(left(k, k), k=1, 6)], 1), i4)
+      chosen(k) = .true.
+      left = left - matmul(reshape(left(:, k), [6, 1]), reshape(left(k, :), [1, 6]))/left(k, k)
+    end do
+    text = ''
+    do k = 1, 6
+      if (.not. chosen(k)) cycle
+      if (len(text) > 0) text = text//', '
+      text = text//trim(names(k))
+    end do
+  end function free_motions
+
   subroutine judge(mesh, part, p, gram, errors)
     type(fem_mesh_type), intent(in) :: mesh
     integer(i4), intent(in) :: part(:), p
     real(wp), intent(in) :: gram(6, 6)
     type(error_list_type), intent(inout) :: errors
-    character(len=24), parameter :: names(6) = [character(len=24) :: 'translation along x', &
-      'translation along y', 'translation along z', 'rotation about x', 'rotation about y', &
-      'rotation about z']
     real(wp) :: vectors(6, 6), values(6), work(64)
     integer :: info
-    integer(i4) :: free, kind
+    integer(i4) :: free
 
     vectors = gram
     call dsyev('V', 'U', 6, vectors, 6, values, work, size(work), info)
     free = count(values <= negligible*max(1.0_wp, values(6)))
     if (info /= 0 .or. free == 0) return
-    kind = int(maxloc(abs(vectors(:, 1)), 1), i4)
-    call errors%add('I307', 'the body is not held: '//str(free)// &
-      ' of 6 rigid motions are free, the '// &
-                    'first is mostly a '//trim(names(kind)), &
+    call errors%add('I307', 'the body is not held: '//str(free)//' of 6 rigid motions are free: '// &
+                    free_motions(vectors(:, :free)), &
                     'the part with node '//str(int(findloc(part, p, 1), i4))//' ('// &
                     str(count(part(:mesh%nodes) == p))//' of '//str(mesh%nodes)//' nodes)', &
                     'add a &support, or springs, that stop it')
