@@ -200,8 +200,8 @@ contains
     call dsyev('V', 'U', 6, vectors, 6, values, work, size(work), info)
     free = count(values <= negligible*max(1.0_wp, values(6)))
     if (info /= 0 .or. free == 0) return
-    call errors%add('I307', 'the body is not held: '//str(free)//' of 6 rigid motions are free: '// &
-                    free_motions(vectors(:, :free)), &
+    call errors%add('I307', 'the body is not held: '//str(free)//' of 6 rigid motions are '// &
+                    'free: '//free_motions(vectors(:, :free)), &
                     'the part with node '//str(int(findloc(part, p, 1), i4))//' ('// &
                     str(count(part(:mesh%nodes) == p))//' of '//str(mesh%nodes)//' nodes)', &
                     'add a &support, or springs, that stop it')
