@@ -41,7 +41,8 @@ nav a{display:block;color:#31506e;text-decoration:none;padding:.15rem 0}nav a.he
 main{max-width:54rem;padding:1rem 2.5rem 4rem;min-width:0}
 table{border-collapse:collapse;margin:1rem 0;font-size:.92em}td,th{border:1px solid #cfd6de;
 padding:.25rem .6rem;
-text-align:left;vertical-align:top}th{background:#f3f1ec}pre{background:#f6f7f9;padding:.8rem;overflow-x:auto;
+text-align:left;vertical-align:top}td:first-child code{white-space:nowrap}
+th{background:#f3f1ec}pre{background:#f6f7f9;padding:.8rem;overflow-x:auto;
 border-radius:4px}code{font-size:.92em}img{max-width:100%}.fail{color:#b00020;font-weight:700}
 .pass{color:#1f6f3d}footer{color:#7a828c;font-size:.85em;margin-top:3rem}
 """

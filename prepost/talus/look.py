@@ -7,6 +7,7 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter  # noqa: E402
 
 from talus import version  # noqa: E402
 from talus.faults import FaultError  # noqa: E402
@@ -25,7 +26,8 @@ SETTINGS = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.prop_cycle": matplotlib.cycler(color=COLOURS),
-    "legend.frameon": False,
+    "legend.edgecolor": "none",
+    "legend.framealpha": 0.85,
     "lines.linewidth": 1.5,
 }
 plt.rcParams.update(SETTINGS)
@@ -36,8 +38,21 @@ def new_figure(**options: object) -> tuple:
     return plt.subplots(layout="constrained", **options)
 
 
+def plain_ticks(fig: object) -> None:
+    """Put 1, 2, 5, 10, ... on logarithmic axes that span less than two decades."""
+    for axes in fig.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            if axis.get_scale() != "log" or not 0.0 < low < high < 100.0 * low:
+                continue
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.set_major_formatter(FormatStrFormatter("%g"))
+            axis.set_minor_formatter(NullFormatter())
+
+
 def stamp(fig: object) -> None:
-    """Write the version into the corner."""
+    """Give the ticks their last form; write the version into the corner."""
+    plain_ticks(fig)
     fig.text(
         0.995, 0.005, f"Talus {version()}", ha="right", va="bottom", fontsize=6, color="#888888"
     )

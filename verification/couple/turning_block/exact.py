@@ -39,7 +39,7 @@ def run(case: Case) -> None:
         turnover = np.abs(np.diff(audit["interface_work_on_grains"])).sum()
         case.below(f"{label}: works at the interface", np.abs(works).max() / turnover, 1e-7)
         ax.semilogy(1e3 * audit["time"][1:], np.maximum(turned[1:], 1e-12), label=label)
-    ax.set(xlabel="time [ms]", ylabel="change of angular momentum / (impulse x radius) [-]")
+    ax.set(xlabel="time [ms]", ylabel="angular momentum / (impulse x radius) [-]")
     ax.legend()
     case.save(fig)
 

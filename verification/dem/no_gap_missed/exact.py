@@ -13,6 +13,7 @@ SIZE = 2.5e-3  # largest semi-axis [m]
 PITCH = 2.02 * SIZE
 EDGE, HEIGHT = COLUMNS * PITCH, -(-COUNT // COLUMNS**2) * PITCH
 T_END = 0.04  # s, as in the deck
+EVERY = 4.0  # ms between the fields, as in the deck
 DENSE = 0.5  # solid fraction below the lid at the end
 SLACK = 1.0e-12  # of the size; overlaps below it are rounding
 
@@ -85,7 +86,9 @@ def run(case: Case) -> None:
         case.above(
             f"{kind}: contacts a grain at the end", dense, 1.0, "guard: there is a list to judge"
         )
-        ax.plot([f["contacts"] / COUNT for f in found], "o-", ms=4, label=kind.replace("_", " "))
-    ax.set(xlabel="time [4 ms]", ylabel="contacts a grain, all found [-]")
+        time = EVERY * np.arange(len(found))
+        contacts = [f["contacts"] / COUNT for f in found]
+        ax.plot(time, contacts, "o-", ms=4, label=kind.replace("_", " "))
+    ax.set(xlabel="time [ms]", ylabel="contacts a grain, all found [-]")
     ax.legend()
     case.save(fig)

@@ -96,7 +96,8 @@ def run(case: Case) -> None:
     fine = np.linspace(0, 10, 1001)
     for k, line in enumerate(exact_axis_spin(fine, start).T):
         ax.plot(fine, line, "-", label=f"exact, axis {k + 1}")
-        ax.plot(time, spin[:, k], "o", ms=4)
+        ax.plot(time, spin[:, k], "o", ms=4, label=f"Talus, axis {k + 1}")
     ax.set(xlabel="time [s]", ylabel="spin in the body frame [1/s]")
-    ax.legend()
+    ax.set_ylim(top=16.0)
+    ax.legend(ncols=2, loc="upper center")
     case.save(fig)

@@ -62,6 +62,6 @@ def run(case: Case) -> None:
     ax.loglog(line, 1.0 / (9.0 * line), "-", label="1/(9 coefficient)")
     ax.loglog(SHARES, found, "o", label="Talus")
     ax.axhline(1.0, color="k", lw=0.8, ls=":", label="exact bending")
-    ax.set(xlabel="hourglass coefficient [1]", ylabel="deflection / exact bending [1]")
+    ax.set(xlabel="hourglass coefficient [-]", ylabel="deflection / exact bending [-]")
     ax.legend()
     case.save(fig)

@@ -73,9 +73,7 @@ def run(case: Case) -> None:
         early = (t > 0) & (t < 1.9 * LENGTH / SPEED)
         mean = float(push[early].mean() / (RHO * SPEED * V * SIDE**2))
         case.metric(f"bar, {kind}: mean wall force / (rho c v A)", mean, 1.0, 0.01)
-        ax.plot(
-            time / PERIOD, u, MARKS[kind], ms=3, mfc="none", markevery=6, label=f"bar, {kind}"
-        )
+        ax.plot(time / PERIOD, u, MARKS[kind], ms=3, mfc="none", markevery=6, label=f"bar, {kind}")
         if kind == "explicit":
             judge_restart(case, steps)
     ax.plot(time / PERIOD, triangle(time), "k-", lw=1, label="d'Alembert")
@@ -88,6 +86,6 @@ def run(case: Case) -> None:
         case.below(f"spin, {kind}: micro-rotation, error / amplitude", off, 1e-3)
     ax.plot(time / PERIOD, phi.mean(axis=1), "C3+", ms=5, label="micro-rotation, newmark")
     ax.plot(time / PERIOD, np.sin(OMEGA * time), "C3-", lw=0.8, label="sine")
-    ax.set(xlabel="time / (4 L/c) [1]", ylabel="displacement, rotation / amplitude [1]")
+    ax.set(xlabel="time / (4 L/c) [-]", ylabel="displacement, rotation / amplitude [-]")
     ax.legend(fontsize=7)
     case.save(fig)

@@ -152,5 +152,5 @@ def run(case: Case) -> None:
             case.metric(f"{element}: order of phi", rate, turn_order, 0.4)
         ax.loglog(sizes, errors[:, 0], "o-", ms=4, label=element)
     ax.set(xlabel="elements along an edge [-]", ylabel="mean square error of u [-]")
-    ax.legend(fontsize="x-small", ncols=2)
+    ax.legend(fontsize="x-small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     case.save(fig)

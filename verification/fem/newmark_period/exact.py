@@ -38,7 +38,8 @@ def run(case: Case) -> None:
             1e-12,
         )
         ax.plot(time[:120], exact[:120] / still, "-", label=f"exact for dt = {dt} s")
-        ax.plot(time[:120], top[:120] / still, "o", ms=3)
+        ax.plot(time[:120], top[:120] / still, "o", ms=3, label="Talus")
     ax.set(xlabel="time [s]", ylabel="displacement / static [-]", xlim=(0, 2))
-    ax.legend()
+    ax.set_ylim(top=2.8)
+    ax.legend(ncols=2, loc="upper center")
     case.save(fig)

@@ -76,6 +76,6 @@ def plot(case: Case, errors: dict[str, tuple[float, ...]]) -> None:
     for k, (label, mark) in enumerate(zip(labels, "osd", strict=True)):
         ax.semilogy(list(errors), [max(e[k], 1e-17) for e in errors.values()], mark, label=label)
     ax.axhline(ROUND_OFF, color="k", lw=1, label="limit")
-    ax.set(ylabel="relative error [-]", ylim=(1e-17, 1e-10))
+    ax.set(xlabel="elements", ylabel="relative error [-]", ylim=(1e-17, 1e-10))
     ax.legend()
     case.save(fig)

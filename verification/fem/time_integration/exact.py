@@ -106,5 +106,6 @@ def run(case: Case) -> None:
     refused = case.run("talus-fem", "long.nml", expect=1)
     case.metric("a step above the critical one is refused", float("D324" in refused.stderr), 1.0, 0)
     ax.set(xlabel="time [s]", ylabel="displacement [mm]")
-    ax.legend()
+    ax.set_ylim(top=5.0)
+    ax.legend(ncols=4, loc="upper center")
     case.save(fig)
