@@ -1,13 +1,13 @@
-"""`talus plot`: energy ledger, force-penetration, ghost displacement, audit; or all of a folder."""
+"""`talus plot`: ledger, force-penetration, ghosts, audit, measures; or all of a folder."""
 
 import argparse
 import sys
 from pathlib import Path
 
-from talus import plots
+from talus import measure_plots, plots
 from talus.faults import FaultError
 
-KINDS = ("force", "ghosts", "audit", "energy")
+KINDS = ("force", "ghosts", "audit", "energy", "measure", "rose", "slice")
 
 
 def register(commands: argparse._SubParsersAction) -> None:
@@ -15,7 +15,7 @@ def register(commands: argparse._SubParsersAction) -> None:
     new = commands.add_parser(
         "plot",
         help="figures of a run",
-        description="talus plot FOLDER, or talus plot {force,ghosts,audit,energy} FILE ...",
+        description=f"talus plot FOLDER, or talus plot {{{','.join(KINDS)}}} FILE ...",
     )
     new.add_argument("what", help=f"a folder of results, or one of {', '.join(KINDS)}")
     new.add_argument("files", nargs="*", help="files; for force: RUN_DRIVEN_CSV[=label] ...")
@@ -23,7 +23,10 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument("--csv", type=Path, help="force: write the curves too")
     new.add_argument("--title", default="", help="force: title, e.g. mode, gravity and speed")
     new.add_argument("--tool", type=int, help="force: id of the driven grain if there are several")
-    new.add_argument("--step", type=int, default=-1, help="ghosts: step, negative from the end")
+    new.add_argument("--step", type=int, default=-1, help="step, negative from the end")
+    new.add_argument("--field", default="solid_fraction", help="slice: density, stress_xy, ...")
+    new.add_argument("--axis", choices="xyz", default="y", help="slice: across this axis")
+    new.add_argument("--at", type=float, help="slice: place along the axis [m], else the middle")
     new.set_defaults(run=plot)
 
 
@@ -38,12 +41,27 @@ def plot(options: argparse.Namespace) -> int:
     if len(options.files) > 1:
         raise FaultError("E549", f"'talus plot {options.what}' takes one file")
     source = Path(options.files[0])
+    if options.what == "rose":
+        return save(
+            measure_plots.rose(source, options.step),
+            options.output or Path(f"{source.stem}_rose.png"),
+        )
+    if options.what == "slice":
+        return plot_slice(source, options)
+    if options.what == "measure":
+        return save(measure_plots.history(source), options.output or Path(f"{source.stem}.png"))
     if options.what == "ghosts":
         return save(
             plots.ghosts(source, options.step), options.output or Path("ghost_displacement.png")
         )
     figure = plots.audit(source) if options.what == "audit" else plots.energy(source)
     return save(figure, options.output or Path(f"{source.stem}.png"))
+
+
+def plot_slice(source: Path, options: argparse.Namespace) -> int:
+    """One layer of a coarse-grained field."""
+    figure = measure_plots.slice_of(source, options.field, options.axis, options.at, options.step)
+    return save(figure, options.output or Path(f"{source.stem}_{options.field}.png"))
 
 
 def plot_force(options: argparse.Namespace) -> int:
@@ -84,6 +102,10 @@ def plot_folder(folder: Path, options: argparse.Namespace) -> int:
     ]
     works += [
         (path, plots.audit, f"{path.stem}.png") for path in sorted(folder.glob("*_audit.csv"))
+    ]
+    works += [
+        (path, measure_plots.history, f"{path.stem}.png")
+        for path in sorted(folder.glob("*_measure_*.csv"))
     ]
     driven = sorted(folder.glob("*_driven.csv"))
     if driven:

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from talus import pictures
+from talus import network, pictures
 
 
 def pixels(text: str) -> int:
@@ -19,6 +19,7 @@ def register(commands: argparse._SubParsersAction) -> None:
     new = commands.add_parser("render", help="picture of grains and solid (needs pyvista)")
     new.add_argument("grains", type=Path, help="field file of the grains")
     new.add_argument("--solid", type=Path, help="field file of the solid")
+    new.add_argument("--network", action="store_true", help="contacts as tubes, by their force")
     new.add_argument("--step", type=int, default=-1, help="step, negative from the end")
     new.add_argument("--color", choices=sorted(pictures.COLOURS_OF), default="displacement")
     new.add_argument(
@@ -30,6 +31,10 @@ def register(commands: argparse._SubParsersAction) -> None:
 
 def render(options: argparse.Namespace) -> int:
     """Write the picture and say its name."""
+    if options.network:
+        network.render(options.grains, options.step, options.output, tuple(options.size))
+        print(options.output)
+        return 0
     pictures.render(
         options.grains,
         options.solid,

@@ -56,7 +56,7 @@ def run(case: Case) -> None:
 
 
 def judge_stress(case: Case, total: np.ndarray, last: object) -> None:
-    """Smooth walls at 0 have no moment, those opposite the side of the box, weights their heights."""
+    """Smooth walls at 0 have no moment, those opposite that of the side, weights of heights."""
     weight = DENSITY * 4.0 / 3.0 * np.pi * AXES.prod() * GRAVITY
     forces = wall_forces(case)
     moment = -(last.grains["x"].T * weight).sum(axis=1)

@@ -1,0 +1,103 @@
+"""Figures of measures: components, layers of a grid, rose, contact network; options of measure."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from talus import measure_plots, network
+from talus.cli import main
+from talus.faults import FaultError
+
+PNG = b"\x89PNG"
+
+
+def write_pair(path: Path) -> None:
+    """Write a field file: two grains that touch, one on a plane."""
+    with h5py.File(path, "w") as file:
+        step = file.create_group("steps/000000")
+        step.attrs["time"] = 0.25
+        grains = {"id": [7, 9], "kind": [0, 0], "x": [[0.0, 0, 1], [0, 0, 3]],
+                  "quat": [[1.0, 0, 0, 0]] * 2, "axes": [[1.0, 1, 1]] * 2,
+                  "v": [[0.0, 0, 0]] * 2}  # fmt: skip
+        contacts = {"ids": [[7, 9], [-1, 7]], "point": [[0.0, 0, 2], [0, 0, 0]],
+                    "normal": [[0.0, 0, 1], [0, 0, 1]],
+                    "force": [[0.0, 0, 2], [0, 0, 4]]}  # fmt: skip
+        for group, arrays in (("grains", grains), ("contacts", contacts)):
+            for name, data in arrays.items():
+                step[f"{group}/{name}"] = np.array(data)
+
+
+def write_grid(path: Path) -> None:
+    """Write a grid of 2 x 3 x 4 cells with density = number of the cell, xy of stress = -that."""
+    places = [np.linspace(0.0, 0.1 * (k + 2), k + 3) for k in range(3)]
+    z, y, x = np.meshgrid(*places[::-1], indexing="ij")
+    with h5py.File(path, "w") as file:
+        file["mesh/x"] = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+        file["mesh/hex8"] = np.zeros((24, 8), np.int32)
+        step = file.create_group("steps/000000")
+        step.attrs["time"] = 0.5
+        step["density"] = np.arange(24.0)
+        step["fabric"] = np.zeros((24, 9))
+        step["stress"] = -np.arange(24.0)[:, None] * np.eye(9)[1]
+
+
+def test_components() -> None:
+    """Names of fields with their columns; others are refused with what there is."""
+    assert measure_plots.component("density") == ("density", None)
+    assert measure_plots.component("velocity_z") == ("velocity", 2)
+    assert measure_plots.component("kinetic_stress_yx") == ("kinetic_stress", 3)
+    for name in ("stress_x", "density_z", "fabric_xq", "speed", ""):
+        with pytest.raises(FaultError, match="E556"):
+            measure_plots.component(name)
+
+
+def test_slices(tmp_path: Path) -> None:
+    """A layer holds the cells of its place, x fastest; places outside are refused."""
+    write_grid(tmp_path / "g.h5")
+    figure = measure_plots.slice_of(tmp_path / "g.h5", "density", "y", 0.15)
+    drawn = figure.axes[0].collections[0].get_array().reshape(4, 2)
+    assert (drawn == np.arange(24.0).reshape(4, 3, 2)[:, 1]).all()
+    figure = measure_plots.slice_of(tmp_path / "g.h5", "stress_xy", "z", 0.35)
+    drawn = figure.axes[0].collections[0].get_array().reshape(3, 2)
+    assert (drawn == -np.arange(18.0, 24.0).reshape(3, 2)).all()
+    with pytest.raises(FaultError, match="E556"):
+        measure_plots.slice_of(tmp_path / "g.h5", "density", "x", 1.0)
+
+
+def test_rose(tmp_path: Path) -> None:
+    """One upright contact: in x-z the two bins about z; contacts on planes do not count."""
+    write_pair(tmp_path / "p.h5")
+    figure = measure_plots.rose(tmp_path / "p.h5")
+    heights = np.array([bar.get_height() for bar in figure.axes[1].patches])
+    assert np.count_nonzero(heights) == 2
+    assert heights.max() == pytest.approx(measure_plots.BINS / 2)
+    assert "1 contacts" in figure.get_suptitle()
+
+
+def test_network() -> None:
+    """Tubes lie on cylinders of their radius about the branch, which ends at the plane's point."""
+    contacts = {"ids": np.array([[7, 9], [-1, 7]]), "point": np.array([[0.0, 0, 2], [0, 0, 0]])}
+    grains = {"id": np.array([7, 9]), "x": np.array([[0.0, 0, 1], [0, 0, 3]])}
+    start, end = network.ends_of(contacts, grains)
+    assert (start == [[0, 0, 1], [0, 0, 0]]).all()
+    assert (end == [[0, 0, 3], [0, 0, 1]]).all()
+    points, quads = network.tubes(start, end, np.array([0.1, 0.3]))
+    radius = np.hypot(points[:, 0], points[:, 1]).reshape(2, -1)
+    assert radius == pytest.approx(np.array([[0.1], [0.3]]) * np.ones_like(radius))
+    assert quads[:, 1:].min() == 0
+    assert quads[:, 1:].max() == len(points) - 1
+
+
+def test_commands(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """`talus plot rose` and `slice` write figures; --deck goes with no option of the quick look."""
+    write_pair(tmp_path / "p.h5")
+    write_grid(tmp_path / "g.h5")
+    assert main(["plot", "rose", str(tmp_path / "p.h5"), "-o", str(tmp_path / "r.png")]) == 0
+    words = ["plot", "slice", str(tmp_path / "g.h5"), "--field", "stress", "-o"]
+    assert main([*words, str(tmp_path / "s.png")]) == 0
+    assert (tmp_path / "r.png").read_bytes()[:4] == PNG
+    assert (tmp_path / "s.png").read_bytes()[:4] == PNG
+    assert main(["measure", str(tmp_path / "p.h5"), "--deck", "d.nml", "--json"]) == 1
+    assert "E557" in capsys.readouterr().err
