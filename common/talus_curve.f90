@@ -71,7 +71,7 @@ contains
     if (index > 0) return
     if (len(known) == 0) known = ' none'
     call deck%fault(errors, code, "there is no curve '"//name//"'", group, instance, 'curve', &
-                    'curves of this deck:'//known)
+                    'curves of this deck:'//known//'; define it with &curve id = ...')
   end subroutine curve_index
 
   !> Value at time t [s].

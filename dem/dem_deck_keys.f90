@@ -18,12 +18,12 @@ contains
     call group_history(table)
     call group_checkpoint(table)
     call group_material(table)
+    call group_curve(table)
     call group_contact(table)
     call group_particles(table)
     call group_fixed(table)
     call group_driven(table)
     call group_wall(table)
-    call group_curve(table)
     call group_servo(table)
     call group_dynamics(table)
     call group_relaxation(table)
@@ -125,6 +125,20 @@ contains
     call table%need()
     call table%bounds(above=-1.0_wp, below=0.5_wp)
   end subroutine group_material
+
+  subroutine group_curve(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('curve', 3, &
+      'A function of time, piecewise linear, constant beyond its ends.', repeats=.true.)
+    call table%add_key('id', 'string', '', 'Name by which other groups refer to it.')
+    call table%need()
+    call table%add_key('times', 'real', 's', 'Times, increasing.')
+    call table%need()
+    call table%sized(1_i4, huge(1_i4))
+    call table%add_key('values', 'real', '', 'Values at these times.')
+    call table%need()
+    call table%sized(1_i4, huge(1_i4))
+  end subroutine group_curve
 
   subroutine group_contact(table)
     type(key_table_type), intent(inout) :: table
@@ -233,20 +247,6 @@ contains
       //' mean over the next 10.')
     call table%preset('')
   end subroutine group_wall
-
-  subroutine group_curve(table)
-    type(key_table_type), intent(inout) :: table
-    call table%add_group('curve', 3, &
-      'A function of time, piecewise linear, constant beyond its ends.', repeats=.true.)
-    call table%add_key('id', 'string', '', 'Name by which walls and servos refer to it.')
-    call table%need()
-    call table%add_key('times', 'real', 's', 'Times, increasing.')
-    call table%need()
-    call table%sized(1_i4, huge(1_i4))
-    call table%add_key('values', 'real', '', 'Values at these times.')
-    call table%need()
-    call table%sized(1_i4, huge(1_i4))
-  end subroutine group_curve
 
   subroutine group_servo(table)
     type(key_table_type), intent(inout) :: table

@@ -4,7 +4,8 @@ module fem_body
   use talus_kinds, only: wp, i4
   use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
-  use fem_types, only: fem_mesh_type, fem_curve_type, fem_load_type, fem_springs_type, &
+  use talus_curve, only: curve_type
+  use fem_types, only: fem_mesh_type, fem_load_type, fem_springs_type, &
     fem_state_type, fem_energy_type
   use fem_assembly, only: assemble_stiffness, assemble_mass
   use fem_critical, only: largest_frequency, spring_rate, stable_step, newmark_step
@@ -20,7 +21,6 @@ module fem_body
   use fem_shares, only: share_pattern
   use fem_solver, only: fem_solver_type
   use fem_supports, only: check_supports
-  use fem_loads, only: curve_value
   use fem_recover, only: initial_stress_force, element_forces
   implicit none
   private
@@ -39,7 +39,7 @@ module fem_body
     type(fem_mesh_type) :: mesh
     type(fem_dofs_type) :: dofs
     type(fem_elastic_type) :: elastic
-    type(fem_curve_type), allocatable :: curve(:)
+    type(curve_type), allocatable :: curve(:)
     type(fem_load_type), allocatable :: load(:)
     type(fem_motion_type), allocatable :: motion(:)
     type(fem_springs_type) :: ground             !! springs to the ground, of the deck
@@ -197,7 +197,7 @@ contains
     integer(i4) :: i, k
     value = 1.0_wp
     do k = 1, size(self%load)
-      if (self%load(k)%curve > 0) value(k) = curve_value(self%curve(self%load(k)%curve), t)
+      if (self%load(k)%curve > 0) value(k) = self%curve(self%load(k)%curve)%at(t)
     end do
     !$omp parallel do default(none) shared(self, force, value) private(i, k) schedule(static) &
     !$omp if(size(force, 2) > least_shared)
@@ -234,7 +234,7 @@ contains
     where (self%prescribed) u = self%given_u
     do k = 1, size(self%motion)
       associate (m => self%motion(k))
-        value = m%scale*curve_value(self%curve(m%curve), t)
+        value = m%scale*self%curve(m%curve)%at(t)
         u(m%component, m%block) = value
       end associate
     end do

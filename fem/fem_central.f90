@@ -7,7 +7,6 @@ module fem_central
   use fem_body, only: fem_body_type
   use fem_explicit, only: drift_half, kick_half, explicit_kinetic
   use fem_leap, only: drift_all, kick_all
-  use fem_loads, only: curve_value
   use fem_sparse, only: multiply
   implicit none
   private
@@ -71,7 +70,7 @@ contains
       call drift_all(dt, self%held, self%prescribed, self%given_u, old, s, work)
       do k = 1, size(self%motion)
         associate (m => self%motion(k))
-          s%u(m%component, m%block) = m%scale*curve_value(self%curve(m%curve), t1)
+          s%u(m%component, m%block) = m%scale*self%curve(m%curve)%at(t1)
           work%half(m%component, m%block) = (s%u(m%component, m%block) &
                                              - old%u(m%component, m%block))/dt
         end associate

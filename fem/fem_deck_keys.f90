@@ -18,10 +18,10 @@ contains
     call group_history(table)
     call group_checkpoint(table)
     call group_material(table)
+    call group_curve(table)
     call group_mesh(table)
     call group_section(table)
     call group_support(table)
-    call group_curve(table)
     call group_motion(table)
     call group_initial(table)
     call group_traction(table)
@@ -152,6 +152,20 @@ contains
     call table%bounds(above=0.0_wp)
   end subroutine group_material
 
+  subroutine group_curve(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('curve', 3, &
+      'A function of time, piecewise linear, constant beyond its ends.', repeats=.true.)
+    call table%add_key('id', 'string', '', 'Name by which other groups refer to it.')
+    call table%need()
+    call table%add_key('times', 'real', 's', 'Times, increasing.')
+    call table%need()
+    call table%sized(1_i4, huge(1_i4))
+    call table%add_key('values', 'real', '', 'Values at these times.')
+    call table%need()
+    call table%sized(1_i4, huge(1_i4))
+  end subroutine group_curve
+
   subroutine group_mesh(table)
     type(key_table_type), intent(inout) :: table
     call table%add_group('mesh', 1, 'The mesh; `talus mesh` makes it.', required=.true.)
@@ -205,20 +219,6 @@ contains
     call table%sized(1_i4, 6_i4)
     call table%allow('x|y|z|rx|ry|rz')
   end subroutine group_support
-
-  subroutine group_curve(table)
-    type(key_table_type), intent(inout) :: table
-    call table%add_group('curve', 3, &
-      'A function of time, piecewise linear, constant beyond its ends.', repeats=.true.)
-    call table%add_key('id', 'string', '', 'Name by which loads and motions refer to it.')
-    call table%need()
-    call table%add_key('times', 'real', 's', 'Times, increasing.')
-    call table%need()
-    call table%sized(1_i4, huge(1_i4))
-    call table%add_key('values', 'real', '', 'Values at these times.')
-    call table%need()
-    call table%sized(1_i4, huge(1_i4))
-  end subroutine group_curve
 
   subroutine group_motion(table)
     type(key_table_type), intent(inout) :: table

@@ -1,15 +1,15 @@
-!> Nodal forces of tractions, pressures and couples on facets of all kinds; curves; springs.
+!> Nodal forces of tractions, pressures and couples on facets of all kinds; springs.
 module fem_loads
   use talus_kinds, only: wp, i4
   use fem_facets, only: facet_point
   use fem_quadrature, only: quadrature_rule, full_degree
   use fem_shape, only: shape_functions, node_count, corner_kind, most_facet_nodes
   use fem_topology, only: facet_nodes, facet_total
-  use fem_types, only: fem_mesh_type, fem_group_type, fem_curve_type, &
+  use fem_types, only: fem_mesh_type, fem_group_type, &
     fem_springs_type
   implicit none
   private
-  public :: traction_force, pressure_force, couple_force, curve_value, facet_springs
+  public :: traction_force, pressure_force, couple_force, facet_springs
 
 contains
 
@@ -98,23 +98,6 @@ contains
       force(:, block(a)) = force(:, block(a)) + n(a)*value
     end do
   end subroutine add_shares
-
-  !> Value of a curve at time t.
-  pure real(wp) function curve_value(curve, t)
-    type(fem_curve_type), intent(in) :: curve
-    real(wp), intent(in) :: t
-    integer(i4) :: k, n
-    n = size(curve%time)
-    if (t <= curve%time(1)) then
-      curve_value = curve%value(1)
-    else if (t >= curve%time(n)) then
-      curve_value = curve%value(n)
-    else
-      k = count(curve%time <= t)
-      curve_value = curve%value(k) + (curve%value(k + 1) - curve%value(k)) &
-                    *(t - curve%time(k))/(curve%time(k + 1) - curve%time(k))
-    end if
-  end function curve_value
 
   !> Springs at the quadrature points of facets from stiffnesses per area [N/m^3]; appended.
   subroutine facet_springs(mesh, group, normal, tangential, springs)

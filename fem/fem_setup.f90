@@ -4,8 +4,9 @@ module fem_setup
   use talus_text, only: str, string_type
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
+  use talus_curve, only: read_curves, curve_index
   use fem_dofs, only: number_fields
-  use fem_types, only: fem_curve_type, group_volume, group_facet, group_node
+  use fem_types, only: group_volume, group_facet, group_node
   use fem_mesh, only: read_mesh, find_group, group_hint
   use fem_setup_loads, only: read_tractions, read_couples, read_point_loads, read_springs, &
     read_body_loads
@@ -36,7 +37,7 @@ contains
     if (errors%any()) return
     call number_fields(body%mesh, body%elastic%rotations(), body%dofs)
     call body%allocate_state()
-    call read_curves(deck, body%curve, errors)
+    call read_curves(deck, 'D304', body%curve, errors)
     call read_supports(deck, body, errors)
     call read_motions(deck, body, errors)
     call read_initial(deck, body, errors)
@@ -65,33 +66,6 @@ contains
     call deck%fault(errors, 'D301', "the mesh has no "//what//" '"//name//"'", group, instance, &
                     'group', group_hint(body%mesh, name, kinds))
   end subroutine group_fault
-
-  subroutine read_curves(deck, curve, errors)
-    type(deck_type), intent(in) :: deck
-    type(fem_curve_type), allocatable, intent(out) :: curve(:)
-    type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: id
-    integer(i4) :: k, n
-
-    allocate (curve(deck%count('curve')))
-    call check_ids(deck, 'curve', errors)
-    do k = 1, size(curve)
-      call deck%get('curve', k, 'id', id)
-      curve(k)%name = id
-      call deck%get('curve', k, 'times', curve(k)%time)
-      call deck%get('curve', k, 'values', curve(k)%value)
-      n = size(curve(k)%time)
-      if (n /= size(curve(k)%value)) then
-        call deck%fault(errors, 'D304', 'the curve has '//str(n)//' times and '// &
-                        str(int(size(curve(k)%value), i4))//' values', 'curve', k, 'values', &
-                        'give one value for each time')
-      else if (any(curve(k)%time(2:) <= curve(k)%time(:n - 1))) then
-        call deck%fault(errors, 'D304', 'the times of the curve do not increase', 'curve', k, &
-          'times', &
-                        'put them in order, each once')
-      end if
-    end do
-  end subroutine read_curves
 
   subroutine read_supports(deck, body, errors)
     type(deck_type), intent(in) :: deck
@@ -155,11 +129,8 @@ contains
       g = find_group(body%mesh, name, any_kind)
       if (g == 0) call group_fault(deck, body, 'motion', s, any_kind, errors)
       call deck%get('motion', s, 'component', component)
-      call deck%get('motion', s, 'curve', name)
       call deck%get('motion', s, 'scale', motion%scale)
-      motion%curve = find_curve(body%curve, name)
-      if (motion%curve == 0) call deck%fault(errors, 'D303', "there is no curve '"//name//"'", &
-                                             'motion', s, 'curve', 'define it with &curve id = ...')
+      call curve_index(deck, 'D303', body%curve, 'motion', s, motion%curve, errors)
       if (g == 0 .or. motion%curve == 0) cycle
       call blocks_for(deck, body, 'motion', s, g, component, motion%component, motion%block, errors)
       clash = any(body%held(motion%component, motion%block))
@@ -211,14 +182,4 @@ contains
     longer(size(longer)) = motion
     call move_alloc(longer, list)
   end subroutine append_motion
-
-  pure integer(i4) function find_curve(curve, name)
-    type(fem_curve_type), intent(in) :: curve(:)
-    character(len=*), intent(in) :: name
-    integer(i4) :: k
-    find_curve = 0
-    do k = 1, size(curve)
-      if (curve(k)%name == name) find_curve = k
-    end do
-  end function find_curve
 end module fem_setup

@@ -4,6 +4,7 @@ module fem_setup_loads
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
+  use talus_curve, only: curve_index
   use fem_types, only: fem_load_type, fem_mesh_type, group_facet, group_volume
   use fem_assembly, only: body_force
   use fem_mesh, only: find_group, group_hint
@@ -33,7 +34,7 @@ contains
     allocate (body%load(0))
     do s = 1, deck%count('traction')
       call facet_group(deck, body, 'traction', s, 'group', g, errors)
-      call read_curve(deck, body, 'traction', s, load%curve, errors)
+      call curve_index(deck, 'D303', body%curve, 'traction', s, load%curve, errors)
       if (g == 0) cycle
       call deck%get('traction', s, 'value', value)
       load%force = 0.0_wp*body%state%u
@@ -42,7 +43,7 @@ contains
     end do
     do s = 1, deck%count('pressure')
       call facet_group(deck, body, 'pressure', s, 'group', g, errors)
-      call read_curve(deck, body, 'pressure', s, load%curve, errors)
+      call curve_index(deck, 'D303', body%curve, 'pressure', s, load%curve, errors)
       if (g == 0) cycle
       call deck%get('pressure', s, 'value', pressure)
       load%force = 0.0_wp*body%state%u
@@ -63,7 +64,7 @@ contains
 
     do s = 1, deck%count('couple')
       call facet_group(deck, body, 'couple', s, 'group', g, errors)
-      call read_curve(deck, body, 'couple', s, load%curve, errors)
+      call curve_index(deck, 'D303', body%curve, 'couple', s, load%curve, errors)
       if (g == 0) cycle
       call deck%get('couple', s, 'value', value)
       load%force = 0.0_wp*body%state%u
@@ -93,7 +94,7 @@ contains
       g = find_group(body%mesh, name, [group_volume])
       if (g == 0) call deck%fault(errors, 'D301', "the mesh has no volume group '"//name//"'", &
         'body_load', s, 'group', group_hint(body%mesh, name, [group_volume]))
-      call read_curve(deck, body, 'body_load', s, load%curve, errors)
+      call curve_index(deck, 'D303', body%curve, 'body_load', s, load%curve, errors)
       if (g == 0) cycle
       call deck%get('body_load', s, 'force', force)
       call deck%get('body_load', s, 'couple', couple)
@@ -124,7 +125,7 @@ contains
       call deck%get('point_load', s, 'node', node)
       call deck%get('point_load', s, 'force', force)
       call deck%get('point_load', s, 'couple', couple)
-      call read_curve(deck, body, 'point_load', s, load%curve, errors)
+      call curve_index(deck, 'D303', body%curve, 'point_load', s, load%curve, errors)
       load%force = 0.0_wp*body%state%u
       before = errors%count
       if (node > body%mesh%nodes) then
@@ -243,25 +244,6 @@ contains
       group, s, &
                                 key, group_hint(body%mesh, name, [group_facet]))
   end subroutine facet_group
-
-  subroutine read_curve(deck, body, group, s, curve, errors)
-    type(deck_type), intent(in) :: deck
-    type(fem_body_type), intent(in) :: body
-    character(len=*), intent(in) :: group
-    integer(i4), intent(in) :: s
-    integer(i4), intent(out) :: curve
-    type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: name
-    integer(i4) :: k
-    curve = 0
-    call deck%get(group, s, 'curve', name)
-    if (len(name) == 0) return
-    do k = 1, size(body%curve)
-      if (body%curve(k)%name == name) curve = k
-    end do
-    if (curve == 0) call deck%fault(errors, 'D303', "there is no curve '"//name//"'", group, s, &
-                                    'curve', 'define it with &curve id = ...')
-  end subroutine read_curve
 
   subroutine append_load(list, load)
     type(fem_load_type), allocatable, intent(inout) :: list(:)

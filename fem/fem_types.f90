@@ -3,7 +3,7 @@ module fem_types
   use talus_kinds, only: wp, i4
   implicit none
   private
-  public :: fem_mesh_type, fem_group_type, fem_curve_type, fem_load_type
+  public :: fem_mesh_type, fem_group_type, fem_load_type
   public :: fem_state_type, fem_springs_type, fem_energy_type, fem_set_type
   public :: group_volume, group_facet, group_node, name_length
   public :: role_report, role_prescribe, role_load
@@ -33,12 +33,6 @@ module fem_types
     integer(i4), allocatable :: hex8(:, :)  !! (8, elements) the same if all are hex8
     type(fem_group_type), allocatable :: group(:)
   end type fem_mesh_type
-
-  !> Piecewise linear function of time, constant beyond its ends.
-  type :: fem_curve_type
-    character(len=name_length) :: name = ''
-    real(wp), allocatable :: time(:), value(:)
-  end type fem_curve_type
 
   !> A load pattern (3, blocks) that follows a curve; curve 0 means constant.
   type :: fem_load_type
