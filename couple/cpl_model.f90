@@ -175,9 +175,9 @@ contains
     call select_sets(self%face, self%solvers, self%timers, errors)
     if (self%again .and. .not. errors%any()) &
       call read_state(self%checkpoint, self%manifest%path(3)%s, self%face, errors)
-    if (.not. errors%any()) call self%open_log(errors)
     if (errors%any()) return
     call begin_interface(self%face, self%solvers, self%choices, self%again, self%timers, errors)
+    if (.not. errors%any()) call self%open_log(errors)
     if (self%choices%relaxed .and. .not. (self%again .or. errors%any())) then
       call relax_together(self%face, self%solvers, self%choices, self%log, self%stop, &
                           self%timers, errors)

@@ -194,7 +194,9 @@ contains
     call solid%ask(timers, errors)
   end subroutine select_rotations
 
-  !> READY grains, springs and dead load on the solid, READY solid. A fresh run takes forces and
+  !> READY grains, springs and dead load on the solid, READY solid. Before that a fresh run rehearses
+  !! READY with the solid: what it must refuse it refuses while there are no files.
+  !! A fresh run takes forces and
   !! motion from the replies; a restarted one keeps what its checkpoint says.
   !! With initial = 'relax' the first READY begins the rehearsal: `end_rehearsal` comes after it.
   subroutine begin_interface(face, solvers, choices, again, timers, errors)
@@ -208,6 +210,8 @@ contains
     logical :: rehearsal
 
     rehearsal = choices%relaxed .and. .not. again
+    if (.not. again) call ready(solvers(side_solid), .true., face%step, timers, errors)
+    if (errors%any()) return
     call ready(solvers(side_grains), rehearsal, face%step, timers, errors)
     if (errors%any()) return
     if (.not. again) then

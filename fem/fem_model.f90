@@ -62,6 +62,7 @@ module fem_model
     procedure :: read => read_run
     procedure :: prepare
     procedure :: begin
+    procedure :: look_at_supports
     procedure :: open => open_run
     procedure :: run
     procedure :: finish
@@ -269,6 +270,15 @@ contains
     end if
     call self%timers%stop('factorisation')
   end subroutine begin
+
+  !> Choose the solver; a static body must be held (I307).
+  subroutine look_at_supports(self, errors)
+    class(fem_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    call choose_solver(self)
+    if (.not. self%body%dynamic) call check_supports(self%body%mesh, self%body%dofs, &
+      self%body%pattern, self%body%held .or. self%body%prescribed, self%body%ground, errors)
+  end subroutine look_at_supports
 
   !> Open log and results; the first state of a fresh run is written.
   subroutine open_run(self, errors)

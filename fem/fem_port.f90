@@ -124,14 +124,19 @@ contains
     if (.not. errors%any()) call reply%put('step_limit', self%model%body%step_limit)
   end subroutine set_values
 
-  !> All is set: factors, files, and a reply as after a step of no length.
+  !> All is set: factors, files, and a reply as after a step of no length. A rehearsal makes no
+  !! file, and its steps make factors when they need them.
   subroutine ready(self, reply, errors)
     class(fem_server_type), intent(inout) :: self
     type(message_type), intent(inout) :: reply
     type(error_list_type), intent(inout) :: errors
 
     associate (model => self%model)
-      call model%begin(model%dt, errors)
+      if (self%rehearsing) then
+        call model%look_at_supports(errors)
+      else
+        call model%begin(model%dt, errors)
+      end if
       if (errors%any()) return
       if (.not. (model%opened .or. self%rehearsing)) call model%open(errors)
       if (errors%any()) return
