@@ -194,10 +194,10 @@ contains
     call solid%ask(timers, errors)
   end subroutine select_rotations
 
-  !> READY grains, springs and dead load on the solid, READY solid. Before that a fresh run rehearses
-  !! READY with the solid: what it must refuse it refuses while there are no files.
-  !! A fresh run takes forces and
-  !! motion from the replies; a restarted one keeps what its checkpoint says.
+  !> READY grains, springs and dead load on the solid, READY solid. Before that a fresh run
+  !! rehearses READY with the solid: what it must refuse it refuses while there are no files. A
+  !! fresh run takes forces and motion from the replies; a restarted one keeps what its checkpoint
+  !! says.
   !! With initial = 'relax' the first READY begins the rehearsal: `end_rehearsal` comes after it.
   subroutine begin_interface(face, solvers, choices, again, timers, errors)
     type(interface_type), intent(inout) :: face

@@ -68,16 +68,16 @@ def balance(case: Case, label: str, x: np.ndarray, ghosts: np.ndarray, turns: bo
         f"{label}: mean force on a ghost [N]", np.linalg.norm(force, axis=1).mean(), 0.1, "loaded"
     )
     off = np.linalg.norm(force.sum(axis=0) + reaction.sum(axis=0)) / scale
-    case.below(f"{label}: force balance", off, 1e-10, "round-off of a factorisation")
+    case.below(f"{label}: force balance", off, 1e-13, "round-off of a factorisation")
     moment = np.cross(ghosts, force).sum(axis=0) + turns * own.sum(axis=0)
     turned = np.linalg.norm(moment + np.cross(x, reaction).sum(axis=0)) / (scale * 0.02)
     if turns:
         twist = np.linalg.norm(own, axis=1).mean() / (scale / n * RADIUS)
         case.above(f"{label}: moment of a ghost over its force x radius", twist, 3e-3, "they turn")
     if turns or label.startswith("point"):
-        case.below(f"{label}: moment balance", turned, 1e-10, "over sum |F| x half-width")
+        case.below(f"{label}: moment balance", turned, 1e-13, "over sum |F| x half-width")
     else:
-        case.below(f"{label}: moment balance", turned, 1e-3, "arms along the warped facets' normal")
+        case.below(f"{label}: moment balance", turned, 1e-4, "arms along the warped facets' normal")
 
 
 def spread(points: np.ndarray, least: float) -> np.ndarray:
