@@ -19,8 +19,6 @@ int64_t talus_c_memory_resident(void);
 int talus_c_is_terminal(int fd);
 int talus_c_setenv(const char *name, const char *value, int overwrite);
 void talus_c_exit(int code);
-int talus_c_blas_kernels(void);
-int talus_c_short_spins(void);
 void talus_c_write_signals(void);
 void talus_c_error_text(int error, char *text, int room);
 
@@ -151,72 +149,4 @@ void talus_c_error_text(int error, char *text, int room)
     char buffer[256];
     const char *found = strerror_r(error, buffer, sizeof buffer);
     snprintf(text, (size_t)room, "%s", found);
-}
-
-/* The words of /proc/self/cmdline as an argv; NULL when it cannot be read. */
-static char **own_arguments(void)
-{
-    size_t room = 4096, used = 0, got, count = 0, k;
-    char *text = malloc(room + 1), **words;
-    FILE *f = fopen("/proc/self/cmdline", "r");
-    if (text == NULL || f == NULL) goto failed;
-    while ((got = fread(text + used, 1, room - used, f)) > 0) {
-        used += got;
-        if (used == room) {
-            char *more = realloc(text, 2 * room + 1);
-            if (more == NULL) goto failed;
-            text = more;
-            room *= 2;
-        }
-    }
-    fclose(f);
-    f = NULL;
-    text[used] = '\0';
-    for (k = 0; k < used; k++) count += text[k] == '\0';
-    words = calloc(count + 1, sizeof *words);
-    if (words == NULL || count == 0) goto failed;
-    words[0] = text;
-    for (k = 0, count = 1; k + 1 < used; k++)
-        if (text[k] == '\0') words[count++] = text + k + 1;
-    return words;
-failed:
-    if (f != NULL) fclose(f);
-    free(text);
-    return NULL;
-}
-
-/* OpenBLAS chooses its kernels when it is loaded, so the choice needs a fresh start of the program.
-   Returns 0 when nothing had to be done, otherwise the error that kept the old kernels. */
-/* Set a variable of the environment and start this program anew with the same arguments; comes back
-   with an error number when that is not possible. */
-static int start_again(const char *name, const char *value)
-{
-    char **words = own_arguments();
-    if (words == NULL) return errno != 0 ? errno : ENOMEM;
-    setenv(name, value, 1);
-    execv("/proc/self/exe", words);
-    free(words[0]);
-    free(words);
-    return errno;
-}
-
-int talus_c_blas_kernels(void)
-{
-    const char *kernels = NULL;
-    if (getenv("OPENBLAS_CORETYPE") != NULL) return 0;
-#if defined(__x86_64__)
-    __builtin_cpu_init();
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq")
-        && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl"))
-        kernels = "SkylakeX";
-    else if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
-        kernels = "Haswell";
-#endif
-    return kernels == NULL ? 0 : start_again("OPENBLAS_CORETYPE", kernels);
-}
-
-int talus_c_short_spins(void)
-{
-    if (getenv("OMP_WAIT_POLICY") != NULL || getenv("GOMP_SPINCOUNT") != NULL) return 0;
-    return start_again("GOMP_SPINCOUNT", "1000");
 }

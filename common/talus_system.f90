@@ -174,9 +174,8 @@ contains
     if (stat /= 0) error stop 'bug: set_environment: not a variable name'
   end subroutine set_environment
 
-  !> Make OpenBLAS use the kernels of this CPU: unless OPENBLAS_CORETYPE is set, sets it and starts
-  !! the program anew with the same arguments. Call it first in the main program, before MPI.
-  !! Comes back when nothing was to do or when the restart was not possible.
+  !> OpenBLAS uses the kernels of this CPU: unless OPENBLAS_CORETYPE was set, the program has set it
+  !! and started itself anew before its libraries were loaded (talus_start.c). Warns if that failed.
   subroutine talus_blas_kernels()
     integer(c_int) :: stat
     flush (output_unit)
@@ -185,9 +184,9 @@ contains
       system_error_text(int(stat, i4))//'; set OPENBLAS_CORETYPE by hand'
   end subroutine talus_blas_kernels
 
-  !> Let waiting OpenMP threads sleep soon: unless OMP_WAIT_POLICY or GOMP_SPINCOUNT is set, sets a
-  !! short spin and starts the program anew. On a busy machine the library's default spins for
-  !! milliseconds at every barrier. Call it first in the main program.
+  !> Waiting OpenMP threads sleep soon: unless OMP_WAIT_POLICY or GOMP_SPINCOUNT was set, a short
+  !! spin is set in the same way. On a busy machine the library's default spins for milliseconds
+  !! at every barrier. Warns if that failed.
   subroutine talus_short_spins()
     integer(c_int) :: stat
     flush (output_unit)

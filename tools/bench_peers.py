@@ -21,6 +21,7 @@ atom_style {style}
 {map}boundary f f f
 newton off
 {vel}
+processors * * 1
 read_data {data}
 neighbor {skin} bin
 neigh_modify delay 0 every 1 check yes

@@ -1,0 +1,75 @@
+/*
+ * Variables of the environment that libraries read once, when they are loaded: they are set by
+ * starting the program anew before any library has begun. Later would be too late in another way
+ * too: by then OpenMP has bound the first thread to its place (OMP_PROC_BIND), and the program that
+ * is started anew would inherit that one core for all its threads.
+ */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+int talus_c_blas_kernels(void);
+int talus_c_short_spins(void);
+
+enum { MOST = 3 }; /* settings, and the end of the list */
+
+static int start_error;
+
+/* OpenBLAS chooses old kernels for processors that it does not know: the best that this one runs. */
+__attribute__((no_sanitize("address", "undefined"))) static const char *kernels(void)
+{
+#if defined(__x86_64__)
+    __builtin_cpu_init();
+    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq")
+        && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl"))
+        return "OPENBLAS_CORETYPE=SkylakeX";
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
+        return "OPENBLAS_CORETYPE=Haswell";
+#endif
+    return NULL;
+}
+
+__attribute__((no_sanitize("address", "undefined"))) static int has(char **list, const char *name)
+{
+    for (; *list != NULL; list++) {
+        size_t k = 0;
+        while (name[k] != '\0' && (*list)[k] == name[k]) k++;
+        if (name[k] == '\0' && (*list)[k] == '=') return 1;
+    }
+    return 0;
+}
+
+/* Runs before the constructors of all libraries. */
+__attribute__((no_sanitize("address", "undefined"))) static void before_libraries(int argc, char **argv,
+                                                                                 char **list)
+{
+    static char spin[] = "GOMP_SPINCOUNT=1000";
+    size_t count = 0, used = 0;
+    const char *core = has(list, "OPENBLAS_CORETYPE") ? NULL : kernels();
+    const int spins = !has(list, "OMP_WAIT_POLICY") && !has(list, "GOMP_SPINCOUNT");
+    if (argc < 1 || (core == NULL && !spins)) return;
+    while (list[count] != NULL) count++;
+    char *longer[count + MOST];
+    for (; used < count; used++) longer[used] = list[used];
+    if (core != NULL) longer[used++] = (char *)core;
+    if (spins) longer[used++] = spin;
+    longer[used] = NULL;
+    execve("/proc/self/exe", argv, longer);
+    start_error = errno;
+}
+
+__attribute__((section(".preinit_array"), used)) static void (*const first)(int, char **, char **)
+    = before_libraries;
+
+/* 0, or the error that kept the settings away. */
+int talus_c_blas_kernels(void)
+{
+    return getenv("OPENBLAS_CORETYPE") != NULL ? 0 : start_error;
+}
+
+int talus_c_short_spins(void)
+{
+    return getenv("OMP_WAIT_POLICY") != NULL || getenv("GOMP_SPINCOUNT") != NULL ? 0 : start_error;
+}
