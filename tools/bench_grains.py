@@ -22,10 +22,10 @@ CONTACTS_AGREE, KINETIC_AGREE = 0.02, 0.2  # relative; LAMMPS damps by another l
 WARM = 20  # steps that the peers make before the timed ones
 STEPS = {
     "spheres_2000": 2000,
-    "spheres_10000": 1000,
-    "spheres_50000": 250,
-    "ellipsoids_2760": 1500,
-    "ellipsoids_20000": 250,
+    "spheres_10000": 4000,
+    "spheres_50000": 1000,
+    "ellipsoids_2760": 6000,
+    "ellipsoids_20000": 1000,
     "ellipsoids_1000000": 10,
 }
 QUICK = ("spheres_2000", "ellipsoids_2760")

@@ -120,6 +120,8 @@ def test_lattice_and_cloud() -> None:
     assert (apart >= radius[:, None] + radius[None] - 1e-15).all()
     assert (cloud.x - radius[:, None] >= -1e-15).all()
     assert (cloud.x + radius[:, None] <= box + 1e-15).all()
+    layer = cloud.x[:, 2] // (2.0 * radius.max())
+    assert (np.diff(layer) >= 0.0).all()
     with pytest.raises(FaultError, match="E512"):
         generate.cloud(np.ones(500), np.full(3, 5e-3), axes, seed=2, tries=5)
 
