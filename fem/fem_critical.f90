@@ -24,14 +24,6 @@ module fem_critical
   end type waiting_type
 
   interface
-    subroutine dsyev(jobz, uplo, n, a, lda, w, work, lwork, info)
-      import :: wp
-      character(len=1), intent(in) :: jobz, uplo
-      integer, intent(in) :: n, lda, lwork
-      real(wp), intent(inout) :: a(lda, *)
-      real(wp), intent(out) :: w(*), work(*)
-      integer, intent(out) :: info
-    end subroutine dsyev
     subroutine dsygv(itype, jobz, uplo, n, a, lda, b, ldb, w, work, lwork, info)
       import :: wp
       integer, intent(in) :: itype, n, lda, ldb, lwork
@@ -95,7 +87,7 @@ contains
       if (lumped) then
         call wait_for_more(e, n, k, mass, waiting, most, element)
       else
-        square = top_value(k, mass, 1, n)
+        square = top_value(k, mass)
         if (square > most) element = e
         most = max(most, square)
       end if
@@ -113,7 +105,6 @@ contains
     type(waiting_type), intent(inout) :: waiting
     real(wp), intent(inout) :: most
     integer(i4), intent(inout) :: element
-    integer(i4) :: a, b, i, j, l
 
     if (allocated(waiting%matrix)) then
       if (size(waiting%matrix, 2) /= 3*n) then
@@ -121,6 +112,17 @@ contains
         deallocate (waiting%matrix)
       end if
     end if
+    call put_matrix(e, k, mass, waiting)
+    if (waiting%n == lanes) call work_off(waiting, most, element)
+  end subroutine wait_for_more
+
+  !> Add M^-1/2 K M^-1/2 of blocks of an element to the matrices that wait.
+  subroutine put_matrix(e, k, mass, waiting)
+    integer(i4), intent(in) :: e
+    real(wp), intent(in) :: k(:, :, :, :), mass(:, :)
+    type(waiting_type), intent(inout) :: waiting
+    integer(i4) :: a, b, i, j, l, n
+    n = size(k, 4)
     if (.not. allocated(waiting%matrix)) allocate (waiting%matrix(lanes, 3*n, 3*n))
     waiting%n = waiting%n + 1
     l = waiting%n
@@ -134,8 +136,7 @@ contains
         end do
       end do
     end do
-    if (l == lanes) call work_off(waiting, most, element)
-  end subroutine wait_for_more
+  end subroutine put_matrix
 
   !> Raise `most` to the largest eigenvalue of those that wait; the first that has it is named.
   subroutine work_off(waiting, most, element)
@@ -223,35 +224,26 @@ contains
                 .and. maxval(abs(k - last_k)) <= same*maxval(abs(k))
   end function unchanged
 
-  !> Largest eigenvalue of the mass and stiffness of blocks first to last [1/s^2].
-  real(wp) function top_value(k, mass, first, last)
+  !> Largest eigenvalue of a stiffness and its consistent mass [1/s^2].
+  real(wp) function top_value(k, mass)
     real(wp), intent(in) :: k(:, :, :, :), mass(:, :)
-    integer(i4), intent(in) :: first, last
-    real(wp), dimension(3*(last - first + 1), 3*(last - first + 1)) :: matrix, heavy
+    real(wp), dimension(3*size(k, 4), 3*size(k, 4)) :: matrix, heavy
     real(wp) :: values(size(matrix, 1)), work(12*size(matrix, 1))
     integer(i4) :: a, b, c, i, j
     integer :: info, n
     heavy = 0.0_wp
-    do b = first, last
-      do a = first, b
-        i = 3*(a - first)
-        j = 3*(b - first)
-        if (size(mass, 1) == 1) then
-          matrix(i + 1:i + 3, j + 1:j + 3) = k(:, :, a, b)/sqrt(mass(1, a)*mass(1, b))
-        else
-          matrix(i + 1:i + 3, j + 1:j + 3) = k(:, :, a, b)
-          do c = 1, 3
-            heavy(i + c, j + c) = mass(a, b)
-          end do
-        end if
+    do b = 1, size(k, 4)
+      do a = 1, b
+        i = 3*(a - 1)
+        j = 3*(b - 1)
+        matrix(i + 1:i + 3, j + 1:j + 3) = k(:, :, a, b)
+        do c = 1, 3
+          heavy(i + c, j + c) = mass(a, b)
+        end do
       end do
     end do
     n = size(matrix, 1)
-    if (size(mass, 1) == 1) then
-      call dsyev('N', 'U', n, matrix, n, values, work, size(work), info)
-    else
-      call dsygv(1, 'N', 'U', n, matrix, n, heavy, n, values, work, size(work), info)
-    end if
+    call dsygv(1, 'N', 'U', n, matrix, n, heavy, n, values, work, size(work), info)
     top_value = merge(values(size(values)), huge(1.0_wp), info == 0)
   end function top_value
 
@@ -263,27 +255,89 @@ contains
     type(fem_elastic_type), intent(inout) :: elastic
     real(wp), intent(in) :: factor
     real(wp), intent(out) :: most
-    real(wp), allocatable :: k(:, :, :, :), mass(:, :), last_k(:, :, :, :), last_mass(:, :)
-    real(wp) :: needed
-    integer(i4) :: e, m, n
+    real(wp) :: needed(mesh%elements)
+    integer(i4) :: c
 
     most = max(1.0_wp, factor)
     if (factor > 0.0_wp) elastic%inertia = factor*elastic%inertia
     if (factor > 0.0_wp) return
     needed = 1.0_wp
-    do e = 1, mesh%elements
+    !$omp parallel do default(none) shared(mesh, dofs, elastic, needed) private(c) schedule(dynamic)
+    do c = 1, chunks
+      call chunk_needs(mesh, dofs, elastic, c, needed)
+    end do
+    !$omp end parallel do
+    elastic%inertia = needed*elastic%inertia
+    most = max(most, maxval(needed))
+  end subroutine scale_rotations
+
+  !> Square of the frequency of the rotations over that of the displacements, at least one, of the
+  !! polar elements of chunk c.
+  subroutine chunk_needs(mesh, dofs, elastic, c, needed)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: c
+    real(wp), intent(inout) :: needed(:)
+    real(wp), allocatable :: k(:, :, :, :), mass(:, :), last_k(:, :, :, :), last_mass(:, :)
+    type(waiting_type) :: turning, moving
+    real(wp), allocatable :: square(:, :)
+    integer(i4), allocatable :: like(:)
+    integer(i4) :: e, m, n, first, last, latest
+
+    first = int((c - 1)*int(mesh%elements, i8)/chunks, i4) + 1
+    last = int(c*int(mesh%elements, i8)/chunks, i4)
+    allocate (square(last - first + 1, 2), like(first:last))
+    latest = 0
+    do e = first, last
       m = elastic%rule(elastic%rule_of(e))%nodes
       n = dofs%start(e + 1) - dofs%start(e)
+      like(e) = 0
       if (n == m) cycle
       call matrices_of(mesh, dofs, elastic, e, .true., k, mass)
-      if (.not. unchanged(k, mass, last_k, last_mass)) &
-        needed = max(1.0_wp, top_value(k, mass, m + 1, n)/top_value(k, mass, 1, m))
-      elastic%inertia(e) = needed*elastic%inertia(e)
-      most = max(most, needed)
+      if (.not. unchanged(k, mass, last_k, last_mass)) then
+        latest = e - first + 1
+        call wait_for_value(latest, m + 1, n, k, mass, turning, square(:, 1))
+        call wait_for_value(latest, 1, m, k, mass, moving, square(:, 2))
+      end if
+      like(e) = latest
       call move_alloc(k, last_k)
       call move_alloc(mass, last_mass)
     end do
-  end subroutine scale_rotations
+    call values_of(turning, square(:, 1))
+    call values_of(moving, square(:, 2))
+    do e = first, last
+      if (like(e) > 0) needed(e) = max(1.0_wp, square(like(e), 1)/square(like(e), 2))
+    end do
+  end subroutine chunk_needs
+
+  !> Put blocks first to last of element e (of its chunk) to those whose largest values are wanted.
+  subroutine wait_for_value(e, first, last, k, mass, waiting, square)
+    integer(i4), intent(in) :: e, first, last
+    real(wp), intent(in) :: k(:, :, :, :), mass(:, :)
+    type(waiting_type), intent(inout) :: waiting
+    real(wp), intent(inout) :: square(:)  !! (elements of a chunk) [1/s^2]
+    if (allocated(waiting%matrix)) then
+      if (size(waiting%matrix, 2) /= 3*(last - first + 1)) then
+        call values_of(waiting, square)
+        deallocate (waiting%matrix)
+      end if
+    end if
+    call put_matrix(e, k(:, :, first:last, first:last), mass(:, first:last), waiting)
+    if (waiting%n == lanes) call values_of(waiting, square)
+  end subroutine wait_for_value
+
+  !> Largest values of the matrices that wait, each for its element.
+  subroutine values_of(waiting, square)
+    type(waiting_type), intent(inout) :: waiting
+    real(wp), intent(inout) :: square(:)
+    real(wp) :: top(lanes)
+    if (waiting%n == 0) return
+    waiting%matrix(waiting%n + 1:, :, :) = 0.0_wp
+    call largest_values(waiting%matrix, top)
+    square(waiting%element(:waiting%n)) = top(:waiting%n)
+    waiting%n = 0
+  end subroutine values_of
 
   !> Largest stable step [s] for a frequency [rad/s] and Rayleigh's stiffness factor b [s], whose
   !! forces lag by half a step.
