@@ -197,20 +197,48 @@ contains
     end do
   end function solid_content
 
-  !> Mean contacts of a grain, the same of grains with two or more, part with fewer than two.
+  !> Mean contacts of a grain; mean contacts with each other of those that are held; part of the
+  !! grains that are not.
   pure function coordination_row(sample, grains) result(row)
     type(sample_type), intent(in) :: sample
     logical, intent(in) :: grains(:)
     real(wp) :: row(3)
-    integer(i4), allocatable :: z(:)
-    integer(i4) :: n, held
+    integer(i4), allocatable :: z(:), among(:)
+    logical, allocatable :: held(:)
+    integer(i4) :: n
     z = contacts_of(sample)
+    call find_held(sample, held, among)
     n = count(grains)
-    held = count(grains .and. z >= 2)
     row(1) = real(sum(z, mask=grains), wp)/max(1, n)
-    row(2) = real(sum(z, mask=grains .and. z >= 2), wp)/max(1, held)
-    row(3) = real(n - held, wp)/max(1, n)
+    row(2) = real(sum(among, mask=grains .and. held), wp)/max(1, count(grains .and. held))
+    row(3) = real(count(grains .and. .not. held), wp)/max(1, n)
   end function coordination_row
+
+  !> Grains that are held, and their contacts with boundaries and with each other: free grains with
+  !! fewer than two contacts go with their contacts, again and again until none is left.
+  pure subroutine find_held(sample, held, among)
+    type(sample_type), intent(in) :: sample
+    logical, allocatable, intent(out) :: held(:)     !! (n)
+    integer(i4), allocatable, intent(out) :: among(:)  !! (n)
+    logical :: lost(sample%n)
+    integer(i4) :: c, i, j
+    allocate (held(sample%n), source=.true.)
+    do
+      among = spread(0_i4, 1, sample%n)
+      do c = 1, sample%contacts
+        i = sample%first(c)
+        j = sample%second(c)
+        if (i > 0) then
+          if (.not. (held(i) .and. held(j))) cycle
+          among(i) = among(i) + 1
+        end if
+        if (held(j)) among(j) = among(j) + 1
+      end do
+      lost = held .and. sample%free .and. among < 2
+      if (.not. any(lost)) return
+      held = held .and. .not. lost
+    end do
+  end subroutine find_held
 
   !> Shear rate sqrt(2 D:D) of the deviatoric rate [1/s] and inertial number rate d sqrt(rho/p),
   !! d the mean diameter of spheres of equal volume; 0 without pressure.

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 19)
+    call table%init('talus-dem', 20)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -25,6 +25,7 @@ contains
     call group_driven(table)
     call group_wall(table)
     call group_servo(table)
+    call group_surcharge(table)
     call group_dynamics(table)
     call group_relaxation(table)
     call group_equilibrium(table)
@@ -288,6 +289,45 @@ contains
       //' servo works to the end.')
     call table%bounds(above=0.0_wp)
   end subroutine group_servo
+
+  subroutine group_surcharge(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('surcharge', 7, &
+      'A pressure on the free surface of the bed, downwards along z: each uppermost ' &
+      //'grain (nothing above its centre within its outline in the plan) carries the ' &
+      //'stress times the free part of its Voronoi cell in the plan, so that all forces ' &
+      //'add up to the stress times the free area. The free area is a rectangle less a ' &
+      //'disc around each driven grain and one `hole`. Found anew every `update_every` ' &
+      //'steps. Histories in `<deck>_surcharge.csv`; the work is `external` in the ' &
+      //'ledger. Works under talus-couple.')
+    call table%add_key('stress', 'real', 'Pa', 'Pressure on the free area.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%add_key('curve', 'string', '', &
+      'The curve by which the stress is multiplied, as seen at each look; a bed is best' &
+      //' loaded along a ramp.')
+    call table%preset('')
+    call table%add_key('lower', 'real', 'm', &
+      'Lower corner (x, y) of the rectangle; left out with upper, it lies between the ' &
+      //'four walls across x and y and moves with them.')
+    call table%sized(2_i4, 2_i4)
+    call table%add_key('upper', 'real', 'm', 'Upper corner (x, y) of the rectangle.')
+    call table%sized(2_i4, 2_i4)
+    call table%add_key('clearance', 'real', '', &
+      'Radius of the disc left free around each driven grain, over the largest ' &
+      //'semi-axis of its outline in the plan; 0: none.')
+    call table%preset('1.2')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('hole', 'real', 'm', &
+      'Centre (x, y) and radius of a disc that is left free, as around a tool that is ' &
+      //'no grain.')
+    call table%sized(3_i4, 3_i4)
+    call table%add_key('update_every', 'integer', '', &
+      'Steps between two looks at the surface, a multiple of 100; under talus-couple ' &
+      //'the first exchange after so many.')
+    call table%preset('100')
+    call table%bounds(min=100.0_wp)
+  end subroutine group_surcharge
 
   subroutine group_dynamics(table)
     type(key_table_type), intent(inout) :: table

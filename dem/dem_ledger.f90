@@ -9,6 +9,7 @@ module dem_ledger
   implicit none
   private
   public :: refresh_stored, start_ledger, follow_step, closure_of, turnover_of
+  public :: staggering_of, follow_load
 
 contains
 
@@ -94,6 +95,28 @@ contains
     d%ledger%start = d%ledger%start - (after%staggering - before%staggering)
     d%ledger_dt = dt
   end subroutine follow_step
+
+  !> Staggering of all free grains for the ledger's step [J].
+  pure real(wp) function staggering_of(d) result(sum)
+    type(dem_data_type), intent(in) :: d
+    type(motion_type) :: motion
+    real(wp) :: part(2)
+    integer(i4) :: i
+    motion = motion_of(d, d%ledger_dt)
+    sum = 0.0_wp
+    do i = 1, d%grains%n
+      if (d%grains%kind(i) /= kind_free) cycle
+      part = grain_energy(d, i, motion)
+      sum = sum + part(2)
+    end do
+  end function staggering_of
+
+  !> Extra forces have changed between two steps: so has the staggering, not the energy.
+  subroutine follow_load(d, before)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: before  !! staggering before the change [J]
+    d%ledger%start = d%ledger%start - (staggering_of(d) - before)
+  end subroutine follow_load
 
   !> Closure error: input minus all the rest, 0 for a perfect ledger [J].
   pure real(wp) function closure_of(ledger) result(error)

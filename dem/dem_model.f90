@@ -29,6 +29,7 @@ module dem_model
   use dem_logbook, only: begin_log, log_model, log_row_titles, log_row, log_health, write_summary
   use dem_equilibrium, only: dem_equilibrium_type
   use dem_servo, only: dem_servo_type
+  use dem_surcharge, only: dem_surcharge_type
   use dem_deck_keys, only: dem_deck_table
   implicit none
   private
@@ -48,6 +49,7 @@ module dem_model
     type(dem_clock_type) :: clock
     type(dem_equilibrium_type) :: equilibrium
     type(dem_servo_type) :: servo
+    type(dem_surcharge_type) :: surcharge
     type(dem_histories_type) :: histories
     type(dem_fields_type) :: fields
     type(dem_measures_type) :: measures
@@ -77,6 +79,7 @@ module dem_model
     procedure :: use_step
     procedure, private :: follow_laws
     procedure :: take_steps
+    procedure :: load_surface
     procedure :: write_due
     procedure, private :: watch_stops
     procedure, private :: write_row
@@ -113,6 +116,7 @@ contains
     call self%equilibrium%read(self%deck, self%choices%adaptive, self%served, errors)
     call self%servo%read(self%deck, self%system%dem_data_type, self%choices%wall, self%served, &
                          errors)
+    call self%surcharge%read(self%deck, self%system%dem_data_type, self%servo%curve, errors)
     threads = options%threads
     if (threads == 0) call self%deck%get('run', 1, 'threads', threads)
     if (threads == 0) threads = min(int(omp_get_max_threads(), i4), &
@@ -184,6 +188,10 @@ contains
     every_wall = 0.0_wp
     if (.not. self%served) call self%deck%get('checkpoint', 1, 'every_wall', every_wall)
     call self%checkpoint%schedule(every_wall, 0.0_wp, self%clock%time())
+    if (.not. (errors%any() .or. allocated(self%system%servo_seen))) &
+      call self%servo%start(self%system%dem_data_type, self%clock%time())
+    if (.not. errors%any()) call self%surcharge%start(self%system%dem_data_type, &
+                                                      self%clock%time(), self%clock%steps, errors)
   end subroutine prepare
 
   !> Start at time zero from the packing.
@@ -207,7 +215,6 @@ contains
     if (self%clock%automatic) dt = self%clock%chosen_step(self%automatic_dt())
     call self%clock%start_at(0.0_wp, dt)
     call self%use_step(dt)
-    call self%servo%start(self%system%dem_data_type, 0.0_wp)
   end subroutine begin_fresh
 
   !> Start from a checkpoint.
@@ -288,11 +295,15 @@ contains
     self%opened = .true.
     call begin_log(self%log, program_name, self%deck, int(omp_get_max_threads(), i4))
     call log_model(self%log, self%deck, self%system, self%choices, self%clock)
+    if (self%surcharge%active) &
+      call self%log%item('surcharge', self%surcharge%text(self%system%dem_data_type))
     if (len(self%restart_path) > 0) call self%log%item('goes on from', self%restart_path, &
       'time '//str(self%start_time)//' s, step '//str(self%start_steps))
     if (self%deck%count('history') > 0) &
       call self%histories%open(self%stem, self%start_time, errors)
     if (self%deck%count('history') > 0) call self%servo%open(self%stem, self%start_time, errors)
+    if (self%deck%count('history') > 0) &
+      call self%surcharge%open(self%stem, self%start_time, errors)
     if (self%deck%count('output') > 0 .and. .not. errors%any()) then
       call self%deck%get('output', 1, 'fields', fields)
       do k = 1, size(fields)
@@ -311,6 +322,7 @@ contains
     if (self%start_time >= 0.0_wp .or. errors%any()) return
     call self%histories%write(0.0_wp, self%system, errors)
     call self%servo%write(0.0_wp, self%system%dem_data_type, errors)
+    call self%surcharge%write(0.0_wp, self%system%dem_data_type, errors)
     call self%fields%write(0.0_wp, self%system, errors)
     call self%measures%write(0.0_wp, self%system, .true., errors)
   end subroutine open_run
@@ -338,7 +350,8 @@ contains
 
     block = blocks(findloc(blocks*real(self%system%grains%n, wp) <= block_work, .true., 1) &
                    + merge(7, 0, self%system%grains%n > block_work))
-    block = min(block, self%equilibrium%longest_block(), self%servo%longest_block())
+    block = min(block, self%equilibrium%longest_block(), self%servo%longest_block(), &
+                self%surcharge%longest_block())
     do
       if (errors%any() .or. self%clock%finished() .or. self%equilibrium%reached) return
       if (self%stop%check() /= stop_none) then
@@ -357,6 +370,7 @@ contains
       if (errors%any()) return
       if (self%servo%due(self%clock%steps)) &
         call self%servo%look(self%system%dem_data_type, self%clock%time())
+      call self%load_surface(errors)
       if (self%equilibrium%due(self%clock%steps)) &
         call self%equilibrium%look(self%system, self%servo%satisfied(self%system%dem_data_type))
       call self%equilibrium%damp(self%system, self%clock%steps)
@@ -386,6 +400,16 @@ contains
     end if
   end subroutine take_steps
 
+  !> The surcharge finds the surface anew, when it is due.
+  subroutine load_surface(self, errors)
+    class(dem_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    if (.not. self%surcharge%due(self%system%dem_data_type, self%clock%steps)) return
+    call self%timers%start('surcharge')
+    call self%surcharge%look(self%system%dem_data_type, self%clock%time(), self%clock%steps, errors)
+    call self%timers%stop('surcharge')
+  end subroutine load_surface
+
   !> Histories, fields and log rows that are due.
   subroutine write_due(self, errors)
     class(dem_model_type), intent(inout) :: self
@@ -398,6 +422,7 @@ contains
     if (self%clock%due(event_history)) then
       call self%histories%write(t, self%system, errors)
       call self%servo%write(t, self%system%dem_data_type, errors)
+      call self%surcharge%write(t, self%system%dem_data_type, errors)
       call self%clock%passed(event_history)
     end if
     if (self%clock%due(event_output)) then
@@ -411,6 +436,7 @@ contains
     if (self%log%row_due()) then
       call self%histories%flush(errors)
       call self%servo%history%flush(errors)
+      call self%surcharge%history%flush(errors)
       call self%write_row()
     end if
     call self%timers%stop('output')
@@ -450,6 +476,8 @@ contains
 
     call self%timers%start('checkpoint')
     call self%histories%flush(errors)
+    call self%servo%history%flush(errors)
+    call self%surcharge%history%flush(errors)
     call self%measures%flush(errors)
     call self%system%refresh_ledger()
     call self%clock%passed(event_checkpoint)
@@ -482,6 +510,7 @@ contains
     end if
     call self%histories%close(errors)
     call self%servo%history%close(errors)
+    call self%surcharge%history%close(errors)
     call self%measures%close(errors)
     if (.not. self%stopped) call self%equilibrium%judge(self%clock%time(), self%deck%source%path, &
                                                         errors)
@@ -494,6 +523,8 @@ contains
     if (self%row_step < self%clock%steps) call self%write_row()
     call self%log%faults(errors)
     if (self%equilibrium%watched) call self%log%line(self%equilibrium%text())
+    if (self%surcharge%active) call self%log%line( &
+      'surcharge: '//self%surcharge%text(self%system%dem_data_type))
     call log_health(self%log, self%system, self%clock)
     call self%log%timer_table(self%timers)
     call write_summary(self%stem//'_summary.json', program_name, self%deck, self%system, &

@@ -35,6 +35,8 @@ contains
     end do
     call request%all_read(errors)
     if (errors%any()) return
+    call model%load_surface(errors)
+    if (errors%any()) return
     call model%system%reset_impulses()
     call model%timers%start('steps')
     call model%system%step(substeps, errors)
@@ -215,6 +217,8 @@ contains
       if (sets%set(k)%role == role_load) call take_load(model%system, sets%set(k), request, errors)
     end do
     call request%all_read(errors)
+    if (errors%any()) return
+    call model%load_surface(errors)
     if (errors%any()) return
     call model%timers%start('steps')
     if (kick > 0.0_wp) call model%system%kick(kick)

@@ -201,6 +201,8 @@ module dem_state
     real(wp) :: ledger_dt = 0.0_wp                 !! step that ledger%staggering is for [s]
     real(wp), allocatable :: seen_kinetic(:)       !! (grains) at the last look of damping [J]
     real(wp), allocatable :: servo_seen(:, :)      !! (:, planes) last look of servos, dem_servo
+    real(wp), allocatable :: surcharge(:)          !! (grains) force downwards now [N]
+    real(wp), allocatable :: surcharge_seen(:)     !! last look, dem_surcharge
     logical :: ready = .false.                     !! lists and forces exist
   end type dem_data_type
 end module dem_state

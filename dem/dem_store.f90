@@ -23,6 +23,11 @@ contains
     if (allocated(d%seen_kinetic)) call archive%put_reals( &
       'damping.seen_kinetic', reshape(d%seen_kinetic, [1, size(d%seen_kinetic)]))
     if (allocated(d%servo_seen)) call archive%put_reals('servo.seen', d%servo_seen)
+    if (allocated(d%surcharge)) then
+      call archive%put_reals('surcharge.force', reshape(d%surcharge, [1, size(d%surcharge)]))
+      call archive%put_reals('surcharge.seen', reshape(d%surcharge_seen, &
+                                                       [1, size(d%surcharge_seen)]))
+    end if
     call archive%put_reals('ledger', ledger_row(d%ledger))
     call archive%put_reals('health.real', reshape([d%health%max_overlap, &
                            d%health%reference_energy, d%pending, d%ledger_dt, d%par%dt], [5, 1]))
@@ -151,6 +156,12 @@ contains
     end if
     k = archive%find('servo.seen')
     if (k > 0) d%servo_seen = archive%item(k)%reals
+    if (archive%find('surcharge.force') > 0) then
+      call archive%get_reals('surcharge.force', 1, d%grains%n, row, errors)
+      d%surcharge = row(1, :)
+      call archive%get_reals('surcharge.seen', 1, -1, row, errors)
+      d%surcharge_seen = row(1, :)
+    end if
     call archive%get_reals('ledger', 14, 1, row, errors)
     d%ledger = ledger_from(row(:, 1))
     call archive%get_reals('health.real', 5, 1, row, errors)

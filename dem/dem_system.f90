@@ -242,7 +242,7 @@ contains
     call self%set_velocity(index, v, omega)
   end subroutine set_state
 
-  !> Forces and moments held on free grains until changed.
+  !> Forces and moments held on free grains until changed, besides the surcharge.
   subroutine set_extra(self, index, force, moment)
     class(dem_system_type), intent(inout) :: self
     integer(i4), intent(in) :: index(:)
@@ -251,6 +251,8 @@ contains
     do k = 1, size(index)
       self%grains%extra_force(:, index(k)) = force(:, k)
       self%grains%extra_moment(:, index(k)) = moment(:, k)
+      if (allocated(self%surcharge)) self%grains%extra_force(3, index(k)) = &
+        force(3, k) - self%surcharge(index(k))
     end do
   end subroutine set_extra
 
@@ -258,6 +260,7 @@ contains
     class(dem_system_type), intent(inout) :: self
     self%grains%extra_force = 0.0_wp
     self%grains%extra_moment = 0.0_wp
+    if (allocated(self%surcharge)) self%grains%extra_force(3, :) = -self%surcharge
   end subroutine clear_extra
 
   !> Contact weights by pair id, all others 1; takes effect at the next evaluation.

@@ -21,6 +21,7 @@ program test_talus_homogenise
   call check_motion()
   call check_fields()
   call check_rows()
+  call check_rattlers()
   call test%finish()
 
 contains
@@ -230,6 +231,47 @@ contains
     call coarse_grain(sample, grid, fields)
     call test%check_close('mass inside', sum(fields%density)*cell, 2.0_wp, 1.0e-13_wp)
   end subroutine check_fields
+
+  !> A chain of three on a boundary unravels from its free end; a triangle beside it stays; a grain
+  !! on a fixed one and on the boundary too.
+  subroutine check_rattlers()
+    type(sample_type) :: sample
+    type(request_type) :: request
+    type(string_type), allocatable :: names(:)
+    real(wp), allocatable :: row(:)
+    integer(i4) :: k
+    call sample%make(8, 9)
+    do k = 1, 8
+      sample%x(:, k) = [real(k, wp), 0.0_wp, 0.0_wp]
+      sample%turn(:, :, k) = rotation_matrix([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp])
+    end do
+    sample%axes = 0.1_wp
+    sample%mass = 1.0_wp
+    sample%inertia = 1.0_wp
+    sample%volume = 1.0_wp
+    sample%free(8) = .false.
+    sample%first = [0, 1, 2, 4, 5, 4, 0, 7, 7]
+    sample%second = [1, 2, 3, 5, 6, 6, 7, 8, 3]
+    do k = 1, 9
+      sample%normal(:, k) = [1.0_wp, 0.0_wp, 0.0_wp]
+      sample%point(:, k) = sample%x(:, sample%second(k))
+      sample%start(:, k) = sample%point(:, k)
+    end do
+    sample%first(9) = 4
+    sample%second(9) = 1
+    request%region%kind = region_box
+    request%region%lower = -1.0_wp
+    request%region%upper = 10.0_wp
+    call measure_columns(names)
+    call measure_row(0.0_wp, sample, request, row)
+    call test%check_close('all contacts', row(column(names, 'coordination [-]')), 15.0_wp/7.0_wp, &
+                          1.0e-15_wp)
+    call test%check_close('two unravel', row(column(names, 'rattlers [-]')), 2.0_wp/7.0_wp, &
+                          1.0e-15_wp)
+    call test%check_close('the others among themselves', &
+                          row(column(names, 'mechanical_coordination [-]')), 11.0_wp/5.0_wp, &
+                          1.0e-15_wp)
+  end subroutine check_rattlers
 
   !> Titles and rows have the same length; values stand where the titles say.
   subroutine check_rows()

@@ -134,6 +134,30 @@ def check_servo(program: Path, scratch: Path) -> None:
     check("servo: same history", rows[0] == rows[1])
 
 
+SURCHARGE = """&curve id = 'press', times = 0.0, 0.05, values = 0.5, 1.0 /
+&surcharge stress = 200.0, curve = 'press', update_every = 200 /
+"""
+
+
+def check_surcharge(program: Path, scratch: Path) -> None:
+    """Check a surcharge: same bits and history after a restart between two looks, two threads."""
+    folders = [folder_with(scratch, *item) for item in (("load", "0.15"), ("loads", "0.09123"))]
+    for folder in folders:
+        deck = (folder / "deck.nml").read_text()
+        kept = [line for line in deck.splitlines() if not line.startswith("&equilibrium")]
+        (folder / "deck.nml").write_text("\n".join(kept) + "\n" + SURCHARGE)
+    ended = run(program, folders[0], "--threads=1")
+    check("surcharge", ended.returncode == 0, ended.stderr)
+    check("the log says what carries it", "surcharge: " in ended.stdout)
+    run(program, folders[1], "--threads=1")
+    shutil.copy(folders[0] / "deck.nml", folders[1] / "deck.nml")
+    ended = run(program, folders[1], "--threads=2", "--restart=auto")
+    check("its second part, two threads", ended.returncode == 0, ended.stderr)
+    check("surcharge: same bits", state(folders[0]) == state(folders[1]))
+    rows = [(folder / "deck_surcharge.csv").read_text().splitlines() for folder in folders]
+    check("surcharge: same history", rows[0] == rows[1])
+
+
 def main() -> int:
     """Run all checks; return 1 if any failed."""
     program, scratch = Path(sys.argv[1]).resolve() / "talus-dem", Path(sys.argv[2])
@@ -160,6 +184,7 @@ def main() -> int:
     for every in (10, 500):
         check_adaptive(program, scratch, every)
     check_servo(program, scratch)
+    check_surcharge(program, scratch)
     print(f"{PASSED} passed, {len(FAILURES)} failed")
     return 1 if FAILURES else 0
 
