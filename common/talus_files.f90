@@ -6,7 +6,8 @@ module talus_files
   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_f_pointer, c_int, c_int64_t, c_ptr
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use talus_system, only: c_string, system_error_text
+  use talus_c_text, only: c_string
+  use talus_system, only: system_error_text
   use talus_text, only: str, string_type, append_string
   implicit none
   private

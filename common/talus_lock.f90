@@ -9,7 +9,8 @@ module talus_lock
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_files, only: folder_of
-  use talus_system, only: c_string, date_text, host_name, process_id
+  use talus_c_text, only: c_string
+  use talus_system, only: date_text, host_name, process_id
   implicit none
   private
   public :: lock_type

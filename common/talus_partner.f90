@@ -7,11 +7,12 @@
 module talus_partner
   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_double, c_null_char
   use talus_kinds, only: wp, i4, i8
+  use talus_c_text, only: text_of
   use talus_text, only: str
   use talus_errors, only: error_list_type
   implicit none
   private
-  public :: partner_type, own_pid, own_place, own_host, now, nap, text_of
+  public :: partner_type, own_pid, own_place, own_host, now, nap
 
   real(wp), parameter :: look_every = 0.2_wp  !! s between two looks at the CPU time
   real(wp), parameter :: longest_gap = 1.0_wp !! s; a longer gap: we were stopped ourselves
@@ -243,16 +244,4 @@ contains
     call c_host(buffer, size(buffer))
     text = text_of(buffer)
   end function own_host
-
-  !> A C string as text.
-  pure function text_of(buffer) result(text)
-    character(kind=c_char), intent(in) :: buffer(:)
-    character(len=:), allocatable :: text
-    integer :: k
-    text = ''
-    do k = 1, size(buffer)
-      if (buffer(k) == c_null_char) exit
-      text = text//buffer(k)
-    end do
-  end function text_of
 end module talus_partner

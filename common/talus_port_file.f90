@@ -10,7 +10,8 @@ module talus_port_file
   use talus_errors, only: error_list_type
   use talus_message_buffer, only: message_buffer_type
   use talus_message_file, only: write_message_file, read_message_file
-  use talus_partner, only: own_pid, own_place, now, text_of
+  use talus_c_text, only: text_of
+  use talus_partner, only: own_pid, own_place, now
   implicit none
   private
   public :: file_port_type, read_lines, write_lines, remove_file

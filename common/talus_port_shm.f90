@@ -6,7 +6,8 @@ module talus_port_shm
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_message_buffer, only: message_buffer_type, longest_message
-  use talus_partner, only: own_place, own_host, text_of
+  use talus_c_text, only: text_of
+  use talus_partner, only: own_place, own_host
   implicit none
   private
   public :: shm_port_type

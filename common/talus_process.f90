@@ -7,7 +7,7 @@ module talus_process
   use talus_kinds, only: wp, i4
   use talus_text, only: str, string_type, append_string
   use talus_errors, only: error_list_type
-  use talus_partner, only: text_of
+  use talus_c_text, only: text_of
   implicit none
   private
   public :: process_type, sibling_program, tail_of, signal_kill, signal_term, signal_stop, &

@@ -7,6 +7,7 @@ module talus_system
   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t, c_null_char
   use, intrinsic :: iso_fortran_env, only: compiler_version, error_unit, output_unit
   use talus_kinds, only: wp, i4, i8
+  use talus_c_text, only: c_string, text_of
   implicit none
   private
   public :: ignore_write_signals, install_signals, signal_seen, signal_checkpoint
@@ -14,7 +15,7 @@ module talus_system
   public :: memory_free, memory_resident, is_terminal
   public :: environment, set_environment, talus_blas_kernels, talus_short_spins
   public :: talus_exit
-  public :: compiler_text, system_error_text, c_string
+  public :: compiler_text, system_error_text
 
   interface
     subroutine c_signals(obey, second_leaves) bind(c, name='talus_c_signals')
@@ -112,7 +113,7 @@ contains
     character(len=:), allocatable :: text
     character(kind=c_char) :: buffer(256)
     call c_host(buffer, size(buffer, kind=c_int))
-    text = fortran_text(buffer)
+    text = text_of(buffer)
   end function host_name
 
   !> Identity of this boot of this machine; empty where the kernel does not tell.
@@ -215,24 +216,6 @@ contains
     character(len=:), allocatable :: text
     character(kind=c_char) :: buffer(256)
     call c_error_text(int(error, c_int), buffer, size(buffer, kind=c_int))
-    text = fortran_text(buffer)
+    text = text_of(buffer)
   end function system_error_text
-
-  !> Text with the closing null character that C wants; trailing blanks stay.
-  pure function c_string(text) result(closed)
-    character(len=*), intent(in) :: text
-    character(kind=c_char, len=:), allocatable :: closed
-    closed = text//c_null_char
-  end function c_string
-
-  pure function fortran_text(buffer) result(text)
-    character(kind=c_char), intent(in) :: buffer(:)
-    character(len=:), allocatable :: text
-    integer :: k
-    text = ''
-    do k = 1, size(buffer)
-      if (buffer(k) == c_null_char) exit
-      text = text//buffer(k)
-    end do
-  end function fortran_text
 end module talus_system
