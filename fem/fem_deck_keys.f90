@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-fem.
   subroutine fem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-fem', 20)
+    call table%init('talus-fem', 22)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -33,6 +33,8 @@ contains
     call group_analysis(table)
     call group_absorbing(table)
     call group_path(table)
+    call group_point(table)
+    call group_control(table)
   end subroutine fem_deck_table
 
   subroutine group_run(table)
@@ -105,7 +107,7 @@ contains
 
   subroutine group_material(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('material', 17, 'A material.', repeats=.true., required=.true.)
+    call table%add_group('material', 32, 'A material.', repeats=.true., required=.true.)
     call table%add_key('id', 'string', '', 'Name by which other groups refer to it.')
     call table%need()
     call table%add_key('density', 'real', 'kg/m3', 'Mass density of the solid substance.')
@@ -119,9 +121,13 @@ contains
       '`linear_elastic`: isotropic elasticity at small strains, of `young` and ' &
       //'`poisson`; `micropolar`: Eringen''s solid with micro-rotations, either of ' &
       //'`lambda` to `gamma` or of the engineering constants `shear` (or `young`), ' &
-      //'`poisson`, `l_t`, `l_b`, `coupling` and `polar_ratio`.')
+      //'`poisson`, `l_t`, `l_b`, `coupling` and `polar_ratio`; `pressure_elastic`: E = ' &
+      //'young (p/reference_pressure)^exponent; `drucker_prager`: plasticity of `young`, ' &
+      //'`poisson`, `cohesion`, `friction_deg`, `dilation_deg`; `cam_clay`: modified ' &
+      //'Cam-clay of `critical_slope`, `compression_index`, `swelling_index`, ' &
+      //'`specific_volume`, `poisson`. The last three are for `static` and `--point`.')
     call table%preset('linear_elastic')
-    call table%allow('linear_elastic|micropolar')
+    call table%allow('linear_elastic|micropolar|pressure_elastic|drucker_prager|cam_clay')
     call table%add_key('lambda', 'real', 'Pa', &
       'Eringen''s lambda; with 3 lambda + 2 mu + kappa > 0.')
     call table%add_key('mu', 'real', 'Pa', &
@@ -150,7 +156,71 @@ contains
       'Micro-inertia j of a micropolar solid, 2/5 r^2 of spheres of radius r; dynamics ' &
       //'needs it.')
     call table%bounds(above=0.0_wp)
+    call group_material_2(table)
   end subroutine group_material
+
+  subroutine group_material_2(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('exponent', 'real', '', &
+      'Exponent n of `pressure_elastic`, E = young (p/reference_pressure)^n.')
+    call table%bounds(min=0.0_wp, max=1.0_wp)
+    call table%add_key('reference_pressure', 'real', 'Pa', &
+      'Mean compressive stress at which `young` of `pressure_elastic` holds.')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('least_pressure', 'real', 'Pa', &
+      'Mean compressive stress below which the stiffness of `pressure_elastic` does not' &
+      //' fall any more; a hundredth of `reference_pressure` if left out.')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('cohesion', 'real', 'Pa', 'Cohesion c of `drucker_prager` at the start.')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('friction_deg', 'real', 'deg', 'Angle of friction of `drucker_prager`.')
+    call table%bounds(min=0.0_wp, below=90.0_wp)
+    call table%add_key('dilation_deg', 'real', 'deg', &
+      'Angle of dilation of `drucker_prager`, not above that of friction: plastic flow ' &
+      //'would give energy.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp, below=90.0_wp)
+    call table%add_key('cone', 'string', '', &
+      'Which strength of Mohr and Coulomb the cone of `drucker_prager` has: that of ' &
+      //'triaxial compression, of triaxial extension, or of plane strain.')
+    call table%preset('compression')
+    call table%allow('compression|extension|plane_strain')
+    call table%add_key('hardening', 'real', 'Pa', &
+      'Slope H of the cohesion of `drucker_prager`, c = cohesion + H Z, dZ = A_psi ' &
+      //'dgamma; negative softens.')
+    call table%preset('0.0')
+    call table%add_key('residual_cohesion', 'real', 'Pa', &
+      'Least cohesion of `drucker_prager` that softens.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('critical_slope', 'real', '', &
+      'Slope M = q/p of the critical state line of `cam_clay`.')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('compression_index', 'real', '', &
+      'Slope lambda of the virgin line of `cam_clay`, v over ln p; above ' &
+      //'`swelling_index`.')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('swelling_index', 'real', '', &
+      'Slope kappa of the swelling lines of `cam_clay`, v over ln p.')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('specific_volume', 'real', '', &
+      'Specific volume v = 1 + e of `cam_clay`, constant at small strains.')
+    call table%bounds(above=1.0_wp)
+    call group_material_3(table)
+  end subroutine group_material_2
+
+  subroutine group_material_3(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('preconsolidation', 'real', 'Pa', &
+      'Preconsolidation pressure pc of `cam_clay` at the start; without it ' &
+      //'`overconsolidation` counts.')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('overconsolidation', 'real', '', &
+      'pc of `cam_clay` at the start over that whose yield surface the initial stress ' &
+      //'touches.')
+    call table%preset('1.0')
+    call table%bounds(min=1.0_wp)
+  end subroutine group_material_3
 
   subroutine group_curve(table)
     type(key_table_type), intent(inout) :: table
@@ -474,4 +544,51 @@ contains
     call table%sized(9_i4, 9_i4)
     call table%preset('0.0|0.0|0.0|0.0|0.0|0.0|0.0|0.0|0.0')
   end subroutine group_path
+
+  subroutine group_point(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('point', 3, &
+      'A path of a material point for `talus-fem --point deck.nml`: stress, strain or ' &
+      //'linear combinations of them follow curves. Compression is negative. The table ' &
+      //'`*_point.csv` has a row a step.')
+    call table%add_key('material', 'string', '', &
+      'Id of the material; may be left out where there is one.')
+    call table%preset('')
+    call table%add_key('steps', 'integer', '', &
+      'Equal steps from 0 to t_end of `&run` (1 s if left out).')
+    call table%preset('100')
+    call table%bounds(min=1.0_wp, max=10000000.0_wp)
+    call table%add_key('stress', 'real', 'Pa', &
+      'Stress at the start, xx yy zz xy yz zx, tension positive.')
+    call table%sized(6_i4, 6_i4)
+    call table%preset('0.0|0.0|0.0|0.0|0.0|0.0')
+  end subroutine group_point
+
+  subroutine group_control(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('control', 6, &
+      'What is prescribed in `&point`, a row each: the component `component` of the ' &
+      //'stress or strain, or the combination sum of `stress_part` sigma + sum of ' &
+      //'`strain_part` epsilon (six factors, xx yy zz xy yz zx, engineering shears) ' &
+      //'equals scale times the curve. Shear strains that no row names are held at zero; ' &
+      //'three rows are needed for the rest.', repeats=.true.)
+    call table%add_key('component', 'string', '', &
+      'The component, in place of `stress_part` and `strain_part`.')
+    call table%preset('')
+    call table%allow('|xx|yy|zz|xy|yz|zx')
+    call table%add_key('kind', 'string', '', 'What the component is one of.')
+    call table%preset('strain')
+    call table%allow('strain|stress')
+    call table%add_key('stress_part', 'real', '', 'Factors of the stress in the combination.')
+    call table%sized(6_i4, 6_i4)
+    call table%preset('0.0|0.0|0.0|0.0|0.0|0.0')
+    call table%add_key('strain_part', 'real', '', 'Factors of the strain in the combination.')
+    call table%sized(6_i4, 6_i4)
+    call table%preset('0.0|0.0|0.0|0.0|0.0|0.0')
+    call table%add_key('curve', 'string', '', &
+      'Id of a curve; without one the value is `scale`.')
+    call table%preset('')
+    call table%add_key('scale', 'real', '', 'Factor of the curve, or the value.')
+    call table%preset('0.0')
+  end subroutine group_control
 end module fem_deck_keys

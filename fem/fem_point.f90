@@ -1,5 +1,5 @@
-!> The one-point driver: a material along a path of strain states, without mesh and equilibrium.
-!! `talus-fem --point deck.nml` writes <stem>_point.csv, a row for each &path.
+!> The one-point driver: a material without mesh and equilibrium. `talus-fem --point deck.nml`
+!! writes <stem>_point.csv: a row for each &path state, or along &control rows (fem_point_path).
 module fem_point
   use talus_kinds, only: wp, i4
   use talus_text, only: str, string_type, append_string
@@ -8,9 +8,13 @@ module fem_point
   use talus_deck, only: deck_type
   use talus_deck_table, only: key_table_type
   use talus_files, only: make_folder, folder_of, run_stem
+  use talus_curve, only: curve_type, read_curves
   use talus_history, only: history_type
   use fem_deck_keys, only: fem_deck_table
   use fem_micropolar, only: micropolar_strain, micropolar_stress, micropolar_energy, axial
+  use fem_law, only: fem_law_box_type
+  use fem_point_path, only: follow_path
+  use fem_setup_laws, only: read_law
   use fem_setup_sections, only: read_material, fem_material_type, check_ids
   implicit none
   private
@@ -37,16 +41,21 @@ contains
     do k = 1, size(material)
       call read_material(deck, k, material(k), errors)
     end do
+    if (deck%count('path') + deck%count('point') == 0) call errors%add('D332', &
+      'the deck has neither &path nor &point', options%deck, 'a point needs states or a path')
     do k = 1, deck%count('path')
-      call find_material(deck, k, material, m, errors)
+      call find_material(deck, 'path', k, material, m, errors)
+      if (m <= size(material)) call refuse_state(deck, k, material(m), errors)
     end do
-    if (errors%any() .or. options%check) return
-    stem = run_stem(options%deck, options%output_dir)
-    call make_folder(folder_of(stem), errors)
     if (errors%any()) return
+    stem = run_stem(options%deck, options%output_dir)
+    if (.not. options%check) call make_folder(folder_of(stem), errors)
+    if (deck%count('point') > 0 .and. .not. errors%any()) &
+      call run_control(deck, material, stem//'_point.csv', options%check, errors)
+    if (errors%any() .or. options%check .or. deck%count('path') == 0) return
     call open_table(file, stem//'_point.csv', errors)
     do k = 1, deck%count('path')
-      call find_material(deck, k, material, m, errors)
+      call find_material(deck, 'path', k, material, m, errors)
       call write_state(deck, k, material(m), file, errors)
     end do
     call file%close(errors)
@@ -60,24 +69,63 @@ contains
     call fem_deck_table(table)
     do k = 1, table%group_count
       if (any(spare == table%group(k)%name)) table%group(k)%required = .false.
-      if (table%group(k)%name == 'path') table%group(k)%required = .true.
     end do
   end subroutine point_table
 
-  !> Material of path state k: the one it names, or the only one.
-  subroutine find_material(deck, k, material, m, errors)
+  !> A law with a state needs a path.
+  subroutine refuse_state(deck, k, material, errors)
     type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(fem_material_type), intent(in) :: material
+    type(error_list_type), intent(inout) :: errors
+    if (material%stateful) call deck%fault(errors, 'D332', 'the material '//trim(material%id)// &
+      ' has a state: single states of strain mean nothing to it', 'path', k, '', &
+      'give &point and &control rows')
+  end subroutine refuse_state
+
+  !> The path of &point and &control rows.
+  subroutine run_control(deck, material, path, check, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_material_type), intent(in) :: material(:)
+    character(len=*), intent(in) :: path
+    logical, intent(in) :: check
+    type(error_list_type), intent(inout) :: errors
+    type(curve_type), allocatable :: curve(:)
+    type(fem_law_box_type) :: box
+    integer(i4) :: m
+
+    if (deck%count('path') > 0) then
+      call deck%fault(errors, 'D332', 'the deck has &path and &point', 'path', 1, '', &
+                      'they make tables of one name: take two decks')
+      return
+    end if
+    call find_material(deck, 'point', 1, material, m, errors)
+    call read_curves(deck, 'D304', curve, errors)
+    if (errors%any()) return
+    if (material(m)%polar) then
+      call deck%fault(errors, 'D332', 'a micropolar solid takes &path states', 'point', 1, &
+                      'material', 'it has no state')
+      return
+    end if
+    call read_law(deck, m, box, errors)
+    if (.not. errors%any()) call follow_path(deck, box%law, curve, path, check, errors)
+  end subroutine run_control
+
+  !> Material that instance k of a group names, or the only one.
+  subroutine find_material(deck, group, k, material, m, errors)
+    type(deck_type), intent(in) :: deck
+    character(len=*), intent(in) :: group
     integer(i4), intent(in) :: k
     type(fem_material_type), intent(in) :: material(:)
     integer(i4), intent(out) :: m
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: id
-    call deck%get('path', k, 'material', id)
+    call deck%get(group, k, 'material', id)
     do m = 1, size(material)
       if (material(m)%id == id .or. (len(id) == 0 .and. size(material) == 1)) return
     end do
-    call deck%fault(errors, 'D302', "there is no material '"//id//"'", 'path', k, 'material', &
-                    'with several materials each &path names one')
+    call deck%fault(errors, 'D302', "there is no material '"//id//"'", group, k, 'material', &
+                    'with several materials each &'//group//' names one')
   end subroutine find_material
 
   subroutine open_table(file, path, errors)

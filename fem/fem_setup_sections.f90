@@ -9,6 +9,7 @@ module fem_setup_sections
   use fem_micropolar, only: technical_type, eringen_moduli, lame_moduli, violated_inequality
   use fem_rules, only: kind_of_rule, usual_rule, polar_rule, rules_for
   use fem_kinds, only: kind_name
+  use fem_setup_laws, only: has_state, check_law_keys
   use fem_types, only: group_volume, name_length
   implicit none
   private
@@ -23,6 +24,7 @@ module fem_setup_sections
   type :: fem_material_type
     character(len=name_length) :: id = ''
     logical :: polar = .false.
+    logical :: stateful = .false.   !! its law has a state (fem_law)
     real(wp) :: moduli(6) = 0.0_wp  !! lambda, mu, kappa [Pa], alpha, beta, gamma [N]
     real(wp) :: density = 0.0_wp    !! [kg/m^3]
     real(wp) :: inertia = 0.0_wp    !! micro-inertia j [m^2]
@@ -47,6 +49,8 @@ contains
     call deck%get('material', m, 'density', material%density)
     call deck%get('material', m, 'micro_inertia', material%inertia)
     material%polar = law == 'micropolar'
+    material%stateful = has_state(law)
+    call check_law_keys(deck, m, law, errors)
     if (material%polar) then
       if (any([(deck%given('material', m, trim(eringen(k))), k=1, 6)])) then
         call read_eringen(deck, m, material%moduli, errors)
@@ -72,6 +76,7 @@ contains
       call deck%fault(errors, 'D320', trim(technical(k))//' is a constant of micropolar solids', &
         'material', m, trim(technical(k)), "give young and poisson, or law = 'micropolar'")
     end do
+    if (law == 'cam_clay' .or. errors%count > before) return
     if (.not. (deck%given('material', m, 'young') .and. deck%given('material', m, 'poisson'))) &
       call deck%fault(errors, 'D320', 'the material has no young or no poisson', 'material', m, &
                       'id', 'a linear elastic solid needs both')
@@ -159,6 +164,8 @@ contains
       if (body%massive .and. material(m)%polar .and. .not. material(m)%inertia > 0.0_wp) &
         call deck%fault(errors, 'D320', 'the micropolar material has no micro_inertia', &
           'material', m, 'id', 'dynamics and modes need it: 2/5 r^2 of grains of radius r')
+      if (material(m)%stateful) call deck%fault(errors, 'D334', 'bodies have elastic laws', &
+        'material', m, 'law', 'run it with --point, without mesh')
     end do
     do s = 1, deck%count('section')
       call find_parts(deck, body, s, material, g, m, errors)
