@@ -51,6 +51,7 @@ program test_dem_port
     call files_and_end()
     call go_on()
     call rehearse()
+    call press()
     call execute_command_line('rm -rf '//folder)
     call test%finish()
   end if
@@ -414,4 +415,45 @@ contains
     call port%close()
     call test%check('rehearsal without faults', .not. errors%any())
   end subroutine rehearse
+
+  !> A surcharge beside a load: both push grain 30; the third interval begins with a look at the
+  !! surface, by then the stress has doubled; REJECT takes the look back.
+  subroutine press()
+    type(error_list_type) :: faults
+    real(wp) :: x(3, 1), again(3, 1), v(3, 1)
+    integer(i4) :: k
+
+    call replace_file(folder//'/deck.nml', '&run gravity = 0.0, 0.0, 0.0 /'//nl// &
+      "&material id = 'q', density = 2650.0, young = 29.0e9, poisson = 0.25 /"//nl// &
+      "&contact between = 'q', 'q', law = 'hertz_mindlin', friction = 0.5 /"//nl// &
+      "&particles file = 'pack.h5', material = 'q' /"//nl//'&dynamics dt = 1.0e-7 /'//nl// &
+      "&curve id = 'c', times = 1.1e-5, 1.15e-5, values = 1.0, 2.0 /"//nl// &
+      "&surcharge stress = 100.0, curve = 'c', lower = 5.0e-3, -1.0e-3, "// &
+      'upper = 15.0e-3, 1.0e-3 /'//nl, faults)
+    call execute_command_line('rm -f '//folder//'/deck_* '//folder//'/deck.log')
+    call start('fifth')
+    call choose('l', 'load', [30_i8], '')
+    call choose('r', 'report', [30_i8], '')
+    call ask%start(verb_ready)
+    call expect('READY with a surcharge', '')
+    do k = 1, 4
+      call ask%start(verb_advance, 1_i8, 6.0e-6_wp*min(k - 1, 2), 6.0e-6_wp*min(k, 3))
+      call ask%put('l.force', reshape([1.0e-3_wp, 0.0_wp, 0.0_wp], [3, 1]))
+      call expect('ADVANCE under a surcharge', '')
+      if (k == 4) x = again
+      call reply%get('r.x', again, errors)
+      call reply%get('r.v', v, errors)
+      call ask%start(merge(verb_reject, verb_accept, k == 3))
+      call expect('ACCEPT or REJECT', '')
+    end do
+    call test%check('the same bits after REJECT', all(abs(again - x) <= 0.0_wp))
+    call test%check_close('the load is there', v(1, 1), 1.8e-5_wp*1.0e-3_wp/mass(3), 1.0e-12_wp)
+    call test%check_close('and the surcharge', v(3, 1), -(1.2e-5_wp + 2.0_wp*6.0e-6_wp) &
+                          *2.0e-3_wp/mass(3), 1.0e-12_wp)
+    call ask%start(verb_stop)
+    call expect('STOP', '')
+    call test%check('it ends with 0', child%wait(20.0_wp) .and. child%exit_code == 0)
+    call port%close()
+    call test%check('surcharge without faults', .not. errors%any())
+  end subroutine press
 end program test_dem_port
