@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 20)
+    call table%init('talus-dem', 21)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -25,6 +25,7 @@ contains
     call group_driven(table)
     call group_wall(table)
     call group_servo(table)
+    call group_constant_volume(table)
     call group_surcharge(table)
     call group_dynamics(table)
     call group_relaxation(table)
@@ -289,6 +290,25 @@ contains
       //' servo works to the end.')
     call table%bounds(above=0.0_wp)
   end subroutine group_servo
+
+  subroutine group_constant_volume(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('constant_volume', 2, &
+      'Walls that move so that the volume of the box stays while others are driven: ' &
+      //'undrained tests. Every 10 steps the pairs named get the velocities that bring ' &
+      //'the volume back to what it was at `since`, half of the change on each wall. The ' &
+      //'walls are a box: three pairs of opposite planes at right angles. Not under ' &
+      //'talus-couple.')
+    call table%add_key('walls', 'string', '', &
+      'One or two pairs of opposite walls, without velocity of their own, servos ended ' &
+      //'by `since`.')
+    call table%need()
+    call table%sized(1_i4, huge(1_i4))
+    call table%add_key('since', 'real', 's', &
+      'From then on; the volume is that of the first look at or after it.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+  end subroutine group_constant_volume
 
   subroutine group_surcharge(table)
     type(key_table_type), intent(inout) :: table

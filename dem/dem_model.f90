@@ -512,10 +512,11 @@ contains
     call self%servo%history%close(errors)
     call self%surcharge%history%close(errors)
     call self%measures%close(errors)
-    if (.not. self%stopped) call self%equilibrium%judge(self%clock%time(), self%deck%source%path, &
-                                                        errors)
-    if (.not. self%stopped) call self%servo%judge(self%system%dem_data_type, &
-                                                  self%clock%time(), self%deck%source%path, errors)
+    if (.not. (self%stopped .or. errors%any())) then
+      call self%equilibrium%judge(self%clock%time(), self%deck%source%path, errors)
+      call self%servo%judge(self%system%dem_data_type, self%clock%time(), &
+                            self%deck%source%path, errors)
+    end if
     exit_code = errors%exit_code()
     if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped
     if (.not. self%opened) call self%lock%release()

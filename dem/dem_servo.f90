@@ -18,6 +18,7 @@ module dem_servo
   use talus_log, only: short_number
   use dem_state, only: dem_data_type, lanes, history_side
   use dem_contact, only: contact_radius, constants_of, contact_constants_type
+  use dem_volume, only: constant_volume_type
   implicit none
   private
   public :: dem_servo_type, measured_area, wall_stiffness
@@ -48,6 +49,7 @@ module dem_servo
     integer(i4), allocatable :: wall_curve(:)      !! (walls) 0: constant velocity
     real(wp), allocatable :: wall_velocity(:, :)   !! (3, walls) of the deck [m/s]
     type(servo_wall_type), allocatable :: servo(:)
+    type(constant_volume_type) :: volume
     type(history_type) :: history
   contains
     procedure :: read => read_servos
@@ -85,10 +87,11 @@ contains
     do k = 1, size(names)
       call curve_index(deck, 'D250', self%curve, 'wall', k, self%wall_curve(k), errors)
     end do
+    call self%volume%read(deck, d, names, errors)
     if (served .and. self%active()) &
-      call deck%fault(errors, 'D247', 'walls with curves or servos do not work under a partner', &
-                      merge('servo', 'wall ', size(self%servo) > 0), 1, '', &
-                      'give the walls constant velocities')
+      call deck%fault(errors, 'D247', 'walls with curves, servos or a constant volume do not '// &
+                      'work under a partner', merge('servo', 'wall ', size(self%servo) > 0), 1, &
+                      '', 'give the walls constant velocities')
     do k = 1, size(self%servo)
       call read_servo(self, deck, d, k, errors)
     end do
@@ -194,7 +197,7 @@ contains
 
   pure logical function active(self)
     class(dem_servo_type), intent(in) :: self
-    active = size(self%servo) > 0 .or. any(self%wall_curve > 0)
+    active = size(self%servo) > 0 .or. any(self%wall_curve > 0) .or. self%volume%active
   end function active
 
   !> Steps that may pass without a look.
@@ -239,6 +242,7 @@ contains
     do k = 1, size(self%servo)
       if (time < self%servo(k)%until) call self%set_servo(k, d, time, ahead)
     end do
+    call self%volume%set(d, time, ahead)
   end subroutine look
 
   !> Velocity of servo k.
@@ -307,7 +311,6 @@ contains
     integer(i4) :: k
     character(len=:), allocatable :: why, hint
 
-    if (errors%any()) return
     do k = 1, size(self%servo)
       associate (servo => self%servo(k), seen => d%servo_seen(:, self%servo(k)%wall))
         if (self%error_of(k, d) <= servo%tolerance) cycle
@@ -319,6 +322,7 @@ contains
             short_number(100.0_wp*real(servo%at_speed, wp)/real(servo%looks, wp))//' % of its looks'
           hint = 'raise speed or t_end, or look whether the grains run away from the wall'
         end if
+        if (.not. wall_stiffness(d, servo%wall) > 0.0_wp) why = why//', and it touches no grain'
         call errors%add('N204', "servo of wall '"//self%name(servo%wall)%s//"' ended at "// &
                         short_number(seen(5))//' Pa instead of '//short_number(seen(6))// &
                         ' Pa: '//why, place, hint)

@@ -201,6 +201,7 @@ module dem_state
     real(wp) :: ledger_dt = 0.0_wp                 !! step that ledger%staggering is for [s]
     real(wp), allocatable :: seen_kinetic(:)       !! (grains) at the last look of damping [J]
     real(wp), allocatable :: servo_seen(:, :)      !! (:, planes) last look of servos, dem_servo
+    real(wp) :: kept_volume = 0.0_wp               !! of the box [m^3], dem_volume; 0: not yet
     real(wp), allocatable :: surcharge(:)          !! (grains) force downwards now [N]
     real(wp), allocatable :: surcharge_seen(:)     !! last look, dem_surcharge
     logical :: ready = .false.                     !! lists and forces exist

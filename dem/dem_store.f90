@@ -23,6 +23,8 @@ contains
     if (allocated(d%seen_kinetic)) call archive%put_reals( &
       'damping.seen_kinetic', reshape(d%seen_kinetic, [1, size(d%seen_kinetic)]))
     if (allocated(d%servo_seen)) call archive%put_reals('servo.seen', d%servo_seen)
+    if (d%kept_volume > 0.0_wp) &
+      call archive%put_reals('volume.kept', reshape([d%kept_volume], [1, 1]))
     if (allocated(d%surcharge)) then
       call archive%put_reals('surcharge.force', reshape(d%surcharge, [1, size(d%surcharge)]))
       call archive%put_reals('surcharge.seen', reshape(d%surcharge_seen, &
@@ -156,6 +158,8 @@ contains
     end if
     k = archive%find('servo.seen')
     if (k > 0) d%servo_seen = archive%item(k)%reals
+    k = archive%find('volume.kept')
+    if (k > 0) d%kept_volume = archive%item(k)%reals(1, 1)
     if (archive%find('surcharge.force') > 0) then
       call archive%get_reals('surcharge.force', 1, d%grains%n, row, errors)
       d%surcharge = row(1, :)

@@ -6,7 +6,7 @@ import json
 from datetime import datetime
 from pathlib import Path
 
-from talus import plots, version
+from talus import gallery, version
 from talus.faults import FaultError
 from talus.look import figure_bytes
 
@@ -95,25 +95,27 @@ def picture(data: bytes, caption: str) -> str:
 
 
 def build(folder: Path, title: str) -> str:
-    """Return the page: summaries, the folder's PNGs, and ledgers that have no PNG yet."""
+    """Return the page: summaries, the folder's PNGs, and figures that have no PNG yet."""
     if not folder.is_dir():
         raise FaultError("E553", f"no such folder: {folder}")
     summaries = sorted(folder.glob("*_summary.json"))
     images = sorted(folder.glob("*.png"))
-    ledgers = [p for p in sorted(folder.glob("*_energy.csv")) if not p.with_suffix(".png").exists()]
-    if not summaries and not images and not ledgers:
+    drawn = {path.name for path in images}
+    missing = [one for one in gallery.exhibits(folder) if one.name not in drawn]
+    if not summaries and not images and not missing:
         raise FaultError(
             "E553", f"{folder} holds no results", "*_summary.json, *.png, *_energy.csv"
         )
     parts = [run_section(path) for path in summaries]
-    if images or ledgers:
+    if images or missing:
         parts.append("<h2>Figures</h2>")
     parts += [picture(path.read_bytes(), path.name) for path in images]
-    for path in ledgers:
+    for exhibit in missing:
         try:
-            parts.append(picture(figure_bytes(plots.energy(path)), path.name))
+            parts.append(picture(figure_bytes(exhibit.work()), exhibit.name))
         except FaultError as fault:
-            parts.append(f'<p class="bad">{html.escape(str(fault))}</p>')
+            if fault.code not in gallery.QUIET:
+                parts.append(f'<p class="bad">{html.escape(str(fault))}</p>')
     date = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")
     head = html.escape(title or f"Results in {folder.resolve().name}")
     return (

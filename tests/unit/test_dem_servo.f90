@@ -10,12 +10,14 @@ program test_dem_servo
   use dem_make, only: make_grains, make_planes
   use dem_servo, only: dem_servo_type, measured_area, wall_stiffness
   use dem_system, only: dem_system_type
+  use dem_volume, only: constant_volume_type, box_pairs
   implicit none
   type(test_type) :: test
 
   call check_curve()
   call check_area()
   call check_servo()
+  call check_volume()
   call test%finish()
 
 contains
@@ -115,4 +117,48 @@ contains
     call servo%judge(s%dem_data_type, 1.0_wp, 'deck.nml', errors)
     call test%check('and is a fault', errors%any())
   end subroutine check_servo
+
+  !> A box 2 x 3 x 4 whose z walls come and go: x and y follow, both by one factor; then x alone.
+  subroutine check_volume()
+    type(dem_system_type) :: s
+    type(constant_volume_type) :: volume
+    real(wp), parameter :: ahead = 1.0e-3_wp
+    real(wp) :: point(3, 6), normal(3, 6), v(3, 6), length(3), worst
+    integer(i4) :: k
+    point = 0.0_wp
+    normal = 0.0_wp
+    v = 0.0_wp
+    do k = 1, 3
+      normal(k, 2*k - 1) = 1.0_wp
+      normal(k, 2*k) = -1.0_wp
+      point(k, 2*k) = 1.0_wp + k
+    end do
+    call make_planes(s%planes, point(:, :5), normal(:, :5), v(:, :5), [1, 1, 1, 1, 1])
+    call test%check('no box', all(box_pairs(s%dem_data_type) == 0))
+    call make_planes(s%planes, point, normal, v, [1, 1, 1, 1, 1, 1])
+    volume%pair = box_pairs(s%dem_data_type)
+    call test%check('a box', all(volume%pair == reshape([1, 2, 3, 4, 5, 6], [2, 3])))
+    volume%active = .true.
+    volume%since = 0.5_wp
+    volume%moves = [.true., .true., .false.]
+    call volume%set(s%dem_data_type, 0.4_wp, ahead)
+    call test%check('not before its time', .not. s%kept_volume > 0.0_wp)
+    worst = 0.0_wp
+    do k = 1, 500
+      if (k == 300) volume%moves(2) = .false.
+      s%planes%velocity = 0.0_wp
+      s%planes%velocity(3, 5) = sin(0.1_wp*k)
+      s%planes%velocity(3, 6) = -cos(0.03_wp*k)
+      call volume%set(s%dem_data_type, 0.5_wp + k*ahead, ahead)
+      s%planes%point = s%planes%point + ahead*s%planes%velocity
+      length = [(s%planes%point(k/2, k) - s%planes%point(k/2, k - 1), k=2, 6, 2)]
+      worst = max(worst, abs(product(length)/24.0_wp - 1.0_wp))
+      if (k == 299) call test%check_close('one factor', length(2)/length(1), 1.5_wp, 1.0e-13_wp)
+    end do
+    call test%check_close('the volume stays', worst, 0.0_wp, 1.0e-13_wp)
+    call test%check_close('y has stopped', length(2)/length(1), &
+                          1.5_wp*(length(2)/3.0_wp)**2*length(3)/4.0_wp, 1.0e-12_wp)
+    call test%check_close('both walls share', s%planes%point(1, 1) + s%planes%point(1, 2), 2.0_wp, &
+                          1.0e-13_wp)
+  end subroutine check_volume
 end program test_dem_servo

@@ -1,13 +1,13 @@
-"""`talus plot`: ledger, force-penetration, ghosts, audit, measures; or all of a folder."""
+"""`talus plot`: ledger, force-penetration, ghosts, audit, measures, tests; or all of a folder."""
 
 import argparse
 import sys
 from pathlib import Path
 
-from talus import measure_plots, plots
+from talus import gallery, measure_plots, plots, specimens
 from talus.faults import FaultError
 
-KINDS = ("force", "ghosts", "audit", "energy", "measure", "rose", "slice")
+KINDS = ("force", "ghosts", "audit", "energy", "measure", "rose", "slice", "specimen")
 
 
 def register(commands: argparse._SubParsersAction) -> None:
@@ -18,14 +18,17 @@ def register(commands: argparse._SubParsersAction) -> None:
         description=f"talus plot FOLDER, or talus plot {{{','.join(KINDS)}}} FILE ...",
     )
     new.add_argument("what", help=f"a folder of results, or one of {', '.join(KINDS)}")
-    new.add_argument("files", nargs="*", help="files; for force: RUN_DRIVEN_CSV[=label] ...")
+    new.add_argument("files", nargs="*", help="files; for force and specimen: CSV[=label] ...")
     new.add_argument("-o", "--output", type=Path, help="PNG (for a folder: the folder of the PNGs)")
-    new.add_argument("--csv", type=Path, help="force: write the curves too")
-    new.add_argument("--title", default="", help="force: title, e.g. mode, gravity and speed")
+    new.add_argument("--csv", type=Path, help="force, specimen: write the curves")
+    new.add_argument("--title", default="", help="force, specimen: title, e.g. mode and speed")
     new.add_argument("--tool", type=int, help="force: id of the driven grain if there are several")
     new.add_argument("--step", type=int, default=-1, help="step, negative from the end")
     new.add_argument("--field", default="solid_fraction", help="slice: density, stress_xy, ...")
-    new.add_argument("--axis", choices="xyz", default="y", help="slice: across this axis")
+    new.add_argument("--axial", choices="xyz", default="z", help="specimen: the axial direction")
+    new.add_argument(
+        "--axis", choices="xyz", default="y", help="slice: across this axis (default y)"
+    )
     new.add_argument("--at", type=float, help="slice: place along the axis [m], else the middle")
     new.set_defaults(run=plot)
 
@@ -38,6 +41,8 @@ def plot(options: argparse.Namespace) -> int:
         raise FaultError("E549", f"'talus plot {options.what}' needs a file")
     if options.what == "force":
         return plot_force(options)
+    if options.what == "specimen":
+        return plot_specimens(options)
     if len(options.files) > 1:
         raise FaultError("E549", f"'talus plot {options.what}' takes one file")
     source = Path(options.files[0])
@@ -64,16 +69,32 @@ def plot_slice(source: Path, options: argparse.Namespace) -> int:
     return save(figure, options.output or Path(f"{source.stem}_{options.field}.png"))
 
 
+def labelled(texts: list[str], ending: str) -> dict[str, Path]:
+    """Return files by label from words FILE[=label]; without label the run's name."""
+    files = {}
+    for text in texts:
+        name, _, label = text.partition("=")
+        label = label or plots.stem_of(Path(name), ending)
+        if label in files:
+            raise FaultError("E549", f"two curves are called '{label}'", "name them: FILE=label")
+        files[label] = Path(name)
+    return files
+
+
+def plot_specimens(options: argparse.Namespace) -> int:
+    """Element tests, one or several in one figure."""
+    files = labelled(options.files, specimens.ENDING)
+    tests = {k: specimens.read_specimen(path, options.axial) for k, path in files.items()}
+    if options.csv:
+        specimens.write_table(options.csv, tests)
+        print(options.csv)
+    return save(specimens.figure(tests, options.title), options.output or Path("specimen.png"))
+
+
 def plot_force(options: argparse.Namespace) -> int:
     """Force-penetration of one or several runs in one figure."""
-    curves = {}
-    for text in options.files:
-        name, _, label = text.partition("=")
-        path = Path(name)
-        label = label or plots.stem_of(path, "_driven")
-        if label in curves:
-            raise FaultError("E549", f"two curves are called '{label}'", "name them: FILE=label")
-        curves[label] = plots.force_curve(path, options.tool)
+    files = labelled(options.files, "_driven")
+    curves = {label: plots.force_curve(path, options.tool) for label, path in files.items()}
     if options.csv:
         plots.write_force_table(options.csv, curves)
         print(options.csv)
@@ -97,38 +118,15 @@ def plot_folder(folder: Path, options: argparse.Namespace) -> int:
         hint = f"a folder, or one of {', '.join(KINDS)}"
         raise FaultError("E549", f"'{folder}' is no folder and no kind of plot", hint)
     out = options.output or folder
-    works = [
-        (path, plots.energy, f"{path.stem}.png") for path in sorted(folder.glob("*_energy.csv"))
-    ]
-    works += [
-        (path, plots.audit, f"{path.stem}.png") for path in sorted(folder.glob("*_audit.csv"))
-    ]
-    works += [
-        (path, measure_plots.history, f"{path.stem}.png")
-        for path in sorted(folder.glob("*_measure_*.csv"))
-    ]
-    driven = sorted(folder.glob("*_driven.csv"))
-    if driven:
-        works.append((driven, force_of_all, "force_penetration.png"))
-    works += [
-        (path, plots.ghosts, f"{path.stem}_ghosts.png")
-        for path in sorted(folder.glob("*.h5"))
-        if path.with_suffix(".xdmf").exists() and (folder / f"{path.stem}_energy.csv").exists()
-    ]
     made = 0
-    for source, work, name in works:
+    for exhibit in gallery.exhibits(folder):
         try:
-            made += save(work(source), out / name) == 0
+            made += save(exhibit.work(), out / exhibit.name) == 0
         except FaultError as fault:
-            if fault.code not in ("E543", "E548"):  # no grains, no ghosts: nothing to draw
+            if fault.code not in gallery.QUIET:
                 print(fault, file=sys.stderr)
     if not made:
         raise FaultError(
             "E549", f"{folder} holds nothing to plot", "*_energy.csv, *_driven.csv, ..."
         )
     return 0
-
-
-def force_of_all(paths: list[Path]) -> object:
-    """Force-penetration of all runs of a folder."""
-    return plots.force_figure({plots.stem_of(p, "_driven"): plots.force_curve(p) for p in paths})

@@ -1,0 +1,61 @@
+"""Every figure that the files of a folder allow, for `talus plot FOLDER` and `talus report`."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from talus import measure_plots, plots, specimens
+
+QUIET = ("E543", "E548", "E558")  # no grains or contacts, no ghosts, no box: nothing to draw
+
+
+@dataclass
+class Exhibit:
+    """A figure that can be made: its source, the work, the name of its PNG."""
+
+    source: Path
+    work: Callable[[], object]
+    name: str
+
+
+def exhibits(folder: Path) -> list[Exhibit]:
+    """Return what can be drawn of a folder, in order; each may still fail on a damaged file."""
+    found = []
+
+    def add(pattern: str, work: Callable[[Path], object], ending: str = "", cut: str = "") -> None:
+        for path in sorted(folder.glob(pattern)):
+            name = f"{path.stem.removesuffix(cut)}{ending}.png"
+            found.append(Exhibit(path, lambda path=path: work(path), name))
+
+    add("*_energy.csv", plots.energy)
+    add("*_audit.csv", plots.audit)
+    add("*_measure_*.csv", measure_plots.history)
+    add(f"*{specimens.ENDING}.csv", specimen_of, "_specimen", specimens.ENDING)
+    driven = sorted(folder.glob("*_driven.csv"))
+    if driven:
+        found.append(Exhibit(driven[0], lambda: force_of_all(driven), "force_penetration.png"))
+    for path in sorted(folder.glob("*.h5")):
+        run = path.with_suffix(".xdmf").exists() and (folder / f"{path.stem}_energy.csv").exists()
+        if run:
+            found.append(Exhibit(path, lambda p=path: plots.ghosts(p), f"{path.stem}_ghosts.png"))
+            found.append(
+                Exhibit(path, lambda p=path: measure_plots.rose(p), f"{path.stem}_rose.png")
+            )
+    add("*_grid_*.h5", slice_of, "_solid_fraction")
+    return found
+
+
+def specimen_of(path: Path) -> object:
+    """Figure of one element test."""
+    test = specimens.read_specimen(path)
+    return specimens.figure({test.name: test})
+
+
+def slice_of(path: Path) -> object:
+    """Solid fraction in the middle layer across y, last step."""
+    return measure_plots.slice_of(path, "solid_fraction", "y", None)
+
+
+def force_of_all(paths: list[Path]) -> object:
+    """Force-penetration of all runs of a folder."""
+    return plots.force_figure({plots.stem_of(p, "_driven"): plots.force_curve(p) for p in paths})

@@ -1,0 +1,181 @@
+"""Element tests: stresses and strains of a specimen between six walls, and their figures.
+
+Stress is positive in compression, strains are logarithmic (Hencky) and positive in compression.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from talus import histories
+from talus.faults import FaultError
+from talus.files import make_folder, write_text_file
+from talus.look import COLOURS, new_figure
+
+KILO, PER_CENT = 1.0e3, 100.0
+WINDOW = 0.01  # axial strain over which a peak is averaged
+ENDING = "_walls"
+TABLE = (
+    "axial_strain [-],volumetric_strain [-],p [Pa],q [Pa],axial_stress [Pa],lateral_stress [Pa],"
+    "void_ratio [-],friction_angle [deg]"
+)
+
+
+@dataclass
+class Specimen:
+    """Curves of one test, one value a time."""
+
+    name: str
+    time: np.ndarray  # [s]
+    length: np.ndarray  # (n, 3) between opposite walls [m]
+    stress: np.ndarray  # (n, 3) on them, mean of both [Pa]
+    axis: int  # that is called axial: 0, 1, 2
+    void_ratio: np.ndarray | None  # [-], where the volume of the grains is known
+
+    @property
+    def axial_strain(self) -> np.ndarray:
+        """Shortening of the axial length [-]."""
+        return -np.log(self.length[:, self.axis] / self.length[0, self.axis])
+
+    @property
+    def volumetric_strain(self) -> np.ndarray:
+        """Loss of volume [-]."""
+        volume = self.length.prod(axis=1)
+        return -np.log(volume / volume[0])
+
+    @property
+    def axial(self) -> np.ndarray:
+        """Axial stress [Pa]."""
+        return self.stress[:, self.axis]
+
+    @property
+    def lateral(self) -> np.ndarray:
+        """Mean lateral stress [Pa]."""
+        return (self.stress.sum(axis=1) - self.axial) / 2.0
+
+    @property
+    def pressure(self) -> np.ndarray:
+        """Mean stress p [Pa]."""
+        return self.stress.mean(axis=1)
+
+    @property
+    def deviator(self) -> np.ndarray:
+        """Axial less lateral stress, q [Pa]."""
+        return self.axial - self.lateral
+
+    @property
+    def friction_angle(self) -> np.ndarray:
+        """Mobilised angle of friction [deg]: sin = (s1 - s3)/(s1 + s3); 0 without stress."""
+        total = self.axial + self.lateral
+        ratio = np.divide(self.deviator, total, out=np.zeros_like(total), where=total > 0.0)
+        return np.degrees(np.arcsin(np.clip(ratio, -1.0, 1.0)))
+
+
+def read_specimen(path: Path, axis: str = "z") -> Specimen:
+    """Read *_walls.csv of a box of six walls, and the grains' volume from the field file beside it.
+
+    Which walls are opposite is seen by the forces: all its life a smooth wall is pushed along its
+    normal, of two opposite ones the lower one downwards.
+    """
+    rows = histories.read(path)
+    walls = np.unique(rows["wall"]).astype(int)
+    if len(walls) != 6 or not rows["time"].size:
+        text = f"{path} has {len(walls)} walls with rows"
+        raise FaultError("E558", text, "an element test stands between six walls")
+    place = np.stack([[rows[c][rows["wall"] == w] for c in "xyz"] for w in walls])
+    force = np.stack([[rows[f"force_{c}"][rows["wall"] == w] for c in "xyz"] for w in walls])
+    steps = min(int(np.count_nonzero(rows["wall"] == w)) for w in walls)
+    place, force = place[:, :, :steps], force[:, :, :steps]
+    total = np.abs(force).sum(axis=2)
+    along = total.argmax(axis=1)
+    if (total.max(axis=1) <= 0.0).any() or sorted(along) != [0, 0, 1, 1, 2, 2]:
+        text = f"the walls of {path} are no box with two of them across each axis"
+        raise FaultError("E558", text, "every wall must have been pushed by grains")
+    length, push = np.empty((steps, 3)), np.empty((steps, 3))
+    for k in range(3):
+        one, other = np.flatnonzero(along == k)
+        length[:, k] = np.abs(place[one, k] - place[other, k])
+        push[:, k] = 0.5 * (np.abs(force[one, k]) + np.abs(force[other, k]))
+    stress = push * length / length.prod(axis=1)[:, None]
+    name = path.stem.removesuffix(ENDING)
+    solid = grain_volume(path.with_name(f"{name}.h5"))
+    void_ratio = None if solid is None else length.prod(axis=1) / solid - 1.0
+    time = rows["time"][rows["wall"] == walls[0]][:steps]
+    return Specimen(name, time, length, stress, "xyz".index(axis), void_ratio)
+
+
+def grain_volume(path: Path) -> float | None:
+    """Volume of the free grains of a field file [m3]; None if there is no such file."""
+    if not path.exists():
+        return None
+    try:
+        with h5py.File(path) as file:
+            grains = file["steps"][min(file["steps"])]["grains"]
+            axes = grains["axes"][...][grains["kind"][...] == 0]
+    except (OSError, KeyError, ValueError):
+        return None
+    return float(4.0 / 3.0 * np.pi * axes.prod(axis=1).sum()) or None
+
+
+def mean_over(test: Specimen, values: np.ndarray, low: float, high: float) -> float:
+    """Mean of a curve over a range of axial strain, NaN if the test does not reach its end."""
+    strain = test.axial_strain
+    inside = (strain >= low) & (strain <= high)
+    if not inside.any() or strain.max() < high - WINDOW / 2.0:
+        return float("nan")
+    return float(values[inside].mean())
+
+
+def peak_angle(test: Specimen) -> tuple[float, float]:
+    """Largest friction angle [deg] averaged over 1 % of axial strain, and the strain there [-]."""
+    strain, angle = test.axial_strain, test.friction_angle
+    best, where = float("nan"), float("nan")
+    for start in np.arange(0.0, strain.max() - WINDOW, WINDOW / 4.0):
+        mean = mean_over(test, angle, start, start + WINDOW)
+        if np.isfinite(mean) and not mean <= best:
+            best, where = mean, start + WINDOW / 2.0
+    return best, float(where)
+
+
+def figure(tests: dict[str, Specimen], title: str = "") -> object:
+    """Draw stress-strain, volume, q-p and e-log p curves of tests."""
+    fig, axes = new_figure(nrows=2, ncols=2, figsize=(10.0, 7.2))
+    (shear, path), (volume, voids) = axes
+    for k, (label, test) in enumerate(tests.items()):
+        colour = COLOURS[k % len(COLOURS)]
+        look = {"color": colour, "lw": 1.2, "label": label}
+        strain = PER_CENT * test.axial_strain
+        shear.plot(strain, test.deviator / KILO, **look)
+        path.plot(test.pressure / KILO, test.deviator / KILO, **look)
+        volume.plot(strain, -PER_CENT * test.volumetric_strain, **look)
+        if test.void_ratio is not None:
+            good = test.pressure > 0.0
+            voids.semilogx(test.pressure[good] / KILO, test.void_ratio[good], **look)
+    shear.set(xlabel="axial strain [%]", ylabel="q = axial less lateral stress [kPa]")
+    path.set(xlabel="mean stress p [kPa]", ylabel="q [kPa]")
+    volume.set(xlabel="axial strain [%]", ylabel="gain of volume [%]")
+    voids.set(xlabel="mean stress p [kPa]", ylabel="void ratio [-]")
+    if not voids.has_data():
+        voids.text(
+            0.5, 0.5, "no field file beside the walls", transform=voids.transAxes, ha="center"
+        )
+    shear.legend(fontsize=8)
+    fig.suptitle(title or "Element test", fontsize=11)
+    return fig
+
+
+def write_table(path: Path, tests: dict[str, Specimen]) -> None:
+    """Write the curves as CSV, one row a test and time."""
+    lines = [f"test,time [s],{TABLE}"]
+    for label, test in tests.items():
+        voids = np.full_like(test.time, np.nan) if test.void_ratio is None else test.void_ratio
+        columns = (test.time, test.axial_strain, test.volumetric_strain, test.pressure,
+                   test.deviator, test.axial, test.lateral, voids, test.friction_angle)  # fmt: skip
+        text = label.replace('"', "'")
+        lines += [
+            f'"{text}",' + ",".join(f"{v:.9g}" for v in row) for row in zip(*columns, strict=True)
+        ]
+    make_folder(path.parent)
+    write_text_file(path, "\n".join(lines) + "\n")

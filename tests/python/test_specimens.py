@@ -1,0 +1,118 @@
+"""Element tests: boxes found by their forces, strains, stresses, angles; figures and the report."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from talus import gallery, reports, specimens
+from talus.cli import main
+from talus.faults import FaultError
+
+HEAD = "time [s],wall [-],x [m],y [m],z [m],force_x [N],force_y [N],force_z [N],work [J]"
+TIMES = np.linspace(0.0, 1.0, 101)
+
+
+def write_walls(path: Path, order: tuple[int, ...] = (4, 0, 2, 1, 3, 5)) -> None:
+    """Write a box 1 x 2 x 4 m in a strange order: z shortens to exp(-1), x widens by exp(0.4).
+
+    100 Pa aside; axially 100 Pa and a hump of 200 Pa at a strain of 0.5.
+    """
+    lines = [HEAD]
+    for t in TIMES:
+        length = np.array([np.exp(0.4 * t), 2.0, 4.0 * np.exp(-t)])
+        stress = np.array([100.0, 100.0, 100.0 + 200.0 * np.exp(-((t - 0.5) ** 2) / 0.02)])
+        for number, wall in enumerate(order):
+            axis, upper = divmod(wall, 2)
+            x, force = np.full(3, 7.0), np.zeros(3)
+            x[axis] = -1.0 + upper * length[axis]
+            force[axis] = (2 * upper - 1) * stress[axis] * length.prod() / length[axis]
+            values = [t, number + 1, *x, *force, 0.0]
+            lines.append(",".join(f"{v:.17g}" for v in values))
+    path.write_text("\n".join(lines) + "\n")
+
+
+def write_grains(path: Path) -> None:
+    """Write a field file whose free grains have a volume of 4 m3, and a fixed one."""
+    edge = (3.0 / np.pi) ** (1.0 / 3.0)
+    with h5py.File(path, "w") as file:
+        step = file.create_group("steps/000000/grains")
+        step["axes"] = np.array([[edge, edge, edge], [9.0, 9.0, 9.0]])
+        step["kind"] = np.array([0, 1])
+
+
+def test_curves(tmp_path: Path) -> None:
+    """Lengths, stresses, strains and void ratio of a box known in closed form."""
+    write_walls(tmp_path / "run_walls.csv")
+    test = specimens.read_specimen(tmp_path / "run_walls.csv")
+    assert test.name == "run"
+    assert test.void_ratio is None
+    assert test.length[0] == pytest.approx([1.0, 2.0, 4.0])
+    assert test.axial_strain == pytest.approx(TIMES)
+    assert test.volumetric_strain == pytest.approx(0.6 * TIMES, abs=1e-12)
+    assert test.lateral == pytest.approx(np.full(101, 100.0))
+    assert test.axial[50] == pytest.approx(300.0)
+    assert test.pressure[50] == pytest.approx(500.0 / 3.0)
+    assert test.friction_angle[50] == pytest.approx(30.0)
+    side = specimens.read_specimen(tmp_path / "run_walls.csv", "x")
+    assert side.axial_strain == pytest.approx(-0.4 * TIMES, abs=1e-12)
+    write_grains(tmp_path / "run.h5")
+    test = specimens.read_specimen(tmp_path / "run_walls.csv")
+    assert test.void_ratio == pytest.approx(8.0 * np.exp(-0.6 * TIMES) / 4.0 - 1.0)
+
+
+def test_angles(tmp_path: Path) -> None:
+    """The peak lies at the hump, a little below its top; means want the whole range."""
+    write_walls(tmp_path / "run_walls.csv")
+    test = specimens.read_specimen(tmp_path / "run_walls.csv")
+    angle, strain = specimens.peak_angle(test)
+    assert 29.8 < angle < 30.0 + 1e-9
+    assert strain == pytest.approx(0.5, abs=0.006)
+    assert specimens.mean_over(test, test.lateral, 0.2, 0.4) == pytest.approx(100.0)
+    assert np.isnan(specimens.mean_over(test, test.lateral, 0.8, 1.2))
+
+
+def test_no_box(tmp_path: Path) -> None:
+    """Other numbers of walls, and walls that nobody pushed, are refused."""
+    path = tmp_path / "run_walls.csv"
+    write_walls(path, (0, 1, 2, 3, 4))
+    with pytest.raises(FaultError, match="E558"):
+        specimens.read_specimen(path)
+    write_walls(path, (0, 1, 2, 3, 3, 5))
+    with pytest.raises(FaultError, match="E558"):
+        specimens.read_specimen(path)
+
+
+def test_figures(tmp_path: Path) -> None:
+    """Plot, table, folder and report show the specimen; a damaged history is named."""
+    write_walls(tmp_path / "run_walls.csv")
+    write_grains(tmp_path / "run.h5")
+    png, table = tmp_path / "out" / "s.png", tmp_path / "out" / "s.csv"
+    walls = str(tmp_path / "run_walls.csv")
+    words = [
+        "plot",
+        "specimen",
+        f"{walls}=one",
+        f"{walls}=two",
+        "-o",
+        str(png),
+        "--csv",
+        str(table),
+    ]
+    assert main(words) == 0
+    assert png.read_bytes().startswith(b"\x89PNG")
+    rows = table.read_text().splitlines()
+    assert len(rows) == 203
+    assert rows[0].startswith("test,time [s],axial_strain [-]")
+    assert float(rows[51].split(",")[-1]) == pytest.approx(30.0)
+    assert main(["plot", "specimen", walls, walls]) == 1
+    names = [one.name for one in gallery.exhibits(tmp_path)]
+    assert names == ["run_specimen.png"]
+    page = reports.build(tmp_path, "")
+    assert "run_specimen.png" in page
+    (tmp_path / "bed_measure_all.csv").write_text("nothing\n")
+    page = reports.build(tmp_path, "")
+    assert "E545" in page
+    assert main(["plot", str(tmp_path)]) == 0
+    assert (tmp_path / "run_specimen.png").exists()
