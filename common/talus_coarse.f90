@@ -151,9 +151,9 @@ contains
     integer(i4) :: c, k, n, side, grain
 
     do c = 1, sample%contacts
-      associate (x2 => sample%x(:, sample%second(c)), p => sample%point(:, c))
+      associate (p => sample%point(:, c))
         call spread_arm(grid, sample%start(:, c), p, sample%force(:, c), fields)
-        call spread_arm(grid, p, x2, sample%force(:, c), fields)
+        call spread_arm(grid, p, sample%far_end(c), sample%force(:, c), fields)
       end associate
       nn = row9(dyad(sample%normal(:, c), sample%normal(:, c)))
       do side = 1, 2

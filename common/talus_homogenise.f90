@@ -52,7 +52,7 @@ contains
 
     a = sample%start(:, c)
     p = sample%point(:, c)
-    b = sample%x(:, sample%second(c))
+    b = sample%far_end(c)
     branch = region%part_of_segment(a, p)*(p - a) + region%part_of_segment(p, b)*(b - p)
   end function branch_inside
 
@@ -84,7 +84,7 @@ contains
       if (present(origin)) then
         arm = sample%point(:, c) - origin
       else
-        arm = sample%point(:, c) - 0.5_wp*(sample%start(:, c) + sample%x(:, sample%second(c)))
+        arm = sample%point(:, c) - 0.5_wp*(sample%start(:, c) + sample%far_end(c))
       end if
       mu = mu + dyad(branch(:, c), cross(arm, sample%force(:, c)))
     end do
@@ -115,7 +115,7 @@ contains
     length = 0.0_wp
     do c = 1, sample%contacts
       if (.not. picked(c)) cycle
-      l = sample%x(:, sample%second(c)) - sample%start(:, c)
+      l = sample%far_end(c) - sample%start(:, c)
       if (.not. sum(l**2) > 0.0_wp) cycle
       fabric = fabric + dyad(l, l)/sum(l**2)
       length = length + norm2(l)

@@ -8,7 +8,7 @@ module talus_measures
   use talus_homogenise, only: branch_inside, love_weber, couple_stress, direction_fabric, &
     branch_fabric, axis_fabric, velocity_gradient, kinetic_stress, half_sizes, deviator_of
   use talus_moduli, only: affine_moduli, isotropic_part, isotropic_type
-  use talus_region, only: region_type, region_all, ball_points
+  use talus_region, only: region_type, region_all, region_cell, ball_points
   use talus_sample, only: sample_type
   use talus_text, only: string_type, append_string
   implicit none
@@ -128,7 +128,10 @@ contains
     integer(i4) :: c
     region = request%region
     half = half_sizes(sample)
-    if (region%kind == region_all) then
+    if (region%kind == region_all .and. sample%cell_volume > 0.0_wp) then
+      region%kind = region_cell
+      region%cell_volume = sample%cell_volume
+    else if (region%kind == region_all) then
       rows = pack([(c, c=1, sample%n)], sample%free)
       call region%fit(sample%x(:, rows), half(:, rows))
     end if

@@ -36,7 +36,7 @@ contains
     b9 = 0.0_wp
     d9 = 0.0_wp
     do c = 1, sample%contacts
-      l = sample%x(:, sample%second(c)) - sample%start(:, c)
+      l = sample%far_end(c) - sample%start(:, c)
       ll = sum(l**2)
       if (.not. ll > 0.0_wp) cycle
       n = sample%normal(:, c)
@@ -46,7 +46,7 @@ contains
       k(2, 2) = k(2, 2) + ks
       k(3, 3) = k(3, 3) + ks
       s = arm_matrix(sample%point(:, c) - 0.5_wp*(sample%start(:, c) &
-                                                  + sample%x(:, sample%second(c))))
+                                                  + sample%far_end(c)))
       ll = dot_product(branch(:, c), l)/ll/volume
       call add(c9, ll, l, k)
       call add(b9, ll, l, matmul(transpose(s), matmul(k, s)))

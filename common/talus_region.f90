@@ -1,4 +1,5 @@
-!> Regions in which grains are measured: a box, a cylinder, or the box around all free grains.
+!> Regions in which grains are measured: a box, a cylinder, the box around all free grains, or a
+!! whole periodic cell.
 !!
 !! A branch that crosses the faces counts with the part of its length inside (exact); the volume of
 !! a grain that crosses them is found on points, all others count whole or not at all.
@@ -6,9 +7,10 @@ module talus_region
   use talus_kinds, only: wp, i4
   implicit none
   private
-  public :: region_type, region_all, region_box, region_cylinder, ball_points
+  public :: region_type, region_all, region_box, region_cylinder, region_cell, ball_points
 
-  integer(i4), parameter :: region_all = 1, region_box = 2, region_cylinder = 3
+  integer(i4), parameter :: region_all = 1, region_box = 2, region_cylinder = 3, &
+    region_cell = 4
   real(wp), parameter :: pi = acos(-1.0_wp)
 
   type :: region_type
@@ -17,6 +19,7 @@ module talus_region
     real(wp) :: base(3) = 0.0_wp                      !! centre of a cylinder's lower face [m]
     real(wp) :: axis(3) = [0.0_wp, 0.0_wp, 1.0_wp]    !! unit vector along the cylinder
     real(wp) :: radius = 0.0_wp, length = 0.0_wp      !! of a cylinder [m]
+    real(wp) :: cell_volume = 0.0_wp                  !! of a cell, which holds everything [m^3]
   contains
     procedure :: fit
     procedure :: volume
@@ -45,7 +48,9 @@ contains
   !> [m^3]
   pure real(wp) function volume(self)
     class(region_type), intent(in) :: self
-    if (self%kind == region_cylinder) then
+    if (self%kind == region_cell) then
+      volume = self%cell_volume
+    else if (self%kind == region_cylinder) then
       volume = pi*self%radius**2*self%length
     else
       volume = product(self%upper - self%lower)
@@ -68,6 +73,8 @@ contains
     class(region_type), intent(in) :: self
     real(wp), intent(in) :: x(3)  !! [m]
     real(wp) :: d(3), along
+    contains_point = .true.
+    if (self%kind == region_cell) return
     if (self%kind /= region_cylinder) then
       contains_point = all(x >= self%lower .and. x < self%upper)
       return
@@ -85,6 +92,8 @@ contains
     real(wp) :: from, to, d(3), e(3), f, g, h, root
     integer(i4) :: k
 
+    part = 1.0_wp
+    if (self%kind == region_cell) return
     from = 0.0_wp
     to = 1.0_wp
     d = a - self%base
@@ -141,6 +150,7 @@ contains
     integer(i4) :: k, inside
 
     part = 1.0_wp
+    if (self%kind == region_cell) return
     if (surely(self, x, half, maxval(axes), .true.)) return
     part = 0.0_wp
     if (surely(self, x, half, maxval(axes), .false.)) return

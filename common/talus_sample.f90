@@ -1,7 +1,8 @@
 !> Grains and contacts at one instant, as the formulas of homogenisation want them.
 !!
 !! A contact joins grain `first` to grain `second`; first = 0 is a boundary (a plane), whose end of
-!! the branch is the contact point. The force is that on the first from the second.
+!! the branch is the contact point. The force is that on the first from the second. In a periodic
+!! cell the second end may be an image of its grain, `over` away from it.
 module talus_sample
   use talus_kinds, only: wp, i4
   implicit none
@@ -20,9 +21,11 @@ module talus_sample
     real(wp), allocatable :: inertia(:)         !! (n) mean of the principal moments [kg m^2]
     real(wp), allocatable :: volume(:)          !! (n) [m^3]
     logical, allocatable :: free(:)             !! (n) moved by forces
+    real(wp) :: cell_volume = 0.0_wp            !! of the cell that holds all, 0: none [m^3]
     integer(i4) :: contacts = 0
     integer(i4), allocatable :: first(:)        !! (contacts) grain, 0: a boundary
     integer(i4), allocatable :: second(:)       !! (contacts) grain
+    real(wp), allocatable :: over(:, :)         !! (3, contacts) from the second to its image [m]
     real(wp), allocatable :: start(:, :)        !! (3, contacts) centre of the first, or point [m]
     real(wp), allocatable :: point(:, :)        !! (3, contacts) contact point [m]
     real(wp), allocatable :: normal(:, :)       !! (3, contacts) from first to second [-]
@@ -31,6 +34,7 @@ module talus_sample
     logical, allocatable :: sliding(:)          !! (contacts) at the friction limit
   contains
     procedure :: make
+    procedure :: far_end
   end type sample_type
 
 contains
@@ -43,7 +47,9 @@ contains
     if (allocated(self%x)) deallocate (self%x, self%turn, self%axes, self%v, self%omega, &
                                        self%mass, self%inertia, self%volume, self%free)
     if (allocated(self%first)) deallocate (self%first, self%second, self%start, self%point, &
-                                           self%normal, self%force, self%stiffness, self%sliding)
+                                           self%normal, self%force, self%stiffness, self%sliding, &
+                                           self%over)
+    self%cell_volume = 0.0_wp
     self%n = n
     self%contacts = m
     allocate (self%x(3, n), self%axes(3, n), self%v(3, n), self%omega(3, n), source=0.0_wp)
@@ -52,10 +58,18 @@ contains
     allocate (self%free(n), source=.true.)
     allocate (self%first(m), self%second(m), source=0_i4)
     allocate (self%start(3, m), self%point(3, m), self%normal(3, m), self%force(3, m), &
-              source=0.0_wp)
+              self%over(3, m), source=0.0_wp)
     allocate (self%stiffness(2, m), source=0.0_wp)
     allocate (self%sliding(m), source=.false.)
   end subroutine make
+
+  !> Centre at the second end of a contact [m].
+  pure function far_end(self, c) result(x)
+    class(sample_type), intent(in) :: self
+    integer(i4), intent(in) :: c
+    real(wp) :: x(3)
+    x = self%x(:, self%second(c)) + self%over(:, c)
+  end function far_end
 
   !> Rotation matrix, body to space, of a unit quaternion (w, x, y, z).
   pure function rotation_matrix(q) result(r)

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 21)
+    call table%init('talus-dem', 24)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -27,6 +27,9 @@ contains
     call group_servo(table)
     call group_constant_volume(table)
     call group_surcharge(table)
+    call group_cell(table)
+    call group_cell_rate(table)
+    call group_cell_stress(table)
     call group_dynamics(table)
     call group_relaxation(table)
     call group_equilibrium(table)
@@ -348,6 +351,86 @@ contains
     call table%preset('100')
     call table%bounds(min=100.0_wp)
   end subroutine group_surcharge
+
+  subroutine group_cell(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('cell', 4, &
+      'A periodic cell: what leaves through a face comes in through the opposite one. ' &
+      //'&cell_rate strains it, &cell_stress holds its stress; all grains are carried by ' &
+      //'this homogeneous flow and move relative to it: velocities of grains, kinetic ' &
+      //'energy and damping are those relative to the flow. Fixed grains are carried too.' &
+      //' Edges, deformation, rates and stress in `<deck>_cell.csv`. Not under ' &
+      //'talus-couple.')
+    call table%add_key('size', 'real', 'm', &
+      'Edges of a box along x, y and z. Without size and vectors the cell is that of ' &
+      //'the packing.')
+    call table%sized(3_i4, 3_i4)
+    call table%bounds(above=0.0_wp)
+    call table%add_key('vectors', 'real', 'm', &
+      'The three edges, one after the other, of a cell that is no box; right-handed.')
+    call table%sized(9_i4, 9_i4)
+    call table%add_key('origin', 'real', 'm', &
+      'Corner from which the edges go out; the point that the flow leaves in place.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%add_key('periodic', 'string', '', &
+      'The edges that are periodic; left out, all three. An edge that is not keeps ' &
+      //'still, between walls; where none is, the cell is a strained frame for a pack ' &
+      //'whose outer grains are fixed.')
+    call table%sized(1_i4, huge(1_i4))
+    call table%allow('a|b|c|none')
+  end subroutine group_cell
+
+  subroutine group_cell_rate(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('cell_rate', 3, &
+      'A component of the velocity gradient of the cell; those that are not named are ' &
+      //'zero. `''xz''` is dv_x/dz: velocity along x that grows with z.', repeats=.true.)
+    call table%add_key('component', 'string', '', &
+      'Component; `''mean''` stands for xx, yy and zz together.')
+    call table%need()
+    call table%allow('xx|xy|xz|yx|yy|yz|zx|zy|zz|mean')
+    call table%add_key('rate', 'real', '1/s', 'Rate; positive normal rates lengthen the cell.')
+    call table%need()
+    call table%add_key('curve', 'string', '', &
+      'The curve by which the rate is multiplied; every 10 steps the cell takes its ' &
+      //'mean over the next 10.')
+    call table%preset('')
+  end subroutine group_cell_rate
+
+  subroutine group_cell_stress(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('cell_stress', 6, &
+      'A component of the stress of the contacts that a servo holds by straining the ' &
+      //'cell. Every 10 steps its rate is gain times the stress that is wanting, over the' &
+      //' stiffness that the contacts would have if all grains followed the flow and the ' &
+      //'time of 10 steps, and a slow integral of that. A run that ends beyond the ' &
+      //'tolerance ends with exit code 2 (N221).', repeats=.true.)
+    call table%add_key('component', 'string', '', &
+      'Component, as in &cell_rate; `''mean''` holds the pressure and strains xx, yy and ' &
+      //'zz alike.')
+    call table%need()
+    call table%allow('xx|xy|xz|yx|yy|yz|zx|zy|zz|mean')
+    call table%add_key('stress', 'real', 'Pa', &
+      'Target. Pressure is positive in normal components and the mean; a shear stress ' &
+      //'is positive where it resists a positive rate.')
+    call table%need()
+    call table%add_key('curve', 'string', '', 'The curve by which the stress is multiplied.')
+    call table%preset('')
+    call table%add_key('rate', 'real', '1/s', &
+      'Largest rate; the cell closes at this rate as long as no grains touch.')
+    call table%preset('1.0')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('gain', 'real', '', &
+      'Part of the error that the contacts would take up until the next look.')
+    call table%preset('0.1')
+    call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%add_key('tolerance', 'real', '', &
+      'Largest error of the stress at the end of the run, and for &equilibrium, over ' &
+      //'the largest target.')
+    call table%preset('0.05')
+    call table%bounds(above=0.0_wp)
+  end subroutine group_cell_stress
 
   subroutine group_dynamics(table)
     type(key_table_type), intent(inout) :: table

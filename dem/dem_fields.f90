@@ -95,6 +95,13 @@ contains
       call file%put(group//'/grains/force', g%force, errors)
       call file%put(group//'/grains/moment', g%moment, errors)
     end associate
+    if (system%cell%active) then
+      call file%group(group//'/cell', errors)
+      call file%put(group//'/cell/vectors', system%cell%vectors, errors)
+      call file%put(group//'/cell/origin', system%cell%origin, errors)
+      call file%put(group//'/cell/rate', transpose(system%cell%rate), errors)
+      call file%put(group//'/cell/periodic', merge(1_i4, 0_i4, system%cell%periodic), errors)
+    end if
     if (self%contacts) call put_contacts(file, group//'/contacts', system, errors)
     call self%series%end_step(int(system%grains%n, i8), file, errors)
     call self%xdmf%write(self%series, errors)

@@ -49,14 +49,16 @@ contains
   end function gershgorin_step
 
   !> Add a contact to the row sums of its grains.
-  pure subroutine add_pair(d, first, second, kn, kt, point, lambda)
+  pure subroutine add_pair(d, first, other, kn, kt, point, lambda)
     type(dem_data_type), intent(in) :: d
-    integer(i4), intent(in) :: first, second
+    integer(i4), intent(in) :: first, other
     real(wp), intent(in) :: kn, kt, point(3)
     real(wp), intent(inout) :: lambda(:, :)
     real(wp) :: factor, arm(3)
+    integer(i4) :: second
 
-    arm = point - (d%pairs%body(1:3, second) - d%pairs%body(1:3, first))
+    arm = point - (d%pairs%body(1:3, other) - d%pairs%body(1:3, first))
+    second = d%pairs%grain(other)
     factor = 1.0_wp
     if (first <= d%grains%n) then
       if (d%grains%kind(first) == kind_free) factor = 2.0_wp

@@ -64,7 +64,8 @@ contains
         if (.not. d%pairs%history(lane, history_side, k) > 0.0_wp) cycle
         i = d%pairs%first(lane, k)
         if (i <= d%grains%n) z(i) = z(i) + 1
-        z(d%pairs%second(lane, k)) = z(d%pairs%second(lane, k)) + 1
+        i = d%pairs%grain(d%pairs%second(lane, k))
+        z(i) = z(i) + 1
       end do
     end do
   end function coordination_of
@@ -104,11 +105,11 @@ contains
       do lane = 1, lanes
         if (.not. d%pairs%history(lane, history_side, k) > 0.0_wp) cycle
         this = d%pairs%history(lane, history_side, k)**2 &
-               /least_axis(d, d%pairs%first(lane, k), d%pairs%second(lane, k))
+               /least_axis(d, d%pairs%first(lane, k), d%pairs%grain(d%pairs%second(lane, k)))
         if (this <= ratio) cycle
         ratio = this
         first = d%pairs%first(lane, k)
-        second = d%pairs%second(lane, k)
+        second = d%pairs%grain(d%pairs%second(lane, k))
       end do
     end do
   end subroutine largest_overlap

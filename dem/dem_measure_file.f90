@@ -83,6 +83,11 @@ contains
       call file%get_into(group//'/grains/omega', g%omega, errors)
       call file%get_into(group//'/grains/kind', g%kind, errors)
     end associate
+    if (model%system%cell%active .and. file%exists(group//'/cell/vectors')) then
+      call file%get_into(group//'/cell/vectors', model%system%cell%vectors, errors)
+      call file%get_into(group//'/cell/rate', model%system%cell%rate, errors)
+      model%system%cell%rate = transpose(model%system%cell%rate)
+    end if
     call file%get(group//'/contacts/ids', list%ids, errors)
     call file%get(group//'/contacts/point', list%point, errors)
     call file%get(group//'/contacts/normal', list%normal, errors)

@@ -9,10 +9,13 @@ module dem_measures
   use talus_deck, only: deck_type
   use talus_history, only: history_type
   use talus_measures, only: request_type, measure_columns, measure_row, moduli_columns, moduli_row
+  use talus_coarse, only: reach_of
   use talus_region, only: region_all, region_box, region_cylinder
   use talus_sample, only: sample_type
+  use dem_cell, only: is_periodic
   use dem_grids, only: dem_grid_type, read_grid
   use dem_sample, only: fill_sample
+  use dem_tiles, only: tile
   use dem_system, only: dem_system_type, dem_contacts_type
   implicit none
   private
@@ -35,6 +38,7 @@ module dem_measures
     type(dem_grid_type), allocatable :: grid(:)
     real(wp) :: every = 0.0_wp               !! least interval [s]; 0: none
     type(sample_type) :: sample
+    type(sample_type) :: tiled               !! images around the regions of a periodic cell
     logical, private :: opened = .false.
   contains
     procedure :: read => read_measures
@@ -266,35 +270,80 @@ contains
       call system%contacts(now)
       call fill_sample(system, now, self%sample, errors)
     end if
-    if (errors%count == before) call self%write_sample(time, system%par%dt, all, errors)
+    if (errors%count > before) return
+    if (is_periodic(system%cell)) call fill_tiles(self, system)
+    call self%write_sample(time, system%par%dt, is_periodic(system%cell), all, errors)
   end subroutine write_measures
 
-  subroutine write_sample(self, time, dt, all, errors)
+  !> Images of grains and contacts around all regions and grids.
+  subroutine fill_tiles(self, system)
+    class(dem_measures_type), intent(inout) :: self
+    type(dem_system_type), intent(in) :: system
+    real(wp) :: lower(3), upper(3), reach
+    integer(i4) :: k
+
+    lower = huge(1.0_wp)
+    upper = -huge(1.0_wp)
+    reach = 0.0_wp
+    do k = 1, self%n
+      associate (r => self%item(k)%request%region)
+        if (r%kind == region_all) cycle
+        lower = min(lower, r%lower)
+        upper = max(upper, r%upper)
+        if (r%kind == region_box) cycle
+        lower = min(lower, r%base, r%base + r%length*r%axis) - r%radius
+        upper = max(upper, r%base, r%base + r%length*r%axis) + r%radius
+      end associate
+    end do
+    do k = 1, self%grids
+      lower = min(lower, self%grid(k)%grid%lower)
+      upper = max(upper, self%grid(k)%grid%upper)
+      reach = max(reach, reach_of(self%grid(k)%grid))
+    end do
+    reach = reach + 4.0_wp*maxval(system%grains%radius)
+    call tile(self%sample, system%cell, lower - reach, upper + reach, self%tiled)
+  end subroutine fill_tiles
+
+  subroutine write_sample(self, time, dt, periodic, all, errors)
     class(dem_measures_type), intent(inout) :: self
     real(wp), intent(in) :: time, dt
-    logical, intent(in) :: all
+    logical, intent(in) :: periodic, all
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: row(:)
     integer(i4) :: k
 
     do k = 1, self%n
-      associate (item => self%item(k))
-        if (.not. wanted(time, dt, item%last_time, item%every, self%every, all)) cycle
-        call measure_row(time, self%sample, item%request, row)
-        call item%history%write(row, errors)
-        item%last_time = time
-        if (.not. item%moduli) cycle
-        call moduli_row(time, self%sample, item%request, row)
-        call item%full%write(row, errors)
-      end associate
+      if (.not. wanted(time, dt, self%item(k)%last_time, self%item(k)%every, self%every, all)) cycle
+      if (periodic .and. self%item(k)%request%region%kind /= region_all) then
+        call write_rows(self%item(k), time, self%tiled, errors)
+      else
+        call write_rows(self%item(k), time, self%sample, errors)
+      end if
     end do
     do k = 1, self%grids
       associate (grid => self%grid(k))
         if (.not. wanted(time, dt, grid%last_time, grid%every, self%every, all)) cycle
-        call grid%write(time, self%sample, errors)
+        if (periodic) then
+          call grid%write(time, self%tiled, errors)
+        else
+          call grid%write(time, self%sample, errors)
+        end if
       end associate
     end do
   end subroutine write_sample
+
+  subroutine write_rows(item, time, sample, errors)
+    type(measure_type), intent(inout) :: item
+    real(wp), intent(in) :: time
+    type(sample_type), intent(in) :: sample
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: row(:)
+    call measure_row(time, sample, item%request, row)
+    call item%history%write(row, errors)
+    item%last_time = time
+    if (.not. item%moduli) return
+    call moduli_row(time, sample, item%request, row)
+    call item%full%write(row, errors)
+  end subroutine write_rows
 
   !> Is something with this interval to be measured at the present event?
   pure logical function wanted(time, dt, last_time, every, least, all)

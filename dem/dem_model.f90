@@ -19,6 +19,8 @@ module dem_model
   use dem_state, only: dem_health_type, kind_driven
   use dem_system, only: dem_system_type
   use dem_packing, only: dem_packing_type, write_packing
+  use dem_setup_cell, only: read_cell, check_regions
+  use dem_flow, only: dem_flow_type
   use dem_setup, only: dem_choices_type, read_model, check_initial_overlap, check_step
   use dem_clock, only: dem_clock_type, event_history, event_output, event_checkpoint, &
     event_measure, event_count
@@ -50,6 +52,7 @@ module dem_model
     type(dem_equilibrium_type) :: equilibrium
     type(dem_servo_type) :: servo
     type(dem_surcharge_type) :: surcharge
+    type(dem_flow_type) :: flow
     type(dem_histories_type) :: histories
     type(dem_fields_type) :: fields
     type(dem_measures_type) :: measures
@@ -82,6 +85,7 @@ module dem_model
     procedure :: load_surface
     procedure :: write_due
     procedure, private :: watch_stops
+    procedure, private :: held
     procedure, private :: write_row
     procedure, private :: steps_seconds
     procedure :: save_checkpoint
@@ -117,6 +121,10 @@ contains
     call self%servo%read(self%deck, self%system%dem_data_type, self%choices%wall, self%served, &
                          errors)
     call self%surcharge%read(self%deck, self%system%dem_data_type, self%servo%curve, errors)
+    if (errors%any()) return
+    call read_cell(self%deck, self%packing, self%choices%wall, self%served, self%system, errors)
+    call check_regions(self%deck, self%system, self%measures, errors)
+    call self%flow%read(self%deck, self%system%dem_data_type, self%servo%curve, errors)
     threads = options%threads
     if (threads == 0) call self%deck%get('run', 1, 'threads', threads)
     if (threads == 0) threads = min(int(omp_get_max_threads(), i4), &
@@ -215,6 +223,7 @@ contains
     if (self%clock%automatic) dt = self%clock%chosen_step(self%automatic_dt())
     call self%clock%start_at(0.0_wp, dt)
     call self%use_step(dt)
+    call self%flow%look(self%system%dem_data_type, 0.0_wp)
   end subroutine begin_fresh
 
   !> Start from a checkpoint.
@@ -233,6 +242,7 @@ contains
     self%start_steps = self%clock%steps
     call self%clock%set_events(every)
     if (deck_changed) call self%follow_laws()
+    if (deck_changed) call self%flow%look(self%system%dem_data_type, self%clock%time())
     if (deck_changed) call append_string(self%warnings, 'the deck is not the one that wrote '// &
       path//'; grains, driven motion and walls go on as in the checkpoint')
     if (self%clock%automatic .or. abs(self%choices%dt - self%clock%dt) <= 0.0_wp) return
@@ -304,6 +314,7 @@ contains
     if (self%deck%count('history') > 0) call self%servo%open(self%stem, self%start_time, errors)
     if (self%deck%count('history') > 0) &
       call self%surcharge%open(self%stem, self%start_time, errors)
+    if (self%deck%count('history') > 0) call self%flow%open(self%stem, self%start_time, errors)
     if (self%deck%count('output') > 0 .and. .not. errors%any()) then
       call self%deck%get('output', 1, 'fields', fields)
       do k = 1, size(fields)
@@ -323,6 +334,7 @@ contains
     call self%histories%write(0.0_wp, self%system, errors)
     call self%servo%write(0.0_wp, self%system%dem_data_type, errors)
     call self%surcharge%write(0.0_wp, self%system%dem_data_type, errors)
+    call self%flow%write(0.0_wp, self%system%dem_data_type, errors)
     call self%fields%write(0.0_wp, self%system, errors)
     call self%measures%write(0.0_wp, self%system, .true., errors)
   end subroutine open_run
@@ -351,7 +363,7 @@ contains
     block = blocks(findloc(blocks*real(self%system%grains%n, wp) <= block_work, .true., 1) &
                    + merge(7, 0, self%system%grains%n > block_work))
     block = min(block, self%equilibrium%longest_block(), self%servo%longest_block(), &
-                self%surcharge%longest_block())
+                self%surcharge%longest_block(), self%flow%longest_block())
     do
       if (errors%any() .or. self%clock%finished() .or. self%equilibrium%reached) return
       if (self%stop%check() /= stop_none) then
@@ -371,12 +383,21 @@ contains
       if (self%servo%due(self%clock%steps)) &
         call self%servo%look(self%system%dem_data_type, self%clock%time())
       call self%load_surface(errors)
+      if (self%flow%due(self%clock%steps)) &
+        call self%flow%look(self%system%dem_data_type, self%clock%time())
       if (self%equilibrium%due(self%clock%steps)) &
-        call self%equilibrium%look(self%system, self%servo%satisfied(self%system%dem_data_type))
+        call self%equilibrium%look(self%system, self%held())
       call self%equilibrium%damp(self%system, self%clock%steps)
       call self%write_due(errors)
     end do
   end subroutine run
+
+  !> All servos hold their stresses.
+  logical function held(self)
+    class(dem_model_type), intent(in) :: self
+    held = self%servo%satisfied(self%system%dem_data_type) .and. &
+      self%flow%satisfied(self%system%dem_data_type)
+  end function held
 
   !> Steps up to the next thing to do. A stop at an odd time (t_end off the grid) must not show in
   !! the health counters, or a run that goes on from there would differ.
@@ -423,6 +444,7 @@ contains
       call self%histories%write(t, self%system, errors)
       call self%servo%write(t, self%system%dem_data_type, errors)
       call self%surcharge%write(t, self%system%dem_data_type, errors)
+      call self%flow%write(t, self%system%dem_data_type, errors)
       call self%clock%passed(event_history)
     end if
     if (self%clock%due(event_output)) then
@@ -437,6 +459,7 @@ contains
       call self%histories%flush(errors)
       call self%servo%history%flush(errors)
       call self%surcharge%history%flush(errors)
+      call self%flow%history%flush(errors)
       call self%write_row()
     end if
     call self%timers%stop('output')
@@ -495,7 +518,7 @@ contains
     character(len=:), allocatable :: packing
 
     if (.not. (errors%any() .or. self%stopped)) &
-      call self%equilibrium%look(self%system, self%servo%satisfied(self%system%dem_data_type))
+      call self%equilibrium%look(self%system, self%held())
     if (.not. errors%any()) then
       call self%fields%write(self%clock%time(), self%system, errors)
       call self%measures%write(self%clock%time(), self%system, .true., errors)
@@ -504,18 +527,20 @@ contains
       call self%deck%get('output', 1, 'packing', packing)
       if (len(packing) > 0 .and. .not. self%stopped .and. .not. errors%any()) &
         call write_packing(folder_of(self%stem)//'/'//packing, self%system%grains, &
-                           self%packing%group, errors)
+                           self%system%cell, self%packing%group, errors)
     else if (self%opened) then
       call self%fields%write(self%clock%time(), self%system, ignored)
     end if
     call self%histories%close(errors)
     call self%servo%history%close(errors)
     call self%surcharge%history%close(errors)
+    call self%flow%history%close(errors)
     call self%measures%close(errors)
     if (.not. (self%stopped .or. errors%any())) then
       call self%equilibrium%judge(self%clock%time(), self%deck%source%path, errors)
       call self%servo%judge(self%system%dem_data_type, self%clock%time(), &
                             self%deck%source%path, errors)
+      call self%flow%judge(self%system%dem_data_type, self%deck%source%path, errors)
     end if
     exit_code = errors%exit_code()
     if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped

@@ -8,7 +8,8 @@ module dem_packing
   use talus_errors, only: error_list_type
   use talus_hdf5, only: h5_file_type
   use talus_suggest, only: did_you_mean
-  use dem_state, only: dem_grains_type, kind_ghost, kind_driven
+  use dem_cell, only: folded
+  use dem_state, only: dem_grains_type, dem_cell_type, kind_ghost, kind_driven
   implicit none
   private
   public :: dem_packing_type, dem_group_type, read_packing, write_packing, group_index
@@ -33,6 +34,9 @@ module dem_packing
     real(wp), allocatable :: v(:, :)      !! (3, n) [m/s]
     real(wp), allocatable :: omega(:, :)  !! (3, n) space frame [rad/s]
     type(dem_group_type), allocatable :: group(:)
+    logical :: has_cell = .false.         !! it was made in a periodic cell
+    real(wp) :: cell(3, 3) = 0.0_wp       !! its edges as columns [m]
+    real(wp) :: cell_origin(3) = 0.0_wp   !! its corner [m]
   end type dem_packing_type
 
 contains
@@ -66,6 +70,11 @@ contains
     end if
     if (errors%count == before) call check_sizes(packing, path, errors)
     if (errors%count == before) call read_groups(packing, file, errors)
+    packing%has_cell = file%exists('/cell/vectors')
+    if (errors%count == before .and. packing%has_cell) then
+      call file%get_into('/cell/vectors', packing%cell, errors)
+      call file%get_into('/cell/origin', packing%cell_origin, errors)
+    end if
     call file%close(errors)
   end subroutine read_packing
 
@@ -179,9 +188,10 @@ contains
   end subroutine group_index
 
   !> Write the present state of grains as a packing; ghosts are written as fixed.
-  subroutine write_packing(path, grains, groups, errors)
+  subroutine write_packing(path, grains, cell, groups, errors)
     character(len=*), intent(in) :: path
     type(dem_grains_type), intent(in) :: grains
+    type(dem_cell_type), intent(in) :: cell  !! centres are folded into it
     type(dem_group_type), intent(in) :: groups(:)
     type(error_list_type), intent(inout) :: errors
     type(h5_file_type) :: file
@@ -195,11 +205,16 @@ contains
     call file%put('/grains/id', grains%id, errors)
     call file%put('/grains/kind', merge(1_i4, min(grains%kind, kind_driven), &
                                         grains%kind == kind_ghost), errors)
-    call file%put('/grains/x', grains%x, errors)
+    call file%put('/grains/x', folded(cell, grains%x), errors)
     call file%put('/grains/quat', grains%quat, errors)
     call file%put('/grains/axes', grains%axes, errors)
     call file%put('/grains/v', grains%v, errors)
     call file%put('/grains/omega', grains%omega, errors)
+    if (cell%active) then
+      call file%group('/cell', errors)
+      call file%put('/cell/vectors', cell%vectors, errors)
+      call file%put('/cell/origin', cell%origin, errors)
+    end if
     call file%group('/groups', errors)
     do k = 1, size(groups)
       call file%put('/groups/'//groups(k)%name, groups(k)%id, errors)

@@ -6,10 +6,12 @@
 module dem_pairs
   use talus_kinds, only: wp, i4, i8
   use dem_state, only: dem_grains_type, dem_planes_type, dem_pairs_type, dem_weights_type, &
-    kind_free, lanes, body_size, history_size, history_side, result_size, column_count, &
-    entries_ahead
+    dem_cell_type, kind_free, lanes, body_size, history_size, history_side, result_size, &
+    column_count, entries_ahead
+  use dem_cell, only: is_periodic, list_in_cell
   use dem_cells, only: find_candidates
   use dem_gap, only: solve_gap
+  use dem_images, only: find_over_faces, place_images
   use dem_prescribed, only: put_body
   use dem_shape, only: matrix_times
   implicit none
@@ -42,9 +44,12 @@ contains
     n = grains%n
     bodies = n + 3 + planes%n
     if (allocated(pairs%body)) deallocate (pairs%body, pairs%reference_x, pairs%reference_q, &
-                                           pairs%reach)
+                                           pairs%reach, pairs%grain)
     allocate (pairs%body(body_size, bodies), pairs%reference_x(3, bodies), source=0.0_wp)
     allocate (pairs%reference_q(4, bodies), pairs%reach(bodies), source=0.0_wp)
+    allocate (pairs%grain(bodies), source=0)
+    pairs%plain = bodies
+    pairs%images = 0
     do i = n + 1, bodies
       pairs%body(10:12, i) = 1.0_wp
       pairs%body(16, i) = 1.0_wp
@@ -53,14 +58,16 @@ contains
     pairs%body(1, n + 2) = 1.0e4_wp
     do i = 1, n
       pairs%reach(i) = maxval(grains%axes(:, i)) - minval(grains%axes(:, i))
+      pairs%grain(i) = i
     end do
   end subroutine allocate_bodies
 
-  !> Body records from the state of grains and planes.
-  subroutine update_bodies(pairs, grains, planes)
+  !> Body records from the state of grains, planes and cell.
+  subroutine update_bodies(pairs, grains, planes, cell)
     type(dem_pairs_type), intent(inout) :: pairs
     type(dem_grains_type), intent(in) :: grains
     type(dem_planes_type), intent(in) :: planes
+    type(dem_cell_type), intent(in) :: cell
     integer(i4) :: i, k
 
     do i = 1, grains%n
@@ -70,24 +77,26 @@ contains
       pairs%body(1:3, grains%n + 3 + k) = planes%point(:, k)
       pairs%body(4:6, grains%n + 3 + k) = planes%velocity(:, k)
     end do
+    if (cell%active) call place_images(pairs, cell)
   end subroutine update_bodies
 
   !> Make the list anew for the current bodies; contacts keep normal and history, bit for bit.
-  subroutine build_pairs(pairs, grains, planes, weights, ghost_pairs)
+  subroutine build_pairs(pairs, grains, planes, weights, ghost_pairs, cell)
     type(dem_pairs_type), intent(inout) :: pairs
     type(dem_grains_type), intent(in) :: grains
     type(dem_planes_type), intent(in) :: planes
     type(dem_weights_type), intent(in) :: weights
     logical, intent(in) :: ghost_pairs
+    type(dem_cell_type), intent(inout) :: cell
     type(list_type) :: list
     integer(i4), allocatable :: slot(:)
     integer(i4) :: i
 
-    call list_grain_pairs(pairs, grains, ghost_pairs, list)
+    call list_grain_pairs(pairs, grains, ghost_pairs, cell, list)
     call list_plane_pairs(pairs, grains, planes, list)
     call order_blocks(pairs, grains, planes, list, slot)
     call move_lanes(pairs, grains%n, weights%n > 0, list, slot)
-    call map_bodies(pairs, grains%n + 3 + planes%n, list, slot)
+    call map_bodies(pairs, pairs%plain + pairs%images, list, slot)
     call set_lane_constants(pairs, grains, weights, list, slot)
     do i = 1, grains%n
       pairs%reference_x(:, i) = grains%x(:, i)
@@ -96,6 +105,7 @@ contains
     do i = 1, planes%n
       pairs%reference_x(:, grains%n + 3 + i) = planes%point(:, i)
     end do
+    if (cell%active) call list_in_cell(cell, 2.0_wp*maxval(grains%radius) + pairs%skin)
   end subroutine build_pairs
 
   !> Slot of a pair in the current list, 0 if it is not a candidate.
@@ -114,15 +124,20 @@ contains
   end function slot_of
 
   !> Grain pairs with a gap below the skin, with their normals and old slots.
-  subroutine list_grain_pairs(pairs, grains, ghost_pairs, list)
-    type(dem_pairs_type), intent(in) :: pairs
+  subroutine list_grain_pairs(pairs, grains, ghost_pairs, cell, list)
+    type(dem_pairs_type), intent(inout) :: pairs
     type(dem_grains_type), intent(in) :: grains
     logical, intent(in) :: ghost_pairs
+    type(dem_cell_type), intent(in) :: cell
     type(list_type), intent(inout) :: list
     integer(i4) :: k, kept
 
-    call find_candidates(pairs%body, grains%radius, grains%kind, pairs%skin, ghost_pairs, &
-                         list%first, list%second, list%count)
+    if (is_periodic(cell)) then
+      call find_over_faces(pairs, grains, cell, ghost_pairs, list%first, list%second, list%count)
+    else
+      call find_candidates(pairs%body, grains%radius, grains%kind, pairs%skin, ghost_pairs, &
+                           list%first, list%second, list%count)
+    end if
     allocate (list%old(list%count), list%group(list%count))
     allocate (list%normal(3, list%count), list%gap(list%count))
     !$omp parallel do default(none) shared(list, pairs, grains) schedule(static)
@@ -155,7 +170,10 @@ contains
 
     i = list%first(k)
     j = list%second(k)
-    list%old(k) = slot_of(pairs, i, j)
+    if (j > pairs%plain) j = pairs%former(j - pairs%plain)
+    list%old(k) = 0
+    if (j > 0) list%old(k) = slot_of(pairs, i, j)
+    j = list%second(k)
     list%normal(:, k) = 0.0_wp
     contact = .false.
     if (list%old(k) > 0) then
@@ -168,8 +186,8 @@ contains
     list%gap(k) = -1.0_wp
     if (.not. contact) call find_gap(pairs%body(:, i), pairs%body(:, j), list%normal(:, k), &
                                      list%gap(k))
-    list%group(k) = group_of(.false., grains%material(i), grains%material(j), round, &
-                             band_of(list%gap(k), pairs%skin))
+    list%group(k) = group_of(.false., grains%material(i), grains%material(pairs%grain(j)), &
+                             round, band_of(list%gap(k), pairs%skin))
   end subroutine look_at_pair
 
   !> Pairs that touch or nearly touch are in band 0; the others can be passed over for a while.
@@ -357,7 +375,7 @@ contains
       else
         pairs%law_first(block) = planes%material(list%first(k) - grains%n - 3)
       end if
-      pairs%law_second(block) = grains%material(list%second(k))
+      pairs%law_second(block) = grains%material(pairs%grain(list%second(k)))
       pairs%round(block) = mod(list%group(k)/bands, 2) == 0
       pairs%least_gap(block) = min(pairs%least_gap(block), list%gap(k))
     end do
@@ -465,7 +483,7 @@ contains
     !$omp   private(i, j, lane, block, free_i, free_j) schedule(static)
     do k = 1, list%count
       i = list%first(k)
-      j = list%second(k)
+      j = pairs%grain(list%second(k))
       lane = 1 + mod(slot(k) - 1, lanes)
       block = 1 + (slot(k) - 1)/lanes
       if (i > grains%n) then

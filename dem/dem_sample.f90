@@ -3,6 +3,8 @@ module dem_sample
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use talus_sample, only: sample_type, rotation_matrix
+  use talus_homogenise, only: inverse_of
+  use dem_cell, only: cell_volume, is_periodic, reduced_basis
   use dem_contact, only: contact_constants_type, constants_of
   use dem_state, only: kind_free
   use dem_system, only: dem_system_type, dem_contacts_type
@@ -30,6 +32,7 @@ contains
     call system%find(pack(list%ids(1, :list%n), list%ids(1, :list%n) > 0), first, errors)
     if (errors%count > before) return
     call sample%make(system%grains%n, list%n)
+    if (system%cell%active) sample%cell_volume = cell_volume(system%cell)
     associate (g => system%grains)
       sample%x = g%x
       sample%axes = g%axes
@@ -41,6 +44,8 @@ contains
       sample%free = g%kind == kind_free
       do i = 1, g%n
         sample%turn(:, :, i) = rotation_matrix(g%quat(:, i))
+        if (system%cell%active) sample%v(:, i) = g%v(:, i) + matmul(system%cell%rate, g%x(:, i) &
+                                                                    - system%cell%origin)
       end do
     end associate
     sample%second = second
@@ -48,7 +53,24 @@ contains
     do c = 1, list%n
       call put_contact(system, list, c, sample)
     end do
+    if (is_periodic(system%cell)) call put_images(system, sample)
   end subroutine fill_sample
+
+  !> Second ends that are images: of all images the one nearest to the contact.
+  subroutine put_images(system, sample)
+    type(dem_system_type), intent(in) :: system
+    type(sample_type), intent(inout) :: sample
+    real(wp) :: h(3, 3), inverse(3, 3), s(3)
+    integer(i4) :: whole(3, 3), c, k
+    call reduced_basis(system%cell, h, whole)
+    inverse = inverse_of(h)
+    do c = 1, sample%contacts
+      s = matmul(inverse, sample%point(:, c) - sample%x(:, sample%second(c)))
+      do k = 1, 3
+        if (system%cell%periodic(k)) sample%over(:, c) = sample%over(:, c) + anint(s(k))*h(:, k)
+      end do
+    end do
+  end subroutine put_images
 
   subroutine put_contact(system, list, c, sample)
     type(dem_system_type), intent(in) :: system

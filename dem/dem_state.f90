@@ -6,6 +6,7 @@ module dem_state
   private
   public :: dem_grains_type, dem_planes_type, dem_law_type, dem_material_type, dem_pairs_type
   public :: dem_parameters_type, dem_ledger_type, dem_health_type, dem_weights_type, dem_data_type
+  public :: dem_cell_type
   public :: kind_free, kind_fixed, kind_driven, kind_ghost
   public :: mode_dynamic, mode_relaxation
   public :: law_hertz_mindlin, law_hertz_no_history, law_linear
@@ -97,7 +98,9 @@ module dem_state
 
   !> Candidate pairs in blocks, their cached normals and contact history.
   !!
-  !! Bodies 1..n are grains, n+1 and n+2 pads far away, n+3 a pad plane, n+3+k is plane k.
+  !! Bodies 1..n are grains, n+1 and n+2 pads far away, n+3 a pad plane, n+3+k is plane k; images of
+  !! grains in a periodic cell follow, ordered by their grain, then by their shift. A pair of grains
+  !! has the lower id as itself and, where it reaches over a face, an image of the other.
   !! A body record: x(3), v(3), omega(3), A = Q diag(a^2,b^2,c^2) Q^T as xx yy zz xy yz zx,
   !! (a b c)^2; planes use x and v only. Blocks come in groups of one law, one kind of geometry and
   !! one band of gaps; a slot is lanes (block - 1) + lane, counted on through all blocks.
@@ -132,7 +135,33 @@ module dem_state
     real(wp), allocatable :: reach(:)            !! (bodies) greatest minus least semi-axis [m]
     integer(i4), allocatable :: start(:)         !! (bodies+1) first entry of a body
     integer(i4), allocatable :: entry(:)         !! 2*(slot-1) + side, by partner id
+    integer(i4) :: plain = 0                     !! bodies that are no images
+    integer(i4) :: images = 0                    !! bodies plain+1 .. plain+images
+    integer(i4), allocatable :: grain(:)         !! (bodies) itself, or whose image; 0: no grain
+    integer(i4), allocatable :: shift(:, :)      !! (3, images) in edges of the cell
+    integer(i4), allocatable :: image_start(:)   !! (grains+1) first image of each grain
+    integer(i4), allocatable :: former(:)        !! (images) body in the list before, 0: none
+    real(wp), allocatable :: image_force(:, :)   !! (3, images) at the last evaluation [N]
   end type dem_pairs_type
+
+  !> Periodic cell and the homogeneous flow that carries all grains. Velocities of grains are those
+  !! relative to the flow. Without any periodic edge the flow alone is left (theory-dem, cell).
+  type :: dem_cell_type
+    logical :: active = .false.
+    logical :: periodic(3) = .false.         !! (edges)
+    real(wp) :: origin(3) = 0.0_wp           !! corner; the point that the flow leaves in place [m]
+    real(wp) :: vectors(3, 3) = 0.0_wp       !! edges as columns [m]
+    real(wp) :: start(3, 3) = 0.0_wp         !! edges at the start of the run [m]
+    real(wp) :: rate(3, 3) = 0.0_wp          !! velocity gradient dv_i/dx_j [1/s]
+    real(wp) :: step(3, 3) = 0.0_wp          !! displacement gradient of the step under way [-]
+    real(wp) :: back(3, 3) = 0.0_wp          !! (1 + step)^-1 [-]
+    real(wp) :: speed(3, 3) = 0.0_wp         !! velocity of the edges in this step [m/s]
+    real(wp) :: held(10) = 0.0_wp            !! slow part of the servos' rates, see dem_flow [1/s]
+    real(wp) :: listed(3, 3) = 0.0_wp        !! edges when the list was made [m]
+    real(wp) :: deform(3, 3) = 0.0_wp        !! deformation gradient since then [-]
+    real(wp) :: reach = 0.0_wp               !! longest branch that the list may hold [m]
+    real(wp) :: stretch = 0.0_wp             !! half of what deform may add to a branch [m]
+  end type dem_cell_type
 
   !> Contact weights set through the port, sorted by (lower id, higher id); all others weigh 1.
   type :: dem_weights_type
@@ -194,6 +223,7 @@ module dem_state
     type(dem_law_type), allocatable :: laws(:, :)  !! (first, second material)
     type(dem_parameters_type) :: par
     type(dem_pairs_type) :: pairs
+    type(dem_cell_type) :: cell
     type(dem_weights_type) :: weights
     type(dem_ledger_type) :: ledger
     type(dem_health_type) :: health

@@ -12,6 +12,8 @@ module dem_steps
   use talus_errors, only: error_list_type
   use talus_text, only: str
   use dem_state, only: dem_data_type, kind_free, kind_fixed, mode_relaxation, lanes
+  use dem_carry, only: start_carried, finish_carried, sum_images
+  use dem_cell, only: advance_cell, least_width, is_periodic
   use dem_pairs, only: build_pairs
   use dem_forces, only: block_forces, sum_body
   use dem_lanes, only: sum_lanes
@@ -80,6 +82,8 @@ contains
         call name_lost_grain(d, errors)
         return
       end if
+      call fit_skin(d, errors)
+      if (errors%any()) return
       call rebuild_list(d, maxval(work%travel))
       resumed = .true.
     end do
@@ -150,6 +154,7 @@ contains
 
     before = d%health%steps - done
     rebuild = .false.
+    if (d%cell%active .and. .not. resumed) call advance_cell(d%cell, motion%dt)
     !$omp parallel default(none) private(s, c, begun, leave, me, threads, low, high, travel, push) &
     !$omp   shared(d, motion, n, done, resumed, rebuild, work, before)
     me = omp_get_thread_num()
@@ -178,6 +183,7 @@ contains
       !$omp master
       if (s > 1) call add_grain_work(d, work%finished)
       call add_grain_work(d, work%started)
+      if (d%cell%active .and. s < n) call advance_cell(d%cell, motion%dt)
       !$omp end master
       call share_forces(d, motion%dt, travel, me, threads)
       !$omp barrier
@@ -243,6 +249,12 @@ contains
     travel = 0.0_wp
     if (c > size(work%movers)) then
       call start_planes(d, motion%dt, travel)
+    else if (d%cell%active) then
+      if (fresh) then
+        call load_forces(work%movers(c), d%grains, push)
+        call ready_push(work%movers(c), d%grains, push)
+      end if
+      call start_carried(d, work%movers(c), motion, last, push, work%started(:, c), travel)
     else
       associate (mover => work%movers(c))
         if (mover%free_count > 0) then
@@ -324,6 +336,7 @@ contains
       call read_mover(mover)
       call sum_lanes(d%pairs%result, d%pairs%entry, d%pairs%start(mover%low + 1:), mover%count, &
                      mover%s%x, push%f, push%m)
+      if (d%cell%active) call finish_carried(d, mover, motion%dt, push, work%finished(:, c))
       do k = 1, merge(0, mover%count, mover%free_count == mover%count)
         if (mover%free(k) > 0.5_wp) cycle
         call finish_prescribed(d%grains, mover%low + k, motion%dt, push%f(k, :), push%m(k, :), &
@@ -447,6 +460,7 @@ contains
     work = 0.0_wp
     do i = 1, d%grains%n
       call sum_body(d%pairs, i, force, moment)
+      call sum_images(d, i, force, moment)
       if (d%grains%kind(i) == kind_free) then
         d%grains%force(:, i) = force
         d%grains%moment(:, i) = moment
@@ -481,6 +495,24 @@ contains
     if (.not. travel <= 0.5_wp*d%pairs%skin) call rebuild_list(d, travel)
   end subroutine rebuild_if_needed
 
+  !> The skin may be no wider than the cell allows; a cell narrower than two ranges ends the run
+  !! (N220).
+  subroutine fit_skin(d, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: range, width
+    if (.not. is_periodic(d%cell)) return
+    range = 2.0_wp*maxval(d%grains%radius)
+    width = least_width(d%cell)
+    d%pairs%most_skin = min(d%pairs%most_skin, 0.5_wp*width - range)
+    d%pairs%skin = min(d%pairs%skin, d%pairs%most_skin)
+    if (d%pairs%most_skin >= d%pairs%least_skin) return
+    call errors%add('N220', 'the periodic cell has become '//str(width)//' m wide, less than '// &
+                    'two interaction ranges of '//str(range + d%pairs%least_skin)//' m', &
+                    place='step '//str(d%health%steps), &
+                    hint='a larger cell with more grains, or less compression')
+  end subroutine fit_skin
+
   !> New list; late if one step went further than the whole margin.
   subroutine rebuild_list(d, travel)
     type(dem_data_type), intent(inout) :: d
@@ -493,7 +525,7 @@ contains
       d%pairs%skin = max(d%pairs%skin/1.3_wp, d%pairs%least_skin)
     end if
     d%pairs%built_at = d%health%steps
-    call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs)
+    call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)
   end subroutine rebuild_list
 
   logical function all_finite(d)

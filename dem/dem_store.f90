@@ -5,6 +5,8 @@ module dem_store
   use dem_archive, only: dem_archive_type
   use dem_state, only: dem_data_type, dem_pairs_type, dem_ledger_type, dem_health_type, lanes, &
     history_size, result_size, column_count, entries_ahead
+  use dem_cell, only: is_periodic
+  use dem_images, only: resize_images
   use dem_pairs, only: allocate_bodies, update_bodies
   implicit none
   private
@@ -20,6 +22,7 @@ contains
     call archive%clear()
     call put_grains(d, archive)
     call put_pairs(d%pairs, archive)
+    if (d%cell%active) call put_cell(d, archive)
     if (allocated(d%seen_kinetic)) call archive%put_reals( &
       'damping.seen_kinetic', reshape(d%seen_kinetic, [1, size(d%seen_kinetic)]))
     if (allocated(d%servo_seen)) call archive%put_reals('servo.seen', d%servo_seen)
@@ -110,6 +113,60 @@ contains
     call archive%put_reals('pairs.reference_q', p%reference_q)
   end subroutine put_pairs
 
+  !> The cell and the images of its list.
+  subroutine put_cell(d, archive)
+    type(dem_data_type), intent(in) :: d
+    type(dem_archive_type), intent(inout) :: archive
+    associate (c => d%cell, p => d%pairs)
+      call archive%put_reals('cell', reshape([c%vectors, c%start, c%rate, c%step, c%back, &
+                             c%speed, c%listed, c%deform], [3, 24]))
+      call archive%put_reals('cell.place', reshape([c%origin, c%reach, c%stretch, c%held], [5, 3]))
+      if (.not. is_periodic(c)) return
+      call archive%put_integers('images', int(reshape([p%grain(p%plain + 1:), &
+                                reshape(p%shift, [3*p%images])], [p%images, 4]), i8))
+      call archive%put_reals('images.force', p%image_force)
+    end associate
+  end subroutine put_cell
+
+  !> The same back.
+  subroutine get_cell(d, archive, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: rows(:, :)
+    integer(i8), allocatable :: images(:, :)
+    integer(i4) :: n, k
+
+    call archive%get_reals('cell', 3, 24, rows, errors)
+    if (errors%any()) return
+    associate (c => d%cell)
+      c%vectors = rows(:, 1:3)
+      c%start = rows(:, 4:6)
+      c%rate = rows(:, 7:9)
+      c%step = rows(:, 10:12)
+      c%back = rows(:, 13:15)
+      c%speed = rows(:, 16:18)
+      c%listed = rows(:, 19:21)
+      c%deform = rows(:, 22:24)
+      call archive%get_reals('cell.place', 5, 3, rows, errors)
+      if (errors%any()) return
+      c%origin = rows(:3, 1)
+      c%reach = rows(4, 1)
+      c%stretch = rows(5, 1)
+      c%held = reshape(rows(:, 2:), [10])
+      if (.not. is_periodic(c)) return
+    end associate
+    k = archive%find('images')
+    n = 0
+    if (k > 0) n = size(archive%item(k)%integers, 1)
+    call archive%get_integers('images', n, 4, images, errors)
+    call archive%get_reals('images.force', 3, n, rows, errors)
+    if (errors%any()) return
+    call resize_images(d%pairs, d%grains%n, int(images(:, 1), i4), &
+                       int(reshape(images(:, 2:4), [3, n]), i4))
+    d%pairs%image_force = rows
+  end subroutine get_cell
+
   pure function ledger_row(l) result(row)
     type(dem_ledger_type), intent(in) :: l
     real(wp) :: row(14, 1)
@@ -149,9 +206,11 @@ contains
     call get_grains(d, archive, errors)
     if (errors%any()) return
     call allocate_bodies(d%pairs, d%grains, d%planes)
+    if (d%cell%active) call get_cell(d, archive, errors)
+    if (errors%any()) return
     call get_pairs(d, archive, errors)
     if (errors%any()) return
-    call update_bodies(d%pairs, d%grains, d%planes)
+    call update_bodies(d%pairs, d%grains, d%planes, d%cell)
     if (archive%find('damping.seen_kinetic') > 0) then
       call archive%get_reals('damping.seen_kinetic', 1, d%grains%n, row, errors)
       d%seen_kinetic = row(1, :)
@@ -259,7 +318,7 @@ contains
     real(wp), allocatable :: flat(:, :)
     integer(i4) :: m, bodies
 
-    bodies = d%grains%n + 3 + d%planes%n
+    bodies = d%pairs%plain + d%pairs%images
     call archive%get_integers('pairs.count', 4, 1, counts, errors)
     if (errors%any()) return
     m = int(counts(1, 1), i4)
@@ -301,9 +360,9 @@ contains
       p%weight = flat
       call archive%get_reals('pairs.m_star', lanes, m, flat, errors)
       p%m_star = flat
-      call archive%get_reals('pairs.reference_x', 3, bodies, flat, errors)
+      call archive%get_reals('pairs.reference_x', 3, p%plain, flat, errors)
       p%reference_x = flat
-      call archive%get_reals('pairs.reference_q', 4, bodies, flat, errors)
+      call archive%get_reals('pairs.reference_q', 4, p%plain, flat, errors)
       p%reference_q = flat
       p%columns = reshape(spread(0.0_wp, 1, column_count*m), [column_count, m])
     end associate

@@ -8,6 +8,7 @@ module dem_system
   use talus_text, only: str
   use dem_archive, only: dem_archive_type
   use dem_state, only: dem_data_type, kind_free, lanes, history_point, history_side
+  use dem_cell, only: is_periodic, least_width
   use dem_make, only: sorted_order, make_planes
   use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
   use dem_steps, only: step_memory_type, take_steps, evaluate_forces, rebuild_if_needed, &
@@ -44,6 +45,7 @@ module dem_system
     procedure :: forces           !! (): forces at the current state; no time passes
     procedure :: kick             !! (dt): v += dt (F + X)/m, rotation alike
     procedure :: drift            !! (dt): x += dt v, rotation alike; prescribed grains too
+    procedure :: first_skin       !! (): margin of the list at the start [m]
     procedure :: step_limit       !! (): Gershgorin limit [s], huge without contacts
     procedure :: rayleigh_limit   !! (): least Rayleigh time of the free grains [s]
     procedure :: automatic_step   !! (speed): dt_factor x least of all limits [s]
@@ -73,16 +75,17 @@ contains
 
     if (.not. allocated(self%planes%point)) call no_planes(self)
     call check_laws(self)
-    self%pairs%skin = self%par%skin
+    self%pairs%skin = self%first_skin()
     self%pairs%most_skin = self%pairs%skin
-    if (.not. self%pairs%skin > 0.0_wp) then
-      self%pairs%skin = usual_skin(self)
-      self%pairs%most_skin = 4.0_wp*self%pairs%skin
-    end if
+    if (.not. self%par%skin > 0.0_wp) self%pairs%most_skin = 4.0_wp*self%pairs%skin
     self%pairs%least_skin = self%pairs%skin
+    if (is_periodic(self%cell)) &
+      self%pairs%most_skin = min(self%pairs%most_skin, &
+                                 0.5_wp*least_width(self%cell) - 2.0_wp*maxval(self%grains%radius))
     call allocate_bodies(self%pairs, self%grains, self%planes)
-    call update_bodies(self%pairs, self%grains, self%planes)
-    call build_pairs(self%pairs, self%grains, self%planes, self%weights, self%par%ghost_pairs)
+    call update_bodies(self%pairs, self%grains, self%planes, self%cell)
+    call build_pairs(self%pairs, self%grains, self%planes, self%weights, self%par%ghost_pairs, &
+                     self%cell)
     call evaluate_forces(self%dem_data_type, 0.0_wp)
     self%pending = 0.0_wp
     self%ready = .true.
@@ -97,11 +100,13 @@ contains
     call make_planes(self%planes, none, none, none, no_material)
   end subroutine no_planes
 
-  !> Margin of the list: a tenth of the mean least semi-axis of the grains that move.
-  pure real(wp) function usual_skin(self) result(skin)
+  !> Margin of the list: as given, or a tenth of the mean least semi-axis of the grains that move.
+  pure real(wp) function first_skin(self) result(skin)
     class(dem_system_type), intent(in) :: self
     integer(i4) :: i, n
     real(wp), parameter :: part = 0.1_wp
+    skin = self%par%skin
+    if (skin > 0.0_wp) return
     skin = 0.0_wp
     n = 0
     do i = 1, self%grains%n
@@ -114,7 +119,7 @@ contains
     else
       skin = part*minval(self%grains%axes)
     end if
-  end function usual_skin
+  end function first_skin
 
   !> The reader of the deck gives every pair of materials that can meet a law.
   subroutine check_laws(self)
@@ -147,7 +152,7 @@ contains
   !> Forces at the current state; the drift since the last evaluation moves the history on.
   subroutine forces(self)
     class(dem_system_type), intent(inout) :: self
-    call update_bodies(self%pairs, self%grains, self%planes)
+    call update_bodies(self%pairs, self%grains, self%planes, self%cell)
     call rebuild_if_needed(self%dem_data_type)
     call evaluate_forces(self%dem_data_type, self%pending)
     self%pending = 0.0_wp
@@ -280,7 +285,8 @@ contains
     self%weights%id = reshape([low(order), high(order)], [2, size(order)], order=[2, 1])
     self%weights%value = value(order)
     if (self%ready) then
-      call build_pairs(self%pairs, self%grains, self%planes, self%weights, self%par%ghost_pairs)
+      call build_pairs(self%pairs, self%grains, self%planes, self%weights, self%par%ghost_pairs, &
+                       self%cell)
     end if
   end subroutine set_weights
 
@@ -376,7 +382,7 @@ contains
     else
       list%ids(1, k) = self%grains%id(i)
     end if
-    list%ids(2, k) = self%grains%id(j)
+    list%ids(2, k) = self%grains%id(self%pairs%grain(j))
     list%point(:, k) = self%pairs%body(1:3, i) + &
       self%pairs%history(lane, history_point:history_point + 2, block)
     list%normal(:, k) = self%pairs%normal(lane, :, block)

@@ -122,8 +122,13 @@ def add_tool(packing: Packing, axes: tuple[float, float, float], height: float |
     return packing.join(tool)
 
 
-def lattice(kind: str, cells: tuple[int, int, int], pitch: float, axes: np.ndarray) -> Packing:
-    """Grains on a lattice; `pitch` [m] is the cell's edge (hcp: the distance in a layer)."""
+def lattice(
+    kind: str, cells: tuple[int, int, int], pitch: float, axes: np.ndarray, periodic: bool = False
+) -> Packing:
+    """Grains on a lattice; `pitch` [m] is the cell's edge (hcp: the distance in a layer).
+
+    A periodic packing holds the cell in which the lattice goes on without end.
+    """
     if kind not in LATTICES:
         raise FaultError("E510", f"no lattice '{kind}'", f"one of {', '.join(LATTICES)}")
     edges, base = (np.array(part, float) for part in LATTICES[kind])
@@ -133,7 +138,10 @@ def lattice(kind: str, cells: tuple[int, int, int], pitch: float, axes: np.ndarr
     corners = np.stack(np.meshgrid(*(np.arange(c) for c in cells), indexing="ij"), -1)
     x = (corners.reshape(-1, 1, 3) + base[None]) * edges * pitch
     x = x.reshape(-1, 3)
-    return make_packing(x, np.tile(axes, (len(x), 1)))
+    packing = make_packing(x, np.tile(axes, (len(x), 1)))
+    if periodic:
+        packing.cell = np.diag(np.array(cells) * edges * pitch)
+    return packing
 
 
 def uniform_sizes(count: int, spread: float, rng: np.random.Generator) -> np.ndarray:
@@ -167,46 +175,60 @@ def sieved_sizes(count: int, openings: np.ndarray, passing: np.ndarray) -> np.nd
 
 def cloud(
     sizes: np.ndarray, box: np.ndarray, axes: np.ndarray, seed: int, tries: int = 2000,
-    watch: object = iter,
+    watch: object = iter, periodic: bool = False,
 ) -> Packing:  # fmt: skip
     """Random grains whose bounding spheres do not overlap, in a box from the origin [m].
 
     `sizes` (n) multiply `axes` [m]. Larger grains are placed first; ids run through the box layer
-    by layer, so that neighbours lie near each other in the solver's memory.
+    by layer, so that neighbours lie near each other in the solver's memory. In a periodic box
+    grains reach through the faces; the packing then holds it as its cell.
     """
     rng = np.random.default_rng(seed)
     scale = np.sort(sizes)[::-1]
     radius = scale * float(np.max(axes))
-    if (2.0 * radius[0] > box).any():
-        text = f"the largest grain, {2.0 * radius[0]:.4g} m across, is wider than the box"
+    if ((4.0 if periodic else 2.0) * radius[0] > box).any():
+        text = f"the largest grain, {2.0 * radius[0]:.4g} m across, is too wide for the box"
         raise FaultError("E512", text, "enlarge the box")
-    cell = 2.0 * radius[0]
+    across = np.maximum(np.floor(box / (2.0 * radius[0])), 1.0)  # cells of the search
+    period = box if periodic else np.full(3, np.inf)
     grid: dict[tuple[int, ...], list[int]] = {}
     x = np.zeros((len(scale), 3))
     for k in watch(range(len(scale))):
         for _ in range(tries):
-            trial = radius[k] + rng.uniform(size=3) * (box - 2.0 * radius[k])
-            home = tuple((trial // cell).astype(int))
-            if clear_of(trial, radius[k], home, grid, x, radius):
+            margin = 0.0 if periodic else radius[k]
+            trial = margin + rng.uniform(size=3) * (box - 2.0 * margin)
+            home = np.minimum(trial * across // box, across - 1.0).astype(int)
+            near = neighbours(home, across.astype(int), periodic)
+            if clear_of(trial, radius[k], near, grid, x, radius, period):
                 x[k] = trial
-                grid.setdefault(home, []).append(k)
+                grid.setdefault(tuple(home), []).append(k)
                 break
         else:
             text = f"only {k} of {len(scale)} grains found room"
             raise FaultError("E512", text, "enlarge the box or ask for fewer grains")
-    order = np.lexsort((x // cell).astype(int).T)
+    order = np.lexsort((x // (2.0 * radius[0])).astype(int).T)
     axes = scale[order, None] * axes[None, :]
-    return make_packing(x[order], axes, random_quaternions(rng, len(scale)))
+    packing = make_packing(x[order], axes, random_quaternions(rng, len(scale)))
+    if periodic:
+        packing.cell = np.diag(box)
+    return packing
+
+
+def neighbours(home: np.ndarray, across: np.ndarray, periodic: bool) -> set[tuple[int, ...]]:
+    """Return a cell of the search and those around it, over the faces of a periodic box."""
+    around = [home + np.array(d) - 1 for d in np.ndindex(3, 3, 3)]
+    return {tuple(cell % across if periodic else cell) for cell in around}
 
 
 def clear_of(
-    trial: np.ndarray, own: float, home: tuple[int, ...],
-    grid: dict[tuple[int, ...], list[int]], x: np.ndarray, radius: np.ndarray,
+    trial: np.ndarray, own: float, cells: set[tuple[int, ...]],
+    grid: dict[tuple[int, ...], list[int]], x: np.ndarray, radius: np.ndarray, period: np.ndarray,
 ) -> bool:  # fmt: skip
-    """Whether a sphere of radius `own` at `trial` touches none of those placed (by cells)."""
-    near = [
-        j
-        for d in np.ndindex(3, 3, 3)
-        for j in grid.get((home[0] + d[0] - 1, home[1] + d[1] - 1, home[2] + d[2] - 1), [])
-    ]
-    return not near or bool(np.all(np.linalg.norm(x[near] - trial, axis=1) > radius[near] + own))
+    """Whether a sphere of radius `own` at `trial` touches none of those placed in some cells."""
+    near = [j for cell in cells for j in grid.get(cell, [])]
+    if not near:
+        return True
+    apart = x[near] - trial
+    if np.isfinite(period).all():
+        apart -= period * np.round(apart / period)
+    return bool(np.all(np.linalg.norm(apart, axis=1) > radius[near] + own))

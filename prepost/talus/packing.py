@@ -31,6 +31,8 @@ class Packing:
     v: np.ndarray
     omega: np.ndarray
     groups: dict[str, np.ndarray] = field(default_factory=dict)
+    cell: np.ndarray | None = None  # edges of a periodic cell as rows (3, 3) [m]
+    corner: np.ndarray = field(default_factory=lambda: np.zeros(3))  # where it begins [m]
 
     @property
     def count(self) -> int:
@@ -43,7 +45,7 @@ class Packing:
         groups = {name: g[np.isin(g, ids)] for name, g in self.groups.items()}
         return Packing(
             ids, self.x[keep], self.quat[keep], self.axes[keep], self.kind[keep], self.v[keep],
-            self.omega[keep], groups,
+            self.omega[keep], groups, self.cell, self.corner,
         )  # fmt: skip
 
     def join(self, other: "Packing") -> "Packing":
@@ -60,6 +62,8 @@ class Packing:
                 for key in ("id", "x", "quat", "axes", "kind", "v", "omega")
             ),
             groups=groups,
+            cell=self.cell,
+            corner=self.corner,
         )
 
 
@@ -106,6 +110,10 @@ def write_h5(path: Path, packing: Packing) -> None:
         groups = file.create_group("groups")
         for name, ids in packing.groups.items():
             groups[name] = np.sort(ids).astype(np.int64)
+        if packing.cell is not None:
+            cell = file.create_group("cell")
+            cell["vectors"] = np.ascontiguousarray(packing.cell, np.float64)
+            cell["origin"] = np.ascontiguousarray(packing.corner, np.float64)
 
 
 def read_h5(path: Path) -> Packing:
@@ -118,12 +126,16 @@ def read_h5(path: Path) -> Packing:
                 raise FaultError("E502", f"{path} is no packing (format '{kind}')")
             grains = {name: file["grains"][name][...] for name in file["grains"]}
             groups = {name: file["groups"][name][...] for name in file.get("groups", {})}
+            cell = {name: file["cell"][name][...] for name in file.get("cell", {})}
     except FileNotFoundError as fault:
         raise FaultError("E501", f"no such file: {path}", exit_code=1) from fault
     except (OSError, KeyError) as fault:
         reason = str(refuse(path, fault)).split(f"{path}: ", 1)[-1]
         raise FaultError("E502", f"{path} cannot be read as a packing: {reason}") from fault
-    return packing_of(grains, groups, path)
+    packing = packing_of(grains, groups, path)
+    if "vectors" in cell:
+        packing.cell, packing.corner = cell["vectors"], cell.get("origin", np.zeros(3))
+    return packing
 
 
 def packing_of(grains: dict[str, np.ndarray], groups: dict[str, np.ndarray], path: Path) -> Packing:

@@ -107,6 +107,26 @@ def test_faults_of_packings(tmp_path: Path) -> None:
         one.join(one)
 
 
+def test_periodic_cell(tmp_path: Path) -> None:
+    """Grains of a periodic cloud keep apart over the faces; files keep the cell."""
+    box, axes = np.array([12e-3, 14e-3, 16e-3]), np.array([1.2e-3, 1.0e-3, 0.8e-3])
+    cloud = generate.cloud(np.ones(60), box, axes, seed=4, periodic=True)
+    apart = cloud.x[:, None] - cloud.x[None]
+    apart -= box * np.round(apart / box)
+    length = np.linalg.norm(apart, axis=2) + np.eye(60)
+    assert length.min() >= 2.4e-3
+    assert (cloud.x.min(axis=0) < 1.2e-3).all()  # grains reach through the faces
+    write_h5(tmp_path / "cloud.h5", cloud)
+    again = read_h5(tmp_path / "cloud.h5")
+    assert np.array_equal(again.cell, np.diag(box))
+    assert np.array_equal(again.take(again.id < 9).cell, np.diag(box))
+    assert generate.lattice("fcc", (2, 2, 2), 1e-3, axes).cell is None
+    cell = generate.lattice("hcp", (2, 2, 2), 1e-3, axes, periodic=True).cell
+    assert np.allclose(np.diag(cell), [2e-3, 2e-3 * np.sqrt(3.0), 2e-3 * np.sqrt(8.0 / 3.0)])
+    with pytest.raises(FaultError, match="too wide for the box"):
+        generate.cloud(np.ones(2), np.full(3, 4e-3), axes, seed=4, periodic=True)
+
+
 def test_lattice_and_cloud() -> None:
     """A lattice has its cells' sites; the bounding spheres of a cloud keep apart and inside."""
     axes = np.array([1.0, 0.8, 0.6]) * 1e-3

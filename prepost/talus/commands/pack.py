@@ -30,6 +30,7 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument("--cells", type=counting, nargs=3, default=(5, 5, 5), metavar="N")
     new.add_argument("--pitch", type=positive, required=True, help="edge of the cell [m]")
     _axes(new, "--axes", "semi-axes [m]", required=True)
+    new.add_argument("--periodic", action="store_true", help="in a periodic cell")
     new = _sub(pack, "cloud", cloud, "random grains that do not overlap")
     new.add_argument("--count", type=counting, required=True)
     _axes(new, "--box", "edges of the box [m]", required=True)
@@ -42,6 +43,7 @@ def register(commands: argparse._SubParsersAction) -> None:
         "a grain passes by its middle axis",
     )  # fmt: skip
     new.add_argument("--seed", type=natural, default=1)
+    new.add_argument("--periodic", action="store_true", help="the box is a periodic cell")
     for name, text in (
         ("text2h5", "text form to packing.h5"),
         ("h52text", "packing.h5 to text form"),
@@ -104,7 +106,13 @@ def lattice(options: argparse.Namespace) -> int:
     """Make a lattice."""
     return finish(
         options,
-        generate.lattice(options.kind, tuple(options.cells), options.pitch, np.array(options.axes)),
+        generate.lattice(
+            options.kind,
+            tuple(options.cells),
+            options.pitch,
+            np.array(options.axes),
+            options.periodic,
+        ),  # fmt: skip
     )
 
 
@@ -119,7 +127,8 @@ def cloud(options: argparse.Namespace) -> int:
     else:
         rng = np.random.default_rng(options.seed + 1)
         sizes = generate.uniform_sizes(options.count, options.spread, rng)
-    made = generate.cloud(sizes, np.array(options.box), axes, options.seed, watch=watch)
+    box = np.array(options.box)
+    made = generate.cloud(sizes, box, axes, options.seed, watch=watch, periodic=options.periodic)
     return finish(options, made)
 
 
@@ -139,6 +148,8 @@ def transfer(options: argparse.Namespace) -> int:
     packing = read_packing(options.source)
     if options.output.suffix in TEXT_ENDINGS and (packing.v.any() or packing.omega.any()):
         print(f"{options.source}: the text form holds no velocities, they are left out")
+    if options.output.suffix in TEXT_ENDINGS and packing.cell is not None:
+        print(f"{options.source}: the text form holds no cell, it is left out")
     return finish(options, packing, options.header)
 
 
