@@ -527,7 +527,7 @@ contains
       call self%deck%get('output', 1, 'packing', packing)
       if (len(packing) > 0 .and. .not. self%stopped .and. .not. errors%any()) &
         call write_packing(folder_of(self%stem)//'/'//packing, self%system%grains, &
-                           self%system%cell, self%packing%group, errors)
+                           self%packing%group, errors, self%system%cell)
     else if (self%opened) then
       call self%fields%write(self%clock%time(), self%system, ignored)
     end if

@@ -188,15 +188,17 @@ contains
   end subroutine group_index
 
   !> Write the present state of grains as a packing; ghosts are written as fixed.
-  subroutine write_packing(path, grains, cell, groups, errors)
+  subroutine write_packing(path, grains, groups, errors, cell)
     character(len=*), intent(in) :: path
     type(dem_grains_type), intent(in) :: grains
-    type(dem_cell_type), intent(in) :: cell  !! centres are folded into it
     type(dem_group_type), intent(in) :: groups(:)
     type(error_list_type), intent(inout) :: errors
+    type(dem_cell_type), intent(in), optional :: cell  !! centres are folded into it
     type(h5_file_type) :: file
+    type(dem_cell_type) :: own
     integer(i4) :: k, before
 
+    if (present(cell)) own = cell
     before = errors%count
     call file%create(path, errors, format=format_name)
     if (errors%count > before) return
@@ -205,15 +207,15 @@ contains
     call file%put('/grains/id', grains%id, errors)
     call file%put('/grains/kind', merge(1_i4, min(grains%kind, kind_driven), &
                                         grains%kind == kind_ghost), errors)
-    call file%put('/grains/x', folded(cell, grains%x), errors)
+    call file%put('/grains/x', folded(own, grains%x), errors)
     call file%put('/grains/quat', grains%quat, errors)
     call file%put('/grains/axes', grains%axes, errors)
     call file%put('/grains/v', grains%v, errors)
     call file%put('/grains/omega', grains%omega, errors)
-    if (cell%active) then
+    if (own%active) then
       call file%group('/cell', errors)
-      call file%put('/cell/vectors', cell%vectors, errors)
-      call file%put('/cell/origin', cell%origin, errors)
+      call file%put('/cell/vectors', own%vectors, errors)
+      call file%put('/cell/origin', own%origin, errors)
     end if
     call file%group('/groups', errors)
     do k = 1, size(groups)
