@@ -97,7 +97,7 @@ $(BIN)/talus-dem: $(OBJ)/dem-dem_main.o $(LIB)/libtalus_dem.a $(LIB)/libtalus_co
 $(BIN)/talus-fem: $(OBJ)/fem-fem_main.o $(LIB)/libtalus_fem.a $(LIB)/libtalus_common.a | $(BIN)
 	$(FC) -fopenmp $(LDFLAGS) -o $@ $^ $(LIBS_MUMPS) $(LIBS_HDF5)
 $(BIN)/talus-couple: $(OBJ)/couple-cpl_main.o $(LIB)/libtalus_couple.a $(LIB)/libtalus_common.a | $(BIN)
-	gfortran -fopenmp $(LDFLAGS) -o $@ $^ $(LIBS_HDF5)
+	gfortran -fopenmp $(LDFLAGS) -o $@ $^ -lopenblas $(LIBS_HDF5)
 
 # unit tests link what they may use; a folder without sources yields an empty library
 unit_libs = $(LIB)/libtalus_$(1).a $(LIB)/libtalus_common.a
@@ -106,7 +106,7 @@ $(BUILD)/unit/$(1): $(OBJ)/tests-unit-$(1).o $(OBJ)/tests-unit-talus_test.o \
   $(if $(filter test_dem_%,$(1)),$(LIB)/libtalus_dem.a) $(if $(filter test_fem_%,$(1)),$(LIB)/libtalus_fem.a) \
   $(if $(filter test_cpl_%,$(1)),$(LIB)/libtalus_couple.a) $(LIB)/libtalus_common.a | $(BUILD)/unit
 	$(if $(filter test_fem_%,$(1)),$(FC),gfortran) -fopenmp $(LDFLAGS) -o $$@ $$^ \
-	  $(if $(filter test_fem_%,$(1)),$(LIBS_MUMPS)) $(LIBS_HDF5)
+	  $(if $(filter test_fem_%,$(1)),$(LIBS_MUMPS)) $(if $(filter test_cpl_%,$(1)),-lopenblas) $(LIBS_HDF5)
 endef
 $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
 

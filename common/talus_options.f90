@@ -23,6 +23,7 @@ module talus_options
     character(len=:), allocatable :: measure     !! '' or a field file for talus-dem to measure
     character(len=:), allocatable :: output_dir  !! '' or the folder of the results
     logical :: one_point = .false.               !! talus-fem --point: a material, without mesh
+    logical :: weights = .false.                 !! talus-couple --weights: of an overlap in a file
     character(len=:), allocatable :: point       !! '' or the rendezvous file of launch = 'attach'
     integer(i4) :: threads = 0                   !! 0: not said
   end type options_type
@@ -103,6 +104,15 @@ contains
         call errors%add('D022', 'option '//name//' takes no value', 'command line', 'write '//name)
         return
       end if
+    case ('--weights')
+      if (program /= 'talus-couple') then
+        call unknown_option(program, name, errors)
+        return
+      else if (equals > 0) then
+        call errors%add('D022', 'option --weights takes no value', 'command line', &
+                        'write talus-couple FILE.h5 --weights')
+        return
+      end if
     case ('--restart', '--port', '--output', '--point', '--threads', '--measure')
       if (name == '--measure' .and. program /= 'talus-dem') then
         call unknown_option(program, name, errors)
@@ -151,6 +161,8 @@ contains
       options%point = value
     case ('--measure')
       options%measure = value
+    case ('--weights')
+      options%weights = .true.
     case ('--threads')
       call parse_integer(value, options%threads, status)
       if (status /= value_good .or. options%threads < 1 .or. options%threads > most_threads) then
@@ -177,6 +189,7 @@ contains
     call append_string(names, '--point=')
     call append_string(names, '--threads=')
     if (program == 'talus-dem') call append_string(names, '--measure=')
+    if (program == 'talus-couple') call append_string(names, '--weights')
     call errors%add('D020', program//' has no option '//name, 'command line', &
                     did_you_mean(name, names, 'options:'))
   end subroutine unknown_option
@@ -228,6 +241,9 @@ contains
     if (program == 'talus-dem') &
       call append_string(lines, '  --measure=FILE  &measure and &grid of the deck, on a field'// &
                          ' file of an earlier run')
+    if (program == 'talus-couple') &
+      call append_string(lines, '  --weights       energy partition of an overlap in a file'// &
+                         ' that stands for the deck, without solvers')
     if (program == 'talus-fem') &
       call append_string(lines, '  --point         one material along the &path states of the'// &
                          ' deck, without mesh')

@@ -11,6 +11,7 @@ program talus_couple
   use cpl_check, only: check_solvers
   use cpl_deck_keys, only: cpl_deck_table
   use cpl_model, only: cpl_model_type, program_name
+  use cpl_partition_file, only: weigh_file
   implicit none
 
   type(options_type) :: options
@@ -22,6 +23,7 @@ program talus_couple
   call parse_options(options, program_name, errors)
   if (errors%any()) call leave_with_faults()
   if (asks_a_question(options)) call answer()
+  if (options%weights) call weigh()
   allocate (model)
   call model%read(options, errors)
   if (options%check) call check()
@@ -47,6 +49,13 @@ contains
     call answer_question(program_name, options, table)
     call talus_exit(0_i4)
   end subroutine answer
+
+  !> --weights: the energy partition of an overlap in a file.
+  subroutine weigh()
+    call weigh_file(options%deck, options%output_dir, errors)
+    if (errors%any()) call leave_with_faults()
+    call talus_exit(0_i4)
+  end subroutine weigh
 
   !> --check: the coupled deck, then both solvers' own checks, all faults together.
   subroutine check()

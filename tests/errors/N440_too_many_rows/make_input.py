@@ -1,0 +1,5 @@
+"""Write the input."""
+
+from overlap_input import write
+
+write("fit", copies=600)
