@@ -104,7 +104,7 @@ contains
       if (self%region(self%element(q)) /= region_ghost) cycle
       sums = 0.0_wp
       do c = 1, size(middle, 2)
-        d = nearest(middle(:, c) - x(:, q), period)
+        d = shortest(middle(:, c) - x(:, q), period)
         l = self%branch(c)
         if (norm2(d) > radius + norm2(l)) cycle
         do k = 1, pieces
@@ -122,12 +122,12 @@ contains
   end subroutine kernel_shares
 
   !> Shortest of the periodic images of a vector.
-  pure function nearest(d, period) result(e)
+  pure function shortest(d, period) result(e)
     real(wp), intent(in) :: d(3), period(3)
     real(wp) :: e(3)
     e = d
     where (period > 0.0_wp) e = d - period*anint(d/max(period, tiny(1.0_wp)))
-  end function nearest
+  end function shortest
 
   !> Do most free grains with three contacts or more carry forces that do not balance when the pack
   !! is strained uniformly? In a lattice none does. Also the median over the grains of that force

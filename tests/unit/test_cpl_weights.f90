@@ -192,8 +192,7 @@ contains
     call method_of('share', method, 'deck.nml', errors)
     call choose_weights(overlap, method, w, beta, fit, errors)
     call test%check_text('no shares', errors%item(3)%code, 'D442')
-    overlap%stiffness = 0.0_wp
-    overlap%stiffness(:, 1) = 1.0_wp
+    overlap%moduli(:, :, layers) = 5.0_wp*overlap%moduli(:, :, layers)
     method%depth = h
     call method_of('fit', method, 'deck.nml', errors)
     call choose_weights(overlap, method, w, beta, fit, errors)
