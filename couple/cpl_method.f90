@@ -86,7 +86,7 @@ contains
     end select
     if (method%kind == method_fit .or. method%kind == method_scalar) &
       call fit_joint(self, method%kind == method_fit, w, beta, fit, errors)
-    if (method%kind == method_fit .and. fit%after > closed) &
+    if (method%kind == method_fit .and. .not. fit%after <= closed) &
       call errors%add('N443', 'the fit of the weights leaves '//str(fit%after)//' of a mean '// &
                       'contact force', 'energy partition', 'weights within 0 and 1 cannot '// &
                       "balance these ghosts and elements: take partition = 'ramp', or a "// &
