@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 24)
+    call table%init('talus-dem', 26)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -24,6 +24,8 @@ contains
     call group_fixed(table)
     call group_driven(table)
     call group_wall(table)
+    call group_surface(table)
+    call group_penetrometer(table)
     call group_servo(table)
     call group_constant_volume(table)
     call group_surcharge(table)
@@ -252,6 +254,113 @@ contains
       //' mean over the next 10.')
     call table%preset('')
   end subroutine group_wall
+
+  subroutine group_surface(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('surface', 13, &
+      'Triangles that grains meet on both sides: a tool, a hopper, a container, a ' &
+      //'finite plane. The body stands still, moves with its velocity, or turns about its' &
+      //' centre. Edges and corners count; triangles bent by less than smooth_deg are one' &
+      //' face, which a grain touches once. Force, moment about the centre and work are ' &
+      //'written to `<deck>_surfaces.csv`, the triangles to the field file.', repeats=.true.)
+    call table%add_key('id', 'string', '', 'Name in the log.')
+    call table%need()
+    call table%add_key('file', 'file', '', &
+      'STL file, binary or text, or a mesh (.h5) with facets. Neighbours must share ' &
+      //'their corners to the last digit and turn alike; the normals of the file are not ' &
+      //'read. Give this or rectangle.')
+    call table%add_key('facets', 'string', '', &
+      'Facet group of a mesh. Facets with four corners are cut along their shorter ' &
+      //'diagonal (along that of the first node if both are equal); nodes in the middle ' &
+      //'of sides are left out.')
+    call table%preset('')
+    call table%add_key('rectangle', 'real', 'm', &
+      'A finite plane: three corners in turn, x y z each; the fourth follows. Give this' &
+      //' or file.')
+    call table%sized(9_i4, 9_i4)
+    call table%add_key('material', 'string', '', 'Material of the surface.')
+    call table%need()
+    call table%add_key('scale', 'real', '', &
+      'Factor on all coordinates: 1.0e-3 for a file in mm.')
+    call table%preset('1.0')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('shift', 'real', 'm', 'Added to all coordinates, after scale.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%add_key('centre', 'real', 'm', &
+      'Point about which the body turns and moments are taken; left out, the middle of ' &
+      //'its box.')
+    call table%sized(3_i4, 3_i4)
+    call table%add_key('velocity', 'real', 'm/s', &
+      'Velocity of the centre, times the curve if there is one.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%add_key('spin', 'real', 'rad/s', &
+      'Angular velocity about the centre, times the curve if there is one.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%add_key('curve', 'string', '', &
+      'The curve by which velocity and spin are multiplied; every 10 steps they take ' &
+      //'its mean over the next 10.')
+    call table%preset('')
+    call table%add_key('smooth_deg', 'real', 'degree', &
+      'Triangles bent towards the grain by less than this are one face; those bent by ' &
+      //'more are two, and a grain in the corner touches both.')
+    call table%preset('20.0')
+    call table%bounds(min=0.0_wp, max=90.0_wp)
+    call group_surface_2(table)
+  end subroutine group_surface
+
+  subroutine group_surface_2(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('closed', 'logical', '', &
+      'Refuse a surface with holes (I226); otherwise its free edges are counted in the ' &
+      //'log.')
+    call table%preset('.false.')
+  end subroutine group_surface_2
+
+  subroutine group_penetrometer(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('penetrometer', 11, &
+      'A cone on a cylinder, exact: no triangles. Parts 1, 2 and 3 of ' &
+      //'`<deck>_surfaces.csv` are the tip (contacts at the apex itself), the cone with ' &
+      //'its shoulder, and the shaft. Moments are about the tip.', repeats=.true.)
+    call table%add_key('id', 'string', '', 'Name in the log.')
+    call table%need()
+    call table%add_key('tip', 'real', 'm', 'Apex of the cone at the start.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%add_key('axis', 'real', '', &
+      'Direction from the tip up the shaft, of any length.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|1.0')
+    call table%add_key('apex_deg', 'real', 'degree', 'Apex angle, from flank to flank.')
+    call table%preset('60.0')
+    call table%bounds(min=1.0_wp, max=179.0_wp)
+    call table%add_key('diameter', 'real', 'm', 'Diameter of cone and shaft.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%add_key('shaft', 'real', 'm', &
+      'Length of the shaft above the cone; its upper end is open and must stay above ' &
+      //'the grains.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%add_key('material', 'string', '', 'Material of tip and cone.')
+    call table%need()
+    call table%add_key('shaft_material', 'string', '', &
+      'Material of the shaft, where its friction differs; left out, that of the cone.')
+    call table%add_key('velocity', 'real', 'm/s', 'Velocity, times the curve if there is one.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%add_key('spin', 'real', 'rad/s', &
+      'Angular velocity about the tip, times the curve if there is one.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%add_key('curve', 'string', '', &
+      'The curve by which velocity and spin are multiplied; every 10 steps they take ' &
+      //'its mean over the next 10.')
+    call table%preset('')
+  end subroutine group_penetrometer
 
   subroutine group_servo(table)
     type(key_table_type), intent(inout) :: table

@@ -5,7 +5,8 @@ module dem_fields
   use talus_errors, only: error_list_type
   use talus_hdf5, only: h5_file_type
   use talus_series, only: series_type
-  use talus_xdmf, only: xdmf_type, xdmf_node
+  use talus_xdmf, only: xdmf_type, xdmf_node, xdmf_cell
+  use dem_surface_output, only: picture_sizes, put_picture
   use dem_system, only: dem_system_type, dem_contacts_type
   use dem_measure, only: coordination_of
   implicit none
@@ -20,6 +21,9 @@ module dem_fields
     real(wp) :: last_time = -1.0_wp   !! of the last step written [s]
     type(series_type) :: series
     type(xdmf_type) :: xdmf
+    type(xdmf_type) :: surfaces       !! described beside the grains
+    logical :: described = .false.
+    character(len=:), allocatable :: stem
   contains
     procedure :: open => open_fields
     procedure :: write => write_fields
@@ -52,6 +56,7 @@ contains
       call file%commit(errors)
     end if
     call describe(self%xdmf, stem)
+    self%stem = stem
     self%opened = errors%count == before
   end subroutine open_fields
 
@@ -102,11 +107,30 @@ contains
       call file%put(group//'/cell/rate', transpose(system%cell%rate), errors)
       call file%put(group//'/cell/periodic', merge(1_i4, 0_i4, system%cell%periodic), errors)
     end if
+    if (system%surfaces%n > 0) call put_picture(file, group//'/surfaces', system%surfaces, errors)
     if (self%contacts) call put_contacts(file, group//'/contacts', system, errors)
     call self%series%end_step(int(system%grains%n, i8), file, errors)
     call self%xdmf%write(self%series, errors)
+    if (system%surfaces%n > 0) call describe_surfaces(self, system, errors)
     self%last_time = time
   end subroutine write_fields
+
+  !> <stem>_surfaces.xdmf: the same triangles in every step.
+  subroutine describe_surfaces(self, system, errors)
+    class(dem_fields_type), intent(inout) :: self
+    type(dem_system_type), intent(in) :: system
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: points, triangles
+    if (.not. self%described) then
+      self%described = .true.
+      call picture_sizes(system%surfaces, points, triangles)
+      call self%surfaces%describe_mesh(self%stem//'_surfaces.xdmf', 'surfaces/x', 'Triangle', &
+                                       'surfaces/triangles', [int(triangles, i8), 3_i8], &
+                                       int(points, i8), int(triangles, i8))
+      call self%surfaces%attribute('surface', 'surfaces/surface', xdmf_cell, 1, 'int4')
+    end if
+    call self%surfaces%write(self%series, errors)
+  end subroutine describe_surfaces
 
   subroutine put_contacts(file, group, system, errors)
     type(h5_file_type), intent(inout) :: file

@@ -8,6 +8,7 @@ module dem_histories
   use talus_errors, only: error_list_type
   use talus_history, only: history_type
   use dem_state, only: kind_driven
+  use dem_surface_output, only: open_surface_history, write_surface_rows
   use dem_system, only: dem_system_type
   use dem_ledger, only: turnover_of
   use dem_measure, only: contact_count
@@ -28,10 +29,11 @@ module dem_histories
     'x [m]', 'y [m]', 'z [m]', 'force_x [N]', 'force_y [N]', 'force_z [N]', 'work [J]']
 
   type :: dem_histories_type
-    type(history_type) :: energy, driven, walls
+    type(history_type) :: energy, driven, walls, surfaces
     integer(i4), allocatable :: index(:)      !! driven grains
     real(wp), allocatable :: driven_work(:)   !! of intervals that are over [J]
     real(wp), allocatable :: wall_work(:)     !! of intervals that are over [J]
+    real(wp), allocatable :: surface_work(:)  !! of parts, of intervals that are over [J]
   contains
     procedure :: init
     procedure :: open => open_histories
@@ -50,9 +52,10 @@ contains
     integer(i4) :: k
     self%index = pack([(k, k=1, system%grains%n)], system%grains%kind == kind_driven)
     if (allocated(self%driven_work)) deallocate (self%driven_work)
-    if (allocated(self%wall_work)) deallocate (self%wall_work)
+    if (allocated(self%wall_work)) deallocate (self%wall_work, self%surface_work)
     allocate (self%driven_work(size(self%index)), source=0.0_wp)
     allocate (self%wall_work(system%planes%n), source=0.0_wp)
+    allocate (self%surface_work(system%surfaces%parts), source=0.0_wp)
   end subroutine init
 
   !> Begin the files, or go on in them after a restart at time >= 0.
@@ -67,6 +70,8 @@ contains
       call begin(self%driven, stem//'_driven.csv', driven_columns, time, errors)
     if (size(self%wall_work) > 0) &
       call begin(self%walls, stem//'_walls.csv', wall_columns, time, errors)
+    if (size(self%surface_work) > 0) &
+      call open_surface_history(self%surfaces, stem, time, errors)
   end subroutine open_histories
 
   subroutine begin(history, path, columns, time, errors)
@@ -118,6 +123,8 @@ contains
                              system%planes%force(:, k), self%wall_work(k) &
                              + system%planes%work(k)], errors)
     end do
+    if (system%surfaces%n > 0) call write_surface_rows(self%surfaces, time, system%surfaces, &
+                                                       self%surface_work, errors)
   end subroutine write_rows
 
   !> Take over the works of an interval, before the system's are reset.
@@ -126,6 +133,10 @@ contains
     type(dem_system_type), intent(inout) :: system
     self%driven_work = self%driven_work + system%grains%work(self%index)
     system%grains%work(self%index) = 0.0_wp
+    if (system%surfaces%n > 0) then
+      self%surface_work = self%surface_work + system%surfaces%work
+      system%surfaces%work = 0.0_wp
+    end if
     if (system%planes%n == 0) return
     self%wall_work = self%wall_work + system%planes%work
     system%planes%work = 0.0_wp
@@ -146,6 +157,7 @@ contains
     call self%energy%flush(errors)
     call self%driven%flush(errors)
     call self%walls%flush(errors)
+    call self%surfaces%flush(errors)
   end subroutine flush_histories
 
   subroutine close_histories(self, errors)
@@ -154,5 +166,6 @@ contains
     call self%energy%close(errors)
     call self%driven%close(errors)
     call self%walls%close(errors)
+    call self%surfaces%close(errors)
   end subroutine close_histories
 end module dem_histories

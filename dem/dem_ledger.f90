@@ -6,6 +6,7 @@ module dem_ledger
   use dem_integrate, only: motion_type, scaled_spin_momentum
   use dem_shape, only: rotation_of
   use dem_steps, only: motion_of
+  use dem_surface_measure, only: surface_energy
   implicit none
   private
   public :: refresh_stored, start_ledger, follow_step, closure_of, turnover_of
@@ -42,6 +43,10 @@ contains
       ledger%elastic_normal = ledger%elastic_normal + energy(1)
       ledger%elastic_tangential = ledger%elastic_tangential + energy(2)
     end do
+    if (d%surfaces%near == 0) return
+    energy = surface_energy(d)
+    ledger%elastic_normal = ledger%elastic_normal + energy(1)
+    ledger%elastic_tangential = ledger%elastic_tangential + energy(2)
   end subroutine refresh_stored
 
   !> Kinetic energy of a free grain with scaled masses, and the leapfrog's part of it: the works of

@@ -7,6 +7,7 @@ module dem_limits
   use dem_state, only: dem_data_type, kind_free, law_linear, lanes, mode_relaxation, &
     history_point, history_side
   use dem_contact, only: contact_constants_type, constants_of, contact_radius
+  use dem_surface_measure, only: add_surface_rows
   implicit none
   private
   public :: gershgorin_step, rayleigh_step, impact_step
@@ -37,6 +38,7 @@ contains
         call add_pair(d, d%pairs%first(lane, k), d%pairs%second(lane, k), kn, kt, point, lambda)
       end do
     end do
+    if (d%surfaces%near > 0) call add_surface_rows(d, lambda)
     scale = 1.0_wp
     if (d%par%mode == mode_relaxation) scale = [d%par%mass_scale, d%par%inertia_scale]
     limit = huge(1.0_wp)

@@ -13,6 +13,7 @@ module dem_logbook
   use dem_measure, only: contact_count
   use dem_histories, only: relative_closure
   use dem_clock, only: dem_clock_type
+  use dem_surface_state, only: dem_surfaces_type, surface_cone
   use dem_setup, only: dem_choices_type
   use dem_setup_laws, only: law_lines
   implicit none
@@ -53,6 +54,10 @@ contains
                   counted(system, kind_fixed)//' fixed, '//counted(system, kind_driven)// &
                   ' driven, '//counted(system, kind_ghost)//' ghosts')
     call log%item('walls', str(system%planes%n))
+    do k = 1, system%surfaces%n
+      call log%item(trim(merge('surfaces', '        ', k == 1)), system%surfaces%name(k)%s, &
+                    surface_text(system%surfaces, k))
+    end do
     call law_lines(deck, system%laws, choices%material, lines)
     do k = 1, size(lines)
       call log%item(trim(merge('contact laws', '            ', k == 1)), lines(k)%s)
@@ -72,6 +77,23 @@ contains
     if (clock%dt > 0.0_wp) call log%item('time step', str(clock%dt)//' s', how)
     call log%memory()
   end subroutine log_model
+
+  !> Size of a surface, and its free edges if it has any.
+  function surface_text(s, k) result(text)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: k
+    character(len=:), allocatable :: text
+    integer(i4) :: rim
+    text = 'cone and shaft'
+    if (s%kind(k) == surface_cone) return
+    associate (low => s%first_triangle(k), high => s%first_triangle(k + 1) - 1)
+      rim = count(s%mate(:, low:high) == 0)
+      text = str(high - low + 1)//' triangles, '//str(s%first_vertex(k + 1) - s%first_vertex(k))// &
+        ' corners'
+    end associate
+    if (rim == 0) text = text//', closed'
+    if (rim > 0) text = text//', open: '//str(rim)//' free edges'
+  end function surface_text
 
   function counted(system, kind) result(text)
     type(dem_system_type), intent(in) :: system

@@ -7,6 +7,8 @@ module dem_measure
   use dem_integrate, only: motion_type, scaled_spin_momentum
   use dem_shape, only: rotation_of
   use dem_steps, only: motion_of
+  use dem_surface_measure, only: surface_contact_count, add_surface_coordination, &
+    largest_surface_overlap
   implicit none
   private
   public :: momentum_of, angular_momentum_of, coordination_of, largest_overlap, stress_of
@@ -68,13 +70,14 @@ contains
         z(i) = z(i) + 1
       end do
     end do
+    if (d%surfaces%near > 0) call add_surface_coordination(d, z)
   end function coordination_of
 
   !> Number of contacts.
   integer(i4) function contact_count(d)
     type(dem_data_type), intent(in) :: d
     integer(i4) :: k
-    contact_count = 0
+    contact_count = surface_contact_count(d)
     do k = 1, d%pairs%blocks
       if (.not. d%pairs%touched(k)) cycle
       contact_count = contact_count + count(d%pairs%history(:, history_side, k) > 0.0_wp)
@@ -112,6 +115,7 @@ contains
         second = d%pairs%grain(d%pairs%second(lane, k))
       end do
     end do
+    if (d%surfaces%near > 0) call largest_surface_overlap(d, ratio, first, second)
   end subroutine largest_overlap
 
   !> Love-Weber stress of all grain-grain contacts over a volume, compression negative [Pa]:
@@ -185,7 +189,9 @@ contains
     call largest_overlap(d, ratio, first, second)
     d%health%max_overlap = max(d%health%max_overlap, ratio)
     if (ratio <= d%par%overlap_limit) return
-    if (first > d%grains%n) then
+    if (d%surfaces%n > 0 .and. first > d%grains%n + 3 + d%planes%n) then
+      partner = "surface '"//d%surfaces%name(first - d%grains%n - 3 - d%planes%n)%s//"'"
+    else if (first > d%grains%n) then
       partner = 'plane '//str(first - d%grains%n - 3)
     else
       partner = 'grain '//str(d%grains%id(first))

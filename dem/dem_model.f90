@@ -32,6 +32,8 @@ module dem_model
   use dem_equilibrium, only: dem_equilibrium_type
   use dem_servo, only: dem_servo_type
   use dem_surcharge, only: dem_surcharge_type
+  use dem_setup_surfaces, only: refuse_cell
+  use dem_surface_drive, only: surface_drive_type
   use dem_deck_keys, only: dem_deck_table
   implicit none
   private
@@ -53,6 +55,7 @@ module dem_model
     type(dem_servo_type) :: servo
     type(dem_surcharge_type) :: surcharge
     type(dem_flow_type) :: flow
+    type(surface_drive_type) :: drive
     type(dem_histories_type) :: histories
     type(dem_fields_type) :: fields
     type(dem_measures_type) :: measures
@@ -125,6 +128,9 @@ contains
     call read_cell(self%deck, self%packing, self%choices%wall, self%served, self%system, errors)
     call check_regions(self%deck, self%system, self%measures, errors)
     call self%flow%read(self%deck, self%system%dem_data_type, self%servo%curve, errors)
+    call refuse_cell(self%deck, self%system%cell%active, errors)
+    call self%drive%read(self%deck, self%system%dem_data_type, self%servo%curve, self%served, &
+                         errors)
     threads = options%threads
     if (threads == 0) call self%deck%get('run', 1, 'threads', threads)
     if (threads == 0) threads = min(int(omp_get_max_threads(), i4), &
@@ -224,6 +230,7 @@ contains
     call self%clock%start_at(0.0_wp, dt)
     call self%use_step(dt)
     call self%flow%look(self%system%dem_data_type, 0.0_wp)
+    call self%drive%look(self%system%dem_data_type, 0.0_wp)
   end subroutine begin_fresh
 
   !> Start from a checkpoint.
@@ -363,7 +370,8 @@ contains
     block = blocks(findloc(blocks*real(self%system%grains%n, wp) <= block_work, .true., 1) &
                    + merge(7, 0, self%system%grains%n > block_work))
     block = min(block, self%equilibrium%longest_block(), self%servo%longest_block(), &
-                self%surcharge%longest_block(), self%flow%longest_block())
+                self%surcharge%longest_block(), self%flow%longest_block(), &
+                self%drive%longest_block())
     do
       if (errors%any() .or. self%clock%finished() .or. self%equilibrium%reached) return
       if (self%stop%check() /= stop_none) then
@@ -385,6 +393,8 @@ contains
       call self%load_surface(errors)
       if (self%flow%due(self%clock%steps)) &
         call self%flow%look(self%system%dem_data_type, self%clock%time())
+      if (self%drive%due(self%clock%steps)) &
+        call self%drive%look(self%system%dem_data_type, self%clock%time())
       if (self%equilibrium%due(self%clock%steps)) &
         call self%equilibrium%look(self%system, self%held())
       call self%equilibrium%damp(self%system, self%clock%steps)

@@ -37,6 +37,8 @@ contains
     call file%put('/clock/integers', [clock%count, clock%steps, clock%unstable], errors)
     call file%put('/clock/driven_work', histories%driven_work, errors)
     call file%put('/clock/wall_work', histories%wall_work, errors)
+    if (size(histories%surface_work) > 0) &
+      call file%put('/clock/surface_work', histories%surface_work, errors)
     call system%export_state(archive)
     call file%group('/state', errors)
     do k = 1, archive%count
@@ -61,7 +63,7 @@ contains
     type(h5_file_type) :: file
     type(checkpoint_info_type) :: info
     type(dem_archive_type) :: archive
-    real(wp), allocatable :: reals(:), driven(:), walls(:)
+    real(wp), allocatable :: reals(:), driven(:), walls(:), surfaces(:)
     integer(i8), allocatable :: integers(:)
     integer(i4) :: before
 
@@ -73,6 +75,7 @@ contains
     call file%get('/clock/integers', integers, errors)
     call file%get('/clock/driven_work', driven, errors)
     call file%get('/clock/wall_work', walls, errors)
+    if (file%exists('/clock/surface_work')) call file%get('/clock/surface_work', surfaces, errors)
     call read_archive(file, archive, errors)
     call file%close(errors)
     if (errors%count > before) return
@@ -87,6 +90,9 @@ contains
     end if
     histories%driven_work = driven
     histories%wall_work = walls
+    if (allocated(surfaces)) then
+      if (size(surfaces) == size(histories%surface_work)) histories%surface_work = surfaces
+    end if
     clock%base = reals(1)
     clock%dt = reals(2)
     clock%count = integers(1)

@@ -8,6 +8,7 @@ module dem_setup
   use dem_system, only: dem_system_type, dem_contacts_type
   use dem_make, only: make_grains, sorted_order
   use dem_packing, only: dem_packing_type, read_packing, group_index
+  use dem_setup_surfaces, only: read_surfaces, check_units
   use dem_setup_laws, only: read_materials, read_contacts, read_walls, check_pair, material_index
   implicit none
   private
@@ -39,10 +40,12 @@ contains
     call read_materials(deck, system%materials, choices%material, errors)
     call read_contacts(deck, system%materials, choices%material, system%laws, errors)
     call read_walls(deck, choices%material, system%planes, choices%wall, errors)
+    call read_surfaces(deck, choices%material, system%surfaces, errors)
     call grain_materials(deck, choices, material, errors)
     call read_parameters(deck, system, choices)
     call read_packing(packing, deck%path('particles', 1, 'file'), errors)
     if (errors%any()) return
+    call check_units(deck, system%surfaces, packing, errors)
     call hold_grains(deck, packing, errors)
     call drive_grains(deck, packing, choices, errors)
     if (errors%any()) return
@@ -263,6 +266,7 @@ contains
     allocate (grains(size(system%materials)), walls(size(system%materials)), source=.false.)
     grains(of_grain) = .true.
     if (system%planes%n > 0) walls(system%planes%material) = .true.
+    if (system%surfaces%n > 0) walls(system%surfaces%material) = .true.
     do a = 1, size(grains)
       do b = 1, size(grains)
         if (grains(a) .and. grains(b) .and. b >= a) then

@@ -2,6 +2,7 @@
 !! energy ledger, health counters. Plain arrays, no behaviour (formulation: theory-dem).
 module dem_state
   use talus_kinds, only: wp, i4, i8
+  use dem_surface_state, only: dem_surfaces_type
   implicit none
   private
   public :: dem_grains_type, dem_planes_type, dem_law_type, dem_material_type, dem_pairs_type
@@ -219,6 +220,7 @@ module dem_state
   type :: dem_data_type
     type(dem_grains_type) :: grains
     type(dem_planes_type) :: planes
+    type(dem_surfaces_type) :: surfaces
     type(dem_material_type), allocatable :: materials(:)
     type(dem_law_type), allocatable :: laws(:, :)  !! (first, second material)
     type(dem_parameters_type) :: par

@@ -22,6 +22,9 @@ module dem_steps
     travel_of_mover, work_count
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_shape, only: quaternion_from_rotation
+  use dem_surface_forces, only: share_surfaces, add_surface_loads, surface_load
+  use dem_surface_motion, only: drift_surfaces, finish_surfaces, surface_travel, surface_columns
+  use dem_surface_search, only: list_near
   implicit none
   private
   public :: step_memory_type, take_steps, evaluate_forces, motion_of, rebuild_if_needed
@@ -223,6 +226,7 @@ contains
       end do
       base = d%pairs%group_end(g)
     end do
+    if (d%surfaces%near > 0) call share_surfaces(d, h, travel, me, threads)
   end subroutine share_forces
 
   !> A list with a wide skin is given up when the grains have come to rest.
@@ -248,7 +252,7 @@ contains
     work%started(:, c) = 0.0_wp
     travel = 0.0_wp
     if (c > size(work%movers)) then
-      call start_planes(d, motion%dt, travel)
+      call start_planes(d, motion%dt, last, travel)
     else if (d%cell%active) then
       if (fresh) then
         call load_forces(work%movers(c), d%grains, push)
@@ -278,9 +282,11 @@ contains
     work%travel(c) = travel
   end subroutine start_chunk
 
-  subroutine start_planes(d, dt, travel)
+  !> Planes and surfaces.
+  subroutine start_planes(d, dt, last, travel)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: dt
+    logical, intent(in) :: last
     real(wp), intent(inout) :: travel
     integer(i4) :: i, body
     do i = 1, d%planes%n
@@ -290,6 +296,9 @@ contains
       d%pairs%body(4:6, body) = d%planes%velocity(:, i)
       travel = max(travel, sqrt(sum((d%planes%point(:, i) - d%pairs%reference_x(:, body))**2)))
     end do
+    if (d%surfaces%n == 0) return
+    call drift_surfaces(d%surfaces, dt, last)
+    travel = larger(travel, surface_travel(d%surfaces))
   end subroutine start_planes
 
   !> Larger of two, not-a-number wins.
@@ -337,6 +346,8 @@ contains
       call sum_lanes(d%pairs%result, d%pairs%entry, d%pairs%start(mover%low + 1:), mover%count, &
                      mover%s%x, push%f, push%m)
       if (d%cell%active) call finish_carried(d, mover, motion%dt, push, work%finished(:, c))
+      if (d%surfaces%near > 0) call add_surface_loads(d%surfaces, mover%low, mover%count, push%f, &
+                                                      push%m)
       do k = 1, merge(0, mover%count, mover%free_count == mover%count)
         if (mover%free(k) > 0.5_wp) cycle
         call finish_prescribed(d%grains, mover%low + k, motion%dt, push%f(k, :), push%m(k, :), &
@@ -349,6 +360,7 @@ contains
     end associate
   end subroutine finish_chunk
 
+  !> Planes and surfaces.
   subroutine finish_planes(d, dt, work)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: dt
@@ -364,6 +376,7 @@ contains
       d%planes%work(i) = d%planes%work(i) + done
       work(4) = work(4) + done
     end do
+    if (d%surfaces%n > 0) call finish_surfaces(d%surfaces, dt, work(4))
   end subroutine finish_planes
 
   !> Full kick over dt: both half kicks with the forces in hand.
@@ -412,7 +425,7 @@ contains
       d%grains%has_target(i) = .false.
     end do
     travel = 0.0_wp
-    call start_planes(d, dt, travel)
+    call start_planes(d, dt, .true., travel)
   end subroutine drift_all
 
   !> Chunk sums into the ledger, in the order of chunks.
@@ -440,6 +453,7 @@ contains
     do k = 1, d%pairs%blocks
       total = total + d%pairs%columns(:, k)
     end do
+    if (d%surfaces%near > 0) total = total + surface_columns(d%surfaces)
     d%ledger%contact_damping = d%ledger%contact_damping + total(1)
     d%ledger%friction = d%ledger%friction + total(2)
     d%ledger%tangential_relaxation = d%ledger%tangential_relaxation + total(3)
@@ -451,7 +465,7 @@ contains
   subroutine evaluate_forces(d, h)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: h
-    real(wp) :: work(work_count, 1), force(3), moment(3)
+    real(wp) :: work(work_count, 1), force(3), moment(3), load(6)
     integer(i4) :: i
 
     !$omp parallel default(none) shared(d, h)
@@ -462,6 +476,11 @@ contains
       call sum_body(d%pairs, i, force, moment)
       call sum_images(d, i, force, moment)
       if (d%grains%kind(i) == kind_free) then
+        if (d%surfaces%near > 0) then
+          load = surface_load(d%surfaces, i)
+          force = force + load(1:3)
+          moment = moment + load(4:6)
+        end if
         d%grains%force(:, i) = force
         d%grains%moment(:, i) = moment
       else
@@ -485,6 +504,7 @@ contains
       travel = larger(travel, sqrt(sum((d%planes%point(:, i) &
                                         - d%pairs%reference_x(:, d%grains%n + 3 + i))**2)))
     end do
+    if (d%surfaces%n > 0) travel = larger(travel, surface_travel(d%surfaces))
   end function largest_travel
 
   !> Make the list anew if the current positions have used it up (bodies must be up to date).
@@ -526,6 +546,7 @@ contains
     end if
     d%pairs%built_at = d%health%steps
     call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)
+    if (d%surfaces%n > 0) call list_near(d)
   end subroutine rebuild_list
 
   logical function all_finite(d)

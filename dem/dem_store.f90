@@ -7,6 +7,7 @@ module dem_store
     history_size, result_size, column_count, entries_ahead
   use dem_cell, only: is_periodic
   use dem_images, only: resize_images
+  use dem_surface_store, only: put_surfaces, get_surfaces
   use dem_pairs, only: allocate_bodies, update_bodies
   implicit none
   private
@@ -33,6 +34,7 @@ contains
       call archive%put_reals('surcharge.seen', reshape(d%surcharge_seen, &
                                                        [1, size(d%surcharge_seen)]))
     end if
+    if (d%surfaces%n > 0) call put_surfaces(d%surfaces, archive)
     call archive%put_reals('ledger', ledger_row(d%ledger))
     call archive%put_reals('health.real', reshape([d%health%max_overlap, &
                            d%health%reference_energy, d%pending, d%ledger_dt, d%par%dt], [5, 1]))
@@ -211,6 +213,8 @@ contains
     call get_pairs(d, archive, errors)
     if (errors%any()) return
     call update_bodies(d%pairs, d%grains, d%planes, d%cell)
+    call get_surfaces(d, archive, errors)
+    if (errors%any()) return
     if (archive%find('damping.seen_kinetic') > 0) then
       call archive%get_reals('damping.seen_kinetic', 1, d%grains%n, row, errors)
       d%seen_kinetic = row(1, :)

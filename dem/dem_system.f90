@@ -19,6 +19,9 @@ module dem_system
   use dem_measure, only: check_overlap, check_runaway, contact_count
   use dem_store, only: put_state, get_state
   use dem_contact, only: contact_constants_type, constants_of, contact_radius
+  use dem_surface_motion, only: reset_surfaces
+  use dem_surface_search, only: list_near
+  use dem_surface_measure, only: surface_stiffness, body_of_part
   implicit none
   private
   public :: dem_system_type, dem_contacts_type
@@ -86,6 +89,7 @@ contains
     call update_bodies(self%pairs, self%grains, self%planes, self%cell)
     call build_pairs(self%pairs, self%grains, self%planes, self%weights, self%par%ghost_pairs, &
                      self%cell)
+    if (self%surfaces%n > 0) call list_near(self%dem_data_type)
     call evaluate_forces(self%dem_data_type, 0.0_wp)
     self%pending = 0.0_wp
     self%ready = .true.
@@ -287,6 +291,7 @@ contains
     if (self%ready) then
       call build_pairs(self%pairs, self%grains, self%planes, self%weights, self%par%ghost_pairs, &
                        self%cell)
+      if (self%surfaces%n > 0) call list_near(self%dem_data_type)
     end if
   end subroutine set_weights
 
@@ -298,6 +303,7 @@ contains
     self%grains%work = 0.0_wp
     self%planes%impulse = 0.0_wp
     self%planes%work = 0.0_wp
+    if (self%surfaces%n > 0) call reset_surfaces(self%surfaces)
   end subroutine reset_impulses
 
   !> Indices of ids; unknown ones are faults (I216) and give 0.
@@ -363,6 +369,7 @@ contains
         call add_contact(self, lane, block, list)
       end do
     end do
+    call add_surface_contacts(self, list)
   end subroutine contacts
 
   subroutine add_contact(self, lane, block, list)
@@ -395,6 +402,29 @@ contains
     list%stiffness(2, k) = c%kt_a*radius + c%kt
     list%overlap(k) = self%pairs%history(lane, history_side, block)**2
   end subroutine add_contact
+
+  !> Contacts of surfaces, by grain; surfaces have the ids after those of the planes.
+  subroutine add_surface_contacts(self, list)
+    class(dem_system_type), intent(in) :: self
+    type(dem_contacts_type), intent(inout) :: list
+    integer(i4) :: g, k, n, b
+
+    do g = 1, self%surfaces%near
+      do k = 1, self%surfaces%contacts(g)
+        n = list%n + 1
+        list%n = n
+        b = body_of_part(self%dem_data_type, self%surfaces%part(k, g))
+        list%ids(:, n) = [-int(self%planes%n + b, i8), self%grains%id(self%surfaces%near_grain(g))]
+        list%point(:, n) = self%surfaces%point(k, :, g)
+        list%normal(:, n) = self%surfaces%normal(k, :, g)
+        list%branch(:, n) = self%grains%x(:, self%surfaces%near_grain(g)) &
+                            - self%surfaces%centre(:, b)
+        list%force(:, n) = self%surfaces%push(k, :, g)
+        list%stiffness(:, n) = surface_stiffness(self%dem_data_type, k, g)
+        list%overlap(n) = self%surfaces%history(k, history_side, g)**2
+      end do
+    end do
+  end subroutine add_surface_contacts
 
   !> Keep the state in memory.
   subroutine save(self)

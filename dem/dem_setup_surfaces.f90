@@ -1,0 +1,224 @@
+!> Surfaces and penetrometers of the deck. Faults D270 to D273; those of files see dem_stl,
+!! dem_surface_file and dem_surface_make.
+module dem_setup_surfaces
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str, string_type, ends_with, lower
+  use talus_errors, only: error_list_type
+  use talus_deck, only: deck_type
+  use talus_log, only: short_number
+  use dem_packing, only: dem_packing_type
+  use dem_setup_laws, only: material_index
+  use dem_stl, only: read_stl
+  use dem_surface_file, only: read_facets
+  use dem_surface_make, only: mesh_type, join_corners, check_mesh, add_mesh, add_cone
+  use dem_surface_state, only: dem_surfaces_type, surface_rigid
+  implicit none
+  private
+  public :: read_surfaces, check_units, refuse_cell
+
+  real(wp), parameter :: degree = acos(-1.0_wp)/180.0_wp
+  real(wp), parameter :: too_large = 100.0_wp  !! of the bed: a mesh in millimetres
+  real(wp), parameter :: too_small = 0.1_wp    !! of the mean grain
+
+contains
+
+  !> All groups surface, then all groups penetrometer.
+  subroutine read_surfaces(deck, names, s, errors)
+    type(deck_type), intent(in) :: deck
+    type(string_type), intent(in) :: names(:)  !! of the materials
+    type(dem_surfaces_type), intent(inout) :: s
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+
+    call check_names(deck, errors)
+    do k = 1, deck%count('surface')
+      call read_surface(deck, k, names, s, errors)
+    end do
+    do k = 1, deck%count('penetrometer')
+      call read_penetrometer(deck, k, names, s, errors)
+    end do
+  end subroutine read_surfaces
+
+  !> Every surface has a name of its own (D270).
+  subroutine check_names(deck, errors)
+    type(deck_type), intent(in) :: deck
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: seen(:)
+    character(len=:), allocatable :: group
+    integer(i4) :: n, m, k, j, place
+
+    m = deck%count('surface')
+    n = m + deck%count('penetrometer')
+    allocate (seen(n))
+    do k = 1, n
+      group = trim(merge('surface     ', 'penetrometer', k <= m))
+      place = merge(k, k - m, k <= m)
+      call deck%get(group, place, 'id', seen(k)%s)
+      do j = 1, k - 1
+        if (seen(j)%s == seen(k)%s) &
+          call deck%fault(errors, 'D270', "two surfaces are named '"//seen(k)%s//"'", group, &
+                          place, 'id', 'give each surface and penetrometer its own id')
+      end do
+    end do
+  end subroutine check_names
+
+  !> One group surface.
+  subroutine read_surface(deck, k, names, s, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(string_type), intent(in) :: names(:)
+    type(dem_surfaces_type), intent(inout) :: s
+    type(error_list_type), intent(inout) :: errors
+    type(mesh_type) :: mesh
+    real(wp), allocatable :: corner(:, :, :), values(:)
+    character(len=:), allocatable :: name, material
+    real(wp) :: smooth, scale, centre(3)
+    logical :: closed
+    integer(i4) :: before, number
+
+    before = errors%count
+    call deck%get('surface', k, 'id', name)
+    call deck%get('surface', k, 'material', material)
+    call material_index(deck, names, material, 'surface', k, 'material', number, errors)
+    call read_corners(deck, k, corner, mesh%name, errors)
+    if (errors%count > before) return
+    call deck%get('surface', k, 'scale', scale)
+    call deck%get('surface', k, 'smooth_deg', smooth)
+    call deck%get('surface', k, 'closed', closed)
+    call deck%get('surface', k, 'shift', values)
+    corner = scale*corner + spread(spread(values, 2, 3), 3, size(corner, 3))
+    call join_corners(corner, mesh)
+    call check_mesh(mesh, closed, errors)
+    if (errors%count > before) return
+    centre = 0.5_wp*(minval(mesh%x, 2) + maxval(mesh%x, 2))
+    if (deck%given('surface', k, 'centre')) then
+      call deck%get('surface', k, 'centre', values)
+      centre = values
+    end if
+    call add_mesh(s, mesh, name, surface_rigid, number, cos(smooth*degree), centre)
+    call read_motion(deck, 'surface', k, s)
+  end subroutine read_surface
+
+  !> Corners of the triangles from a file, or a rectangle (D271).
+  subroutine read_corners(deck, k, corner, name, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    real(wp), allocatable, intent(out) :: corner(:, :, :)
+    character(len=:), allocatable, intent(out) :: name  !! for messages
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: facets
+    real(wp), allocatable :: p(:)
+
+    call deck%get('surface', k, 'facets', facets)
+    if (deck%given('surface', k, 'file') .eqv. deck%given('surface', k, 'rectangle')) then
+      call deck%fault(errors, 'D271', 'a surface is a file or a rectangle, one of the two', &
+                      'surface', k, '', "give file = 'tool.stl', or rectangle = three corners")
+      return
+    end if
+    if (deck%given('surface', k, 'rectangle')) then
+      name = 'rectangle'
+      call deck%get('surface', k, 'rectangle', p)
+      allocate (corner(3, 3, 2))
+      corner(:, :, 1) = reshape(p, [3, 3])
+      corner(:, :, 2) = corner(:, [1, 3, 3], 1)
+      corner(:, 3, 2) = corner(:, 1, 1) + corner(:, 3, 1) - corner(:, 2, 1)
+      return
+    end if
+    name = deck%path('surface', k, 'file')
+    if (ends_with(lower(name), '.h5') .neqv. len(facets) > 0) then
+      call deck%fault(errors, 'D271', 'facets belong to meshes (.h5), STL files have none', &
+                      'surface', k, 'file', "for a mesh add facets = 'name of a facet group'")
+    else if (len(facets) > 0) then
+      call read_facets(name, facets, corner, errors)
+    else
+      call read_stl(name, corner, errors)
+    end if
+  end subroutine read_corners
+
+  !> Velocity and spin of the body that was added last.
+  subroutine read_motion(deck, group, k, s)
+    type(deck_type), intent(in) :: deck
+    character(len=*), intent(in) :: group
+    integer(i4), intent(in) :: k
+    type(dem_surfaces_type), intent(inout) :: s
+    real(wp), allocatable :: values(:)
+    call deck%get(group, k, 'velocity', values)
+    s%velocity(:, s%n) = values
+    call deck%get(group, k, 'spin', values)
+    s%spin(:, s%n) = values
+  end subroutine read_motion
+
+  !> One group penetrometer (D273).
+  subroutine read_penetrometer(deck, k, names, s, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(string_type), intent(in) :: names(:)
+    type(dem_surfaces_type), intent(inout) :: s
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name, material
+    real(wp), allocatable :: tip(:), axis(:)
+    real(wp) :: apex, diameter, length
+    integer(i4) :: before, number(2)
+
+    before = errors%count
+    call deck%get('penetrometer', k, 'id', name)
+    call deck%get('penetrometer', k, 'material', material)
+    call material_index(deck, names, material, 'penetrometer', k, 'material', number(1), errors)
+    number(2) = number(1)
+    if (deck%given('penetrometer', k, 'shaft_material')) then
+      call deck%get('penetrometer', k, 'shaft_material', material)
+      call material_index(deck, names, material, 'penetrometer', k, 'shaft_material', number(2), &
+                          errors)
+    end if
+    call deck%get('penetrometer', k, 'tip', tip)
+    call deck%get('penetrometer', k, 'axis', axis)
+    call deck%get('penetrometer', k, 'apex_deg', apex)
+    call deck%get('penetrometer', k, 'diameter', diameter)
+    call deck%get('penetrometer', k, 'shaft', length)
+    if (.not. sum(axis**2) > 0.0_wp) &
+      call deck%fault(errors, 'D273', 'the axis of a penetrometer has no length', 'penetrometer', &
+                      k, 'axis', 'give the direction from the tip up the shaft')
+    if (errors%count > before) return
+    call add_cone(s, name, [number(1), number(1), number(2)], tip, axis, 0.5_wp*apex*degree, &
+                  0.5_wp*diameter, length)
+    call read_motion(deck, 'penetrometer', k, s)
+  end subroutine read_penetrometer
+
+  !> Grains meet surfaces where they are, not their images: no surface in a periodic cell (D274).
+  subroutine refuse_cell(deck, periodic, errors)
+    type(deck_type), intent(in) :: deck
+    logical, intent(in) :: periodic
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: group
+    group = trim(merge('surface     ', 'penetrometer', deck%count('surface') > 0))
+    if (.not. periodic .or. deck%count(group) == 0) return
+    call deck%fault(errors, 'D274', 'surfaces do not stand in a periodic cell', group, 1, '', &
+                    'take the cell out, or give walls along its periodic edges')
+  end subroutine refuse_cell
+
+  !> A surface far larger than the bed or far smaller than a grain has another unit, unless the deck
+  !! says scale (D272).
+  subroutine check_units(deck, s, packing, errors)
+    type(deck_type), intent(in) :: deck
+    type(dem_surfaces_type), intent(in) :: s
+    type(dem_packing_type), intent(in) :: packing
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: bed, grain, extent
+    integer(i4) :: k
+
+    if (s%n < deck%count('surface')) return
+    grain = 2.0_wp*sum(maxval(packing%axes, 1))/packing%n
+    bed = maxval(maxval(packing%x, 2) - minval(packing%x, 2)) + grain
+    do k = 1, deck%count('surface')
+      if (deck%given('surface', k, 'scale') .or. .not. deck%given('surface', k, 'file')) cycle
+      associate (x => s%x(:, s%first_vertex(k):s%first_vertex(k + 1) - 1))
+        extent = maxval(maxval(x, 2) - minval(x, 2))
+      end associate
+      if (extent <= too_large*bed .and. extent >= too_small*grain) cycle
+      call deck%fault(errors, 'D272', 'the surface is '//short_number(extent)//' m large, the '// &
+                      'bed '//short_number(bed)//' m, a grain '//short_number(grain)// &
+                      ' m: is its file in another unit?', 'surface', k, 'file', &
+                      'give scale = 1.0e-3 for a file in mm, or scale = 1.0 if it is meant')
+    end do
+  end subroutine check_units
+end module dem_setup_surfaces

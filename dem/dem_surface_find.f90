@@ -1,0 +1,450 @@
+!> Where a grain touches the surfaces near it.
+!!
+!! A feature is a face, an edge or a corner of the mesh (or a part of a cone) that is nearest to the
+!! grain in its own right: the grain's deepest point against the face lies inside it, or the normal
+!! lies in the cone of normals of the edge or corner. On flat and convex meshes there is one. On
+!! faces bent inwards by less than the smooth angle there may be several: they are one contact,
+!! weighted by their distance from the bend, so that none comes or goes with a jump.
+module dem_surface_find
+  use talus_kinds, only: wp, i4
+  use dem_state, only: lanes, body_size
+  use dem_surface_state, only: dem_surfaces_type, surface_soft, surface_cone, part_tip, &
+    part_flank, part_shaft
+  use dem_round_gap, only: circle_gap, corner_gap, mean_curvature, ellipsoid_point
+  implicit none
+  private
+  public :: touches_type, features_type, find_touches, most_features
+
+  integer(i4), parameter :: most_features = 64
+  real(wp), parameter :: slack = 1.0e-9_wp     !! of the grain's radius: shared edges count on both
+                                               !! sides, and once
+  real(wp), parameter :: same_foot = 1.0e-7_wp !! of the grain's radius
+
+  !> Features that a grain overlaps.
+  type :: features_type
+    integer(i4) :: n = 0
+    integer(i4) :: body(most_features), part(most_features)
+    integer(i4) :: candidate(most_features)        !! triangle's place in the list of candidates
+    integer(i4) :: touch(most_features)            !! contact that it belongs to
+    real(wp) :: weight(most_features)              !! share in this contact [-]
+    real(wp) :: gap(most_features), curvature(most_features)  !! [m], [1/m]
+    real(wp) :: normal(3, most_features), foot(3, most_features)  !! [-], [m]
+    real(wp) :: share(3, most_features)            !! of the triangle's corners at the foot [-]
+  end type features_type
+
+  !> Contacts that follow from them.
+  type :: touches_type
+    integer(i4) :: n = 0
+    integer(i4) :: body(lanes), part(lanes)
+    real(wp) :: gap(lanes), curvature(lanes)        !! [m], [1/m]
+    real(wp) :: normal(3, lanes), foot(3, lanes)    !! [-], [m]
+    real(wp) :: motion(6, lanes)                    !! velocity and spin of the surface there
+  end type touches_type
+
+contains
+
+  !> All contacts of near grain g, whose body record is given.
+  subroutine find_touches(s, g, grain, radius, features, touches)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: g
+    real(wp), intent(in) :: grain(body_size)
+    real(wp), intent(in) :: radius  !! largest semi-axis [m]
+    type(features_type), intent(inout) :: features
+    type(touches_type), intent(inout) :: touches
+    integer(i4) :: c
+
+    features%n = 0
+    do c = s%near_start(g), s%near_start(g + 1) - 1
+      if (s%candidate(c) > 0) then
+        call look_at_triangle(s, c, grain, radius, features)
+      else
+        call look_at_cone(s, -s%candidate(c), grain, radius, features)
+      end if
+    end do
+    call join_features(s, g, radius, features, touches%n)
+    call sum_features(s, features, touches)
+  end subroutine find_touches
+
+  !> Face, edges and corners of a triangle.
+  pure subroutine look_at_triangle(s, c, grain, radius, features)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: c
+    real(wp), intent(in) :: grain(body_size), radius
+    type(features_type), intent(inout) :: features
+    real(wp) :: p(3, 3), t(3, 3), m(3, 3), length(3), n(3), u(3), h, gap, foot(3), inside(3)
+    integer(i4) :: triangle, k
+
+    triangle = s%candidate(c)
+    p = s%x(:, s%corner(:, triangle))
+    n = crossed(p(:, 2) - p(:, 1), p(:, 3) - p(:, 1))
+    n = n/sqrt(sum(n*n))
+    gap = dot_product(grain(1:3) - p(:, 1), n)
+    if (abs(gap) > radius) return
+    do k = 1, 3
+      t(:, k) = p(:, 1 + mod(k, 3)) - p(:, k)
+      length(k) = sqrt(sum(t(:, k)**2))
+      t(:, k) = t(:, k)/length(k)
+      m(:, k) = crossed(n, t(:, k))
+    end do
+    if (gap < 0.0_wp) n = -n
+    call ellipsoid_point(grain(10:15), n, u, h)
+    gap = abs(gap) - h
+    if (gap >= 0.0_wp) return
+    foot = grain(1:3) - u - gap*n
+    do k = 1, 3
+      inside(k) = dot_product(foot - p(:, k), m(:, k))
+    end do
+    if (all(inside >= -slack*radius)) &
+      call add(s, c, grain, radius, n, gap, foot, shares(inside, length), features)
+    do k = 1, 3
+      if (inside(k) <= slack*radius) &
+        call look_at_edge(s, c, k, p(:, k), t(:, k), m(:, k), length(k), grain, radius, features)
+    end do
+    do k = 1, 3
+      if (inside(k) <= slack*radius .or. inside(1 + mod(k + 1, 3)) <= slack*radius) &
+        call look_at_corner(s, c, k, p(:, k), grain, radius, features)
+    end do
+  end subroutine look_at_triangle
+
+  !> Shares of the corners at a foot with these distances from the edges k, k+1.
+  pure function shares(inside, length) result(share)
+    real(wp), intent(in) :: inside(3), length(3)
+    real(wp) :: share(3)
+    share = inside*length
+    share = share/sum(share)
+    share = share([2, 3, 1])
+  end function shares
+
+  !> Edge k of a candidate, worked by the lower of its two triangles.
+  pure subroutine look_at_edge(s, c, k, p, t, m, length, grain, radius, features)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: c, k
+    real(wp), intent(in) :: p(3), t(3), m(3)  !! start, direction, inwards
+    real(wp), intent(in) :: length, grain(body_size), radius
+    type(features_type), intent(inout) :: features
+    real(wp) :: r(3), e(3), n(3), gap, u(3), h, along, share(3)
+    integer(i4) :: triangle, mate
+
+    triangle = s%candidate(c)
+    mate = s%mate(k, triangle)
+    if (mate > 0 .and. mate < triangle) return
+    r = grain(1:3) - p
+    h = dot_product(r, t)
+    if (h < -radius .or. h > length + radius .or. sum(r*r) - h*h > radius*radius) return
+    call circle_gap(r, grain(10:15), t, 0.0_wp, 1.0_wp, e, n, gap)
+    if (gap >= 0.0_wp) return
+    if (dot_product(n, m) > slack) return
+    if (mate > 0) then
+      if (dot_product(n, inwards(s, mate, s%corner(k, triangle), t, p)) > slack) return
+    end if
+    call ellipsoid_point(grain(10:15), n, u, h)
+    along = dot_product(r - u, t)
+    if (along < -slack*radius .or. along > length + slack*radius) return
+    share = 0.0_wp
+    share(k) = 1.0_wp - along/length
+    share(1 + mod(k, 3)) = along/length
+    call add(s, c, grain, radius, n, gap, p + along*t, share, features)
+  end subroutine look_at_edge
+
+  !> Direction from an edge into the triangle that holds it, at right angles to it.
+  pure function inwards(s, triangle, first, t, p) result(m)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: triangle, first  !! first: a vertex of the edge
+    real(wp), intent(in) :: t(3), p(3)          !! direction of the edge, a point of it
+    real(wp) :: m(3), far(3), best
+    integer(i4) :: k
+    best = -1.0_wp
+    m = 0.0_wp
+    do k = 1, 3
+      if (s%corner(k, triangle) == first) cycle
+      far = s%x(:, s%corner(k, triangle)) - p
+      far = far - dot_product(far, t)*t
+      if (sum(far*far) <= best) cycle
+      best = sum(far*far)
+      m = far
+    end do
+    m = m/sqrt(best)
+  end function inwards
+
+  !> Corner k of a candidate, worked by the lowest of its triangles.
+  pure subroutine look_at_corner(s, c, k, p, grain, radius, features)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: c, k
+    real(wp), intent(in) :: p(3), grain(body_size), radius
+    type(features_type), intent(inout) :: features
+    real(wp) :: r(3), n(3), gap, far(3), share(3)
+    integer(i4) :: vertex, j
+
+    vertex = s%corner(k, s%candidate(c))
+    if (s%home(vertex) /= s%candidate(c)) return
+    r = grain(1:3) - p
+    if (sum(r*r) > radius*radius) return
+    call corner_gap(r, grain(10:15), [0.0_wp, 0.0_wp, 1.0_wp], 0.0_wp, n, gap)
+    if (gap >= 0.0_wp) return
+    do j = s%fan_start(vertex), s%fan_start(vertex + 1) - 1
+      far = s%x(:, s%fan(j)) - p
+      if (dot_product(n, far) > slack*sqrt(sum(far*far))) return
+    end do
+    share = 0.0_wp
+    share(k) = 1.0_wp
+    call add(s, c, grain, radius, n, gap, p, share, features)
+  end subroutine look_at_corner
+
+  !> Tip, flank, shoulder and shaft of a cone; the shoulder counts to the flank.
+  subroutine look_at_cone(s, b, grain, radius, features)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: b
+    real(wp), intent(in) :: grain(body_size), radius
+    type(features_type), intent(inout) :: features
+    real(wp) :: r(3), e(3), n(3), gap, u(3), h, along, height, axis(3), q(3)
+
+    axis = s%axis(:, b)
+    associate (sine => s%cone(1, b), cosine => s%cone(2, b), wide => s%cone(3, b))
+      height = wide*cosine/sine
+      r = grain(1:3) - s%centre(:, b)
+      along = dot_product(r, axis)
+      if (along < -radius .or. along > height + s%cone(4, b) + radius) return
+      if (sum(r*r) - along**2 > (wide + radius)**2) return
+
+      call corner_gap(r, grain(10:15), axis, 0.0_wp, n, gap)
+      h = dot_product(n, axis)
+      if (gap < 0.0_wp .and. sine*sqrt(max(1.0_wp - h*h, 0.0_wp)) + cosine*h <= slack) &
+        call add_part(part_tip, s%centre(:, b), 0.0_wp)
+
+      call circle_gap(r, grain(10:15), axis, sine, cosine, e, n, gap)
+      call ellipsoid_point(grain(10:15), n, u, h)
+      along = dot_product(r - u, sine*e + cosine*axis)
+      if (gap < 0.0_wp .and. along >= -slack*radius .and. along <= wide/sine + slack*radius) &
+        call add_part(part_flank, s%centre(:, b) + along*(sine*e + cosine*axis), along*sine)
+
+      q = r - height*axis
+      call corner_gap(q, grain(10:15), axis, wide, n, gap)
+      h = dot_product(n, axis)
+      e = n - h*axis
+      e = e/max(sqrt(sum(e*e)), tiny(1.0_wp))
+      if (gap < 0.0_wp .and. h <= slack .and. h >= -sine - slack) &
+        call add_part(part_flank, s%centre(:, b) + height*axis + wide*e, wide)
+
+      call circle_gap(q, grain(10:15), axis, 0.0_wp, 1.0_wp, e, n, gap)
+      gap = gap - wide
+      call ellipsoid_point(grain(10:15), n, u, h)
+      along = dot_product(q - u, axis)
+      if (gap < 0.0_wp .and. along >= -slack*radius .and. along <= s%cone(4, b)) &
+        call add_part(part_shaft, s%centre(:, b) + (height + along)*axis + wide*e, wide)
+    end associate
+
+  contains
+
+    !> The tool's curvature counts, but never for more than the grain's own.
+    subroutine add_part(part, foot, distance)
+      integer(i4), intent(in) :: part
+      real(wp), intent(in) :: foot(3), distance  !! distance from the axis [m]
+      real(wp) :: own
+      integer(i4) :: k
+      k = features%n
+      call add_feature(b, s%first_part(b) + part, 0, n, gap, foot, radius, features)
+      if (features%n == k) return
+      own = mean_curvature(grain(10:15), grain(16), n)
+      h = sqrt(max(1.0_wp - dot_product(n, axis)**2, 0.0_wp))
+      features%curvature(features%n) = own + 0.5_wp*h/max(distance, 1.0_wp/own)
+    end subroutine add_part
+  end subroutine look_at_cone
+
+  pure subroutine add(s, c, grain, radius, n, gap, foot, share, features)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: c
+    real(wp), intent(in) :: grain(body_size), radius, n(3), gap, foot(3), share(3)
+    type(features_type), intent(inout) :: features
+    integer(i4) :: k, body
+    k = features%n
+    body = s%owner(s%candidate(c))
+    call add_feature(body, s%first_part(body), c, n, gap, foot, radius, features)
+    if (features%n == k) return
+    features%share(:, features%n) = share
+    features%curvature(features%n) = mean_curvature(grain(10:15), grain(16), n)
+  end subroutine add
+
+  !> One more feature, unless it was found before from the other side of a shared edge.
+  pure subroutine add_feature(body, part, c, n, gap, foot, radius, features)
+    integer(i4), intent(in) :: body, part, c
+    real(wp), intent(in) :: n(3), gap, foot(3), radius
+    type(features_type), intent(inout) :: features
+    integer(i4) :: k
+    do k = 1, features%n
+      if (features%body(k) /= body) cycle
+      if (sum((features%foot(:, k) - foot)**2) < (same_foot*radius)**2 .and. &
+          sum((features%normal(:, k) - n)**2) < same_foot**2) return
+    end do
+    if (features%n == most_features) return
+    k = features%n + 1
+    features%n = k
+    features%body(k) = body
+    features%part(k) = part
+    features%candidate(k) = c
+    features%gap(k) = gap
+    features%normal(:, k) = n
+    features%foot(:, k) = foot
+    features%share(:, k) = 0.0_wp
+  end subroutine add_feature
+
+  !> Features of one smooth face become one contact; the others stand alone.
+  pure subroutine join_features(s, g, radius, f, touches)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: g
+    real(wp), intent(in) :: radius
+    type(features_type), intent(inout) :: f
+    integer(i4), intent(out) :: touches
+    integer(i4) :: i, j, group(most_features), number(most_features)
+
+    group(:f%n) = [(i, i=1, f%n)]
+    do i = 2, f%n
+      do j = 1, i - 1
+        if (group(j) == group(i)) cycle
+        if (.not. linked(s, f, i, j)) cycle
+        where (group(:f%n) == max(group(i), group(j))) group(:f%n) = min(group(i), group(j))
+      end do
+    end do
+    touches = 0
+    do i = 1, f%n
+      if (group(i) == i) then
+        touches = touches + 1
+        number(i) = touches
+      end if
+      f%touch(i) = number(group(i))
+    end do
+    f%weight(:f%n) = 1.0_wp
+    do i = 1, f%n
+      if (count(group(:f%n) == group(i)) > 1) f%weight(i) = bend_distance(s, g, f, i, radius)
+    end do
+    touches = min(touches, lanes)
+  end subroutine join_features
+
+  !> Two features of a mesh that meet in a vertex and are bent by less than the smooth angle.
+  pure logical function linked(s, f, i, j)
+    type(dem_surfaces_type), intent(in) :: s
+    type(features_type), intent(in) :: f
+    integer(i4), intent(in) :: i, j
+    integer(i4) :: k, a, b
+    linked = .false.
+    if (f%body(i) /= f%body(j) .or. f%candidate(i) == 0 .or. f%candidate(j) == 0) return
+    if (dot_product(f%normal(:, i), f%normal(:, j)) < s%cos_smooth(f%body(i))) return
+    a = s%candidate(f%candidate(i))
+    b = s%candidate(f%candidate(j))
+    do k = 1, 3
+      linked = linked .or. any(s%corner(:, a) == s%corner(k, b))
+    end do
+  end function linked
+
+  !> Distance of a foot from the nearest edge that is bent towards the grain, at most the radius
+  !! [m].
+  pure real(wp) function bend_distance(s, g, f, i, radius) result(distance)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: g
+    type(features_type), intent(in) :: f
+    integer(i4), intent(in) :: i
+    real(wp), intent(in) :: radius
+    real(wp) :: p(3), t(3), m(3), length, r(3)
+    integer(i4) :: c, k, triangle
+
+    distance = radius
+    do c = s%near_start(g), s%near_start(g + 1) - 1
+      triangle = s%candidate(c)
+      if (triangle <= 0) cycle
+      if (s%owner(triangle) /= f%body(i)) cycle
+      do k = 1, 3
+        if (s%mate(k, triangle) <= triangle) cycle
+        p = s%x(:, s%corner(k, triangle))
+        t = s%x(:, s%corner(1 + mod(k, 3), triangle)) - p
+        length = sqrt(sum(t*t))
+        t = t/length
+        m = inwards(s, triangle, s%corner(k, triangle), t, p) &
+            + inwards(s, s%mate(k, triangle), s%corner(k, triangle), t, p)
+        if (dot_product(m, f%normal(:, i)) <= 1.0e-12_wp) cycle
+        r = f%foot(:, i) - p
+        r = r - min(max(dot_product(r, t), 0.0_wp), length)*t
+        distance = min(distance, sqrt(sum(r*r)))
+      end do
+    end do
+    distance = max(distance, 1.0e-15_wp*radius)
+  end function bend_distance
+
+  !> Contacts as weighted means of their features.
+  pure subroutine sum_features(s, f, touches)
+    type(dem_surfaces_type), intent(in) :: s
+    type(features_type), intent(inout) :: f
+    type(touches_type), intent(inout) :: touches
+    integer(i4) :: k, i
+    real(wp) :: whole, motion(6)
+
+    do k = 1, touches%n
+      whole = sum(f%weight(:f%n), mask=f%touch(:f%n) == k)
+      touches%gap(k) = 0.0_wp
+      touches%curvature(k) = 0.0_wp
+      touches%normal(:, k) = 0.0_wp
+      touches%foot(:, k) = 0.0_wp
+      touches%motion(:, k) = 0.0_wp
+      do i = 1, f%n
+        if (f%touch(i) /= k) cycle
+        f%weight(i) = f%weight(i)/whole
+        call surface_motion(s, f, i, motion)
+        touches%body(k) = f%body(i)
+        touches%part(k) = f%part(i)
+        touches%gap(k) = touches%gap(k) + f%weight(i)*f%gap(i)
+        touches%curvature(k) = touches%curvature(k) + f%weight(i)*f%curvature(i)
+        touches%normal(:, k) = touches%normal(:, k) + f%weight(i)*f%normal(:, i)
+        touches%foot(:, k) = touches%foot(:, k) + f%weight(i)*f%foot(:, i)
+        touches%motion(:, k) = touches%motion(:, k) + f%weight(i)*motion
+      end do
+      touches%normal(:, k) = touches%normal(:, k)/sqrt(sum(touches%normal(:, k)**2))
+    end do
+  end subroutine sum_features
+
+  !> Velocity and spin of the surface at the foot of a feature.
+  pure subroutine surface_motion(s, f, i, motion)
+    type(dem_surfaces_type), intent(in) :: s
+    type(features_type), intent(in) :: f
+    integer(i4), intent(in) :: i
+    real(wp), intent(out) :: motion(6)
+    integer(i4) :: b, corner(3)
+
+    b = f%body(i)
+    if (s%kind(b) /= surface_soft) then
+      motion(1:3) = s%velocity(:, b) + crossed(s%spin(:, b), f%foot(:, i) - s%centre(:, b))
+      motion(4:6) = s%spin(:, b)
+      return
+    end if
+    corner = s%corner(:, s%candidate(f%candidate(i)))
+    motion(1:3) = matmul(s%v(:, corner), f%share(:, i))
+    motion(4:6) = triangle_spin(s%x(:, corner), s%v(:, corner))
+  end subroutine surface_motion
+
+  !> Spin of a triangle: the turn of its normal, and half the curl in its plane [rad/s].
+  pure function triangle_spin(x, v) result(spin)
+    real(wp), intent(in) :: x(3, 3), v(3, 3)
+    real(wp) :: spin(3), e(3, 2), d(3, 2), n(3), area, dual(3, 2)
+    integer(i4) :: k
+
+    e(:, 1) = x(:, 2) - x(:, 1)
+    e(:, 2) = x(:, 3) - x(:, 1)
+    d(:, 1) = v(:, 2) - v(:, 1)
+    d(:, 2) = v(:, 3) - v(:, 1)
+    n = crossed(e(:, 1), e(:, 2))
+    area = sqrt(sum(n*n))
+    n = n/area
+    dual(:, 1) = crossed(e(:, 2), n)/area
+    dual(:, 2) = crossed(n, e(:, 1))/area
+    spin = 0.0_wp
+    do k = 1, 2
+      spin = spin - crossed(n, dual(:, k))*dot_product(d(:, k), n) &
+             + 0.5_wp*n*dot_product(crossed(dual(:, k), d(:, k)), n)
+    end do
+  end function triangle_spin
+
+  pure function crossed(a, b) result(c)
+    real(wp), intent(in) :: a(3), b(3)
+    real(wp) :: c(3)
+    c(1) = a(2)*b(3) - a(3)*b(2)
+    c(2) = a(3)*b(1) - a(1)*b(3)
+    c(3) = a(1)*b(2) - a(2)*b(1)
+  end function crossed
+end module dem_surface_find

@@ -1,0 +1,320 @@
+!> Contact forces between grains and surfaces: the law of grain pairs, one block of lanes a grain.
+!!
+!! A contact is found anew in every step and takes over the history of the last step's contact that
+!! lies nearest, so that a grain rolls from triangle to triangle, and over edges, without a jump.
+module dem_surface_forces
+  use talus_kinds, only: wp, i4, i8
+  use dem_state, only: dem_data_type, lanes, history_size, history_point, column_count
+  use dem_surface_state, only: dem_surfaces_type, surface_soft
+  use dem_surface_find, only: touches_type, features_type, find_touches
+  use dem_block, only: dem_block_type
+  use dem_contact, only: contact_block, contact_constants_type, constants_of
+  implicit none
+  private
+  public :: share_surfaces, add_surface_loads, surface_load
+
+  real(wp), parameter :: far_apart = 0.5_wp  !! distance in radii and turn that no contact makes
+
+contains
+
+  !> Contacts of this thread's run of the grains near surfaces.
+  subroutine share_surfaces(d, h, travel, me, threads)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: h       !! time since the last evaluation [s]
+    real(wp), intent(in) :: travel  !! no body has moved further since the list was made [m]
+    integer(i4), intent(in) :: me, threads
+    integer(i4) :: g
+    associate (s => d%surfaces)
+      do g = 1 + int(int(s%near, i8)*me/threads, i4), int(int(s%near, i8)*(me + 1)/threads, i4)
+        if (s%contacts(g) == 0 .and. 2.0_wp*travel < s%least_gap(g)) then
+          s%load(:, g) = 0.0_wp
+          s%columns(:, g) = 0.0_wp
+        else
+          call work_grain(d, g, h)
+        end if
+      end do
+    end associate
+  end subroutine share_surfaces
+
+  !> All contacts of near grain g.
+  subroutine work_grain(d, g, h)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: g
+    real(wp), intent(in) :: h
+    type(features_type) :: features
+    type(touches_type) :: touches
+    type(dem_block_type) :: block
+    real(wp) :: history(lanes, history_size)
+    integer(i4) :: i, k, count, part(lanes)
+
+    i = d%surfaces%near_grain(g)
+    associate (s => d%surfaces)
+      call find_touches(s, g, d%pairs%body(:, i), d%grains%radius(i), features, touches)
+      call fill_block(touches, d%pairs%body(:, i), block)
+      part = 0
+      part(:touches%n) = touches%part(:touches%n)
+      call match(s, g, h, d%grains%radius(i), touches, count, part, block, history)
+      if (count == 0) then
+        s%contacts(g) = 0
+        s%load(:, g) = 0.0_wp
+        s%columns(:, g) = 0.0_wp
+        if (s%soft) call clear_shares(s, g)
+        return
+      end if
+      call apply_laws(d, i, h, part, count, block, history, s%columns(:, g))
+      s%contacts(g) = touches%n
+      s%history(:, :, g) = history
+      do k = 1, touches%n
+        s%foot(k, :, g) = touches%foot(:, k)
+        s%normal(k, :, g) = touches%normal(:, k)
+        s%point(k, :, g) = touches%foot(:, k) + history(k, history_point:history_point + 2)
+        s%motion(k, :, g) = touches%motion(:, k)
+        s%part(k, g) = touches%part(k)
+        s%push(k, :, g) = [block%load%fx(k), block%load%fy(k), block%load%fz(k)]
+      end do
+      call sum_loads(block, touches%n, d%pairs%body(1:3, i), s%load(:, g))
+      if (s%soft) call share_loads(s, g, features, touches)
+    end associate
+  end subroutine work_grain
+
+  !> Contacts as pairs of a point of the surface, A, and the grain, B.
+  pure subroutine fill_block(touches, grain, b)
+    type(touches_type), intent(in) :: touches
+    real(wp), intent(in) :: grain(:)
+    type(dem_block_type), intent(inout) :: b
+    integer(i4) :: k
+
+    do k = 1, lanes
+      b%b%vx(k) = grain(4)
+      b%b%vy(k) = grain(5)
+      b%b%vz(k) = grain(6)
+      b%b%wx(k) = grain(7)
+      b%b%wy(k) = grain(8)
+      b%b%wz(k) = grain(9)
+    end do
+    b%ax = 0.0_wp
+    b%ay = 0.0_wp
+    b%az = 0.0_wp
+    do k = 1, lanes
+      if (k <= touches%n) then
+        call fill_lane(b, k, touches%foot(:, k), touches%normal(:, k), touches%motion(:, k), grain)
+        b%gap(k) = touches%gap(k)
+        b%curvature(k) = touches%curvature(k)
+      else
+        call fill_lane(b, k, grain(1:3), [1.0_wp, 0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp, 0.0_wp, &
+                                                                  0.0_wp, 0.0_wp, 0.0_wp], grain)
+        b%gap(k) = 1.0_wp
+        b%curvature(k) = 1.0_wp
+      end if
+    end do
+  end subroutine fill_block
+
+  pure subroutine fill_lane(b, k, foot, normal, motion, grain)
+    type(dem_block_type), intent(inout) :: b
+    integer(i4), intent(in) :: k
+    real(wp), intent(in) :: foot(3), normal(3), motion(6), grain(:)
+    b%a%x(k, :) = foot
+    b%a%vx(k) = motion(1)
+    b%a%vy(k) = motion(2)
+    b%a%vz(k) = motion(3)
+    b%a%wx(k) = motion(4)
+    b%a%wy(k) = motion(5)
+    b%a%wz(k) = motion(6)
+    b%rx(k) = grain(1) - foot(1)
+    b%ry(k) = grain(2) - foot(2)
+    b%rz(k) = grain(3) - foot(3)
+    b%nx(k) = normal(1)
+    b%ny(k) = normal(2)
+    b%nz(k) = normal(3)
+  end subroutine fill_lane
+
+  !> History of each contact from the nearest of the last step, each taken once; what is left over
+  !! has ended and is worked once more, after the contacts, for its energy.
+  pure subroutine match(s, g, h, radius, touches, count, part, b, history)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: g
+    real(wp), intent(in) :: h, radius
+    type(touches_type), intent(in) :: touches
+    integer(i4), intent(out) :: count
+    integer(i4), intent(inout) :: part(lanes)
+    type(dem_block_type), intent(inout) :: b
+    real(wp), intent(out) :: history(lanes, history_size)
+    real(wp) :: cost(lanes, lanes), v(3), grain(9)
+    integer(i4) :: k, j, best(2), mine(lanes)
+
+    mine = 0
+    history = 0.0_wp
+    cost = huge(1.0_wp)
+    do j = 1, s%contacts(g)
+      do k = 1, touches%n
+        cost(k, j) = distance(s, g, j, h, radius, touches, k)
+      end do
+    end do
+    count = touches%n
+    do while (s%contacts(g) > 0 .and. touches%n > 0)
+      best = minloc(cost)
+      if (cost(best(1), best(2)) > far_apart) exit
+      mine(best(2)) = best(1)
+      cost(best(1), :) = huge(1.0_wp)
+      cost(:, best(2)) = huge(1.0_wp)
+    end do
+    grain(1:3) = [b%rx(1) + b%a%x(1, 1), b%ry(1) + b%a%x(1, 2), b%rz(1) + b%a%x(1, 3)]
+    do j = 1, s%contacts(g)
+      k = mine(j)
+      v = s%motion(j, 1:3, g)
+      if (k == 0) then
+        if (count == lanes) cycle
+        count = count + 1
+        k = count
+        part(k) = s%part(j, g)
+        call fill_lane(b, k, s%foot(j, :, g) + h*v, s%normal(j, :, g), s%motion(j, :, g), grain)
+      else
+        v = touches%motion(1:3, k)
+      end if
+      history(k, :) = s%history(j, :, g)
+      history(k, history_point:history_point + 2) = s%point(j, :, g) - (b%a%x(k, :) - h*v)
+    end do
+  end subroutine match
+
+  !> Distance of new contact k from where contact j has moved, in radii, plus the turn of the
+  !! normal.
+  pure real(wp) function distance(s, g, j, h, radius, touches, k)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: g, j, k
+    real(wp), intent(in) :: h, radius
+    type(touches_type), intent(in) :: touches
+    distance = huge(1.0_wp)
+    if (s%part(j, g) < s%first_part(touches%body(k))) return
+    if (s%part(j, g) >= s%first_part(touches%body(k) + 1)) return
+    distance = sqrt(sum((touches%foot(:, k) - s%foot(j, :, g) - h*s%motion(j, 1:3, g))**2))/radius &
+               + sqrt(sum((touches%normal(:, k) - s%normal(j, :, g))**2))
+  end function distance
+
+  !> The law of each contact's materials.
+  pure subroutine apply_laws(d, i, h, part, count, b, history, columns)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: i  !! grain
+    real(wp), intent(in) :: h
+    integer(i4), intent(in) :: part(lanes), count
+    type(dem_block_type), intent(inout) :: b
+    real(wp), intent(inout) :: history(lanes, history_size)
+    real(wp), intent(out) :: columns(column_count)
+    type(dem_block_type) :: mine
+    type(contact_constants_type) :: constants
+    real(wp) :: m_star(lanes), weight(lanes), some(column_count), kept(lanes, history_size)
+    integer(i4) :: k, law(lanes), lead
+    logical :: this(lanes)
+
+    columns = 0.0_wp
+    m_star = d%grains%mass(i)
+    weight = 1.0_wp
+    law = 0
+    do k = 1, count
+      law(k) = law_of(d%surfaces, part(k))
+    end do
+    do lead = 1, count
+      if (any(law(:lead - 1) == law(lead))) cycle
+      this = law == law(lead)
+      mine = b
+      kept = history
+      do k = 1, lanes
+        if (.not. this(k)) mine%gap(k) = 1.0_wp
+        if (.not. this(k)) kept(k, :) = 0.0_wp
+      end do
+      constants = constants_of(d%laws(d%surfaces%material(part(lead)), d%grains%material(i)))
+      if (law(lead) < 0) constants%share = 0.0_wp
+      call contact_block(mine, constants, h, m_star, weight, kept, some)
+      columns = columns + some
+      do k = 1, count
+        if (.not. this(k)) cycle
+        history(k, :) = kept(k, :)
+        call take_lane(mine, k, b)
+      end do
+    end do
+  end subroutine apply_laws
+
+  !> Material of a part, negative for soft bodies, whose contact point lies on their surface.
+  pure integer(i4) function law_of(s, part)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: part
+    law_of = s%material(part)
+    if (s%kind(count(s%first_part(:s%n) <= part)) == surface_soft) law_of = -law_of
+  end function law_of
+
+  pure subroutine take_lane(from, k, b)
+    type(dem_block_type), intent(in) :: from
+    integer(i4), intent(in) :: k
+    type(dem_block_type), intent(inout) :: b
+    b%load%fx(k) = from%load%fx(k)
+    b%load%fy(k) = from%load%fy(k)
+    b%load%fz(k) = from%load%fz(k)
+    b%load%mx(k) = from%load%mx(k)
+    b%load%my(k) = from%load%my(k)
+    b%load%mz(k) = from%load%mz(k)
+  end subroutine take_lane
+
+  !> Force on the grain and moment about its centre.
+  pure subroutine sum_loads(b, n, x, load)
+    type(dem_block_type), intent(in) :: b
+    integer(i4), intent(in) :: n
+    real(wp), intent(in) :: x(3)
+    real(wp), intent(out) :: load(6)
+    integer(i4) :: k
+    load = 0.0_wp
+    do k = 1, n
+      load = load + [b%load%fx(k), b%load%fy(k), b%load%fz(k), &
+                     b%load%mx(k), b%load%my(k), b%load%mz(k)]
+    end do
+    load(4) = load(4) - (x(2)*load(3) - x(3)*load(2))
+    load(5) = load(5) - (x(3)*load(1) - x(1)*load(3))
+    load(6) = load(6) - (x(1)*load(2) - x(2)*load(1))
+  end subroutine sum_loads
+
+  pure subroutine clear_shares(s, g)
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4), intent(in) :: g
+    s%share(:, 3*s%near_start(g) - 2:3*s%near_start(g + 1) - 3) = 0.0_wp
+  end subroutine clear_shares
+
+  !> Forces on the corners of soft triangles: those of each contact by its shares.
+  pure subroutine share_loads(s, g, f, touches)
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4), intent(in) :: g
+    type(features_type), intent(in) :: f
+    type(touches_type), intent(in) :: touches
+    integer(i4) :: i, k, corner
+
+    call clear_shares(s, g)
+    do i = 1, f%n
+      if (f%touch(i) > touches%n .or. s%kind(f%body(i)) /= surface_soft) cycle
+      k = 3*(f%candidate(i) - 1)
+      do corner = 1, 3
+        s%share(:, k + corner) = s%share(:, k + corner) &
+          - f%weight(i)*f%share(corner, i)*s%push(f%touch(i), :, g)
+      end do
+    end do
+  end subroutine share_loads
+
+  !> Add the loads of surfaces to the forces and moments of grains low+1 to low+n.
+  pure subroutine add_surface_loads(s, low, n, force, moment)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: low, n
+    real(wp), intent(inout) :: force(:, :), moment(:, :)  !! (n, 3) [N], [N m]
+    integer(i4) :: k, g
+    do k = 1, n
+      g = s%near_of(low + k)
+      if (g == 0) cycle
+      force(k, :) = force(k, :) + s%load(1:3, g)
+      moment(k, :) = moment(k, :) + s%load(4:6, g)
+    end do
+  end subroutine add_surface_loads
+
+  !> Load of the surfaces on grain i, about its centre [N, N m].
+  pure function surface_load(s, i) result(load)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: i
+    real(wp) :: load(6)
+    load = 0.0_wp
+    if (s%near_of(i) > 0) load = s%load(:, s%near_of(i))
+  end function surface_load
+end module dem_surface_forces

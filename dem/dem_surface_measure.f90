@@ -1,0 +1,116 @@
+!> What is measured on the contacts of surfaces: energy, stiffness, overlap, coordination.
+module dem_surface_measure
+  use talus_kinds, only: wp, i4
+  use dem_state, only: dem_data_type, history_side, history_root
+  use dem_contact, only: contact_constants_type, constants_of, contact_radius
+  implicit none
+  private
+  public :: surface_contact_count, surface_energy, add_surface_rows, add_surface_coordination, &
+    largest_surface_overlap, surface_stiffness, body_of_part
+
+contains
+
+  pure integer(i4) function surface_contact_count(d) result(n)
+    type(dem_data_type), intent(in) :: d
+    n = 0
+    if (d%surfaces%near > 0) n = sum(d%surfaces%contacts)
+  end function surface_contact_count
+
+  !> Body that a part belongs to.
+  pure integer(i4) function body_of_part(d, part) result(body)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: part
+    body = count(d%surfaces%first_part(:d%surfaces%n) <= part)
+  end function body_of_part
+
+  !> Constants of the law of contact k of near grain g.
+  pure function law_of(d, k, g) result(c)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: k, g
+    type(contact_constants_type) :: c
+    c = constants_of(d%laws(d%surfaces%material(d%surfaces%part(k, g)), &
+                            d%grains%material(d%surfaces%near_grain(g))))
+  end function law_of
+
+  !> Normal and tangential stiffness of contact k of near grain g [N/m].
+  pure function surface_stiffness(d, k, g) result(stiffness)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: k, g
+    real(wp) :: stiffness(2), radius
+    type(contact_constants_type) :: c
+    c = law_of(d, k, g)
+    radius = contact_radius(d%surfaces%history(k, :, g))
+    stiffness = [c%kn_a*radius + c%kn, c%kt_a*radius + c%kt]
+  end function surface_stiffness
+
+  !> Stored normal and tangential energy [J].
+  pure function surface_energy(d) result(energy)
+    type(dem_data_type), intent(in) :: d
+    real(wp) :: energy(2), overlap, stiffness(2)
+    type(contact_constants_type) :: c
+    integer(i4) :: g, k
+
+    energy = 0.0_wp
+    do g = 1, d%surfaces%near
+      do k = 1, d%surfaces%contacts(g)
+        associate (history => d%surfaces%history(k, :, g))
+          c = law_of(d, k, g)
+          stiffness = surface_stiffness(d, k, g)
+          overlap = history(history_side)**2
+          energy(1) = energy(1) + overlap*overlap*(c%c*history(history_root)*history(history_side) &
+                                                   + 0.5_wp*c%kn)
+          if (stiffness(2) > 0.0_wp) &
+            energy(2) = energy(2) + 0.5_wp*sum(history(1:3)**2)/stiffness(2)
+        end associate
+      end do
+    end do
+  end function surface_energy
+
+  !> Row sums of the step limit: see dem_limits; a surface counts as a prescribed partner.
+  pure subroutine add_surface_rows(d, lambda)
+    type(dem_data_type), intent(in) :: d
+    real(wp), intent(inout) :: lambda(:, :)  !! (2, grains)
+    real(wp) :: stiffness(2), arm(3)
+    integer(i4) :: g, k, i
+
+    do g = 1, d%surfaces%near
+      i = d%surfaces%near_grain(g)
+      do k = 1, d%surfaces%contacts(g)
+        stiffness = surface_stiffness(d, k, g)
+        arm = d%surfaces%point(k, :, g) - d%pairs%body(1:3, i)
+        lambda(1, i) = lambda(1, i) + sum(stiffness)
+        lambda(2, i) = lambda(2, i) + stiffness(2)*sum(arm**2)
+      end do
+    end do
+  end subroutine add_surface_rows
+
+  pure subroutine add_surface_coordination(d, z)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(inout) :: z(:)
+    integer(i4) :: g
+    do g = 1, d%surfaces%near
+      z(d%surfaces%near_grain(g)) = z(d%surfaces%near_grain(g)) + d%surfaces%contacts(g)
+    end do
+  end subroutine add_surface_coordination
+
+  !> Largest overlap over the grain's least semi-axis, if it is larger than what was found before.
+  pure subroutine largest_surface_overlap(d, ratio, body, grain)
+    type(dem_data_type), intent(in) :: d
+    real(wp), intent(inout) :: ratio
+    integer(i4), intent(inout) :: body   !! surfaces count on after pads and planes
+    integer(i4), intent(inout) :: grain
+    real(wp) :: this
+    integer(i4) :: g, k, i
+
+    do g = 1, d%surfaces%near
+      i = d%surfaces%near_grain(g)
+      do k = 1, d%surfaces%contacts(g)
+        this = d%surfaces%history(k, history_side, g)**2/minval(d%grains%axes(:, i))
+        if (this <= ratio) cycle
+        ratio = this
+        grain = i
+        body = d%grains%n + 3 + d%planes%n + body_of_part(d, d%surfaces%part(k, g))
+      end do
+    end do
+  end subroutine largest_surface_overlap
+end module dem_surface_measure

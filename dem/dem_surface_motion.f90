@@ -1,0 +1,189 @@
+!> Motion of surfaces: rigid bodies by velocity and spin, soft ones vertex by vertex; what the
+!! grains
+!! do to them: forces, moments, impulses and work.
+module dem_surface_motion
+  use talus_kinds, only: wp, i4
+  use dem_state, only: dem_data_type, column_count
+  use dem_surface_state, only: dem_surfaces_type, surface_soft
+  use dem_shape, only: quaternion_from_rotation, quaternion_product, rotation_of
+  implicit none
+  private
+  public :: drift_surfaces, finish_surfaces, surface_travel, place_surfaces, reset_surfaces
+  public :: surface_columns
+
+contains
+
+  !> All surfaces by dt; soft ones end on their targets if this is the last step.
+  pure subroutine drift_surfaces(s, dt, last)
+    type(dem_surfaces_type), intent(inout) :: s
+    real(wp), intent(in) :: dt
+    logical, intent(in) :: last
+    real(wp) :: q(4)
+    integer(i4) :: b, low, high
+
+    do b = 1, s%n
+      low = s%first_vertex(b)
+      high = s%first_vertex(b + 1) - 1
+      if (s%kind(b) == surface_soft) then
+        s%x(:, low:high) = s%x(:, low:high) + dt*s%v(:, low:high)
+        if (last .and. s%has_target) s%x(:, low:high) = s%target(:, low:high)
+        cycle
+      end if
+      if (.not. any(abs([s%velocity(:, b), s%spin(:, b)]) > 0.0_wp)) cycle
+      s%centre(:, b) = s%centre(:, b) + dt*s%velocity(:, b)
+      if (any(abs(s%spin(:, b)) > 0.0_wp)) then
+        q = quaternion_product(quaternion_from_rotation(dt*s%spin(:, b)), s%quat(:, b))
+        s%quat(:, b) = q/sqrt(sum(q*q))
+      end if
+      call place_body(s, b)
+    end do
+  end subroutine drift_surfaces
+
+  !> Vertices and axis of a rigid body from its centre and turn.
+  pure subroutine place_body(s, b)
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4), intent(in) :: b
+    real(wp) :: r(3, 3)
+    integer(i4) :: k
+    r = rotation_of(s%quat(:, b))
+    s%axis(:, b) = matmul(r, s%rest_axis(:, b))
+    do k = s%first_vertex(b), s%first_vertex(b + 1) - 1
+      s%x(:, k) = s%centre(:, b) + r(:, 1)*s%rest(1, k) + r(:, 2)*s%rest(2, k) &
+                  + r(:, 3)*s%rest(3, k)
+    end do
+  end subroutine place_body
+
+  !> All rigid bodies where their centre and turn put them.
+  pure subroutine place_surfaces(s)
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4) :: b
+    do b = 1, s%n
+      if (s%kind(b) /= surface_soft) call place_body(s, b)
+    end do
+  end subroutine place_surfaces
+
+  !> Largest displacement of a point of any surface since the list was made [m].
+  pure real(wp) function surface_travel(s) result(travel)
+    type(dem_surfaces_type), intent(in) :: s
+    real(wp) :: cosine, sine, this
+    integer(i4) :: b, k
+
+    travel = 0.0_wp
+    do b = 1, s%n
+      if (s%kind(b) == surface_soft) then
+        do k = s%first_vertex(b), s%first_vertex(b + 1) - 1
+          this = sqrt(sum((s%x(:, k) - s%reference(:, k))**2))
+          if (.not. this <= travel) travel = this
+        end do
+        cycle
+      end if
+      cosine = dot_product(s%quat(:, b), s%reference_q(:, b))
+      sine = sqrt(max(1.0_wp - cosine*cosine, 0.0_wp))
+      this = sqrt(sum((s%centre(:, b) - s%reference_x(:, b))**2)) + 2.0_wp*sine*s%reach(b)
+      if (.not. this <= travel) travel = this
+    end do
+  end function surface_travel
+
+  !> New contact forces are in: sums of the parts, impulses of the step and work of the motion, each
+  !! with the mean of the forces at both ends, in the order of the grains.
+  pure subroutine finish_surfaces(s, dt, boundary)
+    type(dem_surfaces_type), intent(inout) :: s
+    real(wp), intent(in) :: dt
+    real(wp), intent(inout) :: boundary  !! work of prescribed motion on the grains [J]
+    real(wp) :: force(3, s%parts), moment(3, s%parts), f(3), m(3), done
+    integer(i4) :: p, b
+
+    call sum_parts(s, force, moment)
+    do b = 1, s%n
+      do p = s%first_part(b), s%first_part(b + 1) - 1
+        f = 0.5_wp*dt*(s%force(:, p) + force(:, p))
+        m = 0.5_wp*dt*(s%moment(:, p) + moment(:, p))
+        s%impulse(:, p) = s%impulse(:, p) + f
+        s%moment_impulse(:, p) = s%moment_impulse(:, p) + m
+        if (s%kind(b) == surface_soft) cycle
+        done = -dot_product(f, s%velocity(:, b)) - dot_product(m, s%spin(:, b))
+        s%work(p) = s%work(p) + done
+        boundary = boundary + done
+      end do
+    end do
+    s%force = force
+    s%moment = moment
+    if (s%soft) call finish_vertices(s, dt, boundary)
+  end subroutine finish_surfaces
+
+  !> Forces and moments about the centres from all contacts.
+  pure subroutine sum_parts(s, force, moment)
+    type(dem_surfaces_type), intent(in) :: s
+    real(wp), intent(out) :: force(:, :), moment(:, :)
+    real(wp) :: f(3), r(3)
+    integer(i4) :: g, k, p, body(s%parts)
+
+    do k = 1, s%n
+      body(s%first_part(k):s%first_part(k + 1) - 1) = k
+    end do
+    force = 0.0_wp
+    moment = 0.0_wp
+    do g = 1, s%near
+      do k = 1, s%contacts(g)
+        p = s%part(k, g)
+        f = -s%push(k, :, g)
+        r = s%point(k, :, g) - s%centre(:, body(p))
+        force(:, p) = force(:, p) + f
+        moment(1, p) = moment(1, p) + r(2)*f(3) - r(3)*f(2)
+        moment(2, p) = moment(2, p) + r(3)*f(1) - r(1)*f(3)
+        moment(3, p) = moment(3, p) + r(1)*f(2) - r(2)*f(1)
+      end do
+    end do
+  end subroutine sum_parts
+
+  !> Forces, impulses and work of the vertices of soft bodies.
+  pure subroutine finish_vertices(s, dt, boundary)
+    type(dem_surfaces_type), intent(inout) :: s
+    real(wp), intent(in) :: dt
+    real(wp), intent(inout) :: boundary
+    real(wp) :: force(3, s%vertices), mean(3), done
+    integer(i4) :: c, k, b
+
+    force = 0.0_wp
+    do c = 1, ubound(s%candidate, 1)
+      if (s%candidate(c) <= 0) cycle
+      if (s%kind(s%owner(s%candidate(c))) /= surface_soft) cycle
+      do k = 1, 3
+        associate (vertex => s%corner(k, s%candidate(c)))
+          force(:, vertex) = force(:, vertex) + s%share(:, 3*(c - 1) + k)
+        end associate
+      end do
+    end do
+    do b = 1, s%n
+      if (s%kind(b) /= surface_soft) cycle
+      do k = s%first_vertex(b), s%first_vertex(b + 1) - 1
+        mean = 0.5_wp*dt*(s%vertex_force(:, k) + force(:, k))
+        s%vertex_impulse(:, k) = s%vertex_impulse(:, k) + mean
+        done = -dot_product(mean, s%v(:, k))
+        s%work(s%first_part(b)) = s%work(s%first_part(b)) + done
+        boundary = boundary + done
+      end do
+    end do
+    s%vertex_force = force
+  end subroutine finish_vertices
+
+  !> Work columns of all contacts, in the order of the grains [J].
+  pure function surface_columns(s) result(total)
+    type(dem_surfaces_type), intent(in) :: s
+    real(wp) :: total(column_count)
+    integer(i4) :: g
+    total = 0.0_wp
+    do g = 1, s%near
+      total = total + s%columns(:, g)
+    end do
+  end function surface_columns
+
+  !> Impulses and works to zero (start of an exchange).
+  pure subroutine reset_surfaces(s)
+    type(dem_surfaces_type), intent(inout) :: s
+    s%impulse = 0.0_wp
+    s%moment_impulse = 0.0_wp
+    s%work = 0.0_wp
+    s%vertex_impulse = 0.0_wp
+  end subroutine reset_surfaces
+end module dem_surface_motion

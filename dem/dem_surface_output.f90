@@ -1,0 +1,126 @@
+!> Surfaces in the results: a history of force, moment and work of each part, and the triangles of
+!! every step for pictures (cones as polygons of revolution).
+module dem_surface_output
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: string_type
+  use talus_errors, only: error_list_type
+  use talus_hdf5, only: h5_file_type
+  use talus_history, only: history_type
+  use dem_surface_state, only: dem_surfaces_type, surface_cone
+  implicit none
+  private
+  public :: open_surface_history, write_surface_rows, picture_sizes, put_picture
+
+  character(len=16), parameter :: columns(13) = [character(len=16) :: 'time [s]', 'surface [-]', &
+    'part [-]', 'x [m]', 'y [m]', 'z [m]', 'force_x [N]', 'force_y [N]', 'force_z [N]', &
+    'moment_x [N m]', 'moment_y [N m]', 'moment_z [N m]', 'work [J]']
+  integer(i4), parameter :: sides = 48  !! of a cone in pictures
+  real(wp), parameter :: pi = acos(-1.0_wp)
+
+contains
+
+  !> Begin the file, or go on in it after a restart at time >= 0.
+  subroutine open_surface_history(history, stem, time, errors)
+    type(history_type), intent(inout) :: history
+    character(len=*), intent(in) :: stem
+    real(wp), intent(in) :: time  !! of the checkpoint [s]; < 0: a fresh run
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: names(:)
+    integer(i4) :: k
+
+    allocate (names(ubound(columns, 1)))
+    do k = 1, ubound(columns, 1)
+      names(k)%s = trim(columns(k))
+    end do
+    if (time < 0.0_wp) then
+      call history%open(stem//'_surfaces.csv', names, .false., errors)
+    else
+      call history%resume(stem//'_surfaces.csv', names, time, errors)
+    end if
+  end subroutine open_surface_history
+
+  !> A row a part; works of intervals that are over are added.
+  subroutine write_surface_rows(history, time, s, work, errors)
+    type(history_type), intent(inout) :: history
+    real(wp), intent(in) :: time     !! [s]
+    type(dem_surfaces_type), intent(in) :: s
+    real(wp), intent(in) :: work(:)  !! (parts) [J]
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: b, p
+    do b = 1, s%n
+      do p = s%first_part(b), s%first_part(b + 1) - 1
+        call history%write([time, real(b, wp), real(p - s%first_part(b) + 1, wp), s%centre(:, b), &
+                            s%force(:, p), s%moment(:, p), work(p) + s%work(p)], errors)
+      end do
+    end do
+  end subroutine write_surface_rows
+
+  !> Points and triangles of the picture.
+  pure subroutine picture_sizes(s, points, triangles)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(out) :: points, triangles
+    integer(i4) :: cones
+    cones = count(s%kind == surface_cone)
+    points = s%vertices + cones*(1 + 2*sides)
+    triangles = s%triangles + cones*3*sides
+  end subroutine picture_sizes
+
+  !> Group surfaces of a step: x, triangles (nodes from 0) and the number of the body of each.
+  subroutine put_picture(file, group, s, errors)
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: group
+    type(dem_surfaces_type), intent(in) :: s
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: x(:, :)
+    integer(i4), allocatable :: corner(:, :), body(:)
+    integer(i4) :: points, triangles, b
+
+    call picture_sizes(s, points, triangles)
+    allocate (x(3, points), corner(3, triangles), body(triangles))
+    x(:, :s%vertices) = s%x
+    corner(:, :s%triangles) = s%corner - 1
+    body(:s%triangles) = s%owner
+    points = s%vertices
+    triangles = s%triangles
+    do b = 1, s%n
+      if (s%kind(b) /= surface_cone) cycle
+      body(triangles + 1:triangles + 3*sides) = b
+      call draw_cone(s, b, x, corner, points, triangles)
+    end do
+    call file%group(group, errors)
+    call file%put(group//'/x', x, errors)
+    call file%put(group//'/triangles', corner, errors)
+    call file%put(group//'/surface', body, errors)
+  end subroutine put_picture
+
+  !> Tip, ring of the shoulder, ring at the top.
+  pure subroutine draw_cone(s, b, x, corner, points, triangles)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: b
+    real(wp), intent(inout) :: x(:, :)
+    integer(i4), intent(inout) :: corner(:, :), points, triangles
+    real(wp) :: e(3), f(3), ring(3), height
+    integer(i4) :: k, low, high
+
+    e = 0.0_wp
+    e(minloc(abs(s%axis(:, b)), 1)) = 1.0_wp
+    e = e - dot_product(e, s%axis(:, b))*s%axis(:, b)
+    e = e/sqrt(sum(e*e))
+    f = [s%axis(2, b)*e(3) - s%axis(3, b)*e(2), s%axis(3, b)*e(1) - s%axis(1, b)*e(3), &
+         s%axis(1, b)*e(2) - s%axis(2, b)*e(1)]
+    height = s%cone(3, b)*s%cone(2, b)/s%cone(1, b)
+    x(:, points + 1) = s%centre(:, b)
+    do k = 1, sides
+      ring = s%cone(3, b)*(cos(2.0_wp*pi*k/sides)*e + sin(2.0_wp*pi*k/sides)*f) + s%centre(:, b)
+      x(:, points + 1 + k) = ring + height*s%axis(:, b)
+      x(:, points + 1 + sides + k) = ring + (height + s%cone(4, b))*s%axis(:, b)
+      low = points + k
+      high = points + 1 + mod(k, sides)
+      corner(:, triangles + 1) = [points, high, low]
+      corner(:, triangles + 2) = [low, high, low + sides]
+      corner(:, triangles + 3) = [high, high + sides, low + sides]
+      triangles = triangles + 3
+    end do
+    points = points + 1 + 2*sides
+  end subroutine draw_cone
+end module dem_surface_output

@@ -1,0 +1,88 @@
+!> What surfaces are made of: bodies (triangle meshes and cone penetrometers), their motion, the
+!! triangles with their neighbours, the grains near them and the contacts in hand. Plain arrays.
+module dem_surface_state
+  use talus_kinds, only: wp, i4
+  use talus_text, only: string_type
+  implicit none
+  private
+  public :: dem_surfaces_type, surface_rigid, surface_soft, surface_cone
+  public :: part_tip, part_flank, part_shaft
+
+  integer(i4), parameter :: surface_rigid = 1  !! triangles that move as one body
+  integer(i4), parameter :: surface_soft = 2   !! triangles whose vertices a partner moves
+  integer(i4), parameter :: surface_cone = 3   !! cone on a cylinder, exact
+
+  integer(i4), parameter :: part_tip = 0, part_flank = 1, part_shaft = 2  !! of a cone
+
+  !> All surfaces. A body has one part, a cone three: tip, flank of the cone, shaft. Forces are sums
+  !! over the parts' contacts, moments are about the body's centre.
+  type :: dem_surfaces_type
+    integer(i4) :: n = 0                            !! bodies
+    type(string_type), allocatable :: name(:)       !! (n)
+    integer(i4), allocatable :: kind(:)             !! (n) surface_...
+    real(wp), allocatable :: cos_smooth(:)          !! (n) edges bent by less are of one face [-]
+    real(wp), allocatable :: centre(:, :)           !! (3, n) [m]
+    real(wp), allocatable :: quat(:, :)             !! (4, n) turn since the start [-]
+    real(wp), allocatable :: velocity(:, :)         !! (3, n) of the centre [m/s]
+    real(wp), allocatable :: spin(:, :)             !! (3, n) about the centre [rad/s]
+    real(wp), allocatable :: reach(:)               !! (n) farthest point from the centre [m]
+    real(wp), allocatable :: reference_x(:, :)      !! (3, n) centre where the list was made [m]
+    real(wp), allocatable :: reference_q(:, :)      !! (4, n) turn then [-]
+    real(wp), allocatable :: rest_axis(:, :)        !! (3, n) of a cone, from the tip up [-]
+    real(wp), allocatable :: axis(:, :)             !! (3, n) the same now [-]
+    real(wp), allocatable :: cone(:, :)             !! (4, n) sine and cosine of half the apex angle
+                                                    !! [-], radius, length of the shaft [m]
+    integer(i4), allocatable :: first_part(:)       !! (n+1)
+    integer(i4), allocatable :: first_vertex(:)     !! (n+1)
+    integer(i4), allocatable :: first_triangle(:)   !! (n+1)
+
+    integer(i4) :: parts = 0
+    integer(i4), allocatable :: material(:)         !! (parts)
+    real(wp), allocatable :: force(:, :)            !! (3, parts) of the grains on the part [N]
+    real(wp), allocatable :: moment(:, :)           !! (3, parts) [N m]
+    real(wp), allocatable :: impulse(:, :)          !! (3, parts) its integral since reset [N s]
+    real(wp), allocatable :: moment_impulse(:, :)   !! (3, parts) [N m s]
+    real(wp), allocatable :: work(:)                !! (parts) on the grains since reset [J]
+
+    integer(i4) :: vertices = 0
+    real(wp), allocatable :: rest(:, :)             !! (3, vertices) from the centre, at the start [m]
+    real(wp), allocatable :: x(:, :)                !! (3, vertices) now [m]
+    real(wp), allocatable :: v(:, :)                !! (3, vertices) of soft bodies [m/s]
+    real(wp), allocatable :: target(:, :)           !! (3, vertices) at the end of the interval [m]
+    real(wp), allocatable :: reference(:, :)        !! (3, vertices) where the list was made [m]
+    real(wp), allocatable :: vertex_force(:, :)     !! (3, vertices) of the grains, soft bodies [N]
+    real(wp), allocatable :: vertex_impulse(:, :)   !! (3, vertices) since reset [N s]
+    integer(i4), allocatable :: home(:)             !! (vertices) lowest triangle at the vertex
+    integer(i4), allocatable :: fan_start(:)        !! (vertices+1)
+    integer(i4), allocatable :: fan(:)              !! neighbours of each vertex
+
+    integer(i4) :: triangles = 0
+    integer(i4), allocatable :: corner(:, :)        !! (3, triangles) vertices, seen against the
+                                                    !! normal
+    integer(i4), allocatable :: owner(:)            !! (triangles) body
+    integer(i4), allocatable :: mate(:, :)          !! (3, triangles) across edge k, k+1; 0: none
+
+    logical :: soft = .false.                       !! there are soft bodies
+    logical :: has_target = .false.                 !! vertices end exactly on the target
+    integer(i4) :: near = 0                         !! grains with something near
+    integer(i4), allocatable :: near_grain(:)       !! (near) ascending
+    integer(i4), allocatable :: near_start(:)       !! (near+1)
+    integer(i4), allocatable :: candidate(:)        !! triangles, and cones as -body
+    real(wp), allocatable :: least_gap(:)           !! (near) of bounding spheres, at the list [m]
+    integer(i4), allocatable :: near_of(:)          !! (grains) place among the near ones, or 0
+
+    integer(i4), allocatable :: contacts(:)         !! (near)
+    real(wp), allocatable :: history(:, :, :)       !! (lanes, history_size, near), see dem_contact
+    real(wp), allocatable :: foot(:, :, :)          !! (lanes, 3, near) contact point, surface [m]
+    real(wp), allocatable :: normal(:, :, :)        !! (lanes, 3, near) surface to grain [-]
+    real(wp), allocatable :: point(:, :, :)         !! (lanes, 3, near) where the force acts [m]
+    real(wp), allocatable :: push(:, :, :)          !! (lanes, 3, near) force on the grain [N]
+    real(wp), allocatable :: motion(:, :, :)        !! (lanes, 6, near) velocity, spin of the
+                                                    !! surface
+    integer(i4), allocatable :: part(:, :)          !! (lanes, near)
+    real(wp), allocatable :: load(:, :)             !! (6, near) on the grain, about its centre
+    real(wp), allocatable :: columns(:, :)          !! (column_count, near) work of the step [J]
+    real(wp), allocatable :: share(:, :)            !! (3, 3*candidates) on corners of soft
+                                                    !! triangles
+  end type dem_surfaces_type
+end module dem_surface_state

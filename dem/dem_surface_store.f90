@@ -1,0 +1,159 @@
+!> Surfaces on their way to and from a checkpoint, bit for bit: motion, sums, the list of what is
+!! near
+!! and the contacts in hand.
+module dem_surface_store
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use dem_archive, only: dem_archive_type
+  use dem_state, only: dem_data_type, lanes, history_size, column_count
+  use dem_surface_state, only: dem_surfaces_type
+  implicit none
+  private
+  public :: put_surfaces, get_surfaces
+
+  integer(i4), parameter :: contact_size = history_size + 18  !! reals of a contact
+
+contains
+
+  !> Everything that changes in a run.
+  subroutine put_surfaces(s, archive)
+    type(dem_surfaces_type), intent(in) :: s
+    type(dem_archive_type), intent(inout) :: archive
+    real(wp) :: packed(lanes*contact_size, s%near)
+    integer(i4) :: g
+
+    call archive%put_integers('surfaces.size', &
+                              int(reshape([s%n, s%parts, s%vertices, s%triangles, s%near], [5, &
+                                1]), i8))
+    call archive%put_reals('surfaces.body', reshape([s%centre, s%velocity, s%spin, s%reference_x], &
+                                                    [3*s%n, 4]))
+    call archive%put_reals('surfaces.turn', reshape([s%quat, s%reference_q], [4*s%n, 2]))
+    call archive%put_reals('surfaces.axis', s%axis)
+    call archive%put_reals('surfaces.sums', reshape([s%force, s%moment, s%impulse, &
+                                                     s%moment_impulse], [3*s%parts, 4]))
+    call archive%put_reals('surfaces.work', reshape(s%work, [1, s%parts]))
+    call archive%put_reals('surfaces.vertex', reshape([s%x, s%v, s%reference, s%vertex_force, &
+                                                       s%vertex_impulse], [3*s%vertices, 5]))
+    call archive%put_integers('surfaces.near', int(reshape(s%near_grain, [1, s%near]), i8))
+    call archive%put_integers('surfaces.start', int(reshape(s%near_start, [1, s%near + 1]), i8))
+    call archive%put_integers('surfaces.candidate', int(reshape(s%candidate, &
+                                                                [1, size(s%candidate)]), i8))
+    call archive%put_integers('surfaces.contacts', int(reshape(s%contacts, [1, s%near]), i8))
+    call archive%put_integers('surfaces.part', int(s%part, i8))
+    call archive%put_reals('surfaces.gap', reshape(s%least_gap, [1, s%near]))
+    call archive%put_reals('surfaces.load', s%load)
+    call archive%put_reals('surfaces.share', s%share)
+    do g = 1, s%near
+      packed(:, g) = [s%history(:, :, g), s%foot(:, :, g), s%normal(:, :, g), s%point(:, :, g), &
+                      s%push(:, :, g), s%motion(:, :, g)]
+    end do
+    call archive%put_reals('surfaces.contact', packed)
+  end subroutine put_surfaces
+
+  !> The same back; the deck has made the same surfaces.
+  subroutine get_surfaces(d, archive, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: sizes(:, :)
+    integer(i4) :: before
+
+    if (d%surfaces%n == 0 .and. archive%find('surfaces.size') == 0) return
+    before = errors%count
+    call archive%get_integers('surfaces.size', 5, 1, sizes, errors)
+    associate (s => d%surfaces)
+      if (any(sizes(:4, 1) /= [s%n, s%parts, s%vertices, s%triangles])) &
+        call errors%add('I228', 'the checkpoint has '//str(sizes(1, 1))//' surfaces with '// &
+                        str(sizes(4, 1))//' triangles, the deck has '//str(s%n)//' with '// &
+                        str(s%triangles), 'checkpoint', &
+                        'restart with the deck and the files that made it, or start anew')
+      if (errors%count > before) return
+      s%near = int(sizes(5, 1), i4)
+      call get_bodies(s, archive, errors)
+      if (errors%count == before) call get_contacts(s, d%grains%n, archive, errors)
+    end associate
+  end subroutine get_surfaces
+
+  subroutine get_bodies(s, archive, errors)
+    type(dem_surfaces_type), intent(inout) :: s
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: part(:, :)
+
+    call archive%get_reals('surfaces.body', 3*s%n, 4, part, errors)
+    s%centre = reshape(part(:, 1), [3, s%n])
+    s%velocity = reshape(part(:, 2), [3, s%n])
+    s%spin = reshape(part(:, 3), [3, s%n])
+    s%reference_x = reshape(part(:, 4), [3, s%n])
+    call archive%get_reals('surfaces.turn', 4*s%n, 2, part, errors)
+    s%quat = reshape(part(:, 1), [4, s%n])
+    s%reference_q = reshape(part(:, 2), [4, s%n])
+    call archive%get_reals('surfaces.axis', 3, s%n, part, errors)
+    s%axis = part
+    call archive%get_reals('surfaces.sums', 3*s%parts, 4, part, errors)
+    s%force = reshape(part(:, 1), [3, s%parts])
+    s%moment = reshape(part(:, 2), [3, s%parts])
+    s%impulse = reshape(part(:, 3), [3, s%parts])
+    s%moment_impulse = reshape(part(:, 4), [3, s%parts])
+    call archive%get_reals('surfaces.work', 1, s%parts, part, errors)
+    s%work = part(1, :)
+    call archive%get_reals('surfaces.vertex', 3*s%vertices, 5, part, errors)
+    s%x = reshape(part(:, 1), [3, s%vertices])
+    s%v = reshape(part(:, 2), [3, s%vertices])
+    s%reference = reshape(part(:, 3), [3, s%vertices])
+    s%vertex_force = reshape(part(:, 4), [3, s%vertices])
+    s%vertex_impulse = reshape(part(:, 5), [3, s%vertices])
+    s%target = s%x
+    s%has_target = .false.
+  end subroutine get_bodies
+
+  subroutine get_contacts(s, grains, archive, errors)
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4), intent(in) :: grains
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: counts(:, :)
+    real(wp), allocatable :: packed(:, :)
+    integer(i4) :: g
+
+    call archive%get_integers('surfaces.near', 1, s%near, counts, errors)
+    s%near_grain = int(counts(1, :), i4)
+    call archive%get_integers('surfaces.start', 1, s%near + 1, counts, errors)
+    s%near_start = int(counts(1, :), i4)
+    call archive%get_integers('surfaces.candidate', 1, -1, counts, errors)
+    s%candidate = int(counts(1, :), i4)
+    call archive%get_integers('surfaces.contacts', 1, s%near, counts, errors)
+    s%contacts = int(counts(1, :), i4)
+    call archive%get_integers('surfaces.part', lanes, s%near, counts, errors)
+    s%part = int(counts, i4)
+    call archive%get_reals('surfaces.gap', 1, s%near, packed, errors)
+    s%least_gap = packed(1, :)
+    call archive%get_reals('surfaces.load', 6, s%near, packed, errors)
+    s%load = packed
+    call archive%get_reals('surfaces.share', 3, -1, packed, errors)
+    s%share = packed
+    call archive%get_reals('surfaces.contact', lanes*contact_size, s%near, packed, errors)
+    allocate (s%history(lanes, history_size, s%near), s%foot(lanes, 3, s%near), &
+              s%normal(lanes, 3, s%near), s%point(lanes, 3, s%near), s%push(lanes, 3, s%near), &
+              s%motion(lanes, 6, s%near), s%columns(column_count, s%near))
+    s%columns = 0.0_wp
+    allocate (s%near_of(grains), source=0)
+    do g = 1, s%near
+      s%near_of(s%near_grain(g)) = g
+      call unpack_contact(s, g, reshape(packed(:, g), [lanes, contact_size]))
+    end do
+  end subroutine get_contacts
+
+  pure subroutine unpack_contact(s, g, row)
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4), intent(in) :: g
+    real(wp), intent(in) :: row(lanes, contact_size)
+    s%history(:, :, g) = row(:, :history_size)
+    s%foot(:, :, g) = row(:, history_size + 1:history_size + 3)
+    s%normal(:, :, g) = row(:, history_size + 4:history_size + 6)
+    s%point(:, :, g) = row(:, history_size + 7:history_size + 9)
+    s%push(:, :, g) = row(:, history_size + 10:history_size + 12)
+    s%motion(:, :, g) = row(:, history_size + 13:history_size + 18)
+  end subroutine unpack_contact
+end module dem_surface_store
