@@ -45,7 +45,7 @@ module dem_surface_state
     real(wp), allocatable :: work(:)                !! (parts) on the grains since reset [J]
 
     integer(i4) :: vertices = 0
-    real(wp), allocatable :: rest(:, :)             !! (3, vertices) from the centre, at the start [m]
+    real(wp), allocatable :: rest(:, :)             !! (3, vertices) from the centre at the start, m
     real(wp), allocatable :: x(:, :)                !! (3, vertices) now [m]
     real(wp), allocatable :: v(:, :)                !! (3, vertices) of soft bodies [m/s]
     real(wp), allocatable :: target(:, :)           !! (3, vertices) at the end of the interval [m]

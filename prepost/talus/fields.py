@@ -20,11 +20,12 @@ MOVED = 1.0e-12  # displacement above which a fixed grain counts as moved [m]
 
 @dataclass
 class Snapshot:
-    """One step: time [s], grains sorted by id, and point and cell fields of the solid."""
+    """One step: time [s], grains sorted by id, fields of the solid, triangles of surfaces."""
 
     time: float
     grains: dict[str, np.ndarray] = field(default_factory=dict)
     solid: dict[str, np.ndarray] = field(default_factory=dict)
+    surfaces: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 class FieldFile:
@@ -79,6 +80,8 @@ class FieldFile:
                     raise KeyError(f"no dataset grains/{missing[0]}")
                 order = np.argsort(grains["id"], kind="stable")
                 found.grains = {name: data[order] for name, data in grains.items()}
+            if "surfaces" in group:
+                found.surfaces = {name: data[...] for name, data in group["surfaces"].items()}
             datasets = (item for item in group.items() if isinstance(item[1], h5py.Dataset))
             found.solid = {name: data[...] for name, data in datasets}
         except (OSError, KeyError) as fault:

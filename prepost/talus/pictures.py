@@ -69,6 +69,7 @@ def render(
     plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
     plotter.set_background("white")
     add_grains(pyvista, plotter, first, now, color)
+    add_surfaces(pyvista, plotter, first, now)
     if solid is not None:
         add_solid(pyvista, plotter, solid, now.time)
     low, high = np.reshape(plotter.bounds, (3, 2)).T
@@ -152,6 +153,18 @@ def ellipsoids(
     mesh = pyvista.PolyData(MILLI * points.reshape(-1, 3), cells.ravel())
     mesh["value"] = np.repeat(values, len(unit))
     return mesh
+
+
+def add_surfaces(pyvista: object, plotter: object, first: Snapshot, now: Snapshot) -> None:
+    """Add the triangles that grains meet: those that stand still as glass, others red."""
+    s, before = now.surfaces, first.surfaces
+    for number in np.unique(s.get("surface", [])):
+        rows = s["triangles"][s["surface"] == number]
+        moved = number not in before["surface"] or np.any(s["x"][rows] != before["x"][rows])
+        cells = np.column_stack([np.full(len(rows), 3), rows])
+        mesh = pyvista.PolyData(MILLI * s["x"], cells.ravel())
+        look = {"color": TOOL_RED} if moved else {"color": WALL_GREY, "opacity": 0.25}
+        plotter.add_mesh(mesh.clean(), **look)
 
 
 def add_solid(pyvista: object, plotter: object, path: Path, time: float) -> None:
