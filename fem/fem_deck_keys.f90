@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-fem.
   subroutine fem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-fem', 22)
+    call table%init('talus-fem', 26)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -35,6 +35,10 @@ contains
     call group_path(table)
     call group_point(table)
     call group_control(table)
+    call group_micromorphic(table)
+    call group_cone(table)
+    call group_micro_point(table)
+    call group_micro_control(table)
   end subroutine fem_deck_table
 
   subroutine group_run(table)
@@ -591,4 +595,116 @@ contains
     call table%add_key('scale', 'real', '', 'Factor of the curve, or the value.')
     call table%preset('0.0')
   end subroutine group_control
+
+  subroutine group_micromorphic(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('micromorphic', 11, &
+      'A micromorphic solid of finite strain, for `&micro_point`: 18 moduli; plastic ' &
+      //'with `&cone`. Moduli for which the stored energy could be negative are warned ' &
+      //'of.')
+    call table%add_key('lambda', 'real', 'Pa', 'Modulus lambda of E:E.')
+    call table%need()
+    call table%add_key('mu', 'real', 'Pa', 'Modulus mu of E:E.')
+    call table%need()
+    call table%add_key('eta', 'real', 'Pa', 'Modulus eta of e:e.')
+    call table%preset('0.0')
+    call table%add_key('tau', 'real', 'Pa', 'Modulus tau, which couples tr E and tr e.')
+    call table%preset('0.0')
+    call table%add_key('kappa', 'real', 'Pa', 'Modulus kappa of e:e.')
+    call table%preset('0.0')
+    call table%add_key('nu', 'real', 'Pa', 'Modulus nu of e:e^T.')
+    call table%preset('0.0')
+    call table%add_key('sigma', 'real', 'Pa', 'Modulus sigma, which couples E and e.')
+    call table%preset('0.0')
+    call table%add_key('taus', 'real', 'N', 'Moduli tau_1 to tau_11 of the gradient.')
+    call table%sized(11_i4, 11_i4)
+    call table%preset('0.0|0.0|0.0|0.0|0.0|0.0|0.0|0.0|0.0|0.0|0.0')
+    call table%add_key('elastic_form', 'string', '', &
+      'Stresses as derivatives of the energy, or without products of strains (Regueiro ' &
+      //'2010).')
+    call table%preset('consistent')
+    call table%allow('consistent|reduced')
+    call table%add_key('integration', 'string', '', &
+      'Rule of the plastic flow; the trapezoidal one is of second order from the second' &
+      //' plastic step on.')
+    call table%preset('backward_euler')
+    call table%allow('backward_euler|trapezoidal')
+    call table%add_key('substeps', 'integer', '', &
+      'Equal parts into which each step of the law is divided.')
+    call table%preset('1')
+    call table%bounds(min=1.0_wp, max=1000.0_wp)
+  end subroutine group_micromorphic
+
+  subroutine group_cone(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('cone', 8, &
+      'A yield surface of `&micromorphic` with its plastic potential.', repeats=.true.)
+    call table%add_key('level', 'string', '', &
+      'The stress it sees: S, Sigma, or the three slices of the couple stress M.')
+    call table%need()
+    call table%allow('macro|micro|gradient')
+    call table%add_key('friction_deg', 'real', 'deg', 'Angle of friction.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp, below=90.0_wp)
+    call table%add_key('dilation_deg', 'real', 'deg', &
+      'Angle of dilation, not above that of friction.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp, below=90.0_wp)
+    call table%add_key('shape', 'real', '', &
+      'Where the cone meets Mohr-Coulomb: -1 in triaxial compression, 1 in extension.')
+    call table%preset('-1.0')
+    call table%bounds(min=-1.0_wp, max=1.0_wp)
+    call table%add_key('flow_shape', 'real', '', &
+      'The same of the potential; `shape` if left out.')
+    call table%bounds(min=-1.0_wp, max=1.0_wp)
+    call table%add_key('cohesion', 'real', '', &
+      'Cohesion at the start [Pa]; of level gradient [N/m].')
+    call table%need()
+    call table%bounds(min=0.0_wp)
+    call table%add_key('hardening', 'real', '', &
+      'Slope H of the cohesion, c = cohesion + H Z [Pa]; of level gradient [N], dZ ' &
+      //'[1/m] = A_psi dgamma. Negative softens.')
+    call table%preset('0.0')
+    call table%add_key('rounding', 'real', '', &
+      'Rounds the tip: l as a share of A cohesion in sqrt(dev^2 + l^2). A rounded cone ' &
+      //'returns from tension; softening ends at this share of the cohesion.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp, below=1.0_wp)
+  end subroutine group_cone
+
+  subroutine group_micro_point(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('micro_point', 1, &
+      'A path of a micromorphic point for `talus-fem --point deck.nml`. The table ' &
+      //'`*_point.csv` has a row a step with every measure: F, chi, grad_chi, C, Psi, ' &
+      //'Gamma, S, Sigma, M, cauchy, micro, couple, the forces P, Q, R that do work on F,' &
+      //' chi and grad_chi, the plastic parts, hardening variables, yield functions, ' &
+      //'energies.')
+    call table%add_key('steps', 'integer', '', &
+      'Equal steps from 0 to t_end of `&run` (1 s if left out).')
+    call table%preset('100')
+    call table%bounds(min=1.0_wp, max=10000000.0_wp)
+  end subroutine group_micro_point
+
+  subroutine group_micro_control(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('micro_control', 4, &
+      'What is asked of a component in `&micro_point`; components that no row names are' &
+      //' held. Rows for a whole field come before those for single components.', repeats=.true.)
+    call table%add_key('component', 'string', '', &
+      'F11 to F33, chi11 to chi33, grad_chi111 to grad_chi333 (chi_iK,L), or `F`, ' &
+      //'`chi`, `grad_chi` for all of a field.')
+    call table%need()
+    call table%add_key('kind', 'string', '', &
+      '`motion`: F - 1, chi - 1 or grad chi follow the curve; `force`: P, Q or R (per ' &
+      //'reference volume) follow it and the component is free; `macro`: the component of' &
+      //' chi equals that of F.')
+    call table%preset('motion')
+    call table%allow('motion|force|macro')
+    call table%add_key('curve', 'string', '', &
+      'Id of a curve; without one the value is `scale`.')
+    call table%preset('')
+    call table%add_key('scale', 'real', '', 'Factor of the curve, or the value.')
+    call table%preset('0.0')
+  end subroutine group_micro_control
 end module fem_deck_keys

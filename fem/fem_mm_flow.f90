@@ -29,6 +29,7 @@ module fem_mm_flow
     logical :: trapezoidal = .false.  !! second order in the step where both ends yield
     integer(i4) :: parts = 1          !! equal parts of a step, each of them one of its own
     real(wp) :: length = 1.0_wp       !! that makes gradients comparable to strains [m]
+    real(wp) :: modulus = 0.0_wp      !! largest of the strains [Pa]: rounding of stresses
   end type mm_law_type
 
   !> What a point remembers.

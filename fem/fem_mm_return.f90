@@ -17,6 +17,7 @@ module fem_mm_return
   integer(i4), parameter :: most_iterations = 30, most_cuts = 8, most_sets = 12
   real(wp), parameter :: enough = 1.0e-10_wp      !! largest scaled residual [-]
   real(wp), parameter :: near = 1.0e-3_wp         !! where a negative multiplier is believed [-]
+  real(wp), parameter :: least_strain = 1.0e-4_wp
   real(wp), parameter :: decrease = 1.0e-4_wp     !! share of Newton's promise the search wants
 
   !> The linear system of an iterate.
@@ -95,13 +96,16 @@ contains
     scale(3:) = 1.0_wp/law%length
   end function scale_of_gamma
 
-  !> What a yield function is small against.
+  !> What a yield function is small against; the stress of a small strain, whose rounding is far
+  !! less than what is enough, or more.
   pure function yield_scale(law, at) result(scale)
     type(mm_law_type), intent(in) :: law
     type(mm_iterate_type), intent(in) :: at
     real(wp) :: scale(surfaces)
     scale = at%surface%norm + abs(law%cone%b*at%surface%p) &
       + law%cone%a*cohesion(law%cone, at%state%z)
+    scale(:2) = max(scale(:2), least_strain*law%modulus)
+    scale(3:) = max(scale(3:), least_strain*law%modulus*law%length)
     where (.not. scale > 0.0_wp) scale = 1.0_wp
   end function yield_scale
 

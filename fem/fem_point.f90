@@ -11,6 +11,7 @@ module fem_point
   use talus_curve, only: curve_type, read_curves
   use talus_history, only: history_type
   use fem_deck_keys, only: fem_deck_table
+  use fem_mm_path, only: follow_micromorphic
   use fem_micropolar, only: micropolar_strain, micropolar_stress, micropolar_energy, axial
   use fem_law, only: fem_law_box_type
   use fem_point_path, only: follow_path
@@ -36,6 +37,10 @@ contains
     call point_table(table)
     call deck%read(options%deck, table, errors)
     if (errors%any()) return
+    if (deck%count('micro_point') + deck%count('micromorphic') > 0) then
+      call run_micromorphic(deck, options, errors)
+      return
+    end if
     call check_ids(deck, 'material', errors)
     allocate (material(deck%count('material')))
     do k = 1, size(material)
@@ -61,10 +66,29 @@ contains
     call file%close(errors)
   end subroutine run_point
 
+  !> A micromorphic point has groups of its own.
+  subroutine run_micromorphic(deck, options, errors)
+    type(deck_type), intent(in) :: deck
+    type(options_type), intent(in) :: options
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: stem
+    if (deck%count('path') + deck%count('point') > 0 .or. deck%count('micro_point') == 0 .or. &
+        deck%count('micromorphic') == 0) then
+      call errors%add('D352', 'a micromorphic point needs &micromorphic and &micro_point, and '// &
+        'no &path and no &point', options%deck, 'tables have one name: take two decks')
+      return
+    end if
+    stem = run_stem(options%deck, options%output_dir)
+    if (.not. options%check) call make_folder(folder_of(stem), errors)
+    if (errors%any()) return
+    call follow_micromorphic(deck, stem//'_point.csv', options%check, errors)
+  end subroutine run_micromorphic
+
   !> The table of decks, of which a point needs neither mesh nor sections nor an analysis.
   subroutine point_table(table)
     type(key_table_type), intent(inout) :: table
-    character(len=*), parameter :: spare(3) = [character(len=8) :: 'mesh', 'section', 'analysis']
+    character(len=*), parameter :: spare(4) = [character(len=8) :: 'mesh', 'section', &
+      'analysis', 'material']
     integer(i4) :: k
     call fem_deck_table(table)
     do k = 1, table%group_count

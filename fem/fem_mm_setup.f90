@@ -1,0 +1,90 @@
+!> The micromorphic solid of the deck: &micromorphic and its &cone groups.
+module fem_mm_setup
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_deck, only: deck_type
+  use fem_mm_cones, only: mm_cone_type, make_cone
+  use fem_mm_elastic, only: set_moduli
+  use fem_mm_flow, only: mm_law_type
+  implicit none
+  private
+  public :: read_micromorphic
+
+  character(len=*), parameter :: name(7) = [character(len=6) :: 'lambda', 'mu', 'eta', 'tau', &
+    'kappa', 'nu', 'sigma']
+  real(wp), parameter :: degree = acos(-1.0_wp)/180.0_wp
+
+contains
+
+  !> Fault D350 for cones with which flow could not work.
+  subroutine read_micromorphic(deck, law, errors)
+    type(deck_type), intent(in) :: deck
+    type(mm_law_type), intent(out) :: law
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: taus(:)
+    real(wp) :: moduli(18)
+    character(len=:), allocatable :: text
+    integer(i4) :: k
+
+    do k = 1, 7
+      call deck%get('micromorphic', 1, trim(name(k)), moduli(k))
+    end do
+    call deck%get('micromorphic', 1, 'taus', taus)
+    moduli(8:) = taus
+    call deck%get('micromorphic', 1, 'elastic_form', text)
+    law%elastic = set_moduli(moduli, text == 'reduced')
+    call deck%get('micromorphic', 1, 'integration', text)
+    law%trapezoidal = text == 'trapezoidal'
+    call deck%get('micromorphic', 1, 'substeps', law%parts)
+    law%modulus = maxval(abs(moduli(:7)))
+    if (.not. law%modulus > 0.0_wp) call deck%fault(errors, 'D350', 'all moduli are zero', &
+      'micromorphic', 1, 'mu', 'an elastic solid needs mu > 0')
+    if (any(taus /= 0.0_wp) .and. law%modulus > 0.0_wp) &
+      law%length = sqrt(maxval(abs(taus))/law%modulus)
+    do k = 1, deck%count('cone')
+      call read_cone(deck, k, law, errors)
+    end do
+    law%plastic = any(law%cone%on)
+  end subroutine read_micromorphic
+
+  subroutine read_cone(deck, k, law, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(mm_law_type), intent(inout) :: law
+    type(error_list_type), intent(inout) :: errors
+    type(mm_cone_type) :: cone
+    character(len=:), allocatable :: level
+    real(wp) :: angle(2), shape(2), cohesion, hardening, rounding
+    integer(i4) :: first, last
+
+    call deck%get('cone', k, 'level', level)
+    call deck%get('cone', k, 'friction_deg', angle(1))
+    call deck%get('cone', k, 'dilation_deg', angle(2))
+    call deck%get('cone', k, 'shape', shape(1))
+    shape(2) = shape(1)
+    if (deck%given('cone', k, 'flow_shape')) call deck%get('cone', k, 'flow_shape', shape(2))
+    call deck%get('cone', k, 'cohesion', cohesion)
+    call deck%get('cone', k, 'hardening', hardening)
+    call deck%get('cone', k, 'rounding', rounding)
+    cone = make_cone(angle*degree, shape, cohesion, hardening, rounding)
+    if (cone%b_flow > cone%b) call deck%fault(errors, 'D350', 'the potential is steeper (B = '// &
+      str(cone%b_flow)//') than the surface (B = '//str(cone%b)//')', 'cone', k, 'dilation_deg', &
+      'plastic flow would give energy: equal angles are the limit')
+    if (.not. (cohesion > 0.0_wp .or. angle(1) > 0.0_wp)) call deck%fault(errors, 'D350', &
+      'the cone has neither friction nor cohesion', 'cone', k, 'cohesion', 'give one of both')
+    first = 1
+    if (level == 'micro') first = 2
+    if (level == 'gradient') first = 3
+    last = merge(5_i4, first, first == 3)
+    if (first == 3 .and. .not. cohesion > 0.0_wp) call deck%fault(errors, 'D350', &
+      'a gradient cone needs cohesion', 'cone', k, 'cohesion', &
+      'couple stresses vanish at the start: they would stand on the tip of the cone')
+    if (first == 3 .and. all(law%elastic%taus == 0.0_wp)) call deck%fault(errors, 'D350', &
+      'a gradient cone belongs to couple stresses, and all taus are zero', 'cone', k, 'level', &
+      'give taus to &micromorphic')
+    if (law%cone(first)%on) call deck%fault(errors, 'D350', 'two cones of level '//level, 'cone', &
+      k, 'level', 'give each level one cone')
+    law%cone(first:last) = cone
+  end subroutine read_cone
+end module fem_mm_setup
