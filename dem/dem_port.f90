@@ -12,6 +12,7 @@ module dem_port
   use dem_model, only: dem_model_type, program_name
   use dem_sets, only: dem_sets_type
   use dem_port_state, only: reply_hello, reply_describe, reply_selected, put_scalars
+  use dem_port_surface, only: select_surface
   use dem_port_step, only: advance, force, kick_drift, put_sets
   implicit none
   private
@@ -29,6 +30,7 @@ module dem_port
     logical :: held = .false.               !! driven grains and planes stand still
     real(wp), allocatable :: held_v(:, :), held_omega(:, :)  !! of driven grains [m/s, rad/s]
     real(wp), allocatable :: held_planes(:, :)  !! velocity of the planes [m/s]
+    real(wp), allocatable :: held_surfaces(:, :)  !! velocity and spin of surfaces [m/s, rad/s]
     logical :: stale = .false.              !! kinds or masses changed: forces must be made anew
   contains
     procedure :: read => read_input
@@ -124,12 +126,16 @@ contains
     logical :: changed
     integer(i4) :: k
 
-    fields = ''
-    if (request%has('fields')) call request%get_text('fields', fields, errors)
-    call request%all_read(errors)
-    if (errors%any()) return
-    call self%sets%select(name, role, ids, fields, self%model%system, &
-                          self%model%clock%steps == 0, changed, errors)
+    if (role == 'surface') then
+      call select_surface(self%model, self%sets, request, name, ids, changed, errors)
+    else
+      fields = ''
+      if (request%has('fields')) call request%get_text('fields', fields, errors)
+      call request%all_read(errors)
+      if (errors%any()) return
+      call self%sets%select(name, role, ids, fields, self%model%system, &
+                            self%model%clock%steps == 0, changed, errors)
+    end if
     if (errors%any()) return
     self%stale = self%stale .or. changed
     call self%refresh(errors)
@@ -258,6 +264,12 @@ contains
       rest = 0.0_wp
       call system%set_velocity(driven, rest, rest)
       system%planes%velocity = 0.0_wp
+      if (system%surfaces%n > 0) then
+        self%held_surfaces = reshape([system%surfaces%velocity, system%surfaces%spin], &
+                                     [3*system%surfaces%n, 2])
+        system%surfaces%velocity = 0.0_wp
+        system%surfaces%spin = 0.0_wp
+      end if
     end associate
   end subroutine hold
 
@@ -269,6 +281,10 @@ contains
     associate (model => self%model, system => self%model%system)
       call system%set_velocity(model%histories%index, self%held_v, self%held_omega)
       system%planes%velocity = self%held_planes
+      if (system%surfaces%n > 0) then
+        system%surfaces%velocity = reshape(self%held_surfaces(:, 1), [3, system%surfaces%n])
+        system%surfaces%spin = reshape(self%held_surfaces(:, 2), [3, system%surfaces%n])
+      end if
       call model%clock%start_at(0.0_wp, system%par%dt)
       model%clock%steps = 0
       model%clock%unstable = 0

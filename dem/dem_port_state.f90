@@ -13,12 +13,12 @@ module dem_port_state
   use dem_packing, only: group_index
   use dem_system, only: dem_system_type, dem_contacts_type
   use dem_model, only: dem_model_type, program_name
-  use dem_sets, only: dem_set_type
+  use dem_sets, only: dem_set_type, role_surface
   implicit none
   private
   public :: reply_hello, reply_describe, reply_selected, put_scalars
 
-  character(len=*), parameter :: capabilities = 'prescribe load report contact_weight '// &
+  character(len=*), parameter :: capabilities = 'prescribe load report surface contact_weight '// &
     'mass_factor advance force kick_drift reject checkpoint'
 
 contains
@@ -102,7 +102,8 @@ contains
     call reply%put('stiffness', list%stiffness(:, :list%n))
   end subroutine put_contacts
 
-  !> Mass of each grain of a set, and the sum of the normal stiffness of its contacts.
+  !> Mass of each grain of a set, and the sum of the normal stiffness of its contacts; vertices of a
+  !! surface have neither.
   subroutine reply_selected(system, set, reply)
     type(dem_system_type), intent(in) :: system
     type(dem_set_type), intent(in) :: set
@@ -113,6 +114,12 @@ contains
     type(error_list_type) :: none
     integer(i4) :: k
 
+    if (set%role == role_surface) then
+      stiffness = 0.0_wp*set%index
+      call reply%put('mass', stiffness)
+      call reply%put('stiffness', stiffness)
+      return
+    end if
     allocate (stiffness(system%grains%n), source=0.0_wp)
     call system%contacts(list)
     do k = 1, list%n

@@ -6,7 +6,9 @@ module dem_port_step
   use talus_message, only: message_type
   use dem_system, only: dem_system_type
   use dem_model, only: dem_model_type
-  use dem_sets, only: dem_sets_type, dem_set_type, role_prescribe, role_load, role_report
+  use dem_sets, only: dem_sets_type, dem_set_type, role_prescribe, role_load, role_report, &
+    role_surface
+  use dem_port_surface, only: take_vertices, place_vertices, put_vertices
   use dem_port_state, only: put_scalars
   implicit none
   private
@@ -32,6 +34,9 @@ contains
       if (sets%set(k)%role == role_prescribe) &
         call take_motion(model%system, sets%set(k), request, substeps, errors)
       if (sets%set(k)%role == role_load) call take_load(model%system, sets%set(k), request, errors)
+      if (sets%set(k)%role == role_surface) &
+        call take_vertices(model%system, sets%set(k), request, &
+                           substeps*model%system%par%dt, errors)
     end do
     call request%all_read(errors)
     if (errors%any()) return
@@ -161,6 +166,8 @@ contains
     do k = 1, sets%count
       if (sets%set(k)%role == role_prescribe) &
         call take_state(model%system, sets%set(k), request, errors)
+      if (sets%set(k)%role == role_surface) &
+        call place_vertices(model%system, sets%set(k), request, errors)
     end do
     call request%all_read(errors)
     if (errors%any()) return
@@ -168,6 +175,10 @@ contains
     call model%system%forces()
     call model%timers%stop('steps')
     do k = 1, sets%count
+      if (sets%set(k)%role == role_surface) then
+        call put_vertices(model%system, sets%set(k), .false., reply)
+        cycle
+      end if
       associate (set => sets%set(k))
         if (set%wants('force')) &
           call reply%put(set%name//'.force', model%system%grains%force(:, set%index))
@@ -239,6 +250,8 @@ contains
     do k = 1, sets%count
       if (sets%set(k)%role == role_prescribe .and. forces) &
         call put_prescribed(system, sets%set(k), reply)
+      if (sets%set(k)%role == role_surface .and. forces) &
+        call put_vertices(system, sets%set(k), .true., reply)
       if (sets%set(k)%role == role_report) call put_state(system, sets%set(k), reply)
     end do
   end subroutine put_sets

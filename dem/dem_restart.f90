@@ -90,9 +90,6 @@ contains
     end if
     histories%driven_work = driven
     histories%wall_work = walls
-    if (allocated(surfaces)) then
-      if (size(surfaces) == size(histories%surface_work)) histories%surface_work = surfaces
-    end if
     clock%base = reals(1)
     clock%dt = reals(2)
     clock%count = integers(1)
@@ -100,6 +97,7 @@ contains
     clock%unstable = integers(3)
     system%par%dt = reals(3)
     call system%import_state(archive, errors)
+    if (errors%count == before .and. allocated(surfaces)) histories%surface_work = surfaces
     deck_changed = info%deck_hash /= checkpoint%deck_hash
   end subroutine read_checkpoint
 

@@ -7,17 +7,20 @@ module dem_sets
   use dem_system, only: dem_system_type
   implicit none
   private
-  public :: dem_set_type, dem_sets_type, role_report, role_prescribe, role_load
+  public :: dem_set_type, dem_sets_type, role_report, role_prescribe, role_load, &
+    role_surface
 
   integer(i4), parameter :: role_report = 1     !! its states are told in replies
   integer(i4), parameter :: role_prescribe = 2  !! the partner moves it
   integer(i4), parameter :: role_load = 3       !! the partner puts forces on it
+  integer(i4), parameter :: role_surface = 4    !! vertices that the partner moves
 
   type :: dem_set_type
     character(len=:), allocatable :: name
     character(len=:), allocatable :: fields  !! what replies hold, ',a,b,'; ',,' for the usual
     integer(i4) :: role = 0
     integer(i4), allocatable :: index(:)     !! of the grains
+    integer(i4) :: body = 0                  !! of a surface
   contains
     procedure :: wants
   end type dem_set_type
@@ -28,6 +31,7 @@ module dem_sets
   contains
     procedure :: find
     procedure :: select
+    procedure :: put => put_set
   end type dem_sets_type
 
 contains
@@ -62,9 +66,8 @@ contains
     logical, intent(in) :: may_change  !! no step was taken yet
     logical, intent(out) :: changed
     type(error_list_type), intent(inout) :: errors
-    type(dem_set_type), allocatable :: longer(:)
     integer(i4), allocatable :: index(:)
-    integer(i4) :: k, role, before
+    integer(i4) :: role, before
 
     before = errors%count
     changed = .false.
@@ -74,6 +77,18 @@ contains
     if (role == role_prescribe) call prescribe(system, index, may_change, changed, errors)
     if (role == role_load) call check_free(system, index, errors)
     if (errors%count > before) return
+    call self%put(name, role, fields, index, 0)
+  end subroutine select
+
+  !> A set by this name, new or instead of the one that had it.
+  subroutine put_set(self, name, role, fields, index, body)
+    class(dem_sets_type), intent(inout) :: self
+    character(len=*), intent(in) :: name, fields
+    integer(i4), intent(in) :: role, index(:)
+    integer(i4), intent(in) :: body  !! of a surface, else 0
+    type(dem_set_type), allocatable :: longer(:)
+    integer(i4) :: k
+
     do k = 1, self%count
       if (self%set(k)%name == name) exit
     end do
@@ -89,8 +104,9 @@ contains
     self%set(k)%name = name
     self%set(k)%role = role
     self%set(k)%fields = ','//comma_list(fields)//','
-    call move_alloc(index, self%set(k)%index)
-  end subroutine select
+    self%set(k)%index = index
+    self%set(k)%body = body
+  end subroutine put_set
 
   subroutine move_set(from, to)
     type(dem_set_type), intent(inout) :: from, to
@@ -98,6 +114,7 @@ contains
     call move_alloc(from%fields, to%fields)
     call move_alloc(from%index, to%index)
     to%role = from%role
+    to%body = from%body
   end subroutine move_set
 
   subroutine role_of(name, role, errors)
@@ -112,13 +129,9 @@ contains
       role = role_prescribe
     case ('load')
       role = role_load
-    case ('surface')
-      call errors%add('P250', "talus-dem lacks the capability 'surface': grains do not meet "// &
-                      'moving triangles', 'exchange port, SELECT', &
-                      'HELLO lists the capabilities; couple by ghost grains (role prescribe)')
     case default
       call errors%add('P250', "there is no role '"//name//"'", 'exchange port, SELECT', &
-                      'roles: report, prescribe, load')
+                      'roles: report, prescribe, load, surface')
     end select
   end subroutine role_of
 

@@ -6,13 +6,16 @@ module dem_surface_state
   implicit none
   private
   public :: dem_surfaces_type, surface_rigid, surface_soft, surface_cone
-  public :: part_tip, part_flank, part_shaft
+  public :: part_tip, part_flank, part_shaft, soft_smooth
 
   integer(i4), parameter :: surface_rigid = 1  !! triangles that move as one body
   integer(i4), parameter :: surface_soft = 2   !! triangles whose vertices a partner moves
   integer(i4), parameter :: surface_cone = 3   !! cone on a cylinder, exact
 
   integer(i4), parameter :: part_tip = 0, part_flank = 1, part_shaft = 2  !! of a cone
+
+  !> Cosine of the smooth angle of soft bodies, 20 degrees, the default of decks.
+  real(wp), parameter :: soft_smooth = cos(acos(-1.0_wp)/9.0_wp)
 
   !> All surfaces. A body has one part, a cone three: tip, flank of the cone, shaft. Forces are sums
   !! over the parts' contacts, moments are about the body's centre.

@@ -7,11 +7,13 @@ module dem_surface_store
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
   use dem_state, only: dem_data_type, lanes, history_size, column_count
-  use dem_surface_state, only: dem_surfaces_type
+  use dem_surface_state, only: dem_surfaces_type, surface_soft, soft_smooth
+  use dem_surface_make, only: mesh_type, check_mesh, add_mesh
   implicit none
   private
   public :: put_surfaces, get_surfaces
 
+  integer(i4), parameter :: longest_name = 48
   integer(i4), parameter :: contact_size = history_size + 18  !! reals of a contact
 
 contains
@@ -49,7 +51,63 @@ contains
                       s%push(:, :, g), s%motion(:, :, g)]
     end do
     call archive%put_reals('surfaces.contact', packed)
+    if (s%soft) call put_soft(s, archive)
   end subroutine put_surfaces
+
+  !> Soft bodies are not in the deck: name, material and triangles of each.
+  subroutine put_soft(s, archive)
+    type(dem_surfaces_type), intent(in) :: s
+    type(dem_archive_type), intent(inout) :: archive
+    character(len=:), allocatable :: number
+    integer(i8) :: name(longest_name + 2, 1)
+    integer(i4) :: b, k
+
+    do b = 1, s%n
+      if (s%kind(b) /= surface_soft) cycle
+      number = str(b)
+      name = 0
+      do k = 1, min(len(s%name(b)%s), longest_name)
+        name(k, 1) = iachar(s%name(b)%s(k:k))
+      end do
+      name(longest_name + 1:, 1) = [s%material(s%first_part(b)), b]
+      call archive%put_integers('surfaces.name.'//number, name)
+      call archive%put_reals('surfaces.rest.'//number, s%rest(:, s%first_vertex(b): &
+                                                              s%first_vertex(b + 1) - 1))
+      call archive%put_integers('surfaces.corner.'//number, &
+        int(s%corner(:, s%first_triangle(b):s%first_triangle(b + 1) - 1), i8) &
+        - s%first_vertex(b) + 1)
+    end do
+  end subroutine put_soft
+
+  !> Soft bodies of a checkpoint, after those of the deck.
+  subroutine make_soft(s, archive, errors)
+    type(dem_surfaces_type), intent(inout) :: s
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    type(mesh_type) :: mesh
+    integer(i8), allocatable :: name(:, :), corner(:, :)
+    character(len=:), allocatable :: number, text
+    integer(i4) :: k
+
+    do
+      number = str(s%n + 1)
+      if (archive%find('surfaces.name.'//number) == 0) exit
+      call archive%get_integers('surfaces.name.'//number, longest_name + 2, 1, name, errors)
+      call archive%get_reals('surfaces.rest.'//number, 3, -1, mesh%x, errors)
+      call archive%get_integers('surfaces.corner.'//number, 3, -1, corner, errors)
+      if (errors%any()) return
+      text = ''
+      do k = 1, longest_name
+        if (name(k, 1) > 0) text = text//achar(name(k, 1))
+      end do
+      mesh%name = text
+      mesh%corner = int(corner, i4)
+      call check_mesh(mesh, .false., errors)
+      if (errors%any()) return
+      call add_mesh(s, mesh, text, surface_soft, int(name(longest_name + 1, 1), i4), &
+                    soft_smooth, [0.0_wp, 0.0_wp, 0.0_wp])
+    end do
+  end subroutine make_soft
 
   !> The same back; the deck has made the same surfaces.
   subroutine get_surfaces(d, archive, errors)
@@ -61,6 +119,8 @@ contains
 
     if (d%surfaces%n == 0 .and. archive%find('surfaces.size') == 0) return
     before = errors%count
+    call make_soft(d%surfaces, archive, errors)
+    if (errors%count > before) return
     call archive%get_integers('surfaces.size', 5, 1, sizes, errors)
     associate (s => d%surfaces)
       if (any(sizes(:4, 1) /= [s%n, s%parts, s%vertices, s%triangles])) &

@@ -200,7 +200,7 @@ contains
   subroutine select_and_set()
     real(wp) :: before(3, 1), after(3, 1), m(1), stiffness(1), scalars(scalar_count)
 
-    call choose('s', 'surface', [10_i8], 'P250')
+    call choose('s', 'surface', [10_i8], 'P009')
     call choose('g', 'prescribe', [11_i8], 'I216')
     call choose('l', 'load', [10_i8], 'P252')
     call choose('g', 'prescribe', [10_i8], '')

@@ -5,5 +5,4 @@ from port import Asker
 solver = Asker("meeting/side")
 solver.hello()
 solver.ask("SELECT", set="a", role="push", id=[2], fields="x")
-solver.ask("SELECT", set="a", role="surface", id=[2], fields="x")
 solver.ask("ABORT")
