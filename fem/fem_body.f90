@@ -14,6 +14,7 @@ module fem_body
   use fem_elastic, only: fem_elastic_type
   use fem_leap, only: fem_leap_type, least_shared
   use fem_ledger, only: step_works, fem_works_type
+  use fem_matter, only: fem_matter_type
   use fem_null_mode, only: explain_singular
   use fem_one_point, only: fem_one_point_type
   use fem_sparse, only: fem_pattern_type, make_pattern, add_springs, multiply, multiply_mass, &
@@ -24,7 +25,7 @@ module fem_body
   use fem_recover, only: initial_stress_force, element_forces
   implicit none
   private
-  public :: fem_body_type, fem_motion_type
+  public :: fem_body_type, fem_motion_type, fem_newton_type
 
   real(wp), parameter :: same_step = 1.0e-9_wp  !! relative change of dt that needs new factors
 
@@ -34,6 +35,15 @@ module fem_body
     real(wp) :: scale = 1.0_wp             !! [m], [rad]
     integer(i4), allocatable :: block(:)
   end type fem_motion_type
+
+  !> How the equilibrium of laws with a state is sought.
+  type :: fem_newton_type
+    real(wp) :: tolerance = 1.0e-8_wp  !! residual over loads and reactions [-]
+    integer(i4) :: most_iterations = 25
+    integer(i4) :: most_cuts = 10      !! halvings of a step
+    integer(i4) :: rows = 0            !! of the table of the last step
+    real(wp), allocatable :: table(:, :)  !! (8, rows), columns as fem_newton has them
+  end type fem_newton_type
 
   type :: fem_body_type
     type(fem_mesh_type) :: mesh
@@ -59,9 +69,12 @@ module fem_body
     type(fem_damping_type) :: damping
     type(fem_leap_type) :: leap_work             !! of undamped explicit steps
     type(fem_one_point_type) :: one_point        !! of explicit steps, if all elements are such
+    type(fem_matter_type) :: matter              !! points whose laws have a state
+    type(fem_newton_type) :: newton              !! how their equilibrium is sought
     type(fem_pattern_type) :: pattern
     type(fem_solver_type) :: solver
     real(wp), allocatable :: k(:, :, :), mass(:), lumped(:)
+    real(wp), allocatable :: lower(:, :, :)      !! blocks of k below the diagonal, if not symmetric
     real(wp), allocatable :: node_mass(:)        !! (blocks) lumped, with the factors [kg, kg m^2]
     real(wp), allocatable :: weight_force(:, :)  !! of gravity [N]
     real(wp), allocatable :: initial_force(:, :) !! internal forces of the initial stress [N]
@@ -77,6 +90,7 @@ module fem_body
     procedure :: allocate_state
     procedure :: assemble
     procedure :: factor
+    procedure :: number
     procedure :: accept
     procedure :: hand_over
     procedure :: reject
@@ -116,8 +130,12 @@ contains
       call make_pattern(self%dofs, self%pattern)
       call share_pattern(self%dofs, self%pattern)
     end if
-    call assemble_stiffness(self%mesh, self%dofs, self%elastic, self%pattern, self%k)
-    call add_springs(self%ground, self%pattern, self%k)
+    if (self%matter%active) then
+      call self%matter%prepare(self%mesh, self%dofs, self%elastic)
+    else
+      call assemble_stiffness(self%mesh, self%dofs, self%elastic, self%pattern, self%k)
+      call add_springs(self%ground, self%pattern, self%k)
+    end if
     call assemble_mass(self%mesh, self%dofs, self%elastic, self%pattern, self%mass, self%lumped)
     fall = 0.0_wp
     fall(:, :self%mesh%nodes) = spread(self%gravity, 2, self%mesh%nodes)
@@ -159,20 +177,12 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: k(:, :, :)
     real(wp) :: wanted, mass_term, share, rate
-    logical :: fixed(3, self%dofs%blocks)
 
     if (self%explicit) return
     wanted = merge(dt, 0.0_wp, self%dynamic)
     if (self%factored_dt >= 0.0_wp .and. abs(wanted - self%factored_dt) <= same_step*wanted) return
-    if (.not. self%fresh_numbering) then
-      fixed = self%held .or. self%prescribed
-      if (.not. self%dynamic) &
-        call check_supports(self%mesh, self%dofs, self%pattern, fixed, self%ground, errors)
-      if (errors%any()) return
-      call self%solver%number(self%dofs, self%pattern, fixed, errors)
-      if (errors%any()) return
-      self%fresh_numbering = .true.
-    end if
+    call self%number(errors)
+    if (errors%any() .or. self%matter%active) return
     mass_term = 0.0_wp
     k = self%k
     if (self%dynamic) then
@@ -187,6 +197,22 @@ contains
     if (.not. self%dynamic) call explain_singular(self%solver, self%pattern, self%dofs, k, errors)
     if (.not. errors%any()) self%factored_dt = wanted
   end subroutine factor
+
+  !> Number the free degrees of freedom, if that is to be done; a static body must be held.
+  subroutine number(self, errors)
+    class(fem_body_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    logical :: fixed(3, self%dofs%blocks)
+    if (self%fresh_numbering) return
+    fixed = self%held .or. self%prescribed
+    if (.not. self%dynamic) &
+      call check_supports(self%mesh, self%dofs, self%pattern, fixed, self%ground, errors)
+    if (errors%any()) return
+    self%solver%mumps%general = self%matter%active .and. .not. self%matter%symmetric
+    self%solver%mumps%indefinite = self%matter%active
+    call self%solver%number(self%dofs, self%pattern, fixed, errors)
+    if (.not. errors%any()) self%fresh_numbering = .true.
+  end subroutine number
 
   !> All loads at time t [N], reactions not counted.
   subroutine external_at(self, t, force)
@@ -312,6 +338,7 @@ contains
     call swap(self%state%viscous, self%accepted%viscous)
     self%accepted%time = self%state%time
     self%accepted_energy = self%energy
+    call self%matter%accept()
   end subroutine hand_over
 
   pure subroutine swap(a, b)
@@ -335,6 +362,7 @@ contains
       self%accepted = self%state
     end if
     self%accepted_energy = self%energy
+    call self%matter%accept()
   end subroutine accept
 
   subroutine reject(self)
@@ -342,5 +370,6 @@ contains
     self%state = self%accepted
     self%energy = self%accepted_energy
     where (self%prescribed) self%given_u = self%accepted%u
+    call self%matter%reject()
   end subroutine reject
 end module fem_body

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-fem.
   subroutine fem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-fem', 26)
+    call table%init('talus-fem', 28)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -31,6 +31,8 @@ contains
     call group_point_load(table)
     call group_spring(table)
     call group_analysis(table)
+    call group_initial_stress(table)
+    call group_geostatic(table)
     call group_absorbing(table)
     call group_path(table)
     call group_point(table)
@@ -180,22 +182,19 @@ contains
     call table%add_key('friction_deg', 'real', 'deg', 'Angle of friction of `drucker_prager`.')
     call table%bounds(min=0.0_wp, below=90.0_wp)
     call table%add_key('dilation_deg', 'real', 'deg', &
-      'Angle of dilation of `drucker_prager`, not above that of friction: plastic flow ' &
-      //'would give energy.')
-    call table%preset('0.0')
+      'Angle of dilation of `drucker_prager`, 0 if left out, not above that of ' &
+      //'friction: plastic flow would give energy.')
     call table%bounds(min=0.0_wp, below=90.0_wp)
     call table%add_key('cone', 'string', '', &
       'Which strength of Mohr and Coulomb the cone of `drucker_prager` has: that of ' &
-      //'triaxial compression, of triaxial extension, or of plane strain.')
-    call table%preset('compression')
+      //'triaxial compression, of triaxial extension, or of plane strain; compression if ' &
+      //'left out.')
     call table%allow('compression|extension|plane_strain')
     call table%add_key('hardening', 'real', 'Pa', &
       'Slope H of the cohesion of `drucker_prager`, c = cohesion + H Z, dZ = A_psi ' &
       //'dgamma; negative softens.')
-    call table%preset('0.0')
     call table%add_key('residual_cohesion', 'real', 'Pa', &
       'Least cohesion of `drucker_prager` that softens.')
-    call table%preset('0.0')
     call table%bounds(min=0.0_wp)
     call table%add_key('critical_slope', 'real', '', &
       'Slope M = q/p of the critical state line of `cam_clay`.')
@@ -210,19 +209,18 @@ contains
     call table%add_key('specific_volume', 'real', '', &
       'Specific volume v = 1 + e of `cam_clay`, constant at small strains.')
     call table%bounds(above=1.0_wp)
+    call table%add_key('preconsolidation', 'real', 'Pa', &
+      'Preconsolidation pressure pc of `cam_clay` at the start; without it ' &
+      //'`overconsolidation` counts.')
+    call table%bounds(above=0.0_wp)
     call group_material_3(table)
   end subroutine group_material_2
 
   subroutine group_material_3(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_key('preconsolidation', 'real', 'Pa', &
-      'Preconsolidation pressure pc of `cam_clay` at the start; without it ' &
-      //'`overconsolidation` counts.')
-    call table%bounds(above=0.0_wp)
     call table%add_key('overconsolidation', 'real', '', &
       'pc of `cam_clay` at the start over that whose yield surface the initial stress ' &
-      //'touches.')
-    call table%preset('1.0')
+      //'touches; 1 if left out.')
     call table%bounds(min=1.0_wp)
   end subroutine group_material_3
 
@@ -430,7 +428,7 @@ contains
 
   subroutine group_analysis(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('analysis', 16, &
+    call table%add_group('analysis', 17, &
       'What is computed, and in which steps.', required=.true.)
     call table%add_key('kind', 'string', '', &
       '`static`: equilibrium at each step; `newmark` and `hht`: implicit dynamics with ' &
@@ -506,16 +504,57 @@ contains
     call table%bounds(min=1.0_wp)
     call table%add_key('tolerance', 'real', '', &
       'Relative change of the squared frequencies at which the iteration of `modal` ' &
-      //'ends; residual over loads and reactions at which `relaxation` ends (there 1e-8 ' &
-      //'unless given).')
+      //'ends; residual over loads and reactions at which `relaxation`, and `static` of ' &
+      //'laws with a state, end (there 1e-8 unless given).')
     call table%preset('1e-10')
     call table%bounds(above=0.0_wp)
     call table%add_key('max_iterations', 'integer', '', &
-      'Most iterations of `modal`, and of a step of `relaxation` (there 100 000 unless ' &
-      //'given).')
+      'Most iterations of `modal`, of a step of `relaxation` (there 100 000 unless ' &
+      //'given), and of a step of `static` of laws with a state (25), which is halved ' &
+      //'then.')
     call table%preset('200')
     call table%bounds(min=1.0_wp)
+    call table%add_key('step_cuts', 'integer', '', &
+      'How often `static` halves a step of laws with a state that does not converge, ' &
+      //'before it gives up.')
+    call table%preset('10')
+    call table%bounds(min=0.0_wp, max=30.0_wp)
   end subroutine group_analysis_2
+
+  subroutine group_initial_stress(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('initial_stress', 2, &
+      'Stress at the start in a volume group whose law has a state. Before the first ' &
+      //'step the body settles under it and the loads at the start; displacements count ' &
+      //'from there.', repeats=.true.)
+    call table%add_key('group', 'string', '', &
+      'Volume group; where groups share elements the last one counts, those of ' &
+      //'`&geostatic` after these.')
+    call table%need()
+    call table%add_key('value', 'real', 'Pa', 'xx yy zz xy yz zx, tension positive.')
+    call table%need()
+    call table%sized(6_i4, 6_i4)
+  end subroutine group_initial_stress
+
+  subroutine group_geostatic(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('geostatic', 4, &
+      'Stress at the start under a level surface, in a volume group whose law has a ' &
+      //'state: along gravity the weight above and the surcharge, k0 times as much ' &
+      //'sideways. The body then settles as with `&initial_stress`.', repeats=.true.)
+    call table%add_key('group', 'string', '', &
+      'Volume group; its own density counts for all that lies above.')
+    call table%need()
+    call table%add_key('level', 'real', 'm', &
+      'Height of the surface, along the direction against gravity.')
+    call table%need()
+    call table%add_key('k0', 'real', '', 'Horizontal over vertical stress.')
+    call table%need()
+    call table%bounds(min=0.0_wp)
+    call table%add_key('surcharge', 'real', 'Pa', &
+      'Pressure on the surface, which a `&pressure` of the deck must apply too.')
+    call table%preset('0.0')
+  end subroutine group_geostatic
 
   subroutine group_absorbing(table)
     type(key_table_type), intent(inout) :: table
@@ -554,7 +593,7 @@ contains
     call table%add_group('point', 3, &
       'A path of a material point for `talus-fem --point deck.nml`: stress, strain or ' &
       //'linear combinations of them follow curves. Compression is negative. The table ' &
-      //'`*_point.csv` has a row a step.')
+      //'`*_point.csv` has a row a step.', repeats=.true.)
     call table%add_key('material', 'string', '', &
       'Id of the material; may be left out where there is one.')
     call table%preset('')

@@ -18,6 +18,7 @@ module fem_model
   use fem_body, only: fem_body_type
   use fem_critical, only: scale_rotations
   use fem_deck_keys, only: fem_deck_table
+  use fem_geostatic, only: settle
   use fem_mumps, only: storage_memory, storage_disk
   use fem_output, only: fem_output_type, energy_error
   use fem_relaxation, only: relax
@@ -58,6 +59,8 @@ module fem_model
     logical :: auto_solver = .false., relaxation = .false.
     real(wp) :: tolerance = 1.0e-8_wp        !! of dynamic relaxation
     integer(i4) :: most_iterations = 100000  !! of one of its steps
+    logical :: settled = .false.             !! under an initial stress, before the first step
+    real(wp) :: settlement = 0.0_wp          !! on the way there, at most [m]
   contains
     procedure :: read => read_run
     procedure :: prepare
@@ -99,6 +102,9 @@ contains
     if (errors%any()) return
     call read_body(self%deck, self%body, errors)
     if (errors%any()) return
+    if (self%served .and. self%body%matter%active) call self%deck%fault(errors, 'D334', &
+      'a coupled run knows elastic laws alone, and a section has one with a state', 'section', 1, &
+      'material', "take law = 'linear_elastic' or 'micropolar'")
     call read_times(self, errors)
     call choose_storage(self)
   end subroutine read_run
@@ -243,7 +249,7 @@ contains
       body%solver%iterative = solver == 'iterative'
       if (.not. self%auto_solver) return
       body%solver%iterative = .not. (body%dynamic .or. self%served .or. self%modal .or. &
-                                     self%relaxation) .and. &
+                                     self%relaxation .or. body%matter%active) .and. &
         count(.not. body%held) >= large .and. self%t_end <= few_steps*self%dt
     end associate
   end subroutine choose_solver
@@ -255,8 +261,14 @@ contains
     class(fem_model_type), intent(inout) :: self
     real(wp), intent(in) :: dt  !! [s]
     type(error_list_type), intent(inout) :: errors
+    integer(i4) :: iterations
     call self%timers%start('factorisation')
     call choose_solver(self)
+    if (self%start_time < 0.0_wp .and. self%body%matter%active .and. &
+        self%deck%count('geostatic') + self%deck%count('initial_stress') > 0) then
+      call settle(self%body, self%settlement, iterations, errors)
+      self%settled = .true.
+    end if
     if (self%body%dynamic .and. self%start_time < 0.0_wp) call start_motion(self%body, errors)
     if (errors%any()) then
       continue
@@ -307,6 +319,8 @@ contains
     if (self%start_time >= 0.0_wp) call self%log%item('goes on from', str(self%start_time)//' s')
     if (self%body%explicit) call self%log%item('largest stable step', &
       short_number(self%body%step_limit)//' s', 'dt '//short_number(self%dt)//' s')
+    if (self%settled) call self%log%item('settled under the initial stress', &
+      short_number(self%settlement)//' m', 'displacements count from there')
     call self%log_factors()
     call self%log%memory()
     do k = 1, size(self%warnings)
@@ -399,6 +413,7 @@ contains
       if (errors%any() .and. self%auto_solver .and. self%body%solver%iterative) &
         call go_direct(self, t1, errors)
       call self%timers%stop('steps')
+      if (self%body%matter%active) call self%output%write_iterations(self%body, errors)
       if (.not. errors%any()) call check_energy(self%body, errors)
       if (errors%any()) return
       call self%body%hand_over()

@@ -24,6 +24,7 @@ module fem_mumps
   !> One matrix with its factors.
   type :: mumps_type
     logical :: general = .false.         !! not symmetric: all entries are given, not one triangle
+    logical :: indefinite = .false.      !! negative pivots are no fault
     integer(i4) :: storage = storage_auto
     character(len=:), allocatable :: scratch  !! folder of factors on disk
     logical :: on_disk = .false.         !! the factors are
@@ -141,7 +142,7 @@ contains
       return
     end if
     self%factored = .true.
-    if (self%id%infog(12) > 0 .and. .not. self%general) then
+    if (self%id%infog(12) > 0 .and. .not. (self%general .or. self%indefinite)) then
       call errors%add('N302', 'the stiffness has '//str(self%id%infog(12))// &
         ' negative pivots: it is not positive definite', hint='check supports, moduli and the mesh')
       return

@@ -13,6 +13,7 @@ module fem_output
   use fem_body, only: fem_body_type
   use fem_cells, only: put_cells, describe_cells
   use fem_elastic, only: classical
+  use fem_output_state, only: put_states, describe_states, newton_titles, write_newton
   use fem_recover, only: point_stress, mean_stress, nodal_stress, point_positions, nodal_rotation
   implicit none
   private
@@ -28,7 +29,7 @@ module fem_output
     real(wp) :: last_field = -1.0_wp                           !! time of the last field step [s]
     logical :: points = .false.                                  !! stress at points is written
     integer(i4), allocatable :: support(:)                     !! groups whose reactions are written
-    type(history_type) :: energy, reactions
+    type(history_type) :: energy, reactions, newton
     type(series_type) :: series
     type(xdmf_type) :: xdmf
   contains
@@ -37,6 +38,7 @@ module fem_output
     procedure :: write_fields
     procedure :: write_last
     procedure :: write_history
+    procedure :: write_iterations
     procedure :: flush => flush_output
     procedure :: close => close_output
   end type fem_output_type
@@ -88,6 +90,7 @@ contains
     do k = 1, size(ledger)
       call append_string(columns, trim(ledger(k)))
     end do
+    if (body%matter%active) call append_string(columns, 'plastic [J]')
     call append_string(columns, 'closure [J]')
     call start_or_resume(self%energy, stem//'_energy.csv', columns, start_time, errors)
     deallocate (columns)
@@ -111,6 +114,9 @@ contains
       end do
     end do
     call start_or_resume(self%reactions, stem//'_reactions.csv', columns, start_time, errors)
+    if (.not. body%matter%active) return
+    call newton_titles(columns)
+    call start_or_resume(self%newton, stem//'_newton.csv', columns, start_time, errors)
   end subroutine open_histories
 
   subroutine start_or_resume(history, path, columns, start_time, errors)
@@ -146,6 +152,7 @@ contains
       call file%commit(errors)
     end if
     call describe_cells(body%mesh, stem//'.xdmf', self%xdmf)
+    if (body%matter%active) call describe_states(body, self%xdmf)
     call self%xdmf%attribute('u', 'u', xdmf_node, 3)
     call self%xdmf%attribute('v', 'v', xdmf_node, 3)
     call self%xdmf%attribute('reaction', 'reaction', xdmf_node, 3)
@@ -162,6 +169,14 @@ contains
     call self%xdmf%attribute('phi_rate', 'phi_rate', xdmf_node, 3)
     call self%xdmf%attribute('reaction_couple', 'reaction_couple', xdmf_node, 3)
   end subroutine open_fields
+
+  !> The iterations of a step, if histories are written and some law has a state.
+  subroutine write_iterations(self, body, errors)
+    class(fem_output_type), intent(inout) :: self
+    type(fem_body_type), intent(in) :: body
+    type(error_list_type), intent(inout) :: errors
+    if (self%newton%is_open()) call write_newton(body, self%newton, errors)
+  end subroutine write_iterations
 
   !> Write what is due at the accepted state; `last` writes all that is open once more if it lags.
   subroutine write_due(self, body, last, errors)
@@ -195,8 +210,9 @@ contains
     integer(i4), allocatable :: block(:)
     integer(i4) :: s
     associate (e => body%accepted_energy, t => body%accepted%time)
-      call self%energy%write([t, e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring, &
-                              e%damping, e%numerical, closure(body)], errors)
+      row = [t, e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring, e%damping, e%numerical]
+      if (body%matter%active) row = [row, e%plastic]
+      call self%energy%write([row, closure(body)], errors)
       row = [t]
       do s = 1, size(self%support)
         block = body%mesh%group(self%support(s))%node
@@ -213,7 +229,7 @@ contains
     type(fem_body_type), intent(in) :: body
     associate (e => body%accepted_energy)
       closure = e%start + e%load + e%support + e%spring - e%strain - e%kinetic - e%damping &
-                - e%numerical
+                - e%numerical - e%plastic
     end associate
   end function closure
 
@@ -222,7 +238,7 @@ contains
     type(fem_body_type), intent(in) :: body
     real(wp) :: scale
     associate (e => body%accepted_energy)
-      scale = max(abs(e%load), abs(e%support), abs(e%strain), abs(e%kinetic))
+      scale = max(abs(e%load), abs(e%support), abs(e%strain), abs(e%kinetic), abs(e%plastic))
     end associate
     energy_error = 0.0_wp
     if (scale > 0.0_wp) energy_error = abs(closure(body))/scale
@@ -240,7 +256,11 @@ contains
     n = body%mesh%nodes
     c = body%elastic%components
     allocate (stress(c, body%elastic%points), mean(c, body%mesh%elements), nodal(c, n))
-    call point_stress(body%mesh, body%dofs, body%elastic, body%accepted%u, stress)
+    if (body%matter%active) then
+      stress = body%matter%accepted_stress
+    else
+      call point_stress(body%mesh, body%dofs, body%elastic, body%accepted%u, stress)
+    end if
     call mean_stress(body%mesh, body%dofs, body%elastic, stress, mean)
     call nodal_stress(body%mesh, body%dofs, body%elastic, stress, nodal)
     call self%series%begin_step(body%accepted%time, file, group, errors)
@@ -264,6 +284,7 @@ contains
       call file%put(group//'/points_x', position, errors)
       call put_stress('stress_points', stress)
     end if
+    if (body%matter%active) call put_states(body, self%points, file, group, errors)
     call self%series%end_step(int(body%mesh%nodes, i8), file, errors)
     call self%xdmf%write(self%series, errors)
     self%last_field = body%accepted%time
@@ -296,6 +317,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     if (self%energy%is_open()) call self%energy%flush(errors)
     if (self%reactions%is_open()) call self%reactions%flush(errors)
+    if (self%newton%is_open()) call self%newton%flush(errors)
   end subroutine flush_output
 
   subroutine close_output(self, errors)
@@ -303,5 +325,6 @@ contains
     type(error_list_type), intent(inout) :: errors
     if (self%energy%is_open()) call self%energy%close(errors)
     if (self%reactions%is_open()) call self%reactions%close(errors)
+    if (self%newton%is_open()) call self%newton%close(errors)
   end subroutine close_output
 end module fem_output

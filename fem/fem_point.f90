@@ -118,9 +118,9 @@ contains
     type(fem_law_box_type) :: box
     integer(i4) :: m
 
-    if (deck%count('path') > 0) then
-      call deck%fault(errors, 'D332', 'the deck has &path and &point', 'path', 1, '', &
-                      'they make tables of one name: take two decks')
+    if (deck%count('path') > 0 .or. deck%count('point') > 1) then
+      call deck%fault(errors, 'D332', 'the deck has more than one &point, or &path beside it', &
+                      'point', 1, '', 'they make tables of one name: take two decks')
       return
     end if
     call find_material(deck, 'point', 1, material, m, errors)

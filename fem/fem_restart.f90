@@ -42,6 +42,11 @@ contains
       call file%put('/state/energy', &
                     [e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring, &
                      e%damping, e%numerical, e%start], errors)
+      if (body%matter%active) then
+        call file%put('/state/plastic', e%plastic, errors)
+        call file%put('/state/point_stress', body%matter%accepted_stress, errors)
+        call file%put('/state/point_state', body%matter%accepted_state, errors)
+      end if
     end associate
     call checkpoint%finish(file, errors)
   end subroutine write_checkpoint
@@ -57,8 +62,10 @@ contains
     type(h5_file_type) :: file
     type(checkpoint_info_type) :: info
     real(wp), allocatable :: energy(:), u(:, :)
+    real(wp) :: plastic
 
     steps = 0
+    plastic = 0.0_wp
     deck_changed = .false.
     call checkpoint%open(path, file, info, errors)
     if (errors%any()) return
@@ -80,12 +87,18 @@ contains
       call file%get('/state/port_load', body%port_load, errors)
       call file%get('/state/given_u', body%given_u, errors)
       call file%get('/state/energy', energy, errors)
+      if (body%matter%active) then
+        call file%get('/state/plastic', plastic, errors)
+        call file%get_into('/state/point_stress', body%matter%stress, errors)
+        call file%get_into('/state/point_state', body%matter%state, errors)
+      end if
     end if
     call file%close(errors)
     if (errors%any()) return
     body%state%time = info%time
     body%energy = fem_energy_type(energy(1), energy(2), energy(3), energy(4), energy(5), &
                                   energy(6), energy(7), energy(8), energy(9))
+    body%energy%plastic = plastic
     steps = info%step
     deck_changed = info%deck_hash /= checkpoint%deck_hash
     call body%accept()

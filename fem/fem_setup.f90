@@ -11,6 +11,7 @@ module fem_setup
   use fem_setup_loads, only: read_tractions, read_couples, read_point_loads, read_springs, &
     read_body_loads
   use fem_setup_analysis, only: read_analysis, read_absorbing
+  use fem_setup_matter, only: read_matter
   use fem_setup_sections, only: read_sections, check_ids
   use fem_body, only: fem_body_type, fem_motion_type
   implicit none
@@ -47,6 +48,7 @@ contains
     call read_point_loads(deck, body, errors)
     call read_springs(deck, body, errors)
     call read_absorbing(deck, body, errors)
+    if (.not. errors%any()) call read_matter(deck, body, errors)
   end subroutine read_body
 
   subroutine group_fault(deck, body, group, instance, kinds, errors)

@@ -13,13 +13,14 @@ module fem_setup_analysis
   public :: read_analysis, read_absorbing
 
   !> Keys that only some kinds know.
-  character(len=*), parameter :: keys(14) = [character(len=18) :: 'beta', 'gamma', 'alpha', &
+  character(len=*), parameter :: keys(15) = [character(len=18) :: 'beta', 'gamma', 'alpha', &
     'dt_factor', 'allow_unstable', 'rotation_mass', 'modes', 'tolerance', 'max_iterations', &
-    'rayleigh_mass', 'rayleigh_stiffness', 'solver', 'factors', 'scratch']
-  character(len=*), parameter :: kinds(14) = [character(len=24) :: 'newmark', 'newmark', 'hht', &
-    'explicit', 'explicit', 'explicit', 'modal', 'modal relaxation', 'modal relaxation', &
+    'rayleigh_mass', 'rayleigh_stiffness', 'solver', 'factors', 'scratch', 'step_cuts']
+  character(len=*), parameter :: kinds(15) = [character(len=24) :: 'newmark', 'newmark', 'hht', &
+    'explicit', 'explicit', 'explicit', 'modal', 'modal relaxation static', &
+    'modal relaxation static', &
     'newmark hht explicit', 'newmark hht explicit', 'static', 'static newmark hht modal', &
-    'static newmark hht modal']
+    'static newmark hht modal', 'static']
 
 contains
 

@@ -146,8 +146,8 @@ contains
     call deck%get('material', m, 'hardening', law%hardening)
     call deck%get('material', m, 'residual_cohesion', law%residual)
     call deck%get('material', m, 'cone', cone)
-    place = 0
-    if (cone == 'compression') place = -1
+    place = -1
+    if (cone == 'plane_strain') place = 0
     if (cone == 'extension') place = 1
     if (dilation > friction) call deck%fault(errors, 'D331', 'dilation_deg = '//str(dilation)// &
       ' is above friction_deg = '//str(friction), 'material', m, 'dilation_deg', &
@@ -183,7 +183,8 @@ contains
     call deck%get('material', m, 'swelling_index', kappa)
     call deck%get('material', m, 'specific_volume', volume)
     call deck%get('material', m, 'poisson', poisson)
-    call deck%get('material', m, 'overconsolidation', law%overconsolidation)
+    if (deck%given('material', m, 'overconsolidation')) &
+      call deck%get('material', m, 'overconsolidation', law%overconsolidation)
     if (deck%given('material', m, 'preconsolidation')) &
       call deck%get('material', m, 'preconsolidation', law%preconsolidation)
     if (.not. lambda > kappa) call deck%fault(errors, 'D331', 'compression_index = '// &

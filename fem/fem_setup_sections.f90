@@ -156,6 +156,7 @@ contains
     integer(i4) :: owner(body%mesh%elements), s, m, g
 
     call body%elastic%start(body%mesh%elements)
+    allocate (body%matter%law_of(body%mesh%elements), source=0)
     owner = 0
     call check_ids(deck, 'material', errors)
     allocate (material(deck%count('material')))
@@ -164,12 +165,13 @@ contains
       if (body%massive .and. material(m)%polar .and. .not. material(m)%inertia > 0.0_wp) &
         call deck%fault(errors, 'D320', 'the micropolar material has no micro_inertia', &
           'material', m, 'id', 'dynamics and modes need it: 2/5 r^2 of grains of radius r')
-      if (material(m)%stateful) call deck%fault(errors, 'D334', 'bodies have elastic laws', &
-        'material', m, 'law', 'run it with --point, without mesh')
     end do
     do s = 1, deck%count('section')
       call find_parts(deck, body, s, material, g, m, errors)
-      if (g > 0 .and. m > 0) call fill_section(deck, body, s, g, material(m), owner, errors)
+      if (.not. (g > 0 .and. m > 0)) cycle
+      call fill_section(deck, body, s, g, material(m), owner, errors)
+      body%matter%law_of(body%mesh%group(g)%element) = m
+      body%matter%active = body%matter%active .or. material(m)%stateful
     end do
     if (.not. all(owner > 0) .and. .not. errors%any()) &
       call deck%fault(errors, 'D305', str(int(count(owner == 0), i4))// &

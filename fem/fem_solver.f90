@@ -64,7 +64,8 @@ contains
     allocate (self%value(size(irn)), self%right(self%free))
   end subroutine number
 
-  !> Rows and columns (upper triangle) of all entries between free degrees of freedom.
+  !> Rows and columns of all entries between free degrees of freedom: the upper triangle, or with
+  !! each entry beside the diagonal blocks its mirror image.
   subroutine entries_of(self, pattern, irn, jcn)
     class(fem_solver_type), intent(in) :: self
     type(fem_pattern_type), intent(in) :: pattern
@@ -77,12 +78,15 @@ contains
         do p = pattern%start(i), pattern%start(i + 1) - 1
           j = pattern%column(p)
           do b = 1, 3
-            do a = 1, merge(b, 3, i == j)
+            do a = 1, merge(b, 3, i == j .and. .not. self%mumps%general)
               if (self%equation(a, i) == 0 .or. self%equation(b, j) == 0) cycle
               n = n + 1
-              if (pass == 1) cycle
-              irn(n) = self%equation(a, i)
-              jcn(n) = self%equation(b, j)
+              if (pass == 2) irn(n) = self%equation(a, i)
+              if (pass == 2) jcn(n) = self%equation(b, j)
+              if (i == j .or. .not. self%mumps%general) cycle
+              n = n + 1
+              if (pass == 2) irn(n) = self%equation(b, j)
+              if (pass == 2) jcn(n) = self%equation(a, i)
             end do
           end do
         end do
@@ -122,13 +126,15 @@ contains
     end subroutine take
   end subroutine elimination
 
-  !> Factor K + mass_factor M (blocks of the pattern).
-  subroutine factor(self, pattern, k, mass, mass_factor, errors)
+  !> Factor K + mass_factor M (blocks of the pattern); of general matrices `lower` has the blocks
+  !! below the diagonal, block j, i in the place of i, j.
+  subroutine factor(self, pattern, k, mass, mass_factor, errors, lower)
     class(fem_solver_type), intent(inout) :: self
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), intent(in) :: k(:, :, :), mass(:)
     real(wp), intent(in) :: mass_factor  !! [1/s^2], 0 in statics
     type(error_list_type), intent(inout) :: errors
+    real(wp), intent(in), optional :: lower(:, :, :)
     integer(i4) :: i, j, p, a, b, n
 
     if (self%free == 0) return
@@ -146,12 +152,15 @@ contains
       do p = pattern%start(i), pattern%start(i + 1) - 1
         j = pattern%column(p)
         do b = 1, 3
-          do a = 1, merge(b, 3, i == j)
+          do a = 1, merge(b, 3, i == j .and. .not. self%mumps%general)
             if (self%equation(a, i) == 0 .or. self%equation(b, j) == 0) cycle
             n = n + 1
             self%value(n) = k(a, b, p)
             if (a == b .and. mass_factor > 0.0_wp) self%value(n) = self%value(n) &
               + mass_factor*mass(p)
+            if (i == j .or. .not. self%mumps%general) cycle
+            n = n + 1
+            self%value(n) = lower(b, a, p)
           end do
         end do
       end do

@@ -7,6 +7,7 @@ module fem_sparse
   use fem_types, only: fem_springs_type
   implicit none
   private
+  public :: spring_force, multiply_general
   public :: fem_pattern_type, fem_share_type, rows_inner, rows_border, rows_foreign, has_block
   public :: make_pattern, place, add_springs
   public :: multiply, multiply_mass, scale_mass, block_diagonal, share_element
@@ -141,11 +142,13 @@ contains
     end do
   end function share_element
 
-  !> Add springs, sum over points of N' k N, to the stiffness; their nodes share an element.
-  subroutine add_springs(springs, pattern, k)
+  !> Add springs, sum over points of N' k N, to the stiffness; their nodes share an element. The
+  !! matrices k are symmetric.
+  subroutine add_springs(springs, pattern, k, lower)
     type(fem_springs_type), intent(in) :: springs
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), intent(inout) :: k(:, :, :)
+    real(wp), intent(inout), optional :: lower(:, :, :)  !! blocks below the diagonal, or none
     integer(i4) :: s, a, b, i, j, p
     do s = 1, springs%n
       do b = 1, size(springs%node, 1)
@@ -156,10 +159,34 @@ contains
           p = place(pattern, i, j)
           k(:, :, p) = k(:, :, p) &
             + springs%weight(a, s)*springs%weight(b, s)*springs%stiffness(:, :, s)
+          if (i == j .or. .not. present(lower)) cycle
+          if (size(lower, 3) > 0) lower(:, :, p) = lower(:, :, p) &
+            + springs%weight(a, s)*springs%weight(b, s)*springs%stiffness(:, :, s)
         end do
       end do
     end do
   end subroutine add_springs
+
+  !> Forces of springs between an old and a new displacement, S (u_old - u) [N].
+  pure subroutine spring_force(springs, old, u, force)
+    type(fem_springs_type), intent(in) :: springs
+    real(wp), intent(in) :: old(:, :), u(:, :)
+    real(wp), intent(out) :: force(:, :)
+    real(wp) :: stretch(3)
+    integer(i4) :: s, a
+    force = 0.0_wp
+    do s = 1, springs%n
+      stretch = 0.0_wp
+      do a = 1, size(springs%node, 1)
+        stretch = stretch &
+          + springs%weight(a, s)*(old(:, springs%node(a, s)) - u(:, springs%node(a, s)))
+      end do
+      stretch = matmul(springs%stiffness(:, :, s), stretch)
+      do a = 1, size(springs%node, 1)
+        force(:, springs%node(a, s)) = force(:, springs%node(a, s)) + springs%weight(a, s)*stretch
+      end do
+    end do
+  end subroutine spring_force
 
   !> y = K u for the symmetric blocks. With shares each thread owns the rows of a range of nodes and
   !! adds to them alone, in the order of the rows: the same bits for any number of threads.
@@ -287,6 +314,27 @@ contains
     has_block = (j >= share%first(1) .and. j <= share%last(1)) &
                 .or. (j >= share%first(2) .and. j <= share%last(2))
   end function has_block
+
+  !> y = K u where the blocks below the diagonal are given too.
+  pure subroutine multiply_general(pattern, k, lower, u, y)
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in) :: k(:, :, :), lower(:, :, :), u(:, :)
+    real(wp), intent(out) :: y(:, :)
+    integer(i4) :: i, j, p
+    y = 0.0_wp
+    do i = 1, pattern%nodes
+      do p = pattern%start(i), pattern%start(i + 1) - 1
+        j = pattern%column(p)
+        y(:, i) = y(:, i) + matmul(k(:, :, p), u(:, j))
+        if (j == i) cycle
+        if (size(lower, 3) == 0) then
+          y(:, j) = y(:, j) + matmul(transpose(k(:, :, p)), u(:, i))
+        else
+          y(:, j) = y(:, j) + matmul(lower(:, :, p), u(:, i))
+        end if
+      end do
+    end do
+  end subroutine multiply_general
 
   !> y = M a for the scalar mass blocks.
   pure subroutine multiply_mass(pattern, mass, a, y)

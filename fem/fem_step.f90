@@ -1,12 +1,14 @@
 !> One static or implicit step of a body (Newmark, HHT-alpha) from the last accepted state. Linear:
-!! a residual and a back-substitution. Explicit bodies step by fem_central.
+!! a residual and a back-substitution. Explicit bodies step by fem_central, those whose laws have a
+!! state by fem_newton.
 module fem_step
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use fem_body, only: fem_body_type
   use fem_central, only: central_step
-  use fem_sparse, only: multiply_mass
-  use fem_types, only: fem_springs_type, fem_state_type
+  use fem_newton, only: newton_step
+  use fem_sparse, only: multiply_mass, spring_force
+  use fem_types, only: fem_state_type
   implicit none
   private
   public :: take_step
@@ -26,6 +28,10 @@ contains
       call central_step(self, t1, errors)
       return
     end if
+    if (self%matter%active) then
+      call newton_step(self, t1, errors)
+      return
+    end if
     dt = t1 - self%accepted%time
     call self%factor(dt, errors)
     if (errors%any()) return
@@ -42,7 +48,7 @@ contains
         if (self%lag > 0.0_wp) call balance(self, old, old_balance)
       end if
       call inner_forces(self, s, internal)
-      call robin_force(self%robin, old%u, s%u, tie)
+      call spring_force(self%robin, old%u, s%u, tie)
       residual = tie + share*(s%external - internal) + self%lag*old_balance - inertia
       call self%solver%solve(self%pattern, residual, du, errors)
       if (errors%any()) return
@@ -55,7 +61,7 @@ contains
       end if
       call self%internal_force(s%u, internal)
       call self%viscous_force(s%v, s%viscous)
-      call robin_force(self%robin, old%u, s%u, tie)
+      call spring_force(self%robin, old%u, s%u, tie)
       s%reaction = (inertia - tie - self%lag*old_balance)/share + internal &
                    + s%viscous - s%external
       call part_reactions(self)
@@ -169,24 +175,4 @@ contains
       self%energy%numerical = self%energy%numerical + left - supports
     end associate
   end subroutine dynamic_work
-
-  !> Forces of the Robin springs, S (u_old - u) [N].
-  pure subroutine robin_force(robin, old, u, force)
-    type(fem_springs_type), intent(in) :: robin
-    real(wp), intent(in) :: old(:, :), u(:, :)
-    real(wp), intent(out) :: force(:, :)
-    real(wp) :: stretch(3)
-    integer(i4) :: s, a
-    force = 0.0_wp
-    do s = 1, robin%n
-      stretch = 0.0_wp
-      do a = 1, size(robin%node, 1)
-        stretch = stretch + robin%weight(a, s)*(old(:, robin%node(a, s)) - u(:, robin%node(a, s)))
-      end do
-      stretch = matmul(robin%stiffness(:, :, s), stretch)
-      do a = 1, size(robin%node, 1)
-        force(:, robin%node(a, s)) = force(:, robin%node(a, s)) + robin%weight(a, s)*stretch
-      end do
-    end do
-  end subroutine robin_force
 end module fem_step

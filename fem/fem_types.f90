@@ -78,5 +78,6 @@ module fem_types
     real(wp) :: damping = 0.0_wp  !! dissipated by dashpots and Rayleigh damping so far
     real(wp) :: numerical = 0.0_wp  !! dissipated by the time integration so far
     real(wp) :: start = 0.0_wp      !! kinetic energy of the initial velocities
+    real(wp) :: plastic = 0.0_wp    !! dissipated by plastic flow so far
   end type fem_energy_type
 end module fem_types

@@ -12,11 +12,17 @@ CLASSICAL = "density = 2000.0, young = 2.0e7, poisson = 0.3"
 POLAR = MATERIAL.format(1.0e7, 0.7e7, 0.5e7, 1.0e4, 0.5e4, 2.0e4).replace(
     "density = 1.0,", "density = 2000.0, micro_inertia = 1.0e-3,"
 )
+PLASTIC = (
+    "law = 'drucker_prager', density = 2000.0, young = 2.0e7, poisson = 0.3, cohesion = 1.2e4, "
+    "friction_deg = 25.0, dilation_deg = 5.0, hardening = 1.0e5"
+)
+STRESS = "&initial_stress group = 'all', value = -1.0e4, -1.0e4, -1.0e4, 0.0, 0.0, 0.0 /\n"
 RAYLEIGH = ", rayleigh_mass = 5.0, rayleigh_stiffness = 1.0e-5"
 STEP = "dt = 1.0e-3"
 RUNS = {  # element, analysis
     "static, factors": ("hex8_bbar", f"kind = 'static', solver = 'direct', {STEP}"),
     "static, iterations": ("hex8_bbar", f"kind = 'static', solver = 'iterative', {STEP}"),
+    "static, plastic": ("hex8_bbar", f"kind = 'static', {STEP}"),
     "relaxation": ("hex8_bbar", f"kind = 'relaxation', tolerance = 1.0e-11, {STEP}"),
     "newmark": ("hex8_incompatible", f"kind = 'newmark', {STEP}"),
     "newmark, micropolar": ("hex20/hex8", f"kind = 'newmark', {STEP}"),
@@ -57,7 +63,10 @@ def repeats(case: Case, name: str, element: str, analysis: str) -> tuple[bool, n
     stem = stem_of(name)
     text = (case.folder / "deck.nml").read_text().replace("ANALYSIS", analysis)
     text = text.replace("ELEMENT", element).replace("MESH", f"{shape_of(element)}.h5")
-    text = text.replace("MATERIAL", POLAR if "/" in element else CLASSICAL)
+    material = POLAR if "/" in element else CLASSICAL
+    if "plastic" in name:
+        material, text = PLASTIC, text + STRESS
+    text = text.replace("MATERIAL", material)
     if "damped" in name:
         text += "&absorbing group = 'side' /\n"
     (case.folder / f"{stem}.nml").write_text(text)

@@ -1,0 +1,41 @@
+!> The equilibrium step of a body with an initial stress: what loads and stress leave over moves it,
+!! and displacements, works and the ledger count from there.
+module fem_geostatic
+  use talus_kinds, only: wp, i4
+  use talus_errors, only: error_list_type
+  use fem_body, only: fem_body_type
+  use fem_law, only: at_stored, at_numerical
+  use fem_newton, only: newton_step
+  use fem_types, only: fem_energy_type
+  implicit none
+  private
+  public :: settle
+
+contains
+
+  !> Settle under the loads at the start; `moved` is the largest displacement on the way [m],
+  !! `iterations` how many corrections it took. N311 as in a step.
+  subroutine settle(body, moved, iterations, errors)
+    type(fem_body_type), intent(inout) :: body
+    real(wp), intent(out) :: moved
+    integer(i4), intent(out) :: iterations
+    type(error_list_type), intent(inout) :: errors
+    real(wp), dimension(3, body%dofs%blocks) :: internal, nothing
+    integer(i4) :: bad
+
+    moved = 0.0_wp
+    iterations = 0
+    nothing = 0.0_wp
+    call body%matter%update(body%mesh, body%dofs, body%elastic, nothing, internal, bad)
+    body%accepted%external = internal  ! the loads grow from those that the stress balances
+    call newton_step(body, body%accepted%time, errors)
+    if (errors%any()) return
+    iterations = body%newton%rows
+    moved = sqrt(maxval(sum(body%state%u**2, 1)))
+    body%state%u = 0.0_wp
+    call body%impose(body%accepted%time, body%state%u)
+    body%matter%state(at_stored:at_numerical, :) = 0.0_wp
+    body%energy = fem_energy_type()
+    call body%accept()
+  end subroutine settle
+end module fem_geostatic

@@ -1,0 +1,297 @@
+!> Stress and state of every quadrature point of a body whose laws have a state: trial values for
+!! displacements since the accepted state, internal forces, stiffness; accepted values. Elements are
+!! worked in chunks whose number does not depend on the threads.
+module fem_matter
+  use, intrinsic :: omp_lib, only: omp_get_max_threads
+  use talus_kinds, only: wp, i4, i8
+  use fem_assembly, only: share_nodes, elements_at
+  use fem_dofs, only: fem_dofs_type
+  use fem_elastic, only: fem_elastic_type
+  use fem_element, only: fem_shape_type, element_shape
+  use fem_law, only: fem_law_box_type, integrate, at_flag, at_iterations, at_stored, &
+    at_dissipated, at_numerical, common_size
+  use fem_recover, only: point_weights
+  use fem_sparse, only: fem_pattern_type, place
+  use fem_strain, only: mean_gradient, strain_matrix, add_product
+  use fem_types, only: fem_mesh_type
+  implicit none
+  private
+  public :: fem_matter_type
+
+  integer(i4), parameter :: chunks = 64
+
+  type :: fem_matter_type
+    logical :: active = .false.               !! some law of the body has a state
+    logical :: symmetric = .true.             !! all tangents are
+    type(fem_law_box_type), allocatable :: law(:)
+    integer(i4), allocatable :: law_of(:)     !! (elements)
+    integer(i4) :: states = common_size       !! most of any law
+    real(wp), allocatable :: weight(:)        !! (points) volume times factor [m^3]
+    real(wp), allocatable :: stress(:, :), accepted_stress(:, :)  !! (6, points) [Pa]
+    real(wp), allocatable :: state(:, :), accepted_state(:, :)    !! (states, points)
+    real(wp), allocatable :: tangent(:, :, :)                     !! (6, 6, points) [Pa]
+    real(wp), allocatable :: nodal(:, :)      !! (3, blocks of all elements) forces [N]
+  contains
+    procedure :: prepare
+    procedure :: update
+    procedure :: assemble
+    procedure :: accept
+    procedure :: reject
+    procedure :: works
+    procedure :: yielding
+    procedure :: element_of
+  end type fem_matter_type
+
+contains
+
+  !> Room for all points, once the initial state is there.
+  subroutine prepare(self, mesh, dofs, elastic)
+    class(fem_matter_type), intent(inout) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    if (.not. allocated(self%weight)) &
+      allocate (self%weight(elastic%points), self%tangent(6, 6, elastic%points), &
+                self%nodal(3, size(dofs%block)))
+    call point_weights(mesh, dofs, elastic, self%weight)
+    self%weight = self%weight*elastic%factor
+    self%accepted_stress = self%stress
+    self%accepted_state = self%state
+  end subroutine prepare
+
+  !> Trial stress, state and tangents for displacements since the accepted state, and the internal
+  !! forces. `bad` is the first point whose law found no state, 0 if there is none.
+  subroutine update(self, mesh, dofs, elastic, moved, force, bad)
+    class(fem_matter_type), intent(inout) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: moved(:, :)      !! (3, blocks) [m]
+    real(wp), intent(out) :: force(:, :)     !! (3, blocks) [N]
+    integer(i4), intent(out) :: bad
+    integer(i4) :: c, k, failed(chunks)
+
+    !$omp parallel do default(none) shared(self, mesh, dofs, elastic, moved, failed) private(c) &
+    !$omp schedule(dynamic)
+    do c = 1, chunks
+      call chunk_update(self, mesh, dofs, elastic, moved, c, failed(c))
+    end do
+    !$omp end parallel do
+    bad = 0
+    do c = chunks, 1, -1
+      if (failed(c) > 0) bad = failed(c)
+    end do
+    force = 0.0_wp
+    do k = 1, size(dofs%block)
+      force(:, dofs%block(k)) = force(:, dofs%block(k)) + self%nodal(:, k)
+    end do
+  end subroutine update
+
+  !> The elements of chunk c.
+  subroutine chunk_update(self, mesh, dofs, elastic, moved, c, bad)
+    class(fem_matter_type), intent(inout) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: moved(:, :)
+    integer(i4), intent(in) :: c
+    integer(i4), intent(out) :: bad
+    type(fem_shape_type) :: shape
+    integer(i4) :: e, first, last, rule, failed
+
+    first = int((c - 1)*int(mesh%elements, i8)/chunks, i4) + 1
+    last = int(c*int(mesh%elements, i8)/chunks, i4)
+    bad = 0
+    rule = 0
+    do e = first, last
+      if (allocated(shape%weight) .and. elastic%rule_of(e) /= rule) &
+        deallocate (shape%weight, shape%u, shape%phi)
+      rule = elastic%rule_of(e)
+      call update_element(self, mesh, dofs, elastic, moved, e, shape, failed)
+      if (bad == 0) bad = failed
+    end do
+  end subroutine chunk_update
+
+  subroutine update_element(self, mesh, dofs, elastic, moved, e, shape, bad)
+    class(fem_matter_type), intent(inout) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: moved(:, :)
+    integer(i4), intent(in) :: e
+    type(fem_shape_type), intent(inout) :: shape
+    integer(i4), intent(out) :: bad
+    real(wp) :: d(3*elastic%rule(elastic%rule_of(e))%nodes), f(size(d)), mean(size(d))
+    real(wp) :: b(size(d), 6), strain(6)
+    logical :: good
+    integer(i4) :: q, p, r, n
+
+    bad = 0
+    associate (rule => elastic%rule(elastic%rule_of(e)), law => self%law(self%law_of(e))%law, &
+               block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
+      n = self%law(self%law_of(e))%law%states
+      call element_shape(rule%at, mesh%x(:, block), shape)
+      if (rule%bbar) call mean_gradient(shape, mean)
+      d = reshape(moved(:, block), [size(d)])
+      f = 0.0_wp
+      do q = 1, rule%at%n
+        p = elastic%point(e) + q - 1
+        call strain_matrix(rule, shape, q, mean, b)
+        do r = 1, 6
+          strain(r) = dot_product(b(:, r), d)
+        end do
+        self%stress(:, p) = self%accepted_stress(:, p)
+        self%state(:, p) = self%accepted_state(:, p)
+        call integrate(law, strain, self%stress(:, p), self%state(:n, p), self%tangent(:, :, p), &
+                       good)
+        if (.not. good .and. bad == 0) bad = p
+        do r = 1, 6
+          f = f + self%weight(p)*self%stress(r, p)*b(:, r)
+        end do
+      end do
+      self%nodal(:, dofs%start(e):dofs%start(e + 1) - 1) = reshape(f, [3, size(block)])
+    end associate
+  end subroutine update_element
+
+  !> Stiffness of the trial state in blocks of the pattern; `lower` holds what is below the diagonal
+  !! (row j, column i of entry i, j) where tangents are not symmetric.
+  subroutine assemble(self, mesh, dofs, elastic, pattern, k, lower)
+    class(fem_matter_type), intent(in) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), allocatable, intent(inout) :: k(:, :, :), lower(:, :, :)
+    integer(i4), allocatable :: first(:)
+    integer(i4) :: t
+
+    if (.not. allocated(k)) allocate (k(3, 3, size(pattern%column)))
+    if (.not. allocated(lower)) &
+      allocate (lower(3, 3, merge(0, size(pattern%column), self%symmetric)))
+    call share_nodes(dofs, pattern, omp_get_max_threads(), first)
+    !$omp parallel do default(none) shared(self, mesh, dofs, elastic, pattern, k, lower, first) &
+    !$omp private(t) schedule(static, 1)
+    do t = 1, size(first) - 1
+      call share(self, mesh, dofs, elastic, pattern, first(t:t + 1), k, lower)
+    end do
+    !$omp end parallel do
+  end subroutine assemble
+
+  !> The rows of the nodes of a range.
+  subroutine share(self, mesh, dofs, elastic, pattern, range, k, lower)
+    class(fem_matter_type), intent(in) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    type(fem_pattern_type), intent(in) :: pattern
+    integer(i4), intent(in) :: range(2)
+    real(wp), intent(inout) :: k(:, :, :), lower(:, :, :)
+    type(fem_shape_type) :: shape
+    real(wp), allocatable :: ke(:, :)
+    integer(i4), allocatable :: chosen(:)
+    integer(i4) :: r, i, n
+
+    do n = range(1), range(2) - 1
+      k(:, :, pattern%start(n):pattern%start(n + 1) - 1) = 0.0_wp
+      if (.not. self%symmetric) lower(:, :, pattern%start(n):pattern%start(n + 1) - 1) = 0.0_wp
+    end do
+    do r = 1, size(elastic%rule)
+      if (allocated(shape%weight)) deallocate (shape%weight, shape%u, shape%phi)
+      if (allocated(ke)) deallocate (ke)
+      allocate (ke(3*elastic%rule(r)%nodes, 3*elastic%rule(r)%nodes))
+      call elements_at(mesh, elastic, r, range, chosen)
+      do i = 1, size(chosen)
+        call element_tangent(self, mesh, dofs, elastic, chosen(i), shape, ke)
+        call add_element(dofs%block(dofs%start(chosen(i)):dofs%start(chosen(i) + 1) - 1), pattern, &
+                         range, self%symmetric, ke, k, lower)
+      end do
+    end do
+  end subroutine share
+
+  subroutine element_tangent(self, mesh, dofs, elastic, e, shape, ke)
+    class(fem_matter_type), intent(in) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: e
+    type(fem_shape_type), intent(inout) :: shape
+    real(wp), intent(out) :: ke(:, :)
+    real(wp) :: mean(size(ke, 1)), b(size(ke, 1), 6)
+    integer(i4) :: q, p
+    ke = 0.0_wp
+    associate (rule => elastic%rule(elastic%rule_of(e)), &
+               block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
+      call element_shape(rule%at, mesh%x(:, block), shape)
+      if (rule%bbar) call mean_gradient(shape, mean)
+      do q = 1, rule%at%n
+        p = elastic%point(e) + q - 1
+        call strain_matrix(rule, shape, q, mean, b)
+        call add_product(int(size(ke, 1), i4), b, self%tangent(:, :, p), self%weight(p), ke)
+      end do
+    end associate
+  end subroutine element_tangent
+
+  !> Add an element to the rows of a range of nodes.
+  pure subroutine add_element(block, pattern, range, symmetric, ke, k, lower)
+    integer(i4), intent(in) :: block(:), range(2)
+    type(fem_pattern_type), intent(in) :: pattern
+    logical, intent(in) :: symmetric
+    real(wp), intent(in) :: ke(:, :)
+    real(wp), intent(inout) :: k(:, :, :), lower(:, :, :)
+    integer(i4) :: a, b, row, p
+    do b = 1, size(block)
+      do a = 1, size(block)
+        row = min(block(a), block(b))
+        if (row < range(1) .or. row >= range(2)) cycle
+        if (symmetric .and. block(a) > block(b)) cycle
+        p = place(pattern, row, max(block(a), block(b)))
+        if (block(a) <= block(b)) then
+          k(:, :, p) = k(:, :, p) + ke(3*a - 2:3*a, 3*b - 2:3*b)
+        else
+          lower(:, :, p) = lower(:, :, p) + ke(3*a - 2:3*a, 3*b - 2:3*b)
+        end if
+      end do
+    end do
+  end subroutine add_element
+
+  subroutine accept(self)
+    class(fem_matter_type), intent(inout) :: self
+    if (.not. self%active) return
+    self%accepted_stress = self%stress
+    self%accepted_state = self%state
+  end subroutine accept
+
+  subroutine reject(self)
+    class(fem_matter_type), intent(inout) :: self
+    if (.not. self%active) return
+    self%stress = self%accepted_stress
+    self%state = self%accepted_state
+  end subroutine reject
+
+  !> Stored energy, dissipation and what the integration took, of the trial state [J].
+  pure function works(self)
+    class(fem_matter_type), intent(in) :: self
+    real(wp) :: works(3)
+    works = [sum(self%weight*self%state(at_stored, :)), &
+             sum(self%weight*self%state(at_dissipated, :)), &
+             sum(self%weight*self%state(at_numerical, :))]
+  end function works
+
+  !> Points that yielded in the trial increment, and the most local iterations.
+  pure function yielding(self) result(counts)
+    class(fem_matter_type), intent(in) :: self
+    integer(i4) :: counts(2)
+    counts = [int(count(self%state(at_flag, :) > 0.0_wp), i4), &
+              nint(maxval(self%state(at_iterations, :)))]
+  end function yielding
+
+  !> Element and number in it of a point.
+  pure function element_of(self, elastic, p) result(where_it_is)
+    class(fem_matter_type), intent(in) :: self
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: p
+    integer(i4) :: where_it_is(2)
+    where_it_is(1) = int(count(elastic%point <= p), i4)
+    where_it_is(2) = p - elastic%point(where_it_is(1)) + 1
+  end function element_of
+end module fem_matter

@@ -1,0 +1,123 @@
+!> Results of laws with a state: cell means of the state variables, yield flags, points; the table
+!! of Newton's iterations.
+module fem_output_state
+  use talus_kinds, only: wp, i4
+  use talus_text, only: string_type, append_string
+  use talus_errors, only: error_list_type
+  use talus_hdf5, only: h5_file_type
+  use talus_history, only: history_type
+  use talus_xdmf, only: xdmf_type, xdmf_cell
+  use fem_body, only: fem_body_type
+  use fem_law, only: at_flag, at_iterations, at_dissipated, at_plastic, common_size
+  implicit none
+  private
+  public :: put_states, describe_states, newton_titles, write_newton
+
+contains
+
+  !> Attributes of the cells.
+  subroutine describe_states(body, xdmf)
+    type(fem_body_type), intent(in) :: body
+    type(xdmf_type), intent(inout) :: xdmf
+    type(string_type), allocatable :: names(:)
+    integer(i4) :: k
+    call xdmf%attribute('yield', 'yield', xdmf_cell, 1)
+    call xdmf%attribute('local_iterations', 'local_iterations', xdmf_cell, 1)
+    call xdmf%attribute('dissipation', 'dissipation', xdmf_cell, 1)
+    call xdmf%attribute('plastic_strain', 'plastic_strain', xdmf_cell, 6)
+    call law_states(body, names)
+    do k = 1, size(names)
+      call xdmf%attribute(names(k)%s, names(k)%s, xdmf_cell, 1)
+    end do
+  end subroutine describe_states
+
+  !> Names, without unit, of all states beyond the common ones, each once.
+  subroutine law_states(body, names)
+    type(fem_body_type), intent(in) :: body
+    type(string_type), allocatable, intent(out) :: names(:)
+    integer(i4) :: m, k, j
+    logical :: known
+    allocate (names(0))
+    do m = 1, size(body%matter%law)
+      if (.not. any(body%matter%law_of == m)) cycle
+      do k = common_size + 1, body%matter%law(m)%law%states
+        known = .false.
+        do j = 1, size(names)
+          known = known .or. names(j)%s == plain(body%matter%law(m)%law%state_name(k))
+        end do
+        if (.not. known) call append_string(names, plain(body%matter%law(m)%law%state_name(k)))
+      end do
+    end do
+  end subroutine law_states
+
+  pure function plain(name) result(text)
+    character(len=*), intent(in) :: name
+    character(len=:), allocatable :: text
+    text = name(:index(name, ' ') - 1)
+  end function plain
+
+  !> Datasets of a step: yield (the largest flag of an element's points: 1 yields, 2 at the apex),
+  !! local iterations (most), means over the volume of the rest; zero where a law has no such state.
+  subroutine put_states(body, points, file, group, errors)
+    type(fem_body_type), intent(in) :: body
+    logical, intent(in) :: points  !! write the states of all points too
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: group
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: names(:)
+    real(wp), allocatable :: mean(:, :), cell(:)
+    integer(i4) :: e, k, s
+
+    allocate (mean(body%matter%states, body%mesh%elements), cell(body%mesh%elements))
+    associate (m => body%matter, point => body%elastic%point)
+      do e = 1, body%mesh%elements
+        associate (a => point(e), b => point(e + 1) - 1)
+          mean(:, e) = matmul(m%accepted_state(:, a:b), m%weight(a:b))/sum(m%weight(a:b))
+          mean(at_flag, e) = maxval(m%accepted_state(at_flag, a:b))
+          mean(at_iterations, e) = maxval(m%accepted_state(at_iterations, a:b))
+        end associate
+      end do
+      call file%put(group//'/yield', mean(at_flag, :), errors)
+      call file%put(group//'/local_iterations', mean(at_iterations, :), errors)
+      call file%put(group//'/dissipation', mean(at_dissipated, :), errors)
+      call file%put(group//'/plastic_strain', mean(at_plastic:at_plastic + 5, :), errors)
+      call law_states(body, names)
+      do k = 1, size(names)
+        cell = 0.0_wp
+        do e = 1, body%mesh%elements
+          associate (law => m%law(m%law_of(e))%law)
+            do s = common_size + 1, law%states
+              if (plain(law%state_name(s)) == names(k)%s) cell(e) = mean(s, e)
+            end do
+          end associate
+        end do
+        call file%put(group//'/'//names(k)%s, cell, errors)
+      end do
+      if (points) call file%put(group//'/state_points', m%accepted_state, errors)
+    end associate
+  end subroutine put_states
+
+  !> Columns of the table of iterations.
+  subroutine newton_titles(columns)
+    type(string_type), allocatable, intent(out) :: columns(:)
+    call append_string(columns, 'time [s]')
+    call append_string(columns, 'share of the step [-]')
+    call append_string(columns, 'iteration [-]')
+    call append_string(columns, 'residual [-]')
+    call append_string(columns, 'work of the residual [J]')
+    call append_string(columns, 'line search [-]')
+    call append_string(columns, 'yielding points [-]')
+    call append_string(columns, 'local iterations [-]')
+  end subroutine newton_titles
+
+  !> The rows of the last step, also of parts that did not converge.
+  subroutine write_newton(body, table, errors)
+    type(fem_body_type), intent(in) :: body
+    type(history_type), intent(inout) :: table
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    do k = 1, body%newton%rows
+      call table%write(body%newton%table(:, k), errors)
+    end do
+  end subroutine write_newton
+end module fem_output_state

@@ -1,0 +1,191 @@
+!> Laws with a state for a body: which elements have them, their initial stress from &initial_stress
+!! and &geostatic, and how their equilibrium is sought.
+module fem_setup_matter
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_deck, only: deck_type
+  use fem_body, only: fem_body_type
+  use fem_element, only: points_at
+  use fem_mesh, only: find_group, group_hint
+  use fem_recover, only: point_positions
+  use fem_setup_laws, only: read_law
+  use fem_types, only: group_volume
+  implicit none
+  private
+  public :: read_matter
+
+contains
+
+  !> Nothing to do for bodies of elastic laws alone.
+  subroutine read_matter(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: m
+
+    if (.not. body%matter%active) then
+      call refuse_idle(deck, errors)
+      return
+    end if
+    call refuse_others(deck, body, errors)
+    allocate (body%matter%law(deck%count('material')))
+    do m = 1, size(body%matter%law)
+      call read_law(deck, m, body%matter%law(m), errors)
+      if (.not. any(body%matter%law_of == m)) cycle
+      body%matter%symmetric = body%matter%symmetric .and. body%matter%law(m)%law%symmetric
+      body%matter%states = max(body%matter%states, body%matter%law(m)%law%states)
+    end do
+    if (deck%given('analysis', 1, 'tolerance')) &
+      call deck%get('analysis', 1, 'tolerance', body%newton%tolerance)
+    if (deck%given('analysis', 1, 'max_iterations')) &
+      call deck%get('analysis', 1, 'max_iterations', body%newton%most_iterations)
+    call deck%get('analysis', 1, 'step_cuts', body%newton%most_cuts)
+    if (errors%any()) return
+    call read_stress(deck, body, errors)
+    if (.not. errors%any()) call begin_points(deck, body, errors)
+  end subroutine read_matter
+
+  !> Keys and groups of laws with a state where there are none.
+  subroutine refuse_idle(deck, errors)
+    type(deck_type), intent(in) :: deck
+    type(error_list_type), intent(inout) :: errors
+    character(len=*), parameter :: keys(3) = [character(len=14) :: 'tolerance', &
+      'max_iterations', 'step_cuts']
+    character(len=*), parameter :: groups(2) = [character(len=14) :: 'initial_stress', 'geostatic']
+    character(len=:), allocatable :: kind
+    integer(i4) :: k
+    call deck%get('analysis', 1, 'kind', kind)
+    if (kind == 'static') then
+      do k = 1, size(keys)
+        if (deck%given('analysis', 1, trim(keys(k)))) call deck%fault(errors, 'D325', &
+          trim(keys(k))//' means nothing to linear statics', 'analysis', 1, trim(keys(k)), &
+          'no section has a law with a state')
+      end do
+    end if
+    do k = 1, size(groups)
+      if (deck%count(trim(groups(k))) > 0) call deck%fault(errors, 'D335', &
+        'no section has a law with a state', trim(groups(k)), 1, '', &
+        'linear solids count their stress from the start: leave it out')
+    end do
+  end subroutine refuse_idle
+
+  !> Fault D334 for analyses and elements that know no state.
+  subroutine refuse_others(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(in) :: body
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: kind, solver
+    integer(i4) :: e
+    call deck%get('analysis', 1, 'kind', kind)
+    call deck%get('analysis', 1, 'solver', solver)
+    if (kind /= 'static') call deck%fault(errors, 'D334', "kind = '"//kind//"' knows elastic "// &
+      'laws alone, and a section has one with a state', 'analysis', 1, 'kind', &
+      "take kind = 'static'")
+    if (solver == 'iterative') call deck%fault(errors, 'D334', &
+      'tangents of laws with a state need factors', 'analysis', 1, 'solver', &
+      "take solver = 'direct' or leave it out")
+    do e = 1, body%mesh%elements
+      associate (rule => body%elastic%rule(body%elastic%rule_of(e)))
+        if (rule%modes == 0 .and. .not. (rule%one_point .or. rule%polar)) cycle
+        call deck%fault(errors, 'D334', 'element '//str(e)//' is '//trim(rule%name)// &
+          ', which knows elastic laws alone, in a body that has one with a state', 'section', 1, &
+          'element', 'take hex8_bbar, hex8_full, hex20, hex27, tet4, tet10 or wedge6')
+        return
+      end associate
+    end do
+  end subroutine refuse_others
+
+  !> Initial stress of all points; where groups share elements the last one counts.
+  subroutine read_stress(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: value(:), x(:, :)
+    real(wp) :: level, k0, surcharge
+    integer(i4) :: s, g, k, e, q
+
+    allocate (body%matter%stress(6, body%elastic%points), source=0.0_wp)
+    do s = 1, deck%count('initial_stress')
+      call find_volume(deck, body, 'initial_stress', s, g, errors)
+      if (g == 0) cycle
+      call deck%get('initial_stress', s, 'value', value)
+      do k = 1, size(body%mesh%group(g)%element)
+        e = body%mesh%group(g)%element(k)
+        do q = body%elastic%point(e), body%elastic%point(e + 1) - 1
+          body%matter%stress(:, q) = value
+        end do
+      end do
+    end do
+    if (deck%count('geostatic') == 0) return
+    allocate (x(3, body%elastic%points))
+    call point_positions(body%mesh, body%dofs, body%elastic, x)
+    do s = 1, deck%count('geostatic')
+      call find_volume(deck, body, 'geostatic', s, g, errors)
+      if (.not. norm2(body%gravity) > 0.0_wp) call deck%fault(errors, 'D335', &
+        'a geostatic stress needs gravity', 'geostatic', s, '', 'give gravity in &run')
+      if (g == 0 .or. errors%any()) cycle
+      call deck%get('geostatic', s, 'level', level)
+      call deck%get('geostatic', s, 'k0', k0)
+      call deck%get('geostatic', s, 'surcharge', surcharge)
+      do k = 1, size(body%mesh%group(g)%element)
+        e = body%mesh%group(g)%element(k)
+        do q = body%elastic%point(e), body%elastic%point(e + 1) - 1
+          body%matter%stress(:, q) = stress_at(x(:, q), body%gravity, level, surcharge, k0, &
+                                               body%elastic%density(e))
+        end do
+      end do
+    end do
+  end subroutine read_stress
+
+  !> Stress under a level surface, k0 times the vertical one sideways [Pa].
+  pure function stress_at(x, gravity, level, surcharge, k0, density) result(stress)
+    real(wp), intent(in) :: x(3), gravity(3), level, surcharge, k0, density
+    real(wp) :: stress(6), up(3), vertical
+    up = -gravity/norm2(gravity)
+    vertical = -surcharge - density*norm2(gravity)*max(0.0_wp, level - dot_product(up, x))
+    stress = vertical*k0*[1.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp] &
+      + vertical*(1.0_wp - k0)*[up(1)**2, up(2)**2, up(3)**2, up(1)*up(2), up(2)*up(3), up(3)*up(1)]
+  end function stress_at
+
+  subroutine find_volume(deck, body, group, s, g, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(in) :: body
+    character(len=*), intent(in) :: group
+    integer(i4), intent(in) :: s
+    integer(i4), intent(out) :: g
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name
+    call deck%get(group, s, 'group', name)
+    g = find_group(body%mesh, name, [group_volume])
+    if (g == 0) call deck%fault(errors, 'D301', "the mesh has no volume group '"//name//"'", &
+      group, s, 'group', group_hint(body%mesh, name, [group_volume]))
+  end subroutine find_volume
+
+  !> State of all points at their initial stress; fault D333 names the first that cannot be. Elastic
+  !! moduli of the elements are those of their first points.
+  subroutine begin_points(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: fault, cure
+    real(wp) :: moduli(2)
+    integer(i4) :: e, q, n
+
+    allocate (body%matter%state(body%matter%states, body%elastic%points), source=0.0_wp)
+    do e = 1, body%mesh%elements
+      associate (law => body%matter%law(body%matter%law_of(e))%law, first => body%elastic%point(e))
+        n = law%states
+        do q = first, body%elastic%point(e + 1) - 1
+          call law%begin(body%matter%stress(:, q), body%matter%state(:n, q), fault, cure)
+          if (len(fault) == 0) cycle
+          call deck%fault(errors, 'D333', 'element '//str(e)//', point '//str(q - first + 1)// &
+            ': '//fault, 'material', body%matter%law_of(e), 'id', cure)
+          return
+        end do
+        moduli = law%modulus(body%matter%stress(:, first))
+        body%elastic%moduli(:2, e) = [moduli(1) - 2.0_wp/3.0_wp*moduli(2), moduli(2)]
+      end associate
+    end do
+  end subroutine begin_points
+end module fem_setup_matter
