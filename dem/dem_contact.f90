@@ -1,21 +1,22 @@
 !> Contact forces of one block: normal, tangential with history, damping, and their work.
 !!
 !! History of a lane (all zero without contact): 1-3 tangential elastic force on B, 4-6 damping
-!! force on B [N], 7-9 contact point from the centre of A [m], 10 square root of
-!! the overlap, 11 sqrt(R_e) [m^1/2].
+!! force on B [N], 7 square root of the overlap, 8 sqrt(R_e) [m^1/2], 9-11 contact point from the
+!! centre of A [m]. Two spheres keep 1-7 alone: their R_e never changes and stands there from the
+!! start, their last contact point follows from the last overlap and the velocities.
 !! Work columns: contact damping, friction, tangential relaxation, curvature work [J].
 !! The work of a step is half that of the last forces at the last contact point and half that of
 !! the new ones, both with the velocity of the step: this is what the leapfrog puts into the
 !! kinetic energy, so that the ledger closes to the error of the stored energies alone.
 module dem_contact
   use talus_kinds, only: wp, i4
-  use dem_state, only: lanes, history_size, history_side, history_root, column_count, &
-    dem_law_type, law_linear, law_hertz_no_history
+  use dem_state, only: lanes, history_size, history_side, history_root, history_point, &
+    column_count, dem_pairs_type, dem_law_type, law_linear, law_hertz_no_history
   use dem_block, only: dem_block_type
   implicit none
   private
   public :: contact_block, contact_constants_type, constants_of, stored_energy, &
-    contact_radius
+    contact_radius, contact_point
 
   real(wp), parameter :: tiny_force = 1.0e-200_wp
 
@@ -43,6 +44,7 @@ module dem_contact
     real(wp) :: dash(lanes)                         !! sqrt(m* k_n) [kg/s]
     real(wp) :: elastic(lanes), total(lanes)        !! normal force without and with damping [N]
     real(wp) :: px(lanes), py(lanes), pz(lanes)     !! contact point from the centre of A [m]
+    real(wp) :: lx(lanes), ly(lanes), lz(lanes)     !! the last one [m]
     real(wp) :: sx(lanes), sy(lanes), sz(lanes)     !! relative velocity at the contact [m/s]
     real(wp) :: ox(lanes), oy(lanes), oz(lanes)     !! relative velocity at the last contact [m/s]
     real(wp) :: wx(lanes), wy(lanes), wz(lanes)     !! tangential part of s [m/s]
@@ -86,6 +88,24 @@ contains
     contact_radius = history(history_root)*history(history_side)
   end function contact_radius
 
+  !> Point of the contact in a lane from the centre of its body A [m].
+  pure function contact_point(pairs, share, lane, block) result(point)
+    type(dem_pairs_type), intent(in) :: pairs
+    real(wp), intent(in) :: share  !! of the overlap, on the side of A [-]
+    integer(i4), intent(in) :: lane, block
+    real(wp) :: point(3), branch(3), overlap
+    if (.not. pairs%round(block)) then
+      point = pairs%history(lane, history_point:history_point + 2, block)
+      return
+    end if
+    associate (a => pairs%body(:, pairs%first(lane, block)), &
+               b => pairs%body(:, pairs%second(lane, block)))
+      branch = b(1:3) - a(1:3)
+      overlap = pairs%history(lane, history_side, block)**2
+      point = (sqrt(a(10)) - share*overlap)/norm2(branch)*branch
+    end associate
+  end function contact_point
+
   !> Stored normal and tangential energy of a block from its history [J].
   pure function stored_energy(c, weight, history) result(energy)
     type(contact_constants_type), intent(in) :: c
@@ -107,9 +127,10 @@ contains
   end function stored_energy
 
   !> Forces and moments of all lanes into the block, history brought forward by h.
-  pure subroutine contact_block(b, c, h, m_star, weight, history, columns)
+  pure subroutine contact_block(b, c, round, h, m_star, weight, history, columns)
     type(dem_block_type), intent(inout) :: b
     type(contact_constants_type), intent(in) :: c
+    logical, intent(in) :: round                         !! all pairs are of spheres
     real(wp), intent(in) :: h                            !! time since the last evaluation [s]
     real(wp), intent(in) :: m_star(lanes)                !! reduced masses [kg]
     real(wp), intent(in) :: weight(lanes)                !! contact weights [-]
@@ -117,15 +138,56 @@ contains
     real(wp), intent(out) :: columns(column_count)
     type(scratch_type) :: s
 
+    if (round) then
+      call recall_spheres(b, c, h, history, s)
+    else
+      call recall_contacts(b, history, s)
+    end if
     call normal_forces(b, c, m_star, history, s)
-    call relative_motion(b, h, history, s)
+    call relative_motion(b, h, s)
     call damp_normal(b, c, s)
     call tangential_springs(b, c, h, history, s)
     call damp_tangent(b, c, s)
     call sum_work(h, weight, history, s, columns)
-    call keep_history(s, history)
+    call keep_history(s, round, history)
     call put_forces(b, weight, s)
   end subroutine contact_block
+
+  !> Effective radii now and the last contact points from the history.
+  pure subroutine recall_contacts(b, history, s)
+    type(dem_block_type), intent(in) :: b
+    real(wp), intent(in) :: history(lanes, history_size)
+    type(scratch_type), intent(inout) :: s
+    integer(i4) :: k
+    !$omp simd
+    do k = 1, lanes
+      s%root(k) = 1.0_wp/sqrt(b%curvature(k))
+      s%lx(k) = history(k, history_point)
+      s%ly(k) = history(k, history_point + 1)
+      s%lz(k) = history(k, history_point + 2)
+    end do
+  end subroutine recall_contacts
+
+  !> The same for spheres: the last branch, along which the last point lay, is today's less its
+  !! growth, and as long as the radii less the last overlap.
+  pure subroutine recall_spheres(b, c, h, history, s)
+    type(dem_block_type), intent(in) :: b
+    type(contact_constants_type), intent(in) :: c
+    real(wp), intent(in) :: h, history(lanes, history_size)
+    type(scratch_type), intent(inout) :: s
+    real(wp) :: overlap, length, factor
+    integer(i4) :: k
+    !$omp simd private(overlap, length, factor)
+    do k = 1, lanes
+      s%root(k) = history(k, history_root)
+      overlap = history(k, history_side)*history(k, history_side)
+      length = b%ha(k) + b%hb(k) - overlap
+      factor = (b%ha(k) - c%share*overlap)/length
+      s%lx(k) = factor*(b%rx(k) - h*(b%b%vx(k) - b%a%vx(k)))
+      s%ly(k) = factor*(b%ry(k) - h*(b%b%vy(k) - b%a%vy(k)))
+      s%lz(k) = factor*(b%rz(k) - h*(b%b%vz(k) - b%a%vz(k)))
+    end do
+  end subroutine recall_spheres
 
   !> Hertz or linear normal force, stiffnesses, contact point.
   pure subroutine normal_forces(b, c, m_star, history, s)
@@ -143,7 +205,7 @@ contains
       side = sqrt(overlap)
       s%on(k) = on
       s%side(k) = side
-      s%root(k) = on/sqrt(b%curvature(k))
+      s%root(k) = on*s%root(k)
       a = s%root(k)*side
       s%c(k) = c%c*overlap*overlap*side
       s%kn(k) = c%kn_a*a + c%kn*on
@@ -162,9 +224,9 @@ contains
   end subroutine normal_forces
 
   !> Velocity of B relative to A at the contact point and at the last one.
-  pure subroutine relative_motion(b, h, history, s)
+  pure subroutine relative_motion(b, h, s)
     type(dem_block_type), intent(in) :: b
-    real(wp), intent(in) :: h, history(lanes, history_size)
+    real(wp), intent(in) :: h
     type(scratch_type), intent(inout) :: s
     real(wp) :: ax, ay, az, bx, by, bz, dx, dy, dz
     integer(i4) :: k
@@ -183,9 +245,9 @@ contains
       s%sx(k) = dx + b%b%wy(k)*bz - b%b%wz(k)*by - b%a%wy(k)*az + b%a%wz(k)*ay
       s%sy(k) = dy + b%b%wz(k)*bx - b%b%wx(k)*bz - b%a%wz(k)*ax + b%a%wx(k)*az
       s%sz(k) = dz + b%b%wx(k)*by - b%b%wy(k)*bx - b%a%wx(k)*ay + b%a%wy(k)*ax
-      ax = history(k, 7)
-      ay = history(k, 8)
-      az = history(k, 9)
+      ax = s%lx(k)
+      ay = s%ly(k)
+      az = s%lz(k)
       bx = ax - b%rx(k) + h*dx
       by = ay - b%ry(k) + h*dy
       bz = az - b%rz(k) + h*dz
@@ -315,8 +377,9 @@ contains
     columns = [damping, friction, relaxation, curvature]
   end subroutine sum_work
 
-  pure subroutine keep_history(s, history)
+  pure subroutine keep_history(s, round, history)
     type(scratch_type), intent(in) :: s
+    logical, intent(in) :: round
     real(wp), intent(inout) :: history(lanes, history_size)
     integer(i4) :: k
 
@@ -328,11 +391,15 @@ contains
       history(k, 4) = s%dx(k)
       history(k, 5) = s%dy(k)
       history(k, 6) = s%dz(k)
-      history(k, 7) = s%on(k)*s%px(k)
-      history(k, 8) = s%on(k)*s%py(k)
-      history(k, 9) = s%on(k)*s%pz(k)
       history(k, history_side) = s%side(k)
+    end do
+    if (round) return
+    !$omp simd
+    do k = 1, lanes
       history(k, history_root) = s%root(k)
+      history(k, history_point) = s%on(k)*s%px(k)
+      history(k, history_point + 1) = s%on(k)*s%py(k)
+      history(k, history_point + 2) = s%on(k)*s%pz(k)
     end do
   end subroutine keep_history
 

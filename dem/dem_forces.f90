@@ -2,9 +2,9 @@
 module dem_forces
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_pairs_type, dem_law_type, lanes, history_size, history_side, &
-    result_size
+    history_root, result_size
   use dem_block, only: dem_block_type
-  use dem_lanes, only: read_in_order, gather_side, put_loads, sum_results
+  use dem_lanes, only: read_in_order, gather_side, gather_spheres, put_loads, sum_results
   use dem_gap, only: branch_vectors, evaluate_pairs, evaluate_spheres, evaluate_planes, &
     refine_normals, add_curvatures, solve_lane
   use dem_contact, only: contact_block, constants_of
@@ -30,15 +30,19 @@ contains
       pairs%columns(:, k) = 0.0_wp
       return
     end if
-    if (pairs%touched(k)) call read_in_order(pairs%history(:, 1, k), history_size*lanes)
-    if (.not. pairs%round(k)) call read_in_order(pairs%normal(:, 1, k), 3*lanes)
     next = min(k + 1, pairs%blocks)
-    call gather_side(pairs%body, pairs%first(:, k), pairs%first(:, next), block%a)
-    call gather_side(pairs%body, pairs%second(:, k), pairs%second(:, next), block%b)
-    call branch_vectors(block)
     if (pairs%round(k)) then
+      if (pairs%touched(k)) call read_in_order(pairs%history(:, 1, k), history_root*lanes)
+      call gather_spheres(pairs%body, pairs%first(:, k), pairs%first(:, next), block%a)
+      call gather_spheres(pairs%body, pairs%second(:, k), pairs%second(:, next), block%b)
+      call branch_vectors(block)
       call evaluate_spheres(block)
     else
+      if (pairs%touched(k)) call read_in_order(pairs%history(:, 1, k), history_size*lanes)
+      call read_in_order(pairs%normal(:, 1, k), 3*lanes)
+      call gather_side(pairs%body, pairs%first(:, k), pairs%first(:, next), block%a)
+      call gather_side(pairs%body, pairs%second(:, k), pairs%second(:, next), block%b)
+      call branch_vectors(block)
       call take_normals(pairs, block, k)
       if (k <= pairs%grain_blocks) then
         call evaluate_pairs(block)
@@ -53,8 +57,9 @@ contains
       return
     end if
     if (.not. pairs%round(k)) call add_curvatures(block, k <= pairs%grain_blocks)
-    call contact_block(block, constants_of(laws(pairs%law_first(k), pairs%law_second(k))), h, &
-                       pairs%m_star(:, k), pairs%weight(:, min(k, size(pairs%weight, 2))), &
+    call contact_block(block, constants_of(laws(pairs%law_first(k), pairs%law_second(k))), &
+                       pairs%round(k), h, pairs%m_star(:, k), &
+                       pairs%weight(:, min(k, size(pairs%weight, 2))), &
                        pairs%history(:, :, k), &
                        pairs%columns(:, k))
     pairs%touched(k) = contact

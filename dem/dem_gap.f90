@@ -32,7 +32,7 @@ contains
     end do
   end subroutine branch_vectors
 
-  !> Normal, gap, surface points and curvature of all lanes where both bodies are spheres.
+  !> Normal, gap, surface points and supports of all lanes where both bodies are spheres.
   pure subroutine evaluate_spheres(b)
     type(dem_block_type), intent(inout) :: b
     integer(i4) :: k
@@ -54,7 +54,8 @@ contains
       b%ax(k) = ra*nx
       b%ay(k) = ra*ny
       b%az(k) = ra*nz
-      b%curvature(k) = 1.0_wp/ra + 1.0_wp/rb
+      b%ha(k) = ra
+      b%hb(k) = rb
     end do
   end subroutine evaluate_spheres
 

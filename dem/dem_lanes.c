@@ -62,26 +62,48 @@ void dem_read_in_order(const double *from, int32_t reals)
     __asm__ volatile("" : : "g"(sum));
 }
 
-/* The records of LANES bodies into lanes, side[BODY][LANES]; those of `next` are called for. */
-void dem_gather_side(const double *body, const int32_t index[LANES], const int32_t next[LANES],
-                     double *side)
+/* Call for the records of bodies that will be wanted soon. */
+static inline void call_for(const double *body, const int32_t next[LANES])
 {
     for (int k = 0; k < LANES; k++) {
         const double *ahead = body + (int64_t)(next[k] - 1) * BODY;
         __builtin_prefetch(ahead);
         __builtin_prefetch(ahead + WIDTH);
     }
+}
+
+/* One half of the records of WIDTH bodies into the lanes from k on. */
+__attribute__((always_inline)) static inline void gather_half(const double *body, const int32_t *index, int half, double *side)
+{
+    row_type m[WIDTH];
+#pragma GCC unroll 8
+    for (int i = 0; i < WIDTH; i++) m[i] = load(body + (int64_t)(index[i] - 1) * BODY + half);
+    turn(m);
+#pragma GCC unroll 8
+    for (int i = 0; i < WIDTH; i++) store(side + (half + i) * LANES, m[i]);
+}
+
+/* The records of LANES bodies into lanes, side[BODY][LANES]; those of `next` are called for. */
+void dem_gather_side(const double *body, const int32_t index[LANES], const int32_t next[LANES],
+                     double *side)
+{
+    call_for(body, next);
     for (int k = 0; k < LANES; k += WIDTH) {
-        for (int half = 0; half < BODY; half += WIDTH) {
-            row_type m[WIDTH];
-#pragma GCC unroll 8
-            for (int i = 0; i < WIDTH; i++) {
-                m[i] = load(body + (int64_t)(index[k + i] - 1) * BODY + half);
-            }
-            turn(m);
-#pragma GCC unroll 8
-            for (int i = 0; i < WIDTH; i++) store(side + (half + i) * LANES + k, m[i]);
-        }
+        gather_half(body, index + k, 0, side + k);
+        gather_half(body, index + k, WIDTH, side + k);
+    }
+}
+
+/* The same for spheres: of the second half only the last of the spin and the first of the shape. */
+void dem_gather_spheres(const double *body, const int32_t index[LANES], const int32_t next[LANES],
+                        double *side)
+{
+    call_for(body, next);
+    for (int k = 0; k < LANES; k += WIDTH) gather_half(body, index + k, 0, side + k);
+    for (int k = 0; k < LANES; k++) {
+        const double *record = body + (int64_t)(index[k] - 1) * BODY;
+        side[(MOTION - 1) * LANES + k] = record[MOTION - 1];
+        side[MOTION * LANES + k] = record[MOTION];
     }
 }
 

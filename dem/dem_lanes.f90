@@ -5,7 +5,7 @@ module dem_lanes
   use dem_block, only: dem_side_type, dem_load_type
   implicit none
   private
-  public :: read_in_order, gather_side, put_loads, put_side, put_motion, sum_results, sum_lanes
+  public :: read_in_order, gather_side, gather_spheres, put_loads, put_side, put_motion, sum_results, sum_lanes
 
   interface
     !> Read memory from front to back, so that the processor fetches what lies behind it.
@@ -22,6 +22,14 @@ module dem_lanes
       integer(c_int32_t), intent(in) :: index(lanes), next(lanes)
       type(dem_side_type), intent(inout) :: side
     end subroutine gather_side
+
+    !> The same for spheres: centre, velocity, spin and s(:, 1); the rest of the side is left.
+    pure subroutine gather_spheres(body, index, next, side) bind(c, name='dem_gather_spheres')
+      import :: c_double, c_int32_t, dem_side_type, lanes, body_size
+      real(c_double), intent(in) :: body(body_size, *)
+      integer(c_int32_t), intent(in) :: index(lanes), next(lanes)
+      type(dem_side_type), intent(inout) :: side
+    end subroutine gather_spheres
 
     !> Loads of the lanes to the records of a block.
     pure subroutine put_loads(load, result) bind(c, name='dem_put_loads')

@@ -5,8 +5,8 @@
 module dem_limits
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_data_type, kind_free, law_linear, lanes, mode_relaxation, &
-    history_point, history_side
-  use dem_contact, only: contact_constants_type, constants_of, contact_radius
+    history_side
+  use dem_contact, only: contact_constants_type, constants_of, contact_radius, contact_point
   use dem_surface_measure, only: add_surface_rows
   implicit none
   private
@@ -34,7 +34,7 @@ contains
         weight = d%pairs%weight(lane, min(k, size(d%pairs%weight, 2)))
         kn = weight*(c%kn_a*radius + c%kn)
         kt = weight*(c%kt_a*radius + c%kt)
-        point = d%pairs%history(lane, history_point:history_point + 2, k)
+        point = contact_point(d%pairs, c%share, lane, k)
         call add_pair(d, d%pairs%first(lane, k), d%pairs%second(lane, k), kn, kt, point, lambda)
       end do
     end do

@@ -6,8 +6,8 @@
 module dem_pairs
   use talus_kinds, only: wp, i4, i8
   use dem_state, only: dem_grains_type, dem_planes_type, dem_pairs_type, dem_weights_type, &
-    dem_cell_type, kind_free, lanes, body_size, history_size, history_side, result_size, &
-    column_count, entries_ahead
+    dem_cell_type, kind_free, lanes, body_size, history_size, history_side, history_root, &
+    result_size, column_count, entries_ahead
   use dem_cell, only: is_periodic, list_in_cell
   use dem_cells, only: find_candidates
   use dem_gap, only: solve_gap
@@ -490,6 +490,8 @@ contains
         pairs%m_star(lane, block) = grains%mass(j)
         cycle
       end if
+      if (pairs%round(block)) pairs%history(lane, history_root, block) = &
+        effective_root(pairs%body(10, i), pairs%body(10, j))
       free_i = grains%kind(i) == kind_free
       free_j = grains%kind(j) == kind_free
       pairs%m_star(lane, block) = grains%mass(i)*grains%mass(j)/(grains%mass(i) + grains%mass(j))
@@ -499,6 +501,12 @@ contains
     end do
     !$omp end parallel do
   end subroutine set_lane_constants
+
+  !> Square root of the effective radius of two spheres from the squares of their radii [m^1/2].
+  pure real(wp) function effective_root(a, b)
+    real(wp), intent(in) :: a, b  !! [m^2]
+    effective_root = sqrt(sqrt(a*b)/(sqrt(a) + sqrt(b)))
+  end function effective_root
 
   !> Weight of a pair by binary search, 1 if none was set.
   pure real(wp) function weight_of(weights, first, second) result(value)

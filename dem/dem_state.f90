@@ -33,9 +33,9 @@ module dem_state
 
   integer(i4), parameter :: entries_ahead = 24  !! spare entries that sums may look at
 
-  integer(i4), parameter :: history_point = 7     !! contact point from the centre of A, 7-9
-  integer(i4), parameter :: history_side = 10     !! square root of the overlap, > 0 in contact
-  integer(i4), parameter :: history_root = 11     !! square root of the effective radius
+  integer(i4), parameter :: history_side = 7      !! square root of the overlap, > 0 in contact
+  integer(i4), parameter :: history_root = 8      !! square root of the effective radius
+  integer(i4), parameter :: history_point = 9     !! contact point from the centre of A, 9-11
 
   !> Elastic constants and density of a material.
   type :: dem_material_type

@@ -7,7 +7,7 @@ module dem_system
   use talus_errors, only: error_list_type
   use talus_text, only: str
   use dem_archive, only: dem_archive_type
-  use dem_state, only: dem_data_type, kind_free, lanes, history_point, history_side
+  use dem_state, only: dem_data_type, kind_free, lanes, history_side
   use dem_cell, only: is_periodic, least_width
   use dem_make, only: sorted_order, make_planes
   use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
@@ -18,7 +18,7 @@ module dem_system
   use dem_limits, only: gershgorin_step, rayleigh_step, impact_step
   use dem_measure, only: check_overlap, check_runaway, contact_count
   use dem_store, only: put_state, get_state
-  use dem_contact, only: contact_constants_type, constants_of, contact_radius
+  use dem_contact, only: contact_constants_type, constants_of, contact_radius, contact_point
   use dem_surface_motion, only: reset_surfaces
   use dem_surface_search, only: list_near
   use dem_surface_measure, only: surface_stiffness, body_of_part
@@ -390,13 +390,12 @@ contains
       list%ids(1, k) = self%grains%id(i)
     end if
     list%ids(2, k) = self%grains%id(self%pairs%grain(j))
-    list%point(:, k) = self%pairs%body(1:3, i) + &
-      self%pairs%history(lane, history_point:history_point + 2, block)
+    c = constants_of(self%laws(self%pairs%law_first(block), self%pairs%law_second(block)))
+    list%point(:, k) = self%pairs%body(1:3, i) + contact_point(self%pairs, c%share, lane, block)
     list%normal(:, k) = self%pairs%normal(lane, :, block)
     list%branch(:, k) = self%pairs%body(1:3, j) - self%pairs%body(1:3, i)
     if (self%pairs%round(block)) list%normal(:, k) = list%branch(:, k)/norm2(list%branch(:, k))
     list%force(:, k) = self%pairs%result(1:3, (block - 1)*lanes + lane)
-    c = constants_of(self%laws(self%pairs%law_first(block), self%pairs%law_second(block)))
     radius = contact_radius(self%pairs%history(lane, :, block))
     list%stiffness(1, k) = c%kn_a*radius + c%kn
     list%stiffness(2, k) = c%kt_a*radius + c%kt

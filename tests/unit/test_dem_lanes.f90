@@ -4,7 +4,7 @@ program test_dem_lanes
   use talus_test, only: test_type
   use dem_state, only: lanes, body_size, result_size, entries_ahead
   use dem_block, only: dem_side_type, dem_load_type
-  use dem_lanes, only: gather_side, put_loads, put_side, put_motion, sum_results, sum_lanes
+  use dem_lanes, only: gather_side, gather_spheres, put_loads, put_side, put_motion, sum_results, sum_lanes
   implicit none
   type(test_type) :: test
   integer(i4), parameter :: bodies = 3*lanes + 5
@@ -22,11 +22,27 @@ program test_dem_lanes
   call test%check('spins', all(side%wx == body(7, index)) .and. all(side%wz == body(9, index)))
   call test%check('shapes', all([(all(side%s(:, k) == body(9 + k, index)), k=1, 6)]))
   call test%check('volumes', all(side%volume == body(16, index)))
+  call check_spheres()
   call check_put()
   call check_loads()
   call test%finish()
 
 contains
+
+  !> Spheres: motion and one of the shape, the rest of the side untouched.
+  subroutine check_spheres()
+    type(dem_side_type) :: round
+    round%s = -1.0_wp
+    round%volume = -1.0_wp
+    call gather_spheres(body, index, index, round)
+    call test%check('centres of spheres', all(round%x == transpose(body(1:3, index))))
+    call test%check('velocities of spheres', all(round%vx == body(4, index)) &
+                    .and. all(round%vy == body(5, index)) .and. all(round%vz == body(6, index)))
+    call test%check('spins of spheres', all(round%wx == body(7, index)) &
+                    .and. all(round%wy == body(8, index)) .and. all(round%wz == body(9, index)))
+    call test%check('radii of spheres', all(round%s(:, 1) == body(10, index)))
+    call test%check('nothing else', all(round%s(:, 2:) < 0.0_wp) .and. all(round%volume < 0.0_wp))
+  end subroutine check_spheres
 
   !> Back to records that follow each other; what lies behind is left alone.
   subroutine check_put()
