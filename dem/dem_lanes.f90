@@ -5,7 +5,8 @@ module dem_lanes
   use dem_block, only: dem_side_type, dem_load_type
   implicit none
   private
-  public :: read_in_order, gather_side, gather_spheres, put_loads, put_side, put_motion, sum_results, sum_lanes
+  public :: read_in_order, gather_side, gather_spheres
+  public :: put_loads, put_side, put_motion, sum_results, sum_lanes
 
   interface
     !> Read memory from front to back, so that the processor fetches what lies behind it.

@@ -4,7 +4,8 @@ program test_dem_lanes
   use talus_test, only: test_type
   use dem_state, only: lanes, body_size, result_size, entries_ahead
   use dem_block, only: dem_side_type, dem_load_type
-  use dem_lanes, only: gather_side, gather_spheres, put_loads, put_side, put_motion, sum_results, sum_lanes
+  use dem_lanes, only: gather_side, gather_spheres, put_loads, put_side, put_motion, &
+    sum_results, sum_lanes
   implicit none
   type(test_type) :: test
   integer(i4), parameter :: bodies = 3*lanes + 5
