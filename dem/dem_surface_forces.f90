@@ -223,7 +223,7 @@ contains
       end do
       constants = constants_of(d%laws(d%surfaces%material(part(lead)), d%grains%material(i)))
       if (law(lead) < 0) constants%share = 0.0_wp
-      call contact_block(mine, constants, h, m_star, weight, kept, some)
+      call contact_block(mine, constants, .false., h, m_star, weight, kept, some)
       columns = columns + some
       do k = 1, count
         if (.not. this(k)) cycle
