@@ -15,6 +15,7 @@ module cpl_initial
 
   real(wp), parameter :: balanced = 1.0e-10_wp  !! largest rest that is let pass [-]
   real(wp), parameter :: goal = 1.0e-14_wp
+  real(wp), parameter :: spoilt = 1.0e4_wp  !! growth at which rounds end: the rows do not agree
   integer(i4), parameter :: restarts = 4_i4
 
   !> What the correction did.
@@ -129,7 +130,8 @@ contains
     real(wp), allocatable, intent(out) :: y(:, :, :)
     integer(i4), intent(inout) :: rounds
     real(wp), allocatable :: diagonal(:, :, :), r(:, :, :), p(:, :, :), ap(:, :, :), z(:, :, :)
-    real(wp) :: rz, rz_new, alpha, start, pap
+    real(wp), allocatable :: best(:, :, :)
+    real(wp) :: rz, rz_new, alpha, start, pap, least
     integer(i4) :: k, most
 
     call diagonal_of(self, rows, diagonal)
@@ -140,9 +142,11 @@ contains
     p = z
     rz = sum(r*z)
     start = rz
+    least = rz
+    allocate (best, source=y)
     most = 20 + 3*count(rows%scale > 0.0_wp)
     do k = 1, most
-      if (.not. rz > goal**2*start) exit
+      if (.not. rz > goal**2*start .or. rz > spoilt*least) exit
       call apply(self, rows, p, ap)
       pap = sum(p*ap)
       if (.not. pap > 0.0_wp) exit
@@ -154,7 +158,11 @@ contains
       p = z + (rz_new/rz)*p
       rz = rz_new
       rounds = rounds + 1
+      if (rz >= least) cycle
+      least = rz
+      best = y
     end do
+    y = best
   end subroutine solve
 
   !> Unknowns of a point that rows y ask for: M' y. Six symmetric components, or nine and nine.

@@ -440,28 +440,35 @@ def volume_share(ov: Overlap, pieces: int = 60) -> np.ndarray:
     return np.where(ov.of_element == TILDE, share, 0.0)[ov.element]
 
 
-def random_pack(length: np.ndarray, fraction: float, seed: int, rounds: int = 900) -> Pack:
-    """Return a jammed pack of spheres of diameter 0.9 to 1.1, relaxed by FIRE, without rattlers."""
+def random_pack(length: np.ndarray, fraction: float, seed: int) -> Pack:
+    """Return a jammed pack of spheres of diameter 0.9 to 1.1, without those that touch few."""
     rng = np.random.default_rng(seed)
     many = int(fraction * np.prod(length) / (np.pi / 6.0 * 1.01))
     radius = 0.5 * rng.uniform(0.9, 1.1, many)
     radius *= (fraction * np.prod(length) / (4.0 / 3.0 * np.pi * (radius**3).sum())) ** (1 / 3)
-    x, v = rng.uniform(size=(many, 3)) * length, np.zeros((many, 3))
+    x = relaxed(rng.uniform(size=(many, 3)) * length, radius, length, 900)
+    while True:
+        pair, branch = find_contacts(x, radius, length, 0.0)
+        kept = np.bincount(pair.ravel(), minlength=len(x)) >= 4
+        if kept.all():
+            return Pack(length, x, radius, pair, branch)
+        x, radius = x[kept], radius[kept]
+
+
+def relaxed(x: np.ndarray, radius: np.ndarray, length: np.ndarray, rounds: int) -> np.ndarray:
+    """Move spheres that push one another by FIRE (Bitzek et al. 2006)."""
+    v, many = np.zeros_like(x), len(x)
     dt, mix, good = 0.1, 0.1, 0
-    near, wide, moved = None, None, np.inf
+    near, home, moved = None, x, np.inf
     for _ in range(rounds):
         if moved > 0.05:
-            near, wide = find_contacts(x, radius, length, 0.12)
+            near, _ = find_contacts(x % length, radius, length, 0.12)
             home, moved = x.copy(), 0.0
         branch = x[near[:, 1]] - x[near[:, 0]]
         branch -= length * np.round(branch / length)
         size = np.linalg.norm(branch, axis=1)
         overlap = np.maximum(radius[near].sum(1) - size, 0.0)
-        push = (overlap / size)[:, None] * branch
-        f = np.zeros_like(x)
-        for k in range(3):
-            f[:, k] = np.bincount(near[:, 1], push[:, k], many)
-            f[:, k] -= np.bincount(near[:, 0], push[:, k], many)
+        f = gather(near, (overlap / size)[:, None] * branch, many)
         power = (f * v).sum()
         v = (1.0 - mix) * v + mix * np.linalg.norm(v) / max(np.linalg.norm(f), 1e-300) * f
         good = good + 1 if power > 0.0 else 0
@@ -471,11 +478,14 @@ def random_pack(length: np.ndarray, fraction: float, seed: int, rounds: int = 90
             dt, mix, v = 0.5 * dt, 0.1, np.zeros_like(v)
         v += dt * f
         x = x + dt * v
-        moved = max(moved, 2.0 * np.abs(x - home).max())
-    x = x % length
-    while True:
-        pair, branch = find_contacts(x, radius, length, 0.0)
-        kept = np.bincount(pair.ravel(), minlength=len(x)) >= 4
-        if kept.all():
-            return Pack(length, x, radius, pair, branch)
-        x, radius = x[kept], radius[kept]
+        moved = 2.0 * np.abs(x - home).max()
+    return x % length
+
+
+def gather(pair: np.ndarray, push: np.ndarray, many: int) -> np.ndarray:
+    """Sum pushes on the second grain, and their reactions on the first."""
+    out = np.zeros((many, 3))
+    for k in range(3):
+        out[:, k] = np.bincount(pair[:, 1], push[:, k], many)
+        out[:, k] -= np.bincount(pair[:, 0], push[:, k], many)
+    return out
