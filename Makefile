@@ -56,7 +56,7 @@ unit-one: $(BUILD)/unit/$(T)
 
 # goals that compile nothing in this make: they need no dependency scan (and no compiler yet)
 NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev bench-deps keys style test demo \
-  deposit penetration verification manual bench
+  deposit penetration element-tests verification manual bench
 
 # --- version, stamped at build time --------------------------------------------------------
 VERSION := $(shell cat VERSION 2>/dev/null || echo 0.0.0)
@@ -111,7 +111,7 @@ endef
 $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
 
 # --- what a user calls ---------------------------------------------------------------------
-.PHONY: help deps deps-apt deps-run deps-render deps-dev keys test demo deposit penetration \
+.PHONY: help deps deps-apt deps-run deps-render deps-dev keys test demo deposit penetration element-tests \
   bench bench-deps verification manual style install
 PY := $(VENV)/bin/python
 
@@ -123,7 +123,8 @@ help:
 	  'make verification  all verification cases (CASE=id for one)' \
 	  'make manual        the manual as HTML in build/manual' \
 	  'make penetration   three containers and the sweep of moduli (hours)' \
-	  'make deposit       remake the shipped deposit and compare' \
+	  'make deposit       remake the shipped deposit and compare (CONTAINER=medium|large|wide: another)' \
+	  'make element-tests isotropic, K0, drained and undrained tests of ellipsoids, five seeds' \
 	  'make bench         speed beside other codes (make bench-deps; CASES=..., QUICK=1, ACCEPT=1)' \
 	  'make deps          what all this needs (deps-run: batch nodes, deps-render: pictures)' \
 	  'make style         layout rules of the code' \
@@ -146,9 +147,17 @@ demo: deps-run deps-render
 	@$(MAKE) --no-print-directory all
 	examples/01-penetration/run.sh demo build/demo
 
-deposit penetration: deps-run deps-render
+deposit: deps-run deps-render
+	@$(MAKE) --no-print-directory all
+	examples/01-penetration/run.sh deposit build/deposit$(if $(CONTAINER),_$(CONTAINER)) $(CONTAINER)
+
+penetration: deps-run deps-render
 	@$(MAKE) --no-print-directory all
 	examples/01-penetration/run.sh $@ build/$@
+
+element-tests: deps-run deps-render
+	@$(MAKE) --no-print-directory all
+	examples/02-element-tests/run.sh build/$@
 
 verification: deps
 	@$(MAKE) --no-print-directory all

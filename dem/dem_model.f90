@@ -250,8 +250,10 @@ contains
     call self%clock%set_events(every)
     if (deck_changed) call self%follow_laws()
     if (deck_changed) call self%flow%look(self%system%dem_data_type, self%clock%time())
+    if (deck_changed .and. .not. self%servo%active()) &
+      self%system%planes%velocity = self%servo%wall_velocity
     if (deck_changed) call append_string(self%warnings, 'the deck is not the one that wrote '// &
-      path//'; grains, driven motion and walls go on as in the checkpoint')
+      path//'; grains, driven motion and places of walls go on as in the checkpoint')
     if (self%clock%automatic .or. abs(self%choices%dt - self%clock%dt) <= 0.0_wp) return
     call self%clock%start_at(self%clock%time(), self%choices%dt)
     call self%use_step(self%choices%dt)

@@ -24,6 +24,7 @@ from latex2mathml.converter import convert as latex_to_mathml
 ROOT = Path(__file__).resolve().parent.parent
 ORDER = ["index", "first-run", "install", "running", "files", "deck-dem", "deck-fem", "deck-couple"]
 ORDER += [
+    "element-tests",
     "measures",
     "prepost",
     "theory-dem",

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The penetration benchmark.
-# Usage: run.sh demo OUT | deposit OUT [small|medium|large] | penetration OUT
+# Usage: run.sh demo OUT | deposit OUT [small|medium|large|wide] | penetration OUT
 # TALUS (default build/venv/bin/talus) and TALUS_BIN (default build/bin) name the tools.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
@@ -147,7 +147,11 @@ case "${1:-}" in
   demo) demo "$out" ;;
   deposit)
     deposit "$out" "${3:-small}"
-    "$talus" compare "$here/deposit_small.txt" "$out/deposit.h5"
+    if [ "${3:-small}" = small ]; then
+      "$talus" compare "$here/deposit_small.txt" "$out/deposit.h5"
+    else
+      "$talus" measure "$out/deposit.h5"
+    fi
     ;;
   penetration) penetration ;;
   piece) piece "${@:3}" ;;

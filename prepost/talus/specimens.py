@@ -139,6 +139,13 @@ def peak_angle(test: Specimen) -> tuple[float, float]:
     return best, float(where)
 
 
+def widen(ax: object, least: float) -> None:
+    """Give the vertical axis at least a span, so that rounding does not look like a curve."""
+    low, high = ax.get_ylim()
+    if high - low < least:
+        ax.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
+
+
 def figure(tests: dict[str, Specimen], title: str = "") -> object:
     """Draw stress-strain, volume, q-p and e-log p curves of tests."""
     fig, axes = new_figure(nrows=2, ncols=2, figsize=(10.0, 7.2))
@@ -161,6 +168,8 @@ def figure(tests: dict[str, Specimen], title: str = "") -> object:
         voids.text(
             0.5, 0.5, "no field file beside the walls", transform=voids.transAxes, ha="center"
         )
+    widen(volume, 0.2)
+    widen(voids, 0.005)
     shear.legend(fontsize=8)
     fig.suptitle(title or "Element test", fontsize=11)
     return fig

@@ -132,6 +132,24 @@ def check_servo(program: Path, scratch: Path) -> None:
     check("servo: same bits", state(folders[0]) == state(folders[1]))
     rows = [(folder / "deck_servos.csv").read_text().splitlines() for folder in folders]
     check("servo: same history", rows[0] == rows[1])
+    late = folder_with(scratch, "late", "0.1")
+    whole = (folders[0] / "deck.nml").read_text()
+    without = "\n".join(line for line in whole.splitlines() if not line.startswith("&servo"))
+    (late / "deck.nml").write_text(without.replace("t_end = 0.25", "t_end = 0.1") + "\n")
+    check("a first part without servo", run(program, late, "--threads=1").returncode == 0)
+    (late / "deck.nml").write_text(whole.replace("t_end = 0.25", "t_end = 0.4"))
+    ended = run(program, late, "--threads=1", "--restart=auto")
+    check("a servo that a restart adds", ended.returncode == 0, ended.stderr)
+    moving = without.replace("t_end = 0.25", "t_end = 0.45")
+    end = "-1.0, material = 'quartz' /"
+    moving = moving.replace(end, end.replace(" /", ", velocity = 0.0, 0.0, 0.1 /"))
+    (late / "deck.nml").write_text(moving + "\n")
+    ended = run(program, late, "--threads=1", "--restart=auto")
+    check("a third part without", ended.returncode == 0, ended.stderr)
+    rows = list(csv.DictReader((late / "deck_walls.csv").open()))
+    lid = [float(row["z [m]"]) for row in rows if float(row["wall [-]"]) == 6.0]
+    way = lid[-1] - lid[-41]
+    check("its wall has the velocity of the new deck", abs(way - 0.1 * 0.04) < 1e-12, way)
 
 
 SURCHARGE = """&curve id = 'press', times = 0.0, 0.05, values = 0.5, 1.0 /

@@ -1,0 +1,74 @@
+#!/usr/bin/env bash
+# Element tests of a pack of ellipsoids between six walls.
+# Usage: run.sh OUT
+# SEEDS (default 1 2 3 4 5) asks for other specimens of the drained test, JOBS for pieces at a time.
+# TALUS (default build/venv/bin/talus) and TALUS_BIN (default build/bin) name the tools.
+set -euo pipefail
+here=$(cd "$(dirname "$0")" && pwd)
+root=$(cd "$here/../.." && pwd)
+export TALUS_BIN=${TALUS_BIN:-$root/build/bin}
+talus=${TALUS:-$root/build/venv/bin/talus}
+python=$root/build/venv/bin/python
+
+finished() { [[ -e $1/finished ]]; }
+
+# $1 folder, $2 seed, $3 friction while it is compressed: the specimen at 100 kPa
+specimen() {
+  if finished "$1"; then return; fi
+  mkdir -p "$1"
+  (
+    cd "$1"
+    "$talus" pack cloud --count 1000 --box 0.066 0.066 0.066 --axes 2.5e-3 2.0e-3 1.5e-3 \
+      --seed "$2" -o cloud.h5
+    sed "s/friction = 0.1/friction = $3/" "$here/isotropic.nml" >isotropic.nml
+    "$TALUS_BIN/talus-dem" isotropic.nml --threads=1
+  ) >"$1.out" 2>&1
+  touch "$1/finished"
+}
+
+# $1 folder of the specimen, $2 deck: a test that goes on from its checkpoint
+go_on() {
+  if finished "$1/$2"; then return; fi
+  mkdir -p "$1/$2"
+  (
+    cp "$1/cloud.h5" "$1/$2"
+    cd "$1/$2"
+    "$python" "$here/later.py" "$here/$2.nml" ../isotropic_summary.json >"$2.nml"
+    "$TALUS_BIN/talus-dem" "$2.nml" --threads=1 --restart=../isotropic.chk.h5
+  ) >"$1/$2.out" 2>&1
+  touch "$1/$2/finished"
+}
+
+# one piece by its words, so that pieces can run beside each other: seed, friction, decks
+piece() {
+  local folder=$out/seed$2_mu$3 deck
+  printf '\n== %s\n' "$*"
+  specimen "$folder" "$2" "$3"
+  for deck in "${@:4}"; do go_on "$folder" "$deck"; done
+}
+
+everything() {
+  local seed more=' undrained compression k0'
+  {
+    for seed in ${SEEDS:-1 2 3 4 5}; do
+      echo "$seed 0.1 drained$more"
+      more=''
+    done
+    echo "${SEEDS:-1} 0.5 drained undrained" | awk '{print $1, $(NF - 2), $(NF - 1), $NF}'
+  } | OMP_NUM_THREADS=1 OMP_WAIT_POLICY=passive \
+    xargs -P "${JOBS:-$(nproc)}" -L 1 "$here/run.sh" "$out" piece \
+    || echo "some pieces failed: see $out/*.out; the same command runs them again"
+  "$python" "$here/judge.py" "$out"
+}
+
+out=${1:?usage: run.sh OUT}
+mkdir -p "$out"
+out=$(cd "$out" && pwd)
+case "${2:-}" in
+  '') everything ;;
+  piece) piece "${@:2}" ;;
+  *)
+    echo "usage: run.sh OUT" >&2
+    exit 1
+    ;;
+esac
