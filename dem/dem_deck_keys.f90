@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 26)
+    call table%init('talus-dem', 27)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -32,6 +32,7 @@ contains
     call group_cell(table)
     call group_cell_rate(table)
     call group_cell_stress(table)
+    call group_probe(table)
     call group_dynamics(table)
     call group_relaxation(table)
     call group_equilibrium(table)
@@ -540,6 +541,46 @@ contains
     call table%preset('0.05')
     call table%bounds(above=0.0_wp)
   end subroutine group_cell_stress
+
+  subroutine group_probe(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('probe', 7, &
+      'Moduli of the last state by small strains of the cell: all six components, each ' &
+      //'from the same state; the cell then rests while every grain that slows down is ' &
+      //'stopped, until the forces left are small against what the strain has changed. ' &
+      //'Results in the log, in `<deck>_probe.json` (stiffness, isotropic fit, affine ' &
+      //'sum, stress) and `<deck>_probe.csv`. A pack that is not in equilibrium is ' &
+      //'refused (N222). The state of the run is not touched.')
+    call table%add_key('strain', 'real', '', &
+      'Strain of a probe; a shear changes the angle by it.')
+    call table%preset('1e-06')
+    call table%bounds(max=0.01_wp, above=0.0_wp)
+    call table%add_key('sides', 'string', '', &
+      'Central difference of both signs, or one sign only.')
+    call table%preset('both')
+    call table%allow('both|longer|shorter')
+    call table%add_key('unbalanced', 'real', '', &
+      'Largest mean unbalanced force over the mean contact force of a pack that is ' &
+      //'taken.')
+    call table%preset('0.001')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('energy_ratio', 'real', '', &
+      'Largest kinetic over elastic energy of a pack that is taken.')
+    call table%preset('0.0001')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('accuracy', 'real', '', &
+      'Mean unbalanced force at which a probe is at rest, over the affine change of the' &
+      //' mean contact force.')
+    call table%preset('0.001')
+    call table%bounds(max=0.5_wp, above=0.0_wp)
+    call table%add_key('load_steps', 'integer', '', 'Steps over which the strain is put on.')
+    call table%preset('100')
+    call table%bounds(min=1.0_wp)
+    call table%add_key('most_steps', 'integer', '', &
+      'Steps that a probe may take to come to rest (N223).')
+    call table%preset('200000')
+    call table%bounds(min=100.0_wp)
+  end subroutine group_probe
 
   subroutine group_dynamics(table)
     type(key_table_type), intent(inout) :: table

@@ -21,6 +21,8 @@ module dem_model
   use dem_packing, only: dem_packing_type, write_packing
   use dem_setup_cell, only: read_cell, check_regions
   use dem_flow, only: dem_flow_type
+  use dem_probe, only: dem_probe_type
+  use dem_cell, only: cell_volume
   use dem_setup, only: dem_choices_type, read_model, check_initial_overlap, check_step
   use dem_clock, only: dem_clock_type, event_history, event_output, event_checkpoint, &
     event_measure, event_count
@@ -56,6 +58,7 @@ module dem_model
     type(dem_surcharge_type) :: surcharge
     type(dem_flow_type) :: flow
     type(surface_drive_type) :: drive
+    type(dem_probe_type) :: probe
     type(dem_histories_type) :: histories
     type(dem_fields_type) :: fields
     type(dem_measures_type) :: measures
@@ -89,6 +92,7 @@ module dem_model
     procedure :: write_due
     procedure, private :: watch_stops
     procedure, private :: held
+    procedure, private :: take_probes
     procedure, private :: write_row
     procedure, private :: steps_seconds
     procedure :: save_checkpoint
@@ -131,6 +135,7 @@ contains
     call refuse_cell(self%deck, self%system%cell%active, errors)
     call self%drive%read(self%deck, self%system%dem_data_type, self%servo%curve, self%served, &
                          errors)
+    call self%probe%read(self%deck, self%system%dem_data_type, errors)
     threads = options%threads
     if (threads == 0) call self%deck%get('run', 1, 'threads', threads)
     if (threads == 0) threads = min(int(omp_get_max_threads(), i4), &
@@ -411,6 +416,17 @@ contains
       self%flow%satisfied(self%system%dem_data_type)
   end function held
 
+  !> Moduli of the last state.
+  subroutine take_probes(self, errors)
+    class(dem_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    call self%timers%start('probes')
+    call self%probe%run(self%system, self%deck%source%path, errors)
+    call self%timers%stop('probes')
+    call self%probe%write(self%stem, program_name, self%deck, self%clock%time(), &
+                          cell_volume(self%system%cell), self%log, errors)
+  end subroutine take_probes
+
   !> Steps up to the next thing to do. A stop at an odd time (t_end off the grid) must not show in
   !! the health counters, or a run that goes on from there would differ.
   subroutine take_steps(self, block, errors)
@@ -553,6 +569,7 @@ contains
       call self%servo%judge(self%system%dem_data_type, self%clock%time(), &
                             self%deck%source%path, errors)
       call self%flow%judge(self%system%dem_data_type, self%deck%source%path, errors)
+      if (self%probe%wanted .and. .not. errors%any()) call self%take_probes(errors)
     end if
     exit_code = errors%exit_code()
     if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped

@@ -19,13 +19,51 @@ MOVED = 1.0e-12  # displacement above which a fixed grain counts as moved [m]
 
 
 @dataclass
+class Cell:
+    """Edges of a cell as rows (3, 3) [m], its corner [m], and which edges are periodic."""
+
+    vectors: np.ndarray
+    origin: np.ndarray
+    periodic: np.ndarray
+
+    def fold(self, x: np.ndarray) -> np.ndarray:
+        """Return points (n, 3) moved by whole periodic edges into the cell."""
+        whole = np.floor((x - self.origin) @ np.linalg.inv(self.vectors))
+        return x - np.where(self.periodic, whole, 0.0) @ self.vectors
+
+    def nearest(self, x: np.ndarray, point: np.ndarray) -> np.ndarray:
+        """Return of all images of points x (n, 3) those nearest to others (n, 3)."""
+        short = self.short_edges()
+        whole = np.round((point - x) @ np.linalg.inv(short))
+        return x + np.where(self.periodic, whole, 0.0) @ short
+
+    def short_edges(self) -> np.ndarray:
+        """Return edges of the same lattice that are as short as can be, row by row."""
+        short, changed = self.vectors.copy(), True
+        pairs = [(i, j) for i in range(3) for j in range(3) if i != j]
+        while changed:
+            changed = False
+            for i, j in pairs:
+                times = np.round((1.0 - 1.0e-9) * (short[i] @ short[j]) / (short[j] @ short[j]))
+                if times and self.periodic[i] and self.periodic[j]:
+                    short[i] -= times * short[j]
+                    changed = True
+        return short
+
+    def flow(self, first: "Cell", x: np.ndarray) -> np.ndarray:
+        """Return where the flow from an earlier cell has carried points (n, 3)."""
+        return self.origin + (x - first.origin) @ np.linalg.inv(first.vectors) @ self.vectors
+
+
+@dataclass
 class Snapshot:
-    """One step: time [s], grains sorted by id, fields of the solid, triangles of surfaces."""
+    """One step: time [s], grains sorted by id, fields of the solid, triangles of surfaces, cell."""
 
     time: float
     grains: dict[str, np.ndarray] = field(default_factory=dict)
     solid: dict[str, np.ndarray] = field(default_factory=dict)
     surfaces: dict[str, np.ndarray] = field(default_factory=dict)
+    cell: Cell | None = None
 
 
 class FieldFile:
@@ -82,6 +120,9 @@ class FieldFile:
                 found.grains = {name: data[order] for name, data in grains.items()}
             if "surfaces" in group:
                 found.surfaces = {name: data[...] for name, data in group["surfaces"].items()}
+            if "cell" in group:
+                part = {name: data[...] for name, data in group["cell"].items()}
+                found.cell = Cell(part["vectors"], part["origin"], part["periodic"] > 0)
             datasets = (item for item in group.items() if isinstance(item[1], h5py.Dataset))
             found.solid = {name: data[...] for name, data in datasets}
         except (OSError, KeyError) as fault:

@@ -6,6 +6,7 @@ import numpy as np
 
 from talus import version
 from talus.faults import FaultError
+from talus.fields import Cell, FieldFile
 from talus.files import make_folder, replaced
 from talus.measure_plots import contacts_of
 from talus.pictures import ENDINGS, MILLI, VIEW, load_pyvista
@@ -15,15 +16,22 @@ SIDES = 8
 
 
 def ends_of(
-    contacts: dict[str, np.ndarray], grains: dict[str, np.ndarray]
+    contacts: dict[str, np.ndarray], grains: dict[str, np.ndarray], cell: Cell | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of the branches (m, 3) [m]: grain centres, or the contact point on a plane."""
+    """Ends of the branches (m, 3) [m]: grain centres, or the contact point on a plane.
+
+    In a periodic cell the second end is an image, and branches are moved into the cell.
+    """
     row = {int(number): k for k, number in enumerate(grains["id"])}
     first, second = contacts["ids"].T
     end = grains["x"][[row[int(k)] for k in second]]
     start = contacts["point"].copy()
     inner = first > 0
     start[inner] = grains["x"][[row[int(k)] for k in first[inner]]]
+    if cell is not None:
+        end = cell.nearest(end, contacts["point"])
+        inside = cell.fold(start)
+        start, end = inside, end + inside - start
     return start, end
 
 
@@ -55,13 +63,15 @@ def render(path: Path, step: int, output: Path, size: tuple[int, int]) -> None:
             "E554", f"no picture can be written as '{output.name}'", "end it with .png"
         )
     time, contacts, grains = contacts_of(path, step)
+    with FieldFile(path) as fields:
+        cell = fields.read(step).cell
     if not len(contacts["ids"]):
         raise FaultError("E543", f"{path} holds no contacts at {time:g} s", "choose another --step")
     pyvista = load_pyvista()
     force = np.linalg.norm(contacts["force"], axis=1)
     top = max(float(np.quantile(force, 0.99)), 1.0e-300)
     thick = THICKEST * grains["axes"].min(axis=1).mean() * np.sqrt(np.minimum(force / top, 1.0))
-    points, quads = tubes(*ends_of(contacts, grains), thick)
+    points, quads = tubes(*ends_of(contacts, grains, cell), thick)
     mesh = pyvista.PolyData(MILLI * points, quads.ravel())
     mesh["force [N]"] = np.repeat(force, 2 * SIDES)
     plotter = pyvista.Plotter(off_screen=True, window_size=list(size))

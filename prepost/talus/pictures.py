@@ -9,7 +9,7 @@ import numpy as np
 from talus import version
 from talus.elements import VTK
 from talus.faults import FaultError
-from talus.fields import GHOST, FieldFile, Snapshot, displacement
+from talus.fields import GHOST, Cell, FieldFile, Snapshot, displacement
 from talus.files import make_folder, replaced
 from talus.measure import rotations
 from talus.packing import DRIVEN, FIXED
@@ -68,6 +68,9 @@ def render(
         )
     plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
     plotter.set_background("white")
+    if now.cell is not None:
+        fold(first, now)
+        add_cell(pyvista, plotter, now.cell)
     add_grains(pyvista, plotter, first, now, color)
     add_surfaces(pyvista, plotter, first, now)
     if solid is not None:
@@ -87,6 +90,26 @@ def render(
             plotter.screenshot(str(temporary))
     finally:
         plotter.close()
+
+
+def fold(first: Snapshot, now: Snapshot) -> None:
+    """Move grains into their cell; displacements become those relative to its flow."""
+    if first.cell is not None:
+        first.grains["x"] = now.cell.flow(first.cell, first.grains["x"])
+    inside = now.cell.fold(now.grains["x"])
+    moved = np.nan_to_num(displacement(first.grains, now.grains))
+    now.grains["x"] = inside
+    _, there, here = np.intersect1d(first.grains["id"], now.grains["id"], return_indices=True)
+    first.grains["x"][there] = (inside - moved)[here]
+
+
+def add_cell(pyvista: object, plotter: object, cell: Cell) -> None:
+    """Add the twelve edges of a cell as lines."""
+    for k in range(3):
+        a, b, c = np.roll(cell.vectors, -k, axis=0)
+        for corner in (0.0 * a, b, c, b + c):
+            start = MILLI * (cell.origin + corner)
+            plotter.add_mesh(pyvista.Line(start, start + MILLI * a), color="black", line_width=2)
 
 
 def in_cut(x: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ import pytest
 from talus import measure_plots, network
 from talus.cli import main
 from talus.faults import FaultError
+from talus.fields import Cell
 
 PNG = b"\x89PNG"
 
@@ -101,3 +102,23 @@ def test_commands(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     assert (tmp_path / "s.png").read_bytes()[:4] == PNG
     assert main(["measure", str(tmp_path / "p.h5"), "--deck", "d.nml", "--json"]) == 1
     assert "E557" in capsys.readouterr().err
+
+
+def test_periodic_cell() -> None:
+    """Points fold into a slanted cell, images are the nearest, branches over a face stay short."""
+    vectors = np.array([[1.0, 0.0, 0.0], [5.3, 1.0, 0.0], [0.2, 0.1, 1.0]])
+    cell = Cell(vectors, np.array([0.5, 0.0, 0.0]), np.array([True, True, True]))
+    rng = np.random.default_rng(3)
+    x = rng.uniform(-9.0, 9.0, (50, 3))
+    inside = (cell.fold(x) - cell.origin) @ np.linalg.inv(vectors)
+    assert ((inside > -1e-12) & (inside < 1.0 + 1e-12)).all()
+    whole = (cell.fold(x) - x) @ np.linalg.inv(vectors)
+    assert np.allclose(whole, np.round(whole), atol=1e-12)
+    point = x + rng.integers(-4, 5, (50, 3)) @ vectors + rng.uniform(-0.2, 0.2, (50, 3))
+    assert np.abs(cell.nearest(x, point) - point).max() < 0.2001
+    later = Cell(2.0 * vectors, cell.origin, cell.periodic)
+    assert np.allclose(later.flow(cell, x) - cell.origin, 2.0 * (x - cell.origin))
+    grains = {"id": np.array([1, 2]), "x": np.array([[0.6, 0.1, 0.1], [0.7, 0.2, 0.95]])}
+    contacts = {"ids": np.array([[1, 2]]), "point": np.array([[0.55, 0.1, 0.0]])}
+    start, end = network.ends_of(contacts, grains, cell)
+    assert np.linalg.norm(end - start) < 0.3
