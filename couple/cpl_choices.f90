@@ -5,6 +5,7 @@ module cpl_choices
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use talus_files, only: folder_of, stem_of
+  use cpl_overlap_choices, only: overlap_choices_type, read_overlap
   use cpl_solver, only: cpl_solver_type, sides, side_grains
   implicit none
   private
@@ -42,6 +43,7 @@ module cpl_choices
     logical :: relaxed = .false.       !! both sides find their balance before the run
     real(wp) :: relax_tolerance = 0.0_wp
     integer(i4) :: relax_exchanges = 0
+    type(overlap_choices_type) :: overlap
   end type cpl_choices_type
 
 contains
@@ -64,6 +66,9 @@ contains
     call deck%get('clock', 1, 'scheme', choices%scheme_name)
     call deck%get('clock', 1, 'tolerance', choices%tolerance)
     call deck%get('clock', 1, 'max_iterations', choices%max_iterations)
+    call read_overlap(deck, choices%overlap, errors)
+    call check_clock(deck, choices, errors)
+    if (deck%count('facets') == 0) return
     call deck%get('facets', 1, 'ghosts', choices%ghosts)
     call deck%get('facets', 1, 'facets', choices%facets)
     call deck%get('facets', 1, 'interface', choices%interface_name)
@@ -107,8 +112,8 @@ contains
     end select
   end subroutine set_methods
 
-  !> What one key alone cannot tell: D401 exchange, D402 theta, D403 keys without their method.
-  subroutine check_choices(deck, choices, errors)
+  !> D401 t_end is no whole number of exchanges.
+  subroutine check_clock(deck, choices, errors)
     type(deck_type), intent(in) :: deck
     type(cpl_choices_type), intent(inout) :: choices
     type(error_list_type), intent(inout) :: errors
@@ -123,6 +128,14 @@ contains
     else
       choices%exchanges = nint(count)
     end if
+  end subroutine check_clock
+
+  !> What one key alone cannot tell: D402 theta, D403 keys without their method.
+  subroutine check_choices(deck, choices, errors)
+    type(deck_type), intent(in) :: deck
+    type(cpl_choices_type), intent(in) :: choices
+    type(error_list_type), intent(inout) :: errors
+
     if (choices%interface == interface_theta .and. choices%theta <= 0.0_wp) &
       call deck%fault(errors, 'D402', "interface = 'theta' needs theta", 'facets', 1, 'interface', &
                       'theta = 1/(1 + contact stiffness/facet stiffness), for example 0.1')

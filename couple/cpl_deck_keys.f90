@@ -12,13 +12,14 @@ contains
   !> All groups and keys of a deck of talus-couple.
   subroutine cpl_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-couple', 6)
+    call table%init('talus-couple', 7)
     call group_run(table)
     call group_checkpoint(table)
     call group_program(table)
     call group_port(table)
     call group_clock(table)
     call group_facets(table)
+    call group_overlap(table)
   end subroutine cpl_deck_table
 
   subroutine group_run(table)
@@ -143,7 +144,9 @@ contains
 
   subroutine group_facets(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('facets', 11, 'Ghost grains on facets of the solid.', required=.true.)
+    call table%add_group('facets', 11, &
+      'Ghost grains on facets of the solid. A deck has exactly one of facets and ' &
+      //'overlap.')
     call table%add_key('ghosts', 'string', '', &
       'Group of the packing whose grains become ghosts.')
     call table%need()
@@ -204,4 +207,66 @@ contains
     call table%preset('500')
     call table%bounds(min=2.0_wp, max=1000000.0_wp)
   end subroutine group_facets_2
+
+  subroutine group_overlap(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('overlap', 10, &
+      'Grains and solid overlap: free grains move the nodes over them, ghost grains ' &
+      //'follow the solid, and energy is counted once. A deck has exactly one of facets ' &
+      //'and overlap.')
+    call table%add_key('free_elements', 'string', '', &
+      'Volume group of the mesh in which grains are free and move the nodes. Give this ' &
+      //'or free_box.')
+    call table%add_key('free_box', 'real', 'm', &
+      'The same by a box, x y z of its lower, then of its upper corner: elements whose ' &
+      //'middle lies in it.')
+    call table%sized(6_i4, 6_i4)
+    call table%add_key('ghost_elements', 'string', '', &
+      'Volume group in which grains are ghosts, at least three largest diameters deep. ' &
+      //'Give this or ghost_box.')
+    call table%add_key('ghost_box', 'real', 'm', &
+      'The same by a box; elements of the free grains are left out.')
+    call table%sized(6_i4, 6_i4)
+    call table%add_key('rotation', 'string', '', &
+      'Rotation of the ghosts: `''micro''`, with the micro-rotation of a micropolar ' &
+      //'solid, whose nodes over free grains take the grains'' rotation; `''curl''`, with ' &
+      //'half the curl of the displacement; `''fixed''`, none, so that moments on ghosts ' &
+      //'are lost and ghosts resist turning; `''auto''`, micro on a micropolar solid, else ' &
+      //'curl.')
+    call table%preset('auto')
+    call table%allow('auto|fixed|curl|micro')
+    call table%add_key('projection', 'string', '', &
+      'How free grains move the nodes: `''l2''`, the best fit (one factorisation); ' &
+      //'`''mls''`, moving least squares around each node, without a system of equations.')
+    call table%preset('l2')
+    call table%allow('l2|mls')
+    call table%add_key('weights', 'string', '', &
+      'Weights of the grains in the projection; with `''mass''` the fine scale carries no' &
+      //' momentum that the nodes see.')
+    call table%preset('mass')
+    call table%allow('unit|mass|volume')
+    call table%add_key('scheme', 'string', '', &
+      '`''symmetric''`: forces of contacts and of elements over free grains act in every ' &
+      //'step of the grains on both sides, those of the other elements at exchanges; ' &
+      //'momentum is exact and energy bounded. `''state_at_n''`: the solid takes all forces' &
+      //' as they are at the start of an exchange; for comparison.')
+    call table%preset('symmetric')
+    call table%allow('symmetric|state_at_n')
+    call table%add_key('partition', 'string', '', &
+      'How energy in the layer of ghosts is shared: `''ramp''`, contacts between ghosts ' &
+      //'fade out and the solid fades in with the distance from the free grains; ' &
+      //'`''twice''` counts all of both there, for comparison.')
+    call table%preset('ramp')
+    call table%allow('ramp|twice')
+    call group_overlap_2(table)
+  end subroutine group_overlap
+
+  subroutine group_overlap_2(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('initial', 'string', '', &
+      'What happens to forces that are not balanced when the coupling begins: ' &
+      //'`''dead_load''` holds against them, so that nothing moves; `''none''` lets them act.')
+    call table%preset('dead_load')
+    call table%allow('dead_load|none')
+  end subroutine group_overlap_2
 end module cpl_deck_keys

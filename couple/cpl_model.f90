@@ -29,6 +29,12 @@ module cpl_model
   use cpl_logbook, only: begin_log, log_solvers, log_interface, log_row_titles, log_row, &
     log_health, write_summary, overhead_share
   use cpl_manifest, only: manifest_type, write_manifest, find_manifest
+  use cpl_overlap, only: overlap_type
+  use cpl_overlap_file, only: write_overlap, read_overlap_state, read_overlap_reference
+  use cpl_overlap_log, only: log_census, open_overlap_audit, overlap_audit_row, &
+    overlap_row_titles, overlap_row, overlap_health, overlap_summary
+  use cpl_overlap_setup, only: make_overlap, begin_overlap
+  use cpl_overlap_step, only: overlap_step
   use cpl_setup, only: find_ghosts, find_radii, make_map, select_sets, begin_interface, &
     end_rehearsal
   use cpl_solver, only: cpl_solver_type
@@ -45,7 +51,8 @@ module cpl_model
     type(deck_type) :: deck
     type(cpl_choices_type) :: choices
     type(cpl_solver_type) :: solvers(2)
-    type(interface_type) :: face
+    type(interface_type) :: face           !! its step counts for overlaps, too
+    type(overlap_type) :: overlap
     type(audit_type) :: audit
     type(checkpoint_type) :: checkpoint
     type(manifest_type) :: manifest        !! gone on from
@@ -73,10 +80,13 @@ module cpl_model
     procedure :: prepare
     procedure :: run
     procedure :: finish
+    procedure, private :: advance
+    procedure, private :: sum_up
     procedure, private :: open_log
     procedure, private :: close_all
     procedure, private :: time_of
     procedure, private :: overhead
+    procedure, private :: prepare_overlap
     procedure, private :: rebuild
     procedure, private :: save_checkpoint
     procedure, private :: write_row
@@ -170,6 +180,10 @@ contains
                      self%face%dynamic, errors)
     if (errors%any()) return
     call log_solvers(self%log, self%solvers)
+    if (self%choices%overlap%given) then
+      call self%prepare_overlap(errors)
+      return
+    end if
     call self%rebuild(identity, errors)
     if (errors%any()) return
     call select_sets(self%face, self%solvers, self%timers, errors)
@@ -187,6 +201,29 @@ contains
     call log_interface(self%log, self%face, self%choices, identity)
     call self%audit%open(self%stem//'_audit.csv', self%again, self%manifest%time, errors)
   end subroutine prepare
+
+  !> The same for an overlap: sets and operators, from the reference state after a restart.
+  subroutine prepare_overlap(self, errors)
+    class(cpl_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: reference(:, :)
+
+    if (self%again) call read_overlap_reference(self%checkpoint, self%manifest%path(3)%s, &
+                                                reference, errors)
+    if (errors%any()) return
+    call make_overlap(self%overlap, self%solvers, self%choices, self%face%dynamic, reference, &
+                      self%timers, errors)
+    if (self%again .and. .not. errors%any()) &
+      call read_overlap_state(self%checkpoint, self%manifest%path(3)%s, self%overlap, errors)
+    if (errors%any()) return
+    self%face%step = self%overlap%step
+    call begin_overlap(self%overlap, self%solvers, self%choices, self%again, self%timers, errors)
+    if (.not. errors%any()) call self%open_log(errors)
+    if (errors%any()) return
+    call log_census(self%log, self%overlap, self%choices)
+    call open_overlap_audit(self%audit%file, self%stem//'_audit.csv', self%again, &
+                            self%manifest%time, errors)
+  end subroutine prepare_overlap
 
   !> The operators: from the packing and the mesh, or from the stored reference state, whose hash
   !! must come out again (I404).
@@ -222,7 +259,7 @@ contains
   subroutine run(self, errors)
     class(cpl_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: t0, t1, every_wall, every_time, gap
+    real(wp) :: t0, t1, every_wall, every_time
 
     call self%deck%get('checkpoint', 1, 'every_wall', every_wall)
     call self%deck%get('checkpoint', 1, 'every_time', every_time)
@@ -232,17 +269,18 @@ contains
     self%running = .true.
     self%begun = self%timers%elapsed()
     self%waited = (1.0_wp - overhead_share(self%timers, 0.0_wp, 0.0_wp))*self%begun
-    call log_row_titles(self%log)
+    if (self%choices%overlap%given) then
+      call overlap_row_titles(self%log)
+    else
+      call log_row_titles(self%log)
+    end if
     do while (self%face%step < self%choices%exchanges)
       if (self%stop%check() /= stop_none) exit
       t0 = self%time_of(self%face%step)
       t1 = self%time_of(self%face%step + 1)
-      call exchange(self%face, self%solvers, self%choices, t0, t1, self%timers, errors)
+      call self%advance(t0, t1, errors)
       if (errors%any()) return
       call self%timers%start('audit and log')
-      call self%audit%note(self%face, gap)
-      call self%audit%row(self%face, t1, gap, errors)
-      call self%tell_of_lag()
       if (self%log%row_due()) call self%write_row()
       call self%log%progress(t1/self%choices%t_end, short_number(t1)//' s')
       call self%timers%stop('audit and log')
@@ -258,6 +296,29 @@ contains
       call self%save_checkpoint(errors)
     end if
   end subroutine run
+
+  !> One exchange and its row in the audit.
+  subroutine advance(self, t0, t1, errors)
+    class(cpl_model_type), intent(inout) :: self
+    real(wp), intent(in) :: t0, t1  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: gap
+
+    if (self%choices%overlap%given) then
+      call overlap_step(self%overlap, self%solvers, t0, t1, self%timers, errors)
+      if (errors%any()) return
+      self%face%step = self%overlap%step
+      call overlap_audit_row(self%audit%file, self%overlap, t1, errors)
+      return
+    end if
+    call exchange(self%face, self%solvers, self%choices, t0, t1, self%timers, errors)
+    if (errors%any()) return
+    call self%timers%start('audit and log')
+    call self%audit%note(self%face, gap)
+    call self%audit%row(self%face, t1, gap, errors)
+    call self%tell_of_lag()
+    call self%timers%stop('audit and log')
+  end subroutine advance
 
   !> Time of an exchange [s]: a multiple of the interval, the same however often it is restarted.
   pure real(wp) function time_of(self, step)
@@ -295,7 +356,11 @@ contains
       manifest%hash(k) = hash
     end do
     call self%timers%start('checkpoint')
-    call write_state(self%checkpoint, self%face, time, tag, errors)
+    if (self%choices%overlap%given) then
+      call write_overlap(self%checkpoint, self%overlap, time, tag, errors)
+    else
+      call write_state(self%checkpoint, self%face, time, tag, errors)
+    end if
     if (.not. errors%any()) then
       manifest%path(3)%s = self%checkpoint%tag_path(tag)
       call hash_file(manifest%path(3)%s, own, status)
@@ -316,8 +381,12 @@ contains
     integer(i8) :: done
     done = max(self%face%step - self%first_step, 1_i8)
     left = (self%timers%elapsed() - self%begun)/done*(self%choices%exchanges - self%face%step)
-    call log_row(self%log, self%face, self%audit, self%time_of(self%face%step), &
-      self%overhead(), left)
+    if (self%choices%overlap%given) then
+      call overlap_row(self%log, self%overlap, self%time_of(self%face%step), self%overhead(), left)
+    else
+      call log_row(self%log, self%face, self%audit, self%time_of(self%face%step), &
+        self%overhead(), left)
+    end if
     call self%audit%file%flush(ignored)
   end subroutine write_row
 
@@ -362,15 +431,32 @@ contains
     call self%log%faults(errors)
     if (self%running) then
       if (self%face%step > self%first_step) call self%write_row()
-      call log_health(self%log, self%face, self%audit, overhead)
-      call self%log%timer_table(self%timers)
-      call write_summary(self%stem//'_summary.json', program_name, self%deck, self%face, &
-                         self%audit, self%timers, time, overhead, exit_code, errors, ignored)
+      call self%sum_up(time, overhead, exit_code, errors)
     end if
     call self%log%finish(program_name, exit_code, 'time '//short_number(time)//' s, '// &
                          str(self%face%step)//' exchanges')
     call self%close_all(exit_code)
   end subroutine finish
+
+  !> Health line, timers, summary.json.
+  subroutine sum_up(self, time, overhead, exit_code, errors)
+    class(cpl_model_type), intent(inout) :: self
+    real(wp), intent(in) :: time, overhead  !! [s], share of the run time
+    integer(i4), intent(in) :: exit_code
+    type(error_list_type), intent(in) :: errors
+    type(error_list_type) :: ignored
+    if (self%choices%overlap%given) then
+      call overlap_health(self%log, self%overlap, overhead)
+      call self%log%timer_table(self%timers)
+      call overlap_summary(self%stem//'_summary.json', program_name, self%deck, self%overlap, &
+                           self%timers, time, overhead, exit_code, errors, ignored)
+    else
+      call log_health(self%log, self%face, self%audit, overhead)
+      call self%log%timer_table(self%timers)
+      call write_summary(self%stem//'_summary.json', program_name, self%deck, self%face, &
+                         self%audit, self%timers, time, overhead, exit_code, errors, ignored)
+    end if
+  end subroutine sum_up
 
   !> Log and lock; a run that was refused leaves nothing.
   subroutine close_all(self, exit_code)

@@ -156,6 +156,7 @@ contains
     integer(i8), intent(inout) :: late
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: scope
+    logical :: brief
     integer(i4) :: k
 
     scope = 'all'
@@ -163,6 +164,7 @@ contains
     if (scope /= 'all' .and. scope /= 'interface') &
       call errors%add('P255', "FORCE has no scope '"//scope//"'", request%place(), &
                       "it is 'all' or 'interface'; grains evaluate all contacts in both")
+    call take_brief(request, brief, errors)
     do k = 1, sets%count
       if (sets%set(k)%role == role_prescribe) &
         call take_state(model%system, sets%set(k), request, errors)
@@ -186,8 +188,19 @@ contains
           call reply%put(set%name//'.moment', model%system%grains%moment(:, set%index))
       end associate
     end do
-    call put_scalars(model%system, late, reply)
+    if (.not. brief) call put_scalars(model%system, late, reply)
   end subroutine force
+
+  !> Does the partner want a reply without scalars?
+  subroutine take_brief(request, brief, errors)
+    type(message_type), intent(inout) :: request
+    logical, intent(out) :: brief
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: value
+    value = 0
+    if (request%has('brief')) call request%get_int('brief', value, errors)
+    brief = value == 1
+  end subroutine take_brief
 
   !> Place, velocity and spin of a prescribed set now; what is not mentioned stays.
   subroutine take_state(system, set, request, errors)
@@ -217,13 +230,15 @@ contains
     type(message_type), intent(inout) :: request, reply
     integer(i8), intent(inout) :: late
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: kick, drift
+    real(wp) :: kick, drift, t1
+    logical :: brief
     integer(i4) :: k
 
     kick = 0.0_wp
     drift = 0.0_wp
     call request%get('kick', kick, errors)
     call request%get('drift', drift, errors)
+    call take_brief(request, brief, errors)
     do k = 1, sets%count
       if (sets%set(k)%role == role_load) call take_load(model%system, sets%set(k), request, errors)
     end do
@@ -235,9 +250,13 @@ contains
     if (kick > 0.0_wp) call model%system%kick(kick)
     if (drift > 0.0_wp) call model%system%drift(drift)
     call model%timers%stop('steps')
-    if (drift > 0.0_wp) call model%clock%jump(model%clock%time() + drift, 1_i4)
+    if (drift > 0.0_wp) then
+      t1 = model%clock%time() + drift
+      if (abs(request%t1 - t1) <= round_off*drift) t1 = request%t1  ! free of rounding
+      call model%clock%jump(t1, 1_i4)
+    end if
     call put_sets(model%system, sets, .false., reply)
-    call put_scalars(model%system, late, reply)
+    if (.not. brief) call put_scalars(model%system, late, reply)
   end subroutine kick_drift
 
   !> What the sets have to say after motion: forces and impulses where wanted, and states.

@@ -312,17 +312,20 @@ contains
     end associate
   end subroutine update_energy
 
-  !> Internal forces of the elements alone that have a prescribed node [N].
-  subroutine interface_force(self, u, force)
+  !> Internal forces of some elements alone, or of those that have a prescribed node [N].
+  subroutine interface_force(self, u, force, list)
     class(fem_body_type), intent(in) :: self
     real(wp), intent(in) :: u(:, :)
     real(wp), intent(out) :: force(:, :)
-    logical :: chosen(self%mesh%elements)
+    integer(i4), intent(in), optional :: list(:)  !! elements
     integer(i4) :: e
-    do e = 1, self%mesh%elements
-      chosen(e) = any(self%prescribed(:, blocks_of(self%dofs, e)))
-    end do
-    call element_forces(self%mesh, self%dofs, self%elastic, u, chosen, force)
+    if (present(list)) then
+      call element_forces(self%mesh, self%dofs, self%elastic, u, list, force)
+    else
+      call element_forces(self%mesh, self%dofs, self%elastic, u, pack([(e, e=1, &
+        self%mesh%elements)], [(any(self%prescribed(:, blocks_of(self%dofs, e))), e=1, &
+        self%mesh%elements)]), force)
+    end if
   end subroutine interface_force
 
   !> Accept the trial state without a copy: the arrays change places, and `state` holds what is old

@@ -12,7 +12,7 @@ module fem_explicit
   use fem_types, only: fem_state_type
   implicit none
   private
-  public :: drift_half, kick_half, explicit_kinetic
+  public :: drift_half, kick_half, kick_lumped, explicit_kinetic
 
 contains
 
@@ -88,6 +88,41 @@ contains
       new%viscous(:, i) = new%viscous(:, i) + matmul(damping%dashpot(:, :, k), new%v(:, i))
     end do
   end subroutine kick_half
+
+  !> v += dt (f - C v)/m of what is free: dashpots and a M act by the mean of the velocities before
+  !! and after the kick.
+  subroutine kick_lumped(dt, fixed, mass, damping, f, v)
+    real(wp), intent(in) :: dt            !! [s]
+    logical, intent(in) :: fixed(:, :)    !! (3, blocks)
+    real(wp), intent(in) :: mass(:)       !! [kg, kg m^2]
+    type(fem_damping_type), intent(in) :: damping
+    real(wp), intent(in) :: f(:, :)       !! without these [N, N m]
+    real(wp), intent(inout) :: v(:, :)    !! [m/s]
+    real(wp) :: slow, matrix(3, 3), change(3, damping%n)
+    integer(i4) :: i, c, k
+
+    slow = 1.0_wp + 0.5_wp*dt*damping%mass
+    do k = 1, damping%n
+      i = damping%block(k)
+      matrix = 0.5_wp*dt*damping%dashpot(:, :, k)
+      do c = 1, 3
+        matrix(c, c) = matrix(c, c) + mass(i)*slow
+      end do
+      change(:, k) = v(:, i) + dt*solution(matrix, f(:, i) - mass(i)*damping%mass*v(:, i) &
+                                           - matmul(damping%dashpot(:, :, k), v(:, i)))
+    end do
+    !$omp parallel do default(none) shared(dt, fixed, mass, damping, f, v, slow) private(i) &
+    !$omp schedule(static) if(size(mass) > least_shared)
+    do i = 1, size(mass)
+      where (.not. fixed(:, i)) v(:, i) = v(:, i) &
+        + dt*(f(:, i)/mass(i) - damping%mass*v(:, i))/slow
+    end do
+    !$omp end parallel do
+    do k = 1, damping%n
+      i = damping%block(k)
+      where (.not. fixed(:, i)) v(:, i) = change(:, k)
+    end do
+  end subroutine kick_lumped
 
   !> Solution of a symmetric positive 3 x 3 system by Cramer's rule.
   pure function solution(a, b) result(x)

@@ -107,9 +107,11 @@ contains
       end if
       diagonal = block_diagonal(body%pattern, body%k)
       call reply%put('mass', body%lumped(ids))
+      call reply%put_int('held', merge(1_i4, 0_i4, body%held(:, ids)))
       call reply%put('stiffness', diagonal(ids))
       if (index(','//fields//',', ',phi,') > 0) then
         call reply%put('inertia', body%lumped(body%dofs%phi(ids)))
+        call reply%put_int('held_phi', merge(1_i4, 0_i4, body%held(:, body%dofs%phi(ids))))
         call reply%put('stiffness_phi', diagonal(body%dofs%phi(ids)))
       end if
     end associate
@@ -120,6 +122,7 @@ contains
     type(message_type), intent(inout) :: request, reply
     type(error_list_type), intent(inout) :: errors
     call set_matter(self%model%body, self%sets, request, errors)
+    call self%sets%forget_elements()
     if (.not. errors%any()) call request%all_read(errors)
     if (.not. errors%any()) call reply%put('step_limit', self%model%body%step_limit)
   end subroutine set_values

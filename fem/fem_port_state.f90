@@ -97,6 +97,8 @@ contains
         return
       end if
       call reply%put_int('id', body%mesh%group(g)%node)
+      if (body%mesh%group(g)%kind == group_volume) &
+        call reply%put_int('element', body%mesh%group(g)%element)
     case default
       call errors%add('P301', "talus-fem cannot describe '"//what//"'", '', &
                       'it knows mesh, facets, quadrature, groups and group')

@@ -4,6 +4,8 @@ module fem_port_step
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
   use fem_central, only: explicit_energy
+  use fem_explicit, only: kick_lumped
+  use fem_sparse, only: multiply
   use fem_step, only: take_step
   use fem_types, only: role_prescribe, role_load, fem_state_type, fem_energy_type
   use fem_model, only: fem_model_type
@@ -118,28 +120,33 @@ contains
   end subroutine put_impulses
 
   !> Internal forces of the present state with prescribed nodes where the request puts them.
-  !! Scope `interface`: only elements that have a node of a prescribed set count.
+  !! Scope `interface`: only elements that have a node of a prescribed set count, or of `set`.
   subroutine force(model, sets, request, reply, errors)
     type(fem_model_type), intent(inout) :: model
-    type(fem_sets_type), intent(in) :: sets
+    type(fem_sets_type), intent(inout) :: sets
     type(message_type), intent(inout) :: request, reply
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: scope
     real(wp), allocatable :: f(:, :)
-    integer(i4) :: s
+    logical :: brief
+    integer(i4) :: s, chosen
 
     scope = 'all'
     if (request%has('scope')) call request%get_text('scope', scope, errors)
     if (scope /= 'all' .and. scope /= 'interface') &
       call errors%add('P301', "FORCE has no scope '"//scope//"'", request%place(), &
                       "it is 'all' or 'interface'")
+    call choose_set(sets, model, request, chosen, errors)
+    call take_brief(request, brief, errors)
     call sets%take_motion(model%body, request, errors)
     call request%all_read(errors)
     if (errors%any()) return
     associate (body => model%body)
       where (body%prescribed) body%state%u = body%given_u
       allocate (f(3, body%dofs%blocks))
-      if (scope == 'interface') then
+      if (scope == 'interface' .and. chosen > 0) then
+        call body%interface_force(body%state%u, f, sets%set(chosen)%element)
+      else if (scope == 'interface') then
         call body%interface_force(body%state%u, f)
       else
         call body%internal_force(body%state%u, f)
@@ -151,11 +158,45 @@ contains
         if (size(sets%set(s)%phi) > 0) call reply%put(trim(sets%set(s)%name)//'.moment', &
           f(:, sets%set(s)%phi))
       end do
-      call put_scalars(body, reply)
+      if (.not. brief) call put_scalars(body, reply)
     end associate
   end subroutine force
 
-  !> v += kick (F + X)/m, x += drift v on free degrees of freedom, with lumped mass.
+  !> The set whose elements FORCE takes alone, 0 if none is named (P302).
+  subroutine choose_set(sets, model, request, chosen, errors)
+    type(fem_sets_type), intent(inout) :: sets
+    type(fem_model_type), intent(in) :: model
+    type(message_type), intent(inout) :: request
+    integer(i4), intent(out) :: chosen
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name
+    chosen = 0
+    if (.not. request%has('set')) return
+    call request%get_text('set', name, errors)
+    if (errors%any()) return
+    call sets%find(name, chosen)
+    if (chosen == 0) then
+      call errors%add('P302', "no set '"//name//"' was selected", request%place(), &
+                      'SELECT it first')
+    else
+      call sets%elements_of(chosen, model%body)
+    end if
+  end subroutine choose_set
+
+  !> Does the partner want a reply without scalars?
+  subroutine take_brief(request, brief, errors)
+    type(message_type), intent(inout) :: request
+    logical, intent(out) :: brief
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: value
+    value = 0
+    if (request%has('brief')) call request%get_int('brief', value, errors)
+    brief = value == 1
+  end subroutine take_brief
+
+  !> v += kick (F + X)/m, x += drift v on free degrees of freedom, with lumped mass. Dashpots and
+  !! a M act in the kick by the mean of the velocities before and after it; what the deck moves goes
+  !! where it is at t1.
   subroutine kick_drift(model, sets, request, reply, errors)
     type(fem_model_type), intent(inout) :: model
     type(fem_sets_type), intent(in) :: sets
@@ -163,12 +204,14 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: f(:, :), external(:, :)
     real(wp) :: kick, drift
+    logical :: brief
     integer(i4) :: i
 
     kick = 0.0_wp
     drift = 0.0_wp
     call request%get('kick', kick, errors)
     call request%get('drift', drift, errors)
+    call take_brief(request, brief, errors)
     call sets%take_loads(model%body, request, errors)
     call sets%take_motion(model%body, request, errors)
     call request%all_read(errors)
@@ -178,15 +221,23 @@ contains
       where (body%prescribed) body%state%u = body%given_u
       call body%internal_force(body%state%u, f)
       call body%external_at(request%t0, external)
-      do i = 1, body%dofs%blocks
-        where (.not. (body%held(:, i) .or. body%prescribed(:, i)))
-          body%state%v(:, i) = body%state%v(:, i) + kick*(external(:, i) - f(:, i)) &
-                               /(body%lumped(i)*body%mass_factor(i))
-          body%state%u(:, i) = body%state%u(:, i) + drift*body%state%v(:, i)
-        end where
-      end do
+      f = external - f
+      if (body%damping%stiffness > 0.0_wp) then
+        call multiply(body%pattern, body%k, body%state%v, body%state%viscous)
+        f = f - body%damping%stiffness*body%state%viscous
+      end if
+      if (kick > 0.0_wp) call kick_lumped(kick, body%held .or. body%prescribed, body%node_mass, &
+                                          body%damping, f, body%state%v)
+      if (drift > 0.0_wp) then
+        do i = 1, body%dofs%blocks
+          where (.not. (body%held(:, i) .or. body%prescribed(:, i))) &
+            body%state%u(:, i) = body%state%u(:, i) + drift*body%state%v(:, i)
+        end do
+        call body%impose(request%t1, body%state%u)
+      end if
       body%state%external = external
       body%state%time = request%t1
+      if (brief) return
       call explicit_energy(body)
       call sets%put_states(body, reply)
       call put_scalars(body, reply)

@@ -208,18 +208,18 @@ contains
   end subroutine initial_stress_force
 
   !> Internal forces (3, blocks) of chosen elements at displacements u [N, N m].
-  subroutine element_forces(mesh, dofs, elastic, u, chosen, force)
+  subroutine element_forces(mesh, dofs, elastic, u, list, force)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(in) :: u(:, :)
-    logical, intent(in) :: chosen(:)
+    integer(i4), intent(in) :: list(:)  !! elements
     real(wp), intent(out) :: force(:, :)
     real(wp), allocatable :: stress(:, :)
-    integer(i4) :: e, first, last
+    integer(i4) :: e, k, first, last
     force = 0.0_wp
-    do e = 1, mesh%elements
-      if (.not. chosen(e)) cycle
+    do k = 1, size(list)
+      e = list(k)
       first = elastic%point(e)
       last = elastic%point(e + 1) - 1
       if (allocated(stress)) deallocate (stress)

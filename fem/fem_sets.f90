@@ -16,6 +16,8 @@ module fem_sets
   contains
     procedure :: select => select_set
     procedure :: find
+    procedure :: elements_of
+    procedure :: forget_elements
     procedure :: take_loads
     procedure :: take_motion
     procedure :: put_states
@@ -73,6 +75,7 @@ contains
     self%set(k)%node = int(ids, i4)
     self%set(k)%moves = .not. turns .or. index(','//fields//',', ',u,') > 0
     if (allocated(self%set(k)%phi)) deallocate (self%set(k)%phi)
+    if (allocated(self%set(k)%element)) deallocate (self%set(k)%element)
     allocate (self%set(k)%phi(merge(size(ids), 0, turns)))
     if (turns) self%set(k)%phi = body%dofs%phi(ids)
     before = body%prescribed
@@ -96,6 +99,32 @@ contains
     end do
     k = 0
   end subroutine find
+
+  !> List the elements that have a node of a set and a weight in the stored energy.
+  subroutine elements_of(self, k, body)
+    class(fem_sets_type), intent(inout) :: self
+    integer(i4), intent(in) :: k
+    type(fem_body_type), intent(in) :: body
+    logical :: chosen(body%mesh%nodes), wanted(body%mesh%elements)
+    integer(i4) :: e
+    if (allocated(self%set(k)%element)) return
+    chosen = .false.
+    chosen(self%set(k)%node) = .true.
+    do e = 1, body%mesh%elements
+      wanted(e) = any(chosen(body%mesh%node(body%mesh%start(e):body%mesh%start(e + 1) - 1))) .and. &
+        any(abs(body%elastic%factor(body%elastic%point(e):body%elastic%point(e + 1) - 1)) > 0.0_wp)
+    end do
+    self%set(k)%element = pack([(e, e=1, body%mesh%elements)], wanted)
+  end subroutine elements_of
+
+  !> After weights have changed.
+  subroutine forget_elements(self)
+    class(fem_sets_type), intent(inout) :: self
+    integer(i4) :: k
+    do k = 1, self%n
+      if (allocated(self%set(k)%element)) deallocate (self%set(k)%element)
+    end do
+  end subroutine forget_elements
 
   !> Forces, and moments on micro-rotations, of all load sets in a request; without them the loads
   !! are zero.

@@ -55,6 +55,7 @@ module fem_types
     logical :: moves = .true.              !! the set acts on displacements
     integer(i4), allocatable :: node(:)
     integer(i4), allocatable :: phi(:)     !! blocks of the micro-rotations; none: size 0
+    integer(i4), allocatable :: element(:) !! elements with a node of the set; found when asked for
   end type fem_set_type
 
   !> Everything that changes in time.

@@ -30,6 +30,7 @@ ORDER += [
     "theory-dem",
     "theory-fem",
     "theory-coupling",
+    "theory-overlap",
     "port",
     "verification",
     "speed",

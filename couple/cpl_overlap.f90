@@ -1,0 +1,249 @@
+!> State of an overlap: free grains, ghosts, nodes of the hat and of the edge, and the forces that
+!! are handed between them (theory: overlap coupling).
+!!
+!! Nodes of the hat follow the free grains; those of the edge have mass and are moved here. Forces
+!! are those on what is free: `force` on the free grains through hat nodes, `f` on the edge.
+module cpl_overlap
+  use talus_kinds, only: wp, i4, i8
+  use talus_scalars, only: scalar_count
+  use cpl_cells, only: cells_type
+  use cpl_operators, only: operators_type
+  use cpl_sets, only: sets_type, pack_type
+  implicit none
+  private
+  public :: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, hat_phi_set, &
+    edge_phi_set
+
+  character(len=*), parameter :: ghost_set = 'ghosts'   !! of the grains
+  character(len=*), parameter :: free_set = 'free'      !! of the grains, whose motion is told
+  character(len=*), parameter :: pulled_set = 'pulled'  !! the same, which forces are put on
+  character(len=*), parameter :: hat_set = 'hats'       !! of the solid
+  character(len=*), parameter :: edge_set = 'edge'
+  character(len=*), parameter :: hat_phi_set = 'hat_rotations'
+  character(len=*), parameter :: edge_phi_set = 'edge_rotations'
+
+  type :: overlap_type
+    type(cells_type) :: cells
+    type(sets_type) :: sets
+    type(pack_type) :: pack
+    type(operators_type) :: op
+    integer(i8) :: step = 0                        !! accepted exchanges
+    integer(i4) :: substeps = 1                    !! of the grains in an exchange
+    logical :: symmetric = .true.
+    logical :: turns = .false.                     !! rotations of free grains matter
+    logical :: round = .true.                      !! all ghosts are spheres
+    real(wp) :: identity = 0.0_wp                  !! largest error of the operators
+    real(wp) :: moved_mass = 0.0_wp                !! from hat nodes to free grains [kg]
+    real(wp), allocatable :: factor(:)             !! on the masses of the free grains
+    real(wp), allocatable :: x_free(:, :), x_ghost(:, :), x_node(:, :)  !! reference (3, :) [m]
+    real(wp), allocatable :: theta_ref(:, :)       !! rotation of the free grains then [rad]
+    real(wp), allocatable :: mass(:)               !! of the nodes, lumped [kg]
+    real(wp), allocatable :: inertia(:)            !! of their micro-rotations [kg m^2]
+    logical, allocatable :: held(:, :), held_phi(:, :)  !! by the solid's deck
+    real(wp), allocatable :: q(:, :), theta(:, :)  !! of the free grains (3, free) [m], [rad]
+    real(wp), allocatable :: u(:, :), v(:, :)      !! of the nodes (3, nodes) [m], [m/s]
+    real(wp), allocatable :: phi(:, :), w(:, :)    !! (3, nodes_phi) [rad], [rad/s]
+    real(wp), allocatable :: d(:, :), turn(:, :)   !! of the ghosts (3, ghosts) [m], [rad]
+    real(wp), allocatable :: quat(:, :)            !! of the ghosts (4, ghosts)
+    real(wp), allocatable :: p(:, :), m(:, :)      !! on the ghosts [N], [N m]
+    real(wp), allocatable :: f(:, :), c(:, :)      !! on the nodes, every step of the grains
+    real(wp), allocatable :: bulk(:, :), bulk_phi(:, :)      !! the same, once an exchange
+    real(wp), allocatable :: element(:, :), element_phi(:, :) !! of elements with hat nodes alone
+    real(wp), allocatable :: force(:, :), moment(:, :)        !! on the free grains [N], [N m]
+    real(wp), allocatable :: f_hold(:, :), c_hold(:, :)       !! that balance the start
+    real(wp), allocatable :: force_hold(:, :), moment_hold(:, :)
+    real(wp) :: work_given = 0.0_wp                !! by ghosts and nodes on what is free [J]
+    real(wp) :: work_taken = 0.0_wp                !! by what is free on ghosts and nodes [J]
+    real(wp) :: turnover = 0.0_wp                  !! sum of both without sign [J]
+    real(wp) :: hold_work = 0.0_wp                 !! of the loads that balance the start [J]
+    real(wp) :: grains(scalar_count) = 0.0_wp, solid(scalar_count) = 0.0_wp
+  contains
+    procedure :: allocate_state
+    procedure :: follow
+    procedure :: pull
+    procedure :: note_work
+    procedure :: kick_edge
+    procedure :: drift_edge
+    procedure :: edge_kinetic
+    procedure :: edge_momentum
+    procedure :: fine_scale
+    procedure :: finite
+  end type overlap_type
+
+contains
+
+  !> Zero state for sets and operators that have been made.
+  subroutine allocate_state(self)
+    class(overlap_type), intent(inout) :: self
+    integer(i4) :: nf, ng, n, np
+    nf = self%op%free
+    ng = self%op%ghosts
+    n = self%op%nodes
+    np = self%op%nodes_phi
+    allocate (self%q(3, nf), self%theta(3, nf), self%force(3, nf), self%moment(3, nf), &
+              self%theta_ref(3, nf), self%force_hold(3, nf), self%moment_hold(3, nf), &
+              source=0.0_wp)
+    allocate (self%u(3, n), self%v(3, n), self%f(3, n), self%bulk(3, n), self%element(3, n), &
+              self%f_hold(3, n), source=0.0_wp)
+    allocate (self%phi(3, np), self%w(3, np), self%c(3, np), self%bulk_phi(3, np), &
+              self%element_phi(3, np), self%c_hold(3, np), source=0.0_wp)
+    allocate (self%d(3, ng), self%turn(3, ng), self%p(3, ng), self%m(3, ng), self%quat(4, ng), &
+              source=0.0_wp)
+    self%quat(1, :) = 1.0_wp
+    allocate (self%held(3, n), self%held_phi(3, np), source=.false.)
+    self%x_free = self%pack%x(:, self%sets%free)
+    self%x_ghost = self%pack%x(:, self%sets%ghost)
+    self%x_node = self%cells%x(:, self%op%node)
+    self%mass = self%cells%mass(self%op%node)
+    self%inertia = self%cells%inertia(self%op%node_phi)
+  end subroutine allocate_state
+
+  !> Hat nodes and ghosts where free grains and edge are now; velocity and spin with which ghosts
+  !! came there in dt.
+  subroutine follow(self, dt, v, spin)
+    class(overlap_type), intent(inout) :: self
+    real(wp), intent(in) :: dt                      !! [s]
+    real(wp), intent(out) :: v(:, :), spin(:, :)    !! (3, ghosts) [m/s], [rad/s]
+    real(wp), dimension(3, self%op%ghosts) :: d, turn
+    real(wp) :: hat(3, self%op%hats), hat_phi(3, self%op%hats_phi)
+    integer(i4) :: g
+
+    hat = self%u(:, :self%op%hats)
+    hat_phi = self%phi(:, :self%op%hats_phi)
+    call self%op%to_hats(self%q, self%theta, self%u, self%phi)
+    self%v(:, :self%op%hats) = (self%u(:, :self%op%hats) - hat)/dt
+    self%w(:, :self%op%hats_phi) = (self%phi(:, :self%op%hats_phi) - hat_phi)/dt
+    call self%op%to_ghosts(self%u, self%phi, d, turn)
+    v = (d - self%d)/dt
+    spin = (turn - self%turn)/dt
+    if (.not. self%round) then
+      do g = 1, self%op%ghosts
+        self%quat(:, g) = turned(self%quat(:, g), turn(:, g) - self%turn(:, g))
+      end do
+    end if
+    self%d = d
+    self%turn = turn
+  end subroutine follow
+
+  !> Orientation after a rotation about a fixed axis [rad].
+  pure function turned(quat, rotation) result(new)
+    real(wp), intent(in) :: quat(4), rotation(3)
+    real(wp) :: new(4), s, a(3)
+    real(wp), parameter :: small = 1.0e-8_wp
+    s = norm2(rotation)
+    if (s < small) then
+      a = 0.5_wp*rotation
+    else
+      a = sin(0.5_wp*s)/s*rotation
+    end if
+    s = cos(0.5_wp*s)
+    new(1) = s*quat(1) - dot_product(a, quat(2:4))
+    new(2:4) = s*quat(2:4) + quat(1)*a + [a(2)*quat(4) - a(3)*quat(3), &
+               a(3)*quat(2) - a(1)*quat(4), a(1)*quat(3) - a(2)*quat(2)]
+    new = new/norm2(new)
+  end function turned
+
+  !> Forces on ghosts (p, m) and of elements with hat nodes (element) handed to what is free.
+  subroutine pull(self)
+    class(overlap_type), intent(inout) :: self
+    self%f = self%element
+    self%c = self%element_phi
+    call self%op%pull(self%p, self%m, self%f, self%c, self%force, self%moment)
+    self%f = self%f + self%f_hold
+    self%c = self%c + self%c_hold
+    self%force = self%force + self%force_hold
+    self%moment = self%moment + self%moment_hold
+  end subroutine pull
+
+  !> Works of a step of the grains from both sides, with the forces at its end; ghosts moved by d
+  !! and turn in it, the others from q0, theta0, u0, phi0.
+  subroutine note_work(self, q0, theta0, u0, phi0, d, turn)
+    class(overlap_type), intent(inout) :: self
+    real(wp), intent(in) :: q0(:, :), theta0(:, :), u0(:, :), phi0(:, :)  !! [m], [rad]
+    real(wp), intent(in) :: d(:, :), turn(:, :)                           !! [m], [rad]
+    real(wp) :: given, taken, hold
+    associate (a => self%op%hats + 1, b => self%op%hats_phi + 1, du => self%u - u0, &
+               dphi => self%phi - phi0, dq => self%q - q0, dtheta => self%theta - theta0)
+      given = sum(self%force*dq) + sum(self%f(:, a:)*du(:, a:)) + sum(self%c(:, b:)*dphi(:, b:))
+      hold = sum(self%force_hold*dq) + sum(self%f_hold(:, a:)*du(:, a:)) &
+             + sum(self%c_hold(:, b:)*dphi(:, b:))
+      if (self%turns) given = given + sum(self%moment*dtheta)
+      if (self%turns) hold = hold + sum(self%moment_hold*dtheta)
+      taken = sum(self%p*d) + sum(self%m*turn) + sum(self%element*du) + sum(self%element_phi*dphi)
+      self%turnover = self%turnover + sum(abs(self%p*d)) + sum(abs(self%m*turn)) &
+                      + sum(abs(self%element*du)) + sum(abs(self%element_phi*dphi))
+    end associate
+    self%work_given = self%work_given + given - hold
+    self%work_taken = self%work_taken + taken
+    self%hold_work = self%hold_work + hold
+  end subroutine note_work
+
+  !> Velocities of the edge: v += dt f/m of what the deck does not hold.
+  subroutine kick_edge(self, dt, f, c)
+    class(overlap_type), intent(inout) :: self
+    real(wp), intent(in) :: dt                !! [s]
+    real(wp), intent(in) :: f(:, :), c(:, :)  !! (3, nodes) [N], (3, nodes_phi) [N m]
+    integer(i4) :: a
+    do a = self%op%hats + 1, self%op%nodes
+      where (.not. self%held(:, a)) self%v(:, a) = self%v(:, a) + dt*f(:, a)/self%mass(a)
+    end do
+    do a = self%op%hats_phi + 1, self%op%nodes_phi
+      where (.not. self%held_phi(:, a)) self%w(:, a) = self%w(:, a) + dt*c(:, a)/self%inertia(a)
+    end do
+  end subroutine kick_edge
+
+  subroutine drift_edge(self, dt)
+    class(overlap_type), intent(inout) :: self
+    real(wp), intent(in) :: dt  !! [s]
+    associate (a => self%op%hats + 1, b => self%op%hats_phi + 1)
+      self%u(:, a:) = self%u(:, a:) + dt*self%v(:, a:)
+      self%phi(:, b:) = self%phi(:, b:) + dt*self%w(:, b:)
+    end associate
+  end subroutine drift_edge
+
+  !> Kinetic energy of the edge [J].
+  pure real(wp) function edge_kinetic(self)
+    class(overlap_type), intent(in) :: self
+    integer(i4) :: a
+    edge_kinetic = 0.0_wp
+    do a = self%op%hats + 1, self%op%nodes
+      edge_kinetic = edge_kinetic + 0.5_wp*self%mass(a)*sum(self%v(:, a)**2)
+    end do
+    do a = self%op%hats_phi + 1, self%op%nodes_phi
+      edge_kinetic = edge_kinetic + 0.5_wp*self%inertia(a)*sum(self%w(:, a)**2)
+    end do
+  end function edge_kinetic
+
+  !> Momentum and angular momentum of the edge, about the origin [kg m/s], [N m s].
+  pure function edge_momentum(self) result(momentum)
+    class(overlap_type), intent(in) :: self
+    real(wp) :: momentum(6), x(3), p(3)
+    integer(i4) :: a
+    momentum = 0.0_wp
+    do a = self%op%hats + 1, self%op%nodes
+      x = self%x_node(:, a) + self%u(:, a)
+      p = self%mass(a)*self%v(:, a)
+      momentum(:3) = momentum(:3) + p
+      momentum(4:) = momentum(4:) + [x(2)*p(3) - x(3)*p(2), x(3)*p(1) - x(1)*p(3), &
+                                     x(1)*p(2) - x(2)*p(1)]
+    end do
+    do a = self%op%hats_phi + 1, self%op%nodes_phi
+      momentum(4:) = momentum(4:) + self%inertia(a)*self%w(:, a)
+    end do
+  end function edge_momentum
+
+  !> Root mean square of what the nodes do not see of the free grains' motion, |Q - N D^| [m].
+  pure real(wp) function fine_scale(self)
+    class(overlap_type), intent(in) :: self
+    real(wp) :: coarse(3, self%op%free)
+    call self%op%p%n%apply(self%u(:, :self%op%hats), coarse)
+    fine_scale = sqrt(sum((self%q - coarse)**2)/self%op%free)
+  end function fine_scale
+
+  !> Are motion and forces numbers?
+  pure logical function finite(self)
+    class(overlap_type), intent(in) :: self
+    finite = all(abs(self%u) < huge(1.0_wp)) .and. all(abs(self%p) < huge(1.0_wp)) .and. &
+      all(abs(self%force) < huge(1.0_wp)) .and. all(abs(self%bulk) < huge(1.0_wp))
+  end function finite
+end module cpl_overlap

@@ -1,0 +1,86 @@
+!> What the group &overlap of the coupled deck asks for, checked.
+module cpl_overlap_choices
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_deck, only: deck_type
+  implicit none
+  private
+  public :: overlap_choices_type, read_overlap
+
+  !> Names as in the deck; a box is given when its upper corner is above the lower.
+  type :: overlap_choices_type
+    logical :: given = .false.
+    character(len=:), allocatable :: free_elements, ghost_elements  !! groups, '' none
+    real(wp) :: free_box(6) = 0.0_wp, ghost_box(6) = 0.0_wp  !! lower and upper corner [m]
+    character(len=:), allocatable :: rotation, projection, weights, scheme, partition
+    logical :: dead_load = .true.
+  end type overlap_choices_type
+
+contains
+
+  !> Read &overlap; D420 not exactly one of facets and overlap, D421 elements.
+  subroutine read_overlap(deck, choices, errors)
+    type(deck_type), intent(in) :: deck
+    type(overlap_choices_type), intent(inout) :: choices
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: initial
+
+    choices%given = deck%count('overlap') > 0
+    if (choices%given .eqv. deck%count('facets') > 0) then
+      if (choices%given) then
+        call deck%fault(errors, 'D420', 'the deck has &facets and &overlap', 'overlap', 1, '', &
+                        'a coupled run has one of them')
+      else
+        call errors%add('D420', 'the deck has neither &facets nor &overlap', deck%source%path, &
+                        'ghosts ride on facets of the solid, or grains and mesh overlap')
+      end if
+      return
+    end if
+    if (.not. choices%given) return
+    call read_elements(deck, 'free', choices%free_elements, choices%free_box, errors)
+    call read_elements(deck, 'ghost', choices%ghost_elements, choices%ghost_box, errors)
+    call deck%get('overlap', 1, 'rotation', choices%rotation)
+    call deck%get('overlap', 1, 'projection', choices%projection)
+    call deck%get('overlap', 1, 'weights', choices%weights)
+    call deck%get('overlap', 1, 'scheme', choices%scheme)
+    call deck%get('overlap', 1, 'partition', choices%partition)
+    call deck%get('overlap', 1, 'initial', initial)
+    choices%dead_load = initial == 'dead_load'
+    if (deck%given('clock', 1, 'scheme')) &
+      call deck%fault(errors, 'D421', 'scheme of &clock goes with &facets', 'clock', 1, 'scheme', &
+                      'write it in &overlap')
+  end subroutine read_overlap
+
+  !> A group, or a box, of the elements for one kind of grains.
+  subroutine read_elements(deck, what, group, box, errors)
+    type(deck_type), intent(in) :: deck
+    character(len=*), intent(in) :: what
+    character(len=:), allocatable, intent(out) :: group
+    real(wp), intent(out) :: box(6)
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: corners(:)
+    logical :: by_group, by_box
+
+    group = ''
+    box = 0.0_wp
+    by_group = deck%given('overlap', 1, what//'_elements')
+    by_box = deck%given('overlap', 1, what//'_box')
+    if (by_group .eqv. by_box) then
+      call deck%fault(errors, 'D421', 'exactly one of '//what//'_elements and '//what// &
+                      '_box is wanted', 'overlap', 1, '', 'name a volume group of the mesh, or '// &
+                      'give the lower and the upper corner of a box')
+      return
+    end if
+    if (by_group) then
+      call deck%get('overlap', 1, what//'_elements', group)
+      return
+    end if
+    call deck%get('overlap', 1, what//'_box', corners)
+    if (size(corners) /= 6) return
+    box = corners
+    if (any(box(4:) <= box(:3))) &
+      call deck%fault(errors, 'D421', 'the box has no inside: '//str(box), 'overlap', 1, &
+                      what//'_box', 'give x y z of the lower corner, then of the upper one')
+  end subroutine read_elements
+end module cpl_overlap_choices

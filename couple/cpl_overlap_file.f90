@@ -1,0 +1,153 @@
+!> The state of an overlap in a checkpoint: reference positions, motion, forces, works.
+module cpl_overlap_file
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
+  use talus_checkpoint, only: checkpoint_type, checkpoint_info_type
+  use talus_hash, only: hash_text
+  use talus_hdf5, only: h5_file_type
+  use talus_text, only: str
+  use cpl_overlap, only: overlap_type
+  implicit none
+  private
+  public :: write_overlap, read_overlap_state, read_overlap_reference
+
+contains
+
+  !> Write <stem>.<tag>.chk.h5.
+  subroutine write_overlap(checkpoint, o, time, tag, errors)
+    type(checkpoint_type), intent(inout) :: checkpoint
+    type(overlap_type), intent(in) :: o
+    real(wp), intent(in) :: time  !! s
+    character(len=*), intent(in) :: tag
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+
+    call checkpoint%begin(file, time, o%step, errors, tag)
+    call file%attr_put('/', 'sets_hash', hash_of(o), errors)
+    call file%put('/grains/x_ref', o%pack%x, errors)
+    call file%put('/free/q', o%q, errors)
+    call file%put('/free/theta', o%theta, errors)
+    call file%put('/free/theta_ref', o%theta_ref, errors)
+    call file%put('/free/force', o%force, errors)
+    call file%put('/free/moment', o%moment, errors)
+    call file%put('/free/force_hold', o%force_hold, errors)
+    call file%put('/free/moment_hold', o%moment_hold, errors)
+    call file%put('/ghosts/d', o%d, errors)
+    call file%put('/ghosts/turn', o%turn, errors)
+    call file%put('/ghosts/quat', o%quat, errors)
+    call file%put('/nodes/u', o%u, errors)
+    call file%put('/nodes/v', o%v, errors)
+    call file%put('/nodes/f', o%f, errors)
+    call file%put('/nodes/bulk', o%bulk, errors)
+    call file%put('/nodes/element', o%element, errors)
+    call file%put('/nodes/f_hold', o%f_hold, errors)
+    call file%put('/rotations/phi', o%phi, errors)
+    call file%put('/rotations/w', o%w, errors)
+    call file%put('/rotations/c', o%c, errors)
+    call file%put('/rotations/bulk', o%bulk_phi, errors)
+    call file%put('/rotations/element', o%element_phi, errors)
+    call file%put('/rotations/c_hold', o%c_hold, errors)
+    call file%put('/numbers', [o%work_given, o%work_taken, o%turnover, o%hold_work], errors)
+    call file%put('/counts', [o%step], errors)
+    call file%put('/scalars/grains', o%grains, errors)
+    call file%put('/scalars/solid', o%solid, errors)
+    call checkpoint%finish(file, errors)
+  end subroutine write_overlap
+
+  !> Reference positions of all grains, from which sets and operators are made again.
+  subroutine read_overlap_reference(checkpoint, path, x_ref, errors)
+    type(checkpoint_type), intent(in) :: checkpoint
+    character(len=*), intent(in) :: path
+    real(wp), allocatable, intent(out) :: x_ref(:, :)
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+    type(checkpoint_info_type) :: info
+    call checkpoint%open(path, file, info, errors)
+    if (errors%any()) return
+    call file%get('/grains/x_ref', x_ref, errors)
+    call file%close(errors)
+  end subroutine read_overlap_reference
+
+  !> The rest, into an overlap whose sets were made again; I404 when they are others.
+  subroutine read_overlap_state(checkpoint, path, o, errors)
+    type(checkpoint_type), intent(in) :: checkpoint
+    character(len=*), intent(in) :: path
+    type(overlap_type), intent(inout) :: o
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+    type(checkpoint_info_type) :: info
+    character(len=:), allocatable :: hash
+    real(wp) :: numbers(4)
+    integer(i8) :: counts(1)
+
+    numbers = 0.0_wp
+    counts = 0
+    call checkpoint%open(path, file, info, errors)
+    if (errors%any()) return
+    call file%attr_get('/', 'sets_hash', hash, errors)
+    if (.not. errors%any()) then
+      if (hash /= hash_of(o)) &
+        call errors%add('I404', 'the sets of the overlap are not those of the checkpoint ('// &
+                        hash_of(o)//', not '//hash//')', path, &
+                        'go on with the mesh and the deck that wrote it')
+    end if
+    if (errors%any()) return
+    call read_motion(file, o, errors)
+    call file%get_into('/numbers', numbers, errors)
+    call file%get_into('/counts', counts, errors)
+    call file%get_into('/scalars/grains', o%grains, errors)
+    call file%get_into('/scalars/solid', o%solid, errors)
+    call file%close(errors)
+    o%work_given = numbers(1)
+    o%work_taken = numbers(2)
+    o%turnover = numbers(3)
+    o%hold_work = numbers(4)
+    o%step = counts(1)
+  end subroutine read_overlap_state
+
+  subroutine read_motion(file, o, errors)
+    type(h5_file_type), intent(inout) :: file
+    type(overlap_type), intent(inout) :: o
+    type(error_list_type), intent(inout) :: errors
+    call file%get_into('/free/q', o%q, errors)
+    call file%get_into('/free/theta', o%theta, errors)
+    call file%get_into('/free/theta_ref', o%theta_ref, errors)
+    call file%get_into('/free/force', o%force, errors)
+    call file%get_into('/free/moment', o%moment, errors)
+    call file%get_into('/free/force_hold', o%force_hold, errors)
+    call file%get_into('/free/moment_hold', o%moment_hold, errors)
+    call file%get_into('/ghosts/d', o%d, errors)
+    call file%get_into('/ghosts/turn', o%turn, errors)
+    call file%get_into('/ghosts/quat', o%quat, errors)
+    call file%get_into('/nodes/u', o%u, errors)
+    call file%get_into('/nodes/v', o%v, errors)
+    call file%get_into('/nodes/f', o%f, errors)
+    call file%get_into('/nodes/bulk', o%bulk, errors)
+    call file%get_into('/nodes/element', o%element, errors)
+    call file%get_into('/nodes/f_hold', o%f_hold, errors)
+    call file%get_into('/rotations/phi', o%phi, errors)
+    call file%get_into('/rotations/w', o%w, errors)
+    call file%get_into('/rotations/c', o%c, errors)
+    call file%get_into('/rotations/bulk', o%bulk_phi, errors)
+    call file%get_into('/rotations/element', o%element_phi, errors)
+    call file%get_into('/rotations/c_hold', o%c_hold, errors)
+  end subroutine read_motion
+
+  !> Hash of the sets and of the operator's weights at the ghosts.
+  function hash_of(o) result(hex)
+    type(overlap_type), intent(in) :: o
+    character(len=16) :: hex
+    hex = hash_text(str(size(o%sets%free))//str(size(o%sets%ghost))//bytes_of(real(o%sets%free, &
+      wp))//bytes_of(real(o%sets%ghost, wp))//bytes_of(real(o%op%node, wp))// &
+      bytes_of(o%op%ghost%weight)//bytes_of(o%op%p%n%weight)//bytes_of(o%op%p%w))
+  end function hash_of
+
+  pure function bytes_of(x) result(bytes)
+    real(wp), intent(in) :: x(:)
+    character(len=8*size(x)) :: bytes
+    integer(i4) :: k
+    do k = 1, size(x)
+      bytes(8*k - 7:8*k) = transfer(x(k), 'abcdefgh')
+    end do
+  end function bytes_of
+end module cpl_overlap_file

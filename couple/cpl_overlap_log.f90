@@ -1,0 +1,236 @@
+!> What a run with overlap tells: census, audit, rows, health and summary.
+module cpl_overlap_log
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str, string_type, append_string
+  use talus_errors, only: error_list_type
+  use talus_deck, only: deck_type
+  use talus_history, only: history_type
+  use talus_log, only: log_type, short_number, duration_text
+  use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_friction, &
+    scalar_contact_damping, scalar_background_damping, scalar_boundary, scalar_gravity, &
+    scalar_momentum, scalar_angular_momentum, scalar_max_overlap
+  use talus_summary, only: summary_type
+  use talus_timers, only: timers_type
+  use cpl_choices, only: cpl_choices_type, rotation_micro, rotation_curl
+  use cpl_overlap, only: overlap_type
+  use cpl_sets, only: part_rest, part_ghost, part_free
+  implicit none
+  private
+  public :: log_census, open_overlap_audit, overlap_audit_row, overlap_row_titles, overlap_row, &
+    overlap_health, overlap_summary
+
+  integer(i4), parameter :: column_count = 27
+
+contains
+
+  !> Who is in which set, the operators, and the masses.
+  subroutine log_census(log, o, choices)
+    type(log_type), intent(inout) :: log
+    type(overlap_type), intent(in) :: o
+    type(cpl_choices_type), intent(in) :: choices
+    character(len=:), allocatable :: turning
+
+    turning = 'do not turn (moments on them are lost)'
+    if (o%op%rotation == rotation_curl) turning = 'turn with half the curl of the displacement'
+    if (o%op%rotation == rotation_micro) turning = 'turn with the micro-rotation'
+    call log%section('Overlap')
+    call log%item('elements', str(count(o%sets%part == part_free))//' of free grains, '// &
+                  str(count(o%sets%part == part_ghost))//' of ghosts, '// &
+                  str(count(o%sets%part == part_rest))//' of continuum alone')
+    call log%item('free grains', str(o%op%free), 'under elements, '// &
+                  str(size(o%sets%outside))//' elsewhere; '//str(o%sets%least_in_element)// &
+                  ' to an element at least, '//short_number(o%sets%mean_in_element)//' in the mean')
+    call log%item('ghosts', str(o%op%ghosts), turning)
+    call log%item('nodes', str(o%op%hats)//' follow free grains', str(o%op%nodes - o%op%hats)// &
+                  ' of the edge, micro-rotations '//str(o%op%hats_phi)//' and '// &
+                  str(o%op%nodes_phi - o%op%hats_phi))
+    call log%item('depth of the ghosts', short_number(o%sets%depth)//' m', &
+                  short_number(o%sets%depth/o%sets%d_max)//' largest diameters')
+    call log%item('projection', choices%overlap%projection//', weights '// &
+                  choices%overlap%weights, "condition of N'WN "//short_number(o%op%p%condition))
+    call log%item('identities', 'within '//short_number(o%identity))
+    call log%item('mass moved', short_number(o%moved_mass)//' kg', 'of elements outside, from '// &
+                  'hat nodes to free grains; largest factor '//short_number(maxval(o%factor)))
+    call log%item('exchanges', str(choices%exchanges), 'of '//short_number(choices%exchange)// &
+                  ' s, '//str(o%substeps)//' steps of the grains each, scheme '// &
+                  choices%overlap%scheme)
+    if (choices%overlap%rotation == 'fixed') &
+      call log%warn("rotation = 'fixed': ghosts resist turning, and moments on them are lost")
+    call log%memory()
+  end subroutine log_census
+
+  !> Begin couple_audit.csv, or after a restart at time [s] go on in it.
+  subroutine open_overlap_audit(file, path, again, time, errors)
+    type(history_type), intent(inout) :: file
+    character(len=*), intent(in) :: path
+    logical, intent(in) :: again
+    real(wp), intent(in) :: time
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: columns(:)
+    character(len=*), parameter :: axes(3) = ['x', 'y', 'z']
+    integer(i4) :: k
+
+    call append_string(columns, 'time [s]')
+    call append_string(columns, 'grains_kinetic [J]')
+    call append_string(columns, 'grains_elastic [J]')
+    call append_string(columns, 'grains_friction [J]')
+    call append_string(columns, 'grains_contact_damping [J]')
+    call append_string(columns, 'grains_background_damping [J]')
+    call append_string(columns, 'grains_boundary_work [J]')
+    call append_string(columns, 'grains_gravity_work [J]')
+    call append_string(columns, 'solid_kinetic [J]')
+    call append_string(columns, 'solid_elastic [J]')
+    call append_string(columns, 'edge_kinetic [J]')
+    call append_string(columns, 'total_energy [J]')
+    call append_string(columns, 'interface_work_given [J]')
+    call append_string(columns, 'interface_work_taken [J]')
+    call append_string(columns, 'held_load_work [J]')
+    do k = 1, 3
+      call append_string(columns, 'momentum_'//axes(k)//' [kg m/s]')
+    end do
+    do k = 1, 3
+      call append_string(columns, 'angular_momentum_'//axes(k)//' [N m s]')
+    end do
+    do k = 1, 3
+      call append_string(columns, 'force_on_edge_'//axes(k)//' [N]')
+    end do
+    call append_string(columns, 'fine_scale [m]')
+    call append_string(columns, 'largest_ghost_displacement [m]')
+    call append_string(columns, 'largest_overlap [-]')
+    if (size(columns) /= column_count) error stop 'bug: columns of the audit'
+    if (again) then
+      call file%resume(path, columns, time, errors)
+    else
+      call file%open(path, columns, .false., errors)
+    end if
+  end subroutine open_overlap_audit
+
+  !> Kinetic and elastic energy of all, less the work of the loads that balance the start [J].
+  pure real(wp) function total_energy(o)
+    type(overlap_type), intent(in) :: o
+    total_energy = o%grains(scalar_kinetic) + o%grains(scalar_elastic) + o%solid(scalar_kinetic) &
+                   + o%solid(scalar_elastic) + o%edge_kinetic() - o%hold_work
+  end function total_energy
+
+  pure real(wp) function ghost_motion(o)
+    type(overlap_type), intent(in) :: o
+    ghost_motion = sqrt(maxval(sum(o%d**2, 1)))
+  end function ghost_motion
+
+  !> A row at time [s], after the exchange was accepted.
+  subroutine overlap_audit_row(file, o, time, errors)
+    type(history_type), intent(inout) :: file
+    type(overlap_type), intent(in) :: o
+    real(wp), intent(in) :: time
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: value(column_count), edge(6)
+
+    associate (g => o%grains, s => o%solid)
+      value(1) = time
+      value(2:8) = g([scalar_kinetic, scalar_elastic, scalar_friction, scalar_contact_damping, &
+                      scalar_background_damping, scalar_boundary, scalar_gravity])
+      value(9:10) = s([scalar_kinetic, scalar_elastic])
+      value(11) = o%edge_kinetic()
+      value(12) = total_energy(o)
+      value(13:15) = [o%work_given, o%work_taken, o%hold_work]
+      edge = o%edge_momentum()
+      value(16:18) = g(scalar_momentum:scalar_momentum + 2) + s(scalar_momentum:scalar_momentum &
+        + 2) + edge(:3)
+      value(19:21) = g(scalar_angular_momentum:scalar_angular_momentum + 2) &
+        + s(scalar_angular_momentum:scalar_angular_momentum + 2) + edge(4:)
+      value(22:24) = sum(o%f(:, o%op%hats + 1:), 2)
+      value(25) = o%fine_scale()
+      value(26) = ghost_motion(o)
+      value(27) = g(scalar_max_overlap)
+    end associate
+    call file%write(value, errors)
+  end subroutine overlap_audit_row
+
+  subroutine overlap_row_titles(log)
+    type(log_type), intent(inout) :: log
+    type(string_type) :: titles(8)
+    titles(1)%s = 'time [s]'
+    titles(2)%s = 'ghosts moved [m]'
+    titles(3)%s = 'fine scale [m]'
+    titles(4)%s = 'kinetic [J]'
+    titles(5)%s = 'elastic grains [J]'
+    titles(6)%s = 'elastic solid [J]'
+    titles(7)%s = 'overhead [%]'
+    titles(8)%s = 'time left'
+    call log%row_titles(titles)
+  end subroutine overlap_row_titles
+
+  subroutine overlap_row(log, o, time, overhead, left)
+    type(log_type), intent(inout) :: log
+    type(overlap_type), intent(in) :: o
+    real(wp), intent(in) :: time      !! s
+    real(wp), intent(in) :: overhead  !! share of the run time
+    real(wp), intent(in) :: left      !! wall time [s], < 0 not known
+    type(string_type) :: cells(8)
+    cells(1)%s = short_number(time)
+    cells(2)%s = short_number(ghost_motion(o))
+    cells(3)%s = short_number(o%fine_scale())
+    cells(4)%s = short_number(o%grains(scalar_kinetic) + o%solid(scalar_kinetic) + &
+                              o%edge_kinetic())
+    cells(5)%s = short_number(o%grains(scalar_elastic))
+    cells(6)%s = short_number(o%solid(scalar_elastic))
+    cells(7)%s = short_number(100.0_wp*overhead)
+    cells(8)%s = '-'
+    if (left >= 0.0_wp) cells(8)%s = duration_text(left)
+    call log%row(cells)
+  end subroutine overlap_row
+
+  !> Difference of the works from both sides, relative to what went through.
+  pure real(wp) function work_error(o)
+    type(overlap_type), intent(in) :: o
+    work_error = 0.0_wp
+    if (o%turnover > 0.0_wp) work_error = abs(o%work_given - o%work_taken)/o%turnover
+  end function work_error
+
+  !> The line that tells whether to trust the run.
+  subroutine overlap_health(log, o, overhead)
+    type(log_type), intent(inout) :: log
+    type(overlap_type), intent(in) :: o
+    real(wp), intent(in) :: overhead
+    call log%health('works of both sides differ by '//short_number(100.0_wp*work_error(o))// &
+      ' % of what went through, fine scale '//short_number(o%fine_scale())// &
+      ' m, ghosts moved by '//short_number(ghost_motion(o))//' m, largest overlap '// &
+      short_number(100.0_wp*o%grains(scalar_max_overlap))//' %, coupling overhead '// &
+      short_number(100.0_wp*overhead)//' % of the run time')
+  end subroutine overlap_health
+
+  subroutine overlap_summary(path, program, deck, o, timers, time, overhead, exit_code, faults, &
+                             errors)
+    character(len=*), intent(in) :: path, program
+    type(deck_type), intent(in) :: deck
+    type(overlap_type), intent(in) :: o
+    type(timers_type), intent(in) :: timers
+    real(wp), intent(in) :: time, overhead
+    integer(i4), intent(in) :: exit_code
+    type(error_list_type), intent(in) :: faults
+    type(error_list_type), intent(inout) :: errors
+    type(summary_type) :: summary
+
+    call summary%set_program(program, deck%source%path, deck%hash())
+    call summary%set('exit_code', exit_code)
+    call summary%set('wall_time_s', timers%elapsed())
+    call summary%set('steps', o%step)
+    call summary%set('time_s', time)
+    call summary%set('free_grains', o%op%free)
+    call summary%set('ghosts', o%op%ghosts)
+    call summary%set('hat_nodes', o%op%hats)
+    call summary%set('edge_nodes', o%op%nodes - o%op%hats)
+    call summary%set('coupling_overhead', overhead)
+    call summary%set('health.interface_work_error', work_error(o))
+    call summary%set('health.identity_error', o%identity)
+    call summary%set('health.projection_condition', o%op%p%condition)
+    call summary%set('health.fine_scale_m', o%fine_scale())
+    call summary%set('health.max_overlap', o%grains(scalar_max_overlap))
+    call summary%set('overlap.depth_m', o%sets%depth)
+    call summary%set('overlap.moved_mass_kg', o%moved_mass)
+    call summary%set('overlap.total_energy_J', total_energy(o))
+    call summary%set_timers(timers)
+    call summary%set_errors(faults)
+    call summary%write(path, errors)
+  end subroutine overlap_summary
+end module cpl_overlap_log

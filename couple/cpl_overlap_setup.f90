@@ -1,0 +1,340 @@
+!> Make an overlap from what the solvers describe: mesh, grains, sets, operators; select the sets,
+!! give each energy and each mass to one side, and find the forces at the start.
+module cpl_overlap_setup
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_message, only: verb_describe, verb_select, verb_set, verb_ready
+  use talus_timers, only: timers_type
+  use cpl_choices, only: cpl_choices_type, rotation_fixed, rotation_curl, rotation_micro
+  use cpl_operators, only: weigh_unit, weigh_mass, weigh_volume
+  use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, &
+    hat_phi_set, edge_phi_set
+  use cpl_overlap_mass, only: share_mass
+  use cpl_overlap_step, only: evaluate_forces, evaluate_bulk, read_free
+  use cpl_overlap_weights, only: set_partition
+  use cpl_sets, only: part_rest, part_ghost, part_free
+  use cpl_solver, only: cpl_solver_type, side_grains, side_solid
+  implicit none
+  private
+  public :: make_overlap, begin_overlap
+
+contains
+
+  !> Describe, sort, make the operators and check their identities. Positions of a checkpoint's
+  !! reference state stand in for those of the grains now.
+  subroutine make_overlap(o, solvers, choices, dynamic, reference, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(cpl_choices_type), intent(in) :: choices
+    logical, intent(in) :: dynamic                 !! the solid has inertia
+    real(wp), allocatable, intent(in) :: reference(:, :)  !! (3, all grains) [m]
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+
+    call check_solvers(solvers, choices, dynamic, o%substeps, errors)
+    if (errors%any()) return
+    o%symmetric = choices%overlap%scheme == 'symmetric'
+    call read_grains(o, solvers(side_grains), timers, errors)
+    if (errors%any()) return
+    if (allocated(reference)) o%pack%x = reference
+    call read_mesh(o, solvers(side_solid), timers, errors)
+    if (errors%any()) return
+    call choose_elements(o, solvers(side_solid), choices, timers, errors)
+    if (errors%any()) return
+    call o%sets%sort(o%cells, o%pack, errors)
+    if (errors%any()) return
+    call o%op%build(o%cells, o%sets, o%pack, rotation_of(o, choices), weights_of(choices), &
+                    choices%overlap%projection == 'mls', errors)
+    if (errors%any()) return
+    o%turns = o%op%hats_phi > 0
+    o%round = all(o%pack%round(o%sets%ghost))
+    call o%allocate_state()
+    call o%op%identity_error(o%x_free, o%x_node, o%x_ghost, o%identity, errors)
+  end subroutine make_overlap
+
+  !> D422: a solid that takes no kicks, grains without a step of their own, a mass that is scaled.
+  subroutine check_solvers(solvers, choices, dynamic, substeps, errors)
+    type(cpl_solver_type), intent(in) :: solvers(2)
+    type(cpl_choices_type), intent(in) :: choices
+    logical, intent(in) :: dynamic
+    integer(i4), intent(out) :: substeps
+    type(error_list_type), intent(inout) :: errors
+
+    substeps = 1
+    if (.not. dynamic .or. .not. solvers(side_solid)%can('kick_drift')) &
+      call errors%add('D422', solvers(side_solid)%title()//' does not step explicitly', &
+                      solvers(side_solid)%deck, "write &analysis kind = 'explicit'")
+    if (.not. solvers(side_grains)%dt > 0.0_wp) then
+      call errors%add('D422', solvers(side_grains)%title()//' has no step of its own', &
+                      solvers(side_grains)%deck, 'write dt in &dynamics of its deck: the '// &
+                      'exchange is a multiple of it')
+      return
+    end if
+    substeps = max(1, nint(choices%exchange/solvers(side_grains)%dt))
+    if (solvers(side_solid)%step_limit > 0.0_wp .and. &
+        choices%exchange > solvers(side_solid)%step_limit) &
+      call errors%add('D423', 'exchange = '//str(choices%exchange)//' s is longer than the '// &
+                      'stable step of the solid, '//str(solvers(side_solid)%step_limit)//' s', &
+                      solvers(side_solid)%deck, 'shorten &clock exchange')
+  end subroutine check_solvers
+
+  subroutine describe(solver, what, group, timers, errors)
+    type(cpl_solver_type), intent(inout) :: solver
+    character(len=*), intent(in) :: what, group
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call solver%start_request(verb_describe, 0_i8, solver%time, solver%time)
+    call solver%request%put_text('what', what)
+    if (len(group) > 0) call solver%request%put_text('group', group)
+    call solver%ask(timers, errors)
+  end subroutine describe
+
+  subroutine read_grains(o, grains, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: axes(:, :), inertia(:, :)
+    real(wp), parameter :: sphere = 4.188790204786390984617_wp  !! 4 pi/3
+
+    call describe(grains, 'grains', '', timers, errors)
+    if (errors%any()) return
+    associate (reply => grains%reply, p => o%pack)
+      call reply%take_int('id', p%id, errors)
+      call reply%take('x', p%x, errors)
+      call reply%take('axes', axes, errors)
+      call reply%take('radius', p%radius, errors)
+      call reply%take('mass', p%mass, errors)
+      call reply%take('inertia', inertia, errors)
+      call reply%take_int('kind', p%kind, errors)
+      if (errors%any()) return
+      p%inertia = sum(inertia, 1)/3.0_wp
+      p%volume = sphere*product(axes, 1)
+      p%round = maxval(axes, 1) - minval(axes, 1) <= 0.0_wp
+    end associate
+  end subroutine read_grains
+
+  subroutine read_mesh(o, solid, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), allocatable :: polar(:)
+
+    call describe(solid, 'mesh', '', timers, errors)
+    if (errors%any()) return
+    associate (reply => solid%reply, c => o%cells)
+      call reply%take('x', c%x, errors)
+      call reply%take_int('kind', c%kind, errors)
+      call reply%take_int('start', c%start, errors)
+      call reply%take_int('node', c%node, errors)
+      call reply%take('mass_u', c%mass, errors)
+      if (errors%any()) return
+      c%nodes = size(c%x, 2)
+      c%elements = size(c%kind)
+      allocate (c%polar(c%nodes), source=.false.)
+      allocate (c%inertia(c%nodes), source=0.0_wp)
+      if (reply%has('polar')) then
+        call reply%take_int('polar', polar, errors)
+        call reply%take('mass_phi', c%inertia, errors)
+        if (errors%any()) return
+        c%polar = polar == 1
+      end if
+      call c%check(errors)
+      if (.not. errors%any()) call c%prepare()
+    end associate
+  end subroutine read_mesh
+
+  !> Which elements are whose. I421: a group without elements, an element in both.
+  subroutine choose_elements(o, solid, choices, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    type(cpl_choices_type), intent(in) :: choices
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    logical :: free(o%cells%elements), ghost(o%cells%elements)
+    integer(i4) :: e
+
+    associate (c => choices%overlap)
+      call chosen(o, solid, c%free_elements, c%free_box, free, timers, errors)
+      if (errors%any()) return
+      call chosen(o, solid, c%ghost_elements, c%ghost_box, ghost, timers, errors)
+      if (errors%any()) return
+      if (len(c%ghost_elements) == 0) ghost = ghost .and. .not. free
+    end associate
+    if (any(free .and. ghost)) then
+      e = findloc(free .and. ghost, .true., 1)
+      call errors%add('I421', str(count(free .and. ghost))//' elements are of free grains and '// &
+                      'of ghosts, such as '//str(e), solid%deck, 'their groups must not overlap')
+    end if
+    if (.not. (any(free) .and. any(ghost))) &
+      call errors%add('I421', str(count(free))//' elements are of free grains, '// &
+                      str(count(ghost))//' of ghosts', solid%deck, 'name groups of elements or '// &
+                      'boxes that hold some: the middle of an element must lie in a box')
+    o%sets%part = merge(part_free, merge(part_ghost, part_rest, ghost), free)
+  end subroutine choose_elements
+
+  subroutine chosen(o, solid, group, box, list, timers, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    character(len=*), intent(in) :: group
+    real(wp), intent(in) :: box(6)
+    logical, intent(out) :: list(:)  !! (elements)
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), allocatable :: ids(:)
+    real(wp) :: middle(3)
+    integer(i4) :: e
+
+    list = .false.
+    if (len(group) == 0) then
+      do e = 1, o%cells%elements
+        associate (node => o%cells%node(o%cells%start(e):o%cells%start(e + 1) - 1))
+          middle = sum(o%cells%x(:, node), 2)/size(node)
+        end associate
+        list(e) = all(middle >= box(:3)) .and. all(middle <= box(4:))
+      end do
+      return
+    end if
+    call describe(solid, 'group', group, timers, errors)
+    if (errors%any()) return
+    if (.not. solid%reply%has('element')) then
+      call errors%add('I421', "the group '"//group//"' is not one of elements", solid%deck, &
+                      '&overlap wants volume groups')
+      return
+    end if
+    call solid%reply%take_int('element', ids, errors)
+    if (.not. errors%any()) list(ids) = .true.
+  end subroutine chosen
+
+  pure integer(i4) function rotation_of(o, choices)
+    type(overlap_type), intent(in) :: o
+    type(cpl_choices_type), intent(in) :: choices
+    select case (choices%overlap%rotation)
+    case ('fixed')
+      rotation_of = rotation_fixed
+    case ('curl')
+      rotation_of = rotation_curl
+    case ('micro')
+      rotation_of = rotation_micro
+    case default
+      rotation_of = merge(rotation_micro, rotation_curl, any(o%cells%polar))
+    end select
+  end function rotation_of
+
+  pure integer(i4) function weights_of(choices)
+    type(cpl_choices_type), intent(in) :: choices
+    select case (choices%overlap%weights)
+    case ('unit')
+      weights_of = weigh_unit
+    case ('volume')
+      weights_of = weigh_volume
+    case default
+      weights_of = weigh_mass
+    end select
+  end function weights_of
+
+  !> SELECT, weights, masses, READY; a fresh run then takes the forces at the start.
+  subroutine begin_overlap(o, solvers, choices, again, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(cpl_choices_type), intent(in) :: choices
+    logical, intent(in) :: again  !! after a restart
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: none(3, o%op%ghosts)
+
+    call select_sets(o, solvers, timers, errors)
+    if (errors%any()) return
+    call set_partition(o, solvers, choices, timers, errors)
+    if (errors%any()) return
+    call share_mass(o)
+    call set_mass(o, solvers(side_grains), timers, errors)
+    if (errors%any()) return
+    call ready(solvers(side_grains), o%step, timers, errors)
+    if (errors%any()) return
+    if (.not. again) call solvers(side_grains)%reply%get('scalars', o%grains, errors)
+    if (.not. again .and. o%turns) &
+      call solvers(side_grains)%reply%get(free_set//'.theta', o%theta_ref, errors)
+    if (.not. again) call read_free(o, solvers(side_grains), errors)
+    if (errors%any()) return
+    call ready(solvers(side_solid), o%step, timers, errors)
+    if (again .or. errors%any()) return
+    none = 0.0_wp
+    call evaluate_forces(o, solvers, none, none, solvers(1)%time, timers, errors)
+    if (.not. errors%any()) &
+      call evaluate_bulk(o, solvers(side_solid), 0.0_wp, solvers(1)%time, timers, errors)
+    if (errors%any() .or. .not. choices%overlap%dead_load) return
+    o%f_hold = -o%f
+    o%c_hold = -o%c
+    o%force_hold = -o%force
+    o%moment_hold = -o%moment
+    call o%pull()
+  end subroutine begin_overlap
+
+  subroutine ready(solver, step, timers, errors)
+    type(cpl_solver_type), intent(inout) :: solver
+    integer(i8), intent(in) :: step
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call solver%start_request(verb_ready, step, solver%time, solver%time)
+    call solver%ask(timers, errors)
+  end subroutine ready
+
+  subroutine select_sets(o, solvers, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), allocatable :: held(:, :)
+
+    associate (grains => solvers(side_grains), solid => solvers(side_solid), n => o%op%hats, &
+               m => o%op%hats_phi)
+      call choose(grains, ghost_set, 'prescribe', o%pack%id(o%sets%ghost), 'force,moment')
+      call choose(grains, free_set, 'report', o%pack%id(o%sets%free), trim(merge('x,theta', &
+                                                                    'x      ', o%turns)))
+      call choose(grains, pulled_set, 'load', o%pack%id(o%sets%free), '')
+      call choose(solid, hat_set, 'prescribe', int(o%op%node(:n), i8), 'u')
+      call choose(solid, edge_set, 'prescribe', int(o%op%node(n + 1:), i8), 'u')
+      if (errors%any()) return
+      call solid%reply%take_int('held', held, errors)
+      if (errors%any()) return
+      o%held(:, n + 1:) = held == 1
+      if (o%op%nodes_phi == 0) return
+      call choose(solid, hat_phi_set, 'prescribe', int(o%op%node_phi(:m), i8), 'phi')
+      call choose(solid, edge_phi_set, 'prescribe', int(o%op%node_phi(m + 1:), i8), 'phi')
+      if (errors%any()) return
+      call solid%reply%take_int('held_phi', held, errors)
+      if (errors%any()) return
+      o%held_phi(:, m + 1:) = held == 1
+    end associate
+
+  contains
+
+    subroutine choose(solver, set, role, ids, fields)
+      type(cpl_solver_type), intent(inout) :: solver
+      character(len=*), intent(in) :: set, role, fields
+      integer(i8), intent(in) :: ids(:)
+      if (errors%any()) return
+      call solver%start_request(verb_select, o%step, solver%time, solver%time)
+      call solver%request%put_text('set', set)
+      call solver%request%put_text('role', role)
+      call solver%request%put_int('id', ids)
+      call solver%request%put_text('fields', fields)
+      call solver%ask(timers, errors)
+    end subroutine choose
+  end subroutine select_sets
+
+  subroutine set_mass(o, grains, timers, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call grains%start_request(verb_set, o%step, grains%time, grains%time)
+    call grains%request%put_text('what', 'mass_factor')
+    call grains%request%put_text('set', pulled_set)
+    call grains%request%put('value', o%factor)
+    call grains%ask(timers, errors)
+  end subroutine set_mass
+end module cpl_overlap_setup

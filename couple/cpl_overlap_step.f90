@@ -1,0 +1,231 @@
+!> One exchange of an overlap in dynamics (r-RESPA; theory: overlap coupling, Time).
+!!
+!! Forces of contacts and of elements with hat nodes act in every step of the grains, on the free
+!! grains and on the edge alike; forces of the other elements are kicks of half an exchange at its
+!! start and at its end. All forces are those of one energy and every map is a constant matrix, so
+!! that momentum is exact and energy bounded.
+module cpl_overlap_step
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_message, only: verb_accept, verb_force, verb_kick_drift
+  use talus_timers, only: timers_type
+  use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, &
+    hat_phi_set, edge_phi_set
+  use cpl_solver, only: cpl_solver_type, side_grains, side_solid
+  implicit none
+  private
+  public :: overlap_step, evaluate_forces, evaluate_bulk, read_free
+
+contains
+
+  !> From t0 to t1 [s], accepted on both sides; after a fault nothing was accepted.
+  subroutine overlap_step(o, solvers, t0, t1, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    real(wp), intent(in) :: t0, t1
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp), dimension(3, o%op%ghosts) :: v, spin
+    real(wp), dimension(3, o%op%free) :: q, theta
+    real(wp) :: u(3, o%op%nodes), phi(3, o%op%nodes_phi), h, dt, kick, now
+    integer(i4) :: k
+
+    h = t1 - t0
+    dt = h/o%substeps
+    call send_bulk(o, solvers(side_solid), merge(0.5_wp*h, h, o%symmetric), h, t0, t1, timers, &
+                   errors)
+    if (o%symmetric) then
+      call o%kick_edge(0.5_wp*h, o%bulk, o%bulk_phi)
+    else
+      call o%kick_edge(h, o%bulk + o%f, o%bulk_phi + o%c)
+    end if
+    do k = 1, o%substeps
+      now = merge(t1, t0 + k*dt, k == o%substeps)
+      kick = merge(0.5_wp*dt, dt, k == 1)
+      call send_kick(o, solvers(side_grains), kick, dt, now - dt, now, timers, errors)
+      q = o%q
+      theta = o%theta
+      u = o%u
+      phi = o%phi
+      if (o%symmetric) call o%kick_edge(kick, o%f, o%c)
+      call o%drift_edge(dt)
+      if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
+      if (k == 1 .and. .not. errors%any()) call solvers(side_solid)%receive(timers, errors)
+      if (errors%any()) return
+      call read_free(o, solvers(side_grains), errors)
+      call o%follow(dt, v, spin)
+      call evaluate_forces(o, solvers, v, spin, now, timers, errors)
+      if (errors%any()) return
+      call o%note_work(q, theta, u, phi, dt*v, dt*spin)
+    end do
+    call finish_step(o, solvers, dt, h, t1, timers, errors)
+    if (errors%any()) return
+    call accept_both(o, solvers, t0, t1, timers, errors)
+    if (.not. errors%any()) o%step = o%step + 1
+  end subroutine overlap_step
+
+  !> The last half kicks, with everything at t1.
+  subroutine finish_step(o, solvers, dt, h, t1, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    real(wp), intent(in) :: dt, h, t1
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+
+    call send_kick(o, solvers(side_grains), 0.5_wp*dt, 0.0_wp, t1, t1, timers, errors)
+    if (errors%any()) return
+    if (o%symmetric) call o%kick_edge(0.5_wp*dt, o%f, o%c)
+    call evaluate_bulk(o, solvers(side_solid), merge(0.5_wp*h, 0.0_wp, o%symmetric), t1, timers, &
+                       errors)
+    if (errors%any()) return
+    if (o%symmetric) call o%kick_edge(0.5_wp*h, o%bulk, o%bulk_phi)
+    call solvers(side_grains)%receive(timers, errors)
+    if (errors%any()) return
+    call read_free(o, solvers(side_grains), errors)
+    call solvers(side_grains)%reply%get('scalars', o%grains, errors)
+    if (errors%any() .or. o%finite()) return
+    call errors%add('N407', 'a force or displacement of the overlap is no number', &
+                    'exchange to '//str(t1)//' s', 'one side has become unstable: look at the '// &
+                    'steps of both against their limits')
+  end subroutine finish_step
+
+  !> KICK_DRIFT of the grains with the forces on the free ones.
+  subroutine send_kick(o, grains, kick, drift, t0, t1, timers, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    real(wp), intent(in) :: kick, drift, t0, t1  !! [s]
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call grains%start_request(verb_kick_drift, o%step, t0, t1)
+    call grains%request%put('kick', kick)
+    call grains%request%put('drift', drift)
+    call grains%request%put(pulled_set//'.force', o%force)
+    if (o%turns) call grains%request%put(pulled_set//'.moment', o%moment)
+    if (drift > 0.0_wp) call grains%request%put_int('brief', 1_i4)
+    call grains%send(timers, errors)
+  end subroutine send_kick
+
+  !> Displacements and rotations of the free grains from a reply.
+  subroutine read_free(o, grains, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    type(error_list_type), intent(inout) :: errors
+    call grains%reply%get(free_set//'.x', o%q, errors)
+    o%q = o%q - o%x_free
+    if (.not. o%turns) return
+    call grains%reply%get(free_set//'.theta', o%theta, errors)
+    o%theta = o%theta - o%theta_ref
+  end subroutine read_free
+
+  !> KICK_DRIFT of the solid's free nodes; edge and hat stay where the last forces were taken.
+  subroutine send_bulk(o, solid, kick, drift, t0, t1, timers, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    real(wp), intent(in) :: kick, drift, t0, t1  !! [s]
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call solid%start_request(verb_kick_drift, o%step, t0, t1)
+    call solid%request%put('kick', kick)
+    call solid%request%put('drift', drift)
+    if (drift > 0.0_wp) call solid%request%put_int('brief', 1_i4)
+    call solid%send(timers, errors)
+  end subroutine send_bulk
+
+  !> FORCE on both sides with ghosts and nodes where they are now, and what comes back to the free.
+  subroutine evaluate_forces(o, solvers, v, spin, t, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    real(wp), intent(in) :: v(:, :), spin(:, :)  !! of the ghosts (3, ghosts) [m/s], [rad/s]
+    real(wp), intent(in) :: t                    !! s
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+
+    associate (grains => solvers(side_grains), solid => solvers(side_solid))
+      call grains%start_request(verb_force, o%step, t, t)
+      call grains%request%put(ghost_set//'.x', o%x_ghost + o%d)
+      call grains%request%put(ghost_set//'.v', v)
+      call grains%request%put(ghost_set//'.omega', spin)
+      if (.not. o%round) call grains%request%put(ghost_set//'.quat', o%quat)
+      call grains%request%put_int('brief', 1_i4)
+      call grains%send(timers, errors)
+      call solid%start_request(verb_force, o%step, t, t)
+      call solid%request%put_text('scope', 'interface')
+      call solid%request%put_text('set', hat_set)
+      call put_nodes(o, solid)
+      call solid%request%put_int('brief', 1_i4)
+      if (.not. errors%any()) call solid%send(timers, errors)
+      if (.not. errors%any()) call grains%receive(timers, errors)
+      if (.not. errors%any()) call solid%receive(timers, errors)
+      if (errors%any()) return
+      call grains%reply%get(ghost_set//'.force', o%p, errors)
+      call grains%reply%get(ghost_set//'.moment', o%m, errors)
+      call read_nodes(o, solid, 'force', 'moment', o%element, o%element_phi, errors)
+    end associate
+    if (.not. errors%any()) call o%pull()
+  end subroutine evaluate_forces
+
+  !> Where the nodes are, in a request to the solid.
+  subroutine put_nodes(o, solid)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    call solid%request%put(hat_set//'.u', o%u(:, :o%op%hats))
+    call solid%request%put(edge_set//'.u', o%u(:, o%op%hats + 1:))
+    if (o%op%nodes_phi == 0) return
+    call solid%request%put(hat_phi_set//'.phi', o%phi(:, :o%op%hats_phi))
+    call solid%request%put(edge_phi_set//'.phi', o%phi(:, o%op%hats_phi + 1:))
+  end subroutine put_nodes
+
+  !> A field of all nodes from a reply of the solid.
+  subroutine read_nodes(o, solid, field, field_phi, f, c, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    character(len=*), intent(in) :: field, field_phi
+    real(wp), intent(inout) :: f(:, :), c(:, :)  !! (3, nodes), (3, nodes_phi)
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: hat(3, o%op%hats), edge(3, o%op%nodes - o%op%hats)
+    real(wp) :: hat_phi(3, o%op%hats_phi), edge_phi(3, o%op%nodes_phi - o%op%hats_phi)
+    call solid%reply%get(hat_set//'.'//field, hat, errors)
+    call solid%reply%get(edge_set//'.'//field, edge, errors)
+    f(:, :o%op%hats) = hat
+    f(:, o%op%hats + 1:) = edge
+    if (o%op%nodes_phi == 0) return
+    call solid%reply%get(hat_phi_set//'.'//field_phi, hat_phi, errors)
+    call solid%reply%get(edge_phi_set//'.'//field_phi, edge_phi, errors)
+    c(:, :o%op%hats_phi) = hat_phi
+    c(:, o%op%hats_phi + 1:) = edge_phi
+  end subroutine read_nodes
+
+  !> Forces of the elements without hat nodes on the edge: all that the solid exerts, less those of
+  !! the elements with hat nodes. The free nodes are kicked on the way.
+  subroutine evaluate_bulk(o, solid, kick, t, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    real(wp), intent(in) :: kick, t  !! [s]
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call send_bulk(o, solid, kick, 0.0_wp, t, t, timers, errors)
+    if (.not. errors%any()) call solid%receive(timers, errors)
+    if (errors%any()) return
+    call read_nodes(o, solid, 'reaction', 'reaction_moment', o%bulk, o%bulk_phi, errors)
+    o%bulk = -o%bulk - o%element
+    o%bulk_phi = -o%bulk_phi - o%element_phi
+    call solid%reply%get('scalars', o%solid, errors)
+  end subroutine evaluate_bulk
+
+  subroutine accept_both(o, solvers, t0, t1, timers, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    real(wp), intent(in) :: t0, t1
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    do k = 1, 2
+      call solvers(k)%start_request(verb_accept, o%step, t0, t1)
+      call solvers(k)%send(timers, errors)
+    end do
+    do k = 1, 2
+      if (.not. errors%any()) call solvers(k)%receive(timers, errors)
+    end do
+  end subroutine accept_both
+end module cpl_overlap_step

@@ -1,0 +1,132 @@
+!> Sparse rows of weights: interpolation from nodes to points, and its transpose, which hands forces
+!! of the points to the nodes. Sums are added in the order of the rows.
+module cpl_rows
+  use talus_kinds, only: wp, i4
+  use talus_homogenise, only: cross
+  implicit none
+  private
+  public :: rows_type, curl_rows_type
+
+  !> y_i = sum of weight times x of the columns of row i, for vectors of three components.
+  type :: rows_type
+    integer(i4) :: rows = 0, columns = 0
+    integer(i4), allocatable :: first(:)  !! of each row's entries (rows + 1)
+    integer(i4), allocatable :: column(:)
+    real(wp), allocatable :: weight(:)    !! [-]
+  contains
+    procedure :: begin => begin_rows
+    procedure :: add_row
+    procedure :: finish => finish_rows
+    procedure :: apply
+    procedure :: transposed
+  end type rows_type
+
+  !> y_i = 1/2 sum of slope x u of the columns of row i: half the curl.
+  type :: curl_rows_type
+    integer(i4) :: rows = 0
+    integer(i4), allocatable :: first(:)
+    integer(i4), allocatable :: column(:)
+    real(wp), allocatable :: slope(:, :)  !! (3, entries) [1/m]
+  contains
+    procedure :: apply => apply_curl
+    procedure :: transposed => transposed_curl
+  end type curl_rows_type
+
+contains
+
+  !> Make room for the rows that `add_row` brings, `most` entries each.
+  subroutine begin_rows(self, rows, columns, most)
+    class(rows_type), intent(inout) :: self
+    integer(i4), intent(in) :: rows, columns, most
+    if (allocated(self%first)) deallocate (self%first, self%column, self%weight)
+    allocate (self%first(rows + 1), self%column(rows*most), self%weight(rows*most))
+    self%rows = 0
+    self%columns = columns
+    self%first(1) = 1
+  end subroutine begin_rows
+
+  subroutine add_row(self, column, weight)
+    class(rows_type), intent(inout) :: self
+    integer(i4), intent(in) :: column(:)
+    real(wp), intent(in) :: weight(:)
+    integer(i4) :: at
+    at = self%first(self%rows + 1)
+    self%column(at:at + size(column) - 1) = column
+    self%weight(at:at + size(column) - 1) = weight
+    self%rows = self%rows + 1
+    self%first(self%rows + 1) = at + size(column)
+  end subroutine add_row
+
+  !> Give back the room that was not needed.
+  subroutine finish_rows(self)
+    class(rows_type), intent(inout) :: self
+    integer(i4) :: n
+    n = self%first(self%rows + 1) - 1
+    self%column = self%column(:n)
+    self%weight = self%weight(:n)
+    self%first = self%first(:self%rows + 1)
+  end subroutine finish_rows
+
+  pure subroutine apply(self, x, y)
+    class(rows_type), intent(in) :: self
+    real(wp), intent(in) :: x(:, :)   !! (3, columns)
+    real(wp), intent(out) :: y(:, :)  !! (3, rows)
+    real(wp) :: s(3)
+    integer(i4) :: i, e
+    do i = 1, self%rows
+      s = 0.0_wp
+      do e = self%first(i), self%first(i + 1) - 1
+        s(1) = s(1) + self%weight(e)*x(1, self%column(e))
+        s(2) = s(2) + self%weight(e)*x(2, self%column(e))
+        s(3) = s(3) + self%weight(e)*x(3, self%column(e))
+      end do
+      y(1, i) = s(1)
+      y(2, i) = s(2)
+      y(3, i) = s(3)
+    end do
+  end subroutine apply
+
+  !> x = x + transpose y.
+  pure subroutine transposed(self, y, x)
+    class(rows_type), intent(in) :: self
+    real(wp), intent(in) :: y(:, :)     !! (3, rows)
+    real(wp), intent(inout) :: x(:, :)  !! (3, columns)
+    integer(i4) :: i, e, c
+    do i = 1, self%rows
+      do e = self%first(i), self%first(i + 1) - 1
+        c = self%column(e)
+        x(1, c) = x(1, c) + self%weight(e)*y(1, i)
+        x(2, c) = x(2, c) + self%weight(e)*y(2, i)
+        x(3, c) = x(3, c) + self%weight(e)*y(3, i)
+      end do
+    end do
+  end subroutine transposed
+
+  pure subroutine apply_curl(self, u, y)
+    class(curl_rows_type), intent(in) :: self
+    real(wp), intent(in) :: u(:, :)
+    real(wp), intent(out) :: y(:, :)
+    real(wp) :: s(3)
+    integer(i4) :: i, e
+    do i = 1, self%rows
+      s = 0.0_wp
+      do e = self%first(i), self%first(i + 1) - 1
+        s = s + cross(self%slope(:, e), u(:, self%column(e)))
+      end do
+      y(:, i) = 0.5_wp*s
+    end do
+  end subroutine apply_curl
+
+  !> x = x + transpose y: a moment y gives the force 1/2 y x slope.
+  pure subroutine transposed_curl(self, y, x)
+    class(curl_rows_type), intent(in) :: self
+    real(wp), intent(in) :: y(:, :)
+    real(wp), intent(inout) :: x(:, :)
+    integer(i4) :: i, e
+    do i = 1, self%rows
+      do e = self%first(i), self%first(i + 1) - 1
+        x(:, self%column(e)) = x(:, self%column(e)) + 0.5_wp*cross(y(:, i), self%slope(:, e))
+      end do
+    end do
+  end subroutine transposed_curl
+end module cpl_rows

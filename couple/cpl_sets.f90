@@ -1,0 +1,233 @@
+!> The sets of the overlap, found from geometry: free grains under prescribed nodes (Q, D^), ghosts
+!! under free nodes (Q^, D), and the rules that they must keep (theory: overlap coupling).
+module cpl_sets
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use cpl_cells, only: cells_type, spot_type
+  use cpl_hull, only: hull_type
+  implicit none
+  private
+  public :: sets_type, pack_type, numbering, part_rest, part_ghost, part_free
+
+  integer(i4), parameter :: part_rest = 0   !! of the elements: continuum alone
+  integer(i4), parameter :: part_ghost = 1  !! ghosts stand in them
+  integer(i4), parameter :: part_free = 2   !! free grains stand in them
+  integer(i4), parameter :: named = 5       !! ids that a message names
+  real(wp), parameter :: least_layers = 3.0_wp  !! depth of the ghosts, in largest diameters
+
+  !> Grains as the partner describes them.
+  type :: pack_type
+    integer(i8), allocatable :: id(:)
+    real(wp), allocatable :: x(:, :)      !! (3, n) [m]
+    real(wp), allocatable :: radius(:)    !! of the ball around each [m]
+    real(wp), allocatable :: mass(:)      !! [kg]
+    real(wp), allocatable :: inertia(:)   !! a third of the trace [kg m^2]
+    real(wp), allocatable :: volume(:)    !! [m^3]
+    integer(i4), allocatable :: kind(:)   !! 0 free, 1 fixed, 2 driven
+    logical, allocatable :: round(:)
+  end type pack_type
+
+  !> Grains by their row in the pack, nodes by their id.
+  type :: sets_type
+    integer(i4), allocatable :: part(:)        !! (elements) part_*
+    integer(i4), allocatable :: free(:)        !! free grains under prescribed nodes
+    integer(i4), allocatable :: ghost(:)
+    integer(i4), allocatable :: outside(:)     !! free grains under no element
+    type(spot_type), allocatable :: free_spot(:), ghost_spot(:)
+    integer(i4), allocatable :: hat(:)         !! nodes that the free grains move
+    integer(i4), allocatable :: edge(:)        !! free nodes of elements with ghosts
+    logical, allocatable :: fast(:)            !! (elements) has a hat node and energy of its own
+    type(hull_type) :: hull                    !! of the elements of the free grains
+    real(wp) :: d_max = 0.0_wp                 !! largest diameter of all coupled grains [m]
+    real(wp) :: depth = 0.0_wp                 !! of the ghosts' layer [m]
+    integer(i4) :: least_in_element = 0        !! free grains in an element, fewest
+    real(wp) :: mean_in_element = 0.0_wp
+  contains
+    procedure :: sort
+  end type sets_type
+
+contains
+
+  !> Sort grains and nodes; part is set already. Faults I422 to I424, I426, I428.
+  subroutine sort(self, cells, pack, errors)
+    class(sets_type), intent(inout) :: self
+    type(cells_type), intent(in) :: cells
+    type(pack_type), intent(in) :: pack
+    type(error_list_type), intent(inout) :: errors
+
+    call sort_nodes(self, cells, errors)
+    if (errors%any()) return
+    call sort_grains(self, cells, pack, errors)
+    if (errors%any()) return
+    call self%hull%build(cells, self%part == part_free)
+    call check_counts(self, cells, errors)
+    call check_depth(self, cells, errors)
+  end subroutine sort
+
+  !> Nodes of the free grains' elements are prescribed; all others that ghosts or they reach are of
+  !! the edge. I423: an element with ghosts but without a free node.
+  subroutine sort_nodes(self, cells, errors)
+    type(sets_type), intent(inout) :: self
+    type(cells_type), intent(in) :: cells
+    type(error_list_type), intent(inout) :: errors
+    logical :: hat(cells%nodes), edge(cells%nodes)
+    integer(i4), allocatable :: bad(:)
+    integer(i4) :: e, k
+
+    hat = .false.
+    edge = .false.
+    allocate (bad(0))
+    do e = 1, cells%elements
+      if (self%part(e) == part_free) hat(cells%nodes_of(e)) = .true.
+    end do
+    allocate (self%fast(cells%elements))
+    do e = 1, cells%elements
+      associate (node => cells%node(cells%start(e):cells%start(e + 1) - 1))
+        self%fast(e) = self%part(e) /= part_free .and. any(hat(node))
+        if (self%part(e) == part_ghost .and. all(hat(node))) bad = [bad, e]
+        if (self%part(e) == part_ghost .or. self%fast(e)) edge(node) = .true.
+      end associate
+    end do
+    self%hat = pack([(k, k=1, cells%nodes)], hat)
+    self%edge = pack([(k, k=1, cells%nodes)], edge .and. .not. hat)
+    if (size(bad) > 0) call errors%add('I423', str(size(bad))//' elements of the ghosts have '// &
+      'no free node, such as '//list(int(bad, i8)), '', 'all their nodes belong to elements of '// &
+      'free grains: give these elements to free_elements, or let the layers of both be blocks')
+  end subroutine sort_nodes
+
+  !> I422 free grains where only continuum is, I428 grains that cannot be ghosts.
+  subroutine sort_grains(self, cells, pack_of, errors)
+    type(sets_type), intent(inout) :: self
+    type(cells_type), intent(in) :: cells
+    type(pack_type), intent(in) :: pack_of
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), dimension(size(pack_of%id)) :: free, ghost, outside, lost, held
+    type(spot_type), allocatable :: spot(:)
+    integer(i4) :: g, n(5)
+
+    allocate (spot(size(pack_of%id)))
+    n = 0
+    do g = 1, size(pack_of%id)
+      call cells%find(pack_of%x(:, g), self%part, spot(g))
+      if (spot(g)%element == 0) then
+        if (pack_of%kind(g) == 0) call put(g, n(1), outside)
+      else if (self%part(spot(g)%element) == part_free) then
+        if (pack_of%kind(g) == 0) call put(g, n(2), free)
+      else if (self%part(spot(g)%element) == part_ghost) then
+        if (pack_of%kind(g) == 2) call put(g, n(5), held)
+        call put(g, n(3), ghost)
+      else
+        call put(g, n(4), lost)
+      end if
+    end do
+    self%outside = outside(:n(1))
+    self%free = free(:n(2))
+    self%ghost = ghost(:n(3))
+    self%free_spot = spot(self%free)
+    self%ghost_spot = spot(self%ghost)
+    associate (at => [self%free, self%ghost])
+      if (size(at) > 0) self%d_max = 2.0_wp*maxval(pack_of%radius(at))
+    end associate
+    if (n(4) > 0) call errors%add('I422', str(n(4))//' grains stand in elements of continuum '// &
+      'alone, such as '//list(pack_of%id(lost(:n(4)))), '', 'cut them off the packing, or name '// &
+      'these elements in &overlap ghost_elements')
+    if (n(5) > 0) call errors%add('I428', str(n(5))//' driven grains stand among the ghosts, '// &
+      'such as '//list(pack_of%id(held(:n(5)))), '', 'what the deck drives must stay out of '// &
+      'the elements of the ghosts')
+    if (n(2) == 0 .or. n(3) == 0) call errors%add('I421', str(n(2))//' free grains and '// &
+      str(n(3))//' ghosts stand in the elements of the overlap', '', &
+      'grains and mesh must overlap: look at units and places of both')
+  end subroutine sort_grains
+
+  pure subroutine put(g, n, list_of)
+    integer(i4), intent(in) :: g
+    integer(i4), intent(inout) :: n, list_of(:)
+    n = n + 1
+    list_of(n) = g
+  end subroutine put
+
+  !> The first few ids.
+  pure function list(id) result(text)
+    integer(i8), intent(in) :: id(:)
+    character(len=:), allocatable :: text
+    integer(i4) :: k
+    text = ''
+    do k = 1, min(named, int(size(id), i4))
+      if (k > 1) text = text//', '
+      text = text//str(id(k))
+    end do
+    if (size(id) > named) text = text//', ...'
+  end function list
+
+  !> I426: fewer free grains in an element than it has nodes.
+  subroutine check_counts(self, cells, errors)
+    type(sets_type), intent(inout) :: self
+    type(cells_type), intent(in) :: cells
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: inside(cells%elements), k, e
+    integer(i4), allocatable :: poor(:)
+
+    inside = 0
+    do k = 1, size(self%free)
+      e = self%free_spot(k)%element
+      inside(e) = inside(e) + 1
+    end do
+    self%least_in_element = minval(inside, self%part == part_free)
+    self%mean_in_element = real(size(self%free), wp)/count(self%part == part_free)
+    poor = pack([(e, e=1, cells%elements)], self%part == part_free .and. &
+                inside < cells%start(2:) - cells%start(:cells%elements))
+    if (size(poor) > 0) call errors%add('I426', str(size(poor))//' elements of the free grains '// &
+      'hold fewer grains than nodes, such as '//list(int(poor, i8))//' with '// &
+      str(inside(poor(1))), '', 'take larger elements: about 30 grains an element are wanted '// &
+      'for hex8, 60 for hex20')
+  end subroutine check_counts
+
+  !> The depth of the ghosts' layer: least distance of nodes that it shares with the continuum from
+  !! the free grains' elements. I424: less than three largest diameters.
+  subroutine check_depth(self, cells, errors)
+    type(sets_type), intent(inout) :: self
+    type(cells_type), intent(in) :: cells
+    type(error_list_type), intent(inout) :: errors
+    logical :: ghosted(cells%nodes), rest(cells%nodes)
+    real(wp), parameter :: slack = 0.01_wp  !! for grains that overlap
+    real(wp) :: s
+    integer(i4) :: e, a, worst
+
+    ghosted = .false.
+    rest = .false.
+    do e = 1, cells%elements
+      if (self%part(e) == part_ghost) ghosted(cells%nodes_of(e)) = .true.
+      if (self%part(e) == part_rest) rest(cells%nodes_of(e)) = .true.
+    end do
+    self%depth = 0.0_wp
+    worst = 0
+    do a = 1, cells%nodes
+      if (.not. ghosted(a)) cycle
+      if (any(rest) .and. .not. rest(a)) cycle
+      s = self%hull%distance(cells%x(:, a))
+      if (any(rest)) then
+        if (worst > 0 .and. s >= self%depth) cycle
+      else if (s <= self%depth) then
+        cycle
+      end if
+      self%depth = s
+      worst = a
+    end do
+    if (worst == 0 .or. self%depth >= least_layers*self%d_max*(1.0_wp - slack)) return
+    call errors%add('I424', 'the layer of ghosts is '//str(self%depth)//' m deep at node '// &
+      str(worst)//', less than three largest diameters of '//str(self%d_max)//' m', '', &
+      'give more elements to &overlap ghost_elements')
+  end subroutine check_depth
+
+  !> Rows of a list of ids: number(id), 0 where an id is not in it.
+  pure function numbering(ids, most) result(number)
+    integer(i4), intent(in) :: ids(:), most
+    integer(i4) :: number(most)
+    integer(i4) :: k
+    number = 0
+    do k = 1, size(ids)
+      number(ids(k)) = k
+    end do
+  end function numbering
+end module cpl_sets
