@@ -21,10 +21,15 @@ contains
     character(len=*), intent(in) :: tag
     type(error_list_type), intent(inout) :: errors
     type(h5_file_type) :: file
+    real(wp), allocatable :: reference(:, :)
 
     call checkpoint%begin(file, time, o%step, errors, tag)
     call file%attr_put('/', 'sets_hash', hash_of(o), errors)
-    call file%put('/grains/x_ref', o%pack%x, errors)
+    allocate (reference(5, size(o%pack%id)))
+    reference(:3, :) = o%pack%x
+    reference(4, :) = o%pack%mass
+    reference(5, :) = o%pack%inertia
+    call file%put('/grains/reference', reference, errors)
     call file%put('/free/q', o%q, errors)
     call file%put('/free/theta', o%theta, errors)
     call file%put('/free/theta_ref', o%theta_ref, errors)
@@ -54,17 +59,18 @@ contains
     call checkpoint%finish(file, errors)
   end subroutine write_overlap
 
-  !> Reference positions of all grains, from which sets and operators are made again.
-  subroutine read_overlap_reference(checkpoint, path, x_ref, errors)
+  !> Positions, masses and inertia of all grains in the reference state, from which sets and
+  !! operators are made again.
+  subroutine read_overlap_reference(checkpoint, path, reference, errors)
     type(checkpoint_type), intent(in) :: checkpoint
     character(len=*), intent(in) :: path
-    real(wp), allocatable, intent(out) :: x_ref(:, :)
+    real(wp), allocatable, intent(out) :: reference(:, :)  !! (5, grains) [m], [kg], [kg m^2]
     type(error_list_type), intent(inout) :: errors
     type(h5_file_type) :: file
     type(checkpoint_info_type) :: info
     call checkpoint%open(path, file, info, errors)
     if (errors%any()) return
-    call file%get('/grains/x_ref', x_ref, errors)
+    call file%get('/grains/reference', reference, errors)
     call file%close(errors)
   end subroutine read_overlap_reference
 

@@ -21,14 +21,14 @@ module cpl_overlap_setup
 
 contains
 
-  !> Describe, sort, make the operators and check their identities. Positions of a checkpoint's
-  !! reference state stand in for those of the grains now.
+  !> Describe, sort, make the operators and check their identities. Positions and masses of a
+  !! checkpoint's reference state stand in for those of the grains now.
   subroutine make_overlap(o, solvers, choices, dynamic, reference, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
     type(cpl_choices_type), intent(in) :: choices
     logical, intent(in) :: dynamic                 !! the solid has inertia
-    real(wp), allocatable, intent(in) :: reference(:, :)  !! (3, all grains) [m]
+    real(wp), allocatable, intent(in) :: reference(:, :)  !! (5, all grains) x, mass, inertia
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
 
@@ -37,7 +37,11 @@ contains
     o%symmetric = choices%overlap%scheme == 'symmetric'
     call read_grains(o, solvers(side_grains), timers, errors)
     if (errors%any()) return
-    if (allocated(reference)) o%pack%x = reference
+    if (allocated(reference)) then
+      o%pack%x = reference(:3, :)
+      o%pack%mass = reference(4, :)
+      o%pack%inertia = reference(5, :)
+    end if
     call read_mesh(o, solvers(side_solid), timers, errors)
     if (errors%any()) return
     call choose_elements(o, solvers(side_solid), choices, timers, errors)
