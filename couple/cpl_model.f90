@@ -305,7 +305,8 @@ contains
     real(wp) :: gap
 
     if (self%choices%overlap%given) then
-      call overlap_step(self%overlap, self%solvers, t0, t1, self%timers, errors)
+      call overlap_step(self%overlap, self%solvers, self%choices%exchange, t0, t1, self%timers, &
+                        errors)
       if (errors%any()) return
       self%face%step = self%overlap%step
       call overlap_audit_row(self%audit%file, self%overlap, t1, errors)

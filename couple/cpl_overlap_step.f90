@@ -19,19 +19,19 @@ module cpl_overlap_step
 
 contains
 
-  !> From t0 to t1 [s], accepted on both sides; after a fault nothing was accepted.
-  subroutine overlap_step(o, solvers, t0, t1, timers, errors)
+  !> From t0 to t1 [s], accepted on both sides; after a fault nothing was accepted. The length h is
+  !! the same in every exchange, free of the rounding of times.
+  subroutine overlap_step(o, solvers, h, t0, t1, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
-    real(wp), intent(in) :: t0, t1
+    real(wp), intent(in) :: h, t0, t1
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     real(wp), dimension(3, o%op%ghosts) :: v, spin
     real(wp), dimension(3, o%op%free) :: q, theta
-    real(wp) :: u(3, o%op%nodes), phi(3, o%op%nodes_phi), h, dt, kick, now
+    real(wp) :: u(3, o%op%nodes), phi(3, o%op%nodes_phi), dt, kick, now
     integer(i4) :: k
 
-    h = t1 - t0
     dt = h/o%substeps
     call send_bulk(o, solvers(side_solid), merge(0.5_wp*h, h, o%symmetric), h, t0, t1, timers, &
                    errors)

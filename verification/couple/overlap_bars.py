@@ -40,9 +40,9 @@ class Bar:
         return self.grains * A
 
     def write(self, folder: Path, speed: object, alone: bool = False) -> None:
-        """Write pack.h5 and bar.h5; speed(z) is the velocity at the start, z from the mesh on [m/s].
+        """Write pack.h5 and bar.h5; speed(z): velocity at the start, z from the mesh on [m/s].
 
-        alone: grains over the whole length, and a mesh as long as both with node groups 0, 1, ...
+        alone: grains over the whole length, a mesh as long as both with node groups 0, 1, ...
         """
         elements = self.free + self.ghosts
         layers = self.grains + self.n * (elements + (self.rest if alone else 0))

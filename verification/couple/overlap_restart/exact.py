@@ -52,16 +52,19 @@ def run(case: Case) -> None:
                 path.unlink()
             write_deck(case, f"{name}_grains.nml", "bed_grains.nml")
             write_deck(case, f"{name}_solid.nml", "bed_solid.nml", **values)
-        for name, end, threads, transport, more in (
-            ("whole", "4.0e-4", 1, "shared_memory", ()),
-            ("files", "4.0e-4", 1, "hdf5", ()),
-            ("parts", "2.0e-4", 2, "shared_memory", ()),
-            ("parts", "4.0e-4", 1, "shared_memory", ("--restart=auto",)),
-        ):
+        runs = [
+            ("whole", "2.56e-4", 1, "shared_memory", ()),
+            ("parts", "1.28e-4", 2, "shared_memory", ()),
+            ("parts", "2.56e-4", 1, "shared_memory", ("--restart=auto",)),
+        ]
+        if soil == "micropolar":
+            runs.append(("files", "2.56e-4", 1, "hdf5", ()))
+        for name, end, threads, transport, more in runs:
             places = values | {"name": name, "end": end, "threads": threads}
             deck = write_deck(case, f"{name}.nml", "coupled.nml", transport=transport, **places)
             case.run("talus-couple", deck, *more)
         moved = audit_of(case, "whole")["largest_ghost_displacement"].max()
         case.above(f"{label}ghosts moved [m]", moved, 1e-9, "the knock has arrived")
         compare_runs(case, f"{label}in parts, ", "whole", "parts")
-        compare_runs(case, f"{label}by files, ", "whole", "files")
+        if soil == "micropolar":
+            compare_runs(case, f"{label}by files, ", "whole", "files")
