@@ -69,6 +69,9 @@ contains
     self%active = deck%count('surcharge') > 0
     if (.not. self%active) return
     self%curves = curves
+    if (deck%count('cell') > 0) &
+      call deck%fault(errors, 'D280', 'a periodic cell has no free surface', 'surcharge', 1, '', &
+                      'leave the surcharge or the cell out')
     call deck%get('surcharge', 1, 'stress', self%stress)
     call curve_index(deck, 'D250', curves, 'surcharge', 1, self%curve, errors)
     call deck%get('surcharge', 1, 'clearance', self%clearance)
