@@ -223,7 +223,7 @@ contains
     type(sample_type), intent(in) :: sample
     logical, allocatable, intent(out) :: held(:)     !! (n)
     integer(i4), allocatable, intent(out) :: among(:)  !! (n)
-    logical :: lost(sample%n)
+    logical, allocatable :: lost(:)
     integer(i4) :: c, i, j
     allocate (held(sample%n), source=.true.)
     do

@@ -175,8 +175,8 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(plan_type) :: plan
     integer(i4), allocatable :: rows(:)
-    real(wp), allocatable :: area(:)
-    real(wp) :: stress, force(d%grains%n), before
+    real(wp), allocatable :: area(:), force(:)
+    real(wp) :: stress, before
 
     call self%plan_now(d, plan, errors)
     if (errors%any()) return
@@ -191,7 +191,7 @@ contains
     call cell_areas(plan, d%grains%x(:2, rows), area)
     stress = self%stress
     if (self%curve > 0) stress = self%stress*self%curves(self%curve)%at(time)
-    force = 0.0_wp
+    allocate (force(d%grains%n), source=0.0_wp)
     force(rows) = stress*area
     before = staggering_of(d)
     d%grains%extra_force(3, :) = (d%grains%extra_force(3, :) + d%surcharge) - force

@@ -37,9 +37,10 @@ contains
     type(plan_type), intent(in) :: plan
     integer(i4), allocatable :: rows(:)
     type(view_type) :: view
-    logical :: top(g%n)
+    logical, allocatable :: top(:)
     integer(i4) :: i
 
+    allocate (top(g%n))
     call look_down(g, plan, view)
     do i = 1, g%n
       top(i) = g%kind(i) == kind_free
