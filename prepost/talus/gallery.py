@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from talus import measure_plots, plots, specimens
+from talus import cell_plots, measure_plots, plots, specimens
 
 QUIET = ("E543", "E548", "E558")  # no grains or contacts, no ghosts, no box: nothing to draw
 
@@ -31,6 +31,7 @@ def exhibits(folder: Path) -> list[Exhibit]:
     add("*_audit.csv", plots.audit)
     add("*_measure_*.csv", measure_plots.history)
     add(f"*{specimens.ENDING}.csv", specimen_of, "_specimen", specimens.ENDING)
+    add("*_cell.csv", cell_plots.figure)
     driven = sorted(folder.glob("*_driven.csv"))
     if driven:
         found.append(Exhibit(driven[0], lambda: force_of_all(driven), "force_penetration.png"))

@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from talus import measure_plots, network
+from talus import cell_plots, measure_plots, network
 from talus.cli import main
 from talus.faults import FaultError
 from talus.fields import Cell
@@ -122,3 +122,27 @@ def test_periodic_cell() -> None:
     contacts = {"ids": np.array([[1, 2]]), "point": np.array([[0.55, 0.1, 0.0]])}
     start, end = network.ends_of(contacts, grains, cell)
     assert np.linalg.norm(end - start) < 0.3
+
+
+def test_cell_figure(tmp_path: Path) -> None:
+    """Simple shear: the path of the deviator is the shear; pressure and shear stress are drawn."""
+    gamma = np.linspace(0.0, 2.0, 41)
+    deform = np.tile(np.eye(3), (41, 1, 1))
+    deform[:, 0, 2] = gamma
+    assert cell_plots.distortion(deform) == pytest.approx(gamma)
+    nine = [a + b for a in "xyz" for b in "xyz"]
+    names = ["time [s]", "volume [m3]"] + [f"deform_{n} [-]" for n in nine]
+    names += [f"stress_{n} [Pa]" for n in nine]
+    stress = np.tile(-2.0e3 * np.eye(3), (41, 1, 1))
+    stress[:, 0, 2] = stress[:, 2, 0] = 700.0 * gamma
+    parts = [gamma, np.ones(41), deform.reshape(41, 9), stress.reshape(41, 9)]
+    rows = [",".join(map(repr, map(float, row))) for row in np.column_stack(parts)]
+    (tmp_path / "run_cell.csv").write_text("\n".join([",".join(names), *rows]) + "\n")
+    left, right = cell_plots.figure(tmp_path / "run_cell.csv").axes
+    pressure, shear = left.lines
+    assert pressure.get_ydata() == pytest.approx(2.0)
+    assert shear.get_ydata() == pytest.approx(0.7 * gamma)
+    assert right.lines[0].get_ydata() == pytest.approx(0.0)
+    assert (
+        main(["plot", "cell", str(tmp_path / "run_cell.csv"), "-o", str(tmp_path / "c.png")]) == 0
+    )

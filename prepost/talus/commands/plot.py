@@ -4,10 +4,10 @@ import argparse
 import sys
 from pathlib import Path
 
-from talus import gallery, measure_plots, plots, specimens
+from talus import cell_plots, gallery, measure_plots, plots, specimens
 from talus.faults import FaultError
 
-KINDS = ("force", "ghosts", "audit", "energy", "measure", "rose", "slice", "specimen")
+KINDS = ("force", "ghosts", "audit", "energy", "measure", "rose", "slice", "specimen", "cell")
 
 
 def register(commands: argparse._SubParsersAction) -> None:
@@ -55,6 +55,8 @@ def plot(options: argparse.Namespace) -> int:
         return plot_slice(source, options)
     if options.what == "measure":
         return save(measure_plots.history(source), options.output or Path(f"{source.stem}.png"))
+    if options.what == "cell":
+        return save(cell_plots.figure(source), options.output or Path(f"{source.stem}.png"))
     if options.what == "ghosts":
         return save(
             plots.ghosts(source, options.step), options.output or Path("ghost_displacement.png")
