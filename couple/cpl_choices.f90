@@ -154,9 +154,6 @@ contains
     if (.not. choices%relaxed .and. deck%given('facets', 1, 'relax_exchanges')) &
       call deck%fault(errors, 'D403', "relax_exchanges goes with initial = 'relax' only", &
                       'facets', 1, 'relax_exchanges', "write initial = 'relax', or leave it out")
-    if (choices%relaxed .and. choices%rotation == rotation_micro) &
-      call deck%fault(errors, 'D403', "initial = 'relax' does not go with rotation = 'micro'", &
-                      'facets', 1, 'initial', "write initial = 'dead_load' or 'none'")
     if (choices%scheme == scheme_state .and. choices%interface /= interface_none) &
       call deck%fault(errors, 'D403', "scheme = 'state_at_n' goes with interface = 'none' only", &
                       'facets', 1, 'interface', "write interface = 'none'")

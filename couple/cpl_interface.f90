@@ -32,8 +32,13 @@ module cpl_interface
     real(wp), allocatable :: x_node(:, :)    !! interface nodes (3, m) [m]
     real(wp), allocatable :: u_start(:, :)   !! of the nodes, from the map's state to the start
     integer(i4) :: all_nodes = 0             !! of the solid
-    real(wp), allocatable :: start_stress(:, :)  !! of the relaxed solid at its points (6, q) [Pa]
+    real(wp), allocatable :: start_stress(:, :)  !! of the relaxed solid at its points (6, q), or
+                                                 !! (9, q) if it is micropolar [Pa]
+    real(wp), allocatable :: start_couple(:, :)  !! couple stress there (9, q) [N/m]; not allocated
+                                                 !! where no node has a micro-rotation
     real(wp), allocatable :: start_load(:, :)    !! on all its nodes [N]
+    real(wp), allocatable :: start_moment(:, :)  !! on all its micro-rotations [N m]
+    integer(i8), allocatable :: polar_id(:)      !! all nodes with micro-rotations
     real(wp), allocatable :: w(:, :)         !! of the nodes, that the ghosts follow (3, m) [m]
     real(wp), allocatable :: u(:, :)         !! of the nodes, accepted (3, m) [m]
     real(wp), allocatable :: v(:, :)         !! velocity of the nodes, accepted (3, m) [m/s]

@@ -85,6 +85,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(solid_mesh_type) :: mesh
     real(wp) :: turned
+    integer(i8) :: k
 
     identity = 0.0_wp
     call read_mesh(solid, choices%facets, mesh, timers, errors)
@@ -96,6 +97,7 @@ contains
                                                      choices%rotation, errors)
     if (errors%any()) return
     call face%init(x_ghost, mesh%x)
+    face%polar_id = pack([(k, k=1, size(mesh%polar, kind=i8))], mesh%polar == 1)
     call face%transfer%identity_error(face%x_node, x_ghost, turned, errors)
     identity = max(identity, turned)
     call face%relax%init(choices%interface, choices%theta, face%transfer%rows, face%map%ghosts)

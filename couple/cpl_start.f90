@@ -22,6 +22,7 @@ module cpl_start
   public :: relax_together, put_reference
 
   character(len=*), parameter :: all_set = 'everything'  !! all nodes of the solid
+  character(len=*), parameter :: all_turns = 'turns'     !! all its micro-rotations
   integer(i4), parameter :: look_every = 10_i4           !! exchanges between looks at stiffness
 
   real(wp), parameter :: unbalanced = 0.05_wp            !! motion in the balance over all motion
@@ -67,8 +68,7 @@ contains
       call errors%add('N408', 'the relaxed solid still moves by '// &
                       str(relative(face%u_new, face%u_start))//' of what it has moved', &
                       solvers(side_solid)%deck, 'it carries something at the start that is '// &
-                      'neither stress nor force on nodes, such as couple stress: write '// &
-                      "initial = 'dead_load'")
+                      "neither stress nor force on nodes: write initial = 'dead_load'")
   end subroutine relax_together
 
   !> One exchange of the rehearsal; relative changes of facets and forces in it.
@@ -127,7 +127,7 @@ contains
     type(cpl_solver_type), intent(inout) :: solid
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: with_motion(:, :), without(:, :)
+    real(wp), allocatable :: with_motion(:, :), without(:, :), with_turns(:, :), still(:, :)
 
     face%u_start = face%w
     call solid%start_request(verb_describe, 0_i8, 0.0_wp, 0.0_wp)
@@ -135,13 +135,16 @@ contains
     call solid%ask(timers, errors)
     if (errors%any()) return
     call solid%reply%take('stress', face%start_stress, errors)
-    call choose_nodes(solid, face%all_nodes, timers, errors)
-    call forces_now(face, solid, with_motion, timers, errors)
+    if (solid%reply%has('couple_stress')) &
+      call solid%reply%take('couple_stress', face%start_couple, errors)
+    call choose_nodes(face, solid, .true., timers, errors)
+    call forces_now(face, solid, with_motion, with_turns, timers, errors)
     if (.not. errors%any()) call tell(solid, verb_reject, timers, errors)
     if (.not. errors%any()) call put_stress(face, solid, timers, errors)
-    call forces_now(face, solid, without, timers, errors)
+    call forces_now(face, solid, without, still, timers, errors)
     if (errors%any()) return
     face%start_load = with_motion - without
+    face%start_moment = with_turns - still
     call put_load(face, solid, timers, errors)
     if (errors%any()) return
     face%w_spring = 0.0_wp
@@ -158,14 +161,15 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     call put_stress(face, solid, timers, errors)
-    call choose_nodes(solid, face%all_nodes, timers, errors)
+    call choose_nodes(face, solid, .true., timers, errors)
     if (.not. errors%any()) call put_load(face, solid, timers, errors)
   end subroutine put_reference
 
-  !> SELECT the first n nodes of the solid.
-  subroutine choose_nodes(solid, n, timers, errors)
+  !> SELECT all nodes of the solid and all its micro-rotations, or one of each.
+  subroutine choose_nodes(face, solid, all, timers, errors)
+    type(interface_type), intent(in) :: face
     type(cpl_solver_type), intent(inout) :: solid
-    integer(i4), intent(in) :: n
+    logical, intent(in) :: all
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     integer(i8) :: k
@@ -173,23 +177,32 @@ contains
     call solid%start_request(verb_select, 0_i8, solid%time, solid%time)
     call solid%request%put_text('set', all_set)
     call solid%request%put_text('role', 'load')
-    call solid%request%put_int('id', [(k, k=1, int(n, i8))])
+    call solid%request%put_int('id', [(k, k=1, merge(int(face%all_nodes, i8), 1_i8, all))])
+    call solid%ask(timers, errors)
+    if (size(face%polar_id) == 0 .or. errors%any()) return
+    call solid%start_request(verb_select, 0_i8, solid%time, solid%time)
+    call solid%request%put_text('set', all_turns)
+    call solid%request%put_text('role', 'load')
+    call solid%request%put_text('fields', 'phi')
+    call solid%request%put_int('id', face%polar_id(:merge(size(face%polar_id), 1, all)))
     call solid%ask(timers, errors)
   end subroutine choose_nodes
 
-  !> FORCE on all nodes in the present (trial) state [N].
-  subroutine forces_now(face, solid, force, timers, errors)
+  !> FORCE on all nodes [N], and moments on all micro-rotations [N m], in the present (trial) state.
+  subroutine forces_now(face, solid, force, moment, timers, errors)
     type(interface_type), intent(in) :: face
     type(cpl_solver_type), intent(inout) :: solid
-    real(wp), allocatable, intent(out) :: force(:, :)
+    real(wp), allocatable, intent(out) :: force(:, :), moment(:, :)
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    allocate (force(3, face%all_nodes), source=0.0_wp)
+    allocate (force(3, face%all_nodes), moment(3, size(face%polar_id)), source=0.0_wp)
     if (errors%any()) return
     call solid%start_request(verb_force, 0_i8, 0.0_wp, 0.0_wp)
     call solid%request%put_text('scope', 'all')
     call solid%ask(timers, errors)
     if (.not. errors%any()) call solid%reply%get(all_set//'.force', force, errors)
+    if (size(face%polar_id) > 0 .and. .not. errors%any()) &
+      call solid%reply%get(all_turns//'.moment', moment, errors)
   end subroutine forces_now
 
   subroutine put_stress(face, solid, timers, errors)
@@ -200,10 +213,11 @@ contains
     call solid%start_request(verb_set, 0_i8, solid%time, solid%time)
     call solid%request%put_text('what', 'initial_stress')
     call solid%request%put('value', face%start_stress)
+    if (allocated(face%start_couple)) call solid%request%put('couple', face%start_couple)
     call solid%ask(timers, errors)
   end subroutine put_stress
 
-  !> SET the dead load; afterwards the set of all nodes shrinks to one, so that replies stay short.
+  !> SET the dead loads; afterwards the sets of all nodes shrink to one, so that replies stay short.
   subroutine put_load(face, solid, timers, errors)
     type(interface_type), intent(in) :: face
     type(cpl_solver_type), intent(inout) :: solid
@@ -214,6 +228,13 @@ contains
     call solid%request%put_text('set', all_set)
     call solid%request%put('force', face%start_load)
     call solid%ask(timers, errors)
-    call choose_nodes(solid, 1_i4, timers, errors)
+    if (size(face%polar_id) > 0 .and. .not. errors%any()) then
+      call solid%start_request(verb_set, 0_i8, solid%time, solid%time)
+      call solid%request%put_text('what', 'dead_load')
+      call solid%request%put_text('set', all_turns)
+      call solid%request%put('moment', face%start_moment)
+      call solid%ask(timers, errors)
+    end if
+    call choose_nodes(face, solid, .false., timers, errors)
   end subroutine put_load
 end module cpl_start

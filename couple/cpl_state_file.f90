@@ -47,6 +47,10 @@ contains
     if (allocated(face%start_stress)) then
       call file%put('/solid/start_stress', face%start_stress, errors)
       call file%put('/solid/start_load', face%start_load, errors)
+      if (allocated(face%start_couple)) then
+        call file%put('/solid/start_couple', face%start_couple, errors)
+        call file%put('/solid/start_moment', face%start_moment, errors)
+      end if
     end if
     call file%put('/scalars/grains', face%grains, errors)
     call file%put('/scalars/solid', face%solid, errors)
@@ -109,6 +113,10 @@ contains
     if (file%exists('/solid/start_stress')) then
       call file%get('/solid/start_stress', face%start_stress, errors)
       call file%get('/solid/start_load', face%start_load, errors)
+      if (file%exists('/solid/start_couple')) then
+        call file%get('/solid/start_couple', face%start_couple, errors)
+        call file%get('/solid/start_moment', face%start_moment, errors)
+      end if
     end if
     call file%get_into('/scalars/grains', face%grains, errors)
     call file%get_into('/scalars/solid', face%solid, errors)
