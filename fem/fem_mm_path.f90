@@ -232,6 +232,8 @@ contains
       call update_point(law, [track%motion, there], track%point%state, point, tangent)
       why = failure_text(point)
       if (.not. point%done) return
+      why = 'the forces are not finite'
+      if (.not. all(abs(packed_force(point%force)) <= huge(1.0_wp))) return
       left = missing(control, curve, time, packed_force(point%force))
       now = maxval(abs(left))/law%modulus
       if (now <= accuracy .and. (now > 0.1_wp*before .or. now <= 0.0_wp)) exit
