@@ -1,0 +1,175 @@
+!> Points of laws with a state in a body: the linear law gives the stiffness and forces of linear
+!! assembly, tangents are those of the forces, threads change no bit, trials are put back.
+program test_fem_matter
+  use, intrinsic :: omp_lib, only: omp_set_num_threads
+  use talus_kinds, only: wp, i4
+  use talus_test, only: test_type
+  use fem_body, only: fem_body_type
+  use fem_dofs, only: number_fields
+  use fem_kinds, only: hex8
+  use fem_law, only: common_size
+  use fem_law_drucker, only: fem_law_drucker_type, cone_constants
+  use fem_law_linear, only: fem_law_linear_type
+  use fem_sparse, only: multiply, multiply_general
+  use fem_topology, only: set_elements
+  implicit none
+  type(test_type) :: test
+  integer(i4), parameter :: n = 4          !! elements along an edge
+  real(wp), parameter :: bulk = 900.0_wp, shear = 400.0_wp
+
+  call check_linear('hex8_full')
+  call check_linear('hex8_bbar')
+  call check_tangent()
+  call check_threads()
+  call test%finish()
+
+contains
+
+  !> A cube of n^3 skewed elements with linear or Drucker-Prager points.
+  subroutine make_cube(rule, plastic, body)
+    character(len=*), intent(in) :: rule
+    logical, intent(in) :: plastic
+    type(fem_body_type), intent(inout) :: body
+    integer(i4), parameter :: step(8) = [0, 1, n + 2, n + 1, (n + 1)**2, (n + 1)**2 + 1, &
+                                         (n + 1)**2 + n + 2, (n + 1)**2 + n + 1]
+    integer(i4) :: connectivity(8, n**3), i, j, k, e, r
+    allocate (body%mesh%x(3, (n + 1)**3), body%mesh%group(0))
+    do k = 0, n
+      do j = 0, n
+        do i = 0, n
+          body%mesh%x(:, 1 + i + (n + 1)*(j + (n + 1)*k)) = &
+            [i + 0.1_wp*j, j + 0.05_wp*k + 0.02_wp*i*k/n, real(k, wp)]
+        end do
+      end do
+    end do
+    do e = 1, n**3
+      i = modulo(e - 1, n)
+      j = modulo((e - 1)/n, n)
+      k = (e - 1)/n**2
+      connectivity(:, e) = 1 + i + (n + 1)*(j + (n + 1)*k) + step
+    end do
+    call set_elements(body%mesh, hex8, connectivity)
+    call body%elastic%start(n**3)
+    call body%elastic%use_rule(rule, r)
+    body%elastic%rule_of = r
+    body%elastic%moduli(1, :) = bulk - 2.0_wp/3.0_wp*shear
+    body%elastic%moduli(2, :) = shear
+    body%elastic%density = 3.0_wp
+    call body%elastic%number_points()
+    call number_fields(body%mesh, body%elastic%rotations(), body%dofs)
+    allocate (body%curve(0), body%load(0), body%motion(0))
+    call body%allocate_state()
+    call body%assemble()
+    call make_matter(plastic, body)
+  end subroutine make_cube
+
+  subroutine make_matter(plastic, body)
+    logical, intent(in) :: plastic
+    type(fem_body_type), intent(inout) :: body
+    type(fem_law_linear_type) :: linear
+    type(fem_law_drucker_type) :: drucker
+    linear%bulk = bulk
+    linear%shear = shear
+    drucker%bulk = bulk
+    drucker%shear = shear
+    drucker%cohesion = 0.2_wp
+    drucker%states = common_size + 1
+    call cone_constants(0.5_wp, 0.1_wp, -1, drucker%a, drucker%b)
+    call cone_constants(0.1_wp, 0.1_wp, -1, drucker%a_flow, drucker%b_flow)
+    associate (m => body%matter)
+      allocate (m%law(1))
+      allocate (m%law_of(n**3), source=1_i4)
+      if (plastic) m%law(1)%law = drucker
+      if (.not. plastic) m%law(1)%law = linear
+      m%active = .true.
+      m%symmetric = .not. plastic
+      m%states = common_size + 1
+      allocate (m%stress(6, body%elastic%points), m%state(m%states, body%elastic%points))
+      m%stress = 0.0_wp
+      m%state = 0.0_wp
+      call m%prepare(body%mesh, body%dofs, body%elastic)
+    end associate
+  end subroutine make_matter
+
+  !> Numbers that look like chance.
+  pure function noise(blocks, size_of) result(u)
+    integer(i4), intent(in) :: blocks
+    real(wp), intent(in) :: size_of
+    real(wp) :: u(3, blocks)
+    integer(i4) :: i
+    u = reshape([(size_of*sin(7.3_wp*i), i=1, 3*blocks)], [3, blocks])
+  end function noise
+
+  subroutine check_linear(rule)
+    character(len=*), intent(in) :: rule
+    type(fem_body_type) :: body
+    real(wp), allocatable :: u(:, :), wanted(:, :), force(:, :), product(:, :)
+    integer(i4) :: bad
+    call make_cube(rule, .false., body)
+    u = noise(body%dofs%blocks, 1.0e-3_wp)
+    allocate (wanted, force, product, mold=u)
+    call multiply(body%pattern, body%k, u, wanted)
+    call body%matter%update(body%mesh, body%dofs, body%elastic, u, force, bad)
+    call test%check(rule//': all points have a state', bad == 0)
+    call test%check_close(rule//': forces', maxval(abs(force - wanted))/maxval(abs(wanted)), &
+                          0.0_wp, 1.0e-13_wp)
+    call body%matter%assemble(body%mesh, body%dofs, body%elastic, body%pattern, body%k, body%lower)
+    call test%check(rule//': symmetric', size(body%lower) == 0)
+    call multiply_general(body%pattern, body%k, body%lower, u, product)
+    call test%check_close(rule//': stiffness', maxval(abs(product - wanted)) &
+                          /maxval(abs(wanted)), 0.0_wp, 1.0e-13_wp)
+    call test%check_close(rule//': stored energy', sum(body%matter%works()) &
+                          /(0.5_wp*sum(u*wanted)), 1.0_wp, 1.0e-12_wp)
+    call body%matter%reject()
+    call test%check(rule//': put back', maxval(abs(body%matter%stress)) <= 0.0_wp)
+  end subroutine check_linear
+
+  !> Slopes of the forces along a direction, by central differences, are the tangent times it; it is
+  !! not symmetric.
+  subroutine check_tangent()
+    type(fem_body_type) :: body
+    real(wp), allocatable :: u(:, :), way(:, :), high(:, :), low(:, :), product(:, :), back(:, :)
+    real(wp), parameter :: step = 1.0e-7_wp
+    integer(i4) :: bad, counts(2)
+    call make_cube('hex8_bbar', .true., body)
+    u = noise(body%dofs%blocks, 2.0e-3_wp)
+    way = cshift(u, 1, 2)
+    allocate (high, low, product, back, mold=u)
+    call body%matter%update(body%mesh, body%dofs, body%elastic, u, product, bad)
+    counts = body%matter%yielding()
+    call test%check('some points yield', counts(1) > 0)
+    call body%matter%assemble(body%mesh, body%dofs, body%elastic, body%pattern, body%k, body%lower)
+    call multiply_general(body%pattern, body%k, body%lower, way, product)
+    call multiply_general(body%pattern, body%k, body%lower, u, back)
+    call test%check('not symmetric', abs(sum(u*product) - sum(way*back)) > &
+                    1.0e-6_wp*abs(sum(u*product)))
+    call body%matter%update(body%mesh, body%dofs, body%elastic, u + step*way, high, bad)
+    call body%matter%update(body%mesh, body%dofs, body%elastic, u - step*way, low, bad)
+    call test%check_close('tangent', maxval(abs((high - low)/(2.0_wp*step) - product)) &
+                          /maxval(abs(product)), 0.0_wp, 1.0e-6_wp)
+  end subroutine check_tangent
+
+  subroutine check_threads()
+    type(fem_body_type) :: body
+    real(wp), allocatable :: u(:, :), force(:, :), first(:, :), k(:, :, :), lower(:, :, :)
+    integer(i4) :: bad, t
+    call make_cube('hex8_bbar', .true., body)
+    u = noise(body%dofs%blocks, 2.0e-3_wp)
+    allocate (force, mold=u)
+    do t = 1, 3
+      call omp_set_num_threads(t)
+      call body%matter%update(body%mesh, body%dofs, body%elastic, u, force, bad)
+      call body%matter%assemble(body%mesh, body%dofs, body%elastic, body%pattern, body%k, &
+                                body%lower)
+      if (t == 1) then
+        first = force
+        k = body%k
+        lower = body%lower
+        cycle
+      end if
+      call test%check('threads: forces', all(abs(force - first) <= 0.0_wp))
+      call test%check('threads: stiffness', all(abs(body%k - k) <= 0.0_wp) &
+                      .and. all(abs(body%lower - lower) <= 0.0_wp))
+    end do
+  end subroutine check_threads
+end program test_fem_matter
