@@ -21,7 +21,7 @@ module cpl_choices
   real(wp), parameter :: round_off = 1.0e-9_wp  !! of an interval
 
   type :: cpl_choices_type
-    character(len=:), allocatable :: transport, ghosts, facets
+    character(len=:), allocatable :: transport, ghosts, facets, surface
     character(len=:), allocatable :: scheme_name, interface_name
     real(wp) :: t_end = 0.0_wp         !! s
     real(wp) :: gravity(3) = 0.0_wp    !! m/s2
@@ -70,6 +70,7 @@ contains
     call check_clock(deck, choices, errors)
     if (deck%count('facets') == 0) return
     call deck%get('facets', 1, 'ghosts', choices%ghosts)
+    call deck%get('facets', 1, 'surface', choices%surface)
     call deck%get('facets', 1, 'facets', choices%facets)
     call deck%get('facets', 1, 'interface', choices%interface_name)
     call deck%get('facets', 1, 'initial', initial)
@@ -88,7 +89,30 @@ contains
     if (deck%given('facets', 1, 'theta')) call deck%get('facets', 1, 'theta', choices%theta)
     call set_methods(choices)
     call check_choices(deck, choices, errors)
+    call check_surface(deck, choices, errors)
   end subroutine read_choices
+
+  !> Ghosts or a surface; what goes with ghosts alone (D416).
+  subroutine check_surface(deck, choices, errors)
+    type(deck_type), intent(in) :: deck
+    type(cpl_choices_type), intent(in) :: choices
+    type(error_list_type), intent(inout) :: errors
+    character(len=10), parameter :: keys(2) = [character(len=10) :: 'spread', 'max_offset']
+    integer(i4) :: k
+    if (deck%count('facets') == 0) return
+    if (len(choices%ghosts) > 0 .eqv. len(choices%surface) > 0) &
+      call deck%fault(errors, 'D416', 'facets carry ghosts or are a surface, one of the two', &
+                      'facets', 1, '', "give ghosts = 'group', or surface = 'material'")
+    if (len(choices%surface) == 0) return
+    do k = 1, 2
+      if (deck%given('facets', 1, trim(keys(k)))) &
+        call deck%fault(errors, 'D416', trim(keys(k))//' is for ghosts', 'facets', 1, &
+                        trim(keys(k)), 'leave it out with surface')
+    end do
+    if (choices%rotation /= rotation_fixed) &
+      call deck%fault(errors, 'D416', 'a surface turns with its triangles', 'facets', 1, &
+                      'rotation', 'leave rotation out with surface')
+  end subroutine check_surface
 
   subroutine set_methods(choices)
     type(cpl_choices_type), intent(inout) :: choices

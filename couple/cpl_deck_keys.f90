@@ -144,13 +144,17 @@ contains
 
   subroutine group_facets(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('facets', 11, &
-      'Ghost grains on facets of the solid. A deck has exactly one of facets and ' &
-      //'overlap.')
+    call table%add_group('facets', 12, &
+      'Facets of the solid that meet the grains: ghost grains ride on them, or they are' &
+      //' a surface that free grains touch. A deck has exactly one of facets and overlap.')
     call table%add_key('ghosts', 'string', '', &
-      'Group of the packing whose grains become ghosts.')
-    call table%need()
-    call table%add_key('facets', 'string', '', 'Facet group of the mesh on which they ride.')
+      'Group of the packing whose grains become ghosts. Give this or surface.')
+    call table%add_key('surface', 'string', '', &
+      'Material of the grains'' deck: the facets themselves are a surface that free ' &
+      //'grains touch, with edges and corners, and deform under their contacts. Facets ' &
+      //'with four corners are two triangles; only corner nodes are loaded. Give this or ' &
+      //'ghosts.')
+    call table%add_key('facets', 'string', '', 'Facet group of the mesh.')
     call table%need()
     call table%add_key('max_offset', 'real', 'm', &
       'Largest distance between the centre of a ghost and its facet; left out, a ' &
@@ -184,6 +188,11 @@ contains
       'Theta: share of the new force, 1/(1 + contact stiffness/facet stiffness); also ' &
       //'the first factor of Aitken.')
     call table%bounds(max=1.0_wp, above=0.0_wp)
+    call group_facets_2(table)
+  end subroutine group_facets
+
+  subroutine group_facets_2(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('initial', 'string', '', &
       'What happens to the forces that the ghosts carry at the start: `''dead_load''` ' &
       //'balances them, so that the solid starts undeformed; `''relax''` runs exchanges ' &
@@ -192,11 +201,6 @@ contains
       //'them act.')
     call table%preset('dead_load')
     call table%allow('dead_load|relax|none')
-    call group_facets_2(table)
-  end subroutine group_facets
-
-  subroutine group_facets_2(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('relax_tolerance', 'real', '', &
       'Relax: change of the facets'' displacement and of the ghosts'' forces in an ' &
       //'exchange, relative to their largest, below which the start is found.')

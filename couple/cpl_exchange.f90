@@ -7,7 +7,7 @@ module cpl_exchange
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, scheme_average, scheme_iterated, scheme_state, &
     interface_springs
-  use cpl_interface, only: interface_type, ghost_set, ghost_fields, node_set, phi_set
+  use cpl_interface, only: interface_type, select_ghosts, ghost_set, node_set, phi_set
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
@@ -168,7 +168,9 @@ contains
     associate (reply => grains%reply)
       call read_forces(face, grains, face%p_end, errors)
       call reply%get(ghost_set//'.impulse', impulse, errors)
-      call reply%get(ghost_set//'.moment_impulse', face%m_mean, errors)
+      face%m_mean = 0.0_wp
+      if (len(face%material) == 0) &
+        call reply%get(ghost_set//'.moment_impulse', face%m_mean, errors)
       call reply%get(ghost_set//'.work', face%step_work, errors)
       call reply%get('scalars', face%grains_new, errors)
       call reply%get_int('substeps', substeps, errors)
@@ -192,6 +194,7 @@ contains
     real(wp) :: part(3, face%map%ghosts)
     call grains%reply%get(ghost_set//'.force', part, errors)
     p(:3, :) = part
+    if (len(face%material) > 0) return
     call grains%reply%get(ghost_set//'.moment', part, errors)
     if (face%transfer%rows > 3) p(4:, :) = part
   end subroutine read_forces
@@ -302,10 +305,7 @@ contains
 
     associate (grains => solvers(side_grains))
       call grains%start_request(verb_select, face%step, time, time)
-      call grains%request%put_text('set', ghost_set)
-      call grains%request%put_text('role', 'prescribe')
-      call grains%request%put_int('id', face%map%ghost_id)
-      call grains%request%put_text('fields', ghost_fields)
+      call select_ghosts(face, grains%request)
       call grains%ask(timers, errors)
       if (errors%any()) return
       call grains%reply%get('mass', mass, errors)

@@ -1,6 +1,7 @@
 !> State of the interface: where ghosts and facets are, and the forces between them.
 module cpl_interface
   use talus_kinds, only: wp, i4, i8
+  use talus_message, only: message_type
   use talus_scalars, only: scalar_count
   use cpl_facet_map, only: facet_map_type
   use cpl_relax, only: relax_type
@@ -8,7 +9,7 @@ module cpl_interface
   use cpl_transfer, only: transfer_type
   implicit none
   private
-  public :: interface_type, ghost_set, ghost_fields, node_set, phi_set
+  public :: interface_type, select_ghosts, ghost_set, ghost_fields, node_set, phi_set
 
   character(len=*), parameter :: ghost_set = 'ghosts'     !! set of the grains
   character(len=*), parameter :: ghost_fields = 'force,moment,impulse,moment_impulse,work'
@@ -24,6 +25,8 @@ module cpl_interface
     type(transfer_type) :: transfer
     type(springs_type) :: springs
     type(relax_type) :: relax
+    character(len=:), allocatable :: material     !! of a surface that grains touch; '' for ghosts
+    integer(i8), allocatable :: triangle(:, :)    !! of the surface (3, k), numbers of ghosts
     logical :: dynamic = .false.             !! the solid has inertia
     integer(i8) :: step = 0                  !! accepted exchanges
     real(wp), allocatable :: radius(:)       !! of the ghosts [m]
@@ -111,6 +114,24 @@ contains
     self%quat(1, :) = 1.0_wp
     self%quat_new = self%quat
   end subroutine init
+
+  !> Request of SELECT: the ghosts, or the corners of the surface as vertices.
+  subroutine select_ghosts(self, request)
+    type(interface_type), intent(in) :: self
+    type(message_type), intent(inout) :: request
+    call request%put_text('set', ghost_set)
+    call request%put_int('id', self%map%ghost_id)
+    if (len(self%material) == 0) then
+      call request%put_text('role', 'prescribe')
+      call request%put_text('fields', ghost_fields)
+      return
+    end if
+    call request%put_text('role', 'surface')
+    call request%put_text('fields', 'force,impulse,work')
+    call request%put_text('material', self%material)
+    call request%put('x', self%x_start)
+    call request%put_int('triangle', self%triangle)
+  end subroutine select_ghosts
 
   !> Motion of the ghosts from that of the nodes, after a checkpoint was read or a start was found.
   subroutine resume(self)

@@ -35,8 +35,8 @@ module cpl_model
     overlap_row_titles, overlap_row, overlap_health, overlap_summary
   use cpl_overlap_setup, only: make_overlap, begin_overlap
   use cpl_overlap_step, only: overlap_step
-  use cpl_setup, only: find_ghosts, find_radii, make_map, select_sets, begin_interface, &
-    end_rehearsal
+  use cpl_setup, only: find_ghosts, find_vertices, find_radii, make_map, select_sets, &
+    begin_interface, end_rehearsal
   use cpl_solver, only: cpl_solver_type
   use cpl_start, only: relax_together
   use cpl_state_file, only: write_state, read_state, read_reference
@@ -240,6 +240,8 @@ contains
     identity = 0.0_wp
     if (self%again) then
       call read_reference(self%checkpoint, self%manifest%path(3)%s, ids, x, map_hash, time, errors)
+    else if (len(self%choices%surface) > 0) then
+      call find_vertices(self%solvers(2), self%choices%facets, ids, x, self%timers, errors)
     else
       call find_ghosts(self%solvers(1), self%choices%ghosts, ids, x, self%timers, errors)
     end if

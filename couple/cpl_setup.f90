@@ -7,13 +7,15 @@ module cpl_setup
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, interface_springs, rotation_micro
   use cpl_exchange, only: set_springs, read_forces, read_motion
-  use cpl_interface, only: interface_type, ghost_set, ghost_fields, node_set, phi_set
+  use cpl_interface, only: interface_type, select_ghosts, node_set, phi_set
   use cpl_start, only: put_reference
+  use cpl_shapes, only: corner_count, node_count
   use cpl_solid_mesh, only: solid_mesh_type
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
-  public :: find_ghosts, find_radii, make_map, select_sets, begin_interface, end_rehearsal
+  public :: find_ghosts, find_vertices, find_radii, make_map, select_sets, begin_interface
+  public :: end_rehearsal
 
   real(wp), parameter :: first_stiffness = 1.5_wp  !! springs over the contacts' stiffness
 
@@ -45,6 +47,55 @@ contains
       if (errors%any()) return
     end do
   end subroutine find_ghosts
+
+  !> Corner nodes of the facets of a surface, as if they were ghosts: ids and places.
+  subroutine find_vertices(solid, group, ids, x, timers, errors)
+    type(cpl_solver_type), intent(inout) :: solid
+    character(len=*), intent(in) :: group
+    integer(i8), allocatable, intent(out) :: ids(:)
+    real(wp), allocatable, intent(out) :: x(:, :)  !! (3, n) [m]
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    type(solid_mesh_type) :: mesh
+    logical, allocatable :: used(:)
+    integer(i4) :: k
+
+    call read_mesh(solid, group, mesh, timers, errors)
+    if (errors%any()) return
+    allocate (used(size(mesh%x, 2)), source=.false.)
+    do k = 1, size(mesh%facets, 2)
+      used(mesh%facets(:corner_count(node_count(mesh%facets(:, k))), k)) = .true.
+    end do
+    ids = pack([(int(k, i8), k=1, size(used))], used)
+    x = mesh%x(:, ids)
+  end subroutine find_vertices
+
+  !> Triangles of the facets' corners, four corners cut along their shorter diagonal.
+  subroutine cut_facets(mesh, ids, triangle)
+    type(solid_mesh_type), intent(in) :: mesh
+    integer(i8), intent(in) :: ids(:)
+    integer(i8), allocatable, intent(out) :: triangle(:, :)  !! (3, k) places in ids
+    integer(i8), allocatable :: place(:)
+    integer(i4) :: k, n, node(4)
+
+    allocate (place(size(mesh%x, 2)), triangle(3, 2*size(mesh%facets, 2)))
+    place = 0
+    place(ids) = [(int(k, i8), k=1, size(ids))]
+    n = 0
+    do k = 1, size(mesh%facets, 2)
+      n = n + 1
+      node = mesh%facets([1, 2, 3, 1], k)
+      if (corner_count(node_count(mesh%facets(:, k))) == 4) then
+        node(4) = mesh%facets(4, k)
+        if (norm2(mesh%x(:, node(3)) - mesh%x(:, node(1))) > (1.0_wp + 1.0e-12_wp) &
+            *norm2(mesh%x(:, node(4)) - mesh%x(:, node(2)))) node = cshift(node, 1)
+        triangle(:, n + 1) = place(node([1, 3, 4]))
+      end if
+      triangle(:, n) = place(node(:3))
+      if (corner_count(node_count(mesh%facets(:, k))) == 4) n = n + 1
+    end do
+    triangle = triangle(:, :n)
+  end subroutine cut_facets
 
   subroutine position_of(id, all_ids, all_x, x, errors)
     integer(i8), intent(in) :: id, all_ids(:)
@@ -90,6 +141,8 @@ contains
     identity = 0.0_wp
     call read_mesh(solid, choices%facets, mesh, timers, errors)
     if (errors%any()) return
+    face%material = choices%surface
+    if (len(face%material) > 0) call cut_facets(mesh, ids, face%triangle)
     call face%map%build(ids, x_ghost, mesh%facets, mesh%x, choices%max_offset, errors)
     if (errors%any()) return
     call face%map%identity_error(x_ghost, mesh%x, identity, errors)
@@ -160,10 +213,7 @@ contains
     do k = 1, 2
       call solvers(k)%start_request(verb_select, face%step, solvers(k)%time, solvers(k)%time)
       if (k == side_grains) then
-        call solvers(k)%request%put_text('set', ghost_set)
-        call solvers(k)%request%put_text('role', 'prescribe')
-        call solvers(k)%request%put_int('id', face%map%ghost_id)
-        call solvers(k)%request%put_text('fields', ghost_fields)
+        call select_ghosts(face, solvers(k)%request)
       else
         call solvers(k)%request%put_text('set', node_set)
         call solvers(k)%request%put_text('role', 'load')

@@ -13,6 +13,7 @@ module dem_port_state
   use dem_packing, only: group_index
   use dem_system, only: dem_system_type, dem_contacts_type
   use dem_model, only: dem_model_type, program_name
+  use dem_surface_measure, only: vertex_stiffness
   use dem_sets, only: dem_set_type, role_surface
   implicit none
   private
@@ -103,7 +104,7 @@ contains
   end subroutine put_contacts
 
   !> Mass of each grain of a set, and the sum of the normal stiffness of its contacts; vertices of a
-  !! surface have neither.
+  !! surface have no mass.
   subroutine reply_selected(system, set, reply)
     type(dem_system_type), intent(in) :: system
     type(dem_set_type), intent(in) :: set
@@ -115,8 +116,8 @@ contains
     integer(i4) :: k
 
     if (set%role == role_surface) then
-      stiffness = 0.0_wp*set%index
-      call reply%put('mass', stiffness)
+      stiffness = vertex_stiffness(system%dem_data_type, set%body)
+      call reply%put('mass', 0.0_wp*stiffness)
       call reply%put('stiffness', stiffness)
       return
     end if

@@ -5,6 +5,7 @@ module dem_surface_measure
   use dem_contact, only: contact_constants_type, constants_of, contact_radius
   implicit none
   private
+  public :: vertex_stiffness
   public :: surface_contact_count, surface_energy, add_surface_rows, add_surface_coordination, &
     largest_surface_overlap, surface_stiffness, body_of_part
 
@@ -42,6 +43,40 @@ contains
     radius = contact_radius(d%surfaces%history(k, :, g))
     stiffness = [c%kn_a*radius + c%kn, c%kt_a*radius + c%kt]
   end function surface_stiffness
+
+  !> Normal stiffness of the contacts of a soft body, shared among its vertices as their forces
+  !! are [N/m].
+  function vertex_stiffness(d, body) result(stiffness)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: body
+    real(wp), allocatable :: stiffness(:)
+    real(wp) :: whole, sum_of, pair(2), part
+    integer(i4) :: g, k, c, first, vertex
+
+    first = d%surfaces%first_vertex(body)
+    allocate (stiffness(d%surfaces%first_vertex(body + 1) - first), source=0.0_wp)
+    do g = 1, d%surfaces%near
+      whole = 0.0_wp
+      do k = 1, d%surfaces%contacts(g)
+        if (d%surfaces%part(k, g) /= d%surfaces%first_part(body)) cycle
+        pair = surface_stiffness(d, k, g)
+        whole = whole + pair(1)
+      end do
+      if (.not. whole > 0.0_wp) cycle
+      sum_of = 0.0_wp
+      do k = 3*d%surfaces%near_start(g) - 2, 3*d%surfaces%near_start(g + 1) - 3
+        sum_of = sum_of + norm2(d%surfaces%share(:, k))
+      end do
+      do k = 3*d%surfaces%near_start(g) - 2, 3*d%surfaces%near_start(g + 1) - 3
+        c = d%surfaces%candidate((k + 2)/3)
+        part = norm2(d%surfaces%share(:, k))
+        if (c <= 0 .or. .not. part > 0.0_wp) cycle
+        if (d%surfaces%owner(c) /= body) cycle
+        vertex = d%surfaces%corner(k - 3*((k + 2)/3 - 1), c) - first + 1
+        stiffness(vertex) = stiffness(vertex) + whole*part/sum_of
+      end do
+    end do
+  end function vertex_stiffness
 
   !> Stored normal and tangential energy [J].
   pure function surface_energy(d) result(energy)
