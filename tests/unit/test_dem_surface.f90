@@ -22,6 +22,9 @@ program test_dem_surface
   call check_bend(0.02_wp, 'ridge')
   call check_bend(-0.02_wp, 'valley')
   call check_soft()
+  call check_corner()
+  call check_moving()
+  call check_both_sides()
   call test%finish()
 
 contains
@@ -204,4 +207,141 @@ contains
     call s%refresh_ledger()
     call test%check_close('ledger on a soft floor', s%closure()/s%ledger%start, 0.0_wp, 1.0e-4_wp)
   end subroutine check_soft
+  !> A floor and a wall of one mesh hold an ellipsoid in their corner as two planes do; more threads
+  !! and a wider list change no bit.
+  subroutine check_corner()
+    type(dem_system_type) :: a, b, c
+    type(error_list_type) :: errors
+    real(wp), parameter :: x(3) = [2.6e-3_wp, 0.1e-3_wp, 2.6e-3_wp]
+    real(wp), parameter :: v(3) = [-0.3_wp, 0.1_wp, -0.2_wp]
+    real(wp) :: zero(3, 2), worst
+    integer(i4) :: k
+
+    zero = 0.0_wp
+    call make_grain(a, ellipsoid, x, v, [1.0_wp, 2.0_wp, 3.0_wp])
+    call make_grain(b, ellipsoid, x, v, [1.0_wp, 2.0_wp, 3.0_wp])
+    call make_grain(c, ellipsoid, x, v, [1.0_wp, 2.0_wp, 3.0_wp])
+    call make_planes(a%planes, zero, reshape([0.0_wp, 0.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, 0.0_wp], &
+                                             [3, 2]), zero, [2, 2])
+    call make_angle(b)
+    call make_angle(c)
+    c%par%skin = 1.0e-3_wp
+    call a%init(errors)
+    call b%init(errors)
+    call omp_set_num_threads(2)
+    call c%init(errors)
+    worst = 0.0_wp
+    do k = 1, 100
+      call omp_set_num_threads(1)
+      call a%step(100, errors)
+      call b%step(100, errors)
+      call omp_set_num_threads(2)
+      call c%step(100, errors)
+      worst = max(worst, maxval(abs(a%grains%x - b%grains%x))/ellipsoid(1))
+    end do
+    call omp_set_num_threads(1)
+    call test%check('the corner is touched on both sides', &
+                    all(sum(abs(a%planes%impulse), 1) > 0.0_wp))
+    call test%check_close('a corner of one mesh is two planes', worst, 0.0_wp, 1.0e-10_wp)
+    call test%check_close('its force is that of both planes', maxval(abs( &
+      sum(a%planes%impulse, 2) - b%surfaces%impulse(:, 1)))/(a%grains%mass(1)*0.3_wp), 0.0_wp, &
+      1.0e-10_wp)
+    call test%check('same bits with threads and list', &
+                    all(abs(b%grains%x - c%grains%x) <= 0.0_wp) .and. &
+                    all(abs(b%surfaces%impulse - c%surfaces%impulse) <= 0.0_wp))
+  end subroutine check_corner
+
+  !> Floor and wall that meet along y.
+  subroutine make_angle(s)
+    type(dem_system_type), intent(inout) :: s
+    real(wp), parameter :: l = 2.0e-2_wp
+    real(wp) :: p(3, 6)
+    p = reshape([0.0_wp, -l, 0.0_wp, 0.0_wp, l, 0.0_wp, l, -l, 0.0_wp, l, l, 0.0_wp, &
+                 0.0_wp, -l, l, 0.0_wp, l, l], [3, 6])
+    call add_triangles(s, p, reshape([1, 3, 4, 1, 4, 2, 1, 2, 6, 1, 6, 5], [3, 4]))
+  end subroutine make_angle
+
+  subroutine add_triangles(s, p, node)
+    type(dem_system_type), intent(inout) :: s
+    real(wp), intent(in) :: p(:, :)
+    integer(i4), intent(in) :: node(:, :)
+    type(mesh_type) :: mesh
+    type(error_list_type) :: errors
+    mesh%name = 'triangles'
+    call join_corners(reshape(p(:, [node]), [3, 3, size(node, 2)]), mesh)
+    call check_mesh(mesh, .false., errors)
+    call test%check('triangles', .not. errors%any())
+    call add_mesh(s%surfaces, mesh, 'triangles', surface_rigid, 2, cos(0.35_wp), &
+                  [0.0_wp, 0.0_wp, 0.0_wp])
+  end subroutine add_triangles
+
+  !> A floor that comes up and one that turns: the work is what the grain has, force and moment are
+  !! minus the grain's.
+  subroutine check_moving()
+    type(dem_system_type) :: s
+    type(error_list_type) :: errors
+    real(wp) :: r(3), f(3), moment(3)
+    integer(i4) :: k
+
+    call make_grain(s, ellipsoid, [4.0e-3_wp, 1.0e-3_wp, 2.3e-3_wp], [0.0_wp, 0.0_wp, 0.0_wp], &
+                    [0.0_wp, 0.0_wp, 0.0_wp])
+    call make_floor(s, 0.02_wp, surface_rigid)
+    s%par%gravity = 0.0_wp
+    s%par%dt = 2.0e-7_wp
+    s%surfaces%velocity(:, 1) = [0.0_wp, 0.0_wp, 0.2_wp]
+    s%surfaces%spin(:, 1) = [0.0_wp, -30.0_wp, 10.0_wp]
+    call s%init(errors)
+    do k = 1, 2000
+      call s%step(10, errors)
+      if (s%surfaces%contacts(1) == 1 .and. norm2(s%grains%force) > 0.05_wp) exit
+    end do
+    f = s%grains%force(:, 1)
+    r = s%grains%x(:, 1) - s%surfaces%centre(:, 1)
+    moment = s%grains%moment(:, 1) + [r(2)*f(3) - r(3)*f(2), r(3)*f(1) - r(1)*f(3), &
+                                      r(1)*f(2) - r(2)*f(1)]
+    call test%check('a floor that moves is touched', norm2(f) > 0.05_wp)
+    call test%check_close('its force', norm2(s%surfaces%force(:, 1) + f)/norm2(f), 0.0_wp, &
+                          1.0e-14_wp)
+    call test%check_close('its moment', norm2(s%surfaces%moment(:, 1) + moment)/norm2(moment), &
+                          0.0_wp, 1.0e-12_wp)
+    call s%step(20000, errors)
+    call s%refresh_ledger()
+    call test%check('the grain is thrown off', s%grains%v(3, 1) > 0.2_wp)
+    call test%check_close('work of the floor', s%surfaces%work(1), s%ledger%boundary, &
+                          1.0e-14_wp*abs(s%ledger%boundary))
+    call test%check_close('ledger with a floor that turns', s%closure()/s%ledger%boundary, 0.0_wp, &
+                          1.0e-4_wp)
+  end subroutine check_moving
+
+  !> A sheet holds grains on both sides, and at its rim pushes straight out.
+  subroutine check_both_sides()
+    real(wp), parameter :: r = sphere(1), depth = 1.0e-5_wp
+    real(wp) :: force(3, 3), x(3, 3)
+    integer(i4) :: k
+
+    x = reshape([2.0e-3_wp, 1.0e-3_wp, r - depth, 2.0e-3_wp, 1.0e-3_wp, depth - r, &
+                 depth - r, 0.5e-3_wp, 0.0_wp], [3, 3])
+    do k = 1, 3
+      call make_sheet(x(:, k), force(:, k))
+    end do
+    call test%check_close('same force on both sides', force(3, 1), -force(3, 2), &
+                          1.0e-12_wp*force(3, 1))
+    call test%check_close('same force at the rim', -force(1, 3), force(3, 1), 1.0e-9_wp*force(3, 1))
+    call test%check_close('straight out', abs(force(3, 3)) + abs(force(2, 3)), 0.0_wp, &
+                          1.0e-12_wp*force(3, 1))
+  end subroutine check_both_sides
+
+  !> Force on a sphere at x on or beside a sheet in x > 0.
+  subroutine make_sheet(x, force)
+    real(wp), intent(in) :: x(3)
+    real(wp), intent(out) :: force(3)
+    real(wp), parameter :: l = 1.0e-2_wp
+    type(dem_system_type) :: s
+    type(error_list_type) :: errors
+    call make_grain(s, sphere, x, [0.0_wp, 0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp, 0.0_wp])
+    call add_triangles(s, reshape([0.0_wp, -l, 0.0_wp, l, -l, 0.0_wp, l, l, 0.0_wp, 0.0_wp, l, &
+                                   0.0_wp], [3, 4]), reshape([1, 2, 3, 1, 3, 4], [3, 2]))
+    call s%init(errors)
+    force = s%grains%force(:, 1)
+  end subroutine make_sheet
 end program test_dem_surface
