@@ -214,7 +214,7 @@ contains
 
   subroutine group_overlap(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('overlap', 10, &
+    call table%add_group('overlap', 11, &
       'Grains and solid overlap: free grains move the nodes over them, ghost grains ' &
       //'follow the solid, and energy is counted once. A deck has exactly one of facets ' &
       //'and overlap.')
@@ -258,15 +258,23 @@ contains
     call table%allow('symmetric|state_at_n')
     call table%add_key('partition', 'string', '', &
       'How energy in the layer of ghosts is shared: `''ramp''`, contacts between ghosts ' &
-      //'fade out and the solid fades in with the distance from the free grains; ' &
-      //'`''twice''` counts all of both there, for comparison.')
-    call table%preset('ramp')
-    call table%allow('ramp|twice')
+      //'fade out and the solid fades in with the distance from the free grains; `''fit''`,' &
+      //' these ramps changed least so that uniform strains leave every node at rest, for' &
+      //' lattices; `''auto''`, fit for a lattice whose stiffness the solid has, else ramp;' &
+      //' `''twice''` counts all of both there, for comparison.')
+    call table%preset('auto')
+    call table%allow('auto|ramp|fit|twice')
     call group_overlap_2(table)
   end subroutine group_overlap
 
   subroutine group_overlap_2(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('rho', 'real', '', &
+      'Relaxed over affine stiffness of the pack, a factor on the contacts between ' &
+      //'ghosts: they move affinely, free grains do not. 1 for lattices; about 0.85 for ' &
+      //'random packs of spheres.')
+    call table%preset('1.0')
+    call table%bounds(max=1.0_wp, above=0.0_wp)
     call table%add_key('initial', 'string', '', &
       'What happens to forces that are not balanced when the coupling begins: ' &
       //'`''dead_load''` holds against them, so that nothing moves; `''none''` lets them act.')

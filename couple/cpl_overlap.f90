@@ -9,6 +9,7 @@ module cpl_overlap
   use cpl_cells, only: cells_type
   use cpl_operators, only: operators_type
   use cpl_sets, only: sets_type, pack_type
+  use cpl_weight_fit, only: fit_type
   implicit none
   private
   public :: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, hat_phi_set, &
@@ -34,6 +35,13 @@ module cpl_overlap
     logical :: round = .true.                      !! all ghosts are spheres
     real(wp) :: identity = 0.0_wp                  !! largest error of the operators
     real(wp) :: moved_mass = 0.0_wp                !! from hat nodes to free grains [kg]
+    integer(i8), allocatable :: weight_ids(:, :)   !! (2, pairs) of ghosts that may touch
+    real(wp), allocatable :: weight(:)             !! of their contacts [-]
+    real(wp), allocatable :: beta(:)               !! of the quadrature points [-]
+    character(len=:), allocatable :: shared        !! how the weights were found
+    type(fit_type) :: fit                          !! of the weights
+    real(wp) :: disorder = 0.0_wp                  !! unbalance of grains in uniform strain [-]
+    logical :: unfit = .false.                     !! no weights were found for a lattice
     real(wp), allocatable :: factor(:)             !! on the masses of the free grains
     real(wp), allocatable :: x_free(:, :), x_ghost(:, :), x_node(:, :)  !! reference (3, :) [m]
     real(wp), allocatable :: theta_ref(:, :)       !! rotation of the free grains then [rad]

@@ -14,6 +14,7 @@ module cpl_overlap_choices
     character(len=:), allocatable :: free_elements, ghost_elements  !! groups, '' none
     real(wp) :: free_box(6) = 0.0_wp, ghost_box(6) = 0.0_wp  !! lower and upper corner [m]
     character(len=:), allocatable :: rotation, projection, weights, scheme, partition
+    real(wp) :: rho = 1.0_wp  !! relaxed over affine stiffness of the pack [-]
     logical :: dead_load = .true.
   end type overlap_choices_type
 
@@ -45,6 +46,10 @@ contains
     call deck%get('overlap', 1, 'weights', choices%weights)
     call deck%get('overlap', 1, 'scheme', choices%scheme)
     call deck%get('overlap', 1, 'partition', choices%partition)
+    call deck%get('overlap', 1, 'rho', choices%rho)
+    if (deck%given('overlap', 1, 'rho') .and. choices%partition == 'twice') &
+      call deck%fault(errors, 'D443', "rho goes with ramps, not with partition = 'twice'", &
+                      'overlap', 1, 'rho', 'leave it out')
     call deck%get('overlap', 1, 'initial', initial)
     choices%dead_load = initial == 'dead_load'
     if (deck%given('clock', 1, 'scheme')) &

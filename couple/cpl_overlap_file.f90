@@ -52,6 +52,9 @@ contains
     call file%put('/rotations/bulk', o%bulk_phi, errors)
     call file%put('/rotations/element', o%element_phi, errors)
     call file%put('/rotations/c_hold', o%c_hold, errors)
+    call file%put('/weights/ids', o%weight_ids, errors)
+    call file%put('/weights/contacts', o%weight, errors)
+    call file%put('/weights/points', o%beta, errors)
     call file%put('/numbers', [o%work_given, o%work_taken, o%turnover, o%hold_work], errors)
     call file%put('/counts', [o%step], errors)
     call file%put('/scalars/grains', o%grains, errors)
@@ -99,6 +102,9 @@ contains
     end if
     if (errors%any()) return
     call read_motion(file, o, errors)
+    call file%get('/weights/ids', o%weight_ids, errors)
+    call file%get('/weights/contacts', o%weight, errors)
+    call file%get('/weights/points', o%beta, errors)
     call file%get_into('/numbers', numbers, errors)
     call file%get_into('/counts', counts, errors)
     call file%get_into('/scalars/grains', o%grains, errors)

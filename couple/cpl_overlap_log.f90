@@ -49,6 +49,7 @@ contains
     call log%item('projection', choices%overlap%projection//', weights '// &
                   choices%overlap%weights, "condition of N'WN "//short_number(o%op%p%condition))
     call log%item('identities', 'within '//short_number(o%identity))
+    call log_weights(log, o, choices)
     call log%item('mass moved', short_number(o%moved_mass)//' kg', 'of elements outside, from '// &
                   'hat nodes to free grains; largest factor '//short_number(maxval(o%factor)))
     call log%item('exchanges', str(choices%exchanges), 'of '//short_number(choices%exchange)// &
@@ -58,6 +59,24 @@ contains
       call log%warn("rotation = 'fixed': ghosts resist turning, and moments on them are lost")
     call log%memory()
   end subroutine log_census
+
+  !> How energy is shared.
+  subroutine log_weights(log, o, choices)
+    type(log_type), intent(inout) :: log
+    type(overlap_type), intent(in) :: o
+    type(cpl_choices_type), intent(in) :: choices
+    character(len=:), allocatable :: note
+    note = ''
+    if (o%fit%rows > 0 .and. .not. o%unfit) note = str(o%fit%rows)//' rows, '// &
+      str(o%fit%unknowns)//' weights, '//str(o%fit%rounds)//' rounds: largest row '// &
+      short_number(o%fit%before)//' -> '//short_number(o%fit%after)//' of a contact force, '// &
+      str(o%fit%clipped)//' weights on bounds'
+    if (o%shared == 'ramp' .and. o%disorder > 0.0_wp) note = 'unbalance of free grains under '// &
+      'uniform strain '//short_number(o%disorder)//' of a contact force'
+    call log%item('energy shared by', o%shared, note)
+    if (o%unfit) call log%warn('the pack is a lattice, but no weights leave its nodes at rest: '// &
+      'the solid has another stiffness than the pack; ramps are taken')
+  end subroutine log_weights
 
   !> Begin couple_audit.csv, or after a restart at time [s] go on in it.
   subroutine open_overlap_audit(file, path, again, time, errors)

@@ -251,7 +251,7 @@ contains
 
     call select_sets(o, solvers, timers, errors)
     if (errors%any()) return
-    call set_partition(o, solvers, choices, timers, errors)
+    call set_partition(o, solvers, choices, again, timers, errors)
     if (errors%any()) return
     call share_mass(o)
     call set_mass(o, solvers(side_grains), timers, errors)

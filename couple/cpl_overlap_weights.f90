@@ -1,53 +1,229 @@
 !> The energy partition of an overlap handed to the solvers: weights of contacts between ghosts and
 !! of quadrature points (theory: overlap coupling, energy partition).
+!!
+!! They are found once, in the reference state, and stand in the checkpoint. Ghosts that do not
+!! touch yet have the ramp's weight, for when they will.
 module cpl_overlap_weights
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_message, only: verb_describe, verb_set
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type
+  use cpl_method, only: method_type, choose_weights, method_of, method_fit
   use cpl_order, only: sort_order
   use cpl_overlap, only: overlap_type
+  use cpl_overlap_partition, only: contacts_type, points_type, fill_partition
+  use cpl_partition, only: partition_type, ghost_ghost
   use cpl_sets, only: part_ghost, part_free
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
+  use cpl_weights, only: omega, omega_mean
   implicit none
   private
-  public :: set_partition
+  public :: set_partition, read_contacts, read_points
 
   real(wp), parameter :: near = 1.2_wp  !! distance over sum of radii of ghosts that may touch
 
 contains
 
-  !> SET contact_weight and quad_weight.
-  subroutine set_partition(o, solvers, choices, timers, errors)
+  !> SET contact_weight and quad_weight; after a restart those of the checkpoint.
+  subroutine set_partition(o, solvers, choices, again, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
     type(cpl_choices_type), intent(in) :: choices
+    logical, intent(in) :: again  !! after a restart
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    integer(i4), allocatable :: pair(:, :)
-    real(wp), allocatable :: w(:), beta(:)
+    type(points_type) :: points
 
-    call near_pairs(o, pair)
-    call weigh_contacts(o, pair, choices%overlap%partition == 'ramp', w)
-    associate (grains => solvers(side_grains))
-      call grains%start_request(verb_set, o%step, grains%time, grains%time)
-      call grains%request%put_text('what', 'contact_weight')
-      call grains%request%put_int('ids', reshape(o%pack%id(o%sets%ghost(reshape(pair, &
-        [size(pair)]))), shape(pair)))
-      call grains%request%put('value', w)
-      call grains%ask(timers, errors)
+    o%shared = choices%overlap%partition
+    if (again) then
+      o%shared = 'the weights of the checkpoint'
+    else
+      call read_points(solvers(side_solid), points, timers, errors)
       if (errors%any()) return
-    end associate
+      call ramp(o, choices, points)
+      if (choices%overlap%partition == 'auto' .or. choices%overlap%partition == 'fit') &
+        call fit(o, solvers(side_grains), choices, points, timers, errors)
+    end if
+    if (errors%any()) return
+    call send_contacts(o, solvers(side_grains), o%weight, timers, errors)
+    if (errors%any()) return
     associate (solid => solvers(side_solid))
-      call weigh_points(o, solid, choices%overlap%partition == 'ramp', beta, timers, errors)
-      if (errors%any()) return
       call solid%start_request(verb_set, o%step, solid%time, solid%time)
       call solid%request%put_text('what', 'quad_weight')
-      call solid%request%put('value', beta)
+      call solid%request%put('value', o%beta)
       call solid%ask(timers, errors)
     end associate
   end subroutine set_partition
+
+  subroutine send_contacts(o, grains, value, timers, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    real(wp), intent(in) :: value(:)
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call grains%start_request(verb_set, o%step, grains%time, grains%time)
+    call grains%request%put_text('what', 'contact_weight')
+    call grains%request%put_int('ids', o%weight_ids)
+    call grains%request%put('value', value)
+    call grains%ask(timers, errors)
+  end subroutine send_contacts
+
+  !> Ramps, or ones, of all ghosts that are near one another and of all points.
+  subroutine ramp(o, choices, points)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_choices_type), intent(in) :: choices
+    type(points_type), intent(in) :: points
+    integer(i4), allocatable :: pair(:, :)
+    real(wp), allocatable :: depth(:)
+    integer(i4) :: g, q
+    logical :: fades
+
+    fades = choices%overlap%partition /= 'twice'
+    call near_pairs(o, pair)
+    o%weight_ids = reshape(o%pack%id(o%sets%ghost(reshape(pair, [size(pair)]))), shape(pair))
+    allocate (depth(o%op%ghosts))
+    do g = 1, o%op%ghosts
+      depth(g) = o%sets%hull%distance(o%x_ghost(:, g))
+    end do
+    allocate (o%weight(size(pair, 2)), o%beta(size(points%element)), source=1.0_wp)
+    if (fades) o%weight = choices%overlap%rho*omega_mean(depth(pair(1, :)), depth(pair(2, :)), &
+                                                         o%sets%depth, o%sets%d_max)
+    do q = 1, size(o%beta)
+      select case (o%sets%part(points%element(q)))
+      case (part_free)
+        o%beta(q) = 0.0_wp
+      case (part_ghost)
+        if (fades) o%beta(q) = 1.0_wp - omega(o%sets%hull%distance(points%x(:, q)), &
+                                              o%sets%depth, o%sets%d_max)
+      end select
+    end do
+  end subroutine ramp
+
+  !> The joint fit where it is asked for, or where the pack is a lattice; `auto` keeps the ramps
+  !! where the fit finds no weights.
+  subroutine fit(o, grains, choices, points, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    type(cpl_choices_type), intent(in) :: choices
+    type(points_type), intent(in) :: points
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    type(contacts_type) :: contacts
+    type(partition_type) :: partition
+    type(method_type) :: method
+    type(error_list_type) :: refused
+    real(wp), allocatable :: w(:), beta(:), ones(:)
+    integer(i4), allocatable :: row(:), at(:)
+    integer(i4) :: k
+
+    allocate (ones(size(o%weight)), source=1.0_wp)
+    call send_contacts(o, grains, ones, timers, errors)
+    if (errors%any()) return
+    call read_contacts(grains, contacts, timers, errors)
+    if (errors%any()) return
+    call fill_partition(o, contacts, points, partition, row, at)
+    call method_of(choices%overlap%partition, method, '&overlap', errors)
+    method%depth = o%sets%depth
+    method%d_max = o%sets%d_max
+    method%rho = choices%overlap%rho
+    call choose_weights(partition, method, w, beta, o%fit, refused)
+    o%shared = method%name
+    o%disorder = method%disorder
+    if (refused%any() .and. choices%overlap%partition == 'auto') then
+      o%shared = 'ramp'
+      o%unfit = .true.
+    else if (refused%any()) then
+      call errors%add(refused%item(1)%code, refused%item(1)%message, refused%item(1)%place, &
+                      refused%item(1)%hint)
+    else if (method%kind == method_fit) then
+      do k = 1, size(at)
+        o%beta(at(k)) = beta(k)
+      end do
+      call put_weights(o, partition, w)
+    end if
+  end subroutine fit
+
+  !> Weights of contacts into the list of near ghosts.
+  subroutine put_weights(o, partition, w)
+    type(overlap_type), intent(inout) :: o
+    type(partition_type), intent(in) :: partition
+    real(wp), intent(in) :: w(:)
+    real(wp), allocatable :: key(:)
+    integer(i4), allocatable :: order(:)
+    real(wp) :: wanted
+    integer(i4) :: c, low, high, middle
+
+    allocate (key(size(o%weight)), order(size(o%weight)))
+    key = key_of(minval(o%weight_ids, 1), maxval(o%weight_ids, 1))
+    call sort_order(key, order)
+    do c = 1, size(w)
+      if (.not. ghost_ghost(partition, c)) cycle
+      associate (id => o%pack%id(partition%pair(:, c)))
+        wanted = key_of(minval(id), maxval(id))
+      end associate
+      low = 1
+      high = size(order)
+      do while (low < high)
+        middle = (low + high)/2
+        if (key(order(middle)) < wanted) then
+          low = middle + 1
+        else
+          high = middle
+        end if
+      end do
+      if (low > size(order)) cycle
+      if (.not. abs(key(order(low)) - wanted) > 0.0_wp) o%weight(order(low)) = w(c)
+    end do
+
+  contains
+
+    !> One number of two ids, exact below 9e7.
+    pure elemental real(wp) function key_of(a, b)
+      integer(i8), intent(in) :: a, b
+      real(wp), parameter :: stride = 9.0e7_wp
+      key_of = stride*real(a, wp) + real(b, wp)
+    end function key_of
+  end subroutine put_weights
+
+  !> DESCRIBE contacts.
+  subroutine read_contacts(grains, contacts, timers, errors)
+    type(cpl_solver_type), intent(inout) :: grains
+    type(contacts_type), intent(inout) :: contacts
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call grains%start_request(verb_describe, 0_i8, grains%time, grains%time)
+    call grains%request%put_text('what', 'contacts')
+    call grains%ask(timers, errors)
+    if (errors%any()) return
+    call grains%reply%take_int('ids', contacts%ids, errors)
+    call grains%reply%take('point', contacts%point, errors)
+    call grains%reply%take('normal', contacts%normal, errors)
+    call grains%reply%take('force', contacts%force, errors)
+    call grains%reply%take('stiffness', contacts%stiffness, errors)
+  end subroutine read_contacts
+
+  !> DESCRIBE quadrature and moduli.
+  subroutine read_points(solid, points, timers, errors)
+    type(cpl_solver_type), intent(inout) :: solid
+    type(points_type), intent(inout) :: points
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call solid%start_request(verb_describe, 0_i8, solid%time, solid%time)
+    call solid%request%put_text('what', 'quadrature')
+    call solid%ask(timers, errors)
+    if (errors%any()) return
+    call solid%reply%take('x', points%x, errors)
+    call solid%reply%take('weight', points%weight, errors)
+    call solid%reply%take_int('element', points%element, errors)
+    if (errors%any()) return
+    call solid%start_request(verb_describe, 0_i8, solid%time, solid%time)
+    call solid%request%put_text('what', 'moduli')
+    call solid%ask(timers, errors)
+    if (errors%any()) return
+    call solid%reply%take('moduli', points%moduli, errors)
+    call solid%reply%take_int('mean', points%mean, errors)
+  end subroutine read_points
 
   !> Ghosts that touch or may come to touch, by their rows; found along x.
   subroutine near_pairs(o, pair)
@@ -74,58 +250,4 @@ contains
       if (pass == 1) allocate (pair(2, n))
     end do
   end subroutine near_pairs
-
-  !> Share of the grains at distance s from the free grains' elements.
-  pure real(wp) function omega(o, s)
-    type(overlap_type), intent(in) :: o
-    real(wp), intent(in) :: s  !! [m]
-    omega = min(1.0_wp, max(0.0_wp, (o%sets%depth - s)/(o%sets%depth - o%sets%d_max)))
-  end function omega
-
-  !> Contacts between ghosts: the mean of omega at both ends.
-  subroutine weigh_contacts(o, pair, ramp, w)
-    type(overlap_type), intent(in) :: o
-    integer(i4), intent(in) :: pair(:, :)
-    logical, intent(in) :: ramp
-    real(wp), allocatable, intent(out) :: w(:)
-    real(wp) :: share(o%op%ghosts)
-    integer(i4) :: g
-    share = 1.0_wp
-    if (ramp) then
-      do g = 1, o%op%ghosts
-        share(g) = omega(o, o%sets%hull%distance(o%x_ghost(:, g)))
-      end do
-    end if
-    w = 0.5_wp*(share(pair(1, :)) + share(pair(2, :)))
-  end subroutine weigh_contacts
-
-  !> Quadrature points: 0 under free grains, 1 - omega under ghosts, else 1.
-  subroutine weigh_points(o, solid, ramp, beta, timers, errors)
-    type(overlap_type), intent(in) :: o
-    type(cpl_solver_type), intent(inout) :: solid
-    logical, intent(in) :: ramp
-    real(wp), allocatable, intent(out) :: beta(:)
-    type(timers_type), intent(inout) :: timers
-    type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: x(:, :)
-    integer(i4), allocatable :: element(:)
-    integer(i4) :: q
-
-    call solid%start_request(verb_describe, 0_i8, solid%time, solid%time)
-    call solid%request%put_text('what', 'quadrature')
-    call solid%ask(timers, errors)
-    if (errors%any()) return
-    call solid%reply%take('x', x, errors)
-    call solid%reply%take_int('element', element, errors)
-    if (errors%any()) return
-    allocate (beta(size(element)), source=1.0_wp)
-    do q = 1, size(element)
-      select case (o%sets%part(element(q)))
-      case (part_free)
-        beta(q) = 0.0_wp
-      case (part_ghost)
-        if (ramp) beta(q) = 1.0_wp - omega(o, o%sets%hull%distance(x(:, q)))
-      end select
-    end do
-  end subroutine weigh_points
 end module cpl_overlap_weights

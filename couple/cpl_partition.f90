@@ -6,7 +6,8 @@
 !!
 !! Blocks are the rows of three: displacements of the nodes, then (polar) their micro-rotations.
 !! Loads are inner ones, dU/du and dU/dphi. Nine-vectors hold kl = 11 12 13 21 22 23 31 32 33 with
-!! the normal of the area first. Nodes that are left out of an element's list are 0.
+!! the normal of the area first. Nodes that are left out of an element's list are 0. Nodes on the
+!! surface of the mesh are not at rest under uniform strain: their rows do not count.
 module cpl_partition
   use talus_kinds, only: wp, i4
   use talus_homogenise, only: cross
@@ -30,6 +31,7 @@ module cpl_partition
     integer(i4) :: nodes = 0                       !! of displacement
     logical :: polar = .false.                     !! elements have micro-rotations
     integer(i4) :: turning = turn_micro            !! how ghosts turn
+    logical, allocatable :: outer(:)               !! (nodes) on the mesh's surface, if there is one
     integer(i4), allocatable :: kind(:)            !! (grains) grain_*
     integer(i4), allocatable :: cell(:)            !! (grains) element of a ghost, else 0
     real(wp), allocatable :: depth(:)              !! (grains) distance from the free region [m]

@@ -96,9 +96,17 @@ contains
         k = a_block*(b - 1) + 3*(s - 1)
         if (mean_force(s) > 0.0_wp) scale(k + 1:k + 3) = 1.0_wp/mean_force(s)
         if (b > self%nodes) scale(k + 1:k + 3) = scale(k + 1:k + 3)/mean_arm
+        if (is_outer(self, b)) scale(k + 1:k + 3) = 0.0_wp
       end do
     end do
   end subroutine row_scales
+
+  pure logical function is_outer(self, block)
+    type(partition_type), intent(in) :: self
+    integer(i4), intent(in) :: block
+    is_outer = .false.
+    if (allocated(self%outer)) is_outer = self%outer(1 + mod(block - 1, self%nodes))
+  end function is_outer
 
   !> Scaled rows of all blocks.
   pure subroutine rows_now(self, w, beta, force, stress, scale, r)

@@ -129,19 +129,18 @@ contains
     where (period > 0.0_wp) e = d - period*anint(d/max(period, tiny(1.0_wp)))
   end function shortest
 
-  !> Do most free grains with three contacts or more carry forces that do not balance when the pack
-  !! is strained uniformly? In a lattice none does. Also the median over the grains of that force
-  !! over the mean contact force [-].
+  !> Do most of the free grains that have the most contacts carry forces that do not balance when
+  !! the pack is strained uniformly? In a lattice none does, away from its surface. Also the median
+  !! over these grains of that force over the mean contact force [-].
   pure subroutine pack_is_disordered(self, disordered, median)
     type(partition_type), intent(in) :: self
     logical, intent(out) :: disordered
     real(wp), intent(out) :: median
     real(wp), parameter :: balanced = 1.0e-6_wp
-    integer(i4), parameter :: least = 3
     real(wp), allocatable :: force(:, :, :), stress(:, :, :), total(:, :, :), size_of(:)
     real(wp) :: mean
     integer(i4), allocatable :: contacts(:)
-    integer(i4) :: c, g, n
+    integer(i4) :: c, g, n, most
 
     call uniform_states(self, force, stress)
     allocate (total(3, size(force, 2), size(self%kind)), source=0.0_wp)
@@ -157,8 +156,9 @@ contains
     end do
     allocate (size_of(size(self%kind)))
     n = 0
+    most = maxval(contacts, mask=self%kind == grain_free)
     do g = 1, size(self%kind)
-      if (self%kind(g) /= grain_free .or. contacts(g) < least) cycle
+      if (self%kind(g) /= grain_free .or. contacts(g) < most) cycle
       n = n + 1
       size_of(n) = maxval(norm2(total(:, :, g), 1))/max(mean, tiny(1.0_wp))
     end do

@@ -87,6 +87,10 @@ contains
       call reply%put_int('kind', body%mesh%group(g)%facet_kind)
     case ('quadrature')
       call describe_points(body, reply)
+    case ('moduli')
+      call reply%put('moduli', body%elastic%moduli)
+      call reply%put_int('mean', merge(1_i4, 0_i4, &
+        body%elastic%rule(body%elastic%rule_of)%bbar))
     case ('groups')
       call reply%put_text('names', lines(body%mesh))
     case ('group')
@@ -101,7 +105,7 @@ contains
         call reply%put_int('element', body%mesh%group(g)%element)
     case default
       call errors%add('P301', "talus-fem cannot describe '"//what//"'", '', &
-                      'it knows mesh, facets, quadrature, groups and group')
+                      'it knows mesh, facets, quadrature, moduli, groups and group')
     end select
   end subroutine reply_describe
 
