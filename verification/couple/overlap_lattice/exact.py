@@ -52,7 +52,7 @@ def judge(case: Case, sites: np.ndarray, element: str, partition: str) -> dict[s
     index = np.stack(np.meshgrid(*3 * [np.arange(WIDE)], indexing="ij"), -1)
     region = regions((index.reshape(-1, 3) + 0.5) * H).reshape(3 * [WIDE])
     ov = Overlap(pack, np.full(3, H), region, False, pack.moduli())
-    with h5py.File(case.folder / f"{partition}_coupled.chk.h5") as file:
+    with h5py.File(case.folder / f"{partition}_coupled.x20.chk.h5") as file:
         ids, w = file["weights/ids"][...] - 1, file["weights/contacts"][...]
         beta = file["weights/points"][...]
     weight = {tuple(sorted(pair)): value for pair, value in zip(ids.tolist(), w, strict=True)}
