@@ -245,6 +245,8 @@ contains
     call summary%set('health.projection_condition', o%op%p%condition)
     call summary%set('health.fine_scale_m', o%fine_scale())
     call summary%set('health.max_overlap', o%grains(scalar_max_overlap))
+    if (allocated(o%shared)) call summary%set('overlap.shared_by', o%shared)
+    call summary%set('overlap.fit_residual', o%fit%after)
     call summary%set('overlap.depth_m', o%sets%depth)
     call summary%set('overlap.moved_mass_kg', o%moved_mass)
     call summary%set('overlap.total_energy_J', total_energy(o))

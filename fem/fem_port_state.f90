@@ -454,7 +454,11 @@ contains
     scalars(scalar_background_damping) = body%energy%damping + body%energy%numerical
     scalars(scalar_step_limit) = body%step_limit
     if (body%dynamic) then
-      call multiply_mass(body%pattern, body%mass, body%state%v, p)
+      if (body%explicit) then
+        p = spread(body%node_mass, 1, 3)*body%state%v
+      else
+        call multiply_mass(body%pattern, body%mass, body%state%v, p)
+      end if
       scalars(scalar_momentum:scalar_momentum + 2) = sum(p(:, :body%mesh%nodes), 2)
       associate (l => scalars(scalar_angular_momentum:scalar_angular_momentum + 2))
         do i = 1, body%mesh%nodes
