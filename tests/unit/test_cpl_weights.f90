@@ -6,6 +6,7 @@ program test_cpl_weights
   use talus_errors, only: error_list_type
   use cpl_initial, only: initial_type, correct_initial
   use cpl_method, only: method_type, choose_weights, method_of
+  use cpl_overlap_partition, only: elastic_tensor
   use cpl_partition, only: partition_type, grain_free, grain_ghost, region_free, region_ghost, &
     region_rest, turn_curl, turn_micro, uniform_states, residual_rows, mean_sizes, worst_rows
   use cpl_weight_fit, only: fit_type, fit_joint, fit_elements
@@ -26,6 +27,7 @@ program test_cpl_weights
   call test_initial(.true.)
   call test_initial(.false.)
   call test_elements()
+  call test_surface()
   call test_faults()
   call test%finish()
 
@@ -174,6 +176,30 @@ contains
     call test%check('a scalar an element', maxval(abs(beta - right)) < 1.0e-6_wp)
     call test%check('its rows', fit%after < 1.0e-6_wp .and. fit%before > 0.1_wp)
   end subroutine test_elements
+
+  !> Rows of nodes on the mesh's surface do not count; the tensor of Eringen's moduli.
+  subroutine test_surface()
+    type(partition_type) :: overlap
+    type(fit_type) :: fit
+    type(error_list_type) :: errors
+    real(wp), allocatable :: w(:), beta(:), before(:)
+    real(wp) :: sigma(9)
+    call make_column(.true., overlap)
+    call ramp_weights(overlap, h, 1.0_wp, 1.0_wp, w, beta)
+    allocate (before, source=beta)
+    allocate (overlap%outer(overlap%nodes), source=.true.)
+    call fit_joint(overlap, .true., w, beta, fit, errors)
+    call test%check('no row counts, nothing changes', fit%rows == 0 .and. &
+                    all(abs(beta - before) <= 0.0_wp))
+    overlap%outer = [.false., .true., .true., .true., .true.]
+    call fit_joint(overlap, .true., w, beta, fit, errors)
+    call test%check('one node counts', fit%rows > 0 .and. fit%rows <= 36 .and. &
+                    fit%after < 1.0e-12_wp)
+    sigma = matmul(elastic_tensor([2.0_wp, 3.0_wp, 5.0_wp]), &
+                   [1.0_wp, 10.0_wp, 0.0_wp, 20.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp])
+    call test%check('stress of Eringen''s moduli', maxval(abs(sigma - [13.0_wp, 140.0_wp, &
+      0.0_wp, 190.0_wp, 2.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 2.0_wp])) < 1.0e-12_wp)
+  end subroutine test_surface
 
   subroutine test_faults()
     type(partition_type) :: overlap

@@ -181,7 +181,7 @@ contains
   end subroutine choose
 
   subroutine look_round()
-    real(wp), allocatable :: mass(:), weight(:), stress(:, :)
+    real(wp), allocatable :: mass(:), weight(:), stress(:, :), moduli(:, :)
     integer(i4), allocatable :: quad(:, :), element(:)
     integer(i8), allocatable :: ids(:)
     character(len=:), allocatable :: names
@@ -201,6 +201,12 @@ contains
     call reply%take_int('element', element, errors)
     call test%check_close('volume', sum(weight), 5.0_wp, 1.0e-12_wp)
     call test%check('points of the last element', size(stress, 2) == 40 .and. element(40) == 5)
+    call describe('moduli', '', '')
+    call reply%take('moduli', moduli, errors)
+    call reply%take_int('mean', element, errors)
+    call test%check('moduli of every element', all(shape(moduli) == [6, 5]) .and. &
+                    all(moduli(2, :) > 0.0_wp) .and. all(abs(moduli(3:, :)) <= 0.0_wp))
+    call test%check('B-bar is told', size(element) == 5 .and. all(element == element(1)))
     call describe('groups', '', '')
     call reply%get_text('names', names, errors)
     call test%check_text('groups', names, 'all'//nl//'the top'//nl//'base')
