@@ -1,6 +1,7 @@
 !> Periodic cell: short edges of a lattice, maps of a step, no pair over a face missed in a sheared
-!! cell, momentum and energy in a strained cell of colliding grains, restart, regions in tiles.
+!! cell, momentum and energy in a strained cell of colliding grains, restart, threads, tiles.
 program test_dem_cell
+  use omp_lib, only: omp_set_num_threads
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_homogenise, only: inverse_of
@@ -30,6 +31,7 @@ program test_dem_cell
   call check_pairs()
   call check_motion()
   call check_restart()
+  call check_threads()
   call test%finish()
 
 contains
@@ -300,4 +302,29 @@ contains
     call test%check('same cell', all(abs(whole%cell%vectors - second%cell%vectors) <= 0.0_wp))
     call test%check('same ledger', abs(whole%ledger%boundary - second%ledger%boundary) <= 0.0_wp)
   end subroutine check_restart
+
+  !> One thread and three: the same bits after lists were made anew in a strained cell.
+  subroutine check_threads()
+    type(dem_system_type) :: one, three
+    type(error_list_type) :: errors
+
+    call make_system(one, 11, 2.0_wp, 0.95_wp*radius, .true., errors)
+    one%par%dt = 1.0e-7_wp
+    one%cell%rate(1, 3) = 300.0_wp
+    one%cell%rate(2, 2) = -100.0_wp
+    three = one
+    call omp_set_num_threads(1)
+    call one%init(errors)
+    call one%step(2000, errors)
+    call omp_set_num_threads(3)
+    call three%init(errors)
+    call three%step(2000, errors)
+    call test%check('no faults', .not. errors%any())
+    call test%check('lists were made anew', three%health%rebuilds > 2)
+    call test%check('places of three threads', all(abs(one%grains%x - three%grains%x) <= 0.0_wp))
+    call test%check('spins of three threads', &
+                    all(abs(one%grains%omega - three%grains%omega) <= 0.0_wp))
+    call test%check('work of three threads', &
+                    abs(one%ledger%boundary - three%ledger%boundary) <= 0.0_wp)
+  end subroutine check_threads
 end program test_dem_cell
