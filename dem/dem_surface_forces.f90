@@ -26,7 +26,7 @@ contains
     integer(i4) :: g
     associate (s => d%surfaces)
       do g = 1 + int(int(s%near, i8)*me/threads, i4), int(int(s%near, i8)*(me + 1)/threads, i4)
-        if (s%contacts(g) == 0 .and. 2.0_wp*travel < s%least_gap(g)) then
+        if (s%contacts(g) == 0 .and. travel < 0.5_wp*s%least_gap(g)) then
           s%load(:, g) = 0.0_wp
           s%columns(:, g) = 0.0_wp
         else
