@@ -4,6 +4,7 @@
 !! a contact and f the force on grain 1 from grain 2. Branches are cut at the faces of the region.
 module talus_homogenise
   use talus_kinds, only: wp, i4
+  use talus_vectors, only: cross
   use talus_region, only: region_type
   use talus_sample, only: sample_type
   implicit none
@@ -22,12 +23,6 @@ contains
       t(:, j) = a*b(j)
     end do
   end function dyad
-
-  pure function cross(a, b) result(c)
-    real(wp), intent(in) :: a(3), b(3)
-    real(wp) :: c(3)
-    c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-  end function cross
 
   !> Half-sizes of the boxes around ellipsoids (3, n) [m].
   pure function half_sizes(sample) result(half)

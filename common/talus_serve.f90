@@ -17,7 +17,7 @@ module talus_serve
   use talus_system, only: install_signals
   implicit none
   private
-  public :: server_type, serve_partner, restart_file
+  public :: server_type, serve_partner, restart_file, take_brief
 
   !> What every solver's service remembers, and what each solver must do.
   type, abstract :: server_type
@@ -328,4 +328,15 @@ contains
     call server%fatal%take(reasons)
     if (request%verb == verb_stop) call errors%take(reasons)
   end subroutine leave
+
+  !> Does the partner want a reply without scalars?
+  subroutine take_brief(request, brief, errors)
+    type(message_type), intent(inout) :: request
+    logical, intent(out) :: brief
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: value
+    value = 0
+    if (request%has('brief')) call request%get_int('brief', value, errors)
+    brief = value == 1
+  end subroutine take_brief
 end module talus_serve

@@ -2,30 +2,12 @@
 module cpl_dense
   use, intrinsic :: iso_c_binding, only: c_int
   use talus_kinds, only: wp, i4
+  use talus_lapack, only: dpotrf, dpotrs
   implicit none
   private
   public :: factor_dense, solve_dense
 
   interface
-    !> Cholesky factor in place.
-    subroutine dpotrf(uplo, n, a, lda, info)
-      import :: wp, i4
-      character(len=1), intent(in) :: uplo
-      integer(i4), intent(in) :: n, lda
-      real(wp), intent(inout) :: a(lda, *)
-      integer(i4), intent(out) :: info
-    end subroutine dpotrf
-
-    !> Solution by the factor.
-    subroutine dpotrs(uplo, n, nrhs, a, lda, b, ldb, info)
-      import :: wp, i4
-      character(len=1), intent(in) :: uplo
-      integer(i4), intent(in) :: n, nrhs, lda, ldb
-      real(wp), intent(in) :: a(lda, *)
-      real(wp), intent(inout) :: b(ldb, *)
-      integer(i4), intent(out) :: info
-    end subroutine dpotrs
-
     !> Threads of OpenBLAS.
     subroutine openblas_set_num_threads(n) bind(c, name='openblas_set_num_threads')
       import :: c_int

@@ -5,6 +5,7 @@
 !! Hexahedra span [-1, 1], tetrahedra are the unit simplex.
 module cpl_elements
   use talus_kinds, only: wp, i4
+  use talus_vectors, only: inverse
   implicit none
   private
   public :: hex8, hex20, tet4, tet10, most_nodes, is_known, node_count, corner_count, corner_kind
@@ -163,19 +164,4 @@ contains
       inside = all(xi >= -slack) .and. sum(xi) <= 1.0_wp + slack
     end if
   end function inside
-
-  pure function inverse(m) result(inv)
-    real(wp), intent(in) :: m(3, 3)
-    real(wp) :: inv(3, 3)
-    inv(1, :) = cross(m(:, 2), m(:, 3))
-    inv(2, :) = cross(m(:, 3), m(:, 1))
-    inv(3, :) = cross(m(:, 1), m(:, 2))
-    inv = inv/dot_product(m(:, 1), inv(1, :))
-  end function inverse
-
-  pure function cross(a, b) result(c)
-    real(wp), intent(in) :: a(3), b(3)
-    real(wp) :: c(3)
-    c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-  end function cross
 end module cpl_elements

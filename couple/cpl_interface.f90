@@ -1,6 +1,7 @@
 !> State of the interface: where ghosts and facets are, and the forces between them.
 module cpl_interface
   use talus_kinds, only: wp, i4, i8
+  use talus_vectors, only: turned
   use talus_message, only: message_type
   use talus_scalars, only: scalar_count
   use cpl_facet_map, only: facet_map_type
@@ -154,24 +155,6 @@ contains
       self%quat_new(:, g) = turned(self%quat(:, g), self%d_new(4:6, g) - self%d(4:6, g))
     end do
   end subroutine follow
-
-  !> Orientation after a rotation about a fixed axis [rad].
-  pure function turned(quat, rotation) result(new)
-    real(wp), intent(in) :: quat(4), rotation(3)
-    real(wp) :: new(4), s, a(3)
-    real(wp), parameter :: small = 1.0e-8_wp
-    s = norm2(rotation)
-    if (s < small) then
-      a = 0.5_wp*rotation
-    else
-      a = sin(0.5_wp*s)/s*rotation
-    end if
-    s = cos(0.5_wp*s)
-    new(1) = s*quat(1) - dot_product(a, quat(2:4))
-    new(2:4) = s*quat(2:4) + quat(1)*a + [a(2)*quat(4) - a(3)*quat(3), &
-               a(3)*quat(2) - a(1)*quat(4), a(1)*quat(3) - a(2)*quat(2)]
-    new = new/norm2(new)
-  end function turned
 
   !> Motion that the ghosts follow in the next interval of length h [s]. Statics: to where the
   !! facets were found last (lagged: extrapolation halves the stable stiffness). Dynamics: straight

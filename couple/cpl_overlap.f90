@@ -5,6 +5,7 @@
 !! are those on what is free: `force` on the free grains through hat nodes, `f` on the edge.
 module cpl_overlap
   use talus_kinds, only: wp, i4, i8
+  use talus_vectors, only: turned
   use talus_scalars, only: scalar_count
   use cpl_cells, only: cells_type
   use cpl_operators, only: operators_type
@@ -132,24 +133,6 @@ contains
     self%d = d
     self%turn = turn
   end subroutine follow
-
-  !> Orientation after a rotation about a fixed axis [rad].
-  pure function turned(quat, rotation) result(new)
-    real(wp), intent(in) :: quat(4), rotation(3)
-    real(wp) :: new(4), s, a(3)
-    real(wp), parameter :: small = 1.0e-8_wp
-    s = norm2(rotation)
-    if (s < small) then
-      a = 0.5_wp*rotation
-    else
-      a = sin(0.5_wp*s)/s*rotation
-    end if
-    s = cos(0.5_wp*s)
-    new(1) = s*quat(1) - dot_product(a, quat(2:4))
-    new(2:4) = s*quat(2:4) + quat(1)*a + [a(2)*quat(4) - a(3)*quat(3), &
-               a(3)*quat(2) - a(1)*quat(4), a(1)*quat(3) - a(2)*quat(2)]
-    new = new/norm2(new)
-  end function turned
 
   !> Forces on ghosts (p, m) and of elements with hat nodes (element) handed to what is free.
   subroutine pull(self)

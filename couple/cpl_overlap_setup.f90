@@ -4,7 +4,7 @@ module cpl_overlap_setup
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
-  use talus_message, only: verb_describe, verb_select, verb_set, verb_ready
+  use talus_message, only: verb_select, verb_set, verb_ready
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, rotation_fixed, rotation_curl, rotation_micro
   use cpl_operators, only: weigh_unit, weigh_mass, weigh_volume
@@ -83,17 +83,6 @@ contains
                       solvers(side_solid)%deck, 'shorten &clock exchange')
   end subroutine check_solvers
 
-  subroutine describe(solver, what, group, timers, errors)
-    type(cpl_solver_type), intent(inout) :: solver
-    character(len=*), intent(in) :: what, group
-    type(timers_type), intent(inout) :: timers
-    type(error_list_type), intent(inout) :: errors
-    call solver%start_request(verb_describe, 0_i8, solver%time, solver%time)
-    call solver%request%put_text('what', what)
-    if (len(group) > 0) call solver%request%put_text('group', group)
-    call solver%ask(timers, errors)
-  end subroutine describe
-
   subroutine read_grains(o, grains, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: grains
@@ -102,7 +91,7 @@ contains
     real(wp), allocatable :: axes(:, :), inertia(:, :)
     real(wp), parameter :: sphere = 4.188790204786390984617_wp  !! 4 pi/3
 
-    call describe(grains, 'grains', '', timers, errors)
+    call grains%describe('grains', '', timers, errors)
     if (errors%any()) return
     associate (reply => grains%reply, p => o%pack)
       call reply%take_int('id', p%id, errors)
@@ -126,7 +115,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: polar(:)
 
-    call describe(solid, 'mesh', '', timers, errors)
+    call solid%describe('mesh', '', timers, errors)
     if (errors%any()) return
     associate (reply => solid%reply, c => o%cells)
       call reply%take('x', c%x, errors)
@@ -201,7 +190,7 @@ contains
       end do
       return
     end if
-    call describe(solid, 'group', group, timers, errors)
+    call solid%describe('group', group, timers, errors)
     if (errors%any()) return
     if (.not. solid%reply%has('element')) then
       call errors%add('I421', "the group '"//group//"' is not one of elements", solid%deck, &

@@ -3,7 +3,7 @@ module cpl_setup
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
-  use talus_message, only: verb_describe, verb_select, verb_set, verb_ready
+  use talus_message, only: verb_select, verb_set, verb_ready
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, interface_springs, rotation_micro
   use cpl_exchange, only: set_springs, read_forces, read_motion
@@ -33,10 +33,10 @@ contains
     real(wp), allocatable :: all_x(:, :)
     integer(i4) :: k
 
-    call describe(grains, 'group', group, timers, errors)
+    call grains%describe('group', group, timers, errors)
     if (errors%any()) return
     call grains%reply%take_int('id', ids, errors)
-    call describe(grains, 'grains', '', timers, errors)
+    call grains%describe('grains', '', timers, errors)
     if (errors%any()) return
     call grains%reply%take_int('id', all_ids, errors)
     call grains%reply%take('x', all_x, errors)
@@ -113,17 +113,6 @@ contains
     end if
   end subroutine position_of
 
-  subroutine describe(solver, what, group, timers, errors)
-    type(cpl_solver_type), intent(inout) :: solver
-    character(len=*), intent(in) :: what, group
-    type(timers_type), intent(inout) :: timers
-    type(error_list_type), intent(inout) :: errors
-    call solver%start_request(verb_describe, 0_i8, solver%time, solver%time)
-    call solver%request%put_text('what', what)
-    if (len(group) > 0) call solver%request%put_text('group', group)
-    call solver%ask(timers, errors)
-  end subroutine describe
-
   !> Facets and mesh of the solid; the operator N and its identities.
   subroutine make_map(face, solid, choices, ids, x_ghost, identity, timers, errors)
     type(interface_type), intent(inout) :: face
@@ -165,10 +154,10 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
 
-    call describe(solid, 'facets', group, timers, errors)
+    call solid%describe('facets', group, timers, errors)
     if (errors%any()) return
     call solid%reply%take_int('connectivity', mesh%facets, errors)
-    call describe(solid, 'mesh', '', timers, errors)
+    call solid%describe('mesh', '', timers, errors)
     if (errors%any()) return
     call solid%reply%take('x', mesh%x, errors)
     allocate (mesh%hex8(8, 0))
@@ -190,7 +179,7 @@ contains
     real(wp), allocatable :: radius(:)
     integer(i4) :: g
 
-    call describe(grains, 'grains', '', timers, errors)
+    call grains%describe('grains', '', timers, errors)
     if (errors%any()) return
     call grains%reply%take_int('id', all_ids, errors)
     call grains%reply%take('radius', radius, errors)

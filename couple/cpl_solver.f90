@@ -3,7 +3,7 @@ module cpl_solver
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
-  use talus_message, only: message_type, verb_hello
+  use talus_message, only: message_type, verb_hello, verb_describe
   use talus_port, only: port_type
   use talus_process, only: process_type, tail_of
   use talus_timers, only: timers_type
@@ -44,6 +44,7 @@ module cpl_solver
     procedure :: send
     procedure :: receive
     procedure :: ask
+    procedure :: describe
     procedure :: can
     procedure :: title
   end type cpl_solver_type
@@ -106,6 +107,18 @@ contains
     call self%send(timers, errors)
     if (errors%count == faults) call self%receive(timers, errors)
   end subroutine ask
+
+  !> Ask DESCRIBE `what`, of a group unless its name is empty.
+  subroutine describe(self, what, group, timers, errors)
+    class(cpl_solver_type), intent(inout) :: self
+    character(len=*), intent(in) :: what, group
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call self%start_request(verb_describe, 0_i8, self%time, self%time)
+    call self%request%put_text('what', what)
+    if (len(group) > 0) call self%request%put_text('group', group)
+    call self%ask(timers, errors)
+  end subroutine describe
 
   !> A fault of the port: add how the process ended and the end of what it wrote. Before HELLO its
   !! own exit code 1 or 2 is passed on (I420, N421).

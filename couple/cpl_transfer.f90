@@ -15,6 +15,7 @@
 !! couples of those that have them.
 module cpl_transfer
   use talus_kinds, only: wp, i4, i8
+  use talus_vectors, only: cross, inverse
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_hash, only: hash_text
@@ -228,21 +229,6 @@ contains
       end associate
     end do
   end subroutine make_gradients
-
-  pure function inverse(m) result(inv)
-    real(wp), intent(in) :: m(3, 3)
-    real(wp) :: inv(3, 3)
-    inv(1, :) = cross(m(:, 2), m(:, 3))
-    inv(2, :) = cross(m(:, 3), m(:, 1))
-    inv(3, :) = cross(m(:, 1), m(:, 2))
-    inv = inv/dot_product(m(:, 1), inv(1, :))
-  end function inverse
-
-  pure function cross(a, b) result(c)
-    real(wp), intent(in) :: a(3), b(3)
-    real(wp) :: c(3)
-    c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-  end function cross
 
   !> Motion of the ghosts (rows, ghosts) from displacements and micro-rotations of the nodes.
   pure subroutine to_ghosts(self, u, d)

@@ -1,6 +1,7 @@
 !> What is measured on a system: momenta, coordination, overlap, stress, runaway energy.
 module dem_measure
   use talus_kinds, only: wp, i4
+  use talus_vectors, only: cross
   use talus_errors, only: error_list_type
   use talus_text, only: str
   use dem_state, only: dem_data_type, kind_free, lanes, history_side
@@ -44,14 +45,6 @@ contains
                                                       d%grains%inertia(:, i), d%grains%omega(:, i))
     end do
   end function angular_momentum_of
-
-  pure function cross(a, b) result(c)
-    real(wp), intent(in) :: a(3), b(3)
-    real(wp) :: c(3)
-    c(1) = a(2)*b(3) - a(3)*b(2)
-    c(2) = a(3)*b(1) - a(1)*b(3)
-    c(3) = a(1)*b(2) - a(2)*b(1)
-  end function cross
 
   !> Contacts of every grain, planes included.
   function coordination_of(d) result(z)

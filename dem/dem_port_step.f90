@@ -4,6 +4,7 @@ module dem_port_step
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
+  use talus_serve, only: take_brief
   use dem_system, only: dem_system_type
   use dem_model, only: dem_model_type
   use dem_sets, only: dem_sets_type, dem_set_type, role_prescribe, role_load, role_report, &
@@ -190,17 +191,6 @@ contains
     end do
     if (.not. brief) call put_scalars(model%system, late, reply)
   end subroutine force
-
-  !> Does the partner want a reply without scalars?
-  subroutine take_brief(request, brief, errors)
-    type(message_type), intent(inout) :: request
-    logical, intent(out) :: brief
-    type(error_list_type), intent(inout) :: errors
-    integer(i4) :: value
-    value = 0
-    if (request%has('brief')) call request%get_int('brief', value, errors)
-    brief = value == 1
-  end subroutine take_brief
 
   !> Place, velocity and spin of a prescribed set now; what is not mentioned stays.
   subroutine take_state(system, set, request, errors)

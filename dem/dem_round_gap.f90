@@ -4,6 +4,7 @@
 !! centres, so that a result depends on the two bodies alone.
 module dem_round_gap
   use talus_kinds, only: wp, i4
+  use talus_vectors, only: cross
   use dem_shape, only: matrix_times
   implicit none
   private
@@ -69,7 +70,7 @@ contains
       real(wp), intent(in) :: e(3)
       real(wp), intent(out) :: across(3), n(3), gap, slope, bend
       real(wp) :: u(3), h, d(3)
-      across = crossed(axis, e)
+      across = cross(axis, e)
       n = cosine*e - sine*axis
       call ellipsoid_point(a, n, u, h)
       d = r - u
@@ -129,7 +130,7 @@ contains
     if (.not. sum(e*e) > tiny(1.0_wp)) then
       other = 0.0_wp
       other(minloc(abs(axis), 1)) = 1.0_wp
-      e = crossed(axis, other)
+      e = cross(axis, other)
     end if
     e = e/sqrt(sum(e*e))
   end function outward
@@ -150,7 +151,7 @@ contains
     if (radius > 0.0_wp) then
       e = outward(n, axis)
       sine = max(dot_product(n, e), 1.0e-3_wp)
-      across = crossed(axis, e)
+      across = cross(axis, e)
       gap = gap - radius*dot_product(n, e)
       d = d - radius*e
       s(1:3) = s(1:3) + radius/sine*across*across
@@ -175,12 +176,4 @@ contains
     end if
     t = t - dot_product(t, n)*n
   end subroutine corner_slope
-
-  pure function crossed(a, b) result(c)
-    real(wp), intent(in) :: a(3), b(3)
-    real(wp) :: c(3)
-    c(1) = a(2)*b(3) - a(3)*b(2)
-    c(2) = a(3)*b(1) - a(1)*b(3)
-    c(3) = a(1)*b(2) - a(2)*b(1)
-  end function crossed
 end module dem_round_gap

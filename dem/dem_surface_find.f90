@@ -7,6 +7,7 @@
 !! weighted by their distance from the bend, so that none comes or goes with a jump.
 module dem_surface_find
   use talus_kinds, only: wp, i4
+  use talus_vectors, only: cross
   use dem_state, only: lanes, body_size
   use dem_surface_state, only: dem_surfaces_type, surface_soft, surface_cone, part_tip, &
     part_flank, part_shaft
@@ -76,7 +77,7 @@ contains
 
     triangle = s%candidate(c)
     p = s%x(:, s%corner(:, triangle))
-    n = crossed(p(:, 2) - p(:, 1), p(:, 3) - p(:, 1))
+    n = cross(p(:, 2) - p(:, 1), p(:, 3) - p(:, 1))
     n = n/sqrt(sum(n*n))
     gap = dot_product(grain(1:3) - p(:, 1), n)
     if (abs(gap) > radius) return
@@ -84,7 +85,7 @@ contains
       t(:, k) = p(:, 1 + mod(k, 3)) - p(:, k)
       length(k) = sqrt(sum(t(:, k)**2))
       t(:, k) = t(:, k)/length(k)
-      m(:, k) = crossed(n, t(:, k))
+      m(:, k) = cross(n, t(:, k))
     end do
     if (gap < 0.0_wp) n = -n
     call ellipsoid_point(grain(10:15), n, u, h)
@@ -409,7 +410,7 @@ contains
 
     b = f%body(i)
     if (s%kind(b) /= surface_soft) then
-      motion(1:3) = s%velocity(:, b) + crossed(s%spin(:, b), f%foot(:, i) - s%centre(:, b))
+      motion(1:3) = s%velocity(:, b) + cross(s%spin(:, b), f%foot(:, i) - s%centre(:, b))
       motion(4:6) = s%spin(:, b)
       return
     end if
@@ -428,23 +429,15 @@ contains
     e(:, 2) = x(:, 3) - x(:, 1)
     d(:, 1) = v(:, 2) - v(:, 1)
     d(:, 2) = v(:, 3) - v(:, 1)
-    n = crossed(e(:, 1), e(:, 2))
+    n = cross(e(:, 1), e(:, 2))
     area = sqrt(sum(n*n))
     n = n/area
-    dual(:, 1) = crossed(e(:, 2), n)/area
-    dual(:, 2) = crossed(n, e(:, 1))/area
+    dual(:, 1) = cross(e(:, 2), n)/area
+    dual(:, 2) = cross(n, e(:, 1))/area
     spin = 0.0_wp
     do k = 1, 2
-      spin = spin - crossed(n, dual(:, k))*dot_product(d(:, k), n) &
-             + 0.5_wp*n*dot_product(crossed(dual(:, k), d(:, k)), n)
+      spin = spin - cross(n, dual(:, k))*dot_product(d(:, k), n) &
+             + 0.5_wp*n*dot_product(cross(dual(:, k), d(:, k)), n)
     end do
   end function triangle_spin
-
-  pure function crossed(a, b) result(c)
-    real(wp), intent(in) :: a(3), b(3)
-    real(wp) :: c(3)
-    c(1) = a(2)*b(3) - a(3)*b(2)
-    c(2) = a(3)*b(1) - a(1)*b(3)
-    c(3) = a(1)*b(2) - a(2)*b(1)
-  end function crossed
 end module dem_surface_find

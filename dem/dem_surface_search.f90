@@ -3,6 +3,7 @@
 !! Contacts in hand go along with their grains.
 module dem_surface_search
   use talus_kinds, only: wp, i4
+  use talus_vectors, only: cross
   use dem_state, only: dem_data_type, kind_free, lanes, history_size, column_count
   use dem_surface_state, only: dem_surfaces_type, surface_cone
   implicit none
@@ -184,13 +185,13 @@ contains
     integer(i4) :: k
     logical :: inside
 
-    n = crossed(p(:, 2) - p(:, 1), p(:, 3) - p(:, 1))
+    n = cross(p(:, 2) - p(:, 1), p(:, 3) - p(:, 1))
     n = n/sqrt(sum(n*n))
     distance = abs(dot_product(x - p(:, 1), n))
     inside = .true.
     do k = 1, 3
       t = p(:, 1 + mod(k, 3)) - p(:, k)
-      inside = inside .and. dot_product(x - p(:, k), crossed(n, t)) >= 0.0_wp
+      inside = inside .and. dot_product(x - p(:, k), cross(n, t)) >= 0.0_wp
     end do
     if (inside) return
     distance = huge(1.0_wp)
@@ -201,14 +202,6 @@ contains
       distance = min(distance, sqrt(sum((r - along*t)**2)))
     end do
   end function triangle_distance
-
-  pure function crossed(a, b) result(c)
-    real(wp), intent(in) :: a(3), b(3)
-    real(wp) :: c(3)
-    c(1) = a(2)*b(3) - a(3)*b(2)
-    c(2) = a(3)*b(1) - a(1)*b(3)
-    c(3) = a(1)*b(2) - a(2)*b(1)
-  end function crossed
 
   !> Contacts of the last list, out of the way.
   subroutine keep_contacts(s, old)

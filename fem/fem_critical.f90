@@ -4,6 +4,7 @@
 !! govern the step.
 module fem_critical
   use talus_kinds, only: wp, i4, i8
+  use talus_lapack, only: dsygv
   use fem_assembly, only: stiffness_of, lumped_mass_of, mass_of
   use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
@@ -22,17 +23,6 @@ module fem_critical
     integer(i4) :: element(lanes) = 0
     real(wp), allocatable :: matrix(:, :, :)  !! (lanes, n, n) [1/s^2]
   end type waiting_type
-
-  interface
-    subroutine dsygv(itype, jobz, uplo, n, a, lda, b, ldb, w, work, lwork, info)
-      import :: wp
-      integer, intent(in) :: itype, n, lda, ldb, lwork
-      character(len=1), intent(in) :: jobz, uplo
-      real(wp), intent(inout) :: a(lda, *), b(ldb, *)
-      real(wp), intent(out) :: w(*), work(*)
-      integer, intent(out) :: info
-    end subroutine dsygv
-  end interface
 
 contains
 

@@ -5,6 +5,7 @@
 module fem_mm_path
   use, intrinsic :: iso_fortran_env, only: error_unit
   use talus_kinds, only: wp, i4
+  use talus_lapack, only: dgesv
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_curve, only: curve_type, read_curves, curve_index
@@ -40,15 +41,6 @@ module fem_mm_path
     type(mm_point_type) :: point
     integer(i4) :: iterations = 0  !! of the last step
   end type track_type
-
-  interface
-    subroutine dgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
-      import :: wp, i4
-      integer(i4), intent(in) :: n, nrhs, lda, ldb
-      real(wp), intent(inout) :: a(lda, *), b(ldb, *)
-      integer(i4), intent(out) :: ipiv(*), info
-    end subroutine dgesv
-  end interface
 
 contains
 

@@ -2,6 +2,7 @@
 !! stored energy, the inequalities of isotropic strains by name, and the moduli of its limits.
 module fem_mm_report
   use talus_kinds, only: wp, i4
+  use talus_lapack, only: dsyev
   use talus_text, only: str
   use fem_mm_elastic, only: mm_elastic_type, mm_strain_type, mm_dual_type, duals, couple
   use fem_mm_tensor, only: identity
@@ -11,17 +12,6 @@ module fem_mm_report
   public :: homogeneous_limit
 
   real(wp), parameter :: round_off = 1.0e-12_wp
-
-  interface
-    subroutine dsyev(jobz, uplo, n, a, lda, w, work, lwork, info)
-      import :: wp, i4
-      character(len=1), intent(in) :: jobz, uplo
-      integer(i4), intent(in) :: n, lda, lwork
-      real(wp), intent(inout) :: a(lda, *), work(*)
-      real(wp), intent(out) :: w(*)
-      integer(i4), intent(out) :: info
-    end subroutine dsyev
-  end interface
 
 contains
 

@@ -3,6 +3,7 @@
 !! gamma >= 0, f <= 0, gamma f = 0 (theory: micromorphic plasticity).
 module fem_mm_return
   use talus_kinds, only: wp, i4
+  use talus_lapack, only: dgetrf, dgetrs
   use fem_mm_cones, only: surfaces, cohesion, cohesion_slope
   use fem_mm_elastic, only: mm_strain_type, mm_strain_d_type
   use fem_mm_flow, only: mm_law_type, mm_old_type, mm_iterate_type, mm_change_type
@@ -32,23 +33,6 @@ module fem_mm_return
     integer(i4) :: iterations = 0   !! of Newton, for the report
     logical :: singular = .false.
   end type mm_system_type
-
-  interface
-    subroutine dgetrf(m, n, a, lda, ipiv, info)
-      import :: wp, i4
-      integer(i4), intent(in) :: m, n, lda
-      real(wp), intent(inout) :: a(lda, *)
-      integer(i4), intent(out) :: ipiv(*), info
-    end subroutine dgetrf
-    subroutine dgetrs(trans, n, nrhs, a, lda, ipiv, b, ldb, info)
-      import :: wp, i4
-      character(len=1), intent(in) :: trans
-      integer(i4), intent(in) :: n, nrhs, lda, ldb, ipiv(*)
-      real(wp), intent(in) :: a(lda, *)
-      real(wp), intent(inout) :: b(ldb, *)
-      integer(i4), intent(out) :: info
-    end subroutine dgetrs
-  end interface
 
 contains
 

@@ -2,6 +2,7 @@
 !! move as rigid ones (Bathe 1996, chapter 11). The small problem is solved by LAPACK.
 module fem_modal
   use talus_kinds, only: wp, i4, i8
+  use talus_lapack, only: dsygv
   use talus_errors, only: error_list_type
   use talus_text, only: str
   use fem_body, only: fem_body_type
@@ -22,17 +23,6 @@ module fem_modal
     real(wp), allocatable :: residual(:)     !! |K x - w^2 M x| / |K x| (of K + s M, rigid ones)
     real(wp), allocatable :: mass(:, :)      !! (3, n) effective masses along x, y, z [kg]
   end type fem_modes_type
-
-  interface
-    subroutine dsygv(itype, jobz, uplo, n, a, lda, b, ldb, w, work, lwork, info)
-      import :: wp
-      integer, intent(in) :: itype, n, lda, ldb, lwork
-      character(len=1), intent(in) :: jobz, uplo
-      real(wp), intent(inout) :: a(lda, *), b(ldb, *)
-      real(wp), intent(out) :: w(*), work(*)
-      integer, intent(out) :: info
-    end subroutine dsygv
-  end interface
 
 contains
 

@@ -2,6 +2,7 @@
 !! time, solved by Newton with the consistent tangent; steps that do not converge are halved.
 module fem_point_path
   use talus_kinds, only: wp, i4
+  use talus_lapack, only: dgesv
   use talus_text, only: str, string_type, append_string
   use talus_errors, only: error_list_type
   use talus_curve, only: curve_type, curve_index
@@ -35,15 +36,6 @@ module fem_point_path
     real(wp), allocatable :: state(:)
     integer(i4) :: iterations = 0  !! of the last step
   end type point_type
-
-  interface
-    subroutine dgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
-      import :: wp
-      integer, intent(in) :: n, nrhs, lda, ldb
-      real(wp), intent(inout) :: a(lda, *), b(ldb, *)
-      integer, intent(out) :: ipiv(*), info
-    end subroutine dgesv
-  end interface
 
 contains
 

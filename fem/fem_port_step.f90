@@ -3,6 +3,7 @@ module fem_port_step
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
+  use talus_serve, only: take_brief
   use fem_central, only: explicit_energy
   use fem_explicit, only: kick_lumped
   use fem_sparse, only: multiply
@@ -182,17 +183,6 @@ contains
       call sets%elements_of(chosen, model%body)
     end if
   end subroutine choose_set
-
-  !> Does the partner want a reply without scalars?
-  subroutine take_brief(request, brief, errors)
-    type(message_type), intent(inout) :: request
-    logical, intent(out) :: brief
-    type(error_list_type), intent(inout) :: errors
-    integer(i4) :: value
-    value = 0
-    if (request%has('brief')) call request%get_int('brief', value, errors)
-    brief = value == 1
-  end subroutine take_brief
 
   !> v += kick (F + X)/m, x += drift v on free degrees of freedom, with lumped mass. Dashpots and
   !! a M act in the kick by the mean of the velocities before and after it; what the deck moves goes

@@ -1,6 +1,7 @@
 !> Is the body held? Rigid motions of every connected part that supports leave free are named.
 module fem_supports
   use talus_kinds, only: wp, i4
+  use talus_lapack, only: dsyev
   use talus_errors, only: error_list_type
   use talus_text, only: str
   use fem_types, only: fem_mesh_type, fem_springs_type
@@ -11,17 +12,6 @@ module fem_supports
   public :: check_supports
 
   real(wp), parameter :: negligible = 1.0e-10_wp  !! eigenvalue / largest that counts as free
-
-  interface
-    subroutine dsyev(jobz, uplo, n, a, lda, w, work, lwork, info)
-      import :: wp
-      character(len=1), intent(in) :: jobz, uplo
-      integer, intent(in) :: n, lda, lwork
-      real(wp), intent(inout) :: a(lda, *)
-      real(wp), intent(out) :: w(*), work(*)
-      integer, intent(out) :: info
-    end subroutine dsyev
-  end interface
 
 contains
 
