@@ -9,6 +9,7 @@ module fem_assembly
   use fem_batch, only: lanes, fem_batch_type, batch_room, batch_shape, batch_stiffness, &
     batch_mass, pair
   use fem_dofs, only: fem_dofs_type
+  use fem_layered, only: layered_stiffness
   use fem_elastic, only: fem_elastic_type
   use fem_element, only: fem_shape_type, element_shape, element_stiffness, element_mass, &
     element_load
@@ -130,6 +131,8 @@ contains
         call batch_stiffness(elastic%rule(r), batch)
         do l = 1, n
           associate (e => chosen(i + l - 1))
+            if (elastic%layered_of(e) > 0) &
+              call layered_lane(mesh, dofs, elastic, e, batch%k(l, :, :))
             call add_blocks(dofs%block(dofs%start(e):dofs%start(e + 1) - 1), dofs%node, pattern, &
                             range, batch%k(l, :, :), k)
           end associate
@@ -137,6 +140,25 @@ contains
       end do
     end do
   end subroutine stiffness_share
+
+  !> Stiffness of a layered element in its place in the batch.
+  subroutine layered_lane(mesh, dofs, elastic, e, k)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: e
+    real(wp), intent(inout) :: k(:, :)  !! (9, pairs)
+    real(wp), allocatable :: ke(:, :, :, :)
+    integer(i4) :: a, b, n
+    n = dofs%start(e + 1) - dofs%start(e)
+    allocate (ke(3, 3, n, n))
+    call stiffness_of(mesh, dofs, elastic, e, ke)
+    do b = 1, n
+      do a = 1, b
+        k(:, pair(a, b)) = reshape(ke(:, :, a, b), [9])
+      end do
+    end do
+  end subroutine layered_lane
 
   !> Add the blocks a <= b of an element to the rows of a range of nodes; a pair whose global order
   !! is turned is transposed.
@@ -188,7 +210,11 @@ contains
         call hex8_stiffness(geometry, m(1) + 2.0_wp/3.0_wp*m(2), m(2), factor, rule%bbar, ke)
       else
         call element_shape(rule%at, mesh%x(:, node(:rule%nodes)), shape)
-        call element_stiffness(rule, shape, m, factor, ke)
+        if (elastic%layered_of(e) > 0) then
+          call layered_stiffness(rule, shape, elastic%layered(elastic%layered_of(e)), factor, ke)
+        else
+          call element_stiffness(rule, shape, m, factor, ke)
+        end if
       end if
     end associate
   end subroutine stiffness_of

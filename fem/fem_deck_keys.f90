@@ -113,7 +113,7 @@ contains
 
   subroutine group_material(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('material', 32, 'A material.', repeats=.true., required=.true.)
+    call table%add_group('material', 38, 'A material.', repeats=.true., required=.true.)
     call table%add_key('id', 'string', '', 'Name by which other groups refer to it.')
     call table%need()
     call table%add_key('density', 'real', 'kg/m3', 'Mass density of the solid substance.')
@@ -127,13 +127,16 @@ contains
       '`linear_elastic`: isotropic elasticity at small strains, of `young` and ' &
       //'`poisson`; `micropolar`: Eringen''s solid with micro-rotations, either of ' &
       //'`lambda` to `gamma` or of the engineering constants `shear` (or `young`), ' &
-      //'`poisson`, `l_t`, `l_b`, `coupling` and `polar_ratio`; `pressure_elastic`: E = ' &
+      //'`poisson`, `l_t`, `l_b`, `coupling` and `polar_ratio`; `layered`: layers and ' &
+      //'joints with micro-rotations of the layers, of `young`, `poisson`, ' &
+      //'`layer_thickness`, `joint_normal` and `joint_shear`; `pressure_elastic`: E = ' &
       //'young (p/reference_pressure)^exponent; `drucker_prager`: plasticity of `young`, ' &
       //'`poisson`, `cohesion`, `friction_deg`, `dilation_deg`; `cam_clay`: modified ' &
       //'Cam-clay of `critical_slope`, `compression_index`, `swelling_index`, ' &
       //'`specific_volume`, `poisson`. The last three are for `static` and `--point`.')
     call table%preset('linear_elastic')
-    call table%allow('linear_elastic|micropolar|pressure_elastic|drucker_prager|cam_clay')
+    call table%allow(&
+      'linear_elastic|micropolar|pressure_elastic|drucker_prager|cam_clay|layered')
     call table%add_key('lambda', 'real', 'Pa', &
       'Eringen''s lambda; with 3 lambda + 2 mu + kappa > 0.')
     call table%add_key('mu', 'real', 'Pa', &
@@ -158,15 +161,39 @@ contains
       'Coupling number N in [0, 1); N^2 = kappa/(2 (mu + kappa)).')
     call table%add_key('polar_ratio', 'real', '', &
       'Polar ratio Psi in (0, 3/2]; Psi = (beta + gamma)/(alpha + beta + gamma).')
-    call table%add_key('micro_inertia', 'real', 'm2', &
-      'Micro-inertia j of a micropolar solid, 2/5 r^2 of spheres of radius r; dynamics ' &
-      //'needs it.')
-    call table%bounds(above=0.0_wp)
     call group_material_2(table)
   end subroutine group_material
 
   subroutine group_material_2(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('micro_inertia', 'real', 'm2', &
+      'Micro-inertia j of a micropolar solid, 2/5 r^2 of spheres of radius r; dynamics ' &
+      //'needs it.')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('layer_thickness', 'real', 'm', 'Thickness of a layer of `layered`.')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('joint_normal', 'real', 'Pa/m', &
+      'Normal stiffness per area of the joints of `layered`.')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('joint_shear', 'real', 'Pa/m', &
+      'Shear stiffness per area of the joints of `layered`; 0 lets them slip freely.')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('layer_normal', 'real', '', 'Direction across the layers of `layered`.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|1.0')
+    call table%add_key('spin_modulus', 'real', 'Pa', &
+      'Modulus of `layered` against micro-rotation about the layers'' normal relative to' &
+      //' the material. The layers give it no stiffness: with 0, hold that rotation ' &
+      //'everywhere (`fix = ''rz''`); else the layers'' shear modulus is a good value.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('layer_moduli', 'string', '', &
+      'Moduli of `layered` in the plane of its layers: `isotropic` there, with the ' &
+      //'twist of the layers as plates and layers and joints in series; `published`, ' &
+      //'those of Adhikary and Dyskin, which hold in plane strain only: no twist, and ' &
+      //'nu/(1 - nu) of the modulus along the layers between the two directions.')
+    call table%preset('isotropic')
+    call table%allow('isotropic|published')
     call table%add_key('exponent', 'real', '', &
       'Exponent n of `pressure_elastic`, E = young (p/reference_pressure)^n.')
     call table%bounds(min=0.0_wp, max=1.0_wp)
@@ -185,6 +212,11 @@ contains
       'Angle of dilation of `drucker_prager`, 0 if left out, not above that of ' &
       //'friction: plastic flow would give energy.')
     call table%bounds(min=0.0_wp, below=90.0_wp)
+    call group_material_3(table)
+  end subroutine group_material_2
+
+  subroutine group_material_3(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('cone', 'string', '', &
       'Which strength of Mohr and Coulomb the cone of `drucker_prager` has: that of ' &
       //'triaxial compression, of triaxial extension, or of plane strain; compression if ' &
@@ -213,11 +245,6 @@ contains
       'Preconsolidation pressure pc of `cam_clay` at the start; without it ' &
       //'`overconsolidation` counts.')
     call table%bounds(above=0.0_wp)
-    call group_material_3(table)
-  end subroutine group_material_2
-
-  subroutine group_material_3(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('overconsolidation', 'real', '', &
       'pc of `cam_clay` at the start over that whose yield surface the initial stress ' &
       //'touches; 1 if left out.')

@@ -2,6 +2,7 @@
 module fem_elastic
   use talus_kinds, only: wp, i4
   use fem_hourglass, only: usual_share
+  use fem_layered, only: fem_layered_type
   use fem_rules, only: fem_formulation_type, make_rule, rule_index
   implicit none
   private
@@ -14,6 +15,8 @@ module fem_elastic
     type(fem_formulation_type), allocatable :: rule(:)
     integer(i4), allocatable :: rule_of(:)  !! (elements)
     real(wp), allocatable :: moduli(:, :)   !! (6, elements) lambda mu kappa [Pa], alpha.. [N]
+    type(fem_layered_type), allocatable :: layered(:)
+    integer(i4), allocatable :: layered_of(:)  !! (elements) law of `layered`; 0: that of `moduli`
     real(wp), allocatable :: density(:)     !! (elements) [kg/m^3]
     real(wp), allocatable :: inertia(:)     !! (elements) micro-inertia j [m^2]
     real(wp), allocatable :: hourglass(:)   !! (elements) share of the hourglass control [-]
@@ -37,6 +40,8 @@ contains
     class(fem_elastic_type), intent(inout) :: self
     integer(i4), intent(in) :: n
     allocate (self%rule(0), self%rule_of(n), self%moduli(6, n), self%density(n), self%inertia(n))
+    allocate (self%layered(0))
+    allocate (self%layered_of(n), source=0)
     self%rule_of = 0
     self%moduli = 0.0_wp
     self%density = 0.0_wp

@@ -13,6 +13,7 @@ module fem_element
   implicit none
   private
   public :: fem_shape_type, element_shape, element_stiffness, element_mass, element_stress
+  public :: polar_strain
   public :: element_force, element_load, points_at
 
   !> Gradients of one element at its points.
@@ -196,18 +197,11 @@ contains
     real(wp), intent(in) :: u(:, :)     !! (3, blocks) [m], [rad]
     real(wp), intent(in) :: moduli(6)
     real(wp), intent(out) :: stress(:, :)
-    real(wp) :: h(3, 3), c(3, 3), phi(3), sigma(9), couple(9)
-    integer(i4) :: q, m
-    m = rule%nodes
-    phi = 0.0_wp
-    c = 0.0_wp
+    real(wp) :: gamma(9), c(3, 3), sigma(9), couple(9)
+    integer(i4) :: q
     do q = 1, rule%at%n
-      h = matmul(u(:, :m), transpose(shape%u(:, :, q)))
-      if (rule%polar) then
-        phi = matmul(u(:, m + 1:), rule%at%phi(:, q))
-        c = matmul(u(:, m + 1:), transpose(shape%phi(:, :, q)))
-      end if
-      call micropolar_stress(moduli, micropolar_strain(h, phi), c, sigma, couple)
+      call polar_strain(rule, shape, u, q, gamma, c)
+      call micropolar_stress(moduli, gamma, c, sigma, couple)
       if (rule%polar) then
         stress(:9, q) = sigma
         stress(10:18, q) = couple
@@ -216,6 +210,25 @@ contains
       end if
     end do
   end subroutine element_stress
+
+  !> Strain gamma_kl at point q and c(i, j) = phi_i,j [1/m], zero in a classical element.
+  pure subroutine polar_strain(rule, shape, u, q, gamma, c)
+    type(fem_formulation_type), intent(in) :: rule
+    type(fem_shape_type), intent(in) :: shape
+    real(wp), intent(in) :: u(:, :)  !! (3, blocks) [m], [rad]
+    integer(i4), intent(in) :: q
+    real(wp), intent(out) :: gamma(9), c(3, 3)
+    real(wp) :: phi(3)
+    integer(i4) :: m
+    m = rule%nodes
+    phi = 0.0_wp
+    c = 0.0_wp
+    if (rule%polar) then
+      phi = matmul(u(:, m + 1:), rule%at%phi(:, q))
+      c = matmul(u(:, m + 1:), transpose(shape%phi(:, :, q)))
+    end if
+    gamma = micropolar_strain(matmul(u(:, :m), transpose(shape%u(:, :, q))), phi)
+  end subroutine polar_strain
 
   !> Blocks of forces of given stresses (as `element_stress` has them) [N, N m].
   pure subroutine element_force(rule, shape, stress, factor, f)

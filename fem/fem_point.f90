@@ -12,7 +12,8 @@ module fem_point
   use talus_history, only: history_type
   use fem_deck_keys, only: fem_deck_table
   use fem_mm_path, only: follow_micromorphic
-  use fem_micropolar, only: micropolar_strain, micropolar_stress, micropolar_energy, axial
+  use fem_layered, only: layered_point
+  use fem_micropolar, only: micropolar_strain, micropolar_stress, axial
   use fem_law, only: fem_law_box_type
   use fem_point_path, only: follow_path
   use fem_setup_laws, only: read_law
@@ -194,8 +195,12 @@ contains
     if (.not. material%polar) rotation = 0.5_wp*[h(3, 2) - h(2, 3), h(1, 3) - h(3, 1), &
                                                  h(2, 1) - h(1, 2)]
     gamma = micropolar_strain(h, rotation)
-    call micropolar_stress(material%moduli, gamma, c, sigma, couple)
+    if (material%layered) then
+      call layered_point(material%layers, gamma, reshape(c, [9]), sigma, couple)
+    else
+      call micropolar_stress(material%moduli, gamma, c, sigma, couple)
+    end if
     call file%write([real(k, wp), gamma, sigma, couple, axial(sigma), &
-                     micropolar_energy(material%moduli, gamma, c)], errors)
+                     0.5_wp*(sum(sigma*gamma) + sum(couple*reshape(c, [9])))], errors)
   end subroutine write_state
 end module fem_point

@@ -382,6 +382,10 @@ contains
       call errors%add('P302', 'moduli are given for elements that do not exist', request%place())
       return
     end if
+    if (any(body%elastic%layered_of(element) > 0)) then
+      call errors%add('P302', 'moduli of layered elements cannot be set', request%place())
+      return
+    end if
     do k = 1, size(element)
       associate (polar => body%elastic%rule(body%elastic%rule_of(element(k)))%polar)
         if (polar .neqv. request%has('micropolar')) then

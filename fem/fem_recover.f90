@@ -2,6 +2,7 @@
 module fem_recover
   use talus_kinds, only: wp, i4
   use fem_dofs, only: fem_dofs_type
+  use fem_layered, only: layered_stress
   use fem_elastic, only: fem_elastic_type, classical
   use fem_element, only: fem_shape_type, element_shape, element_stress, element_force, points_at
   use fem_hex8, only: hex8_geometry, hex8_geometry_type, hex8_stress, hex8_forces
@@ -59,7 +60,11 @@ contains
           elastic%factor(elastic%point(e):elastic%point(e + 1) - 1), six_values)
       else
         call element_shape(rule%at, mesh%x(:, block(:rule%nodes)), shape)
-        if (rule%polar) then
+        if (elastic%layered_of(e) > 0) then
+          call layered_stress(rule, shape, u(:, block), elastic%layered(elastic%layered_of(e)), &
+                              stress)
+          return
+        else if (rule%polar) then
           call element_stress(rule, shape, u(:, block), m, stress)
           return
         end if

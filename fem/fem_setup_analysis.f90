@@ -76,10 +76,29 @@ contains
                         'group', "take kind = 'newmark', 'hht' or 'explicit', or leave them out")
         cycle
       end if
+      if (any_layered(body, g)) then
+        call deck%fault(errors, 'D329', 'absorbing faces do not know the waves of a layered '// &
+                        'solid', 'absorbing', s, 'group', 'put a solid without layers there')
+        cycle
+      end if
       call absorb(body%mesh, body%dofs, body%elastic, body%mesh%group(g), body%damping, lost)
       if (lost > 0) call deck%fault(errors, 'D326', 'the element of facet '//str(lost)//" of '"// &
         name//"' is not in the mesh file", 'absorbing', s, 'group', &
         "make the mesh with `talus mesh`, which writes the dataset 'cell' of facet groups")
     end do
   end subroutine read_absorbing
+
+  !> Has an element of facet group g layers?
+  pure logical function any_layered(body, g)
+    type(fem_body_type), intent(in) :: body
+    integer(i4), intent(in) :: g
+    integer(i4) :: f
+    any_layered = .false.
+    if (.not. allocated(body%mesh%group(g)%element)) return
+    do f = 1, size(body%mesh%group(g)%element)
+      associate (e => body%mesh%group(g)%element(f))
+        if (e > 0) any_layered = any_layered .or. body%elastic%layered_of(e) > 0
+      end associate
+    end do
+  end function any_layered
 end module fem_setup_analysis

@@ -13,27 +13,31 @@ module fem_setup_laws
   private
   public :: read_law, has_state, check_law_keys
 
-  character(len=*), parameter :: keys(16) = [character(len=18) :: 'exponent', &
+  character(len=*), parameter :: keys(22) = [character(len=18) :: 'exponent', &
     'reference_pressure', 'least_pressure', 'cohesion', 'friction_deg', 'dilation_deg', 'cone', &
     'hardening', 'residual_cohesion', 'critical_slope', 'compression_index', 'swelling_index', &
-    'specific_volume', 'preconsolidation', 'overconsolidation', 'young']
-  character(len=*), parameter :: owner(16) = [character(len=60) :: 'pressure_elastic', &
+    'specific_volume', 'preconsolidation', 'overconsolidation', 'young', 'layer_thickness', &
+    'joint_normal', 'joint_shear', 'layer_normal', 'spin_modulus', 'layer_moduli']
+  character(len=*), parameter :: owner(22) = [character(len=70) :: 'pressure_elastic', &
     'pressure_elastic', 'pressure_elastic', 'drucker_prager', 'drucker_prager', &
     'drucker_prager', 'drucker_prager', 'drucker_prager', 'drucker_prager', 'cam_clay', &
     'cam_clay', 'cam_clay', 'cam_clay', 'cam_clay', 'cam_clay', &
-    'linear_elastic pressure_elastic drucker_prager micropolar']
-  character(len=*), parameter :: laws(3) = [character(len=16) :: 'pressure_elastic', &
-    'drucker_prager', 'cam_clay']
-  character(len=*), parameter :: needed(3) = [character(len=80) :: &
+    'linear_elastic pressure_elastic drucker_prager micropolar layered', 'layered', 'layered', &
+    'layered', 'layered', 'layered', 'layered']
+  character(len=*), parameter :: laws(4) = [character(len=16) :: 'pressure_elastic', &
+    'drucker_prager', 'cam_clay', 'layered']
+  integer(i4), parameter :: stateful = 3  !! the first of them have a state
+  character(len=*), parameter :: needed(4) = [character(len=80) :: &
     'young poisson exponent reference_pressure', 'young poisson cohesion friction_deg', &
-    'poisson critical_slope compression_index swelling_index specific_volume']
+    'poisson critical_slope compression_index swelling_index specific_volume', &
+    'young poisson layer_thickness joint_normal joint_shear']
 
 contains
 
   !> Is a law of the deck one with a state?
   pure logical function has_state(law)
     character(len=*), intent(in) :: law
-    has_state = any(laws == law)
+    has_state = any(laws(:stateful) == law)
   end function has_state
 
   !> Fault D330 for keys that the law of material m does not know, and for those that it misses.

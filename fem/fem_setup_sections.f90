@@ -6,6 +6,8 @@ module fem_setup_sections
   use talus_deck, only: deck_type
   use fem_body, only: fem_body_type
   use fem_mesh, only: find_group, group_hint
+  use fem_layered, only: fem_layered_type
+  use fem_setup_layers, only: read_layers
   use fem_micropolar, only: technical_type, eringen_moduli, lame_moduli, violated_inequality
   use fem_rules, only: kind_of_rule, usual_rule, polar_rule, rules_for
   use fem_kinds, only: kind_name
@@ -25,6 +27,8 @@ module fem_setup_sections
     character(len=name_length) :: id = ''
     logical :: polar = .false.
     logical :: stateful = .false.   !! its law has a state (fem_law)
+    logical :: layered = .false.    !! of layers and joints (fem_layered)
+    type(fem_layered_type) :: layers
     real(wp) :: moduli(6) = 0.0_wp  !! lambda, mu, kappa [Pa], alpha, beta, gamma [N]
     real(wp) :: density = 0.0_wp    !! [kg/m^3]
     real(wp) :: inertia = 0.0_wp    !! micro-inertia j [m^2]
@@ -48,10 +52,16 @@ contains
     call deck%get('material', m, 'law', law)
     call deck%get('material', m, 'density', material%density)
     call deck%get('material', m, 'micro_inertia', material%inertia)
-    material%polar = law == 'micropolar'
+    material%layered = law == 'layered'
+    material%polar = law == 'micropolar' .or. material%layered
     material%stateful = has_state(law)
     call check_law_keys(deck, m, law, errors)
-    if (material%polar) then
+    if (material%layered) then
+      call check_classical_keys(deck, m, errors)
+      if (errors%count == before) &
+        call read_layers(deck, m, material%layers, material%moduli, errors)
+      return
+    else if (material%polar) then
       if (any([(deck%given('material', m, trim(eringen(k))), k=1, 6)])) then
         call read_eringen(deck, m, material%moduli, errors)
       else
@@ -63,19 +73,10 @@ contains
         'these limits keep the stored energy positive; mu itself may be negative')
       return
     end if
-    do k = 1, 6
-      if (deck%given('material', m, trim(eringen(k)))) call deck%fault(errors, 'D320', &
-        trim(eringen(k))//' is a constant of micropolar solids', 'material', m, &
-        trim(eringen(k)), "give young and poisson, or law = 'micropolar'")
-    end do
+    call check_classical_keys(deck, m, errors)
     if (deck%given('material', m, 'micro_inertia')) call deck%fault(errors, 'D320', &
       'micro_inertia is a constant of micropolar solids', 'material', m, 'micro_inertia', &
       "leave it out, or take law = 'micropolar'")
-    do k = 1, size(technical) - 1
-      if (k == 1 .or. .not. deck%given('material', m, trim(technical(k)))) cycle
-      call deck%fault(errors, 'D320', trim(technical(k))//' is a constant of micropolar solids', &
-        'material', m, trim(technical(k)), "give young and poisson, or law = 'micropolar'")
-    end do
     if (law == 'cam_clay' .or. errors%count > before) return
     if (.not. (deck%given('material', m, 'young') .and. deck%given('material', m, 'poisson'))) &
       call deck%fault(errors, 'D320', 'the material has no young or no poisson', 'material', m, &
@@ -85,6 +86,24 @@ contains
     call deck%get('material', m, 'poisson', poisson)
     material%moduli = lame_moduli(young, poisson)
   end subroutine read_material
+
+  !> Fault D320 for constants that only Eringen's solid knows.
+  subroutine check_classical_keys(deck, m, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: m
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    do k = 1, 6
+      if (deck%given('material', m, trim(eringen(k)))) call deck%fault(errors, 'D320', &
+        trim(eringen(k))//' is a constant of micropolar solids', 'material', m, &
+        trim(eringen(k)), "give young and poisson, or law = 'micropolar'")
+    end do
+    do k = 2, size(technical) - 1
+      if (.not. deck%given('material', m, trim(technical(k)))) cycle
+      call deck%fault(errors, 'D320', trim(technical(k))//' is a constant of micropolar solids', &
+        'material', m, trim(technical(k)), "give young and poisson, or law = 'micropolar'")
+    end do
+  end subroutine check_classical_keys
 
   !> The six constants of Eringen; all are needed and no others.
   subroutine read_eringen(deck, m, moduli, errors)
@@ -215,6 +234,7 @@ contains
     real(wp) :: share
     integer(i4) :: k, e, r, kind
 
+    if (material%layered) body%elastic%layered = [body%elastic%layered, material%layers]
     call deck%get('section', s, 'element', element)
     call deck%get('section', s, 'hourglass', share)
     if (deck%given('section', s, 'hourglass') .and. element /= 'hex8_one_point') &
@@ -242,6 +262,7 @@ contains
       call body%elastic%use_rule(trim(name), r)
       body%elastic%rule_of(e) = r
       body%elastic%moduli(:, e) = material%moduli
+      if (material%layered) body%elastic%layered_of(e) = int(size(body%elastic%layered), i4)
       body%elastic%density(e) = material%density
       body%elastic%inertia(e) = material%inertia
       body%elastic%hourglass(e) = share
