@@ -7,13 +7,15 @@ module talus_measures
   use talus_kinds, only: wp, i4
   use talus_homogenise, only: branch_inside, love_weber, couple_stress, direction_fabric, &
     branch_fabric, axis_fabric, velocity_gradient, kinetic_stress, half_sizes, deviator_of
+  use talus_micro_moduli, only: micro_type, micro_moduli, gradient_moduli
   use talus_moduli, only: affine_moduli, isotropic_part, isotropic_type
   use talus_region, only: region_type, region_all, region_cell, ball_points
   use talus_sample, only: sample_type
-  use talus_text, only: string_type, append_string
+  use talus_text, only: str, string_type, append_string
   implicit none
   private
   public :: request_type, measure_columns, measure_row, moduli_columns, moduli_row, contacts_of
+  public :: micro_columns, micro_row
 
   character(len=2), parameter :: nine(9) = ['xx', 'xy', 'xz', 'yx', 'yy', 'yz', 'zx', 'zy', 'zz']
   character(len=2), parameter :: six(6) = ['xx', 'yy', 'zz', 'xy', 'yz', 'zx']
@@ -68,6 +70,19 @@ contains
       end do
     end do
   end subroutine moduli_columns
+
+  !> Titles of the affine micromorphic moduli.
+  subroutine micro_columns(names)
+    type(string_type), allocatable, intent(out) :: names(:)
+    integer(i4) :: k
+    allocate (names(0))
+    call add(names, 'time [s],lambda [Pa],mu [Pa],eta [Pa],tau [Pa],kappa [Pa],nu [Pa],'// &
+             'sigma [Pa],')
+    do k = 1, 11
+      call add(names, 'tau_'//str(k)//' [N],')
+    end do
+    call add(names, 'density [kg/m3],micro_inertia [m2],')
+  end subroutine micro_columns
 
   !> Add titles, each ended by a comma.
   subroutine add(names, list)
@@ -283,6 +298,27 @@ contains
     row = [time, reshape(transpose(c9), [81]), reshape(transpose(b9), [81]), &
            reshape(transpose(d9), [81])]
   end subroutine moduli_row
+
+  !> The affine micromorphic moduli, density and micro-inertia i_KL = i d_KL; `grains` are lambda
+  !! and mu of their material [Pa].
+  subroutine micro_row(time, sample, request, grains, row)
+    real(wp), intent(in) :: time, grains(2)
+    type(sample_type), intent(in) :: sample
+    type(request_type), intent(in) :: request
+    real(wp), allocatable, intent(out) :: row(:)
+    type(region_type) :: region
+    type(micro_type) :: m
+    real(wp), allocatable :: half(:, :), branch(:, :)
+    real(wp) :: c9(9, 9), b9(9, 9), d9(9, 9), volume, solid(3)
+    call prepare(sample, request, region, half, branch)
+    volume = max(region%volume(), tiny(1.0_wp))
+    call affine_moduli(sample, branch, volume, c9, b9, d9)
+    solid = solid_content(sample, region, half, request%resolution)
+    m = micro_moduli(isotropic_part(c9, b9), solid(1)/volume, grains(1), grains(2), &
+                     gradient_moduli(sample, branch, volume))
+    row = [time, m%lambda, m%mu, m%eta, m%tau, m%kappa, m%nu, m%sigma, m%taus, solid(2)/volume, &
+           0.5_wp*solid(3)/max(solid(2), tiny(1.0_wp))]
+  end subroutine micro_row
 
   pure real(wp) function pressure_of(t)
     real(wp), intent(in) :: t(3, 3)

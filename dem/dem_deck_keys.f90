@@ -232,7 +232,8 @@ contains
   subroutine group_wall(table)
     type(key_table_type), intent(inout) :: table
     call table%add_group('wall', 7, &
-      'An infinite plane; grains stand on the side to which its normal points.', repeats=.true.)
+      'An infinite plane; grains stand on the side to which its normal points. A finite' &
+      //' one is a &surface with rectangle.', repeats=.true.)
     call table%add_key('id', 'string', '', 'Name in the log and in `<deck>_walls.csv`.')
     call table%need()
     call table%add_key('kind', 'string', '', 'Shape of the wall.')
@@ -365,23 +366,33 @@ contains
 
   subroutine group_servo(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('servo', 8, &
+    call table%add_group('servo', 11, &
       'A wall that moves along its normal so that the grains press on it with a given ' &
-      //'stress. Every 10 steps its velocity is gain times the force that is wanting, ' &
-      //'over the stiffness of its contacts and the time of 10 steps, and a slow integral' &
-      //' of that. Histories in `<deck>_servos.csv`. A run that ends beyond the tolerance' &
-      //' ends with exit code 2 (N204). Not under talus-couple.', repeats=.true.)
-    call table%add_key('wall', 'string', '', 'Id of the wall.')
-    call table%need()
+      //'stress, or a surface that pushes the grains along a direction with a given ' &
+      //'force. Every 10 steps its velocity is gain times the force that is wanting, over' &
+      //' the stiffness of its contacts and the time of 10 steps, and a slow integral of ' &
+      //'that; across its direction a surface keeps the velocity and curve of its own. ' &
+      //'Histories in `<deck>_servos.csv` and `<deck>_surface_servos.csv`. A run that ' &
+      //'ends beyond the tolerance ends with exit code 2, N204. It does not work under ' &
+      //'talus-couple.', repeats=.true.)
+    call table%add_key('wall', 'string', '', 'Id of the wall. Give this or surface.')
+    call table%add_key('surface', 'string', '', 'Id of the surface or penetrometer.')
     call table%add_key('stress', 'real', 'Pa', &
-      'Target: force of the grains on the wall over its area; pressure is positive.')
-    call table%need()
+      'Target: force of the grains on the wall or surface over its area; pressure is ' &
+      //'positive.')
     call table%bounds(above=0.0_wp)
-    call table%add_key('curve', 'string', '', 'The curve by which the stress is multiplied.')
+    call table%add_key('force', 'real', 'N', &
+      'Target of a surface: force on the grains along the direction. Give this, or ' &
+      //'stress and area.')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('direction', 'real', '', &
+      'Where a surface pushes the grains, of any length; it moves along it and back.')
+    call table%sized(3_i4, 3_i4)
+    call table%add_key('curve', 'string', '', 'The curve by which the target is multiplied.')
     call table%preset('')
     call table%add_key('area', 'real', 'm2', &
       'Area of the wall; 0: the area between the two pairs of opposite walls at right ' &
-      //'angles to it, as they stand at the time.')
+      //'angles to it, as they stand at the time. A surface with a stress needs it.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
     call table%add_key('speed', 'real', 'm/s', &
@@ -712,7 +723,8 @@ contains
     call table%sized(3_i4, 3_i4)
     call table%add_key('moduli', 'logical', '', &
       'Write the affine moduli in full (C, B and D, 9 x 9 each) to ' &
-      //'`<deck>_moduli_<id>.csv`.')
+      //'`<deck>_moduli_<id>.csv`, and those of a micromorphic solid to ' &
+      //'`<deck>_micromorphic_<id>.csv`.')
     call table%preset('.false.')
   end subroutine group_measure
 

@@ -25,8 +25,9 @@ module dem_histories
   character(len=16), parameter :: driven_columns(12) = [character(len=16) :: 'time [s]', 'id [-]', &
     'x [m]', 'y [m]', 'z [m]', 'force_x [N]', 'force_y [N]', 'force_z [N]', 'moment_x [N m]', &
     'moment_y [N m]', 'moment_z [N m]', 'work [J]']
-  character(len=16), parameter :: wall_columns(9) = [character(len=16) :: 'time [s]', 'wall [-]', &
-    'x [m]', 'y [m]', 'z [m]', 'force_x [N]', 'force_y [N]', 'force_z [N]', 'work [J]']
+  character(len=16), parameter :: wall_columns(12) = [character(len=16) :: 'time [s]', &
+    'wall [-]', 'x [m]', 'y [m]', 'z [m]', 'force_x [N]', 'force_y [N]', 'force_z [N]', &
+    'moment_x [N m]', 'moment_y [N m]', 'moment_z [N m]', 'work [J]']
 
   type :: dem_histories_type
     type(history_type) :: energy, driven, walls, surfaces
@@ -120,8 +121,8 @@ contains
     end do
     do k = 1, system%planes%n
       call self%walls%write([time, real(k, wp), system%planes%point(:, k), &
-                             system%planes%force(:, k), self%wall_work(k) &
-                             + system%planes%work(k)], errors)
+                             system%planes%force(:, k), system%planes%moment(:, k), &
+                             self%wall_work(k) + system%planes%work(k)], errors)
     end do
     if (system%surfaces%n > 0) call write_surface_rows(self%surfaces, time, system%surfaces, &
                                                        self%surface_work, errors)

@@ -120,7 +120,8 @@ contains
     planes%n = n
     allocate (planes%material, source=material)
     allocate (planes%point(3, n), planes%normal(3, n), planes%velocity(3, n), source=0.0_wp)
-    allocate (planes%force(3, n), planes%impulse(3, n), planes%work(n), source=0.0_wp)
+    allocate (planes%force(3, n), planes%moment(3, n), planes%impulse(3, n), source=0.0_wp)
+    allocate (planes%work(n), source=0.0_wp)
     do k = 1, n
       planes%point(:, k) = point(:, k)
       planes%normal(:, k) = normal(:, k)/sqrt(sum(normal(:, k)**2))

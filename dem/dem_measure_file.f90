@@ -106,7 +106,8 @@ contains
       do k = 1, m%n
         write (output_unit, '(a)') model%stem//'_measure_'//m%item(k)%id//'.csv'
         if (m%item(k)%moduli) &
-          write (output_unit, '(a)') model%stem//'_moduli_'//m%item(k)%id//'.csv'
+          write (output_unit, '(a)') model%stem//'_moduli_'//m%item(k)%id//'.csv', &
+          model%stem//'_micromorphic_'//m%item(k)%id//'.csv'
       end do
       do k = 1, m%grids
         write (output_unit, '(a)') model%stem//'_grid_'//m%grid(k)%id//'.h5'

@@ -8,13 +8,15 @@ module dem_measures
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use talus_history, only: history_type
-  use talus_measures, only: request_type, measure_columns, measure_row, moduli_columns, moduli_row
+  use talus_measures, only: request_type, measure_columns, measure_row, moduli_columns, &
+    moduli_row, micro_columns, micro_row
   use talus_coarse, only: reach_of
   use talus_region, only: region_all, region_box, region_cylinder
   use talus_sample, only: sample_type
   use dem_cell, only: is_periodic
   use dem_grids, only: dem_grid_type, read_grid
   use dem_sample, only: fill_sample
+  use dem_state, only: kind_free
   use dem_tiles, only: tile
   use dem_system, only: dem_system_type, dem_contacts_type
   implicit none
@@ -29,7 +31,7 @@ module dem_measures
     logical :: moduli = .false.        !! write the affine moduli in full
     real(wp) :: every = 0.0_wp         !! [s]; 0: first and last state only
     real(wp) :: last_time = -1.0_wp    !! of the last row [s]
-    type(history_type) :: history, full
+    type(history_type) :: history, full, micro
   end type measure_type
 
   type :: dem_measures_type
@@ -39,6 +41,7 @@ module dem_measures
     real(wp) :: every = 0.0_wp               !! least interval [s]; 0: none
     type(sample_type) :: sample
     type(sample_type) :: tiled               !! images around the regions of a periodic cell
+    real(wp) :: grains(2) = 0.0_wp           !! lambda and mu of the free grains' material [Pa]
     logical, private :: opened = .false.
   contains
     procedure :: read => read_measures
@@ -217,6 +220,9 @@ contains
         call moduli_columns(names)
         if (item%moduli) call begin(item%full, stem//'_moduli_'//item%id//'.csv', names, kept, &
                                     errors)
+        call micro_columns(names)
+        if (item%moduli) call begin(item%micro, stem//'_micromorphic_'//item%id//'.csv', names, &
+                                    kept, errors)
         item%last_time = -1.0_wp
         if (kept >= time .and. time >= 0.0_wp) item%last_time = time
       end associate
@@ -271,9 +277,29 @@ contains
       call fill_sample(system, now, self%sample, errors)
     end if
     if (errors%count > before) return
+    self%grains = moduli_of_grains(system)
     if (is_periodic(system%cell)) call fill_tiles(self, system)
     call self%write_sample(time, system%par%dt, is_periodic(system%cell), all, errors)
   end subroutine write_measures
+
+  !> lambda and mu of the free grains, mean over their volume [Pa].
+  pure function moduli_of_grains(system) result(mean)
+    type(dem_system_type), intent(in) :: system
+    real(wp) :: mean(2), mu, weight, total
+    integer(i4) :: i
+    mean = 0.0_wp
+    total = 0.0_wp
+    do i = 1, system%grains%n
+      if (system%grains%kind(i) /= kind_free) cycle
+      associate (m => system%materials(system%grains%material(i)))
+        mu = 0.5_wp*m%young/(1.0_wp + m%poisson)
+        weight = product(system%grains%axes(:, i))
+        mean = mean + weight*mu*[2.0_wp*m%poisson/(1.0_wp - 2.0_wp*m%poisson), 1.0_wp]
+        total = total + weight
+      end associate
+    end do
+    if (total > 0.0_wp) mean = mean/total
+  end function moduli_of_grains
 
   !> Images of grains and contacts around all regions and grids.
   subroutine fill_tiles(self, system)
@@ -314,9 +340,9 @@ contains
     do k = 1, self%n
       if (.not. wanted(time, dt, self%item(k)%last_time, self%item(k)%every, self%every, all)) cycle
       if (periodic .and. self%item(k)%request%region%kind /= region_all) then
-        call write_rows(self%item(k), time, self%tiled, errors)
+        call write_rows(self%item(k), time, self%tiled, self%grains, errors)
       else
-        call write_rows(self%item(k), time, self%sample, errors)
+        call write_rows(self%item(k), time, self%sample, self%grains, errors)
       end if
     end do
     do k = 1, self%grids
@@ -331,9 +357,9 @@ contains
     end do
   end subroutine write_sample
 
-  subroutine write_rows(item, time, sample, errors)
+  subroutine write_rows(item, time, sample, grains, errors)
     type(measure_type), intent(inout) :: item
-    real(wp), intent(in) :: time
+    real(wp), intent(in) :: time, grains(2)
     type(sample_type), intent(in) :: sample
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: row(:)
@@ -343,6 +369,8 @@ contains
     if (.not. item%moduli) return
     call moduli_row(time, sample, item%request, row)
     call item%full%write(row, errors)
+    call micro_row(time, sample, item%request, grains, row)
+    call item%micro%write(row, errors)
   end subroutine write_rows
 
   !> Is something with this interval to be measured at the present event?
@@ -364,6 +392,7 @@ contains
     do k = 1, self%n
       call self%item(k)%history%flush(errors)
       call self%item(k)%full%flush(errors)
+      call self%item(k)%micro%flush(errors)
     end do
   end subroutine flush_measures
 
@@ -374,6 +403,7 @@ contains
     do k = 1, self%n
       call self%item(k)%history%close(errors)
       call self%item(k)%full%close(errors)
+      call self%item(k)%micro%close(errors)
     end do
   end subroutine close_measures
 end module dem_measures

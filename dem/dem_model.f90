@@ -207,7 +207,7 @@ contains
     every_wall = 0.0_wp
     if (.not. self%served) call self%deck%get('checkpoint', 1, 'every_wall', every_wall)
     call self%checkpoint%schedule(every_wall, 0.0_wp, self%clock%time())
-    if (.not. (errors%any() .or. allocated(self%system%servo_seen))) &
+    if (.not. errors%any()) &
       call self%servo%start(self%system%dem_data_type, self%clock%time())
     if (.not. errors%any()) call self%surcharge%start(self%system%dem_data_type, &
                                                       self%clock%time(), self%clock%steps, errors)
@@ -257,6 +257,7 @@ contains
     if (deck_changed) call self%flow%look(self%system%dem_data_type, self%clock%time())
     if (deck_changed .and. .not. self%servo%active()) &
       self%system%planes%velocity = self%servo%wall_velocity
+    if (deck_changed) call self%drive%follow(self%system%dem_data_type, self%clock%time())
     if (deck_changed) call append_string(self%warnings, 'the deck is not the one that wrote '// &
       path//'; grains, driven motion and places of walls go on as in the checkpoint')
     if (self%clock%automatic .or. abs(self%choices%dt - self%clock%dt) <= 0.0_wp) return
@@ -485,7 +486,7 @@ contains
     end if
     if (self%log%row_due()) then
       call self%histories%flush(errors)
-      call self%servo%history%flush(errors)
+      call self%servo%flush(errors)
       call self%surcharge%history%flush(errors)
       call self%flow%history%flush(errors)
       call self%write_row()
@@ -527,7 +528,7 @@ contains
 
     call self%timers%start('checkpoint')
     call self%histories%flush(errors)
-    call self%servo%history%flush(errors)
+    call self%servo%flush(errors)
     call self%surcharge%history%flush(errors)
     call self%measures%flush(errors)
     call self%system%refresh_ledger()
@@ -560,7 +561,7 @@ contains
       call self%fields%write(self%clock%time(), self%system, ignored)
     end if
     call self%histories%close(errors)
-    call self%servo%history%close(errors)
+    call self%servo%close(errors)
     call self%surcharge%history%close(errors)
     call self%flow%history%close(errors)
     call self%measures%close(errors)

@@ -18,6 +18,7 @@ module dem_servo
   use talus_log, only: short_number
   use dem_state, only: dem_data_type, lanes, history_side
   use dem_contact, only: contact_radius, constants_of, contact_constants_type
+  use dem_surface_servo, only: surface_servo_type
   use dem_volume, only: constant_volume_type
   implicit none
   private
@@ -49,6 +50,7 @@ module dem_servo
     integer(i4), allocatable :: wall_curve(:)      !! (walls) 0: constant velocity
     real(wp), allocatable :: wall_velocity(:, :)   !! (3, walls) of the deck [m/s]
     type(servo_wall_type), allocatable :: servo(:)
+    type(surface_servo_type) :: surfaces
     type(constant_volume_type) :: volume
     type(history_type) :: history
   contains
@@ -62,6 +64,8 @@ module dem_servo
     procedure :: judge
     procedure :: open => open_history
     procedure :: write => write_rows
+    procedure :: flush => flush_histories
+    procedure :: close => close_histories
     procedure, private :: set_servo
     procedure, private :: error_of
   end type dem_servo_type
@@ -76,12 +80,14 @@ contains
     type(string_type), intent(in) :: names(:)  !! of the walls
     logical, intent(in) :: served
     type(error_list_type), intent(inout) :: errors
-    integer(i4) :: k
+    integer(i4) :: k, n
 
     self%name = names
     call read_curves(deck, 'D250', self%curve, errors)
     allocate (self%wall_curve(size(names)), source=0)
-    allocate (self%servo(deck%count('servo')))
+    n = count([(.not. deck%given('servo', k, 'surface'), k=1, deck%count('servo'))])
+    allocate (self%servo(n))
+    call self%surfaces%read(deck, d, self%curve, errors)
     if (d%planes%n /= size(names)) return  ! walls had faults
     self%wall_velocity = d%planes%velocity
     do k = 1, size(names)
@@ -90,53 +96,78 @@ contains
     call self%volume%read(deck, d, names, errors)
     if (served .and. self%active()) &
       call deck%fault(errors, 'D247', 'walls with curves, servos or a constant volume do not '// &
-                      'work under a partner', merge('servo', 'wall ', size(self%servo) > 0), 1, &
-                      '', 'give the walls constant velocities')
-    do k = 1, size(self%servo)
-      call read_servo(self, deck, d, k, errors)
+                      'work under a partner', merge('servo', 'wall ', deck%count('servo') > 0), &
+                      1, '', 'give the walls constant velocities')
+    n = 0
+    do k = 1, deck%count('servo')
+      if (deck%given('servo', k, 'surface')) then
+        call check_words(deck, k, ['wall'], errors)
+        cycle
+      end if
+      n = n + 1
+      call check_words(deck, k, [character(len=9) :: 'force', 'direction'], errors)
+      call read_servo(self, deck, d, k, self%servo(n), errors)
     end do
   end subroutine read_servos
 
-  !> One group servo (D251).
-  subroutine read_servo(self, deck, d, k, errors)
-    type(dem_servo_type), intent(inout) :: self
+  !> Keys that a servo of the other kind has (D251).
+  subroutine check_words(deck, k, words, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    character(len=*), intent(in) :: words(:)
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: j
+    do j = 1, size(words)
+      if (deck%given('servo', k, trim(words(j)))) &
+        call deck%fault(errors, 'D251', 'a servo moves a wall (wall, stress) or a surface '// &
+                        '(surface, direction, and force or stress with area)', 'servo', k, &
+                        trim(words(j)), 'leave '//trim(words(j))//' out, or the other kind')
+    end do
+  end subroutine check_words
+
+  !> One group servo of a wall (D251).
+  subroutine read_servo(self, deck, d, k, servo, errors)
+    type(dem_servo_type), intent(in) :: self
     type(deck_type), intent(in) :: deck
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: k
+    type(servo_wall_type), intent(inout) :: servo
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: name
     integer(i4) :: j
 
-    associate (servo => self%servo(k))
-      call deck%get('servo', k, 'wall', name)
-      call deck%get('servo', k, 'stress', servo%stress)
-      call deck%get('servo', k, 'area', servo%area)
-      call deck%get('servo', k, 'speed', servo%speed)
-      call deck%get('servo', k, 'gain', servo%gain)
-      call deck%get('servo', k, 'tolerance', servo%tolerance)
-      servo%until = huge(1.0_wp)
-      if (deck%given('servo', k, 'until')) call deck%get('servo', k, 'until', servo%until)
-      call curve_index(deck, 'D250', self%curve, 'servo', k, servo%curve, errors)
-      do j = 1, size(self%name)
-        if (self%name(j)%s == name) servo%wall = j
-      end do
-      if (servo%wall == 0) then
-        call deck%fault(errors, 'D251', "there is no wall '"//name//"'", 'servo', k, 'wall', &
-                        'walls of this deck:'//listed(self%name))
-        return
-      end if
-      if (any(self%servo(:k - 1)%wall == servo%wall)) &
-        call deck%fault(errors, 'D251', "wall '"//name//"' has two servos", 'servo', k, 'wall', &
-                        'one servo a wall')
-      if (any(abs(d%planes%velocity(:, servo%wall)) > 0.0_wp) .and. &
-          .not. deck%given('servo', k, 'until')) &
-        call deck%fault(errors, 'D251', "wall '"//name//"' has a velocity and a servo", 'servo', &
-                        k, 'wall', 'leave the velocity out, or say until when the servo works')
-      if (.not. servo%area > 0.0_wp .and. .not. measured_area(d, servo%wall) > 0.0_wp) &
-        call deck%fault(errors, 'D251', "the area of wall '"//name//"' cannot be measured: it "// &
-                        'takes two pairs of opposite walls, at right angles to it and to '// &
-                        'each other', 'servo', k, 'area', 'give area = ... in m2')
-    end associate
+    call deck%get('servo', k, 'wall', name)
+    call deck%get('servo', k, 'stress', servo%stress)
+    call deck%get('servo', k, 'area', servo%area)
+    call deck%get('servo', k, 'speed', servo%speed)
+    call deck%get('servo', k, 'gain', servo%gain)
+    call deck%get('servo', k, 'tolerance', servo%tolerance)
+    servo%until = huge(1.0_wp)
+    if (deck%given('servo', k, 'until')) call deck%get('servo', k, 'until', servo%until)
+    call curve_index(deck, 'D250', self%curve, 'servo', k, servo%curve, errors)
+    if (.not. (deck%given('servo', k, 'wall') .and. deck%given('servo', k, 'stress'))) then
+      call deck%fault(errors, 'D251', 'a servo needs a wall and a stress', 'servo', k, '', &
+                      'or a surface, a direction and a force')
+      return
+    end if
+    j = findloc([(self%name(j)%s == name, j=1, size(self%name))], .true., 1)
+    if (j == 0) then
+      call deck%fault(errors, 'D251', "there is no wall '"//name//"'", 'servo', k, 'wall', &
+                      'walls of this deck:'//listed(self%name))
+      return
+    end if
+    if (any(self%servo%wall == j)) &
+      call deck%fault(errors, 'D251', "wall '"//name//"' has two servos", 'servo', k, 'wall', &
+                      'one servo a wall')
+    servo%wall = j
+    if (any(abs(d%planes%velocity(:, servo%wall)) > 0.0_wp) .and. &
+        .not. deck%given('servo', k, 'until')) &
+      call deck%fault(errors, 'D251', "wall '"//name//"' has a velocity and a servo", 'servo', &
+                      k, 'wall', 'leave the velocity out, or say until when the servo works')
+    if (.not. servo%area > 0.0_wp .and. .not. measured_area(d, servo%wall) > 0.0_wp) &
+      call deck%fault(errors, 'D251', "the area of wall '"//name//"' cannot be measured: it "// &
+                      'takes two pairs of opposite walls, at right angles to it and to '// &
+                      'each other', 'servo', k, 'area', 'give area = ... in m2')
   end subroutine read_servo
 
   pure function listed(names) result(text)
@@ -197,7 +228,8 @@ contains
 
   pure logical function active(self)
     class(dem_servo_type), intent(in) :: self
-    active = size(self%servo) > 0 .or. any(self%wall_curve > 0) .or. self%volume%active
+    active = size(self%servo) > 0 .or. any(self%wall_curve > 0) .or. self%volume%active .or. &
+      self%surfaces%active()
   end function active
 
   !> Steps that may pass without a look.
@@ -212,16 +244,24 @@ contains
     due = self%active() .and. modulo(steps, int(look_steps, i8)) == 0
   end function due
 
-  !> First velocities of a fresh run.
+  !> First velocities of a fresh run, or of servos that the checkpoint does not know.
   subroutine start(self, d, time)
     class(dem_servo_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time  !! [s]
+    logical :: fresh
     if (.not. self%active()) return
-    allocate (d%servo_seen(seen_size, d%planes%n), source=0.0_wp)
-    d%servo_seen(:3, :) = d%planes%impulse
-    d%servo_seen(4, :) = time
-    call self%look(d, time)
+    fresh = .not. allocated(d%servo_seen)
+    if (fresh) then
+      allocate (d%servo_seen(seen_size, d%planes%n), source=0.0_wp)
+      d%servo_seen(:3, :) = d%planes%impulse
+      d%servo_seen(4, :) = time
+    end if
+    if (self%surfaces%active() .and. .not. allocated(d%surfaces%servo)) then
+      call self%surfaces%start(d, time)
+      fresh = .true.
+    end if
+    if (fresh) call self%look(d, time)
   end subroutine start
 
   !> Velocities for the steps to come.
@@ -243,6 +283,7 @@ contains
       if (time < self%servo(k)%until) call self%set_servo(k, d, time, ahead)
     end do
     call self%volume%set(d, time, ahead)
+    call self%surfaces%look(d, time, self%curve)
   end subroutine look
 
   !> Velocity of servo k.
@@ -294,7 +335,7 @@ contains
     class(dem_servo_type), intent(in) :: self
     type(dem_data_type), intent(in) :: d
     integer(i4) :: k
-    satisfied = .true.
+    satisfied = self%surfaces%satisfied(d)
     do k = 1, size(self%servo)
       satisfied = satisfied .and. (self%error_of(k, d) <= self%servo(k)%tolerance .or. &
                                    self%servo(k)%until < huge(1.0_wp))
@@ -328,6 +369,7 @@ contains
                         ' Pa: '//why, place, hint)
       end associate
     end do
+    call self%surfaces%judge(d, time, place, errors)
   end subroutine judge
 
   !> Begin <stem>_servos.csv, or go on in it after a restart at time >= 0.
@@ -338,6 +380,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(string_type) :: names(size(columns))
     integer(i4) :: k
+    call self%surfaces%open(stem, time, errors)
     if (size(self%servo) == 0) return
     do k = 1, size(columns)
       names(k)%s = trim(columns(k))
@@ -357,6 +400,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp) :: area
     integer(i4) :: k
+    call self%surfaces%write(time, d, errors)
     if (.not. self%history%is_open()) return
     do k = 1, size(self%servo)
       associate (servo => self%servo(k), p => d%planes)
@@ -370,4 +414,18 @@ contains
       end associate
     end do
   end subroutine write_rows
+
+  subroutine flush_histories(self, errors)
+    class(dem_servo_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    call self%history%flush(errors)
+    call self%surfaces%history%flush(errors)
+  end subroutine flush_histories
+
+  subroutine close_histories(self, errors)
+    class(dem_servo_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    call self%history%close(errors)
+    call self%surfaces%history%close(errors)
+  end subroutine close_histories
 end module dem_servo

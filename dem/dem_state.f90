@@ -93,6 +93,7 @@ module dem_state
     real(wp), allocatable :: normal(:, :)    !! unit normal, into the grains [-]
     real(wp), allocatable :: velocity(:, :)  !! [m/s]
     real(wp), allocatable :: force(:, :)     !! of the grains on the plane [N]
+    real(wp), allocatable :: moment(:, :)    !! of that about the plane's point [N m]
     real(wp), allocatable :: impulse(:, :)   !! time integral of the force since reset [N s]
     real(wp), allocatable :: work(:)         !! of the plane on the grains since reset [J]
   end type dem_planes_type

@@ -371,6 +371,7 @@ contains
       call sum_body(d%pairs, d%grains%n + 3 + i, force, moment)
       mean = 0.5_wp*dt*(d%planes%force(:, i) + force)
       d%planes%force(:, i) = force
+      d%planes%moment(:, i) = moment
       d%planes%impulse(:, i) = d%planes%impulse(:, i) + mean
       done = -dot_product(mean, d%planes%velocity(:, i))
       d%planes%work(i) = d%planes%work(i) + done

@@ -6,6 +6,7 @@ module dem_surface_drive
   use talus_curve, only: curve_type, curve_index
   use talus_deck, only: deck_type
   use dem_state, only: dem_data_type
+  use dem_surface_state, only: servo_velocity
   implicit none
   private
   public :: surface_drive_type
@@ -21,6 +22,7 @@ module dem_surface_drive
     procedure :: longest_block
     procedure :: due
     procedure :: look
+    procedure :: follow
   end type surface_drive_type
 
 contains
@@ -81,6 +83,21 @@ contains
       factor = self%curve(self%number(k))%mean(time, time + look_steps*d%par%dt)
       d%surfaces%velocity(:, k) = factor*self%velocity(:, k)
       d%surfaces%spin(:, k) = factor*self%spin(:, k)
+      if (allocated(d%surfaces%servo)) &
+        d%surfaces%velocity(:, k) = d%surfaces%velocity(:, k) + &
+        d%surfaces%servo(servo_velocity:servo_velocity + 2, k)
     end do
   end subroutine look
+
+  !> A deck that is not that of the checkpoint: its velocities and spins hold from now on.
+  subroutine follow(self, d, time)
+    class(surface_drive_type), intent(in) :: self
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: time  !! [s]
+    if (.not. allocated(self%velocity)) return
+    d%surfaces%velocity = self%velocity
+    d%surfaces%spin = self%spin
+    if (allocated(d%surfaces%servo)) d%surfaces%servo(servo_velocity:servo_velocity + 2, :) = 0.0_wp
+    call self%look(d, time)
+  end subroutine follow
 end module dem_surface_drive

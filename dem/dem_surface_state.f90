@@ -6,13 +6,16 @@ module dem_surface_state
   implicit none
   private
   public :: dem_surfaces_type, surface_rigid, surface_soft, surface_cone
-  public :: part_tip, part_flank, part_shaft, soft_smooth
+  public :: part_tip, part_flank, part_shaft, soft_smooth, servo_size, servo_velocity
 
   integer(i4), parameter :: surface_rigid = 1  !! triangles that move as one body
   integer(i4), parameter :: surface_soft = 2   !! triangles whose vertices a partner moves
   integer(i4), parameter :: surface_cone = 3   !! cone on a cylinder, exact
 
   integer(i4), parameter :: part_tip = 0, part_flank = 1, part_shaft = 2  !! of a cone
+
+  !> Rows of a body's servo: see dem_surface_servo; the velocity that it adds stands at the end.
+  integer(i4), parameter :: servo_size = 10, servo_velocity = 8
 
   !> Cosine of the smooth angle of soft bodies, 20 degrees, the default of decks.
   real(wp), parameter :: soft_smooth = cos(acos(-1.0_wp)/9.0_wp)
@@ -46,6 +49,7 @@ module dem_surface_state
     real(wp), allocatable :: impulse(:, :)          !! (3, parts) its integral since reset [N s]
     real(wp), allocatable :: moment_impulse(:, :)   !! (3, parts) [N m s]
     real(wp), allocatable :: work(:)                !! (parts) on the grains since reset [J]
+    real(wp), allocatable :: servo(:, :)            !! (servo_size, n) last look of servos, if any
 
     integer(i4) :: vertices = 0
     real(wp), allocatable :: rest(:, :)             !! (3, vertices) from the centre at the start, m

@@ -52,6 +52,7 @@ contains
     end do
     call archive%put_reals('surfaces.contact', packed)
     if (s%soft) call put_soft(s, archive)
+    if (allocated(s%servo)) call archive%put_reals('surfaces.servo', s%servo)
   end subroutine put_surfaces
 
   !> Soft bodies are not in the deck: name, material and triangles of each.
@@ -115,7 +116,7 @@ contains
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
     integer(i8), allocatable :: sizes(:, :)
-    integer(i4) :: before
+    integer(i4) :: before, k
 
     if (d%surfaces%n == 0 .and. archive%find('surfaces.size') == 0) return
     before = errors%count
@@ -130,6 +131,8 @@ contains
                         'restart with the deck and the files that made it, or start anew')
       if (errors%count > before) return
       s%near = int(sizes(5, 1), i4)
+      k = archive%find('surfaces.servo')
+      if (k > 0) s%servo = archive%item(k)%reals
       call get_bodies(s, archive, errors)
       if (errors%count == before) call get_contacts(s, d%grains%n, archive, errors)
     end associate

@@ -32,6 +32,7 @@ def exhibits(folder: Path) -> list[Exhibit]:
     add("*_measure_*.csv", measure_plots.history)
     add(f"*{specimens.ENDING}.csv", specimen_of, "_specimen", specimens.ENDING)
     add("*_cell.csv", cell_plots.figure)
+    add(f"*{specimens.CELL_ENDING}.csv", specimen_of, "_specimen", specimens.CELL_ENDING)
     driven = sorted(folder.glob("*_driven.csv"))
     if driven:
         found.append(Exhibit(driven[0], lambda: force_of_all(driven), "force_penetration.png"))
@@ -42,13 +43,15 @@ def exhibits(folder: Path) -> list[Exhibit]:
             found.append(
                 Exhibit(path, lambda p=path: measure_plots.rose(p), f"{path.stem}_rose.png")
             )
+            axes = f"{path.stem}_axes_rose.png"
+            found.append(Exhibit(path, lambda p=path: measure_plots.axes_rose(p), axes))
     add("*_grid_*.h5", slice_of, "_solid_fraction")
     return found
 
 
 def specimen_of(path: Path) -> object:
     """Figure of one element test."""
-    test = specimens.read_specimen(path)
+    test = specimens.read_test(path)
     return specimens.figure({test.name: test})
 
 

@@ -8,9 +8,12 @@ from talus import histories
 from talus.faults import FaultError
 from talus.fields import FieldFile
 from talus.look import new_figure
+from talus.measure import rotations
+from talus.packing import FREE
 
 KILO, MILLI, MEGA = 1.0e3, 1.0e3, 1.0e6
 BINS = 36
+ROUND = 1.0e-6  # of an axis, by which those of a sphere may differ
 PLANES = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 LAYERS = {"x": 0, "y": 1, "z": 2}
 UNITS = {"solid_fraction": "-", "density": "kg/m3", "momentum": "kg/(m2 s)", "velocity": "m/s",
@@ -75,30 +78,55 @@ def rose(path: Path, step: int = -1) -> object:
     if not len(normal):
         raise FaultError("E543", f"{path} holds no contacts at {time:g} s", "choose another --step")
     push = np.einsum("ci,ci->c", force, normal)
+    fig = petals({"contacts": (normal, np.ones(len(normal))), "normal force": (normal, push)})
+    fig.suptitle(
+        f"Directions of {len(normal)} contacts between grains over their mean, t = {time:.4g} s"
+    )
+    return fig
+
+
+def axes_rose(path: Path, step: int = -1) -> object:
+    """Draw how many short and long axes of the free grains point where in three planes, as rose."""
+    with FieldFile(path) as fields:
+        now = fields.read(step)
+    free = now.grains["kind"] == FREE
+    size, turn = now.grains["axes"][free], rotations(now.grains["quat"][free])
+    chosen = np.ptp(size, axis=1) > ROUND * size.max(axis=1)
+    size, turn = size[chosen], turn[chosen]
+    if not len(size):
+        hint = "spheres have no axes"
+        raise FaultError("E543", f"{path} holds no grains with a longest axis", hint)
+    number = np.arange(len(size))
+    short, long = (turn[number, :, f(size, axis=1)] for f in (np.argmin, np.argmax))
+    one = np.ones(len(size))
+    fig = petals({"short axes": (short, one), "long axes": (long, one)})
+    fig.suptitle(f"Orientations of {len(size)} free grains over their mean, t = {now.time:.4g} s")
+    return fig
+
+
+def petals(kinds: dict[str, tuple[np.ndarray, np.ndarray]]) -> object:
+    """Draw two sets of directions (n, 3) with their weights (n): bars, and a line."""
     fig, axes = new_figure(ncols=3, figsize=(11.0, 4.2), subplot_kw={"projection": "polar"})
     half = np.pi / BINS  # bins lie about the axes, not beside them
     edges = np.linspace(-np.pi, np.pi, BINS + 1) - half
     middle = 0.5 * (edges[1:] + edges[:-1])
     for ax, (name, (a, b)) in zip(axes, PLANES.items(), strict=True):
-        part = normal[:, a] ** 2 + normal[:, b] ** 2
-        angle = np.arctan2(normal[:, b], normal[:, a])
-        both = np.concatenate([angle, angle + np.pi])
-        both = np.mod(both - edges[0], 2.0 * np.pi) + edges[0]
-        for weight, style in ((part, "number"), (part * push, "force")):
-            height = np.histogram(both, edges, weights=np.tile(weight, 2))[0]
+        for label, (normal, weight) in kinds.items():
+            part = weight * (normal[:, a] ** 2 + normal[:, b] ** 2)
+            angle = np.arctan2(normal[:, b], normal[:, a])
+            both = np.concatenate([angle, angle + np.pi])
+            both = np.mod(both - edges[0], 2.0 * np.pi) + edges[0]
+            height = np.histogram(both, edges, weights=np.tile(part, 2))[0]
             height = height / max(height.mean(), 1.0e-300)
-            if style == "number":
-                ax.bar(middle, height, width=2.0 * np.pi / BINS, alpha=0.6, label="contacts")
+            if label == next(iter(kinds)):
+                ax.bar(middle, height, width=2.0 * np.pi / BINS, alpha=0.6, label=label)
             else:
                 closed = np.append(np.arange(BINS), 0)
-                ax.plot(middle[closed], height[closed], color="#c0392b", label="normal force")
+                ax.plot(middle[closed], height[closed], color="#c0392b", label=label)
         ax.plot(np.linspace(0.0, 2.0 * np.pi, 90), np.ones(90), color="#7b7d7d", lw=0.8)
         ax.set_title(f"{name[0]} to the right, {name[1]} up", fontsize=10)
         ax.set_yticklabels([])
     axes[0].legend(fontsize=8, loc="lower left", bbox_to_anchor=(-0.15, -0.2))
-    fig.suptitle(
-        f"Directions of {len(normal)} contacts between grains over their mean, t = {time:.4g} s"
-    )
     return fig
 
 

@@ -1,4 +1,4 @@
-"""Element tests: stresses and strains of a specimen between six walls, and their figures.
+"""Element tests: stresses and strains of a specimen between six walls or in a cell, figures.
 
 Stress is positive in compression, strains are logarithmic (Hencky) and positive in compression.
 """
@@ -16,7 +16,8 @@ from talus.look import COLOURS, new_figure
 
 KILO, PER_CENT = 1.0e3, 100.0
 WINDOW = 0.01  # axial strain over which a peak is averaged
-ENDING = "_walls"
+ENDING, CELL_ENDING = "_walls", "_cell"
+SQUARE = 1.0e-6  # of an edge, by which it may lean in a test along the axes
 TABLE = (
     "axial_strain [-],volumetric_strain [-],p [Pa],q [Pa],axial_stress [Pa],lateral_stress [Pa],"
     "void_ratio [-],friction_angle [deg]"
@@ -106,6 +107,28 @@ def read_specimen(path: Path, axis: str = "z") -> Specimen:
     return Specimen(name, time, length, stress, "xyz".index(axis), void_ratio)
 
 
+def read_cell(path: Path, axis: str = "z") -> Specimen:
+    """Read *_cell.csv of a cell that keeps its right angles: edges, and Love-Weber stress."""
+    rows = histories.read(path)
+    if not rows["time"].size:
+        raise FaultError("E545", f"{path} has no rows yet", "the run has written nothing")
+    edges = np.stack([[rows[f"edge_{e}{c}"] for c in "xyz"] for e in "abc"]).transpose(2, 0, 1)
+    length = np.diagonal(edges, axis1=1, axis2=2).copy()
+    if (np.abs(edges - length[:, :, None] * np.eye(3)) > SQUARE * length[:, :, None]).any():
+        text = f"the cell of {path} does not keep its right angles"
+        raise FaultError("E558", text, "talus plot cell draws shear; edges must run along x, y, z")
+    stress = -np.stack([rows[f"stress_{c}{c}"] for c in "xyz"], axis=1)
+    name = path.stem.removesuffix(CELL_ENDING)
+    solid = grain_volume(path.with_name(f"{name}.h5"))
+    void_ratio = None if solid is None else rows["volume"] / solid - 1.0
+    return Specimen(name, rows["time"], length, stress, "xyz".index(axis), void_ratio)
+
+
+def read_test(path: Path, axis: str = "z") -> Specimen:
+    """Read a test between walls or in a cell, by the ending of its history."""
+    return (read_cell if path.stem.endswith(CELL_ENDING) else read_specimen)(path, axis)
+
+
 def grain_volume(path: Path) -> float | None:
     """Volume of the free grains of a field file [m3]; None if there is no such file."""
     if not path.exists():
@@ -166,7 +189,7 @@ def figure(tests: dict[str, Specimen], title: str = "") -> object:
     voids.set(xlabel="mean stress p [kPa]", ylabel="void ratio [-]")
     if not voids.has_data():
         voids.text(
-            0.5, 0.5, "no field file beside the walls", transform=voids.transAxes, ha="center"
+            0.5, 0.5, "no field file beside the history", transform=voids.transAxes, ha="center"
         )
     widen(volume, 0.2)
     widen(voids, 0.005)

@@ -116,3 +116,38 @@ def test_figures(tmp_path: Path) -> None:
     assert "E545" in page
     assert main(["plot", str(tmp_path)]) == 0
     assert (tmp_path / "run_specimen.png").exists()
+
+
+def write_cell(path: Path, lean: float = 0.0) -> None:
+    """Write a cell 1 x 2 x 4 m: z shortens to exp(-1), 100 Pa aside, 300 Pa axially."""
+    nine = [a + b for a in "xyz" for b in "xyz"]
+    head = ["time [s]", "volume [m3]", *(f"edge_{e}{c} [m]" for e in "abc" for c in "xyz")]
+    head += [f"{n}_{k} [{u}]" for n, u in (("deform", "-"), ("rate", "1/s"), ("stress", "Pa"))
+             for k in nine]  # fmt: skip
+    lines = [",".join(head)]
+    for t in TIMES:
+        edges = np.diag([1.0, 2.0, 4.0 * np.exp(-t)])
+        edges[2, 0] = lean * t
+        deform = np.diag([1.0, 1.0, np.exp(-t)])
+        stress = -np.diag([100.0, 100.0, 300.0])
+        row = [t, np.linalg.det(edges), *edges.ravel(), *deform.ravel(), *np.zeros(9)]
+        lines.append(",".join(f"{v:.17g}" for v in [*row, *stress.ravel()]))
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_cell(tmp_path: Path) -> None:
+    """A test in a cell has the same curves; a cell that leans is no such test; folders show it."""
+    write_cell(tmp_path / "run_cell.csv")
+    write_grains(tmp_path / "run.h5")
+    test = specimens.read_test(tmp_path / "run_cell.csv")
+    assert test.name == "run"
+    assert test.axial_strain == pytest.approx(TIMES)
+    assert test.deviator == pytest.approx(np.full(101, 200.0))
+    assert test.friction_angle == pytest.approx(np.full(101, 30.0))
+    assert test.void_ratio == pytest.approx(8.0 * np.exp(-TIMES) / 4.0 - 1.0)
+    png = tmp_path / "out.png"
+    assert main(["plot", "specimen", str(tmp_path / "run_cell.csv"), "-o", str(png)]) == 0
+    assert [one.name for one in gallery.exhibits(tmp_path)] == ["run_cell.png", "run_specimen.png"]
+    write_cell(tmp_path / "run_cell.csv", 0.1)
+    with pytest.raises(FaultError, match="E558"):
+        specimens.read_test(tmp_path / "run_cell.csv")

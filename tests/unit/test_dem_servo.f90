@@ -9,6 +9,9 @@ program test_dem_servo
   use dem_law, only: make_linear_law
   use dem_make, only: make_grains, make_planes
   use dem_servo, only: dem_servo_type, measured_area, wall_stiffness
+  use dem_surface_make, only: mesh_type, join_corners, check_mesh, add_mesh
+  use dem_surface_servo, only: surface_servo_type, surface_stiffness_along
+  use dem_surface_state, only: surface_rigid
   use dem_system, only: dem_system_type
   use dem_volume, only: constant_volume_type, box_pairs
   implicit none
@@ -17,6 +20,7 @@ program test_dem_servo
   call check_curve()
   call check_area()
   call check_servo()
+  call check_surface_servo()
   call check_volume()
   call test%finish()
 
@@ -117,6 +121,91 @@ contains
     call servo%judge(s%dem_data_type, 1.0_wp, 'deck.nml', errors)
     call test%check('and is a fault', errors%any())
   end subroutine check_servo
+
+  !> A sphere with linear contacts between a wall and a plate just above it.
+  subroutine make_pressed(s, r, kn, kt)
+    type(dem_system_type), intent(inout) :: s
+    real(wp), intent(in) :: r, kn, kt
+    type(mesh_type) :: mesh
+    type(error_list_type) :: errors
+    real(wp) :: x(3, 1), q(4, 1), zero(3, 1), up(3, 1), corner(3, 3, 2)
+
+    allocate (s%materials(1), s%laws(1, 1))
+    s%materials(1)%density = 2650.0_wp
+    s%laws(1, 1) = make_linear_law(kn, kt, 0.0_wp, 0.5_wp, 0.5_wp)
+    zero = 0.0_wp
+    x = zero
+    x(3, 1) = r
+    q(:, 1) = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
+    call make_grains(s%grains, s%materials, [1_i8], [kind_free], [1], x, q, x(3, 1) + zero, zero, &
+                     zero, errors)
+    up = 0.0_wp
+    up(3, 1) = 1.0_wp
+    call make_planes(s%planes, zero, up, zero, [1])
+    corner(:, :, 1) = r*reshape([-9.0_wp, -9.0_wp, 2.01_wp, 9.0_wp, -9.0_wp, 2.01_wp, 9.0_wp, &
+                                 9.0_wp, 2.01_wp], [3, 3])
+    corner(:, :, 2) = corner(:, [1, 3, 3], 1)
+    corner(1, 3, 2) = -9.0_wp*r
+    mesh%name = 'plate'
+    call join_corners(corner, mesh)
+    call check_mesh(mesh, .false., errors)
+    call add_mesh(s%surfaces, mesh, 'plate', surface_rigid, 1, 0.94_wp, 2.01_wp*r*up(:, 1))
+    s%surfaces%velocity(:, 1) = [0.01_wp, 0.0_wp, 0.0_wp]
+    s%par%dt = 2.0e-6_wp
+    call s%init(errors)
+    call test%check('a sphere and a plate', .not. errors%any())
+  end subroutine make_pressed
+
+  !> A plate that pushes a sphere down with 2 N and has a velocity of its own across: force,
+  !! stiffness along and across, place, what is left of both.
+  subroutine check_surface_servo()
+    type(dem_system_type) :: s
+    type(surface_servo_type) :: servo
+    type(curve_type) :: none(0)
+    type(error_list_type) :: errors
+    real(wp), parameter :: r = 1.0e-3_wp, kn = 1.0e5_wp, kt = 0.4e5_wp, wanted = 2.0_wp
+    real(wp), parameter :: down(3) = [0.0_wp, 0.0_wp, -1.0_wp]
+    integer(i4) :: k
+
+    call make_pressed(s, r, kn, kt)
+    allocate (servo%servo(1), servo%name(1))
+    servo%name(1)%s = 'plate'
+    servo%velocity = s%surfaces%velocity
+    servo%curved = [.false.]
+    servo%servo(1)%body = 1
+    servo%servo(1)%force = wanted
+    servo%servo(1)%direction = down
+    servo%servo(1)%speed = 0.05_wp
+    servo%servo(1)%gain = 0.2_wp
+    servo%servo(1)%tolerance = 1.0e-6_wp
+    servo%servo(1)%until = huge(1.0_wp)
+    call servo%start(s%dem_data_type, 0.0_wp)
+    call servo%look(s%dem_data_type, 0.0_wp, none)
+    call test%check_close('a plate without contact comes at its speed', &
+                          s%surfaces%velocity(3, 1), -0.05_wp, 0.0_wp)
+    do k = 1, 5000
+      call s%step(10, errors)
+      call servo%look(s%dem_data_type, 10*k*s%par%dt, none)
+    end do
+    call test%check('no faults', .not. errors%any())
+    call test%check_close('force on the plate', s%surfaces%force(3, 1), wanted, 1.0e-6_wp)
+    call test%check_close('where it stands', s%surfaces%centre(3, 1), &
+                          2.0_wp*r - 2.0_wp*wanted/kn, 1.0e-10_wp)
+    call test%check_close('its own way across', s%surfaces%centre(1, 1), 0.001_wp, 1.0e-12_wp)
+    call test%check_close('stiffness along', surface_stiffness_along(s%dem_data_type, 1, down), &
+                          kn, 1.0e-6_wp)
+    call test%check_close('stiffness across', &
+      surface_stiffness_along(s%dem_data_type, 1, [1.0_wp, 0.0_wp, 0.0_wp]), kt, 1.0e-6_wp)
+    call test%check('satisfied', servo%satisfied(s%dem_data_type))
+    servo%servo(1)%force = 3.0_wp
+    call servo%look(s%dem_data_type, 1.0_wp, none)
+    call test%check('a new target is not held', .not. servo%satisfied(s%dem_data_type))
+    call servo%judge(s%dem_data_type, 1.0_wp, 'deck.nml', errors)
+    call test%check('and is a fault', errors%any())
+    servo%servo(1)%until = 0.5_wp
+    call servo%look(s%dem_data_type, 1.0_wp, none)
+    call test%check_close('ended: its own velocity', s%surfaces%velocity(3, 1), 0.0_wp, 0.0_wp)
+  end subroutine check_surface_servo
 
   !> A box 2 x 3 x 4 whose z walls come and go: x and y follow, both by one factor; then x alone.
   subroutine check_volume()

@@ -5,6 +5,7 @@ program test_talus_homogenise
   use talus_homogenise, only: branch_inside, love_weber, couple_stress, &
     velocity_gradient, inverse_of
   use talus_measures, only: request_type, measure_columns, measure_row, moduli_columns, moduli_row
+  use talus_micro_moduli, only: micro_type, micro_moduli, gradient_moduli, gradient_basis
   use talus_moduli, only: affine_moduli, isotropic_part, isotropic_type
   use talus_region, only: region_type, region_box, region_cylinder, ball_points
   use talus_sample, only: sample_type, rotation_matrix
@@ -22,6 +23,8 @@ program test_talus_homogenise
   call check_fields()
   call check_rows()
   call check_rattlers()
+  call check_micro_strains()
+  call check_micro_gradients()
   call test%finish()
 
 contains
@@ -310,4 +313,75 @@ contains
     end do
     error stop 'bug: no such title'
   end function column
+
+  !> The quadratic form of the 18 moduli is the energy of contacts and grains; its limits.
+  subroutine check_micro_strains()
+    type(isotropic_type) :: iso
+    type(micro_type) :: m
+    real(wp), parameter :: solid = 0.6_wp, grain(2) = [3.0_wp, 5.0_wp]
+    real(wp) :: e(3, 3), w(3, 3), g(3, 3), phi(3, 3), energy, form, taus(11), series, soft
+    iso%lambda = 1.3_wp
+    iso%mu = 0.7_wp
+    iso%kappa = 0.9_wp
+    taus = 0.0_wp
+    m = micro_moduli(iso, solid, grain(1), grain(2), taus)
+    e = reshape([0.1_wp, 0.4_wp, -0.3_wp, 0.4_wp, 0.7_wp, 0.2_wp, -0.3_wp, 0.2_wp, -0.5_wp], [3, 3])
+    w = reshape([0.3_wp, -0.1_wp, 0.8_wp, 0.5_wp, -0.2_wp, 0.6_wp, 0.9_wp, -0.4_wp, 0.1_wp], [3, 3])
+    g = 2.0_wp*e - transpose(w)
+    phi = 0.5_wp*(w + transpose(w)) - e
+    energy = 0.5_wp*(iso%lambda*trace(g)**2 + (iso%mu + iso%kappa)*sum(g*g) &
+                     + iso%mu*sum(g*transpose(g))) &
+             + 0.5_wp*solid*(grain(1)*trace(phi)**2 + 2.0_wp*grain(2)*sum(phi*phi))
+    form = 0.5_wp*m%lambda*trace(e)**2 + m%mu*sum(e*e) &
+           + 0.5_wp*((m%eta - m%tau)*trace(w)**2 + (m%kappa - m%sigma)*sum(w*w) &
+                     + (m%nu - m%sigma)*sum(w*transpose(w))) &
+           + m%tau*trace(e)*trace(w) + 2.0_wp*m%sigma*sum(e*w)
+    call test%check_close('energy of the strains', form, energy, 1.0e-13_wp)
+    call test%check_close('micropolar lambda', m%lambda + m%eta + m%tau, iso%lambda, 1.0e-13_wp)
+    call test%check_close('micropolar kappa', m%kappa - m%nu, iso%kappa, 1.0e-13_wp)
+    soft = iso%mu + 0.5_wp*iso%kappa
+    call test%check_close('micropolar G', m%mu + m%sigma + 0.5_wp*(m%kappa + m%nu), soft, &
+                          1.0e-13_wp)
+    series = soft*solid*grain(2)/(soft + solid*grain(2))
+    call test%check_close('contacts and grains in series', &
+      m%mu - 2.0_wp*m%sigma**2/(m%kappa + m%nu - 2.0_wp*m%sigma), series, 1.0e-13_wp)
+  end subroutine check_micro_strains
+
+  pure real(wp) function trace(t)
+    real(wp), intent(in) :: t(3, 3)
+    trace = t(1, 1) + t(2, 2) + t(3, 3)
+  end function trace
+
+  !> The eleven tensors are the isotropic part of the sum: what is left is at right angles to all of
+  !! them, and an isotropic sum is found again. Contacts in the middle of the branch have none.
+  subroutine check_micro_gradients()
+    type(sample_type) :: sample
+    real(wp), parameter :: volume = 3.0_wp, off(3) = [0.2_wp, 0.3_wp, -0.1_wp]
+    real(wp) :: taus(11), whole(729), basis(729, 11), k(3, 3), l(3), branch(3, 1)
+    integer(i4) :: at(6), place, i, rest
+    call make_pair(sample, off, [0.0_wp, 0.0_wp, 0.0_wp])
+    branch(:, 1) = sample%x(:, 2) - sample%x(:, 1)
+    taus = gradient_moduli(sample, branch, volume)
+    basis = gradient_basis()
+    l = branch(:, 1)
+    k = 0.0_wp
+    k(1, 1) = kn
+    k(2, 2) = ks
+    k(3, 3) = ks
+    do place = 1, 729
+      rest = place - 1
+      do i = 1, 6
+        at(i) = 1 + mod(rest, 3)
+        rest = rest/3
+      end do
+      whole(place) = k(at(1), at(4))*off(at(2))*off(at(5))*l(at(3))*l(at(6))/volume
+    end do
+    call test%check_close('nothing isotropic is left', &
+      maxval(abs(matmul(whole - matmul(basis, taus), basis)))/sum(whole**2), 0.0_wp, 1.0e-12_wp)
+    call test%check('the isotropic part is not negative', &
+                    dot_product(matmul(basis, taus), whole) > 0.0_wp)
+    sample%point(:, 1) = 0.5_wp*(sample%x(:, 1) + sample%x(:, 2))
+    taus = gradient_moduli(sample, branch, volume)
+    call test%check_close('no arm, no gradient moduli', maxval(abs(taus)), 0.0_wp, 0.0_wp)
+  end subroutine check_micro_gradients
 end program test_talus_homogenise

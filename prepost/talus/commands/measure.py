@@ -1,4 +1,4 @@
-"""`talus measure`: a packing looked at quickly, or regions and grids of a deck by talus-dem."""
+"""`talus measure`: a packing at a glance, regions of a deck by talus-dem, strength from tests."""
 
 import argparse
 import json
@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 
 from talus import measure as measures
+from talus import strength
 from talus.arguments import counting
 from talus.faults import FaultError
 from talus.fields import read_grains
@@ -13,16 +14,25 @@ from talus.programs import find_program
 from talus.progress import watch
 
 LAYERS = 5  # of the solid fraction
+PER_CENT = 100.0
 
 
 def register(commands: argparse._SubParsersAction) -> None:
     """Add `measure`."""
     new = commands.add_parser("measure", help="solid fraction, coordination, fabric of a packing")
-    new.add_argument("source", type=Path, help="packing, or field file of grains")
+    new.add_argument(
+        "source", type=Path, nargs="+", help="packing, or field file of grains; histories of tests"
+    )
     new.add_argument("--step", type=int, default=-1, help="of a field file, negative from the end")
     new.add_argument("--layers", type=counting, default=LAYERS, help="layers of the solid fraction")
     new.add_argument("--deck", type=Path, help="grains' deck: its &measure and &grid by talus-dem")
-    new.add_argument("-o", "--output", type=Path, help="with --deck: folder of the results")
+    new.add_argument("-o", "--output", type=Path, help="with --deck, --strength: folder of results")
+    new.add_argument(
+        "--strength", action="store_true",
+        help="fit a cone of Drucker and Prager to tests: *_walls.csv, *_cell.csv",
+    )  # fmt: skip
+    new.add_argument("--cone", choices=list(strength.CONES), default="compression",
+                     help="where the cone meets Mohr and Coulomb's, as in talus-fem")  # fmt: skip
     new.add_argument("--json", action="store_true")
     new.set_defaults(run=measure)
 
@@ -32,6 +42,11 @@ def measure(options: argparse.Namespace) -> int:
 
     With a deck, talus-dem measures every step of the field file in the regions of the deck.
     """
+    if options.strength:
+        return measure_strength(options)
+    if len(options.source) > 1:
+        raise FaultError("E557", "one file is measured at a time", "several only with --strength")
+    options.source = options.source[0]
     if options.deck:
         return measure_by_deck(options)
     packing, force = read_grains(options.source, options.step)
@@ -41,6 +56,29 @@ def measure(options: argparse.Namespace) -> int:
         return 0
     for name, value in facts.items():
         print(f"{name:28s} {value:12.6g}")
+    return 0
+
+
+def measure_strength(options: argparse.Namespace) -> int:
+    """Fit friction, dilation and cohesion to tests; write strength.json and strength.png."""
+    from talus.look import save_figure
+
+    if options.deck or options.layers != LAYERS or options.step != -1:
+        raise FaultError("E557", "--strength reads histories of tests", "only --cone, -o, --json")
+    tests = [strength.read_loading(path) for path in options.source]
+    found = strength.fit_states(tests, options.cone)
+    folder = options.output or Path()
+    strength.write_json(folder / "strength.json", found)
+    if options.json:
+        print((folder / "strength.json").read_text(), end="")
+    else:
+        print(f"{'':10s}{'friction':>10s}{'dilation':>10s}{'cohesion':>12s}{'scatter':>10s}")
+        for state, (cone, _) in found.items():
+            print(f"{state:10s}{cone.friction_deg:6.1f} deg{cone.dilation_deg:6.1f} deg"
+                  f"{cone.cohesion_Pa:9.4g} Pa{PER_CENT * cone.scatter:8.1f} %")  # fmt: skip
+    save_figure(strength.figure(tests, found), folder / "strength.png")
+    if not options.json:
+        print(folder / "strength.json", folder / "strength.png", sep="\n")
     return 0
 
 

@@ -24,6 +24,8 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument("--title", default="", help="force, specimen: title, e.g. mode and speed")
     new.add_argument("--tool", type=int, help="force: id of the driven grain if there are several")
     new.add_argument("--step", type=int, default=-1, help="step, negative from the end")
+    new.add_argument("--of", choices=("contacts", "axes"), default="contacts",
+                     help="rose: directions of contacts, or of the grains' axes")  # fmt: skip
     new.add_argument("--field", default="solid_fraction", help="slice: density, stress_xy, ...")
     new.add_argument("--axial", choices="xyz", default="z", help="specimen: the axial direction")
     new.add_argument(
@@ -47,10 +49,10 @@ def plot(options: argparse.Namespace) -> int:
         raise FaultError("E549", f"'talus plot {options.what}' takes one file")
     source = Path(options.files[0])
     if options.what == "rose":
-        return save(
-            measure_plots.rose(source, options.step),
-            options.output or Path(f"{source.stem}_rose.png"),
-        )
+        axes = options.of == "axes"
+        work = measure_plots.axes_rose if axes else measure_plots.rose
+        name = f"{source.stem}_{'axes_rose' if axes else 'rose'}.png"
+        return save(work(source, options.step), options.output or Path(name))
     if options.what == "slice":
         return plot_slice(source, options)
     if options.what == "measure":
@@ -71,12 +73,15 @@ def plot_slice(source: Path, options: argparse.Namespace) -> int:
     return save(figure, options.output or Path(f"{source.stem}_{options.field}.png"))
 
 
-def labelled(texts: list[str], ending: str) -> dict[str, Path]:
+def labelled(texts: list[str], *endings: str) -> dict[str, Path]:
     """Return files by label from words FILE[=label]; without label the run's name."""
     files = {}
     for text in texts:
         name, _, label = text.partition("=")
-        label = label or plots.stem_of(Path(name), ending)
+        stem = Path(name).stem
+        for ending in endings:
+            stem = stem.removesuffix(ending)
+        label = label or stem
         if label in files:
             raise FaultError("E549", f"two curves are called '{label}'", "name them: FILE=label")
         files[label] = Path(name)
@@ -85,8 +90,8 @@ def labelled(texts: list[str], ending: str) -> dict[str, Path]:
 
 def plot_specimens(options: argparse.Namespace) -> int:
     """Element tests, one or several in one figure."""
-    files = labelled(options.files, specimens.ENDING)
-    tests = {k: specimens.read_specimen(path, options.axial) for k, path in files.items()}
+    files = labelled(options.files, specimens.ENDING, specimens.CELL_ENDING)
+    tests = {k: specimens.read_test(path, options.axial) for k, path in files.items()}
     if options.csv:
         specimens.write_table(options.csv, tests)
         print(options.csv)

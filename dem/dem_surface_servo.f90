@@ -1,0 +1,386 @@
+!> Surfaces that push the grains with a given force along a direction: groups servo that name a
+!! surface. Faults D252, N204.
+!!
+!! The servo is that of walls (dem_servo) with a force in place of a stress: with the force F by
+!! which the body has pushed the grains along its direction since the last look, the target F_t and
+!! the stiffness K of its contacts along that direction, the body moves along it at
+!! gain (F_t - F)/(K T) + v_i, never faster than its speed, besides what it does across.
+module dem_surface_servo
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: string_type
+  use talus_errors, only: error_list_type
+  use talus_curve, only: curve_type, curve_index
+  use talus_deck, only: deck_type
+  use talus_history, only: history_type
+  use talus_log, only: short_number
+  use talus_suggest, only: did_you_mean
+  use dem_state, only: dem_data_type
+  use dem_surface_measure, only: body_of_part, surface_stiffness
+  use dem_surface_state, only: servo_size, servo_velocity
+  implicit none
+  private
+  public :: surface_servo_type, surface_stiffness_along
+
+  integer(i4), parameter :: look_steps = 10
+  real(wp), parameter :: integral_share = 0.02_wp
+  real(wp), parameter :: across = 1.0e-9_wp  !! part of a velocity along the direction that is none
+  character(len=14), parameter :: columns(6) = [character(len=14) :: 'time [s]', 'surface [-]', &
+    'target [N]', 'force [N]', 'velocity [m/s]', 'position [m]']
+
+  !> What a body's row of d%surfaces%servo holds.
+  integer(i4), parameter :: seen_time = 4, seen_force = 5, seen_target = 6, seen_held = 7
+
+  type :: servo_body_type
+    integer(i4) :: body = 0                !! surface, then penetrometers
+    integer(i4) :: curve = 0               !! of the target, 0: constant
+    real(wp) :: force = 0.0_wp             !! target, on the grains along the direction [N]
+    real(wp) :: direction(3) = 0.0_wp      !! [-]
+    real(wp) :: speed = 0.0_wp             !! most [m/s]
+    real(wp) :: gain = 0.0_wp              !! [-]
+    real(wp) :: tolerance = 0.0_wp         !! of the force at the end [-]
+    real(wp) :: until = 0.0_wp             !! from then on the body has its own velocity [s]
+    integer(i8) :: looks = 0               !! of this run
+    integer(i8) :: at_speed = 0            !! of these, at the speed limit
+  end type servo_body_type
+
+  type :: surface_servo_type
+    type(string_type), allocatable :: name(:)       !! of all bodies
+    type(servo_body_type), allocatable :: servo(:)
+    real(wp), allocatable :: velocity(:, :)         !! (3, bodies) of the deck [m/s]
+    logical, allocatable :: curved(:)               !! (bodies) the velocity follows a curve
+    type(history_type) :: history
+  contains
+    procedure :: read => read_servos
+    procedure :: active
+    procedure :: start
+    procedure :: look
+    procedure :: satisfied
+    procedure :: judge
+    procedure :: open => open_history
+    procedure :: write => write_rows
+    procedure, private :: error_of
+    procedure, private :: force_of
+  end type surface_servo_type
+
+contains
+
+  !> Groups servo with the key surface (D252).
+  subroutine read_servos(self, deck, d, curve, errors)
+    class(surface_servo_type), intent(inout) :: self
+    type(deck_type), intent(in) :: deck
+    type(dem_data_type), intent(in) :: d
+    type(curve_type), intent(in) :: curve(:)
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), allocatable :: instance(:)
+    integer(i4) :: k
+
+    instance = pack([(k, k=1, deck%count('servo'))], &
+                    [(deck%given('servo', k, 'surface'), k=1, deck%count('servo'))])
+    allocate (self%servo(size(instance)), self%name(d%surfaces%n))
+    if (d%surfaces%n /= deck%count('surface') + deck%count('penetrometer')) return
+    if (d%surfaces%n > 0) self%name = d%surfaces%name
+    if (d%surfaces%n > 0) self%velocity = d%surfaces%velocity
+    self%curved = [(deck%given('surface', k, 'curve'), k=1, deck%count('surface')), &
+                   (deck%given('penetrometer', k, 'curve'), k=1, deck%count('penetrometer'))]
+    do k = 1, size(instance)
+      call read_servo(self, deck, instance(k), k, curve, errors)
+    end do
+  end subroutine read_servos
+
+  subroutine read_servo(self, deck, instance, k, curve, errors)
+    type(surface_servo_type), intent(inout) :: self
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: instance, k
+    type(curve_type), intent(in) :: curve(:)
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name
+    integer(i4) :: j
+
+    associate (servo => self%servo(k))
+      call deck%get('servo', instance, 'surface', name)
+      call deck%get('servo', instance, 'speed', servo%speed)
+      call deck%get('servo', instance, 'gain', servo%gain)
+      call deck%get('servo', instance, 'tolerance', servo%tolerance)
+      servo%until = huge(1.0_wp)
+      if (deck%given('servo', instance, 'until')) &
+        call deck%get('servo', instance, 'until', servo%until)
+      call curve_index(deck, 'D250', curve, 'servo', instance, servo%curve, errors)
+      do j = 1, size(self%name)
+        if (self%name(j)%s == name) servo%body = j
+      end do
+      if (servo%body == 0) then
+        call deck%fault(errors, 'D252', "there is no surface '"//name//"'", 'servo', instance, &
+                        'surface', did_you_mean(name, self%name, 'surfaces of this deck:'))
+        return
+      end if
+      if (any(self%servo(:k - 1)%body == servo%body)) &
+        call deck%fault(errors, 'D252', "surface '"//name//"' has two servos", 'servo', instance, &
+                        'surface', 'one servo a surface')
+      call read_target(deck, instance, servo, errors)
+      call read_direction(self, deck, instance, servo, errors)
+    end associate
+  end subroutine read_servo
+
+  !> A force, or a stress and an area (D252).
+  subroutine read_target(deck, instance, servo, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: instance
+    type(servo_body_type), intent(inout) :: servo
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: stress, area
+
+    if (deck%given('servo', instance, 'stress') .eqv. deck%given('servo', instance, 'force')) then
+      call deck%fault(errors, 'D252', 'a surface pushes with a force or with a stress, one of '// &
+                      'the two', 'servo', instance, '', 'give force = ... in N, or stress and area')
+    else if (deck%given('servo', instance, 'force')) then
+      call deck%get('servo', instance, 'force', servo%force)
+    else
+      call deck%get('servo', instance, 'stress', stress)
+      call deck%get('servo', instance, 'area', area)
+      servo%force = stress*area
+      if (.not. area > 0.0_wp) &
+        call deck%fault(errors, 'D252', 'a stress on a surface needs its area', 'servo', instance, &
+                        'stress', 'give area = ... in m2, or force in place of stress')
+    end if
+  end subroutine read_target
+
+  !> Direction; across it the body may move by itself, along it not (D252).
+  subroutine read_direction(self, deck, instance, servo, errors)
+    type(surface_servo_type), intent(in) :: self
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: instance
+    type(servo_body_type), intent(inout) :: servo
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: values(:)
+
+    if (.not. deck%given('servo', instance, 'direction')) then
+      call deck%fault(errors, 'D252', 'the servo of a surface has no direction', 'servo', &
+                      instance, '', 'give direction = ...: where the surface pushes the grains')
+      return
+    end if
+    call deck%get('servo', instance, 'direction', values)
+    if (.not. sum(values**2) > 0.0_wp) then
+      call deck%fault(errors, 'D252', 'the direction of a servo has no length', 'servo', instance, &
+                      'direction', 'give the direction in which the surface pushes the grains')
+      return
+    end if
+    servo%direction = values/norm2(values)
+    associate (v => self%velocity(:, servo%body))
+      if (abs(dot_product(v, servo%direction)) > across*norm2(v) .and. &
+          .not. deck%given('servo', instance, 'until')) &
+        call deck%fault(errors, 'D252', "surface '"//self%name(servo%body)%s//"' has a "// &
+                        'velocity along the direction of its servo', 'servo', instance, &
+                        'direction', 'leave that part of the velocity out, or say until when '// &
+                        'the servo works')
+    end associate
+  end subroutine read_direction
+
+  pure logical function active(self)
+    class(surface_servo_type), intent(in) :: self
+    active = .false.
+    if (allocated(self%servo)) active = size(self%servo) > 0
+  end function active
+
+  !> Stiffness of a body's contacts along a direction [N/m].
+  pure real(wp) function surface_stiffness_along(d, body, direction) result(stiffness)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: body
+    real(wp), intent(in) :: direction(3)
+    real(wp) :: pair(2), along
+    integer(i4) :: g, k
+    stiffness = 0.0_wp
+    do g = 1, d%surfaces%near
+      do k = 1, d%surfaces%contacts(g)
+        if (body_of_part(d, d%surfaces%part(k, g)) /= body) cycle
+        pair = surface_stiffness(d, k, g)
+        along = dot_product(d%surfaces%normal(k, :, g), direction)**2
+        stiffness = stiffness + along*pair(1) + (1.0_wp - along)*pair(2)
+      end do
+    end do
+  end function surface_stiffness_along
+
+  !> Begin; no velocity is set before the first look.
+  subroutine start(self, d, time)
+    class(surface_servo_type), intent(in) :: self
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: time  !! [s]
+    integer(i4) :: b
+    if (allocated(d%surfaces%servo)) deallocate (d%surfaces%servo)
+    if (.not. self%active()) return
+    allocate (d%surfaces%servo(servo_size, d%surfaces%n), source=0.0_wp)
+    d%surfaces%servo(seen_time, :) = time
+    do b = 1, d%surfaces%n
+      d%surfaces%servo(:3, b) = sum(d%surfaces%impulse(:, d%surfaces%first_part(b): &
+                                                       d%surfaces%first_part(b + 1) - 1), 2)
+    end do
+  end subroutine start
+
+  !> Velocities for the steps to come; dem_surface_drive sets those that follow a curve anew.
+  subroutine look(self, d, time, curve)
+    class(surface_servo_type), intent(inout) :: self
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: time  !! [s]
+    type(curve_type), intent(in) :: curve(:)
+    integer(i4) :: k, b
+    real(wp) :: speed, old(3)
+
+    if (.not. self%active()) return
+    do k = 1, size(self%servo)
+      b = self%servo(k)%body
+      speed = 0.0_wp
+      old = d%surfaces%servo(servo_velocity:, b)
+      if (time < self%servo(k)%until) call answer(self, k, d, time, curve, speed)
+      d%surfaces%servo(servo_velocity:, b) = speed*self%servo(k)%direction
+      if (self%curved(b)) then
+        d%surfaces%velocity(:, b) = d%surfaces%velocity(:, b) - old + &
+          d%surfaces%servo(servo_velocity:, b)
+      else
+        d%surfaces%velocity(:, b) = self%velocity(:, b) + d%surfaces%servo(servo_velocity:, b)
+      end if
+    end do
+  end subroutine look
+
+  !> Speed of servo k along its direction [m/s].
+  subroutine answer(self, k, d, time, curve, speed)
+    type(surface_servo_type), intent(inout) :: self
+    integer(i4), intent(in) :: k
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: time  !! [s]
+    type(curve_type), intent(in) :: curve(:)
+    real(wp), intent(out) :: speed
+    real(wp) :: force, stiffness, own, ahead
+
+    ahead = look_steps*d%par%dt
+    force = self%force_of(k, d, time)
+    associate (servo => self%servo(k), seen => d%surfaces%servo(:, self%servo(k)%body))
+      seen(seen_time) = time
+      seen(seen_force) = force
+      seen(seen_target) = servo%force
+      if (servo%curve > 0) seen(seen_target) = servo%force*curve(servo%curve)%at(time)
+      stiffness = surface_stiffness_along(d, servo%body, servo%direction)
+      speed = servo%speed
+      if (stiffness > 0.0_wp) then
+        own = servo%gain*(seen(seen_target) - force)/(stiffness*ahead)
+        speed = own + seen(seen_held)
+        if (abs(speed) < servo%speed) &
+          seen(seen_held) = seen(seen_held) + integral_share*servo%gain*own
+      else
+        seen(seen_held) = 0.0_wp
+      end if
+      servo%looks = servo%looks + 1
+      if (abs(speed) >= servo%speed) servo%at_speed = servo%at_speed + 1
+      speed = min(max(speed, -servo%speed), servo%speed)
+    end associate
+  end subroutine answer
+
+  !> Mean force on the grains along the direction since the last look, of which the impulse is kept
+  !! anew [N].
+  real(wp) function force_of(self, k, d, time) result(force)
+    class(surface_servo_type), intent(in) :: self
+    integer(i4), intent(in) :: k
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: time  !! [s]
+    real(wp) :: mean(3), impulse(3)
+    integer(i4) :: low, high
+    associate (s => d%surfaces, seen => d%surfaces%servo(:, self%servo(k)%body))
+      low = s%first_part(self%servo(k)%body)
+      high = s%first_part(self%servo(k)%body + 1) - 1
+      mean = sum(s%force(:, low:high), 2)
+      impulse = sum(s%impulse(:, low:high), 2)
+      if (time > seen(seen_time)) mean = (impulse - seen(:3))/(time - seen(seen_time))
+      seen(:3) = impulse
+      force = -dot_product(mean, self%servo(k)%direction)
+    end associate
+  end function force_of
+
+  !> Relative error of the force of servo k at the last look.
+  pure real(wp) function error_of(self, k, d)
+    class(surface_servo_type), intent(in) :: self
+    integer(i4), intent(in) :: k
+    type(dem_data_type), intent(in) :: d
+    associate (seen => d%surfaces%servo(:, self%servo(k)%body))
+      error_of = abs(seen(seen_force) - seen(seen_target)) &
+                 /max(abs(seen(seen_target)), tiny(1.0_wp))
+    end associate
+  end function error_of
+
+  !> Every servo holds its force.
+  pure logical function satisfied(self, d)
+    class(surface_servo_type), intent(in) :: self
+    type(dem_data_type), intent(in) :: d
+    integer(i4) :: k
+    satisfied = .true.
+    if (.not. self%active()) return
+    do k = 1, size(self%servo)
+      satisfied = satisfied .and. (self%error_of(k, d) <= self%servo(k)%tolerance .or. &
+                                   self%servo(k)%until < huge(1.0_wp))
+    end do
+  end function satisfied
+
+  !> A servo that does not hold its force at the end of the run says by how much and why (N204).
+  subroutine judge(self, d, time, place, errors)
+    class(surface_servo_type), intent(in) :: self
+    type(dem_data_type), intent(in) :: d
+    real(wp), intent(in) :: time  !! of the end [s]
+    character(len=*), intent(in) :: place
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    character(len=:), allocatable :: why, hint
+
+    if (.not. self%active()) return
+    do k = 1, size(self%servo)
+      associate (servo => self%servo(k), seen => d%surfaces%servo(:, self%servo(k)%body))
+        if (self%error_of(k, d) <= servo%tolerance .or. servo%until <= time) cycle
+        why = 'it was still on its way'
+        hint = 'raise t_end and go on with --restart, raise gain, or widen tolerance'
+        if (2*servo%at_speed > servo%looks) then
+          why = 'it moved at its speed limit of '//short_number(servo%speed)//' m/s in '// &
+            short_number(100.0_wp*real(servo%at_speed, wp)/real(servo%looks, wp))//' % of its looks'
+          hint = 'raise speed or t_end, or look whether the grains run away from the surface'
+        end if
+        if (.not. surface_stiffness_along(d, servo%body, servo%direction) > 0.0_wp) &
+          why = why//', and it touches no grain'
+        call errors%add('N204', "servo of surface '"//self%name(servo%body)%s//"' ended at "// &
+                        short_number(seen(seen_force))//' N instead of '// &
+                        short_number(seen(seen_target))//' N: '//why, place, hint)
+      end associate
+    end do
+  end subroutine judge
+
+  !> Begin <stem>_surface_servos.csv, or go on in it after a restart at time >= 0.
+  subroutine open_history(self, stem, time, errors)
+    class(surface_servo_type), intent(inout) :: self
+    character(len=*), intent(in) :: stem
+    real(wp), intent(in) :: time  !! of the checkpoint [s]; < 0: a fresh run
+    type(error_list_type), intent(inout) :: errors
+    type(string_type) :: names(size(columns))
+    integer(i4) :: k
+    if (.not. self%active()) return
+    do k = 1, size(columns)
+      names(k)%s = trim(columns(k))
+    end do
+    if (time < 0.0_wp) then
+      call self%history%open(stem//'_surface_servos.csv', names, .false., errors)
+    else
+      call self%history%resume(stem//'_surface_servos.csv', names, time, errors)
+    end if
+  end subroutine open_history
+
+  !> A row a servo: what it saw at its last look, and where it is along its direction now.
+  subroutine write_rows(self, time, d, errors)
+    class(surface_servo_type), intent(inout) :: self
+    real(wp), intent(in) :: time  !! [s]
+    type(dem_data_type), intent(in) :: d
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    if (.not. self%history%is_open()) return
+    do k = 1, size(self%servo)
+      associate (servo => self%servo(k), seen => d%surfaces%servo(:, self%servo(k)%body))
+        call self%history%write([time, real(servo%body, wp), seen(seen_target), seen(seen_force), &
+                                 dot_product(seen(servo_velocity:), servo%direction), &
+                                 dot_product(d%surfaces%centre(:, servo%body), servo%direction)], &
+                                errors)
+      end associate
+    end do
+  end subroutine write_rows
+end module dem_surface_servo
