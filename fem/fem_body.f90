@@ -1,7 +1,7 @@
 !> A solid body: mesh, matrices, loads, supports, its accepted state and a trial state. Steps are
 !! those of fem_step.
 module fem_body
-  use talus_kinds, only: wp, i4
+  use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
   use talus_curve, only: curve_type
@@ -12,22 +12,26 @@ module fem_body
   use fem_damping, only: fem_damping_type
   use fem_dofs, only: fem_dofs_type, blocks_of
   use fem_elastic, only: fem_elastic_type
+  use fem_follower, only: fem_follower_type, follower_force
   use fem_leap, only: fem_leap_type, least_shared
   use fem_ledger, only: step_works, fem_works_type
   use fem_matter, only: fem_matter_type
+  use fem_matter_step, only: tangent_frequency
   use fem_null_mode, only: explain_singular
   use fem_one_point, only: fem_one_point_type
   use fem_sparse, only: fem_pattern_type, make_pattern, add_springs, multiply, multiply_mass, &
-    scale_mass
+    scale_mass, spring_force
   use fem_shares, only: share_pattern
   use fem_solver, only: fem_solver_type
   use fem_supports, only: check_supports
   use fem_recover, only: initial_stress_force, element_forces
   implicit none
   private
-  public :: fem_body_type, fem_motion_type, fem_newton_type
+  public :: fem_body_type, fem_motion_type, fem_newton_type, fem_kept_type
 
   real(wp), parameter :: same_step = 1.0e-9_wp  !! relative change of dt that needs new factors
+
+  real(wp), parameter :: margin = 0.95_wp       !! of the largest stable step, of laws with a state
 
   !> Prescribed motion of one component of some blocks.
   type :: fem_motion_type
@@ -45,6 +49,13 @@ module fem_body
     real(wp), allocatable :: table(:, :)  !! (8, rows), columns as fem_newton has them
   end type fem_newton_type
 
+  !> An accepted state that is put aside while trials of several parts are made.
+  type :: fem_kept_type
+    type(fem_state_type) :: state
+    type(fem_energy_type) :: energy
+    real(wp), allocatable :: stress(:, :), points(:, :)
+  end type fem_kept_type
+
   type :: fem_body_type
     type(fem_mesh_type) :: mesh
     type(fem_dofs_type) :: dofs
@@ -52,6 +63,7 @@ module fem_body
     type(curve_type), allocatable :: curve(:)
     type(fem_load_type), allocatable :: load(:)
     type(fem_motion_type), allocatable :: motion(:)
+    type(fem_follower_type), allocatable :: follower(:)  !! pressures that follow the surface
     type(fem_springs_type) :: ground             !! springs to the ground, of the deck
     type(fem_springs_type) :: robin              !! springs to the last accepted state, of the port
     logical, allocatable :: held(:, :)           !! (3, blocks) supported by the deck
@@ -80,6 +92,7 @@ module fem_body
     real(wp), allocatable :: initial_force(:, :) !! internal forces of the initial stress [N]
     real(wp) :: step_limit = huge(1.0_wp)        !! of the time integration [s]
     integer(i4) :: stiffest = 0                  !! element that sets it
+    integer(i8) :: leaps = 0                     !! explicit steps of laws with a state so far
     real(wp) :: factored_dt = -1.0_wp            !! [s], 0 in statics, < 0 not factored
     real(wp) :: restored_dt = -1.0_wp            !! [s] of the factors at a checkpoint, < 0 none
     logical :: fresh_numbering = .false.
@@ -95,6 +108,7 @@ module fem_body
     procedure :: hand_over
     procedure :: reject
     procedure :: internal_force
+    procedure :: trial_force
     procedure :: external_at
     procedure :: update_energy
     procedure :: interface_force
@@ -102,6 +116,13 @@ module fem_body
     procedure :: limit_step
     procedure :: check_finite
     procedure :: viscous_force
+    procedure :: follow
+    procedure :: assemble_tangent
+    procedure :: matter_energy
+    procedure :: matter_fault
+    procedure :: safe_step
+    procedure :: keep
+    procedure :: put_back
   end type fem_body_type
 
 contains
@@ -132,6 +153,8 @@ contains
     end if
     if (self%matter%active) then
       call self%matter%prepare(self%mesh, self%dofs, self%elastic)
+      if (.not. allocated(self%k)) &
+        allocate (self%k(3, 3, size(self%pattern%column)), source=0.0_wp)
     else
       call assemble_stiffness(self%mesh, self%dofs, self%elastic, self%pattern, self%k)
       call add_springs(self%ground, self%pattern, self%k)
@@ -152,6 +175,15 @@ contains
     self%factored_dt = -1.0_wp
   end subroutine assemble
 
+  !> Stiffness of the accepted state where laws have a state.
+  subroutine assemble_tangent(self)
+    class(fem_body_type), intent(inout) :: self
+    real(wp) :: internal(3, self%dofs%blocks)
+    call self%trial_force(self%accepted%u, internal)
+    call self%matter%assemble(self%mesh, self%dofs, self%elastic, self%pattern, self%k, self%lower)
+    call self%matter%reject()
+  end subroutine assemble_tangent
+
   !> Largest stable step of the time integration, and the element that sets it. Springs of the port
   !! stand for what hangs at the nodes of an explicit body: they act on its step alone.
   subroutine limit_step(self)
@@ -160,6 +192,8 @@ contains
     if (self%explicit) then
       call largest_frequency(self%mesh, self%dofs, self%elastic, self%mass_factor, .true., square, &
                              self%stiffest)
+      if (self%matter%finite .and. allocated(self%matter%u)) call tangent_frequency(self%mesh, &
+        self%dofs, self%elastic, self%matter, self%mass_factor, square, self%stiffest)
       square = square + spring_rate(self%ground, self%node_mass) &
                + spring_rate(self%robin, self%node_mass)
       self%step_limit = stable_step(sqrt(square), self%damping%stiffness)
@@ -235,6 +269,40 @@ contains
     end do
     !$omp end parallel do
   end subroutine external_at
+
+  !> Add the pressures that follow the surface, for displacements u at time t.
+  subroutine follow(self, t, u, force)
+    class(fem_body_type), intent(in) :: self
+    real(wp), intent(in) :: t, u(:, :)
+    real(wp), intent(inout) :: force(:, :)
+    real(wp) :: value
+    integer(i4) :: k
+    if (.not. allocated(self%follower)) return
+    do k = 1, size(self%follower)
+      value = self%follower(k)%pressure
+      if (self%follower(k)%curve > 0) value = value*self%curve(self%follower(k)%curve)%at(t)
+      call follower_force(self%mesh, self%follower(k), value, u, force)
+    end do
+  end subroutine follow
+
+  !> Internal forces for displacements u, of any law; those of laws with a state make the trial
+  !! state of their points [N].
+  subroutine trial_force(self, u, force)
+    class(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: u(:, :)
+    real(wp), intent(out) :: force(:, :)
+    real(wp), allocatable :: springs(:, :)
+    integer(i4) :: bad
+    if (.not. self%matter%active) then
+      call self%internal_force(u, force)
+      return
+    end if
+    call self%matter%update(self%mesh, self%dofs, self%elastic, u, u - self%accepted%u, force, bad)
+    if (self%ground%n == 0) return
+    allocate (springs, mold=u)
+    call spring_force(self%ground, 0.0_wp*u, u, springs)
+    force = force - springs
+  end subroutine trial_force
 
   !> Internal forces K u plus those of the initial stress [N].
   subroutine internal_force(self, u, force)
@@ -314,12 +382,20 @@ contains
 
   !> Internal forces of some elements alone, or of those that have a prescribed node [N].
   subroutine interface_force(self, u, force, list)
-    class(fem_body_type), intent(in) :: self
+    class(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: u(:, :)
     real(wp), intent(out) :: force(:, :)
     integer(i4), intent(in), optional :: list(:)  !! elements
     integer(i4) :: e
-    if (present(list)) then
+    if (self%matter%active) then
+      call self%trial_force(u, force)
+      if (present(list)) then
+        call self%matter%element_forces(self%dofs, list, force)
+      else
+        call self%matter%element_forces(self%dofs, pack([(e, e=1, self%mesh%elements)], &
+          [(any(self%prescribed(:, blocks_of(self%dofs, e))), e=1, self%mesh%elements)]), force)
+      end if
+    else if (present(list)) then
       call element_forces(self%mesh, self%dofs, self%elastic, u, list, force)
     else
       call element_forces(self%mesh, self%dofs, self%elastic, u, pack([(e, e=1, &
@@ -327,6 +403,74 @@ contains
         self%mesh%elements)]), force)
     end if
   end subroutine interface_force
+
+  !> Ledger of laws with a state: stored energy and dissipation now. What their integration takes is
+  !! counted since the accepted state.
+  subroutine matter_energy(self)
+    class(fem_body_type), intent(inout) :: self
+    real(wp) :: works(3)
+    real(wp), allocatable :: springs(:, :)
+    works = self%matter%works()
+    self%energy%strain = works(1)
+    self%energy%plastic = works(2)
+    if (self%dynamic) then
+      self%energy%numerical = self%energy%numerical + self%matter%growth()
+    else
+      self%energy%numerical = works(3)
+    end if
+    if (self%ground%n == 0) return
+    allocate (springs, mold=self%state%u)
+    call spring_force(self%ground, 0.0_wp*self%state%u, self%state%u, springs)
+    self%energy%strain = self%energy%strain - 0.5_wp*sum(springs*self%state%u)
+  end subroutine matter_energy
+
+  !> Faults N312 and N313 where the last update found a point without a state.
+  subroutine matter_fault(self, errors)
+    class(fem_body_type), intent(in) :: self
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: text
+    logical :: inverted
+    if (.not. self%matter%active .or. self%matter%bad == 0 .or. errors%any()) return
+    call self%matter%trouble(self%elastic, text, inverted)
+    if (inverted) then
+      call errors%add('N312', text, 'time '//str(self%state%time)//' s', &
+        'the load is more than this mesh can follow: take a finer mesh or a stiffer law there, '// &
+        'or less load; shorter steps help where the load comes suddenly')
+    else
+      call errors%add('N313', text, 'time '//str(self%state%time)//' s', &
+        'shorter steps, or look at the stress of the last state')
+    end if
+  end subroutine matter_fault
+
+  !> Explicit steps that are taken at most: those of laws with a state leave room for what stiffens
+  !! until the next look at the largest stable one [s].
+  pure real(wp) function safe_step(self)
+    class(fem_body_type), intent(in) :: self
+    safe_step = self%step_limit
+    if (self%matter%active) safe_step = margin*self%step_limit
+  end function safe_step
+
+  !> Put the accepted state aside.
+  subroutine keep(self, kept)
+    class(fem_body_type), intent(in) :: self
+    type(fem_kept_type), intent(out) :: kept
+    kept%state = self%accepted
+    kept%energy = self%accepted_energy
+    if (.not. self%matter%active) return
+    kept%stress = self%matter%accepted_stress
+    kept%points = self%matter%accepted_state
+  end subroutine keep
+
+  !> What was put aside is the accepted state again; the trial stays.
+  subroutine put_back(self, kept)
+    class(fem_body_type), intent(inout) :: self
+    type(fem_kept_type), intent(in) :: kept
+    self%accepted = kept%state
+    self%accepted_energy = kept%energy
+    if (.not. self%matter%active) return
+    self%matter%accepted_stress = kept%stress
+    self%matter%accepted_state = kept%points
+  end subroutine put_back
 
   !> Accept the trial state without a copy: the arrays change places, and `state` holds what is old
   !! until the next step fills it. For runs that look at `accepted` alone and never reject.

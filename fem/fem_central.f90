@@ -1,7 +1,7 @@
 !> A step of central differences of a body with lumped masses, with and without damping, and the
 !! ledger of explicit states.
 module fem_central
-  use talus_kinds, only: wp, i4
+  use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_text, only: is_finite
   use fem_body, only: fem_body_type
@@ -10,9 +10,51 @@ module fem_central
   use fem_sparse, only: multiply
   implicit none
   private
-  public :: central_step, explicit_energy
+  public :: central_step, explicit_energy, central_steps
+
+  integer(i4), parameter :: between = 50     !! steps between looks at the largest stable one
 
 contains
+
+  !> To time t1 with laws that have a state, in parts where the largest stable step has become
+  !! shorter; parts before the last one are accepted.
+  subroutine central_steps(self, t1, errors)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: t1  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: left
+    integer(i4) :: parts
+
+    do
+      left = t1 - self%accepted%time
+      parts = ceiling(left/self%safe_step())
+      if (parts > 1) then
+        call central_step(self, self%accepted%time + left/parts, errors)
+      else
+        call central_step(self, t1, errors)
+      end if
+      if (errors%any()) return
+      self%leaps = self%leaps + 1
+      if (modulo(self%leaps, int(between, i8)) == 0) call look_again(self)
+      if (parts <= 1) return
+      call self%accept()
+    end do
+  end subroutine central_steps
+
+  !> The largest stable step where the points are now.
+  subroutine look_again(self)
+    type(fem_body_type), intent(inout) :: self
+    real(wp) :: moduli(2)
+    integer(i4) :: e
+    do e = 1, self%mesh%elements
+      associate (law => self%matter%law(self%matter%law_of(e))%law)
+        if (law%finite) cycle
+        moduli = law%modulus(self%matter%stress(:, self%elastic%point(e)))
+        self%elastic%moduli(:2, e) = [moduli(1) - 2.0_wp/3.0_wp*moduli(2), moduli(2)]
+      end associate
+    end do
+    call self%limit_step()
+  end subroutine look_again
 
   !> One step of central differences.
   subroutine central_step(self, t1, errors)
@@ -38,7 +80,8 @@ contains
       call self%check_finite(errors)
       if (errors%any()) return
       call self%external_at(t1, s%external)
-      call self%internal_force(s%u, internal)
+      call self%follow(t1, s%u, s%external)
+      call self%trial_force(s%u, internal)
       s%viscous = 0.0_wp
       if (self%damping%stiffness > 0.0_wp) then
         call multiply(self%pattern, self%k, half, s%viscous)
@@ -53,6 +96,8 @@ contains
       call explicit_kinetic(dt, fixed, mass, old, s, self%energy%kinetic, discrete, supports)
       self%energy%support = self%energy%support - supports
       self%energy%numerical = self%energy%numerical + discrete
+      if (self%matter%active) call self%matter_energy()
+      call self%matter_fault(errors)
     end associate
   end subroutine central_step
 
@@ -76,7 +121,8 @@ contains
         end associate
       end do
       call self%external_at(t1, s%external)
-      call self%internal_force(s%u, work%internal)
+      call self%follow(t1, s%u, s%external)
+      call self%trial_force(s%u, work%internal)
       call kick_all(dt, self%node_mass, self%initial_force, self%weight_force, old, s, work)
       if (.not. is_finite(work%strain)) call self%check_finite(errors)
       self%energy = self%accepted_energy
@@ -89,6 +135,8 @@ contains
         e%kinetic = work%kinetic
         e%numerical = e%numerical + work%discrete
       end associate
+      if (self%matter%active) call self%matter_energy()
+      call self%matter_fault(errors)
     end associate
   end subroutine quick_leap
 
@@ -97,11 +145,12 @@ contains
     type(fem_body_type), intent(inout) :: self
     real(wp), dimension(3, self%dofs%blocks) :: internal
     integer(i4) :: i
-    call self%internal_force(self%state%u, internal)
+    call self%trial_force(self%state%u, internal)
     self%state%tie = 0.0_wp
     self%state%reaction = merge(internal - self%state%external, 0.0_wp, &
                                 self%held .or. self%prescribed)
     call self%update_energy(internal)
+    if (self%matter%active) call self%matter_energy()
     self%energy%kinetic = 0.0_wp
     do i = 1, self%dofs%blocks
       self%energy%kinetic = self%energy%kinetic &

@@ -133,10 +133,14 @@ contains
       //'young (p/reference_pressure)^exponent; `drucker_prager`: plasticity of `young`, ' &
       //'`poisson`, `cohesion`, `friction_deg`, `dilation_deg`; `cam_clay`: modified ' &
       //'Cam-clay of `critical_slope`, `compression_index`, `swelling_index`, ' &
-      //'`specific_volume`, `poisson`. The last three are for `static` and `--point`.')
+      //'`specific_volume`, `poisson`; `neo_hookean` and `st_venant_kirchhoff`: ' &
+      //'elasticity at finite strain of `young` and `poisson`. The last two, soils and ' &
+      //'`pressure_elastic` are laws with a state, which `modal` and `relaxation` do not ' &
+      //'know.')
     call table%preset('linear_elastic')
     call table%allow(&
-      'linear_elastic|micropolar|pressure_elastic|drucker_prager|cam_clay|layered')
+      'linear_elastic|micropolar|pressure_elastic|drucker_prager|cam_clay|layered|neo_h' &
+      //'ookean|st_venant_kirchhoff')
     call table%add_key('lambda', 'real', 'Pa', &
       'Eringen''s lambda; with 3 lambda + 2 mu + kappa > 0.')
     call table%add_key('mu', 'real', 'Pa', &
@@ -157,15 +161,15 @@ contains
     call table%add_key('l_b', 'real', 'm', &
       'Characteristic length of bending; l_b^2 = gamma/(2 (2 mu + kappa)).')
     call table%bounds(min=0.0_wp)
-    call table%add_key('coupling', 'real', '', &
-      'Coupling number N in [0, 1); N^2 = kappa/(2 (mu + kappa)).')
-    call table%add_key('polar_ratio', 'real', '', &
-      'Polar ratio Psi in (0, 3/2]; Psi = (beta + gamma)/(alpha + beta + gamma).')
     call group_material_2(table)
   end subroutine group_material
 
   subroutine group_material_2(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('coupling', 'real', '', &
+      'Coupling number N in [0, 1); N^2 = kappa/(2 (mu + kappa)).')
+    call table%add_key('polar_ratio', 'real', '', &
+      'Polar ratio Psi in (0, 3/2]; Psi = (beta + gamma)/(alpha + beta + gamma).')
     call table%add_key('micro_inertia', 'real', 'm2', &
       'Micro-inertia j of a micropolar solid, 2/5 r^2 of spheres of radius r; dynamics ' &
       //'needs it.')
@@ -208,15 +212,15 @@ contains
     call table%bounds(min=0.0_wp)
     call table%add_key('friction_deg', 'real', 'deg', 'Angle of friction of `drucker_prager`.')
     call table%bounds(min=0.0_wp, below=90.0_wp)
-    call table%add_key('dilation_deg', 'real', 'deg', &
-      'Angle of dilation of `drucker_prager`, 0 if left out, not above that of ' &
-      //'friction: plastic flow would give energy.')
-    call table%bounds(min=0.0_wp, below=90.0_wp)
     call group_material_3(table)
   end subroutine group_material_2
 
   subroutine group_material_3(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('dilation_deg', 'real', 'deg', &
+      'Angle of dilation of `drucker_prager`, 0 if left out, not above that of ' &
+      //'friction: plastic flow would give energy.')
+    call table%bounds(min=0.0_wp, below=90.0_wp)
     call table%add_key('cone', 'string', '', &
       'Which strength of Mohr and Coulomb the cone of `drucker_prager` has: that of ' &
       //'triaxial compression, of triaxial extension, or of plane strain; compression if ' &
@@ -369,9 +373,9 @@ contains
 
   subroutine group_pressure(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('pressure', 3, &
-      'A pressure on facets, along their normals into the solid (of the undeformed ' &
-      //'mesh).', repeats=.true.)
+    call table%add_group('pressure', 4, &
+      'A pressure on facets, along their normals into the solid: of the undeformed ' &
+      //'mesh, or where they are now.', repeats=.true.)
     call table%add_key('group', 'string', '', 'Facet group.')
     call table%need()
     call table%add_key('value', 'real', 'Pa', 'The pressure; negative values pull.')
@@ -379,6 +383,11 @@ contains
     call table%add_key('curve', 'string', '', &
       'Id of a curve that scales it; without one it is constant.')
     call table%preset('')
+    call table%add_key('follower', 'logical', '', &
+      'The pressure follows the surface: normals and areas are those of the deformed ' &
+      //'facets. For bodies that have a law with a state; the tangent is not symmetric ' &
+      //'then.')
+    call table%preset('.false.')
   end subroutine group_pressure
 
   subroutine group_couple(table)
@@ -531,19 +540,19 @@ contains
     call table%bounds(min=1.0_wp)
     call table%add_key('tolerance', 'real', '', &
       'Relative change of the squared frequencies at which the iteration of `modal` ' &
-      //'ends; residual over loads and reactions at which `relaxation`, and `static` of ' &
-      //'laws with a state, end (there 1e-8 unless given).')
+      //'ends; residual over loads and reactions at which `relaxation`, and `static`, ' &
+      //'`newmark` and `hht` of laws with a state, end (there 1e-8 unless given).')
     call table%preset('1e-10')
     call table%bounds(above=0.0_wp)
     call table%add_key('max_iterations', 'integer', '', &
       'Most iterations of `modal`, of a step of `relaxation` (there 100 000 unless ' &
-      //'given), and of a step of `static` of laws with a state (25), which is halved ' &
-      //'then.')
+      //'given), and of a step of `static`, `newmark` or `hht` of laws with a state (25),' &
+      //' which is halved then.')
     call table%preset('200')
     call table%bounds(min=1.0_wp)
     call table%add_key('step_cuts', 'integer', '', &
-      'How often `static` halves a step of laws with a state that does not converge, ' &
-      //'before it gives up.')
+      'How often `static`, `newmark` and `hht` halve a step of laws with a state that ' &
+      //'does not converge, before they give up.')
     call table%preset('10')
     call table%bounds(min=0.0_wp, max=30.0_wp)
   end subroutine group_analysis_2

@@ -22,13 +22,17 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), dimension(3, body%dofs%blocks) :: internal, nothing
     integer(i4) :: bad
+    logical :: dynamic
 
     moved = 0.0_wp
     iterations = 0
     nothing = 0.0_wp
-    call body%matter%update(body%mesh, body%dofs, body%elastic, nothing, internal, bad)
+    call body%matter%update(body%mesh, body%dofs, body%elastic, nothing, nothing, internal, bad)
     body%accepted%external = internal  ! the loads grow from those that the stress balances
+    dynamic = body%dynamic
+    body%dynamic = .false.  ! inertia has no part in it
     call newton_step(body, body%accepted%time, errors)
+    body%dynamic = dynamic
     if (errors%any()) return
     iterations = body%newton%rows
     moved = sqrt(maxval(sum(body%state%u**2, 1)))

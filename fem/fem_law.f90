@@ -29,6 +29,7 @@ module fem_law
   type, abstract :: fem_law_type
     character(len=name_length) :: id = ''
     logical :: symmetric = .true.      !! its tangent is
+    logical :: finite = .false.        !! finite strain: fem_law_finite
     integer(i4) :: states = common_size
   contains
     procedure(begin_face), deferred :: begin
@@ -98,7 +99,7 @@ contains
     new = stress
     there = state
     call law%update(strain, new, there, tangent, good)
-    if (good) call count_work(strain, stress, new, state, there)
+    if (good) call count_work(law%finite, strain, stress, new, state, there)
     parts = 1
     do while (.not. good .and. parts < most_parts)
       parts = 2*parts
@@ -128,7 +129,7 @@ contains
       call law%update(strain/parts, new, there, unused, good)
       if (.not. good) return
       iterations = iterations + there(at_iterations)
-      call count_work(strain/parts, before, new, was, there)
+      call count_work(law%finite, strain/parts, before, new, was, there)
     end do
     there(at_iterations) = iterations
     ! trapezoids of the parts are not that of the whole, which the ledger of the body counts
@@ -158,11 +159,18 @@ contains
     end do
   end subroutine differences
 
-  !> Work of the increment from `stress` to `new` into the state `there`.
-  pure subroutine count_work(strain, stress, new, state, there)
+  !> Work of the increment from `stress` to `new` into the state `there`; laws of finite strain know
+  !! their stored energy.
+  pure subroutine count_work(known, strain, stress, new, state, there)
+    logical, intent(in) :: known
     real(wp), intent(in) :: strain(6), stress(6), new(6), state(:)
     real(wp), intent(inout) :: there(:)
     real(wp) :: plastic(6), lost
+    if (known) then
+      there(at_numerical) = state(at_numerical) + 0.5_wp*sum((stress + new)*strain) &
+        - (there(at_stored) - state(at_stored))
+      return
+    end if
     plastic = there(at_plastic:at_plastic + 5) - state(at_plastic:at_plastic + 5)
     lost = sum(new*plastic)
     there(at_stored) = state(at_stored) + 0.5_wp*sum((stress + new)*(strain - plastic))

@@ -4,12 +4,15 @@
 module fem_matter
   use, intrinsic :: omp_lib, only: omp_get_max_threads
   use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
   use fem_assembly, only: share_nodes, elements_at
   use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
   use fem_element, only: fem_shape_type, element_shape
+  use fem_finite, only: fem_deformation_type, deform, finite_force, finite_tangent
   use fem_law, only: fem_law_box_type, integrate, at_flag, at_iterations, at_stored, &
     at_dissipated, at_numerical, common_size
+  use fem_law_finite, only: fem_law_finite_type, at_ratio
   use fem_recover, only: point_weights
   use fem_sparse, only: fem_pattern_type, place
   use fem_strain, only: mean_gradient, strain_matrix, add_product
@@ -23,6 +26,8 @@ module fem_matter
   type :: fem_matter_type
     logical :: active = .false.               !! some law of the body has a state
     logical :: symmetric = .true.             !! all tangents are
+    logical :: finite = .false.               !! some law is one of finite strain
+    integer(i4) :: bad = 0                    !! first point without a state in the last update
     type(fem_law_box_type), allocatable :: law(:)
     integer(i4), allocatable :: law_of(:)     !! (elements)
     integer(i4) :: states = common_size       !! most of any law
@@ -31,6 +36,7 @@ module fem_matter
     real(wp), allocatable :: state(:, :), accepted_state(:, :)    !! (states, points)
     real(wp), allocatable :: tangent(:, :, :)                     !! (6, 6, points) [Pa]
     real(wp), allocatable :: nodal(:, :)      !! (3, blocks of all elements) forces [N]
+    real(wp), allocatable :: u(:, :)          !! (3, blocks) of the trial, with finite strains [m]
   contains
     procedure :: prepare
     procedure :: update
@@ -38,8 +44,12 @@ module fem_matter
     procedure :: accept
     procedure :: reject
     procedure :: works
+    procedure :: growth
     procedure :: yielding
     procedure :: element_of
+    procedure :: trouble
+    procedure :: element_forces
+    procedure :: element_tangent
   end type fem_matter_type
 
 contains
@@ -60,17 +70,20 @@ contains
   end subroutine prepare
 
   !> Trial stress, state and tangents for displacements since the accepted state, and the internal
-  !! forces. `bad` is the first point whose law found no state, 0 if there is none.
-  subroutine update(self, mesh, dofs, elastic, moved, force, bad)
+  !! forces. `bad` is the first point whose law found no state, 0 if there is none. Laws of finite
+  !! strain go by all displacements, `u`.
+  subroutine update(self, mesh, dofs, elastic, u, moved, force, bad)
     class(fem_matter_type), intent(inout) :: self
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: u(:, :)          !! (3, blocks) [m]
     real(wp), intent(in) :: moved(:, :)      !! (3, blocks) [m]
     real(wp), intent(out) :: force(:, :)     !! (3, blocks) [N]
     integer(i4), intent(out) :: bad
     integer(i4) :: c, k, failed(chunks)
 
+    if (self%finite) self%u = u
     !$omp parallel do default(none) shared(self, mesh, dofs, elastic, moved, failed) private(c) &
     !$omp schedule(dynamic)
     do c = 1, chunks
@@ -81,6 +94,7 @@ contains
     do c = chunks, 1, -1
       if (failed(c) > 0) bad = failed(c)
     end do
+    self%bad = bad
     force = 0.0_wp
     do k = 1, size(dofs%block)
       force(:, dofs%block(k)) = force(:, dofs%block(k)) + self%nodal(:, k)
@@ -97,6 +111,7 @@ contains
     integer(i4), intent(in) :: c
     integer(i4), intent(out) :: bad
     type(fem_shape_type) :: shape
+    type(fem_deformation_type) :: motion
     integer(i4) :: e, first, last, rule, failed
 
     first = int((c - 1)*int(mesh%elements, i8)/chunks, i4) + 1
@@ -107,7 +122,11 @@ contains
       if (allocated(shape%weight) .and. elastic%rule_of(e) /= rule) &
         deallocate (shape%weight, shape%u, shape%phi)
       rule = elastic%rule_of(e)
-      call update_element(self, mesh, dofs, elastic, moved, e, shape, failed)
+      if (self%law(self%law_of(e))%law%finite) then
+        call deform_element(self, mesh, dofs, elastic, e, shape, motion, failed)
+      else
+        call update_element(self, mesh, dofs, elastic, moved, e, shape, failed)
+      end if
       if (bad == 0) bad = failed
     end do
   end subroutine chunk_update
@@ -153,6 +172,35 @@ contains
     end associate
   end subroutine update_element
 
+  !> An element at finite strain; where a point is turned inside out its volume ratio is kept.
+  subroutine deform_element(self, mesh, dofs, elastic, e, shape, motion, bad)
+    class(fem_matter_type), intent(inout) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: e
+    type(fem_shape_type), intent(inout) :: shape
+    type(fem_deformation_type), intent(inout) :: motion
+    integer(i4), intent(out) :: bad
+
+    associate (rule => elastic%rule(elastic%rule_of(e)), a => elastic%point(e), &
+               b => elastic%point(e + 1) - 1, first => dofs%start(e), last => dofs%start(e + 1) - 1)
+      call element_shape(rule%at, mesh%x(:, dofs%block(first:last)), shape)
+      call deform(rule, shape, self%u(:, dofs%block(first:last)), motion, bad)
+      if (bad > 0) then
+        self%state(at_ratio, a:b) = motion%ratio
+        self%nodal(:, first:last) = 0.0_wp
+      else
+        select type (law => self%law(self%law_of(e))%law)
+        class is (fem_law_finite_type)
+          call finite_force(law, shape, motion, self%weight(a:b), self%stress(:, a:b), &
+                            self%state(:, a:b), self%nodal(:, first:last), bad)
+        end select
+      end if
+      if (bad > 0) bad = a + bad - 1
+    end associate
+  end subroutine deform_element
+
   !> Stiffness of the trial state in blocks of the pattern; `lower` holds what is below the diagonal
   !! (row j, column i of entry i, j) where tangents are not symmetric.
   subroutine assemble(self, mesh, dofs, elastic, pattern, k, lower)
@@ -187,6 +235,7 @@ contains
     integer(i4), intent(in) :: range(2)
     real(wp), intent(inout) :: k(:, :, :), lower(:, :, :)
     type(fem_shape_type) :: shape
+    type(fem_deformation_type) :: motion
     real(wp), allocatable :: ke(:, :)
     integer(i4), allocatable :: chosen(:)
     integer(i4) :: r, i, n
@@ -201,20 +250,22 @@ contains
       allocate (ke(3*elastic%rule(r)%nodes, 3*elastic%rule(r)%nodes))
       call elements_at(mesh, elastic, r, range, chosen)
       do i = 1, size(chosen)
-        call element_tangent(self, mesh, dofs, elastic, chosen(i), shape, ke)
+        call self%element_tangent(mesh, dofs, elastic, chosen(i), shape, motion, ke)
         call add_element(dofs%block(dofs%start(chosen(i)):dofs%start(chosen(i) + 1) - 1), pattern, &
                          range, self%symmetric, ke, k, lower)
       end do
     end do
   end subroutine share
 
-  subroutine element_tangent(self, mesh, dofs, elastic, e, shape, ke)
+  !> Tangent of element e (3 nodes, 3 nodes) in the trial state [N/m].
+  subroutine element_tangent(self, mesh, dofs, elastic, e, shape, motion, ke)
     class(fem_matter_type), intent(in) :: self
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     integer(i4), intent(in) :: e
     type(fem_shape_type), intent(inout) :: shape
+    type(fem_deformation_type), intent(inout) :: motion
     real(wp), intent(out) :: ke(:, :)
     real(wp) :: mean(size(ke, 1)), b(size(ke, 1), 6)
     integer(i4) :: q, p
@@ -222,6 +273,13 @@ contains
     associate (rule => elastic%rule(elastic%rule_of(e)), &
                block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
       call element_shape(rule%at, mesh%x(:, block), shape)
+      select type (law => self%law(self%law_of(e))%law)
+      class is (fem_law_finite_type)
+        call deform(rule, shape, self%u(:, block), motion, q)
+        call finite_tangent(law, rule, shape, motion, &
+                            self%weight(elastic%point(e):elastic%point(e + 1) - 1), ke)
+        return
+      end select
       if (rule%bbar) call mean_gradient(shape, mean)
       do q = 1, rule%at%n
         p = elastic%point(e) + q - 1
@@ -277,6 +335,12 @@ contains
              sum(self%weight*self%state(at_numerical, :))]
   end function works
 
+  !> What the integration took since the accepted state [J].
+  pure real(wp) function growth(self)
+    class(fem_matter_type), intent(in) :: self
+    growth = sum(self%weight*(self%state(at_numerical, :) - self%accepted_state(at_numerical, :)))
+  end function growth
+
   !> Points that yielded in the trial increment, and the most local iterations.
   pure function yielding(self) result(counts)
     class(fem_matter_type), intent(in) :: self
@@ -284,6 +348,39 @@ contains
     counts = [int(count(self%state(at_flag, :) > 0.0_wp), i4), &
               nint(maxval(self%state(at_iterations, :)))]
   end function yielding
+
+  !> Sum of the forces of some elements after an update (3, blocks) [N].
+  pure subroutine element_forces(self, dofs, list, force)
+    class(fem_matter_type), intent(in) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    integer(i4), intent(in) :: list(:)  !! elements
+    real(wp), intent(out) :: force(:, :)
+    integer(i4) :: i, k
+    force = 0.0_wp
+    do i = 1, size(list)
+      do k = dofs%start(list(i)), dofs%start(list(i) + 1) - 1
+        force(:, dofs%block(k)) = force(:, dofs%block(k)) + self%nodal(:, k)
+      end do
+    end do
+  end subroutine element_forces
+
+  !> What is wrong with the first point without a state, and whether its element is turned inside
+  !! out.
+  subroutine trouble(self, elastic, text, inverted)
+    class(fem_matter_type), intent(in) :: self
+    type(fem_elastic_type), intent(in) :: elastic
+    character(len=:), allocatable, intent(out) :: text
+    logical, intent(out) :: inverted
+    integer(i4) :: at(2)
+    at = self%element_of(elastic, self%bad)
+    inverted = self%law(self%law_of(at(1)))%law%finite
+    if (inverted) then
+      text = 'element '//str(at(1))//' is turned inside out at point '//str(at(2))// &
+        ', its volume is '//str(self%state(at_ratio, self%bad))//' of what it was'
+    else
+      text = 'the law of point '//str(at(2))//' of element '//str(at(1))//' finds no state'
+    end if
+  end subroutine trouble
 
   !> Element and number in it of a point.
   pure function element_of(self, elastic, p) result(where_it_is)

@@ -102,9 +102,6 @@ contains
     if (errors%any()) return
     call read_body(self%deck, self%body, errors)
     if (errors%any()) return
-    if (self%served .and. self%body%matter%active) call self%deck%fault(errors, 'D334', &
-      'a coupled run knows elastic laws alone, and a section has one with a state', 'section', 1, &
-      'material', "take law = 'linear_elastic' or 'micropolar'")
     call read_times(self, errors)
     call choose_storage(self)
   end subroutine read_run

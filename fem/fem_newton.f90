@@ -1,12 +1,14 @@
-!> One static step of a body whose laws have a state: Newton's method with the consistent tangent
-!! and a line search. Loads and motions grow in proportion over the step; where an iteration does
-!! not converge the step is halved, and doubled again after parts that did.
+!> One static or implicit step of a body whose laws have a state: Newton's method with the
+!! consistent tangent and a line search. Loads and motions grow in proportion over the step; where
+!! an iteration does not converge the step is halved, and doubled again after parts that did.
 module fem_newton
   use talus_kinds, only: wp, i4
   use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
   use fem_body, only: fem_body_type
-  use fem_sparse, only: add_springs, multiply_general, spring_force
+  use fem_follower, only: follower_force, add_follower_stiffness
+  use fem_newmark, only: newmark_motion, dynamic_work
+  use fem_sparse, only: add_springs, multiply_general, multiply_mass, spring_force
   implicit none
   private
   public :: newton_step, newton_columns
@@ -22,16 +24,23 @@ module fem_newton
   !> What a part of a step begins with and heads for.
   type :: part_type
     real(wp), allocatable :: load(:, :), goal_load(:, :)  !! at start and end of the step [N]
+    real(wp), allocatable :: pressure(:), goal_pressure(:)  !! of those that follow the surface [Pa]
+    real(wp), allocatable :: dead(:, :)                   !! loads of the part [N]
+    real(wp), allocatable :: raw(:, :)                    !! residual, reactions not taken off [N]
+    real(wp), allocatable :: inertia(:, :), balance(:, :) !! M a, and that before the part (HHT) [N]
+    real(wp) :: dt = 0.0_wp                               !! of the part [s]
     real(wp), allocatable :: u(:, :), goal_u(:, :)        !! of what is held or moved [m]
     real(wp) :: before = 0.0_wp, after = 0.0_wp           !! shares of the step
     real(wp) :: weight_before = 0.0_wp                    !! share of gravity at the start
     character(len=:), allocatable :: reason               !! why it did not converge
+    logical :: inverted = .false.                         !! an element turned inside out
   end type part_type
 
 contains
 
   !> From the accepted state to time t1; the new state stays a trial, parts before it are accepted.
-  !! N311 where no equilibrium is found; the last converged state is the accepted one then.
+  !! N311 where no equilibrium is found, N312 where the load turns an element inside out; the last
+  !! converged state is the accepted one then.
   subroutine newton_step(self, t1, errors)
     type(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: t1  !! [s]
@@ -45,27 +54,18 @@ contains
     if (errors%any()) return
     self%newton%rows = 0
     t0 = self%accepted%time
-    part%load = self%accepted%external
-    part%u = self%accepted%u
-    part%goal_u = self%accepted%u
-    call self%impose(t1, part%goal_u)
-    allocate (part%goal_load, mold=part%load)
-    call self%external_at(t1, part%goal_load)
-    if (any(abs(part%load) > 0.0_wp)) part%weight_before = 1.0_wp
+    call begin_step(self, t1, part)
     size_of = 1.0_wp
     do
       part%after = min(1.0_wp, part%before + size_of)
       if (1.0_wp - part%after <= complete) part%after = 1.0_wp
+      part%inverted = .false.
       call try_part(self, t0, t1, part, iterations, good)
       if (.not. good) then
         call self%reject()
         size_of = 0.5_wp*size_of
         if (size_of >= 0.5_wp**self%newton%most_cuts) cycle
-        call errors%add('N311', 'no equilibrium beyond time '//str(self%accepted%time)// &
-          ' s, the step cut to 1/'//str(nint(1.0_wp/size_of, i4))//': '//part%reason, '', &
-          'do the loads exceed what the body carries? Prescribe motions in their place, or '// &
-          'look at the yielding points of the last state; max_iterations and step_cuts may '// &
-          'be raised')
+        call give_up(self, part, size_of, errors)
         return
       end if
       if (part%after >= 1.0_wp) return
@@ -75,6 +75,65 @@ contains
     end do
   end subroutine newton_step
 
+  !> What the step heads for.
+  subroutine begin_step(self, t1, part)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: t1
+    type(part_type), intent(inout) :: part
+    part%load = self%accepted%external
+    part%u = self%accepted%u
+    part%goal_u = self%accepted%u
+    call self%impose(t1, part%goal_u)
+    allocate (part%goal_load, part%raw, mold=part%load)
+    call self%external_at(t1, part%goal_load)
+    if (any(abs(part%load) > 0.0_wp)) part%weight_before = 1.0_wp
+    if (allocated(self%follower)) call begin_pressures(self, t1, part)
+    if (.not. self%dynamic) return
+    allocate (part%inertia, mold=part%load)
+    allocate (part%balance(3, self%dofs%blocks), source=0.0_wp)
+  end subroutine begin_step
+
+  !> Pressures that follow the surface are no part of the loads that grow in proportion.
+  subroutine begin_pressures(self, t1, part)
+    type(fem_body_type), intent(in) :: self
+    real(wp), intent(in) :: t1
+    type(part_type), intent(inout) :: part
+    integer(i4) :: k
+    allocate (part%pressure(size(self%follower)), part%goal_pressure(size(self%follower)))
+    part%goal_pressure = self%follower%pressure
+    part%pressure = part%weight_before*self%follower%pressure
+    do k = 1, size(self%follower)
+      associate (f => self%follower(k))
+        if (f%curve > 0) then
+          part%goal_pressure(k) = f%pressure*self%curve(f%curve)%at(t1)
+          part%pressure(k) = part%pressure(k)*self%curve(f%curve)%at(self%accepted%time)
+        end if
+        call follower_force(self%mesh, f, -part%pressure(k), self%accepted%u, part%load)
+      end associate
+    end do
+  end subroutine begin_pressures
+
+  !> The fault of a step that was cut too often.
+  subroutine give_up(self, part, size_of, errors)
+    type(fem_body_type), intent(in) :: self
+    type(part_type), intent(in) :: part
+    real(wp), intent(in) :: size_of
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: cut
+    cut = ' beyond time '//str(self%accepted%time)//' s, the step cut to 1/'// &
+      str(nint(1.0_wp/size_of, i4))//': '
+    if (part%inverted) then
+      call errors%add('N312', 'an element turns inside out'//cut//part%reason, '', &
+        'the load is more than this mesh can follow: take a finer mesh or a stiffer law there, '// &
+        'or less load; the last converged state is written')
+    else
+      call errors%add('N311', 'no equilibrium'//cut//part%reason, '', &
+        'do the loads exceed what the body carries? Prescribe motions in their place, or '// &
+        'look at the yielding points of the last state; max_iterations and step_cuts may '// &
+        'be raised')
+    end if
+  end subroutine give_up
+
   !> A part of the step by Newton's method.
   subroutine try_part(self, t0, t1, part, iterations, good)
     type(fem_body_type), intent(inout) :: self
@@ -82,36 +141,38 @@ contains
     type(part_type), intent(inout) :: part
     integer(i4), intent(out) :: iterations
     logical, intent(out) :: good
-    real(wp), dimension(3, self%dofs%blocks) :: internal, residual, du
+    real(wp), dimension(3, self%dofs%blocks) :: residual, du
     real(wp) :: first, size_of, scale, search
     integer(i4) :: bad
 
     associate (s => self%state)
       s%time = t0 + part%after*(t1 - t0)
-      s%external = part%load + part%after*(part%goal_load - part%load)
+      part%dt = s%time - self%accepted%time
+      part%dead = part%load + part%after*(part%goal_load - part%load)
+      s%external = part%dead
       s%u = self%accepted%u
       iterations = 0
       call predict(self, part, du, good)
       if (.not. good) return
-      call line_search(self, part, du, .false., internal, residual, search, good)
+      call line_search(self, part, du, .false., residual, search, good)
       if (.not. good) return
       do iterations = 1, self%newton%most_iterations
-        call measure(self, internal, residual, size_of, scale)
+        call measure(self, part, residual, size_of, scale)
         if (iterations == 1) first = size_of
         call note(self, part, iterations, size_of, scale, sum(du*residual), search)
         good = size_of <= self%newton%tolerance*scale
         if (good .or. .not. is_finite(size_of) .or. size_of > diverged*first) exit
         if (iterations == self%newton%most_iterations) exit
-        call correct(self, residual, du, part%reason, good)
+        call correct(self, part, residual, du, good)
         if (.not. good) return
-        call line_search(self, part, du, .true., internal, residual, search, good)
+        call line_search(self, part, du, .true., residual, search, good)
         if (.not. good) return
       end do
       bad = int(maxloc(sum(residual**2, 1), 1), i4)
       if (.not. good) part%reason = 'the residual is '//str(size_of/max(scale, tiny(1.0_wp)))// &
         ' of loads and reactions after '//str(iterations)//' iterations, most at node '// &
         str(bad)//', element '//str(element_at(self, bad))
-      if (good) call finish(self, part, internal, size_of, scale)
+      if (good) call finish(self, part, size_of, scale)
     end associate
   end subroutine try_part
 
@@ -128,109 +189,191 @@ contains
     given = 0.0_wp
     where (self%held .or. self%prescribed) &
       given = part%u + part%after*(part%goal_u - part%u) - self%accepted%u
-    call evaluate(self, 0.0_wp*given, internal, residual, bad)
+    call inner_force(self, 0.0_wp*given, internal, bad)
     good = bad == 0
-    if (good) call assemble(self)
-    if (good) call multiply_general(self%pattern, self%k, self%lower, given, carried)
-    if (good) call solve(self, residual - carried, du, part%reason, good)
+    if (.not. good) then
+      call blame(self, part)
+      return
+    end if
+    if (self%lag > 0.0_wp) part%balance = self%accepted%external + self%accepted%reaction &
+      - internal - self%accepted%viscous
+    call balance(self, part, given, internal, residual)
+    call assemble(self, part)
+    call multiply_general(self%pattern, self%k, self%lower, given, carried)
+    call solve(self, part, residual - carried, du, good)
     du = du + given
   end subroutine predict
 
   !> Correction by the tangent of the trial state.
-  subroutine correct(self, residual, du, reason, good)
+  subroutine correct(self, part, residual, du, good)
     type(fem_body_type), intent(inout) :: self
+    type(part_type), intent(inout) :: part
     real(wp), intent(in) :: residual(:, :)
     real(wp), intent(out) :: du(:, :)
-    character(len=:), allocatable, intent(inout) :: reason
     logical, intent(out) :: good
-    call assemble(self)
-    call solve(self, residual, du, reason, good)
+    call assemble(self, part)
+    call solve(self, part, residual, du, good)
   end subroutine correct
 
-  subroutine assemble(self)
+  !> The slopes of the residual but for those of inertia.
+  subroutine assemble(self, part)
     type(fem_body_type), intent(inout) :: self
+    type(part_type), intent(in) :: part
+    integer(i4) :: k
     call self%matter%assemble(self%mesh, self%dofs, self%elastic, self%pattern, self%k, self%lower)
     call add_springs(self%ground, self%pattern, self%k, self%lower)
+    if (allocated(self%follower)) then
+      do k = 1, size(self%follower)
+        call add_follower_stiffness(self%mesh, self%follower(k), pressure_now(part, k), &
+                                    self%state%u, self%pattern, self%k, self%lower)
+      end do
+    end if
+    if (self%dynamic .and. self%lag > 0.0_wp) then
+      self%k = (1.0_wp - self%lag)*self%k
+      self%lower = (1.0_wp - self%lag)*self%lower
+    end if
+    call add_springs(self%robin, self%pattern, self%k, self%lower)
   end subroutine assemble
 
+  !> A pressure that follows the surface, in the part [Pa].
+  pure real(wp) function pressure_now(part, k)
+    type(part_type), intent(in) :: part
+    integer(i4), intent(in) :: k
+    pressure_now = part%pressure(k) + part%after*(part%goal_pressure(k) - part%pressure(k))
+  end function pressure_now
+
   !> Factor and solve; a singular tangent is a reason to halve the step.
-  subroutine solve(self, residual, du, reason, good)
+  subroutine solve(self, part, residual, du, good)
     type(fem_body_type), intent(inout) :: self
+    type(part_type), intent(inout) :: part
     real(wp), intent(in) :: residual(:, :)
     real(wp), intent(out) :: du(:, :)
-    character(len=:), allocatable, intent(inout) :: reason
     logical, intent(out) :: good
     type(error_list_type) :: errors
+    real(wp) :: rate, mass_term
     du = 0.0_wp
-    call self%solver%factor(self%pattern, self%k, self%mass, 0.0_wp, errors, self%lower)
+    mass_term = 0.0_wp
+    if (self%dynamic) then
+      rate = (1.0_wp - self%lag)*self%gamma/(self%beta*part%dt)
+      mass_term = 1.0_wp/(self%beta*part%dt**2) + rate*self%damping%mass
+      call self%damping%add_dashpots(self%pattern, rate, self%k)
+    end if
+    call self%solver%factor(self%pattern, self%k, self%mass, mass_term, errors, self%lower)
     if (.not. errors%any()) call self%solver%solve(self%pattern, residual, du, errors)
     good = .not. errors%any()
     if (good) good = is_finite(sum(abs(du)))
     if (good) return
-    reason = 'the tangent is singular'
-    if (errors%any()) reason = errors%item(1)%message
+    part%reason = 'the tangent is singular'
+    if (errors%any()) part%reason = errors%item(1)%message
   end subroutine solve
 
-  !> Internal forces and residual for displacements `moved` since the accepted state; `bad` is the
-  !! first point without a state.
-  subroutine evaluate(self, moved, internal, residual, bad)
+  !> Internal forces for displacements `moved` since the accepted state; `bad` is the first point
+  !! without a state.
+  subroutine inner_force(self, moved, internal, bad)
     type(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: moved(:, :)
-    real(wp), intent(out) :: internal(:, :), residual(:, :)
+    real(wp), intent(out) :: internal(:, :)
     integer(i4), intent(out) :: bad
-    call self%matter%update(self%mesh, self%dofs, self%elastic, moved, internal, bad)
-    if (self%ground%n > 0) then
-      call spring_force(self%ground, 0.0_wp*moved, self%accepted%u + moved, residual)
-      internal = internal - residual
-    end if
-    residual = self%state%external - internal
-    where (self%held .or. self%prescribed) residual = 0.0_wp
-  end subroutine evaluate
+    real(wp) :: springs(3, self%dofs%blocks)
+    call self%matter%update(self%mesh, self%dofs, self%elastic, self%accepted%u + moved, moved, &
+                            internal, bad)
+    if (self%ground%n == 0) return
+    call spring_force(self%ground, 0.0_wp*moved, self%accepted%u + moved, springs)
+    internal = internal - springs
+  end subroutine inner_force
+
+  !> Residual of the part from its internal forces; loads, inertia and ties are those for
+  !! displacements `moved`.
+  subroutine balance(self, part, moved, internal, residual)
+    type(fem_body_type), intent(inout) :: self
+    type(part_type), intent(inout) :: part
+    real(wp), intent(in) :: moved(:, :), internal(:, :)
+    real(wp), intent(out) :: residual(:, :)
+    integer(i4) :: k
+    associate (s => self%state)
+      s%u = self%accepted%u + moved
+      s%external = part%dead
+      if (allocated(self%follower)) then
+        do k = 1, size(self%follower)
+          call follower_force(self%mesh, self%follower(k), pressure_now(part, k), s%u, s%external)
+        end do
+      end if
+      part%raw = s%external - internal
+      if (self%dynamic) then
+        call newmark_motion(self, part%dt)
+        call multiply_mass(self%pattern, self%mass, s%a, part%inertia)
+        call self%viscous_force(s%v, s%viscous)
+        part%raw = (1.0_wp - self%lag)*(part%raw - s%viscous) + self%lag*part%balance - part%inertia
+      end if
+      if (self%robin%n > 0) then
+        call spring_force(self%robin, part%u, s%u, s%tie)
+        part%raw = part%raw + s%tie
+      end if
+      residual = part%raw
+      where (self%held .or. self%prescribed) residual = 0.0_wp
+    end associate
+  end subroutine balance
 
   !> Go along du: all of it, or (`seek`) as far as the residual's work on it falls; shorter where a
   !! point has no state.
-  subroutine line_search(self, part, du, seek, internal, residual, share, good)
+  subroutine line_search(self, part, du, seek, residual, share, good)
     type(fem_body_type), intent(inout) :: self
     type(part_type), intent(inout) :: part
     real(wp), intent(in) :: du(:, :)
     logical, intent(in) :: seek
-    real(wp), intent(inout) :: internal(:, :), residual(:, :)
+    real(wp), intent(inout) :: residual(:, :)
     real(wp), intent(out) :: share
     logical, intent(out) :: good
-    real(wp) :: start(3, self%dofs%blocks), before, after
-    integer(i4) :: k, bad, at(2)
+    real(wp), dimension(3, self%dofs%blocks) :: start, internal
+    real(wp) :: before, after
+    integer(i4) :: k, bad
 
-    start = self%state%u - self%accepted%u
+    start = 0.0_wp
+    if (seek) start = self%state%u - self%accepted%u
     before = 0.0_wp
     if (seek) before = sum(du*residual)
     share = 1.0_wp
     do k = 1, most_searches
-      call evaluate(self, start + share*du, internal, residual, bad)
+      call inner_force(self, start + share*du, internal, bad)
       good = bad == 0
       if (.not. good) then
         if (.not. seek) exit
         share = 0.5_wp*share
         cycle
       end if
+      call balance(self, part, start + share*du, internal, residual)
       after = sum(du*residual)
       if (.not. seek .or. abs(after) <= slack*abs(before) .or. share <= shortest) exit
       if (k == most_searches .or. after*before >= before**2) exit
       share = max(shortest, share*max(0.1_wp, before/(before - after)))
     end do
     self%state%u = self%accepted%u + start + share*du
-    if (good) return
-    at = self%matter%element_of(self%elastic, bad)
-    part%reason = 'the law of point '//str(at(2))//' of element '//str(at(1))//' finds no state'
+    if (.not. good) call blame(self, part)
   end subroutine line_search
 
-  !> Norm of the residual, and of loads and reactions.
-  subroutine measure(self, internal, residual, size_of, scale)
+  !> Keep what is wrong with the first point without a state.
+  subroutine blame(self, part)
     type(fem_body_type), intent(in) :: self
-    real(wp), intent(in) :: internal(:, :), residual(:, :)
+    type(part_type), intent(inout) :: part
+    call self%matter%trouble(self%elastic, part%reason, part%inverted)
+  end subroutine blame
+
+  !> Norm of the residual, and of loads, reactions and inertia; in free flight of what would change
+  !! the momentum by a millionth.
+  subroutine measure(self, part, residual, size_of, scale)
+    type(fem_body_type), intent(in) :: self
+    type(part_type), intent(in) :: part
+    real(wp), intent(in) :: residual(:, :)
     real(wp), intent(out) :: size_of, scale
+    real(wp), parameter :: floor_of = 1.0e-6_wp
+    real(wp) :: momentum(3, self%dofs%blocks)
     size_of = sqrt(sum(residual**2))
-    scale = sqrt(sum(merge((internal - self%state%external)**2, self%state%external**2, &
-                           self%held .or. self%prescribed)))
+    scale = sum(merge(part%raw**2, self%state%external**2, self%held .or. self%prescribed))
+    if (self%dynamic) then
+      call multiply_mass(self%pattern, self%mass, self%state%v, momentum)
+      scale = scale + sum(part%inertia**2) + sum((floor_of/part%dt*momentum)**2)
+    end if
+    scale = sqrt(scale)
   end subroutine measure
 
   !> A row of the table: time [s], share of the step, iteration, residual, work of the residual on
@@ -255,36 +398,42 @@ contains
   end subroutine note
 
   !> Reactions and ledger of a part that converged.
-  subroutine finish(self, part, internal, size_of, scale)
+  subroutine finish(self, part, size_of, scale)
     type(fem_body_type), intent(inout) :: self
     type(part_type), intent(in) :: part
-    real(wp), intent(in) :: internal(:, :), size_of, scale
-    real(wp) :: moved(3, self%dofs%blocks), works(3), weight(2)
+    real(wp), intent(in) :: size_of, scale
+    real(wp) :: moved(3, self%dofs%blocks), weight(2), share
     associate (s => self%state, old => self%accepted, e => self%energy)
-      s%reaction = merge(internal - s%external, 0.0_wp, self%held .or. self%prescribed)
+      share = 1.0_wp
+      if (self%dynamic) share = 1.0_wp - self%lag
+      s%reaction = merge(-part%raw/share, 0.0_wp, self%held .or. self%prescribed)
       if (scale > 0.0_wp) self%residual = max(self%residual, size_of/scale)
       moved = s%u - old%u
-      works = self%matter%works()
       weight = 1.0_wp
       if (part%weight_before < 1.0_wp) weight = [part%before, part%after]
       e = self%accepted_energy
-      e%strain = works(1)
-      if (self%ground%n > 0) e%strain = e%strain + ground_energy(self)
-      e%plastic = works(2)
-      e%numerical = works(3)
+      call self%matter_energy()
       e%load = e%load + 0.5_wp*sum(moved*(s%external + old%external))
       e%gravity = e%gravity + 0.5_wp*sum(weight)*sum(moved*self%weight_force)
       e%support = e%support + 0.5_wp*sum(moved*(s%reaction + old%reaction))
+      if (self%robin%n > 0) e%spring = e%spring + 0.5_wp*sum(moved*(s%tie + old%tie))
     end associate
+    if (self%dynamic) call finish_motion(self, part, moved)
   end subroutine finish
 
-  !> Energy in the springs to the ground [J].
-  real(wp) function ground_energy(self)
-    type(fem_body_type), intent(in) :: self
-    real(wp) :: force(3, self%dofs%blocks)
-    call spring_force(self%ground, 0.0_wp*self%state%u, self%state%u, force)
-    ground_energy = -0.5_wp*sum(force*self%state%u)
-  end function ground_energy
+  !> Kinetic energy, damping and what the scheme takes.
+  subroutine finish_motion(self, part, moved)
+    type(fem_body_type), intent(inout) :: self
+    type(part_type), intent(in) :: part
+    real(wp), intent(in) :: moved(:, :)
+    real(wp) :: momentum(3, self%dofs%blocks)
+    associate (s => self%state, old => self%accepted, e => self%energy)
+      call multiply_mass(self%pattern, self%mass, s%v, momentum)
+      e%kinetic = 0.5_wp*sum(s%v*momentum)
+      e%damping = e%damping + 0.5_wp*sum(moved*(s%viscous + old%viscous))
+      call dynamic_work(self, part%dt, part%inertia, part%balance)
+    end associate
+  end subroutine finish_motion
 
   !> First element that has a node.
   pure integer(i4) function element_at(self, block)

@@ -114,7 +114,7 @@ contains
       end do
     end do
     call start_or_resume(self%reactions, stem//'_reactions.csv', columns, start_time, errors)
-    if (.not. body%matter%active) return
+    if (.not. body%matter%active .or. body%explicit) return
     call newton_titles(columns)
     call start_or_resume(self%newton, stem//'_newton.csv', columns, start_time, errors)
   end subroutine open_histories

@@ -105,6 +105,7 @@ contains
         body%factored_dt = -1.0_wp
         body%fresh_numbering = .false.
       end if
+      if (body%matter%active) call body%assemble_tangent()
       diagonal = block_diagonal(body%pattern, body%k)
       call reply%put('mass', body%lumped(ids))
       call reply%put_int('held', merge(1_i4, 0_i4, body%held(:, ids)))

@@ -5,6 +5,7 @@ module fem_port_state
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
   use talus_scalars, only: scalar_count, scalar_kinetic, scalar_elastic, scalar_boundary, &
+    scalar_plastic, &
     scalar_background_damping, &
     scalar_gravity, scalar_momentum, scalar_angular_momentum, scalar_step_limit
   use talus_version, only: version_text
@@ -136,7 +137,11 @@ contains
     allocate (x(3, n), weight(n), stress(body%elastic%components, n))
     call point_positions(body%mesh, body%dofs, body%elastic, x)
     call point_weights(body%mesh, body%dofs, body%elastic, weight)
-    call point_stress(body%mesh, body%dofs, body%elastic, body%state%u, stress)
+    if (body%matter%active) then
+      stress = body%matter%stress
+    else
+      call point_stress(body%mesh, body%dofs, body%elastic, body%state%u, stress)
+    end if
     call reply%put('x', x)
     call reply%put('weight', weight)
     if (body%elastic%components == classical) then
@@ -158,6 +163,10 @@ contains
     character(len=:), allocatable :: what
 
     call request%get_text('what', what, errors)
+    if (body%matter%active .and. (what == 'initial_stress' .or. what == 'moduli')) &
+      call errors%add('P302', "talus-fem cannot set '"//what//"' where laws have a state", &
+      request%place(), 'give the state in the deck of the solid (&geostatic, &initial_stress), '// &
+      'or take linear laws')
     if (errors%any()) return
     select case (what)
     case ('springs')
@@ -455,6 +464,7 @@ contains
     scalars(scalar_boundary) = body%energy%support + body%energy%spring + body%energy%load &
                                - body%energy%gravity
     scalars(scalar_gravity) = body%energy%gravity
+    scalars(scalar_plastic) = body%energy%plastic
     scalars(scalar_background_damping) = body%energy%damping + body%energy%numerical
     scalars(scalar_step_limit) = body%step_limit
     if (body%dynamic) then

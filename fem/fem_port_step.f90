@@ -8,7 +8,8 @@ module fem_port_step
   use fem_explicit, only: kick_lumped
   use fem_sparse, only: multiply
   use fem_step, only: take_step
-  use fem_types, only: role_prescribe, role_load, fem_state_type, fem_energy_type
+  use fem_body, only: fem_kept_type
+  use fem_types, only: role_prescribe, role_load
   use fem_model, only: fem_model_type
   use fem_sets, only: fem_sets_type
   use fem_port_state, only: put_scalars
@@ -24,6 +25,7 @@ contains
     type(fem_sets_type), intent(in) :: sets
     type(message_type), intent(inout) :: request, reply
     type(error_list_type), intent(inout) :: errors
+    type(fem_kept_type) :: kept
     integer(i4) :: trial
 
     trial = 1
@@ -37,10 +39,12 @@ contains
     call sets%take_motion(model%body, request, errors)
     call request%all_read(errors)
     if (errors%any()) return
+    if (model%body%matter%active) call model%body%keep(kept)
     call take_step(model%body, request%t1, errors)
+    if (model%body%matter%active) call model%body%put_back(kept)
     if (errors%any()) return
     call sets%put_states(model%body, reply)
-    call reply%put_int('iterations', 1_i4)
+    call reply%put_int('iterations', max(1_i4, model%body%newton%rows))
     call put_scalars(model%body, reply)
   end subroutine solve
 
@@ -53,8 +57,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: start_u(:, :), end_u(:, :), impulse(:, :), work(:), before(:, :), &
       moved(:, :)
-    type(fem_state_type) :: held
-    type(fem_energy_type) :: held_energy
+    type(fem_kept_type) :: kept
     real(wp) :: t0, share, dt
     integer(i4) :: k, n, s, i
 
@@ -67,15 +70,14 @@ contains
     t0 = model%body%accepted%time
     n = 1
     if (model%dt > 0.0_wp) n = max(1, nint((request%t1 - t0)/model%dt))
-    if (model%body%explicit) n = max(n, ceiling((request%t1 - t0)/model%body%step_limit))
+    if (model%body%explicit) n = max(n, ceiling((request%t1 - t0)/model%body%safe_step()))
     dt = (request%t1 - t0)/n
     allocate (impulse, mold=start_u)
     impulse = 0.0_wp
     allocate (work(sets%n), source=0.0_wp)
     allocate (before, moved, mold=start_u)
     associate (body => model%body)
-      held = body%accepted
-      held_energy = body%accepted_energy
+      call body%keep(kept)
       start: do k = 1, n
         share = real(k, wp)/real(n, wp)
         body%given_u = start_u + share*(end_u - start_u)
@@ -95,8 +97,7 @@ contains
         end do
         if (k < n) call body%accept()
       end do start
-      body%accepted = held
-      body%accepted_energy = held_energy
+      call body%put_back(kept)
       if (errors%any()) return
       call sets%put_states(body, reply)
       call put_impulses(sets, impulse, work, reply)
@@ -150,8 +151,10 @@ contains
       else if (scope == 'interface') then
         call body%interface_force(body%state%u, f)
       else
-        call body%internal_force(body%state%u, f)
+        call body%trial_force(body%state%u, f)
       end if
+      call body%matter_fault(errors)
+      if (errors%any()) return
       f = -f
       if (scope /= 'interface') f = f + body%weight_force
       do s = 1, sets%n
@@ -209,8 +212,11 @@ contains
     associate (body => model%body)
       allocate (f(3, body%dofs%blocks), external(3, body%dofs%blocks))
       where (body%prescribed) body%state%u = body%given_u
-      call body%internal_force(body%state%u, f)
+      call body%trial_force(body%state%u, f)
+      call body%matter_fault(errors)
+      if (errors%any()) return
       call body%external_at(request%t0, external)
+      call body%follow(request%t0, body%state%u, external)
       f = external - f
       if (body%damping%stiffness > 0.0_wp) then
         call multiply(body%pattern, body%k, body%state%v, body%state%viscous)
@@ -229,6 +235,8 @@ contains
       body%state%time = request%t1
       if (brief) return
       call explicit_energy(body)
+      call body%matter_fault(errors)
+      if (errors%any()) return
       call sets%put_states(body, reply)
       call put_scalars(body, reply)
     end associate

@@ -46,6 +46,8 @@ contains
         call file%put('/state/plastic', e%plastic, errors)
         call file%put('/state/point_stress', body%matter%accepted_stress, errors)
         call file%put('/state/point_state', body%matter%accepted_state, errors)
+        call file%put('/state/leaps', real(body%leaps, wp), errors)
+        call file%put('/state/step_limit', body%step_limit, errors)
       end if
     end associate
     call checkpoint%finish(file, errors)
@@ -62,10 +64,11 @@ contains
     type(h5_file_type) :: file
     type(checkpoint_info_type) :: info
     real(wp), allocatable :: energy(:), u(:, :)
-    real(wp) :: plastic
+    real(wp) :: plastic, leaps
 
     steps = 0
     plastic = 0.0_wp
+    leaps = 0.0_wp
     deck_changed = .false.
     call checkpoint%open(path, file, info, errors)
     if (errors%any()) return
@@ -91,6 +94,9 @@ contains
         call file%get('/state/plastic', plastic, errors)
         call file%get_into('/state/point_stress', body%matter%stress, errors)
         call file%get_into('/state/point_state', body%matter%state, errors)
+        call file%get('/state/leaps', leaps, errors)
+        call file%get('/state/step_limit', body%step_limit, errors)
+        body%leaps = nint(leaps, i8)
       end if
     end if
     call file%close(errors)

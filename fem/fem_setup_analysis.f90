@@ -16,11 +16,11 @@ module fem_setup_analysis
   character(len=*), parameter :: keys(15) = [character(len=18) :: 'beta', 'gamma', 'alpha', &
     'dt_factor', 'allow_unstable', 'rotation_mass', 'modes', 'tolerance', 'max_iterations', &
     'rayleigh_mass', 'rayleigh_stiffness', 'solver', 'factors', 'scratch', 'step_cuts']
-  character(len=*), parameter :: kinds(15) = [character(len=24) :: 'newmark', 'newmark', 'hht', &
-    'explicit', 'explicit', 'explicit', 'modal', 'modal relaxation static', &
-    'modal relaxation static', &
+  character(len=*), parameter :: kinds(15) = [character(len=35) :: 'newmark', 'newmark', 'hht', &
+    'explicit', 'explicit', 'explicit', 'modal', 'modal relaxation static newmark hht', &
+    'modal relaxation static newmark hht', &
     'newmark hht explicit', 'newmark hht explicit', 'static', 'static newmark hht modal', &
-    'static newmark hht modal', 'static']
+    'static newmark hht modal', 'static newmark hht']
 
 contains
 

@@ -7,6 +7,7 @@ module fem_setup_laws
   use fem_law, only: fem_law_box_type
   use fem_law_clay, only: fem_law_clay_type
   use fem_law_drucker, only: fem_law_drucker_type, cone_constants
+  use fem_law_finite, only: fem_law_finite_type, finite_states, kirchhoff, neo_hookean
   use fem_law_linear, only: fem_law_linear_type
   use fem_law_pressure, only: fem_law_pressure_type
   implicit none
@@ -18,18 +19,19 @@ module fem_setup_laws
     'hardening', 'residual_cohesion', 'critical_slope', 'compression_index', 'swelling_index', &
     'specific_volume', 'preconsolidation', 'overconsolidation', 'young', 'layer_thickness', &
     'joint_normal', 'joint_shear', 'layer_normal', 'spin_modulus', 'layer_moduli']
-  character(len=*), parameter :: owner(22) = [character(len=70) :: 'pressure_elastic', &
+  character(len=*), parameter :: owner(22) = [character(len=100) :: 'pressure_elastic', &
     'pressure_elastic', 'pressure_elastic', 'drucker_prager', 'drucker_prager', &
     'drucker_prager', 'drucker_prager', 'drucker_prager', 'drucker_prager', 'cam_clay', &
-    'cam_clay', 'cam_clay', 'cam_clay', 'cam_clay', 'cam_clay', &
-    'linear_elastic pressure_elastic drucker_prager micropolar layered', 'layered', 'layered', &
-    'layered', 'layered', 'layered', 'layered']
-  character(len=*), parameter :: laws(4) = [character(len=16) :: 'pressure_elastic', &
-    'drucker_prager', 'cam_clay', 'layered']
-  integer(i4), parameter :: stateful = 3  !! the first of them have a state
-  character(len=*), parameter :: needed(4) = [character(len=80) :: &
+    'cam_clay', 'cam_clay', 'cam_clay', 'cam_clay', 'cam_clay', 'linear_elastic '// &
+    'pressure_elastic drucker_prager micropolar layered neo_hookean st_venant_kirchhoff', &
+    'layered', 'layered', 'layered', 'layered', 'layered', 'layered']
+  character(len=*), parameter :: laws(6) = [character(len=19) :: 'pressure_elastic', &
+    'drucker_prager', 'cam_clay', 'neo_hookean', 'st_venant_kirchhoff', 'layered']
+  integer(i4), parameter :: stateful = 5  !! the first of them have a state
+  character(len=*), parameter :: needed(6) = [character(len=80) :: &
     'young poisson exponent reference_pressure', 'young poisson cohesion friction_deg', &
     'poisson critical_slope compression_index swelling_index specific_volume', &
+    'young poisson', 'young poisson', &
     'young poisson layer_thickness joint_normal joint_shear']
 
 contains
@@ -84,6 +86,10 @@ contains
       call read_drucker(deck, m, box, errors)
     case ('cam_clay')
       call read_clay(deck, m, box, errors)
+    case ('neo_hookean')
+      call read_finite(deck, m, neo_hookean, box)
+    case ('st_venant_kirchhoff')
+      call read_finite(deck, m, kirchhoff, box)
     case default
       call read_linear(deck, m, box)
     end select
@@ -112,6 +118,21 @@ contains
     law%shear = ratio*law%bulk
     box%law = law
   end subroutine read_linear
+
+  subroutine read_finite(deck, m, kind, box)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: m, kind
+    type(fem_law_box_type), intent(inout) :: box
+    type(fem_law_finite_type) :: law
+    real(wp) :: bulk, ratio
+    call elastic_constants(deck, m, bulk, ratio)
+    law%kind = kind
+    law%mu = ratio*bulk
+    law%lambda = bulk - 2.0_wp/3.0_wp*law%mu
+    law%finite = .true.
+    law%states = finite_states
+    box%law = law
+  end subroutine read_finite
 
   subroutine read_pressure(deck, m, box)
     type(deck_type), intent(in) :: deck

@@ -8,6 +8,7 @@ module fem_setup_loads
   use fem_types, only: fem_load_type, fem_mesh_type, group_facet, group_volume
   use fem_assembly, only: body_force
   use fem_mesh, only: find_group, group_hint
+  use fem_follower, only: fem_follower_type
   use fem_facets, only: facet_point, locate_on_facet
   use fem_kinds, only: most_facet_nodes
   use fem_loads, only: traction_force, pressure_force, couple_force, facet_springs
@@ -30,6 +31,7 @@ contains
     real(wp) :: pressure
     type(fem_load_type) :: load
     integer(i4) :: s, g
+    logical :: follows
 
     allocate (body%load(0))
     do s = 1, deck%count('traction')
@@ -46,6 +48,11 @@ contains
       call curve_index(deck, 'D303', body%curve, 'pressure', s, load%curve, errors)
       if (g == 0) cycle
       call deck%get('pressure', s, 'value', pressure)
+      call deck%get('pressure', s, 'follower', follows)
+      if (follows) then
+        call append_follower(body, g, load%curve, pressure)
+        cycle
+      end if
       load%force = 0.0_wp*body%state%u
       call pressure_force(body%mesh, body%mesh%group(g), pressure, load%force)
       call append_load(body%load, load)
@@ -244,6 +251,14 @@ contains
       group, s, &
                                 key, group_hint(body%mesh, name, [group_facet]))
   end subroutine facet_group
+
+  subroutine append_follower(body, g, curve, pressure)
+    type(fem_body_type), intent(inout) :: body
+    integer(i4), intent(in) :: g, curve
+    real(wp), intent(in) :: pressure
+    if (.not. allocated(body%follower)) allocate (body%follower(0))
+    body%follower = [body%follower, fem_follower_type(g, curve, pressure)]
+  end subroutine append_follower
 
   subroutine append_load(list, load)
     type(fem_load_type), allocatable, intent(inout) :: list(:)

@@ -25,7 +25,7 @@ contains
     integer(i4) :: m
 
     if (.not. body%matter%active) then
-      call refuse_idle(deck, errors)
+      call refuse_idle(deck, body, errors)
       return
     end if
     call refuse_others(deck, body, errors)
@@ -35,7 +35,9 @@ contains
       if (.not. any(body%matter%law_of == m)) cycle
       body%matter%symmetric = body%matter%symmetric .and. body%matter%law(m)%law%symmetric
       body%matter%states = max(body%matter%states, body%matter%law(m)%law%states)
+      body%matter%finite = body%matter%finite .or. body%matter%law(m)%law%finite
     end do
+    if (allocated(body%follower)) body%matter%symmetric = .false.
     if (deck%given('analysis', 1, 'tolerance')) &
       call deck%get('analysis', 1, 'tolerance', body%newton%tolerance)
     if (deck%given('analysis', 1, 'max_iterations')) &
@@ -47,8 +49,9 @@ contains
   end subroutine read_matter
 
   !> Keys and groups of laws with a state where there are none.
-  subroutine refuse_idle(deck, errors)
+  subroutine refuse_idle(deck, body, errors)
     type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(in) :: body
     type(error_list_type), intent(inout) :: errors
     character(len=*), parameter :: keys(3) = [character(len=14) :: 'tolerance', &
       'max_iterations', 'step_cuts']
@@ -56,13 +59,16 @@ contains
     character(len=:), allocatable :: kind
     integer(i4) :: k
     call deck%get('analysis', 1, 'kind', kind)
-    if (kind == 'static') then
+    if (kind == 'static' .or. kind == 'newmark' .or. kind == 'hht') then
       do k = 1, size(keys)
         if (deck%given('analysis', 1, trim(keys(k)))) call deck%fault(errors, 'D325', &
-          trim(keys(k))//' means nothing to linear statics', 'analysis', 1, trim(keys(k)), &
+          trim(keys(k))//' means nothing to linear solids', 'analysis', 1, trim(keys(k)), &
           'no section has a law with a state')
       end do
     end if
+    if (allocated(body%follower)) call deck%fault(errors, 'D336', &
+      'a pressure follows the surface of a linear solid', 'pressure', 1, 'follower', &
+      "leave follower out, or take a law with a state (law = 'neo_hookean')")
     do k = 1, size(groups)
       if (deck%count(trim(groups(k))) > 0) call deck%fault(errors, 'D335', &
         'no section has a law with a state', trim(groups(k)), 1, '', &
@@ -79,9 +85,13 @@ contains
     integer(i4) :: e
     call deck%get('analysis', 1, 'kind', kind)
     call deck%get('analysis', 1, 'solver', solver)
-    if (kind /= 'static') call deck%fault(errors, 'D334', "kind = '"//kind//"' knows elastic "// &
-      'laws alone, and a section has one with a state', 'analysis', 1, 'kind', &
-      "take kind = 'static'")
+    if (kind == 'modal' .or. kind == 'relaxation') call deck%fault(errors, 'D334', "kind = '"// &
+      kind//"' knows linear laws alone, and a section has one with a state", 'analysis', 1, &
+      'kind', "take kind = 'static', 'newmark', 'hht' or 'explicit'")
+    if (body%damping%stiffness > 0.0_wp) call deck%fault(errors, 'D334', &
+      'rayleigh_stiffness knows linear laws alone, and a section has one with a state', &
+      'analysis', 1, 'rayleigh_stiffness', 'take rayleigh_mass, dashpots, or the numerical '// &
+      "damping of kind = 'hht'")
     if (solver == 'iterative') call deck%fault(errors, 'D334', &
       'tangents of laws with a state need factors', 'analysis', 1, 'solver', &
       "take solver = 'direct' or leave it out")

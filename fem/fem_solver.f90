@@ -161,6 +161,8 @@ contains
             if (i == j .or. .not. self%mumps%general) cycle
             n = n + 1
             self%value(n) = lower(b, a, p)
+            if (a == b .and. mass_factor > 0.0_wp) self%value(n) = self%value(n) &
+              + mass_factor*mass(p)
           end do
         end do
       end do

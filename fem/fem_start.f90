@@ -23,7 +23,10 @@ contains
     associate (s => self%state)
       where (fixed) s%v = 0.0_wp
       call self%external_at(s%time, s%external)
-      call self%internal_force(s%u, internal)
+      call self%follow(s%time, s%u, s%external)
+      call self%trial_force(s%u, internal)
+      call self%matter_fault(errors)
+      if (errors%any()) return
       call self%viscous_force(s%v, s%viscous)
       residual = s%external - internal - s%viscous
       if (self%explicit) then
@@ -53,13 +56,10 @@ contains
     real(wp), allocatable :: none(:, :, :)
     real(wp) :: inertia(3, self%dofs%blocks)
 
-    if (.not. self%fresh_numbering) then
-      call self%solver%number(self%dofs, self%pattern, fixed, errors)
-      if (errors%any()) return
-      self%fresh_numbering = .true.
-    end if
+    call self%number(errors)
+    if (errors%any()) return
     allocate (none(3, 3, size(self%mass)), source=0.0_wp)
-    call self%solver%factor(self%pattern, none, self%mass, 1.0_wp, errors)
+    call self%solver%factor(self%pattern, none, self%mass, 1.0_wp, errors, none)
     self%factored_dt = -1.0_wp
     if (errors%any()) return
     call self%solver%solve(self%pattern, residual, self%state%a, errors)

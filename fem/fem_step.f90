@@ -5,7 +5,8 @@ module fem_step
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use fem_body, only: fem_body_type
-  use fem_central, only: central_step
+  use fem_central, only: central_step, central_steps
+  use fem_newmark, only: dynamic_work
   use fem_newton, only: newton_step
   use fem_sparse, only: multiply_mass, spring_force
   use fem_types, only: fem_state_type
@@ -24,7 +25,10 @@ contains
     real(wp), dimension(3, self%dofs%blocks) :: internal, inertia, residual, du, tie, old_balance
     real(wp) :: dt
 
-    if (self%explicit) then
+    if (self%explicit .and. self%matter%active) then
+      call central_steps(self, t1, errors)
+      return
+    else if (self%explicit) then
       call central_step(self, t1, errors)
       return
     end if
@@ -143,36 +147,4 @@ contains
       end where
     end associate
   end subroutine correct
-
-  !> What trapezoidal works leave over. By their balance in every state it is D = du'b - dv'M v_mean
-  !! with b the mean of what accelerates (M a, or the balances of HHT): the dissipation of the
-  !! scheme. Moved supports do not obey Newmark's relations; with e = du - dt v_mean and
-  !! f = dt a_mean - dv there (zero where free) f'M v_mean + e'M a_mean is work of theirs.
-  subroutine dynamic_work(self, dt, inertia, old_balance)
-    type(fem_body_type), intent(inout) :: self
-    real(wp), intent(in) :: dt                                 !! [s]
-    real(wp), intent(in) :: inertia(:, :), old_balance(:, :)   !! M a1, b0 of HHT [N]
-    real(wp), dimension(3, self%dofs%blocks) :: mean, product, defect, moved
-    real(wp) :: left, supports
-    associate (s => self%state, old => self%accepted, fixed => self%held .or. self%prescribed)
-      moved = s%u - old%u
-      if (self%lag <= 0.0_wp .and. abs(self%gamma - 0.5_wp) + abs(self%beta - 0.25_wp) <= 0.0_wp &
-          .and. .not. any(fixed .and. abs(moved) + abs(s%v) + abs(old%v) + abs(s%a) + abs(old%a) &
-                          > 0.0_wp)) return
-      mean = 0.5_wp*(s%a + old%a)
-      call multiply_mass(self%pattern, self%mass, mean, product)
-      defect = merge(moved - 0.5_wp*dt*(s%v + old%v), 0.0_wp, fixed)
-      supports = sum(defect*product)
-      left = sum(moved*product)
-      if (self%lag > 0.0_wp) left = 0.5_wp*sum(moved*(old_balance + s%tie &
-        + (inertia - s%tie - self%lag*old_balance)/(1.0_wp - self%lag)))
-      defect = merge(dt*mean - (s%v - old%v), 0.0_wp, fixed)
-      mean = 0.5_wp*(s%v + old%v)
-      call multiply_mass(self%pattern, self%mass, mean, product)
-      supports = supports + sum(defect*product)
-      left = left - sum((s%v - old%v)*product)
-      self%energy%support = self%energy%support - supports
-      self%energy%numerical = self%energy%numerical + left - supports
-    end associate
-  end subroutine dynamic_work
 end module fem_step

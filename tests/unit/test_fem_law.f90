@@ -7,6 +7,7 @@ program test_fem_law
     at_plastic, common_size, flag_yielding, flag_apex
   use fem_law_clay, only: fem_law_clay_type
   use fem_law_drucker, only: fem_law_drucker_type, cone_constants
+  use fem_law_finite, only: fem_law_finite_type, kirchhoff, neo_hookean, finite_states
   use fem_law_linear, only: fem_law_linear_type
   use fem_law_pressure, only: fem_law_pressure_type
   use fem_voigt, only: unit, trace, magnitude, deviator
@@ -52,6 +53,11 @@ program test_fem_law
   call check_tangent('clay, wet', clay, press, 1.0e-2_wp, flag_yielding)
   call check_tangent('clay, elastic', stiff, press, 1.0e-3_wp)
   call check_tangent('clay, dry', stiff, press, 4.0e-2_wp, flag_yielding)
+  call check_tangent('St. Venant and Kirchhoff', finite_law(kirchhoff), 0.0_wp*unit, 0.2_wp)
+  call check_tangent('neo-Hookean', finite_law(neo_hookean), 0.0_wp*unit, 0.2_wp)
+  call check_tangent('neo-Hookean, stretched', finite_law(neo_hookean), 0.0_wp*unit, 0.3_wp, &
+                     more=4.0_wp)
+  call check_finite()
   call check_rate()
   call check_returns()
   call check_walk('cone', drucker, 3.0e-3_wp)
@@ -75,6 +81,54 @@ contains
     call cone_constants(friction*degree, dilation*degree, -1, law%a, law%b)
     call cone_constants(dilation*degree, dilation*degree, -1, law%a_flow, law%b_flow)
   end function drucker_law
+
+  function finite_law(kind) result(law)
+    integer(i4), intent(in) :: kind
+    type(fem_law_finite_type) :: law
+    law%kind = kind
+    law%lambda = 5.0e7_wp
+    law%mu = 3.0e7_wp
+    law%finite = .true.
+    law%states = finite_states
+  end function finite_law
+
+  !> Neo-Hookean uniaxial strain by hand; a path that closes stores nothing; a strain that no motion
+  !! has is refused and changes nothing.
+  subroutine check_finite()
+    type(fem_law_finite_type) :: law
+    real(wp) :: stress(6), tangent(6, 6), green, stretch, wanted
+    real(wp), allocatable :: state(:), before(:)
+    character(len=:), allocatable :: fault, cure
+    logical :: good
+    law = finite_law(neo_hookean)
+    allocate (state(law%states))
+    stress = 0.0_wp
+    call law%begin(stress, state, fault, cure)
+    stretch = 1.4_wp
+    green = 0.5_wp*(stretch**2 - 1.0_wp)
+    call integrate(law, [0.0_wp, green, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], stress, state, tangent, &
+                   good)
+    wanted = law%mu*(1.0_wp - stretch**(-2)) + law%lambda*log(stretch)/stretch**2
+    call test%check_close('neo-Hookean: S', stress(2)/wanted, 1.0_wp, 1.0e-14_wp)
+    wanted = 0.5_wp*law%mu*(stretch**2 - 1.0_wp) - law%mu*log(stretch) &
+             + 0.5_wp*law%lambda*log(stretch)**2
+    call test%check_close('neo-Hookean: energy', state(at_stored)/wanted, 1.0_wp, 1.0e-14_wp)
+    before = state
+    call integrate(law, [-1.0_wp - green, -1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], stress, state, &
+                   tangent, good)
+    call test%check('neo-Hookean: no motion has this strain', .not. good)
+    call test%check('neo-Hookean: nothing changes', all(abs(state - before) <= 0.0_wp))
+    call integrate(law, [0.1_wp, -green, 0.0_wp, 0.3_wp, 0.0_wp, 0.0_wp], stress, state, tangent, &
+                   good)
+    call integrate(law, [-0.1_wp, 0.0_wp, 0.0_wp, -0.3_wp, 0.0_wp, 0.0_wp], stress, state, &
+                   tangent, good)
+    call test%check_close('neo-Hookean: a closed path', state(at_stored)/law%mu, 0.0_wp, &
+                          1.0e-15_wp)
+    call test%check_close('neo-Hookean: stress of a closed path', maxval(abs(stress))/law%mu, &
+                          0.0_wp, 1.0e-15_wp)
+    call law%begin(press, state, fault, cure)
+    call test%check('neo-Hookean: starts without stress', len(fault) > 0)
+  end subroutine check_finite
 
   function steep_law(exponent) result(law)
     real(wp), intent(in) :: exponent

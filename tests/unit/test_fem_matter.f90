@@ -109,7 +109,7 @@ contains
     u = noise(body%dofs%blocks, 1.0e-3_wp)
     allocate (wanted, force, product, mold=u)
     call multiply(body%pattern, body%k, u, wanted)
-    call body%matter%update(body%mesh, body%dofs, body%elastic, u, force, bad)
+    call body%matter%update(body%mesh, body%dofs, body%elastic, u, u, force, bad)
     call test%check(rule//': all points have a state', bad == 0)
     call test%check_close(rule//': forces', maxval(abs(force - wanted))/maxval(abs(wanted)), &
                           0.0_wp, 1.0e-13_wp)
@@ -135,7 +135,7 @@ contains
     u = noise(body%dofs%blocks, 2.0e-3_wp)
     way = cshift(u, 1, 2)
     allocate (high, low, product, back, mold=u)
-    call body%matter%update(body%mesh, body%dofs, body%elastic, u, product, bad)
+    call body%matter%update(body%mesh, body%dofs, body%elastic, u, u, product, bad)
     counts = body%matter%yielding()
     call test%check('some points yield', counts(1) > 0)
     call body%matter%assemble(body%mesh, body%dofs, body%elastic, body%pattern, body%k, body%lower)
@@ -143,8 +143,8 @@ contains
     call multiply_general(body%pattern, body%k, body%lower, u, back)
     call test%check('not symmetric', abs(sum(u*product) - sum(way*back)) > &
                     1.0e-6_wp*abs(sum(u*product)))
-    call body%matter%update(body%mesh, body%dofs, body%elastic, u + step*way, high, bad)
-    call body%matter%update(body%mesh, body%dofs, body%elastic, u - step*way, low, bad)
+    call body%matter%update(body%mesh, body%dofs, body%elastic, u, u + step*way, high, bad)
+    call body%matter%update(body%mesh, body%dofs, body%elastic, u, u - step*way, low, bad)
     call test%check_close('tangent', maxval(abs((high - low)/(2.0_wp*step) - product)) &
                           /maxval(abs(product)), 0.0_wp, 1.0e-6_wp)
   end subroutine check_tangent
@@ -158,7 +158,7 @@ contains
     allocate (force, mold=u)
     do t = 1, 3
       call omp_set_num_threads(t)
-      call body%matter%update(body%mesh, body%dofs, body%elastic, u, force, bad)
+      call body%matter%update(body%mesh, body%dofs, body%elastic, u, u, force, bad)
       call body%matter%assemble(body%mesh, body%dofs, body%elastic, body%pattern, body%k, &
                                 body%lower)
       if (t == 1) then

@@ -1,0 +1,91 @@
+!> Pressures that follow the surface: along the normals, and over the areas, of the deformed facets.
+module fem_follower
+  use talus_kinds, only: wp, i4
+  use fem_facets, only: facet_point
+  use fem_quadrature, only: quadrature_rule, full_degree
+  use fem_shape, only: shape_functions, node_count, most_facet_nodes
+  use fem_sparse, only: fem_pattern_type, place
+  use fem_topology, only: facet_total
+  use fem_types, only: fem_mesh_type
+  implicit none
+  private
+  public :: fem_follower_type, follower_force, add_follower_stiffness
+
+  type :: fem_follower_type
+    integer(i4) :: group = 0          !! facets
+    integer(i4) :: curve = 0          !! 0 means constant
+    real(wp) :: pressure = 0.0_wp     !! into the solid [Pa]
+  end type fem_follower_type
+
+contains
+
+  !> Add the nodal forces of a pressure on the facets where they are now: -p int N n da [N].
+  subroutine follower_force(mesh, follower, pressure, u, force)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_follower_type), intent(in) :: follower
+    real(wp), intent(in) :: pressure     !! now [Pa]
+    real(wp), intent(in) :: u(:, :)      !! (3, blocks) [m]
+    real(wp), intent(inout) :: force(:, :)
+    real(wp) :: n(most_facet_nodes), area(3)
+    real(wp), allocatable :: points(:, :), weights(:)
+    integer(i4) :: f, q, m, a
+    associate (group => mesh%group(follower%group))
+      do f = 1, facet_total(group)
+        m = node_count(group%facet_kind(f))
+        call quadrature_rule(group%facet_kind(f), full_degree(group%facet_kind(f)), points, weights)
+        associate (node => group%facet(:m, f))
+          do q = 1, size(weights)
+            call facet_point(group%facet_kind(f), mesh%x(:, node) + u(:, node), points(:, q), &
+                             n(:m), area)
+            do a = 1, m
+              force(:, node(a)) = force(:, node(a)) - weights(q)*pressure*n(a)*area
+            end do
+          end do
+        end associate
+      end do
+    end associate
+  end subroutine follower_force
+
+  !> Add minus the slopes of these forces to a general matrix: blocks
+  !! p w N_a (N_b,eta [x,xi]x - N_b,xi [x,eta]x), `lower` below the diagonal.
+  subroutine add_follower_stiffness(mesh, follower, pressure, u, pattern, k, lower)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_follower_type), intent(in) :: follower
+    real(wp), intent(in) :: pressure, u(:, :)
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(inout) :: k(:, :, :), lower(:, :, :)
+    real(wp) :: n(most_facet_nodes), slope(2, most_facet_nodes), along(3, 2), block(3, 3)
+    real(wp), allocatable :: points(:, :), weights(:)
+    integer(i4) :: f, q, m, a, b, p
+    associate (group => mesh%group(follower%group))
+      do f = 1, facet_total(group)
+        m = node_count(group%facet_kind(f))
+        call quadrature_rule(group%facet_kind(f), full_degree(group%facet_kind(f)), points, weights)
+        associate (node => group%facet(:m, f))
+          do q = 1, size(weights)
+            call shape_functions(group%facet_kind(f), points(:, q), n(:m), slope(:, :m))
+            along = matmul(mesh%x(:, node) + u(:, node), transpose(slope(:, :m)))
+            do b = 1, m
+              block = pressure*weights(q)*(slope(2, b)*cross_matrix(along(:, 1)) &
+                                           - slope(1, b)*cross_matrix(along(:, 2)))
+              do a = 1, m
+                p = place(pattern, min(node(a), node(b)), max(node(a), node(b)))
+                if (node(a) <= node(b)) k(:, :, p) = k(:, :, p) + n(a)*block
+                if (node(a) > node(b)) lower(:, :, p) = lower(:, :, p) + n(a)*block
+              end do
+            end do
+          end do
+        end associate
+      end do
+    end associate
+  end subroutine add_follower_stiffness
+
+  !> The matrix of a x.
+  pure function cross_matrix(a) result(m)
+    real(wp), intent(in) :: a(3)
+    real(wp) :: m(3, 3)
+    m(:, 1) = [0.0_wp, a(3), -a(2)]
+    m(:, 2) = [-a(3), 0.0_wp, a(1)]
+    m(:, 3) = [a(2), -a(1), 0.0_wp]
+  end function cross_matrix
+end module fem_follower
