@@ -18,6 +18,7 @@ int64_t talus_c_memory_free(void);
 int64_t talus_c_memory_resident(void);
 int talus_c_is_terminal(int fd);
 int talus_c_setenv(const char *name, const char *value, int overwrite);
+int talus_c_unsetenv(const char *name);
 void talus_c_exit(int code);
 void talus_c_write_signals(void);
 void talus_c_error_text(int error, char *text, int room);
@@ -135,6 +136,11 @@ int talus_c_is_terminal(int fd)
 int talus_c_setenv(const char *name, const char *value, int overwrite)
 {
     return setenv(name, value, overwrite);
+}
+
+int talus_c_unsetenv(const char *name)
+{
+    return unsetenv(name);
 }
 
 /* exit() runs the end of the Fortran library, which flushes and closes its units. */

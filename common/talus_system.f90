@@ -13,7 +13,7 @@ module talus_system
   public :: ignore_write_signals, install_signals, signal_seen, signal_checkpoint
   public :: wall_clock, host_name, boot_id, process_id, date_text
   public :: memory_free, memory_resident, is_terminal
-  public :: environment, set_environment, talus_blas_kernels, talus_short_spins
+  public :: environment, set_environment, clear_environment, talus_blas_kernels, talus_short_spins
   public :: talus_exit
   public :: compiler_text, system_error_text
 
@@ -54,6 +54,10 @@ module talus_system
       character(kind=c_char), intent(in) :: name(*), text(*)
       integer(c_int), value :: overwrite
     end function c_setenv
+    integer(c_int) function c_unsetenv(name) bind(c, name='talus_c_unsetenv')
+      import :: c_char, c_int
+      character(kind=c_char), intent(in) :: name(*)
+    end function c_unsetenv
     subroutine c_exit(code) bind(c, name='talus_c_exit')
       import :: c_int
       integer(c_int), value :: code
@@ -174,6 +178,14 @@ contains
     stat = c_setenv(c_string(name), c_string(text), merge(1_c_int, 0_c_int, overwrite))
     if (stat /= 0) error stop 'bug: set_environment: not a variable name'
   end subroutine set_environment
+
+  !> Take a variable out of the environment; none of that name is no fault.
+  subroutine clear_environment(name)
+    character(len=*), intent(in) :: name
+    integer(c_int) :: stat
+    stat = c_unsetenv(c_string(name))
+    if (stat /= 0) error stop 'bug: clear_environment: not a variable name'
+  end subroutine clear_environment
 
   !> OpenBLAS uses the kernels of this CPU: unless OPENBLAS_CORETYPE was set, the program has set it
   !! and started itself anew before its libraries were loaded (talus_start.c). Warns if that failed.

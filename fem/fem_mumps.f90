@@ -7,7 +7,7 @@ module fem_mumps
   use mpi, only: mpi_init, mpi_initialized, mpi_finalize, mpi_finalized, mpi_comm_self
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use talus_system, only: environment, set_environment, memory_free
+  use talus_system, only: environment, set_environment, clear_environment, memory_free
   use talus_text, only: str
   implicit none
   private
@@ -43,17 +43,20 @@ module fem_mumps
 
 contains
 
-  !> Outside a launcher OpenMPI is told that this process is alone: it then needs no daemon (which
-  !! would outlive a kill) and starts in a third of the time.
+  !> Outside a launcher of MPI OpenMPI is told that this process is alone: it then needs no daemon
+  !! (which would outlive a kill) and starts in a third of the time. A plain step of Slurm (srun
+  !! without --mpi) is none, but OpenMPI would take it for one and end: it does not get to see it.
   subroutine start_mpi()
-    character(len=*), parameter :: launcher(4) = [character(len=20) :: 'OMPI_COMM_WORLD_SIZE', &
-      'PMIX_RANK', 'PMI_RANK', 'SLURM_PROCID']
+    character(len=*), parameter :: launcher(3) = [character(len=20) :: 'OMPI_COMM_WORLD_SIZE', &
+      'PMIX_RANK', 'PMI_RANK']
     logical :: running
     integer :: status
     integer(i4) :: k
     call mpi_initialized(running, status)
     if (running) return
     if (.not. any([(len(environment(trim(launcher(k)))) > 0, k=1, size(launcher))])) then
+      call clear_environment('SLURM_STEPID')
+      call clear_environment('SLURM_STEP_ID')
       call set_environment('OMPI_MCA_ess_singleton_isolated', '1', .false.)
       call set_environment('OMPI_MCA_pml', 'ob1', .false.)
       call set_environment('OMPI_MCA_btl', 'self', .false.)
