@@ -364,6 +364,7 @@ contains
     real(wp), parameter :: giga = 1.0e9_wp
     associate (solver => self%body%solver)
       if (.not. self%opened .or. solver%factorisations <= self%logged_factors) return
+      if (self%body%matter%active .and. self%logged_factors > 0) return  ! one an iteration
       self%logged_factors = solver%factorisations
       if (solver%iterative) then
         call self%log%item('solver', 'conjugate gradients', str(solver%free)// &

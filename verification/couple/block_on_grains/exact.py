@@ -8,14 +8,18 @@ from talus.verification import Case, read_history, write_packing
 RADIUS, CORNER = 0.01, 0.035
 STIFFNESS, MASS, GRAVITY, GRAIN = 2450.0, 1.0, 9.8, 1.0e-4
 SINK = MASS * GRAVITY / (4 * STIFFNESS / 2)
+LAWS = {"neo_hookean": "",
+        "drucker_prager": ", cohesion = 1.0e9, friction_deg = 30.0"}  # fmt: skip
 LIMIT = {"iterated": 1e-6, "state_at_n": 0.02}
 PERIOD = 2 * np.pi / np.sqrt(4 * STIFFNESS / 2 / MASS)
 
 
-def fall(case: Case, young: float, scheme: str) -> dict[str, np.ndarray]:
-    """Couple a block of this modulus [Pa]; return the audit."""
-    name = f"{scheme}_{young:.0e}"
-    write_deck(case, f"solid_{name}.nml", "solid.nml", young=young)
+def fall(
+    case: Case, young: float, scheme: str, law: str = "linear_elastic", more: str = ""
+) -> dict[str, np.ndarray]:
+    """Couple a block of this modulus [Pa] and law, with more constants; return the audit."""
+    name = f"{scheme}_{young:.0e}_{law}"
+    write_deck(case, f"solid_{name}.nml", "solid.nml", young=young, law=f"'{law}'{more}")
     deck = write_deck(
         case, f"coupled_{name}.nml", "coupled.nml", solid=f"solid_{name}.nml", scheme=scheme
     )
@@ -63,6 +67,14 @@ def run(case: Case) -> None:
         ax.plot(time, -1e3 * sink, mark, markevery=25, label=f"Talus, E = 1 GPa, {scheme}")
     audit = fall(case, 1.0e6, "iterated")
     case.below("soft block: work of the sides differs by", work_off(audit), 1e-5)
+    linear = fall(case, 1.0e9, "average")
+    for law, more in LAWS.items():
+        audit = fall(case, 1.0e9, "average", law, more)
+        off = audit["largest_ghost_displacement"] - linear["largest_ghost_displacement"]
+        case.below(f"{law}: sink beside that of the linear block, over it",
+                   float(np.abs(off).max() / SINK), 1e-6)  # fmt: skip
+    audit = fall(case, 1.0e6, "iterated", "neo_hookean")
+    case.below("soft neo-Hookean block: work of the sides differs by", work_off(audit), 1e-5)
     ax.plot(
         time, -1e3 * SINK * (1 - np.cos(2 * np.pi * time / PERIOD)), "-", label="exact, rigid block"
     )
