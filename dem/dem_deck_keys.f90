@@ -595,7 +595,7 @@ contains
 
   subroutine group_dynamics(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('dynamics', 4, &
+    call table%add_group('dynamics', 5, &
       'Motion as it is: inertia, contact forces, gravity. A deck has exactly one of ' &
       //'dynamics and relaxation. Without dt the step is dt_factor times the smaller of ' &
       //'the stability limit and the Rayleigh time; it shrinks when contacts stiffen, and' &
@@ -606,6 +606,10 @@ contains
       'Automatic step over the smaller of stability limit and Rayleigh time.')
     call table%preset('0.3')
     call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%add_key('curve', 'string', '', &
+      'The curve by which dt_factor is multiplied: a finer step while grains hit each ' &
+      //'other fast, whose impacts the ledger wants resolved.')
+    call table%preset('')
     call table%add_key('damping', 'real', '1/s', &
       'Background damping a: a force -a m v on every free grain, and a moment alike.')
     call table%preset('0.0')

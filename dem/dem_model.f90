@@ -23,7 +23,8 @@ module dem_model
   use dem_flow, only: dem_flow_type
   use dem_probe, only: dem_probe_type
   use dem_cell, only: cell_volume
-  use dem_setup, only: dem_choices_type, read_model, check_initial_overlap, check_step
+  use dem_setup, only: dem_choices_type, read_model, check_initial_overlap, check_step, &
+    read_step_curve
   use dem_clock, only: dem_clock_type, event_history, event_output, event_checkpoint, &
     event_measure, event_count
   use dem_histories, only: dem_histories_type
@@ -127,6 +128,7 @@ contains
     call self%equilibrium%read(self%deck, self%choices%adaptive, self%served, errors)
     call self%servo%read(self%deck, self%system%dem_data_type, self%choices%wall, self%served, &
                          errors)
+    call read_step_curve(self%deck, self%servo%curve, self%choices, errors)
     call self%surcharge%read(self%deck, self%system%dem_data_type, self%servo%curve, errors)
     if (errors%any()) return
     call read_cell(self%deck, self%packing, self%choices%wall, self%served, self%system, errors)
@@ -287,6 +289,8 @@ contains
     speed = 0.0_wp
     if (self%system%grains%n > 0) speed = sqrt(maxval(sum(self%system%grains%v**2, 1)))
     dt = self%system%automatic_step(speed)
+    if (self%choices%dt_curve > 0) &
+      dt = dt*self%servo%curve(self%choices%dt_curve)%at(self%clock%time())
     if (self%clock%t_end > 0.0_wp) dt = min(dt, self%clock%t_end/least_steps)
   end function automatic_dt
 

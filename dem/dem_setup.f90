@@ -3,6 +3,7 @@ module dem_setup
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, string_type
   use talus_errors, only: error_list_type
+  use talus_curve, only: curve_type, curve_index
   use talus_deck, only: deck_type
   use dem_state, only: kind_free, kind_fixed, kind_driven, mode_dynamic, mode_relaxation
   use dem_system, only: dem_system_type, dem_contacts_type
@@ -13,12 +14,14 @@ module dem_setup
   implicit none
   private
   public :: dem_choices_type, read_model, check_initial_overlap, check_step, check_mode
+  public :: read_step_curve
 
   !> What the deck says beyond the state of the system.
   type :: dem_choices_type
     type(string_type), allocatable :: material(:)  !! names
     type(string_type), allocatable :: wall(:)      !! names
     real(wp) :: dt = 0.0_wp                        !! fixed step [s]; 0: automatic
+    integer(i4) :: dt_curve = 0                    !! of an automatic step, 0: none
     logical :: allow_unstable = .false.
     logical :: adaptive = .false.                  !! damping stops grains as they need it
     real(wp) :: initial_overlap = 0.0_wp           !! limit, of the least semi-axis [-]
@@ -122,6 +125,29 @@ contains
       call deck%get('limits', 1, 'initial_overlap', choices%initial_overlap)
     end associate
   end subroutine read_parameters
+
+  !> The curve of an automatic step: positive, and never above all limits (D253).
+  subroutine read_step_curve(deck, curve, choices, errors)
+    type(deck_type), intent(in) :: deck
+    type(curve_type), intent(in) :: curve(:)
+    type(dem_choices_type), intent(inout) :: choices
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: factor
+
+    if (deck%count('dynamics') == 0) return
+    call curve_index(deck, 'D250', curve, 'dynamics', 1, choices%dt_curve, errors)
+    if (choices%dt_curve == 0) return
+    call deck%get('dynamics', 1, 'dt_factor', factor)
+    if (choices%dt > 0.0_wp) then
+      call deck%fault(errors, 'D253', 'a given step does not follow a curve', 'dynamics', 1, &
+                      'curve', 'leave dt out, or the curve')
+    else if (.not. (minval(curve(choices%dt_curve)%value) > 0.0_wp .and. &
+                    factor*maxval(curve(choices%dt_curve)%value) <= 1.0_wp)) then
+      call deck%fault(errors, 'D253', 'the curve takes the step to nothing or beyond its limits', &
+                      'dynamics', 1, 'curve', 'values above 0, and at most 1 when multiplied '// &
+                      'by dt_factor')
+    end if
+  end subroutine read_step_curve
 
   !> Rows of the packing that a group with the keys group and ids names (D239 to D241).
   subroutine named_rows(deck, packing, group, k, rows, errors)

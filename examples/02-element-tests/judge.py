@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from talus.cell_plots import figure as cell_figure
 from talus.histories import read
 from talus.look import save_figure
-from talus.specimens import Specimen, figure, mean_over, peak_angle, read_specimen, write_table
+from talus.specimens import Specimen, figure, mean_over, peak_angle, read_test, write_table
 
 CRITICAL = (0.35, 0.48)  # axial strain over which the critical state is averaged
 BANDS = {"peak": (35.0, 45.0), "critical": (27.0, 33.0)}  # published, degrees
@@ -21,10 +22,11 @@ BANDS = {"peak": (35.0, 45.0), "critical": (27.0, 33.0)}  # published, degrees
 def find(out: Path, test: str, friction: str) -> dict[str, Specimen]:
     """Return the finished tests of a kind by seed."""
     found = {}
-    for folder in sorted(out.glob(f"seed*_mu{friction}")):
+    start, ending = ("cell_", "cell") if test.startswith("cell_") else ("", "walls")
+    for folder in sorted(out.glob(f"{start}seed*_mu{friction}")):
         if (folder / test / "finished").exists():
-            seed = folder.name.split("_")[0].removeprefix("seed")
-            found[seed] = read_specimen(folder / test / f"{test}_walls.csv")
+            seed = folder.name.removeprefix(start).split("_")[0].removeprefix("seed")
+            found[seed] = read_test(folder / test / f"{test}_{ending}.csv")
     return found
 
 
@@ -68,8 +70,8 @@ def verdicts(found: dict[str, np.ndarray]) -> list[str]:
 
 def ledger(out: Path) -> str:
     """Largest relative closure of the energy ledger over all tests."""
-    paths = [folder.parent for folder in out.glob("seed*/*/finished")]
-    paths += [folder.parent for folder in out.glob("seed*/finished")]
+    paths = [folder.parent for folder in out.glob("*seed*/*/finished")]
+    paths += [folder.parent for folder in out.glob("*seed*/finished")]
     worst, where = 0.0, "-"
     for folder in paths:
         for path in folder.glob("*_energy.csv"):
@@ -89,6 +91,27 @@ def show(out: Path, name: str, tests: dict[str, Specimen], title: str) -> None:
     print(f"  {out / name}.png")
 
 
+def cells(out: Path) -> list[str]:
+    """Print angles of the tests in a cell, draw them; return verdicts."""
+    print("drained, dense specimens in a cell")
+    drained, lines = find(out, "cell_drained", "0.1"), []
+    texts = [f"in a cell, {text}" for text in verdicts(angles(drained, lines))]
+    if lines:
+        head = "seed,void_ratio [-],peak [deg],peak_strain [-],critical [deg],void_ratio_end [-]"
+        (out / "cell_angles.csv").write_text("\n".join([head, *lines]) + "\n")
+    show(out, "cell_drained", {f"seed {k}": t for k, t in drained.items()}, "Drained, in a cell")
+    other = {"isotropic": "cell_compression", "one-dimensional": "cell_k0",
+             "constant volume": "cell_undrained"}  # fmt: skip
+    tests = {f"{label}, seed {k}": t for label, name in other.items()
+             for k, t in find(out, name, "0.1").items()}  # fmt: skip
+    show(out, "cells", tests, "In a cell, from 100 kPa")
+    for path in sorted(out.glob("cell_seed*/cell_shear/cell_shear_cell.csv")):
+        if (path.parent / "finished").exists():
+            save_figure(cell_figure(path), out / "shear.png")
+            print(f"  {out / 'shear.png'}")
+    return texts
+
+
 def main() -> int:
     """Judge a folder."""
     out = Path(sys.argv[1])
@@ -99,6 +122,7 @@ def main() -> int:
     print("drained, loose specimens")
     angles(loose, lines)
     (out / "angles.csv").write_text("\n".join(lines) + "\n")
+    texts += cells(out)
     rest = find(out, "k0", "0.1")
     for seed, test in rest.items():
         texts.append(f"seed {seed}: K0 = {test.lateral[-1] / test.axial[-1]:.3f} at the end")

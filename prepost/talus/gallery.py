@@ -33,6 +33,7 @@ def exhibits(folder: Path) -> list[Exhibit]:
     add(f"*{specimens.ENDING}.csv", specimen_of, "_specimen", specimens.ENDING)
     add("*_cell.csv", cell_plots.figure)
     add(f"*{specimens.CELL_ENDING}.csv", specimen_of, "_specimen", specimens.CELL_ENDING)
+    add("*_probe.json", measure_plots.probe)
     driven = sorted(folder.glob("*_driven.csv"))
     if driven:
         found.append(Exhibit(driven[0], lambda: force_of_all(driven), "force_penetration.png"))

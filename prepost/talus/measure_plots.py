@@ -1,5 +1,6 @@
 """Figures of measures: histories of a region, orientation rose, slices of coarse-grained fields."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from talus.packing import FREE
 KILO, MILLI, MEGA = 1.0e3, 1.0e3, 1.0e6
 BINS = 36
 ROUND = 1.0e-6  # of an axis, by which those of a sphere may differ
+SIX = ["xx", "yy", "zz", "yz", "zx", "xy"]  # rows and columns of a stiffness
 PLANES = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 LAYERS = {"x": 0, "y": 1, "z": 2}
 UNITS = {"solid_fraction": "-", "density": "kg/m3", "momentum": "kg/(m2 s)", "velocity": "m/s",
@@ -127,6 +129,37 @@ def petals(kinds: dict[str, tuple[np.ndarray, np.ndarray]]) -> object:
         ax.set_title(f"{name[0]} to the right, {name[1]} up", fontsize=10)
         ax.set_yticklabels([])
     axes[0].legend(fontsize=8, loc="lower left", bbox_to_anchor=(-0.15, -0.2))
+    return fig
+
+
+def probe(path: Path) -> object:
+    """Draw the stiffness found by probes (*_probe.json) beside the affine sum, and both fits."""
+    try:
+        found = json.loads(path.read_text())
+        matrices = {
+            label: np.array([found[kind]["stiffness_Pa"][row] for row in SIX])
+            for label, kind in (("probed", "probed"), ("affine sum", "affine"))
+        }
+        fits = {k: (found[k]["bulk_Pa"], found[k]["shear_Pa"]) for k in ("probed", "affine")}
+    except (OSError, ValueError, KeyError) as fault:
+        text = f"{path} holds no probes"
+        raise FaultError("E545", text, "a file *_probe.json is wanted") from fault
+    fig, (left, right) = new_figure(ncols=2, figsize=(10.6, 4.4))
+    place = np.arange(len(SIX) + 2)
+    for k, ((label, matrix), fit) in enumerate(zip(matrices.items(), fits.values(), strict=True)):
+        heights = np.append(np.diag(matrix), fit) / MEGA
+        left.bar(place + 0.4 * k - 0.2, heights, width=0.4, label=label)
+    left.set_xticks(place, [*SIX, "K", "G"])
+    left.set(xlabel="diagonal of the stiffness, bulk and shear modulus", ylabel="modulus [MPa]")
+    left.legend(fontsize=8)
+    image = right.imshow(matrices["probed"] / MEGA, cmap="viridis")
+    right.set_xticks(range(len(SIX)), SIX)
+    right.set_yticks(range(len(SIX)), SIX)
+    right.set(xlabel="strain", ylabel="stress, probed stiffness")
+    right.grid(visible=False)
+    fig.colorbar(image, ax=right, label="modulus [MPa]")
+    name = path.stem.removesuffix("_probe")
+    fig.suptitle(f"Probes of {name} at {found['pressure_Pa'] / KILO:.4g} kPa")
     return fig
 
 

@@ -1,5 +1,6 @@
 """Figures of measures: components, layers of a grid, rose, contact network; options of measure."""
 
+import json
 from pathlib import Path
 
 import h5py
@@ -75,6 +76,40 @@ def test_rose(tmp_path: Path) -> None:
     assert np.count_nonzero(heights) == 2
     assert heights.max() == pytest.approx(measure_plots.BINS / 2)
     assert "1 contacts" in figure.get_suptitle()
+
+
+def test_axes_rose(tmp_path: Path) -> None:
+    """A grain with its short axis turned from z to x; spheres have no axes."""
+    write_pair(tmp_path / "p.h5")
+    with pytest.raises(FaultError, match="E543"):
+        measure_plots.axes_rose(tmp_path / "p.h5")
+    with h5py.File(tmp_path / "p.h5", "r+") as file:
+        grains = file["steps/000000/grains"]
+        grains["axes"][0] = [3.0, 2.0, 1.0]
+        grains["quat"][0] = np.sqrt(0.5) * np.array([1.0, 0.0, 1.0, 0.0])
+    figure = measure_plots.axes_rose(tmp_path / "p.h5")
+    bars = {bar.get_x() + 0.5 * bar.get_width(): bar.get_height()
+            for bar in figure.axes[1].patches if bar.get_height() > 0.0}  # fmt: skip
+    assert np.sort(np.abs(np.cos(list(bars)))) == pytest.approx([1.0, 1.0])
+    assert "1 free grains" in figure.get_suptitle()
+    out = str(tmp_path / "a.png")
+    assert main(["plot", "rose", str(tmp_path / "p.h5"), "--of", "axes", "-o", out]) == 0
+
+
+def test_probe_figure(tmp_path: Path) -> None:
+    """The diagonals of both matrices and both fits are drawn; other files are refused."""
+    rows = {n: (2.0e6 * np.eye(6)[k]).tolist() for k, n in enumerate(measure_plots.SIX)}
+    one = {"stiffness_Pa": rows, "bulk_Pa": 3.0e6, "shear_Pa": 1.0e6}
+    path = tmp_path / "run_probe.json"
+    path.write_text(json.dumps({"probed": one, "affine": one, "pressure_Pa": 1.0e3}))
+    figure = measure_plots.probe(path)
+    heights = [bar.get_height() for bar in figure.axes[0].patches]
+    assert heights == pytest.approx([2.0] * 6 + [3.0, 1.0] + [2.0] * 6 + [3.0, 1.0])
+    assert main(["plot", str(tmp_path)]) == 0
+    assert (tmp_path / "run_probe.png").read_bytes().startswith(PNG)
+    path.write_text("{}")
+    with pytest.raises(FaultError, match="E545"):
+        measure_plots.probe(path)
 
 
 def test_network() -> None:

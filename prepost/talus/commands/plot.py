@@ -7,7 +7,8 @@ from pathlib import Path
 from talus import cell_plots, gallery, measure_plots, plots, specimens
 from talus.faults import FaultError
 
-KINDS = ("force", "ghosts", "audit", "energy", "measure", "rose", "slice", "specimen", "cell")
+KINDS = ("force", "ghosts", "audit", "energy", "measure", "rose", "slice", "specimen", "cell",
+         "probe")  # fmt: skip
 
 
 def register(commands: argparse._SubParsersAction) -> None:
@@ -59,6 +60,8 @@ def plot(options: argparse.Namespace) -> int:
         return save(measure_plots.history(source), options.output or Path(f"{source.stem}.png"))
     if options.what == "cell":
         return save(cell_plots.figure(source), options.output or Path(f"{source.stem}.png"))
+    if options.what == "probe":
+        return save(measure_plots.probe(source), options.output or Path(f"{source.stem}.png"))
     if options.what == "ghosts":
         return save(
             plots.ghosts(source, options.step), options.output or Path("ghost_displacement.png")
