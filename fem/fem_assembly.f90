@@ -271,6 +271,7 @@ contains
     real(wp), intent(inout) :: mass(:), lumped(:)
     type(fem_batch_type) :: batch
     integer(i4), allocatable :: chosen(:)
+    integer(i4), allocatable :: of(:, :)
     real(wp), allocatable :: me(:, :), le(:)
     integer(i4) :: r, i, l, m, a, b, e, p, row
 
@@ -287,14 +288,16 @@ contains
           call whole_mass(elastic, e, batch%mass(l, :), me)
           call lumped_of(elastic, e, me, le)
           associate (block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
+            of = places_of(int(size(block), i4), elastic%rule(r)%nodes, dofs%parts)
             do b = 1, size(block)
               row = dofs%node(block(b))
-              if (row >= range(1) .and. row < range(2)) lumped(block(b)) = lumped(block(b)) + le(b)
+              if (row >= range(1) .and. row < range(2)) &
+                lumped(block(b)) = lumped(block(b)) + le(of(1, b))
               do a = 1, b
                 row = dofs%node(min(block(a), block(b)))
-                if (row < range(1) .or. row >= range(2)) cycle
+                if (row < range(1) .or. row >= range(2) .or. of(2, a) /= of(2, b)) cycle
                 p = place(pattern, min(block(a), block(b)), max(block(a), block(b)))
-                mass(p) = mass(p) + me(a, b)
+                mass(p) = mass(p) + me(of(1, a), of(1, b))
               end do
             end do
           end associate
@@ -302,6 +305,17 @@ contains
       end do
     end do
   end subroutine mass_share
+
+  !> Node of each block of an element, u first, counted through both fields, and its part: blocks of
+  !! different parts have no mass between them.
+  pure function places_of(blocks, nodes, parts) result(of)
+    integer(i4), intent(in) :: blocks, nodes, parts
+    integer(i4) :: of(2, blocks), b
+    do b = 1, blocks
+      of(:, b) = [b, 1]
+      if (b > nodes) of(:, b) = [nodes + (b - nodes - 1)/parts + 1, mod(b - nodes - 1, parts) + 1]
+    end do
+  end function places_of
 
   !> Mass of element e from the integrals of its pairs.
   pure subroutine whole_mass(elastic, e, integrals, mass)
@@ -358,8 +372,9 @@ contains
       if (.not. rule%hrz) return
       m = rule%nodes
       lumped = [(mass(a, a), a=1, size(mass, 1))]
-      lumped(:m) = lumped(:m)*sum(mass(:m, :m))/sum(lumped(:m))
-      if (rule%polar) lumped(m + 1:) = lumped(m + 1:)*sum(mass(m + 1:, m + 1:))/sum(lumped(m + 1:))
+      if (sum(lumped(:m)) > 0.0_wp) lumped(:m) = lumped(:m)*sum(mass(:m, :m))/sum(lumped(:m))
+      if (sum(lumped(m + 1:)) > 0.0_wp) &
+        lumped(m + 1:) = lumped(m + 1:)*sum(mass(m + 1:, m + 1:))/sum(lumped(m + 1:))
     end associate
   end subroutine lumped_of
 

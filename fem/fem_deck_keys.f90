@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-fem.
   subroutine fem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-fem', 28)
+    call table%init('talus-fem', 30)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -27,6 +27,8 @@ contains
     call group_traction(table)
     call group_pressure(table)
     call group_couple(table)
+    call group_double_force(table)
+    call group_micro_tie(table)
     call group_body_load(table)
     call group_point_load(table)
     call group_spring(table)
@@ -113,7 +115,7 @@ contains
 
   subroutine group_material(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('material', 38, 'A material.', repeats=.true., required=.true.)
+    call table%add_group('material', 38, 'A material.', repeats=.true.)
     call table%add_key('id', 'string', '', 'Name by which other groups refer to it.')
     call table%need()
     call table%add_key('density', 'real', 'kg/m3', 'Mass density of the solid substance.')
@@ -283,19 +285,22 @@ contains
       //'needs exactly one.', repeats=.true., required=.true.)
     call table%add_key('group', 'string', '', 'Volume group of the mesh.')
     call table%need()
-    call table%add_key('material', 'string', '', 'Id of a material.')
+    call table%add_key('material', 'string', '', &
+      'Id of a `&material` or of a `&micromorphic`; a body is micromorphic as a whole ' &
+      //'or not at all.')
     call table%need()
     call table%add_key('element', 'string', '', &
       'Element formulation; it must fit the cells of the mesh. Names with a slash are ' &
-      //'of micropolar solids: displacement / micro-rotation, the latter one order lower ' &
-      //'by default because equal orders of hexahedra lock when the coupling number nears' &
-      //' 1. `auto`: `hex8_bbar`, or the kind of the cells; in micropolar solids ' &
-      //'`hex20/hex8`, `hex27/hex8`, `tet10/tet4`, and equal orders for linear cells. ' &
-      //'`hex8_bbar` takes the volumetric strain from the mean over the element and does ' &
-      //'not lock near incompressibility; `hex8_full` is plain 2 x 2 x 2 integration; ' &
-      //'`hex8_incompatible` adds modes inside the element and bends well, best with ' &
-      //'bricks that are nearly rectangular; `hex8_one_point` has the mean strain alone ' &
-      //'and an elastic hourglass control, for fast explicit runs.')
+      //'of micropolar and micromorphic solids: displacement / micro-rotation or ' &
+      //'micro-deformation, the latter one order lower by default because equal orders of' &
+      //' hexahedra lock when the coupling number nears 1. `auto`: `hex8_bbar`, or the ' &
+      //'kind of the cells; in these solids `hex20/hex8`, `hex27/hex8`, `tet10/tet4`, and' &
+      //' equal orders for linear cells. `hex8_bbar` takes the volumetric strain from the' &
+      //' mean over the element and does not lock near incompressibility; `hex8_full` is ' &
+      //'plain 2 x 2 x 2 integration; `hex8_incompatible` adds modes inside the element ' &
+      //'and bends well, best with bricks that are nearly rectangular; `hex8_one_point` ' &
+      //'has the mean strain alone and an elastic hourglass control, for fast explicit ' &
+      //'runs.')
     call table%preset('auto')
     call table%allow(&
       'auto|hex8_bbar|hex8_full|hex8_incompatible|hex8_one_point|hex20|hex27|tet4|tet10' &
@@ -312,15 +317,16 @@ contains
   subroutine group_support(table)
     type(key_table_type), intent(inout) :: table
     call table%add_group('support', 2, &
-      'Components of displacement and micro-rotation that a group holds at zero.', repeats=.true.)
+      'Components of displacement, micro-rotation and micro-deformation that a group ' &
+      //'holds at zero.', repeats=.true.)
     call table%add_key('group', 'string', '', 'Facet, node or volume group.')
     call table%need()
     call table%add_key('fix', 'string', '', &
-      'The components; `rx`, `ry` and `rz` are micro-rotations, of the nodes that have ' &
-      //'them.')
+      'The components; `rx`, `ry` and `rz` are micro-rotations, `chi11` to `chi33` the ' &
+      //'micro-deformation chi - 1, `chi` all of it, of the nodes that have them.')
     call table%need()
-    call table%sized(1_i4, 6_i4)
-    call table%allow('x|y|z|rx|ry|rz')
+    call table%sized(1_i4, 12_i4)
+    call table%allow('x|y|z|rx|ry|rz|chi|chi11|chi12|chi13|chi21|chi22|chi23|chi31|chi32|chi33')
   end subroutine group_support
 
   subroutine group_motion(table)
@@ -331,9 +337,10 @@ contains
     call table%add_key('group', 'string', '', 'Facet, node or volume group.')
     call table%need()
     call table%add_key('component', 'string', '', &
-      'The component; `rx`, `ry` and `rz` are micro-rotations [rad].')
+      'The component; `rx`, `ry` and `rz` are micro-rotations [rad], `chi11` to `chi33`' &
+      //' components of chi - 1 [-].')
     call table%need()
-    call table%allow('x|y|z|rx|ry|rz')
+    call table%allow('x|y|z|rx|ry|rz|chi11|chi12|chi13|chi21|chi22|chi23|chi31|chi32|chi33')
     call table%add_key('curve', 'string', '', 'Id of a curve.')
     call table%need()
     call table%add_key('scale', 'real', 'm', 'Factor of the curve.')
@@ -349,10 +356,10 @@ contains
     call table%add_key('group', 'string', '', 'Facet, node or volume group.')
     call table%need()
     call table%add_key('component', 'string', '', &
-      'The component; `rx`, `ry` and `rz` are rates of micro-rotation [rad/s], at the ' &
-      //'nodes that have one.')
+      'The component; `rx`, `ry` and `rz` are rates of micro-rotation [rad/s], `chi11` ' &
+      //'to `chi33` of chi [1/s], at the nodes that have one.')
     call table%need()
-    call table%allow('x|y|z|rx|ry|rz')
+    call table%allow('x|y|z|rx|ry|rz|chi11|chi12|chi13|chi21|chi22|chi23|chi31|chi32|chi33')
     call table%add_key('value', 'real', 'm/s', 'Velocity, or rate of micro-rotation [rad/s].')
     call table%need()
   end subroutine group_initial
@@ -403,6 +410,36 @@ contains
       'Id of a curve that scales it; without one it is constant.')
     call table%preset('')
   end subroutine group_couple
+
+  subroutine group_double_force(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('double_force', 3, &
+      'Double forces per area on facets of a micromorphic solid: what does work on chi ' &
+      //'there.', repeats=.true.)
+    call table%add_key('group', 'string', '', 'Facet group.')
+    call table%need()
+    call table%add_key('value', 'real', 'N/m', &
+      'Per reference area, on chi_11 chi_12 chi_13 chi_21 to chi_33.')
+    call table%need()
+    call table%sized(9_i4, 9_i4)
+    call table%add_key('curve', 'string', '', &
+      'Id of a curve that scales it; without one it is constant.')
+    call table%preset('')
+  end subroutine group_double_force
+
+  subroutine group_micro_tie(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('micro_tie', 2, &
+      'Facets of a micromorphic solid on which chi follows F: springs k/2 |chi - F|^2 ' &
+      //'per area. Without it (and without a support) chi is free there.', repeats=.true.)
+    call table%add_key('group', 'string', '', 'Facet group.')
+    call table%need()
+    call table%add_key('stiffness', 'real', 'N/m', &
+      'Stiffness k per area. Moduli times the size of an element hold loosely; a ' &
+      //'thousand times that makes both equal to some thousandth of the micro-strain.')
+    call table%need()
+    call table%bounds(min=0.0_wp)
+  end subroutine group_micro_tie
 
   subroutine group_body_load(table)
     type(key_table_type), intent(inout) :: table
@@ -673,10 +710,27 @@ contains
 
   subroutine group_micromorphic(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('micromorphic', 11, &
-      'A micromorphic solid of finite strain, for `&micro_point`: 18 moduli; plastic ' &
-      //'with `&cone`. Moduli for which the stored energy could be negative are warned ' &
-      //'of.')
+    call table%add_group('micromorphic', 15, &
+      'A micromorphic solid of finite strain, for `&section` and for `&micro_point`: 18' &
+      //' moduli; plastic with `&cone`. Moduli for which the stored energy could be ' &
+      //'negative are warned of.', repeats=.true.)
+    call table%add_key('id', 'string', '', 'Name, for sections and cones.')
+    call table%preset('micromorphic')
+    call table%add_key('density', 'real', 'kg/m3', &
+      'Mass per reference volume; weight and dynamics need it.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('micro_inertia', 'real', 'm2', &
+      'Micro-inertia per mass of the reference state, <xi_k xi_k>/3: r^2/5 of spheres ' &
+      //'of radius r. Dynamics needs it.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('form', 'string', '', &
+      'Weak form of the elements: `energy` has the derivatives of the energy for forces' &
+      //' on chi, and a symmetric elastic tangent; `balance` has test functions of the ' &
+      //'kind of the micro-gyration (Regueiro 2010), and a tangent that is not symmetric.')
+    call table%preset('energy')
+    call table%allow('energy|balance')
     call table%add_key('lambda', 'real', 'Pa', 'Modulus lambda of E:E.')
     call table%need()
     call table%add_key('mu', 'real', 'Pa', 'Modulus mu of E:E.')
@@ -712,8 +766,11 @@ contains
 
   subroutine group_cone(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('cone', 8, &
-      'A yield surface of `&micromorphic` with its plastic potential.', repeats=.true.)
+    call table%add_group('cone', 9, &
+      'A yield surface of a `&micromorphic` solid with its plastic potential.', repeats=.true.)
+    call table%add_key('solid', 'string', '', &
+      'Id of the `&micromorphic`; it may be left out where there is one alone.')
+    call table%preset('')
     call table%add_key('level', 'string', '', &
       'The stress it sees: S, Sigma, or the three slices of the couple stress M.')
     call table%need()
@@ -749,12 +806,15 @@ contains
 
   subroutine group_micro_point(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('micro_point', 1, &
+    call table%add_group('micro_point', 2, &
       'A path of a micromorphic point for `talus-fem --point deck.nml`. The table ' &
       //'`*_point.csv` has a row a step with every measure: F, chi, grad_chi, C, Psi, ' &
       //'Gamma, S, Sigma, M, cauchy, micro, couple, the forces P, Q, R that do work on F,' &
       //' chi and grad_chi, the plastic parts, hardening variables, yield functions, ' &
       //'energies.')
+    call table%add_key('solid', 'string', '', &
+      'Id of the `&micromorphic`; it may be left out where there is one alone.')
+    call table%preset('')
     call table%add_key('steps', 'integer', '', &
       'Equal steps from 0 to t_end of `&run` (1 s if left out).')
     call table%preset('100')

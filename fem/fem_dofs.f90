@@ -1,6 +1,7 @@
 !> Degrees of freedom by field. Every field is made of blocks of three components at nodes: the
 !! displacement u has a block at every node, the micro-rotation phi one at those nodes where an
-!! element interpolates it (the corner nodes of mixed pairs, all nodes of equal orders).
+!! element interpolates it (the corner nodes of mixed pairs, all nodes of equal orders). The
+!! micro-deformation of micromorphic bodies has three at these nodes, its columns.
 !!
 !! Blocks 1 to `nodes` are the displacements of nodes 1 to `nodes`; micro-rotations follow. All
 !! arrays of state, loads and supports are (3, blocks), so that what works for u works for phi.
@@ -13,7 +14,8 @@ module fem_dofs
 
   type :: fem_dofs_type
     integer(i4) :: nodes = 0, blocks = 0
-    integer(i4), allocatable :: phi(:)    !! (nodes) block of the micro-rotation, 0 where none
+    integer(i4) :: parts = 1              !! blocks of the second field at a node
+    integer(i4), allocatable :: phi(:)    !! (nodes) first block of the second field, 0 where none
     integer(i4), allocatable :: node(:)   !! (blocks) node of each block
     integer(i4), allocatable :: start(:)  !! (elements + 1) first entry of each element in `block`
     integer(i4), allocatable :: block(:)  !! of each element: u of all its nodes, then phi
@@ -22,39 +24,44 @@ module fem_dofs
 contains
 
   !> Number the blocks of a mesh; `rotations` says how many of an element's nodes, from the first,
-  !! have micro-rotations (corner nodes come first in every element).
-  subroutine number_fields(mesh, rotations, dofs)
+  !! have micro-rotations (corner nodes come first in every element), of `parts` blocks each.
+  subroutine number_fields(mesh, rotations, dofs, parts)
     type(fem_mesh_type), intent(in) :: mesh
     integer(i4), intent(in) :: rotations(:)  !! (elements)
     type(fem_dofs_type), intent(out) :: dofs
-    integer(i4) :: e, a, n, k
+    integer(i4), intent(in), optional :: parts
+    integer(i4) :: e, a, c, n, k
 
     dofs%nodes = mesh%nodes
+    if (present(parts)) dofs%parts = parts
     allocate (dofs%phi(mesh%nodes), source=0)
     allocate (dofs%start(mesh%elements + 1))
     dofs%start(1) = 1
     do e = 1, mesh%elements
       k = mesh%start(e)
       dofs%phi(mesh%node(k:k + rotations(e) - 1)) = 1
-      dofs%start(e + 1) = dofs%start(e) + mesh%start(e + 1) - k + rotations(e)
+      dofs%start(e + 1) = dofs%start(e) + mesh%start(e + 1) - k + dofs%parts*rotations(e)
     end do
     dofs%blocks = mesh%nodes
     do n = 1, mesh%nodes
       if (dofs%phi(n) == 0) cycle
-      dofs%blocks = dofs%blocks + 1
-      dofs%phi(n) = dofs%blocks
+      dofs%phi(n) = dofs%blocks + 1
+      dofs%blocks = dofs%blocks + dofs%parts
     end do
     allocate (dofs%node(dofs%blocks), dofs%block(dofs%start(mesh%elements + 1) - 1))
     dofs%node(:mesh%nodes) = [(n, n=1, mesh%nodes)]
     do n = 1, mesh%nodes
-      if (dofs%phi(n) > 0) dofs%node(dofs%phi(n)) = n
+      if (dofs%phi(n) > 0) dofs%node(dofs%phi(n):dofs%phi(n) + dofs%parts - 1) = n
     end do
     do e = 1, mesh%elements
       k = dofs%start(e)
       n = mesh%start(e + 1) - mesh%start(e)
       dofs%block(k:k + n - 1) = mesh%node(mesh%start(e):mesh%start(e + 1) - 1)
       do a = 1, rotations(e)
-        dofs%block(k + n + a - 1) = dofs%phi(mesh%node(mesh%start(e) + a - 1))
+        do c = 1, dofs%parts
+          dofs%block(k + n + (a - 1)*dofs%parts + c - 1) = dofs%phi(mesh%node(mesh%start(e) &
+                                                                         + a - 1)) + c - 1
+        end do
       end do
     end do
   end subroutine number_fields

@@ -6,10 +6,11 @@ module fem_elastic
   use fem_rules, only: fem_formulation_type, make_rule, rule_index
   implicit none
   private
-  public :: fem_elastic_type, classical, polar
+  public :: fem_elastic_type, classical, polar, micromorphic
 
   integer(i4), parameter :: classical = 6  !! stress components at a point of a classical body
   integer(i4), parameter :: polar = 18     !! stress and couple stress, nine each
+  integer(i4), parameter :: micromorphic = 45  !! Cauchy and micro-stress, nine each, couple stress
 
   type :: fem_elastic_type
     type(fem_formulation_type), allocatable :: rule(:)

@@ -181,6 +181,7 @@ contains
     real(wp), intent(in) :: force(3), couple(3)
     real(wp), intent(out) :: f(:, :)
     integer(i4) :: a
+    f = 0.0_wp  ! also of blocks that are no couples
     do a = 1, rule%nodes
       f(:, a) = sum(rule%mass_at%u(a, :)*shape%weight)*force
     end do

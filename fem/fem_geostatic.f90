@@ -36,8 +36,10 @@ contains
     if (errors%any()) return
     iterations = body%newton%rows
     moved = sqrt(maxval(sum(body%state%u**2, 1)))
-    body%state%u = 0.0_wp
-    call body%impose(body%accepted%time, body%state%u)
+    if (.not. body%matter%micro%active) then  ! which know their place by all displacements
+      body%state%u = 0.0_wp
+      call body%impose(body%accepted%time, body%state%u)
+    end if
     body%matter%state(at_stored:at_numerical, :) = 0.0_wp
     body%energy = fem_energy_type()
     call body%accept()

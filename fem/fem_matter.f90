@@ -13,6 +13,8 @@ module fem_matter
   use fem_law, only: fem_law_box_type, integrate, at_flag, at_iterations, at_stored, &
     at_dissipated, at_numerical, common_size
   use fem_law_finite, only: fem_law_finite_type, at_ratio
+  use fem_mm_body, only: fem_micro_type
+  use fem_mm_element, only: mm_response_type
   use fem_recover, only: point_weights
   use fem_sparse, only: fem_pattern_type, place
   use fem_strain, only: mean_gradient, strain_matrix, add_product
@@ -32,11 +34,12 @@ module fem_matter
     integer(i4), allocatable :: law_of(:)     !! (elements)
     integer(i4) :: states = common_size       !! most of any law
     real(wp), allocatable :: weight(:)        !! (points) volume times factor [m^3]
-    real(wp), allocatable :: stress(:, :), accepted_stress(:, :)  !! (6, points) [Pa]
+    real(wp), allocatable :: stress(:, :), accepted_stress(:, :)  !! (components, points) [Pa]
     real(wp), allocatable :: state(:, :), accepted_state(:, :)    !! (states, points)
     real(wp), allocatable :: tangent(:, :, :)                     !! (6, 6, points) [Pa]
     real(wp), allocatable :: nodal(:, :)      !! (3, blocks of all elements) forces [N]
     real(wp), allocatable :: u(:, :)          !! (3, blocks) of the trial, with finite strains [m]
+    type(fem_micro_type) :: micro             !! if the body is micromorphic
   contains
     procedure :: prepare
     procedure :: update
@@ -61,13 +64,35 @@ contains
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     if (.not. allocated(self%weight)) &
-      allocate (self%weight(elastic%points), self%tangent(6, 6, elastic%points), &
-                self%nodal(3, size(dofs%block)))
+      allocate (self%weight(elastic%points), self%nodal(3, size(dofs%block)))
     call point_weights(mesh, dofs, elastic, self%weight)
     self%weight = self%weight*elastic%factor
+    if (self%micro%active) then
+      call prepare_micro(self, mesh, dofs, elastic)
+    else if (.not. allocated(self%tangent)) then
+      allocate (self%tangent(6, 6, elastic%points))
+    end if
     self%accepted_stress = self%stress
     self%accepted_state = self%state
   end subroutine prepare
+
+  !> Tables of micromorphic elements.
+  subroutine prepare_micro(self, mesh, dofs, elastic)
+    class(fem_matter_type), intent(inout) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4) :: e, n
+    n = 3*maxval(dofs%start(2:) - dofs%start(:mesh%elements))
+    if (.not. allocated(self%micro%element)) &
+      allocate (self%micro%element(mesh%elements), self%micro%stiffness(n, n, mesh%elements))
+    do e = 1, mesh%elements
+      associate (rule => elastic%rule(elastic%rule_of(e)))
+        call self%micro%prepare(e, rule, mesh%x(:, dofs%block(dofs%start(e):dofs%start(e) &
+          + rule%nodes - 1)), self%weight(elastic%point(e):elastic%point(e + 1) - 1))
+      end associate
+    end do
+  end subroutine prepare_micro
 
   !> Trial stress, state and tangents for displacements since the accepted state, and the internal
   !! forces. `bad` is the first point whose law found no state, 0 if there is none. Laws of finite
@@ -84,10 +109,14 @@ contains
     integer(i4) :: c, k, failed(chunks)
 
     if (self%finite) self%u = u
-    !$omp parallel do default(none) shared(self, mesh, dofs, elastic, moved, failed) private(c) &
-    !$omp schedule(dynamic)
+    !$omp parallel do default(none) shared(self, mesh, dofs, elastic, u, moved, failed) &
+    !$omp private(c) schedule(dynamic)
     do c = 1, chunks
-      call chunk_update(self, mesh, dofs, elastic, moved, c, failed(c))
+      if (self%micro%active) then
+        call chunk_micro(self, mesh, dofs, elastic, u, moved, c, failed(c))
+      else
+        call chunk_update(self, mesh, dofs, elastic, moved, c, failed(c))
+      end if
     end do
     !$omp end parallel do
     bad = 0
@@ -95,11 +124,53 @@ contains
       if (failed(c) > 0) bad = failed(c)
     end do
     self%bad = bad
+    if (bad > 0 .and. self%micro%active) call explain(self, dofs, elastic, u, moved, bad)
     force = 0.0_wp
     do k = 1, size(dofs%block)
       force(:, dofs%block(k)) = force(:, dofs%block(k)) + self%nodal(:, k)
     end do
   end subroutine update
+
+  !> The micromorphic elements of chunk c.
+  subroutine chunk_micro(self, mesh, dofs, elastic, u, moved, c, bad)
+    class(fem_matter_type), intent(inout) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: u(:, :), moved(:, :)
+    integer(i4), intent(in) :: c
+    integer(i4), intent(out) :: bad
+    type(mm_response_type) :: response
+    integer(i4) :: e, failed
+
+    bad = 0
+    do e = int((c - 1)*int(mesh%elements, i8)/chunks, i4) + 1, &
+      int(c*int(mesh%elements, i8)/chunks, i4)
+      associate (first => elastic%point(e), last => elastic%point(e + 1) - 1, &
+                 a => dofs%start(e), b => dofs%start(e + 1) - 1)
+        call self%micro%answer(e, u(:, dofs%block(a:b)) - moved(:, dofs%block(a:b)), &
+          u(:, dofs%block(a:b)), self%accepted_state(:, first:last), response, &
+          self%stress(:, first:last), self%state(:, first:last), failed)
+        if (failed == 0) self%nodal(:, a:b) = reshape(response%force, [3, b - a + 1])
+        if (failed > 0 .and. bad == 0) bad = first + failed - 1
+      end associate
+    end do
+  end subroutine chunk_micro
+
+  !> Why point p of a micromorphic body found no state.
+  subroutine explain(self, dofs, elastic, u, moved, p)
+    class(fem_matter_type), intent(inout) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: u(:, :), moved(:, :)
+    integer(i4), intent(in) :: p
+    integer(i4) :: at(2)
+    at = self%element_of(elastic, p)
+    associate (block => dofs%block(dofs%start(at(1)):dofs%start(at(1) + 1) - 1))
+      call self%micro%explain(at(1), at(2), u(:, block) - moved(:, block), u(:, block), &
+        self%accepted_state(:, elastic%point(at(1)):elastic%point(at(1) + 1) - 1))
+    end associate
+  end subroutine explain
 
   !> The elements of chunk c.
   subroutine chunk_update(self, mesh, dofs, elastic, moved, c, bad)
@@ -243,16 +314,26 @@ contains
     do n = range(1), range(2) - 1
       k(:, :, pattern%start(n):pattern%start(n + 1) - 1) = 0.0_wp
       if (.not. self%symmetric) lower(:, :, pattern%start(n):pattern%start(n + 1) - 1) = 0.0_wp
+      if (dofs%phi(n) == 0) cycle
+      i = dofs%phi(n) + dofs%parts
+      k(:, :, pattern%start(dofs%phi(n)):pattern%start(i) - 1) = 0.0_wp
+      if (.not. self%symmetric) &
+        lower(:, :, pattern%start(dofs%phi(n)):pattern%start(i) - 1) = 0.0_wp
     end do
     do r = 1, size(elastic%rule)
       if (allocated(shape%weight)) deallocate (shape%weight, shape%u, shape%phi)
       if (allocated(ke)) deallocate (ke)
-      allocate (ke(3*elastic%rule(r)%nodes, 3*elastic%rule(r)%nodes))
+      i = 3*(elastic%rule(r)%nodes + dofs%parts*elastic%rule(r)%rotations)
+      allocate (ke(i, i))
       call elements_at(mesh, elastic, r, range, chosen)
       do i = 1, size(chosen)
-        call self%element_tangent(mesh, dofs, elastic, chosen(i), shape, motion, ke)
-        call add_element(dofs%block(dofs%start(chosen(i)):dofs%start(chosen(i) + 1) - 1), pattern, &
-                         range, self%symmetric, ke, k, lower)
+        if (self%micro%active) then
+          ke = self%micro%stiffness(:size(ke, 1), :size(ke, 1), chosen(i))
+        else
+          call self%element_tangent(mesh, dofs, elastic, chosen(i), shape, motion, ke)
+        end if
+        call add_element(dofs%block(dofs%start(chosen(i)):dofs%start(chosen(i) + 1) - 1), &
+                         dofs%node, pattern, range, self%symmetric, ke, k, lower)
       end do
     end do
   end subroutine share
@@ -290,8 +371,8 @@ contains
   end subroutine element_tangent
 
   !> Add an element to the rows of a range of nodes.
-  pure subroutine add_element(block, pattern, range, symmetric, ke, k, lower)
-    integer(i4), intent(in) :: block(:), range(2)
+  pure subroutine add_element(block, node, pattern, range, symmetric, ke, k, lower)
+    integer(i4), intent(in) :: block(:), node(:), range(2)
     type(fem_pattern_type), intent(in) :: pattern
     logical, intent(in) :: symmetric
     real(wp), intent(in) :: ke(:, :)
@@ -300,7 +381,7 @@ contains
     do b = 1, size(block)
       do a = 1, size(block)
         row = min(block(a), block(b))
-        if (row < range(1) .or. row >= range(2)) cycle
+        if (node(row) < range(1) .or. node(row) >= range(2)) cycle
         if (symmetric .and. block(a) > block(b)) cycle
         p = place(pattern, row, max(block(a), block(b)))
         if (block(a) <= block(b)) then
@@ -373,6 +454,12 @@ contains
     logical, intent(out) :: inverted
     integer(i4) :: at(2)
     at = self%element_of(elastic, self%bad)
+    if (self%micro%active) then
+      inverted = index(self%micro%trouble, 'determinant') > 0
+      text = 'the law of point '//str(at(2))//' of element '//str(at(1))//' finds no state: '// &
+        self%micro%trouble
+      return
+    end if
     inverted = self%law(self%law_of(at(1)))%law%finite
     if (inverted) then
       text = 'element '//str(at(1))//' is turned inside out at point '//str(at(2))// &

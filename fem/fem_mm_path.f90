@@ -15,7 +15,7 @@ module fem_mm_path
   use fem_mm_motion, only: mm_motion_type, packed_motion, unpacked_motion, packed_force
   use fem_mm_plastic, only: mm_point_type, update_point, failure_text
   use fem_mm_report, only: energy_warning
-  use fem_mm_setup, only: read_micromorphic
+  use fem_mm_setup, only: read_micromorphic, solid_of
   use fem_mm_table, only: open_point_table, write_point_row
   use fem_mm_tensor, only: determinant
   implicit none
@@ -58,9 +58,11 @@ contains
     type(history_type) :: file
     character(len=:), allocatable :: text
     real(wp) :: t_end
-    integer(i4) :: k, steps
+    integer(i4) :: k, m, steps
 
-    call read_micromorphic(deck, law, errors)
+    m = solid_of(deck, 'micro_point', 1, errors)
+    if (m == 0) return
+    call read_micromorphic(deck, m, law, errors)
     call read_curves(deck, 'D304', curve, errors)
     call read_controls(deck, curve, control, errors)
     call deck%get('micro_point', 1, 'steps', steps)

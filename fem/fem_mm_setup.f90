@@ -9,7 +9,7 @@ module fem_mm_setup
   use fem_mm_flow, only: mm_law_type
   implicit none
   private
-  public :: read_micromorphic
+  public :: read_micromorphic, solid_of
 
   character(len=*), parameter :: name(7) = [character(len=6) :: 'lambda', 'mu', 'eta', 'tau', &
     'kappa', 'nu', 'sigma']
@@ -17,9 +17,10 @@ module fem_mm_setup
 
 contains
 
-  !> Fault D350 for cones with which flow could not work.
-  subroutine read_micromorphic(deck, law, errors)
+  !> The solid number m; fault D350 for cones with which flow could not work.
+  subroutine read_micromorphic(deck, m, law, errors)
     type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: m
     type(mm_law_type), intent(out) :: law
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: taus(:)
@@ -28,25 +29,46 @@ contains
     integer(i4) :: k
 
     do k = 1, 7
-      call deck%get('micromorphic', 1, trim(name(k)), moduli(k))
+      call deck%get('micromorphic', m, trim(name(k)), moduli(k))
     end do
-    call deck%get('micromorphic', 1, 'taus', taus)
+    call deck%get('micromorphic', m, 'taus', taus)
     moduli(8:) = taus
-    call deck%get('micromorphic', 1, 'elastic_form', text)
+    call deck%get('micromorphic', m, 'elastic_form', text)
     law%elastic = set_moduli(moduli, text == 'reduced')
-    call deck%get('micromorphic', 1, 'integration', text)
+    call deck%get('micromorphic', m, 'integration', text)
     law%trapezoidal = text == 'trapezoidal'
-    call deck%get('micromorphic', 1, 'substeps', law%parts)
+    call deck%get('micromorphic', m, 'substeps', law%parts)
     law%modulus = maxval(abs(moduli(:7)))
     if (.not. law%modulus > 0.0_wp) call deck%fault(errors, 'D350', 'all moduli are zero', &
-      'micromorphic', 1, 'mu', 'an elastic solid needs mu > 0')
+      'micromorphic', m, 'mu', 'an elastic solid needs mu > 0')
     if (any(taus /= 0.0_wp) .and. law%modulus > 0.0_wp) &
       law%length = sqrt(maxval(abs(taus))/law%modulus)
     do k = 1, deck%count('cone')
-      call read_cone(deck, k, law, errors)
+      if (solid_of(deck, 'cone', k, errors) == m) call read_cone(deck, k, law, errors)
     end do
     law%plastic = any(law%cone%on)
   end subroutine read_micromorphic
+
+  !> Number of the &micromorphic that a group names by `solid`, the only one if it names none; fault
+  !! D352, once.
+  integer(i4) function solid_of(deck, group, k, errors) result(m)
+    type(deck_type), intent(in) :: deck
+    character(len=*), intent(in) :: group
+    integer(i4), intent(in) :: k
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: wanted, id
+    integer(i4) :: i
+    m = 0
+    call deck%get(group, k, 'solid', wanted)
+    if (len(wanted) == 0 .and. deck%count('micromorphic') == 1) m = 1
+    do i = 1, deck%count('micromorphic')
+      call deck%get('micromorphic', i, 'id', id)
+      if (id == wanted) m = i
+    end do
+    if (m == 0 .and. .not. errors%any()) call deck%fault(errors, 'D352', &
+      "there is no &micromorphic '"//wanted//"'", group, k, 'solid', &
+      'name the id of one; it may be left out where there is one alone')
+  end function solid_of
 
   subroutine read_cone(deck, k, law, errors)
     type(deck_type), intent(in) :: deck

@@ -19,6 +19,7 @@ module fem_model
   use fem_critical, only: scale_rotations
   use fem_deck_keys, only: fem_deck_table
   use fem_geostatic, only: settle
+  use fem_mm_report, only: energy_warning
   use fem_mumps, only: storage_memory, storage_disk
   use fem_output, only: fem_output_type, energy_error
   use fem_relaxation, only: relax
@@ -102,9 +103,27 @@ contains
     if (errors%any()) return
     call read_body(self%deck, self%body, errors)
     if (errors%any()) return
+    call moduli_warnings(self)
+    if (self%served .and. self%body%matter%micro%active) call self%deck%fault(errors, 'D334', &
+      'a coupled run does not know micromorphic solids', 'section', 1, 'material', &
+      "take law = 'linear_elastic' or 'micropolar'")
     call read_times(self, errors)
     call choose_storage(self)
   end subroutine read_run
+
+  !> Stored energies of micromorphic solids that could be negative.
+  subroutine moduli_warnings(self)
+    class(fem_model_type), intent(inout) :: self
+    character(len=:), allocatable :: text
+    integer(i4) :: m
+    if (.not. self%body%matter%micro%active) return
+    do m = 1, size(self%body%matter%micro%law)
+      if (.not. any(self%body%matter%micro%law_of == m)) cycle
+      text = energy_warning(self%body%matter%micro%law(m)%elastic)
+      if (len(text) > 0) call append_string(self%warnings, 'the stored energy of micromorphic '// &
+        'solid '//str(m)//' is not positive definite: '//text)
+    end do
+  end subroutine moduli_warnings
 
   !> Where factors are kept.
   subroutine choose_storage(self)

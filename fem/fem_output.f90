@@ -13,6 +13,7 @@ module fem_output
   use fem_body, only: fem_body_type
   use fem_cells, only: put_cells, describe_cells
   use fem_elastic, only: classical
+  use fem_mm_output, only: describe_micro, put_micro, chi_names, chi_values
   use fem_output_state, only: put_states, describe_states, newton_titles, write_newton
   use fem_recover, only: point_stress, mean_stress, nodal_stress, point_positions, nodal_rotation
   implicit none
@@ -109,6 +110,10 @@ contains
         call append_string(columns, name//' '//letters(c)//' [N]')
       end do
       if (.not. any(body%dofs%phi(body%mesh%group(g)%node) > 0)) cycle
+      if (body%matter%micro%active) then
+        call chi_names(name, columns)
+        cycle
+      end if
       do c = 1, 3
         call append_string(columns, name//' r'//letters(c)//' [N m]')
       end do
@@ -152,6 +157,10 @@ contains
       call file%commit(errors)
     end if
     call describe_cells(body%mesh, stem//'.xdmf', self%xdmf)
+    if (body%matter%micro%active) then
+      call describe_micro(self%xdmf)
+      return
+    end if
     if (body%matter%active) call describe_states(body, self%xdmf)
     call self%xdmf%attribute('u', 'u', xdmf_node, 3)
     call self%xdmf%attribute('v', 'v', xdmf_node, 3)
@@ -207,17 +216,27 @@ contains
     type(fem_body_type), intent(in) :: body
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: row(:)
+    real(wp) :: works(9)
     integer(i4), allocatable :: block(:)
     integer(i4) :: s
     associate (e => body%accepted_energy, t => body%accepted%time)
-      row = [t, e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring, e%damping, e%numerical]
-      if (body%matter%active) row = [row, e%plastic]
-      call self%energy%write([row, closure(body)], errors)
-      row = [t]
+      works = [t, e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring, e%damping, &
+               e%numerical]
+      if (body%matter%active) then
+        call self%energy%write([works, e%plastic, closure(body)], errors)
+      else
+        call self%energy%write([works, closure(body)], errors)
+      end if
+      allocate (row(1))
+      row(1) = t
       do s = 1, size(self%support)
         block = body%mesh%group(self%support(s))%node
         row = [row, sum(body%accepted%reaction(:, block), 2)]
         block = pack(body%dofs%phi(block), body%dofs%phi(block) > 0)
+        if (body%matter%micro%active) then
+          if (size(block) > 0) row = [row, chi_values(body, block)]
+          cycle
+        end if
         if (size(block) > 0) row = [row, sum(body%accepted%reaction(:, block), 2)]
       end do
       call self%reactions%write(row, errors)
@@ -253,6 +272,14 @@ contains
     real(wp), allocatable :: stress(:, :), mean(:, :), nodal(:, :), position(:, :)
     integer(i4) :: n, c
 
+    if (body%matter%micro%active) then
+      call self%series%begin_step(body%accepted%time, file, group, errors)
+      call put_micro(body, self%points, file, group, errors)
+      call self%series%end_step(int(body%mesh%nodes, i8), file, errors)
+      call self%xdmf%write(self%series, errors)
+      self%last_field = body%accepted%time
+      return
+    end if
     n = body%mesh%nodes
     c = body%elastic%components
     allocate (stress(c, body%elastic%points), mean(c, body%mesh%elements), nodal(c, n))

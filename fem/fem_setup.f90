@@ -8,10 +8,12 @@ module fem_setup
   use fem_dofs, only: number_fields
   use fem_types, only: group_volume, group_facet, group_node
   use fem_mesh, only: read_mesh, find_group, group_hint
+  use fem_mm_body, only: phi_columns
   use fem_setup_loads, only: read_tractions, read_couples, read_point_loads, read_springs, &
     read_body_loads
   use fem_setup_analysis, only: read_analysis, read_absorbing
   use fem_setup_matter, only: read_matter
+  use fem_setup_micro, only: read_double_forces, read_ties, chi_component
   use fem_setup_sections, only: read_sections, check_ids
   use fem_body, only: fem_body_type, fem_motion_type
   implicit none
@@ -36,7 +38,8 @@ contains
     call read_analysis(deck, body, errors)
     call read_sections(deck, body, errors)
     if (errors%any()) return
-    call number_fields(body%mesh, body%elastic%rotations(), body%dofs)
+    call number_fields(body%mesh, body%elastic%rotations(), body%dofs, &
+                       merge(phi_columns, 1_i4, body%matter%micro%active))
     call body%allocate_state()
     call read_curves(deck, 'D304', body%curve, errors)
     call read_supports(deck, body, errors)
@@ -44,6 +47,8 @@ contains
     call read_initial(deck, body, errors)
     call read_tractions(deck, body, errors)
     call read_couples(deck, body, errors)
+    call read_double_forces(deck, body, errors)
+    call read_ties(deck, body, errors)
     call read_body_loads(deck, body, errors)
     call read_point_loads(deck, body, errors)
     call read_springs(deck, body, errors)
@@ -73,10 +78,10 @@ contains
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: name
+    character(len=:), allocatable :: name, text
     type(string_type), allocatable :: fix(:)
     integer(i4), allocatable :: block(:)
-    integer(i4) :: s, g, k, component
+    integer(i4) :: s, g, k, c, last, component
 
     do s = 1, deck%count('support')
       call deck%get('support', s, 'group', name)
@@ -87,14 +92,20 @@ contains
       end if
       call deck%get('support', s, 'fix', fix)
       do k = 1, size(fix)
-        call blocks_for(deck, body, 'support', s, g, fix(k)%s, component, block, errors)
-        body%held(component, block) = .true.
+        last = merge(8, 0, fix(k)%s == 'chi')
+        do c = 0, last
+          text = fix(k)%s
+          if (text == 'chi') text = 'chi'//str(1 + c/3)//str(1 + mod(c, 3))
+          call blocks_for(deck, body, 'support', s, g, text, component, block, errors)
+          if (component == 0) exit
+          body%held(component, block) = .true.
+        end do
       end do
     end do
   end subroutine read_supports
 
-  !> Component and blocks that 'x' to 'rz' mean at the nodes of group g; fault D323 where no node
-  !! has a micro-rotation.
+  !> Component and blocks that 'x' to 'rz', 'chi11' to 'chi33' mean at the nodes of group g; fault
+  !! D323 where no node has such a field, the component is 0 then.
   subroutine blocks_for(deck, body, group, instance, g, text, component, block, errors)
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(in) :: body
@@ -104,13 +115,27 @@ contains
     integer(i4), allocatable, intent(out) :: block(:)
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: name
+    integer(i4) :: place(2)
 
+    place = chi_component(text)
     component = index('xyz', text(len(text):))
     block = body%mesh%group(g)%node
-    if (text(1:1) /= 'r') return
+    if (text(1:1) /= 'r' .and. place(1) == 0) return
     block = pack(body%dofs%phi(block), body%dofs%phi(block) > 0)
+    if (place(1) > 0) then
+      component = place(1)
+      block = block + place(2) - 1
+    end if
+    if (body%matter%micro%active .neqv. place(1) > 0) block = [integer(i4) ::]
     if (size(block) > 0) return
+    component = 0
     call deck%get(group, instance, 'group', name)
+    if (place(1) > 0) then
+      call deck%fault(errors, 'D323', "no node of '"//name//"' has a micro-deformation", group, &
+        instance, trim(merge('fix      ', 'component', group == 'support')), &
+        'chi belongs to sections of a &micromorphic solid')
+      return
+    end if
     call deck%fault(errors, 'D323', "no node of '"//name//"' has a micro-rotation", group, &
       instance, trim(merge('fix      ', 'component', group == 'support')), &
       "rotations belong to sections of a material with law = 'micropolar'")
@@ -135,6 +160,7 @@ contains
       call curve_index(deck, 'D303', body%curve, 'motion', s, motion%curve, errors)
       if (g == 0 .or. motion%curve == 0) cycle
       call blocks_for(deck, body, 'motion', s, g, component, motion%component, motion%block, errors)
+      if (motion%component == 0) cycle
       clash = any(body%held(motion%component, motion%block))
       if (clash) call deck%fault(errors, 'D306', &
         'component '//component//' of some of these nodes '// &
@@ -165,6 +191,7 @@ contains
       call deck%get('initial', s, 'component', text)
       call deck%get('initial', s, 'value', value)
       call blocks_for(deck, body, 'initial', s, g, text, component, block, errors)
+      if (component == 0) cycle
       if (size(block) > 0 .and. all(body%held(component, block))) &
         call deck%fault(errors, 'D328', 'component '//text// &
           " is held or moved at all nodes of '"//name//"'", 'initial', s, 'component', &

@@ -75,7 +75,7 @@ contains
       if (g == 0) cycle
       call deck%get('couple', s, 'value', value)
       load%force = 0.0_wp*body%state%u
-      call couple_force(body%mesh, body%mesh%group(g), body%dofs%phi, value, load%force, n)
+      call couple_force(body%mesh, body%mesh%group(g), turning(body), value, load%force, n)
       if (n > 0) then
         call deck%get('couple', s, 'group', name)
         call deck%fault(errors, 'D323', "node "//str(n)//" of '"//name// &
@@ -85,6 +85,13 @@ contains
       call append_load(body%load, load)
     end do
   end subroutine read_couples
+
+  !> Blocks of the micro-rotation at the nodes, 0 where there are none.
+  pure function turning(body) result(phi)
+    type(fem_body_type), intent(in) :: body
+    integer(i4) :: phi(body%mesh%nodes)
+    phi = merge(body%dofs%phi, 0, body%dofs%parts == 1)
+  end function turning
 
   !> Forces and couples per volume; fault D323 for couples on classical elements.
   subroutine read_body_loads(deck, body, errors)
@@ -107,7 +114,8 @@ contains
       call deck%get('body_load', s, 'couple', couple)
       associate (element => body%mesh%group(g)%element)
         if (any(abs(couple) > 0.0_wp) .and. &
-            .not. all(body%elastic%rule(body%elastic%rule_of(element))%polar)) then
+            .not. all(body%elastic%rule(body%elastic%rule_of(element))%polar .and. &
+                      body%dofs%parts == 1)) then
           call deck%fault(errors, 'D323', "elements of '"//name//"' take no couples", 'body_load', &
             s, 'couple', "couples act on sections of a material with law = 'micropolar'")
           cycle
@@ -162,7 +170,7 @@ contains
     real(wp), intent(in) :: couple(3)
     real(wp), intent(inout) :: nodal(:, :)
     type(error_list_type), intent(inout) :: errors
-    if (body%dofs%phi(node) == 0) then
+    if (body%dofs%phi(node) == 0 .or. body%dofs%parts > 1) then
       call deck%fault(errors, 'D323', 'node '//str(node)//' has no micro-rotation', 'point_load', &
         s, 'couple', "couples act at corner nodes of a material with law = 'micropolar'")
     else

@@ -10,6 +10,7 @@ module fem_setup_matter
   use fem_mesh, only: find_group, group_hint
   use fem_recover, only: point_positions
   use fem_setup_laws, only: read_law
+  use fem_setup_micro, only: read_micro_laws, begin_micro_points
   use fem_types, only: group_volume
   implicit none
   private
@@ -29,7 +30,8 @@ contains
       return
     end if
     call refuse_others(deck, body, errors)
-    allocate (body%matter%law(deck%count('material')))
+    if (body%matter%micro%active) call read_micro_laws(deck, body, errors)
+    allocate (body%matter%law(merge(0_i4, deck%count('material'), body%matter%micro%active)))
     do m = 1, size(body%matter%law)
       call read_law(deck, m, body%matter%law(m), errors)
       if (.not. any(body%matter%law_of == m)) cycle
@@ -45,7 +47,12 @@ contains
     call deck%get('analysis', 1, 'step_cuts', body%newton%most_cuts)
     if (errors%any()) return
     call read_stress(deck, body, errors)
-    if (.not. errors%any()) call begin_points(deck, body, errors)
+    if (errors%any()) return
+    if (body%matter%micro%active) then
+      call begin_micro_points(deck, body, errors)
+    else
+      call begin_points(deck, body, errors)
+    end if
   end subroutine read_matter
 
   !> Keys and groups of laws with a state where there are none.
@@ -88,6 +95,9 @@ contains
     if (kind == 'modal' .or. kind == 'relaxation') call deck%fault(errors, 'D334', "kind = '"// &
       kind//"' knows linear laws alone, and a section has one with a state", 'analysis', 1, &
       'kind', "take kind = 'static', 'newmark', 'hht' or 'explicit'")
+    if (body%matter%micro%active .and. kind == 'explicit') call deck%fault(errors, 'D334', &
+      'explicit steps do not know micromorphic solids', 'analysis', 1, 'kind', &
+      "take kind = 'newmark'")
     if (body%damping%stiffness > 0.0_wp) call deck%fault(errors, 'D334', &
       'rayleigh_stiffness knows linear laws alone, and a section has one with a state', &
       'analysis', 1, 'rayleigh_stiffness', 'take rayleigh_mass, dashpots, or the numerical '// &
@@ -95,6 +105,7 @@ contains
     if (solver == 'iterative') call deck%fault(errors, 'D334', &
       'tangents of laws with a state need factors', 'analysis', 1, 'solver', &
       "take solver = 'direct' or leave it out")
+    if (body%matter%micro%active) return
     do e = 1, body%mesh%elements
       associate (rule => body%elastic%rule(body%elastic%rule_of(e)))
         if (rule%modes == 0 .and. .not. (rule%one_point .or. rule%polar)) cycle

@@ -5,6 +5,7 @@ module fem_setup_sections
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use fem_body, only: fem_body_type
+  use fem_elastic, only: micromorphic
   use fem_mesh, only: find_group, group_hint
   use fem_layered, only: fem_layered_type
   use fem_setup_layers, only: read_layers
@@ -29,6 +30,7 @@ module fem_setup_sections
     logical :: stateful = .false.   !! its law has a state (fem_law)
     logical :: layered = .false.    !! of layers and joints (fem_layered)
     type(fem_layered_type) :: layers
+    integer(i4) :: micromorphic = 0 !! number of its &micromorphic, whose chi counts as polar
     real(wp) :: moduli(6) = 0.0_wp  !! lambda, mu, kappa [Pa], alpha, beta, gamma [N]
     real(wp) :: density = 0.0_wp    !! [kg/m^3]
     real(wp) :: inertia = 0.0_wp    !! micro-inertia j [m^2]
@@ -178,8 +180,13 @@ contains
     allocate (body%matter%law_of(body%mesh%elements), source=0)
     owner = 0
     call check_ids(deck, 'material', errors)
-    allocate (material(deck%count('material')))
+    call check_ids(deck, 'micromorphic', errors)
+    allocate (material(deck%count('material') + deck%count('micromorphic')))
     do m = 1, size(material)
+      if (m > deck%count('material')) then
+        call read_micro_solid(deck, m - deck%count('material'), material(m))
+        cycle
+      end if
       call read_material(deck, m, material(m), errors)
       if (body%massive .and. material(m)%polar .and. .not. material(m)%inertia > 0.0_wp) &
         call deck%fault(errors, 'D320', 'the micropolar material has no micro_inertia', &
@@ -192,12 +199,62 @@ contains
       body%matter%law_of(body%mesh%group(g)%element) = m
       body%matter%active = body%matter%active .or. material(m)%stateful
     end do
+    call choose_micro(deck, body, material, errors)
     if (.not. all(owner > 0) .and. .not. errors%any()) &
       call deck%fault(errors, 'D305', str(int(count(owner == 0), i4))// &
       ' elements have no section, the first is element '//str(int(findloc(owner, 0, 1), i4)), &
       'section', 1, 'group', 'volume groups: '//group_hint(body%mesh, '', [group_volume]))
-    if (.not. errors%any()) call body%elastic%number_points()
+    if (errors%any()) return
+    call body%elastic%number_points()
+    if (body%matter%micro%active) body%elastic%components = micromorphic
   end subroutine read_sections
+
+  !> Id, density and micro-inertia of &micromorphic m.
+  subroutine read_micro_solid(deck, m, material)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: m
+    type(fem_material_type), intent(out) :: material
+    character(len=:), allocatable :: text
+    call deck%get('micromorphic', m, 'id', text)
+    material%id = text
+    call deck%get('micromorphic', m, 'density', material%density)
+    call deck%get('micromorphic', m, 'micro_inertia', material%inertia)
+    call deck%get('micromorphic', m, 'lambda', material%moduli(1))
+    call deck%get('micromorphic', m, 'mu', material%moduli(2))
+    material%polar = .true.
+    material%stateful = .true.
+    material%micromorphic = m
+  end subroutine read_micro_solid
+
+  !> Is the body micromorphic? It is so as a whole (D353), and in dynamics has a mass of chi (D320).
+  subroutine choose_micro(deck, body, material, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    type(fem_material_type), intent(in) :: material(:)
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: m
+    logical :: is_micro(body%mesh%elements)
+
+    is_micro = .false.
+    do m = 1, size(material)
+      if (material(m)%micromorphic == 0) cycle
+      where (body%matter%law_of == m) is_micro = .true.
+      if (body%massive .and. any(body%matter%law_of == m) .and. &
+          .not. material(m)%inertia > 0.0_wp) call deck%fault(errors, 'D320', &
+          'the micromorphic solid has no micro_inertia', 'micromorphic', &
+          material(m)%micromorphic, 'id', 'dynamics and modes need it: r^2/5 of grains of radius r')
+    end do
+    if (.not. any(is_micro) .or. errors%any()) return
+    if (.not. all(is_micro)) then
+      call deck%fault(errors, 'D353', 'element '//str(int(findloc(is_micro, .false., 1), i4))// &
+        ' is of another solid, others are micromorphic', 'section', 1, 'material', &
+        'a body is micromorphic as a whole: of a classical solid it has lambda and mu alone, '// &
+        'and chi held')
+      return
+    end if
+    body%matter%micro%active = .true.
+    body%matter%micro%law_of = material(body%matter%law_of)%micromorphic
+  end subroutine choose_micro
 
   !> Group and material that section s names; 0 with a fault where there are none.
   subroutine find_parts(deck, body, s, material, g, m, errors)
@@ -218,7 +275,7 @@ contains
       if (material(k)%id == id) m = k
     end do
     if (m == 0) call deck%fault(errors, 'D302', "there is no material '"//id//"'", 'section', s, &
-                                'material', 'define it with &material id = ...')
+                                'material', 'define it with &material or &micromorphic id = ...')
     if (g == 0) call deck%fault(errors, 'D301', "the mesh has no volume group '"//name//"'", &
       'section', s, 'group', group_hint(body%mesh, name, [group_volume]))
   end subroutine find_parts
@@ -255,7 +312,7 @@ contains
           .or. (polar_rule(name) .neqv. material%polar)) then
         call deck%fault(errors, 'D322', "the element '"//element//"' does not fit element "// &
           str(e)//', a '//kind_name(kind)//' of a '// &
-          trim(merge('micropolar', 'classical ', material%polar))//' solid', 'section', s, &
+          trim(solid_name(material))//' solid', 'section', s, &
           'element', 'formulations that fit: '//rules_for(kind, material%polar))
         return
       end if
@@ -268,6 +325,13 @@ contains
       body%elastic%hourglass(e) = share
     end do
   end subroutine fill_section
+
+  pure function solid_name(material) result(name)
+    type(fem_material_type), intent(in) :: material
+    character(len=12) :: name
+    name = merge('micropolar  ', 'classical   ', material%polar)
+    if (material%micromorphic > 0) name = 'micromorphic'
+  end function solid_name
 
   !> Ids of a repeated group must differ.
   subroutine check_ids(deck, group, errors)

@@ -101,7 +101,7 @@ contains
     type(fem_dofs_type), intent(in) :: dofs
     integer(i4), allocatable, intent(out) :: order(:)
     integer(i4), allocatable :: node_at(:)
-    integer(i4) :: i, n
+    integer(i4) :: i, c, n
 
     allocate (node_at(dofs%nodes), order(self%free))
     do i = 1, dofs%nodes
@@ -110,7 +110,10 @@ contains
     n = 0
     do i = 1, dofs%nodes
       call take(node_at(i))
-      if (dofs%phi(node_at(i)) > 0) call take(dofs%phi(node_at(i)))
+      if (dofs%phi(node_at(i)) == 0) cycle
+      do c = 1, dofs%parts
+        call take(dofs%phi(node_at(i)) + c - 1)
+      end do
     end do
 
   contains

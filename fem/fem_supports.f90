@@ -111,13 +111,13 @@ contains
       end do
     end do
     do i = mesh%nodes + 1, dofs%blocks
+      motion = turning(dofs, i)
       do c = 1, 3
-        motion = 0.0_wp
-        motion(c, 3 + c) = 1.0_wp
         if (fixed(c, i)) call add(gram(:, :, part(i)), motion(c, :))
       end do
     end do
     do s = 1, springs%n
+      if (any(springs%node(:, s) > mesh%nodes)) cycle  ! inner ties give way to rigid motions
       motion = 0.0_wp
       do a = 1, size(springs%node, 1)
         i = springs%node(a, s)
@@ -128,6 +128,26 @@ contains
       end do
     end do
   end subroutine hold
+
+  !> Second field of block i under unit rotations about x, y, z: the micro-rotation itself, or a
+  !! column of the micro-deformation.
+  pure function turning(dofs, i) result(motion)
+    type(fem_dofs_type), intent(in) :: dofs
+    integer(i4), intent(in) :: i
+    real(wp) :: motion(3, 6), at(3, 6), unit(3)
+    integer(i4) :: c
+    motion = 0.0_wp
+    if (dofs%parts == 1) then
+      do c = 1, 3
+        motion(c, 3 + c) = 1.0_wp
+      end do
+    else
+      unit = 0.0_wp
+      unit(1 + i - dofs%phi(dofs%node(i))) = 1.0_wp
+      at = rigid(unit)
+      motion(:, 4:) = at(:, 4:)
+    end if
+  end function turning
 
   pure subroutine add(gram, row)
     real(wp), intent(inout) :: gram(6, 6)
