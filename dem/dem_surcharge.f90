@@ -27,9 +27,9 @@ module dem_surcharge
   integer(i4), parameter :: seen_stress = 1, seen_area = 2, seen_grains = 3, seen_force = 4, &
                             seen_least = 5, seen_most = 6, seen_height = 7, seen_step = 8
   real(wp), parameter :: upright = 1.0e-9_wp  !! cosine to the axis, less than 1 by this
-  character(len=20), parameter :: columns(9) = [character(len=20) :: 'time [s]', &
+  character(len=20), parameter :: columns(11) = [character(len=20) :: 'time [s]', &
     'stress [Pa]', 'free_area [m2]', 'grains [-]', 'force [N]', 'least_area [m2]', &
-    'most_area [m2]', 'height [m]', 'external_work [J]']
+    'most_area [m2]', 'height [m]', 'moment_x [N m]', 'moment_y [N m]', 'external_work [J]']
 
   type :: dem_surcharge_type
     logical :: active = .false.
@@ -272,13 +272,18 @@ contains
     end if
   end subroutine open_history
 
-  !> The last look, and the work of all extra forces so far.
+  !> The last look, the moment of the forces about the origin, and the work of all extra forces so
+  !! far.
   subroutine write_row(self, time, d, errors)
     class(dem_surcharge_type), intent(inout) :: self
     real(wp), intent(in) :: time  !! [s]
     type(dem_data_type), intent(in) :: d
     type(error_list_type), intent(inout) :: errors
+    real(wp) :: moment(2)
     if (.not. self%history%is_open()) return
-    call self%history%write([time, d%surcharge_seen(:seen_height), d%ledger%external], errors)
+    moment = [-dot_product(d%grains%x(2, :), d%surcharge), &
+              dot_product(d%grains%x(1, :), d%surcharge)]
+    call self%history%write([time, d%surcharge_seen(:seen_height), moment, d%ledger%external], &
+                            errors)
   end subroutine write_row
 end module dem_surcharge

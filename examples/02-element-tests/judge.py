@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from talus import strength
 from talus.cell_plots import figure as cell_figure
 from talus.histories import read
 from talus.look import save_figure
@@ -109,7 +110,24 @@ def cells(out: Path) -> list[str]:
         if (path.parent / "finished").exists():
             save_figure(cell_figure(path), out / "shear.png")
             print(f"  {out / 'shear.png'}")
+            texts += cone(out, path)
     return texts
+
+
+def cone(out: Path, shear: Path) -> list[str]:
+    """Fit a cone to the shear test and the triaxial one of the same specimen; return verdicts."""
+    triaxial = shear.parents[1] / "cell_drained"
+    if not (triaxial / "finished").exists():
+        return []
+    paths = [triaxial / "cell_drained_cell.csv", shear]
+    tests = [strength.read_loading(path) for path in paths]
+    found = strength.fit_states(tests, "compression")
+    strength.write_json(out / "strength.json", found)
+    save_figure(strength.figure(tests, found), out / "strength.png")
+    print(f"  {out / 'strength.png'}")
+    return [f"cone, {state}: friction {fit.friction_deg:.1f}, dilation {fit.dilation_deg:.1f} deg, "
+            f"cohesion {fit.cohesion_Pa:.3g} Pa, scatter {100.0 * fit.scatter:.1f} %"
+            for state, (fit, _) in found.items()]  # fmt: skip
 
 
 def main() -> int:

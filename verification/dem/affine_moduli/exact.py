@@ -45,6 +45,8 @@ def measure(case: Case, name: str, overlap: float) -> dict[str, float]:
     full = read_history(folder / "deck_moduli_cells.csv")
     rows["C"] = np.array([[full[f"C_{a}_{b}"][0] for b in NINE] for a in NINE])
     rows["D"] = max(abs(full[f"D_{a}_{b}"][0]) for a in NINE for b in NINE)
+    micro = read_history(folder / "deck_micromorphic_cells.csv")
+    rows["micro"] = {k: float(v[0]) for k, v in micro.items()}
     modulus = 0.5 * YOUNG / (1.0 - POISSON**2)
     radius = np.sqrt(0.5 * RADIUS * 2.0 * RADIUS * overlap)
     kn = 2.0 * modulus * radius
@@ -59,6 +61,22 @@ def measure(case: Case, name: str, overlap: float) -> dict[str, float]:
     )
     rows["walton_g"] = 0.6 * rows["walton_k"] * (1.0 + 1.5 * ks / kn)
     return rows
+
+
+def micromorphic(case: Case, first: dict) -> None:
+    """Judge the micromorphic moduli: both limits, no gradient moduli of spheres."""
+    m = first["micro"]
+    polar = (m["lambda"] + m["eta"] + m["tau"]) / first["affine_lambda"]
+    case.metric("lambda + eta + tau / micropolar lambda", polar, 1.0, 1e-6, "rounding")
+    polar = (m["kappa"] - m["nu"]) / first["affine_kappa"]
+    case.metric("kappa - nu / micropolar kappa", polar, 1.0, 1e-8)
+    free = m["mu"] - 2.0 * m["sigma"] ** 2 / (m["kappa"] + m["nu"] - 2.0 * m["sigma"])
+    grain = first["solid_fraction"] * 0.5 * YOUNG / (1.0 + POISSON)
+    series = 1.0 / (1.0 / first["affine_shear"] + 1.0 / grain)
+    case.metric("G with free micro-deformation / contacts and grains in series", free / series,
+                1.0, 1e-6)  # fmt: skip
+    taus = max(abs(m[f"tau_{k}"]) for k in range(1, 12)) / (first["affine_bulk"] * RADIUS**2)
+    case.below("gradient moduli / (K R^2)", taus, 1e-8, "contacts in the middle of the branch")
 
 
 def run(case: Case) -> None:
@@ -77,6 +95,7 @@ def run(case: Case) -> None:
     case.metric("K / Walton", first["affine_bulk"] / first["walton_k"], 1.0, 1e-5,
                 "overlap 1e-6 of the diameter")  # fmt: skip
     case.metric("G / Walton, rough", first["affine_shear"] / first["walton_g"], 1.0, 1e-5)
+    micromorphic(case, first)
     p = np.array([row["pressure"] for row in found])
     k = np.array([row["affine_bulk"] for row in found])
     g = np.array([row["affine_shear"] for row in found])

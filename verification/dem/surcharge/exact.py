@@ -50,6 +50,13 @@ def flat_bed(case: Case) -> dict[str, np.ndarray]:
     floor = -walls["force_z"][walls["wall"] == 1]
     error = float(abs(floor[-1] / (rows["force"][-1] + weight) - 1.0))
     case.below("load on the floor / surcharge + weight, error", error, 1e-6, "unrest that is left")
+    middle = RADIUS * np.array([CELLS[1], -CELLS[0]])  # arms of moments about x and y
+    for k, name in enumerate(("moment_x", "moment_y")):
+        error = abs(rows[name][-1] / (-total * middle[k]) - 1.0)
+        case.below(f"{name} of the surcharge, error", float(error), 1e-9, "symmetry, unrest")
+        pressed = walls[name][walls["wall"] == 1][-1]
+        error = abs(pressed / (-floor[-1] * middle[k]) - 1.0)
+        case.below(f"{name} on the floor, error", float(error), 1e-6, "unrest that is left")
     grains = field_steps(case.folder / "flat.h5")[-1].grains
     top = grains["x"][:, 2] > 2.0 * RADIUS * (LAYERS - 1)
     share = grains["force"][top, 2] - weight / len(x)
