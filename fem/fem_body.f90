@@ -69,6 +69,7 @@ module fem_body
     logical, allocatable :: held(:, :)           !! (3, blocks) supported by the deck
     logical, allocatable :: prescribed(:, :)     !! (3, blocks) moved by the port
     real(wp), allocatable :: given_u(:, :)       !! (3, blocks) values of the port [m]
+    real(wp), allocatable :: given_v(:, :)       !! (3, blocks) the same, for output [m/s]
     real(wp), allocatable :: port_load(:, :)     !! (3, blocks) of the port, now [N]
     real(wp), allocatable :: dead_load(:, :)     !! (3, blocks) of the port, constant [N]
     real(wp), allocatable :: mass_factor(:)      !! (blocks) on mass and weight, of the port [-]
@@ -135,6 +136,7 @@ contains
     allocate (self%state%u(3, n), self%state%v(3, n), self%state%a(3, n), source=0.0_wp)
     allocate (self%state%external(3, n), self%state%reaction(3, n), source=0.0_wp)
     allocate (self%state%tie(3, n), self%state%viscous(3, n), source=0.0_wp)
+    allocate (self%given_v(3, n), source=0.0_wp)
     allocate (self%given_u(3, n), self%port_load(3, n), self%dead_load(3, n), source=0.0_wp)
     allocate (self%weight_force(3, n), self%initial_force(3, n), source=0.0_wp)
     allocate (self%held(3, n), self%prescribed(3, n), source=.false.)

@@ -292,7 +292,8 @@ contains
     call nodal_stress(body%mesh, body%dofs, body%elastic, stress, nodal)
     call self%series%begin_step(body%accepted%time, file, group, errors)
     call file%put(group//'/u', body%accepted%u(:, :n), errors)
-    call file%put(group//'/v', body%accepted%v(:, :n), errors)
+    call file%put(group//'/v', merge(body%given_v(:, :n), body%accepted%v(:, :n), &
+      body%prescribed(:, :n) .and. abs(body%given_v(:, :n)) > 0.0_wp), errors)
     call file%put(group//'/reaction', body%accepted%reaction(:, :n), errors)
     call put_stress('stress', mean)
     call put_stress('stress_nodal', nodal)

@@ -159,7 +159,8 @@ contains
     end subroutine add
   end subroutine take_loads
 
-  !> Prescribed displacements and micro-rotations of all prescribe sets in a request.
+  !> Prescribed displacements and micro-rotations of all prescribe sets in a request, and
+  !! velocities, which are for the field output alone.
   subroutine take_motion(self, body, request, errors)
     class(fem_sets_type), intent(in) :: self
     type(fem_body_type), intent(inout) :: body
@@ -169,20 +170,22 @@ contains
 
     do k = 1, self%n
       if (self%set(k)%role /= role_prescribe) cycle
-      if (self%set(k)%moves) call take(self%set(k)%node, '.u')
-      if (size(self%set(k)%phi) > 0) call take(self%set(k)%phi, '.phi')
+      if (self%set(k)%moves) call take(self%set(k)%node, '.u', body%given_u)
+      if (size(self%set(k)%phi) > 0) call take(self%set(k)%phi, '.phi', body%given_u)
+      if (self%set(k)%moves) call take(self%set(k)%node, '.v', body%given_v)
       if (errors%any()) return
     end do
 
   contains
 
-    subroutine take(block, field)
+    subroutine take(block, field, given)
       integer(i4), intent(in) :: block(:)
       character(len=*), intent(in) :: field
+      real(wp), intent(inout) :: given(:, :)
       real(wp) :: value(3, size(block))
       if (.not. request%has(trim(self%set(k)%name)//field)) return
       call request%get(trim(self%set(k)%name)//field, value, errors)
-      if (.not. errors%any()) body%given_u(:, block) = value
+      if (.not. errors%any()) given(:, block) = value
     end subroutine take
   end subroutine take_motion
 
