@@ -214,7 +214,7 @@ contains
 
   subroutine group_overlap(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('overlap', 11, &
+    call table%add_group('overlap', 15, &
       'Grains and solid overlap: free grains move the nodes over them, ghost grains ' &
       //'follow the solid, and energy is counted once. A deck has exactly one of facets ' &
       //'and overlap.')
@@ -280,5 +280,33 @@ contains
       //'`''dead_load''` holds against them, so that nothing moves; `''none''` lets them act.')
     call table%preset('dead_load')
     call table%allow('dead_load|none')
+    call table%add_key('mass', 'string', '', &
+      'Mass that elements outside give to nodes that follow free grains: ' &
+      //'`''consistent''`, it stays there and its inertia is handed back to the grains in ' &
+      //'every step; `''projected''`, it goes to the grains by the transposed projection, ' &
+      //'which makes some lighter; `''nearest''`, it goes to the eight nearest grains; ' &
+      //'`''auto''`, consistent where weights are masses and the projection is l2, else ' &
+      //'projected.')
+    call table%preset('auto')
+    call table%allow('auto|consistent|projected|nearest')
+    call table%add_key('fine_damping', 'real', '1/s', &
+      'Rate at which the motion of free grains that the nodes do not see is damped at ' &
+      //'the ghosts, fading to the far end of the elements: waves that the mesh cannot ' &
+      //'carry are not reflected. A tenth of the highest frequency of the grains is much.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('remap', 'real', '', &
+      'Motion of a free grain past the nodes, over the length of an element, beyond ' &
+      //'which the projection is made anew from where all are (logged); 0 never. Grains ' &
+      //'near the elements may then come under them.')
+    call table%preset('0.25')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('leaving', 'string', '', &
+      'What happens when a free grain leaves the elements of the free grains: ' &
+      //'`''remap''`, the projection is made anew without it (and with those that came); ' &
+      //'`''log''`, it is named in the log and still moves its nodes; `''stop''` ends the ' &
+      //'run.')
+    call table%preset('remap')
+    call table%allow('remap|log|stop')
   end subroutine group_overlap_2
 end module cpl_deck_keys

@@ -33,8 +33,10 @@ module cpl_model
   use cpl_overlap_file, only: write_overlap, read_overlap_state, read_overlap_reference
   use cpl_overlap_log, only: log_census, open_overlap_audit, overlap_audit_row, &
     overlap_row_titles, overlap_row, overlap_health, overlap_summary
+  use cpl_overlap_remap, only: look_after, rebuild_map
   use cpl_overlap_setup, only: make_overlap, begin_overlap
   use cpl_overlap_step, only: overlap_step
+  use cpl_sets_file, only: write_sets
   use cpl_setup, only: find_ghosts, find_vertices, find_radii, make_map, select_sets, &
     begin_interface, end_rehearsal
   use cpl_solver, only: cpl_solver_type
@@ -215,12 +217,14 @@ contains
                       self%timers, errors)
     if (self%again .and. .not. errors%any()) &
       call read_overlap_state(self%checkpoint, self%manifest%path(3)%s, self%overlap, errors)
+    if (self%overlap%remaps > 0 .and. .not. errors%any()) call rebuild_map(self%overlap, errors)
     if (errors%any()) return
     self%face%step = self%overlap%step
     call begin_overlap(self%overlap, self%solvers, self%choices, self%again, self%timers, errors)
     if (.not. errors%any()) call self%open_log(errors)
     if (errors%any()) return
     call log_census(self%log, self%overlap, self%choices)
+    if (.not. self%again) call write_sets(self%stem//'_sets.h5', self%overlap, errors)
     call open_overlap_audit(self%audit%file, self%stem//'_audit.csv', self%again, &
                             self%manifest%time, errors)
   end subroutine prepare_overlap
@@ -304,6 +308,7 @@ contains
     class(cpl_model_type), intent(inout) :: self
     real(wp), intent(in) :: t0, t1  !! [s]
     type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: said
     real(wp) :: gap
 
     if (self%choices%overlap%given) then
@@ -311,7 +316,13 @@ contains
                         errors)
       if (errors%any()) return
       self%face%step = self%overlap%step
+      call self%timers%start('audit and log')
       call overlap_audit_row(self%audit%file, self%overlap, t1, errors)
+      associate (wanted => self%choices%overlap)
+        call look_after(self%overlap, wanted%remap, wanted%leaving, t1, said, errors)
+      end associate
+      if (len(said) > 0) call self%log%line(said)
+      call self%timers%stop('audit and log')
       return
     end if
     call exchange(self%face, self%solvers, self%choices, t0, t1, self%timers, errors)

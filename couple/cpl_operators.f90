@@ -17,9 +17,17 @@ module cpl_operators
   use cpl_sets, only: sets_type, pack_type, part_free, numbering
   implicit none
   private
-  public :: operators_type, weigh_unit, weigh_mass, weigh_volume
+  public :: operators_type, riders_type, weigh_unit, weigh_mass, weigh_volume
 
   integer(i4), parameter :: weigh_unit = 1, weigh_mass = 2, weigh_volume = 3
+
+  !> Free grains as the projection takes them; those in no element (spot%element = 0) do not count.
+  type :: riders_type
+    type(spot_type), allocatable :: spot(:)
+    real(wp), allocatable :: x(:, :)       !! (3, free) [m]
+    real(wp), allocatable :: w(:)          !! weights of displacements
+    real(wp), allocatable :: w_phi(:)      !! weights of rotations
+  end type riders_type
 
   type :: operators_type
     integer(i4) :: free = 0, ghosts = 0          !! grains
@@ -28,11 +36,13 @@ module cpl_operators
     integer(i4), allocatable :: node(:)          !! ids of the nodes
     integer(i4), allocatable :: node_phi(:)      !! ids of the nodes with micro-rotations
     integer(i4) :: rotation = rotation_fixed
+    real(wp), allocatable :: w(:), w_phi(:)      !! weights of the free grains
     type(projection_type) :: p, p_phi
     type(rows_type) :: ghost, ghost_phi
     type(curl_rows_type) :: ghost_curl
   contains
     procedure :: build
+    procedure :: project
     procedure :: to_hats
     procedure :: to_ghosts
     procedure :: pull
@@ -41,7 +51,7 @@ module cpl_operators
 
 contains
 
-  !> Make all from the sets. I425 a projection that cannot be, I406 no micro-rotation.
+  !> Make all from the sets. I406 no micro-rotation, I425 a projection that cannot be.
   subroutine build(self, cells, sets, pack_of, rotation, weights, mls, errors)
     class(operators_type), intent(inout) :: self
     type(cells_type), intent(in) :: cells
@@ -50,7 +60,7 @@ contains
     integer(i4), intent(in) :: rotation, weights  !! rotation_*, weigh_*
     logical, intent(in) :: mls
     type(error_list_type), intent(inout) :: errors
-    type(rows_type) :: n
+    type(riders_type) :: riders
     integer(i4) :: number(cells%nodes)
 
     self%free = size(sets%free)
@@ -65,37 +75,59 @@ contains
 
     number = numbering(self%node, cells%nodes)
     call interpolate(cells, sets%ghost_spot, number, self%nodes, .false., self%ghost)
-    call interpolate(cells, sets%free_spot, number, self%hats, .false., n)
-    call project(self%p, n, weights_of(pack_of, sets%free, weights, .false.), self%node(:self%hats))
     if (rotation == rotation_curl) call slopes(cells, sets%ghost_spot, number, self%ghost_curl)
-    if (rotation /= rotation_micro .or. errors%any()) return
-    if (any(sets%ghost_spot%n_phi == 0) .or. any(sets%free_spot%n_phi == 0)) then
-      call errors%add('I406', 'some grains of the overlap stand in elements without '// &
-        'micro-rotation', '', "rotation = 'micro' needs a micropolar section under all of "// &
-        "&overlap, or write rotation = 'curl'")
-      return
+    if (rotation == rotation_micro) then
+      if (any(sets%ghost_spot%n_phi == 0) .or. &
+          any(sets%free_spot%n_phi == 0 .and. sets%free_spot%element > 0)) then
+        call errors%add('I406', 'some grains of the overlap stand in elements without '// &
+          'micro-rotation', '', "rotation = 'micro' needs a micropolar section under all of "// &
+          "&overlap, or write rotation = 'curl'")
+        return
+      end if
+      number = numbering(self%node_phi, cells%nodes)
+      call interpolate(cells, sets%ghost_spot, number, self%nodes_phi, .true., self%ghost_phi)
     end if
-    number = numbering(self%node_phi, cells%nodes)
-    call interpolate(cells, sets%ghost_spot, number, self%nodes_phi, .true., self%ghost_phi)
-    call interpolate(cells, sets%free_spot, number, self%hats_phi, .true., n)
-    call project(self%p_phi, n, weights_of(pack_of, sets%free, weights, .true.), &
-                 self%node_phi(:self%hats_phi))
+    riders%spot = sets%free_spot
+    riders%x = pack_of%x(:, sets%free)
+    self%w = weights_of(pack_of, sets%free, weights, .false.)
+    self%w_phi = weights_of(pack_of, sets%free, weights, .true.)
+    riders%w = self%w
+    riders%w_phi = self%w_phi
+    call self%project(cells, sets%part, riders, mls, errors)
+  end subroutine build
+
+  !> P from where the free grains stand in the elements. I425 a projection that cannot be.
+  subroutine project(self, cells, part, riders, mls, errors)
+    class(operators_type), intent(inout) :: self
+    type(cells_type), intent(in) :: cells
+    integer(i4), intent(in) :: part(:)  !! of the elements
+    type(riders_type), intent(in) :: riders
+    logical, intent(in) :: mls
+    type(error_list_type), intent(inout) :: errors
+    call one(self%p, self%node(:self%hats), .false., riders%w)
+    if (self%hats_phi > 0 .and. .not. errors%any()) &
+      call one(self%p_phi, self%node_phi(:self%hats_phi), .true., riders%w_phi)
 
   contains
 
-    subroutine project(p, rows, w, ids)
+    subroutine one(p, ids, turning, weights)
       type(projection_type), intent(inout) :: p
-      type(rows_type), intent(in) :: rows
-      real(wp), intent(in) :: w(:)
       integer(i4), intent(in) :: ids(:)
+      logical, intent(in) :: turning
+      real(wp), intent(in) :: weights(:)
+      type(rows_type) :: n
+      real(wp) :: w(size(weights))
+      integer(i4) :: number(cells%nodes)
+      number = numbering(ids, cells%nodes)
+      call interpolate(cells, riders%spot, number, int(size(ids), i4), turning, n)
+      w = merge(weights, 0.0_wp, riders%spot%element > 0)
       if (mls) then
-        call p%build_mls(rows, w, cells%x(:, ids), pack_of%x(:, sets%free), &
-                         reaches(cells, sets, ids), ids, errors)
+        call p%build_mls(n, w, cells%x(:, ids), riders%x, reaches(cells, part, ids), ids, errors)
       else
-        call p%build_l2(rows, w, cells%x(:, ids), ids, errors)
+        call p%build_l2(n, w, cells%x(:, ids), ids, errors)
       end if
-    end subroutine project
-  end subroutine build
+    end subroutine one
+  end subroutine project
 
   !> Weights of the free grains in the projection of displacements or of rotations.
   pure function weights_of(pack_of, free, weights, turning) result(w)
@@ -115,16 +147,15 @@ contains
   end function weights_of
 
   !> How far the fit around a node reaches: to the farthest node of its elements of free grains.
-  pure function reaches(cells, sets, ids) result(reach)
+  pure function reaches(cells, part, ids) result(reach)
     type(cells_type), intent(in) :: cells
-    type(sets_type), intent(in) :: sets
-    integer(i4), intent(in) :: ids(:)
+    integer(i4), intent(in) :: part(:), ids(:)
     real(wp) :: reach(size(ids)), whole(cells%nodes)
     real(wp), parameter :: more = 1.05_wp
     integer(i4) :: e, a, b
     whole = 0.0_wp
     do e = 1, cells%elements
-      if (sets%part(e) /= part_free) cycle
+      if (part(e) /= part_free) cycle
       associate (node => cells%node(cells%start(e):cells%start(e + 1) - 1))
         do a = 1, size(node)
           do b = 1, size(node)
@@ -147,7 +178,8 @@ contains
     integer(i4) :: k, first, n
     call rows%begin(int(size(spot), i4), columns, most_nodes)
     do k = 1, size(spot)
-      first = cells%start(spot(k)%element)
+      first = 1
+      if (spot(k)%element > 0) first = cells%start(spot(k)%element)
       n = merge(spot(k)%n_phi, spot(k)%n, turning)
       if (turning) then
         call rows%add_row(number(cells%node(first:first + n - 1)), spot(k)%weight_phi(:n))

@@ -8,6 +8,8 @@ module cpl_overlap
   use talus_vectors, only: turned
   use talus_scalars, only: scalar_count
   use cpl_cells, only: cells_type
+  use cpl_fine_damping, only: fine_damping_type
+  use cpl_inertia, only: inertia_type
   use cpl_operators, only: operators_type
   use cpl_sets, only: sets_type, pack_type
   use cpl_weight_fit, only: fit_type
@@ -34,6 +36,12 @@ module cpl_overlap
     logical :: symmetric = .true.
     logical :: turns = .false.                     !! rotations of free grains matter
     logical :: round = .true.                      !! all ghosts are spheres
+    logical :: round_free = .true.                 !! all free grains are spheres
+    logical :: hears_force = .false.               !! contact forces of the free grains are told
+    logical :: hears_speed = .false.               !! velocities of the free grains are told
+    type(inertia_type) :: carried, carried_phi     !! masses that hat nodes carry
+    type(fine_damping_type) :: damping, damping_phi
+    real(wp) :: step_limit = huge(1.0_wp)          !! of the grains' step in the overlap [s]
     real(wp) :: identity = 0.0_wp                  !! largest error of the operators
     real(wp) :: moved_mass = 0.0_wp                !! from hat nodes to free grains [kg]
     integer(i8), allocatable :: weight_ids(:, :)   !! (2, pairs) of ghosts that may touch
@@ -46,7 +54,14 @@ module cpl_overlap
     real(wp), allocatable :: factor(:)             !! on the masses of the free grains
     real(wp), allocatable :: x_free(:, :), x_ghost(:, :), x_node(:, :)  !! reference (3, :) [m]
     real(wp), allocatable :: theta_ref(:, :)       !! rotation of the free grains then [rad]
-    real(wp), allocatable :: mass(:)               !! of the nodes, lumped [kg]
+    logical, allocatable :: seen(:)                !! free grains that the nodes see
+    logical, allocatable :: told(:)                !! that they have left was said
+    real(wp), allocatable :: u_map(:, :), phi_map(:, :)  !! of the nodes when P was made
+    real(wp) :: looked = 0.0_wp                    !! motion past the nodes at the last look [m]
+    real(wp) :: fine_damping = 0.0_wp              !! of the deck [1/s]
+    integer(i8) :: remaps = 0
+    character(len=:), allocatable :: sets_hash     !! of the sets and the first operators
+    real(wp), allocatable :: mass(:)               !! of the nodes, what they own [kg]
     real(wp), allocatable :: inertia(:)            !! of their micro-rotations [kg m^2]
     logical, allocatable :: held(:, :), held_phi(:, :)  !! by the solid's deck
     real(wp), allocatable :: q(:, :), theta(:, :)  !! of the free grains (3, free) [m], [rad]
@@ -59,6 +74,9 @@ module cpl_overlap
     real(wp), allocatable :: bulk(:, :), bulk_phi(:, :)      !! the same, once an exchange
     real(wp), allocatable :: element(:, :), element_phi(:, :) !! of elements with hat nodes alone
     real(wp), allocatable :: force(:, :), moment(:, :)        !! on the free grains [N], [N m]
+    real(wp), allocatable :: contact(:, :), contact_moment(:, :)  !! of contacts on free grains
+    real(wp), allocatable :: speed(:, :), spin(:, :)  !! of free grains, half a step ago [m/s]
+    real(wp), allocatable :: inertial(:, :), inertial_phi(:, :)  !! of what hat nodes carry
     real(wp), allocatable :: f_hold(:, :), c_hold(:, :)       !! that balance the start
     real(wp), allocatable :: force_hold(:, :), moment_hold(:, :)
     real(wp) :: work_given = 0.0_wp                !! by ghosts and nodes on what is free [J]
@@ -70,11 +88,13 @@ module cpl_overlap
     procedure :: allocate_state
     procedure :: follow
     procedure :: pull
+    procedure :: resist
     procedure :: note_work
     procedure :: kick_edge
     procedure :: drift_edge
     procedure :: edge_kinetic
     procedure :: edge_momentum
+    procedure :: past_nodes
     procedure :: fine_scale
     procedure :: finite
   end type overlap_type
@@ -91,6 +111,9 @@ contains
     np = self%op%nodes_phi
     allocate (self%q(3, nf), self%theta(3, nf), self%force(3, nf), self%moment(3, nf), &
               self%theta_ref(3, nf), self%force_hold(3, nf), self%moment_hold(3, nf), &
+              self%contact(3, nf), self%contact_moment(3, nf), self%speed(3, nf), &
+              self%spin(3, nf), source=0.0_wp)
+    allocate (self%inertial(3, self%op%hats), self%inertial_phi(3, self%op%hats_phi), &
               source=0.0_wp)
     allocate (self%u(3, n), self%v(3, n), self%f(3, n), self%bulk(3, n), self%element(3, n), &
               self%f_hold(3, n), source=0.0_wp)
@@ -100,6 +123,9 @@ contains
               source=0.0_wp)
     self%quat(1, :) = 1.0_wp
     allocate (self%held(3, n), self%held_phi(3, np), source=.false.)
+    allocate (self%u_map(3, n), self%phi_map(3, np), source=0.0_wp)
+    self%seen = self%sets%free_spot%element > 0
+    allocate (self%told(nf), source=.false.)
     self%x_free = self%pack%x(:, self%sets%free)
     self%x_ghost = self%pack%x(:, self%sets%ghost)
     self%x_node = self%cells%x(:, self%op%node)
@@ -120,6 +146,12 @@ contains
     hat = self%u(:, :self%op%hats)
     hat_phi = self%phi(:, :self%op%hats_phi)
     call self%op%to_hats(self%q, self%theta, self%u, self%phi)
+    if (self%remaps > 0) then
+      associate (n => self%op%hats, m => self%op%hats_phi)
+        self%u(:, :n) = self%u(:, :n) + self%u_map(:, :n)
+        self%phi(:, :m) = self%phi(:, :m) + self%phi_map(:, :m)
+      end associate
+    end if
     self%v(:, :self%op%hats) = (self%u(:, :self%op%hats) - hat)/dt
     self%w(:, :self%op%hats_phi) = (self%phi(:, :self%op%hats_phi) - hat_phi)/dt
     call self%op%to_ghosts(self%u, self%phi, d, turn)
@@ -146,6 +178,22 @@ contains
     self%moment = self%moment + self%moment_hold
   end subroutine pull
 
+  !> Damping of the fine scale, then inertia of what hat nodes carry under all forces that act on
+  !! the free grains now.
+  subroutine resist(self)
+    class(overlap_type), intent(inout) :: self
+    if (self%damping%active) call self%damping%act(self%op%p, self%speed, self%force)
+    if (self%damping_phi%active) call self%damping_phi%act(self%op%p_phi, self%spin, self%moment)
+    if (self%carried%active) then
+      call self%carried%resist(self%contact + self%force, self%inertial)
+      call self%op%p%transposed(self%inertial, self%force)
+    end if
+    if (self%carried_phi%active) then
+      call self%carried_phi%resist(self%contact_moment + self%moment, self%inertial_phi)
+      call self%op%p_phi%transposed(self%inertial_phi, self%moment)
+    end if
+  end subroutine resist
+
   !> Works of a step of the grains from both sides, with the forces at its end; ghosts moved by d
   !! and turn in it, the others from q0, theta0, u0, phi0.
   subroutine note_work(self, q0, theta0, u0, phi0, d, turn)
@@ -161,6 +209,10 @@ contains
       if (self%turns) given = given + sum(self%moment*dtheta)
       if (self%turns) hold = hold + sum(self%moment_hold*dtheta)
       taken = sum(self%p*d) + sum(self%m*turn) + sum(self%element*du) + sum(self%element_phi*dphi)
+      if (self%carried%active) taken = taken + sum(self%inertial*du(:, :a - 1))
+      if (self%carried_phi%active) taken = taken + sum(self%inertial_phi*dphi(:, :b - 1))
+      if (self%damping%active) taken = taken + sum(self%damping%force*dq)
+      if (self%damping_phi%active) taken = taken + sum(self%damping_phi%force*dtheta)
       self%turnover = self%turnover + sum(abs(self%p*d)) + sum(abs(self%m*turn)) &
                       + sum(abs(self%element*du)) + sum(abs(self%element_phi*dphi))
     end associate
@@ -192,43 +244,51 @@ contains
     end associate
   end subroutine drift_edge
 
-  !> Kinetic energy of the edge [J].
+  !> Kinetic energy of the edge, and of what hat nodes carry [J].
   pure real(wp) function edge_kinetic(self)
     class(overlap_type), intent(in) :: self
     integer(i4) :: a
     edge_kinetic = 0.0_wp
-    do a = self%op%hats + 1, self%op%nodes
+    do a = 1, self%op%nodes
       edge_kinetic = edge_kinetic + 0.5_wp*self%mass(a)*sum(self%v(:, a)**2)
     end do
-    do a = self%op%hats_phi + 1, self%op%nodes_phi
+    do a = 1, self%op%nodes_phi
       edge_kinetic = edge_kinetic + 0.5_wp*self%inertia(a)*sum(self%w(:, a)**2)
     end do
   end function edge_kinetic
 
-  !> Momentum and angular momentum of the edge, about the origin [kg m/s], [N m s].
+  !> Momentum and angular momentum of the edge and of what hat nodes carry, about the origin
+  !! [kg m/s], [N m s].
   pure function edge_momentum(self) result(momentum)
     class(overlap_type), intent(in) :: self
     real(wp) :: momentum(6), x(3), p(3)
     integer(i4) :: a
     momentum = 0.0_wp
-    do a = self%op%hats + 1, self%op%nodes
+    do a = 1, self%op%nodes
       x = self%x_node(:, a) + self%u(:, a)
       p = self%mass(a)*self%v(:, a)
       momentum(:3) = momentum(:3) + p
       momentum(4:) = momentum(4:) + [x(2)*p(3) - x(3)*p(2), x(3)*p(1) - x(1)*p(3), &
                                      x(1)*p(2) - x(2)*p(1)]
     end do
-    do a = self%op%hats_phi + 1, self%op%nodes_phi
+    do a = 1, self%op%nodes_phi
       momentum(4:) = momentum(4:) + self%inertia(a)*self%w(:, a)
     end do
   end function edge_momentum
 
-  !> Root mean square of what the nodes do not see of the free grains' motion, |Q - N D^| [m].
+  !> Motion of the free grains past the nodes since P was made, |Q - N D^|; 0 of those that the
+  !! nodes do not see [m].
+  pure function past_nodes(self) result(past)
+    class(overlap_type), intent(in) :: self
+    real(wp) :: past(self%op%free), coarse(3, self%op%free)
+    call self%op%p%n%apply(self%u(:, :self%op%hats) - self%u_map(:, :self%op%hats), coarse)
+    past = merge(norm2(self%q - coarse, 1), 0.0_wp, self%seen)
+  end function past_nodes
+
+  !> Root mean square of what the nodes do not see of the free grains' motion [m].
   pure real(wp) function fine_scale(self)
     class(overlap_type), intent(in) :: self
-    real(wp) :: coarse(3, self%op%free)
-    call self%op%p%n%apply(self%u(:, :self%op%hats), coarse)
-    fine_scale = sqrt(sum((self%q - coarse)**2)/self%op%free)
+    fine_scale = sqrt(sum(self%past_nodes()**2)/max(1, count(self%seen)))
   end function fine_scale
 
   !> Are motion and forces numbers?

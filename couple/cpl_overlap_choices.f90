@@ -15,6 +15,10 @@ module cpl_overlap_choices
     real(wp) :: free_box(6) = 0.0_wp, ghost_box(6) = 0.0_wp  !! lower and upper corner [m]
     character(len=:), allocatable :: rotation, projection, weights, scheme, partition
     real(wp) :: rho = 1.0_wp  !! relaxed over affine stiffness of the pack [-]
+    character(len=:), allocatable :: mass   !! what happens to that of hat nodes
+    real(wp) :: fine_damping = 0.0_wp  !! [1/s]
+    real(wp) :: remap = 0.0_wp         !! share of an element; 0 never
+    character(len=:), allocatable :: leaving  !! what happens when a free grain leaves
     logical :: dead_load = .true.
   end type overlap_choices_type
 
@@ -50,6 +54,16 @@ contains
     if (deck%given('overlap', 1, 'rho') .and. choices%partition == 'twice') &
       call deck%fault(errors, 'D443', "rho goes with ramps, not with partition = 'twice'", &
                       'overlap', 1, 'rho', 'leave it out')
+    call deck%get('overlap', 1, 'mass', choices%mass)
+    if (choices%mass == 'auto') choices%mass = trim(merge('consistent', 'projected ', &
+      choices%weights == 'mass' .and. choices%projection == 'l2'))
+    call deck%get('overlap', 1, 'fine_damping', choices%fine_damping)
+    if (choices%mass == 'consistent' .and. (choices%weights /= 'mass' .or. &
+                                            choices%projection /= 'l2')) &
+      call deck%fault(errors, 'D424', "mass = 'consistent' needs weights = 'mass' and "// &
+                      "projection = 'l2'", 'overlap', 1, 'mass', "write mass = 'projected'")
+    call deck%get('overlap', 1, 'remap', choices%remap)
+    call deck%get('overlap', 1, 'leaving', choices%leaving)
     call deck%get('overlap', 1, 'initial', initial)
     choices%dead_load = initial == 'dead_load'
     if (deck%given('clock', 1, 'scheme')) &

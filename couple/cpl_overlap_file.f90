@@ -9,7 +9,7 @@ module cpl_overlap_file
   use cpl_overlap, only: overlap_type
   implicit none
   private
-  public :: write_overlap, read_overlap_state, read_overlap_reference
+  public :: write_overlap, read_overlap_state, read_overlap_reference, hash_of
 
 contains
 
@@ -24,7 +24,7 @@ contains
     real(wp), allocatable :: reference(:, :)
 
     call checkpoint%begin(file, time, o%step, errors, tag)
-    call file%attr_put('/', 'sets_hash', hash_of(o), errors)
+    call file%attr_put('/', 'sets_hash', o%sets_hash, errors)
     allocate (reference(5, size(o%pack%id)))
     reference(:3, :) = o%pack%x
     reference(4, :) = o%pack%mass
@@ -55,8 +55,18 @@ contains
     call file%put('/weights/ids', o%weight_ids, errors)
     call file%put('/weights/contacts', o%weight, errors)
     call file%put('/weights/points', o%beta, errors)
-    call file%put('/numbers', [o%work_given, o%work_taken, o%turnover, o%hold_work], errors)
-    call file%put('/counts', [o%step], errors)
+    call file%put('/numbers', [o%work_given, o%work_taken, o%turnover, o%hold_work, &
+                               o%damping%lost, o%damping_phi%lost], errors)
+    if (o%damping%active) call file%put('/damping/force', o%damping%force, errors)
+    if (o%damping_phi%active) call file%put('/damping/moment', o%damping_phi%force, errors)
+    call file%put('/counts', [o%step, o%remaps], errors)
+    call file%put('/map/looked', [o%looked], errors)
+    call file%put('/map/told', merge(1_i4, 0_i4, o%told), errors)
+    if (o%remaps > 0) then
+      call file%put('/map/x_free', o%x_free, errors)
+      call file%put('/map/u', o%u_map, errors)
+      call file%put('/map/phi', o%phi_map, errors)
+    end if
     call file%put('/scalars/grains', o%grains, errors)
     call file%put('/scalars/solid', o%solid, errors)
     call checkpoint%finish(file, errors)
@@ -86,18 +96,22 @@ contains
     type(h5_file_type) :: file
     type(checkpoint_info_type) :: info
     character(len=:), allocatable :: hash
-    real(wp) :: numbers(4)
-    integer(i8) :: counts(1)
+    real(wp) :: numbers(6)
+    integer(i8) :: counts(2)
+    real(wp) :: looked(1)
+    integer(i4) :: told(o%op%free)
 
     numbers = 0.0_wp
     counts = 0
+    looked = 0.0_wp
+    told = 0
     call checkpoint%open(path, file, info, errors)
     if (errors%any()) return
     call file%attr_get('/', 'sets_hash', hash, errors)
     if (.not. errors%any()) then
-      if (hash /= hash_of(o)) &
+      if (hash /= o%sets_hash) &
         call errors%add('I404', 'the sets of the overlap are not those of the checkpoint ('// &
-                        hash_of(o)//', not '//hash//')', path, &
+                        o%sets_hash//', not '//hash//')', path, &
                         'go on with the mesh and the deck that wrote it')
     end if
     if (errors%any()) return
@@ -107,6 +121,15 @@ contains
     call file%get('/weights/points', o%beta, errors)
     call file%get_into('/numbers', numbers, errors)
     call file%get_into('/counts', counts, errors)
+    call file%get_into('/map/looked', looked, errors)
+    call file%get_into('/map/told', told, errors)
+    if (counts(2) > 0) then
+      call file%get_into('/map/x_free', o%x_free, errors)
+      call file%get_into('/map/u', o%u_map, errors)
+      call file%get_into('/map/phi', o%phi_map, errors)
+    end if
+    if (o%damping%active) call file%get_into('/damping/force', o%damping%force, errors)
+    if (o%damping_phi%active) call file%get_into('/damping/moment', o%damping_phi%force, errors)
     call file%get_into('/scalars/grains', o%grains, errors)
     call file%get_into('/scalars/solid', o%solid, errors)
     call file%close(errors)
@@ -114,7 +137,12 @@ contains
     o%work_taken = numbers(2)
     o%turnover = numbers(3)
     o%hold_work = numbers(4)
+    o%damping%lost = numbers(5)
+    o%damping_phi%lost = numbers(6)
     o%step = counts(1)
+    o%remaps = counts(2)
+    o%looked = looked(1)
+    o%told = told == 1
   end subroutine read_overlap_state
 
   subroutine read_motion(file, o, errors)

@@ -19,7 +19,7 @@ module cpl_overlap_log
   public :: log_census, open_overlap_audit, overlap_audit_row, overlap_row_titles, overlap_row, &
     overlap_health, overlap_summary
 
-  integer(i4), parameter :: column_count = 27
+  integer(i4), parameter :: column_count = 28
 
 contains
 
@@ -37,9 +37,10 @@ contains
     call log%item('elements', str(count(o%sets%part == part_free))//' of free grains, '// &
                   str(count(o%sets%part == part_ghost))//' of ghosts, '// &
                   str(count(o%sets%part == part_rest))//' of continuum alone')
-    call log%item('free grains', str(o%op%free), 'under elements, '// &
-                  str(size(o%sets%outside))//' elsewhere; '//str(o%sets%least_in_element)// &
-                  ' to an element at least, '//short_number(o%sets%mean_in_element)//' in the mean')
+    call log%item('free grains', str(count(o%seen)), 'under elements, '// &
+                  str(size(o%sets%outside) + count(.not. o%seen))//' elsewhere; '// &
+                  str(o%sets%least_in_element)//' to an element at least, '// &
+                  short_number(o%sets%mean_in_element)//' in the mean')
     call log%item('ghosts', str(o%op%ghosts), turning)
     call log%item('nodes', str(o%op%hats)//' follow free grains', str(o%op%nodes - o%op%hats)// &
                   ' of the edge, micro-rotations '//str(o%op%hats_phi)//' and '// &
@@ -50,8 +51,7 @@ contains
                   choices%overlap%weights, "condition of N'WN "//short_number(o%op%p%condition))
     call log%item('identities', 'within '//short_number(o%identity))
     call log_weights(log, o, choices)
-    call log%item('mass moved', short_number(o%moved_mass)//' kg', 'of elements outside, from '// &
-                  'hat nodes to free grains; largest factor '//short_number(maxval(o%factor)))
+    call log_masses(log, o, choices)
     call log%item('exchanges', str(choices%exchanges), 'of '//short_number(choices%exchange)// &
                   ' s, '//str(o%substeps)//' steps of the grains each, scheme '// &
                   choices%overlap%scheme)
@@ -59,6 +59,27 @@ contains
       call log%warn("rotation = 'fixed': ghosts resist turning, and moments on them are lost")
     call log%memory()
   end subroutine log_census
+
+  !> Masses of hat nodes, the stable step, damping.
+  subroutine log_masses(log, o, choices)
+    type(log_type), intent(inout) :: log
+    type(overlap_type), intent(in) :: o
+    type(cpl_choices_type), intent(in) :: choices
+    if (o%carried%active) then
+      call log%item('mass carried', short_number(o%moved_mass)//' kg', &
+                    'of elements outside, by nodes that follow free grains')
+      if (o%turns .and. .not. o%round_free) call log%item('micro-inertia', 'left out', &
+        'that of these nodes: free grains are no spheres')
+    else
+      call log%item('mass moved', short_number(o%moved_mass)//' kg', 'of elements outside, '// &
+        'from hat nodes to free grains, '//choices%overlap%mass//'; factors '// &
+        short_number(minval(o%factor))//' to '//short_number(maxval(o%factor)))
+    end if
+    if (o%step_limit < huge(1.0_wp)) call log%item('stable step', short_number(o%step_limit)// &
+      ' s', 'of grains and nodes that step with them')
+    if (o%damping%active) call log%item('fine scale damped', short_number( &
+      choices%overlap%fine_damping)//' 1/s', 'at the ghosts, fading to the far end')
+  end subroutine log_masses
 
   !> How energy is shared.
   subroutine log_weights(log, o, choices)
@@ -104,6 +125,7 @@ contains
     call append_string(columns, 'interface_work_given [J]')
     call append_string(columns, 'interface_work_taken [J]')
     call append_string(columns, 'held_load_work [J]')
+    call append_string(columns, 'fine_scale_damping [J]')
     do k = 1, 3
       call append_string(columns, 'momentum_'//axes(k)//' [kg m/s]')
     end do
@@ -124,12 +146,19 @@ contains
     end if
   end subroutine open_overlap_audit
 
-  !> Kinetic and elastic energy of all, less the work of the loads that balance the start [J].
+  !> Kinetic and elastic energy of all, less the work of the loads that balance the start, and what
+  !! the damping of the fine scale has taken [J].
   pure real(wp) function total_energy(o)
     type(overlap_type), intent(in) :: o
     total_energy = o%grains(scalar_kinetic) + o%grains(scalar_elastic) + o%solid(scalar_kinetic) &
-                   + o%solid(scalar_elastic) + o%edge_kinetic() - o%hold_work
+                   + o%solid(scalar_elastic) + o%edge_kinetic() - o%hold_work + fine_loss(o)
   end function total_energy
+
+  !> What the damping of the fine scale has taken [J].
+  pure real(wp) function fine_loss(o)
+    type(overlap_type), intent(in) :: o
+    fine_loss = o%damping%lost + o%damping_phi%lost
+  end function fine_loss
 
   pure real(wp) function ghost_motion(o)
     type(overlap_type), intent(in) :: o
@@ -153,14 +182,15 @@ contains
       value(12) = total_energy(o)
       value(13:15) = [o%work_given, o%work_taken, o%hold_work]
       edge = o%edge_momentum()
-      value(16:18) = g(scalar_momentum:scalar_momentum + 2) + s(scalar_momentum:scalar_momentum &
+      value(16) = fine_loss(o)
+      value(17:19) = g(scalar_momentum:scalar_momentum + 2) + s(scalar_momentum:scalar_momentum &
         + 2) + edge(:3)
-      value(19:21) = g(scalar_angular_momentum:scalar_angular_momentum + 2) &
+      value(20:22) = g(scalar_angular_momentum:scalar_angular_momentum + 2) &
         + s(scalar_angular_momentum:scalar_angular_momentum + 2) + edge(4:)
-      value(22:24) = sum(o%f(:, o%op%hats + 1:), 2)
-      value(25) = o%fine_scale()
-      value(26) = ghost_motion(o)
-      value(27) = g(scalar_max_overlap)
+      value(23:25) = sum(o%f(:, o%op%hats + 1:), 2)
+      value(26) = o%fine_scale()
+      value(27) = ghost_motion(o)
+      value(28) = g(scalar_max_overlap)
     end associate
     call file%write(value, errors)
   end subroutine overlap_audit_row
@@ -235,7 +265,7 @@ contains
     call summary%set('wall_time_s', timers%elapsed())
     call summary%set('steps', o%step)
     call summary%set('time_s', time)
-    call summary%set('free_grains', o%op%free)
+    call summary%set('free_grains', count(o%seen))
     call summary%set('ghosts', o%op%ghosts)
     call summary%set('hat_nodes', o%op%hats)
     call summary%set('edge_nodes', o%op%nodes - o%op%hats)
@@ -249,6 +279,9 @@ contains
     call summary%set('overlap.fit_residual', o%fit%after)
     call summary%set('overlap.depth_m', o%sets%depth)
     call summary%set('overlap.moved_mass_kg', o%moved_mass)
+    if (o%step_limit < huge(1.0_wp)) call summary%set('overlap.stable_step_s', o%step_limit)
+    call summary%set('overlap.fine_scale_damping_J', fine_loss(o))
+    call summary%set('overlap.remaps', o%remaps)
     call summary%set('overlap.total_energy_J', total_energy(o))
     call summary%set_timers(timers)
     call summary%set_errors(faults)

@@ -1,7 +1,14 @@
 !> Each mass belongs to one side: grains own what the free ones fill, nodes own the rest, ghosts
-!! nothing. What elements outside would give to hat nodes goes to the free grains nearest to them.
+!! nothing. What elements outside give to hat nodes moves with the free grains:
+!!
+!! 'consistent': it stays at the nodes, whose acceleration is that of the grains, P Q'': their
+!! inertia comes back by P' (cpl_inertia). 'projected': the grains get P' m, the row sums of
+!! P' M P, more or less than they had. 'nearest': the eight nearest grains of each node get it.
+!! (theory: overlap coupling, Who owns what)
 module cpl_overlap_mass
   use talus_kinds, only: wp, i4
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
   use cpl_elements, only: most_nodes, corner_count
   use cpl_overlap, only: overlap_type
   use cpl_sets, only: part_free
@@ -9,23 +16,57 @@ module cpl_overlap_mass
   private
   public :: share_mass
 
-  integer(i4), parameter :: sharers = 8  !! grains that a node's mass goes to
+  integer(i4), parameter :: sharers = 8          !! grains that a node's mass goes to
+  integer(i4), parameter :: named = 5            !! grains that a message names
+  real(wp), parameter :: least_factor = 0.05_wp  !! on the mass of a grain
 
 contains
 
-  !> Factors on the masses of the free grains.
-  subroutine share_mass(o)
+  !> Factors on the masses of the free grains, or masses of the hat nodes. I429: grains that would
+  !! keep less than a twentieth of their mass.
+  subroutine share_mass(o, how, errors)
     type(overlap_type), intent(inout) :: o
-    real(wp) :: extra(o%op%free), mass(o%op%hats), far(o%op%free)
-    integer(i4) :: a, k, n, g
+    character(len=*), intent(in) :: how  !! consistent, projected or nearest
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: extra(o%op%free), mass(o%op%hats), lumped(3, o%op%hats), given(3, o%op%free)
 
-    call hat_masses(o, mass)
+    call hat_shares(o, mass)
+    o%moved_mass = sum(mass)
     extra = 0.0_wp
-    n = min(sharers, o%op%free)
+    o%mass(:o%op%hats) = 0.0_wp
+    o%inertia(:o%op%hats_phi) = 0.0_wp
+    select case (how)
+    case ('consistent')
+      o%mass(:o%op%hats) = mass
+      call hat_inertias(o, o%inertia(:o%op%hats_phi))
+      if (.not. o%round_free) o%inertia(:o%op%hats_phi) = 0.0_wp
+      call o%carried%build(o%op%p, o%pack%mass(o%sets%free), mass, errors)
+      if (o%turns .and. o%round_free) call o%carried_phi%build(o%op%p_phi, &
+        o%pack%inertia(o%sets%free), o%inertia(:o%op%hats_phi), errors)
+    case ('projected')
+      lumped = spread(mass, 1, 3)
+      given = 0.0_wp
+      call o%op%p%transposed(lumped, given)
+      extra = given(1, :)
+    case default
+      call share_nearest(o, mass, extra)
+    end select
+    o%factor = 1.0_wp + extra/o%pack%mass(o%sets%free)
+    call check_factors(o, errors)
+  end subroutine share_mass
+
+  !> The mass of each node to the free grains nearest to it.
+  subroutine share_nearest(o, mass, extra)
+    type(overlap_type), intent(in) :: o
+    real(wp), intent(in) :: mass(:)      !! of the hat nodes [kg]
+    real(wp), intent(inout) :: extra(:)  !! of the free grains [kg]
+    real(wp) :: far(o%op%free)
+    integer(i4) :: a, k, n, g
+    n = min(sharers, int(count(o%seen), i4))
     do a = 1, o%op%hats
       if (.not. mass(a) > 0.0_wp) cycle
       do g = 1, o%op%free
-        far(g) = sum((o%x_free(:, g) - o%x_node(:, a))**2)
+        far(g) = merge(sum((o%x_free(:, g) - o%x_node(:, a))**2), huge(1.0_wp), o%seen(g))
       end do
       do k = 1, n
         g = minloc(far, 1)
@@ -33,15 +74,55 @@ contains
         far(g) = huge(1.0_wp)
       end do
     end do
-    o%moved_mass = sum(mass)
-    o%factor = 1.0_wp + extra/o%pack%mass(o%sets%free)
-  end subroutine share_mass
+  end subroutine share_nearest
+
+  !> I429, with the grains that lose most.
+  subroutine check_factors(o, errors)
+    type(overlap_type), intent(in) :: o
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: left(o%op%free)
+    character(len=:), allocatable :: ids
+    integer(i4) :: k, g, n
+
+    n = count(.not. o%factor >= least_factor)
+    if (n == 0) return
+    left = o%factor
+    ids = ''
+    do k = 1, min(named, n)
+      g = minloc(left, 1)
+      if (k > 1) ids = ids//', '
+      ids = ids//str(o%pack%id(o%sets%free(g)))
+      left(g) = huge(1.0_wp)
+    end do
+    call errors%add('I429', str(n)//' free grains would keep less than '//str(least_factor)// &
+      ' of their mass, the least '//str(minval(o%factor))//': '//ids, '', &
+      "write mass = 'consistent' in &overlap, or take larger elements")
+  end subroutine check_factors
 
   !> Mass of hat nodes that comes from elements outside, by the integrals of their functions, of
   !! elements with middle nodes by their volumes [kg].
-  subroutine hat_masses(o, mass)
+  subroutine hat_shares(o, mass)
     type(overlap_type), intent(in) :: o
     real(wp), intent(out) :: mass(:)
+    associate (node => o%op%node(:o%op%hats))
+      mass = o%cells%mass(node)*outside_share(o, node)
+    end associate
+  end subroutine hat_shares
+
+  !> The same for micro-inertia [kg m^2].
+  subroutine hat_inertias(o, inertia)
+    type(overlap_type), intent(in) :: o
+    real(wp), intent(out) :: inertia(:)
+    associate (node => o%op%node_phi(:o%op%hats_phi))
+      inertia = o%cells%inertia(node)*outside_share(o, node)
+    end associate
+  end subroutine hat_inertias
+
+  !> Share of nodes that elements without free grains give [-].
+  pure function outside_share(o, nodes) result(share_of)
+    type(overlap_type), intent(in) :: o
+    integer(i4), intent(in) :: nodes(:)
+    real(wp) :: share_of(size(nodes))
     real(wp) :: inside(o%cells%nodes), outside(o%cells%nodes), share(most_nodes)
     integer(i4) :: e, n
 
@@ -59,8 +140,6 @@ contains
         end if
       end associate
     end do
-    associate (node => o%op%node(:o%op%hats))
-      mass = o%cells%mass(node)*outside(node)/(inside(node) + outside(node))
-    end associate
-  end subroutine hat_masses
+    share_of = outside(nodes)/(inside(nodes) + outside(nodes))
+  end function outside_share
 end module cpl_overlap_mass

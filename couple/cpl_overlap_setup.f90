@@ -4,12 +4,16 @@ module cpl_overlap_setup
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
+  use talus_log, only: short_number
   use talus_message, only: verb_select, verb_set, verb_ready
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, rotation_fixed, rotation_curl, rotation_micro
   use cpl_operators, only: weigh_unit, weigh_mass, weigh_volume
   use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, &
     hat_phi_set, edge_phi_set
+  use cpl_fine_damping, only: ramp_from_ghosts
+  use cpl_overlap_file, only: hash_of
+  use cpl_overlap_limit, only: check_step
   use cpl_overlap_mass, only: share_mass
   use cpl_overlap_step, only: evaluate_forces, evaluate_bulk, read_free
   use cpl_overlap_weights, only: set_partition
@@ -48,13 +52,22 @@ contains
     if (errors%any()) return
     call o%sets%sort(o%cells, o%pack, errors)
     if (errors%any()) return
+    if (choices%overlap%remap > 0.0_wp) call o%sets%take_neighbours(o%pack)
     call o%op%build(o%cells, o%sets, o%pack, rotation_of(o, choices), weights_of(choices), &
                     choices%overlap%projection == 'mls', errors)
     if (errors%any()) return
     o%turns = o%op%hats_phi > 0
     o%round = all(o%pack%round(o%sets%ghost))
+    o%fine_damping = choices%overlap%fine_damping
+    o%round_free = all(o%pack%round(o%sets%free))
+    o%hears_force = choices%overlap%mass == 'consistent'
+    o%hears_speed = o%hears_force .or. choices%overlap%fine_damping > 0.0_wp
     call o%allocate_state()
     call o%op%identity_error(o%x_free, o%x_node, o%x_ghost, o%identity, errors)
+    o%sets_hash = hash_of(o)
+    call share_mass(o, choices%overlap%mass, errors)
+    if (.not. errors%any()) call make_damping(o, choices%overlap%fine_damping, &
+                                              solvers(side_grains), errors)
   end subroutine make_overlap
 
   !> D422: a solid that takes no kicks, grains without a step of their own, a mass that is scaled.
@@ -103,6 +116,7 @@ contains
       call reply%take_int('kind', p%kind, errors)
       if (errors%any()) return
       p%inertia = sum(inertia, 1)/3.0_wp
+      p%slimmest = minval(inertia, 1)
       p%volume = sphere*product(axes, 1)
       p%round = maxval(axes, 1) - minval(axes, 1) <= 0.0_wp
     end associate
@@ -242,8 +256,8 @@ contains
     if (errors%any()) return
     call set_partition(o, solvers, choices, again, timers, errors)
     if (errors%any()) return
-    call share_mass(o)
     call set_mass(o, solvers(side_grains), timers, errors)
+    if (.not. (again .or. errors%any())) call check_step(o, solvers, timers, errors)
     if (errors%any()) return
     call ready(solvers(side_grains), o%step, timers, errors)
     if (errors%any()) return
@@ -259,12 +273,33 @@ contains
     if (.not. errors%any()) &
       call evaluate_bulk(o, solvers(side_solid), 0.0_wp, solvers(1)%time, timers, errors)
     if (errors%any() .or. .not. choices%overlap%dead_load) return
+    call o%pull()
     o%f_hold = -o%f
     o%c_hold = -o%c
     o%force_hold = -o%force
     o%moment_hold = -o%moment
     call o%pull()
+    call o%resist()
   end subroutine begin_overlap
+
+  !> Damping of the fine scale, strongest at the ghosts. D426: more than a step can take.
+  subroutine make_damping(o, rate, grains, errors)
+    type(overlap_type), intent(inout) :: o
+    real(wp), intent(in) :: rate  !! [1/s]
+    type(cpl_solver_type), intent(in) :: grains
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: ramp(o%op%free)
+    if (.not. rate > 0.0_wp) return
+    if (rate*grains%dt > 1.0_wp) then
+      call errors%add('D426', 'fine_damping = '//str(rate)//' 1/s stops the fine scale in less '// &
+                      'than a step of the grains, '//str(grains%dt)//' s', grains%deck, &
+                      'take at most 1/dt; a tenth of the highest frequency of the grains is much')
+      return
+    end if
+    call ramp_from_ghosts(o%cells, o%sets%part == part_ghost, o%x_free, o%seen, ramp)
+    call o%damping%build(rate, ramp, o%factor*o%pack%mass(o%sets%free))
+    if (o%turns) call o%damping_phi%build(rate, ramp, o%factor*o%pack%slimmest(o%sets%free))
+  end subroutine make_damping
 
   subroutine ready(solver, step, timers, errors)
     type(cpl_solver_type), intent(inout) :: solver
@@ -285,8 +320,7 @@ contains
     associate (grains => solvers(side_grains), solid => solvers(side_solid), n => o%op%hats, &
                m => o%op%hats_phi)
       call choose(grains, ghost_set, 'prescribe', o%pack%id(o%sets%ghost), 'force,moment')
-      call choose(grains, free_set, 'report', o%pack%id(o%sets%free), trim(merge('x,theta', &
-                                                                    'x      ', o%turns)))
+      call choose(grains, free_set, 'report', o%pack%id(o%sets%free), told(o))
       call choose(grains, pulled_set, 'load', o%pack%id(o%sets%free), '')
       call choose(solid, hat_set, 'prescribe', int(o%op%node(:n), i8), 'u')
       call choose(solid, edge_set, 'prescribe', int(o%op%node(n + 1:), i8), 'u')
@@ -319,15 +353,39 @@ contains
     end subroutine choose
   end subroutine select_sets
 
+  !> What the grains tell of the free ones.
+  pure function told(o) result(fields)
+    type(overlap_type), intent(in) :: o
+    character(len=:), allocatable :: fields
+    fields = 'x'
+    if (o%turns) fields = fields//',theta'
+    if (o%hears_force) fields = fields//',force'
+    if (o%hears_force .and. o%turns) fields = fields//',moment'
+    if (o%hears_speed) fields = fields//',v'
+    if (o%hears_speed .and. o%turns) fields = fields//',omega'
+  end function told
+
+  !> Factors on the masses of the free grains. D425: the step is above the limit that comes back.
   subroutine set_mass(o, grains, timers, errors)
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: grains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
+    real(wp) :: limit
+    integer(i4) :: light
     call grains%start_request(verb_set, o%step, grains%time, grains%time)
     call grains%request%put_text('what', 'mass_factor')
     call grains%request%put_text('set', pulled_set)
     call grains%request%put('value', o%factor)
     call grains%ask(timers, errors)
+    if (errors%any() .or. .not. any(abs(o%factor - 1.0_wp) > 0.0_wp)) return
+    call grains%reply%get('step_limit', limit, errors)
+    if (errors%any() .or. grains%dt <= limit) return
+    light = minloc(o%factor, 1)
+    call errors%add('D425', 'the step of the grains, '//str(grains%dt)//' s, is above the '// &
+      'stable step with the masses of the overlap, '//short_number(limit)//' s: grain '// &
+      str(o%pack%id(o%sets%free(light)))//' keeps '//short_number(o%factor(light))// &
+      ' of its mass', grains%deck, "shorten dt in its deck, or write mass = 'consistent' in "// &
+      '&overlap')
   end subroutine set_mass
 end module cpl_overlap_setup

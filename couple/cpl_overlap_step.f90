@@ -54,16 +54,30 @@ contains
       if (k == 1 .and. .not. errors%any()) call solvers(side_solid)%receive(timers, errors)
       if (errors%any()) return
       call read_free(o, solvers(side_grains), errors)
+      call note_damping(o, q, theta)
+      call timers%start('projection and maps')
       call o%follow(dt, v, spin)
+      call timers%stop('projection and maps')
       call evaluate_forces(o, solvers, v, spin, now, timers, errors)
       if (errors%any()) return
+      call note_damping(o, q, theta)
+      call timers%start('works')
       call o%note_work(q, theta, u, phi, dt*v, dt*spin)
+      call timers%stop('works')
     end do
     call finish_step(o, solvers, dt, h, t1, timers, errors)
     if (errors%any()) return
     call accept_both(o, solvers, t0, t1, timers, errors)
     if (.not. errors%any()) o%step = o%step + 1
   end subroutine overlap_step
+
+  !> Half of what the damping takes in a step that began at q and theta.
+  subroutine note_damping(o, q, theta)
+    type(overlap_type), intent(inout) :: o
+    real(wp), intent(in) :: q(:, :), theta(:, :)  !! (3, free) [m], [rad]
+    if (o%damping%active) call o%damping%note(o%q - q)
+    if (o%damping_phi%active) call o%damping_phi%note(o%theta - theta)
+  end subroutine note_damping
 
   !> The last half kicks, with everything at t1.
   subroutine finish_step(o, solvers, dt, h, t1, timers, errors)
@@ -84,6 +98,7 @@ contains
     if (errors%any()) return
     call read_free(o, solvers(side_grains), errors)
     call solvers(side_grains)%reply%get('scalars', o%grains, errors)
+    if (o%carried%active) call o%op%to_hats(o%speed, o%spin, o%v, o%w)
     if (errors%any() .or. o%finite()) return
     call errors%add('N407', 'a force or displacement of the overlap is no number', &
                     'exchange to '//str(t1)//' s', 'one side has become unstable: look at the '// &
@@ -113,7 +128,9 @@ contains
     type(error_list_type), intent(inout) :: errors
     call grains%reply%get(free_set//'.x', o%q, errors)
     o%q = o%q - o%x_free
+    if (o%hears_speed) call grains%reply%get(free_set//'.v', o%speed, errors)
     if (.not. o%turns) return
+    if (o%hears_speed) call grains%reply%get(free_set//'.omega', o%spin, errors)
     call grains%reply%get(free_set//'.theta', o%theta, errors)
     o%theta = o%theta - o%theta_ref
   end subroutine read_free
@@ -128,9 +145,31 @@ contains
     call solid%start_request(verb_kick_drift, o%step, t0, t1)
     call solid%request%put('kick', kick)
     call solid%request%put('drift', drift)
-    if (drift > 0.0_wp) call solid%request%put_int('brief', 1_i4)
+    if (drift > 0.0_wp) then
+      call solid%request%put_int('brief', 1_i4)
+    else
+      call put_velocities(o, solid, kick)
+    end if
     call solid%send(timers, errors)
   end subroutine send_bulk
+
+  !> Velocities of hat and edge for the solid's field output; the last kick of the edge, which waits
+  !! for the answer, is taken from the forces of the exchange before.
+  subroutine put_velocities(o, solid, kick)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    real(wp), intent(in) :: kick  !! s
+    real(wp) :: v(3, o%op%nodes - o%op%hats)
+    integer(i4) :: a
+    v = o%v(:, o%op%hats + 1:)
+    do a = 1, size(v, 2)
+      associate (k => a + o%op%hats)
+        where (.not. o%held(:, k)) v(:, a) = v(:, a) + kick*o%bulk(:, k)/o%mass(k)
+      end associate
+    end do
+    call solid%request%put(hat_set//'.v', o%v(:, :o%op%hats))
+    call solid%request%put(edge_set//'.v', v)
+  end subroutine put_velocities
 
   !> FORCE on both sides with ghosts and nodes where they are now, and what comes back to the free.
   subroutine evaluate_forces(o, solvers, v, spin, t, timers, errors)
@@ -160,9 +199,16 @@ contains
       if (errors%any()) return
       call grains%reply%get(ghost_set//'.force', o%p, errors)
       call grains%reply%get(ghost_set//'.moment', o%m, errors)
+      if (o%hears_force) call grains%reply%get(free_set//'.force', o%contact, errors)
+      if (o%hears_force .and. o%turns) &
+        call grains%reply%get(free_set//'.moment', o%contact_moment, errors)
       call read_nodes(o, solid, 'force', 'moment', o%element, o%element_phi, errors)
     end associate
-    if (.not. errors%any()) call o%pull()
+    if (errors%any()) return
+    call timers%start('pull-backs')
+    call o%pull()
+    call o%resist()
+    call timers%stop('pull-backs')
   end subroutine evaluate_forces
 
   !> Where the nodes are, in a request to the solid.

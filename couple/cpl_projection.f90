@@ -29,6 +29,7 @@ module cpl_projection
     real(wp) :: condition = 1.0_wp
   contains
     procedure :: build_l2
+    procedure :: build_loaded
     procedure :: build_mls
     procedure :: apply
     procedure :: transposed
@@ -76,6 +77,29 @@ contains
         'element are wanted for hex8, 60 for hex20')
   end subroutine build_l2
 
+  !> (N' W N + M)^-1 N' W on the rows of another projection: the nodes carry masses M of their own,
+  !! w are those of the grains.
+  subroutine build_loaded(self, p, w, mass, errors)
+    class(projection_type), intent(inout) :: self
+    type(projection_type), intent(in) :: p
+    real(wp), intent(in) :: w(:), mass(:)
+    type(error_list_type), intent(inout) :: errors
+    type(band_type) :: matrix
+    integer(i4) :: left(p%n%columns), bad
+
+    self%mls = .false.
+    self%n = p%n
+    self%w = w
+    self%place = p%place
+    call profile(p%n, self%place, left)
+    call matrix%shape_by(left)
+    call fill(self, matrix, mass)
+    self%factor = matrix
+    call self%factor%factor(bad)
+    if (bad > 0) call errors%add('I425', "the masses N'MN that nodes carry are singular", '', &
+                                 'take larger elements')
+  end subroutine build_loaded
+
   !> Nodes along the longest extent of all: the profile is as narrow as a slice.
   subroutine order_nodes(x, place)
     real(wp), intent(in) :: x(:, :)
@@ -115,10 +139,11 @@ contains
     end do
   end subroutine profile
 
-  !> N' W N, then scaled to a unit diagonal; scale is 0 where there is nothing.
-  subroutine fill(self, matrix)
+  !> N' W N, with masses of the nodes, scaled to a unit diagonal; scale is 0 where there is nothing.
+  subroutine fill(self, matrix, mass)
     type(projection_type), intent(inout) :: self
     type(band_type), intent(inout) :: matrix
+    real(wp), intent(in), optional :: mass(:)  !! of the columns
     integer(i4) :: i, e, f, a, b
     do i = 1, self%n%rows
       do e = self%n%first(i), self%n%first(i + 1) - 1
@@ -129,6 +154,11 @@ contains
         end do
       end do
     end do
+    if (present(mass)) then
+      do i = 1, size(mass)
+        call matrix%add(self%place(i), self%place(i), mass(i))
+      end do
+    end if
     if (allocated(self%scale)) deallocate (self%scale)
     allocate (self%scale(matrix%n), source=0.0_wp)
     do i = 1, matrix%n

@@ -23,6 +23,7 @@ module cpl_sets
     real(wp), allocatable :: radius(:)    !! of the ball around each [m]
     real(wp), allocatable :: mass(:)      !! [kg]
     real(wp), allocatable :: inertia(:)   !! a third of the trace [kg m^2]
+    real(wp), allocatable :: slimmest(:)  !! least principal moment of inertia [kg m^2]
     real(wp), allocatable :: volume(:)    !! [m^3]
     integer(i4), allocatable :: kind(:)   !! 0 free, 1 fixed, 2 driven
     logical, allocatable :: round(:)
@@ -43,8 +44,10 @@ module cpl_sets
     real(wp) :: depth = 0.0_wp                 !! of the ghosts' layer [m]
     integer(i4) :: least_in_element = 0        !! free grains in an element, fewest
     real(wp) :: mean_in_element = 0.0_wp
+    real(wp) :: least_size = 0.0_wp            !! of the elements of free grains [m]
   contains
     procedure :: sort
+    procedure :: take_neighbours
   end type sets_type
 
 contains
@@ -140,6 +143,25 @@ contains
       'grains and mesh must overlap: look at units and places of both')
   end subroutine sort_grains
 
+  !> Free grains under no element but within the length of one of those of the free grains: they may
+  !! come under one, and become free grains that no node sees yet (spot%element = 0).
+  subroutine take_neighbours(self, pack_of)
+    class(sets_type), intent(inout) :: self
+    type(pack_type), intent(in) :: pack_of
+    type(spot_type), allocatable :: spot(:)
+    logical :: near(size(self%outside))
+    integer(i4) :: k, n
+    do k = 1, size(near)
+      near(k) = self%hull%distance(pack_of%x(:, self%outside(k))) < self%least_size
+    end do
+    n = int(size(self%free), i4)
+    allocate (spot(n + count(near)))
+    spot(:n) = self%free_spot
+    call move_alloc(spot, self%free_spot)
+    self%free = [self%free, pack(self%outside, near)]
+    self%outside = pack(self%outside, .not. near)
+  end subroutine take_neighbours
+
   pure subroutine put(g, n, list_of)
     integer(i4), intent(in) :: g
     integer(i4), intent(inout) :: n, list_of(:)
@@ -172,6 +194,11 @@ contains
     do k = 1, size(self%free)
       e = self%free_spot(k)%element
       inside(e) = inside(e) + 1
+    end do
+    self%least_size = huge(1.0_wp)
+    do e = 1, cells%elements
+      if (self%part(e) == part_free) self%least_size = min(self%least_size, &
+                                                           cells%volume(e)**(1.0_wp/3.0_wp))
     end do
     self%least_in_element = minval(inside, self%part == part_free)
     self%mean_in_element = real(size(self%free), wp)/count(self%part == part_free)

@@ -28,6 +28,7 @@ class Bar:
     ghosts: int
     rest: int
     n: int = 4
+    pressed: float = STRAIN  # strain by which the grains are pressed together, spacing kept
 
     @property
     def h(self) -> float:
@@ -39,9 +40,20 @@ class Bar:
         """Where the mesh begins; the first, fixed grain is at 0 [m]."""
         return self.grains * A
 
-    def write(self, folder: Path, speed: object, alone: bool = False) -> None:
+    @property
+    def radius(self) -> float:
+        """Radius of a grain [m]."""
+        return 0.5 * A / (1 - self.pressed)
+
+    @property
+    def density(self) -> float:
+        """Density of the grains, for MASS [kg/m3]."""
+        return MASS / (4 / 3 * np.pi * self.radius**3)
+
+    def write(self, folder: Path, speed: object, alone: bool = False, shift: object = None) -> None:
         """Write pack.h5 and bar.h5; speed(z): velocity at the start, z from the mesh on [m/s].
 
+        shift(z): displacement of the grains at the start [m].
         alone: grains over the whole length, a mesh as long as both with node groups 0, 1, ...
         """
         elements = self.free + self.ghosts
@@ -55,7 +67,9 @@ class Bar:
         v[kind == 1] = 0.0
         if alone:
             kind[x[:, 2] > z[-1] - 0.5 * A] = 1
-        radius = np.full(x.shape, 0.5 * DIAMETER)
+        if shift is not None:
+            x[:, 2] += shift(x[:, 2] - self.start)
+        radius = np.full(x.shape, self.radius)
         write_packing(folder / "pack.h5", x, radius, kind=kind, v=v)
         low, half = self.start, 0.5 * ACROSS * SIDE
         count = elements + self.rest

@@ -1,0 +1,127 @@
+!> Is the step of the grains stable in the overlap? Power iteration on the coupled operator, with
+!! rotations of grains and micro-rotations of nodes (theory: overlap coupling, Time).
+module cpl_overlap_limit
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_log, only: short_number
+  use talus_timers, only: timers_type
+  use cpl_coupled, only: coupled_type, motion_type
+  use cpl_overlap, only: overlap_type
+  use cpl_overlap_partition, only: contacts_type, points_type
+  use cpl_overlap_weights, only: read_contacts, read_points
+  use cpl_solver, only: cpl_solver_type, side_grains, side_solid
+  implicit none
+  private
+  public :: check_step, highest_frequency, mode_type
+
+  integer(i4), parameter :: most_rounds = 300, quiet_rounds = 5
+  real(wp), parameter :: settled = 1.0e-4_wp  !! change of the frequency in a round, relative
+
+  !> The fastest motion: angular frequency, and who moves most in it.
+  type :: mode_type
+    real(wp) :: omega = 0.0_wp    !! [1/s]
+    integer(i4) :: grain = 0      !! row in the pack, 0: a node
+    integer(i4) :: node = 0       !! id
+    logical :: turns = .false.    !! by its rotation
+    integer(i4) :: rounds = 0     !! of the iteration
+  end type mode_type
+
+contains
+
+  !> D425: the step of the grains is above the stable step 2/omega of the overlap.
+  subroutine check_step(o, solvers, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    type(contacts_type) :: contacts
+    type(points_type) :: points
+    type(coupled_type) :: coupled
+    type(mode_type) :: mode
+    character(len=:), allocatable :: who
+
+    call read_contacts(solvers(side_grains), contacts, timers, errors)
+    if (.not. errors%any()) call read_points(solvers(side_solid), points, timers, errors)
+    if (errors%any()) return
+    call timers%start('stable step')
+    call coupled%build(o, contacts, points, o%pack%slimmest)
+    mode = highest_frequency(o, coupled)
+    call timers%stop('stable step')
+    if (.not. mode%omega > 0.0_wp) return
+    o%step_limit = 2.0_wp/mode%omega
+    associate (grains => solvers(side_grains))
+      if (grains%dt <= o%step_limit) return
+      who = 'node '//str(mode%node)//' of the edge'
+      if (mode%grain > 0) who = 'grain '//str(o%pack%id(mode%grain))
+      who = who//trim(merge(' turns', ' moves', mode%turns))
+      call errors%add('D425', 'the step of the grains, '//str(grains%dt)//' s, is above the '// &
+        'stable step of the overlap, '//short_number(o%step_limit)//' s: '//who// &
+        ' fastest', grains%deck, 'shorten dt in its deck; if the grains alone allow the step, '// &
+        'moduli of the solid that are too stiff for the pack, light nodes or mass factors '// &
+        '(least '//short_number(minval(o%factor))//') are the cause')
+    end associate
+  end subroutine check_step
+
+  !> Largest eigenvalue of M^-1 K by its quotient r'a / y'r, r = K y, a = M^-1 r: from below, within
+  !! some tenths of a percent.
+  function highest_frequency(o, coupled) result(mode)
+    type(overlap_type), intent(in) :: o
+    type(coupled_type), intent(in) :: coupled
+    type(mode_type) :: mode
+    type(motion_type) :: y, r, a
+    real(wp) :: square, before, power, largest
+    integer(i4) :: quiet
+
+    call coupled%start(o, y)
+    square = 0.0_wp
+    quiet = 0
+    do while (mode%rounds < most_rounds .and. quiet < quiet_rounds)
+      mode%rounds = mode%rounds + 1
+      call coupled%stiffness_times(o, y, r)
+      a = r
+      call coupled%accelerate(o, a)
+      power = work(o, y, r)
+      if (.not. power > 0.0_wp) return
+      before = square
+      square = work(o, a, r)/power
+      quiet = merge(quiet + 1, 0_i4, abs(square - before) <= 2.0_wp*settled*square)
+      largest = max(maxval(abs(a%q)), maxval(abs(a%u)), tiny(1.0_wp))
+      y%q = a%q/largest
+      y%theta = a%theta/largest
+      y%u = a%u/largest
+      y%phi = a%phi/largest
+    end do
+    mode%omega = sqrt(square)
+    call name_mover(o, a, r, mode)
+  end function highest_frequency
+
+  !> Work of forces on what moves by itself.
+  pure real(wp) function work(o, y, r)
+    type(overlap_type), intent(in) :: o
+    type(motion_type), intent(in) :: y, r
+    associate (n => o%op%hats + 1, m => o%op%hats_phi + 1)
+      work = sum(y%q*r%q) + sum(y%theta*r%theta) + sum(y%u(:, n:)*r%u(:, n:)) &
+             + sum(y%phi(:, m:)*r%phi(:, m:))
+    end associate
+  end function work
+
+  !> Who has the largest share of the power.
+  pure subroutine name_mover(o, a, r, mode)
+    type(overlap_type), intent(in) :: o
+    type(motion_type), intent(in) :: a, r
+    type(mode_type), intent(inout) :: mode
+    real(wp) :: best(4)
+    integer(i4) :: k
+    best = 0.0_wp
+    best(1:2) = [maxval(sum(a%q*r%q, 1)), maxval(sum(a%theta*r%theta, 1))]
+    if (size(a%u) > 0) best(3) = maxval(sum(a%u*r%u, 1))
+    if (size(a%phi) > 0) best(4) = maxval(sum(a%phi*r%phi, 1))
+    k = maxloc(best, 1)
+    mode%turns = k == 2 .or. k == 4
+    if (k == 1) mode%grain = maxloc(sum(a%q*r%q, 1), 1)
+    if (k == 2) mode%grain = maxloc(sum(a%theta*r%theta, 1), 1)
+    if (k == 3) mode%node = o%op%node(maxloc(sum(a%u*r%u, 1), 1))
+    if (k == 4) mode%node = o%op%node_phi(maxloc(sum(a%phi*r%phi, 1), 1))
+  end subroutine name_mover
+end module cpl_overlap_limit

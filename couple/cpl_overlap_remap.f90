@@ -1,0 +1,181 @@
+!> Grains that move past the nodes: when one has left the elements of the free grains, or all have
+!! moved far, the projection is made anew from where they are (theory: overlap coupling, Remap).
+!!
+!! Nothing jumps: nodes and grains stay where they are, displacements of the grains count from here,
+!! those of the nodes are kept. Ghosts sit where they sat in their elements, weights stay frozen.
+!! Grains that no element holds are free like others, but no node follows them.
+module cpl_overlap_remap
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_log, only: short_number
+  use cpl_cells, only: cells_type, spot_type
+  use cpl_fine_damping, only: ramp_from_ghosts
+  use cpl_operators, only: riders_type
+  use cpl_overlap, only: overlap_type
+  use cpl_sets, only: part_free, part_ghost
+  implicit none
+  private
+  public :: look_after, rebuild_map
+
+  real(wp), parameter :: look_every = 0.02_wp  !! of an element: motion between two looks
+  integer(i4), parameter :: named = 5          !! grains that a line names
+
+contains
+
+  !> At the end of an exchange; said is what the log has to tell, '' nothing. N423: a free grain has
+  !! left and the deck wants to stop.
+  subroutine look_after(o, share, leaving, time, said, errors)
+    type(overlap_type), intent(inout) :: o
+    real(wp), intent(in) :: share             !! of an element, beyond which P is made anew; 0 never
+    character(len=*), intent(in) :: leaving   !! remap, log or stop
+    real(wp), intent(in) :: time              !! s
+    character(len=:), allocatable, intent(out) :: said
+    type(error_list_type), intent(inout) :: errors
+    type(cells_type) :: moved
+    type(spot_type) :: spot(o%op%free)
+    logical, dimension(o%op%free) :: gone, come, news
+    real(wp) :: past
+    logical :: far
+
+    said = ''
+    past = maxval(o%past_nodes())
+    far = share > 0.0_wp .and. past > share*o%sets%least_size
+    if (.not. far .and. past < o%looked + look_every*o%sets%least_size) return
+    o%looked = past
+    call move_mesh(o, o%u, moved)
+    call find_all(o, moved, o%x_free + o%q, spot)
+    gone = o%seen .and. spot%element == 0
+    come = spot%element > 0 .and. .not. o%seen
+    news = gone .and. .not. o%told
+    o%told = o%told .or. gone
+    if (any(news)) said = 'time '//short_number(time)//' s: '//whom(o, news)// &
+                          ' left the elements of free grains'
+    if (any(news) .and. leaving == 'stop') then
+      call errors%add('N423', whom(o, news)//' left the elements of free grains', &
+                      'exchange to '//str(time)//' s', "the deck says leaving = 'stop': give "// &
+                      "more elements to free grains, or write leaving = 'remap' or 'log'")
+      return
+    end if
+    if (far .or. (leaving == 'remap' .and. any(gone .or. come))) &
+      call remap(o, past, int(count(gone), i4), int(count(come), i4), time, said, errors)
+  end subroutine look_after
+
+  !> '3 free grains (ids 4, 17, 20)'
+  function whom(o, news) result(text)
+    type(overlap_type), intent(in) :: o
+    logical, intent(in) :: news(:)
+    character(len=:), allocatable :: text
+    integer(i4), allocatable :: rows(:)
+    integer(i4) :: k
+    rows = pack(o%sets%free, news)
+    text = str(int(size(rows), i4))//' free grains ('
+    do k = 1, min(named, int(size(rows), i4))
+      if (k > 1) text = text//', '
+      text = text//str(o%pack%id(rows(k)))
+    end do
+    if (size(rows) > named) text = text//', ...'
+    text = text//')'
+  end function whom
+
+  !> From here on displacements count from where all are now.
+  subroutine remap(o, past, gone, come, time, said, errors)
+    type(overlap_type), intent(inout) :: o
+    real(wp), intent(in) :: past, time     !! [m], [s]
+    integer(i4), intent(in) :: gone, come  !! grains
+    character(len=:), allocatable, intent(inout) :: said
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: before
+
+    before = o%edge_kinetic()
+    o%x_free = o%x_free + o%q
+    o%theta_ref = o%theta_ref + o%theta
+    o%q = 0.0_wp
+    o%theta = 0.0_wp
+    o%u_map = o%u
+    o%phi_map = o%phi
+    o%remaps = o%remaps + 1
+    o%looked = 0.0_wp
+    call rebuild_map(o, errors)
+    if (errors%any()) return
+    call hold_again(o)
+    call o%pull()
+    call o%resist()
+    if (o%carried%active) call o%op%to_hats(o%speed, o%spin, o%v, o%w)
+    if (len(said) > 0) said = said//'; '
+    if (len(said) == 0) said = 'time '//short_number(time)//' s: '
+    said = said//'remap '//str(o%remaps)//': grains moved up to '// &
+      short_number(past/o%sets%least_size)//' of an element past the nodes, '//str(gone)// &
+      ' left, '//str(come)//' came, '//str(count(o%seen))//' are seen; energy changed by '// &
+      short_number(o%edge_kinetic() - before)//' J'
+  end subroutine remap
+
+  !> Loads that balance the start, which hat nodes hand to other grains now.
+  subroutine hold_again(o)
+    type(overlap_type), intent(inout) :: o
+    o%force_hold = 0.0_wp
+    o%moment_hold = 0.0_wp
+    call o%op%p%transposed(o%f_hold(:, :o%op%hats), o%force_hold)
+    if (o%op%hats_phi > 0) call o%op%p_phi%transposed(o%c_hold(:, :o%op%hats_phi), o%moment_hold)
+  end subroutine hold_again
+
+  !> P and what hangs on it, for free grains at x_free and nodes moved by u_map.
+  subroutine rebuild_map(o, errors)
+    type(overlap_type), intent(inout) :: o
+    type(error_list_type), intent(inout) :: errors
+    type(cells_type) :: moved
+    type(riders_type) :: riders
+    real(wp), dimension(o%op%free) :: ramp
+
+    call move_mesh(o, o%u_map, moved)
+    allocate (riders%spot(o%op%free))
+    call find_all(o, moved, o%x_free, riders%spot)
+    riders%x = o%x_free
+    riders%w = o%op%w
+    riders%w_phi = o%op%w_phi
+    o%seen = riders%spot%element > 0
+    o%told = o%told .and. .not. o%seen
+    call o%op%project(moved, o%sets%part, riders, o%op%p%mls, errors)
+    if (errors%any()) return
+    associate (free => o%sets%free)
+      if (o%carried%active) call o%carried%build(o%op%p, o%pack%mass(free), &
+        o%mass(:o%op%hats), errors)
+      if (o%carried_phi%active) call o%carried_phi%build(o%op%p_phi, o%pack%inertia(free), &
+        o%inertia(:o%op%hats_phi), errors)
+      if (.not. o%damping%active) return
+      call ramp_from_ghosts(moved, o%sets%part == part_ghost, o%x_free, o%seen, ramp)
+      call o%damping%build(o%fine_damping, ramp, o%factor*o%pack%mass(free))
+      if (o%turns) call o%damping_phi%build(o%fine_damping, ramp, o%factor*o%pack%slimmest(free))
+    end associate
+  end subroutine rebuild_map
+
+  !> The mesh with the nodes of the overlap where they are.
+  subroutine move_mesh(o, u, moved)
+    type(overlap_type), intent(in) :: o
+    real(wp), intent(in) :: u(:, :)  !! (3, nodes) [m]
+    type(cells_type), intent(out) :: moved
+    moved%nodes = o%cells%nodes
+    moved%elements = o%cells%elements
+    moved%x = o%cells%x
+    moved%x(:, o%op%node) = o%x_node + u
+    moved%kind = o%cells%kind
+    moved%start = o%cells%start
+    moved%node = o%cells%node
+    moved%polar = o%cells%polar
+    call moved%prepare()
+  end subroutine move_mesh
+
+  !> Where the free grains are; element 0 outside of the elements of free grains.
+  subroutine find_all(o, moved, x, spot)
+    type(overlap_type), intent(in) :: o
+    type(cells_type), intent(in) :: moved
+    real(wp), intent(in) :: x(:, :)  !! (3, free) [m]
+    type(spot_type), intent(out) :: spot(:)
+    integer(i4) :: k
+    do k = 1, size(x, 2)
+      call moved%find(x(:, k), o%sets%part, spot(k))
+      if (spot(k)%element == 0) cycle
+      if (o%sets%part(spot(k)%element) /= part_free) spot(k) = spot_type()
+    end do
+  end subroutine find_all
+end module cpl_overlap_remap
