@@ -1,5 +1,5 @@
-!> Regions in which grains are measured: a box, a cylinder, the box around all free grains, or a
-!! whole periodic cell.
+!> Regions in which grains are measured: a box, a cylinder, a sphere, the box around all free
+!! grains, or a whole periodic cell.
 !!
 !! A branch that crosses the faces counts with the part of its length inside (exact); the volume of
 !! a grain that crosses them is found on points, all others count whole or not at all.
@@ -7,18 +7,20 @@ module talus_region
   use talus_kinds, only: wp, i4
   implicit none
   private
-  public :: region_type, region_all, region_box, region_cylinder, region_cell, ball_points
+  public :: region_type, region_all, region_box, region_cylinder, region_cell, region_sphere, &
+    ball_points
 
   integer(i4), parameter :: region_all = 1, region_box = 2, region_cylinder = 3, &
-    region_cell = 4
+    region_cell = 4, region_sphere = 5
   real(wp), parameter :: pi = acos(-1.0_wp)
 
   type :: region_type
     integer(i4) :: kind = region_all
     real(wp) :: lower(3) = 0.0_wp, upper(3) = 0.0_wp  !! of a box [m]
-    real(wp) :: base(3) = 0.0_wp                      !! centre of a cylinder's lower face [m]
+    real(wp) :: base(3) = 0.0_wp                      !! centre of a cylinder's lower face, or of a
+                                                      !! sphere [m]
     real(wp) :: axis(3) = [0.0_wp, 0.0_wp, 1.0_wp]    !! unit vector along the cylinder
-    real(wp) :: radius = 0.0_wp, length = 0.0_wp      !! of a cylinder [m]
+    real(wp) :: radius = 0.0_wp, length = 0.0_wp      !! of a cylinder, radius of a sphere [m]
     real(wp) :: cell_volume = 0.0_wp                  !! of a cell, which holds everything [m^3]
   contains
     procedure :: fit
@@ -52,6 +54,8 @@ contains
       volume = self%cell_volume
     else if (self%kind == region_cylinder) then
       volume = pi*self%radius**2*self%length
+    else if (self%kind == region_sphere) then
+      volume = 4.0_wp/3.0_wp*pi*self%radius**3
     else
       volume = product(self%upper - self%lower)
     end if
@@ -63,6 +67,8 @@ contains
     real(wp) :: x(3)
     if (self%kind == region_cylinder) then
       x = self%base + 0.5_wp*self%length*self%axis
+    else if (self%kind == region_sphere) then
+      x = self%base
     else
       x = 0.5_wp*(self%lower + self%upper)
     end if
@@ -75,11 +81,14 @@ contains
     real(wp) :: d(3), along
     contains_point = .true.
     if (self%kind == region_cell) return
-    if (self%kind /= region_cylinder) then
+    d = x - self%base
+    if (self%kind == region_sphere) then
+      contains_point = sum(d**2) < self%radius**2
+      return
+    else if (self%kind /= region_cylinder) then
       contains_point = all(x >= self%lower .and. x < self%upper)
       return
     end if
-    d = x - self%base
     along = dot_product(d, self%axis)
     contains_point = along >= 0.0_wp .and. along < self%length .and. &
       sum((d - along*self%axis)**2) < self%radius**2
@@ -98,18 +107,20 @@ contains
     to = 1.0_wp
     d = a - self%base
     e = b - a
-    if (self%kind /= region_cylinder) then
-      do k = 1, 3
-        call cut(a(k) - self%lower(k), e(k), from, to)
-        call cut(self%upper(k) - a(k), -e(k), from, to)
-      end do
-    else
+    if (self%kind == region_cylinder) then
       f = dot_product(d, self%axis)
       g = dot_product(e, self%axis)
       call cut(f, g, from, to)
       call cut(self%length - f, -g, from, to)
       d = d - f*self%axis
       e = e - g*self%axis
+    end if
+    if (self%kind /= region_cylinder .and. self%kind /= region_sphere) then
+      do k = 1, 3
+        call cut(a(k) - self%lower(k), e(k), from, to)
+        call cut(self%upper(k) - a(k), -e(k), from, to)
+      end do
+    else
       f = sum(e**2)
       g = dot_product(d, e)
       h = sum(d**2) - self%radius**2
@@ -171,12 +182,16 @@ contains
     logical, intent(in) :: within
     real(wp) :: d(3), along, off, low, high, aside
 
-    if (self%kind /= region_cylinder) then
+    d = x - self%base
+    if (self%kind == region_sphere) then
+      off = merge(reach, -reach, within)
+      surely = merge(norm2(d) + off <= self%radius, norm2(d) + off >= self%radius, within)
+      return
+    else if (self%kind /= region_cylinder) then
       surely = merge(all(x - half >= self%lower .and. x + half <= self%upper), &
                      any(x + half <= self%lower .or. x - half >= self%upper), within)
       return
     end if
-    d = x - self%base
     along = dot_product(d, self%axis)
     aside = sqrt(sum((d - along*self%axis)**2))
     off = merge(reach, -reach, within)

@@ -689,7 +689,7 @@ contains
 
   subroutine group_measure(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('measure', 12, &
+    call table%add_group('measure', 13, &
       'Measures of a region, one row a time in `<deck>_measure_<id>.csv`: stress, solid' &
       //' fraction, coordination, fabrics, sliding, inertial number, affine moduli. The ' &
       //'first and the last state are always measured. `talus-dem --measure=FILE` takes ' &
@@ -699,7 +699,7 @@ contains
     call table%add_key('region', 'string', '', &
       'What is measured; `''all''` is the box around all free grains, which follows them.')
     call table%preset('all')
-    call table%allow('all|box|cylinder')
+    call table%allow('all|box|cylinder|sphere')
     call table%add_key('every_time', 'real', 's', &
       'Simulated time between two rows, a multiple of the least of all measures and ' &
       //'grids. Left out: first and last state.')
@@ -710,10 +710,12 @@ contains
     call table%sized(3_i4, 3_i4)
     call table%add_key('base', 'real', 'm', 'Centre of the lower face of a cylinder.')
     call table%sized(3_i4, 3_i4)
+    call table%add_key('centre', 'real', 'm', 'Centre of a sphere.')
+    call table%sized(3_i4, 3_i4)
     call table%add_key('axis', 'real', '', 'Direction of a cylinder, of any length.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|1.0')
-    call table%add_key('radius', 'real', 'm', 'Radius of a cylinder.')
+    call table%add_key('radius', 'real', 'm', 'Radius of a cylinder or a sphere.')
     call table%bounds(above=0.0_wp)
     call table%add_key('length', 'real', 'm', 'Length of a cylinder along its axis.')
     call table%bounds(above=0.0_wp)

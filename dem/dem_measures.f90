@@ -11,7 +11,7 @@ module dem_measures
   use talus_measures, only: request_type, measure_columns, measure_row, moduli_columns, &
     moduli_row, micro_columns, micro_row
   use talus_coarse, only: reach_of
-  use talus_region, only: region_all, region_box, region_cylinder
+  use talus_region, only: region_all, region_box, region_cylinder, region_sphere
   use talus_sample, only: sample_type
   use dem_cell, only: is_periodic
   use dem_grids, only: dem_grid_type, read_grid
@@ -136,27 +136,32 @@ contains
     integer(i4), intent(in) :: k
     type(request_type), intent(inout) :: request
     type(error_list_type), intent(inout) :: errors
-    character(len=6), parameter :: keys(6) = [character(len=6) :: 'lower', 'upper', 'base', &
-                                              'axis', 'radius', 'length']
-    integer(i4), parameter :: owner(6) = [region_box, region_box, region_cylinder, &
-                                          region_cylinder, region_cylinder, region_cylinder]
+    character(len=6), parameter :: keys(7) = [character(len=6) :: 'lower', 'upper', 'base', &
+                                              'axis', 'length', 'centre', 'radius']
+    integer(i4), parameter :: owner(7) = [region_box, region_box, region_cylinder, &
+      region_cylinder, region_cylinder, region_sphere, region_sphere]
+    character(len=*), parameter :: hint = 'a box has lower and upper, a cylinder base, axis, '// &
+      'radius and length, a sphere centre and radius'
     character(len=:), allocatable :: kind
     integer(i4) :: j, before
+    logical :: own
 
     before = errors%count
     call deck%get('measure', k, 'region', kind)
     request%region%kind = region_all
     if (kind == 'box') request%region%kind = region_box
     if (kind == 'cylinder') request%region%kind = region_cylinder
+    if (kind == 'sphere') request%region%kind = region_sphere
     do j = 1, size(keys)
-      if (deck%given('measure', k, trim(keys(j)))) then
-        if (owner(j) /= request%region%kind) &
-          call deck%fault(errors, 'D261', "region '"//kind//"' has no "//trim(keys(j)), &
-                          'measure', k, trim(keys(j)), 'a box has lower and upper, a cylinder '// &
-                          'base, axis, radius and length')
-      else if (owner(j) == request%region%kind .and. keys(j) /= 'axis') then
+      own = owner(j) == request%region%kind .or. &
+        (keys(j) == 'radius' .and. request%region%kind == region_cylinder)
+      if (deck%given('measure', k, trim(keys(j))) .and. .not. own) then
+        call deck%fault(errors, 'D261', "region '"//kind//"' has no "//trim(keys(j)), &
+                        'measure', k, trim(keys(j)), hint)
+      else if (own .and. keys(j) /= 'axis' .and. &
+               .not. deck%given('measure', k, trim(keys(j)))) then
         call deck%fault(errors, 'D261', "region '"//kind//"' needs "//trim(keys(j)), 'measure', &
-                        k, '', 'a box has lower and upper, a cylinder base, radius and length')
+                        k, '', hint)
       end if
     end do
     call deck%get('measure', k, 'resolution', request%resolution)
@@ -188,6 +193,9 @@ contains
           return
         end if
         r%axis = r%axis/norm2(r%axis)
+      else if (r%kind == region_sphere) then
+        call get_three(deck, k, 'centre', r%base)
+        call deck%get('measure', k, 'radius', r%radius)
       end if
     end associate
   end subroutine read_extent

@@ -4,7 +4,7 @@ module dem_setup_cell
   use talus_text, only: str, string_type
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
-  use talus_region, only: region_box, region_cylinder
+  use talus_region, only: region_box, region_cylinder, region_sphere
   use dem_cell, only: set_cell, determinant, least_width, is_periodic, fractions
   use dem_measures, only: dem_measures_type
   use dem_packing, only: dem_packing_type
@@ -179,6 +179,7 @@ contains
     type(dem_system_type), intent(in) :: system
     type(dem_measures_type), intent(in) :: measures
     type(error_list_type), intent(inout) :: errors
+    real(wp) :: across(3)
     integer(i4) :: k
 
     if (.not. is_periodic(system%cell)) return
@@ -186,11 +187,14 @@ contains
       associate (r => measures%item(k)%request%region)
         if (r%kind == region_box) call check_box(deck, system, 'measure', k, r%lower, r%upper, &
                                                  errors)
+        across = sqrt(max(0.0_wp, 1.0_wp - r%axis**2))
         if (r%kind == region_cylinder) &
           call check_box(deck, system, 'measure', k, &
-                         min(r%base, r%base + r%length*r%axis) - r%radius*(1.0_wp - abs(r%axis)), &
-                         max(r%base, r%base + r%length*r%axis) + r%radius*(1.0_wp - abs(r%axis)), &
+                         min(r%base, r%base + r%length*r%axis) - r%radius*across, &
+                         max(r%base, r%base + r%length*r%axis) + r%radius*across, &
                          errors)
+        if (r%kind == region_sphere) call check_box(deck, system, 'measure', k, &
+                                                    r%base - r%radius, r%base + r%radius, errors)
       end associate
     end do
     do k = 1, measures%grids

@@ -7,7 +7,7 @@ program test_talus_homogenise
   use talus_measures, only: request_type, measure_columns, measure_row, moduli_columns, moduli_row
   use talus_micro_moduli, only: micro_type, micro_moduli, gradient_moduli, gradient_basis
   use talus_moduli, only: affine_moduli, isotropic_part, isotropic_type
-  use talus_region, only: region_type, region_box, region_cylinder, ball_points
+  use talus_region, only: region_type, region_box, region_cylinder, region_sphere, ball_points
   use talus_sample, only: sample_type, rotation_matrix
   use talus_test, only: test_type
   use talus_text, only: string_type
@@ -16,6 +16,7 @@ program test_talus_homogenise
   real(wp), parameter :: kn = 3.0e5_wp, ks = 2.0e5_wp
 
   call check_regions()
+  call check_sphere()
   call check_grain_parts()
   call check_pair()
   call check_isotropic_moduli()
@@ -49,6 +50,34 @@ contains
     sample%force(:, 1) = force
     sample%stiffness(:, 1) = [kn, ks]
   end subroutine make_pair
+
+  !> A sphere of radius 2 about (1, 0, 0): volume, points, segments, the lens of two equal spheres.
+  subroutine check_sphere()
+    type(region_type) :: ball
+    real(wp), parameter :: unit(3, 3) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, &
+                                                 0.0_wp, 0.0_wp, 1.0_wp], [3, 3])
+    ball%kind = region_sphere
+    ball%base = [1.0_wp, 0.0_wp, 0.0_wp]
+    ball%radius = 2.0_wp
+    call test%check_close('volume of a sphere', ball%volume(), 32.0_wp/3.0_wp*acos(-1.0_wp), &
+                          1.0e-13_wp)
+    call test%check('its middle', all(abs(ball%centre() - ball%base) <= 0.0_wp))
+    call test%check('inside', ball%contains([2.9_wp, 0.0_wp, 0.0_wp]))
+    call test%check('outside', .not. ball%contains([1.0_wp, 1.5_wp, -1.5_wp]))
+    call test%check_close('segment through a sphere', ball%part_of_segment( &
+      [-3.0_wp, 0.0_wp, 0.0_wp], [5.0_wp, 0.0_wp, 0.0_wp]), 0.5_wp, 1.0e-15_wp)
+    call test%check_close('segment that ends inside', ball%part_of_segment( &
+      [1.0_wp, 0.0_wp, 0.0_wp], [1.0_wp, 8.0_wp, 0.0_wp]), 0.25_wp, 1.0e-15_wp)
+    call test%check_close('segment beside it', ball%part_of_segment( &
+      [-3.0_wp, 2.5_wp, 0.0_wp], [5.0_wp, 2.5_wp, 0.0_wp]), 0.0_wp, 0.0_wp)
+    call test%check_close('lens of equal spheres, a radius apart', ball%part_of_grain( &
+      [3.0_wp, 0.0_wp, 0.0_wp], spread(2.0_wp, 1, 3), unit, spread(2.0_wp, 1, 3), &
+      ball_points(60)), 5.0_wp/16.0_wp, 1.0e-3_wp)
+    call test%check_close('a grain within', ball%part_of_grain([1.5_wp, 0.0_wp, 0.0_wp], &
+      spread(1.0_wp, 1, 3), unit, spread(1.0_wp, 1, 3), ball_points(2)), 1.0_wp, 0.0_wp)
+    call test%check_close('a grain out of reach', ball%part_of_grain([4.5_wp, 0.0_wp, 0.0_wp], &
+      spread(1.0_wp, 1, 3), unit, spread(1.0_wp, 1, 3), ball_points(2)), 0.0_wp, 0.0_wp)
+  end subroutine check_sphere
 
   !> Volumes, points and parts of segments.
   subroutine check_regions()
