@@ -27,6 +27,7 @@ def spheres(path: Path, kind: int, groups: dict[str, np.ndarray] | None = None) 
     [
         ("pack edit fixed.h5 --tool -o a.h5", "E511", "no free grains to push into"),
         ("pack edit tooled.h5 --tool -o a.h5", "E511", "has a penetrator already"),
+        ("pack edit fixed.h5 --keep-box 1 1 1 2 2 2 -o a.h5", "E511", "no grain is left"),
         ("pack edit fixed.h5 --drop-group wall -o a.h5", "E513", "no group 'wall'"),
         ("measure fixed.h5", "E540", "no free grains"),
         ("plot force", "E549", "needs a file"),

@@ -77,6 +77,20 @@ def test_ghosts_of_the_coupled_run(tmp_path: Path) -> None:
     assert packing.x[tool][0, 2] > free_top
 
 
+def test_keep_box(tmp_path: Path) -> None:
+    """Grains whose centre lies in the box stay, with their groups; the rest go."""
+    start, cut = tmp_path / "start.h5", tmp_path / "cut.h5"
+    assert main(["pack", "penetration", "--container", "small", "-o", str(start)]) == 0
+    limits = ["-0.01", "-0.02", "-0.03", "0.012", "0.02", "0.05"]
+    assert main(["pack", "edit", str(start), "--keep-box", *limits, "-o", str(cut)]) == 0
+    whole, part = read_h5(start), read_h5(cut)
+    lower, upper = np.reshape([float(v) for v in limits], (2, 3))
+    inside = np.all((whole.x >= lower) & (whole.x <= upper), axis=1)
+    assert part.id.tolist() == whole.id[inside].tolist()
+    assert np.isin(part.groups["container"], part.id).all()
+    assert len(part.groups["container"]) == (part.kind == FIXED).sum() > 0
+
+
 def test_round_trip_is_exact(tmp_path: Path) -> None:
     """h5 -> text -> h5 keeps ids, kinds, axes, places, orientations and groups to the bit."""
     packing = generate.penetration("small", seed=7, layers=3)

@@ -57,6 +57,10 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument(
         "--drop-container-above", type=number, help="drop container grains above z [m]"
     )
+    new.add_argument(
+        "--keep-box", type=number, nargs=6, metavar="L",
+        help="keep grains whose centre lies in the box: lower x y z, upper x y z [m]",
+    )  # fmt: skip
     new.add_argument("--tool", action="store_true", help="add the penetrator")
     _axes(new, "--tool-axes", "its semi-axes [m]", default=generate.TOOL_AXES)
     new.add_argument(
@@ -162,6 +166,11 @@ def edit(options: argparse.Namespace) -> int:
     if options.drop_container_above is not None:
         inside = np.isin(packing.id, group_ids(packing, "container"))
         keep &= ~(inside & (packing.x[:, 2] > options.drop_container_above))
+    if options.keep_box is not None:
+        lower, upper = np.reshape(options.keep_box, (2, 3))
+        keep &= np.all((packing.x >= lower) & (packing.x <= upper), axis=1)
+    if not keep.any():
+        raise FaultError("E511", f"{options.source}: no grain is left", "look at the limits given")
     packing = packing.take(keep)
     packing.groups = {name: ids for name, ids in packing.groups.items() if ids.size}
     if options.at_rest:
