@@ -119,9 +119,8 @@ contains
               self%f_hold(3, n), source=0.0_wp)
     allocate (self%phi(3, np), self%w(3, np), self%c(3, np), self%bulk_phi(3, np), &
               self%element_phi(3, np), self%c_hold(3, np), source=0.0_wp)
-    allocate (self%d(3, ng), self%turn(3, ng), self%p(3, ng), self%m(3, ng), self%quat(4, ng), &
-              source=0.0_wp)
-    self%quat(1, :) = 1.0_wp
+    allocate (self%d(3, ng), self%turn(3, ng), self%p(3, ng), self%m(3, ng), source=0.0_wp)
+    self%quat = self%pack%quat(:, self%sets%ghost)
     allocate (self%held(3, n), self%held_phi(3, np), source=.false.)
     allocate (self%u_map(3, n), self%phi_map(3, np), source=0.0_wp)
     self%seen = self%sets%free_spot%element > 0

@@ -109,6 +109,7 @@ contains
     associate (reply => grains%reply, p => o%pack)
       call reply%take_int('id', p%id, errors)
       call reply%take('x', p%x, errors)
+      call reply%take('quat', p%quat, errors)
       call reply%take('axes', axes, errors)
       call reply%take('radius', p%radius, errors)
       call reply%take('mass', p%mass, errors)

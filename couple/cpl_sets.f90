@@ -20,6 +20,7 @@ module cpl_sets
   type :: pack_type
     integer(i8), allocatable :: id(:)
     real(wp), allocatable :: x(:, :)      !! (3, n) [m]
+    real(wp), allocatable :: quat(:, :)   !! orientations (4, n)
     real(wp), allocatable :: radius(:)    !! of the ball around each [m]
     real(wp), allocatable :: mass(:)      !! [kg]
     real(wp), allocatable :: inertia(:)   !! a third of the trace [kg m^2]

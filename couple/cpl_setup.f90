@@ -169,24 +169,28 @@ contains
     if (.not. errors%any()) call mesh%check(errors)
   end subroutine read_mesh
 
-  !> DESCRIBE: radii of the ghosts, for springs that hold their rotation.
+  !> DESCRIBE: radii of the ghosts, for springs that hold their rotation, and their orientations.
   subroutine find_radii(face, grains, timers, errors)
     type(interface_type), intent(inout) :: face
     type(cpl_solver_type), intent(inout) :: grains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     integer(i8), allocatable :: all_ids(:)
-    real(wp), allocatable :: radius(:)
-    integer(i4) :: g
+    real(wp), allocatable :: radius(:), quat(:, :)
+    integer(i4) :: g, k
 
     call grains%describe('grains', '', timers, errors)
     if (errors%any()) return
     call grains%reply%take_int('id', all_ids, errors)
     call grains%reply%take('radius', radius, errors)
+    call grains%reply%take('quat', quat, errors)
     if (errors%any()) return
     do g = 1, face%map%ghosts
-      face%radius(g) = radius(findloc(all_ids, face%map%ghost_id(g), 1))
+      k = findloc(all_ids, face%map%ghost_id(g), 1)
+      face%radius(g) = radius(k)
+      face%quat(:, g) = quat(:, k)
     end do
+    face%quat_new = face%quat
     face%relax%arm = sum(face%radius)/face%map%ghosts
   end subroutine find_radii
 
