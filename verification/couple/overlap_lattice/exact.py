@@ -1,5 +1,7 @@
 """Weights that a coupled run took, judged by residuals that are computed apart from Talus."""
 
+import json
+
 import h5py
 import numpy as np
 from overlap_cell import BAR, HAT, TILDE, Overlap, Pack, find_contacts
@@ -10,6 +12,7 @@ from talus.verification import Case, write_packing
 DIAMETER, STIFFNESS, WIDE, MANY = 1.0e-3, 1.0e5, 5, 3
 A = DIAMETER * (1 - 1.0e-4)  # spacing
 H = MANY * A
+LONG = 1.25  # of the ellipsoids
 SHIFT = np.array([0.31, 0.23, 0.17]) * A
 
 
@@ -63,6 +66,41 @@ def judge(case: Case, sites: np.ndarray, element: str, partition: str) -> dict[s
     return ov.residual()
 
 
+def write_turned(case: Case) -> None:
+    """Write a lattice stretched along y, of ellipsoids long along their own x, turned about z."""
+    many, stretch = MANY + 1, np.array([1.0, LONG, 1.0])
+    h = many * A
+    at = np.arange(many * WIDE)
+    x = np.stack(np.meshgrid(at, at, at, indexing="ij"), -1).reshape(-1, 3) * A + SHIFT
+    x = x[((x > h) & (x < (WIDE - 1) * h)).all(1)]
+    axes = np.tile(0.5 * DIAMETER * np.array([LONG, 1.0, 1.0]), (len(x), 1))
+    quat = np.tile(np.sqrt(0.5) * np.array([1.0, 0.0, 0.0, 1.0]), (len(x), 1))
+    write_packing(case.folder / "turned_pack.h5", x * stretch, axes, quat)
+    mesh = box(np.zeros(3), np.full(3, WIDE * h), (WIDE, WIDE, WIDE))
+    region = regions(mesh.x[mesh.cells["hex8"]].mean(1) * MANY / many)
+    mesh.volumes.update(free=np.flatnonzero(region == HAT), ghosts=np.flatnonzero(region == TILDE))
+    mesh.x *= stretch
+    write_mesh(case.folder / "turned_block.h5", mesh)
+
+
+def turned_ellipsoids(case: Case) -> tuple[float, float]:
+    """Run the lattice of ellipsoids; return motion of ghosts and overlap, over the diameter."""
+    write_turned(case)
+    values = {"young": f"{STIFFNESS / A:.17g}", "element": "hex8_full", "partition": "ramp"}
+    for name in ("grains", "solid", "coupled"):
+        text = (case.folder / f"{name}.nml").read_text()
+        for key, value in values.items():
+            text = text.replace(f"@{key}@", value)
+        for old in ("pack.h5", "block.h5", "grains.nml", "solid.nml"):
+            text = text.replace(f"'{old}'", f"'turned_{old}'")
+        (case.folder / f"turned_{name}.nml").write_text(text)
+    case.run("talus-couple", "turned_coupled.nml")
+    health = json.loads((case.folder / "turned_coupled_summary.json").read_text())["health"]
+    log = (case.folder / "turned_coupled.log").read_text()
+    moved = float(log.split("ghosts moved by")[1].split()[0])
+    return moved / DIAMETER, float(health["max_overlap"])
+
+
 def run(case: Case) -> None:
     """Judge fit and wrong weights, and that nothing moves."""
     sites = write_input(case)
@@ -78,6 +116,10 @@ def run(case: Case) -> None:
     case.above("twice: largest of F, D", max(table["twice"].values()), 10.0)
     moved = float(log.split("ghosts moved by")[1].split()[0])
     case.below("ghosts moved / diameter", moved / DIAMETER, 1e-12)
+    moved, overlap = turned_ellipsoids(case)
+    case.below("turned ellipsoids: ghosts moved / diameter", moved, 1e-12)
+    case.metric("turned ellipsoids: largest overlap / diameter", overlap / 2.0, LONG * 1e-4, 1e-9,
+                "as in the packing: ghosts keep their orientation")  # fmt: skip
     fig, ax = case.figure()
     for mark, what in zip("osD", "FMD", strict=True):
         ax.semilogy(range(3), [max(t[what], 1e-17) for t in table.values()], mark, label=what)
