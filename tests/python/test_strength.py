@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_specimens import write_walls
 
 from talus import strength
 from talus.cli import main
@@ -77,6 +78,20 @@ def test_no_cohesion(tmp_path: Path) -> None:
     cone = strength.fit_states([one, two], "compression")["critical"][0]
     assert cone.cohesion_Pa == 0.0
     assert cone.friction_deg < 30.0
+
+
+def test_walls(tmp_path: Path) -> None:
+    """A box whose stress has a hump: the cone of triaxial compression has the angle at its top."""
+    write_walls(tmp_path / "box_walls.csv")
+    test = strength.read_loading(tmp_path / "box_walls.csv")
+    assert test.name == "box"
+    assert test.volume[-1] == pytest.approx(-0.6)
+    with pytest.raises(FaultError, match="E559"):
+        strength.peak_rows(test)
+    rows = [np.arange(49, 52)]
+    cone = strength.fit([test], rows)
+    assert 29.7 < cone.friction_deg < 30.0
+    assert cone.dilation_deg < 0.0
 
 
 def test_other_cone(tmp_path: Path) -> None:
