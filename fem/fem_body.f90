@@ -21,6 +21,7 @@ module fem_body
   use fem_one_point, only: fem_one_point_type
   use fem_sparse, only: fem_pattern_type, make_pattern, add_springs, multiply, multiply_mass, &
     scale_mass, spring_force
+  use fem_rigid, only: fem_rigid_type, place_rigid, push_rigid
   use fem_shares, only: share_pattern
   use fem_solver, only: fem_solver_type
   use fem_supports, only: check_supports
@@ -54,6 +55,7 @@ module fem_body
     type(fem_state_type) :: state
     type(fem_energy_type) :: energy
     real(wp), allocatable :: stress(:, :), points(:, :)
+    type(fem_rigid_type), allocatable :: rigid(:)
   end type fem_kept_type
 
   type :: fem_body_type
@@ -63,6 +65,7 @@ module fem_body
     type(curve_type), allocatable :: curve(:)
     type(fem_load_type), allocatable :: load(:)
     type(fem_motion_type), allocatable :: motion(:)
+    type(fem_rigid_type), allocatable :: rigid(:)        !! groups that move as rigid bodies
     type(fem_follower_type), allocatable :: follower(:)  !! pressures that follow the surface
     type(fem_springs_type) :: ground             !! springs to the ground, of the deck
     type(fem_springs_type) :: robin              !! springs to the last accepted state, of the port
@@ -114,6 +117,8 @@ module fem_body
     procedure :: update_energy
     procedure :: interface_force
     procedure :: impose
+    procedure :: push
+    procedure, private :: accept_rigid
     procedure :: limit_step
     procedure :: check_finite
     procedure :: viscous_force
@@ -334,7 +339,33 @@ contains
         u(m%component, m%block) = value
       end associate
     end do
+    if (.not. allocated(self%rigid)) return
+    do k = 1, size(self%rigid)
+      call place_rigid(self%rigid(k), self%curve, self%mesh%x, t, u)
+    end do
   end subroutine impose
+
+  !> Free shifts of rigid groups, from the accepted state to time t1.
+  subroutine push(self, t1)
+    class(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: t1
+    integer(i4) :: k
+    if (.not. allocated(self%rigid)) return
+    do k = 1, size(self%rigid)
+      call push_rigid(self%rigid(k), self%curve, self%accepted%reaction, self%accepted%time, t1)
+    end do
+  end subroutine push
+
+  !> The free shifts of the trial are the accepted ones.
+  subroutine accept_rigid(self)
+    class(fem_body_type), intent(inout) :: self
+    integer(i4) :: k
+    if (.not. allocated(self%rigid)) return
+    do k = 1, size(self%rigid)
+      self%rigid(k)%accepted_d = self%rigid(k)%d
+      self%rigid(k)%accepted_v = self%rigid(k)%v
+    end do
+  end subroutine accept_rigid
 
   !> C v of the damping [N, N m].
   subroutine viscous_force(self, v, force)
@@ -458,6 +489,7 @@ contains
     type(fem_kept_type), intent(out) :: kept
     kept%state = self%accepted
     kept%energy = self%accepted_energy
+    if (allocated(self%rigid)) kept%rigid = self%rigid
     if (.not. self%matter%active) return
     kept%stress = self%matter%accepted_stress
     kept%points = self%matter%accepted_state
@@ -467,8 +499,15 @@ contains
   subroutine put_back(self, kept)
     class(fem_body_type), intent(inout) :: self
     type(fem_kept_type), intent(in) :: kept
+    integer(i4) :: k
     self%accepted = kept%state
     self%accepted_energy = kept%energy
+    if (allocated(kept%rigid)) then
+      do k = 1, size(self%rigid)
+        self%rigid(k)%accepted_d = kept%rigid(k)%accepted_d
+        self%rigid(k)%accepted_v = kept%rigid(k)%accepted_v
+      end do
+    end if
     if (.not. self%matter%active) return
     self%matter%accepted_stress = kept%stress
     self%matter%accepted_state = kept%points
@@ -488,6 +527,7 @@ contains
     self%accepted%time = self%state%time
     self%accepted_energy = self%energy
     call self%matter%accept()
+    call self%accept_rigid()
   end subroutine hand_over
 
   pure subroutine swap(a, b)
@@ -512,6 +552,7 @@ contains
     end if
     self%accepted_energy = self%energy
     call self%matter%accept()
+    call self%accept_rigid()
   end subroutine accept
 
   subroutine reject(self)

@@ -65,6 +65,7 @@ contains
     real(wp) :: mass(self%dofs%blocks), dt, discrete, supports
     logical :: fixed(3, self%dofs%blocks)
 
+    call self%push(t1)
     if (.not. self%damping%active()) then
       call quick_leap(self, t1, errors)
       return
@@ -120,6 +121,14 @@ contains
                                              - old%u(m%component, m%block))/dt
         end associate
       end do
+      if (allocated(self%rigid)) then
+        call self%impose(t1, s%u)
+        do k = 1, size(self%rigid)
+          associate (node => self%rigid(k)%node)
+            work%half(:, node) = (s%u(:, node) - old%u(:, node))/dt
+          end associate
+        end do
+      end if
       call self%external_at(t1, s%external)
       call self%follow(t1, s%u, s%external)
       call self%trial_force(s%u, work%internal)

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-fem.
   subroutine fem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-fem', 30)
+    call table%init('talus-fem', 31)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -23,6 +23,7 @@ contains
     call group_section(table)
     call group_support(table)
     call group_motion(table)
+    call group_rigid(table)
     call group_initial(table)
     call group_traction(table)
     call group_pressure(table)
@@ -346,6 +347,52 @@ contains
     call table%add_key('scale', 'real', 'm', 'Factor of the curve.')
     call table%preset('1.0')
   end subroutine group_motion
+
+  subroutine group_rigid(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('rigid', 11, &
+      'A group that moves as a rigid body: a turn about an axis through a centre, and a' &
+      //' shift of the centre that is prescribed, or free under a force. Forces and ' &
+      //'moments with which it holds the body stand in `<deck>_rigid.csv`.', repeats=.true.)
+    call table%add_key('group', 'string', '', 'Facet, node or volume group.')
+    call table%need()
+    call table%add_key('centre', 'real', 'm', 'The centre at the start.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%add_key('axis', 'real', '', &
+      'Direction of the axis, of any length; it keeps its direction.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|1.0')
+    call table%add_key('turn', 'string', '', &
+      'Id of the curve of the angle [rad], by the right hand about the axis; without ' &
+      //'one it does not turn.')
+    call table%preset('')
+    call table%add_key('shift_x', 'string', '', &
+      'Id of the curve of the centre''s x component of displacement [m]; without one it ' &
+      //'stays.')
+    call table%preset('')
+    call table%add_key('shift_y', 'string', '', 'The same along y.')
+    call table%preset('')
+    call table%add_key('shift_z', 'string', '', 'The same along z.')
+    call table%preset('')
+    call table%add_key('free', 'string', '', &
+      'Components of the centre that are free, in dynamics: those of `mass` under ' &
+      //'`force` and what the body pulls, by steps with the forces at their start, which ' &
+      //'are stable below 2/omega of the mass on the body.')
+    call table%sized(1_i4, 3_i4)
+    call table%allow('x|y|z')
+    call table%add_key('mass', 'real', 'kg', &
+      'Mass of what is free, beside that of the elements.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('force', 'real', 'N', &
+      'Force on what is free; the weight of `mass` is to be counted in.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%add_key('curve', 'string', '', &
+      'Id of a curve that scales the force; without one it is constant.')
+    call table%preset('')
+  end subroutine group_rigid
 
   subroutine group_initial(table)
     type(key_table_type), intent(inout) :: table

@@ -15,6 +15,7 @@ module fem_output
   use fem_elastic, only: classical
   use fem_mm_output, only: describe_micro, put_micro, chi_names, chi_values
   use fem_output_state, only: put_states, describe_states, newton_titles, write_newton
+  use fem_rigid, only: moment_of
   use fem_recover, only: point_stress, mean_stress, nodal_stress, point_positions, nodal_rotation
   implicit none
   private
@@ -30,7 +31,7 @@ module fem_output
     real(wp) :: last_field = -1.0_wp                           !! time of the last field step [s]
     logical :: points = .false.                                  !! stress at points is written
     integer(i4), allocatable :: support(:)                     !! groups whose reactions are written
-    type(history_type) :: energy, reactions, newton
+    type(history_type) :: energy, reactions, newton, rigid
     type(series_type) :: series
     type(xdmf_type) :: xdmf
   contains
@@ -119,10 +120,28 @@ contains
       end do
     end do
     call start_or_resume(self%reactions, stem//'_reactions.csv', columns, start_time, errors)
+    if (allocated(body%rigid)) call start_or_resume(self%rigid, stem//'_rigid.csv', &
+      rigid_columns(body), start_time, errors)
     if (.not. body%matter%active .or. body%explicit) return
     call newton_titles(columns)
     call start_or_resume(self%newton, stem//'_newton.csv', columns, start_time, errors)
   end subroutine open_histories
+
+  !> Columns of the rigid groups.
+  function rigid_columns(body) result(columns)
+    type(fem_body_type), intent(in) :: body
+    type(string_type), allocatable :: columns(:)
+    character(len=*), parameter :: names(10) = [character(len=15) :: 'x [m]', 'y [m]', 'z [m]', &
+      'turn [rad]', 'force x [N]', 'force y [N]', 'force z [N]', 'moment x [N m]', &
+      'moment y [N m]', 'moment z [N m]']
+    integer(i4) :: k, c
+    call append_string(columns, 'time [s]')
+    do k = 1, size(body%rigid)
+      do c = 1, size(names)
+        call append_string(columns, trim(body%rigid(k)%name)//' '//trim(names(c)))
+      end do
+    end do
+  end function rigid_columns
 
   subroutine start_or_resume(history, path, columns, start_time, errors)
     type(history_type), intent(inout) :: history
@@ -240,6 +259,13 @@ contains
         if (size(block) > 0) row = [row, sum(body%accepted%reaction(:, block), 2)]
       end do
       call self%reactions%write(row, errors)
+      if (.not. allocated(body%rigid)) return
+      row = [t]
+      do s = 1, size(body%rigid)
+        row = [row, moment_of(body%rigid(s), body%curve, body%mesh%x, body%accepted%u, &
+                              body%accepted%reaction, t)]
+      end do
+      call self%rigid%write(row, errors)
     end associate
   end subroutine write_history
 
@@ -346,6 +372,7 @@ contains
     if (self%energy%is_open()) call self%energy%flush(errors)
     if (self%reactions%is_open()) call self%reactions%flush(errors)
     if (self%newton%is_open()) call self%newton%flush(errors)
+    if (self%rigid%is_open()) call self%rigid%flush(errors)
   end subroutine flush_output
 
   subroutine close_output(self, errors)
@@ -354,5 +381,6 @@ contains
     if (self%energy%is_open()) call self%energy%close(errors)
     if (self%reactions%is_open()) call self%reactions%close(errors)
     if (self%newton%is_open()) call self%newton%close(errors)
+    if (self%rigid%is_open()) call self%rigid%close(errors)
   end subroutine close_output
 end module fem_output

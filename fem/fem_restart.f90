@@ -21,6 +21,7 @@ contains
     character(len=*), intent(in) :: tag
     type(error_list_type), intent(inout) :: errors
     type(h5_file_type) :: file
+    integer(i4) :: k
 
     if (len(tag) > 0) then
       call checkpoint%begin(file, body%accepted%time, steps, errors, tag)
@@ -50,6 +51,8 @@ contains
         call file%put('/state/step_limit', body%step_limit, errors)
       end if
     end associate
+    if (allocated(body%rigid)) call file%put('/state/rigid', reshape([(body%rigid(k)%accepted_d, &
+      body%rigid(k)%accepted_v, k=1, size(body%rigid))], [6, size(body%rigid)]), errors)
     call checkpoint%finish(file, errors)
   end subroutine write_checkpoint
 
@@ -98,6 +101,7 @@ contains
         call file%get('/state/step_limit', body%step_limit, errors)
         body%leaps = nint(leaps, i8)
       end if
+      if (allocated(body%rigid)) call read_rigid(file, body, errors)
     end if
     call file%close(errors)
     if (errors%any()) return
@@ -109,4 +113,19 @@ contains
     deck_changed = info%deck_hash /= checkpoint%deck_hash
     call body%accept()
   end subroutine read_checkpoint
+
+  !> Free shifts of rigid groups.
+  subroutine read_rigid(file, body, errors)
+    type(h5_file_type), intent(inout) :: file
+    type(fem_body_type), intent(inout) :: body
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: values(:, :)
+    integer(i4) :: k
+    call file%get('/state/rigid', values, errors)
+    if (errors%any()) return
+    do k = 1, size(body%rigid)
+      body%rigid(k)%d = values(:3, k)
+      body%rigid(k)%v = values(4:, k)
+    end do
+  end subroutine read_rigid
 end module fem_restart

@@ -14,6 +14,7 @@ module fem_setup
   use fem_setup_analysis, only: read_analysis, read_absorbing
   use fem_setup_matter, only: read_matter
   use fem_setup_micro, only: read_double_forces, read_ties, chi_component
+  use fem_setup_rigid, only: read_rigid
   use fem_setup_sections, only: read_sections, check_ids
   use fem_body, only: fem_body_type, fem_motion_type
   implicit none
@@ -44,6 +45,7 @@ contains
     call read_curves(deck, 'D304', body%curve, errors)
     call read_supports(deck, body, errors)
     call read_motions(deck, body, errors)
+    call read_rigid(deck, body, errors)
     call read_initial(deck, body, errors)
     call read_tractions(deck, body, errors)
     call read_couples(deck, body, errors)

@@ -42,6 +42,7 @@ contains
     associate (s => self%state, old => self%accepted, share => 1.0_wp - self%lag)
       s%time = t1
       s%u = old%u
+      call self%push(t1)
       call self%impose(t1, s%u)
       call self%external_at(t1, s%external)
       inertia = 0.0_wp

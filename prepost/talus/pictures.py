@@ -72,9 +72,10 @@ def render(
         fold(first, now)
         add_cell(pyvista, plotter, now.cell)
     add_grains(pyvista, plotter, first, now, color)
-    add_surfaces(pyvista, plotter, first, now)
+    nodes = np.empty((0, 3))
     if solid is not None:
-        add_solid(pyvista, plotter, solid, now.time)
+        nodes = add_solid(pyvista, plotter, solid, now.time)
+    add_surfaces(pyvista, plotter, first, now, nodes)
     low, high = np.reshape(plotter.bounds, (3, 2)).T
     text = f"t = {now.time:.4g} s\n{' x '.join(f'{d:.3g}' for d in high - low)} mm"
     plotter.add_text(text, position=(0.02, 0.92), viewport=True, font_size=11, color="black")
@@ -178,11 +179,19 @@ def ellipsoids(
     return mesh
 
 
-def add_surfaces(pyvista: object, plotter: object, first: Snapshot, now: Snapshot) -> None:
-    """Add the triangles that grains meet: those that stand still as glass, others red."""
+def add_surfaces(
+    pyvista: object, plotter: object, first: Snapshot, now: Snapshot, nodes: np.ndarray
+) -> None:
+    """Add the triangles that grains meet: those that stand still as glass, others red.
+
+    A surface whose corners are nodes (n, 3) [mm] of the solid is the solid's own face: it is drawn
+    with the solid.
+    """
     s, before = now.surfaces, first.surfaces
     for number in np.unique(s.get("surface", [])):
         rows = s["triangles"][s["surface"] == number]
+        if lies_on(MILLI * s["x"][np.unique(rows)], nodes):
+            continue
         moved = number not in before["surface"] or np.any(s["x"][rows] != before["x"][rows])
         cells = np.column_stack([np.full(len(rows), 3), rows])
         mesh = pyvista.PolyData(MILLI * s["x"], cells.ravel())
@@ -190,8 +199,19 @@ def add_surfaces(pyvista: object, plotter: object, first: Snapshot, now: Snapsho
         plotter.add_mesh(mesh.clean(), **look)
 
 
-def add_solid(pyvista: object, plotter: object, path: Path, time: float) -> None:
-    """Add the block at the step nearest in time, without the elements of the cut."""
+def lies_on(points: np.ndarray, nodes: np.ndarray) -> bool:
+    """Tell whether points (a few are looked at) are nodes, to a micrometre [mm]."""
+    few = points[:: max(1, len(points) // 20)]
+    if not len(nodes):
+        return False
+    return all(np.linalg.norm(nodes - p, axis=1).min() < 1e-3 for p in few)
+
+
+def add_solid(pyvista: object, plotter: object, path: Path, time: float) -> np.ndarray:
+    """Add the block at the step nearest in time, without the elements of the cut.
+
+    Returns its nodes (n, 3) there [mm].
+    """
     with FieldFile(path) as fields:
         if fields.mesh is None:
             raise FaultError(
@@ -210,6 +230,7 @@ def add_solid(pyvista: object, plotter: object, path: Path, time: float) -> None
     plotter.add_mesh(
         block, color=SOLID_SAND, show_edges=True, edge_color="#8a7a58", line_width=1, ambient=0.25
     )
+    return MILLI * (x + moved)
 
 
 def split_at_cut(grid: object, low: np.ndarray, high: np.ndarray) -> object:
