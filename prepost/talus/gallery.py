@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from talus import cell_plots, measure_plots, plots, specimens
+from talus import boundary_plots, cell_plots, measure_plots, plots, specimens
 
 QUIET = ("E543", "E548", "E558")  # no grains or contacts, no ghosts, no box: nothing to draw
 
@@ -34,6 +34,7 @@ def exhibits(folder: Path) -> list[Exhibit]:
     add("*_cell.csv", cell_plots.figure)
     add(f"*{specimens.CELL_ENDING}.csv", specimen_of, "_specimen", specimens.CELL_ENDING)
     add("*_probe.json", measure_plots.probe)
+    add("*_surfaces.csv", boundary_plots.figure)
     driven = sorted(folder.glob("*_driven.csv"))
     if driven:
         found.append(Exhibit(driven[0], lambda: force_of_all(driven), "force_penetration.png"))

@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from talus import cell_plots, measure_plots, network
+from talus import boundary_plots, cell_plots, measure_plots, network
 from talus.cli import main
 from talus.faults import FaultError
 from talus.fields import Cell
@@ -110,6 +110,32 @@ def test_probe_figure(tmp_path: Path) -> None:
     path.write_text("{}")
     with pytest.raises(FaultError, match="E545"):
         measure_plots.probe(path)
+
+
+def test_boundaries(tmp_path: Path) -> None:
+    """A surface of one part, a penetrometer of two: force, moment and work of each."""
+    head = "time [s],surface [-],part [-],x [m],y [m],z [m]"
+    head += "".join(
+        f",{n}_{c} [{u}]" for n, u in (("force", "N"), ("moment", "N m")) for c in "xyz"
+    )
+    rows = [head + ",work [J]"]
+    for t in (0.0, 1.0, 2.0):
+        for number, part in ((1, 1), (2, 1), (2, 2)):
+            force, moment = [3.0 * t * part, 0.0, 4.0 * t * part], [0.0, t, 0.0]
+            values = [t, number, part, 0.0, 0.0, 0.0, *force, *moment, -t]
+            rows.append(",".join(str(v) for v in values))
+    path = tmp_path / "run_surfaces.csv"
+    path.write_text("\n".join(rows) + "\n")
+    figure = boundary_plots.figure(path)
+    assert [line.get_label() for line in figure.axes[0].lines] == [
+        "surface 1", "surface 2, part 1", "surface 2, part 2"]  # fmt: skip
+    assert figure.axes[0].lines[2].get_ydata() == pytest.approx([0.0, 10.0, 20.0])
+    assert figure.axes[1].lines[0].get_ydata() == pytest.approx([0.0, 1.0, 2.0])
+    assert figure.axes[2].lines[0].get_ydata() == pytest.approx([0.0, -1.0, -2.0])
+    assert main(["plot", str(tmp_path)]) == 0
+    assert (tmp_path / "run_surfaces.png").read_bytes().startswith(PNG)
+    path.rename(tmp_path / "other.csv")
+    assert main(["plot", "boundary", str(tmp_path / "other.csv")]) == 1
 
 
 def test_network() -> None:

@@ -4,11 +4,11 @@ import argparse
 import sys
 from pathlib import Path
 
-from talus import cell_plots, gallery, measure_plots, plots, specimens
+from talus import boundary_plots, cell_plots, gallery, measure_plots, plots, specimens
 from talus.faults import FaultError
 
 KINDS = ("force", "ghosts", "audit", "energy", "measure", "rose", "slice", "specimen", "cell",
-         "probe")  # fmt: skip
+         "probe", "boundary")  # fmt: skip
 
 
 def register(commands: argparse._SubParsersAction) -> None:
@@ -62,6 +62,8 @@ def plot(options: argparse.Namespace) -> int:
         return save(cell_plots.figure(source), options.output or Path(f"{source.stem}.png"))
     if options.what == "probe":
         return save(measure_plots.probe(source), options.output or Path(f"{source.stem}.png"))
+    if options.what == "boundary":
+        return save(boundary_plots.figure(source), options.output or Path(f"{source.stem}.png"))
     if options.what == "ghosts":
         return save(
             plots.ghosts(source, options.step), options.output or Path("ghost_displacement.png")

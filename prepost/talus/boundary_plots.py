@@ -1,0 +1,53 @@
+"""Figure of boundaries: force, moment and work of walls or surfaces over time."""
+
+from pathlib import Path
+
+import numpy as np
+
+from talus import histories
+from talus.faults import FaultError
+from talus.look import COLOURS, new_figure
+
+KINDS = {"_walls": "wall", "_surfaces": "surface"}  # ending of the file: column of the number
+MOST = 8  # boundaries with a line of their own in the legend
+
+
+def bodies(rows: histories.History, column: str) -> dict[str, np.ndarray]:
+    """Return the rows (mask) of each wall, or of each part of each surface, by name."""
+    numbers = rows[column].astype(int)
+    if "part" not in rows.columns:
+        return {f"{column} {n}": numbers == n for n in np.unique(numbers)}
+    parts = rows["part"].astype(int)
+    found = {}
+    for number in np.unique(numbers):
+        own = numbers == number
+        several = len(np.unique(parts[own])) > 1
+        for part in np.unique(parts[own]):
+            name = f"{column} {number}, part {part}" if several else f"{column} {number}"
+            found[name] = own & (parts == part)
+    return found
+
+
+def figure(path: Path) -> object:
+    """Draw the lengths of force and moment, and the work, of each boundary over time."""
+    rows = histories.read(path)
+    ending = next((e for e in KINDS if path.stem.endswith(e)), None)
+    if ending is None or not rows["time"].size:
+        hint = "a file *_walls.csv or *_surfaces.csv of a run"
+        raise FaultError("E545", f"{path} has no rows of boundaries", hint)
+    fig, axes = new_figure(ncols=3, figsize=(12.0, 3.8))
+    for k, (name, own) in enumerate(bodies(rows, KINDS[ending]).items()):
+        look = {"color": COLOURS[k % len(COLOURS)], "lw": 1.1}
+        look["label"] = name if k < MOST else None
+        force, moment = (
+            np.linalg.norm([rows[f"{what}_{c}"][own] for c in "xyz"], axis=0)
+            for what in ("force", "moment")
+        )
+        for ax, values in zip(axes, (force, moment, rows["work"][own]), strict=True):
+            ax.plot(rows["time"][own], values, **look)
+    labels = ("force [N]", "moment [N m]", "work on the grains [J]")
+    for ax, label in zip(axes, labels, strict=True):
+        ax.set(xlabel="time [s]", ylabel=label)
+    axes[0].legend(fontsize=7)
+    fig.suptitle(f"Boundaries, {path.stem.removesuffix(ending)}")
+    return fig
