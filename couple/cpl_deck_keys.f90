@@ -214,7 +214,7 @@ contains
 
   subroutine group_overlap(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('overlap', 15, &
+    call table%add_group('overlap', 18, &
       'Grains and solid overlap: free grains move the nodes over them, ghost grains ' &
       //'follow the solid, and energy is counted once. A deck has exactly one of facets ' &
       //'and overlap.')
@@ -253,9 +253,22 @@ contains
       '`''symmetric''`: forces of contacts and of elements over free grains act in every ' &
       //'step of the grains on both sides, those of the other elements at exchanges; ' &
       //'momentum is exact and energy bounded. `''state_at_n''`: the solid takes all forces' &
-      //' as they are at the start of an exchange; for comparison.')
+      //' as they are at the start of an exchange; for comparison. `''static''`: a static ' &
+      //'solid, solved at each exchange, and grains that find their rest by their own ' &
+      //'damping (`&relaxation`, or `&dynamics damping`), a batch of their steps an ' &
+      //'exchange.')
     call table%preset('symmetric')
-    call table%allow('symmetric|state_at_n')
+    call table%allow('symmetric|state_at_n|static')
+    call table%add_key('settled', 'real', '', &
+      'Static: largest force that is not balanced at the end, over the mean contact ' &
+      //'force, above which the run warns that it has not settled.')
+    call table%preset('0.0001')
+    call table%bounds(above=0.0_wp, below=1.0_wp)
+    call group_overlap_2(table)
+  end subroutine group_overlap
+
+  subroutine group_overlap_2(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('partition', 'string', '', &
       'How energy in the layer of ghosts is shared: `''ramp''`, contacts between ghosts ' &
       //'fade out and the solid fades in with the distance from the free grains; `''fit''`,' &
@@ -264,11 +277,6 @@ contains
       //' `''twice''` counts all of both there, for comparison.')
     call table%preset('auto')
     call table%allow('auto|ramp|fit|twice')
-    call group_overlap_2(table)
-  end subroutine group_overlap
-
-  subroutine group_overlap_2(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('rho', 'real', '', &
       'Relaxed over affine stiffness of the pack, a factor on the contacts between ' &
       //'ghosts: they move affinely, free grains do not. 1 for lattices; about 0.85 for ' &
@@ -277,9 +285,11 @@ contains
     call table%bounds(max=1.0_wp, above=0.0_wp)
     call table%add_key('initial', 'string', '', &
       'What happens to forces that are not balanced when the coupling begins: ' &
-      //'`''dead_load''` holds against them, so that nothing moves; `''none''` lets them act.')
+      //'`''stress''`: the mean stress of the grains, corrected until contacts, stress and ' &
+      //'loads balance at every node, is the initial stress of the solid; `''dead_load''` ' &
+      //'holds against them, so that nothing moves; `''none''` lets them act.')
     call table%preset('dead_load')
-    call table%allow('dead_load|none')
+    call table%allow('dead_load|stress|none')
     call table%add_key('mass', 'string', '', &
       'Mass that elements outside give to nodes that follow free grains: ' &
       //'`''consistent''`, it stays there and its inertia is handed back to the grains in ' &
@@ -301,6 +311,11 @@ contains
       //'near the elements may then come under them.')
     call table%preset('0.25')
     call table%bounds(min=0.0_wp)
+    call group_overlap_3(table)
+  end subroutine group_overlap_2
+
+  subroutine group_overlap_3(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('leaving', 'string', '', &
       'What happens when a free grain leaves the elements of the free grains: ' &
       //'`''remap''`, the projection is made anew without it (and with those that came); ' &
@@ -308,5 +323,13 @@ contains
       //'run.')
     call table%preset('remap')
     call table%allow('remap|log|stop')
-  end subroutine group_overlap_2
+    call table%add_key('moduli', 'string', '', &
+      'Moduli of the solid: `''deck''`, its deck''s own; `''probed''`, those that talus-dem ' &
+      //'has probed on the pack (`probe`); `''affine''`, the sum over the contacts of the ' &
+      //'overlap, an upper bound. Micropolar kappa and couple moduli are always affine.')
+    call table%preset('deck')
+    call table%allow('deck|probed|affine')
+    call table%add_key('probe', 'file', '', &
+      'File of probed moduli (`<deck>_probe.json` of talus-dem), for moduli = ''probed''.')
+  end subroutine group_overlap_3
 end module cpl_deck_keys

@@ -35,6 +35,7 @@ module cpl_model
     overlap_row_titles, overlap_row, overlap_health, overlap_summary
   use cpl_overlap_remap, only: look_after, rebuild_map
   use cpl_overlap_setup, only: make_overlap, begin_overlap
+  use cpl_overlap_static, only: static_step
   use cpl_overlap_step, only: overlap_step
   use cpl_sets_file, only: write_sets
   use cpl_setup, only: find_ghosts, find_vertices, find_radii, make_map, select_sets, &
@@ -225,8 +226,8 @@ contains
     if (errors%any()) return
     call log_census(self%log, self%overlap, self%choices)
     if (.not. self%again) call write_sets(self%stem//'_sets.h5', self%overlap, errors)
-    call open_overlap_audit(self%audit%file, self%stem//'_audit.csv', self%again, &
-                            self%manifest%time, errors)
+    call open_overlap_audit(self%audit%file, self%stem//'_audit.csv', self%overlap%static, &
+                            self%again, self%manifest%time, errors)
   end subroutine prepare_overlap
 
   !> The operators: from the packing and the mesh, or from the stored reference state, whose hash
@@ -312,8 +313,13 @@ contains
     real(wp) :: gap
 
     if (self%choices%overlap%given) then
-      call overlap_step(self%overlap, self%solvers, self%choices%exchange, t0, t1, self%timers, &
-                        errors)
+      if (self%overlap%static) then
+        call static_step(self%overlap, self%solvers, self%choices%exchange, t0, t1, self%timers, &
+                         errors)
+      else
+        call overlap_step(self%overlap, self%solvers, self%choices%exchange, t0, t1, &
+                          self%timers, errors)
+      end if
       if (errors%any()) return
       self%face%step = self%overlap%step
       call self%timers%start('audit and log')
@@ -460,7 +466,7 @@ contains
     type(error_list_type), intent(in) :: errors
     type(error_list_type) :: ignored
     if (self%choices%overlap%given) then
-      call overlap_health(self%log, self%overlap, overhead)
+      call overlap_health(self%log, self%overlap, self%choices%overlap%settled, overhead)
       call self%log%timer_table(self%timers)
       call overlap_summary(self%stem//'_summary.json', program_name, self%deck, self%overlap, &
                            self%timers, time, overhead, exit_code, errors, ignored)

@@ -5,12 +5,16 @@
 !! are those on what is free: `force` on the free grains through hat nodes, `f` on the edge.
 module cpl_overlap
   use talus_kinds, only: wp, i4, i8
+  use talus_moduli, only: isotropic_type
   use talus_vectors, only: turned
   use talus_scalars, only: scalar_count
   use cpl_cells, only: cells_type
+  use cpl_choices, only: interface_aitken
   use cpl_fine_damping, only: fine_damping_type
   use cpl_inertia, only: inertia_type
+  use cpl_initial, only: initial_type
   use cpl_operators, only: operators_type
+  use cpl_relax, only: relax_type
   use cpl_sets, only: sets_type, pack_type
   use cpl_weight_fit, only: fit_type
   implicit none
@@ -18,6 +22,7 @@ module cpl_overlap
   public :: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, hat_phi_set, &
     edge_phi_set
 
+  real(wp), parameter :: least_factor = 0.1_wp          !! of Aitken
   character(len=*), parameter :: ghost_set = 'ghosts'   !! of the grains
   character(len=*), parameter :: free_set = 'free'      !! of the grains, whose motion is told
   character(len=*), parameter :: pulled_set = 'pulled'  !! the same, which forces are put on
@@ -34,6 +39,7 @@ module cpl_overlap
     integer(i8) :: step = 0                        !! accepted exchanges
     integer(i4) :: substeps = 1                    !! of the grains in an exchange
     logical :: symmetric = .true.
+    logical :: static = .false.                    !! the solid has no inertia
     logical :: turns = .false.                     !! rotations of free grains matter
     logical :: round = .true.                      !! all ghosts are spheres
     logical :: round_free = .true.                 !! all free grains are spheres
@@ -45,12 +51,23 @@ module cpl_overlap
     real(wp) :: identity = 0.0_wp                  !! largest error of the operators
     real(wp) :: moved_mass = 0.0_wp                !! from hat nodes to free grains [kg]
     integer(i8), allocatable :: weight_ids(:, :)   !! (2, pairs) of ghosts that may touch
+    integer(i4), allocatable :: near_ghosts(:, :)  !! the same by their rows, before a fresh start
     real(wp), allocatable :: weight(:)             !! of their contacts [-]
     real(wp), allocatable :: beta(:)               !! of the quadrature points [-]
     character(len=:), allocatable :: shared        !! how the weights were found
     type(fit_type) :: fit                          !! of the weights
     real(wp) :: disorder = 0.0_wp                  !! unbalance of grains in uniform strain [-]
     logical :: unfit = .false.                     !! no weights were found for a lattice
+    logical :: stressed = .false.                  !! the solid begins with the grains' stress
+    real(wp), allocatable :: stress(:, :)          !! initial, of the points (9, n) [Pa]
+    real(wp), allocatable :: couple(:, :)          !! the same (9, n) [N/m]
+    real(wp), allocatable :: steady(:, :), steady_phi(:, :)   !! forces of the solid at the start,
+                                                   !! which act in every step of the grains
+    type(initial_type) :: initial                  !! its correction to balance
+    real(wp) :: start_rest = 0.0_wp                !! largest rest at nodes / contact force [-]
+    real(wp), allocatable :: moduli(:, :)          !! of the elements, if not the deck's (6, n)
+    real(wp) :: lambda = 0.0_wp, shear = 0.0_wp    !! taken for them [Pa]
+    type(isotropic_type) :: affine                 !! of the pack's contacts
     real(wp), allocatable :: factor(:)             !! on the masses of the free grains
     real(wp), allocatable :: x_free(:, :), x_ghost(:, :), x_node(:, :)  !! reference (3, :) [m]
     real(wp), allocatable :: theta_ref(:, :)       !! rotation of the free grains then [rad]
@@ -79,6 +96,10 @@ module cpl_overlap
     real(wp), allocatable :: inertial(:, :), inertial_phi(:, :)  !! of what hat nodes carry
     real(wp), allocatable :: f_hold(:, :), c_hold(:, :)       !! that balance the start
     real(wp), allocatable :: force_hold(:, :), moment_hold(:, :)
+    type(relax_type) :: relax                      !! static: what the edge is loaded with
+    real(wp) :: contact_stiffness = 0.0_wp         !! static: mean at the start [N/m]
+    integer(i4) :: contact_count = 0               !! static: at the start
+    real(wp) :: unbalanced = 0.0_wp                !! static: largest rest / contact force [-]
     real(wp) :: work_given = 0.0_wp                !! by ghosts and nodes on what is free [J]
     real(wp) :: work_taken = 0.0_wp                !! by what is free on ghosts and nodes [J]
     real(wp) :: turnover = 0.0_wp                  !! sum of both without sign [J]
@@ -97,6 +118,7 @@ module cpl_overlap
     procedure :: past_nodes
     procedure :: fine_scale
     procedure :: finite
+    procedure :: relax_as_static
   end type overlap_type
 
 contains
@@ -125,6 +147,7 @@ contains
     allocate (self%u_map(3, n), self%phi_map(3, np), source=0.0_wp)
     self%seen = self%sets%free_spot%element > 0
     allocate (self%told(nf), source=.false.)
+    allocate (self%steady(3, n), self%steady_phi(3, np), source=0.0_wp)
     self%x_free = self%pack%x(:, self%sets%free)
     self%x_ghost = self%pack%x(:, self%sets%ghost)
     self%x_node = self%cells%x(:, self%op%node)
@@ -171,6 +194,10 @@ contains
     self%f = self%element
     self%c = self%element_phi
     call self%op%pull(self%p, self%m, self%f, self%c, self%force, self%moment)
+    if (self%stressed) then
+      self%f = self%f + self%steady
+      self%c = self%c + self%steady_phi
+    end if
     self%f = self%f + self%f_hold
     self%c = self%c + self%c_hold
     self%force = self%force + self%force_hold
@@ -205,6 +232,8 @@ contains
       given = sum(self%force*dq) + sum(self%f(:, a:)*du(:, a:)) + sum(self%c(:, b:)*dphi(:, b:))
       hold = sum(self%force_hold*dq) + sum(self%f_hold(:, a:)*du(:, a:)) &
              + sum(self%c_hold(:, b:)*dphi(:, b:))
+      if (self%stressed) given = given - sum(self%steady(:, a:)*du(:, a:)) &
+        - sum(self%steady_phi(:, b:)*dphi(:, b:))
       if (self%turns) given = given + sum(self%moment*dtheta)
       if (self%turns) hold = hold + sum(self%moment_hold*dtheta)
       taken = sum(self%p*d) + sum(self%m*turn) + sum(self%element*du) + sum(self%element_phi*dphi)
@@ -289,6 +318,15 @@ contains
     class(overlap_type), intent(in) :: self
     fine_scale = sqrt(sum(self%past_nodes()**2)/max(1, count(self%seen)))
   end function fine_scale
+
+  !> Constants of the relaxation of the edge's load: Aitken, whose factor is kept up, as batches end
+  !! before the grains are at rest.
+  subroutine relax_as_static(self)
+    class(overlap_type), intent(inout) :: self
+    self%relax%method = interface_aitken
+    self%relax%least = least_factor
+    self%relax%arm = self%sets%d_max
+  end subroutine relax_as_static
 
   !> Are motion and forces numbers?
   pure logical function finite(self)

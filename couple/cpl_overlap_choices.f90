@@ -20,6 +20,8 @@ module cpl_overlap_choices
     real(wp) :: remap = 0.0_wp         !! share of an element; 0 never
     character(len=:), allocatable :: leaving  !! what happens when a free grain leaves
     logical :: dead_load = .true.
+    real(wp) :: settled = 0.0_wp  !! static: rest / contact force at which a run has settled [-]
+    character(len=:), allocatable :: initial, moduli, probe  !! probe: path of a file
   end type overlap_choices_type
 
 contains
@@ -29,7 +31,6 @@ contains
     type(deck_type), intent(in) :: deck
     type(overlap_choices_type), intent(inout) :: choices
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: initial
 
     choices%given = deck%count('overlap') > 0
     if (choices%given .eqv. deck%count('facets') > 0) then
@@ -49,12 +50,17 @@ contains
     call deck%get('overlap', 1, 'projection', choices%projection)
     call deck%get('overlap', 1, 'weights', choices%weights)
     call deck%get('overlap', 1, 'scheme', choices%scheme)
+    call deck%get('overlap', 1, 'settled', choices%settled)
+    if (deck%given('overlap', 1, 'settled') .and. choices%scheme /= 'static') &
+      call deck%fault(errors, 'D421', "settled goes with scheme = 'static'", 'overlap', 1, &
+                      'settled', 'leave it out')
     call deck%get('overlap', 1, 'partition', choices%partition)
     call deck%get('overlap', 1, 'rho', choices%rho)
     if (deck%given('overlap', 1, 'rho') .and. choices%partition == 'twice') &
       call deck%fault(errors, 'D443', "rho goes with ramps, not with partition = 'twice'", &
                       'overlap', 1, 'rho', 'leave it out')
     call deck%get('overlap', 1, 'mass', choices%mass)
+    if (choices%mass == 'auto' .and. choices%scheme == 'static') choices%mass = 'nearest'
     if (choices%mass == 'auto') choices%mass = trim(merge('consistent', 'projected ', &
       choices%weights == 'mass' .and. choices%projection == 'l2'))
     call deck%get('overlap', 1, 'fine_damping', choices%fine_damping)
@@ -64,12 +70,32 @@ contains
                       "projection = 'l2'", 'overlap', 1, 'mass', "write mass = 'projected'")
     call deck%get('overlap', 1, 'remap', choices%remap)
     call deck%get('overlap', 1, 'leaving', choices%leaving)
-    call deck%get('overlap', 1, 'initial', initial)
-    choices%dead_load = initial == 'dead_load'
+    call deck%get('overlap', 1, 'initial', choices%initial)
+    choices%dead_load = choices%initial == 'dead_load'
+    call read_moduli(deck, choices, errors)
     if (deck%given('clock', 1, 'scheme')) &
       call deck%fault(errors, 'D421', 'scheme of &clock goes with &facets', 'clock', 1, 'scheme', &
                       'write it in &overlap')
   end subroutine read_overlap
+
+  !> Where the solid's moduli come from; D444 a file of probed moduli that is missing or idle.
+  subroutine read_moduli(deck, choices, errors)
+    type(deck_type), intent(in) :: deck
+    type(overlap_choices_type), intent(inout) :: choices
+    type(error_list_type), intent(inout) :: errors
+    call deck%get('overlap', 1, 'moduli', choices%moduli)
+    choices%probe = ''
+    if (deck%given('overlap', 1, 'probe')) choices%probe = deck%path('overlap', 1, 'probe')
+    if ((choices%moduli == 'probed') .eqv. len(choices%probe) > 0) return
+    if (len(choices%probe) > 0) then
+      call deck%fault(errors, 'D444', "probe goes with moduli = 'probed'", 'overlap', 1, 'probe', &
+                      "write moduli = 'probed', or leave it out")
+    else
+      call deck%fault(errors, 'D444', "moduli = 'probed' needs a file of probed moduli", &
+                      'overlap', 1, 'moduli', "write probe = '..._probe.json', which "// &
+                      'talus-dem makes with &probe')
+    end if
+  end subroutine read_moduli
 
   !> A group, or a box, of the elements for one kind of grains.
   subroutine read_elements(deck, what, group, box, errors)

@@ -67,6 +67,20 @@ contains
       call file%put('/map/u', o%u_map, errors)
       call file%put('/map/phi', o%phi_map, errors)
     end if
+    if (allocated(o%moduli)) call file%put('/start/moduli', o%moduli, errors)
+    if (allocated(o%stress)) then
+      call file%put('/start/stress', o%stress, errors)
+      call file%put('/start/couple', o%couple, errors)
+      call file%put('/start/steady', o%steady, errors)
+      call file%put('/start/steady_phi', o%steady_phi, errors)
+    end if
+    if (o%static) then
+      call file%put('/static/held', o%relax%held, errors)
+      call file%put('/static/residual', o%relax%residual, errors)
+      call file%put('/static/numbers', [o%relax%factor, o%contact_stiffness, &
+                    real(o%contact_count, wp), o%unbalanced, merge(1.0_wp, 0.0_wp, &
+                    o%relax%begun)], errors)
+    end if
     call file%put('/scalars/grains', o%grains, errors)
     call file%put('/scalars/solid', o%solid, errors)
     call checkpoint%finish(file, errors)
@@ -119,6 +133,13 @@ contains
     call file%get('/weights/ids', o%weight_ids, errors)
     call file%get('/weights/contacts', o%weight, errors)
     call file%get('/weights/points', o%beta, errors)
+    if (file%exists('/start/moduli')) call file%get('/start/moduli', o%moduli, errors)
+    o%stressed = file%exists('/start/stress')
+    if (o%stressed) call file%get('/start/stress', o%stress, errors)
+    if (o%stressed) call file%get('/start/couple', o%couple, errors)
+    if (o%stressed) call file%get_into('/start/steady', o%steady, errors)
+    if (o%stressed) call file%get_into('/start/steady_phi', o%steady_phi, errors)
+    if (o%static) call read_static(file, o, errors)
     call file%get_into('/numbers', numbers, errors)
     call file%get_into('/counts', counts, errors)
     call file%get_into('/map/looked', looked, errors)
@@ -144,6 +165,24 @@ contains
     o%looked = looked(1)
     o%told = told == 1
   end subroutine read_overlap_state
+
+  !> Load of the edge and its relaxation.
+  subroutine read_static(file, o, errors)
+    type(h5_file_type), intent(inout) :: file
+    type(overlap_type), intent(inout) :: o
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: numbers(5)
+    numbers = 0.0_wp
+    call file%get('/static/held', o%relax%held, errors)
+    call file%get('/static/residual', o%relax%residual, errors)
+    call file%get_into('/static/numbers', numbers, errors)
+    o%relax%factor = numbers(1)
+    o%contact_stiffness = numbers(2)
+    o%contact_count = nint(numbers(3))
+    o%unbalanced = numbers(4)
+    o%relax%begun = numbers(5) > 0.0_wp
+    call o%relax_as_static()
+  end subroutine read_static
 
   subroutine read_motion(file, o, errors)
     type(h5_file_type), intent(inout) :: file

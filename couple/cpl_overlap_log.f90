@@ -51,6 +51,7 @@ contains
                   choices%overlap%weights, "condition of N'WN "//short_number(o%op%p%condition))
     call log%item('identities', 'within '//short_number(o%identity))
     call log_weights(log, o, choices)
+    call log_start(log, o, choices)
     call log_masses(log, o, choices)
     call log%item('exchanges', str(choices%exchanges), 'of '//short_number(choices%exchange)// &
                   ' s, '//str(o%substeps)//' steps of the grains each, scheme '// &
@@ -99,9 +100,35 @@ contains
       'the solid has another stiffness than the pack; ramps are taken')
   end subroutine log_weights
 
+  !> Moduli and initial stress.
+  subroutine log_start(log, o, choices)
+    type(log_type), intent(inout) :: log
+    type(overlap_type), intent(in) :: o
+    type(cpl_choices_type), intent(in) :: choices
+    if (o%shear > 0.0_wp) then
+      call log%item('moduli of the solid', 'K '//short_number(o%lambda + 2.0_wp*o%shear/3.0_wp)// &
+                    ' Pa, G '//short_number(o%shear)//' Pa', choices%overlap%moduli//'; affine '// &
+                    'bound K '//short_number(o%affine%bulk)//' Pa, G '// &
+                    short_number(o%affine%shear)//' Pa')
+      if (choices%overlap%moduli == 'affine') call log%warn('affine moduli are an upper bound '// &
+        "of the pack's: probe it with talus-dem (&probe)")
+      if (any(o%cells%polar)) call log%warn('micropolar constants are affine, no probe gives '// &
+        'them: kappa '//short_number(o%affine%kappa)//' Pa, gamma '// &
+        short_number(o%affine%gamma)//' N (equal spheres have no gamma: that of the deck stands)')
+    end if
+    if (o%initial%rounds == 0 .and. .not. o%initial%after > 0.0_wp) return
+    call log%item('initial stress', 'rest '//short_number(o%initial%before)//' -> '// &
+                  short_number(o%initial%after)//' of a contact force', 'changed by '// &
+                  short_number(o%initial%change)//' of the pressure at most, in element '// &
+                  str(o%initial%element)//', '//str(o%initial%rounds)//' rounds')
+    call log%item('at rest within', short_number(o%start_rest)//' of a contact force', &
+                  'forces on the nodes as both solvers give them')
+  end subroutine log_start
+
   !> Begin couple_audit.csv, or after a restart at time [s] go on in it.
-  subroutine open_overlap_audit(file, path, again, time, errors)
+  subroutine open_overlap_audit(file, path, static, again, time, errors)
     type(history_type), intent(inout) :: file
+    logical, intent(in) :: static
     character(len=*), intent(in) :: path
     logical, intent(in) :: again
     real(wp), intent(in) :: time
@@ -139,6 +166,7 @@ contains
     call append_string(columns, 'largest_ghost_displacement [m]')
     call append_string(columns, 'largest_overlap [-]')
     if (size(columns) /= column_count) error stop 'bug: columns of the audit'
+    if (static) call append_string(columns, 'unbalanced [-]')
     if (again) then
       call file%resume(path, columns, time, errors)
     else
@@ -171,7 +199,7 @@ contains
     type(overlap_type), intent(in) :: o
     real(wp), intent(in) :: time
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: value(column_count), edge(6)
+    real(wp) :: value(column_count + 1), edge(6)
 
     associate (g => o%grains, s => o%solid)
       value(1) = time
@@ -192,7 +220,8 @@ contains
       value(27) = ghost_motion(o)
       value(28) = g(scalar_max_overlap)
     end associate
-    call file%write(value, errors)
+    value(column_count + 1) = o%unbalanced
+    call file%write(value(:merge(column_count + 1, column_count, o%static)), errors)
   end subroutine overlap_audit_row
 
   subroutine overlap_row_titles(log)
@@ -237,16 +266,30 @@ contains
   end function work_error
 
   !> The line that tells whether to trust the run.
-  subroutine overlap_health(log, o, overhead)
+  subroutine overlap_health(log, o, settled, overhead)
     type(log_type), intent(inout) :: log
     type(overlap_type), intent(in) :: o
+    real(wp), intent(in) :: settled  !! static: rest at which all is settled [-]
     real(wp), intent(in) :: overhead
-    call log%health('works of both sides differ by '//short_number(100.0_wp*work_error(o))// &
-      ' % of what went through, fine scale '//short_number(o%fine_scale())// &
-      ' m, ghosts moved by '//short_number(ghost_motion(o))//' m, largest overlap '// &
+    if (o%static .and. o%unbalanced > settled) call log%warn('the run has not settled: a force '// &
+      'of '//short_number(o%unbalanced)//' of the mean contact force is not balanced '// &
+      '(settled = '//short_number(settled)//'): let it run longer, or look at the damping of '// &
+      'the grains')
+    call log%health(balance_text(o)//'works of both sides differ by '// &
+      short_number(100.0_wp*work_error(o))//' % of what went through, fine scale '// &
+      short_number(o%fine_scale())//' m, ghosts moved by '//short_number(ghost_motion(o))// &
+      ' m, largest overlap '// &
       short_number(100.0_wp*o%grains(scalar_max_overlap))//' %, coupling overhead '// &
       short_number(100.0_wp*overhead)//' % of the run time')
   end subroutine overlap_health
+
+  !> The rest of a static run.
+  pure function balance_text(o) result(text)
+    type(overlap_type), intent(in) :: o
+    character(len=:), allocatable :: text
+    text = ''
+    if (o%static) text = 'unbalanced '//short_number(o%unbalanced)//' of a contact force, '
+  end function balance_text
 
   subroutine overlap_summary(path, program, deck, o, timers, time, overhead, exit_code, faults, &
                              errors)
@@ -275,9 +318,19 @@ contains
     call summary%set('health.projection_condition', o%op%p%condition)
     call summary%set('health.fine_scale_m', o%fine_scale())
     call summary%set('health.max_overlap', o%grains(scalar_max_overlap))
+    if (o%static) call summary%set('health.unbalanced', o%unbalanced)
     if (allocated(o%shared)) call summary%set('overlap.shared_by', o%shared)
     call summary%set('overlap.fit_residual', o%fit%after)
     call summary%set('overlap.depth_m', o%sets%depth)
+    if (o%shear > 0.0_wp) then
+      call summary%set('overlap.lambda_Pa', o%lambda)
+      call summary%set('overlap.shear_Pa', o%shear)
+    end if
+    if (allocated(o%stress)) then
+      call summary%set('overlap.initial_rest', o%initial%after)
+      call summary%set('overlap.initial_change', o%initial%change)
+      call summary%set('overlap.start_rest', o%start_rest)
+    end if
     call summary%set('overlap.moved_mass_kg', o%moved_mass)
     if (o%step_limit < huge(1.0_wp)) call summary%set('overlap.stable_step_s', o%step_limit)
     call summary%set('overlap.fine_scale_damping_J', fine_loss(o))

@@ -14,7 +14,7 @@ module cpl_overlap_mass
   use cpl_sets, only: part_free
   implicit none
   private
-  public :: share_mass
+  public :: share_mass, hat_shares
 
   integer(i4), parameter :: sharers = 8          !! grains that a node's mass goes to
   integer(i4), parameter :: named = 5            !! grains that a message names

@@ -1,6 +1,7 @@
 !> The overlap of a coupled run as the energy partition wants it (cpl_partition): grains and ghosts'
 !! shape functions from the sets, contacts, quadrature points and moduli from what both solvers
-!! describe. Only elements that share a node with an element of ghosts are taken.
+!! describe. Only elements that share a node with an element of ghosts are taken, or, for the start,
+!! all but those of free grains.
 module cpl_overlap_partition
   use talus_kinds, only: wp, i4, i8
   use cpl_cells, only: cells_type
@@ -13,7 +14,7 @@ module cpl_overlap_partition
   use cpl_sets, only: part_ghost, part_free
   implicit none
   private
-  public :: contacts_type, points_type, fill_partition, elastic_tensor
+  public :: contacts_type, points_type, fill_partition, elastic_tensor, rows_of_contacts
 
   !> Contacts as talus-dem describes them.
   type :: contacts_type
@@ -37,20 +38,24 @@ contains
 
   !> Fill a partition; row(k) is the contact behind its k-th contact, at(k) the point behind its
   !! k-th point.
-  subroutine fill_partition(o, contacts, points, partition, row, at)
+  subroutine fill_partition(o, contacts, points, partition, row, at, whole)
     type(overlap_type), intent(in) :: o
     type(contacts_type), intent(in) :: contacts
     type(points_type), intent(in) :: points
     type(partition_type), intent(out) :: partition
     integer(i4), allocatable, intent(out) :: row(:), at(:)
+    logical, intent(in), optional :: whole  !! all elements but those of free grains
     integer(i4), allocatable :: taken(:), number(:)
+    logical :: all
 
     partition%nodes = o%cells%nodes
     partition%polar = any(o%cells%polar)
     partition%turning = turn_none
     if (o%op%rotation == rotation_curl) partition%turning = turn_curl
     if (o%op%rotation == rotation_micro) partition%turning = turn_micro
-    call take_elements(o, taken, number)
+    all = .false.
+    if (present(whole)) all = whole
+    call take_elements(o, all, taken, number)
     call fill_elements(o%cells, o%sets%part, points, taken, partition)
     call fill_grains(o, number, partition)
     call fill_contacts(o, contacts, partition, row)
@@ -83,9 +88,11 @@ contains
     where (size_of >= 0.0_wp) partition%outer = .true.
   end subroutine find_surface
 
-  !> Elements that share a node with those of ghosts; number: their rows, 0 for others.
-  subroutine take_elements(o, taken, number)
+  !> Elements that share a node with those of ghosts, or all but those of free grains; number:
+  !! their rows, 0 for others.
+  subroutine take_elements(o, all, taken, number)
     type(overlap_type), intent(in) :: o
+    logical, intent(in) :: all
     integer(i4), allocatable, intent(out) :: taken(:), number(:)
     logical, allocatable :: touched(:), near(:)
     integer(i4) :: e, k
@@ -96,6 +103,7 @@ contains
     end do
     do e = 1, o%cells%elements
       near(e) = any(touched(o%cells%nodes_of(e)))
+      if (all) near(e) = o%sets%part(e) /= part_free
     end do
     taken = pack([(k, k=1, o%cells%elements)], near)
     allocate (number(o%cells%elements), source=0_i4)
@@ -198,16 +206,10 @@ contains
     type(contacts_type), intent(in) :: contacts
     type(partition_type), intent(inout) :: partition
     integer(i4), allocatable, intent(out) :: row(:)
-    integer(i4), allocatable :: order(:), pair(:, :)
+    integer(i4), allocatable :: pair(:, :)
     integer(i4) :: c, k
 
-    allocate (order(size(o%pack%id)), pair(2, size(contacts%ids, 2)))
-    call sort_order(real(o%pack%id, wp), order)
-    do c = 1, size(pair, 2)
-      do k = 1, 2
-        pair(k, c) = row_of(o%pack%id, order, contacts%ids(k, c))
-      end do
-    end do
+    call rows_of_contacts(o, contacts, pair)
     row = pack([(c, c=1, size(pair, 2))], all(pair > 0, 1))
     partition%pair = pair(:, row)
     partition%normal = contacts%normal(:, row)
@@ -219,6 +221,22 @@ contains
       end do
     end do
   end subroutine fill_contacts
+
+  !> Rows in the pack of both grains of each contact, 0 for what is no grain.
+  subroutine rows_of_contacts(o, contacts, pair)
+    type(overlap_type), intent(in) :: o
+    type(contacts_type), intent(in) :: contacts
+    integer(i4), allocatable, intent(out) :: pair(:, :)
+    integer(i4), allocatable :: order(:)
+    integer(i4) :: c, k
+    allocate (order(size(o%pack%id)), pair(2, size(contacts%ids, 2)))
+    call sort_order(real(o%pack%id, wp), order)
+    do c = 1, size(pair, 2)
+      do k = 1, 2
+        pair(k, c) = row_of(o%pack%id, order, contacts%ids(k, c))
+      end do
+    end do
+  end subroutine rows_of_contacts
 
   !> Row of an id, 0 if there is none.
   pure integer(i4) function row_of(id, order, wanted)

@@ -15,8 +15,9 @@ module cpl_overlap_setup
   use cpl_overlap_file, only: hash_of
   use cpl_overlap_limit, only: check_step
   use cpl_overlap_mass, only: share_mass
+  use cpl_overlap_static, only: begin_static
+  use cpl_overlap_start, only: start_type, prepare_start, balance_start
   use cpl_overlap_step, only: evaluate_forces, evaluate_bulk, read_free
-  use cpl_overlap_weights, only: set_partition
   use cpl_sets, only: part_rest, part_ghost, part_free
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
@@ -39,6 +40,8 @@ contains
     call check_solvers(solvers, choices, dynamic, o%substeps, errors)
     if (errors%any()) return
     o%symmetric = choices%overlap%scheme == 'symmetric'
+    o%static = choices%overlap%scheme == 'static'
+    o%stressed = choices%overlap%initial == 'stress'
     call read_grains(o, solvers(side_grains), timers, errors)
     if (errors%any()) return
     if (allocated(reference)) then
@@ -60,7 +63,7 @@ contains
     o%round = all(o%pack%round(o%sets%ghost))
     o%fine_damping = choices%overlap%fine_damping
     o%round_free = all(o%pack%round(o%sets%free))
-    o%hears_force = choices%overlap%mass == 'consistent'
+    o%hears_force = choices%overlap%mass == 'consistent' .or. o%static
     o%hears_speed = o%hears_force .or. choices%overlap%fine_damping > 0.0_wp
     call o%allocate_state()
     call o%op%identity_error(o%x_free, o%x_node, o%x_ghost, o%identity, errors)
@@ -77,19 +80,27 @@ contains
     logical, intent(in) :: dynamic
     integer(i4), intent(out) :: substeps
     type(error_list_type), intent(inout) :: errors
+    logical :: static
 
     substeps = 1
-    if (.not. dynamic .or. .not. solvers(side_solid)%can('kick_drift')) &
+    static = choices%overlap%scheme == 'static'
+    if (static .and. dynamic) then
+      call errors%add('D422', solvers(side_solid)%title()//' is not static', &
+                      solvers(side_solid)%deck, "write &analysis kind = 'static', or another "// &
+                      'scheme in &overlap')
+    else if (.not. static .and. .not. (dynamic .and. solvers(side_solid)%can('kick_drift'))) then
       call errors%add('D422', solvers(side_solid)%title()//' does not step explicitly', &
-                      solvers(side_solid)%deck, "write &analysis kind = 'explicit'")
+                      solvers(side_solid)%deck, "write &analysis kind = 'explicit', or for a "// &
+                      "static solid &overlap scheme = 'static'")
+    end if
     if (.not. solvers(side_grains)%dt > 0.0_wp) then
       call errors%add('D422', solvers(side_grains)%title()//' has no step of its own', &
-                      solvers(side_grains)%deck, 'write dt in &dynamics of its deck: the '// &
-                      'exchange is a multiple of it')
+                      solvers(side_grains)%deck, 'write dt in &dynamics or &relaxation of its '// &
+                      'deck: the exchange is a multiple of it')
       return
     end if
     substeps = max(1, nint(choices%exchange/solvers(side_grains)%dt))
-    if (solvers(side_solid)%step_limit > 0.0_wp .and. &
+    if (.not. static .and. solvers(side_solid)%step_limit > 0.0_wp .and. &
         choices%exchange > solvers(side_solid)%step_limit) &
       call errors%add('D423', 'exchange = '//str(choices%exchange)//' s is longer than the '// &
                       'stable step of the solid, '//str(solvers(side_solid)%step_limit)//' s', &
@@ -252,35 +263,39 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     real(wp) :: none(3, o%op%ghosts)
+    type(start_type) :: start
 
     call select_sets(o, solvers, timers, errors)
     if (errors%any()) return
-    call set_partition(o, solvers, choices, again, timers, errors)
+    call prepare_start(o, solvers, choices, again, start, timers, errors)
     if (errors%any()) return
     call set_mass(o, solvers(side_grains), timers, errors)
-    if (.not. (again .or. errors%any())) call check_step(o, solvers, timers, errors)
+    if (.not. (again .or. o%static .or. errors%any())) &
+      call check_step(o, solvers, timers, errors)
     if (errors%any()) return
     call ready(solvers(side_grains), o%step, timers, errors)
+    if (.not. again) call read_start(o, solvers(side_grains), errors)
     if (errors%any()) return
-    if (.not. again) call solvers(side_grains)%reply%get('scalars', o%grains, errors)
-    if (.not. again .and. o%turns) &
-      call solvers(side_grains)%reply%get(free_set//'.theta', o%theta_ref, errors)
-    if (.not. again) call read_free(o, solvers(side_grains), errors)
+    if (o%stressed) call balance_start(o, solvers(side_solid), again, start, timers, errors)
     if (errors%any()) return
     call ready(solvers(side_solid), o%step, timers, errors)
     if (again .or. errors%any()) return
     none = 0.0_wp
     call evaluate_forces(o, solvers, none, none, solvers(1)%time, timers, errors)
-    if (.not. errors%any()) &
+    if (.not. (o%static .or. errors%any())) &
       call evaluate_bulk(o, solvers(side_solid), 0.0_wp, solvers(1)%time, timers, errors)
-    if (errors%any() .or. .not. choices%overlap%dead_load) return
-    call o%pull()
-    o%f_hold = -o%f
-    o%c_hold = -o%c
-    o%force_hold = -o%force
-    o%moment_hold = -o%moment
-    call o%pull()
-    call o%resist()
+    if (errors%any()) return
+    if (o%stressed .and. .not. o%static) call steady_forces(o)
+    if (choices%overlap%dead_load) then
+      call o%pull()
+      o%f_hold = -o%f
+      o%c_hold = -o%c
+      o%force_hold = -o%force
+      o%moment_hold = -o%moment
+      call o%pull()
+      call o%resist()
+    end if
+    if (o%static) call begin_static(o, start%stiffness, start%touching)
   end subroutine begin_overlap
 
   !> Damping of the fine scale, strongest at the ghosts. D426: more than a step can take.
@@ -302,6 +317,31 @@ contains
     if (o%turns) call o%damping_phi%build(rate, ramp, o%factor*o%pack%slimmest(o%sets%free))
   end subroutine make_damping
 
+  !> Forces of the elements without hat nodes at the start, which the others balance, act on the
+  !! edge in every step of the grains, too: in kicks they would shake it.
+  subroutine steady_forces(o)
+    type(overlap_type), intent(inout) :: o
+    o%steady(:, o%op%hats + 1:) = o%bulk(:, o%op%hats + 1:)
+    o%steady_phi(:, o%op%hats_phi + 1:) = o%bulk_phi(:, o%op%hats_phi + 1:)
+    o%bulk = o%bulk - o%steady
+    o%bulk_phi = o%bulk_phi - o%steady_phi
+    call o%pull()
+    call o%resist()
+  end subroutine steady_forces
+
+  !> State of the grains before the first exchange, from their reply to READY.
+  subroutine read_start(o, grains, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    type(error_list_type), intent(inout) :: errors
+    if (errors%any()) return
+    call grains%reply%get('scalars', o%grains, errors)
+    if (o%turns) call grains%reply%get(free_set//'.theta', o%theta_ref, errors)
+    call grains%reply%get(ghost_set//'.force', o%p, errors)
+    call grains%reply%get(ghost_set//'.moment', o%m, errors)
+    call read_free(o, grains, errors)
+  end subroutine read_start
+
   subroutine ready(solver, step, timers, errors)
     type(cpl_solver_type), intent(inout) :: solver
     integer(i8), intent(in) :: step
@@ -317,21 +357,24 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: held(:, :)
+    character(len=:), allocatable :: edge_role
 
+    edge_role = 'prescribe'
+    if (o%static) edge_role = 'load'
     associate (grains => solvers(side_grains), solid => solvers(side_solid), n => o%op%hats, &
                m => o%op%hats_phi)
       call choose(grains, ghost_set, 'prescribe', o%pack%id(o%sets%ghost), 'force,moment')
       call choose(grains, free_set, 'report', o%pack%id(o%sets%free), told(o))
       call choose(grains, pulled_set, 'load', o%pack%id(o%sets%free), '')
       call choose(solid, hat_set, 'prescribe', int(o%op%node(:n), i8), 'u')
-      call choose(solid, edge_set, 'prescribe', int(o%op%node(n + 1:), i8), 'u')
+      call choose(solid, edge_set, edge_role, int(o%op%node(n + 1:), i8), 'u')
       if (errors%any()) return
       call solid%reply%take_int('held', held, errors)
       if (errors%any()) return
       o%held(:, n + 1:) = held == 1
       if (o%op%nodes_phi == 0) return
       call choose(solid, hat_phi_set, 'prescribe', int(o%op%node_phi(:m), i8), 'phi')
-      call choose(solid, edge_phi_set, 'prescribe', int(o%op%node_phi(m + 1:), i8), 'phi')
+      call choose(solid, edge_phi_set, edge_role, int(o%op%node_phi(m + 1:), i8), 'phi')
       if (errors%any()) return
       call solid%reply%take_int('held_phi', held, errors)
       if (errors%any()) return

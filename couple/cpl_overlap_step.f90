@@ -15,7 +15,7 @@ module cpl_overlap_step
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
-  public :: overlap_step, evaluate_forces, evaluate_bulk, read_free
+  public :: overlap_step, evaluate_forces, evaluate_bulk, read_free, send_kick, accept_both
 
 contains
 
@@ -211,15 +211,16 @@ contains
     call timers%stop('pull-backs')
   end subroutine evaluate_forces
 
-  !> Where the nodes are, in a request to the solid.
+  !> Where the nodes that talus-couple moves are, in a request to the solid.
   subroutine put_nodes(o, solid)
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: solid
     call solid%request%put(hat_set//'.u', o%u(:, :o%op%hats))
-    call solid%request%put(edge_set//'.u', o%u(:, o%op%hats + 1:))
+    if (.not. o%static) call solid%request%put(edge_set//'.u', o%u(:, o%op%hats + 1:))
     if (o%op%nodes_phi == 0) return
     call solid%request%put(hat_phi_set//'.phi', o%phi(:, :o%op%hats_phi))
-    call solid%request%put(edge_phi_set//'.phi', o%phi(:, o%op%hats_phi + 1:))
+    if (.not. o%static) &
+      call solid%request%put(edge_phi_set//'.phi', o%phi(:, o%op%hats_phi + 1:))
   end subroutine put_nodes
 
   !> A field of all nodes from a reply of the solid.
@@ -256,6 +257,10 @@ contains
     call read_nodes(o, solid, 'reaction', 'reaction_moment', o%bulk, o%bulk_phi, errors)
     o%bulk = -o%bulk - o%element
     o%bulk_phi = -o%bulk_phi - o%element_phi
+    if (o%stressed) then
+      o%bulk = o%bulk - o%steady
+      o%bulk_phi = o%bulk_phi - o%steady_phi
+    end if
     call solid%reply%get('scalars', o%solid, errors)
   end subroutine evaluate_bulk
 

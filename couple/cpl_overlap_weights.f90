@@ -19,33 +19,31 @@ module cpl_overlap_weights
   use cpl_weights, only: omega, omega_mean
   implicit none
   private
-  public :: set_partition, read_contacts, read_points
+  public :: set_partition, send_weights, send_contacts, find_pairs, read_contacts, read_points
 
   real(wp), parameter :: near = 1.2_wp  !! distance over sum of radii of ghosts that may touch
 
 contains
 
-  !> SET contact_weight and quad_weight; after a restart those of the checkpoint.
-  subroutine set_partition(o, solvers, choices, again, timers, errors)
+  !> Weights of contacts and points, found from what both sides describe.
+  subroutine set_partition(o, choices, contacts, points, errors)
     type(overlap_type), intent(inout) :: o
-    type(cpl_solver_type), intent(inout) :: solvers(2)
     type(cpl_choices_type), intent(in) :: choices
-    logical, intent(in) :: again  !! after a restart
+    type(contacts_type), intent(in) :: contacts  !! whole; not looked at for ramps
+    type(points_type), intent(in) :: points
+    type(error_list_type), intent(inout) :: errors
+    o%shared = choices%overlap%partition
+    call ramp(o, choices, points)
+    if (choices%overlap%partition == 'auto' .or. choices%overlap%partition == 'fit') &
+      call fit(o, choices, contacts, points, errors)
+  end subroutine set_partition
+
+  !> SET contact_weight and quad_weight.
+  subroutine send_weights(o, solvers, timers, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    type(points_type) :: points
-
-    o%shared = choices%overlap%partition
-    if (again) then
-      o%shared = 'the weights of the checkpoint'
-    else
-      call read_points(solvers(side_solid), points, timers, errors)
-      if (errors%any()) return
-      call ramp(o, choices, points)
-      if (choices%overlap%partition == 'auto' .or. choices%overlap%partition == 'fit') &
-        call fit(o, solvers(side_grains), choices, points, timers, errors)
-    end if
-    if (errors%any()) return
     call send_contacts(o, solvers(side_grains), o%weight, timers, errors)
     if (errors%any()) return
     associate (solid => solvers(side_solid))
@@ -54,7 +52,7 @@ contains
       call solid%request%put('value', o%beta)
       call solid%ask(timers, errors)
     end associate
-  end subroutine set_partition
+  end subroutine send_weights
 
   subroutine send_contacts(o, grains, value, timers, errors)
     type(overlap_type), intent(in) :: o
@@ -74,21 +72,20 @@ contains
     type(overlap_type), intent(inout) :: o
     type(cpl_choices_type), intent(in) :: choices
     type(points_type), intent(in) :: points
-    integer(i4), allocatable :: pair(:, :)
     real(wp), allocatable :: depth(:)
     integer(i4) :: g, q
     logical :: fades
 
     fades = choices%overlap%partition /= 'twice'
-    call near_pairs(o, pair)
-    o%weight_ids = reshape(o%pack%id(o%sets%ghost(reshape(pair, [size(pair)]))), shape(pair))
     allocate (depth(o%op%ghosts))
     do g = 1, o%op%ghosts
       depth(g) = o%sets%hull%distance(o%x_ghost(:, g))
     end do
-    allocate (o%weight(size(pair, 2)), o%beta(size(points%element)), source=1.0_wp)
-    if (fades) o%weight = choices%overlap%rho*omega_mean(depth(pair(1, :)), depth(pair(2, :)), &
-                                                         o%sets%depth, o%sets%d_max)
+    associate (pair => o%near_ghosts)
+      allocate (o%weight(size(pair, 2)), o%beta(size(points%element)), source=1.0_wp)
+      if (fades) o%weight = choices%overlap%rho*omega_mean(depth(pair(1, :)), depth(pair(2, :)), &
+                                                           o%sets%depth, o%sets%d_max)
+    end associate
     do q = 1, size(o%beta)
       select case (o%sets%part(points%element(q)))
       case (part_free)
@@ -102,26 +99,19 @@ contains
 
   !> The joint fit where it is asked for, or where the pack is a lattice; `auto` keeps the ramps
   !! where the fit finds no weights.
-  subroutine fit(o, grains, choices, points, timers, errors)
+  subroutine fit(o, choices, contacts, points, errors)
     type(overlap_type), intent(inout) :: o
-    type(cpl_solver_type), intent(inout) :: grains
     type(cpl_choices_type), intent(in) :: choices
+    type(contacts_type), intent(in) :: contacts
     type(points_type), intent(in) :: points
-    type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    type(contacts_type) :: contacts
     type(partition_type) :: partition
     type(method_type) :: method
     type(error_list_type) :: refused
-    real(wp), allocatable :: w(:), beta(:), ones(:)
+    real(wp), allocatable :: w(:), beta(:)
     integer(i4), allocatable :: row(:), at(:)
     integer(i4) :: k
 
-    allocate (ones(size(o%weight)), source=1.0_wp)
-    call send_contacts(o, grains, ones, timers, errors)
-    if (errors%any()) return
-    call read_contacts(grains, contacts, timers, errors)
-    if (errors%any()) return
     call fill_partition(o, contacts, points, partition, row, at)
     call method_of(choices%overlap%partition, method, '&overlap', errors)
     method%depth = o%sets%depth
@@ -200,6 +190,7 @@ contains
     call grains%reply%take('point', contacts%point, errors)
     call grains%reply%take('normal', contacts%normal, errors)
     call grains%reply%take('force', contacts%force, errors)
+    if (allocated(contacts%force)) contacts%force = -contacts%force  ! told is that on the second
     call grains%reply%take('stiffness', contacts%stiffness, errors)
   end subroutine read_contacts
 
@@ -224,6 +215,15 @@ contains
     call solid%reply%take('moduli', points%moduli, errors)
     call solid%reply%take_int('mean', points%mean, errors)
   end subroutine read_points
+
+  !> List the ghosts that touch or may come to touch.
+  subroutine find_pairs(o)
+    type(overlap_type), intent(inout) :: o
+    call near_pairs(o, o%near_ghosts)
+    associate (pair => o%near_ghosts)
+      o%weight_ids = reshape(o%pack%id(o%sets%ghost(reshape(pair, [size(pair)]))), shape(pair))
+    end associate
+  end subroutine find_pairs
 
   !> Ghosts that touch or may come to touch, by their rows; found along x.
   subroutine near_pairs(o, pair)

@@ -7,7 +7,6 @@ module cpl_relax
   private
   public :: relax_type
 
-  real(wp), parameter :: least_factor = 1.0e-3_wp  !! of Aitken
   real(wp), parameter :: first_factor = 0.1_wp     !! of Aitken, unless the deck says theta
 
   !> Method and memory of the relaxation.
@@ -15,6 +14,7 @@ module cpl_relax
     integer(i4) :: method = interface_none
     real(wp) :: theta = 1.0_wp               !! share of the new force
     real(wp) :: factor = 1.0_wp              !! Aitken: the present share
+    real(wp) :: least = 1.0e-3_wp            !! Aitken: bound of it
     logical :: begun = .false.               !! held and residual have a past
     real(wp) :: arm = 1.0_wp                 !! length that makes moments forces [m]
     real(wp), allocatable :: held(:, :)      !! force last put on the solid (rows, ghosts) [N, N m]
@@ -57,7 +57,7 @@ contains
       new = measured - self%held
       if (self%begun) then
         change = self%weighted(new - self%residual, new - self%residual)
-        if (change > 0.0_wp) self%factor = min(1.0_wp, max(least_factor, &
+        if (change > 0.0_wp) self%factor = min(1.0_wp, max(self%least, &
           -self%factor*self%weighted(self%residual, new - self%residual)/change))
       end if
       self%residual = new

@@ -122,22 +122,23 @@ contains
   end subroutine put_impulses
 
   !> Internal forces of the present state with prescribed nodes where the request puts them.
-  !! Scope `interface`: only elements that have a node of a prescribed set count, or of `set`.
+  !! Scope `interface`: only elements that have a node of a prescribed set count, or of `set`;
+  !! `balance`: with all loads, so that zero is left where the body is at rest.
   subroutine force(model, sets, request, reply, errors)
     type(fem_model_type), intent(inout) :: model
     type(fem_sets_type), intent(inout) :: sets
     type(message_type), intent(inout) :: request, reply
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: scope
-    real(wp), allocatable :: f(:, :)
+    real(wp), allocatable :: f(:, :), external(:, :)
     logical :: brief
     integer(i4) :: s, chosen
 
     scope = 'all'
     if (request%has('scope')) call request%get_text('scope', scope, errors)
-    if (scope /= 'all' .and. scope /= 'interface') &
+    if (all(scope /= [character(len=9) :: 'all', 'interface', 'balance'])) &
       call errors%add('P301', "FORCE has no scope '"//scope//"'", request%place(), &
-                      "it is 'all' or 'interface'")
+                      "it is 'all', 'interface' or 'balance'")
     call choose_set(sets, model, request, chosen, errors)
     call take_brief(request, brief, errors)
     call sets%take_motion(model%body, request, errors)
@@ -145,7 +146,7 @@ contains
     if (errors%any()) return
     associate (body => model%body)
       where (body%prescribed) body%state%u = body%given_u
-      allocate (f(3, body%dofs%blocks))
+      allocate (f(3, body%dofs%blocks), external(3, body%dofs%blocks))
       if (scope == 'interface' .and. chosen > 0) then
         call body%interface_force(body%state%u, f, sets%set(chosen)%element)
       else if (scope == 'interface') then
@@ -156,7 +157,11 @@ contains
       call body%matter_fault(errors)
       if (errors%any()) return
       f = -f
-      if (scope /= 'interface') f = f + body%weight_force
+      if (scope == 'all') f = f + body%weight_force
+      if (scope == 'balance') then
+        call body%external_at(body%state%time, external)
+        f = f + external
+      end if
       do s = 1, sets%n
         call reply%put(trim(sets%set(s)%name)//'.force', f(:, sets%set(s)%node))
         if (size(sets%set(s)%phi) > 0) call reply%put(trim(sets%set(s)%name)//'.moment', &

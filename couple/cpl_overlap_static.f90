@@ -1,0 +1,189 @@
+!> One exchange of an overlap with a static solid (theory: overlap coupling, Static).
+!!
+!! The solid is solved for what ghosts put on the edge, then the grains go on for a batch of their
+!! own damped steps, in which hat nodes and ghosts follow them and pull-backs are renewed in every
+!! step; the edge moves evenly through the batch. What the edge is loaded with is under-relaxed by
+!! Aitken. Both come to rest where all forces balance.
+module cpl_overlap_static
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_message, only: verb_solve
+  use talus_scalars, only: scalar_elastic
+  use talus_timers, only: timers_type
+  use cpl_choices, only: interface_aitken
+  use cpl_overlap, only: overlap_type, hat_set, edge_set, hat_phi_set, edge_phi_set
+  use cpl_overlap_step, only: send_kick, read_free, evaluate_forces, accept_both
+  use cpl_solver, only: cpl_solver_type, side_grains, side_solid
+  implicit none
+  private
+  public :: static_step, begin_static
+
+  real(wp), parameter :: first_factor = 0.5_wp  !! of Aitken
+
+contains
+
+  !> The edge carries at first what is there; `stiffness` (mean, normal) and number of the contacts
+  !! at the start give the scale of forces.
+  subroutine begin_static(o, stiffness, contacts)
+    type(overlap_type), intent(inout) :: o
+    real(wp), intent(in) :: stiffness       !! [N/m]
+    integer(i4), intent(in) :: contacts
+    real(wp), allocatable :: load(:, :)
+    o%contact_stiffness = stiffness
+    o%contact_count = contacts
+    call edge_load(o, load)
+    call o%relax%init(interface_aitken, first_factor, size(load, 1, i4), size(load, 2, i4))
+    call o%relax_as_static()
+    o%relax%held = load
+  end subroutine begin_static
+
+  !> From t0 to t1 [s], a batch of the grains, accepted on both sides.
+  subroutine static_step(o, solvers, h, t0, t1, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    real(wp), intent(in) :: h, t0, t1
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp), dimension(3, o%op%ghosts) :: v, spin
+    real(wp), dimension(3, o%op%free) :: q, theta
+    real(wp), dimension(3, o%op%nodes) :: u, u0, u1
+    real(wp), dimension(3, o%op%nodes_phi) :: phi, phi0, phi1
+    real(wp), allocatable :: load(:, :)
+    real(wp) :: dt, now
+    integer(i4) :: k
+
+    dt = h/o%substeps
+    u0 = o%u
+    phi0 = o%phi
+    call solve_solid(o, solvers(side_solid), t0, t1, u1, phi1, timers, errors)
+    if (errors%any()) return
+    do k = 1, o%substeps
+      now = merge(t1, t0 + k*dt, k == o%substeps)
+      call send_kick(o, solvers(side_grains), merge(0.5_wp*dt, dt, k == 1), dt, now - dt, now, &
+                     timers, errors)
+      if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
+      if (errors%any()) return
+      q = o%q
+      theta = o%theta
+      u = o%u
+      phi = o%phi
+      call read_free(o, solvers(side_grains), errors)
+      associate (a => o%op%hats + 1, b => o%op%hats_phi + 1, share => real(k, wp)/o%substeps)
+        o%u(:, a:) = u0(:, a:) + share*(u1(:, a:) - u0(:, a:))
+        o%phi(:, b:) = phi0(:, b:) + share*(phi1(:, b:) - phi0(:, b:))
+      end associate
+      call o%follow(dt, v, spin)
+      call evaluate_forces(o, solvers, v, spin, now, timers, errors)
+      if (errors%any()) return
+      call o%note_work(q, theta, u, phi, dt*v, dt*spin)
+    end do
+    call send_kick(o, solvers(side_grains), 0.5_wp*dt, 0.0_wp, t1, t1, timers, errors)
+    if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
+    if (errors%any()) return
+    call read_free(o, solvers(side_grains), errors)
+    call solvers(side_grains)%reply%get('scalars', o%grains, errors)
+    call edge_load(o, load)
+    call measure_balance(o, load, solvers(side_grains)%gravity)
+    call o%relax%force(load)
+    call check_numbers(o, t1, errors)
+    if (.not. errors%any()) call accept_both(o, solvers, t0, t1, timers, errors)
+    if (.not. errors%any()) o%step = o%step + 1
+  end subroutine static_step
+
+  subroutine check_numbers(o, t1, errors)
+    type(overlap_type), intent(in) :: o
+    real(wp), intent(in) :: t1
+    type(error_list_type), intent(inout) :: errors
+    if (o%finite()) return
+    call errors%add('N407', 'a force or displacement of the overlap is no number', &
+                    'exchange to '//str(t1)//' s', 'the grains have become unstable: look at '// &
+                    'their step against its limit, and at their damping')
+  end subroutine check_numbers
+
+  !> SOLVE at t1 with the hat nodes where the grains hold them and the edge's load; the edge's
+  !! place comes back.
+  subroutine solve_solid(o, solid, t0, t1, u, phi, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    real(wp), intent(in) :: t0, t1
+    real(wp), intent(out) :: u(:, :), phi(:, :)  !! (3, nodes), (3, nodes_phi)
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: edge(3, o%op%nodes - o%op%hats), turn(3, o%op%nodes_phi - o%op%hats_phi)
+    integer(i4) :: turning(size(turn, 2))
+
+    u = o%u
+    phi = o%phi
+    call solid%start_request(verb_solve, o%step, t0, t1)
+    call solid%request%put(hat_set//'.u', o%u(:, :o%op%hats))
+    call solid%request%put(edge_set//'.force', o%relax%held(:3, :))
+    if (o%op%nodes_phi > 0) then
+      call find_turning(o, turning)
+      call solid%request%put(hat_phi_set//'.phi', o%phi(:, :o%op%hats_phi))
+      call solid%request%put(edge_phi_set//'.moment', o%relax%held(4:, turning))
+    end if
+    call solid%ask(timers, errors)
+    if (errors%any()) return
+    call solid%reply%get(edge_set//'.u', edge, errors)
+    if (o%op%nodes_phi > 0) call solid%reply%get(edge_phi_set//'.phi', turn, errors)
+    call solid%reply%get('scalars', o%solid, errors)
+    if (errors%any()) return
+    u(:, o%op%hats + 1:) = edge
+    if (o%op%nodes_phi > 0) phi(:, o%op%hats_phi + 1:) = turn
+  end subroutine solve_solid
+
+  !> Edge nodes that have a micro-rotation, counted along the edge.
+  pure subroutine find_turning(o, turning)
+    type(overlap_type), intent(in) :: o
+    integer(i4), intent(out) :: turning(:)
+    integer(i4) :: k
+    do k = 1, size(turning)
+      turning(k) = findloc(o%op%node(o%op%hats + 1:), o%op%node_phi(o%op%hats_phi + k), 1)
+    end do
+  end subroutine find_turning
+
+  !> What the edge is loaded with by all but the solid itself: forces, then moments (3 or 6, edge).
+  subroutine edge_load(o, load)
+    type(overlap_type), intent(in) :: o
+    real(wp), allocatable, intent(out) :: load(:, :)
+    integer(i4) :: turning(o%op%nodes_phi - o%op%hats_phi)
+    allocate (load(merge(6, 3, o%op%nodes_phi > 0), o%op%nodes - o%op%hats), source=0.0_wp)
+    associate (a => o%op%hats + 1, b => o%op%hats_phi + 1)
+      load(:3, :) = o%f(:, a:) - o%element(:, a:)
+      if (o%op%nodes_phi == 0) return
+      call find_turning(o, turning)
+      load(4:, turning) = o%c(:, b:) - o%element_phi(:, b:)
+    end associate
+  end subroutine edge_load
+
+  !> Largest force not in balance, on a free grain and on an edge node that nothing holds, over the
+  !! root mean square of the contact forces, which the elastic energy tells: E = n f^2/(2 k).
+  subroutine measure_balance(o, load, gravity)
+    type(overlap_type), intent(inout) :: o
+    real(wp), intent(in) :: load(:, :), gravity(3)
+    real(wp) :: scale, rest(3, o%op%free), lag(size(load, 1), size(load, 2))
+    integer(i4) :: k
+
+    scale = sqrt(2.0_wp*o%contact_stiffness*max(0.0_wp, o%grains(scalar_elastic)) &
+                 /max(1, o%contact_count))
+    do k = 1, o%op%free
+      rest(:, k) = o%contact(:, k) + o%force(:, k) &
+        + gravity*o%factor(k)*o%pack%mass(o%sets%free(k))
+    end do
+    o%unbalanced = sqrt(maxval(sum(rest**2, 1)))
+    if (o%turns) then
+      rest = (o%contact_moment + o%moment)/o%sets%d_max
+      o%unbalanced = max(o%unbalanced, sqrt(maxval(sum(rest**2, 1))))
+    end if
+    lag = load - o%relax%held
+    where (o%held(:, o%op%hats + 1:)) lag(:3, :) = 0.0_wp
+    if (size(lag, 1) > 3) lag(4:, :) = lag(4:, :)/o%sets%d_max
+    if (size(lag) > 0) o%unbalanced = max(o%unbalanced, maxval(abs(lag)))
+    if (scale > 0.0_wp) then
+      o%unbalanced = o%unbalanced/scale
+    else if (o%unbalanced > 0.0_wp) then
+      o%unbalanced = 1.0_wp
+    end if
+  end subroutine measure_balance
+end module cpl_overlap_static
