@@ -386,8 +386,16 @@ contains
     integer(i4), intent(in) :: e
     real(wp), allocatable, intent(out) :: lumped(:)
     real(wp), allocatable :: mass(:, :)
-    call mass_of(mesh, elastic, e, dofs%block(dofs%start(e):dofs%start(e + 1) - 1), mass)
-    call lumped_of(elastic, e, mass, lumped)
+    integer(i4), allocatable :: of(:, :)
+    integer(i4) :: n
+    associate (rule => elastic%rule(elastic%rule_of(e)))
+      n = rule%nodes + rule%rotations
+      call mass_of(mesh, elastic, e, dofs%block(dofs%start(e):dofs%start(e) + n - 1), mass)
+      call lumped_of(elastic, e, mass, lumped)
+      if (dofs%parts == 1) return
+      of = places_of(dofs%start(e + 1) - dofs%start(e), rule%nodes, dofs%parts)
+      lumped = lumped(of(1, :))
+    end associate
   end subroutine lumped_mass_of
 
   !> Add the consistent forces (3, blocks) of a force per mass on all elements, and of a force and

@@ -197,10 +197,16 @@ contains
     class(fem_body_type), intent(inout) :: self
     real(wp) :: square
     if (self%explicit) then
-      call largest_frequency(self%mesh, self%dofs, self%elastic, self%mass_factor, .true., square, &
-                             self%stiffest)
-      if (self%matter%finite .and. allocated(self%matter%u)) call tangent_frequency(self%mesh, &
-        self%dofs, self%elastic, self%matter, self%mass_factor, square, self%stiffest)
+      square = 0.0_wp
+      if (self%matter%micro%active) then
+        call self%matter%stiffen(self%mesh, self%dofs, self%elastic, self%state%u)
+      else
+        call largest_frequency(self%mesh, self%dofs, self%elastic, self%mass_factor, .true., &
+                               square, self%stiffest)
+      end if
+      if (self%matter%micro%active .or. (self%matter%finite .and. allocated(self%matter%u))) &
+        call tangent_frequency(self%mesh, self%dofs, self%elastic, self%matter, &
+                               self%mass_factor, square, self%stiffest)
       square = square + spring_rate(self%ground, self%node_mass) &
                + spring_rate(self%robin, self%node_mass)
       self%step_limit = stable_step(sqrt(square), self%damping%stiffness)

@@ -46,7 +46,7 @@ contains
     type(fem_body_type), intent(inout) :: self
     real(wp) :: moduli(2)
     integer(i4) :: e
-    do e = 1, self%mesh%elements
+    do e = 1, merge(0_i4, self%mesh%elements, self%matter%micro%active)
       associate (law => self%matter%law(self%matter%law_of(e))%law)
         if (law%finite) cycle
         moduli = law%modulus(self%matter%stress(:, self%elastic%point(e)))

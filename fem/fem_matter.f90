@@ -51,6 +51,7 @@ module fem_matter
     procedure :: yielding
     procedure :: element_of
     procedure :: trouble
+    procedure :: stiffen
     procedure :: element_forces
     procedure :: element_tangent
   end type fem_matter_type
@@ -130,6 +131,24 @@ contains
       force(:, dofs%block(k)) = force(:, dofs%block(k)) + self%nodal(:, k)
     end do
   end subroutine update
+
+  !> Elastic stiffness of micromorphic elements at displacements u and the trial states.
+  subroutine stiffen(self, mesh, dofs, elastic, u)
+    class(fem_matter_type), intent(inout) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: u(:, :)  !! (3, blocks) [m]
+    type(mm_response_type) :: response
+    integer(i4) :: e
+    !$omp parallel do default(none) shared(self, mesh, dofs, elastic, u) private(e, response) &
+    !$omp schedule(dynamic)
+    do e = 1, mesh%elements
+      call self%micro%stiffen(e, u(:, dofs%block(dofs%start(e):dofs%start(e + 1) - 1)), &
+        self%state(:, elastic%point(e):elastic%point(e + 1) - 1), response)
+    end do
+    !$omp end parallel do
+  end subroutine stiffen
 
   !> The micromorphic elements of chunk c.
   subroutine chunk_micro(self, mesh, dofs, elastic, u, moved, c, bad)
@@ -327,18 +346,14 @@ contains
       allocate (ke(i, i))
       call elements_at(mesh, elastic, r, range, chosen)
       do i = 1, size(chosen)
-        if (self%micro%active) then
-          ke = self%micro%stiffness(:size(ke, 1), :size(ke, 1), chosen(i))
-        else
-          call self%element_tangent(mesh, dofs, elastic, chosen(i), shape, motion, ke)
-        end if
+        call self%element_tangent(mesh, dofs, elastic, chosen(i), shape, motion, ke)
         call add_element(dofs%block(dofs%start(chosen(i)):dofs%start(chosen(i) + 1) - 1), &
                          dofs%node, pattern, range, self%symmetric, ke, k, lower)
       end do
     end do
   end subroutine share
 
-  !> Tangent of element e (3 nodes, 3 nodes) in the trial state [N/m].
+  !> Tangent of element e (3 blocks, 3 blocks) in the trial state [N/m].
   subroutine element_tangent(self, mesh, dofs, elastic, e, shape, motion, ke)
     class(fem_matter_type), intent(in) :: self
     type(fem_mesh_type), intent(in) :: mesh
@@ -350,6 +365,10 @@ contains
     real(wp), intent(out) :: ke(:, :)
     real(wp) :: mean(size(ke, 1)), b(size(ke, 1), 6)
     integer(i4) :: q, p
+    if (self%micro%active) then
+      ke = self%micro%stiffness(:size(ke, 1), :size(ke, 1), e)
+      return
+    end if
     ke = 0.0_wp
     associate (rule => elastic%rule(elastic%rule_of(e)), &
                block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))

@@ -62,7 +62,7 @@ contains
     last = int(c*int(mesh%elements, i8)/chunks, i4)
     l = 0
     do e = first, last
-      if (matter%law(matter%law_of(e))%law%finite) then
+      if (at_finite_strain(matter, e)) then
         n = 3*(dofs%start(e + 1) - dofs%start(e))
         if (l == 0) allocate (matrix(lanes, n, n))
         l = l + 1
@@ -85,7 +85,14 @@ contains
     end do
   end subroutine chunk_frequency
 
-  !> m^-1/2 K m^-1/2 of element e into lane l, with lumped mass [1/s^2].
+  pure logical function at_finite_strain(matter, e)
+    type(fem_matter_type), intent(in) :: matter
+    integer(i4), intent(in) :: e
+    at_finite_strain = matter%micro%active
+    if (.not. at_finite_strain) at_finite_strain = matter%law(matter%law_of(e))%law%finite
+  end function at_finite_strain
+
+  !> m^-1/2 K m^-1/2 of element e into lane l, with lumped mass and the symmetric part of K [1/s^2].
   subroutine matrix_of(mesh, dofs, elastic, matter, factor, e, l, matrix)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
@@ -105,7 +112,7 @@ contains
     root = [(1.0_wp/sqrt(lumped((i + 2)/3)), i=1, size(root))]
     do j = 1, size(root)
       do i = 1, size(root)
-        matrix(l, i, j) = root(i)*k(i, j)*root(j)
+        matrix(l, i, j) = 0.5_wp*root(i)*(k(i, j) + k(j, i))*root(j)
       end do
     end do
   end subroutine matrix_of

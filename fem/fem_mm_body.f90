@@ -30,6 +30,7 @@ module fem_mm_body
   contains
     procedure :: prepare
     procedure :: answer
+    procedure :: stiffen
     procedure :: explain
   end type fem_micro_type
 
@@ -89,6 +90,29 @@ contains
       end do
     end associate
   end subroutine answer
+
+  !> Elastic stiffness of element e at a motion, with the plastic parts of the states `column`.
+  subroutine stiffen(self, e, now, column, response)
+    class(fem_micro_type), intent(inout) :: self
+    integer(i4), intent(in) :: e
+    real(wp), intent(in) :: now(:, :), column(:, :)
+    type(mm_response_type), intent(inout) :: response
+    type(mm_law_type) :: law
+    real(wp), allocatable :: u(:, :), phi(:, :)
+    integer(i4) :: q
+    law = self%law(self%law_of(e))
+    law%cone%on = .false.
+    associate (element => self%element(e))
+      call fields(element, now, u, phi)
+      do q = 1, element%points
+        element%motion(q) = motion_at(element, q, u, phi)
+        element%state(q) = state_of(column(:, q))
+      end do
+      call respond(law, element, u, phi, .true., response)
+      if (response%failed == 0) &
+        self%stiffness(:element%dofs, :element%dofs, e) = response%stiffness
+    end associate
+  end subroutine stiffen
 
   !> u (3, nodes) and phi (9, micro-nodes) of the blocks of an element.
   pure subroutine fields(element, block, u, phi)

@@ -95,9 +95,7 @@ contains
     if (kind == 'modal' .or. kind == 'relaxation') call deck%fault(errors, 'D334', "kind = '"// &
       kind//"' knows linear laws alone, and a section has one with a state", 'analysis', 1, &
       'kind', "take kind = 'static', 'newmark', 'hht' or 'explicit'")
-    if (body%matter%micro%active .and. kind == 'explicit') call deck%fault(errors, 'D334', &
-      'explicit steps do not know micromorphic solids', 'analysis', 1, 'kind', &
-      "take kind = 'newmark'")
+    if (body%matter%micro%active) call refuse_micro(deck, body, errors)
     if (body%damping%stiffness > 0.0_wp) call deck%fault(errors, 'D334', &
       'rayleigh_stiffness knows linear laws alone, and a section has one with a state', &
       'analysis', 1, 'rayleigh_stiffness', 'take rayleigh_mass, dashpots, or the numerical '// &
@@ -116,6 +114,23 @@ contains
       end associate
     end do
   end subroutine refuse_others
+
+  !> Fault D334 for what dynamics has for other solids alone.
+  subroutine refuse_micro(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(in) :: body
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: factor
+    if (body%dynamic .and. .not. body%explicit .and. 2.0_wp*body%beta < body%gamma) &
+      call deck%fault(errors, 'D334', 'beta < gamma/2 with a micromorphic solid, whose largest '// &
+        'stable step is not known', 'analysis', 1, 'beta', 'take beta >= gamma/2')
+    call deck%get('analysis', 1, 'rotation_mass', factor)
+    if (.not. factor > 0.0_wp) call deck%fault(errors, 'D334', &
+      "rotation_mass = 'auto' knows micropolar solids alone", 'analysis', 1, 'rotation_mass', &
+      'give a factor on micro_inertia')
+    if (deck%count('absorbing') > 0) call deck%fault(errors, 'D334', &
+      'absorbing faces do not know micromorphic solids', 'absorbing', 1, 'group', 'leave them out')
+  end subroutine refuse_micro
 
   !> Initial stress of all points; where groups share elements the last one counts.
   subroutine read_stress(deck, body, errors)

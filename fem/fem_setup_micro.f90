@@ -42,6 +42,7 @@ contains
       end do
     end associate
     body%matter%states = point_states
+    body%matter%micro%wants_stiffness = .not. body%explicit
   end subroutine read_micro_laws
 
   !> All points at their initial stress, which `stress` of the matter holds as six components; fault
