@@ -2,7 +2,7 @@
 
 Usage: prepare.py PRESSED OUT. Writes OUT/truth_pack.h5 (all grains and the tool), core_pack.h5
 (grains within the ghosts' outer face), rigid_pack.h5 (a rigid box: grains outside the medium
-container's inner width are fixed) and surround.h5.
+container's inner width are fixed), probe_pack.h5 (a box within a fixed shell) and surround.h5.
 """
 
 import sys
@@ -18,6 +18,7 @@ INNER, FREE_EDGE, GHOST_EDGE, OUTER = 0.0125, 0.0225, 0.0375, 0.060  # half-widt
 FLOOR = -0.0225  # top of the floor's spheres [m]
 LAYER = 0.010  # height of an element, about [m]
 RIGID = 0.0225  # half the inner width of the medium container [m]
+PROBE = 0.0225  # half-width of the box whose moduli are probed [m]
 LINES = np.array([INNER, FREE_EDGE, 0.030, GHOST_EDGE, 0.045, 0.0525, OUTER])
 
 
@@ -50,6 +51,18 @@ def rigid_box(bed: Packing) -> Packing:
     return with_tool(part)
 
 
+def probe_box(bed: Packing) -> Packing:
+    """The middle of the bed for its moduli: what lies around it is fixed."""
+    lower, upper = np.array([-PROBE, -PROBE, -0.010]), np.array([PROBE, PROBE, 0.045])
+    near = (bed.kind == FREE) & np.all((bed.x > lower - 0.006) & (bed.x < upper + 0.006), axis=1)
+    part = bed.take(near)
+    inside = np.all((part.x > lower) & (part.x < upper), axis=1)
+    part.kind = np.where(inside, FREE, FIXED)
+    part.v[:], part.omega[:] = 0.0, 0.0
+    part.groups = {"shell": part.id[~inside], "free": part.id[inside]}
+    return part
+
+
 def surround(top: float) -> Mesh:
     """Hexahedra around the core from the floor to the surface of the bed."""
     line = np.concatenate([-LINES[::-1], LINES])
@@ -78,7 +91,7 @@ def main() -> int:
     ring = (half_width(bed) > FREE_EDGE) & (half_width(bed) < GHOST_EDGE) & (bed.kind == FREE)
     top = float(bed.x[ring, 2].max() + 1.0e-6)
     pieces = {"truth": with_tool(bed.take(np.ones(bed.count, bool))), "core": core(bed),
-              "rigid": rigid_box(bed)}  # fmt: skip
+              "rigid": rigid_box(bed), "probe": probe_box(bed)}  # fmt: skip
     for name, packing in pieces.items():
         write_packing_file(out / f"{name}_pack.h5", packing)
         print(f"{name}_pack.h5: {(packing.kind == FREE).sum()} free grains of {packing.count}")
