@@ -56,7 +56,8 @@ unit-one: $(BUILD)/unit/$(T)
 
 # goals that compile nothing in this make: they need no dependency scan (and no compiler yet)
 NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev bench-deps keys style test demo \
-  deposit penetration element-tests block-on-grains tyre-segment verification manual bench
+  deposit penetration element-tests block-on-grains tyre-segment overlap-penetration \
+  verification manual bench
 
 # --- version, stamped at build time --------------------------------------------------------
 VERSION := $(shell cat VERSION 2>/dev/null || echo 0.0.0)
@@ -112,7 +113,7 @@ $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
 
 # --- what a user calls ---------------------------------------------------------------------
 .PHONY: help deps deps-apt deps-run deps-render deps-dev keys test demo deposit penetration element-tests \
-  block-on-grains tyre-segment \
+  block-on-grains tyre-segment overlap-penetration \
   bench bench-deps verification manual style install
 PY := $(VENV)/bin/python
 
@@ -127,6 +128,7 @@ help:
 	  'make deposit       remake the shipped deposit and compare (CONTAINER=medium|large|wide: another)' \
 	  'make element-tests isotropic, K0, drained and undrained tests of ellipsoids, five seeds' \
 	  'make block-on-grains, make tyre-segment  soft bodies on free grains (minutes)' \
+	  'make overlap-penetration  a core of grains in a continuum beside all grains (an hour)' \
 	  'make bench         speed beside other codes (make bench-deps; CASES=..., QUICK=1, ACCEPT=1)' \
 	  'make deps          what all this needs (deps-run: batch nodes, deps-render: pictures)' \
 	  'make style         layout rules of the code' \
@@ -168,6 +170,10 @@ block-on-grains: deps-run deps-render
 tyre-segment: deps-run deps-render
 	@$(MAKE) --no-print-directory all
 	examples/05-tyre-segment/run.sh build/$@
+
+overlap-penetration: deps-run deps-render
+	@$(MAKE) --no-print-directory all
+	examples/07-overlap-penetration/run.sh build/$@
 
 verification: deps
 	@$(MAKE) --no-print-directory all

@@ -80,7 +80,7 @@ def surround(top: float) -> Mesh:
     edge = np.abs(x[:, :2]).max(axis=1)
     low = (x[:, 2] < FLOOR + 1e-9) & (edge > FREE_EDGE + 1e-9)
     mesh.nodes["held"] = np.flatnonzero(low | (edge > OUTER - 1e-9))
-    corners = hex8[~ghosts & ~free][:, 4:]  # upper faces outside the ghosts
+    corners = hex8[~free][:, 4:]  # upper faces: the load is on the free grains and on these
     mesh.facets["top"] = corners[np.all(x[corners][:, :, 2] > top - 1e-9, axis=1)]
     return mesh
 

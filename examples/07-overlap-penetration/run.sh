@@ -42,6 +42,7 @@ cp "$here"/*.nml "$out"
 stage fall fall
 stage press solver dem press.nml
 stage prepare "$python" "$here/prepare.py" pressed.h5 .
+stage probe solver dem probe.nml
 stage coupled coupled
 stage rigid solver dem rigid.nml
 stage truth solver dem truth.nml
