@@ -102,12 +102,36 @@ def judge_strong(case: Case, element: str) -> None:
     case.metric(f"{element}, strong: most iterations", float(found["iterations"].max()), 1.0, 0.0)
 
 
+def judge_dynamic(case: Case, name: str, analysis: str) -> None:
+    """Judge slow dynamics with little mass, damped, against the reference."""
+    write_cube(case, "hex8")
+    text = (case.folder / "deck.nml").read_text().replace("ELEMENT", "hex8_bbar")
+    text = text.replace("KIND", "hex8").replace("MATERIAL", DRUCKER.replace("= 1.0,", "= 0.1,", 1))
+    before = text[text.index("kind = 'static'") : text.index(" /", text.index("kind = 'static'"))]
+    (case.folder / f"{name}.nml").write_text(text.replace(before, analysis))
+    case.run("talus-fem", f"{name}.nml")
+    forces = read_history(case.folder / f"{name}_reactions.csv")
+    energy = read_history(case.folder / f"{name}_energy.csv")
+    q = np.interp(TIMES, forces["time"], -forces["z1 z"]) - 1e5
+    case.below(f"{name}: q, error / largest", float(abs(q - Q).max() / Q.max()), 2e-3)
+    work = max(abs(energy[k]).max() for k in ("load", "support", "strain", "plastic"))
+    off = float(abs(energy["closure"]).max() / work)
+    case.below(f"{name}: ledger, error / largest", off, 1e-8)
+    growth = float(np.diff(energy["plastic"]).min())
+    case.above(f"{name}: least growth of the dissipation [J]", growth, -1e-12)
+
+
 def run(case: Case) -> None:
     """Judge all elements; plot the hex8."""
     runs = {element: judge_drucker(case, element) for element in ELEMENTS}
     for element in ("hex8_bbar", "tet10"):
         judge_clay(case, element)
         judge_strong(case, element)
+    slow = "rayleigh_mass = 5.0e3"
+    judge_dynamic(
+        case, "hht", f"kind = 'hht', alpha = -0.3, dt = 1.0e-4, tolerance = 1.0e-10, {slow}"
+    )
+    judge_dynamic(case, "explicit", f"kind = 'explicit', {slow}")
     fig, ax = case.figure()
     line = np.array([(0.0, 0.0), (0.345856518293, 345.856518293), (2.0, 418.278404831)])
     ax.plot(*line.T, "-", label="exact")

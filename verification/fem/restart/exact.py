@@ -31,6 +31,8 @@ RUNS = {  # element, analysis
     "explicit, one point": ("hex8_one_point", "kind = 'explicit'"),
     "explicit, damped": ("hex8_bbar", f"kind = 'explicit'{RAYLEIGH}"),
     "explicit, micropolar": ("hex20/hex8", "kind = 'explicit'"),
+    "hht, plastic": ("hex8_bbar", f"kind = 'hht', alpha = -0.1, tolerance = 1.0e-11, {STEP}"),
+    "explicit, plastic": ("hex8_bbar", "kind = 'explicit'"),
 }
 
 
