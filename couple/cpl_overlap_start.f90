@@ -15,6 +15,7 @@ module cpl_overlap_start
   use cpl_overlap, only: overlap_type
   use cpl_overlap_mass, only: hat_shares
   use cpl_overlap_partition, only: contacts_type, points_type, fill_partition
+  use cpl_overlap_units, only: check_units
   use cpl_overlap_weights, only: set_partition, send_weights, find_pairs, send_contacts, &
     read_contacts, read_points
   use cpl_partition, only: partition_type
@@ -68,6 +69,8 @@ contains
         call send_moduli(o, solvers(side_solid), timers, errors)
       if (errors%any()) return
     end if
+    call check_units(o, start%contacts, start%points, errors)
+    if (errors%any()) return
     call set_partition(o, choices, start%contacts, start%points, errors)
     if (.not. errors%any()) call send_weights(o, solvers, timers, errors)
 
