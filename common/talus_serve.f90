@@ -25,6 +25,7 @@ module talus_serve
     logical :: greeted = .false.              !! HELLO was answered
     logical :: begun = .false.                !! READY was answered
     logical :: rehearsing = .false.           !! READY asked for steps that do not count
+    logical :: final = .false.                !! the last ACCEPT said that no REJECT follows it
     logical :: leave = .false.                !! STOP or ABORT came
     integer(i4) :: exit_code = 0
     type(error_list_type) :: fatal            !! faults that end the run
@@ -173,6 +174,7 @@ contains
     case (verb_ready)
       call ready(server, request, reply, errors)
     case (verb_accept, verb_reject)
+      if (request%verb == verb_accept) call take_flag(request, 'final', server%final, errors)
       call request%all_read(errors)
       if (errors%any()) return
       if (request%verb == verb_accept) call server%accept(errors)
@@ -334,9 +336,18 @@ contains
     type(message_type), intent(inout) :: request
     logical, intent(out) :: brief
     type(error_list_type), intent(inout) :: errors
+    call take_flag(request, 'brief', brief, errors)
+  end subroutine take_brief
+
+  !> A field that is 1, or another number or left out.
+  subroutine take_flag(request, name, flag, errors)
+    type(message_type), intent(inout) :: request
+    character(len=*), intent(in) :: name
+    logical, intent(out) :: flag
+    type(error_list_type), intent(inout) :: errors
     integer(i4) :: value
     value = 0
-    if (request%has('brief')) call request%get_int('brief', value, errors)
-    brief = value == 1
-  end subroutine take_brief
+    if (request%has(name)) call request%get_int(name, value, errors)
+    flag = value == 1
+  end subroutine take_flag
 end module talus_serve

@@ -273,6 +273,7 @@ contains
     integer(i4) :: k
     do k = 1, 2
       call solvers(k)%start_request(verb_accept, o%step, t0, t1)
+      call solvers(k)%request%put_int('final', 1_i4)
       call solvers(k)%send(timers, errors)
     end do
     do k = 1, 2

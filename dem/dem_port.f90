@@ -319,7 +319,11 @@ contains
     associate (model => self%model)
       if (.not. self%rehearsing) call model%histories%keep_work(model%system)
       call model%timers%start('keeping states')
-      call model%system%save()
+      if (self%final) then
+        call model%system%forget()
+      else
+        call model%system%save()
+      end if
       call model%timers%stop('keeping states')
       if (.not. self%rehearsing) call model%write_due(errors)
       self%kept = model%clock
@@ -331,6 +335,11 @@ contains
     class(dem_server_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
     if (errors%any()) return
+    if (self%final) then
+      call errors%add('P260', 'REJECT follows an ACCEPT that was said to be final', &
+                      'exchange port', 'leave `final` out of ACCEPT where steps are tried')
+      return
+    end if
     call self%model%system%restore()
     self%model%clock = self%kept
   end subroutine reject

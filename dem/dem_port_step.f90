@@ -237,8 +237,7 @@ contains
     call model%load_surface(errors)
     if (errors%any()) return
     call model%timers%start('steps')
-    if (kick > 0.0_wp) call model%system%kick(kick)
-    if (drift > 0.0_wp) call model%system%drift(drift)
+    call model%system%kick_drift(kick, drift)
     call model%timers%stop('steps')
     if (drift > 0.0_wp) then
       t1 = model%clock%time() + drift

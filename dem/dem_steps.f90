@@ -29,7 +29,7 @@ module dem_steps
   private
   public :: step_memory_type, take_steps, evaluate_forces, motion_of, rebuild_if_needed
   public :: largest_travel
-  public :: kick_all, drift_all
+  public :: kick_and_drift
 
   integer(i4), parameter :: chunk = lanes  !! grains in a unit of work
   integer(i8), parameter :: few_steps = 40    !! a list that lasts less gets a wider skin
@@ -380,54 +380,52 @@ contains
     if (d%surfaces%n > 0) call finish_surfaces(d%surfaces, dt, work(4))
   end subroutine finish_planes
 
-  !> Full kick over dt: both half kicks with the forces in hand.
-  subroutine kick_all(d, dt)
+  !> Kick over `kick`, then drift over `drift` of everything that moves [s]; zero leaves one out. No
+  !! forces. After a drift targets are reached.
+  subroutine kick_and_drift(d, kick, drift)
     type(dem_data_type), intent(inout) :: d
-    real(wp), intent(in) :: dt
+    real(wp), intent(in) :: kick, drift
     type(motion_type) :: motion
     type(mover_type) :: mover
     type(push_type) :: push
-    real(wp) :: work(work_count, 1)
-    integer(i4) :: low
+    real(wp) :: work(work_count, 1), travel
+    integer(i4) :: low, many
 
-    motion = motion_of(d, dt)
+    motion = motion_of(d, kick)
     work = 0.0_wp
     do low = 0, d%grains%n - 1, chunk
-      call load_mover(d%grains, d%pairs, low, min(chunk, d%grains%n - low), mover)
-      call load_forces(mover, d%grains, push)
+      many = min(chunk, d%grains%n - low)
+      if (.not. any(d%grains%kind(low + 1:low + many) == kind_free)) cycle
+      call load_mover(d%grains, d%pairs, low, many, mover)
+      if (kick > 0.0_wp) call load_forces(mover, d%grains, push)
       call ready_push(mover, d%grains, push)
-      call kick_mover(mover, push, motion, .false., work(:, 1))
-      call kick_mover(mover, push, motion, .true., work(:, 1))
+      if (kick > 0.0_wp) then
+        call kick_mover(mover, push, motion, .false., work(:, 1))
+        call kick_mover(mover, push, motion, .true., work(:, 1))
+      end if
+      if (drift > 0.0_wp) call drift_mover(mover, push, drift)
       call store_mover(mover, d%grains)
+      if (drift > 0.0_wp) call put_bodies(mover, d%pairs%body)
     end do
-    call add_grain_work(d, work)
-  end subroutine kick_all
+    if (kick > 0.0_wp) call add_grain_work(d, work)
+    if (.not. drift > 0.0_wp) return
+    call drift_all_prescribed(d, drift)
+    travel = 0.0_wp
+    call start_planes(d, drift, .true., travel)
+  end subroutine kick_and_drift
 
-  !> Drift over dt of everything that moves; targets are reached. No forces.
-  subroutine drift_all(d, dt)
+  !> Prescribed grains over the last step of their way.
+  subroutine drift_all_prescribed(d, dt)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: dt
-    type(mover_type) :: mover
-    type(push_type) :: push
-    real(wp) :: travel
-    integer(i4) :: low, i
-
-    do low = 0, d%grains%n - 1, chunk
-      call load_mover(d%grains, d%pairs, low, min(chunk, d%grains%n - low), mover)
-      call ready_push(mover, d%grains, push)
-      call drift_mover(mover, push, dt)
-      call store_mover(mover, d%grains)
-      call put_bodies(mover, d%pairs%body)
-    end do
+    integer(i4) :: i
     do i = 1, d%grains%n
       if (d%grains%kind(i) == kind_free .or. d%grains%kind(i) == kind_fixed) cycle
       d%grains%turn(:, i) = quaternion_from_rotation(dt*d%grains%omega(:, i))
       call drift_prescribed(d%grains, i, dt, .true., d%pairs%body(:, i))
       d%grains%has_target(i) = .false.
     end do
-    travel = 0.0_wp
-    call start_planes(d, dt, .true., travel)
-  end subroutine drift_all
+  end subroutine drift_all_prescribed
 
   !> Chunk sums into the ledger, in the order of chunks.
   subroutine add_grain_work(d, work)

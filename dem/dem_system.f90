@@ -12,7 +12,7 @@ module dem_system
   use dem_make, only: sorted_order, make_planes
   use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
   use dem_steps, only: step_memory_type, take_steps, evaluate_forces, rebuild_if_needed, &
-    kick_all, drift_all
+    kick_and_drift
   use dem_shape, only: quaternion_from_rotation, rotation_between
   use dem_ledger, only: refresh_stored, start_ledger, follow_step, closure_of
   use dem_limits, only: gershgorin_step, rayleigh_step, impact_step
@@ -46,8 +46,7 @@ module dem_system
     procedure :: init             !! (errors): lists and forces at the start; no time passes
     procedure :: step             !! (n, errors): n sub-steps of par%dt
     procedure :: forces           !! (): forces at the current state; no time passes
-    procedure :: kick             !! (dt): v += dt (F + X)/m, rotation alike
-    procedure :: drift            !! (dt): x += dt v, rotation alike; prescribed grains too
+    procedure :: kick_drift       !! (kick, drift): v += kick (F + X)/m, then x += drift v
     procedure :: first_skin       !! (): margin of the list at the start [m]
     procedure :: step_limit       !! (): Gershgorin limit [s], huge without contacts
     procedure :: rayleigh_limit   !! (): least Rayleigh time of the free grains [s]
@@ -64,6 +63,7 @@ module dem_system
     procedure :: closure          !! (): closure error of the ledger as last refreshed [J]
     procedure :: contacts         !! (list): contacts at the last evaluation
     procedure :: save             !! (): keep the state in memory
+    procedure :: forget           !! (): keep no state
     procedure :: restore          !! (): return to the kept state
     procedure :: export_state     !! (archive): complete state as named arrays
     procedure :: import_state     !! (archive, errors): instead of init, bit for bit
@@ -162,22 +162,17 @@ contains
     self%pending = 0.0_wp
   end subroutine forces
 
-  !> v += dt (F + X)/m of free grains, rotation alike.
-  subroutine kick(self, dt)
+  !> v += kick F/m of all free grains, then x += drift v of all grains and planes, rotation alike
+  !! [s]; zero leaves one out; no forces.
+  subroutine kick_drift(self, kick, drift)
     class(dem_system_type), intent(inout) :: self
-    real(wp), intent(in) :: dt  !! [s]
-    call kick_all(self%dem_data_type, dt)
-  end subroutine kick
-
-  !> x += dt v of all grains and planes, rotation alike; no forces.
-  subroutine drift(self, dt)
-    class(dem_system_type), intent(inout) :: self
-    real(wp), intent(in) :: dt  !! [s]
-    if (.not. dt > 0.0_wp) return
-    call drift_all(self%dem_data_type, dt)
-    self%pending = self%pending + dt
+    real(wp), intent(in) :: kick, drift
+    if (.not. (kick > 0.0_wp .or. drift > 0.0_wp)) return
+    call kick_and_drift(self%dem_data_type, kick, drift)
+    if (.not. drift > 0.0_wp) return
+    self%pending = self%pending + drift
     self%health%steps = self%health%steps + 1
-  end subroutine drift
+  end subroutine kick_drift
 
   !> Gershgorin limit of the contacts in hand [s].
   real(wp) function step_limit(self)
@@ -437,6 +432,12 @@ contains
     if (.not. allocated(self%kept)) allocate (self%kept)
     self%kept = self%dem_data_type
   end subroutine save
+
+  !> Keep no state: nothing will be rejected.
+  subroutine forget(self)
+    class(dem_system_type), intent(inout) :: self
+    if (allocated(self%kept)) deallocate (self%kept)
+  end subroutine forget
 
   !> Return to the kept state; what was set through par stays kept too.
   subroutine restore(self)
