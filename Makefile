@@ -56,7 +56,7 @@ unit-one: $(BUILD)/unit/$(T)
 
 # goals that compile nothing in this make: they need no dependency scan (and no compiler yet)
 NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev bench-deps keys style test demo \
-  deposit penetration element-tests block-on-grains tyre-segment overlap-penetration \
+  deposit penetration element-tests overlap-column block-on-grains tyre-segment overlap-penetration \
   verification manual bench
 
 # --- version, stamped at build time --------------------------------------------------------
@@ -113,7 +113,7 @@ $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
 
 # --- what a user calls ---------------------------------------------------------------------
 .PHONY: help deps deps-apt deps-run deps-render deps-dev keys test demo deposit penetration element-tests \
-  block-on-grains tyre-segment overlap-penetration \
+  overlap-column block-on-grains tyre-segment overlap-penetration \
   bench bench-deps verification manual style install
 PY := $(VENV)/bin/python
 
@@ -127,6 +127,7 @@ help:
 	  'make penetration   three containers and the sweep of moduli (hours)' \
 	  'make deposit       remake the shipped deposit and compare (CONTAINER=medium|large|wide: another)' \
 	  'make element-tests isotropic, K0, drained and undrained tests of ellipsoids, five seeds' \
+	  'make overlap-column  a wave from grains through an overlap into continuum (a minute)' \
 	  'make block-on-grains, make tyre-segment  soft bodies on free grains (minutes)' \
 	  'make overlap-penetration  a core of grains in a continuum beside all grains (an hour)' \
 	  'make bench         speed beside other codes (make bench-deps; CASES=..., QUICK=1, ACCEPT=1)' \
@@ -162,6 +163,10 @@ penetration: deps-run deps-render
 element-tests: deps-run deps-render
 	@$(MAKE) --no-print-directory all
 	examples/02-element-tests/run.sh build/$@
+
+overlap-column: deps-run deps-render
+	@$(MAKE) --no-print-directory all
+	examples/03-overlap-column/run.sh build/$@
 
 block-on-grains: deps-run deps-render
 	@$(MAKE) --no-print-directory all

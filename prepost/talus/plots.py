@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from talus import histories
+from talus import histories, overlap_plots
 from talus.faults import FaultError
 from talus.fields import MOVED, FieldFile, displacement, ghost_rows
 from talus.files import make_folder, write_text_file
@@ -68,6 +68,10 @@ def audit(path: Path) -> object:
     """Audit of a coupled run: works at the interface, force, ghosts, relative errors."""
     history = histories.read(path)
     time = rows_of(history)
+    if "total_energy" in history.columns:
+        fig = overlap_plots.audit(history, time)
+        fig.suptitle(f"Audit, {stem_of(path, '_audit')}")
+        return fig
     fig, axes = new_figure(nrows=2, ncols=2, figsize=(9.6, 6.4), sharex=True)
     work = axes[0, 0]
     both = ("interface_work_on_grains", "interface_work_on_solid", "interface_work_difference")

@@ -10,7 +10,7 @@ import meshio
 import numpy as np
 import pytest
 
-from talus import fields, histories, plots
+from talus import fields, histories, overlap_plots, plots, sets_picture
 from talus.cli import main
 from talus.faults import FaultError
 from talus.verification import read_history
@@ -206,3 +206,28 @@ def test_pins_agree() -> None:
                 name, version = line.strip().lower().replace("_", "-").split("==")
                 assert pins.setdefault(name, version) == version, name
     assert {"numpy", "h5py", "pyvista", "pytest"} <= set(pins)
+
+
+def test_profile_and_sets(tmp_path: Path) -> None:
+    """Layers are means of their grains, ghosts left out; a file that holds no sets is refused."""
+    place, value = overlap_plots.layers(
+        np.array([0.0, 0.01, 1.0, 1.01]), np.array([1.0, 3.0, 5.0, 7.0]), 0.5
+    )
+    assert np.allclose(place, [0.005, 1.005])
+    assert np.allclose(value, [2.0, 6.0])
+    assert overlap_plots.chosen_steps(3) == [0, 1, 2]
+    assert overlap_plots.chosen_steps(100)[-1] == 99
+    grains, out = tmp_path / "grains.h5", tmp_path / "p.png"
+    write_grains(grains, 0.0)
+    assert main(["plot", "profile", str(grains), "-o", str(out)]) == 0
+    assert out.read_bytes().startswith(PNG)
+    assert main(["plot", "profile", str(grains), str(grains), "-o", str(out)]) == 1
+    sets = tmp_path / "c_sets.h5"
+    with h5py.File(sets, "w") as file:
+        file.attrs["format"] = "talus-sets"
+        file["grains/id"], file["grains/set"] = np.array([1, 3]), np.array([1, 2])
+        file["nodes/set"], file["elements/part"] = np.array([1]), np.array([2])
+    found = sets_picture.read_sets(sets)
+    assert sets_picture.sets_of(found, np.array([3, 2, 1])).tolist() == [2, 0, 1]
+    with pytest.raises(FaultError, match="holds no sets"):
+        sets_picture.read_sets(grains)

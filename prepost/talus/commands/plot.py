@@ -4,11 +4,19 @@ import argparse
 import sys
 from pathlib import Path
 
-from talus import boundary_plots, cell_plots, gallery, measure_plots, plots, specimens
+from talus import (
+    boundary_plots,
+    cell_plots,
+    gallery,
+    measure_plots,
+    overlap_plots,
+    plots,
+    specimens,
+)
 from talus.faults import FaultError
 
 KINDS = ("force", "ghosts", "audit", "energy", "measure", "rose", "slice", "specimen", "cell",
-         "probe", "boundary")  # fmt: skip
+         "probe", "boundary", "profile")  # fmt: skip
 
 
 def register(commands: argparse._SubParsersAction) -> None:
@@ -28,7 +36,7 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument("--of", choices=("contacts", "axes"), default="contacts",
                      help="rose: directions of contacts, or of the grains' axes")  # fmt: skip
     new.add_argument("--field", default="solid_fraction", help="slice: density, stress_xy, ...")
-    new.add_argument("--axial", choices="xyz", default="z", help="specimen: the axial direction")
+    new.add_argument("--axial", choices="xyz", default="z", help="specimen, profile: the direction")
     new.add_argument(
         "--axis", choices="xyz", default="y", help="slice: across this axis (default y)"
     )
@@ -46,6 +54,8 @@ def plot(options: argparse.Namespace) -> int:
         return plot_force(options)
     if options.what == "specimen":
         return plot_specimens(options)
+    if options.what == "profile":
+        return plot_profile(options)
     if len(options.files) > 1:
         raise FaultError("E549", f"'talus plot {options.what}' takes one file")
     source = Path(options.files[0])
@@ -70,6 +80,15 @@ def plot(options: argparse.Namespace) -> int:
         )
     figure = plots.audit(source) if options.what == "audit" else plots.energy(source)
     return save(figure, options.output or Path(f"{source.stem}.png"))
+
+
+def plot_profile(options: argparse.Namespace) -> int:
+    """Velocity along an axis through grains and solid, several times."""
+    if len(options.files) > 2:
+        raise FaultError("E549", "'talus plot profile' takes grains.h5 and solid.h5")
+    solid = Path(options.files[1]) if len(options.files) == 2 else None
+    figure = overlap_plots.profile(Path(options.files[0]), solid, options.axial)
+    return save(figure, options.output or Path("profile.png"))
 
 
 def plot_slice(source: Path, options: argparse.Namespace) -> int:

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from talus import network, pictures
+from talus import network, pictures, sets_picture
 
 
 def pixels(text: str) -> int:
@@ -20,6 +20,9 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument("grains", type=Path, help="field file of the grains")
     new.add_argument("--solid", type=Path, help="field file of the solid")
     new.add_argument("--network", action="store_true", help="contacts as tubes, by their force")
+    new.add_argument(
+        "--sets", type=Path, help="*_sets.h5 of a run with overlap: colours by set (needs --solid)"
+    )
     new.add_argument("--step", type=int, default=-1, help="step, negative from the end")
     new.add_argument("--color", choices=sorted(pictures.COLOURS_OF), default="displacement")
     new.add_argument(
@@ -33,6 +36,13 @@ def render(options: argparse.Namespace) -> int:
     """Write the picture and say its name."""
     if options.network:
         network.render(options.grains, options.step, options.output, tuple(options.size))
+        print(options.output)
+        return 0
+    if options.sets:
+        sets_picture.render(
+            options.grains, options.solid, options.sets, options.step, options.output,
+            tuple(options.size),
+        )  # fmt: skip
         print(options.output)
         return 0
     pictures.render(
