@@ -1,8 +1,8 @@
 """Judge the element tests: friction angles over the seeds, stress at rest, figures.
 
-Usage: judge.py OUT, the folder of run.sh. Writes figures with their curves and angles.csv and prints
-the table. What is missing is left out and named. Nothing is tuned: a value outside its band is
-printed as such and the exit code stays 0.
+Usage: judge.py OUT, the folder of run.sh. Writes figures with their curves and angles.csv and
+prints the table. What is missing is left out and named. Nothing is tuned: a value outside its band
+is printed as such and the exit code stays 0.
 """
 
 import sys

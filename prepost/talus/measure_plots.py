@@ -91,7 +91,8 @@ def axes_rose(path: Path, step: int = -1) -> object:
     """Draw how many short and long axes of the free grains point where in three planes, as rose."""
     with FieldFile(path) as fields:
         now = fields.read(step)
-    free = now.grains["kind"] == FREE
+    kind = now.grains.get("kind")  # left out of files of single fields
+    free = np.ones(len(now.grains["id"]), bool) if kind is None else kind == FREE
     size, turn = now.grains["axes"][free], rotations(now.grains["quat"][free])
     chosen = np.ptp(size, axis=1) > ROUND * size.max(axis=1)
     size, turn = size[chosen], turn[chosen]
