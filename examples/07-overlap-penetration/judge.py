@@ -13,8 +13,10 @@ import numpy as np
 from talus.look import COLOURS, new_figure, save_figure
 from talus.plots import force_curve
 
-RUNS = {"all grains": "truth", "overlap": "grains", "rigid box": "rigid"}
-WALL = {"all grains": "truth", "overlap": "coupled", "rigid box": "rigid"}
+RUNS = {"all grains": "truth", "overlap": "grains", "overlap, yielding": "plastic/grains",
+        "rigid box": "rigid"}  # fmt: skip
+WALL = {"all grains": "truth", "overlap": "coupled", "overlap, yielding": "plastic/plastic",
+        "rigid box": "rigid"}  # fmt: skip
 BANDS = ((0.0, 5.0), (5.0, 10.0), (10.0, 20.0))  # depth [mm]
 COUPLING = ("projection and maps", "pull-backs", "works", "audit and log")
 MODE = "gravity and 100 kPa on the surface, E = 2.9 GPa, 0.25 m/s, no background damping"

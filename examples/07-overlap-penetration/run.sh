@@ -38,12 +38,22 @@ coupled() {
   "$TALUS_BIN/talus-couple" coupled.nml --restart=auto
 }
 
+# the same core in a surround that yields, in a folder of its own
+plastic() {
+  mkdir -p plastic
+  cp "$here"/grains.nml "$here"/plastic*.nml core_pack.h5 surround.h5 plastic
+  cd plastic
+  sed "0,/threads = 1/s//threads = $threads/" "$here/plastic.nml" >plastic.nml
+  "$TALUS_BIN/talus-couple" plastic.nml --restart=auto
+}
+
 cp "$here"/*.nml "$out"
 stage fall fall
 stage press solver dem press.nml
 stage prepare "$python" "$here/prepare.py" pressed.h5 .
 stage probe solver dem probe.nml
 stage coupled coupled
+stage plastic plastic
 stage rigid solver dem rigid.nml
 stage truth solver dem truth.nml
 stage judge "$python" "$here/judge.py" .
