@@ -56,7 +56,8 @@ unit-one: $(BUILD)/unit/$(T)
 
 # goals that compile nothing in this make: they need no dependency scan (and no compiler yet)
 NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev bench-deps keys style test demo \
-  deposit penetration element-tests overlap-column block-on-grains tyre-segment overlap-penetration \
+  deposit penetration element-tests overlap-column block-on-grains tyre-segment micromorphic-triaxial \
+  overlap-penetration \
   verification manual bench
 
 # --- version, stamped at build time --------------------------------------------------------
@@ -113,7 +114,7 @@ $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
 
 # --- what a user calls ---------------------------------------------------------------------
 .PHONY: help deps deps-apt deps-run deps-render deps-dev keys test demo deposit penetration element-tests \
-  overlap-column block-on-grains tyre-segment overlap-penetration \
+  overlap-column block-on-grains tyre-segment micromorphic-triaxial overlap-penetration \
   bench bench-deps verification manual style install
 PY := $(VENV)/bin/python
 
@@ -129,6 +130,7 @@ help:
 	  'make element-tests isotropic, K0, drained and undrained tests of ellipsoids, five seeds' \
 	  'make overlap-column  a wave from grains through an overlap into continuum (a minute)' \
 	  'make block-on-grains, make tyre-segment  soft bodies on free grains (minutes)' \
+	  'make micromorphic-triaxial  an element and a specimen of a micromorphic sand (minutes)' \
 	  'make overlap-penetration  a core of grains in a continuum beside all grains (an hour)' \
 	  'make bench         speed beside other codes (make bench-deps; CASES=..., QUICK=1, ACCEPT=1)' \
 	  'make deps          what all this needs (deps-run: batch nodes, deps-render: pictures)' \
@@ -175,6 +177,10 @@ block-on-grains: deps-run deps-render
 tyre-segment: deps-run deps-render
 	@$(MAKE) --no-print-directory all
 	examples/05-tyre-segment/run.sh build/$@
+
+micromorphic-triaxial: deps-run
+	@$(MAKE) --no-print-directory all
+	examples/06-micromorphic-triaxial/run.sh build/$@
 
 overlap-penetration: deps-run deps-render
 	@$(MAKE) --no-print-directory all
