@@ -21,12 +21,16 @@ stage() {
   shift
   if [ -e "$out/$name.finished" ]; then return; fi
   say "$name"
-  (cd "$out" && "$@") && touch "$out/$name.finished"
+  (
+    cd "$out"
+    "$@"
+  )
+  touch "$out/$name.finished"
 }
 
 fall() {
   "$talus" pack penetration --container wide --seed "${SEED:-1}" --guard-rows 27 -o start.h5
-  sed 's/t_end = 0.65/t_end = 0.45/' "$here/../01-penetration/deposit.nml" >deposit.nml
+  sed "s/t_end = 0.65/t_end = 0.45/; s/, curve = 'fine'//" "$here/../01-penetration/deposit.nml" >deposit.nml
   "$TALUS_BIN/talus-dem" deposit.nml --threads="$threads" --restart=auto
   "$talus" pack edit soft.h5 --drop-group guard --at-rest -o fallen.h5
 }
