@@ -108,6 +108,8 @@ contains
       p%volume = p%mass/2500.0_wp
       allocate (p%kind(n), source=0_i4)
       allocate (p%round(n), source=.true.)
+      allocate (p%quat(4, n), source=0.0_wp)
+      p%quat(1, :) = 1.0_wp
     end associate
   end subroutine make_grains
 
