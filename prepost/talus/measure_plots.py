@@ -91,8 +91,10 @@ def axes_rose(path: Path, step: int = -1) -> object:
     """Draw how many short and long axes of the free grains point where in three planes, as rose."""
     with FieldFile(path) as fields:
         now = fields.read(step)
-    kind = now.grains.get("kind")  # left out of files of single fields
-    free = np.ones(len(now.grains["id"]), bool) if kind is None else kind == FREE
+    if not {"kind", "axes", "quat"} <= now.grains.keys():
+        hint = "give the field file of talus-dem, not that of a solid"
+        raise FaultError("E543", f"{path} holds no grains with axes and orientations", hint)
+    free = now.grains["kind"] == FREE
     size, turn = now.grains["axes"][free], rotations(now.grains["quat"][free])
     chosen = np.ptp(size, axis=1) > ROUND * size.max(axis=1)
     size, turn = size[chosen], turn[chosen]

@@ -78,6 +78,14 @@ def test_rose(tmp_path: Path) -> None:
     assert "1 contacts" in figure.get_suptitle()
 
 
+def test_rose_of_a_solid(tmp_path: Path) -> None:
+    """A field file without grains is a fault that the report can pass over."""
+    with h5py.File(tmp_path / "solid.h5", "w") as file:
+        file.create_group("steps/000000").attrs["time"] = 0.0
+    with pytest.raises(FaultError, match="E5"):
+        measure_plots.axes_rose(tmp_path / "solid.h5")
+
+
 def test_axes_rose(tmp_path: Path) -> None:
     """A grain with its short axis turned from z to x; spheres have no axes."""
     write_pair(tmp_path / "p.h5")
