@@ -17,27 +17,20 @@ module dem_flow
   use talus_log, only: short_number
   use dem_cell, only: cell_volume
   use dem_contact, only: contact_radius, constants_of, contact_constants_type
+  use dem_servo_law, only: servo_law_type, look_steps
   use dem_state, only: dem_data_type, lanes, history_side
   implicit none
   private
   public :: dem_flow_type, cell_stress
 
-  integer(i4), parameter :: look_steps = 10
   integer(i4), parameter :: mean_stress = 10  !! component number of the pressure
-  real(wp), parameter :: integral_share = 0.02_wp
   character(len=4), parameter :: components(10) = [character(len=4) :: 'xx', 'xy', 'xz', 'yx', &
                                                    'yy', 'yz', 'zx', 'zy', 'zz', 'mean']
 
   !> One controlled component.
-  type :: control_type
+  type, extends(servo_law_type) :: control_type
     integer(i4) :: component = 0      !! of components
-    integer(i4) :: curve = 0          !! 0: constant
     real(wp) :: value = 0.0_wp        !! rate [1/s] or stress [Pa]
-    real(wp) :: speed = 0.0_wp        !! largest rate of a servo [1/s]
-    real(wp) :: gain = 0.0_wp         !! [-]
-    real(wp) :: tolerance = 0.0_wp    !! of the stress at the end, of the largest target [-]
-    integer(i8) :: looks = 0          !! of this run
-    integer(i8) :: at_speed = 0       !! of these, at the limit
     real(wp) :: target = 0.0_wp       !! at the last look [Pa]
   end type control_type
 
@@ -270,34 +263,15 @@ contains
       associate (servo => self%stress(k))
         servo%target = servo%value
         if (servo%curve > 0) servo%target = servo%value*self%curve(servo%curve)%at(time)
-        call answer(servo, stress_in(sigma, servo%component), stiffness(servo%component), ahead, &
-                    d%cell%held(servo%component), rate)
+        call servo%respond(servo%target - stress_in(sigma, servo%component), 1.0_wp, &
+                           stiffness(servo%component), ahead, sign(servo%speed, servo%target), &
+                           d%cell%held(servo%component), rate)
+        rate = sign_of(servo%component)*rate
         gradient = gradient + rate*direction(servo%component)
       end associate
     end do
     d%cell%rate = gradient
   end subroutine look
-
-  !> Rate of a servo; without contacts it comes at its limit.
-  pure subroutine answer(servo, stress, stiffness, ahead, held, rate)
-    type(control_type), intent(inout) :: servo
-    real(wp), intent(in) :: stress, stiffness, ahead
-    real(wp), intent(inout) :: held
-    real(wp), intent(out) :: rate
-    real(wp) :: own
-
-    rate = sign(servo%speed, servo%target)
-    if (stiffness > 0.0_wp) then
-      own = servo%gain*(servo%target - stress)/(stiffness*ahead)
-      rate = own + held
-      if (abs(rate) < servo%speed) held = held + integral_share*servo%gain*own
-    else
-      held = 0.0_wp
-    end if
-    servo%looks = servo%looks + 1
-    if (abs(rate) >= servo%speed) servo%at_speed = servo%at_speed + 1
-    rate = sign_of(servo%component)*min(max(rate, -servo%speed), servo%speed)
-  end subroutine answer
 
   !> Largest target, the scale of all errors [Pa].
   pure real(wp) function scale_of(self)
@@ -337,13 +311,7 @@ contains
       associate (servo => self%stress(k))
         now = stress_in(sigma, servo%component)
         if (abs(now - servo%target) <= servo%tolerance*scale_of(self)) cycle
-        why = 'it was still on its way'
-        hint = 'raise t_end and go on with --restart, raise gain, or widen tolerance'
-        if (2*servo%at_speed > servo%looks) then
-          why = 'it strained at its limit of '//short_number(servo%speed)//' 1/s in '// &
-            short_number(100.0_wp*real(servo%at_speed, wp)/real(servo%looks, wp))//' % of its looks'
-          hint = 'raise rate or t_end'
-        end if
+        call servo%reason('it strained at its limit', '1/s', 'raise rate or t_end', why, hint)
         call errors%add('N221', "stress '"//trim(components(servo%component))// &
                         "' of the cell ended at "//short_number(now)//' Pa instead of '// &
                         short_number(servo%target)//' Pa: '//why, place, hint)

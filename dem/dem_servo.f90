@@ -17,6 +17,7 @@ module dem_servo
   use talus_history, only: history_type
   use talus_log, only: short_number
   use dem_state, only: dem_data_type, lanes, history_side
+  use dem_servo_law, only: servo_law_type, look_steps
   use dem_contact, only: contact_radius, constants_of, contact_constants_type
   use dem_surface_servo, only: surface_servo_type
   use dem_volume, only: constant_volume_type
@@ -24,24 +25,16 @@ module dem_servo
   private
   public :: dem_servo_type, measured_area, wall_stiffness
 
-  integer(i4), parameter :: look_steps = 10
   integer(i4), parameter :: seen_size = 7  !! impulse(3), time, stress, target of the last look, v_i
-  real(wp), parameter :: integral_share = 0.02_wp
   real(wp), parameter :: parallel = 1.0e-9_wp
   character(len=14), parameter :: columns(7) = [character(len=14) :: 'time [s]', 'wall [-]', &
     'area [m2]', 'target [Pa]', 'stress [Pa]', 'velocity [m/s]', 'position [m]']
 
-  type :: servo_wall_type
+  type, extends(servo_law_type) :: servo_wall_type
     integer(i4) :: wall = 0            !! plane
-    integer(i4) :: curve = 0           !! of the target, 0: constant
     real(wp) :: stress = 0.0_wp        !! target, pressure is positive [Pa]
     real(wp) :: area = 0.0_wp          !! [m^2]; 0: measured
-    real(wp) :: speed = 0.0_wp         !! most [m/s]
-    real(wp) :: gain = 0.0_wp          !! [-]
-    real(wp) :: tolerance = 0.0_wp     !! of the stress at the end [-]
     real(wp) :: until = 0.0_wp         !! from then on the wall has its own velocity [s]
-    integer(i8) :: looks = 0           !! of this run
-    integer(i8) :: at_speed = 0        !! of these, at the speed limit
   end type servo_wall_type
 
   type :: dem_servo_type
@@ -292,7 +285,7 @@ contains
     integer(i4), intent(in) :: k
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time, ahead  !! now, and to the next look [s]
-    real(wp) :: force(3), area, stiffness, velocity, answer
+    real(wp) :: force(3), area, velocity
 
     associate (servo => self%servo(k), p => d%planes, seen => d%servo_seen(:, self%servo(k)%wall))
       force = p%force(:, servo%wall)
@@ -304,18 +297,8 @@ contains
       seen(5) = -dot_product(force, p%normal(:, servo%wall))/area
       seen(6) = servo%stress
       if (servo%curve > 0) seen(6) = servo%stress*self%curve(servo%curve)%at(time)
-      stiffness = wall_stiffness(d, servo%wall)
-      velocity = servo%speed
-      if (stiffness > 0.0_wp) then
-        answer = servo%gain*(seen(6) - seen(5))*area/(stiffness*ahead)
-        velocity = answer + seen(7)
-        if (abs(velocity) < servo%speed) seen(7) = seen(7) + integral_share*servo%gain*answer
-      else
-        seen(7) = 0.0_wp
-      end if
-      servo%looks = servo%looks + 1
-      if (abs(velocity) >= servo%speed) servo%at_speed = servo%at_speed + 1
-      velocity = min(max(velocity, -servo%speed), servo%speed)
+      call servo%respond(seen(6) - seen(5), area, wall_stiffness(d, servo%wall), ahead, &
+                         servo%speed, seen(7), velocity)
       p%velocity(:, servo%wall) = velocity*p%normal(:, servo%wall)
     end associate
   end subroutine set_servo
@@ -356,13 +339,8 @@ contains
       associate (servo => self%servo(k), seen => d%servo_seen(:, self%servo(k)%wall))
         if (self%error_of(k, d) <= servo%tolerance) cycle
         if (servo%until <= time) cycle
-        why = 'it was still on its way'
-        hint = 'raise t_end and go on with --restart, raise gain, or widen tolerance'
-        if (2*servo%at_speed > servo%looks) then
-          why = 'it moved at its speed limit of '//short_number(servo%speed)//' m/s in '// &
-            short_number(100.0_wp*real(servo%at_speed, wp)/real(servo%looks, wp))//' % of its looks'
-          hint = 'raise speed or t_end, or look whether the grains run away from the wall'
-        end if
+        call servo%reason('it moved at its speed limit', 'm/s', 'raise speed or t_end, or '// &
+          'look whether the grains run away from the wall', why, hint)
         if (.not. wall_stiffness(d, servo%wall) > 0.0_wp) why = why//', and it touches no grain'
         call errors%add('N204', "servo of wall '"//self%name(servo%wall)%s//"' ended at "// &
                         short_number(seen(5))//' Pa instead of '//short_number(seen(6))// &

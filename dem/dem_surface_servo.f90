@@ -1,12 +1,11 @@
 !> Surfaces that push the grains with a given force along a direction: groups servo that name a
 !! surface. Faults D252, N204.
 !!
-!! The servo is that of walls (dem_servo) with a force in place of a stress: with the force F by
-!! which the body has pushed the grains along its direction since the last look, the target F_t and
-!! the stiffness K of its contacts along that direction, the body moves along it at
-!! gain (F_t - F)/(K T) + v_i, never faster than its speed, besides what it does across.
+!! The law is that of dem_servo_law with the force F by which the body has pushed the grains along its
+!! direction since the last look and the stiffness of its contacts along it; across it the body
+!! moves as the deck says.
 module dem_surface_servo
-  use talus_kinds, only: wp, i4, i8
+  use talus_kinds, only: wp, i4
   use talus_text, only: string_type
   use talus_errors, only: error_list_type
   use talus_curve, only: curve_type, curve_index
@@ -14,6 +13,7 @@ module dem_surface_servo
   use talus_history, only: history_type
   use talus_log, only: short_number
   use talus_suggest, only: did_you_mean
+  use dem_servo_law, only: servo_law_type, look_steps
   use dem_state, only: dem_data_type
   use dem_surface_measure, only: body_of_part, surface_stiffness
   use dem_surface_state, only: servo_size, servo_velocity
@@ -21,8 +21,6 @@ module dem_surface_servo
   private
   public :: surface_servo_type, surface_stiffness_along
 
-  integer(i4), parameter :: look_steps = 10
-  real(wp), parameter :: integral_share = 0.02_wp
   real(wp), parameter :: across = 1.0e-9_wp  !! part of a velocity along the direction that is none
   character(len=14), parameter :: columns(6) = [character(len=14) :: 'time [s]', 'surface [-]', &
     'target [N]', 'force [N]', 'velocity [m/s]', 'position [m]']
@@ -30,17 +28,11 @@ module dem_surface_servo
   !> What a body's row of d%surfaces%servo holds.
   integer(i4), parameter :: seen_time = 4, seen_force = 5, seen_target = 6, seen_held = 7
 
-  type :: servo_body_type
+  type, extends(servo_law_type) :: servo_body_type
     integer(i4) :: body = 0                !! surface, then penetrometers
-    integer(i4) :: curve = 0               !! of the target, 0: constant
     real(wp) :: force = 0.0_wp             !! target, on the grains along the direction [N]
     real(wp) :: direction(3) = 0.0_wp      !! [-]
-    real(wp) :: speed = 0.0_wp             !! most [m/s]
-    real(wp) :: gain = 0.0_wp              !! [-]
-    real(wp) :: tolerance = 0.0_wp         !! of the force at the end [-]
     real(wp) :: until = 0.0_wp             !! from then on the body has its own velocity [s]
-    integer(i8) :: looks = 0               !! of this run
-    integer(i8) :: at_speed = 0            !! of these, at the speed limit
   end type servo_body_type
 
   type :: surface_servo_type
@@ -248,9 +240,8 @@ contains
     real(wp), intent(in) :: time  !! [s]
     type(curve_type), intent(in) :: curve(:)
     real(wp), intent(out) :: speed
-    real(wp) :: force, stiffness, own, ahead
+    real(wp) :: force, stiffness
 
-    ahead = look_steps*d%par%dt
     force = self%force_of(k, d, time)
     associate (servo => self%servo(k), seen => d%surfaces%servo(:, self%servo(k)%body))
       seen(seen_time) = time
@@ -258,18 +249,8 @@ contains
       seen(seen_target) = servo%force
       if (servo%curve > 0) seen(seen_target) = servo%force*curve(servo%curve)%at(time)
       stiffness = surface_stiffness_along(d, servo%body, servo%direction)
-      speed = servo%speed
-      if (stiffness > 0.0_wp) then
-        own = servo%gain*(seen(seen_target) - force)/(stiffness*ahead)
-        speed = own + seen(seen_held)
-        if (abs(speed) < servo%speed) &
-          seen(seen_held) = seen(seen_held) + integral_share*servo%gain*own
-      else
-        seen(seen_held) = 0.0_wp
-      end if
-      servo%looks = servo%looks + 1
-      if (abs(speed) >= servo%speed) servo%at_speed = servo%at_speed + 1
-      speed = min(max(speed, -servo%speed), servo%speed)
+      call servo%respond(seen(seen_target) - force, 1.0_wp, stiffness, look_steps*d%par%dt, &
+                         servo%speed, seen(seen_held), speed)
     end associate
   end subroutine answer
 
@@ -331,13 +312,8 @@ contains
     do k = 1, size(self%servo)
       associate (servo => self%servo(k), seen => d%surfaces%servo(:, self%servo(k)%body))
         if (self%error_of(k, d) <= servo%tolerance .or. servo%until <= time) cycle
-        why = 'it was still on its way'
-        hint = 'raise t_end and go on with --restart, raise gain, or widen tolerance'
-        if (2*servo%at_speed > servo%looks) then
-          why = 'it moved at its speed limit of '//short_number(servo%speed)//' m/s in '// &
-            short_number(100.0_wp*real(servo%at_speed, wp)/real(servo%looks, wp))//' % of its looks'
-          hint = 'raise speed or t_end, or look whether the grains run away from the surface'
-        end if
+        call servo%reason('it moved at its speed limit', 'm/s', 'raise speed or t_end, or '// &
+          'look whether the grains run away from the surface', why, hint)
         if (.not. surface_stiffness_along(d, servo%body, servo%direction) > 0.0_wp) &
           why = why//', and it touches no grain'
         call errors%add('N204', "servo of surface '"//self%name(servo%body)%s//"' ended at "// &

@@ -1,0 +1,67 @@
+!> The law of all servos, of walls, surfaces and cells: proportional, with a slow integral. With the
+!! lack F_t - F of what is held, the stiffness K that answers a motion and the time T between two
+!! looks, a servo moves at gain (F_t - F)/(K T) + v_i, never faster than its speed; v_i grows by
+!! gain^2/50 (F_t - F)/(K T) a look, so that nothing is left of the error at a steady rate. Why this
+!! is stable stands with the walls (dem_servo).
+module dem_servo_law
+  use talus_kinds, only: wp, i4, i8
+  use talus_log, only: short_number
+  implicit none
+  private
+  public :: servo_law_type, look_steps
+
+  integer(i4), parameter :: look_steps = 10  !! between two looks
+  real(wp), parameter :: integral_share = 0.02_wp
+
+  type :: servo_law_type
+    integer(i4) :: curve = 0            !! of the target, 0: constant
+    real(wp) :: speed = 0.0_wp          !! most [m/s], of a cell [1/s]
+    real(wp) :: gain = 0.0_wp           !! [-]
+    real(wp) :: tolerance = 0.0_wp      !! of what is held at the end [-]
+    integer(i8) :: looks = 0            !! of this run
+    integer(i8) :: at_speed = 0         !! of these, at the speed limit
+  contains
+    procedure :: respond
+    procedure :: reason
+  end type servo_law_type
+
+contains
+
+  !> Velocity until the next look; without contacts that of `approach`.
+  pure subroutine respond(self, lack, area, stiffness, ahead, approach, held, velocity)
+    class(servo_law_type), intent(inout) :: self
+    real(wp), intent(in) :: lack       !! target less what is there, over area
+    real(wp), intent(in) :: area       !! by which it is a force; 1 where it is one
+    real(wp), intent(in) :: stiffness  !! of what answers
+    real(wp), intent(in) :: ahead      !! to the next look [s]
+    real(wp), intent(in) :: approach   !! without contacts
+    real(wp), intent(inout) :: held    !! v_i
+    real(wp), intent(out) :: velocity
+    real(wp) :: own
+
+    velocity = approach
+    if (stiffness > 0.0_wp) then
+      own = self%gain*lack*area/(stiffness*ahead)
+      velocity = own + held
+      if (abs(velocity) < self%speed) held = held + integral_share*self%gain*own
+    else
+      held = 0.0_wp
+    end if
+    self%looks = self%looks + 1
+    if (abs(velocity) >= self%speed) self%at_speed = self%at_speed + 1
+    velocity = min(max(velocity, -self%speed), self%speed)
+  end subroutine respond
+
+  !> Why a servo does not hold what it should, and what helps.
+  subroutine reason(self, moved, unit, faster, why, hint)
+    class(servo_law_type), intent(in) :: self
+    character(len=*), intent(in) :: moved, unit, faster  !! 'it moved at its speed limit', ...
+    character(len=:), allocatable, intent(out) :: why, hint
+    why = 'it was still on its way'
+    hint = 'raise t_end and go on with --restart, raise gain, or widen tolerance'
+    if (2*self%at_speed <= self%looks) return
+    why = moved//' of '//short_number(self%speed)//' '//unit//' in '// &
+      short_number(100.0_wp*real(self%at_speed, wp)/real(self%looks, wp))//' % of its looks'
+    hint = faster
+  end subroutine reason
+end module dem_servo_law
