@@ -1,8 +1,8 @@
 !> Surfaces that push the grains with a given force along a direction: groups servo that name a
 !! surface. Faults D252, N204.
 !!
-!! The law is that of dem_servo_law with the force F by which the body has pushed the grains along its
-!! direction since the last look and the stiffness of its contacts along it; across it the body
+!! The law is that of dem_servo_law with the force F by which the body has pushed the grains along
+!! its direction since the last look and the stiffness of its contacts along it; across it the body
 !! moves as the deck says.
 module dem_surface_servo
   use talus_kinds, only: wp, i4
