@@ -240,13 +240,15 @@ contains
     end associate
   end subroutine batch_of_one
 
-  !> Consistent mass, one scalar a pair of blocks, and lumped mass of the blocks [kg, kg m^2].
+  !> Consistent mass, one scalar a pair of blocks, and lumped mass of the blocks of all ranks'
+  !! elements [kg, kg m^2].
   subroutine assemble_mass(mesh, dofs, elastic, pattern, mass, lumped)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), allocatable, intent(inout) :: mass(:), lumped(:)
+    real(wp), allocatable :: sums(:, :)
     integer(i4), allocatable :: first(:)
     integer(i4) :: t
 
@@ -260,6 +262,10 @@ contains
       call mass_share(mesh, dofs, elastic, pattern, first(t:t + 1), mass, lumped)
     end do
     !$omp end parallel do
+    if (.not. dofs%halo%several()) return
+    sums = reshape(lumped, [1, size(lumped)])
+    call dofs%halo%sum_up(sums)
+    lumped = sums(1, :)
   end subroutine assemble_mass
 
   subroutine mass_share(mesh, dofs, elastic, pattern, range, mass, lumped)

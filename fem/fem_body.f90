@@ -26,6 +26,7 @@ module fem_body
   use fem_solver, only: fem_solver_type
   use fem_supports, only: check_supports
   use fem_recover, only: initial_stress_force, element_forces
+  use fem_whole, only: fem_whole_type
   implicit none
   private
   public :: fem_body_type, fem_motion_type, fem_newton_type, fem_kept_type
@@ -62,6 +63,7 @@ module fem_body
     type(fem_mesh_type) :: mesh
     type(fem_dofs_type) :: dofs
     type(fem_elastic_type) :: elastic
+    type(fem_whole_type) :: whole                !! mesh behind the parts of several ranks
     type(curve_type), allocatable :: curve(:)
     type(fem_load_type), allocatable :: load(:)
     type(fem_motion_type), allocatable :: motion(:)
@@ -126,6 +128,7 @@ module fem_body
     procedure :: assemble_tangent
     procedure :: matter_energy
     procedure :: matter_fault
+    procedure :: count_yielding
     procedure :: safe_step
     procedure :: keep
     procedure :: put_back
@@ -207,15 +210,25 @@ contains
       if (self%matter%micro%active .or. (self%matter%finite .and. allocated(self%matter%u))) &
         call tangent_frequency(self%mesh, self%dofs, self%elastic, self%matter, &
                                self%mass_factor, square, self%stiffest)
+      call name_stiffest(self, square)
       square = square + spring_rate(self%ground, self%node_mass) &
                + spring_rate(self%robin, self%node_mass)
       self%step_limit = stable_step(sqrt(square), self%damping%stiffness)
     else if (self%dynamic .and. 2.0_wp*self%beta < self%gamma) then
       call largest_frequency(self%mesh, self%dofs, self%elastic, self%mass_factor, .false., &
                              square, self%stiffest)
+      call name_stiffest(self, square)
       self%step_limit = newmark_step(sqrt(square), self%beta, self%gamma)
     end if
   end subroutine limit_step
+
+  !> The stiffest element of all ranks, by its number in the mesh.
+  subroutine name_stiffest(self, square)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(inout) :: square
+    self%stiffest = self%elastic%number_of(self%stiffest)
+    call self%dofs%halo%largest(square, self%stiffest)
+  end subroutine name_stiffest
 
   !> Factor for a step dt (statics: dt is not used); nothing to do if that is done.
   subroutine factor(self, dt, errors)
@@ -324,6 +337,7 @@ contains
     real(wp), intent(out) :: force(:, :)
     if (self%one_point%ready) then
       call self%one_point%force(u, force)
+      call self%dofs%halo%sum_up(force)
     else
       call multiply(self%pattern, self%k, u, force)
     end if
@@ -447,13 +461,16 @@ contains
   !! counted since the accepted state.
   subroutine matter_energy(self)
     class(fem_body_type), intent(inout) :: self
-    real(wp) :: works(3)
+    real(wp) :: works(4)
     real(wp), allocatable :: springs(:, :)
-    works = self%matter%works()
+    works(:3) = self%matter%works()
+    works(4) = 0.0_wp
+    if (self%dynamic) works(4) = self%matter%growth()
+    call self%dofs%halo%add_up(works)
     self%energy%strain = works(1)
     self%energy%plastic = works(2)
     if (self%dynamic) then
-      self%energy%numerical = self%energy%numerical + self%matter%growth()
+      self%energy%numerical = self%energy%numerical + works(4)
     else
       self%energy%numerical = works(3)
     end if
@@ -462,6 +479,15 @@ contains
     call spring_force(self%ground, 0.0_wp*self%state%u, self%state%u, springs)
     self%energy%strain = self%energy%strain - 0.5_wp*sum(springs*self%state%u)
   end subroutine matter_energy
+
+  !> Points that yielded in the trial increment, and the most local iterations, over all ranks.
+  subroutine count_yielding(self, counts)
+    class(fem_body_type), intent(in) :: self
+    real(wp), intent(out) :: counts(2)
+    counts = real(self%matter%yielding(), wp)
+    call self%dofs%halo%add_up(counts(:1))
+    call self%dofs%halo%most(counts(2:))
+  end subroutine count_yielding
 
   !> Faults N312 and N313 where the last update found a point without a state.
   subroutine matter_fault(self, errors)

@@ -245,7 +245,7 @@ contains
     type(fem_elastic_type), intent(inout) :: elastic
     real(wp), intent(in) :: factor
     real(wp), intent(out) :: most
-    real(wp) :: needed(mesh%elements)
+    real(wp) :: needed(mesh%elements), highest(1)
     integer(i4) :: c
 
     most = max(1.0_wp, factor)
@@ -258,7 +258,9 @@ contains
     end do
     !$omp end parallel do
     elastic%inertia = needed*elastic%inertia
-    most = max(most, maxval(needed))
+    highest = max(most, maxval(needed))
+    call dofs%halo%most(highest)
+    most = highest(1)
   end subroutine scale_rotations
 
   !> Square of the frequency of the rotations over that of the displacements, at least one, of the

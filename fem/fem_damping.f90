@@ -57,6 +57,7 @@ contains
     real(wp), intent(inout) :: k(:, :, :)
     integer(i4) :: i, p
     do i = 1, self%n
+      if (.not. pattern%halo%owns(self%block(i))) cycle
       p = pattern%start(self%block(i))
       k(:, :, p) = k(:, :, p) + factor*self%dashpot(:, :, i)
     end do

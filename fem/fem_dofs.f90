@@ -7,6 +7,7 @@
 !! arrays of state, loads and supports are (3, blocks), so that what works for u works for phi.
 module fem_dofs
   use talus_kinds, only: i4
+  use fem_ranks, only: fem_halo_type
   use fem_types, only: fem_mesh_type
   implicit none
   private
@@ -19,6 +20,7 @@ module fem_dofs
     integer(i4), allocatable :: node(:)   !! (blocks) node of each block
     integer(i4), allocatable :: start(:)  !! (elements + 1) first entry of each element in `block`
     integer(i4), allocatable :: block(:)  !! of each element: u of all its nodes, then phi
+    type(fem_halo_type) :: halo           !! ranks that have a part of the elements each
   end type fem_dofs_type
 
 contains

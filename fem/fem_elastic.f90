@@ -27,11 +27,13 @@ module fem_elastic
     real(wp), allocatable :: factor(:)      !! (points) weight, for overlaps [-]
     real(wp), allocatable :: initial(:, :)  !! (components, points) initial stress
     logical :: has_initial = .false.
+    integer(i4), allocatable :: id(:)       !! (elements) in the mesh, where ranks have some each
   contains
     procedure :: start
     procedure :: use_rule
     procedure :: number_points
     procedure :: rotations
+    procedure :: number_of
   end type fem_elastic_type
 
 contains
@@ -88,4 +90,12 @@ contains
       n(e) = self%rule(self%rule_of(e))%rotations
     end do
   end function rotations
+
+  !> Number of element e in the mesh of the file.
+  pure integer(i4) function number_of(self, e)
+    class(fem_elastic_type), intent(in) :: self
+    integer(i4), intent(in) :: e
+    number_of = e
+    if (allocated(self%id) .and. e > 0) number_of = self%id(e)
+  end function number_of
 end module fem_elastic

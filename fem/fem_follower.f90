@@ -15,6 +15,7 @@ module fem_follower
     integer(i4) :: group = 0          !! facets
     integer(i4) :: curve = 0          !! 0 means constant
     real(wp) :: pressure = 0.0_wp     !! into the solid [Pa]
+    logical, allocatable :: here(:)   !! (facets) in this rank's matrix? Not given: all are
   end type fem_follower_type
 
 contains
@@ -59,6 +60,9 @@ contains
     integer(i4) :: f, q, m, a, b, p
     associate (group => mesh%group(follower%group))
       do f = 1, facet_total(group)
+        if (allocated(follower%here)) then
+          if (.not. follower%here(f)) cycle
+        end if
         m = node_count(group%facet_kind(f))
         call quadrature_rule(group%facet_kind(f), full_degree(group%facet_kind(f)), points, weights)
         associate (node => group%facet(:m, f))

@@ -1,4 +1,5 @@
-!> talus-fem: solids. `talus-fem deck.nml` runs a deck, `talus-fem --help` says the rest.
+!> talus-fem: solids. `talus-fem deck.nml` runs a deck, `mpirun -n 4 talus-fem deck.nml` with ranks;
+!! `talus-fem --help` says the rest.
 program talus_fem
   use, intrinsic :: iso_fortran_env, only: error_unit
   use talus_kinds, only: i4
@@ -12,34 +13,37 @@ program talus_fem
   use fem_modal_run, only: run_modal
   use fem_model, only: fem_model_type, program_name
   use fem_deck_keys, only: fem_deck_table
-  use fem_mumps, only: mumps_end
+  use fem_ranks, only: fem_ranks_type, join_ranks, leave_ranks
   use fem_point, only: run_point
+  use fem_agree, only: agree
   use fem_port, only: serve
   implicit none
 
   type(options_type) :: options
   type(fem_model_type), allocatable :: model
+  type(fem_ranks_type) :: ranks
   type(error_list_type) :: errors
   integer(i4) :: exit_code
 
   call ignore_write_signals()
   call talus_short_spins()
   call talus_blas_kernels()
+  call join_ranks(ranks)
   call parse_options(options, program_name, errors)
   if (errors%any()) call leave_with_faults()
   if (asks_a_question(options)) call answer()
   if (options%one_point) then
-    call run_point(options, errors)
-    if (errors%any()) call errors%print(error_unit)
-    call talus_exit(errors%exit_code())
+    if (ranks%leads()) call run_point(options, errors)
+    call agree(ranks, errors)
+    call leave_with_faults()
   end if
   allocate (model)
+  model%ranks = ranks
   if (options%check) call check()
   if (len(options%port) > 0) then
     call serve(model, options, exit_code, errors)
   else
-    call model%read(options, errors)
-    if (.not. errors%any()) call model%prepare(errors)
+    call read_and_prepare()
     if (errors%any()) call leave_with_faults()
     call model%open(errors)
     if (.not. errors%any()) then
@@ -51,16 +55,25 @@ program talus_fem
     end if
     call model%finish(exit_code, errors)
   end if
-  if (errors%any()) call errors%print(error_unit)
+  if (errors%any() .and. ranks%leads()) call errors%print(error_unit)
   call model%body%solver%mumps%free()
-  call mumps_end()
+  call leave_ranks()
   call talus_exit(exit_code)
 
 contains
 
+  !> Faults of one rank are those of all.
+  subroutine read_and_prepare()
+    call model%read(options, errors)
+    call agree(ranks, errors)
+    if (errors%any()) return
+    call model%prepare(errors)
+    call agree(ranks, errors)
+  end subroutine read_and_prepare
+
   subroutine leave_with_faults()
-    call errors%print(error_unit)
-    call mumps_end()
+    if (ranks%leads()) call errors%print(error_unit)
+    call leave_ranks()
     call talus_exit(errors%exit_code())
   end subroutine leave_with_faults
 
@@ -68,16 +81,16 @@ contains
   subroutine answer()
     type(key_table_type) :: table
     call fem_deck_table(table)
-    call answer_question(program_name, options, table)
+    if (ranks%leads()) call answer_question(program_name, options, table)
+    call leave_ranks()
     call talus_exit(0_i4)
   end subroutine answer
 
   !> --check: read everything, assemble and factor, report, leave.
   subroutine check()
-    call model%read(options, errors)
-    if (.not. errors%any()) call model%prepare(errors)
-    call report_check(program_name, model%deck, errors, options%json)
-    call mumps_end()
+    call read_and_prepare()
+    if (ranks%leads()) call report_check(program_name, model%deck, errors, options%json)
+    call leave_ranks()
     call talus_exit(errors%exit_code())
   end subroutine check
 end program talus_fem

@@ -15,6 +15,7 @@ module fem_matter
   use fem_law_finite, only: fem_law_finite_type, at_ratio
   use fem_mm_body, only: fem_micro_type
   use fem_mm_element, only: mm_response_type
+  use fem_ranks, only: fem_ranks_type
   use fem_recover, only: point_weights
   use fem_sparse, only: fem_pattern_type, place
   use fem_strain, only: mean_gradient, strain_matrix, add_product
@@ -29,7 +30,10 @@ module fem_matter
     logical :: active = .false.               !! some law of the body has a state
     logical :: symmetric = .true.             !! all tangents are
     logical :: finite = .false.               !! some law is one of finite strain
-    integer(i4) :: bad = 0                    !! first point without a state in the last update
+    integer(i4) :: bad = 0                    !! first point without a state in the last update,
+                                              !! < 0: one that another rank has
+    integer(i4) :: bad_rank = 0               !! who has it
+    type(fem_ranks_type) :: ranks             !! that have the other elements
     type(fem_law_box_type), allocatable :: law(:)
     integer(i4), allocatable :: law_of(:)     !! (elements)
     integer(i4) :: states = common_size       !! most of any law
@@ -96,8 +100,8 @@ contains
   end subroutine prepare_micro
 
   !> Trial stress, state and tangents for displacements since the accepted state, and the internal
-  !! forces. `bad` is the first point whose law found no state, 0 if there is none. Laws of finite
-  !! strain go by all displacements, `u`.
+  !! forces of all ranks. `bad` is the first point whose law found no state, 0 if there is none.
+  !! Laws of finite strain go by all displacements, `u`.
   subroutine update(self, mesh, dofs, elastic, u, moved, force, bad)
     class(fem_matter_type), intent(inout) :: self
     type(fem_mesh_type), intent(in) :: mesh
@@ -124,13 +128,36 @@ contains
     do c = chunks, 1, -1
       if (failed(c) > 0) bad = failed(c)
     end do
+    call agree_on_bad(self, elastic, bad)
     self%bad = bad
     if (bad > 0 .and. self%micro%active) call explain(self, dofs, elastic, u, moved, bad)
     force = 0.0_wp
     do k = 1, size(dofs%block)
       force(:, dofs%block(k)) = force(:, dofs%block(k)) + self%nodal(:, k)
     end do
+    call dofs%halo%sum_up(force)
   end subroutine update
+
+  !> Of the ranks that have a bad point the one with the first element names it, for the others it
+  !! is -1.
+  subroutine agree_on_bad(self, elastic, bad)
+    class(fem_matter_type), intent(inout) :: self
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(inout) :: bad
+    integer(i4) :: at(2), first, mine
+    if (.not. self%ranks%several()) return
+    mine = huge(mine)
+    if (bad > 0) then
+      at = self%element_of(elastic, bad)
+      mine = elastic%number_of(at(1))
+    end if
+    first = mine
+    call self%ranks%least(first)
+    if (first == huge(first)) return
+    self%bad_rank = merge(self%ranks%rank, huge(first), first == mine)
+    call self%ranks%least(self%bad_rank)
+    if (self%bad_rank /= self%ranks%rank) bad = -1
+  end subroutine agree_on_bad
 
   !> Elastic stiffness of micromorphic elements at displacements u and the trial states.
   subroutine stiffen(self, mesh, dofs, elastic, u)
@@ -465,28 +492,42 @@ contains
   end subroutine element_forces
 
   !> What is wrong with the first point without a state, and whether its element is turned inside
-  !! out.
+  !! out; all ranks ask together.
   subroutine trouble(self, elastic, text, inverted)
     class(fem_matter_type), intent(in) :: self
     type(fem_elastic_type), intent(in) :: elastic
     character(len=:), allocatable, intent(out) :: text
     logical, intent(out) :: inverted
+    inverted = .false.
+    text = ''
+    if (self%bad > 0) call trouble_here(self, elastic, text, inverted)
+    call self%ranks%tell(self%bad_rank, text)
+    call self%ranks%any_of(inverted)
+  end subroutine trouble
+
+  subroutine trouble_here(self, elastic, text, inverted)
+    class(fem_matter_type), intent(in) :: self
+    type(fem_elastic_type), intent(in) :: elastic
+    character(len=:), allocatable, intent(out) :: text
+    logical, intent(out) :: inverted
     integer(i4) :: at(2)
+    character(len=:), allocatable :: element
     at = self%element_of(elastic, self%bad)
+    element = 'element '//str(elastic%number_of(at(1)))
     if (self%micro%active) then
       inverted = index(self%micro%trouble, 'determinant') > 0
-      text = 'the law of point '//str(at(2))//' of element '//str(at(1))//' finds no state: '// &
+      text = 'the law of point '//str(at(2))//' of '//element//' finds no state: '// &
         self%micro%trouble
       return
     end if
     inverted = self%law(self%law_of(at(1)))%law%finite
     if (inverted) then
-      text = 'element '//str(at(1))//' is turned inside out at point '//str(at(2))// &
+      text = element//' is turned inside out at point '//str(at(2))// &
         ', its volume is '//str(self%state(at_ratio, self%bad))//' of what it was'
     else
-      text = 'the law of point '//str(at(2))//' of element '//str(at(1))//' finds no state'
+      text = 'the law of point '//str(at(2))//' of '//element//' finds no state'
     end if
-  end subroutine trouble
+  end subroutine trouble_here
 
   !> Element and number in it of a point.
   pure function element_of(self, elastic, p) result(where_it_is)

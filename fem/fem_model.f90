@@ -14,7 +14,9 @@ module fem_model
   use talus_log, only: log_type, short_number
   use talus_stop, only: stop_type, stop_none
   use talus_summary, only: summary_type
+  use talus_system, only: environment
   use talus_timers, only: timers_type
+  use fem_agree, only: agree
   use fem_body, only: fem_body_type
   use fem_critical, only: scale_rotations
   use fem_deck_keys, only: fem_deck_table
@@ -25,7 +27,9 @@ module fem_model
   use fem_relaxation, only: relax
   use fem_supports, only: check_supports
   use fem_restart, only: write_checkpoint, read_checkpoint
+  use fem_ranks, only: fem_ranks_type
   use fem_setup, only: read_body
+  use fem_share_out, only: share_out
   use fem_start, only: start_motion
   use fem_step, only: take_step
   implicit none
@@ -41,6 +45,7 @@ module fem_model
 
   type :: fem_model_type
     type(options_type) :: options
+    type(fem_ranks_type) :: ranks            !! that work on the run
     type(deck_type) :: deck
     type(fem_body_type) :: body
     type(fem_output_type) :: output
@@ -95,6 +100,8 @@ contains
     self%stem = run_stem(options%deck, options%output_dir)
     threads = options%threads
     if (threads == 0) call self%deck%get('run', 1, 'threads', threads)
+    if (threads == 0 .and. self%ranks%several() .and. len(environment('OMP_NUM_THREADS')) == 0) &
+      threads = 1
     if (threads > 0) call omp_set_num_threads(threads)
     if (self%deck%count('output') > 0 .and. same_file(self%deck%path('mesh', 1, 'file'), &
         self%stem//'.h5')) call self%deck%fault(errors, 'D327', &
@@ -109,7 +116,25 @@ contains
       "take law = 'linear_elastic' or 'micropolar'")
     call read_times(self, errors)
     call choose_storage(self)
+    if (.not. self%ranks%several() .or. errors%any()) return
+    call choose_solver(self)
+    call refuse_ranks(self, errors)
+    if (.not. errors%any()) call share_out(self%body, self%ranks, errors)
   end subroutine read_run
+
+  !> Fault D338 for what only one rank can do.
+  subroutine refuse_ranks(self, errors)
+    class(fem_model_type), intent(in) :: self
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: what
+    what = ''
+    if (self%served) what = 'a coupled run takes'
+    if (self%modal) what = "kind = 'modal' takes"
+    if (self%body%matter%micro%active) what = 'micromorphic solids take'
+    if (self%body%solver%iterative) what = "solver = 'iterative' takes"
+    if (len(what) > 0) call self%deck%fault(errors, 'D338', what//' one rank of talus-fem, not '// &
+      str(self%ranks%ranks), 'analysis', 1, 'kind', 'start it without a launcher; threads work')
+  end subroutine refuse_ranks
 
   !> Stored energies of micromorphic solids that could be negative.
   subroutine moduli_warnings(self)
@@ -265,7 +290,8 @@ contains
       body%solver%iterative = solver == 'iterative'
       if (.not. self%auto_solver) return
       body%solver%iterative = .not. (body%dynamic .or. self%served .or. self%modal .or. &
-                                     self%relaxation .or. body%matter%active) .and. &
+                                     self%relaxation .or. body%matter%active .or. &
+                                     self%ranks%several()) .and. &
         count(.not. body%held) >= large .and. self%t_end <= few_steps*self%dt
     end associate
   end subroutine choose_solver
@@ -317,20 +343,17 @@ contains
     real(wp) :: wall_limit
     integer(i4) :: k
 
-    call make_folder(folder_of(self%stem), errors)
-    if (.not. errors%any()) call self%lock%take(self%stem, program_name, errors)
-    if (errors%any()) return
-    call self%log%open(self%stem//'.log', errors, append=self%start_time >= 0.0_wp)
+    call open_log(self, errors)
     if (errors%any()) return
     self%opened = .true.
     call self%deck%get('run', 1, 'title', title)
-    call self%log%header(program_name, title, self%options%deck, self%deck%hash(), 1, &
-                         int(omp_get_max_threads(), i4))
+    call self%log%header(program_name, title, self%options%deck, self%deck%hash(), &
+                         self%ranks%ranks, int(omp_get_max_threads(), i4))
     call self%deck%echo(lines)
     call self%log%deck_echo(lines)
     call self%log%section('Model')
     call self%log%item('nodes', str(self%body%mesh%nodes))
-    call self%log%item('elements', str(self%body%mesh%elements))
+    call self%log%item('elements', str(self%body%whole%elements(self%body%mesh%elements)))
     call self%log%item('mass', str(sum(self%body%lumped(:self%body%mesh%nodes)))//' kg')
     if (self%start_time >= 0.0_wp) call self%log%item('goes on from', str(self%start_time)//' s')
     if (self%body%explicit) call self%log%item('largest stable step', &
@@ -352,9 +375,26 @@ contains
       if (len(stop_file) > 0) stop_file = self%deck%path('run', 1, 'stop_file')
     end if
     call self%stop%init(wall_limit, stop_file, obey_signals=.not. self%served)
+    call agree(self%ranks, errors)
     if (self%start_time < 0.0_wp .and. .not. self%modal .and. .not. errors%any()) &
       call self%output%write_due(self%body, .false., errors)
+    call agree(self%ranks, errors)
   end subroutine open_run
+
+  !> Lock and log of the leader; the others are silent.
+  subroutine open_log(self, errors)
+    class(fem_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    if (self%ranks%leads()) then
+      call make_folder(folder_of(self%stem), errors)
+      if (.not. errors%any()) call self%lock%take(self%stem, program_name, errors)
+      if (.not. errors%any()) &
+        call self%log%open(self%stem//'.log', errors, append=self%start_time >= 0.0_wp)
+    else
+      call self%log%open('', errors, screen=.false.)
+    end if
+    call agree(self%ranks, errors)
+  end subroutine open_log
 
   subroutine row_titles(log)
     type(log_type), intent(inout) :: log
@@ -406,17 +446,13 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp) :: t1
     integer(i4) :: iterations
-    logical :: last
+    logical :: last, save_now
 
     do
       if (self%body%accepted%time >= self%t_end - near*self%dt) exit
-      if (self%stop%check() /= stop_none) then
-        self%stopped = .true.
-        call self%log%line('stopped by '//self%stop%text())
-        exit
-      end if
-      if (self%stop%checkpoint_asked() .or. self%checkpoint%due(self%body%accepted%time)) &
-        call self%save_checkpoint('', errors)
+      call look_around(self, save_now)
+      if (self%stopped) exit
+      if (save_now) call self%save_checkpoint('', errors)
       t1 = real(self%steps + 1, wp)*self%dt
       last = t1 >= self%t_end - near*self%dt
       if (last) t1 = self%t_end
@@ -432,20 +468,39 @@ contains
       call self%timers%stop('steps')
       if (self%body%matter%active) call self%output%write_iterations(self%body, errors)
       if (.not. errors%any()) call check_energy(self%body, errors)
+      call agree(self%ranks, errors)
       if (errors%any()) return
       call self%body%hand_over()
       self%steps = self%steps + 1
       call self%timers%start('output')
       call self%output%write_due(self%body, last, errors)
       call self%timers%stop('output')
+      call agree(self%ranks, errors)
       if (errors%any()) return
       if (self%body%solver%iterative) call self%log%item('iterations', &
         str(self%body%solver%cg%iterations), 'residual '// &
         short_number(self%body%solver%cg%residual))
       if (self%log%row_due()) call self%log_row()
-      call self%log%progress(t1/self%t_end, 'time '//short_number(t1)//' s')
+      if (.not. self%ranks%several()) &  ! a launcher's screen is a terminal, also into a file
+        call self%log%progress(t1/self%t_end, 'time '//short_number(t1)//' s')
     end do
   end subroutine run
+
+  !> Is the run to stop, or a checkpoint due? The leader decides.
+  subroutine look_around(self, save_now)
+    class(fem_model_type), intent(inout) :: self
+    logical, intent(out) :: save_now
+    integer(i4) :: asked(2)
+    asked(1) = self%stop%check()
+    save_now = self%stop%checkpoint_asked()
+    if (.not. save_now .and. asked(1) == stop_none) &
+      save_now = self%checkpoint%due(self%body%accepted%time)
+    asked(2) = merge(1, 0, save_now)
+    call self%ranks%tell_values(asked)
+    save_now = asked(2) > 0 .and. asked(1) == stop_none
+    self%stopped = asked(1) /= stop_none
+    if (self%stopped) call self%log%line('stopped by '//self%stop%text())
+  end subroutine look_around
 
   !> The step again by factors, where conjugate gradients were chosen and did not converge.
   subroutine go_direct(self, t1, errors)
@@ -507,6 +562,7 @@ contains
         call self%save_checkpoint('', errors)
       call self%output%close(errors)
     end if
+    call agree(self%ranks, errors)
     exit_code = errors%exit_code()
     if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped
     if (.not. self%opened) call self%lock%release()
@@ -527,7 +583,7 @@ contains
       call summary%set('health.residual', self%body%residual)
     call summary%set_timers(self%timers)
     call summary%set_errors(errors)
-    call summary%write(self%stem//'_summary.json', late)
+    if (self%ranks%leads()) call summary%write(self%stem//'_summary.json', late)
     call self%log%finish(program_name, exit_code, 'time '//short_number(self%body%accepted%time)// &
                          ' s, '//str(self%steps)//' steps', self%timers%elapsed())
     call self%log%close()

@@ -2,20 +2,22 @@
 !! matrices or of general ones, in memory or on disk.
 !!
 !! The order comes from METIS through PERM_IN (Debian's MUMPS has none inside). MPI is started
-!! with the first factorisation and ended by `mumps_end`; runs that solve nothing pay nothing.
+!! with the first factorisation; runs that solve nothing pay nothing. Where ranks work together each
+!! gives the entries of its own elements, the leader the order; right-hand sides and solutions are
+!! the same on all.
 module fem_mumps
-  use mpi, only: mpi_init, mpi_initialized, mpi_finalize, mpi_finalized, mpi_comm_self
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use talus_system, only: environment, set_environment, clear_environment, memory_free
+  use talus_system, only: memory_free
   use talus_text, only: str
+  use fem_ranks, only: fem_ranks_type, start_mpi
   implicit none
   private
-  public :: mumps_type, mumps_end, storage_auto, storage_memory, storage_disk
+  public :: mumps_type, storage_auto, storage_memory, storage_disk
 
   include 'dmumps_struc.h'
 
-  integer(i4), parameter :: spd = 1, unsymmetric = 0, given_order = 1
+  integer(i4), parameter :: spd = 1, unsymmetric = 0, given_order = 1, distributed = 3
   integer(i4), parameter :: storage_auto = 0, storage_memory = 1, storage_disk = 2
   real(wp), parameter :: usable = 0.9_wp   !! share of the free memory that factors may take
   real(wp), parameter :: mega = 1.0e6_wp
@@ -33,6 +35,7 @@ module fem_mumps
     integer(i8) :: entries = 0           !! in the factors
     real(wp) :: flops = 0.0_wp           !! of the factorisation
     integer(i4) :: memory = 0            !! [MB]
+    type(fem_ranks_type) :: ranks        !! that share the matrix
     type(dmumps_struc), allocatable, private :: id
   contains
     procedure :: analyse
@@ -43,39 +46,9 @@ module fem_mumps
 
 contains
 
-  !> Outside a launcher of MPI OpenMPI is told that this process is alone: it then needs no daemon
-  !! (which would outlive a kill) and starts in a third of the time. A plain step of Slurm (srun
-  !! without --mpi) is none, but OpenMPI would take it for one and end: it does not get to see it.
-  subroutine start_mpi()
-    character(len=*), parameter :: launcher(3) = [character(len=20) :: 'OMPI_COMM_WORLD_SIZE', &
-      'PMIX_RANK', 'PMI_RANK']
-    logical :: running
-    integer :: status
-    integer(i4) :: k
-    call mpi_initialized(running, status)
-    if (running) return
-    if (.not. any([(len(environment(trim(launcher(k)))) > 0, k=1, size(launcher))])) then
-      call clear_environment('SLURM_STEPID')
-      call clear_environment('SLURM_STEP_ID')
-      call set_environment('OMPI_MCA_ess_singleton_isolated', '1', .false.)
-      call set_environment('OMPI_MCA_pml', 'ob1', .false.)
-      call set_environment('OMPI_MCA_btl', 'self', .false.)
-    end if
-    call mpi_init(status)
-  end subroutine start_mpi
-
-  !> End MPI if it was started.
-  subroutine mumps_end()
-    logical :: running, ended
-    integer :: status
-    call mpi_initialized(running, status)
-    if (.not. running) return
-    call mpi_finalized(ended, status)
-    if (.not. ended) call mpi_finalize(status)
-  end subroutine mumps_end
-
   !> Symbolic analysis for rows irn(:), columns jcn(:) of one triangle (or of all of a general
-  !! matrix) and a given order.
+  !! matrix) and a given order; with ranks the entries are those of this one, the order is the
+  !! leader's.
   subroutine analyse(self, n, irn, jcn, order, errors)
     class(mumps_type), intent(inout) :: self
     integer(i4), intent(in) :: n
@@ -87,7 +60,7 @@ contains
     call start_mpi()
     allocate (self%id)
     self%n = n
-    self%id%comm = mpi_comm_self
+    self%id%comm = self%ranks%comm
     self%id%sym = merge(unsymmetric, spd, self%general)
     self%id%par = 1
     self%id%job = -1
@@ -99,12 +72,11 @@ contains
     self%id%icntl(14) = extra_space
     self%id%icntl(28) = 1
     self%id%n = n
-    self%id%nnz = size(irn, kind=i8)
-    allocate (self%id%irn(size(irn)), self%id%jcn(size(irn)), self%id%a(size(irn)))
-    allocate (self%id%perm_in(n), self%id%rhs(n))
-    self%id%irn = irn
-    self%id%jcn = jcn
-    self%id%perm_in = order
+    call give_pattern(self, irn, jcn)
+    if (self%ranks%leads()) then
+      allocate (self%id%perm_in(n), self%id%rhs(n))
+      self%id%perm_in = order
+    end if
     self%id%job = 1
     call dmumps(self%id)
     if (self%id%infog(1) < 0) then
@@ -116,6 +88,24 @@ contains
     self%analysed = self%id%infog(1) >= 0
   end subroutine analyse
 
+  !> Rows and columns of the entries that this rank has.
+  subroutine give_pattern(self, irn, jcn)
+    class(mumps_type), intent(inout) :: self
+    integer(i4), intent(in) :: irn(:), jcn(:)
+    if (self%ranks%several()) then
+      self%id%icntl(18) = distributed
+      self%id%nnz_loc = size(irn, kind=i8)
+      allocate (self%id%irn_loc(size(irn)), self%id%jcn_loc(size(irn)), self%id%a_loc(size(irn)))
+      self%id%irn_loc = irn
+      self%id%jcn_loc = jcn
+      return
+    end if
+    self%id%nnz = size(irn, kind=i8)
+    allocate (self%id%irn(size(irn)), self%id%jcn(size(irn)), self%id%a(size(irn)))
+    self%id%irn = irn
+    self%id%jcn = jcn
+  end subroutine give_pattern
+
   !> Numerical factorisation of the values a(:) in the order of irn and jcn.
   subroutine factor(self, a, errors)
     class(mumps_type), intent(inout) :: self
@@ -124,7 +114,11 @@ contains
 
     if (.not. self%analysed) error stop 'bug: factorisation before analysis'
     self%factored = .false.
-    self%id%a = a
+    if (self%ranks%several()) then
+      self%id%a_loc = a
+    else
+      self%id%a = a
+    end if
     call choose_storage(self)
     do
       self%id%job = 2
@@ -160,12 +154,14 @@ contains
   subroutine choose_storage(self)
     class(mumps_type), intent(inout) :: self
     real(wp) :: free
+    logical :: short
     self%on_disk = .false.
     self%id%icntl(22) = 0
     free = real(memory_free(), wp)/mega
     if (self%storage == storage_disk) call use_disk(self)
-    if (self%storage == storage_auto .and. free > 0.0_wp .and. &
-        real(self%id%infog(16), wp) > usable*free) call use_disk(self)
+    short = free > 0.0_wp .and. real(self%id%infog(16), wp)*self%ranks%on_host > usable*free
+    call self%ranks%any_of(short)
+    if (self%storage == storage_auto .and. short) call use_disk(self)
   end subroutine choose_storage
 
   subroutine use_disk(self)
@@ -177,14 +173,14 @@ contains
     self%id%ooc_prefix = 'talus-factors-'
   end subroutine use_disk
 
-  !> Solve in place for one right-hand side b(n).
+  !> Solve in place for one right-hand side b(n), the same on all ranks.
   subroutine solve(self, b, errors)
     class(mumps_type), intent(inout) :: self
     real(wp), intent(inout) :: b(:)
     type(error_list_type), intent(inout) :: errors
 
     if (.not. self%factored) error stop 'bug: solution before factorisation'
-    self%id%rhs = b
+    if (self%ranks%leads()) self%id%rhs = b
     self%id%nrhs = 1
     self%id%lrhs = self%n
     self%id%job = 3
@@ -193,7 +189,8 @@ contains
       call translate(self, 'the solution', errors)
       return
     end if
-    b = self%id%rhs
+    if (self%ranks%leads()) b = self%id%rhs
+    call self%ranks%tell_vector(b)
   end subroutine solve
 
   !> Give the factors back.
@@ -201,6 +198,8 @@ contains
     class(mumps_type), intent(inout) :: self
     if (.not. allocated(self%id)) return
     if (associated(self%id%irn)) deallocate (self%id%irn, self%id%jcn, self%id%a)
+    if (associated(self%id%irn_loc)) &
+      deallocate (self%id%irn_loc, self%id%jcn_loc, self%id%a_loc)
     if (associated(self%id%perm_in)) deallocate (self%id%perm_in, self%id%rhs)
     self%id%job = -2
     call dmumps(self%id)

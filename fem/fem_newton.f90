@@ -8,7 +8,7 @@ module fem_newton
   use fem_body, only: fem_body_type
   use fem_follower, only: follower_force, add_follower_stiffness
   use fem_newmark, only: newmark_motion, dynamic_work
-  use fem_sparse, only: add_springs, multiply_general, multiply_mass, spring_force
+  use fem_sparse, only: add_springs, largest_entry, multiply_general, multiply_mass, spring_force
   implicit none
   private
   public :: newton_step, newton_columns
@@ -375,7 +375,8 @@ contains
       call multiply_mass(self%pattern, self%mass, self%state%v, momentum)
       scale = scale + sum(part%inertia**2) + sum((floor_of/part%dt*momentum)**2)
     end if
-    if (self%matter%finite) scale = scale + (floor_of*maxval(abs(self%k)))**2*sum(self%state%u**2)
+    if (self%matter%finite) scale = scale &
+      + (floor_of*largest_entry(self%pattern, self%k))**2*sum(self%state%u**2)
     scale = sqrt(scale)
   end subroutine measure
 
@@ -396,7 +397,8 @@ contains
       end if
       n%rows = n%rows + 1
       n%table(:, n%rows) = [self%state%time, part%after - part%before, real(iteration, wp), &
-        size_of/max(scale, tiny(1.0_wp)), abs(work), share, real(self%matter%yielding(), wp)]
+        size_of/max(scale, tiny(1.0_wp)), abs(work), share, 0.0_wp, 0.0_wp]
+      call self%count_yielding(n%table(newton_columns - 1:, n%rows))
     end associate
   end subroutine note
 
@@ -439,11 +441,13 @@ contains
   end subroutine finish_motion
 
   !> First element that has a node.
-  pure integer(i4) function element_at(self, block)
+  integer(i4) function element_at(self, block)
     type(fem_body_type), intent(in) :: self
     integer(i4), intent(in) :: block
     integer(i4) :: place
     place = int(findloc(self%dofs%block, block, 1), i4)
-    element_at = int(count(self%dofs%start <= place), i4)
+    element_at = huge(place)
+    if (place > 0) element_at = self%elastic%number_of(int(count(self%dofs%start <= place), i4))
+    call self%dofs%halo%least(element_at)
   end function element_at
 end module fem_newton

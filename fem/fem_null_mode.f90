@@ -41,8 +41,9 @@ contains
         x(c, i) = sin(real(3*i + c, wp))
       end do
     end do
+    call pattern%halo%sum_up(diagonal)
     where (solver%equation == 0) x = 0.0_wp
-    if (.not. solver%mumps%factored) call shifted_factors(solver, pattern, k, late)
+    if (.not. solver%mumps%factored) call shifted_factors(solver, pattern, k, diagonal, late)
     do i = 1, 3
       if (late%any()) return
       kx = diagonal*x
@@ -59,27 +60,24 @@ contains
       'have points no weight, or is poisson nearly 1/2? Hold these nodes, or tie them')
   end subroutine explain_singular
 
-  !> Factors of the matrix with its diagonal raised a little.
-  subroutine shifted_factors(solver, pattern, k, errors)
+  !> Factors of the matrix with its diagonal raised a little, by the owner of each block.
+  subroutine shifted_factors(solver, pattern, k, diagonal, errors)
     type(fem_solver_type), intent(inout) :: solver
     type(fem_pattern_type), intent(in) :: pattern
-    real(wp), intent(in) :: k(:, :, :)
+    real(wp), intent(in) :: k(:, :, :), diagonal(:, :)
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: raised(:, :, :)
     real(wp) :: none(size(k, 3)), most
     integer(i4) :: i, p, c
-    raised = k
+    allocate (raised, source=k)
     none = 0.0_wp
-    most = 0.0_wp
+    most = max(0.0_wp, maxval(diagonal))
     do i = 1, pattern%nodes
-      p = pattern%start(i)
-      most = max(most, k(1, 1, p), k(2, 2, p), k(3, 3, p))
-    end do
-    do i = 1, pattern%nodes
+      if (.not. pattern%halo%owns(i)) cycle
       p = pattern%start(i)
       do c = 1, 3
-        raised(c, c, p) = k(c, c, p)*(1.0_wp + shift)
-        if (.not. raised(c, c, p) > 0.0_wp) raised(c, c, p) = most
+        raised(c, c, p) = k(c, c, p) + shift*diagonal(c, i)
+        if (.not. diagonal(c, i) > 0.0_wp) raised(c, c, p) = most
       end do
     end do
     call solver%factor(pattern, raised, none, 0.0_wp, errors)

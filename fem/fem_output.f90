@@ -61,12 +61,13 @@ contains
     self%points = deck%given('output', 1, 'fields')  ! there is one choice
     if (deck%count('history') == 0) self%every_history = 0.0_wp
     if (deck%count('output') == 0) self%every_output = 0.0_wp
-    if (self%every_history > 0.0_wp) call open_histories(self, deck, stem, body, start_time, errors)
-    if (self%every_output > 0.0_wp) call open_fields(self, stem, body, start_time, errors)
     if (start_time >= 0.0_wp) then
       if (self%every_history > 0.0_wp) self%next_history = after(start_time, self%every_history)
       if (self%every_output > 0.0_wp) self%next_output = after(start_time, self%every_output)
     end if
+    if (.not. body%whole%ranks%leads()) return
+    if (self%every_history > 0.0_wp) call open_histories(self, deck, stem, body, start_time, errors)
+    if (self%every_output > 0.0_wp) call open_fields(self, stem, body, start_time, errors)
   end subroutine open_output
 
   pure integer(i8) function after(time, every)
@@ -172,10 +173,10 @@ contains
       self%last_field = self%series%step(self%series%count)%time
     if (.not. found) then
       call self%series%start(stem//'.h5', format_name, file, errors)
-      call put_cells(body%mesh, file, errors)
+      call put_mesh(body, file, errors)
       call file%commit(errors)
     end if
-    call describe_cells(body%mesh, stem//'.xdmf', self%xdmf)
+    call describe_mesh(body, stem//'.xdmf', self%xdmf)
     if (body%matter%micro%active) then
       call describe_micro(self%xdmf)
       return
@@ -197,6 +198,29 @@ contains
     call self%xdmf%attribute('phi_rate', 'phi_rate', xdmf_node, 3)
     call self%xdmf%attribute('reaction_couple', 'reaction_couple', xdmf_node, 3)
   end subroutine open_fields
+
+  !> The cells of all ranks.
+  subroutine put_mesh(body, file, errors)
+    type(fem_body_type), intent(in) :: body
+    type(h5_file_type), intent(inout) :: file
+    type(error_list_type), intent(inout) :: errors
+    if (body%whole%ranks%several()) then
+      call put_cells(body%whole%mesh, file, errors)
+    else
+      call put_cells(body%mesh, file, errors)
+    end if
+  end subroutine put_mesh
+
+  subroutine describe_mesh(body, path, xdmf)
+    type(fem_body_type), intent(in) :: body
+    character(len=*), intent(in) :: path
+    type(xdmf_type), intent(inout) :: xdmf
+    if (body%whole%ranks%several()) then
+      call describe_cells(body%whole%mesh, path, xdmf)
+    else
+      call describe_cells(body%mesh, path, xdmf)
+    end if
+  end subroutine describe_mesh
 
   !> The iterations of a step, if histories are written and some law has a state.
   subroutine write_iterations(self, body, errors)
@@ -238,6 +262,7 @@ contains
     real(wp) :: works(9)
     integer(i4), allocatable :: block(:)
     integer(i4) :: s
+    if (.not. body%whole%ranks%leads()) return
     associate (e => body%accepted_energy, t => body%accepted%time)
       works = [t, e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring, e%damping, &
                e%numerical]
@@ -289,6 +314,7 @@ contains
     if (scale > 0.0_wp) energy_error = abs(closure(body))/scale
   end function energy_error
 
+  !> Fields of the accepted state; all ranks call it together, the leader writes.
   subroutine write_fields(self, body, errors)
     class(fem_output_type), intent(inout) :: self
     type(fem_body_type), intent(in) :: body
@@ -297,7 +323,9 @@ contains
     character(len=:), allocatable :: group
     real(wp), allocatable :: stress(:, :), mean(:, :), nodal(:, :), position(:, :)
     integer(i4) :: n, c
+    logical :: leads
 
+    leads = body%whole%ranks%leads()
     if (body%matter%micro%active) then
       call self%series%begin_step(body%accepted%time, file, group, errors)
       call put_micro(body, self%points, file, group, errors)
@@ -316,43 +344,52 @@ contains
     end if
     call mean_stress(body%mesh, body%dofs, body%elastic, stress, mean)
     call nodal_stress(body%mesh, body%dofs, body%elastic, stress, nodal)
-    call self%series%begin_step(body%accepted%time, file, group, errors)
-    call file%put(group//'/u', body%accepted%u(:, :n), errors)
-    call file%put(group//'/v', merge(body%given_v(:, :n), body%accepted%v(:, :n), &
-      body%prescribed(:, :n) .and. abs(body%given_v(:, :n)) > 0.0_wp), errors)
-    call file%put(group//'/reaction', body%accepted%reaction(:, :n), errors)
+    call body%whole%collect_cells(mean)
+    if (leads) call self%series%begin_step(body%accepted%time, file, group, errors)
+    call put('u', body%accepted%u(:, :n))
+    call put('v', merge(body%given_v(:, :n), body%accepted%v(:, :n), &
+                        body%prescribed(:, :n) .and. abs(body%given_v(:, :n)) > 0.0_wp))
+    call put('reaction', body%accepted%reaction(:, :n))
     call put_stress('stress', mean)
     call put_stress('stress_nodal', nodal)
     if (c > classical) then
       call nodal_rotation(body%dofs, body%elastic, body%accepted%u, nodal)
-      call file%put(group//'/phi', nodal(:3, :), errors)
+      call put('phi', nodal(:3, :))
       call nodal_rotation(body%dofs, body%elastic, body%accepted%v, nodal)
-      call file%put(group//'/phi_rate', nodal(:3, :), errors)
+      call put('phi_rate', nodal(:3, :))
       nodal(:3, :) = 0.0_wp
       nodal(:3, body%dofs%node(n + 1:)) = body%accepted%reaction(:, n + 1:)
-      call file%put(group//'/reaction_couple', nodal(:3, :), errors)
+      call put('reaction_couple', nodal(:3, :))
     end if
     if (self%points) then
       allocate (position(3, body%elastic%points))
       call point_positions(body%mesh, body%dofs, body%elastic, position)
-      call file%put(group//'/points_x', position, errors)
+      call body%whole%collect_points(position)
+      call put('points_x', position)
+      call body%whole%collect_points(stress)
       call put_stress('stress_points', stress)
     end if
     if (body%matter%active) call put_states(body, self%points, file, group, errors)
-    call self%series%end_step(int(body%mesh%nodes, i8), file, errors)
-    call self%xdmf%write(self%series, errors)
+    if (leads) call self%series%end_step(int(body%mesh%nodes, i8), file, errors)
+    if (leads) call self%xdmf%write(self%series, errors)
     self%last_field = body%accepted%time
 
   contains
+
+    subroutine put(name, values)
+      character(len=*), intent(in) :: name
+      real(wp), intent(in) :: values(:, :)
+      if (leads) call file%put(group//'/'//name, values, errors)
+    end subroutine put
 
     subroutine put_stress(name, values)
       character(len=*), intent(in) :: name
       real(wp), intent(in) :: values(:, :)
       if (c == classical) then
-        call file%put(group//'/'//name, values, errors)
+        call put(name, values)
       else
-        call file%put(group//'/'//name, values(:9, :), errors)
-        call file%put(group//'/couple_'//name, values(10:, :), errors)
+        call put(name, values(:9, :))
+        call put('couple_'//name, values(10:, :))
       end if
     end subroutine put_stress
   end subroutine write_fields

@@ -39,7 +39,7 @@ contains
     logical :: known
     allocate (names(0))
     do m = 1, size(body%matter%law)
-      if (.not. any(body%matter%law_of == m)) cycle
+      if (.not. in_use(body, m)) cycle
       do k = common_size + 1, body%matter%law(m)%law%states
         known = .false.
         do j = 1, size(names)
@@ -49,6 +49,17 @@ contains
       end do
     end do
   end subroutine law_states
+
+  !> Has some element law m?
+  pure logical function in_use(body, m)
+    type(fem_body_type), intent(in) :: body
+    integer(i4), intent(in) :: m
+    if (allocated(body%whole%law_of)) then
+      in_use = any(body%whole%law_of == m)
+    else
+      in_use = any(body%matter%law_of == m)
+    end if
+  end function in_use
 
   pure function plain(name) result(text)
     character(len=*), intent(in) :: name
@@ -65,10 +76,12 @@ contains
     character(len=*), intent(in) :: group
     type(error_list_type), intent(inout) :: errors
     type(string_type), allocatable :: names(:)
-    real(wp), allocatable :: mean(:, :), cell(:)
+    real(wp), allocatable :: mean(:, :), cell(:, :), state(:, :)
     integer(i4) :: e, k, s
+    logical :: leads
 
-    allocate (mean(body%matter%states, body%mesh%elements), cell(body%mesh%elements))
+    leads = body%whole%ranks%leads()
+    allocate (mean(body%matter%states, body%mesh%elements))
     associate (m => body%matter, point => body%elastic%point)
       do e = 1, body%mesh%elements
         associate (a => point(e), b => point(e + 1) - 1)
@@ -77,24 +90,33 @@ contains
           mean(at_iterations, e) = maxval(m%accepted_state(at_iterations, a:b))
         end associate
       end do
-      call file%put(group//'/yield', mean(at_flag, :), errors)
-      call file%put(group//'/local_iterations', mean(at_iterations, :), errors)
-      call file%put(group//'/dissipation', mean(at_dissipated, :), errors)
-      call file%put(group//'/plastic_strain', mean(at_plastic:at_plastic + 5, :), errors)
       call law_states(body, names)
+      allocate (cell(size(names), body%mesh%elements), source=0.0_wp)
       do k = 1, size(names)
-        cell = 0.0_wp
         do e = 1, body%mesh%elements
           associate (law => m%law(m%law_of(e))%law)
             do s = common_size + 1, law%states
-              if (plain(law%state_name(s)) == names(k)%s) cell(e) = mean(s, e)
+              if (plain(law%state_name(s)) == names(k)%s) cell(k, e) = mean(s, e)
             end do
           end associate
         end do
-        call file%put(group//'/'//names(k)%s, cell, errors)
       end do
-      if (points) call file%put(group//'/state_points', m%accepted_state, errors)
+      call body%whole%collect_cells(mean)
+      call body%whole%collect_cells(cell)
+      if (points) then
+        state = m%accepted_state
+        call body%whole%collect_points(state)
+      end if
     end associate
+    if (.not. leads) return
+    call file%put(group//'/yield', mean(at_flag, :), errors)
+    call file%put(group//'/local_iterations', mean(at_iterations, :), errors)
+    call file%put(group//'/dissipation', mean(at_dissipated, :), errors)
+    call file%put(group//'/plastic_strain', mean(at_plastic:at_plastic + 5, :), errors)
+    do k = 1, size(names)
+      call file%put(group//'/'//names(k)%s, cell(k, :), errors)
+    end do
+    if (points) call file%put(group//'/state_points', state, errors)
   end subroutine put_states
 
   !> Columns of the table of iterations.

@@ -167,10 +167,27 @@ contains
         end do
       end associate
     end do
+    call complete(dofs, nodal, share)
     do a = 1, mesh%nodes
       nodal(:, a) = nodal(:, a)/share(a)
     end do
   end subroutine nodal_stress
+
+  !> Sums at the nodes over the elements of all ranks.
+  subroutine complete(dofs, nodal, share)
+    type(fem_dofs_type), intent(in) :: dofs
+    real(wp), intent(inout) :: nodal(:, :), share(:)
+    real(wp), allocatable :: both(:, :)
+    integer(i4) :: c
+    if (.not. dofs%halo%several()) return
+    c = int(size(nodal, 1), i4)
+    allocate (both(c + 1, dofs%blocks), source=0.0_wp)
+    both(:c, :dofs%nodes) = nodal
+    both(c + 1, :dofs%nodes) = share
+    call dofs%halo%sum_up(both)
+    nodal = both(:c, :dofs%nodes)
+    share = both(c + 1, :dofs%nodes)
+  end subroutine complete
 
   !> Micro-rotations at all nodes, rows 1 to 3 of `nodal`: between corners as the element
   !! interpolates them, zero where there are none. `u` may be the rates too.
@@ -179,6 +196,7 @@ contains
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(in) :: u(:, :)        !! (3, blocks)
     real(wp), intent(inout) :: nodal(:, :)
+    real(wp), allocatable :: turn(:, :)
     integer(i4) :: e, a, n
     nodal(:3, :) = 0.0_wp
     do e = 1, size(elastic%rule_of)
@@ -195,6 +213,11 @@ contains
         end do
       end associate
     end do
+    if (.not. dofs%halo%several()) return
+    allocate (turn(3, dofs%blocks), source=0.0_wp)
+    turn(:, :dofs%nodes) = nodal(:3, :)
+    call dofs%halo%spread_out(turn)
+    nodal(:3, :) = turn(:, :dofs%nodes)
   end subroutine nodal_rotation
 
   !> Internal forces (3, blocks) of the (weighted) initial stress [N, N m].
@@ -210,6 +233,7 @@ contains
       call add_force(mesh, dofs, elastic, e, &
                      elastic%initial(:, elastic%point(e):elastic%point(e + 1) - 1), force)
     end do
+    call dofs%halo%sum_up(force)
   end subroutine initial_stress_force
 
   !> Internal forces (3, blocks) of chosen elements at displacements u [N, N m].

@@ -74,7 +74,7 @@ contains
   end function critical
 
   !> Masses for which a step of one is stable: a quarter of the absolute row sums (Gershgorin).
-  pure subroutine pseudo_mass(pattern, k, mass)
+  subroutine pseudo_mass(pattern, k, mass)
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), intent(in) :: k(:, :, :)
     real(wp), intent(out) :: mass(:, :)
@@ -87,5 +87,6 @@ contains
         if (j /= i) mass(:, j) = mass(:, j) + 0.25_wp*margin*sum(abs(k(:, :, p)), 1)
       end do
     end do
+    call pattern%halo%sum_up(mass)
   end subroutine pseudo_mass
 end module fem_relaxation

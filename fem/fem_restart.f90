@@ -13,7 +13,7 @@ module fem_restart
 
 contains
 
-  !> Write the accepted state; tag '' is the run's own series.
+  !> Write the accepted state; tag '' is the run's own series. All ranks call it together.
   subroutine write_checkpoint(checkpoint, body, steps, tag, errors)
     type(checkpoint_type), intent(inout) :: checkpoint
     type(fem_body_type), intent(in) :: body
@@ -23,6 +23,10 @@ contains
     type(h5_file_type) :: file
     integer(i4) :: k
 
+    if (.not. body%whole%ranks%leads()) then
+      if (body%matter%active) call give_points(body)
+      return
+    end if
     if (len(tag) > 0) then
       call checkpoint%begin(file, body%accepted%time, steps, errors, tag)
     else
@@ -45,8 +49,8 @@ contains
                      e%damping, e%numerical, e%start], errors)
       if (body%matter%active) then
         call file%put('/state/plastic', e%plastic, errors)
-        call file%put('/state/point_stress', body%matter%accepted_stress, errors)
-        call file%put('/state/point_state', body%matter%accepted_state, errors)
+        call put_points(file, '/state/point_stress', body, body%matter%accepted_stress, errors)
+        call put_points(file, '/state/point_state', body, body%matter%accepted_state, errors)
         call file%put('/state/leaps', real(body%leaps, wp), errors)
         call file%put('/state/step_limit', body%step_limit, errors)
       end if
@@ -95,8 +99,8 @@ contains
       call file%get('/state/energy', energy, errors)
       if (body%matter%active) then
         call file%get('/state/plastic', plastic, errors)
-        call file%get_into('/state/point_stress', body%matter%stress, errors)
-        call file%get_into('/state/point_state', body%matter%state, errors)
+        call get_points(file, '/state/point_stress', body, body%matter%stress, errors)
+        call get_points(file, '/state/point_state', body, body%matter%state, errors)
         call file%get('/state/leaps', leaps, errors)
         call file%get('/state/step_limit', body%step_limit, errors)
         body%leaps = nint(leaps, i8)
@@ -113,6 +117,50 @@ contains
     deck_changed = info%deck_hash /= checkpoint%deck_hash
     call body%accept()
   end subroutine read_checkpoint
+
+  !> Values at all points; each rank takes those of its elements.
+  subroutine get_points(file, name, body, values, errors)
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: name
+    type(fem_body_type), intent(in) :: body
+    real(wp), allocatable, intent(inout) :: values(:, :)
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: rows
+    if (body%whole%ranks%several()) then
+      rows = size(values, 1)
+      deallocate (values)
+      allocate (values(rows, body%whole%points()))
+    end if
+    call file%get_into(name, values, errors)
+    call body%whole%own_points(values)
+  end subroutine get_points
+
+  !> Values at the points of all ranks.
+  subroutine put_points(file, name, body, values, errors)
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: name
+    type(fem_body_type), intent(in) :: body
+    real(wp), intent(in) :: values(:, :)
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: all(:, :)
+    if (body%whole%ranks%several()) then
+      allocate (all, source=values)
+      call body%whole%collect_points(all)
+      call file%put(name, all, errors)
+    else
+      call file%put(name, values, errors)
+    end if
+  end subroutine put_points
+
+  !> What the leader puts, of the other ranks.
+  subroutine give_points(body)
+    type(fem_body_type), intent(in) :: body
+    real(wp), allocatable :: stress(:, :), state(:, :)
+    allocate (stress, source=body%matter%accepted_stress)
+    call body%whole%collect_points(stress)
+    allocate (state, source=body%matter%accepted_state)
+    call body%whole%collect_points(state)
+  end subroutine give_points
 
   !> Free shifts of rigid groups.
   subroutine read_rigid(file, body, errors)

@@ -6,7 +6,7 @@ module fem_solver
   use talus_text, only: str
   use fem_cg, only: cg_type
   use fem_dofs, only: fem_dofs_type
-  use fem_sparse, only: fem_pattern_type
+  use fem_sparse, only: fem_pattern_type, make_pattern
   use fem_metis, only: dissect
   use fem_mumps, only: mumps_type
   implicit none
@@ -17,7 +17,8 @@ module fem_solver
   type :: fem_solver_type
     integer(i4) :: free = 0                      !! free degrees of freedom
     integer(i4), allocatable :: equation(:, :)   !! (3, blocks) row, 0 = prescribed
-    integer(i4), allocatable :: position(:)      !! (nodes) in the elimination order
+    integer(i4), allocatable :: position(:)      !! (nodes) in the elimination order, the leader's
+    type(fem_dofs_type), allocatable :: whole    !! of all ranks' elements, for the order
     type(mumps_type) :: mumps
     integer(i4) :: factorisations = 0
     logical :: iterative = .false.               !! conjugate gradients
@@ -43,7 +44,7 @@ contains
     integer(i4) :: i, c
 
     if (.not. allocated(self%position) .and. .not. self%iterative) &
-      call dissect(dofs, pattern, self%position, errors)
+      call order_nodes(self, dofs, pattern, errors)
     if (errors%any()) return
     if (allocated(self%equation)) deallocate (self%equation)
     allocate (self%equation(3, pattern%nodes))
@@ -59,10 +60,29 @@ contains
     if (self%free == 0 .or. self%iterative) return
     call entries_of(self, pattern, irn, jcn)
     call elimination(self, dofs, order)
+    self%mumps%ranks = pattern%halo%fem_ranks_type
     call self%mumps%analyse(self%free, irn, jcn, order, errors)
     if (allocated(self%value)) deallocate (self%value, self%right)
     allocate (self%value(size(irn)), self%right(self%free))
   end subroutine number
+
+  !> Positions of the nodes; the leader alone orders where ranks work together.
+  subroutine order_nodes(self, dofs, pattern, errors)
+    class(fem_solver_type), intent(inout) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_pattern_type), intent(in) :: pattern
+    type(error_list_type), intent(inout) :: errors
+    type(fem_pattern_type) :: whole
+    if (.not. pattern%halo%several()) then
+      call dissect(dofs, pattern, self%position, errors)
+    else if (allocated(self%whole)) then
+      call make_pattern(self%whole, whole)
+      call dissect(self%whole, whole, self%position, errors)
+      deallocate (self%whole)
+    else
+      allocate (self%position(0))
+    end if
+  end subroutine order_nodes
 
   !> Rows and columns of all entries between free degrees of freedom: the upper triangle, or with
   !! each entry beside the diagonal blocks its mirror image.
@@ -103,6 +123,10 @@ contains
     integer(i4), allocatable :: node_at(:)
     integer(i4) :: i, c, n
 
+    if (size(self%position) < dofs%nodes) then
+      allocate (order(0))
+      return
+    end if
     allocate (node_at(dofs%nodes), order(self%free))
     do i = 1, dofs%nodes
       node_at(self%position(i)) = i

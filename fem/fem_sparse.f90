@@ -1,16 +1,18 @@
 !> Symmetric matrix of 3 x 3 blocks on the pattern of the fields: upper triangle by rows.
 !!
-!! The pattern is made once; stiffness and mass share it (mass is a scalar a pair of blocks).
+!! The pattern is made once; stiffness and mass share it (mass is a scalar a pair of blocks). Where
+!! ranks work together the matrix is the sum of theirs, and products are complete on all of them.
 module fem_sparse
   use talus_kinds, only: wp, i4
   use fem_dofs, only: fem_dofs_type
+  use fem_ranks, only: fem_halo_type
   use fem_types, only: fem_springs_type
   implicit none
   private
-  public :: spring_force, multiply_general
+  public :: spring_force, multiply_general, largest_entry
   public :: fem_pattern_type, fem_share_type, rows_inner, rows_border, rows_foreign, has_block
-  public :: make_pattern, place, add_springs
-  public :: multiply, multiply_mass, scale_mass, block_diagonal, share_element
+  public :: make_pattern, elements_of_blocks, place, add_springs
+  public :: multiply, multiply_part, multiply_mass, scale_mass, block_diagonal, share_element
 
   !> Rows whose columns are all of their share, some of which are, or that belong to another.
   integer(i4), parameter :: rows_inner = 1, rows_border = 2, rows_foreign = 3
@@ -27,11 +29,13 @@ module fem_sparse
     integer(i4) :: nodes = 0  !! rows: one a block
     integer(i4), allocatable :: start(:), column(:)
     type(fem_share_type), allocatable :: share(:)  !! of the threads, none for one
+    type(fem_halo_type) :: halo                    !! ranks that have a part of the matrix each
   end type fem_pattern_type
 
 contains
 
   !> Pattern of the fields of a mesh; springs on facets fit into it, their nodes share an element.
+  !! Every block has its diagonal, also where this rank has no element.
   subroutine make_pattern(dofs, pattern)
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_pattern_type), intent(out) :: pattern
@@ -40,6 +44,7 @@ contains
     integer(i4) :: pass
 
     pattern%nodes = dofs%blocks
+    pattern%halo = dofs%halo
     call elements_of_blocks(dofs, first, list)
     allocate (mark(dofs%blocks), pattern%start(dofs%blocks + 1))
     do pass = 1, 2
@@ -47,6 +52,7 @@ contains
       total = 0
       do n = 1, dofs%blocks
         if (pass == 2) pattern%start(n) = total + 1
+        call take(n)
         do k = first(n), first(n + 1) - 1
           e = list(k)
           do a = dofs%start(e), dofs%start(e + 1) - 1
@@ -143,7 +149,7 @@ contains
   end function share_element
 
   !> Add springs, sum over points of N' k N, to the stiffness; their nodes share an element. The
-  !! matrices k are symmetric.
+  !! matrices k are symmetric. Each spring belongs to one rank.
   subroutine add_springs(springs, pattern, k, lower)
     type(fem_springs_type), intent(in) :: springs
     type(fem_pattern_type), intent(in) :: pattern
@@ -151,6 +157,9 @@ contains
     real(wp), intent(inout), optional :: lower(:, :, :)  !! blocks below the diagonal, or none
     integer(i4) :: s, a, b, i, j, p
     do s = 1, springs%n
+      if (allocated(springs%here)) then
+        if (.not. springs%here(s)) cycle
+      end if
       do b = 1, size(springs%node, 1)
         do a = 1, size(springs%node, 1)
           i = springs%node(a, s)
@@ -188,9 +197,18 @@ contains
     end do
   end subroutine spring_force
 
-  !> y = K u for the symmetric blocks. With shares each thread owns the rows of a range of nodes and
-  !! adds to them alone, in the order of the rows: the same bits for any number of threads.
+  !> y = K u for the symmetric blocks, of all ranks.
   subroutine multiply(pattern, k, u, y)
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in), contiguous :: k(:, :, :), u(:, :)
+    real(wp), intent(out), contiguous :: y(:, :)
+    call multiply_part(pattern, k, u, y)
+    call pattern%halo%sum_up(y)
+  end subroutine multiply
+
+  !> The part of this rank. With shares each thread owns the rows of a range of nodes and
+  !! adds to them alone, in the order of the rows: the same bits for any number of threads.
+  subroutine multiply_part(pattern, k, u, y)
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), intent(in), contiguous :: k(:, :, :), u(:, :)
     real(wp), intent(out), contiguous :: y(:, :)
@@ -206,7 +224,7 @@ contains
       call share_rows(pattern, pattern%share(t), k, u, y)
     end do
     !$omp end parallel do
-  end subroutine multiply
+  end subroutine multiply_part
 
   !> The rows of one share, and what rows of others have in its columns, in the order of the rows.
   pure subroutine share_rows(pattern, share, k, u, y)
@@ -316,7 +334,7 @@ contains
   end function has_block
 
   !> y = K u where the blocks below the diagonal are given too.
-  pure subroutine multiply_general(pattern, k, lower, u, y)
+  subroutine multiply_general(pattern, k, lower, u, y)
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), intent(in) :: k(:, :, :), lower(:, :, :), u(:, :)
     real(wp), intent(out) :: y(:, :)
@@ -334,10 +352,11 @@ contains
         end if
       end do
     end do
+    call pattern%halo%sum_up(y)
   end subroutine multiply_general
 
   !> y = M a for the scalar mass blocks.
-  pure subroutine multiply_mass(pattern, mass, a, y)
+  subroutine multiply_mass(pattern, mass, a, y)
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), intent(in) :: mass(:), a(:, :)
     real(wp), intent(out) :: y(:, :)
@@ -350,6 +369,7 @@ contains
         if (j /= i) y(:, j) = y(:, j) + mass(p)*a(:, i)
       end do
     end do
+    call pattern%halo%sum_up(y)
   end subroutine multiply_mass
 
   !> Mass between blocks i and j times sqrt(f_i f_j): factors at the blocks that leave it positive.
@@ -365,6 +385,25 @@ contains
       end do
     end do
   end subroutine scale_mass
+
+  !> Largest size of an entry; of a matrix that ranks share, which is symmetric and positive, it
+  !! stands in the diagonal.
+  real(wp) function largest_entry(pattern, k)
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in) :: k(:, :, :)
+    real(wp), allocatable :: diagonal(:, :)
+    integer(i4) :: i, c
+    if (.not. pattern%halo%several()) then
+      largest_entry = maxval(abs(k))
+      return
+    end if
+    allocate (diagonal(3, pattern%nodes))
+    do i = 1, pattern%nodes
+      diagonal(:, i) = [(k(c, c, pattern%start(i)), c=1, 3)]
+    end do
+    call pattern%halo%sum_up(diagonal)
+    largest_entry = maxval(abs(diagonal))
+  end function largest_entry
 
   !> Mean of the diagonal of each node's own block [N/m].
   pure function block_diagonal(pattern, k) result(diagonal)

@@ -52,6 +52,7 @@ contains
         root(max(a, b)) = min(a, b)
       end do
     end do
+    call join_over_ranks(pattern, root)
     parts = 0
     do i = 1, pattern%nodes
       if (root(i) == i) then
@@ -62,6 +63,30 @@ contains
       end if
     end do
   end subroutine connected_parts
+
+  !> What hangs together by the elements of other ranks; all of them find the same.
+  subroutine join_over_ranks(pattern, root)
+    type(fem_pattern_type), intent(in) :: pattern
+    integer(i4), intent(inout) :: root(:)
+    integer(i4), allocatable :: first(:)
+    integer(i4) :: i, a, b
+    logical :: again
+    again = pattern%halo%several()
+    do while (again)
+      do i = 1, size(root)
+        root(i) = top(root, i)
+      end do
+      first = root
+      call pattern%halo%least_each(first)
+      again = any(first /= root)
+      do i = 1, size(root)
+        a = top(root, i)
+        b = top(root, first(i))
+        root(max(a, b)) = min(a, b)
+      end do
+      call pattern%halo%any_of(again)
+    end do
+  end subroutine join_over_ranks
 
   pure integer(i4) function top(root, i)
     integer(i4), intent(in) :: root(:), i

@@ -46,6 +46,7 @@ module fem_types
     integer(i4), allocatable :: node(:, :)      !! (facet nodes, n) blocks, any where weight = 0
     real(wp), allocatable :: weight(:, :)       !! (facet nodes, n) shape functions
     real(wp), allocatable :: stiffness(:, :, :) !! (3, 3, n) [N/m]
+    logical, allocatable :: here(:)             !! (n) in this rank's matrix? Not given: all are
   end type fem_springs_type
 
   !> Named set of nodes that the port has selected.

@@ -11,6 +11,7 @@ order in which they take effect on a scratch copy:
   damage   Python statements
   partner  a Python script with arguments that runs beside the program; its output counts too
   file_size  limit on the size of a file in bytes, as of a full disk
+  ranks    number of ranks that mpirun starts; each code must then come once
 First the codes themselves are checked: those of the sources, of errors.toml and of the tests must
 be the same (tools/error_codes.py); --codes does no more than that.
 """
@@ -29,9 +30,13 @@ import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from error_codes import check_codes
-
 ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "prepost"))
+
+from error_codes import check_codes  # noqa: E402
+
+from talus.verification import launcher  # noqa: E402
+
 CODE = re.compile(r"\berror ([A-Z]\d{3})")
 LIMIT = 300.0
 
@@ -110,6 +115,7 @@ class Bench:
         """Run the program; return exit code (-1: it hangs) and output, the partner's too."""
         expect = self.expect
         program = [str(self.binaries / expect["program"]), expect.get("deck", "deck.nml")]
+        program = launcher(expect.get("ranks", 0)) + program
         partner = None
         if "partner" in expect:
             partner = self.start([sys.executable, *shlex.split(expect["partner"])])
@@ -160,6 +166,8 @@ def differences(expect: dict, code: int, output: str, touched: list[str]) -> lis
     others = set(re.findall(r"^error ([A-Z]\d{3}): ", output, re.MULTILINE)) - set(expect["codes"])
     if expect["exit"] in (2, 4) and others and "partner" not in expect:
         found.append(f"further codes {sorted(others)}")
+    if "ranks" in expect and len(CODE.findall(output)) > len(expect["codes"]):
+        found.append("codes more than once")
     if re.search(r"Fortran runtime|Backtrace for|Sanitizer|runtime error:", output):
         found.append("a trace instead of a message")
     if expect["exit"] == 1 and touched and not expect.get("writes"):

@@ -82,6 +82,14 @@ def field_steps(path: Path) -> list[Step]:
     return steps
 
 
+def launcher(ranks: int) -> list[str]:
+    """Return the command that starts a program with ranks; none for 0."""
+    if ranks == 0:
+        return []
+    options = ["--oversubscribe", "--allow-run-as-root", "--bind-to", "none"]
+    return ["mpirun", *options, "--mca", "mpi_yield_when_idle", "1", "-n", str(ranks)]
+
+
 @dataclass
 class Case:
     """One verification case at work: runs programs in its scratch folder and gathers judgements."""
@@ -98,14 +106,18 @@ class Case:
         return self.binaries / program
 
     def run(
-        self, program: str, deck: str, *args: str, expect: int = 0, timeout: float = 1800.0
-    ) -> subprocess.CompletedProcess:
-        """Run a program on a deck in the case's folder; an unexpected exit code raises."""
+        self, program: str, deck: str, *args: str, expect: int = 0, timeout: float = 1800.0,
+        ranks: int = 0,
+    ) -> subprocess.CompletedProcess:  # fmt: skip
+        """Run a program on a deck in the case's folder; an unexpected exit code raises.
+
+        With ranks mpirun starts it; waiting ranks yield, as there may be fewer processors.
+        """
         environment = dict(os.environ)
         environment.setdefault("OMP_NUM_THREADS", "1")
         done = subprocess.run(
-            [str(self.bin(program)), deck, *args], cwd=self.folder, env=environment,
-            capture_output=True, text=True, timeout=timeout,
+            [*launcher(ranks), str(self.bin(program)), deck, *args], cwd=self.folder,
+            env=environment, capture_output=True, text=True, timeout=timeout,
         )  # fmt: skip
         if done.returncode != expect:
             tail = (done.stdout + done.stderr)[-1500:]

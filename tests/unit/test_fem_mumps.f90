@@ -3,7 +3,8 @@ program test_fem_mumps
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use talus_test, only: test_type
-  use fem_mumps, only: mumps_type, mumps_end, storage_memory, storage_disk
+  use fem_mumps, only: mumps_type, storage_memory, storage_disk
+  use fem_ranks, only: leave_ranks
   implicit none
   type(test_type) :: test
   integer(i4), parameter :: n = 60
@@ -14,7 +15,7 @@ program test_fem_mumps
   call general(storage_disk)
   call symmetric()
   call nowhere()
-  call mumps_end()
+  call leave_ranks()
   call test%finish()
 
 contains

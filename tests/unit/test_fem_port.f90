@@ -18,7 +18,7 @@ program test_fem_port
   use talus_scalars, only: scalar_count, scalar_kinetic, scalar_elastic
   use talus_test, only: test_type
   use fem_model, only: fem_model_type
-  use fem_mumps, only: mumps_end
+  use fem_ranks, only: leave_ranks
   use fem_port, only: serve
   implicit none
 
@@ -72,7 +72,7 @@ contains
     call serve(model, options, exit_code, faults)
     if (faults%any()) call faults%print(0)
     call model%body%solver%mumps%free()
-    call mumps_end()
+    call leave_ranks()
     stop exit_code, quiet=.true.
   end subroutine be_served
 

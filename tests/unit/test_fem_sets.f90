@@ -7,7 +7,7 @@ program test_fem_sets
   use fem_body, only: fem_body_type
   use fem_dofs, only: number_fields
   use fem_kinds, only: hex8
-  use fem_mumps, only: mumps_end
+  use fem_ranks, only: leave_ranks
   use fem_sets, only: fem_sets_type
   use fem_step, only: take_step
   use fem_topology, only: set_elements
@@ -19,7 +19,7 @@ program test_fem_sets
   call turned_block()
   call loaded_block()
   call refused()
-  call mumps_end()
+  call leave_ranks()
   call test%finish()
 
 contains

@@ -1,0 +1,103 @@
+!> Parts of a mesh for ranks: none is empty, all blocks have one owner, neighbours agree on what
+!! they share; one process stands for all ranks.
+program test_fem_partition
+  use talus_kinds, only: wp, i4
+  use talus_test, only: test_type
+  use fem_dofs, only: fem_dofs_type, number_fields
+  use fem_elastic, only: fem_elastic_type
+  use fem_kinds, only: hex8
+  use fem_partition, only: part_elements, make_halo
+  use fem_ranks, only: fem_halo_type
+  use fem_topology, only: set_elements
+  use fem_types, only: fem_mesh_type
+  implicit none
+  type(test_type) :: test
+
+  call parts(4, 3)
+  call parts(4, 7)
+  call parts(2, 8)
+  call test%finish()
+
+contains
+
+  !> A cube of n^3 elements for some ranks.
+  subroutine parts(n, ranks)
+    integer(i4), intent(in) :: n, ranks
+    type(fem_mesh_type) :: mesh
+    type(fem_dofs_type) :: dofs
+    type(fem_elastic_type) :: elastic
+    type(fem_halo_type), allocatable :: halo(:)
+    integer(i4), allocatable :: part(:)
+    integer(i4) :: r, rule, owners(((n + 1)**3))
+
+    call make_cube(n, mesh)
+    call elastic%start(mesh%elements)
+    call elastic%use_rule('hex8/hex8', rule)
+    elastic%rule_of = rule
+    call elastic%number_points()
+    call number_fields(mesh, elastic%rotations(), dofs)
+    call part_elements(mesh, elastic, ranks, part)
+    do r = 0, ranks - 1
+      call test%check('a part of the work', count(part == r) >= 1 .and. &
+                      count(part == r) <= 2*n**3/ranks)
+    end do
+    allocate (halo(0:ranks - 1))
+    owners = 0
+    do r = 0, ranks - 1
+      halo(r)%ranks = ranks
+      halo(r)%rank = r
+      call make_halo(dofs, part, halo(r))
+      owners = owners + merge(1, 0, halo(r)%mine(:mesh%nodes))
+      call test%check('all blocks', size(halo(r)%own) == dofs%blocks)
+      call test%check('the owner knows it', all(halo(r)%owns( &
+        halo(r)%own(halo(r)%first_own(r):halo(r)%first_own(r + 1) - 1))))
+    end do
+    call test%check('one owner each', all(owners == 1))
+    call neighbours(dofs, part, halo)
+  end subroutine parts
+
+  !> What two ranks share they list in the same order, and both have it.
+  subroutine neighbours(dofs, part, halo)
+    type(fem_dofs_type), intent(in) :: dofs
+    integer(i4), intent(in) :: part(:)
+    type(fem_halo_type), intent(in) :: halo(0:)
+    integer(i4) :: a, b, e, k
+    logical :: same, there
+    do a = 0, ubound(halo, 1)
+      do b = 0, a - 1
+        associate (mine => halo(a)%shared(halo(a)%first(b):halo(a)%first(b + 1) - 1), &
+                   others => halo(b)%shared(halo(b)%first(a):halo(b)%first(a + 1) - 1))
+          same = size(mine) == size(others)
+          if (same) same = all(mine == others)
+          call test%check('the same list', same)
+          there = .true.
+          do k = 1, size(mine)
+            there = there .and. any([(part(e) == b .and. any(dofs%block(dofs%start(e): &
+              dofs%start(e + 1) - 1) == mine(k)), e=1, size(part))])
+          end do
+          call test%check('both have it', there)
+        end associate
+      end do
+    end do
+  end subroutine neighbours
+
+  subroutine make_cube(n, mesh)
+    integer(i4), intent(in) :: n
+    type(fem_mesh_type), intent(out) :: mesh
+    integer(i4) :: connectivity(8, n**3), step(8), i, j, k, e
+    step = [0, 1, n + 2, n + 1, (n + 1)**2, (n + 1)**2 + 1, (n + 1)**2 + n + 2, (n + 1)**2 + n + 1]
+    mesh%x = reshape([(((real([i, j, k], wp), i=0, n), j=0, n), k=0, n)], [3, (n + 1)**3])
+    mesh%nodes = (n + 1)**3
+    mesh%elements = n**3
+    e = 0
+    do k = 0, n - 1
+      do j = 0, n - 1
+        do i = 0, n - 1
+          e = e + 1
+          connectivity(:, e) = 1 + i + (n + 1)*(j + (n + 1)*k) + step
+        end do
+      end do
+    end do
+    call set_elements(mesh, hex8, connectivity)
+  end subroutine make_cube
+end program test_fem_partition
