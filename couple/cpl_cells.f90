@@ -20,7 +20,8 @@ module cpl_cells
     integer(i4), allocatable :: node(:)       !! of element e: start(e) .. start(e+1)-1
     real(wp), allocatable :: mass(:)          !! lumped, of the nodes [kg]
     real(wp), allocatable :: inertia(:)       !! lumped micro-inertia, 0 where none [kg m^2]
-    logical, allocatable :: polar(:)          !! the node has a micro-rotation
+    logical, allocatable :: polar(:)          !! the node has a micro-rotation, or a
+    logical :: micromorphic = .false.         !! micro-deformation
     real(wp), allocatable :: low(:, :), high(:, :)  !! boxes around the elements (3, elements) [m]
     real(wp) :: corner(3) = 0.0_wp, pitch(3) = 1.0_wp  !! of the boxes of space [m]
     integer(i4) :: boxes(3) = 0

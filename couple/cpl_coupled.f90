@@ -5,12 +5,15 @@
 module cpl_coupled
   use talus_kinds, only: wp, i4
   use talus_homogenise, only: cross
+  use cpl_micro, only: parts
   use cpl_overlap, only: overlap_type
   use cpl_overlap_partition, only: contacts_type, points_type, fill_partition, elastic_tensor
   use cpl_partition, only: partition_type, add_point
   implicit none
   private
   public :: coupled_type, motion_type
+
+  integer(i4), parameter :: motions = 45  !! numbers of a micromorphic point
 
   !> Motion of all grains and of the nodes of the overlap, or forces on them.
   type :: motion_type
@@ -23,6 +26,8 @@ module cpl_coupled
     integer(i4), allocatable :: point(:)      !! points of elements with hat nodes, in the partition
     real(wp), allocatable :: factor(:)        !! their weights times volumes [m^3]
     real(wp), allocatable :: bending(:, :, :) !! (9, 9, elements) couple stress/curvature [N]
+    real(wp), allocatable :: tangent(:, :, :) !! (45, 45, laws) of micromorphic ones
+    integer(i4), allocatable :: law(:)        !! (elements) of the partition
     real(wp), allocatable :: light(:)         !! (grains) 1/mass, 0 of what does not move [1/kg]
     real(wp), allocatable :: nimble(:)        !! (grains) 1/least moment of inertia [1/(kg m^2)]
   contains
@@ -48,10 +53,14 @@ contains
     self%point = pack([(q, q=1, int(size(at), i4))], o%sets%fast(points%element(at)))
     self%factor = o%beta(at(self%point))*self%partition%volume(self%point)
     allocate (self%bending(9, 9, size(self%partition%region)), source=0.0_wp)
+    allocate (self%law(size(self%partition%region)), source=0)
+    if (allocated(points%tangent)) self%tangent = reshape(points%tangent, [motions, motions, &
+                                                          size(points%tangent, 2)])
     do q = 1, size(at)
       k = self%partition%element(q)
       e = points%element(at(q))
       associate (m => points%moduli(:, e))
+        if (allocated(points%law)) self%law(k) = points%law(e)
         if (self%partition%polar) self%bending(:, :, k) = elastic_tensor([m(4), m(5), m(6) - m(5)])
       end associate
     end do
@@ -103,7 +112,11 @@ contains
     r%q = 0.0_wp
     r%theta = 0.0_wp
     call add_contacts(self%partition, y, r)
-    call add_elements(self, o, y, r)
+    if (o%op%micro%active) then
+      call add_micro_elements(self, o, y, r)
+    else
+      call add_elements(self, o, y, r)
+    end if
     d = r%q(:, o%sets%ghost)
     turn = r%theta(:, o%sets%ghost)
     call o%op%pull(d, turn, r%u, r%phi, force, moment)
@@ -167,6 +180,94 @@ contains
       if (p%polar) r%phi = row(:, 1, p%nodes + o%op%node_phi)
     end associate
   end subroutine add_elements
+
+  !> The same of micromorphic elements, by the tangent of their laws at rest.
+  subroutine add_micro_elements(self, o, y, r)
+    class(coupled_type), intent(in) :: self
+    type(overlap_type), intent(in) :: o
+    type(motion_type), intent(in) :: y
+    type(motion_type), intent(inout) :: r
+    real(wp), dimension(3, o%cells%nodes) :: u, f
+    real(wp), dimension(3, parts, o%cells%nodes) :: phi, c
+    real(wp) :: g(motions)
+    integer(i4) :: k, q, b
+
+    u = 0.0_wp
+    phi = 0.0_wp
+    f = 0.0_wp
+    c = 0.0_wp
+    u(:, o%op%node) = y%u
+    do b = 1, o%op%nodes_phi
+      phi(:, mod(b - 1, parts) + 1, o%op%node_phi(b)) = y%phi(:, b)
+    end do
+    associate (p => self%partition)
+      do k = 1, size(self%point)
+        q = self%point(k)
+        g = motion_gradient(p, q, u, phi)
+        g = self%factor(k)*matmul(self%tangent(:, :, self%law(p%element(q))), g)
+        call spread_forces(p, q, g, f, c)
+      end do
+    end associate
+    r%u = f(:, o%op%node)
+    do b = 1, o%op%nodes_phi
+      r%phi(:, b) = c(:, mod(b - 1, parts) + 1, o%op%node_phi(b))
+    end do
+  end subroutine add_micro_elements
+
+  !> u_i,I, phi_iK, phi_iK,L of a point, the first index running fastest.
+  pure function motion_gradient(p, q, u, phi) result(g)
+    type(partition_type), intent(in) :: p
+    integer(i4), intent(in) :: q
+    real(wp), intent(in) :: u(:, :), phi(:, :, :)
+    real(wp) :: g(motions)
+    integer(i4) :: a, k
+    g = 0.0_wp
+    do a = 1, size(p%node_u, 1)
+      associate (node => p%node_u(a, p%element(q)))
+        if (node == 0) cycle
+        do k = 1, 3
+          g(3*k - 2:3*k) = g(3*k - 2:3*k) + p%slope_u(k, a, q)*u(:, node)
+        end do
+      end associate
+    end do
+    do a = 1, size(p%node_phi, 1)
+      associate (node => p%node_phi(a, p%element(q)))
+        if (node == 0) cycle
+        g(10:18) = g(10:18) + p%value_phi(a, q)*reshape(phi(:, :, node), [9])
+        do k = 1, 3
+          g(9*k + 10:9*k + 18) = g(9*k + 10:9*k + 18) &
+            + p%slope_phi(k, a, q)*reshape(phi(:, :, node), [9])
+        end do
+      end associate
+    end do
+  end function motion_gradient
+
+  !> Add what the forces g of a point put on its nodes.
+  pure subroutine spread_forces(p, q, g, f, c)
+    type(partition_type), intent(in) :: p
+    integer(i4), intent(in) :: q
+    real(wp), intent(in) :: g(motions)
+    real(wp), intent(inout) :: f(:, :), c(:, :, :)
+    integer(i4) :: a, k
+    do a = 1, size(p%node_u, 1)
+      associate (node => p%node_u(a, p%element(q)))
+        if (node == 0) cycle
+        do k = 1, 3
+          f(:, node) = f(:, node) + p%slope_u(k, a, q)*g(3*k - 2:3*k)
+        end do
+      end associate
+    end do
+    do a = 1, size(p%node_phi, 1)
+      associate (node => p%node_phi(a, p%element(q)))
+        if (node == 0) cycle
+        c(:, :, node) = c(:, :, node) + p%value_phi(a, q)*reshape(g(10:18), [3, 3])
+        do k = 1, 3
+          c(:, :, node) = c(:, :, node) + p%slope_phi(k, a, q) &
+            *reshape(g(9*k + 10:9*k + 18), [3, 3])
+        end do
+      end associate
+    end do
+  end subroutine spread_forces
 
   !> Strain u_l,k - e_klm phi_m and curvature phi_l,k of a point, in the order kl = 11 12 13 21 ...
   pure function strains(p, q, u, phi) result(strain)

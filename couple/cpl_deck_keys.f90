@@ -214,7 +214,7 @@ contains
 
   subroutine group_overlap(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('overlap', 18, &
+    call table%add_group('overlap', 19, &
       'Grains and solid overlap: free grains move the nodes over them, ghost grains ' &
       //'follow the solid, and energy is counted once. A deck has exactly one of facets ' &
       //'and overlap.')
@@ -239,6 +239,13 @@ contains
       //'curl.')
     call table%preset('auto')
     call table%allow('auto|fixed|curl|micro')
+    call table%add_key('micro_deformation', 'string', '', &
+      'Micro-deformation of the nodes over free grains in a micromorphic solid: ' &
+      //'`''rotations''`, rotations by the mean rotation of the grains, the rest by the ' &
+      //'best fit to their positions; `''positions''`, all by their positions, right for ' &
+      //'large rotations. Ghosts turn with it, and their moments are couples on it.')
+    call table%preset('rotations')
+    call table%allow('rotations|positions')
     call table%add_key('projection', 'string', '', &
       'How free grains move the nodes: `''l2''`, the best fit (one factorisation); ' &
       //'`''mls''`, moving least squares around each node, without a system of equations.')
@@ -259,16 +266,16 @@ contains
       //'exchange.')
     call table%preset('symmetric')
     call table%allow('symmetric|state_at_n|static')
-    call table%add_key('settled', 'real', '', &
-      'Static: largest force that is not balanced at the end, over the mean contact ' &
-      //'force, above which the run warns that it has not settled.')
-    call table%preset('0.0001')
-    call table%bounds(above=0.0_wp, below=1.0_wp)
     call group_overlap_2(table)
   end subroutine group_overlap
 
   subroutine group_overlap_2(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('settled', 'real', '', &
+      'Static: largest force that is not balanced at the end, over the mean contact ' &
+      //'force, above which the run warns that it has not settled.')
+    call table%preset('0.0001')
+    call table%bounds(above=0.0_wp, below=1.0_wp)
     call table%add_key('partition', 'string', '', &
       'How energy in the layer of ghosts is shared: `''ramp''`, contacts between ghosts ' &
       //'fade out and the solid fades in with the distance from the free grains; `''fit''`,' &

@@ -3,7 +3,8 @@
 !!
 !! Columns of nodal values: the hat nodes, then those of the edge; micro-rotations alike, of those
 !! nodes that have one. A ghost turns with the micro-rotation (micro), with half the curl of the
-!! displacement (curl), or not at all (fixed). (theory: overlap coupling)
+!! displacement (curl), or not at all (fixed). Of a micromorphic solid the three columns of the
+!! micro-deformation stand for the micro-rotation (cpl_micro). (theory: overlap coupling)
 module cpl_operators
   use talus_kinds, only: wp, i4
   use talus_text, only: str
@@ -12,6 +13,7 @@ module cpl_operators
   use cpl_cells, only: cells_type, spot_type
   use cpl_choices, only: rotation_fixed, rotation_curl, rotation_micro
   use cpl_elements, only: most_nodes
+  use cpl_micro, only: micro_type, parts, moment_of, columns_of_turn
   use cpl_projection, only: projection_type
   use cpl_rows, only: rows_type, curl_rows_type
   use cpl_sets, only: sets_type, pack_type, part_free, numbering
@@ -25,6 +27,7 @@ module cpl_operators
   type :: riders_type
     type(spot_type), allocatable :: spot(:)
     real(wp), allocatable :: x(:, :)       !! (3, free) [m]
+    real(wp), allocatable :: origin(:, :)  !! the same in the reference state
     real(wp), allocatable :: w(:)          !! weights of displacements
     real(wp), allocatable :: w_phi(:)      !! weights of rotations
   end type riders_type
@@ -34,7 +37,10 @@ module cpl_operators
     integer(i4) :: hats = 0, nodes = 0           !! hat nodes; with those of the edge
     integer(i4) :: hats_phi = 0, nodes_phi = 0   !! of these, with micro-rotations
     integer(i4), allocatable :: node(:)          !! ids of the nodes
-    integer(i4), allocatable :: node_phi(:)      !! ids of the nodes with micro-rotations
+    integer(i4), allocatable :: node_phi(:)      !! ids of the nodes with micro-rotations; three
+                                                 !! times each with micro-deformations
+    integer(i4) :: stride = 1                    !! values of node_phi that a node has
+    type(micro_type) :: micro
     integer(i4) :: rotation = rotation_fixed
     real(wp), allocatable :: w(:), w_phi(:)      !! weights of the free grains
     type(projection_type) :: p, p_phi
@@ -46,6 +52,7 @@ module cpl_operators
     procedure :: to_hats
     procedure :: to_ghosts
     procedure :: pull
+    procedure :: from_hats
     procedure :: identity_error
   end type operators_type
 
@@ -61,7 +68,7 @@ contains
     logical, intent(in) :: mls
     type(error_list_type), intent(inout) :: errors
     type(riders_type) :: riders
-    integer(i4) :: number(cells%nodes)
+    integer(i4) :: number(cells%nodes), a
 
     self%free = size(sets%free)
     self%ghosts = size(sets%ghost)
@@ -70,8 +77,14 @@ contains
     self%hats = size(sets%hat)
     self%nodes = size(self%node)
     self%node_phi = pack(self%node, cells%polar(self%node) .and. rotation == rotation_micro)
-    self%nodes_phi = size(self%node_phi)
     self%hats_phi = count(cells%polar(sets%hat) .and. rotation == rotation_micro)
+    if (cells%micromorphic .and. rotation == rotation_micro) then
+      self%stride = parts
+      self%node_phi = [(spread(self%node_phi(a), 1, parts), a=1, int(size(self%node_phi), i4))]
+      self%hats_phi = parts*self%hats_phi
+      call self%micro%begin(self%ghosts)
+    end if
+    self%nodes_phi = size(self%node_phi)
 
     number = numbering(self%node, cells%nodes)
     call interpolate(cells, sets%ghost_spot, number, self%nodes, .false., self%ghost)
@@ -84,11 +97,13 @@ contains
           "&overlap, or write rotation = 'curl'")
         return
       end if
-      number = numbering(self%node_phi, cells%nodes)
-      call interpolate(cells, sets%ghost_spot, number, self%nodes_phi, .true., self%ghost_phi)
+      number = numbering(self%node_phi(::self%stride), cells%nodes)
+      call interpolate(cells, sets%ghost_spot, number, self%nodes_phi/self%stride, .true., &
+                       self%ghost_phi)
     end if
     riders%spot = sets%free_spot
     riders%x = pack_of%x(:, sets%free)
+    riders%origin = riders%x
     self%w = weights_of(pack_of, sets%free, weights, .false.)
     self%w_phi = weights_of(pack_of, sets%free, weights, .true.)
     riders%w = self%w
@@ -105,8 +120,12 @@ contains
     logical, intent(in) :: mls
     type(error_list_type), intent(inout) :: errors
     call one(self%p, self%node(:self%hats), .false., riders%w)
-    if (self%hats_phi > 0 .and. .not. errors%any()) &
-      call one(self%p_phi, self%node_phi(:self%hats_phi), .true., riders%w_phi)
+    if (self%hats_phi == 0 .or. errors%any()) return
+    associate (ids => self%node_phi(:self%hats_phi:self%stride))
+      call one(self%p_phi, ids, .true., riders%w_phi)
+      if (self%micro%active .and. .not. errors%any()) call self%micro%fit(self%p_phi%n, &
+        merge(riders%w, 0.0_wp, riders%spot%element > 0), riders%origin, ids, errors)
+    end associate
 
   contains
 
@@ -216,11 +235,18 @@ contains
     class(operators_type), intent(in) :: self
     real(wp), intent(in) :: q(:, :), theta(:, :)      !! (3, free) [m], [rad]
     real(wp), intent(inout) :: u(:, :), phi(:, :)     !! (3, nodes), (3, nodes_phi)
+    real(wp) :: turn(3, self%hats_phi/self%stride)
     call self%p%apply(q, u(:, :self%hats))
-    if (self%hats_phi > 0) call self%p_phi%apply(theta, phi(:, :self%hats_phi))
+    if (self%hats_phi == 0) return
+    if (self%micro%active) then
+      call self%p_phi%apply(theta, turn)
+      call self%micro%hats(q, turn, phi(:, :self%hats_phi))
+    else
+      call self%p_phi%apply(theta, phi(:, :self%hats_phi))
+    end if
   end subroutine to_hats
 
-  !> Displacements and rotations of the ghosts.
+  !> Displacements and rotations of the ghosts, small ones if they turn with micro-deformations.
   subroutine to_ghosts(self, u, phi, d, turn)
     class(operators_type), intent(in) :: self
     real(wp), intent(in) :: u(:, :), phi(:, :)
@@ -228,7 +254,11 @@ contains
     call self%ghost%apply(u, d)
     select case (self%rotation)
     case (rotation_micro)
-      call self%ghost_phi%apply(phi, turn)
+      if (self%micro%active) then
+        call self%micro%turns(self%ghost_phi, phi, turn)
+      else
+        call self%ghost_phi%apply(phi, turn)
+      end if
     case (rotation_curl)
       call self%ghost_curl%apply(u, turn)
     case default
@@ -245,13 +275,32 @@ contains
     real(wp), intent(inout) :: f(:, :), c(:, :)           !! (3, nodes), (3, nodes_phi)
     real(wp), intent(out) :: force(:, :), moment(:, :)    !! (3, free) [N], [N m]
     call self%ghost%transposed(p, f)
-    if (self%rotation == rotation_micro) call self%ghost_phi%transposed(m, c)
+    if (self%micro%active) then
+      call self%micro%pull(self%ghost_phi, m, c)
+    else if (self%rotation == rotation_micro) then
+      call self%ghost_phi%transposed(m, c)
+    end if
     if (self%rotation == rotation_curl) call self%ghost_curl%transposed(m, f)
+    call self%from_hats(f, c, force, moment)
+  end subroutine pull
+
+  !> What hat nodes hand on to the free grains.
+  subroutine from_hats(self, f, c, force, moment)
+    class(operators_type), intent(in) :: self
+    real(wp), intent(in) :: f(:, :), c(:, :)
+    real(wp), intent(out) :: force(:, :), moment(:, :)
+    real(wp) :: turning(3, self%hats_phi/self%stride)
     force = 0.0_wp
     moment = 0.0_wp
     call self%p%transposed(f(:, :self%hats), force)
-    if (self%hats_phi > 0) call self%p_phi%transposed(c(:, :self%hats_phi), moment)
-  end subroutine pull
+    if (self%hats_phi == 0) return
+    if (self%micro%active) then
+      call self%micro%pull_hats(c(:, :self%hats_phi), force, turning)
+      call self%p_phi%transposed(turning, moment)
+    else
+      call self%p_phi%transposed(c(:, :self%hats_phi), moment)
+    end if
+  end subroutine from_hats
 
   !> Largest violation of: P N = 1 (l2), rigid motion of grains moves nodes and ghosts likewise,
   !! equal powers, total force and moment. Lengths over the extent. N422 above 1e-12, or above
@@ -288,18 +337,23 @@ contains
     subroutine rigid(turning)
       logical, intent(in) :: turning
       real(wp) :: q(3, self%free), theta(3, self%free), d(3, self%ghosts), turn(3, self%ghosts)
+      real(wp), dimension(3, self%nodes_phi) :: turned
       q = shifts(x_free)
       theta = spread(merge(axis, 0.0_wp, turning), 2, self%free)
       u = shifts(x_node)
-      phi = spread(merge(axis, 0.0_wp, turning), 2, self%nodes_phi)
+      turned = spread(merge(axis, 0.0_wp, turning), 2, self%nodes_phi)
+      if (self%micro%active) turned = reshape(spread(columns_of_turn(merge(axis, 0.0_wp, &
+        turning)), 3, self%nodes_phi/parts), shape(turned))
+      if (self%micro%positions) turned = turned/extent  ! of shifts over the extent
+      phi = turned
       u(:, :self%hats) = 0.0_wp
       call self%to_hats(q, theta, u, phi)
       worst = max(worst, maxval(abs(u - shifts(x_node))))
       if (self%nodes_phi > 0 .and. turning) &
-        worst = max(worst, maxval(abs(phi - spread(axis, 2, self%nodes_phi))))
+        worst = max(worst, maxval(abs(phi - turned)))
       call self%to_ghosts(u, phi, d, turn)
       worst = max(worst, maxval(abs(d - shifts(x_ghost))))
-      if (self%rotation == rotation_curl) turn = extent*turn  ! of shifts over the extent
+      if (self%rotation == rotation_curl .or. self%micro%positions) turn = extent*turn
       if (self%rotation /= rotation_fixed) worst = max(worst, &
         maxval(abs(turn - spread(merge(axis, 0.0_wp, turning), 2, self%ghosts))))
     end subroutine rigid
@@ -361,8 +415,9 @@ contains
     worst = abs(here - there)/scale
     if (self%rotation == rotation_fixed) m = 0.0_wp
     total(:, 1) = sum(p, 2) + sum(f0, 2) - sum(force, 2) - sum(f(:, self%hats + 1:), 2)
-    total(:, 2) = moment_about(x_ghost, p) + sum(m, 2) + moment_about(x_node, f0) + sum(c0, 2) &
-      - moment_about(x_free, force) - sum(moment, 2) - sum(c(:, self%hats_phi + 1:), 2) &
+    total(:, 2) = moment_about(x_ghost, p) + sum(m, 2) + moment_about(x_node, f0) &
+      + turning(self, c0) - moment_about(x_free, force) - sum(moment, 2) &
+      - turning(self, c(:, self%hats_phi + 1:)) &
       - moment_about(x_node(:, self%hats + 1:), f(:, self%hats + 1:))
     scale = sum(abs(p)) + sum(abs(f0)) + sum(abs(force))
     arm = extent*scale
@@ -389,4 +444,13 @@ contains
       end do
     end subroutine scatter
   end function power_error
+
+  !> Moment of couples on nodes.
+  pure function turning(self, c) result(moment)
+    type(operators_type), intent(in) :: self
+    real(wp), intent(in) :: c(:, :)
+    real(wp) :: moment(3)
+    moment = sum(c, 2)
+    if (self%micro%active) moment = moment_of(c)
+  end function turning
 end module cpl_operators

@@ -6,7 +6,7 @@
 module cpl_overlap
   use talus_kinds, only: wp, i4, i8
   use talus_moduli, only: isotropic_type
-  use talus_vectors, only: turned
+  use talus_vectors, only: cross, turned
   use talus_scalars, only: scalar_count
   use cpl_cells, only: cells_type
   use cpl_choices, only: interface_aitken
@@ -177,6 +177,10 @@ contains
     self%v(:, :self%op%hats) = (self%u(:, :self%op%hats) - hat)/dt
     self%w(:, :self%op%hats_phi) = (self%phi(:, :self%op%hats_phi) - hat_phi)/dt
     call self%op%to_ghosts(self%u, self%phi, d, turn)
+    if (self%op%micro%active) then
+      turn = self%turn
+      call self%op%micro%follow(self%op%ghost_phi, self%phi, turn)
+    end if
     v = (d - self%d)/dt
     spin = (turn - self%turn)/dt
     if (.not. self%round) then
@@ -290,7 +294,7 @@ contains
   pure function edge_momentum(self) result(momentum)
     class(overlap_type), intent(in) :: self
     real(wp) :: momentum(6), x(3), p(3)
-    integer(i4) :: a
+    integer(i4) :: a, k
     momentum = 0.0_wp
     do a = 1, self%op%nodes
       x = self%x_node(:, a) + self%u(:, a)
@@ -300,7 +304,14 @@ contains
                                      x(1)*p(2) - x(2)*p(1)]
     end do
     do a = 1, self%op%nodes_phi
-      momentum(4:) = momentum(4:) + self%inertia(a)*self%w(:, a)
+      p = self%inertia(a)*self%w(:, a)
+      if (self%op%micro%active) then
+        x = self%phi(:, a)
+        k = mod(a - 1, self%op%stride) + 1
+        x(k) = x(k) + 1.0_wp
+        p = cross(x, p)
+      end if
+      momentum(4:) = momentum(4:) + p
     end do
   end function edge_momentum
 

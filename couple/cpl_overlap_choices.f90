@@ -19,6 +19,8 @@ module cpl_overlap_choices
     real(wp) :: fine_damping = 0.0_wp  !! [1/s]
     real(wp) :: remap = 0.0_wp         !! share of an element; 0 never
     character(len=:), allocatable :: leaving  !! what happens when a free grain leaves
+    character(len=:), allocatable :: micro_deformation  !! of nodes over free grains
+    logical :: micro_deformation_given = .false.
     logical :: dead_load = .true.
     real(wp) :: settled = 0.0_wp  !! static: rest / contact force at which a run has settled [-]
     character(len=:), allocatable :: initial, moduli, probe  !! probe: path of a file
@@ -47,6 +49,8 @@ contains
     call read_elements(deck, 'free', choices%free_elements, choices%free_box, errors)
     call read_elements(deck, 'ghost', choices%ghost_elements, choices%ghost_box, errors)
     call deck%get('overlap', 1, 'rotation', choices%rotation)
+    call deck%get('overlap', 1, 'micro_deformation', choices%micro_deformation)
+    choices%micro_deformation_given = deck%given('overlap', 1, 'micro_deformation')
     call deck%get('overlap', 1, 'projection', choices%projection)
     call deck%get('overlap', 1, 'weights', choices%weights)
     call deck%get('overlap', 1, 'scheme', choices%scheme)

@@ -205,6 +205,7 @@ contains
     call file%get_into('/nodes/element', o%element, errors)
     call file%get_into('/nodes/f_hold', o%f_hold, errors)
     call file%get_into('/rotations/phi', o%phi, errors)
+    if (o%op%micro%active) call o%op%micro%take(o%op%ghost_phi, o%phi)
     call file%get_into('/rotations/w', o%w, errors)
     call file%get_into('/rotations/c', o%c, errors)
     call file%get_into('/rotations/bulk', o%bulk_phi, errors)

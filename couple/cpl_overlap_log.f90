@@ -69,8 +69,12 @@ contains
     if (o%carried%active) then
       call log%item('mass carried', short_number(o%moved_mass)//' kg', &
                     'of elements outside, by nodes that follow free grains')
-      if (o%turns .and. .not. o%round_free) call log%item('micro-inertia', 'left out', &
-        'that of these nodes: free grains are no spheres')
+      if (o%op%micro%active) then
+        call log%item('micro-inertia', 'left out', 'that of these nodes: the grains have their own')
+      else if (o%turns .and. .not. o%round_free) then
+        call log%item('micro-inertia', 'left out', 'that of these nodes: free grains are no '// &
+          'spheres')
+      end if
     else
       call log%item('mass moved', short_number(o%moved_mass)//' kg', 'of elements outside, '// &
         'from hat nodes to free grains, '//choices%overlap%mass//'; factors '// &

@@ -39,10 +39,11 @@ contains
     case ('consistent')
       o%mass(:o%op%hats) = mass
       call hat_inertias(o, o%inertia(:o%op%hats_phi))
-      if (.not. o%round_free) o%inertia(:o%op%hats_phi) = 0.0_wp
+      if (o%op%micro%active .or. .not. o%round_free) o%inertia(:o%op%hats_phi) = 0.0_wp
       call o%carried%build(o%op%p, o%pack%mass(o%sets%free), mass, errors)
-      if (o%turns .and. o%round_free) call o%carried_phi%build(o%op%p_phi, &
-        o%pack%inertia(o%sets%free), o%inertia(:o%op%hats_phi), errors)
+      if (o%turns .and. o%round_free .and. .not. o%op%micro%active) &
+        call o%carried_phi%build(o%op%p_phi, o%pack%inertia(o%sets%free), &
+                                 o%inertia(:o%op%hats_phi), errors)
     case ('projected')
       lumped = spread(mass, 1, 3)
       given = 0.0_wp

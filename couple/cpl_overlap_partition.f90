@@ -32,6 +32,8 @@ module cpl_overlap_partition
     integer(i4), allocatable :: element(:)       !! (n)
     real(wp), allocatable :: moduli(:, :)        !! (6, elements) lambda mu kappa [Pa], ...
     integer(i4), allocatable :: mean(:)          !! (elements) 1: mean volume change (B-bar)
+    real(wp), allocatable :: tangent(:, :)       !! micromorphic: (45 x 45, laws) at rest
+    integer(i4), allocatable :: law(:)           !! micromorphic: (elements)
   end type points_type
 
 contains

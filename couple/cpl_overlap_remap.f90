@@ -113,10 +113,7 @@ contains
   !> Loads that balance the start, which hat nodes hand to other grains now.
   subroutine hold_again(o)
     type(overlap_type), intent(inout) :: o
-    o%force_hold = 0.0_wp
-    o%moment_hold = 0.0_wp
-    call o%op%p%transposed(o%f_hold(:, :o%op%hats), o%force_hold)
-    if (o%op%hats_phi > 0) call o%op%p_phi%transposed(o%c_hold(:, :o%op%hats_phi), o%moment_hold)
+    call o%op%from_hats(o%f_hold, o%c_hold, o%force_hold, o%moment_hold)
   end subroutine hold_again
 
   !> P and what hangs on it, for free grains at x_free and nodes moved by u_map.
@@ -131,6 +128,7 @@ contains
     allocate (riders%spot(o%op%free))
     call find_all(o, moved, o%x_free, riders%spot)
     riders%x = o%x_free
+    riders%origin = o%pack%x(:, o%sets%free)
     riders%w = o%op%w
     riders%w_phi = o%op%w_phi
     o%seen = riders%spot%element > 0

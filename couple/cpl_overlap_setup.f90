@@ -52,7 +52,10 @@ contains
     call read_mesh(o, solvers(side_solid), timers, errors)
     if (errors%any()) return
     call choose_elements(o, solvers(side_solid), choices, timers, errors)
+    call check_micro(o, choices, solvers(side_solid), errors)
     if (errors%any()) return
+    o%op%micro%positions = choices%overlap%micro_deformation == 'positions' .and. &
+      o%cells%micromorphic .and. rotation_of(o, choices) == rotation_micro
     call o%sets%sort(o%cells, o%pack, errors)
     if (errors%any()) return
     if (choices%overlap%remap > 0.0_wp) call o%sets%take_neighbours(o%pack)
@@ -160,10 +163,35 @@ contains
         if (errors%any()) return
         c%polar = polar == 1
       end if
+      c%micromorphic = reply%has('micromorphic')
+      if (c%micromorphic) then
+        call reply%take_int('micromorphic', polar, errors)
+        call reply%take('mass_phi', c%inertia, errors)
+        if (errors%any()) return
+        c%polar = polar == 1
+      end if
       call c%check(errors)
       if (.not. errors%any()) call c%prepare()
     end associate
   end subroutine read_mesh
+
+  !> D427: what a micromorphic solid cannot be given, and what it alone has.
+  subroutine check_micro(o, choices, solid, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_choices_type), intent(in) :: choices
+    type(cpl_solver_type), intent(in) :: solid
+    type(error_list_type), intent(inout) :: errors
+    if (o%cells%micromorphic .and. o%stressed) &
+      call errors%add('D427', "initial = 'stress' does not know micromorphic solids", solid%deck, &
+      'give the stress in the deck of the solid '// &
+      "(&initial_stress, &geostatic), and write initial = 'dead_load' in &overlap")
+    if (o%cells%micromorphic .and. choices%overlap%moduli /= 'deck') call errors%add('D427', &
+      "moduli = '"//choices%overlap%moduli//"' does not know micromorphic solids", solid%deck, &
+      'give the moduli in &micromorphic; `talus measure` finds them from a pack')
+    if (choices%overlap%micro_deformation_given .and. .not. o%cells%micromorphic) &
+      call errors%add('D427', 'micro_deformation is given, and the solid is not micromorphic', &
+      solid%deck, 'leave it out of &overlap')
+  end subroutine check_micro
 
   !> Which elements are whose. I421: a group without elements, an element in both.
   subroutine choose_elements(o, solid, choices, timers, errors)
@@ -265,7 +293,7 @@ contains
     real(wp) :: none(3, o%op%ghosts)
     type(start_type) :: start
 
-    call select_sets(o, solvers, timers, errors)
+    call select_sets(o, solvers, again, timers, errors)
     if (errors%any()) return
     call prepare_start(o, solvers, choices, again, start, timers, errors)
     if (errors%any()) return
@@ -351,12 +379,15 @@ contains
     call solver%ask(timers, errors)
   end subroutine ready
 
-  subroutine select_sets(o, solvers, timers, errors)
+  !> SELECT; at a fresh start the edge begins with the velocities of the solid's deck (&initial).
+  subroutine select_sets(o, solvers, again, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
+    logical, intent(in) :: again
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: held(:, :)
+    real(wp) :: v(3, o%op%nodes - o%op%hats), w(3, o%op%nodes_phi - o%op%hats_phi)
     character(len=:), allocatable :: edge_role
 
     edge_role = 'prescribe'
@@ -370,15 +401,20 @@ contains
       call choose(solid, edge_set, edge_role, int(o%op%node(n + 1:), i8), 'u')
       if (errors%any()) return
       call solid%reply%take_int('held', held, errors)
+      call solid%reply%get('speed', v, errors)
       if (errors%any()) return
       o%held(:, n + 1:) = held == 1
+      if (.not. (again .or. o%static)) o%v(:, n + 1:) = v
       if (o%op%nodes_phi == 0) return
-      call choose(solid, hat_phi_set, 'prescribe', int(o%op%node_phi(:m), i8), 'phi')
-      call choose(solid, edge_phi_set, edge_role, int(o%op%node_phi(m + 1:), i8), 'phi')
+      call choose(solid, hat_phi_set, 'prescribe', int(o%op%node_phi(:m:o%op%stride), i8), 'phi')
+      call choose(solid, edge_phi_set, edge_role, int(o%op%node_phi(m + 1::o%op%stride), i8), &
+                  'phi')
       if (errors%any()) return
       call solid%reply%take_int('held_phi', held, errors)
+      call solid%reply%get('speed_phi', w, errors)
       if (errors%any()) return
       o%held_phi(:, m + 1:) = held == 1
+      if (.not. (again .or. o%static)) o%w(:, m + 1:) = w
     end associate
 
   contains

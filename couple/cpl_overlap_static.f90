@@ -111,7 +111,7 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     real(wp) :: edge(3, o%op%nodes - o%op%hats), turn(3, o%op%nodes_phi - o%op%hats_phi)
-    integer(i4) :: turning(size(turn, 2))
+    integer(i4) :: turning(size(turn, 2)/o%op%stride)
 
     u = o%u
     phi = o%phi
@@ -121,7 +121,8 @@ contains
     if (o%op%nodes_phi > 0) then
       call find_turning(o, turning)
       call solid%request%put(hat_phi_set//'.phi', o%phi(:, :o%op%hats_phi))
-      call solid%request%put(edge_phi_set//'.moment', o%relax%held(4:, turning))
+      call solid%request%put(edge_phi_set//'.moment', reshape(o%relax%held(4:, turning), &
+                                                              shape(turn)))
     end if
     call solid%ask(timers, errors)
     if (errors%any()) return
@@ -139,21 +140,25 @@ contains
     integer(i4), intent(out) :: turning(:)
     integer(i4) :: k
     do k = 1, size(turning)
-      turning(k) = findloc(o%op%node(o%op%hats + 1:), o%op%node_phi(o%op%hats_phi + k), 1)
+      turning(k) = findloc(o%op%node(o%op%hats + 1:), &
+                           o%op%node_phi(o%op%hats_phi + o%op%stride*k), 1)
     end do
   end subroutine find_turning
 
-  !> What the edge is loaded with by all but the solid itself: forces, then moments (3 or 6, edge).
+  !> What the edge is loaded with by all but the solid itself: forces, then moments or couples
+  !! (3, 6 or 12, edge).
   subroutine edge_load(o, load)
     type(overlap_type), intent(in) :: o
     real(wp), allocatable, intent(out) :: load(:, :)
-    integer(i4) :: turning(o%op%nodes_phi - o%op%hats_phi)
-    allocate (load(merge(6, 3, o%op%nodes_phi > 0), o%op%nodes - o%op%hats), source=0.0_wp)
+    integer(i4) :: turning((o%op%nodes_phi - o%op%hats_phi)/o%op%stride)
+    allocate (load(3 + merge(3*o%op%stride, 0, o%op%nodes_phi > 0), o%op%nodes - o%op%hats), &
+              source=0.0_wp)
     associate (a => o%op%hats + 1, b => o%op%hats_phi + 1)
       load(:3, :) = o%f(:, a:) - o%element(:, a:)
       if (o%op%nodes_phi == 0) return
       call find_turning(o, turning)
-      load(4:, turning) = o%c(:, b:) - o%element_phi(:, b:)
+      load(4:, turning) = reshape(o%c(:, b:) - o%element_phi(:, b:), &
+                                  [int(3*o%op%stride), size(turning)])
     end associate
   end subroutine edge_load
 

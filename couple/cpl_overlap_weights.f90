@@ -214,6 +214,9 @@ contains
     if (errors%any()) return
     call solid%reply%take('moduli', points%moduli, errors)
     call solid%reply%take_int('mean', points%mean, errors)
+    if (.not. solid%reply%has('tangent')) return
+    call solid%reply%take('tangent', points%tangent, errors)
+    call solid%reply%take_int('law', points%law, errors)
   end subroutine read_points
 
   !> List the ghosts that touch or may come to touch.

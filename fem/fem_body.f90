@@ -441,7 +441,11 @@ contains
     integer(i4), intent(in), optional :: list(:)  !! elements
     integer(i4) :: e
     if (self%matter%active) then
-      call self%trial_force(u, force)
+      if (self%matter%micro%active .and. present(list)) then
+        call self%matter%update_micro(self%dofs, self%elastic, u, u - self%accepted%u, list)
+      else
+        call self%trial_force(u, force)
+      end if
       if (present(list)) then
         call self%matter%element_forces(self%dofs, list, force)
       else

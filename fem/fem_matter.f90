@@ -57,6 +57,7 @@ module fem_matter
     procedure :: trouble
     procedure :: stiffen
     procedure :: element_forces
+    procedure :: update_micro
     procedure :: element_tangent
   end type fem_matter_type
 
@@ -192,16 +193,56 @@ contains
     bad = 0
     do e = int((c - 1)*int(mesh%elements, i8)/chunks, i4) + 1, &
       int(c*int(mesh%elements, i8)/chunks, i4)
-      associate (first => elastic%point(e), last => elastic%point(e + 1) - 1, &
-                 a => dofs%start(e), b => dofs%start(e + 1) - 1)
-        call self%micro%answer(e, u(:, dofs%block(a:b)) - moved(:, dofs%block(a:b)), &
-          u(:, dofs%block(a:b)), self%accepted_state(:, first:last), response, &
-          self%stress(:, first:last), self%state(:, first:last), failed)
-        if (failed == 0) self%nodal(:, a:b) = reshape(response%force, [3, b - a + 1])
-        if (failed > 0 .and. bad == 0) bad = first + failed - 1
-      end associate
+      call answer_micro(self, dofs, elastic, u, moved, e, response, failed)
+      if (bad == 0) bad = failed
     end do
   end subroutine chunk_micro
+
+  !> Trial stress and state of some micromorphic elements, without their stiffness.
+  subroutine update_micro(self, dofs, elastic, u, moved, list)
+    class(fem_matter_type), intent(inout) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: u(:, :), moved(:, :)  !! (3, blocks)
+    integer(i4), intent(in) :: list(:)            !! elements
+    type(mm_response_type) :: response
+    integer(i4) :: k, bad(size(list))
+    logical :: wanted
+    wanted = self%micro%wants_stiffness
+    self%micro%wants_stiffness = .false.
+    !$omp parallel do default(none) shared(self, dofs, elastic, u, moved, list, bad) &
+    !$omp private(k, response) schedule(dynamic)
+    do k = 1, size(list)
+      call answer_micro(self, dofs, elastic, u, moved, list(k), response, bad(k))
+    end do
+    !$omp end parallel do
+    self%micro%wants_stiffness = wanted
+    self%bad = 0
+    do k = size(list), 1, -1
+      if (bad(k) > 0) self%bad = bad(k)
+    end do
+    if (self%bad > 0) call explain(self, dofs, elastic, u, moved, self%bad)
+  end subroutine update_micro
+
+  !> Element e; `bad` is its first point without a state.
+  subroutine answer_micro(self, dofs, elastic, u, moved, e, response, bad)
+    type(fem_matter_type), intent(inout) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: u(:, :), moved(:, :)
+    integer(i4), intent(in) :: e
+    type(mm_response_type), intent(inout) :: response
+    integer(i4), intent(out) :: bad
+    integer(i4) :: failed
+    associate (first => elastic%point(e), last => elastic%point(e + 1) - 1, &
+               a => dofs%start(e), b => dofs%start(e + 1) - 1)
+      call self%micro%answer(e, u(:, dofs%block(a:b)) - moved(:, dofs%block(a:b)), &
+        u(:, dofs%block(a:b)), self%accepted_state(:, first:last), response, &
+        self%stress(:, first:last), self%state(:, first:last), failed)
+      bad = merge(first + failed - 1, 0_i4, failed > 0)
+      if (failed == 0) self%nodal(:, a:b) = reshape(response%force, [3, b - a + 1])
+    end associate
+  end subroutine answer_micro
 
   !> Why point p of a micromorphic body found no state.
   subroutine explain(self, dofs, elastic, u, moved, p)

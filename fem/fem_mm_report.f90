@@ -9,7 +9,7 @@ module fem_mm_report
   implicit none
   private
   public :: strain_form, gradient_form, eigenvalues, energy_warning, micropolar_limit
-  public :: homogeneous_limit
+  public :: homogeneous_limit, uniform_limit
 
   real(wp), parameter :: round_off = 1.0e-12_wp
 
@@ -148,4 +148,17 @@ contains
     moduli(2) = (3.0_wp*law%lambda + 2.0_wp*law%mu - (3.0_wp*law%tau + 2.0_wp*law%sigma)**2 &
       /(law%kappa + law%nu + 3.0_wp*law%eta - 3.0_wp*law%tau - 2.0_wp*law%sigma))/3.0_wp
   end function homogeneous_limit
+
+  !> Eringen's six moduli with which a micropolar solid is as stiff in uniform strain, where chi is
+  !! free, and in rotations of chi: lambda mu kappa [Pa], alpha beta gamma [N].
+  pure function uniform_limit(law) result(moduli)
+    type(mm_elastic_type), intent(in) :: law
+    real(wp) :: moduli(6), free(2)
+    moduli = micropolar_limit(law)
+    free = [law%mu, law%lambda + 2.0_wp/3.0_wp*law%mu]
+    if (law%kappa + law%nu > 2.0_wp*law%sigma .and. law%kappa + law%nu + 3.0_wp*law%eta > &
+        3.0_wp*law%tau + 2.0_wp*law%sigma) free = homogeneous_limit(law)
+    moduli(1) = free(2) - 2.0_wp/3.0_wp*free(1)
+    moduli(2) = free(1) - 0.5_wp*moduli(3)
+  end function uniform_limit
 end module fem_mm_report

@@ -111,9 +111,6 @@ contains
     call read_body(self%deck, self%body, errors)
     if (errors%any()) return
     call moduli_warnings(self)
-    if (self%served .and. self%body%matter%micro%active) call self%deck%fault(errors, 'D334', &
-      'a coupled run does not know micromorphic solids', 'section', 1, 'material', &
-      "take law = 'linear_elastic' or 'micropolar'")
     call read_times(self, errors)
     call choose_storage(self)
     if (.not. self%ranks%several() .or. errors%any()) return

@@ -92,6 +92,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: fields
     real(wp), allocatable :: diagonal(:)
+    integer(i4) :: k
     logical :: changed
 
     fields = ''
@@ -108,12 +109,17 @@ contains
       if (body%matter%active) call body%assemble_tangent()
       diagonal = block_diagonal(body%pattern, body%k)
       call reply%put('mass', body%lumped(ids))
+      call reply%put('speed', body%state%v(:, ids))
       call reply%put_int('held', merge(1_i4, 0_i4, body%held(:, ids)))
       call reply%put('stiffness', diagonal(ids))
       if (index(','//fields//',', ',phi,') > 0) then
-        call reply%put('inertia', body%lumped(body%dofs%phi(ids)))
-        call reply%put_int('held_phi', merge(1_i4, 0_i4, body%held(:, body%dofs%phi(ids))))
-        call reply%put('stiffness_phi', diagonal(body%dofs%phi(ids)))
+        call self%sets%find(name, k)
+        associate (phi => self%sets%set(k)%phi)
+          call reply%put('inertia', body%lumped(phi))
+          call reply%put('speed_phi', body%state%v(:, phi))
+          call reply%put_int('held_phi', merge(1_i4, 0_i4, body%held(:, phi)))
+          call reply%put('stiffness_phi', diagonal(phi))
+        end associate
       end if
     end associate
   end subroutine choose

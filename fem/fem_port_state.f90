@@ -8,12 +8,16 @@ module fem_port_state
     scalar_plastic, &
     scalar_background_damping, &
     scalar_gravity, scalar_momentum, scalar_angular_momentum, scalar_step_limit
+  use talus_vectors, only: cross
   use talus_version, only: version_text
   use fem_types, only: fem_mesh_type, fem_springs_type, group_volume, group_facet, group_node
   use fem_body, only: fem_body_type
   use fem_elastic, only: classical
   use fem_micropolar, only: lame_moduli, violated_inequality
   use fem_mesh, only: find_group, group_hint
+  use fem_mm_body, only: phi_columns
+  use fem_mm_motion, only: mm_motion_type, mm_force_type, elastic_tangent
+  use fem_mm_report, only: uniform_limit
   use fem_model, only: fem_model_type, program_name
   use fem_recover, only: point_stress, point_positions, point_weights
   use fem_sets, only: fem_sets_type
@@ -72,8 +76,8 @@ contains
       call reply%put('x', body%mesh%x)
       call reply%put('mass_u', body%lumped(:body%mesh%nodes))
       if (body%dofs%blocks > body%mesh%nodes) call reply%put('mass_phi', inertia_of_nodes(body))
-      if (body%dofs%blocks > body%mesh%nodes) call reply%put_int('polar', merge(1_i4, 0_i4, &
-        body%dofs%phi > 0))
+      if (body%dofs%blocks > body%mesh%nodes) &
+        call reply%put_int(second_field(body), merge(1_i4, 0_i4, body%dofs%phi > 0))
       if (allocated(body%mesh%hex8)) call reply%put_int('connectivity', body%mesh%hex8)
       call reply%put_int('kind', body%mesh%kind)
       call reply%put_int('start', body%mesh%start)
@@ -89,7 +93,11 @@ contains
     case ('quadrature')
       call describe_points(body, reply)
     case ('moduli')
-      call reply%put('moduli', body%elastic%moduli)
+      if (body%matter%micro%active) then
+        call describe_micro_laws(body, reply)
+      else
+        call reply%put('moduli', body%elastic%moduli)
+      end if
       call reply%put_int('mean', merge(1_i4, 0_i4, &
         body%elastic%rule(body%elastic%rule_of)%bbar))
     case ('groups')
@@ -109,6 +117,36 @@ contains
                       'it knows mesh, facets, quadrature, moduli, groups and group')
     end select
   end subroutine reply_describe
+
+  !> Name of the marks of nodes that have the second field.
+  pure function second_field(body) result(name)
+    type(fem_body_type), intent(in) :: body
+    character(len=:), allocatable :: name
+    name = 'polar'
+    if (body%matter%micro%active) name = 'micromorphic'
+  end function second_field
+
+  !> Moduli of the micropolar solid that is as stiff in uniform strain, and the tangent (45, 45) of
+  !! the law at rest, column by column.
+  subroutine describe_micro_laws(body, reply)
+    type(fem_body_type), intent(in) :: body
+    type(message_type), intent(inout) :: reply
+    type(mm_motion_type) :: none
+    type(mm_force_type) :: force
+    real(wp) :: moduli(6, size(body%matter%micro%law)), tangent(45, 45)
+    real(wp) :: packed(45*45, size(body%matter%micro%law))
+    integer(i4) :: m
+    do m = 1, size(body%matter%micro%law)
+      associate (law => body%matter%micro%law(m)%elastic)
+        moduli(:, m) = uniform_limit(law)
+        call elastic_tangent(law, none, force, tangent)
+      end associate
+      packed(:, m) = reshape(tangent, [45*45])
+    end do
+    call reply%put('moduli', moduli(:, body%matter%micro%law_of))
+    call reply%put('tangent', packed)
+    call reply%put_int('law', body%matter%micro%law_of)
+  end subroutine describe_micro_laws
 
   subroutine no_group(what, name, hint, errors)
     character(len=*), intent(in) :: what, name, hint
@@ -146,6 +184,10 @@ contains
     call reply%put('weight', weight)
     if (body%elastic%components == classical) then
       call reply%put('stress', stress)
+    else if (body%matter%micro%active) then
+      call reply%put('stress', stress(:9, :))
+      call reply%put('micro_stress', stress(10:18, :))
+      call reply%put('couple_stress', stress(19:, :))
     else
       call reply%put('stress', stress(:9, :))
       call reply%put('couple_stress', stress(10:, :))
@@ -252,6 +294,11 @@ contains
     character(len=*), intent(in) :: place
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: s, a
+    if (body%matter%micro%active) then
+      call errors%add('P302', 'springs on micro-rotations do not know micromorphic solids', place, &
+                      'leave node_phi out')
+      return
+    end if
     do s = 1, springs%n
       do a = 1, size(springs%node, 1)
         associate (node => springs%node(a, s))
@@ -315,6 +362,8 @@ contains
       if (.not. errors%any()) body%dead_load(:, sets%set(k)%node) = force
     end if
     if (size(sets%set(k)%phi) == 0 .or. .not. request%has('moment')) return
+    deallocate (force)
+    allocate (force(3, size(sets%set(k)%phi)))
     call request%get('moment', force, errors)
     if (.not. errors%any()) body%dead_load(:, sets%set(k)%phi) = force
   end subroutine set_dead_load
@@ -481,9 +530,30 @@ contains
           l(2) = l(2) + x(3)*p(1, i) - x(1)*p(3, i)
           l(3) = l(3) + x(1)*p(2, i) - x(2)*p(1, i)
         end do
-        l = l + sum(p(:, body%mesh%nodes + 1:), 2)
+        l = l + spin_momentum(body, p(:, body%mesh%nodes + 1:))
       end associate
     end if
     call reply%put('scalars', scalars)
   end subroutine put_scalars
+
+  !> Angular momentum of the second field with momenta p of its blocks: their sum for
+  !! micro-rotations, sum over K of chi_K x p_K for columns of chi [N m s].
+  pure function spin_momentum(body, p) result(l)
+    type(fem_body_type), intent(in) :: body
+    real(wp), intent(in) :: p(:, :)
+    real(wp) :: l(3), chi(3)
+    integer(i4) :: k
+    l = 0.0_wp
+    if (.not. body%matter%micro%active) then
+      l = sum(p, 2)
+      return
+    end if
+    do k = 1, size(p, 2)
+      chi = body%state%u(:, body%mesh%nodes + k)
+      associate (c => mod(k - 1_i4, phi_columns) + 1)
+        chi(c) = chi(c) + 1.0_wp
+      end associate
+      l = l + cross(chi, p(:, k))
+    end do
+  end function spin_momentum
 end module fem_port_state

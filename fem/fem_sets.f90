@@ -26,7 +26,9 @@ module fem_sets
 contains
 
   !> Name a set of nodes; `changed` when the free degrees of freedom are others now. With `phi`
-  !! among the fields the set acts on micro-rotations too; with phi alone only on them.
+  !! among the fields the set acts on micro-rotations too; with phi alone only on them. In a
+  !! micromorphic body phi is the micro-deformation, whose three columns at each node follow one
+  !! another.
   subroutine select_set(self, name, role, fields, ids, body, changed, errors)
     class(fem_sets_type), intent(inout) :: self
     character(len=*), intent(in) :: name, role
@@ -36,11 +38,11 @@ contains
     logical, intent(out) :: changed
     type(error_list_type), intent(inout) :: errors
     logical :: before(3, body%dofs%blocks), turns
-    integer(i4) :: k, r
+    integer(i4) :: k, r, role_of, c
 
     changed = .false.
-    r = findloc([character(len=9) :: 'report', 'prescribe', 'load'], role, 1)
-    if (r == 0) then
+    role_of = findloc([character(len=9) :: 'report', 'prescribe', 'load'], role, 1)
+    if (role_of == 0) then
       call errors%add('P301', "talus-fem has no role '"//role//"' for a set", 'set '//name, &
                       'it knows report, prescribe and load')
       return
@@ -57,7 +59,7 @@ contains
       if (any(body%dofs%phi(ids) == 0)) then
         k = int(ids(findloc(body%dofs%phi(ids), 0, 1)), i4)
         call errors%add('P302', 'set '//name//': node '//str(k)//' has no micro-rotation', &
-          hint='only corner nodes of mixed pairs and micropolar sections have them')
+          hint='only corner nodes of mixed pairs and micropolar or micromorphic sections have them')
         return
       end if
     end if
@@ -71,13 +73,14 @@ contains
       k = self%n
     end if
     self%set(k)%name = name
-    self%set(k)%role = r
+    self%set(k)%role = role_of
     self%set(k)%node = int(ids, i4)
     self%set(k)%moves = .not. turns .or. index(','//fields//',', ',u,') > 0
     if (allocated(self%set(k)%phi)) deallocate (self%set(k)%phi)
     if (allocated(self%set(k)%element)) deallocate (self%set(k)%element)
-    allocate (self%set(k)%phi(merge(size(ids), 0, turns)))
-    if (turns) self%set(k)%phi = body%dofs%phi(ids)
+    allocate (self%set(k)%phi(0))
+    if (turns) self%set(k)%phi = [((body%dofs%phi(ids(r)) + c, c=0, body%dofs%parts - 1), &
+                                   r=1, int(size(ids), i4))]
     before = body%prescribed
     body%prescribed = .false.
     do k = 1, self%n

@@ -183,21 +183,28 @@ contains
         end do
       end do
     end do
+    if (any(n == 1)) return
+    cells%micromorphic = .true.
+    call one(trim(label)//' chi', cells, sets, pack_of, rotation_micro, weigh_mass, .false.)
+    call one(trim(label)//' chi', cells, sets, pack_of, rotation_micro, weigh_mass, .false., .true.)
   end subroutine identities
 
-  subroutine one(label, cells, sets, pack_of, rotation, weights, mls)
+  !> Identities of the operators; `positions`: of micro-deformations by positions alone.
+  subroutine one(label, cells, sets, pack_of, rotation, weights, mls, positions)
     character(len=*), intent(in) :: label
     type(cells_type), intent(in) :: cells
     type(sets_type), intent(in) :: sets
     type(pack_type), intent(in) :: pack_of
     integer(i4), intent(in) :: rotation, weights
     logical, intent(in) :: mls
+    logical, intent(in), optional :: positions
     type(operators_type) :: operators
     type(error_list_type) :: errors
     character(len=20) :: what
     real(wp) :: worst
 
     write (what, '(2(a,i0),a,l1)') ' r', rotation, ' w', weights, ' mls ', mls
+    if (present(positions)) operators%micro%positions = positions
     call operators%build(cells, sets, pack_of, rotation, weights, mls, errors)
     call test%check(label//what//': built', .not. errors%any())
     if (errors%any()) return

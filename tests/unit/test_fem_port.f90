@@ -52,6 +52,7 @@ program test_fem_port
     call go_on()
     call prescribed()
     call matter()
+    call micromorphic()
     call execute_command_line('rm -rf '//folder)
     call test%finish()
   end if
@@ -509,6 +510,78 @@ contains
     call port%close()
     call test%check('SET without faults', .not. errors%any())
   end subroutine matter
+
+  !> A micromorphic column: phi has three vectors a node; a rigid turn leaves no force, no couple.
+  subroutine micromorphic()
+    real(wp), parameter :: angle = 0.3_wp
+    real(wp), allocatable :: tangent(:, :), moduli(:, :)
+    integer(i4), allocatable :: marks(:)
+    real(wp) :: u(3, 24), phi(3, 72), force(3, 24), couple(3, 72), inertia(72), r(3, 3), x(3)
+    integer(i4) :: k
+    character(len=:), allocatable :: deck
+
+    deck = '&run gravity = 0.0, 0.0, 0.0 /'//nl//"&mesh file = 'mesh.h5' /"//nl// &
+      "&micromorphic id = 'm', density = 3.0, micro_inertia = 0.1, lambda = 0.0, mu = 700.0, "// &
+      'eta = 10.0, tau = 5.0, kappa = 400.0, nu = 100.0, sigma = -50.0, '// &
+      'taus = 0, 0, 0, 0, 0, 0, 20.0, 0, 0, 0, 0 /'//nl// &
+      "&section group = 'all', material = 'm', element = 'hex8/hex8' /"//nl// &
+      "&analysis kind = 'static' /"//nl
+    call replace_file(folder//'/deck.nml', deck, errors)
+    call start('fourth')
+    call describe('mesh', '', '')
+    call reply%take_int('micromorphic', marks, errors)
+    call test%check('every node has chi', size(marks) == 24 .and. all(marks == 1))
+    call describe('moduli', '', '')
+    call reply%take('tangent', tangent, errors)
+    call reply%take('moduli', moduli, errors)
+    call test%check('tangent of the law', all(shape(tangent) == [2025, 1]))
+    call test%check_close('kappa', moduli(3, 1), 300.0_wp, 1.0e-12_wp)
+    call ask%start(verb_select)
+    call ask%put_text('set', 'c')
+    call ask%put_text('role', 'prescribe')
+    call ask%put_int('id', [(int(k, i8), k=1, 24)])
+    call ask%put_text('fields', 'u,phi')
+    call expect('SELECT with phi', '')
+    call reply%get('inertia', inertia, errors)
+    call test%check_close('lumped micro-inertia', sum(inertia), 3.0_wp*5.0_wp*3.0_wp*0.1_wp, &
+                          1.0e-12_wp)
+    call ask%start(verb_ready)
+    call expect('READY of a micromorphic column', '')
+    r = reshape([cos(angle) - 1.0_wp, sin(angle), 0.0_wp, -sin(angle), cos(angle) - 1.0_wp, &
+                 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [3, 3])
+    do k = 1, 24
+      x = [merge(1.0_wp, 0.0_wp, any(mod(k, 4) == [2, 3])), &
+           merge(1.0_wp, 0.0_wp, any(mod(k, 4) == [3, 0])), real((k - 1)/4, wp)]
+      u(:, k) = matmul(r, x)
+      phi(:, 3*k - 2:3*k) = r
+    end do
+    call ask_column(u, phi, force, couple)
+    call test%check_close('a rigid turn: forces', maxval(abs(force)), 0.0_wp, 1.0e-11_wp)
+    call test%check_close('a rigid turn: couples', maxval(abs(couple)), 0.0_wp, 1.0e-11_wp)
+    phi = 0.0_wp
+    phi(2, 1::3) = 1.0e-6_wp  ! chi_21, against an F that is 1
+    call ask_column(0.0_wp*u, phi, force, couple)
+    call test%check_close('couple of chi_21', sum(couple(2, 1::3)), -450.0_wp*5.0_wp*1.0e-6_wp, &
+                          1.0e-8_wp)
+    call test%check_close('couple of chi_12', sum(couple(1, 2::3)), -150.0_wp*5.0_wp*1.0e-6_wp, &
+                          1.0e-8_wp)
+    call ask%start(verb_abort)
+    call expect('ABORT of the column', '')
+    call test%check('it ends with 4', child%wait(20.0_wp) .and. child%exit_code == 4)
+    call port%close()
+  end subroutine micromorphic
+
+  !> Forces and couples of the column at u and phi.
+  subroutine ask_column(u, phi, force, couple)
+    real(wp), intent(in) :: u(:, :), phi(:, :)
+    real(wp), intent(out) :: force(:, :), couple(:, :)
+    call ask%start(verb_force, 1_i8, 0.0_wp, 0.0_wp)
+    call ask%put('c.u', u)
+    call ask%put('c.phi', phi)
+    call expect('FORCE of the column', '')
+    call reply%get('c.force', force, errors)
+    call reply%get('c.moment', couple, errors)
+  end subroutine ask_column
 
   !> Reaction of the top, 0.05 m down.
   subroutine press(reaction)

@@ -36,7 +36,7 @@ def fields_that_differ(first: Path, second: Path) -> int:
     count = abs(len(a) - len(b))
     for s, t in zip(a, b, strict=False):
         for p, q in ((s.grains, t.grains), (s.contacts, t.contacts), (s.solid, t.solid)):
-            count += sum(not np.array_equal(p[key], q[key]) for key in p)
+            count += sum(not np.array_equal(p[key], q[key], equal_nan=True) for key in p)
     return count
 
 
