@@ -48,7 +48,7 @@ contains
     integer(i4) :: e
     do e = 1, merge(0_i4, self%mesh%elements, self%matter%micro%active)
       associate (law => self%matter%law(self%matter%law_of(e))%law)
-        if (law%finite) cycle
+        if (law%finite .or. law%polar) cycle
         moduli = law%modulus(self%matter%stress(:, self%elastic%point(e)))
         self%elastic%moduli(:2, e) = [moduli(1) - 2.0_wp/3.0_wp*moduli(2), moduli(2)]
       end associate

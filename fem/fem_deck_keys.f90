@@ -116,7 +116,7 @@ contains
 
   subroutine group_material(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('material', 38, 'A material.', repeats=.true.)
+    call table%add_group('material', 40, 'A material.', repeats=.true.)
     call table%add_key('id', 'string', '', 'Name by which other groups refer to it.')
     call table%need()
     call table%add_key('density', 'real', 'kg/m3', 'Mass density of the solid substance.')
@@ -137,13 +137,15 @@ contains
       //'`poisson`, `cohesion`, `friction_deg`, `dilation_deg`; `cam_clay`: modified ' &
       //'Cam-clay of `critical_slope`, `compression_index`, `swelling_index`, ' &
       //'`specific_volume`, `poisson`; `neo_hookean` and `st_venant_kirchhoff`: ' &
-      //'elasticity at finite strain of `young` and `poisson`. The last two, soils and ' &
-      //'`pressure_elastic` are laws with a state, which `modal` and `relaxation` do not ' &
-      //'know.')
+      //'elasticity at finite strain of `young` and `poisson`; ' &
+      //'`micropolar_drucker_prager`: plasticity of the constants of `micropolar`, ' &
+      //'`cohesion`, `friction_deg`, `dilation_deg` and `plastic_length`. The last three,' &
+      //' soils and `pressure_elastic` are laws with a state, which `modal` and ' &
+      //'`relaxation` do not know.')
     call table%preset('linear_elastic')
     call table%allow(&
       'linear_elastic|micropolar|pressure_elastic|drucker_prager|cam_clay|layered|neo_h' &
-      //'ookean|st_venant_kirchhoff')
+      //'ookean|st_venant_kirchhoff|micropolar_drucker_prager')
     call table%add_key('lambda', 'real', 'Pa', &
       'Eringen''s lambda; with 3 lambda + 2 mu + kappa > 0.')
     call table%add_key('mu', 'real', 'Pa', &
@@ -161,14 +163,14 @@ contains
     call table%add_key('l_t', 'real', 'm', &
       'Characteristic length of torsion; l_t^2 = (beta + gamma)/(2 mu + kappa).')
     call table%bounds(min=0.0_wp)
-    call table%add_key('l_b', 'real', 'm', &
-      'Characteristic length of bending; l_b^2 = gamma/(2 (2 mu + kappa)).')
-    call table%bounds(min=0.0_wp)
     call group_material_2(table)
   end subroutine group_material
 
   subroutine group_material_2(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('l_b', 'real', 'm', &
+      'Characteristic length of bending; l_b^2 = gamma/(2 (2 mu + kappa)).')
+    call table%bounds(min=0.0_wp)
     call table%add_key('coupling', 'real', '', &
       'Coupling number N in [0, 1); N^2 = kappa/(2 (mu + kappa)).')
     call table%add_key('polar_ratio', 'real', '', &
@@ -213,13 +215,13 @@ contains
     call table%bounds(above=0.0_wp)
     call table%add_key('cohesion', 'real', 'Pa', 'Cohesion c of `drucker_prager` at the start.')
     call table%bounds(min=0.0_wp)
-    call table%add_key('friction_deg', 'real', 'deg', 'Angle of friction of `drucker_prager`.')
-    call table%bounds(min=0.0_wp, below=90.0_wp)
     call group_material_3(table)
   end subroutine group_material_2
 
   subroutine group_material_3(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('friction_deg', 'real', 'deg', 'Angle of friction of `drucker_prager`.')
+    call table%bounds(min=0.0_wp, below=90.0_wp)
     call table%add_key('dilation_deg', 'real', 'deg', &
       'Angle of dilation of `drucker_prager`, 0 if left out, not above that of ' &
       //'friction: plastic flow would give energy.')
@@ -235,6 +237,16 @@ contains
     call table%add_key('residual_cohesion', 'real', 'Pa', &
       'Least cohesion of `drucker_prager` that softens.')
     call table%bounds(min=0.0_wp)
+    call table%add_key('plastic_length', 'real', 'm', &
+      'Length l of `micropolar_drucker_prager`: a couple stress m counts as a stress ' &
+      //'m/l in the yield function.')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('invariant', 'real', '', &
+      'Shares a1, a2, a3 of `micropolar_drucker_prager` in J2 = a1 s_ij s_ij + a2 s_ij ' &
+      //'s_ji + a3 m_ij m_ij/l^2, a1 + a2 = 1/2: 0.25, 0.25, 0.5 (de Borst 1991), 0.75, ' &
+      //'-0.25, 0.125 or 0.375, 0.125, 0.25 (Muehlhaus and Vardoulakis 1987).')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.25|0.25|0.5')
     call table%add_key('critical_slope', 'real', '', &
       'Slope M = q/p of the critical state line of `cam_clay`.')
     call table%bounds(above=0.0_wp)
@@ -736,9 +748,13 @@ contains
       //'equals scale times the curve. Shear strains that no row names are held at zero; ' &
       //'three rows are needed for the rest.', repeats=.true.)
     call table%add_key('component', 'string', '', &
-      'The component, in place of `stress_part` and `strain_part`.')
+      'The component, in place of `stress_part` and `strain_part`; of ' &
+      //'`micropolar_drucker_prager` 11 to 33 (gamma_kl or sigma_kl) and k11 to k33 ' &
+      //'(curvature or couple stress), and what no row names is held.')
     call table%preset('')
-    call table%allow('|xx|yy|zz|xy|yz|zx')
+    call table%allow(&
+      '|xx|yy|zz|xy|yz|zx|11|12|13|21|22|23|31|32|33|k11|k12|k13|k21|k22|k23|k31|k32|k3' &
+      //'3')
     call table%add_key('kind', 'string', '', 'What the component is one of.')
     call table%preset('strain')
     call table%allow('strain|stress')

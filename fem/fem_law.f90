@@ -30,6 +30,7 @@ module fem_law
     character(len=name_length) :: id = ''
     logical :: symmetric = .true.      !! its tangent is
     logical :: finite = .false.        !! finite strain: fem_law_finite
+    logical :: polar = .false.         !! strain and curvature of 18 components: fem_law_polar
     integer(i4) :: states = common_size
   contains
     procedure(begin_face), deferred :: begin

@@ -156,7 +156,10 @@ contains
     call self%cohesion_at(state(at_hardening), c, slope)
     share = 0.0_wp
     if (self%b_flow > 0.0_wp) share = self%a_flow/self%b_flow
+    rate = huge(1.0_wp)
+    grown = 0.0_wp
     do k = 1, 2
+      if (.not. self%b > 0.0_wp) exit  ! no friction: the mean stress does not count
       rate = self%bulk + self%a/self%b*share*slope
       grown = max(0.0_wp, (p - self%a/self%b*c)/rate)
       if (slope >= 0.0_wp .or. c + slope*share*grown >= self%residual) exit

@@ -13,11 +13,15 @@ module fem_matter
   use fem_law, only: fem_law_box_type, integrate, at_flag, at_iterations, at_stored, &
     at_dissipated, at_numerical, common_size
   use fem_law_finite, only: fem_law_finite_type, at_ratio
+  use fem_law_polar, only: fem_law_polar_type
   use fem_mm_body, only: fem_micro_type
   use fem_mm_element, only: mm_response_type
+  use fem_polar, only: full_of, symmetric_of
+  use fem_polar_element, only: polar_answer, polar_tangent
   use fem_ranks, only: fem_ranks_type
   use fem_recover, only: point_weights
-  use fem_sparse, only: fem_pattern_type, place
+  use fem_scatter, only: add_element
+  use fem_sparse, only: fem_pattern_type
   use fem_strain, only: mean_gradient, strain_matrix, add_product
   use fem_types, only: fem_mesh_type
   implicit none
@@ -40,7 +44,7 @@ module fem_matter
     real(wp), allocatable :: weight(:)        !! (points) volume times factor [m^3]
     real(wp), allocatable :: stress(:, :), accepted_stress(:, :)  !! (components, points) [Pa]
     real(wp), allocatable :: state(:, :), accepted_state(:, :)    !! (states, points)
-    real(wp), allocatable :: tangent(:, :, :)                     !! (6, 6, points) [Pa]
+    real(wp), allocatable :: tangent(:, :, :)  !! (components, components, points) [Pa]
     real(wp), allocatable :: nodal(:, :)      !! (3, blocks of all elements) forces [N]
     real(wp), allocatable :: u(:, :)          !! (3, blocks) of the trial, with finite strains [m]
     type(fem_micro_type) :: micro             !! if the body is micromorphic
@@ -76,7 +80,7 @@ contains
     if (self%micro%active) then
       call prepare_micro(self, mesh, dofs, elastic)
     else if (.not. allocated(self%tangent)) then
-      allocate (self%tangent(6, 6, elastic%points))
+      allocate (self%tangent(elastic%components, elastic%components, elastic%points))
     end if
     self%accepted_stress = self%stress
     self%accepted_state = self%state
@@ -282,6 +286,8 @@ contains
       rule = elastic%rule_of(e)
       if (self%law(self%law_of(e))%law%finite) then
         call deform_element(self, mesh, dofs, elastic, e, shape, motion, failed)
+      else if (self%law(self%law_of(e))%law%polar) then
+        call turn_element(self, mesh, dofs, elastic, moved, e, shape, failed)
       else
         call update_element(self, mesh, dofs, elastic, moved, e, shape, failed)
       end if
@@ -299,11 +305,12 @@ contains
     type(fem_shape_type), intent(inout) :: shape
     integer(i4), intent(out) :: bad
     real(wp) :: d(3*elastic%rule(elastic%rule_of(e))%nodes), f(size(d)), mean(size(d))
-    real(wp) :: b(size(d), 6), strain(6)
-    logical :: good
+    real(wp) :: b(size(d), 6), strain(6), stress(6)
+    logical :: good, wide
     integer(i4) :: q, p, r, n
 
     bad = 0
+    wide = size(self%stress, 1) > size(stress)  ! a body with micropolar parts
     associate (rule => elastic%rule(elastic%rule_of(e)), law => self%law(self%law_of(e))%law, &
                block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
       n = self%law(self%law_of(e))%law%states
@@ -317,18 +324,52 @@ contains
         do r = 1, 6
           strain(r) = dot_product(b(:, r), d)
         end do
-        self%stress(:, p) = self%accepted_stress(:, p)
+        if (wide) then
+          stress = self%accepted_stress(symmetric_of, p)
+        else
+          stress = self%accepted_stress(:, p)
+        end if
         self%state(:, p) = self%accepted_state(:, p)
-        call integrate(law, strain, self%stress(:, p), self%state(:n, p), self%tangent(:, :, p), &
-                       good)
+        call integrate(law, strain, stress, self%state(:n, p), self%tangent(:6, :6, p), good)
         if (.not. good .and. bad == 0) bad = p
+        if (wide) then
+          self%stress(:9, p) = stress(full_of)
+        else
+          self%stress(:, p) = stress
+        end if
         do r = 1, 6
-          f = f + self%weight(p)*self%stress(r, p)*b(:, r)
+          f = f + self%weight(p)*stress(r)*b(:, r)
         end do
       end do
       self%nodal(:, dofs%start(e):dofs%start(e + 1) - 1) = reshape(f, [3, size(block)])
     end associate
   end subroutine update_element
+
+  !> A micropolar element.
+  subroutine turn_element(self, mesh, dofs, elastic, moved, e, shape, bad)
+    class(fem_matter_type), intent(inout) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: moved(:, :)
+    integer(i4), intent(in) :: e
+    type(fem_shape_type), intent(inout) :: shape
+    integer(i4), intent(out) :: bad
+
+    associate (rule => elastic%rule(elastic%rule_of(e)), a => elastic%point(e), &
+               b => elastic%point(e + 1) - 1, first => dofs%start(e), last => dofs%start(e + 1) - 1)
+      call element_shape(rule%at, mesh%x(:, dofs%block(first:first + rule%nodes - 1)), shape)
+      self%stress(:, a:b) = self%accepted_stress(:, a:b)
+      self%state(:, a:b) = self%accepted_state(:, a:b)
+      select type (law => self%law(self%law_of(e))%law)
+      class is (fem_law_polar_type)
+        call polar_answer(law, rule, shape, moved(:, dofs%block(first:last)), &
+                          elastic%factor(a:b), self%stress(:, a:b), self%state(:, a:b), &
+                          self%tangent(:, :, a:b), self%nodal(:, first:last), bad)
+      end select
+      if (bad > 0) bad = a + bad - 1
+    end associate
+  end subroutine turn_element
 
   !> An element at finite strain; where a point is turned inside out its volume ratio is kept.
   subroutine deform_element(self, mesh, dofs, elastic, e, shape, motion, bad)
@@ -440,8 +481,12 @@ contains
     ke = 0.0_wp
     associate (rule => elastic%rule(elastic%rule_of(e)), &
                block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
-      call element_shape(rule%at, mesh%x(:, block), shape)
+      call element_shape(rule%at, mesh%x(:, block(:rule%nodes)), shape)
       select type (law => self%law(self%law_of(e))%law)
+      class is (fem_law_polar_type)
+        call polar_tangent(rule, shape, self%tangent(:, :, elastic%point(e):elastic%point(e + 1) &
+          - 1), self%weight(elastic%point(e):elastic%point(e + 1) - 1), ke)
+        return
       class is (fem_law_finite_type)
         call deform(rule, shape, self%u(:, block), motion, q)
         call finite_tangent(law, rule, shape, motion, &
@@ -452,33 +497,10 @@ contains
       do q = 1, rule%at%n
         p = elastic%point(e) + q - 1
         call strain_matrix(rule, shape, q, mean, b)
-        call add_product(int(size(ke, 1), i4), b, self%tangent(:, :, p), self%weight(p), ke)
+        call add_product(int(size(ke, 1), i4), b, self%tangent(:6, :6, p), self%weight(p), ke)
       end do
     end associate
   end subroutine element_tangent
-
-  !> Add an element to the rows of a range of nodes.
-  pure subroutine add_element(block, node, pattern, range, symmetric, ke, k, lower)
-    integer(i4), intent(in) :: block(:), node(:), range(2)
-    type(fem_pattern_type), intent(in) :: pattern
-    logical, intent(in) :: symmetric
-    real(wp), intent(in) :: ke(:, :)
-    real(wp), intent(inout) :: k(:, :, :), lower(:, :, :)
-    integer(i4) :: a, b, row, p
-    do b = 1, size(block)
-      do a = 1, size(block)
-        row = min(block(a), block(b))
-        if (node(row) < range(1) .or. node(row) >= range(2)) cycle
-        if (symmetric .and. block(a) > block(b)) cycle
-        p = place(pattern, row, max(block(a), block(b)))
-        if (block(a) <= block(b)) then
-          k(:, :, p) = k(:, :, p) + ke(3*a - 2:3*a, 3*b - 2:3*b)
-        else
-          lower(:, :, p) = lower(:, :, p) + ke(3*a - 2:3*a, 3*b - 2:3*b)
-        end if
-      end do
-    end do
-  end subroutine add_element
 
   subroutine accept(self)
     class(fem_matter_type), intent(inout) :: self

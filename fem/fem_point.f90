@@ -15,7 +15,9 @@ module fem_point
   use fem_layered, only: layered_point
   use fem_micropolar, only: micropolar_strain, micropolar_stress, axial
   use fem_law, only: fem_law_box_type
+  use fem_law_polar, only: fem_law_polar_type
   use fem_point_path, only: follow_path
+  use fem_point_polar, only: follow_polar
   use fem_setup_laws, only: read_law
   use fem_setup_sections, only: read_material, fem_material_type, check_ids
   implicit none
@@ -127,13 +129,19 @@ contains
     call find_material(deck, 'point', 1, material, m, errors)
     call read_curves(deck, 'D304', curve, errors)
     if (errors%any()) return
-    if (material(m)%polar) then
+    if (material(m)%polar .and. .not. material(m)%stateful) then
       call deck%fault(errors, 'D332', 'a micropolar solid takes &path states', 'point', 1, &
                       'material', 'it has no state')
       return
     end if
-    call read_law(deck, m, box, errors)
-    if (.not. errors%any()) call follow_path(deck, box%law, curve, path, check, errors)
+    call read_law(deck, m, material(m)%moduli, box, errors)
+    if (errors%any()) return
+    select type (law => box%law)
+    class is (fem_law_polar_type)
+      call follow_polar(deck, law, curve, path, check, errors)
+    class default
+      call follow_path(deck, law, curve, path, check, errors)
+    end select
   end subroutine run_control
 
   !> Material that instance k of a group names, or the only one.

@@ -90,7 +90,10 @@ contains
     do k = 1, n
       call deck%get('control', k, 'component', name)
       call deck%get('control', k, 'kind', kind)
-      if (len(name) > 0) then
+      if (verify(name, 'k123') == 0 .and. len(name) > 0) then
+        call deck%fault(errors, 'D332', "'"//name//"' is a component of micropolar points", &
+          'control', k, 'component', 'of this law it is xx, yy, zz, xy, yz or zx')
+      else if (len(name) > 0) then
         j = (index('xx yy zz xy yz zx', name) + 2)/3
         if (kind == 'stress') control%stress(k, j) = 1.0_wp
         if (kind == 'strain') control%strain(k, j) = 1.0_wp

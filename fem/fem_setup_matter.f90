@@ -6,10 +6,12 @@ module fem_setup_matter
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use fem_body, only: fem_body_type
-  use fem_element, only: points_at
+  use fem_elastic, only: classical, polar
   use fem_mesh, only: find_group, group_hint
+  use fem_polar, only: full_of
   use fem_recover, only: point_positions
   use fem_setup_laws, only: read_law
+  use fem_setup_sections, only: read_material, fem_material_type
   use fem_setup_micro, only: read_micro_laws, begin_micro_points
   use fem_types, only: group_volume
   implicit none
@@ -23,6 +25,7 @@ contains
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
     type(error_list_type), intent(inout) :: errors
+    type(fem_material_type) :: material
     integer(i4) :: m
 
     if (.not. body%matter%active) then
@@ -33,12 +36,16 @@ contains
     if (body%matter%micro%active) call read_micro_laws(deck, body, errors)
     allocate (body%matter%law(merge(0_i4, deck%count('material'), body%matter%micro%active)))
     do m = 1, size(body%matter%law)
-      call read_law(deck, m, body%matter%law(m), errors)
+      call read_material(deck, m, material, errors)
+      call read_law(deck, m, material%moduli, body%matter%law(m), errors)
       if (.not. any(body%matter%law_of == m)) cycle
       body%matter%symmetric = body%matter%symmetric .and. body%matter%law(m)%law%symmetric
       body%matter%states = max(body%matter%states, body%matter%law(m)%law%states)
       body%matter%finite = body%matter%finite .or. body%matter%law(m)%law%finite
     end do
+    if (body%matter%finite .and. body%elastic%components == polar) call deck%fault(errors, 'D334', &
+      'a body at finite strain has micropolar parts', 'section', 1, 'material', &
+      'micropolar laws are those of small strains: run them alone')
     if (allocated(body%follower)) body%matter%symmetric = .false.
     if (deck%given('analysis', 1, 'tolerance')) &
       call deck%get('analysis', 1, 'tolerance', body%newton%tolerance)
@@ -104,12 +111,16 @@ contains
       'tangents of laws with a state need factors', 'analysis', 1, 'solver', &
       "take solver = 'direct' or leave it out")
     if (body%matter%micro%active) return
+    if (any(body%elastic%layered_of > 0)) call deck%fault(errors, 'D334', 'element '// &
+      str(int(findloc(body%elastic%layered_of > 0, .true., 1), i4))//' is of a layered solid, '// &
+      'in a body that has a law with a state', 'section', 1, 'material', &
+      'layers and joints are elastic: run them alone')
     do e = 1, body%mesh%elements
       associate (rule => body%elastic%rule(body%elastic%rule_of(e)))
-        if (rule%modes == 0 .and. .not. (rule%one_point .or. rule%polar)) cycle
+        if (rule%modes == 0 .and. .not. rule%one_point) cycle
         call deck%fault(errors, 'D334', 'element '//str(e)//' is '//trim(rule%name)// &
           ', which knows elastic laws alone, in a body that has one with a state', 'section', 1, &
-          'element', 'take hex8_bbar, hex8_full, hex20, hex27, tet4, tet10 or wedge6')
+          'element', 'take an element that integrates in full: hex8_bbar, hex8_full, hex20, ...')
         return
       end associate
     end do
@@ -206,6 +217,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: fault, cure
     real(wp) :: moduli(2)
+    real(wp), allocatable :: wide(:, :)
     integer(i4) :: e, q, n
 
     allocate (body%matter%state(body%matter%states, body%elastic%points), source=0.0_wp)
@@ -219,9 +231,14 @@ contains
             ': '//fault, 'material', body%matter%law_of(e), 'id', cure)
           return
         end do
+        if (law%polar) cycle
         moduli = law%modulus(body%matter%stress(:, first))
         body%elastic%moduli(:2, e) = [moduli(1) - 2.0_wp/3.0_wp*moduli(2), moduli(2)]
       end associate
     end do
+    if (body%elastic%components == classical) return
+    allocate (wide(body%elastic%components, body%elastic%points), source=0.0_wp)
+    wide(:9, :) = body%matter%stress(full_of, :)
+    call move_alloc(wide, body%matter%stress)
   end subroutine begin_points
 end module fem_setup_matter

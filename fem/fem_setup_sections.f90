@@ -55,7 +55,7 @@ contains
     call deck%get('material', m, 'density', material%density)
     call deck%get('material', m, 'micro_inertia', material%inertia)
     material%layered = law == 'layered'
-    material%polar = law == 'micropolar' .or. material%layered
+    material%polar = index(law, 'micropolar') > 0 .or. material%layered
     material%stateful = has_state(law)
     call check_law_keys(deck, m, law, errors)
     if (material%layered) then

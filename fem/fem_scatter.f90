@@ -1,0 +1,33 @@
+!> Matrices of elements to the blocks of a pattern, symmetric or with what is below the diagonal.
+module fem_scatter
+  use talus_kinds, only: wp, i4
+  use fem_sparse, only: fem_pattern_type, place
+  implicit none
+  private
+  public :: add_element
+
+contains
+
+  !> Add an element to the rows of a range of nodes.
+  pure subroutine add_element(block, node, pattern, range, symmetric, ke, k, lower)
+    integer(i4), intent(in) :: block(:), node(:), range(2)
+    type(fem_pattern_type), intent(in) :: pattern
+    logical, intent(in) :: symmetric
+    real(wp), intent(in) :: ke(:, :)
+    real(wp), intent(inout) :: k(:, :, :), lower(:, :, :)
+    integer(i4) :: a, b, row, p
+    do b = 1, size(block)
+      do a = 1, size(block)
+        row = min(block(a), block(b))
+        if (node(row) < range(1) .or. node(row) >= range(2)) cycle
+        if (symmetric .and. block(a) > block(b)) cycle
+        p = place(pattern, row, max(block(a), block(b)))
+        if (block(a) <= block(b)) then
+          k(:, :, p) = k(:, :, p) + ke(3*a - 2:3*a, 3*b - 2:3*b)
+        else
+          lower(:, :, p) = lower(:, :, p) + ke(3*a - 2:3*a, 3*b - 2:3*b)
+        end if
+      end do
+    end do
+  end subroutine add_element
+end module fem_scatter
