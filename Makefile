@@ -95,7 +95,7 @@ $(OBJ)/common-talus_build_c.o: $(BUILD)/talus_build.c | $(OBJ)
 	$(CC) $(CFLAGS) -c -o $@ $<
 
 $(BIN)/talus-dem: $(OBJ)/dem-dem_main.o $(LIB)/libtalus_dem.a $(LIB)/libtalus_common.a | $(BIN)
-	gfortran -fopenmp $(LDFLAGS) -o $@ $^ $(LIBS_HDF5)
+	$(FC) -fopenmp $(LDFLAGS) -o $@ $^ $(LIBS_HDF5)
 $(BIN)/talus-fem: $(OBJ)/fem-fem_main.o $(LIB)/libtalus_fem.a $(LIB)/libtalus_common.a | $(BIN)
 	$(FC) -fopenmp $(LDFLAGS) -o $@ $^ $(LIBS_MUMPS) $(LIBS_HDF5)
 $(BIN)/talus-couple: $(OBJ)/couple-cpl_main.o $(LIB)/libtalus_couple.a $(LIB)/libtalus_common.a | $(BIN)
@@ -107,7 +107,7 @@ define unit_rule
 $(BUILD)/unit/$(1): $(OBJ)/tests-unit-$(1).o $(OBJ)/tests-unit-talus_test.o \
   $(if $(filter test_dem_%,$(1)),$(LIB)/libtalus_dem.a) $(if $(filter test_fem_%,$(1)),$(LIB)/libtalus_fem.a) \
   $(if $(filter test_cpl_%,$(1)),$(LIB)/libtalus_couple.a) $(LIB)/libtalus_common.a | $(BUILD)/unit
-	$(if $(filter test_fem_%,$(1)),$(FC),gfortran) -fopenmp $(LDFLAGS) -o $$@ $$^ \
+	$(if $(filter test_fem_% test_dem_%,$(1)),$(FC),gfortran) -fopenmp $(LDFLAGS) -o $$@ $$^ \
 	  $(if $(filter test_fem_%,$(1)),$(LIBS_MUMPS)) $(if $(filter test_cpl_%,$(1)),-lopenblas) $(LIBS_HDF5)
 endef
 $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))

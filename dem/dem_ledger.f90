@@ -40,6 +40,7 @@ contains
       constants = constants_of(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)))
       energy = stored_energy(constants, d%pairs%weight(:, min(k, size(d%pairs%weight, 2))), &
                              d%pairs%history(:, :, k))
+      if (allocated(d%pairs%share)) energy = d%pairs%share(k)*energy
       ledger%elastic_normal = ledger%elastic_normal + energy(1)
       ledger%elastic_tangential = ledger%elastic_tangential + energy(2)
     end do

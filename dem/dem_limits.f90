@@ -4,7 +4,7 @@
 !! and sum f k_t |r_c|^2/(s_I I_min), with f = 2 for a free partner and 1 for a prescribed one.
 module dem_limits
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_data_type, kind_free, law_linear, lanes, mode_relaxation, &
+  use dem_state, only: dem_data_type, kind_free, kind_mirror, law_linear, lanes, mode_relaxation, &
     history_side
   use dem_contact, only: contact_constants_type, constants_of, contact_radius, contact_point
   use dem_surface_measure, only: add_surface_rows
@@ -63,16 +63,22 @@ contains
     second = d%pairs%grain(other)
     factor = 1.0_wp
     if (first <= d%grains%n) then
-      if (d%grains%kind(first) == kind_free) factor = 2.0_wp
+      if (moves(d%grains%kind(first))) factor = 2.0_wp
     end if
     lambda(1, second) = lambda(1, second) + factor*(kn + kt)
     lambda(2, second) = lambda(2, second) + factor*kt*sum(arm**2)
     if (first > d%grains%n) return
     factor = 1.0_wp
-    if (d%grains%kind(second) == kind_free) factor = 2.0_wp
+    if (moves(d%grains%kind(second))) factor = 2.0_wp
     lambda(1, first) = lambda(1, first) + factor*(kn + kt)
     lambda(2, first) = lambda(2, first) + factor*kt*sum(point**2)
   end subroutine add_pair
+
+  !> Does a grain of this kind give way, here or on another rank?
+  pure logical function moves(kind)
+    integer(i4), intent(in) :: kind
+    moves = kind == kind_free .or. kind == kind_mirror
+  end function moves
 
   !> Least Rayleigh time of the free grains, at the least radius of curvature, with scaled mass [s].
   real(wp) function rayleigh_step(d) result(limit)

@@ -23,16 +23,16 @@ module dem_logbook
 contains
 
   !> Header and deck as understood.
-  subroutine begin_log(log, program, deck, threads)
+  subroutine begin_log(log, program, deck, ranks, threads)
     type(log_type), intent(inout) :: log
     character(len=*), intent(in) :: program
     type(deck_type), intent(in) :: deck
-    integer(i4), intent(in) :: threads
+    integer(i4), intent(in) :: ranks, threads
     type(string_type), allocatable :: lines(:)
     character(len=:), allocatable :: title
 
     call deck%get('run', 1, 'title', title)
-    call log%header(program, title, deck%source%path, deck%hash(), 1_i4, threads)
+    call log%header(program, title, deck%source%path, deck%hash(), ranks, threads)
     call deck%echo(lines)
     call log%deck_echo(lines)
   end subroutine begin_log

@@ -1,13 +1,17 @@
-!> talus-dem: grains. `talus-dem deck.nml` runs a deck, `talus-dem --help` says the rest.
+!> talus-dem: grains. `talus-dem deck.nml` runs a deck, `mpirun -n 4 talus-dem deck.nml` with ranks;
+!! `talus-dem --help` says the rest. The first rank does all that is written here, the others what
+!! it orders.
 program talus_dem
   use, intrinsic :: iso_fortran_env, only: error_unit
   use talus_kinds, only: i4
   use talus_errors, only: error_list_type
   use talus_answers, only: asks_a_question, answer_question
   use talus_options, only: options_type, parse_options
+  use talus_ranks, only: ranks_type, join_ranks, leave_ranks
   use talus_report, only: report_check
   use talus_deck_table, only: key_table_type
   use talus_system, only: ignore_write_signals, talus_exit, talus_short_spins
+  use dem_crew, only: dem_crew_type, serve_leader
   use dem_model, only: dem_model_type, program_name
   use dem_measure_file, only: measure_file
   use dem_deck_keys, only: dem_deck_table
@@ -17,15 +21,19 @@ program talus_dem
   type(options_type) :: options
   type(dem_model_type), allocatable :: model
   type(error_list_type) :: errors
+  type(ranks_type) :: ranks
   integer(i4) :: exit_code
 
   call ignore_write_signals()
   call talus_short_spins()
+  call join_ranks(ranks)
+  if (.not. ranks%leads()) call follow()
   call parse_options(options, program_name, errors)
   if (errors%any()) call leave_with_faults()
   if (asks_a_question(options)) call answer()
   if (len(options%point) > 0 .and. len(options%port) == 0) options%port = 'attach:'//options%point
   allocate (model)
+  model%ranks = ranks
   if (options%check) call check()
   if (len(options%measure) > 0) call measure()
   if (len(options%port) > 0) then
@@ -39,13 +47,31 @@ program talus_dem
     call model%finish(exit_code, errors)
   end if
   if (errors%any()) call errors%print(error_unit)
-  call talus_exit(exit_code)
+  call go(exit_code)
 
 contains
 
+  !> All ranks leave.
+  subroutine go(code)
+    integer(i4), intent(in) :: code
+    type(dem_crew_type) :: crew
+    crew%team = ranks
+    call crew%leave(code)
+    call leave_ranks()
+    call talus_exit(code)
+  end subroutine go
+
+  !> A rank that does not lead.
+  subroutine follow()
+    integer(i4) :: code
+    call serve_leader(ranks, code)
+    call leave_ranks()
+    call talus_exit(code)
+  end subroutine follow
+
   subroutine leave_with_faults()
     call errors%print(error_unit)
-    call talus_exit(errors%exit_code())
+    call go(errors%exit_code())
   end subroutine leave_with_faults
 
   !> --help, --version, --keys.
@@ -53,7 +79,7 @@ contains
     type(key_table_type) :: table
     call dem_deck_table(table)
     call answer_question(program_name, options, table)
-    call talus_exit(0_i4)
+    call go(0_i4)
   end subroutine answer
 
   !> --check: read everything, evaluate the first forces, report, leave.
@@ -61,7 +87,7 @@ contains
     call model%read(options, errors)
     if (.not. errors%any()) call model%prepare(errors)
     call report_check(program_name, model%deck, errors, options%json)
-    call talus_exit(errors%exit_code())
+    call go(errors%exit_code())
   end subroutine check
 
   !> --measure=FILE: the measures of the deck on a field file.
@@ -69,6 +95,6 @@ contains
     call model%read(options, errors)
     if (.not. errors%any()) call measure_file(model, options%measure, errors)
     if (errors%any()) call leave_with_faults()
-    call talus_exit(0_i4)
+    call go(0_i4)
   end subroutine measure
 end program talus_dem

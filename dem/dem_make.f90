@@ -6,7 +6,7 @@ module dem_make
   use dem_state, only: dem_grains_type, dem_planes_type, dem_material_type
   implicit none
   private
-  public :: make_grains, make_planes, sorted_order
+  public :: make_grains, make_planes, sorted_order, allocate_grains
 
   real(wp), parameter :: pi = acos(-1.0_wp)
   real(wp), parameter :: least_axis = 1.0e-60_wp  !! m; mass and inertia of less are no numbers
@@ -94,6 +94,7 @@ contains
     end do
   end subroutine check_grains
 
+  !> Arrays for g%n grains.
   subroutine allocate_grains(g)
     type(dem_grains_type), intent(inout) :: g
     integer(i4) :: n

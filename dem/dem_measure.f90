@@ -1,6 +1,6 @@
 !> What is measured on a system: momenta, coordination, overlap, stress, runaway energy.
 module dem_measure
-  use talus_kinds, only: wp, i4
+  use talus_kinds, only: wp, i4, i8
   use talus_vectors, only: cross
   use talus_errors, only: error_list_type
   use talus_text, only: str
@@ -14,6 +14,7 @@ module dem_measure
   private
   public :: momentum_of, angular_momentum_of, coordination_of, largest_overlap, stress_of
   public :: contact_count, least_axis, check_runaway, check_overlap, cross
+  public :: fastest_grain, judge_runaway
 
 contains
 
@@ -139,9 +140,24 @@ contains
   subroutine check_runaway(d, errors)
     type(dem_data_type), intent(inout) :: d
     type(error_list_type), intent(inout) :: errors
+    real(wp) :: kinetic, most
+    integer(i4) :: worst
+    call fastest_grain(d, kinetic, most, worst)
+    if (worst == 0) then
+      call judge_runaway(d, kinetic, 0_i8, 0.0_wp, errors)
+    else
+      call judge_runaway(d, kinetic, d%grains%id(worst), sqrt(sum(d%grains%v(:, worst)**2)), errors)
+    end if
+  end subroutine check_runaway
+
+  !> Kinetic energy of the free grains, no less than it is, and the grain that has the most of it.
+  pure subroutine fastest_grain(d, kinetic, most, worst)
+    type(dem_data_type), intent(in) :: d
+    real(wp), intent(out) :: kinetic, most  !! [J]
+    integer(i4), intent(out) :: worst       !! 0: no free grain
     type(motion_type) :: motion
-    real(wp) :: kinetic, this, most, scale
-    integer(i4) :: i, worst
+    real(wp) :: this
+    integer(i4) :: i
 
     motion = motion_of(d, d%par%dt)
     kinetic = 0.0_wp
@@ -158,17 +174,28 @@ contains
         worst = i
       end if
     end do
+  end subroutine fastest_grain
+
+  !> Compare a kinetic energy with all that was ever put in, which is kept in the health counters.
+  subroutine judge_runaway(d, kinetic, id, speed, errors)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: kinetic   !! [J]
+    integer(i8), intent(in) :: id     !! of the fastest grain, 0: there is none
+    real(wp), intent(in) :: speed     !! of it [m/s]
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: scale
+
     scale = max(abs(d%ledger%start), abs(d%ledger%gravity), abs(d%ledger%boundary), &
                 abs(d%ledger%external))
     d%health%reference_energy = max(d%health%reference_energy, scale)
-    if (worst == 0 .or. .not. d%health%reference_energy > 0.0_wp) return
+    if (id == 0 .or. .not. d%health%reference_energy > 0.0_wp) return
     if (kinetic <= d%par%energy_limit*d%health%reference_energy) return
     call errors%add('N201', 'runaway energy: '//str(kinetic)//' J of motion from '// &
                     str(d%health%reference_energy)//' J put in; fastest is grain '// &
-                    str(d%grains%id(worst))//' with '//str(sqrt(sum(d%grains%v(:, worst)**2)))// &
+                    str(id)//' with '//str(speed)// &
                     ' m/s', place='step '//str(d%health%steps), &
                     hint='lower the time step; its limit now stands in the log')
-  end subroutine check_runaway
+  end subroutine judge_runaway
 
   !> Largest overlap into the health counters; fault `code` when it passes par%overlap_limit.
   subroutine check_overlap(d, code, errors)

@@ -8,9 +8,10 @@ module dem_model
   use talus_text, only: str, string_type, append_string
   use talus_errors, only: error_list_type, exit_stopped
   use talus_options, only: options_type
+  use talus_ranks, only: ranks_type
   use talus_deck, only: deck_type
   use talus_deck_table, only: key_table_type
-  use talus_files, only: make_folder, folder_of, name_of, run_stem, same_file
+  use talus_files, only: make_folder, folder_of, run_stem
   use talus_checkpoint, only: checkpoint_type
   use talus_lock, only: lock_type
   use talus_log, only: log_type, short_number
@@ -25,6 +26,7 @@ module dem_model
   use dem_cell, only: cell_volume
   use dem_setup, only: dem_choices_type, read_model, check_initial_overlap, check_step, &
     read_step_curve
+  use dem_setup_run, only: spare_inputs, refuse_ranks
   use dem_clock, only: dem_clock_type, event_history, event_output, event_checkpoint, &
     event_measure, event_count
   use dem_histories, only: dem_histories_type
@@ -49,6 +51,7 @@ module dem_model
 
   type :: dem_model_type
     type(options_type) :: options
+    type(ranks_type) :: ranks
     type(deck_type) :: deck
     type(dem_system_type) :: system
     type(dem_packing_type) :: packing
@@ -88,6 +91,7 @@ module dem_model
     procedure :: automatic_dt
     procedure :: use_step
     procedure, private :: follow_laws
+    procedure, private :: on_ranks
     procedure :: take_steps
     procedure :: load_surface
     procedure :: write_due
@@ -138,10 +142,11 @@ contains
     call self%drive%read(self%deck, self%system%dem_data_type, self%servo%curve, self%served, &
                          errors)
     call self%probe%read(self%deck, self%system%dem_data_type, errors)
+    if (self%ranks%several()) call self%on_ranks(errors)
     threads = options%threads
     if (threads == 0) call self%deck%get('run', 1, 'threads', threads)
-    if (threads == 0) threads = min(int(omp_get_max_threads(), i4), &
-                                    1 + self%system%grains%n/grains_a_thread)
+    if (threads == 0) threads = min(max(1_i4, int(omp_get_max_threads(), i4)/self%ranks%on_host), &
+                                    1 + self%system%grains%n/(grains_a_thread*self%ranks%ranks))
     call omp_set_num_threads(threads)
     if (errors%any() .or. self%served) return
     if (size(self%choices%idle) > 0) &
@@ -150,30 +155,6 @@ contains
                            'file', 'add &driven ids = '//str(self%choices%idle(1))// &
                            ', velocity = ... /, or &fixed')
   end subroutine read_run
-
-  !> No result may take the place of the deck or the packing, or of another result (D249).
-  subroutine spare_inputs(deck, stem, errors)
-    type(deck_type), intent(in) :: deck
-    character(len=*), intent(in) :: stem
-    type(error_list_type), intent(inout) :: errors
-    character(len=*), parameter :: hint = 'rename one of both; results are named as the deck'
-    character(len=:), allocatable :: input, packing
-
-    input = deck%path('particles', 1, 'file')
-    if (deck%count('output') == 0) return
-    if (same_file(input, stem//'.h5')) call deck%fault(errors, 'D249', &
-      'the fields of this run would overwrite its packing', 'particles', 1, 'file', hint)
-    call deck%get('output', 1, 'packing', packing)
-    if (len(packing) == 0) return
-    packing = folder_of(stem)//'/'//packing
-    if (same_file(packing, input) .or. same_file(packing, deck%source%path)) then
-      call deck%fault(errors, 'D249', 'the last state would overwrite an input of this run', &
-                      'output', 1, 'packing', hint)
-    else if (packing == folder_of(stem)//'/'//name_of(stem)//'.h5') then
-      call deck%fault(errors, 'D249', 'the last state would overwrite the fields of this run', &
-                      'output', 1, 'packing', hint)
-    end if
-  end subroutine spare_inputs
 
   !> First forces and time step, or the state of a checkpoint.
   subroutine prepare(self, errors)
@@ -267,6 +248,15 @@ contains
     call self%use_step(self%choices%dt)
   end subroutine begin_again
 
+  !> Steps by many ranks; what they cannot do is refused.
+  subroutine on_ranks(self, errors)
+    class(dem_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    call refuse_ranks(self%deck, self%system%dem_data_type, self%ranks%ranks, &
+                      self%choices%adaptive, self%served, errors)
+    if (.not. self%served) call self%system%use_ranks(self%ranks)
+  end subroutine on_ranks
+
   !> Contact laws may have changed since the checkpoint: the energy that is stored by the new ones
   !! was there at the start, so that the ledger closes as it did.
   subroutine follow_laws(self)
@@ -285,10 +275,7 @@ contains
   real(wp) function automatic_dt(self) result(dt)
     class(dem_model_type), intent(in) :: self
     real(wp), parameter :: least_steps = 100.0_wp
-    real(wp) :: speed
-    speed = 0.0_wp
-    if (self%system%grains%n > 0) speed = sqrt(maxval(sum(self%system%grains%v**2, 1)))
-    dt = self%system%automatic_step(speed)
+    dt = self%system%automatic_step(self%system%top_speed())
     if (self%choices%dt_curve > 0) &
       dt = dt*self%servo%curve(self%choices%dt_curve)%at(self%clock%time())
     if (self%clock%t_end > 0.0_wp) dt = min(dt, self%clock%t_end/least_steps)
@@ -322,7 +309,8 @@ contains
     call self%log%open(self%stem//'.log', errors, append=self%start_time >= 0.0_wp)
     if (errors%any()) return
     self%opened = .true.
-    call begin_log(self%log, program_name, self%deck, int(omp_get_max_threads(), i4))
+    call begin_log(self%log, program_name, self%deck, self%ranks%ranks, &
+                   int(omp_get_max_threads(), i4))
     call log_model(self%log, self%deck, self%system, self%choices, self%clock)
     if (self%surcharge%active) &
       call self%log%item('surcharge', self%surcharge%text(self%system%dem_data_type))
@@ -400,6 +388,7 @@ contains
       end if
       call self%take_steps(block, errors)
       if (errors%any()) return
+      if (self%servo%due(self%clock%steps)) call self%system%look()
       if (self%servo%due(self%clock%steps)) &
         call self%servo%look(self%system%dem_data_type, self%clock%time())
       call self%load_surface(errors)
@@ -469,10 +458,12 @@ contains
     class(dem_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
     real(wp) :: t
+    integer(i4) :: k
 
     if (errors%any()) return
     t = self%clock%time()
     call self%timers%start('output')
+    if (any([(self%clock%due(k), k=1, event_count)])) call self%system%look()
     if (self%clock%due(event_history)) then
       call self%histories%write(t, self%system, errors)
       call self%servo%write(t, self%system%dem_data_type, errors)
@@ -550,6 +541,7 @@ contains
     type(error_list_type) :: ignored
     character(len=:), allocatable :: packing
 
+    call self%system%look()
     if (.not. (errors%any() .or. self%stopped)) &
       call self%equilibrium%look(self%system, self%held())
     if (.not. errors%any()) then
@@ -586,6 +578,8 @@ contains
     if (self%surcharge%active) call self%log%line( &
       'surcharge: '//self%surcharge%text(self%system%dem_data_type))
     call log_health(self%log, self%system, self%clock)
+    if (allocated(self%system%crew)) &
+      call self%log%item('ranks', self%system%crew%text(self%steps_seconds()))
     call self%log%timer_table(self%timers)
     call write_summary(self%stem//'_summary.json', program_name, self%deck, self%system, &
                        self%clock, self%timers, self%clock%steps - self%start_steps, &

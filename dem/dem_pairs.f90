@@ -6,8 +6,8 @@
 module dem_pairs
   use talus_kinds, only: wp, i4, i8
   use dem_state, only: dem_grains_type, dem_planes_type, dem_pairs_type, dem_weights_type, &
-    dem_cell_type, kind_free, lanes, body_size, history_size, history_side, history_root, &
-    result_size, column_count, entries_ahead
+    dem_cell_type, kind_free, kind_mirror, lanes, body_size, history_size, history_side, &
+    history_root, result_size, column_count, entries_ahead
   use dem_cell, only: is_periodic, list_in_cell
   use dem_cells, only: find_candidates
   use dem_gap, only: solve_gap
@@ -20,7 +20,8 @@ module dem_pairs
 
   integer(i4), parameter :: bands = 4  !! of gaps, see band_of
   integer(i4), parameter :: most_materials = 1000
-  integer(i4), parameter :: first_wall_group = 2*bands*most_materials*(most_materials + 2)
+  integer(i4), parameter :: first_border_group = 2*bands*most_materials*(most_materials + 2)
+  integer(i4), parameter :: first_wall_group = 2*first_border_group
 
   !> Candidates before they are put into blocks.
   type :: list_type
@@ -188,6 +189,8 @@ contains
                                      list%gap(k))
     list%group(k) = group_of(.false., grains%material(i), grains%material(pairs%grain(j)), &
                              round, band_of(list%gap(k), pairs%skin))
+    if (grains%kind(i) == kind_mirror .or. grains%kind(pairs%grain(j)) == kind_mirror) &
+      list%group(k) = list%group(k) + first_border_group
   end subroutine look_at_pair
 
   !> Pairs that touch or nearly touch are in band 0; the others can be passed over for a while.
@@ -353,7 +356,7 @@ contains
     end do
   end function place_of
 
-  !> Materials, geometry and least gap of each block.
+  !> Materials, geometry, least gap of each block; a pair with another rank's grain is shared.
   subroutine name_blocks(pairs, grains, planes, list, slot)
     type(dem_pairs_type), intent(inout) :: pairs
     type(dem_grains_type), intent(in) :: grains
@@ -365,6 +368,7 @@ contains
     if (allocated(pairs%law_first)) then
       deallocate (pairs%law_first, pairs%law_second, pairs%round, pairs%least_gap)
     end if
+    if (allocated(pairs%share)) deallocate (pairs%share)
     allocate (pairs%law_first(pairs%blocks), pairs%law_second(pairs%blocks))
     allocate (pairs%round(pairs%blocks))
     allocate (pairs%least_gap(pairs%blocks), source=huge(1.0_wp))
@@ -378,6 +382,9 @@ contains
       pairs%law_second(block) = grains%material(pairs%grain(list%second(k)))
       pairs%round(block) = mod(list%group(k)/bands, 2) == 0
       pairs%least_gap(block) = min(pairs%least_gap(block), list%gap(k))
+      if (list%group(k) < first_border_group .or. list%group(k) >= first_wall_group) cycle
+      if (.not. allocated(pairs%share)) allocate (pairs%share(pairs%blocks), source=1.0_wp)
+      pairs%share(block) = 0.5_wp
     end do
   end subroutine name_blocks
 
@@ -492,8 +499,8 @@ contains
       end if
       if (pairs%round(block)) pairs%history(lane, history_root, block) = &
         effective_root(pairs%body(10, i), pairs%body(10, j))
-      free_i = grains%kind(i) == kind_free
-      free_j = grains%kind(j) == kind_free
+      free_i = grains%kind(i) == kind_free .or. grains%kind(i) == kind_mirror
+      free_j = grains%kind(j) == kind_free .or. grains%kind(j) == kind_mirror
       pairs%m_star(lane, block) = grains%mass(i)*grains%mass(j)/(grains%mass(i) + grains%mass(j))
       if (free_i .and. .not. free_j) pairs%m_star(lane, block) = grains%mass(i)
       if (free_j .and. .not. free_i) pairs%m_star(lane, block) = grains%mass(j)

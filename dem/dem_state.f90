@@ -3,12 +3,13 @@
 module dem_state
   use talus_kinds, only: wp, i4, i8
   use dem_surface_state, only: dem_surfaces_type
+  use dem_halo_state, only: dem_halo_type
   implicit none
   private
   public :: dem_grains_type, dem_planes_type, dem_law_type, dem_material_type, dem_pairs_type
   public :: dem_parameters_type, dem_ledger_type, dem_health_type, dem_weights_type, dem_data_type
   public :: dem_cell_type
-  public :: kind_free, kind_fixed, kind_driven, kind_ghost
+  public :: kind_free, kind_fixed, kind_driven, kind_ghost, kind_mirror
   public :: mode_dynamic, mode_relaxation
   public :: law_hertz_mindlin, law_hertz_no_history, law_linear
   public :: lanes, body_size, history_size, result_size, column_count
@@ -18,6 +19,7 @@ module dem_state
   integer(i4), parameter :: kind_fixed = 1   !! never moves
   integer(i4), parameter :: kind_driven = 2  !! moved by the deck
   integer(i4), parameter :: kind_ghost = 3   !! moved by the port
+  integer(i4), parameter :: kind_mirror = 4  !! a free grain of another rank
 
   integer(i4), parameter :: mode_dynamic = 1, mode_relaxation = 2
 
@@ -118,6 +120,8 @@ module dem_state
     integer(i4), allocatable :: group_end(:)     !! (groups) last block of each
     logical, allocatable :: round(:)             !! (blocks) all pairs are of spheres
     real(wp), allocatable :: least_gap(:)        !! (blocks) when the list was made [m]
+    real(wp), allocatable :: share(:)            !! (blocks) of their work that is this rank's [-];
+                                                 !! none: all of it
     integer(i4), allocatable :: first(:, :)      !! (lanes, blocks) body A, the lower id
     integer(i4), allocatable :: second(:, :)     !! (lanes, blocks) body B
     integer(i4), allocatable :: law_first(:)     !! (blocks) material of A
@@ -227,6 +231,7 @@ module dem_state
     type(dem_parameters_type) :: par
     type(dem_pairs_type) :: pairs
     type(dem_cell_type) :: cell
+    type(dem_halo_type) :: halo
     type(dem_weights_type) :: weights
     type(dem_ledger_type) :: ledger
     type(dem_health_type) :: health

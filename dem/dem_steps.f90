@@ -11,9 +11,11 @@ module dem_steps
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_text, only: str
-  use dem_state, only: dem_data_type, kind_free, kind_fixed, mode_relaxation, lanes
+  use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_mirror, mode_relaxation, lanes
   use dem_carry, only: start_carried, finish_carried, sum_images
   use dem_cell, only: advance_cell, least_width, is_periodic
+  use dem_lost, only: all_finite, name_lost_grain, name_stray
+  use dem_migrate, only: share_out
   use dem_pairs, only: build_pairs
   use dem_forces, only: block_forces, sum_body
   use dem_lanes, only: sum_lanes
@@ -25,6 +27,7 @@ module dem_steps
   use dem_surface_forces, only: share_surfaces, add_surface_loads, surface_load
   use dem_surface_motion, only: drift_surfaces, finish_surfaces, surface_travel, surface_columns
   use dem_surface_search, only: list_near
+  use dem_swap, only: swap_bodies
   implicit none
   private
   public :: step_memory_type, take_steps, evaluate_forces, motion_of, rebuild_if_needed
@@ -87,13 +90,28 @@ contains
       end if
       call fit_skin(d, errors)
       if (errors%any()) return
+      if (d%halo%team%several()) call settle_work(d, work, done > 0)
       call rebuild_list(d, maxval(work%travel))
       resumed = .true.
+      if (.not. d%halo%team%several()) cycle
+      call name_stray(d, errors)
+      if (d%halo%strayed) return
+      call plan_work(d, work)
     end do
     if (n > 0) call add_grain_work(d, work%finished)
     d%grains%has_target = .false.
     if (.not. all_finite(d)) call name_lost_grain(d, errors)
   end subroutine take_steps
+
+  !> Works of a step that is half done into the ledger, before the grains go to other chunks.
+  subroutine settle_work(d, work, begun)
+    type(dem_data_type), intent(inout) :: d
+    type(step_memory_type), intent(inout) :: work
+    logical, intent(in) :: begun  !! steps were taken before this one
+    if (begun) call add_grain_work(d, work%finished)
+    call add_grain_work(d, work%started)
+    deallocate (work%movers, work%load, work%started, work%finished)
+  end subroutine settle_work
 
   !> Chunks of grains and how much work each is: a free grain counts ten, another one one.
   subroutine plan_work(d, work)
@@ -103,12 +121,15 @@ contains
 
     chunks = (d%grains%n + chunk - 1)/chunk + 1
     if (allocated(work%load)) then
-      if (size(work%load) /= chunks) deallocate (work%movers, work%load, work%travel, &
-                                                 work%started, work%finished)
+      if (size(work%load) /= chunks) deallocate (work%movers, work%load, work%started, &
+                                                 work%finished)
     end if
     if (.not. allocated(work%load)) then
+      if (allocated(work%travel)) deallocate (work%travel)
       allocate (work%movers(chunks - 1), work%load(chunks), work%travel(chunks))
       allocate (work%started(work_count, chunks), work%finished(work_count, chunks))
+      work%started = 0.0_wp
+      work%finished = 0.0_wp
     end if
     do c = 1, chunks
       low = (c - 1)*chunk + 1
@@ -134,11 +155,16 @@ contains
     type(dem_data_type), intent(inout) :: d
     integer(i4) :: i
     do i = 1, d%grains%n
-      if (d%grains%kind(i) == kind_free .or. d%grains%kind(i) == kind_fixed) cycle
-      if (d%grains%has_target(i)) cycle
+      if (stands(d%grains%kind(i)) .or. d%grains%has_target(i)) cycle
       d%grains%turn(:, i) = quaternion_from_rotation(d%par%dt*d%grains%omega(:, i))
     end do
   end subroutine set_turns
+
+  !> Is the grain of a kind that no prescription moves here?
+  pure logical function stands(kind)
+    integer(i4), intent(in) :: kind
+    stands = kind == kind_free .or. kind == kind_fixed .or. kind == kind_mirror
+  end function stands
 
   !> Steps done+1 to n, or until the list is used up (then half of step done+1 is done).
   subroutine run_region(d, motion, n, done, resumed, rebuild, work)
@@ -178,6 +204,12 @@ contains
     do s = done + 1, n
       if (.not. begun) then
         !$omp barrier
+        if (d%halo%team%ranks > 1) then
+          !$omp master
+          call swap_bodies(d%pairs%body, d%halo, work%travel)
+          !$omp end master
+          !$omp barrier
+        end if
         travel = maxval(work%travel)
         leave = .not. all(work%travel <= 0.5_wp*d%pairs%skin) .or. outlived(d, before + s)
         if (leave) exit
@@ -272,7 +304,7 @@ contains
           travel = travel_of_mover(mover)
         end if
         do i = mover%low + 1, mover%low + merge(0, mover%count, mover%free_count == mover%count)
-          if (d%grains%kind(i) == kind_fixed .or. d%grains%kind(i) == kind_free) cycle
+          if (stands(d%grains%kind(i))) cycle
           call drift_prescribed(d%grains, i, motion%dt, last, d%pairs%body(:, i))
           mover%s%x(i - mover%low, :) = d%grains%x(:, i)
           travel = larger(travel, travel_of(d, i))
@@ -349,7 +381,7 @@ contains
       if (d%surfaces%near > 0) call add_surface_loads(d%surfaces, mover%low, mover%count, push%f, &
                                                       push%m)
       do k = 1, merge(0, mover%count, mover%free_count == mover%count)
-        if (mover%free(k) > 0.5_wp) cycle
+        if (mover%free(k) > 0.5_wp .or. d%grains%kind(mover%low + k) == kind_mirror) cycle
         call finish_prescribed(d%grains, mover%low + k, motion%dt, push%f(k, :), push%m(k, :), &
                                work%finished(:, c))
       end do
@@ -449,9 +481,15 @@ contains
     real(wp) :: total(4)
     integer(i4) :: k
     total = 0.0_wp
-    do k = 1, d%pairs%blocks
-      total = total + d%pairs%columns(:, k)
-    end do
+    if (allocated(d%pairs%share)) then
+      do k = 1, d%pairs%blocks
+        total = total + d%pairs%share(k)*d%pairs%columns(:, k)
+      end do
+    else
+      do k = 1, d%pairs%blocks
+        total = total + d%pairs%columns(:, k)
+      end do
+    end if
     if (d%surfaces%near > 0) total = total + surface_columns(d%surfaces)
     d%ledger%contact_damping = d%ledger%contact_damping + total(1)
     d%ledger%friction = d%ledger%friction + total(2)
@@ -544,30 +582,9 @@ contains
       d%pairs%skin = max(d%pairs%skin/1.3_wp, d%pairs%least_skin)
     end if
     d%pairs%built_at = d%health%steps
+    if (d%halo%team%several()) call share_out(d)
     call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)
     if (d%surfaces%n > 0) call list_near(d)
   end subroutine rebuild_list
 
-  logical function all_finite(d)
-    type(dem_data_type), intent(in) :: d
-    real(wp), parameter :: far = 1.0e6_wp
-    all_finite = all(abs(d%grains%x) < far) .and. all(abs(d%grains%v) < huge(1.0_wp)) &
-                 .and. all(abs(d%grains%omega) < huge(1.0_wp))
-  end function all_finite
-
-  !> Fault N200 for the first grain whose state is no number or has left the world.
-  subroutine name_lost_grain(d, errors)
-    type(dem_data_type), intent(in) :: d
-    type(error_list_type), intent(inout) :: errors
-    integer(i4) :: i
-    do i = 1, d%grains%n
-      if (all(abs(d%grains%x(:, i)) < 1.0e6_wp) .and. all(abs(d%grains%v(:, i)) < huge(1.0_wp)) &
-          .and. all(abs(d%grains%omega(:, i)) < huge(1.0_wp))) cycle
-      call errors%add('N200', 'the motion of grain '//str(d%grains%id(i))//' is lost: position '// &
-                      str(d%grains%x(:, i))//' m, velocity '//str(d%grains%v(:, i))//' m/s', &
-                      place='step '//str(d%health%steps), &
-                      hint='lower the time step, or look for grains that overlap at the start')
-      return
-    end do
-  end subroutine name_lost_grain
 end module dem_steps

@@ -6,7 +6,9 @@ module dem_system
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_text, only: str
+  use talus_ranks, only: ranks_type
   use dem_archive, only: dem_archive_type
+  use dem_crew, only: dem_crew_type
   use dem_state, only: dem_data_type, kind_free, lanes, history_side
   use dem_cell, only: is_periodic, least_width
   use dem_make, only: sorted_order, make_planes
@@ -41,13 +43,17 @@ module dem_system
   !> The state of a system with its verbs; `kept` is what restore goes back to.
   type, extends(dem_data_type) :: dem_system_type
     type(dem_data_type), allocatable :: kept
+    type(dem_crew_type), allocatable :: crew  !! of a run on many ranks
     type(step_memory_type), private :: memory
   contains
+    procedure :: use_ranks        !! (team): steps are those of many ranks
+    procedure :: look             !! (): grains and contacts as the ranks have them now
     procedure :: init             !! (errors): lists and forces at the start; no time passes
     procedure :: step             !! (n, errors): n sub-steps of par%dt
     procedure :: forces           !! (): forces at the current state; no time passes
     procedure :: kick_drift       !! (kick, drift): v += kick (F + X)/m, then x += drift v
     procedure :: first_skin       !! (): margin of the list at the start [m]
+    procedure :: top_speed        !! (): of the fastest grain [m/s]
     procedure :: step_limit       !! (): Gershgorin limit [s], huge without contacts
     procedure :: rayleigh_limit   !! (): least Rayleigh time of the free grains [s]
     procedure :: automatic_step   !! (speed): dt_factor x least of all limits [s]
@@ -70,6 +76,28 @@ module dem_system
   end type dem_system_type
 
 contains
+
+  !> Steps are taken by these ranks, of which this process leads.
+  subroutine use_ranks(self, team)
+    class(dem_system_type), intent(inout) :: self
+    type(ranks_type), intent(in) :: team
+    if (.not. team%several()) return
+    allocate (self%crew)
+    self%crew%team = team
+  end subroutine use_ranks
+
+  !> Of many ranks the leader's grains and contacts are as old as its last look.
+  subroutine look(self)
+    class(dem_system_type), intent(inout) :: self
+    if (allocated(self%crew)) call self%crew%look(self%dem_data_type)
+  end subroutine look
+
+  !> Have the ranks been on since the last look?
+  pure logical function stale(self)
+    class(dem_system_type), intent(in) :: self
+    stale = .false.
+    if (allocated(self%crew)) stale = self%crew%stale
+  end function stale
 
   !> Lists and forces at the start. Needs grains, materials, laws, par; planes may be absent.
   subroutine init(self, errors)
@@ -146,6 +174,10 @@ contains
     integer(i4), intent(in) :: n
     type(error_list_type), intent(inout) :: errors
 
+    if (allocated(self%crew)) then
+      call self%crew%step(self%dem_data_type, n, errors)
+      return
+    end if
     call follow_step(self%dem_data_type, self%par%dt)
     call take_steps(self%dem_data_type, self%memory, n, errors)
     if (errors%any()) return
@@ -174,25 +206,50 @@ contains
     self%health%steps = self%health%steps + 1
   end subroutine kick_drift
 
+  !> Speed of the fastest grain [m/s].
+  real(wp) function top_speed(self) result(speed)
+    class(dem_system_type), intent(in) :: self
+    speed = 0.0_wp
+    if (stale(self)) then
+      speed = self%crew%marks%speed
+    else if (self%grains%n > 0) then
+      speed = sqrt(maxval(sum(self%grains%v**2, 1)))
+    end if
+  end function top_speed
+
   !> Gershgorin limit of the contacts in hand [s].
   real(wp) function step_limit(self)
     class(dem_system_type), intent(in) :: self
-    step_limit = gershgorin_step(self%dem_data_type)
+    if (stale(self)) then
+      step_limit = self%crew%marks%limit(1)
+    else
+      step_limit = gershgorin_step(self%dem_data_type)
+    end if
   end function step_limit
 
   !> Least Rayleigh time of the free grains [s].
   real(wp) function rayleigh_limit(self)
     class(dem_system_type), intent(in) :: self
-    rayleigh_limit = rayleigh_step(self%dem_data_type)
+    if (stale(self)) then
+      rayleigh_limit = self%crew%marks%limit(2)
+    else
+      rayleigh_limit = rayleigh_step(self%dem_data_type)
+    end if
   end function rayleigh_limit
 
   !> par%dt_factor times the least of the contact limit, the Rayleigh time and the limit of an
   !! impact at the given speed [s].
   real(wp) function automatic_step(self, speed)
     class(dem_system_type), intent(in) :: self
-    real(wp), intent(in) :: speed  !! approach speed to be foreseen, 0: none [m/s]
-    automatic_step = self%par%dt_factor*min(self%step_limit(), self%rayleigh_limit(), &
-                                            impact_step(self%dem_data_type, speed))
+    real(wp), intent(in) :: speed  !! approach speed to be foreseen, 0: none; of many ranks that
+                                   !! of the fastest grain [m/s]
+    real(wp) :: impact
+    if (stale(self)) then
+      impact = self%crew%marks%limit(3)
+    else
+      impact = impact_step(self%dem_data_type, speed)
+    end if
+    automatic_step = self%par%dt_factor*min(self%step_limit(), self%rayleigh_limit(), impact)
   end function automatic_step
 
   !> Prescribed grains go to x1, quat1 in `steps` steps of par%dt: constant velocity and spin.
@@ -338,6 +395,7 @@ contains
   !> Fill the 'now' columns of the ledger.
   subroutine refresh_ledger(self)
     class(dem_system_type), intent(inout) :: self
+    call self%look()
     call follow_step(self%dem_data_type, self%par%dt)
     call refresh_stored(self%dem_data_type, self%par%dt, self%ledger)
   end subroutine refresh_ledger

@@ -1,0 +1,240 @@
+!> The ranks that work on a run together (MPI): who they are, and what they tell each other.
+!!
+!! A run of one rank calls nothing of MPI here. Ranks that wait for their leader sleep: collectives
+!! of MPI spin.
+module talus_ranks
+  use, intrinsic :: iso_c_binding, only: c_int
+  use mpi, only: mpi_comm_self, mpi_comm_world, mpi_comm_size, mpi_comm_rank, mpi_allreduce, &
+    mpi_alltoall, mpi_alltoallv, mpi_bcast, mpi_gather, mpi_in_place, mpi_max, mpi_min, mpi_sum, &
+    mpi_integer, mpi_character, mpi_double_precision, mpi_init, mpi_initialized, mpi_finalize, &
+    mpi_comm_split_type, mpi_comm_type_shared, mpi_comm_free, mpi_info_null, mpi_ibcast, &
+    mpi_test, mpi_status_ignore, mpi_type_contiguous, mpi_type_commit, mpi_type_free
+  use talus_kinds, only: wp, i4
+  use talus_errors, only: error_list_type
+  use talus_system, only: environment
+  implicit none
+  private
+  public :: ranks_type, join_ranks, leave_ranks
+
+  integer(c_int), parameter :: pause = 100_c_int  !! between two looks of a rank that waits [us]
+  integer(i4), parameter :: spins = 2000          !! looks before it sleeps
+  character(len=1), parameter :: mark = achar(0)  !! ends each text of a fault
+
+  !> Who works on the run.
+  type :: ranks_type
+    integer(i4) :: rank = 0     !! of this process; rank 0 leads: it reads, writes, decides
+    integer(i4) :: ranks = 1
+    integer(i4) :: on_host = 1  !! ranks on this host
+    integer :: comm = mpi_comm_self
+  contains
+    procedure :: leads            !! (): is this the rank that leads?
+    procedure :: several          !! (): more than one
+    procedure :: await            !! (numbers): those of the leader; others sleep until they come
+    procedure :: tell_numbers     !! (numbers): those of the leader
+    procedure :: tell_values      !! (values): those of the leader
+    procedure :: tell_text        !! (from, text): that of one rank
+    procedure :: add_up           !! (values): sums over the ranks
+    procedure :: most             !! (values): the largest of each
+    procedure :: least            !! (values): the least of each
+    procedure :: collect          !! (row, table): rows of all ranks, on the leader
+    procedure :: trade            !! (rows, count, taken, came): rows for each rank
+    procedure :: agree            !! (errors): the faults of the first rank that has some
+  end type ranks_type
+
+  interface
+    integer(c_int) function c_usleep(microseconds) bind(c, name='usleep')
+      import :: c_int
+      integer(c_int), value, intent(in) :: microseconds
+    end function c_usleep
+  end interface
+
+contains
+
+  !> Join the other ranks, if a launcher of MPI started this process.
+  subroutine join_ranks(ranks)
+    type(ranks_type), intent(out) :: ranks
+    integer :: status, comm, count
+    if (.not. launched()) return
+    call mpi_init(status)
+    ranks%comm = mpi_comm_world
+    call mpi_comm_size(ranks%comm, count, status)
+    ranks%ranks = count
+    call mpi_comm_rank(ranks%comm, count, status)
+    ranks%rank = count
+    if (ranks%ranks == 1) return
+    call mpi_comm_split_type(mpi_comm_world, mpi_comm_type_shared, 0, mpi_info_null, comm, status)
+    call mpi_comm_size(comm, count, status)
+    ranks%on_host = count
+    call mpi_comm_free(comm, status)
+  end subroutine join_ranks
+
+  !> Did a launcher of MPI start this process?
+  logical function launched()
+    character(len=*), parameter :: launcher(3) = [character(len=20) :: 'OMPI_COMM_WORLD_SIZE', &
+      'PMIX_RANK', 'PMI_RANK']
+    integer(i4) :: k
+    launched = any([(len(environment(trim(launcher(k)))) > 0, k=1, size(launcher))])
+  end function launched
+
+  !> End MPI if it was started.
+  subroutine leave_ranks()
+    logical :: running
+    integer :: status
+    call mpi_initialized(running, status)
+    if (running) call mpi_finalize(status)
+  end subroutine leave_ranks
+
+  pure logical function leads(self)
+    class(ranks_type), intent(in) :: self
+    leads = self%rank == 0
+  end function leads
+
+  pure logical function several(self)
+    class(ranks_type), intent(in) :: self
+    several = self%ranks > 1
+  end function several
+
+  !> Numbers of the leader; the others sleep until it speaks.
+  subroutine await(self, numbers)
+    class(ranks_type), intent(in) :: self
+    integer(i4), intent(inout), contiguous, asynchronous :: numbers(:)
+    integer :: request, status, look
+    integer(c_int) :: slept
+    logical :: done
+    call mpi_ibcast(numbers, size(numbers), mpi_integer, 0, self%comm, request, status)
+    look = 0
+    do
+      call mpi_test(request, done, mpi_status_ignore, status)
+      if (done) exit
+      look = look + 1
+      if (look > spins) slept = c_usleep(pause)
+    end do
+  end subroutine await
+
+  subroutine tell_numbers(self, numbers)
+    class(ranks_type), intent(in) :: self
+    integer(i4), intent(inout), contiguous :: numbers(:)
+    integer :: status
+    call mpi_bcast(numbers, size(numbers), mpi_integer, 0, self%comm, status)
+  end subroutine tell_numbers
+
+  subroutine tell_values(self, values)
+    class(ranks_type), intent(in) :: self
+    real(wp), intent(inout), contiguous :: values(:)
+    integer :: status
+    call mpi_bcast(values, size(values), mpi_double_precision, 0, self%comm, status)
+  end subroutine tell_values
+
+  subroutine tell_text(self, from, text)
+    class(ranks_type), intent(in) :: self
+    integer(i4), intent(in) :: from
+    character(len=:), allocatable, intent(inout) :: text
+    integer :: length(1), status
+    if (self%rank == from) length = len(text)
+    call mpi_bcast(length, 1, mpi_integer, from, self%comm, status)
+    if (self%rank /= from) text = repeat(' ', length(1))
+    if (length(1) > 0) call mpi_bcast(text, length(1), mpi_character, from, self%comm, status)
+  end subroutine tell_text
+
+  subroutine add_up(self, values)
+    class(ranks_type), intent(in) :: self
+    real(wp), intent(inout), contiguous :: values(:)
+    integer :: status
+    if (self%ranks == 1) return
+    call mpi_allreduce(mpi_in_place, values, size(values), mpi_double_precision, mpi_sum, &
+                       self%comm, status)
+  end subroutine add_up
+
+  subroutine most(self, values)
+    class(ranks_type), intent(in) :: self
+    real(wp), intent(inout), contiguous :: values(:)
+    integer :: status
+    if (self%ranks == 1) return
+    call mpi_allreduce(mpi_in_place, values, size(values), mpi_double_precision, mpi_max, &
+                       self%comm, status)
+  end subroutine most
+
+  subroutine least(self, values)
+    class(ranks_type), intent(in) :: self
+    real(wp), intent(inout), contiguous :: values(:)
+    integer :: status
+    if (self%ranks == 1) return
+    call mpi_allreduce(mpi_in_place, values, size(values), mpi_double_precision, mpi_min, &
+                       self%comm, status)
+  end subroutine least
+
+  !> A row of each rank, on the leader in the order of the ranks.
+  subroutine collect(self, row, table)
+    class(ranks_type), intent(in) :: self
+    real(wp), intent(in), contiguous :: row(:)
+    real(wp), allocatable, intent(out) :: table(:, :)  !! (size(row), ranks), empty elsewhere
+    integer :: status
+    allocate (table(size(row), merge(self%ranks, 0, self%leads())))
+    call mpi_gather(row, size(row), mpi_double_precision, table, size(row), mpi_double_precision, &
+                    0, self%comm, status)
+  end subroutine collect
+
+  !> Rows go to their ranks; what comes is ordered by the rank that it comes from.
+  subroutine trade(self, rows, count, taken, came)
+    class(ranks_type), intent(in) :: self
+    real(wp), intent(in), contiguous :: rows(:, :)      !! ordered by the rank they go to
+    integer(i4), intent(in) :: count(0:)                !! rows for each rank
+    real(wp), allocatable, intent(out) :: taken(:, :)
+    integer(i4), intent(out) :: came(0:self%ranks - 1)  !! rows from each rank
+    integer :: give(0:self%ranks - 1), take(0:self%ranks - 1), row, status
+    integer(i4) :: r
+    call mpi_alltoall(count, 1, mpi_integer, came, 1, mpi_integer, self%comm, status)
+    allocate (taken(size(rows, 1), sum(came)))
+    give = 0
+    take = 0
+    do r = 1, self%ranks - 1
+      give(r) = give(r - 1) + count(r - 1)
+      take(r) = take(r - 1) + came(r - 1)
+    end do
+    call mpi_type_contiguous(size(rows, 1), mpi_double_precision, row, status)
+    call mpi_type_commit(row, status)
+    call mpi_alltoallv(rows, count, give, row, taken, came, take, row, self%comm, status)
+    call mpi_type_free(row, status)
+  end subroutine trade
+
+  !> Every rank has the faults of the first rank that has some.
+  subroutine agree(self, errors)
+    class(ranks_type), intent(in) :: self
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: text
+    real(wp) :: first(1)
+    integer(i4) :: k
+    if (self%ranks == 1) return
+    first = merge(real(self%rank, wp), huge(1.0_wp), errors%any())
+    call self%least(first)
+    if (first(1) > self%ranks) return
+    text = ''
+    if (nint(first(1)) == self%rank) then
+      do k = 1, errors%count
+        associate (e => errors%item(k))
+          text = text//e%code//mark//e%message//mark//e%place//mark//e%hint//mark
+        end associate
+      end do
+    end if
+    call self%tell_text(nint(first(1), i4), text)
+    if (nint(first(1)) == self%rank) return
+    call errors%clear()
+    do while (len(text) > 0)
+      call take_fault(text, errors)
+    end do
+  end subroutine agree
+
+  !> The first fault of a text.
+  subroutine take_fault(text, errors)
+    character(len=:), allocatable, intent(inout) :: text
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: ends(0:4), k
+    ends(0) = 0
+    do k = 1, 4
+      ends(k) = ends(k - 1) + index(text(ends(k - 1) + 1:), mark)
+    end do
+    call errors%add(text(:ends(1) - 1), text(ends(1) + 1:ends(2) - 1), &
+                    text(ends(2) + 1:ends(3) - 1), text(ends(3) + 1:ends(4) - 1))
+    text = text(ends(4) + 1:)
+  end subroutine take_fault
+end module talus_ranks

@@ -1,0 +1,109 @@
+!> The whole system from the parts of all ranks.
+module dem_gather
+  use talus_kinds, only: wp, i4
+  use talus_ranks, only: ranks_type
+  use dem_state, only: dem_data_type, kind_free, kind_mirror, lanes, body_size
+  use dem_adopt, only: adopt_contacts, give_results
+  use dem_migrate, only: pack_grains
+  use dem_pairs, only: build_pairs
+  use dem_records, only: grain_size, contact_size, part_size, pack_grain, unpack_grain, &
+    pack_contact, carried, index_of
+  implicit none
+  private
+  public :: hand_in, take_in
+
+contains
+
+  !> Free grains, contacts and the parts of prescribed grains' sums, from all ranks to the leader.
+  subroutine hand_in(team, part, grains, contacts, prescribed)
+    type(ranks_type), intent(in) :: team
+    type(dem_data_type), intent(in) :: part
+    real(wp), allocatable, intent(out) :: grains(:, :)      !! rows as columns, see dem_records
+    real(wp), allocatable, intent(out) :: contacts(:, :)
+    real(wp), allocatable, intent(out) :: prescribed(:, :)  !! (part_size n, ranks)
+    real(wp), allocatable :: rows(:, :)
+    integer(i4) :: number(0:team%ranks - 1), came(0:team%ranks - 1)
+
+    number = 0
+    call pack_grains(part, part%grains%kind == kind_free, rows)
+    number(0) = size(rows, 2)
+    call team%trade(rows, number, grains, came)
+    call pack_contacts(part, rows)
+    number(0) = size(rows, 2)
+    call team%trade(rows, number, contacts, came)
+    call pack_grains(part, .not. (part%grains%kind == kind_free &
+                                  .or. part%grains%kind == kind_mirror), rows)
+    call team%collect(reshape(rows(:part_size, :), [part_size*size(rows, 2)]), prescribed)
+  end subroutine hand_in
+
+  !> Every contact of a rank, those over a border from the rank of the lower id alone.
+  subroutine pack_contacts(part, rows)
+    type(dem_data_type), intent(in) :: part
+    real(wp), allocatable, intent(out) :: rows(:, :)
+    integer(i4) :: k, lane, n, round
+
+    do round = 1, 2
+      n = 0
+      do k = 1, part%pairs%blocks
+        do lane = 1, lanes
+          if (.not. carried(part, lane, k)) cycle
+          if (part%pairs%first(lane, k) <= part%grains%n) then
+            if (part%grains%kind(part%pairs%first(lane, k)) == kind_mirror) cycle
+          end if
+          n = n + 1
+          if (round == 2) call pack_contact(part, lane, k, rows(:, n))
+        end do
+      end do
+      if (round == 1) allocate (rows(contact_size, n))
+    end do
+  end subroutine pack_contacts
+
+  !> The whole as it is now.
+  subroutine take_in(part, grains, contacts, prescribed, whole)
+    type(dem_data_type), intent(in) :: part  !! of the leader
+    real(wp), intent(in) :: grains(:, :), contacts(:, :), prescribed(:, :)
+    type(dem_data_type), intent(inout) :: whole
+    integer(i4) :: k, i
+
+    do k = 1, size(grains, 2)
+      i = index_of(whole, grains(14, k))
+      call unpack_grain(grains(:, k), whole, i)
+      whole%pairs%body(:, i) = grains(grain_size - body_size + 1:, k)
+    end do
+    call take_prescribed(part, prescribed, whole)
+    whole%planes%point = part%planes%point
+    do k = 1, whole%planes%n
+      i = whole%grains%n + 3 + k
+      whole%pairs%body(1:6, i) = [whole%planes%point(:, k), whole%planes%velocity(:, k)]
+    end do
+    whole%pairs%skin = part%pairs%skin
+    whole%pairs%built_at = part%pairs%built_at
+    call adopt_contacts(whole, contacts)
+    call build_pairs(whole%pairs, whole%grains, whole%planes, whole%weights, &
+                     whole%par%ghost_pairs, whole%cell)
+    call give_results(whole, contacts)
+  end subroutine take_in
+
+  !> Prescribed grains stand where the leader has them; what acts on them is the sum over the ranks.
+  subroutine take_prescribed(part, prescribed, whole)
+    type(dem_data_type), intent(in) :: part
+    real(wp), intent(in) :: prescribed(:, :)
+    type(dem_data_type), intent(inout) :: whole
+    real(wp) :: row(grain_size)
+    integer(i4) :: i, k, n, r
+
+    n = 0
+    do i = 1, part%grains%n
+      if (part%grains%kind(i) == kind_free .or. part%grains%kind(i) == kind_mirror) cycle
+      call pack_grain(part, i, row)
+      row(:part_size) = 0.0_wp
+      do r = 1, size(prescribed, 2)
+        row(:part_size) = row(:part_size) + prescribed(n + 1:n + part_size, r)
+      end do
+      n = n + part_size
+      k = index_of(whole, row(14))
+      call unpack_grain(row, whole, k)
+      whole%pairs%body(:, k) = part%pairs%body(:, i)
+    end do
+  end subroutine take_prescribed
+end module dem_gather

@@ -1,0 +1,38 @@
+!> The domain of a rank and the grains that it shares with its neighbours. Plain data.
+!!
+!! Space is cut into slabs along x, each of these into bars along y, each of these into boxes along
+!! z, one a rank: rank = ix + px (iy + py iz), all from 0. Outer boxes have no outer end.
+module dem_halo_state
+  use talus_kinds, only: wp, i4, i8
+  use talus_ranks, only: ranks_type
+  implicit none
+  private
+  public :: dem_halo_type
+
+  type :: dem_halo_type
+    type(ranks_type) :: team
+    integer(i4) :: parts(3) = 1                !! slabs, bars in each, boxes in each
+    real(wp), allocatable :: cut_x(:)          !! (0:px) ends of the slabs [m]
+    real(wp), allocatable :: cut_y(:, :)       !! (0:py, px) of the bars [m]
+    real(wp), allocatable :: cut_z(:, :, :)    !! (0:pz, px, py) of the boxes [m]
+    logical :: cut = .false.                   !! boxes have been chosen
+    real(wp) :: range = 0.0_wp                 !! depth of the halo [m]
+    integer(i4) :: width = 9                   !! reals of a body record that change in a step
+    integer(i4) :: partners = 0                !! ranks with which bodies are exchanged
+    integer(i4), allocatable :: partner(:)     !! (partners) ascending
+    integer(i4), allocatable :: first_out(:)   !! (partners+1) of the bodies sent to each
+    integer(i4), allocatable :: first_in(:)    !! (partners+1) of those that come from each
+    integer(i4), allocatable :: out(:)         !! bodies sent
+    integer(i4), allocatable :: in(:)          !! bodies that come
+    real(wp), allocatable :: sent(:, :)        !! (width, sent)
+    real(wp), allocatable :: came(:, :)        !! (width, come)
+    integer(i8) :: stray = 0                   !! a grain that left the halo within a step; 0: none
+    logical :: strayed = .false.               !! some rank has one
+    real(wp) :: stray_way = 0.0_wp             !! how far it has come from its domain [m]
+    real(wp) :: imbalance = 1.0_wp             !! largest work of a rank over the mean [-]
+    integer(i4) :: own = 0                     !! free grains of this rank
+    integer(i4) :: mirrors = 0                 !! free grains of others that it knows
+    integer(i8) :: swaps = 0                   !! exchanges so far
+    real(wp) :: seconds = 0.0_wp               !! in exchanges so far [s]
+  end type dem_halo_type
+end module dem_halo_state

@@ -1,0 +1,289 @@
+!> Grains and contacts go to the ranks in whose domains they are: at the start, and whenever the
+!! list is made anew.
+!!
+!! Each rank then holds its own free grains, mirrors of the free grains of others within one
+!! interaction range of its domain, and all prescribed grains (each rank has the part of their
+!! forces that its own grains give). All stand in the order of their ids, so that a contact over a
+!! border has the same bits on both sides, and sums run in the same order as on one rank.
+module dem_migrate
+  use talus_kinds, only: wp, i4, i8
+  use dem_state, only: dem_data_type, dem_grains_type, kind_free, kind_mirror, lanes, body_size
+  use dem_adopt, only: adopt_contacts
+  use dem_domains, only: cut_domains, rank_at, ranks_near, distance_to_domain
+  use dem_halo_state, only: dem_halo_type
+  use dem_make, only: allocate_grains, sorted_order
+  use dem_pairs, only: allocate_bodies
+  use dem_records, only: grain_size, contact_size, pack_grain, unpack_grain, pack_contact, &
+    carried, index_of
+  implicit none
+  private
+  public :: share_out, pack_grains, make_local
+
+  real(wp), parameter :: most_imbalance = 1.1_wp  !! domains are cut anew above it
+
+contains
+
+  !> Send everything where it belongs; the list of d is then the contacts alone and must be made
+  !! anew. Skin and range must be the same on all ranks.
+  subroutine share_out(d)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), allocatable :: home(:)
+    integer(i4) :: came(0:d%halo%team%ranks - 1)
+    real(wp), allocatable :: held(:, :), own(:, :), mirrors(:, :), contacts(:, :)
+
+    call find_range(d)
+    call find_homes(d, home)
+    call pack_grains(d, d%grains%kind /= kind_free .and. d%grains%kind /= kind_mirror, held)
+    call send_grains(d, home, own)
+    call send_contacts(d, home, contacts)
+    call send_mirrors(d%halo, own, mirrors, came)
+    d%halo%own = size(own, 2)
+    d%halo%mirrors = size(mirrors, 2)
+    call make_local(d, reshape([held, own, mirrors], &
+                               [grain_size, size(held, 2) + size(own, 2) + size(mirrors, 2)]))
+    call adopt_contacts(d, contacts)
+    call list_bodies(d, mirrors, came)
+  end subroutine share_out
+
+  !> Depth of the halo: two largest free grains and the skin.
+  subroutine find_range(d)
+    type(dem_data_type), intent(inout) :: d
+    real(wp) :: radius(1)
+    radius = max(maxval(d%grains%radius, mask=d%grains%kind == kind_free), 0.0_wp)
+    call d%halo%team%most(radius)
+    d%halo%range = 2.0_wp*radius(1) + d%pairs%skin
+  end subroutine find_range
+
+  !> Rank of each free grain of this rank, -1 for the others. Domains are cut anew when the work is
+  !! too uneven; a grain that has gone beyond the halo of its domain is a stray.
+  subroutine find_homes(d, home)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), allocatable, intent(out) :: home(:)
+    real(wp), allocatable :: work(:)
+    integer(i4), allocatable :: own(:)
+    real(wp) :: mean(1), most(2), way
+    integer(i4) :: k
+
+    own = pack([(k, k=1, d%grains%n)], d%grains%kind == kind_free)
+    allocate (work(size(own)))
+    do k = 1, size(own)
+      ! in whole numbers, so that all ranks find the same cuts
+      work(k) = 2 + d%pairs%start(own(k) + 1) - d%pairs%start(own(k))
+    end do
+    mean = sum(work)
+    d%halo%stray = 0
+    if (d%halo%cut) then
+      do k = 1, size(own)
+        way = distance_to_domain(d%halo, d%halo%team%rank, d%grains%x(:, own(k)))
+        if (way <= d%halo%range) cycle
+        d%halo%stray = d%grains%id(own(k))
+        d%halo%stray_way = way
+      end do
+    end if
+    most = [mean, real(d%halo%stray, wp)]
+    call d%halo%team%add_up(mean)
+    call d%halo%team%most(most)
+    d%halo%imbalance = most(1)*d%halo%team%ranks/max(mean(1), 1.0_wp)
+    d%halo%strayed = most(2) > 0.0_wp
+    if (.not. d%halo%cut .or. d%halo%imbalance > most_imbalance) &
+      call cut_domains(d%halo, d%grains%x(:, own), work)
+    allocate (home(d%grains%n), source=-1_i4)
+    do k = 1, size(own)
+      home(own(k)) = rank_at(d%halo, d%grains%x(:, own(k)))
+    end do
+  end subroutine find_homes
+
+  !> Rows of the grains wanted, as columns.
+  subroutine pack_grains(d, wanted, rows)
+    type(dem_data_type), intent(in) :: d
+    logical, intent(in) :: wanted(:)
+    real(wp), allocatable, intent(out) :: rows(:, :)
+    integer(i4) :: i, k
+    allocate (rows(grain_size, count(wanted)))
+    k = 0
+    do i = 1, d%grains%n
+      if (.not. wanted(i)) cycle
+      k = k + 1
+      call pack_grain(d, i, rows(:, k))
+    end do
+  end subroutine pack_grains
+
+  !> This rank's free grains to their ranks.
+  subroutine send_grains(d, home, own)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: home(:)
+    real(wp), allocatable, intent(out) :: own(:, :)
+    integer(i4) :: ranks, i, r
+    integer(i4) :: number(0:d%halo%team%ranks - 1), at(0:d%halo%team%ranks - 1), &
+      came(0:d%halo%team%ranks - 1)
+    real(wp), allocatable :: rows(:, :)
+
+    ranks = d%halo%team%ranks
+    number = 0
+    do i = 1, size(home)
+      if (home(i) >= 0) number(home(i)) = number(home(i)) + 1
+    end do
+    at(0) = 0
+    do r = 1, ranks - 1
+      at(r) = at(r - 1) + number(r - 1)
+    end do
+    allocate (rows(grain_size, sum(number)))
+    do i = 1, size(home)
+      if (home(i) < 0) cycle
+      at(home(i)) = at(home(i)) + 1
+      call pack_grain(d, i, rows(:, at(home(i))))
+    end do
+    call d%halo%team%trade(rows, number, own, came)
+  end subroutine send_grains
+
+  !> Contacts of this rank's free grains to the ranks of these grains: once for each of two ranks.
+  subroutine send_contacts(d, home, contacts)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: home(:)
+    real(wp), allocatable, intent(out) :: contacts(:, :)
+    integer(i4) :: k, lane, a, b, round, r
+    integer(i4) :: number(0:d%halo%team%ranks - 1), at(0:d%halo%team%ranks - 1), &
+      came(0:d%halo%team%ranks - 1)
+    real(wp), allocatable :: rows(:, :)
+
+    number = 0
+    do round = 1, 2
+      do k = 1, d%pairs%blocks
+        do lane = 1, lanes
+          if (.not. carried(d, lane, k)) cycle
+          a = -1
+          if (d%pairs%first(lane, k) <= d%grains%n) a = home(d%pairs%first(lane, k))
+          b = home(d%pairs%second(lane, k))
+          call put(a)
+          if (b /= a) call put(b)
+        end do
+      end do
+      if (round == 2) exit
+      at(0) = 0
+      do r = 1, d%halo%team%ranks - 1
+        at(r) = at(r - 1) + number(r - 1)
+      end do
+      allocate (rows(contact_size, sum(number)))
+    end do
+    call d%halo%team%trade(rows, number, contacts, came)
+
+  contains
+
+    !> Count it in the first round, send it in the second.
+    subroutine put(rank)
+      integer(i4), intent(in) :: rank
+      if (rank < 0) return
+      if (round == 1) then
+        number(rank) = number(rank) + 1
+      else
+        at(rank) = at(rank) + 1
+        call pack_contact(d, lane, k, rows(:, at(rank)))
+      end if
+    end subroutine put
+  end subroutine send_contacts
+
+  !> Grains near the domains of others are known there too.
+  subroutine send_mirrors(halo, own, mirrors, came)
+    type(dem_halo_type), intent(inout) :: halo
+    real(wp), intent(in) :: own(:, :)
+    real(wp), allocatable, intent(out) :: mirrors(:, :)
+    integer(i4), intent(out) :: came(0:)
+    integer(i4) :: number(0:halo%team%ranks - 1), at(0:halo%team%ranks - 1), &
+      near(0:halo%team%ranks - 1)
+    integer(i4) :: i, k, r, many, round
+    real(wp), allocatable :: rows(:, :)
+
+    number = 0
+    do round = 1, 2
+      do i = 1, size(own, 2)
+        call ranks_near(halo, own(17:19, i), halo%range, near, many)
+        do k = 0, many - 1
+          r = near(k)
+          if (r == halo%team%rank) cycle
+          if (round == 1) then
+            number(r) = number(r) + 1
+          else
+            at(r) = at(r) + 1
+            rows(:, at(r)) = own(:, i)
+            rows(15, at(r)) = real(kind_mirror, wp)
+          end if
+        end do
+      end do
+      if (round == 2) exit
+      at(0) = 0
+      do r = 1, halo%team%ranks - 1
+        at(r) = at(r - 1) + number(r - 1)
+      end do
+      allocate (rows(grain_size, sum(number)))
+    end do
+    call halo%team%trade(rows, number, mirrors, came)
+    call name_partners(halo, rows, number, came)
+  end subroutine send_mirrors
+
+  !> Who exchanges bodies with this rank, and how many; `out` holds ids until list_bodies.
+  subroutine name_partners(halo, rows, number, came)
+    type(dem_halo_type), intent(inout) :: halo
+    real(wp), intent(in) :: rows(:, :)
+    integer(i4), intent(in) :: number(0:), came(0:)
+    integer(i4) :: r, p
+
+    halo%partner = pack([(r, r=0, halo%team%ranks - 1)], number + came > 0)
+    halo%partners = size(halo%partner)
+    if (allocated(halo%first_out)) deallocate (halo%first_out, halo%first_in)
+    allocate (halo%first_out(halo%partners + 1), halo%first_in(halo%partners + 1), source=1_i4)
+    do p = 1, halo%partners
+      halo%first_out(p + 1) = halo%first_out(p) + number(halo%partner(p))
+      halo%first_in(p + 1) = halo%first_in(p) + came(halo%partner(p))
+    end do
+    halo%out = nint(rows(14, :), i4)
+  end subroutine name_partners
+
+  !> Bodies that are exchanged in every step, and room for them. A rank with nothing to send still
+  !! has a first element.
+  subroutine list_bodies(d, mirrors, came)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: mirrors(:, :)
+    integer(i4), intent(in) :: came(0:)
+    integer(i4) :: k
+
+    associate (halo => d%halo)
+      do k = 1, size(halo%out)
+        halo%out(k) = index_of(d, real(halo%out(k), wp))
+      end do
+      if (allocated(halo%in)) deallocate (halo%in)
+      allocate (halo%in(sum(came)))
+      do k = 1, size(halo%in)
+        halo%in(k) = index_of(d, mirrors(14, k))
+      end do
+      if (allocated(halo%sent)) deallocate (halo%sent, halo%came)
+      allocate (halo%sent(halo%width, size(halo%out) + 1), source=0.0_wp)
+      allocate (halo%came(halo%width, size(halo%in) + 1), source=0.0_wp)
+    end associate
+  end subroutine list_bodies
+
+  !> The grains of these rows, in the order of their ids, become those of d.
+  subroutine make_local(d, rows)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: rows(:, :)
+    type(dem_grains_type) :: grains
+    integer(i4), allocatable :: order(:)
+    integer(i4) :: k, body
+
+    order = sorted_order(nint(rows(14, :), i8))
+    grains%n = size(order)
+    call allocate_grains(grains)
+    d%grains = grains
+    do k = 1, size(order)
+      call unpack_grain(rows(:, order(k)), d, k)
+    end do
+    call allocate_bodies(d%pairs, d%grains, d%planes)
+    do k = 1, size(order)
+      d%pairs%body(:, k) = rows(grain_size - body_size + 1:, order(k))
+    end do
+    do k = 1, d%planes%n
+      body = d%grains%n + 3 + k
+      d%pairs%body(1:3, body) = d%planes%point(:, k)
+      d%pairs%body(4:6, body) = d%planes%velocity(:, k)
+    end do
+  end subroutine make_local
+end module dem_migrate

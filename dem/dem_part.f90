@@ -1,0 +1,136 @@
+!> Steps of one rank's part of a system, and what it tells the leader about them.
+module dem_part
+  use talus_kinds, only: wp, i4
+  use talus_errors, only: error_list_type
+  use dem_state, only: dem_data_type
+  use dem_ledger, only: follow_step
+  use dem_limits, only: gershgorin_step, rayleigh_step, impact_step
+  use dem_measure, only: check_overlap, fastest_grain
+  use dem_steps, only: step_memory_type, take_steps
+  implicit none
+  private
+  public :: move_part, report_of, add_reports, rank_marks_type
+
+  integer(i4), parameter :: works = 9         !! of the ledger, each a sum over the ranks
+  integer(i4), parameter :: plane_size = 10   !! force, moment, impulse, work of a plane
+
+  !> Where the numbers of a report stand.
+  integer(i4), parameter :: at_overlap = 10, at_limits = 11, at_speed = 14, at_kinetic = 15, &
+    at_most = 16, at_exchange = 19, at_own = 20, at_mirrors = 21, report_size = 21
+
+  !> What the ranks told last.
+  type :: rank_marks_type
+    real(wp) :: limit(3) = 0.0_wp      !! Gershgorin, Rayleigh, impact [s]
+    real(wp) :: speed = 0.0_wp         !! of the fastest grain [m/s]
+    real(wp) :: kinetic = 0.0_wp       !! of the free grains [J]
+    real(wp) :: fastest(2) = 0.0_wp    !! id and speed of the grain with the most of it
+    real(wp) :: exchange(3) = 0.0_wp   !! least, mean, most time in exchanges of a rank [s]
+    real(wp) :: own(2) = 0.0_wp        !! least and most grains of a rank
+    real(wp) :: mirrors(2) = 0.0_wp    !! least and most mirrors
+  end type rank_marks_type
+
+contains
+
+  !> n steps; the state is checked as on one rank.
+  subroutine move_part(part, memory, n, errors)
+    type(dem_data_type), intent(inout) :: part
+    type(step_memory_type), intent(inout) :: memory
+    integer(i4), intent(in) :: n
+    type(error_list_type), intent(inout) :: errors
+    call follow_step(part, part%par%dt)
+    part%health%max_overlap = 0.0_wp
+    call take_steps(part, memory, n, errors)
+    if (.not. errors%any()) call check_overlap(part, 'N202', errors)
+  end subroutine move_part
+
+  !> What the leader must know after steps. All ranks ask together.
+  function report_of(part) result(report)
+    type(dem_data_type), intent(in) :: part
+    real(wp) :: report(report_size + plane_size*part%planes%n)
+    real(wp) :: top(1), kinetic, most, speed
+    integer(i4) :: worst, k, at
+
+    top = 0.0_wp
+    if (part%grains%n > 0) top = sqrt(maxval(sum(part%grains%v**2, 1)))
+    call part%halo%team%most(top)
+    associate (l => part%ledger)
+      report(:works) = [l%friction, l%contact_damping, l%background_damping, l%curvature, &
+                        l%tangential_relaxation, l%boundary, l%external, l%gravity, l%start]
+    end associate
+    report(at_overlap) = part%health%max_overlap
+    report(at_limits:at_limits + 2) = [gershgorin_step(part), rayleigh_step(part), &
+                                       impact_step(part, top(1))]
+    report(at_speed) = top(1)
+    call fastest_grain(part, kinetic, most, worst)
+    report(at_kinetic) = kinetic
+    report(at_most:at_most + 2) = [most, 0.0_wp, 0.0_wp]
+    if (worst > 0) then
+      speed = sqrt(sum(part%grains%v(:, worst)**2))
+      report(at_most + 1:at_most + 2) = [real(part%grains%id(worst), wp), speed]
+    end if
+    report(at_exchange) = part%halo%seconds
+    report(at_own:at_mirrors) = [part%halo%own, part%halo%mirrors]
+    do k = 1, part%planes%n
+      at = report_size + plane_size*(k - 1)
+      report(at + 1:at + plane_size) = [part%planes%force(:, k), part%planes%moment(:, k), &
+                                        part%planes%impulse(:, k), part%planes%work(k)]
+    end do
+  end function report_of
+
+  !> Sums over the ranks, in their order: ledger and planes of the whole, health, limits.
+  subroutine add_reports(part, reports, whole, marks)
+    type(dem_data_type), intent(in) :: part    !! of the leader
+    real(wp), intent(in) :: reports(:, :)      !! (:, ranks)
+    type(dem_data_type), intent(inout) :: whole
+    type(rank_marks_type), intent(inout) :: marks
+    real(wp) :: total(size(reports, 1)), overlap, reference
+    integer(i4) :: r, k, at
+
+    total = 0.0_wp
+    do r = 1, size(reports, 2)
+      total = total + reports(:, r)
+    end do
+    associate (l => whole%ledger)
+      l%friction = total(1)
+      l%contact_damping = total(2)
+      l%background_damping = total(3)
+      l%curvature = total(4)
+      l%tangential_relaxation = total(5)
+      l%boundary = total(6)
+      l%external = total(7)
+      l%gravity = total(8)
+      l%start = total(9)
+    end associate
+    whole%ledger_dt = part%ledger_dt
+    overlap = max(whole%health%max_overlap, maxval(reports(at_overlap, :)))
+    reference = whole%health%reference_energy
+    whole%health = part%health
+    whole%health%max_overlap = overlap
+    whole%health%reference_energy = reference
+    do k = 1, whole%planes%n
+      at = report_size + plane_size*(k - 1)
+      whole%planes%force(:, k) = total(at + 1:at + 3)
+      whole%planes%moment(:, k) = total(at + 4:at + 6)
+      whole%planes%impulse(:, k) = total(at + 7:at + 9)
+      whole%planes%work(k) = total(at + 10)
+    end do
+    whole%planes%point = part%planes%point
+    call take_marks(reports, total(at_kinetic), marks)
+  end subroutine add_reports
+
+  pure subroutine take_marks(reports, kinetic, marks)
+    real(wp), intent(in) :: reports(:, :), kinetic
+    type(rank_marks_type), intent(inout) :: marks
+    integer(i4) :: r
+    marks%limit = minval(reports(at_limits:at_limits + 2, :), 2)
+    marks%speed = reports(at_speed, 1)
+    marks%kinetic = kinetic
+    r = maxloc(reports(at_most, :), 1)
+    marks%fastest = reports(at_most + 1:at_most + 2, r)
+    marks%exchange = [minval(reports(at_exchange, :)), &
+                      sum(reports(at_exchange, :))/size(reports, 2), &
+                      maxval(reports(at_exchange, :))]
+    marks%own = [minval(reports(at_own, :)), maxval(reports(at_own, :))]
+    marks%mirrors = [minval(reports(at_mirrors, :)), maxval(reports(at_mirrors, :))]
+  end subroutine take_marks
+end module dem_part

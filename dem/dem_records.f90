@@ -1,0 +1,116 @@
+!> Grains and contacts as rows of reals, to be sent to other ranks.
+module dem_records
+  use talus_kinds, only: wp, i4, i8
+  use dem_state, only: dem_data_type, lanes, history_size, history_root, result_size, body_size
+  implicit none
+  private
+  public :: grain_size, contact_size, part_size, contact_places
+  public :: pack_grain, unpack_grain, pack_contact, carried, index_of
+
+  integer(i4), parameter :: grain_size = 49 + body_size   !! reals of a grain
+  integer(i4), parameter :: part_size = 13                !! of these the first that add up over
+                                                          !! the ranks, see pack_grain
+  integer(i4), parameter :: contact_size = 5 + history_size + result_size
+  integer(i4), parameter :: contact_places(4) = [3, 6, 6 + history_size, contact_size + 1]
+                            !! where normal, history and result begin, and the end
+
+contains
+
+  !> All of a grain that moves with it. Force, moment, their impulses and the work come first: of a
+  !! prescribed grain each rank has a part of them.
+  pure subroutine pack_grain(d, i, row)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: i
+    real(wp), intent(out) :: row(grain_size)
+    associate (g => d%grains)
+      row(1:13) = [g%force(:, i), g%moment(:, i), g%impulse(:, i), g%moment_impulse(:, i), &
+                   g%work(i)]
+      row(14:16) = [real(g%id(i), wp), real(g%kind(i), wp), real(g%material(i), wp)]
+      row(17:29) = [g%x(:, i), g%quat(:, i), g%v(:, i), g%omega(:, i)]
+      row(30:36) = [g%axes(:, i), g%mass(i), g%inertia(:, i)]
+      row(37:49) = [g%theta(:, i), g%extra_force(:, i), g%extra_moment(:, i), g%turn(:, i)]
+      row(50:) = d%pairs%body(:, i)
+    end associate
+  end subroutine pack_grain
+
+  !> The same back; body records must have been made.
+  pure subroutine unpack_grain(row, d, i)
+    real(wp), intent(in) :: row(grain_size)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: i
+    associate (g => d%grains)
+      g%force(:, i) = row(1:3)
+      g%moment(:, i) = row(4:6)
+      g%impulse(:, i) = row(7:9)
+      g%moment_impulse(:, i) = row(10:12)
+      g%work(i) = row(13)
+      g%id(i) = nint(row(14), i8)
+      g%kind(i) = nint(row(15), i4)
+      g%material(i) = nint(row(16), i4)
+      g%x(:, i) = row(17:19)
+      g%quat(:, i) = row(20:23)
+      g%v(:, i) = row(24:26)
+      g%omega(:, i) = row(27:29)
+      g%axes(:, i) = row(30:32)
+      g%radius(i) = maxval(row(30:32))
+      g%mass(i) = row(33)
+      g%inertia(:, i) = row(34:36)
+      g%theta(:, i) = row(37:39)
+      g%extra_force(:, i) = row(40:42)
+      g%extra_moment(:, i) = row(43:45)
+      g%turn(:, i) = row(46:49)
+    end associate
+  end subroutine unpack_grain
+
+  !> Does this candidate remember anything? The radius of two spheres is found anew.
+  pure logical function carried(d, lane, block)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: lane, block
+    associate (h => d%pairs%history(lane, :, block))
+      carried = any(abs(h(:history_root - 1)) > 0.0_wp) .or. any(abs(h(history_root + 1:)) > 0.0_wp)
+    end associate
+  end function carried
+
+  !> A contact: ids, lower one first, planes as -1, -2, ...; normal, history, force and moment.
+  pure subroutine pack_contact(d, lane, block, row)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: lane, block
+    real(wp), intent(out) :: row(contact_size)
+    integer(i4) :: first
+    first = d%pairs%first(lane, block)
+    if (first > d%grains%n) then
+      row(1) = -real(first - d%grains%n - 3, wp)
+    else
+      row(1) = real(d%grains%id(first), wp)
+    end if
+    row(2) = real(d%grains%id(d%pairs%second(lane, block)), wp)
+    row(3:5) = d%pairs%normal(lane, :, block)
+    row(6:5 + history_size) = d%pairs%history(lane, :, block)
+    row(6 + history_size:) = d%pairs%result(:, (block - 1)*lanes + lane)
+  end subroutine pack_contact
+
+  !> Body of an id, planes as -1, -2, ...; 0 if it is not known here.
+  pure integer(i4) function index_of(d, id) result(body)
+    type(dem_data_type), intent(in) :: d
+    real(wp), intent(in) :: id
+    integer(i8) :: wanted
+    integer(i4) :: low, high
+    wanted = nint(id, i8)
+    if (wanted < 0) then
+      body = d%grains%n + 3 - int(wanted, i4)
+      return
+    end if
+    low = 1
+    high = d%grains%n
+    do while (low <= high)
+      body = (low + high)/2
+      if (d%grains%id(body) == wanted) return
+      if (d%grains%id(body) < wanted) then
+        low = body + 1
+      else
+        high = body - 1
+      end if
+    end do
+    body = 0
+  end function index_of
+end module dem_records
