@@ -11,7 +11,7 @@ module cpl_coupled
   use cpl_partition, only: partition_type, add_point
   implicit none
   private
-  public :: coupled_type, motion_type
+  public :: coupled_type, motion_type, add_contacts, add_elements
 
   integer(i4), parameter :: motions = 45  !! numbers of a micromorphic point
 

@@ -214,10 +214,27 @@ contains
 
   subroutine group_overlap(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('overlap', 19, &
+    call table%add_group('overlap', 22, &
       'Grains and solid overlap: free grains move the nodes over them, ghost grains ' &
       //'follow the solid, and energy is counted once. A deck has exactly one of facets ' &
       //'and overlap.')
+    call table%add_key('method', 'string', '', &
+      '`''bridging_scale''`: ghosts follow the nodes, free grains move them. ' &
+      //'`''bridging_domain''`: the grains in the elements of the ghosts are free, share ' &
+      //'mass and energy with the nodes there, and are bound to them by multipliers.')
+    call table%preset('bridging_scale')
+    call table%allow('bridging_scale|bridging_domain')
+    call table%add_key('multipliers', 'string', '', &
+      'Bridging domain: `''consistent''`, bound grains move with the nodes (one ' &
+      //'factorisation); `''lumped''`, row sums, without a system of equations: it ' &
+      //'dissipates above the cut-off of the mesh.')
+    call table%preset('consistent')
+    call table%allow('consistent|lumped')
+    call table%add_key('least_weight', 'real', '', &
+      'Bridging domain: weight of grains and continuum where each of them ends, which ' &
+      //'else would be 0.')
+    call table%preset('0.01')
+    call table%bounds(above=0.0_wp, below=0.5_wp)
     call table%add_key('free_elements', 'string', '', &
       'Volume group of the mesh in which grains are free and move the nodes. Give this ' &
       //'or free_box.')
@@ -246,6 +263,11 @@ contains
       //'large rotations. Ghosts turn with it, and their moments are couples on it.')
     call table%preset('rotations')
     call table%allow('rotations|positions')
+    call group_overlap_2(table)
+  end subroutine group_overlap
+
+  subroutine group_overlap_2(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('projection', 'string', '', &
       'How free grains move the nodes: `''l2''`, the best fit (one factorisation); ' &
       //'`''mls''`, moving least squares around each node, without a system of equations.')
@@ -266,11 +288,6 @@ contains
       //'exchange.')
     call table%preset('symmetric')
     call table%allow('symmetric|state_at_n|static')
-    call group_overlap_2(table)
-  end subroutine group_overlap
-
-  subroutine group_overlap_2(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('settled', 'real', '', &
       'Static: largest force that is not balanced at the end, over the mean contact ' &
       //'force, above which the run warns that it has not settled.')
@@ -297,6 +314,11 @@ contains
       //'holds against them, so that nothing moves; `''none''` lets them act.')
     call table%preset('dead_load')
     call table%allow('dead_load|stress|none')
+    call group_overlap_3(table)
+  end subroutine group_overlap_2
+
+  subroutine group_overlap_3(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('mass', 'string', '', &
       'Mass that elements outside give to nodes that follow free grains: ' &
       //'`''consistent''`, it stays there and its inertia is handed back to the grains in ' &
@@ -318,11 +340,6 @@ contains
       //'near the elements may then come under them.')
     call table%preset('0.25')
     call table%bounds(min=0.0_wp)
-    call group_overlap_3(table)
-  end subroutine group_overlap_2
-
-  subroutine group_overlap_3(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('leaving', 'string', '', &
       'What happens when a free grain leaves the elements of the free grains: ' &
       //'`''remap''`, the projection is made anew without it (and with those that came); ' &

@@ -20,6 +20,7 @@ module cpl_model
   use talus_system, only: process_id, date_text
   use talus_timers, only: timers_type
   use cpl_audit, only: audit_type
+  use cpl_bridge_step, only: bridge_step
   use cpl_choices, only: cpl_choices_type, read_choices, read_solvers, rotation_fixed
   use cpl_deck_keys, only: cpl_deck_table
   use cpl_exchange, only: exchange
@@ -313,7 +314,10 @@ contains
     real(wp) :: gap
 
     if (self%choices%overlap%given) then
-      if (self%overlap%static) then
+      if (self%overlap%bridge%active) then
+        call bridge_step(self%overlap, self%solvers, self%choices%exchange, t0, t1, &
+                         self%timers, errors)
+      else if (self%overlap%static) then
         call static_step(self%overlap, self%solvers, self%choices%exchange, t0, t1, self%timers, &
                          errors)
       else
@@ -324,10 +328,12 @@ contains
       self%face%step = self%overlap%step
       call self%timers%start('audit and log')
       call overlap_audit_row(self%audit%file, self%overlap, t1, errors)
-      associate (wanted => self%choices%overlap)
-        call look_after(self%overlap, wanted%remap, wanted%leaving, t1, said, errors)
-      end associate
-      if (len(said) > 0) call self%log%line(said)
+      if (.not. self%overlap%bridge%active) then
+        associate (wanted => self%choices%overlap)
+          call look_after(self%overlap, wanted%remap, wanted%leaving, t1, said, errors)
+        end associate
+        if (len(said) > 0) call self%log%line(said)
+      end if
       call self%timers%stop('audit and log')
       return
     end if

@@ -8,6 +8,7 @@ module cpl_overlap
   use talus_moduli, only: isotropic_type
   use talus_vectors, only: cross, turned
   use talus_scalars, only: scalar_count
+  use cpl_bridge, only: bridge_type
   use cpl_cells, only: cells_type
   use cpl_choices, only: interface_aitken
   use cpl_fine_damping, only: fine_damping_type
@@ -47,6 +48,7 @@ module cpl_overlap
     logical :: hears_speed = .false.               !! velocities of the free grains are told
     type(inertia_type) :: carried, carried_phi     !! masses that hat nodes carry
     type(fine_damping_type) :: damping, damping_phi
+    type(bridge_type) :: bridge                    !! bridging domain in place of ghosts
     real(wp) :: step_limit = huge(1.0_wp)          !! of the grains' step in the overlap [s]
     real(wp) :: identity = 0.0_wp                  !! largest error of the operators
     real(wp) :: moved_mass = 0.0_wp                !! from hat nodes to free grains [kg]
@@ -324,10 +326,15 @@ contains
     past = merge(norm2(self%q - coarse, 1), 0.0_wp, self%seen)
   end function past_nodes
 
-  !> Root mean square of what the nodes do not see of the free grains' motion [m].
+  !> Root mean square of what the nodes do not see of the free grains' motion, or of the gap between
+  !! bound grains and nodes [m].
   pure real(wp) function fine_scale(self)
     class(overlap_type), intent(in) :: self
-    fine_scale = sqrt(sum(self%past_nodes()**2)/max(1, count(self%seen)))
+    if (self%bridge%active) then
+      fine_scale = sqrt(sum(self%bridge%move%gap(self%d, self%u)**2)/max(1, self%op%ghosts))
+    else
+      fine_scale = sqrt(sum(self%past_nodes()**2)/max(1, count(self%seen)))
+    end if
   end function fine_scale
 
   !> Constants of the relaxation of the edge's load: Aitken, whose factor is kept up, as batches end

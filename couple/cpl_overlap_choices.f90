@@ -22,6 +22,9 @@ module cpl_overlap_choices
     character(len=:), allocatable :: micro_deformation  !! of nodes over free grains
     logical :: micro_deformation_given = .false.
     logical :: dead_load = .true.
+    logical :: bridging = .false.      !! method = 'bridging_domain'
+    character(len=:), allocatable :: multipliers
+    real(wp) :: least_weight = 0.0_wp  !! of either side in the domain [-]
     real(wp) :: settled = 0.0_wp  !! static: rest / contact force at which a run has settled [-]
     character(len=:), allocatable :: initial, moduli, probe  !! probe: path of a file
   end type overlap_choices_type
@@ -77,10 +80,53 @@ contains
     call deck%get('overlap', 1, 'initial', choices%initial)
     choices%dead_load = choices%initial == 'dead_load'
     call read_moduli(deck, choices, errors)
+    call read_method(deck, choices, errors)
     if (deck%given('clock', 1, 'scheme')) &
       call deck%fault(errors, 'D421', 'scheme of &clock goes with &facets', 'clock', 1, 'scheme', &
                       'write it in &overlap')
   end subroutine read_overlap
+
+  !> Which method, and what goes with it. D430 a key of the other method, D431 a choice that the
+  !! bridging domain does not have.
+  subroutine read_method(deck, choices, errors)
+    type(deck_type), intent(in) :: deck
+    type(overlap_choices_type), intent(inout) :: choices
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: method
+
+    call deck%get('overlap', 1, 'method', method)
+    choices%bridging = method == 'bridging_domain'
+    call deck%get('overlap', 1, 'multipliers', choices%multipliers)
+    call deck%get('overlap', 1, 'least_weight', choices%least_weight)
+    if (.not. choices%bridging) then
+      call idle('multipliers')
+      call idle('least_weight')
+      return
+    end if
+    call idle('mass')
+    call idle('fine_damping')
+    call idle('remap')
+    call idle('leaving')
+    if (choices%scheme /= 'symmetric') call missing('scheme', choices%scheme)
+    if (choices%initial == 'stress') call missing('initial', choices%initial)
+    if (choices%rotation == 'fixed' .or. choices%rotation == 'curl') &
+      call missing('rotation', choices%rotation)
+
+  contains
+
+    subroutine idle(key)
+      character(len=*), intent(in) :: key
+      if (deck%given('overlap', 1, key)) call deck%fault(errors, 'D430', key//' has no meaning '// &
+        "with method = '"//method//"'", 'overlap', 1, key, 'leave it out')
+    end subroutine idle
+
+    subroutine missing(key, value)
+      character(len=*), intent(in) :: key, value
+      call deck%fault(errors, 'D431', key//" = '"//value//"' does not go with method = "// &
+                      "'bridging_domain'", 'overlap', 1, key, "leave it out, or write method = "// &
+                      "'bridging_scale'")
+    end subroutine missing
+  end subroutine read_method
 
   !> Where the solid's moduli come from; D444 a file of probed moduli that is missing or idle.
   subroutine read_moduli(deck, choices, errors)

@@ -25,10 +25,11 @@ contains
 
     call checkpoint%begin(file, time, o%step, errors, tag)
     call file%attr_put('/', 'sets_hash', o%sets_hash, errors)
-    allocate (reference(5, size(o%pack%id)))
+    allocate (reference(6, size(o%pack%id)))
     reference(:3, :) = o%pack%x
     reference(4, :) = o%pack%mass
     reference(5, :) = o%pack%inertia
+    reference(6, :) = o%pack%slimmest
     call file%put('/grains/reference', reference, errors)
     call file%put('/free/q', o%q, errors)
     call file%put('/free/theta', o%theta, errors)
@@ -67,6 +68,7 @@ contains
       call file%put('/map/u', o%u_map, errors)
       call file%put('/map/phi', o%phi_map, errors)
     end if
+    if (o%bridge%active) call write_bridge(file, o, errors)
     if (allocated(o%moduli)) call file%put('/start/moduli', o%moduli, errors)
     if (allocated(o%stress)) then
       call file%put('/start/stress', o%stress, errors)
@@ -91,7 +93,7 @@ contains
   subroutine read_overlap_reference(checkpoint, path, reference, errors)
     type(checkpoint_type), intent(in) :: checkpoint
     character(len=*), intent(in) :: path
-    real(wp), allocatable, intent(out) :: reference(:, :)  !! (5, grains) [m], [kg], [kg m^2]
+    real(wp), allocatable, intent(out) :: reference(:, :)  !! (6, grains) [m], [kg], [kg m^2]
     type(error_list_type), intent(inout) :: errors
     type(h5_file_type) :: file
     type(checkpoint_info_type) :: info
@@ -140,6 +142,7 @@ contains
     if (o%stressed) call file%get_into('/start/steady', o%steady, errors)
     if (o%stressed) call file%get_into('/start/steady_phi', o%steady_phi, errors)
     if (o%static) call read_static(file, o, errors)
+    if (o%bridge%active) call read_bridge(file, o, errors)
     call file%get_into('/numbers', numbers, errors)
     call file%get_into('/counts', counts, errors)
     call file%get_into('/map/looked', looked, errors)
@@ -165,6 +168,38 @@ contains
     o%looked = looked(1)
     o%told = told == 1
   end subroutine read_overlap_state
+
+  !> Velocities of bound grains, forces that balance their start, what the multipliers took.
+  subroutine write_bridge(file, o, errors)
+    type(h5_file_type), intent(inout) :: file
+    type(overlap_type), intent(in) :: o
+    type(error_list_type), intent(inout) :: errors
+    call file%put('/bridge/v', o%bridge%v, errors)
+    call file%put('/bridge/spin', o%bridge%spin, errors)
+    call file%put('/bridge/force', o%p, errors)
+    call file%put('/bridge/moment', o%m, errors)
+    call file%put('/bridge/hold', o%bridge%hold, errors)
+    call file%put('/bridge/hold_couple', o%bridge%hold_couple, errors)
+    call file%put('/bridge/theta_ref', o%bridge%theta_ref, errors)
+    call file%put('/bridge/lost', [o%bridge%lost], errors)
+  end subroutine write_bridge
+
+  subroutine read_bridge(file, o, errors)
+    type(h5_file_type), intent(inout) :: file
+    type(overlap_type), intent(inout) :: o
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: lost(1)
+    lost = 0.0_wp
+    call file%get_into('/bridge/v', o%bridge%v, errors)
+    call file%get_into('/bridge/spin', o%bridge%spin, errors)
+    call file%get_into('/bridge/force', o%p, errors)
+    call file%get_into('/bridge/moment', o%m, errors)
+    call file%get_into('/bridge/hold', o%bridge%hold, errors)
+    call file%get_into('/bridge/hold_couple', o%bridge%hold_couple, errors)
+    call file%get_into('/bridge/theta_ref', o%bridge%theta_ref, errors)
+    call file%get_into('/bridge/lost', lost, errors)
+    o%bridge%lost = lost(1)
+  end subroutine read_bridge
 
   !> Load of the edge and its relaxation.
   subroutine read_static(file, o, errors)

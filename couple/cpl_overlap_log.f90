@@ -33,6 +33,7 @@ contains
     turning = 'do not turn (moments on them are lost)'
     if (o%op%rotation == rotation_curl) turning = 'turn with half the curl of the displacement'
     if (o%op%rotation == rotation_micro) turning = 'turn with the micro-rotation'
+    if (o%bridge%active) turning = 'are bound to the nodes under them'
     call log%section('Overlap')
     call log%item('elements', str(count(o%sets%part == part_free))//' of free grains, '// &
                   str(count(o%sets%part == part_ghost))//' of ghosts, '// &
@@ -41,7 +42,8 @@ contains
                   str(size(o%sets%outside) + count(.not. o%seen))//' elsewhere; '// &
                   str(o%sets%least_in_element)//' to an element at least, '// &
                   short_number(o%sets%mean_in_element)//' in the mean')
-    call log%item('ghosts', str(o%op%ghosts), turning)
+    call log%item(trim(merge('bound grains', 'ghosts      ', o%bridge%active)), &
+                  str(o%op%ghosts), turning)
     call log%item('nodes', str(o%op%hats)//' follow free grains', str(o%op%nodes - o%op%hats)// &
                   ' of the edge, micro-rotations '//str(o%op%hats_phi)//' and '// &
                   str(o%op%nodes_phi - o%op%hats_phi))
@@ -52,7 +54,11 @@ contains
     call log%item('identities', 'within '//short_number(o%identity))
     call log_weights(log, o, choices)
     call log_start(log, o, choices)
-    call log_masses(log, o, choices)
+    if (o%bridge%active) then
+      call log_bridge(log, o)
+    else
+      call log_masses(log, o, choices)
+    end if
     call log%item('exchanges', str(choices%exchanges), 'of '//short_number(choices%exchange)// &
                   ' s, '//str(o%substeps)//' steps of the grains each, scheme '// &
                   choices%overlap%scheme)
@@ -85,6 +91,27 @@ contains
     if (o%damping%active) call log%item('fine scale damped', short_number( &
       choices%overlap%fine_damping)//' 1/s', 'at the ghosts, fading to the far end')
   end subroutine log_masses
+
+  !> Who owns what in a bridging domain, and how its sides are bound.
+  subroutine log_bridge(log, o)
+    type(log_type), intent(inout) :: log
+    type(overlap_type), intent(in) :: o
+    character(len=:), allocatable :: how
+    how = 'consistent: grains follow the nodes'
+    if (o%bridge%lumped) how = 'lumped: row sums'
+    call log%item('bridging domain', str(o%op%ghosts)//' grains are bound to '// &
+      str(size(o%bridge%move%at))//' nodes', 'weights '//short_number(o%bridge%least)//' to '// &
+      short_number(1.0_wp - o%bridge%least)//'; rotations '// &
+      trim(merge('to micro-rotations', 'are free          ', o%bridge%turns)))
+    call log%item('masses there', short_number(o%moved_mass)//' kg of grains', &
+      short_number(sum(o%mass))//' kg of nodes, those at the far end with their outer elements')
+    call log%item('multipliers', how)
+    if (o%bridge%lumped) call log%warn('lumped multipliers dissipate what the mesh cannot '// &
+      'carry (above its cut-off): waves are then not reflected but lost, and grains of the '// &
+      'domain are cooled; the audit has what they took')
+    if (o%step_limit < huge(1.0_wp)) call log%item('stable step', short_number(o%step_limit)// &
+      ' s', 'of grains and nodes that step with them')
+  end subroutine log_bridge
 
   !> How energy is shared.
   subroutine log_weights(log, o, choices)
@@ -189,7 +216,7 @@ contains
   !> What the damping of the fine scale has taken [J].
   pure real(wp) function fine_loss(o)
     type(overlap_type), intent(in) :: o
-    fine_loss = o%damping%lost + o%damping_phi%lost
+    fine_loss = o%damping%lost + o%damping_phi%lost + o%bridge%lost
   end function fine_loss
 
   pure real(wp) function ghost_motion(o)

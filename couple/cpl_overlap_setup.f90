@@ -7,6 +7,7 @@ module cpl_overlap_setup
   use talus_log, only: short_number
   use talus_message, only: verb_select, verb_set, verb_ready
   use talus_timers, only: timers_type
+  use cpl_bridge_setup, only: make_bridge, begin_bridge
   use cpl_choices, only: cpl_choices_type, rotation_fixed, rotation_curl, rotation_micro
   use cpl_operators, only: weigh_unit, weigh_mass, weigh_volume
   use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, &
@@ -33,7 +34,8 @@ contains
     type(cpl_solver_type), intent(inout) :: solvers(2)
     type(cpl_choices_type), intent(in) :: choices
     logical, intent(in) :: dynamic                 !! the solid has inertia
-    real(wp), allocatable, intent(in) :: reference(:, :)  !! (5, all grains) x, mass, inertia
+    real(wp), allocatable, intent(in) :: reference(:, :)
+    !! (6, all grains) x, mass, mean and least moment of inertia
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
 
@@ -48,6 +50,7 @@ contains
       o%pack%x = reference(:3, :)
       o%pack%mass = reference(4, :)
       o%pack%inertia = reference(5, :)
+      o%pack%slimmest = reference(6, :)
     end if
     call read_mesh(o, solvers(side_solid), timers, errors)
     if (errors%any()) return
@@ -58,7 +61,8 @@ contains
       o%cells%micromorphic .and. rotation_of(o, choices) == rotation_micro
     call o%sets%sort(o%cells, o%pack, errors)
     if (errors%any()) return
-    if (choices%overlap%remap > 0.0_wp) call o%sets%take_neighbours(o%pack)
+    if (choices%overlap%remap > 0.0_wp .and. .not. choices%overlap%bridging) &
+      call o%sets%take_neighbours(o%pack)
     call o%op%build(o%cells, o%sets, o%pack, rotation_of(o, choices), weights_of(choices), &
                     choices%overlap%projection == 'mls', errors)
     if (errors%any()) return
@@ -71,6 +75,10 @@ contains
     call o%allocate_state()
     call o%op%identity_error(o%x_free, o%x_node, o%x_ghost, o%identity, errors)
     o%sets_hash = hash_of(o)
+    if (choices%overlap%bridging) then
+      if (.not. errors%any()) call make_bridge(o, choices, errors)
+      return
+    end if
     call share_mass(o, choices%overlap%mass, errors)
     if (.not. errors%any()) call make_damping(o, choices%overlap%fine_damping, &
                                               solvers(side_grains), errors)
@@ -258,6 +266,10 @@ contains
   pure integer(i4) function rotation_of(o, choices)
     type(overlap_type), intent(in) :: o
     type(cpl_choices_type), intent(in) :: choices
+    if (choices%overlap%bridging) then
+      rotation_of = merge(rotation_micro, rotation_fixed, any(o%cells%polar))
+      return
+    end if
     select case (choices%overlap%rotation)
     case ('fixed')
       rotation_of = rotation_fixed
@@ -293,6 +305,10 @@ contains
     real(wp) :: none(3, o%op%ghosts)
     type(start_type) :: start
 
+    if (o%bridge%active) then
+      call begin_bridge(o, solvers, choices, again, timers, errors)
+      return
+    end if
     call select_sets(o, solvers, again, timers, errors)
     if (errors%any()) return
     call prepare_start(o, solvers, choices, again, start, timers, errors)

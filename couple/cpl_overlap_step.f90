@@ -15,7 +15,8 @@ module cpl_overlap_step
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
-  public :: overlap_step, evaluate_forces, evaluate_bulk, read_free, send_kick, accept_both
+  public :: overlap_step, evaluate_forces, evaluate_bulk, read_free, send_kick, send_bulk, &
+    accept_both, put_nodes, read_nodes
 
 contains
 
@@ -162,7 +163,7 @@ contains
     real(wp) :: v(3, o%op%nodes - o%op%hats)
     integer(i4) :: a
     v = o%v(:, o%op%hats + 1:)
-    do a = 1, size(v, 2)
+    do a = 1, merge(0_i4, int(size(v, 2), i4), o%bridge%active)
       associate (k => a + o%op%hats)
         where (.not. o%held(:, k)) v(:, a) = v(:, a) + kick*o%bulk(:, k)/o%mass(k)
       end associate

@@ -74,9 +74,11 @@ contains
     type(points_type), intent(in) :: points
     real(wp), allocatable :: depth(:)
     integer(i4) :: g, q
+    real(wp) :: flat
     logical :: fades
 
     fades = choices%overlap%partition /= 'twice'
+    flat = merge(0.0_wp, o%sets%d_max, o%bridge%active)
     allocate (depth(o%op%ghosts))
     do g = 1, o%op%ghosts
       depth(g) = o%sets%hull%distance(o%x_ghost(:, g))
@@ -84,7 +86,8 @@ contains
     associate (pair => o%near_ghosts)
       allocate (o%weight(size(pair, 2)), o%beta(size(points%element)), source=1.0_wp)
       if (fades) o%weight = choices%overlap%rho*omega_mean(depth(pair(1, :)), depth(pair(2, :)), &
-                                                           o%sets%depth, o%sets%d_max)
+                                                           o%sets%depth, flat)
+      if (fades .and. o%bridge%active) o%weight = clipped(o%weight)
     end associate
     do q = 1, size(o%beta)
       select case (o%sets%part(points%element(q)))
@@ -92,9 +95,18 @@ contains
         o%beta(q) = 0.0_wp
       case (part_ghost)
         if (fades) o%beta(q) = 1.0_wp - omega(o%sets%hull%distance(points%x(:, q)), &
-                                              o%sets%depth, o%sets%d_max)
+                                              o%sets%depth, flat)
+        if (fades .and. o%bridge%active) o%beta(q) = clipped(o%beta(q))
       end select
     end do
+
+  contains
+
+    !> Weights of a bridging domain stay off 0 and 1.
+    pure elemental real(wp) function clipped(weight)
+      real(wp), intent(in) :: weight
+      clipped = min(1.0_wp - o%bridge%least, max(o%bridge%least, weight))
+    end function clipped
   end subroutine ramp
 
   !> The joint fit where it is asked for, or where the pack is a lattice; `auto` keeps the ramps

@@ -30,9 +30,11 @@ module cpl_projection
   contains
     procedure :: build_l2
     procedure :: build_loaded
+    procedure :: build_massive
     procedure :: build_mls
     procedure :: apply
     procedure :: transposed
+    procedure :: solve_nodes
   end type projection_type
 
 contains
@@ -84,21 +86,40 @@ contains
     type(projection_type), intent(in) :: p
     real(wp), intent(in) :: w(:), mass(:)
     type(error_list_type), intent(inout) :: errors
+    self%n = p%n
+    self%place = p%place
+    call factor_loaded(self, w, mass, errors)
+  end subroutine build_loaded
+
+  !> The same on rows of their own; every column has a mass.
+  subroutine build_massive(self, n, w, mass, x_node, errors)
+    class(projection_type), intent(inout) :: self
+    type(rows_type), intent(in) :: n
+    real(wp), intent(in) :: w(:), mass(:)
+    real(wp), intent(in) :: x_node(:, :)  !! (3, columns) [m]
+    type(error_list_type), intent(inout) :: errors
+    self%n = n
+    call order_nodes(x_node, self%place)
+    call factor_loaded(self, w, mass, errors)
+  end subroutine build_massive
+
+  subroutine factor_loaded(self, w, mass, errors)
+    type(projection_type), intent(inout) :: self
+    real(wp), intent(in) :: w(:), mass(:)
+    type(error_list_type), intent(inout) :: errors
     type(band_type) :: matrix
-    integer(i4) :: left(p%n%columns), bad
+    integer(i4) :: left(self%n%columns), bad
 
     self%mls = .false.
-    self%n = p%n
     self%w = w
-    self%place = p%place
-    call profile(p%n, self%place, left)
+    call profile(self%n, self%place, left)
     call matrix%shape_by(left)
     call fill(self, matrix, mass)
     self%factor = matrix
     call self%factor%factor(bad)
     if (bad > 0) call errors%add('I425', "the masses N'MN that nodes carry are singular", '', &
                                  'take larger elements')
-  end subroutine build_loaded
+  end subroutine factor_loaded
 
   !> Nodes along the longest extent of all: the profile is as narrow as a slice.
   subroutine order_nodes(x, place)
@@ -313,6 +334,21 @@ contains
       p(:, i) = p(:, i) + self%w(i)*s
     end do
   end subroutine transposed
+
+  !> (N' W N + M)^-1 f of the nodes, in place.
+  subroutine solve_nodes(self, f)
+    class(projection_type), intent(in) :: self
+    real(wp), intent(inout) :: f(:, :)  !! (3, nodes)
+    real(wp) :: r(self%n%columns, 3)
+    integer(i4) :: a
+    do a = 1, self%n%columns
+      r(self%place(a), :) = f(:, a)
+    end do
+    call solve(self, r)
+    do a = 1, self%n%columns
+      f(:, a) = r(self%place(a), :)
+    end do
+  end subroutine solve_nodes
 
   !> (N' W N)^-1 of three right-hand sides, in place.
   subroutine solve(self, r)

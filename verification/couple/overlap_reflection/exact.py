@@ -61,6 +61,7 @@ class Run:
     rest: int = 0
     more: str = ""
     m: int = 1
+    domain: str = ""  # multipliers of a bridging domain eight elements long
 
 
 def make(bar: Bar, case: Case, alone: bool = False) -> np.ndarray:
@@ -93,11 +94,14 @@ def reflected(case: Case, stem: str, z: np.ndarray, n: int) -> tuple[np.ndarray,
 
 def run_one(case: Case, run: Run) -> tuple[np.ndarray, np.ndarray]:
     """Coupled run; frequency and reflection."""
-    ghosts = max(1, 4 // run.n)
-    bar = Bar(GRAINS, OVERLAP, ghosts, run.rest or 120 // run.n, run.n, PRESSED)
+    free, ghosts = (1, OVERLAP) if run.domain else (OVERLAP, max(1, 4 // run.n))
+    bar = Bar(GRAINS, free, ghosts, run.rest or 120 // run.n, run.n, PRESSED)
     z = make(bar, case)
     steps = STEPS // run.m
-    values = deck_values(STEP, run.m, steps, mass=run.mass, damping=f"{run.damping:.17g}")
+    how = f"mass = '{run.mass}', fine_damping = {run.damping:.17g}"
+    if run.domain:
+        how = f"method = 'bridging_domain', multipliers = '{run.domain}'"
+    values = deck_values(STEP, run.m, steps, how=how)
     values["density"] = f"{bar.density:.17g}"
     more = run.more or "&support  group = 'z1', fix = 'z' /"
     write_deck(case, "grains.nml", "grains_base.nml", **values)
@@ -164,8 +168,23 @@ def judge(case: Case, curves: dict) -> None:
         case, "dashpots: change up to nw = 0.5", [curves["n = 4"], curves[near]], 0.5 / 4, 0.06,
         "of waves of 13 elements and less",
     )  # fmt: skip
+    judge_domain(case, curves)
     nearest = at(curves["n = 4, mass = 'nearest'"], 0.25 / 4)
     case.above("mass = 'nearest': at nw = 0.25", nearest, 0.04, "shifts the mass inwards")
+
+
+def judge_domain(case: Case, curves: dict) -> None:
+    """Judge bridging domains of eight elements beside the overlap, and what lumping takes."""
+    bound, loose = (curves[f"n = 4, domain, {name}"] for name in ("consistent", "lumped"))
+    for nw, limit in ((0.25, 0.02), (0.5, 0.02), (0.75, 0.05)):
+        for name, curve in (("consistent", bound), ("lumped", loose)):
+            why = "a ramp of eight elements"
+            case.below(f"domain, {name}: at nw = {nw}", at(curve, nw / 4), limit, why)
+    for nw in (1.5, 2.0, 3.0):
+        case.metric(f"domain, consistent: at nw = {nw}", at(bound, nw / 4), 1.0, 0.02, "whole")
+    for nw, most in ((1.5, 0.75), (2.0, 0.5), (3.0, 0.3)):
+        why = "the rest is lost in the domain"
+        case.below(f"domain, lumped: at nw = {nw}", at(loose, nw / 4), most, why)
 
 
 def draw(case: Case, curves: dict) -> None:
@@ -197,11 +216,20 @@ def run(case: Case) -> None:
         Run(4, "n = 4, mass = 'nearest'", mass="nearest"),
         Run(4, "n = 4, dashpots close by", rest=8, more=lysmer),
         Run(4, "n = 4, m = 4", m=4),
+        Run(4, "n = 4, domain, consistent", domain="consistent"),
+        Run(4, "n = 4, domain, lumped", domain="lumped"),
     ]
     curves = {"grains alone": alone(case)}
     for one in runs:
         curves[one.label] = run_one(case, one)
         if not one.more:
             judge_energy(case, one.label)
+        if one.domain:
+            audit = audit_of(case, "run")
+            lost = audit["fine_scale_damping"][-1] / (2 * audit["grains_kinetic"][0])
+            if one.domain == "lumped":
+                case.above(f"{one.label}: taken by the multipliers", lost, 1e-3, "above nw = 1")
+            else:
+                case.below(f"{one.label}: taken by the multipliers", abs(lost), 1e-10, "none")
     judge(case, curves)
     draw(case, curves)

@@ -43,10 +43,16 @@ def write_column(case: Case) -> None:
 def run(case: Case) -> None:
     """Compare for both solids and both projections."""
     write_column(case)
-    for soil, projection in (("classical", "l2"), ("classical", "mls"), ("micropolar", "l2")):
-        label = f"{soil}, {projection}: "
+    for soil, method, of_both in (
+        ("classical", "projection = 'l2'", False),
+        ("classical", "projection = 'mls'", False),
+        ("micropolar", "projection = 'l2'", True),
+        ("micropolar", "method = 'bridging_domain'", True),
+        ("classical", "method = 'bridging_domain', multipliers = 'lumped'", False),
+    ):
+        label = f"{soil}, {method}: "
         material, element = SOILS[soil]
-        values = {"material": material, "element": element, "projection": projection}
+        values = {"material": material, "element": element, "method": method}
         for name in ("whole", "parts", "files"):
             for path in case.folder.glob(f"{name}*"):
                 path.unlink()
@@ -57,7 +63,7 @@ def run(case: Case) -> None:
             ("parts", "1.28e-4", 2, "shared_memory", ()),
             ("parts", "2.56e-4", 1, "shared_memory", ("--restart=auto",)),
         ]
-        if soil == "micropolar":
+        if of_both:
             runs.append(("files", "2.56e-4", 1, "hdf5", ()))
         for name, end, threads, transport, more in runs:
             places = values | {"name": name, "end": end, "threads": threads}
@@ -66,5 +72,5 @@ def run(case: Case) -> None:
         moved = audit_of(case, "whole")["largest_ghost_displacement"].max()
         case.above(f"{label}ghosts moved [m]", moved, 1e-9, "the knock has arrived")
         compare_runs(case, f"{label}in parts, ", "whole", "parts")
-        if soil == "micropolar":
+        if of_both:
             compare_runs(case, f"{label}by files, ", "whole", "files")

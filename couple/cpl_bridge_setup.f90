@@ -1,0 +1,223 @@
+!> Make a bridging domain of an overlap's sets: rules, sets of both solvers, weights and masses, the
+!! multipliers, and the forces at the start (theory: overlap coupling, Bridging domain).
+module cpl_bridge_setup
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_log, only: short_number
+  use talus_message, only: verb_select, verb_set, verb_ready
+  use talus_timers, only: timers_type
+  use cpl_bridge_limit, only: check_bridge_step
+  use cpl_bridge_mass, only: check_domain, share_domain
+  use cpl_bridge_step, only: bridge_forces, bridge_bulk, read_bound, bound_set, load_set
+  use cpl_choices, only: cpl_choices_type
+  use cpl_overlap, only: overlap_type, free_set, hat_set, edge_set, hat_phi_set, edge_phi_set
+  use cpl_overlap_start, only: start_type, prepare_start
+  use cpl_overlap_weights, only: read_points
+  use cpl_sets, only: part_ghost
+  use cpl_solver, only: cpl_solver_type, side_grains, side_solid
+  implicit none
+  private
+  public :: make_bridge, begin_bridge
+
+contains
+
+  !> What sets and deck alone can tell.
+  subroutine make_bridge(o, choices, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_choices_type), intent(in) :: choices
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: n
+
+    n = o%op%ghosts
+    associate (b => o%bridge)
+      b%active = .true.
+      b%lumped = choices%overlap%multipliers == 'lumped'
+      b%least = choices%overlap%least_weight
+      b%turns = o%turns
+      allocate (b%v(3, n), b%spin(3, n), b%push(3, n), b%couple(3, n), b%hold(3, n), &
+                b%hold_couple(3, n), b%theta_ref(3, n), source=0.0_wp)
+    end associate
+    allocate (o%factor(o%op%free), source=1.0_wp)
+    o%hears_force = .false.
+    o%hears_speed = .false.
+    call check_domain(o, errors)
+  end subroutine make_bridge
+
+  !> SELECT, weights, masses, READY; a fresh run then takes velocities and forces at the start.
+  subroutine begin_bridge(o, solvers, choices, again, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(cpl_choices_type), intent(in) :: choices
+    logical, intent(in) :: again  !! after a restart
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    type(start_type) :: start
+
+    call select_domain(o, solvers, timers, errors)
+    if (errors%any()) return
+    call prepare_start(o, solvers, choices, again, start, timers, errors)
+    if (errors%any()) return
+    if (again) call read_points(solvers(side_solid), start%points, timers, errors)
+    if (errors%any()) return
+    call share_domain(o, start%points)
+    call build_fields(o, errors)
+    if (.not. errors%any()) call set_mass(o, solvers(side_grains), timers, errors)
+    if (.not. (again .or. errors%any())) &
+      call check_bridge_step(o, solvers, start%points, timers, errors)
+    if (errors%any()) return
+    call ready(solvers(side_grains))
+    if (.not. (again .or. errors%any())) call read_grains(o, solvers(side_grains), errors)
+    call ready(solvers(side_solid))
+    if (again .or. errors%any()) return
+    call start_speeds(o, errors)
+    if (.not. errors%any()) call bridge_forces(o, solvers, solvers(1)%time, timers, errors)
+    if (.not. errors%any()) &
+      call bridge_bulk(o, solvers(side_solid), 0.0_wp, solvers(1)%time, timers, errors)
+    if (choices%overlap%dead_load .and. .not. errors%any()) &
+      call hold_start(o, solvers(side_grains)%gravity)
+
+  contains
+
+    subroutine ready(solver)
+      type(cpl_solver_type), intent(inout) :: solver
+      if (errors%any()) return
+      call solver%start_request(verb_ready, o%step, solver%time, solver%time)
+      call solver%ask(timers, errors)
+    end subroutine ready
+  end subroutine begin_bridge
+
+  !> What carries the start is held against, weight of the bound grains with it.
+  subroutine hold_start(o, gravity)
+    type(overlap_type), intent(inout) :: o
+    real(wp), intent(in) :: gravity(3)  !! [m/s^2]
+    integer(i4) :: g
+    do g = 1, o%op%ghosts
+      o%bridge%hold(:, g) = -o%p(:, g) - o%bridge%move%grain(g)*gravity
+    end do
+    if (o%bridge%turns) o%bridge%hold_couple = -o%m
+    o%f_hold = -o%f
+    o%c_hold = -o%c
+    o%f = 0.0_wp
+    o%c = 0.0_wp
+  end subroutine hold_start
+
+  !> Sets of both solvers. Prescribed for the solid are all nodes of the overlap, bound or not.
+  subroutine select_domain(o, solvers, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: told
+
+    told = 'x,v,force'
+    if (o%turns) told = told//',theta,omega,moment'
+    associate (grains => solvers(side_grains), solid => solvers(side_solid), n => o%op%hats, &
+               m => o%op%hats_phi, bound => o%pack%id(o%sets%ghost))
+      call choose(grains, bound_set, 'report', bound, told)
+      call choose(grains, load_set, 'load', bound, '')
+      told = 'x'
+      if (o%turns) told = 'x,theta'
+      call choose(grains, free_set, 'report', o%pack%id(o%sets%free), told)
+      call choose(solid, hat_set, 'prescribe', int(o%op%node(:n), i8), 'u')
+      call take_held('held', o%held(:, :n))
+      call choose(solid, edge_set, 'prescribe', int(o%op%node(n + 1:), i8), 'u')
+      call take_held('held', o%held(:, n + 1:))
+      if (o%op%nodes_phi == 0) return
+      call choose(solid, hat_phi_set, 'prescribe', int(o%op%node_phi(:m), i8), 'phi')
+      call take_held('held_phi', o%held_phi(:, :m))
+      call choose(solid, edge_phi_set, 'prescribe', int(o%op%node_phi(m + 1:), i8), 'phi')
+      call take_held('held_phi', o%held_phi(:, m + 1:))
+    end associate
+
+  contains
+
+    subroutine choose(solver, set, role, ids, fields)
+      type(cpl_solver_type), intent(inout) :: solver
+      character(len=*), intent(in) :: set, role, fields
+      integer(i8), intent(in) :: ids(:)
+      if (errors%any()) return
+      call solver%start_request(verb_select, o%step, solver%time, solver%time)
+      call solver%request%put_text('set', set)
+      call solver%request%put_text('role', role)
+      call solver%request%put_int('id', ids)
+      call solver%request%put_text('fields', fields)
+      call solver%ask(timers, errors)
+    end subroutine choose
+
+    subroutine take_held(field, held)
+      character(len=*), intent(in) :: field
+      logical, intent(inout) :: held(:, :)
+      integer(i4), allocatable :: list(:, :)
+      if (errors%any()) return
+      call solvers(side_solid)%reply%take_int(field, list, errors)
+      if (.not. errors%any()) held = list == 1
+    end subroutine take_held
+  end subroutine select_domain
+
+  !> Multipliers of displacements and rotations; of grains that are no spheres the rotation by their
+  !! least moment of inertia, so that no multiplier is too large for an axis.
+  subroutine build_fields(o, errors)
+    type(overlap_type), intent(inout) :: o
+    type(error_list_type), intent(inout) :: errors
+    logical :: bound(o%cells%nodes)
+    integer(i4) :: e
+
+    bound = .false.
+    do e = 1, o%cells%elements
+      if (o%sets%part(e) == part_ghost) bound(o%cells%nodes_of(e)) = .true.
+    end do
+    associate (b => o%bridge, ghost => o%sets%ghost)
+      call b%move%build(o%op%ghost, bound(o%op%node), o%x_node, o%mass, &
+                        b%weight*o%pack%mass(ghost), o%held, b%lumped, errors)
+      where (.not. bound(o%op%node)) o%mass = 0.0_wp
+      if (.not. b%turns .or. errors%any()) return
+      call b%turn%build(o%op%ghost_phi, bound(o%op%node_phi), o%cells%x(:, o%op%node_phi), &
+                        o%inertia, b%weight*o%pack%slimmest(ghost), o%held_phi, b%lumped, errors)
+      where (.not. bound(o%op%node_phi)) o%inertia = 0.0_wp
+    end associate
+  end subroutine build_fields
+
+  !> Weights on the masses of the bound grains. D425: the step is above the limit that comes back.
+  subroutine set_mass(o, grains, timers, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: limit
+    call grains%start_request(verb_set, o%step, grains%time, grains%time)
+    call grains%request%put_text('what', 'mass_factor')
+    call grains%request%put_text('set', load_set)
+    call grains%request%put('value', o%bridge%weight)
+    call grains%ask(timers, errors)
+    if (errors%any()) return
+    call grains%reply%get('step_limit', limit, errors)
+    if (errors%any() .or. grains%dt <= limit .or. .not. limit > 0.0_wp) return
+    call errors%add('D425', 'the step of the grains, '//str(grains%dt)//' s, is above the '// &
+      'stable step with the masses of the bridging domain, '//short_number(limit)//' s', &
+      grains%deck, 'shorten dt in its deck, or raise least_weight in &overlap')
+  end subroutine set_mass
+
+  !> State of the grains before the first exchange, from their reply to READY.
+  subroutine read_grains(o, grains, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    type(error_list_type), intent(inout) :: errors
+    call grains%reply%get('scalars', o%grains, errors)
+    if (o%turns) call grains%reply%get(free_set//'.theta', o%theta_ref, errors)
+    if (o%bridge%turns) call grains%reply%get(bound_set//'.theta', o%bridge%theta_ref, errors)
+    call read_bound(o, grains, .true., errors)
+  end subroutine read_grains
+
+  !> Velocities of the nodes at the start are those of the grains.
+  subroutine start_speeds(o, errors)
+    type(overlap_type), intent(inout) :: o
+    type(error_list_type), intent(inout) :: errors
+    associate (b => o%bridge)
+      if (any(abs(b%v) > 0.0_wp)) call b%move%start(b%v, o%x_node, o%v, errors)
+      if (.not. b%turns) return
+      if (any(abs(b%spin) > 0.0_wp)) &
+        call b%turn%start(b%spin, o%cells%x(:, o%op%node_phi), o%w, errors)
+    end associate
+  end subroutine start_speeds
+end module cpl_bridge_setup
