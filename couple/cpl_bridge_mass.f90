@@ -24,8 +24,8 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: e, g
 
-    if (o%cells%micromorphic) call errors%add('D431', "method = 'bridging_domain' does not know "// &
-      'micromorphic solids', '', "write method = 'bridging_scale' in &overlap")
+    if (o%cells%micromorphic) call errors%add('D431', "method = 'bridging_domain' does not "// &
+      'know micromorphic solids', '', "write method = 'bridging_scale' in &overlap")
     e = findloc(o%sets%fast .and. o%sets%part == part_rest, .true., 1)
     if (e > 0) call errors%add('I431', 'element '//str(e)//' of continuum alone touches one of '// &
       'free grains', '', 'elements of ghosts, which are the bridging domain, must lie all '// &
