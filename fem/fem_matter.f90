@@ -20,7 +20,7 @@ module fem_matter
   use fem_polar_element, only: polar_answer, polar_tangent
   use fem_ranks, only: fem_ranks_type
   use fem_recover, only: point_weights
-  use fem_scatter, only: add_element
+  use fem_scatter, only: add_element, clear_rows
   use fem_sparse, only: fem_pattern_type
   use fem_strain, only: mean_gradient, strain_matrix, add_product
   use fem_types, only: fem_mesh_type
@@ -437,17 +437,9 @@ contains
     type(fem_deformation_type) :: motion
     real(wp), allocatable :: ke(:, :)
     integer(i4), allocatable :: chosen(:)
-    integer(i4) :: r, i, n
+    integer(i4) :: r, i
 
-    do n = range(1), range(2) - 1
-      k(:, :, pattern%start(n):pattern%start(n + 1) - 1) = 0.0_wp
-      if (.not. self%symmetric) lower(:, :, pattern%start(n):pattern%start(n + 1) - 1) = 0.0_wp
-      if (dofs%phi(n) == 0) cycle
-      i = dofs%phi(n) + dofs%parts
-      k(:, :, pattern%start(dofs%phi(n)):pattern%start(i) - 1) = 0.0_wp
-      if (.not. self%symmetric) &
-        lower(:, :, pattern%start(dofs%phi(n)):pattern%start(i) - 1) = 0.0_wp
-    end do
+    call clear_rows(dofs, pattern, range, self%symmetric, k, lower)
     do r = 1, size(elastic%rule)
       if (allocated(shape%weight)) deallocate (shape%weight, shape%u, shape%phi)
       if (allocated(ke)) deallocate (ke)
