@@ -24,6 +24,7 @@ module fem_body
   use fem_rigid, only: fem_rigid_type, place_rigid, push_rigid
   use fem_shares, only: share_pattern
   use fem_solver, only: fem_solver_type
+  use fem_stages, only: fem_stages_type
   use fem_supports, only: check_supports
   use fem_recover, only: initial_stress_force, element_forces
   use fem_whole, only: fem_whole_type
@@ -32,7 +33,6 @@ module fem_body
   public :: fem_body_type, fem_motion_type, fem_newton_type, fem_kept_type
 
   real(wp), parameter :: same_step = 1.0e-9_wp  !! relative change of dt that needs new factors
-
   real(wp), parameter :: margin = 0.95_wp       !! of the largest stable step, of laws with a state
 
   !> Prescribed motion of one component of some blocks.
@@ -89,6 +89,7 @@ module fem_body
     type(fem_one_point_type) :: one_point        !! of explicit steps, if all elements are such
     type(fem_matter_type) :: matter              !! points whose laws have a state
     type(fem_newton_type) :: newton              !! how their equilibrium is sought
+    type(fem_stages_type) :: stages              !! elements that are removed and placed
     type(fem_pattern_type) :: pattern
     type(fem_solver_type) :: solver
     real(wp), allocatable :: k(:, :, :), mass(:), lumped(:)

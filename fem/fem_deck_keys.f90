@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-fem.
   subroutine fem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-fem', 31)
+    call table%init('talus-fem', 32)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -36,6 +36,7 @@ contains
     call group_analysis(table)
     call group_initial_stress(table)
     call group_geostatic(table)
+    call group_stage(table)
     call group_absorbing(table)
     call group_path(table)
     call group_point(table)
@@ -687,6 +688,29 @@ contains
       'Pressure on the surface, which a `&pressure` of the deck must apply too.')
     call table%preset('0.0')
   end subroutine group_geostatic
+
+  subroutine group_stage(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('stage', 4, &
+      'A group of elements that is removed (excavation) or placed at a time of a static' &
+      //' run. What is then out of balance, the forces of elements that go and the weight' &
+      //' of those that come, is let go over `duration`. A group whose first stage places' &
+      //' it is absent at the start. Elements come without strain, and without stress but' &
+      //' for their `&initial_stress` where they are absent at the start.', repeats=.true.)
+    call table%add_key('group', 'string', '', 'Volume group.')
+    call table%need()
+    call table%add_key('action', 'string', '', 'What becomes of it.')
+    call table%preset('remove')
+    call table%allow('remove|place')
+    call table%add_key('time', 'real', 's', 'When; steps end there.')
+    call table%need()
+    call table%bounds(min=0.0_wp)
+    call table%add_key('duration', 'real', 's', &
+      'Over which what is out of balance is let go; a later stage takes over what is ' &
+      //'left.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+  end subroutine group_stage
 
   subroutine group_absorbing(table)
     type(key_table_type), intent(inout) :: table

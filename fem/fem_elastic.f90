@@ -27,6 +27,7 @@ module fem_elastic
     real(wp), allocatable :: factor(:)      !! (points) weight, for overlaps [-]
     real(wp), allocatable :: initial(:, :)  !! (components, points) initial stress
     logical :: has_initial = .false.
+    logical, allocatable :: absent(:)       !! (elements) that a stage has removed or not yet placed
     integer(i4), allocatable :: id(:)       !! (elements) in the mesh, where ranks have some each
   contains
     procedure :: start
@@ -34,6 +35,8 @@ module fem_elastic
     procedure :: number_points
     procedure :: rotations
     procedure :: number_of
+    procedure :: is_absent
+    procedure :: clear_absent
   end type fem_elastic_type
 
 contains
@@ -98,4 +101,22 @@ contains
     number_of = e
     if (allocated(self%id) .and. e > 0) number_of = self%id(e)
   end function number_of
+
+  !> Has a stage removed element e, or not yet placed it?
+  pure logical function is_absent(self, e)
+    class(fem_elastic_type), intent(in) :: self
+    integer(i4), intent(in) :: e
+    is_absent = .false.
+    if (allocated(self%absent)) is_absent = self%absent(e)
+  end function is_absent
+
+  !> No stress in elements that are absent.
+  pure subroutine clear_absent(self, stress)
+    class(fem_elastic_type), intent(in) :: self
+    real(wp), intent(inout) :: stress(:, :)  !! (components, points)
+    integer(i4) :: e
+    do e = 1, size(self%rule_of)
+      if (self%is_absent(e)) stress(:, self%point(e):self%point(e + 1) - 1) = 0.0_wp
+    end do
+  end subroutine clear_absent
 end module fem_elastic

@@ -80,7 +80,8 @@ contains
     if (self%micro%active) then
       call prepare_micro(self, mesh, dofs, elastic)
     else if (.not. allocated(self%tangent)) then
-      allocate (self%tangent(elastic%components, elastic%components, elastic%points))
+      allocate (self%tangent(elastic%components, elastic%components, elastic%points), &
+                source=0.0_wp)
     end if
     self%accepted_stress = self%stress
     self%accepted_state = self%state
@@ -284,7 +285,10 @@ contains
       if (allocated(shape%weight) .and. elastic%rule_of(e) /= rule) &
         deallocate (shape%weight, shape%u, shape%phi)
       rule = elastic%rule_of(e)
-      if (self%law(self%law_of(e))%law%finite) then
+      failed = 0
+      if (elastic%is_absent(e)) then
+        self%nodal(:, dofs%start(e):dofs%start(e + 1) - 1) = 0.0_wp
+      else if (self%law(self%law_of(e))%law%finite) then
         call deform_element(self, mesh, dofs, elastic, e, shape, motion, failed)
       else if (self%law(self%law_of(e))%law%polar) then
         call turn_element(self, mesh, dofs, elastic, moved, e, shape, failed)

@@ -111,6 +111,8 @@ contains
     call read_body(self%deck, self%body, errors)
     if (errors%any()) return
     call moduli_warnings(self)
+    if (self%served .and. self%body%stages%active) call self%deck%fault(errors, 'D339', &
+      'a coupled run has no stages', 'stage', 1, '', 'run this deck alone')
     call read_times(self, errors)
     call choose_storage(self)
     if (.not. self%ranks%several() .or. errors%any()) return
@@ -129,6 +131,7 @@ contains
     if (self%modal) what = "kind = 'modal' takes"
     if (self%body%matter%micro%active) what = 'micromorphic solids take'
     if (self%body%solver%iterative) what = "solver = 'iterative' takes"
+    if (self%body%stages%active) what = 'stages take'
     if (len(what) > 0) call self%deck%fault(errors, 'D338', what//' one rank of talus-fem, not '// &
       str(self%ranks%ranks), 'analysis', 1, 'kind', 'start it without a launcher; threads work')
   end subroutine refuse_ranks

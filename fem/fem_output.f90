@@ -339,6 +339,7 @@ contains
     allocate (stress(c, body%elastic%points), mean(c, body%mesh%elements), nodal(c, n))
     if (body%matter%active) then
       stress = body%matter%accepted_stress
+      call body%elastic%clear_absent(stress)
     else
       call point_stress(body%mesh, body%dofs, body%elastic, body%accepted%u, stress)
     end if

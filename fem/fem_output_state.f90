@@ -25,6 +25,7 @@ contains
     call xdmf%attribute('local_iterations', 'local_iterations', xdmf_cell, 1)
     call xdmf%attribute('dissipation', 'dissipation', xdmf_cell, 1)
     call xdmf%attribute('plastic_strain', 'plastic_strain', xdmf_cell, 6)
+    if (body%stages%active) call xdmf%attribute('active', 'active', xdmf_cell, 1)
     call law_states(body, names)
     do k = 1, size(names)
       call xdmf%attribute(names(k)%s, names(k)%s, xdmf_cell, 1)
@@ -85,7 +86,8 @@ contains
     associate (m => body%matter, point => body%elastic%point)
       do e = 1, body%mesh%elements
         associate (a => point(e), b => point(e + 1) - 1)
-          mean(:, e) = matmul(m%accepted_state(:, a:b), m%weight(a:b))/sum(m%weight(a:b))
+          mean(:, e) = matmul(m%accepted_state(:, a:b), m%weight(a:b)) &
+            /max(sum(m%weight(a:b)), tiny(1.0_wp))
           mean(at_flag, e) = maxval(m%accepted_state(at_flag, a:b))
           mean(at_iterations, e) = maxval(m%accepted_state(at_iterations, a:b))
         end associate
@@ -117,6 +119,8 @@ contains
       call file%put(group//'/'//names(k)%s, cell(k, :), errors)
     end do
     if (points) call file%put(group//'/state_points', state, errors)
+    if (body%stages%active) &
+      call file%put(group//'/active', merge(0.0_wp, 1.0_wp, body%elastic%absent), errors)
   end subroutine put_states
 
   !> Columns of the table of iterations.

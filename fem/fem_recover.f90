@@ -147,6 +147,7 @@ contains
     share = 0.0_wp
     call point_weights(mesh, dofs, elastic, weight)
     do e = 1, mesh%elements
+      if (elastic%is_absent(e)) cycle
       associate (rule => elastic%rule(elastic%rule_of(e)), first => elastic%point(e), &
                  last => elastic%point(e + 1) - 1, node => dofs%block(dofs%start(e):))
         volume = matmul(rule%at%corner, weight(first:last))
@@ -169,7 +170,7 @@ contains
     end do
     call complete(dofs, nodal, share)
     do a = 1, mesh%nodes
-      nodal(:, a) = nodal(:, a)/share(a)
+      nodal(:, a) = nodal(:, a)/max(share(a), tiny(1.0_wp))  ! nodes of absent elements
     end do
   end subroutine nodal_stress
 

@@ -7,6 +7,7 @@ module fem_restart
   use talus_checkpoint, only: checkpoint_type, checkpoint_info_type
   use fem_types, only: fem_energy_type
   use fem_body, only: fem_body_type
+  use fem_staging, only: put_stages, get_stages
   implicit none
   private
   public :: write_checkpoint, read_checkpoint
@@ -49,6 +50,7 @@ contains
                      e%damping, e%numerical, e%start], errors)
       if (body%matter%active) then
         call file%put('/state/plastic', e%plastic, errors)
+        if (body%stages%active) call put_stages(body, file, errors)
         call put_points(file, '/state/point_stress', body, body%matter%accepted_stress, errors)
         call put_points(file, '/state/point_state', body, body%matter%accepted_state, errors)
         call file%put('/state/leaps', real(body%leaps, wp), errors)
@@ -85,6 +87,7 @@ contains
         str(int(size(u, 2), i4))//' blocks of unknowns, the model '//str(body%dofs%blocks), path, &
         'restart with the mesh that wrote it')
     end if
+    if (.not. errors%any() .and. body%stages%active) call get_stages(body, file, errors)
     if (.not. errors%any()) then
       body%state%u = u
       call file%get('/state/v', body%state%v, errors)

@@ -15,6 +15,7 @@ module fem_setup
   use fem_setup_matter, only: read_matter
   use fem_setup_micro, only: read_double_forces, read_ties, chi_component
   use fem_setup_rigid, only: read_rigid
+  use fem_setup_stages, only: read_stages
   use fem_setup_sections, only: read_sections, check_ids
   use fem_body, only: fem_body_type, fem_motion_type
   implicit none
@@ -56,6 +57,7 @@ contains
     call read_springs(deck, body, errors)
     call read_absorbing(deck, body, errors)
     if (.not. errors%any()) call read_matter(deck, body, errors)
+    call read_stages(deck, body, errors)
   end subroutine read_body
 
   subroutine group_fault(deck, body, group, instance, kinds, errors)

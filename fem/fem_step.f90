@@ -8,6 +8,7 @@ module fem_step
   use fem_central, only: central_step, central_steps
   use fem_newmark, only: dynamic_work
   use fem_newton, only: newton_step
+  use fem_staging, only: staged_step
   use fem_sparse, only: multiply_mass, spring_force
   use fem_types, only: fem_state_type
   implicit none
@@ -33,7 +34,11 @@ contains
       return
     end if
     if (self%matter%active) then
-      call newton_step(self, t1, errors)
+      if (self%stages%active) then
+        call staged_step(self, t1, errors)
+      else
+        call newton_step(self, t1, errors)
+      end if
       return
     end if
     dt = t1 - self%accepted%time
