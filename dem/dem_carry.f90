@@ -43,7 +43,7 @@ contains
         work(4) = work(4) - 0.5_wp*mover%free(k)*dot_product(push%f(k, :), u(:, k))
       end do
       call drift_mover(mover, push, motion%dt)
-      call put_bodies(mover, d%pairs%body)
+      call put_bodies(mover, d%pairs%body, d%grains%forms)
       travel = travel_of_mover(mover)
     end if
     do k = 1, mover%count

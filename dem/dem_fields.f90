@@ -9,6 +9,7 @@ module dem_fields
   use dem_surface_output, only: picture_sizes, put_picture
   use dem_system, only: dem_system_type, dem_contacts_type
   use dem_measure, only: coordination_of
+  use dem_packing, only: put_shapes
   implicit none
   private
   public :: dem_fields_type
@@ -93,8 +94,7 @@ contains
       call file%put(group//'/grains/coordination', &
                     int(coordination_of(system%dem_data_type), i4), errors)
       call file%put(group//'/grains/x', g%x, errors)
-      call file%put(group//'/grains/quat', g%quat, errors)
-      call file%put(group//'/grains/axes', g%axes, errors)
+      call put_shapes(file, group//'/grains', g, errors)
       call file%put(group//'/grains/v', g%v, errors)
       call file%put(group//'/grains/omega', g%omega, errors)
       call file%put(group//'/grains/force', g%force, errors)

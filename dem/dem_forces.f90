@@ -4,7 +4,11 @@ module dem_forces
   use dem_state, only: dem_pairs_type, dem_law_type, lanes, history_size, history_side, &
     history_root, result_size
   use dem_block, only: dem_block_type
-  use dem_lanes, only: read_in_order, gather_side, gather_spheres, put_loads, sum_results
+  use dem_form_lanes, only: form_block_type, ready_forms, evaluate_forms, evaluate_form_planes, &
+    refine_forms, add_form_curvatures, solve_form_lane
+  use dem_form_state, only: dem_forms_type, form_powers
+  use dem_lanes, only: read_in_order, gather_side, gather_spheres, gather_records, put_loads, &
+    sum_results
   use dem_gap, only: branch_vectors, evaluate_pairs, evaluate_spheres, evaluate_planes, &
     refine_normals, add_curvatures, solve_lane
   use dem_contact, only: contact_block, constants_of
@@ -15,15 +19,17 @@ module dem_forces
   !> Scratch of one block, each thread's own. On the stack its arrays may lie across lines of the
   !! cache, as chance has it: a tenth of the speed of a bed hung on that.
   type(dem_block_type) :: mine
-  !$omp threadprivate(mine)
+  type(form_block_type) :: mine_forms
+  !$omp threadprivate(mine, mine_forms)
 
 contains
 
   !> Geometry, law and results of one block. A block without contact whose bodies cannot have met
   !! since the list was made is left alone.
-  subroutine block_forces(pairs, laws, k, h, travel)
+  subroutine block_forces(pairs, laws, forms, k, h, travel)
     type(dem_pairs_type), intent(inout) :: pairs
     type(dem_law_type), intent(in) :: laws(:, :)
+    type(dem_forms_type), intent(in) :: forms
     integer(i4), intent(in) :: k        !! block
     real(wp), intent(in) :: h           !! time since the last evaluation [s]
     real(wp), intent(in) :: travel      !! no surface has moved further since the list was made [m]
@@ -48,7 +54,9 @@ contains
       call gather_side(pairs%body, pairs%second(:, k), pairs%second(:, next), mine%b)
       call branch_vectors(mine)
       call take_normals(pairs, mine, k)
-      if (k <= pairs%grain_blocks) then
+      if (pairs%form(k) > 0) then
+        call meet_forms(pairs, forms, mine, mine_forms, k)
+      else if (k <= pairs%grain_blocks) then
         call evaluate_pairs(mine)
         call find_contacts(pairs, mine, k)
       else
@@ -60,7 +68,11 @@ contains
       pairs%columns(:, k) = 0.0_wp
       return
     end if
-    if (.not. pairs%round(k)) call add_curvatures(mine, k <= pairs%grain_blocks)
+    if (pairs%form(k) > 0) then
+      call add_form_curvatures(mine, mine_forms, k <= pairs%grain_blocks)
+    else if (.not. pairs%round(k)) then
+      call add_curvatures(mine, k <= pairs%grain_blocks)
+    end if
     call contact_block(mine, constants_of(laws(pairs%law_first(k), pairs%law_second(k))), &
                        pairs%round(k), h, pairs%m_star(:, k), &
                        pairs%weight(:, min(k, size(pairs%weight, 2))), &
@@ -110,6 +122,50 @@ contains
     end if
     call keep_normals(pairs, block, k)
   end subroutine find_contacts
+
+  !> The same for forms: gaps, and normals of overlapping lanes.
+  subroutine meet_forms(pairs, forms, block, figures, k)
+    type(dem_pairs_type), intent(inout) :: pairs
+    type(dem_forms_type), intent(in) :: forms
+    type(dem_block_type), intent(inout) :: block
+    type(form_block_type), intent(inout) :: figures
+    integer(i4), intent(in) :: k
+    integer(i4) :: lane, next
+    logical :: fresh, grains
+
+    next = min(k + 1, pairs%blocks)
+    grains = k <= pairs%grain_blocks
+    call gather_records(forms%record, owners(pairs%second(:, k)), owners(pairs%second(:, next)), &
+                        figures%b%record)
+    if (grains) call gather_records(forms%record, owners(pairs%first(:, k)), &
+                                    owners(pairs%first(:, next)), figures%a%record)
+    call ready_forms(figures, grains, pairs%form(k) == form_powers)
+    if (.not. grains) then
+      call evaluate_form_planes(block, figures)
+      return
+    end if
+    call evaluate_forms(block, figures)
+    if (.not. any(block%gap <= 0.0_wp)) return
+    call refine_forms(block, figures)
+    fresh = .false.
+    do lane = 1, lanes
+      if (block%gap(lane) > 0.0_wp .or. pairs%history(lane, history_side, k) > 0.0_wp) cycle
+      call solve_form_lane(block, figures, lane, .true.)
+      fresh = .true.
+    end do
+    if (fresh) call evaluate_forms(block, figures)
+    call keep_normals(pairs, block, k)
+
+  contains
+
+    !> Records of bodies: those of grains, of the grains of images, of a pad.
+    pure function owners(body) result(owner)
+      integer(i4), intent(in) :: body(lanes)
+      integer(i4) :: owner(lanes)
+      owner = pairs%grain(body)
+      owner = merge(owner, forms%n + 1, owner > 0)
+    end function owners
+  end subroutine meet_forms
 
   !> Force and moment on a body: its pairs in the order of partner ids.
   pure subroutine sum_body(pairs, body, force, moment)

@@ -5,8 +5,8 @@
 !! m_i, u_i = a_i m_i, l = |u|, w = u/l, 1/p + 1/q = 1:
 !!   h(m) = s l (sum (w_i^2 + e^2)^(q/2))^(1/q), s = (1 + 3 e^2)^(-1/2).
 !! With e = 0 this is the superquadric of exponent p; its flat spots have no greatest radius of
-!! curvature. e rounds them: they bulge by `bulge` of the semi-axis, all radii are bounded, and p = 2
-!! is an ellipsoid whatever e is (theory-dem, Forms).
+!! curvature. e rounds them: they bulge by `bulge` of the semi-axis, all radii are bounded, and
+!! p = 2 is an ellipsoid whatever e is (theory-dem, Forms).
 module dem_form
   use talus_kinds, only: wp, i4
   use dem_shape, only: rotation_of, quaternion_product
@@ -14,7 +14,7 @@ module dem_form
   private
   public :: form_size, form_of, form_support, form_tangent, mean_curvature_of, turned
   public :: octant_support, octant_tangent, flattest_radius
-  public :: least_exponent, most_exponent, bulge
+  public :: least_exponent, most_exponent, bulge, hertz_radius, bounded_curvature
   public :: at_upper, at_lower, at_centre, at_half, at_rounding, at_scale
 
   integer(i4), parameter :: form_size = 16  !! reals in the record of a form
@@ -28,6 +28,7 @@ module dem_form
 
   real(wp), parameter :: least_exponent = 2.0_wp, most_exponent = 10.0_wp
   real(wp), parameter :: bulge = 1.0e-4_wp  !! of flat spots, in units of the semi-axis [-]
+  real(wp), parameter :: hertz_radius = 10.0_wp  !! greatest in Hertz's law, of superquadrics [-]
 
 contains
 
@@ -155,6 +156,17 @@ contains
       factor = 1.0_wp/sqrt(total)
     end if
   end subroutine shares
+
+  !> Mean curvature that Hertz's law takes: that of a superquadric has the fourth power of
+  !! 1/(hertz_radius mean semi-axis) added to its own, so that a flat spot stays softer than a
+  !! punch as wide as the grain [1/m].
+  pure real(wp) function bounded_curvature(form, k) result(curvature)
+    real(wp), intent(in) :: form(form_size), k(6)
+    real(wp) :: least
+    curvature = mean_curvature_of(k)
+    least = 6.0_wp/(hertz_radius*sum(form(at_upper:at_lower + 2)))
+    if (form(at_half) < 1.0_wp) curvature = sqrt(sqrt(curvature**4 + least**4))
+  end function bounded_curvature
 
   !> Mean curvature of the surface, from the Hessian of the support on the tangent plane: half its
   !! trace over its determinant [1/m].

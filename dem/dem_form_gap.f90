@@ -7,7 +7,7 @@ module dem_form_gap
   use dem_form, only: form_size, form_support, form_tangent
   implicit none
   private
-  public :: solve_forms, gap_of_forms
+  public :: solve_forms, gap_of_forms, find_form_gap
 
   integer(i4), parameter :: most_steps = 200, most_cuts = 30
   real(wp), parameter :: longest_turn = 0.7_wp  !! of a step [rad]
@@ -27,11 +27,28 @@ contains
     gap = dot_product(r, n) - ha - hb
   end function gap_of_forms
 
+  !> Gap along the given normal if that already separates the bodies, or along the line of centres
+  !! if that leaves more than the skin, else along the true normal.
+  pure subroutine find_form_gap(r, a, b, skin, normal, gap)
+    real(wp), intent(in) :: r(3), a(form_size), b(form_size), skin
+    real(wp), intent(inout) :: normal(3)  !! of the last list, zero without one
+    real(wp), intent(out) :: gap          !! or a lower bound of it [m]
+    if (sum(normal**2) > 0.5_wp) then
+      gap = gap_of_forms(r, a, b, normal)
+      if (gap > 0.0_wp) return
+    else
+      normal = r/sqrt(sum(r*r))
+      gap = gap_of_forms(r, a, b, normal)
+      if (gap > skin) return
+    end if
+    call solve_forms(r, a, b, normal, gap)
+  end subroutine find_form_gap
+
   !> Common normal and gap of one pair, to rounding.
   pure subroutine solve_forms(r, a, b, n, gap)
     real(wp), intent(in) :: r(3)                        !! x_B - x_A [m]
     real(wp), intent(in) :: a(form_size), b(form_size)
-    real(wp), intent(inout) :: n(3)                     !! start (zero: line of centres), then normal
+    real(wp), intent(inout) :: n(3)                     !! start (zero: line of centres), normal
     real(wp), intent(out) :: gap                        !! g at the normal [m]
     real(wp) :: t(3), trial(3), value, residual, fraction, rounding, slope
     integer(i4) :: step, cut

@@ -10,6 +10,7 @@ module dem_integrate
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_grains_type, dem_pairs_type, kind_free, lanes, body_size
   use dem_block, only: dem_side_type
+  use dem_form_state, only: dem_forms_type, form_ellipsoid, put_frame
   use dem_lanes, only: read_in_order, put_side, put_motion
   use dem_orientation, only: rotations, shapes
   implicit none
@@ -96,6 +97,7 @@ contains
       end do
       if (g%kind(i) == kind_free) call load_motion(g, i, k, b)
     end do
+    if (g%forms%n > 0) call bound_forms(g, b)
     b%free_count = nint(sum(b%free))
     b%round = all(.not. b%reach > 0.0_wp)
     b%pushed = any(abs(g%extra_force(:, low + 1:low + count)) > 0.0_wp) &
@@ -103,6 +105,16 @@ contains
     call rotations(b%q, r)
     call shapes(b%square, r, b%round, b%s%s)
   end subroutine load_mover
+
+  !> Forms stand in the body records as their bounding spheres.
+  pure subroutine bound_forms(g, b)
+    type(dem_grains_type), intent(in) :: g
+    type(mover_type), intent(inout) :: b
+    integer(i4) :: k
+    do k = 1, b%count
+      if (g%forms%kind(b%low + k) /= form_ellipsoid) b%square(k, :) = g%radius(b%low + k)**2
+    end do
+  end subroutine bound_forms
 
   !> What only a free grain has.
   pure subroutine load_motion(g, i, k, b)
@@ -514,14 +526,19 @@ contains
 
   !> Body records of all lanes, of spheres what changes in them; those of prescribed grains are put
   !! right by their own motion.
-  pure subroutine put_bodies(b, body)
+  pure subroutine put_bodies(b, body, forms)
     type(mover_type), intent(in) :: b
     real(wp), intent(inout), contiguous :: body(:, :)
+    type(dem_forms_type), intent(inout) :: forms
+    integer(i4) :: k
     if (b%round) then
       call put_motion(b%s, b%count, body(:, b%low + 1:b%low + b%count))
     else
       call put_side(b%s, b%count, body(:, b%low + 1:b%low + b%count))
     end if
+    do k = 1, merge(b%count, 0, forms%n > 0)
+      call put_frame(forms, b%low + k, b%q(k, :))
+    end do
   end subroutine put_bodies
 
   !> Spin angular momentum in space [kg m^2/s].

@@ -94,6 +94,13 @@ void dem_gather_side(const double *body, const int32_t index[LANES], const int32
     }
 }
 
+/* The same for other records of BODY reals. */
+void dem_gather_records(const double *record, const int32_t index[LANES],
+                        const int32_t next[LANES], double *side)
+{
+    dem_gather_side(record, index, next, side);
+}
+
 /* The same for spheres: of the second half only the last of the spin and the first of the shape. */
 void dem_gather_spheres(const double *body, const int32_t index[LANES], const int32_t next[LANES],
                         double *side)

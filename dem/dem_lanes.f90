@@ -5,7 +5,7 @@ module dem_lanes
   use dem_block, only: dem_side_type, dem_load_type
   implicit none
   private
-  public :: read_in_order, gather_side, gather_spheres
+  public :: read_in_order, gather_side, gather_spheres, gather_records
   public :: put_loads, put_side, put_motion, sum_results, sum_lanes
 
   interface
@@ -31,6 +31,14 @@ module dem_lanes
       integer(c_int32_t), intent(in) :: index(lanes), next(lanes)
       type(dem_side_type), intent(inout) :: side
     end subroutine gather_spheres
+
+    !> Records of body_size reals of any kind, as gather_side.
+    pure subroutine gather_records(record, index, next, side) bind(c, name='dem_gather_records')
+      import :: c_double, c_int32_t, lanes, body_size
+      real(c_double), intent(in) :: record(body_size, *)
+      integer(c_int32_t), intent(in) :: index(lanes), next(lanes)
+      real(c_double), intent(inout) :: side(lanes, body_size)
+    end subroutine gather_records
 
     !> Loads of the lanes to the records of a block.
     pure subroutine put_loads(load, result) bind(c, name='dem_put_loads')

@@ -9,6 +9,8 @@ module dem_logbook
   use talus_timers, only: timers_type
   use dem_state, only: kind_free, kind_fixed, kind_driven, kind_ghost
   use dem_equilibrium, only: dem_equilibrium_type
+  use dem_form, only: bulge, hertz_radius
+  use dem_form_state, only: form_octants, form_powers
   use dem_system, only: dem_system_type
   use dem_measure, only: contact_count
   use dem_histories, only: relative_closure
@@ -53,6 +55,7 @@ contains
     call log%item('grains', str(system%grains%n), counted(system, kind_free)//' free, '// &
                   counted(system, kind_fixed)//' fixed, '//counted(system, kind_driven)// &
                   ' driven, '//counted(system, kind_ghost)//' ghosts')
+    if (system%grains%forms%n > 0) call log_forms(log, system)
     call log%item('walls', str(system%planes%n))
     do k = 1, system%surfaces%n
       call log%item(trim(merge('surfaces', '        ', k == 1)), system%surfaces%name(k)%s, &
@@ -77,6 +80,22 @@ contains
     if (clock%dt > 0.0_wp) call log%item('time step', str(clock%dt)//' s', how)
     call log%memory()
   end subroutine log_model
+
+  !> How many grains are no ellipsoids, and how far the flat spots of superquadrics are rounded.
+  subroutine log_forms(log, system)
+    type(log_type), intent(inout) :: log
+    type(dem_system_type), intent(in) :: system
+    real(wp) :: most
+    associate (f => system%grains%forms)
+      call log%item('poly-ellipsoids', str(count(f%kind(:f%n) == form_octants)))
+      most = maxval(f%exponent)
+      if (.not. most > 2.0_wp) return
+      call log%item('superquadrics', str(count(f%kind(:f%n) == form_powers)), &
+                    'exponents to '//short_number(most)//', flat spots rounded by '// &
+                    short_number(bulge)//' of the semi-axis, radii in Hertz''s law to '// &
+                    short_number(hertz_radius)//' mean semi-axes')
+    end associate
+  end subroutine log_forms
 
   !> Size of a surface, and its free edges if it has any.
   function surface_text(s, k) result(text)

@@ -1,5 +1,6 @@
-!> Packing files (HDF5, format 'talus-packing', version 1): read, check, write.
+!> Packing files (HDF5, format 'talus-packing', version 1 or 2): read, check, write.
 !!
+!! Version 2 has grains that are no ellipsoids: /grains/skew and /grains/exponent beside the axes.
 !! Faults of the file itself come from talus_hdf5; here I230 to I234: version, sizes, groups.
 !! What a grain may be is checked where grains are made (dem_make).
 module dem_packing
@@ -9,13 +10,15 @@ module dem_packing
   use talus_hdf5, only: h5_file_type
   use talus_suggest, only: did_you_mean
   use dem_cell, only: folded
+  use dem_form_make, only: octant_frames
   use dem_state, only: dem_grains_type, dem_cell_type, kind_ghost, kind_driven
   implicit none
   private
-  public :: dem_packing_type, dem_group_type, read_packing, write_packing, group_index
+  public :: dem_packing_type, dem_group_type, read_packing, write_packing, group_index, put_shapes
 
   character(len=*), parameter :: format_name = 'talus-packing'
-  integer(i4), parameter :: format_version = 1
+  integer(i4), parameter :: format_version = 1  !! ellipsoids alone
+  integer(i4), parameter :: forms_version = 2   !! with skew and exponent
 
   !> A named group of grains.
   type :: dem_group_type
@@ -30,7 +33,9 @@ module dem_packing
     integer(i4), allocatable :: kind(:)   !! 0 free, 1 fixed, 2 driven
     real(wp), allocatable :: x(:, :)      !! (3, n) [m]
     real(wp), allocatable :: quat(:, :)   !! (4, n) w, x, y, z
-    real(wp), allocatable :: axes(:, :)   !! (3, n) semi-axes [m]
+    real(wp), allocatable :: axes(:, :)   !! (3, n) semi-axes, means of both sides [m]
+    real(wp), allocatable :: skew(:, :)   !! (3, n) (upper - lower)/(upper + lower) [-]
+    real(wp), allocatable :: exponent(:)  !! (n) 2 for ellipsoids [-]
     real(wp), allocatable :: v(:, :)      !! (3, n) [m/s]
     real(wp), allocatable :: omega(:, :)  !! (3, n) space frame [rad/s]
     type(dem_group_type), allocatable :: group(:)
@@ -54,9 +59,9 @@ contains
     if (errors%count > before) return
     version = 0
     call file%attr_get('/', 'version', version, errors)
-    if (errors%count == before .and. version /= format_version) then
+    if (errors%count == before .and. all(version /= [format_version, forms_version])) then
       call errors%add('I230', "'"//path//"' is a packing of version "//str(version)//', '// &
-                      str(format_version)//' is read', path, &
+                      str(format_version)//' and '//str(forms_version)//' are read', path, &
                       "make it again with the 'talus pack' of this version")
     end if
     if (errors%count == before) then
@@ -68,6 +73,7 @@ contains
       call file%get('/grains/v', packing%v, errors)
       call file%get('/grains/omega', packing%omega, errors)
     end if
+    if (errors%count == before) call read_forms(packing, file, errors)
     if (errors%count == before) call check_sizes(packing, path, errors)
     if (errors%count == before) call read_groups(packing, file, errors)
     packing%has_cell = file%exists('/cell/vectors')
@@ -77,6 +83,19 @@ contains
     end if
     call file%close(errors)
   end subroutine read_packing
+
+  !> Skew and exponent where the file has them, else those of ellipsoids.
+  subroutine read_forms(packing, file, errors)
+    type(dem_packing_type), intent(inout) :: packing
+    type(h5_file_type), intent(inout) :: file
+    type(error_list_type), intent(inout) :: errors
+    if (allocated(packing%skew)) deallocate (packing%skew, packing%exponent)
+    allocate (packing%skew(3, size(packing%id)), source=0.0_wp)
+    allocate (packing%exponent(size(packing%id)), source=2.0_wp)
+    if (file%exists('/grains/skew')) call file%get('/grains/skew', packing%skew, errors)
+    if (file%exists('/grains/exponent')) &
+      call file%get('/grains/exponent', packing%exponent, errors)
+  end subroutine read_forms
 
   subroutine check_sizes(packing, path, errors)
     type(dem_packing_type), intent(inout) :: packing
@@ -95,6 +114,8 @@ contains
     call check('axes', size(packing%axes, 1), 3, size(packing%axes, 2))
     call check('v', size(packing%v, 1), 3, size(packing%v, 2))
     call check('omega', size(packing%omega, 1), 3, size(packing%omega, 2))
+    call check('skew', size(packing%skew, 1), 3, size(packing%skew, 2))
+    call check('exponent', 1, 1, size(packing%exponent))
 
   contains
 
@@ -187,6 +208,23 @@ contains
     hint = did_you_mean(name, names, 'groups of the packing:')
   end subroutine group_index
 
+  !> Orientation and shape of grains into a group, as packings and fields have them.
+  subroutine put_shapes(file, group, grains, errors)
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: group
+    type(dem_grains_type), intent(in) :: grains
+    type(error_list_type), intent(inout) :: errors
+    if (grains%forms%n == 0) then
+      call file%put(group//'/quat', grains%quat, errors)
+      call file%put(group//'/axes', grains%axes, errors)
+      return
+    end if
+    call file%put(group//'/quat', octant_frames(grains), errors)
+    call file%put(group//'/axes', grains%forms%axes, errors)
+    call file%put(group//'/skew', grains%forms%skew, errors)
+    call file%put(group//'/exponent', grains%forms%exponent, errors)
+  end subroutine put_shapes
+
   !> Write the present state of grains as a packing; ghosts are written as fixed.
   subroutine write_packing(path, grains, groups, errors, cell)
     character(len=*), intent(in) :: path
@@ -202,14 +240,14 @@ contains
     before = errors%count
     call file%create(path, errors, format=format_name)
     if (errors%count > before) return
-    call file%attr_put('/', 'version', format_version, errors)
+    call file%attr_put('/', 'version', merge(forms_version, format_version, grains%forms%n > 0), &
+                       errors)
     call file%group('/grains', errors)
     call file%put('/grains/id', grains%id, errors)
     call file%put('/grains/kind', merge(1_i4, min(grains%kind, kind_driven), &
                                         grains%kind == kind_ghost), errors)
     call file%put('/grains/x', folded(own, grains%x), errors)
-    call file%put('/grains/quat', grains%quat, errors)
-    call file%put('/grains/axes', grains%axes, errors)
+    call put_shapes(file, '/grains', grains, errors)
     call file%put('/grains/v', grains%v, errors)
     call file%put('/grains/omega', grains%omega, errors)
     if (own%active) then

@@ -10,6 +10,9 @@ module dem_pairs
     history_root, result_size, column_count, entries_ahead
   use dem_cell, only: is_periodic, list_in_cell
   use dem_cells, only: find_candidates
+  use dem_form, only: form_support
+  use dem_form_gap, only: find_form_gap
+  use dem_form_state, only: form_ellipsoid, put_frame
   use dem_gap, only: solve_gap
   use dem_images, only: find_over_faces, place_images
   use dem_prescribed, only: put_body
@@ -20,7 +23,9 @@ module dem_pairs
 
   integer(i4), parameter :: bands = 4  !! of gaps, see band_of
   integer(i4), parameter :: most_materials = 1000
-  integer(i4), parameter :: first_border_group = 2*bands*most_materials*(most_materials + 2)
+  integer(i4), parameter :: geometries = 4  !! spheres, ellipsoids, two kinds of forms
+  integer(i4), parameter :: first_border_group = &
+    geometries*bands*most_materials*(most_materials + 2)
   integer(i4), parameter :: first_wall_group = 2*first_border_group
 
   !> Candidates before they are put into blocks.
@@ -61,18 +66,21 @@ contains
       pairs%reach(i) = maxval(grains%axes(:, i)) - minval(grains%axes(:, i))
       pairs%grain(i) = i
     end do
+    if (grains%forms%n == 0) return
+    where (grains%forms%kind(:n) /= form_ellipsoid) pairs%reach(:n) = grains%forms%reach
   end subroutine allocate_bodies
 
   !> Body records from the state of grains, planes and cell.
   subroutine update_bodies(pairs, grains, planes, cell)
     type(dem_pairs_type), intent(inout) :: pairs
-    type(dem_grains_type), intent(in) :: grains
+    type(dem_grains_type), intent(inout) :: grains  !! frames of forms
     type(dem_planes_type), intent(in) :: planes
     type(dem_cell_type), intent(in) :: cell
     integer(i4) :: i, k
 
     do i = 1, grains%n
       call put_body(grains, i, pairs%body(:, i))
+      call put_frame(grains%forms, i, grains%quat(:, i))
     end do
     do k = 1, planes%n
       pairs%body(1:3, grains%n + 3 + k) = planes%point(:, k)
@@ -167,7 +175,8 @@ contains
     type(list_type), intent(inout) :: list
     integer(i4), intent(in) :: k
     integer(i4) :: i, j, lane, block
-    logical :: contact, round
+    integer(i4) :: geometry
+    logical :: contact
 
     i = list%first(k)
     j = list%second(k)
@@ -183,12 +192,17 @@ contains
       list%normal(:, k) = pairs%normal(lane, :, block)
       contact = in_contact(pairs, list%old(k))
     end if
-    round = .not. (pairs%reach(i) > 0.0_wp .or. pairs%reach(j) > 0.0_wp)
+    geometry = geometry_of(pairs, grains, i, j)
     list%gap(k) = -1.0_wp
-    if (.not. contact) call find_gap(pairs%body(:, i), pairs%body(:, j), list%normal(:, k), &
-                                     list%gap(k))
+    if (geometry > 1 .and. .not. contact) then
+      call find_form_gap(pairs%body(1:3, j) - pairs%body(1:3, i), grains%forms%record(:, i), &
+                         grains%forms%record(:, pairs%grain(j)), pairs%skin, list%normal(:, k), &
+                         list%gap(k))
+    else if (.not. contact) then
+      call find_gap(pairs%body(:, i), pairs%body(:, j), list%normal(:, k), list%gap(k))
+    end if
     list%group(k) = group_of(.false., grains%material(i), grains%material(pairs%grain(j)), &
-                             round, band_of(list%gap(k), pairs%skin))
+                             geometry, band_of(list%gap(k), pairs%skin))
     if (grains%kind(i) == kind_mirror .or. grains%kind(pairs%grain(j)) == kind_mirror) &
       list%group(k) = list%group(k) + first_border_group
   end subroutine look_at_pair
@@ -200,11 +214,23 @@ contains
     band = count(gap >= ends*skin)
   end function band_of
 
-  !> Order of blocks: planes last, materials of first and second, spheres, band of gaps.
-  pure integer(i4) function group_of(wall, first, second, round, band)
-    logical, intent(in) :: wall, round
-    integer(i4), intent(in) :: first, second, band
-    group_of = band + bands*(merge(0, 1, round) + 2*(second + most_materials*first))
+  !> Geometry of a pair of grains: 0 spheres, 1 ellipsoids, 1 + the greater kind of form.
+  pure integer(i4) function geometry_of(pairs, grains, i, j) result(geometry)
+    type(dem_pairs_type), intent(in) :: pairs
+    type(dem_grains_type), intent(in) :: grains
+    integer(i4), intent(in) :: i, j
+    integer(i4) :: kind
+    geometry = merge(1, 0, pairs%reach(i) > 0.0_wp .or. pairs%reach(j) > 0.0_wp)
+    if (grains%forms%n == 0) return
+    kind = max(grains%forms%kind(i), grains%forms%kind(pairs%grain(j)))
+    if (kind /= form_ellipsoid) geometry = 1 + kind
+  end function geometry_of
+
+  !> Order of blocks: planes last, materials of first and second, geometry, band of gaps.
+  pure integer(i4) function group_of(wall, first, second, geometry, band)
+    logical, intent(in) :: wall
+    integer(i4), intent(in) :: first, second, geometry, band
+    group_of = band + bands*(geometry + geometries*(second + most_materials*first))
     if (wall) group_of = group_of + first_wall_group
   end function group_of
 
@@ -231,8 +257,8 @@ contains
     type(dem_planes_type), intent(in) :: planes
     type(list_type), intent(inout) :: list
     type(list_type) :: longer
-    integer(i4) :: k, j, n, body
-    real(wp) :: gap, normal(3)
+    integer(i4) :: k, j, n, body, geometry
+    real(wp) :: gap, normal(3), support, point(3)
 
     if (planes%n == 0) return
     n = list%count + grains%n*planes%n
@@ -252,7 +278,14 @@ contains
         if (grains%kind(j) /= kind_free) cycle
         gap = dot_product(pairs%body(1:3, j) - planes%point(:, k), normal)
         if (gap - grains%radius(j) > pairs%skin) cycle
-        gap = gap - sqrt(dot_product(normal, matrix_times(pairs%body(10:15, j), normal)))
+        geometry = 1
+        if (grains%forms%n > 0) geometry = 1 + grains%forms%kind(j)
+        if (geometry > 1) then
+          call form_support(grains%forms%record(:, j), -normal, support, point)
+          gap = gap - support
+        else
+          gap = gap - sqrt(dot_product(normal, matrix_times(pairs%body(10:15, j), normal)))
+        end if
         if (gap > pairs%skin) cycle
         n = n + 1
         longer%first(n) = body
@@ -263,7 +296,7 @@ contains
           if (in_contact(pairs, longer%old(n))) gap = -1.0_wp
         end if
         longer%gap(n) = gap
-        longer%group(n) = group_of(.true., planes%material(k), grains%material(j), .false., &
+        longer%group(n) = group_of(.true., planes%material(k), grains%material(j), geometry, &
                                    band_of(gap, pairs%skin))
       end do
     end do
@@ -366,11 +399,11 @@ contains
     integer(i4) :: k, block
 
     if (allocated(pairs%law_first)) then
-      deallocate (pairs%law_first, pairs%law_second, pairs%round, pairs%least_gap)
+      deallocate (pairs%law_first, pairs%law_second, pairs%round, pairs%form, pairs%least_gap)
     end if
     if (allocated(pairs%share)) deallocate (pairs%share)
     allocate (pairs%law_first(pairs%blocks), pairs%law_second(pairs%blocks))
-    allocate (pairs%round(pairs%blocks))
+    allocate (pairs%round(pairs%blocks), pairs%form(pairs%blocks))
     allocate (pairs%least_gap(pairs%blocks), source=huge(1.0_wp))
     do k = 1, list%count
       block = 1 + (slot(k) - 1)/lanes
@@ -380,7 +413,8 @@ contains
         pairs%law_first(block) = planes%material(list%first(k) - grains%n - 3)
       end if
       pairs%law_second(block) = grains%material(pairs%grain(list%second(k)))
-      pairs%round(block) = mod(list%group(k)/bands, 2) == 0
+      pairs%round(block) = mod(list%group(k)/bands, geometries) == 0
+      pairs%form(block) = max(mod(list%group(k)/bands, geometries) - 1, 0)
       pairs%least_gap(block) = min(pairs%least_gap(block), list%gap(k))
       if (list%group(k) < first_border_group .or. list%group(k) >= first_wall_group) cycle
       if (.not. allocated(pairs%share)) allocate (pairs%share(pairs%blocks), source=1.0_wp)

@@ -3,6 +3,7 @@ module dem_prescribed
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_grains_type, kind_fixed, body_size
   use dem_shape, only: rotation_of, shape_matrix, quaternion_product
+  use dem_form_state, only: form_ellipsoid, put_frame
   use dem_integrate, only: work_count
   implicit none
   private
@@ -10,7 +11,7 @@ module dem_prescribed
 
 contains
 
-  !> Body record of a grain.
+  !> Body record of a grain; a form stands there as its bounding sphere.
   pure subroutine put_body(g, i, body)
     type(dem_grains_type), intent(in) :: g
     integer(i4), intent(in) :: i
@@ -25,6 +26,10 @@ contains
       body(13:15) = 0.0_wp
     end if
     body(16) = product(g%axes(:, i)**2)
+    if (g%forms%n == 0) return
+    if (g%forms%kind(i) == form_ellipsoid) return
+    body(10:12) = g%radius(i)**2
+    body(13:15) = 0.0_wp
   end subroutine put_body
 
   !> Move a prescribed grain by dt with its velocity and spin; the last step ends on the target.
@@ -47,6 +52,7 @@ contains
       g%quat(:, i) = g%target_quat(:, i)
     end if
     call put_body(g, i, body)
+    call put_frame(g%forms, i, g%quat(:, i))
   end subroutine drift_prescribed
 
   !> New contact force and moment are in: impulse of the step and work of the prescription, each

@@ -7,9 +7,10 @@ module dem_setup
   use talus_deck, only: deck_type
   use dem_state, only: kind_free, kind_fixed, kind_driven, mode_dynamic, mode_relaxation
   use dem_system, only: dem_system_type, dem_contacts_type
+  use dem_form_make, only: make_forms
   use dem_make, only: make_grains, sorted_order
   use dem_packing, only: dem_packing_type, read_packing, group_index
-  use dem_setup_surfaces, only: read_surfaces, check_units
+  use dem_setup_surfaces, only: read_surfaces, check_units, refuse_forms
   use dem_setup_laws, only: read_materials, read_contacts, read_walls, check_pair, material_index
   implicit none
   private
@@ -49,6 +50,7 @@ contains
     call read_packing(packing, deck%path('particles', 1, 'file'), errors)
     if (errors%any()) return
     call check_units(deck, system%surfaces, packing, errors)
+    call refuse_forms(deck, packing, errors)
     call hold_grains(deck, packing, errors)
     call drive_grains(deck, packing, choices, errors)
     if (errors%any()) return
@@ -304,6 +306,9 @@ contains
     end do
     call make_grains(system%grains, system%materials, packing%id, packing%kind, of_grain, &
                      packing%x, packing%quat, packing%axes, packing%v, packing%omega, errors)
+    if (errors%any()) return
+    call make_forms(system%grains, system%materials, packing%id, packing%skew, packing%exponent, &
+                    errors)
   end subroutine place_grains
 
   !> Free grains that overlap too much at the start are a fault of the packing (I234).

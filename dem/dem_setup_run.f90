@@ -51,6 +51,7 @@ contains
                                 'ranks = 1 in &program; threads may be more')
     if (d%cell%active) call refuse('cell', '', 'a cell')
     if (d%surfaces%n > 0) call refuse('surface', '', 'a surface')
+    if (d%grains%forms%n > 0) call refuse('particles', 'file', 'a grain that is no ellipsoid')
     if (deck%count('surcharge') > 0) call refuse('surcharge', '', 'a surcharge')
     if (deck%count('probe') > 0) call refuse('probe', '', 'a probe')
     if (adaptive) call refuse('relaxation', 'damping', 'adaptive damping')

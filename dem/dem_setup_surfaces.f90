@@ -1,4 +1,4 @@
-!> Surfaces and penetrometers of the deck. Faults D270 to D273; those of files see dem_stl,
+!> Surfaces and penetrometers of the deck. Faults D270 to D275; those of files see dem_stl,
 !! dem_surface_file and dem_surface_make.
 module dem_setup_surfaces
   use talus_kinds, only: wp, i4
@@ -14,7 +14,7 @@ module dem_setup_surfaces
   use dem_surface_state, only: dem_surfaces_type, surface_rigid
   implicit none
   private
-  public :: read_surfaces, check_units, refuse_cell
+  public :: read_surfaces, check_units, refuse_cell, refuse_forms
 
   real(wp), parameter :: degree = acos(-1.0_wp)/180.0_wp
   real(wp), parameter :: too_large = 100.0_wp  !! of the bed: a mesh in millimetres
@@ -195,6 +195,24 @@ contains
     call deck%fault(errors, 'D274', 'surfaces do not stand in a periodic cell', group, 1, '', &
                     'take the cell out, or give walls along its periodic edges')
   end subroutine refuse_cell
+
+  !> Surfaces meet spheres and ellipsoids alone (D275).
+  subroutine refuse_forms(deck, packing, errors)
+    type(deck_type), intent(in) :: deck
+    type(dem_packing_type), intent(in) :: packing
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: group
+    logical, allocatable :: formed(:)
+
+    group = trim(merge('surface     ', 'penetrometer', deck%count('surface') > 0))
+    if (deck%count(group) == 0) return
+    formed = any(abs(packing%skew) > 0.0_wp, 1) .or. packing%exponent > 2.0_wp
+    if (.not. any(formed)) return
+    call deck%fault(errors, 'D275', 'surfaces meet spheres and ellipsoids alone; '// &
+                    str(count(formed))//' grains are others, the first is grain '// &
+                    str(packing%id(findloc(formed, .true., 1))), group, 1, '', &
+                    'take walls, which every grain can meet, or grains with skew 0 and exponent 2')
+  end subroutine refuse_forms
 
   !> A surface far larger than the bed or far smaller than a grain has another unit, unless the deck
   !! says scale (D272).

@@ -2,6 +2,7 @@
 !! energy ledger, health counters. Plain arrays, no behaviour (formulation: theory-dem).
 module dem_state
   use talus_kinds, only: wp, i4, i8
+  use dem_form_state, only: dem_forms_type
   use dem_surface_state, only: dem_surfaces_type
   use dem_halo_state, only: dem_halo_type
   implicit none
@@ -69,8 +70,9 @@ module dem_state
     real(wp), allocatable :: quat(:, :)            !! orientation w,x,y,z: body to space [-]
     real(wp), allocatable :: v(:, :)               !! velocity [m/s]
     real(wp), allocatable :: omega(:, :)           !! spin, space frame [rad/s]
-    real(wp), allocatable :: axes(:, :)            !! semi-axes a, b, c [m]
-    real(wp), allocatable :: radius(:)             !! largest semi-axis [m]
+    real(wp), allocatable :: axes(:, :)            !! semi-axes a, b, c; of forms those of an
+                                                   !! ellipsoid of the same volume [m]
+    real(wp), allocatable :: radius(:)             !! of the bounding sphere [m]
     real(wp), allocatable :: mass(:)               !! unscaled mass [kg]
     real(wp), allocatable :: inertia(:, :)         !! principal moments, body frame [kg m^2]
     real(wp), allocatable :: force(:, :)           !! contact force, no gravity [N]
@@ -85,6 +87,7 @@ module dem_state
     real(wp), allocatable :: target_x(:, :)        !! centre at the end of the interval [m]
     real(wp), allocatable :: target_quat(:, :)     !! orientation at the end of the interval [-]
     real(wp), allocatable :: turn(:, :)            !! rotation of one sub-step, quaternion [-]
+    type(dem_forms_type) :: forms                  !! of grains that are no ellipsoids
   end type dem_grains_type
 
   !> Infinite planes; grains stand on the side to which the normal points.
@@ -119,6 +122,7 @@ module dem_state
     integer(i8) :: built_at = 0                  !! step of the last rebuild
     integer(i4), allocatable :: group_end(:)     !! (groups) last block of each
     logical, allocatable :: round(:)             !! (blocks) all pairs are of spheres
+    integer(i4), allocatable :: form(:)          !! (blocks) greatest kind, see dem_form_state
     real(wp), allocatable :: least_gap(:)        !! (blocks) when the list was made [m]
     real(wp), allocatable :: share(:)            !! (blocks) of their work that is this rank's [-];
                                                  !! none: all of it

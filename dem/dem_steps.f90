@@ -254,7 +254,7 @@ contains
       length = d%pairs%group_end(g) - base
       do k = base + 1 + int(int(length, i8)*me/threads, i4), &
              base + int(int(length, i8)*(me + 1)/threads, i4)
-        call block_forces(d%pairs, d%laws, k, h, travel)
+        call block_forces(d%pairs, d%laws, d%grains%forms, k, h, travel)
       end do
       base = d%pairs%group_end(g)
     end do
@@ -300,7 +300,7 @@ contains
           end if
           call kick_mover(mover, push, motion, .true., work%started(:, c))
           call drift_mover(mover, push, motion%dt)
-          call put_bodies(mover, d%pairs%body)
+          call put_bodies(mover, d%pairs%body, d%grains%forms)
           travel = travel_of_mover(mover)
         end if
         do i = mover%low + 1, mover%low + merge(0, mover%count, mover%free_count == mover%count)
@@ -437,7 +437,7 @@ contains
       end if
       if (drift > 0.0_wp) call drift_mover(mover, push, drift)
       call store_mover(mover, d%grains)
-      if (drift > 0.0_wp) call put_bodies(mover, d%pairs%body)
+      if (drift > 0.0_wp) call put_bodies(mover, d%pairs%body, d%grains%forms)
     end do
     if (kick > 0.0_wp) call add_grain_work(d, work)
     if (.not. drift > 0.0_wp) return

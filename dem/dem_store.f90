@@ -3,8 +3,8 @@ module dem_store
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
-  use dem_state, only: dem_data_type, dem_pairs_type, dem_ledger_type, dem_health_type, lanes, &
-    history_size, result_size, column_count, entries_ahead
+  use dem_state, only: dem_data_type, dem_grains_type, dem_pairs_type, dem_ledger_type, &
+    dem_health_type, lanes, history_size, result_size, column_count, entries_ahead
   use dem_cell, only: is_periodic
   use dem_images, only: resize_images
   use dem_surface_store, only: put_surfaces, get_surfaces
@@ -81,6 +81,7 @@ contains
       call archive%put_reals('grains.moment_impulse', g%moment_impulse)
       call archive%put_reals('grains.work', reshape(g%work, [1, n]))
       call archive%put_reals('grains.turn', g%turn)
+      if (g%forms%n > 0) call archive%put_reals('grains.form', g%forms%record(5:, :n))
     end associate
     call archive%put_reals('planes.point', d%planes%point)
     call archive%put_reals('planes.velocity', d%planes%velocity)
@@ -99,8 +100,9 @@ contains
                               int(p%grain_blocks, i8), int(p%count, i8), p%built_at], [4, 1]))
     call archive%put_integers('pairs.first', int(p%first, i8))
     call archive%put_integers('pairs.second', int(p%second, i8))
-    call archive%put_integers('pairs.law', int(reshape([p%law_first, p%law_second, &
-                              merge(1, 0, p%touched), merge(1, 0, p%round)], [m, 4]), i8))
+    call archive%put_integers('pairs.law', int(reshape( &
+      [p%law_first, p%law_second, merge(1, 0, p%touched), merge(1, 0, p%round) + 2*p%form], &
+      [m, 4]), i8))
     call archive%put_integers('pairs.group_end', int(reshape(p%group_end, [1, p%groups]), i8))
     call archive%put_integers('pairs.start', int(reshape(p%start, [size(p%start), 1]), i8))
     call archive%put_integers('pairs.entry', int(reshape(p%entry(:2*p%count), [2*p%count, 1]), i8))
@@ -283,10 +285,11 @@ contains
       call take('grains.impulse', g%impulse)
       call take('grains.moment_impulse', g%moment_impulse)
       call take('grains.turn', g%turn)
+      call compare_forms(g, archive, errors)
       call take_row('grains.mass', g%mass)
       call take_row('grains.work', g%work)
     end associate
-    d%grains%radius = maxval(d%grains%axes, dim=1)
+    if (d%grains%forms%n == 0) d%grains%radius = maxval(d%grains%axes, dim=1)
     d%grains%has_target = .false.
     call take('planes.point', d%planes%point)
     call take('planes.velocity', d%planes%velocity)
@@ -312,6 +315,25 @@ contains
       array = values(1, :)
     end subroutine take_row
   end subroutine get_grains
+
+  !> The grains of the packing must still have the forms of the checkpoint (I229).
+  subroutine compare_forms(g, archive, errors)
+    type(dem_grains_type), intent(in) :: g
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: forms(:, :)
+    logical :: same
+
+    same = (archive%find('grains.form') > 0) .eqv. (g%forms%n > 0)
+    if (same .and. g%forms%n > 0) then
+      call archive%get_reals('grains.form', size(g%forms%record, 1) - 4, g%n, forms, errors)
+      if (errors%any()) return
+      same = all(abs(forms - g%forms%record(5:, :g%n)) <= 0.0_wp)
+    end if
+    if (same) return
+    call errors%add('I229', 'checkpoint: its grains have other shapes than the packing', &
+                    hint='the checkpoint belongs to another packing, deck or version')
+  end subroutine compare_forms
 
   subroutine get_pairs(d, archive, errors)
     type(dem_data_type), intent(inout) :: d
@@ -344,6 +366,7 @@ contains
       p%law_second = int(law(:, 2), i4)
       p%touched = law(:, 3) == 1
       p%round = law(:, 4) == 1
+      p%form = int(law(:, 4)/2, i4)
       p%groups = size(group, 2)
       p%group_end = int(group(1, :), i4)
       p%start = int(start(:, 1), i4)

@@ -271,8 +271,8 @@ contains
   !! no direction of a search by values around it gives a larger gap; ellipsoids give the gap of
   !! dem_gap.
   subroutine check_pairs()
-    real(wp) :: a(form_size), b(form_size), r(3), n(3), m(3), gap, best, worst(3), size_of, e(6), f(6)
-    real(wp) :: other, q(4), axes(3)
+    real(wp) :: a(form_size), b(form_size), r(3), n(3), m(3), gap, best, worst(3), size_of
+    real(wp) :: e(6), f(6), other, q(4), axes(3)
     integer :: trial
     worst = 0.0_wp
     do trial = 1, 3000

@@ -1,0 +1,171 @@
+!> Gap, normal and curvature of the pairs of a block whose bodies have forms (dem_form): what
+!! dem_gap does for ellipsoids. Powers are worked out in blocks that hold superquadrics alone.
+module dem_form_lanes
+  use talus_kinds, only: wp, i4
+  use dem_state, only: lanes
+  use dem_block, only: dem_block_type
+  use dem_form, only: form_size
+  use dem_form_gap, only: solve_forms
+  use dem_form_side, only: form_side_type, support_side, bend_side, curve_side, turn_side
+  use dem_gap, only: settled_residual
+  implicit none
+  private
+  public :: form_block_type, evaluate_forms, evaluate_form_planes, refine_forms, add_form_curvatures
+  public :: solve_form_lane, ready_forms
+
+  !> The forms of a block; A is the first body, B the second.
+  type :: form_block_type
+    type(form_side_type) :: a, b
+    logical :: powers = .false.  !! some exponent is above 2
+  end type form_block_type
+
+contains
+
+  !> Rotations of the gathered records.
+  pure subroutine ready_forms(f, with_first, powers)
+    type(form_block_type), intent(inout) :: f
+    logical, intent(in) :: with_first  !! false: A is a plane
+    logical, intent(in) :: powers
+    f%powers = powers
+    if (with_first) call turn_side(f%a)
+    call turn_side(f%b)
+  end subroutine ready_forms
+
+  !> g(n), supports, surface points and tangential residual of all lanes.
+  pure subroutine evaluate_forms(b, f)
+    type(dem_block_type), intent(inout) :: b
+    type(form_block_type), intent(inout) :: f
+    integer(i4) :: k
+    real(wp) :: g, px, py, pz
+
+    call support_side(f%a, 1.0_wp, f%powers, b%nx, b%ny, b%nz, b%ha, b%ax, b%ay, b%az)
+    call support_side(f%b, -1.0_wp, f%powers, b%nx, b%ny, b%nz, b%hb, b%bx, b%by, b%bz)
+    !$omp simd private(g, px, py, pz)
+    do k = 1, lanes
+      g = b%rx(k)*b%nx(k) + b%ry(k)*b%ny(k) + b%rz(k)*b%nz(k) - b%ha(k) - b%hb(k)
+      b%gap(k) = g
+      px = b%rx(k) - b%ax(k) - b%bx(k) - g*b%nx(k)
+      py = b%ry(k) - b%ay(k) - b%by(k) - g*b%ny(k)
+      pz = b%rz(k) - b%az(k) - b%bz(k) - g*b%nz(k)
+      b%tx(k) = px
+      b%ty(k) = py
+      b%tz(k) = pz
+      b%residual(k) = (px*px + py*py + pz*pz)/(b%ha(k) + b%hb(k))**2
+    end do
+  end subroutine evaluate_forms
+
+  !> The same where A is a plane through x_A: the normal is given, A has no extent.
+  pure subroutine evaluate_form_planes(b, f)
+    type(dem_block_type), intent(inout) :: b
+    type(form_block_type), intent(inout) :: f
+    integer(i4) :: k
+
+    call support_side(f%b, -1.0_wp, f%powers, b%nx, b%ny, b%nz, b%hb, b%bx, b%by, b%bz)
+    !$omp simd
+    do k = 1, lanes
+      b%ha(k) = 0.0_wp
+      b%gap(k) = b%rx(k)*b%nx(k) + b%ry(k)*b%ny(k) + b%rz(k)*b%nz(k) - b%hb(k)
+      b%ax(k) = b%rx(k) - b%bx(k) - b%gap(k)*b%nx(k)
+      b%ay(k) = b%ry(k) - b%by(k) - b%gap(k)*b%ny(k)
+      b%az(k) = b%rz(k) - b%bz(k) - b%gap(k)*b%nz(k)
+      b%residual(k) = 0.0_wp
+    end do
+  end subroutine evaluate_form_planes
+
+  !> Newton steps for the lanes whose bodies overlap along n and whose n is not converged. A lane's
+  !! course depends on that lane alone. Lanes that resist go to the scalar path.
+  subroutine refine_forms(b, f)
+    type(dem_block_type), intent(inout) :: b
+    type(form_block_type), intent(inout) :: f
+    logical :: needs(lanes)
+    integer(i4) :: trial, k
+    integer(i4), parameter :: trials = 3
+
+    do trial = 1, trials
+      needs = b%gap <= 0.0_wp .and. b%residual > settled_residual
+      if (.not. any(needs)) return
+      call newton_step(b, f, needs)
+      call evaluate_forms(b, f)
+    end do
+    needs = b%gap <= 0.0_wp .and. b%residual > settled_residual
+    if (.not. any(needs)) return
+    do k = 1, lanes
+      if (needs(k)) call solve_form_lane(b, f, k, .false.)
+    end do
+    call evaluate_forms(b, f)
+  end subroutine refine_forms
+
+  !> One full Newton step of the marked lanes: (K_A + K_B + g + c n n) t = d_t.
+  pure subroutine newton_step(b, f, needs)
+    type(dem_block_type), intent(inout) :: b
+    type(form_block_type), intent(inout) :: f
+    logical, intent(in) :: needs(lanes)
+    real(wp) :: ka(lanes, 6), kb(lanes, 6)
+    real(wp) :: c, g, nx, ny, nz, s1, s2, s3, s4, s5, s6, m1, m2, m3, m4, m5, m6, tx, ty, tz, det, &
+      length, use
+    integer(i4) :: k
+
+    call bend_side(f%a, f%powers, .true., ka)
+    call bend_side(f%b, f%powers, .true., kb)
+    !$omp simd private(c, g, nx, ny, nz, s1, s2, s3, s4, s5, s6, m1, m2, m3, m4, m5, m6, &
+    !$omp   tx, ty, tz, det, length, use)
+    do k = 1, lanes
+      nx = b%nx(k)
+      ny = b%ny(k)
+      nz = b%nz(k)
+      g = b%gap(k)
+      c = b%ha(k) + b%hb(k)
+      s1 = ka(k, 1) + kb(k, 1) + g + c*nx*nx
+      s2 = ka(k, 2) + kb(k, 2) + g + c*ny*ny
+      s3 = ka(k, 3) + kb(k, 3) + g + c*nz*nz
+      s4 = ka(k, 4) + kb(k, 4) + c*nx*ny
+      s5 = ka(k, 5) + kb(k, 5) + c*ny*nz
+      s6 = ka(k, 6) + kb(k, 6) + c*nz*nx
+      m1 = s2*s3 - s5*s5
+      m2 = s3*s1 - s6*s6
+      m3 = s1*s2 - s4*s4
+      m4 = s5*s6 - s4*s3
+      m5 = s6*s4 - s5*s1
+      m6 = s4*s5 - s6*s2
+      det = s1*m1 + s4*m4 + s6*m6
+      use = merge(1.0_wp, 0.0_wp, needs(k) .and. det > 0.0_wp)
+      det = use/merge(det, 1.0_wp, det > 0.0_wp)
+      tx = nx + (m1*b%tx(k) + m4*b%ty(k) + m6*b%tz(k))*det
+      ty = ny + (m4*b%tx(k) + m2*b%ty(k) + m5*b%tz(k))*det
+      tz = nz + (m6*b%tx(k) + m5*b%ty(k) + m3*b%tz(k))*det
+      length = 1.0_wp/sqrt(tx*tx + ty*ty + tz*tz)
+      b%nx(k) = merge(tx*length, nx, use > 0.5_wp)
+      b%ny(k) = merge(ty*length, ny, use > 0.5_wp)
+      b%nz(k) = merge(tz*length, nz, use > 0.5_wp)
+    end do
+  end subroutine newton_step
+
+  !> Solve one lane by the scalar path, from the line of centres if `cold`.
+  subroutine solve_form_lane(b, f, k, cold)
+    type(dem_block_type), intent(inout) :: b
+    type(form_block_type), intent(in) :: f
+    integer(i4), intent(in) :: k
+    logical, intent(in) :: cold
+    real(wp) :: n(3), gap, form_a(form_size), form_b(form_size)
+    n = [b%nx(k), b%ny(k), b%nz(k)]
+    if (cold) n = 0.0_wp
+    form_a = f%a%record(k, :)
+    form_b = f%b%record(k, :)
+    call solve_forms([b%rx(k), b%ry(k), b%rz(k)], form_a, form_b, n, gap)
+    b%nx(k) = n(1)
+    b%ny(k) = n(2)
+    b%nz(k) = n(3)
+  end subroutine solve_form_lane
+
+  !> Mean curvature of the relative surface, 1/R_e.
+  pure subroutine add_form_curvatures(b, f, with_first)
+    type(dem_block_type), intent(inout) :: b
+    type(form_block_type), intent(inout) :: f
+    logical, intent(in) :: with_first  !! false: A is a plane
+    real(wp) :: first(lanes)
+    call curve_side(f%b, f%powers, b%curvature)
+    if (.not. with_first) return
+    call curve_side(f%a, f%powers, first)
+    b%curvature = b%curvature + first
+  end subroutine add_form_curvatures
+end module dem_form_lanes

@@ -1,0 +1,260 @@
+!> Support, surface point and Hessian of one side of a block of forms (dem_form), a lane each.
+module dem_form_side
+  use talus_kinds, only: wp, i4
+  use dem_state, only: lanes
+  use dem_form, only: form_size, at_upper, at_lower, at_centre, at_half, at_rounding, at_scale, &
+    hertz_radius
+  use dem_orientation, only: rotations
+  use dem_power, only: raise
+  implicit none
+  private
+  public :: form_side_type, turn_side, support_side, bend_side, curve_side
+
+  !> Forms of one body of each pair, and what their support along the last normal was made of.
+  type :: form_side_type
+    real(wp) :: record(lanes, form_size)  !! see dem_form
+    real(wp) :: r(lanes, 9)               !! rotation, octants to space, by columns
+    real(wp) :: a(lanes, 3)               !! semi-axes on the side of the normal [m]
+    real(wp) :: w(lanes, 3)               !! a m over its length [-]
+    real(wp) :: length(lanes)             !! of a m [m]
+    real(wp) :: power(lanes, 3)           !! (w^2 + e^2)^(q/2 - 1)
+    real(wp) :: total(lanes)              !! sum of (w^2 + e^2)^(q/2)
+    real(wp) :: factor(lanes)             !! total^(1/q - 1)
+  end type form_side_type
+
+contains
+
+  !> Rotations of the records.
+  pure subroutine turn_side(f)
+    type(form_side_type), intent(inout) :: f
+    call rotations(f%record(:, 1:4), f%r)
+  end subroutine turn_side
+
+  !> Support along sign n about the centre of mass, and sign times the surface point from it.
+  pure subroutine support_side(f, sign, powers, nx, ny, nz, h, ux, uy, uz)
+    type(form_side_type), intent(inout) :: f
+    real(wp), intent(in) :: sign
+    logical, intent(in) :: powers
+    real(wp), intent(in) :: nx(lanes), ny(lanes), nz(lanes)
+    real(wp), intent(out) :: h(lanes), ux(lanes), uy(lanes), uz(lanes)
+    real(wp) :: m1, m2, m3, scale, p1, p2, p3
+    integer(i4) :: k
+
+    call pick_axes(f, sign, nx, ny, nz)
+    if (powers) then
+      call raise_shares(f)
+    end if
+    !$omp simd private(m1, m2, m3, scale, p1, p2, p3)
+    do k = 1, lanes
+      m1 = sign*(f%r(k, 1)*nx(k) + f%r(k, 2)*ny(k) + f%r(k, 3)*nz(k))
+      m2 = sign*(f%r(k, 4)*nx(k) + f%r(k, 5)*ny(k) + f%r(k, 6)*nz(k))
+      m3 = sign*(f%r(k, 7)*nx(k) + f%r(k, 8)*ny(k) + f%r(k, 9)*nz(k))
+      if (powers) then
+        scale = f%record(k, at_scale)*f%factor(k)
+        h(k) = scale*f%length(k)*f%total(k)
+        p1 = f%record(k, at_rounding)*(f%power(k, 1) + f%power(k, 2) + f%power(k, 3))
+        p2 = scale*f%a(k, 2)*f%w(k, 2)*(f%power(k, 2) + p1)
+        p3 = scale*f%a(k, 3)*f%w(k, 3)*(f%power(k, 3) + p1)
+        p1 = scale*f%a(k, 1)*f%w(k, 1)*(f%power(k, 1) + p1)
+      else
+        h(k) = f%length(k)
+        p1 = f%a(k, 1)*f%w(k, 1)
+        p2 = f%a(k, 2)*f%w(k, 2)
+        p3 = f%a(k, 3)*f%w(k, 3)
+      end if
+      h(k) = h(k) - m1*f%record(k, at_centre) - m2*f%record(k, at_centre + 1) &
+             - m3*f%record(k, at_centre + 2)
+      p1 = sign*(p1 - f%record(k, at_centre))
+      p2 = sign*(p2 - f%record(k, at_centre + 1))
+      p3 = sign*(p3 - f%record(k, at_centre + 2))
+      ux(k) = f%r(k, 1)*p1 + f%r(k, 4)*p2 + f%r(k, 7)*p3
+      uy(k) = f%r(k, 2)*p1 + f%r(k, 5)*p2 + f%r(k, 8)*p3
+      uz(k) = f%r(k, 3)*p1 + f%r(k, 6)*p2 + f%r(k, 9)*p3
+    end do
+  end subroutine support_side
+
+  !> Semi-axes on the side of sign n, and their shares.
+  pure subroutine pick_axes(f, sign, nx, ny, nz)
+    type(form_side_type), intent(inout) :: f
+    real(wp), intent(in) :: sign
+    real(wp), intent(in) :: nx(lanes), ny(lanes), nz(lanes)
+    real(wp) :: m1, m2, m3, a1, a2, a3, length, inverse
+    integer(i4) :: k
+
+    !$omp simd private(m1, m2, m3, a1, a2, a3, length, inverse)
+    do k = 1, lanes
+      m1 = sign*(f%r(k, 1)*nx(k) + f%r(k, 2)*ny(k) + f%r(k, 3)*nz(k))
+      m2 = sign*(f%r(k, 4)*nx(k) + f%r(k, 5)*ny(k) + f%r(k, 6)*nz(k))
+      m3 = sign*(f%r(k, 7)*nx(k) + f%r(k, 8)*ny(k) + f%r(k, 9)*nz(k))
+      a1 = merge(f%record(k, at_upper), f%record(k, at_lower), m1 >= 0.0_wp)
+      a2 = merge(f%record(k, at_upper + 1), f%record(k, at_lower + 1), m2 >= 0.0_wp)
+      a3 = merge(f%record(k, at_upper + 2), f%record(k, at_lower + 2), m3 >= 0.0_wp)
+      f%a(k, 1) = a1
+      f%a(k, 2) = a2
+      f%a(k, 3) = a3
+      m1 = a1*m1
+      m2 = a2*m2
+      m3 = a3*m3
+      length = sqrt(m1*m1 + m2*m2 + m3*m3)
+      inverse = 1.0_wp/length
+      f%length(k) = length
+      f%w(k, 1) = inverse*m1
+      f%w(k, 2) = inverse*m2
+      f%w(k, 3) = inverse*m3
+    end do
+  end subroutine pick_axes
+
+  !> Powers of the shares. Lanes without powers have the exponent 0 and come out as 1.
+  pure subroutine raise_shares(f)
+    type(form_side_type), intent(inout) :: f
+    real(wp) :: square(lanes, 3), exponent(lanes, 3), last(lanes)
+    integer(i4) :: k, c
+    real(wp), parameter :: least = 1.0e-200_wp
+
+    do c = 1, 3
+      !$omp simd
+      do k = 1, lanes
+        square(k, c) = max(f%w(k, c)*f%w(k, c) + f%record(k, at_rounding), least)
+        exponent(k, c) = f%record(k, at_half) - 1.0_wp
+      end do
+    end do
+    call raise(3*lanes, square, exponent, f%power)
+    !$omp simd
+    do k = 1, lanes
+      f%total(k) = f%power(k, 1)*square(k, 1) + f%power(k, 2)*square(k, 2) &
+                   + f%power(k, 3)*square(k, 3)
+      last(k) = 0.5_wp/f%record(k, at_half) - 1.0_wp
+    end do
+    call raise(lanes, f%total, last, f%factor)
+  end subroutine raise_shares
+
+  !> Mean curvature of the surface along the last normal [1/m]: half of trace over determinant of
+  !! the tangent Hessian, which rotations leave as they are; see bounded_curvature of dem_form.
+  pure subroutine curve_side(f, powers, curvature)
+    type(form_side_type), intent(in) :: f
+    logical, intent(in) :: powers
+    real(wp), intent(out) :: curvature(lanes)
+    real(wp) :: s(lanes, 6), least
+    integer(i4) :: k
+
+    call bend_side(f, powers, .false., s)
+    !$omp simd
+    do k = 1, lanes
+      curvature(k) = 0.5_wp*(s(k, 1) + s(k, 2) + s(k, 3)) &
+                     /(s(k, 1)*s(k, 2) - s(k, 4)*s(k, 4) + s(k, 2)*s(k, 3) - s(k, 5)*s(k, 5) &
+                       + s(k, 3)*s(k, 1) - s(k, 6)*s(k, 6))
+    end do
+    if (.not. powers) return
+    !$omp simd private(least)
+    do k = 1, lanes
+      least = 6.0_wp/(hertz_radius*(f%record(k, 5) + f%record(k, 6) + f%record(k, 7) &
+                                    + f%record(k, 8) + f%record(k, 9) + f%record(k, 10)))
+      least = merge(least, 0.0_wp, f%record(k, at_half) < 1.0_wp)
+      curvature(k) = sqrt(sqrt(curvature(k)**4 + least**4))
+    end do
+  end subroutine curve_side
+
+  !> Hessian of the support along the last normal, xx yy zz xy yz zx [m]: in space, or in the frame
+  !! of the octants.
+  pure subroutine bend_side(f, powers, in_space, s)
+    type(form_side_type), intent(in) :: f
+    logical, intent(in) :: powers, in_space
+    real(wp), intent(out) :: s(lanes, 6)
+    if (powers) then
+      call bend_powers(f, s)
+    else
+      call bend_octants(f, s)
+    end if
+    if (in_space) call bring_to_space(f%r, s)
+  end subroutine bend_side
+
+  pure subroutine bend_octants(f, s)
+    type(form_side_type), intent(in) :: f
+    real(wp), intent(out) :: s(lanes, 6)
+    real(wp) :: inverse, g1, g2, g3
+    integer(i4) :: k
+
+    !$omp simd private(inverse, g1, g2, g3)
+    do k = 1, lanes
+      inverse = 1.0_wp/f%length(k)
+      g1 = f%a(k, 1)*f%w(k, 1)
+      g2 = f%a(k, 2)*f%w(k, 2)
+      g3 = f%a(k, 3)*f%w(k, 3)
+      s(k, 1) = inverse*(f%a(k, 1)*f%a(k, 1) - g1*g1)
+      s(k, 2) = inverse*(f%a(k, 2)*f%a(k, 2) - g2*g2)
+      s(k, 3) = inverse*(f%a(k, 3)*f%a(k, 3) - g3*g3)
+      s(k, 4) = -inverse*g1*g2
+      s(k, 5) = -inverse*g2*g3
+      s(k, 6) = -inverse*g3*g1
+    end do
+  end subroutine bend_octants
+
+  !> See octant_tangent of dem_form.
+  pure subroutine bend_powers(f, s)
+    type(form_side_type), intent(in) :: f
+    real(wp), intent(out) :: s(lanes, 6)
+    real(wp) :: e, p, q1, q2, q3, s1, s2, s3, w1, w2, w3, g1, g2, g3, bend, over, scale
+    integer(i4) :: k
+
+    !$omp simd private(e, p, q1, q2, q3, s1, s2, s3, w1, w2, w3, g1, g2, g3, bend, over, scale)
+    do k = 1, lanes
+      e = f%record(k, at_rounding)
+      p = e*(f%power(k, 1) + f%power(k, 2) + f%power(k, 3))
+      w1 = f%power(k, 1) + p
+      w2 = f%power(k, 2) + p
+      w3 = f%power(k, 3) + p
+      s1 = f%a(k, 1)*f%w(k, 1)
+      s2 = f%a(k, 2)*f%w(k, 2)
+      s3 = f%a(k, 3)*f%w(k, 3)
+      g1 = s1*w1
+      g2 = s2*w2
+      g3 = s3*w3
+      q1 = f%power(k, 1)/max(f%w(k, 1)*f%w(k, 1) + e, tiny(1.0_wp))
+      q2 = f%power(k, 2)/max(f%w(k, 2)*f%w(k, 2) + e, tiny(1.0_wp))
+      q3 = f%power(k, 3)/max(f%w(k, 3)*f%w(k, 3) + e, tiny(1.0_wp))
+      bend = 2.0_wp*f%record(k, at_half) - 2.0_wp
+      over = (2.0_wp*f%record(k, at_half) - 1.0_wp)/f%total(k)
+      p = e*e*(q1 + q2 + q3)
+      scale = f%record(k, at_scale)*f%factor(k)/f%length(k)
+      s(k, 1) = scale*(f%a(k, 1)*f%a(k, 1)*w1 + bend*s1*s1*(q1 + 2.0_wp*e*q1 + p) - over*g1*g1)
+      s(k, 2) = scale*(f%a(k, 2)*f%a(k, 2)*w2 + bend*s2*s2*(q2 + 2.0_wp*e*q2 + p) - over*g2*g2)
+      s(k, 3) = scale*(f%a(k, 3)*f%a(k, 3)*w3 + bend*s3*s3*(q3 + 2.0_wp*e*q3 + p) - over*g3*g3)
+      s(k, 4) = scale*(bend*s1*s2*(e*(q1 + q2) + p) - over*g1*g2)
+      s(k, 5) = scale*(bend*s2*s3*(e*(q2 + q3) + p) - over*g2*g3)
+      s(k, 6) = scale*(bend*s3*s1*(e*(q3 + q1) + p) - over*g3*g1)
+    end do
+  end subroutine bend_powers
+
+  !> R s R^T.
+  pure subroutine bring_to_space(r, s)
+    real(wp), intent(in) :: r(lanes, 9)
+    real(wp), intent(inout) :: s(lanes, 6)
+    real(wp) :: x1, x2, x3, y1, y2, y3, z1, z2, z3, s1, s2, s3, s4, s5, s6
+    integer(i4) :: k
+
+    !$omp simd private(x1, x2, x3, y1, y2, y3, z1, z2, z3, s1, s2, s3, s4, s5, s6)
+    do k = 1, lanes
+      s1 = s(k, 1)
+      s2 = s(k, 2)
+      s3 = s(k, 3)
+      s4 = s(k, 4)
+      s5 = s(k, 5)
+      s6 = s(k, 6)
+      x1 = s1*r(k, 1) + s4*r(k, 4) + s6*r(k, 7)
+      x2 = s4*r(k, 1) + s2*r(k, 4) + s5*r(k, 7)
+      x3 = s6*r(k, 1) + s5*r(k, 4) + s3*r(k, 7)
+      y1 = s1*r(k, 2) + s4*r(k, 5) + s6*r(k, 8)
+      y2 = s4*r(k, 2) + s2*r(k, 5) + s5*r(k, 8)
+      y3 = s6*r(k, 2) + s5*r(k, 5) + s3*r(k, 8)
+      z1 = s1*r(k, 3) + s4*r(k, 6) + s6*r(k, 9)
+      z2 = s4*r(k, 3) + s2*r(k, 6) + s5*r(k, 9)
+      z3 = s6*r(k, 3) + s5*r(k, 6) + s3*r(k, 9)
+      s(k, 1) = r(k, 1)*x1 + r(k, 4)*x2 + r(k, 7)*x3
+      s(k, 2) = r(k, 2)*y1 + r(k, 5)*y2 + r(k, 8)*y3
+      s(k, 3) = r(k, 3)*z1 + r(k, 6)*z2 + r(k, 9)*z3
+      s(k, 4) = r(k, 1)*y1 + r(k, 4)*y2 + r(k, 7)*y3
+      s(k, 5) = r(k, 2)*z1 + r(k, 5)*z2 + r(k, 8)*z3
+      s(k, 6) = r(k, 3)*x1 + r(k, 6)*x2 + r(k, 9)*x3
+    end do
+  end subroutine bring_to_space
+end module dem_form_side

@@ -1,0 +1,45 @@
+!> Forms of the grains of a run: records that the contact kernel reads, there only if some grain is
+!! no ellipsoid.
+module dem_form_state
+  use talus_kinds, only: wp, i4
+  use dem_form, only: form_size
+  use dem_shape, only: quaternion_product
+  implicit none
+  private
+  public :: dem_forms_type, put_frame, form_kind
+  public :: form_ellipsoid, form_octants, form_powers
+
+  integer(i4), parameter :: form_ellipsoid = 0  !! spheres and ellipsoids
+  integer(i4), parameter :: form_octants = 1    !! semi-axes that differ from side to side
+  integer(i4), parameter :: form_powers = 2     !! exponents above 2
+
+  !> Forms of all grains; ellipsoids have records too, as partners of the others.
+  type :: dem_forms_type
+    integer(i4) :: n = 0                       !! grains; 0: all are ellipsoids
+    integer(i4), allocatable :: kind(:)        !! (n+3) form_...; pads are ellipsoids
+    real(wp), allocatable :: record(:, :)      !! (form_size, n+3) see dem_form
+    real(wp), allocatable :: frame(:, :)       !! (4, n) octants' frame in the principal one
+    real(wp), allocatable :: skew(:, :)        !! (3, n) (upper - lower)/(upper + lower) [-]
+    real(wp), allocatable :: exponent(:)       !! (n) [-]
+    real(wp), allocatable :: axes(:, :)        !! (3, n) (upper + lower)/2 [m]
+    real(wp), allocatable :: reach(:)          !! (n) how far rotations move surfaces at most [m]
+  end type dem_forms_type
+
+contains
+
+  !> Kind of a form.
+  pure integer(i4) function form_kind(skew, exponent) result(kind)
+    real(wp), intent(in) :: skew(3), exponent
+    kind = form_ellipsoid
+    if (any(abs(skew) > 0.0_wp)) kind = form_octants
+    if (exponent > 2.0_wp) kind = form_powers
+  end function form_kind
+
+  !> Orientation of the octants of grain i from that of its principal frame.
+  pure subroutine put_frame(forms, i, quat)
+    type(dem_forms_type), intent(inout) :: forms
+    integer(i4), intent(in) :: i
+    real(wp), intent(in) :: quat(4)
+    if (forms%n > 0) forms%record(1:4, i) = quaternion_product(quat, forms%frame(:, i))
+  end subroutine put_frame
+end module dem_form_state
