@@ -443,7 +443,8 @@ contains
       //'add up to the stress times the free area. The free area is a rectangle less a ' &
       //'disc around each driven grain and one `hole`. Found anew every `update_every` ' &
       //'steps. Histories in `<deck>_surcharge.csv`; the work is `external` in the ' &
-      //'ledger. Works under talus-couple.')
+      //'ledger. Under talus-couple what falls to ghosts of an overlap is left to the ' &
+      //'loads of the solid.')
     call table%add_key('stress', 'real', 'Pa', 'Pressure on the free area.')
     call table%need()
     call table%bounds(above=0.0_wp)

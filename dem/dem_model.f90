@@ -391,7 +391,7 @@ contains
       if (self%servo%due(self%clock%steps)) call self%system%look()
       if (self%servo%due(self%clock%steps)) &
         call self%servo%look(self%system%dem_data_type, self%clock%time())
-      call self%load_surface(errors)
+      call self%load_surface(.false., errors)
       if (self%flow%due(self%clock%steps)) &
         call self%flow%look(self%system%dem_data_type, self%clock%time())
       if (self%drive%due(self%clock%steps)) &
@@ -443,11 +443,14 @@ contains
     end if
   end subroutine take_steps
 
-  !> The surcharge finds the surface anew, when it is due.
-  subroutine load_surface(self, errors)
+  !> The surcharge finds the surface anew, when it is due, or before the first step when kinds have
+  !! changed.
+  subroutine load_surface(self, changed, errors)
     class(dem_model_type), intent(inout) :: self
+    logical, intent(in) :: changed
     type(error_list_type), intent(inout) :: errors
-    if (.not. self%surcharge%due(self%system%dem_data_type, self%clock%steps)) return
+    if (changed .and. .not. (self%surcharge%active .and. self%clock%steps == 0)) return
+    if (.not. (changed .or. self%surcharge%due(self%system%dem_data_type, self%clock%steps))) return
     call self%timers%start('surcharge')
     call self%surcharge%look(self%system%dem_data_type, self%clock%time(), self%clock%steps, errors)
     call self%timers%stop('surcharge')

@@ -104,6 +104,7 @@ contains
     self%stale = .false.
     call self%model%histories%init(self%model%system)
     call self%model%system%init(errors)
+    if (.not. errors%any()) call self%model%load_surface(.true., errors)
   end subroutine refresh
 
   subroutine describe(self, what, group, reply, errors)
@@ -183,6 +184,7 @@ contains
         model%system%par%ghost_pairs = .true.
         call model%system%set_weights(ids, value)
         if (model%clock%steps == 0) call model%system%init(errors)
+        if (.not. errors%any()) call model%load_surface(.true., errors)
       else
         call model%system%set_weights(ids, value)
       end if

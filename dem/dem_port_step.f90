@@ -41,7 +41,7 @@ contains
     end do
     call request%all_read(errors)
     if (errors%any()) return
-    call model%load_surface(errors)
+    call model%load_surface(.false., errors)
     if (errors%any()) return
     call model%system%reset_impulses()
     call model%timers%start('steps')
@@ -234,7 +234,7 @@ contains
     end do
     call request%all_read(errors)
     if (errors%any()) return
-    call model%load_surface(errors)
+    call model%load_surface(.false., errors)
     if (errors%any()) return
     call model%timers%start('steps')
     call model%system%kick_drift(kick, drift)

@@ -5,6 +5,7 @@
 !! do. The free area is a rectangle, given or between upright walls, less a disc around every driven
 !! grain and one that the deck may name. Surface and areas are found anew every so many steps; in
 !! between the forces are held. They are extra forces: their work stands in the ledger as such.
+!! Where grains overlap with a solid, what falls to ghosts is left to the loads of the solid.
 module dem_surcharge
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, string_type
@@ -16,7 +17,7 @@ module dem_surcharge
   use dem_ledger, only: staggering_of, follow_load
   use dem_plan, only: plan_type, free_area, cell_areas, outline_of, largest_reach
   use dem_shape, only: rotation_of
-  use dem_state, only: dem_data_type, kind_driven
+  use dem_state, only: dem_data_type, kind_driven, kind_free
   use dem_surface, only: surface_rows
   implicit none
   private
@@ -176,12 +177,14 @@ contains
     type(plan_type) :: plan
     integer(i4), allocatable :: rows(:)
     real(wp), allocatable :: area(:), force(:)
-    real(wp) :: stress, before
+    logical, allocatable :: carries(:)
+    real(wp) :: stress, before, loaded
 
     call self%plan_now(d, plan, errors)
     if (errors%any()) return
-    rows = surface_rows(d%grains, plan)
-    if (size(rows) == 0) then
+    rows = surface_rows(d%grains, plan, d%par%ghost_pairs)
+    carries = d%grains%kind(rows) == kind_free
+    if (.not. any(carries)) then
       call errors%add('N230', 'no grain carries the surcharge at '//short_number(time)//' s: '// &
                       'none lies in the free area of '//short_number(free_area(plan))//' m2', &
                       'group surcharge', 'look at lower, upper, clearance and where the bed is')
@@ -192,12 +195,15 @@ contains
     stress = self%stress
     if (self%curve > 0) stress = self%stress*self%curves(self%curve)%at(time)
     allocate (force(d%grains%n), source=0.0_wp)
-    force(rows) = stress*area
+    force(rows) = merge(stress*area, 0.0_wp, carries)
     before = staggering_of(d)
     d%grains%extra_force(3, :) = (d%grains%extra_force(3, :) + d%surcharge) - force
     d%surcharge = force
     call follow_load(d, before)
-    d%surcharge_seen = [stress, free_area(plan), real(size(rows), wp), sum(force), minval(area), &
+    loaded = free_area(plan) - sum(area, .not. carries)
+    area = pack(area, carries)
+    rows = pack(rows, carries)
+    d%surcharge_seen = [stress, loaded, real(size(rows), wp), sum(force), minval(area), &
                         maxval(area), sum(area*d%grains%x(3, rows))/sum(area), real(steps, wp)]
   end subroutine look
 

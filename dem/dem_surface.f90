@@ -4,10 +4,11 @@
 !! A free grain lies above another if its centre is higher by more than a tenth of the other's
 !! vertical semi-extent (neighbours at one height overlap in the plan by their contact) and their
 !! outlines overlap. A fixed or driven grain lies above if its outline holds the other's centre: a
-!! wall of spheres beside the bed covers nothing.
+!! wall of spheres beside the bed covers nothing. Ghosts do so, too, but where grains overlap with a
+!! solid: there they go on the bed and count as free.
 module dem_surface
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_grains_type, kind_free
+  use dem_state, only: dem_grains_type, kind_free, kind_ghost
   use dem_plan, only: plan_type, outline_of, largest_reach, holds_centre, outlines_meet
   use dem_shape, only: rotation_of
   implicit none
@@ -16,8 +17,9 @@ module dem_surface
 
   real(wp), parameter :: higher = 0.1_wp  !! of the vertical semi-extent [-]
 
-  !> Grains as the plan shows them, free ones in square bins.
+  !> Grains as the plan shows them, those of the bed in square bins.
   type :: view_type
+    logical, allocatable :: bed(:)          !! (n) free, or a ghost that goes on the bed
     real(wp), allocatable :: outline(:, :)  !! (3, n), see outline_of [m^2]
     real(wp), allocatable :: reach(:)       !! (n) largest semi-axis of the outline [m]
     real(wp), allocatable :: half(:)        !! (n) vertical semi-extent [m]
@@ -25,25 +27,27 @@ module dem_surface
     real(wp) :: edge = 1.0_wp               !! of a bin [m]
     integer(i4) :: bins(2) = 1
     integer(i4), allocatable :: first(:)    !! (bins + 1) in list
-    integer(i4), allocatable :: list(:)     !! free grains by bin
+    integer(i4), allocatable :: list(:)     !! grains of the bed by bin
   end type view_type
 
 contains
 
   !> Rows of the free grains of the surface whose centres lie in the rectangle outside the discs,
-  !! ascending.
-  pure function surface_rows(g, plan) result(rows)
+  !! ascending; with `ghosts` of the ghosts, too.
+  pure function surface_rows(g, plan, ghosts) result(rows)
     type(dem_grains_type), intent(in) :: g
     type(plan_type), intent(in) :: plan
+    logical, intent(in) :: ghosts  !! they go on the bed
     integer(i4), allocatable :: rows(:)
     type(view_type) :: view
     logical, allocatable :: top(:)
     integer(i4) :: i
 
     allocate (top(g%n))
+    view%bed = g%kind == kind_free .or. (ghosts .and. g%kind == kind_ghost)
     call look_down(g, plan, view)
     do i = 1, g%n
-      top(i) = g%kind(i) == kind_free
+      top(i) = view%bed(i)
       if (top(i)) top(i) = inside(plan, g%x(:2, i))
       if (top(i)) top(i) = .not. under_free(g, view, i)
       if (top(i)) top(i) = .not. under_held(g, view, i)
@@ -65,7 +69,7 @@ contains
   pure subroutine look_down(g, plan, view)
     type(dem_grains_type), intent(in) :: g
     type(plan_type), intent(in) :: plan
-    type(view_type), intent(out) :: view
+    type(view_type), intent(inout) :: view
     real(wp) :: turn(3, 3)
     integer(i4) :: i, b
 
@@ -76,13 +80,13 @@ contains
       view%reach(i) = largest_reach(view%outline(:, i))
       view%half(i) = sqrt(sum((turn(3, :)*g%axes(:, i))**2))
     end do
-    view%edge = max(2.0_wp*maxval(view%reach, mask=g%kind == kind_free), tiny(1.0_wp))
+    view%edge = max(2.0_wp*maxval(view%reach, mask=view%bed), tiny(1.0_wp))
     view%corner = plan%lower - view%edge
     view%bins = 2 + ceiling(min((plan%upper - plan%lower)/view%edge, 1.0e4_wp))
     allocate (view%first(product(view%bins) + 1), source=0_i4)
-    allocate (view%list(count(g%kind == kind_free)))
+    allocate (view%list(count(view%bed)))
     do i = 1, g%n
-      if (g%kind(i) /= kind_free) cycle
+      if (.not. view%bed(i)) cycle
       b = bin_of(view, g%x(:2, i))
       view%first(b) = view%first(b) + 1
     end do
@@ -90,7 +94,7 @@ contains
       view%first(b) = view%first(b) + view%first(b - 1)
     end do
     do i = g%n, 1, -1
-      if (g%kind(i) /= kind_free) cycle
+      if (.not. view%bed(i)) cycle
       b = bin_of(view, g%x(:2, i))
       view%list(view%first(b)) = i
       view%first(b) = view%first(b) - 1
@@ -147,7 +151,7 @@ contains
     real(wp) :: r(2)
     under = .true.
     do j = 1, g%n
-      if (g%kind(j) == kind_free .or. g%x(3, j) <= g%x(3, i)) cycle
+      if (view%bed(j) .or. g%x(3, j) <= g%x(3, i)) cycle
       r = g%x(:2, i) - g%x(:2, j)
       if (sum(r**2) >= view%reach(j)**2) cycle
       if (holds_centre(view%outline(:, j), r)) return

@@ -8,7 +8,7 @@ program test_dem_surcharge
   use dem_make, only: make_grains, make_planes
   use dem_plan, only: plan_type, free_area, cell_areas, disc_part, outline_of, largest_reach, &
     holds_centre, outlines_meet
-  use dem_state, only: kind_free, kind_fixed, kind_driven
+  use dem_state, only: kind_free, kind_fixed, kind_driven, kind_ghost
   use dem_surcharge, only: dem_surcharge_type
   use dem_surface, only: surface_rows
   use dem_system, only: dem_system_type
@@ -21,6 +21,7 @@ program test_dem_surcharge
   call check_outlines()
   call check_surface()
   call check_forces()
+  call check_ghosts()
   call check_faults()
   call test%finish()
 
@@ -136,7 +137,7 @@ contains
     call make_spheres(1.0e-3_wp*x, [0, 0, 0, 0, kind_fixed, 0, kind_fixed, 0, 0], s)
     plan%upper = 10.0e-3_wp
     plan%disc = reshape([8.0e-3_wp, 7.0e-3_wp, 1.1e-3_wp], [3, 1])
-    rows = surface_rows(s%grains, plan)
+    rows = surface_rows(s%grains, plan, .true.)
     call test%check('the surface', size(rows) == 3)
     if (size(rows) == 3) call test%check('which', all(rows == [2, 3, 4]))
   end subroutine check_surface
@@ -193,6 +194,33 @@ contains
     call test%check('a deck without takes it off', .not. allocated(copy%surcharge) .and. &
                     all(abs(copy%grains%extra_force) <= 0.0_wp))
   end subroutine check_forces
+
+  !> A ghost between two free grains, where grains overlap with a solid: it keeps its share, which no
+  !! grain carries, and nothing above it counts; elsewhere it is a wall, and the free ones carry all.
+  subroutine check_ghosts()
+    type(dem_system_type) :: s
+    type(dem_surcharge_type) :: surcharge
+    type(error_list_type) :: errors
+    real(wp) :: x(3, 3)
+    x = reshape([1.0_wp, 1.0_wp, 1.0_wp, 3.0_wp, 1.0_wp, 1.0_wp, 5.0_wp, 1.0_wp, 1.0_wp], [3, 3])
+    call make_spheres(1.0e-3_wp*x, [kind_free, kind_ghost, kind_free], s)
+    surcharge%active = .true.
+    surcharge%stress = 1.0e6_wp
+    surcharge%upper = [6.0e-3_wp, 2.0e-3_wp]
+    allocate (surcharge%hole(3, 0))
+    allocate (s%surcharge(3), s%surcharge_seen(8), source=0.0_wp)
+    call surcharge%look(s%dem_data_type, 0.0_wp, 0_i8, errors)
+    call test%check_close('beside a wall of ghosts', s%surcharge(1), 6.0_wp, 1.0e-12_wp)
+    s%par%ghost_pairs = .true.
+    call surcharge%look(s%dem_data_type, 0.0_wp, 0_i8, errors)
+    call test%check('no fault', .not. errors%any())
+    call test%check_close('its own share', s%surcharge(1), 4.0_wp, 1.0e-12_wp)
+    call test%check_close('nothing on the ghost', s%surcharge(2), 0.0_wp, 0.0_wp)
+    call test%check_close('nor held there', s%grains%extra_force(3, 2), 0.0_wp, 0.0_wp)
+    call test%check_close('the other', s%surcharge(3), 4.0_wp, 1.0e-12_wp)
+    call test%check_close('area told', s%surcharge_seen(2), 8.0e-6_wp, 1.0e-18_wp)
+    call test%check_close('grains told', s%surcharge_seen(3), 2.0_wp, 0.0_wp)
+  end subroutine check_ghosts
 
   !> Nobody in the free area (N230); discs that overlap (N231).
   subroutine check_faults()
