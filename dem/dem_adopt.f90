@@ -67,7 +67,8 @@ contains
     end associate
   end subroutine make_room
 
-  !> Forces of these contacts to the list of d, which has been made since.
+  !> History and forces of these contacts to the list of d, which has been made since: a new list
+  !! finds the radius of two spheres anew, to rounding.
   subroutine give_results(d, contact)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: contact(:, :)
@@ -77,7 +78,10 @@ contains
       second = index_of(d, contact(2, k))
       if (first == 0 .or. second == 0) cycle
       slot = slot_of(d%pairs, first, second)
-      if (slot > 0) d%pairs%result(:, slot) = contact(contact_places(3):, k)
+      if (slot == 0) cycle
+      d%pairs%history(1 + mod(slot - 1, lanes), :, 1 + (slot - 1)/lanes) = &
+        contact(contact_places(2):contact_places(3) - 1, k)
+      d%pairs%result(:, slot) = contact(contact_places(3):, k)
     end do
   end subroutine give_results
 end module dem_adopt

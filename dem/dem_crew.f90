@@ -158,7 +158,7 @@ contains
         short_number(100.0_wp*m%exchange(3)/max(steps_time, tiny(1.0_wp)))//' %), '// &
         short_number(m%own(1))//' to '//short_number(m%own(2))//' grains, '// &
         short_number(m%mirrors(1))//' to '//short_number(m%mirrors(2))//' mirrors, imbalance '// &
-        short_number(self%part%halo%imbalance)
+        short_number(m%imbalance)
     end associate
   end function crew_text
 end module dem_crew

@@ -15,6 +15,7 @@ module dem_logbook
   use dem_measure, only: contact_count
   use dem_histories, only: relative_closure
   use dem_clock, only: dem_clock_type
+  use dem_crew, only: dem_crew_type
   use dem_surface_state, only: dem_surfaces_type, surface_cone
   use dem_setup, only: dem_choices_type
   use dem_setup_laws, only: law_lines
@@ -214,6 +215,7 @@ contains
       call summary%set('health.unbalanced_force', equilibrium%unbalanced)
       call summary%set('health.kinetic_over_elastic', equilibrium%energy_ratio)
     end if
+    if (allocated(system%crew)) call put_ranks(summary, system%crew)
     call summary%set('energy.kinetic_J', system%ledger%kinetic)
     call summary%set('energy.elastic_J', system%ledger%elastic_normal &
                      + system%ledger%elastic_tangential)
@@ -221,4 +223,20 @@ contains
     call summary%set_errors(faults)
     call summary%write(path, errors)
   end subroutine write_summary
+
+  !> How the ranks shared the work.
+  subroutine put_ranks(summary, crew)
+    type(summary_type), intent(inout) :: summary
+    type(dem_crew_type), intent(in) :: crew
+    call summary%set('ranks.count', crew%team%ranks)
+    call summary%set('ranks.exchange_s', crew%marks%exchange(2))
+    call summary%set('ranks.least_exchange_s', crew%marks%exchange(1))
+    call summary%set('ranks.most_exchange_s', crew%marks%exchange(3))
+    call summary%set('ranks.imbalance', crew%marks%imbalance)
+    call summary%set('ranks.least_grains', nint(crew%marks%own(1), i4))
+    call summary%set('ranks.most_grains', nint(crew%marks%own(2), i4))
+    call summary%set('ranks.most_mirrors', nint(crew%marks%mirrors(2), i4))
+    call summary%set('ranks.bytes_a_step', crew%marks%bytes)
+    call summary%set('ranks.messages_a_step', crew%marks%messages)
+  end subroutine put_ranks
 end module dem_logbook

@@ -532,7 +532,7 @@ contains
         cycle
       end if
       if (pairs%round(block)) pairs%history(lane, history_root, block) = &
-        effective_root(pairs%body(10, i), pairs%body(10, j))
+        effective_root(grains%radius(i)**2, grains%radius(j)**2)
       free_i = grains%kind(i) == kind_free .or. grains%kind(i) == kind_mirror
       free_j = grains%kind(j) == kind_free .or. grains%kind(j) == kind_mirror
       pairs%m_star(lane, block) = grains%mass(i)*grains%mass(j)/(grains%mass(i) + grains%mass(j))

@@ -16,7 +16,8 @@ module dem_part
 
   !> Where the numbers of a report stand.
   integer(i4), parameter :: at_overlap = 10, at_limits = 11, at_speed = 14, at_kinetic = 15, &
-    at_most = 16, at_exchange = 19, at_own = 20, at_mirrors = 21, report_size = 21
+    at_most = 16, at_exchange = 19, at_own = 20, at_mirrors = 21, at_pairs = 22, &
+    at_bytes = 23, at_messages = 24, report_size = 24
 
   !> What the ranks told last.
   type :: rank_marks_type
@@ -27,6 +28,9 @@ module dem_part
     real(wp) :: exchange(3) = 0.0_wp   !! least, mean, most time in exchanges of a rank [s]
     real(wp) :: own(2) = 0.0_wp        !! least and most grains of a rank
     real(wp) :: mirrors(2) = 0.0_wp    !! least and most mirrors
+    real(wp) :: imbalance = 1.0_wp     !! most candidate pairs over the mean [-]
+    real(wp) :: bytes = 0.0_wp         !! sent in a step by all ranks
+    real(wp) :: messages = 0.0_wp      !! sent in a step by all ranks
   end type rank_marks_type
 
 contains
@@ -69,7 +73,8 @@ contains
       report(at_most + 1:at_most + 2) = [real(part%grains%id(worst), wp), speed]
     end if
     report(at_exchange) = part%halo%seconds
-    report(at_own:at_mirrors) = [part%halo%own, part%halo%mirrors]
+    report(at_own:at_pairs) = [part%halo%own, part%halo%mirrors, part%pairs%count]
+    report(at_bytes:at_messages) = [8*part%halo%width*size(part%halo%out), part%halo%partners]
     do k = 1, part%planes%n
       at = report_size + plane_size*(k - 1)
       report(at + 1:at + plane_size) = [part%planes%force(:, k), part%planes%moment(:, k), &
@@ -131,6 +136,10 @@ contains
                       sum(reports(at_exchange, :))/size(reports, 2), &
                       maxval(reports(at_exchange, :))]
     marks%own = [minval(reports(at_own, :)), maxval(reports(at_own, :))]
+    marks%imbalance = maxval(reports(at_pairs, :))*size(reports, 2) &
+                      /max(sum(reports(at_pairs, :)), 1.0_wp)
+    marks%bytes = sum(reports(at_bytes, :))
+    marks%messages = sum(reports(at_messages, :))
     marks%mirrors = [minval(reports(at_mirrors, :)), maxval(reports(at_mirrors, :))]
   end subroutine take_marks
 end module dem_part
