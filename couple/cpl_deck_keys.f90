@@ -214,7 +214,7 @@ contains
 
   subroutine group_overlap(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('overlap', 22, &
+    call table%add_group('overlap', 23, &
       'Grains and solid overlap: free grains move the nodes over them, ghost grains ' &
       //'follow the solid, and energy is counted once. A deck has exactly one of facets ' &
       //'and overlap.')
@@ -328,6 +328,13 @@ contains
       //'projected.')
     call table%preset('auto')
     call table%allow('auto|consistent|projected|nearest')
+    call table%add_key('ghost_contacts', 'string', '', &
+      'When contacts between ghosts are evaluated in the scheme `''symmetric''`: with ' &
+      //'every step of the grains, or once an exchange, their forces acting in kicks at ' &
+      //'its ends like those of the other elements. The second is much cheaper, as most ' &
+      //'ghosts are far from free grains.')
+    call table%preset('step')
+    call table%allow('step|exchange')
     call table%add_key('fine_damping', 'real', '1/s', &
       'Rate at which the motion of free grains that the nodes do not see is damped at ' &
       //'the ghosts, fading to the far end of the elements: waves that the mesh cannot ' &

@@ -51,8 +51,10 @@ module cpl_operators
     procedure :: project
     procedure :: to_hats
     procedure :: to_ghosts
+    procedure :: to_some_ghosts
     procedure :: pull
     procedure :: from_hats
+    procedure :: pull_some
     procedure :: identity_error
   end type operators_type
 
@@ -266,6 +268,23 @@ contains
     end select
   end subroutine to_ghosts
 
+  !> As to_ghosts, for some of them.
+  subroutine to_some_ghosts(self, some, u, phi, d, turn)
+    class(operators_type), intent(in) :: self
+    integer(i4), intent(in) :: some(:)                !! rows of the ghosts
+    real(wp), intent(in) :: u(:, :), phi(:, :)
+    real(wp), intent(out) :: d(:, :), turn(:, :)      !! (3, size(some)) [m], [rad]
+    call self%ghost%apply_some(some, u, d)
+    select case (self%rotation)
+    case (rotation_micro)
+      call self%ghost_phi%apply_some(some, phi, turn)
+    case (rotation_curl)
+      call self%ghost_curl%apply_some(some, u, turn)
+    case default
+      turn = 0.0_wp
+    end select
+  end subroutine to_some_ghosts
+
   !> Forces on ghosts and nodes, handed to what is free: f and c come in as forces and couples that
   !! elements put on the nodes, and leave with the ghosts' share; force and moment are what the hat
   !! nodes hand on to the free grains.
@@ -301,6 +320,19 @@ contains
       call self%p_phi%transposed(c(:, :self%hats_phi), moment)
     end if
   end subroutine from_hats
+
+  !> As pull, with forces on some of the ghosts alone.
+  subroutine pull_some(self, some, p, m, f, c, force, moment)
+    class(operators_type), intent(in) :: self
+    integer(i4), intent(in) :: some(:)                    !! rows of the ghosts
+    real(wp), intent(in) :: p(:, :), m(:, :)              !! (3, size(some)) [N], [N m]
+    real(wp), intent(inout) :: f(:, :), c(:, :)
+    real(wp), intent(out) :: force(:, :), moment(:, :)
+    call self%ghost%transposed_some(some, p, f)
+    if (self%rotation == rotation_micro) call self%ghost_phi%transposed_some(some, m, c)
+    if (self%rotation == rotation_curl) call self%ghost_curl%transposed_some(some, m, f)
+    call self%from_hats(f, c, force, moment)
+  end subroutine pull_some
 
   !> Largest violation of: P N = 1 (l2), rigid motion of grains moves nodes and ghosts likewise,
   !! equal powers, total force and moment. Lengths over the extent. N422 above 1e-12, or above

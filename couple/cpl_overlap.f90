@@ -15,6 +15,7 @@ module cpl_overlap
   use cpl_inertia, only: inertia_type
   use cpl_initial, only: initial_type
   use cpl_operators, only: operators_type
+  use cpl_parts, only: parts_type
   use cpl_relax, only: relax_type
   use cpl_sets, only: sets_type, pack_type
   use cpl_weight_fit, only: fit_type
@@ -44,6 +45,7 @@ module cpl_overlap
     logical :: turns = .false.                     !! rotations of free grains matter
     logical :: round = .true.                      !! all ghosts are spheres
     logical :: round_free = .true.                 !! all free grains are spheres
+    logical :: in_parts = .false.                  !! forces between ghosts come once an exchange
     logical :: hears_force = .false.               !! contact forces of the free grains are told
     logical :: hears_speed = .false.               !! velocities of the free grains are told
     type(inertia_type) :: carried, carried_phi     !! masses that hat nodes carry
@@ -98,6 +100,7 @@ module cpl_overlap
     real(wp), allocatable :: inertial(:, :), inertial_phi(:, :)  !! of what hat nodes carry
     real(wp), allocatable :: f_hold(:, :), c_hold(:, :)       !! that balance the start
     real(wp), allocatable :: force_hold(:, :), moment_hold(:, :)
+    type(parts_type) :: parts                      !! forces between ghosts, once an exchange
     type(relax_type) :: relax                      !! static: what the edge is loaded with
     real(wp) :: contact_stiffness = 0.0_wp         !! static: mean at the start [N/m]
     integer(i4) :: contact_count = 0               !! static: at the start
@@ -110,6 +113,7 @@ module cpl_overlap
   contains
     procedure :: allocate_state
     procedure :: follow
+    procedure :: follow_hats
     procedure :: pull
     procedure :: resist
     procedure :: note_work
@@ -164,20 +168,9 @@ contains
     real(wp), intent(in) :: dt                      !! [s]
     real(wp), intent(out) :: v(:, :), spin(:, :)    !! (3, ghosts) [m/s], [rad/s]
     real(wp), dimension(3, self%op%ghosts) :: d, turn
-    real(wp) :: hat(3, self%op%hats), hat_phi(3, self%op%hats_phi)
     integer(i4) :: g
 
-    hat = self%u(:, :self%op%hats)
-    hat_phi = self%phi(:, :self%op%hats_phi)
-    call self%op%to_hats(self%q, self%theta, self%u, self%phi)
-    if (self%remaps > 0) then
-      associate (n => self%op%hats, m => self%op%hats_phi)
-        self%u(:, :n) = self%u(:, :n) + self%u_map(:, :n)
-        self%phi(:, :m) = self%phi(:, :m) + self%phi_map(:, :m)
-      end associate
-    end if
-    self%v(:, :self%op%hats) = (self%u(:, :self%op%hats) - hat)/dt
-    self%w(:, :self%op%hats_phi) = (self%phi(:, :self%op%hats_phi) - hat_phi)/dt
+    call self%follow_hats(dt)
     call self%op%to_ghosts(self%u, self%phi, d, turn)
     if (self%op%micro%active) then
       turn = self%turn
@@ -194,12 +187,42 @@ contains
     self%turn = turn
   end subroutine follow
 
+  !> Hat nodes where free grains are now.
+  subroutine follow_hats(self, dt)
+    class(overlap_type), intent(inout) :: self
+    real(wp), intent(in) :: dt                      !! [s]
+    real(wp) :: hat(3, self%op%hats), hat_phi(3, self%op%hats_phi)
+
+    hat = self%u(:, :self%op%hats)
+    hat_phi = self%phi(:, :self%op%hats_phi)
+    call self%op%to_hats(self%q, self%theta, self%u, self%phi)
+    if (self%remaps > 0) then
+      associate (n => self%op%hats, m => self%op%hats_phi)
+        self%u(:, :n) = self%u(:, :n) + self%u_map(:, :n)
+        self%phi(:, :m) = self%phi(:, :m) + self%phi_map(:, :m)
+      end associate
+    end if
+    self%v(:, :self%op%hats) = (self%u(:, :self%op%hats) - hat)/dt
+    self%w(:, :self%op%hats_phi) = (self%phi(:, :self%op%hats_phi) - hat_phi)/dt
+  end subroutine follow_hats
+
   !> Forces on ghosts (p, m) and of elements with hat nodes (element) handed to what is free.
   subroutine pull(self)
     class(overlap_type), intent(inout) :: self
     self%f = self%element
     self%c = self%element_phi
-    call self%op%pull(self%p, self%m, self%f, self%c, self%force, self%moment)
+    if (self%parts%active) then
+      associate (parts => self%parts)
+        call self%op%pull_some(parts%near, parts%p_near, parts%m_near, self%f, self%c, &
+                               self%force, self%moment)
+        self%f = self%f + parts%still%f
+        self%c = self%c + parts%still%c
+        self%force = self%force + parts%still%force
+        self%moment = self%moment + parts%still%moment
+      end associate
+    else
+      call self%op%pull(self%p, self%m, self%f, self%c, self%force, self%moment)
+    end if
     if (self%stressed) then
       self%f = self%f + self%steady
       self%c = self%c + self%steady_phi
@@ -226,11 +249,12 @@ contains
     end if
   end subroutine resist
 
-  !> Works of a step of the grains from both sides, with the forces at its end; ghosts moved by d
-  !! and turn in it, the others from q0, theta0, u0, phi0.
-  subroutine note_work(self, q0, theta0, u0, phi0, d, turn)
+  !> Works of a step of the grains from both sides, with the forces at its end; ghosts, or those of
+  !! them that p and m act on, moved by d and turn in it, the others from q0, theta0, u0, phi0.
+  subroutine note_work(self, q0, theta0, u0, phi0, p, m, d, turn)
     class(overlap_type), intent(inout) :: self
     real(wp), intent(in) :: q0(:, :), theta0(:, :), u0(:, :), phi0(:, :)  !! [m], [rad]
+    real(wp), intent(in) :: p(:, :), m(:, :)                              !! [N], [N m]
     real(wp), intent(in) :: d(:, :), turn(:, :)                           !! [m], [rad]
     real(wp) :: given, taken, hold
     associate (a => self%op%hats + 1, b => self%op%hats_phi + 1, du => self%u - u0, &
@@ -240,14 +264,20 @@ contains
              + sum(self%c_hold(:, b:)*dphi(:, b:))
       if (self%stressed) given = given - sum(self%steady(:, a:)*du(:, a:)) &
         - sum(self%steady_phi(:, b:)*dphi(:, b:))
+      if (self%parts%active) then
+        associate (still => self%parts%still)
+          given = given - sum(still%force*dq) - sum(still%moment*dtheta) &
+                  - sum(still%f(:, a:)*du(:, a:)) - sum(still%c(:, b:)*dphi(:, b:))
+        end associate
+      end if
       if (self%turns) given = given + sum(self%moment*dtheta)
       if (self%turns) hold = hold + sum(self%moment_hold*dtheta)
-      taken = sum(self%p*d) + sum(self%m*turn) + sum(self%element*du) + sum(self%element_phi*dphi)
+      taken = sum(p*d) + sum(m*turn) + sum(self%element*du) + sum(self%element_phi*dphi)
       if (self%carried%active) taken = taken + sum(self%inertial*du(:, :a - 1))
       if (self%carried_phi%active) taken = taken + sum(self%inertial_phi*dphi(:, :b - 1))
       if (self%damping%active) taken = taken + sum(self%damping%force*dq)
       if (self%damping_phi%active) taken = taken + sum(self%damping_phi%force*dtheta)
-      self%turnover = self%turnover + sum(abs(self%p*d)) + sum(abs(self%m*turn)) &
+      self%turnover = self%turnover + sum(abs(p*d)) + sum(abs(m*turn)) &
                       + sum(abs(self%element*du)) + sum(abs(self%element_phi*dphi))
     end associate
     self%work_given = self%work_given + given - hold

@@ -16,6 +16,7 @@ module cpl_overlap_choices
     character(len=:), allocatable :: rotation, projection, weights, scheme, partition
     real(wp) :: rho = 1.0_wp  !! relaxed over affine stiffness of the pack [-]
     character(len=:), allocatable :: mass   !! what happens to that of hat nodes
+    character(len=:), allocatable :: ghost_contacts  !! when those between ghosts act
     real(wp) :: fine_damping = 0.0_wp  !! [1/s]
     real(wp) :: remap = 0.0_wp         !! share of an element; 0 never
     character(len=:), allocatable :: leaving  !! what happens when a free grain leaves
@@ -70,6 +71,10 @@ contains
     if (choices%mass == 'auto' .and. choices%scheme == 'static') choices%mass = 'nearest'
     if (choices%mass == 'auto') choices%mass = trim(merge('consistent', 'projected ', &
       choices%weights == 'mass' .and. choices%projection == 'l2'))
+    call deck%get('overlap', 1, 'ghost_contacts', choices%ghost_contacts)
+    if (choices%ghost_contacts == 'exchange' .and. choices%scheme /= 'symmetric') &
+      call deck%fault(errors, 'D421', "ghost_contacts = 'exchange' goes with the scheme "// &
+                      "'symmetric'", 'overlap', 1, 'ghost_contacts', 'leave it out')
     call deck%get('overlap', 1, 'fine_damping', choices%fine_damping)
     if (choices%mass == 'consistent' .and. (choices%weights /= 'mass' .or. &
                                             choices%projection /= 'l2')) &
@@ -107,6 +112,7 @@ contains
     call idle('fine_damping')
     call idle('remap')
     call idle('leaving')
+    call idle('ghost_contacts')
     if (choices%scheme /= 'symmetric') call missing('scheme', choices%scheme)
     if (choices%initial == 'stress') call missing('initial', choices%initial)
     if (choices%rotation == 'fixed' .or. choices%rotation == 'curl') &

@@ -76,6 +76,7 @@ contains
       call file%put('/start/steady', o%steady, errors)
       call file%put('/start/steady_phi', o%steady_phi, errors)
     end if
+    if (o%parts%active) call write_parts(file, o, errors)
     if (o%static) then
       call file%put('/static/held', o%relax%held, errors)
       call file%put('/static/residual', o%relax%residual, errors)
@@ -143,6 +144,7 @@ contains
     if (o%stressed) call file%get_into('/start/steady_phi', o%steady_phi, errors)
     if (o%static) call read_static(file, o, errors)
     if (o%bridge%active) call read_bridge(file, o, errors)
+    if (o%in_parts .and. file%exists('/parts/near')) call read_parts(file, o, errors)
     call file%get_into('/numbers', numbers, errors)
     call file%get_into('/counts', counts, errors)
     call file%get_into('/map/looked', looked, errors)
@@ -200,6 +202,39 @@ contains
     call file%get_into('/bridge/lost', lost, errors)
     o%bridge%lost = lost(1)
   end subroutine read_bridge
+
+  !> Forces on ghosts in parts.
+  subroutine write_parts(file, o, errors)
+    type(h5_file_type), intent(inout) :: file
+    type(overlap_type), intent(in) :: o
+    type(error_list_type), intent(inout) :: errors
+    call file%put('/parts/near', o%parts%near, errors)
+    call file%put('/parts/p_near', o%parts%p_near, errors)
+    call file%put('/parts/m_near', o%parts%m_near, errors)
+    call file%put('/parts/p', o%parts%p, errors)
+    call file%put('/parts/m', o%parts%m, errors)
+    call file%put('/parts/p_still', o%parts%p_still, errors)
+    call file%put('/parts/m_still', o%parts%m_still, errors)
+    call file%put('/parts/age', [o%parts%age], errors)
+  end subroutine write_parts
+
+  subroutine read_parts(file, o, errors)
+    type(h5_file_type), intent(inout) :: file
+    type(overlap_type), intent(inout) :: o
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: age(1)
+    age = 0
+    call o%parts%begin(o%op)
+    call file%get('/parts/near', o%parts%near, errors)
+    call file%get('/parts/p_near', o%parts%p_near, errors)
+    call file%get('/parts/m_near', o%parts%m_near, errors)
+    call file%get_into('/parts/p', o%parts%p, errors)
+    call file%get_into('/parts/m', o%parts%m, errors)
+    call file%get_into('/parts/p_still', o%parts%p_still, errors)
+    call file%get_into('/parts/m_still', o%parts%m_still, errors)
+    call file%get_into('/parts/age', age, errors)
+    o%parts%age = age(1)
+  end subroutine read_parts
 
   !> Load of the edge and its relaxation.
   subroutine read_static(file, o, errors)

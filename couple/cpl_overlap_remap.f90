@@ -13,6 +13,7 @@ module cpl_overlap_remap
   use cpl_fine_damping, only: ramp_from_ghosts
   use cpl_operators, only: riders_type
   use cpl_overlap, only: overlap_type
+  use cpl_overlap_parts, only: settle_parts
   use cpl_sets, only: part_free, part_ghost
   implicit none
   private
@@ -99,8 +100,12 @@ contains
     call rebuild_map(o, errors)
     if (errors%any()) return
     call hold_again(o)
-    call o%pull()
-    call o%resist()
+    if (o%parts%active) then
+      call settle_parts(o)
+    else
+      call o%pull()
+      call o%resist()
+    end if
     if (o%carried%active) call o%op%to_hats(o%speed, o%spin, o%v, o%w)
     if (len(said) > 0) said = said//'; '
     if (len(said) == 0) said = 'time '//short_number(time)//' s: '

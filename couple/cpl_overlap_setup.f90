@@ -16,6 +16,7 @@ module cpl_overlap_setup
   use cpl_overlap_file, only: hash_of
   use cpl_overlap_limit, only: check_step
   use cpl_overlap_mass, only: share_mass
+  use cpl_overlap_parts, only: begin_parts
   use cpl_overlap_static, only: begin_static
   use cpl_overlap_start, only: start_type, prepare_start, balance_start
   use cpl_overlap_step, only: evaluate_forces, evaluate_bulk, read_free
@@ -67,6 +68,12 @@ contains
                     choices%overlap%projection == 'mls', errors)
     if (errors%any()) return
     o%turns = o%op%hats_phi > 0
+    o%in_parts = o%symmetric .and. o%substeps > 1 .and. &
+      choices%overlap%ghost_contacts == 'exchange'
+    if (o%in_parts .and. (o%op%micro%active .or. .not. solvers(side_grains)%can('border'))) &
+      call errors%add('D421', "ghost_contacts = 'exchange' is for classical and micropolar "// &
+                      'solids, and for grains that have the role border', '', &
+                      "write ghost_contacts = 'step'")
     o%round = all(o%pack%round(o%sets%ghost))
     o%fine_damping = choices%overlap%fine_damping
     o%round_free = all(o%pack%round(o%sets%free))
@@ -318,16 +325,22 @@ contains
       call check_step(o, solvers, timers, errors)
     if (errors%any()) return
     call ready(solvers(side_grains), o%step, timers, errors)
-    if (.not. again) call read_start(o, solvers(side_grains), errors)
+    if (.not. again) call read_start(o, solvers(side_grains), timers, errors)
     if (errors%any()) return
     if (o%stressed) call balance_start(o, solvers(side_solid), again, start, timers, errors)
     if (errors%any()) return
     call ready(solvers(side_solid), o%step, timers, errors)
-    if (again .or. errors%any()) return
+    if (errors%any()) return
+    if (again) then
+      if (o%in_parts) call begin_parts(o, solvers(side_grains), o%parts%active, timers, errors)
+      return
+    end if
     none = 0.0_wp
     call evaluate_forces(o, solvers, none, none, solvers(1)%time, timers, errors)
     if (.not. (o%static .or. errors%any())) &
       call evaluate_bulk(o, solvers(side_solid), 0.0_wp, solvers(1)%time, timers, errors)
+    if (errors%any()) return
+    if (o%in_parts) call begin_parts(o, solvers(side_grains), .false., timers, errors)
     if (errors%any()) return
     if (o%stressed .and. .not. o%static) call steady_forces(o)
     if (choices%overlap%dead_load) then
@@ -374,16 +387,17 @@ contains
   end subroutine steady_forces
 
   !> State of the grains before the first exchange, from their reply to READY.
-  subroutine read_start(o, grains, errors)
+  subroutine read_start(o, grains, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: grains
+    type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     if (errors%any()) return
     call grains%reply%get('scalars', o%grains, errors)
     if (o%turns) call grains%reply%get(free_set//'.theta', o%theta_ref, errors)
     call grains%reply%get(ghost_set//'.force', o%p, errors)
     call grains%reply%get(ghost_set//'.moment', o%m, errors)
-    call read_free(o, grains, errors)
+    call read_free(o, grains, timers, errors)
   end subroutine read_start
 
   subroutine ready(solver, step, timers, errors)
@@ -412,7 +426,7 @@ contains
                m => o%op%hats_phi)
       call choose(grains, ghost_set, 'prescribe', o%pack%id(o%sets%ghost), 'force,moment')
       call choose(grains, free_set, 'report', o%pack%id(o%sets%free), told(o))
-      call choose(grains, pulled_set, 'load', o%pack%id(o%sets%free), '')
+      call choose(grains, pulled_set, 'load', o%pack%id(o%sets%free), 'none')
       call choose(solid, hat_set, 'prescribe', int(o%op%node(:n), i8), 'u')
       call choose(solid, edge_set, edge_role, int(o%op%node(n + 1:), i8), 'u')
       if (errors%any()) return

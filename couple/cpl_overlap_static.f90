@@ -61,14 +61,14 @@ contains
     do k = 1, o%substeps
       now = merge(t1, t0 + k*dt, k == o%substeps)
       call send_kick(o, solvers(side_grains), merge(0.5_wp*dt, dt, k == 1), dt, now - dt, now, &
-                     timers, errors)
+                     .false., timers, errors)
       if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
       if (errors%any()) return
       q = o%q
       theta = o%theta
       u = o%u
       phi = o%phi
-      call read_free(o, solvers(side_grains), errors)
+      call read_free(o, solvers(side_grains), timers, errors)
       associate (a => o%op%hats + 1, b => o%op%hats_phi + 1, share => real(k, wp)/o%substeps)
         o%u(:, a:) = u0(:, a:) + share*(u1(:, a:) - u0(:, a:))
         o%phi(:, b:) = phi0(:, b:) + share*(phi1(:, b:) - phi0(:, b:))
@@ -76,12 +76,13 @@ contains
       call o%follow(dt, v, spin)
       call evaluate_forces(o, solvers, v, spin, now, timers, errors)
       if (errors%any()) return
-      call o%note_work(q, theta, u, phi, dt*v, dt*spin)
+      call o%note_work(q, theta, u, phi, o%p, o%m, dt*v, dt*spin)
     end do
-    call send_kick(o, solvers(side_grains), 0.5_wp*dt, 0.0_wp, t1, t1, timers, errors)
+    call send_kick(o, solvers(side_grains), 0.5_wp*dt, 0.0_wp, t1, t1, .false., timers, &
+                   errors)
     if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
     if (errors%any()) return
-    call read_free(o, solvers(side_grains), errors)
+    call read_free(o, solvers(side_grains), timers, errors)
     call solvers(side_grains)%reply%get('scalars', o%grains, errors)
     call edge_load(o, load)
     call measure_balance(o, load, solvers(side_grains)%gravity)

@@ -8,15 +8,19 @@ module cpl_overlap_step
   use talus_kinds, only: wp, i4
   use talus_text, only: str
   use talus_errors, only: error_list_type
-  use talus_message, only: verb_accept, verb_force, verb_kick_drift
+  use talus_message, only: message_type, verb_accept, verb_force, verb_kick_drift
   use talus_timers, only: timers_type
   use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, &
     hat_phi_set, edge_phi_set
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
+  use cpl_overlap_parts, only: remember_start, follow_near, follow_all, put_near, put_all, &
+    read_parts, renew_kicks, finish_parts
   implicit none
   private
   public :: overlap_step, evaluate_forces, evaluate_bulk, read_free, send_kick, send_bulk, &
     accept_both, put_nodes, read_nodes
+
+  character(len=*), parameter :: messages = 'exchange'  !! timer of what goes into and out of them
 
 contains
 
@@ -28,7 +32,6 @@ contains
     real(wp), intent(in) :: h, t0, t1
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp), dimension(3, o%op%ghosts) :: v, spin
     real(wp), dimension(3, o%op%free) :: q, theta
     real(wp) :: u(3, o%op%nodes), phi(3, o%op%nodes_phi), dt, kick, now
     integer(i4) :: k
@@ -36,15 +39,16 @@ contains
     dt = h/o%substeps
     call send_bulk(o, solvers(side_solid), merge(0.5_wp*h, h, o%symmetric), h, t0, t1, timers, &
                    errors)
+    if (o%parts%active) call remember_start(o)
     if (o%symmetric) then
-      call o%kick_edge(0.5_wp*h, o%bulk, o%bulk_phi)
+      call kick_with_bulk(o, 0.5_wp*h)
     else
       call o%kick_edge(h, o%bulk + o%f, o%bulk_phi + o%c)
     end if
     do k = 1, o%substeps
       now = merge(t1, t0 + k*dt, k == o%substeps)
       kick = merge(0.5_wp*dt, dt, k == 1)
-      call send_kick(o, solvers(side_grains), kick, dt, now - dt, now, timers, errors)
+      call send_kick(o, solvers(side_grains), kick, dt, now - dt, now, k == 1, timers, errors)
       q = o%q
       theta = o%theta
       u = o%u
@@ -54,23 +58,81 @@ contains
       if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
       if (k == 1 .and. .not. errors%any()) call solvers(side_solid)%receive(timers, errors)
       if (errors%any()) return
-      call read_free(o, solvers(side_grains), errors)
+      call read_free(o, solvers(side_grains), timers, errors)
       call note_damping(o, q, theta)
-      call timers%start('projection and maps')
-      call o%follow(dt, v, spin)
-      call timers%stop('projection and maps')
-      call evaluate_forces(o, solvers, v, spin, now, timers, errors)
+      if (o%parts%active) then
+        call step_in_parts(o, solvers, dt, h, now, k == o%substeps, q, theta, u, phi, timers, &
+                           errors)
+      else
+        call step_at_once(o, solvers, dt, now, q, theta, u, phi, timers, errors)
+      end if
       if (errors%any()) return
       call note_damping(o, q, theta)
-      call timers%start('works')
-      call o%note_work(q, theta, u, phi, dt*v, dt*spin)
-      call timers%stop('works')
     end do
     call finish_step(o, solvers, dt, h, t1, timers, errors)
     if (errors%any()) return
     call accept_both(o, solvers, t0, t1, timers, errors)
     if (.not. errors%any()) o%step = o%step + 1
+    if (o%parts%active .and. .not. errors%any()) &
+      call finish_parts(o, solvers(side_grains), timers, errors)
   end subroutine overlap_step
+
+  !> Ghosts follow, all forces, works since q, theta, u, phi.
+  subroutine step_at_once(o, solvers, dt, now, q, theta, u, phi, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    real(wp), intent(in) :: dt, now                               !! [s]
+    real(wp), intent(in) :: q(:, :), theta(:, :), u(:, :), phi(:, :)  !! [m], [rad]
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp), dimension(3, o%op%ghosts) :: v, spin
+
+    call timers%start('projection and maps')
+    call o%follow(dt, v, spin)
+    call timers%stop('projection and maps')
+    call evaluate_forces(o, solvers, v, spin, now, timers, errors)
+    if (errors%any()) return
+    call timers%start('works')
+    call o%note_work(q, theta, u, phi, o%p, o%m, dt*v, dt*spin)
+    call timers%stop('works')
+  end subroutine step_at_once
+
+  !> The same where forces come in parts; last: of this exchange.
+  subroutine step_in_parts(o, solvers, dt, h, now, last, q, theta, u, phi, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    real(wp), intent(in) :: dt, h, now                            !! [s]
+    logical, intent(in) :: last
+    real(wp), intent(in) :: q(:, :), theta(:, :), u(:, :), phi(:, :)  !! [m], [rad]
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp), dimension(3, size(o%parts%near)) :: v, spin
+    real(wp), allocatable :: mean(:, :), mean_spin(:, :)
+
+    call timers%start('projection and maps')
+    call follow_near(o, dt, v, spin)
+    if (last) then
+      allocate (mean(3, o%op%ghosts), mean_spin(3, o%op%ghosts))
+      call follow_all(o, h, mean, mean_spin)
+    end if
+    call timers%stop('projection and maps')
+    call evaluate_forces(o, solvers, v, spin, now, timers, errors, mean, mean_spin)
+    if (errors%any()) return
+    call timers%start('works')
+    call o%note_work(q, theta, u, phi, o%parts%p_near, o%parts%m_near, dt*v, dt*spin)
+    call timers%stop('works')
+  end subroutine step_in_parts
+
+  !> Kick of the edge with the forces that are evaluated once an exchange.
+  subroutine kick_with_bulk(o, kick)
+    type(overlap_type), intent(inout) :: o
+    real(wp), intent(in) :: kick  !! [s]
+    if (o%parts%active) then
+      call o%kick_edge(kick, o%bulk + o%parts%rest%f, o%bulk_phi + o%parts%rest%c)
+    else
+      call o%kick_edge(kick, o%bulk, o%bulk_phi)
+    end if
+  end subroutine kick_with_bulk
 
   !> Half of what the damping takes in a step that began at q and theta.
   subroutine note_damping(o, q, theta)
@@ -88,16 +150,16 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
 
-    call send_kick(o, solvers(side_grains), 0.5_wp*dt, 0.0_wp, t1, t1, timers, errors)
+    call send_kick(o, solvers(side_grains), 0.5_wp*dt, 0.0_wp, t1, t1, .true., timers, errors)
     if (errors%any()) return
     if (o%symmetric) call o%kick_edge(0.5_wp*dt, o%f, o%c)
     call evaluate_bulk(o, solvers(side_solid), merge(0.5_wp*h, 0.0_wp, o%symmetric), t1, timers, &
                        errors)
     if (errors%any()) return
-    if (o%symmetric) call o%kick_edge(0.5_wp*h, o%bulk, o%bulk_phi)
+    if (o%symmetric) call kick_with_bulk(o, 0.5_wp*h)
     call solvers(side_grains)%receive(timers, errors)
     if (errors%any()) return
-    call read_free(o, solvers(side_grains), errors)
+    call read_free(o, solvers(side_grains), timers, errors)
     call solvers(side_grains)%reply%get('scalars', o%grains, errors)
     if (o%carried%active) call o%op%to_hats(o%speed, o%spin, o%v, o%w)
     if (errors%any() .or. o%finite()) return
@@ -106,34 +168,48 @@ contains
                     'steps of both against their limits')
   end subroutine finish_step
 
-  !> KICK_DRIFT of the grains with the forces on the free ones.
-  subroutine send_kick(o, grains, kick, drift, t0, t1, timers, errors)
+  !> KICK_DRIFT of the grains with the forces on the free ones; at the ends of an exchange with
+  !! those that act in kicks of half of it.
+  subroutine send_kick(o, grains, kick, drift, t0, t1, at_end, timers, errors)
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: grains
     real(wp), intent(in) :: kick, drift, t0, t1  !! [s]
+    logical, intent(in) :: at_end
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
+    call timers%start(messages)
     call grains%start_request(verb_kick_drift, o%step, t0, t1)
     call grains%request%put('kick', kick)
     call grains%request%put('drift', drift)
-    call grains%request%put(pulled_set//'.force', o%force)
-    if (o%turns) call grains%request%put(pulled_set//'.moment', o%moment)
+    if (at_end .and. o%parts%active) then
+      call grains%request%put(pulled_set//'.force', o%force + o%substeps*o%parts%kick)
+      if (o%turns) &
+        call grains%request%put(pulled_set//'.moment', o%moment + o%substeps*o%parts%kick_phi)
+    else
+      call grains%request%put(pulled_set//'.force', o%force)
+      if (o%turns) call grains%request%put(pulled_set//'.moment', o%moment)
+    end if
+    call timers%stop(messages)
     if (drift > 0.0_wp) call grains%request%put_int('brief', 1_i4)
     call grains%send(timers, errors)
   end subroutine send_kick
 
   !> Displacements and rotations of the free grains from a reply.
-  subroutine read_free(o, grains, errors)
+  subroutine read_free(o, grains, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: grains
+    type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
+    call timers%start(messages)
     call grains%reply%get(free_set//'.x', o%q, errors)
     o%q = o%q - o%x_free
     if (o%hears_speed) call grains%reply%get(free_set//'.v', o%speed, errors)
-    if (.not. o%turns) return
-    if (o%hears_speed) call grains%reply%get(free_set//'.omega', o%spin, errors)
-    call grains%reply%get(free_set//'.theta', o%theta, errors)
-    o%theta = o%theta - o%theta_ref
+    if (o%turns) then
+      if (o%hears_speed) call grains%reply%get(free_set//'.omega', o%spin, errors)
+      call grains%reply%get(free_set//'.theta', o%theta, errors)
+      o%theta = o%theta - o%theta_ref
+    end if
+    call timers%stop(messages)
   end subroutine read_free
 
   !> KICK_DRIFT of the solid's free nodes; edge and hat stay where the last forces were taken.
@@ -173,44 +249,84 @@ contains
   end subroutine put_velocities
 
   !> FORCE on both sides with ghosts and nodes where they are now, and what comes back to the free.
-  subroutine evaluate_forces(o, solvers, v, spin, t, timers, errors)
+  !! v and spin are those of the ghosts; where forces come in parts of the near ones, and those of
+  !! all in the mean of an exchange at its end.
+  subroutine evaluate_forces(o, solvers, v, spin, t, timers, errors, mean, mean_spin)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
-    real(wp), intent(in) :: v(:, :), spin(:, :)  !! of the ghosts (3, ghosts) [m/s], [rad/s]
+    real(wp), intent(in) :: v(:, :), spin(:, :)  !! (3, ghosts) or (3, near) [m/s], [rad/s]
     real(wp), intent(in) :: t                    !! s
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable, intent(in), optional :: mean(:, :), mean_spin(:, :)  !! (3, ghosts)
+    logical :: both
 
+    both = .false.
+    if (present(mean)) both = allocated(mean)
     associate (grains => solvers(side_grains), solid => solvers(side_solid))
+      call timers%start(messages)
       call grains%start_request(verb_force, o%step, t, t)
-      call grains%request%put(ghost_set//'.x', o%x_ghost + o%d)
-      call grains%request%put(ghost_set//'.v', v)
-      call grains%request%put(ghost_set//'.omega', spin)
-      if (.not. o%round) call grains%request%put(ghost_set//'.quat', o%quat)
+      if (both) then
+        call put_all(o, grains%request, mean, mean_spin, v, spin)
+      else if (o%parts%active) then
+        call put_near(o, grains%request, v, spin)
+      else
+        call put_ghosts(o, grains%request, v, spin)
+      end if
       call grains%request%put_int('brief', 1_i4)
+      call timers%stop(messages)
       call grains%send(timers, errors)
+      call timers%start(messages)
       call solid%start_request(verb_force, o%step, t, t)
       call solid%request%put_text('scope', 'interface')
       call solid%request%put_text('set', hat_set)
       call put_nodes(o, solid)
       call solid%request%put_int('brief', 1_i4)
+      call timers%stop(messages)
       if (.not. errors%any()) call solid%send(timers, errors)
       if (.not. errors%any()) call grains%receive(timers, errors)
       if (.not. errors%any()) call solid%receive(timers, errors)
       if (errors%any()) return
-      call grains%reply%get(ghost_set//'.force', o%p, errors)
-      call grains%reply%get(ghost_set//'.moment', o%m, errors)
-      if (o%hears_force) call grains%reply%get(free_set//'.force', o%contact, errors)
-      if (o%hears_force .and. o%turns) &
-        call grains%reply%get(free_set//'.moment', o%contact_moment, errors)
+      call timers%start(messages)
+      call read_forces(o, grains, both, errors)
       call read_nodes(o, solid, 'force', 'moment', o%element, o%element_phi, errors)
+      call timers%stop(messages)
     end associate
     if (errors%any()) return
     call timers%start('pull-backs')
+    if (both) call renew_kicks(o)
     call o%pull()
     call o%resist()
     call timers%stop('pull-backs')
   end subroutine evaluate_forces
+
+  !> All ghosts, in a request FORCE.
+  subroutine put_ghosts(o, request, v, spin)
+    type(overlap_type), intent(in) :: o
+    type(message_type), intent(inout) :: request
+    real(wp), intent(in) :: v(:, :), spin(:, :)  !! (3, ghosts) [m/s], [rad/s]
+    call request%put(ghost_set//'.x', o%x_ghost + o%d)
+    call request%put(ghost_set//'.v', v)
+    call request%put(ghost_set//'.omega', spin)
+    if (.not. o%round) call request%put(ghost_set//'.quat', o%quat)
+  end subroutine put_ghosts
+
+  !> Forces on ghosts and free grains, from a reply.
+  subroutine read_forces(o, grains, both, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    logical, intent(in) :: both
+    type(error_list_type), intent(inout) :: errors
+    if (o%parts%active) then
+      call read_parts(o, grains, both, errors)
+    else
+      call grains%reply%get(ghost_set//'.force', o%p, errors)
+      call grains%reply%get(ghost_set//'.moment', o%m, errors)
+    end if
+    if (o%hears_force) call grains%reply%get(free_set//'.force', o%contact, errors)
+    if (o%hears_force .and. o%turns) &
+      call grains%reply%get(free_set//'.moment', o%contact_moment, errors)
+  end subroutine read_forces
 
   !> Where the nodes that talus-couple moves are, in a request to the solid.
   subroutine put_nodes(o, solid)

@@ -18,7 +18,9 @@ module cpl_rows
     procedure :: add_row
     procedure :: finish => finish_rows
     procedure :: apply
+    procedure :: apply_some
     procedure :: transposed
+    procedure :: transposed_some
   end type rows_type
 
   !> y_i = 1/2 sum of slope x u of the columns of row i: half the curl.
@@ -29,7 +31,9 @@ module cpl_rows
     real(wp), allocatable :: slope(:, :)  !! (3, entries) [1/m]
   contains
     procedure :: apply => apply_curl
+    procedure :: apply_some => apply_some_curl
     procedure :: transposed => transposed_curl
+    procedure :: transposed_some => transposed_some_curl
   end type curl_rows_type
 
 contains
@@ -86,6 +90,42 @@ contains
     end do
   end subroutine apply
 
+  !> As apply, the rows named alone, one after another.
+  pure subroutine apply_some(self, rows, x, y)
+    class(rows_type), intent(in) :: self
+    integer(i4), intent(in) :: rows(:)
+    real(wp), intent(in) :: x(:, :)   !! (3, columns)
+    real(wp), intent(out) :: y(:, :)  !! (3, size(rows))
+    real(wp) :: s(3)
+    integer(i4) :: i, e
+    do i = 1, size(rows)
+      s = 0.0_wp
+      do e = self%first(rows(i)), self%first(rows(i) + 1) - 1
+        s(1) = s(1) + self%weight(e)*x(1, self%column(e))
+        s(2) = s(2) + self%weight(e)*x(2, self%column(e))
+        s(3) = s(3) + self%weight(e)*x(3, self%column(e))
+      end do
+      y(:, i) = s
+    end do
+  end subroutine apply_some
+
+  !> As transposed, for y of the rows named alone.
+  pure subroutine transposed_some(self, rows, y, x)
+    class(rows_type), intent(in) :: self
+    integer(i4), intent(in) :: rows(:)
+    real(wp), intent(in) :: y(:, :)     !! (3, size(rows))
+    real(wp), intent(inout) :: x(:, :)  !! (3, columns)
+    integer(i4) :: i, e, c
+    do i = 1, size(rows)
+      do e = self%first(rows(i)), self%first(rows(i) + 1) - 1
+        c = self%column(e)
+        x(1, c) = x(1, c) + self%weight(e)*y(1, i)
+        x(2, c) = x(2, c) + self%weight(e)*y(2, i)
+        x(3, c) = x(3, c) + self%weight(e)*y(3, i)
+      end do
+    end do
+  end subroutine transposed_some
+
   !> x = x + transpose y.
   pure subroutine transposed(self, y, x)
     class(rows_type), intent(in) :: self
@@ -129,4 +169,33 @@ contains
       end do
     end do
   end subroutine transposed_curl
+
+  pure subroutine apply_some_curl(self, rows, u, y)
+    class(curl_rows_type), intent(in) :: self
+    integer(i4), intent(in) :: rows(:)
+    real(wp), intent(in) :: u(:, :)
+    real(wp), intent(out) :: y(:, :)
+    real(wp) :: s(3)
+    integer(i4) :: i, e
+    do i = 1, size(rows)
+      s = 0.0_wp
+      do e = self%first(rows(i)), self%first(rows(i) + 1) - 1
+        s = s + cross(self%slope(:, e), u(:, self%column(e)))
+      end do
+      y(:, i) = 0.5_wp*s
+    end do
+  end subroutine apply_some_curl
+
+  pure subroutine transposed_some_curl(self, rows, y, x)
+    class(curl_rows_type), intent(in) :: self
+    integer(i4), intent(in) :: rows(:)
+    real(wp), intent(in) :: y(:, :)
+    real(wp), intent(inout) :: x(:, :)
+    integer(i4) :: i, e
+    do i = 1, size(rows)
+      do e = self%first(rows(i)), self%first(rows(i) + 1) - 1
+        x(:, self%column(e)) = x(:, self%column(e)) + 0.5_wp*cross(y(:, i), self%slope(:, e))
+      end do
+    end do
+  end subroutine transposed_some_curl
 end module cpl_rows

@@ -1,13 +1,13 @@
 !> The candidate list: made from cells, ordered into blocks, history carried over by pair.
 !!
-!! Blocks hold pairs of one law; inside a law those that touch or nearly touch come first, so that
-!! far blocks cost one gap test. Per-body maps list a body's pairs by partner, so that sums do
-!! not depend on the order of the list.
+!! Blocks hold pairs of one law, those between ghosts apart; inside a law those that touch or nearly
+!! touch come first, so that far blocks cost one gap test. Per-body maps list a body's pairs by
+!! partner, so that sums do not depend on the order of the list.
 module dem_pairs
   use talus_kinds, only: wp, i4, i8
   use dem_state, only: dem_grains_type, dem_planes_type, dem_pairs_type, dem_weights_type, &
-    dem_cell_type, kind_free, kind_mirror, lanes, body_size, history_size, history_side, &
-    history_root, result_size, column_count, entries_ahead
+    dem_cell_type, kind_free, kind_ghost, kind_mirror, lanes, body_size, history_size, &
+    history_side, history_root, result_size, column_count, entries_ahead
   use dem_cell, only: is_periodic, list_in_cell
   use dem_cells, only: find_candidates
   use dem_form, only: form_support
@@ -26,7 +26,8 @@ module dem_pairs
   integer(i4), parameter :: geometries = 4  !! spheres, ellipsoids, two kinds of forms
   integer(i4), parameter :: first_border_group = &
     geometries*bands*most_materials*(most_materials + 2)
-  integer(i4), parameter :: first_wall_group = 2*first_border_group
+  integer(i4), parameter :: first_ghost_group = 2*first_border_group
+  integer(i4), parameter :: first_wall_group = 3*first_border_group
 
   !> Candidates before they are put into blocks.
   type :: list_type
@@ -205,6 +206,8 @@ contains
                              geometry, band_of(list%gap(k), pairs%skin))
     if (grains%kind(i) == kind_mirror .or. grains%kind(pairs%grain(j)) == kind_mirror) &
       list%group(k) = list%group(k) + first_border_group
+    if (grains%kind(i) == kind_ghost .and. grains%kind(pairs%grain(j)) == kind_ghost) &
+      list%group(k) = list%group(k) + first_ghost_group
   end subroutine look_at_pair
 
   !> Pairs that touch or nearly touch are in band 0; the others can be passed over for a while.
@@ -226,7 +229,8 @@ contains
     if (kind /= form_ellipsoid) geometry = 1 + kind
   end function geometry_of
 
-  !> Order of blocks: planes last, materials of first and second, geometry, band of gaps.
+  !> Order of blocks: planes last, materials of first and second, geometry, band of gaps; pairs of
+  !! ghosts come between the other grains and the planes.
   pure integer(i4) function group_of(wall, first, second, geometry, band)
     logical, intent(in) :: wall
     integer(i4), intent(in) :: first, second, geometry, band
@@ -416,7 +420,7 @@ contains
       pairs%round(block) = mod(list%group(k)/bands, geometries) == 0
       pairs%form(block) = max(mod(list%group(k)/bands, geometries) - 1, 0)
       pairs%least_gap(block) = min(pairs%least_gap(block), list%gap(k))
-      if (list%group(k) < first_border_group .or. list%group(k) >= first_wall_group) cycle
+      if (list%group(k) < first_border_group .or. list%group(k) >= first_ghost_group) cycle
       if (.not. allocated(pairs%share)) allocate (pairs%share(pairs%blocks), source=1.0_wp)
       pairs%share(block) = 0.5_wp
     end do

@@ -11,16 +11,17 @@ module dem_port_state
   use talus_version, only: version_text
   use dem_measure, only: momentum_of, angular_momentum_of
   use dem_packing, only: group_index
+  use dem_parts, only: find_border
   use dem_system, only: dem_system_type, dem_contacts_type
   use dem_model, only: dem_model_type, program_name
   use dem_surface_measure, only: vertex_stiffness
-  use dem_sets, only: dem_set_type, role_surface
+  use dem_sets, only: dem_set_type, role_surface, role_border
   implicit none
   private
   public :: reply_hello, reply_describe, reply_selected, put_scalars
 
-  character(len=*), parameter :: capabilities = 'prescribe load report surface contact_weight '// &
-    'mass_factor advance force kick_drift reject checkpoint'
+  character(len=*), parameter :: capabilities = 'prescribe load report surface border '// &
+    'contact_weight mass_factor advance force kick_drift reject checkpoint'
 
 contains
 
@@ -40,13 +41,14 @@ contains
     call reply%put_int('ranks', 1_i4)
   end subroutine reply_hello
 
-  !> Grains, contacts, groups, a group.
+  !> Grains, contacts, ghosts that free grains can reach, groups, a group.
   subroutine reply_describe(model, what, group, reply, errors)
     type(dem_model_type), intent(in) :: model
     character(len=*), intent(in) :: what, group
     type(message_type), intent(inout) :: reply
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: names, hint
+    integer(i4), allocatable :: near(:)
     integer(i4) :: k
 
     select case (what)
@@ -54,6 +56,9 @@ contains
       call put_grains(model%system, reply)
     case ('contacts')
       call put_contacts(model%system, reply)
+    case ('border')
+      call find_border(model%system%dem_data_type, near)
+      call reply%put_int('id', model%system%grains%id(near))
     case ('groups')
       names = ''
       do k = 1, size(model%packing%group)
@@ -71,7 +76,7 @@ contains
       end if
     case default
       call errors%add('P255', "talus-dem cannot describe '"//what//"'", 'exchange port, DESCRIBE', &
-                      'it knows grains, contacts, groups and group')
+                      'it knows grains, contacts, border, groups and group')
     end select
   end subroutine reply_describe
 
@@ -115,6 +120,7 @@ contains
     type(error_list_type) :: none
     integer(i4) :: k
 
+    if (set%role == role_border) return
     if (set%role == role_surface) then
       stiffness = vertex_stiffness(system%dem_data_type, set%body)
       call reply%put('mass', 0.0_wp*stiffness)
@@ -159,7 +165,7 @@ contains
     value(scalar_momentum:scalar_momentum + 2) = momentum_of(system%dem_data_type)
     value(scalar_angular_momentum:scalar_angular_momentum + 2) = &
       angular_momentum_of(system%dem_data_type)
-    value(scalar_step_limit) = system%step_limit()
+    value(scalar_step_limit) = system%recent_limit()
     value(scalar_max_overlap) = system%health%max_overlap
     flags = 0
     if (system%health%late_rebuilds > late) flags = flags + flag_late_rebuild

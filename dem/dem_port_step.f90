@@ -7,8 +7,9 @@ module dem_port_step
   use talus_serve, only: take_brief
   use dem_system, only: dem_system_type
   use dem_model, only: dem_model_type
+  use dem_parts, only: border_is_old, check_border
   use dem_sets, only: dem_sets_type, dem_set_type, role_prescribe, role_load, role_report, &
-    role_surface
+    role_surface, role_border
   use dem_port_surface, only: take_vertices, place_vertices, put_vertices
   use dem_port_state, only: put_scalars
   implicit none
@@ -149,7 +150,8 @@ contains
     if (.not. errors%any()) call system%set_extra(set%index, force, moment)
   end subroutine take_load
 
-  !> Forces with prescribed grains placed as told; no time passes. Both scopes take all contacts.
+  !> Forces with prescribed grains placed as told; no time passes. Where a border was selected the
+  !! scope interface takes contacts of free grains alone, split these and those between ghosts.
   subroutine force(model, sets, request, reply, late, errors)
     type(dem_model_type), intent(inout) :: model
     type(dem_sets_type), intent(in) :: sets
@@ -157,40 +159,97 @@ contains
     integer(i8), intent(inout) :: late
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: scope
-    logical :: brief
-    integer(i4) :: k
+    logical :: brief, parted
 
     scope = 'all'
     if (request%has('scope')) call request%get_text('scope', scope, errors)
-    if (scope /= 'all' .and. scope /= 'interface') &
+    parted = scope /= 'all' .and. model%system%parts%active
+    if (all(scope /= [character(len=9) :: 'all', 'interface', 'split'])) then
       call errors%add('P255', "FORCE has no scope '"//scope//"'", request%place(), &
-                      "it is 'all' or 'interface'; grains evaluate all contacts in both")
+                      "it is 'all', 'interface' or 'split'")
+    else if (scope == 'split' .and. .not. parted) then
+      call errors%add('P255', 'FORCE cannot be split: no border was selected', request%place(), &
+                      'SELECT a set with the role border first')
+    end if
     call take_brief(request, brief, errors)
-    do k = 1, sets%count
-      if (sets%set(k)%role == role_prescribe) &
-        call take_state(model%system, sets%set(k), request, errors)
-      if (sets%set(k)%role == role_surface) &
-        call place_vertices(model%system, sets%set(k), request, errors)
-    end do
-    call request%all_read(errors)
+    if (.not. errors%any() .and. (scope == 'split' .or. .not. parted)) &
+      call place_sets(model%system, sets, role_prescribe, request, errors)
     if (errors%any()) return
     call model%timers%start('steps')
-    call model%system%forces()
+    if (scope == 'split') call model%system%ghost_forces()
+    if (parted) call place_sets(model%system, sets, role_border, request, errors)
+    call request%all_read(errors)
+    if (errors%any()) return
+    if (parted) then
+      call model%system%free_forces()
+    else
+      call model%system%forces()
+    end if
     call model%timers%stop('steps')
-    do k = 1, sets%count
-      if (sets%set(k)%role == role_surface) then
-        call put_vertices(model%system, sets%set(k), .false., reply)
-        cycle
-      end if
-      associate (set => sets%set(k))
-        if (set%wants('force')) &
-          call reply%put(set%name//'.force', model%system%grains%force(:, set%index))
-        if (set%wants('moment')) &
-          call reply%put(set%name//'.moment', model%system%grains%moment(:, set%index))
-      end associate
-    end do
+    call put_forces(model%system, sets, scope, reply)
+    if (scope == 'split') call put_border(model%system, reply, errors)
     if (.not. brief) call put_scalars(model%system, late, reply)
   end subroutine force
+
+  !> Grains of all sets of a role, and vertices, where the request says.
+  subroutine place_sets(system, sets, role, request, errors)
+    type(dem_system_type), intent(inout) :: system
+    type(dem_sets_type), intent(in) :: sets
+    integer(i4), intent(in) :: role
+    type(message_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    do k = 1, sets%count
+      if (sets%set(k)%role == role) call take_state(system, sets%set(k), request, errors)
+      if (sets%set(k)%role == role_surface) &
+        call place_vertices(system, sets%set(k), request, errors)
+    end do
+  end subroutine place_sets
+
+  !> What was evaluated: of ghosts that part of it which the scope tells apart.
+  subroutine put_forces(system, sets, scope, reply)
+    type(dem_system_type), intent(in) :: system
+    type(dem_sets_type), intent(in) :: sets
+    character(len=*), intent(in) :: scope
+    type(message_type), intent(inout) :: reply
+    integer(i4) :: k
+    do k = 1, sets%count
+      associate (set => sets%set(k), parts => system%parts)
+        if (set%role == role_surface) then
+          call put_vertices(system, set, .false., reply)
+        else if (set%role == role_border) then
+          if (scope /= 'all') call put_pair(set, parts%of_free(:, set%index))
+        else if (set%role == role_prescribe .and. scope == 'split') then
+          call put_pair(set, parts%of_ghosts(:, set%index))
+        else if (.not. (set%role == role_prescribe .and. parts%active .and. scope /= 'all')) then
+          if (set%wants('force')) &
+            call reply%put(set%name//'.force', system%grains%force(:, set%index))
+          if (set%wants('moment')) &
+            call reply%put(set%name//'.moment', system%grains%moment(:, set%index))
+        end if
+      end associate
+    end do
+
+  contains
+
+    subroutine put_pair(set, load)
+      type(dem_set_type), intent(in) :: set
+      real(wp), intent(in) :: load(:, :)  !! (6, grains) [N], [N m]
+      call reply%put(set%name//'.force', load(:3, :))
+      call reply%put(set%name//'.moment', load(4:, :))
+    end subroutine put_pair
+  end subroutine put_forces
+
+  !> Whether the border must be chosen anew; that it was wide enough till now.
+  subroutine put_border(system, reply, errors)
+    type(dem_system_type), intent(in) :: system
+    type(message_type), intent(inout) :: reply
+    type(error_list_type), intent(inout) :: errors
+    logical :: old
+    old = border_is_old(system%dem_data_type)
+    if (old) call check_border(system%dem_data_type, errors)
+    call reply%put_int('border_old', merge(1_i4, 0_i4, old))
+  end subroutine put_border
 
   !> Place, velocity and spin of a prescribed set now; what is not mentioned stays.
   subroutine take_state(system, set, request, errors)
@@ -210,7 +269,12 @@ contains
     if (request%has(set%name//'.v')) call request%get(set%name//'.v', v, errors)
     if (request%has(set%name//'.omega')) call request%get(set%name//'.omega', omega, errors)
     call check_motion(system, set, x, quat, errors)
-    if (.not. errors%any()) call system%set_state(set%index, x, quat, v, omega)
+    if (errors%any()) return
+    if (system%parts%active) then
+      call system%place(set%index, x, quat, v, omega)
+    else
+      call system%set_state(set%index, x, quat, v, omega)
+    end if
   end subroutine take_state
 
   !> v += kick (F + X)/m of free grains, then x += drift v of all.

@@ -8,12 +8,14 @@ module dem_sets
   implicit none
   private
   public :: dem_set_type, dem_sets_type, role_report, role_prescribe, role_load, &
-    role_surface
+    role_surface, role_border
 
   integer(i4), parameter :: role_report = 1     !! its states are told in replies
   integer(i4), parameter :: role_prescribe = 2  !! the partner moves it
   integer(i4), parameter :: role_load = 3       !! the partner puts forces on it
   integer(i4), parameter :: role_surface = 4    !! vertices that the partner moves
+
+  integer(i4), parameter :: role_border = 5     !! ghosts that are placed in every step
 
   type :: dem_set_type
     character(len=:), allocatable :: name
@@ -76,7 +78,9 @@ contains
     if (errors%count > before) return
     if (role == role_prescribe) call prescribe(system, index, may_change, changed, errors)
     if (role == role_load) call check_free(system, index, errors)
+    if (role == role_border) call check_ghosts(system, index, errors)
     if (errors%count > before) return
+    if (role == role_border) call system%set_border(index)
     call self%put(name, role, fields, index, 0)
   end subroutine select
 
@@ -129,9 +133,11 @@ contains
       role = role_prescribe
     case ('load')
       role = role_load
+    case ('border')
+      role = role_border
     case default
       call errors%add('P250', "there is no role '"//name//"'", 'exchange port, SELECT', &
-                      'roles: report, prescribe, load, surface')
+                      'roles: report, prescribe, load, surface, border')
     end select
   end subroutine role_of
 
@@ -174,6 +180,24 @@ contains
       return
     end do
   end subroutine check_free
+
+  !> Only ghosts can be a border, of grains that no cell carries (P252).
+  subroutine check_ghosts(system, index, errors)
+    type(dem_system_type), intent(in) :: system
+    integer(i4), intent(in) :: index(:)
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    if (system%cell%active) &
+      call errors%add('P252', 'grains in a cell have no border: all their contacts are '// &
+                      'evaluated at once', 'exchange port, SELECT', 'ask FORCE with scope all')
+    do k = 1, size(index)
+      if (system%grains%kind(index(k)) == kind_ghost) cycle
+      call errors%add('P252', 'grain '//str(system%grains%id(index(k)))//' is no ghost: it '// &
+                      'cannot be of the border', 'exchange port, SELECT', &
+                      'the role border is for grains that have the role prescribe')
+      return
+    end do
+  end subroutine check_ghosts
 
   !> Names between commas, blanks or line ends, as 'a,b,c'.
   pure function comma_list(text) result(list)

@@ -9,7 +9,7 @@ module dem_state
   private
   public :: dem_grains_type, dem_planes_type, dem_law_type, dem_material_type, dem_pairs_type
   public :: dem_parameters_type, dem_ledger_type, dem_health_type, dem_weights_type, dem_data_type
-  public :: dem_cell_type
+  public :: dem_cell_type, dem_parts_type
   public :: kind_free, kind_fixed, kind_driven, kind_ghost, kind_mirror
   public :: mode_dynamic, mode_relaxation
   public :: law_hertz_mindlin, law_hertz_no_history, law_linear
@@ -225,6 +225,18 @@ module dem_state
     real(wp) :: reference_energy = 0.0_wp   !! scale for the runaway test [J]
   end type dem_health_type
 
+  !> Forces in two parts, once a partner has chosen it: those on free grains and on the ghosts near
+  !! them in every step, those between ghosts more rarely (dem_parts).
+  type :: dem_parts_type
+    logical :: active = .false.
+    integer(i4), allocatable :: near(:)     !! ghosts that may touch a free grain
+    logical, allocatable :: is_near(:)      !! (grains)
+    real(wp), allocatable :: of_free(:, :)  !! (6, grains) force, moment of free ones on ghosts [N]
+    real(wp), allocatable :: of_ghosts(:, :)  !! (6, grains) the same of ghosts on ghosts
+    real(wp) :: pending = 0.0_wp            !! drift since those were evaluated [s]
+    integer(i8) :: chosen = 0               !! rebuilds of the list when near was chosen
+  end type dem_parts_type
+
   !> A whole system, without behaviour.
   type :: dem_data_type
     type(dem_grains_type) :: grains
@@ -239,6 +251,7 @@ module dem_state
     type(dem_weights_type) :: weights
     type(dem_ledger_type) :: ledger
     type(dem_health_type) :: health
+    type(dem_parts_type) :: parts
     real(wp) :: pending = 0.0_wp                   !! drift since forces were evaluated [s]
     real(wp) :: ledger_dt = 0.0_wp                 !! step that ledger%staggering is for [s]
     real(wp), allocatable :: seen_kinetic(:)       !! (grains) at the last look of damping [J]

@@ -11,7 +11,8 @@ module dem_steps
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_text, only: str
-  use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_mirror, mode_relaxation, lanes
+  use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_ghost, kind_mirror, &
+    mode_relaxation, lanes
   use dem_carry, only: start_carried, finish_carried, sum_images
   use dem_cell, only: advance_cell, least_width, is_periodic
   use dem_lost, only: all_finite, name_lost_grain, name_stray
@@ -32,7 +33,7 @@ module dem_steps
   private
   public :: step_memory_type, take_steps, evaluate_forces, motion_of, rebuild_if_needed
   public :: largest_travel
-  public :: kick_and_drift
+  public :: kick_and_drift, rebuild_list, finish_planes, travel_of, larger
 
   integer(i4), parameter :: chunk = lanes  !! grains in a unit of work
   integer(i8), parameter :: few_steps = 40    !! a list that lasts less gets a wider skin
@@ -446,13 +447,15 @@ contains
     call start_planes(d, drift, .true., travel)
   end subroutine kick_and_drift
 
-  !> Prescribed grains over the last step of their way.
+  !> Prescribed grains over the last step of their way; ghosts stay where the partner puts them when
+  !! forces are evaluated in parts.
   subroutine drift_all_prescribed(d, dt)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: dt
     integer(i4) :: i
     do i = 1, d%grains%n
       if (d%grains%kind(i) == kind_free .or. d%grains%kind(i) == kind_fixed) cycle
+      if (d%parts%active .and. d%grains%kind(i) == kind_ghost) cycle
       d%grains%turn(:, i) = quaternion_from_rotation(dt*d%grains%omega(:, i))
       call drift_prescribed(d%grains, i, dt, .true., d%pairs%body(:, i))
       d%grains%has_target(i) = .false.

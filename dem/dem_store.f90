@@ -35,6 +35,11 @@ contains
                                                        [1, size(d%surcharge_seen)]))
     end if
     if (d%surfaces%n > 0) call put_surfaces(d%surfaces, archive)
+    if (d%parts%active) then
+      call archive%put_reals('parts.of_free', d%parts%of_free)
+      call archive%put_reals('parts.of_ghosts', d%parts%of_ghosts)
+      call archive%put_reals('parts.pending', reshape([d%parts%pending], [1, 1]))
+    end if
     call archive%put_reals('ledger', ledger_row(d%ledger))
     call archive%put_reals('health.real', reshape([d%health%max_overlap, &
                            d%health%reference_energy, d%pending, d%ledger_dt, d%par%dt], [5, 1]))
@@ -230,6 +235,12 @@ contains
       d%surcharge = row(1, :)
       call archive%get_reals('surcharge.seen', 1, -1, row, errors)
       d%surcharge_seen = row(1, :)
+    end if
+    if (archive%find('parts.of_free') > 0) then
+      call archive%get_reals('parts.of_free', 6, d%grains%n, d%parts%of_free, errors)
+      call archive%get_reals('parts.of_ghosts', 6, d%grains%n, d%parts%of_ghosts, errors)
+      call archive%get_reals('parts.pending', 1, 1, row, errors)
+      d%parts%pending = row(1, 1)
     end if
     call archive%get_reals('ledger', 14, 1, row, errors)
     d%ledger = ledger_from(row(:, 1))

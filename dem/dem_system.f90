@@ -18,6 +18,7 @@ module dem_system
   use dem_shape, only: quaternion_from_rotation, rotation_between
   use dem_ledger, only: refresh_stored, start_ledger, follow_step, closure_of
   use dem_limits, only: gershgorin_step, rayleigh_step, impact_step
+  use dem_parts, only: choose_border, place_ghosts, forces_on_free, forces_between_ghosts
   use dem_measure, only: check_overlap, check_runaway, contact_count
   use dem_store, only: put_state, get_state
   use dem_contact, only: contact_constants_type, constants_of, contact_radius, contact_point
@@ -45,16 +46,23 @@ module dem_system
     type(dem_data_type), allocatable :: kept
     type(dem_crew_type), allocatable :: crew  !! of a run on many ranks
     type(step_memory_type), private :: memory
+    real(wp), private :: limit = 0.0_wp            !! recent_limit [s]
+    integer(i8), private :: limit_at = -1          !! evaluation of forces then
   contains
     procedure :: use_ranks        !! (team): steps are those of many ranks
     procedure :: look             !! (): grains and contacts as the ranks have them now
     procedure :: init             !! (errors): lists and forces at the start; no time passes
     procedure :: step             !! (n, errors): n sub-steps of par%dt
     procedure :: forces           !! (): forces at the current state; no time passes
+    procedure :: place            !! (index, x, quat, v, omega): ghosts, for forces in parts
+    procedure :: free_forces      !! (): only those of contacts of free grains
+    procedure :: ghost_forces     !! (): only those between ghosts
+    procedure :: set_border       !! (index): ghosts near free grains; from now on in parts
     procedure :: kick_drift       !! (kick, drift): v += kick (F + X)/m, then x += drift v
     procedure :: first_skin       !! (): margin of the list at the start [m]
     procedure :: top_speed        !! (): of the fastest grain [m/s]
     procedure :: step_limit       !! (): Gershgorin limit [s], huge without contacts
+    procedure :: recent_limit     !! (): the same, as it was a few steps ago at most [s]
     procedure :: rayleigh_limit   !! (): least Rayleigh time of the free grains [s]
     procedure :: automatic_step   !! (speed): dt_factor x least of all limits [s]
     procedure :: set_motion       !! (index, x1, quat1, steps): linear/slerp to the target
@@ -189,10 +197,39 @@ contains
   subroutine forces(self)
     class(dem_system_type), intent(inout) :: self
     call update_bodies(self%pairs, self%grains, self%planes, self%cell)
+    if (self%parts%active) then
+      call self%ghost_forces()
+      call self%free_forces()
+      return
+    end if
     call rebuild_if_needed(self%dem_data_type)
     call evaluate_forces(self%dem_data_type, self%pending)
     self%pending = 0.0_wp
   end subroutine forces
+
+  !> Ghosts stand at x, quat with velocity v and spin omega at once; bodies are up to date.
+  subroutine place(self, index, x, quat, v, omega)
+    class(dem_system_type), intent(inout) :: self
+    integer(i4), intent(in) :: index(:)
+    real(wp), intent(in) :: x(:, :), quat(:, :), v(:, :), omega(:, :)
+    call place_ghosts(self%dem_data_type, index, x, quat, v, omega)
+  end subroutine place
+
+  subroutine free_forces(self)
+    class(dem_system_type), intent(inout) :: self
+    call forces_on_free(self%dem_data_type)
+  end subroutine free_forces
+
+  subroutine ghost_forces(self)
+    class(dem_system_type), intent(inout) :: self
+    call forces_between_ghosts(self%dem_data_type)
+  end subroutine ghost_forces
+
+  subroutine set_border(self, index)
+    class(dem_system_type), intent(inout) :: self
+    integer(i4), intent(in) :: index(:)
+    call choose_border(self%dem_data_type, index)
+  end subroutine set_border
 
   !> v += kick F/m of all free grains, then x += drift v of all grains and planes, rotation alike
   !! [s]; zero leaves one out; no forces.
@@ -203,6 +240,7 @@ contains
     call kick_and_drift(self%dem_data_type, kick, drift)
     if (.not. drift > 0.0_wp) return
     self%pending = self%pending + drift
+    self%parts%pending = self%parts%pending + drift
     self%health%steps = self%health%steps + 1
   end subroutine kick_drift
 
@@ -226,6 +264,18 @@ contains
       step_limit = gershgorin_step(self%dem_data_type)
     end if
   end function step_limit
+
+  !> Gershgorin limit of the contacts not long ago [s].
+  real(wp) function recent_limit(self)
+    class(dem_system_type), intent(inout) :: self
+    integer(i8), parameter :: long = 100  !! evaluations
+    if (self%limit_at < 0 .or. self%health%evaluations - self%limit_at >= long .or. &
+        self%health%evaluations < self%limit_at) then
+      self%limit = self%step_limit()
+      self%limit_at = self%health%evaluations
+    end if
+    recent_limit = self%limit
+  end function recent_limit
 
   !> Least Rayleigh time of the free grains [s].
   real(wp) function rayleigh_limit(self)

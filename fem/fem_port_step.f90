@@ -148,7 +148,7 @@ contains
       where (body%prescribed) body%state%u = body%given_u
       allocate (f(3, body%dofs%blocks), external(3, body%dofs%blocks))
       if (scope == 'interface' .and. chosen > 0) then
-        call body%interface_force(body%state%u, f, sets%set(chosen)%element)
+        call sets%force_of_elements(chosen, body, body%state%u, f)
       else if (scope == 'interface') then
         call body%interface_force(body%state%u, f)
       else
@@ -187,8 +187,6 @@ contains
     if (chosen == 0) then
       call errors%add('P302', "no set '"//name//"' was selected", request%place(), &
                       'SELECT it first')
-    else
-      call sets%elements_of(chosen, model%body)
     end if
   end subroutine choose_set
 

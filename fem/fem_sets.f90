@@ -6,6 +6,7 @@ module fem_sets
   use talus_message, only: message_type
   use fem_types, only: fem_set_type, role_report, role_prescribe, role_load, name_length
   use fem_body, only: fem_body_type
+  use fem_edge, only: fem_edge_type
   implicit none
   private
   public :: fem_sets_type
@@ -13,11 +14,14 @@ module fem_sets
   type :: fem_sets_type
     integer(i4) :: n = 0
     type(fem_set_type) :: set(32)
+    type(fem_edge_type) :: edge    !! the elements of a set that is asked for often
+    integer(i4) :: edge_of = 0     !! that set
   contains
     procedure :: select => select_set
     procedure :: find
     procedure :: elements_of
     procedure :: forget_elements
+    procedure :: force_of_elements
     procedure :: take_loads
     procedure :: take_motion
     procedure :: put_states
@@ -41,6 +45,7 @@ contains
     integer(i4) :: k, r, role_of, c
 
     changed = .false.
+    self%edge%ready = .false.
     role_of = findloc([character(len=9) :: 'report', 'prescribe', 'load'], role, 1)
     if (role_of == 0) then
       call errors%add('P301', "talus-fem has no role '"//role//"' for a set", 'set '//name, &
@@ -120,10 +125,30 @@ contains
     self%set(k)%element = pack([(e, e=1, body%mesh%elements)], wanted)
   end subroutine elements_of
 
-  !> After weights have changed.
+  !> Inner forces of the elements of set k at displacements u; laws with a state have no map.
+  subroutine force_of_elements(self, k, body, u, f)
+    class(fem_sets_type), intent(inout) :: self
+    integer(i4), intent(in) :: k
+    type(fem_body_type), intent(inout) :: body
+    real(wp), intent(in) :: u(:, :)
+    real(wp), intent(out) :: f(:, :)
+    call self%elements_of(k, body)
+    if (body%matter%active) then
+      call body%interface_force(u, f, self%set(k)%element)
+      return
+    end if
+    if (.not. self%edge%ready .or. self%edge_of /= k) then
+      call self%edge%build(body%mesh, body%dofs, body%elastic, self%set(k)%element)
+      self%edge_of = k
+    end if
+    call self%edge%force(u, f)
+  end subroutine force_of_elements
+
+  !> After weights, moduli or initial stresses have changed.
   subroutine forget_elements(self)
     class(fem_sets_type), intent(inout) :: self
     integer(i4) :: k
+    self%edge%ready = .false.
     do k = 1, self%n
       if (allocated(self%set(k)%element)) deallocate (self%set(k)%element)
     end do

@@ -52,6 +52,7 @@ program test_dem_port
     call go_on()
     call rehearse()
     call press()
+    call parts()
     call execute_command_line('rm -rf '//folder)
     call test%finish()
   end if
@@ -463,4 +464,73 @@ contains
     call port%close()
     call test%check('surcharge without faults', .not. errors%any())
   end subroutine press
+
+  !> 10 and 20 are ghosts that touch, 30 is free: forces between ghosts and those on free grains
+  !! come apart, and a ghost that no one foresaw at a free grain is a fault.
+  subroutine parts()
+    type(error_list_type) :: faults
+    real(wp) :: x(3, 2), both(3, 2), near(3, 1), alone(3, 1)
+    integer(i8), allocatable :: ids(:)
+    integer(i4) :: old
+
+    call replace_file(folder//'/deck.nml', '&run gravity = 0.0, 0.0, 0.0 /'//nl// &
+      "&material id = 'q', density = 2650.0, young = 29.0e9, poisson = 0.25 /"//nl// &
+      "&contact between = 'q', 'q', law = 'hertz_mindlin', friction = 0.5 /"//nl// &
+      "&particles file = 'pack.h5', material = 'q' /"//nl//'&dynamics dt = 1.0e-7 /'//nl, faults)
+    call execute_command_line('rm -f '//folder//'/deck_* '//folder//'/deck.log')
+    call start('sixth')
+    call choose('g', 'prescribe', [10_i8, 20_i8], '')
+    call choose('r', 'report', [30_i8], '')
+    call choose('b', 'border', [30_i8], 'P252')
+    call ask%start(verb_set)
+    call ask%put_text('what', 'contact_weight')
+    call ask%put_int('ids', reshape([10_i8, 20_i8], [2, 1]))
+    call ask%put('value', [1.0_wp])
+    call expect('SET of ghosts', '')
+    call ask%start(verb_ready)
+    call expect('READY with ghosts', '')
+    call ask%start(verb_force)
+    call ask%put_text('scope', 'split')
+    call expect('FORCE split without a border', 'P255')
+    call ask%start(verb_describe)
+    call ask%put_text('what', 'border')
+    call expect('DESCRIBE border', '')
+    call reply%take_int('id', ids, errors)
+    call test%check('no ghost is near', size(ids) == 0)
+
+    call choose('b', 'border', [20_i8], '')
+    call ask%start(verb_force)
+    call ask%put_text('scope', 'split')
+    call expect('FORCE split', '')
+    call reply%get('g.force', both, errors)
+    call reply%get('b.force', near, errors)
+    call reply%get_int('border_old', old, errors)
+    call test%check_close('ghosts push each other', both(3, 2), -both(3, 1), 0.0_wp)
+    call test%check('with a force', both(3, 2) > 0.0_wp .and. old == 0)
+    call test%check_close('no free grain does', maxval(abs(near)), 0.0_wp, 0.0_wp)
+
+    x = 0.0_wp
+    x(1, 2) = 1.0e-2_wp - 2.0e-3_wp + overlap
+    call ask%start(verb_force)
+    call ask%put_text('scope', 'interface')
+    call ask%put('b.x', x(:, 2:))
+    call expect('FORCE of the border', '')
+    call reply%get('b.force', near, errors)
+    call reply%get('r.force', alone, errors)
+    call test%check_close('the same overlap, the same force', -near(1, 1), both(3, 2), &
+                          1.0e-6_wp*both(3, 2))
+    call test%check_close('on the free grain', alone(1, 1), -near(1, 1), 0.0_wp)
+
+    call choose('b', 'border', [10_i8], '')
+    x(3, 1) = -1.0e-2_wp
+    call ask%start(verb_force)
+    call ask%put_text('scope', 'split')
+    call ask%put('g.x', x)
+    call expect('a ghost at a free grain that is not of the border', 'N224')
+    call ask%start(verb_abort)
+    call port%send(ask, faults)
+    call test%check('parts end', child%wait(20.0_wp))
+    call port%close()
+    call test%check('parts without faults', .not. errors%any())
+  end subroutine parts
 end program test_dem_port

@@ -14,6 +14,7 @@ N, FREE, GHOST, REST = 3, 2, 1, 1  # grains an element, layers of elements: free
 MASS = DENSITY * np.pi / 6 * DIAMETER**3
 STEP = 0.2 * np.sqrt(MASS / STIFFNESS)
 STEPS, M, SPEED = 480, 4, 2.0e-5
+RUNS = (("fit", "step", M), ("ramp", "step", M), ("fit", "exchange", M // 2))
 
 
 def write_input(case: Case) -> np.ndarray:
@@ -46,20 +47,20 @@ def run(case: Case) -> None:
     """Judge the audits of fitted and ramped weights."""
     v = write_input(case)
     energy = 0.5 * MASS * np.sum(v**2)
-    values = {"dt": f"{STEP:.17g}", "exchange": f"{M * STEP:.17g}"}
-    values |= {"end": f"{STEPS // M * M * STEP:.17g}", "density": f"{MASS / PITCH**3:.17g}"}
+    values = {"dt": f"{STEP:.17g}", "density": f"{MASS / PITCH**3:.17g}"}
+    values["end"] = f"{STEPS // M * M * STEP:.17g}"
     values["young"] = f"{STIFFNESS / PITCH:.17g}"
     write_deck(case, "grains.nml", "box_grains.nml", **values)
     write_deck(case, "solid.nml", "box_solid.nml", **values)
     fig, (left, right) = case.figure(ncols=2, figsize=(9.0, 4.0))
-    for partition in ("fit", "ramp"):
-        case.run(
-            "talus-couple",
-            write_deck(case, f"{partition}.nml", "coupled.nml", partition=partition, **values),
-        )
+    for partition, contacts, m in RUNS:
+        values |= {"contacts": contacts, "exchange": f"{m * STEP:.17g}"}
+        label = partition if contacts == "step" else f"{partition}, by exchange of {m}"
+        deck = write_deck(case, f"{partition}.nml", "coupled.nml", partition=partition, **values)
+        case.run("talus-couple", deck)
         audit = audit_of(case, partition)
         summary = json.loads((case.folder / f"{partition}_summary.json").read_text())
-        if partition == "fit":
+        if label == "fit":
             for name, wanted in (
                 ("free_grains", (N * FREE) ** 3),
                 ("ghosts", (N * (FREE + 2 * GHOST)) ** 3 - (N * FREE) ** 3),
@@ -71,16 +72,16 @@ def run(case: Case) -> None:
             case.below("fit: largest row over the mean contact force", rest, 1e-12, "round-off")
         moves = vectors(audit, "momentum")
         drift = np.abs(moves - moves[0]).max() / np.linalg.norm(moves[0])
-        case.below(f"{partition}: momentum", drift, 1e-10, "round-off")
+        case.below(f"{label}: momentum", drift, 1e-10, "round-off")
         spins = vectors(audit, "angular_momentum")
         turn = np.abs(spins - spins[0]).max() / np.linalg.norm(spins[0])
-        case.below(f"{partition}: angular momentum", turn, 2e-3, "held loads do not turn")
+        case.below(f"{label}: angular momentum", turn, 2e-3, "held loads do not turn")
         total = audit["total_energy"] - audit["total_energy"][0]
-        case.below(f"{partition}: energy", np.ptp(total) / energy, 0.02, "bounded")
+        case.below(f"{label}: energy", np.ptp(total) / energy, 0.02, "bounded")
         works = audit["interface_work_given"] - audit["interface_work_taken"]
-        case.below(f"{partition}: works of both sides", np.abs(works).max() / energy, 1e-10)
-        left.plot(1e3 * audit["time"], 100 * total / energy, label=partition)
-        right.plot(1e3 * audit["time"], 1e9 * audit["fine_scale"], label=partition)
+        case.below(f"{label}: works of both sides", np.abs(works).max() / energy, 1e-10)
+        left.plot(1e3 * audit["time"], 100 * total / energy, label=label)
+        right.plot(1e3 * audit["time"], 1e9 * audit["fine_scale"], label=label)
     left.set(xlabel="time [ms]", ylabel="change of energy / energy [%]")
     right.set(xlabel="time [ms]", ylabel="fine scale [nm]")
     left.legend()

@@ -46,7 +46,7 @@ def run(case: Case) -> None:
     for soil, method, of_both in (
         ("classical", "projection = 'l2'", False),
         ("classical", "projection = 'mls'", False),
-        ("micropolar", "projection = 'l2'", True),
+        ("micropolar", "projection = 'l2', ghost_contacts = 'exchange'", True),
         ("micropolar", "method = 'bridging_domain'", True),
         ("classical", "method = 'bridging_domain', multipliers = 'lumped'", False),
     ):

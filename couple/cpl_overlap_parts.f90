@@ -1,0 +1,248 @@
+!> Steps of an overlap in which forces between ghosts are evaluated once an exchange: only ghosts
+!! that free grains can reach are moved with every step of the grains (theory: overlap coupling,
+!! Time).
+module cpl_overlap_parts
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
+  use talus_message, only: message_type, verb_force, verb_select
+  use talus_timers, only: timers_type
+  use talus_vectors, only: turned
+  use cpl_overlap, only: overlap_type, ghost_set
+  use cpl_solver, only: cpl_solver_type
+  implicit none
+  private
+  public :: begin_parts, settle_parts, remember_start, follow_near, follow_all, put_near, &
+    put_all, read_parts, renew_kicks, finish_parts
+
+  character(len=*), parameter :: near_set = 'border'  !! of the grains
+
+contains
+
+  !> From here on forces come in parts; ghosts and all else are where they were when the forces at
+  !! hand were evaluated. Again: after a restart, with all of it read.
+  subroutine begin_parts(o, grains, again, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    logical, intent(in) :: again
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: rest(3, o%op%ghosts)
+
+    if (again) then
+      call o%parts%pull_all(o%op)
+      call renew_kicks(o)
+      call select_near(o, grains, timers, errors)
+      return
+    end if
+    call o%parts%begin(o%op)
+    call choose_border(o, grains, timers, errors)
+    if (errors%any()) return
+    rest = 0.0_wp
+    call grains%start_request(verb_force, o%step, grains%time, grains%time)
+    call put_all(o, grains%request, rest, rest, rest(:, :size(o%parts%near)), &
+                 rest(:, :size(o%parts%near)))
+    call grains%request%put_int('brief', 1_i4)
+    call grains%ask(timers, errors)
+    if (.not. errors%any()) call read_parts(o, grains, .true., errors)
+    if (.not. errors%any()) call settle_parts(o)
+  end subroutine begin_parts
+
+  !> What acts between ghosts now acts in every step from here on.
+  subroutine settle_parts(o)
+    type(overlap_type), intent(inout) :: o
+    call o%parts%settle(o%op)
+    o%parts%kick = o%parts%rest%force
+    o%parts%kick_phi = o%parts%rest%moment
+    call o%pull()
+    call o%resist()
+  end subroutine settle_parts
+
+  !> After an exchange: its works; a border that is too old is chosen anew; now and then forces are
+  !! settled.
+  subroutine finish_parts(o, grains, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: given, taken, turnover
+
+    call timers%start('works')
+    call o%parts%work(o%op, o%d, o%turn, o%q, o%theta, o%u, o%phi, given, taken, turnover)
+    o%work_given = o%work_given + given
+    o%work_taken = o%work_taken + taken
+    o%turnover = o%turnover + turnover
+    call timers%stop('works')
+    if (o%parts%old) call choose_border(o, grains, timers, errors)
+    o%parts%age = o%parts%age + 1
+    if (o%parts%is_due()) call settle_parts(o)
+  end subroutine finish_parts
+
+  !> Ask which ghosts free grains can reach, and have them moved with the steps.
+  subroutine choose_border(o, grains, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: ids(:)
+    real(wp), allocatable :: p(:, :), m(:, :)
+    integer(i4) :: row(o%op%ghosts), k, g
+
+    call grains%describe('border', '', timers, errors)
+    if (errors%any()) return
+    call grains%reply%take_int('id', ids, errors)
+    if (errors%any()) return
+    allocate (p(3, o%op%ghosts), m(3, o%op%ghosts), source=0.0_wp)
+    if (allocated(o%parts%near)) then
+      p(:, o%parts%near) = o%parts%p_near
+      m(:, o%parts%near) = o%parts%m_near
+    end if
+    g = 0
+    do k = 1, o%op%ghosts  ! both in the order of ids
+      if (g == size(ids)) exit
+      if (o%pack%id(o%sets%ghost(k)) /= ids(g + 1)) cycle
+      g = g + 1
+      row(g) = k
+    end do
+    if (g < size(ids)) error stop 'bug: a border that is not of the ghosts'
+    o%parts%near = row(:g)
+    o%parts%p_near = p(:, o%parts%near)
+    o%parts%m_near = m(:, o%parts%near)
+    call select_near(o, grains, timers, errors)
+  end subroutine choose_border
+
+  subroutine select_near(o, grains, timers, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call grains%start_request(verb_select, o%step, grains%time, grains%time)
+    call grains%request%put_text('set', near_set)
+    call grains%request%put_text('role', 'border')
+    call grains%request%put_int('id', o%pack%id(o%sets%ghost(o%parts%near)))
+    call grains%ask(timers, errors)
+  end subroutine select_near
+
+  !> Where all stands at the start of an exchange.
+  subroutine remember_start(o)
+    type(overlap_type), intent(inout) :: o
+    o%parts%d = o%d
+    o%parts%turn = o%turn
+    o%parts%q = o%q
+    o%parts%theta = o%theta
+    o%parts%u = o%u
+    o%parts%phi = o%phi
+  end subroutine remember_start
+
+  !> Hat nodes and the near ghosts where free grains and edge are now; how fast these came there.
+  subroutine follow_near(o, dt, v, spin)
+    type(overlap_type), intent(inout) :: o
+    real(wp), intent(in) :: dt                    !! [s]
+    real(wp), intent(out) :: v(:, :), spin(:, :)  !! (3, near) [m/s], [rad/s]
+    real(wp), dimension(3, size(o%parts%near)) :: d, turn
+    integer(i4) :: k
+
+    call o%follow_hats(dt)
+    call o%op%to_some_ghosts(o%parts%near, o%u, o%phi, d, turn)
+    do k = 1, size(o%parts%near)
+      associate (g => o%parts%near(k))
+        v(:, k) = (d(:, k) - o%d(:, g))/dt
+        spin(:, k) = (turn(:, k) - o%turn(:, g))/dt
+        if (.not. o%round) o%quat(:, g) = turned(o%quat(:, g), turn(:, k) - o%turn(:, g))
+        o%d(:, g) = d(:, k)
+        o%turn(:, g) = turn(:, k)
+      end associate
+    end do
+  end subroutine follow_near
+
+  !> At the end of an exchange of length h the other ghosts, too; mean velocities of all.
+  subroutine follow_all(o, h, v, spin)
+    type(overlap_type), intent(inout) :: o
+    real(wp), intent(in) :: h                     !! [s]
+    real(wp), intent(out) :: v(:, :), spin(:, :)  !! (3, ghosts) [m/s], [rad/s]
+    real(wp), dimension(3, o%op%ghosts) :: d, turn
+    logical :: near(o%op%ghosts)
+    integer(i4) :: g
+
+    call o%op%to_ghosts(o%u, o%phi, d, turn)
+    near = .false.
+    near(o%parts%near) = .true.
+    do g = 1, o%op%ghosts
+      v(:, g) = (d(:, g) - o%parts%d(:, g))/h
+      spin(:, g) = (turn(:, g) - o%parts%turn(:, g))/h
+      if (.not. (near(g) .or. o%round)) &
+        o%quat(:, g) = turned(o%quat(:, g), turn(:, g) - o%turn(:, g))
+    end do
+    o%d = d
+    o%turn = turn
+  end subroutine follow_all
+
+  !> The near ghosts, in a request FORCE: contacts of free grains alone.
+  subroutine put_near(o, request, v, spin)
+    type(overlap_type), intent(in) :: o
+    type(message_type), intent(inout) :: request
+    real(wp), intent(in) :: v(:, :), spin(:, :)  !! (3, near) [m/s], [rad/s]
+    real(wp) :: x(3, size(o%parts%near))
+    integer(i4) :: k
+    do k = 1, size(o%parts%near)
+      x(:, k) = o%x_ghost(:, o%parts%near(k)) + o%d(:, o%parts%near(k))
+    end do
+    call request%put_text('scope', 'interface')
+    call request%put(near_set//'.x', x)
+    if (.not. o%round) call request%put(near_set//'.quat', o%quat(:, o%parts%near))
+    call request%put(near_set//'.v', v)
+    call request%put(near_set//'.omega', spin)
+  end subroutine put_near
+
+  !> All ghosts, in a request FORCE: both parts.
+  subroutine put_all(o, request, v, spin, v_near, spin_near)
+    type(overlap_type), intent(in) :: o
+    type(message_type), intent(inout) :: request
+    real(wp), intent(in) :: v(:, :), spin(:, :)            !! mean of the exchange (3, ghosts)
+    real(wp), intent(in) :: v_near(:, :), spin_near(:, :)  !! of the last step (3, near)
+    call request%put_text('scope', 'split')
+    call request%put(ghost_set//'.x', o%x_ghost + o%d)
+    if (.not. o%round) call request%put(ghost_set//'.quat', o%quat)
+    call request%put(ghost_set//'.v', v)
+    call request%put(ghost_set//'.omega', spin)
+    call request%put(near_set//'.v', v_near)
+    call request%put(near_set//'.omega', spin_near)
+  end subroutine put_all
+
+  !> Forces of one part or of both, from a reply.
+  subroutine read_parts(o, grains, both, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    logical, intent(in) :: both
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: old
+
+    call grains%reply%get(near_set//'.force', o%parts%p_near, errors)
+    call grains%reply%get(near_set//'.moment', o%parts%m_near, errors)
+    if (.not. both) return
+    call grains%reply%get(ghost_set//'.force', o%parts%p, errors)
+    call grains%reply%get(ghost_set//'.moment', o%parts%m, errors)
+    call grains%reply%get_int('border_old', old, errors)
+    if (errors%any()) return
+    o%parts%old = old == 1
+  end subroutine read_parts
+
+  !> Kicks with the forces between ghosts now, with the inertia of what hat nodes carry.
+  subroutine renew_kicks(o)
+    type(overlap_type), intent(inout) :: o
+    real(wp) :: load(3, o%op%hats), load_phi(3, o%op%hats_phi)
+
+    call o%parts%pull_rest(o%op)
+    associate (parts => o%parts)
+      parts%kick = parts%rest%force
+      parts%kick_phi = parts%rest%moment
+      if (o%carried%active) then
+        call o%carried%resist(parts%rest%force, load)
+        call o%op%p%transposed(load, parts%kick)
+      end if
+      if (o%carried_phi%active) then
+        call o%carried_phi%resist(parts%rest%moment, load_phi)
+        call o%op%p_phi%transposed(load_phi, parts%kick_phi)
+      end if
+    end associate
+  end subroutine renew_kicks
+end module cpl_overlap_parts

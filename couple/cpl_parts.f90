@@ -1,0 +1,120 @@
+!> Forces between ghosts that are evaluated once an exchange (theory: overlap coupling, Time).
+!!
+!! What they are at times (`still`) acts in every step of the grains like a dead load; what they are
+!! besides (`rest`) acts in kicks of half an exchange at its start and at its end. As forces of the
+!! contacts change slowly the kicks are weak, however large the forces are.
+module cpl_parts
+  use talus_kinds, only: wp, i4
+  use cpl_operators, only: operators_type
+  implicit none
+  private
+  public :: parts_type, pulled_type
+
+  integer(i4), parameter :: settle_after = 20  !! exchanges
+
+  !> Forces on what is free.
+  type :: pulled_type
+    real(wp), allocatable :: f(:, :), c(:, :)          !! nodes (3, nodes) [N], (3, nodes_phi) [N m]
+    real(wp), allocatable :: force(:, :), moment(:, :)  !! free grains (3, free)
+  end type pulled_type
+
+  type :: parts_type
+    logical :: active = .false.
+    integer(i4), allocatable :: near(:)            !! rows of the ghosts that move with the steps
+    real(wp), allocatable :: p_near(:, :), m_near(:, :)  !! of free grains on these [N], [N m]
+    real(wp), allocatable :: kick(:, :), kick_phi(:, :)  !! rest on free grains, with the inertia of
+                                                   !! what hat nodes carry (3, free)
+    real(wp), allocatable :: p(:, :), m(:, :)      !! of ghosts on ghosts (3, ghosts) [N], [N m]
+    real(wp), allocatable :: p_still(:, :), m_still(:, :)  !! the same when they were settled
+    integer(i4) :: age = 0                         !! exchanges since
+    logical :: old = .false.                       !! near must be chosen anew
+    type(pulled_type) :: still, rest
+    real(wp), allocatable :: d(:, :), turn(:, :)   !! ghosts at the start of the exchange
+    real(wp), allocatable :: q(:, :), theta(:, :)  !! free grains then
+    real(wp), allocatable :: u(:, :), phi(:, :)    !! nodes then
+  contains
+    procedure :: begin
+    procedure :: settle
+    procedure :: is_due
+    procedure :: pull_all
+    procedure :: pull_rest
+    procedure :: work
+  end type parts_type
+
+contains
+
+  !> Room for the ghosts, free grains and nodes of the operators.
+  subroutine begin(self, op)
+    class(parts_type), intent(inout) :: self
+    type(operators_type), intent(in) :: op
+    self%active = .true.
+    allocate (self%p(3, op%ghosts), self%m(3, op%ghosts), self%p_still(3, op%ghosts), &
+              self%m_still(3, op%ghosts), source=0.0_wp)
+    call make_room(op, self%still)
+    call make_room(op, self%rest)
+  end subroutine begin
+
+  pure subroutine make_room(op, pulled)
+    type(operators_type), intent(in) :: op
+    type(pulled_type), intent(inout) :: pulled
+    allocate (pulled%f(3, op%nodes), pulled%c(3, op%nodes_phi), pulled%force(3, op%free), &
+              pulled%moment(3, op%free), source=0.0_wp)
+  end subroutine make_room
+
+  !> What acts now acts in every step from here on.
+  subroutine settle(self, op)
+    class(parts_type), intent(inout) :: self
+    type(operators_type), intent(in) :: op
+    self%p_still = self%p
+    self%m_still = self%m
+    self%age = 0
+    call self%pull_all(op)
+  end subroutine settle
+
+  !> Time to settle again?
+  pure logical function is_due(self)
+    class(parts_type), intent(in) :: self
+    is_due = self%active .and. self%age >= settle_after
+  end function is_due
+
+  !> Both on what is free, after a change of what is still or of the operators.
+  subroutine pull_all(self, op)
+    class(parts_type), intent(inout) :: self
+    type(operators_type), intent(in) :: op
+    call pull(op, self%p_still, self%m_still, self%still)
+    call self%pull_rest(op)
+  end subroutine pull_all
+
+  subroutine pull_rest(self, op)
+    class(parts_type), intent(inout) :: self
+    type(operators_type), intent(in) :: op
+    call pull(op, self%p - self%p_still, self%m - self%m_still, self%rest)
+  end subroutine pull_rest
+
+  subroutine pull(op, p, m, pulled)
+    type(operators_type), intent(in) :: op
+    real(wp), intent(in) :: p(:, :), m(:, :)
+    type(pulled_type), intent(inout) :: pulled
+    pulled%f = 0.0_wp
+    pulled%c = 0.0_wp
+    call op%pull(p, m, pulled%f, pulled%c, pulled%force, pulled%moment)
+  end subroutine pull
+
+  !> Works of an exchange, with the forces at its end, on what is free and by the ghosts [J].
+  subroutine work(self, op, d, turn, q, theta, u, phi, given, taken, turnover)
+    class(parts_type), intent(in) :: self
+    type(operators_type), intent(in) :: op
+    real(wp), intent(in) :: d(:, :), turn(:, :)   !! ghosts now (3, ghosts) [m], [rad]
+    real(wp), intent(in) :: q(:, :), theta(:, :)  !! free grains now
+    real(wp), intent(in) :: u(:, :), phi(:, :)    !! nodes now
+    real(wp), intent(out) :: given, taken, turnover
+    taken = sum(self%p*(d - self%d)) + sum(self%m*(turn - self%turn))
+    turnover = sum(abs(self%p*(d - self%d))) + sum(abs(self%m*(turn - self%turn)))
+    associate (a => op%hats + 1, b => op%hats_phi + 1)
+      given = sum((self%still%force + self%rest%force)*(q - self%q)) &
+              + sum((self%still%moment + self%rest%moment)*(theta - self%theta)) &
+              + sum((self%still%f(:, a:) + self%rest%f(:, a:))*(u(:, a:) - self%u(:, a:))) &
+              + sum((self%still%c(:, b:) + self%rest%c(:, b:))*(phi(:, b:) - self%phi(:, b:)))
+    end associate
+  end subroutine work
+end module cpl_parts

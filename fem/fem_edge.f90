@@ -1,0 +1,116 @@
+!> Forces of a few elements as an affine map of the displacements, f = f0 + K u, made once: for a
+!! partner that asks for them far more often than the body steps.
+!!
+!! The maps are found by asking the elements, so that whatever they consist of is in them; laws with
+!! a state have none.
+module fem_edge
+  use talus_kinds, only: wp, i4
+  use fem_dofs, only: fem_dofs_type
+  use fem_elastic, only: fem_elastic_type
+  use fem_recover, only: element_forces
+  use fem_types, only: fem_mesh_type
+  implicit none
+  private
+  public :: fem_edge_type
+
+  type :: fem_edge_type
+    logical :: ready = .false.
+    integer(i4), allocatable :: start(:)  !! (elements + 1) first of their blocks
+    integer(i4), allocatable :: block(:)  !! of all elements
+    integer(i4), allocatable :: at(:)     !! (elements + 1) first entry of k
+    real(wp), allocatable :: k(:)         !! (3 blocks)^2 of each, column by column [N/m, N, N m]
+    real(wp), allocatable :: f0(:, :)     !! (3, all blocks) at zero displacements [N], [N m]
+  contains
+    procedure :: build
+    procedure :: force
+  end type fem_edge_type
+
+contains
+
+  !> The maps of listed elements.
+  subroutine build(self, mesh, dofs, elastic, list)
+    class(fem_edge_type), intent(inout) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: list(:)
+    real(wp), dimension(3, dofs%blocks) :: u, f, rest
+    integer(i4) :: k, e, a, c, n, at
+
+    if (allocated(self%start)) deallocate (self%start, self%block, self%at, self%k, self%f0)
+    allocate (self%start(size(list) + 1), self%at(size(list) + 1), self%f0(3, dofs%blocks))
+    self%start(1) = 1
+    self%at(1) = 1
+    do k = 1, size(list)
+      n = size(blocks_of(dofs, list(k)))
+      self%start(k + 1) = self%start(k) + n
+      self%at(k + 1) = self%at(k) + 9*n*n
+    end do
+    allocate (self%block(self%start(size(list) + 1) - 1), self%k(self%at(size(list) + 1) - 1))
+    u = 0.0_wp
+    call element_forces(mesh, dofs, elastic, u, list, self%f0)
+    do k = 1, size(list)
+      e = list(k)
+      associate (block => blocks_of(dofs, e))
+        self%block(self%start(k):self%start(k + 1) - 1) = block
+        call element_forces(mesh, dofs, elastic, u, [e], rest)
+        at = self%at(k)
+        do a = 1, size(block)
+          do c = 1, 3
+            u(c, block(a)) = 1.0_wp
+            call element_forces(mesh, dofs, elastic, u, [e], f)
+            u(c, block(a)) = 0.0_wp
+            self%k(at:at + 3*size(block) - 1) = &
+              reshape(f(:, block) - rest(:, block), [3*size(block)])
+            at = at + 3*size(block)
+          end do
+        end do
+      end associate
+    end do
+    self%ready = .true.
+  end subroutine build
+
+  !> Blocks of an element, each once.
+  pure function blocks_of(dofs, e) result(block)
+    type(fem_dofs_type), intent(in) :: dofs
+    integer(i4), intent(in) :: e
+    integer(i4), allocatable :: block(:)
+    integer(i4) :: a
+    associate (all_of => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
+      block = pack(all_of, [(.not. any(all_of(:a - 1) == all_of(a)), a=1, size(all_of))])
+    end associate
+  end function blocks_of
+
+  !> Their forces (3, blocks) at displacements u [N, N m].
+  pure subroutine force(self, u, f)
+    class(fem_edge_type), intent(in) :: self
+    real(wp), intent(in) :: u(:, :)
+    real(wp), intent(out) :: f(:, :)
+    integer(i4) :: e
+    f = self%f0
+    do e = 1, size(self%start) - 1
+      call add_element(self%block(self%start(e):self%start(e + 1) - 1), &
+                       3*(self%start(e + 1) - self%start(e)), &
+                       self%k(self%at(e):self%at(e + 1) - 1), u, f)
+    end do
+  end subroutine force
+
+  pure subroutine add_element(block, n, k, u, f)
+    integer(i4), intent(in) :: block(:), n
+    real(wp), intent(in) :: k(n, n)
+    real(wp), intent(in) :: u(:, :)
+    real(wp), intent(inout) :: f(:, :)
+    real(wp) :: total(n), part
+    integer(i4) :: a, c
+    total = 0.0_wp
+    do a = 1, size(block)
+      do c = 1, 3
+        part = u(c, block(a))
+        total = total + k(:, 3*(a - 1) + c)*part
+      end do
+    end do
+    do a = 1, size(block)
+      f(:, block(a)) = f(:, block(a)) + total(3*a - 2:3*a)
+    end do
+  end subroutine add_element
+end module fem_edge
