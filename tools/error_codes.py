@@ -23,7 +23,7 @@ ANY = re.compile(r"\b[A-Z]\d{3}\b")
 #: Codes without a failing deck, and why; those tested by a unit test are named with it.
 UNTESTED: dict[str, str] = {
     "N405": "guards the identities of the operators; no mesh that talus-fem takes breaks them",
-    "N224": "guards the choice of ghosts near free grains; the unit test of the port of talus-dem has it",
+    "N224": "guards the choice of ghosts near free grains; a unit test of the port has it",
     "N422": "guards the identities of the operators; no mesh that talus-fem takes breaks them",
     "N408": "guards the reference of a relaxed solid; no deck is known that breaks it",
     "N441": "guards the factor of a matrix that is positive by construction; no input breaks it",
