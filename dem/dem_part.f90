@@ -2,7 +2,7 @@
 module dem_part
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
-  use dem_state, only: dem_data_type
+  use dem_state, only: dem_data_type, dem_ledger_type
   use dem_ledger, only: follow_step
   use dem_limits, only: gershgorin_step, rayleigh_step, impact_step
   use dem_measure, only: check_overlap, fastest_grain
@@ -11,13 +11,15 @@ module dem_part
   private
   public :: move_part, report_of, add_reports, rank_marks_type
 
-  integer(i4), parameter :: works = 9         !! of the ledger, each a sum over the ranks
+  type(dem_ledger_type), parameter :: fresh = dem_ledger_type()
+  integer(i4), parameter :: works = size(transfer(fresh, [0.0_wp]))  !! columns of the ledger
   integer(i4), parameter :: plane_size = 10   !! force, moment, impulse, work of a plane
 
   !> Where the numbers of a report stand.
-  integer(i4), parameter :: at_overlap = 10, at_limits = 11, at_speed = 14, at_kinetic = 15, &
-    at_most = 16, at_exchange = 19, at_own = 20, at_mirrors = 21, at_pairs = 22, &
-    at_bytes = 23, at_messages = 24, report_size = 24
+  integer(i4), parameter :: at_overlap = works + 1, at_limits = works + 2, at_speed = works + 5, &
+    at_kinetic = works + 6, at_most = works + 7, at_exchange = works + 10, at_own = works + 11, &
+    at_mirrors = works + 12, at_pairs = works + 13, at_bytes = works + 14, &
+    at_messages = works + 15, report_size = works + 15
 
   !> What the ranks told last.
   type :: rank_marks_type
@@ -57,10 +59,7 @@ contains
     top = 0.0_wp
     if (part%grains%n > 0) top = sqrt(maxval(sum(part%grains%v**2, 1)))
     call part%halo%team%most(top)
-    associate (l => part%ledger)
-      report(:works) = [l%friction, l%contact_damping, l%background_damping, l%curvature, &
-                        l%tangential_relaxation, l%boundary, l%external, l%gravity, l%start]
-    end associate
+    report(:works) = transfer(part%ledger, report)
     report(at_overlap) = part%health%max_overlap
     report(at_limits:at_limits + 2) = [gershgorin_step(part), rayleigh_step(part), &
                                        impact_step(part, top(1))]
@@ -95,17 +94,7 @@ contains
     do r = 1, size(reports, 2)
       total = total + reports(:, r)
     end do
-    associate (l => whole%ledger)
-      l%friction = total(1)
-      l%contact_damping = total(2)
-      l%background_damping = total(3)
-      l%curvature = total(4)
-      l%tangential_relaxation = total(5)
-      l%boundary = total(6)
-      l%external = total(7)
-      l%gravity = total(8)
-      l%start = total(9)
-    end associate
+    whole%ledger = transfer(total, whole%ledger)  ! what is stored now is found at the next look
     whole%ledger_dt = part%ledger_dt
     overlap = max(whole%health%max_overlap, maxval(reports(at_overlap, :)))
     reference = whole%health%reference_energy
