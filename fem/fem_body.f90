@@ -7,6 +7,7 @@ module fem_body
   use talus_curve, only: curve_type
   use fem_types, only: fem_mesh_type, fem_load_type, fem_springs_type, &
     fem_state_type, fem_energy_type
+  use fem_arc_type, only: fem_arc_data_type
   use fem_assembly, only: assemble_stiffness, assemble_mass
   use fem_critical, only: largest_frequency, spring_rate, stable_step, newmark_step
   use fem_damping, only: fem_damping_type
@@ -31,7 +32,6 @@ module fem_body
   implicit none
   private
   public :: fem_body_type, fem_motion_type, fem_newton_type, fem_kept_type
-
   real(wp), parameter :: same_step = 1.0e-9_wp  !! relative change of dt that needs new factors
   real(wp), parameter :: margin = 0.95_wp       !! of the largest stable step, of laws with a state
 
@@ -49,6 +49,7 @@ module fem_body
     integer(i4) :: most_cuts = 10      !! halvings of a step
     integer(i4) :: rows = 0            !! of the table of the last step
     real(wp), allocatable :: table(:, :)  !! (8, rows), columns as fem_newton has them
+    type(fem_arc_data_type) :: arc  !! or, by arc length, the path of it
   end type fem_newton_type
 
   !> An accepted state that is put aside while trials of several parts are made.
@@ -73,8 +74,7 @@ module fem_body
     type(fem_springs_type) :: robin              !! springs to the last accepted state, of the port
     logical, allocatable :: held(:, :)           !! (3, blocks) supported by the deck
     logical, allocatable :: prescribed(:, :)     !! (3, blocks) moved by the port
-    real(wp), allocatable :: given_u(:, :)       !! (3, blocks) values of the port [m]
-    real(wp), allocatable :: given_v(:, :)       !! (3, blocks) the same, for output [m/s]
+    real(wp), allocatable :: given_u(:, :), given_v(:, :)  !! values of the port [m], output [m/s]
     real(wp), allocatable :: port_load(:, :)     !! (3, blocks) of the port, now [N]
     real(wp), allocatable :: dead_load(:, :)     !! (3, blocks) of the port, constant [N]
     real(wp), allocatable :: mass_factor(:)      !! (blocks) on mass and weight, of the port [-]

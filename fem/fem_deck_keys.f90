@@ -561,7 +561,7 @@ contains
 
   subroutine group_analysis(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('analysis', 17, &
+    call table%add_group('analysis', 21, &
       'What is computed, and in which steps.', required=.true.)
     call table%add_key('kind', 'string', '', &
       '`static`: equilibrium at each step; `newmark` and `hht`: implicit dynamics with ' &
@@ -652,7 +652,33 @@ contains
       //'does not converge, before they give up.')
     call table%preset('10')
     call table%bounds(min=0.0_wp, max=30.0_wp)
+    call table%add_key('continuation', 'string', '', &
+      'How `static` of laws with a state goes on: `load`, to the loads and motions of ' &
+      //'the next time; `arc_length`, along the path of equilibrium whatever becomes of ' &
+      //'the load. All loads and motions then have one factor, 1 for their values at ' &
+      //'t_end, which each of the t_end/dt steps finds with the displacements; ' &
+      //'`<deck>_arc.csv` has it.')
+    call table%preset('load')
+    call table%allow('load|arc_length')
+    call group_analysis_3(table)
   end subroutine group_analysis_2
+
+  subroutine group_analysis_3(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('first_share', 'real', '', &
+      'Load factor of the first step by arc length, which sets its length; dt/t_end if ' &
+      //'left out.')
+    call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%add_key('arc_growth', 'real', '', &
+      'Length of an arc over the first one, at most.')
+    call table%preset('1.0')
+    call table%bounds(min=1.0_wp)
+    call table%add_key('arc_iterations', 'integer', '', &
+      'Iterations that a step by arc length should take: fewer make the next one ' &
+      //'longer, more make it shorter.')
+    call table%preset('5')
+    call table%bounds(min=1.0_wp)
+  end subroutine group_analysis_3
 
   subroutine group_initial_stress(table)
     type(key_table_type), intent(inout) :: table

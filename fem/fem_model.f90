@@ -111,6 +111,8 @@ contains
     call read_body(self%deck, self%body, errors)
     if (errors%any()) return
     call moduli_warnings(self)
+    if (self%served .and. self%body%newton%arc%active) call self%deck%fault(errors, 'D340', &
+      'a coupled run is not followed by arc length', 'analysis', 1, 'continuation', 'leave it out')
     if (self%served .and. self%body%stages%active) call self%deck%fault(errors, 'D339', &
       'a coupled run has no stages', 'stage', 1, '', 'run this deck alone')
     call read_times(self, errors)
@@ -132,6 +134,7 @@ contains
     if (self%body%matter%micro%active) what = 'micromorphic solids take'
     if (self%body%solver%iterative) what = "solver = 'iterative' takes"
     if (self%body%stages%active) what = 'stages take'
+    if (self%body%newton%arc%active) what = "continuation = 'arc_length' takes"
     if (len(what) > 0) call self%deck%fault(errors, 'D338', what//' one rank of talus-fem, not '// &
       str(self%ranks%ranks), 'analysis', 1, 'kind', 'start it without a launcher; threads work')
   end subroutine refuse_ranks
@@ -192,6 +195,8 @@ contains
     end if
     if (.not. self%t_end > 0.0_wp) self%t_end = 1.0_wp
     if (.not. self%dt > 0.0_wp) self%dt = self%t_end
+    self%body%newton%arc%t_end = self%t_end
+    if (.not. self%body%newton%arc%first > 0.0_wp) self%body%newton%arc%first = self%dt/self%t_end
   end subroutine read_times
 
   !> Matrices; with a deck of its own also the factors. A checkpoint if one is asked for.

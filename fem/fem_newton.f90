@@ -12,6 +12,7 @@ module fem_newton
   implicit none
   private
   public :: newton_step, newton_columns
+  public :: part_type, inner_force, balance, assemble, solve, measure, note, finish, blame, give_up
 
   integer(i4), parameter :: newton_columns = 8   !! of the table: see `note`
   integer(i4), parameter :: few = 6              !! iterations after which a part is doubled

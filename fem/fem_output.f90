@@ -31,7 +31,7 @@ module fem_output
     real(wp) :: last_field = -1.0_wp                           !! time of the last field step [s]
     logical :: points = .false.                                  !! stress at points is written
     integer(i4), allocatable :: support(:)                     !! groups whose reactions are written
-    type(history_type) :: energy, reactions, newton, rigid
+    type(history_type) :: energy, reactions, newton, rigid, arc
     type(series_type) :: series
     type(xdmf_type) :: xdmf
   contains
@@ -124,9 +124,21 @@ contains
     if (allocated(body%rigid)) call start_or_resume(self%rigid, stem//'_rigid.csv', &
       rigid_columns(body), start_time, errors)
     if (.not. body%matter%active .or. body%explicit) return
+    if (body%newton%arc%active) call start_or_resume(self%arc, stem//'_arc.csv', arc_columns(), &
+                                                     start_time, errors)
     call newton_titles(columns)
     call start_or_resume(self%newton, stem//'_newton.csv', columns, start_time, errors)
   end subroutine open_histories
+
+  !> Columns of a path by arc length.
+  function arc_columns() result(columns)
+    type(string_type), allocatable :: columns(:)
+    call append_string(columns, 'time [s]')
+    call append_string(columns, 'load factor [-]')
+    call append_string(columns, 'next radius [m]')
+    call append_string(columns, 'iterations [-]')
+    call append_string(columns, 'limit points [-]')
+  end function arc_columns
 
   !> Columns of the rigid groups.
   function rigid_columns(body) result(columns)
@@ -284,6 +296,9 @@ contains
         if (size(block) > 0) row = [row, sum(body%accepted%reaction(:, block), 2)]
       end do
       call self%reactions%write(row, errors)
+      if (self%arc%is_open()) call self%arc%write([t, body%newton%arc%factor, &
+        body%newton%arc%radius, real([body%newton%arc%iterations, body%newton%arc%limits], wp)], &
+        errors)
       if (.not. allocated(body%rigid)) return
       row = [t]
       do s = 1, size(body%rigid)
@@ -411,6 +426,7 @@ contains
     if (self%reactions%is_open()) call self%reactions%flush(errors)
     if (self%newton%is_open()) call self%newton%flush(errors)
     if (self%rigid%is_open()) call self%rigid%flush(errors)
+    if (self%arc%is_open()) call self%arc%flush(errors)
   end subroutine flush_output
 
   subroutine close_output(self, errors)
@@ -420,5 +436,6 @@ contains
     if (self%reactions%is_open()) call self%reactions%close(errors)
     if (self%newton%is_open()) call self%newton%close(errors)
     if (self%rigid%is_open()) call self%rigid%close(errors)
+    if (self%arc%is_open()) call self%arc%close(errors)
   end subroutine close_output
 end module fem_output

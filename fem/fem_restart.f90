@@ -6,6 +6,7 @@ module fem_restart
   use talus_hdf5, only: h5_file_type
   use talus_checkpoint, only: checkpoint_type, checkpoint_info_type
   use fem_types, only: fem_energy_type
+  use fem_arc, only: put_arc, get_arc
   use fem_body, only: fem_body_type
   use fem_staging, only: put_stages, get_stages
   implicit none
@@ -51,6 +52,7 @@ contains
       if (body%matter%active) then
         call file%put('/state/plastic', e%plastic, errors)
         if (body%stages%active) call put_stages(body, file, errors)
+        if (body%newton%arc%active) call put_arc(body, file, errors)
         call put_points(file, '/state/point_stress', body, body%matter%accepted_stress, errors)
         call put_points(file, '/state/point_state', body, body%matter%accepted_state, errors)
         call file%put('/state/leaps', real(body%leaps, wp), errors)
@@ -88,6 +90,7 @@ contains
         'restart with the mesh that wrote it')
     end if
     if (.not. errors%any() .and. body%stages%active) call get_stages(body, file, errors)
+    if (.not. errors%any() .and. body%newton%arc%active) call get_arc(body, file, errors)
     if (.not. errors%any()) then
       body%state%u = u
       call file%get('/state/v', body%state%v, errors)

@@ -13,14 +13,15 @@ module fem_setup_analysis
   public :: read_analysis, read_absorbing
 
   !> Keys that only some kinds know.
-  character(len=*), parameter :: keys(15) = [character(len=18) :: 'beta', 'gamma', 'alpha', &
+  character(len=*), parameter :: keys(19) = [character(len=18) :: 'beta', 'gamma', 'alpha', &
     'dt_factor', 'allow_unstable', 'rotation_mass', 'modes', 'tolerance', 'max_iterations', &
-    'rayleigh_mass', 'rayleigh_stiffness', 'solver', 'factors', 'scratch', 'step_cuts']
-  character(len=*), parameter :: kinds(15) = [character(len=35) :: 'newmark', 'newmark', 'hht', &
+    'rayleigh_mass', 'rayleigh_stiffness', 'solver', 'factors', 'scratch', 'step_cuts', &
+    'continuation', 'first_share', 'arc_growth', 'arc_iterations']
+  character(len=*), parameter :: kinds(19) = [character(len=35) :: 'newmark', 'newmark', 'hht', &
     'explicit', 'explicit', 'explicit', 'modal', 'modal relaxation static newmark hht', &
     'modal relaxation static newmark hht', &
     'newmark hht explicit', 'newmark hht explicit', 'static', 'static newmark hht modal', &
-    'static newmark hht modal', 'static newmark hht']
+    'static newmark hht modal', 'static newmark hht', 'static', 'static', 'static', 'static']
 
 contains
 

@@ -4,6 +4,7 @@
 module fem_step
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
+  use fem_arc, only: arc_step
   use fem_body, only: fem_body_type
   use fem_central, only: central_step, central_steps
   use fem_newmark, only: dynamic_work
@@ -34,7 +35,9 @@ contains
       return
     end if
     if (self%matter%active) then
-      if (self%stages%active) then
+      if (self%newton%arc%active) then
+        call arc_step(self, t1, errors)
+      else if (self%stages%active) then
         call staged_step(self, t1, errors)
       else
         call newton_step(self, t1, errors)

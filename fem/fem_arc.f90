@@ -1,0 +1,241 @@
+!> One step of statics by arc length (Crisfield 1981, Ramm 1981): all loads and motions have one
+!! factor, which is sought together with the displacements so that these change by a given length.
+!! Limit points of the load and of the motion are passed; the way on is that which does not turn
+!! back on the last step (Feng, Peric and Owen 1995).
+module fem_arc
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str, is_finite
+  use talus_errors, only: error_list_type
+  use talus_hdf5, only: h5_file_type
+  use fem_body, only: fem_body_type
+  use fem_follower, only: follower_force
+  use fem_newton, only: part_type, inner_force, balance, assemble, solve, measure, note, finish, &
+    blame, give_up
+  use fem_sparse, only: multiply_general
+  implicit none
+  private
+  public :: arc_step, put_arc, get_arc
+
+  real(wp), parameter :: most_change = 2.0_wp   !! of the radius from step to step
+  real(wp), parameter :: diverged = 1.0e4_wp    !! residual over the first one
+
+contains
+
+  !> From the accepted state along the path; N311 where it cannot be followed. Time is but the
+  !! number of the step times dt.
+  subroutine arc_step(self, t1, errors)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: t1  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    type(part_type) :: part
+    real(wp) :: radius, change, step(3, self%dofs%blocks)
+    integer(i4) :: cuts, iterations
+    logical :: good
+
+    call self%number(errors)
+    if (errors%any()) return
+    self%newton%rows = 0
+    call begin_path(self, part)
+    associate (arc => self%newton%arc)
+      radius = arc%radius
+      do cuts = 0, self%newton%most_cuts
+        call try_step(self, t1, part, radius, step, iterations, good)
+        if (good) exit
+        call self%reject()
+        radius = 0.5_wp*radius
+        if (.not. radius > 0.0_wp) exit
+      end do
+      if (.not. good) then
+        call give_up(self, part, 0.5_wp**cuts, errors)
+        return
+      end if
+      change = part%after - arc%factor
+      if (change*arc%last < 0.0_wp) arc%limits = arc%limits + 1
+      if (arc%first_radius <= 0.0_wp) arc%first_radius = radius
+      arc%last = change
+      arc%factor = part%after
+      arc%step = step
+      arc%iterations = iterations
+      arc%radius = min(arc%growth*arc%first_radius, radius*min(most_change, max(1.0_wp &
+        /most_change, sqrt(real(arc%wanted, wp)/iterations))))
+    end associate
+  end subroutine arc_step
+
+  !> Loads and motions at the factors 0 and 1.
+  subroutine begin_path(self, part)
+    type(fem_body_type), intent(inout) :: self
+    type(part_type), intent(inout) :: part
+    integer(i4) :: k
+    allocate (part%load, mold=self%accepted%u)
+    allocate (part%goal_load, part%raw, mold=self%accepted%u)
+    part%u = self%accepted%u
+    part%goal_u = self%accepted%u
+    call self%impose(0.0_wp, part%u)
+    call self%impose(self%newton%arc%t_end, part%goal_u)
+    call self%external_at(0.0_wp, part%load)
+    call self%external_at(self%newton%arc%t_end, part%goal_load)
+    if (.not. self%newton%arc%settled) part%load = 0.0_wp
+    if (.not. allocated(self%follower)) return
+    allocate (part%pressure(size(self%follower)), part%goal_pressure(size(self%follower)))
+    part%goal_pressure = self%follower%pressure
+    part%pressure = self%follower%pressure
+    do k = 1, size(self%follower)
+      associate (f => self%follower(k))
+        if (f%curve > 0) part%goal_pressure(k) = f%pressure &
+          *self%curve(f%curve)%at(self%newton%arc%t_end)
+        if (f%curve > 0) part%pressure(k) = f%pressure*self%curve(f%curve)%at(0.0_wp)
+      end associate
+    end do
+    if (.not. self%newton%arc%settled) part%pressure = 0.0_wp
+  end subroutine begin_path
+
+  !> Predict along the tangent, then correct on the sphere; a radius below zero is that of the first
+  !! factor. What did not converge says why in part%reason.
+  subroutine try_step(self, t1, part, radius, step, iterations, good)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: t1
+    type(part_type), intent(inout) :: part
+    real(wp), intent(inout) :: radius
+    real(wp), intent(out) :: step(:, :)
+    integer(i4), intent(out) :: iterations
+    logical, intent(out) :: good
+    real(wp), dimension(3, self%dofs%blocks) :: residual, along, back
+    real(wp) :: change, size_of, scale, first
+    integer(i4) :: n
+
+    n = self%dofs%nodes
+    iterations = 0
+    step = 0.0_wp
+    self%state%time = t1
+    part%before = self%newton%arc%factor
+    part%after = part%before
+    part%inverted = .false.
+    call look(self, part, step, residual, good)
+    if (good) call directions(self, part, residual, back, along, good)
+    if (.not. good) return
+    good = norm2(along(:, :n)) > 0.0_wp
+    if (.not. good) part%reason = 'no load and no motion changes between time 0 and t_end'
+    if (.not. good) return
+    if (radius < 0.0_wp) radius = self%newton%arc%first*norm2(along(:, :n))
+    change = radius/norm2(along(:, :n))
+    if (allocated(self%newton%arc%step)) &
+      change = sign(change, sum(self%newton%arc%step(:, :n)*along(:, :n)))
+    do iterations = 1, self%newton%most_iterations
+      step = step + back + change*along
+      part%after = part%after + change
+      call look(self, part, step, residual, good)
+      if (.not. good) return
+      call measure(self, part, residual, size_of, scale)
+      if (iterations == 1) first = size_of
+      call note(self, part, iterations, size_of, scale, sum(step*residual), 1.0_wp)
+      if (size_of <= self%newton%tolerance*scale) exit
+      part%reason = 'the residual is '//str(size_of/max(scale, tiny(1.0_wp)))// &
+        ' of loads and reactions on the arc'
+      good = is_finite(size_of) .and. size_of <= diverged*max(first, scale)
+      if (.not. good) return
+      call directions(self, part, residual, back, along, good)
+      if (good) call stay_on_arc(radius, step(:, :n), back(:, :n), along(:, :n), change, good)
+      if (.not. good) return
+    end do
+    good = iterations <= self%newton%most_iterations
+    if (good) call finish(self, part, size_of, scale)
+  end subroutine try_step
+
+  !> Residual for displacements `step` since the accepted state at the factor of the part.
+  subroutine look(self, part, step, residual, good)
+    type(fem_body_type), intent(inout) :: self
+    type(part_type), intent(inout) :: part
+    real(wp), intent(in) :: step(:, :)
+    real(wp), intent(out) :: residual(:, :)
+    logical, intent(out) :: good
+    real(wp) :: internal(3, self%dofs%blocks)
+    integer(i4) :: bad
+    part%dead = part%load + part%after*(part%goal_load - part%load)
+    call inner_force(self, step, internal, bad)
+    good = bad == 0
+    self%state%u = self%accepted%u + step
+    if (.not. good) then
+      call blame(self, part)
+      return
+    end if
+    call balance(self, part, step, internal, residual)
+  end subroutine look
+
+  !> What removes the residual (`back`), and the motion along the path for a factor of one.
+  subroutine directions(self, part, residual, back, along, good)
+    type(fem_body_type), intent(inout) :: self
+    type(part_type), intent(inout) :: part
+    real(wp), intent(in) :: residual(:, :)
+    real(wp), intent(out) :: back(:, :), along(:, :)
+    logical, intent(out) :: good
+    type(error_list_type) :: errors
+    real(wp), dimension(3, self%dofs%blocks) :: push, given, carried
+    integer(i4) :: k
+    push = part%goal_load - part%load
+    if (allocated(self%follower)) then
+      do k = 1, size(self%follower)
+        call follower_force(self%mesh, self%follower(k), part%goal_pressure(k) &
+                            - part%pressure(k), self%state%u, push)
+      end do
+    end if
+    call assemble(self, part)
+    given = merge(part%goal_u - part%u, 0.0_wp, self%held .or. self%prescribed)
+    call multiply_general(self%pattern, self%k, self%lower, given, carried)
+    call solve(self, part, residual, back, good)
+    if (.not. good) return
+    call self%solver%solve(self%pattern, merge(0.0_wp, push - carried, &
+                                               self%held .or. self%prescribed), along, errors)
+    along = along + given
+    good = .not. errors%any()
+    if (good) good = is_finite(sum(abs(along)))
+    if (.not. good) part%reason = 'the tangent is singular'
+  end subroutine directions
+
+  !> Change of the factor that leaves the step as long as the radius; of two the one that turns
+  !! less.
+  pure subroutine stay_on_arc(radius, step, back, along, change, good)
+    real(wp), intent(in) :: radius, step(:, :), back(:, :), along(:, :)
+    real(wp), intent(out) :: change
+    logical, intent(out) :: good
+    real(wp) :: a, b, c, root
+    a = sum(along**2)
+    b = sum((step + back)*along)
+    c = sum((step + back)**2) - radius**2
+    change = 0.0_wp
+    good = b*b - a*c >= 0.0_wp
+    if (.not. good) return
+    root = sqrt(b*b - a*c)
+    change = (-b + sign(root, sum(step*along)))/a
+  end subroutine stay_on_arc
+
+  !> Where the path stands, to a checkpoint.
+  subroutine put_arc(self, file, errors)
+    type(fem_body_type), intent(in) :: self
+    type(h5_file_type), intent(inout) :: file
+    type(error_list_type), intent(inout) :: errors
+    associate (arc => self%newton%arc)
+      call file%put('/state/arc', [arc%factor, arc%radius, arc%first_radius, arc%last, &
+                                   real(arc%iterations, wp), real(arc%limits, wp)], errors)
+      if (allocated(arc%step)) call file%put('/state/arc_step', arc%step, errors)
+    end associate
+  end subroutine put_arc
+
+  !> And back.
+  subroutine get_arc(self, file, errors)
+    type(fem_body_type), intent(inout) :: self
+    type(h5_file_type), intent(inout) :: file
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: values(:)
+    call file%get('/state/arc', values, errors)
+    if (errors%any()) return
+    associate (arc => self%newton%arc)
+      arc%factor = values(1)
+      arc%radius = values(2)
+      arc%first_radius = values(3)
+      arc%last = values(4)
+      arc%iterations = nint(values(5), i4)
+      arc%limits = nint(values(6), i4)
+      if (arc%radius > 0.0_wp) call file%get('/state/arc_step', arc%step, errors)
+    end associate
+  end subroutine get_arc
+end module fem_arc
