@@ -74,10 +74,10 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(fem_pattern_type) :: whole
     if (.not. pattern%halo%several()) then
-      call dissect(dofs, pattern, self%position, errors)
+      call dissect(dofs, pattern, 1_i4, self%position, errors)
     else if (allocated(self%whole)) then
       call make_pattern(self%whole, whole)
-      call dissect(self%whole, whole, self%position, errors)
+      call dissect(self%whole, whole, pattern%halo%ranks, self%position, errors)
       deallocate (self%whole)
     else
       allocate (self%position(0))
