@@ -132,7 +132,6 @@ contains
     if (self%served) what = 'a coupled run takes'
     if (self%modal) what = "kind = 'modal' takes"
     if (self%body%matter%micro%active) what = 'micromorphic solids take'
-    if (self%body%solver%iterative) what = "solver = 'iterative' takes"
     if (self%body%stages%active) what = 'stages take'
     if (self%body%newton%arc%active) what = "continuation = 'arc_length' takes"
     if (len(what) > 0) call self%deck%fault(errors, 'D338', what//' one rank of talus-fem, not '// &
@@ -295,8 +294,7 @@ contains
       body%solver%iterative = solver == 'iterative'
       if (.not. self%auto_solver) return
       body%solver%iterative = .not. (body%dynamic .or. self%served .or. self%modal .or. &
-                                     self%relaxation .or. body%matter%active .or. &
-                                     self%ranks%several()) .and. &
+                                     self%relaxation .or. body%matter%active) .and. &
         count(.not. body%held) >= large .and. self%t_end <= few_steps*self%dt
     end associate
   end subroutine choose_solver

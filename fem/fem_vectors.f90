@@ -5,7 +5,7 @@ module fem_vectors
   use fem_leap, only: least_shared, chunk
   implicit none
   private
-  public :: dot, norm, add_scaled, scale_add
+  public :: dot, dot_of, add_scaled, scale_add
 
 contains
 
@@ -24,11 +24,23 @@ contains
     dot = sum_in_order(part)
   end function dot
 
-  !> Euclid's norm; vectors of forces and displacements are far from overflow.
-  real(wp) function norm(a)
-    real(wp), intent(in), contiguous :: a(:, :)
-    norm = sqrt(dot(a, a))
-  end function norm
+  !> sum a b over chosen blocks
+  real(wp) function dot_of(chosen, a, b)
+    logical, intent(in), contiguous :: chosen(:)
+    real(wp), intent(in), contiguous :: a(:, :), b(:, :)
+    real(wp) :: part((size(a, 2) + chunk - 1)/chunk)
+    integer(i4) :: k, i
+    part = 0.0_wp
+    !$omp parallel do default(none) shared(chosen, a, b, part) private(k, i) schedule(static) &
+    !$omp if(size(a, 2) > least_shared)
+    do k = 1, size(part)
+      do i = (k - 1)*chunk + 1, min(k*chunk, int(size(a, 2), i4))
+        if (chosen(i)) part(k) = part(k) + sum(a(:, i)*b(:, i))
+      end do
+    end do
+    !$omp end parallel do
+    dot_of = sum_in_order(part)
+  end function dot_of
 
   pure real(wp) function sum_in_order(part)
     real(wp), intent(in) :: part(:)

@@ -32,6 +32,7 @@ SAME = 1.0e-10
 NEWTON = "tolerance = 1.0e-12"
 RUNS = {  # element, material, more groups, analysis
     "factors": ("hex8_bbar", CLASSICAL, SPRINGS, "kind = 'static', solver = 'direct', dt = 5e-3"),
+    "gradients": ("hex8_bbar", CLASSICAL, SPRINGS, "kind = 'static', solver = 'iterative'"),
     "plastic": ("hex8_bbar", PLASTIC, STRESS, f"kind = 'static', {NEWTON}, {STEP}"),
     "finite": ("hex8_bbar", FINITE, FOLLOWER + SPRINGS, f"kind = 'static', {NEWTON}, {STEP}"),
     "newmark": ("hex20/hex8", POLAR, "", f"kind = 'newmark', {STEP}"),

@@ -1,0 +1,81 @@
+!> The part of a matrix that stands between the blocks of one rank's elements: what elements of
+!! other ranks add there comes from them. A preconditioner by ranks is made of it.
+module fem_own_matrix
+  use mpi, only: mpi_alltoall, mpi_alltoallv, mpi_double_precision, mpi_integer
+  use talus_kinds, only: wp, i4
+  use fem_sparse, only: fem_pattern_type, place
+  implicit none
+  private
+  public :: own_matrix
+
+contains
+
+  !> The matrix between the blocks of this rank's elements, complete where these couple them. All
+  !! ranks call it together.
+  subroutine own_matrix(pattern, k, whole)
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in) :: k(:, :, :)                 !! (3, 3, entries) of this rank's elements
+    real(wp), allocatable, intent(out) :: whole(:, :, :)
+    integer(i4), allocatable :: pair(:, :), got_pair(:, :)
+    real(wp), allocatable :: value(:, :), got_value(:, :)
+    integer :: counts(0:pattern%halo%ranks - 1), got(0:pattern%halo%ranks - 1)
+    integer :: status
+    integer(i4) :: n, p
+
+    allocate (whole, source=k)
+    call choose_pairs(pattern, k, counts, pair, value)
+    call mpi_alltoall(counts, 1, mpi_integer, got, 1, mpi_integer, pattern%halo%comm, status)
+    allocate (got_pair(2, sum(got)), got_value(9, sum(got)))
+    call mpi_alltoallv(pair, 2*counts, 2*starts(counts), mpi_integer, got_pair, 2*got, &
+                       2*starts(got), mpi_integer, pattern%halo%comm, status)
+    call mpi_alltoallv(value, 9*counts, 9*starts(counts), mpi_double_precision, got_value, 9*got, &
+                       9*starts(got), mpi_double_precision, pattern%halo%comm, status)
+    do n = 1, size(got_pair, 2)
+      p = place(pattern, got_pair(1, n), got_pair(2, n))
+      if (p > 0) whole(:, :, p) = whole(:, :, p) + reshape(got_value(:, n), [3, 3])
+    end do
+  end subroutine own_matrix
+
+  !> What this rank has between blocks that it shares with each other one.
+  subroutine choose_pairs(pattern, k, counts, pair, value)
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in) :: k(:, :, :)
+    integer, intent(out) :: counts(0:)
+    integer(i4), allocatable, intent(out) :: pair(:, :)
+    real(wp), allocatable, intent(out) :: value(:, :)
+    logical :: there(pattern%nodes)
+    integer(i4) :: n, i, p, r, l, pass
+    do pass = 1, 2
+      n = 0
+      counts = 0
+      do r = 0, size(counts) - 1
+        associate (list => pattern%halo%shared(pattern%halo%first(r):pattern%halo%first(r + 1) - 1))
+          there = .false.
+          there(list) = .true.
+          do l = 1, size(list)
+            i = list(l)
+            do p = pattern%start(i), pattern%start(i + 1) - 1
+              if (.not. there(pattern%column(p))) cycle
+              n = n + 1
+              counts(r) = counts(r) + 1
+              if (pass == 1) cycle
+              pair(:, n) = [i, pattern%column(p)]
+              value(:, n) = reshape(k(:, :, p), [9])
+            end do
+          end do
+        end associate
+      end do
+      if (pass == 1) allocate (pair(2, n), value(9, n))
+    end do
+  end subroutine choose_pairs
+
+  !> How many come before those of each rank.
+  pure function starts(counts)
+    integer, intent(in) :: counts(:)
+    integer :: starts(size(counts)), r
+    starts(1) = 0
+    do r = 2, size(counts)
+      starts(r) = starts(r - 1) + counts(r - 1)
+    end do
+  end function starts
+end module fem_own_matrix
