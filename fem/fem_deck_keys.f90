@@ -638,7 +638,8 @@ contains
     call table%add_key('tolerance', 'real', '', &
       'Relative change of the squared frequencies at which the iteration of `modal` ' &
       //'ends; residual over loads and reactions at which `relaxation`, and `static`, ' &
-      //'`newmark` and `hht` of laws with a state, end (there 1e-8 unless given).')
+      //'`newmark` and `hht` of laws with a state, end (there 1e-8 unless given); fall of' &
+      //' the residual at which conjugate gradients (`solver = ''iterative''`) end.')
     call table%preset('1e-10')
     call table%bounds(above=0.0_wp)
     call table%add_key('max_iterations', 'integer', '', &

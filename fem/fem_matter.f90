@@ -150,19 +150,15 @@ contains
     class(fem_matter_type), intent(inout) :: self
     type(fem_elastic_type), intent(in) :: elastic
     integer(i4), intent(inout) :: bad
-    integer(i4) :: at(2), first, mine
+    integer(i4) :: at(2), element
     if (.not. self%ranks%several()) return
-    mine = huge(mine)
+    element = huge(element)
     if (bad > 0) then
       at = self%element_of(elastic, bad)
-      mine = elastic%number_of(at(1))
+      element = elastic%number_of(at(1))
     end if
-    first = mine
-    call self%ranks%least(first)
-    if (first == huge(first)) return
-    self%bad_rank = merge(self%ranks%rank, huge(first), first == mine)
-    call self%ranks%least(self%bad_rank)
-    if (self%bad_rank /= self%ranks%rank) bad = -1
+    call self%ranks%least_holder(element, self%bad_rank)
+    if (element < huge(element) .and. self%bad_rank /= self%ranks%rank) bad = -1
   end subroutine agree_on_bad
 
   !> Elastic stiffness of micromorphic elements at displacements u and the trial states.

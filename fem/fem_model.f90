@@ -292,6 +292,8 @@ contains
     associate (body => self%body)
       self%auto_solver = solver == 'auto'
       body%solver%iterative = solver == 'iterative'
+      if (body%solver%iterative .and. self%deck%given('analysis', 1, 'tolerance')) &
+        call self%deck%get('analysis', 1, 'tolerance', body%solver%tolerance)
       if (.not. self%auto_solver) return
       body%solver%iterative = .not. (body%dynamic .or. self%served .or. self%modal .or. &
                                      self%relaxation .or. body%matter%active) .and. &

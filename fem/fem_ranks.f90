@@ -30,6 +30,7 @@ module fem_ranks
     procedure :: any_of
     procedure :: least
     procedure :: least_each
+    procedure :: least_holder
     procedure :: most
     procedure :: largest
     procedure :: tell
@@ -160,6 +161,18 @@ contains
     call mpi_allreduce(mpi_in_place, numbers, size(numbers), mpi_integer, mpi_min, self%comm, &
                        status)
   end subroutine least_each
+
+  !> The least of a number, and the first rank that has it.
+  subroutine least_holder(self, number, holder)
+    class(fem_ranks_type), intent(in) :: self
+    integer(i4), intent(inout) :: number
+    integer(i4), intent(out) :: holder
+    integer(i4) :: mine
+    mine = number
+    call self%least(number)
+    holder = merge(self%rank, huge(mine), mine == number)
+    call self%least(holder)
+  end subroutine least_holder
 
   !> The largest of each of some numbers.
   subroutine most(self, values)

@@ -99,11 +99,13 @@ contains
     character(len=*), parameter :: keys(7) = [character(len=14) :: 'tolerance', &
       'max_iterations', 'step_cuts', 'continuation', 'first_share', 'arc_growth', 'arc_iterations']
     character(len=*), parameter :: groups(2) = [character(len=14) :: 'initial_stress', 'geostatic']
-    character(len=:), allocatable :: kind
+    character(len=:), allocatable :: kind, solver
     integer(i4) :: k
     call deck%get('analysis', 1, 'kind', kind)
+    call deck%get('analysis', 1, 'solver', solver)
     if (kind == 'static' .or. kind == 'newmark' .or. kind == 'hht') then
       do k = 1, size(keys)
+        if (keys(k) == 'tolerance' .and. solver == 'iterative') cycle
         if (deck%given('analysis', 1, trim(keys(k)))) call deck%fault(errors, 'D325', &
           trim(keys(k))//' means nothing to linear solids', 'analysis', 1, trim(keys(k)), &
           'no section has a law with a state')
