@@ -22,7 +22,17 @@ import markdown
 from latex2mathml.converter import convert as latex_to_mathml
 
 ROOT = Path(__file__).resolve().parent.parent
-ORDER = ["index", "first-run", "install", "running", "files", "deck-dem", "deck-fem", "deck-couple"]
+ORDER = [
+    "index",
+    "first-run",
+    "install",
+    "running",
+    "ranks",
+    "files",
+    "deck-dem",
+    "deck-fem",
+    "deck-couple",
+]
 ORDER += [
     "element-tests",
     "measures",
