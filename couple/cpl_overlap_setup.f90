@@ -469,7 +469,7 @@ contains
     character(len=:), allocatable :: fields
     fields = 'x'
     if (o%turns) fields = fields//',theta'
-    if (o%hears_force) fields = fields//',force'
+    if (o%hears_force) fields = fields//',force,load'
     if (o%hears_force .and. o%turns) fields = fields//',moment'
     if (o%hears_speed) fields = fields//',v'
     if (o%hears_speed .and. o%turns) fields = fields//',omega'

@@ -311,19 +311,24 @@ contains
     if (.not. o%round) call request%put(ghost_set//'.quat', o%quat)
   end subroutine put_ghosts
 
-  !> Forces on ghosts and free grains, from a reply.
+  !> Forces on ghosts and free grains, from a reply; all but gravity and what comes from here.
   subroutine read_forces(o, grains, both, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: grains
     logical, intent(in) :: both
     type(error_list_type), intent(inout) :: errors
+    real(wp) :: load(3, merge(o%op%free, 0_i4, o%hears_force))
     if (o%parts%active) then
       call read_parts(o, grains, both, errors)
     else
       call grains%reply%get(ghost_set//'.force', o%p, errors)
       call grains%reply%get(ghost_set//'.moment', o%m, errors)
     end if
-    if (o%hears_force) call grains%reply%get(free_set//'.force', o%contact, errors)
+    if (o%hears_force) then
+      call grains%reply%get(free_set//'.force', o%contact, errors)
+      call grains%reply%get(free_set//'.load', load, errors)
+      if (.not. errors%any()) o%contact = o%contact + load
+    end if
     if (o%hears_force .and. o%turns) &
       call grains%reply%get(free_set//'.moment', o%contact_moment, errors)
   end subroutine read_forces

@@ -226,11 +226,21 @@ contains
             call reply%put(set%name//'.force', system%grains%force(:, set%index))
           if (set%wants('moment')) &
             call reply%put(set%name//'.moment', system%grains%moment(:, set%index))
+          if (index(set%fields, ',load,') > 0) call put_load(set)
         end if
       end associate
     end do
 
   contains
+
+    !> Loads of the grains' own deck: the surcharge.
+    subroutine put_load(set)
+      type(dem_set_type), intent(in) :: set
+      real(wp) :: load(3, size(set%index))
+      load = 0.0_wp
+      if (allocated(system%surcharge)) load(3, :) = -system%surcharge(set%index)
+      call reply%put(set%name//'.load', load)
+    end subroutine put_load
 
     subroutine put_pair(set, load)
       type(dem_set_type), intent(in) :: set
