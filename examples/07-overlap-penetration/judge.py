@@ -18,7 +18,7 @@ RUNS = {"all grains": "truth", "overlap": "grains", "overlap, yielding": "plasti
 WALL = {"all grains": "truth", "overlap": "coupled", "overlap, yielding": "plastic/plastic",
         "rigid box": "rigid"}  # fmt: skip
 BANDS = ((0.0, 5.0), (5.0, 10.0), (10.0, 20.0))  # depth [mm]
-COUPLING = ("projection and maps", "pull-backs", "works", "audit and log")
+COUPLING = ("projection and maps", "pull-backs", "works", "audit and log", "exchange")
 MODE = "gravity and 100 kPa on the surface, E = 2.9 GPa, 0.25 m/s, no background damping"
 
 

@@ -18,6 +18,7 @@ INNER, FREE_EDGE, GHOST_EDGE, OUTER = 0.0125, 0.0225, 0.0375, 0.060  # half-widt
 FLOOR = -0.0225  # top of the floor's spheres [m]
 LAYER = 0.010  # height of an element, about [m]
 RIGID = 0.0225  # half the inner width of the medium container [m]
+NEAR = 0.005  # width of the layer of ghosts that may touch free grains [m]
 PROBE = 0.0225  # half-width of the box whose moduli are probed [m]
 LINES = np.array([INNER, FREE_EDGE, 0.030, GHOST_EDGE, 0.045, 0.0525, OUTER])
 
@@ -39,7 +40,21 @@ def core(bed: Packing) -> Packing:
     wide = half_width(bed)
     keep = (bed.kind == FREE) & (wide < GHOST_EDGE)
     keep |= (bed.kind == FIXED) & (wide < FREE_EDGE) & (bed.x[:, 2] < FLOOR)
-    return with_tool(bed.take(keep))
+    return ordered(with_tool(bed.take(keep)))
+
+
+def ordered(packing: Packing) -> Packing:
+    """Free grains first, then the ghosts near them, each in layers."""
+    wide = half_width(packing)
+    ring = np.where(wide < FREE_EDGE, 0, np.where(wide < FREE_EDGE + NEAR, 1, 2))
+    cell = np.floor((packing.x - packing.x.min(axis=0)) / NEAR)
+    order = np.lexsort((packing.id, cell[:, 0], cell[:, 1], cell[:, 2], ring))
+    part = packing.take(order)
+    place = {grain: k + 1 for k, grain in enumerate(part.id.tolist())}
+    part.groups = {name: np.array(sorted(place[grain] for grain in ids.tolist()))
+                   for name, ids in part.groups.items()}  # fmt: skip
+    part.id = np.arange(1, part.count + 1)
+    return part
 
 
 def rigid_box(bed: Packing) -> Packing:

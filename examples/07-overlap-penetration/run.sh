@@ -60,4 +60,5 @@ stage coupled coupled
 stage plastic plastic
 stage rigid solver dem rigid.nml
 stage truth solver dem truth.nml
+stage cost "$python" "$here/cost.py" .
 stage judge "$python" "$here/judge.py" .

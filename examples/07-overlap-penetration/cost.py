@@ -1,0 +1,89 @@
+"""What a step costs with all grains and in the coupled run, by the length of the exchange.
+
+Usage: cost.py OUT [STEPS [PAUSE]]. OUT holds what prepare and probe have written. Each deck is run
+for a few steps and for STEPS (960) more, with PAUSE (0 s) between runs; the difference is free of
+setting up. CPU time is that of all three programs together. Writes cost.csv and cost.png and prints
+the table; the ratio is that of CPU times, all grains over the run.
+"""
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from talus.look import COLOURS, new_figure, save_figure
+
+STEP = 1.25e-6  # of the grains [s]
+FEW = 160  # steps that settle the run
+LENGTHS = (1, 2, 4, 8)  # steps in an exchange
+CONTACTS = {"step": "in every step", "exchange": "once an exchange"}
+ASIDE = ("&checkpoint", "&output")  # groups that are left out
+TIMERS = ("projection and maps", "pull-backs", "works", "audit and log", "exchange")
+
+
+def short_deck(source: Path, target: Path, steps: int, **changes: str) -> Path:
+    """Write a deck that ends after a number of steps, without checkpoints and fields."""
+    text = source.read_text().replace("t_end = 0.08", f"t_end = {steps * STEP:.17g}")
+    for old, new in changes.items():
+        text = text.replace(*(f"{old} = {value}" for value in new.split("|")))
+    lines = [line for line in text.splitlines() if not line.startswith(ASIDE)]
+    target.write_text("\n".join(lines) + "\n")
+    return target
+
+
+def seconds(program: str, deck: Path) -> tuple[float, float, float]:
+    """CPU time of the program and its children, wall time, and work of the coupling [s]."""
+    tool = Path(os.environ["TALUS_BIN"]) / program
+    before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
+    subprocess.run([tool, deck.name], cwd=deck.parent, check=True, stdout=subprocess.DEVNULL,
+                   env=os.environ | {"OMP_NUM_THREADS": "1"})  # fmt: skip
+    wall, after = time.monotonic() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    timers = json.loads((deck.parent / f"{deck.stem}_summary.json").read_text())["timers"]
+    return cpu, wall, sum(timers.get(name, 0.0) for name in TIMERS)
+
+
+def a_step(out: Path, program: str, source: Path, more: int, **changes: str) -> list[float]:
+    """The same for one step, without setting up [ms]."""
+    runs = []
+    for steps in (FEW, FEW + more):
+        deck = short_deck(source, out / f"cost_{source.stem}.nml", steps, **changes)
+        runs.append(seconds(program, deck))
+        time.sleep(float(sys.argv[3]) if len(sys.argv) > 3 else 0.0)
+    return [1e3 * (b - a) / more for a, b in zip(*runs, strict=True)]
+
+
+def main() -> int:
+    """Time all grains and each coupled run."""
+    here, out = Path(__file__).resolve().parent, Path(sys.argv[1]).resolve()
+    more = int(sys.argv[2]) if len(sys.argv) > 2 else 960
+    whole = a_step(out, "talus-dem", here / "truth.nml", more)
+    lines = ["run,steps in an exchange,CPU a step [ms],wall a step [ms],coupling a step [ms],ratio"]
+    lines.append(f"all grains,,{whole[0]:.3f},{whole[1]:.3f},,1")
+    fig, ax = new_figure(figsize=(6.4, 4.2))
+    for k, (contacts, label) in enumerate(CONTACTS.items()):
+        times = []
+        for m in LENGTHS:
+            times.append(a_step(out, "talus-couple", here / "coupled.nml", more,
+                                exchange=f"1.0e-5|{m * STEP:.17g}",
+                                ghost_contacts=f"'exchange'|'{contacts}'"))  # fmt: skip
+            cpu, wall, work = times[-1]
+            lines.append(f"ghosts {label},{m},{cpu:.3f},{wall:.3f},{work:.3f},{whole[0] / cpu:.2f}")
+        ax.plot(LENGTHS, [t[0] for t in times], "o-", color=COLOURS[k], label=f"ghosts {label}")
+    ax.axhline(whole[0], color="k", ls="--", lw=1.0, label="all grains")
+    ax.set_xscale("log", base=2)
+    ax.set_xticks(LENGTHS, LENGTHS)
+    ax.set(xlabel="steps of the grains in an exchange", ylabel="CPU time a step [ms]")
+    ax.set_ylim(bottom=0.0)
+    ax.legend(fontsize=8)
+    save_figure(fig, out / "cost.png")
+    (out / "cost.csv").write_text("\n".join(lines) + "\n")
+    print("\n".join(lines))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
