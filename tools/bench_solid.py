@@ -17,6 +17,8 @@ from pathlib import Path
 
 import bench_calculix as calculix
 
+from talus.verification import launcher
+
 CONSTANTS = (210.0e9, 0.3, 7800.0)  # E [Pa], nu, density [kg/m3]
 GRAVITY = (3.0, 0.0, -9.81)  # m/s2
 LONG = 60.0  # s; what takes longer is run once
@@ -102,11 +104,14 @@ class Run:
     said: str
 
 
-def run(command: list[str], folder: Path, cores: int = 1) -> Run:
-    """Run a command in a folder, pinned to the first cores; follow its largest resident size."""
+def run(command: list[str], folder: Path, cores: int = 1, threads: int = 0) -> Run:
+    """Run a command in a folder, pinned to the first cores; follow its largest resident size.
+
+    As many threads as cores, unless ranks have some each.
+    """
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "CCX_NPROC_EQUATION_SOLVER",
              "CCX_NPROC_STIFFNESS")  # fmt: skip
-    environment = dict(os.environ, **dict.fromkeys(names, str(cores)))
+    environment = dict(os.environ, **dict.fromkeys(names, str(threads or cores)))
     pinned = ["taskset", "-c", ",".join(map(str, range(cores))), *command]
     said, peak = folder / "bench.out", 0.0
     start = time.monotonic()
@@ -183,9 +188,14 @@ class Bench:
         text += "&output every_time = 1.0 /\n" if output else ""
         (self.folder / f"{name}.nml").write_text(text)
 
-    def talus(self, name: str, cores: int) -> tuple[Run, dict]:
-        """Run talus-fem; return what it took and its summary."""
-        done = run([self.fem, f"{name}.nml", f"--threads={cores}"], self.folder, cores)
+    def talus(self, name: str, cores: int, ranks: bool = False) -> tuple[Run, dict]:
+        """Run talus-fem with threads or ranks; return what it took (of ranks no memory)."""
+        command = [self.fem, f"{name}.nml", f"--threads={1 if ranks else cores}"]
+        if ranks:
+            done = run([*launcher(cores), *command], self.folder, cores, threads=1)
+            done.memory = 0.0
+        else:
+            done = run(command, self.folder, cores)
         return done, json.loads((self.folder / f"{name}_summary.json").read_text())
 
     def model(self, mesh: str) -> str:
@@ -210,7 +220,7 @@ class Bench:
             Row(code, f"{case}_{solver}", n**3, cores, float(n**3))
             for cores in self.cores
             for solver in solvers
-            for code in ("talus", *(["calculix"] if peer else []))
+            for code in ("talus", *(["talus_ranks"] * (cores > 1)), *(["calculix"] if peer else []))
         ]
         for _ in range(self.repeats):
             for row in rows:
@@ -220,8 +230,8 @@ class Bench:
 
     def static_once(self, row: Row, wanted: tuple[float, ...] | None) -> None:
         """Add one static run to a row."""
-        if row.code == "talus":
-            done, summary = self.talus(row.case, row.cores)
+        if row.code != "calculix":
+            done, summary = self.talus(row.case, row.cores, row.code == "talus_ranks")
             row.residual = summary["health"].get("residual")
             corner = talus_corner(self.folder / f"{row.case}.h5")
         else:

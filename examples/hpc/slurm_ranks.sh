@@ -1,0 +1,23 @@
+#!/bin/bash
+# One run of talus-fem on several ranks, each with its threads, and a checkpoint before time is up.
+#   sbatch slurm_ranks.sh DECK
+#SBATCH --job-name=talus-fem
+#SBATCH --nodes=1
+#SBATCH --ntasks=4
+#SBATCH --cpus-per-task=4
+#SBATCH --time=12:00:00
+#SBATCH --signal=TERM@180
+#SBATCH --output=%x-%j.out
+set -u
+here=${SLURM_SUBMIT_DIR:-$PWD}
+source "${TALUS_ENV:-$here/talus.env}"
+deck=${1:?usage: sbatch slurm_ranks.sh DECK}
+export OPENBLAS_NUM_THREADS=$SLURM_CPUS_PER_TASK
+# ranks need a launcher that speaks PMIx: srun --mpi=pmix, or mpirun where Slurm has no such plugin
+launch=(srun --mpi=pmix --cpu-bind=cores --cpus-per-task="$SLURM_CPUS_PER_TASK")
+srun --mpi=list 2>&1 | grep -q pmix ||
+  launch=(mpirun -n "$SLURM_NTASKS" --map-by "slot:PE=$SLURM_CPUS_PER_TASK")
+"${launch[@]}" talus-fem "$deck" --restart=auto --threads="$SLURM_CPUS_PER_TASK"
+code=$?
+[ $code -eq 3 ] && echo "stopped early with a checkpoint: submit the same line again"
+exit $code
