@@ -10,7 +10,7 @@ module fem_arc
   use fem_body, only: fem_body_type
   use fem_follower, only: follower_force
   use fem_newton, only: part_type, inner_force, balance, assemble, solve, measure, note, finish, &
-    blame, give_up
+    blame, give_up, element_at
   use fem_sparse, only: multiply_general
   implicit none
   private
@@ -130,7 +130,8 @@ contains
       call note(self, part, iterations, size_of, scale, sum(step*residual), 1.0_wp)
       if (size_of <= self%newton%tolerance*scale) exit
       part%reason = 'the residual is '//str(size_of/max(scale, tiny(1.0_wp)))// &
-        ' of loads and reactions on the arc'
+        ' of loads and reactions on the arc, most in element '//str(element_at(self, &
+        int(maxloc(sum(residual**2, 1), 1), i4)))
       good = is_finite(size_of) .and. size_of <= diverged*max(first, scale)
       if (.not. good) return
       call directions(self, part, residual, back, along, good)

@@ -6,13 +6,15 @@ module fem_newton
   use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
   use fem_body, only: fem_body_type
+  use fem_law, only: at_dissipated
   use fem_follower, only: follower_force, add_follower_stiffness
   use fem_newmark, only: newmark_motion, dynamic_work
   use fem_sparse, only: add_springs, largest_entry, multiply_general, multiply_mass, spring_force
   implicit none
   private
   public :: newton_step, newton_columns
-  public :: part_type, inner_force, balance, assemble, solve, measure, note, finish, blame, give_up
+  public :: part_type, inner_force, balance, assemble, solve, measure, note, finish, blame, give_up, &
+    element_at
 
   integer(i4), parameter :: newton_columns = 8   !! of the table: see `note`
   integer(i4), parameter :: few = 6              !! iterations after which a part is doubled
@@ -267,6 +269,7 @@ contains
     if (good) return
     part%reason = 'the tangent is singular'
     if (errors%any()) part%reason = errors%item(1)%message
+    part%reason = part%reason//most_yielding(self)
   end subroutine solve
 
   !> Internal forces for displacements `moved` since the accepted state; `bad` is the first point
@@ -352,6 +355,20 @@ contains
     self%state%u = self%accepted%u + start + share*du
     if (.not. good) call blame(self, part)
   end subroutine line_search
+
+  !> The element that dissipates most in the trial, as a text; '' where none does.
+  pure function most_yielding(self) result(text)
+    type(fem_body_type), intent(in) :: self
+    character(len=:), allocatable :: text
+    integer(i4) :: p, at(2)
+    text = ''
+    associate (m => self%matter)
+      p = int(maxloc(m%state(at_dissipated, :) - m%accepted_state(at_dissipated, :), 1), i4)
+      if (.not. m%state(at_dissipated, p) > m%accepted_state(at_dissipated, p)) return
+      at = m%element_of(self%elastic, p)
+      text = '; element '//str(self%elastic%number_of(at(1)))//' yields most'
+    end associate
+  end function most_yielding
 
   !> Keep what is wrong with the first point without a state.
   subroutine blame(self, part)

@@ -14,6 +14,7 @@ module fem_port_state
   use fem_body, only: fem_body_type
   use fem_elastic, only: classical
   use fem_micropolar, only: lame_moduli, violated_inequality
+  use fem_port_stress, only: set_begun_stress
   use fem_mesh, only: find_group, group_hint
   use fem_mm_body, only: phi_columns
   use fem_mm_motion, only: mm_motion_type, mm_force_type, elastic_tangent
@@ -205,10 +206,9 @@ contains
     character(len=:), allocatable :: what
 
     call request%get_text('what', what, errors)
-    if (body%matter%active .and. (what == 'initial_stress' .or. what == 'moduli')) &
+    if (body%matter%active .and. what == 'moduli') &
       call errors%add('P302', "talus-fem cannot set '"//what//"' where laws have a state", &
-      request%place(), 'give the state in the deck of the solid (&geostatic, &initial_stress), '// &
-      'or take linear laws')
+      request%place(), 'give the constants in the deck of the solid, or take linear laws')
     if (errors%any()) return
     select case (what)
     case ('springs')
@@ -216,7 +216,11 @@ contains
     case ('dead_load')
       call set_dead_load(body, sets, request, errors)
     case ('initial_stress')
-      call set_initial(body, request, errors)
+      if (body%matter%active) then
+        call set_begun_stress(body, request, errors)
+      else
+        call set_initial(body, request, errors)
+      end if
     case ('quad_weight')
       call set_weights(body, request, errors)
     case ('moduli')

@@ -1,0 +1,62 @@
+!> SET initial_stress of the port for bodies whose laws have a state: the stress of all points, and
+!! the state that begins with it.
+module fem_port_stress
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_message, only: message_type
+  use fem_body, only: fem_body_type
+  use fem_elastic, only: classical
+  use fem_polar, only: symmetric_of
+  implicit none
+  private
+  public :: set_begun_stress
+
+contains
+
+  !> Values (6, points) [Pa], in a body with micropolar parts sigma_kl (9, points), symmetric. Fault
+  !! P302 where a law has no such start; nothing is changed then.
+  subroutine set_begun_stress(body, request, errors)
+    type(fem_body_type), intent(inout) :: body
+    type(message_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: value(:, :), state(:, :)
+    character(len=:), allocatable :: fault, cure
+    real(wp) :: moduli(2), six(6)
+    integer(i4) :: e, q
+
+    if (body%matter%finite .or. body%matter%micro%active) then
+      call errors%add('P302', "talus-fem cannot set 'initial_stress' at finite strain", &
+        request%place(), 'give the state in the deck of the solid, or take laws of small strain')
+      return
+    end if
+    allocate (value(merge(6, 9, body%elastic%components == classical), body%elastic%points))
+    call request%get('value', value, errors)
+    if (errors%any()) return
+    state = body%matter%state
+    do e = 1, body%mesh%elements
+      associate (law => body%matter%law(body%matter%law_of(e))%law, first => body%elastic%point(e))
+        do q = first, body%elastic%point(e + 1) - 1
+          six = value(:6, q)
+          if (size(value, 1) > 6) six = value(symmetric_of, q)
+          call law%begin(six, state(:law%states, q), fault, cure)
+          if (len(fault) == 0) cycle
+          call errors%add('P302', 'element '//str(e)//', point '//str(q - first + 1)//': '// &
+                          fault, request%place(), cure)
+          return
+        end do
+      end associate
+    end do
+    body%matter%state = state
+    body%matter%stress(:size(value, 1), :) = value
+    do e = 1, body%mesh%elements
+      associate (law => body%matter%law(body%matter%law_of(e))%law, first => body%elastic%point(e))
+        if (law%polar) cycle
+        moduli = law%modulus(value(:6, first))
+        if (size(value, 1) > 6) moduli = law%modulus(value(symmetric_of, first))
+        body%elastic%moduli(:2, e) = [moduli(1) - 2.0_wp/3.0_wp*moduli(2), moduli(2)]
+      end associate
+    end do
+    call body%assemble()
+  end subroutine set_begun_stress
+end module fem_port_stress
