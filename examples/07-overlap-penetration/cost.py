@@ -6,6 +6,7 @@ setting up. CPU time is that of all three programs together. Writes cost.csv and
 the table; the ratio is that of CPU times, all grains over the run.
 """
 
+import csv
 import json
 import os
 import resource
@@ -21,6 +22,7 @@ FEW = 160  # steps that settle the run
 LENGTHS = (1, 2, 4, 8)  # steps in an exchange
 CONTACTS = {"step": "in every step", "exchange": "once an exchange"}
 ASIDE = ("&checkpoint", "&output")  # groups that are left out
+CPU = "CPU a step [ms]"
 TIMERS = ("projection and maps", "pull-backs", "works", "audit and log", "exchange")
 
 
@@ -56,32 +58,38 @@ def a_step(out: Path, program: str, source: Path, more: int, **changes: str) -> 
     return [1e3 * (b - a) / more for a, b in zip(*runs, strict=True)]
 
 
+def draw(out: Path) -> None:
+    """cost.png from cost.csv."""
+    with (out / "cost.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    fig, ax = new_figure(figsize=(6.4, 4.2))
+    for k, label in enumerate(CONTACTS.values()):
+        times = [float(row[CPU]) for row in rows if row["run"] == f"ghosts {label}"]
+        ax.plot(range(len(times)), times, "o-", color=COLOURS[k], label=f"ghosts {label}")
+    ax.axhline(float(rows[0][CPU]), color="k", ls="--", lw=1.0, label="all grains")
+    ax.set_xticks(range(len(LENGTHS)), [str(m) for m in LENGTHS])
+    ax.set(xlabel="steps of the grains in an exchange", ylabel=CPU)
+    ax.set_ylim(bottom=0.0)
+    ax.legend(fontsize=8)
+    save_figure(fig, out / "cost.png")
+
+
 def main() -> int:
     """Time all grains and each coupled run."""
     here, out = Path(__file__).resolve().parent, Path(sys.argv[1]).resolve()
     more = int(sys.argv[2]) if len(sys.argv) > 2 else 960
     whole = a_step(out, "talus-dem", here / "truth.nml", more)
-    lines = ["run,steps in an exchange,CPU a step [ms],wall a step [ms],coupling a step [ms],ratio"]
+    lines = [f"run,steps in an exchange,{CPU},wall a step [ms],coupling a step [ms],ratio"]
     lines.append(f"all grains,,{whole[0]:.3f},{whole[1]:.3f},,1")
-    fig, ax = new_figure(figsize=(6.4, 4.2))
-    for k, (contacts, label) in enumerate(CONTACTS.items()):
-        times = []
+    for contacts, label in CONTACTS.items():
         for m in LENGTHS:
-            times.append(a_step(out, "talus-couple", here / "coupled.nml", more,
-                                exchange=f"1.0e-5|{m * STEP:.17g}",
-                                ghost_contacts=f"'exchange'|'{contacts}'"))  # fmt: skip
-            cpu, wall, work = times[-1]
+            cpu, wall, work = a_step(out, "talus-couple", here / "coupled.nml", more,
+                                     exchange=f"1.0e-5|{m * STEP:.17g}",
+                                     ghost_contacts=f"'exchange'|'{contacts}'")  # fmt: skip
             lines.append(f"ghosts {label},{m},{cpu:.3f},{wall:.3f},{work:.3f},{whole[0] / cpu:.2f}")
-        ax.plot(LENGTHS, [t[0] for t in times], "o-", color=COLOURS[k], label=f"ghosts {label}")
-    ax.axhline(whole[0], color="k", ls="--", lw=1.0, label="all grains")
-    ax.set_xscale("log", base=2)
-    ax.set_xticks(LENGTHS, LENGTHS)
-    ax.set(xlabel="steps of the grains in an exchange", ylabel="CPU time a step [ms]")
-    ax.set_ylim(bottom=0.0)
-    ax.legend(fontsize=8)
-    save_figure(fig, out / "cost.png")
     (out / "cost.csv").write_text("\n".join(lines) + "\n")
     print("\n".join(lines))
+    draw(out)
     return 0
 
 
