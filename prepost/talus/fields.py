@@ -10,6 +10,7 @@ import numpy as np
 from talus.elements import KINDS, MESHIO
 from talus.faults import FaultError
 from talus.files import make_folder, replaced, write_text_file
+from talus.forms import LEAST_EXPONENT, net_triangles, surface_points
 from talus.measure import rotations
 from talus.packing import DRIVEN, FIXED, FREE, Packing, check_packing, packing_of, read_packing
 
@@ -173,8 +174,13 @@ def ghost_rows(first: dict[str, np.ndarray], now: dict[str, np.ndarray]) -> np.n
     return np.flatnonzero(moved & (now["kind"] == FIXED))
 
 
-def convert_to_vtu(source: Path, target: Path, watch: object = iter) -> list[Path]:
-    """Write every step as VTU and a .pvd that ties them together; return the files written."""
+def convert_to_vtu(
+    source: Path, target: Path, watch: object = iter, surfaces: bool = False
+) -> list[Path]:
+    """Write every step as VTU and a .pvd that ties them together; return the files written.
+
+    With `surfaces` grains are written as the triangles of their surfaces.
+    """
     import meshio
 
     if target.suffix not in ("", ".vtu"):
@@ -187,7 +193,10 @@ def convert_to_vtu(source: Path, target: Path, watch: object = iter) -> list[Pat
         steps: Iterable[int] = watch(range(len(fields)))
         for step in steps:
             snapshot = fields.read(step)
-            made = vtu_of_solid(snapshot, mesh) if mesh else vtu_of_grains(snapshot)
+            if mesh:
+                made = vtu_of_solid(snapshot, mesh)
+            else:
+                made = vtu_of_surfaces(snapshot) if surfaces else vtu_of_grains(snapshot)
             path = folder / f"{stem}_{step:06d}.vtu"
             with replaced(path) as temporary:
                 meshio.write(temporary, made)
@@ -218,6 +227,28 @@ def vtu_of_grains(snapshot: Snapshot) -> object:
         tensor = np.einsum("nij,nj,nkj->nik", turn, grains["axes"], turn)
         grains["ellipsoid"] = tensor.reshape(-1, 9)
     return meshio.Mesh(x, [("vertex", np.arange(len(x))[:, None])], point_data=grains)
+
+
+def vtu_of_surfaces(snapshot: Snapshot) -> object:
+    """Return the surfaces of the grains, of any form, as triangles; their fields are of cells."""
+    import meshio
+
+    grains = snapshot.grains
+    if not {"quat", "axes"} <= grains.keys():
+        raise FaultError("E543", "the field file holds no shapes of grains")
+    n = len(grains["x"])
+    skew = grains.get("skew", np.zeros((n, 3)))
+    exponent = grains.get("exponent", np.full(n, LEAST_EXPONENT))
+    normals, triangles = net_triangles(8)
+    local = surface_points(grains["axes"], skew, exponent, normals)
+    points = np.einsum("nij,npj->npi", rotations(grains["quat"]), local) + grains["x"][:, None, :]
+    cells = triangles[None] + (np.arange(n) * len(normals))[:, None, None]
+    data = {
+        name: [np.repeat(values, len(triangles), axis=0)]
+        for name, values in grains.items()
+        if name not in ("x", "quat", "axes", "skew", "exponent")
+    }
+    return meshio.Mesh(points.reshape(-1, 3), [("triangle", cells.reshape(-1, 3))], cell_data=data)
 
 
 def vtu_of_solid(snapshot: Snapshot, mesh: tuple[np.ndarray, dict[str, np.ndarray]]) -> object:

@@ -6,6 +6,7 @@ Lengths in metres. The benchmark's numbers are those of the source chapter, sect
 import numpy as np
 
 from talus.faults import FaultError
+from talus.forms import Forms, bounding_radii
 from talus.packing import DRIVEN, FIXED, Packing, make_packing
 
 PITCH = 5.0e-3
@@ -175,17 +176,23 @@ def sieved_sizes(count: int, openings: np.ndarray, passing: np.ndarray) -> np.nd
 
 def cloud(
     sizes: np.ndarray, box: np.ndarray, axes: np.ndarray, seed: int, tries: int = 2000,
-    watch: object = iter, periodic: bool = False,
+    watch: object = iter, periodic: bool = False, forms: Forms | None = None,
 ) -> Packing:  # fmt: skip
     """Random grains whose bounding spheres do not overlap, in a box from the origin [m].
 
     `sizes` (n) multiply `axes` [m]. Larger grains are placed first; ids run through the box layer
     by layer, so that neighbours lie near each other in the solver's memory. In a periodic box
-    grains reach through the faces; the packing then holds it as its cell.
+    grains reach through the faces; the packing then holds it as its cell. With `forms` each grain
+    takes one of them by chance, in place of `axes`.
     """
     rng = np.random.default_rng(seed)
     scale = np.sort(sizes)[::-1]
     radius = scale * float(np.max(axes))
+    if forms is not None:
+        chosen = np.random.default_rng(seed + 2).integers(len(forms.axes), size=len(scale))
+        radius = scale * bounding_radii(forms)[chosen]
+        largest = np.argsort(-radius, kind="stable")
+        scale, chosen, radius = scale[largest], chosen[largest], radius[largest]
     if ((4.0 if periodic else 2.0) * radius[0] > box).any():
         text = f"the largest grain, {2.0 * radius[0]:.4g} m across, is too wide for the box"
         raise FaultError("E512", text, "enlarge the box")
@@ -207,8 +214,11 @@ def cloud(
             text = f"only {k} of {len(scale)} grains found room"
             raise FaultError("E512", text, "enlarge the box or ask for fewer grains")
     order = np.lexsort((x // (2.0 * radius[0])).astype(int).T)
-    axes = scale[order, None] * axes[None, :]
-    packing = make_packing(x[order], axes, random_quaternions(rng, len(scale)))
+    own = axes[None, :] if forms is None else forms.axes[chosen[order]]
+    packing = make_packing(x[order], scale[order, None] * own, random_quaternions(rng, len(scale)))
+    if forms is not None:
+        packing.skew = forms.skew[chosen[order]]
+        packing.exponent = forms.exponent[chosen[order]]
     if periodic:
         packing.cell = np.diag(box)
     return packing

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from talus.faults import FaultError
+from talus.forms import Forms, bounding_radii, formed, inside, volumes
 from talus.packing import FIXED, FREE, Packing
 
 Watch = Callable[[Iterable], Iterable]
@@ -52,6 +53,10 @@ def solid_fraction(
     step = (upper - lower) / count
     filled = np.zeros(count, bool)
     half = extents(packing)
+    other = formed(packing.skew, packing.exponent)
+    turn = rotations(packing.quat)
+    shapes = Forms(packing.axes, packing.skew, packing.exponent)
+    half[other] = bounding_radii(shapes.take(other))[:, None]
     inverse = np.linalg.inv(shape_tensors(packing.axes, packing.quat))
     near = ((packing.x + half > lower) & (packing.x - half < upper)).all(axis=1)
     for k in watch(np.flatnonzero(near)):
@@ -70,7 +75,11 @@ def solid_fraction(
             a[0, 0] * x * x + a[1, 1] * y * y + a[2, 2] * z * z
             + 2.0 * (a[0, 1] * x * y + a[1, 2] * y * z + a[0, 2] * x * z)
         )  # fmt: skip
-        filled[first[0] : last[0], first[1] : last[1], first[2] : last[2]] |= level <= 1.0
+        full = level <= 1.0
+        if other[k]:
+            local = np.stack(np.meshgrid(*d, indexing="ij"), -1) @ turn[k]
+            full = inside(local, packing.axes[k], packing.skew[k], packing.exponent[k])
+        filled[first[0] : last[0], first[1] : last[1], first[2] : last[2]] |= full
     return float(filled.mean())
 
 
@@ -250,7 +259,8 @@ def floor_share(
         return np.nan
     lowest = packing.x[fixed, 2].min()
     floor = fixed & (packing.x[:, 2] < lowest + 0.5 * packing.axes[fixed].min())
-    weight = density * gravity * 4.0 / 3.0 * np.pi * packing.axes[free].prod(axis=1).sum()
+    volume = volumes(packing.axes[free], packing.skew[free], packing.exponent[free])
+    weight = density * gravity * volume.sum()
     return float(-force[floor, 2].sum() / weight)
 
 

@@ -11,12 +11,14 @@ import numpy as np
 
 from talus.faults import FaultError
 from talus.files import refuse, replaced, write_text_file
+from talus.forms import LEAST_EXPONENT, MOST_EXPONENT, MOST_SKEW, formed
 
 FREE, FIXED, DRIVEN = 0, 1, 2
 UNIT = 1.0e-6  # how far the length of a quaternion may be from 1
 LARGEST_ID = 2**31 - 1  # what decks can name
 TEXT_ENDINGS = (".txt", ".text")
 TEXT_COLUMNS = "id kind a b c x y z qw qx qy qz group"
+FORM_COLUMNS = "skew_a skew_b skew_c exponent"  # behind them if some grain is no ellipsoid
 
 
 @dataclass
@@ -33,6 +35,20 @@ class Packing:
     groups: dict[str, np.ndarray] = field(default_factory=dict)
     cell: np.ndarray | None = None  # edges of a periodic cell as rows (3, 3) [m]
     corner: np.ndarray = field(default_factory=lambda: np.zeros(3))  # where it begins [m]
+    skew: np.ndarray | None = None  # (upper - lower)/(upper + lower) of the semi-axes (n, 3)
+    exponent: np.ndarray | None = None  # of superquadrics (n); 2 for all others
+
+    def __post_init__(self) -> None:
+        """Take ellipsoids where no forms are given."""
+        if self.skew is None:
+            self.skew = np.zeros((len(self.id), 3))
+        if self.exponent is None:
+            self.exponent = np.full(len(self.id), LEAST_EXPONENT)
+
+    @property
+    def formed(self) -> bool:
+        """Whether some grain is no ellipsoid."""
+        return bool(formed(self.skew, self.exponent).any())
 
     @property
     def count(self) -> int:
@@ -45,7 +61,8 @@ class Packing:
         groups = {name: g[np.isin(g, ids)] for name, g in self.groups.items()}
         return Packing(
             ids, self.x[keep], self.quat[keep], self.axes[keep], self.kind[keep], self.v[keep],
-            self.omega[keep], groups, self.cell, self.corner,
+            self.omega[keep], groups, self.cell, self.corner, self.skew[keep],
+            self.exponent[keep],
         )  # fmt: skip
 
     def join(self, other: "Packing") -> "Packing":
@@ -64,6 +81,8 @@ class Packing:
             groups=groups,
             cell=self.cell,
             corner=self.corner,
+            skew=np.concatenate([self.skew, other.skew]),
+            exponent=np.concatenate([self.exponent, other.exponent]),
         )
 
 
@@ -101,11 +120,12 @@ def write_h5(path: Path, packing: Packing) -> None:
     """Write packing.h5 (to a temporary name, then renamed)."""
     with replaced(path) as temporary, h5py.File(temporary, "w") as file:
         file.attrs["format"] = np.bytes_("talus-packing")
-        file.attrs["version"] = np.int32(1)
+        file.attrs["version"] = np.int32(2 if packing.formed else 1)
         grains = file.create_group("grains")
         grains["id"] = packing.id.astype(np.int64)
         grains["kind"] = packing.kind.astype(np.int32)
-        for name in ("x", "quat", "axes", "v", "omega"):
+        forms = ("skew", "exponent") if packing.formed else ()
+        for name in ("x", "quat", "axes", "v", "omega", *forms):
             grains[name] = np.ascontiguousarray(getattr(packing, name), np.float64)
         groups = file.create_group("groups")
         for name, ids in packing.groups.items():
@@ -145,14 +165,18 @@ def packing_of(grains: dict[str, np.ndarray], groups: dict[str, np.ndarray], pat
             raise FaultError("E502", f"{path} has no dataset /grains/{name}")
     n = len(grains["x"])
     width = {"x": (3,), "axes": (3,), "quat": (4,), "v": (3,), "omega": (3,), "kind": (), "id": ()}
+    width |= {"skew": (3,), "exponent": ()}
     for name, shape in width.items():
         if name in grains and grains[name].shape != (n, *shape):
             text = f"/grains/{name} has the shape {grains[name].shape} instead of {(n, *shape)}"
             raise FaultError("E502", text, place=str(path))
-    return make_packing(
+    packing = make_packing(
         grains["x"], grains["axes"], grains.get("quat"), grains.get("kind"), grains.get("id"),
         groups, grains.get("v"), grains.get("omega"),
     )  # fmt: skip
+    packing.skew = np.array(grains.get("skew", packing.skew), float)
+    packing.exponent = np.array(grains.get("exponent", packing.exponent), float)
+    return packing
 
 
 def check_packing(packing: Packing, place: str) -> None:
@@ -168,6 +192,16 @@ def check_packing(packing: Packing, place: str) -> None:
     length = np.linalg.norm(packing.quat, axis=1)
     tests += [
         ("axes", (packing.axes <= 0.0).any(axis=1), "all three semi-axes must be above 0"),
+        (
+            "skew",
+            ~(np.abs(packing.skew) <= MOST_SKEW).all(axis=1),
+            f"(upper - lower)/(upper + lower) of semi-axes lies within {MOST_SKEW:g}",
+        ),
+        (
+            "exponent",
+            ~((packing.exponent >= LEAST_EXPONENT) & (packing.exponent <= MOST_EXPONENT)),
+            f"from {LEAST_EXPONENT:g}, an ellipsoid, to {MOST_EXPONENT:g}",
+        ),
         ("kind", ~np.isin(packing.kind, (FREE, FIXED, DRIVEN)), "0 free, 1 fixed, 2 driven"),
         ("id", (ids < 1) | (ids > LARGEST_ID), f"ids lie from 1 to {LARGEST_ID}"),
         ("quat", np.abs(length - 1.0) > UNIT, "a quaternion must have the length 1"),
@@ -198,11 +232,15 @@ def write_text(path: Path, packing: Packing, header: str = "") -> None:
             raise FaultError("E504", f"the text form cannot hold a group called '{name}'")
         for i in ids:
             members[int(i)].append(name)
-    lines = [f"# {line}" for line in ["talus-packing text 1", *header.splitlines(), TEXT_COLUMNS]]
+    titles = f"{TEXT_COLUMNS} {FORM_COLUMNS}" if packing.formed else TEXT_COLUMNS
+    lines = [f"# {line}" for line in ["talus-packing text 1", *header.splitlines(), titles]]
     for k in range(packing.count):
         numbers = [*packing.axes[k], *packing.x[k], *packing.quat[k]]
         text = " ".join(repr(float(value)) for value in numbers)
         own = ",".join(members[int(packing.id[k])]) or "-"
+        if packing.formed:
+            form = [*packing.skew[k], packing.exponent[k]]
+            own += " " + " ".join(repr(float(value)) for value in form)
         lines.append(f"{packing.id[k]} {packing.kind[k]} {text} {own}")
     write_text_file(path, "\n".join(lines) + "\n")
 
@@ -222,16 +260,17 @@ def read_text(path: Path) -> Packing:
     if not rows:
         raise FaultError("E502", f"{path} holds no grains", f"rows are: {TEXT_COLUMNS}")
     groups: dict[str, list[int]] = {}
-    ids, kinds, numbers = [], [], []
+    ids, kinds, numbers, forms = [], [], [], []
     for number, words in rows:
         try:
-            if len(words) != 13:
-                raise ValueError(f"{len(words)} words instead of 13")
+            if len(words) not in (13, 17):
+                raise ValueError(f"{len(words)} words instead of 13, or 17 with its form")
             ids.append(int(words[0]))
             if not 1 <= ids[-1] <= LARGEST_ID:
                 raise ValueError(f"id {words[0]} is not from 1 to {LARGEST_ID}")
             kinds.append(int(words[1]))
             numbers.append([float(word) for word in words[2:12]])
+            forms.append([float(word) for word in words[13:]] or [0.0, 0.0, 0.0, LEAST_EXPONENT])
         except ValueError as fault:
             raise FaultError(
                 "E502",
@@ -242,10 +281,12 @@ def read_text(path: Path) -> Packing:
         for name in words[12].split(",") if words[12] != "-" else ():
             groups.setdefault(name, []).append(ids[-1])
     values = np.array(numbers)
-    return make_packing(
+    packing = make_packing(
         values[:, 3:6], values[:, 0:3], values[:, 6:10], np.array(kinds), np.array(ids),
         {name: np.array(g) for name, g in groups.items()},
     )  # fmt: skip
+    packing.skew, packing.exponent = np.array(forms)[:, :3], np.array(forms)[:, 3]
+    return packing
 
 
 def read_packing(path: Path) -> Packing:

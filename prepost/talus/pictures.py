@@ -11,6 +11,7 @@ from talus.elements import VTK
 from talus.faults import FaultError
 from talus.fields import GHOST, Cell, FieldFile, Snapshot, displacement
 from talus.files import make_folder, replaced
+from talus.forms import formed, surface_points
 from talus.measure import rotations
 from talus.packing import DRIVEN, FIXED
 
@@ -165,12 +166,19 @@ def add_grains(
 def ellipsoids(
     pyvista: object, g: dict[str, np.ndarray], rows: np.ndarray, values: np.ndarray
 ) -> object:
-    """Return one surface of many ellipsoids with the point data `value`; lengths in mm."""
-    ball = pyvista.Sphere(radius=1.0, theta_resolution=20, phi_resolution=14)
+    """Return one surface of many grains with the point data `value`; lengths in mm."""
+    fine = 2 if "skew" in g else 1  # flat spots leave fewer points
+    ball = pyvista.Sphere(radius=1.0, theta_resolution=20 * fine, phi_resolution=14 * fine)
     unit = np.asarray(ball.points, float)
     faces = np.asarray(ball.faces).reshape(-1, 4)
     turn = rotations(g["quat"][rows])
-    points = np.einsum("nij,nj,pj->npi", turn, g["axes"][rows], unit) + g["x"][rows][:, None, :]
+    points = np.einsum("nij,nj,pj->npi", turn, g["axes"][rows], unit)
+    if "skew" in g:
+        form = [g[name][rows] for name in ("axes", "skew", "exponent")]
+        other = formed(form[1], form[2])
+        drawn = surface_points(*(part[other] for part in form), unit)
+        points[other] = np.einsum("nij,npj->npi", turn[other], drawn)
+    points += g["x"][rows][:, None, :]
     shift = (np.arange(len(rows)) * len(unit))[:, None, None]
     cells = np.tile(faces, (len(rows), 1, 1))
     cells[:, :, 1:] += shift

@@ -12,6 +12,7 @@ import numpy as np
 from talus import histories
 from talus.faults import FaultError
 from talus.files import make_folder, write_text_file
+from talus.forms import volumes
 from talus.look import COLOURS, new_figure
 
 KILO, PER_CENT = 1.0e3, 100.0
@@ -136,10 +137,13 @@ def grain_volume(path: Path) -> float | None:
     try:
         with h5py.File(path) as file:
             grains = file["steps"][min(file["steps"])]["grains"]
-            axes = grains["axes"][...][grains["kind"][...] == 0]
+            free = grains["kind"][...] == 0
+            axes = grains["axes"][...][free]
+            skew = grains["skew"][...][free] if "skew" in grains else np.zeros_like(axes)
+            p = grains["exponent"][...][free] if "exponent" in grains else np.full(len(axes), 2.0)
     except (OSError, KeyError, ValueError):
         return None
-    return float(4.0 / 3.0 * np.pi * axes.prod(axis=1).sum()) or None
+    return float(volumes(axes, skew, p).sum()) or None
 
 
 def mean_over(test: Specimen, values: np.ndarray, low: float, high: float) -> float:

@@ -41,6 +41,9 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument(
         "--box", type=number, nargs=6, metavar="L", help="xlo xhi ylo yhi zlo zhi [m], for LAMMPS"
     )
+    new.add_argument(
+        "--surfaces", action="store_true", help="VTU: grains as triangles of their surfaces"
+    )
     new.set_defaults(run=convert)
 
 
@@ -50,7 +53,7 @@ def convert(options: argparse.Namespace) -> int:
     if target == "vtu":
         if options.kind != "packing":
             raise FaultError("E500", f"--to=vtu takes field files, not --from={options.kind}")
-        written = convert_to_vtu(options.source, options.output, watch)
+        written = convert_to_vtu(options.source, options.output, watch, options.surfaces)
         print(f"{written[-1]}: {len(written) - 1} steps")
         return 0
     packing: Packing = READERS[options.kind](options.source)

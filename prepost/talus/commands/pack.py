@@ -9,6 +9,7 @@ import numpy as np
 from talus import generate
 from talus.arguments import counting, natural, number, positive, share
 from talus.faults import FaultError
+from talus.forms import LEAST_EXPONENT, TABLE, Forms, check_row, formed, read_table
 from talus.packing import FREE, TEXT_ENDINGS, Packing, read_packing, write_packing_file
 from talus.progress import watch
 
@@ -30,11 +31,18 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument("--cells", type=counting, nargs=3, default=(5, 5, 5), metavar="N")
     new.add_argument("--pitch", type=positive, required=True, help="edge of the cell [m]")
     _axes(new, "--axes", "semi-axes [m]", required=True)
+    _form(new)
     new.add_argument("--periodic", action="store_true", help="in a periodic cell")
     new = _sub(pack, "cloud", cloud, "random grains that do not overlap")
     new.add_argument("--count", type=counting, required=True)
     _axes(new, "--box", "edges of the box [m]", required=True)
-    _axes(new, "--axes", "semi-axes [m]; with --gradation their ratios", required=True)
+    _axes(new, "--axes", "semi-axes [m]; with --gradation their ratios")
+    _form(new)
+    new.add_argument(
+        "--shapes", type=Path, metavar="FILE",
+        help=f"table of measured grains in place of --axes, a row each: {TABLE}; every grain "
+        "of the cloud takes one by chance",
+    )  # fmt: skip
     sizes = new.add_mutually_exclusive_group()
     sizes.add_argument("--spread", type=share, default=0.0, help="sizes 1 +- spread, by number")
     sizes.add_argument(
@@ -85,6 +93,17 @@ def _axes(parser: argparse.ArgumentParser, name: str, text: str, **options: obje
     parser.add_argument(name, type=positive, nargs=3, metavar="L", help=text, **options)
 
 
+def _form(parser: argparse.ArgumentParser) -> None:
+    """Add what makes grains other than ellipsoids."""
+    parser.add_argument(
+        "--skew", type=number, nargs=3, metavar="S", default=(0.0, 0.0, 0.0),
+        help="poly-ellipsoids: semi-axes (1 + S) on the positive and (1 - S) on the negative sides",
+    )  # fmt: skip
+    parser.add_argument(
+        "--exponent", type=number, default=2.0, help="superquadrics: 2 is an ellipsoid, 10 a box"
+    )
+
+
 def finish(options: argparse.Namespace, packing: Packing, header: str = "") -> int:
     """Write the packing and say what it holds."""
     write_packing_file(options.output, packing, header)
@@ -108,32 +127,44 @@ def penetration(options: argparse.Namespace) -> int:
 
 def lattice(options: argparse.Namespace) -> int:
     """Make a lattice."""
-    return finish(
-        options,
-        generate.lattice(
-            options.kind,
-            tuple(options.cells),
-            options.pitch,
-            np.array(options.axes),
-            options.periodic,
-        ),  # fmt: skip
+    made = generate.lattice(
+        options.kind, tuple(options.cells), options.pitch, np.array(options.axes), options.periodic
     )
+    made.skew[:], made.exponent[:] = options.skew, options.exponent
+    return finish(options, made)
 
 
 def cloud(options: argparse.Namespace) -> int:
     """Make a random cloud."""
-    axes = np.array(options.axes)
+    forms = forms_of(options)
     if options.gradation:
         openings, passing = read_gradation(options.gradation)
         # a grain of size 1 has the middle axis 1 m: it passes an opening of its size
-        axes = axes / (2.0 * np.median(axes))
+        forms.axes = forms.axes / (2.0 * np.median(forms.axes, axis=1, keepdims=True))
         sizes = generate.sieved_sizes(options.count, openings, passing)
     else:
         rng = np.random.default_rng(options.seed + 1)
         sizes = generate.uniform_sizes(options.count, options.spread, rng)
     box = np.array(options.box)
-    made = generate.cloud(sizes, box, axes, options.seed, watch=watch, periodic=options.periodic)
+    plain = len(forms.axes) == 1 and not formed(forms.skew, forms.exponent).any()
+    made = generate.cloud(
+        sizes, box, forms.axes[0], options.seed, watch=watch, periodic=options.periodic,
+        forms=None if plain else forms,
+    )  # fmt: skip
     return finish(options, made)
+
+
+def forms_of(options: argparse.Namespace) -> Forms:
+    """Return the forms that a cloud is made of: those of a table, or one of the options."""
+    if (options.axes is None) == (options.shapes is None):
+        raise FaultError("E507", "a cloud takes --axes or --shapes, one of the two")
+    if options.shapes is not None:
+        if options.exponent != LEAST_EXPONENT or any(options.skew):
+            raise FaultError("E507", "--skew and --exponent stand in the table of --shapes")
+        return read_table(options.shapes)
+    axes, skew = np.array(options.axes), np.array(options.skew)
+    check_row(np.concatenate([axes * (1.0 + skew), axes * (1.0 - skew), [options.exponent]]), "")
+    return Forms(axes[None], skew[None], np.array([options.exponent]))
 
 
 def read_gradation(texts: list[str]) -> tuple[np.ndarray, np.ndarray]:
