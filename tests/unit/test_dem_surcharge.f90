@@ -195,8 +195,8 @@ contains
                     all(abs(copy%grains%extra_force) <= 0.0_wp))
   end subroutine check_forces
 
-  !> A ghost between two free grains, where grains overlap with a solid: it keeps its share, which no
-  !! grain carries, and nothing above it counts; elsewhere it is a wall, and the free ones carry all.
+  !> A ghost between two free grains, where grains overlap with a solid: it keeps its share, which
+  !! no grain carries; elsewhere it is a wall, and the free ones carry all.
   subroutine check_ghosts()
     type(dem_system_type) :: s
     type(dem_surcharge_type) :: surcharge
