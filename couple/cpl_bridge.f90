@@ -13,12 +13,22 @@ module cpl_bridge
   use cpl_rows, only: rows_type
   implicit none
   private
-  public :: bridge_type, bridge_field_type
+  public :: bridge_type, bridge_field_type, domain_type
 
   real(wp), parameter :: fixed = 1.0e12_wp  !! times the largest mass, of what a deck holds
   real(wp), parameter :: mend = 0.1_wp      !! of a gap, taken back in a step (consistent)
   real(wp), parameter :: slight = 1.0e-6_wp !! share of the nodes' masses that steadies a fit
   integer(i4), parameter :: fits = 6        !! one after the other, until that share is not felt
+
+  !> What a field is made of: all nodes of the overlap, of which `bound` take part.
+  type :: domain_type
+    type(rows_type) :: n                       !! functions of the nodes at the grains
+    logical, allocatable :: bound(:)           !! (nodes)
+    real(wp), allocatable :: x_node(:, :)      !! (3, nodes) [m]
+    real(wp), allocatable :: node(:)           !! their masses
+    real(wp), allocatable :: grain(:)          !! masses of the grains
+    logical, allocatable :: held(:, :)         !! (3, nodes) by the solid's deck
+  end type domain_type
 
   !> Displacements, or rotations, that are bound.
   type :: bridge_field_type
@@ -54,39 +64,34 @@ module cpl_bridge
 
 contains
 
-  !> Rows n have columns for all nodes of the overlap, of which `bound` take part.
-  subroutine build(self, n, bound, x_node, node, grain, held, lumped, errors)
+  !> Columns, masses, and the factors or the row sums.
+  subroutine build(self, domain, lumped, errors)
     class(bridge_field_type), intent(inout) :: self
-    type(rows_type), intent(in) :: n
-    logical, intent(in) :: bound(:)          !! (nodes)
-    real(wp), intent(in) :: x_node(:, :)     !! (3, nodes) [m]
-    real(wp), intent(in) :: node(:)          !! masses of the nodes (nodes)
-    real(wp), intent(in) :: grain(:)         !! masses of the grains
-    logical, intent(in) :: held(:, :)        !! (3, nodes) by the solid's deck
+    type(domain_type), intent(in) :: domain
     logical, intent(in) :: lumped
     type(error_list_type), intent(inout) :: errors
-    integer(i4) :: k, c, column(size(bound))
+    integer(i4) :: k, c, column(size(domain%bound))
 
-    self%at = pack([(k, k=1, int(size(bound), i4))], bound)
+    self%at = pack([(k, k=1, int(size(column), i4))], domain%bound)
     column = 0
     column(self%at) = [(k, k=1, int(size(self%at), i4))]
-    self%n = n
+    self%n = domain%n
     self%n%columns = int(size(self%at), i4)
-    self%n%column = column(n%column)
-    self%node = node(self%at)
-    self%grain = grain
+    self%n%column = column(domain%n%column)
+    self%node = domain%node(self%at)
+    self%grain = domain%grain
     allocate (self%light(3, size(self%at)))
     do k = 1, size(self%at)
-      self%light(:, k) = merge(0.0_wp, 1.0_wp/self%node(k), held(:, self%at(k)))
+      self%light(:, k) = merge(0.0_wp, 1.0_wp/self%node(k), domain%held(:, self%at(k)))
     end do
     if (lumped) then
       call row_sums(self)
       return
     end if
-    allocate (self%both(merge(3, 1, any(held(:, self%at)))))
+    allocate (self%both(merge(3, 1, any(domain%held(:, self%at)))))
     do c = 1, size(self%both)
-      call self%both(c)%build_massive(self%n, grain, loaded(self, c, 1.0_wp), &
-                                      x_node(:, self%at), errors)
+      call self%both(c)%build_massive(self%n, self%grain, loaded(self, c, 1.0_wp), &
+                                      domain%x_node(:, self%at), errors)
     end do
   end subroutine build
 

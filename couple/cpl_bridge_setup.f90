@@ -7,6 +7,7 @@ module cpl_bridge_setup
   use talus_log, only: short_number
   use talus_message, only: verb_select, verb_set, verb_ready
   use talus_timers, only: timers_type
+  use cpl_bridge, only: domain_type
   use cpl_bridge_limit, only: check_bridge_step
   use cpl_bridge_mass, only: check_domain, share_domain
   use cpl_bridge_step, only: bridge_forces, bridge_bulk, read_bound, bound_set, load_set
@@ -39,6 +40,7 @@ contains
                 b%hold_couple(3, n), b%theta_ref(3, n), source=0.0_wp)
     end associate
     allocate (o%factor(o%op%free), source=1.0_wp)
+    o%in_parts = .false.
     o%hears_force = .false.
     o%hears_speed = .false.
     call check_domain(o, errors)
@@ -160,6 +162,7 @@ contains
   subroutine build_fields(o, errors)
     type(overlap_type), intent(inout) :: o
     type(error_list_type), intent(inout) :: errors
+    type(domain_type) :: domain
     logical :: bound(o%cells%nodes)
     integer(i4) :: e
 
@@ -168,12 +171,22 @@ contains
       if (o%sets%part(e) == part_ghost) bound(o%cells%nodes_of(e)) = .true.
     end do
     associate (b => o%bridge, ghost => o%sets%ghost)
-      call b%move%build(o%op%ghost, bound(o%op%node), o%x_node, o%mass, &
-                        b%weight*o%pack%mass(ghost), o%held, b%lumped, errors)
+      domain%n = o%op%ghost
+      domain%bound = bound(o%op%node)
+      domain%x_node = o%x_node
+      domain%node = o%mass
+      domain%grain = b%weight*o%pack%mass(ghost)
+      domain%held = o%held
+      call b%move%build(domain, b%lumped, errors)
       where (.not. bound(o%op%node)) o%mass = 0.0_wp
       if (.not. b%turns .or. errors%any()) return
-      call b%turn%build(o%op%ghost_phi, bound(o%op%node_phi), o%cells%x(:, o%op%node_phi), &
-                        o%inertia, b%weight*o%pack%slimmest(ghost), o%held_phi, b%lumped, errors)
+      domain%n = o%op%ghost_phi
+      domain%bound = bound(o%op%node_phi)
+      domain%x_node = o%cells%x(:, o%op%node_phi)
+      domain%node = o%inertia
+      domain%grain = b%weight*o%pack%slimmest(ghost)
+      domain%held = o%held_phi
+      call b%turn%build(domain, b%lumped, errors)
       where (.not. bound(o%op%node_phi)) o%inertia = 0.0_wp
     end associate
   end subroutine build_fields

@@ -4,7 +4,7 @@ program test_cpl_bridge
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use talus_test, only: test_type
-  use cpl_bridge, only: bridge_field_type
+  use cpl_bridge, only: bridge_field_type, domain_type
   use cpl_rows, only: rows_type
   implicit none
 
@@ -25,6 +25,7 @@ contains
     logical, intent(in) :: held(3, nodes), lumped
     type(rows_type) :: n
     type(error_list_type) :: errors
+    type(domain_type) :: domain
     real(wp) :: x_node(3, nodes), xi
     integer(i4) :: e, k
     call n%begin(grains, nodes, 2_i4)
@@ -37,8 +38,13 @@ contains
     call n%finish()
     x_node = 0.0_wp
     x_node(1, :) = [(real(k, wp), k=1, nodes)]
-    call field%build(n, [.false., .true., .true., .true., .true.], x_node, masses(), weights(), &
-                     held, lumped, errors)
+    domain%n = n
+    domain%bound = [.false., .true., .true., .true., .true.]
+    domain%x_node = x_node
+    domain%node = masses()
+    domain%grain = weights()
+    domain%held = held
+    call field%build(domain, lumped, errors)
     call test%check('no fault', .not. errors%any())
   end subroutine make
 
