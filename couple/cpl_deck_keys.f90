@@ -260,9 +260,11 @@ contains
       'Micro-deformation of the nodes over free grains in a micromorphic solid: ' &
       //'`''rotations''`, rotations by the mean rotation of the grains, the rest by the ' &
       //'best fit to their positions; `''positions''`, all by their positions, right for ' &
-      //'large rotations. Ghosts turn with it, and their moments are couples on it.')
+      //'large rotations; `''spins''`, the mean rotation alone, for moduli whose ' &
+      //'micro-element is the grain (`talus measure`). Ghosts turn with it, and their ' &
+      //'moments are couples on it.')
     call table%preset('rotations')
-    call table%allow('rotations|positions')
+    call table%allow('rotations|positions|spins')
     call group_overlap_2(table)
   end subroutine group_overlap
 

@@ -4,7 +4,8 @@
 !! Nodes over free grains: phi is the best linear fit of the grains' displacements around the node,
 !! the grains weighed by mass and by the node's function,
 !!   chi = (sum w x' Xi)(sum w Xi Xi)^-1,
-!! its skew part, unless `positions`, that of the grains' mean rotation. Ghosts turn by
+!! its skew part, unless `positions`, that of the grains' mean rotation, which with `rigid` is all
+!! of it: the micro-element is the grain. Ghosts turn by
 !! w_k = -1/2 e_kij (chi' chi^-1)_ij of the interpolated chi; a moment m on a ghost is the couple
 !! C_iK = -1/2 N_b e_kij m_k (chi^-1)_Kj on its nodes.
 module cpl_micro
@@ -26,6 +27,7 @@ module cpl_micro
   type :: micro_type
     logical :: active = .false.
     logical :: positions = .false.         !! rotations of chi are those of positions, too
+    logical :: rigid = .false.             !! chi is a rotation, without regard to positions
     integer(i4), allocatable :: first(:)   !! of each hat node's grains (nodes + 1)
     integer(i4), allocatable :: grain(:)
     real(wp), allocatable :: slope(:, :)   !! (3, entries) of the fit [1/m]
@@ -147,6 +149,10 @@ contains
     real(wp) :: a(3, 3)
     integer(i4) :: b, e, k
     do b = 1, size(self%first) - 1
+      if (self%rigid) then
+        phi(:, parts*b - 2:parts*b) = columns_of_turn(turn(:, b))
+        cycle
+      end if
       a = 0.0_wp
       do e = self%first(b), self%first(b + 1) - 1
         do k = 1, 3
@@ -183,6 +189,7 @@ contains
         moment(:, b) = moment_of(a)
         a = 0.5_wp*(a + transpose(a))
       end if
+      if (self%rigid) cycle
       do e = self%first(b), self%first(b + 1) - 1
         force(:, self%grain(e)) = force(:, self%grain(e)) + matmul(a, self%slope(:, e))
       end do

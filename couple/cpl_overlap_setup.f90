@@ -58,8 +58,10 @@ contains
     call choose_elements(o, solvers(side_solid), choices, timers, errors)
     call check_micro(o, choices, solvers(side_solid), errors)
     if (errors%any()) return
-    o%op%micro%positions = choices%overlap%micro_deformation == 'positions' .and. &
-      o%cells%micromorphic .and. rotation_of(o, choices) == rotation_micro
+    if (o%cells%micromorphic .and. rotation_of(o, choices) == rotation_micro) then
+      o%op%micro%positions = choices%overlap%micro_deformation == 'positions'
+      o%op%micro%rigid = choices%overlap%micro_deformation == 'spins'
+    end if
     call o%sets%sort(o%cells, o%pack, errors)
     if (errors%any()) return
     if (choices%overlap%remap > 0.0_wp .and. .not. choices%overlap%bridging) &

@@ -1,8 +1,9 @@
 """Solids of `make bench`: a clamped cube under gravity, static and explicit, beside CalculiX.
 
 Cases: static_KIND_N (whole runs, direct and iterative), assembly and explicit rows over the number
-of elements, and a million elements by the iterative solver. Displacements are compared with those
-that CalculiX and FEniCSx print for the same mesh, so that the same problem is timed.
+of elements, states and tangents of micromorphic points, and a million elements by the iterative
+solver. Displacements are compared with those that CalculiX and FEniCSx print for the same mesh, so
+that the same problem is timed.
 """
 
 import json
@@ -47,9 +48,10 @@ EXPLICIT = {
 }  # kind, formulation, element-steps of a run, step over (edge / wave speed)
 WAVE = 6020.0  # m/s, of compression
 CCX_STEPS = (20, 140)  # of the two runs whose difference is CalculiX's rate
-CASES = (*STATIC, "assembly", *EXPLICIT, "solid_million")
+POINTS = "micromorphic_points"
+CASES = (*STATIC, "assembly", *EXPLICIT, POINTS, "solid_million")
 DEFAULT = tuple(case for case in CASES if case not in ("static_hex8_10", "solid_million"))
-QUICK = ("static_hex8_10", "assembly", *EXPLICIT)
+QUICK = ("static_hex8_10", "assembly", *EXPLICIT, POINTS)
 
 MATERIALS = {
     False: "law = 'linear_elastic', young = 210.0e9, poisson = 0.3",
@@ -174,6 +176,7 @@ class Bench:
     def __init__(self, binaries: Path, out: Path, repeats: int, cores: list[int], quick: bool):
         """Make the folder."""
         self.fem, self.folder = str(binaries / "talus-fem"), out / "solid"
+        self.units = binaries.parent / "unit"
         self.folder.mkdir(parents=True, exist_ok=True)
         self.repeats, self.cores, self.quick = repeats, cores, quick
         self.peer = calculix.installed()
@@ -258,6 +261,22 @@ class Bench:
                 rows.append(row)
         return rows
 
+    def points(self) -> list[Row]:
+        """States and tangents of micromorphic points, as the test of their speed prints them."""
+        rows: dict[str, Row] = {}
+        test = self.units / "test_fem_mm_speed"
+        if not test.exists():
+            print(f"  no {test}: make unit-one T={test.name}", flush=True)
+            return []
+        for _ in range(self.repeats):
+            said = run([str(test)], self.folder).said
+            lines = re.findall(r"^(micromorphic_\w+) (\d+) points +(\S+) s", said, re.M)
+            for name, count, seconds in lines:
+                row = rows.setdefault(name, Row("talus", name, int(count), 1, float(count)))
+                row.wall.append(float(seconds))
+                row.cpu.append(float(seconds))
+        return list(rows.values())
+
     def explicit(self, case: str) -> list[Row]:
         """Central differences over the number of elements, with CalculiX on the smallest mesh."""
         kind, element, work, courant = EXPLICIT[case]
@@ -313,6 +332,8 @@ def rows_of(bench: Bench, case: str) -> list[dict]:
         found = bench.static(case)
     elif case == "assembly":
         found = bench.assembly()
+    elif case == POINTS:
+        found = bench.points()
     elif case == "solid_million":
         found = bench.static(case, ("iterative",))
     else:

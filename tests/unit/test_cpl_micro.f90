@@ -142,8 +142,9 @@ contains
     call scatter(rate, 0.29_wp)
     call scatter(m, 0.83_wp)
     phi = 0.3_wp*phi
-    do mode = 1, 2
+    do mode = 1, 3
       call build(micro, mode == 1)
+      micro%rigid = mode == 3
       call micro%take(at_ghosts, phi - small*rate)
       before = 0.0_wp
       turn = before
