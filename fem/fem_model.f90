@@ -22,6 +22,7 @@ module fem_model
   use fem_deck_keys, only: fem_deck_table
   use fem_geostatic, only: settle
   use fem_mm_report, only: energy_warning
+  use fem_mm_watch, only: watch_ellipticity
   use fem_mumps, only: storage_memory, storage_disk
   use fem_output, only: fem_output_type, energy_error
   use fem_relaxation, only: relax
@@ -65,6 +66,7 @@ module fem_model
     logical :: auto_solver = .false., relaxation = .false.
     real(wp) :: tolerance = 1.0e-8_wp        !! of dynamic relaxation
     integer(i4) :: most_iterations = 100000  !! of one of its steps
+    logical :: elliptic = .true.             !! of micromorphic points no other was seen
     logical :: settled = .false.             !! under an initial stress, before the first step
     real(wp) :: settlement = 0.0_wp          !! on the way there, at most [m]
   contains
@@ -473,6 +475,8 @@ contains
       call self%timers%stop('steps')
       if (self%body%matter%active) call self%output%write_iterations(self%body, errors)
       if (.not. errors%any()) call check_energy(self%body, errors)
+      if (.not. errors%any()) call watch_ellipticity(self%body, self%log, &
+                                                       self%elliptic)
       call agree(self%ranks, errors)
       if (errors%any()) return
       call self%body%hand_over()

@@ -118,12 +118,50 @@ def solve(case: Case, n: int) -> dict:
     return found | {"width": 2 * width(growth, HEIGHT / 2 / growth.size)}
 
 
+def warnings_of(case: Case, hardening: float) -> list[str]:
+    """Return what a run says of ellipticity whose cone is that of the macro-stress."""
+    name = f"macro_{abs(hardening):.3f}".replace(".", "_")
+    text = (case.folder / f"band_{MESHES[0]}.nml").read_text().replace("'micro'", "'macro'")
+    text = text.replace("'Shear band'", "'Shear band', t_end = 0.24")
+    text = text.replace("hardening = -1.0", f"hardening = {hardening:.17g}")
+    (case.folder / f"{name}.nml").write_text(text)
+    case.run("talus-fem", f"{name}.nml")
+    return told(case, name)
+
+
+def told(case: Case, name: str) -> list[str]:
+    """Return the lines of a log about ellipticity."""
+    log = (case.folder / f"{name}.log").read_text()
+    return [line for line in log.splitlines() if "loses ellipticity" in line]
+
+
+def ellipticity(case: Case) -> None:
+    """Judge when and where hardening is said to lose ellipticity."""
+    for n in MESHES:
+        count = len(told(case, f"band_{n}"))
+        case.metric(f"{n} elements, micro-cone: warnings", count, 0, 0, "the gradient keeps it")
+    one, other = MU + SIGMA + KAPPA, MU + SIGMA + NU  # of P_xz by F_xz and F_zx, chi held
+    critical = ((one + other) ** 2 / (2 * one) - (one + other)) / A**2
+    above = warnings_of(case, 0.97 * critical)
+    case.metric("macro-cone, 3 % above the critical softening: warnings", len(above), 0, 0)
+    below = warnings_of(case, 1.03 * critical)
+    case.metric("macro-cone, 3 % below it: warnings", len(below), 1, 0, "once")
+    line = below[0] if below else ""
+    middle = round(MESHES[0] * WEAK / (HEIGHT / 2))  # elements of the weak middle come first
+    weak = any(f"of element {e}," in line for e in range(1, middle + 1))
+    case.metric("its element is of the weak middle", float(weak), 1.0, 0.0)
+    normal = line.split("direction ")[-1].split(";")[0].split(",") if line else ["0"]
+    largest = max(abs(float(value)) for value in normal)
+    case.metric("its direction, largest component", largest, 1.0, 1e-3, "along z or x")
+
+
 def run(case: Case) -> None:
     """Judge width, shape and falling branch; plot them."""
     band = exact_band()
     grid = np.linspace(-HEIGHT / 2, HEIGHT / 2, 8001)
     wanted = width(band.g(grid), grid[1] - grid[0])
     runs = [solve(case, n) for n in MESHES]
+    ellipticity(case)
     for n, found, limit in zip(MESHES, runs, (0.06, 0.02, 0.01), strict=True):
         case.metric(f"{n} elements: width / closed form", found["width"] / wanted, 1.0, limit)
     fine = runs[-1]
