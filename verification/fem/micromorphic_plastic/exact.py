@@ -9,6 +9,8 @@ FRICTION, DILATION = np.deg2rad(35.0), np.deg2rad(10.0)
 Q_YIELD = 345856.518293  # reference O18
 # reference O18: axial compression, q, radial tension, hardening variable
 LAST = (0.02, 418278.404831, 0.0122781070601, 0.0377004478705)
+# reference O14: angle [rad], shape, cohesion, and the factors of the cone
+O14 = {"angle": 0.46, "shape": 0.34, "cohesion": 0.51, "A": 1.39315236742, "B": 0.690235625633}
 STIFF = (1.0, 10.0, 100.0, 1000.0)
 
 
@@ -101,11 +103,34 @@ def judge_levels(case: Case) -> None:
     case.below("five surfaces: work not found, in the limit / work", limit, 5e-4)
 
 
+def judge_cone(case: Case) -> None:
+    """Judge A and B of a cone by its yield function without stress and under pressure alone."""
+    angle = float(np.rad2deg(O14["angle"]))
+    text = f"""&run title = 'A cone' /
+&micromorphic lambda = 10.0, mu = 7.0, eta = 3.0, tau = 1.0, kappa = 6.0, nu = 4.0, sigma = 0.5 /
+&cone level = 'macro', cohesion = {O14["cohesion"]}, friction_deg = {angle!r},
+  dilation_deg = {angle!r}, shape = {O14["shape"]} /
+&curve id = 'ramp', times = 0.0, 1.0, values = 0.0, 1.0 /
+&micro_point steps = 1 /
+"""
+    for k in "123":
+        text += f"&micro_control component = 'F{k}{k}', curve = 'ramp', scale = -0.01 /\n"
+    (case.folder / "cone.nml").write_text(text)
+    case.run("talus-fem", "cone.nml", "--point")
+    found = read_history(case.folder / "cone_point.csv")
+    a = -found["yield 1"][0] / O14["cohesion"]
+    case.metric("O14: A", float(a), O14["A"], 1e-10)
+    pressure = found["F 11"][1] ** 2 * found["S 11"][1]
+    b = (found["yield 1"][1] + a * O14["cohesion"]) / pressure
+    case.metric("O14: B", float(b), O14["B"], 1e-10)
+
+
 def run(case: Case) -> None:
     """Judge all; plot the compressions and how they reach the closed form."""
     first, off = judge_triaxial(case, "macro")
     _, micro = judge_triaxial(case, "micro")
     judge_levels(case)
+    judge_cone(case)
     fig, ax = case.figure()
     q = np.array([0.0, Q_YIELD, LAST[1]])
     ax.plot(100 * exact(q)["axial"], q / 1e3, "-", label="closed form")

@@ -37,6 +37,9 @@ FAR = {
 -2.57226841329 -3.38234139992 -2.57226841329 -11.8993180236""",
     },
 }
+# reference O11: entries of C by row, taus = 2 to 12
+O11 = {0: 97.0, 4: 13.0, 8: 13.0, 10: 16.0, 12: 9.0, 28: 23.0, 30: 22.0, 36: 23.0, 40: 9.0, 44: 2.0,
+       50: 3.0, 52: 4.0}  # fmt: skip
 COUPLE_11K = [10.1924409842, 131.600160126, -110.930468133]
 # reference O13: F22, lateral displacement, chi_xx - 1, chi_yy - 1, S_22, Cauchy stress
 STRETCH = np.array([
@@ -88,6 +91,32 @@ def judge_far(case: Case, form: str) -> None:
     case.below(f"far, {form}: couple stress 11K, error / largest", off, 1e-9)
 
 
+def judge_moduli(case: Case) -> None:
+    """Judge the table of the eleven gradient moduli: couple stress of each unit gradient of chi."""
+    places = [f"{kl}{m}" for kl in KL for m in (1, 2, 3)]
+    many = len(places)
+    lines = [
+        "&run title = 'Unit gradients' /",
+        "&micromorphic lambda = 4.0, mu = 7.0, eta = 3.0, tau = 5.0, kappa = 6.0, nu = 8.0,",
+        f"  sigma = 4.0, taus = {', '.join(str(k) for k in range(2, 13))} /",
+        f"&micro_point steps = {many} /",
+    ]
+    for k, place in enumerate(places, 1):
+        times = [0.0, (k - 1) / many, k / many, (k + 1) / many, 2.0]
+        rows = [(t, float(j == 2)) for j, t in enumerate(times) if j != 1 or t > 0.0]
+        at, value = (", ".join(repr(row[i]) for row in rows) for i in (0, 1))
+        lines.append(f"&curve id = 'u{k}', times = {at}, values = {value} /")
+        lines.append(f"&micro_control component = 'grad_chi{place}', curve = 'u{k}', scale = 1.0 /")
+    (case.folder / "unit.nml").write_text("\n".join(lines) + "\n")
+    case.run("talus-fem", "unit.nml", "--point")
+    found = read_history(case.folder / "unit_point.csv")
+    m = np.array([found[f"couple {p}"][-many:] for p in places]).reshape(3, 3, 3, many)
+    c = m.transpose(1, 2, 0, 3).reshape(729)  # M_IJK = C_JKILMN Gamma_LMN
+    for row, value in O11.items():
+        case.metric(f"O11: C, entry {row}", float(c[row]), value, 1e-12)
+    case.metric("O11: C, entries that are not zero", int((abs(c) > 1e-12).sum()), 183, 0)
+
+
 def judge_stretch(case: Case) -> dict[str, np.ndarray]:
     """Judge the element that is pulled, its sides and its micro-deformation free."""
     case.run("talus-fem", "stretch.nml", "--point")
@@ -130,6 +159,7 @@ def run(case: Case) -> None:
     """Judge all; plot the stretched element."""
     for form in FAR:
         judge_far(case, form)
+    judge_moduli(case)
     found = judge_stretch(case)
     case.run("talus-fem", "column.nml", "--point")
     column = read_history(case.folder / "column_point.csv")
