@@ -91,7 +91,8 @@ contains
   !> In simple shear with axes at 45 degrees the band stands along one of the planes of shear.
   subroutine direction()
     real(wp) :: least, normal(3), turned
-    call least_determinant(tangent_of([1.0_wp, 0.0_wp, -1.0_wp], 0.0_wp, 0.0_wp, -0.01_wp), .true., &
+    logical, parameter :: yes = .true.
+    call least_determinant(tangent_of([1.0_wp, 0.0_wp, -1.0_wp], 0.0_wp, 0.0_wp, -0.01_wp), yes, &
                            least, normal)
     turned = abs(normal(1)*normal(3))
     call test%check_close('direction of the band', turned, 0.5_wp, 1.0e-3_wp)

@@ -119,11 +119,12 @@ def solve(case: Case, n: int) -> dict:
 
 
 def warnings_of(case: Case, hardening: float) -> list[str]:
-    """Return what a run says of ellipticity whose cone is that of the macro-stress."""
+    """Return what a run of a uniform layer with a macro-cone says of ellipticity."""
     name = f"macro_{abs(hardening):.3f}".replace(".", "_")
     text = (case.folder / f"band_{MESHES[0]}.nml").read_text().replace("'micro'", "'macro'")
-    text = text.replace("'Shear band'", "'Shear band', t_end = 0.24")
+    text = text.replace("'Shear band'", "'Shear band', t_end = 0.36")
     text = text.replace("hardening = -1.0", f"hardening = {hardening:.17g}")
+    text = text.replace("0.99e-3", "1.0e-3")
     (case.folder / f"{name}.nml").write_text(text)
     case.run("talus-fem", f"{name}.nml")
     return told(case, name)
@@ -147,9 +148,7 @@ def ellipticity(case: Case) -> None:
     below = warnings_of(case, 1.03 * critical)
     case.metric("macro-cone, 3 % below it: warnings", len(below), 1, 0, "once")
     line = below[0] if below else ""
-    middle = round(MESHES[0] * WEAK / (HEIGHT / 2))  # elements of the weak middle come first
-    weak = any(f"of element {e}," in line for e in range(1, middle + 1))
-    case.metric("its element is of the weak middle", float(weak), 1.0, 0.0)
+    case.metric("it names the first element", float("point 1 of element 1," in line), 1.0, 0.0)
     normal = line.split("direction ")[-1].split(";")[0].split(",") if line else ["0"]
     largest = max(abs(float(value)) for value in normal)
     case.metric("its direction, largest component", largest, 1.0, 1e-3, "along z or x")
