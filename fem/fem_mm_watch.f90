@@ -21,16 +21,17 @@ contains
 
   !> Look at the trial state of a body, which has been found, and warn of the first element; not
   !! again where `elliptic` is false already.
-  subroutine watch_ellipticity(body, log, elliptic)
+  subroutine watch_ellipticity(body, log, failed, elliptic)
     type(fem_body_type), intent(in) :: body
     type(log_type), intent(inout) :: log
+    logical, intent(in) :: failed  !! the step has no end
     logical, intent(inout) :: elliptic
     real(wp), allocatable :: least(:), normal(:, :)
     integer(i4), allocatable :: point(:)
     integer(i4) :: e, k
 
     associate (micro => body%matter%micro)
-      if (.not. (micro%active .and. elliptic) .or. body%explicit) return
+      if (.not. (micro%active .and. elliptic) .or. body%explicit .or. failed) return
       if (.not. any(can_lose(micro%law))) return
       allocate (least(body%mesh%elements), source=1.0_wp)
       allocate (normal(3, body%mesh%elements), point(body%mesh%elements))

@@ -475,8 +475,7 @@ contains
       call self%timers%stop('steps')
       if (self%body%matter%active) call self%output%write_iterations(self%body, errors)
       if (.not. errors%any()) call check_energy(self%body, errors)
-      if (.not. errors%any()) call watch_ellipticity(self%body, self%log, &
-                                                       self%elliptic)
+      call watch_ellipticity(self%body, self%log, errors%any(), self%elliptic)
       call agree(self%ranks, errors)
       if (errors%any()) return
       call self%body%hand_over()
