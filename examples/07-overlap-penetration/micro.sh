@@ -1,0 +1,21 @@
+#!/usr/bin/env bash
+# Penetration with a micromorphic surround that yields, in a folder that run.sh has made.
+# Usage: micro.sh OUT STRENGTH [END]
+# STRENGTH: strength.json of element tests of the same grains (../02-element-tests); END: 0.02 s.
+# TALUS_BIN (default build/bin) names the tools.
+set -euo pipefail
+here=$(cd "$(dirname "$0")" && pwd)
+root=$(cd "$here/../.." && pwd)
+export TALUS_BIN=${TALUS_BIN:-$root/build/bin}
+python=$root/build/venv/bin/python
+out=${1:?usage: micro.sh OUT STRENGTH [END]}
+strength=${2:?usage: micro.sh OUT STRENGTH [END]}
+out=$(cd "$out" && pwd)
+mkdir -p "$out/micro"
+cp "$out/core_pack.h5" "$here/grains.nml" "$out/micro"
+"$python" "$here/micro.py" "$out" "$strength" "${3:-0.02}"
+(
+  cd "$out/micro"
+  "$TALUS_BIN/talus-couple" micro.nml --restart=auto
+)
+"$python" "$here/micro_judge.py" "$out"
