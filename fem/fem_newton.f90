@@ -13,8 +13,8 @@ module fem_newton
   implicit none
   private
   public :: newton_step, newton_columns
-  public :: part_type, inner_force, balance, assemble, solve, measure, note, finish, blame, give_up, &
-    element_at
+  public :: part_type, inner_force, balance, assemble, solve, measure, note, finish, blame
+  public :: give_up, element_at
 
   integer(i4), parameter :: newton_columns = 8   !! of the table: see `note`
   integer(i4), parameter :: few = 6              !! iterations after which a part is doubled
