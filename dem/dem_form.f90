@@ -9,6 +9,7 @@
 !! p = 2 is an ellipsoid whatever e is (theory-dem, Forms).
 module dem_form
   use talus_kinds, only: wp, i4
+  use dem_power, only: raise
   use dem_shape, only: rotation_of, quaternion_product
   implicit none
   private
@@ -140,16 +141,17 @@ contains
     real(wp), intent(out) :: power(3)  !! (w^2 + e^2)^(q/2 - 1)
     real(wp), intent(out) :: total     !! sum (w^2 + e^2)^(q/2)
     real(wp), intent(out) :: factor    !! total^(1/q - 1)
-    real(wp) :: square(3)
+    real(wp) :: square(3), last(1)
     a = merge(form(at_upper:at_upper + 2), form(at_lower:at_lower + 2), m >= 0.0_wp)
     w = a*m
     length = sqrt(sum(w*w))
     w = w/length
     square = w*w + form(at_rounding)
     if (form(at_half) < 1.0_wp) then
-      power = square**(form(at_half) - 1.0_wp)
+      call raise(3_i4, square, spread(form(at_half) - 1.0_wp, 1, 3), power)
       total = sum(power*square)
-      factor = total**(0.5_wp/form(at_half) - 1.0_wp)
+      call raise(1_i4, [total], [0.5_wp/form(at_half) - 1.0_wp], last)
+      factor = last(1)
     else
       power = 1.0_wp
       total = sum(square)

@@ -15,6 +15,7 @@ module dem_form_side
     real(wp) :: record(lanes, form_size)  !! see dem_form
     real(wp) :: r(lanes, 9)               !! rotation, octants to space, by columns
     real(wp) :: a(lanes, 3)               !! semi-axes on the side of the normal [m]
+    real(wp) :: m(lanes, 3)               !! normal in the frame of the octants, with powers alone
     real(wp) :: w(lanes, 3)               !! a m over its length [-]
     real(wp) :: length(lanes)             !! of a m [m]
     real(wp) :: power(lanes, 3)           !! (w^2 + e^2)^(q/2 - 1)
@@ -37,33 +38,75 @@ contains
     logical, intent(in) :: powers
     real(wp), intent(in) :: nx(lanes), ny(lanes), nz(lanes)
     real(wp), intent(out) :: h(lanes), ux(lanes), uy(lanes), uz(lanes)
-    real(wp) :: m1, m2, m3, scale, p1, p2, p3
+    if (powers) then
+      call pick_axes(f, sign, nx, ny, nz)
+      call raise_shares(f)
+      call support_powers(f, sign, h, ux, uy, uz)
+    else
+      call support_octants(f, sign, nx, ny, nz, h, ux, uy, uz)
+    end if
+  end subroutine support_side
+
+  !> Without powers, in one go.
+  pure subroutine support_octants(f, sign, nx, ny, nz, h, ux, uy, uz)
+    type(form_side_type), intent(inout) :: f
+    real(wp), intent(in) :: sign
+    real(wp), intent(in) :: nx(lanes), ny(lanes), nz(lanes)
+    real(wp), intent(out) :: h(lanes), ux(lanes), uy(lanes), uz(lanes)
+    real(wp) :: m1, m2, m3, a1, a2, a3, w1, w2, w3, length, inverse, p1, p2, p3
     integer(i4) :: k
 
-    call pick_axes(f, sign, nx, ny, nz)
-    if (powers) then
-      call raise_shares(f)
-    end if
-    !$omp simd private(m1, m2, m3, scale, p1, p2, p3)
+    !$omp simd private(m1, m2, m3, a1, a2, a3, w1, w2, w3, length, inverse, p1, p2, p3)
     do k = 1, lanes
       m1 = sign*(f%r(k, 1)*nx(k) + f%r(k, 2)*ny(k) + f%r(k, 3)*nz(k))
       m2 = sign*(f%r(k, 4)*nx(k) + f%r(k, 5)*ny(k) + f%r(k, 6)*nz(k))
       m3 = sign*(f%r(k, 7)*nx(k) + f%r(k, 8)*ny(k) + f%r(k, 9)*nz(k))
-      if (powers) then
-        scale = f%record(k, at_scale)*f%factor(k)
-        h(k) = scale*f%length(k)*f%total(k)
-        p1 = f%record(k, at_rounding)*(f%power(k, 1) + f%power(k, 2) + f%power(k, 3))
-        p2 = scale*f%a(k, 2)*f%w(k, 2)*(f%power(k, 2) + p1)
-        p3 = scale*f%a(k, 3)*f%w(k, 3)*(f%power(k, 3) + p1)
-        p1 = scale*f%a(k, 1)*f%w(k, 1)*(f%power(k, 1) + p1)
-      else
-        h(k) = f%length(k)
-        p1 = f%a(k, 1)*f%w(k, 1)
-        p2 = f%a(k, 2)*f%w(k, 2)
-        p3 = f%a(k, 3)*f%w(k, 3)
-      end if
-      h(k) = h(k) - m1*f%record(k, at_centre) - m2*f%record(k, at_centre + 1) &
+      a1 = merge(f%record(k, at_upper), f%record(k, at_lower), m1 >= 0.0_wp)
+      a2 = merge(f%record(k, at_upper + 1), f%record(k, at_lower + 1), m2 >= 0.0_wp)
+      a3 = merge(f%record(k, at_upper + 2), f%record(k, at_lower + 2), m3 >= 0.0_wp)
+      w1 = a1*m1
+      w2 = a2*m2
+      w3 = a3*m3
+      length = sqrt(w1*w1 + w2*w2 + w3*w3)
+      inverse = 1.0_wp/length
+      w1 = inverse*w1
+      w2 = inverse*w2
+      w3 = inverse*w3
+      f%a(k, 1) = a1
+      f%a(k, 2) = a2
+      f%a(k, 3) = a3
+      f%w(k, 1) = w1
+      f%w(k, 2) = w2
+      f%w(k, 3) = w3
+      f%length(k) = length
+      h(k) = length - m1*f%record(k, at_centre) - m2*f%record(k, at_centre + 1) &
              - m3*f%record(k, at_centre + 2)
+      p1 = sign*(a1*w1 - f%record(k, at_centre))
+      p2 = sign*(a2*w2 - f%record(k, at_centre + 1))
+      p3 = sign*(a3*w3 - f%record(k, at_centre + 2))
+      ux(k) = f%r(k, 1)*p1 + f%r(k, 4)*p2 + f%r(k, 7)*p3
+      uy(k) = f%r(k, 2)*p1 + f%r(k, 5)*p2 + f%r(k, 8)*p3
+      uz(k) = f%r(k, 3)*p1 + f%r(k, 6)*p2 + f%r(k, 9)*p3
+    end do
+  end subroutine support_octants
+
+  !> From the shares and their powers.
+  pure subroutine support_powers(f, sign, h, ux, uy, uz)
+    type(form_side_type), intent(in) :: f
+    real(wp), intent(in) :: sign
+    real(wp), intent(out) :: h(lanes), ux(lanes), uy(lanes), uz(lanes)
+    real(wp) :: scale, p, p1, p2, p3
+    integer(i4) :: k
+
+    !$omp simd private(scale, p, p1, p2, p3)
+    do k = 1, lanes
+      scale = f%record(k, at_scale)*f%factor(k)
+      p = f%record(k, at_rounding)*(f%power(k, 1) + f%power(k, 2) + f%power(k, 3))
+      p1 = scale*f%a(k, 1)*f%w(k, 1)*(f%power(k, 1) + p)
+      p2 = scale*f%a(k, 2)*f%w(k, 2)*(f%power(k, 2) + p)
+      p3 = scale*f%a(k, 3)*f%w(k, 3)*(f%power(k, 3) + p)
+      h(k) = scale*f%length(k)*f%total(k) - f%m(k, 1)*f%record(k, at_centre) &
+             - f%m(k, 2)*f%record(k, at_centre + 1) - f%m(k, 3)*f%record(k, at_centre + 2)
       p1 = sign*(p1 - f%record(k, at_centre))
       p2 = sign*(p2 - f%record(k, at_centre + 1))
       p3 = sign*(p3 - f%record(k, at_centre + 2))
@@ -71,7 +114,7 @@ contains
       uy(k) = f%r(k, 2)*p1 + f%r(k, 5)*p2 + f%r(k, 8)*p3
       uz(k) = f%r(k, 3)*p1 + f%r(k, 6)*p2 + f%r(k, 9)*p3
     end do
-  end subroutine support_side
+  end subroutine support_powers
 
   !> Semi-axes on the side of sign n, and their shares.
   pure subroutine pick_axes(f, sign, nx, ny, nz)
@@ -92,6 +135,9 @@ contains
       f%a(k, 1) = a1
       f%a(k, 2) = a2
       f%a(k, 3) = a3
+      f%m(k, 1) = m1
+      f%m(k, 2) = m2
+      f%m(k, 3) = m3
       m1 = a1*m1
       m2 = a2*m2
       m3 = a3*m3
