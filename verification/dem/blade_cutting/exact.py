@@ -1,4 +1,4 @@
-"""A blade in beds of spheres against the passive wedge for the friction that the same grains show."""
+"""A blade in beds of spheres against the passive wedge, with the friction that the grains show."""
 
 import json
 
