@@ -32,6 +32,7 @@ module dem_contact
     real(wp) :: damping             !! 2 xi: dashpot = damping sqrt(m* k_n) [-]
     real(wp) :: tangential_damping  !! the same for the tangent, times sqrt(k_t/k_n) [-]
     real(wp) :: friction, share
+    logical :: frozen          !! a contact keeps the R_e of its first touch
   end type contact_constants_type
 
   !> What passes between the parts of contact_block, a lane each.
@@ -80,6 +81,7 @@ contains
     c%tangential_damping = 2.0_wp*law%tangential_ratio &
                            *sqrt((c%kt_a + c%kt)/max(c%kn_a + c%kn, tiny_force))
     c%share = law%share
+    c%frozen = law%frozen
   end function constants_of
 
   !> Radius of a contact from its history [m].
@@ -142,6 +144,7 @@ contains
       call recall_spheres(b, c, h, history, s)
     else
       call recall_contacts(b, history, s)
+      if (c%frozen) call freeze_radii(history, s)
     end if
     call normal_forces(b, c, m_star, history, s)
     call relative_motion(b, h, s)
@@ -167,6 +170,13 @@ contains
       s%lz(k) = history(k, history_point + 2)
     end do
   end subroutine recall_contacts
+
+  !> Contacts that go on keep the effective radius of their first touch.
+  pure subroutine freeze_radii(history, s)
+    real(wp), intent(in) :: history(lanes, history_size)
+    type(scratch_type), intent(inout) :: s
+    where (history(:, history_side) > 0.0_wp) s%root = history(:, history_root)
+  end subroutine freeze_radii
 
   !> The same for spheres: the last branch, along which the last point lay, is today's less its
   !! growth, and as long as the radii less the last overlap.

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 27)
+    call table%init('talus-dem', 28)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -20,6 +20,7 @@ contains
     call group_material(table)
     call group_curve(table)
     call group_contact(table)
+    call group_bond(table)
     call group_particles(table)
     call group_fixed(table)
     call group_driven(table)
@@ -150,7 +151,7 @@ contains
 
   subroutine group_contact(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('contact', 8, &
+    call table%add_group('contact', 17, &
       'Contact law of a pair of materials. Every pair that can meet needs one; the ' &
       //'order of the two names does not matter.', repeats=.true., required=.true.)
     call table%add_key('between', 'string', '', &
@@ -163,6 +164,12 @@ contains
       //' force by damping alone. `linear`: springs and dashpots of constant stiffness.')
     call table%need()
     call table%allow('hertz_mindlin|hertz_no_history|linear')
+    call table%add_key('radius', 'string', '', &
+      'Effective radius R_e of contacts of ellipsoids: `current`: that of the present ' &
+      //'normal, whose turn the ledger books as curvature work; `frozen`: that of the ' &
+      //'first touch, which makes the normal force conservative.')
+    call table%preset('current')
+    call table%allow('current|frozen')
     call table%add_key('friction', 'real', '', 'Coulomb coefficient of friction.')
     call table%need()
     call table%bounds(min=0.0_wp)
@@ -185,7 +192,86 @@ contains
       'Tangential stiffness; the law ''linear'' needs it, the others take it from the ' &
       //'moduli.')
     call table%bounds(above=0.0_wp)
+    call table%add_key('rolling_friction', 'real', '', &
+      'Rolling resistance: an elastic-plastic spring on the relative spin across the ' &
+      //'normal, whose moment is at most this times effective radius R_e times elastic ' &
+      //'normal force. A sphere rests on a slope as long as its tangent is below.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('twisting_friction', 'real', '', &
+      'The same for the relative spin about the normal.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call group_contact_2(table)
   end subroutine group_contact
+
+  subroutine group_contact_2(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('rolling_stiffness', 'real', '', &
+      'Stiffness of the rolling spring, in k_t R_e^2.')
+    call table%preset('1.0')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('twisting_stiffness', 'real', '', &
+      'Stiffness of the twisting spring, in k_t R_e^2.')
+    call table%preset('1.0')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('rolling_damping', 'real', '', &
+      'Fraction of critical damping of both springs, with m* R_e^2 as inertia, never ' &
+      //'beyond the cap; left out, that of the normal contact.')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('cohesion', 'string', '', &
+      'Pull along the normal on top of the Hertz force: `constant`: `pull_force` while ' &
+      //'the bodies overlap; `dmt`: 2 pi w R_e while they overlap; `jkr`: a neck that ' &
+      //'forms at the first touch and tears at 3/2 pi w R_e. Friction goes by the Hertz ' &
+      //'force alone.')
+    call table%preset('none')
+    call table%allow('none|constant|dmt|jkr')
+    call table%add_key('pull_force', 'real', 'N', 'Force of the cohesion ''constant''.')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('surface_energy', 'real', 'J/m2', &
+      'Work w to part a unit of contact area, of the cohesions ''dmt'' and ''jkr''.')
+    call table%bounds(above=0.0_wp)
+  end subroutine group_contact_2
+
+  subroutine group_bond(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('bond', 8, &
+      'Bonds: beams of circular section that glue grains at the start of the run and ' &
+      //'break at their strengths, on top of the contact law. All grains with a gap of at' &
+      //' most `reach` are bonded, or the pairs that are named.')
+    call table%add_key('young', 'real', 'Pa', &
+      'Young''s modulus of the beams: k_n = E A/L, L the distance of the centres.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%add_key('stiffness_ratio', 'real', '', 'Normal over shear stiffness of a bond.')
+    call table%preset('2.5')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('radius', 'real', '', &
+      'Radius of the beam, in least semi-axes of the smaller grain.')
+    call table%preset('1.0')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('tensile_strength', 'real', 'Pa', &
+      'Largest tension at the edge of the section, N/A + |M| r/I.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%add_key('shear_strength', 'real', 'Pa', &
+      'Largest shear at the edge of the section, |S|/A + |M_t| r/J.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%add_key('damping_ratio', 'real', '', &
+      'Fraction of critical damping of each of the four springs of a bond.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('reach', 'real', 'm', &
+      'Largest gap that a bond fills, below the margin of the candidate list. A named ' &
+      //'pair further apart is a fault.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('pairs', 'integer', '', &
+      'Ids of the bonded grains, two a bond; left out, all grains within reach.')
+    call table%sized(1_i4, huge(1_i4))
+    call table%bounds(min=1.0_wp)
+  end subroutine group_bond
 
   subroutine group_particles(table)
     type(key_table_type), intent(inout) :: table

@@ -12,6 +12,8 @@ module dem_forces
   use dem_gap, only: branch_vectors, evaluate_pairs, evaluate_spheres, evaluate_planes, &
     refine_normals, add_curvatures, solve_lane
   use dem_contact, only: contact_block, constants_of
+  use dem_extra_list, only: held_lanes
+  use dem_extras, only: extra_forces
   implicit none
   private
   public :: block_forces, sum_body
@@ -36,6 +38,7 @@ contains
     integer(i4) :: next
     logical :: contact
 
+    if (pairs%extras%active) pairs%extras%work(:, k) = 0.0_wp
     if (travel < 0.5_wp*pairs%least_gap(k) .and. .not. pairs%touched(k)) then
       pairs%columns(:, k) = 0.0_wp
       return
@@ -62,6 +65,8 @@ contains
       else
         call evaluate_planes(mine)
       end if
+      if (pairs%extras%active .and. k <= pairs%grain_blocks) call find_held(pairs, mine, &
+                                                                            mine_forms, k)
     end if
     contact = any(mine%gap < 0.0_wp)
     if (.not. contact .and. .not. pairs%touched(k)) then
@@ -79,6 +84,8 @@ contains
                        pairs%history(:, :, k), &
                        pairs%columns(:, k))
     pairs%touched(k) = contact
+    if (pairs%extras%active) call extra_forces(mine, laws(pairs%law_first(k), &
+                                                          pairs%law_second(k)), k, h, pairs)
     call put_loads(mine%load, pairs%result(:, (k - 1)*lanes + 1:k*lanes))
   end subroutine block_forces
 
@@ -166,6 +173,33 @@ contains
       owner = merge(owner, forms%n + 1, owner > 0)
     end function owners
   end subroutine meet_forms
+
+  !> Converge the normals of lanes that are held over a gap.
+  subroutine find_held(pairs, block, figures, k)
+    type(dem_pairs_type), intent(inout) :: pairs
+    type(dem_block_type), intent(inout) :: block
+    type(form_block_type), intent(inout) :: figures
+    integer(i4), intent(in) :: k
+    integer(i4) :: lane
+    logical :: needs(lanes)
+
+    needs = block%gap > 0.0_wp .and. held_lanes(pairs%extras, k)
+    if (.not. any(needs)) return
+    do lane = 1, lanes
+      if (.not. needs(lane)) cycle
+      if (pairs%form(k) > 0) then
+        call solve_form_lane(block, figures, lane, .false.)
+      else
+        call solve_lane(block, lane, .false.)
+      end if
+    end do
+    if (pairs%form(k) > 0) then
+      call evaluate_forms(block, figures)
+    else
+      call evaluate_pairs(block)
+    end if
+    call keep_normals(pairs, block, k)
+  end subroutine find_held
 
   !> Force and moment on a body: its pairs in the order of partner ids.
   pure subroutine sum_body(pairs, body, force, moment)

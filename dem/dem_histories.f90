@@ -16,12 +16,12 @@ module dem_histories
   private
   public :: dem_histories_type, relative_closure
 
-  character(len=26), parameter :: energy_columns(19) = [character(len=26) :: 'time [s]', &
+  character(len=26), parameter :: energy_columns(22) = [character(len=26) :: 'time [s]', &
     'kinetic [J]', 'elastic [J]', 'elastic_normal [J]', 'elastic_tangential [J]', &
     'friction [J]', 'contact_damping [J]', 'background_damping [J]', 'curvature [J]', &
     'tangential_relaxation [J]', 'boundary [J]', 'external [J]', 'gravity [J]', &
     'staggering [J]', 'closure_error [J]', 'relative_closure [-]', 'contacts [-]', &
-    'max_overlap [-]', 'dt [s]']
+    'max_overlap [-]', 'dt [s]', 'elastic_other [J]', 'rolling [J]', 'breakage [J]']
   character(len=16), parameter :: driven_columns(12) = [character(len=16) :: 'time [s]', 'id [-]', &
     'x [m]', 'y [m]', 'z [m]', 'force_x [N]', 'force_y [N]', 'force_z [N]', 'moment_x [N m]', &
     'moment_y [N m]', 'moment_z [N m]', 'work [J]']
@@ -105,13 +105,15 @@ contains
     if (.not. self%energy%is_open()) return
     call system%refresh_ledger()
     associate (l => system%ledger)
-      call self%energy%write([time, l%kinetic, l%elastic_normal + l%elastic_tangential, &
+      call self%energy%write([time, l%kinetic, l%elastic_normal + l%elastic_tangential &
+                              + l%elastic_other, &
                               l%elastic_normal, l%elastic_tangential, l%friction, &
                               l%contact_damping, l%background_damping, l%curvature, &
                               l%tangential_relaxation, l%boundary, l%external, l%gravity, &
                               l%staggering, system%closure(), relative_closure(system), &
                               real(contact_count(system%dem_data_type), wp), &
-                              system%health%max_overlap, system%par%dt], errors)
+                              system%health%max_overlap, system%par%dt, l%elastic_other, &
+                              l%rolling, l%breakage], errors)
     end associate
     do k = 1, size(self%index)
       i = self%index(k)

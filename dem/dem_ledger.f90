@@ -3,6 +3,7 @@ module dem_ledger
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_data_type, dem_ledger_type, kind_free
   use dem_contact, only: contact_constants_type, constants_of, stored_energy
+  use dem_extras, only: extra_energy
   use dem_integrate, only: motion_type, scaled_spin_momentum
   use dem_shape, only: rotation_of
   use dem_steps, only: motion_of
@@ -35,6 +36,7 @@ contains
     end do
     ledger%elastic_normal = 0.0_wp
     ledger%elastic_tangential = 0.0_wp
+    ledger%elastic_other = 0.0_wp
     do k = 1, d%pairs%blocks
       if (.not. d%pairs%touched(k)) cycle
       constants = constants_of(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)))
@@ -43,6 +45,8 @@ contains
       if (allocated(d%pairs%share)) energy = d%pairs%share(k)*energy
       ledger%elastic_normal = ledger%elastic_normal + energy(1)
       ledger%elastic_tangential = ledger%elastic_tangential + energy(2)
+      if (d%pairs%extras%active) ledger%elastic_other = ledger%elastic_other &
+        + extra_energy(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)), k, d%pairs)
     end do
     if (d%surfaces%near == 0) return
     energy = surface_energy(d)
@@ -76,7 +80,7 @@ contains
   pure real(wp) function content(ledger)
     type(dem_ledger_type), intent(in) :: ledger
     content = ledger%kinetic - ledger%staggering + ledger%elastic_normal &
-              + ledger%elastic_tangential
+              + ledger%elastic_tangential + ledger%elastic_other
   end function content
 
   !> Begin a ledger at the current state for step dt; all works are zero.
@@ -129,7 +133,8 @@ contains
     type(dem_ledger_type), intent(in) :: ledger
     error = ledger%start + ledger%boundary + ledger%external + ledger%gravity + ledger%curvature &
             - content(ledger) - ledger%friction - ledger%contact_damping &
-            - ledger%background_damping - ledger%tangential_relaxation
+            - ledger%background_damping - ledger%tangential_relaxation - ledger%rolling &
+            - ledger%breakage
   end function closure_of
 
   !> Energy turned over so far, the scale of the closure error [J].
@@ -137,6 +142,6 @@ contains
     type(dem_ledger_type), intent(in) :: ledger
     scale = max(abs(ledger%start), ledger%kinetic + ledger%elastic_normal, abs(ledger%boundary) &
                 + abs(ledger%external) + abs(ledger%gravity), ledger%friction &
-                + ledger%contact_damping + ledger%background_damping)
+                + ledger%contact_damping + ledger%background_damping + ledger%rolling)
   end function turnover_of
 end module dem_ledger

@@ -7,6 +7,7 @@ module dem_limits
   use dem_state, only: dem_data_type, kind_free, kind_mirror, law_linear, lanes, mode_relaxation, &
     history_side
   use dem_contact, only: contact_constants_type, constants_of, contact_radius, contact_point
+  use dem_extras, only: extra_stiffness
   use dem_surface_measure, only: add_surface_rows
   implicit none
   private
@@ -29,6 +30,7 @@ contains
       if (.not. d%pairs%touched(k)) cycle
       c = constants_of(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)))
       do lane = 1, lanes
+        if (d%pairs%extras%active) call add_extra(d, lane, k, lambda)
         if (.not. d%pairs%history(lane, history_side, k) > 0.0_wp) cycle
         radius = contact_radius(d%pairs%history(lane, :, k))
         weight = d%pairs%weight(lane, min(k, size(d%pairs%weight, 2)))
@@ -79,6 +81,33 @@ contains
     integer(i4), intent(in) :: kind
     moves = kind == kind_free .or. kind == kind_mirror
   end function moves
+
+  !> Add the stiffness of laws on top of the base law to the rows of their grains.
+  pure subroutine add_extra(d, lane, k, lambda)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: lane, k
+    real(wp), intent(inout) :: lambda(:, :)
+    real(wp) :: stiffness(2)
+    integer(i4) :: first, second
+
+    stiffness = d%pairs%weight(lane, min(k, size(d%pairs%weight, 2))) &
+                *extra_stiffness(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)), lane, k, &
+                                 d%pairs)
+    if (.not. any(stiffness > 0.0_wp)) return
+    first = d%pairs%first(lane, k)
+    second = d%pairs%grain(d%pairs%second(lane, k))
+    lambda(:, second) = lambda(:, second) + factor_of(d, first)*stiffness
+    if (first <= d%grains%n) lambda(:, first) = lambda(:, first) + factor_of(d, second)*stiffness
+  end subroutine add_extra
+
+  !> Gershgorin's factor of a contact with a partner: 2 if that moves, 1 if it is prescribed.
+  pure real(wp) function factor_of(d, partner)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: partner
+    factor_of = 1.0_wp
+    if (partner > d%grains%n) return
+    if (moves(d%grains%kind(partner))) factor_of = 2.0_wp
+  end function factor_of
 
   !> Least Rayleigh time of the free grains, at the least radius of curvature, with scaled mass [s].
   real(wp) function rayleigh_step(d) result(limit)

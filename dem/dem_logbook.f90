@@ -168,6 +168,9 @@ contains
     text = 'energy error '//short_number(relative_closure(system))//', largest overlap '// &
       short_number(100.0_wp*system%health%max_overlap)//' % of the least semi-axis, '// &
       str(system%health%rebuilds)//' list rebuilds, '//str(system%health%late_rebuilds)//' late'
+    if (system%pairs%extras%bond%given) text = text//', '//str(system%pairs%extras%made)// &
+      ' bonds, of which '//str(system%pairs%extras%torn)//' torn and '// &
+      str(system%pairs%extras%sheared)//' sheared'
     if (clock%unstable > 0) text = text//', step above the stability limit at '// &
       str(clock%unstable)//' looks'
     call log%health(text)
@@ -210,6 +213,11 @@ contains
     call summary%set('health.rebuilds', system%health%rebuilds)
     call summary%set('health.late_rebuilds', system%health%late_rebuilds)
     call summary%set('health.steps_above_limit', clock%unstable)
+    if (system%pairs%extras%bond%given) then
+      call summary%set('health.bonds_made', system%pairs%extras%made)
+      call summary%set('health.bonds_torn', system%pairs%extras%torn)
+      call summary%set('health.bonds_sheared', system%pairs%extras%sheared)
+    end if
     if (equilibrium%watched) then
       call summary%set('health.equilibrium', equilibrium%reached)
       call summary%set('health.unbalanced_force', equilibrium%unbalanced)

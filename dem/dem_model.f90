@@ -264,9 +264,10 @@ contains
     real(wp) :: error, stored
     associate (ledger => self%system%ledger)
       error = self%system%closure()
-      stored = ledger%elastic_normal + ledger%elastic_tangential
+      stored = ledger%elastic_normal + ledger%elastic_tangential + ledger%elastic_other
       call self%system%refresh_ledger()
-      if (.not. abs(ledger%elastic_normal + ledger%elastic_tangential - stored) > 0.0_wp) return
+      if (.not. abs(ledger%elastic_normal + ledger%elastic_tangential + ledger%elastic_other &
+                    - stored) > 0.0_wp) return
       ledger%start = ledger%start + error - self%system%closure()
     end associate
   end subroutine follow_laws

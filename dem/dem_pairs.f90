@@ -13,6 +13,7 @@ module dem_pairs
   use dem_form, only: form_support
   use dem_form_gap, only: find_form_gap
   use dem_form_state, only: form_ellipsoid, put_frame
+  use dem_extra_list, only: move_extras, mark_touched, held_lanes
   use dem_gap, only: solve_gap
   use dem_images, only: find_over_faces, place_images
   use dem_prescribed, only: put_body
@@ -314,11 +315,16 @@ contains
     list%count = n
   end subroutine list_plane_pairs
 
+  !> Does a contact, a neck or a bond hold this pair? Its normal is then carried over as it is.
   pure logical function in_contact(pairs, slot)
     type(dem_pairs_type), intent(in) :: pairs
     integer(i4), intent(in) :: slot
+    logical :: held(lanes)
     in_contact = pairs%history(1 + mod(slot - 1, lanes), history_side, &
                                1 + (slot - 1)/lanes) > 0.0_wp
+    if (.not. pairs%extras%active) return
+    held = held_lanes(pairs%extras, 1 + (slot - 1)/lanes)
+    in_contact = in_contact .or. held(1 + mod(slot - 1, lanes))
   end function in_contact
 
   !> Give every pair its slot: by group, in the order of the list; pad the blocks of a group.
@@ -460,6 +466,9 @@ contains
     end do
     call move_alloc(normal, pairs%normal)
     call move_alloc(history, pairs%history)
+    if (.not. pairs%extras%active) return
+    call move_extras(pairs%extras, pairs%blocks, list%old(:list%count), slot)
+    call mark_touched(pairs%extras, pairs%touched)
   end subroutine move_lanes
 
   !> Arrays of the blocks, all lanes pads.

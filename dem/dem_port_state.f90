@@ -153,8 +153,8 @@ contains
     value = 0.0_wp
     associate (l => system%ledger)
       value(scalar_kinetic) = l%kinetic - l%staggering
-      value(scalar_elastic) = l%elastic_normal + l%elastic_tangential
-      value(scalar_friction) = l%friction
+      value(scalar_elastic) = l%elastic_normal + l%elastic_tangential + l%elastic_other
+      value(scalar_friction) = l%friction + l%rolling + l%breakage
       value(scalar_contact_damping) = l%contact_damping
       value(scalar_background_damping) = l%background_damping
       value(scalar_curvature) = l%curvature

@@ -11,7 +11,9 @@ module dem_setup
   use dem_make, only: make_grains, sorted_order
   use dem_packing, only: dem_packing_type, read_packing, group_index
   use dem_setup_surfaces, only: read_surfaces, check_units, refuse_forms
-  use dem_setup_laws, only: read_materials, read_contacts, read_walls, check_pair, material_index
+  use dem_setup_bonds, only: read_bonds
+  use dem_setup_laws, only: read_materials, read_contacts, read_walls, check_pair, check_surface, &
+    material_index
   implicit none
   private
   public :: dem_choices_type, read_model, check_initial_overlap, check_step, check_mode
@@ -45,6 +47,7 @@ contains
     call read_contacts(deck, system%materials, choices%material, system%laws, errors)
     call read_walls(deck, choices%material, system%planes, choices%wall, errors)
     call read_surfaces(deck, choices%material, system%surfaces, errors)
+    call read_bonds(deck, system%pairs%extras%bond, errors)
     call grain_materials(deck, choices, material, errors)
     call read_parameters(deck, system, choices)
     call read_packing(packing, deck%path('particles', 1, 'file'), errors)
@@ -302,6 +305,9 @@ contains
         else if (grains(a) .and. walls(b) .and. .not. grains(b)) then
           call check_pair(deck, system%laws, choices%material, a, b, 'grains and walls', errors)
         end if
+        if (system%surfaces%n == 0 .or. .not. grains(b)) cycle
+        if (any(system%surfaces%material == a)) &
+          call check_surface(deck, system%laws, choices%material, a, b, errors)
       end do
     end do
     call make_grains(system%grains, system%materials, packing%id, packing%kind, of_grain, &

@@ -7,11 +7,13 @@ module dem_setup_laws
   use talus_suggest, only: did_you_mean
   use dem_state, only: dem_material_type, dem_law_type, law_hertz_mindlin, law_hertz_no_history, &
     law_linear, dem_planes_type
+  use dem_extra_state, only: cohesion_none, cohesion_constant, cohesion_dmt, cohesion_jkr
   use dem_law, only: make_law, make_linear_law, mirrored_law, damping_ratio_for, restitution_of
   use dem_make, only: make_planes
   implicit none
   private
-  public :: read_materials, read_contacts, read_walls, check_pair, material_index, law_lines
+  public :: read_materials, read_contacts, read_walls, check_pair, check_surface, &
+    material_index, law_lines
 
 contains
 
@@ -81,6 +83,7 @@ contains
         cycle
       end if
       call read_law(deck, k, materials(a), materials(b), law)
+      call read_extra(deck, k, law, errors)
       laws(a, b) = law
       if (a /= b) laws(b, a) = mirrored_law(law)
     end do
@@ -119,7 +122,7 @@ contains
     integer(i4), intent(in) :: k
     type(dem_material_type), intent(in) :: first, second
     type(dem_law_type), intent(out) :: law
-    character(len=:), allocatable :: name
+    character(len=:), allocatable :: name, radius
     real(wp) :: friction, ratio, tangential, e, kn, kt
     integer(i4) :: kind
 
@@ -128,6 +131,7 @@ contains
     if (name == 'hertz_mindlin') kind = law_hertz_mindlin
     if (name == 'hertz_no_history') kind = law_hertz_no_history
     call deck%get('contact', k, 'friction', friction)
+    call deck%get('contact', k, 'radius', radius)
     ratio = 0.0_wp
     if (deck%given('contact', k, 'restitution')) then
       call deck%get('contact', k, 'restitution', e)
@@ -145,7 +149,80 @@ contains
     else
       law = make_law(kind, first, second, friction, ratio, tangential)
     end if
+    law%frozen = radius == 'frozen'
   end subroutine read_law
+
+  !> Laws on top of the base law.
+  subroutine read_extra(deck, k, law, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(dem_law_type), intent(inout) :: law
+    type(error_list_type), intent(inout) :: errors
+
+    associate (extra => law%extra)
+      call deck%get('contact', k, 'rolling_friction', extra%rolling)
+      call deck%get('contact', k, 'twisting_friction', extra%twisting)
+      call deck%get('contact', k, 'rolling_stiffness', extra%rolling_stiffness)
+      call deck%get('contact', k, 'twisting_stiffness', extra%twisting_stiffness)
+      extra%rolling_damping = law%damping_ratio
+      if (deck%given('contact', k, 'rolling_damping')) &
+        call deck%get('contact', k, 'rolling_damping', extra%rolling_damping)
+      call read_cohesion(deck, k, law, errors)
+      extra%used = extra%rolling > 0.0_wp .or. extra%twisting > 0.0_wp &
+                   .or. extra%cohesion /= cohesion_none
+    end associate
+  end subroutine read_extra
+
+  !> Cohesion and its one parameter (D254).
+  subroutine read_cohesion(deck, k, law, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(dem_law_type), intent(inout) :: law
+    type(error_list_type), intent(inout) :: errors
+    character(len=14), parameter :: keys(2) = [character(len=14) :: 'pull_force', 'surface_energy']
+    character(len=:), allocatable :: name
+    logical :: needed
+    integer(i4) :: j
+
+    call deck%get('contact', k, 'cohesion', name)
+    law%extra%cohesion = cohesion_none
+    if (name == 'constant') law%extra%cohesion = cohesion_constant
+    if (name == 'dmt') law%extra%cohesion = cohesion_dmt
+    if (name == 'jkr') law%extra%cohesion = cohesion_jkr
+    do j = 1, 2
+      needed = merge(name == 'constant', name == 'dmt' .or. name == 'jkr', j == 1)
+      if (needed .eqv. deck%given('contact', k, trim(keys(j)))) cycle
+      if (needed) then
+        call deck%fault(errors, 'D254', "the cohesion '"//name//"' needs "//trim(keys(j)), &
+                        'contact', k, 'cohesion', 'add '//trim(keys(j))//' = ...')
+      else
+        call deck%fault(errors, 'D254', trim(keys(j))//" has no meaning for the cohesion '"// &
+                        name//"'", 'contact', k, trim(keys(j)), 'leave it out, or name the '// &
+                        "cohesion that it belongs to: 'constant', 'dmt' or 'jkr'")
+      end if
+    end do
+    if (law%kind == law_linear .and. (name == 'dmt' .or. name == 'jkr')) &
+      call deck%fault(errors, 'D254', "the cohesion '"//name//"' needs a Hertz law", 'contact', k, &
+                      'cohesion', "law = 'hertz_mindlin', or cohesion = 'constant'")
+    if (errors%any()) return
+    if (law%extra%cohesion == cohesion_constant) &
+      call deck%get('contact', k, 'pull_force', law%extra%pull)
+    if (law%extra%cohesion == cohesion_dmt .or. law%extra%cohesion == cohesion_jkr) &
+      call deck%get('contact', k, 'surface_energy', law%extra%surface_energy)
+  end subroutine read_cohesion
+
+  !> At surfaces the base law works alone (D255).
+  subroutine check_surface(deck, laws, names, a, b, errors)
+    type(deck_type), intent(in) :: deck
+    type(dem_law_type), intent(in) :: laws(:, :)
+    type(string_type), intent(in) :: names(:)
+    integer(i4), intent(in) :: a, b  !! materials of a surface and of grains
+    type(error_list_type), intent(inout) :: errors
+    if (.not. laws(a, b)%extra%used) return
+    call deck%fault(errors, 'D255', "rolling resistance and cohesion do not act at surfaces: '"// &
+                    names(a)%s//"' and '"//names(b)%s//"'", 'contact', 1, 'between', &
+                    'give the surface a material of its own, with a &contact without them')
+  end subroutine check_surface
 
   !> A pair that can meet needs a law (D233).
   subroutine check_pair(deck, laws, names, a, b, why, errors)

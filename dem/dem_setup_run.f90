@@ -52,6 +52,8 @@ contains
     if (d%cell%active) call refuse('cell', '', 'a cell')
     if (d%surfaces%n > 0) call refuse('surface', '', 'a surface')
     if (d%grains%forms%n > 0) call refuse('particles', 'file', 'a grain that is no ellipsoid')
+    if (deck%count('bond') > 0) call refuse('bond', '', 'a bond')
+    if (any(d%laws%extra%used)) call refuse('contact', '', 'a law on top of the base law')
     if (deck%count('surcharge') > 0) call refuse('surcharge', '', 'a surcharge')
     if (deck%count('probe') > 0) call refuse('probe', '', 'a probe')
     if (adaptive) call refuse('relaxation', 'damping', 'adaptive damping')

@@ -3,6 +3,7 @@
 module dem_state
   use talus_kinds, only: wp, i4, i8
   use dem_form_state, only: dem_forms_type
+  use dem_extra_state, only: dem_extra_law_type, dem_extras_type
   use dem_surface_state, only: dem_surfaces_type
   use dem_halo_state, only: dem_halo_type
   implicit none
@@ -58,6 +59,8 @@ module dem_state
     real(wp) :: kn = 0.0_wp                !! normal stiffness of the linear law [N/m]
     real(wp) :: kt = 0.0_wp                !! tangential stiffness of the linear law [N/m]
     real(wp) :: share = 0.5_wp             !! compliance share of the first material [-]
+    logical :: frozen = .false.            !! R_e of a contact stays that of its first touch
+    type(dem_extra_law_type) :: extra      !! on top of the base law
   end type dem_law_type
 
   !> All grains, in ascending order of id. Arrays are (components, grains).
@@ -152,6 +155,7 @@ module dem_state
     integer(i4), allocatable :: image_start(:)   !! (grains+1) first image of each grain
     integer(i4), allocatable :: former(:)        !! (images) body in the list before, 0: none
     real(wp), allocatable :: image_force(:, :)   !! (3, images) at the last evaluation [N]
+    type(dem_extras_type) :: extras              !! of the laws on top of the base law
   end type dem_pairs_type
 
   !> Periodic cell and the homogeneous flow that carries all grains. Velocities of grains are those
@@ -202,12 +206,15 @@ module dem_state
     real(wp) :: kinetic = 0.0_wp                !! now, with scaled masses
     real(wp) :: elastic_normal = 0.0_wp         !! now, stored in normal springs
     real(wp) :: elastic_tangential = 0.0_wp     !! now, stored in tangential springs
+    real(wp) :: elastic_other = 0.0_wp          !! now, in springs of rolling, bonds and cohesion
     real(wp) :: staggering = 0.0_wp             !! now, (dt^2/8m) F^2 of the leapfrog
     real(wp) :: friction = 0.0_wp               !! dissipated by sliding
     real(wp) :: contact_damping = 0.0_wp        !! dissipated by contact dashpots
     real(wp) :: background_damping = 0.0_wp     !! dissipated by background damping
     real(wp) :: curvature = 0.0_wp              !! curvature work, fed into the normal springs
     real(wp) :: tangential_relaxation = 0.0_wp  !! lost by tangential springs without sliding
+    real(wp) :: rolling = 0.0_wp                !! dissipated by rolling and twisting
+    real(wp) :: breakage = 0.0_wp               !! lost when bonds break, necks form or tear
     real(wp) :: boundary = 0.0_wp               !! work of prescribed grains and planes
     real(wp) :: external = 0.0_wp               !! work of held extra forces
     real(wp) :: gravity = 0.0_wp                !! work of gravity

@@ -18,6 +18,8 @@ module dem_steps
   use dem_lost, only: all_finite, name_lost_grain, name_stray
   use dem_migrate, only: share_out
   use dem_pairs, only: build_pairs
+  use dem_bonds_make, only: check_bonds
+  use dem_extras, only: add_extra_work
   use dem_forces, only: block_forces, sum_body
   use dem_lanes, only: sum_lanes
   use dem_integrate, only: motion_type, mover_type, push_type, load_mover, store_mover, &
@@ -93,6 +95,8 @@ contains
       if (errors%any()) return
       if (d%halo%team%several()) call settle_work(d, work, done > 0)
       call rebuild_list(d, maxval(work%travel))
+      if (d%pairs%extras%active) call check_bonds(d, errors)
+      if (errors%any()) return
       resumed = .true.
       if (.not. d%halo%team%several()) cycle
       call name_stray(d, errors)
@@ -494,6 +498,7 @@ contains
       end do
     end if
     if (d%surfaces%near > 0) total = total + surface_columns(d%surfaces)
+    if (d%pairs%extras%active) call add_extra_work(d)
     d%ledger%contact_damping = d%ledger%contact_damping + total(1)
     d%ledger%friction = d%ledger%friction + total(2)
     d%ledger%tangential_relaxation = d%ledger%tangential_relaxation + total(3)

@@ -6,6 +6,7 @@ module dem_store
   use dem_state, only: dem_data_type, dem_grains_type, dem_pairs_type, dem_ledger_type, &
     dem_health_type, lanes, history_size, result_size, column_count, entries_ahead
   use dem_cell, only: is_periodic
+  use dem_extra_list, only: put_extras, get_extras
   use dem_images, only: resize_images
   use dem_surface_store, only: put_surfaces, get_surfaces
   use dem_pairs, only: allocate_bodies, update_bodies
@@ -118,6 +119,7 @@ contains
     call archive%put_reals('pairs.least_gap', reshape(p%least_gap, [1, m]))
     call archive%put_reals('pairs.weight', p%weight)
     call archive%put_reals('pairs.m_star', p%m_star)
+    call put_extras(p%extras, archive)
     call archive%put_reals('pairs.reference_x', p%reference_x)
     call archive%put_reals('pairs.reference_q', p%reference_q)
   end subroutine put_pairs
@@ -178,14 +180,15 @@ contains
 
   pure function ledger_row(l) result(row)
     type(dem_ledger_type), intent(in) :: l
-    real(wp) :: row(14, 1)
+    real(wp) :: row(17, 1)
     row(:, 1) = [l%kinetic, l%elastic_normal, l%elastic_tangential, l%staggering, l%friction, &
                  l%contact_damping, l%background_damping, l%curvature, l%tangential_relaxation, &
-                 l%boundary, l%external, l%gravity, l%start, l%largest]
+                 l%boundary, l%external, l%gravity, l%start, l%largest, l%elastic_other, &
+                 l%rolling, l%breakage]
   end function ledger_row
 
   pure function ledger_from(row) result(l)
-    real(wp), intent(in) :: row(14)
+    real(wp), intent(in) :: row(17)
     type(dem_ledger_type) :: l
     l%kinetic = row(1)
     l%elastic_normal = row(2)
@@ -201,6 +204,9 @@ contains
     l%gravity = row(12)
     l%start = row(13)
     l%largest = row(14)
+    l%elastic_other = row(15)
+    l%rolling = row(16)
+    l%breakage = row(17)
   end function ledger_from
 
   !> Take the state from an archive; grains must be those of the packing (same ids).
@@ -218,6 +224,8 @@ contains
     if (d%cell%active) call get_cell(d, archive, errors)
     if (errors%any()) return
     call get_pairs(d, archive, errors)
+    if (errors%any()) return
+    call get_extras(d%pairs%extras, d%pairs%blocks, archive, errors)
     if (errors%any()) return
     call update_bodies(d%pairs, d%grains, d%planes, d%cell)
     call get_surfaces(d, archive, errors)
@@ -242,7 +250,7 @@ contains
       call archive%get_reals('parts.pending', 1, 1, row, errors)
       d%parts%pending = row(1, 1)
     end if
-    call archive%get_reals('ledger', 14, 1, row, errors)
+    call archive%get_reals('ledger', 17, 1, row, errors)
     d%ledger = ledger_from(row(:, 1))
     call archive%get_reals('health.real', 5, 1, row, errors)
     d%health%max_overlap = row(1, 1)

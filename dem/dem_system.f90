@@ -10,7 +10,9 @@ module dem_system
   use dem_archive, only: dem_archive_type
   use dem_crew, only: dem_crew_type
   use dem_state, only: dem_data_type, kind_free, lanes, history_side
+  use dem_bonds_make, only: make_bonds
   use dem_cell, only: is_periodic, least_width
+  use dem_extras, only: plan_extras, check_necks
   use dem_make, only: sorted_order, make_planes
   use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
   use dem_steps, only: step_memory_type, take_steps, evaluate_forces, rebuild_if_needed, &
@@ -114,6 +116,7 @@ contains
 
     if (.not. allocated(self%planes%point)) call no_planes(self)
     call check_laws(self)
+    call plan_extras(self%laws, self%pairs%extras)
     self%pairs%skin = self%first_skin()
     self%pairs%most_skin = self%pairs%skin
     if (.not. self%par%skin > 0.0_wp) self%pairs%most_skin = 4.0_wp*self%pairs%skin
@@ -121,10 +124,14 @@ contains
     if (is_periodic(self%cell)) &
       self%pairs%most_skin = min(self%pairs%most_skin, &
                                  0.5_wp*least_width(self%cell) - 2.0_wp*maxval(self%grains%radius))
+    call check_necks(self%dem_data_type, errors)
+    if (errors%any()) return
     call allocate_bodies(self%pairs, self%grains, self%planes)
     call update_bodies(self%pairs, self%grains, self%planes, self%cell)
     call build_pairs(self%pairs, self%grains, self%planes, self%weights, self%par%ghost_pairs, &
                      self%cell)
+    call make_bonds(self%dem_data_type, errors)
+    if (errors%any()) return
     if (self%surfaces%n > 0) call list_near(self%dem_data_type)
     call evaluate_forces(self%dem_data_type, 0.0_wp)
     self%pending = 0.0_wp
@@ -566,6 +573,7 @@ contains
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
     if (.not. allocated(self%planes%point)) call no_planes(self)
+    call plan_extras(self%laws, self%pairs%extras)
     call get_state(self%dem_data_type, archive, errors)
     self%ready = .not. errors%any()
   end subroutine import_state

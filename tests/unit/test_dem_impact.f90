@@ -22,6 +22,7 @@ program test_dem_impact
   call check_restitution(0.30_wp, 0.4231_wp)
   call check_linear_impact()
   call check_ellipsoid_ledger()
+  call check_frozen_radius()
   call check_oblique()
   call test%finish()
 
@@ -182,6 +183,26 @@ contains
     call test%check_close('angular momentum', maxval(abs(l))/sqrt(sum(p**2))/4.0e-3_wp, 0.0_wp, &
                           1.0e-9_wp)
   end subroutine check_ellipsoid_ledger
+
+  !> With the radius of the first touch the normal force is conservative by itself.
+  subroutine check_frozen_radius()
+    type(dem_system_type) :: s
+    type(error_list_type) :: errors
+    real(wp) :: energy
+
+    call make_pair(s, [2.5e-3_wp, 2.0e-3_wp, 1.5e-3_wp], [0.9_wp, 0.2_wp, 0.3_wp, -0.1_wp], &
+                   [0.7_wp, -0.3_wp, 0.4_wp, 0.5_wp], [4.3e-3_wp, -0.5e-3_wp, 0.8e-3_wp], &
+                   [20.0_wp, 2.0_wp, 0.0_wp], law_hertz_mindlin, 0.0_wp, 0.0_wp)
+    s%laws(1, 1)%frozen = .true.
+    s%par%dt = 5.0e-10_wp
+    energy = 0.5_wp*s%grains%mass(1)*sum(s%grains%v(:, 1)**2)
+    call s%step(80000, errors)
+    call s%refresh_ledger()
+    call test%check('frozen: ellipsoids have met and parted', s%grains%v(1, 2) > 2.0_wp &
+                    .and. s%ledger%elastic_normal <= 0.0_wp)
+    call test%check_close('frozen: no curvature work', s%ledger%curvature, 0.0_wp, 0.0_wp)
+    call test%check_close('frozen: conservative', s%closure()/energy, 0.0_wp, 1.0e-6_wp)
+  end subroutine check_frozen_radius
 
   !> Oblique impact with gross sliding: the tangential impulse is friction times the normal one,
   !! the slip speed falls from 2 v to 2 v - 7 mu v, v the normal speed.

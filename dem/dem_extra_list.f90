@@ -1,0 +1,116 @@
+!> What contacts keep for the laws on top of the base law: carried over when the list is made anew,
+!! and into checkpoints and back.
+module dem_extra_list
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
+  use dem_archive, only: dem_archive_type
+  use dem_state, only: lanes
+  use dem_extra_state, only: dem_extras_type, extra_work_count, rolling_reals, cohesion_reals, &
+    bond_reals
+  implicit none
+  private
+  public :: move_extras, mark_touched, held_lanes, put_extras, get_extras
+
+contains
+
+  !> Arrays for `blocks` blocks; slot(k) takes over what slot old(k) of the last list kept, 0: none.
+  pure subroutine move_extras(extras, blocks, old, slot)
+    type(dem_extras_type), intent(inout) :: extras
+    integer(i4), intent(in) :: blocks, old(:), slot(:)
+    real(wp), allocatable :: kept(:, :, :)
+    integer(i4) :: k
+
+    allocate (kept(lanes, extras%reals, blocks), source=0.0_wp)
+    do k = 1, size(slot)
+      if (old(k) == 0) cycle
+      kept(1 + mod(slot(k) - 1, lanes), :, 1 + (slot(k) - 1)/lanes) = &
+        extras%kept(1 + mod(old(k) - 1, lanes), :, 1 + (old(k) - 1)/lanes)
+    end do
+    if (extras%bond_at > 0 .and. allocated(extras%kept)) extras%lost = extras%lost &
+      + count(extras%kept(:, extras%bond_at, :) > 0.0_wp, kind=i8) &
+      - count(kept(:, extras%bond_at, :) > 0.0_wp, kind=i8)
+    call move_alloc(kept, extras%kept)
+    if (allocated(extras%work)) deallocate (extras%work)
+    allocate (extras%work(extra_work_count, blocks), source=0.0_wp)
+  end subroutine move_extras
+
+  !> Blocks with a contact that reaches over a gap are worked too.
+  pure subroutine mark_touched(extras, touched)
+    type(dem_extras_type), intent(in) :: extras
+    logical, intent(inout) :: touched(:)  !! (blocks)
+    integer(i4) :: k
+    if (extras%cohesion_at + extras%bond_at == 0) return
+    do k = 1, size(touched)
+      touched(k) = touched(k) .or. any(held_lanes(extras, k))
+    end do
+  end subroutine mark_touched
+
+  !> Lanes of a block that a neck or a bond holds, over a gap or not.
+  pure function held_lanes(extras, k) result(held)
+    type(dem_extras_type), intent(in) :: extras
+    integer(i4), intent(in) :: k
+    logical :: held(lanes)
+    held = .false.
+    if (extras%cohesion_at > 0) held = extras%kept(:, extras%cohesion_at, k) > 0.0_wp
+    if (extras%bond_at > 0) held = held .or. extras%kept(:, extras%bond_at, k) > 0.0_wp
+  end function held_lanes
+
+  !> Each law's reals by name, so that a restart may add or drop a law.
+  subroutine put_extras(extras, archive)
+    type(dem_extras_type), intent(in) :: extras
+    type(dem_archive_type), intent(inout) :: archive
+    if (extras%rolling_at > 0) call put_part('extras.rolling', extras%rolling_at, rolling_reals)
+    if (extras%cohesion_at > 0) call put_part('extras.cohesion', extras%cohesion_at, &
+                                              cohesion_reals)
+    if (extras%bond_at == 0) return
+    call put_part('extras.bond', extras%bond_at, bond_reals)
+    call archive%put_integers('extras.bonds', reshape([extras%made, extras%torn, &
+                                                       extras%sheared], [3, 1]))
+
+  contains
+
+    subroutine put_part(name, at, reals)
+      character(len=*), intent(in) :: name
+      integer(i4), intent(in) :: at, reals
+      call archive%put_reals(name, reshape(extras%kept(:, at:at + reals - 1, :), &
+                                           [lanes*reals, size(extras%kept, 3)]))
+    end subroutine put_part
+  end subroutine put_extras
+
+  !> The same back; a law that the checkpoint does not have starts from nothing.
+  subroutine get_extras(extras, blocks, archive, errors)
+    type(dem_extras_type), intent(inout) :: extras
+    integer(i4), intent(in) :: blocks
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: counts(:, :)
+    integer(i4) :: none(0)
+
+    if (.not. extras%active) return
+    if (allocated(extras%kept)) deallocate (extras%kept)
+    call move_extras(extras, blocks, none, none)
+    if (extras%rolling_at > 0) call get_part('extras.rolling', extras%rolling_at, rolling_reals)
+    if (extras%cohesion_at > 0) call get_part('extras.cohesion', extras%cohesion_at, &
+                                              cohesion_reals)
+    if (extras%bond_at == 0) return
+    call get_part('extras.bond', extras%bond_at, bond_reals)
+    if (archive%find('extras.bonds') == 0) return
+    call archive%get_integers('extras.bonds', 3, 1, counts, errors)
+    if (errors%any()) return
+    extras%made = counts(1, 1)
+    extras%torn = counts(2, 1)
+    extras%sheared = counts(3, 1)
+
+  contains
+
+    subroutine get_part(name, at, reals)
+      character(len=*), intent(in) :: name
+      integer(i4), intent(in) :: at, reals
+      real(wp), allocatable :: flat(:, :)
+      if (archive%find(name) == 0) return
+      call archive%get_reals(name, lanes*reals, blocks, flat, errors)
+      if (errors%any()) return
+      extras%kept(:, at:at + reals - 1, :) = reshape(flat, [lanes, reals, blocks])
+    end subroutine get_part
+  end subroutine get_extras
+end module dem_extra_list
