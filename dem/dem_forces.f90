@@ -2,7 +2,7 @@
 module dem_forces
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_pairs_type, dem_law_type, lanes, history_size, history_side, &
-    history_root, result_size
+    history_root, result_size, body_size
   use dem_block, only: dem_block_type
   use dem_form_lanes, only: form_block_type, ready_forms, evaluate_forms, evaluate_form_planes, &
     refine_forms, add_form_curvatures, solve_form_lane
@@ -142,10 +142,8 @@ contains
 
     next = min(k + 1, pairs%blocks)
     grains = k <= pairs%grain_blocks
-    call gather_records(forms%record, owners(pairs%second(:, k)), owners(pairs%second(:, next)), &
-                        figures%b%record)
-    if (grains) call gather_records(forms%record, owners(pairs%first(:, k)), &
-                                    owners(pairs%first(:, next)), figures%a%record)
+    call gather_forms(pairs%second(:, k), pairs%second(:, next), figures%b%record)
+    if (grains) call gather_forms(pairs%first(:, k), pairs%first(:, next), figures%a%record)
     call ready_forms(figures, grains, pairs%form(k) == form_powers)
     if (.not. grains) then
       call evaluate_form_planes(block, figures)
@@ -165,7 +163,18 @@ contains
 
   contains
 
-    !> Records of bodies: those of grains, of the grains of images, of a pad.
+    !> Records of bodies, those of their grains where bodies are images.
+    subroutine gather_forms(body, ahead, record)
+      integer(i4), intent(in) :: body(lanes), ahead(lanes)
+      real(wp), intent(inout) :: record(lanes, body_size)
+      if (pairs%images > 0) then
+        call gather_records(forms%record, owners(body), owners(ahead), record)
+      else
+        call gather_records(forms%record, body, ahead, record)
+      end if
+    end subroutine gather_forms
+
+    !> Grains of bodies; pads have the record behind the last grain.
     pure function owners(body) result(owner)
       integer(i4), intent(in) :: body(lanes)
       integer(i4) :: owner(lanes)
