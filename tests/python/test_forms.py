@@ -91,8 +91,9 @@ def test_bad_forms_are_refused(tmp_path: Path) -> None:
         ("1 1 1 1 1 1 1.5\n", "exponent 1.5"),
     ):  # fmt: skip
         (tmp_path / "t.txt").write_text(text)
-        with pytest.raises(FaultError, match=words):
+        with pytest.raises(FaultError, match=words) as caught:
             forms.read_table(tmp_path / "t.txt")
+        assert caught.value.code == "E507"
 
 
 def test_cloud_of_a_table(tmp_path: Path) -> None:
