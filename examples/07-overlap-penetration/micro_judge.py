@@ -15,7 +15,7 @@ from talus.plots import force_curve
 RUNS = {"all grains": "truth", "overlap, micromorphic": "micro/grains",
         "overlap, Drucker-Prager": "plastic/grains", "overlap, elastic": "grains",
         "rigid box": "rigid"}  # fmt: skip
-BANDS = ((0.0, 2.0), (2.0, 5.0))  # depth [mm]
+BANDS = ((0.0, 2.0), (2.0, 5.0), (5.0, 10.0))  # depth [mm]
 
 
 def main() -> int:
@@ -31,6 +31,8 @@ def main() -> int:
         ax.plot(curve["depth"][seen], curve["force"][seen], color=COLOURS[k], lw=0.4, alpha=0.5)
         ax.plot(curve["depth"][seen], curve["mean"][seen], color=COLOURS[k], lw=1.8, label=name)
         for low, high in BANDS:
+            if high > end + 0.1:
+                continue
             mean, scatter = band_of(curve, low, high)
             lines.append(f"{name},{low:g},{high:g},{mean:.5g},{scatter:.3g}")
     summary = out / "micro" / "micro_summary.json"
