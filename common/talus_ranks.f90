@@ -5,16 +5,17 @@
 module talus_ranks
   use, intrinsic :: iso_c_binding, only: c_int
   use mpi, only: mpi_comm_self, mpi_comm_world, mpi_comm_size, mpi_comm_rank, mpi_allreduce, &
-    mpi_alltoall, mpi_alltoallv, mpi_bcast, mpi_gather, mpi_in_place, mpi_max, mpi_min, mpi_sum, &
-    mpi_integer, mpi_character, mpi_double_precision, mpi_init, mpi_initialized, mpi_finalize, &
+    mpi_alltoall, mpi_alltoallv, mpi_bcast, mpi_gather, mpi_gatherv, mpi_in_place, mpi_max, &
+    mpi_min, mpi_maxloc, mpi_sum, mpi_integer, mpi_character, mpi_double_precision, &
+    mpi_2double_precision, mpi_init, mpi_initialized, mpi_finalize, mpi_finalized, &
     mpi_comm_split_type, mpi_comm_type_shared, mpi_comm_free, mpi_info_null, mpi_ibcast, &
     mpi_test, mpi_status_ignore, mpi_type_contiguous, mpi_type_commit, mpi_type_free
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
-  use talus_system, only: environment
+  use talus_system, only: environment, set_environment, clear_environment
   implicit none
   private
-  public :: ranks_type, join_ranks, leave_ranks
+  public :: ranks_type, join_ranks, start_mpi, leave_ranks
 
   integer(c_int), parameter :: pause = 100_c_int  !! between two looks of a rank that waits [us]
   integer(i4), parameter :: spins = 2000          !! looks before it sleeps
@@ -34,9 +35,15 @@ module talus_ranks
     procedure :: tell_values      !! (values): those of the leader
     procedure :: tell_text        !! (from, text): that of one rank
     procedure :: add_up           !! (values): sums over the ranks
+    procedure :: any_of           !! (flag): does it hold on any rank?
     procedure :: most             !! (values): the largest of each
     procedure :: least            !! (values): the least of each
+    procedure :: least_number     !! (number): the least of a whole number
+    procedure :: least_numbers    !! (numbers): the least of each of some
+    procedure :: least_holder     !! (number, holder): the least, and the first rank that has it
+    procedure :: largest          !! (value, label): the largest and its label
     procedure :: collect          !! (row, table): rows of all ranks, on the leader
+    procedure :: collect_columns  !! (part, all): as many columns as each has, on the leader
     procedure :: trade            !! (rows, count, taken, came): rows for each rank
     procedure :: agree            !! (errors): the faults of the first rank that has some
   end type ranks_type
@@ -55,7 +62,7 @@ contains
     type(ranks_type), intent(out) :: ranks
     integer :: status, comm, count
     if (.not. launched()) return
-    call mpi_init(status)
+    call start_mpi()
     ranks%comm = mpi_comm_world
     call mpi_comm_size(ranks%comm, count, status)
     ranks%ranks = count
@@ -76,14 +83,35 @@ contains
     launched = any([(len(environment(trim(launcher(k)))) > 0, k=1, size(launcher))])
   end function launched
 
-  !> End MPI if it was started.
-  subroutine leave_ranks()
+  !> Outside a launcher of MPI OpenMPI is told that this process is alone: it then needs no daemon
+  !! (which would outlive a kill) and starts in a third of the time. A plain step of Slurm (srun
+  !! without --mpi) is none, but OpenMPI would take it for one and end: it does not get to see it.
+  subroutine start_mpi()
     logical :: running
     integer :: status
     call mpi_initialized(running, status)
-    if (running) call mpi_finalize(status)
+    if (running) return
+    if (.not. launched()) then
+      call clear_environment('SLURM_STEPID')
+      call clear_environment('SLURM_STEP_ID')
+      call set_environment('OMPI_MCA_ess_singleton_isolated', '1', .false.)
+      call set_environment('OMPI_MCA_pml', 'ob1', .false.)
+      call set_environment('OMPI_MCA_btl', 'self', .false.)
+    end if
+    call mpi_init(status)
+  end subroutine start_mpi
+
+  !> End MPI if it was started.
+  subroutine leave_ranks()
+    logical :: running, ended
+    integer :: status
+    call mpi_initialized(running, status)
+    if (.not. running) return
+    call mpi_finalized(ended, status)
+    if (.not. ended) call mpi_finalize(status)
   end subroutine leave_ranks
 
+  !> Is this the rank that reads decks, writes files and decides?
   pure logical function leads(self)
     class(ranks_type), intent(in) :: self
     leads = self%rank == 0
@@ -115,6 +143,7 @@ contains
     class(ranks_type), intent(in) :: self
     integer(i4), intent(inout), contiguous :: numbers(:)
     integer :: status
+    if (self%ranks == 1) return
     call mpi_bcast(numbers, size(numbers), mpi_integer, 0, self%comm, status)
   end subroutine tell_numbers
 
@@ -122,6 +151,7 @@ contains
     class(ranks_type), intent(in) :: self
     real(wp), intent(inout), contiguous :: values(:)
     integer :: status
+    if (self%ranks == 1) return
     call mpi_bcast(values, size(values), mpi_double_precision, 0, self%comm, status)
   end subroutine tell_values
 
@@ -130,6 +160,7 @@ contains
     integer(i4), intent(in) :: from
     character(len=:), allocatable, intent(inout) :: text
     integer :: length(1), status
+    if (self%ranks == 1) return
     if (self%rank == from) length = len(text)
     call mpi_bcast(length, 1, mpi_integer, from, self%comm, status)
     if (self%rank /= from) text = repeat(' ', length(1))
@@ -144,6 +175,17 @@ contains
     call mpi_allreduce(mpi_in_place, values, size(values), mpi_double_precision, mpi_sum, &
                        self%comm, status)
   end subroutine add_up
+
+  !> Does it hold on any rank?
+  subroutine any_of(self, flag)
+    class(ranks_type), intent(in) :: self
+    logical, intent(inout) :: flag
+    integer :: number(1), status
+    if (self%ranks == 1) return
+    number = merge(1, 0, flag)
+    call mpi_allreduce(mpi_in_place, number, 1, mpi_integer, mpi_max, self%comm, status)
+    flag = number(1) > 0
+  end subroutine any_of
 
   subroutine most(self, values)
     class(ranks_type), intent(in) :: self
@@ -163,6 +205,52 @@ contains
                        self%comm, status)
   end subroutine least
 
+  !> The least of a whole number.
+  subroutine least_number(self, number)
+    class(ranks_type), intent(in) :: self
+    integer(i4), intent(inout) :: number
+    integer(i4) :: numbers(1)
+    numbers = number
+    call self%least_numbers(numbers)
+    number = numbers(1)
+  end subroutine least_number
+
+  !> The least of each of some numbers.
+  subroutine least_numbers(self, numbers)
+    class(ranks_type), intent(in) :: self
+    integer(i4), intent(inout), contiguous :: numbers(:)
+    integer :: status
+    if (self%ranks == 1) return
+    call mpi_allreduce(mpi_in_place, numbers, size(numbers), mpi_integer, mpi_min, self%comm, &
+                       status)
+  end subroutine least_numbers
+
+  !> The least of a number, and the first rank that has it.
+  subroutine least_holder(self, number, holder)
+    class(ranks_type), intent(in) :: self
+    integer(i4), intent(inout) :: number
+    integer(i4), intent(out) :: holder
+    integer(i4) :: mine
+    mine = number
+    call self%least_number(number)
+    holder = merge(self%rank, huge(mine), mine == number)
+    call self%least_number(holder)
+  end subroutine least_holder
+
+  !> The largest value and its label; the least label of several.
+  subroutine largest(self, value, label)
+    class(ranks_type), intent(in) :: self
+    real(wp), intent(inout) :: value
+    integer(i4), intent(inout) :: label
+    real(wp) :: pair(2)
+    integer :: status
+    if (self%ranks == 1) return
+    pair = [value, real(label, wp)]
+    call mpi_allreduce(mpi_in_place, pair, 1, mpi_2double_precision, mpi_maxloc, self%comm, status)
+    value = pair(1)
+    label = nint(pair(2), i4)
+  end subroutine largest
+
   !> A row of each rank, on the leader in the order of the ranks.
   subroutine collect(self, row, table)
     class(ranks_type), intent(in) :: self
@@ -173,6 +261,23 @@ contains
     call mpi_gather(row, size(row), mpi_double_precision, table, size(row), mpi_double_precision, &
                     0, self%comm, status)
   end subroutine collect
+
+  !> Columns of all ranks on the leader, one rank after the other; nothing on the others.
+  subroutine collect_columns(self, part, all)
+    class(ranks_type), intent(in) :: self
+    real(wp), intent(in), contiguous :: part(:, :)
+    real(wp), allocatable, intent(out) :: all(:, :)
+    integer :: counts(0:self%ranks - 1), places(0:self%ranks - 1), status, r
+    call mpi_gather([size(part)], 1, mpi_integer, counts, 1, mpi_integer, 0, self%comm, status)
+    places = 0
+    if (.not. self%leads()) counts = 0
+    do r = 1, self%ranks - 1
+      places(r) = places(r - 1) + counts(r - 1)
+    end do
+    allocate (all(size(part, 1), merge(sum(counts)/size(part, 1), 0, self%leads())))
+    call mpi_gatherv(part, size(part), mpi_double_precision, all, counts, places, &
+                     mpi_double_precision, 0, self%comm, status)
+  end subroutine collect_columns
 
   !> Rows go to their ranks; what comes is ordered by the rank that it comes from.
   subroutine trade(self, rows, count, taken, came)

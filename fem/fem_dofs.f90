@@ -7,7 +7,7 @@
 !! arrays of state, loads and supports are (3, blocks), so that what works for u works for phi.
 module fem_dofs
   use talus_kinds, only: i4
-  use fem_ranks, only: fem_halo_type
+  use fem_halo, only: fem_halo_type
   use fem_types, only: fem_mesh_type
   implicit none
   private

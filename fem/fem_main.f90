@@ -13,15 +13,14 @@ program talus_fem
   use fem_modal_run, only: run_modal
   use fem_model, only: fem_model_type, program_name
   use fem_deck_keys, only: fem_deck_table
-  use fem_ranks, only: fem_ranks_type, join_ranks, leave_ranks
+  use talus_ranks, only: ranks_type, join_ranks, leave_ranks
   use fem_point, only: run_point
-  use fem_agree, only: agree
   use fem_port, only: serve
   implicit none
 
   type(options_type) :: options
   type(fem_model_type), allocatable :: model
-  type(fem_ranks_type) :: ranks
+  type(ranks_type) :: ranks
   type(error_list_type) :: errors
   integer(i4) :: exit_code
 
@@ -34,7 +33,7 @@ program talus_fem
   if (asks_a_question(options)) call answer()
   if (options%one_point) then
     if (ranks%leads()) call run_point(options, errors)
-    call agree(ranks, errors)
+    call ranks%agree(errors)
     call leave_with_faults()
   end if
   allocate (model)
@@ -65,10 +64,10 @@ contains
   !> Faults of one rank are those of all.
   subroutine read_and_prepare()
     call model%read(options, errors)
-    call agree(ranks, errors)
+    call ranks%agree(errors)
     if (errors%any()) return
     call model%prepare(errors)
-    call agree(ranks, errors)
+    call ranks%agree(errors)
   end subroutine read_and_prepare
 
   subroutine leave_with_faults()

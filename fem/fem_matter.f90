@@ -18,7 +18,7 @@ module fem_matter
   use fem_mm_element, only: mm_response_type
   use fem_polar, only: full_of, symmetric_of
   use fem_polar_element, only: polar_answer, polar_tangent
-  use fem_ranks, only: fem_ranks_type
+  use talus_ranks, only: ranks_type
   use fem_recover, only: point_weights
   use fem_scatter, only: add_element, clear_rows
   use fem_sparse, only: fem_pattern_type
@@ -37,7 +37,7 @@ module fem_matter
     integer(i4) :: bad = 0                    !! first point without a state in the last update,
                                               !! < 0: one that another rank has
     integer(i4) :: bad_rank = 0               !! who has it
-    type(fem_ranks_type) :: ranks             !! that have the other elements
+    type(ranks_type) :: ranks             !! that have the other elements
     type(fem_law_box_type), allocatable :: law(:)
     integer(i4), allocatable :: law_of(:)     !! (elements)
     integer(i4) :: states = common_size       !! most of any law
@@ -556,7 +556,7 @@ contains
     inverted = .false.
     text = ''
     if (self%bad > 0) call trouble_here(self, elastic, text, inverted)
-    call self%ranks%tell(self%bad_rank, text)
+    call self%ranks%tell_text(self%bad_rank, text)
     call self%ranks%any_of(inverted)
   end subroutine trouble
 

@@ -16,7 +16,6 @@ module fem_model
   use talus_summary, only: summary_type
   use talus_system, only: environment
   use talus_timers, only: timers_type
-  use fem_agree, only: agree
   use fem_body, only: fem_body_type
   use fem_critical, only: scale_rotations
   use fem_deck_keys, only: fem_deck_table
@@ -28,7 +27,7 @@ module fem_model
   use fem_relaxation, only: relax
   use fem_supports, only: check_supports
   use fem_restart, only: write_checkpoint, read_checkpoint
-  use fem_ranks, only: fem_ranks_type
+  use talus_ranks, only: ranks_type
   use fem_setup, only: read_body
   use fem_share_out, only: share_out
   use fem_start, only: start_motion
@@ -46,7 +45,7 @@ module fem_model
 
   type :: fem_model_type
     type(options_type) :: options
-    type(fem_ranks_type) :: ranks            !! that work on the run
+    type(ranks_type) :: ranks            !! that work on the run
     type(deck_type) :: deck
     type(fem_body_type) :: body
     type(fem_output_type) :: output
@@ -382,10 +381,10 @@ contains
       if (len(stop_file) > 0) stop_file = self%deck%path('run', 1, 'stop_file')
     end if
     call self%stop%init(wall_limit, stop_file, obey_signals=.not. self%served)
-    call agree(self%ranks, errors)
+    call self%ranks%agree(errors)
     if (self%start_time < 0.0_wp .and. .not. self%modal .and. .not. errors%any()) &
       call self%output%write_due(self%body, .false., errors)
-    call agree(self%ranks, errors)
+    call self%ranks%agree(errors)
   end subroutine open_run
 
   !> Lock and log of the leader; the others are silent.
@@ -400,7 +399,7 @@ contains
     else
       call self%log%open('', errors, screen=.false.)
     end if
-    call agree(self%ranks, errors)
+    call self%ranks%agree(errors)
   end subroutine open_log
 
   subroutine row_titles(log)
@@ -476,14 +475,14 @@ contains
       if (self%body%matter%active) call self%output%write_iterations(self%body, errors)
       if (.not. errors%any()) call check_energy(self%body, errors)
       call watch_ellipticity(self%body, self%log, errors%any(), self%elliptic)
-      call agree(self%ranks, errors)
+      call self%ranks%agree(errors)
       if (errors%any()) return
       call self%body%hand_over()
       self%steps = self%steps + 1
       call self%timers%start('output')
       call self%output%write_due(self%body, last, errors)
       call self%timers%stop('output')
-      call agree(self%ranks, errors)
+      call self%ranks%agree(errors)
       if (errors%any()) return
       if (self%body%solver%iterative) call self%log%item('iterations', &
         str(self%body%solver%cg%iterations), 'residual '// &
@@ -504,7 +503,7 @@ contains
     if (.not. save_now .and. asked(1) == stop_none) &
       save_now = self%checkpoint%due(self%body%accepted%time)
     asked(2) = merge(1, 0, save_now)
-    call self%ranks%tell_values(asked)
+    call self%ranks%tell_numbers(asked)
     save_now = asked(2) > 0 .and. asked(1) == stop_none
     self%stopped = asked(1) /= stop_none
     if (self%stopped) call self%log%line('stopped by '//self%stop%text())
@@ -570,7 +569,7 @@ contains
         call self%save_checkpoint('', errors)
       call self%output%close(errors)
     end if
-    call agree(self%ranks, errors)
+    call self%ranks%agree(errors)
     exit_code = errors%exit_code()
     if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped
     if (.not. self%opened) call self%lock%release()

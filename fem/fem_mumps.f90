@@ -10,7 +10,7 @@ module fem_mumps
   use talus_errors, only: error_list_type
   use talus_system, only: memory_free
   use talus_text, only: str
-  use fem_ranks, only: fem_ranks_type, start_mpi
+  use talus_ranks, only: ranks_type, start_mpi
   implicit none
   private
   public :: mumps_type, storage_auto, storage_memory, storage_disk
@@ -39,7 +39,7 @@ module fem_mumps
     integer(i8) :: entries = 0           !! in the factors
     real(wp) :: flops = 0.0_wp           !! of the factorisation
     integer(i4) :: memory = 0            !! [MB]
-    type(fem_ranks_type) :: ranks        !! that share the matrix
+    type(ranks_type) :: ranks        !! that share the matrix
     type(dmumps_struc), allocatable, private :: id
   contains
     procedure :: analyse
@@ -211,7 +211,7 @@ contains
       return
     end if
     if (self%ranks%leads()) b = self%id%rhs
-    call self%ranks%tell_vector(b)
+    call self%ranks%tell_values(b)
   end subroutine solve
 
   !> Give the factors back.

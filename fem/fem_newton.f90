@@ -466,6 +466,6 @@ contains
     place = int(findloc(self%dofs%block, block, 1), i4)
     element_at = huge(place)
     if (place > 0) element_at = self%elastic%number_of(int(count(self%dofs%start <= place), i4))
-    call self%dofs%halo%least(element_at)
+    call self%dofs%halo%least_number(element_at)
   end function element_at
 end module fem_newton

@@ -5,7 +5,7 @@ module fem_partition
   use talus_kinds, only: i4, i8
   use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
-  use fem_ranks, only: fem_halo_type
+  use fem_halo, only: fem_halo_type
   use fem_types, only: fem_mesh_type
   implicit none
   private

@@ -8,7 +8,7 @@ module fem_share_out
   use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
   use fem_partition, only: part_elements, make_halo
-  use fem_ranks, only: fem_ranks_type
+  use talus_ranks, only: ranks_type
   use fem_sparse, only: elements_of_blocks
   use fem_types, only: fem_mesh_type, group_volume
   implicit none
@@ -20,7 +20,7 @@ contains
   !> Leave this rank its elements; fault I309 where ranks would have none.
   subroutine share_out(body, ranks, errors)
     type(fem_body_type), intent(inout) :: body
-    type(fem_ranks_type), intent(in) :: ranks
+    type(ranks_type), intent(in) :: ranks
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: part(:), mine(:)
     integer(i4) :: e
@@ -38,9 +38,9 @@ contains
     else
       allocate (part(body%mesh%elements))
     end if
-    call ranks%tell_values(part)
+    call ranks%tell_numbers(part)
     mine = pack([(e, e=1, body%mesh%elements)], part == ranks%rank)
-    body%dofs%halo%fem_ranks_type = ranks
+    body%dofs%halo%ranks_type = ranks
     call make_halo(body%dofs, part, body%dofs%halo)
     call own_surfaces(body, part)
     body%whole%ranks = ranks

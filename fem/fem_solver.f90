@@ -60,7 +60,7 @@ contains
     if (self%free == 0 .or. self%iterative) return
     call entries_of(self, pattern, irn, jcn)
     call elimination(self, dofs, order)
-    self%mumps%ranks = pattern%halo%fem_ranks_type
+    self%mumps%ranks = pattern%halo%ranks_type
     call self%mumps%analyse(self%free, irn, jcn, order, errors)
     if (allocated(self%value)) deallocate (self%value, self%right)
     allocate (self%value(size(irn)), self%right(self%free))

@@ -5,7 +5,7 @@
 module fem_sparse
   use talus_kinds, only: wp, i4
   use fem_dofs, only: fem_dofs_type
-  use fem_ranks, only: fem_halo_type
+  use fem_halo, only: fem_halo_type
   use fem_types, only: fem_springs_type
   implicit none
   private

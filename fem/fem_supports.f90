@@ -77,7 +77,7 @@ contains
         root(i) = top(root, i)
       end do
       first = root
-      call pattern%halo%least_each(first)
+      call pattern%halo%least_numbers(first)
       again = any(first /= root)
       do i = 1, size(root)
         a = top(root, i)

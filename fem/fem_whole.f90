@@ -3,14 +3,14 @@
 !! values stay as they are.
 module fem_whole
   use talus_kinds, only: wp, i4
-  use fem_ranks, only: fem_ranks_type
+  use talus_ranks, only: ranks_type
   use fem_types, only: fem_mesh_type
   implicit none
   private
   public :: fem_whole_type
 
   type :: fem_whole_type
-    type(fem_ranks_type) :: ranks
+    type(ranks_type) :: ranks
     type(fem_mesh_type) :: mesh              !! the leader's
     integer(i4), allocatable :: part(:)      !! (elements of all) rank of each
     integer(i4), allocatable :: point(:)     !! (elements of all + 1) first point of each
@@ -46,7 +46,7 @@ contains
     real(wp), allocatable :: all(:, :)
     integer(i4) :: r, e, n
     if (.not. self%ranks%several()) return
-    call self%ranks%collect(values, all)
+    call self%ranks%collect_columns(values, all)
     deallocate (values)
     allocate (values(size(all, 1), size(all, 2)))
     if (.not. self%ranks%leads()) return
@@ -67,7 +67,7 @@ contains
     real(wp), allocatable :: all(:, :)
     integer(i4) :: r, e, n, m
     if (.not. self%ranks%several()) return
-    call self%ranks%collect(values, all)
+    call self%ranks%collect_columns(values, all)
     deallocate (values)
     allocate (values(size(all, 1), size(all, 2)))
     if (.not. self%ranks%leads()) return

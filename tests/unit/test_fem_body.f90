@@ -8,7 +8,7 @@ program test_fem_body
   use fem_dofs, only: number_fields
   use fem_kinds, only: hex8
   use fem_micropolar, only: lame_moduli
-  use fem_ranks, only: leave_ranks
+  use talus_ranks, only: leave_ranks
   use fem_start, only: start_motion
   use fem_step, only: take_step
   use fem_topology, only: set_elements

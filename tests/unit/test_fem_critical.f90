@@ -8,7 +8,7 @@ program test_fem_critical
   use fem_dofs, only: number_fields
   use fem_kinds, only: hex8
   use fem_micropolar, only: lame_moduli
-  use fem_ranks, only: leave_ranks
+  use talus_ranks, only: leave_ranks
   use fem_sparse, only: multiply, multiply_mass
   use fem_start, only: start_motion
   use fem_step, only: take_step

@@ -4,7 +4,7 @@ program test_fem_mumps
   use talus_errors, only: error_list_type
   use talus_test, only: test_type
   use fem_mumps, only: mumps_type, storage_memory, storage_disk
-  use fem_ranks, only: leave_ranks
+  use talus_ranks, only: leave_ranks
   implicit none
   type(test_type) :: test
   integer(i4), parameter :: n = 60

@@ -7,7 +7,7 @@ program test_fem_partition
   use fem_elastic, only: fem_elastic_type
   use fem_kinds, only: hex8
   use fem_partition, only: part_elements, make_halo
-  use fem_ranks, only: fem_halo_type
+  use fem_halo, only: fem_halo_type
   use fem_topology, only: set_elements
   use fem_types, only: fem_mesh_type
   implicit none

@@ -18,7 +18,7 @@ program test_fem_port
   use talus_scalars, only: scalar_count, scalar_kinetic, scalar_elastic
   use talus_test, only: test_type
   use fem_model, only: fem_model_type
-  use fem_ranks, only: leave_ranks
+  use talus_ranks, only: leave_ranks
   use fem_port, only: serve
   implicit none
 

@@ -7,7 +7,7 @@ program test_fem_sets
   use fem_body, only: fem_body_type
   use fem_dofs, only: number_fields
   use fem_kinds, only: hex8
-  use fem_ranks, only: leave_ranks
+  use talus_ranks, only: leave_ranks
   use fem_sets, only: fem_sets_type
   use fem_step, only: take_step
   use fem_topology, only: set_elements
