@@ -9,19 +9,14 @@ module fem_point_polar
   use talus_curve, only: curve_type, curve_index
   use talus_deck, only: deck_type
   use talus_history, only: history_type
-  use fem_law, only: common_names, common_size, at_stored, at_numerical
   use fem_law_polar, only: fem_law_polar_type
   use fem_polar, only: polar_size, full_of
+  use fem_point_steps, only: step_in_parts, append_states, most_iterations, accuracy, relative, wild
   implicit none
   private
   public :: follow_polar
 
   character(len=2), parameter :: kl(9) = ['11', '12', '13', '21', '22', '23', '31', '32', '33']
-  integer(i4), parameter :: most_iterations = 30
-  integer(i4), parameter :: most_halvings = 12
-  real(wp), parameter :: accuracy = 1.0e-13_wp   !! of the conditions, in strain
-  real(wp), parameter :: relative = 1.0e-12_wp   !! of the strain so far
-  real(wp), parameter :: wild = 1.0_wp           !! strain increment that cannot be meant
 
   !> What is asked of each component.
   type :: control_type
@@ -122,27 +117,23 @@ contains
     real(wp), intent(in) :: time
     type(point_type), intent(inout) :: point
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: goal, size_of, least
-    logical :: good
+    real(wp) :: now
 
-    size_of = time - point%time
-    least = size_of*0.5_wp**most_halvings
-    do while (point%time < time)
-      goal = point%time + size_of
-      if (goal >= time - relative*size_of) goal = time
-      call one_step(law, control, curve, goal, point, good)
-      if (good) then
-        size_of = 2.0_wp*size_of
-        cycle
-      end if
-      size_of = 0.5_wp*size_of
-      if (size_of >= least) cycle
-      call errors%add('N310', 'the point cannot follow the path beyond time '// &
-        str(point%time)//' s, stress sigma_11 '//str(point%stress(1))//' Pa, sigma_12 '// &
-        str(point%stress(2))//' Pa', 'material '//trim(law%id), &
-        'is a stress wanted that the material cannot carry? Control the strain there')
-      return
-    end do
+    now = point%time
+    call step_in_parts(try, time, now)
+    if (now >= time) return
+    call errors%add('N310', 'the point cannot follow the path beyond time '// &
+      str(point%time)//' s, stress sigma_11 '//str(point%stress(1))//' Pa, sigma_12 '// &
+      str(point%stress(2))//' Pa', 'material '//trim(law%id), &
+      'is a stress wanted that the material cannot carry? Control the strain there')
+
+  contains
+
+    subroutine try(time, good)
+      real(wp), intent(in) :: time
+      logical, intent(out) :: good
+      call one_step(law, control, curve, time, point, good)
+    end subroutine try
   end subroutine step_to
 
   !> One step to a time by Newton's method; a step that does not converge changes nothing.
@@ -216,16 +207,7 @@ contains
         call append_string(columns, trim(what(j))//' '//kl(k)//' ['//trim(unit_of(j))//']')
       end do
     end do
-    do k = 1, law%states
-      if (k > common_size) then
-        call append_string(columns, law%state_name(k))
-      else if (k >= at_stored .and. k <= at_numerical) then
-        call append_string(columns, trim(common_names(k))//' [J/m3]')
-      else
-        call append_string(columns, trim(common_names(k))//' [-]')
-      end if
-    end do
-    call append_string(columns, 'iterations [-]')
+    call append_states(law, columns)
     call file%open(path, columns, .false., errors)
   end subroutine open_table
 
