@@ -215,6 +215,8 @@ contains
     call file%put('/parts/m', o%parts%m, errors)
     call file%put('/parts/p_still', o%parts%p_still, errors)
     call file%put('/parts/m_still', o%parts%m_still, errors)
+    call file%put('/parts/p_sum', o%parts%p_sum, errors)
+    call file%put('/parts/m_sum', o%parts%m_sum, errors)
     call file%put('/parts/age', [o%parts%age], errors)
   end subroutine write_parts
 
@@ -232,6 +234,8 @@ contains
     call file%get_into('/parts/m', o%parts%m, errors)
     call file%get_into('/parts/p_still', o%parts%p_still, errors)
     call file%get_into('/parts/m_still', o%parts%m_still, errors)
+    call file%get_into('/parts/p_sum', o%parts%p_sum, errors)
+    call file%get_into('/parts/m_sum', o%parts%m_sum, errors)
     call file%get_into('/parts/age', age, errors)
     o%parts%age = age(1)
   end subroutine read_parts

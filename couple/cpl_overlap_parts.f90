@@ -57,8 +57,8 @@ contains
     call o%resist()
   end subroutine settle_parts
 
-  !> After an exchange: its works; a border that is too old is chosen anew; now and then forces are
-  !! settled.
+  !> After an exchange: its works; a border that is too old is chosen anew; after a window of
+  !! exchanges its mean forces act in every step.
   subroutine finish_parts(o, grains, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: grains
@@ -73,8 +73,12 @@ contains
     o%turnover = o%turnover + turnover
     call timers%stop('works')
     if (o%parts%old) call choose_border(o, grains, timers, errors)
-    o%parts%age = o%parts%age + 1
-    if (o%parts%is_due()) call settle_parts(o)
+    call o%parts%gather()
+    if (.not. o%parts%is_due()) return
+    call o%parts%renew(o%op)
+    call renew_kicks(o)
+    call o%pull()
+    call o%resist()
   end subroutine finish_parts
 
   !> Ask which ghosts free grains can reach, and have them moved with the steps.

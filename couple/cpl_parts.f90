@@ -1,8 +1,11 @@
 !> Forces between ghosts that are evaluated once an exchange (theory: overlap coupling, Time).
 !!
-!! What they are at times (`still`) acts in every step of the grains like a dead load; what they are
-!! besides (`rest`) acts in kicks of half an exchange at its start and at its end. As forces of the
-!! contacts change slowly the kicks are weak, however large the forces are.
+!! What they were in the mean of a window of exchanges (`still`) acts in every step of the grains
+!! like a dead load; what they are besides (`rest`) acts in kicks of half an exchange at its start
+!! and at its end. As forces of the contacts change slowly the kicks are weak, however large the
+!! forces are. Kicks keep an energy that differs from the true one by h^2 rest^2/m: a `still` that
+!! is taken at an instant makes the rest vanish there, always to the same side, and energy drifts;
+!! a mean does not know the instant.
 module cpl_parts
   use talus_kinds, only: wp, i4
   use cpl_operators, only: operators_type
@@ -10,7 +13,7 @@ module cpl_parts
   private
   public :: parts_type, pulled_type
 
-  integer(i4), parameter :: settle_after = 20  !! exchanges
+  integer(i4), parameter :: window = 100_i4  !! exchanges
 
   !> Forces on what is free.
   type :: pulled_type
@@ -25,7 +28,8 @@ module cpl_parts
     real(wp), allocatable :: kick(:, :), kick_phi(:, :)  !! rest on free grains, with the inertia of
                                                    !! what hat nodes carry (3, free)
     real(wp), allocatable :: p(:, :), m(:, :)      !! of ghosts on ghosts (3, ghosts) [N], [N m]
-    real(wp), allocatable :: p_still(:, :), m_still(:, :)  !! the same when they were settled
+    real(wp), allocatable :: p_sum(:, :), m_sum(:, :)      !! the same over the window so far
+    real(wp), allocatable :: p_still(:, :), m_still(:, :)  !! the mean over the window before
     integer(i4) :: age = 0                         !! exchanges since
     logical :: old = .false.                       !! near must be chosen anew
     type(pulled_type) :: still, rest
@@ -35,7 +39,9 @@ module cpl_parts
   contains
     procedure :: begin
     procedure :: settle
+    procedure :: gather
     procedure :: is_due
+    procedure :: renew
     procedure :: pull_all
     procedure :: pull_rest
     procedure :: work
@@ -49,7 +55,8 @@ contains
     type(operators_type), intent(in) :: op
     self%active = .true.
     allocate (self%p(3, op%ghosts), self%m(3, op%ghosts), self%p_still(3, op%ghosts), &
-              self%m_still(3, op%ghosts), source=0.0_wp)
+              self%m_still(3, op%ghosts), self%p_sum(3, op%ghosts), self%m_sum(3, op%ghosts), &
+              source=0.0_wp)
     call make_room(op, self%still)
     call make_room(op, self%rest)
   end subroutine begin
@@ -67,15 +74,40 @@ contains
     type(operators_type), intent(in) :: op
     self%p_still = self%p
     self%m_still = self%m
-    self%age = 0
+    call clear(self)
     call self%pull_all(op)
   end subroutine settle
 
-  !> Time to settle again?
+  pure subroutine clear(self)
+    class(parts_type), intent(inout) :: self
+    self%p_sum = 0.0_wp
+    self%m_sum = 0.0_wp
+    self%age = 0
+  end subroutine clear
+
+  !> An exchange has ended: its forces belong to the window.
+  pure subroutine gather(self)
+    class(parts_type), intent(inout) :: self
+    self%p_sum = self%p_sum + self%p
+    self%m_sum = self%m_sum + self%m
+    self%age = self%age + 1
+  end subroutine gather
+
+  !> Is the window full?
   pure logical function is_due(self)
     class(parts_type), intent(in) :: self
-    is_due = self%active .and. self%age >= settle_after
+    is_due = self%active .and. self%age >= window
   end function is_due
+
+  !> The mean of the window acts in every step from here on.
+  subroutine renew(self, op)
+    class(parts_type), intent(inout) :: self
+    type(operators_type), intent(in) :: op
+    self%p_still = self%p_sum/self%age
+    self%m_still = self%m_sum/self%age
+    call clear(self)
+    call self%pull_all(op)
+  end subroutine renew
 
   !> Both on what is free, after a change of what is still or of the operators.
   subroutine pull_all(self, op)
