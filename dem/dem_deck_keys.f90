@@ -608,7 +608,7 @@ contains
 
   subroutine group_cell_stress(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('cell_stress', 6, &
+    call table%add_group('cell_stress', 8, &
       'A component of the stress of the contacts that a servo holds by straining the ' &
       //'cell. Every 10 steps its rate is gain times the stress that is wanting, over the' &
       //' stiffness that the contacts would have if all grains followed the flow and the ' &
@@ -621,8 +621,15 @@ contains
     call table%allow('xx|xy|xz|yx|yy|yz|zx|zy|zz|mean')
     call table%add_key('stress', 'real', 'Pa', &
       'Target. Pressure is positive in normal components and the mean; a shear stress ' &
-      //'is positive where it resists a positive rate.')
-    call table%need()
+      //'is positive where it resists a positive rate. Give this, or between and b.')
+    call table%add_key('between', 'string', '', &
+      'True triaxial test: the target is (1 - b) of the stress in the first of these ' &
+      //'two components and b of that in the second, as they are at each look.')
+    call table%sized(2_i4, 2_i4)
+    call table%allow('xx|yy|zz')
+    call table%add_key('b', 'real', '', &
+      'Place of the target between the two, 0 at the first, 1 at the second.')
+    call table%bounds(min=0.0_wp, max=1.0_wp)
     call table%add_key('curve', 'string', '', 'The curve by which the stress is multiplied.')
     call table%preset('')
     call table%add_key('rate', 'real', '1/s', &

@@ -32,6 +32,8 @@ module dem_flow
     integer(i4) :: component = 0      !! of components
     real(wp) :: value = 0.0_wp        !! rate [1/s] or stress [Pa]
     real(wp) :: target = 0.0_wp       !! at the last look [Pa]
+    integer(i4) :: between(2) = 0     !! components that set the target; 0: value does
+    real(wp) :: share = 0.0_wp        !! b: place of the target between the two
   end type control_type
 
   type :: dem_flow_type
@@ -71,7 +73,7 @@ contains
     end do
     do k = 1, size(self%stress)
       call read_control(deck, 'cell_stress', k, curve, self%stress, errors)
-      call deck%get('cell_stress', k, 'stress', self%stress(k)%value)
+      call read_target(deck, k, self%stress(k), errors)
       call deck%get('cell_stress', k, 'rate', self%stress(k)%speed)
       call deck%get('cell_stress', k, 'gain', self%stress(k)%gain)
       call deck%get('cell_stress', k, 'tolerance', self%stress(k)%tolerance)
@@ -102,6 +104,37 @@ contains
       call deck%fault(errors, 'D268', "component '"//name//"' stands twice", group, k, &
                       'component', 'name each component once')
   end subroutine read_control
+
+  !> Target of a servo: a stress, or a place between two other components (D268).
+  subroutine read_target(deck, k, servo, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(control_type), intent(inout) :: servo
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: names(:)
+    integer(i4) :: j
+
+    if (deck%given('cell_stress', k, 'between') .neqv. deck%given('cell_stress', k, 'b')) then
+      call deck%fault(errors, 'D268', 'between and b belong together', 'cell_stress', k, '', &
+                      "between = 'xx', 'zz', b = 0.5")
+    else if (deck%given('cell_stress', k, 'stress') .eqv. deck%given('cell_stress', k, 'b')) then
+      call deck%fault(errors, 'D268', 'a servo has a stress, or a place between two', &
+                      'cell_stress', k, 'component', 'give one of stress and b')
+    end if
+    if (deck%given('cell_stress', k, 'stress')) &
+      call deck%get('cell_stress', k, 'stress', servo%value)
+    if (.not. deck%given('cell_stress', k, 'between')) return
+    call deck%get('cell_stress', k, 'b', servo%share)
+    call deck%get('cell_stress', k, 'between', names)
+    do j = 1, 2
+      servo%between(j) = findloc(components == names(j)%s, .true., 1)
+    end do
+    if (any(servo%between == servo%component) .or. servo%between(1) == servo%between(2) .or. &
+        .not. any(servo%component == [1, 5, 9]) .or. servo%curve > 0) &
+      call deck%fault(errors, 'D268', 'a stress between two others is a normal one, they are '// &
+                      'the two others, and it follows no curve', 'cell_stress', k, 'between', &
+                      "component = 'yy', between = 'xx', 'zz', b = 0.5")
+  end subroutine read_target
 
   !> A component has a rate or a stress, and strains only what is periodic (D268).
   subroutine check_controls(self, deck, d, errors)
@@ -262,6 +295,9 @@ contains
     do k = 1, size(self%stress)
       associate (servo => self%stress(k))
         servo%target = servo%value
+        if (servo%between(1) > 0) &
+          servo%target = (1.0_wp - servo%share)*stress_in(sigma, servo%between(1)) &
+                         + servo%share*stress_in(sigma, servo%between(2))
         if (servo%curve > 0) servo%target = servo%value*self%curve(servo%curve)%at(time)
         call servo%respond(servo%target - stress_in(sigma, servo%component), 1.0_wp, &
                            stiffness(servo%component), ahead, sign(servo%speed, servo%target), &
