@@ -15,21 +15,30 @@ from talus.faults import FaultError
 
 MOST_SKEW = 0.8  # one half nine times the other
 LEAST_EXPONENT, MOST_EXPONENT = 2.0, 10.0
-TABLE = "a+ b+ c+ a- b- c- exponent"  # columns of a table of forms
+TABLE = "a b c weight, or a+ b+ c+ a- b- c- exponent weight"  # columns of a table of forms
+COLUMNS = (3, 4, 6, 7, 8)  # that a row may have; weight 1 and exponent 2 where they are left out
 MARGIN = 1.02  # of bounding spheres, for the directions between those looked at
 
 
 @dataclass
 class Forms:
-    """Mean semi-axes (n, 3), skew (n, 3) and exponents (n) of some forms."""
+    """Mean semi-axes (n, 3), skew (n, 3), exponents and weights (n) by number of some forms."""
 
     axes: np.ndarray
     skew: np.ndarray
     exponent: np.ndarray
+    weight: np.ndarray | None = None  # None: all alike
 
     def take(self, rows: np.ndarray) -> "Forms":
         """Return the forms of an index array."""
-        return Forms(self.axes[rows], self.skew[rows], self.exponent[rows])
+        weight = None if self.weight is None else self.weight[rows]
+        return Forms(self.axes[rows], self.skew[rows], self.exponent[rows], weight)
+
+    def choose(self, rng: np.random.Generator, count: int) -> np.ndarray:
+        """Rows (count) of forms taken by chance, by their weights."""
+        if self.weight is None:
+            return rng.integers(len(self.axes), size=count)
+        return rng.choice(len(self.axes), size=count, p=self.weight / self.weight.sum())
 
 
 def formed(skew: np.ndarray, exponent: np.ndarray) -> np.ndarray:
@@ -118,35 +127,44 @@ def inside(points: np.ndarray, axes: np.ndarray, skew: np.ndarray, exponent: flo
 
 
 def read_table(path: Path) -> Forms:
-    """Read a table of measured grains: a row a grain, six semi-axes [m] and maybe an exponent."""
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as fault:
-        raise FaultError("E501", f"cannot read {path}: {fault}") from fault
+    """Read a table of measured grains: a row a form, three or six semi-axes [m], see TABLE."""
     rows = []
-    for number, line in enumerate(lines, 1):
-        words = line.split("#")[0].replace(",", " ").split()
-        if not words:
-            continue
+    for number, words in table_rows(path):
         try:
             values = [float(word) for word in words]
-            if len(values) not in (6, 7):
-                raise ValueError(f"{len(values)} numbers instead of 6 or 7")
+            if len(values) not in COLUMNS:
+                wanted = ", ".join(map(str, COLUMNS[:-1]))
+                raise ValueError(f"{len(values)} numbers instead of {wanted} or {COLUMNS[-1]}")
         except ValueError as fault:
-            hint = f"rows are: {TABLE} (2 if left out)"
+            hint = f"rows are: {TABLE} (2 and 1 if left out)"
             raise FaultError("E507", f"no form: {fault}", hint, f"{path}:{number}") from fault
-        rows.append([*values[:6], values[6] if len(values) == 7 else LEAST_EXPONENT])
+        if len(values) < 6:
+            values = [*values[:3], *values[:3], LEAST_EXPONENT, *values[3:]]
+        rows.append([*values, *[LEAST_EXPONENT, 1.0][len(values) - 6 :]])
         check_row(np.array(rows[-1]), f"{path}:{number}")
     if not rows:
         raise FaultError("E507", f"{path} holds no forms", f"rows are: {TABLE}")
     table = np.array(rows)
     upper, lower = table[:, 0:3], table[:, 3:6]
-    return Forms(0.5 * (upper + lower), (upper - lower) / (upper + lower), table[:, 6])
+    weight = None if (table[:, 7] == table[0, 7]).all() else table[:, 7]
+    return Forms(0.5 * (upper + lower), (upper - lower) / (upper + lower), table[:, 6], weight)
+
+
+def table_rows(path: Path) -> list[tuple[int, list[str]]]:
+    """Return the lines of a table that hold words, with their numbers; `#` begins a comment."""
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as fault:
+        raise FaultError("E501", f"cannot read {path}: {fault}") from fault
+    rows = [(n, line.split("#")[0].replace(",", " ").split()) for n, line in enumerate(lines, 1)]
+    return [(number, words) for number, words in rows if words]
 
 
 def check_row(row: np.ndarray, place: str) -> None:
     """Raise a fault for a form that talus-dem would not take (E507)."""
     upper, lower, p = row[0:3], row[3:6], row[6]
+    if row[7:].size and not 0.0 < row[7] < np.inf:
+        raise FaultError("E507", f"weight {row[7]:g}", "weights must be above 0", place)
     if not (np.isfinite(row).all() and (row[:6] > 0.0).all()):
         raise FaultError("E507", f"semi-axes {row[:6]} m", "all six must be above 0", place)
     if np.abs((upper - lower) / (upper + lower)).max() > MOST_SKEW:

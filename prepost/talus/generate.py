@@ -6,8 +6,8 @@ Lengths in metres. The benchmark's numbers are those of the source chapter, sect
 import numpy as np
 
 from talus.faults import FaultError
-from talus.forms import Forms, bounding_radii
-from talus.packing import DRIVEN, FIXED, Packing, make_packing
+from talus.forms import Forms, bounding_radii, volumes
+from talus.packing import DRIVEN, FIXED, FREE, Packing, make_packing
 
 PITCH = 5.0e-3
 WALL_RADIUS = 2.475e-3
@@ -174,6 +174,25 @@ def sieved_sizes(count: int, openings: np.ndarray, passing: np.ndarray) -> np.nd
     return np.interp((np.arange(count) + 0.5) / count, share / share[-1], edges)
 
 
+def passing_of(packing: Packing, openings: np.ndarray) -> np.ndarray:
+    """Shares of the mass of the free grains that pass openings [m] by their middle axes."""
+    free = packing.kind == FREE
+    axes = packing.axes[free]
+    mass = volumes(axes, packing.skew[free], packing.exponent[free])
+    size = 2.0 * np.median(axes, axis=1)
+    return np.array([mass[size <= d].sum() for d in openings]) / mass.sum()
+
+
+def check_gradation(packing: Packing, openings: np.ndarray, passing: np.ndarray) -> float:
+    """Largest error of the mass that passes a sieve; a class without a grain is a fault (E514)."""
+    middle = 2.0 * np.median(packing.axes, axis=1)
+    for low, high, share in zip(openings, openings[1:], np.diff(passing), strict=False):
+        if share > 0.0 and not ((middle > low) & (middle <= high)).any():
+            text = f"no grain lies between {low:g} and {high:g} m, where {share:.3g} of the mass is"
+            raise FaultError("E514", text, f"ask for more than {packing.count} grains")
+    return float(np.abs(passing_of(packing, openings) - passing).max())
+
+
 def cloud(
     sizes: np.ndarray, box: np.ndarray, axes: np.ndarray, seed: int, tries: int = 2000,
     watch: object = iter, periodic: bool = False, forms: Forms | None = None,
@@ -183,13 +202,13 @@ def cloud(
     `sizes` (n) multiply `axes` [m]. Larger grains are placed first; ids run through the box layer
     by layer, so that neighbours lie near each other in the solver's memory. In a periodic box
     grains reach through the faces; the packing then holds it as its cell. With `forms` each grain
-    takes one of them by chance, in place of `axes`.
+    takes one of them by chance and weight, in place of `axes`.
     """
     rng = np.random.default_rng(seed)
     scale = np.sort(sizes)[::-1]
     radius = scale * float(np.max(axes))
     if forms is not None:
-        chosen = np.random.default_rng(seed + 2).integers(len(forms.axes), size=len(scale))
+        chosen = forms.choose(np.random.default_rng(seed + 2), len(scale))
         radius = scale * bounding_radii(forms)[chosen]
         largest = np.argsort(-radius, kind="stable")
         scale, chosen, radius = scale[largest], chosen[largest], radius[largest]

@@ -65,6 +65,16 @@ class Packing:
             self.exponent[keep],
         )  # fmt: skip
 
+    def renumbered(self, after: int) -> "Packing":
+        """Return the grains numbered on after an id, in the order of their ids."""
+        order = np.argsort(self.id)
+        fresh = self.take(order)
+        fresh.id = np.arange(after + 1, after + 1 + self.count)
+        fresh.groups = {
+            name: fresh.id[np.isin(self.id[order], ids)] for name, ids in self.groups.items()
+        }
+        return fresh
+
     def join(self, other: "Packing") -> "Packing":
         """Return both packings in one; ids must differ."""
         twice = np.intersect1d(self.id, other.id)

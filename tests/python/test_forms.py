@@ -88,12 +88,26 @@ def test_bad_forms_are_refused(tmp_path: Path) -> None:
     for text, words in (
         ("1 1 1 1 1\n", "5 numbers"), ("1 1 1 1 1 cube\n", "cube"), ("", "no forms"),
         ("1 1 1 1 1 -1\n", "semi-axes"), ("1 1 1 1 1 0.05\n", "nine times"),
-        ("1 1 1 1 1 1 1.5\n", "exponent 1.5"),
+        ("1 1 1 1 1 1 1.5\n", "exponent 1.5"), ("1 1 1 0\n", "weight 0"),
+        ("1 1 1 1 1 1 2 -3\n", "weight -3"), ("1 1\n", "2 numbers"),
     ):  # fmt: skip
         (tmp_path / "t.txt").write_text(text)
         with pytest.raises(FaultError, match=words) as caught:
             forms.read_table(tmp_path / "t.txt")
         assert caught.value.code == "E507"
+
+
+def test_weights_of_a_table(tmp_path: Path) -> None:
+    """Forms come as often as their weights say; rows of three semi-axes are ellipsoids."""
+    (tmp_path / "t.txt").write_text("3 2 1 3\n1 1 1 1 1 1 4 1\n")
+    table = forms.read_table(tmp_path / "t.txt")
+    assert table.axes.tolist() == [[3.0, 2.0, 1.0], [1.0, 1.0, 1.0]]
+    assert table.exponent.tolist() == [2.0, 4.0] and table.weight.tolist() == [3.0, 1.0]
+    assert not table.skew.any() and table.take(np.array([1])).weight.tolist() == [1.0]
+    rows = table.choose(np.random.default_rng(1), 4000)
+    assert (rows == 0).mean() == pytest.approx(0.75, abs=4.0 * np.sqrt(0.75 * 0.25 / 4000))
+    (tmp_path / "t.txt").write_text("3 2 1\n1 1 1 7\n")
+    assert forms.read_table(tmp_path / "t.txt").weight.tolist() == [1.0, 7.0]
 
 
 def test_cloud_of_a_table(tmp_path: Path) -> None:

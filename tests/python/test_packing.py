@@ -1,5 +1,6 @@
 """Packings: counts and places of the benchmark's containers, editing, the two file forms."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +90,22 @@ def test_keep_box(tmp_path: Path) -> None:
     assert part.id.tolist() == whole.id[inside].tolist()
     assert np.isin(part.groups["container"], part.id).all()
     assert len(part.groups["container"]) == (part.kind == FIXED).sum() > 0
+
+
+def test_base_of_fixed_grains(tmp_path: Path) -> None:
+    """A layer is moved, fixed and joined to another packing, numbered on, with its groups."""
+    layer, base, both = (tmp_path / f"{name}.h5" for name in ("layer", "base", "both"))
+    one = generate.lattice("sc", (3, 2, 1), 2e-3, np.full(3, 1e-3))
+    one.groups["row"] = np.array([1, 2])
+    write_h5(layer, one)
+    shift = ["--shift", "0.001", "0.001", "-0.001"]
+    assert main(["pack", "edit", str(layer), "--fix", *shift, "-o", str(base)]) == 0
+    assert main(["pack", "edit", str(layer), "--join", str(base), "-o", str(both)]) == 0
+    packing = read_h5(both)
+    assert packing.id.tolist() == list(range(1, 13))
+    assert packing.kind.tolist() == [FREE] * 6 + [FIXED] * 6
+    assert packing.x[6:] == pytest.approx(one.x + [1e-3, 1e-3, -1e-3], abs=1e-15)
+    assert sorted(packing.groups["row"].tolist()) == [1, 2, 7, 8]
 
 
 def test_round_trip_is_exact(tmp_path: Path) -> None:
@@ -194,6 +211,30 @@ def test_gradation_by_mass(tmp_path: Path) -> None:
     middle = 2.0 * np.median(cloud.axes, axis=1)
     assert ((middle > 2e-3) & (middle < 4e-3)).all()
     assert np.allclose(cloud.axes / cloud.axes[:, :1], [1.0, 0.8, 0.6])
+
+
+def test_gradation_of_a_file(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """A sieve curve of a file is followed, and said so; classes without a grain are a fault."""
+    (tmp_path / "s.txt").write_text("# opening passing\n1e-3, 0\n2e-3 .3  # fine\n4e-3 1\n")
+    words = ["pack", "cloud", "--box", ".05", ".05", ".05", "--axes", "1", "1", "1", "--json"]
+    words += ["-o", str(tmp_path / "c.h5"), "--sieves"]
+    assert main([*words, str(tmp_path / "s.txt"), "--count", "600"]) == 0
+    told = json.loads(capsys.readouterr().out)["sieve curve, largest error of the mass"]
+    cloud = read_h5(tmp_path / "c.h5")
+    made = generate.passing_of(cloud, np.array([1e-3, 2e-3, 4e-3]))
+    assert made == pytest.approx([0.0, 0.3, 1.0], abs=0.01)
+    assert told == pytest.approx(abs(made[1] - 0.3), abs=1e-12)
+    mass = cloud.axes[:, 0] ** 3
+    assert made[1] == pytest.approx(mass[cloud.axes[:, 0] <= 1e-3].sum() / mass.sum())
+    for text, few, part in (
+        ("1e-3 0\n2e-3 .3\n4e-3 .2\n8e-3 1\n", 600, "no sieve curve"),
+        ("1e-3 0\n4e-3 .9\n", 600, "no sieve curve"), ("1e-3 0 3\n", 600, "no sieve"),
+        ("", 600, "holds no sieves"), ("1e-3 0\n2e-3 .9\n9e-3 1\n", 40, "no grain lies between"),
+    ):  # fmt: skip
+        (tmp_path / "b.txt").write_text(text)
+        assert main([*words, str(tmp_path / "b.txt"), "--count", str(few)]) == 1
+        said = capsys.readouterr().err
+        assert "E514" in said and part in said
 
 
 def test_groups_that_share_grains(tmp_path: Path) -> None:

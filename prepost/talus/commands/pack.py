@@ -9,8 +9,8 @@ import numpy as np
 from talus import generate
 from talus.arguments import counting, natural, number, positive, share
 from talus.faults import FaultError
-from talus.forms import LEAST_EXPONENT, TABLE, Forms, check_row, formed, read_table
-from talus.packing import FREE, TEXT_ENDINGS, Packing, read_packing, write_packing_file
+from talus.forms import LEAST_EXPONENT, TABLE, Forms, check_row, formed, read_table, table_rows
+from talus.packing import FIXED, FREE, TEXT_ENDINGS, Packing, read_packing, write_packing_file
 from talus.progress import watch
 
 
@@ -41,7 +41,7 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument(
         "--shapes", type=Path, metavar="FILE",
         help=f"table of measured grains in place of --axes, a row each: {TABLE}; every grain "
-        "of the cloud takes one by chance",
+        "of the cloud takes one by chance and weight",
     )  # fmt: skip
     sizes = new.add_mutually_exclusive_group()
     sizes.add_argument("--spread", type=share, default=0.0, help="sizes 1 +- spread, by number")
@@ -49,6 +49,10 @@ def register(commands: argparse._SubParsersAction) -> None:
         "--gradation", nargs="+", metavar="OPENING:SHARE",
         help="sieve curve: opening [m] and share of the mass that passes, 2e-3:0 3e-3:0.4 5e-3:1; "
         "a grain passes by its middle axis",
+    )  # fmt: skip
+    sizes.add_argument(
+        "--sieves", type=Path, metavar="FILE",
+        help="the same from a file: a row a sieve, opening [m] and share of the mass that passes",
     )  # fmt: skip
     new.add_argument("--seed", type=natural, default=1)
     new.add_argument("--periodic", action="store_true", help="the box is a periodic cell")
@@ -59,7 +63,7 @@ def register(commands: argparse._SubParsersAction) -> None:
         new = _sub(pack, name, transfer, text)
         new.add_argument("source", type=Path)
         new.add_argument("--header", default="", help="a comment line for the text form")
-    new = _sub(pack, "edit", edit, "drop grains, renumber, add the penetrator, stop all motion")
+    new = _sub(pack, "edit", edit, "drop, stop, fix, move or join grains, add the penetrator")
     new.add_argument("source", type=Path)
     new.add_argument("--drop-group", action="append", default=[], help="leave a group out")
     new.add_argument(
@@ -75,6 +79,12 @@ def register(commands: argparse._SubParsersAction) -> None:
         "--tool-height", type=number, help="height of its centre [m]; default: just above the bed"
     )
     new.add_argument("--at-rest", action="store_true", help="set all velocities to zero")
+    new.add_argument("--fix", action="store_true", help="all grains become fixed ones")
+    new.add_argument("--shift", type=number, nargs=3, metavar="L", help="move all grains [m]")
+    new.add_argument(
+        "--join", type=Path, metavar="FILE",
+        help="add the grains of another packing, numbered on; after all else",
+    )  # fmt: skip
 
 
 def _sub(
@@ -104,18 +114,23 @@ def _form(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def finish(options: argparse.Namespace, packing: Packing, header: str = "") -> int:
-    """Write the packing and say what it holds."""
+def finish(
+    options: argparse.Namespace, packing: Packing, header: str = "", facts: dict | None = None
+) -> int:
+    """Write the packing and say what it holds, with further facts."""
     write_packing_file(options.output, packing, header)
     names = ("free", "fixed", "driven")
+    further = facts or {}
     facts = {"file": str(options.output), "grains": packing.count}
     facts |= {name: int((packing.kind == k).sum()) for k, name in enumerate(names)}
     facts["groups"] = {name: len(ids) for name, ids in packing.groups.items()}
     if options.json:
-        print(json.dumps(facts))
+        print(json.dumps(facts | further))
     else:
         parts = ", ".join(f"{facts[name]} {name}" for name in names)
         print(f"{options.output}: {packing.count} grains ({parts})")
+        for name, value in further.items():
+            print(f"{name}: {value:.3g}")
     return 0
 
 
@@ -137,11 +152,14 @@ def lattice(options: argparse.Namespace) -> int:
 def cloud(options: argparse.Namespace) -> int:
     """Make a random cloud."""
     forms = forms_of(options)
-    if options.gradation:
-        openings, passing = read_gradation(options.gradation)
+    curve = None
+    if options.gradation or options.sieves:
+        curve = read_gradation(options.gradation) if options.gradation else read_sieves(
+            options.sieves
+        )
         # a grain of size 1 has the middle axis 1 m: it passes an opening of its size
         forms.axes = forms.axes / (2.0 * np.median(forms.axes, axis=1, keepdims=True))
-        sizes = generate.sieved_sizes(options.count, openings, passing)
+        sizes = generate.sieved_sizes(options.count, *curve)
     else:
         rng = np.random.default_rng(options.seed + 1)
         sizes = generate.uniform_sizes(options.count, options.spread, rng)
@@ -151,7 +169,10 @@ def cloud(options: argparse.Namespace) -> int:
         sizes, box, forms.axes[0], options.seed, watch=watch, periodic=options.periodic,
         forms=None if plain else forms,
     )  # fmt: skip
-    return finish(options, made)
+    if curve is None:
+        return finish(options, made)
+    error = generate.check_gradation(made, *curve)
+    return finish(options, made, facts={"sieve curve, largest error of the mass": error})
 
 
 def forms_of(options: argparse.Namespace) -> Forms:
@@ -178,6 +199,23 @@ def read_gradation(texts: list[str]) -> tuple[np.ndarray, np.ndarray]:
     return openings, passing
 
 
+def read_sieves(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return openings [m] and shares of the mass of a file, a row a sieve; '#' is a comment."""
+    rows = []
+    for number_, words in table_rows(path):
+        try:
+            opening, passes = (float(word) for word in words)
+        except ValueError as fault:
+            hint = "a row is: opening [m] and share of the mass that passes, as 3e-3 0.4"
+            place = f"{path}:{number_}"
+            raise FaultError("E514", f"'{' '.join(words)}' is no sieve", hint, place) from fault
+        rows.append((opening, passes))
+    if not rows:
+        raise FaultError("E514", f"{path} holds no sieves", "a row is: opening [m] and share")
+    openings, passing = np.array(rows).T
+    return openings, passing
+
+
 def transfer(options: argparse.Namespace) -> int:
     """Convert between packing.h5 and the text form (by the names' endings)."""
     packing = read_packing(options.source)
@@ -189,7 +227,7 @@ def transfer(options: argparse.Namespace) -> int:
 
 
 def edit(options: argparse.Namespace) -> int:
-    """Drop, add, stop."""
+    """Drop, stop, move, add."""
     packing = read_packing(options.source)
     keep = np.ones(packing.count, bool)
     for name in options.drop_group:
@@ -206,6 +244,10 @@ def edit(options: argparse.Namespace) -> int:
     packing.groups = {name: ids for name, ids in packing.groups.items() if ids.size}
     if options.at_rest:
         packing.v[:], packing.omega[:] = 0.0, 0.0
+    if options.fix:
+        packing.kind[:] = FIXED
+    if options.shift is not None:
+        packing.x += np.array(options.shift)
     if options.tool:
         if not (packing.kind == FREE).any():
             raise FaultError("E511", f"{options.source} has no free grains to push into")
@@ -213,6 +255,8 @@ def edit(options: argparse.Namespace) -> int:
             hint = "leave the old one out: --drop-group tool"
             raise FaultError("E511", f"{options.source} has a penetrator already", hint)
         packing = generate.add_tool(packing, tuple(options.tool_axes), options.tool_height)
+    if options.join is not None:
+        packing = packing.join(read_packing(options.join).renumbered(int(packing.id.max())))
     return finish(options, packing)
 
 
