@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 28)
+    call table%init('talus-dem', 29)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -27,6 +27,7 @@ contains
     call group_wall(table)
     call group_surface(table)
     call group_penetrometer(table)
+    call group_body(table)
     call group_servo(table)
     call group_constant_volume(table)
     call group_surcharge(table)
@@ -348,9 +349,10 @@ contains
     call table%add_group('surface', 13, &
       'Triangles that grains meet on both sides: a tool, a hopper, a container, a ' &
       //'finite plane. The body stands still, moves with its velocity, or turns about its' &
-      //' centre. Edges and corners count; triangles bent by less than smooth_deg are one' &
-      //' face, which a grain touches once. Force, moment about the centre and work are ' &
-      //'written to `<deck>_surfaces.csv`, the triangles to the field file.', repeats=.true.)
+      //' centre; a &body lets it go. Edges and corners count; triangles bent by less ' &
+      //'than smooth_deg are one face, which a grain touches once. Force, moment about ' &
+      //'the centre and work are written to `<deck>_surfaces.csv`, the triangles to the ' &
+      //'field file.', repeats=.true.)
     call table%add_key('id', 'string', '', 'Name in the log.')
     call table%need()
     call table%add_key('file', 'file', '', &
@@ -449,6 +451,42 @@ contains
       //'its mean over the next 10.')
     call table%preset('')
   end subroutine group_penetrometer
+
+  subroutine group_body(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('body', 7, &
+      'A surface or penetrometer that moves and turns as forces ask in some directions ' &
+      //'(contacts, weight, a given load), and with its own velocity and spin in the ' &
+      //'others; where it is free, these are its first ones. It meets fixed and driven ' &
+      //'grains, too. Its `centre` is its mass centre. Place, velocity and spin are ' &
+      //'written to `<deck>_bodies.csv`. Only in &dynamics.', repeats=.true.)
+    call table%add_key('surface', 'string', '', 'Id of the surface or penetrometer.')
+    call table%need()
+    call table%add_key('free', 'string', '', &
+      'Free directions: motion along x, y, z, and turns about one of these axes or ' &
+      //'about all three.')
+    call table%need()
+    call table%sized(1_i4, huge(1_i4))
+    call table%allow('x|y|z|rx|ry|rz')
+    call table%add_key('mass', 'real', 'kg', &
+      'Mass; a body that moves freely needs it. Gravity acts on it in the free ' &
+      //'directions.')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('inertia', 'real', 'kg m2', &
+      'Moment of inertia about the free axis, or all three about x, y, z through the ' &
+      //'centre, which must be principal axes at the start.')
+    call table%sized(1_i4, huge(1_i4))
+    call table%add_key('force', 'real', 'N', 'Given force, in space, at the centre.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%add_key('moment', 'real', 'N m', 'Given moment, in space.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%add_key('curve', 'string', '', &
+      'The curve by which force and moment are multiplied; every 10 steps they take its' &
+      //' mean over the next 10.')
+    call table%preset('')
+  end subroutine group_body
 
   subroutine group_servo(table)
     type(key_table_type), intent(inout) :: table

@@ -11,6 +11,7 @@ module dem_equilibrium
   use dem_integrate, only: scaled_spin_momentum
   use dem_measure, only: contact_count
   use dem_shape, only: rotation_of
+  use dem_surface_body, only: is_free, load_left
   use dem_system, only: dem_system_type, dem_contacts_type
   implicit none
   private
@@ -148,7 +149,7 @@ contains
   real(wp) function mean_unbalanced(system) result(ratio)
     type(dem_system_type), intent(in) :: system
     type(dem_contacts_type) :: list
-    real(wp) :: left, force, gravity(3)
+    real(wp) :: left, force, gravity(3), load(6)
     integer(i4) :: i, n
 
     gravity = system%par%gravity_scale*system%par%gravity
@@ -160,6 +161,14 @@ contains
       left = left + norm2(system%grains%force(:, i) + system%grains%extra_force(:, i) &
                           + system%grains%mass(i)*gravity)
     end do
+    if (allocated(system%surfaces%free)) then
+      do i = 1, system%surfaces%n
+        if (.not. is_free(system%surfaces, i)) cycle
+        n = n + 1
+        load = load_left(system%surfaces, i, gravity)
+        left = left + norm2(load(1:3))
+      end do
+    end if
     call system%contacts(list)
     force = 0.0_wp
     do i = 1, list%n

@@ -8,7 +8,8 @@ module dem_histories
   use talus_errors, only: error_list_type
   use talus_history, only: history_type
   use dem_state, only: kind_driven
-  use dem_surface_output, only: open_surface_history, write_surface_rows
+  use dem_surface_output, only: open_surface_history, write_surface_rows, open_body_history, &
+    write_body_rows
   use dem_system, only: dem_system_type
   use dem_ledger, only: turnover_of
   use dem_measure, only: contact_count
@@ -30,7 +31,8 @@ module dem_histories
     'moment_x [N m]', 'moment_y [N m]', 'moment_z [N m]', 'work [J]']
 
   type :: dem_histories_type
-    type(history_type) :: energy, driven, walls, surfaces
+    type(history_type) :: energy, driven, walls, surfaces, bodies
+    logical :: free = .false.                 !! there are free bodies
     integer(i4), allocatable :: index(:)      !! driven grains
     real(wp), allocatable :: driven_work(:)   !! of intervals that are over [J]
     real(wp), allocatable :: wall_work(:)     !! of intervals that are over [J]
@@ -51,6 +53,7 @@ contains
     class(dem_histories_type), intent(inout) :: self
     type(dem_system_type), intent(in) :: system
     integer(i4) :: k
+    self%free = allocated(system%surfaces%free)
     self%index = pack([(k, k=1, system%grains%n)], system%grains%kind == kind_driven)
     if (allocated(self%driven_work)) deallocate (self%driven_work)
     if (allocated(self%wall_work)) deallocate (self%wall_work, self%surface_work)
@@ -73,6 +76,7 @@ contains
       call begin(self%walls, stem//'_walls.csv', wall_columns, time, errors)
     if (size(self%surface_work) > 0) &
       call open_surface_history(self%surfaces, stem, time, errors)
+    if (self%free) call open_body_history(self%bodies, stem, time, errors)
   end subroutine open_histories
 
   subroutine begin(history, path, columns, time, errors)
@@ -128,6 +132,7 @@ contains
     end do
     if (system%surfaces%n > 0) call write_surface_rows(self%surfaces, time, system%surfaces, &
                                                        self%surface_work, errors)
+    if (self%free) call write_body_rows(self%bodies, time, system%surfaces, errors)
   end subroutine write_rows
 
   !> Take over the works of an interval, before the system's are reset.
@@ -161,6 +166,7 @@ contains
     call self%driven%flush(errors)
     call self%walls%flush(errors)
     call self%surfaces%flush(errors)
+    call self%bodies%flush(errors)
   end subroutine flush_histories
 
   subroutine close_histories(self, errors)
@@ -170,5 +176,6 @@ contains
     call self%driven%close(errors)
     call self%walls%close(errors)
     call self%surfaces%close(errors)
+    call self%bodies%close(errors)
   end subroutine close_histories
 end module dem_histories

@@ -7,6 +7,7 @@ module dem_ledger
   use dem_integrate, only: motion_type, scaled_spin_momentum
   use dem_shape, only: rotation_of
   use dem_steps, only: motion_of
+  use dem_surface_body, only: body_energy
   use dem_surface_measure, only: surface_energy
   implicit none
   private
@@ -34,6 +35,11 @@ contains
       ledger%kinetic = ledger%kinetic + part(1)
       ledger%staggering = ledger%staggering + part(2)
     end do
+    if (allocated(d%surfaces%free)) then
+      part = bodies_energy(d, motion)
+      ledger%kinetic = ledger%kinetic + part(1)
+      ledger%staggering = ledger%staggering + part(2)
+    end if
     ledger%elastic_normal = 0.0_wp
     ledger%elastic_tangential = 0.0_wp
     ledger%elastic_other = 0.0_wp
@@ -75,6 +81,18 @@ contains
       part(2) = motion%dt**2/8.0_wp*(sum(total**2)/m + sum(moment**2/inertia))
     end associate
   end function grain_energy
+
+  !> The same of all free bodies [J].
+  pure function bodies_energy(d, motion) result(part)
+    type(dem_data_type), intent(in) :: d
+    type(motion_type), intent(in) :: motion
+    real(wp) :: part(2)
+    integer(i4) :: b
+    part = 0.0_wp
+    do b = 1, d%surfaces%n
+      part = part + body_energy(d%surfaces, b, motion%dt, motion%gravity)
+    end do
+  end function bodies_energy
 
   !> Energy content now, as the steps see it [J].
   pure real(wp) function content(ledger)
@@ -119,6 +137,9 @@ contains
       part = grain_energy(d, i, motion)
       sum = sum + part(2)
     end do
+    if (.not. allocated(d%surfaces%free)) return
+    part = bodies_energy(d, motion)
+    sum = sum + part(2)
   end function staggering_of
 
   !> Extra forces have changed between two steps: so has the staggering, not the energy.

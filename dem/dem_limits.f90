@@ -8,7 +8,7 @@ module dem_limits
     history_side
   use dem_contact, only: contact_constants_type, constants_of, contact_radius, contact_point
   use dem_extras, only: extra_stiffness
-  use dem_surface_measure, only: add_surface_rows
+  use dem_surface_measure, only: add_surface_rows, body_rate
   implicit none
   private
   public :: gershgorin_step, rayleigh_step, impact_step
@@ -50,6 +50,9 @@ contains
                lambda(2, i)/(scale(2)*minval(d%grains%inertia(:, i))))
       if (kn > 0.0_wp) limit = min(limit, 2.0_wp/sqrt(kn))
     end do
+    if (.not. allocated(d%surfaces%free)) return
+    kn = body_rate(d)
+    if (kn > 0.0_wp) limit = min(limit, 2.0_wp/sqrt(kn))
   end function gershgorin_step
 
   !> Add a contact to the row sums of its grains.

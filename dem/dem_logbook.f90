@@ -16,6 +16,7 @@ module dem_logbook
   use dem_histories, only: relative_closure
   use dem_clock, only: dem_clock_type
   use dem_crew, only: dem_crew_type
+  use dem_surface_body, only: is_free
   use dem_surface_state, only: dem_surfaces_type, surface_cone
   use dem_setup, only: dem_choices_type
   use dem_setup_laws, only: law_lines
@@ -104,8 +105,10 @@ contains
     integer(i4), intent(in) :: k
     character(len=:), allocatable :: text
     integer(i4) :: rim
-    text = 'cone and shaft'
-    if (s%kind(k) == surface_cone) return
+    if (s%kind(k) == surface_cone) then
+      text = 'cone and shaft'//free_text(s, k)
+      return
+    end if
     associate (low => s%first_triangle(k), high => s%first_triangle(k + 1) - 1)
       rim = count(s%mate(:, low:high) == 0)
       text = str(high - low + 1)//' triangles, '//str(s%first_vertex(k + 1) - s%first_vertex(k))// &
@@ -113,7 +116,23 @@ contains
     end associate
     if (rim == 0) text = text//', closed'
     if (rim > 0) text = text//', open: '//str(rim)//' free edges'
+    text = text//free_text(s, k)
   end function surface_text
+
+  !> In which directions a body moves and turns freely.
+  function free_text(s, k) result(text)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: k
+    character(len=:), allocatable :: text
+    character(len=3), parameter :: direction(6) = [' x ', ' y ', ' z ', ' rx', ' ry', ' rz']
+    integer(i4) :: j
+    text = ''
+    if (.not. is_free(s, k)) return
+    text = ', free:'
+    do j = 1, 6
+      if (s%free(j, k) > 0.5_wp) text = text//trim(direction(j))
+    end do
+  end function free_text
 
   function counted(system, kind) result(text)
     type(dem_system_type), intent(in) :: system

@@ -37,6 +37,7 @@ module dem_model
   use dem_equilibrium, only: dem_equilibrium_type
   use dem_servo, only: dem_servo_type
   use dem_surcharge, only: dem_surcharge_type
+  use dem_setup_bodies, only: read_bodies
   use dem_setup_surfaces, only: refuse_cell
   use dem_surface_drive, only: surface_drive_type
   use dem_deck_keys, only: dem_deck_table
@@ -139,6 +140,7 @@ contains
     call check_regions(self%deck, self%system, self%measures, errors)
     call self%flow%read(self%deck, self%system%dem_data_type, self%servo%curve, errors)
     call refuse_cell(self%deck, self%system%cell%active, errors)
+    call read_bodies(self%deck, self%served, self%system%surfaces, errors)
     call self%drive%read(self%deck, self%system%dem_data_type, self%servo%curve, self%served, &
                          errors)
     call self%probe%read(self%deck, self%system%dem_data_type, errors)

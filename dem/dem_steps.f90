@@ -27,6 +27,7 @@ module dem_steps
     travel_of_mover, work_count
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_shape, only: quaternion_from_rotation
+  use dem_surface_body, only: push_bodies
   use dem_surface_forces, only: share_surfaces, add_surface_loads, surface_load
   use dem_surface_motion, only: drift_surfaces, finish_surfaces, surface_travel, surface_columns
   use dem_surface_search, only: list_near
@@ -289,6 +290,7 @@ contains
     work%started(:, c) = 0.0_wp
     travel = 0.0_wp
     if (c > size(work%movers)) then
+      call push_bodies(d%surfaces, motion, .true., work%started(:, c))
       call start_planes(d, motion%dt, last, travel)
     else if (d%cell%active) then
       if (fresh) then
@@ -376,6 +378,7 @@ contains
     work%finished(:, c) = 0.0_wp
     if (c > size(work%movers)) then
       call finish_planes(d, motion%dt, work%finished(:, c))
+      call push_bodies(d%surfaces, motion, .false., work%finished(:, c))
       return
     end if
     associate (mover => work%movers(c))
@@ -512,7 +515,6 @@ contains
     real(wp), intent(in) :: h
     real(wp) :: work(work_count, 1), force(3), moment(3), load(6)
     integer(i4) :: i
-
     !$omp parallel default(none) shared(d, h)
     call share_forces(d, h, huge(h), omp_get_thread_num(), omp_get_num_threads())
     !$omp end parallel
@@ -520,12 +522,12 @@ contains
     do i = 1, d%grains%n
       call sum_body(d%pairs, i, force, moment)
       call sum_images(d, i, force, moment)
+      if (d%surfaces%near > 0) then
+        load = surface_load(d%surfaces, i)
+        force = force + load(1:3)
+        moment = moment + load(4:6)
+      end if
       if (d%grains%kind(i) == kind_free) then
-        if (d%surfaces%near > 0) then
-          load = surface_load(d%surfaces, i)
-          force = force + load(1:3)
-          moment = moment + load(4:6)
-        end if
         d%grains%force(:, i) = force
         d%grains%moment(:, i) = moment
       else

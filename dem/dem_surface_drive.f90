@@ -1,11 +1,13 @@
 !> Surfaces that follow a curve: their velocity and spin are set anew every few steps, as those of
-!! walls are (dem_servo).
+!! walls are (dem_servo), and so are the loads of free bodies.
 module dem_surface_drive
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_curve, only: curve_type, curve_index
   use talus_deck, only: deck_type
+  use dem_ledger, only: staggering_of, follow_load
   use dem_state, only: dem_data_type
+  use dem_surface_body, only: is_free
   use dem_surface_state, only: servo_velocity
   implicit none
   private
@@ -17,12 +19,16 @@ module dem_surface_drive
     type(curve_type), allocatable :: curve(:)
     integer(i4), allocatable :: number(:)             !! (bodies) curve of each, 0: constant
     real(wp), allocatable :: velocity(:, :), spin(:, :)  !! (3, bodies) of the deck [m/s], [rad/s]
+    integer(i4), allocatable :: loading(:)            !! (bodies) curve of its load, 0: constant
+    real(wp), allocatable :: load(:, :)               !! (6, bodies) of the deck [N], [N m]
   contains
     procedure :: read => read_drive
     procedure :: longest_block
     procedure :: due
     procedure :: look
     procedure :: follow
+    procedure, private :: read_loads
+    procedure, private :: load_bodies
   end type surface_drive_type
 
 contains
@@ -57,18 +63,43 @@ contains
       self%curve(k)%time = curve(k)%time
       self%curve(k)%value = curve(k)%value
     end do
+    call self%read_loads(deck, d, curve, errors)
   end subroutine read_drive
+
+  !> Curves of the loads of free bodies.
+  subroutine read_loads(self, deck, d, curve, errors)
+    class(surface_drive_type), intent(inout) :: self
+    type(deck_type), intent(in) :: deck
+    type(dem_data_type), intent(in) :: d
+    type(curve_type), intent(in) :: curve(:)
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name
+    integer(i4) :: k, b, number
+
+    if (.not. allocated(d%surfaces%given)) return
+    self%load = d%surfaces%given
+    allocate (self%loading(d%surfaces%n), source=0_i4)
+    do k = 1, deck%count('body')
+      call curve_index(deck, 'D250', curve, 'body', k, number, errors)
+      call deck%get('body', k, 'surface', name)
+      do b = 1, d%surfaces%n
+        if (d%surfaces%name(b)%s == name) self%loading(b) = number
+      end do
+    end do
+  end subroutine read_loads
 
   !> Steps that may pass without a look.
   pure integer(i4) function longest_block(self)
     class(surface_drive_type), intent(in) :: self
     longest_block = merge(look_steps, huge(look_steps), any(self%number > 0))
+    if (allocated(self%loading)) &
+      longest_block = merge(look_steps, longest_block, any(self%loading > 0))
   end function longest_block
 
   pure logical function due(self, steps)
     class(surface_drive_type), intent(in) :: self
     integer(i8), intent(in) :: steps  !! taken so far
-    due = any(self%number > 0) .and. modulo(steps, int(look_steps, i8)) == 0
+    due = self%longest_block() == look_steps .and. modulo(steps, int(look_steps, i8)) == 0
   end function due
 
   !> Velocities and spins for the steps to come: the mean of the curve over them.
@@ -78,25 +109,63 @@ contains
     real(wp), intent(in) :: time  !! [s]
     real(wp) :: factor
     integer(i4) :: k
+    call self%load_bodies(d, time)
     do k = 1, size(self%number)
       if (self%number(k) == 0) cycle
       factor = self%curve(self%number(k))%mean(time, time + look_steps*d%par%dt)
-      d%surfaces%velocity(:, k) = factor*self%velocity(:, k)
-      d%surfaces%spin(:, k) = factor*self%spin(:, k)
+      call prescribe(d, k, factor*self%velocity(:, k), factor*self%spin(:, k))
       if (allocated(d%surfaces%servo)) &
         d%surfaces%velocity(:, k) = d%surfaces%velocity(:, k) + &
         d%surfaces%servo(servo_velocity:servo_velocity + 2, k)
     end do
   end subroutine look
 
+  !> Velocity and spin of body k where it is not free.
+  pure subroutine prescribe(d, k, velocity, spin)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: k
+    real(wp), intent(in) :: velocity(3), spin(3)
+    logical :: held(6)
+    held = .true.
+    if (is_free(d%surfaces, k)) held = d%surfaces%free(:, k) < 0.5_wp
+    where (held(:3)) d%surfaces%velocity(:, k) = velocity
+    where (held(4:)) d%surfaces%spin(:, k) = spin
+  end subroutine prescribe
+
+  !> Loads of free bodies for the steps to come; a load that jumps changes no energy.
+  subroutine load_bodies(self, d, time)
+    class(surface_drive_type), intent(in) :: self
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: time  !! [s]
+    real(wp) :: before
+    integer(i4) :: k
+    if (.not. allocated(self%loading)) return
+    if (.not. any(self%loading > 0)) return
+    before = staggering_of(d)
+    do k = 1, size(self%loading)
+      if (self%loading(k) == 0) cycle
+      d%surfaces%given(:, k) = self%load(:, k) &
+        *self%curve(self%loading(k))%mean(time, time + look_steps*d%par%dt)
+    end do
+    call follow_load(d, before)
+  end subroutine load_bodies
+
   !> A deck that is not that of the checkpoint: its velocities and spins hold from now on.
   subroutine follow(self, d, time)
     class(surface_drive_type), intent(in) :: self
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time  !! [s]
+    real(wp) :: before
+    integer(i4) :: k
     if (.not. allocated(self%velocity)) return
-    d%surfaces%velocity = self%velocity
-    d%surfaces%spin = self%spin
+    do k = 1, d%surfaces%n
+      call prescribe(d, k, self%velocity(:, k), self%spin(:, k))
+    end do
+    if (allocated(self%load)) then
+      before = staggering_of(d)
+      d%surfaces%given = self%load
+      call follow_load(d, before)
+    end if
     if (allocated(d%surfaces%servo)) d%surfaces%servo(servo_velocity:servo_velocity + 2, :) = 0.0_wp
     call self%look(d, time)
   end subroutine follow

@@ -4,8 +4,9 @@
 !! lies nearest, so that a grain rolls from triangle to triangle, and over edges, without a jump.
 module dem_surface_forces
   use talus_kinds, only: wp, i4, i8
-  use dem_state, only: dem_data_type, lanes, history_size, history_point, column_count
+  use dem_state, only: dem_data_type, kind_free, lanes, history_size, history_point, column_count
   use dem_surface_state, only: dem_surfaces_type, surface_soft
+  use dem_surface_body, only: is_free
   use dem_surface_find, only: touches_type, features_type, find_touches
   use dem_block, only: dem_block_type
   use dem_contact, only: contact_block, contact_constants_type, constants_of
@@ -212,6 +213,7 @@ contains
     do k = 1, count
       law(k) = law_of(d%surfaces, part(k))
     end do
+    if (allocated(d%surfaces%free)) call reduce_masses(d, i, part(:count), m_star)
     do lead = 1, count
       if (any(law(:lead - 1) == law(lead))) cycle
       this = law == law(lead)
@@ -232,6 +234,23 @@ contains
       end do
     end do
   end subroutine apply_laws
+
+  !> A contact of a free body has the reduced mass of both, or that of the one that gives way.
+  pure subroutine reduce_masses(d, i, part, m_star)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: i        !! grain
+    integer(i4), intent(in) :: part(:)  !! of each contact
+    real(wp), intent(inout) :: m_star(lanes)
+    real(wp) :: mass
+    integer(i4) :: k, b
+    do k = 1, size(part)
+      b = count(d%surfaces%first_part(:d%surfaces%n) <= part(k))
+      mass = d%surfaces%mass(b)
+      if (.not. (is_free(d%surfaces, b) .and. mass > 0.0_wp)) cycle
+      m_star(k) = merge(mass*d%grains%mass(i)/(mass + d%grains%mass(i)), mass, &
+                        d%grains%kind(i) == kind_free)
+    end do
+  end subroutine reduce_masses
 
   !> Material of a part, negative for soft bodies, whose contact point lies on their surface.
   pure integer(i4) function law_of(s, part)

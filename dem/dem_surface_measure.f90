@@ -1,11 +1,13 @@
 !> What is measured on the contacts of surfaces: energy, stiffness, overlap, coordination.
 module dem_surface_measure
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_data_type, history_side, history_root
+  use talus_vectors, only: cross
+  use dem_state, only: dem_data_type, kind_free, history_side, history_root
+  use dem_surface_body, only: is_free
   use dem_contact, only: contact_constants_type, constants_of, contact_radius
   implicit none
   private
-  public :: vertex_stiffness
+  public :: vertex_stiffness, body_rate
   public :: surface_contact_count, surface_energy, add_surface_rows, add_surface_coordination, &
     largest_surface_overlap, surface_stiffness, body_of_part
 
@@ -112,12 +114,43 @@ contains
       i = d%surfaces%near_grain(g)
       do k = 1, d%surfaces%contacts(g)
         stiffness = surface_stiffness(d, k, g)
+        if (is_free(d%surfaces, body_of_part(d, d%surfaces%part(k, g)))) &
+          stiffness = 2.0_wp*stiffness
         arm = d%surfaces%point(k, :, g) - d%pairs%body(1:3, i)
         lambda(1, i) = lambda(1, i) + sum(stiffness)
         lambda(2, i) = lambda(2, i) + stiffness(2)*sum(arm**2)
       end do
     end do
   end subroutine add_surface_rows
+
+  !> Largest row sum of a free body over its mass or inertia, as those of grains [1/s^2].
+  pure real(wp) function body_rate(d) result(rate)
+    type(dem_data_type), intent(in) :: d
+    real(wp) :: stiffness(2), arm(3), lever(3), row(4, d%surfaces%n)
+    integer(i4) :: g, k, b, a
+
+    row = 0.0_wp
+    do g = 1, d%surfaces%near
+      do k = 1, d%surfaces%contacts(g)
+        b = body_of_part(d, d%surfaces%part(k, g))
+        stiffness = surface_stiffness(d, k, g)
+        if (d%grains%kind(d%surfaces%near_grain(g)) == kind_free) stiffness = 2.0_wp*stiffness
+        arm = d%surfaces%point(k, :, g) - d%surfaces%centre(:, b)
+        lever = cross(arm, d%surfaces%normal(k, :, g))
+        row(:3, b) = row(:3, b) + stiffness(1)*lever**2 + stiffness(2)*(sum(arm**2) - arm**2)
+        row(4, b) = row(4, b) + sum(stiffness)
+      end do
+    end do
+    rate = 0.0_wp
+    do b = 1, d%surfaces%n
+      if (any(d%surfaces%free(:3, b) > 0.5_wp)) rate = max(rate, row(4, b)/d%surfaces%mass(b))
+      do a = 1, 3
+        if (d%surfaces%free(3 + a, b) > 0.5_wp) &
+          rate = max(rate, sum(row(:3, b), mask=d%surfaces%free(4:, b) > 0.5_wp) &
+                     /d%surfaces%inertia(a, b))
+      end do
+    end do
+  end function body_rate
 
   pure subroutine add_surface_coordination(d, z)
     type(dem_data_type), intent(in) :: d

@@ -5,6 +5,7 @@ module dem_surface_motion
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_data_type, column_count
   use dem_surface_state, only: dem_surfaces_type, surface_soft
+  use dem_surface_body, only: turn_free, turns_freely, is_free, held_power
   use dem_shape, only: quaternion_from_rotation, quaternion_product, rotation_of
   implicit none
   private
@@ -31,7 +32,9 @@ contains
       end if
       if (.not. any(abs([s%velocity(:, b), s%spin(:, b)]) > 0.0_wp)) cycle
       s%centre(:, b) = s%centre(:, b) + dt*s%velocity(:, b)
-      if (any(abs(s%spin(:, b)) > 0.0_wp)) then
+      if (turns_freely(s, b)) then
+        call turn_free(s, b, dt)
+      else if (any(abs(s%spin(:, b)) > 0.0_wp)) then
         q = quaternion_product(quaternion_from_rotation(dt*s%spin(:, b)), s%quat(:, b))
         s%quat(:, b) = q/sqrt(sum(q*q))
       end if
@@ -103,6 +106,7 @@ contains
         if (s%kind(b) == surface_soft) cycle
         done = -dot_product(f, s%velocity(:, b)) - dot_product(m, s%spin(:, b))
         s%work(p) = s%work(p) + done
+        if (is_free(s, b)) done = -held_power(s, b, f, m)
         boundary = boundary + done
       end do
     end do

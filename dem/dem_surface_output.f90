@@ -10,10 +10,15 @@ module dem_surface_output
   implicit none
   private
   public :: open_surface_history, write_surface_rows, picture_sizes, put_picture
+  public :: open_body_history, write_body_rows
 
   character(len=16), parameter :: columns(13) = [character(len=16) :: 'time [s]', 'surface [-]', &
     'part [-]', 'x [m]', 'y [m]', 'z [m]', 'force_x [N]', 'force_y [N]', 'force_z [N]', &
     'moment_x [N m]', 'moment_y [N m]', 'moment_z [N m]', 'work [J]']
+  character(len=18), parameter :: body_columns(15) = [character(len=18) :: 'time [s]', &
+    'surface [-]', 'x [m]', 'y [m]', 'z [m]', 'velocity_x [m/s]', 'velocity_y [m/s]', &
+    'velocity_z [m/s]', 'spin_x [rad/s]', 'spin_y [rad/s]', 'spin_z [rad/s]', 'turn_w [-]', &
+    'turn_x [-]', 'turn_y [-]', 'turn_z [-]']
   integer(i4), parameter :: sides = 48  !! of a cone in pictures
   real(wp), parameter :: pi = acos(-1.0_wp)
 
@@ -25,19 +30,50 @@ contains
     character(len=*), intent(in) :: stem
     real(wp), intent(in) :: time  !! of the checkpoint [s]; < 0: a fresh run
     type(error_list_type), intent(inout) :: errors
+    call begin(history, stem//'_surfaces.csv', columns, time, errors)
+  end subroutine open_surface_history
+
+  !> The same for free bodies.
+  subroutine open_body_history(history, stem, time, errors)
+    type(history_type), intent(inout) :: history
+    character(len=*), intent(in) :: stem
+    real(wp), intent(in) :: time  !! of the checkpoint [s]; < 0: a fresh run
+    type(error_list_type), intent(inout) :: errors
+    call begin(history, stem//'_bodies.csv', body_columns, time, errors)
+  end subroutine open_body_history
+
+  subroutine begin(history, path, titles, time, errors)
+    type(history_type), intent(inout) :: history
+    character(len=*), intent(in) :: path, titles(:)
+    real(wp), intent(in) :: time
+    type(error_list_type), intent(inout) :: errors
     type(string_type), allocatable :: names(:)
     integer(i4) :: k
 
-    allocate (names(ubound(columns, 1)))
-    do k = 1, ubound(columns, 1)
-      names(k)%s = trim(columns(k))
+    allocate (names(size(titles)))
+    do k = 1, size(titles)
+      names(k)%s = trim(titles(k))
     end do
     if (time < 0.0_wp) then
-      call history%open(stem//'_surfaces.csv', names, .false., errors)
+      call history%open(path, names, .false., errors)
     else
-      call history%resume(stem//'_surfaces.csv', names, time, errors)
+      call history%resume(path, names, time, errors)
     end if
-  end subroutine open_surface_history
+  end subroutine begin
+
+  !> A row a free body: place, velocity, spin and turn since the start, a quaternion.
+  subroutine write_body_rows(history, time, s, errors)
+    type(history_type), intent(inout) :: history
+    real(wp), intent(in) :: time  !! [s]
+    type(dem_surfaces_type), intent(in) :: s
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: b
+    do b = 1, s%n
+      if (.not. any(s%free(:, b) > 0.5_wp)) cycle
+      call history%write([time, real(b, wp), s%centre(:, b), s%velocity(:, b), s%spin(:, b), &
+                          s%quat(:, b)], errors)
+    end do
+  end subroutine write_body_rows
 
   !> A row a part; works of intervals that are over are added.
   subroutine write_surface_rows(history, time, s, work, errors)

@@ -4,7 +4,9 @@
 module dem_surface_search
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
-  use dem_state, only: dem_data_type, kind_free, lanes, history_size, column_count
+  use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_driven, lanes, history_size, &
+    column_count
+  use dem_surface_body, only: is_free
   use dem_surface_state, only: dem_surfaces_type, surface_cone
   implicit none
   private
@@ -36,7 +38,7 @@ contains
     found = 0
     start(1) = 1
     do i = 1, d%grains%n
-      if (d%grains%kind(i) /= kind_free) cycle
+      if (.not. may_touch(d, i)) cycle
       gap(near + 1) = huge(1.0_wp)
       if (d%surfaces%triangles > 0) call find_triangles(d, grid, i, candidate, found, gap(near + 1))
       call find_cones(d, i, candidate, found, gap(near + 1))
@@ -59,6 +61,15 @@ contains
       s%reference = s%x
     end associate
   end subroutine list_near
+
+  !> Prescribed grains meet the bodies alone that give way.
+  pure logical function may_touch(d, i)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: i
+    may_touch = d%grains%kind(i) == kind_free
+    if (may_touch .or. .not. allocated(d%surfaces%free)) return
+    may_touch = d%grains%kind(i) == kind_fixed .or. d%grains%kind(i) == kind_driven
+  end function may_touch
 
   !> Cells as large as the grains reach, so that a grain looks into its own cell alone.
   subroutine make_grid(s, skin, radius, grid)
@@ -133,6 +144,9 @@ contains
     c = cell(1) + grid%n(1)*(cell(2) - 1 + grid%n(2)*(cell(3) - 1))
     do m = grid%start(c), grid%start(c + 1) - 1
       k = grid%member(m)
+      if (d%grains%kind(i) /= kind_free) then
+        if (.not. is_free(d%surfaces, d%surfaces%owner(k))) cycle
+      end if
       distance = triangle_distance(d%surfaces%x(:, d%surfaces%corner(:, k)), x) - d%grains%radius(i)
       if (distance > d%pairs%skin) cycle
       gap = min(gap, distance)
@@ -152,6 +166,7 @@ contains
     associate (s => d%surfaces)
       do b = 1, s%n
         if (s%kind(b) /= surface_cone) cycle
+        if (d%grains%kind(i) /= kind_free .and. .not. is_free(s, b)) cycle
         r = d%grains%x(:, i) - s%centre(:, b)
         along = dot_product(r, s%axis(:, b))
         across = sqrt(max(sum(r*r) - along**2, 0.0_wp)) - s%cone(3, b)

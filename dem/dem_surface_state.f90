@@ -51,6 +51,12 @@ module dem_surface_state
     real(wp), allocatable :: work(:)                !! (parts) on the grains since reset [J]
     real(wp), allocatable :: servo(:, :)            !! (servo_size, n) last look of servos, if any
 
+    real(wp), allocatable :: free(:, :)             !! (6, n) 1: moves along x, y, z, turns about
+                                                    !! them as forces ask; none: no body does
+    real(wp), allocatable :: mass(:)                !! (n) of free bodies, else 0 [kg]
+    real(wp), allocatable :: inertia(:, :)          !! (3, n) about x, y, z at the start [kg m^2]
+    real(wp), allocatable :: given(:, :)            !! (6, n) load: force, moment [N], [N m]
+
     integer(i4) :: vertices = 0
     real(wp), allocatable :: rest(:, :)             !! (3, vertices) from the centre at the start, m
     real(wp), allocatable :: x(:, :)                !! (3, vertices) now [m]

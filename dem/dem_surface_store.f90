@@ -53,6 +53,7 @@ contains
     call archive%put_reals('surfaces.contact', packed)
     if (s%soft) call put_soft(s, archive)
     if (allocated(s%servo)) call archive%put_reals('surfaces.servo', s%servo)
+    if (allocated(s%given)) call archive%put_reals('surfaces.given', s%given)
   end subroutine put_surfaces
 
   !> Soft bodies are not in the deck: name, material and triangles of each.
@@ -133,6 +134,8 @@ contains
       s%near = int(sizes(5, 1), i4)
       k = archive%find('surfaces.servo')
       if (k > 0) s%servo = archive%item(k)%reals
+      k = archive%find('surfaces.given')
+      if (k > 0 .and. allocated(s%given)) s%given = archive%item(k)%reals
       call get_bodies(s, archive, errors)
       if (errors%count == before) call get_contacts(s, d%grains%n, archive, errors)
     end associate
