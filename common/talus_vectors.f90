@@ -27,16 +27,18 @@ contains
   pure function turned(quat, rotation) result(new)
     real(wp), intent(in) :: quat(4), rotation(3)
     real(wp) :: new(4), s, a(3)
-    real(wp), parameter :: small = 1.0e-8_wp
-    s = norm2(rotation)
-    if (s < small) then
-      a = 0.5_wp*rotation
+    real(wp), parameter :: small = 1.0e-3_wp  !! below, the next terms of the series are nothing
+    s = sum(rotation**2)
+    if (s < small**2) then
+      a = (0.5_wp - s*(1.0_wp/48.0_wp - s*(1.0_wp/3840.0_wp)))*rotation
+      s = 1.0_wp - s*(0.125_wp - s*(1.0_wp/384.0_wp - s*(1.0_wp/46080.0_wp)))
     else
+      s = sqrt(s)
       a = sin(0.5_wp*s)/s*rotation
+      s = cos(0.5_wp*s)
     end if
-    s = cos(0.5_wp*s)
     new(1) = s*quat(1) - dot_product(a, quat(2:4))
     new(2:4) = s*quat(2:4) + quat(1)*a + cross(a, quat(2:4))
-    new = new/norm2(new)
+    new = new/sqrt(sum(new**2))
   end function turned
 end module talus_vectors

@@ -2,6 +2,7 @@
 !! first entry to the diagonal. Sums are added in a fixed order.
 module cpl_band
   use talus_kinds, only: wp, i4, i8
+  use cpl_rows, only: lanes
   implicit none
   private
   public :: band_type, condition_of
@@ -20,6 +21,7 @@ module cpl_band
     procedure :: multiply
     procedure :: factor
     procedure :: solve
+    procedure :: solve_vectors
   end type band_type
 
 contains
@@ -96,10 +98,10 @@ contains
     end do
   end subroutine factor
 
-  !> Solutions for three right-hand sides, in place.
+  !> Solutions for several right-hand sides, in place.
   pure subroutine solve(self, x)
     class(band_type), intent(in) :: self
-    real(wp), intent(inout) :: x(:, :)  !! (n, 3)
+    real(wp), intent(inout) :: x(:, :)  !! (n, sides)
     integer(i4) :: i, c
     integer(i8) :: b
     do c = 1, size(x, 2)
@@ -116,6 +118,34 @@ contains
       end do
     end do
   end subroutine solve
+
+  !> The same for a right-hand side of vectors, all components at once.
+  pure subroutine solve_vectors(self, x)
+    class(band_type), intent(in) :: self
+    real(wp), intent(inout) :: x(lanes, self%n)
+    real(wp), dimension(lanes) :: s, t
+    integer(i4) :: i, j
+    integer(i8) :: b
+    do i = 1, self%n
+      b = self%base(i)
+      s = x(:, i)
+      t = 0.0_wp
+      do j = self%left(i), i - 2, 2
+        s = s - self%value(b + j)*x(:, j)
+        t = t - self%value(b + j + 1)*x(:, j + 1)
+      end do
+      if (mod(i - self%left(i), 2) == 1) s = s - self%value(b + i - 1)*x(:, i - 1)
+      x(:, i) = (s + t)/self%value(b + i)
+    end do
+    do i = self%n, 1, -1
+      b = self%base(i)
+      s = x(:, i)/self%value(b + i)
+      x(:, i) = s
+      do j = self%left(i), i - 1
+        x(:, j) = x(:, j) - self%value(b + j)*s
+      end do
+    end do
+  end subroutine solve_vectors
 
   !> Largest over least eigenvalue, by power iterations with the matrix and with its factor.
   pure real(wp) function condition_of(matrix, factored) result(condition)

@@ -86,6 +86,7 @@ module cpl_overlap
     real(wp), allocatable :: inertia(:)            !! of their micro-rotations [kg m^2]
     logical, allocatable :: held(:, :), held_phi(:, :)  !! by the solid's deck
     real(wp), allocatable :: q(:, :), theta(:, :)  !! of the free grains (3, free) [m], [rad]
+    real(wp), allocatable :: q_before(:, :), theta_before(:, :)  !! a step before
     real(wp), allocatable :: u(:, :), v(:, :)      !! of the nodes (3, nodes) [m], [m/s]
     real(wp), allocatable :: phi(:, :), w(:, :)    !! (3, nodes_phi) [rad], [rad/s]
     real(wp), allocatable :: d(:, :), turn(:, :)   !! of the ghosts (3, ghosts) [m], [rad]
@@ -117,6 +118,7 @@ module cpl_overlap
     procedure :: pull
     procedure :: resist
     procedure :: note_work
+    procedure :: note_dead
     procedure :: kick_edge
     procedure :: drift_edge
     procedure :: edge_kinetic
@@ -137,6 +139,7 @@ contains
     ng = self%op%ghosts
     n = self%op%nodes
     np = self%op%nodes_phi
+    allocate (self%q_before(3, nf), self%theta_before(3, nf), source=0.0_wp)
     allocate (self%q(3, nf), self%theta(3, nf), self%force(3, nf), self%moment(3, nf), &
               self%theta_ref(3, nf), self%force_hold(3, nf), self%moment_hold(3, nf), &
               self%contact(3, nf), self%contact_moment(3, nf), self%speed(3, nf), &
@@ -213,15 +216,17 @@ contains
     self%c = self%element_phi
     if (self%parts%active) then
       associate (parts => self%parts)
+        self%force = parts%still%force + self%force_hold
+        self%moment = parts%still%moment + self%moment_hold
         call self%op%pull_some(parts%near, parts%p_near, parts%m_near, self%f, self%c, &
                                self%force, self%moment)
         self%f = self%f + parts%still%f
         self%c = self%c + parts%still%c
-        self%force = self%force + parts%still%force
-        self%moment = self%moment + parts%still%moment
       end associate
     else
       call self%op%pull(self%p, self%m, self%f, self%c, self%force, self%moment)
+      self%force = self%force + self%force_hold
+      self%moment = self%moment + self%moment_hold
     end if
     if (self%stressed) then
       self%f = self%f + self%steady
@@ -229,8 +234,6 @@ contains
     end if
     self%f = self%f + self%f_hold
     self%c = self%c + self%c_hold
-    self%force = self%force + self%force_hold
-    self%moment = self%moment + self%moment_hold
   end subroutine pull
 
   !> Damping of the fine scale, then inertia of what hat nodes carry under all forces that act on
@@ -250,40 +253,92 @@ contains
   end subroutine resist
 
   !> Works of a step of the grains from both sides, with the forces at its end; ghosts, or those of
-  !! them that p and m act on, moved by d and turn in it, the others from q0, theta0, u0, phi0.
+  !! them that p and m act on, moved by d and turn in it, the others from q0, theta0, u0, phi0. Where
+  !! forces come in parts `note_dead` is due at the end of the exchange.
   subroutine note_work(self, q0, theta0, u0, phi0, p, m, d, turn)
     class(overlap_type), intent(inout) :: self
-    real(wp), intent(in) :: q0(:, :), theta0(:, :), u0(:, :), phi0(:, :)  !! [m], [rad]
-    real(wp), intent(in) :: p(:, :), m(:, :)                              !! [N], [N m]
-    real(wp), intent(in) :: d(:, :), turn(:, :)                           !! [m], [rad]
-    real(wp) :: given, taken, hold
-    associate (a => self%op%hats + 1, b => self%op%hats_phi + 1, du => self%u - u0, &
-               dphi => self%phi - phi0, dq => self%q - q0, dtheta => self%theta - theta0)
-      given = sum(self%force*dq) + sum(self%f(:, a:)*du(:, a:)) + sum(self%c(:, b:)*dphi(:, b:))
-      hold = sum(self%force_hold*dq) + sum(self%f_hold(:, a:)*du(:, a:)) &
-             + sum(self%c_hold(:, b:)*dphi(:, b:))
-      if (self%stressed) given = given - sum(self%steady(:, a:)*du(:, a:)) &
-        - sum(self%steady_phi(:, b:)*dphi(:, b:))
-      if (self%parts%active) then
-        associate (still => self%parts%still)
-          given = given - sum(still%force*dq) - sum(still%moment*dtheta) &
-                  - sum(still%f(:, a:)*du(:, a:)) - sum(still%c(:, b:)*dphi(:, b:))
-        end associate
-      end if
-      if (self%turns) given = given + sum(self%moment*dtheta)
-      if (self%turns) hold = hold + sum(self%moment_hold*dtheta)
-      taken = sum(p*d) + sum(m*turn) + sum(self%element*du) + sum(self%element_phi*dphi)
-      if (self%carried%active) taken = taken + sum(self%inertial*du(:, :a - 1))
-      if (self%carried_phi%active) taken = taken + sum(self%inertial_phi*dphi(:, :b - 1))
-      if (self%damping%active) taken = taken + sum(self%damping%force*dq)
-      if (self%damping_phi%active) taken = taken + sum(self%damping_phi%force*dtheta)
-      self%turnover = self%turnover + sum(abs(p*d)) + sum(abs(m*turn)) &
-                      + sum(abs(self%element*du)) + sum(abs(self%element_phi*dphi))
+    real(wp), intent(in), contiguous :: q0(:, :), theta0(:, :), u0(:, :), phi0(:, :)  !! [m], [rad]
+    real(wp), intent(in), contiguous :: p(:, :), m(:, :)     !! [N], [N m]
+    real(wp), intent(in), contiguous :: d(:, :), turn(:, :)  !! [m], [rad]
+    real(wp) :: given, taken, through
+    given = work_of(self, self%force, self%moment, self%f, self%c, q0, theta0, u0, phi0)
+    taken = 0.0_wp
+    through = 0.0_wp
+    call add_products(size(p), p, d, taken, through)
+    call add_products(size(m), m, turn, taken, through)
+    call add_products(size(u0), self%element, self%u - u0, taken, through)
+    call add_products(size(phi0), self%element_phi, self%phi - phi0, taken, through)
+    associate (a => self%op%hats, b => self%op%hats_phi)
+      if (self%carried%active) taken = taken + sum(self%inertial*(self%u(:, :a) - u0(:, :a)))
+      if (self%carried_phi%active) &
+        taken = taken + sum(self%inertial_phi*(self%phi(:, :b) - phi0(:, :b)))
     end associate
-    self%work_given = self%work_given + given - hold
+    if (self%damping%active) &
+      taken = taken + product_sum(size(q0), self%damping%force, self%q, q0)
+    if (self%damping_phi%active) &
+      taken = taken + product_sum(size(q0), self%damping_phi%force, self%theta, theta0)
+    self%turnover = self%turnover + through
+    self%work_given = self%work_given + given
     self%work_taken = self%work_taken + taken
-    self%hold_work = self%hold_work + hold
+    if (.not. self%parts%active) call self%note_dead(q0, theta0, u0, phi0)
   end subroutine note_work
+
+  !> Loads that do not change are no work of the other side: those that balance the start and the
+  !! solid's steady ones.
+  subroutine note_dead(self, q0, theta0, u0, phi0)
+    class(overlap_type), intent(inout) :: self
+    real(wp), intent(in), contiguous :: q0(:, :), theta0(:, :), u0(:, :), phi0(:, :)  !! [m], [rad]
+    real(wp) :: hold
+    hold = work_of(self, self%force_hold, self%moment_hold, self%f_hold, self%c_hold, q0, theta0, &
+                   u0, phi0)
+    self%hold_work = self%hold_work + hold
+    self%work_given = self%work_given - hold
+    if (self%stressed) self%work_given = self%work_given &
+      - edge_work(self, self%steady, self%steady_phi, u0, phi0)
+  end subroutine note_dead
+
+  !> Work of forces on the free grains and on the edge since q0, theta0, u0, phi0.
+  pure real(wp) function work_of(self, force, moment, f, c, q0, theta0, u0, phi0) result(work)
+    type(overlap_type), intent(in) :: self
+    real(wp), intent(in), contiguous :: force(:, :), moment(:, :), f(:, :), c(:, :)  !! [N], [N m]
+    real(wp), intent(in), contiguous :: q0(:, :), theta0(:, :), u0(:, :), phi0(:, :)
+    work = edge_work(self, f, c, u0, phi0) + product_sum(size(q0), force, self%q, q0)
+    if (self%turns) work = work + product_sum(size(q0), moment, self%theta, theta0)
+  end function work_of
+
+  pure real(wp) function edge_work(self, f, c, u0, phi0) result(work)
+    type(overlap_type), intent(in) :: self
+    real(wp), intent(in), contiguous :: f(:, :), c(:, :), u0(:, :), phi0(:, :)
+    associate (a => self%op%hats + 1, b => self%op%hats_phi + 1)
+      work = product_sum(size(f(:, a:)), f(:, a:), self%u(:, a:), u0(:, a:)) &
+             + product_sum(size(c(:, b:)), c(:, b:), self%phi(:, b:), phi0(:, b:))
+    end associate
+  end function edge_work
+
+  !> Sum of f times (x - x0).
+  pure real(wp) function product_sum(n, f, x, x0) result(total)
+    integer, intent(in) :: n
+    real(wp), intent(in) :: f(n), x(n), x0(n)
+    integer :: k
+    total = 0.0_wp
+    !$omp simd reduction(+:total)
+    do k = 1, n
+      total = total + f(k)*(x(k) - x0(k))
+    end do
+  end function product_sum
+
+  !> Add the sum of p times d, and that of their amounts.
+  pure subroutine add_products(n, p, d, total, amount)
+    integer, intent(in) :: n
+    real(wp), intent(in) :: p(n), d(n)
+    real(wp), intent(inout) :: total, amount
+    integer :: k
+    !$omp simd reduction(+:total, amount)
+    do k = 1, n
+      total = total + p(k)*d(k)
+      amount = amount + abs(p(k)*d(k))
+    end do
+  end subroutine add_products
 
   !> Velocities of the edge: v += dt f/m of what the deck does not hold.
   subroutine kick_edge(self, dt, f, c)

@@ -71,6 +71,7 @@ contains
     o%work_given = o%work_given + given
     o%work_taken = o%work_taken + taken
     o%turnover = o%turnover + turnover
+    call o%note_dead(o%parts%q, o%parts%theta, o%parts%u, o%parts%phi)
     call timers%stop('works')
     if (o%parts%old) call choose_border(o, grains, timers, errors)
     call o%parts%gather()
@@ -137,11 +138,11 @@ contains
     o%parts%phi = o%phi
   end subroutine remember_start
 
-  !> Hat nodes and the near ghosts where free grains and edge are now; how fast these came there.
-  subroutine follow_near(o, dt, v, spin)
+  !> Hat nodes and the near ghosts where free grains and edge are now; how far these came.
+  subroutine follow_near(o, dt, moved, turns)
     type(overlap_type), intent(inout) :: o
-    real(wp), intent(in) :: dt                    !! [s]
-    real(wp), intent(out) :: v(:, :), spin(:, :)  !! (3, near) [m/s], [rad/s]
+    real(wp), intent(in) :: dt                         !! [s]
+    real(wp), intent(out) :: moved(:, :), turns(:, :)  !! (3, near) [m], [rad]
     real(wp), dimension(3, size(o%parts%near)) :: d, turn
     integer(i4) :: k
 
@@ -149,9 +150,9 @@ contains
     call o%op%to_some_ghosts(o%parts%near, o%u, o%phi, d, turn)
     do k = 1, size(o%parts%near)
       associate (g => o%parts%near(k))
-        v(:, k) = (d(:, k) - o%d(:, g))/dt
-        spin(:, k) = (turn(:, k) - o%turn(:, g))/dt
-        if (.not. o%round) o%quat(:, g) = turned(o%quat(:, g), turn(:, k) - o%turn(:, g))
+        moved(:, k) = d(:, k) - o%d(:, g)
+        turns(:, k) = turn(:, k) - o%turn(:, g)
+        if (.not. o%round) o%quat(:, g) = turned(o%quat(:, g), turns(:, k))
         o%d(:, g) = d(:, k)
         o%turn(:, g) = turn(:, k)
       end associate

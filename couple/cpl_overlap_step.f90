@@ -32,7 +32,6 @@ contains
     real(wp), intent(in) :: h, t0, t1
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp), dimension(3, o%op%free) :: q, theta
     real(wp) :: u(3, o%op%nodes), phi(3, o%op%nodes_phi), dt, kick, now
     integer(i4) :: k
 
@@ -49,8 +48,6 @@ contains
       now = merge(t1, t0 + k*dt, k == o%substeps)
       kick = merge(0.5_wp*dt, dt, k == 1)
       call send_kick(o, solvers(side_grains), kick, dt, now - dt, now, k == 1, timers, errors)
-      q = o%q
-      theta = o%theta
       u = o%u
       phi = o%phi
       if (o%symmetric) call o%kick_edge(kick, o%f, o%c)
@@ -58,16 +55,16 @@ contains
       if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
       if (k == 1 .and. .not. errors%any()) call solvers(side_solid)%receive(timers, errors)
       if (errors%any()) return
+      call keep_before(o)
       call read_free(o, solvers(side_grains), timers, errors)
-      call note_damping(o, q, theta)
+      call note_damping(o)
       if (o%parts%active) then
-        call step_in_parts(o, solvers, dt, h, now, k == o%substeps, q, theta, u, phi, timers, &
-                           errors)
+        call step_in_parts(o, solvers, dt, h, now, k == o%substeps, u, phi, timers, errors)
       else
-        call step_at_once(o, solvers, dt, now, q, theta, u, phi, timers, errors)
+        call step_at_once(o, solvers, dt, now, u, phi, timers, errors)
       end if
       if (errors%any()) return
-      call note_damping(o, q, theta)
+      call note_damping(o)
     end do
     call finish_step(o, solvers, dt, h, t1, timers, errors)
     if (errors%any()) return
@@ -77,12 +74,27 @@ contains
       call finish_parts(o, solvers(side_grains), timers, errors)
   end subroutine overlap_step
 
-  !> Ghosts follow, all forces, works since q, theta, u, phi.
-  subroutine step_at_once(o, solvers, dt, now, q, theta, u, phi, timers, errors)
+  !> What the free grains did until now becomes what they did before; it is read anew next.
+  subroutine keep_before(o)
+    type(overlap_type), intent(inout) :: o
+    call exchange_arrays(o%q, o%q_before)
+    if (o%turns) call exchange_arrays(o%theta, o%theta_before)
+  end subroutine keep_before
+
+  pure subroutine exchange_arrays(a, b)
+    real(wp), allocatable, intent(inout) :: a(:, :), b(:, :)
+    real(wp), allocatable :: c(:, :)
+    call move_alloc(a, c)
+    call move_alloc(b, a)
+    call move_alloc(c, b)
+  end subroutine exchange_arrays
+
+  !> Ghosts follow, all forces, works of the step that began at u, phi.
+  subroutine step_at_once(o, solvers, dt, now, u, phi, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
-    real(wp), intent(in) :: dt, now                               !! [s]
-    real(wp), intent(in) :: q(:, :), theta(:, :), u(:, :), phi(:, :)  !! [m], [rad]
+    real(wp), intent(in) :: dt, now             !! [s]
+    real(wp), intent(in) :: u(:, :), phi(:, :)  !! [m], [rad]
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     real(wp), dimension(3, o%op%ghosts) :: v, spin
@@ -93,33 +105,34 @@ contains
     call evaluate_forces(o, solvers, v, spin, now, timers, errors)
     if (errors%any()) return
     call timers%start('works')
-    call o%note_work(q, theta, u, phi, o%p, o%m, dt*v, dt*spin)
+    call o%note_work(o%q_before, o%theta_before, u, phi, o%p, o%m, dt*v, dt*spin)
     call timers%stop('works')
   end subroutine step_at_once
 
   !> The same where forces come in parts; last: of this exchange.
-  subroutine step_in_parts(o, solvers, dt, h, now, last, q, theta, u, phi, timers, errors)
+  subroutine step_in_parts(o, solvers, dt, h, now, last, u, phi, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
-    real(wp), intent(in) :: dt, h, now                            !! [s]
+    real(wp), intent(in) :: dt, h, now          !! [s]
     logical, intent(in) :: last
-    real(wp), intent(in) :: q(:, :), theta(:, :), u(:, :), phi(:, :)  !! [m], [rad]
+    real(wp), intent(in) :: u(:, :), phi(:, :)  !! [m], [rad]
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp), dimension(3, size(o%parts%near)) :: v, spin
+    real(wp), dimension(3, size(o%parts%near)) :: moved, turns
     real(wp), allocatable :: mean(:, :), mean_spin(:, :)
 
     call timers%start('projection and maps')
-    call follow_near(o, dt, v, spin)
+    call follow_near(o, dt, moved, turns)
     if (last) then
       allocate (mean(3, o%op%ghosts), mean_spin(3, o%op%ghosts))
       call follow_all(o, h, mean, mean_spin)
     end if
     call timers%stop('projection and maps')
-    call evaluate_forces(o, solvers, v, spin, now, timers, errors, mean, mean_spin)
+    call evaluate_forces(o, solvers, moved/dt, turns/dt, now, timers, errors, mean, mean_spin)
     if (errors%any()) return
     call timers%start('works')
-    call o%note_work(q, theta, u, phi, o%parts%p_near, o%parts%m_near, dt*v, dt*spin)
+    call o%note_work(o%q_before, o%theta_before, u, phi, o%parts%p_near, o%parts%m_near, moved, &
+                     turns)
     call timers%stop('works')
   end subroutine step_in_parts
 
@@ -134,12 +147,11 @@ contains
     end if
   end subroutine kick_with_bulk
 
-  !> Half of what the damping takes in a step that began at q and theta.
-  subroutine note_damping(o, q, theta)
+  !> Half of what the damping takes in a step.
+  subroutine note_damping(o)
     type(overlap_type), intent(inout) :: o
-    real(wp), intent(in) :: q(:, :), theta(:, :)  !! (3, free) [m], [rad]
-    if (o%damping%active) call o%damping%note(o%q - q)
-    if (o%damping_phi%active) call o%damping_phi%note(o%theta - theta)
+    if (o%damping%active) call o%damping%note(o%q - o%q_before)
+    if (o%damping_phi%active) call o%damping_phi%note(o%theta - o%theta_before)
   end subroutine note_damping
 
   !> The last half kicks, with everything at t1.

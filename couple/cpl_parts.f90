@@ -132,7 +132,8 @@ contains
     call op%pull(p, m, pulled%f, pulled%c, pulled%force, pulled%moment)
   end subroutine pull
 
-  !> Works of an exchange, with the forces at its end, on what is free and by the ghosts [J].
+  !> Works of an exchange, with the forces at its end, on what is free and by the ghosts [J]; what is
+  !! still was counted with the steps.
   subroutine work(self, op, d, turn, q, theta, u, phi, given, taken, turnover)
     class(parts_type), intent(in) :: self
     type(operators_type), intent(in) :: op
@@ -143,10 +144,9 @@ contains
     taken = sum(self%p*(d - self%d)) + sum(self%m*(turn - self%turn))
     turnover = sum(abs(self%p*(d - self%d))) + sum(abs(self%m*(turn - self%turn)))
     associate (a => op%hats + 1, b => op%hats_phi + 1)
-      given = sum((self%still%force + self%rest%force)*(q - self%q)) &
-              + sum((self%still%moment + self%rest%moment)*(theta - self%theta)) &
-              + sum((self%still%f(:, a:) + self%rest%f(:, a:))*(u(:, a:) - self%u(:, a:))) &
-              + sum((self%still%c(:, b:) + self%rest%c(:, b:))*(phi(:, b:) - self%phi(:, b:)))
+      given = sum(self%rest%force*(q - self%q)) + sum(self%rest%moment*(theta - self%theta)) &
+              + sum(self%rest%f(:, a:)*(u(:, a:) - self%u(:, a:))) &
+              + sum(self%rest%c(:, b:)*(phi(:, b:) - self%phi(:, b:)))
     end associate
   end subroutine work
 end module cpl_parts

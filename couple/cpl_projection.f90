@@ -9,7 +9,7 @@ module cpl_projection
   use talus_errors, only: error_list_type
   use cpl_band, only: band_type, condition_of
   use cpl_order, only: sort_order
-  use cpl_rows, only: rows_type
+  use cpl_rows, only: rows_type, lanes
   implicit none
   private
   public :: projection_type
@@ -23,6 +23,7 @@ module cpl_projection
     type(rows_type) :: n                    !! functions of the nodes at the grains
     real(wp), allocatable :: w(:)           !! weights of the grains
     integer(i4), allocatable :: place(:)    !! of each node in the factor
+    integer(i4), allocatable :: at(:)       !! the same for the entries of N
     type(band_type) :: factor               !! of N' W N, scaled to a unit diagonal
     real(wp), allocatable :: scale(:)       !! 1/sqrt of the diagonal
     type(rows_type) :: fit                  !! rows of P itself (mls): nodes by grains
@@ -166,11 +167,12 @@ contains
     type(band_type), intent(inout) :: matrix
     real(wp), intent(in), optional :: mass(:)  !! of the columns
     integer(i4) :: i, e, f, a, b
+    self%at = self%place(self%n%column)
     do i = 1, self%n%rows
       do e = self%n%first(i), self%n%first(i + 1) - 1
-        a = self%place(self%n%column(e))
+        a = self%at(e)
         do f = self%n%first(i), self%n%first(i + 1) - 1
-          b = self%place(self%n%column(f))
+          b = self%at(f)
           if (b <= a) call matrix%add(a, b, self%w(i)*self%n%weight(e)*self%n%weight(f))
         end do
       end do
@@ -287,26 +289,28 @@ contains
     class(projection_type), intent(in) :: self
     real(wp), intent(in) :: q(:, :)
     real(wp), intent(out) :: d(:, :)
-    real(wp) :: r(self%n%columns, 3), wq(3)
-    integer(i4) :: i, e, a
+    real(wp) :: r(lanes, self%n%columns), wq(lanes)
+    integer(i4) :: i, e, l, a
 
     if (self%mls) then
       call self%fit%apply(q, d)
       return
     end if
     r = 0.0_wp
+    wq = 0.0_wp
     do i = 1, self%n%rows
-      wq = self%w(i)*q(:, i)
+      wq(:3) = self%w(i)*q(:, i)
       do e = self%n%first(i), self%n%first(i + 1) - 1
-        a = self%place(self%n%column(e))
-        r(a, 1) = r(a, 1) + self%n%weight(e)*wq(1)
-        r(a, 2) = r(a, 2) + self%n%weight(e)*wq(2)
-        r(a, 3) = r(a, 3) + self%n%weight(e)*wq(3)
+        a = self%at(e)
+        !$omp simd
+        do l = 1, lanes
+          r(l, a) = r(l, a) + self%n%weight(e)*wq(l)
+        end do
       end do
     end do
     call solve(self, r)
     do a = 1, self%n%columns
-      d(:, a) = r(self%place(a), :)
+      d(:, a) = r(:3, self%place(a))
     end do
   end subroutine apply
 
@@ -315,23 +319,22 @@ contains
     class(projection_type), intent(in) :: self
     real(wp), intent(in) :: f(:, :)     !! (3, nodes)
     real(wp), intent(inout) :: p(:, :)  !! (3, grains)
-    real(wp) :: r(self%n%columns, 3), s(3)
-    integer(i4) :: i, e, a
+    real(wp) :: r(lanes, self%n%columns), s(lanes)
+    integer(i4) :: i, e
 
     if (self%mls) then
       call self%fit%transposed(f, p)
       return
     end if
-    do a = 1, self%n%columns
-      r(self%place(a), :) = f(:, a)
-    end do
+    call gather(self, f, r)
     call solve(self, r)
     do i = 1, self%n%rows
+      if (self%n%first(i + 1) == self%n%first(i)) cycle
       s = 0.0_wp
       do e = self%n%first(i), self%n%first(i + 1) - 1
-        s = s + self%n%weight(e)*r(self%place(self%n%column(e)), :)
+        s = s + self%n%weight(e)*r(:, self%at(e))
       end do
-      p(:, i) = p(:, i) + self%w(i)*s
+      p(:, i) = p(:, i) + self%w(i)*s(:3)
     end do
   end subroutine transposed
 
@@ -339,28 +342,38 @@ contains
   subroutine solve_nodes(self, f)
     class(projection_type), intent(in) :: self
     real(wp), intent(inout) :: f(:, :)  !! (3, nodes)
-    real(wp) :: r(self%n%columns, 3)
+    real(wp) :: r(lanes, self%n%columns)
     integer(i4) :: a
-    do a = 1, self%n%columns
-      r(self%place(a), :) = f(:, a)
-    end do
+    call gather(self, f, r)
     call solve(self, r)
     do a = 1, self%n%columns
-      f(:, a) = r(self%place(a), :)
+      f(:, a) = r(:3, self%place(a))
     end do
   end subroutine solve_nodes
 
-  !> (N' W N)^-1 of three right-hand sides, in place.
-  subroutine solve(self, r)
+  !> Values of the nodes in the order of the factor.
+  pure subroutine gather(self, f, r)
     type(projection_type), intent(in) :: self
-    real(wp), intent(inout) :: r(:, :)
-    integer(i4) :: c
-    do c = 1, 3
-      r(:, c) = self%scale*r(:, c)
+    real(wp), intent(in) :: f(:, :)                    !! (3, nodes)
+    real(wp), intent(out) :: r(lanes, self%n%columns)
+    integer(i4) :: a
+    do a = 1, self%n%columns
+      r(:3, self%place(a)) = f(:, a)
+      r(4:, self%place(a)) = 0.0_wp
     end do
-    call self%factor%solve(r)
-    do c = 1, 3
-      r(:, c) = self%scale*r(:, c)
+  end subroutine gather
+
+  !> (N' W N)^-1 of a right-hand side of vectors, in place.
+  pure subroutine solve(self, r)
+    type(projection_type), intent(in) :: self
+    real(wp), intent(inout) :: r(lanes, self%n%columns)
+    integer(i4) :: a
+    do a = 1, self%n%columns
+      r(:, a) = self%scale(a)*r(:, a)
+    end do
+    call self%factor%solve_vectors(r)
+    do a = 1, self%n%columns
+      r(:, a) = self%scale(a)*r(:, a)
     end do
   end subroutine solve
 end module cpl_projection

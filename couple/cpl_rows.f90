@@ -5,7 +5,9 @@ module cpl_rows
   use talus_homogenise, only: cross
   implicit none
   private
-  public :: rows_type, curl_rows_type
+  public :: rows_type, curl_rows_type, lanes
+
+  integer(i4), parameter :: lanes = 4  !! of a vector: three components, and one of zeros
 
   !> y_i = sum of weight times x of the columns of row i, for vectors of three components.
   type :: rows_type
@@ -75,18 +77,11 @@ contains
     class(rows_type), intent(in) :: self
     real(wp), intent(in) :: x(:, :)   !! (3, columns)
     real(wp), intent(out) :: y(:, :)  !! (3, rows)
-    real(wp) :: s(3)
-    integer(i4) :: i, e
+    real(wp) :: padded(lanes, size(x, 2))
+    integer(i4) :: i
+    call pad(x, padded)
     do i = 1, self%rows
-      s = 0.0_wp
-      do e = self%first(i), self%first(i + 1) - 1
-        s(1) = s(1) + self%weight(e)*x(1, self%column(e))
-        s(2) = s(2) + self%weight(e)*x(2, self%column(e))
-        s(3) = s(3) + self%weight(e)*x(3, self%column(e))
-      end do
-      y(1, i) = s(1)
-      y(2, i) = s(2)
-      y(3, i) = s(3)
+      y(:, i) = of_row(self, i, padded)
     end do
   end subroutine apply
 
@@ -96,18 +91,37 @@ contains
     integer(i4), intent(in) :: rows(:)
     real(wp), intent(in) :: x(:, :)   !! (3, columns)
     real(wp), intent(out) :: y(:, :)  !! (3, size(rows))
-    real(wp) :: s(3)
-    integer(i4) :: i, e
-    do i = 1, size(rows)
-      s = 0.0_wp
-      do e = self%first(rows(i)), self%first(rows(i) + 1) - 1
-        s(1) = s(1) + self%weight(e)*x(1, self%column(e))
-        s(2) = s(2) + self%weight(e)*x(2, self%column(e))
-        s(3) = s(3) + self%weight(e)*x(3, self%column(e))
-      end do
-      y(:, i) = s
+    real(wp) :: padded(lanes, size(x, 2))
+    integer(i4) :: k
+    call pad(x, padded)
+    do k = 1, size(rows)
+      y(:, k) = of_row(self, rows(k), padded)
     end do
   end subroutine apply_some
+
+  !> Vectors of four: a component of zeros, so that one instruction takes all.
+  pure subroutine pad(x, padded)
+    real(wp), intent(in) :: x(:, :)                   !! (3, n)
+    real(wp), intent(out) :: padded(lanes, size(x, 2))
+    integer(i4) :: a
+    do a = 1, size(x, 2)
+      padded(:3, a) = x(:, a)
+      padded(4:, a) = 0.0_wp
+    end do
+  end subroutine pad
+
+  pure function of_row(self, i, x) result(y)
+    type(rows_type), intent(in) :: self
+    integer(i4), intent(in) :: i
+    real(wp), intent(in) :: x(lanes, self%columns)
+    real(wp) :: y(3), s(lanes)
+    integer(i4) :: e
+    s = 0.0_wp
+    do e = self%first(i), self%first(i + 1) - 1
+      s = s + self%weight(e)*x(:, self%column(e))
+    end do
+    y = s(:3)
+  end function of_row
 
   !> As transposed, for y of the rows named alone.
   pure subroutine transposed_some(self, rows, y, x)
@@ -115,15 +129,13 @@ contains
     integer(i4), intent(in) :: rows(:)
     real(wp), intent(in) :: y(:, :)     !! (3, size(rows))
     real(wp), intent(inout) :: x(:, :)  !! (3, columns)
-    integer(i4) :: i, e, c
-    do i = 1, size(rows)
-      do e = self%first(rows(i)), self%first(rows(i) + 1) - 1
-        c = self%column(e)
-        x(1, c) = x(1, c) + self%weight(e)*y(1, i)
-        x(2, c) = x(2, c) + self%weight(e)*y(2, i)
-        x(3, c) = x(3, c) + self%weight(e)*y(3, i)
-      end do
+    real(wp) :: padded(lanes, size(x, 2))
+    integer(i4) :: k
+    call pad(x, padded)
+    do k = 1, size(rows)
+      call add_row_of(self, rows(k), y(:, k), padded)
     end do
+    x = padded(:3, :)
   end subroutine transposed_some
 
   !> x = x + transpose y.
@@ -131,16 +143,33 @@ contains
     class(rows_type), intent(in) :: self
     real(wp), intent(in) :: y(:, :)     !! (3, rows)
     real(wp), intent(inout) :: x(:, :)  !! (3, columns)
-    integer(i4) :: i, e, c
+    real(wp) :: padded(lanes, size(x, 2))
+    integer(i4) :: i
+    call pad(x, padded)
     do i = 1, self%rows
-      do e = self%first(i), self%first(i + 1) - 1
-        c = self%column(e)
-        x(1, c) = x(1, c) + self%weight(e)*y(1, i)
-        x(2, c) = x(2, c) + self%weight(e)*y(2, i)
-        x(3, c) = x(3, c) + self%weight(e)*y(3, i)
+      call add_row_of(self, i, y(:, i), padded)
+    end do
+    x = padded(:3, :)
+  end subroutine transposed
+
+  !> A y of zeros adds nothing: ghosts that nothing touches.
+  pure subroutine add_row_of(self, i, y, x)
+    type(rows_type), intent(in) :: self
+    integer(i4), intent(in) :: i
+    real(wp), intent(in) :: y(3)
+    real(wp), intent(inout) :: x(lanes, self%columns)
+    real(wp) :: z(lanes)
+    integer(i4) :: e, l, a
+    if (all(abs(y) <= 0.0_wp)) return
+    z = [y, 0.0_wp]
+    do e = self%first(i), self%first(i + 1) - 1
+      a = self%column(e)
+      !$omp simd
+      do l = 1, lanes
+        x(l, a) = x(l, a) + self%weight(e)*z(l)
       end do
     end do
-  end subroutine transposed
+  end subroutine add_row_of
 
   pure subroutine apply_curl(self, u, y)
     class(curl_rows_type), intent(in) :: self

@@ -1,8 +1,10 @@
 """Cut the pressed wide bed for the coupled and the rigid run, and mesh the surround.
 
-Usage: prepare.py PRESSED OUT. Writes OUT/truth_pack.h5 (all grains and the tool), core_pack.h5
-(grains within the ghosts' outer face), rigid_pack.h5 (a rigid box: grains outside the medium
-container's inner width are fixed), probe_pack.h5 (a box within a fixed shell) and surround.h5.
+Usage: prepare.py PRESSED OUT [X Y]. The tool stands at X, Y [mm], by default in the middle. Writes
+OUT/truth_pack.h5 (all grains and the tool), core_pack.h5 (grains within the ghosts' outer face),
+rigid_pack.h5 (a rigid box: grains outside the medium container's inner width are fixed),
+probe_pack.h5 (a box within a fixed shell), each but the first with the tool at its origin, and
+surround.h5.
 """
 
 import sys
@@ -57,6 +59,13 @@ def ordered(packing: Packing) -> Packing:
     return part
 
 
+def whole(bed: Packing, at: np.ndarray) -> Packing:
+    """All grains where they fell, with the tool at `at`."""
+    part = with_tool(bed.take(np.ones(bed.count, bool)))
+    part.x[:, :2] += at
+    return part
+
+
 def rigid_box(bed: Packing) -> Packing:
     """The medium box: what lies up to two grains outside it is fixed."""
     wide = half_width(bed)
@@ -103,9 +112,11 @@ def surround(top: float) -> Mesh:
 def main() -> int:
     """Write packings and mesh."""
     bed, out = read_packing(Path(sys.argv[1])), Path(sys.argv[2])
+    at = 1e-3 * np.array([float(text) for text in sys.argv[3:5]] or [0.0, 0.0])
+    bed.x[:, :2] -= at
     ring = (half_width(bed) > FREE_EDGE) & (half_width(bed) < GHOST_EDGE) & (bed.kind == FREE)
     top = float(bed.x[ring, 2].max() + 1.0e-6)
-    pieces = {"truth": with_tool(bed.take(np.ones(bed.count, bool))), "core": core(bed),
+    pieces = {"truth": whole(bed, at), "core": core(bed),
               "rigid": rigid_box(bed), "probe": probe_box(bed)}  # fmt: skip
     for name, packing in pieces.items():
         write_packing_file(out / f"{name}_pack.h5", packing)
