@@ -1,9 +1,11 @@
 !> Vectors, small matrices and rotations that several parts need.
 module talus_vectors
-  use talus_kinds, only: wp
+  use talus_kinds, only: wp, i4
   implicit none
   private
-  public :: cross, inverse, turned
+  public :: cross, inverse, turned, turn_all
+
+  real(wp), parameter :: small = 1.0e-3_wp  !! rotation below which a short series is exact [rad]
 
 contains
 
@@ -27,7 +29,6 @@ contains
   pure function turned(quat, rotation) result(new)
     real(wp), intent(in) :: quat(4), rotation(3)
     real(wp) :: new(4), s, a(3)
-    real(wp), parameter :: small = 1.0e-3_wp  !! below, the next terms of the series are nothing
     s = sum(rotation**2)
     if (s < small**2) then
       a = (0.5_wp - s*(1.0_wp/48.0_wp - s*(1.0_wp/3840.0_wp)))*rotation
@@ -41,4 +42,37 @@ contains
     new(2:4) = s*quat(2:4) + quat(1)*a + cross(a, quat(2:4))
     new = new/sqrt(sum(new**2))
   end function turned
+
+  !> Many orientations (4, n) after rotations (3, n), several at once where all are small.
+  pure subroutine turn_all(quat, rotation)
+    real(wp), intent(inout) :: quat(:, :)
+    real(wp), intent(in) :: rotation(:, :)
+    real(wp) :: s, h, a, b, c, w, x, y, z
+    integer(i4) :: k
+
+    if (.not. all(sum(rotation**2, 1) < small**2)) then
+      do k = 1, size(quat, 2)
+        quat(:, k) = turned(quat(:, k), rotation(:, k))
+      end do
+      return
+    end if
+    !$omp simd private(s, h, a, b, c, w, x, y, z)
+    do k = 1, size(quat, 2)
+      s = rotation(1, k)**2 + rotation(2, k)**2 + rotation(3, k)**2
+      h = 0.5_wp - s*(1.0_wp/48.0_wp - s*(1.0_wp/3840.0_wp))
+      a = h*rotation(1, k)
+      b = h*rotation(2, k)
+      c = h*rotation(3, k)
+      s = 1.0_wp - s*(0.125_wp - s*(1.0_wp/384.0_wp - s*(1.0_wp/46080.0_wp)))
+      w = s*quat(1, k) - (a*quat(2, k) + b*quat(3, k) + c*quat(4, k))
+      x = s*quat(2, k) + quat(1, k)*a + (b*quat(4, k) - c*quat(3, k))
+      y = s*quat(3, k) + quat(1, k)*b + (c*quat(2, k) - a*quat(4, k))
+      z = s*quat(4, k) + quat(1, k)*c + (a*quat(3, k) - b*quat(2, k))
+      h = sqrt(w**2 + x**2 + y**2 + z**2)
+      quat(1, k) = w/h
+      quat(2, k) = x/h
+      quat(3, k) = y/h
+      quat(4, k) = z/h
+    end do
+  end subroutine turn_all
 end module talus_vectors

@@ -6,7 +6,7 @@
 module cpl_overlap
   use talus_kinds, only: wp, i4, i8
   use talus_moduli, only: isotropic_type
-  use talus_vectors, only: cross, turned
+  use talus_vectors, only: cross, turn_all
   use talus_scalars, only: scalar_count
   use cpl_bridge, only: bridge_type
   use cpl_cells, only: cells_type
@@ -171,7 +171,6 @@ contains
     real(wp), intent(in) :: dt                      !! [s]
     real(wp), intent(out) :: v(:, :), spin(:, :)    !! (3, ghosts) [m/s], [rad/s]
     real(wp), dimension(3, self%op%ghosts) :: d, turn
-    integer(i4) :: g
 
     call self%follow_hats(dt)
     call self%op%to_ghosts(self%u, self%phi, d, turn)
@@ -181,11 +180,7 @@ contains
     end if
     v = (d - self%d)/dt
     spin = (turn - self%turn)/dt
-    if (.not. self%round) then
-      do g = 1, self%op%ghosts
-        self%quat(:, g) = turned(self%quat(:, g), turn(:, g) - self%turn(:, g))
-      end do
-    end if
+    if (.not. self%round) call turn_all(self%quat, turn - self%turn)
     self%d = d
     self%turn = turn
   end subroutine follow

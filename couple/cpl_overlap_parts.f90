@@ -6,7 +6,7 @@ module cpl_overlap_parts
   use talus_errors, only: error_list_type
   use talus_message, only: message_type, verb_force, verb_select
   use talus_timers, only: timers_type
-  use talus_vectors, only: turned
+  use talus_vectors, only: turn_all
   use cpl_overlap, only: overlap_type, ghost_set
   use cpl_solver, only: cpl_solver_type
   implicit none
@@ -116,10 +116,16 @@ contains
   end subroutine choose_border
 
   subroutine select_near(o, grains, timers, errors)
-    type(overlap_type), intent(in) :: o
+    type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: grains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
+    associate (parts => o%parts)
+      parts%x_near = o%x_ghost(:, parts%near)
+      parts%d_near = o%d(:, parts%near)
+      parts%turn_near = o%turn(:, parts%near)
+      parts%quat_near = o%quat(:, parts%near)
+    end associate
     call grains%start_request(verb_select, o%step, grains%time, grains%time)
     call grains%request%put_text('set', near_set)
     call grains%request%put_text('role', 'border')
@@ -143,20 +149,16 @@ contains
     type(overlap_type), intent(inout) :: o
     real(wp), intent(in) :: dt                         !! [s]
     real(wp), intent(out) :: moved(:, :), turns(:, :)  !! (3, near) [m], [rad]
-    real(wp), dimension(3, size(o%parts%near)) :: d, turn
-    integer(i4) :: k
 
     call o%follow_hats(dt)
-    call o%op%to_some_ghosts(o%parts%near, o%u, o%phi, d, turn)
-    do k = 1, size(o%parts%near)
-      associate (g => o%parts%near(k))
-        moved(:, k) = d(:, k) - o%d(:, g)
-        turns(:, k) = turn(:, k) - o%turn(:, g)
-        if (.not. o%round) o%quat(:, g) = turned(o%quat(:, g), turns(:, k))
-        o%d(:, g) = d(:, k)
-        o%turn(:, g) = turn(:, k)
-      end associate
-    end do
+    associate (parts => o%parts)
+      moved = parts%d_near
+      turns = parts%turn_near
+      call o%op%to_some_ghosts(parts%near, o%u, o%phi, parts%d_near, parts%turn_near)
+      moved = parts%d_near - moved
+      turns = parts%turn_near - turns
+      if (.not. o%round) call turn_all(parts%quat_near, turns)
+    end associate
   end subroutine follow_near
 
   !> At the end of an exchange of length h the other ghosts, too; mean velocities of all.
@@ -165,18 +167,14 @@ contains
     real(wp), intent(in) :: h                     !! [s]
     real(wp), intent(out) :: v(:, :), spin(:, :)  !! (3, ghosts) [m/s], [rad/s]
     real(wp), dimension(3, o%op%ghosts) :: d, turn
-    logical :: near(o%op%ghosts)
-    integer(i4) :: g
 
     call o%op%to_ghosts(o%u, o%phi, d, turn)
-    near = .false.
-    near(o%parts%near) = .true.
-    do g = 1, o%op%ghosts
-      v(:, g) = (d(:, g) - o%parts%d(:, g))/h
-      spin(:, g) = (turn(:, g) - o%parts%turn(:, g))/h
-      if (.not. (near(g) .or. o%round)) &
-        o%quat(:, g) = turned(o%quat(:, g), turn(:, g) - o%turn(:, g))
-    end do
+    v = (d - o%parts%d)/h
+    spin = (turn - o%parts%turn)/h
+    if (.not. o%round) then
+      call turn_all(o%quat, turn - o%turn)
+      o%quat(:, o%parts%near) = o%parts%quat_near
+    end if
     o%d = d
     o%turn = turn
   end subroutine follow_all
@@ -186,14 +184,9 @@ contains
     type(overlap_type), intent(in) :: o
     type(message_type), intent(inout) :: request
     real(wp), intent(in) :: v(:, :), spin(:, :)  !! (3, near) [m/s], [rad/s]
-    real(wp) :: x(3, size(o%parts%near))
-    integer(i4) :: k
-    do k = 1, size(o%parts%near)
-      x(:, k) = o%x_ghost(:, o%parts%near(k)) + o%d(:, o%parts%near(k))
-    end do
     call request%put_text('scope', 'interface')
-    call request%put(near_set//'.x', x)
-    if (.not. o%round) call request%put(near_set//'.quat', o%quat(:, o%parts%near))
+    call request%put(near_set//'.x', o%parts%x_near + o%parts%d_near)
+    if (.not. o%round) call request%put(near_set//'.quat', o%parts%quat_near)
     call request%put(near_set//'.v', v)
     call request%put(near_set//'.omega', spin)
   end subroutine put_near

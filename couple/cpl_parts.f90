@@ -25,6 +25,8 @@ module cpl_parts
     logical :: active = .false.
     integer(i4), allocatable :: near(:)            !! rows of the ghosts that move with the steps
     real(wp), allocatable :: p_near(:, :), m_near(:, :)  !! of free grains on these [N], [N m]
+    real(wp), allocatable :: x_near(:, :), quat_near(:, :)  !! where they were at first [m]; now
+    real(wp), allocatable :: d_near(:, :), turn_near(:, :)  !! how far they have come [m], [rad]
     real(wp), allocatable :: kick(:, :), kick_phi(:, :)  !! rest on free grains, with the inertia of
                                                    !! what hat nodes carry (3, free)
     real(wp), allocatable :: p(:, :), m(:, :)      !! of ghosts on ghosts (3, ghosts) [N], [N m]

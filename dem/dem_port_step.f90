@@ -270,14 +270,10 @@ contains
     real(wp) :: x(3, size(set%index)), v(3, size(set%index)), omega(3, size(set%index))
     real(wp) :: quat(4, size(set%index))
 
-    x = system%grains%x(:, set%index)
-    quat = system%grains%quat(:, set%index)
-    v = system%grains%v(:, set%index)
-    omega = system%grains%omega(:, set%index)
-    if (request%has(set%name//'.x')) call request%get(set%name//'.x', x, errors)
-    if (request%has(set%name//'.quat')) call request%get(set%name//'.quat', quat, errors)
-    if (request%has(set%name//'.v')) call request%get(set%name//'.v', v, errors)
-    if (request%has(set%name//'.omega')) call request%get(set%name//'.omega', omega, errors)
+    call take_field('.x', system%grains%x, x)
+    call take_field('.quat', system%grains%quat, quat)
+    call take_field('.v', system%grains%v, v)
+    call take_field('.omega', system%grains%omega, omega)
     call check_motion(system, set, x, quat, errors)
     if (errors%any()) return
     if (system%parts%active) then
@@ -285,6 +281,19 @@ contains
     else
       call system%set_state(set%index, x, quat, v, omega)
     end if
+
+  contains
+
+    subroutine take_field(name, now, field)
+      character(len=*), intent(in) :: name
+      real(wp), intent(in) :: now(:, :)      !! of all grains
+      real(wp), intent(inout), contiguous :: field(:, :)
+      if (request%has(set%name//name)) then
+        call request%get(set%name//name, field, errors)
+      else
+        field = now(:, set%index)
+      end if
+    end subroutine take_field
   end subroutine take_state
 
   !> v += kick (F + X)/m of free grains, then x += drift v of all.

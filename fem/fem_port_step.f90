@@ -195,7 +195,7 @@ contains
   !! where it is at t1.
   subroutine kick_drift(model, sets, request, reply, errors)
     type(fem_model_type), intent(inout) :: model
-    type(fem_sets_type), intent(in) :: sets
+    type(fem_sets_type), intent(inout) :: sets
     type(message_type), intent(inout) :: request, reply
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: f(:, :), external(:, :)
@@ -215,7 +215,7 @@ contains
     associate (body => model%body)
       allocate (f(3, body%dofs%blocks), external(3, body%dofs%blocks))
       where (body%prescribed) body%state%u = body%given_u
-      call body%trial_force(body%state%u, f)
+      call sets%whole_force(body, f)
       call body%matter_fault(errors)
       if (errors%any()) return
       call body%external_at(request%t0, external)
