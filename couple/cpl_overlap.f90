@@ -248,8 +248,8 @@ contains
   end subroutine resist
 
   !> Works of a step of the grains from both sides, with the forces at its end; ghosts, or those of
-  !! them that p and m act on, moved by d and turn in it, the others from q0, theta0, u0, phi0. Where
-  !! forces come in parts `note_dead` is due at the end of the exchange.
+  !! them that p and m act on, moved by d and turn in it, the others from q0, theta0, u0, phi0.
+  !! Where forces come in parts `note_dead` is due at the end of the exchange.
   subroutine note_work(self, q0, theta0, u0, phi0, p, m, d, turn)
     class(overlap_type), intent(inout) :: self
     real(wp), intent(in), contiguous :: q0(:, :), theta0(:, :), u0(:, :), phi0(:, :)  !! [m], [rad]

@@ -134,8 +134,8 @@ contains
     call op%pull(p, m, pulled%f, pulled%c, pulled%force, pulled%moment)
   end subroutine pull
 
-  !> Works of an exchange, with the forces at its end, on what is free and by the ghosts [J]; what is
-  !! still was counted with the steps.
+  !> Works of an exchange, with the forces at its end, on what is free and by the ghosts [J]; what
+  !! is still was counted with the steps.
   subroutine work(self, op, d, turn, q, theta, u, phi, given, taken, turnover)
     class(parts_type), intent(in) :: self
     type(operators_type), intent(in) :: op
