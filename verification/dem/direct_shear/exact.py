@@ -1,0 +1,166 @@
+"""Direct shear in a box of two halves against plane strain and simple shear of the same grains."""
+
+import json
+
+import numpy as np
+
+from talus.drivers import direct_shear_angle
+from talus.generate import cloud
+from talus.packing import write_h5
+from talus.verification import Case, read_history
+
+RADIUS, SPREAD = 2.0e-3, 0.2  # mean [m], relative half width
+LONG, WIDE, TALL = 0.16, 0.02, 0.08  # of the box as it is filled [m]
+COUNT, CUBE_COUNT, CUBE = 2280, 1500, 0.072  # grains of box and cell; edge of the cell [m]
+STRESS, SPEED, WAY = 100.0e3, 0.07, 0.012  # [Pa], [m/s], [m]
+UPPER, LID, FLANGE = (4, 5, 6, 7), 7, 3  # surfaces of the deck
+WINDOW = 11  # rows that are averaged
+RATES = {"plane": ("'zz', rate = -1.0", "'xx'", 0.12), "simple": ("'xz', rate = 3.0", "'zz'", 0.4)}
+
+
+def run(case: Case) -> None:
+    """Shear a box, and a cell of the same grains in plane strain and simple shear; compare."""
+    own = box(case)
+    cells = cell(case)
+    plane, simple = cells["plane"], cells["simple"]
+    for name, test in (("box", own), ("simple shear", simple)):
+        peak = direct_shear_angle(plane["peak"], test["dilation"])
+        last = direct_shear_angle(plane["critical"], 0.0)
+        case.metric(f"peak angle, {name} [deg]", test["peak"], peak, 2.0,
+                    "Davis, with the dilation measured")  # fmt: skip
+        case.metric(f"angle at the end, {name} [deg]", test["critical"], last, 2.0,
+                    "Davis without dilation; its work taken off")  # fmt: skip
+    case.above("peak less end, box [deg]", own["peak"] - own["critical"], 2.0, "it was dense")
+    case.above("dilation at the peak, box [deg]", own["dilation"], 5.0)
+    case.metric("normal force / target, mean", own["normal"], 1.0, 0.01)
+    case.below("work of walls and surfaces less boundary work, relative", own["work_error"], 1e-9)
+    case.metric("force times way / work of the lower half", own["way_work"], 1.0, 0.01)
+    case.below("forces that are out of balance / normal force", own["balance"], 0.03)
+    closure = max(test["closure"] for test in (own, *cells.values()))
+    case.below("ledger, largest", closure, 1e-4)
+    draw(case, own, simple, plane)
+
+
+def sizes(count: int, seed: int) -> np.ndarray:
+    """Radii [m]."""
+    rng = np.random.default_rng(seed)
+    return RADIUS * rng.uniform(1.0 - SPREAD, 1.0 + SPREAD, count)
+
+
+def deck(case: Case, part: str, name: str, words: dict[str, str]) -> str:
+    """Write a deck with its words filled in; return its name."""
+    text = (case.folder / f"{part}.nml").read_text()
+    for word, value in words.items():
+        text = text.replace(word, value)
+    (case.folder / f"{name}.nml").write_text(text)
+    return f"{name}.nml"
+
+
+def end_of(case: Case, name: str) -> float:
+    """Time at which a run ended [s]."""
+    return json.loads((case.folder / f"{name}_summary.json").read_text())["time_s"]
+
+
+def smooth(values: np.ndarray) -> np.ndarray:
+    """Moving mean, of the same length."""
+    wide = np.pad(values, WINDOW // 2, mode="edge")
+    return np.convolve(wide, np.ones(WINDOW) / WINDOW, mode="valid")
+
+
+def box(case: Case) -> dict:
+    """Fill and press the box, shear it; angles, dilation, balances."""
+    filled = cloud(sizes(COUNT, 1), np.array([LONG, WIDE, TALL]), np.ones(3), seed=1)
+    write_h5(case.folder / "box.h5", filled)
+    case.run("talus-dem", "press.nml", "--threads=1")
+    start = end_of(case, "press")
+    words = {"T_END": f"{start + WAY / SPEED:.9g}"}
+    case.run("talus-dem", deck(case, "shear", "box_shear", words), "--threads=1",
+             "--restart=press.chk.h5")  # fmt: skip
+    rows = read_history(case.folder / "box_shear_surfaces.csv")
+    part = {k: {c: v[rows["surface"] == k] for c, v in rows.items()} for k in range(1, 8)}
+    walls = read_history(case.folder / "box_shear_walls.csv")
+    floor = {c: v[walls["wall"] == 3] for c, v in walls.items()}
+    way = SPEED * (part[LID]["time"] - part[LID]["time"][0])
+    shear = sum(part[k]["force_x"] for k in UPPER)
+    # what the flange of the lower half carries of the upper grains does not press on the plane
+    normal = np.abs(part[LID]["force_z"]) - np.abs(part[FLANGE]["force_z"])
+    under = floor["force_x"] + sum(part[k]["force_x"] for k in (1, 2, 3))
+    rise = part[LID]["z"] - part[LID]["z"][0]
+    energy = read_history(case.folder / "box_shear_energy.csv")
+    told = energy["boundary"] - energy["boundary"][0]
+    pieces = [*part.values(), *({c: v[walls["wall"] == k] for c, v in walls.items()}
+                                for k in (1, 2, 3))]  # fmt: skip
+    works = sum(piece["work"] - piece["work"][0] for piece in pieces)
+    lower = [*(part[k] for k in (1, 2, 3)), floor]
+    given = sum(piece["work"][-1] - piece["work"][0] for piece in lower)
+    own = -float((0.5 * (under[1:] + under[:-1]) * np.diff(way)).sum())
+    test = angles(way, smooth(shear / normal), smooth(rise))
+    return test | {
+        "normal": float((part[LID]["force_z"] / (STRESS * LONG * WIDE)).mean()),
+        "work_error": float(np.abs(works - told).max() / told[-1]), "way_work": own / given,
+        "balance": float(np.abs(smooth(shear + under)).max() / normal.mean()),
+        "closure": float(energy["relative_closure"].max()),
+    }  # fmt: skip
+
+
+def angles(way: np.ndarray, ratio: np.ndarray, rise: np.ndarray) -> dict:
+    """Peak angle, dilation there, and the angle of the last quarter less its dilation [deg].
+
+    What the stresses do on dilation is no friction: tan = shear/normal - rise/way (Taylor).
+    """
+    at = int(ratio.argmax())
+    near = slice(max(0, at - WINDOW), at + WINDOW + 1)
+    late = way > 0.75 * way[-1]
+    grows = np.polyfit(way[late], rise[late], 1)[0]
+    return {
+        "way": way, "angle": np.degrees(np.arctan(ratio)), "rise": rise,
+        "peak": float(np.degrees(np.arctan(ratio[at]))),
+        "critical": float(np.degrees(np.arctan(ratio[late].mean() - grows))),
+        "dilation": float(np.degrees(np.arctan(np.polyfit(way[near], rise[near], 1)[0]))),
+    }  # fmt: skip
+
+
+def cell(case: Case) -> dict[str, dict]:
+    """Compress the same grains in a cell, shear them in plane strain and in simple shear."""
+    pack = cloud(sizes(CUBE_COUNT, 3), np.full(3, CUBE), np.ones(3), seed=3, periodic=True)
+    write_h5(case.folder / "cell.h5", pack)
+    case.run("talus-dem", "cell_press.nml", "--threads=1")
+    start = end_of(case, "cell_press")
+    tests = {}
+    for name, (rates, hold, strain) in RATES.items():
+        rate = abs(float(rates.split()[-1]))
+        words = {"RATES": rates, "HOLD": hold, "T_END": f"{start + strain / rate:.9g}"}
+        case.run("talus-dem", deck(case, "cell_shear", name, words), "--threads=1",
+                 "--restart=cell_press.chk.h5")  # fmt: skip
+        rows = read_history(case.folder / f"{name}_cell.csv")
+        way = rate * (rows["time"] - rows["time"][0])
+        if name == "plane":
+            most, least = -rows["stress_zz"], -rows["stress_xx"]
+            angle = smooth(np.degrees(np.arcsin((most - least) / (most + least))))
+            tests[name] = {"way": way, "angle": angle, "peak": float(angle.max()),
+                           "critical": float(angle[way > 0.75 * strain].mean())}  # fmt: skip
+        else:
+            ratio = 0.5 * (rows["stress_xz"] + rows["stress_zx"]) / -rows["stress_zz"]
+            tests[name] = angles(way, smooth(ratio), smooth(np.log(rows["volume"])))
+        energy = read_history(case.folder / f"{name}_energy.csv")
+        tests[name]["closure"] = float(energy["relative_closure"].max())
+    return tests
+
+
+def draw(case: Case, own: dict, simple: dict, plane: dict) -> None:
+    """Angle and rise over displacement, of the box and of simple shear."""
+    fig, (ax, ax2) = case.figure(ncols=2, figsize=(9.5, 4.2))
+    ax.plot(1e3 * own["way"], own["angle"], label="box")
+    ax.plot(1e3 * own["way"], 1e4 * own["rise"], color="0.5", label="rise of the lid [0.1 mm]")
+    ax2.plot(100.0 * simple["way"], simple["angle"], label="simple shear in a cell")
+    ax2.plot(200.0 * plane["way"], plane["angle"], lw=0.8, label="plane strain, s1 and s3")
+    for test, axis in ((own, ax), (simple, ax2)):
+        axis.axhline(direct_shear_angle(plane["peak"], test["dilation"]), color="0.3", lw=0.8,
+                     ls="--", label="Davis, peak")  # fmt: skip
+        axis.axhline(direct_shear_angle(plane["critical"], 0.0), color="0.3", lw=0.8, ls=":",
+                     label="Davis, end")  # fmt: skip
+        axis.set(ylim=(0.0, 40.0), ylabel="angle [deg]")
+        axis.legend(fontsize=8)
+    ax.set(xlabel="displacement of the lower half [mm]")
+    ax2.set(xlabel="shear strain, twice the axial one [%]")
+    case.save(fig)
