@@ -13,6 +13,7 @@ module cpl_bridge_setup
   use cpl_bridge_step, only: bridge_forces, bridge_bulk, read_bound, bound_set, load_set
   use cpl_choices, only: cpl_choices_type
   use cpl_overlap, only: overlap_type, free_set, hat_set, edge_set, hat_phi_set, edge_phi_set
+  use cpl_overlap_loads, only: begin_loads
   use cpl_overlap_start, only: start_type, prepare_start
   use cpl_overlap_weights, only: read_points
   use cpl_sets, only: part_ghost
@@ -71,6 +72,7 @@ contains
     call ready(solvers(side_grains))
     if (.not. (again .or. errors%any())) call read_grains(o, solvers(side_grains), errors)
     call ready(solvers(side_solid))
+    call begin_loads(o, solvers(side_solid), again, timers, errors)
     if (again .or. errors%any()) return
     call start_speeds(o, errors)
     if (.not. errors%any()) call bridge_forces(o, solvers, solvers(1)%time, timers, errors)

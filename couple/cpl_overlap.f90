@@ -21,8 +21,8 @@ module cpl_overlap
   use cpl_weight_fit, only: fit_type
   implicit none
   private
-  public :: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, hat_phi_set, &
-    edge_phi_set
+  public :: overlap_type, loads_type, ghost_set, free_set, pulled_set, hat_set, edge_set, &
+    hat_phi_set, edge_phi_set
 
   real(wp), parameter :: least_factor = 0.1_wp          !! of Aitken
   character(len=*), parameter :: ghost_set = 'ghosts'   !! of the grains
@@ -32,6 +32,13 @@ module cpl_overlap
   character(len=*), parameter :: edge_set = 'edge'
   character(len=*), parameter :: hat_phi_set = 'hat_rotations'
   character(len=*), parameter :: edge_phi_set = 'edge_rotations'
+
+  !> Loads of the solid's deck on hat nodes, without weight.
+  type :: loads_type
+    logical :: active = .false.
+    logical :: steady = .true.                     !! they do not change with time
+    real(wp), allocatable :: f(:, :), c(:, :)      !! (3, hats) [N], (3, hats_phi) [N m]
+  end type loads_type
 
   type :: overlap_type
     type(cells_type) :: cells
@@ -101,6 +108,7 @@ module cpl_overlap
     real(wp), allocatable :: inertial(:, :), inertial_phi(:, :)  !! of what hat nodes carry
     real(wp), allocatable :: f_hold(:, :), c_hold(:, :)       !! that balance the start
     real(wp), allocatable :: force_hold(:, :), moment_hold(:, :)
+    type(loads_type) :: loads                      !! of the solid's deck on hat nodes
     type(parts_type) :: parts                      !! forces between ghosts, once an exchange
     type(relax_type) :: relax                      !! static: what the edge is loaded with
     real(wp) :: contact_stiffness = 0.0_wp         !! static: mean at the start [N/m]
@@ -209,6 +217,12 @@ contains
     class(overlap_type), intent(inout) :: self
     self%f = self%element
     self%c = self%element_phi
+    if (self%loads%active) then
+      associate (a => self%op%hats, b => self%op%hats_phi)
+        self%f(:, :a) = self%f(:, :a) + self%loads%f
+        self%c(:, :b) = self%c(:, :b) + self%loads%c
+      end associate
+    end if
     if (self%parts%active) then
       associate (parts => self%parts)
         self%force = parts%still%force + self%force_hold
@@ -264,6 +278,8 @@ contains
     call add_products(size(u0), self%element, self%u - u0, taken, through)
     call add_products(size(phi0), self%element_phi, self%phi - phi0, taken, through)
     associate (a => self%op%hats, b => self%op%hats_phi)
+      if (self%loads%active) taken = taken + sum(self%loads%f*(self%u(:, :a) - u0(:, :a))) &
+        + sum(self%loads%c*(self%phi(:, :b) - phi0(:, :b)))
       if (self%carried%active) taken = taken + sum(self%inertial*(self%u(:, :a) - u0(:, :a)))
       if (self%carried_phi%active) &
         taken = taken + sum(self%inertial_phi*(self%phi(:, :b) - phi0(:, :b)))

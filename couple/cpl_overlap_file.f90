@@ -77,6 +77,10 @@ contains
       call file%put('/start/steady_phi', o%steady_phi, errors)
     end if
     if (o%parts%active) call write_parts(file, o, errors)
+    if (o%loads%active) then
+      call file%put('/loads/f', o%loads%f, errors)
+      call file%put('/loads/c', o%loads%c, errors)
+    end if
     if (o%static) then
       call file%put('/static/held', o%relax%held, errors)
       call file%put('/static/residual', o%relax%residual, errors)
@@ -145,6 +149,8 @@ contains
     if (o%static) call read_static(file, o, errors)
     if (o%bridge%active) call read_bridge(file, o, errors)
     if (o%in_parts .and. file%exists('/parts/near')) call read_parts(file, o, errors)
+    if (file%exists('/loads/f')) call file%get('/loads/f', o%loads%f, errors)
+    if (file%exists('/loads/c')) call file%get('/loads/c', o%loads%c, errors)
     call file%get_into('/numbers', numbers, errors)
     call file%get_into('/counts', counts, errors)
     call file%get_into('/map/looked', looked, errors)

@@ -111,6 +111,10 @@ contains
       'domain are cooled; the audit has what they took')
     if (o%step_limit < huge(1.0_wp)) call log%item('stable step', short_number(o%step_limit)// &
       ' s', 'of grains and nodes that step with them')
+    if (.not. o%loads%active) return
+    if (any(abs(o%loads%f) > 0.0_wp .and. spread(.not. o%mass(:o%op%hats) > 0.0_wp, 1, 3))) &
+      call log%warn('loads of the solid''s deck on elements of free grains do nothing: nodes '// &
+      'beyond the bridging domain only follow the grains; put them on the grains')
   end subroutine log_bridge
 
   !> How energy is shared.
@@ -131,7 +135,7 @@ contains
       'the solid has another stiffness than the pack; ramps are taken')
   end subroutine log_weights
 
-  !> Moduli and initial stress.
+  !> Moduli, loads and initial stress.
   subroutine log_start(log, o, choices)
     type(log_type), intent(inout) :: log
     type(overlap_type), intent(in) :: o
@@ -147,6 +151,9 @@ contains
         'them: kappa '//short_number(o%affine%kappa)//' Pa, gamma '// &
         short_number(o%affine%gamma)//' N (equal spheres have no gamma: that of the deck stands)')
     end if
+    if (o%loads%active .and. .not. o%bridge%active) call log%item('loads on hat nodes', &
+      short_number(norm2(sum(o%loads%f, 2)))//' N', 'of the solid''s deck, handed to the free '// &
+      'grains'//trim(merge('                 ', '; they change now', o%loads%steady)))
     if (o%initial%rounds == 0 .and. .not. o%initial%after > 0.0_wp) return
     call log%item('initial stress', 'rest '//short_number(o%initial%before)//' -> '// &
                   short_number(o%initial%after)//' of a contact force', 'changed by '// &

@@ -15,6 +15,7 @@ module cpl_overlap_setup
   use cpl_fine_damping, only: ramp_from_ghosts
   use cpl_overlap_file, only: hash_of
   use cpl_overlap_limit, only: check_step
+  use cpl_overlap_loads, only: begin_loads
   use cpl_overlap_mass, only: share_mass
   use cpl_overlap_parts, only: begin_parts
   use cpl_overlap_static, only: begin_static
@@ -332,6 +333,7 @@ contains
     if (o%stressed) call balance_start(o, solvers(side_solid), again, start, timers, errors)
     if (errors%any()) return
     call ready(solvers(side_solid), o%step, timers, errors)
+    call begin_loads(o, solvers(side_solid), again, timers, errors)
     if (errors%any()) return
     if (again) then
       if (o%in_parts) call begin_parts(o, solvers(side_grains), o%parts%active, timers, errors)

@@ -13,6 +13,7 @@ module cpl_overlap_start
   use cpl_initial, only: correct_initial
   use cpl_moduli, only: choose_moduli, send_moduli
   use cpl_overlap, only: overlap_type
+  use cpl_overlap_loads, only: begin_loads
   use cpl_overlap_mass, only: hat_shares
   use cpl_overlap_partition, only: contacts_type, points_type, fill_partition
   use cpl_overlap_units, only: check_units
@@ -112,6 +113,7 @@ contains
     call fill_partition(o, start%contacts, start%points, partition, row, at, whole=.true.)
     call point_stresses(start, at, partition%polar, stress, couple)
     call rehearse(o, solid, timers, errors)
+    call begin_loads(o, solid, .false., timers, errors)
     call choose_nodes(o, solid, .true., free, timers, errors)
     call outer_loads(o, solid, outer, timers, errors)
     if (errors%any()) return
@@ -238,7 +240,8 @@ contains
     load(:, o%cells%nodes + pack([(k, k=1, o%cells%nodes)], o%cells%polar)) = part
   end subroutine outer_loads
 
-  !> Add what ghosts hand to the nodes, and on hat nodes the weight that free grains carry for them.
+  !> Add what ghosts hand to the nodes, and on hat nodes the loads of the deck and the weight that
+  !! free grains carry for them.
   subroutine add_ghosts(o, gravity, load)
     type(overlap_type), intent(in) :: o
     real(wp), intent(in) :: gravity(3)      !! [m/s^2]
@@ -252,8 +255,9 @@ contains
     call o%op%pull(o%p, o%m, f, c, force, moment)
     call hat_shares(o, mass)
     do a = 1, o%op%hats
-      f(:, a) = f(:, a) + mass(a)*gravity
+      f(:, a) = f(:, a) + mass(a)*gravity + o%loads%f(:, a)
     end do
+    c(:, :o%op%hats_phi) = c(:, :o%op%hats_phi) + o%loads%c
     load(:, o%op%node) = load(:, o%op%node) + f
     load(:, o%cells%nodes + o%op%node_phi) = load(:, o%cells%nodes + o%op%node_phi) + c
   end subroutine add_ghosts

@@ -13,6 +13,7 @@ module cpl_overlap_static
   use talus_timers, only: timers_type
   use cpl_choices, only: interface_aitken
   use cpl_overlap, only: overlap_type, hat_set, edge_set, hat_phi_set, edge_phi_set
+  use cpl_overlap_loads, only: follow_loads
   use cpl_overlap_step, only: send_kick, read_free, evaluate_forces, accept_both
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
@@ -57,6 +58,7 @@ contains
     u0 = o%u
     phi0 = o%phi
     call solve_solid(o, solvers(side_solid), t0, t1, u1, phi1, timers, errors)
+    call follow_loads(o, solvers(side_solid), t1, timers, errors)
     if (errors%any()) return
     do k = 1, o%substeps
       now = merge(t1, t0 + k*dt, k == o%substeps)

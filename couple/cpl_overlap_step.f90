@@ -12,6 +12,7 @@ module cpl_overlap_step
   use talus_timers, only: timers_type
   use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, &
     hat_phi_set, edge_phi_set
+  use cpl_overlap_loads, only: renew_loads
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   use cpl_overlap_parts, only: remember_start, follow_near, follow_all, put_near, put_all, &
     read_parts, renew_kicks, finish_parts
@@ -36,6 +37,8 @@ contains
     integer(i4) :: k
 
     dt = h/o%substeps
+    call renew_loads(o, solvers(side_solid), t0, t1, timers, errors)
+    if (errors%any()) return
     call send_bulk(o, solvers(side_solid), merge(0.5_wp*h, h, o%symmetric), h, t0, t1, timers, &
                    errors)
     if (o%parts%active) call remember_start(o)

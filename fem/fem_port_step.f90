@@ -8,7 +8,7 @@ module fem_port_step
   use fem_explicit, only: kick_lumped
   use fem_sparse, only: multiply
   use fem_step, only: take_step
-  use fem_body, only: fem_kept_type
+  use fem_body, only: fem_body_type, fem_kept_type
   use fem_types, only: role_prescribe, role_load
   use fem_model, only: fem_model_type
   use fem_sets, only: fem_sets_type
@@ -123,7 +123,8 @@ contains
 
   !> Internal forces of the present state with prescribed nodes where the request puts them.
   !! Scope `interface`: only elements that have a node of a prescribed set count, or of `set`;
-  !! `balance`: with all loads, so that zero is left where the body is at rest.
+  !! `balance`: with all loads, so that zero is left where the body is at rest; `loads`: the loads
+  !! of the deck alone, without weight, at the time of the request.
   subroutine force(model, sets, request, reply, errors)
     type(fem_model_type), intent(inout) :: model
     type(fem_sets_type), intent(inout) :: sets
@@ -136,9 +137,9 @@ contains
 
     scope = 'all'
     if (request%has('scope')) call request%get_text('scope', scope, errors)
-    if (all(scope /= [character(len=9) :: 'all', 'interface', 'balance'])) &
+    if (all(scope /= [character(len=9) :: 'all', 'interface', 'balance', 'loads'])) &
       call errors%add('P301', "FORCE has no scope '"//scope//"'", request%place(), &
-                      "it is 'all', 'interface' or 'balance'")
+                      "it is 'all', 'interface', 'balance' or 'loads'")
     call choose_set(sets, model, request, chosen, errors)
     call take_brief(request, brief, errors)
     call sets%take_motion(model%body, request, errors)
@@ -147,7 +148,10 @@ contains
     associate (body => model%body)
       where (body%prescribed) body%state%u = body%given_u
       allocate (f(3, body%dofs%blocks), external(3, body%dofs%blocks))
-      if (scope == 'interface' .and. chosen > 0) then
+      if (scope == 'loads') then
+        call deck_loads(body, request%t0, f)
+        call reply%put_int('steady', merge(1_i4, 0_i4, steady_loads(body, sets, chosen)))
+      else if (scope == 'interface' .and. chosen > 0) then
         call sets%force_of_elements(chosen, body, body%state%u, f)
       else if (scope == 'interface') then
         call body%interface_force(body%state%u, f)
@@ -156,7 +160,7 @@ contains
       end if
       call body%matter_fault(errors)
       if (errors%any()) return
-      f = -f
+      if (scope /= 'loads') f = -f
       if (scope == 'all') f = f + body%weight_force
       if (scope == 'balance') then
         call body%external_at(body%state%time, external)
@@ -170,6 +174,42 @@ contains
       if (.not. brief) call put_scalars(body, reply)
     end associate
   end subroutine force
+
+  !> Loads of the deck at time t: tractions, pressures, forces, couples [N, N m].
+  subroutine deck_loads(body, t, f)
+    type(fem_body_type), intent(in) :: body
+    real(wp), intent(in) :: t
+    real(wp), intent(out) :: f(:, :)  !! (3, blocks)
+    real(wp) :: value
+    integer(i4) :: k
+    f = 0.0_wp
+    do k = 1, size(body%load)
+      value = 1.0_wp
+      if (body%load(k)%curve > 0) value = body%curve(body%load(k)%curve)%at(t)
+      f = f + value*body%load(k)%force
+    end do
+    call body%follow(t, body%state%u, f)
+  end subroutine deck_loads
+
+  !> Do the loads on a set, or on all (0), stay what they are?
+  pure logical function steady_loads(body, sets, chosen)
+    type(fem_body_type), intent(in) :: body
+    type(fem_sets_type), intent(in) :: sets
+    integer(i4), intent(in) :: chosen
+    integer(i4) :: k, s
+    steady_loads = .not. allocated(body%follower)
+    if (allocated(body%follower)) steady_loads = size(body%follower) == 0
+    do s = 1, sets%n
+      if (chosen > 0 .and. s /= chosen) cycle
+      associate (block => [sets%set(s)%node, sets%set(s)%phi])
+        do k = 1, size(body%load)
+          if (body%load(k)%curve == 0) cycle
+          steady_loads = steady_loads .and. &
+            .not. any(abs(body%load(k)%force(:, block)) > 0.0_wp)
+        end do
+      end associate
+    end do
+  end function steady_loads
 
   !> The set whose elements FORCE takes alone, 0 if none is named (P302).
   subroutine choose_set(sets, model, request, chosen, errors)

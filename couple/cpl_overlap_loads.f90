@@ -1,0 +1,105 @@
+!> Loads of the solid's deck on nodes that follow free grains, P' X (theory: overlap coupling,
+!! Who owns what): tractions, pressures, forces and couples. They go to the free grains by the
+!! transposed projection, weight by the masses. What changes in time acts in the mean of the start
+!! and the end of an exchange, as the solid's kicks do.
+module cpl_overlap_loads
+  use talus_kinds, only: wp, i4
+  use talus_errors, only: error_list_type
+  use talus_message, only: verb_force
+  use talus_timers, only: timers_type
+  use cpl_overlap, only: overlap_type, hat_set, hat_phi_set
+  use cpl_solver, only: cpl_solver_type
+  implicit none
+  private
+  public :: begin_loads, renew_loads, follow_loads
+
+contains
+
+  !> Loads now, or after a restart those of the checkpoint; they are asked for again only if they
+  !! change.
+  subroutine begin_loads(o, solid, again, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    logical, intent(in) :: again
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: f(3, o%op%hats), c(3, o%op%hats_phi)
+    integer(i4) :: steady
+
+    call ask(o, solid, solid%time, f, c, timers, errors)
+    if (errors%any()) return
+    call solid%reply%get_int('steady', steady, errors)
+    associate (loads => o%loads)
+      loads%steady = steady == 1
+      if (.not. (again .and. allocated(loads%f))) then
+        loads%f = f
+        loads%c = c
+      end if
+      loads%active = .not. loads%steady .or. any(abs(loads%f) > 0.0_wp) &
+        .or. any(abs(loads%c) > 0.0_wp)
+    end associate
+  end subroutine begin_loads
+
+  !> Loads of the exchange from t0 to t1: their mean. What is new in them is added to the forces on
+  !! the free grains, with the inertia of what hat nodes carry.
+  subroutine renew_loads(o, solid, t0, t1, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    real(wp), intent(in) :: t0, t1  !! [s]
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp), dimension(3, o%op%hats) :: f, f1
+    real(wp), dimension(3, o%op%hats_phi) :: c, c1
+    real(wp), dimension(3, o%op%free) :: push, turn
+
+    if (.not. o%loads%active .or. o%loads%steady .or. errors%any()) return
+    call ask(o, solid, t0, f, c, timers, errors)
+    call ask(o, solid, t1, f1, c1, timers, errors)
+    if (errors%any()) return
+    f = 0.5_wp*(f + f1)
+    c = 0.5_wp*(c + c1)
+    call o%op%from_hats(f - o%loads%f, c - o%loads%c, push, turn)
+    if (o%carried%active) then
+      call o%carried%resist(push, f1)
+      call o%op%p%transposed(f1, push)
+    end if
+    if (o%carried_phi%active) then
+      call o%carried_phi%resist(turn, c1)
+      call o%op%p_phi%transposed(c1, turn)
+    end if
+    o%force = o%force + push
+    o%moment = o%moment + turn
+    o%loads%f = f
+    o%loads%c = c
+  end subroutine renew_loads
+
+  !> Loads at time t of a solid without inertia.
+  subroutine follow_loads(o, solid, t, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    real(wp), intent(in) :: t  !! [s]
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    if (.not. o%loads%active .or. o%loads%steady) return
+    call ask(o, solid, t, o%loads%f, o%loads%c, timers, errors)
+  end subroutine follow_loads
+
+  !> FORCE: loads of the solid's deck on the hat nodes at time t.
+  subroutine ask(o, solid, t, f, c, timers, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    real(wp), intent(in) :: t                     !! [s]
+    real(wp), intent(inout) :: f(:, :), c(:, :)   !! (3, hats) [N], (3, hats_phi) [N m]
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    if (errors%any()) return
+    call solid%start_request(verb_force, o%step, t, t)
+    call solid%request%put_text('scope', 'loads')
+    call solid%request%put_text('set', hat_set)
+    call solid%request%put_int('brief', 1_i4)
+    call solid%ask(timers, errors)
+    if (errors%any()) return
+    call solid%reply%get(hat_set//'.force', f, errors)
+    if (size(c) > 0) call solid%reply%get(hat_phi_set//'.moment', c, errors)
+  end subroutine ask
+end module cpl_overlap_loads
