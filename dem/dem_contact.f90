@@ -13,9 +13,11 @@ module dem_contact
   use dem_state, only: lanes, history_size, history_side, history_root, history_point, &
     column_count, dem_pairs_type, dem_law_type, law_linear, law_hertz_no_history
   use dem_block, only: dem_block_type
+  use dem_extra_state, only: turning_reals
+  use dem_turning, only: turning_step_type, advance_turning, drop_turning
   implicit none
   private
-  public :: contact_block, contact_constants_type, constants_of, stored_energy, &
+  public :: contact_block, contact_constants_type, constants_of, stored_energy, turning_energy, &
     contact_radius, contact_point
 
   real(wp), parameter :: tiny_force = 1.0e-200_wp
@@ -52,6 +54,8 @@ module dem_contact
     real(wp) :: tx(lanes), ty(lanes), tz(lanes)     !! tangential elastic force [N]
     real(wp) :: dx(lanes), dy(lanes), dz(lanes)     !! damping force [N]
     real(wp) :: was(lanes), t2(lanes), slip(lanes)  !! |T|^2 before and now [N^2], slip work [J]
+    real(wp) :: excess(lanes)                       !! of dem_turning: stored energy gained over
+                                                    !! that of one spring [J]
   end type scratch_type
 
 contains
@@ -128,8 +132,18 @@ contains
     energy = [normal, tangential]
   end function stored_energy
 
+  !> Stored tangential energy of a block under the law of Mindlin and Deresiewicz [J].
+  pure real(wp) function turning_energy(weight, turning) result(energy)
+    real(wp), intent(in) :: weight(lanes), turning(lanes, turning_reals)
+    integer(i4) :: k
+    energy = 0.0_wp
+    do k = 1, lanes
+      energy = energy + weight(k)*turning(k, 2)
+    end do
+  end function turning_energy
+
   !> Forces and moments of all lanes into the block, history brought forward by h.
-  pure subroutine contact_block(b, c, round, h, m_star, weight, history, columns)
+  pure subroutine contact_block(b, c, round, h, m_star, weight, history, columns, turning)
     type(dem_block_type), intent(inout) :: b
     type(contact_constants_type), intent(in) :: c
     logical, intent(in) :: round                         !! all pairs are of spheres
@@ -138,6 +152,7 @@ contains
     real(wp), intent(in) :: weight(lanes)                !! contact weights [-]
     real(wp), intent(inout) :: history(lanes, history_size)
     real(wp), intent(out) :: columns(column_count)
+    real(wp), intent(inout), optional :: turning(lanes, turning_reals)  !! of dem_turning
     type(scratch_type) :: s
 
     if (round) then
@@ -149,9 +164,14 @@ contains
     call normal_forces(b, c, m_star, history, s)
     call relative_motion(b, h, s)
     call damp_normal(b, c, s)
-    call tangential_springs(b, c, h, history, s)
+    if (present(turning)) then
+      call turning_springs(b, c, h, history, turning, s)
+    else
+      call tangential_springs(b, c, h, history, s)
+    end if
     call damp_tangent(b, c, s)
     call sum_work(h, weight, history, s, columns)
+    if (present(turning)) columns(3) = columns(3) - sum(weight*s%excess)
     call keep_history(s, round, history)
     call put_forces(b, weight, s)
   end subroutine contact_block
@@ -327,6 +347,48 @@ contains
       s%t2(k) = factor*factor*t2
     end do
   end subroutine tangential_springs
+
+  !> The same with the memory of turning points, lane by lane.
+  pure subroutine turning_springs(b, c, h, history, turning, s)
+    type(dem_block_type), intent(in) :: b
+    type(contact_constants_type), intent(in) :: c
+    real(wp), intent(in) :: h, history(lanes, history_size)
+    real(wp), intent(inout) :: turning(lanes, turning_reals)
+    type(scratch_type), intent(inout) :: s
+    type(turning_step_type) :: step
+    real(wp) :: row(turning_reals), force(3), n(3), stored
+    integer(i4) :: k
+
+    step%stiffness = c%kt_a
+    step%cone = c%friction*c%kn_a/c%kt_a
+    do k = 1, lanes
+      s%was(k) = sum(history(k, 1:3)**2)
+      s%slip(k) = 0.0_wp
+      s%excess(k) = 0.0_wp
+      force = 0.0_wp
+      row = turning(k, :)
+      stored = row(2)
+      if (s%on(k) > 0.0_wp) then
+        n = [b%nx(k), b%ny(k), b%nz(k)]
+        step%shift = -h*[s%wx(k), s%wy(k), s%wz(k)]
+        step%normal = n
+        step%spin = 0.5_wp*h*((b%a%wx(k) + b%b%wx(k))*n(1) + (b%a%wy(k) + b%b%wy(k))*n(2) &
+                              + (b%a%wz(k) + b%b%wz(k))*n(3))
+        step%overlap = -b%gap(k)
+        step%root = s%root(k)
+        call advance_turning(step, row, force, s%slip(k))
+        turning(k, :) = row
+      else if (row(1) > 0.0_wp) then
+        call drop_turning(row, s%slip(k))
+        turning(k, :) = row
+      end if
+      s%tx(k) = force(1)
+      s%ty(k) = force(2)
+      s%tz(k) = force(3)
+      s%t2(k) = sum(force**2)
+      s%excess(k) = row(2) - stored - 0.5_wp*(s%t2(k)*s%soft(k) - s%was(k)*s%soft_last(k))
+    end do
+  end subroutine turning_springs
 
   !> Tangential damping, shortened so that its sum with the spring stays below the cap; d becomes
   !! the whole damping force.

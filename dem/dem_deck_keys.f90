@@ -161,10 +161,12 @@ contains
     call table%sized(2_i4, 2_i4)
     call table%add_key('law', 'string', '', &
       '`hertz_mindlin`: Hertz normal force, incremental Mindlin tangential force with ' &
-      //'Coulomb cap, history carried. `hertz_no_history`: Hertz normal force, tangential' &
-      //' force by damping alone. `linear`: springs and dashpots of constant stiffness.')
+      //'Coulomb cap, history carried. `mindlin_deresiewicz`: the same normal force, slip' &
+      //' that starts at the rim of the contact, all turning points of loading, unloading' &
+      //' and reloading kept. `hertz_no_history`: Hertz normal force, tangential force by' &
+      //' damping alone. `linear`: springs and dashpots of constant stiffness.')
     call table%need()
-    call table%allow('hertz_mindlin|hertz_no_history|linear')
+    call table%allow('hertz_mindlin|mindlin_deresiewicz|hertz_no_history|linear')
     call table%add_key('radius', 'string', '', &
       'Effective radius R_e of contacts of ellipsoids: `current`: that of the present ' &
       //'normal, whose turn the ledger books as curvature work; `frozen`: that of the ' &
@@ -199,15 +201,15 @@ contains
       //'normal force. A sphere rests on a slope as long as its tangent is below.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
-    call table%add_key('twisting_friction', 'real', '', &
-      'The same for the relative spin about the normal.')
-    call table%preset('0.0')
-    call table%bounds(min=0.0_wp)
     call group_contact_2(table)
   end subroutine group_contact
 
   subroutine group_contact_2(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('twisting_friction', 'real', '', &
+      'The same for the relative spin about the normal.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
     call table%add_key('rolling_stiffness', 'real', '', &
       'Stiffness of the rolling spring, in k_t R_e^2.')
     call table%preset('1.0')

@@ -6,7 +6,7 @@ module dem_extra_list
   use dem_archive, only: dem_archive_type
   use dem_state, only: lanes
   use dem_extra_state, only: dem_extras_type, extra_work_count, rolling_reals, cohesion_reals, &
-    bond_reals
+    bond_reals, turning_reals
   implicit none
   private
   public :: move_extras, mark_touched, held_lanes, put_extras, get_extras
@@ -62,6 +62,7 @@ contains
     if (extras%rolling_at > 0) call put_part('extras.rolling', extras%rolling_at, rolling_reals)
     if (extras%cohesion_at > 0) call put_part('extras.cohesion', extras%cohesion_at, &
                                               cohesion_reals)
+    if (extras%turning_at > 0) call put_part('extras.turning', extras%turning_at, turning_reals)
     if (extras%bond_at == 0) return
     call put_part('extras.bond', extras%bond_at, bond_reals)
     call archive%put_integers('extras.bonds', reshape([extras%made, extras%torn, &
@@ -92,6 +93,7 @@ contains
     if (extras%rolling_at > 0) call get_part('extras.rolling', extras%rolling_at, rolling_reals)
     if (extras%cohesion_at > 0) call get_part('extras.cohesion', extras%cohesion_at, &
                                               cohesion_reals)
+    if (extras%turning_at > 0) call get_part('extras.turning', extras%turning_at, turning_reals)
     if (extras%bond_at == 0) return
     call get_part('extras.bond', extras%bond_at, bond_reals)
     if (archive%find('extras.bonds') == 0) return

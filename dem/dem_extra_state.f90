@@ -8,7 +8,7 @@ module dem_extra_state
   private
   public :: dem_extra_law_type, dem_extras_type, dem_bond_type
   public :: extra_work_count, work_rolling, work_breakage, work_torn, work_sheared
-  public :: rolling_reals, cohesion_reals, bond_reals
+  public :: rolling_reals, cohesion_reals, bond_reals, turning_reals, turning_knots
   public :: cohesion_none, cohesion_constant, cohesion_dmt, cohesion_jkr
 
   integer(i4), parameter :: extra_work_count = 4  !! works and counts of a block
@@ -21,6 +21,8 @@ module dem_extra_state
   integer(i4), parameter :: rolling_reals = 8     !! kept by dem_rolling
   integer(i4), parameter :: cohesion_reals = 4    !! kept by dem_cohesion
   integer(i4), parameter :: bond_reals = 17       !! kept by dem_bond
+  integer(i4), parameter :: turning_knots = 26    !! knots that a contact keeps
+  integer(i4), parameter :: turning_reals = 3 + 4*turning_knots  !! kept by dem_turning
 
   integer(i4), parameter :: cohesion_none = 0, cohesion_constant = 1, cohesion_dmt = 2, &
     cohesion_jkr = 3
@@ -58,6 +60,7 @@ module dem_extra_state
     integer(i4) :: rolling_at = 0             !! first of dem_rolling
     integer(i4) :: cohesion_at = 0            !! first of dem_cohesion
     integer(i4) :: bond_at = 0                !! first of dem_bond
+    integer(i4) :: turning_at = 0             !! first of dem_turning
     type(dem_bond_type) :: bond
     integer(i8) :: made = 0                   !! bonds at the start
     integer(i8) :: torn = 0, sheared = 0      !! bonds broken so far

@@ -3,9 +3,9 @@ module dem_extras
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_text, only: str
-  use dem_state, only: dem_pairs_type, dem_law_type, dem_data_type, lanes
+  use dem_state, only: dem_pairs_type, dem_law_type, dem_data_type, lanes, law_mindlin_deresiewicz
   use dem_extra_state, only: dem_extras_type, rolling_reals, cohesion_reals, bond_reals, &
-    cohesion_none, cohesion_jkr, extra_work_count, work_rolling, work_breakage, &
+    turning_reals, cohesion_none, cohesion_jkr, extra_work_count, work_rolling, work_breakage, &
     work_torn, work_sheared
   use dem_block, only: dem_block_type
   use dem_contact, only: constants_of
@@ -24,16 +24,20 @@ contains
     type(dem_law_type), intent(in) :: laws(:, :)
     type(dem_extras_type), intent(inout) :: extras
 
-    extras%active = any(laws%extra%used) .or. extras%bond%given
+    extras%active = any(laws%extra%used .or. laws%kind == law_mindlin_deresiewicz) &
+                    .or. extras%bond%given
     extras%reals = 0
     extras%rolling_at = 0
     extras%cohesion_at = 0
     extras%bond_at = 0
+    extras%turning_at = 0
     if (any(laws%extra%rolling > 0.0_wp .or. laws%extra%twisting > 0.0_wp)) &
       call reserve(rolling_reals, extras%rolling_at)
     if (any(laws%extra%cohesion /= cohesion_none)) &
       call reserve(cohesion_reals, extras%cohesion_at)
     if (extras%bond%given) call reserve(bond_reals, extras%bond_at)
+    if (any(laws%kind == law_mindlin_deresiewicz)) &
+      call reserve(turning_reals, extras%turning_at)
 
   contains
 

@@ -2,7 +2,7 @@
 module dem_forces
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_pairs_type, dem_law_type, lanes, history_size, history_side, &
-    history_root, result_size, body_size
+    history_root, result_size, body_size, law_mindlin_deresiewicz
   use dem_block, only: dem_block_type
   use dem_form_lanes, only: form_block_type, ready_forms, evaluate_forms, evaluate_form_planes, &
     refine_forms, add_form_curvatures, solve_form_lane
@@ -13,6 +13,7 @@ module dem_forces
     refine_normals, add_curvatures, solve_lane
   use dem_contact, only: contact_block, constants_of
   use dem_extra_list, only: held_lanes
+  use dem_extra_state, only: turning_reals
   use dem_extras, only: extra_forces
   implicit none
   private
@@ -78,11 +79,18 @@ contains
     else if (.not. pairs%round(k)) then
       call add_curvatures(mine, k <= pairs%grain_blocks)
     end if
-    call contact_block(mine, constants_of(laws(pairs%law_first(k), pairs%law_second(k))), &
-                       pairs%round(k), h, pairs%m_star(:, k), &
-                       pairs%weight(:, min(k, size(pairs%weight, 2))), &
-                       pairs%history(:, :, k), &
-                       pairs%columns(:, k))
+    associate (law => laws(pairs%law_first(k), pairs%law_second(k)), &
+               at => pairs%extras%turning_at, &
+               weight => pairs%weight(:, min(k, size(pairs%weight, 2))))
+      if (law%kind == law_mindlin_deresiewicz) then
+        call contact_block(mine, constants_of(law), pairs%round(k), h, pairs%m_star(:, k), weight, &
+                           pairs%history(:, :, k), pairs%columns(:, k), &
+                           pairs%extras%kept(:, at:at + turning_reals - 1, k))
+      else
+        call contact_block(mine, constants_of(law), pairs%round(k), h, pairs%m_star(:, k), weight, &
+                           pairs%history(:, :, k), pairs%columns(:, k))
+      end if
+    end associate
     pairs%touched(k) = contact
     if (pairs%extras%active) call extra_forces(mine, laws(pairs%law_first(k), &
                                                           pairs%law_second(k)), k, h, pairs)

@@ -1,8 +1,9 @@
 !> The energy ledger: what is stored now, and how well all columns close.
 module dem_ledger
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_data_type, dem_ledger_type, kind_free
-  use dem_contact, only: contact_constants_type, constants_of, stored_energy
+  use dem_state, only: dem_data_type, dem_ledger_type, kind_free, law_mindlin_deresiewicz
+  use dem_extra_state, only: turning_reals
+  use dem_contact, only: contact_constants_type, constants_of, stored_energy, turning_energy
   use dem_extras, only: extra_energy
   use dem_integrate, only: motion_type, scaled_spin_momentum
   use dem_shape, only: rotation_of
@@ -48,6 +49,8 @@ contains
       constants = constants_of(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)))
       energy = stored_energy(constants, d%pairs%weight(:, min(k, size(d%pairs%weight, 2))), &
                              d%pairs%history(:, :, k))
+      if (d%laws(d%pairs%law_first(k), d%pairs%law_second(k))%kind == law_mindlin_deresiewicz) &
+        energy(2) = stored_by_turning(d, k)
       if (allocated(d%pairs%share)) energy = d%pairs%share(k)*energy
       ledger%elastic_normal = ledger%elastic_normal + energy(1)
       ledger%elastic_tangential = ledger%elastic_tangential + energy(2)
@@ -59,6 +62,16 @@ contains
     ledger%elastic_normal = ledger%elastic_normal + energy(1)
     ledger%elastic_tangential = ledger%elastic_tangential + energy(2)
   end subroutine refresh_stored
+
+  !> Tangential energy of block k under the law of Mindlin and Deresiewicz [J].
+  pure real(wp) function stored_by_turning(d, k) result(energy)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: k
+    associate (at => d%pairs%extras%turning_at)
+      energy = turning_energy(d%pairs%weight(:, min(k, size(d%pairs%weight, 2))), &
+                              d%pairs%extras%kept(:, at:at + turning_reals - 1, k))
+    end associate
+  end function stored_by_turning
 
   !> Kinetic energy of a free grain with scaled masses, and the leapfrog's part of it: the works of
   !! the half kicks add up to m v-.v+/2 = m v^2/2 - dt^2 G^2/(8 m), G the total force [J].

@@ -6,7 +6,7 @@ module dem_setup_laws
   use talus_deck, only: deck_type
   use talus_suggest, only: did_you_mean
   use dem_state, only: dem_material_type, dem_law_type, law_hertz_mindlin, law_hertz_no_history, &
-    law_linear, dem_planes_type
+    law_linear, law_mindlin_deresiewicz, dem_planes_type
   use dem_extra_state, only: cohesion_none, cohesion_constant, cohesion_dmt, cohesion_jkr
   use dem_law, only: make_law, make_linear_law, mirrored_law, damping_ratio_for, restitution_of
   use dem_make, only: make_planes
@@ -130,6 +130,7 @@ contains
     kind = law_linear
     if (name == 'hertz_mindlin') kind = law_hertz_mindlin
     if (name == 'hertz_no_history') kind = law_hertz_no_history
+    if (name == 'mindlin_deresiewicz') kind = law_mindlin_deresiewicz
     call deck%get('contact', k, 'friction', friction)
     call deck%get('contact', k, 'radius', radius)
     ratio = 0.0_wp
@@ -169,7 +170,8 @@ contains
         call deck%get('contact', k, 'rolling_damping', extra%rolling_damping)
       call read_cohesion(deck, k, law, errors)
       extra%used = extra%rolling > 0.0_wp .or. extra%twisting > 0.0_wp &
-                   .or. extra%cohesion /= cohesion_none
+                   .or. extra%cohesion /= cohesion_none &
+                   .or. law%kind == law_mindlin_deresiewicz
     end associate
   end subroutine read_extra
 
@@ -219,7 +221,8 @@ contains
     integer(i4), intent(in) :: a, b  !! materials of a surface and of grains
     type(error_list_type), intent(inout) :: errors
     if (.not. laws(a, b)%extra%used) return
-    call deck%fault(errors, 'D255', "rolling resistance and cohesion do not act at surfaces: '"// &
+    call deck%fault(errors, 'D255', "rolling resistance, cohesion and turning points do not "// &
+                    "act at surfaces: '"// &
                     names(a)%s//"' and '"//names(b)%s//"'", 'contact', 1, 'between', &
                     'give the surface a material of its own, with a &contact without them')
   end subroutine check_surface

@@ -13,7 +13,7 @@ module dem_state
   public :: dem_cell_type, dem_parts_type
   public :: kind_free, kind_fixed, kind_driven, kind_ghost, kind_mirror
   public :: mode_dynamic, mode_relaxation
-  public :: law_hertz_mindlin, law_hertz_no_history, law_linear
+  public :: law_hertz_mindlin, law_hertz_no_history, law_linear, law_mindlin_deresiewicz
   public :: lanes, body_size, history_size, result_size, column_count
   public :: entries_ahead, history_side, history_root, history_point
 
@@ -28,6 +28,7 @@ module dem_state
   integer(i4), parameter :: law_hertz_mindlin = 1     !! Hertz and Mindlin, history kept
   integer(i4), parameter :: law_hertz_no_history = 2  !! Hertz, tangential force viscous only
   integer(i4), parameter :: law_linear = 3            !! spring and dashpot of given stiffness
+  integer(i4), parameter :: law_mindlin_deresiewicz = 4  !! Hertz, history of all turning points
 
   integer(i4), parameter :: lanes = 16         !! pairs in a block, the unit of work
   integer(i4), parameter :: body_size = 16     !! reals in a body record, see dem_pairs_type

@@ -1,5 +1,5 @@
-!> Laws on top of the base law: rolling, twisting, cohesion. Closed forms, ledger, and the same bits
-!! for threads, list margins and restarts.
+!> Laws on top of the base law: rolling, twisting, cohesion, turning points. Closed forms,
+!! ledger, and the same bits for threads, list margins and restarts.
 program test_dem_extras
   use omp_lib, only: omp_set_num_threads
   use talus_kinds, only: wp, i4, i8
@@ -10,12 +10,12 @@ program test_dem_extras
   use dem_extra_state, only: cohesion_jkr, cohesion_dmt
   use dem_law, only: make_law
   use dem_make, only: make_grains, make_planes
-  use dem_state, only: law_hertz_mindlin, kind_free, kind_fixed
+  use dem_state, only: law_hertz_mindlin, law_mindlin_deresiewicz, kind_free, kind_fixed
   use dem_system, only: dem_system_type
   implicit none
   type(test_type) :: test
   real(wp), parameter :: pi = acos(-1.0_wp)
-  integer(i4) :: seed = 1
+  integer(i4) :: seed = 1, base = law_hertz_mindlin
 
   call omp_set_num_threads(1)
   call check_neck()
@@ -23,6 +23,9 @@ program test_dem_extras
   call check_ledger(cohesion_jkr, 3.0e-4_wp)
   call check_ledger(cohesion_dmt, 3.0e-4_wp)
   call check_long_necks()
+  base = law_mindlin_deresiewicz
+  call check_bits(cohesion_dmt)
+  call check_ledger(cohesion_dmt, 3.0e-4_wp)
   call test%finish()
 
 contains
@@ -64,7 +67,7 @@ contains
     s%materials(1)%young = 29.0e6_wp
     s%materials(1)%poisson = 0.25_wp
     s%materials(1)%density = 2650.0_wp
-    s%laws(1, 1) = make_law(law_hertz_mindlin, s%materials(1), s%materials(1), 0.5_wp, 0.05_wp, &
+    s%laws(1, 1) = make_law(base, s%materials(1), s%materials(1), 0.5_wp, 0.05_wp, &
                             0.05_wp)
     associate (extra => s%laws(1, 1)%extra)
       extra%used = .true.
@@ -153,7 +156,9 @@ contains
     call test%check('restart: same bits', same_bits(one, again))
     call test%check('restart: same ledger', all(transfer(one%ledger, [0_i8]) &
                                                 == transfer(again%ledger, [0_i8])))
-    call test%check('necks have formed and torn', one%ledger%breakage > 0.0_wp)
+    if (cohesion == cohesion_jkr) call test%check('necks have formed and torn', &
+                                                  one%ledger%breakage > 0.0_wp)
+    call test%check('sliding', one%ledger%friction > 0.0_wp)
     call test%check('no faults on the way', .not. errors%any())
   end subroutine check_bits
 

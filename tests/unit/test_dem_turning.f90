@@ -1,0 +1,223 @@
+!> Law of Mindlin and Deresiewicz: closed forms of loading, unloading, reloading, of changing normal
+!! force, and the energy that loops lose.
+program test_dem_turning
+  use talus_kinds, only: wp, i4
+  use talus_test, only: test_type
+  use dem_extra_state, only: turning_reals, turning_knots
+  use dem_turning, only: turning_step_type, advance_turning, drop_turning
+  implicit none
+  type(test_type) :: test
+  real(wp), parameter :: e_star = 1.0e9_wp, g_star = 2.9e8_wp, radius = 2.0e-3_wp, mu = 0.3_wp
+  real(wp), parameter :: deep = 4.0e-6_wp
+  type(turning_step_type) :: step
+  real(wp) :: row(turning_reals), force(3), last(3), slipped, worked
+
+  step%normal = [0.0_wp, 0.0_wp, 1.0_wp]
+  step%root = sqrt(radius)
+  step%stiffness = 8.0_wp*g_star
+  step%cone = mu*e_star/(4.0_wp*g_star)
+  call check_loading()
+  call check_cycle()
+  call check_nested()
+  call check_normal()
+  call check_oblique()
+  call check_circle()
+  call check_turn()
+  call test%finish()
+
+contains
+
+  !> Hertz force at an overlap [N].
+  pure real(wp) function hertz(overlap)
+    real(wp), intent(in) :: overlap
+    hertz = 4.0_wp/3.0_wp*e_star*sqrt(radius)*max(overlap, 0.0_wp)**1.5_wp
+  end function hertz
+
+  !> Press without tangential load.
+  subroutine press(overlap)
+    real(wp), intent(in) :: overlap
+    row = 0.0_wp
+    slipped = 0.0_wp
+    worked = 0.0_wp
+    last = 0.0_wp
+    call go([0.0_wp, 0.0_wp, 0.0_wp], overlap, 1)
+  end subroutine press
+
+  !> Move on in equal steps to an overlap, by a tangential displacement; work and slip add up.
+  subroutine go(shift, overlap, steps)
+    real(wp), intent(in) :: shift(3), overlap
+    integer(i4), intent(in) :: steps
+    real(wp) :: from, slip
+    integer(i4) :: k
+    from = row(3)
+    step%shift = shift/steps
+    do k = 1, steps
+      step%overlap = from + (overlap - from)*k/steps
+      call advance_turning(step, row, force, slip)
+      worked = worked + 0.5_wp*dot_product(last + force, step%shift)
+      slipped = slipped + slip
+      last = force
+    end do
+  end subroutine go
+
+  !> Force of a first loading by the displacement u at an overlap [N].
+  pure real(wp) function loaded(u, overlap)
+    real(wp), intent(in) :: u, overlap
+    loaded = mu*(hertz(overlap) - hertz(overlap - u*4.0_wp*g_star/(mu*e_star)))
+  end function loaded
+
+  !> First loading, in one step and in many, to sliding.
+  subroutine check_loading()
+    real(wp) :: whole, n
+    whole = mu*e_star/(4.0_wp*g_star)*deep
+    n = hertz(deep)
+    call press(deep)
+    call go([0.3_wp*whole, 0.0_wp, 0.0_wp], deep, 1)
+    call test%check_close('loading in one step', force(1)/(mu*n), 1.0_wp - 0.7_wp**1.5_wp, &
+                          1.0e-14_wp)
+    call press(deep)
+    call go([0.3_wp*whole, 0.0_wp, 0.0_wp], deep, 137)
+    call test%check_close('loading in many', force(1)/(mu*n), 1.0_wp - 0.7_wp**1.5_wp, 1.0e-13_wp)
+    call test%check('one knot in between', nint(row(1)) == 3)
+    call go([1.7_wp*whole, 0.0_wp, 0.0_wp], deep, 1700)
+    call test%check_close('sliding', force(1)/(mu*n), 1.0_wp, 1.0e-14_wp)
+    call test%check_close('work of loading', worked, slipped + row(2), 1.0e-6_wp*worked)
+  end subroutine check_loading
+
+  !> A loop between +- 0.7 mu N: its curve and what it loses.
+  subroutine check_cycle()
+    real(wp), parameter :: top = 0.7_wp
+    real(wp) :: u, n, part, before, expected
+    u = mu*e_star/(4.0_wp*g_star)*deep*(1.0_wp - (1.0_wp - top)**(2.0_wp/3.0_wp))
+    n = hertz(deep)
+    call press(deep)
+    call go([u, 0.0_wp, 0.0_wp], deep, 100)
+    call test%check_close('turning point', force(1)/(mu*n), top, 1.0e-13_wp)
+    before = slipped
+    call go([-0.8_wp*u, 0.0_wp, 0.0_wp], deep, 700)
+    part = top - 2.0_wp*loaded(0.4_wp*u, deep)/(mu*n)
+    call test%check_close('unloading', force(1)/(mu*n), part, 1.0e-13_wp)
+    call go([-1.2_wp*u, 0.0_wp, 0.0_wp], deep, 700)
+    call test%check_close('back at the other side', force(1)/(mu*n), -top, 1.0e-13_wp)
+    call go([2.0_wp*u, 0.0_wp, 0.0_wp], deep, 1400)
+    call test%check_close('closed', force(1)/(mu*n), top, 1.0e-13_wp)
+    call test%check('the loop leaves one knot', nint(row(1)) == 3)
+    expected = 1.0_wp - (1.0_wp - top)**(5.0_wp/3.0_wp) &
+               - 5.0_wp/6.0_wp*top*(1.0_wp + (1.0_wp - top)**(2.0_wp/3.0_wp))
+    expected = expected*7.2_wp*(mu*n)**2/(step%stiffness*sqrt(radius*deep))
+    call test%check_close('loss of the loop', (slipped - before)/expected, 1.0_wp, 1.0e-4_wp)
+  end subroutine check_cycle
+
+  !> An inner loop closes and is forgotten; more turning points than are kept cost little.
+  subroutine check_nested()
+    real(wp) :: u, straight, amplitude, exact
+    integer(i4) :: k
+    u = 0.5_wp*mu*e_star/(4.0_wp*g_star)*deep
+    call press(deep)
+    call go([u, 0.0_wp, 0.0_wp], deep, 10)
+    straight = force(1)
+    call press(deep)
+    call go([0.8_wp*u, 0.0_wp, 0.0_wp], deep, 10)
+    call go([-0.3_wp*u, 0.0_wp, 0.0_wp], deep, 7)
+    call go([0.1_wp*u, 0.0_wp, 0.0_wp], deep, 7)
+    call go([-0.1_wp*u, 0.0_wp, 0.0_wp], deep, 7)
+    call test%check('turning points are kept', nint(row(1)) == 4)
+    call go([0.5_wp*u, 0.0_wp, 0.0_wp], deep, 7)
+    call test%check_close('closed loops are forgotten', force(1)/straight, 1.0_wp, 1.0e-13_wp)
+    call press(deep)
+    call go([u, 0.0_wp, 0.0_wp], deep, 1)
+    exact = force(1)
+    do k = 1, 24
+      amplitude = u*2.0_wp*(1.0_wp - k/25.0_wp)
+      call go([(-1)**k*amplitude, 0.0_wp, 0.0_wp], deep, 1)
+      exact = exact + (-1)**k*2.0_wp*loaded(0.5_wp*amplitude, deep)
+    end do
+    call test%check('no more knots than there is room', nint(row(1)) <= turning_knots)
+    call test%check_close('many turning points', force(1)/hertz(deep), exact/hertz(deep), &
+                          1.0e-4_wp)
+  end subroutine check_nested
+
+  !> Normal force that grows or falls under a tangential displacement (Mindlin and Deresiewicz).
+  subroutine check_normal()
+    real(wp) :: u, whole, expected
+    whole = mu*e_star/(4.0_wp*g_star)
+    u = 0.4_wp*whole*deep
+    call press(deep)
+    call go([u, 0.0_wp, 0.0_wp], deep, 5)
+    call go([0.0_wp, 0.0_wp, 0.0_wp], 1.7_wp*deep, 60)
+    call test%check_close('pressed on: the force stays', force(1)/hertz(deep), &
+                          loaded(u, deep)/hertz(deep), 1.0e-13_wp)
+    ! what slipped is stuck now: it slips again from where the two cones meet
+    call go([u, 0.0_wp, 0.0_wp], 1.7_wp*deep, 40)
+    expected = loaded(u, 1.7_wp*deep) + loaded(u, deep)
+    if (u > whole*0.7_wp*deep) expected = loaded(2.0_wp*u, 1.7_wp*deep)
+    call test%check_close('and loaded again', force(1)/hertz(deep), expected/hertz(deep), &
+                          1.0e-13_wp)
+    call press(deep)
+    call go([u, 0.0_wp, 0.0_wp], deep, 200)
+    call go([0.0_wp, 0.0_wp, 0.0_wp], 0.7_wp*deep, 60)
+    call test%check_close('let go: as if loaded at the lower overlap', force(1)/hertz(deep), &
+                          loaded(u, 0.7_wp*deep)/hertz(deep), 1.0e-13_wp)
+    call go([0.0_wp, 0.0_wp, 0.0_wp], 0.2_wp*deep, 60)
+    call test%check_close('let go until it slides', force(1)/hertz(deep), &
+                          mu*hertz(0.2_wp*deep)/hertz(deep), 1.0e-13_wp)
+    call test%check_close('unloading under a held displacement loses what was stored', &
+                          worked, slipped + row(2), 1.0e-5_wp*worked)
+    call drop_turning(row, u)
+    call test%check('nothing is left', all(abs(row) <= 0.0_wp) .and. u > 0.0_wp)
+  end subroutine check_normal
+
+  !> Force and displacement that grow together: without slip below the angle of friction, sliding
+  !! above it.
+  subroutine check_oblique()
+    real(wp) :: whole
+    whole = mu*e_star/(4.0_wp*g_star)
+    call press(0.0_wp)
+    call go([0.8_wp*whole*deep, 0.0_wp, 0.0_wp], deep, 300)
+    call test%check_close('oblique, no slip', force(1)/(mu*hertz(deep)), 0.8_wp, 1.0e-12_wp)
+    call test%check_close('oblique, no loss', slipped/worked, 0.0_wp, 1.0e-12_wp)
+    call press(0.0_wp)
+    call go([1.3_wp*whole*deep, 0.0_wp, 0.0_wp], deep, 300)
+    call test%check_close('oblique, sliding', force(1)/(mu*hertz(deep)), 1.0_wp, 1.0e-12_wp)
+  end subroutine check_oblique
+
+  !> A displacement along a curve: force and work against finer steps, nothing gained.
+  subroutine check_circle()
+    integer(i4) :: steps, k, j
+    real(wp) :: found(3, 3), left(2), phi, u, over
+    u = 0.6_wp*mu*e_star/(4.0_wp*g_star)*deep
+    do j = 1, 2
+      steps = 100*8**j
+      call press(deep)
+      do k = 1, steps
+        phi = 8.0_wp*k/steps
+        over = deep*(1.0_wp + 0.4_wp*sin(1.7_wp*phi))
+        call go(u*8.0_wp/steps*[cos(phi), sin(phi), 0.0_wp], over, 1)
+      end do
+      found(:, j) = force/hertz(over)
+      left(j) = (worked - slipped - row(2))/worked
+    end do
+    call test%check('a curved path converges', &
+                    sqrt(sum((found(:, 1) - found(:, 2))**2)) < 5.0e-3_wp)
+    call test%check_close('its work', left(2), 0.0_wp, 2.0e-3_wp)
+    call test%check('below the cone', sqrt(sum(force**2)) <= mu*hertz(over)*(1.0_wp + 1.0e-14_wp))
+  end subroutine check_circle
+
+  !> The memory turns with the contact.
+  subroutine check_turn()
+    real(wp) :: before
+    call press(deep)
+    call go([2.0e-7_wp, 0.0_wp, 0.0_wp], deep, 3)
+    call go([-1.0e-7_wp, 0.0_wp, 0.0_wp], deep, 3)
+    before = sqrt(sum(force**2))
+    step%spin = 1.0e-3_wp
+    call go([0.0_wp, 0.0_wp, 0.0_wp], deep, 1571)
+    call test%check_close('turned about the normal', force(2)/before, 1.0_wp, 1.0e-6_wp)
+    call test%check_close('length kept', sqrt(sum(force**2))/before, 1.0_wp, 1.0e-12_wp)
+    step%spin = 0.0_wp
+    step%normal = [0.0_wp, 0.6_wp, 0.8_wp]
+    call go([0.0_wp, 0.0_wp, 0.0_wp], deep, 1)
+    call test%check_close('into the new plane', dot_product(force, step%normal)/before, 0.0_wp, &
+                          1.0e-14_wp)
+  end subroutine check_turn
+end program test_dem_turning
