@@ -1,18 +1,8 @@
 #!/usr/bin/env bash
 # The penetration benchmark.
 # Usage: run.sh demo OUT | deposit OUT [small|medium|large|wide] | penetration OUT
-# TALUS (default build/venv/bin/talus) and TALUS_BIN (default build/bin) name the tools.
-set -euo pipefail
-here=$(cd "$(dirname "$0")" && pwd)
-root=$(cd "$here/../.." && pwd)
-export TALUS_BIN=${TALUS_BIN:-$root/build/bin}
-talus=${TALUS:-$root/build/venv/bin/talus}
-threads=${OMP_NUM_THREADS:-$(nproc)}
+source "$(dirname "$0")/../head.sh"
 mode="literal mode: mass scale 10, damping 2/dt, no gravity, 0.25 m/s"
-
-say() { printf '\n== %s\n' "$*"; }
-
-fresh() { mkdir -p "$1" && cp "$here"/*.nml "$1"; }
 
 # $1 folder, $2 container: let the bed fall with E/100, restore E, bring it to rest
 deposit() {

@@ -2,13 +2,7 @@
 # Element tests of a pack of ellipsoids, between six walls and in a periodic cell.
 # Usage: run.sh OUT
 # SEEDS (default 1 2 3 4 5) asks for other specimens of the drained test, JOBS for pieces at a time.
-# TALUS (default build/venv/bin/talus) and TALUS_BIN (default build/bin) name the tools.
-set -euo pipefail
-here=$(cd "$(dirname "$0")" && pwd)
-root=$(cd "$here/../.." && pwd)
-export TALUS_BIN=${TALUS_BIN:-$root/build/bin}
-talus=${TALUS:-$root/build/venv/bin/talus}
-python=$root/build/venv/bin/python
+source "$(dirname "$0")/../head.sh"
 
 finished() { [[ -e $1/finished ]]; }
 

@@ -1,18 +1,9 @@
 #!/usr/bin/env bash
 # A wave from a column of grains through an overlap into continuum.
 # Usage: run.sh OUT
-# TALUS (default build/venv/bin/talus) and TALUS_BIN (default build/bin) name the tools.
-set -euo pipefail
-here=$(cd "$(dirname "$0")" && pwd)
-root=$(cd "$here/../.." && pwd)
-export TALUS_BIN=${TALUS_BIN:-$root/build/bin}
-talus=${TALUS:-$root/build/venv/bin/talus}
-python=$root/build/venv/bin/python
+source "$(dirname "$0")/../head.sh"
 
-out=${1:?usage: run.sh OUT}
-mkdir -p "$out"
-cd "$out"
-cp "$here"/*.nml .
+enter "${1:?usage: run.sh OUT}"
 "$python" "$here/column.py" .
 OMP_NUM_THREADS=1 OMP_WAIT_POLICY=passive "$TALUS_BIN/talus-couple" coupled.nml
 "$talus" plot profile grains.h5 solid.h5 -o wave.png

@@ -1,19 +1,10 @@
 #!/usr/bin/env bash
 # A tyre segment on a rigid hub, rolled over a bed of free grains.
 # Usage: run.sh OUT
-# TALUS (default build/venv/bin/talus) and TALUS_BIN (default build/bin) name the tools.
-set -euo pipefail
-here=$(cd "$(dirname "$0")" && pwd)
-root=$(cd "$here/../.." && pwd)
-export TALUS_BIN=${TALUS_BIN:-$root/build/bin}
-talus=${TALUS:-$root/build/venv/bin/talus}
-python=$root/build/venv/bin/python
+source "$(dirname "$0")/../head.sh"
 export OMP_WAIT_POLICY=passive
 
-out=${1:?usage: run.sh OUT}
-mkdir -p "$out"
-cp "$here"/*.nml "$out"
-cd "$out"
+enter "${1:?usage: run.sh OUT}"
 "$talus" pack cloud --count 1500 --box 0.2 0.1 0.2 --axes 4.5e-3 4.5e-3 4.5e-3 --spread 0.1 --seed "${SEED:-1}" -o cloud.h5
 "$TALUS_BIN/talus-dem" settle.nml
 "$python" "$here/prepare.py" .

@@ -2,12 +2,7 @@
 # Penetration with a micromorphic surround that yields, in a folder that run.sh has made.
 # Usage: micro.sh OUT STRENGTH [END]
 # STRENGTH: strength.json of element tests of the same grains (../02-element-tests); END: 0.02 s.
-# TALUS_BIN (default build/bin) names the tools.
-set -euo pipefail
-here=$(cd "$(dirname "$0")" && pwd)
-root=$(cd "$here/../.." && pwd)
-export TALUS_BIN=${TALUS_BIN:-$root/build/bin}
-python=$root/build/venv/bin/python
+source "$(dirname "$0")/../head.sh"
 out=${1:?usage: micro.sh OUT STRENGTH [END]}
 strength=${2:?usage: micro.sh OUT STRENGTH [END]}
 out=$(cd "$out" && pwd)

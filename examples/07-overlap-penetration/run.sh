@@ -1,19 +1,10 @@
 #!/usr/bin/env bash
 # Penetration with overlap: a core of grains in a micropolar surround, beside all grains and a rigid box.
 # Usage: run.sh OUT
-# TALUS (default build/venv/bin/talus) and TALUS_BIN (default build/bin) name the tools.
-set -euo pipefail
-here=$(cd "$(dirname "$0")" && pwd)
-root=$(cd "$here/../.." && pwd)
-export TALUS_BIN=${TALUS_BIN:-$root/build/bin}
-talus=${TALUS:-$root/build/venv/bin/talus}
-python=$root/build/venv/bin/python
-threads=${OMP_NUM_THREADS:-$(nproc)}
+source "$(dirname "$0")/../head.sh"
 out=${1:?usage: run.sh OUT}
 mkdir -p "$out"
 out=$(cd "$out" && pwd)
-
-say() { printf '\n== %s\n' "$*"; }
 
 # $1 stage, the rest its command, in OUT: what has finished is not run again
 stage() {
