@@ -1,0 +1,172 @@
+"""Rigid plates of two widths go down into beds of spheres: Bekker's law, bearing capacity."""
+
+import json
+
+import numpy as np
+
+from talus.drivers import Bekker, bekker
+from talus.generate import cloud
+from talus.packing import make_packing, read_packing, write_h5
+from talus.verification import Case, read_history
+
+RADIUS, SPREAD = 2.0e-3, 0.2  # mean [m], relative half width
+D = 2.0 * RADIUS
+LONG, WIDTH, HIGH = 44.0 * D, 4.0 * D, 22.0 * D  # of the box, of the bed as it falls [m]
+LEVEL = 20.0 * D  # where centres are cut off [m]
+PLATES = (5.0 * D, 8.0 * D)  # widths [m]
+SPEED, DEPTH = 0.03, 4.5 * D  # [m/s], [m]
+FITTED = (0.25 * D, 4.0 * D)  # sinkage over which the law is fitted [m]
+FIRST = (0.05 * D, 0.75 * D)  # the same for the first sinkage, up to 0.15 of the narrower plate
+DEEP = (1.5 * D, 4.0 * D)  # sinkage over which bearing capacity is compared [m]
+TOUCH = 0.02  # of the mean pressure, from which on sinkage counts
+SEEDS = (1, 2)
+DENSITY, GRAVITY = 2650.0, 9.81
+STRAIN, RATE, COUNT = 0.36, 0.3, 1000  # of the plane strain test [-], [1/s], [-]
+
+
+def run(case: Case) -> None:
+    """Settle beds, press both plates, fit p = (kc/b + kphi) z^n, compare with bearing capacity."""
+    tests = [press(case, seed, width) for seed in SEEDS for width in PLATES]
+    law = law_of(tests, "fitted")
+    case.metric("exponent n of the sinkage", law.exponent, 0.85, 0.3,
+                "sands: 0.6 to 1.1 in Wong's table")  # fmt: skip
+    case.metric("exponent n of the first sinkage", law_of(tests, "first").exponent, 1.0, 0.3,
+                "dry sand: 1.1; plates that sink little")  # fmt: skip
+    case.below("rms of the law / mean pressure", law.misfit, 0.25)
+    case.below("scatter of k between beds", scatter(tests, law.exponent), 0.3)
+    peak, critical = friction(case)
+    for width in PLATES:
+        own = [t for t in tests if t["width"] == width]
+        measured = np.mean([t["pressure"][t["deep"]].mean() for t in own])
+        wanted = np.mean([bearing(t, phi) for t in own for phi in (peak, critical)])
+        case.metric(f"mean pressure / bearing capacity, {1e3 * width:.0f} mm",
+                    float(measured / wanted), 1.0, 0.25, "Prandtl, Reissner, Vesic")  # fmt: skip
+    case.above("k_phi [N/m^(n+2)]", law.k_phi, 0.0, "deeper is stronger under any width")
+    case.below("ledger, largest", max(t["closure"] for t in tests), 1e-4)
+    case.below("work of the plate less force times way, relative",
+               max(t["work_error"] for t in tests), 5e-3)  # fmt: skip
+    draw(case, tests, law, (peak, critical))
+
+
+def law_of(tests: list[dict], part: str) -> Bekker:
+    """Bekker's law through a part of all curves."""
+    return bekker([(t["width"], t["sinkage"][t[part]], t["pressure"][t[part]]) for t in tests])
+
+
+def bearing(test: dict, angle: float) -> float:
+    """Bearing capacity of a strip, gamma z Nq + gamma b Ngamma/2, mean over the sinkages [Pa]."""
+    return float(capacity(test, angle, test["sinkage"][test["deep"]]).mean())
+
+
+def capacity(test: dict, angle: float, sinkage: np.ndarray) -> np.ndarray:
+    """Bearing capacity at sinkages [Pa]: Nq of Prandtl and Reissner, Ngamma of Vesic."""
+    slope = np.tan(np.radians(angle))
+    deep = np.exp(np.pi * slope) * np.tan(np.radians(45.0 + 0.5 * angle)) ** 2
+    wide = 2.0 * (deep + 1.0) * slope
+    return test["weight"] * (sinkage * deep + 0.5 * test["width"] * wide)
+
+
+def friction(case: Case) -> tuple[float, float]:
+    """Peak and critical angle of the same grains in plane strain, without walls [deg]."""
+    rng = np.random.default_rng(9)
+    sizes = RADIUS * rng.uniform(1.0 - SPREAD, 1.0 + SPREAD, COUNT)
+    cube = cloud(sizes, np.full(3, 0.066), np.ones(3), seed=9, periodic=True)
+    write_h5(case.folder / "cube.h5", cube)
+    case.run("talus-dem", "cell_press.nml", "--threads=1")
+    start = json.loads((case.folder / "cell_press_summary.json").read_text())["time_s"]
+    name = deck(case, "cell_shear", "plane", {"T_END": f"{start + STRAIN / RATE:.9g}"})
+    case.run("talus-dem", name, "--threads=1", "--restart=cell_press.chk.h5")
+    rows = read_history(case.folder / "cell_shear_plane_cell.csv")
+    most, least = -rows["stress_zz"], -rows["stress_xx"]
+    angle = np.degrees(np.arcsin((most - least) / (most + least)))
+    smooth = np.convolve(angle, np.ones(16) / 16.0, mode="valid")
+    strain = RATE * (rows["time"] - start)
+    return float(smooth.max()), float(angle[strain > 0.5 * STRAIN].mean())
+
+
+def scatter(tests: list[dict], exponent: float) -> float:
+    """Largest relative difference of the k of two beds under one plate."""
+    found = []
+    for width in PLATES:
+        k = []
+        for test in (t for t in tests if t["width"] == width):
+            power = test["sinkage"][test["fitted"]] ** exponent
+            k.append(float((test["pressure"][test["fitted"]] * power).sum() / (power**2).sum()))
+        found.append((max(k) - min(k)) / np.mean(k))
+    return float(max(found))
+
+
+def deck(case: Case, part: str, name: str, words: dict[str, str]) -> str:
+    """Write a deck with its words filled in; return its name."""
+    text = (case.folder / f"{part}.nml").read_text()
+    for word, value in words.items():
+        text = text.replace(word, value)
+    (case.folder / f"{part}_{name}.nml").write_text(text)
+    return f"{part}_{name}.nml"
+
+
+def press(case: Case, seed: int, width: float) -> dict:
+    """Settle and level a bed, let a plate down; return its curve."""
+    words = {"LONG": f"{LONG}", "WIDTH": f"{WIDTH}", "SPEED": f"{SPEED}"}
+    if not (case.folder / f"settled_{seed}.h5").exists():
+        rng = np.random.default_rng(seed)
+        room = 0.62 * LONG * WIDTH * HIGH
+        count = int(room / (4.0 / 3.0 * np.pi * RADIUS**3 * (1.0 + SPREAD**2)))
+        sizes = RADIUS * rng.uniform(1.0 - SPREAD, 1.0 + SPREAD, count)
+        box = np.array([LONG, WIDTH, 2.2 * HIGH])
+        write_h5(case.folder / f"start_{seed}.h5", cloud(sizes, box, np.ones(3), seed=seed))
+        case.run("talus-dem", deck(case, "settle", f"{seed}", words | {"NAME": f"{seed}"}),
+                 "--threads=1")  # fmt: skip
+    bed = read_packing(case.folder / f"settled_{seed}.h5")
+    keep = bed.x[:, 2] < LEVEL
+    name = f"{seed}_{round(width / D)}"
+    write_h5(case.folder / f"bed_{name}.h5",
+             make_packing(bed.x[keep], bed.axes[keep], bed.quat[keep]))  # fmt: skip
+    begin = float((bed.x[keep, 2] + bed.axes[keep, 0]).max()) + 1.0e-5
+    left, right = 0.5 * (LONG - width), 0.5 * (LONG + width)
+    corners = (left, -0.01, begin, right, -0.01, begin, right, WIDTH + 0.01, begin)
+    words |= {"NAME": name, "CORNERS": ", ".join(f"{v:.9g}" for v in corners),
+              "T_END": f"{DEPTH / SPEED:.6g}"}  # fmt: skip
+    case.run("talus-dem", deck(case, "press", name, words), "--threads=1")
+    rows = read_history(case.folder / f"press_{name}_surfaces.csv")
+    pressure = rows["force_z"] / (width * WIDTH)
+    touch = rows["z"][int(np.argmax(pressure > TOUCH * pressure.mean()))]
+    sinkage = touch - rows["z"]
+    energy = read_history(case.folder / f"press_{name}_energy.csv")
+    way = SPEED * np.diff(rows["time"])
+    own = float((0.5 * (rows["force_z"][1:] + rows["force_z"][:-1]) * way).sum())
+    return {
+        "name": name, "width": width, "sinkage": sinkage, "pressure": pressure,
+        "weight": DENSITY * GRAVITY * fraction(bed.x[keep], bed.axes[keep, 0]),
+        "deep": (sinkage >= DEEP[0]) & (sinkage <= DEEP[1]),
+        "first": (sinkage >= FIRST[0]) & (sinkage <= FIRST[1]),
+        "fitted": (sinkage >= FITTED[0]) & (sinkage <= FITTED[1]),
+        "closure": float(energy["relative_closure"].max()),
+        "work_error": float(abs(own / rows["work"][-1] - 1.0)),
+    }  # fmt: skip
+
+
+def fraction(x: np.ndarray, radius: np.ndarray) -> float:
+    """Solid fraction of the middle of the bed."""
+    core = (x[:, 2] > 0.25 * LEVEL) & (x[:, 2] < 0.75 * LEVEL)
+    return float(4.0 / 3.0 * np.pi * (radius[core] ** 3).sum() / (LONG * WIDTH * 0.5 * LEVEL))
+
+
+def draw(case: Case, tests: list[dict], law: Bekker, angles: tuple[float, float]) -> None:
+    """Pressure over sinkage, with the law and bearing capacity."""
+    fig, axes = case.figure(ncols=2, figsize=(9.5, 4.2), sharey=True)
+    z = np.linspace(0.0, FITTED[1], 60)
+    for ax, width in zip(axes, PLATES, strict=True):
+        own = [t for t in tests if t["width"] == width]
+        for test in own:
+            ax.plot(1e3 * test["sinkage"], 1e-3 * test["pressure"], lw=0.8,
+                    label=f"bed {test['name'][0]}")  # fmt: skip
+        ax.plot(1e3 * z, 1e-3 * law.pressure(z, width), "k--", lw=1.5,
+                label=f"Bekker, n = {law.exponent:.2f}")  # fmt: skip
+        both = [1e-3 * capacity(own[0], phi, z) for phi in angles]
+        text = f"bearing capacity, {angles[1]:.1f} to {angles[0]:.1f} deg"
+        ax.fill_between(1e3 * z, *both, color="0.85", label=text)
+        ax.set(xlabel="sinkage [mm]", title=f"{1e3 * width:.0f} mm wide", xlim=(0.0, 17.0))
+        ax.legend(fontsize=8)
+    axes[0].set(ylabel="pressure [kPa]", ylim=(0.0, None))
+    case.save(fig)
