@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 29)
+    call table%init('talus-dem', 30)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -27,6 +27,7 @@ contains
     call group_wall(table)
     call group_surface(table)
     call group_penetrometer(table)
+    call group_cylinder(table)
     call group_body(table)
     call group_servo(table)
     call group_constant_volume(table)
@@ -454,15 +455,56 @@ contains
     call table%preset('')
   end subroutine group_penetrometer
 
+  subroutine group_cylinder(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('cylinder', 10, &
+      'A cylinder, exact: no triangles. Grains are outside (a roller, a wheel; with a ' &
+      //'length it has flat ends) or inside (a chamber, a drum; its ends are open and ' &
+      //'must stay beyond the grains). Parts 1 and 2 of `<deck>_surfaces.csv` are the ' &
+      //'side and the ends with their rims; moments are about the centre. A &servo ' &
+      //'without direction moves the wall of one with grains inside.', repeats=.true.)
+    call table%add_key('id', 'string', '', 'Name in the log.')
+    call table%need()
+    call table%add_key('side', 'string', '', 'Where the grains are.')
+    call table%need()
+    call table%allow('outside|inside')
+    call table%add_key('centre', 'real', 'm', &
+      'Middle of the axis at the start; without a length any point of it.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%add_key('axis', 'real', '', 'Direction of the axis, of any length.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|1.0')
+    call table%add_key('radius', 'real', 'm', 'Radius.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%add_key('length', 'real', 'm', 'Length; left out, the cylinder has no ends.')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('material', 'string', '', 'Material.')
+    call table%need()
+    call table%add_key('velocity', 'real', 'm/s', &
+      'Velocity of the centre, times the curve if there is one.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%add_key('spin', 'real', 'rad/s', &
+      'Angular velocity about the centre, times the curve if there is one.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%add_key('curve', 'string', '', &
+      'The curve by which velocity and spin are multiplied; every 10 steps they take ' &
+      //'its mean over the next 10.')
+    call table%preset('')
+  end subroutine group_cylinder
+
   subroutine group_body(table)
     type(key_table_type), intent(inout) :: table
     call table%add_group('body', 7, &
-      'A surface or penetrometer that moves and turns as forces ask in some directions ' &
-      //'(contacts, weight, a given load), and with its own velocity and spin in the ' &
-      //'others; where it is free, these are its first ones. It meets fixed and driven ' &
-      //'grains, too. Its `centre` is its mass centre. Place, velocity and spin are ' &
-      //'written to `<deck>_bodies.csv`. Only in &dynamics.', repeats=.true.)
-    call table%add_key('surface', 'string', '', 'Id of the surface or penetrometer.')
+      'A surface, penetrometer or cylinder that moves and turns as forces ask in some ' &
+      //'directions (contacts, weight, a given load), and with its own velocity and spin ' &
+      //'in the others; where it is free, these are its first ones. It meets fixed and ' &
+      //'driven grains, too. Its `centre` is its mass centre. Place, velocity and spin ' &
+      //'are written to `<deck>_bodies.csv`. Only in &dynamics.', repeats=.true.)
+    call table%add_key('surface', 'string', '', 'Id of the surface, penetrometer or cylinder.')
     call table%need()
     call table%add_key('free', 'string', '', &
       'Free directions: motion along x, y, z, and turns about one of these axes or ' &
@@ -502,7 +544,7 @@ contains
       //'ends beyond the tolerance ends with exit code 2, N204. It does not work under ' &
       //'talus-couple.', repeats=.true.)
     call table%add_key('wall', 'string', '', 'Id of the wall. Give this or surface.')
-    call table%add_key('surface', 'string', '', 'Id of the surface or penetrometer.')
+    call table%add_key('surface', 'string', '', 'Id of the surface, penetrometer or cylinder.')
     call table%add_key('stress', 'real', 'Pa', &
       'Target: force of the grains on the wall or surface over its area; pressure is ' &
       //'positive.')
@@ -512,13 +554,15 @@ contains
       //'stress and area.')
     call table%bounds(above=0.0_wp)
     call table%add_key('direction', 'real', '', &
-      'Where a surface pushes the grains, of any length; it moves along it and back.')
+      'Where a surface pushes the grains, of any length; it moves along it and back. A ' &
+      //'cylinder with grains inside has none: its wall moves outwards and inwards.')
     call table%sized(3_i4, 3_i4)
     call table%add_key('curve', 'string', '', 'The curve by which the target is multiplied.')
     call table%preset('')
     call table%add_key('area', 'real', 'm2', &
       'Area of the wall; 0: the area between the two pairs of opposite walls at right ' &
-      //'angles to it, as they stand at the time. A surface with a stress needs it.')
+      //'angles to it, as they stand at the time. A surface with a stress needs it; that ' &
+      //'of a cylinder with grains inside grows with its radius.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
     call table%add_key('speed', 'real', 'm/s', &

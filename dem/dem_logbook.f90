@@ -17,7 +17,8 @@ module dem_logbook
   use dem_clock, only: dem_clock_type
   use dem_crew, only: dem_crew_type
   use dem_surface_body, only: is_free
-  use dem_surface_state, only: dem_surfaces_type, surface_cone
+  use dem_surface_state, only: dem_surfaces_type, surface_cone, surface_cylinder, &
+    is_bore
   use dem_setup, only: dem_choices_type
   use dem_setup_laws, only: law_lines
   implicit none
@@ -107,6 +108,11 @@ contains
     integer(i4) :: rim
     if (s%kind(k) == surface_cone) then
       text = 'cone and shaft'//free_text(s, k)
+      return
+    end if
+    if (s%kind(k) == surface_cylinder) then
+      text = 'cylinder of radius '//short_number(s%cone(3, k))//' m, grains '// &
+        trim(merge('inside ', 'outside', is_bore(s, k)))//free_text(s, k)
       return
     end if
     associate (low => s%first_triangle(k), high => s%first_triangle(k + 1) - 1)

@@ -1,14 +1,15 @@
 !> Gap of an ellipsoid to what has few normals: a line, a cylinder, a cone (their normals lie on a
 !! circle), a point and a ring (any normal). The gap is the maximum of g(n) = r.n - h_A(n) - h_B(n)
 !! over these normals, h_B the ellipsoid's support (theory-dem, Surfaces). Starts from the line of
-!! centres, so that a result depends on the two bodies alone.
+!! centres, so that a result depends on the two bodies alone. Inside a cylinder the gap is the least
+!! distance of the ellipsoid's shadow from its circle, which two places of a long one can reach.
 module dem_round_gap
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
   use dem_shape, only: matrix_times
   implicit none
   private
-  public :: circle_gap, corner_gap, mean_curvature, ellipsoid_point
+  public :: circle_gap, corner_gap, bore_gap, mean_curvature, ellipsoid_point
 
   integer(i4), parameter :: most_steps = 60, most_cuts = 30
   real(wp), parameter :: longest_turn = 0.7_wp  !! of a Newton step [rad]
@@ -87,6 +88,75 @@ contains
       value_of = dot_product(r, n) - sqrt(dot_product(n, matrix_times(a, n)))
     end function value_of
   end subroutine circle_gap
+
+  !> Places where an ellipsoid inside a cylinder comes nearest to its wall: the greatest values of
+  !! f(phi) = r.e + h_B(e) over the unit vectors e across the axis, at most two.
+  pure subroutine bore_gap(r, a, axis, radius, n, e, gap)
+    real(wp), intent(in) :: r(3)          !! centre of the ellipsoid from a point of the axis [m]
+    real(wp), intent(in) :: a(6)          !! shape matrix [m^2]
+    real(wp), intent(in) :: axis(3), radius
+    integer(i4), intent(out) :: n         !! places
+    real(wp), intent(out) :: e(3, 2)      !! directions from the axis, the first most outwards
+    real(wp), intent(out) :: gap(2)       !! [m]
+    integer(i4), parameter :: looks = 24
+    real(wp), parameter :: apart = 2.0_wp*acos(-1.0_wp)/looks
+    real(wp) :: first(3), across(3), value(0:looks + 1), trial(3)
+    integer(i4) :: k
+
+    first = outward(r, axis)
+    across = cross(axis, first)
+    do k = 0, looks + 1
+      trial = cos((k - 1)*apart)*first + sin((k - 1)*apart)*across
+      value(k) = reach_of(r, a, trial)
+    end do
+    n = 0
+    do k = 1, looks
+      if (value(k) < value(k - 1) .or. value(k) <= value(k + 1) .or. n == 2) cycle
+      n = n + 1
+      trial = cos((k - 1)*apart)*first + sin((k - 1)*apart)*across
+      call climb(r, a, axis, trial)
+      e(:, n) = trial
+      gap(n) = radius - reach_of(r, a, trial)
+    end do
+    if (n > 0) return
+    n = 1
+    e(:, 1) = first
+    gap(1) = radius - value(1)
+  end subroutine bore_gap
+
+  !> f(phi) of bore_gap [m].
+  pure real(wp) function reach_of(r, a, e)
+    real(wp), intent(in) :: r(3), a(6), e(3)
+    reach_of = dot_product(r, e) + sqrt(dot_product(e, matrix_times(a, e)))
+  end function reach_of
+
+  !> From a direction near it to the greatest f(phi), by Newton's method.
+  pure subroutine climb(r, a, axis, e)
+    real(wp), intent(in) :: r(3), a(6), axis(3)
+    real(wp), intent(inout) :: e(3)
+    real(wp) :: across(3), u(3), h, slope, bend, turn, other(3), value
+    integer(i4) :: step, cut
+
+    do step = 1, most_steps
+      across = cross(axis, e)
+      call ellipsoid_point(a, e, u, h)
+      slope = dot_product(r + u, across)
+      bend = -dot_product(r + u, e) + (dot_product(across, matrix_times(a, across)) &
+                                       - dot_product(u, across)**2)/h
+      turn = sign(longest_turn, slope)
+      if (bend < 0.0_wp) turn = min(max(-slope/bend, -longest_turn), longest_turn)
+      value = dot_product(r, e) + h
+      do cut = 1, most_cuts
+        other = e + turn*across
+        other = other/sqrt(sum(other*other))
+        if (reach_of(r, a, other) >= value - 4.0_wp*epsilon(1.0_wp)*value) exit
+        turn = 0.5_wp*turn
+      end do
+      if (cut > most_cuts) return
+      e = other
+      if (abs(turn) <= 1.0e-14_wp) return
+    end do
+  end subroutine climb
 
   !> Largest g(n) = r.n - radius |n across the axis| - h_B(n) over all n near the line of centres: a
   !! point (radius 0) or a ring around the axis.

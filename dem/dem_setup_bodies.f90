@@ -6,7 +6,7 @@ module dem_setup_bodies
   use talus_deck, only: deck_type
   use talus_suggest, only: did_you_mean
   use dem_surface_body, only: no_free_bodies, is_free
-  use dem_surface_state, only: dem_surfaces_type
+  use dem_surface_state, only: dem_surfaces_type, surface_cylinder
   implicit none
   private
   public :: read_bodies
@@ -147,5 +147,9 @@ contains
       call deck%fault(errors, 'D287', "surface '"//s%name(b)%s//"' spins across its free axis", &
                       'body', k, 'free', 'leave that part of the spin out: the free axis would '// &
                       'turn with it')
+    if (s%kind(b) /= surface_cylinder .or. s%cone(4, b) < huge(1.0_wp)) return
+    if (sum(s%free(4:, b)*(1.0_wp - s%axis(:, b)**2)) > 1.0e-9_wp) &
+      call deck%fault(errors, 'D287', 'a cylinder without ends turns about its axis alone', &
+                      'body', k, 'free', 'give the cylinder a length')
   end subroutine check_body
 end module dem_setup_bodies

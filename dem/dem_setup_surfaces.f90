@@ -1,8 +1,8 @@
-!> Surfaces and penetrometers of the deck. Faults D270 to D275; those of files see dem_stl,
-!! dem_surface_file and dem_surface_make.
+!> Surfaces, penetrometers and cylinders of the deck. Faults D270 to D275, D289; those of
+!! files see dem_stl, dem_surface_file and dem_surface_make.
 module dem_setup_surfaces
   use talus_kinds, only: wp, i4
-  use talus_text, only: str, string_type, ends_with, lower
+  use talus_text, only: str, string_type, append_string, ends_with, lower
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use talus_log, only: short_number
@@ -10,19 +10,23 @@ module dem_setup_surfaces
   use dem_setup_laws, only: material_index
   use dem_stl, only: read_stl
   use dem_surface_file, only: read_facets
-  use dem_surface_make, only: mesh_type, join_corners, check_mesh, add_mesh, add_cone
-  use dem_surface_state, only: dem_surfaces_type, surface_rigid
+  use dem_surface_make, only: mesh_type, join_corners, check_mesh, add_mesh, add_cone, &
+    add_cylinder
+  use dem_surface_state, only: dem_surfaces_type, surface_rigid, is_bore
   implicit none
   private
   public :: read_surfaces, check_units, refuse_cell, refuse_forms
 
+  character(len=12), parameter :: groups(3) = [character(len=12) :: 'surface', 'penetrometer', &
+    'cylinder']
   real(wp), parameter :: degree = acos(-1.0_wp)/180.0_wp
+  real(wp), parameter :: along_axis = 1.0e-9_wp  !! part of a spin across an axis that is none
   real(wp), parameter :: too_large = 100.0_wp  !! of the bed: a mesh in millimetres
   real(wp), parameter :: too_small = 0.1_wp    !! of the mean grain
 
 contains
 
-  !> All groups surface, then all groups penetrometer.
+  !> All groups surface, then all groups penetrometer, then all groups cylinder.
   subroutine read_surfaces(deck, names, s, errors)
     type(deck_type), intent(in) :: deck
     type(string_type), intent(in) :: names(:)  !! of the materials
@@ -37,6 +41,9 @@ contains
     do k = 1, deck%count('penetrometer')
       call read_penetrometer(deck, k, names, s, errors)
     end do
+    do k = 1, deck%count('cylinder')
+      call read_cylinder(deck, k, names, s, errors)
+    end do
   end subroutine read_surfaces
 
   !> Every surface has a name of its own (D270).
@@ -44,20 +51,20 @@ contains
     type(deck_type), intent(in) :: deck
     type(error_list_type), intent(inout) :: errors
     type(string_type), allocatable :: seen(:)
-    character(len=:), allocatable :: group
-    integer(i4) :: n, m, k, j, place
+    character(len=:), allocatable :: name
+    integer(i4) :: g, k, j
 
-    m = deck%count('surface')
-    n = m + deck%count('penetrometer')
-    allocate (seen(n))
-    do k = 1, n
-      group = trim(merge('surface     ', 'penetrometer', k <= m))
-      place = merge(k, k - m, k <= m)
-      call deck%get(group, place, 'id', seen(k)%s)
-      do j = 1, k - 1
-        if (seen(j)%s == seen(k)%s) &
-          call deck%fault(errors, 'D270', "two surfaces are named '"//seen(k)%s//"'", group, &
-                          place, 'id', 'give each surface and penetrometer its own id')
+    allocate (seen(0))
+    do g = 1, size(groups)
+      do k = 1, deck%count(trim(groups(g)))
+        call deck%get(trim(groups(g)), k, 'id', name)
+        do j = 1, size(seen)
+          if (seen(j)%s == name) &
+            call deck%fault(errors, 'D270', "two surfaces are named '"//name//"'", &
+                            trim(groups(g)), k, 'id', 'give each surface, penetrometer and '// &
+                            'cylinder its own id')
+        end do
+        call append_string(seen, name)
       end do
     end do
   end subroutine check_names
@@ -184,13 +191,63 @@ contains
     call read_motion(deck, 'penetrometer', k, s)
   end subroutine read_penetrometer
 
+  !> One group cylinder (D289).
+  subroutine read_cylinder(deck, k, names, s, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(string_type), intent(in) :: names(:)
+    type(dem_surfaces_type), intent(inout) :: s
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name, material, side
+    real(wp), allocatable :: centre(:), axis(:), spin(:)
+    real(wp) :: radius, half
+    integer(i4) :: before, number
+
+    before = errors%count
+    call deck%get('cylinder', k, 'id', name)
+    call deck%get('cylinder', k, 'side', side)
+    call deck%get('cylinder', k, 'material', material)
+    call material_index(deck, names, material, 'cylinder', k, 'material', number, errors)
+    call deck%get('cylinder', k, 'centre', centre)
+    call deck%get('cylinder', k, 'axis', axis)
+    call deck%get('cylinder', k, 'spin', spin)
+    call deck%get('cylinder', k, 'radius', radius)
+    half = huge(half)
+    if (deck%given('cylinder', k, 'length')) then
+      call deck%get('cylinder', k, 'length', half)
+      half = 0.5_wp*half
+    end if
+    if (.not. sum(axis**2) > 0.0_wp) then
+      call deck%fault(errors, 'D289', 'the axis of a cylinder has no length', 'cylinder', k, &
+                      'axis', 'give the direction of the axis')
+    else if (half >= huge(half) .and. sum((spin - dot_product(spin, axis)/sum(axis**2)*axis)**2) &
+             > (along_axis*norm2(spin))**2) then
+      call deck%fault(errors, 'D289', 'a cylinder without ends spins about its axis alone', &
+                      'cylinder', k, 'spin', 'give it a length, or a spin along the axis')
+    end if
+    if (errors%count > before) return
+    call add_cylinder(s, name, number, centre, axis, side == 'inside', radius, half)
+    call read_motion(deck, 'cylinder', k, s)
+  end subroutine read_cylinder
+
+  !> The first group of a surface of any kind in the deck.
+  function first_group(deck) result(group)
+    type(deck_type), intent(in) :: deck
+    character(len=:), allocatable :: group
+    integer(i4) :: g
+    do g = 1, size(groups)
+      group = trim(groups(g))
+      if (deck%count(group) > 0) return
+    end do
+  end function first_group
+
   !> Grains meet surfaces where they are, not their images: no surface in a periodic cell (D274).
   subroutine refuse_cell(deck, periodic, errors)
     type(deck_type), intent(in) :: deck
     logical, intent(in) :: periodic
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: group
-    group = trim(merge('surface     ', 'penetrometer', deck%count('surface') > 0))
+    group = first_group(deck)
     if (.not. periodic .or. deck%count(group) == 0) return
     call deck%fault(errors, 'D274', 'surfaces do not stand in a periodic cell', group, 1, '', &
                     'take the cell out, or give walls along its periodic edges')
@@ -204,7 +261,7 @@ contains
     character(len=:), allocatable :: group
     logical, allocatable :: formed(:)
 
-    group = trim(merge('surface     ', 'penetrometer', deck%count('surface') > 0))
+    group = first_group(deck)
     if (deck%count(group) == 0) return
     formed = any(abs(packing%skew) > 0.0_wp, 1) .or. packing%exponent > 2.0_wp
     if (.not. any(formed)) return
@@ -215,7 +272,7 @@ contains
   end subroutine refuse_forms
 
   !> A surface far larger than the bed or far smaller than a grain has another unit, unless the deck
-  !! says scale (D272).
+  !! says scale (D272); no grain fits into a bore narrower than itself (D289).
   subroutine check_units(deck, s, packing, errors)
     type(deck_type), intent(in) :: deck
     type(dem_surfaces_type), intent(in) :: s
@@ -225,6 +282,15 @@ contains
     integer(i4) :: k
 
     if (s%n < deck%count('surface')) return
+    do k = 1, s%n
+      if (.not. is_bore(s, k)) cycle
+      if (s%cone(3, k) > maxval(packing%axes)) cycle
+      call deck%fault(errors, 'D289', "cylinder '"//s%name(k)%s//"' has a radius of "// &
+                      short_number(s%cone(3, k))//' m, the largest grain a semi-axis of '// &
+                      short_number(maxval(packing%axes))//' m', 'cylinder', &
+                      k - s%n + deck%count('cylinder'), 'radius', 'take a wider cylinder, or '// &
+                      "side = 'outside' if the grains are around it")
+    end do
     grain = 2.0_wp*sum(maxval(packing%axes, 1))/packing%n
     bed = maxval(maxval(packing%x, 2) - minval(packing%x, 2)) + grain
     do k = 1, deck%count('surface')

@@ -8,7 +8,7 @@ module dem_surface_drive
   use dem_ledger, only: staggering_of, follow_load
   use dem_state, only: dem_data_type
   use dem_surface_body, only: is_free
-  use dem_surface_state, only: servo_velocity
+  use dem_surface_state, only: servo_velocity, is_bore, bore_swell
   implicit none
   private
   public :: surface_drive_type
@@ -33,7 +33,8 @@ module dem_surface_drive
 
 contains
 
-  !> Curves of groups surface and penetrometer, in this order; a partner sets its own pace (D247).
+  !> Curves of groups surface, penetrometer and cylinder, in this order; a partner sets its own pace
+  !! (D247).
   subroutine read_drive(self, deck, d, curve, served, errors)
     class(surface_drive_type), intent(inout) :: self
     type(deck_type), intent(in) :: deck
@@ -41,11 +42,12 @@ contains
     type(curve_type), intent(in) :: curve(:)
     logical, intent(in) :: served
     type(error_list_type), intent(inout) :: errors
-    character(len=12), parameter :: groups(2) = [character(len=12) :: 'surface', 'penetrometer']
+    character(len=12), parameter :: groups(3) = [character(len=12) :: 'surface', &
+      'penetrometer', 'cylinder']
     integer(i4) :: g, k, n, number
 
     allocate (self%number(0))
-    do g = 1, 2
+    do g = 1, size(groups)
       do k = 1, deck%count(trim(groups(g)))
         call curve_index(deck, 'D250', curve, trim(groups(g)), k, number, errors)
         self%number = [self%number, number]
@@ -114,7 +116,7 @@ contains
       if (self%number(k) == 0) cycle
       factor = self%curve(self%number(k))%mean(time, time + look_steps*d%par%dt)
       call prescribe(d, k, factor*self%velocity(:, k), factor*self%spin(:, k))
-      if (allocated(d%surfaces%servo)) &
+      if (allocated(d%surfaces%servo) .and. .not. is_bore(d%surfaces, k)) &
         d%surfaces%velocity(:, k) = d%surfaces%velocity(:, k) + &
         d%surfaces%servo(servo_velocity:servo_velocity + 2, k)
     end do
@@ -167,6 +169,7 @@ contains
       call follow_load(d, before)
     end if
     if (allocated(d%surfaces%servo)) d%surfaces%servo(servo_velocity:servo_velocity + 2, :) = 0.0_wp
+    d%surfaces%bore(bore_swell, :) = 0.0_wp
     call self%look(d, time)
   end subroutine follow
 end module dem_surface_drive

@@ -10,8 +10,8 @@ module dem_surface_find
   use talus_vectors, only: cross
   use dem_state, only: lanes, body_size
   use dem_surface_state, only: dem_surfaces_type, surface_soft, surface_cone, part_tip, &
-    part_flank, part_shaft
-  use dem_round_gap, only: circle_gap, corner_gap, mean_curvature, ellipsoid_point
+    part_flank, part_shaft, part_side, part_end, is_bore, bore_swell
+  use dem_round_gap, only: circle_gap, corner_gap, bore_gap, mean_curvature, ellipsoid_point
   implicit none
   private
   public :: touches_type, features_type, find_touches, most_features
@@ -58,8 +58,12 @@ contains
     do c = s%near_start(g), s%near_start(g + 1) - 1
       if (s%candidate(c) > 0) then
         call look_at_triangle(s, c, grain, radius, features)
-      else
+      else if (s%kind(-s%candidate(c)) == surface_cone) then
         call look_at_cone(s, -s%candidate(c), grain, radius, features)
+      else if (is_bore(s, -s%candidate(c))) then
+        call look_at_bore(s, -s%candidate(c), grain, radius, features)
+      else
+        call look_at_cylinder(s, -s%candidate(c), grain, radius, features)
       end if
     end do
     call join_features(s, g, radius, features, touches%n)
@@ -251,6 +255,86 @@ contains
     end subroutine add_part
   end subroutine look_at_cone
 
+  !> Side, end or rim of a cylinder with the grain outside: it is convex, so one of them is nearest.
+  subroutine look_at_cylinder(s, b, grain, radius, f)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: b
+    real(wp), intent(in) :: grain(body_size), radius
+    type(features_type), intent(inout) :: f
+    real(wp) :: r(3), e(3), n(3), gap, u(3), h, along, axis(3), foot(3), wide, half
+
+    axis = s%axis(:, b)
+    wide = s%cone(3, b)
+    half = s%cone(4, b)
+    r = grain(1:3) - s%centre(:, b)
+    along = dot_product(r, axis)
+    if (abs(along) - radius > half) return
+    if (sum(r*r) - along**2 > (wide + radius)**2) return
+    call circle_gap(r, grain(10:15), axis, 0.0_wp, 1.0_wp, e, n, gap)
+    call ellipsoid_point(grain(10:15), n, u, h)
+    along = dot_product(r - u, axis)
+    if (abs(along) <= half) then
+      call add_round(s, b, part_side, grain, radius, n, gap - wide, along*axis + wide*e, 1.0_wp, f)
+      return
+    end if
+    axis = sign(1.0_wp, along)*axis
+    call ellipsoid_point(grain(10:15), axis, u, h)
+    gap = dot_product(r, axis) - half - h
+    foot = r - u - gap*axis
+    if (sum(foot**2) - half**2 <= wide**2) then
+      call add_round(s, b, part_end, grain, radius, axis, gap, foot, 0.0_wp, f)
+      return
+    end if
+    call corner_gap(r - half*axis, grain(10:15), axis, wide, n, gap)
+    e = n - dot_product(n, axis)*axis
+    h = sqrt(max(sum(e*e), tiny(1.0_wp)))
+    call add_round(s, b, part_end, grain, radius, n, gap, half*axis + wide/h*e, h, f)
+  end subroutine look_at_cylinder
+
+  !> The wall of a cylinder from inside; its ends are open. Grains wholly beyond it are not its own.
+  subroutine look_at_bore(s, b, grain, radius, f)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: b
+    real(wp), intent(in) :: grain(body_size), radius
+    type(features_type), intent(inout) :: f
+    real(wp) :: r(3), e(3, 2), gap(2), u(3), h, along
+    integer(i4) :: k, places
+
+    r = grain(1:3) - s%centre(:, b)
+    along = dot_product(r, s%axis(:, b))
+    if (abs(along) - radius > s%cone(4, b)) return
+    if (sum(r*r) - along**2 < max(s%cone(3, b) - radius, 0.0_wp)**2) return
+    if (sum(r*r) - along**2 > (s%cone(3, b) + radius)**2) return
+    call bore_gap(r, grain(10:15), s%axis(:, b), s%cone(3, b), places, e, gap)
+    do k = 1, places
+      call ellipsoid_point(grain(10:15), e(:, k), u, h)
+      along = dot_product(r + u, s%axis(:, b))
+      if (abs(along) > s%cone(4, b)) cycle
+      call add_round(s, b, part_side, grain, radius, -e(:, k), gap(k), along*s%axis(:, b) &
+                     + s%cone(3, b)*e(:, k), -1.0_wp, f)
+    end do
+  end subroutine look_at_bore
+
+  !> A feature of a cylinder: half its curvature counts, by the part of the normal across the axis,
+  !! towards the grain or, inside, away from it.
+  subroutine add_round(s, b, part, grain, radius, n, gap, foot, across, f)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: b, part
+    real(wp), intent(in) :: grain(body_size), radius, n(3), gap
+    real(wp), intent(in) :: foot(3)  !! from the centre [m]
+    real(wp), intent(in) :: across   !! of the normal; negative: inside [-]
+    type(features_type), intent(inout) :: f
+    real(wp) :: own
+    integer(i4) :: k
+
+    if (gap >= 0.0_wp) return
+    k = f%n
+    call add_feature(b, s%first_part(b) + part, 0, n, gap, s%centre(:, b) + foot, radius, f)
+    if (f%n == k) return
+    own = mean_curvature(grain(10:15), grain(16), n)
+    f%curvature(f%n) = max(own + 0.5_wp*across/s%cone(3, b), 0.01_wp*own)
+  end subroutine add_round
+
   pure subroutine add(s, c, grain, radius, n, gap, foot, share, features)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: c
@@ -412,6 +496,7 @@ contains
     if (s%kind(b) /= surface_soft) then
       motion(1:3) = s%velocity(:, b) + cross(s%spin(:, b), f%foot(:, i) - s%centre(:, b))
       motion(4:6) = s%spin(:, b)
+      if (is_bore(s, b)) motion(1:3) = motion(1:3) - s%bore(bore_swell, b)*f%normal(:, i)
       return
     end if
     corner = s%corner(:, s%candidate(f%candidate(i)))

@@ -5,10 +5,11 @@ module dem_surface_make
   use talus_text, only: str, string_type
   use talus_errors, only: error_list_type
   use dem_make, only: sorted_order
-  use dem_surface_state, only: dem_surfaces_type, surface_cone, surface_soft
+  use dem_surface_state, only: dem_surfaces_type, surface_cone, surface_soft, &
+    surface_cylinder, bore_listed, bore_start
   implicit none
   private
-  public :: mesh_type, join_corners, check_mesh, add_mesh, add_cone
+  public :: mesh_type, join_corners, check_mesh, add_mesh, add_cone, add_cylinder
 
   real(wp), parameter :: flat = 1.0e-9_wp  !! height over longest side of a degenerate triangle
 
@@ -255,19 +256,38 @@ contains
     s%reach(s%n) = radius/tan(half_angle) + length + radius
   end subroutine add_cone
 
+  !> A cylinder around its centre; grains are outside, or inside.
+  subroutine add_cylinder(s, name, material, centre, axis, inside, radius, half)
+    type(dem_surfaces_type), intent(inout) :: s
+    character(len=*), intent(in) :: name
+    integer(i4), intent(in) :: material
+    real(wp), intent(in) :: centre(3), axis(3)       !! [m]; axis of any length
+    logical, intent(in) :: inside
+    real(wp), intent(in) :: radius, half             !! half its length, huge if it has no ends [m]
+
+    call add_body(s, name, surface_cylinder, centre, [material, material])
+    s%rest_axis(:, s%n) = axis/sqrt(sum(axis**2))
+    s%axis(:, s%n) = s%rest_axis(:, s%n)
+    s%cone(:, s%n) = [merge(-1.0_wp, 1.0_wp, inside), 0.0_wp, radius, half]
+    s%bore([bore_listed, bore_start], s%n) = radius
+    s%reach(s%n) = radius
+    if (half < huge(half)) s%reach(s%n) = sqrt(radius**2 + half**2)
+  end subroutine add_cylinder
+
   !> Everything that a body of any kind has, at rest.
   subroutine add_body(s, name, kind, centre, material)
     type(dem_surfaces_type), intent(inout) :: s
     character(len=*), intent(in) :: name
     integer(i4), intent(in) :: kind, material(:)
     real(wp), intent(in) :: centre(3)
-    real(wp) :: zero(3, 1), up(3, 1), turn(4, 1), none(4, 1)
+    real(wp) :: zero(3, 1), up(3, 1), turn(4, 1), none(4, 1), no_bore(5, 1)
     real(wp), allocatable :: sums(:, :)
 
     if (s%n == 0) call start_empty(s)
     s%soft = s%soft .or. kind == surface_soft
     zero = 0.0_wp
     none = 0.0_wp
+    no_bore = 0.0_wp
     up = reshape([0.0_wp, 0.0_wp, 1.0_wp], [3, 1])
     turn = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [4, 1])
     s%n = s%n + 1
@@ -284,6 +304,7 @@ contains
     s%rest_axis = joined(s%rest_axis, up)
     s%axis = joined(s%axis, up)
     s%cone = joined(s%cone, none)
+    s%bore = joined(s%bore, no_bore)
     s%first_vertex = [s%first_vertex, s%vertices + 1]
     s%first_triangle = [s%first_triangle, s%triangles + 1]
     s%parts = s%parts + size(material)
@@ -319,7 +340,8 @@ contains
     s%first_triangle = 1
     allocate (s%cos_smooth(0), s%reach(0), s%work(0))
     allocate (s%centre(3, 0), s%quat(4, 0), s%velocity(3, 0), s%spin(3, 0), s%rest_axis(3, 0), &
-              s%axis(3, 0), s%cone(4, 0), s%force(3, 0), s%moment(3, 0), s%impulse(3, 0), &
+              s%axis(3, 0), s%cone(4, 0), s%bore(5, 0), s%force(3, 0), s%moment(3, 0), &
+              s%impulse(3, 0), &
               s%moment_impulse(3, 0), s%rest(3, 0), s%x(3, 0), s%v(3, 0), s%vertex_force(3, 0), &
               s%vertex_impulse(3, 0), s%target(3, 0), s%reference(3, 0))
     allocate (s%corner(3, 0), s%mate(3, 0), s%owner(0))

@@ -4,7 +4,8 @@
 module dem_surface_motion
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_data_type, column_count
-  use dem_surface_state, only: dem_surfaces_type, surface_soft
+  use dem_surface_state, only: dem_surfaces_type, surface_soft, surface_cylinder, is_bore, &
+    bore_swell, bore_press, bore_impulse, bore_listed
   use dem_surface_body, only: turn_free, turns_freely, is_free, held_power
   use dem_shape, only: quaternion_from_rotation, quaternion_product, rotation_of
   implicit none
@@ -30,6 +31,7 @@ contains
         if (last .and. s%has_target) s%x(:, low:high) = s%target(:, low:high)
         cycle
       end if
+      if (is_bore(s, b)) s%cone(3, b) = s%cone(3, b) + dt*s%bore(bore_swell, b)
       if (.not. any(abs([s%velocity(:, b), s%spin(:, b)]) > 0.0_wp)) cycle
       s%centre(:, b) = s%centre(:, b) + dt*s%velocity(:, b)
       if (turns_freely(s, b)) then
@@ -83,9 +85,21 @@ contains
       cosine = dot_product(s%quat(:, b), s%reference_q(:, b))
       sine = sqrt(max(1.0_wp - cosine*cosine, 0.0_wp))
       this = sqrt(sum((s%centre(:, b) - s%reference_x(:, b))**2)) + 2.0_wp*sine*s%reach(b)
+      if (s%kind(b) == surface_cylinder) this = cylinder_travel(s, b)
       if (.not. this <= travel) travel = this
     end do
   end function surface_travel
+
+  !> The same of a cylinder, whose spin about its axis moves nothing [m].
+  pure real(wp) function cylinder_travel(s, b) result(travel)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: b
+    real(wp) :: before(3)
+    before = matmul(rotation_of(s%reference_q(:, b)), s%rest_axis(:, b))
+    travel = sqrt(sum((s%centre(:, b) - s%reference_x(:, b))**2)) &
+             + sqrt(sum((s%axis(:, b) - before)**2))*s%reach(b) &
+             + abs(s%cone(3, b) - s%bore(bore_listed, b))
+  end function cylinder_travel
 
   !> New contact forces are in: sums of the parts, impulses of the step and work of the motion, each
   !! with the mean of the forces at both ends, in the order of the grains.
@@ -112,8 +126,35 @@ contains
     end do
     s%force = force
     s%moment = moment
+    if (any(s%kind == surface_cylinder)) call finish_bores(s, dt, boundary)
     if (s%soft) call finish_vertices(s, dt, boundary)
   end subroutine finish_surfaces
+
+  !> Normal forces on the walls of bores, their impulses, and work of walls that move outwards.
+  pure subroutine finish_bores(s, dt, boundary)
+    type(dem_surfaces_type), intent(inout) :: s
+    real(wp), intent(in) :: dt
+    real(wp), intent(inout) :: boundary
+    real(wp) :: press, mean, done
+    integer(i4) :: b, g, k
+
+    do b = 1, s%n
+      if (.not. is_bore(s, b)) cycle
+      press = 0.0_wp
+      do g = 1, s%near
+        do k = 1, s%contacts(g)
+          if (s%part(k, g) /= s%first_part(b)) cycle
+          press = press + dot_product(s%push(k, :, g), s%normal(k, :, g))
+        end do
+      end do
+      mean = 0.5_wp*dt*(s%bore(bore_press, b) + press)
+      s%bore(bore_press, b) = press
+      s%bore(bore_impulse, b) = s%bore(bore_impulse, b) + mean
+      done = -mean*s%bore(bore_swell, b)
+      s%work(s%first_part(b)) = s%work(s%first_part(b)) + done
+      boundary = boundary + done
+    end do
+  end subroutine finish_bores
 
   !> Forces and moments about the centres from all contacts.
   pure subroutine sum_parts(s, force, moment)

@@ -6,7 +6,7 @@ module dem_surface_output
   use talus_errors, only: error_list_type
   use talus_hdf5, only: h5_file_type
   use talus_history, only: history_type
-  use dem_surface_state, only: dem_surfaces_type, surface_cone
+  use dem_surface_state, only: dem_surfaces_type, surface_cone, surface_cylinder
   implicit none
   private
   public :: open_surface_history, write_surface_rows, picture_sizes, put_picture
@@ -19,7 +19,8 @@ module dem_surface_output
     'surface [-]', 'x [m]', 'y [m]', 'z [m]', 'velocity_x [m/s]', 'velocity_y [m/s]', &
     'velocity_z [m/s]', 'spin_x [rad/s]', 'spin_y [rad/s]', 'spin_z [rad/s]', 'turn_w [-]', &
     'turn_x [-]', 'turn_y [-]', 'turn_z [-]']
-  integer(i4), parameter :: sides = 48  !! of a cone in pictures
+  integer(i4), parameter :: sides = 48  !! of a cone or cylinder in pictures
+  real(wp), parameter :: endless = 5.0_wp  !! half the length, in radii, of a cylinder without ends
   real(wp), parameter :: pi = acos(-1.0_wp)
 
 contains
@@ -96,7 +97,7 @@ contains
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(out) :: points, triangles
     integer(i4) :: cones
-    cones = count(s%kind == surface_cone)
+    cones = count(s%kind == surface_cone .or. s%kind == surface_cylinder)
     points = s%vertices + cones*(1 + 2*sides)
     triangles = s%triangles + cones*3*sides
   end subroutine picture_sizes
@@ -119,7 +120,7 @@ contains
     points = s%vertices
     triangles = s%triangles
     do b = 1, s%n
-      if (s%kind(b) /= surface_cone) cycle
+      if (s%kind(b) /= surface_cone .and. s%kind(b) /= surface_cylinder) cycle
       body(triangles + 1:triangles + 3*sides) = b
       call draw_cone(s, b, x, corner, points, triangles)
     end do
@@ -129,13 +130,13 @@ contains
     call file%put(group//'/surface', body, errors)
   end subroutine put_picture
 
-  !> Tip, ring of the shoulder, ring at the top.
+  !> Tip, ring of the shoulder, ring at the top; of a cylinder the lower end, a disc, is drawn too.
   pure subroutine draw_cone(s, b, x, corner, points, triangles)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: b
     real(wp), intent(inout) :: x(:, :)
     integer(i4), intent(inout) :: corner(:, :), points, triangles
-    real(wp) :: e(3), f(3), ring(3), height
+    real(wp) :: e(3), f(3), ring(3), height, length, low_end
     integer(i4) :: k, low, high
 
     e = 0.0_wp
@@ -144,12 +145,20 @@ contains
     e = e/sqrt(sum(e*e))
     f = [s%axis(2, b)*e(3) - s%axis(3, b)*e(2), s%axis(3, b)*e(1) - s%axis(1, b)*e(3), &
          s%axis(1, b)*e(2) - s%axis(2, b)*e(1)]
-    height = s%cone(3, b)*s%cone(2, b)/s%cone(1, b)
-    x(:, points + 1) = s%centre(:, b)
+    low_end = 0.0_wp
+    if (s%kind(b) == surface_cone) then
+      height = s%cone(3, b)*s%cone(2, b)/s%cone(1, b)
+      length = s%cone(4, b)
+    else
+      length = 2.0_wp*min(s%cone(4, b), endless*s%cone(3, b))
+      height = -0.5_wp*length
+      low_end = height
+    end if
+    x(:, points + 1) = s%centre(:, b) + low_end*s%axis(:, b)
     do k = 1, sides
       ring = s%cone(3, b)*(cos(2.0_wp*pi*k/sides)*e + sin(2.0_wp*pi*k/sides)*f) + s%centre(:, b)
       x(:, points + 1 + k) = ring + height*s%axis(:, b)
-      x(:, points + 1 + sides + k) = ring + (height + s%cone(4, b))*s%axis(:, b)
+      x(:, points + 1 + sides + k) = ring + (height + length)*s%axis(:, b)
       low = points + k
       high = points + 1 + mod(k, sides)
       corner(:, triangles + 1) = [points, high, low]

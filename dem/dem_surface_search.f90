@@ -7,7 +7,8 @@ module dem_surface_search
   use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_driven, lanes, history_size, &
     column_count
   use dem_surface_body, only: is_free
-  use dem_surface_state, only: dem_surfaces_type, surface_cone
+  use dem_surface_state, only: dem_surfaces_type, surface_cone, surface_cylinder, is_bore, &
+    bore_listed
   implicit none
   private
   public :: list_near, triangle_distance
@@ -59,6 +60,7 @@ contains
       s%reference_x = s%centre
       s%reference_q = s%quat
       s%reference = s%x
+      s%bore(bore_listed, :) = s%cone(3, :)
     end associate
   end subroutine list_near
 
@@ -165,13 +167,17 @@ contains
 
     associate (s => d%surfaces)
       do b = 1, s%n
-        if (s%kind(b) /= surface_cone) cycle
+        if (s%kind(b) /= surface_cone .and. s%kind(b) /= surface_cylinder) cycle
         if (d%grains%kind(i) /= kind_free .and. .not. is_free(s, b)) cycle
         r = d%grains%x(:, i) - s%centre(:, b)
         along = dot_product(r, s%axis(:, b))
         across = sqrt(max(sum(r*r) - along**2, 0.0_wp)) - s%cone(3, b)
-        height = s%cone(3, b)*s%cone(2, b)/s%cone(1, b) + s%cone(4, b)
+        height = s%cone(3, b)*s%cone(2, b)/s%cone(1, b) + min(s%cone(4, b), 0.5_wp*huge(height))
         distance = max(across, -along, along - height) - d%grains%radius(i)
+        if (s%kind(b) == surface_cylinder) then
+          if (is_bore(s, b)) across = -across
+          distance = max(across, abs(along) - s%cone(4, b)) - d%grains%radius(i)
+        end if
         if (distance > d%pairs%skin) cycle
         gap = min(gap, distance)
         call put(candidate, found, -b)

@@ -1,9 +1,10 @@
 !> Surfaces that push the grains with a given force along a direction: groups servo that name a
-!! surface. Faults D252, N204.
+!! surface. Faults D252, D292, N204.
 !!
 !! The law is that of dem_servo_law with the force F by which the body has pushed the grains along
 !! its direction since the last look and the stiffness of its contacts along it; across it the body
-!! moves as the deck says.
+!! moves as the deck says. The servo of a cylinder with grains inside moves its wall: F is the sum
+!! of their normal forces, and a stress times the area grows with the radius.
 module dem_surface_servo
   use talus_kinds, only: wp, i4
   use talus_text, only: string_type
@@ -16,7 +17,8 @@ module dem_surface_servo
   use dem_servo_law, only: servo_law_type, look_steps
   use dem_state, only: dem_data_type
   use dem_surface_measure, only: body_of_part, surface_stiffness
-  use dem_surface_state, only: servo_size, servo_velocity
+  use dem_surface_state, only: servo_size, servo_velocity, is_bore, bore_swell, bore_press, &
+    bore_impulse, bore_start
   implicit none
   private
   public :: surface_servo_type, surface_stiffness_along
@@ -32,6 +34,8 @@ module dem_surface_servo
     integer(i4) :: body = 0                !! surface, then penetrometers
     real(wp) :: force = 0.0_wp             !! target, on the grains along the direction [N]
     real(wp) :: direction(3) = 0.0_wp      !! [-]
+    logical :: radial = .false.            !! the wall of a bore moves, direction is not used
+    logical :: pressed = .false.           !! the target is a stress
     real(wp) :: until = 0.0_wp             !! from then on the body has its own velocity [s]
   end type servo_body_type
 
@@ -69,19 +73,22 @@ contains
     instance = pack([(k, k=1, deck%count('servo'))], &
                     [(deck%given('servo', k, 'surface'), k=1, deck%count('servo'))])
     allocate (self%servo(size(instance)), self%name(d%surfaces%n))
-    if (d%surfaces%n /= deck%count('surface') + deck%count('penetrometer')) return
+    if (d%surfaces%n /= deck%count('surface') + deck%count('penetrometer') &
+        + deck%count('cylinder')) return
     if (d%surfaces%n > 0) self%name = d%surfaces%name
     if (d%surfaces%n > 0) self%velocity = d%surfaces%velocity
     self%curved = [(deck%given('surface', k, 'curve'), k=1, deck%count('surface')), &
-                   (deck%given('penetrometer', k, 'curve'), k=1, deck%count('penetrometer'))]
+                   (deck%given('penetrometer', k, 'curve'), k=1, deck%count('penetrometer')), &
+                   (deck%given('cylinder', k, 'curve'), k=1, deck%count('cylinder'))]
     do k = 1, size(instance)
-      call read_servo(self, deck, instance(k), k, curve, errors)
+      call read_servo(self, deck, d, instance(k), k, curve, errors)
     end do
   end subroutine read_servos
 
-  subroutine read_servo(self, deck, instance, k, curve, errors)
+  subroutine read_servo(self, deck, d, instance, k, curve, errors)
     type(surface_servo_type), intent(inout) :: self
     type(deck_type), intent(in) :: deck
+    type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: instance, k
     type(curve_type), intent(in) :: curve(:)
     type(error_list_type), intent(inout) :: errors
@@ -109,7 +116,15 @@ contains
         call deck%fault(errors, 'D252', "surface '"//name//"' has two servos", 'servo', instance, &
                         'surface', 'one servo a surface')
       call read_target(deck, instance, servo, errors)
-      call read_direction(self, deck, instance, servo, errors)
+      servo%pressed = deck%given('servo', instance, 'stress')
+      servo%radial = is_bore(d%surfaces, servo%body)
+      if (.not. servo%radial) then
+        call read_direction(self, deck, instance, servo, errors)
+      else if (deck%given('servo', instance, 'direction')) then
+        call deck%fault(errors, 'D292', 'the servo of a cylinder with grains inside moves its '// &
+                        'wall, outwards or inwards', 'servo', instance, 'direction', &
+                        'leave the direction out')
+      end if
     end associate
   end subroutine read_servo
 
@@ -191,6 +206,22 @@ contains
     end do
   end function surface_stiffness_along
 
+  !> The same of all contacts along their normals [N/m].
+  pure real(wp) function normal_stiffness(d, body) result(stiffness)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: body
+    real(wp) :: pair(2)
+    integer(i4) :: g, k
+    stiffness = 0.0_wp
+    do g = 1, d%surfaces%near
+      do k = 1, d%surfaces%contacts(g)
+        if (body_of_part(d, d%surfaces%part(k, g)) /= body) cycle
+        pair = surface_stiffness(d, k, g)
+        stiffness = stiffness + pair(1)
+      end do
+    end do
+  end function normal_stiffness
+
   !> Begin; no velocity is set before the first look.
   subroutine start(self, d, time)
     class(surface_servo_type), intent(in) :: self
@@ -202,6 +233,10 @@ contains
     allocate (d%surfaces%servo(servo_size, d%surfaces%n), source=0.0_wp)
     d%surfaces%servo(seen_time, :) = time
     do b = 1, d%surfaces%n
+      if (is_bore(d%surfaces, b)) then
+        d%surfaces%servo(1, b) = d%surfaces%bore(bore_impulse, b)
+        cycle
+      end if
       d%surfaces%servo(:3, b) = sum(d%surfaces%impulse(:, d%surfaces%first_part(b): &
                                                        d%surfaces%first_part(b + 1) - 1), 2)
     end do
@@ -222,6 +257,11 @@ contains
       speed = 0.0_wp
       old = d%surfaces%servo(servo_velocity:, b)
       if (time < self%servo(k)%until) call answer(self, k, d, time, curve, speed)
+      if (self%servo(k)%radial) then
+        d%surfaces%servo(servo_velocity, b) = -speed
+        d%surfaces%bore(bore_swell, b) = -speed
+        cycle
+      end if
       d%surfaces%servo(servo_velocity:, b) = speed*self%servo(k)%direction
       if (self%curved(b)) then
         d%surfaces%velocity(:, b) = d%surfaces%velocity(:, b) - old + &
@@ -248,7 +288,13 @@ contains
       seen(seen_force) = force
       seen(seen_target) = servo%force
       if (servo%curve > 0) seen(seen_target) = servo%force*curve(servo%curve)%at(time)
-      stiffness = surface_stiffness_along(d, servo%body, servo%direction)
+      if (servo%radial) then
+        if (servo%pressed) seen(seen_target) = seen(seen_target) &
+          *d%surfaces%cone(3, servo%body)/d%surfaces%bore(bore_start, servo%body)
+        stiffness = normal_stiffness(d, servo%body)
+      else
+        stiffness = surface_stiffness_along(d, servo%body, servo%direction)
+      end if
       call servo%respond(seen(seen_target) - force, 1.0_wp, stiffness, look_steps*d%par%dt, &
                          servo%speed, seen(seen_held), speed)
     end associate
@@ -264,6 +310,13 @@ contains
     real(wp) :: mean(3), impulse(3)
     integer(i4) :: low, high
     associate (s => d%surfaces, seen => d%surfaces%servo(:, self%servo(k)%body))
+      if (self%servo(k)%radial) then
+        force = s%bore(bore_press, self%servo(k)%body)
+        impulse(1) = s%bore(bore_impulse, self%servo(k)%body)
+        if (time > seen(seen_time)) force = (impulse(1) - seen(1))/(time - seen(seen_time))
+        seen(1) = impulse(1)
+        return
+      end if
       low = s%first_part(self%servo(k)%body)
       high = s%first_part(self%servo(k)%body + 1) - 1
       mean = sum(s%force(:, low:high), 2)
@@ -342,20 +395,23 @@ contains
     end if
   end subroutine open_history
 
-  !> A row a servo: what it saw at its last look, and where it is along its direction now.
+  !> A row a servo: what it saw at its last look, and where it is along its direction now; of a
+  !! bore how fast its radius grows, and the radius.
   subroutine write_rows(self, time, d, errors)
     class(surface_servo_type), intent(inout) :: self
     real(wp), intent(in) :: time  !! [s]
     type(dem_data_type), intent(in) :: d
     type(error_list_type), intent(inout) :: errors
+    real(wp) :: way(2)
     integer(i4) :: k
     if (.not. self%history%is_open()) return
     do k = 1, size(self%servo)
       associate (servo => self%servo(k), seen => d%surfaces%servo(:, self%servo(k)%body))
+        way = [dot_product(seen(servo_velocity:), servo%direction), &
+               dot_product(d%surfaces%centre(:, servo%body), servo%direction)]
+        if (servo%radial) way = [seen(servo_velocity), d%surfaces%cone(3, servo%body)]
         call self%history%write([time, real(servo%body, wp), seen(seen_target), seen(seen_force), &
-                                 dot_product(seen(servo_velocity:), servo%direction), &
-                                 dot_product(d%surfaces%centre(:, servo%body), servo%direction)], &
-                                errors)
+                                 way], errors)
       end associate
     end do
   end subroutine write_rows

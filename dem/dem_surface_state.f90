@@ -6,12 +6,24 @@ module dem_surface_state
   implicit none
   private
   public :: dem_surfaces_type, surface_rigid, surface_soft, surface_cone
+  public :: surface_cylinder, part_side, part_end, is_bore
+  public :: bore_swell, bore_press, bore_impulse, bore_listed, bore_start
   public :: part_tip, part_flank, part_shaft, soft_smooth, servo_size, servo_velocity
 
   integer(i4), parameter :: surface_rigid = 1  !! triangles that move as one body
   integer(i4), parameter :: surface_soft = 2   !! triangles whose vertices a partner moves
   integer(i4), parameter :: surface_cone = 3   !! cone on a cylinder, exact
 
+  integer(i4), parameter :: surface_cylinder = 4  !! cylinder, exact; grains outside or inside
+
+  !> Rows of the properties of a cylinder that grains fill.
+  integer(i4), parameter :: bore_swell = 1    !! velocity of its wall outwards [m/s]
+  integer(i4), parameter :: bore_press = 2    !! sum of the normal forces of the grains on it [N]
+  integer(i4), parameter :: bore_impulse = 3  !! time integral of that since reset [N s]
+  integer(i4), parameter :: bore_listed = 4   !! radius when the list was made [m]
+  integer(i4), parameter :: bore_start = 5    !! radius at the start [m]
+
+  integer(i4), parameter :: part_side = 0, part_end = 1  !! of a cylinder
   integer(i4), parameter :: part_tip = 0, part_flank = 1, part_shaft = 2  !! of a cone
 
   !> Rows of a body's servo: see dem_surface_servo; the velocity that it adds stands at the end.
@@ -37,7 +49,10 @@ module dem_surface_state
     real(wp), allocatable :: rest_axis(:, :)        !! (3, n) of a cone, from the tip up [-]
     real(wp), allocatable :: axis(:, :)             !! (3, n) the same now [-]
     real(wp), allocatable :: cone(:, :)             !! (4, n) sine and cosine of half the apex angle
-                                                    !! [-], radius, length of the shaft [m]
+                                                    !! [-], radius, length of the shaft [m]; of a
+                                                    !! cylinder 1 or -1 (grains outside, inside), 0,
+                                                    !! radius, half its length [m]
+    real(wp), allocatable :: bore(:, :)             !! (5, n) of cylinders, see bore_...
     integer(i4), allocatable :: first_part(:)       !! (n+1)
     integer(i4), allocatable :: first_vertex(:)     !! (n+1)
     integer(i4), allocatable :: first_triangle(:)   !! (n+1)
@@ -98,4 +113,13 @@ module dem_surface_state
     real(wp), allocatable :: share(:, :)            !! (3, 3*candidates) on corners of soft
                                                     !! triangles
   end type dem_surfaces_type
+
+contains
+
+  !> Is body b a cylinder with grains inside?
+  pure logical function is_bore(s, b)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: b
+    is_bore = s%kind(b) == surface_cylinder .and. s%cone(1, b) < 0.0_wp
+  end function is_bore
 end module dem_surface_state

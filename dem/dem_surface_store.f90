@@ -7,7 +7,8 @@ module dem_surface_store
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
   use dem_state, only: dem_data_type, lanes, history_size, column_count
-  use dem_surface_state, only: dem_surfaces_type, surface_soft, soft_smooth
+  use dem_surface_state, only: dem_surfaces_type, surface_soft, surface_cylinder, &
+    soft_smooth
   use dem_surface_make, only: mesh_type, check_mesh, add_mesh
   implicit none
   private
@@ -53,6 +54,9 @@ contains
     call archive%put_reals('surfaces.contact', packed)
     if (s%soft) call put_soft(s, archive)
     if (allocated(s%servo)) call archive%put_reals('surfaces.servo', s%servo)
+    if (any(s%kind == surface_cylinder)) &
+      call archive%put_reals('surfaces.bore', reshape([reshape(s%bore, [5*s%n]), s%cone(3, :)], &
+                                                      [6*s%n, 1]))
     if (allocated(s%given)) call archive%put_reals('surfaces.given', s%given)
   end subroutine put_surfaces
 
@@ -134,6 +138,11 @@ contains
       s%near = int(sizes(5, 1), i4)
       k = archive%find('surfaces.servo')
       if (k > 0) s%servo = archive%item(k)%reals
+      k = archive%find('surfaces.bore')
+      if (k > 0) then
+        s%bore = reshape(archive%item(k)%reals(:5*s%n, 1), [5, s%n])
+        s%cone(3, :) = archive%item(k)%reals(5*s%n + 1:, 1)
+      end if
       k = archive%find('surfaces.given')
       if (k > 0 .and. allocated(s%given)) s%given = archive%item(k)%reals
       call get_bodies(s, archive, errors)

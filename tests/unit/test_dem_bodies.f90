@@ -7,6 +7,7 @@ program test_dem_bodies
   use dem_state, only: law_hertz_mindlin, kind_free, kind_fixed
   use dem_law, only: make_law
   use dem_make, only: make_grains
+  use dem_round_gap, only: bore_gap
   use dem_surface_body, only: no_free_bodies, is_free, load_left
   use dem_surface_state, only: surface_rigid
   use dem_surface_make, only: mesh_type, join_corners, check_mesh, add_mesh
@@ -19,6 +20,7 @@ program test_dem_bodies
   call check_flight()
   call check_rebound()
   call check_limit()
+  call check_bore()
   call test%finish()
 
 contains
@@ -161,4 +163,32 @@ contains
     turning = s%step_limit()
     call test%check('less if it turns', turning < light)
   end subroutine check_limit
+
+  !> A long ellipsoid across a bore reaches its wall in two places, alike; a round one in one; both
+  !! at the greatest reach that 1e5 directions find.
+  subroutine check_bore()
+    real(wp), parameter :: a(6) = [25.0_wp, 1.0_wp, 4.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
+    real(wp), parameter :: ball(6) = [4.0_wp, 4.0_wp, 4.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
+    real(wp), parameter :: pi = acos(-1.0_wp)
+    real(wp), parameter :: axis(3) = [0.0_wp, 0.0_wp, 1.0_wp]
+    real(wp) :: e(3, 2), gap(2), best, phi, d(3)
+    integer(i4) :: n, k
+
+    call bore_gap([0.0_wp, -4.0_wp, 7.0_wp], a, axis, 7.0_wp, n, e, gap)
+    call test%check('two places', n == 2)
+    call test%check_close('alike', gap(2), gap(1), 1.0e-14_wp)
+    best = 0.0_wp
+    do k = 1, 100000
+      phi = 2.0e-5_wp*pi*k
+      d = [cos(phi), sin(phi), 0.0_wp]
+      best = max(best, -4.0_wp*d(2) + sqrt(a(1)*d(1)**2 + a(2)*d(2)**2))
+    end do
+    call test%check_close('where the reach is greatest', gap(1), 7.0_wp - best, 1.0e-8_wp)
+    call bore_gap([3.0_wp, 0.0_wp, 0.0_wp], ball, axis, 7.0_wp, n, e, gap)
+    call test%check('one place', n == 1)
+    call test%check_close('of a sphere', gap(1), 2.0_wp, 1.0e-15_wp)
+    call bore_gap([0.0_wp, 0.0_wp, 0.0_wp], ball, axis, 7.0_wp, n, e, gap)
+    call test%check('in the middle, too', n >= 1)
+    call test%check_close('all ways', gap(1), 5.0_wp, 1.0e-14_wp)
+  end subroutine check_bore
 end program test_dem_bodies
