@@ -114,7 +114,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: told
 
-    told = 'x,v,force'
+    told = 'x,v,force,load'
     if (o%turns) told = told//',theta,omega,moment'
     associate (grains => solvers(side_grains), solid => solvers(side_solid), n => o%op%hats, &
                m => o%op%hats_phi, bound => o%pack%id(o%sets%ghost))

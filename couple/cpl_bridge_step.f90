@@ -39,7 +39,7 @@ contains
       now = merge(t1, t0 + k*dt, k == o%substeps)
       kick = merge(0.5_wp*dt, dt, k == 1)
       call timers%start('multipliers')
-      call bind(o, solvers(side_grains)%gravity, kick, merge(0.5_wp*h, 0.0_wp, k == 1), dt)
+      call bind(o, solvers(side_grains), kick, merge(0.5_wp*h, 0.0_wp, k == 1), dt)
       call timers%stop('multipliers')
       call send_push(o, solvers(side_grains), kick, dt, now - dt, now, timers, errors)
       if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
@@ -52,7 +52,7 @@ contains
     end do
     call bridge_bulk(o, solvers(side_solid), 0.5_wp*h, t1, timers, errors)
     if (errors%any()) return
-    call bind(o, solvers(side_grains)%gravity, 0.5_wp*dt, 0.5_wp*h, dt)
+    call bind(o, solvers(side_grains), 0.5_wp*dt, 0.5_wp*h, dt)
     call send_push(o, solvers(side_grains), 0.5_wp*dt, 0.0_wp, t1, t1, timers, errors)
     if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
     if (errors%any()) return
@@ -70,31 +70,36 @@ contains
   end subroutine bridge_step
 
   !> Trial kick of nodes and grains of the domain, then the multipliers that bind them: what is put
-  !! on the grains, and the nodes' velocities.
-  subroutine bind(o, gravity, kick, bulk, dt)
+  !! on the grains, and the nodes' velocities. A kick of the grains is two halves with background
+  !! damping a, the first with the velocity after it, the second with that before it:
+  !! v -> ((1 - a kick/2) v + kick F/m)/(1 + a kick/2).
+  subroutine bind(o, grains, kick, bulk, dt)
     type(overlap_type), intent(inout) :: o
-    real(wp), intent(in) :: gravity(3)  !! [m/s^2]
+    type(cpl_solver_type), intent(in) :: grains
     real(wp), intent(in) :: kick, bulk  !! of contacts and near elements, of the others [s]
     real(wp), intent(in) :: dt          !! step of the grains [s]
     real(wp), dimension(3, o%op%ghosts) :: trial
-    real(wp) :: before(3, o%op%nodes), before_phi(3, o%op%nodes_phi)
+    real(wp) :: before(3, o%op%nodes), before_phi(3, o%op%nodes_phi), keep, push
     integer(i4) :: g
 
-    associate (b => o%bridge)
+    associate (b => o%bridge, half => 0.5_wp*grains%motion(1)*kick)
+      keep = (1.0_wp - half)/(1.0_wp + half)
+      push = kick/(1.0_wp + half)
       before = o%v
       before_phi = o%w
       call kick_nodes(o, kick, bulk)
       do g = 1, o%op%ghosts
-        trial(:, g) = b%v(:, g) + kick*((o%p(:, g) + b%hold(:, g))/b%move%grain(g) + gravity)
+        trial(:, g) = keep*b%v(:, g) + push*((o%p(:, g) + b%hold(:, g))/b%move%grain(g) &
+                                             + grains%gravity)
       end do
       call bind_field(b%move, b%v, o%d, o%u, before, o%v, b%push)
-      b%push = b%push/kick + b%hold
+      b%push = b%push/push + b%hold
       if (.not. b%turns) return
       do g = 1, o%op%ghosts
-        trial(:, g) = b%spin(:, g) + kick*(o%m(:, g) + b%hold_couple(:, g))/b%turn%grain(g)
+        trial(:, g) = keep*b%spin(:, g) + push*(o%m(:, g) + b%hold_couple(:, g))/b%turn%grain(g)
       end do
       call bind_field(b%turn, b%spin, o%turn, o%phi, before_phi, o%w, b%couple)
-      b%couple = b%couple/kick + b%hold_couple
+      b%couple = b%couple/push + b%hold_couple
     end associate
 
   contains
@@ -217,13 +222,15 @@ contains
     o%theta = o%theta - o%theta_ref
   end subroutine read_bound
 
-  !> FORCE on both sides where grains and nodes are now.
+  !> FORCE on both sides where grains and nodes are now; the surcharge of the grains' deck is part of
+  !! what acts on the bound ones.
   subroutine bridge_forces(o, solvers, t, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
     real(wp), intent(in) :: t  !! s
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
+    real(wp) :: load(3, o%op%ghosts)
 
     associate (grains => solvers(side_grains), solid => solvers(side_solid))
       call grains%start_request(verb_force, o%step, t, t)
@@ -239,6 +246,8 @@ contains
       if (.not. errors%any()) call solid%receive(timers, errors)
       if (errors%any()) return
       call grains%reply%get(bound_set//'.force', o%p, errors)
+      call grains%reply%get(bound_set//'.load', load, errors)
+      o%p = o%p + load
       if (o%bridge%turns) call grains%reply%get(bound_set//'.moment', o%m, errors)
       call read_nodes(o, solid, 'force', 'moment', o%element, o%element_phi, errors)
     end associate

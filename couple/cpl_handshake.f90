@@ -76,6 +76,7 @@ contains
     call solver%reply%get('t_end', solver%t_end, errors)
     call solver%reply%get('step_limit', solver%step_limit, errors)
     if (solver%reply%has('dt')) call solver%reply%get('dt', solver%dt, errors)
+    if (solver%reply%has('motion')) call solver%reply%get('motion', solver%motion, errors)
     call solver%reply%get_int('ranks', solver%ranks, errors)
     call solver%reply%all_read(errors)
     if (errors%any()) return

@@ -94,7 +94,8 @@ contains
                                               solvers(side_grains), errors)
   end subroutine make_overlap
 
-  !> D422: a solid that takes no kicks, grains without a step of their own, a mass that is scaled.
+  !> D422: a solid that takes no kicks, grains without a step of their own. D432: grains whose
+  !! masses are scaled beside a solid with inertia.
   subroutine check_solvers(solvers, choices, dynamic, substeps, errors)
     type(cpl_solver_type), intent(in) :: solvers(2)
     type(cpl_choices_type), intent(in) :: choices
@@ -120,6 +121,12 @@ contains
                       'deck: the exchange is a multiple of it')
       return
     end if
+    if (.not. static .and. any(abs(solvers(side_grains)%motion(2:) - 1.0_wp) > 0.0_wp)) &
+      call errors%add('D432', 'the masses of the grains are scaled, by '// &
+                      str(solvers(side_grains)%motion(2))//', their moments of inertia by '// &
+                      str(solvers(side_grains)%motion(3)), solvers(side_grains)%deck, &
+                      'the solid beside them has its own mass: leave mass_scale and '// &
+                      "inertia_scale out of &relaxation, or take a static solid")
     substeps = max(1, nint(choices%exchange/solvers(side_grains)%dt))
     if (.not. static .and. solvers(side_solid)%step_limit > 0.0_wp .and. &
         choices%exchange > solvers(side_solid)%step_limit) &

@@ -38,6 +38,8 @@ module cpl_solver
     real(wp) :: t_end = 0.0_wp       !! s, 0: none given
     real(wp) :: step_limit = 0.0_wp  !! s
     real(wp) :: dt = 0.0_wp          !! step of its deck that must divide an interval [s], 0: none
+    real(wp) :: motion(3) = [0.0_wp, 1.0_wp, 1.0_wp]  !! background damping of grains [1/s], factors
+                                     !! on their masses and on their moments of inertia
     integer(i4) :: ranks = 1
   contains
     procedure :: start_request

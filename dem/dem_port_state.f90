@@ -16,6 +16,7 @@ module dem_port_state
   use dem_model, only: dem_model_type, program_name
   use dem_surface_measure, only: vertex_stiffness
   use dem_sets, only: dem_set_type, role_surface, role_border
+  use dem_state, only: mode_relaxation
   implicit none
   private
   public :: reply_hello, reply_describe, reply_selected, put_scalars
@@ -38,6 +39,11 @@ contains
     call reply%put('t_end', model%clock%t_end)
     call reply%put('step_limit', model%system%step_limit())
     if (.not. model%clock%automatic) call reply%put('dt', model%choices%dt)
+    associate (par => model%system%par)
+      call reply%put('motion', [merge(2.0_wp/max(model%choices%dt, tiny(1.0_wp)), par%damping, &
+        par%full_damping), merge([par%mass_scale, par%inertia_scale], [1.0_wp, 1.0_wp], &
+        par%mode == mode_relaxation)])
+    end associate
     call reply%put_int('ranks', 1_i4)
   end subroutine reply_hello
 

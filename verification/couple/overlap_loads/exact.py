@@ -71,6 +71,7 @@ def values_of(solid: str, node: int, **more: str) -> dict[str, str]:
         "force": ", ".join(f"{v:.17g}" for v in FORCE),
         "node": str(node + 1),
         "support": "",
+        "surcharge": "",
         "kind": "explicit",
         "exchange": f"{M * STEP:.17g}",
         "end": f"{EXCHANGES * M * STEP:.17g}",
@@ -127,6 +128,23 @@ def run(case: Case) -> None:
     case.save(fig)
     for initial in ("none", "stress"):
         judge_statics(case, node, initial)
+    judge_domain(case, node)
+
+
+def judge_domain(case: Case, node: int) -> None:
+    """Grains of a bridging domain under a surcharge and background damping go with its nodes."""
+    low, high = f"{-1.5 * H:.17g}", f"{1.5 * H:.17g}"
+    values = values_of(
+        "micropolar",
+        node,
+        overlap="method = 'bridging_domain', partition = 'ramp', initial = 'none'",
+        damping=f"{0.05 / STEP:.17g}",
+        surcharge=f"&surcharge stress = 100.0, update_every = 1000, lower = {low}, {low},"
+        f" upper = {high}, {high} /",
+    )
+    audit = launch(case, "domain", values)
+    gap = audit["fine_scale"].max() / audit["largest_ghost_displacement"].max()
+    case.below("bridging domain: gap of grains and nodes / way", float(gap), 1e-9, "round-off")
 
 
 def judge_statics(case: Case, node: int, initial: str) -> None:

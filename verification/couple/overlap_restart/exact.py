@@ -72,5 +72,9 @@ def run(case: Case) -> None:
         moved = audit_of(case, "whole")["largest_ghost_displacement"].max()
         case.above(f"{label}ghosts moved [m]", moved, 1e-9, "the knock has arrived")
         compare_runs(case, f"{label}in parts, ", "whole", "parts")
+        said = " ".join((case.folder / "whole.log").read_text().split())
+        warned = "loads of the solid's deck on elements of free grains do nothing" in said
+        beyond = "bridging" in method
+        case.metric(f"{label}warns of loads that do nothing", warned, beyond, 0)
         if of_both:
             compare_runs(case, f"{label}by files, ", "whole", "files")
