@@ -222,8 +222,8 @@ contains
     o%theta = o%theta - o%theta_ref
   end subroutine read_bound
 
-  !> FORCE on both sides where grains and nodes are now; the surcharge of the grains' deck is part of
-  !! what acts on the bound ones.
+  !> FORCE on both sides where grains and nodes are now; the surcharge of the grains' deck is part
+  !! of what acts on the bound ones.
   subroutine bridge_forces(o, solvers, t, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
