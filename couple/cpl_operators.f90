@@ -308,17 +308,9 @@ contains
     class(operators_type), intent(in) :: self
     real(wp), intent(in) :: f(:, :), c(:, :)
     real(wp), intent(out) :: force(:, :), moment(:, :)
+    real(wp) :: turning(3, self%hats_phi/self%stride)
     force = 0.0_wp
     moment = 0.0_wp
-    call add_from_hats(self, f, c, force, moment)
-  end subroutine from_hats
-
-  !> The same, added to force and moment.
-  subroutine add_from_hats(self, f, c, force, moment)
-    class(operators_type), intent(in) :: self
-    real(wp), intent(in) :: f(:, :), c(:, :)
-    real(wp), intent(inout) :: force(:, :), moment(:, :)
-    real(wp) :: turning(3, self%hats_phi/self%stride)
     call self%p%transposed(f(:, :self%hats), force)
     if (self%hats_phi == 0) return
     if (self%micro%active) then
@@ -327,19 +319,26 @@ contains
     else
       call self%p_phi%transposed(c(:, :self%hats_phi), moment)
     end if
-  end subroutine add_from_hats
+  end subroutine from_hats
 
-  !> As pull, with forces on some of the ghosts alone; force and moment are added to.
-  subroutine pull_some(self, some, p, m, f, c, force, moment)
+  !> As pull, with forces on some of the ghosts alone, for forces and moments that act on the free
+  !! grains besides. Of micro-rotations, not of micro-deformations.
+  subroutine pull_some(self, some, p, m, f, c, besides, besides_phi, force, moment)
     class(operators_type), intent(in) :: self
     integer(i4), intent(in) :: some(:)                    !! rows of the ghosts
     real(wp), intent(in) :: p(:, :), m(:, :)              !! (3, size(some)) [N], [N m]
     real(wp), intent(inout) :: f(:, :), c(:, :)
-    real(wp), intent(inout) :: force(:, :), moment(:, :)
+    real(wp), intent(in) :: besides(:, :), besides_phi(:, :)  !! (3, free) [N], [N m]
+    real(wp), intent(out) :: force(:, :), moment(:, :)
     call self%ghost%transposed_some(some, p, f)
     if (self%rotation == rotation_micro) call self%ghost_phi%transposed_some(some, m, c)
     if (self%rotation == rotation_curl) call self%ghost_curl%transposed_some(some, m, f)
-    call add_from_hats(self, f, c, force, moment)
+    call self%p%transposed_onto(f(:, :self%hats), besides, force)
+    if (self%hats_phi > 0) then
+      call self%p_phi%transposed_onto(c(:, :self%hats_phi), besides_phi, moment)
+    else
+      moment = besides_phi
+    end if
   end subroutine pull_some
 
   !> Largest violation of: P N = 1 (l2), rigid motion of grains moves nodes and ghosts likewise,

@@ -18,6 +18,7 @@ module cpl_overlap
   use cpl_parts, only: parts_type
   use cpl_relax, only: relax_type
   use cpl_sets, only: sets_type, pack_type
+  use cpl_sums, only: work_since, add_works
   use cpl_weight_fit, only: fit_type
   implicit none
   private
@@ -225,10 +226,13 @@ contains
     end if
     if (self%parts%active) then
       associate (parts => self%parts)
-        self%force = parts%still%force + self%force_hold
-        self%moment = parts%still%moment + self%moment_hold
+        if (.not. parts%dead_known) then
+          parts%dead = parts%still%force + self%force_hold
+          parts%dead_phi = parts%still%moment + self%moment_hold
+          parts%dead_known = .true.
+        end if
         call self%op%pull_some(parts%near, parts%p_near, parts%m_near, self%f, self%c, &
-                               self%force, self%moment)
+                               parts%dead, parts%dead_phi, self%force, self%moment)
         self%f = self%f + parts%still%f
         self%c = self%c + parts%still%c
       end associate
@@ -273,10 +277,10 @@ contains
     given = work_of(self, self%force, self%moment, self%f, self%c, q0, theta0, u0, phi0)
     taken = 0.0_wp
     through = 0.0_wp
-    call add_products(size(p), p, d, taken, through)
-    call add_products(size(m), m, turn, taken, through)
-    call add_products(size(u0), self%element, self%u - u0, taken, through)
-    call add_products(size(phi0), self%element_phi, self%phi - phi0, taken, through)
+    call add_works(size(p), p, d, taken, through)
+    call add_works(size(m), m, turn, taken, through)
+    call add_works(size(u0), self%element, self%u - u0, taken, through)
+    call add_works(size(phi0), self%element_phi, self%phi - phi0, taken, through)
     associate (a => self%op%hats, b => self%op%hats_phi)
       if (self%loads%active) taken = taken + sum(self%loads%f*(self%u(:, :a) - u0(:, :a))) &
         + sum(self%loads%c*(self%phi(:, :b) - phi0(:, :b)))
@@ -285,9 +289,9 @@ contains
         taken = taken + sum(self%inertial_phi*(self%phi(:, :b) - phi0(:, :b)))
     end associate
     if (self%damping%active) &
-      taken = taken + product_sum(size(q0), self%damping%force, self%q, q0)
+      taken = taken + work_since(size(q0), self%damping%force, self%q, q0)
     if (self%damping_phi%active) &
-      taken = taken + product_sum(size(q0), self%damping_phi%force, self%theta, theta0)
+      taken = taken + work_since(size(q0), self%damping_phi%force, self%theta, theta0)
     self%turnover = self%turnover + through
     self%work_given = self%work_given + given
     self%work_taken = self%work_taken + taken
@@ -313,43 +317,18 @@ contains
     type(overlap_type), intent(in) :: self
     real(wp), intent(in), contiguous :: force(:, :), moment(:, :), f(:, :), c(:, :)  !! [N], [N m]
     real(wp), intent(in), contiguous :: q0(:, :), theta0(:, :), u0(:, :), phi0(:, :)
-    work = edge_work(self, f, c, u0, phi0) + product_sum(size(q0), force, self%q, q0)
-    if (self%turns) work = work + product_sum(size(q0), moment, self%theta, theta0)
+    work = edge_work(self, f, c, u0, phi0) + work_since(size(q0), force, self%q, q0)
+    if (self%turns) work = work + work_since(size(q0), moment, self%theta, theta0)
   end function work_of
 
   pure real(wp) function edge_work(self, f, c, u0, phi0) result(work)
     type(overlap_type), intent(in) :: self
     real(wp), intent(in), contiguous :: f(:, :), c(:, :), u0(:, :), phi0(:, :)
     associate (a => self%op%hats + 1, b => self%op%hats_phi + 1)
-      work = product_sum(size(f(:, a:)), f(:, a:), self%u(:, a:), u0(:, a:)) &
-             + product_sum(size(c(:, b:)), c(:, b:), self%phi(:, b:), phi0(:, b:))
+      work = work_since(size(f(:, a:)), f(:, a:), self%u(:, a:), u0(:, a:)) &
+             + work_since(size(c(:, b:)), c(:, b:), self%phi(:, b:), phi0(:, b:))
     end associate
   end function edge_work
-
-  !> Sum of f times (x - x0).
-  pure real(wp) function product_sum(n, f, x, x0) result(total)
-    integer, intent(in) :: n
-    real(wp), intent(in) :: f(n), x(n), x0(n)
-    integer :: k
-    total = 0.0_wp
-    !$omp simd reduction(+:total)
-    do k = 1, n
-      total = total + f(k)*(x(k) - x0(k))
-    end do
-  end function product_sum
-
-  !> Add the sum of p times d, and that of their amounts.
-  pure subroutine add_products(n, p, d, total, amount)
-    integer, intent(in) :: n
-    real(wp), intent(in) :: p(n), d(n)
-    real(wp), intent(inout) :: total, amount
-    integer :: k
-    !$omp simd reduction(+:total, amount)
-    do k = 1, n
-      total = total + p(k)*d(k)
-      amount = amount + abs(p(k)*d(k))
-    end do
-  end subroutine add_products
 
   !> Velocities of the edge: v += dt f/m of what the deck does not hold.
   subroutine kick_edge(self, dt, f, c)
@@ -418,8 +397,13 @@ contains
   pure function past_nodes(self) result(past)
     class(overlap_type), intent(in) :: self
     real(wp) :: past(self%op%free), coarse(3, self%op%free)
+    integer(i4) :: k
     call self%op%p%n%apply(self%u(:, :self%op%hats) - self%u_map(:, :self%op%hats), coarse)
-    past = merge(norm2(self%q - coarse, 1), 0.0_wp, self%seen)
+    do k = 1, self%op%free
+      past(k) = sqrt((self%q(1, k) - coarse(1, k))**2 + (self%q(2, k) - coarse(2, k))**2 &
+                     + (self%q(3, k) - coarse(3, k))**2)
+    end do
+    past = merge(past, 0.0_wp, self%seen)
   end function past_nodes
 
   !> Root mean square of what the nodes do not see of the free grains' motion, or of the gap between

@@ -119,6 +119,7 @@ contains
   subroutine hold_again(o)
     type(overlap_type), intent(inout) :: o
     call o%op%from_hats(o%f_hold, o%c_hold, o%force_hold, o%moment_hold)
+    o%parts%dead_known = .false.
   end subroutine hold_again
 
   !> P and what hangs on it, for free grains at x_free and nodes moved by u_map.

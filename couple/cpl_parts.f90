@@ -9,6 +9,7 @@
 module cpl_parts
   use talus_kinds, only: wp, i4
   use cpl_operators, only: operators_type
+  use cpl_sums, only: work_since, add_works
   implicit none
   private
   public :: parts_type, pulled_type
@@ -35,6 +36,9 @@ module cpl_parts
     integer(i4) :: age = 0                         !! exchanges since
     logical :: old = .false.                       !! near must be chosen anew
     type(pulled_type) :: still, rest
+    real(wp), allocatable :: dead(:, :), dead_phi(:, :)  !! still on free grains, with loads that
+                                                   !! balance the start (3, free)
+    logical :: dead_known = .false.                !! they are of now
     real(wp), allocatable :: d(:, :), turn(:, :)   !! ghosts at the start of the exchange
     real(wp), allocatable :: q(:, :), theta(:, :)  !! free grains then
     real(wp), allocatable :: u(:, :), phi(:, :)    !! nodes then
@@ -115,6 +119,7 @@ contains
   subroutine pull_all(self, op)
     class(parts_type), intent(inout) :: self
     type(operators_type), intent(in) :: op
+    self%dead_known = .false.
     call pull(op, self%p_still, self%m_still, self%still)
     call self%pull_rest(op)
   end subroutine pull_all
@@ -139,14 +144,17 @@ contains
   subroutine work(self, op, d, turn, q, theta, u, phi, given, taken, turnover)
     class(parts_type), intent(in) :: self
     type(operators_type), intent(in) :: op
-    real(wp), intent(in) :: d(:, :), turn(:, :)   !! ghosts now (3, ghosts) [m], [rad]
-    real(wp), intent(in) :: q(:, :), theta(:, :)  !! free grains now
-    real(wp), intent(in) :: u(:, :), phi(:, :)    !! nodes now
+    real(wp), intent(in), contiguous :: d(:, :), turn(:, :)   !! ghosts now (3, ghosts) [m], [rad]
+    real(wp), intent(in), contiguous :: q(:, :), theta(:, :)  !! free grains now
+    real(wp), intent(in) :: u(:, :), phi(:, :)                !! nodes now
     real(wp), intent(out) :: given, taken, turnover
-    taken = sum(self%p*(d - self%d)) + sum(self%m*(turn - self%turn))
-    turnover = sum(abs(self%p*(d - self%d))) + sum(abs(self%m*(turn - self%turn)))
+    taken = 0.0_wp
+    turnover = 0.0_wp
+    call add_works(size(d), self%p, d - self%d, taken, turnover)
+    call add_works(size(turn), self%m, turn - self%turn, taken, turnover)
     associate (a => op%hats + 1, b => op%hats_phi + 1)
-      given = sum(self%rest%force*(q - self%q)) + sum(self%rest%moment*(theta - self%theta)) &
+      given = work_since(size(q), self%rest%force, q, self%q) &
+              + work_since(size(theta), self%rest%moment, theta, self%theta) &
               + sum(self%rest%f(:, a:)*(u(:, a:) - self%u(:, a:))) &
               + sum(self%rest%c(:, b:)*(phi(:, b:) - self%phi(:, b:)))
     end associate

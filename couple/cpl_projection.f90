@@ -35,6 +35,7 @@ module cpl_projection
     procedure :: build_mls
     procedure :: apply
     procedure :: transposed
+    procedure :: transposed_onto
     procedure :: solve_nodes
   end type projection_type
 
@@ -319,8 +320,8 @@ contains
     class(projection_type), intent(in) :: self
     real(wp), intent(in) :: f(:, :)     !! (3, nodes)
     real(wp), intent(inout) :: p(:, :)  !! (3, grains)
-    real(wp) :: r(lanes, self%n%columns), s(lanes)
-    integer(i4) :: i, e
+    real(wp) :: r(lanes, self%n%columns)
+    integer(i4) :: i
 
     if (self%mls) then
       call self%fit%transposed(f, p)
@@ -329,14 +330,44 @@ contains
     call gather(self, f, r)
     call solve(self, r)
     do i = 1, self%n%rows
-      if (self%n%first(i + 1) == self%n%first(i)) cycle
-      s = 0.0_wp
-      do e = self%n%first(i), self%n%first(i + 1) - 1
-        s = s + self%n%weight(e)*r(:, self%at(e))
-      end do
-      p(:, i) = p(:, i) + self%w(i)*s(:3)
+      p(:, i) = p(:, i) + handed_to(self, i, r)
     end do
   end subroutine transposed
+
+  !> p = base + P' f.
+  subroutine transposed_onto(self, f, base, p)
+    class(projection_type), intent(in) :: self
+    real(wp), intent(in) :: f(:, :)     !! (3, nodes)
+    real(wp), intent(in) :: base(:, :)  !! (3, grains)
+    real(wp), intent(out) :: p(:, :)
+    real(wp) :: r(lanes, self%n%columns)
+    integer(i4) :: i
+
+    if (self%mls) then
+      p = base
+      call self%fit%transposed(f, p)
+      return
+    end if
+    call gather(self, f, r)
+    call solve(self, r)
+    do i = 1, self%n%rows
+      p(:, i) = base(:, i) + handed_to(self, i, r)
+    end do
+  end subroutine transposed_onto
+
+  !> What a grain gets of solved forces of the nodes.
+  pure function handed_to(self, i, r) result(p)
+    type(projection_type), intent(in) :: self
+    integer(i4), intent(in) :: i
+    real(wp), intent(in) :: r(lanes, self%n%columns)
+    real(wp) :: p(3), s(lanes)
+    integer(i4) :: e
+    s = 0.0_wp
+    do e = self%n%first(i), self%n%first(i + 1) - 1
+      s = s + self%n%weight(e)*r(:, self%at(e))
+    end do
+    p = self%w(i)*s(:3)
+  end function handed_to
 
   !> (N' W N + M)^-1 f of the nodes, in place.
   subroutine solve_nodes(self, f)

@@ -22,6 +22,8 @@ module fem_edge
     integer(i4), allocatable :: at(:)     !! (elements) first entry of k
     real(wp), allocatable :: k(:)         !! maps, (3 blocks)^2 each, column by column [N/m, N, N m]
     real(wp), allocatable :: f0(:, :)     !! (3, all blocks) at zero displacements [N], [N m]
+    integer(i4), allocatable :: of(:)     !! the blocks of all elements, each once
+    real(wp), allocatable :: f(:, :)      !! (3, all blocks) what `force` found
   contains
     procedure :: build
     procedure :: force
@@ -38,6 +40,7 @@ contains
     integer(i4), intent(in) :: list(:)
     real(wp), dimension(3, dofs%blocks) :: u
     real(wp), allocatable :: map(:)
+    logical :: touched(dofs%blocks)
     integer(i4) :: k
 
     if (allocated(self%start)) deallocate (self%start, self%block, self%at, self%k, self%f0)
@@ -57,6 +60,10 @@ contains
       if (self%at(k) > size(self%k)) self%k = [self%k, map]
       deallocate (map)
     end do
+    touched = .false.
+    touched(self%block) = .true.
+    self%of = pack([(k, k=1, dofs%blocks)], touched)
+    self%f = self%f0
     self%ready = .true.
   end subroutine build
 
@@ -106,17 +113,18 @@ contains
     end associate
   end function blocks_of
 
-  !> Their forces (3, blocks) at displacements u [N, N m].
-  pure subroutine force(self, u, f)
-    class(fem_edge_type), intent(in) :: self
+  !> Their forces at displacements u, in f: of the blocks of these elements; zero elsewhere.
+  pure subroutine force(self, u)
+    class(fem_edge_type), intent(inout) :: self
     real(wp), intent(in) :: u(:, :)
-    real(wp), intent(out) :: f(:, :)
-    integer(i4) :: e
-    f = self%f0
+    integer(i4) :: k, e
+    do k = 1, size(self%of)
+      self%f(:, self%of(k)) = self%f0(:, self%of(k))
+    end do
     do e = 1, size(self%start) - 1
       call add_element(self%block(self%start(e):self%start(e + 1) - 1), &
                        3*(self%start(e + 1) - self%start(e)), &
-                       self%k(self%at(e):), u, f)
+                       self%k(self%at(e):), u, self%f)
     end do
   end subroutine force
 

@@ -133,7 +133,7 @@ contains
     character(len=:), allocatable :: scope
     real(wp), allocatable :: f(:, :), external(:, :)
     logical :: brief
-    integer(i4) :: s, chosen
+    integer(i4) :: chosen
 
     scope = 'all'
     if (request%has('scope')) call request%get_text('scope', scope, errors)
@@ -147,12 +147,16 @@ contains
     if (errors%any()) return
     associate (body => model%body)
       where (body%prescribed) body%state%u = body%given_u
+      if (scope == 'interface' .and. chosen > 0) then
+        call sets%put_force_of_elements(chosen, body, reply, errors)
+        if (.not. (brief .or. errors%any())) call put_scalars(body, reply)
+        return
+      end if
       allocate (f(3, body%dofs%blocks), external(3, body%dofs%blocks))
       if (scope == 'loads') then
         call deck_loads(body, request%t0, f)
+        f = -f
         call reply%put_int('steady', merge(1_i4, 0_i4, steady_loads(body, sets, chosen)))
-      else if (scope == 'interface' .and. chosen > 0) then
-        call sets%force_of_elements(chosen, body, body%state%u, f)
       else if (scope == 'interface') then
         call body%interface_force(body%state%u, f)
       else
@@ -160,17 +164,12 @@ contains
       end if
       call body%matter_fault(errors)
       if (errors%any()) return
-      if (scope /= 'loads') f = -f
-      if (scope == 'all') f = f + body%weight_force
+      if (scope == 'all') f = f - body%weight_force
       if (scope == 'balance') then
         call body%external_at(body%state%time, external)
-        f = f + external
+        f = f - external
       end if
-      do s = 1, sets%n
-        call reply%put(trim(sets%set(s)%name)//'.force', f(:, sets%set(s)%node))
-        if (size(sets%set(s)%phi) > 0) call reply%put(trim(sets%set(s)%name)//'.moment', &
-          f(:, sets%set(s)%phi))
-      end do
+      call sets%put_forces(f, reply)
       if (.not. brief) call put_scalars(body, reply)
     end associate
   end subroutine force

@@ -22,7 +22,8 @@ module fem_sets
     procedure :: find
     procedure :: elements_of
     procedure :: forget_elements
-    procedure :: force_of_elements
+    procedure :: put_force_of_elements
+    procedure :: put_forces
     procedure :: whole_force
     procedure :: take_loads
     procedure :: take_motion
@@ -127,24 +128,43 @@ contains
     self%set(k)%element = pack([(e, e=1, body%mesh%elements)], wanted)
   end subroutine elements_of
 
-  !> Inner forces of the elements of set k at displacements u; laws with a state have no map.
-  subroutine force_of_elements(self, k, body, u, f)
+  !> Inner forces of the elements of set k on all sets, as the partner feels them; laws with a state
+  !! have no map.
+  subroutine put_force_of_elements(self, k, body, reply, errors)
     class(fem_sets_type), intent(inout) :: self
     integer(i4), intent(in) :: k
     type(fem_body_type), intent(inout) :: body
-    real(wp), intent(in) :: u(:, :)
-    real(wp), intent(out) :: f(:, :)
+    type(message_type), intent(inout) :: reply
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: f(:, :)
     call self%elements_of(k, body)
     if (body%matter%active) then
-      call body%interface_force(u, f, self%set(k)%element)
+      allocate (f(3, body%dofs%blocks))
+      call body%interface_force(body%state%u, f, self%set(k)%element)
+      call body%matter_fault(errors)
+      if (.not. errors%any()) call self%put_forces(f, reply)
       return
     end if
     if (.not. self%edge%ready .or. self%edge_of /= k) then
       call self%edge%build(body%mesh, body%dofs, body%elastic, self%set(k)%element)
       self%edge_of = k
     end if
-    call self%edge%force(u, f)
-  end subroutine force_of_elements
+    call self%edge%force(body%state%u)
+    call self%put_forces(self%edge%f, reply)
+  end subroutine put_force_of_elements
+
+  !> Inner forces (3, blocks) on all sets, as the partner feels them.
+  subroutine put_forces(self, f, reply)
+    class(fem_sets_type), intent(in) :: self
+    real(wp), intent(in) :: f(:, :)
+    type(message_type), intent(inout) :: reply
+    integer(i4) :: s
+    do s = 1, self%n
+      call reply%put(trim(self%set(s)%name)//'.force', -f(:, self%set(s)%node))
+      if (size(self%set(s)%phi) > 0) &
+        call reply%put(trim(self%set(s)%name)//'.moment', -f(:, self%set(s)%phi))
+    end do
+  end subroutine put_forces
 
   !> Inner forces of the body at its displacements. A partner that kicks at the end of an interval
   !! and again at the start of the next asks for them twice. Laws with a state are always asked, and

@@ -10,6 +10,7 @@ program test_cpl_operators
   use cpl_elements, only: hex8, hex20, tet4, tet10, node_count
   use cpl_hull, only: hull_type
   use cpl_operators, only: operators_type, weigh_unit, weigh_mass, weigh_volume
+  use cpl_rows, only: lanes
   use cpl_sets, only: sets_type, pack_type, part_rest, part_ghost, part_free
   implicit none
 
@@ -212,7 +213,42 @@ contains
                                   pack_of%x(:, sets%ghost), worst, errors)
     call test%check_close(label//what//': identities', worst, 0.0_wp, 1.0e-12_wp)
     call test%check(label//what//': condition', operators%p%condition < 1.0e3_wp)
+    if (.not. operators%micro%active) call some_ghosts(label//what, operators)
   end subroutine one
+
+  !> Forces on some ghosts, with others that act on the free grains: the sum of both.
+  subroutine some_ghosts(label, operators)
+    character(len=*), intent(in) :: label
+    type(operators_type), intent(in) :: operators
+    real(wp), dimension(3, operators%ghosts) :: p, m
+    real(wp), dimension(3, operators%nodes) :: f, f_some
+    real(wp), dimension(3, operators%nodes_phi) :: c, c_some
+    real(wp), dimension(3, operators%free) :: force, moment, load, turn, force_some, moment_some
+    integer(i4) :: i
+    integer(i4), allocatable :: some(:)
+
+    do i = 1, operators%ghosts
+      p(:, i) = merge(0.0_wp, 1.0_wp, mod(i, 3) == 0)*[sin(1.0_wp*i), cos(2.0_wp*i), 0.3_wp]
+      m(:, i) = merge(0.0_wp, 1.0_wp, mod(i, 3) == 0)*[cos(1.0_wp*i), 0.1_wp, sin(3.0_wp*i)]
+    end do
+    do i = 1, operators%free
+      load(:, i) = [cos(5.0_wp*i), 0.2_wp, sin(7.0_wp*i)]
+      turn(:, i) = [0.4_wp, sin(2.0_wp*i), cos(9.0_wp*i)]
+    end do
+    f = 0.5_wp
+    c = -0.25_wp
+    f_some = f
+    c_some = c
+    some = pack([(i, i=1, operators%ghosts)], [(mod(i, 3) /= 0, i=1, operators%ghosts)])
+    call operators%pull(p, m, f, c, force, moment)
+    call operators%pull_some(some, p(:, some), m(:, some), f_some, c_some, load, turn, &
+                             force_some, moment_some)
+    call test%check_close(label//': forces of some ghosts', &
+      max(maxval(abs(f - f_some)), maxval(abs(force + load - force_some))), 0.0_wp, 1.0e-13_wp)
+    call test%check_close(label//': moments of some ghosts', &
+      max(maxval(abs(moment + turn - moment_some)), maxval([0.0_wp, abs(c - c_some)])), 0.0_wp, &
+      1.0e-13_wp)
+  end subroutine some_ghosts
 
   !> The fine scale that masses leave has no momentum under any node: N' M (q - N P q) = 0.
   subroutine fine_scale()
@@ -285,7 +321,7 @@ contains
   subroutine bands()
     integer(i4), parameter :: n = 20
     type(band_type) :: chain, factored
-    real(wp) :: x(n, 3), y(n), exact
+    real(wp) :: x(n, 3), y(n), v(lanes, n), exact
     real(wp), parameter :: pi = 3.141592653589793_wp
     integer(i4) :: i, bad
 
@@ -303,6 +339,11 @@ contains
     call chain%multiply(x(:, 2), y)
     y(3) = y(3) - 1.0_wp
     call test%check_close('band: solution', maxval(abs(y)), 0.0_wp, 1.0e-13_wp)
+    v = 0.0_wp
+    v(:, 3) = [1.0_wp, -2.0_wp, 0.5_wp, 0.0_wp]
+    call factored%solve_vectors(v)
+    v = v - spread([1.0_wp, -2.0_wp, 0.5_wp, 0.0_wp], 2, n)*spread(x(:, 1), 1, lanes)
+    call test%check_close('band: vectors', maxval(abs(v)), 0.0_wp, 1.0e-13_wp)
     exact = (sin(n*pi/(2*n + 2))/sin(pi/(2*n + 2)))**2
     call test%check_close('band: condition', condition_of(chain, factored)/exact, 1.0_wp, 0.05_wp)
     call chain%add(7, 7, -3.0_wp)

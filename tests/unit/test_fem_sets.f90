@@ -6,7 +6,9 @@ program test_fem_sets
   use talus_test, only: test_type
   use fem_body, only: fem_body_type
   use fem_dofs, only: number_fields
+  use fem_edge, only: fem_edge_type
   use fem_kinds, only: hex8
+  use fem_recover, only: element_forces
   use talus_ranks, only: leave_ranks
   use fem_sets, only: fem_sets_type
   use fem_step, only: take_step
@@ -19,6 +21,8 @@ program test_fem_sets
   call turned_block()
   call loaded_block()
   call refused()
+  call shared_maps()
+  call known_forces()
   call leave_ranks()
   call test%finish()
 
@@ -27,23 +31,35 @@ contains
   !> A unit cube of a micropolar solid, displacements held.
   subroutine make_cube(body)
     type(fem_body_type), intent(inout) :: body
-    allocate (body%mesh%x(3, 8), body%mesh%group(0))
-    body%mesh%x = reshape([0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, &
-      0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, 1.0_wp, 1.0_wp, 1.0_wp, &
-      1.0_wp, 0.0_wp, 1.0_wp, 1.0_wp], [3, 8])
-    call set_elements(body%mesh, hex8, reshape([1, 2, 3, 4, 5, 6, 7, 8], [8, 1]))
-    call body%elastic%start(1)
-    call body%elastic%use_rule('hex8/hex8', body%elastic%rule_of(1))
-    body%elastic%moduli(:, 1) = [1.0_wp, -1.0_wp, kappa, 0.0_wp, 0.0_wp, gamma]
+    call make_row(body, [0.0_wp, 1.0_wp])
+    body%held(:, :8) = .true.
+  end subroutine make_cube
+
+  !> Bricks between the given heights, 1 by 1 wide.
+  subroutine make_row(body, z)
+    type(fem_body_type), intent(inout) :: body
+    real(wp), intent(in) :: z(:)
+    integer(i4) :: k, e, n
+    n = size(z)
+    allocate (body%mesh%x(3, 4*n), body%mesh%group(0))
+    do k = 1, n
+      body%mesh%x(:, 4*k - 3:4*k) = reshape([0.0_wp, 0.0_wp, z(k), 1.0_wp, 0.0_wp, z(k), 1.0_wp, &
+        1.0_wp, z(k), 0.0_wp, 1.0_wp, z(k)], [3, 4])
+    end do
+    call set_elements(body%mesh, hex8, reshape([([(4*e + k, k=-3, 4)], e=1, n - 1)], [8, n - 1]))
+    call body%elastic%start(n - 1)
+    do e = 1, n - 1
+      call body%elastic%use_rule('hex8/hex8', body%elastic%rule_of(e))
+    end do
+    body%elastic%moduli = spread([1.0_wp, -1.0_wp, kappa, 0.0_wp, 0.0_wp, gamma], 2, n - 1)
     body%elastic%density = 3.0_wp
     body%elastic%inertia = 0.5_wp
     call body%elastic%number_points()
     call number_fields(body%mesh, body%elastic%rotations(), body%dofs)
     allocate (body%curve(0), body%load(0), body%motion(0))
     call body%allocate_state()
-    body%held(:, :8) = .true.
     call body%assemble()
-  end subroutine make_cube
+  end subroutine make_row
 
   !> The whole block turned by phi against held displacements: moment 2 kappa phi per volume.
   subroutine turned_block()
@@ -103,6 +119,57 @@ contains
     call test%check('about y alone', maxval(abs(phi([1, 3], :))) < 1.0e-15_wp)
     call body%solver%mumps%free()
   end subroutine loaded_block
+
+  !> Elements of one shape share a map of their forces; what the maps give is what elements give.
+  subroutine shared_maps()
+    type(fem_body_type) :: body
+    type(fem_edge_type) :: edge
+    real(wp), allocatable :: u(:, :), f(:, :)
+    integer(i4) :: k, list(3) = [1, 2, 4]
+
+    call make_row(body, [0.0_wp, 0.7_wp, 1.4_wp, 1.9_wp, 2.9_wp])
+    allocate (u(3, body%dofs%blocks), f(3, body%dofs%blocks))
+    u = reshape([(sin(1.3_wp*k), k=1, int(size(u), i4))], shape(u))
+    call edge%build(body%mesh, body%dofs, body%elastic, list)
+    call test%check('two of three maps', size(edge%k) == 2*48**2 .and. edge%at(1) == edge%at(2))
+    do k = 1, 2  ! nothing is left over from the time before
+      call edge%force(u)
+      call element_forces(body%mesh, body%dofs, body%elastic, u, list, f)
+      call test%check_close('forces of maps', maxval(abs(edge%f - f))/maxval(abs(f)), 0.0_wp, &
+                            1.0e-13_wp)
+      u = 0.5_wp*u + 0.1_wp
+    end do
+    call test%check('other nodes than theirs', size(edge%of) == body%dofs%blocks)
+    call edge%build(body%mesh, body%dofs, body%elastic, [4])
+    call edge%force(u)
+    call test%check('only of the last', size(edge%of) == 16 .and. &
+                    all(abs(edge%f(:, :12)) <= 0.0_wp) .and. any(abs(edge%f(:, 13:20)) > 0.0_wp))
+    call body%solver%mumps%free()
+  end subroutine shared_maps
+
+  !> Forces of the body are found anew when it has moved or its stiffness was changed.
+  subroutine known_forces()
+    type(fem_body_type) :: body
+    type(fem_sets_type) :: sets
+    real(wp), allocatable, dimension(:, :) :: first, again
+    integer(i4) :: k
+
+    call make_row(body, [0.0_wp, 1.0_wp, 2.0_wp])
+    allocate (first(3, body%dofs%blocks), again(3, body%dofs%blocks))
+    body%state%u = reshape([(cos(0.7_wp*k), k=1, int(size(first), i4))], shape(first))
+    call sets%whole_force(body, first)
+    call sets%whole_force(body, again)
+    call test%check('the same again', all(abs(first - again) <= 0.0_wp) .and. any(first > 0.0_wp))
+    body%k = 2.0_wp*body%k
+    call sets%forget_elements()
+    call sets%whole_force(body, again)
+    call test%check('of another stiffness', all(abs(2.0_wp*first - again) <= 0.0_wp))
+    body%state%u(1, 5) = body%state%u(1, 5) + 1.0_wp
+    call sets%whole_force(body, first)
+    call body%trial_force(body%state%u, again)
+    call test%check('of another place', all(abs(first - again) <= 0.0_wp))
+    call body%solver%mumps%free()
+  end subroutine known_forces
 
   pure function phi_like(value) result(field)
     real(wp), intent(in) :: value
