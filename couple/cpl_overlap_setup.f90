@@ -360,6 +360,7 @@ contains
       o%c_hold = -o%c
       o%force_hold = -o%force
       o%moment_hold = -o%moment
+      o%parts%dead_known = .false.
       call o%pull()
       call o%resist()
     end if

@@ -1,9 +1,10 @@
 """What a step costs with all grains and in the coupled run, by the length of the exchange.
 
-Usage: cost.py OUT [STEPS [PAUSE]]. OUT holds what prepare and probe have written. Each deck is run
-for a few steps and for STEPS (960) more, with PAUSE (0 s) between runs; the difference is free of
-setting up. CPU time is that of all three programs together. Writes cost.csv and cost.png and prints
-the table; the ratio is that of CPU times, all grains over the run.
+Usage: cost.py OUT [STEPS]. OUT holds what prepare and probe have written. Each deck is run for STEPS
+(960) more steps than a first short run of the same program, whose time, which is that of setting up,
+is taken off. CPU time is that of all three programs together. Exchanges of 16 steps are longer than the
+solid's stable step: there its micro-rotations have six times their inertia. Writes cost.csv and
+cost.png and prints the table; the ratio is that of CPU times, all grains over the run.
 """
 
 import csv
@@ -18,11 +19,13 @@ from pathlib import Path
 from talus.look import COLOURS, new_figure, save_figure
 
 STEP = 1.25e-6  # of the grains [s]
-FEW = 160  # steps that settle the run
-LENGTHS = (1, 2, 4, 8)  # steps in an exchange
+FEW = 16  # steps of the short run
+LENGTHS = (1, 2, 4, 8, 16)  # steps in an exchange
+STABLE = 8  # the longest without rotation_mass
+SLOWER = "kind = 'explicit', rotation_mass = 6.0"
 CONTACTS = {"step": "in every step", "exchange": "once an exchange"}
 ASIDE = ("&checkpoint", "&output")  # groups that are left out
-CPU = "CPU a step [ms]"
+CPU, WALL = "CPU a step [ms]", "wall a step [ms]"
 TIMERS = ("projection and maps", "pull-backs", "works", "audit and log", "exchange")
 
 
@@ -48,14 +51,33 @@ def seconds(program: str, deck: Path) -> tuple[float, float, float]:
     return cpu, wall, sum(timers.get(name, 0.0) for name in TIMERS)
 
 
-def a_step(out: Path, program: str, source: Path, more: int, **changes: str) -> list[float]:
-    """The same for one step, without setting up [ms]."""
-    runs = []
-    for steps in (FEW, FEW + more):
-        deck = short_deck(source, out / f"cost_{source.stem}.nml", steps, **changes)
-        runs.append(seconds(program, deck))
-        time.sleep(float(sys.argv[3]) if len(sys.argv) > 3 else 0.0)
-    return [1e3 * (b - a) / more for a, b in zip(*runs, strict=True)]
+def run_for(out: Path, program: str, source: Path, steps: int, **changes: str) -> list[float]:
+    """The same for a deck and so many steps."""
+    deck = short_deck(source, out / f"cost_{source.stem}.nml", steps, **changes)
+    return list(seconds(program, deck))
+
+
+def a_step(before: list[float], after: list[float], more: int) -> list[float]:
+    """The same for one of the steps between two runs [ms]."""
+    return [1e3 * (b - a) / more for a, b in zip(before, after, strict=True)]
+
+
+def whole(out: Path, more: int) -> list[float]:
+    """All grains."""
+    deck = Path(__file__).resolve().parent / "truth.nml"
+    runs = [run_for(out, "talus-dem", deck, steps) for steps in (FEW, FEW + more)]
+    return a_step(*runs, more)
+
+
+def coupled(out: Path, contacts: str, m: int, steps: int) -> list[float]:
+    """The coupled run with exchanges of m steps."""
+    here = Path(__file__).resolve().parent
+    changes = {"exchange": f"1.0e-5|{m * STEP:.17g}", "ghost_contacts": f"'exchange'|'{contacts}'"}
+    if m > STABLE:
+        text = (here / "solid.nml").read_text().replace("kind = 'explicit'", SLOWER)
+        (out / "cost_solid.nml").write_text(text)
+        changes["deck"] = "'solid.nml'|'cost_solid.nml'"
+    return run_for(out, "talus-couple", here / "coupled.nml", steps, **changes)
 
 
 def draw(out: Path) -> None:
@@ -64,11 +86,13 @@ def draw(out: Path) -> None:
         rows = list(csv.DictReader(file))
     fig, ax = new_figure(figsize=(6.4, 4.2))
     for k, label in enumerate(CONTACTS.values()):
-        times = [float(row[CPU]) for row in rows if row["run"] == f"ghosts {label}"]
-        ax.plot(range(len(times)), times, "o-", color=COLOURS[k], label=f"ghosts {label}")
+        mine = [row for row in rows if row["run"] == f"ghosts {label}"]
+        for column, style in ((CPU, "o-"), (WALL, "s:")):
+            ax.plot(range(len(mine)), [float(row[column]) for row in mine], style, color=COLOURS[k],
+                    label=f"ghosts {label}, {column.split()[0]}")  # fmt: skip
     ax.axhline(float(rows[0][CPU]), color="k", ls="--", lw=1.0, label="all grains")
     ax.set_xticks(range(len(LENGTHS)), [str(m) for m in LENGTHS])
-    ax.set(xlabel="steps of the grains in an exchange", ylabel=CPU)
+    ax.set(xlabel="steps of the grains in an exchange", ylabel="time a step [ms]")
     ax.set_ylim(bottom=0.0)
     ax.legend(fontsize=8)
     save_figure(fig, out / "cost.png")
@@ -76,17 +100,18 @@ def draw(out: Path) -> None:
 
 def main() -> int:
     """Time all grains and each coupled run."""
-    here, out = Path(__file__).resolve().parent, Path(sys.argv[1]).resolve()
+    out = Path(sys.argv[1]).resolve()
     more = int(sys.argv[2]) if len(sys.argv) > 2 else 960
-    whole = a_step(out, "talus-dem", here / "truth.nml", more)
-    lines = [f"run,steps in an exchange,{CPU},wall a step [ms],coupling a step [ms],ratio"]
-    lines.append(f"all grains,,{whole[0]:.3f},{whole[1]:.3f},,1")
+    grains = whole(out, more)
+    lines = [f"run,steps in an exchange,{CPU},{WALL},coupling a step [ms],ratio"]
+    lines.append(f"all grains,,{grains[0]:.3f},{grains[1]:.3f},,1")
+    short = coupled(out, "exchange", STABLE, FEW)
     for contacts, label in CONTACTS.items():
         for m in LENGTHS:
-            cpu, wall, work = a_step(out, "talus-couple", here / "coupled.nml", more,
-                                     exchange=f"1.0e-5|{m * STEP:.17g}",
-                                     ghost_contacts=f"'exchange'|'{contacts}'")  # fmt: skip
-            lines.append(f"ghosts {label},{m},{cpu:.3f},{wall:.3f},{work:.3f},{whole[0] / cpu:.2f}")
+            after = coupled(out, contacts, m, FEW + more)
+            cpu, wall, work = a_step(short, after, more)
+            ratio = grains[0] / cpu
+            lines.append(f"ghosts {label},{m},{cpu:.3f},{wall:.3f},{work:.3f},{ratio:.2f}")
     (out / "cost.csv").write_text("\n".join(lines) + "\n")
     print("\n".join(lines))
     draw(out)
