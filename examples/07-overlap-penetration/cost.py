@@ -1,10 +1,10 @@
 """What a step costs with all grains and in the coupled run, by the length of the exchange.
 
-Usage: cost.py OUT [STEPS]. OUT holds what prepare and probe have written. Each deck is run for STEPS
-(960) more steps than a first short run of the same program, whose time, which is that of setting up,
-is taken off. CPU time is that of all three programs together. Exchanges of 16 steps are longer than the
-solid's stable step: there its micro-rotations have six times their inertia. Writes cost.csv and
-cost.png and prints the table; the ratio is that of CPU times, all grains over the run.
+Usage: cost.py OUT [STEPS]. OUT holds what prepare and probe have written. Each deck is run for
+STEPS (960) more steps than a first short run of the same program, whose time, which is that of
+setting up, is taken off. CPU time is that of all three programs together. Exchanges of 16 steps are
+longer than the solid's stable step: there its micro-rotations have six times their inertia. Writes
+cost.csv and cost.png and prints the table; the ratio is that of CPU times, all grains over the run.
 """
 
 import csv
