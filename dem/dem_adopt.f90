@@ -3,6 +3,9 @@
 module dem_adopt
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_data_type, lanes, history_size, entries_ahead
+  use dem_cell, only: is_periodic
+  use dem_forces, only: sum_body
+  use dem_images, only: name_images, image_of
   use dem_pairs, only: slot_of
   use dem_records, only: contact_places, index_of
   implicit none
@@ -24,6 +27,7 @@ contains
       first(k) = index_of(d, contact(1, k))
       second(k) = index_of(d, contact(2, k))
     end do
+    if (is_periodic(d%cell)) call name_images(d%pairs, d%grains%n, shifts_of(contact), second)
     m = size(first)
     call make_room(d, (m + lanes - 1)/lanes)
     associate (p => d%pairs)
@@ -48,9 +52,17 @@ contains
         p%second(lane, block) = second(k)
         p%normal(lane, :, block) = contact(contact_places(1):contact_places(2) - 1, k)
         p%history(lane, :, block) = contact(contact_places(2):contact_places(3) - 1, k)
+        if (p%extras%active) p%extras%kept(lane, :, block) = contact(contact_places(5):, k)
       end do
     end associate
   end subroutine adopt_contacts
+
+  !> Shift of the second grain of each contact, in edges of the cell.
+  pure function shifts_of(contact) result(shift)
+    real(wp), intent(in) :: contact(:, :)
+    integer(i4) :: shift(3, size(contact, 2))
+    shift = nint(contact(contact_places(4):contact_places(5) - 1, :), i4)
+  end function shifts_of
 
   !> Lists of d without any pair, blocks for some.
   subroutine make_room(d, blocks)
@@ -63,6 +75,10 @@ contains
       if (allocated(p%normal)) deallocate (p%normal, p%history)
       allocate (p%first(lanes, blocks), p%second(lanes, blocks), source=0_i4)
       allocate (p%normal(lanes, 3, blocks), p%history(lanes, history_size, blocks), source=0.0_wp)
+      if (p%extras%active) then
+        if (allocated(p%extras%kept)) deallocate (p%extras%kept)
+        allocate (p%extras%kept(lanes, p%extras%reals, blocks), source=0.0_wp)
+      end if
       allocate (p%weight(0, 0), p%m_star(0, 0), p%touched(0), p%result(0, 0), p%columns(0, 0))
     end associate
   end subroutine make_room
@@ -73,15 +89,23 @@ contains
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: contact(:, :)
     integer(i4) :: k, first, second, slot
+    real(wp) :: force(3), moment(3)
     do k = 1, size(contact, 2)
       first = index_of(d, contact(1, k))
       second = index_of(d, contact(2, k))
       if (first == 0 .or. second == 0) cycle
+      if (d%pairs%images > 0) &
+        second = image_of(d%pairs, d%grains%n, second, &
+                          nint(contact(contact_places(4):contact_places(5) - 1, k), i4))
       slot = slot_of(d%pairs, first, second)
       if (slot == 0) cycle
       d%pairs%history(1 + mod(slot - 1, lanes), :, 1 + (slot - 1)/lanes) = &
         contact(contact_places(2):contact_places(3) - 1, k)
-      d%pairs%result(:, slot) = contact(contact_places(3):, k)
+      d%pairs%result(:, slot) = contact(contact_places(3):contact_places(4) - 1, k)
+    end do
+    do k = 1, d%pairs%images
+      call sum_body(d%pairs, d%pairs%plain + k, force, moment)
+      d%pairs%image_force(:, k) = force
     end do
   end subroutine give_results
 end module dem_adopt

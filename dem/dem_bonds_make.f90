@@ -106,14 +106,39 @@ contains
     d%pairs%extras%made = d%pairs%extras%made + 1
   end subroutine glue
 
-  !> A bond that has stretched beyond the margin of the list can no longer be worked (N205).
+  !> A bond that has stretched beyond the margin of the list can no longer be worked (N205). Of
+  !! several ranks all ask together.
   subroutine check_bonds(d, errors)
     type(dem_data_type), intent(in) :: d
     type(error_list_type), intent(inout) :: errors
-    if (d%pairs%extras%lost == 0) return
-    call errors%add('N205', str(d%pairs%extras%lost)//' bonds have stretched beyond the margin '// &
-                    'of the list, '//str(d%pairs%skin)//' m, without breaking', &
+    real(wp) :: missing(1)
+    if (d%pairs%extras%bond_at == 0) return
+    missing = real(d%pairs%extras%lost, wp)
+    if (d%halo%team%several()) then
+      missing = missing_bonds(d)
+      call d%halo%team%add_up(missing)
+    end if
+    if (nint(missing(1)) == 0) return
+    call errors%add('N205', str(nint(missing(1), i4))//' bonds have stretched beyond the '// &
+                    'margin of the list, '//str(d%pairs%skin)//' m, without breaking', &
                     place='step '//str(d%health%steps), &
                     hint='a wider &search skin, stiffer bonds or a lower tensile_strength')
   end subroutine check_bonds
+
+  !> This rank's part of the bonds that were made, have not broken and are in no list.
+  pure real(wp) function missing_bonds(d) result(missing)
+    type(dem_data_type), intent(in) :: d
+    integer(i4) :: k, held
+    associate (extras => d%pairs%extras)
+      missing = real(extras%made, wp) - sum(extras%broken)
+      do k = 1, d%pairs%grain_blocks
+        held = count(extras%kept(:, extras%bond_at, k) > 0.0_wp)
+        if (allocated(d%pairs%share)) then
+          missing = missing - d%pairs%share(k)*held
+        else
+          missing = missing - held
+        end if
+      end do
+    end associate
+  end function missing_bonds
 end module dem_bonds_make

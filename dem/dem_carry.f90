@@ -7,7 +7,7 @@
 !! E^-1 does to the kinetic energy. With it the ledger closes as without a cell.
 module dem_carry
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_data_type, kind_free, kind_fixed, lanes
+  use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_mirror, lanes
   use dem_images, only: place_image
   use dem_integrate, only: motion_type, mover_type, push_type, kick_mover, drift_mover, &
     put_bodies, travel_of_mover, work_count
@@ -48,6 +48,7 @@ contains
     end if
     do k = 1, mover%count
       i = mover%low + k
+      if (d%grains%kind(i) == kind_mirror) cycle
       if (d%grains%kind(i) == kind_free) then
         call slow_down(d%cell%back, motion%mass_scale*mover%mass(k), mover, k, work)
       else
@@ -106,6 +107,7 @@ contains
     integer(i4) :: k
     if (d%pairs%images == 0) return
     do k = d%pairs%image_start(mover%low + 1), d%pairs%image_start(mover%low + mover%count + 1) - 1
+      if (d%grains%kind(d%pairs%grain(d%pairs%plain + k)) == kind_mirror) cycle
       call place_image(d%pairs, d%cell, k)
       work(4) = work(4) - 0.5_wp*dt*dot_product(d%pairs%image_force(:, k), lead(d, k))
     end do
@@ -131,6 +133,7 @@ contains
 
     do k = 1, mover%count
       i = mover%low + k
+      if (d%grains%kind(i) == kind_mirror) cycle
       call sum_images(d, i, push%f(k, :), push%m(k, :))
       if (d%pairs%images > 0) then
         do m = d%pairs%image_start(i), d%pairs%image_start(i + 1) - 1

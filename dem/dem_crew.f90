@@ -2,7 +2,8 @@
 !! the leader too, holds and moves the grains of its domain.
 !!
 !! The others wait for orders: take over their parts, take steps, hand in what they have, leave. The
-!! whole system is brought up to date when it is looked at, not before.
+!! whole system is brought up to date when it is looked at, not before; what the leader changes in
+!! it is told before the next steps.
 module dem_crew
   use omp_lib, only: omp_set_num_threads, omp_get_max_threads
   use talus_kinds, only: wp, i4, i8
@@ -12,18 +13,23 @@ module dem_crew
   use talus_system, only: install_signals
   use talus_text, only: str
   use dem_state, only: dem_data_type
-  use dem_gather, only: hand_in, take_in
-  use dem_handout, only: hand_out, tell_step
+  use dem_adopt, only: give_results
+  use dem_bonds_make, only: check_bonds
+  use dem_gather, only: hand_in, take_in, haul_type
+  use dem_handout, only: hand_out, tell_step, tell_targets, tell_loads
   use dem_measure, only: judge_runaway
   use dem_migrate, only: share_out
   use dem_pairs, only: build_pairs
   use dem_part, only: move_part, report_of, add_reports, rank_marks_type
+  use dem_slowing, only: stop_slowing, reset_sums
   use dem_steps, only: step_memory_type
+  use dem_surface_search, only: list_near
   implicit none
   private
   public :: dem_crew_type, serve_leader
 
-  integer(i4), parameter :: order_start = 1, order_step = 2, order_look = 3, order_leave = 4
+  integer(i4), parameter :: order_start = 1, order_step = 2, order_look = 3, order_leave = 4, &
+    order_targets = 5, order_loads = 6, order_reset = 7, order_slow = 8
 
   type :: dem_crew_type
     type(ranks_type) :: team
@@ -32,12 +38,20 @@ module dem_crew
     type(rank_marks_type) :: marks             !! what the last steps told
     logical :: started = .false.               !! all ranks have their parts
     logical :: stale = .false.                 !! the whole is older than the parts
+    logical :: redirected = .false.            !! prescribed grains have other ways to go
+    logical :: reset = .false.                 !! impulses and works begin anew
+    logical, allocatable :: loaded(:)          !! (grains) extra forces have changed
+    real(wp) :: shift = 0.0_wp                 !! of the start of the ledger with them [J]
   contains
     procedure :: step
     procedure :: look
+    procedure :: mark_loads
+    procedure :: slow_down
+    procedure :: begin_anew
     procedure :: leave
     procedure :: text => crew_text
     procedure, private :: start
+    procedure, private :: tell_changes
   end type dem_crew_type
 
 contains
@@ -53,6 +67,7 @@ contains
     real(wp), allocatable :: reports(:, :)
 
     if (.not. self%started) call self%start(whole)
+    call self%tell_changes(whole)
     order = [order_step, n]
     call self%team%await(order)
     call tell_step(self%team, whole, self%part)
@@ -62,6 +77,7 @@ contains
     self%stale = .true.
     call self%team%agree(errors)
     if (errors%any()) return
+    if (whole%pairs%extras%lost > 0) call check_bonds(whole, errors)
     call judge_runaway(whole, self%marks%kinetic, nint(self%marks%fastest(1), i8), &
                        self%marks%fastest(2), errors)
   end subroutine step
@@ -77,15 +93,82 @@ contains
     self%part%halo%team = self%team
     call begin_part(self)
     self%started = .true.
+    self%redirected = any(whole%grains%has_target)
+    self%reset = .false.
+    self%shift = 0.0_wp
+    if (allocated(self%loaded)) deallocate (self%loaded)
   end subroutine start
+
+  !> What the leader has changed since the last steps.
+  subroutine tell_changes(self, whole)
+    class(dem_crew_type), intent(inout) :: self
+    type(dem_data_type), intent(in) :: whole
+    integer(i4) :: order(2)
+    if (self%reset) then
+      order = [order_reset, 0_i4]
+      call self%team%await(order)
+      call reset_sums(self%part)
+    end if
+    if (self%redirected) then
+      order = [order_targets, merge(0_i4, 1_i4, self%stale)]
+      call self%team%await(order)
+      call tell_targets(self%team, whole, order(2) > 0, self%part)
+    end if
+    if (allocated(self%loaded)) then
+      order = [order_loads, 0_i4]
+      call self%team%await(order)
+      call tell_loads(self%team, whole, self%loaded, self%part)
+      deallocate (self%loaded)
+      self%part%ledger%start = self%part%ledger%start + self%shift
+    end if
+    self%shift = 0.0_wp
+    self%reset = .false.
+    self%redirected = .false.
+  end subroutine tell_changes
+
+  !> Extra forces of these grains have changed in the whole, and so has the start of its ledger.
+  subroutine mark_loads(self, marked, shift)
+    class(dem_crew_type), intent(inout) :: self
+    logical, intent(in) :: marked(:)  !! (grains)
+    real(wp), intent(in) :: shift     !! [J]
+    if (.not. self%started) return
+    self%shift = self%shift + shift
+    if (.not. allocated(self%loaded)) allocate (self%loaded(size(marked)), source=.false.)
+    self%loaded = self%loaded .or. marked
+  end subroutine mark_loads
+
+  !> Adaptive damping of all grains.
+  subroutine slow_down(self, whole)
+    class(dem_crew_type), intent(inout) :: self
+    type(dem_data_type), intent(inout) :: whole
+    integer(i4) :: order(2)
+    real(wp), allocatable :: reports(:, :)
+    if (.not. self%started) call self%start(whole)
+    order = [order_slow, 0_i4]
+    call self%team%await(order)
+    call stop_slowing(self%part)
+    call self%team%collect(report_of(self%part), reports)
+    call add_reports(self%part, reports, whole, self%marks)
+    self%stale = .true.
+  end subroutine slow_down
+
+  !> The whole was put in another state: ranks get new parts of it before the next steps.
+  subroutine begin_anew(self)
+    class(dem_crew_type), intent(inout) :: self
+    self%started = .false.
+    self%stale = .false.
+  end subroutine begin_anew
 
   !> This rank's part from what the leader has.
   subroutine begin_part(self)
     type(dem_crew_type), intent(inout) :: self
+    real(wp), allocatable :: contacts(:, :)
     call hand_out(self%team, self%part)
-    call share_out(self%part)
+    call share_out(self%part, contacts)
     associate (d => self%part)
       call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)
+      call give_results(d, contacts)
+      if (d%surfaces%n > 0) call list_near(d)
     end associate
   end subroutine begin_part
 
@@ -94,12 +177,12 @@ contains
     class(dem_crew_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: whole
     integer(i4) :: order(2)
-    real(wp), allocatable :: grains(:, :), contacts(:, :), prescribed(:, :)
+    type(haul_type) :: haul
     if (.not. self%stale) return
     order = [order_look, 0_i4]
     call self%team%await(order)
-    call hand_in(self%team, self%part, grains, contacts, prescribed)
-    call take_in(self%part, grains, contacts, prescribed, whole)
+    call hand_in(self%team, self%part, haul)
+    call take_in(self%part, haul, whole)
     self%stale = .false.
   end subroutine look
 
@@ -119,8 +202,10 @@ contains
     integer(i4), intent(out) :: exit_code
     type(dem_crew_type), allocatable :: crew
     type(error_list_type) :: errors
-    real(wp), allocatable :: grains(:, :), contacts(:, :), prescribed(:, :)
+    type(haul_type) :: haul
+    real(wp), allocatable :: reports(:, :)
     integer(i4) :: order(2)
+    logical :: none(0)
 
     call install_signals(.false.)
     allocate (crew)
@@ -135,10 +220,19 @@ contains
       case (order_step)
         call tell_step(team, crew%part, crew%part)
         call move_part(crew%part, crew%memory, order(2), errors)
-        call team%collect(report_of(crew%part), grains)
+        call team%collect(report_of(crew%part), reports)
         call team%agree(errors)
       case (order_look)
-        call hand_in(team, crew%part, grains, contacts, prescribed)
+        call hand_in(team, crew%part, haul)
+      case (order_reset)
+        call reset_sums(crew%part)
+      case (order_targets)
+        call tell_targets(team, crew%part, order(2) > 0, crew%part)
+      case (order_loads)
+        call tell_loads(team, crew%part, none, crew%part)
+      case (order_slow)
+        call stop_slowing(crew%part)
+        call team%collect(report_of(crew%part), reports)
       case default
         exit_code = order(2)
         return

@@ -1,19 +1,65 @@
 !> Domains of the ranks: boxes of equal work, whose box a point is in, whose boxes are near it.
 module dem_domains
   use talus_kinds, only: wp, i4
+  use talus_homogenise, only: inverse_of
+  use dem_cell, only: is_periodic, reduced_basis
   use dem_halo_state, only: dem_halo_type
+  use dem_state, only: dem_cell_type
   implicit none
   private
   public :: cut_domains, rank_at, ranks_near, distance_to_domain
+  public :: place_of, follow_cell, turn_to_cell
 
   integer(i4), parameter :: bins = 2048      !! of a histogram of work along an axis
 
 contains
 
+  !> Places go with the faces of the cell as it is now.
+  subroutine follow_cell(halo, cell)
+    type(dem_halo_type), intent(inout) :: halo
+    type(dem_cell_type), intent(in) :: cell
+    real(wp) :: edges(3, 3)
+    integer(i4) :: k
+    if (.not. halo%folding) return
+    edges = matmul(cell%vectors, real(halo%whole, wp))
+    halo%inverse = inverse_of(edges)
+    do k = 1, 3
+      halo%per_length(k) = norm2(halo%inverse(k, :))
+    end do
+  end subroutine follow_cell
+
+  !> Places between the short edges that the lattice has now; boxes must be chosen anew if these are
+  !! others than before.
+  subroutine turn_to_cell(halo, cell)
+    type(dem_halo_type), intent(inout) :: halo
+    type(dem_cell_type), intent(in) :: cell
+    real(wp) :: edges(3, 3)
+    integer(i4) :: whole(3, 3)
+    halo%folding = is_periodic(cell)
+    if (.not. halo%folding) return
+    halo%wraps = cell%periodic
+    halo%origin = cell%origin
+    call reduced_basis(cell, edges, whole)
+    if (any(whole /= halo%whole)) halo%cut = .false.
+    halo%whole = whole
+    call follow_cell(halo, cell)
+  end subroutine turn_to_cell
+
+  !> Place of a point: itself, or where its image lies between the faces of the cell.
+  pure function place_of(halo, x) result(place)
+    type(dem_halo_type), intent(in) :: halo
+    real(wp), intent(in) :: x(3)  !! [m]
+    real(wp) :: place(3)
+    place = x
+    if (.not. halo%folding) return
+    place = matmul(halo%inverse, x - halo%origin)
+    where (halo%wraps) place = place - floor(place)
+  end function place_of
+
   !> Choose the boxes anew for the grains of all ranks, so that each has the same work.
   subroutine cut_domains(halo, x, work)
     type(dem_halo_type), intent(inout) :: halo
-    real(wp), intent(in) :: x(:, :)   !! (3, n) centres of this rank's grains [m]
+    real(wp), intent(in) :: x(:, :)   !! (3, n) places of this rank's grains
     real(wp), intent(in) :: work(:)   !! (n)
     real(wp) :: low(3), high(3)
     real(wp), allocatable :: cuts(:, :)
@@ -31,7 +77,7 @@ contains
       high = 1.0_wp
     end if
     high = max(high, low + 1.0e-3_wp*max(maxval(high - low), sqrt(tiny(1.0_wp))))
-    if (.not. halo%cut) halo%parts = best_parts(halo%team%ranks, high - low)
+    if (.not. halo%cut) halo%parts = best_parts(halo%team%ranks, (high - low)/halo%per_length)
     halo%cut = .true.
     p = halo%parts
     if (allocated(halo%cut_x)) deallocate (halo%cut_x, halo%cut_y, halo%cut_z)
@@ -133,7 +179,7 @@ contains
     end do
   end function part_of
 
-  !> Rank in whose box a point is.
+  !> Rank in whose box a place is.
   pure integer(i4) function rank_at(halo, x)
     type(dem_halo_type), intent(in) :: halo
     real(wp), intent(in) :: x(3)
@@ -144,38 +190,71 @@ contains
     rank_at = i + halo%parts(1)*(j + halo%parts(2)*k)
   end function rank_at
 
-  !> Ranks whose boxes a cube about a point meets, that of the point among them.
+  !> Ranks whose boxes a cube about a place meets, over the faces of the cell too; that of the
+  !! place itself is among them.
   pure subroutine ranks_near(halo, x, reach, list, count)
     type(dem_halo_type), intent(in) :: halo
     real(wp), intent(in) :: x(3), reach     !! half the edge of the cube [m]
     integer(i4), intent(inout) :: list(0:)  !! (ranks)
     integer(i4), intent(out) :: count
-    integer(i4) :: i, j, k
+    real(wp) :: low(3), high(3)
+    integer(i4) :: n, m(3)
+
     count = 0
-    do i = part_of(halo%cut_x, x(1) - reach), part_of(halo%cut_x, x(1) + reach)
-      do j = part_of(halo%cut_y(:, i + 1), x(2) - reach), &
-             part_of(halo%cut_y(:, i + 1), x(2) + reach)
-        do k = part_of(halo%cut_z(:, i + 1, j + 1), x(3) - reach), &
-               part_of(halo%cut_z(:, i + 1, j + 1), x(3) + reach)
-          list(count) = i + halo%parts(1)*(j + halo%parts(2)*k)
+    low = x - reach*halo%per_length
+    high = x + reach*halo%per_length
+    if (.not. halo%folding) then
+      call add_ranks(halo, low, high, list, count)
+      return
+    end if
+    do n = 0, 26
+      m = [mod(n + 1, 3), mod(n/3 + 1, 3), mod(n/9 + 1, 3)] - 1
+      if (any(m /= 0 .and. .not. halo%wraps)) cycle
+      if (any(halo%wraps .and. (high + m < 0.0_wp .or. low + m >= 1.0_wp))) cycle
+      call add_ranks(halo, low + m, high + m, list, count)
+    end do
+  end subroutine ranks_near
+
+  !> Ranks whose boxes meet a box of places, each once.
+  pure subroutine add_ranks(halo, low, high, list, count)
+    type(dem_halo_type), intent(in) :: halo
+    real(wp), intent(in) :: low(3), high(3)
+    integer(i4), intent(inout) :: list(0:), count
+    integer(i4) :: i, j, k, rank
+    do i = part_of(halo%cut_x, low(1)), part_of(halo%cut_x, high(1))
+      do j = part_of(halo%cut_y(:, i + 1), low(2)), part_of(halo%cut_y(:, i + 1), high(2))
+        do k = part_of(halo%cut_z(:, i + 1, j + 1), low(3)), &
+               part_of(halo%cut_z(:, i + 1, j + 1), high(3))
+          rank = i + halo%parts(1)*(j + halo%parts(2)*k)
+          if (any(list(0:count - 1) == rank)) cycle
+          list(count) = rank
           count = count + 1
         end do
       end do
     end do
-  end subroutine ranks_near
+  end subroutine add_ranks
 
-  !> How far a point is from the box of a rank, along the axis on which it is farthest [m].
+  !> How far a place is from the box of a rank, along the axis on which it is farthest [m].
   pure real(wp) function distance_to_domain(halo, rank, x) result(distance)
     type(dem_halo_type), intent(in) :: halo
     integer(i4), intent(in) :: rank
     real(wp), intent(in) :: x(3)
+    real(wp) :: low(3), high(3), way(3)
     integer(i4) :: i, j, k
     i = modulo(rank, halo%parts(1))
     j = modulo(rank/halo%parts(1), halo%parts(2))
     k = rank/(halo%parts(1)*halo%parts(2))
-    distance = max(halo%cut_x(i) - x(1), x(1) - halo%cut_x(i + 1), &
-                   halo%cut_y(j, i + 1) - x(2), x(2) - halo%cut_y(j + 1, i + 1), &
-                   halo%cut_z(k, i + 1, j + 1) - x(3), x(3) - halo%cut_z(k + 1, i + 1, j + 1), &
-                   0.0_wp)
+    low = [halo%cut_x(i), halo%cut_y(j, i + 1), halo%cut_z(k, i + 1, j + 1)]
+    high = [halo%cut_x(i + 1), halo%cut_y(j + 1, i + 1), halo%cut_z(k + 1, i + 1, j + 1)]
+    way = max(low - x, x - high, 0.0_wp)
+    if (halo%folding) then
+      where (halo%wraps)
+        low = max(low, 0.0_wp)
+        high = min(high, 1.0_wp)
+        way = min(way, max(low - (x + 1.0_wp), x + 1.0_wp - high, 0.0_wp), &
+                  max(low - (x - 1.0_wp), x - 1.0_wp - high, 0.0_wp))
+      end where
+    end if
+    distance = maxval(way/halo%per_length)
   end function distance_to_domain
 end module dem_domains

@@ -7,15 +7,13 @@ module dem_equilibrium
   use talus_errors, only: error_list_type
   use talus_log, only: short_number
   use talus_deck, only: deck_type
-  use dem_state, only: dem_data_type, kind_free
-  use dem_integrate, only: scaled_spin_momentum
+  use dem_state, only: kind_free
   use dem_measure, only: contact_count
-  use dem_shape, only: rotation_of
   use dem_surface_body, only: is_free, load_left
   use dem_system, only: dem_system_type, dem_contacts_type
   implicit none
   private
-  public :: dem_equilibrium_type, stop_slowing, mean_unbalanced
+  public :: dem_equilibrium_type, mean_unbalanced
 
   integer(i4), parameter :: longest = 100  !! steps in a block
 
@@ -84,7 +82,7 @@ contains
     integer(i8), intent(in) :: steps  !! taken so far
     if (.not. self%adaptive) return
     if (modulo(steps, int(self%damping_every, i8)) /= 0) return
-    call stop_slowing(system%dem_data_type)
+    call system%slow_down()
   end subroutine damp
 
   pure logical function due(self, steps)
@@ -178,33 +176,4 @@ contains
     if (n > 0) ratio = left/n
     if (force > 0.0_wp) ratio = ratio*list%n/force
   end function mean_unbalanced
-
-  !> Stop every free grain whose kinetic energy has fallen since the last look: it has passed the
-  !! lowest point of its motion. What it loses is background damping. A grain that falls or rolls
-  !! down is left alone. Translation and rotation stop together: one without the other would break
-  !! rolling into sliding, and the bed would creep.
-  subroutine stop_slowing(d)
-    type(dem_data_type), intent(inout) :: d
-    real(wp) :: lost, now, scale(2), l(3)
-    integer(i4) :: i
-
-    if (.not. allocated(d%seen_kinetic)) allocate (d%seen_kinetic(d%grains%n), source=0.0_wp)
-    scale = [d%par%mass_scale, d%par%inertia_scale]
-    lost = 0.0_wp
-    associate (g => d%grains, seen => d%seen_kinetic)
-      do i = 1, g%n
-        if (g%kind(i) /= kind_free) cycle
-        l = scaled_spin_momentum(rotation_of(g%quat(:, i)), scale(2)*g%inertia(:, i), g%omega(:, i))
-        now = 0.5_wp*scale(1)*g%mass(i)*sum(g%v(:, i)**2) + 0.5_wp*dot_product(l, g%omega(:, i))
-        if (now < seen(i)) then
-          lost = lost + now
-          now = 0.0_wp
-          g%v(:, i) = 0.0_wp
-          g%omega(:, i) = 0.0_wp
-        end if
-        seen(i) = now
-      end do
-    end associate
-    d%ledger%background_damping = d%ledger%background_damping + lost
-  end subroutine stop_slowing
 end module dem_equilibrium

@@ -9,7 +9,7 @@ module dem_extra_list
     bond_reals, turning_reals
   implicit none
   private
-  public :: move_extras, mark_touched, held_lanes, put_extras, get_extras
+  public :: move_extras, mark_touched, held_lanes, count_broken, put_extras, get_extras
 
 contains
 
@@ -54,6 +54,13 @@ contains
     if (extras%cohesion_at > 0) held = extras%kept(:, extras%cohesion_at, k) > 0.0_wp
     if (extras%bond_at > 0) held = held .or. extras%kept(:, extras%bond_at, k) > 0.0_wp
   end function held_lanes
+
+  !> Bonds broken so far, in whole numbers.
+  pure subroutine count_broken(extras)
+    type(dem_extras_type), intent(inout) :: extras
+    extras%torn = nint(extras%broken(1), i8)
+    extras%sheared = nint(extras%broken(2), i8)
+  end subroutine count_broken
 
   !> Each law's reals by name, so that a restart may add or drop a law.
   subroutine put_extras(extras, archive)
@@ -100,8 +107,8 @@ contains
     call archive%get_integers('extras.bonds', 3, 1, counts, errors)
     if (errors%any()) return
     extras%made = counts(1, 1)
-    extras%torn = counts(2, 1)
-    extras%sheared = counts(3, 1)
+    extras%broken = real(counts(2:3, 1), wp)
+    call count_broken(extras)
 
   contains
 

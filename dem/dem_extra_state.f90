@@ -64,6 +64,7 @@ module dem_extra_state
     type(dem_bond_type) :: bond
     integer(i8) :: made = 0                   !! bonds at the start
     integer(i8) :: torn = 0, sheared = 0      !! bonds broken so far
+    real(wp) :: broken(2) = 0.0_wp            !! the same; of many ranks this one's part
     integer(i8) :: lost = 0                   !! bonds that left the candidate list
     real(wp), allocatable :: kept(:, :, :)    !! (lanes, reals, blocks)
     real(wp), allocatable :: work(:, :)       !! (extra_work_count, blocks) of this step [J]

@@ -9,7 +9,7 @@ module dem_extras
     work_torn, work_sheared
   use dem_block, only: dem_block_type
   use dem_contact, only: constants_of
-  use dem_extra_list, only: held_lanes
+  use dem_extra_list, only: held_lanes, count_broken
   use dem_bond, only: bond_block, bond_energy, bond_stiffness
   use dem_cohesion, only: cohesion_block, cohesion_energy, neck_stiffness, tear_overlap
   use dem_rolling, only: rolling_block, rolling_energy
@@ -161,12 +161,18 @@ contains
     real(wp) :: total(extra_work_count)
     integer(i4) :: k
     total = 0.0_wp
-    do k = 1, d%pairs%blocks
-      total = total + d%pairs%extras%work(:, k)
-    end do
+    if (allocated(d%pairs%share)) then
+      do k = 1, d%pairs%blocks
+        total = total + d%pairs%share(k)*d%pairs%extras%work(:, k)
+      end do
+    else
+      do k = 1, d%pairs%blocks
+        total = total + d%pairs%extras%work(:, k)
+      end do
+    end if
     d%ledger%rolling = d%ledger%rolling + total(1)
     d%ledger%breakage = d%ledger%breakage + total(2)
-    d%pairs%extras%torn = d%pairs%extras%torn + nint(total(work_torn), i8)
-    d%pairs%extras%sheared = d%pairs%extras%sheared + nint(total(work_sheared), i8)
+    d%pairs%extras%broken = d%pairs%extras%broken + total(work_torn:work_sheared)
+    call count_broken(d%pairs%extras)
   end subroutine add_extra_work
 end module dem_extras

@@ -3,9 +3,9 @@ module dem_form_make
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
-  use dem_form, only: form_size, form_of, turned, least_exponent, most_exponent
+  use dem_form, only: form_of, turned, least_exponent, most_exponent
   use dem_form_mass, only: form_mass_type, mass_of_form
-  use dem_form_state, only: form_kind, form_ellipsoid
+  use dem_form_state, only: allocate_forms, form_kind, form_ellipsoid
   use dem_make, only: sorted_order
   use dem_shape, only: quaternion_product
   use dem_state, only: dem_grains_type, dem_material_type
@@ -29,7 +29,6 @@ contains
     real(wp), intent(in) :: exponent(:)   !! (n) [-]
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: order(:)
-    real(wp) :: none(3)
     integer(i4) :: i, n
 
     call check_forms(grains, id, skew, exponent, errors)
@@ -37,18 +36,11 @@ contains
     n = grains%n
     if (.not. (any(abs(skew) > 0.0_wp) .or. any(exponent > least_exponent))) return
     order = sorted_order(id)
-    none = 0.0_wp
     associate (f => grains%forms)
-      f%n = n
-      allocate (f%kind(n + 3), source=form_ellipsoid)
-      allocate (f%record(form_size, n + 3), f%frame(4, n), f%reach(n), source=0.0_wp)
+      call allocate_forms(f, n)
       f%skew = skew(:, order)
       f%exponent = exponent(order)
       f%axes = grains%axes
-      f%frame(1, :) = 1.0_wp
-      do i = n + 1, n + 3
-        f%record(:, i) = form_of(none + 1.0_wp, none + 1.0_wp, none, least_exponent)
-      end do
     end associate
     do i = 1, n
       call make_form(grains, materials(grains%material(i))%density, i)

@@ -2,11 +2,11 @@
 !! no ellipsoid.
 module dem_form_state
   use talus_kinds, only: wp, i4
-  use dem_form, only: form_size
+  use dem_form, only: form_size, form_of, least_exponent
   use dem_shape, only: quaternion_product
   implicit none
   private
-  public :: dem_forms_type, put_frame, form_kind
+  public :: dem_forms_type, allocate_forms, put_frame, form_kind
   public :: form_ellipsoid, form_octants, form_powers
 
   integer(i4), parameter :: form_ellipsoid = 0  !! spheres and ellipsoids
@@ -26,6 +26,23 @@ module dem_form_state
   end type dem_forms_type
 
 contains
+
+  !> Room for the forms of n grains; pads are spheres.
+  pure subroutine allocate_forms(forms, n)
+    type(dem_forms_type), intent(inout) :: forms
+    integer(i4), intent(in) :: n
+    real(wp) :: none(3)
+    integer(i4) :: i
+    none = 0.0_wp
+    forms%n = n
+    allocate (forms%kind(n + 3), source=form_ellipsoid)
+    allocate (forms%record(form_size, n + 3), forms%frame(4, n), forms%skew(3, n), &
+              forms%exponent(n), forms%axes(3, n), forms%reach(n), source=0.0_wp)
+    forms%frame(1, :) = 1.0_wp
+    do i = n + 1, n + 3
+      forms%record(:, i) = form_of(none + 1.0_wp, none + 1.0_wp, none, least_exponent)
+    end do
+  end subroutine allocate_forms
 
   !> Kind of a form.
   pure integer(i4) function form_kind(skew, exponent) result(kind)

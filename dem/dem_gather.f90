@@ -2,38 +2,52 @@
 module dem_gather
   use talus_kinds, only: wp, i4
   use talus_ranks, only: ranks_type
-  use dem_state, only: dem_data_type, kind_free, kind_mirror, lanes, body_size
+  use dem_state, only: dem_data_type, kind_free, kind_mirror, lanes
   use dem_adopt, only: adopt_contacts, give_results
   use dem_migrate, only: pack_grains
   use dem_pairs, only: build_pairs
-  use dem_records, only: grain_size, contact_size, part_size, pack_grain, unpack_grain, &
-    pack_contact, carried, index_of
+  use dem_records, only: part_size, grain_reals, contact_reals, body_places, pack_grain, &
+    unpack_grain, pack_contact, carried, index_of
+  use dem_surface_search, only: list_near
+  use dem_surface_share, only: pack_touches, adopt_touches
   implicit none
   private
-  public :: hand_in, take_in
+  public :: hand_in, take_in, haul_type
+
+  !> What all ranks have handed in, on the leader.
+  type :: haul_type
+    real(wp), allocatable :: grains(:, :)      !! rows as columns, see dem_records
+    real(wp), allocatable :: contacts(:, :)
+    real(wp), allocatable :: touches(:, :)     !! contacts with surfaces, see dem_surface_share
+    real(wp), allocatable :: prescribed(:, :)  !! (part_size n, ranks)
+  end type haul_type
 
 contains
 
   !> Free grains, contacts and the parts of prescribed grains' sums, from all ranks to the leader.
-  subroutine hand_in(team, part, grains, contacts, prescribed)
+  subroutine hand_in(team, part, haul)
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(in) :: part
-    real(wp), allocatable, intent(out) :: grains(:, :)      !! rows as columns, see dem_records
-    real(wp), allocatable, intent(out) :: contacts(:, :)
-    real(wp), allocatable, intent(out) :: prescribed(:, :)  !! (part_size n, ranks)
+    type(haul_type), intent(out) :: haul
     real(wp), allocatable :: rows(:, :)
     integer(i4) :: number(0:team%ranks - 1), came(0:team%ranks - 1)
 
     number = 0
     call pack_grains(part, part%grains%kind == kind_free, rows)
     number(0) = size(rows, 2)
-    call team%trade(rows, number, grains, came)
+    call team%trade(rows, number, haul%grains, came)
     call pack_contacts(part, rows)
     number(0) = size(rows, 2)
-    call team%trade(rows, number, contacts, came)
+    call team%trade(rows, number, haul%contacts, came)
+    if (part%surfaces%n > 0) then
+      call pack_touches(part, part%grains%kind == kind_free, rows)
+      number(0) = size(rows, 2)
+      call team%trade(rows, number, haul%touches, came)
+    end if
     call pack_grains(part, .not. (part%grains%kind == kind_free &
                                   .or. part%grains%kind == kind_mirror), rows)
-    call team%collect(reshape(rows(:part_size, :), [part_size*size(rows, 2)]), prescribed)
+    call team%collect(reshape(rows(:part_size, :), [part_size*size(rows, 2)]), &
+                      haul%prescribed)
   end subroutine hand_in
 
   !> Every contact of a rank, those over a border from the rank of the lower id alone.
@@ -54,23 +68,25 @@ contains
           if (round == 2) call pack_contact(part, lane, k, rows(:, n))
         end do
       end do
-      if (round == 1) allocate (rows(contact_size, n))
+      if (round == 1) allocate (rows(contact_reals(part), n))
     end do
   end subroutine pack_contacts
 
   !> The whole as it is now.
-  subroutine take_in(part, grains, contacts, prescribed, whole)
+  subroutine take_in(part, haul, whole)
     type(dem_data_type), intent(in) :: part  !! of the leader
-    real(wp), intent(in) :: grains(:, :), contacts(:, :), prescribed(:, :)
+    type(haul_type), intent(in) :: haul
     type(dem_data_type), intent(inout) :: whole
     integer(i4) :: k, i
 
-    do k = 1, size(grains, 2)
-      i = index_of(whole, grains(14, k))
-      call unpack_grain(grains(:, k), whole, i)
-      whole%pairs%body(:, i) = grains(grain_size - body_size + 1:, k)
+    if (allocated(part%seen_kinetic) .and. .not. allocated(whole%seen_kinetic)) &
+      allocate (whole%seen_kinetic(whole%grains%n), source=0.0_wp)
+    do k = 1, size(haul%grains, 2)
+      i = index_of(whole, haul%grains(14, k))
+      call unpack_grain(haul%grains(:, k), whole, i)
+      whole%pairs%body(:, i) = haul%grains(body_places(1):body_places(2), k)
     end do
-    call take_prescribed(part, prescribed, whole)
+    call take_prescribed(part, haul%prescribed, whole)
     whole%planes%point = part%planes%point
     do k = 1, whole%planes%n
       i = whole%grains%n + 3 + k
@@ -78,10 +94,13 @@ contains
     end do
     whole%pairs%skin = part%pairs%skin
     whole%pairs%built_at = part%pairs%built_at
-    call adopt_contacts(whole, contacts)
+    call adopt_contacts(whole, haul%contacts)
     call build_pairs(whole%pairs, whole%grains, whole%planes, whole%weights, &
                      whole%par%ghost_pairs, whole%cell)
-    call give_results(whole, contacts)
+    call give_results(whole, haul%contacts)
+    if (whole%surfaces%n == 0) return
+    call adopt_touches(whole, haul%touches)
+    call list_near(whole)
   end subroutine take_in
 
   !> Prescribed grains stand where the leader has them; what acts on them is the sum over the ranks.
@@ -89,7 +108,7 @@ contains
     type(dem_data_type), intent(in) :: part
     real(wp), intent(in) :: prescribed(:, :)
     type(dem_data_type), intent(inout) :: whole
-    real(wp) :: row(grain_size)
+    real(wp) :: row(grain_reals(part%halo%formed))
     integer(i4) :: i, k, n, r
 
     n = 0

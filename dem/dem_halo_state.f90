@@ -1,7 +1,8 @@
 !> The domain of a rank and the grains that it shares with its neighbours. Plain data.
 !!
 !! Space is cut into slabs along x, each of these into bars along y, each of these into boxes along
-!! z, one a rank: rank = ix + px (iy + py iz), all from 0. Outer boxes have no outer end.
+!! z, one a rank: rank = ix + px (iy + py iz), all from 0. Outer boxes have no outer end. In a
+!! periodic cell x, y and z are places between its faces, in short edges of its lattice.
 module dem_halo_state
   use talus_kinds, only: wp, i4, i8
   use talus_ranks, only: ranks_type
@@ -16,8 +17,15 @@ module dem_halo_state
     real(wp), allocatable :: cut_y(:, :)       !! (0:py, px) of the bars [m]
     real(wp), allocatable :: cut_z(:, :, :)    !! (0:pz, px, py) of the boxes [m]
     logical :: cut = .false.                   !! boxes have been chosen
+    logical :: folding = .false.               !! in a periodic cell
+    logical :: wraps(3) = .false.              !! along the axes that are periodic
+    integer(i4) :: whole(3, 3) = 0             !! short edges in edges, when boxes were chosen
+    real(wp) :: origin(3) = 0.0_wp             !! of the cell [m]
+    real(wp) :: inverse(3, 3) = 0.0_wp         !! places of points from the origin [1/m]
+    real(wp) :: per_length(3) = 1.0_wp         !! how far places lie apart, [-] or [1/m]
     real(wp) :: range = 0.0_wp                 !! depth of the halo [m]
     integer(i4) :: width = 9                   !! reals of a body record that change in a step
+    logical :: formed = .false.                !! some grain of the run is no ellipsoid
     integer(i4) :: partners = 0                !! ranks with which bodies are exchanged
     integer(i4), allocatable :: partner(:)     !! (partners) ascending
     integer(i4), allocatable :: first_out(:)   !! (partners+1) of the bodies sent to each

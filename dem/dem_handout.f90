@@ -1,16 +1,25 @@
-!> What the leader tells the other ranks: how the system moves, its laws, planes and prescribed
-!! grains at the start; what may change between steps before each of them.
+!> What the leader tells the other ranks: how the system moves, its laws, planes, surfaces, cell and
+!! prescribed grains at the start; what may change between steps before each of them.
 module dem_handout
   use talus_kinds, only: wp, i4, i8
   use talus_ranks, only: ranks_type
-  use dem_state, only: dem_data_type, dem_parameters_type, &
-    dem_health_type, dem_ledger_type, kind_free
+  use dem_extra_state, only: dem_extras_type
+  use dem_extras, only: plan_extras
+  use dem_form_state, only: put_frame
+  use dem_prescribed, only: put_body
+  use dem_state, only: dem_data_type, dem_parameters_type, dem_cell_type, &
+    dem_health_type, dem_ledger_type, kind_free, kind_mirror
   use dem_make, only: make_planes
   use dem_migrate, only: pack_grains, make_local
-  use dem_records, only: grain_size, part_size
+  use dem_records, only: part_size, grain_reals, index_of
+  use dem_surface_share, only: tell_surfaces, tell_motion
+  use dem_surface_state, only: bore_swell
+  use dem_tell, only: tell_matrix
   implicit none
   private
-  public :: hand_out, tell_step
+  public :: hand_out, tell_step, tell_targets, tell_loads
+
+  integer(i4), parameter :: target_reals = 26  !! of a prescribed grain on its way
 
 contains
 
@@ -19,17 +28,25 @@ contains
   subroutine hand_out(team, part)
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(inout) :: part
-    integer(i4) :: sizes(4)
+    integer(i4) :: sizes(6)
 
     if (team%leads()) sizes = [size(part%materials, kind=i4), part%planes%n, &
                                int(count(part%grains%kind /= kind_free), i4), &
-                               merge(9_i4, 15_i4, all_round(part))]
+                               merge(9_i4, 15_i4, all_round(part)), &
+                               merge(1_i4, 0_i4, part%grains%forms%n > 0), &
+                               merge(1_i4, 0_i4, allocated(part%seen_kinetic))]
     call team%tell_numbers(sizes)
     part%halo%width = sizes(4)
+    part%halo%formed = sizes(5) > 0
+    if (part%halo%formed) part%halo%width = 19
+    if (sizes(6) > 0 .and. .not. team%leads()) part%seen_kinetic = [real(wp) ::]
     call tell_parameters(team, part%par)
     call tell_health(team, part%health)
     call tell_laws(team, sizes(1), part)
+    call tell_extras(team, part)
+    call tell_cell(team, part%cell)
     call tell_planes(team, sizes(2), part)
+    call tell_surfaces(team, part%surfaces)
     call tell_list(team, part)
     call tell_prescribed(team, sizes(3), part)
   end subroutine hand_out
@@ -39,13 +56,15 @@ contains
     type(dem_data_type), intent(in) :: d
     integer(i4) :: i
     all_round = .false.
+    if (d%grains%forms%n > 0) return
     do i = 1, d%grains%n
       if (maxval(d%grains%axes(:, i)) > minval(d%grains%axes(:, i))) return
     end do
     all_round = .true.
   end function all_round
 
-  !> What may have changed since the last steps: parameters and velocities of planes.
+  !> What may have changed since the last steps: parameters, rate of the cell, velocities of planes
+  !! and surfaces.
   subroutine tell_step(team, whole, part)
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(in) :: whole  !! of the leader; the others name any
@@ -53,10 +72,101 @@ contains
     if (team%leads()) then
       part%par = whole%par
       part%planes%velocity = whole%planes%velocity
+      part%cell%rate = whole%cell%rate
+      part%cell%held = whole%cell%held
+      if (part%surfaces%n > 0) then
+        part%surfaces%velocity = whole%surfaces%velocity
+        part%surfaces%spin = whole%surfaces%spin
+        part%surfaces%bore(bore_swell, :) = whole%surfaces%bore(bore_swell, :)
+      end if
+      if (part%surfaces%soft) then
+        part%surfaces%v = whole%surfaces%v
+        part%surfaces%target = whole%surfaces%target
+        part%surfaces%has_target = whole%surfaces%has_target
+      end if
     end if
     call tell_parameters(team, part%par)
-    if (part%planes%n > 0) call tell_matrix(team, part%planes%velocity)
+    call tell_matrix(team, part%planes%velocity)
+    if (part%cell%active) call tell_matrix(team, part%cell%rate)
+    if (part%surfaces%n > 0) call tell_motion(team, part%surfaces)
   end subroutine tell_step
+
+  !> How prescribed grains go on from now.
+  subroutine tell_targets(team, whole, placed, part)
+    type(ranks_type), intent(in) :: team
+    type(dem_data_type), intent(in) :: whole  !! of the leader; the others name any
+    logical, intent(in) :: placed             !! the whole knows where they are
+    type(dem_data_type), intent(inout) :: part
+    real(wp), allocatable :: rows(:, :)
+    integer(i4) :: i, k, at
+
+    allocate (rows(target_reals, count(part%grains%kind /= kind_free &
+                                       .and. part%grains%kind /= kind_mirror)))
+    k = 0
+    do i = 1, part%grains%n
+      if (part%grains%kind(i) == kind_free .or. part%grains%kind(i) == kind_mirror) cycle
+      k = k + 1
+      if (.not. team%leads()) cycle
+      at = index_of(whole, real(part%grains%id(i), wp))
+      associate (g => whole%grains)
+        rows(:, k) = [g%x(:, at), g%quat(:, at), g%v(:, at), g%omega(:, at), &
+                      merge(1.0_wp, 0.0_wp, g%has_target(at)), g%target_x(:, at), &
+                      g%target_quat(:, at), g%turn(:, at), real(g%id(at), wp)]
+      end associate
+    end do
+    call tell_matrix(team, rows)
+    do k = 1, size(rows, 2)
+      call take_target(part, rows(:, k), placed)
+    end do
+  end subroutine tell_targets
+
+  subroutine take_target(part, row, placed)
+    type(dem_data_type), intent(inout) :: part
+    real(wp), intent(in) :: row(target_reals)
+    logical, intent(in) :: placed
+    integer(i4) :: i
+    i = index_of(part, row(target_reals))
+    associate (g => part%grains)
+      if (placed) g%x(:, i) = row(1:3)
+      if (placed) g%quat(:, i) = row(4:7)
+      g%v(:, i) = row(8:10)
+      g%omega(:, i) = row(11:13)
+      g%has_target(i) = row(14) > 0.0_wp
+      g%target_x(:, i) = row(15:17)
+      g%target_quat(:, i) = row(18:21)
+      g%turn(:, i) = row(22:25)
+      call put_body(g, i, part%pairs%body(:, i))
+      call put_frame(g%forms, i, g%quat(:, i))
+    end associate
+  end subroutine take_target
+
+  !> Extra forces of the grains that are marked.
+  subroutine tell_loads(team, whole, marked, part)
+    type(ranks_type), intent(in) :: team
+    type(dem_data_type), intent(in) :: whole  !! of the leader; the others name any
+    logical, intent(in) :: marked(:)          !! grains of the whole; the others name any
+    type(dem_data_type), intent(inout) :: part
+    real(wp), allocatable :: rows(:, :)
+    integer(i4) :: n(1), i, k
+
+    n = count(marked)
+    call team%tell_numbers(n)
+    allocate (rows(7, n(1)))
+    k = 0
+    do i = 1, merge(whole%grains%n, 0_i4, team%leads())
+      if (.not. marked(i)) cycle
+      k = k + 1
+      rows(:, k) = [real(whole%grains%id(i), wp), whole%grains%extra_force(:, i), &
+                    whole%grains%extra_moment(:, i)]
+    end do
+    call tell_matrix(team, rows)
+    do k = 1, size(rows, 2)
+      i = index_of(part, rows(1, k))
+      if (i == 0) cycle
+      part%grains%extra_force(:, i) = rows(2:4, k)
+      part%grains%extra_moment(:, i) = rows(5:7, k)
+    end do
+  end subroutine tell_loads
 
   subroutine tell_parameters(team, par)
     type(ranks_type), intent(in) :: team
@@ -82,7 +192,10 @@ contains
     type(dem_data_type), intent(inout) :: part
     integer(i4), allocatable :: numbers(:)
     integer(i4) :: a, b
-    if (.not. team%leads()) allocate (part%materials(n), part%laws(n, n))
+    if (.not. team%leads()) then
+      if (allocated(part%materials)) deallocate (part%materials, part%laws)
+      allocate (part%materials(n), part%laws(n, n))
+    end if
     do a = 1, n
       numbers = transfer(part%materials(a), [0_i4])
       call team%tell_numbers(numbers)
@@ -112,14 +225,39 @@ contains
     call tell_matrix(team, part%planes%velocity)
   end subroutine tell_planes
 
-  subroutine tell_matrix(team, matrix)
+  !> Laws on top of the base law, and bonds. Those made and broken so far are the leader's.
+  subroutine tell_extras(team, part)
     type(ranks_type), intent(in) :: team
-    real(wp), intent(inout), contiguous :: matrix(:, :)
-    real(wp) :: values(size(matrix))
-    values = reshape(matrix, [size(matrix)])
-    call team%tell_values(values)
-    matrix = reshape(values, shape(matrix))
-  end subroutine tell_matrix
+    type(dem_data_type), intent(inout) :: part
+    type(dem_extras_type) :: fresh
+    real(wp) :: values(8)
+
+    if (.not. team%leads()) part%pairs%extras = fresh
+    associate (bond => part%pairs%extras%bond)
+      values = [merge(1.0_wp, 0.0_wp, bond%given), bond%young, bond%stiffness_ratio, bond%radius, &
+                bond%tensile_strength, bond%shear_strength, bond%damping_ratio, bond%reach]
+      call team%tell_values(values)
+      if (team%leads()) return
+      bond%given = values(1) > 0.0_wp
+      bond%young = values(2)
+      bond%stiffness_ratio = values(3)
+      bond%radius = values(4)
+      bond%tensile_strength = values(5)
+      bond%shear_strength = values(6)
+      bond%damping_ratio = values(7)
+      bond%reach = values(8)
+    end associate
+    call plan_extras(part%laws, part%pairs%extras)
+  end subroutine tell_extras
+
+  subroutine tell_cell(team, cell)
+    type(ranks_type), intent(in) :: team
+    type(dem_cell_type), intent(inout) :: cell
+    integer(i4), allocatable :: numbers(:)
+    numbers = transfer(cell, [0_i4])
+    call team%tell_numbers(numbers)
+    cell = transfer(numbers, cell)
+  end subroutine tell_cell
 
   !> Skin of the list and when it was made; the step of the ledger, which the leader's part holds.
   subroutine tell_list(team, part)
@@ -147,9 +285,9 @@ contains
     if (team%leads()) then
       call pack_grains(part, part%grains%kind /= kind_free, rows)
     else
-      allocate (rows(grain_size, n))
+      allocate (rows(grain_reals(part%halo%formed), n))
     end if
-    if (n > 0) call tell_matrix(team, rows)
+    call tell_matrix(team, rows)
     if (team%leads()) return
     rows(:part_size, :) = 0.0_wp
     call make_local(part, rows)

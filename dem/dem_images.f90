@@ -13,7 +13,7 @@ module dem_images
   use dem_make, only: sorted_order
   implicit none
   private
-  public :: find_over_faces, place_images, place_image, resize_images
+  public :: find_over_faces, place_images, place_image, resize_images, name_images, image_of
 
   integer(i8), parameter :: span = 8192_i8  !! shifts lie within half of it
 
@@ -153,6 +153,30 @@ contains
       if (pairs%former(k) > 0) pairs%former(k) = pairs%former(k) + pairs%plain
     end do
   end subroutine make_images
+
+  !> Images for contacts that come from elsewhere: seconds with a shift become images.
+  subroutine name_images(pairs, n, shift, second)
+    type(dem_pairs_type), intent(inout) :: pairs
+    integer(i4), intent(in) :: n              !! grains
+    integer(i4), intent(in) :: shift(:, :)    !! (3, contacts)
+    integer(i4), intent(inout) :: second(:)   !! (contacts) grains, 0: none
+    integer(i8) :: key(size(second))
+    integer(i4) :: k
+    do k = 1, size(second)
+      key(k) = key_of(second(k), shift(:, k))
+    end do
+    call make_images(pairs, n, pack(key, second > 0))
+    do k = 1, size(second)
+      if (second(k) > 0) second(k) = body_of(pairs, n, key(k))
+    end do
+  end subroutine name_images
+
+  !> Image of a grain with a shift; the grain itself if there is none.
+  pure integer(i4) function image_of(pairs, n, grain, shift) result(body)
+    type(dem_pairs_type), intent(in) :: pairs
+    integer(i4), intent(in) :: n, grain, shift(3)
+    body = body_of(pairs, n, key_of(grain, shift))
+  end function image_of
 
   pure function image_keys(pairs) result(key)
     type(dem_pairs_type), intent(in) :: pairs

@@ -7,14 +7,17 @@
 !! border has the same bits on both sides, and sums run in the same order as on one rank.
 module dem_migrate
   use talus_kinds, only: wp, i4, i8
-  use dem_state, only: dem_data_type, dem_grains_type, kind_free, kind_mirror, lanes, body_size
+  use dem_state, only: dem_data_type, dem_grains_type, kind_free, kind_mirror, lanes
   use dem_adopt, only: adopt_contacts
-  use dem_domains, only: cut_domains, rank_at, ranks_near, distance_to_domain
+  use dem_domains, only: cut_domains, rank_at, ranks_near, distance_to_domain, place_of, &
+    follow_cell, turn_to_cell
+  use dem_form_state, only: allocate_forms
   use dem_halo_state, only: dem_halo_type
   use dem_make, only: allocate_grains, sorted_order
   use dem_pairs, only: allocate_bodies
-  use dem_records, only: grain_size, contact_size, pack_grain, unpack_grain, pack_contact, &
-    carried, index_of
+  use dem_records, only: grain_reals, contact_reals, body_places, pack_grain, unpack_grain, &
+    pack_contact, carried, index_of
+  use dem_surface_share, only: pack_touches, adopt_touches
   implicit none
   private
   public :: share_out, pack_grains, make_local
@@ -25,23 +28,26 @@ contains
 
   !> Send everything where it belongs; the list of d is then the contacts alone and must be made
   !! anew. Skin and range must be the same on all ranks.
-  subroutine share_out(d)
+  subroutine share_out(d, contacts)
     type(dem_data_type), intent(inout) :: d
+    real(wp), allocatable, intent(out) :: contacts(:, :)  !! of this rank's grains, see dem_records
     integer(i4), allocatable :: home(:)
     integer(i4) :: came(0:d%halo%team%ranks - 1)
-    real(wp), allocatable :: held(:, :), own(:, :), mirrors(:, :), contacts(:, :)
+    real(wp), allocatable :: held(:, :), own(:, :), mirrors(:, :), touches(:, :)
 
     call find_range(d)
     call find_homes(d, home)
     call pack_grains(d, d%grains%kind /= kind_free .and. d%grains%kind /= kind_mirror, held)
     call send_grains(d, home, own)
     call send_contacts(d, home, contacts)
+    if (d%surfaces%n > 0) call send_touches(d, home, touches)
     call send_mirrors(d%halo, own, mirrors, came)
     d%halo%own = size(own, 2)
     d%halo%mirrors = size(mirrors, 2)
     call make_local(d, reshape([held, own, mirrors], &
-                               [grain_size, size(held, 2) + size(own, 2) + size(mirrors, 2)]))
+                               [size(own, 1), size(held, 2) + size(own, 2) + size(mirrors, 2)]))
     call adopt_contacts(d, contacts)
+    if (d%surfaces%n > 0) call adopt_touches(d, touches)
     call list_bodies(d, mirrors, came)
   end subroutine share_out
 
@@ -59,7 +65,7 @@ contains
   subroutine find_homes(d, home)
     type(dem_data_type), intent(inout) :: d
     integer(i4), allocatable, intent(out) :: home(:)
-    real(wp), allocatable :: work(:)
+    real(wp), allocatable :: work(:), place(:, :)
     integer(i4), allocatable :: own(:)
     real(wp) :: mean(1), most(2), way
     integer(i4) :: k
@@ -73,8 +79,9 @@ contains
     mean = sum(work)
     d%halo%stray = 0
     if (d%halo%cut) then
+      call follow_cell(d%halo, d%cell)
       do k = 1, size(own)
-        way = distance_to_domain(d%halo, d%halo%team%rank, d%grains%x(:, own(k)))
+        way = distance_to_domain(d%halo, d%halo%team%rank, place_of(d%halo, d%grains%x(:, own(k))))
         if (way <= d%halo%range) cycle
         d%halo%stray = d%grains%id(own(k))
         d%halo%stray_way = way
@@ -85,11 +92,16 @@ contains
     call d%halo%team%most(most)
     d%halo%imbalance = most(1)*d%halo%team%ranks/max(mean(1), 1.0_wp)
     d%halo%strayed = most(2) > 0.0_wp
+    call turn_to_cell(d%halo, d%cell)
+    allocate (place(3, size(own)))
+    do k = 1, size(own)
+      place(:, k) = place_of(d%halo, d%grains%x(:, own(k)))
+    end do
     if (.not. d%halo%cut .or. d%halo%imbalance > most_imbalance) &
-      call cut_domains(d%halo, d%grains%x(:, own), work)
+      call cut_domains(d%halo, place, work)
     allocate (home(d%grains%n), source=-1_i4)
     do k = 1, size(own)
-      home(own(k)) = rank_at(d%halo, d%grains%x(:, own(k)))
+      home(own(k)) = rank_at(d%halo, place(:, k))
     end do
   end subroutine find_homes
 
@@ -99,7 +111,7 @@ contains
     logical, intent(in) :: wanted(:)
     real(wp), allocatable, intent(out) :: rows(:, :)
     integer(i4) :: i, k
-    allocate (rows(grain_size, count(wanted)))
+    allocate (rows(grain_reals(d%halo%formed), count(wanted)))
     k = 0
     do i = 1, d%grains%n
       if (.not. wanted(i)) cycle
@@ -127,7 +139,7 @@ contains
     do r = 1, ranks - 1
       at(r) = at(r - 1) + number(r - 1)
     end do
-    allocate (rows(grain_size, sum(number)))
+    allocate (rows(grain_reals(d%halo%formed), sum(number)))
     do i = 1, size(home)
       if (home(i) < 0) cycle
       at(home(i)) = at(home(i)) + 1
@@ -153,7 +165,7 @@ contains
           if (.not. carried(d, lane, k)) cycle
           a = -1
           if (d%pairs%first(lane, k) <= d%grains%n) a = home(d%pairs%first(lane, k))
-          b = home(d%pairs%second(lane, k))
+          b = home(d%pairs%grain(d%pairs%second(lane, k)))
           call put(a)
           if (b /= a) call put(b)
         end do
@@ -163,7 +175,7 @@ contains
       do r = 1, d%halo%team%ranks - 1
         at(r) = at(r - 1) + number(r - 1)
       end do
-      allocate (rows(contact_size, sum(number)))
+      allocate (rows(contact_reals(d), sum(number)))
     end do
     call d%halo%team%trade(rows, number, contacts, came)
 
@@ -182,6 +194,25 @@ contains
     end subroutine put
   end subroutine send_contacts
 
+  !> Contacts of this rank's grains with surfaces go with their grains.
+  subroutine send_touches(d, home, touches)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: home(:)
+    real(wp), allocatable, intent(out) :: touches(:, :)
+    integer(i4) :: number(0:d%halo%team%ranks - 1), came(0:d%halo%team%ranks - 1), k
+    integer(i4), allocatable :: to(:)
+    real(wp), allocatable :: rows(:, :)
+
+    call pack_touches(d, home >= 0, rows)
+    allocate (to(size(rows, 2)))
+    number = 0
+    do k = 1, size(to)
+      to(k) = home(index_of(d, rows(1, k)))
+      number(to(k)) = number(to(k)) + 1
+    end do
+    call d%halo%team%trade(rows(:, sorted_order(int(to, i8))), number, touches, came)
+  end subroutine send_touches
+
   !> Grains near the domains of others are known there too.
   subroutine send_mirrors(halo, own, mirrors, came)
     type(dem_halo_type), intent(inout) :: halo
@@ -196,7 +227,7 @@ contains
     number = 0
     do round = 1, 2
       do i = 1, size(own, 2)
-        call ranks_near(halo, own(17:19, i), halo%range, near, many)
+        call ranks_near(halo, place_of(halo, own(17:19, i)), halo%range, near, many)
         do k = 0, many - 1
           r = near(k)
           if (r == halo%team%rank) cycle
@@ -214,7 +245,7 @@ contains
       do r = 1, halo%team%ranks - 1
         at(r) = at(r - 1) + number(r - 1)
       end do
-      allocate (rows(grain_size, sum(number)))
+      allocate (rows(size(own, 1), sum(number)))
     end do
     call halo%team%trade(rows, number, mirrors, came)
     call name_partners(halo, rows, number, came)
@@ -272,13 +303,15 @@ contains
     order = sorted_order(nint(rows(14, :), i8))
     grains%n = size(order)
     call allocate_grains(grains)
+    if (d%halo%formed) call allocate_forms(grains%forms, grains%n)
     d%grains = grains
+    if (allocated(d%seen_kinetic)) d%seen_kinetic = spread(0.0_wp, 1, d%grains%n)
     do k = 1, size(order)
       call unpack_grain(rows(:, order(k)), d, k)
     end do
     call allocate_bodies(d%pairs, d%grains, d%planes)
     do k = 1, size(order)
-      d%pairs%body(:, k) = rows(grain_size - body_size + 1:, order(k))
+      d%pairs%body(:, k) = rows(body_places(1):body_places(2), order(k))
     end do
     do k = 1, d%planes%n
       body = d%grains%n + 3 + k

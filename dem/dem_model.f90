@@ -92,7 +92,6 @@ module dem_model
     procedure :: automatic_dt
     procedure :: use_step
     procedure, private :: follow_laws
-    procedure, private :: on_ranks
     procedure :: take_steps
     procedure :: load_surface
     procedure :: write_due
@@ -144,7 +143,8 @@ contains
     call self%drive%read(self%deck, self%system%dem_data_type, self%servo%curve, self%served, &
                          errors)
     call self%probe%read(self%deck, self%system%dem_data_type, errors)
-    if (self%ranks%several()) call self%on_ranks(errors)
+    call refuse_ranks(self%deck, self%ranks%ranks, errors)
+    call self%system%use_ranks(self%ranks)
     threads = options%threads
     if (threads == 0) call self%deck%get('run', 1, 'threads', threads)
     if (threads == 0) threads = min(max(1_i4, int(omp_get_max_threads(), i4)/self%ranks%on_host), &
@@ -249,15 +249,6 @@ contains
     call self%clock%start_at(self%clock%time(), self%choices%dt)
     call self%use_step(self%choices%dt)
   end subroutine begin_again
-
-  !> Steps by many ranks; what they cannot do is refused.
-  subroutine on_ranks(self, errors)
-    class(dem_model_type), intent(inout) :: self
-    type(error_list_type), intent(inout) :: errors
-    call refuse_ranks(self%deck, self%system%dem_data_type, self%ranks%ranks, &
-                      self%choices%adaptive, self%served, errors)
-    if (.not. self%served) call self%system%use_ranks(self%ranks)
-  end subroutine on_ranks
 
   !> Contact laws may have changed since the checkpoint: the energy that is stored by the new ones
   !! was there at the start, so that the ledger closes as it did.
@@ -391,7 +382,8 @@ contains
       end if
       call self%take_steps(block, errors)
       if (errors%any()) return
-      if (self%servo%due(self%clock%steps)) call self%system%look()
+      if (self%servo%due(self%clock%steps) .or. self%flow%due(self%clock%steps)) &
+        call self%system%look()
       if (self%servo%due(self%clock%steps)) &
         call self%servo%look(self%system%dem_data_type, self%clock%time())
       call self%load_surface(.false., errors)
@@ -452,10 +444,16 @@ contains
     class(dem_model_type), intent(inout) :: self
     logical, intent(in) :: changed
     type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: before(:, :)
+    real(wp) :: start
     if (changed .and. .not. (self%surcharge%active .and. self%clock%steps == 0)) return
     if (.not. (changed .or. self%surcharge%due(self%system%dem_data_type, self%clock%steps))) return
     call self%timers%start('surcharge')
+    call self%system%look()
+    before = self%system%grains%extra_force
+    start = self%system%ledger%start
     call self%surcharge%look(self%system%dem_data_type, self%clock%time(), self%clock%steps, errors)
+    call self%system%loads_changed(before, start)
     call self%timers%stop('surcharge')
   end subroutine load_surface
 

@@ -116,7 +116,8 @@ contains
     do i = 1, planes%n
       pairs%reference_x(:, grains%n + 3 + i) = planes%point(:, i)
     end do
-    if (cell%active) call list_in_cell(cell, 2.0_wp*maxval(grains%radius) + pairs%skin)
+    if (cell%active) call list_in_cell(cell, 2.0_wp*max(maxval(grains%radius), 0.0_wp) &
+                                       + pairs%skin)
   end subroutine build_pairs
 
   !> Slot of a pair in the current list, 0 if it is not a candidate.

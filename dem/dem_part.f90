@@ -2,11 +2,13 @@
 module dem_part
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
-  use dem_state, only: dem_data_type, dem_ledger_type
+  use dem_state, only: dem_data_type, dem_ledger_type, dem_cell_type
   use dem_ledger, only: follow_step
   use dem_limits, only: gershgorin_step, rayleigh_step, impact_step
+  use dem_extra_list, only: count_broken
   use dem_measure, only: check_overlap, fastest_grain
   use dem_steps, only: step_memory_type, take_steps
+  use dem_surface_share, only: surface_reals, surface_report, take_surfaces
   implicit none
   private
   public :: move_part, report_of, add_reports, rank_marks_type
@@ -19,7 +21,7 @@ module dem_part
   integer(i4), parameter :: at_overlap = works + 1, at_limits = works + 2, at_speed = works + 5, &
     at_kinetic = works + 6, at_most = works + 7, at_exchange = works + 10, at_own = works + 11, &
     at_mirrors = works + 12, at_pairs = works + 13, at_bytes = works + 14, &
-    at_messages = works + 15, report_size = works + 15
+    at_messages = works + 15, at_broken = works + 16, report_size = works + 17
 
   !> What the ranks told last.
   type :: rank_marks_type
@@ -52,7 +54,7 @@ contains
   !> What the leader must know after steps. All ranks ask together.
   function report_of(part) result(report)
     type(dem_data_type), intent(in) :: part
-    real(wp) :: report(report_size + plane_size*part%planes%n)
+    real(wp) :: report(report_size + plane_size*part%planes%n + surface_reals(part%surfaces))
     real(wp) :: top(1), kinetic, most, speed
     integer(i4) :: worst, k, at
 
@@ -74,11 +76,13 @@ contains
     report(at_exchange) = part%halo%seconds
     report(at_own:at_pairs) = [part%halo%own, part%halo%mirrors, part%pairs%count]
     report(at_bytes:at_messages) = [8*part%halo%width*size(part%halo%out), part%halo%partners]
+    report(at_broken:at_broken + 1) = part%pairs%extras%broken
     do k = 1, part%planes%n
       at = report_size + plane_size*(k - 1)
       report(at + 1:at + plane_size) = [part%planes%force(:, k), part%planes%moment(:, k), &
                                         part%planes%impulse(:, k), part%planes%work(k)]
     end do
+    report(report_size + plane_size*part%planes%n + 1:) = surface_report(part%surfaces)
   end function report_of
 
   !> Sums over the ranks, in their order: ledger and planes of the whole, health, limits.
@@ -109,8 +113,26 @@ contains
       whole%planes%work(k) = total(at + 10)
     end do
     whole%planes%point = part%planes%point
+    if (whole%surfaces%n > 0) call take_surfaces(part%surfaces, &
+      total(report_size + plane_size*whole%planes%n + 1:), whole%surfaces)
+    call take_cell(part%cell, whole%cell)
+    whole%grains%has_target = .false.
+    whole%pairs%extras%broken = total(at_broken:at_broken + 1)
+    call count_broken(whole%pairs%extras)
     call take_marks(reports, total(at_kinetic), marks)
   end subroutine add_reports
+
+  !> The cell as it is now; rates are the leader's to set.
+  pure subroutine take_cell(part, whole)
+    type(dem_cell_type), intent(in) :: part
+    type(dem_cell_type), intent(inout) :: whole
+    real(wp) :: rate(3, 3), held(size(whole%held))
+    rate = whole%rate
+    held = whole%held
+    whole = part
+    whole%rate = rate
+    whole%held = held
+  end subroutine take_cell
 
   pure subroutine take_marks(reports, kinetic, marks)
     real(wp), intent(in) :: reports(:, :), kinetic

@@ -7,6 +7,7 @@ module dem_port
   use talus_message, only: message_type, verb_name, verb_advance, verb_force, verb_kick_drift
   use talus_options, only: options_type
   use talus_serve, only: server_type, serve_partner, restart_file
+  use talus_text, only: str
   use dem_clock, only: dem_clock_type
   use dem_ledger, only: start_ledger
   use dem_model, only: dem_model_type, program_name
@@ -153,6 +154,8 @@ contains
     character(len=:), allocatable :: what
 
     call request%get_text('what', what, errors)
+    if (self%model%ranks%several() .and. what == 'contact_weight') &
+      call refuse(self, request, errors)
     if (errors%any()) return
     select case (what)
     case ('contact_weight')
@@ -301,6 +304,9 @@ contains
     type(message_type), intent(inout) :: request, reply
     type(error_list_type), intent(inout) :: errors
 
+    if (self%model%ranks%several() .and. request%verb /= verb_advance) &
+      call refuse(self, request, errors)
+    if (errors%any()) return
     select case (request%verb)
     case (verb_advance)
       call advance(self%model, self%sets, request, reply, self%late, errors)
@@ -313,6 +319,16 @@ contains
                       'grains are moved with ADVANCE, or FORCE and KICK_DRIFT')
     end select
   end subroutine move
+
+  !> Ranks move whole intervals alone, and no grains whose contacts have weights (D290).
+  subroutine refuse(self, request, errors)
+    type(dem_server_type), intent(in) :: self
+    type(message_type), intent(in) :: request
+    type(error_list_type), intent(inout) :: errors
+    call errors%add('D290', 'a partner that steps with the grains, or weighs their contacts, '// &
+                    'needs grains on one rank, these have '//str(self%model%ranks%ranks), &
+                    request%place(), 'ranks = 1 in &program of the grains; threads may be more')
+  end subroutine refuse
 
   !> Keep the step and write what is due.
   subroutine accept(self, errors)

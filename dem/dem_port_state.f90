@@ -44,7 +44,7 @@ contains
         par%full_damping), merge([par%mass_scale, par%inertia_scale], [1.0_wp, 1.0_wp], &
         par%mode == mode_relaxation)])
     end associate
-    call reply%put_int('ranks', 1_i4)
+    call reply%put_int('ranks', model%ranks%ranks)
   end subroutine reply_hello
 
   !> Grains, contacts, ghosts that free grains can reach, groups, a group.

@@ -20,7 +20,7 @@ module dem_probe
   use talus_stiffness, only: six_by_six, fit_isotropic, fit_type, six_of, pairs_of_six
   use talus_summary, only: summary_type
   use dem_cell, only: cell_volume
-  use dem_equilibrium, only: mean_unbalanced, stop_slowing
+  use dem_equilibrium, only: mean_unbalanced
   use dem_flow, only: cell_stress
   use dem_sample, only: fill_sample
   use dem_state, only: dem_data_type
@@ -116,6 +116,7 @@ contains
       do side = 1, merge(2, 1, self%both)
         if (errors%any()) exit
         system%dem_data_type = still
+        call system%begin_anew()
         call self%strain_by(system, k, merge(self%strain, -self%strain, side == 1), errors)
         call self%relax(system, "probe '"//six(k)//"'", place, errors)
         call cell_stress(system%dem_data_type, sigma(:, :, side), stiffness)
@@ -128,6 +129,7 @@ contains
                            /max(maxval(abs(sigma(:, :, 1) - sigma(:, :, 2))), tiny(1.0_wp)))
     end do
     system%dem_data_type = kept
+    call system%begin_anew()
     self%done = .not. errors%any()
   end subroutine run_probes
 
@@ -171,14 +173,17 @@ contains
     real(wp) :: unbalanced
     integer(i4) :: k, n
 
+    call system%look()
     if (allocated(system%seen_kinetic)) system%seen_kinetic = 0.0_wp
+    call system%begin_anew()
     do n = look_steps*check_looks, self%most_steps, look_steps*check_looks
       do k = 1, check_looks
         call system%step(look_steps, errors)
         if (errors%any()) return
-        call stop_slowing(system%dem_data_type)
+        call system%slow_down()
       end do
       self%steps = self%steps + look_steps*check_looks
+      call system%look()
       unbalanced = mean_unbalanced(system)
       if (unbalanced <= self%limit) return
     end do

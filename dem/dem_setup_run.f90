@@ -5,7 +5,6 @@ module dem_setup_run
   use talus_deck, only: deck_type
   use talus_files, only: folder_of, name_of, same_file
   use talus_text, only: str
-  use dem_state, only: dem_data_type
   implicit none
   private
   public :: spare_inputs, refuse_ranks
@@ -36,34 +35,14 @@ contains
     end if
   end subroutine spare_inputs
 
-  !> What runs on one rank alone (D290): whatever changes grains between steps, bodies other than
-  !! grains and planes, and a partner.
-  subroutine refuse_ranks(deck, d, ranks, adaptive, served, errors)
+  !> What runs on one rank alone (D290): bodies that all forces of all grains move in every step.
+  subroutine refuse_ranks(deck, ranks, errors)
     type(deck_type), intent(in) :: deck
-    type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: ranks
-    logical, intent(in) :: adaptive  !! damping that stops grains
-    logical, intent(in) :: served    !! by a partner
     type(error_list_type), intent(inout) :: errors
-
-    if (served) call errors%add('D290', 'a run that a partner drives has one rank, not '// &
-                                str(ranks), deck%source%path, &
-                                'ranks = 1 in &program; threads may be more')
-    if (d%cell%active) call refuse('cell', '', 'a cell')
-    if (d%surfaces%n > 0) call refuse('surface', '', 'a surface')
-    if (d%grains%forms%n > 0) call refuse('particles', 'file', 'a grain that is no ellipsoid')
-    if (deck%count('bond') > 0) call refuse('bond', '', 'a bond')
-    if (any(d%laws%extra%used)) call refuse('contact', '', 'a law on top of the base law')
-    if (deck%count('surcharge') > 0) call refuse('surcharge', '', 'a surcharge')
-    if (deck%count('probe') > 0) call refuse('probe', '', 'a probe')
-    if (adaptive) call refuse('relaxation', 'damping', 'adaptive damping')
-
-  contains
-
-    subroutine refuse(group, key, what)
-      character(len=*), intent(in) :: group, key, what
-      call deck%fault(errors, 'D290', what//' needs one rank, this run has '//str(ranks), group, &
-                      1, key, 'start it without mpirun, with as many threads as there are cores')
-    end subroutine refuse
+    if (ranks == 1 .or. deck%count('body') == 0) return
+    call deck%fault(errors, 'D290', 'a body that moves freely needs one rank, this run has '// &
+                    str(ranks), 'body', 1, '', 'start it without mpirun, with as many threads '// &
+                    'as there are cores')
   end subroutine refuse_ranks
 end module dem_setup_run

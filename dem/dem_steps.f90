@@ -35,8 +35,7 @@ module dem_steps
   implicit none
   private
   public :: step_memory_type, take_steps, evaluate_forces, motion_of, rebuild_if_needed
-  public :: largest_travel
-  public :: kick_and_drift, rebuild_list, finish_planes, travel_of, larger
+  public :: largest_travel, kick_and_drift, rebuild_list, finish_planes, travel_of, larger
 
   integer(i4), parameter :: chunk = lanes  !! grains in a unit of work
   integer(i8), parameter :: few_steps = 40    !! a list that lasts less gets a wider skin
@@ -82,9 +81,9 @@ contains
 
     motion = motion_of(d, d%par%dt)
     call plan_work(d, work)
+    call set_turns(d)
     done = 0
     resumed = .false.
-    call set_turns(d)
     do while (done < n)
       call run_region(d, motion, n, done, resumed, rebuild, work)
       if (.not. rebuild) exit
@@ -212,7 +211,7 @@ contains
         !$omp barrier
         if (d%halo%team%ranks > 1) then
           !$omp master
-          call swap_bodies(d%pairs%body, d%halo, work%travel)
+          call swap_bodies(d, work%travel)
           !$omp end master
           !$omp barrier
         end if
@@ -567,15 +566,16 @@ contains
   subroutine fit_skin(d, errors)
     type(dem_data_type), intent(inout) :: d
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: range, width
+    real(wp) :: range(1), width
     if (.not. is_periodic(d%cell)) return
     range = 2.0_wp*maxval(d%grains%radius)
+    call d%halo%team%most(range)
     width = least_width(d%cell)
-    d%pairs%most_skin = min(d%pairs%most_skin, 0.5_wp*width - range)
+    d%pairs%most_skin = min(d%pairs%most_skin, 0.5_wp*width - range(1))
     d%pairs%skin = min(d%pairs%skin, d%pairs%most_skin)
     if (d%pairs%most_skin >= d%pairs%least_skin) return
     call errors%add('N220', 'the periodic cell has become '//str(width)//' m wide, less than '// &
-                    'two interaction ranges of '//str(range + d%pairs%least_skin)//' m', &
+                    'two interaction ranges of '//str(range(1) + d%pairs%least_skin)//' m', &
                     place='step '//str(d%health%steps), &
                     hint='a larger cell with more grains, or less compression')
   end subroutine fit_skin
@@ -584,6 +584,7 @@ contains
   subroutine rebuild_list(d, travel)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: travel
+    real(wp), allocatable :: contacts(:, :)
     d%health%rebuilds = d%health%rebuilds + 1
     if (travel > d%pairs%skin) d%health%late_rebuilds = d%health%late_rebuilds + 1
     if (d%health%steps - d%pairs%built_at < few_steps) then
@@ -592,9 +593,8 @@ contains
       d%pairs%skin = max(d%pairs%skin/1.3_wp, d%pairs%least_skin)
     end if
     d%pairs%built_at = d%health%steps
-    if (d%halo%team%several()) call share_out(d)
+    if (d%halo%team%several()) call share_out(d, contacts)
     call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)
     if (d%surfaces%n > 0) call list_near(d)
   end subroutine rebuild_list
-
 end module dem_steps

@@ -11,7 +11,7 @@ module dem_surface_search
     bore_listed
   implicit none
   private
-  public :: list_near, triangle_distance
+  public :: list_near, allocate_contacts, triangle_distance
 
   integer(i4), parameter :: most_cells = 2000000
 

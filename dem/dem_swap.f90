@@ -4,6 +4,8 @@ module dem_swap
   use talus_kinds, only: wp, i4
   use talus_system, only: wall_clock
   use dem_halo_state, only: dem_halo_type
+  use dem_images, only: place_image
+  use dem_state, only: dem_data_type
   implicit none
   private
   public :: swap_bodies
@@ -11,32 +13,77 @@ module dem_swap
 contains
 
   !> Records of the mirrors as their ranks have them; travel becomes the largest of all ranks.
-  subroutine swap_bodies(body, halo, travel)
-    real(wp), intent(inout), contiguous :: body(:, :)  !! records, see dem_state
-    type(dem_halo_type), intent(inout) :: halo
-    real(wp), intent(inout) :: travel(:)               !! of each chunk [m]
+  subroutine swap_bodies(d, travel)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(inout) :: travel(:)  !! of each chunk [m]
     real(wp) :: begun, most(1)
-    integer(i4) :: k, c
 
     begun = wall_clock()
+    call pack_bodies(d%pairs%body, d%halo)
+    if (d%halo%formed) call pack_frames(d%grains%forms%record, d%halo)
+    call exchange(d%halo, d%halo%sent, d%halo%came)
+    call unpack_bodies(d%halo, d%pairs%body)
+    if (d%halo%formed) call unpack_frames(d%halo, d%grains%forms%record)
+    if (d%pairs%images > 0) call follow_mirrors(d)
+    most = huge(1.0_wp)
+    if (all(travel <= huge(1.0_wp))) most = maxval(travel)
+    call d%halo%team%most(most)
+    travel = most(1)
+    d%halo%swaps = d%halo%swaps + 1
+    d%halo%seconds = d%halo%seconds + (wall_clock() - begun)
+  end subroutine swap_bodies
+
+  pure subroutine pack_bodies(body, halo)
+    real(wp), intent(in), contiguous :: body(:, :)  !! records, see dem_state
+    type(dem_halo_type), intent(inout) :: halo
+    integer(i4) :: k, c
     do k = 1, size(halo%out)
-      do c = 1, halo%width
+      do c = 1, merge(15_i4, halo%width, halo%formed)
         halo%sent(c, k) = body(c, halo%out(k))
       end do
     end do
-    call exchange(halo, halo%sent, halo%came)
+  end subroutine pack_bodies
+
+  pure subroutine unpack_bodies(halo, body)
+    type(dem_halo_type), intent(in) :: halo
+    real(wp), intent(inout), contiguous :: body(:, :)
+    integer(i4) :: k, c
     do k = 1, size(halo%in)
-      do c = 1, halo%width
+      do c = 1, merge(15_i4, halo%width, halo%formed)
         body(c, halo%in(k)) = halo%came(c, k)
       end do
     end do
-    most = huge(1.0_wp)
-    if (all(travel <= huge(1.0_wp))) most = maxval(travel)
-    call halo%team%most(most)
-    travel = most(1)
-    halo%swaps = halo%swaps + 1
-    halo%seconds = halo%seconds + (wall_clock() - begun)
-  end subroutine swap_bodies
+  end subroutine unpack_bodies
+
+  !> Orientations of grains that are no ellipsoids.
+  pure subroutine pack_frames(record, halo)
+    real(wp), intent(in), contiguous :: record(:, :)  !! see dem_form
+    type(dem_halo_type), intent(inout) :: halo
+    integer(i4) :: k
+    do k = 1, size(halo%out)
+      halo%sent(16:19, k) = record(1:4, halo%out(k))
+    end do
+  end subroutine pack_frames
+
+  pure subroutine unpack_frames(halo, record)
+    type(dem_halo_type), intent(in) :: halo
+    real(wp), intent(inout), contiguous :: record(:, :)
+    integer(i4) :: k
+    do k = 1, size(halo%in)
+      record(1:4, halo%in(k)) = halo%came(16:19, k)
+    end do
+  end subroutine unpack_frames
+
+  !> Images of mirrors over the faces of a cell.
+  pure subroutine follow_mirrors(d)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4) :: k, m
+    do k = 1, size(d%halo%in)
+      do m = d%pairs%image_start(d%halo%in(k)), d%pairs%image_start(d%halo%in(k) + 1) - 1
+        call place_image(d%pairs, d%cell, m)
+      end do
+    end do
+  end subroutine follow_mirrors
 
   !> One message to and from each partner.
   subroutine exchange(halo, sent, came)

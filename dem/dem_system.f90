@@ -9,7 +9,7 @@ module dem_system
   use talus_ranks, only: ranks_type
   use dem_archive, only: dem_archive_type
   use dem_crew, only: dem_crew_type
-  use dem_state, only: dem_data_type, kind_free, lanes, history_side
+  use dem_state, only: dem_data_type, kind_free
   use dem_bonds_make, only: make_bonds
   use dem_cell, only: is_periodic, least_width
   use dem_extras, only: plan_extras, check_necks
@@ -21,27 +21,14 @@ module dem_system
   use dem_ledger, only: refresh_stored, start_ledger, follow_step, closure_of
   use dem_limits, only: gershgorin_step, rayleigh_step, impact_step
   use dem_parts, only: choose_border, place_ghosts, forces_on_free, forces_between_ghosts
-  use dem_measure, only: check_overlap, check_runaway, contact_count
+  use dem_measure, only: check_overlap, check_runaway
   use dem_store, only: put_state, get_state
-  use dem_contact, only: contact_constants_type, constants_of, contact_radius, contact_point
-  use dem_surface_motion, only: reset_surfaces
+  use dem_contacts, only: dem_contacts_type, list_contacts
+  use dem_slowing, only: reset_sums, stop_slowing
   use dem_surface_search, only: list_near
-  use dem_surface_measure, only: surface_stiffness, body_of_part
   implicit none
   private
   public :: dem_system_type, dem_contacts_type
-
-  !> Contacts at one time, ordered by lower id, then higher id; planes have ids -1, -2, ...
-  type :: dem_contacts_type
-    integer(i4) :: n = 0
-    integer(i8), allocatable :: ids(:, :)      !! (2, n) lower id first; (-plane, grain)
-    real(wp), allocatable :: point(:, :)       !! (3, n) [m]
-    real(wp), allocatable :: normal(:, :)      !! (3, n) from first to second [-]
-    real(wp), allocatable :: branch(:, :)      !! (3, n) centre of second - first [m]
-    real(wp), allocatable :: force(:, :)       !! (3, n) on the second [N]
-    real(wp), allocatable :: stiffness(:, :)   !! (2, n) k_n, k_t [N/m]
-    real(wp), allocatable :: overlap(:)        !! (n) [m]
-  end type dem_contacts_type
 
   !> The state of a system with its verbs; `kept` is what restore goes back to.
   type, extends(dem_data_type) :: dem_system_type
@@ -52,6 +39,9 @@ module dem_system
     integer(i8), private :: limit_at = -1          !! evaluation of forces then
   contains
     procedure :: use_ranks        !! (team): steps are those of many ranks
+    procedure :: slow_down        !! (): adaptive damping
+    procedure :: loads_changed    !! (before, start): extra forces were others before
+    procedure :: begin_anew       !! (): the state was replaced: ranks must know
     procedure :: look             !! (): grains and contacts as the ranks have them now
     procedure :: init             !! (errors): lists and forces at the start; no time passes
     procedure :: step             !! (n, errors): n sub-steps of par%dt
@@ -101,6 +91,32 @@ contains
     class(dem_system_type), intent(inout) :: self
     if (allocated(self%crew)) call self%crew%look(self%dem_data_type)
   end subroutine look
+
+  !> Adaptive damping.
+  subroutine slow_down(self)
+    class(dem_system_type), intent(inout) :: self
+    if (allocated(self%crew)) then
+      call self%crew%slow_down(self%dem_data_type)
+    else
+      call stop_slowing(self%dem_data_type)
+    end if
+  end subroutine slow_down
+
+  !> Extra forces of some grains have been others before: ranks must know.
+  subroutine loads_changed(self, before, start)
+    class(dem_system_type), intent(inout) :: self
+    real(wp), intent(in) :: before(:, :)  !! (3, grains) [N]
+    real(wp), intent(in) :: start         !! of the ledger then [J]
+    if (allocated(self%crew)) &
+      call self%crew%mark_loads(any(abs(self%grains%extra_force - before) > 0.0_wp, 1), &
+                                self%ledger%start - start)
+  end subroutine loads_changed
+
+  !> Another state has taken the place of this one: ranks get their parts of it before they step.
+  subroutine begin_anew(self)
+    class(dem_system_type), intent(inout) :: self
+    if (allocated(self%crew)) call self%crew%begin_anew()
+  end subroutine begin_anew
 
   !> Have the ranks been on since the last look?
   pure logical function stale(self)
@@ -330,6 +346,7 @@ contains
       self%grains%target_quat(:, i) = quat1(:, k)
       self%grains%has_target(i) = .true.
     end do
+    if (allocated(self%crew)) self%crew%redirected = .true.
   end subroutine set_motion
 
   !> Prescribed grains move with constant velocity and spin from now on.
@@ -345,6 +362,7 @@ contains
       self%grains%turn(:, i) = quaternion_from_rotation(self%par%dt*omega(:, k))
       self%grains%has_target(i) = .false.
     end do
+    if (allocated(self%crew)) self%crew%redirected = .true.
   end subroutine set_velocity
 
   !> Prescribed grains stand at x, quat with velocity v and spin omega at once.
@@ -365,6 +383,7 @@ contains
     class(dem_system_type), intent(inout) :: self
     integer(i4), intent(in) :: index(:)
     real(wp), intent(in) :: force(:, :), moment(:, :)  !! (3, :) [N], [N m]
+    logical, allocatable :: marked(:)
     integer(i4) :: k
     do k = 1, size(index)
       self%grains%extra_force(:, index(k)) = force(:, k)
@@ -372,6 +391,10 @@ contains
       if (allocated(self%surcharge)) self%grains%extra_force(3, index(k)) = &
         force(3, k) - self%surcharge(index(k))
     end do
+    if (.not. allocated(self%crew)) return
+    allocate (marked(self%grains%n), source=.false.)
+    marked(index) = .true.
+    call self%crew%mark_loads(marked, 0.0_wp)
   end subroutine set_extra
 
   subroutine clear_extra(self)
@@ -379,6 +402,8 @@ contains
     self%grains%extra_force = 0.0_wp
     self%grains%extra_moment = 0.0_wp
     if (allocated(self%surcharge)) self%grains%extra_force(3, :) = -self%surcharge
+    if (allocated(self%crew)) &
+      call self%crew%mark_loads(spread(.true., 1, self%grains%n), 0.0_wp)
   end subroutine clear_extra
 
   !> Contact weights by pair id, all others 1; takes effect at the next evaluation.
@@ -413,12 +438,8 @@ contains
   !> Impulses and works of grains and planes to zero (start of an exchange).
   subroutine reset_impulses(self)
     class(dem_system_type), intent(inout) :: self
-    self%grains%impulse = 0.0_wp
-    self%grains%moment_impulse = 0.0_wp
-    self%grains%work = 0.0_wp
-    self%planes%impulse = 0.0_wp
-    self%planes%work = 0.0_wp
-    if (self%surfaces%n > 0) call reset_surfaces(self%surfaces)
+    call reset_sums(self%dem_data_type)
+    if (allocated(self%crew)) self%crew%reset = .true.
   end subroutine reset_impulses
 
   !> Indices of ids; unknown ones are faults (I216) and give 0.
@@ -467,83 +488,13 @@ contains
   subroutine contacts(self, list)
     class(dem_system_type), intent(in) :: self
     type(dem_contacts_type), intent(inout) :: list
-    integer(i4) :: i, e, slot, lane, block, m
-
-    m = contact_count(self%dem_data_type)
-    list%n = 0
-    if (allocated(list%ids)) deallocate (list%ids, list%point, list%normal, list%branch, &
-                                         list%force, list%stiffness, list%overlap)
-    allocate (list%ids(2, m), list%point(3, m), list%normal(3, m), list%branch(3, m))
-    allocate (list%force(3, m), list%stiffness(2, m), list%overlap(m))
-    do i = 1, self%grains%n + 3 + self%planes%n
-      do e = self%pairs%start(i), self%pairs%start(i + 1) - 1
-        if (mod(self%pairs%entry(e), 2) == 1) cycle
-        slot = self%pairs%entry(e)/2
-        lane = 1 + mod(slot, lanes)
-        block = 1 + slot/lanes
-        if (.not. self%pairs%history(lane, history_side, block) > 0.0_wp) cycle
-        call add_contact(self, lane, block, list)
-      end do
-    end do
-    call add_surface_contacts(self, list)
+    call list_contacts(self%dem_data_type, list)
   end subroutine contacts
-
-  subroutine add_contact(self, lane, block, list)
-    class(dem_system_type), intent(in) :: self
-    integer(i4), intent(in) :: lane, block
-    type(dem_contacts_type), intent(inout) :: list
-    type(contact_constants_type) :: c
-    real(wp) :: radius
-    integer(i4) :: i, j, k
-
-    i = self%pairs%first(lane, block)
-    j = self%pairs%second(lane, block)
-    list%n = list%n + 1
-    k = list%n
-    if (i > self%grains%n) then
-      list%ids(1, k) = -int(i - self%grains%n - 3, i8)
-    else
-      list%ids(1, k) = self%grains%id(i)
-    end if
-    list%ids(2, k) = self%grains%id(self%pairs%grain(j))
-    c = constants_of(self%laws(self%pairs%law_first(block), self%pairs%law_second(block)))
-    list%point(:, k) = self%pairs%body(1:3, i) + contact_point(self%pairs, c%share, lane, block)
-    list%normal(:, k) = self%pairs%normal(lane, :, block)
-    list%branch(:, k) = self%pairs%body(1:3, j) - self%pairs%body(1:3, i)
-    if (self%pairs%round(block)) list%normal(:, k) = list%branch(:, k)/norm2(list%branch(:, k))
-    list%force(:, k) = self%pairs%result(1:3, (block - 1)*lanes + lane)
-    radius = contact_radius(self%pairs%history(lane, :, block))
-    list%stiffness(1, k) = c%kn_a*radius + c%kn
-    list%stiffness(2, k) = c%kt_a*radius + c%kt
-    list%overlap(k) = self%pairs%history(lane, history_side, block)**2
-  end subroutine add_contact
-
-  !> Contacts of surfaces, by grain; surfaces have the ids after those of the planes.
-  subroutine add_surface_contacts(self, list)
-    class(dem_system_type), intent(in) :: self
-    type(dem_contacts_type), intent(inout) :: list
-    integer(i4) :: g, k, n, b
-
-    do g = 1, self%surfaces%near
-      do k = 1, self%surfaces%contacts(g)
-        n = list%n + 1
-        list%n = n
-        b = body_of_part(self%dem_data_type, self%surfaces%part(k, g))
-        list%ids(:, n) = [-int(self%planes%n + b, i8), self%grains%id(self%surfaces%near_grain(g))]
-        list%point(:, n) = self%surfaces%point(k, :, g)
-        list%normal(:, n) = self%surfaces%normal(k, :, g)
-        list%branch(:, n) = self%grains%x(:, self%surfaces%near_grain(g)) &
-                            - self%surfaces%centre(:, b)
-        list%force(:, n) = self%surfaces%push(k, :, g)
-        list%stiffness(:, n) = surface_stiffness(self%dem_data_type, k, g)
-        list%overlap(n) = self%surfaces%history(k, history_side, g)**2
-      end do
-    end do
-  end subroutine add_surface_contacts
 
   !> Keep the state in memory.
   subroutine save(self)
     class(dem_system_type), intent(inout) :: self
+    call self%look()
     if (.not. allocated(self%kept)) allocate (self%kept)
     self%kept = self%dem_data_type
   end subroutine save
@@ -558,6 +509,7 @@ contains
   subroutine restore(self)
     class(dem_system_type), intent(inout) :: self
     if (allocated(self%kept)) self%dem_data_type = self%kept
+    call self%begin_anew()
   end subroutine restore
 
   !> The complete state as named arrays.

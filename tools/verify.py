@@ -1,8 +1,10 @@
 """Run verification cases and write build/verification/summary.json.
 
-Usage: verify.py [--case ID ...] [--quick] [--bin build/bin] [--out build/verification]
+Usage: verify.py [--case ID ...] [--area NAME] [--quick] [--ranks N] [--bin build/bin]
+       [--out build/verification]
 A case is verification/<area>/<id>/ with case.toml and exact.py (see talus.verification).
-Cases that were not run keep their last result in the summary.
+Cases that were not run keep their last result in the summary. With --ranks every run of talus-dem
+has that many; what it refuses then (D290) is no failure. Give --out another folder then.
 """
 
 import argparse
@@ -22,7 +24,7 @@ sys.path.insert(0, str(ROOT / "prepost"))
 sys.dont_write_bytecode = True
 
 from talus import version  # noqa: E402
-from talus.verification import Case  # noqa: E402
+from talus.verification import Case, NotApplicableError  # noqa: E402
 
 
 def find_cases() -> dict[str, dict]:
@@ -36,19 +38,21 @@ def find_cases() -> dict[str, dict]:
     return cases
 
 
-def run_case(facts: dict, binaries: Path, out: Path) -> dict:
+def run_case(facts: dict, binaries: Path, out: Path, ranks: int) -> dict:
     """Run one case in a scratch copy of its folder; return its entry of the summary."""
     scratch = out / facts["id"]
     shutil.rmtree(scratch, ignore_errors=True)
     shutil.copytree(facts["folder"], scratch)
     spec = importlib.util.spec_from_file_location(f"exact_{facts['id']}", scratch / "exact.py")
     module = importlib.util.module_from_spec(spec)
-    case = Case(facts["id"], facts["title"], scratch, binaries)
-    start, error = time.monotonic(), ""
+    case = Case(facts["id"], facts["title"], scratch, binaries, ranks)
+    start, error, refused = time.monotonic(), "", ""
     sys.path.insert(0, str(facts["folder"].parent))
     try:
         spec.loader.exec_module(module)
         module.run(case)
+    except NotApplicableError as fault:
+        refused = str(fault)
     except Exception as fault:  # a case that breaks is a case that fails, with its text
         error = f"{type(fault).__name__}: {fault}"
         (scratch / "traceback.txt").write_text(traceback.format_exc())
@@ -59,13 +63,17 @@ def run_case(facts: dict, binaries: Path, out: Path) -> dict:
         "metrics": case.metrics,
         "figures": case.figures,
     }
-    good = not error and bool(case.metrics) and all(m["pass"] for m in case.metrics)
+    good = not error and bool(case.metrics or refused) and all(m["pass"] for m in case.metrics)
+    if refused:
+        entry |= {"refused": refused}
     return entry | {"error": error, "pass": good, "seconds": round(time.monotonic() - start, 2)}
 
 
 def show(entry: dict) -> None:
     """Print one case: a line, and its failures."""
     state = "pass" if entry["pass"] else "FAIL"
+    if entry["pass"] and "refused" in entry:
+        state = "n/a "
     print(
         f"{state}  {entry['area']:7s} {entry['id']:28s} {len(entry['metrics']):3d} metrics "
         f"{entry['seconds']:8.1f} s"
@@ -76,12 +84,16 @@ def show(entry: dict) -> None:
                 "" if m["expected"] is None else f" about {m['expected']:.8g}"
             )
             print(f"      {m['metric']}: {m['value']} ({wanted})")
+    if "refused" in entry:
+        print(f"      not on ranks: {entry['refused']}")
     if entry["error"]:
         print("      " + entry["error"].replace("\n", "\n      "))
     sys.stdout.flush()
 
 
-def choose(cases: dict[str, dict], wanted: list[str], quick: bool) -> list[dict]:
+def choose(
+    cases: dict[str, dict], wanted: list[str], quick: bool, area: str | None
+) -> list[dict]:
     """Return the cases to run; an unknown id is a fault that names the nearest."""
     for name in wanted:
         if name not in cases:
@@ -91,7 +103,9 @@ def choose(cases: dict[str, dict], wanted: list[str], quick: bool) -> list[dict]
     return [
         c
         for c in cases.values()
-        if (not wanted or c["id"] in wanted) and (not quick or c.get("quick"))
+        if (not wanted or c["id"] in wanted)
+        and (not quick or c.get("quick"))
+        and area in (None, c["area"])
     ]
 
 
@@ -99,7 +113,9 @@ def main() -> int:
     """Run the cases; return 1 if any failed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--case", nargs="+", action="extend", default=[])
+    parser.add_argument("--area")
     parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--ranks", type=int, default=0)
     parser.add_argument("--bin", type=Path, default=ROOT / "build/bin")
     parser.add_argument("--out", type=Path, default=ROOT / "build/verification")
     options = parser.parse_args()
@@ -111,8 +127,8 @@ def main() -> int:
     old = json.loads(summary.read_text())["cases"] if summary.exists() else []
     results = {entry["id"]: entry for entry in old if entry["id"] in cases}
     passed = failed = 0
-    for facts in choose(cases, options.case, options.quick):
-        entry = run_case(facts, options.bin.resolve(), out)
+    for facts in choose(cases, options.case, options.quick, options.area):
+        entry = run_case(facts, options.bin.resolve(), out, options.ranks)
         results[entry["id"]] = entry
         passed, failed = passed + entry["pass"], failed + (not entry["pass"])
         show(entry)

@@ -7,7 +7,8 @@ program test_dem_equilibrium
   use dem_law, only: make_law
   use dem_make, only: make_grains
   use dem_system, only: dem_system_type
-  use dem_equilibrium, only: dem_equilibrium_type, stop_slowing, mean_unbalanced
+  use dem_equilibrium, only: dem_equilibrium_type, mean_unbalanced
+  use dem_slowing, only: stop_slowing
   implicit none
   type(test_type) :: test
 

@@ -1,0 +1,103 @@
+!> The contacts of a system as a list, in an order that does not depend on its lists.
+module dem_contacts
+  use talus_kinds, only: wp, i4, i8
+  use dem_contact, only: contact_constants_type, constants_of, contact_radius, contact_point
+  use dem_measure, only: contact_count
+  use dem_state, only: dem_data_type, lanes, history_side
+  use dem_surface_measure, only: surface_stiffness, body_of_part
+  implicit none
+  private
+  public :: dem_contacts_type, list_contacts
+
+  !> Contacts at one time, ordered by lower id, then higher id; planes have ids -1, -2, ...
+  type :: dem_contacts_type
+    integer(i4) :: n = 0
+    integer(i8), allocatable :: ids(:, :)      !! (2, n) lower id first; (-plane, grain)
+    real(wp), allocatable :: point(:, :)       !! (3, n) [m]
+    real(wp), allocatable :: normal(:, :)      !! (3, n) from first to second [-]
+    real(wp), allocatable :: branch(:, :)      !! (3, n) centre of second - first [m]
+    real(wp), allocatable :: force(:, :)       !! (3, n) on the second [N]
+    real(wp), allocatable :: stiffness(:, :)   !! (2, n) k_n, k_t [N/m]
+    real(wp), allocatable :: overlap(:)        !! (n) [m]
+  end type dem_contacts_type
+
+contains
+
+  !> Contacts at the last evaluation, ordered by ids; planes after all grain pairs.
+  subroutine list_contacts(d, list)
+    type(dem_data_type), intent(in) :: d
+    type(dem_contacts_type), intent(inout) :: list
+    integer(i4) :: i, e, slot, lane, block, m
+
+    m = contact_count(d)
+    list%n = 0
+    if (allocated(list%ids)) deallocate (list%ids, list%point, list%normal, list%branch, &
+                                         list%force, list%stiffness, list%overlap)
+    allocate (list%ids(2, m), list%point(3, m), list%normal(3, m), list%branch(3, m))
+    allocate (list%force(3, m), list%stiffness(2, m), list%overlap(m))
+    do i = 1, d%grains%n + 3 + d%planes%n
+      do e = d%pairs%start(i), d%pairs%start(i + 1) - 1
+        if (mod(d%pairs%entry(e), 2) == 1) cycle
+        slot = d%pairs%entry(e)/2
+        lane = 1 + mod(slot, lanes)
+        block = 1 + slot/lanes
+        if (.not. d%pairs%history(lane, history_side, block) > 0.0_wp) cycle
+        call add_contact(d, lane, block, list)
+      end do
+    end do
+    call add_surface_contacts(d, list)
+  end subroutine list_contacts
+
+  subroutine add_contact(d, lane, block, list)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: lane, block
+    type(dem_contacts_type), intent(inout) :: list
+    type(contact_constants_type) :: c
+    real(wp) :: radius
+    integer(i4) :: i, j, k
+
+    i = d%pairs%first(lane, block)
+    j = d%pairs%second(lane, block)
+    list%n = list%n + 1
+    k = list%n
+    if (i > d%grains%n) then
+      list%ids(1, k) = -int(i - d%grains%n - 3, i8)
+    else
+      list%ids(1, k) = d%grains%id(i)
+    end if
+    list%ids(2, k) = d%grains%id(d%pairs%grain(j))
+    c = constants_of(d%laws(d%pairs%law_first(block), d%pairs%law_second(block)))
+    list%point(:, k) = d%pairs%body(1:3, i) + contact_point(d%pairs, c%share, lane, block)
+    list%normal(:, k) = d%pairs%normal(lane, :, block)
+    list%branch(:, k) = d%pairs%body(1:3, j) - d%pairs%body(1:3, i)
+    if (d%pairs%round(block)) list%normal(:, k) = list%branch(:, k)/norm2(list%branch(:, k))
+    list%force(:, k) = d%pairs%result(1:3, (block - 1)*lanes + lane)
+    radius = contact_radius(d%pairs%history(lane, :, block))
+    list%stiffness(1, k) = c%kn_a*radius + c%kn
+    list%stiffness(2, k) = c%kt_a*radius + c%kt
+    list%overlap(k) = d%pairs%history(lane, history_side, block)**2
+  end subroutine add_contact
+
+  !> Contacts of surfaces, by grain; surfaces have the ids after those of the planes.
+  subroutine add_surface_contacts(d, list)
+    type(dem_data_type), intent(in) :: d
+    type(dem_contacts_type), intent(inout) :: list
+    integer(i4) :: g, k, n, b
+
+    do g = 1, d%surfaces%near
+      do k = 1, d%surfaces%contacts(g)
+        n = list%n + 1
+        list%n = n
+        b = body_of_part(d, d%surfaces%part(k, g))
+        list%ids(:, n) = [-int(d%planes%n + b, i8), d%grains%id(d%surfaces%near_grain(g))]
+        list%point(:, n) = d%surfaces%point(k, :, g)
+        list%normal(:, n) = d%surfaces%normal(k, :, g)
+        list%branch(:, n) = d%grains%x(:, d%surfaces%near_grain(g)) &
+                            - d%surfaces%centre(:, b)
+        list%force(:, n) = d%surfaces%push(k, :, g)
+        list%stiffness(:, n) = surface_stiffness(d, k, g)
+        list%overlap(n) = d%surfaces%history(k, history_side, g)**2
+      end do
+    end do
+  end subroutine add_surface_contacts
+end module dem_contacts

@@ -1,0 +1,227 @@
+!> Surfaces of a run on many ranks: all ranks know and move all of them, each with the contacts of
+!! its own grains. What the grains do to them is the sum of the ranks' parts.
+module dem_surface_share
+  use talus_kinds, only: wp, i4, i8
+  use talus_ranks, only: ranks_type
+  use dem_make, only: sorted_order
+  use dem_records, only: index_of
+  use dem_state, only: dem_data_type, lanes, history_size
+  use dem_surface_search, only: allocate_contacts
+  use dem_surface_state, only: dem_surfaces_type, bore_swell, bore_press, bore_impulse
+  use dem_tell, only: tell_matrix, tell_list, tell_table
+  implicit none
+  private
+  public :: tell_surfaces, tell_motion, pack_touches, adopt_touches, touch_size
+  public :: surface_reals, surface_report, take_surfaces
+
+  integer(i4), parameter :: kept_reals = history_size + 19             !! of a contact
+  integer(i4), parameter :: touch_size = 8 + lanes*kept_reals          !! of a grain's contacts
+  integer(i4), parameter :: part_reals = 13                            !! of a part in a report
+
+contains
+
+  !> Everything but contacts and sums, which stay with the leader.
+  subroutine tell_surfaces(team, s)
+    type(ranks_type), intent(in) :: team
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4) :: sizes(6)
+
+    sizes = [s%n, s%parts, s%vertices, s%triangles, merge(1_i4, 0_i4, s%soft), 0_i4]
+    if (allocated(s%fan)) sizes(6) = ubound(s%fan, 1)
+    call team%tell_numbers(sizes)
+    if (sizes(1) == 0) return
+    if (.not. team%leads()) call make_room(s, sizes)
+    call team%tell_numbers(s%kind)
+    call tell_list(team, s%cos_smooth)
+    call tell_list(team, s%reach)
+    call tell_matrix(team, s%centre)
+    call tell_matrix(team, s%quat)
+    call tell_matrix(team, s%rest_axis)
+    call tell_matrix(team, s%axis)
+    call tell_matrix(team, s%cone)
+    call tell_matrix(team, s%bore)
+    if (.not. team%leads()) s%bore([bore_press, bore_impulse], :) = 0.0_wp
+    call team%tell_numbers(s%first_part)
+    call team%tell_numbers(s%first_vertex)
+    call team%tell_numbers(s%first_triangle)
+    call team%tell_numbers(s%material)
+    call tell_matrix(team, s%rest)
+    call tell_matrix(team, s%x)
+    call tell_motion(team, s)
+    if (s%triangles > 0) call tell_triangles(team, s)
+    s%reference_x = s%centre
+    s%reference_q = s%quat
+    s%reference = s%x
+  end subroutine tell_surfaces
+
+  subroutine tell_triangles(team, s)
+    type(ranks_type), intent(in) :: team
+    type(dem_surfaces_type), intent(inout) :: s
+    call team%tell_numbers(s%home)
+    call team%tell_numbers(s%fan_start)
+    call team%tell_numbers(s%fan)
+    call tell_table(team, s%corner)
+    call team%tell_numbers(s%owner)
+    call tell_table(team, s%mate)
+  end subroutine tell_triangles
+
+  subroutine make_room(s, sizes)
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4), intent(in) :: sizes(6)
+    type(dem_surfaces_type) :: fresh
+
+    s = fresh
+    s%n = sizes(1)
+    s%parts = sizes(2)
+    s%vertices = sizes(3)
+    s%triangles = sizes(4)
+    s%soft = sizes(5) > 0
+    allocate (s%name(s%n), s%kind(s%n), s%cos_smooth(s%n), s%reach(s%n))
+    allocate (s%centre(3, s%n), s%velocity(3, s%n), s%spin(3, s%n), s%rest_axis(3, s%n), &
+              s%axis(3, s%n), s%quat(4, s%n), s%cone(4, s%n), s%bore(5, s%n), source=0.0_wp)
+    allocate (s%first_part(s%n + 1), s%first_vertex(s%n + 1), s%first_triangle(s%n + 1))
+    allocate (s%material(s%parts))
+    allocate (s%force(3, s%parts), s%moment(3, s%parts), s%impulse(3, s%parts), &
+              s%moment_impulse(3, s%parts), s%work(s%parts), source=0.0_wp)
+    allocate (s%rest(3, s%vertices), s%x(3, s%vertices), s%v(3, s%vertices), &
+              s%target(3, s%vertices), s%vertex_force(3, s%vertices), &
+              s%vertex_impulse(3, s%vertices), source=0.0_wp)
+    allocate (s%home(s%vertices), s%fan_start(s%vertices + 1), s%fan(sizes(6)))
+    allocate (s%corner(3, s%triangles), s%owner(s%triangles), s%mate(3, s%triangles))
+  end subroutine make_room
+
+  !> How surfaces move from now on.
+  subroutine tell_motion(team, s)
+    type(ranks_type), intent(in) :: team
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4) :: aimed(1)
+    real(wp) :: swell(s%n)
+    call tell_matrix(team, s%velocity)
+    call tell_matrix(team, s%spin)
+    swell = s%bore(bore_swell, :)
+    call tell_list(team, swell)
+    s%bore(bore_swell, :) = swell
+    if (.not. s%soft) return
+    aimed = merge(1_i4, 0_i4, s%has_target)
+    call team%tell_numbers(aimed)
+    s%has_target = aimed(1) > 0
+    call tell_matrix(team, s%v)
+    call tell_matrix(team, s%target)
+  end subroutine tell_motion
+
+  !> Contacts of grains with surfaces: a column a grain, first its id.
+  subroutine pack_touches(d, wanted, rows)
+    type(dem_data_type), intent(in) :: d
+    logical, intent(in) :: wanted(:)  !! (grains)
+    real(wp), allocatable, intent(out) :: rows(:, :)
+    integer(i4) :: g, n, round
+
+    do round = 1, 2
+      n = 0
+      do g = 1, d%surfaces%near
+        if (d%surfaces%contacts(g) == 0 .or. .not. wanted(d%surfaces%near_grain(g))) cycle
+        n = n + 1
+        if (round == 2) call pack_touch(d, g, rows(:, n))
+      end do
+      if (round == 1) allocate (rows(touch_size, n))
+    end do
+  end subroutine pack_touches
+
+  pure subroutine pack_touch(d, g, row)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: g
+    real(wp), intent(out) :: row(touch_size)
+    associate (s => d%surfaces)
+      row = [real(d%grains%id(s%near_grain(g)), wp), real(s%contacts(g), wp), s%load(:, g), &
+             s%history(:, :, g), s%foot(:, :, g), s%normal(:, :, g), s%point(:, :, g), &
+             s%push(:, :, g), s%motion(:, :, g), real(s%part(:, g), wp)]
+    end associate
+  end subroutine pack_touch
+
+  !> These contacts as those of the last list of d: the next list takes them over.
+  subroutine adopt_touches(d, rows)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: rows(:, :)
+    integer(i4), allocatable :: order(:)
+    integer(i4) :: g, n
+
+    associate (s => d%surfaces)
+      if (allocated(s%contacts)) deallocate (s%contacts, s%history, s%foot, s%normal, s%point, &
+                                             s%push, s%motion, s%part, s%load, s%columns, &
+                                             s%share, s%near_of)
+      n = size(rows, 2)
+      s%near = n
+      s%near_grain = [(index_of(d, rows(1, g)), g=1, n)]
+      order = sorted_order(int(s%near_grain, i8))
+      s%near_grain = s%near_grain(order)
+      s%candidate = [integer(i4) ::]
+      call allocate_contacts(s, d%grains%n)
+      do g = 1, n
+        call unpack_touch(s, g, rows(:, order(g)))
+      end do
+    end associate
+  end subroutine adopt_touches
+
+  pure subroutine unpack_touch(s, g, row)
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4), intent(in) :: g
+    real(wp), intent(in) :: row(touch_size)
+    real(wp) :: kept(lanes, kept_reals)
+    s%contacts(g) = nint(row(2), i4)
+    s%load(:, g) = row(3:8)
+    kept = reshape(row(9:), [lanes, kept_reals])
+    s%history(:, :, g) = kept(:, :history_size)
+    s%foot(:, :, g) = kept(:, history_size + 1:history_size + 3)
+    s%normal(:, :, g) = kept(:, history_size + 4:history_size + 6)
+    s%point(:, :, g) = kept(:, history_size + 7:history_size + 9)
+    s%push(:, :, g) = kept(:, history_size + 10:history_size + 12)
+    s%motion(:, :, g) = kept(:, history_size + 13:history_size + 18)
+    s%part(:, g) = nint(kept(:, kept_reals), i4)
+  end subroutine unpack_touch
+
+  !> Reals of the surfaces in a report.
+  pure integer(i4) function surface_reals(s)
+    type(dem_surfaces_type), intent(in) :: s
+    surface_reals = part_reals*s%parts + 2*s%n + merge(6*s%vertices, 0_i4, s%soft)
+  end function surface_reals
+
+  !> Sums over this rank's grains.
+  pure function surface_report(s) result(report)
+    type(dem_surfaces_type), intent(in) :: s
+    real(wp) :: report(surface_reals(s))
+    integer(i4) :: n
+    if (s%n == 0) return
+    n = part_reals*s%parts
+    report(:n) = [s%force, s%moment, s%impulse, s%moment_impulse, s%work]
+    report(n + 1:n + s%n) = s%bore(bore_press, :)
+    report(n + s%n + 1:n + 2*s%n) = s%bore(bore_impulse, :)
+    if (s%soft) report(n + 2*s%n + 1:) = [s%vertex_force, s%vertex_impulse]
+  end function surface_report
+
+  !> Sums over all grains from added reports, and the motion, which is that of any part.
+  pure subroutine take_surfaces(part, report, whole)
+    type(dem_surfaces_type), intent(in) :: part
+    real(wp), intent(in) :: report(:)
+    type(dem_surfaces_type), intent(inout) :: whole
+    integer(i4) :: n, v
+    n = 3*whole%parts
+    v = part_reals*whole%parts
+    whole%force = reshape(report(:n), [3, whole%parts])
+    whole%moment = reshape(report(n + 1:2*n), [3, whole%parts])
+    whole%impulse = reshape(report(2*n + 1:3*n), [3, whole%parts])
+    whole%moment_impulse = reshape(report(3*n + 1:4*n), [3, whole%parts])
+    whole%work = report(4*n + 1:v)
+    whole%centre = part%centre
+    whole%quat = part%quat
+    whole%axis = part%axis
+    whole%x = part%x
+    whole%cone = part%cone
+    whole%bore(bore_press, :) = report(v + 1:v + whole%n)
+    whole%bore(bore_impulse, :) = report(v + whole%n + 1:v + 2*whole%n)
+    if (.not. whole%soft) return
+    v = v + 2*whole%n
+    n = 3*whole%vertices
+    whole%vertex_force = reshape(report(v + 1:v + n), [3, whole%vertices])
+    whole%vertex_impulse = reshape(report(v + n + 1:v + 2*n), [3, whole%vertices])
+  end subroutine take_surfaces
+end module dem_surface_share
