@@ -4,9 +4,11 @@ Stresses are positive in compression, angles are degrees, lengths metres.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from talus import histories
 from talus.faults import FaultError
 
 STEEPEST = 200.0  # largest ratio of principal stresses that is looked for
@@ -74,6 +76,41 @@ def direct_shear_angle(plane_strain: float, dilation: float) -> float:
     phi, psi = np.radians(plane_strain), np.radians(dilation)
     slope = np.sin(phi) * np.cos(psi) / (1.0 - np.sin(phi) * np.sin(psi))
     return float(np.degrees(np.arctan(slope)))
+
+
+@dataclass
+class ShearBox:
+    """Curves of a direct shear test, one value a time."""
+
+    way: np.ndarray  # of the lower half [m]
+    shear: np.ndarray  # force that the grains carry from half to half [N]
+    normal: np.ndarray  # force on the plane between the halves [N]
+    rise: np.ndarray  # of the lid [m]
+
+
+def read_shear_box(path: Path, upper: tuple[int, ...], lid: int, flange: int) -> ShearBox:
+    """Read *_surfaces.csv of a box whose lower half moves along x under a lid that moves along z.
+
+    Surfaces by their numbers in the deck: those of the upper half, the lid, and the flange of the
+    lower half, whose share of the upper grains does not press on the plane between the halves.
+    """
+    rows = histories.read(path)
+    numbers = sorted({*upper, lid, flange})
+    absent = [k for k in numbers if not (rows["surface"] == k).any()]
+    if absent:
+        text = f"{path} has no surface {absent[0]}"
+        raise FaultError("E558", text, "surfaces count in the order of the deck, from 1")
+    part = {
+        k: {c: rows[c][rows["surface"] == k] for c in ("x", "z", "force_x", "force_z")}
+        for k in numbers
+    }
+    own = {*upper, lid}
+    return ShearBox(
+        part[flange]["x"] - part[flange]["x"][0],
+        np.abs(sum(part[k]["force_x"] for k in own)),
+        np.abs(part[lid]["force_z"]) - np.abs(part[flange]["force_z"]),
+        part[lid]["z"] - part[lid]["z"][0],
+    )
 
 
 @dataclass

@@ -1,5 +1,7 @@
 """What tests of grains are judged by: criteria in closed form, Bekker's law found again."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -42,6 +44,22 @@ def test_direct_shear() -> None:
         np.sin(np.radians(35.0))
     )
     assert drivers.direct_shear_angle(35.0, 35.0) == pytest.approx(35.0)
+
+
+def test_shear_box(tmp_path: Path) -> None:
+    """Sums over the upper half, lid less flange, the way of the lower half, the rise of the lid."""
+    lines = ["time [s],surface [-],x [m],z [m],force_x [N],force_z [N]"]
+    for k, t in enumerate((0.0, 1.0)):
+        lines += [f"{t},1,{0.5 + 0.2 * k},0.1,-9.0,-{2 * k}.0", f"{t},2,0.7,0.1,{5 + k}.0,0.0",
+                  f"{t},3,0.7,{0.3 + 0.01 * k},1.5,100.0"]  # fmt: skip
+    (tmp_path / "run_surfaces.csv").write_text("\n".join(lines) + "\n")
+    box = drivers.read_shear_box(tmp_path / "run_surfaces.csv", (2,), 3, 1)
+    assert box.way == pytest.approx([0.0, 0.2])
+    assert box.shear == pytest.approx([6.5, 7.5])
+    assert box.normal == pytest.approx([100.0, 98.0])
+    assert box.rise == pytest.approx([0.0, 0.01])
+    with pytest.raises(FaultError, match="no surface 4"):
+        drivers.read_shear_box(tmp_path / "run_surfaces.csv", (2, 4), 3, 1)
 
 
 def test_bekker() -> None:

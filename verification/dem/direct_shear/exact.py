@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from talus.drivers import direct_shear_angle
+from talus.drivers import direct_shear_angle, read_shear_box
 from talus.generate import cloud
 from talus.packing import write_h5
 from talus.verification import Case, read_history
@@ -80,12 +80,9 @@ def box(case: Case) -> dict:
     part = {k: {c: v[rows["surface"] == k] for c, v in rows.items()} for k in range(1, 8)}
     walls = read_history(case.folder / "box_shear_walls.csv")
     floor = {c: v[walls["wall"] == 3] for c, v in walls.items()}
-    way = SPEED * (part[LID]["time"] - part[LID]["time"][0])
-    shear = sum(part[k]["force_x"] for k in UPPER)
-    # what the flange of the lower half carries of the upper grains does not press on the plane
-    normal = np.abs(part[LID]["force_z"]) - np.abs(part[FLANGE]["force_z"])
+    curves = read_shear_box(case.folder / "box_shear_surfaces.csv", UPPER, LID, FLANGE)
+    way, shear, normal, rise = curves.way, curves.shear, curves.normal, curves.rise
     under = floor["force_x"] + sum(part[k]["force_x"] for k in (1, 2, 3))
-    rise = part[LID]["z"] - part[LID]["z"][0]
     energy = read_history(case.folder / "box_shear_energy.csv")
     told = energy["boundary"] - energy["boundary"][0]
     pieces = [*part.values(), *({c: v[walls["wall"] == k] for c, v in walls.items()}
