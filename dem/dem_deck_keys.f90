@@ -153,7 +153,7 @@ contains
 
   subroutine group_contact(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('contact', 17, &
+    call table%add_group('contact', 18, &
       'Contact law of a pair of materials. Every pair that can meet needs one; the ' &
       //'order of the two names does not matter.', repeats=.true., required=.true.)
     call table%add_key('between', 'string', '', &
@@ -174,6 +174,13 @@ contains
       //'first touch, which makes the normal force conservative.')
     call table%preset('current')
     call table%allow('current|frozen')
+    call table%add_key('contact_area', 'string', '', &
+      'Area of Hertz contacts of grains that are no spheres: `circle`: that of the mean' &
+      //' relative curvature; `ellipse`: exact, from both principal curvatures with ' &
+      //'complete elliptic integrals. Between two spheres and on planes under spheres ' &
+      //'they are the same.')
+    call table%preset('circle')
+    call table%allow('circle|ellipse')
     call table%add_key('friction', 'real', '', 'Coulomb coefficient of friction.')
     call table%need()
     call table%bounds(min=0.0_wp)
@@ -196,17 +203,17 @@ contains
       'Tangential stiffness; the law ''linear'' needs it, the others take it from the ' &
       //'moduli.')
     call table%bounds(above=0.0_wp)
+    call group_contact_2(table)
+  end subroutine group_contact
+
+  subroutine group_contact_2(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('rolling_friction', 'real', '', &
       'Rolling resistance: an elastic-plastic spring on the relative spin across the ' &
       //'normal, whose moment is at most this times effective radius R_e times elastic ' &
       //'normal force. A sphere rests on a slope as long as its tangent is below.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
-    call group_contact_2(table)
-  end subroutine group_contact
-
-  subroutine group_contact_2(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('twisting_friction', 'real', '', &
       'The same for the relative spin about the normal.')
     call table%preset('0.0')

@@ -12,6 +12,7 @@ module dem_forces
   use dem_gap, only: branch_vectors, evaluate_pairs, evaluate_spheres, evaluate_planes, &
     refine_normals, add_curvatures, solve_lane
   use dem_contact, only: contact_block, constants_of
+  use dem_ellipse, only: narrow_ellipsoids, narrow_forms
   use dem_extra_list, only: held_lanes
   use dem_extra_state, only: turning_reals
   use dem_extras, only: extra_forces
@@ -76,8 +77,12 @@ contains
     end if
     if (pairs%form(k) > 0) then
       call add_form_curvatures(mine, mine_forms, k <= pairs%grain_blocks)
+      if (laws(pairs%law_first(k), pairs%law_second(k))%elliptic) &
+        call narrow_forms(mine, mine_forms, k <= pairs%grain_blocks)
     else if (.not. pairs%round(k)) then
       call add_curvatures(mine, k <= pairs%grain_blocks)
+      if (laws(pairs%law_first(k), pairs%law_second(k))%elliptic) &
+        call narrow_ellipsoids(mine, k <= pairs%grain_blocks)
     end if
     associate (law => laws(pairs%law_first(k), pairs%law_second(k)), &
                at => pairs%extras%turning_at, &

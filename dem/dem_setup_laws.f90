@@ -103,6 +103,10 @@ contains
       call deck%fault(errors, 'D234', 'damping_ratio and restitution are both given', 'contact', &
                       k, 'restitution', 'each follows from the other: give one of them')
     call deck%get('contact', k, 'law', law)
+    if (law == 'linear' .and. deck%given('contact', k, 'contact_area')) &
+      call deck%fault(errors, 'D236', "contact_area has no meaning for the law 'linear'", &
+                      'contact', k, 'contact_area', &
+                      'leave it out: its stiffness is the one that is given')
     do j = 1, 2
       if (law == 'linear' .neqv. deck%given('contact', k, trim(stiffness(j)))) then
         if (law == 'linear') then
@@ -122,7 +126,7 @@ contains
     integer(i4), intent(in) :: k
     type(dem_material_type), intent(in) :: first, second
     type(dem_law_type), intent(out) :: law
-    character(len=:), allocatable :: name, radius
+    character(len=:), allocatable :: name, radius, area
     real(wp) :: friction, ratio, tangential, e, kn, kt
     integer(i4) :: kind
 
@@ -151,6 +155,8 @@ contains
       law = make_law(kind, first, second, friction, ratio, tangential)
     end if
     law%frozen = radius == 'frozen'
+    call deck%get('contact', k, 'contact_area', area)
+    law%elliptic = area == 'ellipse' .and. kind /= law_linear
   end subroutine read_law
 
   !> Laws on top of the base law.

@@ -61,6 +61,7 @@ module dem_state
     real(wp) :: kt = 0.0_wp                !! tangential stiffness of the linear law [N/m]
     real(wp) :: share = 0.5_wp             !! compliance share of the first material [-]
     logical :: frozen = .false.            !! R_e of a contact stays that of its first touch
+    logical :: elliptic = .false.          !! exact Hertz force of elliptic areas, see dem_ellipse
     type(dem_extra_law_type) :: extra      !! on top of the base law
   end type dem_law_type
 

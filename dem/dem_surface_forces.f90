@@ -10,6 +10,7 @@ module dem_surface_forces
   use dem_surface_find, only: touches_type, features_type, find_touches
   use dem_block, only: dem_block_type
   use dem_contact, only: contact_block, contact_constants_type, constants_of
+  use dem_ellipse, only: ratio_on_plane
   implicit none
   private
   public :: share_surfaces, add_surface_loads, surface_load
@@ -225,6 +226,8 @@ contains
       end do
       constants = constants_of(d%laws(d%surfaces%material(part(lead)), d%grains%material(i)))
       if (law(lead) < 0) constants%share = 0.0_wp
+      if (d%laws(d%surfaces%material(part(lead)), d%grains%material(i))%elliptic) &
+        call narrow(d%pairs%body(10:15, i), mine)
       call contact_block(mine, constants, .false., h, m_star, weight, kept, some)
       columns = columns + some
       do k = 1, count
@@ -251,6 +254,17 @@ contains
                         d%grains%kind(i) == kind_free)
     end do
   end subroutine reduce_masses
+
+  !> Elliptic areas, see dem_ellipse.
+  pure subroutine narrow(a, b)
+    real(wp), intent(in) :: a(6)  !! shape matrix of the grain [m^2]
+    type(dem_block_type), intent(inout) :: b
+    integer(i4) :: k
+    do k = 1, lanes
+      if (b%gap(k) < 0.0_wp) b%curvature(k) = b%curvature(k) &
+        /ratio_on_plane(a, [b%nx(k), b%ny(k), b%nz(k)])
+    end do
+  end subroutine narrow
 
   !> Material of a part, negative for soft bodies, whose contact point lies on their surface.
   pure integer(i4) function law_of(s, part)
