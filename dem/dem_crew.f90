@@ -16,6 +16,7 @@ module dem_crew
   use dem_adopt, only: give_results
   use dem_bonds_make, only: check_bonds
   use dem_gather, only: hand_in, take_in, haul_type
+  use dem_halo_state, only: dem_halo_type
   use dem_handout, only: hand_out, tell_step, tell_targets, tell_loads
   use dem_measure, only: judge_runaway
   use dem_migrate, only: share_out
@@ -87,9 +88,12 @@ contains
     class(dem_crew_type), intent(inout) :: self
     type(dem_data_type), intent(in) :: whole
     integer(i4) :: order(2)
+    type(dem_halo_type) :: halo
     order = [order_start, int(omp_get_max_threads(), i4)]
     call self%team%await(order)
+    halo = self%part%halo
     self%part = whole
+    self%part%halo = halo
     self%part%halo%team = self%team
     call begin_part(self)
     self%started = .true.
@@ -163,6 +167,7 @@ contains
   subroutine begin_part(self)
     type(dem_crew_type), intent(inout) :: self
     real(wp), allocatable :: contacts(:, :)
+    self%part%halo%cut = .false.
     call hand_out(self%team, self%part)
     call share_out(self%part, contacts)
     associate (d => self%part)

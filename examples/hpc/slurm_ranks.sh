@@ -1,6 +1,7 @@
 #!/bin/bash
 # One run of talus-fem (or talus-dem) on several ranks, each with its threads, and a checkpoint before time is up.
 #   sbatch slurm_ranks.sh DECK [PROGRAM]
+#   sbatch --nodes=8 --ntasks=64 slurm_ranks.sh bed.nml talus-dem
 #SBATCH --job-name=talus
 #SBATCH --nodes=1
 #SBATCH --ntasks=4
@@ -14,11 +15,7 @@ source "${TALUS_ENV:-$here/talus.env}"
 deck=${1:?usage: sbatch slurm_ranks.sh DECK [PROGRAM]}
 program=${2:-talus-fem}
 export OPENBLAS_NUM_THREADS=$SLURM_CPUS_PER_TASK
-# ranks need a launcher that speaks PMIx: srun --mpi=pmix, or mpirun where Slurm has no such plugin
-launch=(srun --mpi=pmix --cpu-bind=cores --cpus-per-task="$SLURM_CPUS_PER_TASK")
-srun --mpi=list 2>&1 | grep -q pmix ||
-  launch=(mpirun -n "$SLURM_NTASKS" --map-by "slot:PE=$SLURM_CPUS_PER_TASK")
-"${launch[@]}" "$program" "$deck" --restart=auto --threads="$SLURM_CPUS_PER_TASK"
+talus_run "$program" "$deck" --restart=auto --threads="$SLURM_CPUS_PER_TASK"
 code=$?
 [ $code -eq 3 ] && echo "stopped early with a checkpoint: submit the same line again"
 exit $code

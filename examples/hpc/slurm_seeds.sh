@@ -22,4 +22,4 @@ if [ -n "${2:-}" ] && [ ! -e packed ]; then
   eval "${2//SEED/$seed}"
   touch packed  # a restarted run keeps its packing
 fi
-srun --cpu-bind=cores talus-dem "$(basename "$deck")" --restart=auto --threads="$SLURM_CPUS_PER_TASK"
+talus_run talus-dem "$(basename "$deck")" --restart=auto --threads="$SLURM_CPUS_PER_TASK"
