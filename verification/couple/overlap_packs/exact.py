@@ -44,6 +44,14 @@ def draw(case: Case, table: list[tuple[int, str, dict]]) -> None:
         right.plot(n, found["stress"], mark, color="C0")
         right.plot(n - 0.03, found["motion of all"], mark, color="C1", mfc="none")
         right.plot(n + 0.03, found["motion"], mark, color="C1")
+    for n in sorted({n for n, _, _ in table}):
+        left.plot([], [], color=f"C{n - 2}", label=f"{n} elements a side")
+    for mark, state in (("o", "compressed"), ("s", "sheared")):
+        left.plot([], [], mark, color="k", ms=3, label=state)
+    right.plot([], [], "o", color="k", label="1 d inside (stress), across a pair of faces (motion)")
+    right.plot([], [], "o", color="k", mfc="none", label="of all")
+    left.legend(fontsize=7)
+    right.legend(fontsize=7, loc="lower left")
     left.axhline(0.25, color="k", lw=0.8)
     left.set(
         xlabel="depth below the faces / d [-]",
