@@ -8,7 +8,7 @@ program test_dem_adopt
   use dem_make, only: make_grains, make_planes
   use dem_migrate, only: make_local, pack_grains
   use dem_pairs, only: build_pairs
-  use dem_records, only: contact_size, pack_contact, carried, index_of
+  use dem_records, only: contact_reals, pack_contact, carried, index_of
   use dem_state, only: law_hertz_mindlin, lanes
   use dem_system, only: dem_system_type, dem_contacts_type
   implicit none
@@ -69,7 +69,7 @@ contains
     call pile%contacts(old)
     allocate (all_grains(pile%grains%n), source=.true.)
     call pack_grains(pile%dem_data_type, all_grains, grains)
-    allocate (rows(contact_size, pile%pairs%count))
+    allocate (rows(contact_reals(pile%dem_data_type), pile%pairs%count))
     n = 0
     do k = 1, pile%pairs%blocks
       do lane = 1, lanes
