@@ -290,6 +290,7 @@ contains
     call tell_matrix(team, rows)
     if (team%leads()) return
     rows(:part_size, :) = 0.0_wp
+    part%pairs%blocks = 0  ! contacts of an earlier state are none of this one
     call make_local(part, rows)
   end subroutine tell_prescribed
 end module dem_handout
