@@ -75,6 +75,36 @@ class Packing:
         }
         return fresh
 
+    def repeated(self, times: tuple[int, int, int]) -> "Packing":
+        """Return the periodic cell laid side by side so many times along its edges.
+
+        Ids run on from copy to copy, and so do the groups. A packing without a cell is a fault
+        (E515).
+        """
+        if self.cell is None:
+            hint = "make it with --periodic, or take the packing of a run with &cell"
+            raise FaultError("E515", "only a periodic cell can be repeated, this has none", hint)
+        places = np.indices(times).reshape(3, -1).T  # (copies, 3)
+        copies = [self.renumbered(0)] * len(places)
+        whole = Packing(
+            *(
+                np.concatenate([getattr(part, key) for part in copies])
+                for key in ("id", "x", "quat", "axes", "kind", "v", "omega")
+            ),
+            cell=self.cell * np.reshape(times, (3, 1)),
+            corner=self.corner,
+            skew=np.concatenate([part.skew for part in copies]),
+            exponent=np.concatenate([part.exponent for part in copies]),
+        )
+        step = self.count
+        whole.id = np.arange(1, step * len(places) + 1)
+        whole.x += np.repeat(places @ self.cell, step, axis=0)
+        whole.groups = {
+            name: (ids + step * np.arange(len(places))[:, None]).reshape(-1)
+            for name, ids in copies[0].groups.items()
+        }
+        return whole
+
     def join(self, other: "Packing") -> "Packing":
         """Return both packings in one; ids must differ."""
         twice = np.intersect1d(self.id, other.id)

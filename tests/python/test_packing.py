@@ -161,6 +161,32 @@ def test_periodic_cell(tmp_path: Path) -> None:
         generate.cloud(np.ones(2), np.full(3, 4e-3), axes, seed=4, periodic=True)
 
 
+def test_repeated_cell(tmp_path: Path) -> None:
+    """A cell laid side by side is the same pile: the same distances across all its faces."""
+    one = make_packing(
+        np.array([[0.1, 0.2, 0.3], [0.9, 0.8, 0.6]]), np.full((2, 3), 0.05),
+    )  # fmt: skip
+    one.cell = np.array([[1.0, 0.0, 0.0], [0.2, 1.0, 0.0], [0.0, 0.0, 2.0]])
+    one.groups = {"second": one.id[1:]}
+    write_h5(tmp_path / "one.h5", one)
+    line = ["pack", "edit", str(tmp_path / "one.h5"), "--repeat", "2", "1", "3", "-o"]
+    assert main([*line, str(tmp_path / "many.h5")]) == 0
+    many = read_h5(tmp_path / "many.h5")
+    assert many.count == 12
+    assert np.array_equal(many.id, np.arange(1, 13))
+    assert np.array_equal(many.cell, one.cell * np.array([[2.0], [1.0], [3.0]]))
+    assert np.array_equal(many.groups["second"], np.arange(2, 13, 2))
+    inside = np.linalg.solve(one.cell.T, (many.x - one.x[(many.id - 1) % 2]).T).T
+    places = np.rint(inside).astype(int)
+    assert np.abs(inside - places).max() < 1e-14
+    assert len(np.unique(places[::2], axis=0)) == 6
+    assert places.max(axis=0).tolist() == [1, 0, 2]
+    one.cell = None
+    write_h5(tmp_path / "bare.h5", one)
+    line[2] = str(tmp_path / "bare.h5")
+    assert main([*line, str(tmp_path / "none.h5")]) == 1
+
+
 def test_lattice_and_cloud() -> None:
     """A lattice has its cells' sites; the bounding spheres of a cloud keep apart and inside."""
     axes = np.array([1.0, 0.8, 0.6]) * 1e-3

@@ -80,6 +80,10 @@ def register(commands: argparse._SubParsersAction) -> None:
     )
     new.add_argument("--at-rest", action="store_true", help="set all velocities to zero")
     new.add_argument("--fix", action="store_true", help="all grains become fixed ones")
+    new.add_argument(
+        "--repeat", type=counting, nargs=3, metavar="N",
+        help="lay a periodic cell side by side so many times along its edges",
+    )  # fmt: skip
     new.add_argument("--shift", type=number, nargs=3, metavar="L", help="move all grains [m]")
     new.add_argument(
         "--join", type=Path, metavar="FILE",
@@ -154,8 +158,8 @@ def cloud(options: argparse.Namespace) -> int:
     forms = forms_of(options)
     curve = None
     if options.gradation or options.sieves:
-        curve = read_gradation(options.gradation) if options.gradation else read_sieves(
-            options.sieves
+        curve = (
+            read_gradation(options.gradation) if options.gradation else read_sieves(options.sieves)
         )
         # a grain of size 1 has the middle axis 1 m: it passes an opening of its size
         forms.axes = forms.axes / (2.0 * np.median(forms.axes, axis=1, keepdims=True))
@@ -246,6 +250,8 @@ def edit(options: argparse.Namespace) -> int:
         packing.v[:], packing.omega[:] = 0.0, 0.0
     if options.fix:
         packing.kind[:] = FIXED
+    if options.repeat is not None:
+        packing = packing.repeated(tuple(options.repeat))
     if options.shift is not None:
         packing.x += np.array(options.shift)
     if options.tool:
