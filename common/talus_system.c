@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 void talus_c_signals(int obey, int second_leaves);
@@ -16,6 +17,7 @@ int talus_c_pid(void);
 void talus_c_host(char *text, int room);
 int64_t talus_c_memory_free(void);
 int64_t talus_c_memory_resident(void);
+int64_t talus_c_memory_most(void);
 int talus_c_is_terminal(int fd);
 int talus_c_setenv(const char *name, const char *value, int overwrite);
 int talus_c_unsetenv(const char *name);
@@ -126,6 +128,14 @@ int64_t talus_c_memory_resident(void)
     if (fscanf(f, "%lld %lld", &whole, &resident) != 2) resident = -1;
     fclose(f);
     return resident < 0 ? -1 : (int64_t)resident * (int64_t)sysconf(_SC_PAGESIZE);
+}
+
+/* The most that was ever resident. */
+int64_t talus_c_memory_most(void)
+{
+    struct rusage usage;
+    if (getrusage(RUSAGE_SELF, &usage) != 0) return -1;
+    return (int64_t)usage.ru_maxrss * 1024;
 }
 
 int talus_c_is_terminal(int fd)

@@ -12,7 +12,7 @@ module talus_system
   private
   public :: ignore_write_signals, install_signals, signal_seen, signal_checkpoint
   public :: wall_clock, host_name, boot_id, process_id, date_text
-  public :: memory_free, memory_resident, is_terminal
+  public :: memory_free, memory_resident, memory_most, is_terminal
   public :: environment, set_environment, clear_environment, talus_blas_kernels, talus_short_spins
   public :: talus_exit
   public :: compiler_text, system_error_text
@@ -45,6 +45,9 @@ module talus_system
     integer(c_int64_t) function c_memory_resident() bind(c, name='talus_c_memory_resident')
       import :: c_int64_t
     end function c_memory_resident
+    integer(c_int64_t) function c_memory_most() bind(c, name='talus_c_memory_most')
+      import :: c_int64_t
+    end function c_memory_most
     integer(c_int) function c_is_terminal(fd) bind(c, name='talus_c_is_terminal')
       import :: c_int
       integer(c_int), value :: fd
@@ -153,6 +156,11 @@ contains
   integer(i8) function memory_resident()
     memory_resident = c_memory_resident()
   end function memory_resident
+
+  !> The most memory that this process ever had [byte], -1 if unknown.
+  integer(i8) function memory_most()
+    memory_most = c_memory_most()
+  end function memory_most
 
   !> Does a file descriptor (1: standard output) lead to a terminal?
   logical function is_terminal(descriptor)
