@@ -182,6 +182,8 @@ def test_repeated_cell(tmp_path: Path) -> None:
     assert len(np.unique(places[::2], axis=0)) == 6
     assert places.max(axis=0).tolist() == [1, 0, 2]
     one.cell = None
+    with pytest.raises(FaultError, match="E515"):
+        one.repeated((2, 1, 1))
     write_h5(tmp_path / "bare.h5", one)
     line[2] = str(tmp_path / "bare.h5")
     assert main([*line, str(tmp_path / "none.h5")]) == 1
