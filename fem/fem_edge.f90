@@ -40,32 +40,67 @@ contains
     integer(i4), intent(in) :: list(:)
     real(wp), dimension(3, dofs%blocks) :: u
     real(wp), allocatable :: map(:)
+    integer(i4) :: first(size(list) + 1)  ! entry of k of each map that differs, and behind the last
+    integer(i4) :: k, maps
     logical :: touched(dofs%blocks)
-    integer(i4) :: k
 
     if (allocated(self%start)) deallocate (self%start, self%block, self%at, self%k, self%f0)
-    allocate (self%start(size(list) + 1), self%at(size(list)), self%f0(3, dofs%blocks), self%k(0), &
-              self%block(0))
-    self%start(1) = 1
+    allocate (self%start(size(list) + 1), self%at(size(list)), self%f0(3, dofs%blocks), self%k(0))
     u = 0.0_wp
     call element_forces(mesh, dofs, elastic, u, list, self%f0)
+    call list_blocks(self, dofs, list)
+    maps = 0
+    first(1) = 1
     do k = 1, size(list)
-      associate (block => blocks_of(dofs, list(k)))
-        self%block = [self%block, block]
-        self%start(k + 1) = self%start(k) + size(block)
+      associate (block => self%block(self%start(k):self%start(k + 1) - 1))
         allocate (map(9*size(block)**2))
         call map_of(mesh, dofs, elastic, list(k), block, map)
       end associate
-      self%at(k) = place_of(self, map, k - 1)
-      if (self%at(k) > size(self%k)) self%k = [self%k, map]
+      self%at(k) = place_of(self%k, first(:maps + 1), map)
+      if (self%at(k) == first(maps + 1)) then
+        maps = maps + 1
+        first(maps + 1) = first(maps) + size(map)
+        call keep(self%k, first(maps), map)
+      end if
       deallocate (map)
     end do
+    self%k = self%k(:first(maps + 1) - 1)
     touched = .false.
     touched(self%block) = .true.
     self%of = pack([(k, k=1, dofs%blocks)], touched)
     self%f = self%f0
     self%ready = .true.
   end subroutine build
+
+  !> Blocks of the elements, one element after the other.
+  pure subroutine list_blocks(self, dofs, list)
+    type(fem_edge_type), intent(inout) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    integer(i4), intent(in) :: list(:)
+    integer(i4) :: k
+    self%start(1) = 1
+    do k = 1, size(list)
+      self%start(k + 1) = self%start(k) + size(blocks_of(dofs, list(k)))
+    end do
+    allocate (self%block(self%start(size(list) + 1) - 1))
+    do k = 1, size(list)
+      self%block(self%start(k):self%start(k + 1) - 1) = blocks_of(dofs, list(k))
+    end do
+  end subroutine list_blocks
+
+  !> A map behind the others; their room doubles when it is used up.
+  pure subroutine keep(k, at, map)
+    real(wp), allocatable, intent(inout) :: k(:)
+    integer(i4), intent(in) :: at  !! first entry
+    real(wp), intent(in) :: map(:)
+    real(wp), allocatable :: larger(:)
+    if (at + size(map) - 1 > size(k)) then
+      allocate (larger(max(2*size(k), at + size(map) - 1)))
+      larger(:at - 1) = k(:at - 1)
+      call move_alloc(larger, k)
+    end if
+    k(at:at + size(map) - 1) = map
+  end subroutine keep
 
   !> Forces of one element for a unit of each of its degrees of freedom.
   subroutine map_of(mesh, dofs, elastic, e, block, map)
@@ -88,18 +123,20 @@ contains
     end do
   end subroutine map_of
 
-  !> Where such a map is among those of the first elements, or behind all.
-  pure integer(i4) function place_of(self, map, elements) result(at)
-    type(fem_edge_type), intent(in) :: self
+  !> Where such a map is among those kept, or behind all.
+  pure integer(i4) function place_of(k, first, map) result(at)
+    real(wp), intent(in) :: k(:)
+    integer(i4), intent(in) :: first(:)  !! entry of each map, and behind the last
     real(wp), intent(in) :: map(:)
-    integer(i4), intent(in) :: elements
-    integer(i4) :: k
-    do k = 1, elements
-      at = self%at(k)
-      if (9*(self%start(k + 1) - self%start(k))**2 /= size(map)) cycle
-      if (all(abs(self%k(at:at + size(map) - 1) - map) <= alike*maxval(abs(map)))) return
+    real(wp) :: limit
+    integer(i4) :: m
+    limit = alike*maxval(abs(map))
+    do m = 1, size(first) - 1
+      at = first(m)
+      if (first(m + 1) - at /= size(map)) cycle
+      if (all(abs(k(at:at + size(map) - 1) - map) <= limit)) return
     end do
-    at = size(self%k) + 1
+    at = first(size(first))
   end function place_of
 
   !> Blocks of an element, each once.

@@ -8,6 +8,7 @@
 !!   K_pp   = alpha H + beta H' + gamma tr H I + 2 kappa I int N_a N_b   (theory: micropolar).
 module fem_element
   use talus_kinds, only: wp, i4
+  use talus_vectors, only: cross
   use fem_micropolar, only: micropolar_strain, micropolar_stress
   use fem_rules, only: fem_formulation_type, fem_points_type
   implicit none
@@ -80,12 +81,6 @@ contains
     end do
     shape%u = shape%u/shape%weight(1)
   end subroutine mean_shape
-
-  pure function cross(a, b) result(c)
-    real(wp), intent(in) :: a(3), b(3)
-    real(wp) :: c(3)
-    c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-  end function cross
 
   !> Positions of the points (3, n) [m].
   pure function points_at(at, x) result(position)

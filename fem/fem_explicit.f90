@@ -7,6 +7,7 @@
 !! term is bounded and stands under `numerical` in the ledger.
 module fem_explicit
   use talus_kinds, only: wp, i4
+  use talus_vectors, only: cross
   use fem_damping, only: fem_damping_type
   use fem_leap, only: least_shared, chunk
   use fem_types, only: fem_state_type
@@ -133,12 +134,6 @@ contains
     c(:, 3) = cross(a(:, 1), a(:, 2))
     x = matmul(transpose(c), b)/dot_product(a(:, 1), c(:, 1))
   end function solution
-
-  pure function cross(a, b) result(c)
-    real(wp), intent(in) :: a(3), b(3)
-    real(wp) :: c(3)
-    c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-  end function cross
 
   !> Kinetic energy 1/2 v M v [J]; growth of the discrete term -dt^2/8 a M a of what is free; what
   !! of the works of moved supports is inertia beyond trapezoidal work, du m a_mean - d(1/2 m v^2).

@@ -3,6 +3,7 @@
 !! gradients over the element (Hughes 1980), which removes volumetric locking.
 module fem_hex8
   use talus_kinds, only: wp, i4
+  use talus_vectors, only: cross
   implicit none
   private
   public :: hex8_points, hex8_geometry_type, hex8_geometry, hex8_stiffness, hex8_stress
@@ -90,12 +91,6 @@ contains
     end do
     geometry%mean = geometry%mean/sum(geometry%weight)
   end subroutine hex8_geometry
-
-  pure function cross(a, b) result(c)
-    real(wp), intent(in) :: a(3), b(3)
-    real(wp) :: c(3)
-    c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-  end function cross
 
   !> Stiffness as 3 x 3 node blocks k(:, :, a, b), a <= b, isotropic elastic:
   !! K_ab = sum w [ K_v gbar_a gbar_b' + mu (g_b g_a' + (g_a . g_b) I - 2/3 g_a g_b') ].

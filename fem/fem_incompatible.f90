@@ -2,6 +2,7 @@
 !! amplitudes for which no work is done on them; the stiffness has them condensed (fem_batch).
 module fem_incompatible
   use talus_kinds, only: wp, i4
+  use talus_vectors, only: cross
   use fem_hex8, only: hex8_geometry_type, hex8_points
   use fem_rules, only: fem_formulation_type
   implicit none
@@ -30,12 +31,6 @@ contains
       end do
     end do
   end subroutine mode_gradients
-
-  pure function cross(a, b) result(c)
-    real(wp), intent(in) :: a(3), b(3)
-    real(wp) :: c(3)
-    c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-  end function cross
 
   !> Add the stress of the modes to that of the nodes, xx yy zz xy yz zx [Pa].
   pure subroutine add_mode_stress(rule, x, geometry, lame, factor, stress)

@@ -5,6 +5,7 @@
 module fem_rigid
   use talus_kinds, only: wp, i4
   use talus_curve, only: curve_type
+  use talus_vectors, only: cross
   implicit none
   private
   public :: fem_rigid_type, place_rigid, push_rigid, moment_of
@@ -93,10 +94,4 @@ contains
     end do
     row = [shift, angle, sum(reaction(:, rigid%node), 2), moment]
   end function moment_of
-
-  pure function cross(a, b) result(c)
-    real(wp), intent(in) :: a(3), b(3)
-    real(wp) :: c(3)
-    c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-  end function cross
 end module fem_rigid

@@ -1,12 +1,10 @@
 """Strength of a face-centred cubic array in true triaxial compression, for places b of sigma_2."""
 
-import re
-
+import fcc_array
 import numpy as np
 
-from talus.verification import Case, read_history, write_packing
+from talus.verification import Case, read_history
 
-RADIUS, CELLS, OVERLAP = 1.0e-3, 3, 1.6e-7  # [m], [-], [m]
 PLACES = (0.0, 0.1, 0.3, 0.6)  # b
 FRICTION = 0.2
 RATE, STRAIN = -0.2, 0.0008  # [1/s], [-]
@@ -31,22 +29,14 @@ def strength(friction: float, b: float) -> float:
 
 def run(case: Case) -> None:
     """Shorten the array at four places of the middle stress."""
-    side = 2.0 * RADIUS - OVERLAP
-    edges = side * np.array([1.0, 1.0, np.sqrt(2.0)])
-    corners = np.stack(np.meshgrid(*[np.arange(CELLS)] * 3, indexing="ij"), -1).reshape(-1, 3)
-    x = edges * np.concatenate([corners + 0.25, corners + 0.75])
-    write_packing(case.folder / "fcc.h5", x, np.full((len(x), 3), RADIUS))
-    deck = (case.folder / "deck.nml").read_text()
-    size = ", ".join(f"{CELLS * edge:.17g}" for edge in edges)
+    size = fcc_array.write_array(case)
     fig, (ax, ax2) = case.figure(ncols=2, figsize=(9.0, 4.0))
     peaks = []
     for place in PLACES:
         words = {"MU": f"{FRICTION}", "SIZE": size, "RATE": f"{RATE}", "PLACE": f"{place}",
                  "T_END": f"{-STRAIN / RATE}"}  # fmt: skip
-        name, text = f"b{100.0 * place:.0f}", deck
-        for word, value in words.items():
-            text = re.sub(rf"\b{word}\b", value, text)
-        (case.folder / f"{name}.nml").write_text(text)
+        name = f"b{100.0 * place:.0f}"
+        fcc_array.write_deck(case, name, words)
         case.run("talus-dem", f"{name}.nml", "--threads=1")
         rows = read_history(case.folder / f"{name}_cell.csv")
         ratio = rows["stress_zz"] / np.minimum(rows["stress_xx"], -1.0)
