@@ -11,7 +11,7 @@ module dem_ellipse
   use dem_block, only: dem_block_type
   use dem_form, only: form_size, form_tangent, hertz_radius, at_half, at_lower, at_upper
   use dem_form_lanes, only: form_block_type
-  use dem_round_gap, only: ellipsoid_point
+  use dem_figure, only: figure_type, figure_bend
   implicit none
   private
   public :: radius_ratio, narrow_ellipsoids, narrow_forms, ratio_on_plane
@@ -111,13 +111,17 @@ contains
     end do
   end subroutine narrow_forms
 
-  !> R_x/R_e of an ellipsoid with the matrix A on a plane with the normal n.
-  pure real(wp) function ratio_on_plane(a, n) result(ratio)
-    real(wp), intent(in) :: a(6)  !! xx yy zz xy yz zx [m^2]
+  !> R_x/R_e of a grain on a plane with the normal n.
+  pure real(wp) function ratio_on_plane(figure, n) result(ratio)
+    type(figure_type), intent(in) :: figure
     real(wp), intent(in) :: n(3)
-    real(wp) :: u(3), h
-    call ellipsoid_point(a, n, u, h)
-    ratio = ratio_of(curvature_of(n, (a - products(u(1), u(2), u(3)))/h))
+    real(wp) :: u(3), h, k(6)
+    if (figure%formed) then
+      ratio = ratio_of(form_curvature(figure%form, n, -1.0_wp))
+      return
+    end if
+    call figure_bend(figure, n, u, h, k)
+    ratio = ratio_of(curvature_of(n, k))
   end function ratio_on_plane
 
   !> Curvatures xx yy xy of a form in the plane across n where its normal is side n [1/m]; each

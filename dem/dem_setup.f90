@@ -10,7 +10,7 @@ module dem_setup
   use dem_form_make, only: make_forms
   use dem_make, only: make_grains, sorted_order
   use dem_packing, only: dem_packing_type, read_packing, group_index
-  use dem_setup_surfaces, only: read_surfaces, check_units, refuse_forms
+  use dem_setup_surfaces, only: read_surfaces, check_units
   use dem_setup_bonds, only: read_bonds
   use dem_setup_laws, only: read_materials, read_contacts, read_walls, check_pair, check_surface, &
     material_index
@@ -53,7 +53,6 @@ contains
     call read_packing(packing, deck%path('particles', 1, 'file'), errors)
     if (errors%any()) return
     call check_units(deck, system%surfaces, packing, errors)
-    call refuse_forms(deck, packing, errors)
     call hold_grains(deck, packing, errors)
     call drive_grains(deck, packing, choices, errors)
     if (errors%any()) return

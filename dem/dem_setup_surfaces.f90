@@ -1,4 +1,4 @@
-!> Surfaces, penetrometers and cylinders of the deck. Faults D270 to D275, D289; those of
+!> Surfaces, penetrometers and cylinders of the deck. Faults D270 to D274, D289; those of
 !! files see dem_stl, dem_surface_file and dem_surface_make.
 module dem_setup_surfaces
   use talus_kinds, only: wp, i4
@@ -15,7 +15,7 @@ module dem_setup_surfaces
   use dem_surface_state, only: dem_surfaces_type, surface_rigid, is_bore
   implicit none
   private
-  public :: read_surfaces, check_units, refuse_cell, refuse_forms
+  public :: read_surfaces, check_units, refuse_cell
 
   character(len=12), parameter :: groups(3) = [character(len=12) :: 'surface', 'penetrometer', &
     'cylinder']
@@ -252,24 +252,6 @@ contains
     call deck%fault(errors, 'D274', 'surfaces do not stand in a periodic cell', group, 1, '', &
                     'take the cell out, or give walls along its periodic edges')
   end subroutine refuse_cell
-
-  !> Surfaces meet spheres and ellipsoids alone (D275).
-  subroutine refuse_forms(deck, packing, errors)
-    type(deck_type), intent(in) :: deck
-    type(dem_packing_type), intent(in) :: packing
-    type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: group
-    logical, allocatable :: formed(:)
-
-    group = first_group(deck)
-    if (deck%count(group) == 0) return
-    formed = any(abs(packing%skew) > 0.0_wp, 1) .or. packing%exponent > 2.0_wp
-    if (.not. any(formed)) return
-    call deck%fault(errors, 'D275', 'surfaces meet spheres and ellipsoids alone; '// &
-                    str(count(formed))//' grains are others, the first is grain '// &
-                    str(packing%id(findloc(formed, .true., 1))), group, 1, '', &
-                    'take walls, which every grain can meet, or grains with skew 0 and exponent 2')
-  end subroutine refuse_forms
 
   !> A surface far larger than the bed or far smaller than a grain has another unit, unless the deck
   !! says scale (D272); no grain fits into a bore narrower than itself (D289).

@@ -8,10 +8,11 @@
 module dem_surface_find
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
-  use dem_state, only: lanes, body_size
+  use dem_state, only: lanes
+  use dem_figure, only: figure_type, figure_point, figure_curvature
   use dem_surface_state, only: dem_surfaces_type, surface_soft, surface_cone, part_tip, &
     part_flank, part_shaft, part_side, part_end, is_bore, bore_swell
-  use dem_round_gap, only: circle_gap, corner_gap, bore_gap, mean_curvature, ellipsoid_point
+  use dem_round_gap, only: circle_gap, corner_gap, bore_gap, most_places
   implicit none
   private
   public :: touches_type, features_type, find_touches, most_features
@@ -44,12 +45,11 @@ module dem_surface_find
 
 contains
 
-  !> All contacts of near grain g, whose body record is given.
-  subroutine find_touches(s, g, grain, radius, features, touches)
+  !> All contacts of near grain g, whose figure is given.
+  subroutine find_touches(s, g, grain, features, touches)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: g
-    real(wp), intent(in) :: grain(body_size)
-    real(wp), intent(in) :: radius  !! largest semi-axis [m]
+    type(figure_type), intent(in) :: grain
     type(features_type), intent(inout) :: features
     type(touches_type), intent(inout) :: touches
     integer(i4) :: c
@@ -57,24 +57,24 @@ contains
     features%n = 0
     do c = s%near_start(g), s%near_start(g + 1) - 1
       if (s%candidate(c) > 0) then
-        call look_at_triangle(s, c, grain, radius, features)
+        call look_at_triangle(s, c, grain, features)
       else if (s%kind(-s%candidate(c)) == surface_cone) then
-        call look_at_cone(s, -s%candidate(c), grain, radius, features)
+        call look_at_cone(s, -s%candidate(c), grain, features)
       else if (is_bore(s, -s%candidate(c))) then
-        call look_at_bore(s, -s%candidate(c), grain, radius, features)
+        call look_at_bore(s, -s%candidate(c), grain, features)
       else
-        call look_at_cylinder(s, -s%candidate(c), grain, radius, features)
+        call look_at_cylinder(s, -s%candidate(c), grain, features)
       end if
     end do
-    call join_features(s, g, radius, features, touches%n)
+    call join_features(s, g, grain%radius, features, touches%n)
     call sum_features(s, features, touches)
   end subroutine find_touches
 
   !> Face, edges and corners of a triangle.
-  pure subroutine look_at_triangle(s, c, grain, radius, features)
+  pure subroutine look_at_triangle(s, c, grain, features)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: c
-    real(wp), intent(in) :: grain(body_size), radius
+    type(figure_type), intent(in) :: grain
     type(features_type), intent(inout) :: features
     real(wp) :: p(3, 3), t(3, 3), m(3, 3), length(3), n(3), u(3), h, gap, foot(3), inside(3)
     integer(i4) :: triangle, k
@@ -83,8 +83,8 @@ contains
     p = s%x(:, s%corner(:, triangle))
     n = cross(p(:, 2) - p(:, 1), p(:, 3) - p(:, 1))
     n = n/sqrt(sum(n*n))
-    gap = dot_product(grain(1:3) - p(:, 1), n)
-    if (abs(gap) > radius) return
+    gap = dot_product(grain%x - p(:, 1), n)
+    if (abs(gap) > grain%span) return
     do k = 1, 3
       t(:, k) = p(:, 1 + mod(k, 3)) - p(:, k)
       length(k) = sqrt(sum(t(:, k)**2))
@@ -92,22 +92,22 @@ contains
       m(:, k) = cross(n, t(:, k))
     end do
     if (gap < 0.0_wp) n = -n
-    call ellipsoid_point(grain(10:15), n, u, h)
+    call figure_point(grain, n, u, h)
     gap = abs(gap) - h
-    if (gap >= 0.0_wp) return
-    foot = grain(1:3) - u - gap*n
+    if (gap >= grain%reach) return
+    foot = grain%x - u - gap*n
     do k = 1, 3
       inside(k) = dot_product(foot - p(:, k), m(:, k))
     end do
-    if (all(inside >= -slack*radius)) &
-      call add(s, c, grain, radius, n, gap, foot, shares(inside, length), features)
+    if (all(inside >= -slack*grain%radius)) &
+      call add(s, c, grain, n, gap, foot, shares(inside, length), features)
     do k = 1, 3
-      if (inside(k) <= slack*radius) &
-        call look_at_edge(s, c, k, p(:, k), t(:, k), m(:, k), length(k), grain, radius, features)
+      if (inside(k) <= slack*grain%radius) &
+        call look_at_edge(s, c, k, p(:, k), t(:, k), m(:, k), length(k), grain, features)
     end do
     do k = 1, 3
-      if (inside(k) <= slack*radius .or. inside(1 + mod(k + 1, 3)) <= slack*radius) &
-        call look_at_corner(s, c, k, p(:, k), grain, radius, features)
+      if (inside(k) <= slack*grain%radius .or. inside(1 + mod(k + 1, 3)) <= slack*grain%radius) &
+        call look_at_corner(s, c, k, p(:, k), grain, features)
     end do
   end subroutine look_at_triangle
 
@@ -121,11 +121,12 @@ contains
   end function shares
 
   !> Edge k of a candidate, worked by the lower of its two triangles.
-  pure subroutine look_at_edge(s, c, k, p, t, m, length, grain, radius, features)
+  pure subroutine look_at_edge(s, c, k, p, t, m, length, grain, features)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: c, k
     real(wp), intent(in) :: p(3), t(3), m(3)  !! start, direction, inwards
-    real(wp), intent(in) :: length, grain(body_size), radius
+    real(wp), intent(in) :: length
+    type(figure_type), intent(in) :: grain
     type(features_type), intent(inout) :: features
     real(wp) :: r(3), e(3), n(3), gap, u(3), h, along, share(3)
     integer(i4) :: triangle, mate
@@ -133,22 +134,23 @@ contains
     triangle = s%candidate(c)
     mate = s%mate(k, triangle)
     if (mate > 0 .and. mate < triangle) return
-    r = grain(1:3) - p
+    r = grain%x - p
     h = dot_product(r, t)
-    if (h < -radius .or. h > length + radius .or. sum(r*r) - h*h > radius*radius) return
-    call circle_gap(r, grain(10:15), t, 0.0_wp, 1.0_wp, e, n, gap)
-    if (gap >= 0.0_wp) return
+    if (h < -grain%span .or. h > length + grain%span) return
+    if (sum(r*r) - h*h > grain%span*grain%span) return
+    call circle_gap(r, grain, t, 0.0_wp, 1.0_wp, e, n, gap)
+    if (gap >= grain%reach) return
     if (dot_product(n, m) > slack) return
     if (mate > 0) then
       if (dot_product(n, inwards(s, mate, s%corner(k, triangle), t, p)) > slack) return
     end if
-    call ellipsoid_point(grain(10:15), n, u, h)
+    call figure_point(grain, n, u, h)
     along = dot_product(r - u, t)
-    if (along < -slack*radius .or. along > length + slack*radius) return
+    if (along < -slack*grain%radius .or. along > length + slack*grain%radius) return
     share = 0.0_wp
     share(k) = 1.0_wp - along/length
     share(1 + mod(k, 3)) = along/length
-    call add(s, c, grain, radius, n, gap, p + along*t, share, features)
+    call add(s, c, grain, n, gap, p + along*t, share, features)
   end subroutine look_at_edge
 
   !> Direction from an edge into the triangle that holds it, at right angles to it.
@@ -172,69 +174,71 @@ contains
   end function inwards
 
   !> Corner k of a candidate, worked by the lowest of its triangles.
-  pure subroutine look_at_corner(s, c, k, p, grain, radius, features)
+  pure subroutine look_at_corner(s, c, k, p, grain, features)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: c, k
-    real(wp), intent(in) :: p(3), grain(body_size), radius
+    real(wp), intent(in) :: p(3)
+    type(figure_type), intent(in) :: grain
     type(features_type), intent(inout) :: features
     real(wp) :: r(3), n(3), gap, far(3), share(3)
     integer(i4) :: vertex, j
 
     vertex = s%corner(k, s%candidate(c))
     if (s%home(vertex) /= s%candidate(c)) return
-    r = grain(1:3) - p
-    if (sum(r*r) > radius*radius) return
-    call corner_gap(r, grain(10:15), [0.0_wp, 0.0_wp, 1.0_wp], 0.0_wp, n, gap)
-    if (gap >= 0.0_wp) return
+    r = grain%x - p
+    if (sum(r*r) > grain%span*grain%span) return
+    call corner_gap(r, grain, [0.0_wp, 0.0_wp, 1.0_wp], 0.0_wp, n, gap)
+    if (gap >= grain%reach) return
     do j = s%fan_start(vertex), s%fan_start(vertex + 1) - 1
       far = s%x(:, s%fan(j)) - p
       if (dot_product(n, far) > slack*sqrt(sum(far*far))) return
     end do
     share = 0.0_wp
     share(k) = 1.0_wp
-    call add(s, c, grain, radius, n, gap, p, share, features)
+    call add(s, c, grain, n, gap, p, share, features)
   end subroutine look_at_corner
 
   !> Tip, flank, shoulder and shaft of a cone; the shoulder counts to the flank.
-  subroutine look_at_cone(s, b, grain, radius, features)
+  subroutine look_at_cone(s, b, grain, features)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: b
-    real(wp), intent(in) :: grain(body_size), radius
+    type(figure_type), intent(in) :: grain
     type(features_type), intent(inout) :: features
     real(wp) :: r(3), e(3), n(3), gap, u(3), h, along, height, axis(3), q(3)
 
     axis = s%axis(:, b)
     associate (sine => s%cone(1, b), cosine => s%cone(2, b), wide => s%cone(3, b))
       height = wide*cosine/sine
-      r = grain(1:3) - s%centre(:, b)
+      r = grain%x - s%centre(:, b)
       along = dot_product(r, axis)
-      if (along < -radius .or. along > height + s%cone(4, b) + radius) return
-      if (sum(r*r) - along**2 > (wide + radius)**2) return
+      if (along < -grain%span .or. along > height + s%cone(4, b) + grain%span) return
+      if (sum(r*r) - along**2 > (wide + grain%span)**2) return
 
-      call corner_gap(r, grain(10:15), axis, 0.0_wp, n, gap)
+      call corner_gap(r, grain, axis, 0.0_wp, n, gap)
       h = dot_product(n, axis)
-      if (gap < 0.0_wp .and. sine*sqrt(max(1.0_wp - h*h, 0.0_wp)) + cosine*h <= slack) &
+      if (gap < grain%reach .and. sine*sqrt(max(1.0_wp - h*h, 0.0_wp)) + cosine*h <= slack) &
         call add_part(part_tip, s%centre(:, b), 0.0_wp)
 
-      call circle_gap(r, grain(10:15), axis, sine, cosine, e, n, gap)
-      call ellipsoid_point(grain(10:15), n, u, h)
+      call circle_gap(r, grain, axis, sine, cosine, e, n, gap)
+      call figure_point(grain, n, u, h)
       along = dot_product(r - u, sine*e + cosine*axis)
-      if (gap < 0.0_wp .and. along >= -slack*radius .and. along <= wide/sine + slack*radius) &
+      h = slack*grain%radius
+      if (gap < grain%reach .and. along >= -h .and. along <= wide/sine + h) &
         call add_part(part_flank, s%centre(:, b) + along*(sine*e + cosine*axis), along*sine)
 
       q = r - height*axis
-      call corner_gap(q, grain(10:15), axis, wide, n, gap)
+      call corner_gap(q, grain, axis, wide, n, gap)
       h = dot_product(n, axis)
       e = n - h*axis
       e = e/max(sqrt(sum(e*e)), tiny(1.0_wp))
-      if (gap < 0.0_wp .and. h <= slack .and. h >= -sine - slack) &
+      if (gap < grain%reach .and. h <= slack .and. h >= -sine - slack) &
         call add_part(part_flank, s%centre(:, b) + height*axis + wide*e, wide)
 
-      call circle_gap(q, grain(10:15), axis, 0.0_wp, 1.0_wp, e, n, gap)
+      call circle_gap(q, grain, axis, 0.0_wp, 1.0_wp, e, n, gap)
       gap = gap - wide
-      call ellipsoid_point(grain(10:15), n, u, h)
+      call figure_point(grain, n, u, h)
       along = dot_product(q - u, axis)
-      if (gap < 0.0_wp .and. along >= -slack*radius .and. along <= s%cone(4, b)) &
+      if (gap < grain%reach .and. along >= -slack*grain%radius .and. along <= s%cone(4, b)) &
         call add_part(part_shaft, s%centre(:, b) + (height + along)*axis + wide*e, wide)
     end associate
 
@@ -247,106 +251,108 @@ contains
       real(wp) :: own
       integer(i4) :: k
       k = features%n
-      call add_feature(b, s%first_part(b) + part, 0, n, gap, foot, radius, features)
+      call add_feature(b, s%first_part(b) + part, 0, n, gap, foot, grain%radius, features)
       if (features%n == k) return
-      own = mean_curvature(grain(10:15), grain(16), n)
+      own = figure_curvature(grain, n)
       h = sqrt(max(1.0_wp - dot_product(n, axis)**2, 0.0_wp))
       features%curvature(features%n) = own + 0.5_wp*h/max(distance, 1.0_wp/own)
     end subroutine add_part
   end subroutine look_at_cone
 
   !> Side, end or rim of a cylinder with the grain outside: it is convex, so one of them is nearest.
-  subroutine look_at_cylinder(s, b, grain, radius, f)
+  subroutine look_at_cylinder(s, b, grain, f)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: b
-    real(wp), intent(in) :: grain(body_size), radius
+    type(figure_type), intent(in) :: grain
     type(features_type), intent(inout) :: f
     real(wp) :: r(3), e(3), n(3), gap, u(3), h, along, axis(3), foot(3), wide, half
 
     axis = s%axis(:, b)
     wide = s%cone(3, b)
     half = s%cone(4, b)
-    r = grain(1:3) - s%centre(:, b)
+    r = grain%x - s%centre(:, b)
     along = dot_product(r, axis)
-    if (abs(along) - radius > half) return
-    if (sum(r*r) - along**2 > (wide + radius)**2) return
-    call circle_gap(r, grain(10:15), axis, 0.0_wp, 1.0_wp, e, n, gap)
-    call ellipsoid_point(grain(10:15), n, u, h)
+    if (abs(along) - grain%span > half) return
+    if (sum(r*r) - along**2 > (wide + grain%span)**2) return
+    call circle_gap(r, grain, axis, 0.0_wp, 1.0_wp, e, n, gap)
+    call figure_point(grain, n, u, h)
     along = dot_product(r - u, axis)
     if (abs(along) <= half) then
-      call add_round(s, b, part_side, grain, radius, n, gap - wide, along*axis + wide*e, 1.0_wp, f)
+      call add_round(s, b, part_side, grain, n, gap - wide, along*axis + wide*e, 1.0_wp, f)
       return
     end if
     axis = sign(1.0_wp, along)*axis
-    call ellipsoid_point(grain(10:15), axis, u, h)
+    call figure_point(grain, axis, u, h)
     gap = dot_product(r, axis) - half - h
     foot = r - u - gap*axis
     if (sum(foot**2) - half**2 <= wide**2) then
-      call add_round(s, b, part_end, grain, radius, axis, gap, foot, 0.0_wp, f)
+      call add_round(s, b, part_end, grain, axis, gap, foot, 0.0_wp, f)
       return
     end if
-    call corner_gap(r - half*axis, grain(10:15), axis, wide, n, gap)
+    call corner_gap(r - half*axis, grain, axis, wide, n, gap)
     e = n - dot_product(n, axis)*axis
     h = sqrt(max(sum(e*e), tiny(1.0_wp)))
-    call add_round(s, b, part_end, grain, radius, n, gap, half*axis + wide/h*e, h, f)
+    call add_round(s, b, part_end, grain, n, gap, half*axis + wide/h*e, h, f)
   end subroutine look_at_cylinder
 
   !> The wall of a cylinder from inside; its ends are open. Grains wholly beyond it are not its own.
-  subroutine look_at_bore(s, b, grain, radius, f)
+  subroutine look_at_bore(s, b, grain, f)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: b
-    real(wp), intent(in) :: grain(body_size), radius
+    type(figure_type), intent(in) :: grain
     type(features_type), intent(inout) :: f
-    real(wp) :: r(3), e(3, 2), gap(2), u(3), h, along
+    real(wp) :: r(3), e(3, most_places), gap(most_places), u(3), h, along
     integer(i4) :: k, places
 
-    r = grain(1:3) - s%centre(:, b)
+    r = grain%x - s%centre(:, b)
     along = dot_product(r, s%axis(:, b))
-    if (abs(along) - radius > s%cone(4, b)) return
-    if (sum(r*r) - along**2 < max(s%cone(3, b) - radius, 0.0_wp)**2) return
-    if (sum(r*r) - along**2 > (s%cone(3, b) + radius)**2) return
-    call bore_gap(r, grain(10:15), s%axis(:, b), s%cone(3, b), places, e, gap)
+    if (abs(along) - grain%span > s%cone(4, b)) return
+    if (sum(r*r) - along**2 < max(s%cone(3, b) - grain%span, 0.0_wp)**2) return
+    if (sum(r*r) - along**2 > (s%cone(3, b) + grain%span)**2) return
+    call bore_gap(r, grain, s%axis(:, b), s%cone(3, b), places, e, gap)
     do k = 1, places
-      call ellipsoid_point(grain(10:15), e(:, k), u, h)
-      along = dot_product(r + u, s%axis(:, b))
+      call figure_point(grain, -e(:, k), u, h)
+      along = dot_product(r - u, s%axis(:, b))
       if (abs(along) > s%cone(4, b)) cycle
-      call add_round(s, b, part_side, grain, radius, -e(:, k), gap(k), along*s%axis(:, b) &
+      call add_round(s, b, part_side, grain, -e(:, k), gap(k), along*s%axis(:, b) &
                      + s%cone(3, b)*e(:, k), -1.0_wp, f)
     end do
   end subroutine look_at_bore
 
   !> A feature of a cylinder: half its curvature counts, by the part of the normal across the axis,
   !! towards the grain or, inside, away from it.
-  subroutine add_round(s, b, part, grain, radius, n, gap, foot, across, f)
+  subroutine add_round(s, b, part, grain, n, gap, foot, across, f)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: b, part
-    real(wp), intent(in) :: grain(body_size), radius, n(3), gap
+    type(figure_type), intent(in) :: grain
+    real(wp), intent(in) :: n(3), gap
     real(wp), intent(in) :: foot(3)  !! from the centre [m]
     real(wp), intent(in) :: across   !! of the normal; negative: inside [-]
     type(features_type), intent(inout) :: f
     real(wp) :: own
     integer(i4) :: k
 
-    if (gap >= 0.0_wp) return
+    if (gap >= grain%reach) return
     k = f%n
-    call add_feature(b, s%first_part(b) + part, 0, n, gap, s%centre(:, b) + foot, radius, f)
+    call add_feature(b, s%first_part(b) + part, 0, n, gap, s%centre(:, b) + foot, grain%radius, f)
     if (f%n == k) return
-    own = mean_curvature(grain(10:15), grain(16), n)
+    own = figure_curvature(grain, n)
     f%curvature(f%n) = max(own + 0.5_wp*across/s%cone(3, b), 0.01_wp*own)
   end subroutine add_round
 
-  pure subroutine add(s, c, grain, radius, n, gap, foot, share, features)
+  pure subroutine add(s, c, grain, n, gap, foot, share, features)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: c
-    real(wp), intent(in) :: grain(body_size), radius, n(3), gap, foot(3), share(3)
+    type(figure_type), intent(in) :: grain
+    real(wp), intent(in) :: n(3), gap, foot(3), share(3)
     type(features_type), intent(inout) :: features
     integer(i4) :: k, body
     k = features%n
     body = s%owner(s%candidate(c))
-    call add_feature(body, s%first_part(body), c, n, gap, foot, radius, features)
+    call add_feature(body, s%first_part(body), c, n, gap, foot, grain%radius, features)
     if (features%n == k) return
     features%share(:, features%n) = share
-    features%curvature(features%n) = mean_curvature(grain(10:15), grain(16), n)
+    features%curvature(features%n) = figure_curvature(grain, n)
   end subroutine add
 
   !> One more feature, unless it was found before from the other side of a shared edge.

@@ -7,6 +7,8 @@ module dem_surface_forces
   use dem_state, only: dem_data_type, kind_free, lanes, history_size, history_point, column_count
   use dem_surface_state, only: dem_surfaces_type, surface_soft
   use dem_surface_body, only: is_free
+  use dem_figure, only: figure_type
+  use dem_form_state, only: form_ellipsoid
   use dem_surface_find, only: touches_type, features_type, find_touches
   use dem_block, only: dem_block_type
   use dem_contact, only: contact_block, contact_constants_type, constants_of
@@ -43,6 +45,7 @@ contains
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: g
     real(wp), intent(in) :: h
+    type(figure_type) :: figure
     type(features_type) :: features
     type(touches_type) :: touches
     type(dem_block_type) :: block
@@ -50,8 +53,9 @@ contains
     integer(i4) :: i, k, count, part(lanes)
 
     i = d%surfaces%near_grain(g)
+    figure = figure_of(d, i)
     associate (s => d%surfaces)
-      call find_touches(s, g, d%pairs%body(:, i), d%grains%radius(i), features, touches)
+      call find_touches(s, g, figure, features, touches)
       call fill_block(touches, d%pairs%body(:, i), block)
       part = 0
       part(:touches%n) = touches%part(:touches%n)
@@ -63,7 +67,7 @@ contains
         if (s%soft) call clear_shares(s, g)
         return
       end if
-      call apply_laws(d, i, h, part, count, block, history, s%columns(:, g))
+      call apply_laws(d, i, figure, h, part, count, block, history, s%columns(:, g))
       s%contacts(g) = touches%n
       s%history(:, :, g) = history
       do k = 1, touches%n
@@ -78,6 +82,21 @@ contains
       if (s%soft) call share_loads(s, g, features, touches)
     end associate
   end subroutine work_grain
+
+  !> Grain i as surfaces see it.
+  pure function figure_of(d, i) result(figure)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: i
+    type(figure_type) :: figure
+    figure%x = d%pairs%body(1:3, i)
+    figure%radius = d%grains%radius(i)
+    figure%span = figure%radius + figure%reach
+    figure%a = d%pairs%body(10:15, i)
+    figure%square = d%pairs%body(16, i)
+    if (d%grains%forms%n == 0) return
+    figure%formed = d%grains%forms%kind(i) /= form_ellipsoid
+    if (figure%formed) figure%form = d%grains%forms%record(:, i)
+  end function figure_of
 
   !> Contacts as pairs of a point of the surface, A, and the grain, B.
   pure subroutine fill_block(touches, grain, b)
@@ -193,9 +212,10 @@ contains
   end function distance
 
   !> The law of each contact's materials.
-  pure subroutine apply_laws(d, i, h, part, count, b, history, columns)
+  pure subroutine apply_laws(d, i, figure, h, part, count, b, history, columns)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: i  !! grain
+    type(figure_type), intent(in) :: figure
     real(wp), intent(in) :: h
     integer(i4), intent(in) :: part(lanes), count
     type(dem_block_type), intent(inout) :: b
@@ -227,7 +247,7 @@ contains
       constants = constants_of(d%laws(d%surfaces%material(part(lead)), d%grains%material(i)))
       if (law(lead) < 0) constants%share = 0.0_wp
       if (d%laws(d%surfaces%material(part(lead)), d%grains%material(i))%elliptic) &
-        call narrow(d%pairs%body(10:15, i), mine)
+        call narrow(figure, mine)
       call contact_block(mine, constants, .false., h, m_star, weight, kept, some)
       columns = columns + some
       do k = 1, count
@@ -256,13 +276,13 @@ contains
   end subroutine reduce_masses
 
   !> Elliptic areas, see dem_ellipse.
-  pure subroutine narrow(a, b)
-    real(wp), intent(in) :: a(6)  !! shape matrix of the grain [m^2]
+  pure subroutine narrow(figure, b)
+    type(figure_type), intent(in) :: figure
     type(dem_block_type), intent(inout) :: b
     integer(i4) :: k
     do k = 1, lanes
       if (b%gap(k) < 0.0_wp) b%curvature(k) = b%curvature(k) &
-        /ratio_on_plane(a, [b%nx(k), b%ny(k), b%nz(k)])
+        /ratio_on_plane(figure, [b%nx(k), b%ny(k), b%nz(k)])
     end do
   end subroutine narrow
 

@@ -7,7 +7,8 @@ program test_dem_bodies
   use dem_state, only: law_hertz_mindlin, kind_free, kind_fixed
   use dem_law, only: make_law
   use dem_make, only: make_grains
-  use dem_round_gap, only: bore_gap
+  use dem_figure, only: figure_type
+  use dem_round_gap, only: bore_gap, most_places
   use dem_surface_body, only: no_free_bodies, is_free, load_left
   use dem_surface_state, only: surface_rigid
   use dem_surface_make, only: mesh_type, join_corners, check_mesh, add_mesh
@@ -171,10 +172,12 @@ contains
     real(wp), parameter :: ball(6) = [4.0_wp, 4.0_wp, 4.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
     real(wp), parameter :: pi = acos(-1.0_wp)
     real(wp), parameter :: axis(3) = [0.0_wp, 0.0_wp, 1.0_wp]
-    real(wp) :: e(3, 2), gap(2), best, phi, d(3)
+    type(figure_type) :: grain
+    real(wp) :: e(3, most_places), gap(most_places), best, phi, d(3)
     integer(i4) :: n, k
 
-    call bore_gap([0.0_wp, -4.0_wp, 7.0_wp], a, axis, 7.0_wp, n, e, gap)
+    grain%a = a
+    call bore_gap([0.0_wp, -4.0_wp, 7.0_wp], grain, axis, 7.0_wp, n, e, gap)
     call test%check('two places', n == 2)
     call test%check_close('alike', gap(2), gap(1), 1.0e-14_wp)
     best = 0.0_wp
@@ -184,10 +187,11 @@ contains
       best = max(best, -4.0_wp*d(2) + sqrt(a(1)*d(1)**2 + a(2)*d(2)**2))
     end do
     call test%check_close('where the reach is greatest', gap(1), 7.0_wp - best, 1.0e-8_wp)
-    call bore_gap([3.0_wp, 0.0_wp, 0.0_wp], ball, axis, 7.0_wp, n, e, gap)
+    grain%a = ball
+    call bore_gap([3.0_wp, 0.0_wp, 0.0_wp], grain, axis, 7.0_wp, n, e, gap)
     call test%check('one place', n == 1)
     call test%check_close('of a sphere', gap(1), 2.0_wp, 1.0e-15_wp)
-    call bore_gap([0.0_wp, 0.0_wp, 0.0_wp], ball, axis, 7.0_wp, n, e, gap)
+    call bore_gap([0.0_wp, 0.0_wp, 0.0_wp], grain, axis, 7.0_wp, n, e, gap)
     call test%check('in the middle, too', n >= 1)
     call test%check_close('all ways', gap(1), 5.0_wp, 1.0e-14_wp)
   end subroutine check_bore

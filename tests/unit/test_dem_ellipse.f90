@@ -2,6 +2,7 @@
 program test_dem_ellipse
   use talus_kinds, only: wp, i4
   use talus_test, only: test_type
+  use dem_figure, only: figure_type
   use dem_ellipse, only: radius_ratio, ratio_on_plane, narrow_ellipsoids, narrow_forms
   use dem_block, only: dem_block_type
   use dem_form, only: form_of
@@ -73,12 +74,12 @@ contains
 
   !> An ellipsoid on its flat side: curvatures c/a^2 and c/b^2.
   subroutine check_plane()
+    type(figure_type) :: figure
     real(wp) :: ratio
-    ratio = ratio_on_plane([9.0_wp, 4.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], &
-                           [0.0_wp, 0.0_wp, 1.0_wp])
+    figure%a = [9.0_wp, 4.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
+    ratio = ratio_on_plane(figure, [0.0_wp, 0.0_wp, 1.0_wp])
     call test%check_close('on the flat side', ratio, radius_ratio(2.25_wp), 1.0e-14_wp)
-    ratio = ratio_on_plane([9.0_wp, 4.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], &
-                           [0.6_wp, 0.0_wp, 0.8_wp])
+    ratio = ratio_on_plane(figure, [0.6_wp, 0.0_wp, 0.8_wp])
     call test%check('on a slope', ratio > 1.0_wp)
   end subroutine check_plane
 

@@ -6,6 +6,7 @@ program test_dem_surface
   use talus_errors, only: error_list_type
   use talus_test, only: test_type
   use dem_state, only: law_hertz_mindlin, kind_free
+  use dem_form_make, only: make_forms
   use dem_law, only: make_law
   use dem_make, only: make_grains, make_planes
   use dem_surface_state, only: surface_rigid, surface_soft
@@ -19,6 +20,9 @@ program test_dem_surface
   call omp_set_num_threads(1)
   call check_plane(sphere, 'sphere')
   call check_plane(ellipsoid, 'ellipsoid')
+  call check_plane(ellipsoid, 'poly-ellipsoid', [0.3_wp, -0.2_wp, 0.1_wp], 2.0_wp)
+  call check_plane(ellipsoid, 'superquadric', [0.0_wp, 0.0_wp, 0.0_wp], 4.0_wp)
+  call check_plane(ellipsoid, 'both', [-0.2_wp, 0.1_wp, 0.2_wp], 3.0_wp)
   call check_bend(0.02_wp, 'ridge')
   call check_bend(-0.02_wp, 'valley')
   call check_soft()
@@ -99,9 +103,10 @@ contains
   end subroutine make_floor
 
   !> The same throw onto a plane and onto triangles: bounces, slides and rolls over many edges.
-  subroutine check_plane(axes, name)
+  subroutine check_plane(axes, name, skew, exponent)
     real(wp), intent(in) :: axes(3)
     character(len=*), intent(in) :: name
+    real(wp), intent(in), optional :: skew(3), exponent
     type(dem_system_type) :: a, b
     type(error_list_type) :: errors
     real(wp), parameter :: x(3) = [-4.0e-3_wp, -4.0e-3_wp, 2.4e-3_wp]
@@ -112,6 +117,10 @@ contains
     zero = 0.0_wp
     call make_grain(a, axes, x, v, [3.0_wp, -5.0_wp, 20.0_wp])
     call make_grain(b, axes, x, v, [3.0_wp, -5.0_wp, 20.0_wp])
+    if (present(skew)) then
+      call make_forms(a%grains, a%materials, [7_i8], reshape(skew, [3, 1]), [exponent], errors)
+      call make_forms(b%grains, b%materials, [7_i8], reshape(skew, [3, 1]), [exponent], errors)
+    end if
     call make_planes(a%planes, zero, reshape([0.0_wp, 0.0_wp, 1.0_wp], [3, 1]), zero, [2])
     call make_floor(b, 0.0_wp, surface_rigid)
     call a%init(errors)
