@@ -58,7 +58,7 @@ unit-one: $(BUILD)/unit/$(T)
 NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev bench-deps keys style test demo \
   deposit penetration element-tests overlap-column block-on-grains tyre-segment micromorphic-triaxial \
   overlap-penetration \
-  verification manual bench
+  verification verification-ranks manual bench
 
 # --- version, stamped at build time --------------------------------------------------------
 VERSION := $(shell cat VERSION 2>/dev/null || echo 0.0.0)
@@ -115,7 +115,7 @@ $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
 # --- what a user calls ---------------------------------------------------------------------
 .PHONY: help deps deps-apt deps-run deps-render deps-dev keys test demo deposit penetration element-tests \
   overlap-column block-on-grains tyre-segment micromorphic-triaxial overlap-penetration \
-  bench bench-deps verification manual style install
+  bench bench-deps verification verification-ranks manual style install
 PY := $(VENV)/bin/python
 
 help:
@@ -124,6 +124,7 @@ help:
 	  'make demo          set up, build, run the coupled penetration, name its figures' \
 	  'make test          set up, build, run every test and the quick verification cases' \
 	  'make verification  all verification cases (CASE=id for one)' \
+	  'make verification-ranks  those of grains with every run on RANKS=2 ranks' \
 	  'make manual        the manual as HTML in build/manual' \
 	  'make penetration   three containers and the sweep of moduli (hours)' \
 	  'make deposit       remake the shipped deposit and compare (CONTAINER=medium|large|wide: another)' \
@@ -189,6 +190,11 @@ overlap-penetration: deps-run deps-render
 verification: deps
 	@$(MAKE) --no-print-directory all
 	$(PY) tools/verify.py --bin $(BIN) --out build/verification $(if $(CASE),--case $(CASE))
+
+verification-ranks: deps
+	@$(MAKE) --no-print-directory all
+	$(PY) tools/verify.py --bin $(BIN) --out build/verification_ranks --area dem \
+	  --ranks $(or $(RANKS),2) $(if $(CASE),--case $(CASE))
 
 manual: deps-run deps-dev
 	$(PY) tools/manual.py --out build/manual

@@ -123,20 +123,18 @@ contains
       call self%team%await(order)
       call tell_loads(self%team, whole, self%loaded, self%part)
       deallocate (self%loaded)
-      self%part%ledger%start = self%part%ledger%start + self%shift
     end if
+    self%part%ledger%start = self%part%ledger%start + self%shift
     self%shift = 0.0_wp
     self%reset = .false.
     self%redirected = .false.
   end subroutine tell_changes
 
-  !> Extra forces of these grains have changed in the whole, and so has the start of its ledger.
-  subroutine mark_loads(self, marked, shift)
+  !> Extra forces of these grains have changed in the whole.
+  subroutine mark_loads(self, marked)
     class(dem_crew_type), intent(inout) :: self
     logical, intent(in) :: marked(:)  !! (grains)
-    real(wp), intent(in) :: shift     !! [J]
     if (.not. self%started) return
-    self%shift = self%shift + shift
     if (.not. allocated(self%loaded)) allocate (self%loaded(size(marked)), source=.false.)
     self%loaded = self%loaded .or. marked
   end subroutine mark_loads

@@ -40,7 +40,7 @@ contains
     number(0) = size(rows, 2)
     call team%trade(rows, number, haul%contacts, came)
     if (part%surfaces%n > 0) then
-      call pack_touches(part, part%grains%kind == kind_free, rows)
+      call pack_touches(part, rows)
       number(0) = size(rows, 2)
       call team%trade(rows, number, haul%touches, came)
     end if

@@ -78,6 +78,7 @@ contains
         part%surfaces%velocity = whole%surfaces%velocity
         part%surfaces%spin = whole%surfaces%spin
         part%surfaces%bore(bore_swell, :) = whole%surfaces%bore(bore_swell, :)
+        if (allocated(part%surfaces%free)) part%surfaces%given = whole%surfaces%given
       end if
       if (part%surfaces%soft) then
         part%surfaces%v = whole%surfaces%v

@@ -8,7 +8,7 @@ module dem_limits
     history_side
   use dem_contact, only: contact_constants_type, constants_of, contact_radius, contact_point
   use dem_extras, only: extra_stiffness
-  use dem_surface_measure, only: add_surface_rows, body_rate
+  use dem_surface_measure, only: add_surface_rows, body_rows, body_rate
   implicit none
   private
   public :: gershgorin_step, rayleigh_step, impact_step
@@ -17,7 +17,8 @@ module dem_limits
 
 contains
 
-  !> Step limit of the contacts in hand [s]; huge without contacts.
+  !> Step limit of the contacts in hand [s]; huge without contacts. On ranks free bodies are the
+  !! leader's, see dem_part.
   real(wp) function gershgorin_step(d) result(limit)
     type(dem_data_type), intent(in) :: d
     real(wp), allocatable :: lambda(:, :)
@@ -50,8 +51,8 @@ contains
                lambda(2, i)/(scale(2)*minval(d%grains%inertia(:, i))))
       if (kn > 0.0_wp) limit = min(limit, 2.0_wp/sqrt(kn))
     end do
-    if (.not. allocated(d%surfaces%free)) return
-    kn = body_rate(d)
+    if (.not. allocated(d%surfaces%free) .or. allocated(d%surfaces%acting)) return
+    kn = body_rate(d%surfaces, body_rows(d))
     if (kn > 0.0_wp) limit = min(limit, 2.0_wp/sqrt(kn))
   end function gershgorin_step
 

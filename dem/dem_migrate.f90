@@ -194,7 +194,8 @@ contains
     end subroutine put
   end subroutine send_contacts
 
-  !> Contacts of this rank's grains with surfaces go with their grains.
+  !> Contacts of this rank's grains with surfaces go with their grains, those of prescribed grains
+  !! to the leader.
   subroutine send_touches(d, home, touches)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: home(:)
@@ -203,11 +204,11 @@ contains
     integer(i4), allocatable :: to(:)
     real(wp), allocatable :: rows(:, :)
 
-    call pack_touches(d, home >= 0, rows)
+    call pack_touches(d, rows)
     allocate (to(size(rows, 2)))
     number = 0
     do k = 1, size(to)
-      to(k) = home(index_of(d, rows(1, k)))
+      to(k) = max(home(index_of(d, rows(1, k))), 0)
       number(to(k)) = number(to(k)) + 1
     end do
     call d%halo%team%trade(rows(:, sorted_order(int(to, i8))), number, touches, came)

@@ -26,7 +26,7 @@ module dem_model
   use dem_cell, only: cell_volume
   use dem_setup, only: dem_choices_type, read_model, check_initial_overlap, check_step, &
     read_step_curve
-  use dem_setup_run, only: spare_inputs, refuse_ranks
+  use dem_setup_run, only: spare_inputs
   use dem_clock, only: dem_clock_type, event_history, event_output, event_checkpoint, &
     event_measure, event_count
   use dem_histories, only: dem_histories_type
@@ -143,7 +143,6 @@ contains
     call self%drive%read(self%deck, self%system%dem_data_type, self%servo%curve, self%served, &
                          errors)
     call self%probe%read(self%deck, self%system%dem_data_type, errors)
-    call refuse_ranks(self%deck, self%ranks%ranks, errors)
     call self%system%use_ranks(self%ranks)
     threads = options%threads
     if (threads == 0) call self%deck%get('run', 1, 'threads', threads)
@@ -359,6 +358,7 @@ contains
   subroutine run(self, errors)
     class(dem_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
+    real(wp) :: start
     integer(i4) :: block
 
     block = blocks(findloc(blocks*real(self%system%grains%n, wp) <= block_work, .true., 1) &
@@ -389,8 +389,10 @@ contains
       call self%load_surface(.false., errors)
       if (self%flow%due(self%clock%steps)) &
         call self%flow%look(self%system%dem_data_type, self%clock%time())
+      start = self%system%ledger%start
       if (self%drive%due(self%clock%steps)) &
         call self%drive%look(self%system%dem_data_type, self%clock%time())
+      call self%system%start_moved(start)
       if (self%equilibrium%due(self%clock%steps)) &
         call self%equilibrium%look(self%system, self%held())
       call self%equilibrium%damp(self%system, self%clock%steps)
@@ -453,7 +455,8 @@ contains
     before = self%system%grains%extra_force
     start = self%system%ledger%start
     call self%surcharge%look(self%system%dem_data_type, self%clock%time(), self%clock%steps, errors)
-    call self%system%loads_changed(before, start)
+    call self%system%loads_changed(before)
+    call self%system%start_moved(start)
     call self%timers%stop('surcharge')
   end subroutine load_surface
 

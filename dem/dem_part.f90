@@ -8,6 +8,7 @@ module dem_part
   use dem_extra_list, only: count_broken
   use dem_measure, only: check_overlap, fastest_grain
   use dem_steps, only: step_memory_type, take_steps
+  use dem_surface_measure, only: body_rows, body_rate
   use dem_surface_share, only: surface_reals, surface_report, take_surfaces
   implicit none
   private
@@ -54,10 +55,11 @@ contains
   !> What the leader must know after steps. All ranks ask together.
   function report_of(part) result(report)
     type(dem_data_type), intent(in) :: part
-    real(wp) :: report(report_size + plane_size*part%planes%n + surface_reals(part%surfaces))
+    real(wp), allocatable :: report(:)
     real(wp) :: top(1), kinetic, most, speed
     integer(i4) :: worst, k, at
 
+    allocate (report(report_size + plane_size*part%planes%n + surface_reals(part%surfaces)))
     top = 0.0_wp
     if (part%grains%n > 0) top = sqrt(maxval(sum(part%grains%v**2, 1)))
     call part%halo%team%most(top)
@@ -83,6 +85,7 @@ contains
                                         part%planes%impulse(:, k), part%planes%work(k)]
     end do
     report(report_size + plane_size*part%planes%n + 1:) = surface_report(part%surfaces)
+    if (allocated(part%surfaces%free)) report = [report, body_rows(part)]
   end function report_of
 
   !> Sums over the ranks, in their order: ledger and planes of the whole, health, limits.
@@ -91,7 +94,7 @@ contains
     real(wp), intent(in) :: reports(:, :)      !! (:, ranks)
     type(dem_data_type), intent(inout) :: whole
     type(rank_marks_type), intent(inout) :: marks
-    real(wp) :: total(size(reports, 1)), overlap, reference
+    real(wp) :: total(size(reports, 1)), overlap, reference, rate
     integer(i4) :: r, k, at
 
     total = 0.0_wp
@@ -120,6 +123,10 @@ contains
     whole%pairs%extras%broken = total(at_broken:at_broken + 1)
     call count_broken(whole%pairs%extras)
     call take_marks(reports, total(at_kinetic), marks)
+    if (.not. allocated(whole%surfaces%free)) return
+    at = size(total) - 4*whole%surfaces%n
+    rate = body_rate(whole%surfaces, reshape(total(at + 1:), [4_i4, whole%surfaces%n]))
+    if (rate > 0.0_wp) marks%limit(1) = min(marks%limit(1), 2.0_wp/sqrt(rate))
   end subroutine add_reports
 
   !> The cell as it is now; rates are the leader's to set.

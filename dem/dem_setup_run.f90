@@ -1,13 +1,11 @@
-!> Faults of a deck that concern the run as a whole: its files and its ranks.
+!> Faults of a deck that concern the run as a whole: its files.
 module dem_setup_run
-  use talus_kinds, only: i4
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use talus_files, only: folder_of, name_of, same_file
-  use talus_text, only: str
   implicit none
   private
-  public :: spare_inputs, refuse_ranks
+  public :: spare_inputs
 
 contains
 
@@ -34,15 +32,4 @@ contains
                       'output', 1, 'packing', hint)
     end if
   end subroutine spare_inputs
-
-  !> What runs on one rank alone (D290): bodies that all forces of all grains move in every step.
-  subroutine refuse_ranks(deck, ranks, errors)
-    type(deck_type), intent(in) :: deck
-    integer(i4), intent(in) :: ranks
-    type(error_list_type), intent(inout) :: errors
-    if (ranks == 1 .or. deck%count('body') == 0) return
-    call deck%fault(errors, 'D290', 'a body that moves freely needs one rank, this run has '// &
-                    str(ranks), 'body', 1, '', 'start it without mpirun, with as many threads '// &
-                    'as there are cores')
-  end subroutine refuse_ranks
 end module dem_setup_run

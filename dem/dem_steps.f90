@@ -31,7 +31,7 @@ module dem_steps
   use dem_surface_forces, only: share_surfaces, add_surface_loads, surface_load
   use dem_surface_motion, only: drift_surfaces, finish_surfaces, surface_travel, surface_columns
   use dem_surface_search, only: list_near
-  use dem_swap, only: swap_bodies
+  use dem_swap, only: swap_bodies, add_loads
   implicit none
   private
   public :: step_memory_type, take_steps, evaluate_forces, motion_of, rebuild_if_needed
@@ -209,12 +209,7 @@ contains
     do s = done + 1, n
       if (.not. begun) then
         !$omp barrier
-        if (d%halo%team%ranks > 1) then
-          !$omp master
-          call swap_bodies(d, work%travel)
-          !$omp end master
-          !$omp barrier
-        end if
+        if (d%halo%team%ranks > 1) call swap_bodies(d, work%travel)
         travel = maxval(work%travel)
         leave = .not. all(work%travel <= 0.5_wp*d%pairs%skin) .or. outlived(d, before + s)
         if (leave) exit
@@ -227,6 +222,7 @@ contains
       !$omp end master
       call share_forces(d, motion%dt, travel, me, threads)
       !$omp barrier
+      call add_loads(d)
       !$omp master
       call add_contact_work(d)
       !$omp end master

@@ -45,7 +45,8 @@ contains
     integer(i4) :: p
     load = s%given(:, b)
     load(1:3) = load(1:3) + s%mass(b)*gravity
-    do p = s%first_part(b), s%first_part(b + 1) - 1
+    if (allocated(s%acting)) load = load + s%acting(:, b)
+    do p = s%first_part(b), merge(0_i4, s%first_part(b + 1) - 1, allocated(s%acting))
       load = load + [s%force(:, p), s%moment(:, p)]
     end do
     load = s%free(:, b)*load
@@ -75,6 +76,7 @@ contains
         where (s%free(4:, b) > 0.5_wp) &
           s%spin(:, b) = s%spin(:, b) + half*load(4:6)/s%inertia(:, b)
       end if
+      if (.not. s%counted) cycle
       between = merge([s%velocity(:, b), s%spin(:, b)], old, explicit)
       work(1) = work(1) + half*s%mass(b)*dot_product( &
                                                          s%free(:3, b)*step%gravity, between(1:3))
@@ -99,7 +101,7 @@ contains
     real(wp) :: part(2), load(6), r(3, 3), spin(3)
 
     part = 0.0_wp
-    if (.not. is_free(s, b)) return
+    if (.not. (is_free(s, b) .and. s%counted)) return
     load = load_left(s, b, gravity)
     if (any(s%free(:3, b) > 0.5_wp)) then
       part(1) = 0.5_wp*s%mass(b)*sum(s%free(:3, b)*s%velocity(:, b)**2)

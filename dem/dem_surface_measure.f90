@@ -4,10 +4,11 @@ module dem_surface_measure
   use talus_vectors, only: cross
   use dem_state, only: dem_data_type, kind_free, history_side, history_root
   use dem_surface_body, only: is_free
+  use dem_surface_state, only: dem_surfaces_type
   use dem_contact, only: contact_constants_type, constants_of, contact_radius
   implicit none
   private
-  public :: vertex_stiffness, body_rate
+  public :: vertex_stiffness, body_rows, body_rate
   public :: surface_contact_count, surface_energy, add_surface_rows, add_surface_coordination, &
     largest_surface_overlap, surface_stiffness, body_of_part
 
@@ -123,11 +124,12 @@ contains
     end do
   end subroutine add_surface_rows
 
-  !> Largest row sum of a free body over its mass or inertia, as those of grains [1/s^2].
-  pure real(wp) function body_rate(d) result(rate)
+  !> Row sums of the step limit of all bodies, with the contacts of this rank's grains: turns about
+  !! x, y, z [N m] and motion [N/m].
+  pure function body_rows(d) result(row)
     type(dem_data_type), intent(in) :: d
     real(wp) :: stiffness(2), arm(3), lever(3), row(4, d%surfaces%n)
-    integer(i4) :: g, k, b, a
+    integer(i4) :: g, k, b
 
     row = 0.0_wp
     do g = 1, d%surfaces%near
@@ -141,13 +143,19 @@ contains
         row(4, b) = row(4, b) + sum(stiffness)
       end do
     end do
+  end function body_rows
+
+  !> Largest row sum of a free body over its mass or inertia, as those of grains [1/s^2].
+  pure real(wp) function body_rate(s, row) result(rate)
+    type(dem_surfaces_type), intent(in) :: s
+    real(wp), intent(in) :: row(:, :)  !! of all contacts, see body_rows
+    integer(i4) :: a, b
     rate = 0.0_wp
-    do b = 1, d%surfaces%n
-      if (any(d%surfaces%free(:3, b) > 0.5_wp)) rate = max(rate, row(4, b)/d%surfaces%mass(b))
+    do b = 1, s%n
+      if (any(s%free(:3, b) > 0.5_wp)) rate = max(rate, row(4, b)/s%mass(b))
       do a = 1, 3
-        if (d%surfaces%free(3 + a, b) > 0.5_wp) &
-          rate = max(rate, sum(row(:3, b), mask=d%surfaces%free(4:, b) > 0.5_wp) &
-                     /d%surfaces%inertia(a, b))
+        if (s%free(3 + a, b) > 0.5_wp) &
+          rate = max(rate, sum(row(:3, b), mask=s%free(4:, b) > 0.5_wp)/s%inertia(a, b))
       end do
     end do
   end function body_rate

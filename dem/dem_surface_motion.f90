@@ -11,7 +11,7 @@ module dem_surface_motion
   implicit none
   private
   public :: drift_surfaces, finish_surfaces, surface_travel, place_surfaces, reset_surfaces
-  public :: surface_columns
+  public :: surface_columns, loads_of_bodies
 
 contains
 
@@ -180,6 +180,20 @@ contains
       end do
     end do
   end subroutine sum_parts
+
+  !> What this rank's grains do to each body, the sums of its parts: force and moment [N], [N m].
+  pure function loads_of_bodies(s) result(load)
+    type(dem_surfaces_type), intent(in) :: s
+    real(wp) :: load(6, s%n), force(3, s%parts), moment(3, s%parts)
+    integer(i4) :: b, p
+    call sum_parts(s, force, moment)
+    load = 0.0_wp
+    do b = 1, s%n
+      do p = s%first_part(b), s%first_part(b + 1) - 1
+        load(:, b) = load(:, b) + [force(:, p), moment(:, p)]
+      end do
+    end do
+  end function loads_of_bodies
 
   !> Forces, impulses and work of the vertices of soft bodies.
   pure subroutine finish_vertices(s, dt, boundary)

@@ -64,12 +64,12 @@ contains
     end associate
   end subroutine list_near
 
-  !> Prescribed grains meet the bodies alone that give way.
+  !> Prescribed grains meet the bodies alone that give way, on one of the ranks that all know them.
   pure logical function may_touch(d, i)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: i
     may_touch = d%grains%kind(i) == kind_free
-    if (may_touch .or. .not. allocated(d%surfaces%free)) return
+    if (may_touch .or. .not. (allocated(d%surfaces%free) .and. d%surfaces%counted)) return
     may_touch = d%grains%kind(i) == kind_fixed .or. d%grains%kind(i) == kind_driven
   end function may_touch
 

@@ -6,6 +6,7 @@ module dem_surface_share
   use dem_make, only: sorted_order
   use dem_records, only: index_of
   use dem_state, only: dem_data_type, lanes, history_size
+  use dem_surface_body, only: no_free_bodies
   use dem_surface_search, only: allocate_contacts
   use dem_surface_state, only: dem_surfaces_type, bore_swell, bore_press, bore_impulse
   use dem_tell, only: tell_matrix, tell_list, tell_table
@@ -24,9 +25,10 @@ contains
   subroutine tell_surfaces(team, s)
     type(ranks_type), intent(in) :: team
     type(dem_surfaces_type), intent(inout) :: s
-    integer(i4) :: sizes(6)
+    integer(i4) :: sizes(7)
 
-    sizes = [s%n, s%parts, s%vertices, s%triangles, merge(1_i4, 0_i4, s%soft), 0_i4]
+    sizes = [s%n, s%parts, s%vertices, s%triangles, merge(1_i4, 0_i4, s%soft), 0_i4, &
+             merge(1_i4, 0_i4, allocated(s%free))]
     if (allocated(s%fan)) sizes(6) = ubound(s%fan, 1)
     call team%tell_numbers(sizes)
     if (sizes(1) == 0) return
@@ -47,12 +49,33 @@ contains
     call team%tell_numbers(s%material)
     call tell_matrix(team, s%rest)
     call tell_matrix(team, s%x)
+    if (sizes(7) > 0) call tell_bodies(team, s)
     call tell_motion(team, s)
     if (s%triangles > 0) call tell_triangles(team, s)
     s%reference_x = s%centre
     s%reference_q = s%quat
     s%reference = s%x
   end subroutine tell_surfaces
+
+  !> Bodies that move freely: all ranks move them alike, by what all grains do to them; the leader
+  !! counts their works.
+  subroutine tell_bodies(team, s)
+    type(ranks_type), intent(in) :: team
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4) :: b, p
+    call tell_matrix(team, s%free)
+    call tell_list(team, s%mass)
+    call tell_matrix(team, s%inertia)
+    if (allocated(s%acting)) deallocate (s%acting)
+    allocate (s%acting(6, s%n), source=0.0_wp)
+    do b = 1, s%n
+      do p = s%first_part(b), s%first_part(b + 1) - 1
+        s%acting(:, b) = s%acting(:, b) + [s%force(:, p), s%moment(:, p)]
+      end do
+    end do
+    call tell_matrix(team, s%acting)
+    s%counted = team%leads()
+  end subroutine tell_bodies
 
   subroutine tell_triangles(team, s)
     type(ranks_type), intent(in) :: team
@@ -67,7 +90,7 @@ contains
 
   subroutine make_room(s, sizes)
     type(dem_surfaces_type), intent(inout) :: s
-    integer(i4), intent(in) :: sizes(6)
+    integer(i4), intent(in) :: sizes(7)
     type(dem_surfaces_type) :: fresh
 
     s = fresh
@@ -88,6 +111,7 @@ contains
               s%vertex_impulse(3, s%vertices), source=0.0_wp)
     allocate (s%home(s%vertices), s%fan_start(s%vertices + 1), s%fan(sizes(6)))
     allocate (s%corner(3, s%triangles), s%owner(s%triangles), s%mate(3, s%triangles))
+    if (sizes(7) > 0) call no_free_bodies(s)
   end subroutine make_room
 
   !> How surfaces move from now on.
@@ -101,6 +125,7 @@ contains
     swell = s%bore(bore_swell, :)
     call tell_list(team, swell)
     s%bore(bore_swell, :) = swell
+    if (allocated(s%free)) call tell_matrix(team, s%given)
     if (.not. s%soft) return
     aimed = merge(1_i4, 0_i4, s%has_target)
     call team%tell_numbers(aimed)
@@ -110,16 +135,15 @@ contains
   end subroutine tell_motion
 
   !> Contacts of grains with surfaces: a column a grain, first its id.
-  subroutine pack_touches(d, wanted, rows)
+  subroutine pack_touches(d, rows)
     type(dem_data_type), intent(in) :: d
-    logical, intent(in) :: wanted(:)  !! (grains)
     real(wp), allocatable, intent(out) :: rows(:, :)
     integer(i4) :: g, n, round
 
     do round = 1, 2
       n = 0
       do g = 1, d%surfaces%near
-        if (d%surfaces%contacts(g) == 0 .or. .not. wanted(d%surfaces%near_grain(g))) cycle
+        if (d%surfaces%contacts(g) == 0) cycle
         n = n + 1
         if (round == 2) call pack_touch(d, g, rows(:, n))
       end do
@@ -211,6 +235,10 @@ contains
     whole%impulse = reshape(report(2*n + 1:3*n), [3, whole%parts])
     whole%moment_impulse = reshape(report(3*n + 1:4*n), [3, whole%parts])
     whole%work = report(4*n + 1:v)
+    if (allocated(whole%free)) then
+      whole%velocity = part%velocity
+      whole%spin = part%spin
+    end if
     whole%centre = part%centre
     whole%quat = part%quat
     whole%axis = part%axis

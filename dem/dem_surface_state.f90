@@ -71,6 +71,10 @@ module dem_surface_state
     real(wp), allocatable :: mass(:)                !! (n) of free bodies, else 0 [kg]
     real(wp), allocatable :: inertia(:, :)          !! (3, n) about x, y, z at the start [kg m^2]
     real(wp), allocatable :: given(:, :)            !! (6, n) load: force, moment [N], [N m]
+    real(wp), allocatable :: acting(:, :)           !! (6, n) on ranks: what the grains of all of
+                                                    !! them do to free bodies [N], [N m]
+    logical :: counted = .true.                     !! this rank counts works of free bodies, and
+                                                    !! works their contacts with prescribed grains
 
     integer(i4) :: vertices = 0
     real(wp), allocatable :: rest(:, :)             !! (3, vertices) from the centre at the start, m

@@ -1,23 +1,27 @@
 !> Bodies at the borders of domains, exchanged in every step.
 module dem_swap
-  use mpi, only: mpi_irecv, mpi_isend, mpi_waitall, mpi_double_precision, mpi_statuses_ignore
+  use mpi, only: mpi_allgather, mpi_irecv, mpi_isend, mpi_waitall, mpi_double_precision, &
+    mpi_statuses_ignore
   use talus_kinds, only: wp, i4
   use talus_system, only: wall_clock
   use dem_halo_state, only: dem_halo_type
   use dem_images, only: place_image
   use dem_state, only: dem_data_type
+  use dem_surface_motion, only: loads_of_bodies
   implicit none
   private
-  public :: swap_bodies
+  public :: swap_bodies, add_loads
 
 contains
 
-  !> Records of the mirrors as their ranks have them; travel becomes the largest of all ranks.
+  !> Records of the mirrors as their ranks have them; travel becomes the largest of all ranks. All
+  !! threads call it.
   subroutine swap_bodies(d, travel)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(inout) :: travel(:)  !! of each chunk [m]
     real(wp) :: begun, most(1)
 
+    !$omp master
     begun = wall_clock()
     call pack_bodies(d%pairs%body, d%halo)
     if (d%halo%formed) call pack_frames(d%grains%forms%record, d%halo)
@@ -31,7 +35,33 @@ contains
     travel = most(1)
     d%halo%swaps = d%halo%swaps + 1
     d%halo%seconds = d%halo%seconds + (wall_clock() - begun)
+    !$omp end master
+    !$omp barrier
   end subroutine swap_bodies
+
+  !> What the grains of all ranks do to free bodies, added in the order of the ranks: all ranks have
+  !! the same bits. Called by all threads.
+  subroutine add_loads(d)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), allocatable :: mine(:, :), all_ranks(:, :, :)
+    real(wp) :: begun
+    integer :: status
+    integer(i4) :: r
+    if (.not. allocated(d%surfaces%acting)) return
+    !$omp master
+    begun = wall_clock()
+    mine = loads_of_bodies(d%surfaces)
+    allocate (all_ranks(6, d%surfaces%n, d%halo%team%ranks))
+    call mpi_allgather(mine, size(mine), mpi_double_precision, all_ranks, size(mine), &
+                       mpi_double_precision, d%halo%team%comm, status)
+    d%surfaces%acting = 0.0_wp
+    do r = 1, d%halo%team%ranks
+      d%surfaces%acting = d%surfaces%acting + all_ranks(:, :, r)
+    end do
+    d%halo%seconds = d%halo%seconds + (wall_clock() - begun)
+    !$omp end master
+    !$omp barrier
+  end subroutine add_loads
 
   pure subroutine pack_bodies(body, halo)
     real(wp), intent(in), contiguous :: body(:, :)  !! records, see dem_state

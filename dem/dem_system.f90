@@ -40,7 +40,8 @@ module dem_system
   contains
     procedure :: use_ranks        !! (team): steps are those of many ranks
     procedure :: slow_down        !! (): adaptive damping
-    procedure :: loads_changed    !! (before, start): extra forces were others before
+    procedure :: loads_changed    !! (before): extra forces were others before
+    procedure :: start_moved      !! (start): of the ledger, loads have changed
     procedure :: begin_anew       !! (): the state was replaced: ranks must know
     procedure :: look             !! (): grains and contacts as the ranks have them now
     procedure :: init             !! (errors): lists and forces at the start; no time passes
@@ -103,14 +104,20 @@ contains
   end subroutine slow_down
 
   !> Extra forces of some grains have been others before: ranks must know.
-  subroutine loads_changed(self, before, start)
+  subroutine loads_changed(self, before)
     class(dem_system_type), intent(inout) :: self
     real(wp), intent(in) :: before(:, :)  !! (3, grains) [N]
-    real(wp), intent(in) :: start         !! of the ledger then [J]
     if (allocated(self%crew)) &
-      call self%crew%mark_loads(any(abs(self%grains%extra_force - before) > 0.0_wp, 1), &
-                                self%ledger%start - start)
+      call self%crew%mark_loads(any(abs(self%grains%extra_force - before) > 0.0_wp, 1))
   end subroutine loads_changed
+
+  !> With a change of loads the ledger has got another start: so has that of the ranks.
+  subroutine start_moved(self, start)
+    class(dem_system_type), intent(inout) :: self
+    real(wp), intent(in) :: start  !! before the change [J]
+    if (.not. allocated(self%crew)) return
+    if (self%crew%started) self%crew%shift = self%crew%shift + (self%ledger%start - start)
+  end subroutine start_moved
 
   !> Another state has taken the place of this one: ranks get their parts of it before they step.
   subroutine begin_anew(self)
@@ -394,7 +401,7 @@ contains
     if (.not. allocated(self%crew)) return
     allocate (marked(self%grains%n), source=.false.)
     marked(index) = .true.
-    call self%crew%mark_loads(marked, 0.0_wp)
+    call self%crew%mark_loads(marked)
   end subroutine set_extra
 
   subroutine clear_extra(self)
@@ -402,8 +409,7 @@ contains
     self%grains%extra_force = 0.0_wp
     self%grains%extra_moment = 0.0_wp
     if (allocated(self%surcharge)) self%grains%extra_force(3, :) = -self%surcharge
-    if (allocated(self%crew)) &
-      call self%crew%mark_loads(spread(.true., 1, self%grains%n), 0.0_wp)
+    if (allocated(self%crew)) call self%crew%mark_loads(spread(.true., 1, self%grains%n))
   end subroutine clear_extra
 
   !> Contact weights by pair id, all others 1; takes effect at the next evaluation.

@@ -54,6 +54,24 @@ def read_history(path: Path) -> dict[str, np.ndarray]:
     return {name: values[:, k] for k, name in enumerate(names)}
 
 
+def history_difference(one: Path, other: Path) -> float:
+    """Return the largest difference of two histories over the largest value of the same unit.
+
+    Plain numbers count by their difference where all are below 1.
+    """
+    with Path(one).open() as file:
+        heads = next(csv.reader(file))
+    a, b = (np.genfromtxt(path, delimiter=",", skip_header=1, ndmin=2) for path in (one, other))
+    if a.shape != b.shape:
+        return np.inf
+    units = np.array([head.partition("[")[2].rstrip("]") for head in heads])
+    found = 0.0
+    for unit in set(units):
+        scale = np.abs(a[:, units == unit]).max(initial=1.0 if unit == "-" else 1e-300)
+        found = max(found, float(np.abs(a - b)[:, units == unit].max(initial=0.0) / scale))
+    return found
+
+
 @dataclass
 class Step:
     """One step of a field file: time [s] and the arrays of grains, contacts or the solid."""
@@ -158,6 +176,24 @@ class Case:
         wanted = None if expected is None else float(expected)
         entry = {"metric": name, "value": finite, "expected": wanted, "limit": float(limit)}
         self.metrics.append(entry | {"pass": bool(good), "note": note})
+
+    def same_histories(self, title: str, kept: dict[str, str], rounding: float) -> None:
+        """Judge histories against their text of before: every row the same, digit by digit.
+
+        On ranks sums of their parts go on in another order after a restart: then the largest
+        difference must be below `rounding`, over the largest value of the same unit.
+        """
+        now = {name: (self.folder / name).read_text() for name in kept}
+        if not self.ranks:
+            both = [(text.splitlines(), now[name].splitlines()) for name, text in kept.items()]
+            rows = sum(a != b for one, two in both for a, b in zip(one, two, strict=True))
+            self.below(f"{title}, rows that differ", float(rows), 0.0)
+            return
+        off = 0.0
+        for name, text in kept.items():
+            (self.folder / "kept.csv").write_text(text)
+            off = max(off, history_difference(self.folder / "kept.csv", self.folder / name))
+        self.below(f"{title}, largest difference on ranks", off, rounding)
 
     def figure(self, **options: object) -> tuple:
         """Return (fig, ax) in the common look."""

@@ -14,7 +14,7 @@ import numpy as np
 from talus.verification import Case, launcher, read_history, write_packing
 
 SAME = 1.0e-12
-RUNS = {"flow": (2, 3), "servo": (2, 4), "cloud": (2, 4)}
+RUNS = {"flow": (2, 3), "body": (2, 3), "servo": (2, 4), "cloud": (2, 4)}
 
 
 def lattice(shape: tuple[int, int, int], pitch: float, low: float) -> np.ndarray:
@@ -24,7 +24,7 @@ def lattice(shape: tuple[int, int, int], pitch: float, low: float) -> np.ndarray
 
 
 def write_packings(case: Case) -> None:
-    """Write the grains of the three runs; ids do not follow space."""
+    """Write the grains of the runs; ids do not follow space."""
     rng = np.random.default_rng(3)
     x = lattice((6, 6, 8), 2.27e-3, 1.5e-3) + rng.uniform(-3e-5, 3e-5, (288, 3))
     x[:, 2] -= 0.3e-3
@@ -61,7 +61,7 @@ def results(case: Case, stem: str) -> dict[str, np.ndarray]:
             lambda name, item: found.update({name: item[()]})
             if isinstance(item, h5py.Dataset) and item.dtype.kind in "fi" else None
         )  # fmt: skip
-    for name in ("energy", "walls", "driven", "servo"):
+    for name in ("energy", "walls", "driven", "servo", "surfaces", "bodies"):
         path = case.folder / f"{stem}_{name}.csv"
         if path.exists():
             rows = read_history(path)
@@ -85,7 +85,7 @@ def unit(key: str) -> str:
     first, _, last = key.rpartition("/")
     if first == "energy" and last not in ("time", "contacts", "max_overlap", "dt"):
         return "energy"
-    if last.startswith(("force", "moment")):
+    if last.startswith(("force", "moment", "velocity", "spin", "turn")):
         return f"{first} {last.split('_')[0]}"
     return last if first.startswith("0") else key
 
@@ -183,7 +183,7 @@ def run(case: Case) -> None:
     for place, name in enumerate(RUNS):
         off = judge_run(case, name)
         for ranks, value in zip(RUNS[name], off, strict=True):
-            left.semilogy(ranks, max(value, 1e-17), "os^"[place], mfc="none", color=f"C{place}",
+            left.semilogy(ranks, max(value, 1e-17), "osd^"[place], mfc="none", color=f"C{place}",
                           label=name if ranks == 2 else None)  # fmt: skip
     left.axhline(SAME, color="k", lw=1, label="limit")
     left.set(xlabel="ranks", ylabel="difference to one rank / largest [-]")
