@@ -6,7 +6,7 @@ module dem_extra_state
   use talus_kinds, only: wp, i4, i8
   implicit none
   private
-  public :: dem_extra_law_type, dem_extras_type, dem_bond_type
+  public :: dem_extra_law_type, extra_places_type, dem_extras_type, dem_bond_type
   public :: extra_work_count, work_rolling, work_breakage, work_torn, work_sheared
   public :: rolling_reals, cohesion_reals, bond_reals, turning_reals, turning_knots
   public :: cohesion_none, cohesion_constant, cohesion_dmt, cohesion_jkr
@@ -53,14 +53,18 @@ module dem_extra_state
     integer(i8), allocatable :: pairs(:, :)     !! (2, n) ids of the only ones; else all in reach
   end type dem_bond_type
 
-  !> What contacts keep; empty unless active. A place of 0 means that no law needs it.
-  type :: dem_extras_type
-    logical :: active = .false.
+  !> Places in what a contact keeps; 0 means that no law needs it.
+  type :: extra_places_type
     integer(i4) :: reals = 0                  !! kept for a candidate
     integer(i4) :: rolling_at = 0             !! first of dem_rolling
     integer(i4) :: cohesion_at = 0            !! first of dem_cohesion
     integer(i4) :: bond_at = 0                !! first of dem_bond
     integer(i4) :: turning_at = 0             !! first of dem_turning
+  end type extra_places_type
+
+  !> What contacts keep; empty unless active.
+  type, extends(extra_places_type) :: dem_extras_type
+    logical :: active = .false.
     type(dem_bond_type) :: bond
     integer(i8) :: made = 0                   !! bonds at the start
     integer(i8) :: torn = 0, sheared = 0      !! bonds broken so far

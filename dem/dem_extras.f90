@@ -3,10 +3,11 @@ module dem_extras
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_text, only: str
-  use dem_state, only: dem_pairs_type, dem_law_type, dem_data_type, lanes, law_mindlin_deresiewicz
-  use dem_extra_state, only: dem_extras_type, rolling_reals, cohesion_reals, bond_reals, &
-    turning_reals, cohesion_none, cohesion_jkr, extra_work_count, work_rolling, work_breakage, &
-    work_torn, work_sheared
+  use dem_state, only: dem_pairs_type, dem_law_type, dem_data_type, lanes, history_size, &
+    column_count, law_mindlin_deresiewicz
+  use dem_extra_state, only: dem_extras_type, extra_places_type, rolling_reals, &
+    cohesion_reals, bond_reals, turning_reals, cohesion_none, cohesion_jkr, extra_work_count, &
+    work_rolling, work_breakage, work_torn, work_sheared
   use dem_block, only: dem_block_type
   use dem_contact, only: constants_of
   use dem_extra_list, only: held_lanes, count_broken
@@ -16,6 +17,7 @@ module dem_extras
   implicit none
   private
   public :: plan_extras, check_necks, extra_forces, extra_energy, extra_stiffness, add_extra_work
+  public :: add_laws, stored_on_top, stiffness_on_top
 
 contains
 
@@ -76,37 +78,52 @@ contains
     integer(i4), intent(in) :: k  !! block
     real(wp), intent(in) :: h     !! time since the last evaluation [s]
     type(dem_pairs_type), intent(inout) :: pairs
-    real(wp) :: weight(lanes), work(3)
+    real(wp) :: weight(lanes), work(2)
     integer(i4) :: at
 
     if (.not. law%extra%used .and. pairs%extras%bond_at == 0) return
     weight = pairs%weight(:, min(k, size(pairs%weight, 2)))
-    if (law%extra%rolling > 0.0_wp .or. law%extra%twisting > 0.0_wp) then
-      at = pairs%extras%rolling_at
-      call rolling_block(b, constants_of(law), law%extra, h, pairs%m_star(:, k), weight, &
-                         pairs%history(:, :, k), &
-                         pairs%extras%kept(:, at:at + rolling_reals - 1, k), work)
-      pairs%columns(1, k) = pairs%columns(1, k) + work(1)
-      pairs%columns(3, k) = pairs%columns(3, k) + work(2)
-      pairs%extras%work(work_rolling, k) = pairs%extras%work(work_rolling, k) + work(3)
-    end if
-    if (law%extra%cohesion /= cohesion_none) then
-      at = pairs%extras%cohesion_at
-      call cohesion_block(b, law, pairs%round(k), h, weight, pairs%history(:, :, k), &
-                          pairs%extras%kept(:, at:at + cohesion_reals - 1, k), work(:2))
-      pairs%columns(4, k) = pairs%columns(4, k) + work(2)
-      pairs%extras%work(work_breakage, k) = pairs%extras%work(work_breakage, k) + work(1)
-    end if
+    call add_laws(b, law, pairs%extras%extra_places_type, pairs%round(k), h, pairs%m_star(:, k), &
+                  weight, pairs%history(:, :, k), pairs%extras%kept(:, :, k), pairs%columns(:, k), &
+                  pairs%extras%work(:, k))
     if (pairs%extras%bond_at > 0) then
       at = pairs%extras%bond_at
       call bond_block(b, law, pairs%extras%bond, h, pairs%m_star(:, k), weight, &
-                      pairs%extras%kept(:, at:at + bond_reals - 1, k), work(:2), &
+                      pairs%extras%kept(:, at:at + bond_reals - 1, k), work, &
                       pairs%extras%work(:, k))
       pairs%columns(1, k) = pairs%columns(1, k) + work(1)
       pairs%columns(3, k) = pairs%columns(3, k) + work(2)
     end if
     pairs%touched(k) = pairs%touched(k) .or. any(held_lanes(pairs%extras, k))
   end subroutine extra_forces
+
+  !> Rolling resistance and cohesion of a block, wherever its history and kept reals lie.
+  pure subroutine add_laws(b, law, at, round, h, m_star, weight, history, kept, columns, work)
+    type(dem_block_type), intent(inout) :: b
+    type(dem_law_type), intent(in) :: law
+    type(extra_places_type), intent(in) :: at
+    logical, intent(in) :: round                          !! all pairs are of spheres
+    real(wp), intent(in) :: h                             !! time since the last evaluation [s]
+    real(wp), intent(in) :: m_star(lanes), weight(lanes)
+    real(wp), intent(in) :: history(lanes, history_size)  !! already brought forward
+    real(wp), intent(inout) :: kept(:, :)                 !! (lanes, reals)
+    real(wp), intent(inout) :: columns(column_count), work(extra_work_count)
+    real(wp) :: some(3)
+
+    if (law%extra%rolling > 0.0_wp .or. law%extra%twisting > 0.0_wp) then
+      call rolling_block(b, constants_of(law), law%extra, h, m_star, weight, history, &
+                         kept(:, at%rolling_at:at%rolling_at + rolling_reals - 1), some)
+      columns(1) = columns(1) + some(1)
+      columns(3) = columns(3) + some(2)
+      work(work_rolling) = work(work_rolling) + some(3)
+    end if
+    if (law%extra%cohesion /= cohesion_none) then
+      call cohesion_block(b, law, round, h, weight, history, &
+                          kept(:, at%cohesion_at:at%cohesion_at + cohesion_reals - 1), some(:2))
+      columns(4) = columns(4) + some(2)
+      work(work_breakage) = work(work_breakage) + some(1)
+    end if
+  end subroutine add_laws
 
   !> Energy that the laws on top store in block k [J].
   pure real(wp) function extra_energy(law, k, pairs) result(energy)
@@ -118,42 +135,55 @@ contains
     energy = 0.0_wp
     if (.not. law%extra%used .and. pairs%extras%bond_at == 0) return
     weight = pairs%weight(:, min(k, size(pairs%weight, 2)))
-    if (law%extra%rolling > 0.0_wp .or. law%extra%twisting > 0.0_wp) then
-      at = pairs%extras%rolling_at
-      energy = energy + rolling_energy(law%extra, weight, &
-                                       pairs%extras%kept(:, at:at + rolling_reals - 1, k))
-    end if
-    if (law%extra%cohesion /= cohesion_none) then
-      at = pairs%extras%cohesion_at
-      energy = energy + cohesion_energy(law, weight, &
-                                        pairs%extras%kept(:, at:at + cohesion_reals - 1, k))
-    end if
+    energy = stored_on_top(law, pairs%extras%extra_places_type, weight, pairs%extras%kept(:, :, k))
     at = pairs%extras%bond_at
     if (at > 0) energy = energy + bond_energy(pairs%extras%bond, weight, &
                                               pairs%extras%kept(:, at:at + bond_reals - 1, k))
   end function extra_energy
+
+  !> The same of rolling resistance and cohesion [J].
+  pure real(wp) function stored_on_top(law, at, weight, kept) result(energy)
+    type(dem_law_type), intent(in) :: law
+    type(extra_places_type), intent(in) :: at
+    real(wp), intent(in) :: weight(lanes), kept(:, :)  !! [-], (lanes, reals)
+    energy = 0.0_wp
+    if (law%extra%rolling > 0.0_wp .or. law%extra%twisting > 0.0_wp) &
+      energy = energy + rolling_energy(law%extra, weight, &
+                                       kept(:, at%rolling_at:at%rolling_at + rolling_reals - 1))
+    if (law%extra%cohesion /= cohesion_none) &
+      energy = energy + cohesion_energy(law, weight, &
+        kept(:, at%cohesion_at:at%cohesion_at + cohesion_reals - 1))
+  end function stored_on_top
 
   !> Stiffness that the laws on top add to a lane: of translation [N/m] and of rotation [N m].
   pure function extra_stiffness(law, lane, k, pairs) result(stiffness)
     type(dem_law_type), intent(in) :: law
     integer(i4), intent(in) :: lane, k
     type(dem_pairs_type), intent(in) :: pairs
-    real(wp) :: stiffness(2), spring
+    real(wp) :: stiffness(2)
     integer(i4) :: at
     stiffness = 0.0_wp
     at = pairs%extras%bond_at
     if (at > 0) stiffness = bond_stiffness(pairs%extras%bond, &
                                            pairs%extras%kept(lane, at:at + bond_reals - 1, k))
-    if (.not. law%extra%used) return
-    if (law%extra%rolling > 0.0_wp .or. law%extra%twisting > 0.0_wp) then
-      spring = pairs%extras%kept(lane, pairs%extras%rolling_at + rolling_reals - 1, k)
-      stiffness(2) = stiffness(2) + spring*max(law%extra%rolling_stiffness, &
-                                               law%extra%twisting_stiffness)
-    end if
-    if (law%extra%cohesion == cohesion_jkr) stiffness(1) = stiffness(1) + neck_stiffness( &
-      law, pairs%extras%kept(lane, pairs%extras%cohesion_at:pairs%extras%cohesion_at &
-                             + cohesion_reals - 1, k))
+    stiffness = stiffness + stiffness_on_top(law, pairs%extras%extra_places_type, &
+                                             pairs%extras%kept(lane, :, k))
   end function extra_stiffness
+
+  !> The same of rolling resistance and cohesion.
+  pure function stiffness_on_top(law, at, kept) result(stiffness)
+    type(dem_law_type), intent(in) :: law
+    type(extra_places_type), intent(in) :: at
+    real(wp), intent(in) :: kept(:)  !! (reals) of the lane
+    real(wp) :: stiffness(2)
+    stiffness = 0.0_wp
+    if (.not. law%extra%used) return
+    if (law%extra%rolling > 0.0_wp .or. law%extra%twisting > 0.0_wp) &
+      stiffness(2) = kept(at%rolling_at + rolling_reals - 1) &
+                     *max(law%extra%rolling_stiffness, law%extra%twisting_stiffness)
+    if (law%extra%cohesion == cohesion_jkr) stiffness(1) = neck_stiffness( &
+      law, kept(at%cohesion_at:at%cohesion_at + cohesion_reals - 1))
+  end function stiffness_on_top
 
   !> Block sums into the ledger, in the order of blocks.
   pure subroutine add_extra_work(d)

@@ -9,6 +9,7 @@ module dem_ledger
   use dem_shape, only: rotation_of
   use dem_steps, only: motion_of
   use dem_surface_body, only: body_energy
+  use dem_surface_extras, only: surface_extra_energy
   use dem_surface_measure, only: surface_energy
   implicit none
   private
@@ -61,6 +62,8 @@ contains
     energy = surface_energy(d)
     ledger%elastic_normal = ledger%elastic_normal + energy(1)
     ledger%elastic_tangential = ledger%elastic_tangential + energy(2)
+    if (size(d%surfaces%kept) > 0) ledger%elastic_other = ledger%elastic_other &
+      + surface_extra_energy(d)
   end subroutine refresh_stored
 
   !> Tangential energy of block k under the law of Mindlin and Deresiewicz [J].

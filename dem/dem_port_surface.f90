@@ -62,8 +62,7 @@ contains
     call sets%put(name, role_surface, fields, [(k, k=1, size(ids))], body)
   end subroutine select_surface
 
-  !> The material that the partner names must have a law with those of all grains, the base law
-  !! alone (P258).
+  !> The material that the partner names must have a law with those of all grains (P258).
   subroutine find_material(model, request, material, errors)
     type(dem_model_type), intent(in) :: model
     type(message_type), intent(inout) :: request
@@ -85,12 +84,6 @@ contains
     end if
     do k = 1, size(model%choices%material)
       if (.not. any(model%system%grains%material == k)) cycle
-      if (model%system%laws(material, k)%extra%used) then
-        call errors%add('P258', 'rolling resistance and cohesion do not act at surfaces: '''// &
-                        name//"' and '"//model%choices%material(k)%s//"'", request%place(), &
-                        'give the surface a material of its own, with a &contact without them')
-        return
-      end if
       if (model%system%laws(material, k)%kind /= 0) cycle
       call errors%add('P258', "the grains' deck has no contact law for '"//name//"' and '"// &
                       model%choices%material(k)%s//"'", request%place(), &

@@ -12,7 +12,7 @@ module dem_setup
   use dem_packing, only: dem_packing_type, read_packing, group_index
   use dem_setup_surfaces, only: read_surfaces, check_units
   use dem_setup_bonds, only: read_bonds
-  use dem_setup_laws, only: read_materials, read_contacts, read_walls, check_pair, check_surface, &
+  use dem_setup_laws, only: read_materials, read_contacts, read_walls, check_pair, &
     material_index
   implicit none
   private
@@ -304,9 +304,6 @@ contains
         else if (grains(a) .and. walls(b) .and. .not. grains(b)) then
           call check_pair(deck, system%laws, choices%material, a, b, 'grains and walls', errors)
         end if
-        if (system%surfaces%n == 0 .or. .not. grains(b)) cycle
-        if (any(system%surfaces%material == a)) &
-          call check_surface(deck, system%laws, choices%material, a, b, errors)
       end do
     end do
     call make_grains(system%grains, system%materials, packing%id, packing%kind, of_grain, &

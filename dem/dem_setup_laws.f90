@@ -12,8 +12,7 @@ module dem_setup_laws
   use dem_make, only: make_planes
   implicit none
   private
-  public :: read_materials, read_contacts, read_walls, check_pair, check_surface, &
-    material_index, law_lines
+  public :: read_materials, read_contacts, read_walls, check_pair, material_index, law_lines
 
 contains
 
@@ -218,20 +217,6 @@ contains
     if (law%extra%cohesion == cohesion_dmt .or. law%extra%cohesion == cohesion_jkr) &
       call deck%get('contact', k, 'surface_energy', law%extra%surface_energy)
   end subroutine read_cohesion
-
-  !> At surfaces the base law works alone (D255).
-  subroutine check_surface(deck, laws, names, a, b, errors)
-    type(deck_type), intent(in) :: deck
-    type(dem_law_type), intent(in) :: laws(:, :)
-    type(string_type), intent(in) :: names(:)
-    integer(i4), intent(in) :: a, b  !! materials of a surface and of grains
-    type(error_list_type), intent(inout) :: errors
-    if (.not. laws(a, b)%extra%used) return
-    call deck%fault(errors, 'D255', "rolling resistance, cohesion and turning points do not "// &
-                    "act at surfaces: '"// &
-                    names(a)%s//"' and '"//names(b)%s//"'", 'contact', 1, 'between', &
-                    'give the surface a material of its own, with a &contact without them')
-  end subroutine check_surface
 
   !> A pair that can meet needs a law (D233).
   subroutine check_pair(deck, laws, names, a, b, why, errors)

@@ -19,7 +19,6 @@ module dem_steps
   use dem_migrate, only: share_out
   use dem_pairs, only: build_pairs
   use dem_bonds_make, only: check_bonds
-  use dem_extras, only: add_extra_work
   use dem_forces, only: block_forces, sum_body
   use dem_lanes, only: sum_lanes
   use dem_integrate, only: motion_type, mover_type, push_type, load_mover, store_mover, &
@@ -28,6 +27,7 @@ module dem_steps
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_shape, only: quaternion_from_rotation
   use dem_surface_body, only: push_bodies
+  use dem_surface_extras, only: add_work_on_top
   use dem_surface_forces, only: share_surfaces, add_surface_loads, surface_load
   use dem_surface_motion, only: drift_surfaces, finish_surfaces, surface_travel, surface_columns
   use dem_surface_search, only: list_near
@@ -496,7 +496,7 @@ contains
       end do
     end if
     if (d%surfaces%near > 0) total = total + surface_columns(d%surfaces)
-    if (d%pairs%extras%active) call add_extra_work(d)
+    if (d%pairs%extras%active) call add_work_on_top(d)
     d%ledger%contact_damping = d%ledger%contact_damping + total(1)
     d%ledger%friction = d%ledger%friction + total(2)
     d%ledger%tangential_relaxation = d%ledger%tangential_relaxation + total(3)

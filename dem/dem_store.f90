@@ -35,7 +35,7 @@ contains
       call archive%put_reals('surcharge.seen', reshape(d%surcharge_seen, &
                                                        [1, size(d%surcharge_seen)]))
     end if
-    if (d%surfaces%n > 0) call put_surfaces(d%surfaces, archive)
+    if (d%surfaces%n > 0) call put_surfaces(d%surfaces, d%pairs%extras%extra_places_type, archive)
     if (d%parts%active) then
       call archive%put_reals('parts.of_free', d%parts%of_free)
       call archive%put_reals('parts.of_ghosts', d%parts%of_ghosts)

@@ -395,6 +395,7 @@ contains
         where (group(:f%n) == max(group(i), group(j))) group(:f%n) = min(group(i), group(j))
       end do
     end do
+    call drop_apart(f, group)
     touches = 0
     do i = 1, f%n
       if (group(i) == i) then
@@ -409,6 +410,40 @@ contains
     end do
     touches = min(touches, lanes)
   end subroutine join_features
+
+  !> Features over a gap, which a neck may bridge, leave a group that has an overlap.
+  pure subroutine drop_apart(f, group)
+    type(features_type), intent(inout) :: f
+    integer(i4), intent(inout) :: group(:)
+    integer(i4) :: i, n, lead
+    logical :: stays(most_features)
+
+    if (.not. any(f%gap(:f%n) >= 0.0_wp)) return
+    do i = 1, f%n
+      stays(i) = f%gap(i) < 0.0_wp .or. .not. any(f%gap(:f%n) < 0.0_wp .and. &
+                                                  group(:f%n) == group(i))
+    end do
+    n = 0
+    do i = 1, f%n
+      if (.not. stays(i)) cycle
+      n = n + 1
+      group(n) = group(i)
+      f%body(n) = f%body(i)
+      f%part(n) = f%part(i)
+      f%candidate(n) = f%candidate(i)
+      f%gap(n) = f%gap(i)
+      f%curvature(n) = f%curvature(i)
+      f%normal(:, n) = f%normal(:, i)
+      f%foot(:, n) = f%foot(:, i)
+      f%share(:, n) = f%share(:, i)
+    end do
+    f%n = n
+    do i = 1, n
+      lead = findloc(group(:n), group(i), 1)
+      where (group(:n) == group(i)) group(:n) = -lead
+    end do
+    group(:n) = -group(:n)
+  end subroutine drop_apart
 
   !> Two features of a mesh that meet in a vertex and are bent by less than the smooth angle.
   pure logical function linked(s, f, i, j)

@@ -4,14 +4,17 @@
 !! lies nearest, so that a grain rolls from triangle to triangle, and over edges, without a jump.
 module dem_surface_forces
   use talus_kinds, only: wp, i4, i8
-  use dem_state, only: dem_data_type, kind_free, lanes, history_size, history_point, column_count
+  use talus_vectors, only: cross
+  use dem_extra_state, only: extra_work_count
+  use dem_state, only: dem_data_type, dem_law_type, kind_free, lanes, history_size, history_point, &
+    column_count
   use dem_surface_state, only: dem_surfaces_type, surface_soft
   use dem_surface_body, only: is_free
   use dem_figure, only: figure_type
   use dem_form_state, only: form_ellipsoid
+  use dem_surface_extras, only: laws_of_surface, neck_reach, held_by_necks, corner_couples
   use dem_surface_find, only: touches_type, features_type, find_touches
   use dem_block, only: dem_block_type
-  use dem_contact, only: contact_block, contact_constants_type, constants_of
   use dem_ellipse, only: ratio_on_plane
   implicit none
   private
@@ -31,14 +34,23 @@ contains
     associate (s => d%surfaces)
       do g = 1 + int(int(s%near, i8)*me/threads, i4), int(int(s%near, i8)*(me + 1)/threads, i4)
         if (s%contacts(g) == 0 .and. travel < 0.5_wp*s%least_gap(g)) then
-          s%load(:, g) = 0.0_wp
-          s%columns(:, g) = 0.0_wp
+          call leave_grain(s, g)
         else
           call work_grain(d, g, h)
         end if
       end do
     end associate
   end subroutine share_surfaces
+
+  !> Near grain g has no contacts.
+  pure subroutine leave_grain(s, g)
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4), intent(in) :: g
+    s%contacts(g) = 0
+    s%load(:, g) = 0.0_wp
+    s%columns(:, g) = 0.0_wp
+    if (size(s%kept) > 0) s%extra_work(:, g) = 0.0_wp
+  end subroutine leave_grain
 
   !> All contacts of near grain g.
   subroutine work_grain(d, g, h)
@@ -49,39 +61,103 @@ contains
     type(features_type) :: features
     type(touches_type) :: touches
     type(dem_block_type) :: block
-    real(wp) :: history(lanes, history_size)
-    integer(i4) :: i, k, count, part(lanes)
+    real(wp) :: history(lanes, history_size), kept(lanes, size(d%surfaces%kept, 2))
+    real(wp) :: some(extra_work_count)
+    integer(i4) :: i, count, part(lanes)
 
     i = d%surfaces%near_grain(g)
     figure = figure_of(d, i)
     associate (s => d%surfaces)
+      if (size(s%kept) > 0) figure%reach = neck_reach(d, g)
+      figure%span = figure%radius + figure%reach
       call find_touches(s, g, figure, features, touches)
       call fill_block(touches, d%pairs%body(:, i), block)
       part = 0
       part(:touches%n) = touches%part(:touches%n)
-      call match(s, g, h, d%grains%radius(i), touches, count, part, block, history)
+      call match(s, g, h, d%grains%radius(i), touches, count, part, block, history, kept)
       if (count == 0) then
-        s%contacts(g) = 0
-        s%load(:, g) = 0.0_wp
-        s%columns(:, g) = 0.0_wp
+        call leave_grain(s, g)
         if (s%soft) call clear_shares(s, g)
         return
       end if
-      call apply_laws(d, i, figure, h, part, count, block, history, s%columns(:, g))
-      s%contacts(g) = touches%n
-      s%history(:, :, g) = history
-      do k = 1, touches%n
-        s%foot(k, :, g) = touches%foot(:, k)
-        s%normal(k, :, g) = touches%normal(:, k)
-        s%point(k, :, g) = touches%foot(:, k) + history(k, history_point:history_point + 2)
-        s%motion(k, :, g) = touches%motion(:, k)
-        s%part(k, g) = touches%part(k)
-        s%push(k, :, g) = [block%load%fx(k), block%load%fy(k), block%load%fz(k)]
-      end do
+      call apply_laws(d, i, figure, h, part, count, block, history, kept, s%columns(:, g), some)
+      if (figure%reach > 0.0_wp) call drop_torn(held_by_necks(d%pairs%extras%extra_places_type, &
+                                                              kept), features, touches, block, &
+                                                history, kept)
+      call keep_touches(s, g, touches, block, history)
+      if (size(s%kept) > 0) call keep_more(s, g, touches%n, block, kept, some)
       call sum_loads(block, touches%n, d%pairs%body(1:3, i), s%load(:, g))
       if (s%soft) call share_loads(s, g, features, touches)
     end associate
   end subroutine work_grain
+
+  !> Contacts in hand for the next step.
+  pure subroutine keep_touches(s, g, touches, block, history)
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4), intent(in) :: g
+    type(touches_type), intent(in) :: touches
+    type(dem_block_type), intent(in) :: block
+    real(wp), intent(in) :: history(lanes, history_size)
+    integer(i4) :: k
+    s%contacts(g) = touches%n
+    s%history(:, :, g) = history
+    do k = 1, touches%n
+      s%foot(k, :, g) = touches%foot(:, k)
+      s%normal(k, :, g) = touches%normal(:, k)
+      s%point(k, :, g) = touches%foot(:, k) + history(k, history_point:history_point + 2)
+      s%motion(k, :, g) = touches%motion(:, k)
+      s%part(k, g) = touches%part(k)
+      s%push(k, :, g) = [block%load%fx(k), block%load%fy(k), block%load%fz(k)]
+    end do
+  end subroutine keep_touches
+
+  !> What laws on top keep, their works, and the couples that they add to the forces.
+  pure subroutine keep_more(s, g, n, block, kept, work)
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4), intent(in) :: g, n
+    type(dem_block_type), intent(in) :: block
+    real(wp), intent(in) :: kept(:, :), work(:)
+    integer(i4) :: k
+    s%kept(:, :, g) = kept
+    s%extra_work(:, g) = work
+    do k = 1, n
+      s%couple(k, :, g) = [block%load%mx(k), block%load%my(k), block%load%mz(k)] &
+                          - cross(s%point(k, :, g), s%push(k, :, g))
+    end do
+  end subroutine keep_more
+
+  !> Of contacts over a gap only those stay that a neck holds; the others never were any.
+  pure subroutine drop_torn(held, features, touches, block, history, kept)
+    logical, intent(in) :: held(lanes)
+    type(features_type), intent(inout) :: features
+    type(touches_type), intent(inout) :: touches
+    type(dem_block_type), intent(inout) :: block
+    real(wp), intent(inout) :: history(lanes, history_size), kept(:, :)
+    type(dem_block_type) :: was
+    integer(i4) :: k, n, place(lanes)
+
+    was = block
+    n = 0
+    place = lanes + 1
+    do k = 1, touches%n
+      if (touches%gap(k) >= 0.0_wp .and. .not. held(k)) cycle
+      n = n + 1
+      place(k) = n
+      if (n == k) cycle
+      touches%foot(:, n) = touches%foot(:, k)
+      touches%normal(:, n) = touches%normal(:, k)
+      touches%motion(:, n) = touches%motion(:, k)
+      touches%body(n) = touches%body(k)
+      touches%part(n) = touches%part(k)
+      history(n, :) = history(k, :)
+      kept(n, :) = kept(k, :)
+      call take_lane(was, k, n, block)
+    end do
+    do k = 1, features%n
+      if (features%touch(k) <= touches%n) features%touch(k) = place(features%touch(k))
+    end do
+    touches%n = n
+  end subroutine drop_torn
 
   !> Grain i as surfaces see it.
   pure function figure_of(d, i) result(figure)
@@ -90,7 +166,6 @@ contains
     type(figure_type) :: figure
     figure%x = d%pairs%body(1:3, i)
     figure%radius = d%grains%radius(i)
-    figure%span = figure%radius + figure%reach
     figure%a = d%pairs%body(10:15, i)
     figure%square = d%pairs%body(16, i)
     if (d%grains%forms%n == 0) return
@@ -151,7 +226,7 @@ contains
 
   !> History of each contact from the nearest of the last step, each taken once; what is left over
   !! has ended and is worked once more, after the contacts, for its energy.
-  pure subroutine match(s, g, h, radius, touches, count, part, b, history)
+  pure subroutine match(s, g, h, radius, touches, count, part, b, history, kept)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: g
     real(wp), intent(in) :: h, radius
@@ -159,12 +234,13 @@ contains
     integer(i4), intent(out) :: count
     integer(i4), intent(inout) :: part(lanes)
     type(dem_block_type), intent(inout) :: b
-    real(wp), intent(out) :: history(lanes, history_size)
+    real(wp), intent(out) :: history(lanes, history_size), kept(:, :)
     real(wp) :: cost(lanes, lanes), v(3), grain(9)
     integer(i4) :: k, j, best(2), mine(lanes)
 
     mine = 0
     history = 0.0_wp
+    kept = 0.0_wp
     cost = huge(1.0_wp)
     do j = 1, s%contacts(g)
       do k = 1, touches%n
@@ -193,6 +269,7 @@ contains
         v = touches%motion(1:3, k)
       end if
       history(k, :) = s%history(j, :, g)
+      if (size(kept) > 0) kept(k, :) = s%kept(j, :, g)
       history(k, history_point:history_point + 2) = s%point(j, :, g) - (b%a%x(k, :) - h*v)
     end do
   end subroutine match
@@ -212,24 +289,25 @@ contains
   end function distance
 
   !> The law of each contact's materials.
-  pure subroutine apply_laws(d, i, figure, h, part, count, b, history, columns)
+  pure subroutine apply_laws(d, i, figure, h, part, count, b, history, kept, columns, work)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: i  !! grain
     type(figure_type), intent(in) :: figure
     real(wp), intent(in) :: h
     integer(i4), intent(in) :: part(lanes), count
     type(dem_block_type), intent(inout) :: b
-    real(wp), intent(inout) :: history(lanes, history_size)
-    real(wp), intent(out) :: columns(column_count)
+    real(wp), intent(inout) :: history(lanes, history_size), kept(:, :)
+    real(wp), intent(out) :: columns(column_count), work(extra_work_count)
     type(dem_block_type) :: mine
-    type(contact_constants_type) :: constants
-    real(wp) :: m_star(lanes), weight(lanes), some(column_count), kept(lanes, history_size)
+    type(dem_law_type) :: of_both
+    real(wp) :: m_star(lanes), some(column_count), past(lanes, history_size)
+    real(wp) :: memory(lanes, size(kept, 2))
     integer(i4) :: k, law(lanes), lead
     logical :: this(lanes)
 
     columns = 0.0_wp
+    work = 0.0_wp
     m_star = d%grains%mass(i)
-    weight = 1.0_wp
     law = 0
     do k = 1, count
       law(k) = law_of(d%surfaces, part(k))
@@ -239,21 +317,25 @@ contains
       if (any(law(:lead - 1) == law(lead))) cycle
       this = law == law(lead)
       mine = b
-      kept = history
+      past = history
+      memory = kept
       do k = 1, lanes
-        if (.not. this(k)) mine%gap(k) = 1.0_wp
-        if (.not. this(k)) kept(k, :) = 0.0_wp
+        if (this(k)) cycle
+        mine%gap(k) = 1.0_wp
+        past(k, :) = 0.0_wp
+        memory(k, :) = 0.0_wp
       end do
-      constants = constants_of(d%laws(d%surfaces%material(part(lead)), d%grains%material(i)))
-      if (law(lead) < 0) constants%share = 0.0_wp
-      if (d%laws(d%surfaces%material(part(lead)), d%grains%material(i))%elliptic) &
-        call narrow(figure, mine)
-      call contact_block(mine, constants, .false., h, m_star, weight, kept, some)
+      of_both = d%laws(d%surfaces%material(part(lead)), d%grains%material(i))
+      if (law(lead) < 0) of_both%share = 0.0_wp
+      if (of_both%elliptic) call narrow(figure, mine)
+      call laws_of_surface(mine, of_both, d%pairs%extras%extra_places_type, h, m_star, past, &
+                           memory, some, work)
       columns = columns + some
       do k = 1, count
         if (.not. this(k)) cycle
-        history(k, :) = kept(k, :)
-        call take_lane(mine, k, b)
+        history(k, :) = past(k, :)
+        kept(k, :) = memory(k, :)
+        call take_lane(mine, k, k, b)
       end do
     end do
   end subroutine apply_laws
@@ -294,16 +376,17 @@ contains
     if (s%kind(count(s%first_part(:s%n) <= part)) == surface_soft) law_of = -law_of
   end function law_of
 
-  pure subroutine take_lane(from, k, b)
+  !> Loads of lane `source` of one block into lane k of another.
+  pure subroutine take_lane(from, source, k, b)
     type(dem_block_type), intent(in) :: from
-    integer(i4), intent(in) :: k
+    integer(i4), intent(in) :: source, k
     type(dem_block_type), intent(inout) :: b
-    b%load%fx(k) = from%load%fx(k)
-    b%load%fy(k) = from%load%fy(k)
-    b%load%fz(k) = from%load%fz(k)
-    b%load%mx(k) = from%load%mx(k)
-    b%load%my(k) = from%load%my(k)
-    b%load%mz(k) = from%load%mz(k)
+    b%load%fx(k) = from%load%fx(source)
+    b%load%fy(k) = from%load%fy(source)
+    b%load%fz(k) = from%load%fz(source)
+    b%load%mx(k) = from%load%mx(source)
+    b%load%my(k) = from%load%my(source)
+    b%load%mz(k) = from%load%mz(source)
   end subroutine take_lane
 
   !> Force on the grain and moment about its centre.
@@ -335,12 +418,18 @@ contains
     integer(i4), intent(in) :: g
     type(features_type), intent(in) :: f
     type(touches_type), intent(in) :: touches
+    real(wp) :: turn(3, 3)
     integer(i4) :: i, k, corner
 
     call clear_shares(s, g)
     do i = 1, f%n
       if (f%touch(i) > touches%n .or. s%kind(f%body(i)) /= surface_soft) cycle
       k = 3*(f%candidate(i) - 1)
+      if (size(s%kept) > 0) then
+        turn = corner_couples(s%x(:, s%corner(:, s%candidate(f%candidate(i)))), &
+                              -f%weight(i)*s%couple(f%touch(i), :, g))
+        s%share(:, k + 1:k + 3) = s%share(:, k + 1:k + 3) + turn
+      end if
       do corner = 1, 3
         s%share(:, k + corner) = s%share(:, k + corner) &
           - f%weight(i)*f%share(corner, i)*s%push(f%touch(i), :, g)

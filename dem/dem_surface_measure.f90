@@ -6,6 +6,7 @@ module dem_surface_measure
   use dem_surface_body, only: is_free
   use dem_surface_state, only: dem_surfaces_type
   use dem_contact, only: contact_constants_type, constants_of, contact_radius
+  use dem_surface_extras, only: surface_extra_stiffness, surface_turning_energy, turns_at_surface
   implicit none
   private
   public :: vertex_stiffness, body_rows, body_rate
@@ -98,28 +99,40 @@ contains
           energy(1) = energy(1) + overlap*overlap*(c%c*history(history_root)*history(history_side) &
                                                    + 0.5_wp*c%kn)
           if (stiffness(2) > 0.0_wp) &
-            energy(2) = energy(2) + 0.5_wp*sum(history(1:3)**2)/stiffness(2)
+            energy(2) = energy(2) + tangential_energy(d, k, g, stiffness(2))
         end associate
       end do
     end do
   end function surface_energy
 
+  !> Stored tangential energy of contact k of near grain g [J].
+  pure real(wp) function tangential_energy(d, k, g, stiffness) result(energy)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: k, g
+    real(wp), intent(in) :: stiffness  !! tangential [N/m]
+    energy = 0.5_wp*sum(d%surfaces%history(k, 1:3, g)**2)/stiffness
+    if (turns_at_surface(d, k, g)) energy = surface_turning_energy(d, k, g)
+  end function tangential_energy
+
   !> Row sums of the step limit: see dem_limits; a surface counts as a prescribed partner.
   pure subroutine add_surface_rows(d, lambda)
     type(dem_data_type), intent(in) :: d
     real(wp), intent(inout) :: lambda(:, :)  !! (2, grains)
-    real(wp) :: stiffness(2), arm(3)
+    real(wp) :: stiffness(2), more(2), arm(3), factor
     integer(i4) :: g, k, i
 
     do g = 1, d%surfaces%near
       i = d%surfaces%near_grain(g)
       do k = 1, d%surfaces%contacts(g)
         stiffness = surface_stiffness(d, k, g)
-        if (is_free(d%surfaces, body_of_part(d, d%surfaces%part(k, g)))) &
-          stiffness = 2.0_wp*stiffness
+        factor = 1.0_wp
+        if (is_free(d%surfaces, body_of_part(d, d%surfaces%part(k, g)))) factor = 2.0_wp
+        stiffness = factor*stiffness
         arm = d%surfaces%point(k, :, g) - d%pairs%body(1:3, i)
         lambda(1, i) = lambda(1, i) + sum(stiffness)
         lambda(2, i) = lambda(2, i) + stiffness(2)*sum(arm**2)
+        more = surface_extra_stiffness(d, k, g)
+        if (any(more > 0.0_wp)) lambda(:, i) = lambda(:, i) + factor*more
       end do
     end do
   end subroutine add_surface_rows
@@ -128,7 +141,7 @@ contains
   !! x, y, z [N m] and motion [N/m].
   pure function body_rows(d) result(row)
     type(dem_data_type), intent(in) :: d
-    real(wp) :: stiffness(2), arm(3), lever(3), row(4, d%surfaces%n)
+    real(wp) :: stiffness(2), more(2), arm(3), lever(3), row(4, d%surfaces%n)
     integer(i4) :: g, k, b
 
     row = 0.0_wp
@@ -136,11 +149,16 @@ contains
       do k = 1, d%surfaces%contacts(g)
         b = body_of_part(d, d%surfaces%part(k, g))
         stiffness = surface_stiffness(d, k, g)
-        if (d%grains%kind(d%surfaces%near_grain(g)) == kind_free) stiffness = 2.0_wp*stiffness
+        more = surface_extra_stiffness(d, k, g)
+        if (d%grains%kind(d%surfaces%near_grain(g)) == kind_free) then
+          stiffness = 2.0_wp*stiffness
+          more = 2.0_wp*more
+        end if
         arm = d%surfaces%point(k, :, g) - d%surfaces%centre(:, b)
         lever = cross(arm, d%surfaces%normal(k, :, g))
         row(:3, b) = row(:3, b) + stiffness(1)*lever**2 + stiffness(2)*(sum(arm**2) - arm**2)
         row(4, b) = row(4, b) + sum(stiffness)
+        if (any(more > 0.0_wp)) row(:, b) = row(:, b) + [more(1)*lever**2 + more(2), more(1)]
       end do
     end do
   end function body_rows

@@ -177,6 +177,7 @@ contains
         moment(1, p) = moment(1, p) + r(2)*f(3) - r(3)*f(2)
         moment(2, p) = moment(2, p) + r(3)*f(1) - r(1)*f(3)
         moment(3, p) = moment(3, p) + r(1)*f(2) - r(2)*f(1)
+        if (size(s%couple) > 0) moment(:, p) = moment(:, p) - s%couple(k, :, g)
       end do
     end do
   end subroutine sum_parts

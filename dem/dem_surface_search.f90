@@ -6,7 +6,9 @@ module dem_surface_search
   use talus_vectors, only: cross
   use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_driven, lanes, history_size, &
     column_count
+  use dem_extra_state, only: extra_work_count
   use dem_surface_body, only: is_free
+  use dem_surface_extras, only: surface_kept_reals
   use dem_surface_state, only: dem_surfaces_type, surface_cone, surface_cylinder, is_bore, &
     bore_listed
   implicit none
@@ -55,7 +57,7 @@ contains
       s%near_start = start(:near + 1)
       s%candidate = candidate(:found)
       s%least_gap = gap(:near)
-      call allocate_contacts(s, d%grains%n)
+      call allocate_contacts(s, d%grains%n, surface_kept_reals(d))
       call take_contacts(s, old)
       s%reference_x = s%centre
       s%reference_q = s%quat
@@ -241,13 +243,19 @@ contains
     call move_alloc(s%motion, old%motion)
     call move_alloc(s%part, old%part)
     call move_alloc(s%load, old%load)
-    deallocate (s%columns, s%share, s%near_of)
+    call move_alloc(s%kept, old%kept)
+    call move_alloc(s%couple, old%couple)
+    deallocate (s%extra_work, s%columns, s%share, s%near_of)
   end subroutine keep_contacts
 
-  subroutine allocate_contacts(s, grains)
+  subroutine allocate_contacts(s, grains, reals)
     type(dem_surfaces_type), intent(inout) :: s
     integer(i4), intent(in) :: grains
-    integer(i4) :: g
+    integer(i4), intent(in) :: reals  !! kept for laws on top
+    integer(i4) :: g, some
+    some = merge(s%near, 0_i4, reals > 0)
+    allocate (s%kept(lanes, reals, some), s%couple(lanes, 3, some), &
+              s%extra_work(extra_work_count, some), source=0.0_wp)
     allocate (s%contacts(s%near), source=0)
     allocate (s%history(lanes, history_size, s%near), s%foot(lanes, 3, s%near), &
               s%normal(lanes, 3, s%near), s%point(lanes, 3, s%near), s%push(lanes, 3, s%near), &
@@ -278,6 +286,9 @@ contains
       s%motion(:, :, g) = old%motion(:, :, k)
       s%part(:, g) = old%part(:, k)
       s%load(:, g) = old%load(:, k)
+      if (size(s%kept) == 0 .or. size(old%kept, 2) /= size(s%kept, 2)) cycle
+      s%kept(:, :, g) = old%kept(:, :, k)
+      s%couple(:, :, g) = old%couple(:, :, k)
     end do
   end subroutine take_contacts
 end module dem_surface_search

@@ -7,16 +7,17 @@ module dem_surface_share
   use dem_records, only: index_of
   use dem_state, only: dem_data_type, lanes, history_size
   use dem_surface_body, only: no_free_bodies
+  use dem_surface_extras, only: surface_kept_reals
   use dem_surface_search, only: allocate_contacts
   use dem_surface_state, only: dem_surfaces_type, bore_swell, bore_press, bore_impulse
   use dem_tell, only: tell_matrix, tell_list, tell_table
   implicit none
   private
-  public :: tell_surfaces, tell_motion, pack_touches, adopt_touches, touch_size
+  public :: tell_surfaces, tell_motion, pack_touches, adopt_touches
   public :: surface_reals, surface_report, take_surfaces
 
   integer(i4), parameter :: kept_reals = history_size + 19             !! of a contact
-  integer(i4), parameter :: touch_size = 8 + lanes*kept_reals          !! of a grain's contacts
+  integer(i4), parameter :: base_size = 8 + lanes*kept_reals           !! of a grain's contacts
   integer(i4), parameter :: part_reals = 13                            !! of a part in a report
 
 contains
@@ -147,18 +148,28 @@ contains
         n = n + 1
         if (round == 2) call pack_touch(d, g, rows(:, n))
       end do
-      if (round == 1) allocate (rows(touch_size, n))
+      if (round == 1) allocate (rows(touch_size(d), n))
     end do
   end subroutine pack_touches
+
+  !> Reals of a grain's contacts, with those that laws on top keep.
+  pure integer(i4) function touch_size(d)
+    type(dem_data_type), intent(in) :: d
+    integer(i4) :: reals
+    reals = surface_kept_reals(d)
+    touch_size = base_size + merge(lanes*(reals + 3), 0_i4, reals > 0)
+  end function touch_size
 
   pure subroutine pack_touch(d, g, row)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: g
-    real(wp), intent(out) :: row(touch_size)
+    real(wp), intent(out) :: row(:)
     associate (s => d%surfaces)
-      row = [real(d%grains%id(s%near_grain(g)), wp), real(s%contacts(g), wp), s%load(:, g), &
+      row(:base_size) = [real(d%grains%id(s%near_grain(g)), wp), real(s%contacts(g), wp), &
+             s%load(:, g), &
              s%history(:, :, g), s%foot(:, :, g), s%normal(:, :, g), s%point(:, :, g), &
              s%push(:, :, g), s%motion(:, :, g), real(s%part(:, g), wp)]
+      if (size(s%kept) > 0) row(base_size + 1:) = [s%kept(:, :, g), s%couple(:, :, g)]
     end associate
   end subroutine pack_touch
 
@@ -172,14 +183,14 @@ contains
     associate (s => d%surfaces)
       if (allocated(s%contacts)) deallocate (s%contacts, s%history, s%foot, s%normal, s%point, &
                                              s%push, s%motion, s%part, s%load, s%columns, &
-                                             s%share, s%near_of)
+                                             s%share, s%near_of, s%kept, s%couple, s%extra_work)
       n = size(rows, 2)
       s%near = n
       s%near_grain = [(index_of(d, rows(1, g)), g=1, n)]
       order = sorted_order(int(s%near_grain, i8))
       s%near_grain = s%near_grain(order)
       s%candidate = [integer(i4) ::]
-      call allocate_contacts(s, d%grains%n)
+      call allocate_contacts(s, d%grains%n, surface_kept_reals(d))
       do g = 1, n
         call unpack_touch(s, g, rows(:, order(g)))
       end do
@@ -189,11 +200,12 @@ contains
   pure subroutine unpack_touch(s, g, row)
     type(dem_surfaces_type), intent(inout) :: s
     integer(i4), intent(in) :: g
-    real(wp), intent(in) :: row(touch_size)
+    real(wp), intent(in) :: row(:)
     real(wp) :: kept(lanes, kept_reals)
+    integer(i4) :: n
     s%contacts(g) = nint(row(2), i4)
     s%load(:, g) = row(3:8)
-    kept = reshape(row(9:), [lanes, kept_reals])
+    kept = reshape(row(9:base_size), [lanes, kept_reals])
     s%history(:, :, g) = kept(:, :history_size)
     s%foot(:, :, g) = kept(:, history_size + 1:history_size + 3)
     s%normal(:, :, g) = kept(:, history_size + 4:history_size + 6)
@@ -201,6 +213,10 @@ contains
     s%push(:, :, g) = kept(:, history_size + 10:history_size + 12)
     s%motion(:, :, g) = kept(:, history_size + 13:history_size + 18)
     s%part(:, g) = nint(kept(:, kept_reals), i4)
+    if (size(s%kept) == 0) return
+    n = base_size + lanes*size(s%kept, 2)
+    s%kept(:, :, g) = reshape(row(base_size + 1:n), shape(s%kept(:, :, g)))
+    s%couple(:, :, g) = reshape(row(n + 1:), [lanes, 3])
   end subroutine unpack_touch
 
   !> Reals of the surfaces in a report.

@@ -112,6 +112,11 @@ module dem_surface_state
     real(wp), allocatable :: motion(:, :, :)        !! (lanes, 6, near) velocity, spin of the
                                                     !! surface
     integer(i4), allocatable :: part(:, :)          !! (lanes, near)
+    real(wp), allocatable :: kept(:, :, :)          !! (lanes, reals, near) for laws on top, see
+                                                    !! dem_extra_state; no reals without such laws
+    real(wp), allocatable :: couple(:, :, :)        !! (lanes, 3, near) on the grain besides the
+                                                    !! force [N m]; none without such laws
+    real(wp), allocatable :: extra_work(:, :)       !! (extra_work_count, near) of the step
     real(wp), allocatable :: load(:, :)             !! (6, near) on the grain, about its centre
     real(wp), allocatable :: columns(:, :)          !! (column_count, near) work of the step [J]
     real(wp), allocatable :: share(:, :)            !! (3, 3*candidates) on corners of soft

@@ -7,6 +7,9 @@ module dem_surface_store
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
   use dem_state, only: dem_data_type, lanes, history_size, column_count
+  use dem_extra_state, only: extra_places_type, extra_work_count, rolling_reals, cohesion_reals, &
+    turning_reals
+  use dem_surface_extras, only: surface_kept_reals
   use dem_surface_state, only: dem_surfaces_type, surface_soft, surface_cylinder, &
     soft_smooth
   use dem_surface_make, only: mesh_type, check_mesh, add_mesh
@@ -17,11 +20,15 @@ module dem_surface_store
   integer(i4), parameter :: longest_name = 48
   integer(i4), parameter :: contact_size = history_size + 18  !! reals of a contact
 
+  character(len=8), parameter :: laws(3) = [character(len=8) :: 'rolling', 'cohesion', 'turning']
+  integer(i4), parameter :: law_reals(3) = [rolling_reals, cohesion_reals, turning_reals]
+
 contains
 
   !> Everything that changes in a run.
-  subroutine put_surfaces(s, archive)
+  subroutine put_surfaces(s, places, archive)
     type(dem_surfaces_type), intent(in) :: s
+    type(extra_places_type), intent(in) :: places
     type(dem_archive_type), intent(inout) :: archive
     real(wp) :: packed(lanes*contact_size, s%near)
     integer(i4) :: g
@@ -53,12 +60,53 @@ contains
     end do
     call archive%put_reals('surfaces.contact', packed)
     if (s%soft) call put_soft(s, archive)
+    if (size(s%kept) > 0) call put_kept(s, places, archive)
     if (allocated(s%servo)) call archive%put_reals('surfaces.servo', s%servo)
     if (any(s%kind == surface_cylinder)) &
       call archive%put_reals('surfaces.bore', reshape([reshape(s%bore, [5*s%n]), s%cone(3, :)], &
                                                       [6*s%n, 1]))
     if (allocated(s%given)) call archive%put_reals('surfaces.given', s%given)
   end subroutine put_surfaces
+
+  !> What contacts keep for laws on top, each law by its name, as dem_extra_list does.
+  subroutine put_kept(s, places, archive)
+    type(dem_surfaces_type), intent(in) :: s
+    type(extra_places_type), intent(in) :: places
+    type(dem_archive_type), intent(inout) :: archive
+    integer(i4) :: k, at(3)
+    at = [places%rolling_at, places%cohesion_at, places%turning_at]
+    do k = 1, size(laws)
+      if (at(k) > 0) call archive%put_reals('surfaces.'//trim(laws(k)), reshape( &
+        s%kept(:, at(k):at(k) + law_reals(k) - 1, :), [lanes*law_reals(k), s%near]))
+    end do
+    call archive%put_reals('surfaces.couple', reshape(s%couple, [lanes*3, s%near]))
+  end subroutine put_kept
+
+  !> The same back; a law that the checkpoint does not have starts from nothing.
+  subroutine get_kept(s, places, reals, archive, errors)
+    type(dem_surfaces_type), intent(inout) :: s
+    type(extra_places_type), intent(in) :: places
+    integer(i4), intent(in) :: reals
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: flat(:, :)
+    integer(i4) :: k, at(3), some
+
+    some = merge(s%near, 0_i4, reals > 0)
+    allocate (s%kept(lanes, reals, some), s%couple(lanes, 3, some), &
+              s%extra_work(extra_work_count, some), source=0.0_wp)
+    if (some == 0) return
+    at = [places%rolling_at, places%cohesion_at, places%turning_at]
+    do k = 1, size(laws)
+      if (at(k) == 0 .or. archive%find('surfaces.'//trim(laws(k))) == 0) cycle
+      call archive%get_reals('surfaces.'//trim(laws(k)), lanes*law_reals(k), s%near, flat, errors)
+      if (errors%any()) return
+      s%kept(:, at(k):at(k) + law_reals(k) - 1, :) = reshape(flat, [lanes, law_reals(k), s%near])
+    end do
+    if (archive%find('surfaces.couple') == 0) return
+    call archive%get_reals('surfaces.couple', lanes*3, s%near, flat, errors)
+    if (.not. errors%any()) s%couple = reshape(flat, [lanes, 3, s%near])
+  end subroutine get_kept
 
   !> Soft bodies are not in the deck: name, material and triangles of each.
   subroutine put_soft(s, archive)
@@ -147,6 +195,8 @@ contains
       if (k > 0 .and. allocated(s%given)) s%given = archive%item(k)%reals
       call get_bodies(s, archive, errors)
       if (errors%count == before) call get_contacts(s, d%grains%n, archive, errors)
+      if (errors%count == before) call get_kept(s, d%pairs%extras%extra_places_type, &
+                                                surface_kept_reals(d), archive, errors)
     end associate
   end subroutine get_surfaces
 

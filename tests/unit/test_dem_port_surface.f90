@@ -89,11 +89,9 @@ contains
       "&material id = 'q', density = 2650.0, young = 29.0e9, poisson = 0.25 /"//nl// &
       "&material id = 'rubber', density = 1000.0, young = 1.0e9, poisson = 0.4 /"//nl// &
       "&material id = 'air', density = 1.0, young = 1.0, poisson = 0.0 /"//nl// &
-      "&material id = 'clay', density = 1.0, young = 1.0e9, poisson = 0.0 /"//nl// &
-      "&contact between = 'q', 'clay', law = 'hertz_mindlin', friction = 0.5,"//nl// &
-      "  cohesion = 'constant', pull_force = 1.0e-3 /"//nl// &
       "&contact between = 'q', 'q', law = 'hertz_mindlin', friction = 0.5 /"//nl// &
-      "&contact between = 'q', 'rubber', law = 'hertz_mindlin', friction = 0.5 /"//nl// &
+      "&contact between = 'q', 'rubber', law = 'hertz_mindlin', friction = 0.5,"//nl// &
+      "  rolling_friction = 0.1, cohesion = 'jkr', surface_energy = 1.0e-4 /"//nl// &
       "&particles file = 'pack.h5', material = 'q' /"//nl//'&dynamics dt = 1.0e-7 /'//nl// &
       '&history every_time = 1.0e-5 /'//nl//'&output every_time = 1.0e-5 /'//nl, errors)
     call test%check('input is written', .not. errors%any())
@@ -154,7 +152,6 @@ contains
 
   subroutine refuse()
     call choose('s', 'steel', [1_i8, 2_i8, 3_i8, 1_i8, 3_i8, 4_i8], 'P258')
-    call choose('s', 'clay', [1_i8, 2_i8, 3_i8, 1_i8, 3_i8, 4_i8], 'P258')
     call choose('s', 'air', [1_i8, 2_i8, 3_i8, 1_i8, 3_i8, 4_i8], 'P258')
     call choose('s', 'rubber', [1_i8, 2_i8, 3_i8, 1_i8, 3_i8, 5_i8], 'P258')
     call choose('s', 'rubber', [1_i8, 2_i8, 3_i8, 1_i8, 4_i8, 3_i8], 'I224')
