@@ -9,6 +9,7 @@ module cpl_coupled
   use cpl_overlap, only: overlap_type
   use cpl_overlap_partition, only: contacts_type, points_type, fill_partition, elastic_tensor
   use cpl_partition, only: partition_type, add_point
+  use cpl_sets, only: part_ghost
   implicit none
   private
   public :: coupled_type, motion_type, add_contacts, add_elements
@@ -39,18 +40,30 @@ module cpl_coupled
 
 contains
 
-  !> From what the solvers describe, with weights and masses that the overlap has already.
-  subroutine build(self, o, contacts, points, inertia)
+  !> From what the solvers describe, with weights and masses that the overlap has already. kicks:
+  !! what acts once an exchange where forces come in parts, contacts between ghosts and the other
+  !! elements in the layer of ghosts.
+  subroutine build(self, o, contacts, points, inertia, kicks)
     class(coupled_type), intent(inout) :: self
     type(overlap_type), intent(in) :: o
     type(contacts_type), intent(in) :: contacts
     type(points_type), intent(in) :: points
     real(wp), intent(in) :: inertia(:)  !! least principal moment of the grains [kg m^2]
+    logical, intent(in), optional :: kicks
     integer(i4), allocatable :: row(:), at(:)
     integer(i4) :: q, k, e
+    logical :: slow
 
+    slow = .false.
+    if (present(kicks)) slow = kicks
     call fill_partition(o, contacts, points, self%partition, row, at)
-    self%point = pack([(q, q=1, int(size(at), i4))], o%sets%fast(points%element(at)))
+    if (slow) then
+      self%point = pack([(q, q=1, int(size(at), i4))], .not. o%sets%fast(points%element(at)) &
+                        .and. o%sets%part(points%element(at)) == part_ghost)
+      call keep_ghosts(o, self%partition)
+    else
+      self%point = pack([(q, q=1, int(size(at), i4))], o%sets%fast(points%element(at)))
+    end if
     self%factor = o%beta(at(self%point))*self%partition%volume(self%point)
     allocate (self%bending(9, 9, size(self%partition%region)), source=0.0_wp)
     allocate (self%law(size(self%partition%region)), source=0)
@@ -72,6 +85,22 @@ contains
       self%nimble(outside) = 1.0_wp/inertia(outside)
     end associate
   end subroutine build
+
+  !> Leave contacts between ghosts alone.
+  pure subroutine keep_ghosts(o, p)
+    type(overlap_type), intent(in) :: o
+    type(partition_type), intent(inout) :: p
+    logical :: ghost(size(o%pack%id))
+    integer(i4), allocatable :: kept(:)
+    integer(i4) :: c
+    ghost = .false.
+    ghost(o%sets%ghost) = .true.
+    kept = pack([(c, c=1, int(size(p%pair, 2), i4))], ghost(p%pair(1, :)) .and. ghost(p%pair(2, :)))
+    p%pair = p%pair(:, kept)
+    p%arm = p%arm(:, :, kept)
+    p%normal = p%normal(:, kept)
+    p%stiffness = p%stiffness(:, kept)
+  end subroutine keep_ghosts
 
   !> A motion in which all takes part, of no special form.
   subroutine start(self, o, y)

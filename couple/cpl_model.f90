@@ -311,7 +311,7 @@ contains
     real(wp), intent(in) :: t0, t1  !! [s]
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: said
-    real(wp) :: gap
+    real(wp) :: gap, fine, past
 
     if (self%choices%overlap%given) then
       if (self%overlap%bridge%active) then
@@ -327,10 +327,12 @@ contains
       if (errors%any()) return
       self%face%step = self%overlap%step
       call self%timers%start('audit and log')
-      call overlap_audit_row(self%audit%file, self%overlap, t1, errors)
+      call self%overlap%look_past(fine, past)
+      call overlap_audit_row(self%audit%file, self%overlap, t1, fine, errors)
       if (.not. self%overlap%bridge%active) then
         associate (wanted => self%choices%overlap)
-          call look_after(self%overlap, wanted%remap, wanted%leaving, t1, said, errors)
+          call look_after(self%overlap, wanted%remap, wanted%leaving, past, t1, said, &
+                          errors)
         end associate
         if (len(said) > 0) call self%log%line(said)
       end if

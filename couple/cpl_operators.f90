@@ -17,6 +17,8 @@ module cpl_operators
   use cpl_projection, only: projection_type
   use cpl_rows, only: rows_type, curl_rows_type
   use cpl_sets, only: sets_type, pack_type, part_free, numbering
+  use cpl_twins, only: same_rows, same_maps, apply_twins, transposed_twins, project_twins, &
+    hand_on_twins
   implicit none
   private
   public :: operators_type, riders_type, weigh_unit, weigh_mass, weigh_volume
@@ -46,6 +48,9 @@ module cpl_operators
     type(projection_type) :: p, p_phi
     type(rows_type) :: ghost, ghost_phi
     type(curl_rows_type) :: ghost_curl
+    logical :: twin_ghosts = .false.             !! ghost and ghost_phi are the same
+    logical :: twin_maps = .false.               !! p and p_phi have the same rows
+    integer(i4), allocatable :: every(:)         !! rows of the ghosts
   contains
     procedure :: build
     procedure :: project
@@ -102,7 +107,9 @@ contains
       number = numbering(self%node_phi(::self%stride), cells%nodes)
       call interpolate(cells, sets%ghost_spot, number, self%nodes_phi/self%stride, .true., &
                        self%ghost_phi)
+      self%twin_ghosts = .not. self%micro%active .and. same_rows(self%ghost, self%ghost_phi)
     end if
+    self%every = [(a, a=1, self%ghosts)]
     riders%spot = sets%free_spot
     riders%x = pack_of%x(:, sets%free)
     riders%origin = riders%x
@@ -122,12 +129,15 @@ contains
     logical, intent(in) :: mls
     type(error_list_type), intent(inout) :: errors
     call one(self%p, self%node(:self%hats), .false., riders%w)
+    self%twin_maps = .false.
     if (self%hats_phi == 0 .or. errors%any()) return
     associate (ids => self%node_phi(:self%hats_phi:self%stride))
       call one(self%p_phi, ids, .true., riders%w_phi)
       if (self%micro%active .and. .not. errors%any()) call self%micro%fit(self%p_phi%n, &
         merge(riders%w, 0.0_wp, riders%spot%element > 0), riders%origin, ids, errors)
     end associate
+    if (.not. errors%any()) self%twin_maps = .not. self%micro%active .and. &
+      same_maps(self%p, self%p_phi)
 
   contains
 
@@ -238,6 +248,10 @@ contains
     real(wp), intent(in) :: q(:, :), theta(:, :)      !! (3, free) [m], [rad]
     real(wp), intent(inout) :: u(:, :), phi(:, :)     !! (3, nodes), (3, nodes_phi)
     real(wp) :: turn(3, self%hats_phi/self%stride)
+    if (self%twin_maps) then
+      call project_twins(self%p, self%p_phi, q, theta, u(:, :self%hats), phi(:, :self%hats_phi))
+      return
+    end if
     call self%p%apply(q, u(:, :self%hats))
     if (self%hats_phi == 0) return
     if (self%micro%active) then
@@ -253,6 +267,10 @@ contains
     class(operators_type), intent(in) :: self
     real(wp), intent(in) :: u(:, :), phi(:, :)
     real(wp), intent(out) :: d(:, :), turn(:, :)      !! (3, ghosts) [m], [rad]
+    if (self%twin_ghosts) then
+      call apply_twins(self%ghost, self%every, u, phi, d, turn)
+      return
+    end if
     call self%ghost%apply(u, d)
     select case (self%rotation)
     case (rotation_micro)
@@ -274,6 +292,10 @@ contains
     integer(i4), intent(in) :: some(:)                !! rows of the ghosts
     real(wp), intent(in) :: u(:, :), phi(:, :)
     real(wp), intent(out) :: d(:, :), turn(:, :)      !! (3, size(some)) [m], [rad]
+    if (self%twin_ghosts) then
+      call apply_twins(self%ghost, some, u, phi, d, turn)
+      return
+    end if
     call self%ghost%apply_some(some, u, d)
     select case (self%rotation)
     case (rotation_micro)
@@ -293,6 +315,11 @@ contains
     real(wp), intent(in) :: p(:, :), m(:, :)              !! (3, ghosts) [N], [N m]
     real(wp), intent(inout) :: f(:, :), c(:, :)           !! (3, nodes), (3, nodes_phi)
     real(wp), intent(out) :: force(:, :), moment(:, :)    !! (3, free) [N], [N m]
+    if (self%twin_ghosts) then
+      call transposed_twins(self%ghost, self%every, p, m, f, c)
+      call self%from_hats(f, c, force, moment)
+      return
+    end if
     call self%ghost%transposed(p, f)
     if (self%micro%active) then
       call self%micro%pull(self%ghost_phi, m, c)
@@ -330,9 +357,18 @@ contains
     real(wp), intent(inout) :: f(:, :), c(:, :)
     real(wp), intent(in) :: besides(:, :), besides_phi(:, :)  !! (3, free) [N], [N m]
     real(wp), intent(out) :: force(:, :), moment(:, :)
-    call self%ghost%transposed_some(some, p, f)
-    if (self%rotation == rotation_micro) call self%ghost_phi%transposed_some(some, m, c)
-    if (self%rotation == rotation_curl) call self%ghost_curl%transposed_some(some, m, f)
+    if (self%twin_ghosts) then
+      call transposed_twins(self%ghost, some, p, m, f, c)
+    else
+      call self%ghost%transposed_some(some, p, f)
+      if (self%rotation == rotation_micro) call self%ghost_phi%transposed_some(some, m, c)
+      if (self%rotation == rotation_curl) call self%ghost_curl%transposed_some(some, m, f)
+    end if
+    if (self%twin_maps) then
+      call hand_on_twins(self%p, self%p_phi, f(:, :self%hats), c(:, :self%hats_phi), besides, &
+                         besides_phi, force, moment)
+      return
+    end if
     call self%p%transposed_onto(f(:, :self%hats), besides, force)
     if (self%hats_phi > 0) then
       call self%p_phi%transposed_onto(c(:, :self%hats_phi), besides_phi, moment)

@@ -60,6 +60,8 @@ module cpl_overlap
     type(fine_damping_type) :: damping, damping_phi
     type(bridge_type) :: bridge                    !! bridging domain in place of ghosts
     real(wp) :: step_limit = huge(1.0_wp)          !! of the grains' step in the overlap [s]
+    real(wp) :: kick_limit = huge(1.0_wp)          !! of the exchange, of what acts in kicks [s]
+    character(len=:), allocatable :: kick_mover    !! who moves most at it
     real(wp) :: identity = 0.0_wp                  !! largest error of the operators
     real(wp) :: moved_mass = 0.0_wp                !! from hat nodes to free grains [kg]
     integer(i8), allocatable :: weight_ids(:, :)   !! (2, pairs) of ghosts that may touch
@@ -133,6 +135,7 @@ module cpl_overlap
     procedure :: edge_kinetic
     procedure :: edge_momentum
     procedure :: past_nodes
+    procedure :: look_past
     procedure :: fine_scale
     procedure :: finite
     procedure :: relax_as_static
@@ -405,6 +408,21 @@ contains
     end do
     past = merge(past, 0.0_wp, self%seen)
   end function past_nodes
+
+  !> Motion past the nodes at once: root mean square, as fine_scale, and the largest [m].
+  pure subroutine look_past(self, fine, most)
+    class(overlap_type), intent(in) :: self
+    real(wp), intent(out) :: fine, most
+    real(wp) :: past(self%op%free)
+    if (self%bridge%active) then
+      fine = self%fine_scale()
+      most = 0.0_wp
+    else
+      past = self%past_nodes()
+      fine = sqrt(sum(past**2)/max(1, count(self%seen)))
+      most = maxval(past)
+    end if
+  end subroutine look_past
 
   !> Root mean square of what the nodes do not see of the free grains' motion, or of the gap between
   !! bound grains and nodes [m].

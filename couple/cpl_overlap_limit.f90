@@ -39,7 +39,6 @@ contains
     type(points_type) :: points
     type(coupled_type) :: coupled
     type(mode_type) :: mode
-    character(len=:), allocatable :: who
 
     call read_contacts(solvers(side_grains), contacts, timers, errors)
     if (.not. errors%any()) call read_points(solvers(side_solid), points, timers, errors)
@@ -47,21 +46,43 @@ contains
     call timers%start('stable step')
     call coupled%build(o, contacts, points, o%pack%slimmest)
     mode = highest_frequency(o, coupled)
+    if (o%in_parts) call look_at_kicks(o, contacts, points)
     call timers%stop('stable step')
     if (.not. mode%omega > 0.0_wp) return
     o%step_limit = 2.0_wp/mode%omega
     associate (grains => solvers(side_grains))
       if (grains%dt <= o%step_limit) return
-      who = 'node '//str(mode%node)//' of the edge'
-      if (mode%grain > 0) who = 'grain '//str(o%pack%id(mode%grain))
-      who = who//trim(merge(' turns', ' moves', mode%turns))
       call errors%add('D425', 'the step of the grains, '//str(grains%dt)//' s, is above the '// &
-        'stable step of the overlap, '//short_number(o%step_limit)//' s: '//who// &
+        'stable step of the overlap, '//short_number(o%step_limit)//' s: '//mover(o, mode)// &
         ' fastest', grains%deck, 'shorten dt in its deck; if the grains alone allow the step, '// &
         'moduli of the solid that are too stiff for the pack, light nodes or mass factors '// &
         '(least '//short_number(minval(o%factor))//') are the cause')
     end associate
   end subroutine check_step
+
+  !> What acts in kicks alone has a limit of its own, 2/omega of an exchange, as if no contact slid.
+  subroutine look_at_kicks(o, contacts, points)
+    type(overlap_type), intent(inout) :: o
+    type(contacts_type), intent(in) :: contacts
+    type(points_type), intent(in) :: points
+    type(coupled_type) :: kicks
+    type(mode_type) :: mode
+    call kicks%build(o, contacts, points, o%pack%slimmest, .true.)
+    mode = highest_frequency(o, kicks)
+    if (.not. mode%omega > 0.0_wp) return
+    o%kick_limit = 2.0_wp/mode%omega
+    o%kick_mover = mover(o, mode)
+  end subroutine look_at_kicks
+
+  !> 'grain 12 turns'
+  pure function mover(o, mode) result(who)
+    type(overlap_type), intent(in) :: o
+    type(mode_type), intent(in) :: mode
+    character(len=:), allocatable :: who
+    who = 'node '//str(mode%node)//' of the edge'
+    if (mode%grain > 0) who = 'grain '//str(o%pack%id(mode%grain))
+    who = who//trim(merge(' turns', ' moves', mode%turns))
+  end function mover
 
   !> Largest eigenvalue of M^-1 K by its quotient r'a / y'r, r = K y, a = M^-1 r: from below, within
   !! some tenths of a percent.

@@ -88,9 +88,24 @@ contains
     end if
     if (o%step_limit < huge(1.0_wp)) call log%item('stable step', short_number(o%step_limit)// &
       ' s', 'of grains and nodes that step with them')
+    call log_kicks(log, o, choices%exchange)
     if (o%damping%active) call log%item('fine scale damped', short_number( &
       choices%overlap%fine_damping)//' 1/s', 'at the ghosts, fading to the far end')
   end subroutine log_masses
+
+  !> How long an exchange may be for the kicks.
+  subroutine log_kicks(log, o, exchange)
+    type(log_type), intent(inout) :: log
+    type(overlap_type), intent(in) :: o
+    real(wp), intent(in) :: exchange  !! [s]
+    if (.not. o%kick_limit < huge(1.0_wp)) return
+    call log%item('stable exchange', short_number(o%kick_limit)//' s', 'of forces between '// &
+                  'ghosts, in kicks, as if no contact slid; '//o%kick_mover//' fastest')
+    if (exchange > o%kick_limit) call log%warn('the exchange, '//short_number(exchange)// &
+      ' s, is above what kicks of the forces between ghosts allow, '// &
+      short_number(o%kick_limit)//' s: '//o%kick_mover//' fastest. Sliding contacts and '// &
+      "damping may hold it; if not, shorten &clock exchange, or take projection = 'mls'")
+  end subroutine log_kicks
 
   !> Who owns what in a bridging domain, and how its sides are bound.
   subroutine log_bridge(log, o)
@@ -232,10 +247,10 @@ contains
   end function ghost_motion
 
   !> A row at time [s], after the exchange was accepted.
-  subroutine overlap_audit_row(file, o, time, errors)
+  subroutine overlap_audit_row(file, o, time, fine, errors)
     type(history_type), intent(inout) :: file
     type(overlap_type), intent(in) :: o
-    real(wp), intent(in) :: time
+    real(wp), intent(in) :: time, fine  !! [s], fine scale now [m]
     type(error_list_type), intent(inout) :: errors
     real(wp) :: value(column_count + 1), edge(6)
 
@@ -254,7 +269,7 @@ contains
       value(20:22) = g(scalar_angular_momentum:scalar_angular_momentum + 2) &
         + s(scalar_angular_momentum:scalar_angular_momentum + 2) + edge(4:)
       value(23:25) = sum(o%f(:, o%op%hats + 1:), 2)
-      value(26) = o%fine_scale()
+      value(26) = fine
       value(27) = ghost_motion(o)
       value(28) = g(scalar_max_overlap)
     end associate
@@ -371,6 +386,7 @@ contains
     end if
     call summary%set('overlap.moved_mass_kg', o%moved_mass)
     if (o%step_limit < huge(1.0_wp)) call summary%set('overlap.stable_step_s', o%step_limit)
+    if (o%kick_limit < huge(1.0_wp)) call summary%set('overlap.stable_exchange_s', o%kick_limit)
     call summary%set('overlap.fine_scale_damping_J', fine_loss(o))
     call summary%set('overlap.remaps', o%remaps)
     call summary%set('overlap.total_energy_J', total_energy(o))

@@ -26,24 +26,34 @@ contains
 
   !> At the end of an exchange; said is what the log has to tell, '' nothing. N423: a free grain has
   !! left and the deck wants to stop.
-  subroutine look_after(o, share, leaving, time, said, errors)
+  subroutine look_after(o, share, leaving, past, time, said, errors)
     type(overlap_type), intent(inout) :: o
     real(wp), intent(in) :: share             !! of an element, beyond which P is made anew; 0 never
     character(len=*), intent(in) :: leaving   !! remap, log or stop
-    real(wp), intent(in) :: time              !! s
+    real(wp), intent(in) :: past, time        !! largest motion past the nodes [m], [s]
     character(len=:), allocatable, intent(out) :: said
+    type(error_list_type), intent(inout) :: errors
+    logical :: far
+
+    said = ''
+    far = share > 0.0_wp .and. past > share*o%sets%least_size
+    if (.not. far .and. past < o%looked + look_every*o%sets%least_size) return
+    o%looked = past
+    call look(o, leaving, past, far, time, said, errors)
+  end subroutine look_after
+
+  !> Find all grains; make the projection anew if it is due.
+  subroutine look(o, leaving, past, far, time, said, errors)
+    type(overlap_type), intent(inout) :: o
+    character(len=*), intent(in) :: leaving
+    real(wp), intent(in) :: past, time      !! [m], [s]
+    logical, intent(in) :: far              !! it is due
+    character(len=:), allocatable, intent(inout) :: said
     type(error_list_type), intent(inout) :: errors
     type(cells_type) :: moved
     type(spot_type) :: spot(o%op%free)
     logical, dimension(o%op%free) :: gone, come, news
-    real(wp) :: past
-    logical :: far
 
-    said = ''
-    past = maxval(o%past_nodes())
-    far = share > 0.0_wp .and. past > share*o%sets%least_size
-    if (.not. far .and. past < o%looked + look_every*o%sets%least_size) return
-    o%looked = past
     call move_mesh(o, o%u, moved)
     call find_all(o, moved, o%x_free + o%q, spot)
     gone = o%seen .and. spot%element == 0
@@ -60,7 +70,7 @@ contains
     end if
     if (far .or. (leaving == 'remap' .and. any(gone .or. come))) &
       call remap(o, past, int(count(gone), i4), int(count(come), i4), time, said, errors)
-  end subroutine look_after
+  end subroutine look
 
   !> '3 free grains (ids 4, 17, 20)'
   function whom(o, news) result(text)

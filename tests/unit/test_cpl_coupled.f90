@@ -55,7 +55,52 @@ contains
     call symmetric(name, o, coupled)
     call rigid(name, o, coupled)
     call frequency(name, o, coupled)
+    call kicks(name, o, contacts, points)
   end subroutine whole
+
+  !> What acts in kicks is the layer of ghosts but for contacts with free grains and elements with
+  !! hat nodes: kicks and steps add up alike whether contacts between ghosts are there or not.
+  subroutine kicks(name, o, contacts, points)
+    character(len=*), intent(in) :: name
+    type(overlap_type), intent(in) :: o
+    type(contacts_type), intent(in) :: contacts
+    type(points_type), intent(in) :: points
+    type(contacts_type) :: fewer
+    type(coupled_type) :: every, kick, without, elements
+    type(motion_type) :: y, all_steps, all_kicks, some_steps, some_kicks
+    logical :: ghost(size(o%pack%id))
+    integer(i4), allocatable :: kept(:)
+    real(wp) :: most
+    integer(i4) :: c
+
+    ghost = .false.
+    ghost(o%sets%ghost) = .true.
+    kept = pack([(c, c=1, int(size(contacts%ids, 2), i4))], &
+                .not. (ghost(contacts%ids(1, :)) .and. ghost(contacts%ids(2, :))))
+    fewer%ids = contacts%ids(:, kept)
+    fewer%normal = contacts%normal(:, kept)
+    fewer%point = contacts%point(:, kept)
+    fewer%stiffness = contacts%stiffness(:, kept)
+    call every%build(o, contacts, points, o%pack%slimmest)
+    call kick%build(o, contacts, points, o%pack%slimmest, .true.)
+    call without%build(o, fewer, points, o%pack%slimmest)
+    call elements%build(o, fewer, points, o%pack%slimmest, .true.)
+    call symmetric(name//', kicks', o, kick)
+    call rigid(name//', kicks', o, kick)
+    call frequency(name//', kicks', o, kick)
+    call scatter(o, every, 0.8_wp, y)
+    call every%stiffness_times(o, y, all_steps)
+    call kick%stiffness_times(o, y, all_kicks)
+    call without%stiffness_times(o, y, some_steps)
+    call elements%stiffness_times(o, y, some_kicks)
+    most = maxval(abs(all_steps%u))
+    call test%check(name//': kicks are not nothing', maxval(abs(some_kicks%u)) > 0.0_wp .and. &
+                    maxval(abs(all_kicks%u - some_kicks%u)) > 1.0e-6_wp*most)
+    call test%check_close(name//': kicks and steps, nodes', maxval(abs(all_steps%u &
+      + some_kicks%u - all_kicks%u - some_steps%u))/most, 0.0_wp, 1.0e-12_wp)
+    call test%check_close(name//': kicks and steps, grains', maxval(abs(all_steps%q &
+      + some_kicks%q - all_kicks%q - some_steps%q))/maxval(abs(all_steps%q)), 0.0_wp, 1.0e-12_wp)
+  end subroutine kicks
 
   !> A bar of elements along x: two of free grains, two of ghosts, two of continuum.
   subroutine make_mesh(o, polar)

@@ -16,6 +16,7 @@ program test_cpl_operators
 
   real(wp), parameter :: h = 0.04_wp  !! of an element [m]
   type(test_type) :: test
+  integer(i4) :: pairs = 0  !! operators whose fields were taken together
   integer(i4) :: kinds(4) = [hex8, hex20, tet4, tet10], k
 
   do k = 1, 4
@@ -23,6 +24,7 @@ program test_cpl_operators
     call identities('plate', kinds(k), [6, 3, 1])
     call identities('block', kinds(k), [6, 3, 3])
   end do
+  call test%check('twins: there were some', pairs > 10)
   call fine_scale()
   call broken_rules()
   call bands()
@@ -214,7 +216,48 @@ contains
     call test%check_close(label//what//': identities', worst, 0.0_wp, 1.0e-12_wp)
     call test%check(label//what//': condition', operators%p%condition < 1.0e3_wp)
     if (.not. operators%micro%active) call some_ghosts(label//what, operators)
+    if (operators%twin_ghosts .or. operators%twin_maps) call twins(label//what, operators)
   end subroutine one
+
+  !> Both fields taken together, and one after the other.
+  subroutine twins(label, together)
+    character(len=*), intent(in) :: label
+    type(operators_type), intent(in) :: together
+    type(operators_type) :: apart
+    real(wp), dimension(3, together%nodes) :: u, u_apart
+    real(wp), dimension(3, together%nodes_phi) :: phi, phi_apart
+    real(wp), dimension(3, together%ghosts) :: d, d_apart, turn, turn_apart
+    real(wp), dimension(3, together%free) :: q, theta, q_apart, theta_apart
+    integer(i4) :: i
+
+    pairs = pairs + 1
+    apart = together
+    apart%twin_ghosts = .false.
+    apart%twin_maps = .false.
+    do i = 1, together%free
+      q(:, i) = [sin(3.0_wp*i), 0.7_wp, cos(2.0_wp*i)]
+      theta(:, i) = [0.1_wp, cos(1.3_wp*i), sin(4.0_wp*i)]
+    end do
+    u = 0.3_wp
+    phi = -0.6_wp
+    u_apart = u
+    phi_apart = phi
+    call together%to_hats(q, theta, u, phi)
+    call apart%to_hats(q, theta, u_apart, phi_apart)
+    call together%to_ghosts(u, phi, d, turn)
+    call apart%to_ghosts(u, phi, d_apart, turn_apart)
+    call test%check_close(label//': twins move nodes', max(maxval(abs(u - u_apart)), &
+                          maxval(abs(phi - phi_apart))), 0.0_wp, 1.0e-13_wp)
+    call test%check_close(label//': twins move ghosts', max(maxval(abs(d - d_apart)), &
+                          maxval(abs(turn - turn_apart))), 0.0_wp, 1.0e-13_wp)
+    u_apart = u
+    phi_apart = phi
+    call together%pull(d, turn, u, phi, q, theta)
+    call apart%pull(d, turn, u_apart, phi_apart, q_apart, theta_apart)
+    call test%check_close(label//': twins pull', max(maxval(abs(u - u_apart)), &
+      maxval(abs(phi - phi_apart)), maxval(abs(q - q_apart)), maxval(abs(theta - theta_apart))), &
+      0.0_wp, 1.0e-11_wp)
+  end subroutine twins
 
   !> Forces on some ghosts, with others that act on the free grains: the sum of both.
   subroutine some_ghosts(label, operators)
