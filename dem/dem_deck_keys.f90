@@ -788,7 +788,8 @@ contains
     call table%add_key('dt', 'real', 's', 'Fixed time step; left out, the program chooses it.')
     call table%bounds(min=1e-15_wp)
     call table%add_key('dt_factor', 'real', '', &
-      'Automatic step over the smaller of stability limit and Rayleigh time.')
+      'Automatic step over the smaller of stability limit and Rayleigh time; strong ' &
+      //'dashpots of contacts may ask for less.')
     call table%preset('0.3')
     call table%bounds(max=1.0_wp, above=0.0_wp)
     call table%add_key('curve', 'string', '', &

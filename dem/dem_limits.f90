@@ -7,11 +7,12 @@ module dem_limits
   use dem_state, only: dem_data_type, kind_free, kind_mirror, law_linear, lanes, mode_relaxation, &
     history_side
   use dem_contact, only: contact_constants_type, constants_of, contact_radius, contact_point
+  use dem_damped_limit, only: damped_step
   use dem_extras, only: extra_stiffness
   use dem_surface_measure, only: add_surface_rows, body_rows, body_rate
   implicit none
   private
-  public :: gershgorin_step, rayleigh_step, impact_step
+  public :: gershgorin_step, rayleigh_step, impact_step, foreseen_step
 
   real(wp), parameter :: pi = acos(-1.0_wp)
 
@@ -134,6 +135,18 @@ contains
       end associate
     end do
   end function rayleigh_step
+
+  !> Least of impact_step and of what the dashpots of contacts allow, with its own margin whatever
+  !! dt_factor is [s].
+  real(wp) function foreseen_step(d, speed) result(limit)
+    type(dem_data_type), intent(in) :: d
+    real(wp), intent(in) :: speed  !! approach speed [m/s]
+    real(wp), parameter :: margin = 0.95_wp
+    real(wp) :: damped
+    limit = impact_step(d, speed)
+    damped = damped_step(d, margin)
+    if (damped < huge(1.0_wp)) limit = min(limit, margin/d%par%dt_factor*damped)
+  end function foreseen_step
 
   !> Step limit that foresees one more contact of each free grain with an equal one at the given
   !! approach speed: Hertz stiffness at the overlap of that impact; linear laws as given [s].

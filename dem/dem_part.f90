@@ -4,7 +4,7 @@ module dem_part
   use talus_errors, only: error_list_type
   use dem_state, only: dem_data_type, dem_ledger_type, dem_cell_type
   use dem_ledger, only: follow_step
-  use dem_limits, only: gershgorin_step, rayleigh_step, impact_step
+  use dem_limits, only: gershgorin_step, rayleigh_step, foreseen_step
   use dem_extra_list, only: count_broken
   use dem_measure, only: check_overlap, fastest_grain
   use dem_steps, only: step_memory_type, take_steps
@@ -66,7 +66,7 @@ contains
     report(:works) = transfer(part%ledger, report)
     report(at_overlap) = part%health%max_overlap
     report(at_limits:at_limits + 2) = [gershgorin_step(part), rayleigh_step(part), &
-                                       impact_step(part, top(1))]
+                                       foreseen_step(part, top(1))]
     report(at_speed) = top(1)
     call fastest_grain(part, kinetic, most, worst)
     report(at_kinetic) = kinetic

@@ -19,7 +19,7 @@ module dem_system
     kick_and_drift
   use dem_shape, only: quaternion_from_rotation, rotation_between
   use dem_ledger, only: refresh_stored, start_ledger, follow_step, closure_of
-  use dem_limits, only: gershgorin_step, rayleigh_step, impact_step
+  use dem_limits, only: gershgorin_step, rayleigh_step, foreseen_step
   use dem_parts, only: choose_border, place_ghosts, forces_on_free, forces_between_ghosts
   use dem_measure, only: check_overlap, check_runaway
   use dem_store, only: put_state, get_state
@@ -318,7 +318,7 @@ contains
   end function rayleigh_limit
 
   !> par%dt_factor times the least of the contact limit, the Rayleigh time and the limit of an
-  !! impact at the given speed [s].
+  !! impact at the given speed; no more than the dashpots of contacts allow [s].
   real(wp) function automatic_step(self, speed)
     class(dem_system_type), intent(in) :: self
     real(wp), intent(in) :: speed  !! approach speed to be foreseen, 0: none; of many ranks that
@@ -327,7 +327,7 @@ contains
     if (stale(self)) then
       impact = self%crew%marks%limit(3)
     else
-      impact = impact_step(self%dem_data_type, speed)
+      impact = foreseen_step(self%dem_data_type, speed)
     end if
     automatic_step = self%par%dt_factor*min(self%step_limit(), self%rayleigh_limit(), impact)
   end function automatic_step
