@@ -17,6 +17,8 @@ module talus_errors
   integer(i4), parameter :: exit_system = 4     !! file, memory, disk or partner
   integer(i4), parameter :: exit_bug = 5        !! a fault of the program itself
 
+  character(len=*), parameter :: no_room = 'S002'
+
   !> One fault.
   type :: error_type
     character(len=:), allocatable :: code     !! letter and three digits
@@ -41,7 +43,7 @@ module talus_errors
 
 contains
 
-  !> Add a fault; place and hint may be empty.
+  !> Add a fault; place and hint may be empty. A full disk fails file after file: the first tells it.
   subroutine error_list_add(self, code, message, place, hint)
     class(error_list_type), intent(inout) :: self
     character(len=*), intent(in) :: code, message
@@ -49,6 +51,9 @@ contains
     type(error_type), allocatable :: longer(:)
     integer(i4) :: k
 
+    do k = 1, merge(self%count, 0_i4, code == no_room)
+      if (self%item(k)%code == no_room) return
+    end do
     if (.not. allocated(self%item)) allocate (self%item(8))
     if (self%count == size(self%item)) then
       allocate (longer(2*self%count))

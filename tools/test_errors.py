@@ -115,11 +115,16 @@ class Bench:
         """Run the program; return exit code (-1: it hangs) and output, the partner's too."""
         expect = self.expect
         program = [str(self.binaries / expect["program"]), expect.get("deck", "deck.nml")]
-        program = launcher(expect.get("ranks", 0)) + program
+        room = expect.get("file_size", 0)
+        if "ranks" in expect:
+            if room:  # that of the ranks alone: mpirun has files of its own
+                program = ["prlimit", f"--fsize={room}", *program]
+                self.environment["OMPI_MCA_btl"] = "self,tcp"
+            program, room = launcher(expect["ranks"]) + program, 0
         partner = None
         if "partner" in expect:
             partner = self.start([sys.executable, *shlex.split(expect["partner"])])
-        process = self.start(program + expect.get("args", []), expect.get("file_size", 0))
+        process = self.start(program + expect.get("args", []), room)
         output, code = "", None
         for one in (process, partner):
             if one is None:
