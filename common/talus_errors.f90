@@ -43,7 +43,7 @@ module talus_errors
 
 contains
 
-  !> Add a fault; place and hint may be empty. A full disk fails file after file: the first tells it.
+  !> Add a fault; place and hint may be empty. A full disk fails file after file: the first tells.
   subroutine error_list_add(self, code, message, place, hint)
     class(error_list_type), intent(inout) :: self
     character(len=*), intent(in) :: code, message

@@ -24,6 +24,8 @@ module talus_h5_file
     character(len=:), allocatable :: actual   !! name now: path.tmp until commit
     logical :: writes = .false.               !! open for writing
     logical :: failed = .false.               !! a write has failed: no more are tried
+    integer(i8) :: slab(2) = [0_i8, -1_i8]    !! arrays that are put now begin at this index from 0
+                                              !! of datasets of this length; < 0: they are whole
   contains
     procedure :: create
     procedure :: open => open_file

@@ -13,7 +13,7 @@ module talus_h5_raw
     h5pset_create_inter_group_f, h5p_link_create_f, h5p_default_f, h5t_std_i32le, h5t_std_i64le, &
     h5t_ieee_f64le, h5aexists_f, h5acreate_f, h5adelete_f, h5aopen_f, h5awrite_f, h5aread_f, &
     h5aclose_f, &
-    h5aget_space_f, h5aget_type_f, h5oopen_f, h5oclose_f
+    h5aget_space_f, h5aget_type_f, h5oopen_f, h5oclose_f, h5sselect_hyperslab_f, h5s_select_set_f
   use talus_kinds, only: i4, i8
   use talus_errors, only: error_list_type
   use talus_system, only: set_environment
@@ -22,7 +22,7 @@ module talus_h5_raw
   private
   public :: kind_integer4, kind_integer8, kind_real
   public :: start_library, library_reason, object_exists, object_shape, dataset_class
-  public :: write_dataset, read_dataset, write_attribute, read_attribute, object_fault
+  public :: write_dataset, write_slab, read_dataset, write_attribute, read_attribute, object_fault
 
   integer(i4), parameter :: kind_integer4 = 1, kind_integer8 = 2, kind_real = 3
   integer(c_int), parameter :: walk_upward = 0       !! H5E_WALK_UPWARD: deepest entry first
@@ -260,6 +260,46 @@ contains
     call h5pclose_f(links, ignored)
     call h5sclose_f(space, ignored)
   end subroutine write_dataset
+
+  !> Fill the part of a dataset from index slab(1) on, along the last axis, which is slab(2) long
+  !! in all; the first part makes the dataset.
+  subroutine write_slab(file, path, name, kind_code, extent, slab, data, errors)
+    integer(hid_t), intent(in) :: file
+    character(len=*), intent(in) :: path, name
+    integer(i4), intent(in) :: kind_code
+    integer(hsize_t), intent(in) :: extent(:)  !! of this part
+    integer(i8), intent(in) :: slab(2)         !! index from 0, length of the whole
+    type(c_ptr), intent(in) :: data
+    type(error_list_type), intent(inout) :: errors
+    integer(hid_t) :: space, memory, dataset
+    integer(hsize_t) :: whole(size(extent)), offset(size(extent))
+    integer :: stat, ignored
+
+    whole = extent
+    whole(size(whole)) = slab(2)
+    offset = 0
+    offset(size(offset)) = slab(1)
+    call make_space(whole, space)
+    if (object_exists(file, name)) then
+      call h5dopen_f(file, name, dataset, stat)
+    else
+      call h5dcreate_f(file, name, memory_type(kind_code), space, dataset, stat)
+    end if
+    if (stat < 0) then
+      call object_fault(path, name, 'made', errors)
+    else
+      if (product(extent) > 0) then
+        call make_space(extent, memory)
+        call h5sselect_hyperslab_f(space, h5s_select_set_f, offset, extent, stat)
+        if (stat >= 0) call h5dwrite_f(dataset, memory_type(kind_code), data, stat, memory, space)
+        call h5sclose_f(memory, ignored)
+      end if
+      if (stat < 0) call object_fault(path, name, 'written', errors)
+      call h5dclose_f(dataset, ignored)
+      if (stat >= 0 .and. ignored < 0) call object_fault(path, name, 'closed', errors)
+    end if
+    call h5sclose_f(space, ignored)
+  end subroutine write_slab
 
   !> Read a dataset whole; its shape must have been looked up before.
   subroutine read_dataset(file, path, name, kind_code, data, errors, memory)

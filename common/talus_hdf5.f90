@@ -8,13 +8,13 @@
 !! S001, S002, S009 cannot be written; I001 no such dataset, I002 shape, I003 kind, I004 attribute,
 !! I005 too large for 32 bits.
 module talus_hdf5
-  use, intrinsic :: iso_c_binding, only: c_loc
+  use, intrinsic :: iso_c_binding, only: c_loc, c_ptr
   use hdf5, only: hsize_t
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_h5_file, only: h5_base_type
-  use talus_h5_raw, only: kind_integer4, kind_integer8, kind_real, write_dataset, read_dataset, &
-    write_attribute, read_attribute, object_shape
+  use talus_h5_raw, only: kind_integer4, kind_integer8, kind_real, write_dataset, write_slab, &
+    read_dataset, write_attribute, read_attribute, object_shape
   use talus_h5_text, only: write_text_dataset, read_text_dataset, write_text_attribute, &
     read_text_attribute
   use talus_text, only: str, string_type
@@ -81,6 +81,23 @@ module talus_hdf5
 
 contains
 
+  !> An array, or its part in a slab.
+  subroutine put_array(self, name, kind_code, extent, data, errors)
+    class(h5_file_type), intent(inout) :: self
+    character(len=*), intent(in) :: name
+    integer(i4), intent(in) :: kind_code
+    integer(hsize_t), intent(in) :: extent(:)
+    type(c_ptr), intent(in) :: data
+    type(error_list_type), intent(inout) :: errors
+    if (self%silent()) return
+    if (self%slab(2) < 0) then
+      call write_dataset(self%id, self%path, name, kind_code, extent, data, errors)
+    else
+      call write_slab(self%id, self%path, name, kind_code, extent, self%slab, data, errors)
+    end if
+    call self%note(errors)
+  end subroutine put_array
+
   subroutine put_int4_0(self, name, value, errors)
     class(h5_file_type), intent(inout) :: self
     character(len=*), intent(in) :: name
@@ -97,10 +114,7 @@ contains
     character(len=*), intent(in) :: name
     integer(i4), intent(in), contiguous, target :: values(:)
     type(error_list_type), intent(inout) :: errors
-    if (self%silent()) return
-    call write_dataset(self%id, self%path, name, kind_integer4, shape(values, hsize_t), &
-                       c_loc(values), errors)
-    call self%note(errors)
+    call put_array(self, name, kind_integer4, shape(values, hsize_t), c_loc(values), errors)
   end subroutine put_int4_1
 
   subroutine put_int4_2(self, name, values, errors)
@@ -108,10 +122,7 @@ contains
     character(len=*), intent(in) :: name
     integer(i4), intent(in), contiguous, target :: values(:, :)
     type(error_list_type), intent(inout) :: errors
-    if (self%silent()) return
-    call write_dataset(self%id, self%path, name, kind_integer4, shape(values, hsize_t), &
-                       c_loc(values), errors)
-    call self%note(errors)
+    call put_array(self, name, kind_integer4, shape(values, hsize_t), c_loc(values), errors)
   end subroutine put_int4_2
 
   subroutine put_int8_0(self, name, value, errors)
@@ -130,10 +141,7 @@ contains
     character(len=*), intent(in) :: name
     integer(i8), intent(in), contiguous, target :: values(:)
     type(error_list_type), intent(inout) :: errors
-    if (self%silent()) return
-    call write_dataset(self%id, self%path, name, kind_integer8, shape(values, hsize_t), &
-                       c_loc(values), errors)
-    call self%note(errors)
+    call put_array(self, name, kind_integer8, shape(values, hsize_t), c_loc(values), errors)
   end subroutine put_int8_1
 
   subroutine put_int8_2(self, name, values, errors)
@@ -141,10 +149,7 @@ contains
     character(len=*), intent(in) :: name
     integer(i8), intent(in), contiguous, target :: values(:, :)
     type(error_list_type), intent(inout) :: errors
-    if (self%silent()) return
-    call write_dataset(self%id, self%path, name, kind_integer8, shape(values, hsize_t), &
-                       c_loc(values), errors)
-    call self%note(errors)
+    call put_array(self, name, kind_integer8, shape(values, hsize_t), c_loc(values), errors)
   end subroutine put_int8_2
 
   subroutine put_real_0(self, name, value, errors)
@@ -163,10 +168,7 @@ contains
     character(len=*), intent(in) :: name
     real(wp), intent(in), contiguous, target :: values(:)
     type(error_list_type), intent(inout) :: errors
-    if (self%silent()) return
-    call write_dataset(self%id, self%path, name, kind_real, shape(values, hsize_t), &
-                       c_loc(values), errors)
-    call self%note(errors)
+    call put_array(self, name, kind_real, shape(values, hsize_t), c_loc(values), errors)
   end subroutine put_real_1
 
   subroutine put_real_2(self, name, values, errors)
@@ -174,10 +176,7 @@ contains
     character(len=*), intent(in) :: name
     real(wp), intent(in), contiguous, target :: values(:, :)
     type(error_list_type), intent(inout) :: errors
-    if (self%silent()) return
-    call write_dataset(self%id, self%path, name, kind_real, shape(values, hsize_t), &
-                       c_loc(values), errors)
-    call self%note(errors)
+    call put_array(self, name, kind_real, shape(values, hsize_t), c_loc(values), errors)
   end subroutine put_real_2
 
   subroutine get_int8_0(self, name, value, errors)

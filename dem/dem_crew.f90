@@ -15,13 +15,15 @@ module dem_crew
   use dem_state, only: dem_data_type
   use dem_adopt, only: give_results
   use dem_bonds_make, only: check_bonds
-  use dem_gather, only: hand_in, take_in, haul_type
+  use dem_contacts, only: dem_contacts_type
+  use dem_gather, only: release_list, hand_in, take_in, haul_type, hand_in_driven
   use dem_halo_state, only: dem_halo_type
   use dem_handout, only: hand_out, tell_step, tell_targets, tell_loads
   use dem_measure, only: judge_runaway
   use dem_migrate, only: share_out
   use dem_pairs, only: build_pairs
-  use dem_part, only: move_part, report_of, add_reports, rank_marks_type
+  use dem_part, only: move_part, report_of, add_reports, glance_of, add_glances, rank_marks_type
+  use dem_slabs, only: dem_slab_type, slab_of_grains, slab_of_contacts, slab_of_records
   use dem_slowing, only: stop_slowing, reset_sums
   use dem_steps, only: step_memory_type
   use dem_surface_search, only: list_near
@@ -30,7 +32,8 @@ module dem_crew
   public :: dem_crew_type, serve_leader
 
   integer(i4), parameter :: order_start = 1, order_step = 2, order_look = 3, order_leave = 4, &
-    order_targets = 5, order_loads = 6, order_reset = 7, order_slow = 8
+    order_targets = 5, order_loads = 6, order_reset = 7, order_slow = 8, order_glance = 9, &
+    order_grains = 10, order_contacts = 11, order_records = 12
 
   type :: dem_crew_type
     type(ranks_type) :: team
@@ -46,6 +49,10 @@ module dem_crew
   contains
     procedure :: step
     procedure :: look
+    procedure :: glance
+    procedure :: some_grains
+    procedure :: some_contacts
+    procedure :: some_records
     procedure :: mark_loads
     procedure :: slow_down
     procedure :: begin_anew
@@ -69,6 +76,8 @@ contains
 
     if (.not. self%started) call self%start(whole)
     call self%tell_changes(whole)
+    call release_list(whole%pairs)
+    whole%halo%cell_seen = .false.
     order = [order_step, n]
     call self%team%await(order)
     call tell_step(self%team, whole, self%part)
@@ -186,8 +195,58 @@ contains
     call self%team%await(order)
     call hand_in(self%team, self%part, haul)
     call take_in(self%part, haul, whole)
+    whole%halo%cell_seen = .false.
     self%stale = .false.
   end subroutine look
+
+  !> Energies, contacts' number, the stress in a cell and driven grains of the whole, without the
+  !! rest.
+  subroutine glance(self, whole)
+    class(dem_crew_type), intent(inout) :: self
+    type(dem_data_type), intent(inout) :: whole
+    integer(i4) :: order(2)
+    real(wp), allocatable :: rows(:, :)
+    call self%tell_changes(whole)
+    order = [order_glance, 0_i4]
+    call self%team%await(order)
+    call tell_step(self%team, whole, self%part)
+    call self%team%collect(glance_of(self%part), rows)
+    call add_glances(self%part, rows, whole, self%marks)
+    call hand_in_driven(self%team, self%part, whole)
+  end subroutine glance
+
+  !> Some grains of the whole as they are now.
+  subroutine some_grains(self, ids, slab)
+    class(dem_crew_type), intent(inout) :: self
+    integer(i8), intent(in) :: ids(:)  !! all from the first to the last, ascending
+    type(dem_slab_type), intent(out) :: slab
+    integer(i4) :: order(2)
+    order = [order_grains, 0_i4]
+    call self%team%await(order)
+    call slab_of_grains(self%team, self%part, ids, slab)
+  end subroutine some_grains
+
+  !> Contacts whose first id is between two, planes and surfaces being -1, -2, ...
+  subroutine some_contacts(self, first, last, list)
+    class(dem_crew_type), intent(inout) :: self
+    integer(i8), intent(in) :: first, last
+    type(dem_contacts_type), intent(out) :: list
+    integer(i4) :: order(2)
+    order = [order_contacts, 0_i4]
+    call self%team%await(order)
+    call slab_of_contacts(self%team, self%part, first, last, list)
+  end subroutine some_contacts
+
+  !> The same with all that they keep, see dem_records.
+  subroutine some_records(self, first, last, rows)
+    class(dem_crew_type), intent(inout) :: self
+    integer(i8), intent(in) :: first, last
+    real(wp), allocatable, intent(out) :: rows(:, :)
+    integer(i4) :: order(2)
+    order = [order_records, 0_i4]
+    call self%team%await(order)
+    call slab_of_records(self%team, self%part, first, last, rows)
+  end subroutine some_records
 
   !> The others leave with this exit code.
   subroutine leave(self, exit_code)
@@ -207,8 +266,11 @@ contains
     type(error_list_type) :: errors
     type(haul_type) :: haul
     real(wp), allocatable :: reports(:, :)
+    type(dem_slab_type) :: slab
+    type(dem_contacts_type) :: list
     integer(i4) :: order(2)
     logical :: none(0)
+    integer(i8) :: no_id(0)
 
     call install_signals(.false.)
     allocate (crew)
@@ -236,6 +298,16 @@ contains
       case (order_slow)
         call stop_slowing(crew%part)
         call team%collect(report_of(crew%part), reports)
+      case (order_glance)
+        call tell_step(team, crew%part, crew%part)
+        call team%collect(glance_of(crew%part), reports)
+        call hand_in_driven(team, crew%part, crew%part)
+      case (order_grains)
+        call slab_of_grains(team, crew%part, no_id, slab)
+      case (order_contacts)
+        call slab_of_contacts(team, crew%part, 0_i8, 0_i8, list)
+      case (order_records)
+        call slab_of_records(team, crew%part, 0_i8, 0_i8, reports)
       case default
         exit_code = order(2)
         return

@@ -100,6 +100,7 @@ contains
 
     self%reached = .false.
     if (.not. self%watched) return
+    call system%look()
     call system%refresh_ledger()
     elastic = system%ledger%elastic_normal + system%ledger%elastic_tangential
     self%unbalanced = -1.0_wp

@@ -10,11 +10,14 @@ module dem_fields
   use dem_system, only: dem_system_type, dem_contacts_type
   use dem_measure, only: coordination_of
   use dem_packing, only: put_shapes
+  use dem_slabs, only: dem_slab_type, slab_grains
+  use dem_state, only: dem_grains_type
   implicit none
   private
   public :: dem_fields_type
 
   character(len=*), parameter :: format_name = 'talus-grains'
+  integer(i8), parameter :: whole_arrays(2) = [0_i8, -1_i8]  !! no slab
 
   type :: dem_fields_type
     logical :: contacts = .false.     !! write contacts too
@@ -80,7 +83,7 @@ contains
   subroutine write_fields(self, time, system, errors)
     class(dem_fields_type), intent(inout) :: self
     real(wp), intent(in) :: time  !! s
-    type(dem_system_type), intent(in) :: system
+    type(dem_system_type), intent(inout) :: system
     type(error_list_type), intent(inout) :: errors
     type(h5_file_type) :: file
     character(len=:), allocatable :: group
@@ -88,18 +91,12 @@ contains
     if (.not. self%opened .or. .not. time > self%last_time) return
     call self%series%begin_step(time, file, group, errors)
     call file%group(group//'/grains', errors)
-    associate (g => system%grains)
-      call file%put(group//'/grains/id', g%id, errors)
-      call file%put(group//'/grains/kind', g%kind, errors)
-      call file%put(group//'/grains/coordination', &
-                    int(coordination_of(system%dem_data_type), i4), errors)
-      call file%put(group//'/grains/x', g%x, errors)
-      call put_shapes(file, group//'/grains', g, errors)
-      call file%put(group//'/grains/v', g%v, errors)
-      call file%put(group//'/grains/omega', g%omega, errors)
-      call file%put(group//'/grains/force', g%force, errors)
-      call file%put(group//'/grains/moment', g%moment, errors)
-    end associate
+    if (system%parted()) then
+      call put_slabs(file, group//'/grains', system, errors)
+    else
+      call put_grains(file, group//'/grains', system%grains, &
+                      int(coordination_of(system%dem_data_type), i4), errors)
+    end if
     if (system%cell%active) then
       call file%group(group//'/cell', errors)
       call file%put(group//'/cell/vectors', system%cell%vectors, errors)
@@ -132,20 +129,90 @@ contains
     call self%surfaces%write(self%series, errors)
   end subroutine describe_surfaces
 
+  !> Grains, all or a slab of them.
+  subroutine put_grains(file, group, g, coordination, errors)
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: group
+    type(dem_grains_type), intent(in) :: g
+    integer(i4), intent(in) :: coordination(:)
+    type(error_list_type), intent(inout) :: errors
+    call file%put(group//'/id', g%id, errors)
+    call file%put(group//'/kind', g%kind, errors)
+    call file%put(group//'/coordination', coordination, errors)
+    call file%put(group//'/x', g%x, errors)
+    call put_shapes(file, group, g, errors)
+    call file%put(group//'/v', g%v, errors)
+    call file%put(group//'/omega', g%omega, errors)
+    call file%put(group//'/force', g%force, errors)
+    call file%put(group//'/moment', g%moment, errors)
+  end subroutine put_grains
+
+  !> Grains of all ranks, slab by slab.
+  subroutine put_slabs(file, group, system, errors)
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: group
+    type(dem_system_type), intent(inout) :: system
+    type(error_list_type), intent(inout) :: errors
+    type(dem_slab_type) :: slab
+    integer(i4) :: low, high
+    do low = 1, system%grains%n, slab_grains
+      high = min(low + slab_grains - 1, system%grains%n)
+      call system%crew%some_grains(system%grains%id(low:high), slab)
+      file%slab = [low - 1, system%grains%n]
+      call put_grains(file, group, slab%some%grains, slab%coordination, errors)
+    end do
+    file%slab = whole_arrays
+  end subroutine put_slabs
+
   subroutine put_contacts(file, group, system, errors)
     type(h5_file_type), intent(inout) :: file
     character(len=*), intent(in) :: group
-    type(dem_system_type), intent(in) :: system
+    type(dem_system_type), intent(inout) :: system
     type(error_list_type), intent(inout) :: errors
     type(dem_contacts_type) :: list
+    integer(i4) :: low, planes
+    integer(i8) :: done
 
-    call system%contacts(list)
     call file%group(group, errors)
+    if (.not. system%parted()) then
+      call system%contacts(list)
+      call put_list(file, group, list, errors)
+      return
+    end if
+    call system%refresh_ledger()
+    done = 0
+    do low = 1, system%grains%n, slab_grains
+      associate (id => system%grains%id)
+        call put_some(id(low), id(min(low + slab_grains - 1, system%grains%n)))
+      end associate
+    end do
+    planes = system%planes%n
+    if (planes > 0) call put_some(-int(planes, i8), -1_i8)
+    if (system%surfaces%n > 0) &
+      call put_some(-int(planes + system%surfaces%n, i8), -int(planes + 1, i8))
+    file%slab = whole_arrays
+
+  contains
+
+    subroutine put_some(first, last)
+      integer(i8), intent(in) :: first, last
+      call system%crew%some_contacts(first, last, list)
+      file%slab = [done, system%contact_number()]
+      call put_list(file, group, list, errors)
+      done = done + list%n
+    end subroutine put_some
+  end subroutine put_contacts
+
+  subroutine put_list(file, group, list, errors)
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: group
+    type(dem_contacts_type), intent(in) :: list
+    type(error_list_type), intent(inout) :: errors
     call file%put(group//'/ids', list%ids(:, :list%n), errors)
     call file%put(group//'/point', list%point(:, :list%n), errors)
     call file%put(group//'/normal', list%normal(:, :list%n), errors)
     call file%put(group//'/force', list%force(:, :list%n), errors)
     call file%put(group//'/stiffness', list%stiffness(:, :list%n), errors)
     call file%put(group//'/overlap', list%overlap(:list%n), errors)
-  end subroutine put_contacts
+  end subroutine put_list
 end module dem_fields

@@ -13,15 +13,15 @@ module dem_flow
   use talus_curve, only: curve_type, curve_index
   use talus_deck, only: deck_type
   use talus_history, only: history_type
-  use talus_homogenise, only: inverse_of, dyad
+  use talus_homogenise, only: inverse_of
   use talus_log, only: short_number
   use dem_cell, only: cell_volume
-  use dem_contact, only: contact_radius, constants_of, contact_constants_type
+  use dem_cell_stress, only: cell_stress
   use dem_servo_law, only: servo_law_type, look_steps
-  use dem_state, only: dem_data_type, lanes, history_side
+  use dem_state, only: dem_data_type
   implicit none
   private
-  public :: dem_flow_type, cell_stress
+  public :: dem_flow_type
 
   integer(i4), parameter :: mean_stress = 10  !! component number of the pressure
   character(len=4), parameter :: components(10) = [character(len=4) :: 'xx', 'xy', 'xz', 'yx', &
@@ -216,42 +216,6 @@ contains
     integer(i8), intent(in) :: steps  !! taken so far
     due = self%active() .and. modulo(steps, int(look_steps, i8)) == 0
   end function due
-
-  !> Stress of the contacts (Love-Weber, sigma_ij = 1/V sum l_i f_j) and the stiffness against each
-  !! component if all grains followed the flow [Pa].
-  pure subroutine cell_stress(d, sigma, stiffness)
-    type(dem_data_type), intent(in) :: d
-    real(wp), intent(out) :: sigma(3, 3), stiffness(10)
-    type(contact_constants_type) :: c
-    real(wp) :: l(3), n(3), kn, kt, radius, weight
-    integer(i4) :: k, lane, i, j
-
-    sigma = 0.0_wp
-    stiffness = 0.0_wp
-    do k = 1, d%pairs%grain_blocks
-      if (.not. d%pairs%touched(k)) cycle
-      c = constants_of(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)))
-      do lane = 1, lanes
-        if (.not. d%pairs%history(lane, history_side, k) > 0.0_wp) cycle
-        l = d%pairs%body(1:3, d%pairs%second(lane, k)) - d%pairs%body(1:3, d%pairs%first(lane, k))
-        n = d%pairs%normal(lane, :, k)
-        if (d%pairs%round(k)) n = l/norm2(l)
-        sigma = sigma - dyad(l, d%pairs%result(1:3, (k - 1)*lanes + lane))
-        radius = contact_radius(d%pairs%history(lane, :, k))
-        weight = d%pairs%weight(lane, min(k, size(d%pairs%weight, 2)))
-        kt = weight*(c%kt_a*radius + c%kt)
-        kn = weight*(c%kn_a*radius + c%kn) - kt
-        do i = 1, 3
-          do j = 1, 3
-            stiffness(3*i - 3 + j) = stiffness(3*i - 3 + j) + l(j)**2*(kn*n(i)**2 + kt)
-          end do
-        end do
-        stiffness(10) = stiffness(10) + (kn*dot_product(l, n)**2 + kt*sum(l**2))/3.0_wp
-      end do
-    end do
-    sigma = sigma/cell_volume(d%cell)
-    stiffness = stiffness/cell_volume(d%cell)
-  end subroutine cell_stress
 
   !> Stress of a component; pressure is positive in normal components and the mean, a shear stress
   !! where it resists a positive rate.

@@ -2,17 +2,17 @@
 module dem_gather
   use talus_kinds, only: wp, i4
   use talus_ranks, only: ranks_type
-  use dem_state, only: dem_data_type, kind_free, kind_mirror, lanes
+  use dem_state, only: dem_data_type, dem_pairs_type, kind_free, kind_driven, kind_mirror, lanes
   use dem_adopt, only: adopt_contacts, give_results
   use dem_migrate, only: pack_grains
-  use dem_pairs, only: build_pairs
+  use dem_pairs, only: allocate_bodies, build_pairs
   use dem_records, only: part_size, grain_reals, contact_reals, body_places, pack_grain, &
     unpack_grain, pack_contact, carried, index_of
   use dem_surface_search, only: list_near
   use dem_surface_share, only: pack_touches, adopt_touches
   implicit none
   private
-  public :: hand_in, take_in, haul_type
+  public :: release_list, hand_in, take_in, haul_type, hand_in_driven, pack_contacts, is_first_here
 
   !> What all ranks have handed in, on the leader.
   type :: haul_type
@@ -23,6 +23,20 @@ module dem_gather
   end type haul_type
 
 contains
+
+  !> The whole needs no list while ranks have the contacts.
+  subroutine release_list(pairs)
+    type(dem_pairs_type), intent(inout) :: pairs
+    type(dem_pairs_type) :: fresh
+    fresh%skin = pairs%skin
+    fresh%least_skin = pairs%least_skin
+    fresh%most_skin = pairs%most_skin
+    fresh%built_at = pairs%built_at
+    if (allocated(pairs%extras%kept)) deallocate (pairs%extras%kept)
+    if (allocated(pairs%extras%work)) deallocate (pairs%extras%work)
+    fresh%extras = pairs%extras
+    pairs = fresh
+  end subroutine release_list
 
   !> Free grains, contacts and the parts of prescribed grains' sums, from all ranks to the leader.
   subroutine hand_in(team, part, haul)
@@ -36,7 +50,7 @@ contains
     call pack_grains(part, part%grains%kind == kind_free, rows)
     number(0) = size(rows, 2)
     call team%trade(rows, number, haul%grains, came)
-    call pack_contacts(part, rows)
+    call pack_contacts(part, [-huge(1.0_wp), huge(1.0_wp)], rows)
     number(0) = size(rows, 2)
     call team%trade(rows, number, haul%contacts, came)
     if (part%surfaces%n > 0) then
@@ -50,20 +64,22 @@ contains
                       haul%prescribed)
   end subroutine hand_in
 
-  !> Every contact of a rank, those over a border from the rank of the lower id alone.
-  subroutine pack_contacts(part, rows)
+  !> Every contact of a rank whose first id is in a range, planes as -1, -2, ...; those over a
+  !! border from the rank of the lower id alone.
+  subroutine pack_contacts(part, range, rows)
     type(dem_data_type), intent(in) :: part
+    real(wp), intent(in) :: range(2)
     real(wp), allocatable, intent(out) :: rows(:, :)
     integer(i4) :: k, lane, n, round
+    real(wp) :: first
 
     do round = 1, 2
       n = 0
       do k = 1, part%pairs%blocks
         do lane = 1, lanes
-          if (.not. carried(part, lane, k)) cycle
-          if (part%pairs%first(lane, k) <= part%grains%n) then
-            if (part%grains%kind(part%pairs%first(lane, k)) == kind_mirror) cycle
-          end if
+          if (.not. is_first_here(part, lane, k)) cycle
+          first = first_id(part, lane, k)
+          if (first < range(1) .or. first > range(2)) cycle
           n = n + 1
           if (round == 2) call pack_contact(part, lane, k, rows(:, n))
         end do
@@ -71,6 +87,46 @@ contains
       if (round == 1) allocate (rows(contact_reals(part), n))
     end do
   end subroutine pack_contacts
+
+  !> Is it a contact with a history, and its first grain no mirror?
+  pure logical function is_first_here(part, lane, block)
+    type(dem_data_type), intent(in) :: part
+    integer(i4), intent(in) :: lane, block
+    is_first_here = carried(part, lane, block)
+    if (.not. is_first_here .or. part%pairs%first(lane, block) > part%grains%n) return
+    is_first_here = part%grains%kind(part%pairs%first(lane, block)) /= kind_mirror
+  end function is_first_here
+
+  !> Id of the first of a pair, planes as -1, -2, ...
+  pure real(wp) function first_id(part, lane, block)
+    type(dem_data_type), intent(in) :: part
+    integer(i4), intent(in) :: lane, block
+    integer(i4) :: body
+    body = part%pairs%first(lane, block)
+    if (body > part%grains%n) then
+      first_id = -real(body - part%grains%n - 3, wp)
+    else
+      first_id = real(part%grains%id(body), wp)
+    end if
+  end function first_id
+
+  !> Driven grains of the whole as they are now: sums over the ranks of what acts on them.
+  subroutine hand_in_driven(team, part, whole)
+    type(ranks_type), intent(in) :: team
+    type(dem_data_type), intent(in) :: part
+    type(dem_data_type), intent(inout) :: whole  !! of the leader; the others name any
+    real(wp), allocatable :: rows(:, :), table(:, :)
+    integer(i4) :: k, i
+    call pack_grains(part, part%grains%kind == kind_driven, rows)
+    if (size(rows, 2) == 0) return
+    call team%collect(reshape(rows(:part_size, :), [part_size*size(rows, 2)]), table)
+    if (.not. team%leads()) return
+    do k = 1, size(rows, 2)
+      rows(:part_size, k) = sum(table(part_size*(k - 1) + 1:part_size*k, :), 2)
+      i = index_of(whole, rows(14, k))
+      call unpack_grain(rows(:, k), whole, i)
+    end do
+  end subroutine hand_in_driven
 
   !> The whole as it is now.
   subroutine take_in(part, haul, whole)
@@ -81,6 +137,8 @@ contains
 
     if (allocated(part%seen_kinetic) .and. .not. allocated(whole%seen_kinetic)) &
       allocate (whole%seen_kinetic(whole%grains%n), source=0.0_wp)
+    if (.not. allocated(whole%pairs%body)) call allocate_bodies(whole%pairs, whole%grains, &
+                                                                whole%planes)
     do k = 1, size(haul%grains, 2)
       i = index_of(whole, haul%grains(14, k))
       call unpack_grain(haul%grains(:, k), whole, i)

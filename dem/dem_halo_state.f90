@@ -8,7 +8,9 @@ module dem_halo_state
   use talus_ranks, only: ranks_type
   implicit none
   private
-  public :: dem_halo_type
+  public :: dem_halo_type, cell_reals
+
+  integer(i4), parameter :: cell_reals = 19  !! of the stress in a cell, see dem_cell_stress
 
   type :: dem_halo_type
     type(ranks_type) :: team
@@ -42,5 +44,7 @@ module dem_halo_state
     integer(i4) :: mirrors = 0                 !! free grains of others that it knows
     integer(i8) :: swaps = 0                   !! exchanges so far
     real(wp) :: seconds = 0.0_wp               !! in exchanges so far [s]
+    logical :: cell_seen = .false.             !! the whole's contacts are with the ranks, but
+    real(wp) :: cell_sums(cell_reals) = 0.0_wp !! these are their sums, see dem_cell_stress [J]
   end type dem_halo_type
 end module dem_halo_state

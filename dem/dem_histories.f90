@@ -12,7 +12,6 @@ module dem_histories
     write_body_rows
   use dem_system, only: dem_system_type
   use dem_ledger, only: turnover_of
-  use dem_measure, only: contact_count
   implicit none
   private
   public :: dem_histories_type, relative_closure
@@ -115,7 +114,7 @@ contains
                               l%contact_damping, l%background_damping, l%curvature, &
                               l%tangential_relaxation, l%boundary, l%external, l%gravity, &
                               l%staggering, system%closure(), relative_closure(system), &
-                              real(contact_count(system%dem_data_type), wp), &
+                              real(system%contact_number(), wp), &
                               system%health%max_overlap, system%par%dt, l%elastic_other, &
                               l%rolling, l%breakage], errors)
     end associate

@@ -25,7 +25,7 @@ contains
     type(dem_ledger_type), intent(inout) :: ledger
     type(motion_type) :: motion
     type(contact_constants_type) :: constants
-    real(wp) :: energy(2), part(2)
+    real(wp) :: energy(2), part(2), other
     integer(i4) :: i, k
 
     motion = motion_of(d, dt)
@@ -55,8 +55,10 @@ contains
       if (allocated(d%pairs%share)) energy = d%pairs%share(k)*energy
       ledger%elastic_normal = ledger%elastic_normal + energy(1)
       ledger%elastic_tangential = ledger%elastic_tangential + energy(2)
-      if (d%pairs%extras%active) ledger%elastic_other = ledger%elastic_other &
-        + extra_energy(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)), k, d%pairs)
+      if (.not. d%pairs%extras%active) cycle
+      other = extra_energy(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)), k, d%pairs)
+      if (allocated(d%pairs%share)) other = d%pairs%share(k)*other
+      ledger%elastic_other = ledger%elastic_other + other
     end do
     if (d%surfaces%near == 0) return
     energy = surface_energy(d)

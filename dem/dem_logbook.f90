@@ -15,7 +15,6 @@ module dem_logbook
   use dem_form, only: bulge, hertz_radius
   use dem_form_state, only: form_octants, form_powers
   use dem_system, only: dem_system_type
-  use dem_measure, only: contact_count
   use dem_histories, only: relative_closure
   use dem_clock, only: dem_clock_type
   use dem_crew, only: dem_crew_type
@@ -72,7 +71,7 @@ contains
     do k = 1, size(lines)
       call log%item(trim(merge('contact laws', '            ', k == 1)), lines(k)%s)
     end do
-    call log%item('contacts', str(contact_count(system%dem_data_type)), &
+    call log%item('contacts', str(system%contact_number()), &
                   str(system%pairs%count)//' candidate pairs, skin '// &
                   short_number(system%pairs%skin)//' m')
     limit = system%step_limit()
@@ -202,7 +201,7 @@ contains
     call system%refresh_ledger()
     cells(1)%s = short_number(clock%time())
     cells(2)%s = str(clock%steps)
-    cells(3)%s = str(contact_count(system%dem_data_type))
+    cells(3)%s = str(system%contact_number())
     cells(4)%s = short_number(system%ledger%kinetic)
     cells(5)%s = short_number(relative_closure(system))
     cells(6)%s = short_number(system%health%max_overlap)
@@ -257,7 +256,7 @@ contains
     call summary%set('dt_s', clock%dt)
     call summary%set('grains', system%grains%n)
     call summary%set('free_grains', int(count(system%grains%kind == kind_free), i4))
-    call summary%set('contacts', contact_count(system%dem_data_type))
+    call summary%set('contacts', system%contact_number())
     rate = 0.0_wp
     if (steps_time > 0.0_wp) rate = real(steps_done, wp)/steps_time
     call summary%set('grain_steps_per_s', rate*system%grains%n)

@@ -276,7 +276,7 @@ contains
     type(dem_contacts_type) :: now
     integer(i4) :: before
 
-    if (.not. self%opened) return
+    if (.not. self%opened .or. self%n + self%grids == 0) return
     before = errors%count
     if (present(list)) then
       call fill_sample(system, list, self%sample, errors)

@@ -91,12 +91,12 @@ module dem_model
     procedure :: begin_again
     procedure :: automatic_dt
     procedure :: use_step
-    procedure, private :: follow_laws
     procedure :: take_steps
     procedure :: load_surface
     procedure :: write_due
     procedure, private :: watch_stops
-    procedure, private :: held
+    procedure, private :: needs_whole
+    procedure, private :: judge_rest
     procedure, private :: take_probes
     procedure, private :: write_row
     procedure, private :: steps_seconds
@@ -237,7 +237,7 @@ contains
     self%start_time = self%clock%time()
     self%start_steps = self%clock%steps
     call self%clock%set_events(every)
-    if (deck_changed) call self%follow_laws()
+    if (deck_changed) call self%system%follow_laws()
     if (deck_changed) call self%flow%look(self%system%dem_data_type, self%clock%time())
     if (deck_changed .and. .not. self%servo%active()) &
       self%system%planes%velocity = self%servo%wall_velocity
@@ -248,21 +248,6 @@ contains
     call self%clock%start_at(self%clock%time(), self%choices%dt)
     call self%use_step(self%choices%dt)
   end subroutine begin_again
-
-  !> Contact laws may have changed since the checkpoint: the energy that is stored by the new ones
-  !! was there at the start, so that the ledger closes as it did.
-  subroutine follow_laws(self)
-    class(dem_model_type), intent(inout) :: self
-    real(wp) :: error, stored
-    associate (ledger => self%system%ledger)
-      error = self%system%closure()
-      stored = ledger%elastic_normal + ledger%elastic_tangential + ledger%elastic_other
-      call self%system%refresh_ledger()
-      if (.not. abs(ledger%elastic_normal + ledger%elastic_tangential + ledger%elastic_other &
-                    - stored) > 0.0_wp) return
-      ledger%start = ledger%start + error - self%system%closure()
-    end associate
-  end subroutine follow_laws
 
   !> Step that an automatic choice takes now [s].
   real(wp) function automatic_dt(self) result(dt)
@@ -382,8 +367,8 @@ contains
       end if
       call self%take_steps(block, errors)
       if (errors%any()) return
-      if (self%servo%due(self%clock%steps) .or. self%flow%due(self%clock%steps)) &
-        call self%system%look()
+      if (self%servo%due(self%clock%steps)) call self%system%look()
+      if (self%flow%due(self%clock%steps)) call self%system%glance()
       if (self%servo%due(self%clock%steps)) &
         call self%servo%look(self%system%dem_data_type, self%clock%time())
       call self%load_surface(.false., errors)
@@ -393,19 +378,27 @@ contains
       if (self%drive%due(self%clock%steps)) &
         call self%drive%look(self%system%dem_data_type, self%clock%time())
       call self%system%start_moved(start)
-      if (self%equilibrium%due(self%clock%steps)) &
-        call self%equilibrium%look(self%system, self%held())
+      if (self%equilibrium%due(self%clock%steps)) call self%judge_rest()
       call self%equilibrium%damp(self%system, self%clock%steps)
       call self%write_due(errors)
     end do
   end subroutine run
 
-  !> All servos hold their stresses.
-  logical function held(self)
+  !> Is anything in use that looks at all grains and their contacts?
+  logical function needs_whole(self)
     class(dem_model_type), intent(in) :: self
-    held = self%servo%satisfied(self%system%dem_data_type) .and. &
-      self%flow%satisfied(self%system%dem_data_type)
-  end function held
+    needs_whole = self%servo%active() .or. self%surcharge%active .or. self%probe%wanted .or. &
+      self%served
+  end function needs_whole
+
+  !> Have the grains come to rest, and do all servos hold their stresses?
+  subroutine judge_rest(self)
+    class(dem_model_type), intent(inout) :: self
+    if (.not. self%equilibrium%watched) return
+    call self%system%look()
+    call self%equilibrium%look(self%system, self%servo%satisfied(self%system%dem_data_type) .and. &
+                               self%flow%satisfied(self%system%dem_data_type))
+  end subroutine judge_rest
 
   !> Moduli of the last state.
   subroutine take_probes(self, errors)
@@ -470,7 +463,8 @@ contains
     if (errors%any()) return
     t = self%clock%time()
     call self%timers%start('output')
-    if (any([(self%clock%due(k), k=1, event_count)])) call self%system%look()
+    if (self%clock%due(event_measure) .or. (self%clock%due(event_history) .and. &
+      self%needs_whole())) call self%system%look()
     if (self%clock%due(event_history)) then
       call self%histories%write(t, self%system, errors)
       call self%servo%write(t, self%system%dem_data_type, errors)
@@ -529,6 +523,7 @@ contains
     type(error_list_type), intent(inout) :: errors
 
     call self%timers%start('checkpoint')
+    if (self%system%surfaces%n > 0 .or. self%system%pairs%extras%active) call self%system%look()
     call self%histories%flush(errors)
     call self%servo%flush(errors)
     call self%surcharge%history%flush(errors)
@@ -548,15 +543,16 @@ contains
     type(error_list_type) :: ignored
     character(len=:), allocatable :: packing
 
-    call self%system%look()
-    if (.not. (errors%any() .or. self%stopped)) &
-      call self%equilibrium%look(self%system, self%held())
+    call self%deck%get('output', 1, 'packing', packing)
+    if (self%needs_whole() .or. self%measures%n + self%measures%grids > 0 .or. len(packing) > 0) &
+      call self%system%look()
+    call self%system%glance()
+    if (.not. (errors%any() .or. self%stopped)) call self%judge_rest()
     if (.not. errors%any()) then
       call self%fields%write(self%clock%time(), self%system, errors)
       call self%measures%write(self%clock%time(), self%system, .true., errors)
       if (.not. self%served .and. (self%stopped .or. self%deck%count('checkpoint') > 0)) &
         call self%save_checkpoint('', errors)
-      call self%deck%get('output', 1, 'packing', packing)
       if (len(packing) > 0 .and. .not. self%stopped .and. .not. errors%any()) &
         call write_packing(folder_of(self%stem)//'/'//packing, self%system%grains, &
                            self%packing%group, errors, self%system%cell)

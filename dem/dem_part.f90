@@ -3,16 +3,19 @@ module dem_part
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use dem_state, only: dem_data_type, dem_ledger_type, dem_cell_type
-  use dem_ledger, only: follow_step
+  use dem_cell_stress, only: cell_sums
+  use dem_halo_state, only: cell_reals
+  use dem_ledger, only: follow_step, refresh_stored
   use dem_limits, only: gershgorin_step, rayleigh_step, foreseen_step
   use dem_extra_list, only: count_broken
   use dem_measure, only: check_overlap, fastest_grain
+  use dem_slabs, only: count_contacts
   use dem_steps, only: step_memory_type, take_steps
   use dem_surface_measure, only: body_rows, body_rate
   use dem_surface_share, only: surface_reals, surface_report, take_surfaces
   implicit none
   private
-  public :: move_part, report_of, add_reports, rank_marks_type
+  public :: move_part, report_of, add_reports, glance_of, add_glances, rank_marks_type
 
   type(dem_ledger_type), parameter :: fresh = dem_ledger_type()
   integer(i4), parameter :: works = size(transfer(fresh, [0.0_wp]))  !! columns of the ledger
@@ -36,6 +39,7 @@ module dem_part
     real(wp) :: imbalance = 1.0_wp     !! most candidate pairs over the mean [-]
     real(wp) :: bytes = 0.0_wp         !! sent in a step by all ranks
     real(wp) :: messages = 0.0_wp      !! sent in a step by all ranks
+    real(wp) :: contacts(2) = 0.0_wp   !! contacts at the last glance, those with a history
   end type rank_marks_type
 
 contains
@@ -128,6 +132,40 @@ contains
     rate = body_rate(whole%surfaces, reshape(total(at + 1:), [4_i4, whole%surfaces%n]))
     if (rate > 0.0_wp) marks%limit(1) = min(marks%limit(1), 2.0_wp/sqrt(rate))
   end subroutine add_reports
+
+  !> What this rank stores, its contacts and their sums in a cell.
+  function glance_of(part) result(row)
+    type(dem_data_type), intent(inout) :: part
+    real(wp) :: row(works + 2 + cell_reals)
+    call follow_step(part, part%par%dt)
+    call refresh_stored(part, part%par%dt, part%ledger)
+    row(:works) = transfer(part%ledger, row)
+    row(works + 1:works + 2) = count_contacts(part)
+    row(works + 3:) = 0.0_wp
+    if (part%cell%active) row(works + 3:) = cell_sums(part)
+  end function glance_of
+
+  !> Sums of glances over the ranks, in their order.
+  subroutine add_glances(part, rows, whole, marks)
+    type(dem_data_type), intent(in) :: part  !! of the leader
+    real(wp), intent(in) :: rows(:, :)       !! (:, ranks)
+    type(dem_data_type), intent(inout) :: whole
+    type(rank_marks_type), intent(inout) :: marks
+    real(wp) :: total(size(rows, 1))
+    integer(i4) :: r
+    total = 0.0_wp
+    do r = 1, size(rows, 2)
+      total = total + rows(:, r)
+    end do
+    whole%ledger = transfer(total, whole%ledger)
+    whole%ledger_dt = part%ledger_dt
+    marks%contacts = total(works + 1:works + 2)
+    whole%halo%cell_sums = total(works + 3:)
+    whole%halo%cell_seen = .true.
+    whole%pairs%skin = part%pairs%skin
+    whole%pairs%most_skin = part%pairs%most_skin
+    whole%pairs%built_at = part%pairs%built_at
+  end subroutine add_glances
 
   !> The cell as it is now; rates are the leader's to set.
   pure subroutine take_cell(part, whole)

@@ -50,6 +50,7 @@ contains
     call model%timers%stop('steps')
     call model%clock%jump(request%t1, substeps)
     if (errors%any()) return
+    call model%system%look()
     call put_sets(model%system, sets, .true., reply)
     call reply%put_int('substeps', substeps)
     call put_scalars(model%system, late, reply)

@@ -21,7 +21,7 @@ module dem_probe
   use talus_summary, only: summary_type
   use dem_cell, only: cell_volume
   use dem_equilibrium, only: mean_unbalanced
-  use dem_flow, only: cell_stress
+  use dem_cell_stress, only: cell_stress
   use dem_sample, only: fill_sample
   use dem_state, only: dem_data_type
   use dem_system, only: dem_system_type, dem_contacts_type

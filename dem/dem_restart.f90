@@ -9,6 +9,8 @@ module dem_restart
   use dem_clock, only: dem_clock_type
   use dem_system, only: dem_system_type
   use dem_histories, only: dem_histories_type
+  use dem_slabs, only: dem_slab_type, slab_grains
+  use dem_store, only: put_grain_arrays, put_run, records
   implicit none
   private
   public :: write_checkpoint, read_checkpoint
@@ -18,14 +20,13 @@ contains
   !> Write a checkpoint of an accepted state; with a tag it is set apart.
   subroutine write_checkpoint(checkpoint, system, clock, histories, tag, errors)
     type(checkpoint_type), intent(inout) :: checkpoint
-    type(dem_system_type), intent(in) :: system
+    type(dem_system_type), intent(inout) :: system
     type(dem_clock_type), intent(in) :: clock
     type(dem_histories_type), intent(in) :: histories
     character(len=*), intent(in) :: tag  !! '' for the run's own series
     type(error_list_type), intent(inout) :: errors
     type(h5_file_type) :: file
     type(dem_archive_type) :: archive
-    integer(i4) :: k
 
     if (len(tag) > 0) then
       call checkpoint%begin(file, clock%time(), clock%steps, errors, tag)
@@ -39,8 +40,22 @@ contains
     call file%put('/clock/wall_work', histories%wall_work, errors)
     if (size(histories%surface_work) > 0) &
       call file%put('/clock/surface_work', histories%surface_work, errors)
-    call system%export_state(archive)
     call file%group('/state', errors)
+    if (system%parted()) then
+      call write_slabs(file, system, errors)
+      call put_run(system%dem_data_type, archive)
+    else
+      call system%export_state(archive)
+    end if
+    call write_archive(file, archive, errors)
+    call checkpoint%finish(file, errors)
+  end subroutine write_checkpoint
+
+  subroutine write_archive(file, archive, errors)
+    type(h5_file_type), intent(inout) :: file
+    type(dem_archive_type), intent(inout) :: archive
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
     do k = 1, archive%count
       if (archive%item(k)%is_real) then
         call file%put('/state/'//trim(archive%item(k)%name), archive%item(k)%reals, errors)
@@ -48,8 +63,46 @@ contains
         call file%put('/state/'//trim(archive%item(k)%name), archive%item(k)%integers, errors)
       end if
     end do
-    call checkpoint%finish(file, errors)
-  end subroutine write_checkpoint
+  end subroutine write_archive
+
+  !> Grains of many ranks and what their contacts keep, slab by slab.
+  subroutine write_slabs(file, system, errors)
+    type(h5_file_type), intent(inout) :: file
+    type(dem_system_type), intent(inout) :: system
+    type(error_list_type), intent(inout) :: errors
+    type(dem_slab_type) :: slab
+    type(dem_archive_type) :: archive
+    integer(i4) :: low, high
+    integer(i8) :: done
+
+    done = 0
+    do low = 1, system%grains%n, slab_grains
+      high = min(low + slab_grains - 1, system%grains%n)
+      associate (id => system%grains%id)
+        call system%crew%some_grains(id(low:high), slab)
+        call archive%clear()
+        call put_grain_arrays(slab%some, archive)
+        file%slab = [low - 1, system%grains%n]
+        call write_archive(file, archive, errors)
+        call write_records(id(low), id(high))
+      end associate
+    end do
+    if (system%planes%n > 0) call write_records(-int(system%planes%n, i8), -1_i8)
+    file%slab = [0, -1]
+    call file%put('/state/'//records//'.built_at', reshape([system%pairs%built_at], [1, 1]), &
+                  errors)
+
+  contains
+
+    subroutine write_records(first, last)
+      integer(i8), intent(in) :: first, last
+      real(wp), allocatable :: rows(:, :)
+      call system%crew%some_records(first, last, rows)
+      file%slab = [done, nint(system%crew%marks%contacts(2), i8)]
+      call file%put('/state/'//records, rows, errors)
+      done = done + size(rows, 2)
+    end subroutine write_records
+  end subroutine write_slabs
 
   !> Go on from a checkpoint; the system holds the same grains, not yet initialised.
   subroutine read_checkpoint(checkpoint, path, system, clock, histories, deck_changed, errors)

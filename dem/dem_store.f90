@@ -3,16 +3,20 @@ module dem_store
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
-  use dem_state, only: dem_data_type, dem_grains_type, dem_pairs_type, dem_ledger_type, &
-    dem_health_type, lanes, history_size, result_size, column_count, entries_ahead
+  use dem_state, only: dem_data_type, dem_grains_type, dem_pairs_type, dem_cell_type, &
+    dem_ledger_type, dem_health_type, lanes, history_size, result_size, column_count, entries_ahead
+  use dem_adopt, only: adopt_contacts, give_results
   use dem_cell, only: is_periodic
   use dem_extra_list, only: put_extras, get_extras
   use dem_images, only: resize_images
   use dem_surface_store, only: put_surfaces, get_surfaces
-  use dem_pairs, only: allocate_bodies, update_bodies
+  use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
+  use dem_records, only: contact_reals
   implicit none
   private
-  public :: put_state, get_state
+  public :: put_state, get_state, put_run, put_grain_arrays, records
+
+  character(len=*), parameter :: records = 'contacts'  !! of dem_records, in place of the list
 
 contains
 
@@ -22,11 +26,22 @@ contains
     type(dem_archive_type), intent(inout) :: archive
 
     call archive%clear()
-    call put_grains(d, archive)
+    call put_grain_arrays(d, archive)
     call put_pairs(d%pairs, archive)
-    if (d%cell%active) call put_cell(d, archive)
-    if (allocated(d%seen_kinetic)) call archive%put_reals( &
-      'damping.seen_kinetic', reshape(d%seen_kinetic, [1, size(d%seen_kinetic)]))
+    if (is_periodic(d%cell)) call put_images(d%pairs, archive)
+    if (d%surfaces%n > 0) call put_surfaces(d%surfaces, d%pairs%extras%extra_places_type, archive)
+    call put_run(d, archive)
+  end subroutine put_state
+
+  !> What is no list of grains, contacts or surfaces.
+  subroutine put_run(d, archive)
+    type(dem_data_type), intent(in) :: d
+    type(dem_archive_type), intent(inout) :: archive
+
+    call put_planes(d, archive)
+    if (d%cell%active) call put_cell(d%cell, archive)
+    call archive%put_reals('pairs.skin', reshape([d%pairs%skin, d%pairs%least_skin, &
+                                                  d%pairs%most_skin], [3, 1]))
     if (allocated(d%servo_seen)) call archive%put_reals('servo.seen', d%servo_seen)
     if (d%kept_volume > 0.0_wp) &
       call archive%put_reals('volume.kept', reshape([d%kept_volume], [1, 1]))
@@ -35,7 +50,6 @@ contains
       call archive%put_reals('surcharge.seen', reshape(d%surcharge_seen, &
                                                        [1, size(d%surcharge_seen)]))
     end if
-    if (d%surfaces%n > 0) call put_surfaces(d%surfaces, d%pairs%extras%extra_places_type, archive)
     if (d%parts%active) then
       call archive%put_reals('parts.of_free', d%parts%of_free)
       call archive%put_reals('parts.of_ghosts', d%parts%of_ghosts)
@@ -48,7 +62,7 @@ contains
                               d%health%late_rebuilds, d%health%evaluations], [4, 1]))
     call archive%put_integers('weights.id', weight_ids(d))
     call archive%put_reals('weights.value', reshape(weight_values(d), [1, d%weights%n]))
-  end subroutine put_state
+  end subroutine put_run
 
   pure function weight_ids(d) result(ids)
     type(dem_data_type), intent(in) :: d
@@ -62,7 +76,8 @@ contains
     if (d%weights%n > 0) values = d%weights%value(:d%weights%n)
   end function weight_values
 
-  subroutine put_grains(d, archive)
+  !> Grains, all or some, and what damping has seen of them.
+  subroutine put_grain_arrays(d, archive)
     type(dem_data_type), intent(in) :: d
     type(dem_archive_type), intent(inout) :: archive
     integer(i4) :: n
@@ -89,12 +104,19 @@ contains
       call archive%put_reals('grains.turn', g%turn)
       if (g%forms%n > 0) call archive%put_reals('grains.form', g%forms%record(5:, :n))
     end associate
+    if (allocated(d%seen_kinetic)) call archive%put_reals( &
+      'damping.seen_kinetic', reshape(d%seen_kinetic, [1, size(d%seen_kinetic)]))
+  end subroutine put_grain_arrays
+
+  subroutine put_planes(d, archive)
+    type(dem_data_type), intent(in) :: d
+    type(dem_archive_type), intent(inout) :: archive
     call archive%put_reals('planes.point', d%planes%point)
     call archive%put_reals('planes.velocity', d%planes%velocity)
     call archive%put_reals('planes.force', d%planes%force)
     call archive%put_reals('planes.impulse', d%planes%impulse)
     call archive%put_reals('planes.work', reshape(d%planes%work, [1, d%planes%n]))
-  end subroutine put_grains
+  end subroutine put_planes
 
   !> The list in its order, normals and history of every candidate, reference positions.
   subroutine put_pairs(p, archive)
@@ -112,7 +134,6 @@ contains
     call archive%put_integers('pairs.group_end', int(reshape(p%group_end, [1, p%groups]), i8))
     call archive%put_integers('pairs.start', int(reshape(p%start, [size(p%start), 1]), i8))
     call archive%put_integers('pairs.entry', int(reshape(p%entry(:2*p%count), [2*p%count, 1]), i8))
-    call archive%put_reals('pairs.skin', reshape([p%skin, p%least_skin, p%most_skin], [3, 1]))
     call archive%put_reals('pairs.normal', reshape(p%normal, [lanes*3, m]))
     call archive%put_reals('pairs.history', reshape(p%history, [lanes*history_size, m]))
     call archive%put_reals('pairs.result', p%result)
@@ -124,20 +145,22 @@ contains
     call archive%put_reals('pairs.reference_q', p%reference_q)
   end subroutine put_pairs
 
-  !> The cell and the images of its list.
-  subroutine put_cell(d, archive)
-    type(dem_data_type), intent(in) :: d
+  subroutine put_cell(c, archive)
+    type(dem_cell_type), intent(in) :: c
     type(dem_archive_type), intent(inout) :: archive
-    associate (c => d%cell, p => d%pairs)
-      call archive%put_reals('cell', reshape([c%vectors, c%start, c%rate, c%step, c%back, &
-                             c%speed, c%listed, c%deform], [3, 24]))
-      call archive%put_reals('cell.place', reshape([c%origin, c%reach, c%stretch, c%held], [5, 3]))
-      if (.not. is_periodic(c)) return
-      call archive%put_integers('images', int(reshape([p%grain(p%plain + 1:), &
-                                reshape(p%shift, [3*p%images])], [p%images, 4]), i8))
-      call archive%put_reals('images.force', p%image_force)
-    end associate
+    call archive%put_reals('cell', reshape([c%vectors, c%start, c%rate, c%step, c%back, c%speed, &
+                                            c%listed, c%deform], [3, 24]))
+    call archive%put_reals('cell.place', reshape([c%origin, c%reach, c%stretch, c%held], [5, 3]))
   end subroutine put_cell
+
+  !> The images of the list in a cell.
+  subroutine put_images(p, archive)
+    type(dem_pairs_type), intent(in) :: p
+    type(dem_archive_type), intent(inout) :: archive
+    call archive%put_integers('images', int(reshape([p%grain(p%plain + 1:), &
+                              reshape(p%shift, [3*p%images])], [p%images, 4]), i8))
+    call archive%put_reals('images.force', p%image_force)
+  end subroutine put_images
 
   !> The same back.
   subroutine get_cell(d, archive, errors)
@@ -165,7 +188,7 @@ contains
       c%reach = rows(4, 1)
       c%stretch = rows(5, 1)
       c%held = reshape(rows(:, 2:), [10])
-      if (.not. is_periodic(c)) return
+      if (.not. is_periodic(c) .or. archive%find(records) > 0) return
     end associate
     k = archive%find('images')
     n = 0
@@ -214,22 +237,73 @@ contains
     type(dem_data_type), intent(inout) :: d
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: row(:, :)
-    integer(i8), allocatable :: counts(:, :)
-    integer(i4) :: k
 
     call get_grains(d, archive, errors)
     if (errors%any()) return
     call allocate_bodies(d%pairs, d%grains, d%planes)
     if (d%cell%active) call get_cell(d, archive, errors)
     if (errors%any()) return
+    if (archive%find(records) > 0) then
+      call get_records(d, archive, errors)
+    else
+      call get_list(d, archive, errors)
+    end if
+    if (errors%any()) return
+    call get_run(d, archive, errors)
+  end subroutine get_state
+
+  !> Contacts as many ranks wrote them: a new list takes them over.
+  subroutine get_records(d, archive, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: rows(:, :)
+    integer(i8), allocatable :: built(:, :)
+    call archive%get_reals(records, contact_reals(d), -1, rows, errors)
+    call archive%get_integers(records//'.built_at', 1, 1, built, errors)
+    if (errors%any()) return
+    call get_skin(d%pairs, archive, errors)
+    if (errors%any()) return
+    d%pairs%built_at = built(1, 1)
+    call update_bodies(d%pairs, d%grains, d%planes, d%cell)
+    call adopt_contacts(d, rows)
+    call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)
+    call give_results(d, rows)
+  end subroutine get_records
+
+  subroutine get_skin(pairs, archive, errors)
+    type(dem_pairs_type), intent(inout) :: pairs
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: skin(:, :)
+    call archive%get_reals('pairs.skin', 3, 1, skin, errors)
+    pairs%skin = skin(1, 1)
+    pairs%least_skin = skin(2, 1)
+    pairs%most_skin = skin(3, 1)
+  end subroutine get_skin
+
+  !> The list as it was, and what is near surfaces.
+  subroutine get_list(d, archive, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
     call get_pairs(d, archive, errors)
     if (errors%any()) return
     call get_extras(d%pairs%extras, d%pairs%blocks, archive, errors)
     if (errors%any()) return
     call update_bodies(d%pairs, d%grains, d%planes, d%cell)
     call get_surfaces(d, archive, errors)
-    if (errors%any()) return
+  end subroutine get_list
+
+  !> What is no list of grains, contacts or surfaces.
+  subroutine get_run(d, archive, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: row(:, :)
+    integer(i8), allocatable :: counts(:, :)
+    integer(i4) :: k
+
     if (archive%find('damping.seen_kinetic') > 0) then
       call archive%get_reals('damping.seen_kinetic', 1, d%grains%n, row, errors)
       d%seen_kinetic = row(1, :)
@@ -268,7 +342,7 @@ contains
     call archive%get_reals('weights.value', 1, d%weights%n, row, errors)
     d%weights%id = counts
     d%weights%value = row(1, :)
-  end subroutine get_state
+  end subroutine get_run
 
   subroutine get_grains(d, archive, errors)
     type(dem_data_type), intent(inout) :: d
@@ -390,10 +464,7 @@ contains
       p%group_end = int(group(1, :), i4)
       p%start = int(start(:, 1), i4)
       p%entry = int([entry(:, 1), spread(0_i8, 1, entries_ahead)], i4)
-      call archive%get_reals('pairs.skin', 3, 1, flat, errors)
-      p%skin = flat(1, 1)
-      p%least_skin = flat(2, 1)
-      p%most_skin = flat(3, 1)
+      call get_skin(p, archive, errors)
       call archive%get_reals('pairs.normal', lanes*3, m, flat, errors)
       p%normal = reshape(flat, [lanes, 3, m])
       call archive%get_reals('pairs.history', lanes*history_size, m, flat, errors)

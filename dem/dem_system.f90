@@ -21,7 +21,7 @@ module dem_system
   use dem_ledger, only: refresh_stored, start_ledger, follow_step, closure_of
   use dem_limits, only: gershgorin_step, rayleigh_step, foreseen_step
   use dem_parts, only: choose_border, place_ghosts, forces_on_free, forces_between_ghosts
-  use dem_measure, only: check_overlap, check_runaway
+  use dem_measure, only: check_overlap, check_runaway, contact_count
   use dem_store, only: put_state, get_state
   use dem_contacts, only: dem_contacts_type, list_contacts
   use dem_slowing, only: reset_sums, stop_slowing
@@ -44,6 +44,10 @@ module dem_system
     procedure :: start_moved      !! (start): of the ledger, loads have changed
     procedure :: begin_anew       !! (): the state was replaced: ranks must know
     procedure :: look             !! (): grains and contacts as the ranks have them now
+    procedure :: glance           !! (): ledger and stress in a cell as the ranks have them
+    procedure :: follow_laws      !! (): laws have changed: so has what is stored
+    procedure :: parted           !! (): ranks have been on since the last look
+    procedure :: contact_number   !! (): of contacts, once the ledger was refreshed
     procedure :: init             !! (errors): lists and forces at the start; no time passes
     procedure :: step             !! (n, errors): n sub-steps of par%dt
     procedure :: forces           !! (): forces at the current state; no time passes
@@ -93,6 +97,27 @@ contains
     if (allocated(self%crew)) call self%crew%look(self%dem_data_type)
   end subroutine look
 
+  !> Ledger, number of contacts, stress in a cell and driven grains as the ranks have them.
+  subroutine glance(self)
+    class(dem_system_type), intent(inout) :: self
+    if (parted(self)) call self%crew%glance(self%dem_data_type)
+  end subroutine glance
+
+  !> Contact laws may have changed since the checkpoint: the energy that is stored by the new ones
+  !! was there at the start, so that the ledger closes as it did.
+  subroutine follow_laws(self)
+    class(dem_system_type), intent(inout) :: self
+    real(wp) :: error, stored
+    associate (ledger => self%ledger)
+      error = self%closure()
+      stored = ledger%elastic_normal + ledger%elastic_tangential + ledger%elastic_other
+      call self%refresh_ledger()
+      if (.not. abs(ledger%elastic_normal + ledger%elastic_tangential + ledger%elastic_other &
+                    - stored) > 0.0_wp) return
+      ledger%start = ledger%start + error - self%closure()
+    end associate
+  end subroutine follow_laws
+
   !> Adaptive damping.
   subroutine slow_down(self)
     class(dem_system_type), intent(inout) :: self
@@ -125,12 +150,23 @@ contains
     if (allocated(self%crew)) call self%crew%begin_anew()
   end subroutine begin_anew
 
-  !> Have the ranks been on since the last look?
-  pure logical function stale(self)
+  !> Have the ranks been on since the last look? The whole's grains are then old, it has no
+  !! contacts, and what is written comes from the ranks in slabs.
+  pure logical function parted(self)
     class(dem_system_type), intent(in) :: self
-    stale = .false.
-    if (allocated(self%crew)) stale = self%crew%stale
-  end function stale
+    parted = .false.
+    if (allocated(self%crew)) parted = self%crew%stale
+  end function parted
+
+  !> Number of contacts, as the ranks told it with the ledger.
+  integer(i8) function contact_number(self)
+    class(dem_system_type), intent(in) :: self
+    if (parted(self)) then
+      contact_number = nint(self%crew%marks%contacts(1), i8)
+    else
+      contact_number = contact_count(self%dem_data_type)
+    end if
+  end function contact_number
 
   !> Lists and forces at the start. Needs grains, materials, laws, par; planes may be absent.
   subroutine init(self, errors)
@@ -278,7 +314,7 @@ contains
   real(wp) function top_speed(self) result(speed)
     class(dem_system_type), intent(in) :: self
     speed = 0.0_wp
-    if (stale(self)) then
+    if (parted(self)) then
       speed = self%crew%marks%speed
     else if (self%grains%n > 0) then
       speed = sqrt(maxval(sum(self%grains%v**2, 1)))
@@ -288,7 +324,7 @@ contains
   !> Gershgorin limit of the contacts in hand [s].
   real(wp) function step_limit(self)
     class(dem_system_type), intent(in) :: self
-    if (stale(self)) then
+    if (parted(self)) then
       step_limit = self%crew%marks%limit(1)
     else
       step_limit = gershgorin_step(self%dem_data_type)
@@ -310,7 +346,7 @@ contains
   !> Least Rayleigh time of the free grains [s].
   real(wp) function rayleigh_limit(self)
     class(dem_system_type), intent(in) :: self
-    if (stale(self)) then
+    if (parted(self)) then
       rayleigh_limit = self%crew%marks%limit(2)
     else
       rayleigh_limit = rayleigh_step(self%dem_data_type)
@@ -324,7 +360,7 @@ contains
     real(wp), intent(in) :: speed  !! approach speed to be foreseen, 0: none; of many ranks that
                                    !! of the fastest grain [m/s]
     real(wp) :: impact
-    if (stale(self)) then
+    if (parted(self)) then
       impact = self%crew%marks%limit(3)
     else
       impact = foreseen_step(self%dem_data_type, speed)
@@ -479,7 +515,10 @@ contains
   !> Fill the 'now' columns of the ledger.
   subroutine refresh_ledger(self)
     class(dem_system_type), intent(inout) :: self
-    call self%look()
+    if (parted(self)) then
+      call self%glance()
+      return
+    end if
     call follow_step(self%dem_data_type, self%par%dt)
     call refresh_stored(self%dem_data_type, self%par%dt, self%ledger)
   end subroutine refresh_ledger

@@ -1,0 +1,64 @@
+!> Stress in a periodic cell: of the contacts in hand or, where many ranks have them, as they told.
+module dem_cell_stress
+  use talus_kinds, only: wp, i4
+  use talus_homogenise, only: dyad
+  use dem_cell, only: cell_volume
+  use dem_contact, only: contact_radius, constants_of, contact_constants_type
+  use dem_halo_state, only: cell_reals
+  use dem_state, only: dem_data_type, lanes, history_side
+  implicit none
+  private
+  public :: cell_stress, cell_sums
+
+contains
+
+  !> Stress of the contacts (Love-Weber, sigma_ij = 1/V sum l_i f_j) and the stiffness against each
+  !! component if all grains followed the flow [Pa].
+  pure subroutine cell_stress(d, sigma, stiffness)
+    type(dem_data_type), intent(in) :: d
+    real(wp), intent(out) :: sigma(3, 3), stiffness(10)
+    real(wp) :: sums(cell_reals)
+    if (d%halo%cell_seen) then
+      sums = d%halo%cell_sums
+    else
+      sums = cell_sums(d)
+    end if
+    sigma = reshape(sums(:9), [3, 3])/cell_volume(d%cell)
+    stiffness = sums(10:)/cell_volume(d%cell)
+  end subroutine cell_stress
+
+  !> Stress and stiffness times the volume, of the contacts of this rank: half of those over a
+  !! border [J].
+  pure function cell_sums(d) result(sums)
+    type(dem_data_type), intent(in) :: d
+    real(wp) :: sums(cell_reals)
+    type(contact_constants_type) :: c
+    real(wp) :: l(3), n(3), kn, kt, radius, weight, part(cell_reals)
+    integer(i4) :: k, lane, i, j
+
+    sums = 0.0_wp
+    do k = 1, d%pairs%grain_blocks
+      if (.not. d%pairs%touched(k)) cycle
+      c = constants_of(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)))
+      do lane = 1, lanes
+        if (.not. d%pairs%history(lane, history_side, k) > 0.0_wp) cycle
+        l = d%pairs%body(1:3, d%pairs%second(lane, k)) - d%pairs%body(1:3, d%pairs%first(lane, k))
+        n = d%pairs%normal(lane, :, k)
+        if (d%pairs%round(k)) n = l/norm2(l)
+        part(:9) = reshape(-dyad(l, d%pairs%result(1:3, (k - 1)*lanes + lane)), [9])
+        radius = contact_radius(d%pairs%history(lane, :, k))
+        weight = d%pairs%weight(lane, min(k, size(d%pairs%weight, 2)))
+        kt = weight*(c%kt_a*radius + c%kt)
+        kn = weight*(c%kn_a*radius + c%kn) - kt
+        do i = 1, 3
+          do j = 1, 3
+            part(6 + 3*i + j) = l(j)**2*(kn*n(i)**2 + kt)
+          end do
+        end do
+        part(19) = (kn*dot_product(l, n)**2 + kt*sum(l**2))/3.0_wp
+        if (allocated(d%pairs%share)) part = d%pairs%share(k)*part
+        sums = sums + part
+      end do
+    end do
+  end function cell_sums
+end module dem_cell_stress
