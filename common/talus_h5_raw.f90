@@ -262,7 +262,7 @@ contains
   end subroutine write_dataset
 
   !> Fill the part of a dataset from index slab(1) on, along the last axis, which is slab(2) long
-  !! in all; the first part makes the dataset.
+  !! in all; the first part makes the dataset and the groups above it.
   subroutine write_slab(file, path, name, kind_code, extent, slab, data, errors)
     integer(hid_t), intent(in) :: file
     character(len=*), intent(in) :: path, name
@@ -271,7 +271,7 @@ contains
     integer(i8), intent(in) :: slab(2)         !! index from 0, length of the whole
     type(c_ptr), intent(in) :: data
     type(error_list_type), intent(inout) :: errors
-    integer(hid_t) :: space, memory, dataset
+    integer(hid_t) :: space, memory, dataset, links
     integer(hsize_t) :: whole(size(extent)), offset(size(extent))
     integer :: stat, ignored
 
@@ -283,7 +283,10 @@ contains
     if (object_exists(file, name)) then
       call h5dopen_f(file, name, dataset, stat)
     else
-      call h5dcreate_f(file, name, memory_type(kind_code), space, dataset, stat)
+      call h5pcreate_f(h5p_link_create_f, links, ignored)
+      call h5pset_create_inter_group_f(links, 1, ignored)
+      call h5dcreate_f(file, name, memory_type(kind_code), space, dataset, stat, lcpl_id=links)
+      call h5pclose_f(links, ignored)
     end if
     if (stat < 0) then
       call object_fault(path, name, 'made', errors)

@@ -18,11 +18,12 @@ module dem_crew
   use dem_contacts, only: dem_contacts_type
   use dem_gather, only: release_list, hand_in, take_in, haul_type, hand_in_driven
   use dem_halo_state, only: dem_halo_type
-  use dem_handout, only: hand_out, tell_step, tell_targets, tell_loads
+  use dem_handout, only: hand_out, tell_step, tell_energies, tell_targets, tell_loads
   use dem_measure, only: judge_runaway
   use dem_migrate, only: share_out
   use dem_pairs, only: build_pairs
-  use dem_part, only: move_part, report_of, add_reports, glance_of, add_glances, rank_marks_type
+  use dem_part, only: start_part, move_part, report_of, add_reports, glance_of, add_glances, &
+    rank_marks_type
   use dem_slabs, only: dem_slab_type, slab_of_grains, slab_of_contacts, slab_of_records
   use dem_slowing, only: stop_slowing, reset_sums
   use dem_steps, only: step_memory_type
@@ -33,7 +34,7 @@ module dem_crew
 
   integer(i4), parameter :: order_start = 1, order_step = 2, order_look = 3, order_leave = 4, &
     order_targets = 5, order_loads = 6, order_reset = 7, order_slow = 8, order_glance = 9, &
-    order_grains = 10, order_contacts = 11, order_records = 12
+    order_grains = 10, order_contacts = 11, order_records = 12, order_fresh = 13
 
   type :: dem_crew_type
     type(ranks_type) :: team
@@ -43,10 +44,12 @@ module dem_crew
     logical :: started = .false.               !! all ranks have their parts
     logical :: stale = .false.                 !! the whole is older than the parts
     logical :: redirected = .false.            !! prescribed grains have other ways to go
+    logical :: glanced = .false.               !! the whole has the energies of now
     logical :: reset = .false.                 !! impulses and works begin anew
     logical, allocatable :: loaded(:)          !! (grains) extra forces have changed
     real(wp) :: shift = 0.0_wp                 !! of the start of the ledger with them [J]
   contains
+    procedure :: begin_fresh
     procedure :: step
     procedure :: look
     procedure :: glance
@@ -59,6 +62,7 @@ module dem_crew
     procedure :: leave
     procedure :: text => crew_text
     procedure, private :: start
+    procedure, private :: pending
     procedure, private :: tell_changes
   end type dem_crew_type
 
@@ -74,10 +78,11 @@ contains
     integer(i4) :: order(2)
     real(wp), allocatable :: reports(:, :)
 
-    if (.not. self%started) call self%start(whole)
+    if (.not. self%started) call self%start(whole, order_start)
     call self%tell_changes(whole)
     call release_list(whole%pairs)
     whole%halo%cell_seen = .false.
+    self%glanced = .false.
     order = [order_step, n]
     call self%team%await(order)
     call tell_step(self%team, whole, self%part)
@@ -92,13 +97,30 @@ contains
                        self%marks%fastest(2), errors)
   end subroutine step
 
+  !> Every rank makes the list of its part of a whole without one, and finds the first forces.
+  subroutine begin_fresh(self, whole, errors)
+    class(dem_crew_type), intent(inout) :: self
+    type(dem_data_type), intent(inout) :: whole
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: reports(:, :)
+    call self%start(whole, order_fresh)
+    call release_list(whole%pairs)
+    call start_part(self%part, errors)
+    call self%team%collect(report_of(self%part), reports)
+    call add_reports(self%part, reports, whole, self%marks)
+    self%stale = .true.
+    call self%team%agree(errors)
+    if (.not. errors%any()) call self%glance(whole)
+  end subroutine begin_fresh
+
   !> Give every rank its part.
-  subroutine start(self, whole)
+  subroutine start(self, whole, how)
     class(dem_crew_type), intent(inout) :: self
     type(dem_data_type), intent(in) :: whole
+    integer(i4), intent(in) :: how  !! order_start or order_fresh
     integer(i4) :: order(2)
     type(dem_halo_type) :: halo
-    order = [order_start, int(omp_get_max_threads(), i4)]
+    order = [how, int(omp_get_max_threads(), i4)]
     call self%team%await(order)
     halo = self%part%halo
     self%part = whole
@@ -154,7 +176,8 @@ contains
     type(dem_data_type), intent(inout) :: whole
     integer(i4) :: order(2)
     real(wp), allocatable :: reports(:, :)
-    if (.not. self%started) call self%start(whole)
+    if (.not. self%started) call self%start(whole, order_start)
+    self%glanced = .false.
     order = [order_slow, 0_i4]
     call self%team%await(order)
     call stop_slowing(self%part)
@@ -168,6 +191,7 @@ contains
     class(dem_crew_type), intent(inout) :: self
     self%started = .false.
     self%stale = .false.
+    self%glanced = .false.
   end subroutine begin_anew
 
   !> This rank's part from what the leader has.
@@ -206,14 +230,25 @@ contains
     type(dem_data_type), intent(inout) :: whole
     integer(i4) :: order(2)
     real(wp), allocatable :: rows(:, :)
+    if (self%glanced .and. .not. self%pending(whole)) return
     call self%tell_changes(whole)
     order = [order_glance, 0_i4]
     call self%team%await(order)
-    call tell_step(self%team, whole, self%part)
+    call tell_energies(self%team, whole, self%part)
     call self%team%collect(glance_of(self%part), rows)
     call add_glances(self%part, rows, whole, self%marks)
     call hand_in_driven(self%team, self%part, whole)
+    self%glanced = .true.
   end subroutine glance
+
+  !> Has the leader changed something that energies depend on since the ranks told them?
+  logical function pending(self, whole)
+    class(dem_crew_type), intent(in) :: self
+    type(dem_data_type), intent(in) :: whole
+    pending = self%reset .or. self%redirected .or. allocated(self%loaded) .or. &
+      allocated(whole%surfaces%free)
+    pending = pending .or. any(transfer(whole%par, [0_i4]) /= transfer(self%part%par, [0_i4]))
+  end function pending
 
   !> Some grains of the whole as they are now.
   subroutine some_grains(self, ids, slab)
@@ -279,9 +314,13 @@ contains
     do
       call team%await(order)
       select case (order(1))
-      case (order_start)
+      case (order_start, order_fresh)
         call omp_set_num_threads(order(2))
         call begin_part(crew)
+        if (order(1) == order_start) cycle
+        call start_part(crew%part, errors)
+        call team%collect(report_of(crew%part), reports)
+        call team%agree(errors)
       case (order_step)
         call tell_step(team, crew%part, crew%part)
         call move_part(crew%part, crew%memory, order(2), errors)
@@ -299,7 +338,7 @@ contains
         call stop_slowing(crew%part)
         call team%collect(report_of(crew%part), reports)
       case (order_glance)
-        call tell_step(team, crew%part, crew%part)
+        call tell_energies(team, crew%part, crew%part)
         call team%collect(glance_of(crew%part), reports)
         call hand_in_driven(team, crew%part, crew%part)
       case (order_grains)

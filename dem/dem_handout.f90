@@ -17,7 +17,7 @@ module dem_handout
   use dem_tell, only: tell_matrix
   implicit none
   private
-  public :: hand_out, tell_step, tell_targets, tell_loads
+  public :: hand_out, tell_step, tell_energies, tell_targets, tell_loads
 
   integer(i4), parameter :: target_reals = 26  !! of a prescribed grain on its way
 
@@ -91,6 +91,18 @@ contains
     if (part%cell%active) call tell_matrix(team, part%cell%rate)
     if (part%surfaces%n > 0) call tell_motion(team, part%surfaces)
   end subroutine tell_step
+
+  !> What energies depend on besides grains and contacts: parameters, loads of free bodies.
+  subroutine tell_energies(team, whole, part)
+    type(ranks_type), intent(in) :: team
+    type(dem_data_type), intent(in) :: whole  !! of the leader; the others name any
+    type(dem_data_type), intent(inout) :: part
+    if (team%leads()) part%par = whole%par
+    call tell_parameters(team, part%par)
+    if (.not. allocated(part%surfaces%free)) return
+    if (team%leads()) part%surfaces%given = whole%surfaces%given
+    call tell_matrix(team, part%surfaces%given)
+  end subroutine tell_energies
 
   !> How prescribed grains go on from now.
   subroutine tell_targets(team, whole, placed, part)

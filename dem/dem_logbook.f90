@@ -72,7 +72,7 @@ contains
       call log%item(trim(merge('contact laws', '            ', k == 1)), lines(k)%s)
     end do
     call log%item('contacts', str(system%contact_number()), &
-                  str(system%pairs%count)//' candidate pairs, skin '// &
+                  str(system%pair_number())//' candidate pairs, skin '// &
                   short_number(system%pairs%skin)//' m')
     limit = system%step_limit()
     how = 'no contacts yet'

@@ -74,7 +74,9 @@ contains
     allocate (work(size(own)))
     do k = 1, size(own)
       ! in whole numbers, so that all ranks find the same cuts
-      work(k) = 2 + d%pairs%start(own(k) + 1) - d%pairs%start(own(k))
+      work(k) = 2
+      if (allocated(d%pairs%start)) &
+        work(k) = work(k) + d%pairs%start(own(k) + 1) - d%pairs%start(own(k))
     end do
     mean = sum(work)
     d%halo%stray = 0

@@ -94,12 +94,8 @@ module dem_model
     procedure :: take_steps
     procedure :: load_surface
     procedure :: write_due
-    procedure, private :: watch_stops
-    procedure, private :: needs_whole
-    procedure, private :: judge_rest
-    procedure, private :: take_probes
-    procedure, private :: write_row
-    procedure, private :: steps_seconds
+    procedure, private :: watch_stops, drive_surfaces, needs_whole, judge_rest, take_probes, &
+      write_row, steps_seconds
     procedure :: save_checkpoint
   end type dem_model_type
 
@@ -206,6 +202,8 @@ contains
     real(wp) :: dt
 
     self%system%par%dt = self%choices%dt
+    self%system%apart = self%ranks%several() .and. .not. (self%needs_whole() .or. &
+      self%options%check .or. self%system%pairs%extras%bond%given)
     call self%system%init(errors)
     if (errors%any()) return
     call check_initial_overlap(self%system, self%choices, self%deck%path('particles', 1, 'file'), &
@@ -218,8 +216,9 @@ contains
     if (self%clock%automatic) dt = self%clock%chosen_step(self%automatic_dt())
     call self%clock%start_at(0.0_wp, dt)
     call self%use_step(dt)
+    call self%system%glance()
     call self%flow%look(self%system%dem_data_type, 0.0_wp)
-    call self%drive%look(self%system%dem_data_type, 0.0_wp)
+    call self%drive_surfaces()
   end subroutine begin_fresh
 
   !> Start from a checkpoint.
@@ -316,6 +315,7 @@ contains
     end do
     call log_row_titles(self%log)
     if (self%start_time >= 0.0_wp .or. errors%any()) return
+    if (self%measures%n + self%measures%grids > 0) call self%system%look()
     call self%histories%write(0.0_wp, self%system, errors)
     call self%servo%write(0.0_wp, self%system%dem_data_type, errors)
     call self%surcharge%write(0.0_wp, self%system%dem_data_type, errors)
@@ -343,7 +343,6 @@ contains
   subroutine run(self, errors)
     class(dem_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: start
     integer(i4) :: block
 
     block = blocks(findloc(blocks*real(self%system%grains%n, wp) <= block_work, .true., 1) &
@@ -374,15 +373,21 @@ contains
       call self%load_surface(.false., errors)
       if (self%flow%due(self%clock%steps)) &
         call self%flow%look(self%system%dem_data_type, self%clock%time())
-      start = self%system%ledger%start
-      if (self%drive%due(self%clock%steps)) &
-        call self%drive%look(self%system%dem_data_type, self%clock%time())
-      call self%system%start_moved(start)
+      if (self%drive%due(self%clock%steps)) call self%drive_surfaces()
       if (self%equilibrium%due(self%clock%steps)) call self%judge_rest()
       call self%equilibrium%damp(self%system, self%clock%steps)
       call self%write_due(errors)
     end do
   end subroutine run
+
+  !> Velocities of surfaces and loads of free bodies for the steps to come.
+  subroutine drive_surfaces(self)
+    class(dem_model_type), intent(inout) :: self
+    real(wp) :: start
+    start = self%system%ledger%start
+    call self%drive%look(self%system%dem_data_type, self%clock%time())
+    call self%system%start_moved(start)
+  end subroutine drive_surfaces
 
   !> Is anything in use that looks at all grains and their contacts?
   logical function needs_whole(self)

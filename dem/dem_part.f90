@@ -5,17 +5,18 @@ module dem_part
   use dem_state, only: dem_data_type, dem_ledger_type, dem_cell_type
   use dem_cell_stress, only: cell_sums
   use dem_halo_state, only: cell_reals
-  use dem_ledger, only: follow_step, refresh_stored
+  use dem_ledger, only: follow_step, refresh_stored, start_ledger
   use dem_limits, only: gershgorin_step, rayleigh_step, foreseen_step
   use dem_extra_list, only: count_broken
   use dem_measure, only: check_overlap, fastest_grain
   use dem_slabs, only: count_contacts
-  use dem_steps, only: step_memory_type, take_steps
+  use dem_steps, only: step_memory_type, take_steps, evaluate_forces
+  use dem_swap, only: add_loads
   use dem_surface_measure, only: body_rows, body_rate
   use dem_surface_share, only: surface_reals, surface_report, take_surfaces
   implicit none
   private
-  public :: move_part, report_of, add_reports, glance_of, add_glances, rank_marks_type
+  public :: start_part, move_part, report_of, add_reports, glance_of, add_glances, rank_marks_type
 
   type(dem_ledger_type), parameter :: fresh = dem_ledger_type()
   integer(i4), parameter :: works = size(transfer(fresh, [0.0_wp]))  !! columns of the ledger
@@ -37,12 +38,24 @@ module dem_part
     real(wp) :: own(2) = 0.0_wp        !! least and most grains of a rank
     real(wp) :: mirrors(2) = 0.0_wp    !! least and most mirrors
     real(wp) :: imbalance = 1.0_wp     !! most candidate pairs over the mean [-]
+    real(wp) :: pairs = 0.0_wp         !! candidates of all ranks
     real(wp) :: bytes = 0.0_wp         !! sent in a step by all ranks
     real(wp) :: messages = 0.0_wp      !! sent in a step by all ranks
     real(wp) :: contacts(2) = 0.0_wp   !! contacts at the last glance, those with a history
   end type rank_marks_type
 
 contains
+
+  !> First forces on a part whose list was made.
+  subroutine start_part(part, errors)
+    type(dem_data_type), intent(inout) :: part
+    type(error_list_type), intent(inout) :: errors
+    call evaluate_forces(part, 0.0_wp)
+    call add_loads(part)
+    part%pending = 0.0_wp
+    call check_overlap(part, 'I215', errors)
+    call start_ledger(part, part%par%dt)
+  end subroutine start_part
 
   !> n steps; the state is checked as on one rank.
   subroutine move_part(part, memory, n, errors)
@@ -194,6 +207,7 @@ contains
     marks%own = [minval(reports(at_own, :)), maxval(reports(at_own, :))]
     marks%imbalance = maxval(reports(at_pairs, :))*size(reports, 2) &
                       /max(sum(reports(at_pairs, :)), 1.0_wp)
+    marks%pairs = sum(reports(at_pairs, :))
     marks%bytes = sum(reports(at_bytes, :))
     marks%messages = sum(reports(at_messages, :))
     marks%mirrors = [minval(reports(at_mirrors, :)), maxval(reports(at_mirrors, :))]

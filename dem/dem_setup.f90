@@ -6,6 +6,7 @@ module dem_setup
   use talus_curve, only: curve_type, curve_index
   use talus_deck, only: deck_type
   use dem_state, only: kind_free, kind_fixed, kind_driven, mode_dynamic, mode_relaxation
+  use dem_slabs, only: slab_grains
   use dem_system, only: dem_system_type, dem_contacts_type
   use dem_form_make, only: make_forms
   use dem_make, only: make_grains, sorted_order
@@ -30,6 +31,8 @@ module dem_setup
     real(wp) :: initial_overlap = 0.0_wp           !! limit, of the least semi-axis [-]
     integer(i8), allocatable :: idle(:)            !! driven grains that no group drives
   end type dem_choices_type
+
+  integer(i4), parameter :: named = 5  !! pairs that overlap
 
 contains
 
@@ -315,20 +318,45 @@ contains
 
   !> Free grains that overlap too much at the start are a fault of the packing (I234).
   subroutine check_initial_overlap(system, choices, path, errors)
-    type(dem_system_type), intent(in) :: system
+    type(dem_system_type), intent(inout) :: system
     type(dem_choices_type), intent(in) :: choices
     character(len=*), intent(in) :: path
     type(error_list_type), intent(inout) :: errors
-    integer(i4), parameter :: named = 5
     type(dem_contacts_type) :: list
-    integer(i4), allocatable :: pair(:)
     character(len=:), allocatable :: text
-    real(wp) :: ratio
-    integer(i4) :: k, found
+    integer(i4) :: low, found
 
-    call system%contacts(list)
     found = 0
     text = ''
+    if (system%parted()) then
+      do low = 1, system%grains%n, slab_grains
+        call system%crew%some_contacts(system%grains%id(low), system%grains%id( &
+          min(low + slab_grains - 1, system%grains%n)), list)
+        call name_overlaps(system, choices, list, found, text, errors)
+      end do
+    else
+      call system%contacts(list)
+      call name_overlaps(system, choices, list, found, text, errors)
+    end if
+    if (found == 0) return
+    if (found > named) text = text//' and '//str(found - named)//' more pairs'
+    call errors%add('I234', 'grains overlap at the start: '//text//' of the smaller grain''s '// &
+                    'least semi-axis, more than '//str(100.0_wp*choices%initial_overlap)//' %', &
+                    path, 'mend the packing, or raise &limits initial_overlap')
+  end subroutine check_initial_overlap
+
+  !> Pairs of free grains of a list that overlap too much; the first ones are named.
+  subroutine name_overlaps(system, choices, list, found, text, errors)
+    type(dem_system_type), intent(in) :: system
+    type(dem_choices_type), intent(in) :: choices
+    type(dem_contacts_type), intent(in) :: list
+    integer(i4), intent(inout) :: found
+    character(len=:), allocatable, intent(inout) :: text
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), allocatable :: pair(:)
+    real(wp) :: ratio
+    integer(i4) :: k
+
     do k = 1, list%n
       if (list%ids(1, k) < 0) cycle
       call system%find(list%ids(:, k), pair, errors)
@@ -341,12 +369,7 @@ contains
       text = text//str(list%ids(1, k))//' and '//str(list%ids(2, k))//' by '// &
         str(anint(1000.0_wp*ratio)/10.0_wp)//' %'
     end do
-    if (found == 0) return
-    if (found > named) text = text//' and '//str(found - named)//' more pairs'
-    call errors%add('I234', 'grains overlap at the start: '//text//' of the smaller grain''s '// &
-                    'least semi-axis, more than '//str(100.0_wp*choices%initial_overlap)//' %', &
-                    path, 'mend the packing, or raise &limits initial_overlap')
-  end subroutine check_initial_overlap
+  end subroutine name_overlaps
 
   !> A given step above the stability limit is refused unless the deck allows it (D245).
   subroutine check_step(deck, system, choices, warning, errors)

@@ -515,6 +515,7 @@ contains
     !$omp end parallel
     work = 0.0_wp
     do i = 1, d%grains%n
+      if (d%grains%kind(i) == kind_mirror) cycle
       call sum_body(d%pairs, i, force, moment)
       call sum_images(d, i, force, moment)
       if (d%surfaces%near > 0) then

@@ -34,6 +34,7 @@ module dem_system
   type, extends(dem_data_type) :: dem_system_type
     type(dem_data_type), allocatable :: kept
     type(dem_crew_type), allocatable :: crew  !! of a run on many ranks
+    logical :: apart = .false.                !! whose first lists and forces each makes for itself
     type(step_memory_type), private :: memory
     real(wp), private :: limit = 0.0_wp            !! recent_limit [s]
     integer(i8), private :: limit_at = -1          !! evaluation of forces then
@@ -47,6 +48,7 @@ module dem_system
     procedure :: glance           !! (): ledger and stress in a cell as the ranks have them
     procedure :: follow_laws      !! (): laws have changed: so has what is stored
     procedure :: parted           !! (): ranks have been on since the last look
+    procedure :: pair_number      !! (): of candidate pairs, over a border twice
     procedure :: contact_number   !! (): of contacts, once the ledger was refreshed
     procedure :: init             !! (errors): lists and forces at the start; no time passes
     procedure :: step             !! (n, errors): n sub-steps of par%dt
@@ -158,6 +160,13 @@ contains
     if (allocated(self%crew)) parted = self%crew%stale
   end function parted
 
+  !> Number of candidate pairs.
+  integer(i8) function pair_number(self)
+    class(dem_system_type), intent(in) :: self
+    pair_number = self%pairs%count
+    if (parted(self)) pair_number = nint(self%crew%marks%pairs, i8)
+  end function pair_number
+
   !> Number of contacts, as the ranks told it with the ledger.
   integer(i8) function contact_number(self)
     class(dem_system_type), intent(in) :: self
@@ -187,6 +196,11 @@ contains
     if (errors%any()) return
     call allocate_bodies(self%pairs, self%grains, self%planes)
     call update_bodies(self%pairs, self%grains, self%planes, self%cell)
+    if (self%apart) then
+      call self%crew%begin_fresh(self%dem_data_type, errors)
+      self%ready = .true.
+      return
+    end if
     call build_pairs(self%pairs, self%grains, self%planes, self%weights, self%par%ghost_pairs, &
                      self%cell)
     call make_bonds(self%dem_data_type, errors)

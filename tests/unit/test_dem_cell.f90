@@ -10,7 +10,7 @@ program test_dem_cell
   use dem_archive, only: dem_archive_type
   use dem_cell, only: set_cell, advance_cell, reduced_basis, least_width, cell_volume, folded, &
     determinant
-  use dem_flow, only: cell_stress
+  use dem_cell_stress, only: cell_stress
   use dem_law, only: make_law
   use dem_make, only: make_grains
   use dem_measure, only: momentum_of, stress_of

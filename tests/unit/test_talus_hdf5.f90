@@ -18,6 +18,7 @@ program test_talus_hdf5
   call make_folder(folder, errors)
   call test%check('folder made', .not. errors%any())
   call round_trip()
+  call slabs()
   call attributes()
   call wrong_contents()
   call wrong_files()
@@ -28,6 +29,43 @@ program test_talus_hdf5
   call test%finish()
 
 contains
+
+  !> Arrays put in parts, some of them empty, are those put whole; a part beyond the end is a fault.
+  subroutine slabs()
+    type(h5_file_type) :: file
+    real(wp), allocatable :: x(:, :), back(:, :)
+    integer(i8), allocatable :: ids(:)
+    integer(i4) :: k, low
+    x = reshape([(real(k, wp)/3.0_wp, k=1, 15)], [3, 5])
+    call file%create(folder//'/s.h5', errors)
+    do low = 1, 5, 2
+      file%slab = [low - 1, 5]
+      call file%put('/some/x', x(:, low:min(low + 1, 5)), errors)
+      call file%put('/some/id', [(int(k, i8), k=low, min(low + 1, 5))], errors)
+      call file%put('/some/x', x(:, 1:0), errors)
+    end do
+    file%slab = [0, 0]
+    call file%put('/none', x(:, 1:0), errors)
+    file%slab = [0, -1]
+    call file%put('/whole', x, errors)
+    call file%commit(errors)
+    call file%open(folder//'/s.h5', errors)
+    call file%get('/some/x', back, errors)
+    call file%get('/some/id', ids, errors)
+    call test%check('slabs: no faults', .not. errors%any())
+    call test%check('slabs: columns', size(back, 2) == 5)
+    call test%check('slabs: values', all(abs(back - x) <= 0.0_wp) .and. all(ids == [1, 2, 3, 4, 5]))
+    call file%get('/none', back, errors)
+    call test%check('slabs: nothing in all', size(back) == 0)
+    call file%close(errors)
+    call errors%clear()
+    call file%create(folder//'/s.h5', errors)
+    file%slab = [4, 5]
+    call file%put('/some/x', x(:, 1:2), errors)
+    call test%check('slabs: beyond the end', errors%any())
+    call file%discard()
+    call errors%clear()
+  end subroutine slabs
 
   subroutine round_trip()
     type(h5_file_type) :: file
