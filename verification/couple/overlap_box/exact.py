@@ -15,7 +15,7 @@ MASS = DENSITY * np.pi / 6 * DIAMETER**3
 STEP = 0.2 * np.sqrt(MASS / STIFFNESS)
 STEPS, M, SPEED = 480, 4, 2.0e-5
 LONG = 4  # times as many steps
-RUNS = (("fit", "step", M, 1), ("ramp", "step", M, 1), ("fit", "exchange", M // 2, LONG))
+RUNS = (("fit", "step", M, LONG), ("ramp", "step", M, 1), ("fit", "exchange", M // 2, LONG))
 
 
 def write_input(case: Case) -> np.ndarray:
