@@ -335,7 +335,13 @@ contains
     class(operators_type), intent(in) :: self
     real(wp), intent(in) :: f(:, :), c(:, :)
     real(wp), intent(out) :: force(:, :), moment(:, :)
-    real(wp) :: turning(3, self%hats_phi/self%stride)
+    real(wp) :: turning(3, self%hats_phi/self%stride), nothing(3, self%free)
+    if (self%twin_maps) then
+      nothing = 0.0_wp
+      call hand_on_twins(self%p, self%p_phi, f(:, :self%hats), c(:, :self%hats_phi), nothing, &
+                         nothing, force, moment)
+      return
+    end if
     force = 0.0_wp
     moment = 0.0_wp
     call self%p%transposed(f(:, :self%hats), force)

@@ -27,6 +27,7 @@ module cpl_projection
     type(band_type) :: factor               !! of N' W N, scaled to a unit diagonal
     real(wp), allocatable :: scale(:)       !! 1/sqrt of the diagonal
     type(rows_type) :: fit                  !! rows of P itself (mls): nodes by grains
+    type(rows_type) :: by_grain             !! the same by its columns, grains by nodes
     real(wp) :: condition = 1.0_wp
   contains
     procedure :: build_l2
@@ -233,6 +234,7 @@ contains
       call self%fit%add_row(list, value)
     end do
     call self%fit%finish()
+    call self%fit%turn(self%by_grain)
   end subroutine build_mls
 
   pure function near(x, at, reach)

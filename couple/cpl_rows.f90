@@ -19,6 +19,7 @@ module cpl_rows
     procedure :: begin => begin_rows
     procedure :: add_row
     procedure :: finish => finish_rows
+    procedure :: turn
     procedure :: apply
     procedure :: apply_some
     procedure :: transposed
@@ -72,6 +73,34 @@ contains
     self%weight = self%weight(:n)
     self%first = self%first(:self%rows + 1)
   end subroutine finish_rows
+
+  !> The same weights with rows for columns; each new row in the order of the old rows.
+  pure subroutine turn(self, turned)
+    class(rows_type), intent(in) :: self
+    type(rows_type), intent(out) :: turned
+    integer(i4) :: next(self%columns), i, e, a
+    turned%rows = self%columns
+    turned%columns = self%rows
+    allocate (turned%first(self%columns + 1), turned%column(size(self%column)), &
+              turned%weight(size(self%column)))
+    next = 0
+    do e = 1, size(self%column)
+      next(self%column(e)) = next(self%column(e)) + 1
+    end do
+    turned%first(1) = 1
+    do a = 1, self%columns
+      turned%first(a + 1) = turned%first(a) + next(a)
+    end do
+    next = turned%first(:self%columns)
+    do i = 1, self%rows
+      do e = self%first(i), self%first(i + 1) - 1
+        a = self%column(e)
+        turned%column(next(a)) = i
+        turned%weight(next(a)) = self%weight(e)
+        next(a) = next(a) + 1
+      end do
+    end do
+  end subroutine turn
 
   pure subroutine apply(self, x, y)
     class(rows_type), intent(in) :: self

@@ -10,10 +10,11 @@ module cpl_twins
   public :: same_rows, same_maps, apply_twins, transposed_twins, project_twins, hand_on_twins
 
   integer(i4), parameter :: both = 2*lanes  !! displacements in the first half
+  real(wp), parameter :: alike = 1.0e-12_wp !! weights: of masses and of moments of equal grains
 
 contains
 
-  !> Have both the same weights in the same places?
+  !> Have both the same weights, but for rounding, in the same places?
   pure logical function same_rows(a, b)
     type(rows_type), intent(in) :: a, b
     same_rows = a%rows == b%rows .and. a%columns == b%columns
@@ -21,15 +22,21 @@ contains
     if (.not. same_rows) return
     same_rows = all(a%first == b%first)
     if (same_rows) same_rows = all(a%column == b%column) .and. &
-      .not. any(abs(a%weight - b%weight) > 0.0_wp)
+      .not. any(abs(a%weight - b%weight) > alike)
   end function same_rows
 
-  !> Can both projections be taken together? Weights of the grains may differ.
+  !> Can both projections be taken together? Weights of the grains may differ, but not those of
+  !! moving least squares.
   pure logical function same_maps(p, p_phi)
     type(projection_type), intent(in) :: p, p_phi
-    same_maps = .not. (p%mls .or. p_phi%mls)
-    if (same_maps) same_maps = same_rows(p%n, p_phi%n)
-    if (same_maps) same_maps = all(p%place == p_phi%place)
+    same_maps = p%mls .eqv. p_phi%mls
+    if (.not. same_maps) return
+    if (p%mls) then
+      same_maps = same_rows(p%fit, p_phi%fit)
+    else
+      same_maps = same_rows(p%n, p_phi%n)
+      if (same_maps) same_maps = all(p%place == p_phi%place)
+    end if
   end function same_maps
 
   !> Values at the rows named, one after another: y of x, z of phi.
@@ -39,18 +46,27 @@ contains
     real(wp), intent(in) :: x(:, :), phi(:, :)    !! (3, columns)
     real(wp), intent(out) :: y(:, :), z(:, :)     !! (3, size(rows))
     real(wp) :: padded(both, n%columns), s(both)
-    integer(i4) :: k, e, i
+    integer(i4) :: k
     call pad(x, phi, padded)
     do k = 1, size(rows)
-      i = rows(k)
-      s = 0.0_wp
-      do e = n%first(i), n%first(i + 1) - 1
-        s = s + n%weight(e)*padded(:, n%column(e))
-      end do
+      s = of_row(n, rows(k), n%column, padded)
       y(:, k) = s(:3)
       z(:, k) = s(lanes + 1:lanes + 3)
     end do
   end subroutine apply_twins
+
+  !> Sum of row i of n, whose columns are found at `at`.
+  pure function of_row(n, i, at, x) result(s)
+    type(rows_type), intent(in) :: n
+    integer(i4), intent(in) :: i, at(:)
+    real(wp), intent(in) :: x(both, n%columns)
+    real(wp) :: s(both)
+    integer(i4) :: e
+    s = 0.0_wp
+    do e = n%first(i), n%first(i + 1) - 1
+      s = s + n%weight(e)*x(:, at(e))
+    end do
+  end function of_row
 
   pure subroutine pad(x, phi, padded)
     real(wp), intent(in) :: x(:, :), phi(:, :)
@@ -107,6 +123,18 @@ contains
     integer(i4) :: i, a
     r = 0.0_wp
     f = 0.0_wp
+    if (p%mls) then
+      associate (n => p%by_grain)
+        do i = 1, n%rows
+          f(:3) = q(:, i)
+          f(lanes + 1:lanes + 3) = theta(:, i)
+          call add_row(n%first(i), n%first(i + 1) - 1, n%column, n%weight, f, r)
+        end do
+      end associate
+      d = r(:3, :)
+      phi = r(lanes + 1:lanes + 3, :)
+      return
+    end if
     do i = 1, p%n%rows
       f(:3) = p%w(i)*q(:, i)
       f(lanes + 1:lanes + 3) = p_phi%w(i)*theta(:, i)
@@ -126,18 +154,25 @@ contains
     real(wp), intent(in) :: besides(:, :), besides_phi(:, :)  !! (3, grains)
     real(wp), intent(out) :: force(:, :), moment(:, :)        !! (3, grains)
     real(wp) :: r(both, p%n%columns), s(both)
-    integer(i4) :: i, a, e
+    integer(i4) :: i, a
     r = 0.0_wp
+    if (p%mls) then
+      r(:3, :) = f
+      r(lanes + 1:lanes + 3, :) = c
+      do i = 1, p%by_grain%rows
+        s = of_row(p%by_grain, i, p%by_grain%column, r)
+        force(:, i) = besides(:, i) + s(:3)
+        moment(:, i) = besides_phi(:, i) + s(lanes + 1:lanes + 3)
+      end do
+      return
+    end if
     do a = 1, p%n%columns
       r(:3, p%place(a)) = f(:, a)
       r(lanes + 1:lanes + 3, p%place(a)) = c(:, a)
     end do
     call solve(p, p_phi, r)
     do i = 1, p%n%rows
-      s = 0.0_wp
-      do e = p%n%first(i), p%n%first(i + 1) - 1
-        s = s + p%n%weight(e)*r(:, p%at(e))
-      end do
+      s = of_row(p%n, i, p%at, r)
       force(:, i) = besides(:, i) + p%w(i)*s(:3)
       moment(:, i) = besides_phi(:, i) + p_phi%w(i)*s(lanes + 1:lanes + 3)
     end do

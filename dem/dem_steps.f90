@@ -39,6 +39,7 @@ module dem_steps
 
   integer(i4), parameter :: chunk = lanes  !! grains in a unit of work
   integer(i8), parameter :: few_steps = 40    !! a list that lasts less gets a wider skin
+  integer(i8), parameter :: few_in_parts = 120  !! the same where each list has a border chosen
   integer(i8), parameter :: many_steps = 200  !! one that lasts longer a narrower one
   integer(i8), parameter :: rest_steps = 2000
 
@@ -584,7 +585,7 @@ contains
     real(wp), allocatable :: contacts(:, :)
     d%health%rebuilds = d%health%rebuilds + 1
     if (travel > d%pairs%skin) d%health%late_rebuilds = d%health%late_rebuilds + 1
-    if (d%health%steps - d%pairs%built_at < few_steps) then
+    if (d%health%steps - d%pairs%built_at < merge(few_in_parts, few_steps, d%parts%active)) then
       d%pairs%skin = min(1.3_wp*d%pairs%skin, d%pairs%most_skin)
     else if (d%health%steps - d%pairs%built_at > many_steps) then
       d%pairs%skin = max(d%pairs%skin/1.3_wp, d%pairs%least_skin)

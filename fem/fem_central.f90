@@ -150,11 +150,10 @@ contains
   end subroutine quick_leap
 
   !> Ledger of an explicit state with lumped mass; loads by what moved since the accepted state.
-  subroutine explicit_energy(self)
+  subroutine explicit_energy(self, internal)
     type(fem_body_type), intent(inout) :: self
-    real(wp), dimension(3, self%dofs%blocks) :: internal
+    real(wp), intent(in) :: internal(:, :)  !! forces of the state [N], [N m]
     integer(i4) :: i
-    call self%trial_force(self%state%u, internal)
     self%state%tie = 0.0_wp
     self%state%reaction = merge(internal - self%state%external, 0.0_wp, &
                                 self%held .or. self%prescribed)

@@ -237,7 +237,7 @@ contains
     type(fem_sets_type), intent(inout) :: sets
     type(message_type), intent(inout) :: request, reply
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: f(:, :), external(:, :)
+    real(wp), allocatable :: f(:, :), internal(:, :), external(:, :)
     real(wp) :: kick, drift
     logical :: brief
     integer(i4) :: i
@@ -252,14 +252,14 @@ contains
     call request%all_read(errors)
     if (errors%any()) return
     associate (body => model%body)
-      allocate (f(3, body%dofs%blocks), external(3, body%dofs%blocks))
+      allocate (internal(3, body%dofs%blocks), external(3, body%dofs%blocks))
       where (body%prescribed) body%state%u = body%given_u
-      call sets%whole_force(body, f)
+      call sets%whole_force(body, internal)
       call body%matter_fault(errors)
       if (errors%any()) return
       call body%external_at(request%t0, external)
       call body%follow(request%t0, body%state%u, external)
-      f = external - f
+      f = external - internal
       if (body%damping%stiffness > 0.0_wp) then
         call multiply(body%pattern, body%k, body%state%v, body%state%viscous)
         f = f - body%damping%stiffness*body%state%viscous
@@ -276,7 +276,8 @@ contains
       body%state%external = external
       body%state%time = request%t1
       if (brief) return
-      call explicit_energy(body)
+      if (drift > 0.0_wp .or. body%matter%active) call body%trial_force(body%state%u, internal)
+      call explicit_energy(body, internal)
       call body%matter_fault(errors)
       if (errors%any()) return
       call sets%put_states(body, reply)

@@ -1,15 +1,15 @@
 """What a step costs with all grains and in the coupled run, by the length of the exchange.
 
 Usage: cost.py OUT [STEPS]. OUT holds what prepare and probe have written. Each deck is run for
-STEPS (960) more steps than a first short run of the same program, whose time, which is that of
-setting up, is taken off. CPU time is that of all three programs together. Exchanges of 16 steps are
-longer than the solid's stable step: there its micro-rotations have six times their inertia. Writes
-cost.csv and cost.png and prints the table; the ratio is that of CPU times, all grains over the run.
+STEPS (980) more steps than a first short run of the same program, whose time, which is that of
+setting up, is taken off. CPU time is that of all three programs together. Writes cost.csv and
+cost.png and prints the table; the ratio is that of CPU times, all grains over the run.
 """
 
 import csv
 import json
 import os
+import re
 import resource
 import subprocess
 import sys
@@ -19,10 +19,8 @@ from pathlib import Path
 from talus.look import COLOURS, new_figure, save_figure
 
 STEP = 1.25e-6  # of the grains [s]
-FEW = 16  # steps of the short run
-LENGTHS = (1, 2, 4, 8, 16)  # steps in an exchange
-STABLE = 8  # the longest without rotation_mass
-SLOWER = "kind = 'explicit', rotation_mass = 6.0"
+FEW = 28  # steps of the short run
+LENGTHS = (1, 2, 4, 7)  # steps in an exchange
 CONTACTS = {"step": "in every step", "exchange": "once an exchange"}
 ASIDE = ("&checkpoint", "&output")  # groups that are left out
 CPU, WALL = "CPU a step [ms]", "wall a step [ms]"
@@ -31,7 +29,7 @@ TIMERS = ("projection and maps", "pull-backs", "works", "audit and log", "exchan
 
 def short_deck(source: Path, target: Path, steps: int, **changes: str) -> Path:
     """Write a deck that ends after a number of steps, without checkpoints and fields."""
-    text = source.read_text().replace("t_end = 0.08", f"t_end = {steps * STEP:.17g}")
+    text = re.sub("t_end = [0-9.]+", f"t_end = {steps * STEP:.17g}", source.read_text())
     for old, new in changes.items():
         text = text.replace(*(f"{old} = {value}" for value in new.split("|")))
     lines = [line for line in text.splitlines() if not line.startswith(ASIDE)]
@@ -72,11 +70,7 @@ def whole(out: Path, more: int) -> list[float]:
 def coupled(out: Path, contacts: str, m: int, steps: int) -> list[float]:
     """The coupled run with exchanges of m steps."""
     here = Path(__file__).resolve().parent
-    changes = {"exchange": f"1.0e-5|{m * STEP:.17g}", "ghost_contacts": f"'exchange'|'{contacts}'"}
-    if m > STABLE:
-        text = (here / "solid.nml").read_text().replace("kind = 'explicit'", SLOWER)
-        (out / "cost_solid.nml").write_text(text)
-        changes["deck"] = "'solid.nml'|'cost_solid.nml'"
+    changes = {"exchange": f"8.75e-6|{m * STEP:.17g}", "ghost_contacts": f"'exchange'|'{contacts}'"}
     return run_for(out, "talus-couple", here / "coupled.nml", steps, **changes)
 
 
@@ -101,11 +95,11 @@ def draw(out: Path) -> None:
 def main() -> int:
     """Time all grains and each coupled run."""
     out = Path(sys.argv[1]).resolve()
-    more = int(sys.argv[2]) if len(sys.argv) > 2 else 960
+    more = int(sys.argv[2]) if len(sys.argv) > 2 else 980
     grains = whole(out, more)
     lines = [f"run,steps in an exchange,{CPU},{WALL},coupling a step [ms],ratio"]
     lines.append(f"all grains,,{grains[0]:.3f},{grains[1]:.3f},,1")
-    short = coupled(out, "exchange", STABLE, FEW)
+    short = coupled(out, "exchange", LENGTHS[-1], FEW)
     for contacts, label in CONTACTS.items():
         for m in LENGTHS:
             after = coupled(out, contacts, m, FEW + more)

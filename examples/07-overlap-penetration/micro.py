@@ -43,7 +43,7 @@ def write_surround(out: Path) -> None:
         top = float(file["nodes/x"][:, 2].max())
     prepare.LAYER = LAYER
     prepare.LINES = np.array([prepare.INNER, prepare.FREE_EDGE, prepare.GHOST_EDGE, prepare.OUTER])
-    write_mesh(out / "micro" / "surround.h5", prepare.surround(top))
+    write_mesh(out / "micro" / "surround.h5", prepare.surround(top, prepare.levels(top, deep=True)))
 
 
 def main() -> int:

@@ -1,7 +1,8 @@
 """Cut the pressed wide bed for the coupled and the rigid run, and mesh the surround.
 
-Usage: prepare.py PRESSED OUT [X Y]. The tool stands at X, Y [mm], by default in the middle. Writes
-OUT/truth_pack.h5 (all grains and the tool), core_pack.h5 (grains within the ghosts' outer face),
+Usage: prepare.py PRESSED OUT [X Y [deep]]. The tool stands at X, Y [mm], by default in the middle;
+deep: grains are free to the floor, not to some way below the end of the stroke. Writes
+OUT/truth_pack.h5 (all grains and the tool), core_pack.h5 (grains within the ghosts' outer faces),
 rigid_pack.h5 (a rigid box: grains outside the medium container's inner width are fixed),
 probe_pack.h5 (a box within a fixed shell), each but the first with the tool at its origin, and
 surround.h5.
@@ -19,6 +20,8 @@ from talus.packing import FIXED, FREE, Packing, read_packing, write_packing_file
 INNER, FREE_EDGE, GHOST_EDGE, OUTER = 0.0125, 0.0225, 0.0375, 0.060  # half-widths [m]
 FLOOR = -0.0225  # top of the floor's spheres [m]
 LAYER = 0.010  # height of an element, about [m]
+STROKE = 0.020  # of the tool [m]
+BELOW = 0.020  # grains alone below the end of the stroke [m]
 RIGID = 0.0225  # half the inner width of the medium container [m]
 NEAR = 0.005  # width of the layer of ghosts that may touch free grains [m]
 PROBE = 0.0225  # half-width of the box whose moduli are probed [m]
@@ -37,18 +40,29 @@ def with_tool(packing: Packing) -> Packing:
     return add_tool(packing, TOOL_AXES, None)
 
 
-def core(bed: Packing) -> Packing:
-    """Grains to the outer face of the ghosts; the floor reaches as far as grains are free."""
+def levels(top: float, deep: bool) -> np.ndarray:
+    """Where grains alone, free grains and ghosts end below [m]."""
+    if deep:
+        return np.full(3, FLOOR)
+    inner = top - STROKE - BELOW
+    return inner - np.array([0.0, FREE_EDGE - INNER, GHOST_EDGE - INNER])
+
+
+def core(bed: Packing, level: np.ndarray) -> Packing:
+    """Grains to the outer faces of the ghosts; a floor reaches as far as grains are free."""
     wide = half_width(bed)
-    keep = (bed.kind == FREE) & (wide < GHOST_EDGE)
-    keep |= (bed.kind == FIXED) & (wide < FREE_EDGE) & (bed.x[:, 2] < FLOOR)
-    return ordered(with_tool(bed.take(keep)))
+    deep = level[2] <= FLOOR
+    keep = (bed.kind == FREE) & (wide < GHOST_EDGE) & (deep | (bed.x[:, 2] > level[2]))
+    keep |= (bed.kind == FIXED) & (wide < FREE_EDGE) & (bed.x[:, 2] < FLOOR) & deep
+    return ordered(with_tool(bed.take(keep)), level)
 
 
-def ordered(packing: Packing) -> Packing:
+def ordered(packing: Packing, level: np.ndarray) -> Packing:
     """Free grains first, then the ghosts near them, each in layers."""
-    wide = half_width(packing)
-    ring = np.where(wide < FREE_EDGE, 0, np.where(wide < FREE_EDGE + NEAR, 1, 2))
+    outside = half_width(packing) - FREE_EDGE
+    if level[2] > FLOOR:
+        outside = np.maximum(outside, level[1] - packing.x[:, 2])
+    ring = np.where(outside < 0.0, 0, np.where(outside < NEAR, 1, 2))
     cell = np.floor((packing.x - packing.x.min(axis=0)) / NEAR)
     order = np.lexsort((packing.id, cell[:, 0], cell[:, 1], cell[:, 2], ring))
     part = packing.take(order)
@@ -87,22 +101,30 @@ def probe_box(bed: Packing) -> Packing:
     return part
 
 
-def surround(top: float) -> Mesh:
-    """Hexahedra around the core from the floor to the surface of the bed."""
-    line = np.concatenate([-LINES[::-1], LINES])
-    count = int(round((top - FLOOR) / LAYER))
-    heights = np.linspace(FLOOR, top, count + 1)
-    middle = 0.5 * (line[1:] + line[:-1])
+def lines_up(top: float, level: np.ndarray) -> np.ndarray:
+    """Heights of the nodes: layers of about LAYER, thinner among ghosts."""
+    ends, parts = [top, *level, FLOOR], [LAYER, LAYER, 0.5 * (GHOST_EDGE - FREE_EDGE), 1.5 * LAYER]
+    if level[2] <= FLOOR:
+        ends, parts = [top, FLOOR], [LAYER]
+    pieces = [np.linspace(high, low, int(round((high - low) / part)) + 1)
+              for high, low, part in zip(ends, ends[1:], parts, strict=False)]  # fmt: skip
+    return np.unique(np.concatenate(pieces))
+
+
+def surround(top: float, level: np.ndarray) -> Mesh:
+    """Hexahedra around the core, and below it, from the floor to the surface of the bed."""
+    line, heights = np.concatenate([-LINES[::-1], LINES]), lines_up(top, level)
+    middle, up = 0.5 * (line[1:] + line[:-1]), 0.5 * (heights[1:] + heights[:-1])
     wide = np.maximum(np.abs(middle)[:, None], np.abs(middle)[None, :])
-    keep = np.repeat((wide > INNER)[:, :, None], count, axis=2)
-    x, hex8 = structured((line, line, heights), keep)
-    at = np.abs(x[hex8].mean(axis=1)[:, :2]).max(axis=1)
-    free = at < FREE_EDGE
-    ghosts = (at < GHOST_EDGE) & ~free
+    x, hex8 = structured((line, line, heights), (wide > INNER)[:, :, None] | (up < level[0]))
+    at = x[hex8].mean(axis=1)
+    wide = np.abs(at[:, :2]).max(axis=1)
+    free = (wide < FREE_EDGE) & (at[:, 2] > level[1])
+    ghosts = (wide < GHOST_EDGE) & (at[:, 2] > level[2]) & ~free
     mesh = Mesh(x, hex8, {"all": np.arange(len(hex8)), "free": np.flatnonzero(free),
                           "ghosts": np.flatnonzero(ghosts)})  # fmt: skip
     edge = np.abs(x[:, :2]).max(axis=1)
-    low = (x[:, 2] < FLOOR + 1e-9) & (edge > FREE_EDGE + 1e-9)
+    low = (x[:, 2] < FLOOR + 1e-9) & ((edge > FREE_EDGE + 1e-9) | (level[2] > FLOOR))
     mesh.nodes["held"] = np.flatnonzero(low | (edge > OUTER - 1e-9))
     corners = hex8[~free][:, 4:]  # upper faces: the load is on the free grains and on these
     mesh.facets["top"] = corners[np.all(x[corners][:, :, 2] > top - 1e-9, axis=1)]
@@ -116,12 +138,13 @@ def main() -> int:
     bed.x[:, :2] -= at
     ring = (half_width(bed) > FREE_EDGE) & (half_width(bed) < GHOST_EDGE) & (bed.kind == FREE)
     top = float(bed.x[ring, 2].max() + 1.0e-6)
-    pieces = {"truth": whole(bed, at), "core": core(bed),
+    level = levels(top, "deep" in sys.argv[5:])
+    pieces = {"truth": whole(bed, at), "core": core(bed, level),
               "rigid": rigid_box(bed), "probe": probe_box(bed)}  # fmt: skip
     for name, packing in pieces.items():
         write_packing_file(out / f"{name}_pack.h5", packing)
         print(f"{name}_pack.h5: {(packing.kind == FREE).sum()} free grains of {packing.count}")
-    mesh = surround(top)
+    mesh = surround(top, level)
     write_mesh(out / "surround.h5", mesh)
     free, ghosts = len(mesh.volumes["free"]), len(mesh.volumes["ghosts"])
     print(f"surround.h5: {len(mesh.x)} nodes, {mesh.count} hex8, top at {1e3 * top:.1f} mm")

@@ -15,7 +15,10 @@ MASS = DENSITY * np.pi / 6 * DIAMETER**3
 STEP = 0.2 * np.sqrt(MASS / STIFFNESS)
 STEPS, M, SPEED = 480, 4, 2.0e-5
 LONG = 4  # times as many steps
-RUNS = (("fit", "step", M, LONG), ("ramp", "step", M, 1), ("fit", "exchange", M // 2, LONG))
+MLS = "projection = 'mls', mass = 'nearest'"
+RUNS = (("fit", "step", M, LONG, ""), ("ramp", "step", M, 1, ""),
+        ("fit", "exchange", M // 2, LONG, ""),
+        ("fit", "exchange", M // 2, LONG, MLS))  # fmt: skip
 
 
 def write_input(case: Case) -> np.ndarray:
@@ -59,10 +62,11 @@ def run(case: Case) -> None:
     write_deck(case, "grains.nml", "box_grains.nml", **values)
     write_deck(case, "solid.nml", "box_solid.nml", **values)
     fig, (left, right) = case.figure(ncols=2, figsize=(9.0, 4.0))
-    for partition, contacts, m, times in RUNS:
-        values |= {"contacts": contacts, "exchange": f"{m * STEP:.17g}"}
+    for partition, contacts, m, times, more in RUNS:
+        values |= {"contacts": contacts, "exchange": f"{m * STEP:.17g}", "more": more}
         values["end"] = f"{times * STEPS // M * M * STEP:.17g}"
         label = partition if contacts == "step" else f"{partition}, by exchange of {m}"
+        label += ", mls" * (more == MLS)
         deck = write_deck(case, f"{partition}.nml", "coupled.nml", partition=partition, **values)
         case.run("talus-couple", deck)
         audit = audit_of(case, partition)
@@ -87,6 +91,9 @@ def run(case: Case) -> None:
         case.below(f"{label}: energy", np.ptp(total) / energy, 0.02, "bounded")
         if times > 1:
             case.below(f"{label}: drift of the energy", abs(drift_of(total)) / energy, 2e-3)
+        if contacts == "exchange":
+            share = m * STEP / summary["overlap"]["stable_exchange_s"]
+            case.below(f"{label}: exchange over that of the kicks", share, 1.0, "stable")
         works = audit["interface_work_given"] - audit["interface_work_taken"]
         case.below(f"{label}: works of both sides", np.abs(works).max() / energy, 1e-10)
         left.plot(1e3 * audit["time"], 100 * total / energy, label=label)
