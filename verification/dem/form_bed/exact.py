@@ -1,10 +1,9 @@
 """Ledger, threads, restart and contacts of a settling bed of four kinds of grains."""
 
-import shutil
-
 import form_pairs
 import h5py
 import numpy as np
+import same_bits
 
 from talus.forms import Forms, bounding_radii, volumes
 from talus.generate import random_quaternions
@@ -27,12 +26,6 @@ def bed() -> object:
     packing.skew[kind == 2] = rng.uniform(-0.3, 0.3, (COUNT // 4, 3))
     packing.exponent[kind == 3] = rng.uniform(2.5, 6.0, COUNT // 4)
     return packing
-
-
-def same_fields(first: object, second: object) -> bool:
-    """Whether the last steps of two field files agree to the bit."""
-    a, b = field_steps(first)[-1].grains, field_steps(second)[-1].grains
-    return all(np.array_equal(a[name], b[name]) for name in a)
 
 
 def unproven_pairs(case: Case) -> tuple[int, int]:
@@ -83,15 +76,7 @@ def run(case: Case) -> None:
     work = float((weight * (start - end)).sum())
     case.metric("weight of the volumes times the fall / work of gravity",
                 work / rows["gravity"][-1], 1.0, 1e-9)  # fmt: skip
-    shutil.copy(case.folder / "deck.h5", case.folder / "one.h5")
-    case.run("talus-dem", "deck.nml", "--threads=2")
-    same = same_fields(case.folder / "one.h5", case.folder / "deck.h5")
-    case.metric("two threads: the same bits", float(same), 1.0, 0.0)
-    chosen = sorted(case.folder.glob("deck.chk*.h5"), key=lambda p: p.stat().st_mtime)[0]
-    shutil.copy(chosen, case.folder / "middle.chk.h5")
-    case.run("talus-dem", "deck.nml", "--threads=1", "--restart=middle.chk.h5")
-    same = same_fields(case.folder / "one.h5", case.folder / "deck.h5")
-    case.metric("restart: the same bits", float(same), 1.0, 0.0)
+    same_bits.judge(case, "deck")
     pairs, missed = unproven_pairs(case)
     case.above("pairs near each other without a contact", pairs, 50)
     case.metric("of these not shown to be apart", missed, 0, 0)

@@ -1,9 +1,8 @@
 """Forms on triangles against the analytic plane; a bed of them among surfaces of all kinds."""
 
-import shutil
-from pathlib import Path
-
 import numpy as np
+import same_bits
+from triangle_nets import pyramids, rough_net, write_stl
 
 from talus.generate import random_quaternions
 from talus.packing import make_packing, write_h5
@@ -29,24 +28,6 @@ CHAMBER = """&surface id = 'floor', file = 'pyramids.stl', material = 'quartz' /
 &checkpoint every_time = 0.03, keep = 2 /
 """
 COLUMNS = ("friction", "contact_damping", "tangential_relaxation")
-
-
-def write_stl(path: Path, x: np.ndarray) -> None:
-    """Write a net of points x (m, n, 3) as triangles."""
-    a, b, c, d = x[:-1, :-1], x[1:, :-1], x[1:, 1:], x[:-1, 1:]
-    triangles = np.stack([np.stack([a, b, c], -2), np.stack([a, c, d], -2)], 2).reshape(-1, 3, 3)
-    lines = ["solid floor"]
-    for corners in triangles:
-        lines += ["facet normal 0 0 0", "outer loop"]
-        lines += [f"vertex {p[0]:.17g} {p[1]:.17g} {p[2]:.17g}" for p in corners]
-        lines += ["endloop", "endfacet"]
-    path.write_text("\n".join([*lines, "endsolid floor", ""]))
-
-
-def net(count: int, size: float) -> np.ndarray:
-    """Return points (count + 1, count + 1, 3) of a plane net around the origin [m]."""
-    i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1), indexing="ij")
-    return size * np.stack([i - count / 2, j - count / 2, np.zeros_like(i)], -1).astype(float)
 
 
 def write_deck(case: Case, name: str, pack: str, end: float, text: str) -> None:
@@ -76,10 +57,7 @@ def throw(case: Case, shape: str, floor: str, text: str) -> tuple[np.ndarray, ..
 
 def throws(case: Case, ax: object) -> None:
     """Judge motion on triangles against the plane."""
-    rng = np.random.default_rng(5)
-    x = net(12, 3.0e-3)
-    x[..., :2] += rng.uniform(-0.9e-3, 0.9e-3, x[..., :2].shape)
-    write_stl(case.folder / "floor.stl", x)
+    write_stl(case.folder / "floor.stl", rough_net())
     for shape in FORMS:
         time, x, v, w = throw(case, shape, "wall", WALL)
         _, x1, v1, w1 = throw(case, shape, "triangles", SURFACE)
@@ -95,17 +73,9 @@ def throws(case: Case, ax: object) -> None:
     ax.legend(fontsize=8)
 
 
-def same_fields(first: Path, second: Path) -> bool:
-    """Whether the last steps of two field files agree to the bit."""
-    a, b = field_steps(first)[-1].grains, field_steps(second)[-1].grains
-    return all(np.array_equal(a[name], b[name]) for name in a)
-
-
 def bed(case: Case, ax: object) -> None:
     """Judge ledger, threads and restart of a bed among surfaces."""
-    pyramids = net(8, 3.5e-3)
-    pyramids[1::2, 1::2, 2] = 2.5e-3
-    write_stl(case.folder / "pyramids.stl", pyramids)
+    write_stl(case.folder / "pyramids.stl", pyramids())
     rng = np.random.default_rng(3)
     i, j, k = np.meshgrid(np.arange(3), np.arange(3), np.arange(4), indexing="ij")
     x = np.column_stack([i.ravel() - 1, j.ravel() - 1, k.ravel()]) * [5.2e-3, 5.2e-3, 5.5e-3]
@@ -134,15 +104,7 @@ def bed(case: Case, ax: object) -> None:
     case.below("bed: greatest distance from the axis [mm]",
                1e3 * np.hypot(*last.grains["x"][:, :2].T).max(), 9.8)  # fmt: skip
     case.above("bed: least height [mm]", 1e3 * last.grains["x"][:, 2].min(), 0.5)
-    shutil.copy(case.folder / "chamber.h5", case.folder / "one.h5")
-    case.run("talus-dem", "chamber.nml", "--threads=2")
-    same = same_fields(case.folder / "one.h5", case.folder / "chamber.h5")
-    case.metric("bed: two threads, the same bits", float(same), 1.0, 0.0)
-    chosen = sorted(case.folder.glob("chamber.chk*.h5"), key=lambda p: p.stat().st_mtime)[0]
-    shutil.copy(chosen, case.folder / "middle.chk.h5")
-    case.run("talus-dem", "chamber.nml", "--threads=1", "--restart=middle.chk.h5")
-    same = same_fields(case.folder / "one.h5", case.folder / "chamber.h5")
-    case.metric("bed: restart, the same bits", float(same), 1.0, 0.0)
+    same_bits.judge(case, "chamber", "bed: ")
     ax.plot(rows["time"], rows["gravity"], "-", label="work of gravity")
     for name in ("kinetic", "elastic", "curvature", *COLUMNS):
         ax.plot(rows["time"], rows[name], "--", label=name.replace("_", " "))

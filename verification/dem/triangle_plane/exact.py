@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+from triangle_nets import net, write_stl
 
 from talus.verification import Case, field_steps, read_history, write_packing
 
@@ -15,20 +16,12 @@ ROLL = "mass_scale = 1.0e6, inertia_scale = 1.0e6, dt = 2.0e-6"
 def write_floor(path: Path, bend: float, size: float = 3.0e-3, count: int = 12) -> None:
     """Write a floor of irregular triangles as STL, bent across y = 0 (positive: a ridge)."""
     rng = np.random.default_rng(5)
-    i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1), indexing="ij")
-    x = size * np.stack([i - count / 2, j - count / 2, np.zeros_like(i)], -1).astype(float)
+    x = net(count, size)
     shift = rng.uniform(-0.3, 0.3, x.shape) * size
     shift[:, count // 2, 1] = 0.0
     x[..., :2] += shift[..., :2]
     x[..., 2] = -np.tan(0.5 * bend) * np.abs(x[..., 1])
-    a, b, c, d = x[:-1, :-1], x[1:, :-1], x[1:, 1:], x[:-1, 1:]
-    triangles = np.stack([np.stack([a, b, c], -2), np.stack([a, c, d], -2)], 2).reshape(-1, 3, 3)
-    lines = ["solid floor"]
-    for corners in triangles:
-        lines += ["facet normal 0 0 0", "outer loop"]
-        lines += [f"vertex {p[0]:.17g} {p[1]:.17g} {p[2]:.17g}" for p in corners]
-        lines += ["endloop", "endfacet"]
-    path.write_text("\n".join([*lines, "endsolid floor", ""]))
+    write_stl(path, x)
 
 
 def throw(case: Case, shape: str, floor: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
