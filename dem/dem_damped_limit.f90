@@ -38,7 +38,7 @@ contains
   real(wp) function damped_step(d, margin) result(limit)
     type(dem_data_type), intent(in) :: d
     real(wp), intent(in) :: margin  !! of the limit that steps use [-]
-    real(wp), parameter :: most = 64.0_wp
+    real(wp), parameter :: most = 20.0_wp
     type(block_type), allocatable :: sums(:, :)
     real(wp) :: ratio, y, bound(2), mass, inertia
     integer(i4) :: i

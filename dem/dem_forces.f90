@@ -55,8 +55,13 @@ contains
     else
       if (pairs%touched(k)) call read_in_order(pairs%history(:, 1, k), history_size*lanes)
       call read_in_order(pairs%normal(:, 1, k), 3*lanes)
-      call gather_side(pairs%body, pairs%first(:, k), pairs%first(:, next), mine%a)
-      call gather_side(pairs%body, pairs%second(:, k), pairs%second(:, next), mine%b)
+      if (pairs%form(k) > 0) then
+        call gather_spheres(pairs%body, pairs%first(:, k), pairs%first(:, next), mine%a)
+        call gather_spheres(pairs%body, pairs%second(:, k), pairs%second(:, next), mine%b)
+      else
+        call gather_side(pairs%body, pairs%first(:, k), pairs%first(:, next), mine%a)
+        call gather_side(pairs%body, pairs%second(:, k), pairs%second(:, next), mine%b)
+      end if
       call branch_vectors(mine)
       call take_normals(pairs, mine, k)
       if (pairs%form(k) > 0) then

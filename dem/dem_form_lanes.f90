@@ -13,6 +13,10 @@ module dem_form_lanes
   public :: form_block_type, evaluate_forms, evaluate_form_planes, refine_forms, add_form_curvatures
   public :: solve_form_lane, ready_forms
 
+  !> |d_t|^2/(h_A + h_B)^2 below which a step leaves less than settled_residual asks for, where
+  !! curvatures change tenthousandfold in a radian: no new look is worth its powers.
+  real(wp), parameter :: near_residual = 1.0e-12_wp
+
   !> The forms of a block; A is the first body, B the second.
   type :: form_block_type
     type(form_side_type) :: a, b
@@ -84,6 +88,10 @@ contains
     do trial = 1, trials
       needs = b%gap <= 0.0_wp .and. b%residual > settled_residual
       if (.not. any(needs)) return
+      if (.not. any(needs .and. b%residual > near_residual)) then
+        call last_step(b, f, needs)
+        return
+      end if
       call newton_step(b, f, needs)
       call evaluate_forms(b, f)
     end do
@@ -95,20 +103,70 @@ contains
     call evaluate_forms(b, f)
   end subroutine refine_forms
 
-  !> One full Newton step of the marked lanes: (K_A + K_B + g + c n n) t = d_t.
+  !> One full Newton step of the marked lanes.
   pure subroutine newton_step(b, f, needs)
     type(dem_block_type), intent(inout) :: b
     type(form_block_type), intent(inout) :: f
     logical, intent(in) :: needs(lanes)
-    real(wp) :: ka(lanes, 6), kb(lanes, 6)
-    real(wp) :: c, g, nx, ny, nz, s1, s2, s3, s4, s5, s6, m1, m2, m3, m4, m5, m6, tx, ty, tz, det, &
-      length, use
+    real(wp) :: ka(lanes, 6), kb(lanes, 6), t(lanes, 3)
+    call find_step(b, f, needs, ka, kb, t)
+    call turn_normals(b, t)
+  end subroutine newton_step
+
+  !> The same where it is the last one: surface points move by their Hessians and gaps by half the
+  !! slope, so that nothing need be evaluated again. What that leaves is of the square of the step.
+  pure subroutine last_step(b, f, needs)
+    type(dem_block_type), intent(inout) :: b
+    type(form_block_type), intent(inout) :: f
+    logical, intent(in) :: needs(lanes)
+    real(wp) :: ka(lanes, 6), kb(lanes, 6), t(lanes, 3)
+    integer(i4) :: k
+
+    call find_step(b, f, needs, ka, kb, t)
+    !$omp simd
+    do k = 1, lanes
+      b%gap(k) = b%gap(k) + 0.5_wp*(t(k, 1)*b%tx(k) + t(k, 2)*b%ty(k) + t(k, 3)*b%tz(k))
+      b%ax(k) = b%ax(k) + ka(k, 1)*t(k, 1) + ka(k, 4)*t(k, 2) + ka(k, 6)*t(k, 3)
+      b%ay(k) = b%ay(k) + ka(k, 4)*t(k, 1) + ka(k, 2)*t(k, 2) + ka(k, 5)*t(k, 3)
+      b%az(k) = b%az(k) + ka(k, 6)*t(k, 1) + ka(k, 5)*t(k, 2) + ka(k, 3)*t(k, 3)
+      b%bx(k) = b%bx(k) + kb(k, 1)*t(k, 1) + kb(k, 4)*t(k, 2) + kb(k, 6)*t(k, 3)
+      b%by(k) = b%by(k) + kb(k, 4)*t(k, 1) + kb(k, 2)*t(k, 2) + kb(k, 5)*t(k, 3)
+      b%bz(k) = b%bz(k) + kb(k, 6)*t(k, 1) + kb(k, 5)*t(k, 2) + kb(k, 3)*t(k, 3)
+    end do
+    call turn_normals(b, t)
+  end subroutine last_step
+
+  pure subroutine turn_normals(b, t)
+    type(dem_block_type), intent(inout) :: b
+    real(wp), intent(in) :: t(lanes, 3)
+    real(wp) :: tx, ty, tz, length
+    integer(i4) :: k
+    !$omp simd private(tx, ty, tz, length)
+    do k = 1, lanes
+      tx = b%nx(k) + t(k, 1)
+      ty = b%ny(k) + t(k, 2)
+      tz = b%nz(k) + t(k, 3)
+      length = 1.0_wp/sqrt(tx*tx + ty*ty + tz*tz)
+      b%nx(k) = merge(tx*length, b%nx(k), abs(t(k, 1)) + abs(t(k, 2)) + abs(t(k, 3)) > 0.0_wp)
+      b%ny(k) = merge(ty*length, b%ny(k), abs(t(k, 1)) + abs(t(k, 2)) + abs(t(k, 3)) > 0.0_wp)
+      b%nz(k) = merge(tz*length, b%nz(k), abs(t(k, 1)) + abs(t(k, 2)) + abs(t(k, 3)) > 0.0_wp)
+    end do
+  end subroutine turn_normals
+
+  !> Newton's step of the marked lanes, 0 of the others, and the Hessians of both bodies:
+  !! (K_A + K_B + g + c n n) t = d_t.
+  pure subroutine find_step(b, f, needs, ka, kb, t)
+    type(dem_block_type), intent(in) :: b
+    type(form_block_type), intent(in) :: f
+    logical, intent(in) :: needs(lanes)
+    real(wp), intent(out) :: ka(lanes, 6), kb(lanes, 6), t(lanes, 3)
+    real(wp) :: c, g, nx, ny, nz, s1, s2, s3, s4, s5, s6, m1, m2, m3, m4, m5, m6, det
     integer(i4) :: k
 
     call bend_side(f%a, f%powers, .true., ka)
     call bend_side(f%b, f%powers, .true., kb)
     !$omp simd private(c, g, nx, ny, nz, s1, s2, s3, s4, s5, s6, m1, m2, m3, m4, m5, m6, &
-    !$omp   tx, ty, tz, det, length, use)
+    !$omp   det)
     do k = 1, lanes
       nx = b%nx(k)
       ny = b%ny(k)
@@ -128,17 +186,12 @@ contains
       m5 = s6*s4 - s5*s1
       m6 = s4*s5 - s6*s2
       det = s1*m1 + s4*m4 + s6*m6
-      use = merge(1.0_wp, 0.0_wp, needs(k) .and. det > 0.0_wp)
-      det = use/merge(det, 1.0_wp, det > 0.0_wp)
-      tx = nx + (m1*b%tx(k) + m4*b%ty(k) + m6*b%tz(k))*det
-      ty = ny + (m4*b%tx(k) + m2*b%ty(k) + m5*b%tz(k))*det
-      tz = nz + (m6*b%tx(k) + m5*b%ty(k) + m3*b%tz(k))*det
-      length = 1.0_wp/sqrt(tx*tx + ty*ty + tz*tz)
-      b%nx(k) = merge(tx*length, nx, use > 0.5_wp)
-      b%ny(k) = merge(ty*length, ny, use > 0.5_wp)
-      b%nz(k) = merge(tz*length, nz, use > 0.5_wp)
+      det = merge(1.0_wp/det, 0.0_wp, needs(k) .and. det > 0.0_wp)
+      t(k, 1) = (m1*b%tx(k) + m4*b%ty(k) + m6*b%tz(k))*det
+      t(k, 2) = (m4*b%tx(k) + m2*b%ty(k) + m5*b%tz(k))*det
+      t(k, 3) = (m6*b%tx(k) + m5*b%ty(k) + m3*b%tz(k))*det
     end do
-  end subroutine newton_step
+  end subroutine find_step
 
   !> Solve one lane by the scalar path, from the line of centres if `cold`.
   subroutine solve_form_lane(b, f, k, cold)

@@ -252,7 +252,8 @@ contains
   real(wp) function automatic_dt(self) result(dt)
     class(dem_model_type), intent(in) :: self
     real(wp), parameter :: least_steps = 100.0_wp
-    dt = self%system%automatic_step(self%system%top_speed())
+    dt = self%clock%dt
+    if (self%clock%automatic) dt = self%system%automatic_step(self%system%top_speed())
     if (self%choices%dt_curve > 0) &
       dt = dt*self%servo%curve(self%choices%dt_curve)%at(self%clock%time())
     if (self%clock%t_end > 0.0_wp) dt = min(dt, self%clock%t_end/least_steps)

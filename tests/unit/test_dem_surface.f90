@@ -23,7 +23,7 @@ program test_dem_surface
   call check_plane(ellipsoid, 'ellipsoid')
   call check_plane(ellipsoid, 'poly-ellipsoid', [0.3_wp, -0.2_wp, 0.1_wp], 2.0_wp)
   call check_plane(ellipsoid, 'superquadric', [0.0_wp, 0.0_wp, 0.0_wp], 4.0_wp)
-  call check_plane(ellipsoid, 'both', [-0.2_wp, 0.1_wp, 0.2_wp], 3.0_wp)
+  call check_plane(ellipsoid, 'both', [-0.2_wp, 0.1_wp, 0.2_wp], 2.5_wp)
   call check_plane(sphere, 'rolling sphere', on_top=1)
   call check_plane(ellipsoid, 'rolling ellipsoid', on_top=1)
   call check_plane(ellipsoid, 'necked ellipsoid', on_top=2)
