@@ -126,11 +126,12 @@ contains
     real(wp), intent(in) :: dt
     integer(i4), parameter :: about(5) = [1, 2, 3, 2, 1]
     real(wp), parameter :: part(5) = [0.5_wp, 0.5_wp, 1.0_wp, 0.5_wp, 0.5_wp]
-    real(wp) :: l(3), q(4)
+    real(wp) :: l(3), q(4), r(3, 3)
     integer(i4) :: k
 
     q = s%quat(:, b)
-    l = s%inertia(:, b)*matmul(s%spin(:, b), rotation_of(q))
+    r = rotation_of(q)
+    l = s%inertia(:, b)*matmul(s%spin(:, b), r)
     do k = 1, 5
       call turn_about(about(k), 0.5_wp*part(k)*dt/s%inertia(about(k), b), l, q)
     end do

@@ -11,7 +11,7 @@ module fem_point_polar
   use talus_history, only: history_type
   use fem_law_polar, only: fem_law_polar_type
   use fem_polar, only: polar_size, full_of
-  use fem_point_steps, only: step_in_parts, append_states, most_iterations, accuracy, relative, wild
+  use fem_point_steps, only: parts_type, append_states, most_iterations, accuracy, relative, wild
   implicit none
   private
   public :: follow_polar
@@ -117,23 +117,19 @@ contains
     real(wp), intent(in) :: time
     type(point_type), intent(inout) :: point
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: now
+    type(parts_type) :: parts
+    logical :: good
 
-    now = point%time
-    call step_in_parts(try, time, now)
-    if (now >= time) return
+    call parts%begin(point%time, time)
+    do while (parts%has_goal())
+      call one_step(law, control, curve, parts%goal, point, good)
+      call parts%judge(good)
+    end do
+    if (parts%now >= time) return
     call errors%add('N310', 'the point cannot follow the path beyond time '// &
       str(point%time)//' s, stress sigma_11 '//str(point%stress(1))//' Pa, sigma_12 '// &
       str(point%stress(2))//' Pa', 'material '//trim(law%id), &
       'is a stress wanted that the material cannot carry? Control the strain there')
-
-  contains
-
-    subroutine try(time, good)
-      real(wp), intent(in) :: time
-      logical, intent(out) :: good
-      call one_step(law, control, curve, time, point, good)
-    end subroutine try
   end subroutine step_to
 
   !> One step to a time by Newton's method; a step that does not converge changes nothing.

@@ -6,7 +6,7 @@ module fem_point_steps
   use fem_law, only: fem_law_type, common_names, common_size, at_stored, at_numerical
   implicit none
   private
-  public :: step_in_parts, append_states, most_iterations, accuracy, relative, wild
+  public :: parts_type, append_states, most_iterations, accuracy, relative, wild
 
   integer(i4), parameter :: most_iterations = 30
   integer(i4), parameter :: most_halvings = 12
@@ -14,40 +14,57 @@ module fem_point_steps
   real(wp), parameter :: relative = 1.0e-12_wp   !! of the strain so far
   real(wp), parameter :: wild = 1.0_wp           !! strain increment that cannot be meant
 
-  abstract interface
-    !> One step to a time; a step that does not converge changes nothing.
-    subroutine step_interface(time, good)
-      import :: wp
-      real(wp), intent(in) :: time  !! s
-      logical, intent(out) :: good
-    end subroutine step_interface
-  end interface
+  !> A way from one time to another, in halves where a step does not converge. The caller steps to
+  !! the goal while there is one and tells whether that went well.
+  type :: parts_type
+    real(wp) :: now = 0.0_wp      !! how far it has come [s]
+    real(wp) :: goal = 0.0_wp     !! of the next step [s]
+    real(wp) :: time = 0.0_wp     !! of the end [s]
+    real(wp) :: size_of = 0.0_wp  !! of a step [s]
+    real(wp) :: least = 0.0_wp    !! below which it is given up [s]
+  contains
+    procedure :: begin => begin_parts
+    procedure :: has_goal
+    procedure :: judge
+    procedure, private :: aim
+  end type parts_type
 
 contains
 
-  !> Go from now to a time, in halves where a step does not converge; now is how far it came [s].
-  subroutine step_in_parts(one_step, time, now)
-    procedure(step_interface) :: one_step
-    real(wp), intent(in) :: time
-    real(wp), intent(inout) :: now
-    real(wp) :: goal, size_of, least
-    logical :: good
+  pure subroutine begin_parts(self, now, time)
+    class(parts_type), intent(inout) :: self
+    real(wp), intent(in) :: now, time  !! [s]
+    self%now = now
+    self%time = time
+    self%size_of = time - now
+    self%least = self%size_of*0.5_wp**most_halvings
+    call self%aim()
+  end subroutine begin_parts
 
-    size_of = time - now
-    least = size_of*0.5_wp**most_halvings
-    do while (now < time)
-      goal = now + size_of
-      if (goal >= time - relative*size_of) goal = time
-      call one_step(goal, good)
-      if (good) then
-        now = goal
-        size_of = 2.0_wp*size_of
-        cycle
-      end if
-      size_of = 0.5_wp*size_of
-      if (size_of < least) return
-    end do
-  end subroutine step_in_parts
+  !> False at the end, and where steps have become too short.
+  pure logical function has_goal(self)
+    class(parts_type), intent(in) :: self
+    has_goal = self%now < self%time .and. .not. self%size_of < self%least
+  end function has_goal
+
+  !> Go on from the goal that was reached, or try half the way.
+  pure subroutine judge(self, good)
+    class(parts_type), intent(inout) :: self
+    logical, intent(in) :: good  !! has the step converged?
+    if (good) then
+      self%now = self%goal
+      self%size_of = 2.0_wp*self%size_of
+    else
+      self%size_of = 0.5_wp*self%size_of
+    end if
+    call self%aim()
+  end subroutine judge
+
+  pure subroutine aim(self)
+    class(parts_type), intent(inout) :: self
+    self%goal = self%now + self%size_of
+    if (self%goal >= self%time - relative*self%size_of) self%goal = self%time
+  end subroutine aim
 
   !> Names of the state of a law, with units, and of the iterations.
   subroutine append_states(law, columns)
