@@ -94,7 +94,7 @@ contains
   pure subroutine take_knots(step, row, c)
     type(turning_step_type), intent(in) :: step
     real(wp), intent(in) :: row(turning_reals)
-    type(chain_type), intent(out) :: c
+    type(chain_type), intent(inout) :: c
     integer(i4) :: k, at
     c%n = nint(row(1))
     do k = 1, c%n
@@ -185,6 +185,18 @@ contains
     spacing = scale(1.0_wp, exponent(overlap/places))
   end function spacing_of
 
+  !> Those knots that there are: room is for many more.
+  pure subroutine copy_chain(c, copy)
+    type(chain_type), intent(in) :: c
+    type(chain_type), intent(inout) :: copy
+    copy%n = c%n
+    copy%z(:c%n) = c%z(:c%n)
+    copy%w(:, :c%n) = c%w(:, :c%n)
+    copy%was(:, :c%n) = c%was(:, :c%n)
+    copy%limit(:c%n) = c%limit(:c%n)
+    copy%before(:c%n) = c%before(:c%n)
+  end subroutine copy_chain
+
   !> Knots at all fixed places.
   pure subroutine fix_places(c)
     type(chain_type), intent(inout) :: c
@@ -192,7 +204,7 @@ contains
     real(wp) :: spacing, z
     integer(i4) :: k, j
 
-    old = c
+    call copy_chain(c, old)
     spacing = spacing_of(old%z(old%n))
     c%n = 0
     do k = 1, old%n
@@ -216,8 +228,7 @@ contains
     logical :: over
 
     call insert_cuts(c)
-    slid = 0.0_wp
-    pull = 0.0_wp
+    slid(:c%n) = 0.0_wp
     over = .false.
     do k = 1, c%n
       length = sqrt(sum(c%w(:, k)**2))
@@ -254,7 +265,7 @@ contains
     real(wp) :: t(2)
     integer(i4) :: k, j, cuts
 
-    old = c
+    call copy_chain(c, old)
     c%n = 0
     do k = 1, old%n
       call append(c, old, k, 0.0_wp)
