@@ -270,8 +270,7 @@ contains
     end associate
   end subroutine use_step
 
-  !> Open log, histories and fields; the first state of a fresh run is written. A last field that
-  !! an earlier part wrote off the output times goes, so that the file is that of one whole run.
+  !> Open log, histories, fields; write a fresh run's first state; a last field off the times goes.
   subroutine open_run(self, errors)
     class(dem_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
