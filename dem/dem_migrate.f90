@@ -22,6 +22,7 @@ module dem_migrate
   private
   public :: share_out, pack_grains, make_local
 
+  integer(i4), parameter :: slab = 50000          !! grains that a rank sends at a time
   real(wp), parameter :: most_imbalance = 1.1_wp  !! domains are cut anew above it
 
 contains
@@ -32,20 +33,27 @@ contains
     type(dem_data_type), intent(inout) :: d
     real(wp), allocatable, intent(out) :: contacts(:, :)  !! of this rank's grains, see dem_records
     integer(i4), allocatable :: home(:)
+    integer(i4) :: rounds
     integer(i4) :: came(0:d%halo%team%ranks - 1)
-    real(wp), allocatable :: held(:, :), own(:, :), mirrors(:, :), touches(:, :)
+    real(wp), allocatable :: held(:, :), own(:, :), mirrors(:, :), touches(:, :), rows(:, :)
+    type(dem_grains_type) :: none
 
     call find_range(d)
-    call find_homes(d, home)
+    call find_homes(d, home, rounds)
     call pack_grains(d, d%grains%kind /= kind_free .and. d%grains%kind /= kind_mirror, held)
-    call send_grains(d, home, own)
+    call send_grains(d, home, rounds, own)
     call send_contacts(d, home, contacts)
     if (d%surfaces%n > 0) call send_touches(d, home, touches)
     call send_mirrors(d%halo, own, mirrors, came)
     d%halo%own = size(own, 2)
     d%halo%mirrors = size(mirrors, 2)
-    call make_local(d, reshape([held, own, mirrors], &
-                               [size(own, 1), size(held, 2) + size(own, 2) + size(mirrors, 2)]))
+    d%grains = none  ! of the leader at the start those of all ranks
+    allocate (rows(size(own, 1), size(held, 2) + size(own, 2) + size(mirrors, 2)))
+    rows(:, :size(held, 2)) = held
+    rows(:, size(held, 2) + 1:size(held, 2) + size(own, 2)) = own
+    rows(:, size(held, 2) + size(own, 2) + 1:) = mirrors
+    deallocate (held, own)
+    call make_local(d, rows)
     call adopt_contacts(d, contacts)
     if (d%surfaces%n > 0) call adopt_touches(d, touches)
     call list_bodies(d, mirrors, came)
@@ -62,12 +70,13 @@ contains
 
   !> Rank of each free grain of this rank, -1 for the others. Domains are cut anew when the work is
   !! too uneven; a grain that has gone beyond the halo of its domain is a stray.
-  subroutine find_homes(d, home)
+  subroutine find_homes(d, home, rounds)
     type(dem_data_type), intent(inout) :: d
     integer(i4), allocatable, intent(out) :: home(:)
+    integer(i4), intent(out) :: rounds  !! of slabs until all ranks have sent all
     real(wp), allocatable :: work(:), place(:, :)
     integer(i4), allocatable :: own(:)
-    real(wp) :: mean(1), most(2), way
+    real(wp) :: mean(1), most(3), way
     integer(i4) :: k
 
     own = pack([(k, k=1, d%grains%n)], d%grains%kind == kind_free)
@@ -89,11 +98,12 @@ contains
         d%halo%stray_way = way
       end do
     end if
-    most = [mean, real(d%halo%stray, wp)]
+    most = [mean, real(d%halo%stray, wp), real(size(own), wp)]
     call d%halo%team%add_up(mean)
     call d%halo%team%most(most)
     d%halo%imbalance = most(1)*d%halo%team%ranks/max(mean(1), 1.0_wp)
     d%halo%strayed = most(2) > 0.0_wp
+    rounds = 1 + int(most(3), i4)/slab
     call turn_to_cell(d%halo, d%cell)
     allocate (place(3, size(own)))
     do k = 1, size(own)
@@ -122,33 +132,55 @@ contains
     end do
   end subroutine pack_grains
 
-  !> This rank's free grains to their ranks.
-  subroutine send_grains(d, home, own)
+  !> This rank's free grains to their ranks, in slabs.
+  subroutine send_grains(d, home, rounds, own)
     type(dem_data_type), intent(in) :: d
-    integer(i4), intent(in) :: home(:)
+    integer(i4), intent(in) :: home(:), rounds
     real(wp), allocatable, intent(out) :: own(:, :)
-    integer(i4) :: ranks, i, r
+    real(wp), allocatable :: some(:, :), longer(:, :)
+    integer(i4), allocatable :: mine(:)
+    integer(i4) :: i, k
+
+    mine = pack([(i, i=1, size(home))], home >= 0)
+    do k = 1, rounds
+      call send_some(d, home, mine(min(slab*(k - 1) + 1, size(mine) + 1):min(slab*k, size(mine))), &
+                     some)
+      if (k == 1) then
+        call move_alloc(some, own)
+        cycle
+      end if
+      allocate (longer(size(own, 1), size(own, 2) + size(some, 2)))
+      longer(:, :size(own, 2)) = own
+      longer(:, size(own, 2) + 1:) = some
+      call move_alloc(longer, own)
+    end do
+  end subroutine send_grains
+
+  !> These grains to their ranks; what comes from all.
+  subroutine send_some(d, home, list, taken)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: home(:), list(:)
+    real(wp), allocatable, intent(out) :: taken(:, :)
+    integer(i4) :: k, r
     integer(i4) :: number(0:d%halo%team%ranks - 1), at(0:d%halo%team%ranks - 1), &
       came(0:d%halo%team%ranks - 1)
     real(wp), allocatable :: rows(:, :)
 
-    ranks = d%halo%team%ranks
     number = 0
-    do i = 1, size(home)
-      if (home(i) >= 0) number(home(i)) = number(home(i)) + 1
+    do k = 1, size(list)
+      number(home(list(k))) = number(home(list(k))) + 1
     end do
     at(0) = 0
-    do r = 1, ranks - 1
+    do r = 1, d%halo%team%ranks - 1
       at(r) = at(r - 1) + number(r - 1)
     end do
-    allocate (rows(grain_reals(d%halo%formed), sum(number)))
-    do i = 1, size(home)
-      if (home(i) < 0) cycle
-      at(home(i)) = at(home(i)) + 1
-      call pack_grain(d, i, rows(:, at(home(i))))
+    allocate (rows(grain_reals(d%halo%formed), size(list)))
+    do k = 1, size(list)
+      at(home(list(k))) = at(home(list(k))) + 1
+      call pack_grain(d, list(k), rows(:, at(home(list(k)))))
     end do
-    call d%halo%team%trade(rows, number, own, came)
-  end subroutine send_grains
+    call d%halo%team%trade(rows, number, taken, came)
+  end subroutine send_some
 
   !> Contacts of this rank's free grains to the ranks of these grains: once for each of two ranks.
   subroutine send_contacts(d, home, contacts)
@@ -299,15 +331,15 @@ contains
   subroutine make_local(d, rows)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: rows(:, :)
-    type(dem_grains_type) :: grains
+    type(dem_grains_type) :: none
     integer(i4), allocatable :: order(:)
     integer(i4) :: k, body
 
     order = sorted_order(nint(rows(14, :), i8))
-    grains%n = size(order)
-    call allocate_grains(grains)
-    if (d%halo%formed) call allocate_forms(grains%forms, grains%n)
-    d%grains = grains
+    d%grains = none
+    d%grains%n = size(order)
+    call allocate_grains(d%grains)
+    if (d%halo%formed) call allocate_forms(d%grains%forms, d%grains%n)
     if (allocated(d%seen_kinetic)) d%seen_kinetic = spread(0.0_wp, 1, d%grains%n)
     do k = 1, size(order)
       call unpack_grain(rows(:, order(k)), d, k)
