@@ -85,8 +85,7 @@ module dem_model
     procedure :: read => read_run
     procedure :: prepare
     procedure :: open => open_run
-    procedure :: run
-    procedure :: finish
+    procedure :: run, finish
     procedure :: begin_fresh
     procedure :: begin_again
     procedure :: automatic_dt
