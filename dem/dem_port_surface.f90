@@ -156,7 +156,7 @@ contains
 
     low = system%surfaces%first_vertex(set%body)
     high = system%surfaces%first_vertex(set%body + 1) - 1
-    x = system%surfaces%x(:, low:high)
+    allocate (x, source=system%surfaces%x(:, low:high))
     if (request%has(set%name//'.x')) call request%get(set%name//'.x', x, errors)
     call check_numbers(set, x, errors)
     if (errors%any()) return
@@ -176,8 +176,8 @@ contains
 
     low = system%surfaces%first_vertex(set%body)
     high = system%surfaces%first_vertex(set%body + 1) - 1
-    x = system%surfaces%x(:, low:high)
-    v = system%surfaces%v(:, low:high)
+    allocate (x, source=system%surfaces%x(:, low:high))
+    allocate (v, source=system%surfaces%v(:, low:high))
     if (request%has(set%name//'.x')) call request%get(set%name//'.x', x, errors)
     if (request%has(set%name//'.v')) call request%get(set%name//'.v', v, errors)
     call check_numbers(set, x, errors)
