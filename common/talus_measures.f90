@@ -206,7 +206,7 @@ contains
     real(wp), allocatable :: points(:, :)
     real(wp) :: sums(3), part
     integer(i4) :: i
-    points = ball_points(resolution)
+    allocate (points, source=ball_points(resolution))
     sums = 0.0_wp
     do i = 1, sample%n
       part = region%part_of_grain(sample%x(:, i), half(:, i), sample%turn(:, :, i), &
@@ -224,7 +224,7 @@ contains
     integer(i4), allocatable :: z(:), among(:)
     logical, allocatable :: held(:)
     integer(i4) :: n
-    z = contacts_of(sample)
+    allocate (z, source=contacts_of(sample))
     call find_held(sample, held, among)
     n = count(grains)
     row(1) = real(sum(z, mask=grains), wp)/max(1, n)

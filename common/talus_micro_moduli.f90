@@ -126,7 +126,7 @@ contains
     real(wp), allocatable :: basis(:, :)
     integer(i4) :: i, j, pivot
 
-    basis = gradient_basis()
+    allocate (basis, source=gradient_basis())
     a(:, :count_taus) = matmul(transpose(basis), basis)
     a(:, count_taus + 1) = sums
     do i = 1, count_taus

@@ -87,7 +87,7 @@ contains
     real(wp) :: upper(3), lower(3)
     integer(i4) :: i, k
 
-    order = sorted_order(id)
+    allocate (order, source=sorted_order(id))
     do i = 1, grains%n
       k = order(i)
       who = 'grain '//str(id(k))//': '

@@ -185,7 +185,7 @@ contains
     type(ranks_type), intent(in) :: team
     type(dem_parameters_type), intent(inout) :: par
     integer(i4), allocatable :: numbers(:)
-    numbers = transfer(par, [0_i4])
+    allocate (numbers, source=transfer(par, [0_i4]))
     call team%tell_numbers(numbers)
     par = transfer(numbers, par)
   end subroutine tell_parameters
@@ -194,7 +194,7 @@ contains
     type(ranks_type), intent(in) :: team
     type(dem_health_type), intent(inout) :: health
     integer(i4), allocatable :: numbers(:)
-    numbers = transfer(health, [0_i4])
+    allocate (numbers, source=transfer(health, [0_i4]))
     call team%tell_numbers(numbers)
     health = transfer(numbers, health)
   end subroutine tell_health
@@ -267,7 +267,7 @@ contains
     type(ranks_type), intent(in) :: team
     type(dem_cell_type), intent(inout) :: cell
     integer(i4), allocatable :: numbers(:)
-    numbers = transfer(cell, [0_i4])
+    allocate (numbers, source=transfer(cell, [0_i4]))
     call team%tell_numbers(numbers)
     cell = transfer(numbers, cell)
   end subroutine tell_cell

@@ -335,7 +335,7 @@ contains
     integer(i4), allocatable :: order(:)
     integer(i4) :: k, body
 
-    order = sorted_order(nint(rows(14, :), i8))
+    allocate (order, source=sorted_order(nint(rows(14, :), i8)))
     d%grains = none
     d%grains%n = size(order)
     call allocate_grains(d%grains)

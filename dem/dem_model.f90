@@ -462,7 +462,6 @@ contains
     class(dem_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
     real(wp) :: t
-    integer(i4) :: k
 
     if (errors%any()) return
     t = self%clock%time()

@@ -195,7 +195,7 @@ contains
     integer(i4), allocatable :: order(:)
     integer(i4) :: k
 
-    order = [(k, k=1, size(rows, 2))]
+    allocate (order, source=[(k, k=1, size(rows, 2))])
     if (size(order) > 0) then
       if (rows(1, 1) < 0.0_wp) order = sorted_order(nint(rows(2, :), i8))
       if (rows(1, 1) > -planes - 0.5_wp) &

@@ -36,9 +36,9 @@ contains
     else if (starts_as_text(text)) then
       call read_text(path, text, corner, errors)
     else
-      call errors%add('I220', "'"//path//"' is no STL file: it does not begin with 'solid', &
-        and "// &
-                      'as a binary file it would have '//str(said)//' triangles and '// &
+      call errors%add('I220', "'"//path//"' is no STL file: it does not begin with "// &
+                      "'solid', and as a binary file it would have "//str(said)// &
+                      ' triangles and '// &
                       str(header + 4 + max(said, 0_i8)*record)//' bytes, not '// &
                       str(len(text, i8)), path, hint)
     end if

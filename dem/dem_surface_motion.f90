@@ -94,8 +94,9 @@ contains
   pure real(wp) function cylinder_travel(s, b) result(travel)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: b
-    real(wp) :: before(3)
-    before = matmul(rotation_of(s%reference_q(:, b)), s%rest_axis(:, b))
+    real(wp) :: before(3), r(3, 3)
+    r = rotation_of(s%reference_q(:, b))
+    before = matmul(r, s%rest_axis(:, b))
     travel = sqrt(sum((s%centre(:, b) - s%reference_x(:, b))**2)) &
              + sqrt(sum((s%axis(:, b) - before)**2))*s%reach(b) &
              + abs(s%cone(3, b) - s%bore(bore_listed, b))
