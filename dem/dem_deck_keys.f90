@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 30)
+    call table%init('talus-dem', 31)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -28,6 +28,7 @@ contains
     call group_surface(table)
     call group_penetrometer(table)
     call group_cylinder(table)
+    call group_membrane(table)
     call group_body(table)
     call group_servo(table)
     call group_constant_volume(table)
@@ -502,6 +503,62 @@ contains
       //'its mean over the next 10.')
     call table%preset('')
   end subroutine group_cylinder
+
+  subroutine group_membrane(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('membrane', 14, &
+      'A flexible sheet of triangles with masses at their corners: the grains inside ' &
+      //'stretch it, a pressure that follows it pushes it towards them. Free edges are ' &
+      //'held: they stand still, or go with walls. What it does to the grains is in ' &
+      //'`<deck>_surfaces.csv`, its triangles are in the field file, its elastic energy ' &
+      //'in `elastic_other`. Only in &dynamics.', repeats=.true.)
+    call table%add_key('id', 'string', '', 'Name in the log.')
+    call table%need()
+    call table%add_key('file', 'file', '', &
+      'STL file, as that of a &surface; its triangles are not stretched at the start.')
+    call table%need()
+    call table%add_key('scale', 'real', '', &
+      'Factor on all coordinates: 1.0e-3 for a file in mm.')
+    call table%preset('1.0')
+    call table%bounds(above=0.0_wp)
+    call table%add_key('material', 'string', '', 'Material of its contacts.')
+    call table%need()
+    call table%add_key('young', 'real', 'Pa', 'Young''s modulus of the sheet.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%add_key('poisson', 'real', '', 'Its Poisson''s ratio.')
+    call table%preset('0.3')
+    call table%bounds(min=0.0_wp, max=0.5_wp)
+    call table%add_key('thickness', 'real', 'm', 'Its thickness, which stays.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%add_key('density', 'real', 'kg/m3', &
+      'Its density; a light one asks for a small step.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%add_key('pressure', 'real', 'Pa', 'Pressure on the side away from the grains.')
+    call table%preset('0.0')
+    call table%add_key('curve', 'string', '', &
+      'The curve by which the pressure is multiplied; every 10 steps it takes its mean ' &
+      //'over the next 10.')
+    call table%preset('')
+    call table%add_key('inside', 'real', 'm', &
+      'A point among the grains: towards it the pressure pushes.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%add_key('clamp', 'string', '', &
+      'Walls with which the free edges go, each corner with the nearest; left out, they' &
+      //' stand still.')
+    call table%sized(1_i4, huge(1_i4))
+    call table%add_key('damping', 'real', '1/s', 'Background damping of its corners.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('stretch_limit', 'real', '', &
+      'Largest stretch, length over length at the start; beyond it the membrane has ' &
+      //'torn and the run ends (N207).')
+    call table%preset('3.0')
+    call table%bounds(above=1.0_wp)
+  end subroutine group_membrane
 
   subroutine group_body(table)
     type(key_table_type), intent(inout) :: table

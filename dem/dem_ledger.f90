@@ -7,6 +7,7 @@ module dem_ledger
   use dem_extras, only: extra_energy
   use dem_integrate, only: motion_type, scaled_spin_momentum
   use dem_shape, only: rotation_of
+  use dem_membrane, only: membranes_energy
   use dem_steps, only: motion_of
   use dem_surface_body, only: body_energy
   use dem_surface_extras, only: surface_extra_energy
@@ -25,7 +26,7 @@ contains
     type(dem_ledger_type), intent(inout) :: ledger
     type(motion_type) :: motion
     type(contact_constants_type) :: constants
-    real(wp) :: energy(2), part(2), other
+    real(wp) :: energy(2), part(2), other, sheet(3)
     integer(i4) :: i, k
 
     motion = motion_of(d, dt)
@@ -60,6 +61,12 @@ contains
       if (allocated(d%pairs%share)) other = d%pairs%share(k)*other
       ledger%elastic_other = ledger%elastic_other + other
     end do
+    if (allocated(d%surfaces%membranes)) then
+      sheet = membranes_energy(d%surfaces, motion)
+      ledger%kinetic = ledger%kinetic + sheet(1)
+      ledger%staggering = ledger%staggering + sheet(2)
+      ledger%elastic_other = ledger%elastic_other + sheet(3)
+    end if
     if (d%surfaces%near == 0) return
     energy = surface_energy(d)
     ledger%elastic_normal = ledger%elastic_normal + energy(1)
@@ -146,7 +153,7 @@ contains
   pure real(wp) function staggering_of(d) result(sum)
     type(dem_data_type), intent(in) :: d
     type(motion_type) :: motion
-    real(wp) :: part(2)
+    real(wp) :: part(2), sheet(3)
     integer(i4) :: i
     motion = motion_of(d, d%ledger_dt)
     sum = 0.0_wp
@@ -155,6 +162,10 @@ contains
       part = grain_energy(d, i, motion)
       sum = sum + part(2)
     end do
+    if (allocated(d%surfaces%membranes)) then
+      sheet = membranes_energy(d%surfaces, motion)
+      sum = sum + sheet(2)
+    end if
     if (.not. allocated(d%surfaces%free)) return
     part = bodies_energy(d, motion)
     sum = sum + part(2)

@@ -9,6 +9,7 @@ module dem_limits
   use dem_contact, only: contact_constants_type, constants_of, contact_radius, contact_point
   use dem_damped_limit, only: damped_step
   use dem_extras, only: extra_stiffness
+  use dem_membrane, only: membrane_rate
   use dem_surface_measure, only: add_surface_rows, body_rows, body_rate
   implicit none
   private
@@ -52,8 +53,10 @@ contains
                lambda(2, i)/(scale(2)*minval(d%grains%inertia(:, i))))
       if (kn > 0.0_wp) limit = min(limit, 2.0_wp/sqrt(kn))
     end do
-    if (.not. allocated(d%surfaces%free) .or. allocated(d%surfaces%acting)) return
-    kn = body_rate(d%surfaces, body_rows(d))
+    kn = 0.0_wp
+    if (allocated(d%surfaces%free) .and. .not. allocated(d%surfaces%acting)) &
+      kn = body_rate(d%surfaces, body_rows(d))
+    if (allocated(d%surfaces%membranes)) kn = max(kn, membrane_rate(d))
     if (kn > 0.0_wp) limit = min(limit, 2.0_wp/sqrt(kn))
   end function gershgorin_step
 

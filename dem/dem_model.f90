@@ -38,6 +38,7 @@ module dem_model
   use dem_servo, only: dem_servo_type
   use dem_surcharge, only: dem_surcharge_type
   use dem_setup_bodies, only: read_bodies
+  use dem_setup_membranes, only: read_membranes
   use dem_setup_surfaces, only: refuse_cell
   use dem_surface_drive, only: surface_drive_type
   use dem_deck_keys, only: dem_deck_table
@@ -135,6 +136,7 @@ contains
     call self%flow%read(self%deck, self%system%dem_data_type, self%servo%curve, errors)
     call refuse_cell(self%deck, self%system%cell%active, errors)
     call read_bodies(self%deck, self%served, self%system%surfaces, errors)
+    call read_membranes(self%deck, self%choices%wall, self%served, self%ranks, self%system, errors)
     call self%drive%read(self%deck, self%system%dem_data_type, self%servo%curve, self%served, &
                          errors)
     call self%probe%read(self%deck, self%system%dem_data_type, errors)
@@ -186,8 +188,7 @@ contains
     every_wall = 0.0_wp
     if (.not. self%served) call self%deck%get('checkpoint', 1, 'every_wall', every_wall)
     call self%checkpoint%schedule(every_wall, 0.0_wp, self%clock%time())
-    if (.not. errors%any()) &
-      call self%servo%start(self%system%dem_data_type, self%clock%time())
+    if (.not. errors%any()) call self%servo%start(self%system%dem_data_type, self%clock%time())
     if (.not. errors%any()) call self%surcharge%start(self%system%dem_data_type, &
                                                       self%clock%time(), self%clock%steps, errors)
   end subroutine prepare
@@ -292,11 +293,9 @@ contains
       call self%log%item('surcharge', self%surcharge%text(self%system%dem_data_type))
     if (len(self%restart_path) > 0) call self%log%item('goes on from', self%restart_path, &
       'time '//str(self%start_time)//' s, step '//str(self%start_steps))
-    if (self%deck%count('history') > 0) &
-      call self%histories%open(self%stem, self%start_time, errors)
+    if (self%deck%count('history') > 0) call self%histories%open(self%stem, self%start_time, errors)
     if (self%deck%count('history') > 0) call self%servo%open(self%stem, self%start_time, errors)
-    if (self%deck%count('history') > 0) &
-      call self%surcharge%open(self%stem, self%start_time, errors)
+    if (self%deck%count('history') > 0) call self%surcharge%open(self%stem, self%start_time, errors)
     if (self%deck%count('history') > 0) call self%flow%open(self%stem, self%start_time, errors)
     if (self%deck%count('output') > 0 .and. .not. errors%any()) then
       call self%deck%get('output', 1, 'fields', fields)

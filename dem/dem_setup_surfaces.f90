@@ -12,13 +12,14 @@ module dem_setup_surfaces
   use dem_surface_file, only: read_facets
   use dem_surface_make, only: mesh_type, join_corners, check_mesh, add_mesh, add_cone, &
     add_cylinder
-  use dem_surface_state, only: dem_surfaces_type, surface_rigid, is_bore
+  use dem_surface_state, only: dem_surfaces_type, surface_rigid, surface_membrane, soft_smooth, &
+    is_bore
   implicit none
   private
   public :: read_surfaces, check_units, refuse_cell
 
-  character(len=12), parameter :: groups(3) = [character(len=12) :: 'surface', 'penetrometer', &
-    'cylinder']
+  character(len=12), parameter :: groups(4) = [character(len=12) :: 'surface', 'penetrometer', &
+    'cylinder', 'membrane']
   real(wp), parameter :: degree = acos(-1.0_wp)/180.0_wp
   real(wp), parameter :: along_axis = 1.0e-9_wp  !! part of a spin across an axis that is none
   real(wp), parameter :: too_large = 100.0_wp  !! of the bed: a mesh in millimetres
@@ -26,7 +27,8 @@ module dem_setup_surfaces
 
 contains
 
-  !> All groups surface, then all groups penetrometer, then all groups cylinder.
+  !> All groups surface, then all groups penetrometer, then cylinder, then
+  !! membrane.
   subroutine read_surfaces(deck, names, s, errors)
     type(deck_type), intent(in) :: deck
     type(string_type), intent(in) :: names(:)  !! of the materials
@@ -43,6 +45,9 @@ contains
     end do
     do k = 1, deck%count('cylinder')
       call read_cylinder(deck, k, names, s, errors)
+    end do
+    do k = 1, deck%count('membrane')
+      call read_sheet(deck, k, names, s, errors)
     end do
   end subroutine read_surfaces
 
@@ -229,6 +234,34 @@ contains
     call add_cylinder(s, name, number, centre, axis, side == 'inside', radius, half)
     call read_motion(deck, 'cylinder', k, s)
   end subroutine read_cylinder
+
+  !> The sheet of one group membrane.
+  subroutine read_sheet(deck, k, names, s, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(string_type), intent(in) :: names(:)
+    type(dem_surfaces_type), intent(inout) :: s
+    type(error_list_type), intent(inout) :: errors
+    type(mesh_type) :: mesh
+    real(wp), allocatable :: corner(:, :, :)
+    character(len=:), allocatable :: name, material
+    real(wp) :: scale
+    integer(i4) :: before, number
+
+    before = errors%count
+    call deck%get('membrane', k, 'id', name)
+    call deck%get('membrane', k, 'material', material)
+    call material_index(deck, names, material, 'membrane', k, 'material', number, errors)
+    mesh%name = deck%path('membrane', k, 'file')
+    call read_stl(mesh%name, corner, errors)
+    if (errors%count > before) return
+    call deck%get('membrane', k, 'scale', scale)
+    corner = scale*corner
+    call join_corners(corner, mesh)
+    call check_mesh(mesh, .false., errors)
+    if (errors%count > before) return
+    call add_mesh(s, mesh, name, surface_membrane, number, soft_smooth, [0.0_wp, 0.0_wp, 0.0_wp])
+  end subroutine read_sheet
 
   !> The first group of a surface of any kind in the deck.
   function first_group(deck) result(group)

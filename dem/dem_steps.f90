@@ -26,9 +26,10 @@ module dem_steps
     travel_of_mover, work_count
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_shape, only: quaternion_from_rotation
-  use dem_surface_body, only: push_bodies
+  use dem_sheet_forces, only: share_near
+  use dem_membrane, only: push_surfaces, finish_membranes
   use dem_surface_extras, only: add_work_on_top
-  use dem_surface_forces, only: share_surfaces, add_surface_loads, surface_load
+  use dem_surface_forces, only: add_surface_loads, surface_load
   use dem_surface_motion, only: drift_surfaces, finish_surfaces, surface_travel, surface_columns
   use dem_surface_search, only: list_near
   use dem_swap, only: swap_bodies, add_loads
@@ -260,7 +261,7 @@ contains
       end do
       base = d%pairs%group_end(g)
     end do
-    if (d%surfaces%near > 0) call share_surfaces(d, h, travel, me, threads)
+    if (d%surfaces%near > 0) call share_near(d, h, travel, me, threads)
   end subroutine share_forces
 
   !> A list with a wide skin is given up when the grains have come to rest.
@@ -286,7 +287,7 @@ contains
     work%started(:, c) = 0.0_wp
     travel = 0.0_wp
     if (c > size(work%movers)) then
-      call push_bodies(d%surfaces, motion, .true., work%started(:, c))
+      call push_surfaces(d%surfaces, d%planes%velocity, motion, .true., work%started(:, c))
       call start_planes(d, motion%dt, last, travel)
     else if (d%cell%active) then
       if (fresh) then
@@ -374,7 +375,7 @@ contains
     work%finished(:, c) = 0.0_wp
     if (c > size(work%movers)) then
       call finish_planes(d, motion%dt, work%finished(:, c))
-      call push_bodies(d%surfaces, motion, .false., work%finished(:, c))
+      call push_surfaces(d%surfaces, d%planes%velocity, motion, .false., work%finished(:, c))
       return
     end if
     associate (mover => work%movers(c))
@@ -414,6 +415,7 @@ contains
       work(4) = work(4) + done
     end do
     if (d%surfaces%n > 0) call finish_surfaces(d%surfaces, dt, work(4))
+    if (allocated(d%surfaces%membranes)) call finish_membranes(d%surfaces, dt, work)
   end subroutine finish_planes
 
   !> Kick over `kick`, then drift over `drift` of everything that moves [s]; zero leaves one out. No

@@ -21,6 +21,8 @@ module dem_surface_drive
     real(wp), allocatable :: velocity(:, :), spin(:, :)  !! (3, bodies) of the deck [m/s], [rad/s]
     integer(i4), allocatable :: loading(:)            !! (bodies) curve of its load, 0: constant
     real(wp), allocatable :: load(:, :)               !! (6, bodies) of the deck [N], [N m]
+    integer(i4), allocatable :: pressing(:)           !! (bodies) curve of its pressure, 0: constant
+    real(wp), allocatable :: pressure(:)              !! (bodies) of the deck [Pa]
   contains
     procedure :: read => read_drive
     procedure :: longest_block
@@ -57,6 +59,7 @@ contains
       end do
     end do
     n = d%surfaces%n
+    self%number = [self%number, (0_i4, k=1, deck%count('membrane'))]
     if (n == 0 .or. n /= size(self%number)) return
     self%velocity = d%surfaces%velocity
     self%spin = d%surfaces%spin
@@ -78,6 +81,14 @@ contains
     character(len=:), allocatable :: name
     integer(i4) :: k, b, number
 
+    if (allocated(d%surfaces%membranes)) then
+      self%pressure = d%surfaces%membranes%pressure
+      allocate (self%pressing(d%surfaces%n), source=0_i4)
+      do k = 1, deck%count('membrane')
+        b = d%surfaces%n - deck%count('membrane') + k
+        call curve_index(deck, 'D250', curve, 'membrane', k, self%pressing(b), errors)
+      end do
+    end if
     if (.not. allocated(d%surfaces%given)) return
     self%load = d%surfaces%given
     allocate (self%loading(d%surfaces%n), source=0_i4)
@@ -96,6 +107,8 @@ contains
     longest_block = merge(look_steps, huge(look_steps), any(self%number > 0))
     if (allocated(self%loading)) &
       longest_block = merge(look_steps, longest_block, any(self%loading > 0))
+    if (allocated(self%pressing)) &
+      longest_block = merge(look_steps, longest_block, any(self%pressing > 0))
   end function longest_block
 
   pure logical function due(self, steps)
@@ -112,6 +125,13 @@ contains
     real(wp) :: factor
     integer(i4) :: k
     call self%load_bodies(d, time)
+    if (allocated(self%pressing)) then
+      do k = 1, size(self%pressing)
+        if (self%pressing(k) == 0) cycle
+        d%surfaces%membranes%pressure(k) = self%pressure(k) &
+          *self%curve(self%pressing(k))%mean(time, time + look_steps*d%par%dt)
+      end do
+    end if
     do k = 1, size(self%number)
       if (self%number(k) == 0) cycle
       factor = self%curve(self%number(k))%mean(time, time + look_steps*d%par%dt)
@@ -163,6 +183,7 @@ contains
     do k = 1, d%surfaces%n
       call prescribe(d, k, self%velocity(:, k), self%spin(:, k))
     end do
+    if (allocated(self%pressure)) d%surfaces%membranes%pressure = self%pressure
     if (allocated(self%load)) then
       before = staggering_of(d)
       d%surfaces%given = self%load

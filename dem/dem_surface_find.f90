@@ -4,44 +4,23 @@
 !! grain in its own right: the grain's deepest point against the face lies inside it, or the normal
 !! lies in the cone of normals of the edge or corner. On flat and convex meshes there is one. On
 !! faces bent inwards by less than the smooth angle there may be several: they are one contact,
-!! weighted by their distance from the bend, so that none comes or goes with a jump.
+!! weighted by their distance from the bend, so that none comes or goes with a jump. Membranes have
+!! their own way, see dem_sheet_find.
 module dem_surface_find
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
-  use dem_state, only: lanes
   use dem_figure, only: figure_type, figure_point, figure_curvature
-  use dem_surface_state, only: dem_surfaces_type, surface_soft, surface_cone, part_tip, &
-    part_flank, part_shaft, part_side, part_end, is_bore, bore_swell
+  use dem_surface_state, only: dem_surfaces_type, is_soft, surface_cone, surface_membrane, &
+    part_tip, part_flank, part_shaft, part_side, part_end, is_bore, bore_swell
+  use dem_surface_feature, only: touches_type, features_type, most_features, add_feature, add
+  use dem_sheet_find, only: look_at_sheet
   use dem_round_gap, only: circle_gap, corner_gap, bore_gap, most_places
   implicit none
   private
-  public :: touches_type, features_type, find_touches, most_features
+  public :: find_touches
 
-  integer(i4), parameter :: most_features = 64
   real(wp), parameter :: slack = 1.0e-9_wp     !! of the grain's radius: shared edges count on both
                                                !! sides, and once
-  real(wp), parameter :: same_foot = 1.0e-7_wp !! of the grain's radius
-
-  !> Features that a grain overlaps.
-  type :: features_type
-    integer(i4) :: n = 0
-    integer(i4) :: body(most_features), part(most_features)
-    integer(i4) :: candidate(most_features)        !! triangle's place in the list of candidates
-    integer(i4) :: touch(most_features)            !! contact that it belongs to
-    real(wp) :: weight(most_features)              !! share in this contact [-]
-    real(wp) :: gap(most_features), curvature(most_features)  !! [m], [1/m]
-    real(wp) :: normal(3, most_features), foot(3, most_features)  !! [-], [m]
-    real(wp) :: share(3, most_features)            !! of the triangle's corners at the foot [-]
-  end type features_type
-
-  !> Contacts that follow from them.
-  type :: touches_type
-    integer(i4) :: n = 0
-    integer(i4) :: body(lanes), part(lanes)
-    real(wp) :: gap(lanes), curvature(lanes)        !! [m], [1/m]
-    real(wp) :: normal(3, lanes), foot(3, lanes)    !! [-], [m]
-    real(wp) :: motion(6, lanes)                    !! velocity and spin of the surface there
-  end type touches_type
 
 contains
 
@@ -57,7 +36,11 @@ contains
     features%n = 0
     do c = s%near_start(g), s%near_start(g + 1) - 1
       if (s%candidate(c) > 0) then
-        call look_at_triangle(s, c, grain, features)
+        if (s%kind(s%owner(s%candidate(c))) == surface_membrane) then
+          call look_at_sheet(s, g, c, grain, features)
+        else
+          call look_at_triangle(s, c, grain, features)
+        end if
       else if (s%kind(-s%candidate(c)) == surface_cone) then
         call look_at_cone(s, -s%candidate(c), grain, features)
       else if (is_bore(s, -s%candidate(c))) then
@@ -67,6 +50,7 @@ contains
       end if
     end do
     call join_features(s, g, grain%radius, features, touches%n)
+    touches%n = min(touches%n, ubound(s%history, 1))
     call sum_features(s, features, touches)
   end subroutine find_touches
 
@@ -340,44 +324,6 @@ contains
     f%curvature(f%n) = max(own + 0.5_wp*across/s%cone(3, b), 0.01_wp*own)
   end subroutine add_round
 
-  pure subroutine add(s, c, grain, n, gap, foot, share, features)
-    type(dem_surfaces_type), intent(in) :: s
-    integer(i4), intent(in) :: c
-    type(figure_type), intent(in) :: grain
-    real(wp), intent(in) :: n(3), gap, foot(3), share(3)
-    type(features_type), intent(inout) :: features
-    integer(i4) :: k, body
-    k = features%n
-    body = s%owner(s%candidate(c))
-    call add_feature(body, s%first_part(body), c, n, gap, foot, grain%radius, features)
-    if (features%n == k) return
-    features%share(:, features%n) = share
-    features%curvature(features%n) = figure_curvature(grain, n)
-  end subroutine add
-
-  !> One more feature, unless it was found before from the other side of a shared edge.
-  pure subroutine add_feature(body, part, c, n, gap, foot, radius, features)
-    integer(i4), intent(in) :: body, part, c
-    real(wp), intent(in) :: n(3), gap, foot(3), radius
-    type(features_type), intent(inout) :: features
-    integer(i4) :: k
-    do k = 1, features%n
-      if (features%body(k) /= body) cycle
-      if (sum((features%foot(:, k) - foot)**2) < (same_foot*radius)**2 .and. &
-          sum((features%normal(:, k) - n)**2) < same_foot**2) return
-    end do
-    if (features%n == most_features) return
-    k = features%n + 1
-    features%n = k
-    features%body(k) = body
-    features%part(k) = part
-    features%candidate(k) = c
-    features%gap(k) = gap
-    features%normal(:, k) = n
-    features%foot(:, k) = foot
-    features%share(:, k) = 0.0_wp
-  end subroutine add_feature
-
   !> Features of one smooth face become one contact; the others stand alone.
   pure subroutine join_features(s, g, radius, f, touches)
     type(dem_surfaces_type), intent(in) :: s
@@ -408,7 +354,6 @@ contains
     do i = 1, f%n
       if (count(group(:f%n) == group(i)) > 1) f%weight(i) = bend_distance(s, g, f, i, radius)
     end do
-    touches = min(touches, lanes)
   end subroutine join_features
 
   !> Features over a gap, which a neck may bridge, leave a group that has an overlap.
@@ -453,6 +398,7 @@ contains
     integer(i4) :: k, a, b
     linked = .false.
     if (f%body(i) /= f%body(j) .or. f%candidate(i) == 0 .or. f%candidate(j) == 0) return
+    if (s%kind(f%body(i)) == surface_membrane) return
     if (dot_product(f%normal(:, i), f%normal(:, j)) < s%cos_smooth(f%body(i))) return
     a = s%candidate(f%candidate(i))
     b = s%candidate(f%candidate(j))
@@ -515,6 +461,7 @@ contains
         call surface_motion(s, f, i, motion)
         touches%body(k) = f%body(i)
         touches%part(k) = f%part(i)
+        touches%sign(k) = f%sign(i)
         touches%gap(k) = touches%gap(k) + f%weight(i)*f%gap(i)
         touches%curvature(k) = touches%curvature(k) + f%weight(i)*f%curvature(i)
         touches%normal(:, k) = touches%normal(:, k) + f%weight(i)*f%normal(:, i)
@@ -534,7 +481,7 @@ contains
     integer(i4) :: b, corner(3)
 
     b = f%body(i)
-    if (s%kind(b) /= surface_soft) then
+    if (.not. is_soft(s, b)) then
       motion(1:3) = s%velocity(:, b) + cross(s%spin(:, b), f%foot(:, i) - s%centre(:, b))
       motion(4:6) = s%spin(:, b)
       if (is_bore(s, b)) motion(1:3) = motion(1:3) - s%bore(bore_swell, b)*f%normal(:, i)

@@ -8,17 +8,19 @@ module dem_surface_forces
   use dem_extra_state, only: extra_work_count
   use dem_state, only: dem_data_type, dem_law_type, kind_free, lanes, history_size, history_point, &
     column_count
-  use dem_surface_state, only: dem_surfaces_type, surface_soft
+  use dem_surface_state, only: dem_surfaces_type, is_soft
   use dem_surface_body, only: is_free
   use dem_figure, only: figure_type
   use dem_form_state, only: form_ellipsoid
   use dem_surface_extras, only: laws_of_surface, neck_reach, held_by_necks, corner_couples
-  use dem_surface_find, only: touches_type, features_type, find_touches
+  use dem_surface_feature, only: touches_type, features_type
+  use dem_surface_find, only: find_touches
   use dem_block, only: dem_block_type
   use dem_ellipse, only: ratio_on_plane
   implicit none
   private
   public :: share_surfaces, add_surface_loads, surface_load
+  public :: leave_grain, figure_of, fill_lane, distance, law_of, take_lane, clear_shares, far_apart
 
   real(wp), parameter :: far_apart = 0.5_wp  !! distance in radii and turn that no contact makes
 
@@ -373,7 +375,7 @@ contains
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: part
     law_of = s%material(part)
-    if (s%kind(count(s%first_part(:s%n) <= part)) == surface_soft) law_of = -law_of
+    if (is_soft(s, count(s%first_part(:s%n) <= part))) law_of = -law_of
   end function law_of
 
   !> Loads of lane `source` of one block into lane k of another.
@@ -423,7 +425,7 @@ contains
 
     call clear_shares(s, g)
     do i = 1, f%n
-      if (f%touch(i) > touches%n .or. s%kind(f%body(i)) /= surface_soft) cycle
+      if (f%touch(i) > touches%n .or. .not. is_soft(s, f%body(i))) cycle
       k = 3*(f%candidate(i) - 1)
       if (size(s%kept) > 0) then
         turn = corner_couples(s%x(:, s%corner(:, s%candidate(f%candidate(i)))), &

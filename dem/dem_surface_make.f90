@@ -6,7 +6,7 @@ module dem_surface_make
   use talus_errors, only: error_list_type
   use dem_make, only: sorted_order
   use dem_surface_state, only: dem_surfaces_type, surface_cone, surface_soft, &
-    surface_cylinder, bore_listed, bore_start
+    surface_membrane, surface_cylinder, bore_listed, bore_start
   implicit none
   private
   public :: mesh_type, join_corners, check_mesh, add_mesh, add_cone, add_cylinder
@@ -284,7 +284,7 @@ contains
     real(wp), allocatable :: sums(:, :)
 
     if (s%n == 0) call start_empty(s)
-    s%soft = s%soft .or. kind == surface_soft
+    s%soft = s%soft .or. kind == surface_soft .or. kind == surface_membrane
     zero = 0.0_wp
     none = 0.0_wp
     no_bore = 0.0_wp

@@ -4,7 +4,7 @@ module dem_surface_measure
   use talus_vectors, only: cross
   use dem_state, only: dem_data_type, kind_free, history_side, history_root
   use dem_surface_body, only: is_free
-  use dem_surface_state, only: dem_surfaces_type
+  use dem_surface_state, only: dem_surfaces_type, surface_membrane
   use dem_contact, only: contact_constants_type, constants_of, contact_radius
   use dem_surface_extras, only: surface_extra_stiffness, surface_turning_energy, turns_at_surface
   implicit none
@@ -96,10 +96,18 @@ contains
           c = law_of(d, k, g)
           stiffness = surface_stiffness(d, k, g)
           overlap = history(history_side)**2
+          if (d%surfaces%sign(k, g) < 0.0_wp) then
+            c%c = d%surfaces%sign(k, g)*c%c
+            c%kn = d%surfaces%sign(k, g)*c%kn
+          end if
           energy(1) = energy(1) + overlap*overlap*(c%c*history(history_root)*history(history_side) &
                                                    + 0.5_wp*c%kn)
-          if (stiffness(2) > 0.0_wp) &
+          if (.not. stiffness(2) > 0.0_wp) cycle
+          if (d%surfaces%sign(k, g) < 0.0_wp) then
+            energy(2) = energy(2) + d%surfaces%sign(k, g)*tangential_energy(d, k, g, stiffness(2))
+          else
             energy(2) = energy(2) + tangential_energy(d, k, g, stiffness(2))
+          end if
         end associate
       end do
     end do
@@ -119,14 +127,16 @@ contains
     type(dem_data_type), intent(in) :: d
     real(wp), intent(inout) :: lambda(:, :)  !! (2, grains)
     real(wp) :: stiffness(2), more(2), arm(3), factor
-    integer(i4) :: g, k, i
+    integer(i4) :: g, k, i, b
 
     do g = 1, d%surfaces%near
       i = d%surfaces%near_grain(g)
       do k = 1, d%surfaces%contacts(g)
+        if (d%surfaces%sign(k, g) < 0.0_wp) cycle
         stiffness = surface_stiffness(d, k, g)
         factor = 1.0_wp
-        if (is_free(d%surfaces, body_of_part(d, d%surfaces%part(k, g)))) factor = 2.0_wp
+        b = body_of_part(d, d%surfaces%part(k, g))
+        if (is_free(d%surfaces, b) .or. d%surfaces%kind(b) == surface_membrane) factor = 2.0_wp
         stiffness = factor*stiffness
         arm = d%surfaces%point(k, :, g) - d%pairs%body(1:3, i)
         lambda(1, i) = lambda(1, i) + sum(stiffness)
@@ -183,7 +193,8 @@ contains
     integer(i4), intent(inout) :: z(:)
     integer(i4) :: g
     do g = 1, d%surfaces%near
-      z(d%surfaces%near_grain(g)) = z(d%surfaces%near_grain(g)) + d%surfaces%contacts(g)
+      z(d%surfaces%near_grain(g)) = z(d%surfaces%near_grain(g)) &
+        + nint(sum(d%surfaces%sign(:d%surfaces%contacts(g), g)))
     end do
   end subroutine add_surface_coordination
 

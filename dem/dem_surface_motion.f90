@@ -1,11 +1,10 @@
 !> Motion of surfaces: rigid bodies by velocity and spin, soft ones vertex by vertex; what the
-!! grains
-!! do to them: forces, moments, impulses and work.
+!! grains do to them: forces, moments, impulses and work.
 module dem_surface_motion
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_data_type, column_count
-  use dem_surface_state, only: dem_surfaces_type, surface_soft, surface_cylinder, is_bore, &
-    bore_swell, bore_press, bore_impulse, bore_listed
+  use dem_surface_state, only: dem_surfaces_type, is_soft, surface_soft, surface_cylinder, &
+    is_bore, bore_swell, bore_press, bore_impulse, bore_listed
   use dem_surface_body, only: turn_free, turns_freely, is_free, held_power
   use dem_shape, only: quaternion_from_rotation, quaternion_product, rotation_of
   implicit none
@@ -26,9 +25,10 @@ contains
     do b = 1, s%n
       low = s%first_vertex(b)
       high = s%first_vertex(b + 1) - 1
-      if (s%kind(b) == surface_soft) then
+      if (is_soft(s, b)) then
         s%x(:, low:high) = s%x(:, low:high) + dt*s%v(:, low:high)
-        if (last .and. s%has_target) s%x(:, low:high) = s%target(:, low:high)
+        if (last .and. s%has_target .and. s%kind(b) == surface_soft) &
+          s%x(:, low:high) = s%target(:, low:high)
         cycle
       end if
       if (is_bore(s, b)) s%cone(3, b) = s%cone(3, b) + dt*s%bore(bore_swell, b)
@@ -63,7 +63,7 @@ contains
     type(dem_surfaces_type), intent(inout) :: s
     integer(i4) :: b
     do b = 1, s%n
-      if (s%kind(b) /= surface_soft) call place_body(s, b)
+      if (.not. is_soft(s, b)) call place_body(s, b)
     end do
   end subroutine place_surfaces
 
@@ -75,7 +75,7 @@ contains
 
     travel = 0.0_wp
     do b = 1, s%n
-      if (s%kind(b) == surface_soft) then
+      if (is_soft(s, b)) then
         do k = s%first_vertex(b), s%first_vertex(b + 1) - 1
           this = sqrt(sum((s%x(:, k) - s%reference(:, k))**2))
           if (.not. this <= travel) travel = this
@@ -118,7 +118,7 @@ contains
         m = 0.5_wp*dt*(s%moment(:, p) + moment(:, p))
         s%impulse(:, p) = s%impulse(:, p) + f
         s%moment_impulse(:, p) = s%moment_impulse(:, p) + m
-        if (s%kind(b) == surface_soft) cycle
+        if (is_soft(s, b)) cycle
         done = -dot_product(f, s%velocity(:, b)) - dot_product(m, s%spin(:, b))
         s%work(p) = s%work(p) + done
         if (is_free(s, b)) done = -held_power(s, b, f, m)
@@ -208,7 +208,7 @@ contains
     force = 0.0_wp
     do c = 1, ubound(s%candidate, 1)
       if (s%candidate(c) <= 0) cycle
-      if (s%kind(s%owner(s%candidate(c))) /= surface_soft) cycle
+      if (.not. is_soft(s, s%owner(s%candidate(c)))) cycle
       do k = 1, 3
         associate (vertex => s%corner(k, s%candidate(c)))
           force(:, vertex) = force(:, vertex) + s%share(:, 3*(c - 1) + k)
@@ -216,12 +216,15 @@ contains
       end do
     end do
     do b = 1, s%n
-      if (s%kind(b) /= surface_soft) cycle
+      if (.not. is_soft(s, b)) cycle
       do k = s%first_vertex(b), s%first_vertex(b + 1) - 1
         mean = 0.5_wp*dt*(s%vertex_force(:, k) + force(:, k))
         s%vertex_impulse(:, k) = s%vertex_impulse(:, k) + mean
         done = -dot_product(mean, s%v(:, k))
         s%work(s%first_part(b)) = s%work(s%first_part(b)) + done
+        if (allocated(s%membranes)) then
+          if (s%membranes%mass(k) > 0.0_wp .and. s%membranes%wall(k) < 0) cycle
+        end if
         boundary = boundary + done
       end do
     end do

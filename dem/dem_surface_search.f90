@@ -9,6 +9,7 @@ module dem_surface_search
   use dem_extra_state, only: extra_work_count
   use dem_surface_body, only: is_free
   use dem_surface_extras, only: surface_kept_reals
+  use dem_surface_feature, only: most_features
   use dem_surface_state, only: dem_surfaces_type, surface_cone, surface_cylinder, is_bore, &
     bore_listed
   implicit none
@@ -242,6 +243,7 @@ contains
     call move_alloc(s%push, old%push)
     call move_alloc(s%motion, old%motion)
     call move_alloc(s%part, old%part)
+    call move_alloc(s%sign, old%sign)
     call move_alloc(s%load, old%load)
     call move_alloc(s%kept, old%kept)
     call move_alloc(s%couple, old%couple)
@@ -253,15 +255,17 @@ contains
     integer(i4), intent(in) :: grains
     integer(i4), intent(in) :: reals  !! kept for laws on top
     integer(i4) :: g, some
+    s%slots = merge(most_features, lanes, allocated(s%membranes))
     some = merge(s%near, 0_i4, reals > 0)
-    allocate (s%kept(lanes, reals, some), s%couple(lanes, 3, some), &
-              s%extra_work(extra_work_count, some), source=0.0_wp)
-    allocate (s%contacts(s%near), source=0)
-    allocate (s%history(lanes, history_size, s%near), s%foot(lanes, 3, s%near), &
-              s%normal(lanes, 3, s%near), s%point(lanes, 3, s%near), s%push(lanes, 3, s%near), &
-              s%motion(lanes, 6, s%near), s%load(6, s%near), s%columns(column_count, s%near), &
-              source=0.0_wp)
-    allocate (s%part(lanes, s%near), source=0)
+    associate (n => s%slots)
+      allocate (s%kept(n, reals, some), s%couple(n, 3, some), &
+                s%extra_work(extra_work_count, some), source=0.0_wp)
+      allocate (s%contacts(s%near), s%part(n, s%near), source=0)
+      allocate (s%sign(n, s%near), source=1.0_wp)
+      allocate (s%history(n, history_size, s%near), s%foot(n, 3, s%near), s%normal(n, 3, s%near), &
+                s%point(n, 3, s%near), s%push(n, 3, s%near), s%motion(n, 6, s%near), &
+                s%load(6, s%near), s%columns(column_count, s%near), source=0.0_wp)
+    end associate
     allocate (s%share(3, merge(3*ubound(s%candidate, 1), 0, s%soft)), source=0.0_wp)
     allocate (s%near_of(grains), source=0)
     do g = 1, s%near
@@ -285,6 +289,7 @@ contains
       s%push(:, :, g) = old%push(:, :, k)
       s%motion(:, :, g) = old%motion(:, :, k)
       s%part(:, g) = old%part(:, k)
+      s%sign(:, g) = old%sign(:, k)
       s%load(:, g) = old%load(:, k)
       if (size(s%kept) == 0 .or. size(old%kept, 2) /= size(s%kept, 2)) cycle
       s%kept(:, :, g) = old%kept(:, :, k)

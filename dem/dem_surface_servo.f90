@@ -74,12 +74,13 @@ contains
                     [(deck%given('servo', k, 'surface'), k=1, deck%count('servo'))])
     allocate (self%servo(size(instance)), self%name(d%surfaces%n))
     if (d%surfaces%n /= deck%count('surface') + deck%count('penetrometer') &
-        + deck%count('cylinder')) return
+        + deck%count('cylinder') + deck%count('membrane')) return
     if (d%surfaces%n > 0) self%name = d%surfaces%name
     if (d%surfaces%n > 0) self%velocity = d%surfaces%velocity
     self%curved = [(deck%given('surface', k, 'curve'), k=1, deck%count('surface')), &
                    (deck%given('penetrometer', k, 'curve'), k=1, deck%count('penetrometer')), &
-                   (deck%given('cylinder', k, 'curve'), k=1, deck%count('cylinder'))]
+                   (deck%given('cylinder', k, 'curve'), k=1, deck%count('cylinder')), &
+                   (.false., k=1, deck%count('membrane'))]
     do k = 1, size(instance)
       call read_servo(self, deck, d, instance(k), k, curve, errors)
     end do

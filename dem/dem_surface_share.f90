@@ -182,7 +182,8 @@ contains
 
     associate (s => d%surfaces)
       if (allocated(s%contacts)) deallocate (s%contacts, s%history, s%foot, s%normal, s%point, &
-                                             s%push, s%motion, s%part, s%load, s%columns, &
+                                             s%push, s%motion, s%part, s%sign, s%load, &
+                                             s%columns, &
                                              s%share, s%near_of, s%kept, s%couple, s%extra_work)
       n = size(rows, 2)
       s%near = n

@@ -6,6 +6,7 @@ module dem_surface_state
   implicit none
   private
   public :: dem_surfaces_type, surface_rigid, surface_soft, surface_cone
+  public :: dem_membranes_type, surface_membrane, is_soft
   public :: surface_cylinder, part_side, part_end, is_bore
   public :: bore_swell, bore_press, bore_impulse, bore_listed, bore_start
   public :: part_tip, part_flank, part_shaft, soft_smooth, servo_size, servo_velocity
@@ -15,6 +16,8 @@ module dem_surface_state
   integer(i4), parameter :: surface_cone = 3   !! cone on a cylinder, exact
 
   integer(i4), parameter :: surface_cylinder = 4  !! cylinder, exact; grains outside or inside
+
+  integer(i4), parameter :: surface_membrane = 5  !! triangles whose vertices have masses
 
   !> Rows of the properties of a cylinder that grains fill.
   integer(i4), parameter :: bore_swell = 1    !! velocity of its wall outwards [m/s]
@@ -31,6 +34,23 @@ module dem_surface_state
 
   !> Cosine of the smooth angle of soft bodies, 20 degrees, the default of decks.
   real(wp), parameter :: soft_smooth = cos(acos(-1.0_wp)/9.0_wp)
+
+  !> What membranes are made of; bodies, vertices and triangles are those of all surfaces.
+  type :: dem_membranes_type
+    real(wp), allocatable :: modulus(:)        !! (bodies) E t/(1 - nu^2) [N/m]
+    real(wp), allocatable :: poisson(:)        !! (bodies) [-]
+    real(wp), allocatable :: pressure(:)       !! (bodies) now [Pa]
+    real(wp), allocatable :: side(:)           !! (bodies) 1: it pushes along the triangles' normals
+    real(wp), allocatable :: damping(:)        !! (bodies) background damping [1/s]
+    real(wp), allocatable :: limit(:)          !! (bodies) largest stretch that it bears [-]
+    real(wp), allocatable :: stretch(:)        !! (bodies) largest so far [-]
+    real(wp), allocatable :: mass(:)           !! (vertices) [kg]
+    integer(i4), allocatable :: wall(:)        !! (vertices) that holds it; 0: it stands, -1: free
+    real(wp), allocatable :: inverse(:, :, :)  !! (2, 2, triangles) of the edges at the start [1/m]
+    real(wp), allocatable :: area(:)           !! (triangles) at the start [m^2]
+    real(wp), allocatable :: press(:, :)       !! (3, vertices) of the pressure [N]
+    real(wp), allocatable :: pull(:, :)        !! (3, vertices) of the stretch [N]
+  end type dem_membranes_type
 
   !> All surfaces. A body has one part, a cone three: tip, flank of the cone, shaft. Forces are sums
   !! over the parts' contacts, moments are about the body's centre.
@@ -76,6 +96,8 @@ module dem_surface_state
     logical :: counted = .true.                     !! this rank counts works of free bodies, and
                                                     !! works their contacts with prescribed grains
 
+    type(dem_membranes_type), allocatable :: membranes
+
     integer(i4) :: vertices = 0
     real(wp), allocatable :: rest(:, :)             !! (3, vertices) from the centre at the start, m
     real(wp), allocatable :: x(:, :)                !! (3, vertices) now [m]
@@ -104,17 +126,20 @@ module dem_surface_state
     integer(i4), allocatable :: near_of(:)          !! (grains) place among the near ones, or 0
 
     integer(i4), allocatable :: contacts(:)         !! (near)
-    real(wp), allocatable :: history(:, :, :)       !! (lanes, history_size, near), see dem_contact
-    real(wp), allocatable :: foot(:, :, :)          !! (lanes, 3, near) contact point, surface [m]
-    real(wp), allocatable :: normal(:, :, :)        !! (lanes, 3, near) surface to grain [-]
-    real(wp), allocatable :: point(:, :, :)         !! (lanes, 3, near) where the force acts [m]
-    real(wp), allocatable :: push(:, :, :)          !! (lanes, 3, near) force on the grain [N]
-    real(wp), allocatable :: motion(:, :, :)        !! (lanes, 6, near) velocity, spin of the
+    integer(i4) :: slots = 0                        !! contacts of a grain that there is room for,
+                                                    !! a multiple of lanes
+    real(wp), allocatable :: sign(:, :)             !! (slots, near) see dem_sheet_find [-]
+    real(wp), allocatable :: history(:, :, :)       !! (slots, history_size, near), see dem_contact
+    real(wp), allocatable :: foot(:, :, :)          !! (slots, 3, near) contact point, surface [m]
+    real(wp), allocatable :: normal(:, :, :)        !! (slots, 3, near) surface to grain [-]
+    real(wp), allocatable :: point(:, :, :)         !! (slots, 3, near) where the force acts [m]
+    real(wp), allocatable :: push(:, :, :)          !! (slots, 3, near) force on the grain [N]
+    real(wp), allocatable :: motion(:, :, :)        !! (slots, 6, near) velocity, spin of the
                                                     !! surface
-    integer(i4), allocatable :: part(:, :)          !! (lanes, near)
-    real(wp), allocatable :: kept(:, :, :)          !! (lanes, reals, near) for laws on top, see
+    integer(i4), allocatable :: part(:, :)          !! (slots, near)
+    real(wp), allocatable :: kept(:, :, :)          !! (slots, reals, near) for laws on top, see
                                                     !! dem_extra_state; no reals without such laws
-    real(wp), allocatable :: couple(:, :, :)        !! (lanes, 3, near) on the grain besides the
+    real(wp), allocatable :: couple(:, :, :)        !! (slots, 3, near) on the grain besides the
                                                     !! force [N m]; none without such laws
     real(wp), allocatable :: extra_work(:, :)       !! (extra_work_count, near) of the step
     real(wp), allocatable :: load(:, :)             !! (6, near) on the grain, about its centre
@@ -124,6 +149,13 @@ module dem_surface_state
   end type dem_surfaces_type
 
 contains
+
+  !> Do the vertices of body b move one by one?
+  pure logical function is_soft(s, b)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: b
+    is_soft = s%kind(b) == surface_soft .or. s%kind(b) == surface_membrane
+  end function is_soft
 
   !> Is body b a cylinder with grains inside?
   pure logical function is_bore(s, b)

@@ -12,6 +12,8 @@ module dem_surface_store
   use dem_surface_extras, only: surface_kept_reals
   use dem_surface_state, only: dem_surfaces_type, surface_soft, surface_cylinder, &
     soft_smooth
+  use dem_membrane, only: pull_membranes
+  use dem_surface_feature, only: most_features
   use dem_surface_make, only: mesh_type, check_mesh, add_mesh
   implicit none
   private
@@ -30,7 +32,7 @@ contains
     type(dem_surfaces_type), intent(in) :: s
     type(extra_places_type), intent(in) :: places
     type(dem_archive_type), intent(inout) :: archive
-    real(wp) :: packed(lanes*contact_size, s%near)
+    real(wp) :: packed(s%slots*contact_size, s%near)
     integer(i4) :: g
 
     call archive%put_integers('surfaces.size', &
@@ -65,6 +67,11 @@ contains
     if (any(s%kind == surface_cylinder)) &
       call archive%put_reals('surfaces.bore', reshape([reshape(s%bore, [5*s%n]), s%cone(3, :)], &
                                                       [6*s%n, 1]))
+    if (allocated(s%membranes)) then
+      call archive%put_reals('surfaces.membranes', &
+                             reshape([s%membranes%pressure, s%membranes%stretch], [s%n, 2]))
+      call archive%put_reals('surfaces.sign', s%sign)
+    end if
     if (allocated(s%given)) call archive%put_reals('surfaces.given', s%given)
   end subroutine put_surfaces
 
@@ -77,9 +84,9 @@ contains
     at = [places%rolling_at, places%cohesion_at, places%turning_at]
     do k = 1, size(laws)
       if (at(k) > 0) call archive%put_reals('surfaces.'//trim(laws(k)), reshape( &
-        s%kept(:, at(k):at(k) + law_reals(k) - 1, :), [lanes*law_reals(k), s%near]))
+        s%kept(:, at(k):at(k) + law_reals(k) - 1, :), [s%slots*law_reals(k), s%near]))
     end do
-    call archive%put_reals('surfaces.couple', reshape(s%couple, [lanes*3, s%near]))
+    call archive%put_reals('surfaces.couple', reshape(s%couple, [s%slots*3, s%near]))
   end subroutine put_kept
 
   !> The same back; a law that the checkpoint does not have starts from nothing.
@@ -93,19 +100,19 @@ contains
     integer(i4) :: k, at(3), some
 
     some = merge(s%near, 0_i4, reals > 0)
-    allocate (s%kept(lanes, reals, some), s%couple(lanes, 3, some), &
+    allocate (s%kept(s%slots, reals, some), s%couple(s%slots, 3, some), &
               s%extra_work(extra_work_count, some), source=0.0_wp)
     if (some == 0) return
     at = [places%rolling_at, places%cohesion_at, places%turning_at]
     do k = 1, size(laws)
       if (at(k) == 0 .or. archive%find('surfaces.'//trim(laws(k))) == 0) cycle
-      call archive%get_reals('surfaces.'//trim(laws(k)), lanes*law_reals(k), s%near, flat, errors)
+      call archive%get_reals('surfaces.'//trim(laws(k)), s%slots*law_reals(k), s%near, flat, errors)
       if (errors%any()) return
-      s%kept(:, at(k):at(k) + law_reals(k) - 1, :) = reshape(flat, [lanes, law_reals(k), s%near])
+      s%kept(:, at(k):at(k) + law_reals(k) - 1, :) = reshape(flat, [s%slots, law_reals(k), s%near])
     end do
     if (archive%find('surfaces.couple') == 0) return
-    call archive%get_reals('surfaces.couple', lanes*3, s%near, flat, errors)
-    if (.not. errors%any()) s%couple = reshape(flat, [lanes, 3, s%near])
+    call archive%get_reals('surfaces.couple', s%slots*3, s%near, flat, errors)
+    if (.not. errors%any()) s%couple = reshape(flat, [s%slots, 3, s%near])
   end subroutine get_kept
 
   !> Soft bodies are not in the deck: name, material and triangles of each.
@@ -194,6 +201,12 @@ contains
       k = archive%find('surfaces.given')
       if (k > 0 .and. allocated(s%given)) s%given = archive%item(k)%reals
       call get_bodies(s, archive, errors)
+      k = archive%find('surfaces.membranes')
+      if (k > 0 .and. allocated(s%membranes)) then
+        s%membranes%pressure = archive%item(k)%reals(:, 1)
+        s%membranes%stretch = archive%item(k)%reals(:, 2)
+        call pull_membranes(s)
+      end if
       if (errors%count == before) call get_contacts(s, d%grains%n, archive, errors)
       if (errors%count == before) call get_kept(s, d%pairs%extras%extra_places_type, &
                                                 surface_kept_reals(d), archive, errors)
@@ -250,30 +263,38 @@ contains
     s%candidate = int(counts(1, :), i4)
     call archive%get_integers('surfaces.contacts', 1, s%near, counts, errors)
     s%contacts = int(counts(1, :), i4)
-    call archive%get_integers('surfaces.part', lanes, s%near, counts, errors)
+    s%slots = merge(most_features, lanes, allocated(s%membranes))
+    call archive%get_integers('surfaces.part', s%slots, s%near, counts, errors)
     s%part = int(counts, i4)
+    allocate (s%sign(s%slots, s%near), source=1.0_wp)
+    if (allocated(s%membranes)) then
+      call archive%get_reals('surfaces.sign', s%slots, s%near, packed, errors)
+      s%sign = packed
+    end if
     call archive%get_reals('surfaces.gap', 1, s%near, packed, errors)
     s%least_gap = packed(1, :)
     call archive%get_reals('surfaces.load', 6, s%near, packed, errors)
     s%load = packed
     call archive%get_reals('surfaces.share', 3, -1, packed, errors)
     s%share = packed
-    call archive%get_reals('surfaces.contact', lanes*contact_size, s%near, packed, errors)
-    allocate (s%history(lanes, history_size, s%near), s%foot(lanes, 3, s%near), &
-              s%normal(lanes, 3, s%near), s%point(lanes, 3, s%near), s%push(lanes, 3, s%near), &
-              s%motion(lanes, 6, s%near), s%columns(column_count, s%near))
+    call archive%get_reals('surfaces.contact', s%slots*contact_size, s%near, packed, errors)
+    associate (n => s%slots)
+      allocate (s%history(n, history_size, s%near), s%foot(n, 3, s%near), s%normal(n, 3, s%near), &
+                s%point(n, 3, s%near), s%push(n, 3, s%near), s%motion(n, 6, s%near), &
+                s%columns(column_count, s%near))
+    end associate
     s%columns = 0.0_wp
     allocate (s%near_of(grains), source=0)
     do g = 1, s%near
       s%near_of(s%near_grain(g)) = g
-      call unpack_contact(s, g, reshape(packed(:, g), [lanes, contact_size]))
+      call unpack_contact(s, g, reshape(packed(:, g), [s%slots, contact_size]))
     end do
   end subroutine get_contacts
 
   pure subroutine unpack_contact(s, g, row)
     type(dem_surfaces_type), intent(inout) :: s
     integer(i4), intent(in) :: g
-    real(wp), intent(in) :: row(lanes, contact_size)
+    real(wp), intent(in) :: row(:, :)
     s%history(:, :, g) = row(:, :history_size)
     s%foot(:, :, g) = row(:, history_size + 1:history_size + 3)
     s%normal(:, :, g) = row(:, history_size + 4:history_size + 6)

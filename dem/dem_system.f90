@@ -13,6 +13,7 @@ module dem_system
   use dem_bonds_make, only: make_bonds
   use dem_cell, only: is_periodic, least_width
   use dem_extras, only: plan_extras, check_necks
+  use dem_membrane, only: check_membranes
   use dem_make, only: sorted_order, make_planes
   use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
   use dem_steps, only: step_memory_type, take_steps, evaluate_forces, rebuild_if_needed, &
@@ -271,6 +272,7 @@ contains
     if (errors%any()) return
     call check_runaway(self%dem_data_type, errors)
     call check_overlap(self%dem_data_type, 'N202', errors)
+    call check_membranes(self%dem_data_type, errors)
   end subroutine step
 
   !> Forces at the current state; the drift since the last evaluation moves the history on.
