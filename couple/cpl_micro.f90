@@ -64,29 +64,17 @@ contains
     real(wp), intent(in) :: x(:, :)        !! (3, grains) [m]
     integer(i4), intent(in) :: names(:)    !! ids of the nodes
     type(error_list_type), intent(inout) :: errors
+    type(rows_type) :: turned
     real(wp) :: share(size(n%column))
-    integer(i4) :: at(n%columns), i, e, a
+    integer(i4) :: a
     logical :: good
 
-    if (allocated(self%first)) deallocate (self%first, self%grain, self%slope)
-    allocate (self%first(n%columns + 1), self%grain(size(n%column)), self%slope(3, size(n%column)))
-    at = 0
-    do e = 1, size(n%column)
-      at(n%column(e)) = at(n%column(e)) + 1
-    end do
-    self%first(1) = 1
-    do a = 1, n%columns
-      self%first(a + 1) = self%first(a) + at(a)
-    end do
-    at = self%first(:n%columns)
-    do i = 1, n%rows
-      do e = n%first(i), n%first(i + 1) - 1
-        a = n%column(e)
-        self%grain(at(a)) = i
-        share(at(a)) = w(i)*n%weight(e)
-        at(a) = at(a) + 1
-      end do
-    end do
+    call n%turn(turned)
+    self%first = turned%first
+    self%grain = turned%column
+    share = w(turned%column)*turned%weight
+    if (allocated(self%slope)) deallocate (self%slope)
+    allocate (self%slope(3, size(n%column)))
     do a = 1, n%columns
       associate (from => self%first(a), to => self%first(a + 1) - 1)
         call fit_node(x(:, self%grain(from:to)), share(from:to), self%slope(:, from:to), good)

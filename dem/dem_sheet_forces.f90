@@ -3,12 +3,12 @@
 module dem_sheet_forces
   use talus_kinds, only: wp, i4, i8
   use dem_state, only: dem_data_type, lanes, history_size, history_point, column_count
-  use dem_surface_state, only: dem_surfaces_type, is_soft, surface_membrane
+  use dem_surface_state, only: dem_surfaces_type, surface_membrane
   use dem_figure, only: figure_type
   use dem_surface_feature, only: touches_type, features_type
   use dem_surface_find, only: find_touches
-  use dem_surface_forces, only: share_surfaces, leave_grain, figure_of, fill_lane, distance, &
-    law_of, take_lane, clear_shares, far_apart
+  use dem_surface_forces, only: share_surfaces, leave_grain, figure_of, fill_block, distance, &
+    law_of, take_lane, about_centre, clear_shares, share_loads, far_apart
   use dem_sheet_match, only: bear_pairs
   use dem_block, only: dem_block_type
   use dem_contact, only: contact_block, constants_of, contact_constants_type
@@ -115,41 +115,6 @@ contains
                      block%load%mx(k), block%load%my(k), block%load%mz(k)]
     end do
   end subroutine work_block
-
-  !> Contacts low+1 to low+many as pairs of a point of the surface, A, and the grain, B.
-  pure subroutine fill_block(touches, low, many, grain, b)
-    type(touches_type), intent(in) :: touches
-    integer(i4), intent(in) :: low, many
-    real(wp), intent(in) :: grain(:)
-    type(dem_block_type), intent(inout) :: b
-    integer(i4) :: k
-
-    do k = 1, lanes
-      b%b%vx(k) = grain(4)
-      b%b%vy(k) = grain(5)
-      b%b%vz(k) = grain(6)
-      b%b%wx(k) = grain(7)
-      b%b%wy(k) = grain(8)
-      b%b%wz(k) = grain(9)
-    end do
-    b%ax = 0.0_wp
-    b%ay = 0.0_wp
-    b%az = 0.0_wp
-    do k = 1, lanes
-      b%gap(k) = 1.0_wp
-      b%curvature(k) = 1.0_wp
-      if (k > many) then
-        call fill_lane(b, k, grain(1:3), [1.0_wp, 0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp, 0.0_wp, &
-                                                                  0.0_wp, 0.0_wp, 0.0_wp], grain)
-      else
-        call fill_lane(b, k, touches%foot(:, low + k), touches%normal(:, low + k), &
-                       touches%motion(:, low + k), grain)
-        if (low + k > touches%n) cycle
-        b%gap(k) = touches%gap(low + k)
-        b%curvature(k) = touches%curvature(low + k)
-      end if
-    end do
-  end subroutine fill_block
 
   !> History of each contact from the nearest of the last step, each taken once; what is left over
   !! has ended and is worked once more, after the contacts, for its energy.
@@ -259,32 +224,4 @@ contains
     d = c
     if (law < 0) d%share = 0.0_wp
   end function surface_share
-
-  !> The moment of a load, given about the origin, about x.
-  pure subroutine about_centre(x, load)
-    real(wp), intent(in) :: x(3)
-    real(wp), intent(inout) :: load(6)
-    load(4) = load(4) - (x(2)*load(3) - x(3)*load(2))
-    load(5) = load(5) - (x(3)*load(1) - x(1)*load(3))
-    load(6) = load(6) - (x(1)*load(2) - x(2)*load(1))
-  end subroutine about_centre
-
-  !> Forces on the corners of soft triangles: those of each contact by its shares.
-  pure subroutine share_loads(s, g, f, touches)
-    type(dem_surfaces_type), intent(inout) :: s
-    integer(i4), intent(in) :: g
-    type(features_type), intent(in) :: f
-    type(touches_type), intent(in) :: touches
-    integer(i4) :: i, k, corner
-
-    call clear_shares(s, g)
-    do i = 1, f%n
-      if (f%touch(i) > touches%n .or. .not. is_soft(s, f%body(i))) cycle
-      k = 3*(f%candidate(i) - 1)
-      do corner = 1, 3
-        s%share(:, k + corner) = s%share(:, k + corner) &
-          - f%weight(i)*f%share(corner, i)*s%push(f%touch(i), :, g)
-      end do
-    end do
-  end subroutine share_loads
 end module dem_sheet_forces

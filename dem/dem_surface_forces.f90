@@ -20,7 +20,8 @@ module dem_surface_forces
   implicit none
   private
   public :: share_surfaces, add_surface_loads, surface_load
-  public :: leave_grain, figure_of, fill_lane, distance, law_of, take_lane, clear_shares, far_apart
+  public :: leave_grain, figure_of, fill_block, distance, law_of, take_lane, about_centre, &
+    clear_shares, share_loads, far_apart
 
   real(wp), parameter :: far_apart = 0.5_wp  !! distance in radii and turn that no contact makes
 
@@ -73,7 +74,7 @@ contains
       if (size(s%kept) > 0) figure%reach = neck_reach(d, g)
       figure%span = figure%radius + figure%reach
       call find_touches(s, g, figure, features, touches)
-      call fill_block(touches, d%pairs%body(:, i), block)
+      call fill_block(touches, 0, touches%n, d%pairs%body(:, i), block)
       part = 0
       part(:touches%n) = touches%part(:touches%n)
       call match(s, g, h, d%grains%radius(i), touches, count, part, block, history, kept)
@@ -175,9 +176,11 @@ contains
     if (figure%formed) figure%form = d%grains%forms%record(:, i)
   end function figure_of
 
-  !> Contacts as pairs of a point of the surface, A, and the grain, B.
-  pure subroutine fill_block(touches, grain, b)
+  !> Contacts low+1 to low+many as pairs of a point of the surface, A, and the grain, B; those
+  !! behind touches%n have ended.
+  pure subroutine fill_block(touches, low, many, grain, b)
     type(touches_type), intent(in) :: touches
+    integer(i4), intent(in) :: low, many
     real(wp), intent(in) :: grain(:)
     type(dem_block_type), intent(inout) :: b
     integer(i4) :: k
@@ -194,15 +197,17 @@ contains
     b%ay = 0.0_wp
     b%az = 0.0_wp
     do k = 1, lanes
-      if (k <= touches%n) then
-        call fill_lane(b, k, touches%foot(:, k), touches%normal(:, k), touches%motion(:, k), grain)
-        b%gap(k) = touches%gap(k)
-        b%curvature(k) = touches%curvature(k)
-      else
+      b%gap(k) = 1.0_wp
+      b%curvature(k) = 1.0_wp
+      if (k > many) then
         call fill_lane(b, k, grain(1:3), [1.0_wp, 0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp, 0.0_wp, &
                                                                   0.0_wp, 0.0_wp, 0.0_wp], grain)
-        b%gap(k) = 1.0_wp
-        b%curvature(k) = 1.0_wp
+      else
+        call fill_lane(b, k, touches%foot(:, low + k), touches%normal(:, low + k), &
+                       touches%motion(:, low + k), grain)
+        if (low + k > touches%n) cycle
+        b%gap(k) = touches%gap(low + k)
+        b%curvature(k) = touches%curvature(low + k)
       end if
     end do
   end subroutine fill_block
@@ -403,10 +408,17 @@ contains
       load = load + [b%load%fx(k), b%load%fy(k), b%load%fz(k), &
                      b%load%mx(k), b%load%my(k), b%load%mz(k)]
     end do
+    call about_centre(x, load)
+  end subroutine sum_loads
+
+  !> The moment of a load, given about the origin, about x.
+  pure subroutine about_centre(x, load)
+    real(wp), intent(in) :: x(3)
+    real(wp), intent(inout) :: load(6)
     load(4) = load(4) - (x(2)*load(3) - x(3)*load(2))
     load(5) = load(5) - (x(3)*load(1) - x(1)*load(3))
     load(6) = load(6) - (x(1)*load(2) - x(2)*load(1))
-  end subroutine sum_loads
+  end subroutine about_centre
 
   pure subroutine clear_shares(s, g)
     type(dem_surfaces_type), intent(inout) :: s
