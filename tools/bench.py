@@ -14,7 +14,8 @@ One bed alone, talus-dem only (beds: build/bench/beds/NAME.{h5,nml}, made by ben
     cd build/bench/beds && taskset -c 0 talus-dem spheres_10000.nml --threads=1 --output=/tmp
 runs 1000 steps without output (t_end in the deck decides); the rate is grain_steps_per_s of the
 summary, wall time of the steps alone. NAME: spheres_10000, spheres_50000, ellipsoids_2760,
-ellipsoids_20000. `perf stat -e task-clock` tells CPU time where the machine is shared.
+ellipsoids_20000, poly_ellipsoids_2760, superquadrics_2760, ... `perf stat -e task-clock` tells CPU
+time where the machine is shared.
 """
 
 import argparse

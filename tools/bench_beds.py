@@ -12,13 +12,17 @@ import json
 import os
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "prepost"))
+
+from talus.forms import Forms, bounding_radii, volumes  # noqa: E402
+from talus.generate import random_quaternions  # noqa: E402
+from talus.packing import make_packing, read_packing, write_packing_file  # noqa: E402
 
 DENSITY, YOUNG, POISSON = 2650.0, 1.0e7, 0.25  # kg/m3, Pa; soft, so that settling is cheap
 FRICTION, DAMPING_RATIO = 0.5, 0.3
@@ -27,6 +31,8 @@ DT = 2.0e-5  # s; 0.28 of the Rayleigh time of the smallest sphere
 GRAVITY = 9.81  # m/s2
 SPHERE, SPREAD = 1.0e-3, 0.2  # mean radius [m], +- share
 ELLIPSOID = (2.5e-3, 2.0e-3, 1.5e-3)
+SKEW = 0.3  # of poly-ellipsoids, uniform from -SKEW to SKEW a semi-axis: halves up to 1.9 to 1
+EXPONENTS = (2.5, 5.0)  # of superquadrics, uniform; semi-axes shrink to the ellipsoid's volume
 GAP = 0.02e-3  # m, between the largest grains on the lattice
 STEPS = 1000  # of the deck for timing
 
@@ -44,18 +50,29 @@ class Bed:
     friction: float = FRICTION  # while it falls; less makes a denser bed
     source: str = ""  # bed of which this one is copies side by side
     copies: tuple[int, int] = (1, 1)
+    beside: str = ""  # bed of ellipsoids of the same box, number and volumes
 
     @property
     def pitch(self) -> float:
-        """Distance of lattice sites [m]."""
+        """Distance of lattice sites of spheres or ellipsoids [m]."""
         largest = SPHERE * (1.0 + SPREAD) if self.shape == "spheres" else ELLIPSOID[0]
         return 2.0 * largest + GAP
 
     @property
+    def edge(self) -> float:
+        """Edge of the box, of one of its copies [m]."""
+        return self.columns * self.pitch
+
+    @property
     def box(self) -> tuple[float, float]:
         """Edges of the box in the plane [m]."""
-        edge = self.columns * self.pitch
-        return edge * self.copies[0], edge * self.copies[1]
+        return self.edge * self.copies[0], self.edge * self.copies[1]
+
+
+def other_shape(name: str, shape: str) -> Bed:
+    """Return the bed of ellipsoids of that name with its shapes exchanged."""
+    bed = BEDS[name]
+    return replace(bed, name=f"{shape}_{bed.grains}", shape=shape, beside=name)
 
 
 BEDS = {
@@ -70,6 +87,14 @@ BEDS = {
             "ellipsoids_20000", (10, 5)),
     )
 }  # fmt: skip
+BEDS |= {
+    bed.name: bed
+    for bed in (
+        other_shape(name, shape)
+        for name in ("ellipsoids_2760", "ellipsoids_20000")
+        for shape in ("poly_ellipsoids", "superquadrics")
+    )
+}
 
 DECK = """&run title = '{title}', t_end = {t_end:.6g}, gravity = 0.0, 0.0, -{gravity} /
 &material id = 'grain', density = {density}, young = {young}, poisson = {poisson} /
@@ -97,24 +122,47 @@ def deck(
     )  # fmt: skip
 
 
+def forms(bed: Bed, rng: np.random.Generator) -> Forms:
+    """Return the forms of a bed that has no spheres; all have the ellipsoid's volume."""
+    shapes = Forms(np.tile(ELLIPSOID, (bed.grains, 1)), np.zeros((bed.grains, 3)),
+                   np.full(bed.grains, 2.0))  # fmt: skip
+    if bed.shape == "poly_ellipsoids":
+        shapes.skew = rng.uniform(-SKEW, SKEW, shapes.skew.shape)
+    if bed.shape == "superquadrics":
+        shapes.exponent = rng.uniform(*EXPONENTS, bed.grains)
+        wanted = 4.0 / 3.0 * np.pi * np.prod(ELLIPSOID)
+        volume = volumes(shapes.axes, shapes.skew, shapes.exponent)
+        shapes.axes *= np.cbrt(wanted / volume)[:, None]
+    return shapes
+
+
+def sites(bed: Bed, pitch: float) -> np.ndarray:
+    """Return places on a lattice above the floor that fits into the box."""
+    columns = int(bed.edge / pitch + 1.0e-9)
+    pitch = bed.edge / columns
+    k = np.arange(bed.grains)
+    site = np.column_stack([k % columns, k // columns % columns, k // columns**2])
+    return (site + 0.5) * pitch
+
+
 def loose(bed: Bed, seed: int = 1):  # noqa: ANN201 (a Packing; imported late)
     """Return the grains on their lattice, with small velocities."""
-    from talus.generate import random_quaternions
-    from talus.packing import make_packing
-
     rng = np.random.default_rng(seed)
-    k = np.arange(bed.grains)
-    site = np.column_stack([k % bed.columns, k // bed.columns % bed.columns, k // bed.columns**2])
-    x = (site + 0.5) * bed.pitch
-    quat = None
     if bed.shape == "spheres":
+        x = sites(bed, bed.pitch)
         radius = SPHERE * rng.uniform(1.0 - SPREAD, 1.0 + SPREAD, bed.grains)
         axes = np.repeat(radius[:, None], 3, axis=1)
         x += rng.uniform(-1.0, 1.0, x.shape) * (0.5 * bed.pitch - radius[:, None])
-    else:
-        axes = np.tile(ELLIPSOID, (bed.grains, 1))
-        quat = random_quaternions(rng, bed.grains)
-    return make_packing(x, axes, quat, v=0.05 * rng.normal(size=x.shape))
+        return make_packing(x, axes, v=0.05 * rng.normal(size=x.shape))
+    quat = random_quaternions(rng, bed.grains)
+    v = 0.05 * rng.normal(size=(bed.grains, 3))
+    shapes = forms(bed, rng)
+    largest = 0.5 * bed.pitch
+    if bed.beside:
+        largest = bounding_radii(shapes).max() + 0.5 * GAP
+    packing = make_packing(sites(bed, 2.0 * largest), shapes.axes, quat, v=v)
+    packing.skew, packing.exponent = shapes.skew, shapes.exponent
+    return packing
 
 
 def replicate(bed: Bed, source: Path):  # noqa: ANN201 (a Packing)
@@ -122,20 +170,17 @@ def replicate(bed: Bed, source: Path):  # noqa: ANN201 (a Packing)
 
     Grains at a wall then lean against their images, so that taking the walls out changes little.
     """
-    from talus.packing import make_packing, read_packing
-
     block = read_packing(source)
-    edge = bed.columns * bed.pitch
     places, turns = [], []
     for i in range(bed.copies[0]):
         for j in range(bed.copies[1]):
             x, quat = block.x.copy(), block.quat.copy()
             for axis, count in ((0, i), (1, j)):
                 if count % 2:
-                    x[:, axis] = edge - x[:, axis]
+                    x[:, axis] = bed.edge - x[:, axis]
                     # axes of rotation are pseudo-vectors: the parts along the mirror change sign
                     quat[:, [1 + k for k in range(3) if k != axis]] *= -1.0
-            places.append(x + np.array([i, j, 0]) * edge)
+            places.append(x + np.array([i, j, 0]) * bed.edge)
             turns.append(quat)
     axes = np.tile(block.axes, (len(places), 1))
     return make_packing(np.concatenate(places), axes, np.concatenate(turns))
@@ -143,8 +188,6 @@ def replicate(bed: Bed, source: Path):  # noqa: ANN201 (a Packing)
 
 def settle(binary: Path, folder: Path, bed: Bed, threads: int) -> dict:
     """Settle a bed, unless it is kept already; return what was found."""
-    from talus.packing import read_packing, write_packing_file
-
     record = folder / f"{bed.name}.json"
     if record.exists() and (folder / f"{bed.name}.h5").exists():
         return json.loads(record.read_text())

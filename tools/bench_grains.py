@@ -1,7 +1,8 @@
 """Grains of `make bench`: Talus beside LAMMPS and LIGGGHTS on the same beds.
 
 First every code makes CHECK steps from the same bed: contacts between grains and kinetic energy
-must agree, so that the same work is timed. Then the codes take turns, with one and two cores.
+must agree, so that the same work is timed. Then the codes take turns, with one and two cores; beds
+of other shapes take turns with the bed of ellipsoids that they are put beside.
 """
 
 import json
@@ -27,8 +28,12 @@ STEPS = {
     "ellipsoids_2760": 6000,
     "ellipsoids_20000": 1000,
     "ellipsoids_1000000": 10,
+    "poly_ellipsoids_2760": 4000,
+    "superquadrics_2760": 2000,
+    "poly_ellipsoids_20000": 700,
+    "superquadrics_20000": 400,
 }
-QUICK = ("spheres_2000", "ellipsoids_2760")
+QUICK = ("spheres_2000", "ellipsoids_2760", "poly_ellipsoids_2760", "superquadrics_2760")
 
 
 @dataclass
@@ -185,35 +190,54 @@ def disagreement(found: dict[str, tuple[float, float]]) -> list[str]:
     return lines
 
 
+def together(names: list[str]) -> list[list[str]]:
+    """Return the beds by groups that are timed in turns."""
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        groups.setdefault(beds.BEDS[name].beside or name, []).append(name)
+    return list(groups.values())
+
+
 def run(
     binary: Path, out: Path, names: list[str], cores: list[int], repeats: int, threads: int
 ) -> tuple[list[Timing], list[dict]]:
     """Time all codes on the beds; return the timings and what the checks found."""
     timings, checks = [], []
-    for name in names:
-        bench = Bench(binary, out, beds.BEDS[name], threads)
-        print(beds.say(bench.settled), flush=True)
-        if len(bench.codes) > 1:
-            found = bench.check()
-            for code, (contacts, kinetic) in found.items():
-                print(f"  {code}: {contacts:.0f} contacts between grains, {kinetic:.4g} J kinetic")
-                row = {"case": name, "code": code, "contacts": contacts, "kinetic_J": kinetic}
-                checks.append(row)
-            for line in disagreement(found):
-                print(f"  NOT THE SAME WORK: {line}")
-        own = [Timing(code, name, bench.bed.grains, n) for n in cores for code in bench.codes]
-        bases = [bench.base(timing) for timing in own]
+    for group in together(names):
+        benches = [prepared(binary, out, name, threads, checks) for name in group]
+        own = [
+            (bench, Timing(code, bench.bed.name, bench.bed.grains, n))
+            for n in cores
+            for bench in benches
+            for code in bench.codes
+        ]
+        bases = [bench.base(timing) for bench, timing in own]
         for _ in range(repeats):
-            for timing, base in zip(own, bases, strict=True):
+            for (bench, timing), base in zip(own, bases, strict=True):
                 bench.time(timing, base)
-        for timing in own:
+        contacts = {t.case: t.contacts for _, t in own if t.code == "talus"}
+        for bench, timing in own:
             timing.memory = bench.memory(timing.code, timing.cores)
-            timing.contacts = timing.contacts or own[0].contacts
+            timing.contacts = contacts[timing.case]
             print(
-                f"  {timing.code} on {timing.cores}: {statistics.median(timing.wall) / 1e6:.3f} "
-                f"million grain-steps/s, {statistics.median(timing.cpu) / 1e6:.3f} by CPU time, "
-                f"{timing.memory:.0f} MB",
+                f"  {timing.code} on {timing.cores}, {timing.case}: "
+                f"{statistics.median(timing.wall) / 1e6:.3f} million grain-steps/s, "
+                f"{statistics.median(timing.cpu) / 1e6:.3f} by CPU time, {timing.memory:.0f} MB",
                 flush=True,
             )
-        timings += own
+        timings += [timing for _, timing in own]
     return timings, checks
+
+
+def prepared(binary: Path, out: Path, name: str, threads: int, checks: list[dict]) -> Bench:
+    """Settle a bed and compare the codes on it; add what was found to the checks."""
+    bench = Bench(binary, out, beds.BEDS[name], threads)
+    print(beds.say(bench.settled), flush=True)
+    if len(bench.codes) > 1:
+        found = bench.check()
+        for code, (contacts, kinetic) in found.items():
+            print(f"  {code}: {contacts:.0f} contacts between grains, {kinetic:.4g} J kinetic")
+            checks.append({"case": name, "code": code, "contacts": contacts, "kinetic_J": kinetic})
+        for line in disagreement(found):
+            print(f"  NOT THE SAME WORK: {line}")
+    return bench

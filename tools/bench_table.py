@@ -5,13 +5,14 @@ import statistics
 from pathlib import Path
 
 import numpy as np
+from bench_beds import BEDS
 
 REFERENCE = "spheres_10000"  # LAMMPS' rate beside which ellipsoids are put
 QUICK_REFERENCE = "spheres_2000"
 COLUMNS = (
     "code", "case", "grains", "cores", "grain_steps_per_s", "contacts_per_s", "max_rss_mb",
-    "ratio_to_lammps", "grain_steps_per_cpu_s", "seconds", "ratio_to_calculix", "difference",
-    "residual",
+    "ratio_to_lammps", "ratio_to_ellipsoids", "grain_steps_per_cpu_s", "seconds",
+    "ratio_to_calculix", "difference", "residual",
 )  # fmt: skip
 
 
@@ -20,11 +21,14 @@ def table(timings: list) -> list[dict]:
 
     ratio_to_lammps: of the same bed with as many cores; for ellipsoids, which LAMMPS of Debian
     does not have, of LAMMPS' spheres_10000 (spheres_2000 in quick runs). Empty without LAMMPS.
+    ratio_to_ellipsoids: of other shapes to the same bed of ellipsoids, by CPU time.
     """
     rates = {(t.code, t.case, t.cores): statistics.median(t.wall) for t in timings}
+    paces = {(t.code, t.case, t.cores): statistics.median(t.cpu) for t in timings}
     rows = []
     for t in timings:
-        rate = statistics.median(t.wall)
+        rate, pace = statistics.median(t.wall), statistics.median(t.cpu)
+        sister = paces.get((t.code, BEDS[t.case].beside, t.cores)) if t.case in BEDS else None
         beside = (t.case, REFERENCE, QUICK_REFERENCE)
         found = [rates.get(("lammps", case, t.cores)) for case in beside]
         peer = next((value for value in found if value), None)
@@ -37,7 +41,8 @@ def table(timings: list) -> list[dict]:
             "contacts_per_s": round(rate * t.contacts / t.grains),
             "max_rss_mb": round(t.memory, 1),
             "ratio_to_lammps": round(rate / peer, 3) if peer else "",
-            "grain_steps_per_cpu_s": round(statistics.median(t.cpu)),
+            "ratio_to_ellipsoids": round(pace / sister, 3) if sister else "",
+            "grain_steps_per_cpu_s": round(pace),
         })  # fmt: skip
     return rows
 
@@ -122,8 +127,8 @@ def markdown(rows: list[dict], head: dict) -> str:
         f"{head['repeats']} repeats; load of the machine at the start {head['load']}.",
         "",
         "| case | cores | code | million grain-steps/s | million contacts/s | memory [MB] "
-        "| ratio to LAMMPS | by CPU time [million/s] |",
-        "|---|---|---|---|---|---|---|---|",
+        "| ratio to LAMMPS | to ellipsoids | by CPU time [million/s] |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
     grains, solids = split(rows)
     for row in grains:
@@ -131,6 +136,7 @@ def markdown(rows: list[dict], head: dict) -> str:
         lines.append(
             f"| {row['case']} | {row['cores']} | {row['code']} | {rate:.3g} | {contacts:.3g} "
             f"| {float(row['max_rss_mb']):.0f} | {row['ratio_to_lammps'] or '–'} "
+            f"| {row.get('ratio_to_ellipsoids') or '–'} "
             f"| {float(row['grain_steps_per_cpu_s']) / 1e6:.3g} |"
         )
     lines = lines if grains else lines[:2]

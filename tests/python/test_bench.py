@@ -17,6 +17,8 @@ import bench_peers  # noqa: E402
 import bench_solid  # noqa: E402
 import bench_table  # noqa: E402
 
+from talus.forms import Forms, bounding_radii, volumes  # noqa: E402
+
 
 def test_constants_are_those_of_the_deck() -> None:
     """LAMMPS' constants give Talus' stiffness and damping, LIGGGHTS' restitution its damping."""
@@ -63,6 +65,33 @@ def test_lattice_does_not_overlap() -> None:
         assert (distance > radius[some, None] + radius[None, some]).all()
 
 
+@pytest.mark.parametrize("shape", ["poly_ellipsoids", "superquadrics"])
+def test_shapes_are_exchanged(shape: str) -> None:
+    """As many grains of the same volume fall into the same box, free of one another."""
+    bed = bench_beds.BEDS[f"{shape}_2760"]
+    packing = bench_beds.loose(bed)
+    assert bed.box == bench_beds.BEDS[bed.beside].box
+    assert packing.formed
+    volume = volumes(packing.axes, packing.skew, packing.exponent)
+    wanted = 4.0 / 3.0 * math.pi * math.prod(bench_beds.ELLIPSOID)
+    assert volume == pytest.approx(np.full(bed.grains, wanted), rel=1e-12)
+    radius = bounding_radii(Forms(packing.axes, packing.skew, packing.exponent))
+    assert (packing.x - radius[:, None]).min() >= 0.0
+    assert (packing.x[:, :2] + radius[:, None]).max() <= bed.box[0]
+    some = slice(0, 400)
+    distance = np.linalg.norm(packing.x[some, None] - packing.x[None, some], axis=2)
+    distance[np.diag_indices(400)] = np.inf
+    assert (distance > radius[some, None] + radius[None, some]).all()
+
+
+def test_shapes_take_turns() -> None:
+    """Beds of other shapes are timed in turns with their ellipsoids."""
+    names = ["spheres_2000", "ellipsoids_2760", "superquadrics_20000", "poly_ellipsoids_2760"]
+    assert bench_grains.together(names) == [
+        ["spheres_2000"], ["ellipsoids_2760", "poly_ellipsoids_2760"], ["superquadrics_20000"],
+    ]  # fmt: skip
+
+
 def test_states_and_loops() -> None:
     """Rows of the peers' logs are understood; every contact is counted by both grains."""
     said = (
@@ -89,15 +118,17 @@ def test_table(tmp_path: Path) -> None:
         timing("talus", "spheres_50000", 1, 6.0),
         timing("talus", "ellipsoids_2760", 1, 2.25),
         timing("talus", "ellipsoids_2760", 2, 4.0),
+        timing("talus", "superquadrics_2760", 2, 1.0, 3.0),
     ])  # fmt: skip
-    assert [row["ratio_to_lammps"] for row in rows] == [2.0, 1.0, 1.0, 2.0, 0.5, ""]
+    assert [row["ratio_to_lammps"] for row in rows] == [2.0, 1.0, 1.0, 2.0, 0.5, "", ""]
+    assert [row["ratio_to_ellipsoids"] for row in rows] == [*[""] * 6, 0.5]
     assert rows[0]["contacts_per_s"] == 18
     head = {"machine": "test", "date": "2000-01-01", "version": "0", "repeats": 3, "load": 0.0}
     bench_table.write(tmp_path / "bench.csv", rows, head)
     again, read = bench_table.read(tmp_path / "bench.csv")
     assert read == {key: str(value) for key, value in head.items()}
-    assert [float(row["grain_steps_per_s"]) for row in again] == [9, 4, 3, 6, 2, 4]
-    assert bench_table.markdown(again, read).count("\n| ") == 7
+    assert [float(row["grain_steps_per_s"]) for row in again] == [9, 4, 3, 6, 2, 4, 2]
+    assert bench_table.markdown(again, read).count("\n| ") == 8
     bench_table.figure(tmp_path / "bench.png", again, read)
     assert (tmp_path / "bench.png").stat().st_size > 1000
 
