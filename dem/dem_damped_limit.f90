@@ -33,18 +33,18 @@ module dem_damped_limit
 
 contains
 
-  !> Least step of all free grains [s]; huge where dashpots are too weak to count at the deck's
-  !! dt_factor, with as many as `most` contacts of full stiffness in one direction.
-  real(wp) function damped_step(d, margin) result(limit)
+  !> Least step of all free grains [s]; huge where dashpots are too weak to count at steps of this
+  !! share of the springs' limit, with as many as `most` contacts of full stiffness in one direction.
+  real(wp) function damped_step(d, share) result(limit)
     type(dem_data_type), intent(in) :: d
-    real(wp), intent(in) :: margin  !! of the limit that steps use [-]
+    real(wp), intent(in) :: share  !! [-]
     real(wp), parameter :: most = 20.0_wp
     type(block_type), allocatable :: sums(:, :)
     real(wp) :: ratio, y, bound(2), mass, inertia
     integer(i4) :: i
 
     limit = huge(1.0_wp)
-    y = min(d%par%dt_factor/margin, 1.0_wp)
+    y = min(max(share, 1.0e-6_wp), 1.0_wp)
     ratio = max(maxval(d%laws%damping_ratio), maxval(d%laws%tangential_ratio), &
                 maxval(d%laws%extra%rolling_damping))
     if (.not. ratio*sqrt(most) > (1.0_wp - y*y)/(2.0_wp*y)) return

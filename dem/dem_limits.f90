@@ -147,7 +147,7 @@ contains
     real(wp), parameter :: margin = 0.95_wp
     real(wp) :: damped
     limit = impact_step(d, speed)
-    damped = damped_step(d, margin)
+    damped = damped_step(d, d%par%dt_factor/margin)
     if (damped < huge(1.0_wp)) limit = min(limit, margin/d%par%dt_factor*damped)
   end function foreseen_step
 

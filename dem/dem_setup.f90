@@ -5,6 +5,7 @@ module dem_setup
   use talus_errors, only: error_list_type
   use talus_curve, only: curve_type, curve_index
   use talus_deck, only: deck_type
+  use dem_damped_limit, only: damped_step
   use dem_state, only: kind_free, kind_fixed, kind_driven, mode_dynamic, mode_relaxation
   use dem_slabs, only: slab_grains
   use dem_system, only: dem_system_type, dem_contacts_type
@@ -379,7 +380,7 @@ contains
     character(len=:), allocatable, intent(out) :: warning
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: mode
-    real(wp) :: limit, rayleigh
+    real(wp) :: limit, rayleigh, damped
 
     warning = ''
     if (.not. choices%dt > 0.0_wp) return
@@ -397,6 +398,10 @@ contains
     else if (choices%dt > rayleigh) then
       warning = 'the time step is above the Rayleigh time '//short(rayleigh)// &
         ' s: new contacts may be unstable'
+    else
+      damped = damped_step(system%dem_data_type, choices%dt/limit)
+      if (choices%dt > damped) warning = 'the time step is above '//short(damped)// &
+        ' s, which the dashpots of contacts allow for sure: contacts may run away'
     end if
   end subroutine check_step
 

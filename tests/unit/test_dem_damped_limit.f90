@@ -66,11 +66,15 @@ contains
     real(wp), parameter :: ratio = 0.5_wp
 
     call make_sphere(s, ratio)
-    limit = damped_step(s%dem_data_type, 0.95_wp)
+    limit = damped_step(s%dem_data_type, 0.3_wp)
     rate = stiffness/s%grains%mass(1)
     exact = mode_step(3.5_wp*rate, 3.5_wp*2.0_wp*ratio*sqrt(rate))
     call test%check_close('limit of one contact / exact', limit/exact, 1.0_wp, 0.02_wp)
     call test%check('springs alone allow more', gershgorin_step(s%dem_data_type) > 2.0_wp*limit)
+    call test%check_close('the same for a fixed step near the limit of springs', &
+                          damped_step(s%dem_data_type, 0.9_wp), limit, 1.0e-15_wp*limit)
+    call test%check('nothing to look at for very small steps', &
+                    damped_step(s%dem_data_type, 0.0_wp) >= huge(1.0_wp))
     s%par%dt = 0.97_wp*limit
     call s%step(200, errors)
     call test%check('below it slip comes to rest', slip(s) < 1.0e-12_wp)
@@ -94,7 +98,7 @@ contains
     type(dem_system_type) :: s
     call make_sphere(s, 0.05_wp)
     call test%check('weak dashpots are left alone', &
-                    damped_step(s%dem_data_type, 0.95_wp) >= huge(1.0_wp))
+                    damped_step(s%dem_data_type, 0.3_wp) >= huge(1.0_wp))
     s%par%dt_factor = 0.7_wp
     call test%check_close('and do not count at 0.7', s%automatic_step(0.0_wp), &
                           0.7_wp*min(s%step_limit(), s%rayleigh_limit()), &
