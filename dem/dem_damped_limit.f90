@@ -34,7 +34,7 @@ module dem_damped_limit
 contains
 
   !> Least step of all free grains [s]; huge where dashpots are too weak to count at steps of this
-  !! share of the springs' limit, with as many as `most` contacts of full stiffness in one direction.
+  !! share of the limit of springs, with as many as `most` contacts of full stiffness one way.
   real(wp) function damped_step(d, share) result(limit)
     type(dem_data_type), intent(in) :: d
     real(wp), intent(in) :: share  !! [-]
