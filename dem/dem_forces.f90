@@ -7,8 +7,8 @@ module dem_forces
   use dem_form_lanes, only: form_block_type, ready_forms, evaluate_forms, evaluate_form_planes, &
     refine_forms, add_form_curvatures, solve_form_lane
   use dem_form_state, only: dem_forms_type, form_powers
-  use dem_lanes, only: read_in_order, gather_side, gather_spheres, gather_records, put_loads, &
-    sum_results
+  use dem_lanes, only: call_for, read_in_order, gather_side, gather_spheres, gather_records, &
+    put_loads, sum_results
   use dem_gap, only: branch_vectors, evaluate_pairs, evaluate_spheres, evaluate_planes, &
     refine_normals, add_curvatures, solve_lane
   use dem_contact, only: contact_block, constants_of
@@ -50,6 +50,7 @@ contains
       if (pairs%touched(k)) call read_in_order(pairs%history(:, 1, k), history_root*lanes)
       call gather_spheres(pairs%body, pairs%first(:, k), pairs%first(:, next), mine%a)
       call gather_spheres(pairs%body, pairs%second(:, k), pairs%second(:, next), mine%b)
+      if (pairs%touched(next)) call call_for(pairs%history(:, 1, next), history_root*lanes)
       call branch_vectors(mine)
       call evaluate_spheres(mine)
     else
@@ -62,6 +63,8 @@ contains
         call gather_side(pairs%body, pairs%first(:, k), pairs%first(:, next), mine%a)
         call gather_side(pairs%body, pairs%second(:, k), pairs%second(:, next), mine%b)
       end if
+      if (pairs%touched(next)) call call_for(pairs%history(:, 1, next), history_size*lanes)
+      call call_for(pairs%normal(:, 1, next), 3*lanes)
       call branch_vectors(mine)
       call take_normals(pairs, mine, k)
       if (pairs%form(k) > 0) then
@@ -104,7 +107,7 @@ contains
     pairs%touched(k) = contact
     if (pairs%extras%active) call extra_forces(mine, laws(pairs%law_first(k), &
                                                           pairs%law_second(k)), k, h, pairs)
-    call put_loads(mine%load, pairs%result(:, (k - 1)*lanes + 1:k*lanes))
+    call put_loads(mine%load, pairs%past, pairs%result(:, (k - 1)*lanes + 1:k*lanes))
   end subroutine block_forces
 
   pure subroutine take_normals(pairs, block, k)

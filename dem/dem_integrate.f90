@@ -11,13 +11,13 @@ module dem_integrate
   use dem_state, only: dem_grains_type, dem_pairs_type, kind_free, lanes, body_size
   use dem_block, only: dem_side_type
   use dem_form_state, only: dem_forms_type, form_ellipsoid, put_frame
-  use dem_lanes, only: read_in_order, put_side, put_motion
+  use dem_lanes, only: call_for, read_in_order, put_side, put_motion
   use dem_orientation, only: rotations, shapes
   implicit none
   private
   public :: motion_type, mover_type, push_type, load_mover, store_mover, load_forces, store_forces
   public :: ready_push, kick_mover, drift_mover
-  public :: read_mover, put_bodies, travel_of_mover, scaled_spin_momentum, work_count
+  public :: call_mover, read_mover, put_bodies, travel_of_mover, scaled_spin_momentum, work_count
 
   integer(i4), parameter :: work_count = 4  !! gravity, external, background damping, boundary
 
@@ -141,6 +141,17 @@ contains
       call read_in_order(b%free, 39*lanes)
     end if
   end subroutine read_mover
+
+  !> Call for a mover that will be read soon.
+  subroutine call_mover(b)
+    type(mover_type), intent(in) :: b
+    if (b%round) then
+      call call_for(b%free, 10*lanes)
+      call call_for(b%q, 12*lanes)
+    else
+      call call_for(b%free, 39*lanes)
+    end if
+  end subroutine call_mover
 
   !> Contact forces and moments of the free grains as they stand with the grains.
   pure subroutine load_forces(b, g, push)

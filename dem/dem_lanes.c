@@ -8,8 +8,11 @@
  */
 #include <stdint.h>
 #include <string.h>
+#ifdef __AVX512F__
+#include <immintrin.h>
+#endif
 
-enum { LANES = 16, WIDTH = 8, BODY = 16, MOTION = 9, RESULT = 8, LOADS = 6, AHEAD = 24 };
+enum { LANES = 16, WIDTH = 8, BODY = 16, MOTION = 9, RESULT = 8, LOADS = 6, AHEAD = 48 };
 
 typedef double row_type __attribute__((vector_size(WIDTH * sizeof(double))));
 typedef int64_t pick_type __attribute__((vector_size(WIDTH * sizeof(int64_t))));
@@ -60,6 +63,12 @@ void dem_read_in_order(const double *from, int32_t reals)
     double sum = 0;
     for (int32_t k = 0; k < reals; k += WIDTH) sum += from[k];
     __asm__ volatile("" : : "g"(sum));
+}
+
+/* Call for a piece of memory that will be wanted soon. */
+void dem_call_for(const double *from, int32_t reals)
+{
+    for (int32_t k = 0; k < reals; k += WIDTH) __builtin_prefetch(from + k);
 }
 
 /* Call for the records of bodies that will be wanted soon. */
@@ -114,8 +123,27 @@ void dem_gather_spheres(const double *body, const int32_t index[LANES], const in
     }
 }
 
+/*
+ * Store a row; past the caches if it will not be read before they have been filled with other things:
+ * the processor need not fetch the line first.
+ */
+static inline void put(double *to, row_type row, int past)
+{
+#ifdef __AVX512F__
+    if (past && (uintptr_t)to % sizeof row == 0) {
+        _mm512_stream_pd(to, (__m512d)row);
+        return;
+    }
+#endif
+    (void)past;
+    store(to, row);
+}
+
+/* All stores past the caches before now are seen by other threads after now. */
+void dem_finish_puts(void) { __atomic_thread_fence(__ATOMIC_SEQ_CST); }
+
 /* Loads of the lanes, load[LOADS][LANES], to LANES records that follow each other; spare reals 0. */
-void dem_put_loads(const double *load_of, double *result)
+void dem_put_loads(const double *load_of, int32_t past, double *result)
 {
     for (int k = 0; k < LANES; k += WIDTH) {
         row_type m[WIDTH];
@@ -125,7 +153,7 @@ void dem_put_loads(const double *load_of, double *result)
         for (int i = LOADS; i < WIDTH; i++) m[i] = (row_type){0};
         turn(m);
 #pragma GCC unroll 8
-        for (int i = 0; i < WIDTH; i++) store(result + (k + i) * RESULT, m[i]);
+        for (int i = 0; i < WIDTH; i++) put(result + (k + i) * RESULT, m[i], past);
     }
 }
 

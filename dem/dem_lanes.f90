@@ -5,8 +5,8 @@ module dem_lanes
   use dem_block, only: dem_side_type, dem_load_type
   implicit none
   private
-  public :: read_in_order, gather_side, gather_spheres, gather_records
-  public :: put_loads, put_side, put_motion, sum_results, sum_lanes
+  public :: call_for, read_in_order, gather_side, gather_spheres, gather_records
+  public :: put_loads, finish_puts, put_side, put_motion, sum_results, sum_lanes
 
   interface
     !> Read memory from front to back, so that the processor fetches what lies behind it.
@@ -15,6 +15,13 @@ module dem_lanes
       real(c_double), intent(in) :: from(*)
       integer(c_int32_t), value, intent(in) :: reals
     end subroutine read_in_order
+
+    !> Call for memory that will be wanted soon.
+    pure subroutine call_for(from, reals) bind(c, name='dem_call_for')
+      import :: c_double, c_int32_t
+      real(c_double), intent(in) :: from(*)
+      integer(c_int32_t), value, intent(in) :: reals
+    end subroutine call_for
 
     !> Records body(:, index) into the lanes of a side; body(:, next) will be wanted soon.
     pure subroutine gather_side(body, index, next, side) bind(c, name='dem_gather_side')
@@ -40,12 +47,17 @@ module dem_lanes
       real(c_double), intent(inout) :: side(lanes, body_size)
     end subroutine gather_records
 
-    !> Loads of the lanes to the records of a block.
-    pure subroutine put_loads(load, result) bind(c, name='dem_put_loads')
-      import :: c_double, dem_load_type, lanes, result_size
+    !> Loads of the lanes to the records of a block; past /= 0: not by way of the caches.
+    pure subroutine put_loads(load, past, result) bind(c, name='dem_put_loads')
+      import :: c_double, c_int32_t, dem_load_type, lanes, result_size
       type(dem_load_type), intent(in) :: load
+      integer(c_int32_t), value, intent(in) :: past
       real(c_double), intent(out) :: result(result_size, lanes)
     end subroutine put_loads
+
+    !> What was put past the caches is seen by other threads from now on.
+    subroutine finish_puts() bind(c, name='dem_finish_puts')
+    end subroutine finish_puts
 
     !> The first `count` lanes of a side to records that follow each other from `body` on.
     pure subroutine put_side(side, count, body) bind(c, name='dem_put_bodies')

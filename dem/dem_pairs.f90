@@ -23,6 +23,7 @@ module dem_pairs
   public :: build_pairs, update_bodies, allocate_bodies, slot_of
 
   integer(i4), parameter :: bands = 4  !! of gaps, see band_of
+  integer(i4), parameter :: many_results = 2**18  !! reals, 2 MB: more do not stay in the cache
   integer(i4), parameter :: most_materials = 1000
   integer(i4), parameter :: geometries = 4  !! spheres, ellipsoids, two kinds of forms
   integer(i4), parameter :: first_border_group = &
@@ -488,6 +489,7 @@ contains
     allocate (pairs%weight(lanes, merge(pairs%blocks, 1, weighted)), source=1.0_wp)
     allocate (pairs%touched(pairs%blocks), source=.false.)
     allocate (pairs%result(result_size, lanes*pairs%blocks), source=0.0_wp)
+    pairs%past = merge(1_i4, 0_i4, size(pairs%result) > many_results)
     allocate (pairs%columns(column_count, pairs%blocks), source=0.0_wp)
   end subroutine allocate_blocks
 

@@ -9,12 +9,14 @@ module dem_parts
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use dem_cells, only: find_candidates
+  use dem_lanes, only: finish_puts
   use dem_forces, only: block_forces, sum_body
   use dem_form_state, only: put_frame
   use dem_integrate, only: work_count
   use dem_prescribed, only: put_body, finish_prescribed
   use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_ghost, lanes, history_side
-  use dem_steps, only: rebuild_list, finish_planes, travel_of, larger
+  use dem_relist, only: rebuild_list, travel_of, larger
+  use dem_steps, only: finish_planes
   use dem_surface_forces, only: share_surfaces, surface_load
   use dem_surface_motion, only: surface_travel, surface_columns
   implicit none
@@ -246,6 +248,7 @@ contains
       base = d%pairs%group_end(g)
     end do
     if (d%surfaces%near > 0 .and. .not. ghosts) call share_surfaces(d, h, travel, me, threads)
+    if (d%pairs%past > 0) call finish_puts()
     !$omp end parallel
     total = 0.0_wp
     base = 0

@@ -36,7 +36,7 @@ module dem_state
   integer(i4), parameter :: result_size = 8    !! force, moment about the origin, two spare
   integer(i4), parameter :: column_count = 4   !! work of a block: see dem_contact
 
-  integer(i4), parameter :: entries_ahead = 24  !! spare entries that sums may look at
+  integer(i4), parameter :: entries_ahead = 48  !! spare entries that sums may look at
 
   integer(i4), parameter :: history_side = 7      !! square root of the overlap, > 0 in contact
   integer(i4), parameter :: history_root = 8      !! square root of the effective radius
@@ -143,6 +143,7 @@ module dem_state
     real(wp), allocatable :: m_star(:, :)        !! (lanes, blocks) reduced mass m* [kg]
     logical, allocatable :: touched(:)           !! (blocks) some lane had contact last time
     real(wp), allocatable :: result(:, :)        !! (result_size, slots) on B [N, N m]
+    integer(i4) :: past = 0                      !! 1: results go past the caches, see dem_lanes
     real(wp), allocatable :: columns(:, :)       !! (column_count, blocks) work of this step [J]
     real(wp), allocatable :: body(:, :)          !! (body_size, bodies) records
     real(wp), allocatable :: reference_x(:, :)   !! (3, bodies) where the list was made [m]

@@ -10,20 +10,18 @@ module dem_steps
   use, intrinsic :: omp_lib, only: omp_get_thread_num, omp_get_num_threads
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use talus_text, only: str
   use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_ghost, kind_mirror, &
-    mode_relaxation, lanes
+    mode_relaxation, lanes, body_size, dem_pairs_type
   use dem_carry, only: start_carried, finish_carried, sum_images
-  use dem_cell, only: advance_cell, least_width, is_periodic
+  use dem_cell, only: advance_cell
   use dem_lost, only: all_finite, name_lost_grain, name_stray
-  use dem_migrate, only: share_out
-  use dem_pairs, only: build_pairs
   use dem_bonds_make, only: check_bonds
   use dem_forces, only: block_forces, sum_body
-  use dem_lanes, only: sum_lanes
+  use dem_lanes, only: sum_lanes, call_for, finish_puts
   use dem_integrate, only: motion_type, mover_type, push_type, load_mover, store_mover, &
-    load_forces, store_forces, ready_push, kick_mover, drift_mover, read_mover, put_bodies, &
-    travel_of_mover, work_count
+    load_forces, store_forces, ready_push, kick_mover, drift_mover, call_mover, read_mover, &
+    put_bodies, travel_of_mover, work_count
+  use dem_relist, only: rebuild_list, fit_skin, outlived, travel_of, larger
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_shape, only: quaternion_from_rotation
   use dem_sheet_forces, only: share_near
@@ -31,18 +29,13 @@ module dem_steps
   use dem_surface_extras, only: add_work_on_top
   use dem_surface_forces, only: add_surface_loads, surface_load
   use dem_surface_motion, only: drift_surfaces, finish_surfaces, surface_travel, surface_columns
-  use dem_surface_search, only: list_near
   use dem_swap, only: swap_bodies, add_loads
   implicit none
   private
-  public :: step_memory_type, take_steps, evaluate_forces, motion_of, rebuild_if_needed
-  public :: largest_travel, kick_and_drift, rebuild_list, finish_planes, travel_of, larger
+  public :: step_memory_type, take_steps, evaluate_forces, motion_of
+  public :: kick_and_drift, finish_planes
 
   integer(i4), parameter :: chunk = lanes  !! grains in a unit of work
-  integer(i8), parameter :: few_steps = 40    !! a list that lasts less gets a wider skin
-  integer(i8), parameter :: few_in_parts = 120  !! the same where each list has a border chosen
-  integer(i8), parameter :: many_steps = 200  !! one that lasts longer a narrower one
-  integer(i8), parameter :: rest_steps = 2000
 
   !> What a region works on beside the system itself: memory that one call of take_steps leaves to
   !! the next. It carries no state.
@@ -262,14 +255,8 @@ contains
       base = d%pairs%group_end(g)
     end do
     if (d%surfaces%near > 0) call share_near(d, h, travel, me, threads)
+    if (d%pairs%past > 0) call finish_puts()
   end subroutine share_forces
-
-  !> A list with a wide skin is given up when the grains have come to rest.
-  pure logical function outlived(d, step)
-    type(dem_data_type), intent(in) :: d
-    integer(i8), intent(in) :: step
-    outlived = step - d%pairs%built_at > rest_steps .and. d%pairs%skin > d%pairs%least_skin
-  end function outlived
 
   !> Start of a step for the grains of chunk c; the last chunk is the planes'. The push is that left
   !! by finish_chunk, or it is fresh.
@@ -337,31 +324,6 @@ contains
     travel = larger(travel, surface_travel(d%surfaces))
   end subroutine start_planes
 
-  !> Larger of two, not-a-number wins.
-  pure real(wp) function larger(a, b)
-    real(wp), intent(in) :: a, b
-    larger = a
-    if (.not. b <= a) larger = b
-  end function larger
-
-  !> Bound of how far the surface of grain i has come, along any normal, since the list was made:
-  !! displacement, and rotation times the difference of the extreme semi-axes.
-  pure real(wp) function travel_of(d, i)
-    type(dem_data_type), intent(in) :: d
-    integer(i4), intent(in) :: i
-    real(wp) :: square, cosine, sine
-    square = (d%grains%x(1, i) - d%pairs%reference_x(1, i))**2 &
-             + (d%grains%x(2, i) - d%pairs%reference_x(2, i))**2 &
-             + (d%grains%x(3, i) - d%pairs%reference_x(3, i))**2
-    cosine = d%grains%quat(1, i)*d%pairs%reference_q(1, i) &
-             + d%grains%quat(2, i)*d%pairs%reference_q(2, i) &
-             + d%grains%quat(3, i)*d%pairs%reference_q(3, i) &
-             + d%grains%quat(4, i)*d%pairs%reference_q(4, i)
-    sine = sqrt(max(1.0_wp - cosine*cosine, 0.0_wp))
-    ! asin(s) <= s + (pi/2 - 1) s^3
-    travel_of = sqrt(square) + 2.0_wp*d%pairs%reach(i)*sine*(1.0_wp + 0.571_wp*sine*sine)
-  end function travel_of
-
   !> Sums and end of the step for the grains of chunk c; the last chunk is the planes'.
   subroutine finish_chunk(d, c, motion, last, work, push)
     type(dem_data_type), intent(inout) :: d
@@ -378,6 +340,7 @@ contains
       call push_surfaces(d%surfaces, d%planes%velocity, motion, .false., work%finished(:, c))
       return
     end if
+    if (c < size(work%movers)) call call_chunk(d%pairs, work%movers(c + 1))
     associate (mover => work%movers(c))
       call read_mover(mover)
       call sum_lanes(d%pairs%result, d%pairs%entry, d%pairs%start(mover%low + 1:), mover%count, &
@@ -396,6 +359,14 @@ contains
       call kick_mover(mover, push, motion, .false., work%finished(:, c))
     end associate
   end subroutine finish_chunk
+
+  !> Call for the next chunk while this one is worked on.
+  subroutine call_chunk(pairs, mover)
+    type(dem_pairs_type), intent(in) :: pairs
+    type(mover_type), intent(in) :: mover
+    call call_mover(mover)
+    call call_for(pairs%body(:, mover%low + 1), body_size*mover%count)
+  end subroutine call_chunk
 
   !> Planes and surfaces.
   subroutine finish_planes(d, dt, work)
@@ -538,63 +509,4 @@ contains
     call add_grain_work(d, work)
   end subroutine evaluate_forces
 
-  !> Largest travel of any grain or plane since the list was made [m].
-  real(wp) function largest_travel(d) result(travel)
-    type(dem_data_type), intent(in) :: d
-    integer(i4) :: i
-    travel = 0.0_wp
-    do i = 1, d%grains%n
-      travel = larger(travel, travel_of(d, i))
-    end do
-    do i = 1, d%planes%n
-      travel = larger(travel, sqrt(sum((d%planes%point(:, i) &
-                                        - d%pairs%reference_x(:, d%grains%n + 3 + i))**2)))
-    end do
-    if (d%surfaces%n > 0) travel = larger(travel, surface_travel(d%surfaces))
-  end function largest_travel
-
-  !> Make the list anew if the current positions have used it up (bodies must be up to date).
-  subroutine rebuild_if_needed(d)
-    type(dem_data_type), intent(inout) :: d
-    real(wp) :: travel
-    travel = largest_travel(d)
-    if (.not. travel <= 0.5_wp*d%pairs%skin) call rebuild_list(d, travel)
-  end subroutine rebuild_if_needed
-
-  !> The skin may be no wider than the cell allows; a cell narrower than two ranges ends the run
-  !! (N220).
-  subroutine fit_skin(d, errors)
-    type(dem_data_type), intent(inout) :: d
-    type(error_list_type), intent(inout) :: errors
-    real(wp) :: range(1), width
-    if (.not. is_periodic(d%cell)) return
-    range = 2.0_wp*maxval(d%grains%radius)
-    call d%halo%team%most(range)
-    width = least_width(d%cell)
-    d%pairs%most_skin = min(d%pairs%most_skin, 0.5_wp*width - range(1))
-    d%pairs%skin = min(d%pairs%skin, d%pairs%most_skin)
-    if (d%pairs%most_skin >= d%pairs%least_skin) return
-    call errors%add('N220', 'the periodic cell has become '//str(width)//' m wide, less than '// &
-                    'two interaction ranges of '//str(range(1) + d%pairs%least_skin)//' m', &
-                    place='step '//str(d%health%steps), &
-                    hint='a larger cell with more grains, or less compression')
-  end subroutine fit_skin
-
-  !> New list; late if one step went further than the whole margin.
-  subroutine rebuild_list(d, travel)
-    type(dem_data_type), intent(inout) :: d
-    real(wp), intent(in) :: travel
-    real(wp), allocatable :: contacts(:, :)
-    d%health%rebuilds = d%health%rebuilds + 1
-    if (travel > d%pairs%skin) d%health%late_rebuilds = d%health%late_rebuilds + 1
-    if (d%health%steps - d%pairs%built_at < merge(few_in_parts, few_steps, d%parts%active)) then
-      d%pairs%skin = min(1.3_wp*d%pairs%skin, d%pairs%most_skin)
-    else if (d%health%steps - d%pairs%built_at > many_steps) then
-      d%pairs%skin = max(d%pairs%skin/1.3_wp, d%pairs%least_skin)
-    end if
-    d%pairs%built_at = d%health%steps
-    if (d%halo%team%several()) call share_out(d, contacts)
-    call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)
-    if (d%surfaces%n > 0) call list_near(d)
-  end subroutine rebuild_list
 end module dem_steps

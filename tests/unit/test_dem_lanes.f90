@@ -4,7 +4,7 @@ program test_dem_lanes
   use talus_test, only: test_type
   use dem_state, only: lanes, body_size, result_size, entries_ahead
   use dem_block, only: dem_side_type, dem_load_type
-  use dem_lanes, only: gather_side, gather_spheres, put_loads, put_side, put_motion, &
+  use dem_lanes, only: gather_side, gather_spheres, put_loads, finish_puts, put_side, put_motion, &
     sum_results, sum_lanes
   implicit none
   type(test_type) :: test
@@ -77,7 +77,7 @@ contains
     load%mx = 4.0_wp*load%fx
     load%my = 5.0_wp*load%fx
     load%mz = 6.0_wp*load%fx
-    call put_loads(load, result)
+    call put_loads(load, 0, result)
     call test%check('loads', all([(all(result(k, :) == k*load%fx), k=1, 6)]))
     call test%check('spare reals are zero', .not. any(abs(result(7:, :)) > 0.0_wp))
     entry = 0
@@ -93,6 +93,23 @@ contains
                           + [-2.0_wp*total(3) - 0.5_wp*total(2), 0.5_wp*total(1) - total(3), &
                              total(2) + 2.0_wp*total(1)])), 0.0_wp, 1.0e-12_wp)
     call sum_results(result, entry, 2, 1, total)
+    call check_past(load, result)
     call test%check('sum of none', .not. any(abs(total) > 0.0_wp))
   end subroutine check_loads
+
+  !> Past the caches as by way of them, on a line of the cache and beside one.
+  subroutine check_past(load, result)
+    type(dem_load_type), intent(in) :: load
+    real(wp), intent(in) :: result(result_size, lanes)
+    real(wp), allocatable :: far(:)
+    integer(i4) :: shift
+    allocate (far(10000), source=-1.0_wp)
+    do shift = 0, 1
+      call put_loads(load, 1, far(1 + shift))
+      call finish_puts()
+      call test%check('loads past the caches', &
+                      .not. any(abs(far(1 + shift:size(result) + shift) - pack(result, .true.)) &
+                                > 0.0_wp))
+    end do
+  end subroutine check_past
 end program test_dem_lanes

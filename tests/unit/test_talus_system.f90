@@ -1,5 +1,6 @@
 !> The system: clock, memory, environment, files and folders, faults of paths.
 program test_talus_system
+  use, intrinsic :: iso_c_binding, only: c_loc, c_intptr_t
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_files, only: disk_free, file_changed, file_exists, file_size, folder_exists, &
@@ -27,6 +28,10 @@ contains
 
   subroutine machine()
     real(wp) :: first
+    real(wp), allocatable, target :: large(:)
+    allocate (large(100000))
+    call test%check('large arrays begin on a line of the cache', &
+                    modulo(transfer(c_loc(large), 0_c_intptr_t), 64_c_intptr_t) == 0)
     first = wall_clock()
     call test%check('clock goes on', wall_clock() >= first)
     call test%check('host name', len(host_name()) > 0)
