@@ -34,8 +34,15 @@ module dem_halo_state
     integer(i4), allocatable :: first_in(:)    !! (partners+1) of those that come from each
     integer(i4), allocatable :: out(:)         !! bodies sent
     integer(i4), allocatable :: in(:)          !! bodies that come
-    real(wp), allocatable :: sent(:, :)        !! (width, sent)
-    real(wp), allocatable :: came(:, :)        !! (width, come)
+    logical :: all_near = .false.              !! each rank exchanges bodies with each other
+    real(wp), allocatable :: sent(:, :)        !! (width, sent + partners), see dem_swap
+    real(wp), allocatable :: came(:, :)        !! (width, come + partners)
+    integer, allocatable :: request(:)         !! (2 partners + 1) of the exchange under way
+    real(wp) :: travel = 0.0_wp                !! of this rank's grains and its partners' [m]
+    real(wp) :: before = 0.0_wp                !! of this rank's grains, an exchange ago [m]
+    real(wp) :: most = 0.0_wp                  !! of all ranks' grains, where it was asked for [m]
+    real(wp) :: foreseen = 0.0_wp              !! of all ranks' grains in the next step [m]
+    real(wp) :: asked(1) = 0.0_wp              !! the same, under way
     integer(i8) :: stray = 0                   !! a grain that left the halo within a step; 0: none
     logical :: strayed = .false.               !! some rank has one
     real(wp) :: stray_way = 0.0_wp             !! how far it has come from its domain [m]

@@ -12,6 +12,7 @@ program talus_dem
   use talus_deck_table, only: key_table_type
   use talus_system, only: ignore_write_signals, talus_exit, talus_short_spins
   use dem_crew, only: dem_crew_type, serve_leader
+  use dem_swap, only: prefer_copies
   use dem_logbook, only: report_memory
   use dem_model, only: dem_model_type, program_name
   use dem_measure_file, only: measure_file
@@ -27,6 +28,7 @@ program talus_dem
 
   call ignore_write_signals()
   call talus_short_spins()
+  call prefer_copies()
   call join_ranks(ranks)
   if (.not. ranks%leads()) call follow()
   call parse_options(options, program_name, errors)

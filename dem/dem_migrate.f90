@@ -310,7 +310,7 @@ contains
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: mirrors(:, :)
     integer(i4), intent(in) :: came(0:)
-    integer(i4) :: k
+    integer(i4) :: k, least
 
     associate (halo => d%halo)
       do k = 1, size(halo%out)
@@ -321,9 +321,14 @@ contains
       do k = 1, size(halo%in)
         halo%in(k) = index_of(d, mirrors(14, k))
       end do
-      if (allocated(halo%sent)) deallocate (halo%sent, halo%came)
-      allocate (halo%sent(halo%width, size(halo%out) + 1), source=0.0_wp)
-      allocate (halo%came(halo%width, size(halo%in) + 1), source=0.0_wp)
+      if (allocated(halo%sent)) deallocate (halo%sent, halo%came, halo%request)
+      allocate (halo%sent(halo%width, size(halo%out) + halo%partners + 1), source=0.0_wp)
+      allocate (halo%came(halo%width, size(halo%in) + halo%partners + 1), source=0.0_wp)
+      allocate (halo%request(2*halo%partners + 1), source=0)
+      least = halo%partners
+      call halo%team%least_number(least)
+      halo%all_near = least == halo%team%ranks - 1
+      halo%before = 0.0_wp
     end associate
   end subroutine list_bodies
 

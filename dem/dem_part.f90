@@ -94,7 +94,9 @@ contains
     end if
     report(at_exchange) = part%halo%seconds
     report(at_own:at_pairs) = [part%halo%own, part%halo%mirrors, part%pairs%count]
-    report(at_bytes:at_messages) = [8*part%halo%width*size(part%halo%out), part%halo%partners]
+    report(at_bytes:at_messages) = [8*part%halo%width*(size(part%halo%out) &
+                                                               + part%halo%partners), &
+                                       part%halo%partners]
     report(at_broken:at_broken + 1) = part%pairs%extras%broken
     do k = 1, part%planes%n
       at = report_size + plane_size*(k - 1)

@@ -1,17 +1,19 @@
-!> Time stepping: one parallel region for many steps, two barriers a step.
+!> Time stepping: one parallel region for many steps, two barriers a step (three on ranks).
 !!
 !! A step is (1) half kick and drift of every grain, (2) forces of every block, (3) sums and second
 !! half kick; (3) and the next (1) go together, chunk by chunk, without a barrier between them.
 !! A thread owns a run of grains, whose motion stays in its movers as long as the region lasts, and
 !! a run of the blocks of each group: as grains and blocks both follow the ids, most bodies of its
 !! blocks are its own. Work is added to the ledger by one thread in a fixed order, so that the
-!! thread count changes no bit. The region is left when the list must be made anew.
+!! thread count changes no bit. The region is left when the list must be made anew. On ranks the
+!! first thread sends the bodies at the borders before (2) and takes those of others before the
+!! blocks that need them, which come last.
 module dem_steps
   use, intrinsic :: omp_lib, only: omp_get_thread_num, omp_get_num_threads
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_ghost, kind_mirror, &
-    mode_relaxation, lanes, body_size, dem_pairs_type
+  use dem_state, only: dem_data_type, dem_pairs_type, kind_free, kind_fixed, kind_ghost, &
+    kind_mirror, mode_relaxation, lanes, body_size
   use dem_carry, only: start_carried, finish_carried, sum_images
   use dem_cell, only: advance_cell
   use dem_lost, only: all_finite, name_lost_grain, name_stray
@@ -29,7 +31,7 @@ module dem_steps
   use dem_surface_extras, only: add_work_on_top
   use dem_surface_forces, only: add_surface_loads, surface_load
   use dem_surface_motion, only: drift_surfaces, finish_surfaces, surface_travel, surface_columns
-  use dem_swap, only: swap_bodies, add_loads
+  use dem_swap, only: agree_travel, begin_swap, end_swap, add_loads
   implicit none
   private
   public :: step_memory_type, take_steps, evaluate_forces, motion_of
@@ -71,6 +73,7 @@ contains
     integer(i4), intent(in) :: n
     type(error_list_type), intent(inout) :: errors
     type(motion_type) :: motion
+    real(wp) :: travel(1)
     integer(i4) :: done
     logical :: rebuild, resumed
 
@@ -88,8 +91,13 @@ contains
       end if
       call fit_skin(d, errors)
       if (errors%any()) return
-      if (d%halo%team%several()) call settle_work(d, work, done > 0)
-      call rebuild_list(d, maxval(work%travel))
+      travel = maxval(work%travel)
+      if (d%halo%team%several()) then
+        call settle_work(d, work, done > 0)
+        travel = max(travel, 2.0_wp*d%halo%before)  ! late if steps were taken beyond half the skin
+        call d%halo%team%most(travel)
+      end if
+      call rebuild_list(d, travel(1))
       if (d%pairs%extras%active) call check_bonds(d, errors)
       if (errors%any()) return
       resumed = .true.
@@ -176,16 +184,19 @@ contains
     logical, intent(out) :: rebuild
     type(step_memory_type), intent(inout) :: work
     integer(i4) :: s, c, me, threads, low, high
-    logical :: begun, leave
+    integer(i4) :: swaps  !! steps with an exchange so far
+    logical :: begun, leave, several
     integer(i8) :: before
-    real(wp) :: travel
+    real(wp) :: travel, foreseen
     type(push_type) :: push
 
     before = d%health%steps - done
+    several = d%halo%team%several()
     rebuild = .false.
     if (d%cell%active .and. .not. resumed) call advance_cell(d%cell, motion%dt)
     !$omp parallel default(none) private(s, c, begun, leave, me, threads, low, high, travel, push) &
-    !$omp   shared(d, motion, n, done, resumed, rebuild, work, before)
+    !$omp   private(swaps, foreseen) shared(d, motion, n, done, resumed, rebuild, work, before) &
+    !$omp   shared(several)
     me = omp_get_thread_num()
     threads = omp_get_num_threads()
     call share_chunks(work%load, me, threads, low, high)
@@ -201,21 +212,43 @@ contains
     begun = resumed
     leave = .false.
     travel = 0.0_wp
+    foreseen = 0.0_wp
+    swaps = 0
     do s = done + 1, n
       if (.not. begun) then
         !$omp barrier
-        if (d%halo%team%ranks > 1) call swap_bodies(d, work%travel)
         travel = maxval(work%travel)
         leave = .not. all(work%travel <= 0.5_wp*d%pairs%skin) .or. outlived(d, before + s)
+        if (several) then
+          if (swaps < 2) then  ! nothing is foreseen yet
+            call agree_travel(d, work%travel)
+            foreseen = d%halo%most
+          end if
+          leave = .not. foreseen <= 0.5_wp*d%pairs%skin .or. outlived(d, before + s)
+        end if
         if (leave) exit
       end if
-      begun = .false.
       !$omp master
+      if (several .and. .not. begun) call begin_swap(d, work%travel)
       if (s > 1) call add_grain_work(d, work%finished)
       call add_grain_work(d, work%started)
-      if (d%cell%active .and. s < n) call advance_cell(d%cell, motion%dt)
+      if (d%cell%active .and. s < n .and. .not. several) call advance_cell(d%cell, motion%dt)
       !$omp end master
-      call share_forces(d, motion%dt, travel, me, threads)
+      call share_forces(d, motion%dt, travel, .false., me, threads)
+      if (several) then
+        !$omp master
+        if (.not. begun) call end_swap(d)
+        if (d%cell%active .and. s < n) call advance_cell(d%cell, motion%dt)
+        !$omp end master
+        !$omp barrier
+        if (.not. begun) then
+          foreseen = d%halo%foreseen
+          travel = d%halo%travel
+          swaps = swaps + 1
+        end if
+        call share_forces(d, motion%dt, travel, .true., me, threads)
+      end if
+      begun = .false.
       !$omp barrier
       call add_loads(d)
       !$omp master
@@ -238,25 +271,36 @@ contains
     !$omp end parallel
   end subroutine run_region
 
-  !> Forces of this thread's run of the blocks of each group.
-  subroutine share_forces(d, h, travel, me, threads)
+  !> Forces of this thread's run of the blocks of each group: those at the border, which other
+  !! ranks know too, or all others.
+  subroutine share_forces(d, h, travel, border, me, threads)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: h       !! time since the last evaluation [s]
     real(wp), intent(in) :: travel  !! since the list was made [m]
+    logical, intent(in) :: border
     integer(i4), intent(in) :: me, threads
     integer(i4) :: g, k, base, length
     base = 0
     do g = 1, d%pairs%groups
       length = d%pairs%group_end(g) - base
+      if (at_border(d%pairs, d%pairs%group_end(g)) .neqv. border) length = 0
       do k = base + 1 + int(int(length, i8)*me/threads, i4), &
              base + int(int(length, i8)*(me + 1)/threads, i4)
         call block_forces(d%pairs, d%laws, d%grains%forms, k, h, travel)
       end do
       base = d%pairs%group_end(g)
     end do
-    if (d%surfaces%near > 0) call share_near(d, h, travel, me, threads)
+    if (d%surfaces%near > 0 .and. .not. border) call share_near(d, h, travel, me, threads)
     if (d%pairs%past > 0) call finish_puts()
   end subroutine share_forces
+
+  !> Is a block one of pairs with other ranks' grains?
+  pure logical function at_border(pairs, k)
+    type(dem_pairs_type), intent(in) :: pairs
+    integer(i4), intent(in) :: k
+    at_border = .false.
+    if (allocated(pairs%share)) at_border = pairs%share(k) < 1.0_wp
+  end function at_border
 
   !> Start of a step for the grains of chunk c; the last chunk is the planes'. The push is that left
   !! by finish_chunk, or it is fresh.
@@ -485,7 +529,8 @@ contains
     real(wp) :: work(work_count, 1), force(3), moment(3), load(6)
     integer(i4) :: i
     !$omp parallel default(none) shared(d, h)
-    call share_forces(d, h, huge(h), omp_get_thread_num(), omp_get_num_threads())
+    call share_forces(d, h, huge(h), .false., omp_get_thread_num(), omp_get_num_threads())
+    call share_forces(d, h, huge(h), .true., omp_get_thread_num(), omp_get_num_threads())
     !$omp end parallel
     work = 0.0_wp
     do i = 1, d%grains%n
@@ -508,5 +553,4 @@ contains
     call add_contact_work(d)
     call add_grain_work(d, work)
   end subroutine evaluate_forces
-
 end module dem_steps
