@@ -93,10 +93,15 @@ contains
     across = cross(axis, first)
     looks = merge(most_looks, most_looks/4, flat_spots(f))
     apart = 2.0_wp*acos(-1.0_wp)/looks
+    n = 0
+    if (touches_once(f, radius)) then
+      call climb_from(0.0_wp, longest_turn)
+      if (gap(1) <= 0.0_wp) return
+      n = 0
+    end if
     do k = 0, looks + 1
       value(k) = reach_of(r, f, direction(real(k - 1, wp)))
     end do
-    n = 0
     do k = 1, looks
       if (value(k) < value(k - 1) .or. value(k) <= value(k + 1)) cycle
       if (flat_spots(f)) then
@@ -136,6 +141,16 @@ contains
       gap(n) = radius - reach_of(r, f, trial)
     end subroutine climb_from
   end subroutine bore_gap
+
+  !> Can the grain touch a bore in one place alone? An ellipsoid whose radii of curvature are all
+  !! less than the bore's, and with them those of its shadow, rolls freely in it (Blaschke). They
+  !! are at most a^2/c <= a^4/(a b c).
+  pure logical function touches_once(f, radius)
+    type(figure_type), intent(in) :: f
+    real(wp), intent(in) :: radius  !! of the bore [m]
+    touches_once = .not. f%formed
+    if (touches_once) touches_once = f%radius**4 < radius*sqrt(f%square)
+  end function touches_once
 
   !> Has the grain flat spots? Both rims of one may touch a wall that is bent, close to each other.
   pure logical function flat_spots(f)

@@ -256,7 +256,7 @@ contains
     end do
     count = touches%n
     do while (s%contacts(g) > 0 .and. touches%n > 0)
-      best = minloc(cost)
+      best = minloc(cost(:touches%n, :s%contacts(g)))
       if (cost(best(1), best(2)) > far_apart) exit
       mine(best(2)) = best(1)
       cost(best(1), :) = huge(1.0_wp)
