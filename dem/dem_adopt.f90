@@ -6,7 +6,7 @@ module dem_adopt
   use dem_cell, only: is_periodic
   use dem_forces, only: sum_body
   use dem_images, only: name_images, image_of
-  use dem_pairs, only: slot_of
+  use dem_candidates, only: slot_of
   use dem_records, only: contact_places, index_of
   implicit none
   private

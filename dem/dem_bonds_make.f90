@@ -6,7 +6,7 @@ module dem_bonds_make
   use dem_state, only: dem_data_type, lanes
   use dem_form_gap, only: find_form_gap
   use dem_gap, only: solve_gap
-  use dem_pairs, only: slot_of
+  use dem_candidates, only: slot_of
   implicit none
   private
   public :: make_bonds, check_bonds

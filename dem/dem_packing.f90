@@ -15,6 +15,7 @@ module dem_packing
   implicit none
   private
   public :: dem_packing_type, dem_group_type, read_packing, write_packing, group_index, put_shapes
+  public :: drop_grains
 
   character(len=*), parameter :: format_name = 'talus-packing'
   integer(i4), parameter :: format_version = 1  !! ellipsoids alone
@@ -45,6 +46,21 @@ module dem_packing
   end type dem_packing_type
 
 contains
+
+  !> Leave the groups and the cell alone: the grains are in the system now.
+  pure subroutine drop_grains(packing)
+    type(dem_packing_type), intent(inout) :: packing
+    type(dem_packing_type) :: rest
+    if (allocated(packing%group)) call move_alloc(packing%group, rest%group)
+    rest%has_cell = packing%has_cell
+    rest%cell = packing%cell
+    rest%cell_origin = packing%cell_origin
+    packing = dem_packing_type()
+    packing%has_cell = rest%has_cell
+    packing%cell = rest%cell
+    packing%cell_origin = rest%cell_origin
+    if (allocated(rest%group)) call move_alloc(rest%group, packing%group)
+  end subroutine drop_grains
 
   !> Read a packing; all faults of the file are found in one go.
   subroutine read_packing(packing, path, errors)

@@ -11,7 +11,8 @@ module dem_setup
   use dem_system, only: dem_system_type, dem_contacts_type
   use dem_form_make, only: make_forms
   use dem_make, only: make_grains, sorted_order
-  use dem_packing, only: dem_packing_type, read_packing, group_index
+  use dem_measure, only: largest_overlap
+  use dem_packing, only: dem_packing_type, read_packing, drop_grains, group_index
   use dem_setup_surfaces, only: read_surfaces, check_units
   use dem_setup_bonds, only: read_bonds
   use dem_setup_laws, only: read_materials, read_contacts, read_walls, check_pair, &
@@ -61,6 +62,7 @@ contains
     call drive_grains(deck, packing, choices, errors)
     if (errors%any()) return
     call place_grains(deck, system, packing, choices, material, errors)
+    call drop_grains(packing)
   end subroutine read_model
 
   !> Exactly one of dynamics and relaxation (D244).
@@ -325,7 +327,8 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(dem_contacts_type) :: list
     character(len=:), allocatable :: text
-    integer(i4) :: low, found
+    real(wp) :: ratio
+    integer(i4) :: low, found, first, second
 
     found = 0
     text = ''
@@ -336,6 +339,8 @@ contains
         call name_overlaps(system, choices, list, found, text, errors)
       end do
     else
+      call largest_overlap(system%dem_data_type, ratio, first, second)
+      if (ratio <= choices%initial_overlap) return
       call system%contacts(list)
       call name_overlaps(system, choices, list, found, text, errors)
     end if
