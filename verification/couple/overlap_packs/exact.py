@@ -61,7 +61,7 @@ def draw(case: Case, table: list[tuple[int, str, dict]]) -> None:
     right.plot([], [], "o", color="k", label="1 d inside (stress), across a pair of faces (motion)")
     right.plot([], [], "o", color="k", mfc="none", label="of all")
     left.legend(fontsize=7)
-    right.legend(fontsize=7, loc="center left")
+    right.legend(fontsize=7, loc=(0.03, 0.15))
     left.axhline(0.25, color="k", lw=0.8)
     left.set(
         xlabel="depth below the faces / d [-]",
