@@ -14,7 +14,8 @@ module dem_contact
     column_count, dem_pairs_type, dem_law_type, law_linear, law_hertz_no_history
   use dem_block, only: dem_block_type
   use dem_extra_state, only: turning_reals
-  use dem_turning, only: turning_step_type, advance_turning, drop_turning
+  use dem_turning_springs, only: springs_step_type
+  use dem_turning_block, only: advance_turnings
   implicit none
   private
   public :: contact_block, contact_constants_type, constants_of, stored_energy, turning_energy, &
@@ -348,45 +349,43 @@ contains
     end do
   end subroutine tangential_springs
 
-  !> The same with the memory of turning points, lane by lane.
+  !> The same with the memory of turning points.
   pure subroutine turning_springs(b, c, h, history, turning, s)
     type(dem_block_type), intent(in) :: b
     type(contact_constants_type), intent(in) :: c
     real(wp), intent(in) :: h, history(lanes, history_size)
     real(wp), intent(inout) :: turning(lanes, turning_reals)
     type(scratch_type), intent(inout) :: s
-    type(turning_step_type) :: step
-    real(wp) :: row(turning_reals), force(3), n(3), stored
+    type(springs_step_type) :: step
+    real(wp) :: force(lanes, 3), stored(lanes)
     integer(i4) :: k
 
     step%stiffness = c%kt_a
     step%cone = c%friction*c%kn_a/c%kt_a
+    !$omp simd
     do k = 1, lanes
-      s%was(k) = sum(history(k, 1:3)**2)
-      s%slip(k) = 0.0_wp
-      s%excess(k) = 0.0_wp
-      force = 0.0_wp
-      row = turning(k, :)
-      stored = row(2)
-      if (s%on(k) > 0.0_wp) then
-        n = [b%nx(k), b%ny(k), b%nz(k)]
-        step%shift = -h*[s%wx(k), s%wy(k), s%wz(k)]
-        step%normal = n
-        step%spin = 0.5_wp*h*((b%a%wx(k) + b%b%wx(k))*n(1) + (b%a%wy(k) + b%b%wy(k))*n(2) &
-                              + (b%a%wz(k) + b%b%wz(k))*n(3))
-        step%overlap = -b%gap(k)
-        step%root = s%root(k)
-        call advance_turning(step, row, force, s%slip(k))
-        turning(k, :) = row
-      else if (row(1) > 0.0_wp) then
-        call drop_turning(row, s%slip(k))
-        turning(k, :) = row
-      end if
-      s%tx(k) = force(1)
-      s%ty(k) = force(2)
-      s%tz(k) = force(3)
-      s%t2(k) = sum(force**2)
-      s%excess(k) = row(2) - stored - 0.5_wp*(s%t2(k)*s%soft(k) - s%was(k)*s%soft_last(k))
+      s%was(k) = history(k, 1)**2 + history(k, 2)**2 + history(k, 3)**2
+      step%shift(k, 1) = -h*s%wx(k)
+      step%shift(k, 2) = -h*s%wy(k)
+      step%shift(k, 3) = -h*s%wz(k)
+      step%normal(k, 1) = b%nx(k)
+      step%normal(k, 2) = b%ny(k)
+      step%normal(k, 3) = b%nz(k)
+      step%spin(k) = 0.5_wp*h*((b%a%wx(k) + b%b%wx(k))*b%nx(k) + (b%a%wy(k) + b%b%wy(k))*b%ny(k) &
+                               + (b%a%wz(k) + b%b%wz(k))*b%nz(k))
+      step%overlap(k) = -b%gap(k)
+      step%root(k) = s%root(k)
+      stored(k) = turning(k, 2)
+    end do
+    call advance_turnings(s%on > 0.0_wp, step, turning, force, s%slip)
+    !$omp simd
+    do k = 1, lanes
+      s%tx(k) = force(k, 1)
+      s%ty(k) = force(k, 2)
+      s%tz(k) = force(k, 3)
+      s%t2(k) = force(k, 1)**2 + force(k, 2)**2 + force(k, 3)**2
+      s%excess(k) = turning(k, 2) - stored(k) - 0.5_wp*(s%t2(k)*s%soft(k) &
+                                                        - s%was(k)*s%soft_last(k))
     end do
   end subroutine turning_springs
 

@@ -8,9 +8,10 @@
 !!   T = 8 G* sqrt(R_e) int w dy,  energy = 4 G* sqrt(R_e) int |w|^2 dy,  y = sqrt(z).
 !! w is a chain of straight pieces: an increment shifts it, the cone of friction cuts it, and each
 !! cut leaves a knot, which is a turning point. Loops that are closed are cut off with their knots.
-!! Paths that bend leave more knots than can be kept, and pieces whose springs slip in directions of
-!! their own. Such a chain gets knots at fixed places z, which stay; of the others those go that
-!! matter least to the force, and what their springs lose counts as slip.
+!! Many turning points under a normal force that changes leave more knots than can be kept. Such a
+!! chain gets knots at fixed places z, which stay; of the others those go that matter least to the
+!! force, and what their springs lose counts as slip. Paths that bend, whose springs slip in
+!! directions of their own, are taken by springs at fixed places: dem_turning_springs.
 !!
 !! Kept of a contact: 1 knots, 0 without contact; 2 stored energy [J]; 3 overlap [m]; then for each
 !! knot z and w, the force of B's springs on B being along w [m].
@@ -19,7 +20,7 @@ module dem_turning
   use dem_extra_state, only: turning_reals, turning_knots
   implicit none
   private
-  public :: turning_step_type, advance_turning, drop_turning
+  public :: turning_step_type, advance_turning, drop_turning, path_bends
 
   integer(i4), parameter :: simple = 8   !! knots that need none at fixed places
   integer(i4), parameter :: places = 16  !! most fixed places within the overlap, at least half
@@ -68,7 +69,7 @@ contains
     call move_rim(step, row(3), c, left)
     c%limit(:c%n) = max(step%cone*(step%overlap - c%z(:c%n)), 0.0_wp)
     c%before(:c%n) = max(step%cone*(row(3) - c%z(:c%n)), 0.0_wp)
-    if (c%n > simple .or. bends(step%shift, c)) call fix_places(c)
+    if (c%n > simple) call fix_places(c)
     call cut_chain(c, slip)
     sums = chain_sums(c, c%w)
     slip = left + slip + 0.5_wp*sums(4)
@@ -163,20 +164,20 @@ contains
     c%z(c%n) = step%overlap
   end subroutine move_rim
 
-  !> Does the path leave the direction of the deflections?
-  pure logical function bends(shift, c)
-    real(wp), intent(in) :: shift(3)
-    type(chain_type), intent(in) :: c
+  !> Does a step leave the direction of the deflections?
+  pure logical function path_bends(shift, row) result(bends)
+    real(wp), intent(in) :: shift(3), row(turning_reals)
     real(wp), parameter :: least = 1.0e-6_wp  !! angle [rad]
-    real(wp) :: square, product
+    real(wp) :: square, product, w(3)
     integer(i4) :: k
     bends = .false.
     square = sum(shift**2)
-    do k = 1, c%n - 1
-      product = dot_product(c%w(:, k), shift)
-      bends = bends .or. square*sum(c%w(:, k)**2)*(1.0_wp - least**2) > product**2
+    do k = 1, nint(row(1)) - 1
+      w = row(4*k + 1:4*k + 3)
+      product = dot_product(w, shift)
+      bends = bends .or. square*sum(w**2)*(1.0_wp - least**2) > product**2
     end do
-  end function bends
+  end function path_bends
 
   !> Distance of the fixed places: a power of two, so that they are the same for half and for
   !! double the overlap.

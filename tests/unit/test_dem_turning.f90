@@ -4,15 +4,22 @@ program test_dem_turning
   use talus_kinds, only: wp, i4
   use talus_test, only: test_type
   use dem_extra_state, only: turning_reals, turning_knots
-  use dem_turning, only: turning_step_type, advance_turning, drop_turning
+  use dem_state, only: lanes
+  use dem_turning, only: drop_turning
+  use dem_turning_springs, only: springs_step_type, springs_mark
+  use dem_turning_block, only: advance_turnings
   implicit none
   type(test_type) :: test
   real(wp), parameter :: e_star = 1.0e9_wp, g_star = 2.9e8_wp, radius = 2.0e-3_wp, mu = 0.3_wp
   real(wp), parameter :: deep = 4.0e-6_wp
-  type(turning_step_type) :: step
+  integer(i4), parameter :: lane = 5  !! of the contact; the others of its block are open
+  type(springs_step_type) :: step
   real(wp) :: row(turning_reals), force(3), last(3), slipped, worked
 
-  step%normal = [0.0_wp, 0.0_wp, 1.0_wp]
+  step%shift = 0.0_wp
+  step%normal = spread([0.0_wp, 0.0_wp, 1.0_wp], 1, lanes)
+  step%spin = 0.0_wp
+  step%overlap = -1.0e-4_wp
   step%root = sqrt(radius)
   step%stiffness = 8.0_wp*g_star
   step%cone = mu*e_star/(4.0_wp*g_star)
@@ -22,6 +29,7 @@ program test_dem_turning
   call check_normal()
   call check_oblique()
   call check_circle()
+  call check_bent()
   call check_turn()
   call test%finish()
 
@@ -47,15 +55,19 @@ contains
   subroutine go(shift, overlap, steps)
     real(wp), intent(in) :: shift(3), overlap
     integer(i4), intent(in) :: steps
-    real(wp) :: from, slip
+    real(wp) :: from, slip(lanes), kept(lanes, turning_reals), forces(lanes, 3)
     integer(i4) :: k
     from = row(3)
-    step%shift = shift/steps
+    kept = 0.0_wp
+    kept(lane, :) = row
+    step%shift(lane, :) = shift/steps
     do k = 1, steps
-      step%overlap = from + (overlap - from)*k/steps
-      call advance_turning(step, row, force, slip)
-      worked = worked + 0.5_wp*dot_product(last + force, step%shift)
-      slipped = slipped + slip
+      step%overlap(lane) = from + (overlap - from)*k/steps
+      call advance_turnings(step%overlap > -1.0e-5_wp, step, kept, forces, slip)
+      force = forces(lane, :)
+      row = kept(lane, :)
+      worked = worked + 0.5_wp*dot_product(last + force, step%shift(lane, :))
+      slipped = slipped + slip(lane)
       last = force
     end do
   end subroutine go
@@ -203,6 +215,67 @@ contains
     call test%check('below the cone', sqrt(sum(force**2)) <= mu*hertz(over)*(1.0_wp + 1.0e-14_wp))
   end subroutine check_circle
 
+  !> A path that bends, under a normal force that changes, against 2000 springs written apart; as
+  !! good after many steps as after few, and the work is stored or lost.
+  subroutine check_bent()
+    integer(i4), parameter :: many = 2000
+    real(wp) :: x(many), w(3, many), shift(3), whole, over, deepest, off(2), phi, found(3), apart
+    integer(i4) :: j, k, steps
+    whole = mu*e_star/(4.0_wp*g_star)*deep
+    deepest = 1.6_wp*deep
+    do j = 1, many
+      x(j) = sqrt(radius*deepest)*(j - 0.5_wp)/many
+    end do
+    do k = 1, 2
+      steps = 250*16**(k - 1)
+      w = 0.0_wp
+      off(k) = 0.0_wp
+      call press(deep)
+      do j = 1, steps
+        phi = 12.0_wp*j/steps
+        shift = whole*12.0_wp/steps*[0.9_wp*cos(3.1_wp*phi), 0.7_wp*sin(2.3_wp*phi), 0.0_wp]
+        over = deep*(1.0_wp + 0.5_wp*sin(1.7_wp*phi))
+        call go(shift, over, 1)
+        call step_springs(x, w, shift, over, found)
+        found = found*step%stiffness*sqrt(radius*deepest)/many
+        off(k) = max(off(k), sqrt(sum((force - found)**2))/(mu*hertz(deep)))
+      end do
+      call test%check('springs keep the bent path', nint(row(1)) == nint(springs_mark))
+      apart = abs(worked - slipped - row(2))/worked
+      call test%check('work of a bent path', apart < 1.0e-3_wp)
+    end do
+    call test%check('a bent path, few steps', off(1) < 1.0e-2_wp)
+    call test%check('a bent path, many steps', off(2) < 1.0e-2_wp)
+    call go([0.0_wp, 0.0_wp, 0.0_wp], 40.0_wp*deep, 3)
+    call go([0.0_wp, 0.0_wp, 0.0_wp], 40.0_wp*deep, 1)
+    apart = sqrt(sum((force - last)**2))
+    call test%check('pressed on deep: the force stays', apart < 1.0e-12_wp*mu*hertz(deep))
+    call go([0.0_wp, 0.0_wp, 0.0_wp], 0.01_wp*deep, 30)
+    call test%check('let go: below the cone', sqrt(sum(force**2)) &
+                    <= mu*hertz(0.01_wp*deep)*(1.0_wp + 1.0e-12_wp))
+    call go([0.0_wp, 0.0_wp, 0.0_wp], deep, 400)
+    call go(16.0_wp*whole*[0.6_wp, 0.8_wp, 0.0_wp], deep, 400)
+    call test%check_close('sliding: friction of Hertz''s force', &
+                          sqrt(sum(force**2))/(mu*hertz(deep)), 1.0_wp, 1.0e-12_wp)
+  end subroutine check_bent
+
+  !> One step of springs side by side at x; the sum of their deflections.
+  subroutine step_springs(x, w, shift, over, total)
+    real(wp), intent(in) :: x(:), shift(3), over
+    real(wp), intent(inout) :: w(:, :)
+    real(wp), intent(out) :: total(3)
+    real(wp) :: limit, length
+    integer(i4) :: j
+    total = 0.0_wp
+    do j = 1, size(x)
+      w(:, j) = w(:, j) + shift
+      limit = max(step%cone*(over - x(j)**2/radius), 0.0_wp)
+      length = sqrt(sum(w(:, j)**2))
+      if (length > limit) w(:, j) = w(:, j)*(limit/length)
+      total = total + w(:, j)
+    end do
+  end subroutine step_springs
+
   !> The memory turns with the contact.
   subroutine check_turn()
     real(wp) :: before
@@ -210,14 +283,14 @@ contains
     call go([2.0e-7_wp, 0.0_wp, 0.0_wp], deep, 3)
     call go([-1.0e-7_wp, 0.0_wp, 0.0_wp], deep, 3)
     before = sqrt(sum(force**2))
-    step%spin = 1.0e-3_wp
+    step%spin(lane) = 1.0e-3_wp
     call go([0.0_wp, 0.0_wp, 0.0_wp], deep, 1571)
     call test%check_close('turned about the normal', force(2)/before, 1.0_wp, 1.0e-6_wp)
     call test%check_close('length kept', sqrt(sum(force**2))/before, 1.0_wp, 1.0e-12_wp)
-    step%spin = 0.0_wp
-    step%normal = [0.0_wp, 0.6_wp, 0.8_wp]
+    step%spin(lane) = 0.0_wp
+    step%normal(lane, :) = [0.0_wp, 0.6_wp, 0.8_wp]
     call go([0.0_wp, 0.0_wp, 0.0_wp], deep, 1)
-    call test%check_close('into the new plane', dot_product(force, step%normal)/before, 0.0_wp, &
-                          1.0e-14_wp)
+    call test%check_close('into the new plane', dot_product(force, step%normal(lane, :))/before, &
+                          0.0_wp, 1.0e-14_wp)
   end subroutine check_turn
 end program test_dem_turning

@@ -149,6 +149,36 @@ def pressed(case: Case, ax: object) -> None:
     ax.legend()
 
 
+def bent(case: Case, ax: object) -> None:
+    """Judge zigzags across a drift, under a normal force that rises and falls, in two steps."""
+    turns = 3000 * STEP
+    times = np.linspace(0.0, turns, 301)
+    across = 2 * np.pi * 7.0 * 0.45 * SLIDE / turns  # speed of the zigzag, 0.45 SLIDE to each side
+    curve = (times, np.sin(2 * np.pi * 7.0 * times / turns))
+    drift = 3.0 * SLIDE / turns
+    for name, fine in (("bent", 1), ("bent_fine", 16)):
+        walls, energy = ran(case, name, (across, 0, -2.0e-3), curve, DEPTH, (0.0, drift, 0.0),
+                            STEP=f"{STEP / fine:.16e}")  # fmt: skip
+        depth, shift = DEPTH + walls["z"], np.diff(walls["x"])
+        springs, wanted, parts = Springs(depth.max(), 2000), [np.zeros(2)], 16
+        springs.step(np.zeros(2), DEPTH)
+        for low, high, dx in zip(depth[:-1], depth[1:], shift, strict=True):
+            step = np.array([dx, -drift * 10 * STEP]) / parts
+            for k in range(parts):
+                found = springs.step(step, low + (high - low) * (k + 1) / parts)
+            wanted.append(found)
+        wanted, scale = np.array(wanted), MU * hertz(DEPTH)
+        force = -np.column_stack([walls["force_x"], walls["force_y"]])
+        off = np.linalg.norm(force - wanted, axis=1).max() / scale
+        case.below(f"{name}: largest difference / (mu N)", off, 1e-2)
+        lost = energy["friction"][-1] / springs.lost
+        case.metric(f"{name}: friction / that of the springs", lost, 1.0, 2e-2)
+    ax.plot(*wanted.T / scale, "-", label="springs")
+    ax.plot(*force[::6].T / scale, "o", ms=3.0, label="Talus")
+    ax.set(xlabel="force across / (mu N)", ylabel="force along / (mu N)", aspect="equal")
+    ax.legend()
+
+
 def impact(angle: float, speed: float, dt: float, many: int) -> tuple[float, float]:
     """Return tangential velocity of the contact and spin after an impact on a plane, by springs."""
     vx, vz = speed * np.sin(angle), -speed * np.cos(angle)
@@ -203,9 +233,10 @@ def impacts(case: Case, ax: object) -> None:
 
 
 def run(case: Case) -> None:
-    """Judge loops, changing normal forces and impacts; plot all three."""
-    fig, axes = case.figure(ncols=3, figsize=(13.0, 4.0))
-    loops(case, axes[0])
-    pressed(case, axes[1])
-    impacts(case, axes[2])
+    """Judge loops, changing normal forces, bent paths and impacts; plot all four."""
+    fig, axes = case.figure(ncols=2, nrows=2, figsize=(10.0, 8.4))
+    loops(case, axes[0, 0])
+    pressed(case, axes[0, 1])
+    bent(case, axes[1, 0])
+    impacts(case, axes[1, 1])
     case.save(fig)
