@@ -4,7 +4,7 @@ module dem_form_lanes
   use talus_kinds, only: wp, i4
   use dem_state, only: lanes
   use dem_block, only: dem_block_type
-  use dem_form, only: form_size
+  use dem_form, only: form_size, at_half, at_rounding
   use dem_form_gap, only: solve_forms
   use dem_form_side, only: form_side_type, support_side, bend_side, curve_side, turn_side
   use dem_gap, only: settled_residual
@@ -13,9 +13,10 @@ module dem_form_lanes
   public :: form_block_type, evaluate_forms, evaluate_form_planes, refine_forms, add_form_curvatures
   public :: solve_form_lane, ready_forms
 
-  !> |d_t|^2/(h_A + h_B)^2 below which a step leaves less than settled_residual asks for, where
-  !! curvatures change tenthousandfold in a radian: no new look is worth its powers.
-  real(wp), parameter :: near_residual = 1.0e-12_wp
+  !> |d_t|^2/(h_A + h_B)^2 below which a step leaves less than settled_residual asks for, so that no
+  !! new look is worth its cost: a step leaves c^2 residual^2 where curvatures change by the factor
+  !! c in a radian. c is below about 10, near flat spots of superquadrics 1/flatness.
+  real(wp), parameter :: near_residual = 3.0e-10_wp
 
   !> The forms of a block; A is the first body, B the second.
   type :: form_block_type
@@ -88,7 +89,7 @@ contains
     do trial = 1, trials
       needs = b%gap <= 0.0_wp .and. b%residual > settled_residual
       if (.not. any(needs)) return
-      if (.not. any(needs .and. b%residual > near_residual)) then
+      if (.not. any(needs .and. b%residual > near_residual*clearance(f))) then
         call last_step(b, f, needs)
         return
       end if
@@ -102,6 +103,27 @@ contains
     end do
     call evaluate_forms(b, f)
   end subroutine refine_forms
+
+  !> How far the normals are from flat spots, 1 for far.
+  pure function clearance(f)
+    type(form_block_type), intent(in) :: f
+    real(wp) :: clearance(lanes)
+    clearance = 1.0_wp
+    if (f%powers) clearance = min(clearance_of(f%a), clearance_of(f%b))
+  end function clearance
+
+  !> The same of one body; 10 times the least share w of an axis.
+  pure function clearance_of(side) result(clearance)
+    type(form_side_type), intent(in) :: side
+    real(wp) :: clearance(lanes), least
+    integer(i4) :: k
+    !$omp simd private(least)
+    do k = 1, lanes
+      least = min(side%w(k, 1)**2, side%w(k, 2)**2, side%w(k, 3)**2) + side%record(k, at_rounding)
+      least = merge(least, 1.0_wp, side%record(k, at_half) < 1.0_wp)
+      clearance(k) = min(10.0_wp*sqrt(least), 1.0_wp)
+    end do
+  end function clearance_of
 
   !> One full Newton step of the marked lanes.
   pure subroutine newton_step(b, f, needs)
@@ -163,8 +185,8 @@ contains
     real(wp) :: c, g, nx, ny, nz, s1, s2, s3, s4, s5, s6, m1, m2, m3, m4, m5, m6, det
     integer(i4) :: k
 
-    call bend_side(f%a, f%powers, .true., ka)
-    call bend_side(f%b, f%powers, .true., kb)
+    call bend_side(f%a, f%powers, ka)
+    call bend_side(f%b, f%powers, kb)
     !$omp simd private(c, g, nx, ny, nz, s1, s2, s3, s4, s5, s6, m1, m2, m3, m4, m5, m6, &
     !$omp   det)
     do k = 1, lanes

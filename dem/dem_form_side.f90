@@ -183,14 +183,17 @@ contains
     real(wp) :: s(lanes, 6), least
     integer(i4) :: k
 
-    call bend_side(f, powers, .false., s)
+    if (.not. powers) then
+      call curve_octants(f, curvature)
+      return
+    end if
+    call bend_powers(f, s)
     !$omp simd
     do k = 1, lanes
       curvature(k) = 0.5_wp*(s(k, 1) + s(k, 2) + s(k, 3)) &
                      /(s(k, 1)*s(k, 2) - s(k, 4)*s(k, 4) + s(k, 2)*s(k, 3) - s(k, 5)*s(k, 5) &
                        + s(k, 3)*s(k, 1) - s(k, 6)*s(k, 6))
     end do
-    if (.not. powers) return
     !$omp simd private(least)
     do k = 1, lanes
       least = 6.0_wp/(hertz_radius*(f%record(k, 5) + f%record(k, 6) + f%record(k, 7) &
@@ -200,18 +203,35 @@ contains
     end do
   end subroutine curve_side
 
-  !> Hessian of the support along the last normal, xx yy zz xy yz zx [m]: in space, or in the frame
-  !! of the octants.
-  pure subroutine bend_side(f, powers, in_space, s)
+  !> Without powers: trace (a.a - u.u)/l over determinant (a_1 a_2 a_3)^2/l^4, u = a w.
+  pure subroutine curve_octants(f, curvature)
     type(form_side_type), intent(in) :: f
-    logical, intent(in) :: powers, in_space
+    real(wp), intent(out) :: curvature(lanes)
+    real(wp) :: a1, a2, a3, l
+    integer(i4) :: k
+
+    !$omp simd private(a1, a2, a3, l)
+    do k = 1, lanes
+      a1 = f%a(k, 1)*f%a(k, 1)
+      a2 = f%a(k, 2)*f%a(k, 2)
+      a3 = f%a(k, 3)*f%a(k, 3)
+      l = f%length(k)
+      curvature(k) = 0.5_wp*(a1 + a2 + a3 - a1*f%w(k, 1)*f%w(k, 1) - a2*f%w(k, 2)*f%w(k, 2) &
+                             - a3*f%w(k, 3)*f%w(k, 3))*(l*l*l)/(a1*a2*a3)
+    end do
+  end subroutine curve_octants
+
+  !> Hessian of the support along the last normal in space, xx yy zz xy yz zx [m].
+  pure subroutine bend_side(f, powers, s)
+    type(form_side_type), intent(in) :: f
+    logical, intent(in) :: powers
     real(wp), intent(out) :: s(lanes, 6)
     if (powers) then
       call bend_powers(f, s)
     else
       call bend_octants(f, s)
     end if
-    if (in_space) call bring_to_space(f%r, s)
+    call bring_to_space(f%r, s)
   end subroutine bend_side
 
   pure subroutine bend_octants(f, s)

@@ -203,6 +203,8 @@ def settle(binary: Path, folder: Path, bed: Bed, threads: int) -> dict:
     stages = [(bed.fall, bed.damping, bed.friction)]
     if not bed.source:
         stages += [(0.06, 200.0, bed.friction), (0.1, 200.0, FRICTION)]
+    if bed.beside:  # grains of these shapes roll on for longer
+        stages += [(0.3, 50.0, FRICTION), (0.15, 200.0, FRICTION)]
     for number, (duration, damping, friction) in enumerate(stages, 1):
         name, made = f"{stem}{number}", f"{stem}{number}_packing.h5"
         text = deck(bed, file, duration, damping, friction) + OUTPUT.format(
