@@ -167,8 +167,8 @@ void dem_put_bodies(const double *side, int32_t count, double *body)
             for (int i = 0; i < WIDTH; i++) m[i] = load(side + (half + i) * LANES + k);
             turn(m);
 #pragma GCC unroll 8
-            for (int i = 0; i < WIDTH && k + i < count; i++) {
-                store(body + (int64_t)(k + i) * BODY + half, m[i]);
+            for (int i = 0; i < WIDTH; i++) {
+                if (k + i < count) store(body + (int64_t)(k + i) * BODY + half, m[i]);
             }
         }
     }
