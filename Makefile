@@ -126,7 +126,7 @@ help:
 	  'make demo          set up, build, run the coupled penetration, name its figures' \
 	  'make test          set up, build, run every test and the quick verification cases' \
 	  'make verification  all verification cases (CASE=id for one)' \
-	  'make verification-ranks  those of grains with every run on RANKS=2 ranks' \
+	  'make verification-ranks  those of grains and coupled ones, grains on RANKS=2 ranks' \
 	  'make manual        the manual as HTML in build/manual' \
 	  'make penetration   three containers and the sweep of moduli (hours)' \
 	  'make deposit       remake the shipped deposit and compare (CONTAINER=medium|large|wide: another)' \
@@ -195,7 +195,7 @@ verification: deps
 
 verification-ranks: deps
 	@$(MAKE) --no-print-directory all
-	$(PY) tools/verify.py --bin $(BIN) --out build/verification_ranks --area dem \
+	$(PY) tools/verify.py --bin $(BIN) --out build/verification_ranks --area dem couple \
 	  --ranks $(or $(RANKS),2) $(if $(CASE),--case $(CASE))
 
 manual: deps-run deps-dev

@@ -5,15 +5,15 @@
 !! whole system is brought up to date when it is looked at, not before; what the leader changes in
 !! it is told before the next steps.
 module dem_crew
-  use omp_lib, only: omp_set_num_threads, omp_get_max_threads
+  use omp_lib, only: omp_set_num_threads, omp_get_max_threads, omp_get_num_procs
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_log, only: short_number
   use talus_ranks, only: ranks_type
-  use talus_system, only: install_signals
+  use talus_system, only: install_signals, memory_most
   use talus_text, only: str
   use dem_state, only: dem_data_type
-  use dem_adopt, only: give_results
+  use dem_adopt, only: adopt_contacts, give_results
   use dem_bonds_make, only: check_bonds
   use dem_contacts, only: dem_contacts_type
   use dem_gather, only: release_list, hand_in, take_in, haul_type, hand_in_driven
@@ -24,17 +24,21 @@ module dem_crew
   use dem_pairs, only: build_pairs
   use dem_part, only: start_part, move_part, report_of, add_reports, glance_of, add_glances, &
     rank_marks_type
-  use dem_slabs, only: dem_slab_type, slab_of_grains, slab_of_contacts, slab_of_records
+  use dem_record_heap, only: record_heap_type
+  use dem_records, only: contact_reals
+  use dem_slabs, only: dem_slab_type, slab_of_grains, slab_of_contacts, slab_of_records, slab_grains
   use dem_slowing, only: stop_slowing, reset_sums
-  use dem_steps, only: step_memory_type
+  use dem_steps, only: step_memory_type, rebuild_list
   use dem_surface_search, only: list_near
+  use dem_tell, only: tell_matrix
   implicit none
   private
   public :: dem_crew_type, serve_leader
 
   integer(i4), parameter :: order_start = 1, order_step = 2, order_look = 3, order_leave = 4, &
     order_targets = 5, order_loads = 6, order_reset = 7, order_slow = 8, order_glance = 9, &
-    order_grains = 10, order_contacts = 11, order_records = 12, order_fresh = 13
+    order_grains = 10, order_contacts = 11, order_records = 12, order_fresh = 13, &
+    order_renew = 14, order_weigh = 15, order_again = 16, order_add = 17, order_adopt = 18
 
   type :: dem_crew_type
     type(ranks_type) :: team
@@ -42,14 +46,19 @@ module dem_crew
     type(step_memory_type) :: memory
     type(rank_marks_type) :: marks             !! what the last steps told
     logical :: started = .false.               !! all ranks have their parts
+    logical :: alone = .false.                 !! the leader moves all grains, the others sleep
     logical :: stale = .false.                 !! the whole is older than the parts
     logical :: redirected = .false.            !! prescribed grains have other ways to go
     logical :: glanced = .false.               !! the whole has the energies of now
     logical :: reset = .false.                 !! impulses and works begin anew
     logical, allocatable :: loaded(:)          !! (grains) extra forces have changed
     real(wp) :: shift = 0.0_wp                 !! of the start of the ledger with them [J]
+    type(record_heap_type) :: records          !! of contacts that a run goes on with
   contains
     procedure :: begin_fresh
+    procedure :: begin_again
+    procedure :: add_records
+    procedure :: adopt_records
     procedure :: step
     procedure :: look
     procedure :: glance
@@ -59,6 +68,8 @@ module dem_crew
     procedure :: mark_loads
     procedure :: slow_down
     procedure :: begin_anew
+    procedure :: try_out
+    procedure :: go_alone
     procedure :: leave
     procedure :: text => crew_text
     procedure, private :: start
@@ -113,11 +124,44 @@ contains
     if (.not. errors%any()) call self%glance(whole)
   end subroutine begin_fresh
 
+  !> Every rank gets its grains of a whole without a list; then contacts come, in any order.
+  subroutine begin_again(self, whole)
+    class(dem_crew_type), intent(inout) :: self
+    type(dem_data_type), intent(in) :: whole
+    call self%start(whole, order_again)
+  end subroutine begin_again
+
+  !> Some contacts, see dem_records: every rank keeps those of its own grains.
+  subroutine add_records(self, rows)
+    class(dem_crew_type), intent(inout) :: self
+    real(wp), intent(inout), contiguous :: rows(:, :)
+    integer(i4) :: order(2)
+    order = [order_add, size(rows, 2, i4)]
+    call self%team%await(order)
+    call tell_matrix(self%team, rows)
+    call self%records%keep(self%part, rows)
+  end subroutine add_records
+
+  !> All have come: every rank makes its list.
+  subroutine adopt_records(self, whole)
+    class(dem_crew_type), intent(inout) :: self
+    type(dem_data_type), intent(inout) :: whole
+    real(wp), allocatable :: reports(:, :)
+    integer(i4) :: order(2)
+    order = [order_adopt, 0_i4]
+    call self%team%await(order)
+    call adopt_kept(self)
+    call self%team%collect(report_of(self%part), reports)
+    call add_reports(self%part, reports, whole, self%marks)
+    self%stale = .true.
+    call self%glance(whole)
+  end subroutine adopt_records
+
   !> Give every rank its part.
   subroutine start(self, whole, how)
     class(dem_crew_type), intent(inout) :: self
     type(dem_data_type), intent(in) :: whole
-    integer(i4), intent(in) :: how  !! order_start or order_fresh
+    integer(i4), intent(in) :: how  !! order_start, order_fresh or order_again
     integer(i4) :: order(2)
     type(dem_halo_type) :: halo
     order = [how, int(omp_get_max_threads(), i4)]
@@ -126,7 +170,7 @@ contains
     self%part = whole
     self%part%halo = halo
     self%part%halo%team = self%team
-    call begin_part(self)
+    call begin_part(self, how == order_again)
     self%started = .true.
     self%redirected = any(whole%grains%has_target)
     self%reset = .false.
@@ -194,19 +238,48 @@ contains
     self%glanced = .false.
   end subroutine begin_anew
 
+  !> The leader moves all grains from now on, with the threads of the ranks of its host, which
+  !! sleep: as many as it has processors.
+  subroutine go_alone(self, whole)
+    class(dem_crew_type), intent(inout) :: self
+    type(dem_data_type), intent(inout) :: whole
+    integer(i4) :: threads
+    if (self%alone) return
+    call self%look(whole)
+    call self%begin_anew()
+    self%alone = .true.
+    threads = int(omp_get_max_threads(), i4)
+    call omp_set_num_threads(max(threads, min(threads*self%team%on_host, &
+                                              int(omp_get_num_procs(), i4))))
+  end subroutine go_alone
+
   !> This rank's part from what the leader has.
-  subroutine begin_part(self)
+  subroutine begin_part(self, bare)
     type(dem_crew_type), intent(inout) :: self
+    logical, intent(in) :: bare  !! contacts come afterwards
     real(wp), allocatable :: contacts(:, :)
     self%part%halo%cut = .false.
     call hand_out(self%team, self%part)
     call share_out(self%part, contacts)
-    associate (d => self%part)
-      call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)
-      call give_results(d, contacts)
-      if (d%surfaces%n > 0) call list_near(d)
-    end associate
+    if (.not. bare) call list_part(self%part, contacts)
   end subroutine begin_part
+
+  !> The list of a part, with what these contacts keep.
+  subroutine list_part(d, contacts)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: contacts(:, :)  !! see dem_records
+    call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)
+    call give_results(d, contacts)
+    if (d%surfaces%n > 0) call list_near(d)
+  end subroutine list_part
+
+  subroutine adopt_kept(self)
+    type(dem_crew_type), intent(inout) :: self
+    real(wp), allocatable :: contacts(:, :)
+    call self%records%take(self%part, contacts)
+    call adopt_contacts(self%part, contacts)
+    call list_part(self%part, contacts)
+  end subroutine adopt_kept
 
   !> Bring the whole up to date.
   subroutine look(self, whole)
@@ -283,6 +356,43 @@ contains
     call slab_of_records(self%team, self%part, first, last, rows)
   end subroutine some_records
 
+  !> Do what takes most memory in a run: parts of all, a list made anew, the slabs of a checkpoint,
+  !! and where the run gathers the whole, that. Tells of each rank the most bytes that it had, its
+  !! grains, mirrors and candidate pairs. The run does not go on from here.
+  subroutine try_out(self, whole, gathers, rows)
+    class(dem_crew_type), intent(inout) :: self
+    type(dem_data_type), intent(inout) :: whole
+    logical, intent(in) :: gathers
+    real(wp), allocatable, intent(out) :: rows(:, :)  !! (4, ranks)
+    type(dem_slab_type) :: slab
+    real(wp), allocatable :: records(:, :)
+    integer(i4) :: order(2), low, high
+
+    if (.not. self%started) call self%start(whole, order_start)
+    call release_list(whole%pairs)
+    self%stale = .true.
+    order = [order_renew, 0_i4]
+    call self%team%await(order)
+    call rebuild_list(self%part, 0.0_wp)
+    do low = 1, whole%grains%n, slab_grains
+      high = min(low + slab_grains - 1, whole%grains%n)
+      call self%some_grains(whole%grains%id(low:high), slab)
+      call self%some_records(whole%grains%id(low), whole%grains%id(high), records)
+    end do
+    if (gathers) call self%look(whole)
+    order = [order_weigh, 0_i4]
+    call self%team%await(order)
+    call self%team%collect(weight_of(self%part), rows)
+  end subroutine try_out
+
+  !> Most memory that this process has had [bytes], its grains, mirrors, candidate pairs.
+  function weight_of(part) result(row)
+    type(dem_data_type), intent(in) :: part
+    real(wp) :: row(4)
+    row = [real(memory_most(), wp), real(part%halo%own, wp), real(part%halo%mirrors, wp), &
+           real(part%pairs%count, wp)]
+  end function weight_of
+
   !> The others leave with this exit code.
   subroutine leave(self, exit_code)
     class(dem_crew_type), intent(inout) :: self
@@ -300,7 +410,7 @@ contains
     type(dem_crew_type), allocatable :: crew
     type(error_list_type) :: errors
     type(haul_type) :: haul
-    real(wp), allocatable :: reports(:, :)
+    real(wp), allocatable :: reports(:, :), rows(:, :)
     type(dem_slab_type) :: slab
     type(dem_contacts_type) :: list
     integer(i4) :: order(2)
@@ -316,7 +426,7 @@ contains
       select case (order(1))
       case (order_start, order_fresh)
         call omp_set_num_threads(order(2))
-        call begin_part(crew)
+        call begin_part(crew, .false.)
         if (order(1) == order_start) cycle
         call start_part(crew%part, errors)
         call team%collect(report_of(crew%part), reports)
@@ -347,6 +457,21 @@ contains
         call slab_of_contacts(team, crew%part, 0_i8, 0_i8, list)
       case (order_records)
         call slab_of_records(team, crew%part, 0_i8, 0_i8, reports)
+      case (order_again)
+        call omp_set_num_threads(order(2))
+        call begin_part(crew, .true.)
+      case (order_add)
+        allocate (rows(contact_reals(crew%part), order(2)))
+        call tell_matrix(team, rows)
+        call crew%records%keep(crew%part, rows)
+        deallocate (rows)
+      case (order_adopt)
+        call adopt_kept(crew)
+        call team%collect(report_of(crew%part), reports)
+      case (order_renew)
+        call rebuild_list(crew%part, 0.0_wp)
+      case (order_weigh)
+        call team%collect(weight_of(crew%part), reports)
       case default
         exit_code = order(2)
         return

@@ -1,15 +1,12 @@
 !> What a run tells its user: log (header, model, rows, health) and summary.json.
 module dem_logbook
-  use, intrinsic :: iso_fortran_env, only: output_unit
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, string_type
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use talus_log, only: log_type, short_number, duration_text
   use talus_summary, only: summary_type
-  use talus_system, only: memory_free, memory_resident, memory_most
   use talus_timers, only: timers_type
-  use dem_archive, only: dem_archive_type
   use dem_state, only: kind_free, kind_fixed, kind_driven, kind_ghost
   use dem_equilibrium, only: dem_equilibrium_type
   use dem_form, only: bulge, hertz_radius
@@ -25,8 +22,7 @@ module dem_logbook
   use dem_setup_laws, only: law_lines
   implicit none
   private
-  public :: begin_log, log_model, log_row_titles, log_row, log_health, write_summary, &
-    report_memory
+  public :: begin_log, log_model, log_row_titles, log_row, log_health, write_summary
 
 contains
 
@@ -86,32 +82,6 @@ contains
     if (clock%dt > 0.0_wp) call log%item('time step', str(clock%dt)//' s', how)
     call log%memory()
   end subroutine log_model
-
-  !> Memory of the whole in this process, on stdout: now, and where there is room for it as
-  !! checkpoints ask for it.
-  subroutine report_memory(system)
-    type(dem_system_type), intent(in) :: system
-    type(dem_archive_type) :: archive
-    integer(i8) :: now
-    character(len=:), allocatable :: text
-    now = memory_resident()
-    text = 'memory: '//mebibytes(now)//' MiB in use, '// &
-           str(now/max(system%grains%n, 1))//' bytes a grain'
-    if (memory_free() > now) then
-      call system%export_state(archive)
-      text = text//'; '//mebibytes(memory_most())//' MiB with a checkpoint'
-    end if
-    write (output_unit, '(a)') text
-    flush (output_unit)
-
-  contains
-
-    function mebibytes(bytes) result(text)
-      integer(i8), intent(in) :: bytes
-      character(len=:), allocatable :: text
-      text = short_number(real(bytes, wp)/1048576.0_wp)
-    end function mebibytes
-  end subroutine report_memory
 
   !> How many grains are no ellipsoids, and how far the flat spots of superquadrics are rounded.
   subroutine log_forms(log, system)

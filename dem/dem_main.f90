@@ -13,7 +13,7 @@ program talus_dem
   use talus_system, only: ignore_write_signals, talus_exit, talus_short_spins
   use dem_crew, only: dem_crew_type, serve_leader
   use dem_swap, only: prefer_copies
-  use dem_logbook, only: report_memory
+  use dem_memory, only: report_memory
   use dem_model, only: dem_model_type, program_name
   use dem_measure_file, only: measure_file
   use dem_deck_keys, only: dem_deck_table
@@ -90,7 +90,8 @@ contains
     call model%read(options, errors)
     if (.not. errors%any()) call model%prepare(errors)
     call report_check(program_name, model%deck, errors, options%json)
-    if (.not. (errors%any() .or. options%json)) call report_memory(model%system)
+    if (.not. (errors%any() .or. options%json)) &
+      call report_memory(model)
     call go(errors%exit_code())
   end subroutine check
 

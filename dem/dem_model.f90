@@ -94,9 +94,9 @@ module dem_model
     procedure :: take_steps
     procedure :: load_surface
     procedure :: write_due
-    procedure, private :: watch_stops, drive_surfaces, needs_whole, judge_rest, take_probes, &
+    procedure, private :: watch_stops, drive_surfaces, judge_rest, take_probes, &
       write_row, steps_seconds
-    procedure :: save_checkpoint
+    procedure :: save_checkpoint, needs_whole
   end type dem_model_type
 
 contains
@@ -180,6 +180,8 @@ contains
         'there is no checkpoint to go on from: a fresh run')
     end if
     call self%histories%init(self%system)
+    self%system%apart = self%ranks%several() .and. &
+      .not. (self%needs_whole() .or. self%system%pairs%extras%bond%given)
     if (len(self%restart_path) > 0) then
       call self%begin_again(self%restart_path, every, errors)
     else
@@ -202,8 +204,6 @@ contains
     real(wp) :: dt
 
     self%system%par%dt = self%choices%dt
-    self%system%apart = self%ranks%several() .and. .not. (self%needs_whole() .or. &
-      self%options%check .or. self%system%pairs%extras%bond%given)
     call self%system%init(errors)
     if (errors%any()) return
     call check_initial_overlap(self%system, self%choices, self%deck%path('particles', 1, 'file'), &

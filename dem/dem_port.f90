@@ -2,12 +2,13 @@
 !!
 !! Files are opened at READY, when all is found good; output is written at ACCEPT.
 module dem_port
+  use omp_lib, only: omp_get_max_threads
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_message, only: message_type, verb_name, verb_advance, verb_force, verb_kick_drift
   use talus_options, only: options_type
   use talus_serve, only: server_type, serve_partner, restart_file
-  use talus_text, only: str
+  use talus_text, only: str, append_string
   use dem_clock, only: dem_clock_type
   use dem_ledger, only: start_ledger
   use dem_model, only: dem_model_type, program_name
@@ -154,9 +155,8 @@ contains
     character(len=:), allocatable :: what
 
     call request%get_text('what', what, errors)
-    if (self%model%ranks%several() .and. what == 'contact_weight') &
-      call refuse(self, request, errors)
     if (errors%any()) return
+    if (what == 'contact_weight') call go_alone(self)
     select case (what)
     case ('contact_weight')
       call set_weights(self, request, errors)
@@ -296,6 +296,7 @@ contains
       call system%reset_impulses()
       call model%histories%init(system)
       call start_ledger(system%dem_data_type, system%par%dt)
+      call system%begin_anew()
     end associate
   end subroutine let_go
 
@@ -304,9 +305,7 @@ contains
     type(message_type), intent(inout) :: request, reply
     type(error_list_type), intent(inout) :: errors
 
-    if (self%model%ranks%several() .and. request%verb /= verb_advance) &
-      call refuse(self, request, errors)
-    if (errors%any()) return
+    if (any(request%verb == [verb_force, verb_kick_drift])) call go_alone(self)
     select case (request%verb)
     case (verb_advance)
       call advance(self%model, self%sets, request, reply, self%late, errors)
@@ -320,15 +319,25 @@ contains
     end select
   end subroutine move
 
-  !> Ranks move whole intervals alone, and no grains whose contacts have weights (D290).
-  subroutine refuse(self, request, errors)
-    type(dem_server_type), intent(in) :: self
-    type(message_type), intent(in) :: request
-    type(error_list_type), intent(inout) :: errors
-    call errors%add('D290', 'a partner that steps with the grains, or weighs their contacts, '// &
-                    'needs grains on one rank, these have '//str(self%model%ranks%ranks), &
-                    request%place(), 'ranks = 1 in &program of the grains; threads may be more')
-  end subroutine refuse
+  !> Many ranks move whole intervals; grains with which a partner steps, or whose contacts it
+  !! weighs, the first of them moves alone.
+  subroutine go_alone(self)
+    type(dem_server_type), intent(inout) :: self
+    character(len=:), allocatable :: text
+    associate (model => self%model)
+      if (.not. model%ranks%several()) return
+      if (model%system%crew%alone) return
+      call model%system%crew%go_alone(model%system%dem_data_type)
+      text = 'the partner steps with the grains, or weighs their contacts: the first of '// &
+        str(model%ranks%ranks)//' ranks moves them all, with '// &
+        str(int(omp_get_max_threads(), i4))//' threads'
+      if (model%opened) then
+        call model%log%warn(text)
+      else
+        call append_string(model%warnings, text)
+      end if
+    end associate
+  end subroutine go_alone
 
   !> Keep the step and write what is due.
   subroutine accept(self, errors)

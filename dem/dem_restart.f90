@@ -3,17 +3,21 @@ module dem_restart
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, string_type
   use talus_errors, only: error_list_type
+  use talus_h5_columns, only: get_columns
   use talus_hdf5, only: h5_file_type
   use talus_checkpoint, only: checkpoint_type, checkpoint_info_type
   use dem_archive, only: dem_archive_type
   use dem_clock, only: dem_clock_type
   use dem_system, only: dem_system_type
   use dem_histories, only: dem_histories_type
+  use dem_records, only: contact_reals
   use dem_slabs, only: dem_slab_type, slab_grains
   use dem_store, only: put_grain_arrays, put_run, records
   implicit none
   private
   public :: write_checkpoint, read_checkpoint
+
+  integer(i8), parameter :: slab_contacts = 100000  !! read at a time
 
 contains
 
@@ -119,6 +123,7 @@ contains
     real(wp), allocatable :: reals(:), driven(:), walls(:), surfaces(:)
     integer(i8), allocatable :: integers(:)
     integer(i4) :: before
+    logical :: slabs
 
     before = errors%count
     deck_changed = .false.
@@ -129,8 +134,9 @@ contains
     call file%get('/clock/driven_work', driven, errors)
     call file%get('/clock/wall_work', walls, errors)
     if (file%exists('/clock/surface_work')) call file%get('/clock/surface_work', surfaces, errors)
-    call read_archive(file, archive, errors)
-    call file%close(errors)
+    slabs = system%apart .and. file%exists('/state/'//records)
+    call read_archive(file, slabs, archive, errors)
+    if (.not. slabs) call file%close(errors)
     if (errors%count > before) return
     if (size(driven) /= size(histories%driven_work) .or. &
         size(walls) /= size(histories%wall_work)) then
@@ -150,12 +156,41 @@ contains
     clock%unstable = integers(3)
     system%par%dt = reals(3)
     call system%import_state(archive, errors)
+    call archive%clear()
+    if (slabs .and. errors%count == before) call read_slabs(file, system, errors)
+    if (slabs) call file%close(errors)
     if (errors%count == before .and. allocated(surfaces)) histories%surface_work = surfaces
     deck_changed = info%deck_hash /= checkpoint%deck_hash
   end subroutine read_checkpoint
 
-  subroutine read_archive(file, archive, errors)
+  !> Contacts for many ranks, some at a time.
+  subroutine read_slabs(file, system, errors)
     type(h5_file_type), intent(inout) :: file
+    type(dem_system_type), intent(inout) :: system
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: rows(:, :)
+    integer(i8) :: done
+    call system%crew%begin_again(system%dem_data_type)
+    done = 0
+    do
+      call get_columns(file, '/state/'//records, done + 1, slab_contacts, rows, errors)
+      if (errors%any()) return
+      if (done == 0 .and. size(rows, 1) /= contact_reals(system%dem_data_type)) then
+        call errors%add('I229', 'checkpoint: '//records//' has '//str(size(rows, 1))// &
+                        ' values a contact, not '//str(contact_reals(system%dem_data_type)), &
+                        file%path, 'the checkpoint belongs to another packing, deck or version')
+        return
+      end if
+      if (size(rows, 2) == 0) exit
+      call system%crew%add_records(rows)
+      done = done + size(rows, 2)
+    end do
+    call system%crew%adopt_records(system%dem_data_type)
+  end subroutine read_slabs
+
+  subroutine read_archive(file, slabs, archive, errors)
+    type(h5_file_type), intent(inout) :: file
+    logical, intent(in) :: slabs  !! contacts are read elsewhere
     type(dem_archive_type), intent(inout) :: archive
     type(error_list_type), intent(inout) :: errors
     type(string_type), allocatable :: names(:)
@@ -166,6 +201,7 @@ contains
     before = errors%count
     call file%names('/state', names)
     do k = 1, size(names)
+      if (slabs .and. names(k)%s == records) cycle
       if (file%class_of('/state/'//names(k)%s) == 'integer') then
         call file%get('/state/'//names(k)%s, integers, errors)
         if (errors%count == before) call archive%put_integers(names(k)%s, integers)

@@ -188,7 +188,7 @@ contains
       c%reach = rows(4, 1)
       c%stretch = rows(5, 1)
       c%held = reshape(rows(:, 2:), [10])
-      if (.not. is_periodic(c) .or. archive%find(records) > 0) return
+      if (.not. is_periodic(c) .or. archive%find(records//'.built_at') > 0) return
     end associate
     k = archive%find('images')
     n = 0
@@ -245,6 +245,8 @@ contains
     if (errors%any()) return
     if (archive%find(records) > 0) then
       call get_records(d, archive, errors)
+    else if (archive%find(records//'.built_at') > 0) then
+      call get_age(d, archive, errors)
     else
       call get_list(d, archive, errors)
     end if
@@ -258,18 +260,27 @@ contains
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: rows(:, :)
-    integer(i8), allocatable :: built(:, :)
+    call get_age(d, archive, errors)
     call archive%get_reals(records, contact_reals(d), -1, rows, errors)
+    if (errors%any()) return
+    call adopt_contacts(d, rows)
+    call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)
+    call give_results(d, rows)
+  end subroutine get_records
+
+  !> Skin of the list and when it was made; bodies as the grains are. The contacts come later.
+  subroutine get_age(d, archive, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: built(:, :)
     call archive%get_integers(records//'.built_at', 1, 1, built, errors)
     if (errors%any()) return
     call get_skin(d%pairs, archive, errors)
     if (errors%any()) return
     d%pairs%built_at = built(1, 1)
     call update_bodies(d%pairs, d%grains, d%planes, d%cell)
-    call adopt_contacts(d, rows)
-    call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)
-    call give_results(d, rows)
-  end subroutine get_records
+  end subroutine get_age
 
   subroutine get_skin(pairs, archive, errors)
     type(dem_pairs_type), intent(inout) :: pairs

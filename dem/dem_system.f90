@@ -107,8 +107,8 @@ contains
     if (parted(self)) call self%crew%glance(self%dem_data_type)
   end subroutine glance
 
-  !> Contact laws may have changed since the checkpoint: the energy that is stored by the new ones
-  !! was there at the start, so that the ledger closes as it did.
+  !> Contact laws may have changed since the checkpoint: what the new ones store was there at the
+  !! start, so that the ledger closes as it did.
   subroutine follow_laws(self)
     class(dem_system_type), intent(inout) :: self
     real(wp) :: error, stored
@@ -125,7 +125,7 @@ contains
   !> Adaptive damping.
   subroutine slow_down(self)
     class(dem_system_type), intent(inout) :: self
-    if (allocated(self%crew)) then
+    if (shared(self)) then
       call self%crew%slow_down(self%dem_data_type)
     else
       call stop_slowing(self%dem_data_type)
@@ -153,6 +153,13 @@ contains
     class(dem_system_type), intent(inout) :: self
     if (allocated(self%crew)) call self%crew%begin_anew()
   end subroutine begin_anew
+
+  !> Do many ranks take the steps?
+  pure logical function shared(self)
+    class(dem_system_type), intent(in) :: self
+    shared = .false.
+    if (allocated(self%crew)) shared = .not. self%crew%alone
+  end function shared
 
   !> Have the ranks been on since the last look? The whole's grains are then old, it has no
   !! contacts, and what is written comes from the ranks in slabs.
@@ -203,6 +210,7 @@ contains
       self%ready = .true.
       return
     end if
+    call self%begin_anew()
     call build_pairs(self%pairs, self%grains, self%planes, self%weights, self%par%ghost_pairs, &
                      self%cell)
     call make_bonds(self%dem_data_type, errors)
@@ -264,7 +272,7 @@ contains
     integer(i4), intent(in) :: n
     type(error_list_type), intent(inout) :: errors
 
-    if (allocated(self%crew)) then
+    if (shared(self)) then
       call self%crew%step(self%dem_data_type, n, errors)
       return
     end if
@@ -374,8 +382,7 @@ contains
   !! impact at the given speed; no more than the dashpots of contacts allow [s].
   real(wp) function automatic_step(self, speed)
     class(dem_system_type), intent(in) :: self
-    real(wp), intent(in) :: speed  !! approach speed to be foreseen, 0: none; of many ranks that
-                                   !! of the fastest grain [m/s]
+    real(wp), intent(in) :: speed  !! approach speed, 0: none; of ranks the fastest grain's [m/s]
     real(wp) :: impact
     if (parted(self)) then
       impact = self%crew%marks%limit(3)

@@ -1,10 +1,11 @@
 """Run verification cases and write build/verification/summary.json.
 
-Usage: verify.py [--case ID ...] [--area NAME] [--quick] [--ranks N] [--bin build/bin]
+Usage: verify.py [--case ID ...] [--area NAME ...] [--quick] [--ranks N] [--bin build/bin]
        [--out build/verification]
 A case is verification/<area>/<id>/ with case.toml and exact.py (see talus.verification).
-Cases that were not run keep their last result in the summary. With --ranks every run of talus-dem
-has that many; what it refuses then (D290) is no failure. Give --out another folder then.
+Cases that were not run keep their last result in the summary. With --ranks every run of talus-dem,
+by talus-couple too, has that many; what it refuses then (D290) is no failure. Give --out another
+folder then.
 """
 
 import argparse
@@ -92,7 +93,7 @@ def show(entry: dict) -> None:
 
 
 def choose(
-    cases: dict[str, dict], wanted: list[str], quick: bool, area: str | None
+    cases: dict[str, dict], wanted: list[str], quick: bool, areas: list[str]
 ) -> list[dict]:
     """Return the cases to run; an unknown id is a fault that names the nearest."""
     for name in wanted:
@@ -105,7 +106,7 @@ def choose(
         for c in cases.values()
         if (not wanted or c["id"] in wanted)
         and (not quick or c.get("quick"))
-        and area in (None, c["area"])
+        and (not areas or c["area"] in areas)
     ]
 
 
@@ -113,7 +114,7 @@ def main() -> int:
     """Run the cases; return 1 if any failed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--case", nargs="+", action="extend", default=[])
-    parser.add_argument("--area")
+    parser.add_argument("--area", nargs="+", default=[])
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--ranks", type=int, default=0)
     parser.add_argument("--bin", type=Path, default=ROOT / "build/bin")

@@ -6,6 +6,8 @@ decks, and exact.py with `def run(case: Case) -> None`.
 
 import csv
 import os
+import re
+import shlex
 import subprocess
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -108,6 +110,20 @@ def launcher(ranks: int) -> list[str]:
     return ["mpirun", *options, "--mca", "mpi_yield_when_idle", "1", "-n", str(ranks)]
 
 
+def start_grains_on_ranks(deck: Path, ranks: int, program: Path) -> None:
+    """Rewrite a deck of talus-couple so that it starts its grains by mpirun, on ranks.
+
+    A deck whose &program of the grains has a launch of its own stays as it is.
+    """
+    command = shlex.join([*launcher(ranks), str(program)])
+    text = re.sub(
+        r"(&program\s+side\s*=\s*'grains',)(?![^/]*\blaunch\b)",
+        rf"\1 launch = 'command', command = '{command}',",
+        deck.read_text(),
+    )
+    deck.write_text(text)
+
+
 class NotApplicableError(Exception):
     """A case has a run that the ranks asked for refuse (D290)."""
 
@@ -134,10 +150,13 @@ class Case:
     ) -> subprocess.CompletedProcess:  # fmt: skip
         """Run a program on a deck in the case's folder; an unexpected exit code raises.
 
-        With ranks mpirun starts it; waiting ranks yield, as there may be fewer processors.
+        With ranks mpirun starts it; waiting ranks yield, as there may be fewer processors. Of
+        coupled runs the grains have as many as the case.
         """
         if program == "talus-dem":
             ranks = ranks or self.ranks
+        if program == "talus-couple" and self.ranks:
+            start_grains_on_ranks(self.folder / deck, self.ranks, self.bin("talus-dem"))
         environment = dict(os.environ)
         environment.setdefault("OMP_NUM_THREADS", "1")
         done = subprocess.run(
