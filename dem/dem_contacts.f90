@@ -7,7 +7,7 @@ module dem_contacts
   use dem_surface_measure, only: surface_stiffness, body_of_part
   implicit none
   private
-  public :: dem_contacts_type, list_contacts
+  public :: dem_contacts_type, list_contacts, make_contacts, append_contacts
 
   !> Contacts at one time, ordered by lower id, then higher id; planes have ids -1, -2, ...
   type :: dem_contacts_type
@@ -27,14 +27,9 @@ contains
   subroutine list_contacts(d, list)
     type(dem_data_type), intent(in) :: d
     type(dem_contacts_type), intent(inout) :: list
-    integer(i4) :: i, e, slot, lane, block, m
+    integer(i4) :: i, e, slot, lane, block
 
-    m = contact_count(d)
-    list%n = 0
-    if (allocated(list%ids)) deallocate (list%ids, list%point, list%normal, list%branch, &
-                                         list%force, list%stiffness, list%overlap)
-    allocate (list%ids(2, m), list%point(3, m), list%normal(3, m), list%branch(3, m))
-    allocate (list%force(3, m), list%stiffness(2, m), list%overlap(m))
+    call make_contacts(list, contact_count(d))
     do i = 1, d%grains%n + 3 + d%planes%n
       do e = d%pairs%start(i), d%pairs%start(i + 1) - 1
         if (mod(d%pairs%entry(e), 2) == 1) cycle
@@ -47,6 +42,34 @@ contains
     end do
     call add_surface_contacts(d, list)
   end subroutine list_contacts
+
+  !> An empty list with room for m contacts.
+  subroutine make_contacts(list, m)
+    type(dem_contacts_type), intent(inout) :: list
+    integer(i4), intent(in) :: m
+    list%n = 0
+    if (allocated(list%ids)) deallocate (list%ids, list%point, list%normal, list%branch, &
+                                         list%force, list%stiffness, list%overlap)
+    allocate (list%ids(2, m), list%point(3, m), list%normal(3, m), list%branch(3, m))
+    allocate (list%force(3, m), list%stiffness(2, m), list%overlap(m))
+  end subroutine make_contacts
+
+  !> Some contacts behind those of a list that has room for them.
+  subroutine append_contacts(list, some)
+    type(dem_contacts_type), intent(inout) :: list
+    type(dem_contacts_type), intent(in) :: some
+    integer(i4) :: a, b
+    a = list%n + 1
+    b = list%n + some%n
+    list%ids(:, a:b) = some%ids(:, :some%n)
+    list%point(:, a:b) = some%point(:, :some%n)
+    list%normal(:, a:b) = some%normal(:, :some%n)
+    list%branch(:, a:b) = some%branch(:, :some%n)
+    list%force(:, a:b) = some%force(:, :some%n)
+    list%stiffness(:, a:b) = some%stiffness(:, :some%n)
+    list%overlap(a:b) = some%overlap(:some%n)
+    list%n = b
+  end subroutine append_contacts
 
   subroutine add_contact(d, lane, block, list)
     type(dem_data_type), intent(in) :: d

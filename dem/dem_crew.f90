@@ -15,7 +15,7 @@ module dem_crew
   use dem_state, only: dem_data_type
   use dem_adopt, only: adopt_contacts, give_results
   use dem_bonds_make, only: check_bonds
-  use dem_contacts, only: dem_contacts_type
+  use dem_contacts, only: dem_contacts_type, make_contacts, append_contacts
   use dem_gather, only: release_list, hand_in, take_in, haul_type, hand_in_driven
   use dem_halo_state, only: dem_halo_type
   use dem_handout, only: hand_out, tell_step, tell_energies, tell_targets, tell_loads
@@ -23,12 +23,14 @@ module dem_crew
   use dem_migrate, only: share_out
   use dem_pairs, only: build_pairs
   use dem_part, only: start_part, move_part, report_of, add_reports, glance_of, add_glances, &
-    rank_marks_type
+    balance_of, rank_marks_type
   use dem_record_heap, only: record_heap_type
   use dem_records, only: contact_reals
-  use dem_slabs, only: dem_slab_type, slab_of_grains, slab_of_contacts, slab_of_records, slab_grains
+  use dem_relist, only: rebuild_list
+  use dem_slabs, only: dem_slab_type, slab_of_grains, slab_of_contacts, slab_of_records, &
+    slab_grains, copy_state
   use dem_slowing, only: stop_slowing, reset_sums
-  use dem_steps, only: step_memory_type, rebuild_list
+  use dem_steps, only: step_memory_type
   use dem_surface_search, only: list_near
   use dem_tell, only: tell_matrix
   implicit none
@@ -38,7 +40,8 @@ module dem_crew
   integer(i4), parameter :: order_start = 1, order_step = 2, order_look = 3, order_leave = 4, &
     order_targets = 5, order_loads = 6, order_reset = 7, order_slow = 8, order_glance = 9, &
     order_grains = 10, order_contacts = 11, order_records = 12, order_fresh = 13, &
-    order_renew = 14, order_weigh = 15, order_again = 16, order_add = 17, order_adopt = 18
+    order_renew = 14, order_weigh = 15, order_again = 16, &
+    order_add = 17, order_adopt = 18, order_balance = 19
 
   type :: dem_crew_type
     type(ranks_type) :: team
@@ -62,6 +65,9 @@ module dem_crew
     procedure :: step
     procedure :: look
     procedure :: glance
+    procedure :: balance
+    procedure :: see_grains
+    procedure :: see_contacts
     procedure :: some_grains
     procedure :: some_contacts
     procedure :: some_records
@@ -323,6 +329,56 @@ contains
     pending = pending .or. any(transfer(whole%par, [0_i4]) /= transfer(self%part%par, [0_i4]))
   end function pending
 
+  !> Sums of all ranks, see balance_of.
+  subroutine balance(self, sums)
+    class(dem_crew_type), intent(inout) :: self
+    real(wp), intent(out) :: sums(:)
+    real(wp), allocatable :: rows(:, :)
+    integer(i4) :: order(2)
+    order = [order_balance, 0_i4]
+    call self%team%await(order)
+    call self%team%collect(balance_of(self%part), rows)
+    sums = sum(rows, 2)
+  end subroutine balance
+
+  !> Places, motion and forces of all grains of the whole as they are now, without their contacts.
+  subroutine see_grains(self, whole)
+    class(dem_crew_type), intent(inout) :: self
+    type(dem_data_type), intent(inout) :: whole
+    type(dem_slab_type) :: slab
+    integer(i4) :: low, high
+    do low = 1, whole%grains%n, slab_grains
+      high = min(low + slab_grains - 1, whole%grains%n)
+      call self%some_grains(whole%grains%id(low:high), slab)
+      call copy_state(slab%some%grains, low, whole%grains)
+    end do
+  end subroutine see_grains
+
+  !> All contacts as they are now, in the order of those of one rank.
+  subroutine see_contacts(self, whole, list)
+    class(dem_crew_type), intent(inout) :: self
+    type(dem_data_type), intent(inout) :: whole
+    type(dem_contacts_type), intent(inout) :: list
+    type(dem_contacts_type) :: some
+    integer(i8) :: planes, surfaces
+    integer(i4) :: low
+    call self%glance(whole)
+    call make_contacts(list, nint(self%marks%contacts(1), i4))
+    associate (id => whole%grains%id, n => whole%grains%n)
+      do low = 1, n, slab_grains
+        call self%some_contacts(id(low), id(min(low + slab_grains - 1, n)), some)
+        call append_contacts(list, some)
+      end do
+    end associate
+    planes = whole%planes%n
+    surfaces = whole%surfaces%n
+    if (planes > 0) call self%some_contacts(-planes, -1_i8, some)
+    if (planes > 0) call append_contacts(list, some)
+    if (surfaces == 0) return
+    call self%some_contacts(-planes - surfaces, -planes - 1_i8, some)
+    call append_contacts(list, some)
+  end subroutine see_contacts
+
   !> Some grains of the whole as they are now.
   subroutine some_grains(self, ids, slab)
     class(dem_crew_type), intent(inout) :: self
@@ -451,6 +507,8 @@ contains
         call tell_energies(team, crew%part, crew%part)
         call team%collect(glance_of(crew%part), reports)
         call hand_in_driven(team, crew%part, crew%part)
+      case (order_balance)
+        call team%collect(balance_of(crew%part), reports)
       case (order_grains)
         call slab_of_grains(team, crew%part, no_id, slab)
       case (order_contacts)

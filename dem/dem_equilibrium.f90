@@ -7,10 +7,9 @@ module dem_equilibrium
   use talus_errors, only: error_list_type
   use talus_log, only: short_number
   use talus_deck, only: deck_type
-  use dem_state, only: kind_free
-  use dem_measure, only: contact_count
   use dem_surface_body, only: is_free, load_left
-  use dem_system, only: dem_system_type, dem_contacts_type
+  use dem_system, only: dem_system_type
+  use dem_view, only: balance_of_forces
   implicit none
   private
   public :: dem_equilibrium_type, mean_unbalanced
@@ -100,12 +99,11 @@ contains
 
     self%reached = .false.
     if (.not. self%watched) return
-    call system%look()
     call system%refresh_ledger()
     elastic = system%ledger%elastic_normal + system%ledger%elastic_tangential
     self%unbalanced = -1.0_wp
     self%energy_ratio = -1.0_wp
-    if (contact_count(system%dem_data_type) == 0 .or. .not. elastic > 0.0_wp) return
+    if (system%contact_number() == 0 .or. .not. elastic > 0.0_wp) return
     self%unbalanced = mean_unbalanced(system)
     self%energy_ratio = system%ledger%kinetic/elastic
     self%reached = self%unbalanced <= self%unbalanced_limit .and. &
@@ -146,35 +144,19 @@ contains
   !> Mean force left on a free grain (contacts, gravity, extra forces; no background damping) over
   !! the mean force of a contact [-].
   real(wp) function mean_unbalanced(system) result(ratio)
-    type(dem_system_type), intent(in) :: system
-    type(dem_contacts_type) :: list
-    real(wp) :: left, force, gravity(3), load(6)
-    integer(i4) :: i, n
+    type(dem_system_type), intent(inout) :: system
+    real(wp) :: sums(4), gravity(3), load(6)
+    integer(i4) :: i
 
+    sums = balance_of_forces(system)
     gravity = system%par%gravity_scale*system%par%gravity
-    left = 0.0_wp
-    n = 0
-    do i = 1, system%grains%n
-      if (system%grains%kind(i) /= kind_free) cycle
-      n = n + 1
-      left = left + norm2(system%grains%force(:, i) + system%grains%extra_force(:, i) &
-                          + system%grains%mass(i)*gravity)
-    end do
-    if (allocated(system%surfaces%free)) then
-      do i = 1, system%surfaces%n
-        if (.not. is_free(system%surfaces, i)) cycle
-        n = n + 1
-        load = load_left(system%surfaces, i, gravity)
-        left = left + norm2(load(1:3))
-      end do
-    end if
-    call system%contacts(list)
-    force = 0.0_wp
-    do i = 1, list%n
-      force = force + norm2(list%force(:, i))
+    do i = 1, merge(system%surfaces%n, 0_i4, allocated(system%surfaces%free))
+      if (.not. is_free(system%surfaces, i)) cycle
+      load = load_left(system%surfaces, i, gravity)
+      sums(1:2) = sums(1:2) + [norm2(load(1:3)), 1.0_wp]
     end do
     ratio = 0.0_wp
-    if (n > 0) ratio = left/n
-    if (force > 0.0_wp) ratio = ratio*list%n/force
+    if (sums(2) > 0.0_wp) ratio = sums(1)/sums(2)
+    if (sums(3) > 0.0_wp) ratio = ratio*sums(4)/sums(3)
   end function mean_unbalanced
 end module dem_equilibrium

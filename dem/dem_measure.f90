@@ -4,6 +4,7 @@ module dem_measure
   use talus_vectors, only: cross
   use talus_errors, only: error_list_type
   use talus_text, only: str
+  use dem_contact, only: contact_constants_type, constants_of, contact_radius
   use dem_state, only: dem_data_type, kind_free, lanes, history_side
   use dem_integrate, only: motion_type, scaled_spin_momentum
   use dem_shape, only: rotation_of
@@ -14,7 +15,7 @@ module dem_measure
   private
   public :: momentum_of, angular_momentum_of, coordination_of, largest_overlap, stress_of
   public :: contact_count, least_axis, check_runaway, check_overlap, cross
-  public :: fastest_grain, judge_runaway
+  public :: fastest_grain, judge_runaway, wall_stiffness, wall_stiffnesses, forces_left
 
 contains
 
@@ -135,6 +136,48 @@ contains
     end do
     sigma = sigma/volume
   end function stress_of
+
+  !> Stiffness of the contacts of each plane [N/m].
+  pure function wall_stiffnesses(d) result(stiffness)
+    type(dem_data_type), intent(in) :: d
+    real(wp) :: stiffness(d%planes%n)
+    integer(i4) :: k
+    stiffness = [(wall_stiffness(d, k), k=1, d%planes%n)]
+  end function wall_stiffnesses
+
+  !> Sum of the normal stiffnesses of a plane's contacts [N/m].
+  pure real(wp) function wall_stiffness(d, wall) result(stiffness)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: wall
+    type(contact_constants_type) :: c
+    integer(i4) :: e, slot, lane, block, body
+
+    stiffness = 0.0_wp
+    body = d%grains%n + 3 + wall
+    do e = d%pairs%start(body), d%pairs%start(body + 1) - 1
+      slot = d%pairs%entry(e)/2
+      lane = 1 + mod(slot, lanes)
+      block = 1 + slot/lanes
+      c = constants_of(d%laws(d%pairs%law_first(block), d%pairs%law_second(block)))
+      if (.not. d%pairs%history(lane, history_side, block) > 0.0_wp) cycle
+      stiffness = stiffness + c%kn_a*contact_radius(d%pairs%history(lane, :, block)) + c%kn
+    end do
+  end function wall_stiffness
+
+  !> Sum of the forces left on free grains (contacts, gravity, extra forces; no background damping)
+  !! [N], and their number.
+  pure function forces_left(d) result(sums)
+    type(dem_data_type), intent(in) :: d
+    real(wp) :: sums(2), gravity(3)
+    integer(i4) :: i
+    gravity = d%par%gravity_scale*d%par%gravity
+    sums = 0.0_wp
+    do i = 1, d%grains%n
+      if (d%grains%kind(i) /= kind_free) cycle
+      sums = sums + [norm2(d%grains%force(:, i) + d%grains%extra_force(:, i) &
+                           + d%grains%mass(i)*gravity), 1.0_wp]
+    end do
+  end function forces_left
 
   !> Fault N201 when kinetic energy exceeds par%energy_limit times all that was ever put in.
   subroutine check_runaway(d, errors)

@@ -19,6 +19,7 @@ module dem_measures
   use dem_state, only: kind_free
   use dem_tiles, only: tile
   use dem_system, only: dem_system_type, dem_contacts_type
+  use dem_view, only: see_grains, see_contacts
   implicit none
   private
   public :: dem_measures_type
@@ -269,7 +270,7 @@ contains
   subroutine write_measures(self, time, system, all, errors, list)
     class(dem_measures_type), intent(inout) :: self
     real(wp), intent(in) :: time  !! s
-    type(dem_system_type), intent(in) :: system
+    type(dem_system_type), intent(inout) :: system
     logical, intent(in) :: all
     type(error_list_type), intent(inout) :: errors
     type(dem_contacts_type), intent(in), optional :: list  !! instead of the system's own
@@ -281,7 +282,8 @@ contains
     if (present(list)) then
       call fill_sample(system, list, self%sample, errors)
     else
-      call system%contacts(now)
+      call see_grains(system)
+      call see_contacts(system, now)
       call fill_sample(system, now, self%sample, errors)
     end if
     if (errors%count > before) return

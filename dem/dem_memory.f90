@@ -33,10 +33,7 @@ contains
   !> Is there anything for which ranks hand in the whole from time to time?
   logical function gathers(model)
     type(dem_model_type), intent(in) :: model
-    character(len=:), allocatable :: packing
-    call model%deck%get('output', 1, 'packing', packing)
-    gathers = model%needs_whole() .or. model%equilibrium%watched .or. len(packing) > 0 .or. &
-      model%measures%n + model%measures%grids > 0
+    gathers = model%needs_whole()
     if (model%deck%count('checkpoint') == 0) return
     gathers = gathers .or. model%system%surfaces%n > 0 .or. model%system%pairs%extras%active
   end function gathers

@@ -37,10 +37,12 @@ module dem_model
   use dem_equilibrium, only: dem_equilibrium_type
   use dem_servo, only: dem_servo_type
   use dem_surcharge, only: dem_surcharge_type
+  use dem_surcharge_renew, only: renew_surcharge
   use dem_setup_bodies, only: read_bodies
   use dem_setup_membranes, only: read_membranes
   use dem_setup_surfaces, only: refuse_cell
   use dem_surface_drive, only: surface_drive_type
+  use dem_view, only: see_grains, wall_stiffness_of
   use dem_deck_keys, only: dem_deck_table
   implicit none
   private
@@ -190,9 +192,10 @@ contains
     every_wall = 0.0_wp
     if (.not. self%served) call self%deck%get('checkpoint', 1, 'every_wall', every_wall)
     call self%checkpoint%schedule(every_wall, 0.0_wp, self%clock%time())
-    if (.not. errors%any()) call self%servo%start(self%system%dem_data_type, self%clock%time())
-    if (.not. errors%any()) call self%surcharge%start(self%system%dem_data_type, &
-                                                      self%clock%time(), self%clock%steps, errors)
+    if (errors%any()) return
+    if (self%servo%active()) call self%servo%start(self%system%dem_data_type, self%clock%time(), &
+                                                   wall_stiffness_of(self%system))
+    call renew_surcharge(self%surcharge, self%system, self%clock, .true., errors)
   end subroutine prepare
 
   !> Start at time zero from the packing.
@@ -293,10 +296,12 @@ contains
       call self%log%item('surcharge', self%surcharge%text(self%system%dem_data_type))
     if (len(self%restart_path) > 0) call self%log%item('goes on from', self%restart_path, &
       'time '//str(self%start_time)//' s, step '//str(self%start_steps))
-    if (self%deck%count('history') > 0) call self%histories%open(self%stem, self%start_time, errors)
-    if (self%deck%count('history') > 0) call self%servo%open(self%stem, self%start_time, errors)
-    if (self%deck%count('history') > 0) call self%surcharge%open(self%stem, self%start_time, errors)
-    if (self%deck%count('history') > 0) call self%flow%open(self%stem, self%start_time, errors)
+    if (self%deck%count('history') > 0) then
+      call self%histories%open(self%stem, self%start_time, errors)
+      call self%servo%open(self%stem, self%start_time, errors)
+      call self%surcharge%open(self%stem, self%start_time, errors)
+      call self%flow%open(self%stem, self%start_time, errors)
+    end if
     if (self%deck%count('output') > 0 .and. .not. errors%any()) then
       call self%deck%get('output', 1, 'fields', fields)
       do k = 1, size(fields)
@@ -313,7 +318,6 @@ contains
     end do
     call log_row_titles(self%log)
     if (self%start_time >= 0.0_wp .or. errors%any()) return
-    if (self%measures%n + self%measures%grids > 0) call self%system%look()
     call self%histories%write(0.0_wp, self%system, errors)
     call self%servo%write(0.0_wp, self%system%dem_data_type, errors)
     call self%surcharge%write(0.0_wp, self%system%dem_data_type, errors)
@@ -358,16 +362,18 @@ contains
       end if
       if (self%stop%checkpoint_asked() .or. self%checkpoint%due(self%clock%time()) &
           .or. self%clock%due(event_checkpoint)) call self%save_checkpoint('', errors)
+      if (errors%any()) return  ! ranks must not step with a fault that the first alone has
       if (self%clock%review_due()) then
         call self%clock%review(self%automatic_dt(), self%system%step_limit())
         if (abs(self%clock%dt - self%system%par%dt) > 0.0_wp) call self%use_step(self%clock%dt)
       end if
       call self%take_steps(block, errors)
       if (errors%any()) return
-      if (self%servo%due(self%clock%steps)) call self%system%look()
+      if (self%servo%due(self%clock%steps) .and. self%needs_whole()) call self%system%look()
       if (self%flow%due(self%clock%steps)) call self%system%glance()
       if (self%servo%due(self%clock%steps)) &
-        call self%servo%look(self%system%dem_data_type, self%clock%time())
+        call self%servo%look(self%system%dem_data_type, self%clock%time(), &
+                             wall_stiffness_of(self%system))
       call self%load_surface(.false., errors)
       if (self%flow%due(self%clock%steps)) &
         call self%flow%look(self%system%dem_data_type, self%clock%time())
@@ -390,15 +396,13 @@ contains
   !> Is anything in use that looks at all grains and their contacts?
   logical function needs_whole(self)
     class(dem_model_type), intent(in) :: self
-    needs_whole = self%servo%active() .or. self%surcharge%active .or. self%probe%wanted .or. &
-      self%served
+    needs_whole = self%servo%surfaces%active() .or. self%probe%wanted .or. self%served
   end function needs_whole
 
   !> Have the grains come to rest, and do all servos hold their stresses?
   subroutine judge_rest(self)
     class(dem_model_type), intent(inout) :: self
     if (.not. self%equilibrium%watched) return
-    call self%system%look()
     call self%equilibrium%look(self%system, self%servo%satisfied(self%system%dem_data_type) .and. &
                                self%flow%satisfied(self%system%dem_data_type))
   end subroutine judge_rest
@@ -442,17 +446,10 @@ contains
     class(dem_model_type), intent(inout) :: self
     logical, intent(in) :: changed
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: before(:, :)
-    real(wp) :: start
     if (changed .and. .not. (self%surcharge%active .and. self%clock%steps == 0)) return
     if (.not. (changed .or. self%surcharge%due(self%system%dem_data_type, self%clock%steps))) return
     call self%timers%start('surcharge')
-    call self%system%look()
-    before = self%system%grains%extra_force
-    start = self%system%ledger%start
-    call self%surcharge%look(self%system%dem_data_type, self%clock%time(), self%clock%steps, errors)
-    call self%system%loads_changed(before)
-    call self%system%start_moved(start)
+    call renew_surcharge(self%surcharge, self%system, self%clock, .false., errors)
     call self%timers%stop('surcharge')
   end subroutine load_surface
 
@@ -465,9 +462,9 @@ contains
     if (errors%any()) return
     t = self%clock%time()
     call self%timers%start('output')
-    if (self%clock%due(event_measure) .or. (self%clock%due(event_history) .and. &
-      self%needs_whole())) call self%system%look()
     if (self%clock%due(event_history)) then
+      if (self%needs_whole()) call self%system%look()
+      if (self%surcharge%active) call see_grains(self%system)
       call self%histories%write(t, self%system, errors)
       call self%servo%write(t, self%system%dem_data_type, errors)
       call self%surcharge%write(t, self%system%dem_data_type, errors)
@@ -546,8 +543,8 @@ contains
     character(len=:), allocatable :: packing
 
     call self%deck%get('output', 1, 'packing', packing)
-    if (self%needs_whole() .or. self%measures%n + self%measures%grids > 0 .or. len(packing) > 0) &
-      call self%system%look()
+    if (self%needs_whole()) call self%system%look()
+    if (self%surcharge%active .or. len(packing) > 0) call see_grains(self%system)
     call self%system%glance()
     if (.not. (errors%any() .or. self%stopped)) call self%judge_rest()
     if (.not. errors%any()) then
@@ -568,8 +565,8 @@ contains
     call self%measures%close(errors)
     if (.not. (self%stopped .or. errors%any())) then
       call self%equilibrium%judge(self%clock%time(), self%deck%source%path, errors)
-      call self%servo%judge(self%system%dem_data_type, self%clock%time(), &
-                            self%deck%source%path, errors)
+      if (self%servo%active()) call self%servo%judge(self%system%dem_data_type, &
+        self%clock%time(), wall_stiffness_of(self%system), self%deck%source%path, errors)
       call self%flow%judge(self%system%dem_data_type, self%deck%source%path, errors)
       if (self%probe%wanted .and. .not. errors%any()) call self%take_probes(errors)
     end if

@@ -2,13 +2,15 @@
 module dem_part
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
-  use dem_state, only: dem_data_type, dem_ledger_type, dem_cell_type
+  use dem_state, only: dem_data_type, dem_ledger_type, dem_cell_type, kind_mirror
   use dem_cell_stress, only: cell_sums
+  use dem_contacts, only: dem_contacts_type, list_contacts
   use dem_halo_state, only: cell_reals
   use dem_ledger, only: follow_step, refresh_stored, start_ledger
   use dem_limits, only: gershgorin_step, rayleigh_step, foreseen_step
   use dem_extra_list, only: count_broken
-  use dem_measure, only: check_overlap, fastest_grain
+  use dem_measure, only: check_overlap, fastest_grain, forces_left, wall_stiffnesses
+  use dem_records, only: index_of
   use dem_slabs, only: count_contacts
   use dem_steps, only: step_memory_type, take_steps, evaluate_forces
   use dem_swap, only: add_loads
@@ -16,7 +18,8 @@ module dem_part
   use dem_surface_share, only: surface_reals, surface_report, take_surfaces
   implicit none
   private
-  public :: start_part, move_part, report_of, add_reports, glance_of, add_glances, rank_marks_type
+  public :: start_part, move_part, report_of, add_reports, glance_of, add_glances, balance_of
+  public :: rank_marks_type
 
   type(dem_ledger_type), parameter :: fresh = dem_ledger_type()
   integer(i4), parameter :: works = size(transfer(fresh, [0.0_wp]))  !! columns of the ledger
@@ -181,6 +184,25 @@ contains
     whole%pairs%most_skin = part%pairs%most_skin
     whole%pairs%built_at = part%pairs%built_at
   end subroutine add_glances
+
+  !> Forces left on own grains and their number, forces of own contacts and their number, stiffness
+  !! of the contacts of each plane.
+  function balance_of(part) result(row)
+    type(dem_data_type), intent(in) :: part
+    real(wp) :: row(4 + part%planes%n)
+    type(dem_contacts_type) :: list
+    integer(i4) :: k
+    row = 0.0_wp
+    row(1:2) = forces_left(part)
+    call list_contacts(part, list)
+    do k = 1, list%n
+      if (list%ids(1, k) > 0) then
+        if (part%grains%kind(index_of(part, real(list%ids(1, k), wp))) == kind_mirror) cycle
+      end if
+      row(3:4) = row(3:4) + [norm2(list%force(:, k)), 1.0_wp]
+    end do
+    row(5:) = wall_stiffnesses(part)
+  end function balance_of
 
   !> The cell as it is now; rates are the leader's to set.
   pure subroutine take_cell(part, whole)

@@ -16,14 +16,13 @@ module dem_servo
   use talus_deck, only: deck_type
   use talus_history, only: history_type
   use talus_log, only: short_number
-  use dem_state, only: dem_data_type, lanes, history_side
+  use dem_state, only: dem_data_type
   use dem_servo_law, only: servo_law_type, look_steps
-  use dem_contact, only: contact_radius, constants_of, contact_constants_type
   use dem_surface_servo, only: surface_servo_type
   use dem_volume, only: constant_volume_type
   implicit none
   private
-  public :: dem_servo_type, measured_area, wall_stiffness
+  public :: dem_servo_type, measured_area
 
   integer(i4), parameter :: seen_size = 7  !! impulse(3), time, stress, target of the last look, v_i
   real(wp), parameter :: parallel = 1.0e-9_wp
@@ -200,25 +199,6 @@ contains
     if (pairs /= 2) area = 0.0_wp
   end function measured_area
 
-  !> Sum of the normal stiffnesses of a plane's contacts [N/m].
-  pure real(wp) function wall_stiffness(d, wall) result(stiffness)
-    type(dem_data_type), intent(in) :: d
-    integer(i4), intent(in) :: wall
-    type(contact_constants_type) :: c
-    integer(i4) :: e, slot, lane, block, body
-
-    stiffness = 0.0_wp
-    body = d%grains%n + 3 + wall
-    do e = d%pairs%start(body), d%pairs%start(body + 1) - 1
-      slot = d%pairs%entry(e)/2
-      lane = 1 + mod(slot, lanes)
-      block = 1 + slot/lanes
-      c = constants_of(d%laws(d%pairs%law_first(block), d%pairs%law_second(block)))
-      if (.not. d%pairs%history(lane, history_side, block) > 0.0_wp) cycle
-      stiffness = stiffness + c%kn_a*contact_radius(d%pairs%history(lane, :, block)) + c%kn
-    end do
-  end function wall_stiffness
-
   pure logical function active(self)
     class(dem_servo_type), intent(in) :: self
     active = size(self%servo) > 0 .or. any(self%wall_curve > 0) .or. self%volume%active .or. &
@@ -238,10 +218,11 @@ contains
   end function due
 
   !> First velocities of a fresh run, or of servos that the checkpoint does not know.
-  subroutine start(self, d, time)
+  subroutine start(self, d, time, stiffness)
     class(dem_servo_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time  !! [s]
+    real(wp), intent(in) :: stiffness(:)  !! of the contacts of each plane [N/m]
     logical :: fresh
     if (.not. self%active()) return
     fresh = .not. allocated(d%servo_seen)
@@ -254,14 +235,15 @@ contains
       call self%surfaces%start(d, time)
       fresh = .true.
     end if
-    if (fresh) call self%look(d, time)
+    if (fresh) call self%look(d, time, stiffness)
   end subroutine start
 
   !> Velocities for the steps to come.
-  subroutine look(self, d, time)
+  subroutine look(self, d, time, stiffness)
     class(dem_servo_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time  !! [s]
+    real(wp), intent(in) :: stiffness(:)  !! of the contacts of each plane [N/m]
     integer(i4) :: k
     real(wp) :: ahead
 
@@ -273,18 +255,20 @@ contains
                                 *self%curve(self%wall_curve(k))%mean(time, time + ahead)
     end do
     do k = 1, size(self%servo)
-      if (time < self%servo(k)%until) call self%set_servo(k, d, time, ahead)
+      if (time < self%servo(k)%until) &
+        call self%set_servo(k, d, time, ahead, stiffness)
     end do
     call self%volume%set(d, time, ahead)
     call self%surfaces%look(d, time, self%curve)
   end subroutine look
 
   !> Velocity of servo k.
-  subroutine set_servo(self, k, d, time, ahead)
+  subroutine set_servo(self, k, d, time, ahead, stiffness)
     class(dem_servo_type), intent(inout) :: self
     integer(i4), intent(in) :: k
     type(dem_data_type), intent(inout) :: d
-    real(wp), intent(in) :: time, ahead  !! now, and to the next look [s]
+    real(wp), intent(in) :: time, ahead   !! now, and to the next look [s]
+    real(wp), intent(in) :: stiffness(:)  !! of the contacts of each plane [N/m]
     real(wp) :: force(3), area, velocity
 
     associate (servo => self%servo(k), p => d%planes, seen => d%servo_seen(:, self%servo(k)%wall))
@@ -297,7 +281,7 @@ contains
       seen(5) = -dot_product(force, p%normal(:, servo%wall))/area
       seen(6) = servo%stress
       if (servo%curve > 0) seen(6) = servo%stress*self%curve(servo%curve)%at(time)
-      call servo%respond(seen(6) - seen(5), area, wall_stiffness(d, servo%wall), ahead, &
+      call servo%respond(seen(6) - seen(5), area, stiffness(servo%wall), ahead, &
                          servo%speed, seen(7), velocity)
       p%velocity(:, servo%wall) = velocity*p%normal(:, servo%wall)
     end associate
@@ -326,10 +310,11 @@ contains
   end function satisfied
 
   !> A servo that does not hold its stress at the end of the run says by how much and why (N204).
-  subroutine judge(self, d, time, place, errors)
+  subroutine judge(self, d, time, stiffness, place, errors)
     class(dem_servo_type), intent(in) :: self
     type(dem_data_type), intent(in) :: d
-    real(wp), intent(in) :: time  !! of the end [s]
+    real(wp), intent(in) :: time          !! of the end [s]
+    real(wp), intent(in) :: stiffness(:)  !! of the contacts of each plane [N/m]
     character(len=*), intent(in) :: place
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: k
@@ -341,7 +326,7 @@ contains
         if (servo%until <= time) cycle
         call servo%reason('it moved at its speed limit', 'm/s', 'raise speed or t_end, or '// &
           'look whether the grains run away from the wall', why, hint)
-        if (.not. wall_stiffness(d, servo%wall) > 0.0_wp) why = why//', and it touches no grain'
+        if (.not. stiffness(servo%wall) > 0.0_wp) why = why//', and it touches no grain'
         call errors%add('N204', "servo of wall '"//self%name(servo%wall)%s//"' ended at "// &
                         short_number(seen(5))//' Pa instead of '//short_number(seen(6))// &
                         ' Pa: '//why, place, hint)

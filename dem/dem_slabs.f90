@@ -4,17 +4,17 @@ module dem_slabs
   use talus_kinds, only: wp, i4, i8
   use talus_ranks, only: ranks_type
   use dem_contacts, only: dem_contacts_type, list_contacts
-  use dem_form_state, only: allocate_forms
+  use dem_form_state, only: allocate_forms, put_frame
   use dem_gather, only: pack_contacts, is_first_here
   use dem_make, only: allocate_grains, sorted_order
   use dem_measure, only: coordination_of
   use dem_records, only: part_size, grain_reals, pack_grain, unpack_grain, index_of
-  use dem_state, only: dem_data_type, kind_free, kind_mirror, lanes, history_side
+  use dem_state, only: dem_data_type, dem_grains_type, kind_free, kind_mirror, lanes, history_side
   use dem_surface_measure, only: surface_contact_count
   implicit none
   private
   public :: dem_slab_type, slab_of_grains, slab_of_contacts, slab_of_records, count_contacts
-  public :: slab_grains
+  public :: slab_grains, copy_state
 
   integer(i4), parameter :: slab_grains = 50000  !! in a slab
   integer(i4), parameter :: list_reals = 17  !! of a contact as it is written to fields
@@ -133,6 +133,25 @@ contains
     end associate
     allocate (slab%coordination(size(ids)), source=0)
   end subroutine make_slab
+
+  !> What changes of some grains, to those from number `low` on of a whole.
+  subroutine copy_state(some, low, whole)
+    type(dem_grains_type), intent(in) :: some
+    integer(i4), intent(in) :: low
+    type(dem_grains_type), intent(inout) :: whole
+    integer(i4) :: i, k
+    do k = 1, some%n
+      i = low + k - 1
+      whole%x(:, i) = some%x(:, k)
+      whole%quat(:, i) = some%quat(:, k)
+      whole%v(:, i) = some%v(:, k)
+      whole%omega(:, i) = some%omega(:, k)
+      whole%theta(:, i) = some%theta(:, k)
+      whole%force(:, i) = some%force(:, k)
+      whole%moment(:, i) = some%moment(:, k)
+      call put_frame(whole%forms, i, whole%quat(:, i))
+    end do
+  end subroutine copy_state
 
   !> Prescribed grains stand where the leader has them.
   subroutine take_prescribed(part, range, sums, slab)

@@ -17,8 +17,7 @@ module dem_system
   use dem_make, only: sorted_order, make_planes
   use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
   use dem_relist, only: rebuild_if_needed
-  use dem_steps, only: step_memory_type, take_steps, evaluate_forces, &
-    kick_and_drift
+  use dem_steps, only: step_memory_type, take_steps, evaluate_forces, kick_and_drift
   use dem_shape, only: quaternion_from_rotation, rotation_between
   use dem_ledger, only: refresh_stored, start_ledger, follow_step, closure_of
   use dem_limits, only: gershgorin_step, rayleigh_step, foreseen_step

@@ -8,7 +8,8 @@ program test_dem_servo
   use dem_state, only: law_linear, kind_free
   use dem_law, only: make_linear_law
   use dem_make, only: make_grains, make_planes
-  use dem_servo, only: dem_servo_type, measured_area, wall_stiffness
+  use dem_measure, only: wall_stiffness, wall_stiffnesses
+  use dem_servo, only: dem_servo_type, measured_area
   use dem_surface_make, only: mesh_type, join_corners, check_mesh, add_mesh
   use dem_surface_servo, only: surface_servo_type, surface_stiffness_along
   use dem_surface_state, only: surface_rigid
@@ -100,12 +101,12 @@ contains
     servo%servo(1)%gain = 0.2_wp
     servo%servo(1)%tolerance = 1.0e-6_wp
     servo%servo(1)%until = 1.0_wp
-    call servo%start(s%dem_data_type, 0.0_wp)
+    call servo%start(s%dem_data_type, 0.0_wp, wall_stiffnesses(s%dem_data_type))
     call test%check_close('a wall without contact comes at its speed', &
                           s%planes%velocity(3, 2), -0.05_wp, 0.0_wp)
     do k = 1, 5000
       call s%step(10, errors)
-      call servo%look(s%dem_data_type, 10*k*s%par%dt)
+      call servo%look(s%dem_data_type, 10*k*s%par%dt, wall_stiffnesses(s%dem_data_type))
     end do
     call test%check('no faults', .not. errors%any())
     call test%check_close('stiffness of the wall', wall_stiffness(s%dem_data_type, 2), kn, 0.0_wp)
@@ -116,9 +117,10 @@ contains
     servo%servo(1)%until = huge(1.0_wp)
     call test%check('satisfied', servo%satisfied(s%dem_data_type))
     servo%servo(1)%stress = 3.0e4_wp
-    call servo%look(s%dem_data_type, 1.0_wp)
+    call servo%look(s%dem_data_type, 1.0_wp, wall_stiffnesses(s%dem_data_type))
     call test%check('a new target is not held', .not. servo%satisfied(s%dem_data_type))
-    call servo%judge(s%dem_data_type, 1.0_wp, 'deck.nml', errors)
+    call servo%judge(s%dem_data_type, 1.0_wp, wall_stiffnesses(s%dem_data_type), 'deck.nml', &
+                     errors)
     call test%check('and is a fault', errors%any())
   end subroutine check_servo
 

@@ -161,7 +161,11 @@ def judge_death(case: Case) -> None:
     time.sleep(0.5)
     left = [pid for pid in ranks if is_alive(pid)]
     case.metric("a rank is killed: ranks that stay behind", float(len(left)), 0.0, 0)
-    case.run("talus-dem", "killed.nml", "--restart=auto", "--check")
+    text = (case.folder / "killed.nml").read_text().replace("t_end = 10.0", "t_end = 0.03")
+    (case.folder / "killed.nml").write_text(text)
+    case.run("talus-dem", "killed.nml", "--threads=1", "--restart=auto", ranks=2)
+    time_s = json.loads((case.folder / "killed_summary.json").read_text())["time_s"]
+    case.above("a rank is killed: time that its last checkpoint leads to [s]", time_s, 0.03)
 
 
 def children(pid: int) -> list[int]:
