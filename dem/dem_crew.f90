@@ -420,26 +420,40 @@ contains
     type(dem_data_type), intent(inout) :: whole
     logical, intent(in) :: gathers
     real(wp), allocatable, intent(out) :: rows(:, :)  !! (4, ranks)
-    type(dem_slab_type) :: slab
-    real(wp), allocatable :: records(:, :)
-    integer(i4) :: order(2), low, high
+    integer(i4) :: order(2), round
 
     if (.not. self%started) call self%start(whole, order_start)
     call release_list(whole%pairs)
     self%stale = .true.
-    order = [order_renew, 0_i4]
-    call self%team%await(order)
-    call rebuild_list(self%part, 0.0_wp)
-    do low = 1, whole%grains%n, slab_grains
-      high = min(low + slab_grains - 1, whole%grains%n)
-      call self%some_grains(whole%grains%id(low:high), slab)
-      call self%some_records(whole%grains%id(low), whole%grains%id(high), records)
+    do round = 1, 2  ! what the first has freed is not all of use to the second
+      order = [order_renew, 0_i4]
+      call self%team%await(order)
+      call rebuild_list(self%part, 0.0_wp)
+      call try_slabs(self, whole)
     end do
     if (gathers) call self%look(whole)
     order = [order_weigh, 0_i4]
     call self%team%await(order)
     call self%team%collect(weight_of(self%part), rows)
   end subroutine try_out
+
+  !> The slabs of fields and of a checkpoint.
+  subroutine try_slabs(self, whole)
+    type(dem_crew_type), intent(inout) :: self
+    type(dem_data_type), intent(in) :: whole
+    type(dem_slab_type) :: slab
+    type(dem_contacts_type) :: list
+    real(wp), allocatable :: records(:, :)
+    integer(i4) :: low, high
+    associate (id => whole%grains%id)
+      do low = 1, whole%grains%n, slab_grains
+        high = min(low + slab_grains - 1, whole%grains%n)
+        call self%some_grains(id(low:high), slab)
+        call self%some_contacts(id(low), id(high), list)
+        call self%some_records(id(low), id(high), records)
+      end do
+    end associate
+  end subroutine try_slabs
 
   !> Most memory that this process has had [bytes], its grains, mirrors, candidate pairs.
   function weight_of(part) result(row)
