@@ -28,7 +28,7 @@ module talus_message_buffer
 
   integer(i4), parameter :: at_magic = 1, at_protocol = 2, at_sequence = 3, at_verb = 4
   integer(i4), parameter :: at_step = 5, at_t0 = 6, at_t1 = 7, at_status = 8, at_fields = 9
-  integer(i4), parameter :: at_words = 10, at_checksum = 11
+  integer(i4), parameter :: at_words = 10, at_checksum = 11, at_waited = 12
 
   !> Where a field stands in the buffer.
   type, public :: field_type
@@ -49,6 +49,7 @@ module talus_message_buffer
     integer(i8) :: sequence = 0  !! set by the port: same in request and reply
     real(wp) :: t0 = 0.0_wp      !! start of the interval, s
     real(wp) :: t1 = 0.0_wp      !! end of the interval, s
+    real(wp) :: waited = 0.0_wp  !! of a reply: how long its sender waited for the request, s
     integer(i4) :: field_count = 0
     integer(i8) :: used = header_words
     integer(i8), allocatable :: word(:)
@@ -109,6 +110,7 @@ contains
     self%step = 0
     self%t0 = 0.0_wp
     self%t1 = 0.0_wp
+    self%waited = 0.0_wp
     if (present(step)) self%step = step
     if (present(t0)) self%t0 = t0
     if (present(t1)) self%t1 = t1
@@ -287,6 +289,7 @@ contains
     self%word(at_step) = self%step
     self%word(at_t0) = transfer(self%t0, 0_i8)
     self%word(at_t1) = transfer(self%t1, 0_i8)
+    self%word(at_waited) = transfer(self%waited, 0_i8)
     self%word(at_status) = self%status
     self%word(at_fields) = self%field_count
     self%word(at_words) = self%used
@@ -337,6 +340,7 @@ contains
     self%step = self%word(at_step)
     self%t0 = transfer(self%word(at_t0), 0.0_wp)
     self%t1 = transfer(self%word(at_t1), 0.0_wp)
+    self%waited = transfer(self%word(at_waited), 0.0_wp)
     self%status = int(min(self%word(at_status), int(huge(0_i4), i8)), i4)
   end subroutine read_header
 

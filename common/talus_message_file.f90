@@ -23,9 +23,10 @@ module talus_message_file
   private
   public :: write_message_file, read_message_file
 
-  !> Attributes of the root, in the order of the header words; t0 and t1 are reals.
-  character(len=8), parameter :: header_name(11) = [character(len=8) :: 'magic', 'protocol', &
-    'sequence', 'verb', 'step', 't0', 't1', 'status', 'fields', 'words', 'checksum']
+  !> Attributes of the root, in the order of the header words; t0, t1 and waited are reals. The last
+  !! may be left out.
+  character(len=8), parameter :: header_name(12) = [character(len=8) :: 'magic', 'protocol', &
+    'sequence', 'verb', 'step', 't0', 't1', 'status', 'fields', 'words', 'checksum', 'waited']
 
 contains
 
@@ -87,7 +88,8 @@ contains
   integer(hid_t) function header_type(k)
     integer, intent(in) :: k
     header_type = h5t_std_i64le
-    if (header_name(k) == 't0' .or. header_name(k) == 't1') header_type = h5t_ieee_f64le
+    if (any(header_name(k) == [character(len=8) :: 't0', 't1', 'waited'])) &
+      header_type = h5t_ieee_f64le
   end function header_type
 
   !> For readers of the file; the number in 'verb' is what counts.
@@ -215,7 +217,7 @@ contains
         call h5aclose_f(attribute, close_stat)
       end if
       if (stat < 0) then
-        failed = 'attribute '//trim(header_name(k))
+        if (k < size(header_name)) failed = 'attribute '//trim(header_name(k))
         return
       end if
       header(k) = word

@@ -47,6 +47,7 @@ module talus_port
     procedure :: receive
     procedure :: ask
     procedure :: beat
+    procedure :: arrived
     procedure :: is_open
     procedure :: close => port_close
   end type port_type
@@ -319,6 +320,14 @@ contains
     if (self%transport == transport_shm) call self%shm%beat()
     if (self%transport == transport_file) call self%file%beat()
   end subroutine beat
+
+  !> Does a message wait to be received?
+  logical function arrived(self)
+    class(port_type), intent(in) :: self
+    arrived = .false.
+    if (self%transport == transport_shm) arrived = self%shm%arrived()
+    if (self%transport == transport_file) arrived = self%file%arrived()
+  end function arrived
 
   pure logical function is_open(self)
     class(port_type), intent(in) :: self

@@ -10,14 +10,14 @@ module talus_serve
   use talus_files, only: file_exists
   use talus_hash, only: hash_file
   use talus_message, only: message_type, protocol_version, verb_name, verb_hello, verb_describe, &
-    verb_select, verb_set, verb_ready, verb_accept, verb_reject, verb_checkpoint, verb_write, &
-    verb_stop, verb_abort
+    verb_select, verb_set, verb_ready, verb_force, verb_accept, verb_reject, verb_checkpoint, &
+    verb_write, verb_stop, verb_abort
   use talus_options, only: options_type
   use talus_port, only: port_type
-  use talus_system, only: install_signals
+  use talus_system, only: install_signals, wall_clock
   implicit none
   private
-  public :: server_type, serve_partner, restart_file, take_brief
+  public :: server_type, serve_partner, restart_file, take_brief, take_flag
 
   !> What every solver's service remembers, and what each solver must do.
   type, abstract :: server_type
@@ -42,6 +42,9 @@ module talus_serve
     procedure(file_of), deferred :: save           !! CHECKPOINT
     procedure(file_of), deferred :: write          !! WRITE
     procedure(end_run), deferred :: finish         !! sets exit_code
+    procedure :: is_busy                           !! is there work that nobody waits for yet?
+    procedure :: work_on                           !! a slice of it, while no request comes
+    procedure :: catch_up                          !! all of it, before any request but FORCE
   end type server_type
 
   abstract interface
@@ -117,6 +120,7 @@ contains
     type(port_type) :: port
     type(message_type) :: request, reply
     type(error_list_type) :: faults
+    real(wp) :: waiting
 
     call install_signals(.false.)
     call port%connect(options%port, errors)
@@ -125,9 +129,18 @@ contains
     call server%read(options, faults)
     call server%fatal%take(faults)
     do while (.not. server%leave)
+      do while (server%is_busy())
+        if (port%arrived()) exit
+        call server%work_on()
+        call port%beat()
+      end do
+      waiting = wall_clock()
       call port%receive(request, errors)
+      waiting = wall_clock() - waiting
       if (errors%any()) exit
+      if (request%verb /= verb_force) call server%catch_up()
       call reply%answer(request)
+      reply%waited = waiting
       call faults%clear()
       if (server%fatal%any() .and. .not. leaving(request%verb)) then
         call faults%take(server%fatal)
@@ -148,6 +161,22 @@ contains
     end if
     call port%close()
   end subroutine serve_partner
+
+  !> A solver that leaves nothing undone.
+  logical function is_busy(self)
+    class(server_type), intent(in) :: self
+    is_busy = self%leave .and. .false.
+  end function is_busy
+
+  subroutine work_on(self)
+    class(server_type), intent(inout) :: self
+    if (self%is_busy()) error stop 'bug: work that nobody does'
+  end subroutine work_on
+
+  subroutine catch_up(self)
+    class(server_type), intent(inout) :: self
+    if (self%is_busy()) call self%work_on()
+  end subroutine catch_up
 
   pure logical function leaving(verb)
     integer(i4), intent(in) :: verb

@@ -11,12 +11,14 @@ module talus_timers
   public :: timers_type
 
   integer(i4), parameter :: most = 64  !! timers of one program
+  integer(i4), parameter :: recent = 8 !! intervals that a timer remembers
 
   type :: timer_type
     character(len=32) :: name = ''
     real(wp) :: total = 0.0_wp    !! [s]
     real(wp) :: begun = -1.0_wp   !! wall clock at start, negative while stopped
     integer(i8) :: calls = 0
+    real(wp) :: span(2, recent) = 0.0_wp  !! wall clock at start and stop of the last ones
   end type timer_type
 
   !> All timers of a program, and the time since they were set up.
@@ -31,6 +33,7 @@ module talus_timers
     generic :: start => start_number, start_name
     generic :: stop => stop_number, stop_name
     procedure :: seconds
+    procedure :: within
     procedure :: name => timer_name
     procedure :: elapsed
     procedure :: table
@@ -67,9 +70,12 @@ contains
   subroutine stop_number(self, number)
     class(timers_type), intent(inout) :: self
     integer(i4), intent(in) :: number
+    real(wp) :: now
     associate (timer => self%timer(number))
       if (timer%begun < 0.0_wp) return
-      timer%total = timer%total + (wall_clock() - timer%begun)
+      now = wall_clock()
+      timer%total = timer%total + (now - timer%begun)
+      timer%span(:, 1 + int(mod(timer%calls, int(recent, i8)))) = [timer%begun, now]
       timer%calls = timer%calls + 1
       timer%begun = -1.0_wp
     end associate
@@ -97,6 +103,20 @@ contains
     integer(i4), intent(in) :: number
     seconds = self%timer(number)%total
   end function seconds
+
+  !> Time on a timer between two readings of the wall clock not long ago [s].
+  pure real(wp) function within(self, number, from, to)
+    class(timers_type), intent(in) :: self
+    integer(i4), intent(in) :: number
+    real(wp), intent(in) :: from, to
+    integer(i4) :: k
+    within = 0.0_wp
+    associate (span => self%timer(number)%span)
+      do k = 1, recent
+        within = within + max(0.0_wp, min(to, span(2, k)) - max(from, span(1, k)))
+      end do
+    end associate
+  end function within
 
   pure function timer_name(self, number) result(name)
     class(timers_type), intent(in) :: self

@@ -12,7 +12,7 @@ module cpl_bridge_step
   use talus_timers, only: timers_type
   use cpl_bridge, only: bridge_field_type
   use cpl_overlap, only: overlap_type, free_set, hat_set
-  use cpl_overlap_step, only: send_bulk, accept_both, evaluate_bulk, put_nodes, read_nodes
+  use cpl_overlap_ask, only: send_bulk, accept_both, evaluate_bulk, put_nodes, read_nodes
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
@@ -65,6 +65,7 @@ contains
                       'the steps of both against their limits')
       return
     end if
+    call o%look_past()
     call accept_both(o, solvers, t0, t1, timers, errors)
     if (.not. errors%any()) o%step = o%step + 1
   end subroutine bridge_step

@@ -16,7 +16,7 @@ module cpl_logbook
   implicit none
   private
   public :: begin_log, log_solvers, log_interface, log_row_titles, log_row, log_health, &
-    write_summary, overhead_share
+    write_summary, work_share, overhead_text
 
 contains
 
@@ -114,15 +114,25 @@ contains
     call log%row(cells)
   end subroutine log_row
 
-  !> Share of the time since `begun` [s of the timers] in which no solver was waited for.
-  real(wp) function overhead_share(timers, begun, waited_before)
+  !> Share of the time since `begun` [s of the timers] in which no solver was waited for: the work
+  !! of the coupling, much of it done while they work.
+  real(wp) function work_share(timers, begun, waited_before)
     type(timers_type), intent(inout) :: timers
     real(wp), intent(in) :: begun          !! elapsed time when the exchanges began [s]
     real(wp), intent(in) :: waited_before  !! waits until then [s]
     real(wp) :: whole
     whole = max(timers%elapsed() - begun, tiny(1.0_wp))
-    overhead_share = max(0.0_wp, whole - (waited(timers) - waited_before))/whole
-  end function overhead_share
+    work_share = max(0.0_wp, whole - (waited(timers) - waited_before))/whole
+  end function work_share
+
+  !> How long the grains stood still for the coupling, and how long it worked.
+  function overhead_text(overhead) result(text)
+    real(wp), intent(in) :: overhead(2)  !! shares that the grains waited for, and worked
+    character(len=:), allocatable :: text
+    text = 'coupling overhead '//short_number(100.0_wp*overhead(1))//' % of the run time'
+    if (abs(overhead(1) - overhead(2)) > 0.0_wp) text = text//', with what it does while the '// &
+      'grains work '//short_number(100.0_wp*overhead(2))//' %'
+  end function overhead_text
 
   real(wp) function waited(timers)
     type(timers_type), intent(inout) :: timers
@@ -138,7 +148,7 @@ contains
     type(log_type), intent(inout) :: log
     type(interface_type), intent(in) :: face
     type(audit_type), intent(in) :: audit
-    real(wp), intent(in) :: overhead
+    real(wp), intent(in) :: overhead(2)  !! shares that the grains waited for, and worked
     character(len=:), allocatable :: text
     text = 'interface work differs by '//short_number(100.0_wp*audit%work_error(face))// &
       ' % between the sides, ghosts off their facets by '//short_number(audit%gap)// &
@@ -146,8 +156,7 @@ contains
       short_number(100.0_wp*audit%lag%mean)//' % (limit '//short_number(100.0_wp*lag_limit)// &
       ' %), windows that did not settle '//str(audit%lag%stalls)//', springs raised '// &
       str(face%refactored)//' times, largest overlap '// &
-      short_number(100.0_wp*face%grains(scalar_max_overlap))//' %, coupling overhead '// &
-      short_number(100.0_wp*overhead)//' % of the run time'
+      short_number(100.0_wp*face%grains(scalar_max_overlap))//' %, '//overhead_text(overhead)
     call log%health(text)
     if (audit%lag%mean > lag_limit .and. .not. audit%lag%told) call log%warn('the solid does '// &
       'not carry '//short_number(100.0_wp*audit%lag%mean)//" % of the ghosts' force at the "// &
@@ -161,7 +170,7 @@ contains
     type(interface_type), intent(in) :: face
     type(audit_type), intent(in) :: audit
     type(timers_type), intent(in) :: timers
-    real(wp), intent(in) :: time, overhead
+    real(wp), intent(in) :: time, overhead(2)  !! s; shares that the grains waited for, and worked
     integer(i4), intent(in) :: exit_code
     type(error_list_type), intent(in) :: faults
     type(error_list_type), intent(inout) :: errors
@@ -175,7 +184,8 @@ contains
     call summary%set('ghosts', face%map%ghosts)
     call summary%set('interface_nodes', face%map%nodes)
     call summary%set('iterations', face%all_iterations)
-    call summary%set('coupling_overhead', overhead)
+    call summary%set('coupling_overhead', overhead(1))
+    call summary%set('coupling_work', overhead(2))
     call summary%set('health.interface_work_error', audit%work_error(face))
     call summary%set('health.constraint_residual_m', audit%gap)
     call summary%set('health.force_lag', audit%lag%mean)

@@ -28,7 +28,7 @@ module cpl_model
   use cpl_interface, only: interface_type
   use cpl_launch, only: launch_solver, stop_solvers, abort_solvers
   use cpl_logbook, only: begin_log, log_solvers, log_interface, log_row_titles, log_row, &
-    log_health, write_summary, overhead_share
+    log_health, write_summary, work_share
   use cpl_manifest, only: manifest_type, write_manifest, find_manifest
   use cpl_overlap, only: overlap_type
   use cpl_overlap_file, only: write_overlap, read_overlap_state, read_overlap_reference
@@ -76,6 +76,7 @@ module cpl_model
     logical :: stopped = .false.           !! left early on request
     real(wp) :: begun = 0.0_wp             !! elapsed time when the exchanges began [s]
     real(wp) :: waited = 0.0_wp            !! waits until then [s]
+    real(wp) :: stood = 0.0_wp             !! the grains had stood still until then [s]
     integer(i8) :: first_step = 0          !! of this part of the run
     integer(i8) :: saved_step = -1         !! of the last checkpoint
   contains
@@ -276,7 +277,8 @@ contains
     if (self%again) self%saved_step = self%face%step
     self%running = .true.
     self%begun = self%timers%elapsed()
-    self%waited = (1.0_wp - overhead_share(self%timers, 0.0_wp, 0.0_wp))*self%begun
+    self%waited = (1.0_wp - work_share(self%timers, 0.0_wp, 0.0_wp))*self%begun
+    self%stood = self%solvers(1)%stood
     if (self%choices%overlap%given) then
       call overlap_row_titles(self%log)
     else
@@ -311,7 +313,7 @@ contains
     real(wp), intent(in) :: t0, t1  !! [s]
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: said
-    real(wp) :: gap, fine, past
+    real(wp) :: gap
 
     if (self%choices%overlap%given) then
       if (self%overlap%bridge%active) then
@@ -327,12 +329,10 @@ contains
       if (errors%any()) return
       self%face%step = self%overlap%step
       call self%timers%start('audit and log')
-      call self%overlap%look_past(fine, past)
-      call overlap_audit_row(self%audit%file, self%overlap, t1, fine, errors)
+      call overlap_audit_row(self%audit%file, self%overlap, t1, errors)
       if (.not. self%overlap%bridge%active) then
         associate (wanted => self%choices%overlap)
-          call look_after(self%overlap, wanted%remap, wanted%leaving, past, t1, said, &
-                          errors)
+          call look_after(self%overlap, wanted%remap, wanted%leaving, t1, said, errors)
         end associate
         if (len(said) > 0) call self%log%line(said)
       end if
@@ -405,15 +405,16 @@ contains
   subroutine write_row(self)
     class(cpl_model_type), intent(inout) :: self
     type(error_list_type) :: ignored
-    real(wp) :: left
+    real(wp) :: left, overhead(2)
     integer(i8) :: done
+    overhead = self%overhead()
     done = max(self%face%step - self%first_step, 1_i8)
     left = (self%timers%elapsed() - self%begun)/done*(self%choices%exchanges - self%face%step)
     if (self%choices%overlap%given) then
-      call overlap_row(self%log, self%overlap, self%time_of(self%face%step), self%overhead(), left)
+      call overlap_row(self%log, self%overlap, self%time_of(self%face%step), overhead(1), left)
     else
       call log_row(self%log, self%face, self%audit, self%time_of(self%face%step), &
-        self%overhead(), left)
+        overhead(1), left)
     end if
     call self%audit%file%flush(ignored)
   end subroutine write_row
@@ -427,10 +428,14 @@ contains
     call self%log%warn('time '//short_number(self%time_of(self%face%step))//' s: '//text)
   end subroutine tell_of_lag
 
-  !> Share of the time of the exchanges that is the coupling's own.
-  real(wp) function overhead(self)
+  !> Shares of the time of the exchanges that the grains stood still for the coupling, and that it
+  !! worked: less or more, as much of the work is done while they work.
+  function overhead(self)
     class(cpl_model_type), intent(inout) :: self
-    overhead = overhead_share(self%timers, self%begun, self%waited)
+    real(wp) :: overhead(2)
+    overhead = work_share(self%timers, self%begun, self%waited)
+    if (self%solvers(1)%stood > self%stood) overhead(1) = (self%solvers(1)%stood - self%stood) &
+      /max(self%timers%elapsed() - self%begun, tiny(1.0_wp))
   end function overhead
 
   !> End both solvers, log, summary; exit_code is that of the run.
@@ -439,7 +444,7 @@ contains
     integer(i4), intent(out) :: exit_code
     type(error_list_type), intent(inout) :: errors
     type(error_list_type) :: ignored
-    real(wp) :: time, overhead
+    real(wp) :: time, overhead(2)
 
     time = self%time_of(self%face%step)
     overhead = 0.0_wp
@@ -469,7 +474,7 @@ contains
   !> Health line, timers, summary.json.
   subroutine sum_up(self, time, overhead, exit_code, errors)
     class(cpl_model_type), intent(inout) :: self
-    real(wp), intent(in) :: time, overhead  !! [s], share of the run time
+    real(wp), intent(in) :: time, overhead(2)  !! [s], shares of the run time
     integer(i4), intent(in) :: exit_code
     type(error_list_type), intent(in) :: errors
     type(error_list_type) :: ignored

@@ -89,6 +89,7 @@ module cpl_overlap
     logical, allocatable :: told(:)                !! that they have left was said
     real(wp), allocatable :: u_map(:, :), phi_map(:, :)  !! of the nodes when P was made
     real(wp) :: looked = 0.0_wp                    !! motion past the nodes at the last look [m]
+    real(wp) :: fine = 0.0_wp, past = 0.0_wp       !! the same now: root mean square, largest [m]
     real(wp) :: fine_damping = 0.0_wp              !! of the deck [1/s]
     integer(i8) :: remaps = 0
     character(len=:), allocatable :: sets_hash     !! of the sets and the first operators
@@ -409,18 +410,17 @@ contains
     past = merge(past, 0.0_wp, self%seen)
   end function past_nodes
 
-  !> Motion past the nodes at once: root mean square, as fine_scale, and the largest [m].
-  pure subroutine look_past(self, fine, most)
-    class(overlap_type), intent(in) :: self
-    real(wp), intent(out) :: fine, most
+  !> Motion past the nodes now, for the end of an exchange.
+  pure subroutine look_past(self)
+    class(overlap_type), intent(inout) :: self
     real(wp) :: past(self%op%free)
     if (self%bridge%active) then
-      fine = self%fine_scale()
-      most = 0.0_wp
+      self%fine = self%fine_scale()
+      self%past = 0.0_wp
     else
       past = self%past_nodes()
-      fine = sqrt(sum(past**2)/max(1, count(self%seen)))
-      most = maxval(past)
+      self%fine = sqrt(sum(past**2)/max(1, count(self%seen)))
+      self%past = maxval(past)
     end if
   end subroutine look_past
 

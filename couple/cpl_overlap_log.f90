@@ -12,6 +12,7 @@ module cpl_overlap_log
   use talus_summary, only: summary_type
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, rotation_micro, rotation_curl
+  use cpl_logbook, only: overhead_text
   use cpl_overlap, only: overlap_type
   use cpl_sets, only: part_rest, part_ghost, part_free
   implicit none
@@ -247,10 +248,10 @@ contains
   end function ghost_motion
 
   !> A row at time [s], after the exchange was accepted.
-  subroutine overlap_audit_row(file, o, time, fine, errors)
+  subroutine overlap_audit_row(file, o, time, errors)
     type(history_type), intent(inout) :: file
     type(overlap_type), intent(in) :: o
-    real(wp), intent(in) :: time, fine  !! [s], fine scale now [m]
+    real(wp), intent(in) :: time  !! [s]
     type(error_list_type), intent(inout) :: errors
     real(wp) :: value(column_count + 1), edge(6)
 
@@ -269,7 +270,7 @@ contains
       value(20:22) = g(scalar_angular_momentum:scalar_angular_momentum + 2) &
         + s(scalar_angular_momentum:scalar_angular_momentum + 2) + edge(4:)
       value(23:25) = sum(o%f(:, o%op%hats + 1:), 2)
-      value(26) = fine
+      value(26) = o%fine
       value(27) = ghost_motion(o)
       value(28) = g(scalar_max_overlap)
     end associate
@@ -322,8 +323,8 @@ contains
   subroutine overlap_health(log, o, settled, overhead)
     type(log_type), intent(inout) :: log
     type(overlap_type), intent(in) :: o
-    real(wp), intent(in) :: settled  !! static: rest at which all is settled [-]
-    real(wp), intent(in) :: overhead
+    real(wp), intent(in) :: settled      !! static: rest at which all is settled [-]
+    real(wp), intent(in) :: overhead(2)  !! shares that the grains waited for, and worked
     if (o%static .and. o%unbalanced > settled) call log%warn('the run has not settled: a force '// &
       'of '//short_number(o%unbalanced)//' of the mean contact force is not balanced '// &
       '(settled = '//short_number(settled)//'): let it run longer, or look at the damping of '// &
@@ -332,8 +333,7 @@ contains
       short_number(100.0_wp*work_error(o))//' % of what went through, fine scale '// &
       short_number(o%fine_scale())//' m, ghosts moved by '//short_number(ghost_motion(o))// &
       ' m, largest overlap '// &
-      short_number(100.0_wp*o%grains(scalar_max_overlap))//' %, coupling overhead '// &
-      short_number(100.0_wp*overhead)//' % of the run time')
+      short_number(100.0_wp*o%grains(scalar_max_overlap))//' %, '//overhead_text(overhead))
   end subroutine overlap_health
 
   !> The rest of a static run.
@@ -350,7 +350,7 @@ contains
     type(deck_type), intent(in) :: deck
     type(overlap_type), intent(in) :: o
     type(timers_type), intent(in) :: timers
-    real(wp), intent(in) :: time, overhead
+    real(wp), intent(in) :: time, overhead(2)  !! s; shares that the grains waited for, and worked
     integer(i4), intent(in) :: exit_code
     type(error_list_type), intent(in) :: faults
     type(error_list_type), intent(inout) :: errors
@@ -365,7 +365,8 @@ contains
     call summary%set('ghosts', o%op%ghosts)
     call summary%set('hat_nodes', o%op%hats)
     call summary%set('edge_nodes', o%op%nodes - o%op%hats)
-    call summary%set('coupling_overhead', overhead)
+    call summary%set('coupling_overhead', overhead(1))
+    call summary%set('coupling_work', overhead(2))
     call summary%set('health.interface_work_error', work_error(o))
     call summary%set('health.identity_error', o%identity)
     call summary%set('health.projection_condition', o%op%p%condition)

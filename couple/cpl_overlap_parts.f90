@@ -12,7 +12,7 @@ module cpl_overlap_parts
   implicit none
   private
   public :: begin_parts, settle_parts, remember_start, follow_near, follow_all, put_near, &
-    put_all, read_parts, renew_kicks, finish_parts
+    put_all, read_parts, renew_kicks, work_of_parts, finish_parts
 
   character(len=*), parameter :: near_set = 'border'  !! of the grains
 
@@ -57,13 +57,10 @@ contains
     call o%resist()
   end subroutine settle_parts
 
-  !> After an exchange: its works; a border that is too old is chosen anew; after a window of
-  !! exchanges its mean forces act in every step.
-  subroutine finish_parts(o, grains, timers, errors)
+  !> Works of an exchange.
+  subroutine work_of_parts(o, timers)
     type(overlap_type), intent(inout) :: o
-    type(cpl_solver_type), intent(inout) :: grains
     type(timers_type), intent(inout) :: timers
-    type(error_list_type), intent(inout) :: errors
     real(wp) :: given, taken, turnover
 
     call timers%start('works')
@@ -73,6 +70,16 @@ contains
     o%turnover = o%turnover + turnover
     call o%note_dead(o%parts%q, o%parts%theta, o%parts%u, o%parts%phi)
     call timers%stop('works')
+  end subroutine work_of_parts
+
+  !> After an exchange: a border that is too old is chosen anew; after a window of exchanges its
+  !! mean forces act in every step.
+  subroutine finish_parts(o, grains, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+
     if (o%parts%old) call choose_border(o, grains, timers, errors)
     call o%parts%gather()
     if (.not. o%parts%is_due()) return
@@ -144,13 +151,11 @@ contains
     o%parts%phi = o%phi
   end subroutine remember_start
 
-  !> Hat nodes and the near ghosts where free grains and edge are now; how far these came.
-  subroutine follow_near(o, dt, moved, turns)
+  !> The near ghosts where the nodes are now; how far they came.
+  subroutine follow_near(o, moved, turns)
     type(overlap_type), intent(inout) :: o
-    real(wp), intent(in) :: dt                         !! [s]
     real(wp), intent(out) :: moved(:, :), turns(:, :)  !! (3, near) [m], [rad]
 
-    call o%follow_hats(dt)
     associate (parts => o%parts)
       moved = parts%d_near
       turns = parts%turn_near

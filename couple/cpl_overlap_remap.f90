@@ -24,29 +24,29 @@ module cpl_overlap_remap
 
 contains
 
-  !> At the end of an exchange; said is what the log has to tell, '' nothing. N423: a free grain has
-  !! left and the deck wants to stop.
-  subroutine look_after(o, share, leaving, past, time, said, errors)
+  !> At the end of an exchange, after look_past; said is what the log has to tell, '' nothing. N423:
+  !! a free grain has left and the deck wants to stop.
+  subroutine look_after(o, share, leaving, time, said, errors)
     type(overlap_type), intent(inout) :: o
     real(wp), intent(in) :: share             !! of an element, beyond which P is made anew; 0 never
     character(len=*), intent(in) :: leaving   !! remap, log or stop
-    real(wp), intent(in) :: past, time        !! largest motion past the nodes [m], [s]
+    real(wp), intent(in) :: time              !! [s]
     character(len=:), allocatable, intent(out) :: said
     type(error_list_type), intent(inout) :: errors
     logical :: far
 
     said = ''
-    far = share > 0.0_wp .and. past > share*o%sets%least_size
-    if (.not. far .and. past < o%looked + look_every*o%sets%least_size) return
-    o%looked = past
-    call look(o, leaving, past, far, time, said, errors)
+    far = share > 0.0_wp .and. o%past > share*o%sets%least_size
+    if (.not. far .and. o%past < o%looked + look_every*o%sets%least_size) return
+    o%looked = o%past
+    call look(o, leaving, far, time, said, errors)
   end subroutine look_after
 
   !> Find all grains; make the projection anew if it is due.
-  subroutine look(o, leaving, past, far, time, said, errors)
+  subroutine look(o, leaving, far, time, said, errors)
     type(overlap_type), intent(inout) :: o
     character(len=*), intent(in) :: leaving
-    real(wp), intent(in) :: past, time      !! [m], [s]
+    real(wp), intent(in) :: time            !! [s]
     logical, intent(in) :: far              !! it is due
     character(len=:), allocatable, intent(inout) :: said
     type(error_list_type), intent(inout) :: errors
@@ -69,7 +69,7 @@ contains
       return
     end if
     if (far .or. (leaving == 'remap' .and. any(gone .or. come))) &
-      call remap(o, past, int(count(gone), i4), int(count(come), i4), time, said, errors)
+      call remap(o, int(count(gone), i4), int(count(come), i4), time, said, errors)
   end subroutine look
 
   !> '3 free grains (ids 4, 17, 20)'
@@ -90,9 +90,9 @@ contains
   end function whom
 
   !> From here on displacements count from where all are now.
-  subroutine remap(o, past, gone, come, time, said, errors)
+  subroutine remap(o, gone, come, time, said, errors)
     type(overlap_type), intent(inout) :: o
-    real(wp), intent(in) :: past, time     !! [m], [s]
+    real(wp), intent(in) :: time           !! [s]
     integer(i4), intent(in) :: gone, come  !! grains
     character(len=:), allocatable, intent(inout) :: said
     type(error_list_type), intent(inout) :: errors
@@ -120,7 +120,7 @@ contains
     if (len(said) > 0) said = said//'; '
     if (len(said) == 0) said = 'time '//short_number(time)//' s: '
     said = said//'remap '//str(o%remaps)//': grains moved up to '// &
-      short_number(past/o%sets%least_size)//' of an element past the nodes, '//str(gone)// &
+      short_number(o%past/o%sets%least_size)//' of an element past the nodes, '//str(gone)// &
       ' left, '//str(come)//' came, '//str(count(o%seen))//' are seen; energy changed by '// &
       short_number(o%edge_kinetic() - before)//' J'
   end subroutine remap

@@ -20,7 +20,8 @@ module cpl_overlap_setup
   use cpl_overlap_parts, only: begin_parts
   use cpl_overlap_static, only: begin_static
   use cpl_overlap_start, only: start_type, prepare_start, balance_start
-  use cpl_overlap_step, only: evaluate_forces, evaluate_bulk, read_free
+  use cpl_overlap_ask, only: evaluate_bulk, read_free
+  use cpl_overlap_step, only: evaluate_forces
   use cpl_sets, only: part_rest, part_ghost, part_free
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none

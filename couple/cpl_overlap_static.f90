@@ -14,7 +14,8 @@ module cpl_overlap_static
   use cpl_choices, only: interface_aitken
   use cpl_overlap, only: overlap_type, hat_set, edge_set, hat_phi_set, edge_phi_set
   use cpl_overlap_loads, only: follow_loads
-  use cpl_overlap_step, only: send_kick, read_free, evaluate_forces, accept_both
+  use cpl_overlap_ask, only: send_kick, read_free, accept_both
+  use cpl_overlap_step, only: evaluate_forces
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
@@ -89,6 +90,7 @@ contains
     call edge_load(o, load)
     call measure_balance(o, load, solvers(side_grains)%gravity)
     call o%relax%force(load)
+    call o%look_past()
     call check_numbers(o, t1, errors)
     if (.not. errors%any()) call accept_both(o, solvers, t0, t1, timers, errors)
     if (.not. errors%any()) o%step = o%step + 1

@@ -8,74 +8,111 @@ module cpl_overlap_step
   use talus_kinds, only: wp, i4
   use talus_text, only: str
   use talus_errors, only: error_list_type
-  use talus_message, only: message_type, verb_accept, verb_force, verb_kick_drift
   use talus_timers, only: timers_type
-  use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, &
-    hat_phi_set, edge_phi_set
+  use cpl_overlap, only: overlap_type
+  use cpl_overlap_ask, only: send_kick, read_free, send_bulk, read_bulk, ask_solid, ask_grains, &
+    take_forces, send_accept
   use cpl_overlap_loads, only: renew_loads
+  use cpl_overlap_parts, only: remember_start, follow_near, follow_all, work_of_parts, &
+    finish_parts
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
-  use cpl_overlap_parts, only: remember_start, follow_near, follow_all, put_near, put_all, &
-    read_parts, renew_kicks, finish_parts
   implicit none
   private
-  public :: overlap_step, evaluate_forces, evaluate_bulk, read_free, send_kick, send_bulk, &
-    accept_both, put_nodes, read_nodes
+  public :: overlap_step, evaluate_forces
 
-  character(len=*), parameter :: messages = 'exchange'  !! timer of what goes into and out of them
+  !> A step of the grains whose works are yet to be noted.
+  type :: step_type
+    logical :: due = .false.
+    real(wp), allocatable :: u(:, :), phi(:, :)        !! nodes at its start [m], [rad]
+    real(wp), allocatable :: moved(:, :), turns(:, :)  !! of the ghosts, or of the near ones, in it
+  end type step_type
 
 contains
 
   !> From t0 to t1 [s], accepted on both sides; after a fault nothing was accepted. The length h is
-  !! the same in every exchange, free of the rounding of times.
+  !! the same in every exchange, free of the rounding of times. What no solver waits for is done
+  !! while they work.
   subroutine overlap_step(o, solvers, h, t0, t1, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
     real(wp), intent(in) :: h, t0, t1
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: u(3, o%op%nodes), phi(3, o%op%nodes_phi), dt, kick, now
+    type(step_type) :: step
+    real(wp) :: dt, kick, now
     integer(i4) :: k
 
     dt = h/o%substeps
     call renew_loads(o, solvers(side_solid), t0, t1, timers, errors)
     if (errors%any()) return
-    call send_bulk(o, solvers(side_solid), merge(0.5_wp*h, h, o%symmetric), h, t0, t1, timers, &
-                   errors)
+    do k = 1, o%substeps
+      now = merge(t1, t0 + k*dt, k == o%substeps)
+      kick = merge(0.5_wp*dt, dt, k == 1)
+      call send_kick(o, solvers(side_grains), kick, dt, now - dt, now, k == 1, timers, errors)
+      if (k == 1) then
+        call send_bulk(o, solvers(side_solid), merge(0.5_wp*h, h, o%symmetric), h, t0, t1, &
+                       timers, errors)
+        call begin_exchange(o, h)
+      end if
+      call note_step(o, step, timers)
+      step%u = o%u
+      step%phi = o%phi
+      if (o%symmetric) call o%kick_edge(kick, o%f, o%c)
+      call o%drift_edge(dt)
+      if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
+      if (errors%any()) return
+      call keep_before(o)
+      call read_free(o, solvers(side_grains), timers, errors)
+      call note_damping(o)
+      if (o%parts%active) then
+        call step_in_parts(o, solvers, dt, h, now, k == 1, k == o%substeps, step, timers, errors)
+      else
+        call step_at_once(o, solvers, dt, now, k == 1, k == o%substeps, step, timers, errors)
+      end if
+      if (errors%any()) return
+      call note_damping(o)
+    end do
+    call finish_step(o, solvers, dt, h, t1, step, timers, errors)
+    if (errors%any()) return
+    call send_accept(o, solvers, t0, t1, timers, errors)
+    if (o%parts%active) call work_of_parts(o, timers)
+    do k = 1, 2
+      if (.not. errors%any()) call solvers(k)%receive(timers, errors)
+    end do
+    if (errors%any()) return
+    o%step = o%step + 1
+    if (o%parts%active) call finish_parts(o, solvers(side_grains), timers, errors)
+  end subroutine overlap_step
+
+  !> Where all stands at the start, and the edge's kick with the forces that come once an exchange.
+  subroutine begin_exchange(o, h)
+    type(overlap_type), intent(inout) :: o
+    real(wp), intent(in) :: h  !! [s]
     if (o%parts%active) call remember_start(o)
     if (o%symmetric) then
       call kick_with_bulk(o, 0.5_wp*h)
     else
       call o%kick_edge(h, o%bulk + o%f, o%bulk_phi + o%c)
     end if
-    do k = 1, o%substeps
-      now = merge(t1, t0 + k*dt, k == o%substeps)
-      kick = merge(0.5_wp*dt, dt, k == 1)
-      call send_kick(o, solvers(side_grains), kick, dt, now - dt, now, k == 1, timers, errors)
-      u = o%u
-      phi = o%phi
-      if (o%symmetric) call o%kick_edge(kick, o%f, o%c)
-      call o%drift_edge(dt)
-      if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
-      if (k == 1 .and. .not. errors%any()) call solvers(side_solid)%receive(timers, errors)
-      if (errors%any()) return
-      call keep_before(o)
-      call read_free(o, solvers(side_grains), timers, errors)
-      call note_damping(o)
-      if (o%parts%active) then
-        call step_in_parts(o, solvers, dt, h, now, k == o%substeps, u, phi, timers, errors)
-      else
-        call step_at_once(o, solvers, dt, now, u, phi, timers, errors)
-      end if
-      if (errors%any()) return
-      call note_damping(o)
-    end do
-    call finish_step(o, solvers, dt, h, t1, timers, errors)
-    if (errors%any()) return
-    call accept_both(o, solvers, t0, t1, timers, errors)
-    if (.not. errors%any()) o%step = o%step + 1
-    if (o%parts%active .and. .not. errors%any()) &
-      call finish_parts(o, solvers(side_grains), timers, errors)
-  end subroutine overlap_step
+  end subroutine begin_exchange
+
+  !> Works of the step before this one.
+  subroutine note_step(o, step, timers)
+    type(overlap_type), intent(inout) :: o
+    type(step_type), intent(inout) :: step
+    type(timers_type), intent(inout) :: timers
+    if (.not. step%due) return
+    step%due = .false.
+    call timers%start('works')
+    if (o%parts%active) then
+      call o%note_work(o%q_before, o%theta_before, step%u, step%phi, o%parts%p_near, &
+                       o%parts%m_near, step%moved, step%turns)
+    else
+      call o%note_work(o%q_before, o%theta_before, step%u, step%phi, o%p, o%m, step%moved, &
+                       step%turns)
+    end if
+    call timers%stop('works')
+  end subroutine note_step
 
   !> What the free grains did until now becomes what they did before; it is read anew next.
   subroutine keep_before(o)
@@ -92,12 +129,13 @@ contains
     call move_alloc(c, b)
   end subroutine exchange_arrays
 
-  !> Ghosts follow, all forces, works of the step that began at u, phi.
-  subroutine step_at_once(o, solvers, dt, now, u, phi, timers, errors)
+  !> Ghosts follow, all forces.
+  subroutine step_at_once(o, solvers, dt, now, first, last, step, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
-    real(wp), intent(in) :: dt, now             !! [s]
-    real(wp), intent(in) :: u(:, :), phi(:, :)  !! [m], [rad]
+    real(wp), intent(in) :: dt, now       !! [s]
+    logical, intent(in) :: first, last    !! of this exchange
+    type(step_type), intent(inout) :: step
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     real(wp), dimension(3, o%op%ghosts) :: v, spin
@@ -105,38 +143,51 @@ contains
     call timers%start('projection and maps')
     call o%follow(dt, v, spin)
     call timers%stop('projection and maps')
-    call evaluate_forces(o, solvers, v, spin, now, timers, errors)
-    if (errors%any()) return
-    call timers%start('works')
-    call o%note_work(o%q_before, o%theta_before, u, phi, o%p, o%m, dt*v, dt*spin)
-    call timers%stop('works')
+    if (first .and. .not. errors%any()) call solvers(side_solid)%receive(timers, errors)
+    call ask_solid(o, solvers(side_solid), now, timers, errors)
+    call ask_grains(o, solvers(side_grains), v, spin, now, timers, errors)
+    step%moved = dt*v
+    step%turns = dt*spin
+    step%due = .true.
+    if (last) call o%look_past()
+    call take_forces(o, solvers, .false., timers, errors)
   end subroutine step_at_once
 
-  !> The same where forces come in parts; last: of this exchange.
-  subroutine step_in_parts(o, solvers, dt, h, now, last, u, phi, timers, errors)
+  !> The same where forces come in parts. The solid goes on as soon as the nodes are known, unless
+  !! it may still be busy with its own step.
+  subroutine step_in_parts(o, solvers, dt, h, now, first, last, step, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
-    real(wp), intent(in) :: dt, h, now          !! [s]
-    logical, intent(in) :: last
-    real(wp), intent(in) :: u(:, :), phi(:, :)  !! [m], [rad]
+    real(wp), intent(in) :: dt, h, now    !! [s]
+    logical, intent(in) :: first, last    !! of this exchange
+    type(step_type), intent(inout) :: step
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     real(wp), dimension(3, size(o%parts%near)) :: moved, turns
     real(wp), allocatable :: mean(:, :), mean_spin(:, :)
 
     call timers%start('projection and maps')
-    call follow_near(o, dt, moved, turns)
+    call o%follow_hats(dt)
+    call timers%stop('projection and maps')
+    if (.not. first) call ask_solid(o, solvers(side_solid), now, timers, errors)
+    call timers%start('projection and maps')
+    call follow_near(o, moved, turns)
     if (last) then
       allocate (mean(3, o%op%ghosts), mean_spin(3, o%op%ghosts))
       call follow_all(o, h, mean, mean_spin)
     end if
     call timers%stop('projection and maps')
-    call evaluate_forces(o, solvers, moved/dt, turns/dt, now, timers, errors, mean, mean_spin)
-    if (errors%any()) return
-    call timers%start('works')
-    call o%note_work(o%q_before, o%theta_before, u, phi, o%parts%p_near, o%parts%m_near, moved, &
-                     turns)
-    call timers%stop('works')
+    call ask_grains(o, solvers(side_grains), moved/dt, turns/dt, now, timers, errors, mean, &
+                    mean_spin)
+    if (first) then
+      if (.not. errors%any()) call solvers(side_solid)%receive(timers, errors)
+      call ask_solid(o, solvers(side_solid), now, timers, errors)
+    end if
+    step%moved = moved
+    step%turns = turns
+    step%due = .true.
+    if (last) call o%look_past()
+    call take_forces(o, solvers, last, timers, errors)
   end subroutine step_in_parts
 
   !> Kick of the edge with the forces that are evaluated once an exchange.
@@ -158,18 +209,22 @@ contains
   end subroutine note_damping
 
   !> The last half kicks, with everything at t1.
-  subroutine finish_step(o, solvers, dt, h, t1, timers, errors)
+  subroutine finish_step(o, solvers, dt, h, t1, step, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
     real(wp), intent(in) :: dt, h, t1
+    type(step_type), intent(inout) :: step
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
 
     call send_kick(o, solvers(side_grains), 0.5_wp*dt, 0.0_wp, t1, t1, .true., timers, errors)
     if (errors%any()) return
     if (o%symmetric) call o%kick_edge(0.5_wp*dt, o%f, o%c)
-    call evaluate_bulk(o, solvers(side_solid), merge(0.5_wp*h, 0.0_wp, o%symmetric), t1, timers, &
-                       errors)
+    call send_bulk(o, solvers(side_solid), merge(0.5_wp*h, 0.0_wp, o%symmetric), 0.0_wp, t1, t1, &
+                   timers, errors)
+    call note_step(o, step, timers)
+    if (.not. errors%any()) call solvers(side_solid)%receive(timers, errors)
+    if (.not. errors%any()) call read_bulk(o, solvers(side_solid), errors)
     if (errors%any()) return
     if (o%symmetric) call kick_with_bulk(o, 0.5_wp*h)
     call solvers(side_grains)%receive(timers, errors)
@@ -183,238 +238,16 @@ contains
                     'steps of both against their limits')
   end subroutine finish_step
 
-  !> KICK_DRIFT of the grains with the forces on the free ones; at the ends of an exchange with
-  !! those that act in kicks of half of it.
-  subroutine send_kick(o, grains, kick, drift, t0, t1, at_end, timers, errors)
-    type(overlap_type), intent(in) :: o
-    type(cpl_solver_type), intent(inout) :: grains
-    real(wp), intent(in) :: kick, drift, t0, t1  !! [s]
-    logical, intent(in) :: at_end
-    type(timers_type), intent(inout) :: timers
-    type(error_list_type), intent(inout) :: errors
-    call timers%start(messages)
-    call grains%start_request(verb_kick_drift, o%step, t0, t1)
-    call grains%request%put('kick', kick)
-    call grains%request%put('drift', drift)
-    if (at_end .and. o%parts%active) then
-      call grains%request%put(pulled_set//'.force', o%force + o%substeps*o%parts%kick)
-      if (o%turns) &
-        call grains%request%put(pulled_set//'.moment', o%moment + o%substeps*o%parts%kick_phi)
-    else
-      call grains%request%put(pulled_set//'.force', o%force)
-      if (o%turns) call grains%request%put(pulled_set//'.moment', o%moment)
-    end if
-    call timers%stop(messages)
-    if (drift > 0.0_wp) call grains%request%put_int('brief', 1_i4)
-    call grains%send(timers, errors)
-  end subroutine send_kick
-
-  !> Displacements and rotations of the free grains from a reply.
-  subroutine read_free(o, grains, timers, errors)
-    type(overlap_type), intent(inout) :: o
-    type(cpl_solver_type), intent(inout) :: grains
-    type(timers_type), intent(inout) :: timers
-    type(error_list_type), intent(inout) :: errors
-    call timers%start(messages)
-    call grains%reply%get(free_set//'.x', o%q, errors)
-    o%q = o%q - o%x_free
-    if (o%hears_speed) call grains%reply%get(free_set//'.v', o%speed, errors)
-    if (o%turns) then
-      if (o%hears_speed) call grains%reply%get(free_set//'.omega', o%spin, errors)
-      call grains%reply%get(free_set//'.theta', o%theta, errors)
-      o%theta = o%theta - o%theta_ref
-    end if
-    call timers%stop(messages)
-  end subroutine read_free
-
-  !> KICK_DRIFT of the solid's free nodes; edge and hat stay where the last forces were taken.
-  subroutine send_bulk(o, solid, kick, drift, t0, t1, timers, errors)
-    type(overlap_type), intent(in) :: o
-    type(cpl_solver_type), intent(inout) :: solid
-    real(wp), intent(in) :: kick, drift, t0, t1  !! [s]
-    type(timers_type), intent(inout) :: timers
-    type(error_list_type), intent(inout) :: errors
-    call solid%start_request(verb_kick_drift, o%step, t0, t1)
-    call solid%request%put('kick', kick)
-    call solid%request%put('drift', drift)
-    if (drift > 0.0_wp) then
-      call solid%request%put_int('brief', 1_i4)
-    else
-      call put_velocities(o, solid, kick)
-    end if
-    call solid%send(timers, errors)
-  end subroutine send_bulk
-
-  !> Velocities of hat and edge for the solid's field output; the last kick of the edge, which waits
-  !! for the answer, is taken from the forces of the exchange before.
-  subroutine put_velocities(o, solid, kick)
-    type(overlap_type), intent(in) :: o
-    type(cpl_solver_type), intent(inout) :: solid
-    real(wp), intent(in) :: kick  !! s
-    real(wp) :: v(3, o%op%nodes - o%op%hats)
-    integer(i4) :: a
-    v = o%v(:, o%op%hats + 1:)
-    do a = 1, merge(0_i4, int(size(v, 2), i4), o%bridge%active)
-      associate (k => a + o%op%hats)
-        where (.not. o%held(:, k)) v(:, a) = v(:, a) + kick*o%bulk(:, k)/o%mass(k)
-      end associate
-    end do
-    call solid%request%put(hat_set//'.v', o%v(:, :o%op%hats))
-    call solid%request%put(edge_set//'.v', v)
-  end subroutine put_velocities
-
   !> FORCE on both sides with ghosts and nodes where they are now, and what comes back to the free.
-  !! v and spin are those of the ghosts; where forces come in parts of the near ones, and those of
-  !! all in the mean of an exchange at its end.
-  subroutine evaluate_forces(o, solvers, v, spin, t, timers, errors, mean, mean_spin)
+  subroutine evaluate_forces(o, solvers, v, spin, t, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
-    real(wp), intent(in) :: v(:, :), spin(:, :)  !! (3, ghosts) or (3, near) [m/s], [rad/s]
+    real(wp), intent(in) :: v(:, :), spin(:, :)  !! of the ghosts (3, ghosts) [m/s], [rad/s]
     real(wp), intent(in) :: t                    !! s
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable, intent(in), optional :: mean(:, :), mean_spin(:, :)  !! (3, ghosts)
-    logical :: both
-
-    both = .false.
-    if (present(mean)) both = allocated(mean)
-    associate (grains => solvers(side_grains), solid => solvers(side_solid))
-      call timers%start(messages)
-      call grains%start_request(verb_force, o%step, t, t)
-      if (both) then
-        call put_all(o, grains%request, mean, mean_spin, v, spin)
-      else if (o%parts%active) then
-        call put_near(o, grains%request, v, spin)
-      else
-        call put_ghosts(o, grains%request, v, spin)
-      end if
-      call grains%request%put_int('brief', 1_i4)
-      call timers%stop(messages)
-      call grains%send(timers, errors)
-      call timers%start(messages)
-      call solid%start_request(verb_force, o%step, t, t)
-      call solid%request%put_text('scope', 'interface')
-      call solid%request%put_text('set', hat_set)
-      call put_nodes(o, solid)
-      call solid%request%put_int('brief', 1_i4)
-      call timers%stop(messages)
-      if (.not. errors%any()) call solid%send(timers, errors)
-      if (.not. errors%any()) call grains%receive(timers, errors)
-      if (.not. errors%any()) call solid%receive(timers, errors)
-      if (errors%any()) return
-      call timers%start(messages)
-      call read_forces(o, grains, both, errors)
-      call read_nodes(o, solid, 'force', 'moment', o%element, o%element_phi, errors)
-      call timers%stop(messages)
-    end associate
-    if (errors%any()) return
-    call timers%start('pull-backs')
-    if (both) call renew_kicks(o)
-    call o%pull()
-    call o%resist()
-    call timers%stop('pull-backs')
+    call ask_solid(o, solvers(side_solid), t, timers, errors)
+    call ask_grains(o, solvers(side_grains), v, spin, t, timers, errors)
+    call take_forces(o, solvers, .false., timers, errors)
   end subroutine evaluate_forces
-
-  !> All ghosts, in a request FORCE.
-  subroutine put_ghosts(o, request, v, spin)
-    type(overlap_type), intent(in) :: o
-    type(message_type), intent(inout) :: request
-    real(wp), intent(in) :: v(:, :), spin(:, :)  !! (3, ghosts) [m/s], [rad/s]
-    call request%put(ghost_set//'.x', o%x_ghost + o%d)
-    call request%put(ghost_set//'.v', v)
-    call request%put(ghost_set//'.omega', spin)
-    if (.not. o%round) call request%put(ghost_set//'.quat', o%quat)
-  end subroutine put_ghosts
-
-  !> Forces on ghosts and free grains, from a reply; all but gravity and what comes from here.
-  subroutine read_forces(o, grains, both, errors)
-    type(overlap_type), intent(inout) :: o
-    type(cpl_solver_type), intent(inout) :: grains
-    logical, intent(in) :: both
-    type(error_list_type), intent(inout) :: errors
-    real(wp) :: load(3, merge(o%op%free, 0_i4, o%hears_force))
-    if (o%parts%active) then
-      call read_parts(o, grains, both, errors)
-    else
-      call grains%reply%get(ghost_set//'.force', o%p, errors)
-      call grains%reply%get(ghost_set//'.moment', o%m, errors)
-    end if
-    if (o%hears_force) then
-      call grains%reply%get(free_set//'.force', o%contact, errors)
-      call grains%reply%get(free_set//'.load', load, errors)
-      if (.not. errors%any()) o%contact = o%contact + load
-    end if
-    if (o%hears_force .and. o%turns) &
-      call grains%reply%get(free_set//'.moment', o%contact_moment, errors)
-  end subroutine read_forces
-
-  !> Where the nodes that talus-couple moves are, in a request to the solid.
-  subroutine put_nodes(o, solid)
-    type(overlap_type), intent(in) :: o
-    type(cpl_solver_type), intent(inout) :: solid
-    call solid%request%put(hat_set//'.u', o%u(:, :o%op%hats))
-    if (.not. o%static) call solid%request%put(edge_set//'.u', o%u(:, o%op%hats + 1:))
-    if (o%op%nodes_phi == 0) return
-    call solid%request%put(hat_phi_set//'.phi', o%phi(:, :o%op%hats_phi))
-    if (.not. o%static) &
-      call solid%request%put(edge_phi_set//'.phi', o%phi(:, o%op%hats_phi + 1:))
-  end subroutine put_nodes
-
-  !> A field of all nodes from a reply of the solid.
-  subroutine read_nodes(o, solid, field, field_phi, f, c, errors)
-    type(overlap_type), intent(in) :: o
-    type(cpl_solver_type), intent(inout) :: solid
-    character(len=*), intent(in) :: field, field_phi
-    real(wp), intent(inout) :: f(:, :), c(:, :)  !! (3, nodes), (3, nodes_phi)
-    type(error_list_type), intent(inout) :: errors
-    real(wp) :: hat(3, o%op%hats), edge(3, o%op%nodes - o%op%hats)
-    real(wp) :: hat_phi(3, o%op%hats_phi), edge_phi(3, o%op%nodes_phi - o%op%hats_phi)
-    call solid%reply%get(hat_set//'.'//field, hat, errors)
-    call solid%reply%get(edge_set//'.'//field, edge, errors)
-    f(:, :o%op%hats) = hat
-    f(:, o%op%hats + 1:) = edge
-    if (o%op%nodes_phi == 0) return
-    call solid%reply%get(hat_phi_set//'.'//field_phi, hat_phi, errors)
-    call solid%reply%get(edge_phi_set//'.'//field_phi, edge_phi, errors)
-    c(:, :o%op%hats_phi) = hat_phi
-    c(:, o%op%hats_phi + 1:) = edge_phi
-  end subroutine read_nodes
-
-  !> Forces of the elements without hat nodes on the edge: all that the solid exerts, less those of
-  !! the elements with hat nodes. The free nodes are kicked on the way.
-  subroutine evaluate_bulk(o, solid, kick, t, timers, errors)
-    type(overlap_type), intent(inout) :: o
-    type(cpl_solver_type), intent(inout) :: solid
-    real(wp), intent(in) :: kick, t  !! [s]
-    type(timers_type), intent(inout) :: timers
-    type(error_list_type), intent(inout) :: errors
-    call send_bulk(o, solid, kick, 0.0_wp, t, t, timers, errors)
-    if (.not. errors%any()) call solid%receive(timers, errors)
-    if (errors%any()) return
-    call read_nodes(o, solid, 'reaction', 'reaction_moment', o%bulk, o%bulk_phi, errors)
-    o%bulk = -o%bulk - o%element
-    o%bulk_phi = -o%bulk_phi - o%element_phi
-    if (o%stressed) then
-      o%bulk = o%bulk - o%steady
-      o%bulk_phi = o%bulk_phi - o%steady_phi
-    end if
-    call solid%reply%get('scalars', o%solid, errors)
-  end subroutine evaluate_bulk
-
-  subroutine accept_both(o, solvers, t0, t1, timers, errors)
-    type(overlap_type), intent(in) :: o
-    type(cpl_solver_type), intent(inout) :: solvers(2)
-    real(wp), intent(in) :: t0, t1
-    type(timers_type), intent(inout) :: timers
-    type(error_list_type), intent(inout) :: errors
-    integer(i4) :: k
-    do k = 1, 2
-      call solvers(k)%start_request(verb_accept, o%step, t0, t1)
-      call solvers(k)%request%put_int('final', 1_i4)
-      call solvers(k)%send(timers, errors)
-    end do
-    do k = 1, 2
-      if (.not. errors%any()) call solvers(k)%receive(timers, errors)
-    end do
-  end subroutine accept_both
 end module cpl_overlap_step

@@ -6,6 +6,7 @@ module cpl_solver
   use talus_message, only: message_type, verb_hello, verb_describe
   use talus_port, only: port_type
   use talus_process, only: process_type, tail_of
+  use talus_system, only: wall_clock
   use talus_timers, only: timers_type
   implicit none
   private
@@ -41,6 +42,8 @@ module cpl_solver
     real(wp) :: motion(3) = [0.0_wp, 1.0_wp, 1.0_wp]  !! background damping of grains [1/s], factors
                                      !! on their masses and on their moments of inertia
     integer(i4) :: ranks = 1
+    real(wp) :: stood = 0.0_wp       !! it stood still for the coupling so far [s]
+    real(wp), private :: asked = 0.0_wp     !! wall clock when it was asked last [s]
   contains
     procedure :: start_request
     procedure :: send
@@ -72,6 +75,7 @@ contains
     if (self%lost) return
     call timers%start('waiting for '//self%side)
     call self%port%send(self%request, faults)
+    self%asked = wall_clock()
     call timers%stop('waiting for '//self%side)
     if (faults%any()) call say_how_it_ended(self, faults)
     call errors%take(faults)
@@ -88,6 +92,7 @@ contains
     call timers%start('waiting for '//self%side)
     call self%port%receive(self%reply, faults)
     call timers%stop('waiting for '//self%side)
+    if (.not. faults%any()) call note_standing(self, timers)
     if (faults%any()) then
       call say_how_it_ended(self, faults)
     else
@@ -99,6 +104,18 @@ contains
     end if
     call errors%take(faults)
   end subroutine receive
+
+  !> The solver stood still until it was asked: for the coupling, but for the time in which that
+  !! waited for the other side.
+  subroutine note_standing(self, timers)
+    type(cpl_solver_type), intent(inout) :: self
+    type(timers_type), intent(inout) :: timers
+    integer(i4) :: other, number
+    other = merge(side_solid, side_grains, self%side == sides(side_grains))
+    call timers%index('waiting for '//trim(sides(other)), number)
+    self%stood = self%stood + max(0.0_wp, self%reply%waited - &
+      timers%within(number, self%asked - self%reply%waited, self%asked))
+  end subroutine note_standing
 
   subroutine ask(self, timers, errors)
     class(cpl_solver_type), intent(inout) :: self

@@ -16,15 +16,17 @@ module dem_candidates
   implicit none
   private
   public :: list_type, list_grain_pairs, list_plane_pairs, slot_of
-  public :: bands, geometries, first_border_group, first_ghost_group, first_wall_group
+  public :: bands, geometries, first_border_group, first_rim_group, first_ghost_group, &
+    first_wall_group
 
   integer(i4), parameter :: bands = 4  !! of gaps, see band_of
   integer(i4), parameter :: most_materials = 1000
   integer(i4), parameter :: geometries = 4  !! spheres, ellipsoids, two kinds of forms
   integer(i4), parameter :: first_border_group = &
     geometries*bands*most_materials*(most_materials + 2)
-  integer(i4), parameter :: first_ghost_group = 2*first_border_group
-  integer(i4), parameter :: first_wall_group = 3*first_border_group
+  integer(i4), parameter :: first_rim_group = 2*first_border_group
+  integer(i4), parameter :: first_ghost_group = 3*first_border_group
+  integer(i4), parameter :: first_wall_group = 4*first_border_group
   integer(i4), parameter :: batch = 2**17  !! pairs that are looked at together
 
   !> Candidates before they are put into blocks.
@@ -180,10 +182,15 @@ contains
     end if
     list%group(k) = group_of(.false., grains%material(i), grains%material(pairs%grain(j)), &
                              geometry, band_of(list%gap(k), pairs%skin))
-    if (grains%kind(i) == kind_mirror .or. grains%kind(pairs%grain(j)) == kind_mirror) &
-      list%group(k) = list%group(k) + first_border_group
-    if (grains%kind(i) == kind_ghost .and. grains%kind(pairs%grain(j)) == kind_ghost) &
-      list%group(k) = list%group(k) + first_ghost_group
+    associate (kinds => grains%kind([i, pairs%grain(j)]))
+      if (any(kinds == kind_mirror)) then
+        list%group(k) = list%group(k) + first_border_group
+      else if (all(kinds == kind_ghost)) then
+        list%group(k) = list%group(k) + first_ghost_group
+      else if (any(kinds == kind_ghost)) then
+        list%group(k) = list%group(k) + first_rim_group
+      end if
+    end associate
   end subroutine look_at_pair
 
   !> Pairs that touch or nearly touch are in band 0; the others can be passed over for a while.

@@ -1,6 +1,6 @@
 !> The candidate list: made from cells, ordered into blocks, history carried over by pair.
 !!
-!! Blocks hold pairs of one law, those between ghosts apart; inside a law those that touch or nearly
+!! Blocks hold pairs of one law, those of a ghost and those between ghosts apart; inside a law those that touch or nearly
 !! touch come first, so that far blocks cost one gap test. Per-body maps list a body's pairs by
 !! partner, so that sums do not depend on the order of the list.
 module dem_pairs
@@ -9,7 +9,7 @@ module dem_pairs
     dem_cell_type, kind_free, kind_mirror, lanes, body_size, history_size, &
     history_side, history_root, result_size, column_count, entries_ahead
   use dem_candidates, only: list_type, list_grain_pairs, list_plane_pairs, bands, geometries, &
-    first_border_group, first_ghost_group, first_wall_group
+    first_border_group, first_rim_group, first_ghost_group, first_wall_group
   use dem_cell, only: list_in_cell
   use dem_extra_list, only: move_extras, mark_touched
   use dem_form_state, only: form_ellipsoid, put_frame
@@ -82,8 +82,10 @@ contains
     type(dem_cell_type), intent(inout) :: cell
     type(list_type) :: list
     integer(i4), allocatable :: slot(:)
+    real(wp), allocatable :: result(:, :)
     integer(i4) :: i
 
+    if (pairs%keep_results) allocate (result, source=pairs%result)
     ! most memory is in use here: what nobody asks of the old list goes first
     if (allocated(pairs%result)) deallocate (pairs%result, pairs%columns, pairs%m_star, &
                                              pairs%weight)
@@ -92,6 +94,9 @@ contains
     call order_blocks(pairs, grains, planes, list, slot)
     deallocate (list%group, list%gap)
     call move_lanes(pairs, grains%n, weights%n > 0, list, slot)
+    do i = 1, merge(list%count, 0_i4, pairs%keep_results)
+      if (list%old(i) > 0) pairs%result(:, slot(i)) = result(:, list%old(i))
+    end do
     call map_bodies(pairs, pairs%plain + pairs%images, list, slot)
     call set_lane_constants(pairs, grains, weights, list, slot)
     do i = 1, grains%n
@@ -127,12 +132,16 @@ contains
     pairs%count = list%count
     pairs%blocks = 0
     pairs%grain_blocks = 0
+    pairs%bare_blocks = 0
+    pairs%rim_blocks = 0
     do g = 1, size(groups)
       length = (next(g) + lanes - 1)/lanes
       next(g) = pairs%blocks*lanes
       pairs%blocks = pairs%blocks + length
       pairs%group_end(g) = pairs%blocks
       if (groups(g) < first_wall_group) pairs%grain_blocks = pairs%blocks
+      if (groups(g) < first_rim_group) pairs%bare_blocks = pairs%blocks
+      if (groups(g) < first_ghost_group) pairs%rim_blocks = pairs%blocks
     end do
     allocate (slot(list%count))
     do k = 1, list%count
@@ -204,7 +213,7 @@ contains
       pairs%round(block) = mod(list%group(k)/bands, geometries) == 0
       pairs%form(block) = max(mod(list%group(k)/bands, geometries) - 1, 0)
       pairs%least_gap(block) = min(pairs%least_gap(block), list%gap(k))
-      if (list%group(k) < first_border_group .or. list%group(k) >= first_ghost_group) cycle
+      if (list%group(k) < first_border_group .or. list%group(k) >= first_rim_group) cycle
       if (.not. allocated(pairs%share)) allocate (pairs%share(pairs%blocks), source=1.0_wp)
       pairs%share(block) = 0.5_wp
     end do

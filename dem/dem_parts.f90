@@ -4,25 +4,18 @@
 !! Only ghosts near free grains are then placed in every step. The partner chooses them anew after
 !! the list was made anew: until then no other ghost can have come to a free grain.
 module dem_parts
-  use, intrinsic :: omp_lib, only: omp_get_thread_num, omp_get_num_threads
-  use talus_kinds, only: wp, i4, i8
+  use talus_kinds, only: wp, i4
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use dem_cells, only: find_candidates
-  use dem_lanes, only: finish_puts
-  use dem_forces, only: block_forces, sum_body
   use dem_form_state, only: put_frame
   use dem_integrate, only: work_count
   use dem_prescribed, only: put_body, finish_prescribed
-  use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_ghost, lanes, history_side
-  use dem_relist, only: rebuild_list, travel_of, larger
-  use dem_steps, only: finish_planes
-  use dem_surface_forces, only: share_surfaces, surface_load
-  use dem_surface_motion, only: surface_travel, surface_columns
+  use dem_state, only: dem_data_type, kind_free, kind_ghost, lanes, history_side
   implicit none
   private
-  public :: find_border, choose_border, border_is_old, place_ghosts, forces_on_free, &
-    forces_between_ghosts, check_border
+  public :: find_border, choose_border, border_is_old, place_ghosts, check_border, sum_part, &
+    finish_part
 
   real(wp), parameter :: reach = 2.6_wp  !! of the border in skins: two lists, the next one wider
 
@@ -91,66 +84,6 @@ contains
     end do
   end subroutine place_ghosts
 
-  !> Contacts of free grains over the pending drift. Bodies of what moves must be up to date.
-  subroutine forces_on_free(d)
-    type(dem_data_type), intent(inout) :: d
-    real(wp) :: h, travel, force(3), moment(3), load(6), work(work_count)
-    integer(i4) :: i, k
-
-    h = d%pending
-    travel = travel_now(d, .false.)
-    call renew_list(d, travel)
-    call evaluate(d, h, travel, .false.)
-    work = 0.0_wp
-    do i = 1, d%grains%n
-      if (d%grains%kind(i) /= kind_free) then
-        if (d%grains%kind(i) == kind_ghost) cycle
-        call sum_body(d%pairs, i, force, moment)
-        call finish_prescribed(d%grains, i, h, force, moment, work)
-        cycle
-      end if
-      call sum_body(d%pairs, i, force, moment)
-      if (d%surfaces%near > 0) then
-        load = surface_load(d%surfaces, i)
-        force = force + load(1:3)
-        moment = moment + load(4:6)
-      end if
-      d%grains%force(:, i) = force
-      d%grains%moment(:, i) = moment
-    end do
-    do k = 1, size(d%parts%near)
-      i = d%parts%near(k)
-      call sum_part(d, i, .false., force, moment)
-      call finish_part(d, i, h, force, moment, d%parts%of_free(:, i), work)
-    end do
-    call finish_planes(d, h, work)
-    d%ledger%boundary = d%ledger%boundary + work(4)
-    d%health%evaluations = d%health%evaluations + 1
-    d%pending = 0.0_wp
-  end subroutine forces_on_free
-
-  !> Contacts between ghosts over the drift since they were evaluated, with the mean velocities of
-  !! that time. All ghosts must have been placed.
-  subroutine forces_between_ghosts(d)
-    type(dem_data_type), intent(inout) :: d
-    real(wp) :: h, travel, force(3), moment(3), work(work_count)
-    integer(i4) :: i
-
-    h = d%parts%pending
-    travel = travel_now(d, .true.)
-    call renew_list(d, travel)
-    call evaluate(d, h, travel, .true.)
-    work = 0.0_wp
-    do i = 1, d%grains%n
-      if (d%grains%kind(i) /= kind_ghost) cycle
-      call sum_part(d, i, .true., force, moment)
-      call finish_part(d, i, h, force, moment, d%parts%of_ghosts(:, i), work)
-      d%grains%theta(:, i) = d%grains%theta(:, i) + h*d%grains%omega(:, i)
-    end do
-    d%ledger%boundary = d%ledger%boundary + work(4)
-    d%parts%pending = 0.0_wp
-  end subroutine forces_between_ghosts
-
   !> Impulse and work of one part of what acts on a ghost; with the grain stands the sum of both.
   subroutine finish_part(d, i, h, force, moment, part, work)
     type(dem_data_type), intent(inout) :: d
@@ -179,7 +112,7 @@ contains
         lane = 1 + mod(slot, lanes)
         block = 1 + slot/lanes
         if (.not. d%pairs%history(lane, history_side, block) > 0.0_wp) cycle
-        if (between_ghosts(d, block)) cycle
+        if (block > d%pairs%rim_blocks .and. block <= d%pairs%grain_blocks) cycle
         call errors%add('N224', 'ghost '//str(d%grains%id(i))//' touches a free grain, but was '// &
                         'too far from all when the ghosts near them were chosen', &
                         place='step '//str(d%health%steps), &
@@ -188,84 +121,6 @@ contains
       end do
     end do
   end subroutine check_border
-
-  !> A block of pairs of ghosts: blocks are never mixed.
-  pure logical function between_ghosts(d, block)
-    type(dem_data_type), intent(in) :: d
-    integer(i4), intent(in) :: block
-    between_ghosts = .false.
-    if (block > d%pairs%grain_blocks) return
-    between_ghosts = d%grains%kind(d%pairs%first(1, block)) == kind_ghost .and. &
-      d%grains%kind(d%pairs%grain(d%pairs%second(1, block))) == kind_ghost
-  end function between_ghosts
-
-  !> How far any has come since the list was made: what moves in every step, or all [m].
-  real(wp) function travel_now(d, all_ghosts) result(travel)
-    type(dem_data_type), intent(in) :: d
-    logical, intent(in) :: all_ghosts
-    integer(i4) :: i
-    travel = 0.0_wp
-    do i = 1, d%grains%n
-      if (d%grains%kind(i) == kind_fixed) cycle
-      if (d%grains%kind(i) == kind_ghost .and. .not. (all_ghosts .or. d%parts%is_near(i))) cycle
-      travel = larger(travel, travel_of(d, i))
-    end do
-    do i = 1, d%planes%n
-      travel = larger(travel, norm2(d%planes%point(:, i) &
-                                    - d%pairs%reference_x(:, d%grains%n + 3 + i)))
-    end do
-    if (d%surfaces%n > 0) travel = larger(travel, surface_travel(d%surfaces))
-  end function travel_now
-
-  subroutine renew_list(d, travel)
-    type(dem_data_type), intent(inout) :: d
-    real(wp), intent(inout) :: travel
-    if (travel <= 0.5_wp*d%pairs%skin) return
-    call rebuild_list(d, travel)
-    travel = 0.0_wp
-  end subroutine renew_list
-
-  !> Blocks of one part; their works go into the ledger in the order of blocks.
-  subroutine evaluate(d, h, travel, ghosts)
-    type(dem_data_type), intent(inout) :: d
-    real(wp), intent(in) :: h, travel  !! [s], [m]
-    logical, intent(in) :: ghosts
-    integer(i4) :: g, k, base, me, threads
-    real(wp) :: total(4)
-
-    !$omp parallel default(none) shared(d, h, travel, ghosts) private(g, k, base, me, threads)
-    me = omp_get_thread_num()
-    threads = omp_get_num_threads()
-    base = 0
-    do g = 1, d%pairs%groups
-      if (between_ghosts(d, base + 1) .eqv. ghosts) then
-        !$omp do schedule(static)
-        do k = base + 1, d%pairs%group_end(g)
-          call block_forces(d%pairs, d%laws, d%grains%forms, k, h, travel)
-        end do
-        !$omp end do nowait
-      end if
-      base = d%pairs%group_end(g)
-    end do
-    if (d%surfaces%near > 0 .and. .not. ghosts) call share_surfaces(d, h, travel, me, threads)
-    if (d%pairs%past > 0) call finish_puts()
-    !$omp end parallel
-    total = 0.0_wp
-    base = 0
-    do g = 1, d%pairs%groups
-      if (between_ghosts(d, base + 1) .eqv. ghosts) then
-        do k = base + 1, d%pairs%group_end(g)
-          total = total + d%pairs%columns(:, k)
-        end do
-      end if
-      base = d%pairs%group_end(g)
-    end do
-    if (d%surfaces%near > 0 .and. .not. ghosts) total = total + surface_columns(d%surfaces)
-    d%ledger%contact_damping = d%ledger%contact_damping + total(1)
-    d%ledger%friction = d%ledger%friction + total(2)
-    d%ledger%tangential_relaxation = d%ledger%tangential_relaxation + total(3)
-    d%ledger%curvature = d%ledger%curvature + total(4)
-  end subroutine evaluate
 
   !> Force and moment on a ghost: its contacts with ghosts, or those with free grains, in the order
   !! of partner ids.

@@ -13,6 +13,7 @@ module dem_port
   use dem_ledger, only: start_ledger
   use dem_model, only: dem_model_type, program_name
   use dem_sets, only: dem_sets_type
+  use dem_parts_forces, only: is_left, slice_of_free, stage_none
   use dem_port_state, only: reply_hello, reply_describe, reply_selected, put_scalars
   use dem_port_surface, only: select_surface
   use dem_port_step, only: advance, force, kick_drift, put_sets
@@ -47,6 +48,9 @@ module dem_port
     procedure :: save
     procedure :: write => write_fields
     procedure :: finish
+    procedure :: is_busy
+    procedure :: work_on
+    procedure :: catch_up
     procedure, private :: refresh
     procedure, private :: hold
     procedure, private :: let_go
@@ -299,6 +303,30 @@ contains
       call system%begin_anew()
     end associate
   end subroutine let_go
+
+  !> Forces that nobody waits for yet.
+  logical function is_busy(self)
+    class(dem_server_type), intent(in) :: self
+    is_busy = .false.
+    if (allocated(self%model)) is_busy = is_left(self%model%system%dem_data_type)
+  end function is_busy
+
+  subroutine work_on(self)
+    class(dem_server_type), intent(inout) :: self
+    call self%model%timers%start('steps')
+    call slice_of_free(self%model%system%dem_data_type)
+    call self%model%timers%stop('steps')
+  end subroutine work_on
+
+  !> All that nobody waited for until now.
+  subroutine catch_up(self)
+    class(dem_server_type), intent(inout) :: self
+    if (.not. allocated(self%model)) return
+    if (self%model%system%parts%stage == stage_none) return
+    call self%model%timers%start('steps')
+    call self%model%system%free_forces()
+    call self%model%timers%stop('steps')
+  end subroutine catch_up
 
   subroutine move(self, request, reply, errors)
     class(dem_server_type), intent(inout) :: self

@@ -4,10 +4,11 @@ module dem_port_step
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
-  use talus_serve, only: take_brief
+  use talus_serve, only: take_brief, take_flag
   use dem_system, only: dem_system_type
   use dem_model, only: dem_model_type
   use dem_parts, only: border_is_old, check_border
+  use dem_parts_forces, only: begin_ahead, forces_on_rim, stage_told
   use dem_sets, only: dem_sets_type, dem_set_type, role_prescribe, role_load, role_report, &
     role_surface, role_border
   use dem_port_surface, only: take_vertices, place_vertices, put_vertices
@@ -152,7 +153,8 @@ contains
   end subroutine take_load
 
   !> Forces with prescribed grains placed as told; no time passes. Where a border was selected the
-  !! scope interface takes contacts of free grains alone, split these and those between ghosts.
+  !! scope interface takes contacts of free grains alone, split these and those between ghosts; the
+  !! forces on free grains are then completed after the reply, unless it tells of them.
   subroutine force(model, sets, request, reply, late, errors)
     type(dem_model_type), intent(inout) :: model
     type(dem_sets_type), intent(in) :: sets
@@ -176,13 +178,15 @@ contains
     if (.not. errors%any() .and. (scope == 'split' .or. .not. parted)) &
       call place_sets(model%system, sets, role_prescribe, request, errors)
     if (errors%any()) return
+    if (model%system%parts%stage == stage_told) call model%system%free_forces()
     call model%timers%start('steps')
     if (scope == 'split') call model%system%ghost_forces()
     if (parted) call place_sets(model%system, sets, role_border, request, errors)
     call request%all_read(errors)
     if (errors%any()) return
     if (parted) then
-      call model%system%free_forces()
+      call forces_on_rim(model%system%dem_data_type)
+      if (.not. brief .or. any_free_force(sets)) call model%system%free_forces()
     else
       call model%system%forces()
     end if
@@ -191,6 +195,20 @@ contains
     if (scope == 'split') call put_border(model%system, reply, errors)
     if (.not. brief) call put_scalars(model%system, late, reply)
   end subroutine force
+
+  !> Does a set want to hear of forces on grains that no partner moves, or on vertices?
+  pure logical function any_free_force(sets)
+    type(dem_sets_type), intent(in) :: sets
+    integer(i4) :: k
+    any_free_force = .false.
+    do k = 1, sets%count
+      associate (set => sets%set(k))
+        if (set%role == role_prescribe .or. set%role == role_border) cycle
+        any_free_force = any_free_force .or. set%role == role_surface &
+          .or. set%wants('force') .or. set%wants('moment')
+      end associate
+    end do
+  end function any_free_force
 
   !> Grains of all sets of a role, and vertices, where the request says.
   subroutine place_sets(system, sets, role, request, errors)
@@ -297,7 +315,8 @@ contains
     end subroutine take_field
   end subroutine take_state
 
-  !> v += kick (F + X)/m of free grains, then x += drift v of all.
+  !> v += kick (F + X)/m of free grains, then x += drift v of all. With ahead = 1 forces in parts
+  !! are asked for next: contacts without ghosts begin after the reply.
   subroutine kick_drift(model, sets, request, reply, late, errors)
     type(dem_model_type), intent(inout) :: model
     type(dem_sets_type), intent(in) :: sets
@@ -305,7 +324,7 @@ contains
     integer(i8), intent(inout) :: late
     type(error_list_type), intent(inout) :: errors
     real(wp) :: kick, drift, t1
-    logical :: brief
+    logical :: brief, ahead
     integer(i4) :: k
 
     kick = 0.0_wp
@@ -313,6 +332,7 @@ contains
     call request%get('kick', kick, errors)
     call request%get('drift', drift, errors)
     call take_brief(request, brief, errors)
+    call take_flag(request, 'ahead', ahead, errors)
     do k = 1, sets%count
       if (sets%set(k)%role == role_load) call take_load(model%system, sets%set(k), request, errors)
     end do
@@ -330,6 +350,7 @@ contains
     end if
     call put_sets(model%system, sets, .false., reply)
     if (.not. brief) call put_scalars(model%system, late, reply)
+    if (ahead .and. model%system%parts%active) call begin_ahead(model%system%dem_data_type)
   end subroutine kick_drift
 
   !> What the sets have to say after motion: forces and impulses where wanted, and states.

@@ -119,6 +119,9 @@ module dem_state
   type :: dem_pairs_type
     integer(i4) :: blocks = 0                    !! blocks in use
     integer(i4) :: grain_blocks = 0              !! of these, grain-grain (the first ones)
+    integer(i4) :: bare_blocks = 0               !! of these, without ghosts (the first ones)
+    integer(i4) :: rim_blocks = 0                !! these and those of a ghost and another grain
+    logical :: keep_results = .false.            !! pairs keep their forces in a new list
     integer(i4) :: groups = 0                    !! groups of blocks
     integer(i4) :: count = 0                     !! real pairs, pads not counted
     real(wp) :: skin = 0.0_wp                    !! pairs with a gap below it are listed [m]
@@ -245,6 +248,9 @@ module dem_state
     real(wp), allocatable :: of_ghosts(:, :)  !! (6, grains) the same of ghosts on ghosts
     real(wp) :: pending = 0.0_wp            !! drift since those were evaluated [s]
     integer(i8) :: chosen = 0               !! rebuilds of the list when near was chosen
+    integer(i4) :: stage = 0                !! of an evaluation that is under way: stage_*
+    integer(i4) :: next = 0                 !! block of pairs without ghosts that is due
+    real(wp) :: travel = 0.0_wp             !! of what is no ghost since the list was made [m]
   end type dem_parts_type
 
   !> A whole system, without behaviour.

@@ -4,7 +4,8 @@ module dem_store
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
   use dem_state, only: dem_data_type, dem_grains_type, dem_pairs_type, dem_cell_type, &
-    dem_ledger_type, dem_health_type, lanes, history_size, result_size, column_count, entries_ahead
+    dem_ledger_type, dem_health_type, kind_ghost, lanes, history_size, result_size, column_count, &
+    entries_ahead
   use dem_adopt, only: adopt_contacts, give_results
   use dem_cell, only: is_periodic
   use dem_extra_list, only: put_extras, get_extras
@@ -484,6 +485,7 @@ contains
       p%result = flat
       call archive%get_reals('pairs.least_gap', 1, m, flat, errors)
       p%least_gap = flat(1, :)
+      call count_blocks(p, d%grains%kind)
       call archive%get_reals('pairs.weight', lanes, -1, flat, errors)
       p%weight = flat
       call archive%get_reals('pairs.m_star', lanes, m, flat, errors)
@@ -495,4 +497,25 @@ contains
       p%columns = reshape(spread(0.0_wp, 1, column_count*m), [column_count, m])
     end associate
   end subroutine get_pairs
+
+  !> How many of the first blocks hold no ghost, and no two of them. Lists of old checkpoints mix
+  !! pairs with and without a ghost.
+  pure subroutine count_blocks(p, kind)
+    type(dem_pairs_type), intent(inout) :: p
+    integer(i4), intent(in) :: kind(:)  !! of the grains
+    integer(i4) :: b, n
+    logical :: bare
+    n = size(kind, kind=i4)
+    p%bare_blocks = 0
+    p%rim_blocks = 0
+    do b = 1, p%grain_blocks
+      associate (first => pack(p%first(:, b), p%first(:, b) <= n), &
+                 second => p%grain(pack(p%second(:, b), p%first(:, b) <= n)))
+        if (all(kind(first) == kind_ghost .and. kind(second) == kind_ghost)) exit
+        p%rim_blocks = b
+        bare = .not. any(kind(first) == kind_ghost .or. kind(second) == kind_ghost)
+        if (bare .and. p%bare_blocks == b - 1) p%bare_blocks = b
+      end associate
+    end do
+  end subroutine count_blocks
 end module dem_store

@@ -21,7 +21,8 @@ module dem_system
   use dem_shape, only: quaternion_from_rotation, rotation_between
   use dem_ledger, only: refresh_stored, start_ledger, follow_step, closure_of
   use dem_limits, only: gershgorin_step, rayleigh_step, foreseen_step
-  use dem_parts, only: choose_border, place_ghosts, forces_on_free, forces_between_ghosts
+  use dem_parts, only: choose_border, place_ghosts
+  use dem_parts_forces, only: forces_on_free, forces_between_ghosts
   use dem_measure, only: check_overlap, check_runaway, contact_count
   use dem_store, only: put_state, get_state
   use dem_contacts, only: dem_contacts_type, list_contacts
@@ -55,7 +56,7 @@ module dem_system
     procedure :: step             !! (n, errors): n sub-steps of par%dt
     procedure :: forces           !! (): forces at the current state; no time passes
     procedure :: place            !! (index, x, quat, v, omega): ghosts, for forces in parts
-    procedure :: free_forces      !! (): only those of contacts of free grains
+    procedure :: free_forces      !! (): what is left of those of contacts of free grains
     procedure :: ghost_forces     !! (): only those between ghosts
     procedure :: set_border       !! (index): ghosts near free grains; from now on in parts
     procedure :: kick_drift       !! (kick, drift): v += kick (F + X)/m, then x += drift v

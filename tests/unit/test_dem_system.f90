@@ -10,6 +10,7 @@ program test_dem_system
   use dem_law, only: make_law
   use dem_make, only: make_grains, make_planes
   use dem_archive, only: dem_archive_type
+  use dem_parts_forces, only: begin_ahead, is_left, slice_of_free, forces_on_rim
   use dem_measure, only: coordination_of, contact_count, momentum_of
   use dem_system, only: dem_system_type, dem_contacts_type
   implicit none
@@ -24,6 +25,7 @@ program test_dem_system
   call check_memory()
   call check_prescribed()
   call check_split_verbs()
+  call check_parts()
   call check_relaxation()
   call check_lists()
   call check_faults()
@@ -116,6 +118,92 @@ contains
     type(dem_system_type), intent(in) :: a, b
     same_ledger = all(transfer(a%ledger, [0_i8]) == transfer(b%ledger, [0_i8]))
   end function same_ledger
+
+  !> Forces in parts: pairs without ghosts evaluated before these are placed, or after they were
+  !! told, a slice at a time, give the bits of forces evaluated at once; also where ghosts use up
+  !! the list while slices are under way.
+  subroutine check_parts()
+    type(dem_system_type) :: at_once, sliced
+    integer(i8) :: rebuilds
+    integer(i4) :: k
+    logical :: same
+
+    call make_half(at_once)
+    call make_half(sliced)
+    same = .true.
+    do k = 1, 300
+      call at_once%kick_drift(1.2e-5_wp, 1.2e-5_wp)
+      call move_ghosts(at_once, k)
+      call at_once%free_forces()
+      call sliced%kick_drift(1.2e-5_wp, 1.2e-5_wp)
+      call omp_set_num_threads(1 + mod(k, 2))
+      call begin_ahead(sliced%dem_data_type)
+      rebuilds = sliced%health%rebuilds
+      if (mod(k, 3) > 0) call slice_of_free(sliced%dem_data_type)
+      call move_ghosts(sliced, k)
+      call forces_on_rim(sliced%dem_data_type)
+      if (k == 150) call test%check('ghosts used the list up on the way', &
+                                    sliced%health%rebuilds > rebuilds .and. sliced%pairs%skin > 0)
+      same = same .and. all(transfer(at_once%parts%of_free, [0_i8]) &
+                            == transfer(sliced%parts%of_free, [0_i8]))
+      do while (is_left(sliced%dem_data_type))
+        call slice_of_free(sliced%dem_data_type)
+      end do
+      call omp_set_num_threads(1)
+      same = same .and. same_bits(at_once, sliced)
+    end do
+    call test%check('parts: the same bits', same)
+    call test%check('ghosts are pushed, and by ghosts', &
+                    maxval(abs(sliced%parts%of_free)) > 0.0_wp .and. &
+                    maxval(abs(sliced%parts%of_ghosts)) > 0.0_wp)
+    call at_once%refresh_ledger()
+    call sliced%refresh_ledger()
+    associate (a => at_once%ledger, b => sliced%ledger)
+      call test%check('friction and dashpots worked', a%friction > 0.0_wp .and. &
+                      a%contact_damping > 0.0_wp)
+      call test%check_close('parts: friction', b%friction, a%friction, 1.0e-12_wp*a%friction)
+      call test%check_close('parts: dashpots', b%contact_damping, a%contact_damping, &
+                            1.0e-12_wp*a%contact_damping)
+      call test%check_close('parts: work of ghosts', b%boundary, a%boundary, &
+                            1.0e-12_wp*abs(a%boundary))
+      call test%check_close('parts: stored', b%elastic_normal + b%elastic_tangential, &
+        a%elastic_normal + a%elastic_tangential, 1.0e-12_wp*a%elastic_normal)
+    end associate
+
+  end subroutine check_parts
+
+  !> The heap, half of which are ghosts from some time on.
+  subroutine make_half(s)
+    type(dem_system_type), intent(inout) :: s
+    type(error_list_type) :: errors
+    integer(i4), allocatable :: ghosts(:)
+    integer(i4) :: i
+    call make_heap(s, 2.0e-4_wp, 0.5_wp, 0.05_wp)
+    call s%step(2000, errors)
+    where (s%grains%kind == kind_free .and. s%grains%x(1, :) > 0.0_wp) s%grains%kind = kind_ghost
+    s%par%ghost_pairs = .true.
+    call s%init(errors)
+    ghosts = pack([(i, i=1, s%grains%n)], s%grains%kind == kind_ghost)
+    call s%set_border(ghosts)
+    call test%check('half of the heap are ghosts', size(ghosts) > 10 .and. .not. errors%any())
+  end subroutine make_half
+
+  !> Ghosts sway; once they jump by more than half of the list's margin. Forces between them come
+  !! with every fifth step.
+  subroutine move_ghosts(s, k)
+    type(dem_system_type), intent(inout) :: s
+    integer(i4), intent(in) :: k
+    real(wp), allocatable :: x(:, :), v(:, :), w(:, :)
+    allocate (x, source=s%grains%x(:, s%parts%near))
+    allocate (v, w, mold=x)
+    w = 0.0_wp
+    v = 0.0_wp
+    v(1, :) = 0.3_wp*cos(0.05_wp*k)
+    if (k == 150) v(1, :) = -0.8_wp*s%pairs%skin/1.2e-5_wp
+    x = x + 1.2e-5_wp*v
+    call s%place(s%parts%near, x, s%grains%quat(:, s%parts%near), v, w)
+    if (mod(k, 5) == 0) call s%ghost_forces()
+  end subroutine move_ghosts
 
   !> Threads, and lists made at other times, change no bit.
   subroutine check_bits()

@@ -26,6 +26,14 @@ program test_talus_timers
                   timers%seconds(long) <= after - before)
   call timers%stop(long)
   call test%check('a stop without start counts nothing', timers%seconds(long) <= after - before)
+  call test%check_close('all of it between the clocks', timers%within(long, before, after), &
+                        timers%seconds(long), 1.0e-12_wp)
+  call test%check_close('nothing of it before', timers%within(long, before - 1.0_wp, before), &
+                        0.0_wp, 0.0_wp)
+  call test%check_close('parts of it add up', &
+                        timers%within(long, before, 0.5_wp*(before + after)) &
+                        + timers%within(long, 0.5_wp*(before + after), after), &
+                        timers%seconds(long), 1.0e-9_wp)
   call timers%start('output')
   call timers%stop('output')
   call test%check('by name', timers%seconds(short) >= 0.0_wp)

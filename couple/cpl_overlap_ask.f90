@@ -1,0 +1,293 @@
+!> What talus-couple asks of both solvers in an exchange of an overlap, and what it reads of their
+!! replies.
+module cpl_overlap_ask
+  use talus_kinds, only: wp, i4
+  use talus_errors, only: error_list_type
+  use talus_message, only: message_type, verb_accept, verb_force, verb_kick_drift
+  use talus_timers, only: timers_type
+  use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, &
+    hat_phi_set, edge_phi_set
+  use cpl_overlap_parts, only: put_near, put_all, read_parts, renew_kicks
+  use cpl_solver, only: cpl_solver_type, side_grains, side_solid
+  implicit none
+  private
+  public :: send_kick, read_free, send_bulk, read_bulk, evaluate_bulk, ask_solid, ask_grains, &
+    take_forces, put_nodes, read_nodes, send_accept, accept_both
+
+  character(len=*), parameter :: messages = 'exchange'  !! timer of what goes into and out of them
+
+contains
+
+  !> KICK_DRIFT of the grains with the forces on the free ones; at the ends of an exchange with
+  !! those that act in kicks of half of it. Where forces come in parts contacts between free grains
+  !! may then begin before the ghosts are placed.
+  subroutine send_kick(o, grains, kick, drift, t0, t1, at_end, timers, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    real(wp), intent(in) :: kick, drift, t0, t1  !! [s]
+    logical, intent(in) :: at_end
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call timers%start(messages)
+    call grains%start_request(verb_kick_drift, o%step, t0, t1)
+    call grains%request%put('kick', kick)
+    call grains%request%put('drift', drift)
+    if (at_end .and. o%parts%active) then
+      call grains%request%put(pulled_set//'.force', o%force + o%substeps*o%parts%kick)
+      if (o%turns) &
+        call grains%request%put(pulled_set//'.moment', o%moment + o%substeps*o%parts%kick_phi)
+    else
+      call grains%request%put(pulled_set//'.force', o%force)
+      if (o%turns) call grains%request%put(pulled_set//'.moment', o%moment)
+    end if
+    call timers%stop(messages)
+    if (drift > 0.0_wp) call grains%request%put_int('brief', 1_i4)
+    if (drift > 0.0_wp .and. o%parts%active) call grains%request%put_int('ahead', 1_i4)
+    call grains%send(timers, errors)
+  end subroutine send_kick
+
+  !> Displacements and rotations of the free grains from a reply.
+  subroutine read_free(o, grains, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call timers%start(messages)
+    call grains%reply%get(free_set//'.x', o%q, errors)
+    o%q = o%q - o%x_free
+    if (o%hears_speed) call grains%reply%get(free_set//'.v', o%speed, errors)
+    if (o%turns) then
+      if (o%hears_speed) call grains%reply%get(free_set//'.omega', o%spin, errors)
+      call grains%reply%get(free_set//'.theta', o%theta, errors)
+      o%theta = o%theta - o%theta_ref
+    end if
+    call timers%stop(messages)
+  end subroutine read_free
+
+  !> KICK_DRIFT of the solid's free nodes; edge and hat stay where the last forces were taken.
+  subroutine send_bulk(o, solid, kick, drift, t0, t1, timers, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    real(wp), intent(in) :: kick, drift, t0, t1  !! [s]
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call solid%start_request(verb_kick_drift, o%step, t0, t1)
+    call solid%request%put('kick', kick)
+    call solid%request%put('drift', drift)
+    if (drift > 0.0_wp) then
+      call solid%request%put_int('brief', 1_i4)
+    else
+      call put_velocities(o, solid, kick)
+    end if
+    call solid%send(timers, errors)
+  end subroutine send_bulk
+
+  !> Velocities of hat and edge for the solid's field output; the last kick of the edge, which waits
+  !! for the answer, is taken from the forces of the exchange before.
+  subroutine put_velocities(o, solid, kick)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    real(wp), intent(in) :: kick  !! s
+    real(wp) :: v(3, o%op%nodes - o%op%hats)
+    integer(i4) :: a
+    v = o%v(:, o%op%hats + 1:)
+    do a = 1, merge(0_i4, int(size(v, 2), i4), o%bridge%active)
+      associate (k => a + o%op%hats)
+        where (.not. o%held(:, k)) v(:, a) = v(:, a) + kick*o%bulk(:, k)/o%mass(k)
+      end associate
+    end do
+    call solid%request%put(hat_set//'.v', o%v(:, :o%op%hats))
+    call solid%request%put(edge_set//'.v', v)
+  end subroutine put_velocities
+
+  !> All ghosts, in a request FORCE.
+  subroutine put_ghosts(o, request, v, spin)
+    type(overlap_type), intent(in) :: o
+    type(message_type), intent(inout) :: request
+    real(wp), intent(in) :: v(:, :), spin(:, :)  !! (3, ghosts) [m/s], [rad/s]
+    call request%put(ghost_set//'.x', o%x_ghost + o%d)
+    call request%put(ghost_set//'.v', v)
+    call request%put(ghost_set//'.omega', spin)
+    if (.not. o%round) call request%put(ghost_set//'.quat', o%quat)
+  end subroutine put_ghosts
+
+  !> Forces on ghosts and free grains, from a reply; all but gravity and what comes from here.
+  subroutine read_forces(o, grains, both, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    logical, intent(in) :: both
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: load(3, merge(o%op%free, 0_i4, o%hears_force))
+    if (o%parts%active) then
+      call read_parts(o, grains, both, errors)
+    else
+      call grains%reply%get(ghost_set//'.force', o%p, errors)
+      call grains%reply%get(ghost_set//'.moment', o%m, errors)
+    end if
+    if (o%hears_force) then
+      call grains%reply%get(free_set//'.force', o%contact, errors)
+      call grains%reply%get(free_set//'.load', load, errors)
+      if (.not. errors%any()) o%contact = o%contact + load
+    end if
+    if (o%hears_force .and. o%turns) &
+      call grains%reply%get(free_set//'.moment', o%contact_moment, errors)
+  end subroutine read_forces
+
+  !> Where the nodes that talus-couple moves are, in a request to the solid.
+  subroutine put_nodes(o, solid)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    call solid%request%put(hat_set//'.u', o%u(:, :o%op%hats))
+    if (.not. o%static) call solid%request%put(edge_set//'.u', o%u(:, o%op%hats + 1:))
+    if (o%op%nodes_phi == 0) return
+    call solid%request%put(hat_phi_set//'.phi', o%phi(:, :o%op%hats_phi))
+    if (.not. o%static) &
+      call solid%request%put(edge_phi_set//'.phi', o%phi(:, o%op%hats_phi + 1:))
+  end subroutine put_nodes
+
+  !> A field of all nodes from a reply of the solid.
+  subroutine read_nodes(o, solid, field, field_phi, f, c, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    character(len=*), intent(in) :: field, field_phi
+    real(wp), intent(inout) :: f(:, :), c(:, :)  !! (3, nodes), (3, nodes_phi)
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: hat(3, o%op%hats), edge(3, o%op%nodes - o%op%hats)
+    real(wp) :: hat_phi(3, o%op%hats_phi), edge_phi(3, o%op%nodes_phi - o%op%hats_phi)
+    call solid%reply%get(hat_set//'.'//field, hat, errors)
+    call solid%reply%get(edge_set//'.'//field, edge, errors)
+    f(:, :o%op%hats) = hat
+    f(:, o%op%hats + 1:) = edge
+    if (o%op%nodes_phi == 0) return
+    call solid%reply%get(hat_phi_set//'.'//field_phi, hat_phi, errors)
+    call solid%reply%get(edge_phi_set//'.'//field_phi, edge_phi, errors)
+    c(:, :o%op%hats_phi) = hat_phi
+    c(:, o%op%hats_phi + 1:) = edge_phi
+  end subroutine read_nodes
+
+  !> Forces of the elements without hat nodes on the edge: all that the solid exerts, less those of
+  !! the elements with hat nodes. The free nodes are kicked on the way.
+  subroutine evaluate_bulk(o, solid, kick, t, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    real(wp), intent(in) :: kick, t  !! [s]
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call send_bulk(o, solid, kick, 0.0_wp, t, t, timers, errors)
+    if (.not. errors%any()) call solid%receive(timers, errors)
+    if (.not. errors%any()) call read_bulk(o, solid, errors)
+  end subroutine evaluate_bulk
+
+  subroutine read_bulk(o, solid, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    type(error_list_type), intent(inout) :: errors
+    call read_nodes(o, solid, 'reaction', 'reaction_moment', o%bulk, o%bulk_phi, errors)
+    o%bulk = -o%bulk - o%element
+    o%bulk_phi = -o%bulk_phi - o%element_phi
+    if (o%stressed) then
+      o%bulk = o%bulk - o%steady
+      o%bulk_phi = o%bulk_phi - o%steady_phi
+    end if
+    call solid%reply%get('scalars', o%solid, errors)
+  end subroutine read_bulk
+
+  !> ACCEPT to both; nothing will be rejected.
+  subroutine send_accept(o, solvers, t0, t1, timers, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    real(wp), intent(in) :: t0, t1
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    do k = 1, 2
+      call solvers(k)%start_request(verb_accept, o%step, t0, t1)
+      call solvers(k)%request%put_int('final', 1_i4)
+      call solvers(k)%send(timers, errors)
+    end do
+  end subroutine send_accept
+
+  subroutine accept_both(o, solvers, t0, t1, timers, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    real(wp), intent(in) :: t0, t1
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    call send_accept(o, solvers, t0, t1, timers, errors)
+    do k = 1, 2
+      if (.not. errors%any()) call solvers(k)%receive(timers, errors)
+    end do
+  end subroutine accept_both
+
+  !> FORCE of the elements with hat nodes, with the nodes where they are now.
+  subroutine ask_solid(o, solid, t, timers, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    real(wp), intent(in) :: t  !! s
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    if (errors%any()) return
+    call timers%start(messages)
+    call solid%start_request(verb_force, o%step, t, t)
+    call solid%request%put_text('scope', 'interface')
+    call solid%request%put_text('set', hat_set)
+    call put_nodes(o, solid)
+    call solid%request%put_int('brief', 1_i4)
+    call timers%stop(messages)
+    call solid%send(timers, errors)
+  end subroutine ask_solid
+
+  !> FORCE of the grains with ghosts where they are now. v and spin are those of the ghosts; where
+  !! forces come in parts of the near ones, and those of all in the mean of an exchange at its end.
+  subroutine ask_grains(o, grains, v, spin, t, timers, errors, mean, mean_spin)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    real(wp), intent(in) :: v(:, :), spin(:, :)  !! (3, ghosts) or (3, near) [m/s], [rad/s]
+    real(wp), intent(in) :: t                    !! s
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable, intent(in), optional :: mean(:, :), mean_spin(:, :)  !! (3, ghosts)
+    logical :: both
+    if (errors%any()) return
+    both = .false.
+    if (present(mean)) both = allocated(mean)
+    call timers%start(messages)
+    call grains%start_request(verb_force, o%step, t, t)
+    if (both) then
+      call put_all(o, grains%request, mean, mean_spin, v, spin)
+    else if (o%parts%active) then
+      call put_near(o, grains%request, v, spin)
+    else
+      call put_ghosts(o, grains%request, v, spin)
+    end if
+    call grains%request%put_int('brief', 1_i4)
+    call timers%stop(messages)
+    call grains%send(timers, errors)
+  end subroutine ask_grains
+
+  !> Wait for the forces that both were asked for, and hand them to what is free; both: of the near
+  !! ghosts and of all among themselves.
+  subroutine take_forces(o, solvers, both, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    logical, intent(in) :: both
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    associate (grains => solvers(side_grains), solid => solvers(side_solid))
+      if (.not. errors%any()) call grains%receive(timers, errors)
+      if (.not. errors%any()) call solid%receive(timers, errors)
+      if (errors%any()) return
+      call timers%start(messages)
+      call read_forces(o, grains, both, errors)
+      call read_nodes(o, solid, 'force', 'moment', o%element, o%element_phi, errors)
+      call timers%stop(messages)
+    end associate
+    if (errors%any()) return
+    call timers%start('pull-backs')
+    if (both) call renew_kicks(o)
+    call o%pull()
+    call o%resist()
+    call timers%stop('pull-backs')
+  end subroutine take_forces
+end module cpl_overlap_ask
