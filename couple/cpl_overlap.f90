@@ -245,10 +245,8 @@ contains
       self%force = self%force + self%force_hold
       self%moment = self%moment + self%moment_hold
     end if
-    if (self%stressed) then
-      self%f = self%f + self%steady
-      self%c = self%c + self%steady_phi
-    end if
+    self%f = self%f + self%steady
+    self%c = self%c + self%steady_phi
     self%f = self%f + self%f_hold
     self%c = self%c + self%c_hold
   end subroutine pull
@@ -312,8 +310,7 @@ contains
                    u0, phi0)
     self%hold_work = self%hold_work + hold
     self%work_given = self%work_given - hold
-    if (self%stressed) self%work_given = self%work_given &
-      - edge_work(self, self%steady, self%steady_phi, u0, phi0)
+    self%work_given = self%work_given - edge_work(self, self%steady, self%steady_phi, u0, phi0)
   end subroutine note_dead
 
   !> Work of forces on the free grains and on the edge since q0, theta0, u0, phi0.

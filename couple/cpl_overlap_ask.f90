@@ -183,12 +183,8 @@ contains
     type(cpl_solver_type), intent(inout) :: solid
     type(error_list_type), intent(inout) :: errors
     call read_nodes(o, solid, 'reaction', 'reaction_moment', o%bulk, o%bulk_phi, errors)
-    o%bulk = -o%bulk - o%element
-    o%bulk_phi = -o%bulk_phi - o%element_phi
-    if (o%stressed) then
-      o%bulk = o%bulk - o%steady
-      o%bulk_phi = o%bulk_phi - o%steady_phi
-    end if
+    o%bulk = -o%bulk - o%element - o%steady
+    o%bulk_phi = -o%bulk_phi - o%element_phi - o%steady_phi
     call solid%reply%get('scalars', o%solid, errors)
   end subroutine read_bulk
 

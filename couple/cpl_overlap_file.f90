@@ -73,9 +73,9 @@ contains
     if (allocated(o%stress)) then
       call file%put('/start/stress', o%stress, errors)
       call file%put('/start/couple', o%couple, errors)
-      call file%put('/start/steady', o%steady, errors)
-      call file%put('/start/steady_phi', o%steady_phi, errors)
     end if
+    call file%put('/start/steady', o%steady, errors)
+    call file%put('/start/steady_phi', o%steady_phi, errors)
     if (o%parts%active) call write_parts(file, o, errors)
     if (o%loads%active) then
       call file%put('/loads/f', o%loads%f, errors)
@@ -144,8 +144,8 @@ contains
     o%stressed = file%exists('/start/stress')
     if (o%stressed) call file%get('/start/stress', o%stress, errors)
     if (o%stressed) call file%get('/start/couple', o%couple, errors)
-    if (o%stressed) call file%get_into('/start/steady', o%steady, errors)
-    if (o%stressed) call file%get_into('/start/steady_phi', o%steady_phi, errors)
+    call file%get_into('/start/steady', o%steady, errors)
+    call file%get_into('/start/steady_phi', o%steady_phi, errors)
     if (o%static) call read_static(file, o, errors)
     if (o%bridge%active) call read_bridge(file, o, errors)
     if (o%in_parts .and. file%exists('/parts/near')) call read_parts(file, o, errors)

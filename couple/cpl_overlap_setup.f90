@@ -354,7 +354,7 @@ contains
     if (errors%any()) return
     if (o%in_parts) call begin_parts(o, solvers(side_grains), .false., timers, errors)
     if (errors%any()) return
-    if (o%stressed .and. .not. o%static) call steady_forces(o)
+    if ((o%stressed .or. choices%overlap%dead_load) .and. .not. o%static) call steady_forces(o)
     if (choices%overlap%dead_load) then
       call o%pull()
       o%f_hold = -o%f
@@ -387,8 +387,8 @@ contains
     if (o%turns) call o%damping_phi%build(rate, ramp, o%factor*o%pack%slimmest(o%sets%free))
   end subroutine make_damping
 
-  !> Forces of the elements without hat nodes at the start, which the others balance, act on the
-  !! edge in every step of the grains, too: in kicks they would shake it.
+  !> Forces of the elements without hat nodes at the start, which the others or dead loads balance,
+  !! act on the edge in every step of the grains, too: in kicks they would shake it.
   subroutine steady_forces(o)
     type(overlap_type), intent(inout) :: o
     o%steady(:, o%op%hats + 1:) = o%bulk(:, o%op%hats + 1:)

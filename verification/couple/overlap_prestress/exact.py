@@ -17,6 +17,12 @@ POLAR = (
     " mu = 2.0e7, kappa = 2.0e7, alpha = 0.0, beta = 0.0, gamma = 10.0"
 )
 
+YIELDING = (
+    "id = 'soil', law = 'drucker_prager', density = 1400.0, young = 5.0e7, poisson = 0.1,"
+    " cohesion = 1.0e5, friction_deg = 30.0, dilation_deg = 0.0 /\n"
+    "&initial_stress group = 'all', value = -1.0e5, -1.0e5, -1.0e5, 0.0, 0.0, 0.0"
+)
+
 
 def write_pack(case: Case, name: str) -> float:
     """Write pack and mesh; return the unit of length of the pack (m)."""
@@ -90,6 +96,9 @@ def run(case: Case) -> None:
             _, free = judge(case, name, label, initial="none", **values)
             case.above(f"{label}: way without initial stress / diameter", free, 1e-5)
         ways[label] = (way, free)
+    values = {"material": YIELDING, "element": "hex8_full", "moduli": "deck"}
+    _, way = judge(case, "cubic", "cubic, yielding", initial="dead_load", **values)
+    case.below("cubic, yielding, dead loads: way of a grain / diameter", way, 1e-6, "nothing moves")
     fig, ax = case.figure()
     at = np.arange(len(ways))
     ax.semilogy(at, [max(w[0], 1e-17) for w in ways.values()], "o", label="initial = 'stress'")
