@@ -147,10 +147,10 @@ contains
     call reply%put('stiffness', stiffness(set%index))
   end subroutine reply_selected
 
-  !> Ledger, momentum, limits and flags; late is the number of late rebuilds told so far. The kinetic
-  !! energy after own steps is what they conserve, the staggering taken off. A partner's kicks need
-  !! not be those of a step: the forces in hand may be impulses of many, so that the staggering they
-  !! would have tells nothing; what is told then is that of the velocities.
+  !> Ledger, momentum, limits and flags; late is the number of late rebuilds told so far. The
+  !! kinetic energy after own steps is what they conserve, the staggering taken off. A partner's
+  !! kicks need not be those of a step: the forces in hand may be impulses of many, so that the
+  !! staggering they would have tells nothing; what is told then is that of the velocities.
   subroutine put_scalars(system, stepped, late, reply)
     type(dem_system_type), intent(inout) :: system
     logical, intent(in) :: stepped  !! grains stand where own steps, or the start, have left them
