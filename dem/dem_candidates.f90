@@ -213,7 +213,7 @@ contains
   end function geometry_of
 
   !> Order of blocks: planes last, materials of first and second, geometry, band of gaps; pairs of
-  !! ghosts come between the other grains and the planes.
+  !! one ghost, then those of two, come between the other grains and the planes.
   pure integer(i4) function group_of(wall, first, second, geometry, band)
     logical, intent(in) :: wall
     integer(i4), intent(in) :: first, second, geometry, band

@@ -1,8 +1,8 @@
 !> The candidate list: made from cells, ordered into blocks, history carried over by pair.
 !!
-!! Blocks hold pairs of one law, those of a ghost and those between ghosts apart; inside a law those that touch or nearly
-!! touch come first, so that far blocks cost one gap test. Per-body maps list a body's pairs by
-!! partner, so that sums do not depend on the order of the list.
+!! Blocks hold pairs of one law, those of a ghost and those between ghosts apart; inside a law those
+!! that touch or nearly touch come first, so that far blocks cost one gap test. Per-body maps list a
+!! body's pairs by partner, so that sums do not depend on the order of the list.
 module dem_pairs
   use talus_kinds, only: wp, i4, i8
   use dem_state, only: dem_grains_type, dem_planes_type, dem_pairs_type, dem_weights_type, &
