@@ -310,7 +310,6 @@ contains
     class(dem_system_type), intent(inout) :: self
     call forces_on_free(self%dem_data_type)
   end subroutine free_forces
-
   subroutine ghost_forces(self)
     class(dem_system_type), intent(inout) :: self
     call forces_between_ghosts(self%dem_data_type)
