@@ -250,13 +250,16 @@ contains
     real(wp), intent(in) :: time  !! [s]
     type(curve_type), intent(in) :: curve(:)
     integer(i4) :: k, b
-    real(wp) :: speed, old(3)
+    real(wp) :: speed, force, old(3)
 
     if (.not. self%active()) return
     do k = 1, size(self%servo)
       b = self%servo(k)%body
       speed = 0.0_wp
       old = d%surfaces%servo(servo_velocity:, b)
+      force = self%force_of(k, d, time)
+      d%surfaces%servo(seen_force, b) = force
+      d%surfaces%servo(seen_time, b) = time
       if (time < self%servo(k)%until) call answer(self, k, d, time, curve, speed)
       if (self%servo(k)%radial) then
         d%surfaces%servo(servo_velocity, b) = -speed
@@ -281,12 +284,9 @@ contains
     real(wp), intent(in) :: time  !! [s]
     type(curve_type), intent(in) :: curve(:)
     real(wp), intent(out) :: speed
-    real(wp) :: force, stiffness
+    real(wp) :: stiffness
 
-    force = self%force_of(k, d, time)
     associate (servo => self%servo(k), seen => d%surfaces%servo(:, self%servo(k)%body))
-      seen(seen_time) = time
-      seen(seen_force) = force
       seen(seen_target) = servo%force
       if (servo%curve > 0) seen(seen_target) = servo%force*curve(servo%curve)%at(time)
       if (servo%radial) then
@@ -296,8 +296,8 @@ contains
       else
         stiffness = surface_stiffness_along(d, servo%body, servo%direction)
       end if
-      call servo%respond(seen(seen_target) - force, 1.0_wp, stiffness, look_steps*d%par%dt, &
-                         servo%speed, seen(seen_held), speed)
+      call servo%respond(seen(seen_target) - seen(seen_force), 1.0_wp, stiffness, &
+                         look_steps*d%par%dt, servo%speed, seen(seen_held), speed)
     end associate
   end subroutine answer
 

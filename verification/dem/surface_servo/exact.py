@@ -44,6 +44,7 @@ def run(case: Case) -> None:
     case.metric("work / force times way", float(own / force_times_way(drag, late)), 1.0, 1e-3)
     case.below("ledger", float(energy["relative_closure"].max()), 1e-4)
     restart(case)
+    let_go(case)
     draw(case, wall, drag)
 
 
@@ -69,6 +70,19 @@ def lid(case: Case, name: str, text: str, history: str, number: int) -> dict[str
     rows = read_history(case.folder / f"{name}_{history}.csv")
     own = rows["wall" if history == "walls" else "surface"] == number
     return {column: values[own] for column, values in rows.items()}
+
+
+def let_go(case: Case) -> None:
+    """Lift the plate after the servo's `until`: the servo's history goes on to tell its force."""
+    lifted = PLATE.replace("SPEED, 0.0, 0.0, CURVE", f"0.0, 0.0, {SPEED}, curve = 'go',")
+    lid(case, "lift", DRAG + lifted.replace("gain = 0.2", f"gain = 0.2, until = {PRESSED}"),
+        "surfaces", 1)  # fmt: skip
+    rows = read_history(case.folder / "lift_surface_servos.csv")
+    before = rows["time"] < PRESSED
+    case.metric(
+        "force before the plate is lifted", float(rows["force"][before][-1] / FORCE), 1.0, 1e-3
+    )
+    case.below("force told when it has been lifted", abs(float(rows["force"][-1])) / FORCE, 1e-12)
 
 
 def restart(case: Case) -> None:
