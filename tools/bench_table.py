@@ -97,7 +97,7 @@ def figure(path: Path, rows: list[dict], head: dict) -> None:
     ax.set_ylabel(f"speed [million {unit}-steps/s]")
     ax.grid(axis="x", visible=False)
     ax.set_title(f"{head['machine']}, {head['date']}", fontsize=8)
-    ax.legend(fontsize=8)
+    ax.legend(fontsize=8, loc="upper right")
     save_figure(fig, path)
 
 
