@@ -256,7 +256,7 @@ contains
       self%kept = self%model%clock
       call put_sets(system, self%sets, .true., reply)
       call reply%put_int('substeps', 0_i4)
-      call put_scalars(system, .true., self%late, reply)
+      call put_scalars(system, self%late, reply)
     end associate
   end subroutine ready
 

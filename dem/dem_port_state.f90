@@ -147,13 +147,9 @@ contains
     call reply%put('stiffness', stiffness(set%index))
   end subroutine reply_selected
 
-  !> Ledger, momentum, limits and flags; late is the number of late rebuilds told so far. The
-  !! kinetic energy after own steps is what they conserve, the staggering taken off. A partner's
-  !! kicks need not be those of a step: the forces in hand may be impulses of many, so that the
-  !! staggering they would have tells nothing; what is told then is that of the velocities.
-  subroutine put_scalars(system, stepped, late, reply)
+  !> Ledger, momentum, limits and flags; late is the number of late rebuilds told so far.
+  subroutine put_scalars(system, late, reply)
     type(dem_system_type), intent(inout) :: system
-    logical, intent(in) :: stepped  !! grains stand where own steps, or the start, have left them
     integer(i8), intent(inout) :: late
     type(message_type), intent(inout) :: reply
     real(wp) :: value(scalar_count)
@@ -162,7 +158,7 @@ contains
     call system%refresh_ledger()
     value = 0.0_wp
     associate (l => system%ledger)
-      value(scalar_kinetic) = l%kinetic - merge(l%staggering, 0.0_wp, stepped)
+      value(scalar_kinetic) = l%kinetic - l%staggering
       value(scalar_elastic) = l%elastic_normal + l%elastic_tangential + l%elastic_other
       value(scalar_friction) = l%friction + l%rolling + l%breakage
       value(scalar_contact_damping) = l%contact_damping

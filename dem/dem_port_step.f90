@@ -54,7 +54,7 @@ contains
     call model%system%look()
     call put_sets(model%system, sets, .true., reply)
     call reply%put_int('substeps', substeps)
-    call put_scalars(model%system, .true., late, reply)
+    call put_scalars(model%system, late, reply)
   end subroutine advance
 
   !> The partner's interval must begin where the grains stand (P256).
@@ -193,7 +193,7 @@ contains
     call model%timers%stop('steps')
     call put_forces(model%system, sets, scope, reply)
     if (scope == 'split') call put_border(model%system, reply, errors)
-    if (.not. brief) call put_scalars(model%system, .false., late, reply)
+    if (.not. brief) call put_scalars(model%system, late, reply)
   end subroutine force
 
   !> Does a set want to hear of forces on grains that no partner moves, or on vertices?
@@ -349,7 +349,7 @@ contains
       call model%clock%jump(t1, 1_i4)
     end if
     call put_sets(model%system, sets, .false., reply)
-    if (.not. brief) call put_scalars(model%system, .false., late, reply)
+    if (.not. brief) call put_scalars(model%system, late, reply)
     if (ahead .and. model%system%parts%active) call begin_ahead(model%system%dem_data_type)
   end subroutine kick_drift
 

@@ -290,7 +290,7 @@ contains
   end subroutine refusals
 
   subroutine split_steps()
-    real(wp) :: force(3, 1), v(3, 2), before(3, 2), scalars(scalar_count), kinetic
+    real(wp) :: force(3, 1), v(3, 2), before(3, 2)
 
     call ask%start(verb_kick_drift, 1_i8, now_at, now_at)
     call ask%put('kick', 0.0_wp)
@@ -312,10 +312,6 @@ contains
     call test%check_close('kicked by its load', v(1, 2) - before(1, 2), 2.0e-3_wp*dt/mass(3), &
                           1.0e-9_wp*abs(v(1, 2)))
     call test%check_close('not kicked without force', v(3, 1), before(3, 1), 0.0_wp)
-    call reply%get('scalars', scalars, errors)
-    kinetic = 0.5_wp*mass(2)*sum(v(:, 1)**2) + 0.5_wp*mass(3)*sum(v(:, 2)**2)
-    call test%check_close('kinetic energy of the velocities', scalars(scalar_kinetic), kinetic, &
-                          1.0e-12_wp*kinetic)
     call ask%start(verb_force, 1_i8, now_at + dt, now_at + dt)
     call ask%put_text('scope', 'some')
     call expect('FORCE with an unknown scope', 'P255')
