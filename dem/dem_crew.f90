@@ -1,47 +1,39 @@
 !> A run on many ranks: the leader holds the whole system, reads, writes and decides; every rank,
 !! the leader too, holds and moves the grains of its domain.
 !!
-!! The others wait for orders: take over their parts, take steps, hand in what they have, leave. The
-!! whole system is brought up to date when it is looked at, not before; what the leader changes in
-!! it is told before the next steps.
+!! The others wait for orders (dem_orders, dem_follow): take over their parts, take steps, hand in
+!! what they have, leave. The whole system is brought up to date when it is looked at, not before;
+!! what the leader changes in it is told before the next steps.
 module dem_crew
   use omp_lib, only: omp_set_num_threads, omp_get_max_threads, omp_get_num_procs
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_log, only: short_number
   use talus_ranks, only: ranks_type
-  use talus_system, only: install_signals, memory_most
   use talus_text, only: str
   use dem_state, only: dem_data_type
-  use dem_adopt, only: adopt_contacts, give_results
   use dem_bonds_make, only: check_bonds
   use dem_contacts, only: dem_contacts_type, make_contacts, append_contacts
   use dem_gather, only: release_list, hand_in, take_in, haul_type, hand_in_driven
   use dem_halo_state, only: dem_halo_type
-  use dem_handout, only: hand_out, tell_step, tell_energies, tell_targets, tell_loads
+  use dem_handout, only: tell_step, tell_energies, tell_targets, tell_loads
   use dem_measure, only: judge_runaway
-  use dem_migrate, only: share_out
-  use dem_pairs, only: build_pairs
+  use dem_orders, only: order_start, order_step, order_look, order_leave, order_targets, &
+    order_loads, order_reset, order_slow, order_glance, order_grains, order_contacts, &
+    order_records, order_fresh, order_renew, order_weigh, order_again, order_add, order_adopt, &
+    order_balance, begin_part, adopt_kept, weight_of
   use dem_part, only: start_part, move_part, report_of, add_reports, glance_of, add_glances, &
     balance_of, rank_marks_type
   use dem_record_heap, only: record_heap_type
-  use dem_records, only: contact_reals
   use dem_relist, only: rebuild_list
   use dem_slabs, only: dem_slab_type, slab_of_grains, slab_of_contacts, slab_of_records, &
     slab_grains, copy_state
   use dem_slowing, only: stop_slowing, reset_sums
   use dem_steps, only: step_memory_type
-  use dem_surface_search, only: list_near
   use dem_tell, only: tell_matrix
   implicit none
   private
-  public :: dem_crew_type, serve_leader
-
-  integer(i4), parameter :: order_start = 1, order_step = 2, order_look = 3, order_leave = 4, &
-    order_targets = 5, order_loads = 6, order_reset = 7, order_slow = 8, order_glance = 9, &
-    order_grains = 10, order_contacts = 11, order_records = 12, order_fresh = 13, &
-    order_renew = 14, order_weigh = 15, order_again = 16, &
-    order_add = 17, order_adopt = 18, order_balance = 19
+  public :: dem_crew_type
 
   type :: dem_crew_type
     type(ranks_type) :: team
@@ -156,7 +148,7 @@ contains
     integer(i4) :: order(2)
     order = [order_adopt, 0_i4]
     call self%team%await(order)
-    call adopt_kept(self)
+    call adopt_kept(self%records, self%part)
     call self%team%collect(report_of(self%part), reports)
     call add_reports(self%part, reports, whole, self%marks)
     self%stale = .true.
@@ -176,7 +168,7 @@ contains
     self%part = whole
     self%part%halo = halo
     self%part%halo%team = self%team
-    call begin_part(self, how == order_again)
+    call begin_part(self%team, self%part, how == order_again)
     self%started = .true.
     self%redirected = any(whole%grains%has_target)
     self%reset = .false.
@@ -258,34 +250,6 @@ contains
     call omp_set_num_threads(max(threads, min(threads*self%team%on_host, &
                                               int(omp_get_num_procs(), i4))))
   end subroutine go_alone
-
-  !> This rank's part from what the leader has.
-  subroutine begin_part(self, bare)
-    type(dem_crew_type), intent(inout) :: self
-    logical, intent(in) :: bare  !! contacts come afterwards
-    real(wp), allocatable :: contacts(:, :)
-    self%part%halo%cut = .false.
-    call hand_out(self%team, self%part)
-    call share_out(self%part, contacts)
-    if (.not. bare) call list_part(self%part, contacts)
-  end subroutine begin_part
-
-  !> The list of a part, with what these contacts keep.
-  subroutine list_part(d, contacts)
-    type(dem_data_type), intent(inout) :: d
-    real(wp), intent(in) :: contacts(:, :)  !! see dem_records
-    call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)
-    call give_results(d, contacts)
-    if (d%surfaces%n > 0) call list_near(d)
-  end subroutine list_part
-
-  subroutine adopt_kept(self)
-    type(dem_crew_type), intent(inout) :: self
-    real(wp), allocatable :: contacts(:, :)
-    call self%records%take(self%part, contacts)
-    call adopt_contacts(self%part, contacts)
-    call list_part(self%part, contacts)
-  end subroutine adopt_kept
 
   !> Bring the whole up to date.
   subroutine look(self, whole)
@@ -455,14 +419,6 @@ contains
     end associate
   end subroutine try_slabs
 
-  !> Most memory that this process has had [bytes], its grains, mirrors, candidate pairs.
-  function weight_of(part) result(row)
-    type(dem_data_type), intent(in) :: part
-    real(wp) :: row(4)
-    row = [real(memory_most(), wp), real(part%halo%own, wp), real(part%halo%mirrors, wp), &
-           real(part%pairs%count, wp)]
-  end function weight_of
-
   !> The others leave with this exit code.
   subroutine leave(self, exit_code)
     class(dem_crew_type), intent(inout) :: self
@@ -472,84 +428,6 @@ contains
     order = [order_leave, exit_code]
     call self%team%await(order)
   end subroutine leave
-
-  !> Do what the leader orders until it sends this rank home. Signals are the leader's.
-  subroutine serve_leader(team, exit_code)
-    type(ranks_type), intent(in) :: team
-    integer(i4), intent(out) :: exit_code
-    type(dem_crew_type), allocatable :: crew
-    type(error_list_type) :: errors
-    type(haul_type) :: haul
-    real(wp), allocatable :: reports(:, :), rows(:, :)
-    type(dem_slab_type) :: slab
-    type(dem_contacts_type) :: list
-    integer(i4) :: order(2)
-    logical :: none(0)
-    integer(i8) :: no_id(0)
-
-    call install_signals(.false.)
-    allocate (crew)
-    crew%team = team
-    crew%part%halo%team = team
-    do
-      call team%await(order)
-      select case (order(1))
-      case (order_start, order_fresh)
-        call omp_set_num_threads(order(2))
-        call begin_part(crew, .false.)
-        if (order(1) == order_start) cycle
-        call start_part(crew%part, errors)
-        call team%collect(report_of(crew%part), reports)
-        call team%agree(errors)
-      case (order_step)
-        call tell_step(team, crew%part, crew%part)
-        call move_part(crew%part, crew%memory, order(2), errors)
-        call team%collect(report_of(crew%part), reports)
-        call team%agree(errors)
-      case (order_look)
-        call hand_in(team, crew%part, haul)
-      case (order_reset)
-        call reset_sums(crew%part)
-      case (order_targets)
-        call tell_targets(team, crew%part, order(2) > 0, crew%part)
-      case (order_loads)
-        call tell_loads(team, crew%part, none, crew%part)
-      case (order_slow)
-        call stop_slowing(crew%part)
-        call team%collect(report_of(crew%part), reports)
-      case (order_glance)
-        call tell_energies(team, crew%part, crew%part)
-        call team%collect(glance_of(crew%part), reports)
-        call hand_in_driven(team, crew%part, crew%part)
-      case (order_balance)
-        call team%collect(balance_of(crew%part), reports)
-      case (order_grains)
-        call slab_of_grains(team, crew%part, no_id, slab)
-      case (order_contacts)
-        call slab_of_contacts(team, crew%part, 0_i8, 0_i8, list)
-      case (order_records)
-        call slab_of_records(team, crew%part, 0_i8, 0_i8, reports)
-      case (order_again)
-        call omp_set_num_threads(order(2))
-        call begin_part(crew, .true.)
-      case (order_add)
-        allocate (rows(contact_reals(crew%part), order(2)))
-        call tell_matrix(team, rows)
-        call crew%records%keep(crew%part, rows)
-        deallocate (rows)
-      case (order_adopt)
-        call adopt_kept(crew)
-        call team%collect(report_of(crew%part), reports)
-      case (order_renew)
-        call rebuild_list(crew%part, 0.0_wp)
-      case (order_weigh)
-        call team%collect(weight_of(crew%part), reports)
-      case default
-        exit_code = order(2)
-        return
-      end select
-    end do
-  end subroutine serve_leader
 
   !> How the ranks shared the work, for the log.
   function crew_text(self, steps_time) result(text)

@@ -11,7 +11,8 @@ program talus_dem
   use talus_report, only: report_check
   use talus_deck_table, only: key_table_type
   use talus_system, only: ignore_write_signals, talus_exit, talus_short_spins
-  use dem_crew, only: dem_crew_type, serve_leader
+  use dem_crew, only: dem_crew_type
+  use dem_follow, only: serve_leader
   use dem_swap, only: prefer_copies
   use dem_memory, only: report_memory
   use dem_model, only: dem_model_type, program_name
