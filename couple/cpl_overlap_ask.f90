@@ -36,6 +36,11 @@ contains
       call grains%request%put(pulled_set//'.force', o%force + o%substeps*o%parts%kick)
       if (o%turns) &
         call grains%request%put(pulled_set//'.moment', o%moment + o%substeps*o%parts%kick_phi)
+      if (.not. drift > 0.0_wp) then  ! energies are told
+        call grains%request%put(pulled_set//'.mean_force', o%force + o%parts%kick)
+        if (o%turns) &
+          call grains%request%put(pulled_set//'.mean_moment', o%moment + o%parts%kick_phi)
+      end if
     else
       call grains%request%put(pulled_set//'.force', o%force)
       if (o%turns) call grains%request%put(pulled_set//'.moment', o%moment)

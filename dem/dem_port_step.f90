@@ -152,6 +152,27 @@ contains
     if (.not. errors%any()) call system%set_extra(set%index, force, moment)
   end subroutine take_load
 
+  !> What of a load counts for the kinetic energy that is told, where a kick holds impulses of many
+  !! steps: `mean_force`, `mean_moment`. Extra forces of all grains, then; the load itself is due.
+  subroutine take_mean(system, set, request, force, moment, errors)
+    type(dem_system_type), intent(inout) :: system
+    type(dem_set_type), intent(in) :: set
+    type(message_type), intent(inout) :: request
+    real(wp), allocatable, intent(inout) :: force(:, :), moment(:, :)  !! (3, grains) [N], [N m]
+    type(error_list_type), intent(inout) :: errors
+    real(wp), dimension(3, size(set%index)) :: mean, mean_moment
+
+    if (.not. request%has(set%name//'.mean_force')) return
+    mean_moment = 0.0_wp
+    call request%get(set%name//'.mean_force', mean, errors)
+    if (request%has(set%name//'.mean_moment')) &
+      call request%get(set%name//'.mean_moment', mean_moment, errors)
+    if (errors%any()) return
+    call system%set_extra(set%index, mean, mean_moment)
+    force = system%grains%extra_force
+    moment = system%grains%extra_moment
+  end subroutine take_mean
+
   !> Forces with prescribed grains placed as told; no time passes. Where a border was selected the
   !! scope interface takes contacts of free grains alone, split these and those between ghosts; the
   !! forces on free grains are then completed after the reply, unless it tells of them.
@@ -323,6 +344,7 @@ contains
     type(message_type), intent(inout) :: request, reply
     integer(i8), intent(inout) :: late
     type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: force(:, :), moment(:, :)
     real(wp) :: kick, drift, t1
     logical :: brief, ahead
     integer(i4) :: k
@@ -334,7 +356,9 @@ contains
     call take_brief(request, brief, errors)
     call take_flag(request, 'ahead', ahead, errors)
     do k = 1, sets%count
-      if (sets%set(k)%role == role_load) call take_load(model%system, sets%set(k), request, errors)
+      if (sets%set(k)%role /= role_load) cycle
+      call take_mean(model%system, sets%set(k), request, force, moment, errors)
+      call take_load(model%system, sets%set(k), request, errors)
     end do
     call request%all_read(errors)
     if (errors%any()) return
@@ -349,9 +373,27 @@ contains
       call model%clock%jump(t1, 1_i4)
     end if
     call put_sets(model%system, sets, .false., reply)
-    if (.not. brief) call put_scalars(model%system, late, reply)
+    if (.not. brief) then
+      call swap_loads(model%system, force, moment)
+      call put_scalars(model%system, late, reply)
+      call swap_loads(model%system, force, moment)
+    end if
     if (ahead .and. model%system%parts%active) call begin_ahead(model%system%dem_data_type)
   end subroutine kick_drift
+
+  !> Extra forces for those of take_mean, and back.
+  subroutine swap_loads(system, force, moment)
+    type(dem_system_type), intent(inout) :: system
+    real(wp), allocatable, intent(inout) :: force(:, :), moment(:, :)  !! (3, grains) [N], [N m]
+    real(wp), allocatable :: aside(:, :)
+    if (.not. allocated(force)) return
+    call move_alloc(system%grains%extra_force, aside)
+    call move_alloc(force, system%grains%extra_force)
+    call move_alloc(aside, force)
+    call move_alloc(system%grains%extra_moment, aside)
+    call move_alloc(moment, system%grains%extra_moment)
+    call move_alloc(aside, moment)
+  end subroutine swap_loads
 
   !> What the sets have to say after motion: forces and impulses where wanted, and states.
   subroutine put_sets(system, sets, forces, reply)

@@ -312,6 +312,9 @@ contains
     call test%check_close('kicked by its load', v(1, 2) - before(1, 2), 2.0e-3_wp*dt/mass(3), &
                           1.0e-9_wp*abs(v(1, 2)))
     call test%check_close('not kicked without force', v(3, 1), before(3, 1), 0.0_wp)
+    call test%check_close('staggering of the mean force', kinetic_under(1.0_wp, 0.0_wp) &
+                          - kinetic_under(1.0_wp, 0.3_wp), dt**2*0.3_wp**2/(8.0_wp*mass(3)), &
+                          1.0e-9_wp*dt**2/mass(3))
     call ask%start(verb_force, 1_i8, now_at + dt, now_at + dt)
     call ask%put_text('scope', 'some')
     call expect('FORCE with an unknown scope', 'P255')
@@ -322,6 +325,20 @@ contains
     now_at = now_at + dt
     call test%check('split steps without faults', .not. errors%any())
   end subroutine split_steps
+
+  !> Kinetic energy told under a load of so many N, and a mean force.
+  real(wp) function kinetic_under(load, mean) result(kinetic)
+    real(wp), intent(in) :: load, mean
+    real(wp) :: scalars(scalar_count)
+    call ask%start(verb_kick_drift, 1_i8, now_at + dt, now_at + dt)
+    call ask%put('kick', 0.0_wp)
+    call ask%put('drift', 0.0_wp)
+    call ask%put('l.force', reshape([load, 0.0_wp, 0.0_wp], [3, 1]))
+    call ask%put('l.mean_force', reshape([mean, 0.0_wp, 0.0_wp], [3, 1]))
+    call expect('KICK_DRIFT with a mean force', '')
+    call reply%get('scalars', scalars, errors)
+    kinetic = scalars(scalar_kinetic)
+  end function kinetic_under
 
   subroutine files_and_end()
     character(len=:), allocatable :: path, hash
