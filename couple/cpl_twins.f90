@@ -60,12 +60,17 @@ contains
     type(rows_type), intent(in) :: n
     integer(i4), intent(in) :: i, at(:)
     real(wp), intent(in) :: x(both, n%columns)
-    real(wp) :: s(both)
-    integer(i4) :: e
+    real(wp) :: s(both), t(both)
+    integer(i4) :: e, last
     s = 0.0_wp
-    do e = n%first(i), n%first(i + 1) - 1
+    t = 0.0_wp
+    last = n%first(i + 1) - 1
+    do e = n%first(i), last - 1, 2  ! two sums, so that none waits for the other
       s = s + n%weight(e)*x(:, at(e))
+      t = t + n%weight(e + 1)*x(:, at(e + 1))
     end do
+    if (mod(last - n%first(i), 2) == 0) s = s + n%weight(last)*x(:, at(last))
+    s = s + t
   end function of_row
 
   pure subroutine pad(x, phi, padded)

@@ -130,20 +130,21 @@ contains
     logical, intent(in) :: ghosts
     real(wp), intent(out) :: force(3), moment(3)
     real(wp) :: total(6)
-    integer(i4) :: e, slot, lane, block, other
+    integer(i4) :: e, slot, low, high
 
     total = 0.0_wp
+    low = lanes*d%pairs%rim_blocks
+    high = lanes*d%pairs%grain_blocks
     do e = d%pairs%start(i), d%pairs%start(i + 1) - 1
       slot = d%pairs%entry(e)/2
-      lane = 1 + mod(slot, lanes)
-      block = 1 + slot/lanes
+      if (slot >= low .and. slot < high) then  ! two ghosts
+        if (.not. ghosts) cycle
+      else if (with_free(d, d%pairs%entry(e)) .eqv. ghosts) then
+        cycle
+      end if
       if (mod(d%pairs%entry(e), 2) == 1) then
-        other = d%pairs%first(lane, block)
-        if (is_free(other) .eqv. ghosts) cycle
         total = total + d%pairs%result(1:6, slot + 1)
       else
-        other = d%pairs%second(lane, block)
-        if (is_free(other) .eqv. ghosts) cycle
         total = total - d%pairs%result(1:6, slot + 1)
       end if
     end do
@@ -153,13 +154,20 @@ contains
       moment(2) = total(5) - (x(3)*total(1) - x(1)*total(3))
       moment(3) = total(6) - (x(1)*total(2) - x(2)*total(1))
     end associate
-
-  contains
-
-    pure logical function is_free(other)
-      integer(i4), intent(in) :: other
-      is_free = .true.
-      if (other <= d%grains%n) is_free = d%grains%kind(other) == kind_free
-    end function is_free
   end subroutine sum_part
+
+  !> Is the partner in this pair a free grain, or no grain?
+  pure logical function with_free(d, entry)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: entry
+    integer(i4) :: slot, other
+    slot = entry/2
+    if (mod(entry, 2) == 1) then
+      other = d%pairs%first(1 + mod(slot, lanes), 1 + slot/lanes)
+    else
+      other = d%pairs%second(1 + mod(slot, lanes), 1 + slot/lanes)
+    end if
+    with_free = .true.
+    if (other <= d%grains%n) with_free = d%grains%kind(other) == kind_free
+  end function with_free
 end module dem_parts
