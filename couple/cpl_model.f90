@@ -32,6 +32,7 @@ module cpl_model
   use cpl_manifest, only: manifest_type, write_manifest, find_manifest
   use cpl_overlap, only: overlap_type
   use cpl_overlap_file, only: write_overlap, read_overlap_state, read_overlap_reference
+  use cpl_overlap_limit, only: kick_watch_type
   use cpl_overlap_log, only: log_census, open_overlap_audit, overlap_audit_row, &
     overlap_row_titles, overlap_row, overlap_health, overlap_summary
   use cpl_overlap_remap, only: look_after, rebuild_map
@@ -57,6 +58,7 @@ module cpl_model
     type(cpl_solver_type) :: solvers(2)
     type(interface_type) :: face           !! its step counts for overlaps, too
     type(overlap_type) :: overlap
+    type(kick_watch_type) :: kick_watch
     type(audit_type) :: audit
     type(checkpoint_type) :: checkpoint
     type(manifest_type) :: manifest        !! gone on from
@@ -86,6 +88,7 @@ module cpl_model
     procedure :: run
     procedure :: finish
     procedure, private :: advance
+    procedure, private :: look
     procedure, private :: sum_up
     procedure, private :: open_log
     procedure, private :: close_all
@@ -224,6 +227,8 @@ contains
     if (errors%any()) return
     self%face%step = self%overlap%step
     call begin_overlap(self%overlap, self%solvers, self%choices, self%again, self%timers, errors)
+    if (.not. (self%again .or. errors%any())) &
+      call self%kick_watch%begin(self%overlap, self%solvers, self%timers, errors)
     if (.not. errors%any()) call self%open_log(errors)
     if (errors%any()) return
     call log_census(self%log, self%overlap, self%choices)
@@ -312,7 +317,6 @@ contains
     class(cpl_model_type), intent(inout) :: self
     real(wp), intent(in) :: t0, t1  !! [s]
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: said
     real(wp) :: gap
 
     if (self%choices%overlap%given) then
@@ -330,13 +334,8 @@ contains
       self%face%step = self%overlap%step
       call self%timers%start('audit and log')
       call overlap_audit_row(self%audit%file, self%overlap, t1, errors)
-      if (.not. self%overlap%bridge%active) then
-        associate (wanted => self%choices%overlap)
-          call look_after(self%overlap, wanted%remap, wanted%leaving, t1, said, errors)
-        end associate
-        if (len(said) > 0) call self%log%line(said)
-      end if
       call self%timers%stop('audit and log')
+      if (.not. self%overlap%bridge%active) call self%look(t1, errors)
       return
     end if
     call exchange(self%face, self%solvers, self%choices, t0, t1, self%timers, errors)
@@ -347,6 +346,26 @@ contains
     call self%tell_of_lag()
     call self%timers%stop('audit and log')
   end subroutine advance
+
+  !> Have free grains moved past the nodes? A new map may have another limit of its kicks.
+  subroutine look(self, time, errors)
+    class(cpl_model_type), intent(inout) :: self
+    real(wp), intent(in) :: time  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: said
+    integer(i8) :: remaps
+
+    call self%timers%start('audit and log')
+    remaps = self%overlap%remaps
+    associate (wanted => self%choices%overlap)
+      call look_after(self%overlap, wanted%remap, wanted%leaving, time, said, errors)
+    end associate
+    if (len(said) > 0) call self%log%line(said)
+    call self%timers%stop('audit and log')
+    if (errors%any() .or. self%overlap%remaps == remaps) return
+    call self%kick_watch%renew(self%overlap, self%choices%exchange, self%timers, said)
+    if (len(said) > 0) call self%log%line(said)
+  end subroutine look
 
   !> Time of an exchange [s]: a multiple of the interval, the same however often it is restarted.
   pure real(wp) function time_of(self, step)

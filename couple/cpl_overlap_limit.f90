@@ -13,7 +13,7 @@ module cpl_overlap_limit
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
-  public :: check_step, highest_frequency, mode_type
+  public :: check_step, highest_frequency, mode_type, kick_watch_type, kick_warning
 
   integer(i4), parameter :: most_rounds = 300, quiet_rounds = 5
   real(wp), parameter :: settled = 1.0e-4_wp  !! change of the frequency in a round, relative
@@ -26,6 +26,16 @@ module cpl_overlap_limit
     logical :: turns = .false.    !! by its rotation
     integer(i4) :: rounds = 0     !! of the iteration
   end type mode_type
+
+  !> The limit of kicks once more after remaps: the map is new, contacts between ghosts and elements
+  !! are those of the start.
+  type :: kick_watch_type
+    logical :: active = .false.
+    type(coupled_type), private :: kicks
+  contains
+    procedure :: begin => begin_watch
+    procedure :: renew => renew_limit
+  end type kick_watch_type
 
 contains
 
@@ -73,6 +83,60 @@ contains
     o%kick_limit = 2.0_wp/mode%omega
     o%kick_mover = mover(o, mode)
   end subroutine look_at_kicks
+
+  !> Keep what a later look takes; before the first exchange of a fresh run.
+  subroutine begin_watch(self, o, solvers, timers, errors)
+    class(kick_watch_type), intent(inout) :: self
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    type(contacts_type) :: contacts
+    type(points_type) :: points
+    if (.not. o%kick_limit < huge(1.0_wp)) return
+    call read_contacts(solvers(side_grains), contacts, timers, errors)
+    if (.not. errors%any()) call read_points(solvers(side_solid), points, timers, errors)
+    if (errors%any()) return
+    call self%kicks%build(o, contacts, points, o%pack%slimmest, .true.)
+    self%active = .true.
+  end subroutine begin_watch
+
+  !> After remaps 1, 2, 4, 8 and so on. The least limit stays; said is what the log has to tell.
+  subroutine renew_limit(self, o, exchange, timers, said)
+    class(kick_watch_type), intent(in) :: self
+    type(overlap_type), intent(inout) :: o
+    real(wp), intent(in) :: exchange  !! [s]
+    type(timers_type), intent(inout) :: timers
+    character(len=:), allocatable, intent(out) :: said
+    type(mode_type) :: mode
+    real(wp) :: before
+
+    said = ''
+    if (.not. self%active .or. popcnt(o%remaps) /= 1) return
+    call timers%start('stable step')
+    mode = highest_frequency(o, self%kicks)
+    call timers%stop('stable step')
+    if (.not. mode%omega > 0.0_wp) return
+    said = 'stable exchange '//short_number(2.0_wp/mode%omega)//' s after remap '// &
+      str(o%remaps)//'; '//mover(o, mode)//' fastest'
+    before = o%kick_limit
+    if (2.0_wp/mode%omega >= before) return
+    o%kick_limit = 2.0_wp/mode%omega
+    o%kick_mover = mover(o, mode)
+    if (exchange > o%kick_limit .and. exchange <= before) &
+      said = 'warning: '//kick_warning(o, exchange)
+  end subroutine renew_limit
+
+  !> The exchange is above what kicks allow.
+  pure function kick_warning(o, exchange) result(text)
+    type(overlap_type), intent(in) :: o
+    real(wp), intent(in) :: exchange  !! [s]
+    character(len=:), allocatable :: text
+    text = 'the exchange, '//short_number(exchange)// &
+      ' s, is above what kicks of the forces between ghosts allow, '// &
+      short_number(o%kick_limit)//' s: '//o%kick_mover//' fastest. Sliding contacts and '// &
+      "damping may hold it; if not, shorten &clock exchange, or take projection = 'mls'"
+  end function kick_warning
 
   !> 'grain 12 turns'
   pure function mover(o, mode) result(who)

@@ -13,6 +13,7 @@ module cpl_overlap_log
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, rotation_micro, rotation_curl
   use cpl_logbook, only: overhead_text
+  use cpl_overlap_limit, only: kick_warning
   use cpl_overlap, only: overlap_type
   use cpl_sets, only: part_rest, part_ghost, part_free
   implicit none
@@ -102,10 +103,7 @@ contains
     if (.not. o%kick_limit < huge(1.0_wp)) return
     call log%item('stable exchange', short_number(o%kick_limit)//' s', 'of forces between '// &
                   'ghosts, in kicks, as if no contact slid; '//o%kick_mover//' fastest')
-    if (exchange > o%kick_limit) call log%warn('the exchange, '//short_number(exchange)// &
-      ' s, is above what kicks of the forces between ghosts allow, '// &
-      short_number(o%kick_limit)//' s: '//o%kick_mover//' fastest. Sliding contacts and '// &
-      "damping may hold it; if not, shorten &clock exchange, or take projection = 'mls'")
+    if (exchange > o%kick_limit) call log%warn(kick_warning(o, exchange))
   end subroutine log_kicks
 
   !> Who owns what in a bridging domain, and how its sides are bound.
