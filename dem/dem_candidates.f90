@@ -244,12 +244,15 @@ contains
     type(dem_planes_type), intent(in) :: planes
     type(list_type), intent(inout) :: list
     integer(i4) :: k, j, body, geometry
+    integer(i4), allocatable :: old(:)  !! (grains) slot in the list before, 0: none
     real(wp) :: gap, normal(3), support, point(3)
 
     if (planes%n == 0) return
+    allocate (old(grains%n), source=0_i4)
     do k = 1, planes%n
       body = grains%n + 3 + k
       normal = planes%normal(:, k)
+      call mark_slots(pairs, body, .true., old)
       do j = 1, grains%n
         if (grains%kind(j) /= kind_free) cycle
         gap = dot_product(pairs%body(1:3, j) - planes%point(:, k), normal)
@@ -269,7 +272,7 @@ contains
         associate (n => list%count)
           list%first(n) = body
           list%second(n) = j
-          list%old(n) = slot_of(pairs, body, j)
+          list%old(n) = old(j)
           list%normal(:, n) = normal
           if (list%old(n) > 0) then
             if (in_contact(pairs, list%old(n))) gap = -1.0_wp
@@ -279,8 +282,23 @@ contains
                                    band_of(gap, pairs%skin))
         end associate
       end do
+      call mark_slots(pairs, body, .false., old)
     end do
   end subroutine list_plane_pairs
+
+  !> Slots of the pairs of a plane with grains, of which it may have many, or zeros again.
+  pure subroutine mark_slots(pairs, plane, there, slot)
+    type(dem_pairs_type), intent(in) :: pairs
+    integer(i4), intent(in) :: plane  !! body
+    logical, intent(in) :: there
+    integer(i4), intent(inout) :: slot(:)
+    integer(i4) :: e, at
+    if (.not. allocated(pairs%entry)) return
+    do e = pairs%start(plane), pairs%start(plane + 1) - 1
+      at = pairs%entry(e)/2 + 1
+      slot(pairs%second(1 + mod(at - 1, lanes), 1 + (at - 1)/lanes)) = merge(at, 0_i4, there)
+    end do
+  end subroutine mark_slots
 
   !> Does a contact, a neck or a bond hold this pair? Its normal is then carried over as it is.
   pure logical function in_contact(pairs, slot)

@@ -15,7 +15,7 @@ module dem_carry
   use dem_prescribed, only: drift_prescribed
   implicit none
   private
-  public :: start_carried, finish_carried, sum_images
+  public :: start_carried, finish_carried, recall_carried, sum_images
 
 contains
 
@@ -32,25 +32,26 @@ contains
     integer(i4) :: k, i
 
     do k = 1, mover%count
-      u(:, k) = matmul(d%cell%step, mover%s%x(k, :) - d%cell%origin)
+      u(:, k) = matmul(d%cell%step, push%s%x(k, :) - d%cell%origin)
       mover%x0(k, :) = d%cell%origin + matmul(d%cell%deform, &
                                               d%pairs%reference_x(:, mover%low + k) - d%cell%origin)
     end do
     if (mover%free_count > 0) then
       call kick_mover(mover, push, motion, .true., work)
       do k = 1, mover%count
-        mover%s%x(k, :) = mover%s%x(k, :) + u(:, k)
+        push%s%x(k, :) = push%s%x(k, :) + u(:, k)
         work(4) = work(4) - 0.5_wp*mover%free(k)*dot_product(push%f(k, :), u(:, k))
       end do
       call drift_mover(mover, push, motion%dt)
-      call put_bodies(mover, d%pairs%body, d%grains%forms)
-      travel = travel_of_mover(mover)
+      call put_bodies(mover, push, d%pairs%body, d%grains%forms)
+      travel = travel_of_mover(mover, push)
     end if
     do k = 1, mover%count
       i = mover%low + k
       if (d%grains%kind(i) == kind_mirror) cycle
       if (d%grains%kind(i) == kind_free) then
-        call slow_down(d%cell%back, motion%mass_scale*mover%mass(k), mover, k, work)
+        call slow_down(d%cell%back, motion%mass_scale*mover%mass(k), &
+                       [push%s%vx(k), push%s%vy(k), push%s%vz(k)], d%grains%v(:, i), work)
       else
         call move_prescribed(d, mover, k, motion%dt, last, u(:, k), work, travel)
       end if
@@ -60,25 +61,34 @@ contains
     call move_images(d, mover, motion%dt, work)
   end subroutine start_carried
 
-  !> Relative velocities in a flow that spreads: E^-1 c, and the flow's work on them.
-  pure subroutine slow_down(back, mass, mover, k, work)
+  !> Relative velocity in a flow that spreads, E^-1 c, kept with the grain; the flow's work on it.
+  pure subroutine slow_down(back, mass, c, kept, work)
     real(wp), intent(in) :: back(3, 3), mass
-    type(mover_type), intent(inout) :: mover
-    integer(i4), intent(in) :: k  !! lane
+    real(wp), intent(in) :: c(3)       !! before [m/s]
+    real(wp), intent(out) :: kept(3)   !! after [m/s]
     real(wp), intent(inout) :: work(work_count)
-    real(wp) :: c(3), after(3)
-    c = [mover%s%vx(k), mover%s%vy(k), mover%s%vz(k)]
-    after = matmul(back, c)
-    work(4) = work(4) + 0.5_wp*mass*dot_product(after + c, after - c)
-    mover%s%vx(k) = after(1)
-    mover%s%vy(k) = after(2)
-    mover%s%vz(k) = after(3)
+    kept = matmul(back, c)
+    work(4) = work(4) + 0.5_wp*mass*dot_product(kept + c, kept - c)
   end subroutine slow_down
+
+  !> Velocities relative to the flow, which bodies do not have.
+  pure subroutine recall_carried(d, mover, push)
+    type(dem_data_type), intent(in) :: d
+    type(mover_type), intent(in) :: mover
+    type(push_type), intent(inout) :: push
+    integer(i4) :: k
+    do k = 1, mover%count
+      if (.not. mover%free(k) > 0.5_wp) cycle
+      push%s%vx(k) = d%grains%v(1, mover%low + k)
+      push%s%vy(k) = d%grains%v(2, mover%low + k)
+      push%s%vz(k) = d%grains%v(3, mover%low + k)
+    end do
+  end subroutine recall_carried
 
   !> A fixed or driven grain: its own motion and that of the flow.
   subroutine move_prescribed(d, mover, k, dt, last, u, work, travel)
     type(dem_data_type), intent(inout) :: d
-    type(mover_type), intent(inout) :: mover
+    type(mover_type), intent(in) :: mover
     integer(i4), intent(in) :: k  !! lane
     real(wp), intent(in) :: dt
     logical, intent(in) :: last
@@ -91,7 +101,6 @@ contains
     if (d%grains%kind(i) == kind_fixed) d%pairs%body(4:6, i) = 0.0_wp
     d%grains%x(:, i) = d%grains%x(:, i) + u
     d%pairs%body(1:3, i) = d%grains%x(:, i)
-    mover%s%x(k, :) = d%grains%x(:, i)
     work(4) = work(4) - 0.5_wp*dot_product(d%grains%force(:, i), u)
     travel = max(travel, norm2(d%grains%x(:, i) - mover%x0(k, :)) &
                  + 2.0_wp*mover%reach(k)*min(1.0_wp, norm2(d%grains%quat(:, i) &
@@ -141,7 +150,6 @@ contains
         end do
       end if
       c = d%grains%v(:, i)
-      if (d%grains%kind(i) == kind_free) c = [mover%s%vx(k), mover%s%vy(k), mover%s%vz(k)]
       work(4) = work(4) - 0.5_wp*dt*dot_product(push%f(k, :), d%pairs%body(4:6, i) - c)
     end do
   end subroutine finish_carried

@@ -48,21 +48,14 @@ contains
     next = min(k + 1, pairs%blocks)
     if (pairs%round(k)) then
       if (pairs%touched(k)) call read_in_order(pairs%history(:, 1, k), history_root*lanes)
-      call gather_spheres(pairs%body, pairs%first(:, k), pairs%first(:, next), mine%a)
-      call gather_spheres(pairs%body, pairs%second(:, k), pairs%second(:, next), mine%b)
+      call gather_pair(pairs, k, next, .true.)
       if (pairs%touched(next)) call call_for(pairs%history(:, 1, next), history_root*lanes)
       call branch_vectors(mine)
       call evaluate_spheres(mine)
     else
       if (pairs%touched(k)) call read_in_order(pairs%history(:, 1, k), history_size*lanes)
       call read_in_order(pairs%normal(:, 1, k), 3*lanes)
-      if (pairs%form(k) > 0) then
-        call gather_spheres(pairs%body, pairs%first(:, k), pairs%first(:, next), mine%a)
-        call gather_spheres(pairs%body, pairs%second(:, k), pairs%second(:, next), mine%b)
-      else
-        call gather_side(pairs%body, pairs%first(:, k), pairs%first(:, next), mine%a)
-        call gather_side(pairs%body, pairs%second(:, k), pairs%second(:, next), mine%b)
-      end if
+      call gather_pair(pairs, k, next, pairs%form(k) > 0)
       if (pairs%touched(next)) call call_for(pairs%history(:, 1, next), history_size*lanes)
       call call_for(pairs%normal(:, 1, next), 3*lanes)
       call branch_vectors(mine)
@@ -109,6 +102,23 @@ contains
                                                           pairs%law_second(k)), k, h, pairs)
     call put_loads(mine%load, pairs%past, pairs%result(:, (k - 1)*lanes + 1:k*lanes))
   end subroutine block_forces
+
+  !> Both bodies of block k; those of the next block are called for. Of spheres, and forms as their
+  !! bounding spheres, no shapes.
+  subroutine gather_pair(pairs, k, next, round)
+    type(dem_pairs_type), intent(in) :: pairs
+    integer(i4), intent(in) :: k, next
+    logical, intent(in) :: round
+    associate (a => pairs%first, b => pairs%second)
+      if (round) then
+        call gather_spheres(pairs%body, a(:, k), a(:, next), pairs%past, mine%a)
+        call gather_spheres(pairs%body, b(:, k), b(:, next), pairs%past, mine%b)
+      else
+        call gather_side(pairs%body, a(:, k), a(:, next), pairs%past, mine%a)
+        call gather_side(pairs%body, b(:, k), b(:, next), pairs%past, mine%b)
+      end if
+    end associate
+  end subroutine gather_pair
 
   pure subroutine take_normals(pairs, block, k)
     type(dem_pairs_type), intent(in) :: pairs
@@ -189,9 +199,9 @@ contains
       integer(i4), intent(in) :: body(lanes), ahead(lanes)
       real(wp), intent(inout) :: record(lanes, body_size)
       if (pairs%images > 0) then
-        call gather_records(forms%record, owners(body), owners(ahead), record)
+        call gather_records(forms%record, owners(body), owners(ahead), pairs%past, record)
       else
-        call gather_records(forms%record, body, ahead, record)
+        call gather_records(forms%record, body, ahead, pairs%past, record)
       end if
     end subroutine gather_forms
 

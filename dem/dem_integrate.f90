@@ -11,13 +11,13 @@ module dem_integrate
   use dem_state, only: dem_grains_type, dem_pairs_type, kind_free, lanes, body_size
   use dem_block, only: dem_side_type
   use dem_form_state, only: dem_forms_type, form_ellipsoid, put_frame
-  use dem_lanes, only: call_for, read_in_order, put_side, put_motion
+  use dem_lanes, only: call_for, read_in_order, put_side, put_motion, take_side, take_motion
   use dem_orientation, only: rotations, shapes
   implicit none
   private
   public :: motion_type, mover_type, push_type, load_mover, store_mover, load_forces, store_forces
-  public :: ready_push, kick_mover, drift_mover
-  public :: call_mover, read_mover, put_bodies, travel_of_mover, scaled_spin_momentum, work_count
+  public :: load_side, recall_side, ready_push, kick_mover, drift_mover
+  public :: read_mover, put_bodies, travel_of_mover, scaled_spin_momentum, work_count
 
   integer(i4), parameter :: work_count = 4  !! gravity, external, background damping, boundary
 
@@ -41,14 +41,14 @@ module dem_integrate
     real(wp) :: damping = 0.0_wp  !! a [1/s]
   end type kick_type
 
-  !> Consecutive grains, one short array a quantity; lanes that are not free stand still.
+  !> Consecutive grains, one short array a quantity; lanes that are not free stand still. Centres,
+  !! velocities, spins and shapes are in the body records, from where a push takes them.
   type :: mover_type
     integer(i4) :: low = 0, count = 0    !! grains low+1 .. low+count
     integer(i4) :: free_count = 0        !! of these, free
     logical :: round = .false.           !! all are spheres
     logical :: pushed = .false.          !! some have extra forces or moments
     real(wp) :: free(lanes)              !! 1 for free grains, else 0
-    type(dem_side_type) :: s             !! centres, velocities, spins, shape matrices
     real(wp) :: q(lanes, 4), theta(lanes, 3), mass(lanes)
     real(wp) :: x0(lanes, 3)                  !! where the list was made [m]
     real(wp) :: inertia(lanes, 3), square(lanes, 3)
@@ -57,6 +57,7 @@ module dem_integrate
 
   !> What is needed of a mover for the length of a half step: it stays in the cache.
   type :: push_type
+    type(dem_side_type) :: s                !! centres, velocities, spins, shape matrices
     real(wp) :: f(lanes, 3), m(lanes, 3)    !! contact force and moment of the free lanes
     real(wp) :: ef(lanes, 3), em(lanes, 3)  !! extra force and moment
     real(wp) :: r(lanes, 9)                 !! rotation, body to space, by columns
@@ -71,7 +72,6 @@ contains
     type(dem_pairs_type), intent(in) :: pairs  !! bodies and reference positions
     integer(i4), intent(in) :: low, count
     type(mover_type), intent(inout) :: b
-    real(wp) :: r(lanes, 9)
     integer(i4) :: k, i, c
 
     b%low = low
@@ -81,29 +81,23 @@ contains
       i = low + k
       b%mass(k) = g%mass(i)
       b%reach(k) = pairs%reach(i)
-      b%s%volume(k) = pairs%body(body_size, i)
       do c = 1, 4
         b%q(k, c) = g%quat(c, i)
         b%q0(k, c) = pairs%reference_q(c, i)
       end do
-      b%s%x(k, 1) = g%x(1, i)
-      b%s%x(k, 2) = g%x(2, i)
-      b%s%x(k, 3) = g%x(3, i)
       do c = 1, 3
         b%x0(k, c) = pairs%reference_x(c, i)
         b%theta(k, c) = g%theta(c, i)
         b%inertia(k, c) = g%inertia(c, i)
         b%square(k, c) = g%axes(c, i)*g%axes(c, i)
       end do
-      if (g%kind(i) == kind_free) call load_motion(g, i, k, b)
+      if (g%kind(i) == kind_free) b%free(k) = 1.0_wp
     end do
     if (g%forms%n > 0) call bound_forms(g, b)
     b%free_count = nint(sum(b%free))
     b%round = all(.not. b%reach > 0.0_wp)
     b%pushed = any(abs(g%extra_force(:, low + 1:low + count)) > 0.0_wp) &
                .or. any(abs(g%extra_moment(:, low + 1:low + count)) > 0.0_wp)
-    call rotations(b%q, r)
-    call shapes(b%square, r, b%round, b%s%s)
   end subroutine load_mover
 
   !> Forms stand in the body records as their bounding spheres.
@@ -116,42 +110,80 @@ contains
     end do
   end subroutine bound_forms
 
-  !> What only a free grain has.
-  pure subroutine load_motion(g, i, k, b)
-    type(dem_grains_type), intent(in) :: g
-    integer(i4), intent(in) :: i, k  !! grain, lane
-    type(mover_type), intent(inout) :: b
-    b%free(k) = 1.0_wp
-    b%s%vx(k) = g%v(1, i)
-    b%s%vy(k) = g%v(2, i)
-    b%s%vz(k) = g%v(3, i)
-    b%s%wx(k) = g%omega(1, i)
-    b%s%wy(k) = g%omega(2, i)
-    b%s%wz(k) = g%omega(3, i)
-  end subroutine load_motion
-
-  !> Bring a mover into the cache; spheres need the arrays up to their spins, and those from the
-  !! quaternions to their one moment of inertia.
-  subroutine read_mover(b)
+  !> Centres of a mover's grains, velocities and spins of the free ones, and shapes.
+  pure subroutine load_side(b, g, pairs, push)
     type(mover_type), intent(in) :: b
+    type(dem_grains_type), intent(in) :: g
+    type(dem_pairs_type), intent(in) :: pairs  !! bodies
+    type(push_type), intent(inout) :: push
+    real(wp) :: r(lanes, 9)
+    integer(i4) :: k, i
+
+    push%s%x = 0.0_wp
+    push%s%volume = 1.0_wp
+    call stop_side(push%s)
+    do k = 1, b%count
+      i = b%low + k
+      push%s%x(k, :) = g%x(:, i)
+      push%s%volume(k) = pairs%body(body_size, i)
+      if (b%free(k) < 0.5_wp) cycle
+      push%s%vx(k) = g%v(1, i)
+      push%s%vy(k) = g%v(2, i)
+      push%s%vz(k) = g%v(3, i)
+      push%s%wx(k) = g%omega(1, i)
+      push%s%wy(k) = g%omega(2, i)
+      push%s%wz(k) = g%omega(3, i)
+    end do
+    call rotations(b%q, r)
+    call shapes(b%square, r, b%round, push%s%s)
+  end subroutine load_side
+
+  !> No motion in any lane.
+  pure subroutine stop_side(s)
+    type(dem_side_type), intent(inout) :: s
+    s%vx = 0.0_wp
+    s%vy = 0.0_wp
+    s%vz = 0.0_wp
+    s%wx = 0.0_wp
+    s%wy = 0.0_wp
+    s%wz = 0.0_wp
+  end subroutine stop_side
+
+  !> What put_bodies left in the records: of spheres centres, velocities and spins, as nothing else
+  !! changes in them. Lanes that are not free stand still.
+  pure subroutine recall_side(b, body, push)
+    type(mover_type), intent(in) :: b
+    real(wp), intent(in), contiguous :: body(:, :)
+    type(push_type), intent(inout) :: push
     if (b%round) then
-      call read_in_order(b%free, 10*lanes)
-      call read_in_order(b%q, 12*lanes)
+      call take_motion(body(:, b%low + 1:b%low + b%count), b%count, push%s)
     else
-      call read_in_order(b%free, 39*lanes)
+      call take_side(body(:, b%low + 1:b%low + b%count), b%count, push%s)
+    end if
+    if (b%free_count == lanes) return
+    where (.not. b%free > 0.5_wp)
+      push%s%vx = 0.0_wp
+      push%s%vy = 0.0_wp
+      push%s%vz = 0.0_wp
+      push%s%wx = 0.0_wp
+      push%s%wy = 0.0_wp
+      push%s%wz = 0.0_wp
+    end where
+  end subroutine recall_side
+
+  !> Bring a mover into the cache, now or soon; spheres have no use of what follows their one moment
+  !! of inertia.
+  subroutine read_mover(b, soon)
+    type(mover_type), intent(in) :: b
+    logical, intent(in) :: soon
+    integer(i4) :: reals
+    reals = merge(13, 23, b%round)*lanes
+    if (soon) then
+      call call_for(b%free, reals)
+    else
+      call read_in_order(b%free, reals)
     end if
   end subroutine read_mover
-
-  !> Call for a mover that will be read soon.
-  subroutine call_mover(b)
-    type(mover_type), intent(in) :: b
-    if (b%round) then
-      call call_for(b%free, 10*lanes)
-      call call_for(b%q, 12*lanes)
-    else
-      call call_for(b%free, 39*lanes)
-    end if
-  end subroutine call_mover
 
   !> Contact forces and moments of the free grains as they stand with the grains.
   pure subroutine load_forces(b, g, push)
@@ -203,18 +235,10 @@ contains
     end do
   end subroutine ready_push
 
-  !> All lanes as spheres at rest in the origin.
+  !> All lanes as spheres of unit mass that are not free.
   pure subroutine idle(b)
     type(mover_type), intent(inout) :: b
     b%free = 0.0_wp
-    b%s%x = 0.0_wp
-    b%s%vx = 0.0_wp
-    b%s%vy = 0.0_wp
-    b%s%vz = 0.0_wp
-    b%s%wx = 0.0_wp
-    b%s%wy = 0.0_wp
-    b%s%wz = 0.0_wp
-    b%s%volume = 1.0_wp
     b%q = 0.0_wp
     b%q(:, 1) = 1.0_wp
     b%q0 = b%q
@@ -228,8 +252,8 @@ contains
 
   !> Half kick of all lanes with the forces in hand: explicit before a drift, implicit after one.
   pure subroutine kick_mover(b, push, step, explicit, work)
-    type(mover_type), intent(inout) :: b
-    type(push_type), intent(in) :: push
+    type(mover_type), intent(in) :: b
+    type(push_type), intent(inout) :: push
     type(motion_type), intent(in) :: step
     logical, intent(in) :: explicit
     real(wp), intent(inout) :: work(work_count)
@@ -247,22 +271,22 @@ contains
     end if
     kick%scale = step%mass_scale
     kick%pull = step%gravity(1)
-    call kick_lanes(kick, b%mass, push%light, b%free, push%f(:, 1), push%ef(:, 1), b%s%vx, tally)
+    call kick_lanes(kick, b%mass, push%light, b%free, push%f(:, 1), push%ef(:, 1), push%s%vx, tally)
     kick%pull = step%gravity(2)
-    call kick_lanes(kick, b%mass, push%light, b%free, push%f(:, 2), push%ef(:, 2), b%s%vy, tally)
+    call kick_lanes(kick, b%mass, push%light, b%free, push%f(:, 2), push%ef(:, 2), push%s%vy, tally)
     kick%pull = step%gravity(3)
-    call kick_lanes(kick, b%mass, push%light, b%free, push%f(:, 3), push%ef(:, 3), b%s%vz, tally)
+    call kick_lanes(kick, b%mass, push%light, b%free, push%f(:, 3), push%ef(:, 3), push%s%vz, tally)
     kick%scale = step%inertia_scale
     kick%pull = 0.0_wp
     if (.not. b%round) then
       call kick_spins(b, push, kick, tally)
     else
       call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 1), &
-                      push%em(:, 1), b%s%wx, tally)
+                      push%em(:, 1), push%s%wx, tally)
       call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 2), &
-                      push%em(:, 2), b%s%wy, tally)
+                      push%em(:, 2), push%s%wy, tally)
       call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 3), &
-                      push%em(:, 3), b%s%wz, tally)
+                      push%em(:, 3), push%s%wz, tally)
     end if
     call add_tally(tally, kick, work)
   end subroutine kick_mover
@@ -317,8 +341,8 @@ contains
 
   !> Spins of kick_mover, in the body frame.
   pure subroutine kick_spins(b, push, kick, tally)
-    type(mover_type), intent(inout) :: b
-    type(push_type), intent(in) :: push
+    type(mover_type), intent(in) :: b
+    type(push_type), intent(inout) :: push
     type(kick_type), intent(in) :: kick
     real(wp), intent(inout) :: tally(lanes, 3)
     real(wp) :: inertia, old, new, between, now, moment, extra, rate
@@ -336,7 +360,7 @@ contains
         ry = push%r(k, 3*c - 1)
         rz = push%r(k, 3*c)
         inertia = kick%scale*b%inertia(k, c)
-        old = rx*b%s%wx(k) + ry*b%s%wy(k) + rz*b%s%wz(k)
+        old = rx*push%s%wx(k) + ry*push%s%wy(k) + rz*push%s%wz(k)
         moment = rx*push%m(k, 1) + ry*push%m(k, 2) + rz*push%m(k, 3)
         extra = rx*push%em(k, 1) + ry*push%em(k, 2) + rz*push%em(k, 3)
         new = b%free(k)*(old*kick%keep + rate*push%agile(k, c)*(moment + extra))*kick%kicked
@@ -348,9 +372,9 @@ contains
         sy = sy + ry*new
         sz = sz + rz*new
       end do
-      b%s%wx(k) = sx
-      b%s%wy(k) = sy
-      b%s%wz(k) = sz
+      push%s%wx(k) = sx
+      push%s%wy(k) = sy
+      push%s%wz(k) = sz
     end do
   end subroutine kick_spins
 
@@ -363,38 +387,39 @@ contains
 
     !$omp simd
     do k = 1, lanes
-      b%s%x(k, 1) = b%s%x(k, 1) + dt*b%s%vx(k)
-      b%s%x(k, 2) = b%s%x(k, 2) + dt*b%s%vy(k)
-      b%s%x(k, 3) = b%s%x(k, 3) + dt*b%s%vz(k)
+      push%s%x(k, 1) = push%s%x(k, 1) + dt*push%s%vx(k)
+      push%s%x(k, 2) = push%s%x(k, 2) + dt*push%s%vy(k)
+      push%s%x(k, 3) = push%s%x(k, 3) + dt*push%s%vz(k)
     end do
     if (b%round) then
-      call turn_round(b, dt)
+      call turn_round(b, push, dt)
     else
       call turn_bodies(b, push, dt)
       call rotations(b%q, push%r)
-      call spins_to_space(b, push%r)
-      call shapes(b%square, push%r, .false., b%s%s)
+      call spins_to_space(push%r, push%s)
+      call shapes(b%square, push%r, .false., push%s%s)
     end if
     !$omp simd
     do k = 1, lanes
-      b%theta(k, 1) = b%theta(k, 1) + dt*b%s%wx(k)
-      b%theta(k, 2) = b%theta(k, 2) + dt*b%s%wy(k)
-      b%theta(k, 3) = b%theta(k, 3) + dt*b%s%wz(k)
+      b%theta(k, 1) = b%theta(k, 1) + dt*push%s%wx(k)
+      b%theta(k, 2) = b%theta(k, 2) + dt*push%s%wy(k)
+      b%theta(k, 3) = b%theta(k, 3) + dt*push%s%wz(k)
     end do
   end subroutine drift_mover
 
   !> Orientations of spheres: their spin stays, the turn has its Cayley angle.
-  pure subroutine turn_round(b, dt)
+  pure subroutine turn_round(b, push, dt)
     type(mover_type), intent(inout) :: b
+    type(push_type), intent(in) :: push
     real(wp), intent(in) :: dt
     real(wp) :: hx, hy, hz, q1, q2, q3, q4, p1, p2, p3, p4, scale
     integer(i4) :: k
 
     !$omp simd private(hx, hy, hz, q1, q2, q3, q4, p1, p2, p3, p4, scale)
     do k = 1, lanes
-      hx = 0.5_wp*dt*b%s%wx(k)
-      hy = 0.5_wp*dt*b%s%wy(k)
-      hz = 0.5_wp*dt*b%s%wz(k)
+      hx = 0.5_wp*dt*push%s%wx(k)
+      hy = 0.5_wp*dt*push%s%wy(k)
+      hz = 0.5_wp*dt*push%s%wz(k)
       q1 = b%q(k, 1)
       q2 = b%q(k, 2)
       q3 = b%q(k, 3)
@@ -414,16 +439,16 @@ contains
   !> Free rotation of all lanes by dt; spins are left in the body frame.
   pure subroutine turn_bodies(b, push, dt)
     type(mover_type), intent(inout) :: b
-    type(push_type), intent(in) :: push
+    type(push_type), intent(inout) :: push
     real(wp), intent(in) :: dt
     real(wp) :: l1, l2, l3, q1, q2, q3, q4, i1, i2, i3, scale
     integer(i4) :: k
 
     !$omp simd private(l1, l2, l3, q1, q2, q3, q4, i1, i2, i3, scale)
     do k = 1, lanes
-      q1 = b%s%wx(k)
-      q2 = b%s%wy(k)
-      q3 = b%s%wz(k)
+      q1 = push%s%wx(k)
+      q2 = push%s%wy(k)
+      q3 = push%s%wz(k)
       l1 = b%inertia(k, 1)*(push%r(k, 1)*q1 + push%r(k, 2)*q2 + push%r(k, 3)*q3)
       l2 = b%inertia(k, 2)*(push%r(k, 4)*q1 + push%r(k, 5)*q2 + push%r(k, 6)*q3)
       l3 = b%inertia(k, 3)*(push%r(k, 7)*q1 + push%r(k, 8)*q2 + push%r(k, 9)*q3)
@@ -444,9 +469,9 @@ contains
       b%q(k, 2) = merge(scale*q2, b%q(k, 2), b%free(k) > 0.5_wp)
       b%q(k, 3) = merge(scale*q3, b%q(k, 3), b%free(k) > 0.5_wp)
       b%q(k, 4) = merge(scale*q4, b%q(k, 4), b%free(k) > 0.5_wp)
-      b%s%wx(k) = l1*push%agile(k, 1)
-      b%s%wy(k) = l2*push%agile(k, 2)
-      b%s%wz(k) = l3*push%agile(k, 3)
+      push%s%wx(k) = l1*push%agile(k, 1)
+      push%s%wy(k) = l2*push%agile(k, 2)
+      push%s%wz(k) = l3*push%agile(k, 3)
     end do
   end subroutine turn_bodies
 
@@ -472,33 +497,34 @@ contains
   end subroutine turn
 
   !> Spins from the body frame to space.
-  pure subroutine spins_to_space(b, r)
-    type(mover_type), intent(inout) :: b
+  pure subroutine spins_to_space(r, s)
     real(wp), intent(in) :: r(lanes, 9)
+    type(dem_side_type), intent(inout) :: s
     real(wp) :: s1, s2, s3
     integer(i4) :: k
     !$omp simd private(s1, s2, s3)
     do k = 1, lanes
-      s1 = b%s%wx(k)
-      s2 = b%s%wy(k)
-      s3 = b%s%wz(k)
-      b%s%wx(k) = r(k, 1)*s1 + r(k, 4)*s2 + r(k, 7)*s3
-      b%s%wy(k) = r(k, 2)*s1 + r(k, 5)*s2 + r(k, 8)*s3
-      b%s%wz(k) = r(k, 3)*s1 + r(k, 6)*s2 + r(k, 9)*s3
+      s1 = s%wx(k)
+      s2 = s%wy(k)
+      s3 = s%wz(k)
+      s%wx(k) = r(k, 1)*s1 + r(k, 4)*s2 + r(k, 7)*s3
+      s%wy(k) = r(k, 2)*s1 + r(k, 5)*s2 + r(k, 8)*s3
+      s%wz(k) = r(k, 3)*s1 + r(k, 6)*s2 + r(k, 9)*s3
     end do
   end subroutine spins_to_space
 
   !> Largest travel of the surfaces of the free lanes, along any normal, since the list was made:
   !! displacement, and rotation times the difference of the extreme semi-axes [m].
-  pure real(wp) function travel_of_mover(b) result(most)
+  pure real(wp) function travel_of_mover(b, push) result(most)
     type(mover_type), intent(in) :: b
+    type(push_type), intent(in) :: push
     real(wp) :: square(lanes), cosine, sine, travel(lanes)
     integer(i4) :: k
 
     !$omp simd
     do k = 1, lanes
-      square(k) = b%free(k)*((b%s%x(k, 1) - b%x0(k, 1))**2 + (b%s%x(k, 2) - b%x0(k, 2))**2 &
-                             + (b%s%x(k, 3) - b%x0(k, 3))**2)
+      square(k) = b%free(k)*((push%s%x(k, 1) - b%x0(k, 1))**2 + (push%s%x(k, 2) - b%x0(k, 2))**2 &
+                             + (push%s%x(k, 3) - b%x0(k, 3))**2)
     end do
     if (b%round) then
       most = sqrt(maxval(square))
@@ -519,17 +545,18 @@ contains
   end function travel_of_mover
 
   !> Free lanes back to the grains.
-  pure subroutine store_mover(b, g)
+  pure subroutine store_mover(b, push, g)
     type(mover_type), intent(in) :: b
+    type(push_type), intent(in) :: push
     type(dem_grains_type), intent(inout) :: g
     integer(i4) :: k, i
 
     do k = 1, b%count
       if (b%free(k) < 0.5_wp) cycle
       i = b%low + k
-      g%x(:, i) = [b%s%x(k, 1), b%s%x(k, 2), b%s%x(k, 3)]
-      g%v(:, i) = [b%s%vx(k), b%s%vy(k), b%s%vz(k)]
-      g%omega(:, i) = [b%s%wx(k), b%s%wy(k), b%s%wz(k)]
+      g%x(:, i) = [push%s%x(k, 1), push%s%x(k, 2), push%s%x(k, 3)]
+      g%v(:, i) = [push%s%vx(k), push%s%vy(k), push%s%vz(k)]
+      g%omega(:, i) = [push%s%wx(k), push%s%wy(k), push%s%wz(k)]
       g%theta(:, i) = b%theta(k, :)
       g%quat(:, i) = b%q(k, :)
     end do
@@ -537,15 +564,16 @@ contains
 
   !> Body records of all lanes, of spheres what changes in them; those of prescribed grains are put
   !! right by their own motion.
-  pure subroutine put_bodies(b, body, forms)
+  pure subroutine put_bodies(b, push, body, forms)
     type(mover_type), intent(in) :: b
+    type(push_type), intent(in) :: push
     real(wp), intent(inout), contiguous :: body(:, :)
     type(dem_forms_type), intent(inout) :: forms
     integer(i4) :: k
     if (b%round) then
-      call put_motion(b%s, b%count, body(:, b%low + 1:b%low + b%count))
+      call put_motion(push%s, b%count, body(:, b%low + 1:b%low + b%count))
     else
-      call put_side(b%s, b%count, body(:, b%low + 1:b%low + b%count))
+      call put_side(push%s, b%count, body(:, b%low + 1:b%low + b%count))
     end if
     do k = 1, merge(b%count, 0, forms%n > 0)
       call put_frame(forms, b%low + k, b%q(k, :))

@@ -71,8 +71,9 @@ void dem_call_for(const double *from, int32_t reals)
     for (int32_t k = 0; k < reals; k += WIDTH) __builtin_prefetch(from + k);
 }
 
-/* Call for the records of bodies that will be wanted soon. */
-static inline void call_for(const double *body, const int32_t next[LANES])
+/* Call for the records of bodies that will be wanted soon. Not inlined, this would be a function without
+ * effect to the compiler, and calls of it would be left out. */
+__attribute__((always_inline)) static inline void call_for(const double *body, const int32_t next[LANES])
 {
     for (int k = 0; k < LANES; k++) {
         const double *ahead = body + (int64_t)(next[k] - 1) * BODY;
@@ -92,11 +93,14 @@ __attribute__((always_inline)) static inline void gather_half(const double *body
     for (int i = 0; i < WIDTH; i++) store(side + (half + i) * LANES, m[i]);
 }
 
-/* The records of LANES bodies into lanes, side[BODY][LANES]; those of `next` are called for. */
+/*
+ * The records of LANES bodies into lanes, side[BODY][LANES]; those of `next` are called for if they may
+ * lie in memory alone.
+ */
 void dem_gather_side(const double *body, const int32_t index[LANES], const int32_t next[LANES],
-                     double *side)
+                     int32_t far, double *side)
 {
-    call_for(body, next);
+    if (far) call_for(body, next);
     for (int k = 0; k < LANES; k += WIDTH) {
         gather_half(body, index + k, 0, side + k);
         gather_half(body, index + k, WIDTH, side + k);
@@ -105,16 +109,16 @@ void dem_gather_side(const double *body, const int32_t index[LANES], const int32
 
 /* The same for other records of BODY reals. */
 void dem_gather_records(const double *record, const int32_t index[LANES],
-                        const int32_t next[LANES], double *side)
+                        const int32_t next[LANES], int32_t far, double *side)
 {
-    dem_gather_side(record, index, next, side);
+    dem_gather_side(record, index, next, far, side);
 }
 
 /* The same for spheres: of the second half only the last of the spin and the first of the shape. */
 void dem_gather_spheres(const double *body, const int32_t index[LANES], const int32_t next[LANES],
-                        double *side)
+                        int32_t far, double *side)
 {
-    call_for(body, next);
+    if (far) call_for(body, next);
     for (int k = 0; k < LANES; k += WIDTH) gather_half(body, index + k, 0, side + k);
     for (int k = 0; k < LANES; k++) {
         const double *record = body + (int64_t)(index[k] - 1) * BODY;
@@ -187,6 +191,35 @@ void dem_put_motions(const double *side, int32_t count, double *body)
             body[(int64_t)(k + i) * BODY + MOTION - 1] = side[(MOTION - 1) * LANES + k + i];
         }
     }
+}
+
+/* Half of the records of `count` <= WIDTH bodies that follow each other into the lanes from side on. */
+__attribute__((always_inline)) static inline void take_half(const double *body, int32_t count, double *side)
+{
+    row_type m[WIDTH];
+#pragma GCC unroll 8
+    for (int i = 0; i < WIDTH; i++) m[i] = i < count ? load(body + (int64_t)i * BODY) : (row_type){0};
+    turn(m);
+#pragma GCC unroll 8
+    for (int i = 0; i < WIDTH; i++) store(side + i * LANES, m[i]);
+}
+
+/* The records of `count` bodies that follow each other to lanes; the other lanes become zero. */
+void dem_take_bodies(const double *body, int32_t count, double *side)
+{
+    for (int k = 0; k < LANES; k += WIDTH) {
+        const double *first = body + (int64_t)k * BODY;
+        take_half(first, count - k, side + k);
+        take_half(first + WIDTH, count - k, side + WIDTH * LANES + k);
+    }
+}
+
+/* The same for spheres, of whose records the first MOTION reals are wanted. */
+void dem_take_motions(const double *body, int32_t count, double *side)
+{
+    for (int k = 0; k < LANES; k += WIDTH) take_half(body + (int64_t)k * BODY, count - k, side + k);
+    for (int k = 0; k < LANES; k++)
+        side[(MOTION - 1) * LANES + k] = k < count ? body[(int64_t)k * BODY + MOTION - 1] : 0;
 }
 
 /*

@@ -6,7 +6,8 @@ module dem_lanes
   implicit none
   private
   public :: call_for, read_in_order, gather_side, gather_spheres, gather_records
-  public :: put_loads, finish_puts, put_side, put_motion, sum_results, sum_lanes
+  public :: put_loads, finish_puts, put_side, put_motion, take_side, take_motion
+  public :: sum_results, sum_lanes
 
   interface
     !> Read memory from front to back, so that the processor fetches what lies behind it.
@@ -23,27 +24,33 @@ module dem_lanes
       integer(c_int32_t), value, intent(in) :: reals
     end subroutine call_for
 
-    !> Records body(:, index) into the lanes of a side; body(:, next) will be wanted soon.
-    pure subroutine gather_side(body, index, next, side) bind(c, name='dem_gather_side')
+    !> Records body(:, index) into the lanes of a side; body(:, next) will be wanted soon, and are
+    !! called for if far /= 0: they may be out of the caches.
+    pure subroutine gather_side(body, index, next, far, side) bind(c, name='dem_gather_side')
       import :: c_double, c_int32_t, dem_side_type, lanes, body_size
       real(c_double), intent(in) :: body(body_size, *)
       integer(c_int32_t), intent(in) :: index(lanes), next(lanes)
+      integer(c_int32_t), value, intent(in) :: far
       type(dem_side_type), intent(inout) :: side
     end subroutine gather_side
 
     !> The same for spheres: centre, velocity, spin and s(:, 1); the rest of the side is left.
-    pure subroutine gather_spheres(body, index, next, side) bind(c, name='dem_gather_spheres')
+    pure subroutine gather_spheres(body, index, next, far, side) &
+      bind(c, name='dem_gather_spheres')
       import :: c_double, c_int32_t, dem_side_type, lanes, body_size
       real(c_double), intent(in) :: body(body_size, *)
       integer(c_int32_t), intent(in) :: index(lanes), next(lanes)
+      integer(c_int32_t), value, intent(in) :: far
       type(dem_side_type), intent(inout) :: side
     end subroutine gather_spheres
 
     !> Records of body_size reals of any kind, as gather_side.
-    pure subroutine gather_records(record, index, next, side) bind(c, name='dem_gather_records')
+    pure subroutine gather_records(record, index, next, far, side) &
+      bind(c, name='dem_gather_records')
       import :: c_double, c_int32_t, lanes, body_size
       real(c_double), intent(in) :: record(body_size, *)
       integer(c_int32_t), intent(in) :: index(lanes), next(lanes)
+      integer(c_int32_t), value, intent(in) :: far
       real(c_double), intent(inout) :: side(lanes, body_size)
     end subroutine gather_records
 
@@ -74,6 +81,22 @@ module dem_lanes
       integer(c_int32_t), value, intent(in) :: count
       real(c_double), intent(inout) :: body(body_size, *)
     end subroutine put_motion
+
+    !> The way back of put_side; lanes beyond `count` become zero.
+    pure subroutine take_side(body, count, side) bind(c, name='dem_take_bodies')
+      import :: c_double, c_int32_t, dem_side_type, body_size
+      real(c_double), intent(in) :: body(body_size, *)
+      integer(c_int32_t), value, intent(in) :: count
+      type(dem_side_type), intent(inout) :: side
+    end subroutine take_side
+
+    !> The way back of put_motion; lanes beyond `count` become zero, the rest of the side is left.
+    pure subroutine take_motion(body, count, side) bind(c, name='dem_take_motions')
+      import :: c_double, c_int32_t, dem_side_type, body_size
+      real(c_double), intent(in) :: body(body_size, *)
+      integer(c_int32_t), value, intent(in) :: count
+      type(dem_side_type), intent(inout) :: side
+    end subroutine take_motion
 
     !> Sum of the results named by the entries first..last of a body, in their order.
     pure subroutine sum_results(result, entry, first, last, total) bind(c, name='dem_sum_results')

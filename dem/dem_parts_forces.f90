@@ -13,7 +13,8 @@ module dem_parts_forces
   use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_ghost
   use dem_relist, only: rebuild_list, travel_of, larger
   use dem_steps, only: finish_planes
-  use dem_surface_forces, only: share_surfaces, surface_load
+  use dem_sheet_forces, only: share_near
+  use dem_surface_forces, only: surface_load
   use dem_surface_motion, only: surface_travel, surface_columns
   implicit none
   private
@@ -165,8 +166,7 @@ contains
     call evaluate(d, d%pairs%grain_blocks + 1, d%pairs%blocks, d%pending, d%parts%travel)
     if (d%surfaces%near > 0) then
       !$omp parallel default(none) shared(d)
-      call share_surfaces(d, d%pending, d%parts%travel, omp_get_thread_num(), &
-                          omp_get_num_threads())
+      call share_near(d, d%pending, d%parts%travel, omp_get_thread_num(), omp_get_num_threads())
       !$omp end parallel
     end if
     work = 0.0_wp

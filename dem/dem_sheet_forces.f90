@@ -7,7 +7,7 @@ module dem_sheet_forces
   use dem_figure, only: figure_type
   use dem_surface_feature, only: touches_type, features_type
   use dem_surface_find, only: find_touches
-  use dem_surface_forces, only: share_surfaces, leave_grain, figure_of, fill_block, distance, &
+  use dem_surface_forces, only: work_grain, leave_grain, figure_of, fill_block, distance, &
     law_of, take_lane, about_centre, clear_shares, share_loads, far_apart
   use dem_sheet_match, only: bear_pairs
   use dem_block, only: dem_block_type
@@ -20,22 +20,19 @@ module dem_sheet_forces
 
 contains
 
-  !> Contacts of this thread's run of the grains near surfaces; see share_surfaces, which works
-  !! those of runs without membranes.
+  !> Contacts of this thread's run of the grains near surfaces.
   subroutine share_near(d, h, travel, me, threads)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: h       !! time since the last evaluation [s]
     real(wp), intent(in) :: travel  !! no body has moved further since the list was made [m]
     integer(i4), intent(in) :: me, threads
     integer(i4) :: g
-    if (.not. allocated(d%surfaces%membranes)) then
-      call share_surfaces(d, h, travel, me, threads)
-      return
-    end if
     associate (s => d%surfaces)
       do g = 1 + int(int(s%near, i8)*me/threads, i4), int(int(s%near, i8)*(me + 1)/threads, i4)
         if (s%contacts(g) == 0 .and. travel < 0.5_wp*s%least_gap(g)) then
           call leave_grain(s, g)
+        else if (allocated(s%membranes)) then
+          call work_on_sheets(d, g, h)
         else
           call work_grain(d, g, h)
         end if
@@ -44,7 +41,7 @@ contains
   end subroutine share_near
 
   !> All contacts of near grain g.
-  subroutine work_grain(d, g, h)
+  subroutine work_on_sheets(d, g, h)
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: g
     real(wp), intent(in) :: h
@@ -75,7 +72,7 @@ contains
       s%load(:, g) = load
       call share_loads(s, g, features, touches)
     end associate
-  end subroutine work_grain
+  end subroutine work_on_sheets
 
   !> Contacts low+1 to low+lanes of near grain g, of `count` with those that have ended.
   subroutine work_block(d, g, h, low, count, touches, history, load)

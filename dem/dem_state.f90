@@ -146,7 +146,7 @@ module dem_state
     real(wp), allocatable :: m_star(:, :)        !! (lanes, blocks) reduced mass m* [kg]
     logical, allocatable :: touched(:)           !! (blocks) some lane had contact last time
     real(wp), allocatable :: result(:, :)        !! (result_size, slots) on B [N, N m]
-    integer(i4) :: past = 0                      !! 1: results go past the caches, see dem_lanes
+    integer(i4) :: past = 0                      !! 1: too much for the caches, see dem_lanes
     real(wp), allocatable :: columns(:, :)       !! (column_count, blocks) work of this step [J]
     real(wp), allocatable :: body(:, :)          !! (body_size, bodies) records
     real(wp), allocatable :: reference_x(:, :)   !! (3, bodies) where the list was made [m]

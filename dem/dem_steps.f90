@@ -14,15 +14,15 @@ module dem_steps
   use talus_errors, only: error_list_type
   use dem_state, only: dem_data_type, dem_pairs_type, kind_free, kind_fixed, kind_ghost, &
     kind_mirror, mode_relaxation, lanes, body_size
-  use dem_carry, only: start_carried, finish_carried, sum_images
+  use dem_carry, only: start_carried, finish_carried, recall_carried, sum_images
   use dem_cell, only: advance_cell
   use dem_lost, only: all_finite, name_lost_grain, name_stray
   use dem_bonds_make, only: check_bonds
   use dem_forces, only: block_forces, sum_body
   use dem_lanes, only: sum_lanes, call_for, finish_puts
   use dem_integrate, only: motion_type, mover_type, push_type, load_mover, store_mover, &
-    load_forces, store_forces, ready_push, kick_mover, drift_mover, call_mover, read_mover, &
-    put_bodies, travel_of_mover, work_count
+    load_forces, store_forces, load_side, recall_side, ready_push, kick_mover, drift_mover, &
+    read_mover, put_bodies, travel_of_mover, work_count
   use dem_relist, only: rebuild_list, fit_skin, outlived, travel_of, larger
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_shape, only: quaternion_from_rotation
@@ -259,8 +259,9 @@ contains
         if (s < n) call start_chunk(d, c, motion, s + 1 == n, work, push, .false.)
       end do
     end do
-    do c = low, min(high, size(work%movers))
-      call store_mover(work%movers(c), d%grains)
+    do c = low, merge(min(high, size(work%movers)), 0, leave)
+      call recall_chunk(d, work%movers(c), push)
+      call store_mover(work%movers(c), push, d%grains)
     end do
     !$omp barrier
     !$omp master
@@ -321,33 +322,45 @@ contains
       call push_surfaces(d%surfaces, d%planes%velocity, motion, .true., work%started(:, c))
       call start_planes(d, motion%dt, last, travel)
     else if (d%cell%active) then
-      if (fresh) then
-        call load_forces(work%movers(c), d%grains, push)
-        call ready_push(work%movers(c), d%grains, push)
-      end if
+      if (fresh) call ready_chunk(d, work%movers(c), push)
       call start_carried(d, work%movers(c), motion, last, push, work%started(:, c), travel)
     else
       associate (mover => work%movers(c))
         if (mover%free_count > 0) then
-          if (fresh) then
-            call load_forces(mover, d%grains, push)
-            call ready_push(mover, d%grains, push)
-          end if
+          if (fresh) call ready_chunk(d, mover, push)
           call kick_mover(mover, push, motion, .true., work%started(:, c))
           call drift_mover(mover, push, motion%dt)
-          call put_bodies(mover, d%pairs%body, d%grains%forms)
-          travel = travel_of_mover(mover)
+          call put_bodies(mover, push, d%pairs%body, d%grains%forms)
+          travel = travel_of_mover(mover, push)
         end if
         do i = mover%low + 1, mover%low + merge(0, mover%count, mover%free_count == mover%count)
           if (stands(d%grains%kind(i))) cycle
           call drift_prescribed(d%grains, i, motion%dt, last, d%pairs%body(:, i))
-          mover%s%x(i - mover%low, :) = d%grains%x(:, i)
           travel = larger(travel, travel_of(d, i))
         end do
       end associate
     end if
     work%travel(c) = travel
   end subroutine start_chunk
+
+  !> What a step of a chunk begins with, as it stands with the grains.
+  subroutine ready_chunk(d, mover, push)
+    type(dem_data_type), intent(in) :: d
+    type(mover_type), intent(in) :: mover
+    type(push_type), intent(inout) :: push
+    call load_side(mover, d%grains, d%pairs, push)
+    call load_forces(mover, d%grains, push)
+    call ready_push(mover, d%grains, push)
+  end subroutine ready_chunk
+
+  !> Where the grains of a chunk are and how they move in a step that is half done.
+  subroutine recall_chunk(d, mover, push)
+    type(dem_data_type), intent(in) :: d
+    type(mover_type), intent(in) :: mover
+    type(push_type), intent(inout) :: push
+    call recall_side(mover, d%pairs%body, push)
+    if (d%cell%active) call recall_carried(d, mover, push)
+  end subroutine recall_chunk
 
   !> Planes and surfaces.
   subroutine start_planes(d, dt, last, travel)
@@ -386,9 +399,10 @@ contains
     end if
     if (c < size(work%movers)) call call_chunk(d%pairs, work%movers(c + 1))
     associate (mover => work%movers(c))
-      call read_mover(mover)
+      call read_mover(mover, .false.)
+      call recall_chunk(d, mover, push)
       call sum_lanes(d%pairs%result, d%pairs%entry, d%pairs%start(mover%low + 1:), mover%count, &
-                     mover%s%x, push%f, push%m)
+                     push%s%x, push%f, push%m)
       if (d%cell%active) call finish_carried(d, mover, motion%dt, push, work%finished(:, c))
       if (d%surfaces%near > 0) call add_surface_loads(d%surfaces, mover%low, mover%count, push%f, &
                                                       push%m)
@@ -401,6 +415,7 @@ contains
       if (last) call store_forces(mover, push, d%grains)
       call ready_push(mover, d%grains, push)
       call kick_mover(mover, push, motion, .false., work%finished(:, c))
+      if (last) call store_mover(mover, push, d%grains)
     end associate
   end subroutine finish_chunk
 
@@ -408,7 +423,7 @@ contains
   subroutine call_chunk(pairs, mover)
     type(dem_pairs_type), intent(in) :: pairs
     type(mover_type), intent(in) :: mover
-    call call_mover(mover)
+    call read_mover(mover, .true.)
     call call_for(pairs%body(:, mover%low + 1), body_size*mover%count)
   end subroutine call_chunk
 
@@ -450,6 +465,7 @@ contains
       many = min(chunk, d%grains%n - low)
       if (.not. any(d%grains%kind(low + 1:low + many) == kind_free)) cycle
       call load_mover(d%grains, d%pairs, low, many, mover)
+      call load_side(mover, d%grains, d%pairs, push)
       if (kick > 0.0_wp) call load_forces(mover, d%grains, push)
       call ready_push(mover, d%grains, push)
       if (kick > 0.0_wp) then
@@ -457,8 +473,8 @@ contains
         call kick_mover(mover, push, motion, .true., work(:, 1))
       end if
       if (drift > 0.0_wp) call drift_mover(mover, push, drift)
-      call store_mover(mover, d%grains)
-      if (drift > 0.0_wp) call put_bodies(mover, d%pairs%body, d%grains%forms)
+      call store_mover(mover, push, d%grains)
+      if (drift > 0.0_wp) call put_bodies(mover, push, d%pairs%body, d%grains%forms)
     end do
     if (kick > 0.0_wp) call add_grain_work(d, work)
     if (.not. drift > 0.0_wp) return

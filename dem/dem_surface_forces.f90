@@ -3,7 +3,7 @@
 !! A contact is found anew in every step and takes over the history of the last step's contact that
 !! lies nearest, so that a grain rolls from triangle to triangle, and over edges, without a jump.
 module dem_surface_forces
-  use talus_kinds, only: wp, i4, i8
+  use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
   use dem_extra_state, only: extra_work_count
   use dem_state, only: dem_data_type, dem_law_type, kind_free, lanes, history_size, history_point, &
@@ -19,31 +19,13 @@ module dem_surface_forces
   use dem_ellipse, only: ratio_on_plane
   implicit none
   private
-  public :: share_surfaces, add_surface_loads, surface_load
+  public :: work_grain, add_surface_loads, surface_load
   public :: leave_grain, figure_of, fill_block, distance, law_of, take_lane, about_centre, &
     clear_shares, share_loads, far_apart
 
   real(wp), parameter :: far_apart = 0.5_wp  !! distance in radii and turn that no contact makes
 
 contains
-
-  !> Contacts of this thread's run of the grains near surfaces.
-  subroutine share_surfaces(d, h, travel, me, threads)
-    type(dem_data_type), intent(inout) :: d
-    real(wp), intent(in) :: h       !! time since the last evaluation [s]
-    real(wp), intent(in) :: travel  !! no body has moved further since the list was made [m]
-    integer(i4), intent(in) :: me, threads
-    integer(i4) :: g
-    associate (s => d%surfaces)
-      do g = 1 + int(int(s%near, i8)*me/threads, i4), int(int(s%near, i8)*(me + 1)/threads, i4)
-        if (s%contacts(g) == 0 .and. travel < 0.5_wp*s%least_gap(g)) then
-          call leave_grain(s, g)
-        else
-          call work_grain(d, g, h)
-        end if
-      end do
-    end associate
-  end subroutine share_surfaces
 
   !> Near grain g has no contacts.
   pure subroutine leave_grain(s, g)

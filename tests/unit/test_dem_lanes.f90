@@ -5,7 +5,7 @@ program test_dem_lanes
   use dem_state, only: lanes, body_size, result_size, entries_ahead
   use dem_block, only: dem_side_type, dem_load_type
   use dem_lanes, only: gather_side, gather_spheres, put_loads, finish_puts, put_side, put_motion, &
-    sum_results, sum_lanes
+    take_side, take_motion, sum_results, sum_lanes
   implicit none
   type(test_type) :: test
   integer(i4), parameter :: bodies = 3*lanes + 5
@@ -17,7 +17,7 @@ program test_dem_lanes
     body(:, i) = [(100.0_wp*i + k, k=1, body_size)]
   end do
   index = [(1 + mod(37*k, bodies), k=1, lanes)]
-  call gather_side(body, index, index, side)
+  call gather_side(body, index, index, 0, side)
   call test%check('centres', all(side%x == transpose(body(1:3, index))))
   call test%check('velocities', all(side%vx == body(4, index)) .and. all(side%vz == body(6, index)))
   call test%check('spins', all(side%wx == body(7, index)) .and. all(side%wz == body(9, index)))
@@ -25,6 +25,7 @@ program test_dem_lanes
   call test%check('volumes', all(side%volume == body(16, index)))
   call check_spheres()
   call check_put()
+  call check_take()
   call check_loads()
   call test%finish()
 
@@ -35,7 +36,7 @@ contains
     type(dem_side_type) :: round
     round%s = -1.0_wp
     round%volume = -1.0_wp
-    call gather_spheres(body, index, index, round)
+    call gather_spheres(body, index, index, 1, round)
     call test%check('centres of spheres', all(round%x == transpose(body(1:3, index))))
     call test%check('velocities of spheres', all(round%vx == body(4, index)) &
                     .and. all(round%vy == body(5, index)) .and. all(round%vz == body(6, index)))
@@ -64,6 +65,36 @@ contains
     end do
     call test%check('motion goes back, shapes stay', count > lanes)
   end subroutine check_put
+
+  !> Records that follow each other to lanes: what was there before goes, beyond `count` too.
+  subroutine check_take()
+    type(dem_side_type) :: taken
+    real(wp) :: row(body_size, lanes)
+    integer(i4) :: count
+    do count = 1, lanes
+      taken = side
+      call take_side(body, count, taken)
+      row = lanes_of(taken)
+      if (any(row(:, :count) /= body(:, :count))) exit
+      if (any(abs(row(:, count + 1:)) > 0.0_wp)) exit
+    end do
+    call test%check('records to lanes', count > lanes)
+    do count = 1, lanes
+      taken = side
+      call take_motion(body, count, taken)
+      row = lanes_of(taken)
+      if (any(row(:9, :count) /= body(:9, :count))) exit
+      if (any(abs(row(:9, count + 1:)) > 0.0_wp) .or. any(row(10:, :) /= body(10:, index))) exit
+    end do
+    call test%check('motion to lanes, shapes stay', count > lanes)
+  end subroutine check_take
+
+  !> A side as records.
+  function lanes_of(from) result(row)
+    type(dem_side_type), intent(in) :: from
+    real(wp) :: row(body_size, lanes)
+    call put_side(from, lanes, row)
+  end function lanes_of
 
   !> A load acts on B as it is and on A reversed, summed in the order of entries.
   subroutine check_loads()
