@@ -27,7 +27,7 @@ STEPS = {
     "spheres_50000": 1000,
     "ellipsoids_2760": 6000,
     "ellipsoids_20000": 1000,
-    "ellipsoids_1000000": 10,
+    "ellipsoids_1000000": 100,
     "poly_ellipsoids_2760": 4000,
     "superquadrics_2760": 2000,
     "poly_ellipsoids_20000": 700,
