@@ -103,7 +103,7 @@ def run(case: Case) -> None:
     at = np.arange(len(ways))
     ax.semilogy(at, [max(w[0], 1e-17) for w in ways.values()], "o", label="initial = 'stress'")
     ax.semilogy(at, [w[1] for w in ways.values()], "s", label="initial = 'none'")
-    ax.axhline(1e-6, color="k", lw=0.8)
+    ax.axhline(1e-6, color="k", lw=0.8, label="limit")
     ax.set_xticks(at, list(ways))
     ax.set(xlabel="pack [-]", ylabel="way of a grain / diameter [-]")
     ax.legend()

@@ -16,6 +16,7 @@ STEP = 0.4 / CUT_OFF
 STEPS = 1400  # of the grains: waves of w = 0.75 are back 40 layers from the mesh
 DAMPING = 0.15 * CUT_OFF
 LAYERS = GRAINS  # that the waves are counted in: left of the mesh
+MARKERS = "os^vDxP+*<"  # colours repeat after eight
 
 
 def closed_form(w: np.ndarray, n: int) -> np.ndarray:
@@ -193,13 +194,13 @@ def draw(case: Case, curves: dict) -> None:
     for n, ax in zip((4, 8), axes, strict=True):
         nw = np.linspace(0.01, 3.0, 600)
         ax.plot(nw, closed_form(nw / n, n), label="closed form")
-        for name, (w, size) in curves.items():
-            if not name.startswith(f"n = {n}") and not (n == 4 and "alone" in name):
-                continue
+        mine = [k for k in curves if k.startswith(f"n = {n}") or (n == 4 and "alone" in k)]
+        for k, name in enumerate(mine):
+            w, size = curves[name]
             shown = (w * n < 3.0) & (w < 0.7)
-            ax.plot(n * w[shown], size[shown], ".", ms=3, label=name)
+            ax.plot(n * w[shown], size[shown], MARKERS[k % len(MARKERS)], ms=2.5, label=name)
         ax.set(xlabel="n w = frequency / cut-off of the mesh [-]", ylim=(0, 1.1))
-        ax.legend(fontsize=6)
+        ax.legend(fontsize=6, labelspacing=0.2, loc="upper right", bbox_to_anchor=(1.0, 0.75))
     axes[0].set(ylabel="reflection [-]")
     case.save(fig)
 
