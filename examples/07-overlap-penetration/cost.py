@@ -81,12 +81,11 @@ def draw(out: Path) -> None:
     fig, ax = new_figure(figsize=(6.4, 4.2))
     for k, label in enumerate(CONTACTS.values()):
         mine = [row for row in rows if row["run"] == f"ghosts {label}"]
-        for column, style in ((CPU, "o-"), (WALL, "s:")):
-            ax.plot(range(len(mine)), [float(row[column]) for row in mine], style, color=COLOURS[k],
-                    label=f"ghosts {label}, {column.split()[0]}")  # fmt: skip
+        ax.plot(range(len(mine)), [float(row[CPU]) for row in mine], "o-", color=COLOURS[k],
+                label=f"overlap, ghosts {label}")  # fmt: skip
     ax.axhline(float(rows[0][CPU]), color="k", ls="--", lw=1.0, label="all grains")
     ax.set_xticks(range(len(LENGTHS)), [str(m) for m in LENGTHS])
-    ax.set(xlabel="steps of the grains in an exchange", ylabel="time a step [ms]")
+    ax.set(xlabel="steps of the grains in an exchange", ylabel="CPU time a step [ms]")
     ax.set_ylim(bottom=0.0)
     ax.legend(fontsize=8)
     save_figure(fig, out / "cost.png")
