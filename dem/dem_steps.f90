@@ -97,12 +97,12 @@ contains
         travel = max(travel, 2.0_wp*d%halo%before)  ! late if steps were taken beyond half the skin
         call d%halo%team%most(travel)
       end if
+      if (allocated(work%movers)) deallocate (work%movers)  ! most memory is in use at a rebuild
       call rebuild_list(d, travel(1))
       if (d%pairs%extras%active) call check_bonds(d, errors)
       if (errors%any()) return
       resumed = .true.
-      if (.not. d%halo%team%several()) cycle
-      call name_stray(d, errors)
+      if (d%halo%team%several()) call name_stray(d, errors)
       if (d%halo%strayed) return
       call plan_work(d, work)
     end do
@@ -118,7 +118,7 @@ contains
     logical, intent(in) :: begun  !! steps were taken before this one
     if (begun) call add_grain_work(d, work%finished)
     call add_grain_work(d, work%started)
-    deallocate (work%movers, work%load, work%started, work%finished)
+    deallocate (work%load, work%started, work%finished)
   end subroutine settle_work
 
   !> Chunks of grains and how much work each is: a free grain counts ten, another one one.
@@ -129,12 +129,15 @@ contains
 
     chunks = (d%grains%n + chunk - 1)/chunk + 1
     if (allocated(work%load)) then
-      if (size(work%load) /= chunks) deallocate (work%movers, work%load, work%started, &
-                                                 work%finished)
+      if (size(work%load) /= chunks) deallocate (work%load, work%started, work%finished)
     end if
+    if (allocated(work%movers)) then
+      if (size(work%movers) /= chunks - 1) deallocate (work%movers)
+    end if
+    if (.not. allocated(work%movers)) allocate (work%movers(chunks - 1))
     if (.not. allocated(work%load)) then
       if (allocated(work%travel)) deallocate (work%travel)
-      allocate (work%movers(chunks - 1), work%load(chunks), work%travel(chunks))
+      allocate (work%load(chunks), work%travel(chunks))
       allocate (work%started(work_count, chunks), work%finished(work_count, chunks))
       work%started = 0.0_wp
       work%finished = 0.0_wp

@@ -83,7 +83,7 @@ BEDS = {
         Bed("spheres_50000", "spheres", 50000, 37, 0.30, 25.0),
         Bed("ellipsoids_2760", "ellipsoids", 2760, 14, 0.30, 25.0, DENSE),
         Bed("ellipsoids_20000", "ellipsoids", 20000, 27, 0.35, 15.0, 0.40),
-        Bed("ellipsoids_1000000", "ellipsoids", 1000000, 27, 0.004, 200.0, FRICTION,
+        Bed("ellipsoids_1000000", "ellipsoids", 1000000, 27, 0.020, 200.0, FRICTION,
             "ellipsoids_20000", (10, 5)),
     )
 }  # fmt: skip
