@@ -42,12 +42,13 @@ module dem_integrate
   end type kick_type
 
   !> Consecutive grains, one short array a quantity; lanes that are not free stand still. Centres,
-  !! velocities, spins and shapes are in the body records, from where a push takes them.
+  !! velocities, spins and shapes are in the body records, from where a push takes them. Nothing has
+  !! a value before load_mover: each thread is the first to touch its own.
   type :: mover_type
-    integer(i4) :: low = 0, count = 0    !! grains low+1 .. low+count
-    integer(i4) :: free_count = 0        !! of these, free
-    logical :: round = .false.           !! all are spheres
-    logical :: pushed = .false.          !! some have extra forces or moments
+    integer(i4) :: low, count            !! grains low+1 .. low+count
+    integer(i4) :: free_count            !! of these, free
+    logical :: round                     !! all are spheres
+    logical :: pushed                    !! some have extra forces or moments
     real(wp) :: free(lanes)              !! 1 for free grains, else 0
     real(wp) :: q(lanes, 4), theta(lanes, 3), mass(lanes)
     real(wp) :: x0(lanes, 3)                  !! where the list was made [m]
