@@ -20,6 +20,8 @@ module dem_forces
   private
   public :: block_forces, sum_body
 
+  integer(i4), parameter :: ahead = 3  !! blocks: histories and normals are called for so early
+
   !> Scratch of one block, each thread's own. On the stack its arrays may lie across lines of the
   !! cache, as chance has it: a tenth of the speed of a bed hung on that.
   type(dem_block_type) :: mine
@@ -37,7 +39,7 @@ contains
     integer(i4), intent(in) :: k        !! block
     real(wp), intent(in) :: h           !! time since the last evaluation [s]
     real(wp), intent(in) :: travel      !! no surface has moved further since the list was made [m]
-    integer(i4) :: next
+    integer(i4) :: next, later
     logical :: contact
 
     if (pairs%extras%active) pairs%extras%work(:, k) = 0.0_wp
@@ -46,18 +48,19 @@ contains
       return
     end if
     next = min(k + 1, pairs%blocks)
+    later = min(k + ahead, pairs%blocks)
     if (pairs%round(k)) then
       if (pairs%touched(k)) call read_in_order(pairs%history(:, 1, k), history_root*lanes)
       call gather_pair(pairs, k, next, .true.)
-      if (pairs%touched(next)) call call_for(pairs%history(:, 1, next), history_root*lanes)
+      if (pairs%touched(later)) call call_for(pairs%history(:, 1, later), history_root*lanes)
       call branch_vectors(mine)
       call evaluate_spheres(mine)
     else
       if (pairs%touched(k)) call read_in_order(pairs%history(:, 1, k), history_size*lanes)
       call read_in_order(pairs%normal(:, 1, k), 3*lanes)
       call gather_pair(pairs, k, next, pairs%form(k) > 0)
-      if (pairs%touched(next)) call call_for(pairs%history(:, 1, next), history_size*lanes)
-      call call_for(pairs%normal(:, 1, next), 3*lanes)
+      if (pairs%touched(later)) call call_for(pairs%history(:, 1, later), history_size*lanes)
+      call call_for(pairs%normal(:, 1, later), 3*lanes)
       call branch_vectors(mine)
       call take_normals(pairs, mine, k)
       if (pairs%form(k) > 0) then
