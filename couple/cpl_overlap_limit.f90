@@ -16,6 +16,7 @@ module cpl_overlap_limit
   public :: check_step, highest_frequency, mode_type, kick_watch_type, kick_warning
 
   integer(i4), parameter :: most_rounds = 300, quiet_rounds = 5
+  integer(i4), parameter :: first_look = 16   !! remaps before the limit of kicks is found again
   real(wp), parameter :: settled = 1.0e-4_wp  !! change of the frequency in a round, relative
 
   !> The fastest motion: angular frequency, and who moves most in it.
@@ -101,7 +102,8 @@ contains
     self%active = .true.
   end subroutine begin_watch
 
-  !> After remaps 1, 2, 4, 8 and so on. The least limit stays; said is what the log has to tell.
+  !> After remaps 16, 32, 64 and so on: it costs as much as 30 exchanges. The least limit stays;
+  !! said is what the log has to tell.
   subroutine renew_limit(self, o, exchange, timers, said)
     class(kick_watch_type), intent(in) :: self
     type(overlap_type), intent(inout) :: o
@@ -112,7 +114,7 @@ contains
     real(wp) :: before
 
     said = ''
-    if (.not. self%active .or. popcnt(o%remaps) /= 1) return
+    if (.not. self%active .or. o%remaps < first_look .or. popcnt(o%remaps) /= 1) return
     call timers%start('stable step')
     mode = highest_frequency(o, self%kicks)
     call timers%stop('stable step')
