@@ -1,7 +1,7 @@
 !> The command line that all three programs share.
 module talus_options
   use talus_kinds, only: i4
-  use talus_text, only: string_type, append_string, starts_with
+  use talus_text, only: string_type, append_string, starts_with, str
   use talus_errors, only: error_list_type
   use talus_suggest, only: did_you_mean
   use talus_deck_value, only: parse_integer, value_good
@@ -10,6 +10,7 @@ module talus_options
   public :: options_type, parse_options, parse_arguments, usage_text
 
   integer(i4), parameter :: most_threads = 1024
+  integer(i4), parameter :: most_ranks = 100000
 
   !> What the user asked for.
   type :: options_type
@@ -26,6 +27,7 @@ module talus_options
     logical :: weights = .false.                 !! talus-couple --weights: of an overlap in a file
     character(len=:), allocatable :: point       !! '' or the rendezvous file of launch = 'attach'
     integer(i4) :: threads = 0                   !! 0: not said
+    integer(i4) :: ranks = 0                     !! talus-dem --check: foretell memory; 0: not said
   end type options_type
 
 contains
@@ -79,6 +81,10 @@ contains
     end do
     if (errors%any()) return
     if (options%help .or. options%version .or. options%keys) return
+    if (options%ranks > 0 .and. .not. options%check) &
+      call errors%add('D022', 'option --ranks goes with --check alone', 'command line', &
+                      'a run gets its ranks from its launcher: mpirun -n '//str(options%ranks)// &
+                      ' '//program//' deck.nml')
     if (len(options%deck) == 0) call errors%add('D021', 'no deck was given', 'command line', &
                                                 usage_line(program)//'; --help says more')
   end subroutine parse_arguments
@@ -113,8 +119,9 @@ contains
                         'write talus-couple FILE.h5 --weights')
         return
       end if
-    case ('--restart', '--port', '--output', '--point', '--threads', '--measure')
-      if (name == '--measure' .and. program /= 'talus-dem') then
+    case ('--restart', '--port', '--output', '--point', '--threads', '--measure', '--ranks')
+      if (any(name == [character(len=9) :: '--measure', '--ranks']) .and. &
+          program /= 'talus-dem') then
         call unknown_option(program, name, errors)
         return
       end if
@@ -138,7 +145,6 @@ contains
     type(options_type), intent(inout) :: options
     character(len=*), intent(in) :: name, value
     type(error_list_type), intent(inout) :: errors
-    integer(i4) :: status
 
     select case (name)
     case ('--check')
@@ -164,14 +170,24 @@ contains
     case ('--weights')
       options%weights = .true.
     case ('--threads')
-      call parse_integer(value, options%threads, status)
-      if (status /= value_good .or. options%threads < 1 .or. options%threads > most_threads) then
-        call errors%add('D022', '--threads='//value//' is no number from 1 to 1024', &
-                        'command line', 'write --threads=2')
-        options%threads = 0
-      end if
+      call take_number(name, value, most_threads, options%threads, errors)
+    case ('--ranks')
+      call take_number(name, value, most_ranks, options%ranks, errors)
     end select
   end subroutine set_option
+
+  subroutine take_number(name, value, most, number, errors)
+    character(len=*), intent(in) :: name, value
+    integer(i4), intent(in) :: most
+    integer(i4), intent(inout) :: number
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: status
+    call parse_integer(value, number, status)
+    if (status == value_good .and. number >= 1 .and. number <= most) return
+    call errors%add('D022', name//'='//value//' is no number from 1 to '//str(most), &
+                    'command line', 'write '//name//'='//example_of(name))
+    number = 0
+  end subroutine take_number
 
   subroutine unknown_option(program, name, errors)
     character(len=*), intent(in) :: program, name
@@ -189,6 +205,7 @@ contains
     call append_string(names, '--point=')
     call append_string(names, '--threads=')
     if (program == 'talus-dem') call append_string(names, '--measure=')
+    if (program == 'talus-dem') call append_string(names, '--ranks=')
     if (program == 'talus-couple') call append_string(names, '--weights')
     call errors%add('D020', program//' has no option '//name, 'command line', &
                     did_you_mean(name, names, 'options:'))
@@ -202,6 +219,8 @@ contains
       text = 'auto'
     case ('--threads')
       text = '2'
+    case ('--ranks')
+      text = '64'
     case ('--output')
       text = 'results'
     case ('--port')
@@ -238,6 +257,9 @@ contains
       call append_string(lines, '  --port=SPEC     serve talus-couple there (set by talus-couple)')
     call append_string(lines, '  --point=FILE    rendezvous file, where all three are started'// &
                        ' by hand')
+    if (program == 'talus-dem') &
+      call append_string(lines, '  --ranks=N       with --check: memory that the run would take'// &
+                         ' on N ranks')
     if (program == 'talus-dem') &
       call append_string(lines, '  --measure=FILE  &measure and &grid of the deck, on a field'// &
                          ' file of an earlier run')

@@ -64,7 +64,7 @@ contains
     real(wp) :: low(3), high(3)
     real(wp), allocatable :: cuts(:, :)
     integer(i4), allocatable :: column(:)
-    integer(i4) :: k, p(3)
+    integer(i4) :: k, p(3), boxes
 
     do k = 1, 3
       low(k) = minval(x(k, :))
@@ -77,7 +77,8 @@ contains
       high = 1.0_wp
     end if
     high = max(high, low + 1.0e-3_wp*max(maxval(high - low), sqrt(tiny(1.0_wp))))
-    if (.not. halo%cut) halo%parts = best_parts(halo%team%ranks, (high - low)/halo%per_length)
+    boxes = merge(halo%domains, halo%team%ranks, halo%domains > 0)
+    if (.not. halo%cut) halo%parts = best_parts(boxes, (high - low)/halo%per_length)
     halo%cut = .true.
     p = halo%parts
     if (allocated(halo%cut_x)) deallocate (halo%cut_x, halo%cut_y, halo%cut_z)

@@ -14,6 +14,7 @@ module dem_halo_state
 
   type :: dem_halo_type
     type(ranks_type) :: team
+    integer(i4) :: domains = 0                 !! boxes to cut into; 0: one a rank
     integer(i4) :: parts(3) = 1                !! slabs, bars in each, boxes in each
     real(wp), allocatable :: cut_x(:)          !! (0:px) ends of the slabs [m]
     real(wp), allocatable :: cut_y(:, :)       !! (0:py, px) of the bars [m]

@@ -10,11 +10,12 @@ program talus_dem
   use talus_ranks, only: ranks_type, join_ranks, leave_ranks
   use talus_report, only: report_check
   use talus_deck_table, only: key_table_type
+  use talus_text, only: str
   use talus_system, only: ignore_write_signals, talus_exit, talus_short_spins
   use dem_crew, only: dem_crew_type
   use dem_follow, only: serve_leader
   use dem_swap, only: prefer_copies
-  use dem_memory, only: report_memory
+  use dem_memory, only: report_memory, check_ranks
   use dem_model, only: dem_model_type, program_name
   use dem_measure_file, only: measure_file
   use dem_deck_keys, only: dem_deck_table
@@ -88,7 +89,11 @@ contains
 
   !> --check: read everything, evaluate the first forces, report with the memory it takes, leave.
   subroutine check()
-    call model%read(options, errors)
+    if (options%ranks > 0 .and. ranks%several()) &
+      call errors%add('D022', 'option --ranks is for one process, there are '// &
+                      str(ranks%ranks), 'command line', 'leave out --ranks, or mpirun')
+    if (.not. errors%any()) call model%read(options, errors)
+    if (.not. errors%any()) call check_ranks(model, errors)
     if (.not. errors%any()) call model%prepare(errors)
     call report_check(program_name, model%deck, errors, options%json)
     if (.not. (errors%any() .or. options%json)) &

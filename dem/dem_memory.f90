@@ -1,21 +1,36 @@
 !> Memory that a deck takes, on stdout, for --check: of one process after the first forces, of ranks
-!! after all that makes them large was tried out.
+!! after all that makes them large was tried out, of ranks that are not there as it is foretold.
 module dem_memory
   use, intrinsic :: iso_fortran_env, only: output_unit
   use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
   use talus_log, only: short_number
   use talus_system, only: memory_free, memory_resident, memory_most
   use talus_text, only: str
   use dem_archive, only: dem_archive_type
+  use dem_foretell, only: rank_loads_type, find_loads, memory_foretold
   use dem_model, only: dem_model_type
+  use dem_state, only: kind_free
   use dem_system, only: dem_system_type
   implicit none
   private
-  public :: report_memory
+  public :: report_memory, check_ranks
 
   real(wp), parameter :: mebibyte = 1048576.0_wp
 
 contains
+
+  !> A rank without a grain is one too many to plan for (D291).
+  subroutine check_ranks(model, errors)
+    type(dem_model_type), intent(in) :: model
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: free
+    free = int(count(model%system%grains%kind == kind_free), i4)
+    if (model%options%ranks <= free) return
+    call errors%add('D291', 'there are '//str(free)//' free grains for '// &
+                    str(model%options%ranks)//' ranks', 'command line', &
+                    'some 1500 grains a rank and more are worth it')
+  end subroutine check_ranks
 
   !> Of the run that was prepared.
   subroutine report_memory(model)
@@ -25,6 +40,7 @@ contains
       text = memory_of_ranks(model%system, gathers(model))
     else
       text = memory_of_one(model%system)
+      if (model%options%ranks > 0) text = text//new_line('a')//foretold(model)
     end if
     write (output_unit, '(a)') text
     flush (output_unit)
@@ -62,9 +78,31 @@ contains
     text = 'memory of '//str(size(rows, 2))//' ranks at most: the first '// &
            short_number(rows(1, 1)/mebibyte)//' MiB, the others '// &
            span(rows(1, 2:)/mebibyte)//' MiB'//new_line('a')// &
-           'a rank holds '//span(rows(2, :))//' free grains, '//span(rows(3, :))// &
-           ' mirrors of others, '//span(rows(4, :))//' candidate pairs'
+           holdings(rows(2, :), rows(3, :), rows(4, :))
   end function memory_of_ranks
+
+  !> The same of ranks that are not there.
+  function foretold(model) result(text)
+    type(dem_model_type), intent(in) :: model
+    character(len=:), allocatable :: text
+    type(rank_loads_type) :: loads
+    real(wp), allocatable :: most(:)
+    call find_loads(model%system%dem_data_type, model%options%ranks, loads)
+    most = memory_foretold(model%system%dem_data_type, loads, .not. model%starts_whole(), &
+                           gathers(model))
+    text = 'memory of '//str(size(most))//' ranks, foretold to a fifth: the first '// &
+           short_number(most(1)/mebibyte)//' MiB'
+    if (size(most) > 1) text = text//', the others '//span(most(2:)/mebibyte)//' MiB'
+    text = text//new_line('a')//holdings(real(loads%own, wp), real(loads%mirrors, wp), &
+                                         real(loads%pairs, wp))
+  end function foretold
+
+  function holdings(own, mirrors, pairs) result(text)
+    real(wp), intent(in) :: own(:), mirrors(:), pairs(:)  !! (ranks)
+    character(len=:), allocatable :: text
+    text = 'a rank holds '//span(own)//' free grains, '//span(mirrors)// &
+           ' mirrors of others, '//span(pairs)//' candidate pairs'
+  end function holdings
 
   !> Least and most.
   function span(values) result(text)

@@ -20,7 +20,7 @@ module dem_migrate
   use dem_surface_share, only: pack_touches, adopt_touches
   implicit none
   private
-  public :: share_out, pack_grains, make_local
+  public :: share_out, pack_grains, make_local, slab, most_imbalance
 
   integer(i4), parameter :: slab = 50000          !! grains that a rank sends at a time
   real(wp), parameter :: most_imbalance = 1.1_wp  !! domains are cut anew above it

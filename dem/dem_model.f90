@@ -98,7 +98,7 @@ module dem_model
     procedure :: write_due
     procedure, private :: watch_stops, drive_surfaces, judge_rest, take_probes, &
       write_row, steps_seconds
-    procedure :: save_checkpoint, needs_whole
+    procedure :: save_checkpoint, needs_whole, starts_whole
   end type dem_model_type
 
 contains
@@ -182,8 +182,7 @@ contains
         'there is no checkpoint to go on from: a fresh run')
     end if
     call self%histories%init(self%system)
-    self%system%apart = self%ranks%several() .and. &
-      .not. (self%needs_whole() .or. self%system%pairs%extras%bond%given)
+    self%system%apart = self%ranks%several() .and. .not. self%starts_whole()
     if (len(self%restart_path) > 0) then
       call self%begin_again(self%restart_path, every, errors)
     else
@@ -398,6 +397,12 @@ contains
     class(dem_model_type), intent(in) :: self
     needs_whole = self%servo%surfaces%active() .or. self%probe%wanted .or. self%served
   end function needs_whole
+
+  !> Does one process make the first list and forces, whatever the ranks?
+  logical function starts_whole(self)
+    class(dem_model_type), intent(in) :: self
+    starts_whole = self%needs_whole() .or. self%system%pairs%extras%bond%given
+  end function starts_whole
 
   !> Have the grains come to rest, and do all servos hold their stresses?
   subroutine judge_rest(self)

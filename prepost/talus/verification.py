@@ -155,7 +155,7 @@ class Case:
         """
         if program == "talus-dem":
             ranks = ranks or self.ranks
-        if program == "talus-couple" and self.ranks:
+        if program == "talus-couple" and self.ranks and "--weights" not in args:
             start_grains_on_ranks(self.folder / deck, self.ranks, self.bin("talus-dem"))
         environment = dict(os.environ)
         environment.setdefault("OMP_NUM_THREADS", "1")

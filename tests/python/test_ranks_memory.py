@@ -1,4 +1,4 @@
-"""What --check on ranks tells of memory, against what a run takes."""
+"""What --check tells of the memory of ranks, with and without them, against what a run takes."""
 
 import os
 import re
@@ -28,34 +28,49 @@ print("rank", os.environ["OMPI_COMM_WORLD_RANK"], most, flush=True)
 sys.exit(code)
 """
 OFF = 0.15  # foretold over measured: lists are made anew at other times
+FORETOLD = 0.2  # by one process over what the ranks tell, freed arrays left as they are
 SIDE = 32
 # freed arrays go back to the system at once; else what stays in pieces scatters by a sixth and more
 RETURNED = {"MALLOC_MMAP_THRESHOLD_": "131072", "MALLOC_TRIM_THRESHOLD_": "131072"}
 
 
-def test_check_foretells_the_memory_of_ranks(tmp_path: Path) -> None:
-    """First rank and the others, 32 768 grains, two of which reach over the border in each row."""
+def write_input(folder: Path) -> None:
+    """Write deck and packing, 32 768 grains."""
     rng = np.random.default_rng(1)
     axes = np.meshgrid(*3 * [np.arange(SIDE)])
     x = 1.995e-3 * np.column_stack([a.ravel() for a in axes]) + rng.uniform(
         -5e-6, 5e-6, (SIDE**3, 3)
     )
     write_packing(
-        tmp_path / "pack.h5", x, np.tile([1.01e-3, 1.0e-3, 0.99e-3], (len(x), 1)),
+        folder / "pack.h5", x, np.tile([1.01e-3, 1.0e-3, 0.99e-3], (len(x), 1)),
         v=rng.normal(scale=0.05, size=x.shape),
     )  # fmt: skip
-    (tmp_path / "deck.nml").write_text(DECK)
+    (folder / "deck.nml").write_text(DECK)
+
+
+def told_by(words: list[str], folder: Path, **more: str) -> tuple[float, float, int, float]:
+    """Return MiB of the first rank and of the other, free grains of both, least mirrors."""
+    told = subprocess.run(
+        [*words, "deck.nml"], cwd=folder, capture_output=True, text=True, check=True,
+        env=dict(os.environ, OMP_NUM_THREADS="1", **more),
+    ).stdout  # fmt: skip
+    first, other = re.search(r"the first (\S+) MiB, the others (\S+) MiB", told).groups()
+    least, _, most = re.search(r"holds (\d+)( to )?(\d*) free", told).groups()
+    mirrors = float(re.search(r"grains, (\d+)", told)[1])
+    return float(first), float(other), int(least) + int(most or least), mirrors
+
+
+def test_check_foretells_the_memory_of_ranks(tmp_path: Path) -> None:
+    """First rank and the others; two grains reach over the border in each row."""
+    write_input(tmp_path)
     (tmp_path / "watch.py").write_text(WATCH)
     program = str(find_program("talus-dem"))
+    words = [*launcher(2), program, "--check"]
+    first, other, grains, mirrors = told_by(words, tmp_path, **RETURNED)
+    assert grains == SIDE**3
+    assert SIDE**2 <= mirrors <= 3 * SIDE**2
     options = {"cwd": tmp_path, "capture_output": True, "text": True, "check": True,
                "env": dict(os.environ, OMP_NUM_THREADS="1", **RETURNED)}  # fmt: skip
-    told = subprocess.run([*launcher(2), program, "--check", "deck.nml"], **options).stdout
-    first, other = (
-        float(v) for v in re.search(r"the first (\S+) MiB, the others (\S+) MiB", told).groups()
-    )
-    least, _, most = re.search(r"holds (\d+)( to )?(\d*) free", told).groups()
-    assert int(least) + int(most or least) == SIDE**3
-    assert SIDE**2 <= float(re.search(r"grains, (\d+)", told)[1]) <= 3 * SIDE**2
     watched = [*launcher(2), sys.executable, "watch.py", program, "deck.nml"]
     found = re.findall(r"^rank (\d) (\d+)$", subprocess.run(watched, **options).stdout, re.M)
     used = {rank: int(kib) / 1024 for rank, kib in found}
@@ -63,3 +78,15 @@ def test_check_foretells_the_memory_of_ranks(tmp_path: Path) -> None:
     assert int(rebuilds[1]) > 0
     assert abs(first / used["0"] - 1) < OFF
     assert abs(other / used["1"] - 1) < OFF
+
+
+def test_one_process_foretells_the_memory_of_ranks(tmp_path: Path) -> None:
+    """What --check --ranks=2 tells is what two ranks tell."""
+    write_input(tmp_path)
+    program = str(find_program("talus-dem"))
+    first, other, grains, mirrors = told_by([program, "--check", "--ranks=2"], tmp_path)
+    found = told_by([*launcher(2), program, "--check"], tmp_path)
+    assert abs(first / found[0] - 1) < FORETOLD
+    assert abs(other / found[1] - 1) < FORETOLD
+    assert grains == found[2] == SIDE**3
+    assert abs(mirrors / found[3] - 1) < FORETOLD

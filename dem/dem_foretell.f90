@@ -1,0 +1,167 @@
+!> What ranks would hold and take of a whole that one process has, without them: domains are cut as
+!! ranks cut them, and what each would hold is counted in the list of the whole.
+!!
+!! Bytes are those of the arrays that live at the two places where most memory is in use: where the
+!! leader hands out the whole, and where a rank sends grains and contacts while its old list is
+!! still there. What is freed stays in pieces that are not all of use again, so that more is taken:
+!! the factors are what runs of 10^5 to 10^6 ellipsoids on 2 to 8 ranks took.
+module dem_foretell
+  use talus_kinds, only: wp, i4, i8
+  use dem_domains, only: cut_domains, rank_at, ranks_near, place_of, turn_to_cell
+  use dem_halo_state, only: dem_halo_type
+  use dem_migrate, only: slab, most_imbalance
+  use dem_records, only: grain_reals, contact_reals, carried
+  use dem_state, only: dem_data_type, kind_free, lanes, body_size, history_size, result_size
+  implicit none
+  private
+  public :: rank_loads_type, find_loads, memory_foretold
+
+  real(wp), parameter :: bytes = 8.0_wp             !! of a real
+  real(wp), parameter :: alone = 27.0_wp*2**20      !! a rank without grains [byte]
+  real(wp), parameter :: alone_first = 32.0_wp*2**20
+  real(wp), parameter :: pieces = 1.35_wp           !! of a rank's part: taken over what lives
+  real(wp), parameter :: pieces_first = 1.1_wp      !! of the whole, while it is handed out
+  integer(i4), parameter :: target_reals = 7        !! of a grain, not in its record, see dem_state
+  integer(i4), parameter :: list_reals = 9          !! of a body, in the list
+
+  !> What each rank would hold. Contacts are those that remember something.
+  type :: rank_loads_type
+    integer(i8), allocatable :: own(:), mirrors(:), pairs(:), contacts(:)  !! (0:ranks-1)
+  end type rank_loads_type
+
+contains
+
+  !> Loads of the ranks after the first forces, the list being there.
+  subroutine find_loads(d, ranks, loads)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: ranks
+    type(rank_loads_type), intent(out) :: loads
+    type(dem_halo_type) :: halo
+    real(wp), allocatable :: place(:, :), work(:)
+    integer(i4), allocatable :: own(:), home(:)
+    integer(i4) :: k
+
+    own = pack([(k, k=1, d%grains%n)], d%grains%kind == kind_free)
+    halo%domains = ranks
+    halo%range = 2.0_wp*max(maxval(d%grains%radius(own)), 0.0_wp) + d%pairs%skin
+    call turn_to_cell(halo, d%cell)
+    allocate (place(3, size(own)), work(size(own)))
+    do k = 1, size(own)
+      place(:, k) = place_of(halo, d%grains%x(:, own(k)))
+    end do
+    work = 2.0_wp  ! as long as there is no list
+    call cut_domains(halo, place, work)
+    do k = 1, size(own)
+      work(k) = 2 + d%pairs%start(own(k) + 1) - d%pairs%start(own(k))
+    end do
+    if (imbalance_of(halo, place, work, ranks) > most_imbalance) &
+      call cut_domains(halo, place, work)
+    allocate (home(d%grains%n), source=-1_i4)
+    allocate (loads%own(0:ranks - 1), source=0_i8)
+    do k = 1, size(own)
+      home(own(k)) = rank_at(halo, place(:, k))
+      loads%own(home(own(k))) = loads%own(home(own(k))) + 1
+    end do
+    call count_mirrors(halo, place, ranks, loads%mirrors)
+    call count_pairs(d, home, ranks, loads)
+  end subroutine find_loads
+
+  !> Most work of a domain over the mean.
+  real(wp) function imbalance_of(halo, place, work, ranks) result(imbalance)
+    type(dem_halo_type), intent(in) :: halo
+    real(wp), intent(in) :: place(:, :), work(:)
+    integer(i4), intent(in) :: ranks
+    real(wp) :: sums(0:ranks - 1)
+    integer(i4) :: k, r
+    sums = 0.0_wp
+    do k = 1, size(work)
+      r = rank_at(halo, place(:, k))
+      sums(r) = sums(r) + work(k)
+    end do
+    imbalance = maxval(sums)*ranks/max(sum(sums), 1.0_wp)
+  end function imbalance_of
+
+  !> Grains of others that each rank would know.
+  subroutine count_mirrors(halo, place, ranks, mirrors)
+    type(dem_halo_type), intent(in) :: halo
+    real(wp), intent(in) :: place(:, :)
+    integer(i4), intent(in) :: ranks
+    integer(i8), allocatable, intent(out) :: mirrors(:)
+    integer(i4) :: near(0:ranks - 1), many, k
+    allocate (mirrors(0:ranks - 1), source=0_i8)
+    do k = 1, size(place, 2)
+      call ranks_near(halo, place(:, k), halo%range, near, many)
+      mirrors(near(:many - 1)) = mirrors(near(:many - 1)) + 1
+      associate (here => mirrors(rank_at(halo, place(:, k))))
+        here = here - 1
+      end associate
+    end do
+  end subroutine count_mirrors
+
+  !> Candidates and contacts of each rank; those over a border are on both sides.
+  subroutine count_pairs(d, home, ranks, loads)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: home(:)  !! (grains) rank of a free grain, -1 for the others
+    integer(i4), intent(in) :: ranks
+    type(rank_loads_type), intent(inout) :: loads
+    integer(i4) :: k, lane, a, b, contact
+    allocate (loads%pairs(0:ranks - 1), loads%contacts(0:ranks - 1), source=0_i8)
+    do k = 1, d%pairs%blocks
+      do lane = 1, lanes
+        if (d%pairs%grain(d%pairs%second(lane, k)) == 0) cycle  ! a pad
+        a = -1
+        if (d%pairs%first(lane, k) <= d%grains%n) a = home(d%pairs%first(lane, k))
+        b = home(d%pairs%grain(d%pairs%second(lane, k)))
+        contact = merge(1_i4, 0_i4, carried(d, lane, k))
+        call add(a)
+        if (b /= a) call add(b)
+      end do
+    end do
+
+  contains
+
+    subroutine add(rank)
+      integer(i4), intent(in) :: rank
+      if (rank < 0) return
+      loads%pairs(rank) = loads%pairs(rank) + 1
+      loads%contacts(rank) = loads%contacts(rank) + contact
+    end subroutine add
+  end subroutine count_pairs
+
+  !> Most memory that each rank will have had [byte].
+  function memory_foretold(d, loads, apart, gathers) result(most)
+    type(dem_data_type), intent(in) :: d
+    type(rank_loads_type), intent(in) :: loads
+    logical, intent(in) :: apart    !! the whole is handed out before it has a list
+    logical, intent(in) :: gathers  !! the first rank has the whole with its list from time to time
+    real(wp) :: most(0:size(loads%own) - 1)
+    real(wp) :: record, body, slot, row, contact, prescribed, whole, list, lean, held, part
+    integer(i4) :: r
+
+    row = bytes*grain_reals(d%grains%forms%n > 0)
+    contact = bytes*contact_reals(d)
+    body = bytes*(body_size + list_reals)
+    record = row + bytes*(target_reals + 1 - body_size)
+    slot = bytes*(3 + history_size + result_size + 1 + 1 + 1) + bytes*d%pairs%extras%reals
+    if (size(d%pairs%weight, 2) > 1) slot = slot + bytes
+    slot = slot*lanes*d%pairs%blocks/max(d%pairs%count, 1)  ! with the pads
+    prescribed = real(count(d%grains%kind /= kind_free), wp)
+    do r = 0, size(loads%own) - 1
+      held = loads%own(r) + loads%mirrors(r) + prescribed
+      ! the old list is there while contacts are sent; the old grains have gone when rows of all
+      ! have come together
+      part = loads%pairs(r)*slot + &
+        max(held*(record + body) + loads%own(r)*row + 2.0_wp*loads%contacts(r)*contact, &
+            2.0_wp*held*row + loads%contacts(r)*contact)
+      most(r) = alone + pieces*part
+    end do
+    whole = d%grains%n*(record + body)
+    list = d%pairs%count*slot
+    lean = d%grains%n*record
+    most(0) = most(0) - alone + alone_first + lean
+    if (gathers) most(0) = most(0) + d%grains%n*(body + row) + list + sum(loads%contacts)*contact
+    held = 2.0_wp*whole + 2.0_wp*row*(min(d%grains%n, slab) + loads%own(0))
+    if (.not. apart) held = held + 2.0_wp*list
+    most(0) = max(most(0), alone_first + pieces_first*held)
+  end function memory_foretold
+end module dem_foretell
