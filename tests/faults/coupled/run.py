@@ -110,10 +110,12 @@ class Run:
 
     def wait_for_solvers(self) -> None:
         """Wait until both solvers are there."""
-        limit = time.monotonic() + 20.0
+        limit = time.monotonic() + 60.0
         while len(self.solvers) < 2 and time.monotonic() < limit:
             self.solvers = {k: v for k, v in children(self.pid).items() if k in PROGRAMS}
             time.sleep(0.01)
+        if len(self.solvers) < 2:
+            raise SystemExit(f"no two solvers within 60 s: {self.end(1.0)}")
 
     def end(self, limit: float = 60.0) -> tuple[int, str]:
         """Return exit code and output; a run that hangs is killed and has code -1."""
