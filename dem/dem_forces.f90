@@ -7,8 +7,8 @@ module dem_forces
   use dem_form_lanes, only: form_block_type, ready_forms, evaluate_forms, evaluate_form_planes, &
     refine_forms, add_form_curvatures, solve_form_lane
   use dem_form_state, only: dem_forms_type, form_powers
-  use dem_lanes, only: call_for, read_in_order, gather_side, gather_spheres, gather_records, &
-    put_loads, sum_results
+  use dem_lanes, only: call_for, read_in_order, gather_side, gather_spheres, gather_motions, &
+    gather_records, put_loads, sum_results
   use dem_gap, only: branch_vectors, evaluate_pairs, evaluate_spheres, evaluate_planes, &
     refine_normals, add_curvatures, solve_lane
   use dem_contact, only: contact_block, constants_of
@@ -51,14 +51,14 @@ contains
     later = min(k + ahead, pairs%blocks)
     if (pairs%round(k)) then
       if (pairs%touched(k)) call read_in_order(pairs%history(:, 1, k), history_root*lanes)
-      call gather_pair(pairs, k, next, .true.)
+      call gather_pair(pairs, k, next)
       if (pairs%touched(later)) call call_for(pairs%history(:, 1, later), history_root*lanes)
       call branch_vectors(mine)
       call evaluate_spheres(mine)
     else
       if (pairs%touched(k)) call read_in_order(pairs%history(:, 1, k), history_size*lanes)
       call read_in_order(pairs%normal(:, 1, k), 3*lanes)
-      call gather_pair(pairs, k, next, pairs%form(k) > 0)
+      call gather_pair(pairs, k, next)
       if (pairs%touched(later)) call call_for(pairs%history(:, 1, later), history_size*lanes)
       call call_for(pairs%normal(:, 1, later), 3*lanes)
       call branch_vectors(mine)
@@ -108,14 +108,16 @@ contains
 
   !> Both bodies of block k; those of the next block are called for. Of spheres, and forms as their
   !! bounding spheres, no shapes.
-  subroutine gather_pair(pairs, k, next, round)
+  subroutine gather_pair(pairs, k, next)
     type(dem_pairs_type), intent(in) :: pairs
     integer(i4), intent(in) :: k, next
-    logical, intent(in) :: round
     associate (a => pairs%first, b => pairs%second)
-      if (round) then
+      if (pairs%round(k)) then
         call gather_spheres(pairs%body, a(:, k), a(:, next), pairs%past, mine%a)
         call gather_spheres(pairs%body, b(:, k), b(:, next), pairs%past, mine%b)
+      else if (pairs%form(k) > 0) then
+        call gather_motions(pairs%body, a(:, k), a(:, next), pairs%past, mine%a)
+        call gather_motions(pairs%body, b(:, k), b(:, next), pairs%past, mine%b)
       else
         call gather_side(pairs%body, a(:, k), a(:, next), pairs%past, mine%a)
         call gather_side(pairs%body, b(:, k), b(:, next), pairs%past, mine%b)
@@ -172,7 +174,7 @@ contains
     type(form_block_type), intent(inout) :: figures
     integer(i4), intent(in) :: k
     integer(i4) :: lane, next
-    logical :: fresh, grains
+    logical :: grains
 
     next = min(k + 1, pairs%blocks)
     grains = k <= pairs%grain_blocks
@@ -186,13 +188,13 @@ contains
     call evaluate_forms(block, figures)
     if (.not. any(block%gap <= 0.0_wp)) return
     call refine_forms(block, figures)
-    fresh = .false.
-    do lane = 1, lanes
-      if (block%gap(lane) > 0.0_wp .or. pairs%history(lane, history_side, k) > 0.0_wp) cycle
-      call solve_form_lane(block, figures, lane, .true.)
-      fresh = .true.
-    end do
-    if (fresh) call evaluate_forms(block, figures)
+    if (new_contacts(block, pairs%history(:, history_side, k))) then
+      do lane = 1, lanes
+        if (block%gap(lane) > 0.0_wp .or. pairs%history(lane, history_side, k) > 0.0_wp) cycle
+        call solve_form_lane(block, figures, lane, .true.)
+      end do
+      call evaluate_forms(block, figures)
+    end if
     call keep_normals(pairs, block, k)
 
   contains
@@ -216,6 +218,20 @@ contains
       owner = merge(owner, forms%n + 1, owner > 0)
     end function owners
   end subroutine meet_forms
+
+  !> True if some lane overlaps that did not before.
+  pure logical function new_contacts(block, side) result(some)
+    type(dem_block_type), intent(in) :: block
+    real(wp), intent(in) :: side(lanes)
+    integer(i4) :: k
+    real(wp) :: count
+    count = 0.0_wp
+    !$omp simd reduction(+:count)
+    do k = 1, lanes
+      count = count + merge(1.0_wp, 0.0_wp, block%gap(k) <= 0.0_wp .and. side(k) <= 0.0_wp)
+    end do
+    some = count > 0.5_wp
+  end function new_contacts
 
   !> Converge the normals of lanes that are held over a gap.
   subroutine find_held(pairs, block, figures, k)

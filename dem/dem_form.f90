@@ -13,7 +13,7 @@ module dem_form
   use dem_shape, only: rotation_of, quaternion_product
   implicit none
   private
-  public :: form_size, form_of, form_support, form_tangent, mean_curvature_of, turned
+  public :: form_size, form_of, form_support, form_height, form_tangent, mean_curvature_of, turned
   public :: octant_support, octant_tangent, flattest_radius
   public :: least_exponent, most_exponent, bulge, hertz_radius, bounded_curvature
   public :: at_upper, at_lower, at_centre, at_half, at_rounding, at_scale
@@ -83,8 +83,23 @@ contains
     u = matmul(r, u - form(at_centre:at_centre + 2))
   end subroutine form_support
 
-  !> The same, and the Hessian of the support, which holds the radii of curvature on the tangent
-  !! plane, as xx yy zz xy yz zx [m].
+  !> The support alone; without powers in short [m].
+  pure real(wp) function form_height(form, n) result(h)
+    real(wp), intent(in) :: form(form_size), n(3)
+    real(wp) :: r(3, 3), m(3), a(3), u(3)
+    if (form(at_half) < 1.0_wp) then
+      call form_support(form, n, h, u)
+      return
+    end if
+    r = rotation_of(form(1:4))
+    m = r(1, :)*n(1) + r(2, :)*n(2) + r(3, :)*n(3)
+    a = m*merge(form(at_upper:at_upper + 2), form(at_lower:at_lower + 2), m >= 0.0_wp)
+    h = sqrt(a(1)*a(1) + a(2)*a(2) + a(3)*a(3)) - m(1)*form(at_centre) &
+        - m(2)*form(at_centre + 1) - m(3)*form(at_centre + 2)
+  end function form_height
+
+  !> Support and surface point as form_support gives them, and the Hessian of the support, which
+  !! holds the radii of curvature on the tangent plane, as xx yy zz xy yz zx [m].
   pure subroutine form_tangent(form, n, h, u, k)
     real(wp), intent(in) :: form(form_size), n(3)
     real(wp), intent(out) :: h, u(3), k(6)

@@ -4,7 +4,7 @@
 !! wrong way the step follows the gradient uphill.
 module dem_form_gap
   use talus_kinds, only: wp, i4
-  use dem_form, only: form_size, form_support, form_tangent
+  use dem_form, only: form_size, form_height, form_tangent
   implicit none
   private
   public :: solve_forms, gap_of_forms, find_form_gap
@@ -21,10 +21,7 @@ contains
     real(wp), intent(in) :: r(3)                        !! x_B - x_A [m]
     real(wp), intent(in) :: a(form_size), b(form_size)
     real(wp), intent(in) :: n(3)                        !! unit vector
-    real(wp) :: ha, hb, u(3)
-    call form_support(a, n, ha, u)
-    call form_support(b, -n, hb, u)
-    gap = dot_product(r, n) - ha - hb
+    gap = dot_product(r, n) - form_height(a, n) - form_height(b, -n)
   end function gap_of_forms
 
   !> Gap along the given normal if that already separates the bodies, or along the line of centres

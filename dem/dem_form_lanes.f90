@@ -6,17 +6,16 @@ module dem_form_lanes
   use dem_block, only: dem_block_type
   use dem_form, only: form_size, at_half, at_rounding
   use dem_form_gap, only: solve_forms
-  use dem_form_side, only: form_side_type, support_side, bend_side, curve_side, turn_side
+  use dem_form_side, only: form_side_type, raise_sides, support_side, bend_side, curve_side, &
+    turn_side
   use dem_gap, only: settled_residual
   implicit none
   private
   public :: form_block_type, evaluate_forms, evaluate_form_planes, refine_forms, add_form_curvatures
   public :: solve_form_lane, ready_forms
 
-  !> |d_t|^2/(h_A + h_B)^2 below which a step leaves less than settled_residual asks for, so that no
-  !! new look is worth its cost: a step leaves c^2 residual^2 where curvatures change by the factor
-  !! c in a radian. c is below about 10, near flat spots of superquadrics 1/flatness.
-  real(wp), parameter :: near_residual = 3.0e-10_wp
+  !> Curvatures change by this factor in a radian, near flat spots of superquadrics by more.
+  real(wp), parameter :: most_change = 10.0_wp
 
   !> The forms of a block; A is the first body, B the second.
   type :: form_block_type
@@ -43,6 +42,7 @@ contains
     integer(i4) :: k
     real(wp) :: g, px, py, pz
 
+    if (f%powers) call raise_sides(b%nx, b%ny, b%nz, f%b, f%a)
     call support_side(f%a, 1.0_wp, f%powers, b%nx, b%ny, b%nz, b%ha, b%ax, b%ay, b%az)
     call support_side(f%b, -1.0_wp, f%powers, b%nx, b%ny, b%nz, b%hb, b%bx, b%by, b%bz)
     !$omp simd private(g, px, py, pz)
@@ -65,6 +65,7 @@ contains
     type(form_block_type), intent(inout) :: f
     integer(i4) :: k
 
+    if (f%powers) call raise_sides(b%nx, b%ny, b%nz, f%b)
     call support_side(f%b, -1.0_wp, f%powers, b%nx, b%ny, b%nz, b%hb, b%bx, b%by, b%bz)
     !$omp simd
     do k = 1, lanes
@@ -77,74 +78,91 @@ contains
     end do
   end subroutine evaluate_form_planes
 
-  !> Newton steps for the lanes whose bodies overlap along n and whose n is not converged. A lane's
-  !! course depends on that lane alone. Lanes that resist go to the scalar path.
+  !> Newton steps for the lanes whose bodies overlap along n and whose n is not converged. Lanes
+  !! that resist go to the scalar path.
   subroutine refine_forms(b, f)
     type(dem_block_type), intent(inout) :: b
     type(form_block_type), intent(inout) :: f
-    logical :: needs(lanes)
+    real(wp) :: ka(lanes, 6), kb(lanes, 6), t(lanes, 3)
     integer(i4) :: trial, k
     integer(i4), parameter :: trials = 3
 
     do trial = 1, trials
-      needs = b%gap <= 0.0_wp .and. b%residual > settled_residual
-      if (.not. any(needs)) return
-      if (.not. any(needs .and. b%residual > near_residual*clearance(f))) then
-        call last_step(b, f, needs)
+      if (.not. worst_residual(b) > settled_residual) return
+      call find_step(b, f, ka, kb, t)
+      if (.not. worst_left(b, f, t) > settled_residual) then
+        call follow_step(b, ka, kb, t)
+        call turn_normals(b, t)
         return
       end if
-      call newton_step(b, f, needs)
+      call turn_normals(b, t)
       call evaluate_forms(b, f)
     end do
-    needs = b%gap <= 0.0_wp .and. b%residual > settled_residual
-    if (.not. any(needs)) return
+    if (.not. worst_residual(b) > settled_residual) return
     do k = 1, lanes
-      if (needs(k)) call solve_form_lane(b, f, k, .false.)
+      if (b%gap(k) <= 0.0_wp .and. b%residual(k) > settled_residual) &
+        call solve_form_lane(b, f, k, .false.)
     end do
     call evaluate_forms(b, f)
   end subroutine refine_forms
 
-  !> How far the normals are from flat spots, 1 for far.
-  pure function clearance(f)
-    type(form_block_type), intent(in) :: f
-    real(wp) :: clearance(lanes)
-    clearance = 1.0_wp
-    if (f%powers) clearance = min(clearance_of(f%a), clearance_of(f%b))
-  end function clearance
+  !> Greatest residual of the lanes whose bodies overlap.
+  pure real(wp) function worst_residual(b) result(worst)
+    type(dem_block_type), intent(in) :: b
+    integer(i4) :: k
+    worst = 0.0_wp
+    !$omp simd reduction(max:worst)
+    do k = 1, lanes
+      worst = max(worst, merge(b%residual(k), 0.0_wp, b%gap(k) <= 0.0_wp))
+    end do
+  end function worst_residual
 
-  !> The same of one body; 10 times the least share w of an axis.
-  pure function clearance_of(side) result(clearance)
+  !> Greatest residual that the steps t leave: in a turn |t| curvatures change by the share c |t|,
+  !! and so much of K t stays, K t about |d_t| or, where K is nearly singular, |t|; all of it where
+  !! there was no step to take or it leads into another octant, where curvatures jump.
+  pure real(wp) function worst_left(b, f, t) result(worst)
+    type(dem_block_type), intent(in) :: b
+    type(form_block_type), intent(in) :: f
+    real(wp), intent(in) :: t(lanes, 3)
+    real(wp) :: near(lanes), turn, left
+    logical :: inside
+    integer(i4) :: k
+    near = 1.0_wp/most_change**2
+    if (f%powers) then
+      call near_flat_spots(f%a, near)
+      call near_flat_spots(f%b, near)
+    end if
+    worst = 0.0_wp
+    !$omp simd private(turn, left, inside) reduction(max:worst)
+    do k = 1, lanes
+      turn = t(k, 1)**2 + t(k, 2)**2 + t(k, 3)**2
+      left = turn/near(k)*(b%residual(k) + turn)
+      inside = turn > 0.0_wp .and. turn < min(f%a%inside(k), f%b%inside(k))
+      left = merge(left, b%residual(k), inside)
+      worst = max(worst, merge(left, 0.0_wp, b%gap(k) <= 0.0_wp))
+    end do
+  end function worst_left
+
+  !> The square of the least share w of an axis, rounded, if that is less: 1/c^2 near flat spots.
+  pure subroutine near_flat_spots(side, near)
     type(form_side_type), intent(in) :: side
-    real(wp) :: clearance(lanes), least
+    real(wp), intent(inout) :: near(lanes)
+    real(wp) :: least
     integer(i4) :: k
     !$omp simd private(least)
     do k = 1, lanes
       least = min(side%w(k, 1)**2, side%w(k, 2)**2, side%w(k, 3)**2) + side%record(k, at_rounding)
-      least = merge(least, 1.0_wp, side%record(k, at_half) < 1.0_wp)
-      clearance(k) = min(10.0_wp*sqrt(least), 1.0_wp)
+      near(k) = min(near(k), merge(least, 1.0_wp, side%record(k, at_half) < 1.0_wp))
     end do
-  end function clearance_of
+  end subroutine near_flat_spots
 
-  !> One full Newton step of the marked lanes.
-  pure subroutine newton_step(b, f, needs)
+  !> After the last step surface points move by their Hessians and gaps by half the slope, so that
+  !! nothing need be evaluated again.
+  pure subroutine follow_step(b, ka, kb, t)
     type(dem_block_type), intent(inout) :: b
-    type(form_block_type), intent(inout) :: f
-    logical, intent(in) :: needs(lanes)
-    real(wp) :: ka(lanes, 6), kb(lanes, 6), t(lanes, 3)
-    call find_step(b, f, needs, ka, kb, t)
-    call turn_normals(b, t)
-  end subroutine newton_step
-
-  !> The same where it is the last one: surface points move by their Hessians and gaps by half the
-  !! slope, so that nothing need be evaluated again. What that leaves is of the square of the step.
-  pure subroutine last_step(b, f, needs)
-    type(dem_block_type), intent(inout) :: b
-    type(form_block_type), intent(inout) :: f
-    logical, intent(in) :: needs(lanes)
-    real(wp) :: ka(lanes, 6), kb(lanes, 6), t(lanes, 3)
+    real(wp), intent(in) :: ka(lanes, 6), kb(lanes, 6), t(lanes, 3)
     integer(i4) :: k
 
-    call find_step(b, f, needs, ka, kb, t)
     !$omp simd
     do k = 1, lanes
       b%gap(k) = b%gap(k) + 0.5_wp*(t(k, 1)*b%tx(k) + t(k, 2)*b%ty(k) + t(k, 3)*b%tz(k))
@@ -155,32 +173,31 @@ contains
       b%by(k) = b%by(k) + kb(k, 4)*t(k, 1) + kb(k, 2)*t(k, 2) + kb(k, 5)*t(k, 3)
       b%bz(k) = b%bz(k) + kb(k, 6)*t(k, 1) + kb(k, 5)*t(k, 2) + kb(k, 3)*t(k, 3)
     end do
-    call turn_normals(b, t)
-  end subroutine last_step
+  end subroutine follow_step
 
   pure subroutine turn_normals(b, t)
     type(dem_block_type), intent(inout) :: b
     real(wp), intent(in) :: t(lanes, 3)
-    real(wp) :: tx, ty, tz, length
+    real(wp) :: tx, ty, tz, length, turn
     integer(i4) :: k
-    !$omp simd private(tx, ty, tz, length)
+    !$omp simd private(tx, ty, tz, length, turn)
     do k = 1, lanes
       tx = b%nx(k) + t(k, 1)
       ty = b%ny(k) + t(k, 2)
       tz = b%nz(k) + t(k, 3)
       length = 1.0_wp/sqrt(tx*tx + ty*ty + tz*tz)
-      b%nx(k) = merge(tx*length, b%nx(k), abs(t(k, 1)) + abs(t(k, 2)) + abs(t(k, 3)) > 0.0_wp)
-      b%ny(k) = merge(ty*length, b%ny(k), abs(t(k, 1)) + abs(t(k, 2)) + abs(t(k, 3)) > 0.0_wp)
-      b%nz(k) = merge(tz*length, b%nz(k), abs(t(k, 1)) + abs(t(k, 2)) + abs(t(k, 3)) > 0.0_wp)
+      turn = abs(t(k, 1)) + abs(t(k, 2)) + abs(t(k, 3))
+      b%nx(k) = merge(tx*length, b%nx(k), turn > 0.0_wp)
+      b%ny(k) = merge(ty*length, b%ny(k), turn > 0.0_wp)
+      b%nz(k) = merge(tz*length, b%nz(k), turn > 0.0_wp)
     end do
   end subroutine turn_normals
 
-  !> Newton's step of the marked lanes, 0 of the others, and the Hessians of both bodies:
-  !! (K_A + K_B + g + c n n) t = d_t.
-  pure subroutine find_step(b, f, needs, ka, kb, t)
+  !> Newton's step of the lanes that overlap and are not converged, 0 of the others, and the
+  !! Hessians of both bodies: (K_A + K_B + g + c n n) t = d_t.
+  pure subroutine find_step(b, f, ka, kb, t)
     type(dem_block_type), intent(in) :: b
     type(form_block_type), intent(in) :: f
-    logical, intent(in) :: needs(lanes)
     real(wp), intent(out) :: ka(lanes, 6), kb(lanes, 6), t(lanes, 3)
     real(wp) :: c, g, nx, ny, nz, s1, s2, s3, s4, s5, s6, m1, m2, m3, m4, m5, m6, det
     integer(i4) :: k
@@ -208,7 +225,8 @@ contains
       m5 = s6*s4 - s5*s1
       m6 = s4*s5 - s6*s2
       det = s1*m1 + s4*m4 + s6*m6
-      det = merge(1.0_wp/det, 0.0_wp, needs(k) .and. det > 0.0_wp)
+      det = merge(1.0_wp/det, 0.0_wp, g <= 0.0_wp .and. b%residual(k) > settled_residual &
+                  .and. det > 0.0_wp)
       t(k, 1) = (m1*b%tx(k) + m4*b%ty(k) + m6*b%tz(k))*det
       t(k, 2) = (m4*b%tx(k) + m2*b%ty(k) + m5*b%tz(k))*det
       t(k, 3) = (m6*b%tx(k) + m5*b%ty(k) + m3*b%tz(k))*det

@@ -5,19 +5,28 @@ module dem_form_side
   use dem_form, only: form_size, at_upper, at_lower, at_centre, at_half, at_rounding, at_scale, &
     hertz_radius
   use dem_orientation, only: rotations
-  use dem_power, only: raise
+  use dem_power, only: raise, raise_near
   implicit none
   private
-  public :: form_side_type, turn_side, support_side, bend_side, curve_side
+  public :: form_side_type, turn_side, raise_sides, support_side, bend_side, curve_side
 
   !> Forms of one body of each pair, and what their support along the last normal was made of.
+  !! Octants without powers are ellipsoids about the octants' origin, as long as the normal stays on
+  !! one side of each axis.
   type :: form_side_type
     real(wp) :: record(lanes, form_size)  !! see dem_form
     real(wp) :: r(lanes, 9)               !! rotation, octants to space, by columns
+    real(wp) :: length(lanes)             !! of a m; without powers the support about the origin [m]
+    real(wp) :: inside(lanes)             !! square of the least component of m
+    ! without powers
+    real(wp) :: centre(lanes, 3)          !! of mass from the octants' origin, in space [m]
+    real(wp) :: shape(lanes, 6)           !! of the ellipsoid, xx yy zz xy yz zx [m^2]
+    real(wp) :: volume(lanes)             !! square of the product of its semi-axes [m^6]
+    real(wp) :: point(lanes, 3)           !! sign times the surface point from the origin [m]
+    ! with powers
     real(wp) :: a(lanes, 3)               !! semi-axes on the side of the normal [m]
-    real(wp) :: m(lanes, 3)               !! normal in the frame of the octants, with powers alone
+    real(wp) :: m(lanes, 3)               !! normal in the frame of the octants
     real(wp) :: w(lanes, 3)               !! a m over its length [-]
-    real(wp) :: length(lanes)             !! of a m [m]
     real(wp) :: power(lanes, 3)           !! (w^2 + e^2)^(q/2 - 1)
     real(wp) :: total(lanes)              !! sum of (w^2 + e^2)^(q/2)
     real(wp) :: factor(lanes)             !! total^(1/q - 1)
@@ -25,13 +34,83 @@ module dem_form_side
 
 contains
 
-  !> Rotations of the records.
+  !> Rotations of the records, and where the centres of mass are.
   pure subroutine turn_side(f)
     type(form_side_type), intent(inout) :: f
+    integer(i4) :: k
     call rotations(f%record(:, 1:4), f%r)
+    !$omp simd
+    do k = 1, lanes
+      f%centre(k, 1) = f%r(k, 1)*f%record(k, at_centre) + f%r(k, 4)*f%record(k, at_centre + 1) &
+                       + f%r(k, 7)*f%record(k, at_centre + 2)
+      f%centre(k, 2) = f%r(k, 2)*f%record(k, at_centre) + f%r(k, 5)*f%record(k, at_centre + 1) &
+                       + f%r(k, 8)*f%record(k, at_centre + 2)
+      f%centre(k, 3) = f%r(k, 3)*f%record(k, at_centre) + f%r(k, 6)*f%record(k, at_centre + 1) &
+                       + f%r(k, 9)*f%record(k, at_centre + 2)
+    end do
   end subroutine turn_side
 
-  !> Support along sign n about the centre of mass, and sign times the surface point from it.
+  !> Shares and powers of one or two bodies along n, -n for the last one; both at once, as short
+  !! loops wait for each other's results.
+  pure subroutine raise_sides(nx, ny, nz, b, a)
+    real(wp), intent(in) :: nx(lanes), ny(lanes), nz(lanes)
+    type(form_side_type), intent(inout) :: b
+    type(form_side_type), intent(inout), optional :: a
+    real(wp) :: square(lanes, 6), exponent(lanes, 6), power(lanes, 6)
+    real(wp) :: total(lanes, 2), last(lanes, 2), factor(lanes, 2)
+
+    call pick_axes(b, -1.0_wp, nx, ny, nz)
+    call find_squares(b, square(:, 1:3), exponent(:, 1:3))
+    if (present(a)) then
+      call pick_axes(a, 1.0_wp, nx, ny, nz)
+      call find_squares(a, square(:, 4:6), exponent(:, 4:6))
+      call raise(6*lanes, square, exponent, power)
+      call find_totals(a, square(:, 4:6), power(:, 4:6), total(:, 2), last(:, 2))
+      call find_totals(b, square(:, 1:3), power(:, 1:3), total(:, 1), last(:, 1))
+      call raise_near(2*lanes, total, last, factor)
+      a%factor = factor(:, 2)
+    else
+      call raise(3*lanes, square, exponent, power)
+      call find_totals(b, square(:, 1:3), power(:, 1:3), total(:, 1), last(:, 1))
+      call raise_near(lanes, total, last, factor)
+    end if
+    b%factor = factor(:, 1)
+  end subroutine raise_sides
+
+  !> Squares of the shares, rounded, and their exponent. Lanes without powers have the exponent 0
+  !! and come out as 1.
+  pure subroutine find_squares(f, square, exponent)
+    type(form_side_type), intent(in) :: f
+    real(wp), intent(out) :: square(lanes, 3), exponent(lanes, 3)
+    integer(i4) :: k, c
+    real(wp), parameter :: least = 1.0e-200_wp
+    do c = 1, 3
+      !$omp simd
+      do k = 1, lanes
+        square(k, c) = max(f%w(k, c)*f%w(k, c) + f%record(k, at_rounding), least)
+        exponent(k, c) = f%record(k, at_half) - 1.0_wp
+      end do
+    end do
+  end subroutine find_squares
+
+  pure subroutine find_totals(f, square, power, total, last)
+    type(form_side_type), intent(inout) :: f
+    real(wp), intent(in) :: square(lanes, 3), power(lanes, 3)
+    real(wp), intent(out) :: total(lanes), last(lanes)  !! its exponent
+    integer(i4) :: k
+    !$omp simd
+    do k = 1, lanes
+      f%power(k, 1) = power(k, 1)
+      f%power(k, 2) = power(k, 2)
+      f%power(k, 3) = power(k, 3)
+      total(k) = power(k, 1)*square(k, 1) + power(k, 2)*square(k, 2) + power(k, 3)*square(k, 3)
+      f%total(k) = total(k)
+      last(k) = 0.5_wp/f%record(k, at_half) - 1.0_wp
+    end do
+  end subroutine find_totals
+
+  !> Support along sign n about the centre of mass, and sign times the surface point from it; with
+  !! powers raise_sides goes before.
   pure subroutine support_side(f, sign, powers, nx, ny, nz, h, ux, uy, uz)
     type(form_side_type), intent(inout) :: f
     real(wp), intent(in) :: sign
@@ -39,8 +118,6 @@ contains
     real(wp), intent(in) :: nx(lanes), ny(lanes), nz(lanes)
     real(wp), intent(out) :: h(lanes), ux(lanes), uy(lanes), uz(lanes)
     if (powers) then
-      call pick_axes(f, sign, nx, ny, nz)
-      call raise_shares(f)
       call support_powers(f, sign, h, ux, uy, uz)
     else
       call support_octants(f, sign, nx, ny, nz, h, ux, uy, uz)
@@ -53,40 +130,65 @@ contains
     real(wp), intent(in) :: sign
     real(wp), intent(in) :: nx(lanes), ny(lanes), nz(lanes)
     real(wp), intent(out) :: h(lanes), ux(lanes), uy(lanes), uz(lanes)
-    real(wp) :: m1, m2, m3, a1, a2, a3, w1, w2, w3, length, inverse, p1, p2, p3
+    real(wp) :: r(9), a1, a2, a3, p(9), s(6), length, inverse, x, y, z
     integer(i4) :: k
 
-    !$omp simd private(m1, m2, m3, a1, a2, a3, w1, w2, w3, length, inverse, p1, p2, p3)
+    !$omp simd private(r, a1, a2, a3, p, s, length, inverse, x, y, z)
     do k = 1, lanes
-      m1 = sign*(f%r(k, 1)*nx(k) + f%r(k, 2)*ny(k) + f%r(k, 3)*nz(k))
-      m2 = sign*(f%r(k, 4)*nx(k) + f%r(k, 5)*ny(k) + f%r(k, 6)*nz(k))
-      m3 = sign*(f%r(k, 7)*nx(k) + f%r(k, 8)*ny(k) + f%r(k, 9)*nz(k))
-      a1 = merge(f%record(k, at_upper), f%record(k, at_lower), m1 >= 0.0_wp)
-      a2 = merge(f%record(k, at_upper + 1), f%record(k, at_lower + 1), m2 >= 0.0_wp)
-      a3 = merge(f%record(k, at_upper + 2), f%record(k, at_lower + 2), m3 >= 0.0_wp)
-      w1 = a1*m1
-      w2 = a2*m2
-      w3 = a3*m3
-      length = sqrt(w1*w1 + w2*w2 + w3*w3)
+      r(1) = f%r(k, 1)
+      r(2) = f%r(k, 2)
+      r(3) = f%r(k, 3)
+      r(4) = f%r(k, 4)
+      r(5) = f%r(k, 5)
+      r(6) = f%r(k, 6)
+      r(7) = f%r(k, 7)
+      r(8) = f%r(k, 8)
+      r(9) = f%r(k, 9)
+      x = sign*(r(1)*nx(k) + r(2)*ny(k) + r(3)*nz(k))
+      y = sign*(r(4)*nx(k) + r(5)*ny(k) + r(6)*nz(k))
+      z = sign*(r(7)*nx(k) + r(8)*ny(k) + r(9)*nz(k))
+      a1 = merge(f%record(k, at_upper), f%record(k, at_lower), x >= 0.0_wp)
+      a2 = merge(f%record(k, at_upper + 1), f%record(k, at_lower + 1), y >= 0.0_wp)
+      a3 = merge(f%record(k, at_upper + 2), f%record(k, at_lower + 2), z >= 0.0_wp)
+      f%inside(k) = min(x*x, y*y, z*z)
+      f%volume(k) = (a1*a2*a3)**2
+      p(1) = a1*r(1)
+      p(2) = a1*r(2)
+      p(3) = a1*r(3)
+      p(4) = a2*r(4)
+      p(5) = a2*r(5)
+      p(6) = a2*r(6)
+      p(7) = a3*r(7)
+      p(8) = a3*r(8)
+      p(9) = a3*r(9)
+      s(1) = p(1)*p(1) + p(4)*p(4) + p(7)*p(7)
+      s(2) = p(2)*p(2) + p(5)*p(5) + p(8)*p(8)
+      s(3) = p(3)*p(3) + p(6)*p(6) + p(9)*p(9)
+      s(4) = p(1)*p(2) + p(4)*p(5) + p(7)*p(8)
+      s(5) = p(2)*p(3) + p(5)*p(6) + p(8)*p(9)
+      s(6) = p(3)*p(1) + p(6)*p(4) + p(9)*p(7)
+      x = s(1)*nx(k) + s(4)*ny(k) + s(6)*nz(k)
+      y = s(4)*nx(k) + s(2)*ny(k) + s(5)*nz(k)
+      z = s(6)*nx(k) + s(5)*ny(k) + s(3)*nz(k)
+      length = sqrt(nx(k)*x + ny(k)*y + nz(k)*z)
       inverse = 1.0_wp/length
-      w1 = inverse*w1
-      w2 = inverse*w2
-      w3 = inverse*w3
-      f%a(k, 1) = a1
-      f%a(k, 2) = a2
-      f%a(k, 3) = a3
-      f%w(k, 1) = w1
-      f%w(k, 2) = w2
-      f%w(k, 3) = w3
+      x = inverse*x
+      y = inverse*y
+      z = inverse*z
+      f%shape(k, 1) = s(1)
+      f%shape(k, 2) = s(2)
+      f%shape(k, 3) = s(3)
+      f%shape(k, 4) = s(4)
+      f%shape(k, 5) = s(5)
+      f%shape(k, 6) = s(6)
       f%length(k) = length
-      h(k) = length - m1*f%record(k, at_centre) - m2*f%record(k, at_centre + 1) &
-             - m3*f%record(k, at_centre + 2)
-      p1 = sign*(a1*w1 - f%record(k, at_centre))
-      p2 = sign*(a2*w2 - f%record(k, at_centre + 1))
-      p3 = sign*(a3*w3 - f%record(k, at_centre + 2))
-      ux(k) = f%r(k, 1)*p1 + f%r(k, 4)*p2 + f%r(k, 7)*p3
-      uy(k) = f%r(k, 2)*p1 + f%r(k, 5)*p2 + f%r(k, 8)*p3
-      uz(k) = f%r(k, 3)*p1 + f%r(k, 6)*p2 + f%r(k, 9)*p3
+      f%point(k, 1) = x
+      f%point(k, 2) = y
+      f%point(k, 3) = z
+      h(k) = length - sign*(f%centre(k, 1)*nx(k) + f%centre(k, 2)*ny(k) + f%centre(k, 3)*nz(k))
+      ux(k) = x - sign*f%centre(k, 1)
+      uy(k) = y - sign*f%centre(k, 2)
+      uz(k) = z - sign*f%centre(k, 3)
     end do
   end subroutine support_octants
 
@@ -138,6 +240,7 @@ contains
       f%m(k, 1) = m1
       f%m(k, 2) = m2
       f%m(k, 3) = m3
+      f%inside(k) = min(m1*m1, m2*m2, m3*m3)
       m1 = a1*m1
       m2 = a2*m2
       m3 = a3*m3
@@ -149,30 +252,6 @@ contains
       f%w(k, 3) = inverse*m3
     end do
   end subroutine pick_axes
-
-  !> Powers of the shares. Lanes without powers have the exponent 0 and come out as 1.
-  pure subroutine raise_shares(f)
-    type(form_side_type), intent(inout) :: f
-    real(wp) :: square(lanes, 3), exponent(lanes, 3), last(lanes)
-    integer(i4) :: k, c
-    real(wp), parameter :: least = 1.0e-200_wp
-
-    do c = 1, 3
-      !$omp simd
-      do k = 1, lanes
-        square(k, c) = max(f%w(k, c)*f%w(k, c) + f%record(k, at_rounding), least)
-        exponent(k, c) = f%record(k, at_half) - 1.0_wp
-      end do
-    end do
-    call raise(3*lanes, square, exponent, f%power)
-    !$omp simd
-    do k = 1, lanes
-      f%total(k) = f%power(k, 1)*square(k, 1) + f%power(k, 2)*square(k, 2) &
-                   + f%power(k, 3)*square(k, 3)
-      last(k) = 0.5_wp/f%record(k, at_half) - 1.0_wp
-    end do
-    call raise(lanes, f%total, last, f%factor)
-  end subroutine raise_shares
 
   !> Mean curvature of the surface along the last normal [1/m]: half of trace over determinant of
   !! the tangent Hessian, which rotations leave as they are; see bounded_curvature of dem_form.
@@ -203,21 +282,19 @@ contains
     end do
   end subroutine curve_side
 
-  !> Without powers: trace (a.a - u.u)/l over determinant (a_1 a_2 a_3)^2/l^4, u = a w.
+  !> Without powers: (trace of the shape matrix - u.u) l^3 over its determinant.
   pure subroutine curve_octants(f, curvature)
     type(form_side_type), intent(in) :: f
     real(wp), intent(out) :: curvature(lanes)
-    real(wp) :: a1, a2, a3, l
+    real(wp) :: l
     integer(i4) :: k
 
-    !$omp simd private(a1, a2, a3, l)
+    !$omp simd private(l)
     do k = 1, lanes
-      a1 = f%a(k, 1)*f%a(k, 1)
-      a2 = f%a(k, 2)*f%a(k, 2)
-      a3 = f%a(k, 3)*f%a(k, 3)
       l = f%length(k)
-      curvature(k) = 0.5_wp*(a1 + a2 + a3 - a1*f%w(k, 1)*f%w(k, 1) - a2*f%w(k, 2)*f%w(k, 2) &
-                             - a3*f%w(k, 3)*f%w(k, 3))*(l*l*l)/(a1*a2*a3)
+      curvature(k) = 0.5_wp*(f%shape(k, 1) + f%shape(k, 2) + f%shape(k, 3) &
+                             - f%point(k, 1)**2 - f%point(k, 2)**2 - f%point(k, 3)**2) &
+                     *(l*l*l)/f%volume(k)
     end do
   end subroutine curve_octants
 
@@ -228,30 +305,31 @@ contains
     real(wp), intent(out) :: s(lanes, 6)
     if (powers) then
       call bend_powers(f, s)
+      call bring_to_space(f%r, s)
     else
       call bend_octants(f, s)
     end if
-    call bring_to_space(f%r, s)
   end subroutine bend_side
 
+  !> (S - u u^T)/l.
   pure subroutine bend_octants(f, s)
     type(form_side_type), intent(in) :: f
     real(wp), intent(out) :: s(lanes, 6)
-    real(wp) :: inverse, g1, g2, g3
+    real(wp) :: inverse, x, y, z
     integer(i4) :: k
 
-    !$omp simd private(inverse, g1, g2, g3)
+    !$omp simd private(inverse, x, y, z)
     do k = 1, lanes
       inverse = 1.0_wp/f%length(k)
-      g1 = f%a(k, 1)*f%w(k, 1)
-      g2 = f%a(k, 2)*f%w(k, 2)
-      g3 = f%a(k, 3)*f%w(k, 3)
-      s(k, 1) = inverse*(f%a(k, 1)*f%a(k, 1) - g1*g1)
-      s(k, 2) = inverse*(f%a(k, 2)*f%a(k, 2) - g2*g2)
-      s(k, 3) = inverse*(f%a(k, 3)*f%a(k, 3) - g3*g3)
-      s(k, 4) = -inverse*g1*g2
-      s(k, 5) = -inverse*g2*g3
-      s(k, 6) = -inverse*g3*g1
+      x = f%point(k, 1)
+      y = f%point(k, 2)
+      z = f%point(k, 3)
+      s(k, 1) = inverse*(f%shape(k, 1) - x*x)
+      s(k, 2) = inverse*(f%shape(k, 2) - y*y)
+      s(k, 3) = inverse*(f%shape(k, 3) - z*z)
+      s(k, 4) = inverse*(f%shape(k, 4) - x*y)
+      s(k, 5) = inverse*(f%shape(k, 5) - y*z)
+      s(k, 6) = inverse*(f%shape(k, 6) - z*x)
     end do
   end subroutine bend_octants
 

@@ -1,12 +1,12 @@
 !> Forms of the grains of a run: records that the contact kernel reads, there only if some grain is
 !! no ellipsoid.
 module dem_form_state
+  use, intrinsic :: iso_c_binding, only: c_double, c_int32_t
   use talus_kinds, only: wp, i4
   use dem_form, only: form_size, form_of, least_exponent
-  use dem_shape, only: quaternion_product
   implicit none
   private
-  public :: dem_forms_type, allocate_forms, put_frame, form_kind
+  public :: dem_forms_type, allocate_forms, put_frame, put_frames, form_kind
   public :: form_ellipsoid, form_octants, form_powers
 
   integer(i4), parameter :: form_ellipsoid = 0  !! spheres and ellipsoids
@@ -24,6 +24,17 @@ module dem_form_state
     real(wp), allocatable :: axes(:, :)        !! (3, n) (upper + lower)/2 [m]
     real(wp), allocatable :: reach(:)          !! (n) how far rotations move surfaces at most [m]
   end type dem_forms_type
+
+  interface
+    !> Orientations of frames in bodies, to the first reals of records (dem_lanes.c).
+    pure subroutine turn_frames(quat, stride, count, frame, record) bind(c, name='dem_put_frames')
+      import :: c_double, c_int32_t, form_size
+      integer(c_int32_t), value, intent(in) :: stride, count
+      real(c_double), intent(in) :: quat(stride, 4)  !! of the bodies
+      real(c_double), intent(in) :: frame(4, *)      !! octants' frames in the principal ones
+      real(c_double), intent(inout) :: record(form_size, *)
+    end subroutine turn_frames
+  end interface
 
 contains
 
@@ -57,6 +68,15 @@ contains
     type(dem_forms_type), intent(inout) :: forms
     integer(i4), intent(in) :: i
     real(wp), intent(in) :: quat(4)
-    if (forms%n > 0) forms%record(1:4, i) = quaternion_product(quat, forms%frame(:, i))
+    if (forms%n > 0) call turn_frames(quat, 1, 1, forms%frame(:, i), forms%record(:, i))
   end subroutine put_frame
+
+  !> The same of `count` grains that follow grain `low`.
+  pure subroutine put_frames(forms, low, count, quat)
+    type(dem_forms_type), intent(inout) :: forms
+    integer(i4), intent(in) :: low, count
+    real(wp), intent(in) :: quat(:, :)  !! (at least count, 4)
+    if (forms%n > 0) call turn_frames(quat, size(quat, 1), count, forms%frame(:, low + 1:), &
+                                      forms%record(:, low + 1:))
+  end subroutine put_frames
 end module dem_form_state

@@ -10,7 +10,7 @@ module dem_integrate
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_grains_type, dem_pairs_type, kind_free, lanes, body_size
   use dem_block, only: dem_side_type
-  use dem_form_state, only: dem_forms_type, form_ellipsoid, put_frame
+  use dem_form_state, only: dem_forms_type, form_ellipsoid, put_frames
   use dem_lanes, only: call_for, read_in_order, put_side, put_motion, take_side, take_motion
   use dem_orientation, only: rotations, shapes
   implicit none
@@ -570,15 +570,12 @@ contains
     type(push_type), intent(in) :: push
     real(wp), intent(inout), contiguous :: body(:, :)
     type(dem_forms_type), intent(inout) :: forms
-    integer(i4) :: k
     if (b%round) then
       call put_motion(push%s, b%count, body(:, b%low + 1:b%low + b%count))
     else
       call put_side(push%s, b%count, body(:, b%low + 1:b%low + b%count))
     end if
-    do k = 1, merge(b%count, 0, forms%n > 0)
-      call put_frame(forms, b%low + k, b%q(k, :))
-    end do
+    call put_frames(forms, b%low, b%count, b%q)
   end subroutine put_bodies
 
   !> Spin angular momentum in space [kg m^2/s].

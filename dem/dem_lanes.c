@@ -12,10 +12,12 @@
 #include <immintrin.h>
 #endif
 
-enum { LANES = 16, WIDTH = 8, BODY = 16, MOTION = 9, RESULT = 8, LOADS = 6, AHEAD = 48 };
+enum { LANES = 16, WIDTH = 8, QUAT = 4, BODY = 16, MOTION = 9, RESULT = 8, LOADS = 6, AHEAD = 48 };
 
 typedef double row_type __attribute__((vector_size(WIDTH * sizeof(double))));
 typedef int64_t pick_type __attribute__((vector_size(WIDTH * sizeof(int64_t))));
+typedef double quad_type __attribute__((vector_size(QUAT * sizeof(double))));
+typedef int64_t quad_pick_type __attribute__((vector_size(QUAT * sizeof(int64_t))));
 
 static inline row_type load(const double *from)
 {
@@ -124,6 +126,40 @@ void dem_gather_spheres(const double *body, const int32_t index[LANES], const in
         const double *record = body + (int64_t)(index[k] - 1) * BODY;
         side[(MOTION - 1) * LANES + k] = record[MOTION - 1];
         side[MOTION * LANES + k] = record[MOTION];
+    }
+}
+
+/* The same, but place, velocity and spin alone: side[MOTION][LANES]. */
+void dem_gather_motions(const double *body, const int32_t index[LANES], const int32_t next[LANES],
+                        int32_t far, double *side)
+{
+    if (far) call_for(body, next);
+    for (int k = 0; k < LANES; k += WIDTH) {
+        row_type last;
+        gather_half(body, index + k, 0, side + k);
+#pragma GCC unroll 8
+        for (int i = 0; i < WIDTH; i++) last[i] = body[(int64_t)(index[k + i] - 1) * BODY + WIDTH];
+        store(side + WIDTH * LANES + k, last);
+    }
+}
+
+/*
+ * Orientations of `count` frames that follow each other, frame[][QUAT], in bodies whose quaternions
+ * are quat[QUAT][stride], to the first reals of the records of BODY reals of those bodies.
+ */
+void dem_put_frames(const double *quat, int32_t stride, int32_t count, const double *frame,
+                    double *record)
+{
+    const quad_pick_type second = {1, 0, 3, 2}, third = {2, 3, 0, 1}, fourth = {3, 2, 1, 0};
+    const quad_type sign2 = {-1, 1, -1, 1}, sign3 = {-1, 1, 1, -1}, sign4 = {-1, -1, 1, 1};
+    for (int k = 0; k < count; k++) {
+        quad_type f, q;
+        memcpy(&f, frame + QUAT * k, sizeof f);
+        q = quat[k] * f;
+        q += quat[stride + k] * (sign2 * __builtin_shuffle(f, second));
+        q += quat[2 * stride + k] * (sign3 * __builtin_shuffle(f, third));
+        q += quat[3 * stride + k] * (sign4 * __builtin_shuffle(f, fourth));
+        memcpy(record + BODY * k, &q, sizeof q);
     }
 }
 

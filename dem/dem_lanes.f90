@@ -5,7 +5,7 @@ module dem_lanes
   use dem_block, only: dem_side_type, dem_load_type
   implicit none
   private
-  public :: call_for, read_in_order, gather_side, gather_spheres, gather_records
+  public :: call_for, read_in_order, gather_side, gather_spheres, gather_motions, gather_records
   public :: put_loads, finish_puts, put_side, put_motion, take_side, take_motion
   public :: sum_results, sum_lanes
 
@@ -43,6 +43,16 @@ module dem_lanes
       integer(c_int32_t), value, intent(in) :: far
       type(dem_side_type), intent(inout) :: side
     end subroutine gather_spheres
+
+    !> The same, but centre, velocity and spin alone; the rest of the side is left.
+    pure subroutine gather_motions(body, index, next, far, side) &
+      bind(c, name='dem_gather_motions')
+      import :: c_double, c_int32_t, dem_side_type, lanes, body_size
+      real(c_double), intent(in) :: body(body_size, *)
+      integer(c_int32_t), intent(in) :: index(lanes), next(lanes)
+      integer(c_int32_t), value, intent(in) :: far
+      type(dem_side_type), intent(inout) :: side
+    end subroutine gather_motions
 
     !> Records of body_size reals of any kind, as gather_side.
     pure subroutine gather_records(record, index, next, far, side) &

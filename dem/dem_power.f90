@@ -4,7 +4,7 @@ module dem_power
   use talus_kinds, only: wp, i4, i8
   implicit none
   private
-  public :: raise
+  public :: raise, raise_near
 
   real(wp), parameter :: ln2 = 0.693147180559945309417232121458_wp
   real(wp), parameter :: ln2_high = 0.693147180369123816490_wp     !! its first 33 bits
@@ -13,6 +13,8 @@ module dem_power
   integer(i8), parameter :: whole_bits = transfer(whole, 0_i8)
   integer(i8), parameter :: one_bits = transfer(1.0_wp, 0_i8)
   integer(i8), parameter :: mantissa = 2_i8**52 - 1_i8
+
+  real(wp), parameter :: middle = 1.32_wp, log_middle = 0.27763173659827955_wp
 
   !> (ln((1+s)/(1-s)) - 2s)/s^3 in s^2 up to ((sqrt 2 - 1)/(sqrt 2 + 1))^2, and (e^r - 1 - r)/r^2 in
   !! r up to ln 2/2: through the points of Chebyshev, to 5e-18 and 2e-17 of ln and exp.
@@ -63,4 +65,27 @@ contains
       y(i) = p*transfer(ishft(power + 1023_i8, 52), 0.0_wp)
     end do
   end subroutine raise
+
+  !> The same for 1 <= x <= 1.8 and |e| <= 1/2, whose powers need no powers of 2.
+  pure subroutine raise_near(count, x, e, y)
+    integer(i4), intent(in) :: count
+    real(wp), intent(in) :: x(count), e(count)
+    real(wp), intent(out) :: y(count)
+    real(wp) :: s, s2, s4, z, z2, z4
+    integer(i4) :: i
+
+    !$omp simd private(s, s2, s4, z, z2, z4)
+    do i = 1, count
+      s = (x(i) - middle)/(x(i) + middle)
+      s2 = s*s
+      s4 = s2*s2
+      z = s2*((a(1) + a(2)*s2) + s4*((a(3) + a(4)*s2) + s4*((a(5) + a(6)*s2) + s4*a(7))))
+      z = e(i)*(log_middle + (2.0_wp*s + s*z))
+      z2 = z*z
+      z4 = z2*z2
+      y(i) = ((b(1) + b(2)*z) + z2*(b(3) + b(4)*z)) &
+             + z4*(((b(5) + b(6)*z) + z2*(b(7) + b(8)*z)) + z4*(b(9) + b(10)*z))
+      y(i) = 1.0_wp + (z + z2*y(i))
+    end do
+  end subroutine raise_near
 end module dem_power

@@ -1,14 +1,21 @@
 !> Forms: support, surface point and Hessian against differences and ellipsoids, mass properties
-!! against quadrature and closed forms, gaps of random pairs against a search by values.
+!! against quadrature and closed forms, gaps of random pairs against a search by values, and all
+!! that by blocks of lanes.
 program test_dem_form
   use talus_kinds, only: wp, i4, i8
   use talus_test, only: test_type
-  use dem_form, only: form_size, form_of, form_support, form_tangent, mean_curvature_of, &
-    flattest_radius, turned
+  use dem_block, only: dem_block_type
+  use dem_form, only: form_size, form_of, form_support, form_tangent, form_height, &
+    mean_curvature_of, bounded_curvature, flattest_radius, turned, at_half
   use dem_form_gap, only: solve_forms, gap_of_forms
+  use dem_form_lanes, only: form_block_type, ready_forms, evaluate_forms, refine_forms, &
+    add_form_curvatures
   use dem_form_mass, only: form_mass_type, mass_of_form
+  use dem_form_state, only: dem_forms_type, allocate_forms, put_frame, put_frames
   use dem_gap, only: solve_gap
-  use dem_shape, only: rotation_of, shape_matrix, support, surface_point
+  use dem_power, only: raise, raise_near
+  use dem_shape, only: rotation_of, shape_matrix, support, surface_point, quaternion_product
+  use dem_state, only: lanes
   implicit none
   type(test_type) :: test
   real(wp), parameter :: pi = acos(-1.0_wp), none(3) = 0.0_wp
@@ -21,6 +28,12 @@ program test_dem_form
   call check_mass()
   call check_extent()
   call check_pairs()
+  call check_raise()
+  call check_frames()
+  call check_lanes(.false., 1.0e-6_wp)
+  call check_lanes(.false., 1.0e-2_wp)
+  call check_lanes(.true., 1.0e-6_wp)
+  call check_lanes(.true., 1.0e-2_wp)
   call test%finish()
 
 contains
@@ -302,6 +315,105 @@ contains
     call test%check_close('ellipsoids as forms have the gap of ellipsoids', worst(3), 0.0_wp, &
                           1.0e-12_wp)
   end subroutine check_pairs
+
+  !> Powers against the compiler's.
+  subroutine check_raise()
+    integer(i4), parameter :: count = 4000
+    real(wp) :: x(count), e(count), y(count)
+    integer(i4) :: k
+    do k = 1, count
+      x(k) = 10.0_wp**(-7.0_wp*uniform())
+      e(k) = -0.5_wp*uniform()
+    end do
+    call raise(count, x, e, y)
+    call test%check_close('powers', maxval(abs(y/x**e - 1.0_wp)), 0.0_wp, 4.0e-15_wp)
+    do k = 1, count
+      x(k) = 1.0_wp + 0.8_wp*uniform()
+      e(k) = uniform() - 0.5_wp
+    end do
+    call raise_near(count, x, e, y)
+    call test%check_close('powers of numbers near 1', maxval(abs(y/x**e - 1.0_wp)), 0.0_wp, &
+                          5.0e-16_wp)
+  end subroutine check_raise
+
+  !> Frames in turned bodies, one by one and many at once, the same bits.
+  subroutine check_frames()
+    integer(i4), parameter :: n = 7, low = 2
+    type(dem_forms_type) :: forms
+    real(wp) :: quat(lanes, 4), one(4, n), worst
+    integer(i4) :: i
+    call allocate_forms(forms, n)
+    worst = 0.0_wp
+    do i = 1, n
+      forms%frame(:, i) = orientation()
+      quat(i, :) = orientation()
+      call put_frame(forms, i, quat(i, :))
+      one(:, i) = forms%record(1:4, i)
+      worst = max(worst, maxval(abs(one(:, i) - quaternion_product(quat(i, :), &
+                                                                   forms%frame(:, i)))))
+    end do
+    call test%check_close('frames in turned bodies', worst, 0.0_wp, 1.0e-15_wp)
+    quat(:n - low, :) = quat(low + 1:n, :)
+    forms%record(1:4, low + 1:n) = 0.0_wp
+    call put_frames(forms, low, n - low - 1, quat)
+    call test%check('many frames at once', all(forms%record(1:4, :n - 1) == one(:, :n - 1)) &
+                    .and. all(forms%record(1:4, n) == 0.0_wp))
+  end subroutine check_frames
+
+  !> Blocks of pairs whose normals are somewhat off, as after a step.
+  subroutine check_lanes(powers, off)
+    logical, intent(in) :: powers
+    real(wp), intent(in) :: off  !! of the normal [rad]
+    type(dem_block_type) :: b
+    type(form_block_type) :: f
+    real(wp) :: r(3, lanes), n(3), u(3), v(3), h, ka(6), kb(6), gap, size_of(lanes), worst(4)
+    integer(i4) :: trial, k
+    character(:), allocatable :: what
+    worst = 0.0_wp
+    do trial = 1, 12
+      do k = 1, lanes
+        do
+          call random_pair(f%a%record(k, :), f%b%record(k, :), r(:, k), size_of(k))
+          if (powers) exit
+          if (min(f%a%record(k, at_half), f%b%record(k, at_half)) >= 1.0_wp) exit
+        end do
+        n = 0.0_wp
+        call solve_forms(r(:, k), f%a%record(k, :), f%b%record(k, :), n, gap)
+        n = n + off*direction()
+        n = n/norm2(n)
+        b%rx(k) = r(1, k)
+        b%ry(k) = r(2, k)
+        b%rz(k) = r(3, k)
+        b%nx(k) = n(1)
+        b%ny(k) = n(2)
+        b%nz(k) = n(3)
+      end do
+      call ready_forms(f, .true., powers)
+      call evaluate_forms(b, f)
+      call refine_forms(b, f)
+      call add_form_curvatures(b, f, .true.)
+      do k = 1, lanes
+        if (b%gap(k) > 0.0_wp) cycle
+        n = [b%nx(k), b%ny(k), b%nz(k)]
+        worst(1) = max(worst(1), tilt(r(:, k), f%a%record(k, :), f%b%record(k, :), n)/size_of(k))
+        call form_tangent(f%a%record(k, :), n, h, u, ka)
+        call form_tangent(f%b%record(k, :), -n, h, v, kb)
+        worst(2) = max(worst(2), norm2(u - [b%ax(k), b%ay(k), b%az(k)])/size_of(k), &
+                       norm2(v + [b%bx(k), b%by(k), b%bz(k)])/size_of(k))
+        gap = dot_product(r(:, k), n) - form_height(f%a%record(k, :), n) &
+              - form_height(f%b%record(k, :), -n)
+        worst(3) = max(worst(3), abs(gap - b%gap(k))/size_of(k))
+        gap = bounded_curvature(f%a%record(k, :), ka) + bounded_curvature(f%b%record(k, :), kb)
+        worst(4) = max(worst(4), abs(b%curvature(k)/gap - 1.0_wp))
+      end do
+    end do
+    what = 'lanes of octants: '
+    if (powers) what = 'lanes with powers: '
+    call test%check_close(what//'surface points on the normal', worst(1), 0.0_wp, 1.0e-7_wp)
+    call test%check_close(what//'surface points', worst(2), 0.0_wp, 1.0e-7_wp)
+    call test%check_close(what//'gaps', worst(3), 0.0_wp, 1.0e-13_wp)
+    call test%check_close(what//'curvatures', worst(4), 0.0_wp, 1.0e-4_wp)
+  end subroutine check_lanes
 
   !> Two random forms whose centres lie outside each other, overlapping by at most 5 %.
   subroutine random_pair(a, b, r, size_of)

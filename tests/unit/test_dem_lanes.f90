@@ -4,8 +4,8 @@ program test_dem_lanes
   use talus_test, only: test_type
   use dem_state, only: lanes, body_size, result_size, entries_ahead
   use dem_block, only: dem_side_type, dem_load_type
-  use dem_lanes, only: gather_side, gather_spheres, put_loads, finish_puts, put_side, put_motion, &
-    take_side, take_motion, sum_results, sum_lanes
+  use dem_lanes, only: gather_side, gather_spheres, gather_motions, put_loads, finish_puts, &
+    put_side, put_motion, take_side, take_motion, sum_results, sum_lanes
   implicit none
   type(test_type) :: test
   integer(i4), parameter :: bodies = 3*lanes + 5
@@ -44,6 +44,13 @@ contains
                     .and. all(round%wy == body(8, index)) .and. all(round%wz == body(9, index)))
     call test%check('radii of spheres', all(round%s(:, 1) == body(10, index)))
     call test%check('nothing else', all(round%s(:, 2:) < 0.0_wp) .and. all(round%volume < 0.0_wp))
+    round%s = -1.0_wp
+    call gather_motions(body, index, index, 1, round)
+    call test%check('motions as sides have them', all(round%x == side%x) &
+                    .and. all(round%vx == side%vx) .and. all(round%vy == side%vy) &
+                    .and. all(round%vz == side%vz) .and. all(round%wx == side%wx) &
+                    .and. all(round%wy == side%wy) .and. all(round%wz == side%wz))
+    call test%check('motions alone', all(round%s < 0.0_wp))
   end subroutine check_spheres
 
   !> Back to records that follow each other; what lies behind is left alone.
