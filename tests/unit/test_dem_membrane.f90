@@ -6,8 +6,9 @@ program test_dem_membrane
   use talus_test, only: test_type
   use talus_vectors, only: cross
   use dem_figure, only: figure_type
-  use dem_integrate, only: motion_type
-  use dem_membrane, only: no_membranes, shape_membrane, pull_membranes, membranes_energy
+  use dem_integrate, only: motion_type, work_count
+  use dem_membrane, only: no_membranes, shape_membrane, pull_membranes, finish_membranes, &
+    membranes_energy
   use dem_shape, only: rotation_of
   use dem_surface_feature, only: features_type, touches_type, most_features
   use dem_surface_find, only: find_touches
@@ -25,6 +26,7 @@ program test_dem_membrane
   call check_gradients(2.0e-4_wp, 'bent')
   call check_walk()
   call check_pressure()
+  call check_work()
   call check_stretch()
   call test%finish()
 
@@ -226,6 +228,39 @@ contains
     call test%check_close('pressure on a triangle', norm2(sum(s%membranes%press, 2)), &
                           5.0_wp*norm2(area), 1.0e-14_wp)
   end subroutine check_pressure
+
+  !> A closed sheet that shrinks alike is given pressure times the volume that it loses; whatever
+  !! holds its corners gets that and what the stretch gives.
+  subroutine check_work()
+    type(dem_surfaces_type) :: ball
+    real(wp), parameter :: rate = 0.1_wp, dt = 1.0e-3_wp, much = 1.1_wp
+    real(wp) :: p(3, 6), work(work_count), given
+    integer(i4), parameter :: side(3, 8) = reshape([1, 3, 5, 3, 2, 5, 2, 4, 5, 4, 1, 5, &
+                                                    3, 1, 6, 2, 3, 6, 4, 2, 6, 1, 4, 6], [3, 8])
+
+    p = 0.0_wp
+    p(1, 1:2) = [1.0_wp, -1.0_wp]
+    p(2, 3:4) = [1.0_wp, -1.0_wp]
+    p(3, 5:6) = [1.0_wp, -1.0_wp]
+    call add_triangles(ball, p, side)
+    ball%membranes%pressure = 5.0_wp
+    ball%x = much*ball%x
+    ball%v = -rate*ball%x
+    call pull_membranes(ball)
+    work = 0.0_wp
+    ball%membranes%wall = -1
+    call finish_membranes(ball, dt, work)
+    given = 5.0_wp*3.0_wp*rate*volume(ball)*dt
+    call test%check_close('work of the pressure', work(2)/given, 1.0_wp, 1.0e-12_wp)
+    call test%check_close('free corners ask for no other', work(4), 0.0_wp, 0.0_wp)
+    ball%membranes%wall = 0
+    work = 0.0_wp
+    call finish_membranes(ball, dt, work)
+    call test%check_close('work of the pressure on held corners', work(2)/given, 1.0_wp, 1.0e-12_wp)
+    given = given + dt*sum(ball%membranes%pull*ball%v)
+    call test%check('a stretched sheet pulls inwards', sum(ball%membranes%pull*ball%v) > 0.0_wp)
+    call test%check_close('work of what holds corners', work(4)/given, -1.0_wp, 1.0e-12_wp)
+  end subroutine check_work
 
   pure real(wp) function volume(s)
     type(dem_surfaces_type), intent(in) :: s
