@@ -278,7 +278,7 @@ contains
 
   !> The memory turns with the contact.
   subroutine check_turn()
-    real(wp) :: before
+    real(wp) :: before, was(3)
     call press(deep)
     call go([2.0e-7_wp, 0.0_wp, 0.0_wp], deep, 3)
     call go([-1.0e-7_wp, 0.0_wp, 0.0_wp], deep, 3)
@@ -292,5 +292,17 @@ contains
     call go([0.0_wp, 0.0_wp, 0.0_wp], deep, 1)
     call test%check_close('into the new plane', dot_product(force, step%normal(lane, :))/before, &
                           0.0_wp, 1.0e-14_wp)
+    ! springs of a bent path, a quarter turn
+    step%normal(lane, :) = [0.0_wp, 0.0_wp, 1.0_wp]
+    call press(deep)
+    call go([2.0e-7_wp, 0.0_wp, 0.0_wp], deep, 3)
+    call go([0.0_wp, 1.0e-7_wp, 0.0_wp], deep, 3)
+    call test%check('a bent path has springs', row(1) == springs_mark)
+    was = force
+    step%spin(lane) = 1.0e-3_wp
+    call go([0.0_wp, 0.0_wp, 0.0_wp], deep, 1571)
+    call test%check_close('springs turned about the normal', &
+                          norm2(force - [-was(2), was(1), 0.0_wp])/norm2(was), 0.0_wp, 1.0e-3_wp)
+    step%spin(lane) = 0.0_wp
   end subroutine check_turn
 end program test_dem_turning
