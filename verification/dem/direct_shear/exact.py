@@ -15,14 +15,16 @@ COUNT, CUBE_COUNT, CUBE = 2280, 1500, 0.072  # grains of box and cell; edge of t
 STRESS, SPEED, WAY = 100.0e3, 0.07, 0.012  # [Pa], [m/s], [m]
 UPPER, LID, FLANGE = (4, 5, 6, 7), 7, 3  # surfaces of the deck
 WINDOW = 11  # rows that are averaged
+FILLINGS, CELLS = (1, 2, 3), (3, 4, 5)  # seeds: one pack scatters by 0.7 degrees
 RATES = {"plane": ("'zz', rate = -1.0", "'xx'", 0.12), "simple": ("'xz', rate = 3.0", "'zz'", 0.4)}
 
 
 def run(case: Case) -> None:
     """Shear a box, and a cell of the same grains in plane strain and simple shear; compare."""
-    own = box(case)
-    cells = cell(case)
-    plane, simple = cells["plane"], cells["simple"]
+    boxes = [box(case, seed) for seed in FILLINGS]
+    own = mean_of(boxes)
+    cells = [cell(case, seed) for seed in CELLS]
+    plane, simple = (mean_of([one[name] for one in cells]) for name in RATES)
     for name, test in (("box", own), ("simple shear", simple)):
         peak = direct_shear_angle(plane["peak"], test["dilation"])
         case.metric(f"peak angle, {name} [deg]", test["peak"], peak, 2.0,
@@ -31,13 +33,22 @@ def run(case: Case) -> None:
                 "simple shear; the work of dilation taken off both")  # fmt: skip
     case.above("peak less end, box [deg]", own["peak"] - own["critical"], 2.0, "it was dense")
     case.above("dilation at the peak, box [deg]", own["dilation"], 5.0)
-    case.metric("normal force / target, mean", own["normal"], 1.0, 0.01)
-    case.below("work of walls and surfaces less boundary work, relative", own["work_error"], 1e-9)
-    case.metric("force times way / work of the lower half", own["way_work"], 1.0, 0.01)
-    case.below("forces that are out of balance / normal force", own["balance"], 0.03)
-    closure = max(test["closure"] for test in (own, *cells.values()))
+    for seed, one in zip(FILLINGS, boxes, strict=True):
+        case.metric(f"normal force / target, mean, {seed}", one["normal"], 1.0, 0.01)
+        case.metric(f"force times way / work of the lower half, {seed}", one["way_work"], 1.0, 0.01)
+    error, balance = (max(one[k] for one in boxes) for k in ("work_error", "balance"))
+    case.below("work of walls and surfaces less boundary work, relative", error, 1e-9)
+    case.below("forces that are out of balance / normal force", balance, 0.03)
+    tests = [*boxes, *(test for one in cells for test in one.values())]
+    closure = max(test["closure"] for test in tests)
     case.below("ledger, largest", closure, 1e-4)
-    draw(case, own, simple, plane)
+    draw(case, boxes, cells, (own, plane, simple))
+
+
+def mean_of(tests: list[dict]) -> dict[str, float]:
+    """Means over packs of the angles that all have [deg]."""
+    names = [k for k in ("peak", "critical", "dilation") if k in tests[0]]
+    return {k: float(np.mean([test[k] for test in tests])) for k in names}
 
 
 def sizes(count: int, seed: int) -> np.ndarray:
@@ -66,23 +77,30 @@ def smooth(values: np.ndarray) -> np.ndarray:
     return np.convolve(wide, np.ones(WINDOW) / WINDOW, mode="valid")
 
 
-def box(case: Case) -> dict:
-    """Fill and press the box, shear it; angles, dilation, balances."""
-    filled = cloud(sizes(COUNT, 1), np.array([LONG, WIDE, TALL]), np.ones(3), seed=1)
-    write_h5(case.folder / "box.h5", filled)
-    case.run("talus-dem", "press.nml", "--threads=1")
-    start = end_of(case, "press")
-    words = {"T_END": f"{start + WAY / SPEED:.9g}"}
-    case.run("talus-dem", deck(case, "shear", "box_shear", words), "--threads=1",
-             "--restart=press.chk.h5")  # fmt: skip
-    rows = read_history(case.folder / "box_shear_surfaces.csv")
+def whole_windows(values: np.ndarray) -> np.ndarray:
+    """Moving mean where the window is full: nothing counts more than once."""
+    return np.convolve(values, np.ones(WINDOW) / WINDOW, mode="valid")
+
+
+def box(case: Case, seed: int) -> dict:
+    """Fill and press a box, shear it; angles, dilation, balances."""
+    filled = cloud(sizes(COUNT, seed), np.array([LONG, WIDE, TALL]), np.ones(3), seed=seed)
+    press, shear = f"press_{seed}", f"box_shear_{seed}"
+    words = {"box.h5": f"box_{seed}.h5"}
+    write_h5(case.folder / words["box.h5"], filled)
+    case.run("talus-dem", deck(case, "press", press, words), "--threads=1")
+    words["T_END"] = f"{end_of(case, press) + WAY / SPEED:.9g}"
+    case.run("talus-dem", deck(case, "shear", shear, words), "--threads=1",
+             f"--restart={press}.chk.h5")  # fmt: skip
+    table = case.folder / f"{shear}_surfaces.csv"
+    rows = read_history(table)
     part = {k: {c: v[rows["surface"] == k] for c, v in rows.items()} for k in range(1, 8)}
-    walls = read_history(case.folder / "box_shear_walls.csv")
+    walls = read_history(case.folder / f"{shear}_walls.csv")
     floor = {c: v[walls["wall"] == 3] for c, v in walls.items()}
-    curves = read_shear_box(case.folder / "box_shear_surfaces.csv", UPPER, LID, FLANGE)
-    way, shear, normal, rise = curves.way, curves.shear, curves.normal, curves.rise
+    curves = read_shear_box(table, UPPER, LID, FLANGE)
+    way, normal, rise = curves.way, curves.normal, curves.rise
     under = floor["force_x"] + sum(part[k]["force_x"] for k in (1, 2, 3))
-    energy = read_history(case.folder / "box_shear_energy.csv")
+    energy = read_history(case.folder / f"{shear}_energy.csv")
     told = energy["boundary"] - energy["boundary"][0]
     pieces = [*part.values(), *({c: v[walls["wall"] == k] for c, v in walls.items()}
                                 for k in (1, 2, 3))]  # fmt: skip
@@ -90,11 +108,11 @@ def box(case: Case) -> dict:
     lower = [*(part[k] for k in (1, 2, 3)), floor]
     given = sum(piece["work"][-1] - piece["work"][0] for piece in lower)
     own = -float((0.5 * (under[1:] + under[:-1]) * np.diff(way)).sum())
-    test = angles(way, smooth(shear / normal), smooth(rise))
+    test = angles(way, smooth(curves.shear / normal), smooth(rise))
     return test | {
         "normal": float((part[LID]["force_z"] / (STRESS * LONG * WIDE)).mean()),
         "work_error": float(np.abs(works - told).max() / told[-1]), "way_work": own / given,
-        "balance": float(np.abs(smooth(shear + under)).max() / normal.mean()),
+        "balance": float(np.abs(whole_windows(curves.shear + under)).max() / normal.mean()),
         "closure": float(energy["relative_closure"].max()),
     }  # fmt: skip
 
@@ -116,40 +134,47 @@ def angles(way: np.ndarray, ratio: np.ndarray, rise: np.ndarray) -> dict:
     }  # fmt: skip
 
 
-def cell(case: Case) -> dict[str, dict]:
+def cell(case: Case, seed: int) -> dict[str, dict]:
     """Compress the same grains in a cell, shear them in plane strain and in simple shear."""
-    pack = cloud(sizes(CUBE_COUNT, 3), np.full(3, CUBE), np.ones(3), seed=3, periodic=True)
-    write_h5(case.folder / "cell.h5", pack)
-    case.run("talus-dem", "cell_press.nml", "--threads=1")
-    start = end_of(case, "cell_press")
+    pack = cloud(sizes(CUBE_COUNT, seed), np.full(3, CUBE), np.ones(3), seed=seed, periodic=True)
+    press, files = f"cell_press_{seed}", {"cell.h5": f"cell_{seed}.h5"}
+    write_h5(case.folder / files["cell.h5"], pack)
+    case.run("talus-dem", deck(case, "cell_press", press, files), "--threads=1")
+    start = end_of(case, press)
     tests = {}
-    for name, (rates, hold, strain) in RATES.items():
-        rate = abs(float(rates.split()[-1]))
-        words = {"RATES": rates, "HOLD": hold, "T_END": f"{start + strain / rate:.9g}"}
+    for kind, (rates, hold, strain) in RATES.items():
+        rate, name = abs(float(rates.split()[-1])), f"{kind}_{seed}"
+        words = {"RATES": rates, "HOLD": hold, "T_END": f"{start + strain / rate:.9g}"} | files
         case.run("talus-dem", deck(case, "cell_shear", name, words), "--threads=1",
-                 "--restart=cell_press.chk.h5")  # fmt: skip
+                 f"--restart={press}.chk.h5")  # fmt: skip
         rows = read_history(case.folder / f"{name}_cell.csv")
         way = rate * (rows["time"] - rows["time"][0])
-        if name == "plane":
+        if kind == "plane":
             most, least = -rows["stress_zz"], -rows["stress_xx"]
             angle = smooth(np.degrees(np.arcsin((most - least) / (most + least))))
-            tests[name] = {"way": way, "angle": angle, "peak": float(angle.max()),
+            tests[kind] = {"way": way, "angle": angle, "peak": float(angle.max()),
                            "critical": float(angle[way > 0.75 * strain].mean())}  # fmt: skip
         else:
             ratio = 0.5 * (rows["stress_xz"] + rows["stress_zx"]) / -rows["stress_zz"]
-            tests[name] = angles(way, smooth(ratio), smooth(np.log(rows["volume"])))
+            tests[kind] = angles(way, smooth(ratio), smooth(np.log(rows["volume"])))
         energy = read_history(case.folder / f"{name}_energy.csv")
-        tests[name]["closure"] = float(energy["relative_closure"].max())
+        tests[kind]["closure"] = float(energy["relative_closure"].max())
     return tests
 
 
-def draw(case: Case, own: dict, simple: dict, plane: dict) -> None:
-    """Angle and rise over displacement, of the box and of simple shear."""
+def draw(case: Case, boxes: list[dict], cells: list[dict], means: tuple[dict, ...]) -> None:
+    """Angle and rise over displacement, of the boxes and of simple shear, and their means."""
+    own, plane, simple = means
     fig, (ax, ax2) = case.figure(ncols=2, figsize=(9.5, 4.2))
-    ax.plot(1e3 * own["way"], own["angle"], label="box")
-    ax.plot(1e3 * own["way"], 1e4 * own["rise"], color="0.5", label="rise of the lid [0.1 mm]")
-    ax2.plot(100.0 * simple["way"], simple["angle"], label="simple shear in a cell")
-    ax2.plot(200.0 * plane["way"], plane["angle"], lw=0.8, label="plane strain, s1 and s3")
+    for k, (one, cell_of) in enumerate(zip(boxes, cells, strict=True)):
+        ax.plot(1e3 * one["way"], one["angle"], color=f"C{k}", label=f"box, filling {k + 1}")
+        ax.plot(1e3 * one["way"], 1e4 * one["rise"], color="0.5", lw=0.8,
+                label="" if k else "rise of the lid [0.1 mm]")  # fmt: skip
+        pure, flat = cell_of["simple"], cell_of["plane"]
+        ax2.plot(100.0 * pure["way"], pure["angle"], color=f"C{k}",
+                 label="" if k else "simple shear in three cells")  # fmt: skip
+        ax2.plot(200.0 * flat["way"], flat["angle"], lw=0.6, color=f"C{k}",
+                 label="" if k else "plane strain, s1 and s3")  # fmt: skip
     for test, axis in ((own, ax), (simple, ax2)):
         axis.axhline(direct_shear_angle(plane["peak"], test["dilation"]), color="0.3", lw=0.8,
                      ls="--", label="Davis, peak")  # fmt: skip
