@@ -5,7 +5,7 @@ module dem_forces
     history_root, result_size, body_size, law_mindlin_deresiewicz
   use dem_block, only: dem_block_type
   use dem_form_lanes, only: form_block_type, ready_forms, evaluate_forms, evaluate_form_planes, &
-    refine_forms, add_form_curvatures, solve_form_lane
+    evaluate_again, refine_forms, add_form_curvatures, solve_form_lane
   use dem_form_state, only: dem_forms_type, form_powers
   use dem_lanes, only: call_for, read_in_order, gather_side, gather_spheres, gather_motions, &
     gather_records, put_loads, sum_results
@@ -193,7 +193,7 @@ contains
         if (block%gap(lane) > 0.0_wp .or. pairs%history(lane, history_side, k) > 0.0_wp) cycle
         call solve_form_lane(block, figures, lane, .true.)
       end do
-      call evaluate_forms(block, figures)
+      call evaluate_again(block, figures)
     end if
     call keep_normals(pairs, block, k)
 
@@ -253,7 +253,7 @@ contains
       end if
     end do
     if (pairs%form(k) > 0) then
-      call evaluate_forms(block, figures)
+      call evaluate_again(block, figures)
     else
       call evaluate_pairs(block)
     end if

@@ -12,7 +12,7 @@ module dem_form_lanes
   implicit none
   private
   public :: form_block_type, evaluate_forms, evaluate_form_planes, refine_forms, add_form_curvatures
-  public :: solve_form_lane, ready_forms
+  public :: solve_form_lane, ready_forms, evaluate_again
 
   !> Curvatures change by this factor in a radian, near flat spots of superquadrics by more.
   real(wp), parameter :: most_change = 10.0_wp
@@ -20,7 +20,11 @@ module dem_form_lanes
   !> The forms of a block; A is the first body, B the second.
   type :: form_block_type
     type(form_side_type) :: a, b
-    logical :: powers = .false.  !! some exponent is above 2
+    logical :: powers = .false.      !! some exponent is above 2
+    real(wp) :: followed(lanes)      !! 1: gap and points have followed the last step
+    real(wp) :: kept(lanes)          !! 1 where of these the curvature is kept here
+    logical :: keeps = .false.       !! some curvatures are kept
+    real(wp) :: curvature(lanes)     !! [1/m]
   end type form_block_type
 
 contains
@@ -31,6 +35,9 @@ contains
     logical, intent(in) :: with_first  !! false: A is a plane
     logical, intent(in) :: powers
     f%powers = powers
+    f%followed = 0.0_wp
+    f%kept = 0.0_wp
+    f%keeps = .false.
     if (with_first) call turn_side(f%a)
     call turn_side(f%b)
   end subroutine ready_forms
@@ -79,32 +86,70 @@ contains
   end subroutine evaluate_form_planes
 
   !> Newton steps for the lanes whose bodies overlap along n and whose n is not converged. Lanes
-  !! that resist go to the scalar path.
+  !! that resist go to the scalar path. What a lane comes to does not hang on the others.
   subroutine refine_forms(b, f)
     type(dem_block_type), intent(inout) :: b
     type(form_block_type), intent(inout) :: f
-    real(wp) :: ka(lanes, 6), kb(lanes, 6), t(lanes, 3)
+    real(wp) :: ka(lanes, 6), kb(lanes, 6), t(lanes, 3), left(lanes)
     integer(i4) :: trial, k
     integer(i4), parameter :: trials = 3
 
     do trial = 1, trials
       if (.not. worst_residual(b) > settled_residual) return
       call find_step(b, f, ka, kb, t)
-      if (.not. worst_left(b, f, t) > settled_residual) then
-        call follow_step(b, ka, kb, t)
-        call turn_normals(b, t)
-        return
-      end if
+      call find_left(b, f, t, left)
+      call follow_step(b, f, ka, kb, t, left)
       call turn_normals(b, t)
-      call evaluate_forms(b, f)
+      if (.not. maxval(left) > settled_residual) return
+      call evaluate_again(b, f)
     end do
     if (.not. worst_residual(b) > settled_residual) return
     do k = 1, lanes
       if (b%gap(k) <= 0.0_wp .and. b%residual(k) > settled_residual) &
         call solve_form_lane(b, f, k, .false.)
     end do
-    call evaluate_forms(b, f)
+    call evaluate_again(b, f)
   end subroutine refine_forms
+
+  !> As evaluate_forms, but lanes that have followed their last step stay as they are.
+  subroutine evaluate_again(b, f)
+    type(dem_block_type), intent(inout) :: b
+    type(form_block_type), intent(inout) :: f
+    real(wp) :: seen(lanes, 7), second(lanes), first(lanes)
+    integer(i4) :: k
+
+    if (.not. maxval(f%followed) > 0.0_wp) then
+      call evaluate_forms(b, f)
+      return
+    end if
+    call curve_side(f%b, f%powers, second)
+    call curve_side(f%a, f%powers, first)
+    f%keeps = .true.
+    !$omp simd
+    do k = 1, lanes
+      f%curvature(k) = merge(f%curvature(k), second(k) + first(k), f%kept(k) > 0.5_wp)
+      f%kept(k) = f%followed(k)
+      seen(k, 1) = b%gap(k)
+      seen(k, 2) = b%ax(k)
+      seen(k, 3) = b%ay(k)
+      seen(k, 4) = b%az(k)
+      seen(k, 5) = b%bx(k)
+      seen(k, 6) = b%by(k)
+      seen(k, 7) = b%bz(k)
+    end do
+    call evaluate_forms(b, f)
+    !$omp simd
+    do k = 1, lanes
+      b%gap(k) = merge(seen(k, 1), b%gap(k), f%followed(k) > 0.5_wp)
+      b%ax(k) = merge(seen(k, 2), b%ax(k), f%followed(k) > 0.5_wp)
+      b%ay(k) = merge(seen(k, 3), b%ay(k), f%followed(k) > 0.5_wp)
+      b%az(k) = merge(seen(k, 4), b%az(k), f%followed(k) > 0.5_wp)
+      b%bx(k) = merge(seen(k, 5), b%bx(k), f%followed(k) > 0.5_wp)
+      b%by(k) = merge(seen(k, 6), b%by(k), f%followed(k) > 0.5_wp)
+      b%bz(k) = merge(seen(k, 7), b%bz(k), f%followed(k) > 0.5_wp)
+      b%residual(k) = merge(0.0_wp, b%residual(k), f%followed(k) > 0.5_wp)
+    end do
+  end subroutine evaluate_again
 
   !> Greatest residual of the lanes whose bodies overlap.
   pure real(wp) function worst_residual(b) result(worst)
@@ -117,14 +162,15 @@ contains
     end do
   end function worst_residual
 
-  !> Greatest residual that the steps t leave: in a turn |t| curvatures change by the share c |t|,
+  !> Residuals that the steps t leave: in a turn |t| curvatures change by the share c |t|,
   !! and so much of K t stays, K t about |d_t| or, where K is nearly singular, |t|; all of it where
   !! there was no step to take or it leads into another octant, where curvatures jump.
-  pure real(wp) function worst_left(b, f, t) result(worst)
+  pure subroutine find_left(b, f, t, left)
     type(dem_block_type), intent(in) :: b
     type(form_block_type), intent(in) :: f
     real(wp), intent(in) :: t(lanes, 3)
-    real(wp) :: near(lanes), turn, left
+    real(wp), intent(out) :: left(lanes)  !! 0 of lanes whose bodies do not overlap
+    real(wp) :: near(lanes), turn
     logical :: inside
     integer(i4) :: k
     near = 1.0_wp/most_change**2
@@ -132,16 +178,15 @@ contains
       call near_flat_spots(f%a, near)
       call near_flat_spots(f%b, near)
     end if
-    worst = 0.0_wp
-    !$omp simd private(turn, left, inside) reduction(max:worst)
+    !$omp simd private(turn, inside)
     do k = 1, lanes
       turn = t(k, 1)**2 + t(k, 2)**2 + t(k, 3)**2
-      left = turn/near(k)*(b%residual(k) + turn)
+      left(k) = turn/near(k)*(b%residual(k) + turn)
       inside = turn > 0.0_wp .and. turn < min(f%a%inside(k), f%b%inside(k))
-      left = merge(left, b%residual(k), inside)
-      worst = max(worst, merge(left, 0.0_wp, b%gap(k) <= 0.0_wp))
+      left(k) = merge(left(k), b%residual(k), inside)
+      left(k) = merge(left(k), 0.0_wp, b%gap(k) <= 0.0_wp)
     end do
-  end function worst_left
+  end subroutine find_left
 
   !> The square of the least share w of an axis, rounded, if that is less: 1/c^2 near flat spots.
   pure subroutine near_flat_spots(side, near)
@@ -157,14 +202,18 @@ contains
   end subroutine near_flat_spots
 
   !> After the last step surface points move by their Hessians and gaps by half the slope, so that
-  !! nothing need be evaluated again.
-  pure subroutine follow_step(b, ka, kb, t)
+  !! nothing need be evaluated again; the others' are found anew.
+  pure subroutine follow_step(b, f, ka, kb, t, left)
     type(dem_block_type), intent(inout) :: b
+    type(form_block_type), intent(inout) :: f
     real(wp), intent(in) :: ka(lanes, 6), kb(lanes, 6), t(lanes, 3)
+    real(wp), intent(in) :: left(lanes)  !! residuals that the steps leave
     integer(i4) :: k
 
     !$omp simd
     do k = 1, lanes
+      f%followed(k) = merge(1.0_wp, f%followed(k), .not. left(k) > settled_residual .and. &
+                            abs(t(k, 1)) + abs(t(k, 2)) + abs(t(k, 3)) > 0.0_wp)
       b%gap(k) = b%gap(k) + 0.5_wp*(t(k, 1)*b%tx(k) + t(k, 2)*b%ty(k) + t(k, 3)*b%tz(k))
       b%ax(k) = b%ax(k) + ka(k, 1)*t(k, 1) + ka(k, 4)*t(k, 2) + ka(k, 6)*t(k, 3)
       b%ay(k) = b%ay(k) + ka(k, 4)*t(k, 1) + ka(k, 2)*t(k, 2) + ka(k, 5)*t(k, 3)
@@ -236,7 +285,7 @@ contains
   !> Solve one lane by the scalar path, from the line of centres if `cold`.
   subroutine solve_form_lane(b, f, k, cold)
     type(dem_block_type), intent(inout) :: b
-    type(form_block_type), intent(in) :: f
+    type(form_block_type), intent(inout) :: f
     integer(i4), intent(in) :: k
     logical, intent(in) :: cold
     real(wp) :: n(3), gap, form_a(form_size), form_b(form_size)
@@ -248,6 +297,8 @@ contains
     b%nx(k) = n(1)
     b%ny(k) = n(2)
     b%nz(k) = n(3)
+    f%followed(k) = 0.0_wp
+    f%kept(k) = 0.0_wp
   end subroutine solve_form_lane
 
   !> Mean curvature of the relative surface, 1/R_e.
@@ -260,5 +311,6 @@ contains
     if (.not. with_first) return
     call curve_side(f%a, f%powers, first)
     b%curvature = b%curvature + first
+    if (f%keeps) b%curvature = merge(f%curvature, b%curvature, f%kept > 0.5_wp)
   end subroutine add_form_curvatures
 end module dem_form_lanes

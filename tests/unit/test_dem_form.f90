@@ -364,12 +364,14 @@ contains
   subroutine check_lanes(powers, off)
     logical, intent(in) :: powers
     real(wp), intent(in) :: off  !! of the normal [rad]
-    type(dem_block_type) :: b
+    type(dem_block_type) :: b, start
     type(form_block_type) :: f
     real(wp) :: r(3, lanes), n(3), u(3), v(3), h, ka(6), kb(6), gap, size_of(lanes), worst(4)
     integer(i4) :: trial, k
+    logical :: same
     character(:), allocatable :: what
     worst = 0.0_wp
+    same = .true.
     do trial = 1, 12
       do k = 1, lanes
         do
@@ -388,11 +390,10 @@ contains
         b%ny(k) = n(2)
         b%nz(k) = n(3)
       end do
-      call ready_forms(f, .true., powers)
-      call evaluate_forms(b, f)
-      call refine_forms(b, f)
-      call add_form_curvatures(b, f, .true.)
+      start = b
+      call refine(b, f, powers)
       do k = 1, lanes
+        same = same .and. all(lane_of(b, k) == alone(start, f, powers, k))
         if (b%gap(k) > 0.0_wp) cycle
         n = [b%nx(k), b%ny(k), b%nz(k)]
         worst(1) = max(worst(1), tilt(r(:, k), f%a%record(k, :), f%b%record(k, :), n)/size_of(k))
@@ -409,11 +410,53 @@ contains
     end do
     what = 'lanes of octants: '
     if (powers) what = 'lanes with powers: '
+    call test%check(what//'the same bits whatever the other lanes are', same)
     call test%check_close(what//'surface points on the normal', worst(1), 0.0_wp, 1.0e-7_wp)
     call test%check_close(what//'surface points', worst(2), 0.0_wp, 1.0e-7_wp)
     call test%check_close(what//'gaps', worst(3), 0.0_wp, 1.0e-13_wp)
     call test%check_close(what//'curvatures', worst(4), 0.0_wp, 1.0e-4_wp)
   end subroutine check_lanes
+
+  subroutine refine(b, f, powers)
+    type(dem_block_type), intent(inout) :: b
+    type(form_block_type), intent(inout) :: f
+    logical, intent(in) :: powers
+    call ready_forms(f, .true., powers)
+    call evaluate_forms(b, f)
+    call refine_forms(b, f)
+    call add_form_curvatures(b, f, .true.)
+  end subroutine refine
+
+  pure function lane_of(b, k) result(row)
+    type(dem_block_type), intent(in) :: b
+    integer(i4), intent(in) :: k
+    real(wp) :: row(11)
+    row = [b%gap(k), b%nx(k), b%ny(k), b%nz(k), b%ax(k), b%ay(k), b%az(k), b%bx(k), b%by(k), &
+           b%bz(k), b%curvature(k)]
+  end function lane_of
+
+  !> What lane k comes to in a block of nothing but itself.
+  function alone(start, f, powers, k) result(row)
+    type(dem_block_type), intent(in) :: start
+    type(form_block_type), intent(in) :: f
+    logical, intent(in) :: powers
+    integer(i4), intent(in) :: k
+    real(wp) :: row(11)
+    type(dem_block_type) :: b
+    type(form_block_type) :: one
+    b = start
+    one = f
+    b%rx = start%rx(k)
+    b%ry = start%ry(k)
+    b%rz = start%rz(k)
+    b%nx = start%nx(k)
+    b%ny = start%ny(k)
+    b%nz = start%nz(k)
+    one%a%record = spread(f%a%record(k, :), 1, lanes)
+    one%b%record = spread(f%b%record(k, :), 1, lanes)
+    call refine(b, one, powers)
+    row = lane_of(b, 1_i4)
+  end function alone
 
   !> Two random forms whose centres lie outside each other, overlapping by at most 5 %.
   subroutine random_pair(a, b, r, size_of)
