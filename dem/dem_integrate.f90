@@ -122,12 +122,10 @@ contains
 
     push%s%x = 0.0_wp
     push%s%volume = 1.0_wp
-    call stop_side(push%s)
     do k = 1, b%count
       i = b%low + k
       push%s%x(k, :) = g%x(:, i)
       push%s%volume(k) = pairs%body(body_size, i)
-      if (b%free(k) < 0.5_wp) cycle
       push%s%vx(k) = g%v(1, i)
       push%s%vy(k) = g%v(2, i)
       push%s%vz(k) = g%v(3, i)
@@ -135,20 +133,24 @@ contains
       push%s%wy(k) = g%omega(2, i)
       push%s%wz(k) = g%omega(3, i)
     end do
+    call stop_others(b%free, push%s)
     call rotations(b%q, r)
     call shapes(b%square, r, b%round, push%s%s)
   end subroutine load_side
 
-  !> No motion in any lane.
-  pure subroutine stop_side(s)
+  !> Lanes that are not free stand still.
+  pure subroutine stop_others(free, s)
+    real(wp), intent(in) :: free(lanes)
     type(dem_side_type), intent(inout) :: s
-    s%vx = 0.0_wp
-    s%vy = 0.0_wp
-    s%vz = 0.0_wp
-    s%wx = 0.0_wp
-    s%wy = 0.0_wp
-    s%wz = 0.0_wp
-  end subroutine stop_side
+    where (.not. free > 0.5_wp)
+      s%vx = 0.0_wp
+      s%vy = 0.0_wp
+      s%vz = 0.0_wp
+      s%wx = 0.0_wp
+      s%wy = 0.0_wp
+      s%wz = 0.0_wp
+    end where
+  end subroutine stop_others
 
   !> What put_bodies left in the records: of spheres centres, velocities and spins, as nothing else
   !! changes in them. Lanes that are not free stand still.
@@ -161,15 +163,7 @@ contains
     else
       call take_side(body(:, b%low + 1:b%low + b%count), b%count, push%s)
     end if
-    if (b%free_count == lanes) return
-    where (.not. b%free > 0.5_wp)
-      push%s%vx = 0.0_wp
-      push%s%vy = 0.0_wp
-      push%s%vz = 0.0_wp
-      push%s%wx = 0.0_wp
-      push%s%wy = 0.0_wp
-      push%s%wz = 0.0_wp
-    end where
+    if (b%free_count < lanes) call stop_others(b%free, push%s)
   end subroutine recall_side
 
   !> Bring a mover into the cache, now or soon; spheres have no use of what follows their one moment
