@@ -53,6 +53,7 @@ program test_dem_port
     call rehearse()
     call press()
     call parts()
+    call under_contact()
     call execute_command_line('rm -rf '//folder)
     call test%finish()
   end if
@@ -96,13 +97,20 @@ contains
     box(1)%id = [10_i8]
     call make_folder(folder, errors)
     call write_packing(folder//'/pack.h5', grains, box, errors)
+    call write_deck('&history every_time = 1.0e-6 /'//nl//'&output every_time = 1.0e-6 /'//nl)
+    call test%check('input is written', .not. errors%any())
+  end subroutine make_input
+
+  !> The deck, with groups of its own at the end; what another wrote goes.
+  subroutine write_deck(more)
+    character(len=*), intent(in) :: more
     call replace_file(folder//'/deck.nml', '&run gravity = 0.0, 0.0, 0.0 /'//nl// &
       "&material id = 'q', density = 2650.0, young = 29.0e9, poisson = 0.25 /"//nl// &
       "&contact between = 'q', 'q', law = 'hertz_mindlin', friction = 0.5 /"//nl// &
       "&particles file = 'pack.h5', material = 'q' /"//nl//'&dynamics dt = 1.0e-7 /'//nl// &
-      '&history every_time = 1.0e-6 /'//nl//'&output every_time = 1.0e-6 /'//nl, errors)
-    call test%check('input is written', .not. errors%any())
-  end subroutine make_input
+      more, errors)
+    call execute_command_line('rm -f '//folder//'/deck_* '//folder//'/deck.log')
+  end subroutine write_deck
 
   !> Start a service and greet it.
   subroutine start(name, restart)
@@ -289,12 +297,19 @@ contains
     call choose('h', 'prescribe', [20_i8], 'P253')
   end subroutine refusals
 
+  !> KICK_DRIFT, yet without loads.
+  subroutine ask_kick(kick, drift)
+    real(wp), intent(in) :: kick, drift
+    call ask%start(verb_kick_drift, 1_i8, now_at, now_at + drift)
+    call ask%put('kick', kick)
+    call ask%put('drift', drift)
+  end subroutine ask_kick
+
   subroutine split_steps()
+    real(wp), parameter :: load(3) = [1.0_wp, 0.0_wp, 0.0_wp], none(3) = 0.0_wp
     real(wp) :: force(3, 1), v(3, 2), before(3, 2)
 
-    call ask%start(verb_kick_drift, 1_i8, now_at, now_at)
-    call ask%put('kick', 0.0_wp)
-    call ask%put('drift', 0.0_wp)
+    call ask_kick(0.0_wp, 0.0_wp)
     call expect('KICK_DRIFT of nothing', '')
     call reply%get('r.v', before, errors)
     call ask%start(verb_force, 1_i8, now_at, now_at)
@@ -303,38 +318,35 @@ contains
     call expect('FORCE', '')
     call reply%get('g.force', force, errors)
     call test%check_close('no force when the ghost is away', force(3, 1), 0.0_wp, 0.0_wp)
-    call ask%start(verb_kick_drift, 1_i8, now_at, now_at + dt)
-    call ask%put('kick', dt)
-    call ask%put('drift', dt)
+    call ask_kick(dt, dt)
     call ask%put('l.force', reshape([2.0e-3_wp, 0.0_wp, 0.0_wp], [3, 1]))
     call expect('KICK_DRIFT', '')
     call reply%get('r.v', v, errors)
     call test%check_close('kicked by its load', v(1, 2) - before(1, 2), 2.0e-3_wp*dt/mass(3), &
                           1.0e-9_wp*abs(v(1, 2)))
     call test%check_close('not kicked without force', v(3, 1), before(3, 1), 0.0_wp)
-    call test%check_close('staggering of the mean force', kinetic_under(1.0_wp, 0.0_wp) &
-                          - kinetic_under(1.0_wp, 0.3_wp), dt**2*0.3_wp**2/(8.0_wp*mass(3)), &
-                          1.0e-9_wp*dt**2/mass(3))
-    call ask%start(verb_force, 1_i8, now_at + dt, now_at + dt)
+    now_at = now_at + dt
+    call test%check_close('staggering of the mean force', kinetic_under(load, none, none) &
+                          - kinetic_under(load, [0.3_wp, 0.0_wp, 0.0_wp], none), &
+                          dt**2*0.3_wp**2/(8.0_wp*mass(3)), 1.0e-9_wp*dt**2/mass(3))
+    call ask%start(verb_force, 1_i8, now_at, now_at)
     call ask%put_text('scope', 'some')
     call expect('FORCE with an unknown scope', 'P255')
-    call ask%start(verb_force, 1_i8, now_at + dt, now_at + dt)
+    call ask%start(verb_force, 1_i8, now_at, now_at)
     call expect('FORCE after the drift', '')
     call ask%start(verb_accept)
     call expect('ACCEPT of a split step', '')
-    now_at = now_at + dt
     call test%check('split steps without faults', .not. errors%any())
   end subroutine split_steps
 
-  !> Kinetic energy told under a load of so many N, and a mean force.
-  real(wp) function kinetic_under(load, mean) result(kinetic)
-    real(wp), intent(in) :: load, mean
+  !> Kinetic energy told under a load [N], and a mean force [N] and moment [N m].
+  real(wp) function kinetic_under(load, mean, mean_moment) result(kinetic)
+    real(wp), intent(in) :: load(3), mean(3), mean_moment(3)
     real(wp) :: scalars(scalar_count)
-    call ask%start(verb_kick_drift, 1_i8, now_at + dt, now_at + dt)
-    call ask%put('kick', 0.0_wp)
-    call ask%put('drift', 0.0_wp)
-    call ask%put('l.force', reshape([load, 0.0_wp, 0.0_wp], [3, 1]))
-    call ask%put('l.mean_force', reshape([mean, 0.0_wp, 0.0_wp], [3, 1]))
+    call ask_kick(0.0_wp, 0.0_wp)
+    call ask%put('l.force', reshape(load, [3, 1]))
+    call ask%put('l.mean_force', reshape(mean, [3, 1]))
+    call ask%put('l.mean_moment', reshape(mean_moment, [3, 1]))
     call expect('KICK_DRIFT with a mean force', '')
     call reply%get('scalars', scalars, errors)
     kinetic = scalars(scalar_kinetic)
@@ -387,17 +399,11 @@ contains
 
   !> A rehearsal: the driven grain 30 stands still, nothing is written; then it moves from time 0.
   subroutine rehearse()
-    type(error_list_type) :: faults
     real(wp) :: x(3, 1), v(3, 1), scalars(scalar_count)
     integer(i4) :: k
 
-    call replace_file(folder//'/deck.nml', '&run gravity = 0.0, 0.0, 0.0 /'//nl// &
-      "&material id = 'q', density = 2650.0, young = 29.0e9, poisson = 0.25 /"//nl// &
-      "&contact between = 'q', 'q', law = 'hertz_mindlin', friction = 0.5 /"//nl// &
-      "&particles file = 'pack.h5', material = 'q' /"//nl//'&dynamics dt = 1.0e-7 /'//nl// &
-      '&driven ids = 30, velocity = 0.0, 0.0, 0.5 /'//nl//'&history every_time = 1.0e-6 /'//nl, &
-      faults)
-    call execute_command_line('rm -f '//folder//'/deck_* '//folder//'/deck.log')
+    call write_deck('&driven ids = 30, velocity = 0.0, 0.0, 0.5 /'//nl// &
+                    '&history every_time = 1.0e-6 /'//nl)
     call start('fourth')
     call choose('g', 'prescribe', [10_i8], '')
     call choose('r', 'report', [30_i8], '')
@@ -444,18 +450,12 @@ contains
   !> A surcharge beside a load: both push grain 30; the third interval begins with a look at the
   !! surface, by then the stress has doubled; REJECT takes the look back.
   subroutine press()
-    type(error_list_type) :: faults
     real(wp) :: x(3, 1), again(3, 1), v(3, 1)
     integer(i4) :: k
 
-    call replace_file(folder//'/deck.nml', '&run gravity = 0.0, 0.0, 0.0 /'//nl// &
-      "&material id = 'q', density = 2650.0, young = 29.0e9, poisson = 0.25 /"//nl// &
-      "&contact between = 'q', 'q', law = 'hertz_mindlin', friction = 0.5 /"//nl// &
-      "&particles file = 'pack.h5', material = 'q' /"//nl//'&dynamics dt = 1.0e-7 /'//nl// &
-      "&curve id = 'c', times = 1.1e-5, 1.15e-5, values = 1.0, 2.0 /"//nl// &
+    call write_deck("&curve id = 'c', times = 1.1e-5, 1.15e-5, values = 1.0, 2.0 /"//nl// &
       "&surcharge stress = 100.0, curve = 'c', lower = 5.0e-3, -1.0e-3, "// &
-      'upper = 15.0e-3, 1.0e-3 /'//nl, faults)
-    call execute_command_line('rm -f '//folder//'/deck_* '//folder//'/deck.log')
+      'upper = 15.0e-3, 1.0e-3 /'//nl)
     call start('fifth')
     call choose('l', 'load', [30_i8], '')
     call choose('r', 'report', [30_i8], '')
@@ -495,16 +495,11 @@ contains
   !> 10 and 20 are ghosts that touch, 30 is free: forces between ghosts and those on free grains
   !! come apart, and a ghost that no one foresaw at a free grain is a fault.
   subroutine parts()
-    type(error_list_type) :: faults
     real(wp) :: x(3, 2), both(3, 2), near(3, 1), alone(3, 1)
     integer(i8), allocatable :: ids(:)
     integer(i4) :: old
 
-    call replace_file(folder//'/deck.nml', '&run gravity = 0.0, 0.0, 0.0 /'//nl// &
-      "&material id = 'q', density = 2650.0, young = 29.0e9, poisson = 0.25 /"//nl// &
-      "&contact between = 'q', 'q', law = 'hertz_mindlin', friction = 0.5 /"//nl// &
-      "&particles file = 'pack.h5', material = 'q' /"//nl//'&dynamics dt = 1.0e-7 /'//nl, faults)
-    call execute_command_line('rm -f '//folder//'/deck_* '//folder//'/deck.log')
+    call write_deck('')
     call start('sixth')
     call choose('g', 'prescribe', [10_i8, 20_i8], '')
     call choose('r', 'report', [30_i8], '')
@@ -554,10 +549,52 @@ contains
     call ask%put_text('scope', 'split')
     call ask%put('g.x', x)
     call expect('a ghost at a free grain that is not of the border', 'N224')
+    call abandon('parts')
+  end subroutine parts
+
+  !> Ghost 10 goes sideways at free grain 20: force and moment of the contact stand beside a
+  !! mean force and moment; the energy's dt^2/8 times the square of both tells the sign.
+  subroutine under_contact()
+    real(wp) :: force(3, 1), moment(3, 1)
+    real(wp), parameter :: load(3) = [0.0_wp, 0.0_wp, 0.05_wp], none(3) = 0.0_wp, &
+      couple(3) = [0.0_wp, 1.0e-6_wp, 0.0_wp]
+    real(wp) :: inertia
+    call write_deck('')
+    call start('seventh')
+    call choose('g', 'prescribe', [10_i8], '')
+    call choose('r', 'report', [20_i8], '')
+    call choose('l', 'load', [20_i8], '')
+    call ask%start(verb_ready)
+    call expect('READY with a contact', '')
+    now_at = 0.0_wp
+    call ask_kick(0.0_wp, dt)
+    call expect('KICK_DRIFT with a contact', '')
+    now_at = dt
+    call ask%start(verb_force, 1_i8, now_at, now_at)
+    call ask%put('g.v', reshape([0.1_wp, 0.0_wp, 0.0_wp], [3, 1]))
+    call expect('FORCE with a ghost that goes sideways', '')
+    call reply%get('r.force', force, errors)
+    call reply%get('r.moment', moment, errors)
+    call test%check('it pushes up and sideways, and turns', force(3, 1) > 0.0_wp .and. &
+                    force(1, 1) > 0.0_wp .and. abs(moment(2, 1)) > 0.0_wp)
+    inertia = 0.4_wp*mass(2)*1.0e-6_wp
+    call test%check_close('the mean force adds to that of the contact', &
+      kinetic_under(none, -load, none) - kinetic_under(none, load, none), &
+      0.5_wp*dt**2*force(3, 1)*load(3)/mass(2), 1.0e-6_wp*dt**2*force(3, 1)*load(3)/mass(2))
+    call test%check_close('the mean moment adds to that of the contact', &
+      kinetic_under(none, none, -couple) - kinetic_under(none, none, couple), &
+      0.5_wp*dt**2*moment(2, 1)*couple(2)/inertia, &
+      1.0e-6_wp*dt**2*abs(moment(2, 1))*couple(2)/inertia)
+    call abandon('contact')
+  end subroutine under_contact
+
+  subroutine abandon(what)
+    character(len=*), intent(in) :: what
+    type(error_list_type) :: faults
     call ask%start(verb_abort)
     call port%send(ask, faults)
-    call test%check('parts end', child%wait(20.0_wp))
+    call test%check(what//': it ends', child%wait(20.0_wp))
     call port%close()
-    call test%check('parts without faults', .not. errors%any())
-  end subroutine parts
+    call test%check(what//': no faults', .not. errors%any())
+  end subroutine abandon
 end program test_dem_port
