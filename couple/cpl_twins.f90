@@ -10,7 +10,30 @@ module cpl_twins
   public :: same_rows, same_maps, apply_twins, transposed_twins, project_twins, hand_on_twins
 
   integer(i4), parameter :: both = 2*lanes  !! displacements in the first half
+  integer(i4), parameter :: whole_lines = 256  !! columns of an array that begins on a line
   real(wp), parameter :: alike = 1.0e-12_wp !! weights: of masses and of moments of equal grains
+
+  interface
+    !> Values at rows, in turn or those named (cpl_lanes.c).
+    subroutine sum_rows(rows, row, first, at, weight, x, y, z) bind(c, name='cpl_sum_rows')
+      import :: wp, i4
+      integer(i4), value, intent(in) :: rows
+      integer(i4), intent(in), optional :: row(*)
+      integer(i4), intent(in) :: first(*), at(*)
+      real(wp), intent(in) :: weight(*), x(*)   !! x (both, columns)
+      real(wp), intent(inout) :: y(*), z(*)     !! (3, rows)
+    end subroutine sum_rows
+
+    !> The transpose, onto the columns.
+    subroutine add_rows(rows, row, first, at, weight, y, z, x) bind(c, name='cpl_add_rows')
+      import :: wp, i4
+      integer(i4), value, intent(in) :: rows
+      integer(i4), intent(in), optional :: row(*)
+      integer(i4), intent(in) :: first(*), at(*)
+      real(wp), intent(in) :: weight(*), y(*), z(*)
+      real(wp), intent(inout) :: x(*)
+    end subroutine add_rows
+  end interface
 
 contains
 
@@ -40,43 +63,23 @@ contains
   end function same_maps
 
   !> Values at the rows named, one after another: y of x, z of phi.
-  pure subroutine apply_twins(n, rows, x, phi, y, z)
+  subroutine apply_twins(n, rows, x, phi, y, z)
     type(rows_type), intent(in) :: n
-    integer(i4), intent(in) :: rows(:)
-    real(wp), intent(in) :: x(:, :), phi(:, :)    !! (3, columns)
-    real(wp), intent(out) :: y(:, :), z(:, :)     !! (3, size(rows))
-    real(wp) :: padded(both, n%columns), s(both)
-    integer(i4) :: k
+    integer(i4), intent(in), contiguous :: rows(:)
+    real(wp), intent(in) :: x(:, :), phi(:, :)           !! (3, columns)
+    real(wp), intent(out), contiguous :: y(:, :), z(:, :)  !! (3, size(rows))
+    real(wp), allocatable :: padded(:, :)
     call pad(x, phi, padded)
-    do k = 1, size(rows)
-      s = of_row(n, rows(k), n%column, padded)
-      y(:, k) = s(:3)
-      z(:, k) = s(lanes + 1:lanes + 3)
-    end do
+    call sum_rows(size(rows, kind=i4), rows, n%first, n%column, n%weight, padded, y, z)
   end subroutine apply_twins
 
-  !> Sum of row i of n, whose columns are found at `at`.
-  pure function of_row(n, i, at, x) result(s)
-    type(rows_type), intent(in) :: n
-    integer(i4), intent(in) :: i, at(:)
-    real(wp), intent(in) :: x(both, n%columns)
-    real(wp) :: s(both), t(both)
-    integer(i4) :: e, last
-    s = 0.0_wp
-    t = 0.0_wp
-    last = n%first(i + 1) - 1
-    do e = n%first(i), last - 1, 2  ! two sums, so that none waits for the other
-      s = s + n%weight(e)*x(:, at(e))
-      t = t + n%weight(e + 1)*x(:, at(e + 1))
-    end do
-    if (mod(last - n%first(i), 2) == 0) s = s + n%weight(last)*x(:, at(last))
-    s = s + t
-  end function of_row
-
+  !> Eight lanes of each column. Arrays of this size and larger begin on a line of the cache
+  !! (talus_memory.c), so that no column lies across two.
   pure subroutine pad(x, phi, padded)
     real(wp), intent(in) :: x(:, :), phi(:, :)
-    real(wp), intent(out) :: padded(both, size(x, 2))
+    real(wp), allocatable, intent(out) :: padded(:, :)  !! (both, columns)
     integer(i4) :: a
+    allocate (padded(both, max(whole_lines, size(x, 2))))
     do a = 1, size(x, 2)
       padded(:3, a) = x(:, a)
       padded(lanes, a) = 0.0_wp
@@ -86,65 +89,41 @@ contains
   end subroutine pad
 
   !> x and phi with the transposes of y and z at the rows named; zeros of both add nothing.
-  pure subroutine transposed_twins(n, rows, y, z, x, phi)
+  subroutine transposed_twins(n, rows, y, z, x, phi)
     type(rows_type), intent(in) :: n
-    integer(i4), intent(in) :: rows(:)
-    real(wp), intent(in) :: y(:, :), z(:, :)         !! (3, size(rows))
-    real(wp), intent(inout) :: x(:, :), phi(:, :)    !! (3, columns)
-    real(wp) :: padded(both, n%columns), f(both)
-    integer(i4) :: k
+    integer(i4), intent(in), contiguous :: rows(:)
+    real(wp), intent(in), contiguous :: y(:, :), z(:, :)  !! (3, size(rows))
+    real(wp), intent(inout) :: x(:, :), phi(:, :)         !! (3, columns)
+    real(wp), allocatable :: padded(:, :)
+    integer(i4) :: a
     call pad(x, phi, padded)
-    f = 0.0_wp
-    do k = 1, size(rows)
-      f(:3) = y(:, k)
-      f(lanes + 1:lanes + 3) = z(:, k)
-      if (all(abs(f) <= 0.0_wp)) cycle
-      call add_row(n%first(rows(k)), n%first(rows(k) + 1) - 1, n%column, n%weight, f, padded)
+    call add_rows(size(rows, kind=i4), rows, n%first, n%column, n%weight, y, z, padded)
+    do a = 1, size(x, 2)
+      x(:, a) = padded(:3, a)
+      phi(:, a) = padded(lanes + 1:lanes + 3, a)
     end do
-    x = padded(:3, :)
-    phi = padded(lanes + 1:lanes + 3, :)
   end subroutine transposed_twins
-
-  pure subroutine add_row(first, last, column, weight, f, x)
-    integer(i4), intent(in) :: first, last, column(:)
-    real(wp), intent(in) :: weight(:), f(both)
-    real(wp), intent(inout) :: x(both, *)
-    integer(i4) :: e, l, a
-    do e = first, last
-      a = column(e)
-      !$omp simd
-      do l = 1, both
-        x(l, a) = x(l, a) + weight(e)*f(l)
-      end do
-    end do
-  end subroutine add_row
 
   !> Nodes from the motion of the grains: d of q by p, phi of theta by p_phi.
   subroutine project_twins(p, p_phi, q, theta, d, phi)
     type(projection_type), intent(in) :: p, p_phi
-    real(wp), intent(in) :: q(:, :), theta(:, :)   !! (3, grains)
-    real(wp), intent(out) :: d(:, :), phi(:, :)    !! (3, nodes)
-    real(wp) :: r(both, p%n%columns), f(both)
-    integer(i4) :: i, a
-    r = 0.0_wp
-    f = 0.0_wp
+    real(wp), intent(in), contiguous :: q(:, :), theta(:, :)  !! (3, grains)
+    real(wp), intent(out) :: d(:, :), phi(:, :)               !! (3, nodes)
+    real(wp), allocatable :: r(:, :)
+    integer(i4) :: a
+    allocate (r(both, max(whole_lines, p%n%columns)), source=0.0_wp)
     if (p%mls) then
       associate (n => p%by_grain)
-        do i = 1, n%rows
-          f(:3) = q(:, i)
-          f(lanes + 1:lanes + 3) = theta(:, i)
-          call add_row(n%first(i), n%first(i + 1) - 1, n%column, n%weight, f, r)
-        end do
+        call add_rows(n%rows, first=n%first, at=n%column, weight=n%weight, y=q, z=theta, x=r)
       end associate
-      d = r(:3, :)
-      phi = r(lanes + 1:lanes + 3, :)
+      do a = 1, p%n%columns
+        d(:, a) = r(:3, a)
+        phi(:, a) = r(lanes + 1:lanes + 3, a)
+      end do
       return
     end if
-    do i = 1, p%n%rows
-      f(:3) = p%w(i)*q(:, i)
-      f(lanes + 1:lanes + 3) = p_phi%w(i)*theta(:, i)
-      call add_row(p%n%first(i), p%n%first(i + 1) - 1, p%at, p%n%weight, f, r)
-    end do
+    call add_rows(p%n%rows, first=p%n%first, at=p%at, weight=p%n%weight, y=weighed(p%w, q), &
+                  z=weighed(p_phi%w, theta), x=r)
     call solve(p, p_phi, r)
     do a = 1, p%n%columns
       d(:, a) = r(:3, p%place(a))
@@ -152,34 +131,44 @@ contains
     end do
   end subroutine project_twins
 
+  pure function weighed(w, x) result(y)
+    real(wp), intent(in) :: w(:), x(:, :)
+    real(wp) :: y(3, size(w))
+    integer(i4) :: i
+    do i = 1, size(w)
+      y(:, i) = w(i)*x(:, i)
+    end do
+  end function weighed
+
   !> What nodes hand on to the grains, with what acts there besides: force of f, moment of c.
   subroutine hand_on_twins(p, p_phi, f, c, besides, besides_phi, force, moment)
     type(projection_type), intent(in) :: p, p_phi
     real(wp), intent(in) :: f(:, :), c(:, :)                  !! (3, nodes)
     real(wp), intent(in) :: besides(:, :), besides_phi(:, :)  !! (3, grains)
-    real(wp), intent(out) :: force(:, :), moment(:, :)        !! (3, grains)
-    real(wp) :: r(both, p%n%columns), s(both)
+    real(wp), intent(out), contiguous :: force(:, :), moment(:, :)  !! (3, grains)
+    real(wp), allocatable :: r(:, :)
     integer(i4) :: i, a
-    r = 0.0_wp
     if (p%mls) then
-      r(:3, :) = f
-      r(lanes + 1:lanes + 3, :) = c
-      do i = 1, p%by_grain%rows
-        s = of_row(p%by_grain, i, p%by_grain%column, r)
-        force(:, i) = besides(:, i) + s(:3)
-        moment(:, i) = besides_phi(:, i) + s(lanes + 1:lanes + 3)
+      call pad(f, c, r)
+      associate (n => p%by_grain)
+        call sum_rows(n%rows, first=n%first, at=n%column, weight=n%weight, x=r, y=force, z=moment)
+      end associate
+      do i = 1, size(force, 2)
+        force(:, i) = besides(:, i) + force(:, i)
+        moment(:, i) = besides_phi(:, i) + moment(:, i)
       end do
       return
     end if
+    allocate (r(both, max(whole_lines, p%n%columns)), source=0.0_wp)
     do a = 1, p%n%columns
       r(:3, p%place(a)) = f(:, a)
       r(lanes + 1:lanes + 3, p%place(a)) = c(:, a)
     end do
     call solve(p, p_phi, r)
-    do i = 1, p%n%rows
-      s = of_row(p%n, i, p%at, r)
-      force(:, i) = besides(:, i) + p%w(i)*s(:3)
-      moment(:, i) = besides_phi(:, i) + p_phi%w(i)*s(lanes + 1:lanes + 3)
+    call sum_rows(p%n%rows, first=p%n%first, at=p%at, weight=p%n%weight, x=r, y=force, z=moment)
+    do i = 1, size(force, 2)
+      force(:, i) = besides(:, i) + p%w(i)*force(:, i)
+      moment(:, i) = besides_phi(:, i) + p_phi%w(i)*moment(:, i)
     end do
   end subroutine hand_on_twins
 
