@@ -351,9 +351,9 @@ contains
     call table%bounds(min=0.0_wp)
     call table%add_key('leaving', 'string', '', &
       'What happens when a free grain leaves the elements of the free grains: ' &
-      //'`''remap''`, the projection is made anew without it (and with those that came); ' &
-      //'`''log''`, it is named in the log and still moves its nodes; `''stop''` ends the ' &
-      //'run.')
+      //'`''remap''`, the projection is made anew without it (and with those that came), a ' &
+      //'tenth of an element after it was made at the earliest; `''log''`, it is named in ' &
+      //'the log and still moves its nodes; `''stop''` ends the run.')
     call table%preset('remap')
     call table%allow('remap|log|stop')
     call table%add_key('moduli', 'string', '', &

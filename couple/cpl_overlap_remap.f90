@@ -20,6 +20,8 @@ module cpl_overlap_remap
   public :: look_after, rebuild_map
 
   real(wp), parameter :: look_every = 0.02_wp  !! of an element: motion between two looks
+  real(wp), parameter :: kept_for = 0.1_wp     !! of an element: motion that a map is good for, even
+                                               !! if grains at the rim leave and come meanwhile
   integer(i4), parameter :: named = 5          !! grains that a line names
 
 contains
@@ -34,10 +36,13 @@ contains
     character(len=:), allocatable, intent(out) :: said
     type(error_list_type), intent(inout) :: errors
     logical :: far
+    real(wp) :: next
 
     said = ''
     far = share > 0.0_wp .and. o%past > share*o%sets%least_size
-    if (.not. far .and. o%past < o%looked + look_every*o%sets%least_size) return
+    next = o%looked + look_every*o%sets%least_size
+    if (leaving == 'remap') next = max(next, kept_for*o%sets%least_size)
+    if (.not. far .and. o%past < next) return
     o%looked = o%past
     call look(o, leaving, far, time, said, errors)
   end subroutine look_after
@@ -69,7 +74,7 @@ contains
       return
     end if
     if (far .or. (leaving == 'remap' .and. any(gone .or. come))) &
-      call remap(o, int(count(gone), i4), int(count(come), i4), time, said, errors)
+      call remap(o, moved, spot, int(count(gone), i4), int(count(come), i4), time, said, errors)
   end subroutine look
 
   !> '3 free grains (ids 4, 17, 20)'
@@ -90,8 +95,10 @@ contains
   end function whom
 
   !> From here on displacements count from where all are now.
-  subroutine remap(o, gone, come, time, said, errors)
+  subroutine remap(o, moved, spot, gone, come, time, said, errors)
     type(overlap_type), intent(inout) :: o
+    type(cells_type), intent(in) :: moved  !! the mesh as it is
+    type(spot_type), intent(in) :: spot(:)
     real(wp), intent(in) :: time           !! [s]
     integer(i4), intent(in) :: gone, come  !! grains
     character(len=:), allocatable, intent(inout) :: said
@@ -107,7 +114,7 @@ contains
     o%phi_map = o%phi
     o%remaps = o%remaps + 1
     o%looked = 0.0_wp
-    call rebuild_map(o, errors)
+    call map_from(o, moved, spot, errors)
     if (errors%any()) return
     call hold_again(o)
     if (o%parts%active) then
@@ -137,12 +144,23 @@ contains
     type(overlap_type), intent(inout) :: o
     type(error_list_type), intent(inout) :: errors
     type(cells_type) :: moved
+    type(spot_type) :: spot(o%op%free)
+
+    call move_mesh(o, o%u_map, moved)
+    call find_all(o, moved, o%x_free, spot)
+    call map_from(o, moved, spot, errors)
+  end subroutine rebuild_map
+
+  !> The same with these grains found in the mesh.
+  subroutine map_from(o, moved, spot, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cells_type), intent(in) :: moved
+    type(spot_type), intent(in) :: spot(:)
+    type(error_list_type), intent(inout) :: errors
     type(riders_type) :: riders
     real(wp), dimension(o%op%free) :: ramp
 
-    call move_mesh(o, o%u_map, moved)
-    allocate (riders%spot(o%op%free))
-    call find_all(o, moved, o%x_free, riders%spot)
+    riders%spot = spot
     riders%x = o%x_free
     riders%origin = o%pack%x(:, o%sets%free)
     riders%w = o%op%w
@@ -161,7 +179,7 @@ contains
       call o%damping%build(o%fine_damping, ramp, o%factor*o%pack%mass(free))
       if (o%turns) call o%damping_phi%build(o%fine_damping, ramp, o%factor*o%pack%slimmest(free))
     end associate
-  end subroutine rebuild_map
+  end subroutine map_from
 
   !> The mesh with the nodes of the overlap where they are.
   subroutine move_mesh(o, u, moved)
