@@ -31,8 +31,8 @@ else
   CFLAGS := $(CFLAGS_COMMON) -O2 -g1
   LDFLAGS :=
 endif
-# large arrays on lines of the cache (common/talus_memory.c)
-LDFLAGS += -Wl,--wrap=malloc
+# large arrays on lines of the cache, and kept (common/talus_memory.c)
+LDFLAGS += -Wl,--wrap=malloc,--wrap=free
 LIBS_HDF5  := -L$(HDF5) -Wl,-rpath,$(HDF5) -lhdf5_fortran -lhdf5
 LIBS_MUMPS := -ldmumps -lmumps_common -lscalapack-openmpi -lmetis -lopenblas
 

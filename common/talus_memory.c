@@ -1,25 +1,78 @@
 /*
- * Large arrays begin on a line of the cache and ask for large pages.
+ * Large arrays begin on a line of the cache, ask for large pages, and are kept for the next of their
+ * size when they are given back.
  *
- * The linker sends every malloc of Talus' own objects here (-Wl,--wrap=malloc), and with it every
- * allocate of Fortran. As glibc hands out large blocks they begin 16 bytes behind a line, so that
- * each record of 64 bytes lies across two.
+ * The linker sends every malloc and free of Talus' own objects here (-Wl,--wrap=malloc,--wrap=free),
+ * and with them every allocate and deallocate of Fortran. As glibc hands out large blocks they begin
+ * 16 bytes behind a line, so that each record of 64 bytes lies across two; and it gives them back to
+ * the system, which clears each page before it hands it out again: a second for a gigabyte.
+ *
+ * What is kept is no reason to take more than without: a block that is not there is asked for after
+ * as much of what is kept has gone back.
  */
+#include <malloc.h>
+#include <pthread.h>
 #include <stdint.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
-enum { LINE = 64, LARGE = 16384, SEVERAL_LARGE_PAGES = 4 << 20 };
+enum { LINE = 64, LARGE = 16384, SEVERAL_LARGE_PAGES = 4 << 20, KEPT = 64, SPARE_PART = 8 };
 
 void *__real_malloc(size_t size);
 void *__wrap_malloc(size_t size);
+void __real_free(void *block);
+void __wrap_free(void *block);
+void talus_keep_memory(void);
+void talus_give_back(void);
+
+static int keeping;
+static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
+static void *kept[KEPT]; /* blocks, the oldest first */
+static size_t room[KEPT];
+static int count;
+
+static void *take(int place)
+{
+    void *block = kept[place];
+
+    count--;
+    memmove(kept + place, kept + place + 1, (size_t)(count - place) * sizeof *kept);
+    memmove(room + place, room + place + 1, (size_t)(count - place) * sizeof *room);
+    return block;
+}
+
+/* The kept block that fits best; without one, others of that size in all go back. */
+static void *find(size_t size)
+{
+    void *block = NULL;
+    size_t gone = 0;
+    int best = -1;
+
+    pthread_mutex_lock(&lock);
+    for (int k = 0; k < count; k++) {
+        if (room[k] < size || room[k] - size > size / SPARE_PART) continue;
+        if (best < 0 || room[k] < room[best]) best = k;
+    }
+    if (best >= 0) block = take(best);
+    while (block == NULL && count > 0 && gone < size) {
+        gone += room[0];
+        __real_free(take(0));
+    }
+    pthread_mutex_unlock(&lock);
+    return block;
+}
 
 void *__wrap_malloc(size_t size)
 {
     void *block = NULL;
 
     if (size < LARGE) return __real_malloc(size);
+    if (size >= SEVERAL_LARGE_PAGES) {
+        block = find(size);
+        if (block != NULL) return block;
+    }
     if (posix_memalign(&block, LINE, size) != 0) return NULL;
     if (size >= SEVERAL_LARGE_PAGES) {
         const uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE);
@@ -29,4 +82,39 @@ void *__wrap_malloc(size_t size)
         (void)madvise((void *)low, high - low, MADV_HUGEPAGE);
     }
     return block;
+}
+
+void __wrap_free(void *block)
+{
+    const size_t size = block != NULL ? malloc_usable_size(block) : 0;
+
+    if (!keeping || size < SEVERAL_LARGE_PAGES || (uintptr_t)block % LINE != 0) {
+        __real_free(block);
+        return;
+    }
+    pthread_mutex_lock(&lock);
+    if (count == KEPT) __real_free(take(0));
+    kept[count] = block;
+    room[count] = size;
+    count++;
+    pthread_mutex_unlock(&lock);
+}
+
+/*
+ * Keep large blocks from now on. Not for programs in which libraries, whose malloc is not ours, take
+ * most of the memory.
+ */
+void talus_keep_memory(void)
+{
+#ifndef __SANITIZE_ADDRESS__
+    keeping = 1;
+#endif
+}
+
+/* All that is kept goes back to the system. */
+void talus_give_back(void)
+{
+    pthread_mutex_lock(&lock);
+    while (count > 0) __real_free(take(count - 1));
+    pthread_mutex_unlock(&lock);
 }

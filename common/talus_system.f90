@@ -12,7 +12,7 @@ module talus_system
   private
   public :: ignore_write_signals, install_signals, signal_seen, signal_checkpoint
   public :: wall_clock, host_name, boot_id, process_id, date_text
-  public :: memory_free, memory_resident, memory_most, is_terminal
+  public :: memory_free, memory_resident, memory_most, keep_memory, is_terminal
   public :: environment, set_environment, clear_environment, talus_blas_kernels, talus_short_spins
   public :: talus_exit
   public :: compiler_text, system_error_text
@@ -45,6 +45,10 @@ module talus_system
     integer(c_int64_t) function c_memory_resident() bind(c, name='talus_c_memory_resident')
       import :: c_int64_t
     end function c_memory_resident
+    subroutine c_keep_memory() bind(c, name='talus_keep_memory')
+    end subroutine c_keep_memory
+    subroutine c_give_back() bind(c, name='talus_give_back')
+    end subroutine c_give_back
     integer(c_int64_t) function c_memory_most() bind(c, name='talus_c_memory_most')
       import :: c_int64_t
     end function c_memory_most
@@ -152,8 +156,14 @@ contains
     memory_free = c_memory_free()
   end function memory_free
 
-  !> Memory that this process holds now [byte], -1 where unknown.
+  !> Large arrays that are given back are kept for others of their size from now on.
+  subroutine keep_memory()
+    call c_keep_memory()
+  end subroutine keep_memory
+
+  !> Memory that this process holds now and has use for [byte], -1 where unknown.
   integer(i8) function memory_resident()
+    call c_give_back()
     memory_resident = c_memory_resident()
   end function memory_resident
 

@@ -178,7 +178,7 @@ contains
                          grains%forms%record(:, pairs%grain(j)), pairs%skin, list%normal(:, k), &
                          list%gap(k))
     else if (.not. contact) then
-      call find_gap(pairs%body(:, i), pairs%body(:, j), list%normal(:, k), list%gap(k))
+      call find_gap(pairs%body(:, i), pairs%body(:, j), pairs%skin, list%normal(:, k), list%gap(k))
     end if
     list%group(k) = group_of(.false., grains%material(i), grains%material(pairs%grain(j)), &
                              geometry, band_of(list%gap(k), pairs%skin))
@@ -222,8 +222,9 @@ contains
   end function group_of
 
   !> Gap along the given normal if that already separates the bodies, else along the true one.
-  pure subroutine find_gap(body_a, body_b, normal, gap)
+  pure subroutine find_gap(body_a, body_b, skin, normal, gap)
     real(wp), intent(in) :: body_a(:), body_b(:)
+    real(wp), intent(in) :: skin  !! pairs with a larger gap are not listed [m]
     real(wp), intent(inout) :: normal(3)
     real(wp), intent(out) :: gap
     real(wp) :: r(3)
@@ -234,7 +235,7 @@ contains
             - sqrt(dot_product(normal, matrix_times(body_b(10:15), normal)))
       if (gap > 0.0_wp) return
     end if
-    call solve_gap(r, body_a(10:15), body_b(10:15), normal, gap)
+    call solve_gap(r, body_a(10:15), body_b(10:15), normal, gap, skin)
   end subroutine find_gap
 
   !> Plane-grain pairs, after all grain pairs.

@@ -21,7 +21,8 @@ module dem_foretell
   real(wp), parameter :: alone_first = 32.0_wp*2**20
   real(wp), parameter :: pieces = 1.35_wp           !! of a rank's part: taken over what lives
   real(wp), parameter :: pieces_first = 1.1_wp      !! of the whole, while it is handed out
-  integer(i4), parameter :: target_reals = 7        !! of a grain, not in its record, see dem_state
+  integer(i4), parameter :: target_reals = 7        !! of a prescribed grain, not in its record
+  integer(i4), parameter :: prescribed_reals = 11   !! in it, that others have no room for
   integer(i4), parameter :: list_reals = 9          !! of a body, in the list
 
   !> What each rank would hold. Contacts are those that remember something.
@@ -141,11 +142,12 @@ contains
     row = bytes*grain_reals(d%grains%forms%n > 0)
     contact = bytes*contact_reals(d)
     body = bytes*(body_size + list_reals)
-    record = row + bytes*(target_reals + 1 - body_size)
+    prescribed = real(count(d%grains%kind /= kind_free), wp)
+    record = row + bytes*(1 - body_size)
+    record = record + bytes*merge(target_reals, -prescribed_reals, prescribed > 0.5_wp)
     slot = bytes*(3 + history_size + result_size + 1 + 1 + 1) + bytes*d%pairs%extras%reals
     if (size(d%pairs%weight, 2) > 1) slot = slot + bytes
     slot = slot*lanes*d%pairs%blocks/max(d%pairs%count, 1)  ! with the pads
-    prescribed = real(count(d%grains%kind /= kind_free), wp)
     do r = 0, size(loads%own) - 1
       held = loads%own(r) + loads%mirrors(r) + prescribed
       ! the old list is there while contacts are sent; the old grains have gone when rows of all

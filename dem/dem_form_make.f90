@@ -69,8 +69,7 @@ contains
         g%inertia(:, i) = density*mass%moment
         g%axes(:, i) = f%axes(:, i) &
                        *(mass%volume/(4.0_wp/3.0_wp*pi*product(f%axes(:, i))))**(1.0_wp/3.0_wp)
-        g%target_quat(:, i) = quaternion_product(g%quat(:, i), mass%turn)
-        g%quat(:, i) = g%target_quat(:, i)
+        g%quat(:, i) = quaternion_product(g%quat(:, i), mass%turn)
       end if
       f%record(:, i) = turned(form_of(upper, lower, mass%centre, f%exponent(i)), &
                               quaternion_product(g%quat(:, i), f%frame(:, i)))

@@ -215,21 +215,25 @@ contains
     b%nz(k) = n(3)
   end subroutine solve_lane
 
-  !> Common normal and gap of one pair: safeguarded Newton ascent of g, to rounding.
-  pure subroutine solve_gap(r, a, b, n, gap)
+  !> Common normal and gap of one pair: safeguarded Newton ascent of g, to rounding. All gaps on the
+  !! way are less than the true one: a pair that is further apart than `enough` is left there.
+  pure subroutine solve_gap(r, a, b, n, gap, enough)
     real(wp), intent(in) :: r(3)           !! x_B - x_A [m]
     real(wp), intent(in) :: a(6), b(6)     !! shape matrices [m^2]
     real(wp), intent(inout) :: n(3)        !! start (zero: line of centres), then the normal
     real(wp), intent(out) :: gap           !! g at the normal [m]
-    real(wp) :: t(3), trial(3), trial_gap, residual, fraction, rounding
+    real(wp), intent(in), optional :: enough  !! [m]
+    real(wp) :: t(3), trial(3), trial_gap, most, residual, fraction, rounding
     integer(i4) :: step, cut
     integer(i4), parameter :: most_cuts = 30
 
     rounding = 4.0_wp*epsilon(1.0_wp)*sqrt(sum(r*r))
     if (.not. sum(n*n) > 0.5_wp) n = r/sqrt(sum(r*r))
+    most = huge(most)
+    if (present(enough)) most = enough
     call ascent(r, a, b, n, gap, t, residual)
     do step = 1, most_steps
-      if (residual <= 1.0e-28_wp) return
+      if (residual <= 1.0e-28_wp .or. gap > most) return
       fraction = min(1.0_wp, 0.7_wp/sqrt(sum(t*t)))
       do cut = 1, most_cuts
         trial = n + fraction*t

@@ -11,7 +11,7 @@ program talus_dem
   use talus_report, only: report_check
   use talus_deck_table, only: key_table_type
   use talus_text, only: str
-  use talus_system, only: ignore_write_signals, talus_exit, talus_short_spins
+  use talus_system, only: ignore_write_signals, keep_memory, talus_exit, talus_short_spins
   use dem_crew, only: dem_crew_type
   use dem_follow, only: serve_leader
   use dem_swap, only: prefer_copies
@@ -30,6 +30,7 @@ program talus_dem
 
   call ignore_write_signals()
   call talus_short_spins()
+  call keep_memory()
   call prefer_copies()
   call join_ranks(ranks)
   if (.not. ranks%leads()) call follow()

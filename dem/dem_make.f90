@@ -3,10 +3,11 @@ module dem_make
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
-  use dem_state, only: dem_grains_type, dem_planes_type, dem_material_type
+  use dem_state, only: dem_grains_type, dem_planes_type, dem_material_type, kind_free, kind_mirror
   implicit none
   private
-  public :: make_grains, make_planes, sorted_order, allocate_grains
+  public :: make_grains, make_planes, sorted_order, allocate_grains, prescribe_some, &
+    is_prescribed
 
   real(wp), parameter :: pi = acos(-1.0_wp)
   real(wp), parameter :: least_axis = 1.0e-60_wp  !! m; mass and inertia of less are no numbers
@@ -32,7 +33,7 @@ contains
     call check_grains(id, kind, material, size(materials), x, quat, axes, v, omega, errors)
     if (errors%any()) return
     grains%n = size(id)
-    call allocate_grains(grains)
+    call allocate_grains(grains, any(kind /= kind_free))
     order = sorted_order(id)
     do i = 1, grains%n
       k = order(i)
@@ -50,7 +51,6 @@ contains
       grains%material(i) = material(k)
       grains%x(:, i) = x(:, k)
       grains%quat(:, i) = q
-      grains%target_quat(:, i) = q
       grains%v(:, i) = v(:, k)
       grains%omega(:, i) = omega(:, k)
       grains%axes(:, i) = axis
@@ -95,20 +95,43 @@ contains
   end subroutine check_grains
 
   !> Arrays for g%n grains.
-  subroutine allocate_grains(g)
+  subroutine allocate_grains(g, prescribed)
     type(dem_grains_type), intent(inout) :: g
+    logical, intent(in) :: prescribed  !! some are
     integer(i4) :: n
     n = g%n
     allocate (g%id(n), source=0_i8)
     allocate (g%kind(n), g%material(n), source=0_i4)
     allocate (g%x(3, n), g%v(3, n), g%omega(3, n), g%axes(3, n), g%inertia(3, n), source=0.0_wp)
-    allocate (g%force(3, n), g%moment(3, n), g%theta(3, n), g%target_x(3, n), source=0.0_wp)
-    allocate (g%extra_force(3, n), g%extra_moment(3, n), g%impulse(3, n), source=0.0_wp)
-    allocate (g%moment_impulse(3, n), g%quat(4, n), g%target_quat(4, n), source=0.0_wp)
-    allocate (g%radius(n), g%mass(n), g%work(n), g%turn(4, n), source=0.0_wp)
+    allocate (g%force(3, n), g%moment(3, n), g%theta(3, n), g%quat(4, n), source=0.0_wp)
+    allocate (g%extra_force(3, n), g%extra_moment(3, n), source=0.0_wp)
+    allocate (g%radius(n), g%mass(n), source=0.0_wp)
+    call allocate_prescribed(g, merge(n, 0_i4, prescribed))
+  end subroutine allocate_grains
+
+  !> Does something else than forces move grains of this kind?
+  elemental logical function is_prescribed(kind)
+    integer(i4), intent(in) :: kind
+    is_prescribed = kind /= kind_free .and. kind /= kind_mirror
+  end function is_prescribed
+
+  !> Arrays of what only prescribed grains have, from now on if there were none.
+  subroutine prescribe_some(g)
+    type(dem_grains_type), intent(inout) :: g
+    if (size(g%work) == g%n) return
+    deallocate (g%impulse, g%moment_impulse, g%work, g%target_x, g%target_quat, g%turn, &
+                g%has_target)
+    call allocate_prescribed(g, g%n)
+  end subroutine prescribe_some
+
+  subroutine allocate_prescribed(g, n)
+    type(dem_grains_type), intent(inout) :: g
+    integer(i4), intent(in) :: n
+    allocate (g%impulse(3, n), g%moment_impulse(3, n), g%work(n), source=0.0_wp)
+    allocate (g%target_x(3, n), g%target_quat(4, n), g%turn(4, n), source=0.0_wp)
     allocate (g%has_target(n), source=.false.)
     g%turn(1, :) = 1.0_wp
-  end subroutine allocate_grains
+  end subroutine allocate_prescribed
 
   !> Planes from points, normals (any length), velocities and materials.
   subroutine make_planes(planes, point, normal, velocity, material)

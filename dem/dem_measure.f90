@@ -93,13 +93,15 @@ contains
     real(wp), intent(out) :: ratio
     integer(i4), intent(out) :: first, second  !! bodies, 0 without contact
     integer(i4) :: k, lane
-    real(wp) :: this
+    real(wp) :: this, least
 
     ratio = 0.0_wp
     first = 0
     second = 0
+    least = (1.0_wp - 1.0e-9_wp)*minval(d%grains%axes)  ! for blocks that need no closer look
     do k = 1, d%pairs%blocks
       if (.not. d%pairs%touched(k)) cycle
+      if (.not. maxval(d%pairs%history(:, history_side, k))**2 > ratio*least) cycle
       do lane = 1, lanes
         if (.not. d%pairs%history(lane, history_side, k) > 0.0_wp) cycle
         this = d%pairs%history(lane, history_side, k)**2 &

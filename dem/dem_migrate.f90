@@ -13,7 +13,7 @@ module dem_migrate
     follow_cell, turn_to_cell
   use dem_form_state, only: allocate_forms
   use dem_halo_state, only: dem_halo_type
-  use dem_make, only: allocate_grains, sorted_order
+  use dem_make, only: allocate_grains, is_prescribed, sorted_order
   use dem_pairs, only: allocate_bodies
   use dem_records, only: grain_reals, contact_reals, body_places, pack_grain, unpack_grain, &
     pack_contact, carried, index_of
@@ -343,7 +343,7 @@ contains
     allocate (order, source=sorted_order(nint(rows(14, :), i8)))
     d%grains = none
     d%grains%n = size(order)
-    call allocate_grains(d%grains)
+    call allocate_grains(d%grains, any(is_prescribed(nint(rows(15, :), i4))))
     if (d%halo%formed) call allocate_forms(d%grains%forms, d%grains%n)
     if (allocated(d%seen_kinetic)) d%seen_kinetic = spread(0.0_wp, 1, d%grains%n)
     do k = 1, size(order)

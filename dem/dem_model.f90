@@ -49,7 +49,7 @@ module dem_model
   public :: dem_model_type, program_name
 
   character(len=*), parameter :: program_name = 'talus-dem'
-  integer(i4), parameter :: block_work = 5000000 !! grain-steps between two looks round
+  integer(i4), parameter :: block_work = 20000000 !! grain-steps between two looks round
   integer(i4), parameter :: grains_a_thread = 500  !! fewer are not worth another thread
   integer(i4), parameter :: blocks(7) = [100, 50, 20, 10, 5, 2, 1]  !! steps in a block
 

@@ -39,12 +39,17 @@ contains
     integer(i4), intent(in) :: i
     real(wp), intent(out) :: row(:)
     associate (g => d%grains)
-      row(1:13) = [g%force(:, i), g%moment(:, i), g%impulse(:, i), g%moment_impulse(:, i), &
-                   g%work(i)]
+      row(:13) = 0.0_wp
+      row(1:6) = [g%force(:, i), g%moment(:, i)]
+      row(46:49) = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
+      if (size(g%work) > 0) then
+        row(7:13) = [g%impulse(:, i), g%moment_impulse(:, i), g%work(i)]
+        row(46:49) = g%turn(:, i)
+      end if
       row(14:16) = [real(g%id(i), wp), real(g%kind(i), wp), real(g%material(i), wp)]
       row(17:29) = [g%x(:, i), g%quat(:, i), g%v(:, i), g%omega(:, i)]
       row(30:36) = [g%axes(:, i), g%mass(i), g%inertia(:, i)]
-      row(37:49) = [g%theta(:, i), g%extra_force(:, i), g%extra_moment(:, i), g%turn(:, i)]
+      row(37:45) = [g%theta(:, i), g%extra_force(:, i), g%extra_moment(:, i)]
       row(50:49 + body_size) = d%pairs%body(:, i)
       row(grain_size) = 0.0_wp
       if (allocated(d%seen_kinetic)) row(grain_size) = d%seen_kinetic(i)
@@ -63,9 +68,12 @@ contains
     associate (g => d%grains)
       g%force(:, i) = row(1:3)
       g%moment(:, i) = row(4:6)
-      g%impulse(:, i) = row(7:9)
-      g%moment_impulse(:, i) = row(10:12)
-      g%work(i) = row(13)
+      if (size(g%work) > 0) then
+        g%impulse(:, i) = row(7:9)
+        g%moment_impulse(:, i) = row(10:12)
+        g%work(i) = row(13)
+        g%turn(:, i) = row(46:49)
+      end if
       g%id(i) = nint(row(14), i8)
       g%kind(i) = nint(row(15), i4)
       g%material(i) = nint(row(16), i4)
@@ -80,7 +88,6 @@ contains
       g%theta(:, i) = row(37:39)
       g%extra_force(:, i) = row(40:42)
       g%extra_moment(:, i) = row(43:45)
-      g%turn(:, i) = row(46:49)
       if (allocated(d%seen_kinetic)) d%seen_kinetic(i) = row(grain_size)
       if (size(row) == grain_size) return
       associate (form => row(grain_size + 1:))

@@ -3,6 +3,7 @@ module dem_sets
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
+  use dem_make, only: prescribe_some
   use dem_state, only: kind_free, kind_ghost
   use dem_system, only: dem_system_type
   implicit none
@@ -158,6 +159,7 @@ contains
                       'exchange port, SELECT', 'select all prescribed sets before READY')
       return
     end if
+    call prescribe_some(system%grains)
     do k = 1, size(index)
       if (system%grains%kind(index(k)) == kind_ghost) cycle
       system%grains%kind(index(k)) = kind_ghost

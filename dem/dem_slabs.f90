@@ -126,7 +126,7 @@ contains
     type(dem_slab_type), intent(out) :: slab
     associate (d => slab%some)
       d%grains%n = size(ids)
-      call allocate_grains(d%grains)
+      call allocate_grains(d%grains, size(part%grains%work) > 0)
       if (part%halo%formed) call allocate_forms(d%grains%forms, d%grains%n)
       d%grains%id = ids
       if (allocated(part%seen_kinetic)) allocate (d%seen_kinetic(d%grains%n), source=0.0_wp)

@@ -85,6 +85,8 @@ module dem_state
     real(wp), allocatable :: theta(:, :)           !! accumulated rotation [rad]
     real(wp), allocatable :: extra_force(:, :)     !! held external force on free grains [N]
     real(wp), allocatable :: extra_moment(:, :)    !! held external moment on free grains [N m]
+    type(dem_forms_type) :: forms                  !! of grains that are no ellipsoids
+    ! What only prescribed grains have: no columns as long as all grains are free (dem_make).
     real(wp), allocatable :: impulse(:, :)         !! time integral of force since reset [N s]
     real(wp), allocatable :: moment_impulse(:, :)  !! time integral of moment since reset [N m s]
     real(wp), allocatable :: work(:)               !! work of the prescription since reset [J]
@@ -92,7 +94,6 @@ module dem_state
     real(wp), allocatable :: target_x(:, :)        !! centre at the end of the interval [m]
     real(wp), allocatable :: target_quat(:, :)     !! orientation at the end of the interval [-]
     real(wp), allocatable :: turn(:, :)            !! rotation of one sub-step, quaternion [-]
-    type(dem_forms_type) :: forms                  !! of grains that are no ellipsoids
   end type dem_grains_type
 
   !> Infinite planes; grains stand on the side to which the normal points.

@@ -166,7 +166,8 @@ contains
     type(dem_data_type), intent(inout) :: d
     integer(i4) :: i
     do i = 1, d%grains%n
-      if (stands(d%grains%kind(i)) .or. d%grains%has_target(i)) cycle
+      if (stands(d%grains%kind(i))) cycle
+      if (d%grains%has_target(i)) cycle
       d%grains%turn(:, i) = quaternion_from_rotation(d%par%dt*d%grains%omega(:, i))
     end do
   end subroutine set_turns

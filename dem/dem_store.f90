@@ -10,6 +10,7 @@ module dem_store
   use dem_cell, only: is_periodic
   use dem_extra_list, only: put_extras, get_extras
   use dem_images, only: resize_images
+  use dem_make, only: prescribe_some
   use dem_surface_store, only: put_surfaces, get_surfaces
   use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
   use dem_records, only: contact_reals
@@ -99,10 +100,12 @@ contains
       call archive%put_reals('grains.theta', g%theta)
       call archive%put_reals('grains.extra_force', g%extra_force)
       call archive%put_reals('grains.extra_moment', g%extra_moment)
-      call archive%put_reals('grains.impulse', g%impulse)
-      call archive%put_reals('grains.moment_impulse', g%moment_impulse)
-      call archive%put_reals('grains.work', reshape(g%work, [1, n]))
-      call archive%put_reals('grains.turn', g%turn)
+      if (size(g%work) > 0) then
+        call archive%put_reals('grains.impulse', g%impulse)
+        call archive%put_reals('grains.moment_impulse', g%moment_impulse)
+        call archive%put_reals('grains.work', reshape(g%work, [1, n]))
+        call archive%put_reals('grains.turn', g%turn)
+      end if
       if (g%forms%n > 0) call archive%put_reals('grains.form', g%forms%record(5:, :n))
     end associate
     if (allocated(d%seen_kinetic)) call archive%put_reals( &
@@ -387,12 +390,15 @@ contains
       call take('grains.theta', g%theta)
       call take('grains.extra_force', g%extra_force)
       call take('grains.extra_moment', g%extra_moment)
-      call take('grains.impulse', g%impulse)
-      call take('grains.moment_impulse', g%moment_impulse)
-      call take('grains.turn', g%turn)
+      if (archive%find('grains.work') > 0) then
+        call prescribe_some(g)
+        call take('grains.impulse', g%impulse)
+        call take('grains.moment_impulse', g%moment_impulse)
+        call take_row('grains.work', g%work)
+        call take('grains.turn', g%turn)
+      end if
       call compare_forms(g, archive, errors)
       call take_row('grains.mass', g%mass)
-      call take_row('grains.work', g%work)
     end associate
     if (d%grains%forms%n == 0) d%grains%radius = maxval(d%grains%axes, dim=1)
     d%grains%has_target = .false.

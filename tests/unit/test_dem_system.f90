@@ -8,7 +8,7 @@ program test_dem_system
   use dem_state, only: law_hertz_mindlin, kind_free, kind_fixed, kind_driven, kind_ghost, &
     mode_relaxation
   use dem_law, only: make_law
-  use dem_make, only: make_grains, make_planes
+  use dem_make, only: make_grains, make_planes, prescribe_some
   use dem_archive, only: dem_archive_type
   use dem_parts_forces, only: begin_ahead, is_left, slice_of_free, forces_on_rim
   use dem_measure, only: coordination_of, contact_count, momentum_of
@@ -181,6 +181,7 @@ contains
     call make_heap(s, 2.0e-4_wp, 0.5_wp, 0.05_wp)
     call s%step(2000, errors)
     where (s%grains%kind == kind_free .and. s%grains%x(1, :) > 0.0_wp) s%grains%kind = kind_ghost
+    call prescribe_some(s%grains)
     s%par%ghost_pairs = .true.
     call s%init(errors)
     ghosts = pack([(i, i=1, s%grains%n)], s%grains%kind == kind_ghost)
@@ -305,6 +306,7 @@ contains
     s%dem_data_type = ripe%dem_data_type
     call s%find([5000_i8], index, errors)
     s%grains%kind(index) = kind_ghost
+    call prescribe_some(s%grains)
     x1(:, 1) = s%grains%x(:, index(1)) + [1.0e-4_wp, -2.0e-4_wp, -4.0e-4_wp]
     q1(:, 1) = [0.9_wp, 0.1_wp, -0.2_wp, 0.3_wp]
     q1 = q1/sqrt(sum(q1**2))

@@ -1,0 +1,50 @@
+!> Large arrays: where they begin, and that they are kept for the next of their size and not
+!! longer than there is room.
+program test_talus_memory
+  use, intrinsic :: iso_c_binding, only: c_loc, c_intptr_t
+  use talus_kinds, only: wp, i8
+  use talus_system, only: keep_memory, memory_most, memory_resident
+  use talus_test, only: test_type
+  implicit none
+
+  integer, parameter :: many = 4*2**20, fewer = 15*2**18  !! reals, 32 and 30 MiB
+  type(test_type) :: test
+  real(wp), allocatable, target :: first(:), second(:)
+  integer(c_intptr_t) :: place
+  integer(i8) :: most
+
+  allocate (first(many), source=1.0_wp)
+  call test%check('begins on a line', modulo(at(first), 64_c_intptr_t) == 0)
+  deallocate (first)
+  call keep_memory()
+
+  allocate (first(many), source=1.0_wp)
+  place = at(first)
+  deallocate (first)
+  allocate (first(fewer), source=2.0_wp)
+  call test%check('one of a little less takes its place', at(first) == place)
+  deallocate (first)
+  allocate (first(many/2), source=3.0_wp)
+  call test%check('one of half the size does not', at(first) /= place)
+  deallocate (first)
+
+  ! two together, then one as large as both: what is kept goes back first
+  allocate (first(many), source=4.0_wp)
+  allocate (second(many), source=5.0_wp)
+  most = memory_most()
+  deallocate (first, second)
+  allocate (first(2*many), source=6.0_wp)
+  call test%check('what is kept does not add to the most', memory_most() < most + 8*many/4)
+  call test%check('values are its own', all(abs(first - 6.0_wp) <= 0.0_wp))
+  most = memory_resident()
+  deallocate (first)
+  call test%check('given back where it is asked for', memory_resident() < most - 8_i8*many)
+  call test%finish()
+
+contains
+
+  integer(c_intptr_t) function at(array)
+    real(wp), intent(in), target :: array(:)
+    at = transfer(c_loc(array(1)), at)
+  end function at
+end program test_talus_memory
