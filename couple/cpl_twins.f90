@@ -1,6 +1,7 @@
 !> Displacements and micro-rotations that go through the same rows, taken together: eight lanes at
 !! once in place of twice four. Each lane adds up as in cpl_rows and cpl_projection, to the bit.
 module cpl_twins
+  use, intrinsic :: iso_c_binding, only: c_double, c_int32_t
   use talus_kinds, only: wp, i4, i8
   use cpl_band, only: band_type
   use cpl_projection, only: projection_type
@@ -16,22 +17,22 @@ module cpl_twins
   interface
     !> Values at rows, in turn or those named (cpl_lanes.c).
     subroutine sum_rows(rows, row, first, at, weight, x, y, z) bind(c, name='cpl_sum_rows')
-      import :: wp, i4
-      integer(i4), value, intent(in) :: rows
-      integer(i4), intent(in), optional :: row(*)
-      integer(i4), intent(in) :: first(*), at(*)
-      real(wp), intent(in) :: weight(*), x(*)   !! x (both, columns)
-      real(wp), intent(inout) :: y(*), z(*)     !! (3, rows)
+      import :: c_double, c_int32_t
+      integer(c_int32_t), value, intent(in) :: rows
+      integer(c_int32_t), intent(in), optional :: row(*)
+      integer(c_int32_t), intent(in) :: first(*), at(*)
+      real(c_double), intent(in) :: weight(*), x(*)   !! x (both, columns)
+      real(c_double), intent(inout) :: y(*), z(*)     !! (3, rows)
     end subroutine sum_rows
 
     !> The transpose, onto the columns.
     subroutine add_rows(rows, row, first, at, weight, y, z, x) bind(c, name='cpl_add_rows')
-      import :: wp, i4
-      integer(i4), value, intent(in) :: rows
-      integer(i4), intent(in), optional :: row(*)
-      integer(i4), intent(in) :: first(*), at(*)
-      real(wp), intent(in) :: weight(*), y(*), z(*)
-      real(wp), intent(inout) :: x(*)
+      import :: c_double, c_int32_t
+      integer(c_int32_t), value, intent(in) :: rows
+      integer(c_int32_t), intent(in), optional :: row(*)
+      integer(c_int32_t), intent(in) :: first(*), at(*)
+      real(c_double), intent(in) :: weight(*), y(*), z(*)
+      real(c_double), intent(inout) :: x(*)
     end subroutine add_rows
   end interface
 

@@ -9,8 +9,8 @@ module dem_carry
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_mirror, lanes
   use dem_images, only: place_image
-  use dem_integrate, only: motion_type, mover_type, push_type, kick_mover, drift_mover, &
-    put_bodies, travel_of_mover, work_count
+  use dem_integrate, only: motion_type, kick_mover, drift_mover, work_count
+  use dem_mover, only: mover_type, push_type, put_bodies, travel_of_mover
   use dem_forces, only: sum_body
   use dem_prescribed, only: drift_prescribed
   implicit none
@@ -28,13 +28,13 @@ contains
     type(push_type), intent(inout) :: push
     real(wp), intent(inout) :: work(work_count)
     real(wp), intent(inout) :: travel  !! since the list was made [m]
-    real(wp) :: u(3, lanes)
+    real(wp) :: u(3, lanes), x0(3, lanes)
     integer(i4) :: k, i
 
     do k = 1, mover%count
       u(:, k) = matmul(d%cell%step, push%s%x(k, :) - d%cell%origin)
-      mover%x0(k, :) = d%cell%origin + matmul(d%cell%deform, &
-                                              d%pairs%reference_x(:, mover%low + k) - d%cell%origin)
+      x0(:, k) = d%cell%origin + matmul(d%cell%deform, &
+                                        d%pairs%reference_x(:, mover%low + k) - d%cell%origin)
     end do
     if (mover%free_count > 0) then
       call kick_mover(mover, push, motion, .true., work)
@@ -44,7 +44,10 @@ contains
       end do
       call drift_mover(mover, push, motion%dt)
       call put_bodies(mover, push, d%pairs%body, d%grains%forms)
-      travel = travel_of_mover(mover, push)
+      associate (low => mover%low + 1, high => mover%low + mover%count)
+        travel = travel_of_mover(mover, push, x0, d%pairs%reference_q(:, low:high), &
+                                 d%pairs%reach(low:high))
+      end associate
     end if
     do k = 1, mover%count
       i = mover%low + k
@@ -53,7 +56,7 @@ contains
         call slow_down(d%cell%back, motion%mass_scale*mover%mass(k), &
                        [push%s%vx(k), push%s%vy(k), push%s%vz(k)], d%grains%v(:, i), work)
       else
-        call move_prescribed(d, mover, k, motion%dt, last, u(:, k), work, travel)
+        call move_prescribed(d, i, motion%dt, last, u(:, k), x0(:, k), work, travel)
       end if
       d%pairs%body(4:6, i) = d%pairs%body(4:6, i) + u(:, k)/motion%dt
     end do
@@ -86,25 +89,23 @@ contains
   end subroutine recall_carried
 
   !> A fixed or driven grain: its own motion and that of the flow.
-  subroutine move_prescribed(d, mover, k, dt, last, u, work, travel)
+  subroutine move_prescribed(d, i, dt, last, u, x0, work, travel)
     type(dem_data_type), intent(inout) :: d
-    type(mover_type), intent(in) :: mover
-    integer(i4), intent(in) :: k  !! lane
+    integer(i4), intent(in) :: i
     real(wp), intent(in) :: dt
     logical, intent(in) :: last
-    real(wp), intent(in) :: u(3)  !! displacement of the flow [m]
+    real(wp), intent(in) :: u(3)   !! displacement of the flow [m]
+    real(wp), intent(in) :: x0(3)  !! to where the flow has carried it since the list was made [m]
     real(wp), intent(inout) :: work(work_count), travel
-    integer(i4) :: i
 
-    i = mover%low + k
     call drift_prescribed(d%grains, i, dt, last, d%pairs%body(:, i))
     if (d%grains%kind(i) == kind_fixed) d%pairs%body(4:6, i) = 0.0_wp
     d%grains%x(:, i) = d%grains%x(:, i) + u
     d%pairs%body(1:3, i) = d%grains%x(:, i)
     work(4) = work(4) - 0.5_wp*dot_product(d%grains%force(:, i), u)
-    travel = max(travel, norm2(d%grains%x(:, i) - mover%x0(k, :)) &
-                 + 2.0_wp*mover%reach(k)*min(1.0_wp, norm2(d%grains%quat(:, i) &
-                                                           - d%pairs%reference_q(:, i))))
+    travel = max(travel, norm2(d%grains%x(:, i) - x0) &
+                 + 2.0_wp*d%pairs%reach(i)*min(1.0_wp, norm2(d%grains%quat(:, i) &
+                                                             - d%pairs%reference_q(:, i))))
   end subroutine move_prescribed
 
   !> Images follow their grains.

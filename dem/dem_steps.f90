@@ -20,9 +20,9 @@ module dem_steps
   use dem_bonds_make, only: check_bonds
   use dem_forces, only: block_forces, sum_body
   use dem_lanes, only: sum_lanes, call_for, finish_puts
-  use dem_integrate, only: motion_type, mover_type, push_type, load_mover, store_mover, &
-    load_forces, store_forces, load_side, recall_side, ready_push, kick_mover, drift_mover, &
-    read_mover, put_bodies, travel_of_mover, work_count
+  use dem_integrate, only: motion_type, kick_mover, drift_mover, work_count
+  use dem_mover, only: mover_type, push_type, load_mover, store_mover, load_forces, store_forces, &
+    load_side, recall_side, ready_push, read_mover, put_bodies, follow_travel
   use dem_relist, only: rebuild_list, fit_skin, outlived, travel_of, larger
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_shape, only: quaternion_from_rotation
@@ -38,6 +38,7 @@ module dem_steps
   public :: kick_and_drift, finish_planes
 
   integer(i4), parameter :: chunk = lanes  !! grains in a unit of work
+  integer(i8), parameter :: look = 32      !! steps after which a chunk's travel is found anew
 
   !> What a region works on beside the system itself: memory that one call of take_steps leaves to
   !! the next. It carries no state.
@@ -189,7 +190,7 @@ contains
     type(step_memory_type), intent(inout) :: work
     integer(i4) :: s, c, me, threads, low, high
     integer(i4) :: swaps  !! steps with an exchange so far
-    logical :: begun, leave, several
+    logical :: begun, leave, several, exact
     integer(i8) :: before
     real(wp) :: travel, foreseen
     type(push_type) :: push
@@ -199,8 +200,8 @@ contains
     rebuild = .false.
     if (d%cell%active .and. .not. resumed) call advance_cell(d%cell, motion%dt)
     !$omp parallel default(none) private(s, c, begun, leave, me, threads, low, high, travel, push) &
-    !$omp   private(swaps, foreseen) shared(d, motion, n, done, resumed, rebuild, work, before) &
-    !$omp   shared(several)
+    !$omp   private(swaps, foreseen, exact) shared(d, motion, n, done, resumed, rebuild, work) &
+    !$omp   shared(several, before)
     me = omp_get_thread_num()
     threads = omp_get_num_threads()
     call share_chunks(work%load, me, threads, low, high)
@@ -210,7 +211,7 @@ contains
     end do
     if (.not. resumed) then
       do c = low, high
-        call start_chunk(d, c, motion, done + 1 == n, work, push, .true.)
+        call start_chunk(d, c, motion, done + 1 == n, .true., work, push, .true.)
       end do
     end if
     begun = resumed
@@ -260,7 +261,8 @@ contains
       !$omp end master
       do c = low, high
         call finish_chunk(d, c, motion, s == n, work, push)
-        if (s < n) call start_chunk(d, c, motion, s + 1 == n, work, push, .false.)
+        exact = several .or. mod(before + s + c, look) == 0
+        if (s < n) call start_chunk(d, c, motion, s + 1 == n, exact, work, push, .false.)
       end do
     end do
     do c = low, merge(min(high, size(work%movers)), 0, leave)
@@ -309,11 +311,12 @@ contains
 
   !> Start of a step for the grains of chunk c; the last chunk is the planes'. The push is that left
   !! by finish_chunk, or it is fresh.
-  subroutine start_chunk(d, c, motion, last, work, push, fresh)
+  subroutine start_chunk(d, c, motion, last, exact, work, push, fresh)
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: c
     type(motion_type), intent(in) :: motion
     logical, intent(in) :: last
+    logical, intent(in) :: exact  !! the travel is wanted as it is, see follow_travel
     type(step_memory_type), intent(inout) :: work
     type(push_type), intent(inout) :: push
     logical, intent(in) :: fresh
@@ -335,7 +338,8 @@ contains
           call kick_mover(mover, push, motion, .true., work%started(:, c))
           call drift_mover(mover, push, motion%dt)
           call put_bodies(mover, push, d%pairs%body, d%grains%forms)
-          travel = travel_of_mover(mover, push)
+          call follow_travel(mover, push, d%pairs, motion%dt, exact)
+          travel = mover%travel
         end if
         do i = mover%low + 1, mover%low + merge(0, mover%count, mover%free_count == mover%count)
           if (stands(d%grains%kind(i))) cycle
