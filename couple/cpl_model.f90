@@ -33,7 +33,7 @@ module cpl_model
   use cpl_overlap, only: overlap_type
   use cpl_overlap_file, only: write_overlap, read_overlap_state, read_overlap_reference
   use cpl_overlap_limit, only: kick_watch_type
-  use cpl_overlap_log, only: log_census, open_overlap_audit, overlap_audit_row, &
+  use cpl_overlap_log, only: log_census, open_overlap_audit, audit_row_type, &
     overlap_row_titles, overlap_row, overlap_health, overlap_summary
   use cpl_overlap_remap, only: look_after, rebuild_map
   use cpl_overlap_setup, only: make_overlap, begin_overlap
@@ -60,6 +60,7 @@ module cpl_model
     type(overlap_type) :: overlap
     type(kick_watch_type) :: kick_watch
     type(audit_type) :: audit
+    type(audit_row_type) :: row            !! of an overlap, taken and not written yet
     type(checkpoint_type) :: checkpoint
     type(manifest_type) :: manifest        !! gone on from
     type(stop_type) :: stop
@@ -328,12 +329,13 @@ contains
                          errors)
       else
         call overlap_step(self%overlap, self%solvers, self%choices%exchange, t0, t1, &
-                          self%timers, errors)
+                          self%row, self%audit%file, self%timers, errors)
       end if
       if (errors%any()) return
       self%face%step = self%overlap%step
       call self%timers%start('audit and log')
-      call overlap_audit_row(self%audit%file, self%overlap, t1, errors)
+      call self%row%write(self%audit%file, errors)
+      call self%row%take(self%overlap, t1)
       call self%timers%stop('audit and log')
       if (.not. self%overlap%bridge%active) call self%look(t1, errors)
       return
@@ -388,7 +390,9 @@ contains
     if (self%face%step == self%saved_step) return
     time = self%time_of(self%face%step)
     tag = 'x'//str(self%face%step)
+    call self%row%write(self%audit%file, errors)
     call self%audit%file%flush(errors)
+    call self%overlap%parts%gather()
     do k = 1, 2
       call self%solvers(k)%start_request(verb_checkpoint, self%face%step, time, time)
       call self%solvers(k)%request%put_text('tag', tag)
@@ -435,6 +439,7 @@ contains
       call log_row(self%log, self%face, self%audit, self%time_of(self%face%step), &
         overhead(1), left)
     end if
+    call self%row%write(self%audit%file, ignored)
     call self%audit%file%flush(ignored)
   end subroutine write_row
 
@@ -471,6 +476,7 @@ contains
     if (.not. errors%any()) &
       call stop_solvers(self%solvers, self%stopped, self%face%step, time, self%timers, errors)
     call abort_solvers(self%solvers, self%face%step, time)
+    call self%row%write(self%audit%file, errors)
     call self%audit%file%close(errors)
     exit_code = errors%exit_code()
     if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped

@@ -18,10 +18,18 @@ module cpl_overlap_log
   use cpl_sets, only: part_rest, part_ghost, part_free
   implicit none
   private
-  public :: log_census, open_overlap_audit, overlap_audit_row, overlap_row_titles, overlap_row, &
+  public :: log_census, open_overlap_audit, audit_row_type, overlap_row_titles, overlap_row, &
     overlap_health, overlap_summary
 
   integer(i4), parameter :: column_count = 28
+
+  !> A row of the audit: taken at the end of an exchange, written when the solvers have work again.
+  type :: audit_row_type
+    real(wp), allocatable :: value(:)  !! not yet written
+  contains
+    procedure :: take => take_row
+    procedure :: write => write_row
+  end type audit_row_type
 
 contains
 
@@ -246,11 +254,10 @@ contains
   end function ghost_motion
 
   !> A row at time [s], after the exchange was accepted.
-  subroutine overlap_audit_row(file, o, time, errors)
-    type(history_type), intent(inout) :: file
+  subroutine take_row(self, o, time)
+    class(audit_row_type), intent(inout) :: self
     type(overlap_type), intent(in) :: o
     real(wp), intent(in) :: time  !! [s]
-    type(error_list_type), intent(inout) :: errors
     real(wp) :: value(column_count + 1), edge(6)
 
     associate (g => o%grains, s => o%solid)
@@ -273,8 +280,18 @@ contains
       value(28) = g(scalar_max_overlap)
     end associate
     value(column_count + 1) = o%unbalanced
-    call file%write(value(:merge(column_count + 1, column_count, o%static)), errors)
-  end subroutine overlap_audit_row
+    self%value = value(:merge(column_count + 1, column_count, o%static))
+  end subroutine take_row
+
+  !> Write what was taken.
+  subroutine write_row(self, file, errors)
+    class(audit_row_type), intent(inout) :: self
+    type(history_type), intent(inout) :: file
+    type(error_list_type), intent(inout) :: errors
+    if (.not. allocated(self%value)) return
+    call file%write(self%value, errors)
+    deallocate (self%value)
+  end subroutine write_row
 
   subroutine overlap_row_titles(log)
     type(log_type), intent(inout) :: log

@@ -73,7 +73,7 @@ contains
   end subroutine work_of_parts
 
   !> After an exchange: a border that is too old is chosen anew; after a window of exchanges its
-  !! mean forces act in every step.
+  !! mean forces act in every step. Else its forces are added up when the grains have work again.
   subroutine finish_parts(o, grains, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: grains
@@ -81,7 +81,7 @@ contains
     type(error_list_type), intent(inout) :: errors
 
     if (o%parts%old) call choose_border(o, grains, timers, errors)
-    call o%parts%gather()
+    o%parts%ended = .true.
     if (.not. o%parts%is_due()) return
     call o%parts%renew(o%op)
     call renew_kicks(o)

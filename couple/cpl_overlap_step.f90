@@ -8,11 +8,13 @@ module cpl_overlap_step
   use talus_kinds, only: wp, i4
   use talus_text, only: str
   use talus_errors, only: error_list_type
+  use talus_history, only: history_type
   use talus_timers, only: timers_type
   use cpl_overlap, only: overlap_type
   use cpl_overlap_ask, only: send_kick, read_free, send_bulk, read_bulk, ask_solid, ask_grains, &
     take_forces, send_accept
   use cpl_overlap_loads, only: renew_loads
+  use cpl_overlap_log, only: audit_row_type
   use cpl_overlap_parts, only: remember_start, follow_near, follow_all, work_of_parts, &
     finish_parts
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
@@ -31,11 +33,13 @@ contains
 
   !> From t0 to t1 [s], accepted on both sides; after a fault nothing was accepted. The length h is
   !! the same in every exchange, free of the rounding of times. What no solver waits for is done
-  !! while they work.
-  subroutine overlap_step(o, solvers, h, t0, t1, timers, errors)
+  !! while they work, such as writing the row of the exchange before.
+  subroutine overlap_step(o, solvers, h, t0, t1, row, audit, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
     real(wp), intent(in) :: h, t0, t1
+    type(audit_row_type), intent(inout) :: row
+    type(history_type), intent(inout) :: audit
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     type(step_type) :: step
@@ -53,6 +57,9 @@ contains
         call send_bulk(o, solvers(side_solid), merge(0.5_wp*h, h, o%symmetric), h, t0, t1, &
                        timers, errors)
         call begin_exchange(o, h)
+        call timers%start('audit and log')
+        call row%write(audit, errors)
+        call timers%stop('audit and log')
       end if
       call note_step(o, step, timers)
       step%u = o%u
@@ -76,9 +83,8 @@ contains
     if (errors%any()) return
     call send_accept(o, solvers, t0, t1, timers, errors)
     if (o%parts%active) call work_of_parts(o, timers)
-    do k = 1, 2
-      if (.not. errors%any()) call solvers(k)%receive(timers, errors)
-    end do
+    if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
+    solvers(side_solid)%owes = .true.  ! nobody needs its answer yet
     if (errors%any()) return
     o%step = o%step + 1
     if (o%parts%active) call finish_parts(o, solvers(side_grains), timers, errors)
@@ -88,7 +94,10 @@ contains
   subroutine begin_exchange(o, h)
     type(overlap_type), intent(inout) :: o
     real(wp), intent(in) :: h  !! [s]
-    if (o%parts%active) call remember_start(o)
+    if (o%parts%active) then
+      call o%parts%gather()
+      call remember_start(o)
+    end if
     if (o%symmetric) then
       call kick_with_bulk(o, 0.5_wp*h)
     else

@@ -33,6 +33,7 @@ module cpl_solver
     logical :: started = .false.   !! its port is open, it is or will be there
     logical :: greeted = .false.   !! HELLO was answered
     logical :: lost = .false.      !! its port gave a fault: nothing more can be asked
+    logical :: owes = .false.      !! a reply that nobody needs, to be read before the next request
     character(len=:), allocatable :: version, deck_hash, capabilities
     real(wp) :: gravity(3) = 0.0_wp  !! m/s2
     real(wp) :: time = 0.0_wp        !! s
@@ -72,6 +73,7 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     type(error_list_type) :: faults
+    if (self%owes) call self%receive(timers, errors)
     if (self%lost) return
     call timers%start('waiting for '//self%side)
     call self%port%send(self%request, faults)
@@ -88,6 +90,7 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     type(error_list_type) :: faults
+    self%owes = .false.
     if (self%lost) return
     call timers%start('waiting for '//self%side)
     call self%port%receive(self%reply, faults)
