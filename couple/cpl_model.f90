@@ -392,7 +392,6 @@ contains
     tag = 'x'//str(self%face%step)
     call self%row%write(self%audit%file, errors)
     call self%audit%file%flush(errors)
-    call self%overlap%parts%gather()
     do k = 1, 2
       call self%solvers(k)%start_request(verb_checkpoint, self%face%step, time, time)
       call self%solvers(k)%request%put_text('tag', tag)

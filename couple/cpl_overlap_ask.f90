@@ -7,7 +7,7 @@ module cpl_overlap_ask
   use talus_timers, only: timers_type
   use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, &
     hat_phi_set, edge_phi_set
-  use cpl_overlap_parts, only: put_near, put_all, read_parts, renew_kicks
+  use cpl_overlap_parts, only: put_near, put_between, read_near, read_between, renew_kicks
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
@@ -117,14 +117,13 @@ contains
   end subroutine put_ghosts
 
   !> Forces on ghosts and free grains, from a reply; all but gravity and what comes from here.
-  subroutine read_forces(o, grains, both, errors)
+  subroutine read_forces(o, grains, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: grains
-    logical, intent(in) :: both
     type(error_list_type), intent(inout) :: errors
     real(wp) :: load(3, merge(o%op%free, 0_i4, o%hears_force))
     if (o%parts%active) then
-      call read_parts(o, grains, both, errors)
+      call read_near(o, grains, errors)
     else
       call grains%reply%get(ghost_set//'.force', o%p, errors)
       call grains%reply%get(ghost_set//'.moment', o%m, errors)
@@ -240,24 +239,18 @@ contains
   end subroutine ask_solid
 
   !> FORCE of the grains with ghosts where they are now. v and spin are those of the ghosts; where
-  !! forces come in parts of the near ones, and those of all in the mean of an exchange at its end.
-  subroutine ask_grains(o, grains, v, spin, t, timers, errors, mean, mean_spin)
+  !! forces come in parts of the near ones.
+  subroutine ask_grains(o, grains, v, spin, t, timers, errors)
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: grains
     real(wp), intent(in) :: v(:, :), spin(:, :)  !! (3, ghosts) or (3, near) [m/s], [rad/s]
     real(wp), intent(in) :: t                    !! s
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable, intent(in), optional :: mean(:, :), mean_spin(:, :)  !! (3, ghosts)
-    logical :: both
     if (errors%any()) return
-    both = .false.
-    if (present(mean)) both = allocated(mean)
     call timers%start(messages)
     call grains%start_request(verb_force, o%step, t, t)
-    if (both) then
-      call put_all(o, grains%request, mean, mean_spin, v, spin)
-    else if (o%parts%active) then
+    if (o%parts%active) then
       call put_near(o, grains%request, v, spin)
     else
       call put_ghosts(o, grains%request, v, spin)
@@ -267,28 +260,42 @@ contains
     call grains%send(timers, errors)
   end subroutine ask_grains
 
-  !> Wait for the forces that both were asked for, and hand them to what is free; both: of the near
-  !! ghosts and of all among themselves.
-  subroutine take_forces(o, solvers, both, timers, errors)
+  !> Wait for the forces that both were asked for, and hand them to what is free; between: those of
+  !! ghosts on ghosts are asked for next and evaluated meanwhile.
+  subroutine take_forces(o, solvers, between, t, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
-    logical, intent(in) :: both
+    logical, intent(in) :: between
+    real(wp), intent(in) :: t  !! s
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     associate (grains => solvers(side_grains), solid => solvers(side_solid))
+      if (between) then
+        call timers%start(messages)
+        call grains%start_request(verb_force, o%step, t, t)
+        call put_between(o, grains%request)
+        call timers%stop(messages)
+      end if
       if (.not. errors%any()) call grains%receive(timers, errors)
+      if (between .and. .not. errors%any()) call grains%send(timers, errors)
       if (.not. errors%any()) call solid%receive(timers, errors)
       if (errors%any()) return
       call timers%start(messages)
-      call read_forces(o, grains, both, errors)
+      call read_forces(o, grains, errors)
       call read_nodes(o, solid, 'force', 'moment', o%element, o%element_phi, errors)
       call timers%stop(messages)
+      if (errors%any()) return
+      call timers%start('pull-backs')
+      call o%pull()
+      call o%resist()
+      call timers%stop('pull-backs')
+      if (.not. between) return
+      call grains%receive(timers, errors)
+      if (.not. errors%any()) call read_between(o, grains, errors)
+      if (errors%any()) return
+      call timers%start('pull-backs')
+      call renew_kicks(o)
+      call timers%stop('pull-backs')
     end associate
-    if (errors%any()) return
-    call timers%start('pull-backs')
-    if (both) call renew_kicks(o)
-    call o%pull()
-    call o%resist()
-    call timers%stop('pull-backs')
   end subroutine take_forces
 end module cpl_overlap_ask

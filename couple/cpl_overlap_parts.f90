@@ -12,7 +12,7 @@ module cpl_overlap_parts
   implicit none
   private
   public :: begin_parts, settle_parts, remember_start, follow_near, follow_all, put_near, &
-    put_all, read_parts, renew_kicks, work_of_parts, finish_parts
+    put_between, read_near, read_between, renew_kicks, work_of_parts, finish_parts
 
   character(len=*), parameter :: near_set = 'border'  !! of the grains
 
@@ -39,11 +39,14 @@ contains
     if (errors%any()) return
     rest = 0.0_wp
     call grains%start_request(verb_force, o%step, grains%time, grains%time)
-    call put_all(o, grains%request, rest, rest, rest(:, :size(o%parts%near)), &
-                 rest(:, :size(o%parts%near)))
+    call grains%request%put_text('scope', 'split')
+    call put_ghosts(o, grains%request, rest, rest)
+    call grains%request%put(near_set//'.v', rest(:, :size(o%parts%near)))
+    call grains%request%put(near_set//'.omega', rest(:, :size(o%parts%near)))
     call grains%request%put_int('brief', 1_i4)
     call grains%ask(timers, errors)
-    if (.not. errors%any()) call read_parts(o, grains, .true., errors)
+    if (.not. errors%any()) call read_near(o, grains, errors)
+    if (.not. errors%any()) call read_between(o, grains, errors)
     if (.not. errors%any()) call settle_parts(o)
   end subroutine begin_parts
 
@@ -57,7 +60,7 @@ contains
     call o%resist()
   end subroutine settle_parts
 
-  !> Works of an exchange.
+  !> Works of an exchange, whose forces belong to the window.
   subroutine work_of_parts(o, timers)
     type(overlap_type), intent(inout) :: o
     type(timers_type), intent(inout) :: timers
@@ -69,11 +72,12 @@ contains
     o%work_taken = o%work_taken + taken
     o%turnover = o%turnover + turnover
     call o%note_dead(o%parts%q, o%parts%theta, o%parts%u, o%parts%phi)
+    call o%parts%gather()
     call timers%stop('works')
   end subroutine work_of_parts
 
   !> After an exchange: a border that is too old is chosen anew; after a window of exchanges its
-  !! mean forces act in every step. Else its forces are added up when the grains have work again.
+  !! mean forces act in every step.
   subroutine finish_parts(o, grains, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: grains
@@ -81,7 +85,6 @@ contains
     type(error_list_type), intent(inout) :: errors
 
     if (o%parts%old) call choose_border(o, grains, timers, errors)
-    o%parts%ended = .true.
     if (.not. o%parts%is_due()) return
     call o%parts%renew(o%op)
     call renew_kicks(o)
@@ -167,15 +170,14 @@ contains
   end subroutine follow_near
 
   !> At the end of an exchange of length h the other ghosts, too; mean velocities of all.
-  subroutine follow_all(o, h, v, spin)
+  subroutine follow_all(o, h)
     type(overlap_type), intent(inout) :: o
     real(wp), intent(in) :: h                     !! [s]
-    real(wp), intent(out) :: v(:, :), spin(:, :)  !! (3, ghosts) [m/s], [rad/s]
     real(wp), dimension(3, o%op%ghosts) :: d, turn
 
     call o%op%to_ghosts(o%u, o%phi, d, turn)
-    v = (d - o%parts%d)/h
-    spin = (turn - o%parts%turn)/h
+    o%parts%v = (d - o%parts%d)/h
+    o%parts%spin = (turn - o%parts%turn)/h
     if (.not. o%round) then
       call turn_all(o%quat, turn - o%turn)
       o%quat(:, o%parts%near) = o%parts%quat_near
@@ -196,38 +198,46 @@ contains
     call request%put(near_set//'.omega', spin)
   end subroutine put_near
 
-  !> All ghosts, in a request FORCE: both parts.
-  subroutine put_all(o, request, v, spin, v_near, spin_near)
+  !> All ghosts, in a request FORCE: their contacts with each other, after those of free grains.
+  subroutine put_between(o, request)
     type(overlap_type), intent(in) :: o
     type(message_type), intent(inout) :: request
-    real(wp), intent(in) :: v(:, :), spin(:, :)            !! mean of the exchange (3, ghosts)
-    real(wp), intent(in) :: v_near(:, :), spin_near(:, :)  !! of the last step (3, near)
-    call request%put_text('scope', 'split')
+    call request%put_text('scope', 'between')
+    call put_ghosts(o, request, o%parts%v, o%parts%spin)
+    call request%put_int('brief', 1_i4)
+  end subroutine put_between
+
+  subroutine put_ghosts(o, request, v, spin)
+    type(overlap_type), intent(in) :: o
+    type(message_type), intent(inout) :: request
+    real(wp), intent(in) :: v(:, :), spin(:, :)  !! mean of the exchange (3, ghosts)
     call request%put(ghost_set//'.x', o%x_ghost + o%d)
     if (.not. o%round) call request%put(ghost_set//'.quat', o%quat)
     call request%put(ghost_set//'.v', v)
     call request%put(ghost_set//'.omega', spin)
-    call request%put(near_set//'.v', v_near)
-    call request%put(near_set//'.omega', spin_near)
-  end subroutine put_all
+  end subroutine put_ghosts
 
-  !> Forces of one part or of both, from a reply.
-  subroutine read_parts(o, grains, both, errors)
+  !> Forces of free grains on the near ghosts, from a reply.
+  subroutine read_near(o, grains, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: grains
-    logical, intent(in) :: both
     type(error_list_type), intent(inout) :: errors
-    integer(i4) :: old
-
     call grains%reply%get(near_set//'.force', o%parts%p_near, errors)
     call grains%reply%get(near_set//'.moment', o%parts%m_near, errors)
-    if (.not. both) return
+  end subroutine read_near
+
+  !> Forces of ghosts on ghosts, from a reply.
+  subroutine read_between(o, grains, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: old
     call grains%reply%get(ghost_set//'.force', o%parts%p, errors)
     call grains%reply%get(ghost_set//'.moment', o%parts%m, errors)
     call grains%reply%get_int('border_old', old, errors)
     if (errors%any()) return
     o%parts%old = old == 1
-  end subroutine read_parts
+  end subroutine read_between
 
   !> Kicks with the forces between ghosts now, with the inertia of what hat nodes carry.
   subroutine renew_kicks(o)

@@ -57,9 +57,6 @@ contains
         call send_bulk(o, solvers(side_solid), merge(0.5_wp*h, h, o%symmetric), h, t0, t1, &
                        timers, errors)
         call begin_exchange(o, h)
-        call timers%start('audit and log')
-        call row%write(audit, errors)
-        call timers%stop('audit and log')
       end if
       call note_step(o, step, timers)
       step%u = o%u
@@ -79,10 +76,9 @@ contains
       if (errors%any()) return
       call note_damping(o)
     end do
-    call finish_step(o, solvers, dt, h, t1, step, timers, errors)
+    call finish_step(o, solvers, dt, h, t1, step, row, audit, timers, errors)
     if (errors%any()) return
     call send_accept(o, solvers, t0, t1, timers, errors)
-    if (o%parts%active) call work_of_parts(o, timers)
     if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
     solvers(side_solid)%owes = .true.  ! nobody needs its answer yet
     if (errors%any()) return
@@ -94,10 +90,7 @@ contains
   subroutine begin_exchange(o, h)
     type(overlap_type), intent(inout) :: o
     real(wp), intent(in) :: h  !! [s]
-    if (o%parts%active) then
-      call o%parts%gather()
-      call remember_start(o)
-    end if
+    if (o%parts%active) call remember_start(o)
     if (o%symmetric) then
       call kick_with_bulk(o, 0.5_wp*h)
     else
@@ -159,7 +152,7 @@ contains
     step%turns = dt*spin
     step%due = .true.
     if (last) call o%look_past()
-    call take_forces(o, solvers, .false., timers, errors)
+    call take_forces(o, solvers, .false., now, timers, errors)
   end subroutine step_at_once
 
   !> The same where forces come in parts. The solid goes on as soon as the nodes are known, unless
@@ -173,7 +166,6 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     real(wp), dimension(3, size(o%parts%near)) :: moved, turns
-    real(wp), allocatable :: mean(:, :), mean_spin(:, :)
 
     call timers%start('projection and maps')
     call o%follow_hats(dt)
@@ -181,13 +173,8 @@ contains
     if (.not. first) call ask_solid(o, solvers(side_solid), now, timers, errors)
     call timers%start('projection and maps')
     call follow_near(o, moved, turns)
-    if (last) then
-      allocate (mean(3, o%op%ghosts), mean_spin(3, o%op%ghosts))
-      call follow_all(o, h, mean, mean_spin)
-    end if
     call timers%stop('projection and maps')
-    call ask_grains(o, solvers(side_grains), moved/dt, turns/dt, now, timers, errors, mean, &
-                    mean_spin)
+    call ask_grains(o, solvers(side_grains), moved/dt, turns/dt, now, timers, errors)
     if (first) then
       if (.not. errors%any()) call solvers(side_solid)%receive(timers, errors)
       call ask_solid(o, solvers(side_solid), now, timers, errors)
@@ -195,8 +182,20 @@ contains
     step%moved = moved
     step%turns = turns
     step%due = .true.
-    if (last) call o%look_past()
-    call take_forces(o, solvers, last, timers, errors)
+    if (last) call place_all(o, h)
+    call take_forces(o, solvers, last, now, timers, errors)
+
+  contains
+
+    !> All ghosts, for the forces between them, which are asked for next.
+    subroutine place_all(o, h)
+      type(overlap_type), intent(inout) :: o
+      real(wp), intent(in) :: h  !! [s]
+      call timers%start('projection and maps')
+      call follow_all(o, h)
+      call timers%stop('projection and maps')
+      call o%look_past()
+    end subroutine place_all
   end subroutine step_in_parts
 
   !> Kick of the edge with the forces that are evaluated once an exchange.
@@ -218,11 +217,13 @@ contains
   end subroutine note_damping
 
   !> The last half kicks, with everything at t1.
-  subroutine finish_step(o, solvers, dt, h, t1, step, timers, errors)
+  subroutine finish_step(o, solvers, dt, h, t1, step, row, audit, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
     real(wp), intent(in) :: dt, h, t1
     type(step_type), intent(inout) :: step
+    type(audit_row_type), intent(inout) :: row
+    type(history_type), intent(inout) :: audit
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
 
@@ -232,6 +233,10 @@ contains
     call send_bulk(o, solvers(side_solid), merge(0.5_wp*h, 0.0_wp, o%symmetric), 0.0_wp, t1, t1, &
                    timers, errors)
     call note_step(o, step, timers)
+    if (o%parts%active) call work_of_parts(o, timers)
+    call timers%start('audit and log')
+    call row%write(audit, errors)
+    call timers%stop('audit and log')
     if (.not. errors%any()) call solvers(side_solid)%receive(timers, errors)
     if (.not. errors%any()) call read_bulk(o, solvers(side_solid), errors)
     if (errors%any()) return
@@ -257,6 +262,6 @@ contains
     type(error_list_type), intent(inout) :: errors
     call ask_solid(o, solvers(side_solid), t, timers, errors)
     call ask_grains(o, solvers(side_grains), v, spin, t, timers, errors)
-    call take_forces(o, solvers, .false., timers, errors)
+    call take_forces(o, solvers, .false., t, timers, errors)
   end subroutine evaluate_forces
 end module cpl_overlap_step

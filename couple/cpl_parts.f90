@@ -34,13 +34,13 @@ module cpl_parts
     real(wp), allocatable :: p_sum(:, :), m_sum(:, :)      !! the same over the window so far
     real(wp), allocatable :: p_still(:, :), m_still(:, :)  !! the mean over the window before
     integer(i4) :: age = 0                         !! exchanges since
-    logical :: ended = .false.                     !! one whose forces have yet to be added
     logical :: old = .false.                       !! near must be chosen anew
     type(pulled_type) :: still, rest
     real(wp), allocatable :: dead(:, :), dead_phi(:, :)  !! still on free grains, with loads that
                                                    !! balance the start (3, free)
     logical :: dead_known = .false.                !! they are of now
     real(wp), allocatable :: d(:, :), turn(:, :)   !! ghosts at the start of the exchange
+    real(wp), allocatable :: v(:, :), spin(:, :)   !! of ghosts in the mean of it [m/s], [rad/s]
     real(wp), allocatable :: q(:, :), theta(:, :)  !! free grains then
     real(wp), allocatable :: u(:, :), phi(:, :)    !! nodes then
   contains
@@ -90,14 +90,11 @@ contains
     self%p_sum = 0.0_wp
     self%m_sum = 0.0_wp
     self%age = 0
-    self%ended = .false.
   end subroutine clear
 
-  !> The forces of an exchange that has ended belong to the window.
+  !> The forces at the end of an exchange belong to the window.
   pure subroutine gather(self)
     class(parts_type), intent(inout) :: self
-    if (.not. self%ended) return
-    self%ended = .false.
     self%p_sum = self%p_sum + self%p
     self%m_sum = self%m_sum + self%m
     self%age = self%age + 1
@@ -106,14 +103,13 @@ contains
   !> Is the window full?
   pure logical function is_due(self)
     class(parts_type), intent(in) :: self
-    is_due = self%active .and. self%age + merge(1, 0, self%ended) >= window
+    is_due = self%active .and. self%age >= window
   end function is_due
 
   !> The mean of the window acts in every step from here on.
   subroutine renew(self, op)
     class(parts_type), intent(inout) :: self
     type(operators_type), intent(in) :: op
-    call self%gather()
     self%p_still = self%p_sum/self%age
     self%m_still = self%m_sum/self%age
     call clear(self)

@@ -105,13 +105,14 @@ contains
   end subroutine forces_on_free
 
   !> Contacts between ghosts over the drift since they were evaluated, with the mean velocities of
-  !! that time. All ghosts must have been placed.
-  subroutine forces_between_ghosts(d)
+  !! that time. All ghosts must have been placed. Alone: contacts of free grains do not come next.
+  subroutine forces_between_ghosts(d, alone)
     type(dem_data_type), intent(inout) :: d
+    logical, intent(in) :: alone
     real(wp) :: h, travel, force(3), moment(3), work(work_count)
     integer(i4) :: i
 
-    if (d%parts%stage == stage_none) call begin_ahead(d)
+    if (d%parts%stage == stage_none .and. .not. alone) call begin_ahead(d)
     h = d%parts%pending
     travel = 0.0_wp
     do i = 1, d%grains%n
@@ -137,8 +138,10 @@ contains
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(inout) :: travel  !! of ghosts [m]
     if (travel <= 0.5_wp*d%pairs%skin) return
-    call evaluate_bare(d, d%pairs%bare_blocks)
-    call note_columns(d, 1_i4, d%pairs%bare_blocks)
+    if (d%parts%stage /= stage_none) then
+      call evaluate_bare(d, d%pairs%bare_blocks)
+      call note_columns(d, 1_i4, d%pairs%bare_blocks)
+    end if
     d%pairs%keep_results = .true.
     call rebuild_list(d, larger(d%parts%travel, travel))
     d%pairs%keep_results = .false.

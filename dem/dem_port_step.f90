@@ -174,8 +174,9 @@ contains
   end subroutine take_mean
 
   !> Forces with prescribed grains placed as told; no time passes. Where a border was selected the
-  !! scope interface takes contacts of free grains alone, split these and those between ghosts; the
-  !! forces on free grains are then completed after the reply, unless it tells of them.
+  !! scope interface takes contacts of free grains alone, between those of ghosts with each other,
+  !! split both; the forces on free grains are then completed after the reply, unless it tells of
+  !! them.
   subroutine force(model, sets, request, reply, late, errors)
     type(dem_model_type), intent(inout) :: model
     type(dem_sets_type), intent(in) :: sets
@@ -183,29 +184,34 @@ contains
     integer(i8), intent(inout) :: late
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: scope
-    logical :: brief, parted
+    logical :: brief, parted, ghosts
 
     scope = 'all'
     if (request%has('scope')) call request%get_text('scope', scope, errors)
     parted = scope /= 'all' .and. model%system%parts%active
-    if (all(scope /= [character(len=9) :: 'all', 'interface', 'split'])) then
+    ghosts = scope == 'split' .or. scope == 'between'
+    if (all(scope /= [character(len=9) :: 'all', 'interface', 'split', 'between'])) then
       call errors%add('P255', "FORCE has no scope '"//scope//"'", request%place(), &
-                      "it is 'all', 'interface' or 'split'")
-    else if (scope == 'split' .and. .not. parted) then
+                      "it is 'all', 'interface', 'split' or 'between'")
+    else if (ghosts .and. .not. parted) then
       call errors%add('P255', 'FORCE cannot be split: no border was selected', request%place(), &
                       'SELECT a set with the role border first')
     end if
     call take_brief(request, brief, errors)
-    if (.not. errors%any() .and. (scope == 'split' .or. .not. parted)) &
-      call place_sets(model%system, sets, role_prescribe, request, errors)
     if (errors%any()) return
     if (model%system%parts%stage == stage_told) call model%system%free_forces()
+    if (ghosts .or. .not. parted) &
+      call place_sets(model%system, sets, role_prescribe, request, errors)
+    if (errors%any()) return
     call model%timers%start('steps')
-    if (scope == 'split') call model%system%ghost_forces()
-    if (parted) call place_sets(model%system, sets, role_border, request, errors)
+    if (ghosts) call model%system%ghost_forces(scope == 'between')
+    if (parted .and. scope /= 'between') &
+      call place_sets(model%system, sets, role_border, request, errors)
     call request%all_read(errors)
     if (errors%any()) return
-    if (parted) then
+    if (scope == 'between') then
+      continue  ! all else is as it was
+    else if (parted) then
       call forces_on_rim(model%system%dem_data_type)
       if (.not. brief .or. any_free_force(sets)) call model%system%free_forces()
     else
@@ -213,7 +219,7 @@ contains
     end if
     call model%timers%stop('steps')
     call put_forces(model%system, sets, scope, reply)
-    if (scope == 'split') call put_border(model%system, reply, errors)
+    if (ghosts) call put_border(model%system, reply, errors)
     if (.not. brief) call put_scalars(model%system, late, reply)
   end subroutine force
 
@@ -254,12 +260,13 @@ contains
     type(message_type), intent(inout) :: reply
     integer(i4) :: k
     do k = 1, sets%count
+      if (scope == 'between' .and. sets%set(k)%role /= role_prescribe) cycle
       associate (set => sets%set(k), parts => system%parts)
         if (set%role == role_surface) then
           call put_vertices(system, set, .false., reply)
         else if (set%role == role_border) then
           if (scope /= 'all') call put_pair(set, parts%of_free(:, set%index))
-        else if (set%role == role_prescribe .and. scope == 'split') then
+        else if (set%role == role_prescribe .and. any(scope == ['split  ', 'between'])) then
           call put_pair(set, parts%of_ghosts(:, set%index))
         else if (.not. (set%role == role_prescribe .and. parts%active .and. scope /= 'all')) then
           if (set%wants('force')) &

@@ -57,7 +57,7 @@ module dem_system
     procedure :: forces           !! (): forces at the current state; no time passes
     procedure :: place            !! (index, x, quat, v, omega): ghosts, for forces in parts
     procedure :: free_forces      !! (): what is left of those of contacts of free grains
-    procedure :: ghost_forces     !! (): only those between ghosts
+    procedure :: ghost_forces     !! (alone): only those between ghosts
     procedure :: set_border       !! (index): ghosts near free grains; from now on in parts
     procedure :: kick_drift       !! (kick, drift): v += kick (F + X)/m, then x += drift v
     procedure :: first_skin       !! (): margin of the list at the start [m]
@@ -289,7 +289,7 @@ contains
     class(dem_system_type), intent(inout) :: self
     call update_bodies(self%pairs, self%grains, self%planes, self%cell)
     if (self%parts%active) then
-      call self%ghost_forces()
+      call self%ghost_forces(.false.)
       call self%free_forces()
       return
     end if
@@ -310,9 +310,10 @@ contains
     class(dem_system_type), intent(inout) :: self
     call forces_on_free(self%dem_data_type)
   end subroutine free_forces
-  subroutine ghost_forces(self)
+  subroutine ghost_forces(self, alone)
     class(dem_system_type), intent(inout) :: self
-    call forces_between_ghosts(self%dem_data_type)
+    logical, intent(in) :: alone
+    call forces_between_ghosts(self%dem_data_type, alone)
   end subroutine ghost_forces
 
   subroutine set_border(self, index)

@@ -208,7 +208,6 @@ contains
 
   subroutine select_and_set()
     real(wp) :: before(3, 1), after(3, 1), m(1), stiffness(1), scalars(scalar_count)
-
     call choose('s', 'surface', [10_i8], 'P009')
     call choose('g', 'prescribe', [11_i8], 'I216')
     call choose('l', 'load', [10_i8], 'P252')
@@ -255,7 +254,6 @@ contains
   subroutine advance_and_reject()
     real(wp) :: v(3, 2), x(3, 2), again(3, 2), impulse(3, 1), work
     integer(i4) :: substeps
-
     call ask_interval(0.0_wp, 1.0e-6_wp)
     call expect('ADVANCE', '')
     call reply%get('g.impulse', impulse, errors)
@@ -354,7 +352,6 @@ contains
 
   subroutine files_and_end()
     character(len=:), allocatable :: path, hash
-
     call ask%start(verb_checkpoint)
     call ask%put_text('tag', '000001')
     call expect('CHECKPOINT', '')
@@ -401,7 +398,6 @@ contains
   subroutine rehearse()
     real(wp) :: x(3, 1), v(3, 1), scalars(scalar_count)
     integer(i4) :: k
-
     call write_deck('&driven ids = 30, velocity = 0.0, 0.0, 0.5 /'//nl// &
                     '&history every_time = 1.0e-6 /'//nl)
     call start('fourth')
@@ -452,7 +448,6 @@ contains
   subroutine press()
     real(wp) :: x(3, 1), again(3, 1), v(3, 1)
     integer(i4) :: k
-
     call write_deck("&curve id = 'c', times = 1.1e-5, 1.15e-5, values = 1.0, 2.0 /"//nl// &
       "&surcharge stress = 100.0, curve = 'c', lower = 5.0e-3, -1.0e-3, "// &
       'upper = 15.0e-3, 1.0e-3 /'//nl)
@@ -498,7 +493,6 @@ contains
     real(wp) :: x(3, 2), both(3, 2), near(3, 1), alone(3, 1)
     integer(i8), allocatable :: ids(:)
     integer(i4) :: old
-
     call write_deck('')
     call start('sixth')
     call choose('g', 'prescribe', [10_i8, 20_i8], '')
@@ -530,6 +524,11 @@ contains
     call test%check_close('ghosts push each other', both(3, 2), -both(3, 1), 0.0_wp)
     call test%check('with a force', both(3, 2) > 0.0_wp .and. old == 0)
     call test%check_close('no free grain does', maxval(abs(near)), 0.0_wp, 0.0_wp)
+    call ask%start(verb_force)
+    call ask%put_text('scope', 'between')
+    call expect('FORCE between ghosts', '')
+    call reply%get('g.force', x, errors)
+    call test%check('alone the same', all(abs(x - both) <= 0.0_wp) .and. .not. reply%has('b.force'))
 
     x = 0.0_wp
     x(1, 2) = 1.0e-2_wp - 2.0e-3_wp + overlap
