@@ -143,11 +143,9 @@ contains
     call grains%ask(timers, errors)
   end subroutine select_near
 
-  !> Where all stands at the start of an exchange.
+  !> Where nodes and free grains stand at the start of an exchange.
   subroutine remember_start(o)
     type(overlap_type), intent(inout) :: o
-    o%parts%d = o%d
-    o%parts%turn = o%turn
     o%parts%q = o%q
     o%parts%theta = o%theta
     o%parts%u = o%u
@@ -173,17 +171,20 @@ contains
   subroutine follow_all(o, h)
     type(overlap_type), intent(inout) :: o
     real(wp), intent(in) :: h                     !! [s]
-    real(wp), dimension(3, o%op%ghosts) :: d, turn
+    real(wp), allocatable :: d(:, :), turn(:, :)
 
+    allocate (d(3, o%op%ghosts), turn(3, o%op%ghosts))
     call o%op%to_ghosts(o%u, o%phi, d, turn)
-    o%parts%v = (d - o%parts%d)/h
-    o%parts%spin = (turn - o%parts%turn)/h
+    o%parts%v = (d - o%d)/h
+    o%parts%spin = (turn - o%turn)/h
     if (.not. o%round) then
       call turn_all(o%quat, turn - o%turn)
       o%quat(:, o%parts%near) = o%parts%quat_near
     end if
-    o%d = d
-    o%turn = turn
+    call move_alloc(o%d, o%parts%d)
+    call move_alloc(o%turn, o%parts%turn)
+    call move_alloc(d, o%d)
+    call move_alloc(turn, o%turn)
   end subroutine follow_all
 
   !> The near ghosts, in a request FORCE: contacts of free grains alone.

@@ -243,7 +243,7 @@ contains
     if (o%symmetric) call kick_with_bulk(o, 0.5_wp*h)
     call solvers(side_grains)%receive(timers, errors)
     if (errors%any()) return
-    call read_free(o, solvers(side_grains), timers, errors)
+    if (o%hears_speed) call read_free(o, solvers(side_grains), timers, errors)
     call solvers(side_grains)%reply%get('scalars', o%grains, errors)
     if (o%carried%active) call o%op%to_hats(o%speed, o%spin, o%v, o%w)
     if (errors%any() .or. o%finite()) return

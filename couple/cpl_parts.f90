@@ -128,7 +128,11 @@ contains
   subroutine pull_rest(self, op)
     class(parts_type), intent(inout) :: self
     type(operators_type), intent(in) :: op
-    call pull(op, self%p - self%p_still, self%m - self%m_still, self%rest)
+    call pull(op, self%p, self%m, self%rest)
+    self%rest%f = self%rest%f - self%still%f
+    self%rest%c = self%rest%c - self%still%c
+    self%rest%force = self%rest%force - self%still%force
+    self%rest%moment = self%rest%moment - self%still%moment
   end subroutine pull_rest
 
   subroutine pull(op, p, m, pulled)
