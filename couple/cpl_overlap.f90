@@ -233,22 +233,22 @@ contains
         if (.not. parts%dead_known) then
           parts%dead = parts%still%force + self%force_hold
           parts%dead_phi = parts%still%moment + self%moment_hold
+          parts%dead_f = parts%still%f + self%steady + self%f_hold
+          parts%dead_c = parts%still%c + self%steady_phi + self%c_hold
           parts%dead_known = .true.
         end if
         call self%op%pull_some(parts%near, parts%p_near, parts%m_near, self%f, self%c, &
                                parts%dead, parts%dead_phi, self%force, self%moment)
-        self%f = self%f + parts%still%f
-        self%c = self%c + parts%still%c
+        self%f = self%f + parts%dead_f
+        self%c = self%c + parts%dead_c
       end associate
     else
       call self%op%pull(self%p, self%m, self%f, self%c, self%force, self%moment)
       self%force = self%force + self%force_hold
       self%moment = self%moment + self%moment_hold
+      self%f = self%f + self%steady + self%f_hold
+      self%c = self%c + self%steady_phi + self%c_hold
     end if
-    self%f = self%f + self%steady
-    self%c = self%c + self%steady_phi
-    self%f = self%f + self%f_hold
-    self%c = self%c + self%c_hold
   end subroutine pull
 
   !> Damping of the fine scale, then inertia of what hat nodes carry under all forces that act on

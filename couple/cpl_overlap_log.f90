@@ -250,7 +250,12 @@ contains
 
   pure real(wp) function ghost_motion(o)
     type(overlap_type), intent(in) :: o
-    ghost_motion = sqrt(maxval(sum(o%d**2, 1)))
+    integer(i4) :: k
+    ghost_motion = 0.0_wp
+    do k = 1, size(o%d, 2)
+      ghost_motion = max(ghost_motion, o%d(1, k)**2 + o%d(2, k)**2 + o%d(3, k)**2)
+    end do
+    ghost_motion = sqrt(ghost_motion)
   end function ghost_motion
 
   !> A row at time [s], after the exchange was accepted.

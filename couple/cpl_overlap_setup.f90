@@ -395,6 +395,7 @@ contains
     o%steady_phi(:, o%op%hats_phi + 1:) = o%bulk_phi(:, o%op%hats_phi + 1:)
     o%bulk = o%bulk - o%steady
     o%bulk_phi = o%bulk_phi - o%steady_phi
+    o%parts%dead_known = .false.
     call o%pull()
     call o%resist()
   end subroutine steady_forces

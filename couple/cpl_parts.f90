@@ -38,6 +38,7 @@ module cpl_parts
     type(pulled_type) :: still, rest
     real(wp), allocatable :: dead(:, :), dead_phi(:, :)  !! still on free grains, with loads that
                                                    !! balance the start (3, free)
+    real(wp), allocatable :: dead_f(:, :), dead_c(:, :)  !! the same on nodes, with what is steady
     logical :: dead_known = .false.                !! they are of now
     real(wp), allocatable :: d(:, :), turn(:, :)   !! ghosts at the start of the exchange
     real(wp), allocatable :: v(:, :), spin(:, :)   !! of ghosts in the mean of it [m/s], [rad/s]
