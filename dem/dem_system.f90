@@ -305,7 +305,6 @@ contains
     real(wp), intent(in) :: x(:, :), quat(:, :), v(:, :), omega(:, :)
     call place_ghosts(self%dem_data_type, index, x, quat, v, omega)
   end subroutine place
-
   subroutine free_forces(self)
     class(dem_system_type), intent(inout) :: self
     call forces_on_free(self%dem_data_type)
