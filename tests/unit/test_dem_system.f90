@@ -203,7 +203,7 @@ contains
     if (k == 150) v(1, :) = -0.8_wp*s%pairs%skin/1.2e-5_wp
     x = x + 1.2e-5_wp*v
     call s%place(s%parts%near, x, s%grains%quat(:, s%parts%near), v, w)
-    if (mod(k, 5) == 0) call s%ghost_forces()
+    if (mod(k, 5) == 0) call s%ghost_forces(.false.)
   end subroutine move_ghosts
 
   !> Threads, and lists made at other times, change no bit.
