@@ -10,6 +10,9 @@ module dem_extra_list
   implicit none
   private
   public :: move_extras, mark_touched, held_lanes, count_broken, put_extras, get_extras
+  public :: put_run_of_extras, get_run_of_extras, layout_kept, fit_records, layout_size
+
+  integer(i4), parameter :: layout_size = 5  !! reals in all, and where those of each law begin
 
 contains
 
@@ -70,10 +73,7 @@ contains
     if (extras%cohesion_at > 0) call put_part('extras.cohesion', extras%cohesion_at, &
                                               cohesion_reals)
     if (extras%turning_at > 0) call put_part('extras.turning', extras%turning_at, turning_reals)
-    if (extras%bond_at == 0) return
-    call put_part('extras.bond', extras%bond_at, bond_reals)
-    call archive%put_integers('extras.bonds', reshape([extras%made, extras%torn, &
-                                                       extras%sheared], [3, 1]))
+    if (extras%bond_at > 0) call put_part('extras.bond', extras%bond_at, bond_reals)
 
   contains
 
@@ -91,7 +91,6 @@ contains
     integer(i4), intent(in) :: blocks
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
-    integer(i8), allocatable :: counts(:, :)
     integer(i4) :: none(0)
 
     if (.not. extras%active) return
@@ -101,14 +100,7 @@ contains
     if (extras%cohesion_at > 0) call get_part('extras.cohesion', extras%cohesion_at, &
                                               cohesion_reals)
     if (extras%turning_at > 0) call get_part('extras.turning', extras%turning_at, turning_reals)
-    if (extras%bond_at == 0) return
-    call get_part('extras.bond', extras%bond_at, bond_reals)
-    if (archive%find('extras.bonds') == 0) return
-    call archive%get_integers('extras.bonds', 3, 1, counts, errors)
-    if (errors%any()) return
-    extras%made = counts(1, 1)
-    extras%broken = real(counts(2:3, 1), wp)
-    call count_broken(extras)
+    if (extras%bond_at > 0) call get_part('extras.bond', extras%bond_at, bond_reals)
 
   contains
 
@@ -122,4 +114,71 @@ contains
       extras%kept(:, at:at + reals - 1, :) = reshape(flat, [lanes, reals, blocks])
     end subroutine get_part
   end subroutine get_extras
+
+  !> What is no list: bonds made and broken, and how what contacts keep is laid out.
+  subroutine put_run_of_extras(extras, archive)
+    type(dem_extras_type), intent(in) :: extras
+    type(dem_archive_type), intent(inout) :: archive
+    if (.not. extras%active) return
+    call archive%put_integers('extras.layout', reshape(int(layout_of(extras), i8), &
+                                                       [layout_size, 1]))
+    if (extras%bond_at > 0) call archive%put_integers('extras.bonds', &
+      reshape([extras%made, extras%torn, extras%sheared], [3, 1]))
+  end subroutine put_run_of_extras
+
+  !> The bonds back.
+  subroutine get_run_of_extras(extras, archive, errors)
+    type(dem_extras_type), intent(inout) :: extras
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: counts(:, :)
+    if (extras%bond_at == 0 .or. archive%find('extras.bonds') == 0) return
+    call archive%get_integers('extras.bonds', 3, 1, counts, errors)
+    if (errors%any()) return
+    extras%made = counts(1, 1)
+    extras%broken = real(counts(2:3, 1), wp)
+    call count_broken(extras)
+  end subroutine get_run_of_extras
+
+  !> Layout of a checkpoint; without laws on top all zero.
+  function layout_kept(archive) result(layout)
+    type(dem_archive_type), intent(in) :: archive
+    integer(i4) :: layout(layout_size), k
+    layout = 0
+    k = archive%find('extras.layout')
+    if (k == 0) return
+    if (size(archive%item(k)%integers) == layout_size) &
+      layout = int(reshape(archive%item(k)%integers, [layout_size]), i4)
+  end function layout_kept
+
+  pure function layout_of(extras) result(layout)
+    type(dem_extras_type), intent(in) :: extras
+    integer(i4) :: layout(layout_size)
+    layout = [extras%reals, extras%rolling_at, extras%cohesion_at, extras%turning_at, &
+              extras%bond_at]
+  end function layout_of
+
+  !> Records of contacts from a checkpoint with another layout: a law that it does not have starts
+  !! from nothing, one that the run does not have is left out.
+  pure subroutine fit_records(extras, layout, rows)
+    type(dem_extras_type), intent(in) :: extras
+    integer(i4), intent(in) :: layout(layout_size)     !! of the rows
+    real(wp), allocatable, intent(inout) :: rows(:, :)  !! (before + layout(1), contacts)
+    integer(i4), parameter :: reals(2:layout_size) = [rolling_reals, cohesion_reals, &
+                                                      turning_reals, bond_reals]
+    real(wp), allocatable :: fitted(:, :)
+    integer(i4) :: own(layout_size), before, k
+
+    own = layout_of(extras)
+    if (all(own == layout)) return
+    before = size(rows, 1) - layout(1)
+    allocate (fitted(before + own(1), size(rows, 2)), source=0.0_wp)
+    fitted(:before, :) = rows(:before, :)
+    do k = 2, layout_size
+      if (own(k) == 0 .or. layout(k) == 0) cycle
+      fitted(before + own(k):before + own(k) + reals(k) - 1, :) = &
+        rows(before + layout(k):before + layout(k) + reals(k) - 1, :)
+    end do
+    call move_alloc(fitted, rows)
+  end subroutine fit_records
 end module dem_extra_list

@@ -51,7 +51,7 @@ contains
     type(dem_model_type), intent(in) :: model
     gathers = model%needs_whole()
     if (model%deck%count('checkpoint') == 0) return
-    gathers = gathers .or. model%system%surfaces%n > 0 .or. model%system%pairs%extras%active
+    gathers = gathers .or. model%system%surfaces%n > 0
   end function gathers
 
   !> Now, and where there is room for it as checkpoints ask for it.

@@ -527,7 +527,7 @@ contains
     type(error_list_type), intent(inout) :: errors
 
     call self%timers%start('checkpoint')
-    if (self%system%surfaces%n > 0 .or. self%system%pairs%extras%active) call self%system%look()
+    if (self%system%surfaces%n > 0) call self%system%look()
     call self%histories%flush(errors)
     call self%servo%flush(errors)
     call self%surcharge%history%flush(errors)

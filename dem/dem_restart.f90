@@ -9,6 +9,7 @@ module dem_restart
   use dem_archive, only: dem_archive_type
   use dem_clock, only: dem_clock_type
   use dem_system, only: dem_system_type
+  use dem_extra_list, only: layout_kept, fit_records, layout_size
   use dem_histories, only: dem_histories_type
   use dem_records, only: contact_reals
   use dem_slabs, only: dem_slab_type, slab_grains
@@ -122,7 +123,7 @@ contains
     type(dem_archive_type) :: archive
     real(wp), allocatable :: reals(:), driven(:), walls(:), surfaces(:)
     integer(i8), allocatable :: integers(:)
-    integer(i4) :: before
+    integer(i4) :: before, layout(layout_size)
     logical :: slabs
 
     before = errors%count
@@ -156,32 +157,37 @@ contains
     clock%unstable = integers(3)
     system%par%dt = reals(3)
     call system%import_state(archive, errors)
+    layout = layout_kept(archive)
     call archive%clear()
-    if (slabs .and. errors%count == before) call read_slabs(file, system, errors)
+    if (slabs .and. errors%count == before) call read_slabs(file, layout, system, errors)
     if (slabs) call file%close(errors)
     if (errors%count == before .and. allocated(surfaces)) histories%surface_work = surfaces
     deck_changed = info%deck_hash /= checkpoint%deck_hash
   end subroutine read_checkpoint
 
   !> Contacts for many ranks, some at a time.
-  subroutine read_slabs(file, system, errors)
+  subroutine read_slabs(file, layout, system, errors)
     type(h5_file_type), intent(inout) :: file
+    integer(i4), intent(in) :: layout(layout_size)  !! of what laws on top keep
     type(dem_system_type), intent(inout) :: system
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: rows(:, :)
     integer(i8) :: done
+    integer(i4) :: wanted
     call system%crew%begin_again(system%dem_data_type)
+    wanted = contact_reals(system%dem_data_type) - system%pairs%extras%reals + layout(1)
     done = 0
     do
       call get_columns(file, '/state/'//records, done + 1, slab_contacts, rows, errors)
       if (errors%any()) return
-      if (done == 0 .and. size(rows, 1) /= contact_reals(system%dem_data_type)) then
+      if (done == 0 .and. size(rows, 1) /= wanted) then
         call errors%add('I229', 'checkpoint: '//records//' has '//str(size(rows, 1))// &
-                        ' values a contact, not '//str(contact_reals(system%dem_data_type)), &
+                        ' values a contact, not '//str(wanted), &
                         file%path, 'the checkpoint belongs to another packing, deck or version')
         return
       end if
       if (size(rows, 2) == 0) exit
+      call fit_records(system%pairs%extras, layout, rows)
       call system%crew%add_records(rows)
       done = done + size(rows, 2)
     end do

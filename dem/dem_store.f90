@@ -8,7 +8,8 @@ module dem_store
     entries_ahead
   use dem_adopt, only: adopt_contacts, give_results
   use dem_cell, only: is_periodic
-  use dem_extra_list, only: put_extras, get_extras
+  use dem_extra_list, only: put_extras, get_extras, put_run_of_extras, get_run_of_extras, &
+    layout_kept, fit_records, layout_size
   use dem_images, only: resize_images
   use dem_make, only: prescribe_some
   use dem_surface_store, only: put_surfaces, get_surfaces
@@ -42,6 +43,7 @@ contains
 
     call put_planes(d, archive)
     if (d%cell%active) call put_cell(d%cell, archive)
+    call put_run_of_extras(d%pairs%extras, archive)
     call archive%put_reals('pairs.skin', reshape([d%pairs%skin, d%pairs%least_skin, &
                                                   d%pairs%most_skin], [3, 1]))
     if (allocated(d%servo_seen)) call archive%put_reals('servo.seen', d%servo_seen)
@@ -264,9 +266,13 @@ contains
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: rows(:, :)
+    integer(i4) :: layout(layout_size)
     call get_age(d, archive, errors)
-    call archive%get_reals(records, contact_reals(d), -1, rows, errors)
+    layout = layout_kept(archive)
+    call archive%get_reals(records, contact_reals(d) - d%pairs%extras%reals + layout(1), -1, rows, &
+                           errors)
     if (errors%any()) return
+    call fit_records(d%pairs%extras, layout, rows)
     call adopt_contacts(d, rows)
     call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)
     call give_results(d, rows)
@@ -339,6 +345,8 @@ contains
       call archive%get_reals('parts.pending', 1, 1, row, errors)
       d%parts%pending = row(1, 1)
     end if
+    call get_run_of_extras(d%pairs%extras, archive, errors)
+    if (errors%any()) return
     call archive%get_reals('ledger', 17, 1, row, errors)
     d%ledger = ledger_from(row(:, 1))
     call archive%get_reals('health.real', 5, 1, row, errors)
