@@ -71,6 +71,7 @@ contains
       call archive%put_reals('surfaces.membranes', &
                              reshape([s%membranes%pressure, s%membranes%stretch], [s%n, 2]))
       call archive%put_reals('surfaces.sign', s%sign)
+      call archive%put_reals('surfaces.press', s%membranes%press)
     end if
     if (allocated(s%given)) call archive%put_reals('surfaces.given', s%given)
   end subroutine put_surfaces
@@ -206,6 +207,8 @@ contains
         s%membranes%pressure = archive%item(k)%reals(:, 1)
         s%membranes%stretch = archive%item(k)%reals(:, 2)
         call pull_membranes(s)
+        k = archive%find('surfaces.press')  ! of the last step; the pressure may have changed since
+        if (k > 0) s%membranes%press = archive%item(k)%reals
       end if
       if (errors%count == before) call get_contacts(s, d%grains%n, archive, errors)
       if (errors%count == before) call get_kept(s, d%pairs%extras%extra_places_type, &
