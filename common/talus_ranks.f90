@@ -5,6 +5,7 @@
 module talus_ranks
   use, intrinsic :: iso_c_binding, only: c_int
   use mpi, only: mpi_comm_self, mpi_comm_world, mpi_comm_size, mpi_comm_rank, mpi_allreduce, &
+    mpi_allgather, &
     mpi_alltoall, mpi_alltoallv, mpi_bcast, mpi_gather, mpi_gatherv, mpi_in_place, mpi_max, &
     mpi_min, mpi_maxloc, mpi_sum, mpi_integer, mpi_character, mpi_double_precision, &
     mpi_2double_precision, mpi_init, mpi_initialized, mpi_finalize, mpi_finalized, &
@@ -19,6 +20,7 @@ module talus_ranks
 
   integer(c_int), parameter :: pause = 100_c_int  !! between two looks of a rank that waits [us]
   integer(i4), parameter :: spins = 2000          !! looks before it sleeps
+  integer(i4), parameter :: few = 512             !! values that are worth one message less
   character(len=1), parameter :: mark = achar(0)  !! ends each text of a fault
 
   !> Who works on the run.
@@ -35,6 +37,7 @@ module talus_ranks
     procedure :: tell_values      !! (values): those of the leader
     procedure :: tell_text        !! (from, text): that of one rank
     procedure :: add_up           !! (values): sums over the ranks
+    procedure :: add_in_order     !! (values): the same, added in the order of the ranks
     procedure :: any_of           !! (flag): does it hold on any rank?
     procedure :: most             !! (values): the largest of each
     procedure :: least            !! (values): the least of each
@@ -175,6 +178,44 @@ contains
     call mpi_allreduce(mpi_in_place, values, size(values), mpi_double_precision, mpi_sum, &
                        self%comm, status)
   end subroutine add_up
+
+  !> Sums in the order of the ranks: every rank has the same bits. Many values are added up in
+  !! pieces, one a rank, so that none gets those of all.
+  subroutine add_in_order(self, values)
+    class(ranks_type), intent(in) :: self
+    real(wp), intent(inout), contiguous :: values(:)
+    real(wp), allocatable :: parts(:, :), piece(:, :)
+    integer(i4) :: n
+    integer :: status
+    if (self%ranks == 1 .or. size(values) == 0) return
+    if (size(values)*(self%ranks - 2) <= few) then
+      allocate (parts(size(values), self%ranks))
+      call mpi_allgather(values, size(values), mpi_double_precision, parts, size(values), &
+                         mpi_double_precision, self%comm, status)
+      values = sum_of_columns(parts)
+      return
+    end if
+    n = (size(values) + self%ranks - 1)/self%ranks
+    allocate (parts(n, self%ranks), piece(n, self%ranks))
+    parts = reshape(values, [n, self%ranks], pad=[0.0_wp])
+    call mpi_alltoall(parts, n, mpi_double_precision, piece, n, mpi_double_precision, self%comm, &
+                      status)
+    piece(:, 1) = sum_of_columns(piece)
+    call mpi_allgather(piece, n, mpi_double_precision, parts, n, mpi_double_precision, self%comm, &
+                       status)
+    values = reshape(parts, [size(values)])
+  end subroutine add_in_order
+
+  !> Columns added from the first to the last.
+  pure function sum_of_columns(columns) result(total)
+    real(wp), intent(in) :: columns(:, :)
+    real(wp) :: total(size(columns, 1))
+    integer(i4) :: r
+    total = 0.0_wp
+    do r = 1, size(columns, 2)
+      total = total + columns(:, r)
+    end do
+  end function sum_of_columns
 
   !> Does it hold on any rank?
   subroutine any_of(self, flag)

@@ -12,6 +12,7 @@ module dem_foretell
   use dem_migrate, only: slab, most_imbalance
   use dem_records, only: grain_reals, contact_reals, carried
   use dem_state, only: dem_data_type, kind_free, lanes, body_size, history_size, result_size
+  use dem_surface_extras, only: surface_kept_reals
   implicit none
   private
   public :: rank_loads_type, find_loads, memory_foretold
@@ -24,10 +25,14 @@ module dem_foretell
   integer(i4), parameter :: target_reals = 7        !! of a prescribed grain, not in its record
   integer(i4), parameter :: prescribed_reals = 11   !! in it, that others have no room for
   integer(i4), parameter :: list_reals = 9          !! of a body, in the list
+  integer(i4), parameter :: touch_reals = history_size + 20  !! of a contact with a surface
+  integer(i4), parameter :: candidate_reals = 10    !! of what is near a grain: forces on corners
+  integer(i4), parameter :: vertex_reals = 30, triangle_reals = 10  !! of surfaces, on all ranks
 
   !> What each rank would hold. Contacts are those that remember something.
   type :: rank_loads_type
     integer(i8), allocatable :: own(:), mirrors(:), pairs(:), contacts(:)  !! (0:ranks-1)
+    integer(i8), allocatable :: rooms(:)  !! (0:ranks-1) for contacts with surfaces, see rooms_of
   end type rank_loads_type
 
 contains
@@ -65,7 +70,22 @@ contains
     end do
     call count_mirrors(halo, place, ranks, loads%mirrors)
     call count_pairs(d, home, ranks, loads)
+    allocate (loads%rooms(0:ranks - 1), source=0_i8)
+    do k = 1, d%surfaces%near
+      if (home(d%surfaces%near_grain(k)) < 0) cycle
+      associate (rooms => loads%rooms(home(d%surfaces%near_grain(k))))
+        rooms = rooms + rooms_of(d, k)
+      end associate
+    end do
   end subroutine find_loads
+
+  !> Rooms for contacts of near grain g while a list is made anew: the old contacts, if there are
+  !! any, and the new ones.
+  pure integer(i4) function rooms_of(d, g) result(rooms)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: g
+    rooms = merge(2_i4, 1_i4, d%surfaces%contacts(g) > 0)
+  end function rooms_of
 
   !> Most work of a domain over the mean.
   real(wp) function imbalance_of(halo, place, work, ranks) result(imbalance)
@@ -136,7 +156,8 @@ contains
     logical, intent(in) :: apart    !! the whole is handed out before it has a list
     logical, intent(in) :: gathers  !! the first rank has the whole with its list from time to time
     real(wp) :: most(0:size(loads%own) - 1)
-    real(wp) :: record, body, slot, row, contact, prescribed, whole, list, lean, held, part
+    real(wp) :: record, body, slot, row, contact, prescribed, whole, list, lean, held, part, room
+    real(wp) :: rooms, surfaces
     integer(i4) :: r
 
     row = bytes*grain_reals(d%grains%forms%n > 0)
@@ -148,6 +169,9 @@ contains
     slot = bytes*(3 + history_size + result_size + 1 + 1 + 1) + bytes*d%pairs%extras%reals
     if (size(d%pairs%weight, 2) > 1) slot = slot + bytes
     slot = slot*lanes*d%pairs%blocks/max(d%pairs%count, 1)  ! with the pads
+    room = bytes_of_room(d)
+    surfaces = bytes*(vertex_reals*d%surfaces%vertices + triangle_reals*d%surfaces%triangles)
+    rooms = sum([(rooms_of(d, r), r=1, d%surfaces%near)])
     do r = 0, size(loads%own) - 1
       held = loads%own(r) + loads%mirrors(r) + prescribed
       ! the old list is there while contacts are sent; the old grains have gone when rows of all
@@ -155,15 +179,28 @@ contains
       part = loads%pairs(r)*slot + &
         max(held*(record + body) + loads%own(r)*row + 2.0_wp*loads%contacts(r)*contact, &
             2.0_wp*held*row + loads%contacts(r)*contact)
-      most(r) = alone + pieces*part
+      most(r) = alone + pieces*part + surfaces + loads%rooms(r)*room
     end do
     whole = d%grains%n*(record + body)
     list = d%pairs%count*slot
     lean = d%grains%n*record
-    most(0) = most(0) - alone + alone_first + lean
-    if (gathers) most(0) = most(0) + d%grains%n*(body + row) + list + sum(loads%contacts)*contact
-    held = 2.0_wp*whole + 2.0_wp*row*(min(d%grains%n, slab) + loads%own(0))
-    if (.not. apart) held = held + 2.0_wp*list
+    most(0) = most(0) - alone + alone_first + lean + surfaces
+    if (gathers) most(0) = most(0) + d%grains%n*(body + row) + list + sum(loads%contacts)*contact &
+      + rooms*room
+    held = 2.0_wp*(whole + surfaces) + 2.0_wp*row*(min(d%grains%n, slab) + loads%own(0))
+    if (.not. apart) held = held + 2.0_wp*list + rooms*room
     most(0) = max(most(0), alone_first + pieces_first*held)
   end function memory_foretold
+
+  !> Bytes of the room for a grain's contacts with surfaces, with what is near it.
+  pure real(wp) function bytes_of_room(d) result(room)
+    type(dem_data_type), intent(in) :: d
+    integer(i4) :: kept
+    room = 0.0_wp
+    if (d%surfaces%near == 0) return
+    kept = surface_kept_reals(d)
+    if (kept > 0) kept = kept + 3
+    room = bytes*d%surfaces%slots*(touch_reals + kept) &
+           + bytes*candidate_reals*size(d%surfaces%candidate)/d%surfaces%near
+  end function bytes_of_room
 end module dem_foretell

@@ -8,6 +8,7 @@ module dem_gather
   use dem_pairs, only: allocate_bodies, build_pairs
   use dem_records, only: part_size, grain_reals, contact_reals, body_places, pack_grain, &
     unpack_grain, pack_contact, carried, index_of
+  use dem_sheet_forces, only: share_anew
   use dem_surface_search, only: list_near
   use dem_surface_share, only: pack_touches, adopt_touches
   implicit none
@@ -159,6 +160,7 @@ contains
     if (whole%surfaces%n == 0) return
     call adopt_touches(whole, haul%touches)
     call list_near(whole)
+    if (allocated(whole%surfaces%membranes)) call share_anew(whole)
   end subroutine take_in
 
   !> Prescribed grains stand where the leader has them; what acts on them is the sum over the ranks.

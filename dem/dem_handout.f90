@@ -64,7 +64,7 @@ contains
   end function all_round
 
   !> What may have changed since the last steps: parameters, rate of the cell, velocities of planes
-  !! and surfaces.
+  !! and surfaces, pressure of membranes.
   subroutine tell_step(team, whole, part)
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(in) :: whole  !! of the leader; the others name any
@@ -84,6 +84,8 @@ contains
         part%surfaces%v = whole%surfaces%v
         part%surfaces%target = whole%surfaces%target
         part%surfaces%has_target = whole%surfaces%has_target
+        if (allocated(part%surfaces%membranes)) &
+          part%surfaces%membranes%pressure = whole%surfaces%membranes%pressure
       end if
     end if
     call tell_parameters(team, part%par)

@@ -9,7 +9,7 @@ module dem_limits
   use dem_contact, only: contact_constants_type, constants_of, contact_radius, contact_point
   use dem_damped_limit, only: damped_step
   use dem_extras, only: extra_stiffness
-  use dem_membrane, only: membrane_rate
+  use dem_membrane, only: membrane_rate, corner_stiffness
   use dem_surface_measure, only: add_surface_rows, body_rows, body_rate
   implicit none
   private
@@ -19,8 +19,8 @@ module dem_limits
 
 contains
 
-  !> Step limit of the contacts in hand [s]; huge without contacts. On ranks free bodies are the
-  !! leader's, see dem_part.
+  !> Step limit of the contacts in hand [s]; huge without contacts. On ranks free bodies and
+  !! membranes are the leader's, see dem_part.
   real(wp) function gershgorin_step(d) result(limit)
     type(dem_data_type), intent(in) :: d
     real(wp), allocatable :: lambda(:, :)
@@ -56,7 +56,8 @@ contains
     kn = 0.0_wp
     if (allocated(d%surfaces%free) .and. .not. allocated(d%surfaces%acting)) &
       kn = body_rate(d%surfaces, body_rows(d))
-    if (allocated(d%surfaces%membranes)) kn = max(kn, membrane_rate(d))
+    if (allocated(d%surfaces%membranes) .and. .not. allocated(d%surfaces%vertex_acting)) &
+      kn = max(kn, membrane_rate(d%surfaces, corner_stiffness(d)))
     if (kn > 0.0_wp) limit = min(limit, 2.0_wp/sqrt(kn))
   end function gershgorin_step
 

@@ -4,7 +4,8 @@
 !! A triangle is a plane-stress sheet of St. Venant and Kirchhoff: with the deformation gradient F
 !! from its shape at the start, E = (F^T F - 1)/2 and S = K ((1 - nu) E + nu tr E 1),
 !! K = E t/(1 - nu^2), the energy is A S:E/2 and its corners are pulled by -A F S grad N. Corners on
-!! free edges are held: they stand, or go with a wall.
+!! free edges are held: they stand, or go with a wall. On ranks all of them move all corners alike,
+!! by what the grains of all do to them; the leader counts their works.
 module dem_membrane
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
@@ -15,11 +16,12 @@ module dem_membrane
   use dem_state, only: dem_data_type
   use dem_surface_body, only: push_bodies
   use dem_surface_measure, only: vertex_stiffness
-  use dem_surface_state, only: dem_surfaces_type, dem_membranes_type, surface_membrane
+  use dem_surface_state, only: dem_surfaces_type, dem_membranes_type, surface_membrane, &
+    first_corner
   implicit none
   private
   public :: no_membranes, shape_membrane, push_surfaces, finish_membranes, pull_membranes
-  public :: membranes_energy, membrane_rate, check_membranes
+  public :: membranes_energy, membrane_rate, corner_stiffness, check_membranes
 
 contains
 
@@ -85,10 +87,14 @@ contains
     type(motion_type), intent(in) :: step
     logical, intent(in) :: explicit
     real(wp), intent(inout) :: work(work_count)
-    real(wp) :: half, keep, kicked, old(3), new(3), between(3), now(3)
+    real(wp) :: half, keep, kicked, old(3), new(3), between(3), now(3), load(3, s%vertices)
+    real(wp) :: before(work_count)
     integer(i4) :: b, k
 
     half = 0.5_wp*step%dt
+    load = s%vertex_force
+    if (allocated(s%vertex_acting)) load = s%vertex_acting
+    before = work
     associate (m => s%membranes)
       do b = 1, s%n
         if (s%kind(b) /= surface_membrane) cycle
@@ -101,7 +107,7 @@ contains
             cycle
           end if
           old = s%v(:, k)
-          new = s%vertex_force(:, k) + m%press(:, k) + m%pull(:, k) + m%mass(k)*step%gravity
+          new = load(:, k) + m%press(:, k) + m%pull(:, k) + m%mass(k)*step%gravity
           new = (old*keep + half/m%mass(k)*new)*kicked
           between = merge(new, old, explicit)
           now = merge(old, new, explicit)
@@ -111,7 +117,20 @@ contains
         end do
       end do
     end associate
+    if (.not. s%counted) work = before
   end subroutine push_membranes
+
+  !> What the grains, of all ranks, do to corner k [N].
+  pure function corner_load(s, k) result(force)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: k
+    real(wp) :: force(3)
+    if (allocated(s%vertex_acting)) then
+      force = s%vertex_acting(:, k)
+    else
+      force = s%vertex_force(:, k)
+    end if
+  end function corner_load
 
   !> New forces of pressure and stretch at the places of now; work of the pressure on all corners,
   !! and of the held ones against both.
@@ -125,6 +144,7 @@ contains
     press = s%membranes%press
     pull = s%membranes%pull
     call pull_membranes(s)
+    if (.not. s%counted) return
     associate (m => s%membranes)
       do k = 1, s%vertices
         if (.not. m%mass(k) > 0.0_wp) cycle
@@ -203,12 +223,13 @@ contains
     integer(i4) :: b, k
 
     part = 0.0_wp
+    if (.not. s%counted) return
     associate (m => s%membranes)
       do b = 1, s%n
         if (s%kind(b) /= surface_membrane) cycle
         do k = s%first_vertex(b), s%first_vertex(b + 1) - 1
           if (m%wall(k) >= 0) cycle
-          force = s%vertex_force(:, k) + m%press(:, k) + m%pull(:, k) &
+          force = corner_load(s, k) + m%press(:, k) + m%pull(:, k) &
                   + m%mass(k)*(step%gravity - m%damping(b)*s%v(:, k))
           part(1) = part(1) + 0.5_wp*m%mass(k)*sum(s%v(:, k)**2)
           part(2) = part(2) + step%dt**2/8.0_wp*sum(force**2)/m%mass(k)
@@ -223,19 +244,33 @@ contains
     end associate
   end function membranes_energy
 
-  !> Largest row sum of a corner over its mass, of stretch and contacts [1/s^2].
-  real(wp) function membrane_rate(d) result(rate)
+  !> Stiffness that the contacts of this rank's grains give to the corners of membranes, from the
+  !! first one on [N/m].
+  function corner_stiffness(d) result(stiffness)
     type(dem_data_type), intent(in) :: d
+    real(wp), allocatable :: stiffness(:)
+    integer(i4) :: b
+    allocate (stiffness(0))
+    do b = 1, d%surfaces%n
+      if (d%surfaces%kind(b) == surface_membrane) stiffness = [stiffness, vertex_stiffness(d, b)]
+    end do
+  end function corner_stiffness
+
+  !> Largest row sum of a corner over its mass, of stretch and contacts [1/s^2].
+  pure real(wp) function membrane_rate(s, stiffness) result(rate)
+    type(dem_surfaces_type), intent(in) :: s
+    real(wp), intent(in) :: stiffness(:)  !! of all contacts, see corner_stiffness
     real(wp), allocatable :: row(:)
     real(wp) :: slope(3)
-    integer(i4) :: b, k, low
+    integer(i4) :: b, k, low, first
 
     rate = 0.0_wp
-    associate (s => d%surfaces, m => d%surfaces%membranes)
+    first = first_corner(s)
+    associate (m => s%membranes)
       do b = 1, s%n
         if (s%kind(b) /= surface_membrane) cycle
         low = s%first_vertex(b)
-        row = 2.0_wp*vertex_stiffness(d, b)
+        row = 2.0_wp*stiffness(low - first + 1:s%first_vertex(b + 1) - first)
         do k = s%first_triangle(b), s%first_triangle(b + 1) - 1
           associate (g => m%inverse(:, :, k), c => s%corner(:, k) - low + 1)
             slope(2:3) = sqrt(sum(g**2, 2))

@@ -138,7 +138,7 @@ contains
     call self%flow%read(self%deck, self%system%dem_data_type, self%servo%curve, errors)
     call refuse_cell(self%deck, self%system%cell%active, errors)
     call read_bodies(self%deck, self%served, self%system%surfaces, errors)
-    call read_membranes(self%deck, self%choices%wall, self%served, self%ranks, self%system, errors)
+    call read_membranes(self%deck, self%choices%wall, self%served, self%system, errors)
     call self%drive%read(self%deck, self%system%dem_data_type, self%servo%curve, self%served, &
                          errors)
     call self%probe%read(self%deck, self%system%dem_data_type, errors)

@@ -9,12 +9,14 @@ module dem_part
   use dem_ledger, only: follow_step, refresh_stored, start_ledger
   use dem_limits, only: gershgorin_step, rayleigh_step, foreseen_step
   use dem_extra_list, only: count_broken
+  use dem_membrane, only: check_membranes, corner_stiffness, membrane_rate
   use dem_measure, only: check_overlap, fastest_grain, forces_left, wall_stiffnesses
   use dem_records, only: index_of
   use dem_slabs, only: count_contacts
   use dem_steps, only: step_memory_type, take_steps, evaluate_forces
   use dem_swap, only: add_loads
   use dem_surface_measure, only: body_rows, body_rate
+  use dem_surface_state, only: dem_surfaces_type
   use dem_surface_share, only: surface_reals, surface_report, take_surfaces
   implicit none
   private
@@ -69,7 +71,9 @@ contains
     call follow_step(part, part%par%dt)
     part%health%max_overlap = 0.0_wp
     call take_steps(part, memory, n, errors)
-    if (.not. errors%any()) call check_overlap(part, 'N202', errors)
+    if (errors%any()) return
+    call check_overlap(part, 'N202', errors)
+    call check_membranes(part, errors)
   end subroutine move_part
 
   !> What the leader must know after steps. All ranks ask together.
@@ -108,6 +112,7 @@ contains
     end do
     report(report_size + plane_size*part%planes%n + 1:) = surface_report(part%surfaces)
     if (allocated(part%surfaces%free)) report = [report, body_rows(part)]
+    if (allocated(part%surfaces%membranes)) report = [report, corner_stiffness(part)]
   end function report_of
 
   !> Sums over the ranks, in their order: ledger and planes of the whole, health, limits.
@@ -116,7 +121,7 @@ contains
     real(wp), intent(in) :: reports(:, :)      !! (:, ranks)
     type(dem_data_type), intent(inout) :: whole
     type(rank_marks_type), intent(inout) :: marks
-    real(wp) :: total(size(reports, 1)), overlap, reference, rate
+    real(wp) :: total(size(reports, 1)), overlap, reference
     integer(i4) :: r, k, at
 
     total = 0.0_wp
@@ -145,11 +150,26 @@ contains
     whole%pairs%extras%broken = total(at_broken:at_broken + 1)
     call count_broken(whole%pairs%extras)
     call take_marks(reports, total(at_kinetic), marks)
-    if (.not. allocated(whole%surfaces%free)) return
-    at = size(total) - 4*whole%surfaces%n
-    rate = body_rate(whole%surfaces, reshape(total(at + 1:), [4_i4, whole%surfaces%n]))
-    if (rate > 0.0_wp) marks%limit(1) = min(marks%limit(1), 2.0_wp/sqrt(rate))
+    at = report_size + plane_size*whole%planes%n + surface_reals(whole%surfaces)
+    call limit_surfaces(whole%surfaces, total(at + 1:), marks%limit(1))
   end subroutine add_reports
+
+  !> Step limit of free bodies and membranes, by the rows of all their contacts.
+  pure subroutine limit_surfaces(s, rows, limit)
+    type(dem_surfaces_type), intent(in) :: s
+    real(wp), intent(in) :: rows(:)      !! what a report ends with
+    real(wp), intent(inout) :: limit     !! [s]
+    real(wp) :: rate
+    integer(i4) :: n
+    n = 0
+    rate = 0.0_wp
+    if (allocated(s%free)) then
+      n = 4*s%n
+      rate = body_rate(s, reshape(rows(:n), [4_i4, s%n]))
+    end if
+    if (allocated(s%membranes)) rate = max(rate, membrane_rate(s, rows(n + 1:)))
+    if (rate > 0.0_wp) limit = min(limit, 2.0_wp/sqrt(rate))
+  end subroutine limit_surfaces
 
   !> What this rank stores, its contacts and their sums in a cell.
   function glance_of(part) result(row)

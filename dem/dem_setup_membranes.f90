@@ -1,10 +1,9 @@
-!> Groups membrane: what their sheets are made of and what holds them. Faults D290, D293.
+!> Groups membrane: what their sheets are made of and what holds them. Faults D293.
 module dem_setup_membranes
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
-  use talus_text, only: string_type, str
+  use talus_text, only: string_type
   use talus_deck, only: deck_type
-  use talus_ranks, only: ranks_type
   use talus_suggest, only: did_you_mean
   use dem_membrane, only: no_membranes, shape_membrane
   use dem_state, only: dem_data_type
@@ -15,11 +14,10 @@ module dem_setup_membranes
 contains
 
   !> All groups membrane; their sheets are the last surfaces, in the deck's order.
-  subroutine read_membranes(deck, walls, served, ranks, d, errors)
+  subroutine read_membranes(deck, walls, served, d, errors)
     type(deck_type), intent(in) :: deck
     type(string_type), intent(in) :: walls(:)  !! names
     logical, intent(in) :: served              !! a partner drives the run
-    type(ranks_type), intent(in) :: ranks
     class(dem_data_type), intent(inout) :: d
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: k
@@ -28,10 +26,6 @@ contains
     if (served .or. deck%count('relaxation') > 0) &
       call deck%fault(errors, 'D293', 'membranes move in &dynamics, without a partner', &
                       'membrane', 1, '', 'take &dynamics in place of &relaxation')
-    if (ranks%ranks > 1) &
-      call deck%fault(errors, 'D290', 'a membrane needs one rank, this run has '// &
-                      str(ranks%ranks), 'membrane', 1, '', 'start it without mpirun, with as '// &
-                      'many threads as there are cores')
     if (on_top(d)) &
       call deck%fault(errors, 'D293', 'laws on top of the base law (cohesion, rolling, turning '// &
                       'points, elliptic areas) do not act at the surfaces of a run with '// &

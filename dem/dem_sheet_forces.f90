@@ -14,7 +14,7 @@ module dem_sheet_forces
   use dem_contact, only: contact_block, constants_of, contact_constants_type
   implicit none
   private
-  public :: share_near
+  public :: share_near, share_anew
 
   real(wp), parameter :: close_by = 0.05_wp  !! far_apart on a membrane, where pairs come and go
 
@@ -73,6 +73,25 @@ contains
       call share_loads(s, g, features, touches)
     end associate
   end subroutine work_on_sheets
+
+  !> Forces on the corners from the contacts in hand, whose list was made anew where they were
+  !! worked.
+  subroutine share_anew(d)
+    type(dem_data_type), intent(inout) :: d
+    type(figure_type) :: figure
+    type(features_type) :: features
+    type(touches_type) :: touches
+    integer(i4) :: g
+    associate (s => d%surfaces)
+      do g = 1, s%near
+        if (s%contacts(g) == 0) cycle
+        figure = figure_of(d, s%near_grain(g))
+        figure%span = figure%radius
+        call find_touches(s, g, figure, features, touches)
+        if (touches%n == s%contacts(g)) call share_loads(s, g, features, touches)
+      end do
+    end associate
+  end subroutine share_anew
 
   !> Contacts low+1 to low+lanes of near grain g, of `count` with those that have ended.
   subroutine work_block(d, g, h, low, count, touches, history, load)

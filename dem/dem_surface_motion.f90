@@ -10,7 +10,7 @@ module dem_surface_motion
   implicit none
   private
   public :: drift_surfaces, finish_surfaces, surface_travel, place_surfaces, reset_surfaces
-  public :: surface_columns, loads_of_bodies
+  public :: surface_columns, loads_of_bodies, loads_of_vertices
 
 contains
 
@@ -203,18 +203,9 @@ contains
     real(wp), intent(in) :: dt
     real(wp), intent(inout) :: boundary
     real(wp) :: force(3, s%vertices), mean(3), done
-    integer(i4) :: c, k, b
+    integer(i4) :: k, b
 
-    force = 0.0_wp
-    do c = 1, ubound(s%candidate, 1)
-      if (s%candidate(c) <= 0) cycle
-      if (.not. is_soft(s, s%owner(s%candidate(c)))) cycle
-      do k = 1, 3
-        associate (vertex => s%corner(k, s%candidate(c)))
-          force(:, vertex) = force(:, vertex) + s%share(:, 3*(c - 1) + k)
-        end associate
-      end do
-    end do
+    force = loads_of_vertices(s)
     do b = 1, s%n
       if (.not. is_soft(s, b)) cycle
       do k = s%first_vertex(b), s%first_vertex(b + 1) - 1
@@ -230,6 +221,26 @@ contains
     end do
     s%vertex_force = force
   end subroutine finish_vertices
+
+  !> What this rank's grains do to each vertex of soft bodies [N].
+  pure function loads_of_vertices(s) result(force)
+    type(dem_surfaces_type), intent(in) :: s
+    real(wp) :: force(3, s%vertices)
+    integer(i4) :: g, c, k
+    force = 0.0_wp
+    do g = 1, s%near
+      if (s%contacts(g) == 0) cycle
+      do c = s%near_start(g), s%near_start(g + 1) - 1
+        if (s%candidate(c) <= 0) cycle
+        if (.not. is_soft(s, s%owner(s%candidate(c)))) cycle
+        do k = 1, 3
+          associate (vertex => s%corner(k, s%candidate(c)))
+            force(:, vertex) = force(:, vertex) + s%share(:, 3*(c - 1) + k)
+          end associate
+        end do
+      end do
+    end do
+  end function loads_of_vertices
 
   !> Work columns of all contacts, in the order of the grains [J].
   pure function surface_columns(s) result(total)

@@ -7,6 +7,8 @@ module dem_surface_share
   use dem_records, only: index_of
   use dem_state, only: dem_data_type, lanes, history_size
   use dem_surface_body, only: no_free_bodies
+  use dem_membrane_share, only: tell_membranes, take_membranes
+  use dem_membrane, only: no_membranes
   use dem_surface_extras, only: surface_kept_reals
   use dem_surface_search, only: allocate_contacts
   use dem_surface_state, only: dem_surfaces_type, bore_swell, bore_press, bore_impulse
@@ -16,9 +18,9 @@ module dem_surface_share
   public :: tell_surfaces, tell_motion, pack_touches, adopt_touches
   public :: surface_reals, surface_report, take_surfaces
 
-  integer(i4), parameter :: kept_reals = history_size + 19             !! of a contact
-  integer(i4), parameter :: base_size = 8 + lanes*kept_reals           !! of a grain's contacts
-  integer(i4), parameter :: part_reals = 13                            !! of a part in a report
+  integer(i4), parameter :: head_reals = 8                  !! of a grain that has contacts
+  integer(i4), parameter :: kept_reals = history_size + 19  !! of a contact, and its sign
+  integer(i4), parameter :: part_reals = 13                 !! of a part in a report
 
 contains
 
@@ -26,10 +28,10 @@ contains
   subroutine tell_surfaces(team, s)
     type(ranks_type), intent(in) :: team
     type(dem_surfaces_type), intent(inout) :: s
-    integer(i4) :: sizes(7)
+    integer(i4) :: sizes(8)
 
     sizes = [s%n, s%parts, s%vertices, s%triangles, merge(1_i4, 0_i4, s%soft), 0_i4, &
-             merge(1_i4, 0_i4, allocated(s%free))]
+             merge(1_i4, 0_i4, allocated(s%free)), merge(1_i4, 0_i4, allocated(s%membranes))]
     if (allocated(s%fan)) sizes(6) = ubound(s%fan, 1)
     call team%tell_numbers(sizes)
     if (sizes(1) == 0) return
@@ -51,6 +53,7 @@ contains
     call tell_matrix(team, s%rest)
     call tell_matrix(team, s%x)
     if (sizes(7) > 0) call tell_bodies(team, s)
+    if (sizes(8) > 0) call tell_membranes(team, s)
     call tell_motion(team, s)
     if (s%triangles > 0) call tell_triangles(team, s)
     s%reference_x = s%centre
@@ -91,7 +94,7 @@ contains
 
   subroutine make_room(s, sizes)
     type(dem_surfaces_type), intent(inout) :: s
-    integer(i4), intent(in) :: sizes(7)
+    integer(i4), intent(in) :: sizes(8)
     type(dem_surfaces_type) :: fresh
 
     s = fresh
@@ -113,6 +116,7 @@ contains
     allocate (s%home(s%vertices), s%fan_start(s%vertices + 1), s%fan(sizes(6)))
     allocate (s%corner(3, s%triangles), s%owner(s%triangles), s%mate(3, s%triangles))
     if (sizes(7) > 0) call no_free_bodies(s)
+    if (sizes(8) > 0) call no_membranes(s)
   end subroutine make_room
 
   !> How surfaces move from now on.
@@ -133,43 +137,58 @@ contains
     s%has_target = aimed(1) > 0
     call tell_matrix(team, s%v)
     call tell_matrix(team, s%target)
+    if (allocated(s%membranes)) call tell_list(team, s%membranes%pressure)
   end subroutine tell_motion
 
-  !> Contacts of grains with surfaces: a column a grain, first its id.
+  !> Contacts of grains with surfaces: a column a grain, first its id. All ranks ask together.
   subroutine pack_touches(d, rows)
     type(dem_data_type), intent(in) :: d
     real(wp), allocatable, intent(out) :: rows(:, :)
-    integer(i4) :: g, n, round
-
-    do round = 1, 2
-      n = 0
-      do g = 1, d%surfaces%near
-        if (d%surfaces%contacts(g) == 0) cycle
-        n = n + 1
-        if (round == 2) call pack_touch(d, g, rows(:, n))
-      end do
-      if (round == 1) allocate (rows(touch_size(d), n))
+    integer(i4) :: g, n, slots
+    slots = slots_in_use(d)
+    n = 0
+    if (d%surfaces%near > 0) n = int(count(d%surfaces%contacts > 0), i4)
+    allocate (rows(head_reals + slots*reals_of(d), n))
+    n = 0
+    do g = 1, d%surfaces%near
+      if (d%surfaces%contacts(g) == 0) cycle
+      n = n + 1
+      call pack_touch(d, g, slots, rows(:, n))
     end do
   end subroutine pack_touches
 
-  !> Reals of a grain's contacts, with those that laws on top keep.
-  pure integer(i4) function touch_size(d)
+  !> Contacts of a grain that there is room for in a row. There is much room beside membranes, of
+  !! which few grains need more than a little.
+  integer(i4) function slots_in_use(d) result(slots)
     type(dem_data_type), intent(in) :: d
-    integer(i4) :: reals
-    reals = surface_kept_reals(d)
-    touch_size = base_size + merge(lanes*(reals + 3), 0_i4, reals > 0)
-  end function touch_size
+    real(wp) :: most(1)
+    slots = lanes
+    if (.not. allocated(d%surfaces%membranes)) return
+    most = 1.0_wp
+    if (d%surfaces%near > 0) most = max(most, real(maxval(d%surfaces%contacts), wp))
+    call d%halo%team%most(most)
+    slots = nint(most(1), i4)
+  end function slots_in_use
 
-  pure subroutine pack_touch(d, g, row)
+  !> Reals of a contact in a row, with those that laws on top keep.
+  pure integer(i4) function reals_of(d) result(reals)
     type(dem_data_type), intent(in) :: d
-    integer(i4), intent(in) :: g
+    reals = surface_kept_reals(d)
+    reals = kept_reals + 1 + merge(reals + 3, 0_i4, reals > 0)
+  end function reals_of
+
+  pure subroutine pack_touch(d, g, n, row)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: g, n
     real(wp), intent(out) :: row(:)
+    integer(i4) :: base
+    base = head_reals + n*(kept_reals + 1)
     associate (s => d%surfaces)
-      row(:base_size) = [real(d%grains%id(s%near_grain(g)), wp), real(s%contacts(g), wp), &
+      row(:base) = [real(d%grains%id(s%near_grain(g)), wp), real(s%contacts(g), wp), &
              s%load(:, g), &
-             s%history(:, :, g), s%foot(:, :, g), s%normal(:, :, g), s%point(:, :, g), &
-             s%push(:, :, g), s%motion(:, :, g), real(s%part(:, g), wp)]
-      if (size(s%kept) > 0) row(base_size + 1:) = [s%kept(:, :, g), s%couple(:, :, g)]
+             s%history(:n, :, g), s%foot(:n, :, g), s%normal(:n, :, g), s%point(:n, :, g), &
+             s%push(:n, :, g), s%motion(:n, :, g), real(s%part(:n, g), wp), s%sign(:n, g)]
+      if (size(s%kept) > 0) row(base + 1:) = [s%kept(:n, :, g), s%couple(:n, :, g)]
     end associate
   end subroutine pack_touch
 
@@ -178,8 +197,9 @@ contains
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: rows(:, :)
     integer(i4), allocatable :: order(:)
-    integer(i4) :: g, n
+    integer(i4) :: g, n, slots
 
+    slots = (size(rows, 1, i4) - head_reals)/reals_of(d)
     associate (s => d%surfaces)
       if (allocated(s%contacts)) deallocate (s%contacts, s%history, s%foot, s%normal, s%point, &
                                              s%push, s%motion, s%part, s%sign, s%load, &
@@ -193,31 +213,32 @@ contains
       s%candidate = [integer(i4) ::]
       call allocate_contacts(s, d%grains%n, surface_kept_reals(d))
       do g = 1, n
-        call unpack_touch(s, g, rows(:, order(g)))
+        call unpack_touch(s, g, slots, rows(:, order(g)))
       end do
     end associate
   end subroutine adopt_touches
 
-  pure subroutine unpack_touch(s, g, row)
+  pure subroutine unpack_touch(s, g, n, row)
     type(dem_surfaces_type), intent(inout) :: s
-    integer(i4), intent(in) :: g
+    integer(i4), intent(in) :: g, n
     real(wp), intent(in) :: row(:)
-    real(wp) :: kept(lanes, kept_reals)
-    integer(i4) :: n
+    real(wp) :: kept(n, kept_reals + 1)
+    integer(i4) :: base
     s%contacts(g) = nint(row(2), i4)
-    s%load(:, g) = row(3:8)
-    kept = reshape(row(9:base_size), [lanes, kept_reals])
-    s%history(:, :, g) = kept(:, :history_size)
-    s%foot(:, :, g) = kept(:, history_size + 1:history_size + 3)
-    s%normal(:, :, g) = kept(:, history_size + 4:history_size + 6)
-    s%point(:, :, g) = kept(:, history_size + 7:history_size + 9)
-    s%push(:, :, g) = kept(:, history_size + 10:history_size + 12)
-    s%motion(:, :, g) = kept(:, history_size + 13:history_size + 18)
-    s%part(:, g) = nint(kept(:, kept_reals), i4)
+    s%load(:, g) = row(3:head_reals)
+    base = head_reals + size(kept, kind=i4)
+    kept = reshape(row(head_reals + 1:base), shape(kept))
+    s%history(:n, :, g) = kept(:, :history_size)
+    s%foot(:n, :, g) = kept(:, history_size + 1:history_size + 3)
+    s%normal(:n, :, g) = kept(:, history_size + 4:history_size + 6)
+    s%point(:n, :, g) = kept(:, history_size + 7:history_size + 9)
+    s%push(:n, :, g) = kept(:, history_size + 10:history_size + 12)
+    s%motion(:n, :, g) = kept(:, history_size + 13:history_size + 18)
+    s%part(:n, g) = nint(kept(:, kept_reals), i4)
+    s%sign(:n, g) = kept(:, kept_reals + 1)
     if (size(s%kept) == 0) return
-    n = base_size + lanes*size(s%kept, 2)
-    s%kept(:, :, g) = reshape(row(base_size + 1:n), shape(s%kept(:, :, g)))
-    s%couple(:, :, g) = reshape(row(n + 1:), [lanes, 3])
+    s%kept(:n, :, g) = reshape(row(base + 1:base + n*size(s%kept, 2)), [n, size(s%kept, 2, i4)])
+    s%couple(:n, :, g) = reshape(row(base + n*size(s%kept, 2) + 1:), [n, 3_i4])
   end subroutine unpack_touch
 
   !> Reals of the surfaces in a report.
@@ -268,5 +289,6 @@ contains
     n = 3*whole%vertices
     whole%vertex_force = reshape(report(v + 1:v + n), [3, whole%vertices])
     whole%vertex_impulse = reshape(report(v + n + 1:v + 2*n), [3, whole%vertices])
+    if (allocated(whole%membranes)) call take_membranes(part, whole)
   end subroutine take_surfaces
 end module dem_surface_share

@@ -6,7 +6,7 @@ module dem_surface_state
   implicit none
   private
   public :: dem_surfaces_type, surface_rigid, surface_soft, surface_cone
-  public :: dem_membranes_type, surface_membrane, is_soft
+  public :: dem_membranes_type, surface_membrane, is_soft, first_corner
   public :: surface_cylinder, part_side, part_end, is_bore
   public :: bore_swell, bore_press, bore_impulse, bore_listed, bore_start
   public :: part_tip, part_flank, part_shaft, soft_smooth, servo_size, servo_velocity
@@ -93,8 +93,9 @@ module dem_surface_state
     real(wp), allocatable :: given(:, :)            !! (6, n) load: force, moment [N], [N m]
     real(wp), allocatable :: acting(:, :)           !! (6, n) on ranks: what the grains of all of
                                                     !! them do to free bodies [N], [N m]
-    logical :: counted = .true.                     !! this rank counts works of free bodies, and
-                                                    !! works their contacts with prescribed grains
+    logical :: counted = .true.                     !! this rank counts works of free bodies and of
+                                                    !! membranes, and works the contacts of free
+                                                    !! bodies with prescribed grains
 
     type(dem_membranes_type), allocatable :: membranes
 
@@ -106,6 +107,8 @@ module dem_surface_state
     real(wp), allocatable :: reference(:, :)        !! (3, vertices) where the list was made [m]
     real(wp), allocatable :: vertex_force(:, :)     !! (3, vertices) of the grains, soft bodies [N]
     real(wp), allocatable :: vertex_impulse(:, :)   !! (3, vertices) since reset [N s]
+    real(wp), allocatable :: vertex_acting(:, :)    !! (3, vertices) on ranks: what the grains of
+                                                    !! all of them do to corners of membranes [N]
     integer(i4), allocatable :: home(:)             !! (vertices) lowest triangle at the vertex
     integer(i4), allocatable :: fan_start(:)        !! (vertices+1)
     integer(i4), allocatable :: fan(:)              !! neighbours of each vertex
@@ -156,6 +159,12 @@ contains
     integer(i4), intent(in) :: b
     is_soft = s%kind(b) == surface_soft .or. s%kind(b) == surface_membrane
   end function is_soft
+
+  !> First vertex of the membranes, which are the last surfaces.
+  pure integer(i4) function first_corner(s)
+    type(dem_surfaces_type), intent(in) :: s
+    first_corner = minval(s%first_vertex(:s%n), mask=s%kind == surface_membrane)
+  end function first_corner
 
   !> Is body b a cylinder with grains inside?
   pure logical function is_bore(s, b)

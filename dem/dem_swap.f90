@@ -6,14 +6,15 @@
 !! what all ranks foresee: ranks that are all partners tell it with their bodies, others by a
 !! reduction that runs meanwhile.
 module dem_swap
-  use mpi, only: mpi_allgather, mpi_iallreduce, mpi_irecv, mpi_isend, mpi_waitall, mpi_max, &
+  use mpi, only: mpi_iallreduce, mpi_irecv, mpi_isend, mpi_waitall, mpi_max, &
     mpi_in_place, mpi_double_precision, mpi_request_null, mpi_statuses_ignore, mpi_f_sync_reg
   use talus_kinds, only: wp, i4
   use talus_system, only: wall_clock, set_environment
   use dem_halo_state, only: dem_halo_type
   use dem_images, only: place_image
   use dem_state, only: dem_data_type
-  use dem_surface_motion, only: loads_of_bodies
+  use dem_surface_motion, only: loads_of_bodies, loads_of_vertices
+  use dem_surface_state, only: first_corner
   implicit none
   private
   public :: prefer_copies, agree_travel, begin_swap, end_swap, add_loads
@@ -91,25 +92,33 @@ contains
     if (all(travel <= huge(1.0_wp))) largest = maxval(travel)
   end function largest
 
-  !> What the grains of all ranks do to free bodies, added in the order of the ranks: all ranks have
-  !! the same bits. Called by all threads.
+  !> What the grains of all ranks do to free bodies and membranes, added in the order of the ranks:
+  !! all ranks have the same bits. Called by all threads.
   subroutine add_loads(d)
     type(dem_data_type), intent(inout) :: d
-    real(wp), allocatable :: mine(:, :), all_ranks(:, :, :)
+    real(wp), allocatable :: bodies(:, :), corners(:, :), loads(:)
     real(wp) :: begun
-    integer :: status
-    integer(i4) :: r
-    if (.not. allocated(d%surfaces%acting)) return
+    integer(i4) :: n
+    if (.not. (allocated(d%surfaces%acting) .or. allocated(d%surfaces%vertex_acting))) return
     !$omp master
     begun = wall_clock()
-    mine = loads_of_bodies(d%surfaces)
-    allocate (all_ranks(6, d%surfaces%n, d%halo%team%ranks))
-    call mpi_allgather(mine, size(mine), mpi_double_precision, all_ranks, size(mine), &
-                       mpi_double_precision, d%halo%team%comm, status)
-    d%surfaces%acting = 0.0_wp
-    do r = 1, d%halo%team%ranks
-      d%surfaces%acting = d%surfaces%acting + all_ranks(:, :, r)
-    end do
+    associate (s => d%surfaces)
+      n = 0
+      allocate (loads(0))
+      if (allocated(s%acting)) then
+        bodies = loads_of_bodies(s)
+        n = size(bodies)
+        loads = reshape(bodies, [n])
+      end if
+      if (allocated(s%vertex_acting)) then
+        corners = loads_of_vertices(s)
+        loads = [loads, corners(:, first_corner(s):)]
+      end if
+      call d%halo%team%add_in_order(loads)
+      if (allocated(s%acting)) s%acting = reshape(loads(:n), [6, s%n])
+      if (allocated(s%vertex_acting)) &
+        s%vertex_acting(:, first_corner(s):) = reshape(loads(n + 1:), [3, size(loads(n + 1:))/3])
+    end associate
     d%halo%seconds = d%halo%seconds + (wall_clock() - begun)
     !$omp end master
     !$omp barrier

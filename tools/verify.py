@@ -4,8 +4,7 @@ Usage: verify.py [--case ID ...] [--area NAME ...] [--quick] [--ranks N] [--bin 
        [--out build/verification]
 A case is verification/<area>/<id>/ with case.toml and exact.py (see talus.verification).
 Cases that were not run keep their last result in the summary. With --ranks every run of talus-dem,
-by talus-couple too, has that many; what it refuses then (D290) is no failure. Give --out another
-folder then.
+by talus-couple too, has that many; give --out another folder then.
 """
 
 import argparse
@@ -25,7 +24,7 @@ sys.path.insert(0, str(ROOT / "prepost"))
 sys.dont_write_bytecode = True
 
 from talus import version  # noqa: E402
-from talus.verification import Case, NotApplicableError  # noqa: E402
+from talus.verification import Case  # noqa: E402
 
 
 def find_cases() -> dict[str, dict]:
@@ -47,13 +46,11 @@ def run_case(facts: dict, binaries: Path, out: Path, ranks: int) -> dict:
     spec = importlib.util.spec_from_file_location(f"exact_{facts['id']}", scratch / "exact.py")
     module = importlib.util.module_from_spec(spec)
     case = Case(facts["id"], facts["title"], scratch, binaries, ranks)
-    start, error, refused = time.monotonic(), "", ""
+    start, error = time.monotonic(), ""
     sys.path.insert(0, str(facts["folder"].parent))
     try:
         spec.loader.exec_module(module)
         module.run(case)
-    except NotApplicableError as fault:
-        refused = str(fault)
     except Exception as fault:  # a case that breaks is a case that fails, with its text
         error = f"{type(fault).__name__}: {fault}"
         (scratch / "traceback.txt").write_text(traceback.format_exc())
@@ -64,17 +61,13 @@ def run_case(facts: dict, binaries: Path, out: Path, ranks: int) -> dict:
         "metrics": case.metrics,
         "figures": case.figures,
     }
-    good = not error and bool(case.metrics or refused) and all(m["pass"] for m in case.metrics)
-    if refused:
-        entry |= {"refused": refused}
+    good = not error and bool(case.metrics) and all(m["pass"] for m in case.metrics)
     return entry | {"error": error, "pass": good, "seconds": round(time.monotonic() - start, 2)}
 
 
 def show(entry: dict) -> None:
     """Print one case: a line, and its failures."""
     state = "pass" if entry["pass"] else "FAIL"
-    if entry["pass"] and "refused" in entry:
-        state = "n/a "
     print(
         f"{state}  {entry['area']:7s} {entry['id']:28s} {len(entry['metrics']):3d} metrics "
         f"{entry['seconds']:8.1f} s"
@@ -85,8 +78,6 @@ def show(entry: dict) -> None:
                 "" if m["expected"] is None else f" about {m['expected']:.8g}"
             )
             print(f"      {m['metric']}: {m['value']} ({wanted})")
-    if "refused" in entry:
-        print(f"      not on ranks: {entry['refused']}")
     if entry["error"]:
         print("      " + entry["error"].replace("\n", "\n      "))
     sys.stdout.flush()

@@ -27,6 +27,9 @@ most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
 print("rank", os.environ["OMPI_COMM_WORLD_RANK"], most, flush=True)
 sys.exit(code)
 """
+SKIN = """&membrane  id = 'skin', file = 'skin.stl', material = 'quartz', young = 1.0e6,
+           thickness = 1.0e-3, density = 1000.0, inside = 0.0, 0.0, 1.0 /
+"""
 OFF = 0.15  # foretold over measured: lists are made anew at other times
 FORETOLD = 0.2  # by one process over what the ranks tell, freed arrays left as they are
 SIDE = 32
@@ -46,6 +49,20 @@ def write_input(folder: Path) -> None:
         v=rng.normal(scale=0.05, size=x.shape),
     )  # fmt: skip
     (folder / "deck.nml").write_text(DECK)
+
+
+def write_sheet_input(folder: Path) -> None:
+    """Write deck, packing and sheet: three layers of spheres, the lowest on a membrane."""
+    x = np.indices((60, 60, 3)).reshape(3, -1).T * 2.0e-3
+    write_packing(folder / "pack.h5", x, np.full(x.shape, 1.0e-3))
+    along = np.linspace(-2.0e-3, 120.0e-3, 101)
+    node = np.stack(np.meshgrid(along, along, [-0.999e-3], indexing="ij"), -1)[:, :, 0]
+    a, b, c, d = node[:-1, :-1], node[1:, :-1], node[:-1, 1:], node[1:, 1:]
+    corners = np.concatenate([np.stack([a, b, d], 2), np.stack([a, d, c], 2)]).reshape(-1, 3, 3)
+    rows = np.zeros(len(corners), [("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("end", "<u2")])
+    rows["corner"] = corners
+    (folder / "skin.stl").write_bytes(bytes(80) + np.uint32(len(rows)).tobytes() + rows.tobytes())
+    (folder / "deck.nml").write_text(DECK + SKIN)
 
 
 def told_by(words: list[str], folder: Path, **more: str) -> tuple[float, float, int, float]:
@@ -90,3 +107,14 @@ def test_one_process_foretells_the_memory_of_ranks(tmp_path: Path) -> None:
     assert abs(other / found[1] - 1) < FORETOLD
     assert grains == found[2] == SIDE**3
     assert abs(mirrors / found[3] - 1) < FORETOLD
+
+
+def test_one_process_foretells_membranes(tmp_path: Path) -> None:
+    """Grains on a membrane have room for many contacts: most of what the ranks take."""
+    write_sheet_input(tmp_path)
+    program = str(find_program("talus-dem"))
+    first, other, *_ = told_by([program, "--check", "--ranks=2"], tmp_path)
+    found = told_by([*launcher(2), program, "--check"], tmp_path)
+    assert abs(first / found[0] - 1) < FORETOLD
+    assert abs(other / found[1] - 1) < FORETOLD
+    assert other > 60.0

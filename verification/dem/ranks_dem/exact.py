@@ -14,7 +14,7 @@ import numpy as np
 from talus.verification import Case, launcher, read_history, write_packing
 
 SAME = 1.0e-12
-RUNS = {"flow": (2, 3), "body": (2, 3), "servo": (2, 4), "cloud": (2, 4)}
+RUNS = {"flow": (2, 3), "body": (2, 3), "servo": (2, 4), "cloud": (2, 4), "skin": (2, 3, 4)}
 
 
 def lattice(shape: tuple[int, int, int], pitch: float, low: float) -> np.ndarray:
@@ -51,6 +51,27 @@ def write_packings(case: Case) -> None:
     v = np.repeat([[0.8, 0.9, 1.0], [-0.9, -1.0, -0.7]], 27, axis=0)
     axes = np.tile([1.2e-3, 1.0e-3, 0.9e-3], (54, 1))
     write_packing(case.folder / "pack_cloud.h5", x, axes, ids=rng.permutation(54) + 1, v=v)
+    x = lattice((6, 6, 3), 3.35e-3, -8.4e-3) + rng.uniform(-1e-4, 1e-4, (108, 3))
+    x[:, 2] += 9.8e-3
+    axes = np.full((108, 3), 1.5e-3)
+    axes[::2] = [1.6e-3, 1.4e-3, 1.2e-3]
+    v = rng.normal(scale=0.2, size=x.shape)
+    write_packing(case.folder / "pack_skin.h5", x, axes, ids=rng.permutation(108) + 1, v=v)
+    write_sheet(case.folder / "skin.stl", 10, 22.0e-3)
+
+
+def write_sheet(path: Path, sides: int, edge: float) -> None:
+    """Write a square of triangles that hangs through, as binary STL."""
+    along = edge * np.linspace(-0.5, 0.5, sides + 1)
+    node = np.stack(np.meshgrid(along, along, [-1.0e-3], indexing="ij"), -1)[:, :, 0]
+    node[1:-1, 1:-1, 2] -= 1.0e-3
+    a, b, c, d = node[:-1, :-1], node[1:, :-1], node[:-1, 1:], node[1:, 1:]
+    record = np.dtype([("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("more", "<u2")])
+    rows = np.zeros(2 * sides**2, record)
+    rows["corner"] = np.concatenate([np.stack([a, b, d], 2), np.stack([a, d, c], 2)]).reshape(
+        -1, 3, 3
+    )
+    path.write_bytes(b"skin".ljust(80) + np.uint32(len(rows)).tobytes() + rows.tobytes())
 
 
 def results(case: Case, stem: str) -> dict[str, np.ndarray]:
@@ -114,18 +135,25 @@ def judge_run(case: Case, name: str) -> list[float]:
     shared = json.loads((case.folder / f"{stem}_summary.json").read_text())["ranks"]
     case.metric(f"{name}: ranks that the summary names", float(shared["count"]), float(ranks), 0)
     case.above(f"{name}: grains known to two ranks", float(shared["most_mirrors"]), 0.0)
+    if name == "skin":
+        for stem in ("skin", "skin_4"):
+            energy = read_history(case.folder / f"{stem}_energy.csv")
+            worst = float(energy["relative_closure"].max())
+            case.below(f"{stem}: ledger", worst, 1e-4)
     return off
 
 
-def judge_restart(case: Case, first: int, then: int) -> None:
+def judge_restart(case: Case, name: str, first: int, then: int) -> None:
     """Judge a run that goes on from half-way with another number of ranks."""
-    stem = f"flow_{first}" if first else "flow"
+    stem = f"{name}_{first}" if first else name
     whole = results(case, stem)
-    older = next(case.folder.glob(f"{stem}.chk.1*.h5"))
-    shutil.copy(older, case.folder / "half.h5")
-    case.run("talus-dem", f"{stem}.nml", "--threads=1", "--restart=half.h5", ranks=then)
+    half = case.folder / f"{stem}_half.h5"
+    if not half.exists():  # what goes on from it writes checkpoints of its own
+        shutil.copy(next(case.folder.glob(f"{stem}.chk.1*.h5")), half)
+    case.run("talus-dem", f"{stem}.nml", "--threads=1", f"--restart={half.name}", ranks=then)
     off = difference(whole, results(case, stem))
-    case.below(f"{first or 1} ranks, then {then or 1}: difference / largest", off, SAME)
+    title = f"{name}: {first or 1} ranks, then {then or 1}"
+    case.below(f"{title}: difference / largest", off, SAME)
 
 
 def judge_empty(case: Case) -> None:
@@ -187,7 +215,7 @@ def run(case: Case) -> None:
     for place, name in enumerate(RUNS):
         off = judge_run(case, name)
         for ranks, value in zip(RUNS[name], off, strict=True):
-            left.semilogy(ranks, max(value, 1e-17), "osd^"[place], mfc="none", color=f"C{place}",
+            left.semilogy(ranks, max(value, 1e-17), "osd^v"[place], mfc="none", color=f"C{place}",
                           label=name if ranks == 2 else None)  # fmt: skip
     left.axhline(SAME, color="k", lw=1, label="limit")
     left.set(xlabel="ranks", ylabel="difference to one rank / largest [-]")
@@ -201,9 +229,10 @@ def run(case: Case) -> None:
     right.axhline(SAME, color="k", lw=1)
     right.set(xlabel="field", ylabel="change of momentum / sum of |m v| [-]")
     right.legend()
-    judge_restart(case, 2, 0)
-    judge_restart(case, 0, 2)
-    judge_restart(case, 2, 3)
+    for name in ("flow", "skin"):
+        judge_restart(case, name, 2, 0)
+        judge_restart(case, name, 0, 2)
+        judge_restart(case, name, 2, 3)
     judge_empty(case)
     judge_death(case)
     case.save(fig)
