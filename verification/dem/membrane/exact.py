@@ -161,7 +161,7 @@ def slide(case: Case) -> dict[str, list[float]]:
 
 
 def hammock(case: Case) -> None:
-    """Let grains fall into a sheet: ledger, threads, restart."""
+    """Let grains fall into a sheet under a pressure that rises: ledger, threads, restart."""
     write_stl(case.folder / "hammock.stl", sheet((14, 14), (0.02, 0.02), 0.2, -3.0e-3))
     side = 3.2e-3 * np.arange(-1, 2)
     x = np.stack(np.meshgrid(side, side, [1.0e-3, 4.2e-3, 7.4e-3], indexing="ij"), -1)
@@ -169,7 +169,9 @@ def hammock(case: Case) -> None:
     x += np.random.default_rng(3).uniform(-0.1e-3, 0.1e-3, x.shape)
     text = DECK.format(**SHEET | {"end": 0.008, "name": "hammock", "push": 200.0, "inside": 1.0,
                                   "young": 5.0e5, "thick": 3.0e-4, "dt": 5.0e-7, "damping": 20.0,
+                                  "limit": "3.0, curve = 'rise'",
                                   "more": ", gravity = 0.0, 0.0, -50.0"})  # fmt: skip
+    text += "&curve id = 'rise', times = 0.0, 0.008, values = 0.5, 1.5 /\n"
     text += "&history every_time = 1e-4 /\n&checkpoint every_time = 0.003, keep = 9 /\n"
     go(case, "hammock", text, x)
     energy = read_history(case.folder / "hammock_energy.csv")
