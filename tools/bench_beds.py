@@ -80,7 +80,10 @@ BEDS = {
     for bed in (
         Bed("spheres_2000", "spheres", 2000, 12, 0.15, 30.0),
         Bed("spheres_10000", "spheres", 10000, 20, 0.25, 30.0),
+        Bed("spheres_20000", "spheres", 20000, 27, 0.28, 28.0),
         Bed("spheres_50000", "spheres", 50000, 37, 0.30, 25.0),
+        Bed("spheres_1000000", "spheres", 1000000, 27, 0.020, 200.0, FRICTION,
+            "spheres_20000", (10, 5)),
         Bed("ellipsoids_2760", "ellipsoids", 2760, 14, 0.30, 25.0, DENSE),
         Bed("ellipsoids_20000", "ellipsoids", 20000, 27, 0.35, 15.0, 0.40),
         Bed("ellipsoids_1000000", "ellipsoids", 1000000, 27, 0.020, 200.0, FRICTION,

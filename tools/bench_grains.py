@@ -24,7 +24,9 @@ WARM = 20  # steps that the peers make before the timed ones
 STEPS = {
     "spheres_2000": 2000,
     "spheres_10000": 4000,
+    "spheres_20000": 2000,
     "spheres_50000": 1000,
+    "spheres_1000000": 100,
     "ellipsoids_2760": 6000,
     "ellipsoids_20000": 1000,
     "ellipsoids_1000000": 100,
@@ -104,7 +106,7 @@ class Bench:
         self.settled = beds.settle(binary, self.folder, bed, threads)
         self.steps = STEPS[bed.name]
         self.codes = {"talus": str(binary)}
-        if bed.shape == "spheres":
+        if bed.shape == "spheres" and not bed.source:
             self.codes |= peers.installed()
         for code in self.codes:
             for kind, runs in (("base", [BASE]), ("check", [CHECK]), ("time", [WARM, self.steps])):
