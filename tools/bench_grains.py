@@ -2,7 +2,8 @@
 
 First every code makes CHECK steps from the same bed: contacts between grains and kinetic energy
 must agree, so that the same work is timed. Then the codes take turns, with one and two cores; beds
-of other shapes take turns with the bed of ellipsoids that they are put beside.
+of other shapes take turns with the bed of ellipsoids that they are put beside, and copies with
+their original.
 """
 
 import json
@@ -196,7 +197,7 @@ def together(names: list[str]) -> list[list[str]]:
     """Return the beds by groups that are timed in turns."""
     groups: dict[str, list[str]] = {}
     for name in names:
-        groups.setdefault(beds.BEDS[name].beside or name, []).append(name)
+        groups.setdefault(beds.BEDS[name].beside or beds.BEDS[name].source or name, []).append(name)
     return list(groups.values())
 
 

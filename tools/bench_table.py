@@ -11,7 +11,7 @@ REFERENCE = "spheres_10000"  # LAMMPS' rate beside which ellipsoids are put
 QUICK_REFERENCE = "spheres_2000"
 COLUMNS = (
     "code", "case", "grains", "cores", "grain_steps_per_s", "contacts_per_s", "max_rss_mb",
-    "ratio_to_lammps", "ratio_to_ellipsoids", "grain_steps_per_cpu_s", "seconds",
+    "ratio_to_lammps", "ratio_to_ellipsoids", "ratio_to_copied", "grain_steps_per_cpu_s", "seconds",
     "ratio_to_calculix", "difference", "residual",
 )  # fmt: skip
 
@@ -22,6 +22,7 @@ def table(timings: list) -> list[dict]:
     ratio_to_lammps: of the same bed with as many cores; for ellipsoids, which LAMMPS of Debian
     does not have, of LAMMPS' spheres_10000 (spheres_2000 in quick runs). Empty without LAMMPS.
     ratio_to_ellipsoids: of other shapes to the same bed of ellipsoids, by CPU time.
+    ratio_to_copied: of a bed of copies to the one bed that was copied, per grain, by wall time.
     """
     rates = {(t.code, t.case, t.cores): statistics.median(t.wall) for t in timings}
     paces = {(t.code, t.case, t.cores): statistics.median(t.cpu) for t in timings}
@@ -29,6 +30,7 @@ def table(timings: list) -> list[dict]:
     for t in timings:
         rate, pace = statistics.median(t.wall), statistics.median(t.cpu)
         sister = paces.get((t.code, BEDS[t.case].beside, t.cores)) if t.case in BEDS else None
+        copied = rates.get((t.code, BEDS[t.case].source, t.cores)) if t.case in BEDS else None
         beside = (t.case, REFERENCE, QUICK_REFERENCE)
         found = [rates.get(("lammps", case, t.cores)) for case in beside]
         peer = next((value for value in found if value), None)
@@ -42,6 +44,7 @@ def table(timings: list) -> list[dict]:
             "max_rss_mb": round(t.memory, 1),
             "ratio_to_lammps": round(rate / peer, 3) if peer else "",
             "ratio_to_ellipsoids": round(pace / sister, 3) if sister else "",
+            "ratio_to_copied": round(rate / copied, 3) if copied else "",
             "grain_steps_per_cpu_s": round(pace),
         })  # fmt: skip
     return rows
@@ -127,8 +130,8 @@ def markdown(rows: list[dict], head: dict) -> str:
         f"{head['repeats']} repeats; load of the machine at the start {head['load']}.",
         "",
         "| case | cores | code | million grain-steps/s | million contacts/s | memory [MB] "
-        "| ratio to LAMMPS | to ellipsoids | by CPU time [million/s] |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "| ratio to LAMMPS | to ellipsoids | to what was copied | by CPU time [million/s] |",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
     grains, solids = split(rows)
     for row in grains:
@@ -136,7 +139,7 @@ def markdown(rows: list[dict], head: dict) -> str:
         lines.append(
             f"| {row['case']} | {row['cores']} | {row['code']} | {rate:.3g} | {contacts:.3g} "
             f"| {float(row['max_rss_mb']):.0f} | {row['ratio_to_lammps'] or '–'} "
-            f"| {row.get('ratio_to_ellipsoids') or '–'} "
+            f"| {row.get('ratio_to_ellipsoids') or '–'} | {row.get('ratio_to_copied') or '–'} "
             f"| {float(row['grain_steps_per_cpu_s']) / 1e6:.3g} |"
         )
     lines = lines if grains else lines[:2]

@@ -119,15 +119,18 @@ def test_table(tmp_path: Path) -> None:
         timing("talus", "ellipsoids_2760", 1, 2.25),
         timing("talus", "ellipsoids_2760", 2, 4.0),
         timing("talus", "superquadrics_2760", 2, 1.0, 3.0),
+        timing("talus", "ellipsoids_20000", 2, 4.0),
+        timing("talus", "ellipsoids_1000000", 2, 3.0),
     ])  # fmt: skip
-    assert [row["ratio_to_lammps"] for row in rows] == [2.0, 1.0, 1.0, 2.0, 0.5, "", ""]
-    assert [row["ratio_to_ellipsoids"] for row in rows] == [*[""] * 6, 0.5]
+    assert [row["ratio_to_lammps"] for row in rows] == [2.0, 1.0, 1.0, 2.0, 0.5, *[""] * 4]
+    assert [row["ratio_to_ellipsoids"] for row in rows] == [*[""] * 6, 0.5, "", ""]
+    assert [row["ratio_to_copied"] for row in rows] == [*[""] * 8, 0.75]
     assert rows[0]["contacts_per_s"] == 18
     head = {"machine": "test", "date": "2000-01-01", "version": "0", "repeats": 3, "load": 0.0}
     bench_table.write(tmp_path / "bench.csv", rows, head)
     again, read = bench_table.read(tmp_path / "bench.csv")
     assert read == {key: str(value) for key, value in head.items()}
-    assert [float(row["grain_steps_per_s"]) for row in again] == [9, 4, 3, 6, 2, 4, 2]
+    assert [float(row["grain_steps_per_s"]) for row in again] == [9, 4, 3, 6, 2, 4, 2, 4, 3]
     assert bench_table.markdown(again, read).count("\n| ") == 8
     bench_table.figure(tmp_path / "bench.png", again, read)
     assert (tmp_path / "bench.png").stat().st_size > 1000
