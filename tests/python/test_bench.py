@@ -131,7 +131,7 @@ def test_table(tmp_path: Path) -> None:
     again, read = bench_table.read(tmp_path / "bench.csv")
     assert read == {key: str(value) for key, value in head.items()}
     assert [float(row["grain_steps_per_s"]) for row in again] == [9, 4, 3, 6, 2, 4, 2, 4, 3]
-    assert bench_table.markdown(again, read).count("\n| ") == 8
+    assert bench_table.markdown(again, read).count("\n| ") == 10
     bench_table.figure(tmp_path / "bench.png", again, read)
     assert (tmp_path / "bench.png").stat().st_size > 1000
 
