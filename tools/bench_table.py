@@ -82,7 +82,7 @@ def figure(path: Path, rows: list[dict], head: dict) -> None:
     cases = list(dict.fromkeys(row["case"] for row in rows))
     kinds = list(dict.fromkeys((row["code"], int(row["cores"])) for row in rows))
     codes = list(dict.fromkeys(code for code, _ in kinds))
-    fig, ax = new_figure(figsize=(8.0, 4.2))
+    fig, ax = new_figure(figsize=(max(8.0, 1.05 * len(cases)), 4.2))
     width = 0.8 / len(kinds)
     for k, (code, cores) in enumerate(sorted(kinds, key=lambda kind: (kind[1], kind[0]))):
         values = [
@@ -96,7 +96,7 @@ def figure(path: Path, rows: list[dict], head: dict) -> None:
             places, values, 0.92 * width, label=label, color=COLOURS[codes.index(code)],
             alpha=1.0 if cores == 1 else 0.55,
         )  # fmt: skip
-    ax.set_xticks(np.arange(len(cases)), [case.replace("_", "\n") for case in cases])
+    ax.set_xticks(np.arange(len(cases)), [case.replace("_", "\n") for case in cases], fontsize=8)
     ax.set_ylabel(f"speed [million {unit}-steps/s]")
     ax.grid(axis="x", visible=False)
     ax.set_title(f"{head['machine']}, {head['date']}", fontsize=8)

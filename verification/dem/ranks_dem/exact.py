@@ -220,7 +220,7 @@ def run(case: Case) -> None:
     left.axhline(SAME, color="k", lw=1, label="limit")
     left.set(xlabel="ranks", ylabel="difference to one rank / largest [-]")
     left.set_xticks([2, 3, 4])
-    left.legend()
+    left.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, fontsize=8)
     for stem in ("cloud", "cloud_2", "cloud_4"):
         change = momentum(case, stem)
         change = abs(change - change[0]).max(1)
