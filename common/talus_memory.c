@@ -86,9 +86,10 @@ void *__wrap_malloc(size_t size)
 
 void __wrap_free(void *block)
 {
-    const size_t size = block != NULL ? malloc_usable_size(block) : 0;
+    size_t size = 0;
 
-    if (!keeping || size < SEVERAL_LARGE_PAGES || (uintptr_t)block % LINE != 0) {
+    if (keeping && block != NULL && (uintptr_t)block % LINE == 0) size = malloc_usable_size(block);
+    if (size < SEVERAL_LARGE_PAGES) {
         __real_free(block);
         return;
     }

@@ -5,18 +5,17 @@
 module talus_ranks
   use, intrinsic :: iso_c_binding, only: c_int
   use mpi, only: mpi_comm_self, mpi_comm_world, mpi_comm_size, mpi_comm_rank, mpi_allreduce, &
-    mpi_allgather, &
-    mpi_alltoall, mpi_alltoallv, mpi_bcast, mpi_gather, mpi_gatherv, mpi_in_place, mpi_max, &
-    mpi_min, mpi_maxloc, mpi_sum, mpi_integer, mpi_character, mpi_double_precision, &
-    mpi_2double_precision, mpi_init, mpi_initialized, mpi_finalize, mpi_finalized, &
-    mpi_comm_split_type, mpi_comm_type_shared, mpi_comm_free, mpi_info_null, mpi_ibcast, &
-    mpi_test, mpi_status_ignore, mpi_type_contiguous, mpi_type_commit, mpi_type_free
+    mpi_allgather, mpi_alltoall, mpi_alltoallv, mpi_bcast, mpi_gather, mpi_gatherv, &
+    mpi_in_place, mpi_max, mpi_min, mpi_maxloc, mpi_sum, mpi_integer, mpi_character, &
+    mpi_double_precision, mpi_2double_precision, mpi_init, mpi_initialized, mpi_finalize, &
+    mpi_finalized, mpi_comm_split_type, mpi_comm_type_shared, mpi_comm_free, mpi_info_null, &
+    mpi_ibcast, mpi_test, mpi_status_ignore, mpi_type_contiguous, mpi_type_commit, mpi_type_free
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use talus_system, only: environment, set_environment, clear_environment
   implicit none
   private
-  public :: ranks_type, join_ranks, start_mpi, leave_ranks
+  public :: ranks_type, join_ranks, start_mpi, leave_ranks, sum_of_columns
 
   integer(c_int), parameter :: pause = 100_c_int  !! between two looks of a rank that waits [us]
   integer(i4), parameter :: spins = 2000          !! looks before it sleeps
@@ -206,7 +205,7 @@ contains
     values = reshape(parts, [size(values)])
   end subroutine add_in_order
 
-  !> Columns added from the first to the last.
+  !> Columns added from the first to the last: what ranks have, in their order.
   pure function sum_of_columns(columns) result(total)
     real(wp), intent(in) :: columns(:, :)
     real(wp) :: total(size(columns, 1))

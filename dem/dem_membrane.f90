@@ -87,13 +87,11 @@ contains
     type(motion_type), intent(in) :: step
     logical, intent(in) :: explicit
     real(wp), intent(inout) :: work(work_count)
-    real(wp) :: half, keep, kicked, old(3), new(3), between(3), now(3), load(3, s%vertices)
+    real(wp) :: half, keep, kicked, old(3), new(3), between(3), now(3)
     real(wp) :: before(work_count)
     integer(i4) :: b, k
 
     half = 0.5_wp*step%dt
-    load = s%vertex_force
-    if (allocated(s%vertex_acting)) load = s%vertex_acting
     before = work
     associate (m => s%membranes)
       do b = 1, s%n
@@ -107,7 +105,7 @@ contains
             cycle
           end if
           old = s%v(:, k)
-          new = load(:, k) + m%press(:, k) + m%pull(:, k) + m%mass(k)*step%gravity
+          new = corner_load(s, k) + m%press(:, k) + m%pull(:, k) + m%mass(k)*step%gravity
           new = (old*keep + half/m%mass(k)*new)*kicked
           between = merge(new, old, explicit)
           now = merge(old, new, explicit)

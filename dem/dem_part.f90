@@ -2,6 +2,7 @@
 module dem_part
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
+  use talus_ranks, only: sum_of_columns
   use dem_state, only: dem_data_type, dem_ledger_type, dem_cell_type, kind_mirror
   use dem_cell_stress, only: cell_sums
   use dem_contacts, only: dem_contacts_type, list_contacts
@@ -122,12 +123,9 @@ contains
     type(dem_data_type), intent(inout) :: whole
     type(rank_marks_type), intent(inout) :: marks
     real(wp) :: total(size(reports, 1)), overlap, reference
-    integer(i4) :: r, k, at
+    integer(i4) :: k, at
 
-    total = 0.0_wp
-    do r = 1, size(reports, 2)
-      total = total + reports(:, r)
-    end do
+    total = sum_of_columns(reports)
     whole%ledger = transfer(total, whole%ledger)  ! what is stored now is found at the next look
     whole%ledger_dt = part%ledger_dt
     overlap = max(whole%health%max_overlap, maxval(reports(at_overlap, :)))
@@ -190,11 +188,7 @@ contains
     type(dem_data_type), intent(inout) :: whole
     type(rank_marks_type), intent(inout) :: marks
     real(wp) :: total(size(rows, 1))
-    integer(i4) :: r
-    total = 0.0_wp
-    do r = 1, size(rows, 2)
-      total = total + rows(:, r)
-    end do
+    total = sum_of_columns(rows)
     whole%ledger = transfer(total, whole%ledger)
     whole%ledger_dt = part%ledger_dt
     marks%contacts = total(works + 1:works + 2)
