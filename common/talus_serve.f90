@@ -37,6 +37,7 @@ module talus_serve
     procedure(answer_request), deferred :: set
     procedure(answer), deferred :: ready           !! open files; state at zero duration
     procedure(answer_request), deferred :: move    !! the step verbs
+    procedure :: hear_accept                       !! what ACCEPT brings besides
     procedure(judge), deferred :: accept
     procedure(judge), deferred :: reject
     procedure(file_of), deferred :: save           !! CHECKPOINT
@@ -162,6 +163,13 @@ contains
     call port%close()
   end subroutine serve_partner
 
+  !> A solver that needs nothing more to accept what it did.
+  subroutine hear_accept(self, request, errors)
+    class(server_type), intent(inout) :: self
+    type(message_type), intent(inout) :: request  !! its fields are for the solver to read
+    type(error_list_type), intent(inout) :: errors
+  end subroutine hear_accept
+
   !> A solver that leaves nothing undone.
   logical function is_busy(self)
     class(server_type), intent(in) :: self
@@ -204,6 +212,7 @@ contains
       call ready(server, request, reply, errors)
     case (verb_accept, verb_reject)
       if (request%verb == verb_accept) call take_flag(request, 'final', server%final, errors)
+      if (request%verb == verb_accept) call server%hear_accept(request, errors)
       call request%all_read(errors)
       if (errors%any()) return
       if (request%verb == verb_accept) call server%accept(errors)

@@ -45,8 +45,8 @@ contains
 
   !> Many orientations (4, n) after rotations (3, n), several at once where all are small.
   pure subroutine turn_all(quat, rotation)
-    real(wp), intent(inout) :: quat(:, :)
-    real(wp), intent(in) :: rotation(:, :)
+    real(wp), intent(inout), contiguous :: quat(:, :)
+    real(wp), intent(in), contiguous :: rotation(:, :)
     real(wp) :: s, h, a, b, c, w, x, y, z
     integer(i4) :: k
 
@@ -68,11 +68,11 @@ contains
       x = s*quat(2, k) + quat(1, k)*a + (b*quat(4, k) - c*quat(3, k))
       y = s*quat(3, k) + quat(1, k)*b + (c*quat(2, k) - a*quat(4, k))
       z = s*quat(4, k) + quat(1, k)*c + (a*quat(3, k) - b*quat(2, k))
-      h = sqrt(w**2 + x**2 + y**2 + z**2)
-      quat(1, k) = w/h
-      quat(2, k) = x/h
-      quat(3, k) = y/h
-      quat(4, k) = z/h
+      h = 1.0_wp/sqrt(w**2 + x**2 + y**2 + z**2)
+      quat(1, k) = w*h
+      quat(2, k) = x*h
+      quat(3, k) = y*h
+      quat(4, k) = z*h
     end do
   end subroutine turn_all
 end module talus_vectors

@@ -8,7 +8,7 @@ module cpl_overlap_ask
   use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, &
     hat_phi_set, edge_phi_set
   use cpl_overlap_parts, only: put_near, put_between, read_near, read_between, renew_kicks
-  use cpl_solver, only: cpl_solver_type, side_grains, side_solid
+  use cpl_solver, only: cpl_solver_type, side_grains, side_solid, sides
   implicit none
   private
   public :: send_kick, read_free, send_bulk, read_bulk, evaluate_bulk, ask_solid, ask_grains, &
@@ -79,31 +79,9 @@ contains
     call solid%start_request(verb_kick_drift, o%step, t0, t1)
     call solid%request%put('kick', kick)
     call solid%request%put('drift', drift)
-    if (drift > 0.0_wp) then
-      call solid%request%put_int('brief', 1_i4)
-    else
-      call put_velocities(o, solid, kick)
-    end if
+    if (drift > 0.0_wp) call solid%request%put_int('brief', 1_i4)
     call solid%send(timers, errors)
   end subroutine send_bulk
-
-  !> Velocities of hat and edge for the solid's field output; the last kick of the edge, which waits
-  !! for the answer, is taken from the forces of the exchange before.
-  subroutine put_velocities(o, solid, kick)
-    type(overlap_type), intent(in) :: o
-    type(cpl_solver_type), intent(inout) :: solid
-    real(wp), intent(in) :: kick  !! s
-    real(wp) :: v(3, o%op%nodes - o%op%hats)
-    integer(i4) :: a
-    v = o%v(:, o%op%hats + 1:)
-    do a = 1, merge(0_i4, int(size(v, 2), i4), o%bridge%active)
-      associate (k => a + o%op%hats)
-        where (.not. o%held(:, k)) v(:, a) = v(:, a) + kick*o%bulk(:, k)/o%mass(k)
-      end associate
-    end do
-    call solid%request%put(hat_set//'.v', o%v(:, :o%op%hats))
-    call solid%request%put(edge_set//'.v', v)
-  end subroutine put_velocities
 
   !> All ghosts, in a request FORCE.
   subroutine put_ghosts(o, request, v, spin)
@@ -192,19 +170,21 @@ contains
     call solid%reply%get('scalars', o%solid, errors)
   end subroutine read_bulk
 
-  !> ACCEPT to both; nothing will be rejected.
-  subroutine send_accept(o, solvers, t0, t1, timers, errors)
+  !> ACCEPT; nothing will be rejected. The solid is told velocities of hat and edge, for its field
+  !! output.
+  subroutine send_accept(o, solver, t0, t1, timers, errors)
     type(overlap_type), intent(in) :: o
-    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(cpl_solver_type), intent(inout) :: solver
     real(wp), intent(in) :: t0, t1
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    integer(i4) :: k
-    do k = 1, 2
-      call solvers(k)%start_request(verb_accept, o%step, t0, t1)
-      call solvers(k)%request%put_int('final', 1_i4)
-      call solvers(k)%send(timers, errors)
-    end do
+    call solver%start_request(verb_accept, o%step, t0, t1)
+    call solver%request%put_int('final', 1_i4)
+    if (solver%side == sides(side_solid) .and. .not. o%static) then
+      call solver%request%put(hat_set//'.v', o%v(:, :o%op%hats))
+      call solver%request%put(edge_set//'.v', o%v(:, o%op%hats + 1:))
+    end if
+    call solver%send(timers, errors)
   end subroutine send_accept
 
   subroutine accept_both(o, solvers, t0, t1, timers, errors)
@@ -214,7 +194,9 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: k
-    call send_accept(o, solvers, t0, t1, timers, errors)
+    do k = 1, 2
+      call send_accept(o, solvers(k), t0, t1, timers, errors)
+    end do
     do k = 1, 2
       if (.not. errors%any()) call solvers(k)%receive(timers, errors)
     end do
@@ -261,14 +243,16 @@ contains
   end subroutine ask_grains
 
   !> Wait for the forces that both were asked for, and hand them to what is free; between: those of
-  !! ghosts on ghosts are asked for next and evaluated meanwhile.
-  subroutine take_forces(o, solvers, between, t, timers, errors)
+  !! ghosts on ghosts are asked for next and evaluated meanwhile. With end_kick the solid begins its
+  !! last kick of an exchange as soon as its forces are there.
+  subroutine take_forces(o, solvers, between, t, timers, errors, end_kick)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
     logical, intent(in) :: between
     real(wp), intent(in) :: t  !! s
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
+    real(wp), intent(in), optional :: end_kick  !! s
     associate (grains => solvers(side_grains), solid => solvers(side_solid))
       if (between) then
         call timers%start(messages)
@@ -280,6 +264,7 @@ contains
       if (between .and. .not. errors%any()) call grains%send(timers, errors)
       if (.not. errors%any()) call solid%receive(timers, errors)
       if (errors%any()) return
+      if (present(end_kick)) call send_bulk(o, solid, end_kick, 0.0_wp, t, t, timers, errors)
       call timers%start(messages)
       call read_forces(o, grains, errors)
       call read_nodes(o, solid, 'force', 'moment', o%element, o%element_phi, errors)

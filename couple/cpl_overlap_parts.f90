@@ -130,7 +130,13 @@ contains
     type(cpl_solver_type), intent(inout) :: grains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
+    logical :: is_far(o%op%ghosts)
     associate (parts => o%parts)
+      is_far = .true.
+      is_far(parts%near) = .false.
+      parts%far = pack(o%op%every, is_far)
+      if (.not. allocated(parts%v)) &
+        allocate (parts%v(3, o%op%ghosts), parts%spin(3, o%op%ghosts))
       parts%x_near = o%x_ghost(:, parts%near)
       parts%d_near = o%d(:, parts%near)
       parts%turn_near = o%turn(:, parts%near)
@@ -167,24 +173,45 @@ contains
     end associate
   end subroutine follow_near
 
-  !> At the end of an exchange of length h the other ghosts, too; mean velocities of all.
+  !> At the end of an exchange of length h the other ghosts, too; mean velocities of all. The near
+  !! ones have followed already.
   subroutine follow_all(o, h)
     type(overlap_type), intent(inout) :: o
     real(wp), intent(in) :: h                     !! [s]
-    real(wp), allocatable :: d(:, :), turn(:, :)
+    real(wp), dimension(3, size(o%parts%far)) :: d, turn
+    real(wp) :: rate
+    integer(i4) :: k
 
-    allocate (d(3, o%op%ghosts), turn(3, o%op%ghosts))
-    call o%op%to_ghosts(o%u, o%phi, d, turn)
-    o%parts%v = (d - o%d)/h
-    o%parts%spin = (turn - o%turn)/h
-    if (.not. o%round) then
-      call turn_all(o%quat, turn - o%turn)
-      o%quat(:, o%parts%near) = o%parts%quat_near
-    end if
+    call o%op%to_some_ghosts(o%parts%far, o%u, o%phi, d, turn)
     call move_alloc(o%d, o%parts%d)
     call move_alloc(o%turn, o%parts%turn)
-    call move_alloc(d, o%d)
-    call move_alloc(turn, o%turn)
+    allocate (o%d(3, o%op%ghosts), o%turn(3, o%op%ghosts))
+    call put_rows(o%parts%far, d, turn)
+    call put_rows(o%parts%near, o%parts%d_near, o%parts%turn_near)
+    rate = 1.0_wp/h
+    associate (parts => o%parts)
+      do k = 1, o%op%ghosts
+        parts%v(:, k) = rate*(o%d(:, k) - parts%d(:, k))
+        parts%spin(:, k) = rate*(o%turn(:, k) - parts%turn(:, k))
+      end do
+      if (o%round) return
+      call turn_all(o%quat, o%turn - parts%turn)
+      do k = 1, size(parts%near)
+        o%quat(:, parts%near(k)) = parts%quat_near(:, k)
+      end do
+    end associate
+
+  contains
+
+    subroutine put_rows(rows, d, turn)
+      integer(i4), intent(in) :: rows(:)
+      real(wp), intent(in) :: d(:, :), turn(:, :)  !! (3, size(rows))
+      integer(i4) :: i
+      do i = 1, size(rows)
+        o%d(:, rows(i)) = d(:, i)
+        o%turn(:, rows(i)) = turn(:, i)
+      end do
+    end subroutine put_rows
   end subroutine follow_all
 
   !> The near ghosts, in a request FORCE: contacts of free grains alone.

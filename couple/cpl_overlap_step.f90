@@ -71,17 +71,14 @@ contains
       if (o%parts%active) then
         call step_in_parts(o, solvers, dt, h, now, k == 1, k == o%substeps, step, timers, errors)
       else
-        call step_at_once(o, solvers, dt, now, k == 1, k == o%substeps, step, timers, errors)
+        call step_at_once(o, solvers, dt, h, now, k == 1, k == o%substeps, step, timers, errors)
       end if
       if (errors%any()) return
       call note_damping(o)
     end do
-    call finish_step(o, solvers, dt, h, t1, step, row, audit, timers, errors)
+    call finish_step(o, solvers, dt, h, t0, t1, step, row, audit, timers, errors)
     if (errors%any()) return
-    call send_accept(o, solvers, t0, t1, timers, errors)
-    if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
-    solvers(side_solid)%owes = .true.  ! nobody needs its answer yet
-    if (errors%any()) return
+    solvers%owes = .true.  ! answers to ACCEPT, which nobody needs yet
     o%step = o%step + 1
     if (o%parts%active) call finish_parts(o, solvers(side_grains), timers, errors)
   end subroutine overlap_step
@@ -132,10 +129,10 @@ contains
   end subroutine exchange_arrays
 
   !> Ghosts follow, all forces.
-  subroutine step_at_once(o, solvers, dt, now, first, last, step, timers, errors)
+  subroutine step_at_once(o, solvers, dt, h, now, first, last, step, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
-    real(wp), intent(in) :: dt, now       !! [s]
+    real(wp), intent(in) :: dt, h, now    !! [s]
     logical, intent(in) :: first, last    !! of this exchange
     type(step_type), intent(inout) :: step
     type(timers_type), intent(inout) :: timers
@@ -151,8 +148,7 @@ contains
     step%moved = dt*v
     step%turns = dt*spin
     step%due = .true.
-    if (last) call o%look_past()
-    call take_forces(o, solvers, .false., now, timers, errors)
+    call take_step_forces(o, solvers, h, last, now, timers, errors)
   end subroutine step_at_once
 
   !> The same where forces come in parts. The solid goes on as soon as the nodes are known, unless
@@ -183,7 +179,7 @@ contains
     step%turns = turns
     step%due = .true.
     if (last) call place_all(o, h)
-    call take_forces(o, solvers, last, now, timers, errors)
+    call take_step_forces(o, solvers, h, last, now, timers, errors)
 
   contains
 
@@ -194,9 +190,24 @@ contains
       call timers%start('projection and maps')
       call follow_all(o, h)
       call timers%stop('projection and maps')
-      call o%look_past()
     end subroutine place_all
   end subroutine step_in_parts
+
+  !> Forces at the end of a step; at that of an exchange also those that come once an exchange.
+  subroutine take_step_forces(o, solvers, h, last, now, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    real(wp), intent(in) :: h, now  !! [s]
+    logical, intent(in) :: last     !! of this exchange
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    if (last) then
+      call take_forces(o, solvers, o%parts%active, now, timers, errors, &
+                       end_kick=merge(0.5_wp*h, 0.0_wp, o%symmetric))
+    else
+      call take_forces(o, solvers, .false., now, timers, errors)
+    end if
+  end subroutine take_step_forces
 
   !> Kick of the edge with the forces that are evaluated once an exchange.
   subroutine kick_with_bulk(o, kick)
@@ -216,11 +227,11 @@ contains
     if (o%damping_phi%active) call o%damping_phi%note(o%theta - o%theta_before)
   end subroutine note_damping
 
-  !> The last half kicks, with everything at t1.
-  subroutine finish_step(o, solvers, dt, h, t1, step, row, audit, timers, errors)
+  !> The last half kicks, with everything at t1; ACCEPT is sent to both.
+  subroutine finish_step(o, solvers, dt, h, t0, t1, step, row, audit, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
-    real(wp), intent(in) :: dt, h, t1
+    real(wp), intent(in) :: dt, h, t0, t1  !! [s]
     type(step_type), intent(inout) :: step
     type(audit_row_type), intent(inout) :: row
     type(history_type), intent(inout) :: audit
@@ -230,10 +241,9 @@ contains
     call send_kick(o, solvers(side_grains), 0.5_wp*dt, 0.0_wp, t1, t1, .true., timers, errors)
     if (errors%any()) return
     if (o%symmetric) call o%kick_edge(0.5_wp*dt, o%f, o%c)
-    call send_bulk(o, solvers(side_solid), merge(0.5_wp*h, 0.0_wp, o%symmetric), 0.0_wp, t1, t1, &
-                   timers, errors)
     call note_step(o, step, timers)
     if (o%parts%active) call work_of_parts(o, timers)
+    call o%look_past()
     call timers%start('audit and log')
     call row%write(audit, errors)
     call timers%stop('audit and log')
@@ -241,15 +251,17 @@ contains
     if (.not. errors%any()) call read_bulk(o, solvers(side_solid), errors)
     if (errors%any()) return
     if (o%symmetric) call kick_with_bulk(o, 0.5_wp*h)
-    call solvers(side_grains)%receive(timers, errors)
+    if (.not. o%finite()) &
+      call errors%add('N407', 'a force or displacement of the overlap is no number', &
+                      'exchange to '//str(t1)//' s', 'one side has become unstable: look at '// &
+                      'the steps of both against their limits')
+    if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
     if (errors%any()) return
+    call send_accept(o, solvers(side_grains), t0, t1, timers, errors)
     if (o%hears_speed) call read_free(o, solvers(side_grains), timers, errors)
     call solvers(side_grains)%reply%get('scalars', o%grains, errors)
     if (o%carried%active) call o%op%to_hats(o%speed, o%spin, o%v, o%w)
-    if (errors%any() .or. o%finite()) return
-    call errors%add('N407', 'a force or displacement of the overlap is no number', &
-                    'exchange to '//str(t1)//' s', 'one side has become unstable: look at the '// &
-                    'steps of both against their limits')
+    call send_accept(o, solvers(side_solid), t0, t1, timers, errors)
   end subroutine finish_step
 
   !> FORCE on both sides with ghosts and nodes where they are now, and what comes back to the free.

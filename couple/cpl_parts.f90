@@ -25,6 +25,7 @@ module cpl_parts
   type :: parts_type
     logical :: active = .false.
     integer(i4), allocatable :: near(:)            !! rows of the ghosts that move with the steps
+    integer(i4), allocatable :: far(:)             !! rows of the others
     real(wp), allocatable :: p_near(:, :), m_near(:, :)  !! of free grains on these [N], [N m]
     real(wp), allocatable :: x_near(:, :), quat_near(:, :)  !! where they were at first [m]; now
     real(wp), allocatable :: d_near(:, :), turn_near(:, :)  !! how far they have come [m], [rad]

@@ -171,13 +171,13 @@ contains
     logical, intent(in) :: ghost_pairs
     type(grid_type), intent(in) :: grid
     type(share_type), intent(inout) :: share
-    integer(i4), allocatable :: partner(:)
+    integer(i4), allocatable :: partner(:), near(:)
     integer(i4) :: i, n
 
     n = size(radius)
     share%count = 0
     allocate (share%first(64 + 16*max(high - low + 1, 0)))
-    allocate (share%second(size(share%first)), partner(n))
+    allocate (share%second(size(share%first)), partner(n), near(n + 1))
     do i = low, high
       call list_grain(i)
     end do
@@ -186,8 +186,9 @@ contains
 
     subroutine list_grain(i)
       integer(i4), intent(in) :: i
-      integer(i4) :: found, c(3), cy, cz, m, at, k
-      real(wp) :: x(3), reach
+      integer(i4) :: found, close, c(3), cy, cz, m, at, k
+      real(wp) :: x(3), reach, square
+      logical :: apart
       found = 0
       if (grid%cell(i) == 0) then
         do k = i + 1, n
@@ -197,17 +198,22 @@ contains
         x = body(1:3, i)
         reach = radius(i) + margin
         c = cell_of(grid, x)
+        close = 0
         do cz = max(c(3) - 1, 1), min(c(3) + 1, grid%n(3))
           do cy = max(c(2) - 1, 1), min(c(2) + 1, grid%n(2))
             at = cell_index(grid, [1, cy, cz]) - 1
             do m = grid%start(at + max(c(1) - 1, 1)), &
                    grid%start(at + min(c(1) + 1, grid%n(1)) + 1) - 1
-              if (grid%member(m) <= i) cycle
-              if ((grid%centre(1, m) - x(1))**2 + (grid%centre(2, m) - x(2))**2 &
-                  + (grid%centre(3, m) - x(3))**2 > (grid%centre(4, m) + reach)**2) cycle
-              call try(i, grid%member(m), found)
+              square = (grid%centre(1, m) - x(1))**2 + (grid%centre(2, m) - x(2))**2 &
+                       + (grid%centre(3, m) - x(3))**2
+              apart = square > (grid%centre(4, m) + reach)**2
+              near(close + 1) = grid%member(m)  ! kept if it counts: no branch to be guessed
+              close = close + iand(merge(1, 0, grid%member(m) > i), merge(0, 1, apart))
             end do
           end do
+        end do
+        do k = 1, close
+          call try(i, near(k), found)
         end do
         do k = 1, size(grid%large)
           if (grid%large(k) > i) call try(i, grid%large(k), found)

@@ -28,6 +28,7 @@ module fem_port
     procedure :: set => set_values
     procedure :: ready
     procedure :: move
+    procedure :: hear_accept
     procedure :: accept
     procedure :: reject
     procedure :: save
@@ -176,6 +177,14 @@ contains
     call self%model%timers%stop('steps')
     call self%model%log_factors()
   end subroutine move
+
+  !> Velocities of prescribed nodes, for what is written next.
+  subroutine hear_accept(self, request, errors)
+    class(fem_server_type), intent(inout) :: self
+    type(message_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    call self%sets%take_speeds(self%model%body, request, errors)
+  end subroutine hear_accept
 
   !> The trial becomes the state and is written if due.
   subroutine accept(self, errors)

@@ -27,6 +27,7 @@ module fem_sets
     procedure :: whole_force
     procedure :: take_loads
     procedure :: take_motion
+    procedure :: take_speeds
     procedure :: put_states
   end type fem_sets_type
 
@@ -233,7 +234,7 @@ contains
   end subroutine take_loads
 
   !> Prescribed displacements and micro-rotations of all prescribe sets in a request, and
-  !! velocities, which are for the field output alone.
+  !! velocities.
   subroutine take_motion(self, body, request, errors)
     class(fem_sets_type), intent(in) :: self
     type(fem_body_type), intent(inout) :: body
@@ -242,25 +243,44 @@ contains
     integer(i4) :: k
 
     do k = 1, self%n
-      if (self%set(k)%role /= role_prescribe) cycle
-      if (self%set(k)%moves) call take(self%set(k)%node, '.u', body%given_u)
-      if (size(self%set(k)%phi) > 0) call take(self%set(k)%phi, '.phi', body%given_u)
-      if (self%set(k)%moves) call take(self%set(k)%node, '.v', body%given_v)
+      associate (set => self%set(k))
+        if (set%role /= role_prescribe) cycle
+        if (set%moves) call take(set%name, set%node, '.u', request, body%given_u, errors)
+        if (size(set%phi) > 0) call take(set%name, set%phi, '.phi', request, body%given_u, errors)
+      end associate
       if (errors%any()) return
     end do
-
-  contains
-
-    subroutine take(block, field, given)
-      integer(i4), intent(in) :: block(:)
-      character(len=*), intent(in) :: field
-      real(wp), intent(inout) :: given(:, :)
-      real(wp) :: value(3, size(block))
-      if (.not. request%has(trim(self%set(k)%name)//field)) return
-      call request%get(trim(self%set(k)%name)//field, value, errors)
-      if (.not. errors%any()) given(:, block) = value
-    end subroutine take
+    call self%take_speeds(body, request, errors)
   end subroutine take_motion
+
+  !> Velocities of the nodes of all prescribe sets, for the field output alone.
+  subroutine take_speeds(self, body, request, errors)
+    class(fem_sets_type), intent(in) :: self
+    type(fem_body_type), intent(inout) :: body
+    type(message_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    do k = 1, self%n
+      associate (set => self%set(k))
+        if (set%role == role_prescribe .and. set%moves) &
+          call take(set%name, set%node, '.v', request, body%given_v, errors)
+      end associate
+    end do
+  end subroutine take_speeds
+
+  !> Values of one field, if it is there.
+  subroutine take(name, block, field, request, given, errors)
+    character(len=*), intent(in) :: name, field
+    integer(i4), intent(in) :: block(:)
+    type(message_type), intent(inout) :: request
+    real(wp), intent(inout) :: given(:, :)
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: value(3, size(block))
+    if (errors%any()) return
+    if (.not. request%has(trim(name)//field)) return
+    call request%get(trim(name)//field, value, errors)
+    if (.not. errors%any()) given(:, block) = value
+  end subroutine take
 
   !> u, v, a of every set and phi, phi_rate, phi_acceleration where it has them; reactions and
   !! their moments of prescribed ones.
