@@ -12,6 +12,7 @@ module dem_candidates
   use dem_form_state, only: form_ellipsoid
   use dem_gap, only: solve_gap
   use dem_images, only: find_over_faces
+  use dem_margin, only: spare_margins, pair_skin
   use dem_shape, only: matrix_times
   implicit none
   private
@@ -36,7 +37,7 @@ module dem_candidates
     integer(i4), allocatable :: old(:)      !! slot in the last list, 0 if new
     integer(i4), allocatable :: group(:)    !! law, geometry and band of gaps
     real(wp), allocatable :: normal(:, :)
-    real(wp), allocatable :: gap(:)         !! a lower bound; -1 for contacts [m]
+    real(wp), allocatable :: gap(:)         !! a lower bound, in_skins; -1 for contacts [m]
   end type list_type
 
 contains
@@ -71,8 +72,8 @@ contains
     if (is_periodic(cell)) then
       call find_over_faces(pairs, grains, cell, ghost_pairs, first, second, count)
     else
-      call find_candidates(pairs%body, grains%radius, grains%kind, pairs%skin, ghost_pairs, &
-                           first, second, count)
+      call find_candidates(pairs%body, grains%radius, spare_margins(pairs, grains%n), &
+                           grains%kind, pairs%skin, ghost_pairs, first, second, count)
     end if
     call make_room(near, min(batch, count))
     call make_room(list, 0)
@@ -156,6 +157,7 @@ contains
     integer(i4) :: i, j, lane, block
     integer(i4) :: geometry
     logical :: contact
+    real(wp) :: skin
 
     i = list%first(k)
     j = list%second(k)
@@ -163,6 +165,7 @@ contains
     list%old(k) = 0
     if (j > 0) list%old(k) = slot_of(pairs, i, j)
     j = list%second(k)
+    skin = pair_skin(pairs, i, pairs%grain(j))
     list%normal(:, k) = 0.0_wp
     contact = .false.
     if (list%old(k) > 0) then
@@ -175,11 +178,12 @@ contains
     list%gap(k) = -1.0_wp
     if (geometry > 1 .and. .not. contact) then
       call find_form_gap(pairs%body(1:3, j) - pairs%body(1:3, i), grains%forms%record(:, i), &
-                         grains%forms%record(:, pairs%grain(j)), pairs%skin, list%normal(:, k), &
+                         grains%forms%record(:, pairs%grain(j)), skin, list%normal(:, k), &
                          list%gap(k))
     else if (.not. contact) then
-      call find_gap(pairs%body(:, i), pairs%body(:, j), pairs%skin, list%normal(:, k), list%gap(k))
+      call find_gap(pairs%body(:, i), pairs%body(:, j), skin, list%normal(:, k), list%gap(k))
     end if
+    list%gap(k) = in_skins(list%gap(k), skin, pairs%skin)
     list%group(k) = group_of(.false., grains%material(i), grains%material(pairs%grain(j)), &
                              geometry, band_of(list%gap(k), pairs%skin))
     associate (kinds => grains%kind([i, pairs%grain(j)]))
@@ -192,6 +196,13 @@ contains
       end if
     end associate
   end subroutine look_at_pair
+
+  !> A gap in the margins of its pair, as if these were the skin.
+  pure real(wp) function in_skins(gap, pair, skin)
+    real(wp), intent(in) :: gap, pair, skin  !! [m]
+    in_skins = gap
+    if (gap > 0.0_wp .and. pair > skin) in_skins = gap*(skin/pair)
+  end function in_skins
 
   !> Pairs that touch or nearly touch are in band 0; the others can be passed over for a while.
   pure integer(i4) function band_of(gap, skin) result(band)
@@ -246,7 +257,7 @@ contains
     type(list_type), intent(inout) :: list
     integer(i4) :: k, j, body, geometry
     integer(i4), allocatable :: old(:)  !! (grains) slot in the list before, 0: none
-    real(wp) :: gap, normal(3), support, point(3)
+    real(wp) :: gap, normal(3), support, point(3), skin
 
     if (planes%n == 0) return
     allocate (old(grains%n), source=0_i4)
@@ -257,7 +268,8 @@ contains
       do j = 1, grains%n
         if (grains%kind(j) /= kind_free) cycle
         gap = dot_product(pairs%body(1:3, j) - planes%point(:, k), normal)
-        if (gap - grains%radius(j) > pairs%skin) cycle
+        skin = pair_skin(pairs, body, j)
+        if (gap - grains%radius(j) > skin) cycle
         geometry = 1
         if (grains%forms%n > 0) geometry = 1 + grains%forms%kind(j)
         if (geometry > 1) then
@@ -266,7 +278,8 @@ contains
         else
           gap = gap - sqrt(dot_product(normal, matrix_times(pairs%body(10:15, j), normal)))
         end if
-        if (gap > pairs%skin) cycle
+        if (gap > skin) cycle
+        gap = in_skins(gap, skin, pairs%skin)
         if (list%count == size(list%first)) &
           call make_room(list, list%count + list%count/8_i4 + 64_i4)
         list%count = list%count + 1

@@ -20,7 +20,7 @@ module dem_cells
     integer(i4), allocatable :: cell(:)     !! cell of a grain, 0 for large ones
     integer(i4), allocatable :: start(:)    !! (cells+1)
     integer(i4), allocatable :: member(:)   !! grains by cell, ascending inside a cell
-    real(wp), allocatable :: centre(:, :)   !! (4, members) centre and bounding radius [m]
+    real(wp), allocatable :: centre(:, :)   !! (4, members) centre, bounding radius with spare [m]
     integer(i4), allocatable :: large(:)    !! large grains, ascending
   end type grid_type
 
@@ -33,9 +33,10 @@ module dem_cells
 contains
 
   !> Pairs (first < second), ascending in first, then second.
-  subroutine find_candidates(body, radius, kind, margin, ghost_pairs, first, second, count)
+  subroutine find_candidates(body, radius, spare, kind, margin, ghost_pairs, first, second, count)
     real(wp), intent(in), contiguous :: body(:, :)  !! body records, see dem_state
     real(wp), intent(in) :: radius(:)               !! bounding spheres [m]
+    real(wp), intent(in) :: spare(:)                !! what a grain adds to the margin [m]
     integer(i4), intent(in) :: kind(:)
     real(wp), intent(in) :: margin                  !! list pairs with a smaller gap [m]
     logical, intent(in) :: ghost_pairs              !! ghost-ghost pairs wanted
@@ -47,7 +48,7 @@ contains
     integer(i4), allocatable :: offset(:)
 
     n = size(radius)
-    call make_grid(body, radius, margin, grid)
+    call make_grid(body, radius, spare, margin, grid)
     allocate (share(0:omp_get_max_threads() - 1), offset(0:omp_get_max_threads()))
     offset = 0
     !$omp parallel default(shared) private(me, threads, low, high, at, k)
@@ -55,7 +56,7 @@ contains
     threads = omp_get_num_threads()
     low = 1 + int(int(n, int64)*me/threads, i4)
     high = int(int(n, int64)*(me + 1)/threads, i4)
-    call list_range(body, radius, kind, margin, ghost_pairs, grid, low, high, share(me))
+    call list_range(body, radius, spare, kind, margin, ghost_pairs, grid, low, high, share(me))
     !$omp barrier
     !$omp single
     do k = 0, threads - 1
@@ -96,17 +97,23 @@ contains
   end function common_radius
 
   !> Choose box and cell size, sort the grains into cells.
-  subroutine make_grid(body, radius, margin, grid)
+  subroutine make_grid(body, radius, spare, margin, grid)
     real(wp), intent(in), contiguous :: body(:, :)
-    real(wp), intent(in) :: radius(:), margin
+    real(wp), intent(in) :: radius(:), spare(:), margin
     type(grid_type), intent(out) :: grid
-    real(wp) :: common, mean(3), spread(3), high(3), cells
+    real(wp), parameter :: slack = 1.2_wp  !! of common radii, for margins
+    real(wp) :: common, widest, mean(3), spread(3), high(3), cells
     integer(i4) :: n, i, c, large
     integer(i4), allocatable :: fill(:)
+    logical :: is_large(size(radius))
 
     n = size(radius)
     common = common_radius(radius)
-    grid%size = max(2.0_wp*common + margin, tiny(1.0_wp))
+    is_large = radius > common
+    if (count(radius + spare > slack*common) <= 2*most_large) &
+      is_large = is_large .or. radius + spare > slack*common
+    widest = max(maxval(radius + spare, mask=.not. is_large), 0.0_wp)
+    grid%size = max(2.0_wp*widest + margin, tiny(1.0_wp))
     do i = 1, 3
       mean(i) = sum(body(i, :n))/max(n, 1)
       spread(i) = sqrt(sum((body(i, :n) - mean(i))**2)/max(n, 1))
@@ -121,11 +128,11 @@ contains
 
     allocate (grid%cell(n), source=0)
     allocate (grid%start(product(grid%n) + 1), source=0)
-    large = count(radius > common)
+    large = count(is_large)
     allocate (grid%large(large), grid%member(n - large), grid%centre(4, n - large))
     large = 0
     do i = 1, n
-      if (radius(i) > common) then
+      if (is_large(i)) then
         large = large + 1
         grid%large(large) = i
         cycle
@@ -143,7 +150,7 @@ contains
       c = grid%cell(i)
       if (c == 0) cycle
       grid%member(fill(c)) = i
-      grid%centre(:, fill(c)) = [body(1:3, i), radius(i)]
+      grid%centre(:, fill(c)) = [body(1:3, i), radius(i) + spare(i)]
       fill(c) = fill(c) + 1
     end do
   end subroutine make_grid
@@ -164,9 +171,9 @@ contains
   end function cell_index
 
   !> Candidates whose lower grain is in low..high.
-  subroutine list_range(body, radius, kind, margin, ghost_pairs, grid, low, high, share)
+  subroutine list_range(body, radius, spare, kind, margin, ghost_pairs, grid, low, high, share)
     real(wp), intent(in), contiguous :: body(:, :)
-    real(wp), intent(in) :: radius(:), margin
+    real(wp), intent(in) :: radius(:), spare(:), margin
     integer(i4), intent(in) :: kind(:), low, high
     logical, intent(in) :: ghost_pairs
     type(grid_type), intent(in) :: grid
@@ -196,7 +203,7 @@ contains
         end do
       else
         x = body(1:3, i)
-        reach = radius(i) + margin
+        reach = radius(i) + spare(i) + margin
         c = cell_of(grid, x)
         close = 0
         do cz = max(c(3) - 1, 1), min(c(3) + 1, grid%n(3))
@@ -232,16 +239,17 @@ contains
     subroutine try(i, j, found)
       integer(i4), intent(in) :: i, j
       integer(i4), intent(inout) :: found
-      real(wp) :: r(3), square, reach
+      real(wp) :: r(3), square, reach, apart
       if (kind(i) /= kind_free .and. kind(j) /= kind_free) then
         if (.not. (ghost_pairs .and. kind(i) == kind_ghost .and. kind(j) == kind_ghost)) return
       end if
       r = body(1:3, j) - body(1:3, i)
       square = r(1)*r(1) + r(2)*r(2) + r(3)*r(3)
-      reach = radius(i) + radius(j) + margin
+      apart = margin + spare(i) + spare(j)
+      reach = radius(i) + radius(j) + apart
       if (square > reach*reach) return
       if (square - sqrt(form(body(10:15, i), r)) - sqrt(form(body(10:15, j), r)) &
-          > margin*sqrt(square)) return
+          > apart*sqrt(square)) return
       found = found + 1
       partner(found) = j
     end subroutine try

@@ -45,8 +45,8 @@ contains
     n = grains%n
     kind = grains%kind(folded%grain)
     if (all(kind == kind_free)) kind(n + 1:) = kind_fixed  ! copies do not meet each other
-    call find_candidates(folded%body, grains%radius(folded%grain), kind, pairs%skin, ghost_pairs, &
-                         a, b, found)
+    call find_candidates(folded%body, grains%radius(folded%grain), [(0.0_wp, k=1, size(kind))], &
+                         kind, pairs%skin, ghost_pairs, a, b, found)
     allocate (first(found), second(found), key(found))
     count = 0
     do k = 1, found

@@ -20,11 +20,13 @@ module dem_mover
     integer(i4) :: free_count            !! of these, free
     logical :: round                     !! all are spheres
     logical :: pushed                    !! some have extra forces or moments
+    logical :: eased                     !! some have more margin than half the skin
     real(wp) :: travel                   !! since the list was made, or more [m]
     real(wp) :: arm                      !! greatest reach, see dem_pairs_type [m]
     real(wp) :: free(lanes)              !! 1 for free grains, else 0
     real(wp) :: q(lanes, 4), theta(lanes, 3), mass(lanes)
     real(wp) :: inertia(lanes, 3), square(lanes, 3)
+    real(wp) :: ease(lanes)              !! see dem_margin; read where some are below 1
   end type mover_type
 
   !> What is needed of a mover for the length of a half step: it stays in the cache.
@@ -68,6 +70,9 @@ contains
     b%arm = maxval(pairs%reach(low + 1:low + count))
     b%round = .not. b%arm > 0.0_wp
     b%travel = huge(b%travel)
+    b%ease(:count) = pairs%ease(low + 1:low + count)
+    b%ease(count + 1:) = 1.0_wp
+    b%eased = any(b%ease < 1.0_wp)
     b%pushed = any(abs(g%extra_force(:, low + 1:low + count)) > 0.0_wp) &
                .or. any(abs(g%extra_moment(:, low + 1:low + count)) > 0.0_wp)
   end subroutine load_mover
@@ -214,12 +219,13 @@ contains
   end subroutine idle
 
   !> Largest travel of the surfaces of the free lanes, along any normal, since the list was made:
-  !! displacement, and rotation times the difference of the extreme semi-axes [m].
-  pure real(wp) function travel_of_mover(b, push, x0, q0, reach) result(most)
+  !! displacement, and rotation times the difference of the extreme semi-axes, in their own margins
+  !! (dem_margin) [m].
+  pure real(wp) function travel_of_mover(b, push, x0, q0, reach, ease) result(most)
     type(mover_type), intent(in) :: b
     type(push_type), intent(in) :: push
     real(wp), intent(in), contiguous :: x0(:, :), q0(:, :)  !! (:, grains) then [m], [-]
-    real(wp), intent(in) :: reach(:)                        !! (grains) of that difference [m]
+    real(wp), intent(in) :: reach(:), ease(:)  !! (grains) of that difference [m]; of margins [-]
     real(wp) :: square(lanes), cosine, sine, travel(lanes)
     integer(i4) :: k
 
@@ -227,7 +233,7 @@ contains
     travel = 0.0_wp
     do k = 1, b%count
       square(k) = b%free(k)*((push%s%x(k, 1) - x0(1, k))**2 + (push%s%x(k, 2) - x0(2, k))**2 &
-                             + (push%s%x(k, 3) - x0(3, k))**2)
+                             + (push%s%x(k, 3) - x0(3, k))**2)*ease(k)**2
     end do
     if (b%round) then
       most = sqrt(maxval(square))
@@ -239,7 +245,7 @@ contains
       sine = sqrt(max(1.0_wp - cosine*cosine, 0.0_wp))
       ! asin(s) <= s + (pi/2 - 1) s^3
       travel(k) = sqrt(square(k)) &
-                  + b%free(k)*2.0_wp*reach(k)*sine*(1.0_wp + 0.571_wp*sine*sine)
+                  + b%free(k)*ease(k)*2.0_wp*reach(k)*sine*(1.0_wp + 0.571_wp*sine*sine)
     end do
     most = maxval(travel)
     if (.not. all(travel <= huge(most))) most = huge(most)
@@ -262,15 +268,21 @@ contains
       do k = 1, lanes
         square(k) = push%s%vx(k)**2 + push%s%vy(k)**2 + push%s%vz(k)**2
       end do
+      if (b%eased) square = square*b%ease**2
       most = dt*sqrt(maxval(square))
       ! a radian adds at most 1.32 reach to the travel, and half a radian to the quaternion
-      if (.not. b%round) most = most + 2.7_wp*b%arm*sqrt(maxval(push%turned))
+      if (b%eased) then
+        most = most + 2.7_wp*b%arm*sqrt(maxval(push%turned*b%ease**2))
+      else if (.not. b%round) then
+        most = most + 2.7_wp*b%arm*sqrt(maxval(push%turned))
+      end if
       b%travel = b%travel + most
       if (all(square <= huge(most)) .and. b%travel <= 0.5_wp*pairs%skin) return
     end if
     associate (low => b%low + 1, high => b%low + b%count)
       b%travel = travel_of_mover(b, push, pairs%reference_x(:, low:high), &
-                                 pairs%reference_q(:, low:high), pairs%reach(low:high))
+                                 pairs%reference_q(:, low:high), pairs%reach(low:high), &
+                                 pairs%ease(low:high))
     end associate
   end subroutine follow_travel
 

@@ -33,9 +33,10 @@ contains
     n = grains%n
     bodies = n + 3 + planes%n
     if (allocated(pairs%body)) deallocate (pairs%body, pairs%reference_x, pairs%reference_q, &
-                                           pairs%reach, pairs%grain)
+                                           pairs%reach, pairs%ease, pairs%grain)
     allocate (pairs%body(body_size, bodies), pairs%reference_x(3, bodies), source=0.0_wp)
     allocate (pairs%reference_q(4, bodies), pairs%reach(bodies), source=0.0_wp)
+    allocate (pairs%ease(bodies), source=1.0_wp)
     allocate (pairs%grain(bodies), source=0)
     pairs%plain = bodies
     pairs%images = 0

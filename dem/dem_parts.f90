@@ -10,6 +10,7 @@ module dem_parts
   use dem_cells, only: find_candidates
   use dem_form_state, only: put_frame
   use dem_integrate, only: work_count
+  use dem_margin, only: spare_margins, chosen_spare
   use dem_prescribed, only: put_body, finish_prescribed
   use dem_state, only: dem_data_type, kind_free, kind_ghost, lanes, history_side
   implicit none
@@ -29,8 +30,9 @@ contains
     logical :: mark(d%grains%n)
     integer(i4) :: count, k, i
 
-    call find_candidates(d%pairs%body, d%grains%radius, d%grains%kind, reach*d%pairs%skin, &
-                         .false., first, second, count)
+    call find_candidates(d%pairs%body, d%grains%radius, spare_margins(d%pairs, d%grains%n) &
+                         + chosen_spare(d), d%grains%kind, reach*d%pairs%skin, .false., first, &
+                         second, count)
     mark = .false.
     do k = 1, count
       mark(first(k)) = .true.
@@ -50,6 +52,7 @@ contains
       parts%is_near = .false.
       parts%is_near(near) = .true.
       parts%chosen = d%health%rebuilds
+      parts%spare = chosen_spare(d)
       parts%active = .true.
       if (allocated(parts%of_free)) return
       allocate (parts%of_free(6, d%grains%n), parts%of_ghosts(6, d%grains%n), source=0.0_wp)

@@ -4,6 +4,7 @@ module dem_relist
   use talus_errors, only: error_list_type
   use talus_text, only: str
   use dem_cell, only: least_width, is_periodic
+  use dem_margin, only: set_margins
   use dem_migrate, only: share_out
   use dem_pairs, only: build_pairs
   use dem_state, only: dem_data_type
@@ -35,7 +36,8 @@ contains
   end function larger
 
   !> Bound of how far the surface of grain i has come, along any normal, since the list was made:
-  !! displacement, and rotation times the difference of the extreme semi-axes.
+  !! displacement, and rotation times the difference of the extreme semi-axes; in its own margin,
+  !! see dem_margin.
   pure real(wp) function travel_of(d, i)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: i
@@ -49,7 +51,8 @@ contains
              + d%grains%quat(4, i)*d%pairs%reference_q(4, i)
     sine = sqrt(max(1.0_wp - cosine*cosine, 0.0_wp))
     ! asin(s) <= s + (pi/2 - 1) s^3
-    travel_of = sqrt(square) + 2.0_wp*d%pairs%reach(i)*sine*(1.0_wp + 0.571_wp*sine*sine)
+    travel_of = d%pairs%ease(i)*(sqrt(square) + 2.0_wp*d%pairs%reach(i)*sine &
+                                 *(1.0_wp + 0.571_wp*sine*sine))
   end function travel_of
 
   !> Largest travel of any grain or plane since the list was made [m].
@@ -106,6 +109,7 @@ contains
     else if (d%health%steps - d%pairs%built_at > many_steps) then
       d%pairs%skin = max(d%pairs%skin/1.3_wp, d%pairs%least_skin)
     end if
+    call set_margins(d)
     d%pairs%built_at = d%health%steps
     if (d%halo%team%several()) call share_out(d, contacts)
     call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)

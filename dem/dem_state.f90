@@ -153,6 +153,7 @@ module dem_state
     real(wp), allocatable :: reference_x(:, :)   !! (3, bodies) where the list was made [m]
     real(wp), allocatable :: reference_q(:, :)   !! (4, bodies) orientation then [-]
     real(wp), allocatable :: reach(:)            !! (bodies) greatest minus least semi-axis [m]
+    real(wp), allocatable :: ease(:)             !! (bodies) half the skin over their margin
     integer(i4), allocatable :: start(:)         !! (bodies+1) first entry of a body
     integer(i4), allocatable :: entry(:)         !! 2*(slot-1) + side, by partner id
     integer(i4) :: plain = 0                     !! bodies that are no images
@@ -248,6 +249,7 @@ module dem_state
     real(wp), allocatable :: of_free(:, :)  !! (6, grains) force, moment of free ones on ghosts [N]
     real(wp), allocatable :: of_ghosts(:, :)  !! (6, grains) the same of ghosts on ghosts
     real(wp) :: pending = 0.0_wp            !! drift since those were evaluated [s]
+    real(wp), allocatable :: spare(:)       !! (grains) what their margins may have more [m]
     integer(i8) :: chosen = 0               !! rebuilds of the list when near was chosen
     integer(i4) :: stage = 0                !! of an evaluation that is under way: stage_*
     integer(i4) :: next = 0                 !! block of pairs without ghosts that is due

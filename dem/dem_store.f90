@@ -57,6 +57,8 @@ contains
     if (d%parts%active) then
       call archive%put_reals('parts.of_free', d%parts%of_free)
       call archive%put_reals('parts.of_ghosts', d%parts%of_ghosts)
+      if (allocated(d%parts%spare)) call archive%put_reals('parts.spare', &
+        reshape(d%parts%spare, [1, d%grains%n]))
       call archive%put_reals('parts.pending', reshape([d%parts%pending], [1, 1]))
     end if
     call archive%put_reals('ledger', ledger_row(d%ledger))
@@ -148,6 +150,8 @@ contains
     call archive%put_reals('pairs.m_star', p%m_star)
     call put_extras(p%extras, archive)
     call archive%put_reals('pairs.reference_x', p%reference_x)
+    if (any(p%ease < 1.0_wp)) &
+      call archive%put_reals('pairs.ease', reshape(p%ease, [1, size(p%ease)]))
     call archive%put_reals('pairs.reference_q', p%reference_q)
   end subroutine put_pairs
 
@@ -344,6 +348,8 @@ contains
       call archive%get_reals('parts.of_ghosts', 6, d%grains%n, d%parts%of_ghosts, errors)
       call archive%get_reals('parts.pending', 1, 1, row, errors)
       d%parts%pending = row(1, 1)
+      k = archive%find('parts.spare')
+      if (k > 0) d%parts%spare = archive%item(k)%reals(1, :)
     end if
     call get_run_of_extras(d%pairs%extras, archive, errors)
     if (errors%any()) return
@@ -506,6 +512,10 @@ contains
       p%m_star = flat
       call archive%get_reals('pairs.reference_x', 3, p%plain, flat, errors)
       p%reference_x = flat
+      if (archive%find('pairs.ease') > 0) then
+        call archive%get_reals('pairs.ease', 1, p%plain, flat, errors)
+        p%ease = flat(1, :)
+      end if
       call archive%get_reals('pairs.reference_q', 4, p%plain, flat, errors)
       p%reference_q = flat
       p%columns = reshape(spread(0.0_wp, 1, column_count*m), [column_count, m])
