@@ -670,7 +670,7 @@ contains
 
   subroutine group_surcharge(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('surcharge', 7, &
+    call table%add_group('surcharge', 8, &
       'A pressure on the free surface of the bed, downwards along z: each uppermost ' &
       //'grain (nothing above its centre within its outline in the plan) carries the ' &
       //'stress times the free part of its Voronoi cell in the plan, so that all forces ' &
@@ -706,6 +706,13 @@ contains
       //'the first exchange after so many.')
     call table%preset('100')
     call table%bounds(min=100.0_wp)
+    call table%add_key('follow', 'real', '', &
+      'Looks in which the load of a grain follows its share of the surface, by 1/follow' &
+      //' of the difference at each; the total follows at once. With 1 grains that come ' &
+      //'to the surface or leave it are struck, which shakes a bed that has no background' &
+      //' damping.')
+    call table%preset('20.0')
+    call table%bounds(min=1.0_wp)
   end subroutine group_surcharge
 
   subroutine group_cell(table)

@@ -43,6 +43,7 @@ module dem_surcharge
     real(wp) :: clearance = 0.0_wp           !! radius of discs over that of driven grains [-]
     real(wp), allocatable :: hole(:, :)      !! (3, 0 or 1) disc of the deck [m]
     integer(i4) :: every = longest           !! steps between two looks
+    real(wp) :: follow = 20.0_wp             !! looks in which a grain's load follows its share
     type(history_type) :: history
   contains
     procedure :: read => read_surcharge
@@ -54,6 +55,7 @@ module dem_surcharge
     procedure :: open => open_history
     procedure :: write => write_row
     procedure, private :: plan_now
+    procedure, private :: approach
   end type dem_surcharge_type
 
 contains
@@ -77,6 +79,7 @@ contains
     call curve_index(deck, 'D250', curves, 'surcharge', 1, self%curve, errors)
     call deck%get('surcharge', 1, 'clearance', self%clearance)
     call deck%get('surcharge', 1, 'update_every', self%every)
+    call deck%get('surcharge', 1, 'follow', self%follow)
     if (modulo(self%every, longest) /= 0) &
       call deck%fault(errors, 'D248', 'looks fall on multiples of 100 steps', 'surcharge', 1, &
                       'update_every', 'take 100, 200, ...')
@@ -196,6 +199,7 @@ contains
     if (self%curve > 0) stress = self%stress*self%curves(self%curve)%at(time)
     allocate (force(d%grains%n), source=0.0_wp)
     force(rows) = merge(stress*area, 0.0_wp, carries)
+    call self%approach(d%surcharge, force)
     before = staggering_of(d)
     d%grains%extra_force(3, :) = (d%grains%extra_force(3, :) + d%surcharge) - force
     d%surcharge = force
@@ -206,6 +210,20 @@ contains
     d%surcharge_seen = [stress, loaded, real(size(rows), wp), sum(force), minval(area), &
                         maxval(area), sum(area*d%grains%x(3, rows))/sum(area), real(steps, wp)]
   end subroutine look
+
+  !> Loads on the way from what they were to what they shall be, of the same sum: a grain that comes
+  !! to the surface or leaves it is not struck.
+  pure subroutine approach(self, before, force)
+    class(dem_surcharge_type), intent(in) :: self
+    real(wp), intent(in) :: before(:)    !! (grains) [N]
+    real(wp), intent(inout) :: force(:)  !! shares in, loads out [N]
+    real(wp) :: whole, part
+    if (.not. (self%follow > 1.0_wp .and. sum(before) > 0.0_wp)) return
+    whole = sum(force)
+    force = before + (force - before)/self%follow
+    part = sum(force)
+    if (part > 0.0_wp) force = force*(whole/part)
+  end subroutine approach
 
   !> Rectangle and discs as they are now; discs that overlap are a fault (N231).
   subroutine plan_now(self, d, plan, errors)

@@ -21,6 +21,7 @@ program test_dem_surcharge
   call check_outlines()
   call check_surface()
   call check_forces()
+  call check_follow()
   call check_ghosts()
   call check_faults()
   call test%finish()
@@ -194,6 +195,45 @@ contains
     call test%check('a deck without takes it off', .not. allocated(copy%surcharge) .and. &
                     all(abs(copy%grains%extra_force) <= 0.0_wp))
   end subroutine check_forces
+
+  !> A load follows its share in so many looks, the total at once.
+  subroutine check_follow()
+    type(dem_system_type) :: s
+    type(dem_surcharge_type) :: surcharge
+    type(error_list_type) :: errors
+    real(wp) :: x(3, 2), wanted
+    integer(i4) :: k
+    x = reshape([1.0_wp, 1.0_wp, 1.0_wp, 4.0_wp, 1.0_wp, 1.0_wp], [3, 2])
+    call make_spheres(1.0e-3_wp*x, [kind_free, kind_free], s)
+    surcharge%active = .true.
+    surcharge%stress = 1.0e5_wp
+    surcharge%upper = [5.0e-3_wp, 2.0e-3_wp]
+    surcharge%follow = 20.0_wp
+    allocate (surcharge%hole(3, 0))
+    call surcharge%start(s%dem_data_type, 0.0_wp, 0_i8, errors)
+    call test%check_close('at first its share', s%surcharge(1), 0.5_wp, 1.0e-15_wp)
+    s%grains%x(1, 1) = 2.0e-3_wp  ! the border comes to 3 mm
+    wanted = 0.5_wp
+    do k = 1, 3
+      call surcharge%look(s%dem_data_type, 0.0_wp, 0_i8, errors)
+      wanted = wanted + (0.6_wp - wanted)/20.0_wp
+    end do
+    call test%check_close('then on the way', s%surcharge(1), wanted, 1.0e-14_wp)
+    call test%check_close('with what is held', s%grains%extra_force(3, 1), -wanted, 1.0e-14_wp)
+    call test%check_close('all of it', sum(s%surcharge), 1.0_wp, 1.0e-14_wp)
+    surcharge%stress = 2.0e5_wp
+    call surcharge%look(s%dem_data_type, 0.0_wp, 0_i8, errors)
+    call test%check_close('the total at once', sum(s%surcharge), 2.0_wp, 1.0e-14_wp)
+    do k = 1, 700
+      call surcharge%look(s%dem_data_type, 0.0_wp, 0_i8, errors)
+    end do
+    call test%check_close('at last its share', s%surcharge(1), 1.2_wp, 1.0e-12_wp)
+    surcharge%follow = 1.0_wp
+    s%grains%x(1, 1) = 1.0e-3_wp
+    call surcharge%look(s%dem_data_type, 0.0_wp, 0_i8, errors)
+    call test%check_close('or without delay', s%surcharge(1), 1.0_wp, 1.0e-14_wp)
+    call test%check('no fault', .not. errors%any())
+  end subroutine check_follow
 
   !> A ghost between two free grains, where grains overlap with a solid: it keeps its share, which
   !! no grain carries; elsewhere it is a wall, and the free ones carry all.
