@@ -1,4 +1,4 @@
-"""Surcharge: total force, shares of a lattice, load on the floor, and the ledger."""
+"""Surcharge: total force, shares of a lattice, load on the floor, the ledger, a bed at rest."""
 
 import numpy as np
 
@@ -12,9 +12,10 @@ TOOL, EDGE, TOOL_STRESS = (2.0e-3, 2.0e-3, 8.0e-3), 0.020, 2.0e3
 
 
 def run(case: Case) -> None:
-    """Press a square lattice; then a cloud with a tool in its middle."""
+    """Press a square lattice; a cloud with a tool in its middle; a bed that is left alone."""
     flat = flat_bed(case)
     tool = stirred_bed(case)
+    quiet_bed(case)
     fig, (left, right) = case.figure(ncols=2, figsize=(9.4, 3.8))
     left.plot(1e3 * flat["time"], flat["wanted"], label="surcharge + weight")
     left.plot(1e3 * flat["time"], flat["floor"], ".", ms=3, label="force on the floor")
@@ -90,6 +91,24 @@ def stirred_bed(case: Case) -> dict[str, np.ndarray]:
     share = float(rows["external_work"][-1] / work[-1])
     case.metric("work of the history / of the ledger", share, 1.0, 0.0)
     return rows
+
+
+def quiet_bed(case: Case) -> None:
+    """A pressed bed without background damping stays at rest, unless its grains are struck."""
+    bed = cloud(np.ones(300), np.array([EDGE, EDGE, 0.030]), np.array([1.25e-3, 1e-3, 0.75e-3]),
+                seed=3)  # fmt: skip
+    write_h5(case.folder / "bed.h5", bed)
+    case.run("talus-dem", "press.nml", "--threads=1")
+    text = (case.folder / "rest.nml").read_text()
+    (case.folder / "struck.nml").write_text(text.replace("follow = 20.0", "follow = 1.0"))
+    lost = {}
+    for name in ("rest", "struck"):
+        case.run("talus-dem", f"{name}.nml", "--threads=1")
+        friction = read_history(case.folder / f"{name}_energy.csv")["friction"]
+        lost[name] = friction[-1] - friction[len(friction) // 2]
+    case.above("friction of a bed at rest with shares at once [J]", float(lost["struck"]), 5e-3)
+    share = float(lost["rest"] / lost["struck"])
+    case.below("the same with shares that are followed / with shares at once", share, 0.2)
 
 
 def closure(case: Case, name: str, what: str) -> None:
