@@ -46,7 +46,7 @@ contains
       call put_bodies(mover, push, d%pairs%body, d%grains%forms)
       associate (low => mover%low + 1, high => mover%low + mover%count)
         travel = travel_of_mover(mover, push, x0, d%pairs%reference_q(:, low:high), &
-                                 d%pairs%reach(low:high), d%pairs%ease(low:high))
+                                 d%pairs%reach(low:high))
       end associate
     end if
     do k = 1, mover%count

@@ -221,11 +221,11 @@ contains
   !> Largest travel of the surfaces of the free lanes, along any normal, since the list was made:
   !! displacement, and rotation times the difference of the extreme semi-axes, in their own margins
   !! (dem_margin) [m].
-  pure real(wp) function travel_of_mover(b, push, x0, q0, reach, ease) result(most)
+  pure real(wp) function travel_of_mover(b, push, x0, q0, reach) result(most)
     type(mover_type), intent(in) :: b
     type(push_type), intent(in) :: push
     real(wp), intent(in), contiguous :: x0(:, :), q0(:, :)  !! (:, grains) then [m], [-]
-    real(wp), intent(in) :: reach(:), ease(:)  !! (grains) of that difference [m]; of margins [-]
+    real(wp), intent(in) :: reach(:)                        !! (grains) of that difference [m]
     real(wp) :: square(lanes), cosine, sine, travel(lanes)
     integer(i4) :: k
 
@@ -233,7 +233,7 @@ contains
     travel = 0.0_wp
     do k = 1, b%count
       square(k) = b%free(k)*((push%s%x(k, 1) - x0(1, k))**2 + (push%s%x(k, 2) - x0(2, k))**2 &
-                             + (push%s%x(k, 3) - x0(3, k))**2)*ease(k)**2
+                             + (push%s%x(k, 3) - x0(3, k))**2)*b%ease(k)**2
     end do
     if (b%round) then
       most = sqrt(maxval(square))
@@ -245,7 +245,7 @@ contains
       sine = sqrt(max(1.0_wp - cosine*cosine, 0.0_wp))
       ! asin(s) <= s + (pi/2 - 1) s^3
       travel(k) = sqrt(square(k)) &
-                  + b%free(k)*ease(k)*2.0_wp*reach(k)*sine*(1.0_wp + 0.571_wp*sine*sine)
+                  + b%free(k)*b%ease(k)*2.0_wp*reach(k)*sine*(1.0_wp + 0.571_wp*sine*sine)
     end do
     most = maxval(travel)
     if (.not. all(travel <= huge(most))) most = huge(most)
@@ -260,7 +260,7 @@ contains
     type(dem_pairs_type), intent(in) :: pairs  !! the limit is half the skin
     real(wp), intent(in) :: dt                 !! [s]
     logical, intent(in) :: exact               !! wanted
-    real(wp) :: square(lanes), most
+    real(wp) :: square(lanes), turned(lanes), most
     integer(i4) :: k
 
     if (.not. exact) then
@@ -271,18 +271,17 @@ contains
       if (b%eased) square = square*b%ease**2
       most = dt*sqrt(maxval(square))
       ! a radian adds at most 1.32 reach to the travel, and half a radian to the quaternion
-      if (b%eased) then
-        most = most + 2.7_wp*b%arm*sqrt(maxval(push%turned*b%ease**2))
-      else if (.not. b%round) then
-        most = most + 2.7_wp*b%arm*sqrt(maxval(push%turned))
+      if (.not. b%round) then
+        turned = push%turned
+        if (b%eased) turned = turned*b%ease**2
+        most = most + 2.7_wp*b%arm*sqrt(maxval(turned))
       end if
       b%travel = b%travel + most
       if (all(square <= huge(most)) .and. b%travel <= 0.5_wp*pairs%skin) return
     end if
     associate (low => b%low + 1, high => b%low + b%count)
       b%travel = travel_of_mover(b, push, pairs%reference_x(:, low:high), &
-                                 pairs%reference_q(:, low:high), pairs%reach(low:high), &
-                                 pairs%ease(low:high))
+                                 pairs%reference_q(:, low:high), pairs%reach(low:high))
     end associate
   end subroutine follow_travel
 

@@ -47,7 +47,7 @@ contains
       call drift_mover(mover, push, dt)
       call follow_travel(mover, push, pairs, dt, step == 1)
       exact = travel_of_mover(mover, push, pairs%reference_x(:, :lanes), &
-                              pairs%reference_q(:, :lanes), pairs%reach(:lanes), pairs%ease(:lanes))
+                              pairs%reference_q(:, :lanes), pairs%reach(:lanes))
       least = min(least, mover%travel/exact)
       excess = max(excess, mover%travel/exact)
       if (exact > 0.5_wp*pairs%skin) found = found .and. abs(mover%travel - exact) <= 0.0_wp
