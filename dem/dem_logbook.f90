@@ -70,6 +70,9 @@ contains
     call log%item('contacts', str(system%contact_number()), &
                   str(system%pair_number())//' candidate pairs, skin '// &
                   short_number(system%pairs%skin)//' m')
+    if (system%springs%given > 0) call log%item('friction', str(system%springs%used), &
+      'of these contacts begin with the tangential force of the packing ('// &
+      str(system%springs%given)//' in the file)')
     limit = system%step_limit()
     how = 'no contacts yet'
     if (limit < 0.1_wp*huge(limit)) how = short_number(limit)//' s'

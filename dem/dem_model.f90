@@ -19,7 +19,7 @@ module dem_model
   use talus_timers, only: timers_type
   use dem_state, only: dem_health_type, kind_driven
   use dem_system, only: dem_system_type
-  use dem_packing, only: dem_packing_type, write_packing
+  use dem_packing, only: dem_packing_type
   use dem_setup_cell, only: read_cell, check_regions
   use dem_flow, only: dem_flow_type
   use dem_probe, only: dem_probe_type
@@ -42,7 +42,7 @@ module dem_model
   use dem_setup_membranes, only: read_membranes
   use dem_setup_surfaces, only: refuse_cell
   use dem_surface_drive, only: surface_drive_type
-  use dem_view, only: see_grains, wall_stiffness_of
+  use dem_view, only: see_grains, keep_packing, wall_stiffness_of
   use dem_deck_keys, only: dem_deck_table
   implicit none
   private
@@ -401,7 +401,8 @@ contains
   !> Does one process make the first list and forces, whatever the ranks?
   logical function starts_whole(self)
     class(dem_model_type), intent(in) :: self
-    starts_whole = self%needs_whole() .or. self%system%pairs%extras%bond%given
+    starts_whole = self%needs_whole() .or. self%system%pairs%extras%bond%given &
+      .or. self%system%springs%given > 0
   end function starts_whole
 
   !> Have the grains come to rest, and do all servos hold their stresses?
@@ -549,7 +550,7 @@ contains
 
     call self%deck%get('output', 1, 'packing', packing)
     if (self%needs_whole()) call self%system%look()
-    if (self%surcharge%active .or. len(packing) > 0) call see_grains(self%system)
+    if (self%surcharge%active) call see_grains(self%system)
     call self%system%glance()
     if (.not. (errors%any() .or. self%stopped)) call self%judge_rest()
     if (.not. errors%any()) then
@@ -558,8 +559,8 @@ contains
       if (.not. self%served .and. (self%stopped .or. self%deck%count('checkpoint') > 0)) &
         call self%save_checkpoint('', errors)
       if (len(packing) > 0 .and. .not. self%stopped .and. .not. errors%any()) &
-        call write_packing(folder_of(self%stem)//'/'//packing, self%system%grains, &
-                           self%packing%group, errors, self%system%cell)
+        call keep_packing(self%system, folder_of(self%stem)//'/'//packing, &
+                          self%packing%group, errors)
     else if (self%opened) then
       call self%fields%write(self%clock%time(), self%system, ignored)
     end if

@@ -179,6 +179,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i8), allocatable :: ids(:, :)
     real(wp), allocatable :: value(:)
+    logical :: listed
 
     call request%take_int('ids', ids, errors)
     if (errors%any()) return
@@ -187,8 +188,10 @@ contains
     call request%all_read(errors)
     if (errors%any()) return
     associate (model => self%model)
-      if (.not. model%system%par%ghost_pairs .or. model%clock%steps == 0) then
-        model%system%par%ghost_pairs = .true.
+      listed = any(value > 0.0_wp)  ! else contacts between ghosts do not count: none are listed
+      if (.not. model%system%par%overlapped .or. model%clock%steps == 0) then
+        model%system%par%overlapped = .true.
+        model%system%par%ghost_pairs = listed
         call model%system%set_weights(ids, value)
         if (model%clock%steps == 0) call model%system%init(errors)
         if (.not. errors%any()) call model%load_surface(.true., errors)

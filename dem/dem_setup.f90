@@ -62,6 +62,9 @@ contains
     call drive_grains(deck, packing, choices, errors)
     if (errors%any()) return
     call place_grains(deck, system, packing, choices, material, errors)
+    system%springs = packing%springs
+    if (allocated(packing%springs%load) .and. .not. errors%any()) &
+      system%springs%load = packing%springs%load(sorted_order(packing%id))
     call drop_grains(packing)
   end subroutine read_model
 

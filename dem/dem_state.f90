@@ -207,6 +207,7 @@ module dem_state
     real(wp) :: overlap_limit = 0.1_wp           !! overlap / least semi-axis that is a fault [-]
     real(wp) :: energy_limit = 1.0e3_wp          !! kinetic energy / reference that is a fault [-]
     logical :: ghost_pairs = .false.             !! keep ghost-ghost contacts
+    logical :: overlapped = .false.              !! ghosts go on the bed within a solid
   end type dem_parameters_type
 
   !> Energy ledger since the start of the run [J]. Closure: see dem_ledger.
@@ -277,6 +278,7 @@ module dem_state
     real(wp), allocatable :: servo_seen(:, :)      !! (:, planes) last look of servos, dem_servo
     real(wp) :: kept_volume = 0.0_wp               !! of the box [m^3], dem_volume; 0: not yet
     real(wp), allocatable :: surcharge(:)          !! (grains) force downwards now [N]
+    logical, allocatable :: surcharge_top(:)       !! (grains) on the surface at the last look
     real(wp), allocatable :: surcharge_seen(:)     !! last look, dem_surcharge
     logical :: ready = .false.                     !! lists and forces exist
   end type dem_data_type

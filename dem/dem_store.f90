@@ -53,6 +53,8 @@ contains
       call archive%put_reals('surcharge.force', reshape(d%surcharge, [1, size(d%surcharge)]))
       call archive%put_reals('surcharge.seen', reshape(d%surcharge_seen, &
                                                        [1, size(d%surcharge_seen)]))
+      call archive%put_reals('surcharge.top', reshape(merge(1.0_wp, 0.0_wp, d%surcharge_top), &
+                                                      [1, size(d%surcharge_top)]))
     end if
     if (d%parts%active) then
       call archive%put_reals('parts.of_free', d%parts%of_free)
@@ -342,6 +344,11 @@ contains
       d%surcharge = row(1, :)
       call archive%get_reals('surcharge.seen', 1, -1, row, errors)
       d%surcharge_seen = row(1, :)
+      d%surcharge_top = d%surcharge > 0.0_wp  ! as checkpoints without the next leave it
+      if (archive%find('surcharge.top') > 0) then
+        call archive%get_reals('surcharge.top', 1, d%grains%n, row, errors)
+        d%surcharge_top = row(1, :) > 0.5_wp
+      end if
     end if
     if (archive%find('parts.of_free') > 0) then
       call archive%get_reals('parts.of_free', 6, d%grains%n, d%parts%of_free, errors)

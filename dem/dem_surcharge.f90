@@ -147,16 +147,23 @@ contains
   end function due
 
   !> First forces of a fresh run, or of one that goes on from a checkpoint without surcharge; one
-  !! from a checkpoint that had it keeps its forces.
-  subroutine start(self, d, time, steps, errors)
+  !! from a checkpoint that had it keeps its forces, one from a packing that has loads begins with
+  !! those.
+  subroutine start(self, d, given, time, steps, errors)
     class(dem_surcharge_type), intent(in) :: self
     type(dem_data_type), intent(inout) :: d
-    real(wp), intent(in) :: time        !! [s]
-    integer(i8), intent(in) :: steps    !! taken so far
+    real(wp), allocatable, intent(in) :: given(:)  !! (grains) loads of the packing [N]
+    real(wp), intent(in) :: time                   !! [s]
+    integer(i8), intent(in) :: steps               !! taken so far
     type(error_list_type), intent(inout) :: errors
     if (.not. self%active .and. allocated(d%surcharge)) call take_off(d)
     if (.not. self%active .or. allocated(d%surcharge)) return
     allocate (d%surcharge(d%grains%n), d%surcharge_seen(seen_size), source=0.0_wp)
+    if (allocated(given)) then
+      d%surcharge = merge(given, 0.0_wp, d%grains%kind == kind_free)
+      d%surcharge_top = d%surcharge > 0.0_wp
+      d%grains%extra_force(3, :) = d%grains%extra_force(3, :) - d%surcharge
+    end if
     call self%look(d, time, steps, errors)
   end subroutine start
 
@@ -166,7 +173,7 @@ contains
     real(wp) :: before
     before = staggering_of(d)
     d%grains%extra_force(3, :) = d%grains%extra_force(3, :) + d%surcharge
-    deallocate (d%surcharge, d%surcharge_seen)
+    deallocate (d%surcharge, d%surcharge_seen, d%surcharge_top)
     call follow_load(d, before)
   end subroutine take_off
 
@@ -182,10 +189,13 @@ contains
     real(wp), allocatable :: area(:), force(:)
     logical, allocatable :: carries(:)
     real(wp) :: stress, before, loaded
+    integer(i4) :: i
 
     call self%plan_now(d, plan, errors)
     if (errors%any()) return
-    rows = surface_rows(d%grains, plan, d%par%ghost_pairs)
+    rows = surface_rows(d%grains, plan, d%par%overlapped, d%surcharge_top)
+    d%surcharge_top = [(.false., i=1, d%grains%n)]
+    d%surcharge_top(rows) = .true.
     carries = d%grains%kind(rows) == kind_free
     if (.not. any(carries)) then
       call errors%add('N230', 'no grain carries the surcharge at '//short_number(time)//' s: '// &

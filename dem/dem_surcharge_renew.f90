@@ -28,7 +28,8 @@ contains
     allocate (before, source=system%grains%extra_force)
     start = system%ledger%start
     if (first) then
-      call surcharge%start(system%dem_data_type, clock%time(), clock%steps, errors)
+      call surcharge%start(system%dem_data_type, system%springs%load, clock%time(), clock%steps, &
+                           errors)
     else
       call surcharge%look(system%dem_data_type, clock%time(), clock%steps, errors)
     end if

@@ -6,6 +6,9 @@
 !! outlines overlap. A fixed or driven grain lies above if its outline holds the other's centre: a
 !! wall of spheres beside the bed covers nothing. Ghosts do so, too, but where grains overlap with a
 !! solid: there they go on the bed and count as free.
+!!
+!! A grain that was on the surface at the last look leaves it when it is covered by more than that,
+!! one that was not comes back when it is free by more: a bed at rest keeps its surface.
 module dem_surface
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_grains_type, kind_free, kind_ghost
@@ -16,6 +19,8 @@ module dem_surface
   public :: surface_rows
 
   real(wp), parameter :: higher = 0.1_wp  !! of the vertical semi-extent [-]
+  real(wp), parameter :: higher_slack = 0.05_wp   !! more to leave, less to come back [-]
+  real(wp), parameter :: outline_slack = 0.03_wp  !! outlines smaller to leave, larger to come [-]
 
   !> Grains as the plan shows them, those of the bed in square bins.
   type :: view_type
@@ -34,13 +39,15 @@ contains
 
   !> Rows of the free grains of the surface whose centres lie in the rectangle outside the discs,
   !! ascending; with `ghosts` of the ghosts, too.
-  pure function surface_rows(g, plan, ghosts) result(rows)
+  pure function surface_rows(g, plan, ghosts, was) result(rows)
     type(dem_grains_type), intent(in) :: g
     type(plan_type), intent(in) :: plan
-    logical, intent(in) :: ghosts  !! they go on the bed
+    logical, intent(in) :: ghosts            !! they go on the bed
+    logical, intent(in), optional :: was(:)  !! (grains) they were on the surface last time
     integer(i4), allocatable :: rows(:)
     type(view_type) :: view
     logical, allocatable :: top(:)
+    real(wp) :: slack
     integer(i4) :: i
 
     allocate (top(g%n))
@@ -49,8 +56,10 @@ contains
     do i = 1, g%n
       top(i) = view%bed(i)
       if (top(i)) top(i) = inside(plan, g%x(:2, i))
-      if (top(i)) top(i) = .not. under_free(g, view, i)
-      if (top(i)) top(i) = .not. under_held(g, view, i)
+      slack = 0.0_wp
+      if (present(was)) slack = merge(1.0_wp, -1.0_wp, was(i))
+      if (top(i)) top(i) = .not. under_free(g, view, i, slack)
+      if (top(i)) top(i) = .not. under_held(g, view, i, slack)
     end do
     rows = pack([(i, i=1, g%n)], top)
   end function surface_rows
@@ -119,13 +128,16 @@ contains
   end function place_of
 
   !> Does a free grain lie above grain i?
-  pure logical function under_free(g, view, i) result(under)
+  pure logical function under_free(g, view, i, slack) result(under)
     type(dem_grains_type), intent(in) :: g
     type(view_type), intent(in) :: view
     integer(i4), intent(in) :: i
+    real(wp), intent(in) :: slack  !! 1 it was on the surface, -1 it was not, 0 nobody knows
     integer(i4) :: at(2), row, b, k, j
-    real(wp) :: r(2)
+    real(wp) :: r(2), above, scale
 
+    above = g%x(3, i) + (higher + slack*higher_slack)*view%half(i)
+    scale = 1.0_wp + slack*outline_slack
     at = place_of(view, g%x(:2, i))
     under = .true.
     do row = max(at(2) - 1, 1), min(at(2) + 1, view%bins(2))
@@ -133,8 +145,8 @@ contains
       do k = view%first(b + max(at(1) - 1, 1)), &
              view%first(b + min(at(1) + 1, view%bins(1)) + 1) - 1
         j = view%list(k)
-        if (g%x(3, j) <= g%x(3, i) + higher*view%half(i)) cycle
-        r = g%x(:2, j) - g%x(:2, i)
+        if (g%x(3, j) <= above) cycle
+        r = scale*(g%x(:2, j) - g%x(:2, i))
         if (sum(r**2) >= (view%reach(i) + view%reach(j))**2) cycle
         if (outlines_meet(view%outline(:, i), view%outline(:, j), r)) return
       end do
@@ -143,16 +155,17 @@ contains
   end function under_free
 
   !> Does a fixed or driven grain or a ghost lie above the centre of grain i?
-  pure logical function under_held(g, view, i) result(under)
+  pure logical function under_held(g, view, i, slack) result(under)
     type(dem_grains_type), intent(in) :: g
     type(view_type), intent(in) :: view
     integer(i4), intent(in) :: i
+    real(wp), intent(in) :: slack  !! as of under_free
     integer(i4) :: j
     real(wp) :: r(2)
     under = .true.
     do j = 1, g%n
       if (view%bed(j) .or. g%x(3, j) <= g%x(3, i)) cycle
-      r = g%x(:2, i) - g%x(:2, j)
+      r = (1.0_wp + slack*outline_slack)*(g%x(:2, i) - g%x(:2, j))
       if (sum(r**2) >= view%reach(j)**2) cycle
       if (holds_centre(view%outline(:, j), r)) return
     end do

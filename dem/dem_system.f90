@@ -26,7 +26,9 @@ module dem_system
   use dem_measure, only: check_overlap, check_runaway, contact_count
   use dem_store, only: put_state, get_state
   use dem_contacts, only: dem_contacts_type, list_contacts
+  use dem_records, only: index_of
   use dem_slowing, only: reset_sums, stop_slowing
+  use dem_start_springs, only: start_springs_type, hang_springs, count_springs
   use dem_surface_search, only: list_near
   implicit none
   private
@@ -36,6 +38,7 @@ module dem_system
   type, extends(dem_data_type) :: dem_system_type
     type(dem_data_type), allocatable :: kept
     type(dem_crew_type), allocatable :: crew  !! of a run on many ranks
+    type(start_springs_type) :: springs       !! that contacts begin with
     logical :: apart = .false.                !! whose first lists and forces each makes for itself
     type(step_memory_type), private :: memory
     real(wp), private :: limit = 0.0_wp            !! recent_limit [s]
@@ -216,7 +219,9 @@ contains
     call make_bonds(self%dem_data_type, errors)
     if (errors%any()) return
     if (self%surfaces%n > 0) call list_near(self%dem_data_type)
+    if (self%springs%given > 0) call hang_springs(self%dem_data_type, self%springs)
     call evaluate_forces(self%dem_data_type, 0.0_wp)
+    self%springs%used = count_springs(self%dem_data_type, self%springs)
     self%pending = 0.0_wp
     self%ready = .true.
     call check_overlap(self%dem_data_type, 'I215', errors)
@@ -272,6 +277,7 @@ contains
     integer(i4), intent(in) :: n
     type(error_list_type), intent(inout) :: errors
 
+    if (allocated(self%springs%ids)) deallocate (self%springs%ids, self%springs%force)
     if (shared(self)) then
       call self%crew%step(self%dem_data_type, n, errors)
       return
@@ -513,23 +519,12 @@ contains
     integer(i8), intent(in) :: ids(:)
     integer(i4), allocatable, intent(out) :: index(:)
     type(error_list_type), intent(inout) :: errors
-    integer(i4) :: k, low, high, middle
+    integer(i4) :: k
 
-    allocate (index(size(ids)), source=0)
+    allocate (index(size(ids)))
     do k = 1, size(ids)
-      low = 1
-      high = self%grains%n
-      do while (low <= high)
-        middle = (low + high)/2
-        if (self%grains%id(middle) == ids(k)) then
-          index(k) = middle
-          exit
-        else if (self%grains%id(middle) < ids(k)) then
-          low = middle + 1
-        else
-          high = middle - 1
-        end if
-      end do
+      index(k) = 0
+      if (ids(k) > 0) index(k) = index_of(self%dem_data_type, real(ids(k), wp))
       if (index(k) == 0) call errors%add('I216', 'there is no grain with id '//str(ids(k)), &
                                          hint='ids are those of the packing file')
     end do

@@ -2,11 +2,14 @@
 !! many ranks these come in slabs or as sums, and the whole with its lists is not gathered.
 module dem_view
   use talus_kinds, only: wp
+  use talus_errors, only: error_list_type
+  use dem_cell, only: is_periodic
   use dem_measure, only: forces_left, wall_stiffnesses
+  use dem_packing, only: dem_group_type, write_packing
   use dem_system, only: dem_system_type, dem_contacts_type
   implicit none
   private
-  public :: see_grains, see_contacts, wall_stiffness_of, balance_of_forces
+  public :: see_grains, see_contacts, keep_packing, wall_stiffness_of, balance_of_forces
 
 contains
 
@@ -26,6 +29,26 @@ contains
       call system%contacts(list)
     end if
   end subroutine see_contacts
+
+  !> Write grains, and what their contacts bear by friction, as a packing. In a periodic cell two
+  !! grains may touch more than once: there contacts stay away.
+  subroutine keep_packing(system, path, groups, errors)
+    type(dem_system_type), intent(inout) :: system
+    character(len=*), intent(in) :: path
+    type(dem_group_type), intent(in) :: groups(:)
+    type(error_list_type), intent(inout) :: errors
+    type(dem_contacts_type) :: list
+    real(wp), allocatable :: load(:)
+
+    call see_grains(system)
+    if (is_periodic(system%cell)) then
+      call write_packing(path, system%grains, groups, errors, system%cell)
+      return
+    end if
+    call see_contacts(system, list)
+    if (allocated(system%surcharge)) load = merge(system%surcharge, 0.0_wp, system%surcharge_top)
+    call write_packing(path, system%grains, groups, errors, system%cell, list, load)
+  end subroutine keep_packing
 
   !> Stiffness of the contacts of each plane [N/m].
   function wall_stiffness_of(system) result(stiffness)

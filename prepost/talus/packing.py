@@ -37,6 +37,9 @@ class Packing:
     corner: np.ndarray = field(default_factory=lambda: np.zeros(3))  # where it begins [m]
     skew: np.ndarray | None = None  # (upper - lower)/(upper + lower) of the semi-axes (n, 3)
     exponent: np.ndarray | None = None  # of superquadrics (n); 2 for all others
+    pairs: np.ndarray = field(default_factory=lambda: np.empty((0, 2), np.int64))  # ids in contact
+    tangential: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))  # on the second [N]
+    surcharge: np.ndarray | None = None  # load of each grain, downwards (n) [N]
 
     def __post_init__(self) -> None:
         """Take ellipsoids where no forms are given."""
@@ -44,6 +47,8 @@ class Packing:
             self.skew = np.zeros((len(self.id), 3))
         if self.exponent is None:
             self.exponent = np.full(len(self.id), LEAST_EXPONENT)
+        if self.surcharge is None:
+            self.surcharge = np.zeros(len(self.id))
 
     @property
     def formed(self) -> bool:
@@ -59,21 +64,30 @@ class Packing:
         """Return the grains of a mask or index array; groups shrink with them."""
         ids = self.id[keep]
         groups = {name: g[np.isin(g, ids)] for name, g in self.groups.items()}
+        both = np.isin(self.pairs, ids).all(axis=1)
         return Packing(
             ids, self.x[keep], self.quat[keep], self.axes[keep], self.kind[keep], self.v[keep],
             self.omega[keep], groups, self.cell, self.corner, self.skew[keep],
-            self.exponent[keep],
+            self.exponent[keep], self.pairs[both], self.tangential[both], self.surcharge[keep],
         )  # fmt: skip
+
+    def numbered(self, ids: np.ndarray) -> "Packing":
+        """Return the grains under other ids (n), and so their groups and contacts."""
+        order = np.argsort(self.id)
+
+        def other(old: np.ndarray) -> np.ndarray:
+            return ids[order[np.searchsorted(self.id, old, sorter=order)]]
+
+        fresh = self.take(np.arange(self.count))
+        fresh.id = np.asarray(ids, np.int64)
+        fresh.groups = {name: np.sort(other(old)) for name, old in self.groups.items()}
+        fresh.pairs = other(self.pairs)
+        return fresh
 
     def renumbered(self, after: int) -> "Packing":
         """Return the grains numbered on after an id, in the order of their ids."""
-        order = np.argsort(self.id)
-        fresh = self.take(order)
-        fresh.id = np.arange(after + 1, after + 1 + self.count)
-        fresh.groups = {
-            name: fresh.id[np.isin(self.id[order], ids)] for name, ids in self.groups.items()
-        }
-        return fresh
+        ordered = self.take(np.argsort(self.id))
+        return ordered.numbered(np.arange(after + 1, after + 1 + self.count))
 
     def repeated(self, times: tuple[int, int, int]) -> "Packing":
         """Return the periodic cell laid side by side so many times along its edges.
@@ -123,6 +137,9 @@ class Packing:
             corner=self.corner,
             skew=np.concatenate([self.skew, other.skew]),
             exponent=np.concatenate([self.exponent, other.exponent]),
+            pairs=np.concatenate([self.pairs, other.pairs]),
+            tangential=np.concatenate([self.tangential, other.tangential]),
+            surcharge=np.concatenate([self.surcharge, other.surcharge]),
         )
 
 
@@ -165,11 +182,16 @@ def write_h5(path: Path, packing: Packing) -> None:
         grains["id"] = packing.id.astype(np.int64)
         grains["kind"] = packing.kind.astype(np.int32)
         forms = ("skew", "exponent") if packing.formed else ()
+        forms += ("surcharge",) if packing.surcharge.any() else ()
         for name in ("x", "quat", "axes", "v", "omega", *forms):
             grains[name] = np.ascontiguousarray(getattr(packing, name), np.float64)
         groups = file.create_group("groups")
         for name, ids in packing.groups.items():
             groups[name] = np.sort(ids).astype(np.int64)
+        if len(packing.pairs):
+            contacts = file.create_group("contacts")
+            contacts["ids"] = packing.pairs.astype(np.int64)
+            contacts["tangential"] = np.ascontiguousarray(packing.tangential, np.float64)
         if packing.cell is not None:
             cell = file.create_group("cell")
             cell["vectors"] = np.ascontiguousarray(packing.cell, np.float64)
@@ -187,6 +209,7 @@ def read_h5(path: Path) -> Packing:
             grains = {name: file["grains"][name][...] for name in file["grains"]}
             groups = {name: file["groups"][name][...] for name in file.get("groups", {})}
             cell = {name: file["cell"][name][...] for name in file.get("cell", {})}
+            contacts = {name: file["contacts"][name][...] for name in file.get("contacts", {})}
     except FileNotFoundError as fault:
         raise FaultError("E501", f"no such file: {path}", exit_code=1) from fault
     except (OSError, KeyError) as fault:
@@ -195,6 +218,8 @@ def read_h5(path: Path) -> Packing:
     packing = packing_of(grains, groups, path)
     if "vectors" in cell:
         packing.cell, packing.corner = cell["vectors"], cell.get("origin", np.zeros(3))
+    packing.pairs = contacts.get("ids", packing.pairs)
+    packing.tangential = contacts.get("tangential", packing.tangential)
     return packing
 
 
@@ -205,7 +230,7 @@ def packing_of(grains: dict[str, np.ndarray], groups: dict[str, np.ndarray], pat
             raise FaultError("E502", f"{path} has no dataset /grains/{name}")
     n = len(grains["x"])
     width = {"x": (3,), "axes": (3,), "quat": (4,), "v": (3,), "omega": (3,), "kind": (), "id": ()}
-    width |= {"skew": (3,), "exponent": ()}
+    width |= {"skew": (3,), "exponent": (), "surcharge": ()}
     for name, shape in width.items():
         if name in grains and grains[name].shape != (n, *shape):
             text = f"/grains/{name} has the shape {grains[name].shape} instead of {(n, *shape)}"
@@ -216,6 +241,7 @@ def packing_of(grains: dict[str, np.ndarray], groups: dict[str, np.ndarray], pat
     )  # fmt: skip
     packing.skew = np.array(grains.get("skew", packing.skew), float)
     packing.exponent = np.array(grains.get("exponent", packing.exponent), float)
+    packing.surcharge = np.array(grains.get("surcharge", packing.surcharge), float)
     return packing
 
 
@@ -227,7 +253,7 @@ def check_packing(packing: Packing, place: str) -> None:
     finite = {
         name: ~np.isfinite(getattr(packing, name)).all(axis=1)
         for name in ("x", "axes", "quat", "v", "omega")
-    }
+    } | {"surcharge": ~np.isfinite(packing.surcharge)}
     tests = [(name, bad, "a finite number is wanted") for name, bad in finite.items()]
     length = np.linalg.norm(packing.quat, axis=1)
     tests += [
@@ -251,6 +277,7 @@ def check_packing(packing: Packing, place: str) -> None:
             row = np.flatnonzero(bad)[0]
             text = f"grain {ids[row]}: {name} = {getattr(packing, name)[row]}"
             raise FaultError("E504", f"{text} ({bad.sum()} such grains)", hint, place)
+    check_contacts(packing, place)
     unique, count = np.unique(ids, return_counts=True)
     if (count > 1).any():
         raise FaultError("E503", f"id {unique[count > 1][0]} stands twice", "", place)
@@ -259,6 +286,21 @@ def check_packing(packing: Packing, place: str) -> None:
         if strangers.size:
             text = f"group '{name}' names grain {strangers[0]}, which there is not"
             raise FaultError("E504", text, place=place)
+
+
+def check_contacts(packing: Packing, place: str) -> None:
+    """Raise a fault (E504) for contacts of strangers or forces that are no numbers."""
+    rows = len(packing.pairs)
+    if packing.pairs.shape != (rows, 2) or packing.tangential.shape != (rows, 3):
+        text = f"contacts: ids {packing.pairs.shape}, tangential {packing.tangential.shape}"
+        raise FaultError("E504", text, "each contact has a row of two and one of three", place)
+    strangers = np.setdiff1d(packing.pairs, packing.id)
+    if strangers.size:
+        text = f"a contact is of grain {strangers[0]}, which there is not"
+        raise FaultError("E504", text, "", place)
+    if not np.isfinite(packing.tangential).all():
+        text = "the tangential force of a contact is no finite number"
+        raise FaultError("E504", text, "leave /contacts out, or make the packing again", place)
 
 
 def write_text(path: Path, packing: Packing, header: str = "") -> None:

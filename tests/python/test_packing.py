@@ -17,6 +17,7 @@ from talus.packing import (
     read_h5,
     read_text,
     write_h5,
+    write_packing_file,
     write_text,
 )
 
@@ -272,3 +273,33 @@ def test_groups_that_share_grains(tmp_path: Path) -> None:
     write_text(tmp_path / "a.txt", packing)
     again = read_text(tmp_path / "a.txt").groups
     assert {name: ids.tolist() for name, ids in again.items()} == groups
+
+
+def test_contacts_follow_their_grains(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Contacts stay with both of their grains, under new ids too; bad ones are faults."""
+    packing = make_packing(np.arange(12.0).reshape(4, 3), np.ones((4, 3)), ids=[4, 9, 2, 7])
+    packing.pairs = np.array([[4, 9], [2, 9], [2, 7]])
+    packing.tangential = np.arange(9.0).reshape(3, 3)
+    path = tmp_path / "pack.h5"
+    write_h5(path, packing)
+    back = read_h5(path)
+    assert (back.pairs == packing.pairs).all()
+    assert (back.tangential == packing.tangential).all()
+    part = back.take(back.id != 4)
+    assert part.pairs.tolist() == [[2, 9], [2, 7]]
+    assert part.tangential.tolist() == [[3.0, 4.0, 5.0], [6.0, 7.0, 8.0]]
+    fresh = back.renumbered(10)  # 2, 4, 7, 9 become 11 to 14
+    assert fresh.pairs.tolist() == [[12, 14], [11, 14], [11, 13]]
+    both = back.join(fresh)
+    assert both.pairs.tolist() == [*packing.pairs.tolist(), *fresh.pairs.tolist()]
+    assert main(["pack", "h52text", str(path), "-o", str(tmp_path / "pack.txt")]) == 0
+    assert "no contacts" in capsys.readouterr().out
+    packing.pairs[0, 0] = 5
+    with pytest.raises(FaultError, match="grain 5"):
+        write_packing_file(path, packing)
+    packing.pairs[0, 0], packing.tangential[0, 0] = 4, np.nan
+    with pytest.raises(FaultError, match="no finite number"):
+        write_packing_file(path, packing)
+    packing.tangential = packing.tangential[:2]
+    with pytest.raises(FaultError, match="contacts"):
+        write_packing_file(path, packing)

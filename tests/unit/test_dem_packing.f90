@@ -7,6 +7,7 @@ program test_dem_packing
   use talus_partner, only: own_pid
   use talus_test, only: test_type
   use dem_make, only: make_grains
+  use dem_contacts, only: dem_contacts_type, make_contacts
   use dem_packing, only: dem_packing_type, dem_group_type, read_packing, write_packing, group_index
   use dem_state, only: dem_grains_type, dem_material_type, kind_ghost
   implicit none
@@ -16,6 +17,7 @@ program test_dem_packing
   type(dem_material_type) :: stone(1)
   type(dem_group_type) :: group(2)
   type(dem_packing_type) :: packing
+  type(dem_contacts_type) :: list
   type(error_list_type) :: errors
   character(len=:), allocatable :: path, hint
   real(wp) :: x(3, 3), quat(4, 3), axes(3, 3), v(3, 3), omega(3, 3)
@@ -54,6 +56,45 @@ program test_dem_packing
   call write_packing(path, grains, group, errors)
   call read_packing(packing, path, errors)
   call test%check_text('a stranger in a group', errors%item(1)%code, 'I233')
+  group(2)%id = [5_i8]
+  call contacts_too()
   call remove_file(path)
   call test%finish()
+
+contains
+
+  !> Tangential forces of contacts between grains; those with walls stay away.
+  subroutine contacts_too()
+    real(wp) :: hole
+    errors = error_list_type()
+    call make_contacts(list, 3)
+    list%n = 3
+    list%ids = reshape([3_i8, 5_i8, 5_i8, 7_i8, -1_i8, 7_i8], [2, 3])
+    list%normal = reshape([0.0_wp, 0.0_wp, 1.0_wp, 0.6_wp, 0.8_wp, 0.0_wp, 1.0_wp, 0.0_wp, &
+                           0.0_wp], [3, 3])
+    list%force = reshape([1.0_wp, 2.0_wp, 9.0_wp, 3.0_wp, 4.0_wp, 5.0_wp, 1.0_wp, 1.0_wp, 1.0_wp], &
+                         [3, 3])
+    call write_packing(path, grains, group, errors, contacts=list)
+    call read_packing(packing, path, errors)
+    call test%check('contacts: no faults', .not. errors%any())
+    if (errors%any()) call errors%print(6)
+    call test%check('two of three contacts', packing%springs%given == 2)
+    call test%check('their ids', all(packing%springs%ids == list%ids(:, :2)))
+    call test%check('what is tangential of their forces', all(abs(packing%springs%force &
+      - reshape([1.0_wp, 2.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 5.0_wp], [3, 2])) < 1.0e-15_wp))
+    call write_packing(path, grains, group, errors)
+    call read_packing(packing, path, errors)
+    call test%check('none in a file without', packing%springs%given == 0)
+    list%ids(2, 2) = 8
+    call write_packing(path, grains, group, errors, contacts=list)
+    call read_packing(packing, path, errors)
+    call test%check_text('a contact of a stranger', errors%item(1)%code, 'I233')
+    errors = error_list_type()
+    list%ids(2, 2) = 7
+    hole = 0.0_wp
+    list%force(1, 1) = hole/hole
+    call write_packing(path, grains, group, errors, contacts=list)
+    call read_packing(packing, path, errors)
+    call test%check_text('a force that is no number', errors%item(1)%code, 'I238')
+  end subroutine contacts_too
 end program test_dem_packing

@@ -14,6 +14,7 @@ program test_dem_surcharge
   use dem_system, only: dem_system_type
   implicit none
   type(test_type) :: test
+  real(wp), allocatable :: none(:)
   real(wp), parameter :: pi = acos(-1.0_wp)
 
   call check_discs()
@@ -22,6 +23,7 @@ program test_dem_surcharge
   call check_surface()
   call check_forces()
   call check_follow()
+  call check_given()
   call check_ghosts()
   call check_faults()
   call test%finish()
@@ -141,7 +143,39 @@ contains
     rows = surface_rows(s%grains, plan, .true.)
     call test%check('the surface', size(rows) == 3)
     if (size(rows) == 3) call test%check('which', all(rows == [2, 3, 4]))
+    call check_slack(s, plan)
   end subroutine check_surface
+
+  !> A grain leaves the surface later than it comes back: by height (0.15 and 0.05 of the vertical
+  !! semi-extent) and by outlines (3 % smaller and larger).
+  subroutine check_slack(s, plan)
+    type(dem_system_type), intent(inout) :: s
+    type(plan_type), intent(in) :: plan
+    real(wp), parameter :: heights(4) = [1.04_wp, 1.07_wp, 1.13_wp, 1.16_wp]
+    real(wp), parameter :: places(4) = [4.93_wp, 4.96_wp, 5.04_wp, 5.07_wp]
+    logical, parameter :: stays(4) = [.true., .true., .true., .false.]
+    logical, parameter :: comes(4) = [.true., .false., .false., .false.]
+    logical, parameter :: stays_beside(4) = [.false., .true., .true., .true.]
+    logical, parameter :: comes_beside(4) = [.false., .false., .false., .true.]
+    logical :: was(9)
+    integer(i4) :: k
+    do k = 1, 4
+      s%grains%x(:, 4) = 1.0e-3_wp*[4.9_wp, 6.0_wp, heights(k)]
+      was = .true.
+      call test%check('stays below', any(surface_rows(s%grains, plan, .true., was) == 3) &
+                      .eqv. stays(k))
+      was(3) = .false.
+      call test%check('comes below', any(surface_rows(s%grains, plan, .true., was) == 3) &
+                      .eqv. comes(k))
+      s%grains%x(:, 4) = 1.0e-3_wp*[places(k), 6.0_wp, 1.5_wp]
+      was = .true.
+      call test%check('stays beside', any(surface_rows(s%grains, plan, .true., was) == 3) &
+                      .eqv. stays_beside(k))
+      was(3) = .false.
+      call test%check('comes beside', any(surface_rows(s%grains, plan, .true., was) == 3) &
+                      .eqv. comes_beside(k))
+    end do
+  end subroutine check_slack
 
   !> Two spheres on a floor: shares by area, forces held, work and closure, the same bits from an
   !! archive; loads of a partner stay beside it.
@@ -166,7 +200,7 @@ contains
     surcharge%upper = [5.0e-3_wp, 2.0e-3_wp]
     surcharge%clearance = 1.2_wp
     allocate (surcharge%hole(3, 0))
-    call surcharge%start(s%dem_data_type, 0.0_wp, 0_i8, errors)
+    call surcharge%start(s%dem_data_type, none, 0.0_wp, 0_i8, errors)
     call test%check('shares', all(abs(s%grains%extra_force(3, :) + 0.5_wp) < 1.0e-15_wp))
     do k = 1, 30
       call s%step(100, errors)
@@ -190,8 +224,9 @@ contains
     call test%check('state taken', .not. errors%any())
     call test%check('forces of the archive', all(abs(copy%surcharge - s%surcharge) <= 0.0_wp))
     call test%check('last look', all(abs(copy%surcharge_seen - s%surcharge_seen) <= 0.0_wp))
+    call test%check('its surface', all(copy%surcharge_top .eqv. s%surcharge_top))
     surcharge%active = .false.
-    call surcharge%start(copy%dem_data_type, 0.1_wp, 3000_i8, errors)
+    call surcharge%start(copy%dem_data_type, none, 0.1_wp, 3000_i8, errors)
     call test%check('a deck without takes it off', .not. allocated(copy%surcharge) .and. &
                     all(abs(copy%grains%extra_force) <= 0.0_wp))
   end subroutine check_forces
@@ -210,7 +245,7 @@ contains
     surcharge%upper = [5.0e-3_wp, 2.0e-3_wp]
     surcharge%follow = 20.0_wp
     allocate (surcharge%hole(3, 0))
-    call surcharge%start(s%dem_data_type, 0.0_wp, 0_i8, errors)
+    call surcharge%start(s%dem_data_type, none, 0.0_wp, 0_i8, errors)
     call test%check_close('at first its share', s%surcharge(1), 0.5_wp, 1.0e-15_wp)
     s%grains%x(1, 1) = 2.0e-3_wp  ! the border comes to 3 mm
     wanted = 0.5_wp
@@ -235,6 +270,28 @@ contains
     call test%check('no fault', .not. errors%any())
   end subroutine check_follow
 
+  !> Loads of a packing: those of now are the first, of the grains that had one the surface is.
+  subroutine check_given()
+    type(dem_system_type) :: s
+    type(dem_surcharge_type) :: surcharge
+    type(error_list_type) :: errors
+    real(wp) :: x(3, 3)
+    real(wp), allocatable :: given(:)
+    x = reshape([1.0_wp, 1.0_wp, 1.0_wp, 4.0_wp, 1.0_wp, 1.0_wp, 3.0_wp, 5.0_wp, 1.0_wp], [3, 3])
+    call make_spheres(1.0e-3_wp*x, [kind_free, kind_free, kind_ghost], s)
+    surcharge%active = .true.
+    surcharge%stress = 1.0e5_wp
+    surcharge%upper = [5.0e-3_wp, 2.0e-3_wp]
+    surcharge%follow = 20.0_wp
+    allocate (surcharge%hole(3, 0))
+    given = [0.8_wp, 0.2_wp, 5.0_wp]
+    call surcharge%start(s%dem_data_type, given, 0.0_wp, 0_i8, errors)
+    call test%check('no fault', .not. errors%any())
+    call test%check_close('a twentieth towards its share', s%surcharge(1), 0.785_wp, 1.0e-14_wp)
+    call test%check_close('held', s%grains%extra_force(3, 2), -0.215_wp, 1.0e-14_wp)
+    call test%check_close('none on a ghost', s%surcharge(3), 0.0_wp, 0.0_wp)
+  end subroutine check_given
+
   !> A ghost between two free grains, where grains overlap with a solid: it keeps its share, which
   !! no grain carries; elsewhere it is a wall, and the free ones carry all.
   subroutine check_ghosts()
@@ -251,7 +308,7 @@ contains
     allocate (s%surcharge(3), s%surcharge_seen(8), source=0.0_wp)
     call surcharge%look(s%dem_data_type, 0.0_wp, 0_i8, errors)
     call test%check_close('beside a wall of ghosts', s%surcharge(1), 6.0_wp, 1.0e-12_wp)
-    s%par%ghost_pairs = .true.
+    s%par%overlapped = .true.
     call surcharge%look(s%dem_data_type, 0.0_wp, 0_i8, errors)
     call test%check('no fault', .not. errors%any())
     call test%check_close('its own share', s%surcharge(1), 4.0_wp, 1.0e-12_wp)

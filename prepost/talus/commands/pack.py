@@ -227,6 +227,8 @@ def transfer(options: argparse.Namespace) -> int:
         print(f"{options.source}: the text form holds no velocities, they are left out")
     if options.output.suffix in TEXT_ENDINGS and packing.cell is not None:
         print(f"{options.source}: the text form holds no cell, it is left out")
+    if options.output.suffix in TEXT_ENDINGS and len(packing.pairs):
+        print(f"{options.source}: the text form holds no contacts, they are left out")
     return finish(options, packing, options.header)
 
 
