@@ -442,10 +442,10 @@ contains
     integer(i4), intent(in), optional :: list(:)  !! elements
     integer(i4) :: e
     if (self%matter%active) then
-      if (.not. (self%matter%micro%active .and. present(list))) call self%trial_force(u, force)
+      if (.not. present(list)) call self%trial_force(u, force)
       if (present(list)) then
-        if (self%matter%micro%active) &
-          call self%matter%update_micro(self%dofs, self%elastic, u, u - self%accepted%u, list)
+        call self%matter%update_some(self%mesh, self%dofs, self%elastic, u, u - self%accepted%u, &
+                                     list)
         call self%matter%element_forces(self%dofs, list, force)
       else
         call self%matter%element_forces(self%dofs, pack([(e, e=1, self%mesh%elements)], &

@@ -225,8 +225,9 @@ contains
     call table%bounds(min=0.0_wp, below=90.0_wp)
     call table%add_key('dilation_deg', 'real', 'deg', &
       'Angle of dilation of `drucker_prager`, 0 if left out, not above that of ' &
-      //'friction: plastic flow would give energy.')
-    call table%bounds(min=0.0_wp, below=90.0_wp)
+      //'friction: plastic flow would give energy. Below zero where shear compacts, as in' &
+      //' loose soil.')
+    call table%bounds(min=-45.0_wp, below=90.0_wp)
     call table%add_key('cone', 'string', '', &
       'Which strength of Mohr and Coulomb the cone of `drucker_prager` has: that of ' &
       //'triaxial compression, of triaxial extension, or of plane strain; compression if ' &
@@ -265,11 +266,16 @@ contains
       'Preconsolidation pressure pc of `cam_clay` at the start; without it ' &
       //'`overconsolidation` counts.')
     call table%bounds(above=0.0_wp)
+    call group_material_4(table)
+  end subroutine group_material_3
+
+  subroutine group_material_4(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('overconsolidation', 'real', '', &
       'pc of `cam_clay` at the start over that whose yield surface the initial stress ' &
       //'touches; 1 if left out.')
     call table%bounds(min=1.0_wp)
-  end subroutine group_material_3
+  end subroutine group_material_4
 
   subroutine group_curve(table)
     type(key_table_type), intent(inout) :: table

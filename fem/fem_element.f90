@@ -33,7 +33,7 @@ contains
     real(wp), intent(in) :: x(:, :)
     type(fem_shape_type), intent(inout) :: shape  !! kept between elements of one rule
     real(wp) :: tangent(3, 3), inverse(3, 3), determinant
-    integer(i4) :: q
+    integer(i4) :: q, a
 
     if (.not. allocated(shape%weight)) then
       allocate (shape%u, source=at%u_slope)
@@ -46,18 +46,35 @@ contains
       return
     end if
     do q = 1, at%n
-      tangent = matmul(x, transpose(at%u_slope(:, :, q)))
+      tangent = 0.0_wp
+      do a = 1, size(x, 2)
+        tangent(:, 1) = tangent(:, 1) + at%u_slope(1, a, q)*x(:, a)
+        tangent(:, 2) = tangent(:, 2) + at%u_slope(2, a, q)*x(:, a)
+        tangent(:, 3) = tangent(:, 3) + at%u_slope(3, a, q)*x(:, a)
+      end do
       inverse(:, 1) = cross(tangent(:, 2), tangent(:, 3))
       inverse(:, 2) = cross(tangent(:, 3), tangent(:, 1))
       inverse(:, 3) = cross(tangent(:, 1), tangent(:, 2))
       determinant = dot_product(tangent(:, 1), inverse(:, 1))
       shape%least = min(shape%least, determinant)
       inverse = inverse/determinant
-      shape%u(:, :, q) = matmul(inverse, at%u_slope(:, :, q))
-      shape%phi(:, :, q) = matmul(inverse, at%phi_slope(:, :, q))
+      call map_slopes(inverse, at%u_slope(:, :, q), shape%u(:, :, q))
+      call map_slopes(inverse, at%phi_slope(:, :, q), shape%phi(:, :, q))
       shape%weight(q) = determinant*at%weight(q)
     end do
   end subroutine element_shape
+
+  !> Gradients in space from those in the element's own coordinates.
+  pure subroutine map_slopes(inverse, slope, gradient)
+    real(wp), intent(in) :: inverse(3, 3)
+    real(wp), intent(in), contiguous :: slope(:, :)
+    real(wp), intent(inout), contiguous :: gradient(:, :)
+    integer(i4) :: a
+    do a = 1, size(slope, 2)
+      gradient(:, a) = slope(1, a)*inverse(:, 1) + slope(2, a)*inverse(:, 2) &
+                       + slope(3, a)*inverse(:, 3)
+    end do
+  end subroutine map_slopes
 
   !> The one point of an element by means over its volume: exact integrals of the gradients, which
   !! pass the patch test (Flanagan and Belytschko 1981).

@@ -46,7 +46,7 @@ contains
     if (place /= 0) then
       beta = 2.0_wp*sqrt(6.0_wp)/(3.0_wp + place*sin(angle))
     else
-      q = sqrt(6.0_wp*sin(flow)**2/(3.0_wp + sin(flow)**2))
+      q = sin(flow)*sqrt(6.0_wp/(3.0_wp + sin(flow)**2))
       beta = 1.0_wp/(sqrt(0.5_wp*(1.0_wp - q**2/6.0_wp)) + q*sin(angle)/6.0_wp)
     end if
     a = beta*cos(angle)
@@ -96,7 +96,9 @@ contains
     good = .true.
     still = .not. any(abs(strain) > 0.0_wp)
     tangent = elastic_matrix(self%bulk, self%shear)
-    trial = stress + matmul(tangent, strain)
+    p = trace(strain)
+    trial = stress + self%shear*strain
+    trial(:3) = trial(:3) + self%shear*strain(:3) + (self%bulk - self%shear/1.5_wp)*p
     p = trace(trial)/3.0_wp
     s = trial - p*unit
     size_of = magnitude(s)

@@ -22,7 +22,7 @@ module fem_matter
   use fem_recover, only: point_weights
   use fem_scatter, only: add_element, clear_rows
   use fem_sparse, only: fem_pattern_type
-  use fem_strain, only: mean_gradient, strain_matrix, add_product
+  use fem_strain, only: mean_gradient, strain_matrix, add_product, strain_of, add_force
   use fem_types, only: fem_mesh_type
   implicit none
   private
@@ -61,7 +61,7 @@ module fem_matter
     procedure :: trouble
     procedure :: stiffen
     procedure :: element_forces
-    procedure :: update_micro
+    procedure :: update_some
     procedure :: element_tangent
   end type fem_matter_type
 
@@ -117,26 +117,10 @@ contains
     real(wp), intent(in) :: moved(:, :)      !! (3, blocks) [m]
     real(wp), intent(out) :: force(:, :)     !! (3, blocks) [N]
     integer(i4), intent(out) :: bad
-    integer(i4) :: c, k, failed(chunks)
-
-    if (self%finite) self%u = u
-    !$omp parallel do default(none) shared(self, mesh, dofs, elastic, u, moved, failed) &
-    !$omp private(c) schedule(dynamic)
-    do c = 1, chunks
-      if (self%micro%active) then
-        call chunk_micro(self, mesh, dofs, elastic, u, moved, c, failed(c))
-      else
-        call chunk_update(self, mesh, dofs, elastic, moved, c, failed(c))
-      end if
-    end do
-    !$omp end parallel do
-    bad = 0
-    do c = chunks, 1, -1
-      if (failed(c) > 0) bad = failed(c)
-    end do
+    integer(i4) :: k
+    call work_elements(self, mesh, dofs, elastic, u, moved, [(k, k=1, mesh%elements)], bad)
     call agree_on_bad(self, elastic, bad)
     self%bad = bad
-    if (bad > 0 .and. self%micro%active) call explain(self, dofs, elastic, u, moved, bad)
     force = 0.0_wp
     do k = 1, size(dofs%block)
       force(:, dofs%block(k)) = force(:, dofs%block(k)) + self%nodal(:, k)
@@ -179,51 +163,72 @@ contains
     !$omp end parallel do
   end subroutine stiffen
 
-  !> The micromorphic elements of chunk c.
-  subroutine chunk_micro(self, mesh, dofs, elastic, u, moved, c, bad)
+  !> Trial stress and state of some elements; of micromorphic ones without their stiffness.
+  subroutine update_some(self, mesh, dofs, elastic, u, moved, list)
     class(fem_matter_type), intent(inout) :: self
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
-    real(wp), intent(in) :: u(:, :), moved(:, :)
-    integer(i4), intent(in) :: c
-    integer(i4), intent(out) :: bad
-    type(mm_response_type) :: response
-    integer(i4) :: e, failed
+    real(wp), intent(in) :: u(:, :), moved(:, :)  !! (3, blocks)
+    integer(i4), intent(in) :: list(:)            !! elements
+    logical :: wanted
+    wanted = self%micro%wants_stiffness
+    self%micro%wants_stiffness = .false.
+    call work_elements(self, mesh, dofs, elastic, u, moved, list, self%bad)
+    self%micro%wants_stiffness = wanted
+  end subroutine update_some
 
-    bad = 0
-    do e = int((c - 1)*int(mesh%elements, i8)/chunks, i4) + 1, &
-      int(c*int(mesh%elements, i8)/chunks, i4)
-      call answer_micro(self, dofs, elastic, u, moved, e, response, failed)
-      if (bad == 0) bad = failed
-    end do
-  end subroutine chunk_micro
-
-  !> Trial stress and state of some micromorphic elements, without their stiffness.
-  subroutine update_micro(self, dofs, elastic, u, moved, list)
+  !> Some elements in chunks; `bad` is the first point without a state, 0 if there is none.
+  subroutine work_elements(self, mesh, dofs, elastic, u, moved, list, bad)
     class(fem_matter_type), intent(inout) :: self
+    type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(in) :: u(:, :), moved(:, :)  !! (3, blocks)
     integer(i4), intent(in) :: list(:)            !! elements
-    type(mm_response_type) :: response
-    integer(i4) :: k, bad(size(list))
-    logical :: wanted
-    wanted = self%micro%wants_stiffness
-    self%micro%wants_stiffness = .false.
-    !$omp parallel do default(none) shared(self, dofs, elastic, u, moved, list, bad) &
-    !$omp private(k, response) schedule(dynamic)
-    do k = 1, size(list)
-      call answer_micro(self, dofs, elastic, u, moved, list(k), response, bad(k))
+    integer(i4), intent(out) :: bad
+    integer(i4) :: c, failed(chunks)
+    if (self%finite) self%u = u
+    !$omp parallel do default(none) shared(self, mesh, dofs, elastic, u, moved, list, failed) &
+    !$omp private(c) schedule(dynamic)
+    do c = 1, chunks
+      associate (part => list(first_of(c, size(list)):first_of(c + 1_i4, size(list)) - 1))
+        if (self%micro%active) then
+          call work_micro(self, dofs, elastic, u, moved, part, failed(c))
+        else
+          call work_part(self, mesh, dofs, elastic, moved, part, failed(c))
+        end if
+      end associate
     end do
     !$omp end parallel do
-    self%micro%wants_stiffness = wanted
-    self%bad = 0
-    do k = size(list), 1, -1
-      if (bad(k) > 0) self%bad = bad(k)
+    bad = 0
+    do c = chunks, 1, -1
+      if (failed(c) > 0) bad = failed(c)
     end do
-    if (self%bad > 0) call explain(self, dofs, elastic, u, moved, self%bad)
-  end subroutine update_micro
+    if (bad > 0 .and. self%micro%active) call explain(self, dofs, elastic, u, moved, bad)
+  end subroutine work_elements
+
+  !> First of n elements that chunk c works.
+  pure integer(i4) function first_of(c, n)
+    integer(i4), intent(in) :: c, n
+    first_of = int((c - 1)*int(n, i8)/chunks, i4) + 1
+  end function first_of
+
+  subroutine work_micro(self, dofs, elastic, u, moved, list, bad)
+    class(fem_matter_type), intent(inout) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: u(:, :), moved(:, :)
+    integer(i4), intent(in) :: list(:)
+    integer(i4), intent(out) :: bad
+    type(mm_response_type) :: response
+    integer(i4) :: k, failed
+    bad = 0
+    do k = 1, size(list)
+      call answer_micro(self, dofs, elastic, u, moved, list(k), response, failed)
+      if (bad == 0) bad = failed
+    end do
+  end subroutine work_micro
 
   !> Element e; `bad` is its first point without a state.
   subroutine answer_micro(self, dofs, elastic, u, moved, e, response, bad)
@@ -260,24 +265,21 @@ contains
     end associate
   end subroutine explain
 
-  !> The elements of chunk c.
-  subroutine chunk_update(self, mesh, dofs, elastic, moved, c, bad)
+  subroutine work_part(self, mesh, dofs, elastic, moved, list, bad)
     class(fem_matter_type), intent(inout) :: self
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(in) :: moved(:, :)
-    integer(i4), intent(in) :: c
+    integer(i4), intent(in) :: list(:)
     integer(i4), intent(out) :: bad
     type(fem_shape_type) :: shape
     type(fem_deformation_type) :: motion
-    integer(i4) :: e, first, last, rule, failed
-
-    first = int((c - 1)*int(mesh%elements, i8)/chunks, i4) + 1
-    last = int(c*int(mesh%elements, i8)/chunks, i4)
+    integer(i4) :: e, k, rule, failed
     bad = 0
     rule = 0
-    do e = first, last
+    do k = 1, size(list)
+      e = list(k)
       if (allocated(shape%weight) .and. elastic%rule_of(e) /= rule) &
         deallocate (shape%weight, shape%u, shape%phi)
       rule = elastic%rule_of(e)
@@ -293,7 +295,7 @@ contains
       end if
       if (bad == 0) bad = failed
     end do
-  end subroutine chunk_update
+  end subroutine work_part
 
   subroutine update_element(self, mesh, dofs, elastic, moved, e, shape, bad)
     class(fem_matter_type), intent(inout) :: self
@@ -304,11 +306,11 @@ contains
     integer(i4), intent(in) :: e
     type(fem_shape_type), intent(inout) :: shape
     integer(i4), intent(out) :: bad
-    real(wp) :: d(3*elastic%rule(elastic%rule_of(e))%nodes), f(size(d)), mean(size(d))
-    real(wp) :: b(size(d), 6), strain(6), stress(6)
+    real(wp), dimension(3, elastic%rule(elastic%rule_of(e))%nodes) :: d, f, share
+    real(wp) :: mean(size(d))
+    real(wp) :: strain(6), stress(6), push(6), pressure
     logical :: good, wide
-    integer(i4) :: q, p, r, n
-
+    integer(i4) :: q, p, n
     bad = 0
     wide = size(self%stress, 1) > size(stress)  ! a body with micropolar parts
     associate (rule => elastic%rule(elastic%rule_of(e)), law => self%law(self%law_of(e))%law, &
@@ -316,14 +318,13 @@ contains
       n = self%law(self%law_of(e))%law%states
       call element_shape(rule%at, mesh%x(:, block), shape)
       if (rule%bbar) call mean_gradient(shape, mean)
-      d = reshape(moved(:, block), [size(d)])
+      if (rule%bbar) share = reshape(mean, [3, rule%nodes])
+      d = moved(:, block)
       f = 0.0_wp
       do q = 1, rule%at%n
         p = elastic%point(e) + q - 1
-        call strain_matrix(rule, shape, q, mean, b)
-        do r = 1, 6
-          strain(r) = dot_product(b(:, r), d)
-        end do
+        strain = strain_of(shape%u(:, :, q), d)
+        if (rule%bbar) strain(:3) = strain(:3) + (sum(share*d) - sum(strain(:3)))/3.0_wp
         if (wide) then
           stress = self%accepted_stress(symmetric_of, p)
         else
@@ -337,11 +338,15 @@ contains
         else
           self%stress(:, p) = stress
         end if
-        do r = 1, 6
-          f = f + self%weight(p)*stress(r)*b(:, r)
-        end do
+        push = self%weight(p)*stress
+        if (rule%bbar) then
+          pressure = sum(push(:3))/3.0_wp
+          push(:3) = push(:3) - pressure
+          f = f + pressure*share
+        end if
+        call add_force(shape%u(:, :, q), push, f)
       end do
-      self%nodal(:, dofs%start(e):dofs%start(e + 1) - 1) = reshape(f, [3, size(block)])
+      self%nodal(:, dofs%start(e):dofs%start(e + 1) - 1) = f
     end associate
   end subroutine update_element
 
@@ -355,7 +360,6 @@ contains
     integer(i4), intent(in) :: e
     type(fem_shape_type), intent(inout) :: shape
     integer(i4), intent(out) :: bad
-
     associate (rule => elastic%rule(elastic%rule_of(e)), a => elastic%point(e), &
                b => elastic%point(e + 1) - 1, first => dofs%start(e), last => dofs%start(e + 1) - 1)
       call element_shape(rule%at, mesh%x(:, dofs%block(first:first + rule%nodes - 1)), shape)

@@ -7,7 +7,7 @@ module fem_strain
   use fem_rules, only: fem_formulation_type
   implicit none
   private
-  public :: mean_gradient, strain_matrix, add_product
+  public :: mean_gradient, strain_matrix, add_product, strain_of, add_force
 
 contains
 
@@ -55,6 +55,34 @@ contains
       b(i + 2, 1:3) = b(i + 2, 1:3) + (mean(i + 2) - g3)/3.0_wp
     end do
   end subroutine strain_matrix
+
+  !> Strain of displacements d; B-bar changes its volume.
+  pure function strain_of(slope, d) result(strain)
+    real(wp), intent(in), contiguous :: slope(:, :)  !! (3, nodes) gradients [1/m]
+    real(wp), intent(in), contiguous :: d(:, :)      !! (3, nodes) [m]
+    real(wp) :: strain(6), g(3, 3)
+    integer(i4) :: a
+    g = 0.0_wp
+    do a = 1, size(d, 2)
+      g(:, 1) = g(:, 1) + slope(1, a)*d(:, a)
+      g(:, 2) = g(:, 2) + slope(2, a)*d(:, a)
+      g(:, 3) = g(:, 3) + slope(3, a)*d(:, a)
+    end do
+    strain = [g(1, 1), g(2, 2), g(3, 3), g(1, 2) + g(2, 1), g(2, 3) + g(3, 2), g(3, 1) + g(1, 3)]
+  end function strain_of
+
+  !> Add the nodal forces of a stress times the weight of its point; of B-bar those of the deviator.
+  pure subroutine add_force(slope, s, f)
+    real(wp), intent(in), contiguous :: slope(:, :)  !! (3, nodes) gradients [1/m]
+    real(wp), intent(in) :: s(6)                     !! [N m]
+    real(wp), intent(inout), contiguous :: f(:, :)   !! (3, nodes) [N]
+    integer(i4) :: a
+    do a = 1, size(f, 2)
+      f(1, a) = f(1, a) + s(1)*slope(1, a) + s(4)*slope(2, a) + s(6)*slope(3, a)
+      f(2, a) = f(2, a) + s(4)*slope(1, a) + s(2)*slope(2, a) + s(5)*slope(3, a)
+      f(3, a) = f(3, a) + s(6)*slope(1, a) + s(5)*slope(2, a) + s(3)*slope(3, a)
+    end do
+  end subroutine add_force
 
   !> Add w B' D B to a matrix.
   pure subroutine add_product(m, b, d, w, k)

@@ -91,7 +91,7 @@ def run(case: Case) -> None:
     """Judge all; plot the triaxial path."""
     found = judge_triaxial(case)
     judge_expansion(case)
-    for friction, dilation in ((0.0, 0.0), (30.0, 0.0), (30.0, 30.0), (35.0, 10.0)):
+    for friction, dilation in ((0.0, 0.0), (30.0, 0.0), (30.0, 30.0), (35.0, 10.0), (35.0, -8.0)):
         judge_plane(case, friction, dilation)
     fig, ax = case.figure()
     exact = np.array([(0.0, 0.0), (Q_YIELD / YOUNG, Q_YIELD), PATH[-1][:2]])
