@@ -300,15 +300,23 @@ contains
       //'fade out and the solid fades in with the distance from the free grains; `''fit''`,' &
       //' these ramps changed least so that uniform strains leave every node at rest, for' &
       //' lattices; `''auto''`, fit for a lattice whose stiffness the solid has, else ramp;' &
-      //' `''twice''` counts all of both there, for comparison.')
+      //' `''share''`, contacts between ghosts do not count, points have what those of free' &
+      //' grains leave of the stiffness: for a solid that yields, and with half the ' &
+      //'ghosts (1.5 largest diameters deep); `''twice''` counts all of both there, for ' &
+      //'comparison.')
     call table%preset('auto')
-    call table%allow('auto|ramp|fit|twice')
+    call table%allow('auto|ramp|fit|share|twice')
     call table%add_key('rho', 'real', '', &
       'Relaxed over affine stiffness of the pack, a factor on the contacts between ' &
       //'ghosts: they move affinely, free grains do not. 1 for lattices; about 0.85 for ' &
       //'random packs of spheres.')
     call table%preset('1.0')
     call table%bounds(max=1.0_wp, above=0.0_wp)
+    call group_overlap_3(table)
+  end subroutine group_overlap_2
+
+  subroutine group_overlap_3(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('initial', 'string', '', &
       'What happens to forces that are not balanced when the coupling begins: ' &
       //'`''stress''`: the mean stress of the grains, corrected until contacts, stress and ' &
@@ -316,11 +324,6 @@ contains
       //'holds against them, so that nothing moves; `''none''` lets them act.')
     call table%preset('dead_load')
     call table%allow('dead_load|stress|none')
-    call group_overlap_3(table)
-  end subroutine group_overlap_2
-
-  subroutine group_overlap_3(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('mass', 'string', '', &
       'Mass that elements outside give to nodes that follow free grains: ' &
       //'`''consistent''`, it stays there and its inertia is handed back to the grains in ' &
@@ -362,7 +365,12 @@ contains
       //'overlap, an upper bound. Micropolar kappa and couple moduli are always affine.')
     call table%preset('deck')
     call table%allow('deck|probed|affine')
+    call group_overlap_4(table)
+  end subroutine group_overlap_3
+
+  subroutine group_overlap_4(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('probe', 'file', '', &
       'File of probed moduli (`<deck>_probe.json` of talus-dem), for moduli = ''probed''.')
-  end subroutine group_overlap_3
+  end subroutine group_overlap_4
 end module cpl_deck_keys

@@ -64,9 +64,10 @@ contains
                       'settled', 'leave it out')
     call deck%get('overlap', 1, 'partition', choices%partition)
     call deck%get('overlap', 1, 'rho', choices%rho)
-    if (deck%given('overlap', 1, 'rho') .and. choices%partition == 'twice') &
-      call deck%fault(errors, 'D443', "rho goes with ramps, not with partition = 'twice'", &
-                      'overlap', 1, 'rho', 'leave it out')
+    if (deck%given('overlap', 1, 'rho') .and. any(choices%partition == &
+      [character(len=5) :: 'twice', 'share'])) &
+      call deck%fault(errors, 'D443', "rho goes with ramps, not with partition = '"// &
+                      choices%partition//"'", 'overlap', 1, 'rho', 'leave it out')
     call deck%get('overlap', 1, 'mass', choices%mass)
     if (choices%mass == 'auto' .and. choices%scheme == 'static') choices%mass = 'nearest'
     if (choices%mass == 'auto') choices%mass = trim(merge('consistent', 'projected ', &

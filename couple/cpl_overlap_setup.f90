@@ -64,6 +64,7 @@ contains
       o%op%micro%positions = choices%overlap%micro_deformation == 'positions'
       o%op%micro%rigid = choices%overlap%micro_deformation == 'spins'
     end if
+    if (choices%overlap%partition == 'share') o%sets%least_depth = 1.5_wp  ! nothing fades
     call o%sets%sort(o%cells, o%pack, errors)
     if (errors%any()) return
     if (choices%overlap%remap > 0.0_wp .and. .not. choices%overlap%bridging) &

@@ -59,7 +59,7 @@ contains
     if (errors%any()) return
     call find_pairs(o)
     if (o%static .or. o%stressed .or. choices%overlap%moduli /= 'deck' .or. &
-        choices%overlap%partition == 'auto' .or. choices%overlap%partition == 'fit') then
+        any(choices%overlap%partition == [character(len=5) :: 'auto', 'fit', 'share'])) then
       call read_whole_contacts()
       if (errors%any()) return
     end if

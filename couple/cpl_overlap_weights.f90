@@ -9,14 +9,14 @@ module cpl_overlap_weights
   use talus_message, only: verb_describe, verb_set
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type
-  use cpl_method, only: method_type, choose_weights, method_of, method_fit
+  use cpl_method, only: method_type, choose_weights, method_of, method_fit, method_share
   use cpl_order, only: sort_order
   use cpl_overlap, only: overlap_type
   use cpl_overlap_partition, only: contacts_type, points_type, fill_partition
   use cpl_partition, only: partition_type, ghost_ghost
   use cpl_sets, only: part_ghost, part_free
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
-  use cpl_weights, only: omega, omega_mean
+  use cpl_weights, only: omega, omega_mean, kernel_shares
   implicit none
   private
   public :: set_partition, send_weights, send_contacts, find_pairs, read_contacts, read_points
@@ -34,7 +34,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     o%shared = choices%overlap%partition
     call ramp(o, choices, points)
-    if (choices%overlap%partition == 'auto' .or. choices%overlap%partition == 'fit') &
+    if (any(choices%overlap%partition == [character(len=5) :: 'auto', 'fit', 'share'])) &
       call fit(o, choices, contacts, points, errors)
   end subroutine set_partition
 
@@ -110,7 +110,8 @@ contains
   end subroutine ramp
 
   !> The joint fit where it is asked for, or where the pack is a lattice; `auto` keeps the ramps
-  !! where the fit finds no weights.
+  !! where the fit finds no weights. Shares of the stiffness where contacts between ghosts do not
+  !! count.
   subroutine fit(o, choices, contacts, points, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_choices_type), intent(in) :: choices
@@ -129,6 +130,7 @@ contains
     method%depth = o%sets%depth
     method%d_max = o%sets%d_max
     method%rho = choices%overlap%rho
+    if (method%kind == method_share) call find_shares(o, partition, points%x(:, at), method%share)
     call choose_weights(partition, method, w, beta, o%fit, refused)
     o%shared = method%name
     o%disorder = method%disorder
@@ -138,13 +140,29 @@ contains
     else if (refused%any()) then
       call errors%add(refused%item(1)%code, refused%item(1)%message, refused%item(1)%place, &
                       refused%item(1)%hint)
-    else if (method%kind == method_fit) then
+    else if (method%kind == method_fit .or. method%kind == method_share) then
       do k = 1, size(at)
         o%beta(at(k)) = beta(k)
       end do
-      call put_weights(o, partition, w)
+      if (method%kind == method_share) o%weight = 0.0_wp
+      if (method%kind == method_fit) call put_weights(o, partition, w)
     end if
   end subroutine fit
+
+  !> Share of the coarse-grained stiffness at points that contacts of free grains have.
+  subroutine find_shares(o, partition, x, share)
+    type(overlap_type), intent(in) :: o
+    type(partition_type), intent(in) :: partition
+    real(wp), intent(in) :: x(:, :)                 !! (3, points) [m]
+    real(wp), allocatable, intent(out) :: share(:)  !! (points) [-]
+    real(wp), parameter :: none(3) = 0.0_wp
+    real(wp) :: middle(3, size(partition%pair, 2))
+    integer(i4) :: c
+    do c = 1, size(middle, 2)
+      middle(:, c) = o%pack%x(:, partition%pair(1, c)) + 0.5_wp*partition%branch(c)
+    end do
+    call kernel_shares(partition, x, middle, none, o%sets%d_max, share)
+  end subroutine find_shares
 
   !> Weights of contacts into the list of near ghosts.
   subroutine put_weights(o, partition, w)

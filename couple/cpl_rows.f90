@@ -2,7 +2,6 @@
 !! of the points to the nodes. Sums are added in the order of the rows.
 module cpl_rows
   use talus_kinds, only: wp, i4
-  use talus_homogenise, only: cross
   implicit none
   private
   public :: rows_type, curl_rows_type, lanes
@@ -204,56 +203,79 @@ contains
     class(curl_rows_type), intent(in) :: self
     real(wp), intent(in) :: u(:, :)
     real(wp), intent(out) :: y(:, :)
-    real(wp) :: s(3)
-    integer(i4) :: i, e
+    integer(i4) :: i
     do i = 1, self%rows
-      s = 0.0_wp
-      do e = self%first(i), self%first(i + 1) - 1
-        s = s + cross(self%slope(:, e), u(:, self%column(e)))
-      end do
-      y(:, i) = 0.5_wp*s
+      y(:, i) = curl_of_row(self, i, u)
     end do
   end subroutine apply_curl
-
-  !> x = x + transpose y: a moment y gives the force 1/2 y x slope.
-  pure subroutine transposed_curl(self, y, x)
-    class(curl_rows_type), intent(in) :: self
-    real(wp), intent(in) :: y(:, :)
-    real(wp), intent(inout) :: x(:, :)
-    integer(i4) :: i, e
-    do i = 1, self%rows
-      do e = self%first(i), self%first(i + 1) - 1
-        x(:, self%column(e)) = x(:, self%column(e)) + 0.5_wp*cross(y(:, i), self%slope(:, e))
-      end do
-    end do
-  end subroutine transposed_curl
 
   pure subroutine apply_some_curl(self, rows, u, y)
     class(curl_rows_type), intent(in) :: self
     integer(i4), intent(in) :: rows(:)
     real(wp), intent(in) :: u(:, :)
     real(wp), intent(out) :: y(:, :)
-    real(wp) :: s(3)
-    integer(i4) :: i, e
+    integer(i4) :: i
     do i = 1, size(rows)
-      s = 0.0_wp
-      do e = self%first(rows(i)), self%first(rows(i) + 1) - 1
-        s = s + cross(self%slope(:, e), u(:, self%column(e)))
-      end do
-      y(:, i) = 0.5_wp*s
+      y(:, i) = curl_of_row(self, rows(i), u)
     end do
   end subroutine apply_some_curl
+
+  pure function curl_of_row(self, i, u) result(y)
+    type(curl_rows_type), intent(in) :: self
+    integer(i4), intent(in) :: i
+    real(wp), intent(in) :: u(:, :)
+    real(wp) :: y(3)
+    integer(i4) :: e
+    y = 0.0_wp
+    do e = self%first(i), self%first(i + 1) - 1
+      associate (g => self%slope(:, e), v => u(:, self%column(e)))
+        y(1) = y(1) + g(2)*v(3) - g(3)*v(2)
+        y(2) = y(2) + g(3)*v(1) - g(1)*v(3)
+        y(3) = y(3) + g(1)*v(2) - g(2)*v(1)
+      end associate
+    end do
+    y = 0.5_wp*y
+  end function curl_of_row
+
+  !> x = x + transpose y: a moment y gives the force 1/2 y x slope.
+  pure subroutine transposed_curl(self, y, x)
+    class(curl_rows_type), intent(in) :: self
+    real(wp), intent(in) :: y(:, :)
+    real(wp), intent(inout) :: x(:, :)
+    integer(i4) :: i
+    do i = 1, self%rows
+      call add_curl_of_row(self, i, y(:, i), x)
+    end do
+  end subroutine transposed_curl
 
   pure subroutine transposed_some_curl(self, rows, y, x)
     class(curl_rows_type), intent(in) :: self
     integer(i4), intent(in) :: rows(:)
     real(wp), intent(in) :: y(:, :)
     real(wp), intent(inout) :: x(:, :)
-    integer(i4) :: i, e
+    integer(i4) :: i
     do i = 1, size(rows)
-      do e = self%first(rows(i)), self%first(rows(i) + 1) - 1
-        x(:, self%column(e)) = x(:, self%column(e)) + 0.5_wp*cross(y(:, i), self%slope(:, e))
-      end do
+      call add_curl_of_row(self, rows(i), y(:, i), x)
     end do
   end subroutine transposed_some_curl
+
+  !> A y of zeros adds nothing: ghosts that nothing touches.
+  pure subroutine add_curl_of_row(self, i, y, x)
+    type(curl_rows_type), intent(in) :: self
+    integer(i4), intent(in) :: i
+    real(wp), intent(in) :: y(3)
+    real(wp), intent(inout) :: x(:, :)
+    real(wp) :: h(3)
+    integer(i4) :: e, a
+    if (all(abs(y) <= 0.0_wp)) return
+    h = 0.5_wp*y
+    do e = self%first(i), self%first(i + 1) - 1
+      a = self%column(e)
+      associate (g => self%slope(:, e))
+        x(1, a) = x(1, a) + h(2)*g(3) - h(3)*g(2)
+        x(2, a) = x(2, a) + h(3)*g(1) - h(1)*g(3)
+        x(3, a) = x(3, a) + h(1)*g(2) - h(2)*g(1)
+      end associate
+    end do
+  end subroutine add_curl_of_row
 end module cpl_rows

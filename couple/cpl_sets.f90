@@ -2,6 +2,7 @@
 !! under free nodes (Q^, D), and the rules that they must keep (theory: overlap coupling).
 module cpl_sets
   use talus_kinds, only: wp, i4, i8
+  use talus_log, only: short_number
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use cpl_cells, only: cells_type, spot_type
@@ -14,7 +15,6 @@ module cpl_sets
   integer(i4), parameter :: part_ghost = 1  !! ghosts stand in them
   integer(i4), parameter :: part_free = 2   !! free grains stand in them
   integer(i4), parameter :: named = 5       !! ids that a message names
-  real(wp), parameter :: least_layers = 3.0_wp  !! depth of the ghosts, in largest diameters
 
   !> Grains as the partner describes them.
   type :: pack_type
@@ -43,6 +43,7 @@ module cpl_sets
     type(hull_type) :: hull                    !! of the elements of the free grains
     real(wp) :: d_max = 0.0_wp                 !! largest diameter of all coupled grains [m]
     real(wp) :: depth = 0.0_wp                 !! of the ghosts' layer [m]
+    real(wp) :: least_depth = 3.0_wp           !! of it, in largest diameters [-]
     integer(i4) :: least_in_element = 0        !! free grains in an element, fewest
     real(wp) :: mean_in_element = 0.0_wp
     real(wp) :: least_size = 0.0_wp            !! of the elements of free grains [m]
@@ -212,7 +213,7 @@ contains
   end subroutine check_counts
 
   !> The depth of the ghosts' layer: least distance of nodes that it shares with the continuum from
-  !! the free grains' elements. I424: less than three largest diameters.
+  !! the free grains' elements. I424: less than asked.
   subroutine check_depth(self, cells, errors)
     type(sets_type), intent(inout) :: self
     type(cells_type), intent(in) :: cells
@@ -242,10 +243,10 @@ contains
       self%depth = s
       worst = a
     end do
-    if (worst == 0 .or. self%depth >= least_layers*self%d_max*(1.0_wp - slack)) return
+    if (worst == 0 .or. self%depth >= self%least_depth*self%d_max*(1.0_wp - slack)) return
     call errors%add('I424', 'the layer of ghosts is '//str(self%depth)//' m deep at node '// &
-      str(worst)//', less than three largest diameters of '//str(self%d_max)//' m', '', &
-      'give more elements to &overlap ghost_elements')
+      str(worst)//', less than '//short_number(self%least_depth)//' largest diameters of '// &
+      str(self%d_max)//' m', '', 'give more elements to &overlap ghost_elements')
   end subroutine check_depth
 
   !> Rows of a list of ids: number(id), 0 where an id is not in it.

@@ -71,7 +71,7 @@ COUPLED = """&run     title = 'Random pack in a box', t_end = @end@ /
 &program side = 'solid', deck = '@state@_solid.nml', threads = 1 /
 &clock   exchange = @exchange@ /
 &overlap free_elements = 'free', ghost_elements = 'ghosts', scheme = 'static', settled = 1.0e-5,
-         partition = 'ramp', rho = @rho@, initial = 'stress', moduli = 'probed',
+         partition = @partition@, initial = 'stress', moduli = 'probed',
          probe = 'probe_probe.json' /
 """
 
@@ -158,8 +158,11 @@ def write_overlap(case: Case, cell: Cell) -> None:
     write_mesh(case.folder / "block.h5", mesh)
 
 
-def overlap(case: Case, cell: Cell, state: str) -> float:
-    """Run the overlap, its outer nodes moved as the strain says; return what is not balanced."""
+def overlap(case: Case, cell: Cell, state: str, partition: str = "ramp") -> float:
+    """Run the overlap, its outer nodes moved as the strain says; return what is not balanced.
+
+    partition: how energy is shared, 'ramp' with the rho of the probe or 'share'.
+    """
     component, sign = STATES[state]
     held = ", ".join(f"'{c}'" for c in "xyz" if c != component[0])
     lines = []
@@ -176,8 +179,9 @@ def overlap(case: Case, cell: Cell, state: str) -> float:
     write(case, f"{state}_grains", GRAIN_DECK + CUT, run="", friction=1.0e9, ratio=0.0, pack="pack",
           dt=DT, end=end)  # fmt: skip
     write(case, f"{state}_solid", SOLID, motion="\n".join(lines), ramp=0.3 * end, end=end)
+    rho = f", rho = {trace[0] / trace[1]:.17g}" if partition == "ramp" else ""
     deck = write(case, state, COUPLED, state=state, end=end, exchange=BATCH * DT,
-                 rho=float(trace[0] / trace[1]))  # fmt: skip
+                 partition=f"'{partition}'{rho}")  # fmt: skip
     case.run("talus-couple", deck)
     return float(audit_of(case, state)["unbalanced"][-1])
 
