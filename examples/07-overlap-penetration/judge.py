@@ -13,10 +13,10 @@ import numpy as np
 from talus.look import COLOURS, new_figure, save_figure
 from talus.plots import force_curve
 
-RUNS = {"all grains": "truth", "overlap": "grains", "overlap, yielding": "plastic/grains",
+CHORD, YIELDING, STIFF = "overlap, chord", "overlap, yielding", "overlap, probed"
+RUNS = {"all grains": "truth", CHORD: "chord/grains", YIELDING: "plastic/grains", STIFF: "grains",
         "rigid box": "rigid"}  # fmt: skip
-WALL = {"all grains": "truth", "overlap": "coupled", "overlap, yielding": "plastic/plastic",
-        "rigid box": "rigid"}  # fmt: skip
+WALL = RUNS | {CHORD: "chord/chord", YIELDING: "plastic/plastic", STIFF: "coupled"}
 BANDS = ((0.0, 5.0), (5.0, 10.0), (10.0, 20.0))  # depth [mm]
 COUPLING = ("projection and maps", "pull-backs", "works", "audit and log", "exchange")
 MODE = "gravity and 100 kPa on the surface, E = 2.9 GPa, 0.25 m/s, no background damping"
@@ -51,7 +51,7 @@ def main() -> int:
         if path.exists():
             summary = json.loads(path.read_text())
             wall[name] = float(summary["wall_time_s"])
-            if name == "overlap":
+            if name == CHORD:
                 share = sum(part_of(summary, text) for text in COUPLING) / wall[name]
     lines = ["run,from [mm],to [mm],force [N],scatter [N],ratio to all grains,wall time [s]"]
     first = next(iter(curves.values()))
@@ -70,10 +70,10 @@ def main() -> int:
     ax.set_title(MODE, fontsize=9)
     ax.legend(fontsize=8)
     save_figure(fig, out / "force.png")
-    if {"all grains", "overlap"} <= wall.keys():
-        ratio = wall["all grains"] / wall["overlap"]
-        lines += [f"cost of all grains over that of overlap,,,,,{ratio:.2f},",
-                  f"share of coupling work in overlap,,,,,{share:.3f},"]  # fmt: skip
+    if {"all grains", CHORD} <= wall.keys():
+        ratio = wall["all grains"] / wall[CHORD]
+        lines += [f"wall time of all grains over that of {CHORD},,,,,{ratio:.2f},",
+                  f"share of the coupling's timers in {CHORD},,,,,{share:.3f},"]  # fmt: skip
     (out / "judge.csv").write_text("\n".join(lines) + "\n")
     print("\n".join(lines))
     return 0

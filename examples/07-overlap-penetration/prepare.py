@@ -3,6 +3,7 @@
 Usage: prepare.py PRESSED OUT [X Y [deep]]. The tool stands at X, Y [mm], by default in the middle;
 deep: grains are free to the floor, not to some way below the end of the stroke. Writes
 OUT/truth_pack.h5 (all grains and the tool), core_pack.h5 (grains within the ghosts' outer faces),
+near_pack.h5 (grains within the nearer ghosts alone),
 rigid_pack.h5 (a rigid box: grains outside the medium container's inner width are fixed),
 probe_pack.h5 (a box within a fixed shell), each but the first with the tool at its origin, and
 surround.h5.
@@ -23,9 +24,10 @@ LAYER = 0.010  # height of an element, about [m]
 STROKE = 0.020  # of the tool [m]
 BELOW = 0.020  # grains alone below the end of the stroke [m]
 RIGID = 0.0225  # half the inner width of the medium container [m]
+NEAR_EDGE = 0.030  # where ghosts end if contacts between them do not count [m]
 NEAR = 0.005  # width of the layer of ghosts that may touch free grains [m]
 PROBE = 0.0225  # half-width of the box whose moduli are probed [m]
-LINES = np.array([INNER, FREE_EDGE, 0.030, GHOST_EDGE, 0.045, 0.0525, OUTER])
+LINES = np.array([INNER, FREE_EDGE, NEAR_EDGE, GHOST_EDGE, 0.045, 0.0525, OUTER])
 
 
 def half_width(packing: Packing) -> np.ndarray:
@@ -48,11 +50,12 @@ def levels(top: float, deep: bool) -> np.ndarray:
     return inner - np.array([0.0, FREE_EDGE - INNER, GHOST_EDGE - INNER])
 
 
-def core(bed: Packing, level: np.ndarray) -> Packing:
+def core(bed: Packing, level: np.ndarray, edge: float) -> Packing:
     """Grains to the outer faces of the ghosts; a floor reaches as far as grains are free."""
     wide = half_width(bed)
     deep = level[2] <= FLOOR
-    keep = (bed.kind == FREE) & (wide < GHOST_EDGE) & (deep | (bed.x[:, 2] > level[2]))
+    keep = (bed.kind == FREE) & (wide < edge)
+    keep &= deep | (bed.x[:, 2] > level[1] - (edge - FREE_EDGE))
     keep |= (bed.kind == FIXED) & (wide < FREE_EDGE) & (bed.x[:, 2] < FLOOR) & deep
     return ordered(with_tool(bed.take(keep)), level)
 
@@ -65,12 +68,7 @@ def ordered(packing: Packing, level: np.ndarray) -> Packing:
     ring = np.where(outside < 0.0, 0, np.where(outside < NEAR, 1, 2))
     cell = np.floor((packing.x - packing.x.min(axis=0)) / NEAR)
     order = np.lexsort((packing.id, cell[:, 0], cell[:, 1], cell[:, 2], ring))
-    part = packing.take(order)
-    place = {grain: k + 1 for k, grain in enumerate(part.id.tolist())}
-    part.groups = {name: np.array(sorted(place[grain] for grain in ids.tolist()))
-                   for name, ids in part.groups.items()}  # fmt: skip
-    part.id = np.arange(1, part.count + 1)
-    return part
+    return packing.take(order).numbered(np.arange(1, packing.count + 1))
 
 
 def whole(bed: Packing, at: np.ndarray) -> Packing:
@@ -121,8 +119,9 @@ def surround(top: float, level: np.ndarray) -> Mesh:
     wide = np.abs(at[:, :2]).max(axis=1)
     free = (wide < FREE_EDGE) & (at[:, 2] > level[1])
     ghosts = (wide < GHOST_EDGE) & (at[:, 2] > level[2]) & ~free
+    near = ghosts & (wide < NEAR_EDGE) & (at[:, 2] > level[1] - (NEAR_EDGE - FREE_EDGE))
     mesh = Mesh(x, hex8, {"all": np.arange(len(hex8)), "free": np.flatnonzero(free),
-                          "ghosts": np.flatnonzero(ghosts)})  # fmt: skip
+                          "ghosts": np.flatnonzero(ghosts), "near": np.flatnonzero(near)})  # fmt: skip
     edge = np.abs(x[:, :2]).max(axis=1)
     low = (x[:, 2] < FLOOR + 1e-9) & ((edge > FREE_EDGE + 1e-9) | (level[2] > FLOOR))
     mesh.nodes["held"] = np.flatnonzero(low | (edge > OUTER - 1e-9))
@@ -139,7 +138,8 @@ def main() -> int:
     ring = (half_width(bed) > FREE_EDGE) & (half_width(bed) < GHOST_EDGE) & (bed.kind == FREE)
     top = float(bed.x[ring, 2].max() + 1.0e-6)
     level = levels(top, "deep" in sys.argv[5:])
-    pieces = {"truth": whole(bed, at), "core": core(bed, level),
+    pieces = {"truth": whole(bed, at), "core": core(bed, level, GHOST_EDGE),
+              "near": core(bed, level, NEAR_EDGE),
               "rigid": rigid_box(bed), "probe": probe_box(bed)}  # fmt: skip
     for name, packing in pieces.items():
         write_packing_file(out / f"{name}_pack.h5", packing)

@@ -33,13 +33,22 @@ coupled() {
   "$TALUS_BIN/talus-couple" coupled.nml --restart=auto
 }
 
-# the same core in a surround that yields, in a folder of its own
-plastic() {
-  mkdir -p plastic
-  cp "$here"/grains.nml "$here"/plastic*.nml core_pack.h5 surround.h5 plastic
-  cd plastic
-  sed "0,/threads = 1/s//threads = $threads/" "$here/plastic.nml" >plastic.nml
-  "$TALUS_BIN/talus-couple" plastic.nml --restart=auto
+# constants of the surround: a sample of the bed is shortened sideways
+soil() {
+  "$python" "$here/soil.py" sample .
+  "$TALUS_BIN/talus-dem" sample.nml --threads="$threads"
+  "$python" "$here/soil.py" shear .
+  "$TALUS_BIN/talus-dem" shear.nml --threads="$threads" --restart=sample.chk.h5
+  "$python" "$here/soil.py" fit .
+}
+
+# $1 chord or plastic: fewer ghosts in a surround of the element test's constants, in a folder of its own
+tested() {
+  cp "$here"/grains.nml surround.h5 "$1"
+  cp near_pack.h5 "$1/core_pack.h5"
+  cd "$1"
+  sed "0,/threads = 1/s//threads = $threads/" "$here/$1.nml" >"$1.nml"
+  "$TALUS_BIN/talus-couple" "$1.nml" --restart=auto
 }
 
 cp "$here"/*.nml "$out"
@@ -47,8 +56,10 @@ stage fall fall
 stage press solver dem press.nml
 stage prepare "$python" "$here/prepare.py" pressed.h5 .
 stage probe solver dem probe.nml
+stage soil soil
 stage coupled coupled
-stage plastic plastic
+stage chord tested chord
+stage plastic tested plastic
 stage rigid solver dem rigid.nml
 stage truth solver dem truth.nml
 stage cost "$python" "$here/cost.py" .
