@@ -47,6 +47,7 @@ def run(case: Case) -> None:
         ("classical", "projection = 'l2'", False),
         ("classical", "projection = 'mls'", False),
         ("micropolar", "projection = 'l2', ghost_contacts = 'exchange'", True),
+        ("classical", "ghost_contacts = 'exchange', partition = 'share'", False),
         ("micropolar", "method = 'bridging_domain'", True),
         ("classical", "method = 'bridging_domain', multipliers = 'lumped'", False),
     ):
