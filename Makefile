@@ -31,7 +31,7 @@ else
   CFLAGS := $(CFLAGS_COMMON) -O2 -g1
   LDFLAGS :=
 endif
-# large arrays on lines of the cache, and kept (common/talus_memory.c)
+# large arrays on lines of the cache, and kept (common/base/talus_memory.c)
 LDFLAGS += -Wl,--wrap=malloc,--wrap=free
 LIBS_HDF5  := -L$(HDF5) -Wl,-rpath,$(HDF5) -lhdf5_fortran -lhdf5
 LIBS_MUMPS := -ldmumps -lmumps_common -lscalapack-openmpi -lmetis -lopenblas
@@ -41,12 +41,16 @@ MOD := $(BUILD)/mod
 BIN := $(BUILD)/bin
 LIB := $(BUILD)/lib
 
-sources = $(sort $(wildcard $(1)/*.f90))
-objects = $(patsubst %.f90,$(OBJ)/%.o,$(subst /,-,$(filter-out %_main.f90,$(call sources,$(1))))) \
-          $(patsubst %.c,$(OBJ)/%_c.o,$(subst /,-,$(sort $(wildcard $(1)/*.c))))
-PROGRAMS  := $(BIN)/talus-dem $(BIN)/talus-fem $(BIN)/talus-couple
-UNITS     := $(patsubst tests/unit/%.f90,$(BUILD)/unit/%,$(filter-out tests/unit/talus_test.f90,$(call sources,tests/unit)))
-ALL_F90   := $(foreach d,common dem fem couple tests/unit,$(call sources,$(d)))
+# a part is a folder with a folder for each floor (tools/floors.txt); names of files are unique
+sources   = $(sort $(wildcard $(1)/*.$(2) $(1)/*/*.$(2) $(1)/*/*/*.$(2)))
+objects   = $(patsubst %.f90,$(OBJ)/%.o,$(filter-out %_main.f90,$(notdir $(call sources,$(1),f90)))) \
+            $(patsubst %.c,$(OBJ)/%_c.o,$(notdir $(call sources,$(1),c)))
+PROGRAMS := $(BIN)/talus-dem $(BIN)/talus-fem $(BIN)/talus-couple
+PARTS    := common dem fem couple
+UNITS    := $(patsubst %.f90,$(BUILD)/unit/%,$(filter-out talus_test.f90,$(notdir $(call sources,tests/unit,f90))))
+ALL_F90  := $(foreach d,$(PARTS) tests/unit,$(call sources,$(d),f90))
+vpath %.f90 $(sort $(dir $(ALL_F90)))
+vpath %.c   $(sort $(dir $(foreach d,$(PARTS),$(call sources,$(d),c))))
 
 .PHONY: all common talus-dem talus-fem talus-couple unit unit-one clean
 all: $(PROGRAMS)
@@ -73,40 +77,43 @@ endif
 $(OBJ) $(MOD) $(BIN) $(LIB) $(BUILD)/unit:
 	mkdir -p $@
 
-$(BUILD)/depend.mk: $(ALL_F90) tools/depend.awk | $(OBJ) $(MOD)
-	awk -v obj='$$(OBJ)' -f tools/depend.awk $(ALL_F90) > $@.tmp && mv $@.tmp $@
+$(BUILD)/depend.mk: $(ALL_F90) tools/depend.awk tools/floors.txt | $(OBJ) $(MOD)
+	awk -v obj='$$(OBJ)' -v mod='$$(MOD)' -f tools/depend.awk tools/floors.txt $(ALL_F90) > $@.tmp && mv $@.tmp $@
 ifneq ($(filter-out $(NO_BUILD),$(or $(MAKECMDGOALS),all)),)
 -include $(BUILD)/depend.mk
 endif
 
-define folder_rules
-$(OBJ)/$(subst /,-,$(1))-%.o: $(1)/%.f90 Makefile | $(OBJ) $(MOD)
-	$$(FC) $$(FFLAGS) -J$$(MOD) -c -o $$@ $$<
-$(OBJ)/$(subst /,-,$(1))-%_c.o: $(1)/%.c $(wildcard $(1)/*.h) Makefile | $(OBJ)
-	$$(CC) $$(CFLAGS) -c -o $$@ $$<
-endef
-$(foreach d,common dem fem couple tests/unit,$(eval $(call folder_rules,$(d))))
+# unit tests and key tables have no loops worth -O3
+QUICK_OBJ := $(OBJ)/test_%.o $(OBJ)/talus_test.o $(OBJ)/%_deck_keys.o
+flags = $(FFLAGS)$(if $(filter $(QUICK_OBJ),$(1)), -O1)
+$(OBJ)/%.o: %.f90 Makefile | $(OBJ) $(MOD)
+	$(FC) $(call flags,$@) -J$(MOD) -c -o $@ $<
+$(OBJ)/%_c.o: %.c Makefile | $(OBJ)
+	$(CC) $(CFLAGS) -c -o $@ $<
+# written with the object, its time kept where nothing in it has changed: only a change is passed on
+$(MOD)/%.mod:
+	@test -f $@
 
 define library_rules
 $(LIB)/libtalus_$(1).a: $(call objects,$(1)) | $(LIB)
 	rm -f $$@ && ar rcs $$@ $$^
 endef
-$(foreach d,common dem fem couple,$(eval $(call library_rules,$(d))))
-$(LIB)/libtalus_common.a: $(OBJ)/common-talus_build_c.o
-$(OBJ)/common-talus_build_c.o: $(BUILD)/talus_build.c | $(OBJ)
+$(foreach d,$(PARTS),$(eval $(call library_rules,$(d))))
+$(LIB)/libtalus_common.a: $(OBJ)/talus_build_c.o
+$(OBJ)/talus_build_c.o: $(BUILD)/talus_build.c | $(OBJ)
 	$(CC) $(CFLAGS) -c -o $@ $<
 
-$(BIN)/talus-dem: $(OBJ)/dem-dem_main.o $(LIB)/libtalus_dem.a $(LIB)/libtalus_common.a | $(BIN)
+$(BIN)/talus-dem: $(OBJ)/dem_main.o $(LIB)/libtalus_dem.a $(LIB)/libtalus_common.a | $(BIN)
 	$(FC) -fopenmp $(LDFLAGS) -o $@ $^ $(LIBS_HDF5)
-$(BIN)/talus-fem: $(OBJ)/fem-fem_main.o $(LIB)/libtalus_fem.a $(LIB)/libtalus_common.a | $(BIN)
+$(BIN)/talus-fem: $(OBJ)/fem_main.o $(LIB)/libtalus_fem.a $(LIB)/libtalus_common.a | $(BIN)
 	$(FC) -fopenmp $(LDFLAGS) -o $@ $^ $(LIBS_MUMPS) $(LIBS_HDF5)
-$(BIN)/talus-couple: $(OBJ)/couple-cpl_main.o $(LIB)/libtalus_couple.a $(LIB)/libtalus_common.a | $(BIN)
+$(BIN)/talus-couple: $(OBJ)/cpl_main.o $(LIB)/libtalus_couple.a $(LIB)/libtalus_common.a | $(BIN)
 	gfortran -fopenmp $(LDFLAGS) -o $@ $^ -lopenblas $(LIBS_HDF5)
 
 # unit tests link what they may use; a folder without sources yields an empty library
 unit_libs = $(LIB)/libtalus_$(1).a $(LIB)/libtalus_common.a
 define unit_rule
-$(BUILD)/unit/$(1): $(OBJ)/tests-unit-$(1).o $(OBJ)/tests-unit-talus_test.o \
+$(BUILD)/unit/$(1): $(OBJ)/$(1).o $(OBJ)/talus_test.o \
   $(if $(filter test_dem_%,$(1)),$(LIB)/libtalus_dem.a) $(if $(filter test_fem_%,$(1)),$(LIB)/libtalus_fem.a) \
   $(if $(filter test_cpl_%,$(1)),$(LIB)/libtalus_couple.a) $(LIB)/libtalus_common.a | $(BUILD)/unit
 	$(if $(filter test_fem_% test_dem_%,$(1)),$(FC),gfortran) -fopenmp $(LDFLAGS) -o $$@ $$^ \

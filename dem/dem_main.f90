@@ -12,8 +12,8 @@ program talus_dem
   use talus_deck_table, only: key_table_type
   use talus_text, only: str
   use talus_system, only: ignore_write_signals, keep_memory, talus_exit, talus_short_spins
-  use dem_crew, only: dem_crew_type
-  use dem_follow, only: serve_leader
+  use dem_rank_team, only: dem_crew_type
+  use dem_rank_worker, only: serve_leader
   use dem_swap, only: prefer_copies
   use dem_memory, only: report_memory, check_ranks
   use dem_model, only: dem_model_type, program_name

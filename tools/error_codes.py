@@ -49,7 +49,7 @@ def in_sources() -> dict[str, str]:
     used: dict[str, str] = {}
     for folder in LISTS:
         fortran = folder != "prepost"
-        paths = (ROOT / folder).glob("*.f90") if fortran else (ROOT / folder).glob("talus/**/*.py")
+        paths = (ROOT / folder).rglob("*.f90") if fortran else (ROOT / folder).glob("talus/**/*.py")
         for path in sorted(paths):
             for code in (IN_FORTRAN if fortran else IN_PYTHON).findall(path.read_text()):
                 used.setdefault(code, str(path.relative_to(ROOT)))

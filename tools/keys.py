@@ -17,6 +17,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PROGRAMS = {"dem": "dem", "fem": "fem", "couple": "cpl"}  # folder: prefix of its modules
+TABLES = {  # where the Fortran table of a program stands
+    "dem": "setup/dem_deck_keys.f90",
+    "fem": "setup/fem_deck_keys.f90",
+    "couple": "run/cpl_deck_keys.f90",
+}
 KINDS = ("real", "integer", "logical", "string", "file")
 GROUP_WORDS = {"doc", "repeat", "required", "example", "keys"}
 KEY_WORDS = {"type", "doc", "size", "unit", "default", "required", "choices", "words"}
@@ -540,7 +545,7 @@ def write_tables(programs: list[Program], only_check: bool) -> int:
     """Write the tables that have changed; with only_check return how many would be."""
     stale = 0
     for program in programs:
-        path = ROOT / program.folder / f"{PROGRAMS[program.folder]}_deck_keys.f90"
+        path = ROOT / program.folder / TABLES[program.folder]
         text = fortran(program)
         if path.exists() and path.read_text(encoding="utf-8") == text:
             continue

@@ -142,7 +142,7 @@ def main() -> int:
     parser.add_argument("--root", type=Path, default=ROOT)
     root = parser.parse_args().root.resolve()
     passed = failed = 0
-    for path in (path for folder in FOLDERS for path in sorted((root / folder).glob("*.f90"))):
+    for path in (path for folder in FOLDERS for path in sorted((root / folder).rglob("*.f90"))):
         found = check_fortran(path)
         for number, rule in found:
             print(f"{path.relative_to(root)}:{number}: {rule}")

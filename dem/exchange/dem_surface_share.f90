@@ -1,0 +1,294 @@
+!> Surfaces of a run on many ranks: all ranks know and move all of them, each with the contacts of
+!! its own grains. What the grains do to them is the sum of the ranks' parts.
+module dem_surface_share
+  use talus_kinds, only: wp, i4, i8
+  use talus_ranks, only: ranks_type
+  use dem_make, only: sorted_order
+  use dem_records, only: index_of
+  use dem_state, only: dem_data_type, lanes, history_size
+  use dem_surface_body, only: no_free_bodies
+  use dem_membrane_share, only: tell_membranes, take_membranes
+  use dem_membrane, only: no_membranes
+  use dem_surface_additional, only: surface_kept_reals
+  use dem_surface_search, only: allocate_contacts
+  use dem_surface_state, only: dem_surfaces_type, bore_swell, bore_press, bore_impulse
+  use dem_broadcast, only: tell_matrix, tell_list, tell_table
+  implicit none
+  private
+  public :: tell_surfaces, tell_motion, pack_touches, adopt_touches
+  public :: surface_reals, surface_report, take_surfaces
+
+  integer(i4), parameter :: head_reals = 8                  !! of a grain that has contacts
+  integer(i4), parameter :: kept_reals = history_size + 19  !! of a contact, and its sign
+  integer(i4), parameter :: part_reals = 13                 !! of a part in a report
+
+contains
+
+  !> Everything but contacts and sums, which stay with the leader.
+  subroutine tell_surfaces(team, s)
+    type(ranks_type), intent(in) :: team
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4) :: sizes(8)
+
+    sizes = [s%n, s%parts, s%vertices, s%triangles, merge(1_i4, 0_i4, s%soft), 0_i4, &
+             merge(1_i4, 0_i4, allocated(s%free)), merge(1_i4, 0_i4, allocated(s%membranes))]
+    if (allocated(s%fan)) sizes(6) = ubound(s%fan, 1)
+    call team%tell_numbers(sizes)
+    if (sizes(1) == 0) return
+    if (.not. team%leads()) call make_room(s, sizes)
+    call team%tell_numbers(s%kind)
+    call tell_list(team, s%cos_smooth)
+    call tell_list(team, s%reach)
+    call tell_matrix(team, s%centre)
+    call tell_matrix(team, s%quat)
+    call tell_matrix(team, s%rest_axis)
+    call tell_matrix(team, s%axis)
+    call tell_matrix(team, s%cone)
+    call tell_matrix(team, s%bore)
+    if (.not. team%leads()) s%bore([bore_press, bore_impulse], :) = 0.0_wp
+    call team%tell_numbers(s%first_part)
+    call team%tell_numbers(s%first_vertex)
+    call team%tell_numbers(s%first_triangle)
+    call team%tell_numbers(s%material)
+    call tell_matrix(team, s%rest)
+    call tell_matrix(team, s%x)
+    if (sizes(7) > 0) call tell_bodies(team, s)
+    if (sizes(8) > 0) call tell_membranes(team, s)
+    call tell_motion(team, s)
+    if (s%triangles > 0) call tell_triangles(team, s)
+    s%reference_x = s%centre
+    s%reference_q = s%quat
+    s%reference = s%x
+  end subroutine tell_surfaces
+
+  !> Bodies that move freely: all ranks move them alike, by what all grains do to them; the leader
+  !! counts their works.
+  subroutine tell_bodies(team, s)
+    type(ranks_type), intent(in) :: team
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4) :: b, p
+    call tell_matrix(team, s%free)
+    call tell_list(team, s%mass)
+    call tell_matrix(team, s%inertia)
+    if (allocated(s%acting)) deallocate (s%acting)
+    allocate (s%acting(6, s%n), source=0.0_wp)
+    do b = 1, s%n
+      do p = s%first_part(b), s%first_part(b + 1) - 1
+        s%acting(:, b) = s%acting(:, b) + [s%force(:, p), s%moment(:, p)]
+      end do
+    end do
+    call tell_matrix(team, s%acting)
+    s%counted = team%leads()
+  end subroutine tell_bodies
+
+  subroutine tell_triangles(team, s)
+    type(ranks_type), intent(in) :: team
+    type(dem_surfaces_type), intent(inout) :: s
+    call team%tell_numbers(s%home)
+    call team%tell_numbers(s%fan_start)
+    call team%tell_numbers(s%fan)
+    call tell_table(team, s%corner)
+    call team%tell_numbers(s%owner)
+    call tell_table(team, s%mate)
+  end subroutine tell_triangles
+
+  subroutine make_room(s, sizes)
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4), intent(in) :: sizes(8)
+    type(dem_surfaces_type) :: fresh
+
+    s = fresh
+    s%n = sizes(1)
+    s%parts = sizes(2)
+    s%vertices = sizes(3)
+    s%triangles = sizes(4)
+    s%soft = sizes(5) > 0
+    allocate (s%name(s%n), s%kind(s%n), s%cos_smooth(s%n), s%reach(s%n))
+    allocate (s%centre(3, s%n), s%velocity(3, s%n), s%spin(3, s%n), s%rest_axis(3, s%n), &
+              s%axis(3, s%n), s%quat(4, s%n), s%cone(4, s%n), s%bore(5, s%n), source=0.0_wp)
+    allocate (s%first_part(s%n + 1), s%first_vertex(s%n + 1), s%first_triangle(s%n + 1))
+    allocate (s%material(s%parts))
+    allocate (s%force(3, s%parts), s%moment(3, s%parts), s%impulse(3, s%parts), &
+              s%moment_impulse(3, s%parts), s%work(s%parts), source=0.0_wp)
+    allocate (s%rest(3, s%vertices), s%x(3, s%vertices), s%v(3, s%vertices), &
+              s%target(3, s%vertices), s%vertex_force(3, s%vertices), &
+              s%vertex_impulse(3, s%vertices), source=0.0_wp)
+    allocate (s%home(s%vertices), s%fan_start(s%vertices + 1), s%fan(sizes(6)))
+    allocate (s%corner(3, s%triangles), s%owner(s%triangles), s%mate(3, s%triangles))
+    if (sizes(7) > 0) call no_free_bodies(s)
+    if (sizes(8) > 0) call no_membranes(s)
+  end subroutine make_room
+
+  !> How surfaces move from now on.
+  subroutine tell_motion(team, s)
+    type(ranks_type), intent(in) :: team
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4) :: aimed(1)
+    real(wp) :: swell(s%n)
+    call tell_matrix(team, s%velocity)
+    call tell_matrix(team, s%spin)
+    swell = s%bore(bore_swell, :)
+    call tell_list(team, swell)
+    s%bore(bore_swell, :) = swell
+    if (allocated(s%free)) call tell_matrix(team, s%given)
+    if (.not. s%soft) return
+    aimed = merge(1_i4, 0_i4, s%has_target)
+    call team%tell_numbers(aimed)
+    s%has_target = aimed(1) > 0
+    call tell_matrix(team, s%v)
+    call tell_matrix(team, s%target)
+    if (allocated(s%membranes)) call tell_list(team, s%membranes%pressure)
+  end subroutine tell_motion
+
+  !> Contacts of grains with surfaces: a column a grain, first its id. All ranks ask together.
+  subroutine pack_touches(d, rows)
+    type(dem_data_type), intent(in) :: d
+    real(wp), allocatable, intent(out) :: rows(:, :)
+    integer(i4) :: g, n, slots
+    slots = slots_in_use(d)
+    n = 0
+    if (d%surfaces%near > 0) n = int(count(d%surfaces%contacts > 0), i4)
+    allocate (rows(head_reals + slots*reals_of(d), n))
+    n = 0
+    do g = 1, d%surfaces%near
+      if (d%surfaces%contacts(g) == 0) cycle
+      n = n + 1
+      call pack_touch(d, g, slots, rows(:, n))
+    end do
+  end subroutine pack_touches
+
+  !> Contacts of a grain that there is room for in a row. There is much room beside membranes, of
+  !! which few grains need more than a little.
+  integer(i4) function slots_in_use(d) result(slots)
+    type(dem_data_type), intent(in) :: d
+    real(wp) :: most(1)
+    slots = lanes
+    if (.not. allocated(d%surfaces%membranes)) return
+    most = 1.0_wp
+    if (d%surfaces%near > 0) most = max(most, real(maxval(d%surfaces%contacts), wp))
+    call d%halo%team%most(most)
+    slots = nint(most(1), i4)
+  end function slots_in_use
+
+  !> Reals of a contact in a row, with those that laws on top keep.
+  pure integer(i4) function reals_of(d) result(reals)
+    type(dem_data_type), intent(in) :: d
+    reals = surface_kept_reals(d)
+    reals = kept_reals + 1 + merge(reals + 3, 0_i4, reals > 0)
+  end function reals_of
+
+  pure subroutine pack_touch(d, g, n, row)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: g, n
+    real(wp), intent(out) :: row(:)
+    integer(i4) :: base
+    base = head_reals + n*(kept_reals + 1)
+    associate (s => d%surfaces)
+      row(:base) = [real(d%grains%id(s%near_grain(g)), wp), real(s%contacts(g), wp), &
+             s%load(:, g), &
+             s%history(:n, :, g), s%foot(:n, :, g), s%normal(:n, :, g), s%point(:n, :, g), &
+             s%push(:n, :, g), s%motion(:n, :, g), real(s%part(:n, g), wp), s%sign(:n, g)]
+      if (size(s%kept) > 0) row(base + 1:) = [s%kept(:n, :, g), s%couple(:n, :, g)]
+    end associate
+  end subroutine pack_touch
+
+  !> These contacts as those of the last list of d: the next list takes them over.
+  subroutine adopt_touches(d, rows)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: rows(:, :)
+    integer(i4), allocatable :: order(:)
+    integer(i4) :: g, n, slots
+
+    slots = (size(rows, 1, i4) - head_reals)/reals_of(d)
+    associate (s => d%surfaces)
+      if (allocated(s%contacts)) deallocate (s%contacts, s%history, s%foot, s%normal, s%point, &
+                                             s%push, s%motion, s%part, s%sign, s%load, &
+                                             s%columns, &
+                                             s%share, s%near_of, s%kept, s%couple, s%extra_work)
+      n = size(rows, 2)
+      s%near = n
+      s%near_grain = [(index_of(d, rows(1, g)), g=1, n)]
+      order = sorted_order(int(s%near_grain, i8))
+      s%near_grain = s%near_grain(order)
+      s%candidate = [integer(i4) ::]
+      call allocate_contacts(s, d%grains%n, surface_kept_reals(d))
+      do g = 1, n
+        call unpack_touch(s, g, slots, rows(:, order(g)))
+      end do
+    end associate
+  end subroutine adopt_touches
+
+  pure subroutine unpack_touch(s, g, n, row)
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4), intent(in) :: g, n
+    real(wp), intent(in) :: row(:)
+    real(wp) :: kept(n, kept_reals + 1)
+    integer(i4) :: base
+    s%contacts(g) = nint(row(2), i4)
+    s%load(:, g) = row(3:head_reals)
+    base = head_reals + size(kept, kind=i4)
+    kept = reshape(row(head_reals + 1:base), shape(kept))
+    s%history(:n, :, g) = kept(:, :history_size)
+    s%foot(:n, :, g) = kept(:, history_size + 1:history_size + 3)
+    s%normal(:n, :, g) = kept(:, history_size + 4:history_size + 6)
+    s%point(:n, :, g) = kept(:, history_size + 7:history_size + 9)
+    s%push(:n, :, g) = kept(:, history_size + 10:history_size + 12)
+    s%motion(:n, :, g) = kept(:, history_size + 13:history_size + 18)
+    s%part(:n, g) = nint(kept(:, kept_reals), i4)
+    s%sign(:n, g) = kept(:, kept_reals + 1)
+    if (size(s%kept) == 0) return
+    s%kept(:n, :, g) = reshape(row(base + 1:base + n*size(s%kept, 2)), [n, size(s%kept, 2, i4)])
+    s%couple(:n, :, g) = reshape(row(base + n*size(s%kept, 2) + 1:), [n, 3_i4])
+  end subroutine unpack_touch
+
+  !> Reals of the surfaces in a report.
+  pure integer(i4) function surface_reals(s)
+    type(dem_surfaces_type), intent(in) :: s
+    surface_reals = part_reals*s%parts + 2*s%n + merge(6*s%vertices, 0_i4, s%soft)
+  end function surface_reals
+
+  !> Sums over this rank's grains.
+  pure function surface_report(s) result(report)
+    type(dem_surfaces_type), intent(in) :: s
+    real(wp) :: report(surface_reals(s))
+    integer(i4) :: n
+    if (s%n == 0) return
+    n = part_reals*s%parts
+    report(:n) = [s%force, s%moment, s%impulse, s%moment_impulse, s%work]
+    report(n + 1:n + s%n) = s%bore(bore_press, :)
+    report(n + s%n + 1:n + 2*s%n) = s%bore(bore_impulse, :)
+    if (s%soft) report(n + 2*s%n + 1:) = [s%vertex_force, s%vertex_impulse]
+  end function surface_report
+
+  !> Sums over all grains from added reports, and the motion, which is that of any part.
+  pure subroutine take_surfaces(part, report, whole)
+    type(dem_surfaces_type), intent(in) :: part
+    real(wp), intent(in) :: report(:)
+    type(dem_surfaces_type), intent(inout) :: whole
+    integer(i4) :: n, v
+    n = 3*whole%parts
+    v = part_reals*whole%parts
+    whole%force = reshape(report(:n), [3, whole%parts])
+    whole%moment = reshape(report(n + 1:2*n), [3, whole%parts])
+    whole%impulse = reshape(report(2*n + 1:3*n), [3, whole%parts])
+    whole%moment_impulse = reshape(report(3*n + 1:4*n), [3, whole%parts])
+    whole%work = report(4*n + 1:v)
+    if (allocated(whole%free)) then
+      whole%velocity = part%velocity
+      whole%spin = part%spin
+    end if
+    whole%centre = part%centre
+    whole%quat = part%quat
+    whole%axis = part%axis
+    whole%x = part%x
+    whole%cone = part%cone
+    whole%bore(bore_press, :) = report(v + 1:v + whole%n)
+    whole%bore(bore_impulse, :) = report(v + whole%n + 1:v + 2*whole%n)
+    if (.not. whole%soft) return
+    v = v + 2*whole%n
+    n = 3*whole%vertices
+    whole%vertex_force = reshape(report(v + 1:v + n), [3, whole%vertices])
+    whole%vertex_impulse = reshape(report(v + n + 1:v + 2*n), [3, whole%vertices])
+    if (allocated(whole%membranes)) call take_membranes(part, whole)
+  end subroutine take_surfaces
+end module dem_surface_share

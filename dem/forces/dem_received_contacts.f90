@@ -1,0 +1,111 @@
+!> Contacts that come from elsewhere, put in the place of the last list: the next list takes normals
+!! and history from them as if they had always been here.
+module dem_received_contacts
+  use talus_kinds, only: wp, i4
+  use dem_state, only: dem_data_type, lanes, history_size, entries_ahead
+  use dem_cell, only: is_periodic
+  use dem_forces, only: sum_body
+  use dem_images, only: name_images, image_of
+  use dem_candidates, only: slot_of
+  use dem_records, only: contact_places, index_of
+  implicit none
+  private
+  public :: adopt_contacts, give_results
+
+contains
+
+  !> Contacts as the last list of d; those with a body that d does not know are left out.
+  subroutine adopt_contacts(d, contact)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: contact(:, :)  !! rows of dem_records, as columns
+    integer(i4), allocatable :: first(:), second(:)
+    integer(i4) :: k, m, at, lane, block
+    integer(i4), allocatable :: fill(:)
+
+    allocate (first(size(contact, 2)), second(size(contact, 2)))
+    do k = 1, size(contact, 2)
+      first(k) = index_of(d, contact(1, k))
+      second(k) = index_of(d, contact(2, k))
+    end do
+    if (is_periodic(d%cell)) call name_images(d%pairs, d%grains%n, shifts_of(contact), second)
+    m = size(first)
+    call make_room(d, (m + lanes - 1)/lanes)
+    associate (p => d%pairs)
+      allocate (p%start(p%plain + 1), source=0_i4)
+      allocate (p%entry(m + entries_ahead), source=0_i4)
+      do k = 1, m
+        if (first(k) == 0 .or. second(k) == 0) cycle
+        p%start(first(k) + 1) = p%start(first(k) + 1) + 1
+      end do
+      p%start(1) = 1
+      do k = 2, size(p%start)
+        p%start(k) = p%start(k) + p%start(k - 1)
+      end do
+      fill = p%start
+      do k = 1, m
+        if (first(k) == 0 .or. second(k) == 0) cycle
+        at = fill(first(k))
+        fill(first(k)) = at + 1
+        p%entry(at) = 2*(k - 1)
+        lane = 1 + mod(k - 1, lanes)
+        block = 1 + (k - 1)/lanes
+        p%second(lane, block) = second(k)
+        p%normal(lane, :, block) = contact(contact_places(1):contact_places(2) - 1, k)
+        p%history(lane, :, block) = contact(contact_places(2):contact_places(3) - 1, k)
+        if (p%extras%active) p%extras%kept(lane, :, block) = contact(contact_places(5):, k)
+      end do
+    end associate
+  end subroutine adopt_contacts
+
+  !> Shift of the second grain of each contact, in edges of the cell.
+  pure function shifts_of(contact) result(shift)
+    real(wp), intent(in) :: contact(:, :)
+    integer(i4) :: shift(3, size(contact, 2))
+    shift = nint(contact(contact_places(4):contact_places(5) - 1, :), i4)
+  end function shifts_of
+
+  !> Lists of d without any pair, blocks for some.
+  subroutine make_room(d, blocks)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: blocks
+    associate (p => d%pairs)
+      if (allocated(p%first)) deallocate (p%first, p%second, p%weight, p%m_star, p%touched, &
+                                          p%result, p%columns)
+      if (allocated(p%start)) deallocate (p%start, p%entry)
+      if (allocated(p%normal)) deallocate (p%normal, p%history)
+      allocate (p%first(lanes, blocks), p%second(lanes, blocks), source=0_i4)
+      allocate (p%normal(lanes, 3, blocks), p%history(lanes, history_size, blocks), source=0.0_wp)
+      if (p%extras%active) then
+        if (allocated(p%extras%kept)) deallocate (p%extras%kept)
+        allocate (p%extras%kept(lanes, p%extras%reals, blocks), source=0.0_wp)
+      end if
+      allocate (p%weight(0, 0), p%m_star(0, 0), p%touched(0), p%result(0, 0), p%columns(0, 0))
+    end associate
+  end subroutine make_room
+
+  !> History and forces of these contacts to the list of d, which has been made since: a new list
+  !! finds the radius of two spheres anew, to rounding.
+  subroutine give_results(d, contact)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: contact(:, :)
+    integer(i4) :: k, first, second, slot
+    real(wp) :: force(3), moment(3)
+    do k = 1, size(contact, 2)
+      first = index_of(d, contact(1, k))
+      second = index_of(d, contact(2, k))
+      if (first == 0 .or. second == 0) cycle
+      if (d%pairs%images > 0) &
+        second = image_of(d%pairs, d%grains%n, second, &
+                          nint(contact(contact_places(4):contact_places(5) - 1, k), i4))
+      slot = slot_of(d%pairs, first, second)
+      if (slot == 0) cycle
+      d%pairs%history(1 + mod(slot - 1, lanes), :, 1 + (slot - 1)/lanes) = &
+        contact(contact_places(2):contact_places(3) - 1, k)
+      d%pairs%result(:, slot) = contact(contact_places(3):contact_places(4) - 1, k)
+    end do
+    do k = 1, d%pairs%images
+      call sum_body(d%pairs, d%pairs%plain + k, force, moment)
+      d%pairs%image_force(:, k) = force
+    end do
+  end subroutine give_results
+end module dem_received_contacts

@@ -1,0 +1,179 @@
+!> Bonds: short beams that glue pairs of grains until they break.
+!!
+!! A bond of radius r and length L (that between the centres as it was made) has the stiffnesses
+!! k_n = E A/L, k_s = k_n/ratio, k_b = E I/L, k_t = k_s J/A. Force and moment on B grow with the
+!! relative velocity and spin at the contact point and turn with the contact frame. It breaks when
+!!   N/A + |M_b| r/I > tensile strength,  or  |S|/A + |M_t| r/J > shear strength.
+!! Kept of a lane: 1 whether it holds, 2 pull N [N], 3-5 shear S on B [N], 6-8 bending moment on B,
+!! 9 twisting moment [N m], 10 r, 11 L [m], 12-14 damping force [N], 15-17 damping moment [N m].
+module dem_bond
+  use talus_kinds, only: wp, i4
+  use dem_state, only: lanes, dem_law_type
+  use dem_additional_state, only: dem_bond_type, bond_reals, extra_work_count, work_breakage, &
+    work_torn, work_sheared
+  use dem_block, only: dem_block_type
+  use dem_rolling, only: turn_moment
+  implicit none
+  private
+  public :: bond_block, bond_energy, bond_stiffness
+
+  real(wp), parameter :: pi = acos(-1.0_wp)
+
+contains
+
+  !> Add the loads of all bonds. Work: damping, relaxation [J]; extra: see dem_additional_state.
+  pure subroutine bond_block(b, law, bond, h, m_star, weight, kept, work, extra)
+    type(dem_block_type), intent(inout) :: b
+    type(dem_law_type), intent(in) :: law
+    type(dem_bond_type), intent(in) :: bond
+    real(wp), intent(in) :: h  !! time since the last evaluation [s]
+    real(wp), intent(in) :: m_star(lanes), weight(lanes)
+    real(wp), intent(inout) :: kept(lanes, bond_reals)
+    real(wp), intent(out) :: work(2)
+    real(wp), intent(inout) :: extra(extra_work_count)
+    real(wp) :: row(bond_reals), point(3), load(6), part(2)
+    integer(i4) :: k, mode
+
+    work = 0.0_wp
+    do k = 1, lanes
+      if (.not. kept(k, 1) > 0.0_wp) cycle
+      row = kept(k, :)
+      point = [b%ax(k), b%ay(k), b%az(k)] + law%share*b%gap(k)*[b%nx(k), b%ny(k), b%nz(k)]
+      call one_bond(b, k, bond, h, m_star(k), point, row, load, part, mode)
+      kept(k, :) = row
+      if (mode > 0) then
+        extra(work_breakage) = extra(work_breakage) + weight(k)*part(2)
+        extra(mode) = extra(mode) + 1.0_wp
+      else
+        work(2) = work(2) + weight(k)*part(2)
+      end if
+      work(1) = work(1) + weight(k)*part(1)
+      load = weight(k)*load
+      load(4:6) = load(4:6) + cross(point + b%a%x(k, :), load(1:3))
+      b%load%fx(k) = b%load%fx(k) + load(1)
+      b%load%fy(k) = b%load%fy(k) + load(2)
+      b%load%fz(k) = b%load%fz(k) + load(3)
+      b%load%mx(k) = b%load%mx(k) + load(4)
+      b%load%my(k) = b%load%my(k) + load(5)
+      b%load%mz(k) = b%load%mz(k) + load(6)
+    end do
+  end subroutine bond_block
+
+  !> One bond over the step; mode: 0 it holds, else the work that counts its break.
+  pure subroutine one_bond(b, k, bond, h, m_star, point, row, load, work, mode)
+    type(dem_block_type), intent(in) :: b
+    integer(i4), intent(in) :: k
+    type(dem_bond_type), intent(in) :: bond
+    real(wp), intent(in) :: h, m_star, point(3)
+    real(wp), intent(inout) :: row(bond_reals)
+    real(wp), intent(out) :: load(6), work(2)
+    integer(i4), intent(out) :: mode
+    real(wp) :: n(3), v(3), spin(3), vn, wn, stiff(4), last(6), dash(6), was, c(4)
+
+    n = [b%nx(k), b%ny(k), b%nz(k)]
+    spin = [b%b%wx(k) - b%a%wx(k), b%b%wy(k) - b%a%wy(k), b%b%wz(k) - b%a%wz(k)]
+    v = velocity(b, k, point)
+    vn = dot_product(v, n)
+    wn = dot_product(spin, n)
+    stiff = stiffnesses(bond, row)
+    was = stored(bond, row)
+    last = elastic(row, n)
+    dash = row(12:17)
+    call turn_moment(b, k, h, n, row(3:5))
+    call turn_moment(b, k, h, n, row(6:8))
+    row(2) = row(2) + stiff(1)*h*vn
+    row(3:5) = row(3:5) - stiff(2)*h*(v - vn*n)
+    row(6:8) = row(6:8) - stiff(3)*h*(spin - wn*n)
+    row(9) = row(9) - stiff(4)*h*wn
+    mode = break_mode(bond, row)
+    c = 2.0_wp*bond%damping_ratio*sqrt(m_star*stiff*[1.0_wp, 1.0_wp, row(10)**2, row(10)**2])
+    row(12:14) = -c(1)*vn*n - c(2)*(v - vn*n)
+    row(15:17) = -c(3)*(spin - wn*n) - c(4)*wn*n
+    if (mode > 0) row = 0.0_wp
+    load = elastic(row, n)
+    work(2) = -0.5_wp*h*dot_product(last + load, [v, spin]) - (stored(bond, row) - was)
+    work(1) = -0.5_wp*h*dot_product(dash + row(12:17), [v, spin])
+    load = load + row(12:17)
+  end subroutine one_bond
+
+  !> Which strength is passed: 0, or the work that counts it.
+  pure integer(i4) function break_mode(bond, row) result(mode)
+    type(dem_bond_type), intent(in) :: bond
+    real(wp), intent(in) :: row(bond_reals)
+    real(wp) :: area
+    area = pi*row(10)**2
+    mode = 0
+    if (norm2(row(3:5))/area + abs(row(9))*2.0_wp/(area*row(10)) > bond%shear_strength) &
+      mode = work_sheared
+    if (row(2)/area + norm2(row(6:8))*4.0_wp/(area*row(10)) > bond%tensile_strength) &
+      mode = work_torn
+  end function break_mode
+
+  !> Elastic force and moment on B [N, N m].
+  pure function elastic(row, n) result(load)
+    real(wp), intent(in) :: row(bond_reals), n(3)
+    real(wp) :: load(6)
+    load(1:3) = row(3:5) - row(2)*n
+    load(4:6) = row(6:8) + row(9)*n
+  end function elastic
+
+  !> Stiffness of pull, shear [N/m], bending and twisting [N m].
+  pure function stiffnesses(bond, row) result(stiff)
+    type(dem_bond_type), intent(in) :: bond
+    real(wp), intent(in) :: row(bond_reals)
+    real(wp) :: stiff(4)
+    stiff(1) = bond%young*pi*row(10)**2/row(11)
+    stiff(2) = stiff(1)/bond%stiffness_ratio
+    stiff(3) = 0.25_wp*stiff(1)*row(10)**2
+    stiff(4) = 0.5_wp*stiff(2)*row(10)**2
+  end function stiffnesses
+
+  !> Energy in a bond [J].
+  pure real(wp) function stored(bond, row)
+    type(dem_bond_type), intent(in) :: bond
+    real(wp), intent(in) :: row(bond_reals)
+    stored = 0.0_wp
+    if (row(1) > 0.0_wp) stored = 0.5_wp*sum([row(2)**2, sum(row(3:5)**2), sum(row(6:8)**2), &
+                                              row(9)**2]/stiffnesses(bond, row))
+  end function stored
+
+  !> Energy in the bonds of a block [J].
+  pure real(wp) function bond_energy(bond, weight, kept) result(energy)
+    type(dem_bond_type), intent(in) :: bond
+    real(wp), intent(in) :: weight(lanes), kept(lanes, bond_reals)
+    integer(i4) :: k
+    energy = 0.0_wp
+    do k = 1, lanes
+      energy = energy + weight(k)*stored(bond, kept(k, :))
+    end do
+  end function bond_energy
+
+  !> Stiffness of a bond against translation [N/m] and rotation [N m], for the step limit.
+  pure function bond_stiffness(bond, row) result(stiffness)
+    type(dem_bond_type), intent(in) :: bond
+    real(wp), intent(in) :: row(bond_reals)
+    real(wp) :: stiffness(2), stiff(4)
+    real(wp), parameter :: arm = 0.6_wp  !! of shear, in lengths of the bond
+    stiffness = 0.0_wp
+    if (.not. row(1) > 0.0_wp) return
+    stiff = stiffnesses(bond, row)
+    stiffness = [stiff(1) + stiff(2), stiff(3) + stiff(4) + stiff(2)*(arm*row(11))**2]
+  end function bond_stiffness
+
+  !> Velocity of B relative to A at a point from the centre of A [m/s].
+  pure function velocity(b, k, point) result(v)
+    type(dem_block_type), intent(in) :: b
+    integer(i4), intent(in) :: k
+    real(wp), intent(in) :: point(3)
+    real(wp) :: v(3)
+    v = [b%b%vx(k) - b%a%vx(k), b%b%vy(k) - b%a%vy(k), b%b%vz(k) - b%a%vz(k)] &
+        + cross([b%b%wx(k), b%b%wy(k), b%b%wz(k)], point - [b%rx(k), b%ry(k), b%rz(k)]) &
+        - cross([b%a%wx(k), b%a%wy(k), b%a%wz(k)], point)
+  end function velocity
+
+  pure function cross(a, b) result(c)
+    real(wp), intent(in) :: a(3), b(3)
+    real(wp) :: c(3)
+    c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
+  end function cross
+end module dem_bond

@@ -1,0 +1,311 @@
+!> What the leader tells the other ranks: how the system moves, its laws, planes, surfaces, cell and
+!! prescribed grains at the start; what may change between steps before each of them.
+module dem_distribute
+  use talus_kinds, only: wp, i4, i8
+  use talus_ranks, only: ranks_type
+  use dem_additional_state, only: dem_extras_type
+  use dem_additional, only: plan_extras
+  use dem_shape_state, only: put_frame
+  use dem_prescribed, only: put_body
+  use dem_state, only: dem_data_type, dem_parameters_type, dem_cell_type, &
+    dem_health_type, dem_ledger_type, kind_free, kind_mirror
+  use dem_make, only: make_planes
+  use dem_migrate, only: pack_grains, make_local
+  use dem_records, only: part_size, grain_reals, index_of
+  use dem_surface_share, only: tell_surfaces, tell_motion
+  use dem_surface_state, only: bore_swell
+  use dem_broadcast, only: tell_matrix
+  implicit none
+  private
+  public :: hand_out, tell_step, tell_energies, tell_targets, tell_loads
+
+  integer(i4), parameter :: target_reals = 26  !! of a prescribed grain on its way
+
+contains
+
+  !> The leader's part is the whole system; the others get what all ranks know. Sums of planes and
+  !! prescribed grains stay with the leader.
+  subroutine hand_out(team, part)
+    type(ranks_type), intent(in) :: team
+    type(dem_data_type), intent(inout) :: part
+    integer(i4) :: sizes(6)
+
+    if (team%leads()) sizes = [size(part%materials, kind=i4), part%planes%n, &
+                               int(count(part%grains%kind /= kind_free), i4), &
+                               merge(9_i4, 15_i4, all_round(part)), &
+                               merge(1_i4, 0_i4, part%grains%forms%n > 0), &
+                               merge(1_i4, 0_i4, allocated(part%seen_kinetic))]
+    call team%tell_numbers(sizes)
+    part%halo%width = sizes(4)
+    part%halo%formed = sizes(5) > 0
+    if (part%halo%formed) part%halo%width = 19
+    if (sizes(6) > 0 .and. .not. team%leads()) part%seen_kinetic = [real(wp) ::]
+    call tell_parameters(team, part%par)
+    call tell_health(team, part%health)
+    call tell_laws(team, sizes(1), part)
+    call tell_extras(team, part)
+    call tell_cell(team, part%cell)
+    call tell_planes(team, sizes(2), part)
+    call tell_surfaces(team, part%surfaces)
+    call tell_list(team, part)
+    call tell_prescribed(team, sizes(3), part)
+  end subroutine hand_out
+
+  !> Are all grains spheres?
+  pure logical function all_round(d)
+    type(dem_data_type), intent(in) :: d
+    integer(i4) :: i
+    all_round = .false.
+    if (d%grains%forms%n > 0) return
+    do i = 1, d%grains%n
+      if (maxval(d%grains%axes(:, i)) > minval(d%grains%axes(:, i))) return
+    end do
+    all_round = .true.
+  end function all_round
+
+  !> What may have changed since the last steps: parameters, rate of the cell, velocities of planes
+  !! and surfaces, pressure of membranes.
+  subroutine tell_step(team, whole, part)
+    type(ranks_type), intent(in) :: team
+    type(dem_data_type), intent(in) :: whole  !! of the leader; the others name any
+    type(dem_data_type), intent(inout) :: part
+    if (team%leads()) then
+      part%par = whole%par
+      part%planes%velocity = whole%planes%velocity
+      part%cell%rate = whole%cell%rate
+      part%cell%held = whole%cell%held
+      if (part%surfaces%n > 0) then
+        part%surfaces%velocity = whole%surfaces%velocity
+        part%surfaces%spin = whole%surfaces%spin
+        part%surfaces%bore(bore_swell, :) = whole%surfaces%bore(bore_swell, :)
+        if (allocated(part%surfaces%free)) part%surfaces%given = whole%surfaces%given
+      end if
+      if (part%surfaces%soft) then
+        part%surfaces%v = whole%surfaces%v
+        part%surfaces%target = whole%surfaces%target
+        part%surfaces%has_target = whole%surfaces%has_target
+        if (allocated(part%surfaces%membranes)) &
+          part%surfaces%membranes%pressure = whole%surfaces%membranes%pressure
+      end if
+    end if
+    call tell_parameters(team, part%par)
+    call tell_matrix(team, part%planes%velocity)
+    if (part%cell%active) call tell_matrix(team, part%cell%rate)
+    if (part%surfaces%n > 0) call tell_motion(team, part%surfaces)
+  end subroutine tell_step
+
+  !> What energies depend on besides grains and contacts: parameters, loads of free bodies.
+  subroutine tell_energies(team, whole, part)
+    type(ranks_type), intent(in) :: team
+    type(dem_data_type), intent(in) :: whole  !! of the leader; the others name any
+    type(dem_data_type), intent(inout) :: part
+    if (team%leads()) part%par = whole%par
+    call tell_parameters(team, part%par)
+    if (.not. allocated(part%surfaces%free)) return
+    if (team%leads()) part%surfaces%given = whole%surfaces%given
+    call tell_matrix(team, part%surfaces%given)
+  end subroutine tell_energies
+
+  !> How prescribed grains go on from now.
+  subroutine tell_targets(team, whole, placed, part)
+    type(ranks_type), intent(in) :: team
+    type(dem_data_type), intent(in) :: whole  !! of the leader; the others name any
+    logical, intent(in) :: placed             !! the whole knows where they are
+    type(dem_data_type), intent(inout) :: part
+    real(wp), allocatable :: rows(:, :)
+    integer(i4) :: i, k, at
+
+    allocate (rows(target_reals, count(part%grains%kind /= kind_free &
+                                       .and. part%grains%kind /= kind_mirror)))
+    k = 0
+    do i = 1, part%grains%n
+      if (part%grains%kind(i) == kind_free .or. part%grains%kind(i) == kind_mirror) cycle
+      k = k + 1
+      if (.not. team%leads()) cycle
+      at = index_of(whole, real(part%grains%id(i), wp))
+      associate (g => whole%grains)
+        rows(:, k) = [g%x(:, at), g%quat(:, at), g%v(:, at), g%omega(:, at), &
+                      merge(1.0_wp, 0.0_wp, g%has_target(at)), g%target_x(:, at), &
+                      g%target_quat(:, at), g%turn(:, at), real(g%id(at), wp)]
+      end associate
+    end do
+    call tell_matrix(team, rows)
+    do k = 1, size(rows, 2)
+      call take_target(part, rows(:, k), placed)
+    end do
+  end subroutine tell_targets
+
+  subroutine take_target(part, row, placed)
+    type(dem_data_type), intent(inout) :: part
+    real(wp), intent(in) :: row(target_reals)
+    logical, intent(in) :: placed
+    integer(i4) :: i
+    i = index_of(part, row(target_reals))
+    associate (g => part%grains)
+      if (placed) g%x(:, i) = row(1:3)
+      if (placed) g%quat(:, i) = row(4:7)
+      g%v(:, i) = row(8:10)
+      g%omega(:, i) = row(11:13)
+      g%has_target(i) = row(14) > 0.0_wp
+      g%target_x(:, i) = row(15:17)
+      g%target_quat(:, i) = row(18:21)
+      g%turn(:, i) = row(22:25)
+      call put_body(g, i, part%pairs%body(:, i))
+      call put_frame(g%forms, i, g%quat(:, i))
+    end associate
+  end subroutine take_target
+
+  !> Extra forces of the grains that are marked.
+  subroutine tell_loads(team, whole, marked, part)
+    type(ranks_type), intent(in) :: team
+    type(dem_data_type), intent(in) :: whole  !! of the leader; the others name any
+    logical, intent(in) :: marked(:)          !! grains of the whole; the others name any
+    type(dem_data_type), intent(inout) :: part
+    real(wp), allocatable :: rows(:, :)
+    integer(i4) :: n(1), i, k
+
+    n = count(marked)
+    call team%tell_numbers(n)
+    allocate (rows(7, n(1)))
+    k = 0
+    do i = 1, merge(whole%grains%n, 0_i4, team%leads())
+      if (.not. marked(i)) cycle
+      k = k + 1
+      rows(:, k) = [real(whole%grains%id(i), wp), whole%grains%extra_force(:, i), &
+                    whole%grains%extra_moment(:, i)]
+    end do
+    call tell_matrix(team, rows)
+    do k = 1, size(rows, 2)
+      i = index_of(part, rows(1, k))
+      if (i == 0) cycle
+      part%grains%extra_force(:, i) = rows(2:4, k)
+      part%grains%extra_moment(:, i) = rows(5:7, k)
+    end do
+  end subroutine tell_loads
+
+  subroutine tell_parameters(team, par)
+    type(ranks_type), intent(in) :: team
+    type(dem_parameters_type), intent(inout) :: par
+    integer(i4), allocatable :: numbers(:)
+    allocate (numbers, source=transfer(par, [0_i4]))
+    call team%tell_numbers(numbers)
+    par = transfer(numbers, par)
+  end subroutine tell_parameters
+
+  subroutine tell_health(team, health)
+    type(ranks_type), intent(in) :: team
+    type(dem_health_type), intent(inout) :: health
+    integer(i4), allocatable :: numbers(:)
+    allocate (numbers, source=transfer(health, [0_i4]))
+    call team%tell_numbers(numbers)
+    health = transfer(numbers, health)
+  end subroutine tell_health
+
+  subroutine tell_laws(team, n, part)
+    type(ranks_type), intent(in) :: team
+    integer(i4), intent(in) :: n  !! materials
+    type(dem_data_type), intent(inout) :: part
+    integer(i4), allocatable :: numbers(:)
+    integer(i4) :: a, b
+    if (.not. team%leads()) then
+      if (allocated(part%materials)) deallocate (part%materials, part%laws)
+      allocate (part%materials(n), part%laws(n, n))
+    end if
+    do a = 1, n
+      numbers = transfer(part%materials(a), [0_i4])
+      call team%tell_numbers(numbers)
+      part%materials(a) = transfer(numbers, part%materials(a))
+      do b = 1, n
+        numbers = transfer(part%laws(a, b), [0_i4])
+        call team%tell_numbers(numbers)
+        part%laws(a, b) = transfer(numbers, part%laws(a, b))
+      end do
+    end do
+  end subroutine tell_laws
+
+  subroutine tell_planes(team, n, part)
+    type(ranks_type), intent(in) :: team
+    integer(i4), intent(in) :: n
+    type(dem_data_type), intent(inout) :: part
+    real(wp) :: none(3, n), up(3, n)
+    integer(i4) :: material(n)
+    none = 0.0_wp
+    up = 1.0_wp
+    material = 1
+    if (.not. team%leads()) call make_planes(part%planes, none, up, none, material)
+    if (n == 0) return
+    call team%tell_numbers(part%planes%material)
+    call tell_matrix(team, part%planes%point)
+    call tell_matrix(team, part%planes%normal)
+    call tell_matrix(team, part%planes%velocity)
+  end subroutine tell_planes
+
+  !> Laws on top of the base law, and bonds. Those made and broken so far are the leader's.
+  subroutine tell_extras(team, part)
+    type(ranks_type), intent(in) :: team
+    type(dem_data_type), intent(inout) :: part
+    type(dem_extras_type) :: fresh
+    real(wp) :: values(8)
+
+    if (.not. team%leads()) part%pairs%extras = fresh
+    associate (bond => part%pairs%extras%bond)
+      values = [merge(1.0_wp, 0.0_wp, bond%given), bond%young, bond%stiffness_ratio, bond%radius, &
+                bond%tensile_strength, bond%shear_strength, bond%damping_ratio, bond%reach]
+      call team%tell_values(values)
+      if (team%leads()) return
+      bond%given = values(1) > 0.0_wp
+      bond%young = values(2)
+      bond%stiffness_ratio = values(3)
+      bond%radius = values(4)
+      bond%tensile_strength = values(5)
+      bond%shear_strength = values(6)
+      bond%damping_ratio = values(7)
+      bond%reach = values(8)
+    end associate
+    call plan_extras(part%laws, part%pairs%extras)
+  end subroutine tell_extras
+
+  subroutine tell_cell(team, cell)
+    type(ranks_type), intent(in) :: team
+    type(dem_cell_type), intent(inout) :: cell
+    integer(i4), allocatable :: numbers(:)
+    allocate (numbers, source=transfer(cell, [0_i4]))
+    call team%tell_numbers(numbers)
+    cell = transfer(numbers, cell)
+  end subroutine tell_cell
+
+  !> Skin of the list and when it was made; the step of the ledger, which the leader's part holds.
+  subroutine tell_list(team, part)
+    type(ranks_type), intent(in) :: team
+    type(dem_data_type), intent(inout) :: part
+    type(dem_ledger_type) :: fresh
+    real(wp) :: values(5)
+    values = [part%pairs%skin, part%pairs%least_skin, part%pairs%most_skin, part%ledger_dt, &
+              real(part%pairs%built_at, wp)]
+    call team%tell_values(values)
+    part%pairs%skin = values(1)
+    part%pairs%least_skin = values(2)
+    part%pairs%most_skin = values(3)
+    part%ledger_dt = values(4)
+    part%pairs%built_at = nint(values(5), i8)
+    if (.not. team%leads()) part%ledger = fresh
+  end subroutine tell_list
+
+  !> All ranks hold all prescribed grains; their sums so far are the leader's.
+  subroutine tell_prescribed(team, n, part)
+    type(ranks_type), intent(in) :: team
+    integer(i4), intent(in) :: n
+    type(dem_data_type), intent(inout) :: part
+    real(wp), allocatable :: rows(:, :)
+    if (team%leads()) then
+      call pack_grains(part, part%grains%kind /= kind_free, rows)
+    else
+      allocate (rows(grain_reals(part%halo%formed), n))
+    end if
+    call tell_matrix(team, rows)
+    if (team%leads()) return
+    rows(:part_size, :) = 0.0_wp
+    part%pairs%blocks = 0  ! contacts of an earlier state are none of this one
+    call make_local(part, rows)
+  end subroutine tell_prescribed
+end module dem_distribute

@@ -1,0 +1,114 @@
+!> Memory that a deck takes, on stdout, for --check: of one process after the first forces, of ranks
+!! after all that makes them large was tried out, of ranks that are not there as it is foretold.
+module dem_memory
+  use, intrinsic :: iso_fortran_env, only: output_unit
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
+  use talus_log, only: short_number
+  use talus_system, only: memory_free, memory_resident, memory_most
+  use talus_text, only: str
+  use dem_archive, only: dem_archive_type
+  use dem_rank_memory, only: rank_loads_type, find_loads, memory_foretold
+  use dem_model, only: dem_model_type
+  use dem_state, only: kind_free
+  use dem_system, only: dem_system_type
+  implicit none
+  private
+  public :: report_memory, check_ranks
+
+  real(wp), parameter :: mebibyte = 1048576.0_wp
+
+contains
+
+  !> A rank without a grain is one too many to plan for (D291).
+  subroutine check_ranks(model, errors)
+    type(dem_model_type), intent(in) :: model
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: free
+    free = int(count(model%system%grains%kind == kind_free), i4)
+    if (model%options%ranks <= free) return
+    call errors%add('D291', 'there are '//str(free)//' free grains for '// &
+                    str(model%options%ranks)//' ranks', 'command line', &
+                    'some 1500 grains a rank and more are worth it')
+  end subroutine check_ranks
+
+  !> Of the run that was prepared.
+  subroutine report_memory(model)
+    type(dem_model_type), intent(inout) :: model
+    character(len=:), allocatable :: text
+    if (allocated(model%system%crew)) then
+      text = memory_of_ranks(model%system, gathers(model))
+    else
+      text = memory_of_one(model%system)
+      if (model%options%ranks > 0) text = text//new_line('a')//foretold(model)
+    end if
+    write (output_unit, '(a)') text
+    flush (output_unit)
+  end subroutine report_memory
+
+  !> Is there anything for which ranks hand in the whole from time to time?
+  logical function gathers(model)
+    type(dem_model_type), intent(in) :: model
+    gathers = model%needs_whole()
+    if (model%deck%count('checkpoint') == 0) return
+    gathers = gathers .or. model%system%surfaces%n > 0
+  end function gathers
+
+  !> Now, and where there is room for it as checkpoints ask for it.
+  function memory_of_one(system) result(text)
+    type(dem_system_type), intent(in) :: system
+    character(len=:), allocatable :: text
+    type(dem_archive_type) :: archive
+    integer(i8) :: now
+    now = memory_resident()
+    text = 'memory: '//short_number(now/mebibyte)//' MiB in use, '// &
+           str(now/max(system%grains%n, 1))//' bytes a grain'
+    if (memory_free() <= now) return
+    call system%export_state(archive)
+    text = text//'; '//short_number(memory_most()/mebibyte)//' MiB with a checkpoint'
+  end function memory_of_one
+
+  !> Most of the first rank and of the others, and the grains and mirrors that they hold.
+  function memory_of_ranks(system, gathers) result(text)
+    type(dem_system_type), intent(inout) :: system
+    logical, intent(in) :: gathers  !! the whole from time to time
+    character(len=:), allocatable :: text
+    real(wp), allocatable :: rows(:, :)
+    call system%crew%try_out(system%dem_data_type, gathers, rows)
+    text = 'memory of '//str(size(rows, 2))//' ranks at most: the first '// &
+           short_number(rows(1, 1)/mebibyte)//' MiB, the others '// &
+           span(rows(1, 2:)/mebibyte)//' MiB'//new_line('a')// &
+           holdings(rows(2, :), rows(3, :), rows(4, :))
+  end function memory_of_ranks
+
+  !> The same of ranks that are not there.
+  function foretold(model) result(text)
+    type(dem_model_type), intent(in) :: model
+    character(len=:), allocatable :: text
+    type(rank_loads_type) :: loads
+    real(wp), allocatable :: most(:)
+    call find_loads(model%system%dem_data_type, model%options%ranks, loads)
+    most = memory_foretold(model%system%dem_data_type, loads, .not. model%starts_whole(), &
+                           gathers(model))
+    text = 'memory of '//str(size(most))//' ranks, foretold to a fifth: the first '// &
+           short_number(most(1)/mebibyte)//' MiB'
+    if (size(most) > 1) text = text//', the others '//span(most(2:)/mebibyte)//' MiB'
+    text = text//new_line('a')//holdings(real(loads%own, wp), real(loads%mirrors, wp), &
+                                         real(loads%pairs, wp))
+  end function foretold
+
+  function holdings(own, mirrors, pairs) result(text)
+    real(wp), intent(in) :: own(:), mirrors(:), pairs(:)  !! (ranks)
+    character(len=:), allocatable :: text
+    text = 'a rank holds '//span(own)//' free grains, '//span(mirrors)// &
+           ' mirrors of others, '//span(pairs)//' candidate pairs'
+  end function holdings
+
+  !> Least and most.
+  function span(values) result(text)
+    real(wp), intent(in) :: values(:)
+    character(len=:), allocatable :: text
+    text = short_number(minval(values))
+    if (maxval(values) > minval(values)) text = text//' to '//short_number(maxval(values))
+  end function span
+end module dem_memory

@@ -1,0 +1,303 @@
+!> From the deck: materials, contact laws of every pair that can meet, walls. Faults D230 to D239.
+module dem_setup_laws
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str, string_type
+  use talus_errors, only: error_list_type
+  use talus_deck, only: deck_type
+  use talus_suggest, only: did_you_mean
+  use dem_state, only: dem_material_type, dem_law_type, law_hertz_mindlin, law_hertz_no_history, &
+    law_linear, law_mindlin_deresiewicz, dem_planes_type
+  use dem_additional_state, only: cohesion_none, cohesion_constant, cohesion_dmt, cohesion_jkr
+  use dem_law, only: make_law, make_linear_law, mirrored_law, damping_ratio_for, restitution_of
+  use dem_make, only: make_planes
+  implicit none
+  private
+  public :: read_materials, read_contacts, read_walls, check_pair, material_index, law_lines
+
+contains
+
+  !> Materials of the deck; a name given twice is a fault (D230).
+  subroutine read_materials(deck, materials, names, errors)
+    type(deck_type), intent(in) :: deck
+    type(dem_material_type), allocatable, intent(out) :: materials(:)
+    type(string_type), allocatable, intent(out) :: names(:)
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k, j, n
+
+    n = deck%count('material')
+    allocate (materials(n), names(n))
+    do k = 1, n
+      call deck%get('material', k, 'id', names(k)%s)
+      call deck%get('material', k, 'young', materials(k)%young)
+      call deck%get('material', k, 'poisson', materials(k)%poisson)
+      call deck%get('material', k, 'density', materials(k)%density)
+      do j = 1, k - 1
+        if (names(j)%s /= names(k)%s) cycle
+        call deck%fault(errors, 'D230', "two materials are named '"//names(k)%s//"'", 'material', &
+                        k, 'id', 'give each material its own id')
+      end do
+    end do
+  end subroutine read_materials
+
+  !> Number of a material; an unknown name is a fault at that key (D231) and gives 0.
+  subroutine material_index(deck, names, name, group, instance, key, k, errors)
+    type(deck_type), intent(in) :: deck
+    type(string_type), intent(in) :: names(:)
+    character(len=*), intent(in) :: name, group, key
+    integer(i4), intent(in) :: instance
+    integer(i4), intent(out) :: k
+    type(error_list_type), intent(inout) :: errors
+
+    do k = 1, size(names)
+      if (names(k)%s == name) return
+    end do
+    k = 0
+    call deck%fault(errors, 'D231', "there is no material '"//name//"'", group, instance, key, &
+                    did_you_mean(name, names, 'materials of this deck:'))
+  end subroutine material_index
+
+  !> Contact laws as a table over pairs of materials; kind 0 where the deck has none.
+  subroutine read_contacts(deck, materials, names, laws, errors)
+    type(deck_type), intent(in) :: deck
+    type(dem_material_type), intent(in) :: materials(:)
+    type(string_type), intent(in) :: names(:)
+    type(dem_law_type), allocatable, intent(out) :: laws(:, :)
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: between(:)
+    type(dem_law_type) :: law
+    integer(i4) :: k, a, b, before
+
+    allocate (laws(size(materials), size(materials)))
+    do k = 1, deck%count('contact')
+      before = errors%count
+      call deck%get('contact', k, 'between', between)
+      call material_index(deck, names, between(1)%s, 'contact', k, 'between', a, errors)
+      call material_index(deck, names, between(2)%s, 'contact', k, 'between', b, errors)
+      call check_contact(deck, k, errors)
+      if (errors%count > before) cycle
+      if (laws(a, b)%kind /= 0) then
+        call deck%fault(errors, 'D232', "the contact of '"//names(a)%s//"' and '"//names(b)%s// &
+                        "' is given twice", 'contact', k, 'between', &
+                        'one group a pair; the order of the names does not matter')
+        cycle
+      end if
+      call read_law(deck, k, materials(a), materials(b), law)
+      call read_extra(deck, k, law, errors)
+      laws(a, b) = law
+      if (a /= b) laws(b, a) = mirrored_law(law)
+    end do
+  end subroutine read_contacts
+
+  !> Keys of a contact group that exclude or need each other.
+  subroutine check_contact(deck, k, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: law
+    character(len=20), parameter :: stiffness(2) = [character(len=20) :: &
+      'normal_stiffness', 'tangential_stiffness']
+    integer(i4) :: j
+
+    if (deck%given('contact', k, 'damping_ratio') .and. deck%given('contact', k, 'restitution')) &
+      call deck%fault(errors, 'D234', 'damping_ratio and restitution are both given', 'contact', &
+                      k, 'restitution', 'each follows from the other: give one of them')
+    call deck%get('contact', k, 'law', law)
+    if (law == 'linear' .and. deck%given('contact', k, 'contact_area')) &
+      call deck%fault(errors, 'D236', "contact_area has no meaning for the law 'linear'", &
+                      'contact', k, 'contact_area', &
+                      'leave it out: its stiffness is the one that is given')
+    do j = 1, 2
+      if (law == 'linear' .neqv. deck%given('contact', k, trim(stiffness(j)))) then
+        if (law == 'linear') then
+          call deck%fault(errors, 'D235', "the law 'linear' needs "//trim(stiffness(j)), &
+                          'contact', k, 'law', 'add '//trim(stiffness(j))//' = ... in N/m')
+        else
+          call deck%fault(errors, 'D236', trim(stiffness(j))//" has no meaning for the law '"// &
+                          law//"'", 'contact', k, trim(stiffness(j)), &
+                          'leave it out: the stiffness follows from young and poisson')
+        end if
+      end if
+    end do
+  end subroutine check_contact
+
+  subroutine read_law(deck, k, first, second, law)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(dem_material_type), intent(in) :: first, second
+    type(dem_law_type), intent(out) :: law
+    character(len=:), allocatable :: name, radius, area
+    real(wp) :: friction, ratio, tangential, e, kn, kt
+    integer(i4) :: kind
+
+    call deck%get('contact', k, 'law', name)
+    kind = law_linear
+    if (name == 'hertz_mindlin') kind = law_hertz_mindlin
+    if (name == 'hertz_no_history') kind = law_hertz_no_history
+    if (name == 'mindlin_deresiewicz') kind = law_mindlin_deresiewicz
+    call deck%get('contact', k, 'friction', friction)
+    call deck%get('contact', k, 'radius', radius)
+    ratio = 0.0_wp
+    if (deck%given('contact', k, 'restitution')) then
+      call deck%get('contact', k, 'restitution', e)
+      ratio = damping_ratio_for(kind, e)
+    else if (deck%given('contact', k, 'damping_ratio')) then
+      call deck%get('contact', k, 'damping_ratio', ratio)
+    end if
+    tangential = ratio
+    if (deck%given('contact', k, 'tangential_damping')) &
+      call deck%get('contact', k, 'tangential_damping', tangential)
+    if (kind == law_linear) then
+      call deck%get('contact', k, 'normal_stiffness', kn)
+      call deck%get('contact', k, 'tangential_stiffness', kt)
+      law = make_linear_law(kn, kt, friction, ratio, tangential)
+    else
+      law = make_law(kind, first, second, friction, ratio, tangential)
+    end if
+    law%frozen = radius == 'frozen'
+    call deck%get('contact', k, 'contact_area', area)
+    law%elliptic = area == 'ellipse' .and. kind /= law_linear
+  end subroutine read_law
+
+  !> Laws on top of the base law.
+  subroutine read_extra(deck, k, law, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(dem_law_type), intent(inout) :: law
+    type(error_list_type), intent(inout) :: errors
+
+    associate (extra => law%extra)
+      call deck%get('contact', k, 'rolling_friction', extra%rolling)
+      call deck%get('contact', k, 'twisting_friction', extra%twisting)
+      call deck%get('contact', k, 'rolling_stiffness', extra%rolling_stiffness)
+      call deck%get('contact', k, 'twisting_stiffness', extra%twisting_stiffness)
+      extra%rolling_damping = law%damping_ratio
+      if (deck%given('contact', k, 'rolling_damping')) &
+        call deck%get('contact', k, 'rolling_damping', extra%rolling_damping)
+      call read_cohesion(deck, k, law, errors)
+      extra%used = extra%rolling > 0.0_wp .or. extra%twisting > 0.0_wp &
+                   .or. extra%cohesion /= cohesion_none &
+                   .or. law%kind == law_mindlin_deresiewicz
+    end associate
+  end subroutine read_extra
+
+  !> Cohesion and its one parameter (D254).
+  subroutine read_cohesion(deck, k, law, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(dem_law_type), intent(inout) :: law
+    type(error_list_type), intent(inout) :: errors
+    character(len=14), parameter :: keys(2) = [character(len=14) :: 'pull_force', 'surface_energy']
+    character(len=:), allocatable :: name
+    logical :: needed
+    integer(i4) :: j
+
+    call deck%get('contact', k, 'cohesion', name)
+    law%extra%cohesion = cohesion_none
+    if (name == 'constant') law%extra%cohesion = cohesion_constant
+    if (name == 'dmt') law%extra%cohesion = cohesion_dmt
+    if (name == 'jkr') law%extra%cohesion = cohesion_jkr
+    do j = 1, 2
+      needed = merge(name == 'constant', name == 'dmt' .or. name == 'jkr', j == 1)
+      if (needed .eqv. deck%given('contact', k, trim(keys(j)))) cycle
+      if (needed) then
+        call deck%fault(errors, 'D254', "the cohesion '"//name//"' needs "//trim(keys(j)), &
+                        'contact', k, 'cohesion', 'add '//trim(keys(j))//' = ...')
+      else
+        call deck%fault(errors, 'D254', trim(keys(j))//" has no meaning for the cohesion '"// &
+                        name//"'", 'contact', k, trim(keys(j)), 'leave it out, or name the '// &
+                        "cohesion that it belongs to: 'constant', 'dmt' or 'jkr'")
+      end if
+    end do
+    if (law%kind == law_linear .and. (name == 'dmt' .or. name == 'jkr')) &
+      call deck%fault(errors, 'D254', "the cohesion '"//name//"' needs a Hertz law", 'contact', k, &
+                      'cohesion', "law = 'hertz_mindlin', or cohesion = 'constant'")
+    if (errors%any()) return
+    if (law%extra%cohesion == cohesion_constant) &
+      call deck%get('contact', k, 'pull_force', law%extra%pull)
+    if (law%extra%cohesion == cohesion_dmt .or. law%extra%cohesion == cohesion_jkr) &
+      call deck%get('contact', k, 'surface_energy', law%extra%surface_energy)
+  end subroutine read_cohesion
+
+  !> A pair that can meet needs a law (D233).
+  subroutine check_pair(deck, laws, names, a, b, why, errors)
+    type(deck_type), intent(in) :: deck
+    type(dem_law_type), intent(in) :: laws(:, :)
+    type(string_type), intent(in) :: names(:)
+    integer(i4), intent(in) :: a, b
+    character(len=*), intent(in) :: why  !! who meets: 'grains and walls'
+    type(error_list_type), intent(inout) :: errors
+
+    if (a == 0 .or. b == 0) return
+    if (laws(a, b)%kind /= 0) return
+    call deck%fault(errors, 'D233', "no contact law for '"//names(a)%s//"' and '"//names(b)%s// &
+                    "' ("//why//')', 'contact', 1, 'between', &
+                    "add &contact between = '"//names(a)%s//"', '"//names(b)%s//"', ... /")
+  end subroutine check_pair
+
+  !> Walls of the deck as planes, and their names.
+  subroutine read_walls(deck, names, planes, wall_names, errors)
+    type(deck_type), intent(in) :: deck
+    type(string_type), intent(in) :: names(:)
+    type(dem_planes_type), intent(inout) :: planes
+    type(string_type), allocatable, intent(out) :: wall_names(:)
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: point(:, :), normal(:, :), velocity(:, :), values(:)
+    integer(i4), allocatable :: material(:)
+    character(len=:), allocatable :: text
+    integer(i4) :: k, j, n, before
+
+    before = errors%count
+    n = deck%count('wall')
+    allocate (point(3, n), normal(3, n), velocity(3, n), material(n), wall_names(n))
+    do k = 1, n
+      call deck%get('wall', k, 'id', wall_names(k)%s)
+      do j = 1, k - 1
+        if (wall_names(j)%s == wall_names(k)%s) &
+          call deck%fault(errors, 'D237', "two walls are named '"//wall_names(k)%s//"'", 'wall', &
+                          k, 'id', 'give each wall its own id')
+      end do
+      call deck%get('wall', k, 'point', values)
+      point(:, k) = values
+      call deck%get('wall', k, 'velocity', values)
+      velocity(:, k) = values
+      call deck%get('wall', k, 'normal', values)
+      normal(:, k) = values
+      if (.not. sum(values**2) > 0.0_wp) &
+        call deck%fault(errors, 'D238', 'the normal of a wall has no length', 'wall', k, 'normal', &
+                        'give the direction that points into the grains')
+      call deck%get('wall', k, 'material', text)
+      call material_index(deck, names, text, 'wall', k, 'material', material(k), errors)
+    end do
+    if (errors%count == before) call make_planes(planes, point, normal, velocity, material)
+  end subroutine read_walls
+
+  !> One line a contact law for the log: damping ratio and the restitution that it gives.
+  subroutine law_lines(deck, laws, names, lines)
+    type(deck_type), intent(in) :: deck
+    type(dem_law_type), intent(in) :: laws(:, :)
+    type(string_type), intent(in) :: names(:)
+    type(string_type), allocatable, intent(out) :: lines(:)
+    integer(i4) :: a, b, n
+
+    allocate (lines(deck%count('contact')))
+    n = 0
+    do a = 1, size(laws, 1)
+      do b = a, size(laws, 2)
+        if (laws(a, b)%kind == 0 .or. n == size(lines)) cycle
+        n = n + 1
+        lines(n)%s = names(a)%s//' - '//names(b)%s//': friction '//str(laws(a, b)%friction)// &
+          ', damping ratio '//rounded(laws(a, b)%damping_ratio)//', restitution '// &
+          rounded(restitution_of(laws(a, b)%kind, laws(a, b)%damping_ratio))
+      end do
+    end do
+  end subroutine law_lines
+
+  pure function rounded(value) result(text)
+    real(wp), intent(in) :: value
+    character(len=:), allocatable :: text
+    character(len=16) :: buffer
+    write (buffer, '(f0.4)') value
+    text = trim(buffer)
+    if (text(1:1) == '.') text = '0'//text
+  end function rounded
+end module dem_setup_laws

@@ -1,0 +1,285 @@
+!> What a system of grains is made of: grains, planes, contact laws, candidate pairs, parameters,
+!! energy ledger, health counters. Plain arrays, no behaviour (formulation: theory-dem).
+module dem_state
+  use talus_kinds, only: wp, i4, i8
+  use dem_sizes, only: lanes
+  use dem_shape_state, only: dem_forms_type
+  use dem_additional_state, only: dem_extra_law_type, dem_extras_type
+  use dem_surface_state, only: dem_surfaces_type
+  use dem_halo_state, only: dem_halo_type
+  implicit none
+  private
+  public :: dem_grains_type, dem_planes_type, dem_law_type, dem_material_type, dem_pairs_type
+  public :: dem_parameters_type, dem_ledger_type, dem_health_type, dem_weights_type, dem_data_type
+  public :: dem_cell_type, dem_parts_type
+  public :: kind_free, kind_fixed, kind_driven, kind_ghost, kind_mirror
+  public :: mode_dynamic, mode_relaxation
+  public :: law_hertz_mindlin, law_hertz_no_history, law_linear, law_mindlin_deresiewicz
+  public :: lanes, body_size, history_size, result_size, column_count
+  public :: entries_ahead, history_side, history_root, history_point
+
+  integer(i4), parameter :: kind_free = 0    !! moved by the forces on it
+  integer(i4), parameter :: kind_fixed = 1   !! never moves
+  integer(i4), parameter :: kind_driven = 2  !! moved by the deck
+  integer(i4), parameter :: kind_ghost = 3   !! moved by the port
+  integer(i4), parameter :: kind_mirror = 4  !! a free grain of another rank
+
+  integer(i4), parameter :: mode_dynamic = 1, mode_relaxation = 2
+
+  integer(i4), parameter :: law_hertz_mindlin = 1     !! Hertz and Mindlin, history kept
+  integer(i4), parameter :: law_hertz_no_history = 2  !! Hertz, tangential force viscous only
+  integer(i4), parameter :: law_linear = 3            !! spring and dashpot of given stiffness
+  integer(i4), parameter :: law_mindlin_deresiewicz = 4  !! Hertz, history of all turning points
+
+  integer(i4), parameter :: body_size = 16     !! reals in a body record, see dem_pairs_type
+  integer(i4), parameter :: history_size = 11  !! reals kept for a candidate, see dem_contact
+  integer(i4), parameter :: result_size = 8    !! force, moment about the origin, two spare
+  integer(i4), parameter :: column_count = 4   !! work of a block: see dem_contact
+
+  integer(i4), parameter :: entries_ahead = 48  !! spare entries that sums may look at
+
+  integer(i4), parameter :: history_side = 7      !! square root of the overlap, > 0 in contact
+  integer(i4), parameter :: history_root = 8      !! square root of the effective radius
+  integer(i4), parameter :: history_point = 9     !! contact point from the centre of A, 9-11
+
+  !> Elastic constants and density of a material.
+  type :: dem_material_type
+    real(wp) :: young = 0.0_wp    !! Young's modulus [Pa]
+    real(wp) :: poisson = 0.0_wp  !! Poisson's ratio [-]
+    real(wp) :: density = 0.0_wp  !! density [kg/m^3]
+  end type dem_material_type
+
+  !> Contact law of an ordered pair of materials (filled by dem_law).
+  type :: dem_law_type
+    integer(i4) :: kind = 0                !! law_..., 0 = not given
+    real(wp) :: e_star = 0.0_wp            !! contact modulus E* [Pa]
+    real(wp) :: g_star = 0.0_wp            !! shear contact modulus G* [Pa]
+    real(wp) :: friction = 0.0_wp          !! Coulomb coefficient [-]
+    real(wp) :: damping_ratio = 0.0_wp     !! normal damping ratio xi [-]
+    real(wp) :: tangential_ratio = 0.0_wp  !! tangential damping ratio [-]
+    real(wp) :: kn = 0.0_wp                !! normal stiffness of the linear law [N/m]
+    real(wp) :: kt = 0.0_wp                !! tangential stiffness of the linear law [N/m]
+    real(wp) :: share = 0.5_wp             !! compliance share of the first material [-]
+    logical :: frozen = .false.            !! R_e of a contact stays that of its first touch
+    logical :: elliptic = .false.          !! exact Hertz force of elliptic areas, see dem_ellipse
+    type(dem_extra_law_type) :: extra      !! on top of the base law
+  end type dem_law_type
+
+  !> All grains, in ascending order of id. Arrays are (components, grains).
+  type :: dem_grains_type
+    integer(i4) :: n = 0                           !! number of grains
+    integer(i8), allocatable :: id(:)              !! identity, ascending
+    integer(i4), allocatable :: kind(:)            !! kind_...
+    integer(i4), allocatable :: material(:)        !! index into the materials
+    real(wp), allocatable :: x(:, :)               !! centre [m]
+    real(wp), allocatable :: quat(:, :)            !! orientation w,x,y,z: body to space [-]
+    real(wp), allocatable :: v(:, :)               !! velocity [m/s]
+    real(wp), allocatable :: omega(:, :)           !! spin, space frame [rad/s]
+    real(wp), allocatable :: axes(:, :)            !! semi-axes a, b, c; of forms those of an
+                                                   !! ellipsoid of the same volume [m]
+    real(wp), allocatable :: radius(:)             !! of the bounding sphere [m]
+    real(wp), allocatable :: mass(:)               !! unscaled mass [kg]
+    real(wp), allocatable :: inertia(:, :)         !! principal moments, body frame [kg m^2]
+    real(wp), allocatable :: force(:, :)           !! contact force, no gravity [N]
+    real(wp), allocatable :: moment(:, :)          !! contact moment about the centre [N m]
+    real(wp), allocatable :: theta(:, :)           !! accumulated rotation [rad]
+    real(wp), allocatable :: extra_force(:, :)     !! held external force on free grains [N]
+    real(wp), allocatable :: extra_moment(:, :)    !! held external moment on free grains [N m]
+    type(dem_forms_type) :: forms                  !! of grains that are no ellipsoids
+    ! What only prescribed grains have: no columns as long as all grains are free (dem_make).
+    real(wp), allocatable :: impulse(:, :)         !! time integral of force since reset [N s]
+    real(wp), allocatable :: moment_impulse(:, :)  !! time integral of moment since reset [N m s]
+    real(wp), allocatable :: work(:)               !! work of the prescription since reset [J]
+    logical, allocatable :: has_target(:)          !! prescribed to end exactly on the target
+    real(wp), allocatable :: target_x(:, :)        !! centre at the end of the interval [m]
+    real(wp), allocatable :: target_quat(:, :)     !! orientation at the end of the interval [-]
+    real(wp), allocatable :: turn(:, :)            !! rotation of one sub-step, quaternion [-]
+  end type dem_grains_type
+
+  !> Infinite planes; grains stand on the side to which the normal points.
+  type :: dem_planes_type
+    integer(i4) :: n = 0
+    integer(i4), allocatable :: material(:)
+    real(wp), allocatable :: point(:, :)     !! a point of the plane, moves with it [m]
+    real(wp), allocatable :: normal(:, :)    !! unit normal, into the grains [-]
+    real(wp), allocatable :: velocity(:, :)  !! [m/s]
+    real(wp), allocatable :: force(:, :)     !! of the grains on the plane [N]
+    real(wp), allocatable :: moment(:, :)    !! of that about the plane's point [N m]
+    real(wp), allocatable :: impulse(:, :)   !! time integral of the force since reset [N s]
+    real(wp), allocatable :: work(:)         !! of the plane on the grains since reset [J]
+  end type dem_planes_type
+
+  !> Candidate pairs in blocks, their cached normals and contact history.
+  !!
+  !! Bodies 1..n are grains, n+1 and n+2 pads far away, n+3 a pad plane, n+3+k is plane k; images of
+  !! grains in a periodic cell follow, ordered by their grain, then by their shift. A pair of grains
+  !! has the lower id as itself and, where it reaches over a face, an image of the other.
+  !! A body record: x(3), v(3), omega(3), A = Q diag(a^2,b^2,c^2) Q^T as xx yy zz xy yz zx,
+  !! (a b c)^2; planes use x and v only. Blocks come in groups of one law, one kind of geometry and
+  !! one band of gaps; a slot is lanes (block - 1) + lane, counted on through all blocks.
+  type :: dem_pairs_type
+    integer(i4) :: blocks = 0                    !! blocks in use
+    integer(i4) :: grain_blocks = 0              !! of these, grain-grain (the first ones)
+    integer(i4) :: bare_blocks = 0               !! of these, without ghosts (the first ones)
+    integer(i4) :: rim_blocks = 0                !! these and those of a ghost and another grain
+    logical :: keep_results = .false.            !! pairs keep their forces in a new list
+    integer(i4) :: groups = 0                    !! groups of blocks
+    integer(i4) :: count = 0                     !! real pairs, pads not counted
+    real(wp) :: skin = 0.0_wp                    !! pairs with a gap below it are listed [m]
+    real(wp) :: least_skin = 0.0_wp              !! the skin grows above it while grains move [m]
+    real(wp) :: most_skin = 0.0_wp               !! and never beyond this [m]
+    integer(i8) :: built_at = 0                  !! step of the last rebuild
+    integer(i4), allocatable :: group_end(:)     !! (groups) last block of each
+    logical, allocatable :: round(:)             !! (blocks) all pairs are of spheres
+    integer(i4), allocatable :: form(:)          !! (blocks) greatest kind, see dem_shape_state
+    real(wp), allocatable :: least_gap(:)        !! (blocks) when the list was made [m]
+    real(wp), allocatable :: share(:)            !! (blocks) of their work that is this rank's [-];
+                                                 !! none: all of it
+    integer(i4), allocatable :: first(:, :)      !! (lanes, blocks) body A, the lower id
+    integer(i4), allocatable :: second(:, :)     !! (lanes, blocks) body B
+    integer(i4), allocatable :: law_first(:)     !! (blocks) material of A
+    integer(i4), allocatable :: law_second(:)    !! (blocks) material of B
+    real(wp), allocatable :: normal(:, :, :)     !! (lanes, 3, blocks) last normal, A to B [-]; not
+                                                 !! kept up for spheres
+    real(wp), allocatable :: history(:, :, :)    !! (lanes, history_size, blocks), see dem_contact
+    real(wp), allocatable :: weight(:, :)        !! (lanes, blocks) contact weight; one column of
+                                                 !! ones if none was set [-]
+    real(wp), allocatable :: m_star(:, :)        !! (lanes, blocks) reduced mass m* [kg]
+    logical, allocatable :: touched(:)           !! (blocks) some lane had contact last time
+    real(wp), allocatable :: result(:, :)        !! (result_size, slots) on B [N, N m]
+    integer(i4) :: past = 0                      !! 1: too much for the caches, see dem_lanes
+    real(wp), allocatable :: columns(:, :)       !! (column_count, blocks) work of this step [J]
+    real(wp), allocatable :: body(:, :)          !! (body_size, bodies) records
+    real(wp), allocatable :: reference_x(:, :)   !! (3, bodies) where the list was made [m]
+    real(wp), allocatable :: reference_q(:, :)   !! (4, bodies) orientation then [-]
+    real(wp), allocatable :: reach(:)            !! (bodies) greatest minus least semi-axis [m]
+    real(wp), allocatable :: ease(:)             !! (bodies) half the skin over their margin
+    integer(i4), allocatable :: start(:)         !! (bodies+1) first entry of a body
+    integer(i4), allocatable :: entry(:)         !! 2*(slot-1) + side, by partner id
+    integer(i4) :: plain = 0                     !! bodies that are no images
+    integer(i4) :: images = 0                    !! bodies plain+1 .. plain+images
+    integer(i4), allocatable :: grain(:)         !! (bodies) itself, or whose image; 0: no grain
+    integer(i4), allocatable :: shift(:, :)      !! (3, images) in edges of the cell
+    integer(i4), allocatable :: image_start(:)   !! (grains+1) first image of each grain
+    integer(i4), allocatable :: former(:)        !! (images) body in the list before, 0: none
+    real(wp), allocatable :: image_force(:, :)   !! (3, images) at the last evaluation [N]
+    type(dem_extras_type) :: extras              !! of the laws on top of the base law
+  end type dem_pairs_type
+
+  !> Periodic cell and the homogeneous flow that carries all grains. Velocities of grains are those
+  !! relative to the flow. Without any periodic edge the flow alone is left (theory-dem, cell).
+  type :: dem_cell_type
+    logical :: active = .false.
+    logical :: periodic(3) = .false.         !! (edges)
+    real(wp) :: origin(3) = 0.0_wp           !! corner; the point that the flow leaves in place [m]
+    real(wp) :: vectors(3, 3) = 0.0_wp       !! edges as columns [m]
+    real(wp) :: start(3, 3) = 0.0_wp         !! edges at the start of the run [m]
+    real(wp) :: rate(3, 3) = 0.0_wp          !! velocity gradient dv_i/dx_j [1/s]
+    real(wp) :: step(3, 3) = 0.0_wp          !! displacement gradient of the step under way [-]
+    real(wp) :: back(3, 3) = 0.0_wp          !! (1 + step)^-1 [-]
+    real(wp) :: speed(3, 3) = 0.0_wp         !! velocity of the edges in this step [m/s]
+    real(wp) :: held(10) = 0.0_wp            !! slow part of the servos' rates, see dem_flow [1/s]
+    real(wp) :: listed(3, 3) = 0.0_wp        !! edges when the list was made [m]
+    real(wp) :: deform(3, 3) = 0.0_wp        !! deformation gradient since then [-]
+    real(wp) :: reach = 0.0_wp               !! longest branch that the list may hold [m]
+    real(wp) :: stretch = 0.0_wp             !! half of what deform may add to a branch [m]
+  end type dem_cell_type
+
+  !> Contact weights set through the port, sorted by (lower id, higher id); all others weigh 1.
+  type :: dem_weights_type
+    integer(i4) :: n = 0
+    integer(i8), allocatable :: id(:, :)  !! (2, n) lower id first
+    real(wp), allocatable :: value(:)     !! [-]
+  end type dem_weights_type
+
+  !> How the system moves.
+  type :: dem_parameters_type
+    integer(i4) :: mode = mode_dynamic           !! mode_...
+    real(wp) :: dt = 0.0_wp                      !! time step [s]
+    real(wp) :: mass_scale = 1.0_wp              !! s, relaxation mode [-]
+    real(wp) :: inertia_scale = 1.0_wp           !! s_I, relaxation mode [-]
+    real(wp) :: damping = 0.0_wp                 !! background damping a [1/s]
+    logical :: full_damping = .false.            !! a = 2/dt, whatever dt is
+    real(wp) :: gravity(3) = 0.0_wp              !! [m/s^2]
+    real(wp) :: gravity_scale = 1.0_wp           !! [-]
+    real(wp) :: skin = -1.0_wp                   !! list margin [m]; <= 0: chosen at init
+    real(wp) :: dt_factor = 0.3_wp               !! automatic step / step limit [-]
+    real(wp) :: overlap_limit = 0.1_wp           !! overlap / least semi-axis that is a fault [-]
+    real(wp) :: energy_limit = 1.0e3_wp          !! kinetic energy / reference that is a fault [-]
+    logical :: ghost_pairs = .false.             !! keep ghost-ghost contacts
+    logical :: overlapped = .false.              !! ghosts go on the bed within a solid
+  end type dem_parameters_type
+
+  !> Energy ledger since the start of the run [J]. Closure: see dem_ledger.
+  type :: dem_ledger_type
+    real(wp) :: kinetic = 0.0_wp                !! now, with scaled masses
+    real(wp) :: elastic_normal = 0.0_wp         !! now, stored in normal springs
+    real(wp) :: elastic_tangential = 0.0_wp     !! now, stored in tangential springs
+    real(wp) :: elastic_other = 0.0_wp          !! now, in springs of rolling, bonds and cohesion
+    real(wp) :: staggering = 0.0_wp             !! now, (dt^2/8m) F^2 of the leapfrog
+    real(wp) :: friction = 0.0_wp               !! dissipated by sliding
+    real(wp) :: contact_damping = 0.0_wp        !! dissipated by contact dashpots
+    real(wp) :: background_damping = 0.0_wp     !! dissipated by background damping
+    real(wp) :: curvature = 0.0_wp              !! curvature work, fed into the normal springs
+    real(wp) :: tangential_relaxation = 0.0_wp  !! lost by tangential springs without sliding
+    real(wp) :: rolling = 0.0_wp                !! dissipated by rolling and twisting
+    real(wp) :: breakage = 0.0_wp               !! lost when bonds break, necks form or tear
+    real(wp) :: boundary = 0.0_wp               !! work of prescribed grains and planes
+    real(wp) :: external = 0.0_wp               !! work of held extra forces
+    real(wp) :: gravity = 0.0_wp                !! work of gravity
+    real(wp) :: start = 0.0_wp                  !! kinetic + elastic - staggering at the start
+    real(wp) :: largest = 0.0_wp                !! largest energy turned over so far, for scale
+  end type dem_ledger_type
+
+  !> Counters that tell whether to trust a run.
+  type :: dem_health_type
+    integer(i8) :: steps = 0                !! sub-steps taken
+    integer(i8) :: rebuilds = 0             !! list rebuilds
+    integer(i8) :: late_rebuilds = 0        !! of these, after more than the margin was used up
+    integer(i8) :: evaluations = 0          !! force evaluations
+    real(wp) :: max_overlap = 0.0_wp        !! largest overlap / least semi-axis so far [-]
+    real(wp) :: reference_energy = 0.0_wp   !! scale for the runaway test [J]
+  end type dem_health_type
+
+  !> Forces in two parts, once a partner has chosen it: those on free grains and on the ghosts near
+  !! them in every step, those between ghosts more rarely (dem_parts).
+  type :: dem_parts_type
+    logical :: active = .false.
+    integer(i4), allocatable :: near(:)     !! ghosts that may touch a free grain
+    logical, allocatable :: is_near(:)      !! (grains)
+    real(wp), allocatable :: of_free(:, :)  !! (6, grains) force, moment of free ones on ghosts [N]
+    real(wp), allocatable :: of_ghosts(:, :)  !! (6, grains) the same of ghosts on ghosts
+    real(wp) :: pending = 0.0_wp            !! drift since those were evaluated [s]
+    real(wp), allocatable :: spare(:)       !! (grains) what their margins may have more [m]
+    integer(i8) :: chosen = 0               !! rebuilds of the list when near was chosen
+    integer(i4) :: stage = 0                !! of an evaluation that is under way: stage_*
+    integer(i4) :: next = 0                 !! block of pairs without ghosts that is due
+    real(wp) :: travel = 0.0_wp             !! of what is no ghost since the list was made [m]
+  end type dem_parts_type
+
+  !> A whole system, without behaviour.
+  type :: dem_data_type
+    type(dem_grains_type) :: grains
+    type(dem_planes_type) :: planes
+    type(dem_surfaces_type) :: surfaces
+    type(dem_material_type), allocatable :: materials(:)
+    type(dem_law_type), allocatable :: laws(:, :)  !! (first, second material)
+    type(dem_parameters_type) :: par
+    type(dem_pairs_type) :: pairs
+    type(dem_cell_type) :: cell
+    type(dem_halo_type) :: halo
+    type(dem_weights_type) :: weights
+    type(dem_ledger_type) :: ledger
+    type(dem_health_type) :: health
+    type(dem_parts_type) :: parts
+    real(wp) :: pending = 0.0_wp                   !! drift since forces were evaluated [s]
+    real(wp) :: ledger_dt = 0.0_wp                 !! step that ledger%staggering is for [s]
+    real(wp), allocatable :: seen_kinetic(:)       !! (grains) at the last look of damping [J]
+    real(wp), allocatable :: servo_seen(:, :)      !! (:, planes) last look of servos, dem_servo
+    real(wp) :: kept_volume = 0.0_wp               !! of the box [m^3], dem_volume; 0: not yet
+    real(wp), allocatable :: surcharge(:)          !! (grains) force downwards now [N]
+    logical, allocatable :: surcharge_top(:)       !! (grains) on the surface at the last look
+    real(wp), allocatable :: surcharge_seen(:)     !! last look, dem_surcharge
+    logical :: ready = .false.                     !! lists and forces exist
+  end type dem_data_type
+end module dem_state

@@ -1,0 +1,565 @@
+!> Time stepping: one parallel region for many steps, two barriers a step (three on ranks).
+!!
+!! A step is (1) half kick and drift of every grain, (2) forces of every block, (3) sums and second
+!! half kick; (3) and the next (1) go together, chunk by chunk, without a barrier between them.
+!! A thread owns a run of grains, whose motion stays in its movers as long as the region lasts, and
+!! a run of the blocks of each group: as grains and blocks both follow the ids, most bodies of its
+!! blocks are its own. Work is added to the ledger by one thread in a fixed order, so that the
+!! thread count changes no bit. The region is left when the list must be made anew. On ranks the
+!! first thread sends the bodies at the borders before (2) and takes those of others before the
+!! blocks that need them, which come last.
+module dem_steps
+  use, intrinsic :: omp_lib, only: omp_get_thread_num, omp_get_num_threads
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
+  use dem_state, only: dem_data_type, dem_pairs_type, kind_free, kind_fixed, kind_ghost, &
+    kind_mirror, mode_relaxation, lanes, body_size
+  use dem_carry, only: start_carried, finish_carried, recall_carried, sum_images
+  use dem_cell, only: advance_cell
+  use dem_lost, only: all_finite, name_lost_grain, name_stray
+  use dem_bonds_make, only: check_bonds
+  use dem_forces, only: block_forces, sum_body
+  use dem_lanes, only: sum_lanes, call_for, finish_puts
+  use dem_integrate, only: motion_type, motion_of, kick_mover, drift_mover, work_count
+  use dem_integration_block, only: mover_type, push_type, load_mover, store_mover, &
+    load_forces, store_forces, load_side, recall_side, ready_push, read_mover, put_bodies, follow_travel
+  use dem_relist, only: rebuild_list, fit_skin, outlived, travel_of, larger
+  use dem_prescribed, only: drift_prescribed, finish_prescribed
+  use dem_ellipsoid, only: quaternion_from_rotation
+  use dem_membrane_forces, only: share_near
+  use dem_membrane, only: push_surfaces, finish_membranes
+  use dem_surface_additional, only: add_work_on_top
+  use dem_surface_forces, only: add_surface_loads, surface_load
+  use dem_surface_motion, only: drift_surfaces, finish_surfaces, surface_travel, surface_columns
+  use dem_swap, only: agree_travel, begin_swap, end_swap, add_loads
+  implicit none
+  private
+  public :: step_memory_type, take_steps, evaluate_forces
+  public :: kick_and_drift, finish_planes
+
+  integer(i4), parameter :: chunk = lanes  !! grains in a unit of work
+  integer(i8), parameter :: look = 32      !! steps after which a chunk's travel is found anew
+
+  !> What a region works on beside the system itself: memory that one call of take_steps leaves to
+  !! the next. It carries no state.
+  type :: step_memory_type
+    type(mover_type), allocatable :: movers(:)    !! of each chunk; the last chunk is the planes'
+    real(wp), allocatable :: started(:, :)        !! (work_count, chunks) of the first half [J]
+    real(wp), allocatable :: finished(:, :)       !! (work_count, chunks) of the second half [J]
+    real(wp), allocatable :: travel(:)            !! (chunks) since the list was made [m]
+    integer(i4), allocatable :: load(:)           !! (chunks) work up to and with each chunk
+  end type step_memory_type
+
+contains
+
+  !> Take n steps of par%dt; grains with targets reach them at the last one.
+  subroutine take_steps(d, work, n, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(step_memory_type), intent(inout) :: work
+    integer(i4), intent(in) :: n
+    type(error_list_type), intent(inout) :: errors
+    type(motion_type) :: motion
+    real(wp) :: travel(1)
+    integer(i4) :: done
+    logical :: rebuild, resumed
+
+    motion = motion_of(d, d%par%dt)
+    call plan_work(d, work)
+    call set_turns(d)
+    done = 0
+    resumed = .false.
+    do while (done < n)
+      call run_region(d, motion, n, done, resumed, rebuild, work)
+      if (.not. rebuild) exit
+      if (.not. all_finite(d)) then
+        call name_lost_grain(d, errors)
+        return
+      end if
+      call fit_skin(d, errors)
+      if (errors%any()) return
+      travel = maxval(work%travel)
+      if (d%halo%team%several()) then
+        call settle_work(d, work, done > 0)
+        travel = max(travel, 2.0_wp*d%halo%before)  ! late if steps were taken beyond half the skin
+        call d%halo%team%most(travel)
+      end if
+      if (allocated(work%movers)) deallocate (work%movers)  ! most memory is in use at a rebuild
+      call rebuild_list(d, travel(1))
+      if (d%pairs%extras%active) call check_bonds(d, errors)
+      if (errors%any()) return
+      resumed = .true.
+      if (d%halo%team%several()) call name_stray(d, errors)
+      if (d%halo%strayed) return
+      call plan_work(d, work)
+    end do
+    if (n > 0) call add_grain_work(d, work%finished)
+    d%grains%has_target = .false.
+    if (.not. all_finite(d)) call name_lost_grain(d, errors)
+  end subroutine take_steps
+
+  !> Works of a step that is half done into the ledger, before the grains go to other chunks.
+  subroutine settle_work(d, work, begun)
+    type(dem_data_type), intent(inout) :: d
+    type(step_memory_type), intent(inout) :: work
+    logical, intent(in) :: begun  !! steps were taken before this one
+    if (begun) call add_grain_work(d, work%finished)
+    call add_grain_work(d, work%started)
+    deallocate (work%load, work%started, work%finished)
+  end subroutine settle_work
+
+  !> Chunks of grains and how much work each is: a free grain counts ten, another one one.
+  subroutine plan_work(d, work)
+    type(dem_data_type), intent(in) :: d
+    type(step_memory_type), intent(inout) :: work
+    integer(i4) :: chunks, c, low, high
+
+    chunks = (d%grains%n + chunk - 1)/chunk + 1
+    if (allocated(work%load)) then
+      if (size(work%load) /= chunks) deallocate (work%load, work%started, work%finished)
+    end if
+    if (allocated(work%movers)) then
+      if (size(work%movers) /= chunks - 1) deallocate (work%movers)
+    end if
+    if (.not. allocated(work%movers)) allocate (work%movers(chunks - 1))
+    if (.not. allocated(work%load)) then
+      if (allocated(work%travel)) deallocate (work%travel)
+      allocate (work%load(chunks), work%travel(chunks))
+      allocate (work%started(work_count, chunks), work%finished(work_count, chunks))
+      work%started = 0.0_wp
+      work%finished = 0.0_wp
+    end if
+    do c = 1, chunks
+      low = (c - 1)*chunk + 1
+      high = min(c*chunk, d%grains%n)
+      work%load(c) = 1 + 9*count(d%grains%kind(low:high) == kind_free) + max(high - low + 1, 0)
+      if (c > 1) work%load(c) = work%load(c) + work%load(c - 1)
+    end do
+  end subroutine plan_work
+
+  !> Chunks low..high of one of the threads: runs of equal work.
+  pure subroutine share_chunks(load, me, threads, low, high)
+    integer(i4), intent(in) :: load(:)      !! running sum
+    integer(i4), intent(in) :: me, threads  !! me from 0
+    integer(i4), intent(out) :: low, high
+    integer(i8) :: total
+    total = load(size(load))
+    low = 1 + count(load <= total*me/threads)
+    high = count(load <= total*(me + 1)/threads)
+  end subroutine share_chunks
+
+  !> Rotation of one step of the grains that keep a constant spin.
+  subroutine set_turns(d)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4) :: i
+    do i = 1, d%grains%n
+      if (stands(d%grains%kind(i))) cycle
+      if (d%grains%has_target(i)) cycle
+      d%grains%turn(:, i) = quaternion_from_rotation(d%par%dt*d%grains%omega(:, i))
+    end do
+  end subroutine set_turns
+
+  !> Is the grain of a kind that no prescription moves here?
+  pure logical function stands(kind)
+    integer(i4), intent(in) :: kind
+    stands = kind == kind_free .or. kind == kind_fixed .or. kind == kind_mirror
+  end function stands
+
+  !> Steps done+1 to n, or until the list is used up (then half of step done+1 is done).
+  subroutine run_region(d, motion, n, done, resumed, rebuild, work)
+    type(dem_data_type), intent(inout) :: d
+    type(motion_type), intent(in) :: motion
+    integer(i4), intent(in) :: n
+    integer(i4), intent(inout) :: done
+    logical, intent(in) :: resumed         !! step done+1 was begun before
+    logical, intent(out) :: rebuild
+    type(step_memory_type), intent(inout) :: work
+    integer(i4) :: s, c, me, threads, low, high
+    integer(i4) :: swaps  !! steps with an exchange so far
+    logical :: begun, leave, several, exact
+    integer(i8) :: before
+    real(wp) :: travel, foreseen
+    type(push_type) :: push
+
+    before = d%health%steps - done
+    several = d%halo%team%several()
+    rebuild = .false.
+    if (d%cell%active .and. .not. resumed) call advance_cell(d%cell, motion%dt)
+    !$omp parallel default(none) private(s, c, begun, leave, me, threads, low, high, travel, push) &
+    !$omp   private(swaps, foreseen, exact) shared(d, motion, n, done, resumed, rebuild, work) &
+    !$omp   shared(several, before)
+    me = omp_get_thread_num()
+    threads = omp_get_num_threads()
+    call share_chunks(work%load, me, threads, low, high)
+    do c = low, min(high, size(work%movers))
+      call load_mover(d%grains, d%pairs, (c - 1)*chunk, min(chunk, d%grains%n - (c - 1)*chunk), &
+                      work%movers(c))
+    end do
+    if (.not. resumed) then
+      do c = low, high
+        call start_chunk(d, c, motion, done + 1 == n, .true., work, push, .true.)
+      end do
+    end if
+    begun = resumed
+    leave = .false.
+    travel = 0.0_wp
+    foreseen = 0.0_wp
+    swaps = 0
+    do s = done + 1, n
+      if (.not. begun) then
+        !$omp barrier
+        travel = maxval(work%travel)
+        leave = .not. all(work%travel <= 0.5_wp*d%pairs%skin) .or. outlived(d, before + s)
+        if (several) then
+          if (swaps < 2) then  ! nothing is foreseen yet
+            call agree_travel(d, work%travel)
+            foreseen = d%halo%most
+          end if
+          leave = .not. foreseen <= 0.5_wp*d%pairs%skin .or. outlived(d, before + s)
+        end if
+        if (leave) exit
+      end if
+      !$omp master
+      if (several .and. .not. begun) call begin_swap(d, work%travel)
+      if (s > 1) call add_grain_work(d, work%finished)
+      call add_grain_work(d, work%started)
+      if (d%cell%active .and. s < n .and. .not. several) call advance_cell(d%cell, motion%dt)
+      !$omp end master
+      call share_forces(d, motion%dt, travel, .false., me, threads)
+      if (several) then
+        !$omp master
+        if (.not. begun) call end_swap(d)
+        if (d%cell%active .and. s < n) call advance_cell(d%cell, motion%dt)
+        !$omp end master
+        !$omp barrier
+        if (.not. begun) then
+          foreseen = d%halo%foreseen
+          travel = d%halo%travel
+          swaps = swaps + 1
+        end if
+        call share_forces(d, motion%dt, travel, .true., me, threads)
+      end if
+      begun = .false.
+      !$omp barrier
+      call add_loads(d)
+      !$omp master
+      call add_contact_work(d)
+      !$omp end master
+      do c = low, high
+        call finish_chunk(d, c, motion, s == n, work, push)
+        exact = several .or. mod(before + s + c, look) == 0
+        if (s < n) call start_chunk(d, c, motion, s + 1 == n, exact, work, push, .false.)
+      end do
+    end do
+    do c = low, merge(min(high, size(work%movers)), 0, leave)
+      call recall_chunk(d, work%movers(c), push)
+      call store_mover(work%movers(c), push, d%grains)
+    end do
+    !$omp barrier
+    !$omp master
+    rebuild = leave
+    d%health%steps = d%health%steps + s - 1 - done
+    done = s - 1
+    !$omp end master
+    !$omp end parallel
+  end subroutine run_region
+
+  !> Forces of this thread's run of the blocks of each group: those at the border, which other
+  !! ranks know too, or all others.
+  subroutine share_forces(d, h, travel, border, me, threads)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: h       !! time since the last evaluation [s]
+    real(wp), intent(in) :: travel  !! since the list was made [m]
+    logical, intent(in) :: border
+    integer(i4), intent(in) :: me, threads
+    integer(i4) :: g, k, base, length
+    base = 0
+    do g = 1, d%pairs%groups
+      length = d%pairs%group_end(g) - base
+      if (at_border(d%pairs, d%pairs%group_end(g)) .neqv. border) length = 0
+      do k = base + 1 + int(int(length, i8)*me/threads, i4), &
+             base + int(int(length, i8)*(me + 1)/threads, i4)
+        call block_forces(d%pairs, d%laws, d%grains%forms, k, h, travel)
+      end do
+      base = d%pairs%group_end(g)
+    end do
+    if (d%surfaces%near > 0 .and. .not. border) call share_near(d, h, travel, me, threads)
+    if (d%pairs%past > 0) call finish_puts()
+  end subroutine share_forces
+
+  !> Is a block one of pairs with other ranks' grains?
+  pure logical function at_border(pairs, k)
+    type(dem_pairs_type), intent(in) :: pairs
+    integer(i4), intent(in) :: k
+    at_border = .false.
+    if (allocated(pairs%share)) at_border = pairs%share(k) < 1.0_wp
+  end function at_border
+
+  !> Start of a step for the grains of chunk c; the last chunk is the planes'. The push is that left
+  !! by finish_chunk, or it is fresh.
+  subroutine start_chunk(d, c, motion, last, exact, work, push, fresh)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: c
+    type(motion_type), intent(in) :: motion
+    logical, intent(in) :: last
+    logical, intent(in) :: exact  !! the travel is wanted as it is, see follow_travel
+    type(step_memory_type), intent(inout) :: work
+    type(push_type), intent(inout) :: push
+    logical, intent(in) :: fresh
+    real(wp) :: travel
+    integer(i4) :: i
+
+    work%started(:, c) = 0.0_wp
+    travel = 0.0_wp
+    if (c > size(work%movers)) then
+      call push_surfaces(d%surfaces, d%planes%velocity, motion, .true., work%started(:, c))
+      call start_planes(d, motion%dt, last, travel)
+    else if (d%cell%active) then
+      if (fresh) call ready_chunk(d, work%movers(c), push)
+      call start_carried(d, work%movers(c), motion, last, push, work%started(:, c), travel)
+    else
+      associate (mover => work%movers(c))
+        if (mover%free_count > 0) then
+          if (fresh) call ready_chunk(d, mover, push)
+          call kick_mover(mover, push, motion, .true., work%started(:, c))
+          call drift_mover(mover, push, motion%dt)
+          call put_bodies(mover, push, d%pairs%body, d%grains%forms)
+          call follow_travel(mover, push, d%pairs, motion%dt, exact)
+          travel = mover%travel
+        end if
+        do i = mover%low + 1, mover%low + merge(0, mover%count, mover%free_count == mover%count)
+          if (stands(d%grains%kind(i))) cycle
+          call drift_prescribed(d%grains, i, motion%dt, last, d%pairs%body(:, i))
+          travel = larger(travel, travel_of(d, i))
+        end do
+      end associate
+    end if
+    work%travel(c) = travel
+  end subroutine start_chunk
+
+  !> What a step of a chunk begins with, as it stands with the grains.
+  subroutine ready_chunk(d, mover, push)
+    type(dem_data_type), intent(in) :: d
+    type(mover_type), intent(in) :: mover
+    type(push_type), intent(inout) :: push
+    call load_side(mover, d%grains, d%pairs, push)
+    call load_forces(mover, d%grains, push)
+    call ready_push(mover, d%grains, push)
+  end subroutine ready_chunk
+
+  !> Where the grains of a chunk are and how they move in a step that is half done.
+  subroutine recall_chunk(d, mover, push)
+    type(dem_data_type), intent(in) :: d
+    type(mover_type), intent(in) :: mover
+    type(push_type), intent(inout) :: push
+    call recall_side(mover, d%pairs%body, push)
+    if (d%cell%active) call recall_carried(d, mover, push)
+  end subroutine recall_chunk
+
+  !> Planes and surfaces.
+  subroutine start_planes(d, dt, last, travel)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: dt
+    logical, intent(in) :: last
+    real(wp), intent(inout) :: travel
+    integer(i4) :: i, body
+    do i = 1, d%planes%n
+      body = d%grains%n + 3 + i
+      d%planes%point(:, i) = d%planes%point(:, i) + dt*d%planes%velocity(:, i)
+      d%pairs%body(1:3, body) = d%planes%point(:, i)
+      d%pairs%body(4:6, body) = d%planes%velocity(:, i)
+      travel = max(travel, sqrt(sum((d%planes%point(:, i) - d%pairs%reference_x(:, body))**2)))
+    end do
+    if (d%surfaces%n == 0) return
+    call drift_surfaces(d%surfaces, dt, last)
+    travel = larger(travel, surface_travel(d%surfaces))
+  end subroutine start_planes
+
+  !> Sums and end of the step for the grains of chunk c; the last chunk is the planes'.
+  subroutine finish_chunk(d, c, motion, last, work, push)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: c
+    type(motion_type), intent(in) :: motion
+    logical, intent(in) :: last  !! the forces are wanted with the grains
+    type(step_memory_type), intent(inout) :: work
+    type(push_type), intent(inout) :: push
+    integer(i4) :: k
+
+    work%finished(:, c) = 0.0_wp
+    if (c > size(work%movers)) then
+      call finish_planes(d, motion%dt, work%finished(:, c))
+      call push_surfaces(d%surfaces, d%planes%velocity, motion, .false., work%finished(:, c))
+      return
+    end if
+    if (c < size(work%movers)) call call_chunk(d%pairs, work%movers(c + 1))
+    associate (mover => work%movers(c))
+      call read_mover(mover, .false.)
+      call recall_chunk(d, mover, push)
+      call sum_lanes(d%pairs%result, d%pairs%entry, d%pairs%start(mover%low + 1:), mover%count, &
+                     push%s%x, push%f, push%m)
+      if (d%cell%active) call finish_carried(d, mover, motion%dt, push, work%finished(:, c))
+      if (d%surfaces%near > 0) call add_surface_loads(d%surfaces, mover%low, mover%count, push%f, &
+                                                      push%m)
+      do k = 1, merge(0, mover%count, mover%free_count == mover%count)
+        if (mover%free(k) > 0.5_wp .or. d%grains%kind(mover%low + k) == kind_mirror) cycle
+        call finish_prescribed(d%grains, mover%low + k, motion%dt, push%f(k, :), push%m(k, :), &
+                               work%finished(:, c))
+      end do
+      if (mover%free_count == 0) return
+      if (last) call store_forces(mover, push, d%grains)
+      call ready_push(mover, d%grains, push)
+      call kick_mover(mover, push, motion, .false., work%finished(:, c))
+      if (last) call store_mover(mover, push, d%grains)
+    end associate
+  end subroutine finish_chunk
+
+  !> Call for the next chunk while this one is worked on.
+  subroutine call_chunk(pairs, mover)
+    type(dem_pairs_type), intent(in) :: pairs
+    type(mover_type), intent(in) :: mover
+    call read_mover(mover, .true.)
+    call call_for(pairs%body(:, mover%low + 1), body_size*mover%count)
+  end subroutine call_chunk
+
+  !> Planes and surfaces.
+  subroutine finish_planes(d, dt, work)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: dt
+    real(wp), intent(inout) :: work(work_count)
+    real(wp) :: force(3), moment(3), mean(3), done
+    integer(i4) :: i
+    do i = 1, d%planes%n
+      call sum_body(d%pairs, d%grains%n + 3 + i, force, moment)
+      mean = 0.5_wp*dt*(d%planes%force(:, i) + force)
+      d%planes%force(:, i) = force
+      d%planes%moment(:, i) = moment
+      d%planes%impulse(:, i) = d%planes%impulse(:, i) + mean
+      done = -dot_product(mean, d%planes%velocity(:, i))
+      d%planes%work(i) = d%planes%work(i) + done
+      work(4) = work(4) + done
+    end do
+    if (d%surfaces%n > 0) call finish_surfaces(d%surfaces, dt, work(4))
+    if (allocated(d%surfaces%membranes)) call finish_membranes(d%surfaces, dt, work)
+  end subroutine finish_planes
+
+  !> Kick over `kick`, then drift over `drift` of everything that moves [s]; zero leaves one out. No
+  !! forces. After a drift targets are reached.
+  subroutine kick_and_drift(d, kick, drift)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: kick, drift
+    type(motion_type) :: motion
+    type(mover_type) :: mover
+    type(push_type) :: push
+    real(wp) :: work(work_count, 1), travel
+    integer(i4) :: low, many
+
+    motion = motion_of(d, kick)
+    work = 0.0_wp
+    do low = 0, d%grains%n - 1, chunk
+      many = min(chunk, d%grains%n - low)
+      if (.not. any(d%grains%kind(low + 1:low + many) == kind_free)) cycle
+      call load_mover(d%grains, d%pairs, low, many, mover)
+      call load_side(mover, d%grains, d%pairs, push)
+      if (kick > 0.0_wp) call load_forces(mover, d%grains, push)
+      call ready_push(mover, d%grains, push)
+      if (kick > 0.0_wp) then
+        call kick_mover(mover, push, motion, .false., work(:, 1))
+        call kick_mover(mover, push, motion, .true., work(:, 1))
+      end if
+      if (drift > 0.0_wp) call drift_mover(mover, push, drift)
+      call store_mover(mover, push, d%grains)
+      if (drift > 0.0_wp) call put_bodies(mover, push, d%pairs%body, d%grains%forms)
+    end do
+    if (kick > 0.0_wp) call add_grain_work(d, work)
+    if (.not. drift > 0.0_wp) return
+    call drift_all_prescribed(d, drift)
+    travel = 0.0_wp
+    call start_planes(d, drift, .true., travel)
+  end subroutine kick_and_drift
+
+  !> Prescribed grains over the last step of their way; ghosts stay where the partner puts them when
+  !! forces are evaluated in parts.
+  subroutine drift_all_prescribed(d, dt)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: dt
+    integer(i4) :: i
+    do i = 1, d%grains%n
+      if (d%grains%kind(i) == kind_free .or. d%grains%kind(i) == kind_fixed) cycle
+      if (d%parts%active .and. d%grains%kind(i) == kind_ghost) cycle
+      d%grains%turn(:, i) = quaternion_from_rotation(dt*d%grains%omega(:, i))
+      call drift_prescribed(d%grains, i, dt, .true., d%pairs%body(:, i))
+      d%grains%has_target(i) = .false.
+    end do
+  end subroutine drift_all_prescribed
+
+  !> Chunk sums into the ledger, in the order of chunks.
+  subroutine add_grain_work(d, work)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: work(:, :)
+    real(wp) :: total(work_count)
+    integer(i4) :: c
+    total = 0.0_wp
+    do c = 1, size(work, 2)
+      total = total + work(:, c)
+    end do
+    d%ledger%gravity = d%ledger%gravity + total(1)
+    d%ledger%external = d%ledger%external + total(2)
+    d%ledger%background_damping = d%ledger%background_damping + total(3)
+    d%ledger%boundary = d%ledger%boundary + total(4)
+  end subroutine add_grain_work
+
+  !> Block sums into the ledger, in the order of blocks.
+  subroutine add_contact_work(d)
+    type(dem_data_type), intent(inout) :: d
+    real(wp) :: total(4)
+    integer(i4) :: k
+    total = 0.0_wp
+    if (allocated(d%pairs%share)) then
+      do k = 1, d%pairs%blocks
+        total = total + d%pairs%share(k)*d%pairs%columns(:, k)
+      end do
+    else
+      do k = 1, d%pairs%blocks
+        total = total + d%pairs%columns(:, k)
+      end do
+    end if
+    if (d%surfaces%near > 0) total = total + surface_columns(d%surfaces)
+    if (d%pairs%extras%active) call add_work_on_top(d)
+    d%ledger%contact_damping = d%ledger%contact_damping + total(1)
+    d%ledger%friction = d%ledger%friction + total(2)
+    d%ledger%tangential_relaxation = d%ledger%tangential_relaxation + total(3)
+    d%ledger%curvature = d%ledger%curvature + total(4)
+    d%health%evaluations = d%health%evaluations + 1
+  end subroutine add_contact_work
+
+  !> Forces at the current state over the pending drift h; sums go to the grains and planes.
+  subroutine evaluate_forces(d, h)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: h
+    real(wp) :: work(work_count, 1), force(3), moment(3), load(6)
+    integer(i4) :: i
+    !$omp parallel default(none) shared(d, h)
+    call share_forces(d, h, huge(h), .false., omp_get_thread_num(), omp_get_num_threads())
+    call share_forces(d, h, huge(h), .true., omp_get_thread_num(), omp_get_num_threads())
+    !$omp end parallel
+    work = 0.0_wp
+    do i = 1, d%grains%n
+      if (d%grains%kind(i) == kind_mirror) cycle
+      call sum_body(d%pairs, i, force, moment)
+      call sum_images(d, i, force, moment)
+      if (d%surfaces%near > 0) then
+        load = surface_load(d%surfaces, i)
+        force = force + load(1:3)
+        moment = moment + load(4:6)
+      end if
+      if (d%grains%kind(i) == kind_free) then
+        d%grains%force(:, i) = force
+        d%grains%moment(:, i) = moment
+      else
+        call finish_prescribed(d%grains, i, h, force, moment, work(:, 1))
+      end if
+    end do
+    call finish_planes(d, h, work(:, 1))
+    call add_contact_work(d)
+    call add_grain_work(d, work)
+  end subroutine evaluate_forces
+end module dem_steps

@@ -1,0 +1,175 @@
+!> Laws on top of the base law at surfaces: what their contacts keep, forces, energies, works.
+module dem_surface_additional
+  use talus_kinds, only: wp, i4
+  use dem_block, only: dem_block_type
+  use dem_cohesion, only: tear_overlap
+  use dem_contact, only: contact_block, constants_of
+  use dem_additional_state, only: extra_places_type, cohesion_jkr, extra_work_count, turning_reals
+  use dem_additional, only: add_extra_work, add_laws, stored_on_top, stiffness_on_top
+  use talus_vectors, only: cross
+  use dem_state, only: dem_data_type, dem_law_type, lanes, history_size, column_count, &
+    law_mindlin_deresiewicz
+  implicit none
+  private
+  public :: surface_kept_reals, neck_reach, held_by_necks, laws_of_surface, surface_extra_energy, &
+    surface_extra_stiffness, surface_turning_energy, turns_at_surface, &
+    add_work_on_top, corner_couples
+
+contains
+
+  !> Reals that a contact with a surface keeps for the laws on top; 0 if no law of surfaces has any.
+  pure integer(i4) function surface_kept_reals(d) result(reals)
+    type(dem_data_type), intent(in) :: d
+    integer(i4) :: k
+    reals = 0
+    if (.not. d%pairs%extras%active) return
+    do k = 1, d%surfaces%parts
+      if (any(d%laws(d%surfaces%material(k), :)%extra%used)) reals = d%pairs%extras%reals
+    end do
+  end function surface_kept_reals
+
+  !> Law of contact k of near grain g.
+  pure function law_of(d, k, g) result(law)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: k, g
+    type(dem_law_type) :: law
+    law = d%laws(d%surfaces%material(d%surfaces%part(k, g)), &
+                 d%grains%material(d%surfaces%near_grain(g)))
+  end function law_of
+
+  !> Gap up to which the necks of near grain g may hold, 0 without necks [m].
+  pure real(wp) function neck_reach(d, g) result(reach)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: g
+    type(dem_law_type) :: law
+    real(wp), parameter :: ample = 2.0_wp  !! radii grow as a grain turns
+    integer(i4) :: k
+    reach = 0.0_wp
+    associate (at => d%pairs%extras%cohesion_at)
+      if (at == 0) return
+      do k = 1, d%surfaces%contacts(g)
+        if (.not. d%surfaces%kept(k, at, g) > 0.0_wp) cycle
+        law = law_of(d, k, g)
+        if (law%extra%cohesion /= cohesion_jkr) cycle
+        reach = max(reach, -tear_overlap(law, ample*d%surfaces%kept(k, at + 3, g)))
+      end do
+    end associate
+  end function neck_reach
+
+  !> Lanes that a neck holds.
+  pure function held_by_necks(at, kept) result(held)
+    type(extra_places_type), intent(in) :: at
+    real(wp), intent(in) :: kept(:, :)  !! (lanes, reals)
+    logical :: held(lanes)
+    held = .false.
+    if (at%cohesion_at > 0) held = kept(:, at%cohesion_at) > 0.0_wp
+  end function held_by_necks
+
+  !> Base law and laws on top of the lanes of a block; history and kept brought forward by h.
+  pure subroutine laws_of_surface(b, law, at, h, m_star, history, kept, columns, work)
+    type(dem_block_type), intent(inout) :: b
+    type(dem_law_type), intent(in) :: law
+    type(extra_places_type), intent(in) :: at
+    real(wp), intent(in) :: h, m_star(lanes)
+    real(wp), intent(inout) :: history(lanes, history_size), kept(:, :)
+    real(wp), intent(out) :: columns(column_count)
+    real(wp), intent(inout) :: work(extra_work_count)
+    real(wp) :: weight(lanes), turning(lanes, turning_reals)
+
+    weight = 1.0_wp
+    if (law%kind == law_mindlin_deresiewicz) then
+      turning = kept(:, at%turning_at:at%turning_at + turning_reals - 1)
+      call contact_block(b, constants_of(law), .false., h, m_star, weight, history, columns, &
+                         turning)
+      kept(:, at%turning_at:at%turning_at + turning_reals - 1) = turning
+    else
+      call contact_block(b, constants_of(law), .false., h, m_star, weight, history, columns)
+    end if
+    if (law%extra%used) &
+      call add_laws(b, law, at, .false., h, m_star, weight, history, kept, columns, work)
+  end subroutine laws_of_surface
+
+  !> Energy that the laws on top store in the contacts with surfaces [J].
+  pure real(wp) function surface_extra_energy(d) result(energy)
+    type(dem_data_type), intent(in) :: d
+    type(dem_law_type) :: law
+    real(wp) :: weight(lanes)
+    integer(i4) :: g, k
+    energy = 0.0_wp
+    do g = 1, d%surfaces%near
+      do k = 1, d%surfaces%contacts(g)
+        law = law_of(d, k, g)
+        if (.not. law%extra%used) cycle
+        weight = 0.0_wp
+        weight(k) = 1.0_wp
+        energy = energy + stored_on_top(law, d%pairs%extras%extra_places_type, weight, &
+                                        d%surfaces%kept(:, :, g))
+      end do
+    end do
+  end function surface_extra_energy
+
+  !> Has contact k of near grain g the law of Mindlin and Deresiewicz?
+  pure logical function turns_at_surface(d, k, g)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: k, g
+    turns_at_surface = d%laws(d%surfaces%material(d%surfaces%part(k, g)), &
+      d%grains%material(d%surfaces%near_grain(g)))%kind == law_mindlin_deresiewicz
+  end function turns_at_surface
+
+  !> Its stored tangential energy [J].
+  pure real(wp) function surface_turning_energy(d, k, g) result(energy)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: k, g
+    energy = d%surfaces%kept(k, d%pairs%extras%turning_at + 1, g)
+  end function surface_turning_energy
+
+  !> Stiffness that the laws on top add to a contact: of translation [N/m] and of rotation [N m].
+  pure function surface_extra_stiffness(d, k, g) result(stiffness)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: k, g
+    real(wp) :: stiffness(2)
+    type(dem_law_type) :: law
+    stiffness = 0.0_wp
+    if (.not. size(d%surfaces%kept) > 0) return
+    law = law_of(d, k, g)
+    stiffness = stiffness_on_top(law, d%pairs%extras%extra_places_type, d%surfaces%kept(k, :, g))
+  end function surface_extra_stiffness
+
+  !> Works of the step of all laws on top into the ledger, those at surfaces in the order of the
+  !! grains.
+  pure subroutine add_work_on_top(d)
+    type(dem_data_type), intent(inout) :: d
+    real(wp) :: total(extra_work_count)
+    integer(i4) :: g
+    call add_extra_work(d)
+    if (d%surfaces%near == 0) return
+    if (.not. size(d%surfaces%kept) > 0) return
+    total = 0.0_wp
+    do g = 1, d%surfaces%near
+      total = total + d%surfaces%extra_work(:, g)
+    end do
+    d%ledger%rolling = d%ledger%rolling + total(1)
+    d%ledger%breakage = d%ledger%breakage + total(2)
+  end subroutine add_work_on_top
+
+  !> Forces on the corners of a soft triangle that do the work of a couple on its spin: the
+  !! transpose of that spin (dem_surface_find) [N].
+  pure function corner_couples(x, couple) result(force)
+    real(wp), intent(in) :: x(3, 3), couple(3)  !! corners [m], [N m]
+    real(wp) :: force(3, 3), e(3, 2), n(3), area, dual(3, 2)
+    integer(i4) :: k
+
+    e(:, 1) = x(:, 2) - x(:, 1)
+    e(:, 2) = x(:, 3) - x(:, 1)
+    n = cross(e(:, 1), e(:, 2))
+    area = sqrt(sum(n*n))
+    n = n/area
+    dual(:, 1) = cross(e(:, 2), n)/area
+    dual(:, 2) = cross(n, e(:, 1))/area
+    do k = 1, 2
+      force(:, k + 1) = -dot_product(couple, cross(n, dual(:, k)))*n &
+                        + 0.5_wp*dot_product(couple, n)*cross(n, dual(:, k))
+    end do
+    force(:, 1) = -force(:, 2) - force(:, 3)
+  end function corner_couples
+end module dem_surface_additional

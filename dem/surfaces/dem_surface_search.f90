@@ -1,0 +1,299 @@
+!> The list of what is near each grain: triangles within its bounding sphere and the skin, and
+!! cones.
+!! Contacts in hand go along with their grains.
+module dem_surface_search
+  use talus_kinds, only: wp, i4
+  use talus_vectors, only: cross
+  use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_driven, lanes, history_size, &
+    column_count
+  use dem_additional_state, only: extra_work_count
+  use dem_surface_body, only: is_free
+  use dem_surface_additional, only: surface_kept_reals
+  use dem_surface_feature, only: most_features
+  use dem_surface_state, only: dem_surfaces_type, surface_cone, surface_cylinder, is_bore, &
+    bore_listed
+  implicit none
+  private
+  public :: list_near, allocate_contacts, triangle_distance
+
+  integer(i4), parameter :: most_cells = 2000000
+
+  !> Cells over the triangles; each triangle stands in every cell that its box meets.
+  type :: grid_type
+    real(wp) :: low(3) = 0.0_wp, size = 1.0_wp
+    integer(i4) :: n(3) = 1
+    integer(i4), allocatable :: start(:), member(:)
+  end type grid_type
+
+contains
+
+  !> Make the list for the current positions (bodies and vertices up to date).
+  subroutine list_near(d)
+    type(dem_data_type), intent(inout) :: d
+    type(grid_type) :: grid
+    type(dem_surfaces_type) :: old
+    integer(i4), allocatable :: grain(:), start(:), candidate(:)
+    real(wp), allocatable :: gap(:)
+    integer(i4) :: i, near, found
+
+    if (d%surfaces%triangles > 0) call make_grid(d%surfaces, d%pairs%skin, d%grains%radius, grid)
+    allocate (grain(d%grains%n), start(d%grains%n + 1), gap(d%grains%n), candidate(64))
+    near = 0
+    found = 0
+    start(1) = 1
+    do i = 1, d%grains%n
+      if (.not. may_touch(d, i)) cycle
+      gap(near + 1) = huge(1.0_wp)
+      if (d%surfaces%triangles > 0) call find_triangles(d, grid, i, candidate, found, gap(near + 1))
+      call find_cones(d, i, candidate, found, gap(near + 1))
+      if (found < start(near + 1)) cycle
+      near = near + 1
+      grain(near) = i
+      start(near + 1) = found + 1
+    end do
+    call keep_contacts(d%surfaces, old)
+    associate (s => d%surfaces)
+      s%near = near
+      s%near_grain = grain(:near)
+      s%near_start = start(:near + 1)
+      s%candidate = candidate(:found)
+      s%least_gap = gap(:near)
+      call allocate_contacts(s, d%grains%n, surface_kept_reals(d))
+      call take_contacts(s, old)
+      s%reference_x = s%centre
+      s%reference_q = s%quat
+      s%reference = s%x
+      s%bore(bore_listed, :) = s%cone(3, :)
+    end associate
+  end subroutine list_near
+
+  !> Prescribed grains meet the bodies alone that give way, on one of the ranks that all know them.
+  pure logical function may_touch(d, i)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: i
+    may_touch = d%grains%kind(i) == kind_free
+    if (may_touch .or. .not. (allocated(d%surfaces%free) .and. d%surfaces%counted)) return
+    may_touch = d%grains%kind(i) == kind_fixed .or. d%grains%kind(i) == kind_driven
+  end function may_touch
+
+  !> Cells as large as the grains reach, so that a grain looks into its own cell alone.
+  subroutine make_grid(s, skin, radius, grid)
+    type(dem_surfaces_type), intent(in) :: s
+    real(wp), intent(in) :: skin, radius(:)
+    type(grid_type), intent(out) :: grid
+    real(wp) :: reach, high(3), cells, size
+    integer(i4) :: k, c, cx, cy, cz, box(3, 2), round
+    integer(i4), allocatable :: fill(:)
+
+    reach = maxval(radius) + skin
+    grid%low = minval(s%x, 2) - reach
+    high = maxval(s%x, 2) + reach
+    size = 0.0_wp
+    do k = 1, s%triangles
+      size = size + maxval(maxval(s%x(:, s%corner(:, k)), 2) - minval(s%x(:, s%corner(:, k)), 2))
+    end do
+    grid%size = max(reach, size/s%triangles)
+    cells = product(max((high - grid%low)/grid%size, 1.0_wp))
+    if (cells > most_cells) grid%size = grid%size*(cells/most_cells)**(1.0_wp/3.0_wp)*1.01_wp
+    grid%n = 1 + int((high - grid%low)/grid%size, i4)
+    allocate (grid%start(product(grid%n) + 1), source=0)
+    do round = 1, 2
+      do k = 1, s%triangles
+        box(:, 1) = cell_of(grid, minval(s%x(:, s%corner(:, k)), 2) - reach)
+        box(:, 2) = cell_of(grid, maxval(s%x(:, s%corner(:, k)), 2) + reach)
+        do cz = box(3, 1), box(3, 2)
+          do cy = box(2, 1), box(2, 2)
+            do cx = box(1, 1), box(1, 2)
+              c = cx + grid%n(1)*(cy - 1 + grid%n(2)*(cz - 1))
+              if (round == 1) then
+                grid%start(c + 1) = grid%start(c + 1) + 1
+              else
+                grid%member(fill(c)) = k
+                fill(c) = fill(c) + 1
+              end if
+            end do
+          end do
+        end do
+      end do
+      if (round == 2) exit
+      grid%start(1) = 1
+      do c = 2, ubound(grid%start, 1)
+        grid%start(c) = grid%start(c) + grid%start(c - 1)
+      end do
+      allocate (grid%member(grid%start(ubound(grid%start, 1)) - 1))
+      fill = grid%start
+    end do
+  end subroutine make_grid
+
+  pure function cell_of(grid, x) result(c)
+    type(grid_type), intent(in) :: grid
+    real(wp), intent(in) :: x(3)
+    integer(i4) :: c(3)
+    c = min(1 + int(max((x - grid%low)/grid%size, 0.0_wp), i4), grid%n)
+  end function cell_of
+
+  !> Triangles that the bounding sphere of grain i and the skin reach, ascending.
+  subroutine find_triangles(d, grid, i, candidate, found, gap)
+    type(dem_data_type), intent(in) :: d
+    type(grid_type), intent(in) :: grid
+    integer(i4), intent(in) :: i
+    integer(i4), allocatable, intent(inout) :: candidate(:)
+    integer(i4), intent(inout) :: found
+    real(wp), intent(inout) :: gap
+    real(wp) :: x(3), distance
+    integer(i4) :: cell(3), c, m, k
+
+    x = d%grains%x(:, i)
+    if (any(x < grid%low) .or. any(x > grid%low + grid%n*grid%size)) return
+    cell = cell_of(grid, x)
+    c = cell(1) + grid%n(1)*(cell(2) - 1 + grid%n(2)*(cell(3) - 1))
+    do m = grid%start(c), grid%start(c + 1) - 1
+      k = grid%member(m)
+      if (d%grains%kind(i) /= kind_free) then
+        if (.not. is_free(d%surfaces, d%surfaces%owner(k))) cycle
+      end if
+      distance = triangle_distance(d%surfaces%x(:, d%surfaces%corner(:, k)), x) - d%grains%radius(i)
+      if (distance > d%pairs%skin) cycle
+      gap = min(gap, distance)
+      call put(candidate, found, k)
+    end do
+  end subroutine find_triangles
+
+  subroutine find_cones(d, i, candidate, found, gap)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: i
+    integer(i4), allocatable, intent(inout) :: candidate(:)
+    integer(i4), intent(inout) :: found
+    real(wp), intent(inout) :: gap
+    real(wp) :: r(3), along, across, height, distance
+    integer(i4) :: b
+
+    associate (s => d%surfaces)
+      do b = 1, s%n
+        if (s%kind(b) /= surface_cone .and. s%kind(b) /= surface_cylinder) cycle
+        if (d%grains%kind(i) /= kind_free .and. .not. is_free(s, b)) cycle
+        r = d%grains%x(:, i) - s%centre(:, b)
+        along = dot_product(r, s%axis(:, b))
+        across = sqrt(max(sum(r*r) - along**2, 0.0_wp)) - s%cone(3, b)
+        height = s%cone(3, b)*s%cone(2, b)/s%cone(1, b) + min(s%cone(4, b), 0.5_wp*huge(height))
+        distance = max(across, -along, along - height) - d%grains%radius(i)
+        if (s%kind(b) == surface_cylinder) then
+          if (is_bore(s, b)) across = -across
+          distance = max(across, abs(along) - s%cone(4, b)) - d%grains%radius(i)
+        end if
+        if (distance > d%pairs%skin) cycle
+        gap = min(gap, distance)
+        call put(candidate, found, -b)
+      end do
+    end associate
+  end subroutine find_cones
+
+  subroutine put(list, n, item)
+    integer(i4), allocatable, intent(inout) :: list(:)
+    integer(i4), intent(inout) :: n
+    integer(i4), intent(in) :: item
+    integer(i4), allocatable :: longer(:)
+    if (n == size(list)) then
+      allocate (longer(2*n))
+      longer(:n) = list
+      call move_alloc(longer, list)
+    end if
+    n = n + 1
+    list(n) = item
+  end subroutine put
+
+  !> Distance of a point from a triangle [m].
+  pure real(wp) function triangle_distance(p, x) result(distance)
+    real(wp), intent(in) :: p(3, 3), x(3)
+    real(wp) :: n(3), t(3), r(3), along
+    integer(i4) :: k
+    logical :: inside
+
+    n = cross(p(:, 2) - p(:, 1), p(:, 3) - p(:, 1))
+    n = n/sqrt(sum(n*n))
+    distance = abs(dot_product(x - p(:, 1), n))
+    inside = .true.
+    do k = 1, 3
+      t = p(:, 1 + mod(k, 3)) - p(:, k)
+      inside = inside .and. dot_product(x - p(:, k), cross(n, t)) >= 0.0_wp
+    end do
+    if (inside) return
+    distance = huge(1.0_wp)
+    do k = 1, 3
+      t = p(:, 1 + mod(k, 3)) - p(:, k)
+      r = x - p(:, k)
+      along = min(max(dot_product(r, t)/sum(t*t), 0.0_wp), 1.0_wp)
+      distance = min(distance, sqrt(sum((r - along*t)**2)))
+    end do
+  end function triangle_distance
+
+  !> Contacts of the last list, out of the way.
+  subroutine keep_contacts(s, old)
+    type(dem_surfaces_type), intent(inout) :: s
+    type(dem_surfaces_type), intent(inout) :: old
+    old%near = 0
+    if (.not. allocated(s%contacts)) return
+    old%near = s%near
+    call move_alloc(s%near_grain, old%near_grain)
+    call move_alloc(s%contacts, old%contacts)
+    call move_alloc(s%history, old%history)
+    call move_alloc(s%foot, old%foot)
+    call move_alloc(s%normal, old%normal)
+    call move_alloc(s%point, old%point)
+    call move_alloc(s%push, old%push)
+    call move_alloc(s%motion, old%motion)
+    call move_alloc(s%part, old%part)
+    call move_alloc(s%sign, old%sign)
+    call move_alloc(s%load, old%load)
+    call move_alloc(s%kept, old%kept)
+    call move_alloc(s%couple, old%couple)
+    deallocate (s%extra_work, s%columns, s%share, s%near_of)
+  end subroutine keep_contacts
+
+  subroutine allocate_contacts(s, grains, reals)
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4), intent(in) :: grains
+    integer(i4), intent(in) :: reals  !! kept for laws on top
+    integer(i4) :: g, some
+    s%slots = merge(most_features, lanes, allocated(s%membranes))
+    some = merge(s%near, 0_i4, reals > 0)
+    associate (n => s%slots)
+      allocate (s%kept(n, reals, some), s%couple(n, 3, some), &
+                s%extra_work(extra_work_count, some), source=0.0_wp)
+      allocate (s%contacts(s%near), s%part(n, s%near), source=0)
+      allocate (s%sign(n, s%near), source=1.0_wp)
+      allocate (s%history(n, history_size, s%near), s%foot(n, 3, s%near), s%normal(n, 3, s%near), &
+                s%point(n, 3, s%near), s%push(n, 3, s%near), s%motion(n, 6, s%near), &
+                s%load(6, s%near), s%columns(column_count, s%near), source=0.0_wp)
+    end associate
+    allocate (s%share(3, merge(3*ubound(s%candidate, 1), 0, s%soft)), source=0.0_wp)
+    allocate (s%near_of(grains), source=0)
+    do g = 1, s%near
+      s%near_of(s%near_grain(g)) = g
+    end do
+  end subroutine allocate_contacts
+
+  !> Contacts follow their grains into the new list; both ascend.
+  pure subroutine take_contacts(s, old)
+    type(dem_surfaces_type), intent(inout) :: s
+    type(dem_surfaces_type), intent(in) :: old
+    integer(i4) :: g, k
+    do k = 1, old%near
+      g = s%near_of(old%near_grain(k))
+      if (g == 0) cycle
+      s%contacts(g) = old%contacts(k)
+      s%history(:, :, g) = old%history(:, :, k)
+      s%foot(:, :, g) = old%foot(:, :, k)
+      s%normal(:, :, g) = old%normal(:, :, k)
+      s%point(:, :, g) = old%point(:, :, k)
+      s%push(:, :, g) = old%push(:, :, k)
+      s%motion(:, :, g) = old%motion(:, :, k)
+      s%part(:, g) = old%part(:, k)
+      s%sign(:, g) = old%sign(:, k)
+      s%load(:, g) = old%load(:, k)
+      if (size(s%kept) == 0 .or. size(old%kept, 2) /= size(s%kept, 2)) cycle
+      s%kept(:, :, g) = old%kept(:, :, k)
+      s%couple(:, :, g) = old%couple(:, :, k)
+    end do
+  end subroutine take_contacts
+end module dem_surface_search

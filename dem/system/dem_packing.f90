@@ -1,0 +1,364 @@
+!> Packing files (HDF5, format 'talus-packing', version 1 or 2): read, check, write.
+!!
+!! Version 2 has grains that are no ellipsoids: /grains/skew and /grains/exponent beside the axes.
+!! Faults of the file itself come from talus_hdf5; here I230 to I233 and I238: version,
+!! sizes, groups, contacts.
+!! What a grain may be is checked where grains are made (dem_make).
+module dem_packing
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str, string_type, is_finite
+  use talus_errors, only: error_list_type
+  use talus_hdf5, only: h5_file_type
+  use talus_suggest, only: did_you_mean
+  use dem_cell, only: folded
+  use dem_contacts, only: dem_contacts_type
+  use dem_shape_make, only: octant_frames
+  use dem_start_springs, only: start_springs_type
+  use dem_state, only: dem_grains_type, dem_cell_type, kind_ghost, kind_driven
+  implicit none
+  private
+  public :: dem_packing_type, dem_group_type, read_packing, write_packing, group_index, put_shapes
+  public :: drop_grains
+
+  character(len=*), parameter :: format_name = 'talus-packing'
+  integer(i4), parameter :: format_version = 1  !! ellipsoids alone
+  integer(i4), parameter :: forms_version = 2   !! with skew and exponent
+
+  !> A named group of grains.
+  type :: dem_group_type
+    character(len=:), allocatable :: name
+    integer(i8), allocatable :: id(:)
+  end type dem_group_type
+
+  !> What a packing file holds, in the order of the file.
+  type :: dem_packing_type
+    integer(i4) :: n = 0
+    integer(i8), allocatable :: id(:)
+    integer(i4), allocatable :: kind(:)   !! 0 free, 1 fixed, 2 driven
+    real(wp), allocatable :: x(:, :)      !! (3, n) [m]
+    real(wp), allocatable :: quat(:, :)   !! (4, n) w, x, y, z
+    real(wp), allocatable :: axes(:, :)   !! (3, n) semi-axes, means of both sides [m]
+    real(wp), allocatable :: skew(:, :)   !! (3, n) (upper - lower)/(upper + lower) [-]
+    real(wp), allocatable :: exponent(:)  !! (n) 2 for ellipsoids [-]
+    real(wp), allocatable :: v(:, :)      !! (3, n) [m/s]
+    real(wp), allocatable :: omega(:, :)  !! (3, n) space frame [rad/s]
+    type(dem_group_type), allocatable :: group(:)
+    type(start_springs_type) :: springs   !! tangential forces of contacts, if the file has them
+    logical :: has_cell = .false.         !! it was made in a periodic cell
+    real(wp) :: cell(3, 3) = 0.0_wp       !! its edges as columns [m]
+    real(wp) :: cell_origin(3) = 0.0_wp   !! its corner [m]
+  end type dem_packing_type
+
+contains
+
+  !> Leave the groups and the cell alone: the grains are in the system now.
+  pure subroutine drop_grains(packing)
+    type(dem_packing_type), intent(inout) :: packing
+    type(dem_packing_type) :: rest
+    if (allocated(packing%group)) call move_alloc(packing%group, rest%group)
+    rest%has_cell = packing%has_cell
+    rest%cell = packing%cell
+    rest%cell_origin = packing%cell_origin
+    packing = dem_packing_type()
+    packing%has_cell = rest%has_cell
+    packing%cell = rest%cell
+    packing%cell_origin = rest%cell_origin
+    if (allocated(rest%group)) call move_alloc(rest%group, packing%group)
+  end subroutine drop_grains
+
+  !> Read a packing; all faults of the file are found in one go.
+  subroutine read_packing(packing, path, errors)
+    type(dem_packing_type), intent(inout) :: packing
+    character(len=*), intent(in) :: path
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+    integer(i4) :: before, version
+
+    before = errors%count
+    call file%open(path, errors, format=format_name)
+    if (errors%count > before) return
+    version = 0
+    call file%attr_get('/', 'version', version, errors)
+    if (errors%count == before .and. all(version /= [format_version, forms_version])) then
+      call errors%add('I230', "'"//path//"' is a packing of version "//str(version)//', '// &
+                      str(format_version)//' and '//str(forms_version)//' are read', path, &
+                      "make it again with the 'talus pack' of this version")
+    end if
+    if (errors%count == before) then
+      call file%get('/grains/id', packing%id, errors)
+      call file%get('/grains/kind', packing%kind, errors)
+      call file%get('/grains/x', packing%x, errors)
+      call file%get('/grains/quat', packing%quat, errors)
+      call file%get('/grains/axes', packing%axes, errors)
+      call file%get('/grains/v', packing%v, errors)
+      call file%get('/grains/omega', packing%omega, errors)
+    end if
+    if (errors%count == before) call read_forms(packing, file, errors)
+    if (errors%count == before) call check_sizes(packing, path, errors)
+    if (errors%count == before) call read_groups(packing, file, errors)
+    if (errors%count == before) call read_springs(packing, file, errors)
+    packing%has_cell = file%exists('/cell/vectors')
+    if (errors%count == before .and. packing%has_cell) then
+      call file%get_into('/cell/vectors', packing%cell, errors)
+      call file%get_into('/cell/origin', packing%cell_origin, errors)
+    end if
+    call file%close(errors)
+  end subroutine read_packing
+
+  !> Skew and exponent where the file has them, else those of ellipsoids.
+  subroutine read_forms(packing, file, errors)
+    type(dem_packing_type), intent(inout) :: packing
+    type(h5_file_type), intent(inout) :: file
+    type(error_list_type), intent(inout) :: errors
+    if (allocated(packing%skew)) deallocate (packing%skew, packing%exponent)
+    allocate (packing%skew(3, size(packing%id)), source=0.0_wp)
+    allocate (packing%exponent(size(packing%id)), source=2.0_wp)
+    if (file%exists('/grains/skew')) call file%get('/grains/skew', packing%skew, errors)
+    if (file%exists('/grains/exponent')) &
+      call file%get('/grains/exponent', packing%exponent, errors)
+  end subroutine read_forms
+
+  subroutine check_sizes(packing, path, errors)
+    type(dem_packing_type), intent(inout) :: packing
+    character(len=*), intent(in) :: path
+    type(error_list_type), intent(inout) :: errors
+
+    packing%n = size(packing%id)
+    if (packing%n == 0) then
+      call errors%add('I231', "'"//path//"' holds no grains", path//':/grains/id', &
+                      "look at the file with h5ls, or make it again with 'talus pack'")
+      return
+    end if
+    call check('kind', 1, 1, size(packing%kind))
+    call check('x', size(packing%x, 1), 3, size(packing%x, 2))
+    call check('quat', size(packing%quat, 1), 4, size(packing%quat, 2))
+    call check('axes', size(packing%axes, 1), 3, size(packing%axes, 2))
+    call check('v', size(packing%v, 1), 3, size(packing%v, 2))
+    call check('omega', size(packing%omega, 1), 3, size(packing%omega, 2))
+    call check('skew', size(packing%skew, 1), 3, size(packing%skew, 2))
+    call check('exponent', 1, 1, size(packing%exponent))
+
+  contains
+
+    subroutine check(name, width, expected, rows)
+      character(len=*), intent(in) :: name
+      integer, intent(in) :: width, expected, rows
+      if (width == expected .and. rows == packing%n) return
+      call errors%add('I232', "'"//path//"': /grains/"//name//' has '//str(rows)//' rows of '// &
+                      str(width)//', not '//str(packing%n)//' rows of '//str(expected), &
+                      path//':/grains/'//name, 'each grain has one row in every dataset')
+    end subroutine check
+  end subroutine check_sizes
+
+  subroutine read_groups(packing, file, errors)
+    type(dem_packing_type), intent(inout) :: packing
+    type(h5_file_type), intent(inout) :: file
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: names(:)
+    integer(i8) :: missing
+    integer(i4) :: k, before
+
+    before = errors%count
+    call file%names('/groups', names)
+    if (allocated(packing%group)) deallocate (packing%group)
+    allocate (packing%group(size(names)))
+    do k = 1, size(names)
+      packing%group(k)%name = names(k)%s
+      call file%get('/groups/'//names(k)%s, packing%group(k)%id, errors)
+      if (errors%count > before) return
+      missing = first_missing(packing%group(k)%id, packing%id)
+      if (missing /= 0) then
+        call errors%add('I233', "'"//file%path//"': group '"//names(k)%s//"' holds grain "// &
+                        str(missing)//', which the packing has not', &
+                        file%path//':/groups/'//names(k)%s, 'a group lists ids of /grains/id')
+        return
+      end if
+    end do
+  end subroutine read_groups
+
+  !> Tangential forces of contacts and loads of a surcharge, where the file has them.
+  subroutine read_springs(packing, file, errors)
+    type(dem_packing_type), intent(inout) :: packing
+    type(h5_file_type), intent(inout) :: file
+    type(error_list_type), intent(inout) :: errors
+    integer(i8) :: missing
+    integer(i4) :: before
+
+    packing%springs = start_springs_type()
+    if (file%exists('/grains/surcharge')) &
+      call file%get('/grains/surcharge', packing%springs%load, errors)
+    if (allocated(packing%springs%load)) call check_load(packing%springs%load, packing%n, &
+                                                         file%path, errors)
+    if (.not. file%exists('/contacts/ids')) return
+    before = errors%count
+    call file%get('/contacts/ids', packing%springs%ids, errors)
+    call file%get('/contacts/tangential', packing%springs%force, errors)
+    if (errors%count > before) return
+    associate (ids => packing%springs%ids, force => packing%springs%force)
+      if (size(ids, 1) /= 2 .or. size(force, 1) /= 3 .or. size(ids, 2) /= size(force, 2)) then
+        call errors%add('I232', "'"//file%path//"': /contacts/ids has "//str(size(ids, 2))// &
+                        ' rows of '//str(size(ids, 1))//', /contacts/tangential '// &
+                        str(size(force, 2))//' of '//str(size(force, 1)), &
+                        file%path//':/contacts', 'each contact has a row of two ids and one of '// &
+                        'three numbers')
+        return
+      end if
+      missing = first_missing(pack(ids, .true.), packing%id)
+      if (missing /= 0) call errors%add('I233', "'"//file%path//"': a contact is of grain "// &
+        str(missing)//', which the packing has not', file%path//':/contacts/ids', &
+        'both ids of a contact are among /grains/id')
+      if (.not. all(is_finite(force))) call errors%add('I238', "'"//file%path//"': the "// &
+        'tangential force of a contact is no finite number', file%path//':/contacts/tangential', &
+        'make the packing again, or leave /contacts out')
+      packing%springs%given = size(ids, 2)
+    end associate
+  end subroutine read_springs
+
+  subroutine check_load(load, n, path, errors)
+    real(wp), intent(in) :: load(:)
+    integer(i4), intent(in) :: n
+    character(len=*), intent(in) :: path
+    type(error_list_type), intent(inout) :: errors
+    if (size(load) /= n) then
+      call errors%add('I232', "'"//path//"': /grains/surcharge has "//str(size(load))// &
+                      ' rows, not '//str(n), path//':/grains/surcharge', &
+                      'each grain has one row in every dataset')
+    else if (.not. all(is_finite(load))) then
+      call errors%add('I238', "'"//path//"': the surcharge of a grain is no finite number", &
+                      path//':/grains/surcharge', 'make the packing again, or leave it out')
+    end if
+  end subroutine check_load
+
+  !> First of some ids that is not among the known ones, 0 if all are.
+  pure integer(i8) function first_missing(ids, known) result(missing)
+    integer(i8), intent(in) :: ids(:), known(:)
+    logical, allocatable :: there(:)
+    integer(i8) :: low, high, k
+
+    missing = 0
+    if (size(ids) == 0) return
+    low = minval(known)
+    high = maxval(known)
+    if (high - low > 64_i8*size(known) + 1000000_i8) then
+      do k = 1, size(ids)
+        if (any(known == ids(k))) cycle
+        missing = ids(k)
+        return
+      end do
+      return
+    end if
+    allocate (there(low:high), source=.false.)
+    do k = 1, size(known)
+      there(known(k)) = .true.
+    end do
+    do k = 1, size(ids)
+      if (ids(k) >= low .and. ids(k) <= high) then
+        if (there(ids(k))) cycle
+      end if
+      missing = ids(k)
+      return
+    end do
+  end function first_missing
+
+  !> Position of a group; 0 and a hint (the nearest name, or all) when there is none.
+  subroutine group_index(groups, name, k, hint)
+    type(dem_group_type), intent(in) :: groups(:)
+    character(len=*), intent(in) :: name
+    integer(i4), intent(out) :: k
+    character(len=:), allocatable, intent(out) :: hint
+    type(string_type), allocatable :: names(:)
+    integer(i4) :: j
+
+    hint = ''
+    do k = 1, size(groups)
+      if (groups(k)%name == name) return
+    end do
+    k = 0
+    hint = 'the packing has no groups'
+    if (size(groups) == 0) return
+    allocate (names(size(groups)))
+    do j = 1, size(groups)
+      names(j)%s = groups(j)%name
+    end do
+    hint = did_you_mean(name, names, 'groups of the packing:')
+  end subroutine group_index
+
+  !> Orientation and shape of grains into a group, as packings and fields have them.
+  subroutine put_shapes(file, group, grains, errors)
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: group
+    type(dem_grains_type), intent(in) :: grains
+    type(error_list_type), intent(inout) :: errors
+    if (grains%forms%n == 0) then
+      call file%put(group//'/quat', grains%quat, errors)
+      call file%put(group//'/axes', grains%axes, errors)
+      return
+    end if
+    call file%put(group//'/quat', octant_frames(grains), errors)
+    call file%put(group//'/axes', grains%forms%axes, errors)
+    call file%put(group//'/skew', grains%forms%skew, errors)
+    call file%put(group//'/exponent', grains%forms%exponent, errors)
+  end subroutine put_shapes
+
+  !> Write the present state of grains as a packing; ghosts are written as fixed.
+  subroutine write_packing(path, grains, groups, errors, cell, contacts, load)
+    character(len=*), intent(in) :: path
+    type(dem_grains_type), intent(in) :: grains
+    type(dem_group_type), intent(in) :: groups(:)
+    type(error_list_type), intent(inout) :: errors
+    type(dem_cell_type), intent(in), optional :: cell  !! centres are folded into it
+    type(dem_contacts_type), intent(in), optional :: contacts  !! whose tangential forces go along
+    real(wp), intent(in), optional :: load(:)  !! surcharge, downwards [N]
+    type(h5_file_type) :: file
+    type(dem_cell_type) :: own
+    integer(i4) :: k, before
+
+    if (present(cell)) own = cell
+    before = errors%count
+    call file%create(path, errors, format=format_name)
+    if (errors%count > before) return
+    call file%attr_put('/', 'version', merge(forms_version, format_version, grains%forms%n > 0), &
+                       errors)
+    call file%group('/grains', errors)
+    call file%put('/grains/id', grains%id, errors)
+    call file%put('/grains/kind', merge(1_i4, min(grains%kind, kind_driven), &
+                                        grains%kind == kind_ghost), errors)
+    call file%put('/grains/x', folded(own, grains%x), errors)
+    call put_shapes(file, '/grains', grains, errors)
+    call file%put('/grains/v', grains%v, errors)
+    call file%put('/grains/omega', grains%omega, errors)
+    if (present(load)) call file%put('/grains/surcharge', load, errors)
+    if (own%active) then
+      call file%group('/cell', errors)
+      call file%put('/cell/vectors', own%vectors, errors)
+      call file%put('/cell/origin', own%origin, errors)
+    end if
+    call file%group('/groups', errors)
+    do k = 1, size(groups)
+      call file%put('/groups/'//groups(k)%name, groups(k)%id, errors)
+    end do
+    if (present(contacts)) call put_springs(file, contacts, errors)
+    call file%commit(errors)
+  end subroutine write_packing
+
+  !> Tangential forces of contacts between grains.
+  subroutine put_springs(file, list, errors)
+    type(h5_file_type), intent(inout) :: file
+    type(dem_contacts_type), intent(in) :: list
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: force(:, :)
+    integer(i4), allocatable :: rows(:)
+    integer(i4) :: k
+
+    rows = pack([(k, k=1, list%n)], list%ids(1, :list%n) > 0)
+    force = list%force(:, rows)
+    do k = 1, size(rows)
+      associate (normal => list%normal(:, rows(k)))
+        force(:, k) = force(:, k) - dot_product(force(:, k), normal)*normal
+      end associate
+    end do
+    call file%group('/contacts', errors)
+    call file%put('/contacts/ids', list%ids(:, rows), errors)
+    call file%put('/contacts/tangential', force, errors)
+  end subroutine put_springs
+end module dem_packing
