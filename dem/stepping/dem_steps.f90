@@ -21,8 +21,8 @@ module dem_steps
   use dem_forces, only: block_forces, sum_body
   use dem_lanes, only: sum_lanes, call_for, finish_puts
   use dem_integrate, only: motion_type, motion_of, kick_mover, drift_mover, work_count
-  use dem_integration_block, only: mover_type, push_type, load_mover, store_mover, &
-    load_forces, store_forces, load_side, recall_side, ready_push, read_mover, put_bodies, follow_travel
+  use dem_integration_block, only: mover_type, push_type, load_mover, store_mover, load_forces, &
+    store_forces, load_side, recall_side, ready_push, read_mover, put_bodies, follow_travel
   use dem_relist, only: rebuild_list, fit_skin, outlived, travel_of, larger
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_ellipsoid, only: quaternion_from_rotation
