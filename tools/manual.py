@@ -4,7 +4,8 @@ Usage: manual.py [--out build/manual] [--verification build/verification]
 Pages stand in manual/*.md in the order of ORDER; the deck reference comes from the deck.toml
 files, the error chapter from the errors.toml files, the verification chapter from the summary
 of the last `make verification` (or of the quick cases that `make test` ran).
-Formulas between $...$ and $$...$$ become MathML.
+Formulas between $...$ and $$...$$ become MathML; a label behind the latter, {D.12}, goes to the
+margin.
 """
 
 import argparse
@@ -47,6 +48,8 @@ ORDER += [
     "errors",
     "extending",
 ]
+# a displayed formula and its label, as in $$ a = b $$ {D.12}
+DISPLAYED = re.compile(r"\$\$(.+?)\$\$(?: \{([A-Z]\.\d+)\})?", flags=re.S)
 STYLE = """
 body{margin:0;font:16px/1.55 system-ui,sans-serif;color:#1c2430;display:flex}
 nav{width:15rem;min-height:100vh;background:#f3f1ec;padding:1.2rem;box-sizing:border-box;flex:none}
@@ -56,7 +59,9 @@ table{border-collapse:collapse;margin:1rem 0;font-size:.92em}td,th{border:1px so
 padding:.25rem .6rem;
 text-align:left;vertical-align:top}td:first-child code{white-space:nowrap}
 th{background:#f3f1ec}pre{background:#f6f7f9;padding:.8rem;overflow-x:auto;
-border-radius:4px}code{font-size:.92em}img{max-width:100%}.fail{color:#b00020;font-weight:700}
+border-radius:4px}code{font-size:.92em}img{max-width:100%}
+.equation{display:flex;align-items:center;justify-content:space-between;gap:1rem}
+.equation math{margin:0 auto}.fail{color:#b00020;font-weight:700}
 .pass{color:#1f6f3d}footer{color:#7a828c;font-size:.85em;margin-top:3rem}
 """
 
@@ -65,13 +70,16 @@ def math_to_mathml(text: str) -> tuple[str, list[str]]:
     """Replace formulas by marks that Markdown leaves alone; return text and MathML pieces."""
     pieces: list[str] = []
 
-    def keep(source: str, display: str) -> str:
-        pieces.append(latex_to_mathml(source.strip(), display=display))
+    def keep(source: str, display: str, label: str | None = None) -> str:
+        piece = latex_to_mathml(source.strip(), display=display)
+        if label:
+            piece = f"<span class='equation' id='{label}'>{piece}<span>({label})</span></span>"
+        pieces.append(piece)
         return f"@formula{len(pieces) - 1}@"
 
     blocks = re.split(r"(```.*?```|`[^`\n]*`)", text, flags=re.S)
     for k in range(0, len(blocks), 2):
-        blocks[k] = re.sub(r"\$\$(.+?)\$\$", lambda m: keep(m[1], "block"), blocks[k], flags=re.S)
+        blocks[k] = DISPLAYED.sub(lambda m: keep(m[1], "block", m[2]), blocks[k])
         blocks[k] = re.sub(r"(?<!\\)\$([^$\n]+?)\$", lambda m: keep(m[1], "inline"), blocks[k])
     return "".join(blocks), pieces
 

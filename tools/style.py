@@ -1,8 +1,11 @@
 """Check the layout rules of the code that a machine can check (marked (c) in the style guide).
 
-Usage: style.py [--root FOLDER]
-Fortran under common, dem, fem, couple and tests/unit; Python by ruff, where it is installed.
-Prints `file:line: rule`, closes with 'N passed, M failed' (files), exits with 1 on failure.
+Usage: style.py [--root FOLDER] [--shrink]
+Fortran under common, dem, fem, couple and tests/unit; Python by ruff, where it is installed;
+labels of equations (style_labels.py); subjects of commits. Procedures that are too long, take too
+many arguments or nest too deeply, and variables of modules (style_procedures.py) are let through
+only if tools/style_exceptions.txt names them; that list may only shrink (--shrink takes out what
+is mended). Prints `file:line: rule`, closes with 'N passed, M failed', exits with 1 on failure.
 """
 
 import argparse
@@ -11,6 +14,9 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+
+import style_labels
+import style_procedures
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = ("common", "dem", "fem", "couple", "tests/unit")
@@ -30,6 +36,12 @@ FORBIDDEN = (
 )
 # the module that speaks MUMPS may do what that asks for; memory that C owns needs a pointer
 ALLOWED = {"include": {"fem_mumps.f90"}, "pointer": {"fem_mumps.f90"}}
+EXCEPTIONS = "tools/style_exceptions.txt"
+# subjects of commits are checked from this one on, where the history is there
+SINCE = "1572f64"
+SUBJECT = re.compile(r"^[a-z][a-z0-9, -]*: (?P<verb>[a-z][a-z-]*)\b")
+NO_VERB = re.compile(r"(ed|ing|[^s]s)$|^(a|an|the|no|new|more|of|for|in)$")
+VERBS = {"process", "address", "pass", "focus", "embed", "feed", "need", "bring", "string", "speed"}
 OF_C = re.compile(r"\bcall\s+c_f_pointer\b")
 FORMAT = re.compile(r"^\s*\d+\s+format\b")
 
@@ -107,12 +119,74 @@ def check_statements(path: Path, code: list[str]) -> list[tuple[int, str]]:
     return found
 
 
-def check_fortran(path: Path) -> list[tuple[int, str]]:
+class Exceptions:
+    """Procedures that may be above a limit, as far as the list says."""
+
+    def __init__(self, path: Path) -> None:
+        """Read lines `module procedure rule value`."""
+        self.path = path
+        self.allowed: dict[tuple[str, str, str], int] = {}
+        self.seen: dict[tuple[str, str, str], int] = {}
+        for line in path.read_text().splitlines() if path.exists() else []:
+            if line.strip() and not line.startswith("#"):
+                module, name, rule, value = line.split()
+                self.allowed[module, name, rule] = int(value)
+
+    def check(self, path: Path, code: list[str]) -> list[tuple[int, str]]:
+        """Return the breaches of a file that the list does not let through."""
+        found = []
+        for line, name, rule, value in style_procedures.breaches(code):
+            key = (path.stem, name, rule)
+            self.seen[key] = max(value, self.seen.get(key, 0))
+            if value > self.allowed.get(key, 0):
+                found.append(
+                    (line, f"{name}: {value} {rule}, limit {style_procedures.LIMITS[rule]}")
+                )
+        return found
+
+    def idle(self) -> list[str]:
+        """Return entries that are mended or lower than the list says: the list must shrink."""
+        return [
+            f"{EXCEPTIONS}: {' '.join(key)} {value} is {self.seen.get(key, 'mended')} (--shrink)"
+            for key, value in self.allowed.items()
+            if self.seen.get(key, 0) < value
+        ]
+
+    def shrink(self) -> None:
+        """Write the list without what is mended; nothing is added."""
+        kept = {
+            key: min(value, self.seen[key])
+            for key, value in self.allowed.items()
+            if key in self.seen
+        }
+        head = "# Above the limits of tools/style_procedures.py; this list only shrinks.\n"
+        lines = [f"{' '.join(key)} {value}\n" for key, value in sorted(kept.items())]
+        self.path.write_text(head + "".join(lines))
+
+
+def check_fortran(path: Path, exceptions: Exceptions) -> list[tuple[int, str]]:
     """Return (line, rule) of all breaches in a file."""
     lines = path.read_text().splitlines()
     code = code_of(lines)
     found = check_layout(path, lines) + check_module(path, code) + check_statements(path, code)
-    return sorted(set(found))
+    return sorted(set(found + exceptions.check(path, code)))
+
+
+def check_subjects(root: Path) -> list[str]:
+    """Return commits whose subject is not `area: imperative` in 72 columns."""
+    command = ["git", "log", "--no-merges", "--format=%h %s", f"{SINCE}..HEAD"]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True)
+    found = []
+    for line in done.stdout.splitlines() if done.returncode == 0 else []:
+        name, subject = line.split(" ", 1)
+        start = SUBJECT.match(subject)
+        if len(subject) > 72:
+            found.append(f"commit {name}: subject of {len(subject)} columns")
+        if start is None:
+            found.append(f"commit {name}: subject is not `area: what it does`: {subject}")
+        elif NO_VERB.search(start["verb"]) and start["verb"] not in VERBS:
+            found.append(f"commit {name}: subject is not imperative: {subject}")
+    return found
 
 
 def check_python(root: Path) -> tuple[int, int, list[str]]:
@@ -140,12 +214,20 @@ def main() -> int:
     """Check all files; return 1 if a rule is broken."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--root", type=Path, default=ROOT)
-    root = parser.parse_args().root.resolve()
+    parser.add_argument("--shrink", action="store_true", help="shorten the list of exceptions")
+    options = parser.parse_args()
+    root = options.root.resolve()
+    exceptions = Exceptions(root / EXCEPTIONS)
     passed = failed = 0
     for path in (path for folder in FOLDERS for path in sorted((root / folder).rglob("*.f90"))):
-        found = check_fortran(path)
+        found = check_fortran(path, exceptions)
         for number, rule in found:
             print(f"{path.relative_to(root)}:{number}: {rule}")
+        passed, failed = passed + (not found), failed + bool(found)
+    if options.shrink:
+        exceptions.shrink()
+    for found in (exceptions.idle(), style_labels.check(root), check_subjects(root)):
+        print("\n".join(found), end="\n" if found else "")
         passed, failed = passed + (not found), failed + bool(found)
     good, bad, said = check_python(root)
     print("\n".join(said), end="\n" if said else "")

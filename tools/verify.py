@@ -83,9 +83,7 @@ def show(entry: dict) -> None:
     sys.stdout.flush()
 
 
-def choose(
-    cases: dict[str, dict], wanted: list[str], quick: bool, areas: list[str]
-) -> list[dict]:
+def choose(cases: dict[str, dict], wanted: list[str], quick: bool, areas: list[str]) -> list[dict]:
     """Return the cases to run; an unknown id is a fault that names the nearest."""
     for name in wanted:
         if name not in cases:

@@ -1,6 +1,6 @@
 !> Scalars that every step reply carries, in one fixed order: field 'scalars', real(scalar_count).
 !!
-!! Energies in J, accumulated from the start of the run (formulation/dem.md, energy ledger);
+!! Energies in J, accumulated from the start of the run (theory-dem, Energy);
 !! momentum in kg m/s and N m s; step limit in s; the largest overlap is relative to the radius.
 module talus_scalars
   use talus_kinds, only: i4

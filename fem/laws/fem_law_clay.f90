@@ -1,4 +1,5 @@
-!> Modified Cam-clay (Roscoe and Burland 1968; formulation A3): f = q^2/M^2 + p (p - pc), associated
+!> Modified Cam-clay (Roscoe and Burland 1968; theory-fem, Laws with a state):
+!! f = q^2/M^2 + p (p - pc), associated
 !! flow; p = p_n exp(v de/kappa) for the elastic compression e, pc = pc_n exp(v dy/(lambda - kappa))
 !! for the plastic one y, p positive in compression; constant Poisson's ratio, the shear modulus of
 !! an increment is its mean over the elastic path. Backward Euler: two equations, for y and the

@@ -1,4 +1,4 @@
-!> Drucker-Prager plasticity with linear elasticity (formulation A3): yield function
+!> Drucker-Prager plasticity with linear elasticity (theory-fem, Laws with a state): yield function
 !! f = |s| + B p - A c, p the mean stress, tension positive; flow from |s| + B_psi p; cohesion
 !! c = c0 + H Z, dZ = A_psi dgamma, not below a residual one. Return to the cone or to its apex in
 !! closed form.

@@ -1,4 +1,4 @@
-!> Micropolar Drucker-Prager plasticity at small strains (formulation A3; Muehlhaus and Vardoulakis
+!> Micropolar Drucker-Prager plasticity at small strains (theory-fem; Muehlhaus and Vardoulakis
 !! 1987, de Borst 1991): linear elasticity of Eringen's moduli; yield function
 !! f = q + B p - A c, p the mean stress, tension positive, with
 !! q^2 = 2 (a1 s_ij s_ij + a2 s_ij s_ji + a3 m_ij m_ij/l^2), a1 + a2 = 1/2;

@@ -154,7 +154,7 @@ def test_style_finds_what_it_must(tmp_path: Path) -> None:
     """Each rule of the style check is broken once and named with its line."""
     folder = tmp_path / "dem"
     folder.mkdir()
-    good = "module dem_a\n  implicit none\n  private\n  real :: b = 1.0_wp ! 2.0 'x\n"
+    good = "module dem_a\n  implicit none\n  private\n  real, parameter :: b = 1.0_wp ! 2.0 'x\n"
     good += "end module dem_a\n"
     (folder / "dem_a.f90").write_text(good)
     bad = [
