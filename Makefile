@@ -64,7 +64,7 @@ unit-one: $(BUILD)/unit/$(T)
 NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev bench-deps keys style test demo \
   deposit penetration element-tests overlap-column block-on-grains tyre-segment micromorphic-triaxial \
   overlap-penetration \
-  verification verification-ranks manual bench
+  verification verification-ranks manual bench mutants
 
 # --- version, stamped at build time --------------------------------------------------------
 VERSION := $(shell cat VERSION 2>/dev/null || echo 0.0.0)
@@ -124,7 +124,7 @@ $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
 # --- what a user calls ---------------------------------------------------------------------
 .PHONY: help deps deps-apt deps-run deps-render deps-dev keys test demo deposit penetration element-tests \
   overlap-column block-on-grains tyre-segment micromorphic-triaxial overlap-penetration \
-  bench bench-deps verification verification-ranks manual style install
+  bench bench-deps verification verification-ranks manual mutants style install
 PY := $(VENV)/bin/python
 
 help:
@@ -145,6 +145,7 @@ help:
 	  'make bench         speed beside other codes (make bench-deps; CASES=..., QUICK=1, ACCEPT=1)' \
 	  'make deps          what all this needs (deps-run: batch nodes, deps-render: pictures)' \
 	  'make style         layout rules of the code' \
+	  'make mutants       one-line faults: which test notices each (half an hour; ACCEPT=1 keeps the report)' \
 	  'make install PREFIX=/usr/local' \
 	  'options: MODE=debug  ARCH=native|x86-64-v3|...  BUILD=folder'
 
@@ -218,6 +219,10 @@ bench: deps-run
 
 keys: deps-run
 	$(PY) tools/keys.py
+
+mutants: deps
+	@$(MAKE) --no-print-directory all unit
+	$(PY) tools/mutants.py --out build/mutants $(if $(ONLY),--only $(ONLY)) $(if $(ACCEPT),--accept)
 
 style: deps-run deps-dev
 	$(PY) tools/style.py

@@ -23,6 +23,7 @@ def suites(binaries: Path, units: Path) -> Iterator[tuple[str, list[str]]]:
     python = sys.executable
     yield "keys", [python, "tools/keys.py", "--check"]
     yield "style", [python, "tools/style.py"]
+    yield "mutants", [python, "tools/mutants.py", "--check"]
     for unit in sorted(units.glob("test_*")):
         yield f"unit {unit.name}", [str(unit)]
     yield "python", [python, "-m", "pytest", "-q", "--no-header", "-x", "tests/python"]
