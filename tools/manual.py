@@ -47,6 +47,7 @@ ORDER += [
     "speed",
     "errors",
     "extending",
+    "glossary",
 ]
 # a displayed formula and its label, as in $$ a = b $$ {D.12}
 DISPLAYED = re.compile(r"\$\$(.+?)\$\$(?: \{([A-Z]\.\d+)\})?", flags=re.S)
