@@ -23,8 +23,9 @@ TABLES = {  # where the Fortran table of a program stands
     "couple": "run/cpl_deck_keys.f90",
 }
 KINDS = ("real", "integer", "logical", "string", "file")
-GROUP_WORDS = {"doc", "repeat", "required", "example", "keys"}
+GROUP_WORDS = {"doc", "repeat", "required", "example", "keys", "of", "one_of", "some_of", "was"}
 KEY_WORDS = {"type", "doc", "size", "unit", "default", "required", "choices", "words"}
+KEY_WORDS |= {"of", "needs", "excludes", "was", "choices_of", "choices_were"}
 BOUNDS = ("min", "max", "above", "below")
 HEADER_WORDS = {"program", "name", "doc", "include", "example"}
 NAME = re.compile(r"[a-z][a-z0-9_]{0,30}$")
@@ -46,6 +47,13 @@ class Key:
     bounds: dict[str, float] = field(default_factory=dict)
     choices: list[str] = field(default_factory=list)
     words: dict[str, float] = field(default_factory=dict)
+    of: dict[str, list[str]] = field(default_factory=dict)
+    need_if: dict[str, list[str]] = field(default_factory=dict)
+    needs: list[str] = field(default_factory=list)
+    excludes: list[str] = field(default_factory=list)
+    was: list[str] = field(default_factory=list)
+    choices_of: dict[str, dict[str, list[str]]] = field(default_factory=dict)
+    choices_were: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass
@@ -59,6 +67,14 @@ class Group:
     example: str
     keys: list[Key]
     shared: bool
+    of: dict[str, list[str]] = field(default_factory=dict)
+    one_of: list[list[str]] = field(default_factory=list)
+    some_of: list[list[str]] = field(default_factory=list)
+    was: list[str] = field(default_factory=list)
+
+    def find(self, name: str) -> Key | None:
+        """Return a key of the group."""
+        return next((key for key in self.keys if key.name == name), None)
 
 
 @dataclass
@@ -118,6 +134,39 @@ def read_size(entry: dict, place: str, faults: Faults) -> tuple[int, int]:
     return 1, 1
 
 
+def read_names(value: object, place: str, faults: Faults) -> list[str]:
+    """Return one name or a list of names as a list."""
+    names = value if isinstance(value, list) else [value]
+    if all(isinstance(name, str) and name and "|" not in name for name in names):
+        return list(names)
+    faults.add(place, f"{value!r} is no name and no list of names")
+    return []
+
+
+def read_conditions(value: object, place: str, faults: Faults) -> dict[str, list[str]]:
+    """Return `{ chooser = ["choice", ...], ... }` with a list for each choosing key."""
+    if not isinstance(value, dict):
+        faults.add(place, f'{value!r} is not {{ kind = ["choice", ...] }}')
+        return {}
+    return {chooser: read_names(values, place, faults) for chooser, values in value.items()}
+
+
+def read_relations(key: Key, entry: dict, place: str, faults: Faults) -> None:
+    """Read how a key depends on other keys, and its former names."""
+    required = entry.get("required", False)
+    if isinstance(required, dict):
+        key.need_if = read_conditions(required, place, faults)
+    else:
+        key.required = bool(required)
+    key.of = read_conditions(entry.get("of", {}), place, faults)
+    for word in ("needs", "excludes", "was"):
+        setattr(key, word, read_names(entry.get(word, []), place, faults))
+    for choice, wanted in entry.get("choices_of", {}).items():
+        key.choices_of[choice] = read_conditions(wanted, place, faults)
+    for old, new in entry.get("choices_were", {}).items():
+        key.choices_were[old] = "".join(read_names(new, place, faults))
+
+
 def fits(value: object, key: Key) -> bool:
     """Tell whether one default value has the type of its key, its bounds and its choices."""
     if key.kind in ("string", "file"):
@@ -145,7 +194,7 @@ def read_default(entry: dict, key: Key, place: str, faults: Faults) -> list | No
     values = value if isinstance(value, list) else [value]
     if not values:
         return None
-    if key.required:
+    if key.required or key.need_if:
         faults.add(place, "a required key has no default")
     if not key.least <= len(values) <= key.most:
         faults.add(place, f"default has {len(values)} values, size says otherwise")
@@ -176,7 +225,7 @@ def read_key(name: str, entry: dict, place: str, faults: Faults) -> Key | None:
     key = Key(
         name, entry["type"], clean(entry.get("doc", "")), least, most, clean(entry.get("unit", ""))
     )
-    key.required = bool(entry.get("required", False))
+    read_relations(key, entry, place, faults)
     key.bounds = {word: entry[word] for word in BOUNDS if word in entry}
     key.choices = list(entry.get("choices", []))
     key.words = dict(entry.get("words", {}))
@@ -244,8 +293,17 @@ def read_group(name: str, entry: dict, shared: bool, place: str, faults: Faults)
     if not keys:
         faults.add(place, f"no keys: they stand in [{name}.keys]")
     example = str(entry.get("example", "")).strip()
-    return Group(name, clean(entry.get("doc", "")), bool(entry.get("repeat", False)),
-                 bool(entry.get("required", False)), example, keys, shared)  # fmt: skip
+    group = Group(name, clean(entry.get("doc", "")), bool(entry.get("repeat", False)),
+                  bool(entry.get("required", False)), example, keys, shared)  # fmt: skip
+    group.of = read_conditions(entry.get("of", {}), place, faults)
+    group.was = read_names(entry.get("was", []), place, faults)
+    for word in ("one_of", "some_of"):
+        sets = entry.get(word, [])
+        if not isinstance(sets, list) or not all(isinstance(item, list) for item in sets):
+            faults.add(place, f'{word} = {sets!r} is not [["key", "key"], ...]')
+            continue
+        setattr(group, word, [read_names(item, place, faults) for item in sets])
+    return group
 
 
 def read_program(folder: str, common: dict, faults: Faults) -> Program | None:
@@ -288,8 +346,97 @@ def read_program(folder: str, common: dict, faults: Faults) -> Program | None:
                 place,
                 f"unknown word '{name}' at the top (known: {', '.join(sorted(HEADER_WORDS))})",
             )
-    return Program(str(title), folder, str(data.get("doc", "")).strip(),
-                   str(data.get("example", "")).strip(), groups)  # fmt: skip
+    program = Program(str(title), folder, str(data.get("doc", "")).strip(),
+                      str(data.get("example", "")).strip(), groups)  # fmt: skip
+    check_relations(program, place, faults)
+    return program
+
+
+# --- how keys depend on each other --------------------------------------------------------------
+
+
+def check_relations(program: Program, place: str, faults: Faults) -> None:
+    """Check that rules name keys and choices that there are, and former names none that is used."""
+    used = {group.name for group in program.groups}
+    for group in program.groups:
+        at = f"{place}: {group.name}"
+        check_conditions(program, group, "", group.of, at, faults)
+        check_names(group.was, used, at, faults)
+        for names in [*group.one_of, *group.some_of]:
+            check_set(group, names, at, faults)
+        known = {key.name for key in group.keys}
+        for key in group.keys:
+            here = f"{at}.{key.name}"
+            check_names(key.was, known, here, faults)
+            check_key_rules(program, group, key, here, faults)
+
+
+def check_names(was: list[str], used: set[str], place: str, faults: Faults) -> None:
+    """Check former names: in lower case, none that is in use or stands twice."""
+    for name in was:
+        if not NAME.match(name):
+            faults.add(place, f"was = {name!r} is no name")
+        if name in used:
+            faults.add(place, f"was = '{name}' is in use: a name stands for one thing")
+        used.add(name)
+
+
+def check_set(group: Group, names: list[str], place: str, faults: Faults) -> None:
+    """Check one of the lists of one_of and some_of."""
+    if len(set(names)) < 2 or len(set(names)) != len(names):
+        faults.add(place, f"one_of and some_of take two or more keys, not {names}")
+    for name in names:
+        key = group.find(name)
+        if not key:
+            faults.add(place, f"one_of and some_of: there is no key '{name}'")
+        elif key.required:
+            faults.add(place, f"one_of and some_of: '{name}' is required in any case")
+
+
+def check_key_rules(program: Program, group: Group, key: Key, place: str, faults: Faults) -> None:
+    """Check the rules of one key."""
+    check_conditions(program, group, key.name, key.of, place, faults)
+    check_conditions(program, group, key.name, key.need_if, place, faults)
+    for chooser, values in key.need_if.items():
+        outside = sorted(set(values) - set(key.of.get(chooser, values)))
+        if outside:
+            faults.add(place, f"required with {outside[0]!r}, to which it does not belong (of)")
+    for name in [*key.needs, *key.excludes]:
+        other = group.find(name)
+        if not other or other is key:
+            faults.add(place, f"needs, excludes: there is no other key '{name}' in &{group.name}")
+        elif name in key.excludes and key.name in other.excludes:
+            faults.add(place, f"'{name}' excludes this key already: say it once")
+    for choice, wanted in key.choices_of.items():
+        if choice not in key.choices:
+            faults.add(place, f"choices_of: '{choice}' is none of the choices")
+        check_conditions(program, group, key.name, wanted, place, faults)
+    for old, new in key.choices_were.items():
+        if new not in key.choices or old in key.choices:
+            faults.add(place, f"choices_were: '{old}' is one of the choices, or '{new}' is none")
+
+
+def check_conditions(
+    program: Program, group: Group, name: str, conditions: dict[str, list[str]],
+    place: str, faults: Faults,
+) -> None:  # fmt: skip
+    """Check that a condition names a choosing key and some of its choices."""
+    for chooser, values in conditions.items():
+        head, _, tail = chooser.rpartition(".")
+        holder = next((g for g in program.groups if g.name == head), None) if head else group
+        key = holder.find(tail) if holder else None
+        if not key or (not head and (tail == name or not name)):
+            faults.add(place, f"there is no choosing key '{chooser}'")
+        elif not key.choices or key.most > 1:
+            faults.add(place, f"'{chooser}' is no choosing key: a string with choices, one value")
+        elif head and holder and holder.repeat:
+            faults.add(place, f"'{chooser}' cannot choose here: &{head} may stand several times")
+        else:
+            for value in values or ["nothing"]:
+                if value not in key.choices:
+                    faults.add(place, f"'{value}' is none of the choices of '{chooser}'")
+            if set(values) == set(key.choices):
+                faults.add(place, f"all choices of '{chooser}' are named: that is no condition")
 
 
 # --- Fortran ------------------------------------------------------------------------------------
@@ -354,6 +501,41 @@ def key_lines(key: Key) -> list[str]:
     if key.words:
         values = ", ".join(real(value) for value in key.words.values())
         lines += call("call table%words(", "|".join(key.words), f", [{values}])")
+    return lines + rule_lines(key)
+
+
+def condition_lines(head: str, conditions: dict[str, list[str]]) -> list[str]:
+    """Return the calls that define conditions."""
+    return [
+        line
+        for chooser, values in conditions.items()
+        for line in call(f"call table%{head}{quoted(chooser)}, ", "|".join(values), ")")
+    ]
+
+
+def rule_lines(key: Key) -> list[str]:
+    """Return the calls that say how a key depends on others, and what it was called."""
+    lines = condition_lines("only_with(", key.of) + condition_lines("need_with(", key.need_if)
+    for choice, wanted in key.choices_of.items():
+        lines += condition_lines(f"choice_with({quoted(choice)}, ", wanted)
+    for word, names in (("needs", key.needs), ("excludes", key.excludes), ("was", key.was)):
+        if names:
+            lines += call(f"call table%{word}(", "|".join(names), ")")
+    if key.choices_were:
+        old, new = "|".join(key.choices_were), "|".join(key.choices_were.values())
+        lines += call(f"call table%choices_were({quoted(old)}, ", new, ")")
+    return lines
+
+
+def group_rule_lines(group: Group) -> list[str]:
+    """Return the calls that say when a group has a meaning, and what it was called."""
+    lines = condition_lines("group_with(", group.of)
+    if group.was:
+        lines += call("call table%group_was(", "|".join(group.was), ")")
+    for names in group.one_of:
+        lines += call("call table%one_of(", "|".join(names), ")")
+    for names in group.some_of:
+        lines += call("call table%one_of(", "|".join(names), ", at_least=.true.)")
     return lines
 
 
@@ -368,6 +550,7 @@ def group_lines(group: Group) -> list[str]:
     tail = ", repeats=.true." if group.repeat else ""
     tail += ", required=.true.)" if group.required else ")"
     head = call(f"call table%add_group({quoted(group.name)}, {len(group.keys)}, ", group.doc, tail)
+    head += group_rule_lines(group)
     text = []
     for number, lines in enumerate(parts):
         name = f"group_{group.name}" + ("" if number == 0 else f"_{number + 1}")
@@ -440,6 +623,51 @@ def deck_text(value: object) -> str:
     return repr(value)
 
 
+def conditions_text(conditions: dict[str, list[str]]) -> str:
+    """Return conditions for the manual."""
+    parts = []
+    for chooser, values in conditions.items():
+        group, _, key = chooser.rpartition(".")
+        quotes = ", ".join(f"`'{value}'`" for value in values)
+        parts.append(f"`{key}` = {quotes}" + (f" of `&{group}`" if group else ""))
+    return " and ".join(parts)
+
+
+def names_text(names: list[str]) -> str:
+    """Return names of keys for the manual."""
+    return ", ".join(f"`{name}`" for name in names)
+
+
+def rule_text(key: Key) -> str:
+    """Return how a key depends on others, for the manual."""
+    parts = []
+    if key.of:
+        parts.append(f"Only with {conditions_text(key.of)}.")
+    if key.need_if:
+        parts.append(f"Required with {conditions_text(key.need_if)}.")
+    if key.needs:
+        parts.append(f"Needs {names_text(key.needs)}.")
+    if key.excludes:
+        parts.append(f"Not beside {names_text(key.excludes)}.")
+    for choice, wanted in key.choices_of.items():
+        parts.append(f"`'{choice}'` only with {conditions_text(wanted)}.")
+    if key.was:
+        parts.append(f"Once called {names_text(key.was)}.")
+    return " ".join(parts)
+
+
+def group_rule_text(group: Group) -> str:
+    """Return which keys of a group go together, for the manual."""
+    parts = []
+    if group.of:
+        parts.append(f"Only with {conditions_text(group.of)}.")
+    parts += [f"Exactly one of {names_text(names)}." for names in group.one_of]
+    parts += [f"At least one of {names_text(names)}." for names in group.some_of]
+    if group.was:
+        parts.append("Once called " + ", ".join(f"`&{name}`" for name in group.was) + ".")
+    return " ".join(parts)
+
+
 def default_text(key: Key) -> str:
     """Return the default of a key as it would stand in a deck."""
     if key.required:
@@ -458,7 +686,8 @@ def group_page(group: Group) -> list[str]:
     """Return the section of one group: what it does, keys, example."""
     said = ["required" if group.required else "optional"]
     said.append("may stand several times" if group.repeat else "at most once")
-    lines = [f"## &{group.name}", "", group.doc, "", f"*{', '.join(said).capitalize()}.*", ""]
+    said = [f"*{', '.join(said).capitalize()}.*", *filter(None, [group_rule_text(group)])]
+    lines = [f"## &{group.name}", "", group.doc, "", " ".join(said), ""]
     lines += ["| key | type | unit | default | range | meaning |", "|---|---|---|---|---|---|"]
     for key in group.keys:
         cells = [
@@ -467,7 +696,7 @@ def group_page(group: Group) -> list[str]:
             key.unit,
             default_text(key),
             range_text(key),
-            key.doc,
+            f"{key.doc} *{rule_text(key)}*" if rule_text(key) else key.doc,
         ]
         lines.append("| " + " | ".join(cell(text) for text in cells) + " |")
     if group.example:

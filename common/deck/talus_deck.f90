@@ -15,6 +15,7 @@ module talus_deck
   use talus_deck_tokens, only: token_text
   use talus_deck_scan, only: deck_syntax_type, scan_deck
   use talus_deck_check, only: check_deck
+  use talus_deck_rules, only: key_belongs
   use talus_deck_values, only: resolve_path, word_number
   implicit none
   private
@@ -294,13 +295,14 @@ contains
     allocate (lines(0))
     do k = 1, self%syntax%instance_count
       associate (instance => self%syntax%instance(k))
-        if (instance%group > 0) call echo_group(self, instance%group, instance%number, lines)
+        if (instance%group > 0) call echo_group(self, instance%group, instance%number, &
+                                                 k, lines)
       end associate
     end do
     do k = 1, self%table%group_count
       associate (group => self%table%group(k))
         if (self%count(group%name) > 0 .or. group%repeats) cycle
-        if (all_preset(self%table, k)) call echo_group(self, k, 1, lines)
+        if (all_preset(self%table, k)) call echo_group(self, k, 1, 0, lines)
       end associate
     end do
   end subroutine echo
@@ -315,9 +317,11 @@ contains
     end do
   end function all_preset
 
-  subroutine echo_group(self, group, instance, lines)
+  !> One group; defaults of keys that mean nothing with its choices are left out.
+  subroutine echo_group(self, group, instance, place, lines)
     class(deck_type), intent(in) :: self
     integer(i4), intent(in) :: group, instance
+    integer(i4), intent(in) :: place  !! among all groups of the deck, 0: it was left out
     type(string_type), allocatable, intent(inout) :: lines(:)
     type(string_type), allocatable :: values(:)
     character(len=:), allocatable :: text, name, unit
@@ -331,6 +335,9 @@ contains
         call self%values_of(name, instance, key%name, key%kind, values)
         if (size(values) == 0) cycle
         was_given = self%given(name, instance, key%name)
+        if (place > 0 .and. .not. was_given) then
+          if (.not. key_belongs(self%source, self%table, self%syntax, place, k)) cycle
+        end if
         text = ''
         do j = 1, size(values)
           is_text = key%kind == 'string' .or. key%kind == 'file' &

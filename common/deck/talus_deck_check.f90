@@ -8,6 +8,7 @@ module talus_deck_check
   use talus_deck_faults, only: deck_faults_type
   use talus_deck_tokens, only: token_type, token_text, token_word
   use talus_deck_scan, only: deck_syntax_type, deck_entry_type
+  use talus_deck_rules, only: check_rules
   use talus_deck_values, only: check_values
   implicit none
   private
@@ -47,6 +48,7 @@ contains
       call faults%add(source, 'D010', 'group &'//table%group(k)%name//' is missing', 0, 0, 0, &
                       table%program//' needs it: '//table%group(k)%doc)
     end do
+    call check_rules(source, table, syntax, faults)
   end subroutine check_deck
 
   !> Look up the name of a group.
@@ -65,6 +67,14 @@ contains
       name = lower(token_text(source, instance%head))
       instance%group = table%find(name)
       if (instance%group > 0) return
+      instance%group = table%find_old(name)
+      if (instance%group > 0) then
+        hint = table%group(instance%group)%name
+        call faults%add(source, 'D023', 'group &'//name//' is now called &'//hint, &
+                        instance%head%line, instance%head%first, instance%head%last, &
+                        'write &'//hint)
+        return
+      end if
       call table%group_names(names)
       near = table%find(nearest_name(name, names))
       if (near > 0) meant(near) = .true.
@@ -109,6 +119,7 @@ contains
       if (instance%broken) return
       do e = 1, group%key_count
         if (.not. group%key(e)%required .or. line(e) > 0 .or. meant(e)) cycle
+        if (allocated(group%key(e)%belongs)) cycle  ! a rule, see talus_deck_rules
         call faults%add(source, 'D013', 'group &'//group%name//' needs key '''//group%key(e)%name &
                         //'''', instance%head%line, instance%head%first, instance%head%last, &
                         group%key(e)%name//': '//group%key(e)%doc)
@@ -131,6 +142,13 @@ contains
     name = lower(token_text(source, entry%name))
     entry%key = table%group(group)%find(name)
     if (entry%key > 0) return
+    entry%key = table%group(group)%find_old(name)
+    if (entry%key > 0) then
+      hint = table%group(group)%key(entry%key)%name
+      call faults%add(source, 'D023', 'key '''//name//''' is now called '''//hint//'''', &
+                      entry%name%line, entry%name%first, entry%name%last, 'write '//hint//' = ...')
+      return
+    end if
     call table%group(group)%key_names(names)
     near = table%group(group)%find(nearest_name(name, names))
     if (near > 0) meant(near) = .true.

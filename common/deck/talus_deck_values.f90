@@ -195,6 +195,15 @@ contains
       do k = 1, size(key%choice)
         if (key%choice(k)%s == text) return
       end do
+      if (allocated(key%old_choice)) then
+        do k = 1, size(key%old_choice)
+          if (key%old_choice(k)%s /= text) cycle
+          call add_at(source, 'D023', key%name//' = '''//text//''' is now called ''' &
+                      //key%new_choice(k)%s//'''', token, 'write '//key%name//' = ''' &
+                      //key%new_choice(k)%s//'''', faults)
+          return
+        end do
+      end if
       call add_at(source, 'D017', key%name//' = '''//text//''' is not one of '//range_text(key), &
                   token, did_you_mean(text, key%choice, 'it takes:'), faults)
     else if (key%kind == 'file') then

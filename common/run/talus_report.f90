@@ -6,7 +6,8 @@ module talus_report
   use talus_errors, only: error_list_type, error_type
   use talus_json, only: json_type
   use talus_deck, only: deck_type
-  use talus_deck_table, only: key_table_type, deck_key_type, range_text
+  use talus_deck_table, only: key_table_type, deck_key_type, deck_group_type, &
+    deck_condition_type, range_text, rule_text, conditions_text
   implicit none
   private
   public :: report_check, report_keys, faults_json, keys_json, split_place, put_faults
@@ -128,6 +129,7 @@ contains
         write (output_unit, '(a)') '&'//group%name//trim(merge(' !', '  ', group%required)) &
           //trim(merge('  (may stand several times)', '                           ', group%repeats))
         call write_folded(group%doc, 2)
+        call write_group_rules(group)
         do k = 1, group%key_count
           call write_key(group%key(k))
         end do
@@ -147,7 +149,21 @@ contains
     if (len(range_text(key)) > 0) text = text//'  '//range_text(key)
     write (output_unit, '(a)') text
     call write_folded(key%doc, 24)
+    if (len(rule_text(key)) > 0) call write_folded('('//rule_text(key)//')', 24)
   end subroutine write_key
+
+  !> With which choices of other groups it has a meaning, and keys of which one must be given.
+  subroutine write_group_rules(group)
+    type(deck_group_type), intent(in) :: group
+    integer(i4) :: k
+    if (allocated(group%belongs)) &
+      call write_folded('(only with '//conditions_text(group%belongs)//')', 2)
+    if (.not. allocated(group%set)) return
+    do k = 1, size(group%set)
+      call write_folded('('//trim(merge('exactly one of ', 'at least one of', group%set(k)%exact)) &
+                        //' '''//join(group%set(k)%key, ''', ''')//''')', 2)
+    end do
+  end subroutine write_group_rules
 
   pure function kind_text(key) result(text)
     type(deck_key_type), intent(in) :: key
@@ -207,6 +223,9 @@ contains
         call json%put('doc', group%doc)
         call json%put('repeat', group%repeats)
         call json%put('required', group%required)
+        call put_conditions(json, 'of', group%belongs)
+        if (allocated(group%was)) call json%put('was', group%was)
+        call put_sets(json, group)
         call json%begin_array('keys')
         do k = 1, group%key_count
           call put_key(json, group%key(k))
@@ -241,7 +260,67 @@ contains
       call json%put(trim(merge('below', 'max  ', key%high_open)), key%high)
     if (allocated(key%choice)) call json%put('choices', key%choice)
     if (allocated(key%word)) call json%put('words', key%word)
+    call put_conditions(json, 'of', key%belongs)
+    call put_conditions(json, 'required_with', key%need_if)
+    if (allocated(key%needs)) call json%put('needs', key%needs)
+    if (allocated(key%excludes)) call json%put('excludes', key%excludes)
+    if (allocated(key%was)) call json%put('was', key%was)
+    call put_choices_of(json, key)
     call json%put('doc', key%doc)
     call json%end()
   end subroutine put_key
+
+  !> `name: {"law": ["linear"]}`, nothing where there are no conditions.
+  subroutine put_conditions(json, name, list)
+    type(json_type), intent(inout) :: json
+    character(len=*), intent(in) :: name
+    type(deck_condition_type), allocatable, intent(in) :: list(:)
+    integer(i4) :: c
+    if (.not. allocated(list)) return
+    call json%begin(name)
+    do c = 1, size(list)
+      call json%put(chooser(list(c)), list(c)%value)
+    end do
+    call json%end()
+  end subroutine put_conditions
+
+  !> `choices_of: [{"choice": "jkr", "law": ["hertz"]}]`.
+  subroutine put_choices_of(json, key)
+    type(json_type), intent(inout) :: json
+    type(deck_key_type), intent(in) :: key
+    integer(i4) :: c
+    if (.not. allocated(key%choice_if)) return
+    call json%begin_array('choices_of')
+    do c = 1, size(key%choice_if)
+      call json%begin()
+      call json%put('choice', key%choice_if(c)%choice)
+      call json%put(chooser(key%choice_if(c)), key%choice_if(c)%value)
+      call json%end()
+    end do
+    call json%end()
+  end subroutine put_choices_of
+
+  !> `sets: [{"keys": ["a", "b"], "exactly_one": true}]`.
+  subroutine put_sets(json, group)
+    type(json_type), intent(inout) :: json
+    type(deck_group_type), intent(in) :: group
+    integer(i4) :: c
+    if (.not. allocated(group%set)) return
+    call json%begin_array('sets')
+    do c = 1, size(group%set)
+      call json%begin()
+      call json%put('keys', group%set(c)%key)
+      call json%put('exactly_one', group%set(c)%exact)
+      call json%end()
+    end do
+    call json%end()
+  end subroutine put_sets
+
+  !> 'law', or 'analysis.kind' of another group.
+  pure function chooser(condition) result(name)
+    type(deck_condition_type), intent(in) :: condition
+    character(len=:), allocatable :: name
+    name = condition%key
+    if (len(condition%group) > 0) name = condition%group//'.'//name
+  end function chooser
 end module talus_report

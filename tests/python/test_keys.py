@@ -1,5 +1,6 @@
 """Definitions of deck keys: what tools/keys.py accepts, refuses and writes."""
 
+import copy
 import importlib.util
 import re
 import subprocess
@@ -62,6 +63,138 @@ def test_good_keys() -> None:
 def test_faulty_keys(entry: dict, said: str) -> None:
     """Each fault of a definition is named."""
     assert said in faults_of(entry)
+
+
+GROUPS = {
+    "step": {
+        "doc": "Steps.",
+        "was": "stride",
+        "some_of": [["lower", "upper"]],
+        "keys": {
+            "kind": {
+                "type": "string",
+                "doc": "Kind.",
+                "choices": ["static", "newmark", "hht"],
+                "choices_were": {"average": "newmark"},
+                "default": "static",
+            },
+            "beta": {
+                "type": "real",
+                "doc": "Beta.",
+                "of": {"kind": ["newmark", "hht"]},
+                "required": {"kind": ["hht"]},
+                "was": ["b", "beta_n"],
+            },
+            "path": {
+                "type": "string",
+                "doc": "Path.",
+                "choices": ["load", "arc"],
+                "choices_of": {"arc": {"kind": ["static"]}},
+            },
+            "lower": {"type": "real", "doc": "Lower.", "needs": ["upper"]},
+            "upper": {"type": "real", "doc": "Upper.", "excludes": ["beta"]},
+        },
+    },
+    "tool": {
+        "doc": "A tool.",
+        "repeat": True,
+        "of": {"step.kind": ["static"]},
+        "one_of": [["file", "disc"]],
+        "keys": {
+            "file": {"type": "string", "doc": "File.", "of": {"step.kind": ["static"]}},
+            "disc": {"type": "real", "doc": "Disc."},
+        },
+    },
+}
+
+
+def program_of(groups: dict) -> tuple[keys.Program, str]:
+    """Return a program of these groups and what is said of them."""
+    faults = keys.Faults()
+    read = [keys.read_group(name, entry, False, name, faults) for name, entry in groups.items()]
+    program = keys.Program("talus-dem", "dem", "", "", read)
+    keys.check_relations(program, "here", faults)
+    return program, "\n".join(faults.lines)
+
+
+def test_relations_reach_table_and_manual() -> None:
+    """What is said of keys that depend on others stands in the Fortran table and in the manual."""
+    program, said = program_of(GROUPS)
+    assert said == ""
+    table = keys.fortran(program)
+    for line in (
+        "call table%group_was('stride')",
+        "call table%one_of('lower|upper', at_least=.true.)",
+        "call table%choices_were('average', 'newmark')",
+        "call table%only_with('kind', 'newmark|hht')",
+        "call table%need_with('kind', 'hht')",
+        "call table%was('b|beta_n')",
+        "call table%choice_with('arc', 'kind', 'static')",
+        "call table%needs('upper')",
+        "call table%excludes('beta')",
+        "call table%group_with('step.kind', 'static')",
+        "call table%one_of('file|disc')",
+        "call table%only_with('step.kind', 'static')",
+    ):
+        assert line in table
+    page = keys.page(program)
+    for text in (
+        "At least one of `lower`, `upper`. Once called `&stride`.",
+        "Only with `kind` = `'newmark'`, `'hht'`. Required with `kind` = `'hht'`. Once called",
+        "`'arc'` only with `kind` = `'static'`.",
+        "Needs `upper`.",
+        "Not beside `beta`.",
+        "Only with `kind` = `'static'` of `&step`. Exactly one of `file`, `disc`.",
+    ):
+        assert text in page
+
+
+@pytest.mark.parametrize(
+    ("group", "key", "change", "said"),
+    [
+        ("step", "beta", {"of": ["newmark"]}, "is not {"),
+        ("step", "beta", {"of": {"knd": ["hht"]}}, "no choosing key 'knd'"),
+        ("step", "beta", {"of": {"kind": ["htt"]}}, "'htt' is none of the choices"),
+        ("step", "beta", {"of": {"kind": []}}, "'nothing' is none of the choices"),
+        ("step", "beta", {"of": {"kind": ["static", "newmark", "hht"]}}, "is no condition"),
+        ("step", "beta", {"of": {"lower": ["a"]}}, "is no choosing key"),
+        ("step", "kind", {"of": {"kind": ["hht"]}}, "no choosing key 'kind'"),
+        ("step", "beta", {"of": {"tool.file": ["a"]}}, "is no choosing key"),
+        ("step", "beta", {"required": {"kind": ["static"]}}, "to which it does not belong"),
+        ("step", "beta", {"default": 1.0}, "a required key has no default"),
+        ("step", "lower", {"needs": ["lowest"]}, "no other key 'lowest'"),
+        ("step", "lower", {"excludes": ["lower"]}, "no other key 'lower'"),
+        ("step", "beta", {"excludes": ["upper"]}, "say it once"),
+        ("step", "lower", {"was": "upper"}, "was = 'upper' is in use"),
+        ("step", "lower", {"was": "b"}, "was = 'b' is in use"),
+        ("step", "lower", {"was": "Low"}, "is no name"),
+        ("step", "path", {"choices_of": {"ark": {"kind": ["hht"]}}}, "'ark' is none"),
+        ("step", "kind", {"choices_were": {"hht": "newmark"}}, "choices_were: 'hht' is one"),
+        ("step", "kind", {"choices_were": {"old": "new"}}, "or 'new' is none"),
+    ],
+)
+def test_faulty_relations(group: str, key: str, change: dict, said: str) -> None:
+    """Each rule that cannot hold is named."""
+    groups = copy.deepcopy(GROUPS)
+    groups[group]["keys"][key].update(change)
+    assert said in program_of(groups)[1]
+
+
+@pytest.mark.parametrize(
+    ("group", "change", "said"),
+    [
+        ("step", {"was": "tool"}, "was = 'tool' is in use"),
+        ("tool", {"of": {"kind": ["static"]}}, "no choosing key 'kind'"),
+        ("tool", {"one_of": ["file", "disc"]}, "is not [["),
+        ("tool", {"one_of": [["file"]]}, "two or more keys"),
+        ("tool", {"one_of": [["file", "plate"]]}, "no key 'plate'"),
+    ],
+)
+def test_faulty_group_relations(group: str, change: dict, said: str) -> None:
+    """So is each rule of a group."""
+    groups = copy.deepcopy(GROUPS)
+    groups[group].update(change)
+    assert said in program_of(groups)[1]
 
 
 def test_included_group_is_changed() -> None:

@@ -29,11 +29,37 @@ program test_talus_report
                   .and. index(text, '"column": 4') > 0 .and. index(text, 'unknown \"key\"') > 0 &
                   .and. index(text, '"ok": false') > 0 .and. index(text, '"exit_code": 1') > 0)
   call table%init('talus-test', 1)
-  call table%add_group('run', 1, 'Doc.', required=.true.)
+  call table%add_group('run', 3, 'Doc.', required=.true.)
   call table%add_key('t_end', 'real', 's', 'End.')
   call table%bounds(above=0.0_wp)
   text = keys_json(table)
   call test%check('keys', index(text, '"name": "t_end"') > 0 .and. index(text, '"above": 0') > 0 &
                   .and. index(text, '"unit": "s"') > 0)
+  call table%add_key('law', 'string', '', 'Law.')
+  call table%allow('linear|hertz')
+  call table%add_key('stiffness', 'real', 'N/m', 'Stiffness.')
+  call table%only_with('law', 'linear')
+  call table%need_with('run.law', 'linear')
+  call table%needs('t_end')
+  call table%one_of('t_end|stiffness')
+  text = keys_json(table)
+  text = tight(text)
+  call test%check('rules: '//text, index(text, '"of":{"law":["linear"]}') > 0 &
+                  .and. index(text, '"required_with":{"run.law":["linear"]}') > 0 &
+                  .and. index(text, '"needs":["t_end"]') > 0 .and. &
+                  index(text, '"sets":[{"keys":["t_end","stiffness"],"exactly_one":true}]') > 0)
   call test%finish()
+
+contains
+
+  !> A text without blanks and line feeds.
+  pure function tight(text) result(short)
+    character(len=*), intent(in) :: text
+    character(len=:), allocatable :: short
+    integer(i4) :: k
+    short = ''
+    do k = 1, len(text)
+      if (text(k:k) /= ' ' .and. text(k:k) /= lf) short = short//text(k:k)
+    end do
+  end function tight
 end program test_talus_report
