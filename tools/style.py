@@ -42,6 +42,11 @@ SINCE = "1572f64"
 SUBJECT = re.compile(r"^[a-z][a-z0-9, -]*: (?P<verb>[a-z][a-z-]*)\b")
 NO_VERB = re.compile(r"(ed|ing|[^s]s)$|^(a|an|the|no|new|more|of|for|in)$")
 VERBS = {"process", "address", "pass", "focus", "embed", "feed", "need", "bring", "string", "speed"}
+# maxval, and any of a comparison, pass over a NaN: a test that uses them asserts less than it says
+BLIND = (
+    (re.compile(r"\bmaxval\s*\(\s*abs\s*\("), "maxval(abs(...)) skips NaN"),
+    (re.compile(r"\.not\.\s*any\s*\(\s*abs\s*\("), ".not. any(abs(...)) passes with NaN"),
+)
 OF_C = re.compile(r"\bcall\s+c_f_pointer\b")
 FORMAT = re.compile(r"^\s*\d+\s+format\b")
 
@@ -119,6 +124,18 @@ def check_statements(path: Path, code: list[str]) -> list[tuple[int, str]]:
     return found
 
 
+def check_tests(path: Path, code: list[str]) -> list[tuple[int, str]]:
+    """Unit tests compare so that a NaN fails; the harness itself may look."""
+    if not path.name.startswith("test_"):
+        return []
+    return [
+        (number, f"{what}: use check_all_close or max_abs of talus_test")
+        for number, text in enumerate(code, 1)
+        for pattern, what in BLIND
+        if pattern.search(text)
+    ]
+
+
 class Exceptions:
     """Procedures that may be above a limit, as far as the list says."""
 
@@ -168,7 +185,8 @@ def check_fortran(path: Path, exceptions: Exceptions) -> list[tuple[int, str]]:
     """Return (line, rule) of all breaches in a file."""
     lines = path.read_text().splitlines()
     code = code_of(lines)
-    found = check_layout(path, lines) + check_module(path, code) + check_statements(path, code)
+    found = check_layout(path, lines) + check_module(path, code)
+    found += check_statements(path, code) + check_tests(path, code)
     return sorted(set(found + exceptions.check(path, code)))
 
 

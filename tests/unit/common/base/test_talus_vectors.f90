@@ -22,7 +22,7 @@ contains
     do k = 1, size(angles)
       quat = turned([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [0.0_wp, 0.0_wp, angles(k)])
       expected = [cos(0.5_wp*angles(k)), 0.0_wp, 0.0_wp, sin(0.5_wp*angles(k))]
-      call test%check_close('about z', maxval(abs(quat - expected)), 0.0_wp, 2.3e-16_wp)
+      call test%check_all_close('about z', quat, expected, 2.3e-16_wp)
       call test%check_close('its sine', quat(4)/expected(4), 1.0_wp, 4.0e-16_wp)
     end do
   end subroutine one_axis
@@ -45,7 +45,7 @@ contains
         alone(:, k) = turned(alone(:, k), rotation(:, k))
       end do
     end do
-    call test%check_close('many at once', maxval(abs(quat - alone)), 0.0_wp, 1.0e-14_wp)
-    call test%check_close('unit length', maxval(abs(norm2(quat, 1) - 1.0_wp)), 0.0_wp, 1.0e-15_wp)
+    call test%check_all_close('many at once', quat, alone, 1.0e-14_wp)
+    call test%check_all_close('unit length', norm2(quat, 1), 1.0_wp, 1.0e-15_wp)
   end subroutine many
 end program test_talus_vectors

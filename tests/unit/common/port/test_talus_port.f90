@@ -14,7 +14,7 @@ program test_talus_port
   use talus_partner, only: now, own_pid
   use talus_port, only: port_type
   use talus_process, only: process_type
-  use talus_test, only: test_type
+  use talus_test, only: larger, test_type
   implicit none
 
   !> One exchange: fields as 'name=text' or 'name:kind:components:count' (r real, i integer).
@@ -422,7 +422,7 @@ contains
         call port(k)%receive(reply(k), errors)
         if (errors%any()) exit
         call reply(k)%get('x', s, errors)
-        back = max(back, abs(s(1, 1) - 2.0_wp*n*k))
+        back = larger(back, abs(s(1, 1) - 2.0_wp*n*k))
       end do
       if (errors%any()) exit
     end do

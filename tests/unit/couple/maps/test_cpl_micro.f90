@@ -87,7 +87,7 @@ contains
     turn = 7.0_wp
     call micro%hats(matmul(f - one, x) + 0.4_wp, turn, phi)
     do a = 1, nodes
-      call test%check_close('chi = F', maxval(abs(phi(:, 3*a - 2:3*a) + one - f)), 0.0_wp, exact)
+      call test%check_all_close('chi = F', phi(:, 3*a - 2:3*a) + one, f, exact)
     end do
   end subroutine nodes_of_positions
 
@@ -100,7 +100,7 @@ contains
     turn = spread([0.01_wp, 0.02_wp, -0.03_wp], 2, nodes)
     call micro%hats(matmul(g, x), turn, phi)
     wanted = 0.5_wp*(g + transpose(g)) + columns_of_turn(turn(:, 1))
-    call test%check_close('strain and rotation', maxval(abs(phi(:, 4:6) - wanted)), 0.0_wp, exact)
+    call test%check_all_close('strain and rotation', phi(:, 4:6), wanted, exact)
     call test%check_close('skew part of a turn', wanted(3, 2) - wanted(2, 3), 2.0_wp*turn(1, 1), &
                           exact)
   end subroutine nodes_of_rotations
@@ -121,12 +121,12 @@ contains
       call micro%follow(at_ghosts, phi, turn)
     end do
     ! each step turns by the sine of its angle: short by angle/(6 steps^2)
-    call test%check_close('turn of the ghosts', maxval(abs(turn - spread([2.0_wp, -1.0_wp, 2.0_wp] &
-      /3.0_wp*angle, 2, ghosts))), 0.0_wp, angle/(5.0_wp*steps**2))
+    call test%check_all_close('turn of the ghosts', turn, spread([2.0_wp, -1.0_wp, 2.0_wp] &
+      /3.0_wp*angle, 2, ghosts), angle/(5.0_wp*steps**2))
     c = 0.0_wp
     turn = 0.0_wp
     call micro%pull(at_ghosts, turn, c)
-    call test%check_close('no moment, no couple', maxval(abs(c)), 0.0_wp, 0.0_wp)
+    call test%check_all_close('no moment, no couple', c, 0.0_wp, 0.0_wp)
   end subroutine rigid_turn
 
   !> At finite chi power and moment of ghosts are those of the couples on the nodes, and those of
@@ -158,7 +158,7 @@ contains
         chi = phi(:, k) + one(:, mod(k - 1, parts) + 1)
         total = total + cross(chi, c(:, k))
       end do
-      call test%check_close('moment at finite chi', maxval(abs(total - sum(m, 2))), 0.0_wp, exact)
+      call test%check_all_close('moment at finite chi', total, sum(m, 2), exact)
       call scatter(q, 0.19_wp)
       call scatter(spin, 0.61_wp)
       force = 0.0_wp
@@ -166,12 +166,12 @@ contains
       call micro%hats(q, spin, rate)
       call test%check_close('power of hat nodes', sum(force*q) + sum(moment*spin), sum(c*rate), &
                             exact)
-      call test%check_close('no force in all', maxval(abs(sum(force, 2))), 0.0_wp, exact)
+      call test%check_all_close('no force in all', sum(force, 2), 0.0_wp, exact)
       total = sum(moment, 2)
       do k = 1, grains
         total = total + cross(x(:, k), force(:, k))
       end do
-      call test%check_close('moment of hat nodes', maxval(abs(total - moment_of(c))), 0.0_wp, exact)
+      call test%check_all_close('moment of hat nodes', total, moment_of(c), exact)
     end do
   end subroutine powers
 

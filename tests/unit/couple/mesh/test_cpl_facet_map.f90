@@ -49,7 +49,7 @@ contains
     call map%build(ids, ghost, facets, x, -1.0_wp, errors)
     call test%check('no faults', .not. errors%any())
     call test%check('facets found', all(map%facet == on))
-    call test%check_close('natural coordinates', maxval(abs(map%natural - natural)), 0.0_wp, &
+    call test%check_all_close('natural coordinates', map%natural, natural, &
       1.0e-11_wp)
     call map%identity_error(ghost, x, worst, errors)
     call test%check_close('identities', worst, 0.0_wp, 1.0e-13_wp)

@@ -4,7 +4,7 @@ program test_cpl_shapes
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use talus_test, only: test_type
+  use talus_test, only: larger, max_abs, test_type
   use cpl_choices, only: rotation_fixed, rotation_micro
   use cpl_facet_map, only: facet_map_type
   use cpl_shapes, only: shapes, shapes_at, corner_count, inside, nearest_inside, centre_of
@@ -68,20 +68,20 @@ contains
     do a = 1, n
       value = shapes_at(n, at(:, a))
       value(a) = value(a) - 1.0_wp
-      worst(1) = max(worst(1), maxval(abs(value)))
+      worst(1) = larger(worst(1), max_abs(value))
     end do
     do g = 1, 10
       natural = place(n, g)
       call shapes(n, natural, value, slope, bend)
-      worst(2) = max(worst(2), abs(sum(value) - 1.0_wp), maxval(abs(matmul(at, value) - natural)))
+      worst(2) = larger(worst(2), abs(sum(value) - 1.0_wp), max_abs(matmul(at, value) - natural))
       do c = 1, 2
         step = 0.0_wp
         step(c) = h
         call shapes(n, natural + step, ahead, slope_ahead, unused)
         call shapes(n, natural - step, back, slope_back, unused)
-        worst(3) = max(worst(3), maxval(abs((ahead - back)/(2.0_wp*h) - slope(c, :))))
-        worst(4) = max(worst(4), maxval(abs((slope_ahead - slope_back)/(2.0_wp*h) &
-                                            - bend(c:c + 1, :))))
+        worst(3) = larger(worst(3), max_abs((ahead - back)/(2.0_wp*h) - slope(c, :)))
+        worst(4) = larger(worst(4), max_abs((slope_ahead - slope_back)/(2.0_wp*h) &
+                                            - bend(c:c + 1, :)))
       end do
     end do
     call test%check_close(name_of(n, 'nodes'), worst(1), 0.0_wp, 1.0e-15_wp)
@@ -117,7 +117,7 @@ contains
     end do
     call map%build([(100_i8 + g, g=1, ghosts)], ghost, mesh%facets, mesh%x, -1.0_wp, errors)
     call test%check(name_of(n, 'no faults'), .not. errors%any())
-    call test%check_close(name_of(n, 'projected'), maxval(abs(map%natural - natural)), 0.0_wp, &
+    call test%check_all_close(name_of(n, 'projected'), map%natural, natural, &
                           1.0e-10_wp)
     call map%identity_error(ghost, mesh%x, worst, errors)
     call test%check_close(name_of(n, 'identities'), worst, 0.0_wp, 1.0e-13_wp)
@@ -153,8 +153,8 @@ contains
       if (rotation == rotation_micro) p(4:, g) = 1.0e-2_wp*[cos(0.3_wp*g), 1.0_wp, sin(0.9_wp*g)]
     end do
     call transfer%to_nodes(p, f)
-    call test%check_close(name//' force', maxval(abs(sum(f(:, :map%nodes), 2) - sum(p(:3, :), &
-                          2))), 0.0_wp, 1.0e-13_wp)
+    call test%check_all_close(name//' force', sum(f(:, :map%nodes), 2), sum(p(:3, :), &
+                          2), 1.0e-13_wp)
     moment = -transfer%moment_of(p) - sum(f(:, map%nodes + 1:), 2)
     do g = 1, ghosts
       moment = moment + cross(ghost(:, g), p(:3, g))
@@ -163,7 +163,7 @@ contains
     do g = 1, map%nodes
       moment = moment - cross(mesh%x(:, map%node_id(g)), f(:, g))
     end do
-    call test%check_close(name//' moment', maxval(abs(moment)), 0.0_wp, 1.0e-14_wp)
+    call test%check_all_close(name//' moment', moment, 0.0_wp, 1.0e-14_wp)
     do g = 1, transfer%blocks
       u(:, g) = 1.0e-3_wp*[sin(2.0_wp*g), cos(3.0_wp*g), sin(5.0_wp*g)]
     end do

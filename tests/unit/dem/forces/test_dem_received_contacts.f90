@@ -104,6 +104,6 @@ contains
 
   pure logical function same(a, b)
     real(wp), intent(in) :: a(:, :), b(:, :)
-    same = .not. any(abs(a - b) > 0.0_wp)
+    same = all(abs(a - b) <= 0.0_wp)
   end function same
 end program test_dem_received_contacts

@@ -2,7 +2,7 @@
 !! force, and the energy that loops lose.
 program test_dem_turning
   use talus_kinds, only: wp, i4
-  use talus_test, only: test_type
+  use talus_test, only: larger, test_type
   use dem_additional_state, only: turning_reals, turning_knots
   use dem_state, only: lanes
   use dem_turning, only: drop_turning
@@ -238,7 +238,7 @@ contains
         call go(shift, over, 1)
         call step_springs(x, w, shift, over, found)
         found = found*step%stiffness*sqrt(radius*deepest)/many
-        off(k) = max(off(k), sqrt(sum((force - found)**2))/(mu*hertz(deep)))
+        off(k) = larger(off(k), sqrt(sum((force - found)**2))/(mu*hertz(deep)))
       end do
       call test%check('springs keep the bent path', nint(row(1)) == nint(springs_mark))
       apart = abs(worked - slipped - row(2))/worked

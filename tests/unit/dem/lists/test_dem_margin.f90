@@ -99,7 +99,7 @@ contains
     call test%check(name//': fewer lists', 2*free%health%rebuilds < plain%health%rebuilds)
     call test%check(name//': no list was late', free%health%late_rebuilds == 0_i8)
     call test%check(name//': a skin that is given stands', &
-                    .not. any(spare_margins(plain%pairs, n) > 0.0_wp))
+                    all(spare_margins(plain%pairs, n) <= 0.0_wp))
     call test%check_close(name//': margins of a pair', pair_skin(free%pairs, 1_i4, 2_i4), &
                           free%pairs%skin + sum(spare_margins(free%pairs, 2_i4)), 1.0e-15_wp)
   end subroutine compare

@@ -10,7 +10,7 @@ program test_dem_integration_block
   use dem_pairs, only: allocate_bodies
   use dem_state, only: dem_grains_type, dem_material_type, dem_pairs_type, &
     dem_planes_type, kind_free, lanes
-  use talus_test, only: test_type
+  use talus_test, only: larger, test_type
   implicit none
 
   real(wp), parameter :: dt = 1.0e-5_wp, speed = 0.4_wp, spin = 300.0_wp
@@ -49,7 +49,7 @@ contains
       exact = travel_of_mover(mover, push, pairs%reference_x(:, :lanes), &
                               pairs%reference_q(:, :lanes), pairs%reach(:lanes))
       least = min(least, mover%travel/exact)
-      excess = max(excess, mover%travel/exact)
+      excess = larger(excess, mover%travel/exact)
       if (exact > 0.5_wp*pairs%skin) found = found .and. abs(mover%travel - exact) <= 0.0_wp
       if (exact > pairs%skin) exit
     end do

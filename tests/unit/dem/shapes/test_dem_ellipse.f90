@@ -1,7 +1,7 @@
 !> Hertz contacts of elliptic area against quadratures of the elliptic integrals.
 program test_dem_ellipse
   use talus_kinds, only: wp, i4
-  use talus_test, only: test_type
+  use talus_test, only: larger, test_type
   use dem_figure, only: figure_type
   use dem_ellipse, only: radius_ratio, ratio_on_plane, narrow_ellipsoids, narrow_forms
   use dem_block, only: dem_block_type
@@ -56,8 +56,8 @@ contains
     rough = 0.0_wp
     do j = 1, size(axes)
       call by_quadrature(axes(j), ratio, factor)
-      worst = max(worst, abs(radius_ratio(ratio)/factor - 1.0_wp))
-      if (axes(j) >= 0.1_wp) rough = max(rough, abs(axes(j)*ratio**0.6360_wp*1.0339_wp - 1.0_wp))
+      worst = larger(worst, abs(radius_ratio(ratio)/factor - 1.0_wp))
+      if (axes(j) >= 0.1_wp) rough = larger(rough, abs(axes(j)*ratio**0.6360_wp*1.0339_wp - 1.0_wp))
     end do
     call test%check_close('against quadrature', worst, 0.0_wp, 1.0e-12_wp)
     call test%check('fit of Brewe and Hamrock within 4 per cent', rough < 0.04_wp)
@@ -120,6 +120,6 @@ contains
                           1.0e-14_wp)
     call test%check_close('no contact', b%curvature(3), 13.0_wp/36.0_wp, 1.0e-15_wp)
     call narrow_forms(other, f, .true.)
-    call test%check_close('forms', maxval(abs(other%curvature - b%curvature)), 0.0_wp, 1.0e-14_wp)
+    call test%check_all_close('forms', other%curvature, b%curvature, 1.0e-14_wp)
   end subroutine check_pairs
 end program test_dem_ellipse

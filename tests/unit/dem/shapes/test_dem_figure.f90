@@ -2,7 +2,7 @@
 !! lines, points, rings and bores; gaps of any form are those that many directions find.
 program test_dem_figure
   use talus_kinds, only: wp, i4
-  use talus_test, only: test_type
+  use talus_test, only: larger, max_abs, test_type
   use dem_ellipse, only: ratio_on_plane
   use dem_figure, only: figure_type, figure_point, figure_bend, figure_curvature
   use dem_shape, only: form_of, turned, form_size
@@ -72,20 +72,20 @@ contains
       n = n/norm2(n)
       call figure_bend(a, n, u(:, 1), h(1), k(:, 1))
       call figure_bend(b, n, u(:, 2), h(2), k(:, 2))
-      worst(1) = max(worst(1), maxval(abs(u(:, 1) - u(:, 2))), abs(h(1) - h(2)), &
-                     maxval(abs(k(:, 1) - k(:, 2))))
-      worst(2) = max(worst(2), abs(figure_curvature(a, n) - figure_curvature(b, n)))
-      worst(3) = max(worst(3), abs(ratio_on_plane(a, n) - ratio_on_plane(b, n)))
+      worst(1) = larger(worst(1), max_abs(u(:, 1) - u(:, 2)), abs(h(1) - h(2)), &
+                     max_abs(k(:, 1) - k(:, 2)))
+      worst(2) = larger(worst(2), abs(figure_curvature(a, n) - figure_curvature(b, n)))
+      worst(3) = larger(worst(3), abs(ratio_on_plane(a, n) - ratio_on_plane(b, n)))
       call circle_gap(place_of(seed), a, axis, 0.3_wp, sqrt(0.91_wp), e, n, gap(1))
       call circle_gap(place_of(seed), b, axis, 0.3_wp, sqrt(0.91_wp), e, other, gap(2))
-      worst(4) = max(worst(4), abs(gap(1) - gap(2)), 1.0e-4_wp*maxval(abs(n - other)))
+      worst(4) = larger(worst(4), abs(gap(1) - gap(2)), 1.0e-4_wp*max_abs(n - other))
       call corner_gap(place_of(seed), a, axis, 0.2_wp, n, gap(1))
       call corner_gap(place_of(seed), b, axis, 0.2_wp, other, gap(2))
-      worst(5) = max(worst(5), abs(gap(1) - gap(2)), 1.0e-4_wp*maxval(abs(n - other)))
+      worst(5) = larger(worst(5), abs(gap(1) - gap(2)), 1.0e-4_wp*max_abs(n - other))
       call bore_gap(place_of(seed), a, axis, 9.0_wp, found(1), places, gaps(:, 1))
       call bore_gap(place_of(seed), b, axis, 9.0_wp, found(2), places, gaps(:, 2))
       if (found(1) == found(2)) then
-        worst(6) = max(worst(6), maxval(abs(gaps(:found(1), 1) - gaps(:found(1), 2))))
+        worst(6) = larger(worst(6), max_abs(gaps(:found(1), 1) - gaps(:found(1), 2)))
       else
         worst(6) = 1.0_wp
       end if
@@ -115,15 +115,15 @@ contains
       r = 2.0_wp*place_of(seed)
       call corner_gap(r, f, axis, 0.0_wp, n, gap)
       call figure_point(f, n, u, h)
-      off(1) = max(off(1), norm2(r - u - gap*n))
-      best(1) = max(best(1), best_of(f, r, 0) - gap)
+      off(1) = larger(off(1), norm2(r - u - gap*n))
+      best(1) = larger(best(1), best_of(f, r, 0) - gap)
       call circle_gap(r, f, axis, 0.0_wp, 1.0_wp, e, n, gap)
       call figure_point(f, n, u, h)
       u = r - u - gap*n
-      off(2) = max(off(2), norm2(u - dot_product(u, axis)*axis))
-      best(2) = max(best(2), best_of(f, r, 1) - gap)
+      off(2) = larger(off(2), norm2(u - dot_product(u, axis)*axis))
+      best(2) = larger(best(2), best_of(f, r, 1) - gap)
       call bore_gap(r, f, axis, 12.0_wp, found, places, gaps)
-      best(3) = max(best(3), minval(gaps(:found)) + best_of(f, r, 2) - 12.0_wp)
+      best(3) = larger(best(3), minval(gaps(:found)) + best_of(f, r, 2) - 12.0_wp)
     end do
     call test%check(name//': no normal is better for a point', best(1) <= 1.0e-12_wp)
     call test%check(name//': nor for a line', best(2) <= 1.0e-12_wp)
@@ -153,7 +153,7 @@ contains
       end if
       if (what == 2) n = -n
       call figure_point(f, n, u, h)
-      best = max(best, merge(h - dot_product(r, n), dot_product(r, n) - h, what == 2))
+      best = larger(best, merge(h - dot_product(r, n), dot_product(r, n) - h, what == 2))
     end do
   end function best_of
 
@@ -167,7 +167,7 @@ contains
                      6.0_wp)
     call bore_gap([0.0_wp, 0.0_wp, 0.0_wp], f, [0.0_wp, 0.0_wp, 1.0_wp], 2.0_wp, n, e, gap)
     call test%check('four places', n == 4)
-    call test%check_close('alike', maxval(gap) - minval(gap), 0.0_wp, 1.0e-12_wp)
+    call test%check_all_close('alike', gap(:n), gap(1), 1.0e-12_wp)
     call test%check_close('at the corners', gap(1), 2.0_wp - sqrt(2.0_wp)*0.5_wp**(1.0_wp/6.0_wp), &
                           1.0e-3_wp)
   end subroutine check_square

@@ -2,7 +2,7 @@
 !! potential, spheres, the batched path against the scalar one.
 program test_dem_gap
   use talus_kinds, only: wp, i4, i8
-  use talus_test, only: test_type
+  use talus_test, only: larger, max_abs, test_type
   use dem_state, only: lanes
   use dem_block, only: dem_block_type
   use dem_gap, only: evaluate_spheres, solve_gap, evaluate_pairs, refine_normals, add_curvatures
@@ -61,7 +61,7 @@ contains
       n = 0.0_wp
       call solve_gap(r, a, b, n, gap)
       d = r - surface_point(b, n) - surface_point(a, n)
-      worst = max(worst, sqrt(sum((d - gap*n)**2)))
+      worst = larger(worst, sqrt(sum((d - gap*n)**2)))
       if (gap < 0.0_wp) touching = touching + 1
     end do
     call test%check('pairs apart and in touch were both tried', &
@@ -79,7 +79,7 @@ contains
       n = 0.0_wp
       call solve_gap(r, a, b, n, gap)
       best = net_maximum(r, a, b)
-      worst = max(worst, best - gap)
+      worst = larger(worst, best - gap)
       if (abs(best - gap) > 1.0e-9_wp) exit
     end do
     call test%check_close('brute force finds no better normal', worst/axes(1), 0.0_wp, 1.0e-10_wp)
@@ -151,8 +151,8 @@ contains
       p = deepest(q1, q2, -r)
       q = deepest(q2, q1, r)
       m = potential_gradient(q1, r + p)
-      worst_n = max(worst_n, sqrt(sum((m - n)**2)))
-      worst_gap = max(worst_gap, abs(dot_product(q - (r + p), n)/(-gap) - 1.0_wp))
+      worst_n = larger(worst_n, sqrt(sum((m - n)**2)))
+      worst_gap = larger(worst_gap, abs(dot_product(q - (r + p), n)/(-gap) - 1.0_wp))
     end do
     call test%check('geometric potential: normal', worst_n < 20.0_wp*1.0e-7_wp/axes(3))
     call test%check('geometric potential: overlap', worst_gap < 20.0_wp*1.0e-7_wp/axes(3))
@@ -225,9 +225,9 @@ contains
     end do
     call evaluate_pairs(block)
     call refine_normals(block)
-    worst = maxval(abs([block%nx - n(1, :), block%ny - n(2, :), block%nz - n(3, :)]))
+    worst = max_abs([block%nx - n(1, :), block%ny - n(2, :), block%nz - n(3, :)])
     call test%check_close('batched normals', worst, 0.0_wp, 2.0e-8_wp)
-    call test%check_close('batched gaps', maxval(abs(block%gap - gap)), 0.0_wp, 1.0e-15_wp)
+    call test%check_all_close('batched gaps', block%gap, gap, 1.0e-15_wp)
 
     block%a%s = spread([4.0_wp, 4.0_wp, 4.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 1, lanes)
     block%b%s = spread([9.0_wp, 9.0_wp, 9.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 1, lanes)
@@ -235,14 +235,14 @@ contains
     block%b%volume = 729.0_wp
     call evaluate_pairs(block)
     call add_curvatures(block, .true.)
-    call test%check_close('curvature of spheres', maxval(abs(block%curvature - 5.0_wp/6.0_wp)), &
-                          0.0_wp, 1.0e-14_wp)
+    call test%check_all_close('curvature of spheres', block%curvature, 5.0_wp/6.0_wp, &
+                          1.0e-14_wp)
     call evaluate_spheres(block)
-    call test%check_close('curvature on the path of spheres', &
-                          maxval(abs(block%curvature - 5.0_wp/6.0_wp)), 0.0_wp, 1.0e-14_wp)
-    call test%check_close('gap of spheres', maxval(abs(block%gap + 5.0_wp &
-                          - sqrt(block%rx**2 + block%ry**2 + block%rz**2))), 0.0_wp, 1.0e-15_wp)
-    call test%check_close('normal of spheres', maxval(abs(block%nx*block%ry - block%ny*block%rx)), &
-                          0.0_wp, 1.0e-15_wp)
+    call test%check_all_close('curvature on the path of spheres', &
+                          block%curvature, 5.0_wp/6.0_wp, 1.0e-14_wp)
+    call test%check_all_close('gap of spheres', block%gap + 5.0_wp, &
+                          sqrt(block%rx**2 + block%ry**2 + block%rz**2), 1.0e-15_wp)
+    call test%check_all_close('normal of spheres', block%nx*block%ry, block%ny*block%rx, &
+                          1.0e-15_wp)
   end subroutine check_batch
 end program test_dem_gap

@@ -3,7 +3,7 @@
 !! that by blocks of lanes.
 program test_dem_shape
   use talus_kinds, only: wp, i4, i8
-  use talus_test, only: test_type
+  use talus_test, only: larger, max_abs, test_type
   use dem_block, only: dem_block_type
   use dem_shape, only: form_size, form_of, form_support, form_tangent, form_height, &
     mean_curvature_of, bounded_curvature, flattest_radius, turned, at_half
@@ -81,10 +81,10 @@ contains
         a = shape_matrix(rotation_of(q), upper)
         n = direction()
         call form_tangent(form, n, h, u, k)
-        worst(1) = max(worst(1), abs(h - support(a, n)))
-        worst(2) = max(worst(2), norm2(u - surface_point(a, n)))
+        worst(1) = larger(worst(1), abs(h - support(a, n)))
+        worst(2) = larger(worst(2), norm2(u - surface_point(a, n)))
         exact = 0.5_wp*(sum(a(1:3)) - sum(u*u))*h**3/product(upper)**2
-        worst(3) = max(worst(3), abs(mean_curvature_of(k) - exact)/exact)
+        worst(3) = larger(worst(3), abs(mean_curvature_of(k) - exact)/exact)
       end do
       call test%check_close('support of an ellipsoid', worst(1), 0.0_wp, 1.0e-12_wp)
       call test%check_close('surface point of an ellipsoid', worst(2), 0.0_wp, 1.0e-12_wp)
@@ -106,15 +106,15 @@ contains
         m = matmul(n, rotation_of(form(1:4)))
         if (any(abs(m) < 0.1_wp)) cycle  ! differences must not straddle octants
         call form_tangent(form, n, h, u, k)
-        worst(1) = max(worst(1), norm2(matmul(square(k), n)), abs(dot_product(n, u) - h))
+        worst(1) = larger(worst(1), norm2(matmul(square(k), n)), abs(dot_product(n, u) - h))
         do c = 1, 3
           e = 0.0_wp
           e(c) = small
           call form_support(form, n + e, hh, high)
           call form_support(form, n - e, hl, low)
-          worst(2) = max(worst(2), abs((hh - hl)/(2.0_wp*small) - u(c)))
+          worst(2) = larger(worst(2), abs((hh - hl)/(2.0_wp*small) - u(c)))
           e = (high - low)/(2.0_wp*small)
-          worst(3) = max(worst(3), norm2(e - reshape(matmul(square(k), unit_vector(c)), [3])))
+          worst(3) = larger(worst(3), norm2(e - reshape(matmul(square(k), unit_vector(c)), [3])))
         end do
       end do
     end do
@@ -152,10 +152,10 @@ contains
         if (i <= 3) n = unit_vector(i)
         call form_tangent(form, n, h, u, k)
         sharp = sum(abs(upper*n)**q)**(1.0_wp/q)
-        worst(1) = max(worst(1), abs(h/sharp - 1.0_wp))
-        worst(2) = max(worst(2), abs(sum(abs(u/upper)**exponents(p))**(1.0_wp/exponents(p)) &
+        worst(1) = larger(worst(1), abs(h/sharp - 1.0_wp))
+        worst(2) = larger(worst(2), abs(sum(abs(u/upper)**exponents(p))**(1.0_wp/exponents(p)) &
                                      - 1.0_wp))
-        radius = max(radius, k(1) + k(2) + k(3))
+        radius = larger(radius, k(1) + k(2) + k(3))
       end do
       call test%check('support within the bulge', worst(1) < 1.1e-4_wp)
       call test%check('surface within the bulge', worst(2) < 3.0e-4_wp)
@@ -183,7 +183,7 @@ contains
         back(k, k) = 0.5_wp*sum(moments) - moments(k)
       end do
       back = matmul(v, matmul(back, transpose(v)))
-      call test%check_close('second moments', maxval(abs(back - tensor))/volume, 0.0_wp, 1.0e-9_wp)
+      call test%check_close('second moments', max_abs(back - tensor)/volume, 0.0_wp, 1.0e-9_wp)
     end do
     mass = mass_of_form(upper, upper, 2.0_wp)
     call test%check_close('volume of an ellipsoid', mass%volume/(4.0_wp/3.0_wp*pi*product(upper)), &
@@ -270,9 +270,9 @@ contains
       do i = 1, 2000
         n = direction()
         call form_support(form, n, h, u)
-        worst(1) = max(worst(1), norm2(u)/mass%radius)
-        worst(2) = max(worst(2), norm2(u - h*n)/mass%reach)
-        tight = max(tight, norm2(u)/mass%radius)
+        worst(1) = larger(worst(1), norm2(u)/mass%radius)
+        worst(2) = larger(worst(2), norm2(u - h*n)/mass%reach)
+        tight = larger(tight, norm2(u)/mass%radius)
       end do
     end do
     call test%check('all points lie inside the bounding sphere', worst(1) <= 1.0_wp)
@@ -292,10 +292,10 @@ contains
       call random_pair(a, b, r, size_of)
       n = 0.0_wp
       call solve_forms(r, a, b, n, gap)
-      worst(1) = max(worst(1), tilt(r, a, b, n)/size_of)
+      worst(1) = larger(worst(1), tilt(r, a, b, n)/size_of)
       if (mod(trial, 10) == 0) then
         call climb(r, a, b, n, best)
-        worst(2) = max(worst(2), (best - gap)/size_of)
+        worst(2) = larger(worst(2), (best - gap)/size_of)
       end if
       axes = [1.0_wp + 4.0_wp*uniform(), 1.0_wp + 4.0_wp*uniform(), 1.0_wp]
       q = orientation()
@@ -308,7 +308,7 @@ contains
       call solve_forms(r, a, b, n, gap)
       m = n
       call solve_gap(r, e, f, m, other)
-      worst(3) = max(worst(3), abs(other - gap)/maxval(axes))
+      worst(3) = larger(worst(3), abs(other - gap)/maxval(axes))
     end do
     call test%check_close('surface points lie on the normal', worst(1), 0.0_wp, 1.0e-10_wp)
     call test%check('a search by values finds no larger gap', worst(2) < 1.0e-13_wp)
@@ -326,13 +326,13 @@ contains
       e(k) = -0.5_wp*uniform()
     end do
     call raise(count, x, e, y)
-    call test%check_close('powers', maxval(abs(y/x**e - 1.0_wp)), 0.0_wp, 4.0e-15_wp)
+    call test%check_all_close('powers', y/x**e, 1.0_wp, 4.0e-15_wp)
     do k = 1, count
       x(k) = 1.0_wp + 0.8_wp*uniform()
       e(k) = uniform() - 0.5_wp
     end do
     call raise_near(count, x, e, y)
-    call test%check_close('powers of numbers near 1', maxval(abs(y/x**e - 1.0_wp)), 0.0_wp, &
+    call test%check_all_close('powers of numbers near 1', y/x**e, 1.0_wp, &
                           5.0e-16_wp)
   end subroutine check_raise
 
@@ -349,8 +349,8 @@ contains
       quat(i, :) = orientation()
       call put_frame(forms, i, quat(i, :))
       one(:, i) = forms%record(1:4, i)
-      worst = max(worst, maxval(abs(one(:, i) - quaternion_product(quat(i, :), &
-                                                                   forms%frame(:, i)))))
+      worst = larger(worst, max_abs(one(:, i) - quaternion_product(quat(i, :), &
+                                                                   forms%frame(:, i))))
     end do
     call test%check_close('frames in turned bodies', worst, 0.0_wp, 1.0e-15_wp)
     quat(:n - low, :) = quat(low + 1:n, :)
@@ -396,16 +396,16 @@ contains
         same = same .and. all(lane_of(b, k) == alone(start, f, powers, k))
         if (b%gap(k) > 0.0_wp) cycle
         n = [b%nx(k), b%ny(k), b%nz(k)]
-        worst(1) = max(worst(1), tilt(r(:, k), f%a%record(k, :), f%b%record(k, :), n)/size_of(k))
+        worst(1) = larger(worst(1), tilt(r(:, k), f%a%record(k, :), f%b%record(k, :), n)/size_of(k))
         call form_tangent(f%a%record(k, :), n, h, u, ka)
         call form_tangent(f%b%record(k, :), -n, h, v, kb)
-        worst(2) = max(worst(2), norm2(u - [b%ax(k), b%ay(k), b%az(k)])/size_of(k), &
+        worst(2) = larger(worst(2), norm2(u - [b%ax(k), b%ay(k), b%az(k)])/size_of(k), &
                        norm2(v + [b%bx(k), b%by(k), b%bz(k)])/size_of(k))
         gap = dot_product(r(:, k), n) - form_height(f%a%record(k, :), n) &
               - form_height(f%b%record(k, :), -n)
-        worst(3) = max(worst(3), abs(gap - b%gap(k))/size_of(k))
+        worst(3) = larger(worst(3), abs(gap - b%gap(k))/size_of(k))
         gap = bounded_curvature(f%a%record(k, :), ka) + bounded_curvature(f%b%record(k, :), kb)
-        worst(4) = max(worst(4), abs(b%curvature(k)/gap - 1.0_wp))
+        worst(4) = larger(worst(4), abs(b%curvature(k)/gap - 1.0_wp))
       end do
     end do
     what = 'lanes of octants: '

@@ -6,7 +6,7 @@ program test_dem_cell
   use talus_errors, only: error_list_type
   use talus_homogenise, only: inverse_of
   use talus_sample, only: sample_type
-  use talus_test, only: test_type
+  use talus_test, only: max_abs, test_type
   use dem_archive, only: dem_archive_type
   use dem_cell, only: set_cell, advance_cell, reduced_basis, least_width, cell_volume, folded, &
     determinant
@@ -60,8 +60,8 @@ contains
     x(:, 1) = [7.5_wp, 1.1_wp, -0.2_wp]
     x(:, 2) = [0.1_wp, 0.01_wp, 0.5_wp]
     x = folded(cell, x)
-    call test%check_close('folded back', maxval(abs(x(:, 1) - [0.2_wp + 1.0_wp, 0.1_wp, 0.8_wp])), &
-                          0.0_wp, 1.0e-14_wp)
+    call test%check_all_close('folded back', x(:, 1), [0.2_wp + 1.0_wp, 0.1_wp, 0.8_wp], &
+                          1.0e-14_wp)
     call test%check_close('left in place', x(2, 2), 0.01_wp, 0.0_wp)
   end subroutine check_basis
 
@@ -88,8 +88,8 @@ contains
     end do
     call test%check_close('rotation keeps lengths', norm2(cell%vectors(:, 3)), &
                           norm2(slanted(:, 3)), 1.0e-15_wp)
-    call test%check_close('back undoes step', maxval(abs(matmul(cell%back, cell%vectors) &
-                          + dt*cell%speed - cell%vectors)), 0.0_wp, 1.0e-15_wp)
+    call test%check_all_close('back undoes step', matmul(cell%back, cell%vectors) &
+                          + dt*cell%speed, cell%vectors, 1.0e-15_wp)
     call set_cell(cell, [0.0_wp, 0.0_wp, 0.0_wp], slanted, [.true., .true., .true.])
     cell%rate(2, 2) = -1.0_wp
     do k = 1, 1000
@@ -160,11 +160,11 @@ contains
     call test%check('no contact is missed', list%n == many)
     call test%check('no faults', .not. errors%any())
     call cell_stress(s%dem_data_type, sigma, stiffness)
-    call test%check_close('one stress', maxval(abs(sigma - stress_of(s%dem_data_type, &
-                          cell_volume(s%cell)))/maxval(abs(sigma))), 0.0_wp, 1.0e-14_wp)
+    call test%check_all_close('one stress', sigma, stress_of(s%dem_data_type, &
+                              cell_volume(s%cell)), 1.0e-14_wp*max_abs(sigma))
     do k = 1, 3
       call test%check_close('forces cancel', sum(s%grains%force(k, :)) &
-                            /maxval(abs(s%grains%force)), 0.0_wp, 1.0e-12_wp)
+                            /max_abs(s%grains%force), 0.0_wp, 1.0e-12_wp)
     end do
     call check_regions(s, list)
   end subroutine check_pairs

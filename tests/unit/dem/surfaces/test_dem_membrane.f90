@@ -3,7 +3,7 @@
 program test_dem_membrane
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
-  use talus_test, only: test_type
+  use talus_test, only: larger, test_type
   use talus_vectors, only: cross
   use dem_figure, only: figure_type
   use dem_integrate, only: motion_type, work_count
@@ -148,7 +148,7 @@ contains
       if (index == 0) cycle
       touched = touched + 1
       if (.not. bump > 0.0_wp) most = max(most, abs(index - 1))
-      balance = max(balance, norm2(force + sum(corner, 2))/norm2(force))
+      balance = larger(balance, norm2(force + sum(corner, 2))/norm2(force))
       v = maxloc(sum(abs(corner), 1), 1)
       do a = 1, 3
         do side = 1, 2
@@ -156,13 +156,13 @@ contains
           y(a) = y(a) + (2*side - 3)*step
           call look(s, y, shape, u(side), none, some, index)
         end do
-        worst(1) = max(worst(1), abs((u(2) - u(1))/(2.0_wp*step) + force(a))/norm2(force))
+        worst(1) = larger(worst(1), abs((u(2) - u(1))/(2.0_wp*step) + force(a))/norm2(force))
         do side = 1, 2
           s%x(a, v) = s%x(a, v) + (2*side - 3)*step
           call look(s, x, shape, u(side), none, some, index)
           s%x(a, v) = s%x(a, v) - (2*side - 3)*step
         end do
-        worst(2) = max(worst(2), abs((u(2) - u(1))/(2.0_wp*step) + corner(a, v))/norm2(force))
+        worst(2) = larger(worst(2), abs((u(2) - u(1))/(2.0_wp*step) + corner(a, v))/norm2(force))
       end do
     end do
     call test%check(name//': touched', touched > 40)
@@ -192,7 +192,7 @@ contains
         call look(s, y, shape, u, force, corner, index, many)
         if (k == 0) first = u
         if (k > 0) work = work - 0.5_wp*dot_product(force + last, y - x)
-        largest = max(largest, u)
+        largest = larger(largest, u)
         fewest = min(fewest, many)
         most = max(most, many)
         x = y
@@ -322,7 +322,7 @@ contains
           u(side) = part(3)
           s%x(a, k) = s%x(a, k) - (2*side - 3)*step
         end do
-        worst = max(worst, abs((u(2) - u(1))/(2.0_wp*step) + s%membranes%pull(a, k)))
+        worst = larger(worst, abs((u(2) - u(1))/(2.0_wp*step) + s%membranes%pull(a, k)))
       end do
     end do
     call test%check_close('pull of the stretch', worst, 0.0_wp, 1.0e-8_wp)

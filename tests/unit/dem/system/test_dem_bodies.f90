@@ -3,7 +3,7 @@ program test_dem_bodies
   use omp_lib, only: omp_set_num_threads
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use talus_test, only: test_type
+  use talus_test, only: larger, test_type
   use dem_state, only: law_hertz_mindlin, kind_free, kind_fixed
   use dem_law, only: make_law
   use dem_make, only: make_grains
@@ -184,7 +184,7 @@ contains
     do k = 1, 100000
       phi = 2.0e-5_wp*pi*k
       d = [cos(phi), sin(phi), 0.0_wp]
-      best = max(best, -4.0_wp*d(2) + sqrt(a(1)*d(1)**2 + a(2)*d(2)**2))
+      best = larger(best, -4.0_wp*d(2) + sqrt(a(1)*d(1)**2 + a(2)*d(2)**2))
     end do
     call test%check_close('where the reach is greatest', gap(1), 7.0_wp - best, 1.0e-8_wp)
     grain%a = ball

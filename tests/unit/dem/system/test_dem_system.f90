@@ -4,7 +4,7 @@ program test_dem_system
   use omp_lib, only: omp_set_num_threads
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use talus_test, only: test_type
+  use talus_test, only: larger, max_abs, test_type
   use dem_state, only: law_hertz_mindlin, kind_free, kind_fixed, kind_driven, kind_ghost, &
     mode_relaxation
   use dem_law, only: make_law
@@ -170,8 +170,8 @@ contains
     end do
     call test%check('parts: the same bits', same)
     call test%check('ghosts are pushed, and by ghosts', &
-                    maxval(abs(sliced%parts%of_free)) > 0.0_wp .and. &
-                    maxval(abs(sliced%parts%of_ghosts)) > 0.0_wp)
+                    max_abs(sliced%parts%of_free) > 0.0_wp .and. &
+                    max_abs(sliced%parts%of_ghosts) > 0.0_wp)
     call at_once%refresh_ledger()
     call sliced%refresh_ledger()
     associate (a => at_once%ledger, b => sliced%ledger)
@@ -338,8 +338,8 @@ contains
     weight = sum(s%grains%mass, mask=s%grains%kind == kind_free)*s%par%gravity
     before = before + 700*s%par%dt*weight - sum(s%grains%impulse, dim=2) - sum(s%planes%impulse, &
                                                   dim=2)
-    call test%check_close('momentum follows the impulses', &
-                          maxval(abs(momentum_of(s%dem_data_type) - before)), 0.0_wp, 1.0e-14_wp)
+    call test%check_all_close('momentum follows the impulses', &
+                          momentum_of(s%dem_data_type), before, 1.0e-14_wp)
     call s%find([7_i8], index, errors)
     call test%check('unknown id is a fault', errors%any())
   end subroutine check_prescribed
@@ -358,12 +358,11 @@ contains
       call split%forces()
       call split%kick_drift(0.5_wp*s%par%dt, 0.0_wp)
     end do
-    scale = maxval(abs(s%grains%v))
-    call test%check_close('split verbs: positions', maxval(abs(s%grains%x - split%grains%x)), &
-                          0.0_wp, &
+    scale = max_abs(s%grains%v)
+    call test%check_all_close('split verbs: positions', s%grains%x, split%grains%x, &
                           1.0e-10_wp)
     call test%check_close('split verbs: velocities', &
-                          maxval(abs(s%grains%v - split%grains%v))/scale, &
+                          max_abs(s%grains%v - split%grains%v)/scale, &
                           0.0_wp, 1.0e-6_wp)
     call split%forces()
     call split%refresh_ledger()
@@ -403,7 +402,7 @@ contains
     do i = 1, s%grains%n
       if (s%grains%kind(i) /= kind_free) cycle
       step = s%par%dt**2/(2.0_wp*10.0_wp*s%grains%mass(i))
-      worst = max(worst, maxval(abs(s%grains%x(:, i) - x(:, i) - step*force(:, i))))
+      worst = larger(worst, max_abs(s%grains%x(:, i) - x(:, i) - step*force(:, i)))
     end do
     call test%check_close('fully damped step', worst, 0.0_wp, 1.0e-17_wp)
     call test%check('unscaled limit is below the scaled one', s%step_limit() > 0.0_wp &
@@ -431,8 +430,8 @@ contains
       if (list%ids(1, k) == 40_i8) force = force - list%force(:, k)
       if (list%ids(2, k) == 40_i8) force = force + list%force(:, k)
     end do
-    call test%check_close('forces of a grain add up', &
-                          maxval(abs(force - s%grains%force(:, index(1)))), 0.0_wp, 1.0e-12_wp)
+    call test%check_all_close('forces of a grain add up', &
+                          force, s%grains%force(:, index(1)), 1.0e-12_wp)
     k = maxloc(list%overlap, dim=1, mask=list%ids(1, :) > 0)
     force = list%force(:, k)
     call s%set_weights(reshape([list%ids(2, k), list%ids(1, k), 900_i8, 901_i8], [2, 2]), &

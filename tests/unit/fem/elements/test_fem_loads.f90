@@ -1,7 +1,7 @@
 !> Tractions, pressures, couples, springs and point positions on facets of every kind.
 program test_fem_loads
   use talus_kinds, only: wp, i4
-  use talus_test, only: test_type
+  use talus_test, only: max_abs, test_type
   use fem_facets, only: facet_point, locate_on_facet
   use fem_kinds, only: solid_kinds, most_facet_nodes, kind_name, node_count, corner_count, &
     face_count, face_kind, face_nodes, reference_nodes, quad4, quad8, quad9, tri3, tri6, hex20, &
@@ -77,7 +77,7 @@ contains
     allocate (force(3, mesh%nodes), source=0.0_wp)
     call pressure_force(mesh, mesh%group(1), 2.5_wp, force)
     call test%check(kind_name(kind)//': pressure has no resultant', &
-                    maxval(abs(sum(force, dim=2))) < 1.0e-13_wp)
+                    max_abs(sum(force, dim=2)) < 1.0e-13_wp)
     call test%check_close(kind_name(kind)//': work of pressure', sum(force*mesh%x), &
                           -7.5_wp*volume(mesh), 1.0e-13_wp*abs(volume(mesh))*100.0_wp)
     moment = force(:, :)
@@ -94,7 +94,7 @@ contains
     force = 0.0_wp
     call traction_force(mesh, mesh%group(1), [3.0_wp, -1.0_wp, 2.0_wp], force)
     call test%check(kind_name(kind)//': resultant of a traction', &
-                    maxval(abs(sum(force, dim=2) - area*[3.0_wp, -1.0_wp, 2.0_wp])) < 1.0e-12_wp)
+                    max_abs(sum(force, dim=2) - area*[3.0_wp, -1.0_wp, 2.0_wp]) < 1.0e-12_wp)
     call facet_springs(mesh, mesh%group(1), 5.0_wp, 5.0_wp, springs)
     normal = 0.0_wp
     do s = 1, springs%n
@@ -102,7 +102,7 @@ contains
       normal = normal + matmul(springs%stiffness(:, :, s), moved)
     end do
     call test%check(kind_name(kind)//': resultant of springs', &
-                    maxval(abs(normal - 5.0_wp*area*[1.0_wp, 2.0_wp, 3.0_wp])) < 1.0e-11_wp)
+                    max_abs(normal - 5.0_wp*area*[1.0_wp, 2.0_wp, 3.0_wp]) < 1.0e-11_wp)
   end subroutine check_surface
 
   !> Known shares of a uniform pressure on flat facets: quad8 -1/12 and 1/3, quad9 1/36, 1/9 and
@@ -154,7 +154,7 @@ contains
       call facet_point(facets(k), x(:, :m), [0.35_wp, 0.2_wp], n(:m), area)
       call locate_on_facet(facets(k), x(:, :m), matmul(x(:, :m), n(:m)), xi, off)
       call test%check(kind_name(facets(k))//': located', &
-                      maxval(abs(xi - [0.35_wp, 0.2_wp])) < 1.0e-12_wp .and. off < 1.0e-12_wp)
+                      max_abs(xi - [0.35_wp, 0.2_wp]) < 1.0e-12_wp .and. off < 1.0e-12_wp)
       call locate_on_facet(facets(k), x(:, :m), [9.0_wp, 0.0_wp, 0.0_wp], xi, off)
       call test%check(kind_name(facets(k))//': off the facet', off > 1.0_wp)
     end do

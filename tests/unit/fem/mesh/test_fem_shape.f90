@@ -2,7 +2,7 @@
 !! differences, completeness, outward faces, rules exact for all monomials of their degree.
 program test_fem_shape
   use talus_kinds, only: wp, i4
-  use talus_test, only: test_type
+  use talus_test, only: larger, max_abs, test_type
   use fem_shape, only: shape_functions, kinds, solid_kinds, node_count, corner_count, corner_kind, &
     kind_name, kind_of_name, dimension_of, face_count, face_kind, face_nodes, edge_count, &
     edge_nodes, reference_nodes, is_quadratic, most_nodes, most_facet_nodes, &
@@ -43,7 +43,7 @@ contains
     call shape_functions(kind, xi, n, dn)
     call test%check_close(kind_name(kind)//': partition of unity', sum(n), 1.0_wp, 1.0e-14_wp)
     call test%check(kind_name(kind)//': derivatives of unity', &
-                    maxval(abs(sum(dn, dim=2))) < 1.0e-14_wp)
+                    max_abs(sum(dn, dim=2)) < 1.0e-14_wp)
     do i = 1, size(xi)
       p(:size(xi)) = xi
       p(i) = xi(i) + h
@@ -52,14 +52,14 @@ contains
       call shape_functions(kind, p(:size(xi)), minus, other)
       ! at most cubic along a line: the error of the central difference is h^2 times its coefficient
       call test%check(kind_name(kind)//': derivatives by differences', &
-                      maxval(abs((plus - minus)/(2.0_wp*h) - dn(i, :))) < 1.0e-8_wp)
+                      max_abs((plus - minus)/(2.0_wp*h) - dn(i, :)) < 1.0e-8_wp)
     end do
     node = reference_nodes(kind)
     do a = 1, node_count(kind)
       call shape_functions(kind, node(:, a), n, dn)
       n(a) = n(a) - 1.0_wp
       call test%check(kind_name(kind)//': one at its node, zero at others', &
-                      maxval(abs(n)) < 1.0e-14_wp)
+                      max_abs(n) < 1.0e-14_wp)
     end do
   end subroutine check_functions
 
@@ -90,7 +90,7 @@ contains
     call test%check_close(kind_name(kind)//': complete field', sum(n*value), &
                           1.5_wp + sum(slope*xi) + sum(xi*matmul(bend, xi)), 1.0e-14_wp)
     call test%check(kind_name(kind)//': its gradient', &
-                    maxval(abs(matmul(dn, value) - gradient)) < 1.0e-14_wp)
+                    max_abs(matmul(dn, value) - gradient) < 1.0e-14_wp)
   end subroutine check_completeness
 
   !> All monomials up to the degree of the rule, against their exact integrals.
@@ -110,7 +110,7 @@ contains
         do j = 0, degree - k
           do i = 0, degree - k - j
             value = sum(weights*points(1, :)**i*points(2, :)**j*points(d, :)**k)
-            worst = max(worst, abs(value - exact(kind, [i, j, k])))
+            worst = larger(worst, abs(value - exact(kind, [i, j, k])))
           end do
         end do
       end do
@@ -121,7 +121,7 @@ contains
     call test%check_close(kind_name(kind)//': volume', sum(rule%weight), exact(kind, [0, 0, 0]), &
                           1.0e-14_wp)
     call test%check(kind_name(kind)//': tables', &
-                    maxval(abs(sum(rule%n, dim=1) - 1.0_wp)) < 1.0e-14_wp &
+                    max_abs(sum(rule%n, dim=1) - 1.0_wp) < 1.0e-14_wp &
                     .and. mass_degree(kind) >= full_degree(kind))
   end subroutine check_rules
 
@@ -160,8 +160,8 @@ contains
                       all(ends(:2) <= corner_count(kind)))
       if (size(ends) == 3) &
         call test%check(kind_name(kind)//': middle of an edge', &
-                        maxval(abs(node(:, ends(3)) - 0.5_wp*(node(:, ends(1)) &
-                        + node(:, ends(2))))) < 1.0e-14_wp)
+                        max_abs(node(:, ends(3)) - 0.5_wp*(node(:, ends(1)) &
+                        + node(:, ends(2)))) < 1.0e-14_wp)
     end do
   end subroutine check_edges
 
@@ -195,7 +195,7 @@ contains
         volume = volume + weights(q)*dot_product(x, area)/3.0_wp
       end do
     end do
-    call test%check(kind_name(kind)//': surface closed', maxval(abs(total)) < 1.0e-14_wp)
+    call test%check(kind_name(kind)//': surface closed', max_abs(total) < 1.0e-14_wp)
     call test%check_close(kind_name(kind)//': volume inside the faces', volume, &
                           exact(kind, [0, 0, 0]), 1.0e-14_wp)
   end subroutine check_faces

@@ -3,7 +3,7 @@
 program test_fem_mm_body
   use, intrinsic :: omp_lib, only: omp_set_num_threads
   use talus_kinds, only: wp, i4
-  use talus_test, only: test_type
+  use talus_test, only: max_abs, test_type
   use fem_body, only: fem_body_type
   use fem_dofs, only: number_fields
   use fem_elastic, only: micromorphic
@@ -170,7 +170,7 @@ contains
     call body%matter%update(body%mesh, body%dofs, body%elastic, u - step*way, u - step*way, low, &
                             bad)
     high = (high - low)/(2.0_wp*step)
-    call test%check_close(name//': tangent', maxval(abs(high - product))/maxval(abs(product)), &
+    call test%check_close(name//': tangent', max_abs(high - product)/max_abs(product), &
                           0.0_wp, 1.0e-6_wp)
   end subroutine check_tangent
 
@@ -217,11 +217,11 @@ contains
       call test%check('start: it can be', len(fault) == 0)
       call update_point(law, [none, none], state, point)
       spatial = pushed(none, point%stress)
-      call test%check_close('start: Cauchy stress', maxval(abs(spatial%sigma - tensor)), 0.0_wp, &
+      call test%check_all_close('start: Cauchy stress', spatial%sigma, tensor, &
                             1.0e-12_wp)
-      call test%check_close('start: micro-stress', maxval(abs(spatial%s - tensor)), 0.0_wp, &
+      call test%check_all_close('start: micro-stress', spatial%s, tensor, &
                             1.0e-12_wp)
-      call test%check_close('start: micro-force', maxval(abs(point%force%q)), 0.0_wp, 1.0e-12_wp)
+      call test%check_all_close('start: micro-force', point%force%q, 0.0_wp, 1.0e-12_wp)
     end do
     law = solid(.true.)
     call start_state(law, -wanted, state, fault)
@@ -287,7 +287,7 @@ contains
       end do
     end do
     call spring_force(springs, 0.0_wp*u, u, force)
-    call test%check_close('ties: nothing where chi = F', maxval(abs(force)), 0.0_wp, 1.0e-13_wp)
+    call test%check_all_close('ties: nothing where chi = F', force, 0.0_wp, 1.0e-13_wp)
     u(2, body%dofs%phi + 2) = u(2, body%dofs%phi + 2) + 0.5_wp
     call spring_force(springs, 0.0_wp*u, u, force)
     area = 1.0_wp

@@ -449,11 +449,11 @@ contains
     call reply%get('b.force', force, errors)
     call test%check_close('below it down', sum(force(3, :)), -pressed, 1.0e-11_wp)
     call reply%get('r.force', force, errors)
-    call test%check_close('far from the interface', maxval(abs(force)), 0.0_wp, 0.0_wp)
+    call test%check_all_close('far from the interface', force, 0.0_wp, 0.0_wp)
     call ask_force('all', -0.05_wp)
     call expect('FORCE, all', '')
     call reply%get('b.force', force, errors)
-    call test%check_close('all in balance', maxval(abs(force)), 0.0_wp, 1.0e-11_wp)
+    call test%check_all_close('all in balance', force, 0.0_wp, 1.0e-11_wp)
     call ask_force('all', -0.1_wp)
     call expect('FORCE with the top moved', '')
     call reply%get('top.force', force, errors)
@@ -556,8 +556,8 @@ contains
       phi(:, 3*k - 2:3*k) = r
     end do
     call ask_column(u, phi, force, couple)
-    call test%check_close('a rigid turn: forces', maxval(abs(force)), 0.0_wp, 1.0e-11_wp)
-    call test%check_close('a rigid turn: couples', maxval(abs(couple)), 0.0_wp, 1.0e-11_wp)
+    call test%check_all_close('a rigid turn: forces', force, 0.0_wp, 1.0e-11_wp)
+    call test%check_all_close('a rigid turn: couples', couple, 0.0_wp, 1.0e-11_wp)
     phi = 0.0_wp
     phi(2, 1::3) = 1.0e-6_wp  ! chi_21, against an F that is 1
     call ask_column(0.0_wp*u, phi, force, couple)
