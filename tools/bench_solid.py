@@ -18,6 +18,8 @@ from pathlib import Path
 
 import bench_calculix as calculix
 
+from talus.compare import difference as apart
+from talus.compare import extent
 from talus.verification import launcher
 
 CONSTANTS = (210.0e9, 0.3, 7800.0)  # E [Pa], nu, density [kg/m3]
@@ -167,7 +169,7 @@ def difference(found: list[float], wanted: tuple[float, ...] | None) -> float | 
     """Return the largest difference, relative to the largest component."""
     if wanted is None:
         return None
-    return max(abs(a - b) for a, b in zip(found, wanted, strict=True)) / max(map(abs, wanted))
+    return apart(found, wanted) / extent(wanted)
 
 
 class Bench:

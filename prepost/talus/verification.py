@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 
 from talus import mesh as meshes
+from talus.compare import difference, extent, max_of
 from talus.packing import make_packing, write_h5
 
 
@@ -59,19 +60,26 @@ def read_history(path: Path) -> dict[str, np.ndarray]:
 def history_difference(one: Path, other: Path) -> float:
     """Return the largest difference of two histories over the largest value of the same unit.
 
-    Plain numbers count by their difference where all are below 1.
+    Plain numbers count by their difference where all are below 1. Heads, shapes or places of NaN
+    that differ count as infinite.
     """
-    with Path(one).open() as file:
-        heads = next(csv.reader(file))
+    heads, others = (heads_of(path) for path in (one, other))
     a, b = (np.genfromtxt(path, delimiter=",", skip_header=1, ndmin=2) for path in (one, other))
-    if a.shape != b.shape:
+    if heads != others or difference(a, b) == np.inf:
         return np.inf
     units = np.array([head.partition("[")[2].rstrip("]") for head in heads])
     found = 0.0
     for unit in set(units):
-        scale = np.abs(a[:, units == unit]).max(initial=1.0 if unit == "-" else 1e-300)
-        found = max(found, float(np.abs(a - b)[:, units == unit].max(initial=0.0) / scale))
+        part = units == unit
+        scale = max_of(extent(a[:, part]), 1.0 if unit == "-" else 1e-300)
+        found = max_of(found, difference(a[:, part], b[:, part]) / scale)
     return found
+
+
+def heads_of(path: Path) -> list[str]:
+    """Return the heads of the columns of a CSV file."""
+    with Path(path).open() as file:
+        return next(csv.reader(file))
 
 
 @dataclass
@@ -170,25 +178,25 @@ class Case:
         self, name: str, value: float, expected: float, limit: float, note: str = ""
     ) -> None:
         """Judge |value - expected| <= limit."""
-        good = bool(np.isfinite(value)) and abs(value - expected) <= limit
+        good = abs(value - expected) <= limit
         self.judge(name, value, expected, limit, good, note)
 
     def below(self, name: str, value: float, limit: float, note: str = "") -> None:
         """Judge value <= limit."""
-        self.judge(name, value, None, limit, bool(value <= limit), note)
+        self.judge(name, value, None, limit, value <= limit, note)
 
     def above(self, name: str, value: float, limit: float, note: str = "") -> None:
         """Judge value >= limit."""
-        self.judge(name, value, None, limit, bool(value >= limit), note)
+        self.judge(name, value, None, limit, value >= limit, note)
 
     def judge(
         self, name: str, value: float, expected: float | None, limit: float, good: bool, note: str
     ) -> None:
-        """Keep one judgement."""
+        """Keep one judgement; a value that is no finite number fails."""
         finite = float(value) if np.isfinite(value) else None
         wanted = None if expected is None else float(expected)
         entry = {"metric": name, "value": finite, "expected": wanted, "limit": float(limit)}
-        self.metrics.append(entry | {"pass": bool(good), "note": note})
+        self.metrics.append(entry | {"pass": finite is not None and bool(good), "note": note})
 
     def same_histories(self, title: str, kept: dict[str, str], rounding: float) -> None:
         """Judge histories against their text of before: every row the same, digit by digit.
@@ -205,7 +213,7 @@ class Case:
         off = 0.0
         for name, text in kept.items():
             (self.folder / "kept.csv").write_text(text)
-            off = max(off, history_difference(self.folder / "kept.csv", self.folder / name))
+            off = max_of(off, history_difference(self.folder / "kept.csv", self.folder / name))
         self.below(f"{title}, largest difference on ranks", off, rounding)
 
     def figure(self, **options: object) -> tuple:

@@ -10,6 +10,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from talus.compare import max_of
+
 FREE, GHOST = 1, 2
 HAT, TILDE, BAR = 1, 2, 3
 GAUSS = 1.0 / np.sqrt(3.0)
@@ -271,9 +273,9 @@ class Overlap:
             mean = np.linalg.norm(force, axis=1).mean()
             q, d = self.pull_back(load, nodes)
             moment = mean * self.d_max
-            worst["F"] = max(worst["F"], np.linalg.norm(q[:, :3], axis=1).max() / mean)
-            worst["M"] = max(worst["M"], np.linalg.norm(q[:, 3:], axis=1).max() / moment)
-            worst["D"] = max(worst["D"], np.linalg.norm(d[:, :3], axis=1).max() / mean)
+            worst["F"] = max_of(worst["F"], np.linalg.norm(q[:, :3], axis=1).max() / mean)
+            worst["M"] = max_of(worst["M"], np.linalg.norm(q[:, 3:], axis=1).max() / moment)
+            worst["D"] = max_of(worst["D"], np.linalg.norm(d[:, :3], axis=1).max() / mean)
         return worst
 
     def stress(self, force: np.ndarray, sigma: np.ndarray) -> np.ndarray:

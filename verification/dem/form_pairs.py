@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from talus.compare import max_of
 from talus.forms import centres
 from talus.generate import random_quaternions
 from talus.measure import rotations
@@ -157,9 +158,9 @@ def judge(case: Case, batches: int, size: int, seed: int) -> None:
         missed += int(np.isnan(error).sum())
         deeper += int((error >= 1e-9).sum())
         other += int((error <= -1e-9).sum())
-        worst = max(worst, float(np.abs(error[same]).max()))
+        worst = max_of(worst, float(np.abs(error[same]).max()))
         own = np.where((pairs.normal * normal).sum(axis=1, keepdims=True) < 0.0, -normal, normal)
-        turned = max(turned, float(np.abs(own - pairs.normal)[same].max()))
+        turned = max_of(turned, float(np.abs(own - pairs.normal)[same].max()))
         if len(drawn) < 1:
             drawn.append((pairs, error, same))
     case.above("pairs looked at", total, 0.8 * batches * size)

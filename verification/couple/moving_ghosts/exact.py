@@ -4,6 +4,7 @@ import numpy as np
 from bed import write_bed
 from coupled import audit_of, write_deck
 
+from talus.compare import max_of
 from talus.verification import Case, read_history
 
 TURNS = ", rotation = 'curl', spread = 4.0e-3"
@@ -40,7 +41,7 @@ def run(case: Case) -> None:
         energy = read_history(case.folder / f"{name}_grains_energy.csv")
         case.below(f"{name}: ledger of the grains", np.abs(energy["relative_closure"]).max(), 5e-4)
         solid = read_history(case.folder / f"{name}_solid_energy.csv")
-        most = max(
+        most = max_of(
             np.abs(solid[k]).max() for k in ("strain", "kinetic", "load", "gravity", "support")
         )
         case.below(f"{name}: ledger of the solid", np.abs(solid["closure"]).max() / most, 1e-11)

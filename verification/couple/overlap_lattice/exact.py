@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 from overlap_cell import BAR, HAT, TILDE, Overlap, Pack, find_contacts
 
+from talus.compare import max_of
 from talus.mesh import box, write_mesh
 from talus.verification import Case, write_packing
 
@@ -111,9 +112,10 @@ def run(case: Case) -> None:
     log = (case.folder / "auto_coupled.log").read_text()
     line = next(text for text in log.splitlines() if "energy shared by" in text)
     case.above("auto takes the fit", float(line.split()[3] == "fit"), 1.0)
-    case.below("auto: largest of F, M, D", max(table["auto"].values()), 1e-12, "apart from Talus")
-    case.above("ramp: largest of F, D", max(table["ramp"].values()), 0.1)
-    case.above("twice: largest of F, D", max(table["twice"].values()), 10.0)
+    worst = max_of(table["auto"].values())
+    case.below("auto: largest of F, M, D", worst, 1e-12, "apart from Talus")
+    case.above("ramp: largest of F, D", max_of(table["ramp"].values()), 0.1)
+    case.above("twice: largest of F, D", max_of(table["twice"].values()), 10.0)
     moved = float(log.split("ghosts moved by")[1].split()[0])
     case.below("ghosts moved / diameter", moved / DIAMETER, 1e-12)
     moved, overlap = turned_ellipsoids(case)

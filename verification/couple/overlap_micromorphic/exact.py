@@ -5,6 +5,7 @@ import numpy as np
 from coupled import audit_of, fields_that_differ
 from overlap_cell import lattice
 
+from talus.compare import max_of
 from talus.mesh import box, write_mesh
 from talus.verification import Case, field_steps, write_packing
 
@@ -194,9 +195,9 @@ def rigid_rotation(case: Case) -> tuple[np.ndarray, np.ndarray]:
     couple = np.abs(solid[-1].solid["couple_stress"]).max() / (0.5 * COUPLE / middle)
     case.below("turning: couple stress / (tau_7/half width)", couple, limit, "of the stretch alone")
     spin = np.abs([audit[f"angular_momentum_{c}"] for c in "xyz"])
-    drift = max(np.ptp(audit[f"angular_momentum_{c}"]) for c in "xyz") / spin.max()
+    drift = max_of(np.ptp(audit[f"angular_momentum_{c}"]) for c in "xyz") / spin.max()
     case.below("turning: angular momentum", drift, 1e-12, "of its size")
-    drift = max(np.ptp(audit[f"momentum_{c}"]) for c in "xyz")
+    drift = max_of(np.ptp(audit[f"momentum_{c}"]) for c in "xyz")
     case.below("turning: momentum", drift / (spin.max() / (WIDE * 3 * D)), 1e-12)
     works = np.abs(audit["interface_work_given"] - audit["interface_work_taken"]).max()
     case.below("turning: works of both sides", works / audit["total_energy"][0], 1e-12)

@@ -14,6 +14,7 @@ from overlap_cell import (
     volume_share,
 )
 
+from talus.compare import max_of
 from talus.verification import Case
 
 SHIFT = np.array([0.31, 0.23, 0.17])
@@ -41,7 +42,7 @@ def total_moment(ov: Overlap) -> float:
         force, sigma = ov.inner(*still, turn)[2:]
         found = np.einsum("klm,kl->m", AXIAL, ov.stress(force, sigma))[k]
         exact = (ov.moduli @ np.einsum("lkm,m->kl", AXIAL, turn).ravel()).reshape(3, 3)
-        worst = max(worst, abs(found / np.einsum("klm,kl->m", AXIAL, exact)[k] - 1.0))
+        worst = max_of(worst, abs(found / np.einsum("klm,kl->m", AXIAL, exact)[k] - 1.0))
     return worst
 
 
@@ -66,7 +67,7 @@ def judge_fit(case: Case, name: str, ov: Overlap) -> dict[str, dict[str, float]]
     ov.weigh(case, "auto")
     found["ramp and joint fit"] = rest = ov.residual()
     tight = name != "fcc box, classical"  # there so many weights lie on bounds that 1e-9 must do
-    case.below(f"{name}: largest of F, M, D", max(rest.values()), 1e-12 if tight else 1e-9,
+    case.below(f"{name}: largest of F, M, D", max_of(rest.values()), 1e-12 if tight else 1e-9,
                "mean contact force")  # fmt: skip
     exact = ov.pack.moduli()
     exact = np.array([six((exact @ e.ravel()).reshape(3, 3)) for e in strain_states()]).T
@@ -74,10 +75,10 @@ def judge_fit(case: Case, name: str, ov: Overlap) -> dict[str, dict[str, float]]
     case.below(f"{name}: 36 moduli against grains alone", float(error), 1e-9)
     if ov.polar:
         case.below(f"{name}: total moment of a relative rotation", total_moment(ov), 1e-12)
-    outside = max(-ov.w.min(), ov.w.max() - 1.0, -ov.beta.min(), ov.beta.max() - 1.0)
+    outside = max_of(-ov.w.min(), ov.w.max() - 1.0, -ov.beta.min(), ov.beta.max() - 1.0)
     touch = (ov.kind[ov.pair] == FREE).any(1)
     moved = np.abs(ov.w[touch] - 1.0).max() + ov.beta[ov.of_element[ov.element] == HAT].max()
-    case.below(f"{name}: weights out of bounds", float(max(outside, moved)), 0.0)
+    case.below(f"{name}: weights out of bounds", float(max_of(outside, moved)), 0.0)
     return found
 
 
@@ -151,7 +152,7 @@ def judge_chain(case: Case) -> None:
         # contacts of ghosts skipped, elements 1 - 1/n: w and beta have profiles of their own
         both = Profile(step, share)
         found = chain(case, n, 1, both)
-        case.below(f"chain, n = {n}: element 1 - 1/n, ghosts skipped", max(found), 1e-12)
+        case.below(f"chain, n = {n}: element 1 - 1/n, ghosts skipped", max_of(found), 1e-12)
     found = chain(case, 4, 1, Profile(lambda s: 1.0 + 0.0 * s, lambda s: np.where(s > 0, 0.0, 1.0)))
     case.metric("chain, n = 4: counted twice, nodes", found[1], 1.0, 1e-12)
     found = chain(case, 4, 1, lambda s: np.where(s > 0.0, 0.5, 1.0))
@@ -182,7 +183,7 @@ def draw(case: Case, table: dict) -> None:
     names = [name for name in table if "classical" not in name]
     fig, ax = case.figure()
     for mark, name in zip("osD^", names, strict=True):
-        values = [max(table[name][label][k] for k in "FM") for label in labels]
+        values = [max_of(table[name][label][k] for k in "FM") for label in labels]
         ax.semilogy(range(len(labels)), values, mark, label=name)
     ax.axhline(1e-12, color="k", lw=0.8)
     ax.set(xlabel="weights [-]", ylabel="largest residual on free grains / contact force [-]")

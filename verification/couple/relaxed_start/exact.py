@@ -5,6 +5,7 @@ import re
 import numpy as np
 from coupled import audit_of, write_box, write_deck
 
+from talus.compare import max_of
 from talus.mesh import read_mesh
 from talus.verification import Case, field_steps, read_history, write_packing
 
@@ -109,7 +110,7 @@ def judge_start(case: Case, name: str, before: float, start: float) -> None:
     reaction = read_history(case.folder / f"{name}_grains_energy.csv")
     case.below(f"{name}: ledger of the grains", np.abs(reaction["relative_closure"]).max(), 1e-3)
     solid = read_history(case.folder / f"{name}_solid_energy.csv")
-    most = max(np.abs(solid[k]).max() for k in ("strain", "load", "spring"))
+    most = max_of(np.abs(solid[k]).max() for k in ("strain", "load", "spring"))
     case.below(f"{name}: ledger of the solid", np.abs(solid["closure"]).max() / most, 1e-9)
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from talus.compare import max_of
 from talus.verification import Case, read_history, write_packing
 
 RADIUS, YOUNG, POISSON, CELLS = 1.0e-3, 29.0e9, 0.25, 6
@@ -44,7 +45,7 @@ def measure(case: Case, name: str, overlap: float) -> dict[str, float]:
     rows = {k: v[0] for k, v in read_history(folder / "deck_measure_cells.csv").items()}
     full = read_history(folder / "deck_moduli_cells.csv")
     rows["C"] = np.array([[full[f"C_{a}_{b}"][0] for b in NINE] for a in NINE])
-    rows["D"] = max(abs(full[f"D_{a}_{b}"][0]) for a in NINE for b in NINE)
+    rows["D"] = max_of(abs(full[f"D_{a}_{b}"][0]) for a in NINE for b in NINE)
     micro = read_history(folder / "deck_micromorphic_cells.csv")
     rows["micro"] = {k: float(v[0]) for k, v in micro.items()}
     modulus = 0.5 * YOUNG / (1.0 - POISSON**2)
@@ -75,7 +76,7 @@ def micromorphic(case: Case, first: dict) -> None:
     series = 1.0 / (1.0 / first["affine_shear"] + 1.0 / grain)
     case.metric("G with free micro-deformation / contacts and grains in series", free / series,
                 1.0, 1e-6)  # fmt: skip
-    taus = max(abs(m[f"tau_{k}"]) for k in range(1, 12)) / (first["affine_bulk"] * RADIUS**2)
+    taus = max_of(abs(m[f"tau_{k}"]) for k in range(1, 12)) / (first["affine_bulk"] * RADIUS**2)
     case.below("gradient moduli / (K R^2)", taus, 1e-8, "contacts in the middle of the branch")
 
 

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 
+from talus.compare import max_of
 from talus.generate import cloud
 from talus.packing import Packing, make_packing, read_packing, write_h5
 from talus.verification import Case, field_steps, read_history
@@ -52,7 +53,7 @@ def run(case: Case) -> None:
         ratio = np.mean([c["mean"] for c in own]) / np.mean(expected)
         case.metric(f"mean force / wedge{name}", float(ratio), 1.0, 0.25,
                     "scatter of beds, and a rigid wedge for a soil that yields before")  # fmt: skip
-    worst = max(c["closure"] for c in (*cuts, *shallow))
+    worst = max_of(c["closure"] for c in (*cuts, *shallow))
     case.below("largest relative closure of the ledger", worst, 1e-4)
     case.metric("75 N of the textbook", textbook(), 75.0, 0.5)
     draw(case, cuts, (peak, critical))

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from talus.compare import max_of
 from talus.generate import cloud, lattice
 from talus.packing import FIXED, FREE, Packing, make_packing, read_packing, write_h5
 from talus.verification import Case, field_steps, read_history
@@ -117,8 +118,8 @@ def judge(case: Case, found: list[dict]) -> None:
     case.metric("run-out of the slender over the wide column", twice[1] / twice[0], 1.0, 0.25)
     case.below("grains lost", float(sum(item["lost"] for item in found)), 0.0)
     case.below("kinetic energy at the end / work of gravity",
-               max(item["unrest"] for item in found), 2e-3)  # fmt: skip
-    case.below("ledger, largest", max(item["closure"] for item in found), 1e-4)
+               max_of(item["unrest"] for item in found), 2e-3)  # fmt: skip
+    case.below("ledger, largest", max_of(item["closure"] for item in found), 1e-4)
 
 
 def power_law(items: list[dict], name: str) -> tuple[float, float]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from talus.compare import max_of, min_of
 from talus.generate import cloud, uniform_sizes
 from talus.packing import write_h5
 from talus.verification import Case, field_steps, read_history
@@ -137,8 +138,8 @@ def contact_sum_error(case: Case, name: str, rows: dict[str, np.ndarray]) -> flo
             continue
         told = np.array([rows[f"force_{axis}"][now].sum() for axis in "xyz"])
         own = step.contacts["force"][step.contacts["ids"][:, 0] == CONE_ID].sum(0)
-        worst = max(worst, float(np.abs(own + told).max()))
-        largest = max(largest, float(np.abs(told).max()))
+        worst = max_of(worst, float(np.abs(own + told).max()))
+        largest = max_of(largest, float(np.abs(told).max()))
     return worst / largest
 
 
@@ -196,13 +197,13 @@ def judge_run(case: Case, chambers: list[Chamber], found: list[dict]) -> None:
                 float(np.mean([test["lid_mean"] for test in found])), 1.0, 0.03)  # fmt: skip
     rigid = [test for test in found if not np.ptp(test["radius"]) > 0.0]
     case.above("radial stress on rigid sides / that of the start, least",
-               min(test["side_mean"] for test in rigid), 1.0)  # fmt: skip
+               min_of(test["side_mean"] for test in rigid), 1.0)  # fmt: skip
     case.below("vertical forces out of balance / force of the floor",
-               max(test["balance"] for test in found), 0.02)  # fmt: skip
+               max_of(test["balance"] for test in found), 0.02)  # fmt: skip
     case.below("force of the cone less sum of its contacts, relative",
-               max(test["sum_error"] for test in found), 1e-12)  # fmt: skip
-    case.below("ledger, pressing", max(chamber.closure for chamber in chambers), 1e-4)
-    case.below("ledger, penetration", max(test["closure"] for test in found), 1e-4)
+               max_of(test["sum_error"] for test in found), 1e-12)  # fmt: skip
+    case.below("ledger, pressing", max_of(chamber.closure for chamber in chambers), 1e-4)
+    case.below("ledger, penetration", max_of(test["closure"] for test in found), 1e-4)
 
 
 def draw(case: Case, chambers: list[Chamber], tests: dict) -> None:

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 
+from talus.compare import max_of
 from talus.drivers import direct_shear_angle, read_shear_box
 from talus.generate import cloud
 from talus.packing import write_h5
@@ -36,11 +37,11 @@ def run(case: Case) -> None:
     for seed, one in zip(FILLINGS, boxes, strict=True):
         case.metric(f"normal force / target, mean, {seed}", one["normal"], 1.0, 0.01)
         case.metric(f"force times way / work of the lower half, {seed}", one["way_work"], 1.0, 0.01)
-    error, balance = (max(one[k] for one in boxes) for k in ("work_error", "balance"))
+    error, balance = (max_of(one[k] for one in boxes) for k in ("work_error", "balance"))
     case.below("work of walls and surfaces less boundary work, relative", error, 1e-9)
     case.below("forces that are out of balance / normal force", balance, 0.03)
     tests = [*boxes, *(test for one in cells for test in one.values())]
-    closure = max(test["closure"] for test in tests)
+    closure = max_of(test["closure"] for test in tests)
     case.below("ledger, largest", closure, 1e-4)
     draw(case, boxes, cells, (own, plane, simple))
 

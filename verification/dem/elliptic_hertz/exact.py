@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from talus.compare import max_of
 from talus.verification import Case, field_steps, read_history, write_packing
 
 AXES = np.array([3.0e-3, 2.0e-3, 1.2e-3])
@@ -91,7 +92,7 @@ def poses(case: Case, ax: object) -> None:
         wanted = hertz(steep, flat)
         for name, under in (("plane", WALL), ("triangles", FLOOR)):
             found = force(case, f"{name}_{k}", "ellipse", [place], [q[1]], under)
-            worst[name] = max(worst[name], abs(found / wanted - 1))
+            worst[name] = max_of(worst[name], abs(found / wanted - 1))
         slim.append(steep / flat)
         ratios.append(wanted / force(case, f"circle_{k}", "circle", [place], [q[1]], WALL))
         n = rng.normal(size=3)
@@ -101,7 +102,7 @@ def poses(case: Case, ax: object) -> None:
         flat, steep = curvatures(first, second, n=n)
         places = [np.zeros(3), u - v - DEPTH * n]
         found = force(case, f"pair_{k}", "ellipse", places, list(q), "")
-        worst["pair"] = max(worst["pair"], abs(found / hertz(steep, flat) - 1))
+        worst["pair"] = max_of(worst["pair"], abs(found / hertz(steep, flat) - 1))
     for name, off in worst.items():
         case.below(f"{name}: largest error of the force", off, 1e-8)
     fine = np.linspace(1.0, 1.05 * max(slim), 60)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from talus.compare import max_of
 from talus.generate import random_quaternions
 from talus.measure import rotations
 from talus.packing import make_packing, write_h5
@@ -66,7 +67,7 @@ def run(case: Case) -> None:
         case.above(f"{name}: change of the spin in its frame", float(wander), 0.1, "it does tumble")
         ax.semilogy(time[1:], drift[1:], "-", label=f"{name}: angular momentum")
         ax.semilogy(time[1:], np.maximum(change[1:], 1e-16), "--", label=f"{name}: energy")
-    moved = max(np.abs(step.grains["x"] - x).max() for step in steps)
+    moved = max_of(np.abs(step.grains["x"] - x).max() for step in steps)
     case.below("way of the centres of mass [m]", float(moved), 0.0)
     ax.set(xlabel="time [s]", ylabel="relative drift [-]")
     ax.legend(fontsize=8)

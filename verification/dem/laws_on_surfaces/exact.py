@@ -4,6 +4,7 @@ import numpy as np
 import same_bits
 from triangle_nets import net, pyramids, rough_net, write_stl
 
+from talus.compare import max_of
 from talus.generate import random_quaternions
 from talus.packing import make_packing, write_h5
 from talus.verification import Case, field_steps, read_history
@@ -107,7 +108,7 @@ def throws(case: Case) -> None:
     for law in LAWS:
         _, x, v, w = throw(case, law, "wall", WALL)
         _, x1, v1, w1 = throw(case, law, "triangles", SURFACE)
-        off = max(np.abs(x1 - x).max() / AXES[0], np.abs(v1 - v).max(),
+        off = max_of(np.abs(x1 - x).max() / AXES[0], np.abs(v1 - v).max(),
                   np.abs(w1 - w).max() * AXES[0])  # fmt: skip
         case.below(f"{law}: place / size, velocity, spin x size off the plane's", off, 1e-10)
         rows = read_history(case.folder / f"{law}_triangles_energy.csv")

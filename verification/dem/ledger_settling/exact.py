@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from talus.compare import min_of
 from talus.verification import Case, read_history, write_packing
 
 AXES = np.array([2.5e-3, 2.0e-3, 1.5e-3])
@@ -42,7 +43,7 @@ def run(case: Case) -> None:
     case.above(
         "closure error without the two small columns", float(without.max()), 1e-4, "they matter"
     )
-    least = min(float(np.diff(rows[name]).min()) for name in ["friction", "contact_damping"])
+    least = min_of(float(np.diff(rows[name]).min()) for name in ["friction", "contact_damping"])
     case.above(
         "least step of friction and damping / input", least / scale, -1e-12, "never negative"
     )

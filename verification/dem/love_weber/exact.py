@@ -3,6 +3,7 @@
 import h5py
 import numpy as np
 
+from talus.compare import max_of
 from talus.verification import Case, field_steps, read_history, write_packing
 
 AXES = np.array([2.5e-3, 2.0e-3, 1.5e-3])
@@ -46,7 +47,7 @@ def run(case: Case) -> None:
     core = read_history(case.folder / "deck_measure_core.csv")
     case.below(
         "rows afterwards - rows of the run",
-        max(float(np.abs(again[name] - core[name]).max()) for name in core),
+        max_of(float(np.abs(again[name] - core[name]).max()) for name in core),
         0.0,
         "same procedures, same bits",
     )

@@ -6,6 +6,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from talus.compare import max_of, min_of
 from talus.generate import cloud, uniform_sizes
 from talus.packing import write_h5
 from talus.verification import Case, Step, field_steps, read_history
@@ -58,11 +59,11 @@ def run(case: Case) -> None:
     for kind in KINDS:
         ends = np.mean([test["ends"] for test in tests[kind]])
         case.metric(f"force of the lid / of the floor, {NAMES[kind]}", float(ends), 1.0, 0.03)
-    inertia = SPEED / min(test["height"] for test in found) * 2.0 * RADIUS
+    inertia = SPEED / min_of(test["height"] for test in found) * 2.0 * RADIUS
     case.below("inertial number", float(inertia * np.sqrt(DENSITY / STRESS)), 3e-3)
-    case.below("ledger, pressing", max(pack["closure"] for pack in packs), 1e-4)
+    case.below("ledger, pressing", max_of(pack["closure"] for pack in packs), 1e-4)
     for kind in KINDS:
-        worst = max(test["closure"] for test in tests[kind])
+        worst = max_of(test["closure"] for test in tests[kind])
         case.below(f"ledger, {NAMES[kind]}", worst, 1e-4)
     draw(case, tests)
 

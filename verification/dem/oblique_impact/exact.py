@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from talus.compare import max_of
 from talus.verification import Case, field_steps, write_packing
 
 RADIUS, DENSITY, YOUNG, POISSON, FRICTION = 0.01, 2650.0, 29.0e9, 0.25, 0.3
@@ -71,7 +72,7 @@ def run(case: Case) -> None:
     for angle in ANGLES:
         vn, vt = SPEED * np.cos(np.radians(angle)), SPEED * np.sin(np.radians(angle))
         v, spin, a, b = impact(case, angle)
-        lost, turned = max(lost, a), max(turned, b)
+        lost, turned = max_of(lost, a), max_of(turned, b)
         wanted_v, wanted_spin = reference(vn, vt)
         if angle >= 75.0:
             loss = (vt / 2 - v[1]) / (FRICTION * vn)
@@ -79,7 +80,7 @@ def run(case: Case) -> None:
             case.metric(name, loss, 1.0, 2e-3, "gross sliding; the turning normal gives 6e-4")
             sliding_spin = -2.5 * FRICTION * vn / RADIUS
             case.metric(f"{angle:.0f} deg: spin / exact", spin[2] / sliding_spin, 1.0, 2e-3)
-        worst = max(
+        worst = max_of(
             worst, abs(v[1] - wanted_v) / SPEED, abs(spin[2] + abs(wanted_spin)) * RADIUS / SPEED
         )
         incoming.append(vt / vn)

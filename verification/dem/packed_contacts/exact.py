@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from talus.compare import max_of
 from talus.generate import cloud
 from talus.packing import FIXED, FREE, Packing, read_h5, write_h5
 from talus.verification import Case, field_steps, read_history
@@ -84,5 +85,5 @@ def difference(start: dict, old: dict[int, int], wanted: dict) -> float:
         pair, sign = (old[first], old[second]), 1.0
         if pair[0] > pair[1]:
             pair, sign = pair[::-1], -1.0
-        worst = max(worst, float(np.linalg.norm(sign * force - wanted.get(pair, np.inf))))
+        worst = max_of(worst, float(np.linalg.norm(sign * force - wanted.get(pair, np.inf))))
     return worst

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 
+from talus.compare import max_of, min_of
 from talus.drivers import Bekker, bekker
 from talus.generate import cloud
 from talus.packing import make_packing, read_packing, write_h5
@@ -42,9 +43,9 @@ def sunk(case: Case, bed: str) -> dict:
     found = {"tests": tests, "law": law_of(tests, "fitted"), "first": law_of(tests, "first")}
     case.metric(f"{bed}: exponent n of the first sinkage", found["first"].exponent, 1.0, 0.3,
                 "dry sand: 1.1; plates that sink little")  # fmt: skip
-    case.below(f"{bed}: ledger, largest", max(t["closure"] for t in tests), 1e-4)
+    case.below(f"{bed}: ledger, largest", max_of(t["closure"] for t in tests), 1e-4)
     case.below(f"{bed}: work of the plate less force times way, relative",
-               max(t["work_error"] for t in tests), 5e-3)  # fmt: skip
+               max_of(t["work_error"] for t in tests), 5e-3)  # fmt: skip
     found["angles"] = friction(case, bed)
     return found
 
@@ -128,8 +129,8 @@ def scatter(tests: list[dict], exponent: float) -> float:
         for test in (t for t in tests if t["width"] == width):
             power = test["sinkage"][test["fitted"]] ** exponent
             k.append(float((test["pressure"][test["fitted"]] * power).sum() / (power**2).sum()))
-        found.append((max(k) - min(k)) / np.mean(k))
-    return float(max(found))
+        found.append((max_of(k) - min_of(k)) / np.mean(k))
+    return float(max_of(found))
 
 
 def deck(case: Case, part: str, name: str, words: dict[str, str]) -> str:

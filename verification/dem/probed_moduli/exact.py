@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 
+from talus.compare import max_of
 from talus.generate import cloud
 from talus.packing import make_packing, write_h5
 from talus.verification import Case, read_history
@@ -126,9 +127,9 @@ def judge(case: Case, rows: list[dict]) -> None:
     case.below("largest G / affine G", float((shear / affine[1]).max()), 1.0)
     case.metric("G / affine G at the least pressure", float(shear[0] / affine[1][0]), 0.65, 0.25,
                 "measured on sphere packs: 0.4 to 0.9")  # fmt: skip
-    worst = max(row["probed"]["asymmetry"] for row in rows)
+    worst = max_of(row["probed"]["asymmetry"] for row in rows)
     case.below("skew part of the stiffness", float(worst), 1e-3)
-    case.below("what is not isotropic", float(max(r["probed"]["misfit"] for r in rows)), 0.1)
+    case.below("what is not isotropic", float(max_of(r["probed"]["misfit"] for r in rows)), 0.1)
     fig, ax = case.figure()
     line = np.array([p[0], p[-1]])
     grow = (line / p[0]) ** (1.0 / 3.0)

@@ -11,6 +11,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from talus.compare import difference as apart
+from talus.compare import extent, max_of
 from talus.verification import Case, launcher, read_history, write_packing
 
 SAME = 1.0e-12
@@ -96,9 +98,8 @@ def difference(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> float:
         return np.inf
     scale: dict[str, float] = {}
     for key, values in a.items():
-        largest = float(abs(values).max(initial=0.0))
-        scale[unit(key)] = max(scale.get(unit(key), 1e-300), largest)
-    return max(float(abs(a[k] - b[k]).max(initial=0.0)) / scale[unit(k)] for k in a)
+        scale[unit(key)] = max_of(scale.get(unit(key), 1e-300), extent(values))
+    return max_of(apart(a[k], b[k]) / scale[unit(k)] for k in a)
 
 
 def unit(key: str) -> str:

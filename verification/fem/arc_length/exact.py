@@ -4,6 +4,7 @@ import shutil
 
 import numpy as np
 
+from talus.compare import max_of
 from talus.mesh import Mesh, boundary_faces, structured, write_mesh
 from talus.verification import Case, field_steps, read_history
 
@@ -31,7 +32,7 @@ def write_stack(case: Case, name: str, z: np.ndarray, groups: dict[str, np.ndarr
 def ledger(case: Case, stem: str) -> float:
     """Return the largest closure over the largest entry of the ledger."""
     energy = read_history(case.folder / f"{stem}_energy.csv")
-    largest = max(abs(v).max() for k, v in energy.items() if k not in ("time", "closure"))
+    largest = max_of(abs(v).max() for k, v in energy.items() if k not in ("time", "closure"))
     return float(abs(energy["closure"]).max() / largest)
 
 

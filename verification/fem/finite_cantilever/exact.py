@@ -3,6 +3,7 @@
 import numpy as np
 from solid import save
 
+from talus.compare import max_of
 from talus.mesh import box
 from talus.orders import converted
 from talus.verification import Case, field_steps, read_history
@@ -70,7 +71,7 @@ def run(case: Case) -> None:
     """Judge end motions against the elastica; plot them."""
     fig, ax = case.figure()
     exact = {load: elastica(load) for load in PUBLISHED}
-    off = max(np.abs(np.subtract(exact[p], PUBLISHED[p])).max() for p in PUBLISHED)
+    off = max_of(np.abs(np.subtract(exact[p], PUBLISHED[p])).max() for p in PUBLISHED)
     case.below("elastica by quadrature against the published table", float(off), 1.0e-5)
     line = np.linspace(0.05, TOP, 60)
     curve = np.array([elastica(p) for p in line])

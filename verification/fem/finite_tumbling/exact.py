@@ -5,6 +5,7 @@ import shutil
 import numpy as np
 from solid import save
 
+from talus.compare import same_arrays
 from talus.mesh import Mesh, box
 from talus.verification import Case, Step, field_steps, read_history
 
@@ -71,7 +72,7 @@ def same_steps(a: list[Step], b: list[Step]) -> float:
     """Return 1 where all fields are the same bits."""
     same = len(a) == len(b)
     for p, q in zip(a, b, strict=True):
-        same = same and all(np.array_equal(p.solid[k], q.solid[k]) for k in p.solid)
+        same = same and same_arrays(p.solid, q.solid)
     return float(same)
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 from solid import save, shape_of
 
+from talus.compare import max_of
 from talus.mesh import box
 from talus.orders import converted
 from talus.verification import Case, field_steps, read_history
@@ -51,7 +52,7 @@ def judge_balance(case: Case, law: str, element: str) -> list:
         off = abs(stress[:, k] - factor * vertical).max() / abs(vertical).max()
         case.below(f"{label}: stress {'xyz'[k]} at the start, error / largest", float(off), 1e-10)
     case.below(f"{label}: motion while settling [m]", moved, 1e-10)
-    largest = max(abs(energy[k]).max() for k in ("load", "strain"))
+    largest = max_of(abs(energy[k]).max() for k in ("load", "strain"))
     off = abs(energy["closure"]).max() / largest
     case.below(f"{label}: ledger, error / largest", float(off), 1e-9)
     return steps

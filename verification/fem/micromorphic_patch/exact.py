@@ -3,6 +3,7 @@
 import numpy as np
 from solid import distorted_cube, outer_nodes, polar_nodes, save, shape_of
 
+from talus.compare import max_of
 from talus.mesh import Mesh, structured
 from talus.orders import converted
 from talus.verification import Case, field_steps, read_history
@@ -51,7 +52,7 @@ def judge_patch(case: Case, element: str, form: str) -> None:
     save(mesh, case.folder / f"m_{name}.h5")
     case.run("talus-fem", f"{name}.nml")
     found = field_steps(case.folder / f"{name}.h5")[-1].solid
-    off = max(
+    off = max_of(
         abs(found["u"] - u).max() / abs(u).max(),
         abs(found["phi"] - phi)[micro].max() / abs(phi).max(),
     )

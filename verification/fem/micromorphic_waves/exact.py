@@ -3,6 +3,7 @@
 import numpy as np
 from solid import save
 
+from talus.compare import max_of
 from talus.mesh import Mesh, boundary_faces, structured
 from talus.orders import converted
 from talus.verification import Case, field_steps, read_history
@@ -64,8 +65,8 @@ def wave(case: Case, branch: int, kind: str, elements: int) -> tuple[float, floa
             wanted = SIZE * np.sin(rate * found.time)
             u = found.solid["u"][:, 0] - wanted * a * np.sin(WAVE * z)
             chi = found.solid["phi"][:, 6] - wanted * (s + d) / 2 * np.cos(WAVE * z)
-            off = max(abs(u).max(), abs(chi[mesh.nodes["faces"]]).max()) / SIZE
-            worst[rate] = max(worst[rate], float(off))
+            off = max_of(abs(u).max(), abs(chi[mesh.nodes["faces"]]).max()) / SIZE
+            worst[rate] = max_of(worst[rate], float(off))
     return worst[w], worst[slow]
 
 

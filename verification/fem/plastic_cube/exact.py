@@ -3,6 +3,7 @@
 import numpy as np
 from solid import distorted_cube, save, shape_of
 
+from talus.compare import max_of
 from talus.mesh import Mesh, boundary_faces
 from talus.verification import Case, field_steps, read_history
 
@@ -52,7 +53,7 @@ def run_cube(case: Case, element: str, material: str, stem: str) -> dict[str, np
     u = np.array([s.solid["u"][side, 0] for s in steps])
     energy = read_history(case.folder / f"{stem}_energy.csv")
     forces = read_history(case.folder / f"{stem}_reactions.csv")
-    work = max(abs(energy[k]).max() for k in ("load", "support", "strain", "plastic"))
+    work = max_of(abs(energy[k]).max() for k in ("load", "support", "strain", "plastic"))
     newton = read_history(case.folder / f"{stem}_newton.csv")
     return {
         "time": np.array([s.time for s in steps]),
@@ -122,7 +123,7 @@ def judge_dynamic(case: Case, name: str, element: str, analysis: str) -> None:
     energy = read_history(case.folder / f"{stem}_energy.csv")
     q = np.interp(TIMES, forces["time"], -forces["z1 z"]) - 1e5
     case.below(f"{name}: q, error / largest", float(abs(q - Q).max() / Q.max()), 2e-3)
-    work = max(abs(energy[k]).max() for k in ("load", "support", "strain", "plastic"))
+    work = max_of(abs(energy[k]).max() for k in ("load", "support", "strain", "plastic"))
     off = float(abs(energy["closure"]).max() / work)
     case.below(f"{name}: ledger, error / largest", off, 1e-8)
     growth = float(np.diff(energy["plastic"]).min())

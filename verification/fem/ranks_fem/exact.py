@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 from solid import MATERIAL, distorted_cube, save, shape_of
 
+from talus.compare import difference as apart
+from talus.compare import extent, max_of
 from talus.mesh import boundary_faces
 from talus.verification import Case, field_steps, launcher, read_history
 
@@ -101,10 +103,9 @@ def difference(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> float:
         return np.inf
     scale: dict[str, float] = {}
     for key, values in a.items():
-        largest = float(abs(values).max(initial=0.0))
-        scale[kind_of(key)] = max(scale.get(kind_of(key), 1e-300), largest)
-    return max(
-        float(abs(a[k] - b[k]).max(initial=0.0)) / scale[kind_of(k)]
+        scale[kind_of(key)] = max_of(scale.get(kind_of(key), 1e-300), extent(values))
+    return max_of(
+        apart(a[k], b[k]) / scale[kind_of(k)]
         for k in a if scale[kind_of(k)] > 1e-300
     )  # fmt: skip
 

@@ -5,6 +5,7 @@ import shutil
 import numpy as np
 from solid import MATERIAL, distorted_cube, save, shape_of
 
+from talus.compare import max_of, same_arrays
 from talus.mesh import boundary_faces
 from talus.verification import Case, field_steps, read_history
 
@@ -56,7 +57,7 @@ def stem_of(name: str) -> str:
 def ledger_error(case: Case, name: str) -> float:
     """Return the largest closure of the ledger over its largest entry."""
     energy = read_history(case.folder / f"{stem_of(name)}_energy.csv")
-    largest = max(abs(v).max() for k, v in energy.items() if k not in ("time", "closure"))
+    largest = max_of(abs(v).max() for k, v in energy.items() if k not in ("time", "closure"))
     return float(abs(energy["closure"]).max() / largest)
 
 
@@ -81,7 +82,7 @@ def repeats(case: Case, name: str, element: str, analysis: str) -> tuple[bool, n
     again = field_steps(case.folder / f"{stem}.h5")
     same = len(kept) > 0 and len(whole) == len(again)
     for a, b in zip(whole, again, strict=True):
-        same = same and all(np.array_equal(a.solid[k], b.solid[k]) for k in a.solid)
+        same = same and same_arrays(a.solid, b.solid)
     same = same and all(p.read_bytes() == data for p, data in kept.items())
     u = np.array([np.abs(s.solid["u"]).max() for s in whole])
     return same, np.column_stack([[s.time for s in whole], u])

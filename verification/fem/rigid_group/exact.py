@@ -5,6 +5,7 @@ import shutil
 import numpy as np
 from solid import save, shape_of
 
+from talus.compare import max_of
 from talus.mesh import Mesh, box
 from talus.orders import converted
 from talus.verification import Case, field_steps, read_history
@@ -43,7 +44,7 @@ def judge_turn(case: Case) -> None:
                   RHO="1.0", POISSON="0.3", EVERY="0.1",
                   ANALYSIS="kind = 'static', dt = 0.1")  # fmt: skip
     size = YOUNG * SIDE**2
-    force = max(abs(found[f"ends force {c}"]).max() for c in "xyz")
+    force = max_of(abs(found[f"ends force {c}"]).max() for c in "xyz")
     case.below("turn: force on the group / E A", float(force / size), 1e-8)
     case.metric("turn: angle", float(found["ends turn"][-1]), np.pi / 2, 1e-12)
     case.metric("turn: shift", float(found["ends x"][-1]), 0.3, 1e-12)

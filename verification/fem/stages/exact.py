@@ -5,6 +5,7 @@ import shutil
 import numpy as np
 from solid import save, shape_of
 
+from talus.compare import max_of, same_arrays
 from talus.mesh import Mesh, boundary_faces, structured
 from talus.orders import converted
 from talus.verification import Case, field_steps, read_history
@@ -93,7 +94,7 @@ def look(case: Case, stem: str, x: np.ndarray) -> dict[str, np.ndarray]:
     c, s = points[:, 0] / at, points[:, 1] / at
     if stress.shape[1] == 9:
         stress = stress[:, [0, 4, 8, 1, 5, 2]]
-    largest = max(abs(v).max() for k, v in energy.items() if k not in ("time", "closure"))
+    largest = max_of(abs(v).max() for k, v in energy.items() if k not in ("time", "closure"))
     return {
         "r": r,
         "u": np.array([(t.solid["u"][:, :2] * x[:, :2]).sum(1) / r for t in steps]),
@@ -187,7 +188,7 @@ def judge_restart(case: Case, stem: str) -> None:
     again = field_steps(case.folder / f"{stem}.h5")
     same = len(whole) == len(again) and all(p.read_bytes() == d for p, d in kept.items())
     for a, b in zip(whole, again, strict=True):
-        same = same and all(np.array_equal(a.solid[k], b.solid[k]) for k in a.solid)
+        same = same and same_arrays(a.solid, b.solid)
     case.metric(f"{stem}: restart repeats every bit", float(same), 1.0, 0)
 
 
