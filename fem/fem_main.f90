@@ -10,12 +10,13 @@ program talus_fem
   use talus_deck_table, only: key_table_type
   use talus_system, only: ignore_write_signals, talus_blas_kernels, talus_exit, &
     talus_short_spins
-  use fem_modal_run, only: run_modal
   use fem_model, only: fem_model_type, program_name
   use fem_deck_keys, only: fem_deck_table
   use talus_ranks, only: ranks_type, join_ranks, leave_ranks
   use fem_point, only: run_point
   use fem_port, only: serve
+  use fem_run, only: run_model
+  use fem_run_files, only: open_run, finish_run
   implicit none
 
   type(options_type) :: options
@@ -44,15 +45,9 @@ program talus_fem
   else
     call read_and_prepare()
     if (errors%any()) call leave_with_faults()
-    call model%open(errors)
-    if (.not. errors%any()) then
-      if (model%modal) then
-        call run_modal(model, errors)
-      else
-        call model%run(errors)
-      end if
-    end if
-    call model%finish(exit_code, errors)
+    call open_run(model, errors)
+    if (.not. errors%any()) call run_model(model, errors)
+    call finish_run(model, exit_code, errors)
   end if
   if (errors%any() .and. ranks%leads()) call errors%print(error_unit)
   call model%body%solver%mumps%free()

@@ -14,7 +14,23 @@ module fem_arc
   use fem_sparse, only: multiply_general
   implicit none
   private
-  public :: arc_step, put_arc, get_arc
+  public :: fem_arc_data_type, arc_step, put_arc, get_arc
+
+  !> Where a path stands.
+  type :: fem_arc_data_type
+    logical :: settled = .false.        !! the loads at time 0 act from the start
+    real(wp) :: t_end = 0.0_wp          !! whose loads and motions have the factor 1 [s]
+    real(wp) :: first = 0.0_wp          !! factor of the first step [-]
+    real(wp) :: growth = 1.0_wp         !! of the arc over the first one, at most [-]
+    integer(i4) :: wanted = 5           !! iterations of a step
+    real(wp) :: factor = 0.0_wp         !! of loads and motions, now [-]
+    real(wp) :: radius = -1.0_wp        !! of the next step, < 0: not known yet [m]
+    real(wp) :: first_radius = 0.0_wp   !! [m]
+    integer(i4) :: iterations = 0       !! of the last step
+    integer(i4) :: limits = 0           !! changes of sign of the factor's steps so far
+    real(wp) :: last = 0.0_wp           !! change of the factor in the last step [-]
+    real(wp), allocatable :: step(:, :) !! the last one (3, blocks) [m], [rad]
+  end type fem_arc_data_type
 
   real(wp), parameter :: most_change = 2.0_wp   !! of the radius from step to step
   real(wp), parameter :: diverged = 1.0e4_wp    !! residual over the first one
@@ -23,8 +39,9 @@ contains
 
   !> From the accepted state along the path; N311 where it cannot be followed. Time is but the
   !! number of the step times dt.
-  subroutine arc_step(self, t1, errors)
+  subroutine arc_step(self, arc, t1, errors)
     type(fem_body_type), intent(inout) :: self
+    type(fem_arc_data_type), intent(inout) :: arc
     real(wp), intent(in) :: t1  !! [s]
     type(error_list_type), intent(inout) :: errors
     type(part_type) :: part
@@ -35,35 +52,35 @@ contains
     call self%number(errors)
     if (errors%any()) return
     self%newton%rows = 0
-    call begin_path(self, part)
-    associate (arc => self%newton%arc)
-      radius = arc%radius
-      do cuts = 0, self%newton%most_cuts
-        call try_step(self, t1, part, radius, step, iterations, good)
-        if (good) exit
-        call self%reject()
-        radius = 0.5_wp*radius
-        if (.not. radius > 0.0_wp) exit
-      end do
-      if (.not. good) then
-        call give_up(self, part, 0.5_wp**cuts, errors)
-        return
-      end if
-      change = part%after - arc%factor
-      if (change*arc%last < 0.0_wp) arc%limits = arc%limits + 1
-      if (arc%first_radius <= 0.0_wp) arc%first_radius = radius
-      arc%last = change
-      arc%factor = part%after
-      arc%step = step
-      arc%iterations = iterations
-      arc%radius = min(arc%growth*arc%first_radius, radius*min(most_change, max(1.0_wp &
-        /most_change, sqrt(real(arc%wanted, wp)/iterations))))
-    end associate
+    call begin_path(self, arc, part)
+    radius = arc%radius
+    do cuts = 0, self%newton%most_cuts
+      self%state%time = t1
+      call try_step(self, arc, part, radius, step, iterations, good)
+      if (good) exit
+      call self%reject()
+      radius = 0.5_wp*radius
+      if (.not. radius > 0.0_wp) exit
+    end do
+    if (.not. good) then
+      call give_up(self, part, 0.5_wp**cuts, errors)
+      return
+    end if
+    change = part%after - arc%factor
+    if (change*arc%last < 0.0_wp) arc%limits = arc%limits + 1
+    if (arc%first_radius <= 0.0_wp) arc%first_radius = radius
+    arc%last = change
+    arc%factor = part%after
+    arc%step = step
+    arc%iterations = iterations
+    arc%radius = min(arc%growth*arc%first_radius, radius*min(most_change, max(1.0_wp &
+      /most_change, sqrt(real(arc%wanted, wp)/iterations))))
   end subroutine arc_step
 
   !> Loads and motions at the factors 0 and 1.
-  subroutine begin_path(self, part)
+  subroutine begin_path(self, arc, part)
     type(fem_body_type), intent(inout) :: self
+    type(fem_arc_data_type), intent(in) :: arc
     type(part_type), intent(inout) :: part
     integer(i4) :: k
     allocate (part%load, mold=self%accepted%u)
@@ -71,10 +88,10 @@ contains
     part%u = self%accepted%u
     part%goal_u = self%accepted%u
     call self%impose(0.0_wp, part%u)
-    call self%impose(self%newton%arc%t_end, part%goal_u)
+    call self%impose(arc%t_end, part%goal_u)
     call self%external_at(0.0_wp, part%load)
-    call self%external_at(self%newton%arc%t_end, part%goal_load)
-    if (.not. self%newton%arc%settled) part%load = 0.0_wp
+    call self%external_at(arc%t_end, part%goal_load)
+    if (.not. arc%settled) part%load = 0.0_wp
     if (.not. allocated(self%follower)) return
     allocate (part%pressure(size(self%follower)), part%goal_pressure(size(self%follower)))
     part%goal_pressure = self%follower%pressure
@@ -82,18 +99,18 @@ contains
     do k = 1, size(self%follower)
       associate (f => self%follower(k))
         if (f%curve > 0) part%goal_pressure(k) = f%pressure &
-          *self%curve(f%curve)%at(self%newton%arc%t_end)
+          *self%curve(f%curve)%at(arc%t_end)
         if (f%curve > 0) part%pressure(k) = f%pressure*self%curve(f%curve)%at(0.0_wp)
       end associate
     end do
-    if (.not. self%newton%arc%settled) part%pressure = 0.0_wp
+    if (.not. arc%settled) part%pressure = 0.0_wp
   end subroutine begin_path
 
   !> Predict along the tangent, then correct on the sphere; a radius below zero is that of the first
   !! factor. What did not converge says why in part%reason.
-  subroutine try_step(self, t1, part, radius, step, iterations, good)
+  subroutine try_step(self, arc, part, radius, step, iterations, good)
     type(fem_body_type), intent(inout) :: self
-    real(wp), intent(in) :: t1
+    type(fem_arc_data_type), intent(in) :: arc
     type(part_type), intent(inout) :: part
     real(wp), intent(inout) :: radius
     real(wp), intent(out) :: step(:, :)
@@ -106,8 +123,7 @@ contains
     n = self%dofs%nodes
     iterations = 0
     step = 0.0_wp
-    self%state%time = t1
-    part%before = self%newton%arc%factor
+    part%before = arc%factor
     part%after = part%before
     part%inverted = .false.
     call look(self, part, step, residual, good)
@@ -116,10 +132,10 @@ contains
     good = norm2(along(:, :n)) > 0.0_wp
     if (.not. good) part%reason = 'no load and no motion changes between time 0 and t_end'
     if (.not. good) return
-    if (radius < 0.0_wp) radius = self%newton%arc%first*norm2(along(:, :n))
+    if (radius < 0.0_wp) radius = arc%first*norm2(along(:, :n))
     change = radius/norm2(along(:, :n))
-    if (allocated(self%newton%arc%step)) &
-      change = sign(change, sum(self%newton%arc%step(:, :n)*along(:, :n)))
+    if (allocated(arc%step)) &
+      change = sign(change, sum(arc%step(:, :n)*along(:, :n)))
     do iterations = 1, self%newton%most_iterations
       step = step + back + change*along
       part%after = part%after + change
@@ -210,33 +226,29 @@ contains
   end subroutine stay_on_arc
 
   !> Where the path stands, to a checkpoint.
-  subroutine put_arc(self, file, errors)
-    type(fem_body_type), intent(in) :: self
+  subroutine put_arc(arc, file, errors)
+    type(fem_arc_data_type), intent(in) :: arc
     type(h5_file_type), intent(inout) :: file
     type(error_list_type), intent(inout) :: errors
-    associate (arc => self%newton%arc)
-      call file%put('/state/arc', [arc%factor, arc%radius, arc%first_radius, arc%last, &
-                                   real(arc%iterations, wp), real(arc%limits, wp)], errors)
-      if (allocated(arc%step)) call file%put('/state/arc_step', arc%step, errors)
-    end associate
+    call file%put('/state/arc', [arc%factor, arc%radius, arc%first_radius, arc%last, &
+                                 real(arc%iterations, wp), real(arc%limits, wp)], errors)
+    if (allocated(arc%step)) call file%put('/state/arc_step', arc%step, errors)
   end subroutine put_arc
 
   !> And back.
-  subroutine get_arc(self, file, errors)
-    type(fem_body_type), intent(inout) :: self
+  subroutine get_arc(arc, file, errors)
+    type(fem_arc_data_type), intent(inout) :: arc
     type(h5_file_type), intent(inout) :: file
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: values(:)
     call file%get('/state/arc', values, errors)
     if (errors%any()) return
-    associate (arc => self%newton%arc)
-      arc%factor = values(1)
-      arc%radius = values(2)
-      arc%first_radius = values(3)
-      arc%last = values(4)
-      arc%iterations = nint(values(5), i4)
-      arc%limits = nint(values(6), i4)
-      if (arc%radius > 0.0_wp) call file%get('/state/arc_step', arc%step, errors)
-    end associate
+    arc%factor = values(1)
+    arc%radius = values(2)
+    arc%first_radius = values(3)
+    arc%last = values(4)
+    arc%iterations = nint(values(5), i4)
+    arc%limits = nint(values(6), i4)
+    if (arc%radius > 0.0_wp) call file%get('/state/arc_step', arc%step, errors)
   end subroutine get_arc
 end module fem_arc

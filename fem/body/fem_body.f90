@@ -1,5 +1,5 @@
 !> A solid body: mesh, matrices, loads, supports, its accepted state and a trial state. Steps are
-!! those of fem_step.
+!! those of the analyses.
 module fem_body
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, is_finite
@@ -7,7 +7,6 @@ module fem_body
   use talus_curve, only: curve_type
   use fem_types, only: fem_mesh_type, fem_load_type, fem_springs_type, &
     fem_state_type, fem_energy_type
-  use fem_arc_type, only: fem_arc_data_type
   use fem_assembly, only: assemble_stiffness, assemble_mass
   use fem_critical, only: largest_frequency, spring_rate, stable_step, newmark_step
   use fem_damping, only: fem_damping_type
@@ -49,7 +48,6 @@ module fem_body
     integer(i4) :: most_cuts = 10      !! halvings of a step
     integer(i4) :: rows = 0            !! of the table of the last step
     real(wp), allocatable :: table(:, :)  !! (8, rows), columns as fem_newton has them
-    type(fem_arc_data_type) :: arc  !! or, by arc length, the path of it
   end type fem_newton_type
 
   !> An accepted state that is put aside while trials of several parts are made.
@@ -82,6 +80,7 @@ module fem_body
     logical :: dynamic = .false.
     logical :: massive = .false.                 !! mass matters: dynamics or modes
     logical :: explicit = .false.                !! central differences; dynamic is true too
+    logical :: linear_only = .false.             !! the analysis knows no law with a state
     real(wp) :: beta = 0.25_wp, gamma = 0.5_wp
     real(wp) :: lag = 0.0_wp                     !! HHT: share of the old balance, -alpha [-]
     type(fem_damping_type) :: damping
@@ -103,7 +102,7 @@ module fem_body
     real(wp) :: factored_dt = -1.0_wp            !! [s], 0 in statics, < 0 not factored
     real(wp) :: restored_dt = -1.0_wp            !! [s] of the factors at a checkpoint, < 0 none
     logical :: fresh_numbering = .false.
-    real(wp) :: residual = 0.0_wp                !! largest of implicit steps, see fem_step [-]
+    real(wp) :: residual = 0.0_wp                !! largest of implicit steps [-]
     type(fem_state_type) :: state, accepted
     type(fem_energy_type) :: energy, accepted_energy
   contains

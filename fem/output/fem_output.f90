@@ -10,6 +10,7 @@ module fem_output
   use talus_xdmf, only: xdmf_type, xdmf_node, xdmf_cell
   use fem_types, only: group_facet, group_node, group_volume
   use fem_mesh, only: find_group
+  use fem_analysis, only: fem_analysis_type
   use fem_body, only: fem_body_type
   use fem_cells, only: put_cells, describe_cells
   use fem_elastic, only: classical
@@ -31,7 +32,7 @@ module fem_output
     real(wp) :: last_field = -1.0_wp                           !! time of the last field step [s]
     logical :: points = .false.                                  !! stress at points is written
     integer(i4), allocatable :: support(:)                     !! groups whose reactions are written
-    type(history_type) :: energy, reactions, newton, rigid, arc
+    type(history_type) :: energy, reactions, newton, rigid, table
     type(series_type) :: series
     type(xdmf_type) :: xdmf
   contains
@@ -48,11 +49,12 @@ module fem_output
 contains
 
   !> Open all files; start_time < 0 is a fresh run, else rows and steps later than it are cut.
-  subroutine open_output(self, deck, stem, body, start_time, errors)
+  subroutine open_output(self, deck, stem, body, analysis, start_time, errors)
     class(fem_output_type), intent(inout) :: self
     type(deck_type), intent(in) :: deck
     character(len=*), intent(in) :: stem
     type(fem_body_type), intent(in) :: body
+    class(fem_analysis_type), intent(in) :: analysis
     real(wp), intent(in) :: start_time
     type(error_list_type), intent(inout) :: errors
 
@@ -67,6 +69,8 @@ contains
     end if
     if (.not. body%whole%ranks%leads()) return
     if (self%every_history > 0.0_wp) call open_histories(self, deck, stem, body, start_time, errors)
+    if (self%every_history > 0.0_wp .or. analysis%listed) &
+      call open_table(self, stem, body, analysis, start_time, errors)
     if (self%every_output > 0.0_wp) call open_fields(self, stem, body, start_time, errors)
   end subroutine open_output
 
@@ -124,21 +128,23 @@ contains
     if (allocated(body%rigid)) call start_or_resume(self%rigid, stem//'_rigid.csv', &
       rigid_columns(body), start_time, errors)
     if (.not. body%matter%active .or. body%explicit) return
-    if (body%newton%arc%active) call start_or_resume(self%arc, stem//'_arc.csv', arc_columns(), &
-                                                     start_time, errors)
     call newton_titles(columns)
     call start_or_resume(self%newton, stem//'_newton.csv', columns, start_time, errors)
   end subroutine open_histories
 
-  !> Columns of a path by arc length.
-  function arc_columns() result(columns)
+  !> The table of an analysis that has one.
+  subroutine open_table(self, stem, body, analysis, start_time, errors)
+    class(fem_output_type), intent(inout) :: self
+    character(len=*), intent(in) :: stem
+    type(fem_body_type), intent(in) :: body
+    class(fem_analysis_type), intent(in) :: analysis
+    real(wp), intent(in) :: start_time
+    type(error_list_type), intent(inout) :: errors
     type(string_type), allocatable :: columns(:)
-    call append_string(columns, 'time [s]')
-    call append_string(columns, 'load factor [-]')
-    call append_string(columns, 'next radius [m]')
-    call append_string(columns, 'iterations [-]')
-    call append_string(columns, 'limit points [-]')
-  end function arc_columns
+    if (len(analysis%table) == 0) return
+    call analysis%columns(body, columns)
+    call start_or_resume(self%table, stem//'_'//analysis%table//'.csv', columns, start_time, errors)
+  end subroutine open_table
 
   !> Columns of the rigid groups.
   function rigid_columns(body) result(columns)
@@ -242,18 +248,26 @@ contains
     if (self%newton%is_open()) call write_newton(body, self%newton, errors)
   end subroutine write_iterations
 
-  !> Write what is due at the accepted state; `last` writes all that is open once more if it lags.
-  subroutine write_due(self, body, last, errors)
+  !> Write what is due at the accepted state: of a list all, else by time; `last` writes all that is
+  !! open once more if it lags.
+  subroutine write_due(self, body, analysis, last, errors)
     class(fem_output_type), intent(inout) :: self
     type(fem_body_type), intent(in) :: body
+    class(fem_analysis_type), intent(in) :: analysis
     logical, intent(in) :: last
     type(error_list_type), intent(inout) :: errors
     real(wp) :: t
 
     t = body%accepted%time
+    if (analysis%listed) then
+      call write_row(self, body, analysis, errors)
+      if (self%every_output > 0.0_wp) call self%write_fields(body, errors)
+      return
+    end if
     if (self%every_history > 0.0_wp) then
       if (t >= (self%next_history - near)*self%every_history) then
         call self%write_history(body, errors)
+        call write_row(self, body, analysis, errors)
         self%next_history = after(t, self%every_history)
       end if
     end if
@@ -265,6 +279,18 @@ contains
       end if
     end if
   end subroutine write_due
+
+  !> The row of the analysis.
+  subroutine write_row(self, body, analysis, errors)
+    class(fem_output_type), intent(inout) :: self
+    type(fem_body_type), intent(in) :: body
+    class(fem_analysis_type), intent(in) :: analysis
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: values(:)
+    if (.not. self%table%is_open()) return
+    call analysis%row(body, values)
+    call self%table%write(values, errors)
+  end subroutine write_row
 
   subroutine write_history(self, body, errors)
     class(fem_output_type), intent(inout) :: self
@@ -296,9 +322,6 @@ contains
         if (size(block) > 0) row = [row, sum(body%accepted%reaction(:, block), 2)]
       end do
       call self%reactions%write(row, errors)
-      if (self%arc%is_open()) call self%arc%write([t, body%newton%arc%factor, &
-        body%newton%arc%radius, real([body%newton%arc%iterations, body%newton%arc%limits], wp)], &
-        errors)
       if (.not. allocated(body%rigid)) return
       row = [t]
       do s = 1, size(body%rigid)
@@ -426,7 +449,7 @@ contains
     if (self%reactions%is_open()) call self%reactions%flush(errors)
     if (self%newton%is_open()) call self%newton%flush(errors)
     if (self%rigid%is_open()) call self%rigid%flush(errors)
-    if (self%arc%is_open()) call self%arc%flush(errors)
+    if (self%table%is_open()) call self%table%flush(errors)
   end subroutine flush_output
 
   subroutine close_output(self, errors)
@@ -436,6 +459,6 @@ contains
     if (self%reactions%is_open()) call self%reactions%close(errors)
     if (self%newton%is_open()) call self%newton%close(errors)
     if (self%rigid%is_open()) call self%rigid%close(errors)
-    if (self%arc%is_open()) call self%arc%close(errors)
+    if (self%table%is_open()) call self%table%close(errors)
   end subroutine close_output
 end module fem_output

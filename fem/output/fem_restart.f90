@@ -6,9 +6,8 @@ module fem_restart
   use talus_hdf5, only: h5_file_type
   use talus_checkpoint, only: checkpoint_type, checkpoint_info_type
   use fem_types, only: fem_energy_type
-  use fem_arc, only: put_arc, get_arc
+  use fem_analysis, only: fem_analysis_type
   use fem_body, only: fem_body_type
-  use fem_staging, only: put_stages, get_stages
   implicit none
   private
   public :: write_checkpoint, read_checkpoint
@@ -16,9 +15,10 @@ module fem_restart
 contains
 
   !> Write the accepted state; tag '' is the run's own series. All ranks call it together.
-  subroutine write_checkpoint(checkpoint, body, steps, tag, errors)
+  subroutine write_checkpoint(checkpoint, body, analysis, steps, tag, errors)
     type(checkpoint_type), intent(inout) :: checkpoint
     type(fem_body_type), intent(in) :: body
+    class(fem_analysis_type), intent(in) :: analysis
     integer(i8), intent(in) :: steps
     character(len=*), intent(in) :: tag
     type(error_list_type), intent(inout) :: errors
@@ -49,10 +49,9 @@ contains
       call file%put('/state/energy', &
                     [e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring, &
                      e%damping, e%numerical, e%start], errors)
+      call analysis%put(body, file, errors)
       if (body%matter%active) then
         call file%put('/state/plastic', e%plastic, errors)
-        if (body%stages%active) call put_stages(body, file, errors)
-        if (body%newton%arc%active) call put_arc(body, file, errors)
         call put_points(file, '/state/point_stress', body, body%matter%accepted_stress, errors)
         call put_points(file, '/state/point_state', body, body%matter%accepted_state, errors)
         call file%put('/state/leaps', real(body%leaps, wp), errors)
@@ -65,10 +64,11 @@ contains
   end subroutine write_checkpoint
 
   !> Take the state of a checkpoint; the body holds the same mesh.
-  subroutine read_checkpoint(checkpoint, path, body, steps, deck_changed, errors)
+  subroutine read_checkpoint(checkpoint, path, body, analysis, steps, deck_changed, errors)
     type(checkpoint_type), intent(inout) :: checkpoint
     character(len=*), intent(in) :: path
     type(fem_body_type), intent(inout) :: body
+    class(fem_analysis_type), intent(inout) :: analysis
     integer(i8), intent(out) :: steps
     logical, intent(out) :: deck_changed
     type(error_list_type), intent(inout) :: errors
@@ -89,8 +89,7 @@ contains
         str(int(size(u, 2), i4))//' blocks of unknowns, the model '//str(body%dofs%blocks), path, &
         'restart with the mesh that wrote it')
     end if
-    if (.not. errors%any() .and. body%stages%active) call get_stages(body, file, errors)
-    if (.not. errors%any() .and. body%newton%arc%active) call get_arc(body, file, errors)
+    if (.not. errors%any()) call analysis%get(body, file, errors)
     if (.not. errors%any()) then
       body%state%u = u
       call file%get('/state/v', body%state%v, errors)

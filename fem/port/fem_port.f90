@@ -8,6 +8,7 @@ module fem_port
   use talus_options, only: options_type
   use talus_serve, only: server_type, serve_partner, restart_file
   use fem_model, only: fem_model_type, program_name
+  use fem_run_files, only: open_run, finish_run, log_row, log_factors
   use fem_sets, only: fem_sets_type
   use fem_port_state, only: reply_hello, reply_describe, set_matter => set_values, put_scalars
   use fem_port_step, only: solve, advance, force, kick_drift
@@ -146,10 +147,10 @@ contains
       if (self%rehearsing) then
         call model%look_at_supports(errors)
       else
-        call model%begin(model%dt, errors)
+        call model%begin(errors)
       end if
       if (errors%any()) return
-      if (.not. (model%opened .or. self%rehearsing)) call model%open(errors)
+      if (.not. (model%opened .or. self%rehearsing)) call open_run(model, errors)
       if (errors%any()) return
       call model%body%accept()
       call self%sets%put_states(model%body, reply)
@@ -175,7 +176,7 @@ contains
       call kick_drift(self%model, self%sets, request, reply, errors)
     end select
     call self%model%timers%stop('steps')
-    call self%model%log_factors()
+    call log_factors(self%model)
   end subroutine move
 
   !> Velocities of prescribed nodes, for what is written next.
@@ -191,12 +192,12 @@ contains
     class(fem_server_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
     associate (model => self%model)
-      call model%body%accept()
+      call model%analysis%accept(model%body)
       if (self%rehearsing) return
       model%steps = model%steps + 1
       call model%timers%start('output')
-      call model%output%write_due(model%body, .false., errors)
-      if (model%log%row_due()) call model%log_row()
+      call model%output%write_due(model%body, model%analysis, .false., errors)
+      if (model%log%row_due()) call log_row(model)
       call model%timers%stop('output')
     end associate
   end subroutine accept
@@ -204,7 +205,7 @@ contains
   subroutine reject(self, errors)
     class(fem_server_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
-    if (.not. errors%any()) call self%model%body%reject()
+    if (.not. errors%any()) call self%model%analysis%reject(self%model%body)
   end subroutine reject
 
   subroutine save(self, tag, path, errors)
@@ -235,8 +236,8 @@ contains
     associate (model => self%model)
       model%stopped = early
       if (regular .and. model%opened .and. .not. errors%any()) &
-        call model%output%write_due(model%body, .true., errors)
-      call model%finish(self%exit_code, errors)
+        call model%output%write_due(model%body, model%analysis, .true., errors)
+      call finish_run(model, self%exit_code, errors)
     end associate
   end subroutine finish
 end module fem_port

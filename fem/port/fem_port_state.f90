@@ -38,10 +38,10 @@ contains
     call reply%put_text('capabilities', &
       'report,prescribe,load,solve,advance,force,kick_drift,springs,'// &
                         'dead_load,initial_stress,quad_weight,moduli,mass_factor')
-    call reply%put_text('analysis', analysis_name(model%body))
+    call reply%put_text('analysis', model%analysis%kind)
     call reply%put('gravity', model%body%gravity)
     call reply%put('time', model%body%accepted%time)
-    call reply%put('t_end', model%t_end)
+    call reply%put('t_end', model%analysis%t_end)
     call reply%put('step_limit', model%body%step_limit)
     call reply%put_int('ranks', 1_i4)
   end subroutine reply_hello
@@ -53,15 +53,6 @@ contains
     inertia = 0.0_wp
     inertia(body%dofs%node(body%mesh%nodes + 1:)) = body%lumped(body%mesh%nodes + 1:)
   end function inertia_of_nodes
-
-  pure function analysis_name(body) result(name)
-    type(fem_body_type), intent(in) :: body
-    character(len=:), allocatable :: name
-    name = 'static'
-    if (body%dynamic) name = 'newmark'
-    if (body%dynamic .and. body%lag > 0.0_wp) name = 'hht'
-    if (body%explicit) name = 'explicit'
-  end function analysis_name
 
   !> Mesh, facets, quadrature, groups, or the nodes of one group.
   subroutine reply_describe(body, what, group, reply, errors)

@@ -7,7 +7,6 @@ module fem_port_step
   use fem_central, only: explicit_energy
   use fem_explicit, only: kick_lumped
   use fem_sparse, only: multiply
-  use fem_step, only: take_step
   use fem_body, only: fem_body_type, fem_kept_type
   use fem_types, only: role_prescribe, role_load
   use fem_model, only: fem_model_type
@@ -29,7 +28,7 @@ contains
     integer(i4) :: trial
 
     trial = 1
-    if (model%body%explicit) then
+    if (.not. model%analysis%solves) then
       call errors%add('P301', 'an explicit body does not answer SOLVE', request%place(), &
                       "ask for ADVANCE, or take kind = 'newmark'")
       return
@@ -40,7 +39,7 @@ contains
     call request%all_read(errors)
     if (errors%any()) return
     if (model%body%matter%active) call model%body%keep(kept)
-    call take_step(model%body, request%t1, errors)
+    call model%analysis%step(model%body, request%t1, errors)
     if (model%body%matter%active) call model%body%put_back(kept)
     if (errors%any()) return
     call sets%put_states(model%body, reply)
@@ -68,9 +67,7 @@ contains
     if (errors%any()) return
     allocate (end_u, source=model%body%given_u)
     t0 = model%body%accepted%time
-    n = 1
-    if (model%dt > 0.0_wp) n = max(1, nint((request%t1 - t0)/model%dt))
-    if (model%body%explicit) n = max(n, ceiling((request%t1 - t0)/model%body%safe_step()))
+    n = model%analysis%steps_between(model%body, t0, request%t1)
     dt = (request%t1 - t0)/n
     allocate (impulse, mold=start_u)
     impulse = 0.0_wp
@@ -83,7 +80,7 @@ contains
         body%given_u = start_u + share*(end_u - start_u)
         before(:, :) = body%accepted%reaction
         moved(:, :) = body%accepted%u
-        call take_step(body, t0 + share*(request%t1 - t0), errors)
+        call model%analysis%step(body, t0 + share*(request%t1 - t0), errors)
         if (errors%any()) exit start
         moved(:, :) = body%state%u - moved
         impulse = impulse + 0.5_wp*dt*(before + body%state%reaction)

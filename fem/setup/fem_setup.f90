@@ -5,6 +5,7 @@ module fem_setup
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use talus_curve, only: read_curves, curve_index
+  use fem_analysis, only: fem_analysis_type
   use fem_dofs, only: number_fields
   use fem_types, only: group_volume, group_facet, group_node
   use fem_mesh, only: read_mesh, find_group, group_hint
@@ -27,9 +28,10 @@ module fem_setup
 contains
 
   !> Everything that the deck says of the body; all faults in one go.
-  subroutine read_body(deck, body, errors)
+  subroutine read_body(deck, body, analysis, errors)
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
+    class(fem_analysis_type), allocatable, intent(out) :: analysis
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: gravity(:)
 
@@ -37,7 +39,7 @@ contains
     if (errors%any()) return
     call deck%get('run', 1, 'gravity', gravity)
     body%gravity = gravity
-    call read_analysis(deck, body, errors)
+    call read_analysis(deck, body, analysis, errors)
     call read_sections(deck, body, errors)
     if (errors%any()) return
     call number_fields(body%mesh, body%elastic%rotations(), body%dofs, &
@@ -57,6 +59,7 @@ contains
     call read_springs(deck, body, errors)
     call read_absorbing(deck, body, errors)
     if (.not. errors%any()) call read_matter(deck, body, errors)
+    call analysis%check(deck, body, errors)
     call read_stages(deck, body, errors)
   end subroutine read_body
 

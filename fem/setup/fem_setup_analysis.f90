@@ -1,10 +1,12 @@
 !> The &analysis of the deck: kind, time integration, damping, absorbing faces.
 module fem_setup_analysis
-  use talus_kinds, only: wp, i4
+  use talus_kinds, only: i4
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use fem_absorbing, only: absorb
+  use fem_analyses, only: choose_analysis
+  use fem_analysis, only: fem_analysis_type
   use fem_body, only: fem_body_type
   use fem_mesh, only: find_group, group_hint
   use fem_types, only: group_facet
@@ -25,15 +27,16 @@ module fem_setup_analysis
 
 contains
 
-  !> Kind and numbers of the analysis; fault D325 for keys that the kind does not know.
-  subroutine read_analysis(deck, body, errors)
+  !> The analysis and its numbers; fault D325 for keys that the kind does not know.
+  subroutine read_analysis(deck, body, analysis, errors)
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
+    class(fem_analysis_type), allocatable, intent(out) :: analysis
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: kind
-    real(wp) :: alpha
     integer(i4) :: k
 
+    call choose_analysis(deck, analysis)
     call deck%get('analysis', 1, 'kind', kind)
     do k = 1, size(keys)
       if (.not. deck%given('analysis', 1, trim(keys(k)))) cycle
@@ -41,17 +44,8 @@ contains
       call deck%fault(errors, 'D325', trim(keys(k))//" means nothing to kind = '"//kind//"'", &
         'analysis', 1, trim(keys(k)), 'it belongs to: '//trim(kinds(k)))
     end do
-    body%dynamic = kind == 'newmark' .or. kind == 'hht' .or. kind == 'explicit'
-    body%explicit = kind == 'explicit'
-    body%massive = body%dynamic .or. kind == 'modal'
-    call deck%get('analysis', 1, 'beta', body%beta)
-    call deck%get('analysis', 1, 'gamma', body%gamma)
-    if (kind == 'hht') then
-      call deck%get('analysis', 1, 'alpha', alpha)
-      body%lag = -alpha
-      body%beta = 0.25_wp*(1.0_wp - alpha)**2
-      body%gamma = 0.5_wp - alpha
-    end if
+    call analysis%read(deck, body, errors)
+    body%massive = body%massive .or. body%dynamic
     call deck%get('analysis', 1, 'rayleigh_mass', body%damping%mass)
     call deck%get('analysis', 1, 'rayleigh_stiffness', body%damping%stiffness)
   end subroutine read_analysis

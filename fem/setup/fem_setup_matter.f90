@@ -52,7 +52,6 @@ contains
     if (deck%given('analysis', 1, 'max_iterations')) &
       call deck%get('analysis', 1, 'max_iterations', body%newton%most_iterations)
     call deck%get('analysis', 1, 'step_cuts', body%newton%most_cuts)
-    call read_arc(deck, body, errors)
     if (errors%any()) return
     call read_stress(deck, body, errors)
     if (errors%any()) return
@@ -62,34 +61,6 @@ contains
       call begin_points(deck, body, errors)
     end if
   end subroutine read_matter
-
-  !> How the path of statics is followed; fault D340 for what arc length does not know.
-  subroutine read_arc(deck, body, errors)
-    type(deck_type), intent(in) :: deck
-    type(fem_body_type), intent(inout) :: body
-    type(error_list_type), intent(inout) :: errors
-    character(len=*), parameter :: keys(3) = [character(len=14) :: 'first_share', 'arc_growth', &
-      'arc_iterations']
-    character(len=:), allocatable :: continuation
-    integer(i4) :: k
-    call deck%get('analysis', 1, 'continuation', continuation)
-    associate (arc => body%newton%arc)
-      arc%active = continuation == 'arc_length'
-      arc%settled = deck%count('geostatic') + deck%count('initial_stress') > 0
-      if (deck%given('analysis', 1, 'first_share')) &
-        call deck%get('analysis', 1, 'first_share', arc%first)
-      call deck%get('analysis', 1, 'arc_growth', arc%growth)
-      call deck%get('analysis', 1, 'arc_iterations', arc%wanted)
-      do k = 1, size(keys)
-        if (arc%active .or. .not. deck%given('analysis', 1, trim(keys(k)))) cycle
-        call deck%fault(errors, 'D340', trim(keys(k))//' belongs to arc length', 'analysis', 1, &
-                        trim(keys(k)), "add continuation = 'arc_length', or leave it out")
-      end do
-      if (arc%active .and. deck%count('stage') > 0) call deck%fault(errors, 'D340', &
-        'stages have times, which a path by arc length has not', 'analysis', 1, 'continuation', &
-        'take one of both')
-    end associate
-  end subroutine read_arc
 
   !> Keys and groups of laws with a state where there are none.
   subroutine refuse_idle(deck, body, errors)
@@ -130,8 +101,8 @@ contains
     integer(i4) :: e
     call deck%get('analysis', 1, 'kind', kind)
     call deck%get('analysis', 1, 'solver', solver)
-    if (kind == 'modal' .or. kind == 'relaxation') call deck%fault(errors, 'D334', "kind = '"// &
-      kind//"' knows linear laws alone, and a section has one with a state", 'analysis', 1, &
+    if (body%linear_only) call deck%fault(errors, 'D334', "kind = '"//kind// &
+      "' knows linear laws alone, and a section has one with a state", 'analysis', 1, &
       'kind', "take kind = 'static', 'newmark', 'hht' or 'explicit'")
     if (body%matter%micro%active) call refuse_micro(deck, body, errors)
     if (body%damping%stiffness > 0.0_wp) call deck%fault(errors, 'D334', &

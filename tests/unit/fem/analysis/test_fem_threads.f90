@@ -12,7 +12,7 @@ program test_fem_threads
   use fem_micropolar, only: lame_moduli
   use fem_sparse, only: multiply
   use fem_start, only: start_motion
-  use fem_step, only: take_step
+  use fem_central, only: central_step
   use fem_topology, only: set_elements
   use fem_vectors, only: dot
   implicit none
@@ -174,7 +174,7 @@ contains
       body%state%v = noise(body%dofs%blocks)
       call start_motion(body, errors)
       do k = 1, 40
-        call take_step(body, 0.9_wp*k*body%step_limit, errors)
+        call central_step(body, 0.9_wp*k*body%step_limit, errors)
         call body%accept()
       end do
       associate (e => body%accepted_energy)

@@ -10,7 +10,7 @@ program test_fem_body
   use fem_micropolar, only: lame_moduli
   use talus_ranks, only: leave_ranks
   use fem_start, only: start_motion
-  use fem_step, only: take_step
+  use fem_linear_step, only: linear_step
   use fem_topology, only: set_elements
   use fem_types, only: fem_mesh_type
   implicit none
@@ -60,7 +60,7 @@ contains
     call make_column(5, body)
     call body%assemble()
     body%port_load(3, 21:24) = -2.5_wp
-    call take_step(body, 1.0_wp, errors)
+    call linear_step(body, 1.0_wp, errors)
     call test%check('no fault', .not. errors%any())
     call test%check_close('shortening F L/(E A)', body%state%u(3, 24), -0.05_wp, 1.0e-15_wp)
     call test%check_close('reaction', sum(body%state%reaction(3, :)), 10.0_wp, 1.0e-12_wp)
@@ -91,7 +91,7 @@ contains
     body%port_load(3, 21:24) = -2.5_wp
     expected = 0.0_wp
     do n = 1, 6
-      call take_step(body, real(n, wp), errors)
+      call linear_step(body, real(n, wp), errors)
       call body%accept()
       expected = still + s/(k + s)*(expected - still)
       call test%check_close('Robin step', body%state%u(3, 22), expected, 1.0e-14_wp)
@@ -131,7 +131,7 @@ contains
     discrete = 2.0_wp/dt*atan(0.5_wp*omega*dt)
     worst = 0.0_wp
     do n = 1, 200
-      call take_step(body, n*dt, errors)
+      call linear_step(body, n*dt, errors)
       call body%accept()
       worst = larger(worst, abs(body%state%u(3, 5) + 0.01_wp*(1.0_wp - cos(discrete*n*dt))))
     end do
@@ -164,7 +164,7 @@ contains
     worst = 0.0_wp
     steps = 150  ! 3 s; the wave needs 6.6 s to come back
     do n = 1, steps
-      call take_step(body, n*dt, errors)
+      call linear_step(body, n*dt, errors)
       call body%accept()
       associate (now => sum(body%state%reaction(3, 4*cubes + 1:)))
         if (n > steps/2) force = force + now/(steps - steps/2)
@@ -175,7 +175,7 @@ contains
     call test%check('nothing rings', worst < 0.3_wp*3.0_wp*c*abs(v))
     call test%check_close('velocity of the end', body%state%v(3, 4*cubes + 1), v, 1.0e-13_wp)
     do n = steps + 1, 3*steps
-      call take_step(body, n*dt, errors)
+      call linear_step(body, n*dt, errors)
       call body%accept()
     end do
     call test%check('no fault when pushed', .not. errors%any())

@@ -11,7 +11,8 @@ program test_fem_critical
   use talus_ranks, only: leave_ranks
   use fem_sparse, only: multiply, multiply_mass
   use fem_start, only: start_motion
-  use fem_step, only: take_step
+  use fem_central, only: central_step
+  use fem_linear_step, only: linear_step
   use fem_topology, only: set_elements
   implicit none
   type(test_type) :: test
@@ -109,7 +110,8 @@ contains
     end do
     call start_motion(body, errors)
     do k = 1, 400
-      call take_step(body, k*dt, errors)
+      if (body%explicit) call central_step(body, k*dt, errors)
+      if (.not. body%explicit) call linear_step(body, k*dt, errors)
       if (errors%any()) exit
       call body%accept()
     end do
@@ -199,7 +201,8 @@ contains
       call start_motion(body, errors)
       call test%check_close('kinetic energy', body%energy%start, 0.5_wp*9.0_wp*2.25_wp, 1.0e-12_wp)
       do k = 1, 50
-        call take_step(body, k*0.01_wp, errors)
+        if (body%explicit) call central_step(body, k*0.01_wp, errors)
+        if (.not. body%explicit) call linear_step(body, k*0.01_wp, errors)
         call body%accept()
       end do
       call test%check('no fault', .not. errors%any())
@@ -230,7 +233,7 @@ contains
     discrete = 2.0_wp/dt*asin(0.5_wp*omega*dt)
     worst = 0.0_wp
     do k = 1, 100
-      call take_step(body, k*dt, errors)
+      call central_step(body, k*dt, errors)
       call body%accept()
       worst = larger(worst, max_abs(body%accepted%u(3, body%mesh%nodes + 1:) &
         - 0.2_wp*dt/sin(discrete*dt)*sin(discrete*k*dt)))

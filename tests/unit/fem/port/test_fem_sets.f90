@@ -11,7 +11,7 @@ program test_fem_sets
   use fem_recover, only: element_forces
   use talus_ranks, only: leave_ranks
   use fem_sets, only: fem_sets_type
-  use fem_step, only: take_step
+  use fem_linear_step, only: linear_step
   use fem_topology, only: set_elements
   implicit none
 
@@ -81,7 +81,7 @@ contains
     call request%start(verb_solve)
     call request%put('all.phi', phi)
     call sets%take_motion(body, request, errors)
-    call take_step(body, 1.0_wp, errors)
+    call linear_step(body, 1.0_wp, errors)
     call reply%start(verb_solve)
     call sets%put_states(body, reply)
     call reply%get('all.reaction_moment', moment, errors)
@@ -110,7 +110,7 @@ contains
     call request%put('all.force', 0.0_wp*phi_like(1.0_wp))
     call request%put('all.moment', phi_like(0.25_wp))
     call sets%take_loads(body, request, errors)
-    call take_step(body, 1.0_wp, errors)
+    call linear_step(body, 1.0_wp, errors)
     call reply%start(verb_solve)
     call sets%put_states(body, reply)
     call reply%get('all.phi', phi, errors)

@@ -1,49 +1,27 @@
-!> One static or implicit step of a body (Newmark, HHT-alpha) from the last accepted state. Linear:
-!! a residual and a back-substitution. Explicit bodies step by fem_central, those whose laws have a
-!! state by fem_newton.
-module fem_step
+!> One static or implicit step of a linear body (Newmark, HHT-alpha) from the last accepted state: a
+!! residual and a back-substitution.
+module fem_linear_step
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
-  use fem_arc, only: arc_step
   use fem_body, only: fem_body_type
-  use fem_central, only: central_step, central_steps
   use fem_newmark, only: dynamic_work
-  use fem_newton, only: newton_step
-  use fem_staging, only: staged_step
   use fem_sparse, only: multiply_mass, spring_force
   use fem_types, only: fem_state_type
   implicit none
   private
-  public :: take_step
+  public :: linear_step
 
 contains
 
   !> One step from the accepted state to time t1; the new state stays a trial until `accept`.
   !! With lag = -alpha the balance of HHT is M a1 = (1 - lag) b1 + lag b0, b = f - K u - C v.
-  subroutine take_step(self, t1, errors)
+  subroutine linear_step(self, t1, errors)
     type(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: t1  !! [s]
     type(error_list_type), intent(inout) :: errors
     real(wp), dimension(3, self%dofs%blocks) :: internal, inertia, residual, du, tie, old_balance
     real(wp) :: dt
 
-    if (self%explicit .and. self%matter%active) then
-      call central_steps(self, t1, errors)
-      return
-    else if (self%explicit) then
-      call central_step(self, t1, errors)
-      return
-    end if
-    if (self%matter%active) then
-      if (self%newton%arc%active) then
-        call arc_step(self, t1, errors)
-      else if (self%stages%active) then
-        call staged_step(self, t1, errors)
-      else
-        call newton_step(self, t1, errors)
-      end if
-      return
-    end if
     dt = t1 - self%accepted%time
     call self%factor(dt, errors)
     if (errors%any()) return
@@ -82,7 +60,7 @@ contains
       call self%update_energy(internal)
       if (self%dynamic) call dynamic_work(self, dt, inertia, old_balance)
     end associate
-  end subroutine take_step
+  end subroutine linear_step
 
   !> Reactions are what is missing to balance where something is held; elsewhere it is the residual,
   !! taken over loads and reactions.
@@ -156,4 +134,4 @@ contains
       end where
     end associate
   end subroutine correct
-end module fem_step
+end module fem_linear_step

@@ -1,0 +1,132 @@
+!> Steps of a run of its own, to the end, a fault or a request to stop.
+module fem_run
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_log, only: short_number
+  use talus_stop, only: stop_none
+  use fem_body, only: fem_body_type
+  use fem_mm_watch, only: watch_ellipticity
+  use fem_model, only: fem_model_type
+  use fem_run_files, only: log_row, log_factors
+  implicit none
+  private
+  public :: run_model
+
+  real(wp), parameter :: near = 1.0e-9_wp  !! of a step that counts as the end
+  real(wp), parameter :: round_off = 1.0e-10_wp  !! of sums that cancel
+  real(wp), parameter :: runaway = 10.0_wp !! stored energy / work put in that ends a run
+
+contains
+
+  !> Steps to the end, a fault or a request to stop.
+  subroutine run_model(model, errors)
+    type(fem_model_type), intent(inout) :: model
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: t1
+    logical :: last, save_now
+
+    do
+      if (model%analysis%complete(model%body)) exit
+      call look_around(model, save_now)
+      if (model%stopped) exit
+      if (save_now) call model%save_checkpoint('', errors)
+      call next_time(model, t1, last)
+      call model%timers%start('steps')
+      call model%analysis%step(model%body, t1, errors)
+      call model%analysis%report(model%body, model%log)
+      if (errors%any() .and. model%auto_solver .and. model%body%solver%iterative) &
+        call go_direct(model, t1, errors)
+      call model%timers%stop('steps')
+      if (model%body%matter%active) call model%output%write_iterations(model%body, errors)
+      if (.not. errors%any()) call check_energy(model%body, errors)
+      call watch_ellipticity(model%body, model%log, errors%any(), model%elliptic)
+      call model%ranks%agree(errors)
+      if (errors%any()) return
+      call model%body%hand_over()
+      model%steps = model%steps + 1
+      call model%timers%start('output')
+      call model%output%write_due(model%body, model%analysis, last, errors)
+      call model%timers%stop('output')
+      call model%ranks%agree(errors)
+      if (errors%any()) return
+      call log_iterations(model)
+      if (model%log%row_due()) call log_row(model)
+      if (.not. model%ranks%several()) &  ! a launcher's screen is a terminal, also into a file
+        call model%log%progress(t1/model%analysis%t_end, 'time '//short_number(t1)//' s')
+    end do
+  end subroutine run_model
+
+  !> Time of the next step, which is the `last` if it reaches the end.
+  subroutine next_time(model, t1, last)
+    type(fem_model_type), intent(in) :: model
+    real(wp), intent(out) :: t1  !! [s]
+    logical, intent(out) :: last
+    associate (a => model%analysis)
+      t1 = real(model%steps + 1, wp)*a%dt
+      last = t1 >= a%t_end - near*a%dt
+      if (last) t1 = a%t_end
+    end associate
+  end subroutine next_time
+
+  !> Iterations of conjugate gradients, and new factors of kinds that make them on the way.
+  subroutine log_iterations(model)
+    type(fem_model_type), intent(inout) :: model
+    if (model%analysis%listed) call log_factors(model)
+    if (model%body%solver%iterative) call model%log%item('iterations', &
+      str(model%body%solver%cg%iterations), 'residual '// &
+      short_number(model%body%solver%cg%residual))
+  end subroutine log_iterations
+
+  !> Is the run to stop, or a checkpoint due? The leader decides.
+  subroutine look_around(model, save_now)
+    type(fem_model_type), intent(inout) :: model
+    logical, intent(out) :: save_now
+    integer(i4) :: asked(2)
+    asked(1) = model%stop%check()
+    save_now = model%stop%checkpoint_asked()
+    if (.not. save_now .and. asked(1) == stop_none) &
+      save_now = model%checkpoint%due(model%body%accepted%time)
+    asked(2) = merge(1, 0, save_now)
+    call model%ranks%tell_numbers(asked)
+    save_now = asked(2) > 0 .and. asked(1) == stop_none
+    model%stopped = asked(1) /= stop_none
+    if (model%stopped) call model%log%line('stopped by '//model%stop%text())
+  end subroutine look_around
+
+  !> The step again by factors, where conjugate gradients were chosen and did not converge.
+  subroutine go_direct(model, t1, errors)
+    type(fem_model_type), intent(inout) :: model
+    real(wp), intent(in) :: t1
+    type(error_list_type), intent(inout) :: errors
+    call model%log%warn('conjugate gradients did not converge; factors are made')
+    call errors%clear()
+    call model%body%reject()
+    model%body%solver%iterative = .false.
+    call model%body%solver%cg%drop()
+    model%body%fresh_numbering = .false.
+    model%body%factored_dt = -1.0_wp
+    call model%analysis%step(model%body, t1, errors)
+    call log_factors(model)
+  end subroutine go_direct
+
+  !> A dynamic body cannot store more than was put in; the fastest node is named.
+  subroutine check_energy(body, errors)
+    type(fem_body_type), intent(in) :: body
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: stored
+    integer(i4) :: node
+    if (.not. body%dynamic) return
+    associate (e => body%energy)
+      stored = e%strain + e%kinetic
+      if (body%explicit) stored = stored + e%numerical
+      if (stored <= runaway*(e%start + abs(e%load) + abs(e%support) + abs(e%spring)) &
+          + round_off*(e%strain + e%kinetic)) return
+      node = int(maxloc(sum(body%state%v**2, 1), 1), i4)
+      call errors%add('N303', 'runaway energy: '//short_number(stored)// &
+        ' J are stored, '//short_number(e%start + e%load + e%support)//' J were put in; node '// &
+        str(node)//' is fastest', 'time '//str(body%state%time)//' s', &
+        'is beta < gamma/2? Then the step must resolve the highest frequency of the mesh')
+    end associate
+  end subroutine check_energy
+end module fem_run

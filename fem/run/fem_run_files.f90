@@ -1,0 +1,165 @@
+!> Log, results and summary of a run: opened once all is found good, closed at its end.
+module fem_run_files
+  use omp_lib, only: omp_get_max_threads
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str, string_type
+  use talus_errors, only: error_list_type, exit_stopped
+  use talus_files, only: make_folder, folder_of
+  use talus_log, only: log_type, short_number
+  use talus_summary, only: summary_type
+  use fem_model, only: fem_model_type, program_name
+  use fem_output, only: energy_error
+  implicit none
+  private
+  public :: open_run, finish_run, log_row, log_factors
+
+contains
+
+  !> Open log and results; the first state of a fresh run is written.
+  subroutine open_run(model, errors)
+    type(fem_model_type), intent(inout) :: model
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: lines(:)
+    character(len=:), allocatable :: title, stop_file
+    real(wp) :: wall_limit
+    integer(i4) :: k
+
+    call open_log(model, errors)
+    if (errors%any()) return
+    model%opened = .true.
+    call model%deck%get('run', 1, 'title', title)
+    call model%log%header(program_name, title, model%options%deck, model%deck%hash(), &
+                         model%ranks%ranks, int(omp_get_max_threads(), i4))
+    call model%deck%echo(lines)
+    call model%log%deck_echo(lines)
+    call model%log%section('Model')
+    call model%log%item('nodes', str(model%body%mesh%nodes))
+    call model%log%item('elements', str(model%body%whole%elements(model%body%mesh%elements)))
+    call model%log%item('mass', str(sum(model%body%lumped(:model%body%mesh%nodes)))//' kg')
+    if (model%start_time >= 0.0_wp) call model%log%item('goes on from', str(model%start_time)//' s')
+    call model%analysis%describe(model%body, model%log)
+    if (model%settled) call model%log%item('settled under the initial stress', &
+      short_number(model%settlement)//' m', 'displacements count from there')
+    call log_factors(model)
+    call model%log%memory()
+    do k = 1, size(model%warnings)
+      call model%log%warn(model%warnings(k)%s)
+    end do
+    call row_titles(model%log)
+    call model%output%open(model%deck, model%stem, model%body, model%analysis, model%start_time, &
+                           errors)
+    wall_limit = 0.0_wp
+    stop_file = ''
+    if (.not. model%served) then
+      call model%deck%get('run', 1, 'wall_limit', wall_limit)
+      call model%deck%get('run', 1, 'stop_file', stop_file)
+      if (len(stop_file) > 0) stop_file = model%deck%path('run', 1, 'stop_file')
+    end if
+    call model%stop%init(wall_limit, stop_file, obey_signals=.not. model%served)
+    call model%ranks%agree(errors)
+    if (model%start_time < 0.0_wp .and. .not. (model%analysis%listed .or. errors%any())) &
+      call model%output%write_due(model%body, model%analysis, .false., errors)
+    call model%ranks%agree(errors)
+  end subroutine open_run
+
+  !> Lock and log of the leader; the others are silent.
+  subroutine open_log(model, errors)
+    type(fem_model_type), intent(inout) :: model
+    type(error_list_type), intent(inout) :: errors
+    if (model%ranks%leads()) then
+      call make_folder(folder_of(model%stem), errors)
+      if (.not. errors%any()) call model%lock%take(model%stem, program_name, errors)
+      if (.not. errors%any()) &
+        call model%log%open(model%stem//'.log', errors, append=model%start_time >= 0.0_wp)
+    else
+      call model%log%open('', errors, screen=.false.)
+    end if
+    call model%ranks%agree(errors)
+  end subroutine open_log
+
+  subroutine row_titles(log)
+    type(log_type), intent(inout) :: log
+    type(string_type) :: titles(6)
+    titles(1)%s = 'time [s]'
+    titles(2)%s = 'steps'
+    titles(3)%s = 'largest u [m]'
+    titles(4)%s = 'strain [J]'
+    titles(5)%s = 'kinetic [J]'
+    titles(6)%s = 'energy error'
+    call log%row_titles(titles)
+  end subroutine row_titles
+
+  subroutine log_row(model)
+    type(fem_model_type), intent(inout) :: model
+    model%row_step = model%steps
+    call model%log%row([model%body%accepted%time, real(model%steps, wp), &
+                       sqrt(maxval(sum(model%body%accepted%u**2, 1))), &
+                       model%body%accepted_energy%strain, model%body%accepted_energy%kinetic, &
+                       energy_error(model%body)])
+  end subroutine log_row
+
+  !> Tell of factorisations that the log does not know yet.
+  subroutine log_factors(model)
+    type(fem_model_type), intent(inout) :: model
+    real(wp), parameter :: giga = 1.0e9_wp
+    associate (solver => model%body%solver)
+      if (.not. model%opened .or. solver%factorisations <= model%logged_factors) return
+      if (model%body%matter%active .and. model%logged_factors > 0) return  ! one an iteration
+      model%logged_factors = solver%factorisations
+      if (solver%iterative) then
+        call model%log%item('solver', 'conjugate gradients', str(solver%free)// &
+          ' free degrees of freedom, incomplete factors '// &
+          short_number(solver%cg%factors%memory)//' MB, diagonal raised by '// &
+          short_number(solver%cg%factors%raise))
+        return
+      end if
+      call model%log%item('factorisation '//str(solver%factorisations), &
+                         str(solver%free)//' free degrees of freedom', &
+                         short_number(real(solver%mumps%entries, wp))//' entries, '// &
+                         short_number(solver%mumps%flops/giga)//' GFlop, METIS order'// &
+                         trim(merge(', on disk', '         ', solver%mumps%on_disk)))
+    end associate
+  end subroutine log_factors
+
+  !> Checkpoint if stopped, close everything, summary, last line.
+  subroutine finish_run(model, exit_code, errors)
+    type(fem_model_type), intent(inout) :: model
+    integer(i4), intent(out) :: exit_code
+    type(error_list_type), intent(inout) :: errors
+    type(error_list_type) :: late
+    type(summary_type) :: summary
+
+    if (model%opened) then
+      if (errors%any()) call model%output%write_last(model%body, late)
+      if (model%stopped .and. .not. model%served .and. .not. errors%any()) &
+        call model%save_checkpoint('', errors)
+      call model%output%close(errors)
+    end if
+    call model%ranks%agree(errors)
+    exit_code = errors%exit_code()
+    if (exit_code == 0 .and. model%stopped) exit_code = exit_stopped
+    if (.not. model%opened) call model%lock%release()
+    if (.not. model%opened) return
+    if (model%row_step < model%steps) call log_row(model)
+    call model%log%health('energy error '//short_number(energy_error(model%body))//', '// &
+                         str(model%body%solver%factorisations)//' factorisations')
+    call model%log%timer_table(model%timers)
+    call model%log%faults(errors)
+    call summary%set_program(program_name, model%options%deck, model%deck%hash())
+    call summary%set('exit_code', exit_code)
+    call summary%set('wall_time_s', model%timers%elapsed())
+    call summary%set('steps', model%steps)
+    call summary%set('time_s', model%body%accepted%time)
+    call summary%set('health.energy_error', energy_error(model%body))
+    call summary%set('health.factorisations', model%body%solver%factorisations)
+    call model%analysis%summarise(model%body, summary)
+    call summary%set_timers(model%timers)
+    call summary%set_errors(errors)
+    if (model%ranks%leads()) call summary%write(model%stem//'_summary.json', late)
+    call model%log%finish(program_name, exit_code, 'time '// &
+                         short_number(model%body%accepted%time)// &
+                         ' s, '//str(model%steps)//' steps', model%timers%elapsed())
+    call model%log%close()
+    call model%lock%release()
+  end subroutine finish_run
+end module fem_run_files

@@ -1,0 +1,54 @@
+!> How the equations are solved: by factors, in memory or on disk, or by conjugate gradients.
+module fem_setup_solver
+  use talus_kinds, only: wp, i4
+  use talus_deck, only: deck_type
+  use fem_analysis, only: fem_analysis_type
+  use fem_body, only: fem_body_type
+  use fem_mumps, only: storage_memory, storage_disk
+  use fem_solver, only: fem_solver_type
+  implicit none
+  private
+  public :: read_storage, choose_solver
+
+  integer(i4), parameter :: large = 40000  !! degrees of freedom from which on iterating is faster
+  real(wp), parameter :: few_steps = 10.0_wp
+
+contains
+
+  !> Where factors are kept.
+  subroutine read_storage(deck, folder, solver)
+    type(deck_type), intent(in) :: deck
+    character(len=*), intent(in) :: folder  !! of factors on disk, unless the deck names one
+    type(fem_solver_type), intent(inout) :: solver
+    character(len=:), allocatable :: factors
+    call deck%get('analysis', 1, 'factors', factors)
+    associate (mumps => solver%mumps)
+      if (factors == 'memory') mumps%storage = storage_memory
+      if (factors == 'disk') mumps%storage = storage_disk
+      mumps%scratch = folder
+      if (deck%given('analysis', 1, 'scratch')) &
+        mumps%scratch = deck%path('analysis', 1, 'scratch')
+    end associate
+  end subroutine read_storage
+
+  !> Conjugate gradients for large statics of few steps, factors for the rest; `by_itself` says
+  !! that the deck leaves the choice open.
+  subroutine choose_solver(deck, body, analysis, served, by_itself)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    class(fem_analysis_type), intent(in) :: analysis
+    logical, intent(in) :: served
+    logical, intent(out) :: by_itself
+    character(len=:), allocatable :: choice
+    call deck%get('analysis', 1, 'solver', choice)
+    by_itself = choice == 'auto'
+    associate (solver => body%solver)
+      solver%iterative = choice == 'iterative'
+      if (solver%iterative .and. deck%given('analysis', 1, 'tolerance')) &
+        call deck%get('analysis', 1, 'tolerance', solver%tolerance)
+      if (.not. by_itself) return
+      solver%iterative = analysis%iterative .and. .not. (served .or. body%matter%active) .and. &
+        count(.not. body%held) >= large .and. analysis%t_end <= few_steps*analysis%dt
+    end associate
+  end subroutine choose_solver
+end module fem_setup_solver
