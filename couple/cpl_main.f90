@@ -30,7 +30,7 @@ program talus_couple
   if (errors%any()) call leave_with_faults()
   call model%open(errors)
   if (.not. errors%any()) call model%prepare(errors)
-  if (.not. errors%any()) call model%run(errors)
+  if (.not. errors%any()) call model%execute(errors)
   call model%finish(exit_code, errors)
   if (errors%any()) call errors%print(error_unit)
   call talus_exit(exit_code)
@@ -59,8 +59,8 @@ contains
 
   !> --check: the coupled deck, then both solvers' own checks, all faults together.
   subroutine check()
-    call check_solvers(model%solvers, errors)
-    call report_check(program_name, model%deck, errors, options%json)
+    call check_solvers(model%run%solvers, errors)
+    call report_check(program_name, model%run%deck, errors, options%json)
     call talus_exit(errors%exit_code())
   end subroutine check
 end program talus_couple

@@ -1,9 +1,7 @@
-!> The audit: a row for each exchange in <stem>_audit.csv, and the worst of it for the health line.
+!> Columns of the audit of facets, and the worst of it for the health line.
 module cpl_audit
-  use talus_kinds, only: wp, i4, i8
+  use talus_kinds, only: wp, i4
   use talus_text, only: string_type, append_string
-  use talus_errors, only: error_list_type
-  use talus_history, only: history_type
   use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_friction, &
     scalar_contact_damping, scalar_background_damping, scalar_boundary, scalar_gravity, &
     scalar_momentum, scalar_angular_momentum, scalar_max_overlap, scalar_flags
@@ -11,20 +9,18 @@ module cpl_audit
   use cpl_lag, only: lag_type
   implicit none
   private
-  public :: audit_type
+  public :: audit_type, audit_columns
 
   integer(i4), parameter :: column_count = 35
 
-  !> Worst values so far, and the file.
+  !> Worst values so far.
   type :: audit_type
-    type(history_type) :: file
     real(wp) :: gap = 0.0_wp              !! largest distance between ghosts and facets [m]
     type(lag_type) :: lag
     integer(i4) :: iterations = 0         !! most in an exchange
     real(wp) :: ghost_motion = 0.0_wp     !! largest displacement of a ghost now [m]
     real(wp) :: ghost_force = 0.0_wp      !! mean force on a ghost now [N]
   contains
-    procedure :: open => open_audit
     procedure :: note
     procedure :: row
     procedure :: work_error
@@ -32,7 +28,7 @@ module cpl_audit
 
 contains
 
-  subroutine columns_of(columns)
+  subroutine audit_columns(columns)
     type(string_type), allocatable, intent(out) :: columns(:)
     character(len=*), parameter :: axes(3) = ['x', 'y', 'z']
     integer :: k
@@ -72,25 +68,8 @@ contains
     do k = 1, 3
       call append_string(columns, 'moment_on_solid_'//axes(k)//' [N m]')
     end do
-  end subroutine columns_of
-
-  !> Begin the file, or after a restart at time [s] go on in it.
-  subroutine open_audit(self, path, again, time, errors)
-    class(audit_type), intent(inout) :: self
-    character(len=*), intent(in) :: path
-    logical, intent(in) :: again
-    real(wp), intent(in) :: time
-    type(error_list_type), intent(inout) :: errors
-    type(string_type), allocatable :: columns(:)
-
-    call columns_of(columns)
     if (size(columns) /= column_count) error stop 'bug: columns of the audit'
-    if (again) then
-      call self%file%resume(path, columns, time, errors)
-    else
-      call self%file%open(path, columns, .false., errors)
-    end if
-  end subroutine open_audit
+  end subroutine audit_columns
 
   !> Measure the interface after an exchange.
   subroutine note(self, face, gap)
@@ -115,12 +94,11 @@ contains
   end function work_error
 
   !> A row at time [s], after the exchange was accepted.
-  subroutine row(self, face, time, gap, errors)
-    class(audit_type), intent(inout) :: self
+  pure function row(self, face, time, gap) result(value)
+    class(audit_type), intent(in) :: self
     type(interface_type), intent(in) :: face
     real(wp), intent(in) :: time
     real(wp), intent(in) :: gap  !! of this exchange [m]
-    type(error_list_type), intent(inout) :: errors
     real(wp) :: value(column_count)
 
     associate (g => face%grains, s => face%solid)
@@ -147,6 +125,5 @@ contains
       value(33:35) = 0.0_wp
       if (face%transfer%rows > 3) value(33:35) = sum(face%relax%held(4:, :), 2)
     end associate
-    call self%file%write(value, errors)
-  end subroutine row
+  end function row
 end module cpl_audit

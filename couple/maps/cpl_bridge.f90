@@ -48,9 +48,7 @@ module cpl_bridge
   end type bridge_field_type
 
   type :: bridge_type
-    logical :: active = .false.
-    logical :: lumped = .false.
-    real(wp) :: least = 0.01_wp                !! weight of either side at its end [-]
+    logical :: lumped = .false.                !! row sums in place of factors
     real(wp), allocatable :: weight(:)         !! of the bound grains [-]
     type(bridge_field_type) :: move, turn
     logical :: turns = .false.                 !! rotations are bound
@@ -59,7 +57,6 @@ module cpl_bridge
     real(wp), allocatable :: push(:, :), couple(:, :)   !! put on the grains [N], [N m]
     real(wp), allocatable :: hold(:, :), hold_couple(:, :)  !! part that balances the start
     real(wp), allocatable :: weight_excess(:)  !! (nodes) mass less that of the solid [kg]
-    real(wp) :: lost = 0.0_wp                  !! by the multipliers [J]
   end type bridge_type
 
 contains

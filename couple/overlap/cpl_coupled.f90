@@ -36,6 +36,7 @@ module cpl_coupled
     procedure :: start
     procedure :: stiffness_times
     procedure :: accelerate
+    procedure :: work
   end type coupled_type
 
 contains
@@ -184,7 +185,7 @@ contains
 
   !> Inner forces of the elements with hat nodes; r%u and r%phi are overwritten.
   subroutine add_elements(self, o, y, r)
-    type(coupled_type), intent(in) :: self
+    class(coupled_type), intent(in) :: self
     type(overlap_type), intent(in) :: o
     type(motion_type), intent(in) :: y
     type(motion_type), intent(inout) :: r
@@ -371,4 +372,15 @@ contains
       r%phi(:, a) = r%phi(:, a)/o%inertia(a)
     end do
   end subroutine accelerate
+
+  !> Work of forces on what moves by itself.
+  pure real(wp) function work(self, o, y, r)
+    class(coupled_type), intent(in) :: self
+    type(overlap_type), intent(in) :: o
+    type(motion_type), intent(in) :: y, r
+    associate (n => o%op%hats + 1, m => o%op%hats_phi + 1)
+      work = sum(y%q*r%q) + sum(y%theta*r%theta) + sum(y%u(:, n:)*r%u(:, n:)) &
+             + sum(y%phi(:, m:)*r%phi(:, m:))
+    end associate
+  end function work
 end module cpl_coupled

@@ -8,7 +8,6 @@ module cpl_overlap
   use talus_moduli, only: isotropic_type
   use talus_vectors, only: cross, turn_all
   use talus_scalars, only: scalar_count
-  use cpl_bridge, only: bridge_type
   use cpl_cells, only: cells_type
   use cpl_choices, only: interface_aitken
   use cpl_fine_damping, only: fine_damping_type
@@ -56,9 +55,9 @@ module cpl_overlap
     logical :: in_parts = .false.                  !! forces between ghosts come once an exchange
     logical :: hears_force = .false.               !! contact forces of the free grains are told
     logical :: hears_speed = .false.               !! velocities of the free grains are told
+    real(wp) :: least_weight = 0.0_wp              !! of either side of a bridging domain; 0: ghosts
     type(inertia_type) :: carried, carried_phi     !! masses that hat nodes carry
     type(fine_damping_type) :: damping, damping_phi
-    type(bridge_type) :: bridge                    !! bridging domain in place of ghosts
     real(wp) :: step_limit = huge(1.0_wp)          !! of the grains' step in the overlap [s]
     real(wp) :: kick_limit = huge(1.0_wp)          !! of the exchange, of what acts in kicks [s]
     character(len=:), allocatable :: kick_mover    !! who moves most at it
@@ -122,6 +121,7 @@ module cpl_overlap
     real(wp) :: work_taken = 0.0_wp                !! by what is free on ghosts and nodes [J]
     real(wp) :: turnover = 0.0_wp                  !! sum of both without sign [J]
     real(wp) :: hold_work = 0.0_wp                 !! of the loads that balance the start [J]
+    real(wp) :: lost = 0.0_wp                      !! taken by what binds a domain [J]
     real(wp) :: grains(scalar_count) = 0.0_wp, solid(scalar_count) = 0.0_wp
   contains
     procedure :: allocate_state
@@ -331,7 +331,9 @@ contains
     end associate
   end function edge_work
 
-  !> Velocities of the edge: v += dt f/m of what the deck does not hold.
+  !> Velocities of the edge: v += dt f/m of what the deck does not hold. Nodes of the edge are
+  !! integrated here, by talus-couple with every step of the grains, and not by talus-fem, which
+  !! holds them as prescribed and returns their forces.
   subroutine kick_edge(self, dt, f, c)
     class(overlap_type), intent(inout) :: self
     real(wp), intent(in) :: dt                !! [s]
@@ -411,25 +413,15 @@ contains
   pure subroutine look_past(self)
     class(overlap_type), intent(inout) :: self
     real(wp) :: past(self%op%free)
-    if (self%bridge%active) then
-      self%fine = self%fine_scale()
-      self%past = 0.0_wp
-    else
-      past = self%past_nodes()
-      self%fine = sqrt(sum(past**2)/max(1, count(self%seen)))
-      self%past = maxval(past)
-    end if
+    past = self%past_nodes()
+    self%fine = sqrt(sum(past**2)/max(1, count(self%seen)))
+    self%past = maxval(past)
   end subroutine look_past
 
-  !> Root mean square of what the nodes do not see of the free grains' motion, or of the gap between
-  !! bound grains and nodes [m].
+  !> Root mean square of what the nodes do not see of the free grains' motion [m].
   pure real(wp) function fine_scale(self)
     class(overlap_type), intent(in) :: self
-    if (self%bridge%active) then
-      fine_scale = sqrt(sum(self%bridge%move%gap(self%d, self%u)**2)/max(1, self%op%ghosts))
-    else
-      fine_scale = sqrt(sum(self%past_nodes()**2)/max(1, count(self%seen)))
-    end if
+    fine_scale = sqrt(sum(self%past_nodes()**2)/max(1, count(self%seen)))
   end function fine_scale
 
   !> Constants of the relaxation of the edge's load: Aitken, whose factor is kept up, as batches end

@@ -9,21 +9,17 @@ module cpl_overlap_file
   use cpl_overlap, only: overlap_type
   implicit none
   private
-  public :: write_overlap, read_overlap_state, read_overlap_reference, hash_of
+  public :: put_overlap, get_overlap, read_overlap_reference, hash_of
 
 contains
 
-  !> Write <stem>.<tag>.chk.h5.
-  subroutine write_overlap(checkpoint, o, time, tag, errors)
-    type(checkpoint_type), intent(inout) :: checkpoint
+  !> The state that every overlap has, into the file of a checkpoint.
+  subroutine put_overlap(file, o, errors)
+    type(h5_file_type), intent(inout) :: file
     type(overlap_type), intent(in) :: o
-    real(wp), intent(in) :: time  !! s
-    character(len=*), intent(in) :: tag
     type(error_list_type), intent(inout) :: errors
-    type(h5_file_type) :: file
     real(wp), allocatable :: reference(:, :)
 
-    call checkpoint%begin(file, time, o%step, errors, tag)
     call file%attr_put('/', 'sets_hash', o%sets_hash, errors)
     allocate (reference(6, size(o%pack%id)))
     reference(:3, :) = o%pack%x
@@ -68,7 +64,6 @@ contains
       call file%put('/map/u', o%u_map, errors)
       call file%put('/map/phi', o%phi_map, errors)
     end if
-    if (o%bridge%active) call write_bridge(file, o, errors)
     if (allocated(o%moduli)) call file%put('/start/moduli', o%moduli, errors)
     if (allocated(o%stress)) then
       call file%put('/start/stress', o%stress, errors)
@@ -90,8 +85,7 @@ contains
     end if
     call file%put('/scalars/grains', o%grains, errors)
     call file%put('/scalars/solid', o%solid, errors)
-    call checkpoint%finish(file, errors)
-  end subroutine write_overlap
+  end subroutine put_overlap
 
   !> Positions, masses and inertia of all grains in the reference state, from which sets and
   !! operators are made again.
@@ -109,13 +103,11 @@ contains
   end subroutine read_overlap_reference
 
   !> The rest, into an overlap whose sets were made again; I404 when they are others.
-  subroutine read_overlap_state(checkpoint, path, o, errors)
-    type(checkpoint_type), intent(in) :: checkpoint
-    character(len=*), intent(in) :: path
+  subroutine get_overlap(file, path, o, errors)
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: path  !! of the file
     type(overlap_type), intent(inout) :: o
     type(error_list_type), intent(inout) :: errors
-    type(h5_file_type) :: file
-    type(checkpoint_info_type) :: info
     character(len=:), allocatable :: hash
     real(wp) :: numbers(6)
     integer(i8) :: counts(2)
@@ -126,8 +118,6 @@ contains
     counts = 0
     looked = 0.0_wp
     told = 0
-    call checkpoint%open(path, file, info, errors)
-    if (errors%any()) return
     call file%attr_get('/', 'sets_hash', hash, errors)
     if (.not. errors%any()) then
       if (hash /= o%sets_hash) &
@@ -147,7 +137,6 @@ contains
     call file%get_into('/start/steady', o%steady, errors)
     call file%get_into('/start/steady_phi', o%steady_phi, errors)
     if (o%static) call read_static(file, o, errors)
-    if (o%bridge%active) call read_bridge(file, o, errors)
     if (o%in_parts .and. file%exists('/parts/near')) call read_parts(file, o, errors)
     if (file%exists('/loads/f')) call file%get('/loads/f', o%loads%f, errors)
     if (file%exists('/loads/c')) call file%get('/loads/c', o%loads%c, errors)
@@ -164,7 +153,6 @@ contains
     if (o%damping_phi%active) call file%get_into('/damping/moment', o%damping_phi%force, errors)
     call file%get_into('/scalars/grains', o%grains, errors)
     call file%get_into('/scalars/solid', o%solid, errors)
-    call file%close(errors)
     o%work_given = numbers(1)
     o%work_taken = numbers(2)
     o%turnover = numbers(3)
@@ -175,39 +163,7 @@ contains
     o%remaps = counts(2)
     o%looked = looked(1)
     o%told = told == 1
-  end subroutine read_overlap_state
-
-  !> Velocities of bound grains, forces that balance their start, what the multipliers took.
-  subroutine write_bridge(file, o, errors)
-    type(h5_file_type), intent(inout) :: file
-    type(overlap_type), intent(in) :: o
-    type(error_list_type), intent(inout) :: errors
-    call file%put('/bridge/v', o%bridge%v, errors)
-    call file%put('/bridge/spin', o%bridge%spin, errors)
-    call file%put('/bridge/force', o%p, errors)
-    call file%put('/bridge/moment', o%m, errors)
-    call file%put('/bridge/hold', o%bridge%hold, errors)
-    call file%put('/bridge/hold_couple', o%bridge%hold_couple, errors)
-    call file%put('/bridge/theta_ref', o%bridge%theta_ref, errors)
-    call file%put('/bridge/lost', [o%bridge%lost], errors)
-  end subroutine write_bridge
-
-  subroutine read_bridge(file, o, errors)
-    type(h5_file_type), intent(inout) :: file
-    type(overlap_type), intent(inout) :: o
-    type(error_list_type), intent(inout) :: errors
-    real(wp) :: lost(1)
-    lost = 0.0_wp
-    call file%get_into('/bridge/v', o%bridge%v, errors)
-    call file%get_into('/bridge/spin', o%bridge%spin, errors)
-    call file%get_into('/bridge/force', o%p, errors)
-    call file%get_into('/bridge/moment', o%m, errors)
-    call file%get_into('/bridge/hold', o%bridge%hold, errors)
-    call file%get_into('/bridge/hold_couple', o%bridge%hold_couple, errors)
-    call file%get_into('/bridge/theta_ref', o%bridge%theta_ref, errors)
-    call file%get_into('/bridge/lost', lost, errors)
-    o%bridge%lost = lost(1)
-  end subroutine read_bridge
+  end subroutine get_overlap
 
   !> Forces on ghosts in parts.
   subroutine write_parts(file, o, errors)

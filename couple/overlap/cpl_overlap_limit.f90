@@ -154,7 +154,7 @@ contains
   !! some tenths of a percent.
   function highest_frequency(o, coupled) result(mode)
     type(overlap_type), intent(in) :: o
-    type(coupled_type), intent(in) :: coupled
+    class(coupled_type), intent(in) :: coupled
     type(mode_type) :: mode
     type(motion_type) :: y, r, a
     real(wp) :: square, before, power, largest
@@ -168,10 +168,10 @@ contains
       call coupled%stiffness_times(o, y, r)
       a = r
       call coupled%accelerate(o, a)
-      power = work(o, y, r)
+      power = coupled%work(o, y, r)
       if (.not. power > 0.0_wp) return
       before = square
-      square = work(o, a, r)/power
+      square = coupled%work(o, a, r)/power
       quiet = merge(quiet + 1, 0_i4, abs(square - before) <= 2.0_wp*settled*square)
       largest = max(maxval(abs(a%q)), maxval(abs(a%u)), tiny(1.0_wp))
       y%q = a%q/largest
@@ -182,16 +182,6 @@ contains
     mode%omega = sqrt(square)
     call name_mover(o, a, r, mode)
   end function highest_frequency
-
-  !> Work of forces on what moves by itself.
-  pure real(wp) function work(o, y, r)
-    type(overlap_type), intent(in) :: o
-    type(motion_type), intent(in) :: y, r
-    associate (n => o%op%hats + 1, m => o%op%hats_phi + 1)
-      work = sum(y%q*r%q) + sum(y%theta*r%theta) + sum(y%u(:, n:)*r%u(:, n:)) &
-             + sum(y%phi(:, m:)*r%phi(:, m:))
-    end associate
-  end function work
 
   !> Who has the largest share of the power.
   pure subroutine name_mover(o, a, r, mode)

@@ -2,48 +2,36 @@
 module cpl_overlap_log
   use talus_kinds, only: wp, i4
   use talus_text, only: str, string_type, append_string
-  use talus_errors, only: error_list_type
-  use talus_deck, only: deck_type
-  use talus_history, only: history_type
   use talus_log, only: log_type, short_number, duration_text
   use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_friction, &
     scalar_contact_damping, scalar_background_damping, scalar_boundary, scalar_gravity, &
     scalar_momentum, scalar_angular_momentum, scalar_max_overlap
   use talus_summary, only: summary_type
-  use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, rotation_micro, rotation_curl
-  use cpl_logbook, only: overhead_text
   use cpl_overlap_limit, only: kick_warning
   use cpl_overlap, only: overlap_type
   use cpl_sets, only: part_rest, part_ghost, part_free
   implicit none
   private
-  public :: log_census, open_overlap_audit, audit_row_type, overlap_row_titles, overlap_row, &
-    overlap_health, overlap_summary
+  public :: log_census, log_masses, log_exchanges, overlap_columns, overlap_values, &
+    overlap_row_titles, overlap_row, overlap_health, overlap_summary
 
   integer(i4), parameter :: column_count = 28
-
-  !> A row of the audit: taken at the end of an exchange, written when the solvers have work again.
-  type :: audit_row_type
-    real(wp), allocatable :: value(:)  !! not yet written
-  contains
-    procedure :: take => take_row
-    procedure :: write => write_row
-  end type audit_row_type
 
 contains
 
   !> Who is in which set, the operators, and the masses.
-  subroutine log_census(log, o, choices)
+  subroutine log_census(log, o, choices, bound)
     type(log_type), intent(inout) :: log
     type(overlap_type), intent(in) :: o
     type(cpl_choices_type), intent(in) :: choices
+    logical, intent(in) :: bound  !! grains of the overlap are free and bound to the nodes
     character(len=:), allocatable :: turning
 
     turning = 'do not turn (moments on them are lost)'
     if (o%op%rotation == rotation_curl) turning = 'turn with half the curl of the displacement'
     if (o%op%rotation == rotation_micro) turning = 'turn with the micro-rotation'
-    if (o%bridge%active) turning = 'are bound to the nodes under them'
+    if (bound) turning = 'are bound to the nodes under them'
     call log%section('Overlap')
     call log%item('elements', str(count(o%sets%part == part_free))//' of free grains, '// &
                   str(count(o%sets%part == part_ghost))//' of ghosts, '// &
@@ -52,7 +40,7 @@ contains
                   str(size(o%sets%outside) + count(.not. o%seen))//' elsewhere; '// &
                   str(o%sets%least_in_element)//' to an element at least, '// &
                   short_number(o%sets%mean_in_element)//' in the mean')
-    call log%item(trim(merge('bound grains', 'ghosts      ', o%bridge%active)), &
+    call log%item(trim(merge('bound grains', 'ghosts      ', bound)), &
                   str(o%op%ghosts), turning)
     call log%item('nodes', str(o%op%hats)//' follow free grains', str(o%op%nodes - o%op%hats)// &
                   ' of the edge, micro-rotations '//str(o%op%hats_phi)//' and '// &
@@ -63,19 +51,21 @@ contains
                   choices%overlap%weights, "condition of N'WN "//short_number(o%op%p%condition))
     call log%item('identities', 'within '//short_number(o%identity))
     call log_weights(log, o, choices)
-    call log_start(log, o, choices)
-    if (o%bridge%active) then
-      call log_bridge(log, o)
-    else
-      call log_masses(log, o, choices)
-    end if
+    call log_start(log, o, choices, bound)
+  end subroutine log_census
+
+  !> Exchanges, and what goes wrong with ghosts that do not turn.
+  subroutine log_exchanges(log, o, choices)
+    type(log_type), intent(inout) :: log
+    type(overlap_type), intent(in) :: o
+    type(cpl_choices_type), intent(in) :: choices
     call log%item('exchanges', str(choices%exchanges), 'of '//short_number(choices%exchange)// &
                   ' s, '//str(o%substeps)//' steps of the grains each, scheme '// &
                   choices%overlap%scheme)
     if (choices%overlap%rotation == 'fixed') &
       call log%warn("rotation = 'fixed': ghosts resist turning, and moments on them are lost")
     call log%memory()
-  end subroutine log_census
+  end subroutine log_exchanges
 
   !> Masses of hat nodes, the stable step, damping.
   subroutine log_masses(log, o, choices)
@@ -114,31 +104,6 @@ contains
     if (exchange > o%kick_limit) call log%warn(kick_warning(o, exchange))
   end subroutine log_kicks
 
-  !> Who owns what in a bridging domain, and how its sides are bound.
-  subroutine log_bridge(log, o)
-    type(log_type), intent(inout) :: log
-    type(overlap_type), intent(in) :: o
-    character(len=:), allocatable :: how
-    how = 'consistent: grains follow the nodes'
-    if (o%bridge%lumped) how = 'lumped: row sums'
-    call log%item('bridging domain', str(o%op%ghosts)//' grains are bound to '// &
-      str(size(o%bridge%move%at))//' nodes', 'weights '//short_number(o%bridge%least)//' to '// &
-      short_number(1.0_wp - o%bridge%least)//'; rotations '// &
-      trim(merge('to micro-rotations', 'are free          ', o%bridge%turns)))
-    call log%item('masses there', short_number(o%moved_mass)//' kg of grains', &
-      short_number(sum(o%mass))//' kg of nodes, those at the far end with their outer elements')
-    call log%item('multipliers', how)
-    if (o%bridge%lumped) call log%warn('lumped multipliers dissipate what the mesh cannot '// &
-      'carry (above its cut-off): waves are then not reflected but lost, and grains of the '// &
-      'domain are cooled; the audit has what they took')
-    if (o%step_limit < huge(1.0_wp)) call log%item('stable step', short_number(o%step_limit)// &
-      ' s', 'of grains and nodes that step with them')
-    if (.not. o%loads%active) return
-    if (any(abs(o%loads%f) > 0.0_wp .and. spread(.not. o%mass(:o%op%hats) > 0.0_wp, 1, 3))) &
-      call log%warn('loads of the solid''s deck on elements of free grains do nothing: nodes '// &
-      'beyond the bridging domain only follow the grains; put them on the grains')
-  end subroutine log_bridge
-
   !> How energy is shared.
   subroutine log_weights(log, o, choices)
     type(log_type), intent(inout) :: log
@@ -158,10 +123,11 @@ contains
   end subroutine log_weights
 
   !> Moduli, loads and initial stress.
-  subroutine log_start(log, o, choices)
+  subroutine log_start(log, o, choices, bound)
     type(log_type), intent(inout) :: log
     type(overlap_type), intent(in) :: o
     type(cpl_choices_type), intent(in) :: choices
+    logical, intent(in) :: bound
     if (o%shear > 0.0_wp) then
       call log%item('moduli of the solid', 'K '//short_number(o%lambda + 2.0_wp*o%shear/3.0_wp)// &
                     ' Pa, G '//short_number(o%shear)//' Pa', choices%overlap%moduli//'; affine '// &
@@ -173,7 +139,7 @@ contains
         'them: kappa '//short_number(o%affine%kappa)//' Pa, gamma '// &
         short_number(o%affine%gamma)//' N (equal spheres have no gamma: that of the deck stands)')
     end if
-    if (o%loads%active .and. .not. o%bridge%active) call log%item('loads on hat nodes', &
+    if (o%loads%active .and. .not. bound) call log%item('loads on hat nodes', &
       short_number(norm2(sum(o%loads%f, 2)))//' N', 'of the solid''s deck, handed to the free '// &
       'grains'//trim(merge('                 ', '; they change now', o%loads%steady)))
     if (o%initial%rounds == 0 .and. .not. o%initial%after > 0.0_wp) return
@@ -185,15 +151,9 @@ contains
                   'forces on the nodes as both solvers give them')
   end subroutine log_start
 
-  !> Begin couple_audit.csv, or after a restart at time [s] go on in it.
-  subroutine open_overlap_audit(file, path, static, again, time, errors)
-    type(history_type), intent(inout) :: file
-    logical, intent(in) :: static
-    character(len=*), intent(in) :: path
-    logical, intent(in) :: again
-    real(wp), intent(in) :: time
-    type(error_list_type), intent(inout) :: errors
-    type(string_type), allocatable :: columns(:)
+  !> Columns of the audit that every overlap has.
+  subroutine overlap_columns(columns)
+    type(string_type), allocatable, intent(out) :: columns(:)
     character(len=*), parameter :: axes(3) = ['x', 'y', 'z']
     integer(i4) :: k
 
@@ -226,13 +186,7 @@ contains
     call append_string(columns, 'largest_ghost_displacement [m]')
     call append_string(columns, 'largest_overlap [-]')
     if (size(columns) /= column_count) error stop 'bug: columns of the audit'
-    if (static) call append_string(columns, 'unbalanced [-]')
-    if (again) then
-      call file%resume(path, columns, time, errors)
-    else
-      call file%open(path, columns, .false., errors)
-    end if
-  end subroutine open_overlap_audit
+  end subroutine overlap_columns
 
   !> Kinetic and elastic energy of all, less the work of the loads that balance the start, and what
   !! the damping of the fine scale has taken [J].
@@ -245,7 +199,7 @@ contains
   !> What the damping of the fine scale has taken [J].
   pure real(wp) function fine_loss(o)
     type(overlap_type), intent(in) :: o
-    fine_loss = o%damping%lost + o%damping_phi%lost + o%bridge%lost
+    fine_loss = o%damping%lost + o%damping_phi%lost + o%lost
   end function fine_loss
 
   pure real(wp) function ghost_motion(o)
@@ -259,11 +213,10 @@ contains
   end function ghost_motion
 
   !> A row at time [s], after the exchange was accepted.
-  subroutine take_row(self, o, time)
-    class(audit_row_type), intent(inout) :: self
+  pure function overlap_values(o, time) result(value)
     type(overlap_type), intent(in) :: o
     real(wp), intent(in) :: time  !! [s]
-    real(wp) :: value(column_count + 1), edge(6)
+    real(wp) :: value(column_count), edge(6)
 
     associate (g => o%grains, s => o%solid)
       value(1) = time
@@ -284,19 +237,7 @@ contains
       value(27) = ghost_motion(o)
       value(28) = g(scalar_max_overlap)
     end associate
-    value(column_count + 1) = o%unbalanced
-    self%value = value(:merge(column_count + 1, column_count, o%static))
-  end subroutine take_row
-
-  !> Write what was taken.
-  subroutine write_row(self, file, errors)
-    class(audit_row_type), intent(inout) :: self
-    type(history_type), intent(inout) :: file
-    type(error_list_type), intent(inout) :: errors
-    if (.not. allocated(self%value)) return
-    call file%write(self%value, errors)
-    deallocate (self%value)
-  end subroutine write_row
+  end function overlap_values
 
   subroutine overlap_row_titles(log)
     type(log_type), intent(inout) :: log
@@ -312,16 +253,17 @@ contains
     call log%row_titles(titles)
   end subroutine overlap_row_titles
 
-  subroutine overlap_row(log, o, time, overhead, left)
+  subroutine overlap_row(log, o, fine, time, overhead, left)
     type(log_type), intent(inout) :: log
     type(overlap_type), intent(in) :: o
+    real(wp), intent(in) :: fine      !! scale that the nodes do not see, now [m]
     real(wp), intent(in) :: time      !! s
     real(wp), intent(in) :: overhead  !! share of the run time
     real(wp), intent(in) :: left      !! wall time [s], < 0 not known
     type(string_type) :: cells(8)
     cells(1)%s = short_number(time)
     cells(2)%s = short_number(ghost_motion(o))
-    cells(3)%s = short_number(o%fine_scale())
+    cells(3)%s = short_number(fine)
     cells(4)%s = short_number(o%grains(scalar_kinetic) + o%solid(scalar_kinetic) + &
                               o%edge_kinetic())
     cells(5)%s = short_number(o%grains(scalar_elastic))
@@ -339,60 +281,31 @@ contains
     if (o%turnover > 0.0_wp) work_error = abs(o%work_given - o%work_taken)/o%turnover
   end function work_error
 
-  !> The line that tells whether to trust the run.
-  subroutine overlap_health(log, o, settled, overhead)
-    type(log_type), intent(inout) :: log
+  !> What the health line says of an overlap.
+  function overlap_health(o, fine) result(text)
     type(overlap_type), intent(in) :: o
-    real(wp), intent(in) :: settled      !! static: rest at which all is settled [-]
-    real(wp), intent(in) :: overhead(2)  !! shares that the grains waited for, and worked
-    if (o%static .and. o%unbalanced > settled) call log%warn('the run has not settled: a force '// &
-      'of '//short_number(o%unbalanced)//' of the mean contact force is not balanced '// &
-      '(settled = '//short_number(settled)//'): let it run longer, or look at the damping of '// &
-      'the grains')
-    call log%health(balance_text(o)//'works of both sides differ by '// &
-      short_number(100.0_wp*work_error(o))//' % of what went through, fine scale '// &
-      short_number(o%fine_scale())//' m, ghosts moved by '//short_number(ghost_motion(o))// &
-      ' m, largest overlap '// &
-      short_number(100.0_wp*o%grains(scalar_max_overlap))//' %, '//overhead_text(overhead))
-  end subroutine overlap_health
-
-  !> The rest of a static run.
-  pure function balance_text(o) result(text)
-    type(overlap_type), intent(in) :: o
+    real(wp), intent(in) :: fine  !! [m]
     character(len=:), allocatable :: text
-    text = ''
-    if (o%static) text = 'unbalanced '//short_number(o%unbalanced)//' of a contact force, '
-  end function balance_text
+    text = 'works of both sides differ by '// &
+      short_number(100.0_wp*work_error(o))//' % of what went through, fine scale '// &
+      short_number(fine)//' m, ghosts moved by '//short_number(ghost_motion(o))// &
+      ' m, largest overlap '//short_number(100.0_wp*o%grains(scalar_max_overlap))//' %, '
+  end function overlap_health
 
-  subroutine overlap_summary(path, program, deck, o, timers, time, overhead, exit_code, faults, &
-                             errors)
-    character(len=*), intent(in) :: path, program
-    type(deck_type), intent(in) :: deck
+  !> The part of summary.json that every overlap has.
+  subroutine overlap_summary(summary, o, fine)
+    type(summary_type), intent(inout) :: summary
     type(overlap_type), intent(in) :: o
-    type(timers_type), intent(in) :: timers
-    real(wp), intent(in) :: time, overhead(2)  !! s; shares that the grains waited for, and worked
-    integer(i4), intent(in) :: exit_code
-    type(error_list_type), intent(in) :: faults
-    type(error_list_type), intent(inout) :: errors
-    type(summary_type) :: summary
-
-    call summary%set_program(program, deck%source%path, deck%hash())
-    call summary%set('exit_code', exit_code)
-    call summary%set('wall_time_s', timers%elapsed())
-    call summary%set('steps', o%step)
-    call summary%set('time_s', time)
+    real(wp), intent(in) :: fine  !! [m]
     call summary%set('free_grains', count(o%seen))
     call summary%set('ghosts', o%op%ghosts)
     call summary%set('hat_nodes', o%op%hats)
     call summary%set('edge_nodes', o%op%nodes - o%op%hats)
-    call summary%set('coupling_overhead', overhead(1))
-    call summary%set('coupling_work', overhead(2))
     call summary%set('health.interface_work_error', work_error(o))
     call summary%set('health.identity_error', o%identity)
     call summary%set('health.projection_condition', o%op%p%condition)
-    call summary%set('health.fine_scale_m', o%fine_scale())
+    call summary%set('health.fine_scale_m', fine)
     call summary%set('health.max_overlap', o%grains(scalar_max_overlap))
-    if (o%static) call summary%set('health.unbalanced', o%unbalanced)
     if (allocated(o%shared)) call summary%set('overlap.shared_by', o%shared)
     call summary%set('overlap.fit_residual', o%fit%after)
     call summary%set('overlap.depth_m', o%sets%depth)
@@ -411,8 +324,5 @@ contains
     call summary%set('overlap.fine_scale_damping_J', fine_loss(o))
     call summary%set('overlap.remaps', o%remaps)
     call summary%set('overlap.total_energy_J', total_energy(o))
-    call summary%set_timers(timers)
-    call summary%set_errors(faults)
-    call summary%write(path, errors)
   end subroutine overlap_summary
 end module cpl_overlap_log

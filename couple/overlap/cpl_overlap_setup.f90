@@ -7,7 +7,6 @@ module cpl_overlap_setup
   use talus_log, only: short_number
   use talus_message, only: verb_select, verb_set, verb_ready
   use talus_timers, only: timers_type
-  use cpl_bridge_setup, only: make_bridge, begin_bridge
   use cpl_choices, only: cpl_choices_type, rotation_fixed, rotation_curl, rotation_micro
   use cpl_operators, only: weigh_unit, weigh_mass, weigh_volume
   use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, &
@@ -26,7 +25,7 @@ module cpl_overlap_setup
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
-  public :: make_overlap, begin_overlap
+  public :: make_overlap, give_masses, begin_overlap
 
 contains
 
@@ -47,6 +46,7 @@ contains
     o%symmetric = choices%overlap%scheme == 'symmetric'
     o%static = choices%overlap%scheme == 'static'
     o%stressed = choices%overlap%initial == 'stress'
+    if (choices%overlap%bound) o%least_weight = choices%overlap%least_weight
     call read_grains(o, solvers(side_grains), timers, errors)
     if (errors%any()) return
     if (allocated(reference)) then
@@ -67,7 +67,7 @@ contains
     if (choices%overlap%partition == 'share') o%sets%least_depth = 1.5_wp  ! nothing fades
     call o%sets%sort(o%cells, o%pack, errors)
     if (errors%any()) return
-    if (choices%overlap%remap > 0.0_wp .and. .not. choices%overlap%bridging) &
+    if (choices%overlap%remap > 0.0_wp .and. .not. choices%overlap%bound) &
       call o%sets%take_neighbours(o%pack)
     call o%op%build(o%cells, o%sets, o%pack, rotation_of(o, choices), weights_of(choices), &
                     choices%overlap%projection == 'mls', errors)
@@ -87,14 +87,17 @@ contains
     call o%allocate_state()
     call o%op%identity_error(o%x_free, o%x_node, o%x_ghost, o%identity, errors)
     o%sets_hash = hash_of(o)
-    if (choices%overlap%bridging) then
-      if (.not. errors%any()) call make_bridge(o, choices, errors)
-      return
-    end if
-    call share_mass(o, choices%overlap%mass, errors)
-    if (.not. errors%any()) call make_damping(o, choices%overlap%fine_damping, &
-                                              solvers(side_grains), errors)
   end subroutine make_overlap
+
+  !> Factors on masses of free grains, masses that hat nodes carry, damping of the fine scale.
+  subroutine give_masses(o, choices, grains, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_choices_type), intent(in) :: choices
+    type(cpl_solver_type), intent(in) :: grains
+    type(error_list_type), intent(inout) :: errors
+    call share_mass(o, choices%overlap%mass, errors)
+    if (.not. errors%any()) call make_damping(o, choices%overlap%fine_damping, grains, errors)
+  end subroutine give_masses
 
   !> D422: a solid that takes no kicks, grains without a step of their own. D432: grains whose
   !! masses are scaled beside a solid with inertia.
@@ -285,7 +288,7 @@ contains
   pure integer(i4) function rotation_of(o, choices)
     type(overlap_type), intent(in) :: o
     type(cpl_choices_type), intent(in) :: choices
-    if (choices%overlap%bridging) then
+    if (choices%overlap%bound) then
       rotation_of = merge(rotation_micro, rotation_fixed, any(o%cells%polar))
       return
     end if
@@ -324,10 +327,6 @@ contains
     real(wp) :: none(3, o%op%ghosts)
     type(start_type) :: start
 
-    if (o%bridge%active) then
-      call begin_bridge(o, solvers, choices, again, timers, errors)
-      return
-    end if
     call select_sets(o, solvers, again, timers, errors)
     if (errors%any()) return
     call prepare_start(o, solvers, choices, again, start, timers, errors)

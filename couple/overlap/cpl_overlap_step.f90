@@ -8,13 +8,12 @@ module cpl_overlap_step
   use talus_kinds, only: wp, i4
   use talus_text, only: str
   use talus_errors, only: error_list_type
-  use talus_history, only: history_type
   use talus_timers, only: timers_type
+  use cpl_audit_file, only: audit_file_type
   use cpl_overlap, only: overlap_type
   use cpl_overlap_ask, only: send_kick, read_free, send_bulk, read_bulk, ask_solid, ask_grains, &
     take_forces, send_accept
   use cpl_overlap_loads, only: renew_loads
-  use cpl_overlap_log, only: audit_row_type
   use cpl_overlap_parts, only: remember_start, follow_near, follow_all, work_of_parts, &
     finish_parts
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
@@ -34,12 +33,11 @@ contains
   !> From t0 to t1 [s], accepted on both sides; after a fault nothing was accepted. The length h is
   !! the same in every exchange, free of the rounding of times. What no solver waits for is done
   !! while they work, such as writing the row of the exchange before.
-  subroutine overlap_step(o, solvers, h, t0, t1, row, audit, timers, errors)
+  subroutine overlap_step(o, solvers, h, t0, t1, audit, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
     real(wp), intent(in) :: h, t0, t1
-    type(audit_row_type), intent(inout) :: row
-    type(history_type), intent(inout) :: audit
+    type(audit_file_type), intent(inout) :: audit
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     type(step_type) :: step
@@ -76,7 +74,7 @@ contains
       if (errors%any()) return
       call note_damping(o)
     end do
-    call finish_step(o, solvers, dt, h, t0, t1, step, row, audit, timers, errors)
+    call finish_step(o, solvers, dt, h, t0, t1, step, audit, timers, errors)
     if (errors%any()) return
     solvers%owes = .true.  ! answers to ACCEPT, which nobody needs yet
     o%step = o%step + 1
@@ -228,13 +226,12 @@ contains
   end subroutine note_damping
 
   !> The last half kicks, with everything at t1; ACCEPT is sent to both.
-  subroutine finish_step(o, solvers, dt, h, t0, t1, step, row, audit, timers, errors)
+  subroutine finish_step(o, solvers, dt, h, t0, t1, step, audit, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
     real(wp), intent(in) :: dt, h, t0, t1  !! [s]
     type(step_type), intent(inout) :: step
-    type(audit_row_type), intent(inout) :: row
-    type(history_type), intent(inout) :: audit
+    type(audit_file_type), intent(inout) :: audit
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
 
@@ -245,7 +242,7 @@ contains
     if (o%parts%active) call work_of_parts(o, timers)
     call o%look_past()
     call timers%start('audit and log')
-    call row%write(audit, errors)
+    call audit%write(errors)
     call timers%stop('audit and log')
     if (.not. errors%any()) call solvers(side_solid)%receive(timers, errors)
     if (.not. errors%any()) call read_bulk(o, solvers(side_solid), errors)

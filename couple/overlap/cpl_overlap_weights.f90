@@ -9,7 +9,8 @@ module cpl_overlap_weights
   use talus_message, only: verb_describe, verb_set
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type
-  use cpl_method, only: method_type, choose_weights, method_of, method_fit, method_share
+  use cpl_weight_choice, only: weight_choice_type, choose_weights, weight_choice_of, weights_fit, &
+    weights_share
   use cpl_order, only: sort_order
   use cpl_overlap, only: overlap_type
   use cpl_overlap_partition, only: contacts_type, points_type, fill_partition
@@ -78,7 +79,7 @@ contains
     logical :: fades
 
     fades = choices%overlap%partition /= 'twice'
-    flat = merge(0.0_wp, o%sets%d_max, o%bridge%active)
+    flat = merge(0.0_wp, o%sets%d_max, o%least_weight > 0.0_wp)
     allocate (depth(o%op%ghosts))
     do g = 1, o%op%ghosts
       depth(g) = o%sets%hull%distance(o%x_ghost(:, g))
@@ -87,7 +88,7 @@ contains
       allocate (o%weight(size(pair, 2)), o%beta(size(points%element)), source=1.0_wp)
       if (fades) o%weight = choices%overlap%rho*omega_mean(depth(pair(1, :)), depth(pair(2, :)), &
                                                            o%sets%depth, flat)
-      if (fades .and. o%bridge%active) o%weight = clipped(o%weight)
+      if (fades) o%weight = clipped(o%weight)
     end associate
     do q = 1, size(o%beta)
       select case (o%sets%part(points%element(q)))
@@ -96,7 +97,7 @@ contains
       case (part_ghost)
         if (fades) o%beta(q) = 1.0_wp - omega(o%sets%hull%distance(points%x(:, q)), &
                                               o%sets%depth, flat)
-        if (fades .and. o%bridge%active) o%beta(q) = clipped(o%beta(q))
+        if (fades) o%beta(q) = clipped(o%beta(q))
       end select
     end do
 
@@ -105,7 +106,7 @@ contains
     !> Weights of a bridging domain stay off 0 and 1.
     pure elemental real(wp) function clipped(weight)
       real(wp), intent(in) :: weight
-      clipped = min(1.0_wp - o%bridge%least, max(o%bridge%least, weight))
+      clipped = min(1.0_wp - o%least_weight, max(o%least_weight, weight))
     end function clipped
   end subroutine ramp
 
@@ -119,18 +120,18 @@ contains
     type(points_type), intent(in) :: points
     type(error_list_type), intent(inout) :: errors
     type(partition_type) :: partition
-    type(method_type) :: method
+    type(weight_choice_type) :: method
     type(error_list_type) :: refused
     real(wp), allocatable :: w(:), beta(:)
     integer(i4), allocatable :: row(:), at(:)
     integer(i4) :: k
 
     call fill_partition(o, contacts, points, partition, row, at)
-    call method_of(choices%overlap%partition, method, '&overlap', errors)
+    call weight_choice_of(choices%overlap%partition, method, '&overlap', errors)
     method%depth = o%sets%depth
     method%d_max = o%sets%d_max
     method%rho = choices%overlap%rho
-    if (method%kind == method_share) call find_shares(o, partition, points%x(:, at), method%share)
+    if (method%kind == weights_share) call find_shares(o, partition, points%x(:, at), method%share)
     call choose_weights(partition, method, w, beta, o%fit, refused)
     o%shared = method%name
     o%disorder = method%disorder
@@ -140,12 +141,12 @@ contains
     else if (refused%any()) then
       call errors%add(refused%item(1)%code, refused%item(1)%message, refused%item(1)%place, &
                       refused%item(1)%hint)
-    else if (method%kind == method_fit .or. method%kind == method_share) then
+    else if (method%kind == weights_fit .or. method%kind == weights_share) then
       do k = 1, size(at)
         o%beta(at(k)) = beta(k)
       end do
-      if (method%kind == method_share) o%weight = 0.0_wp
-      if (method%kind == method_fit) call put_weights(o, partition, w)
+      if (method%kind == weights_share) o%weight = 0.0_wp
+      if (method%kind == weights_fit) call put_weights(o, partition, w)
     end if
   end subroutine fit
 

@@ -9,7 +9,7 @@ module cpl_partition_file
   use talus_errors, only: error_list_type
   use talus_hdf5, only: h5_file_type
   use cpl_initial, only: initial_type, correct_initial
-  use cpl_method, only: method_type, choose_weights, method_of, method_given
+  use cpl_weight_choice, only: weight_choice_type, choose_weights, weight_choice_of, weights_given
   use cpl_partition, only: partition_type, grain_ghost, state_count, turn_none, turn_curl, &
     turn_micro, uniform_states, residual_rows, mean_sizes, worst_rows
   use cpl_weight_fit, only: fit_type
@@ -29,7 +29,7 @@ contains
     character(len=*), intent(in) :: output  !! folder of the result, '': beside the file
     type(error_list_type), intent(inout) :: errors
     type(partition_type) :: overlap
-    type(method_type) :: method
+    type(weight_choice_type) :: method
     type(h5_file_type) :: file, result
     type(fit_type) :: fit
     real(wp), allocatable :: w(:), beta(:)
@@ -164,7 +164,7 @@ contains
   subroutine read_method(file, overlap, method, w, beta, errors)
     type(h5_file_type), intent(inout) :: file
     type(partition_type), intent(in) :: overlap
-    type(method_type), intent(inout) :: method
+    type(weight_choice_type), intent(inout) :: method
     real(wp), allocatable, intent(inout) :: w(:), beta(:)
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: name
@@ -176,8 +176,8 @@ contains
     call file%attr_get('/', 'd_max', method%d_max, errors)
     call file%attr_get('/', 'rho', method%rho, errors)
     if (errors%any()) return
-    call method_of(name, method, file%path, errors)
-    if (method%kind == method_given) then
+    call weight_choice_of(name, method, file%path, errors)
+    if (method%kind == weights_given) then
       call file%get('/given/w', w, errors)
       call file%get('/given/beta', beta, errors)
     end if
@@ -195,7 +195,7 @@ contains
 
   subroutine write_weights(overlap, method, w, beta, fit, file, errors)
     type(partition_type), intent(in) :: overlap
-    type(method_type), intent(in) :: method
+    type(weight_choice_type), intent(in) :: method
     real(wp), intent(in) :: w(:), beta(:)
     type(fit_type), intent(in) :: fit
     type(h5_file_type), intent(inout) :: file

@@ -9,7 +9,7 @@ module cpl_choices
   use cpl_solver, only: cpl_solver_type, sides, side_grains
   implicit none
   private
-  public :: cpl_choices_type, read_choices, read_solvers
+  public :: cpl_choices_type, read_choices, read_solvers, method_name
   public :: scheme_average, scheme_iterated, scheme_state
   public :: interface_springs, interface_theta, interface_aitken, interface_none
   public :: rotation_fixed, rotation_curl, rotation_micro
@@ -47,6 +47,18 @@ module cpl_choices
   end type cpl_choices_type
 
 contains
+
+  !> Name of the coupling method, as cpl_methods lists it.
+  pure function method_name(choices) result(name)
+    type(cpl_choices_type), intent(in) :: choices
+    character(len=:), allocatable :: name
+    name = 'facets'
+    if (.not. choices%overlap%given) return
+    if (allocated(choices%overlap%method)) name = choices%overlap%method
+    if (allocated(choices%overlap%scheme) .and. name == 'bridging_scale') then
+      if (choices%overlap%scheme == 'static') name = 'static_overlap'
+    end if
+  end function method_name
 
   subroutine read_choices(deck, choices, errors)
     type(deck_type), intent(in) :: deck

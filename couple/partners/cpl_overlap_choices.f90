@@ -23,7 +23,8 @@ module cpl_overlap_choices
     character(len=:), allocatable :: micro_deformation  !! of nodes over free grains
     logical :: micro_deformation_given = .false.
     logical :: dead_load = .true.
-    logical :: bridging = .false.      !! method = 'bridging_domain'
+    character(len=:), allocatable :: method
+    logical :: bound = .false.         !! grains of the overlap are free and bound to the nodes
     character(len=:), allocatable :: multipliers
     real(wp) :: least_weight = 0.0_wp  !! of either side in the domain [-]
     real(wp) :: settled = 0.0_wp  !! static: rest / contact force at which a run has settled [-]
@@ -98,14 +99,13 @@ contains
     type(deck_type), intent(in) :: deck
     type(overlap_choices_type), intent(inout) :: choices
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: method
 
-    call deck%get('overlap', 1, 'method', method)
-    choices%bridging = method == 'bridging_domain'
+    call deck%get('overlap', 1, 'method', choices%method)
+    choices%bound = choices%method /= 'bridging_scale'
     call deck%get('overlap', 1, 'multipliers', choices%multipliers)
     call deck%get('overlap', 1, 'least_weight', choices%least_weight)
-    if (.not. choices%bridging) then
-      call idle('multipliers')
+    if (choices%method /= 'bridging_domain') call idle('multipliers')
+    if (.not. choices%bound) then
       call idle('least_weight')
       return
     end if
@@ -124,13 +124,13 @@ contains
     subroutine idle(key)
       character(len=*), intent(in) :: key
       if (deck%given('overlap', 1, key)) call deck%fault(errors, 'D430', key//' has no meaning '// &
-        "with method = '"//method//"'", 'overlap', 1, key, 'leave it out')
+        "with method = '"//choices%method//"'", 'overlap', 1, key, 'leave it out')
     end subroutine idle
 
     subroutine missing(key, value)
       character(len=*), intent(in) :: key, value
-      call deck%fault(errors, 'D431', key//" = '"//value//"' does not go with method = "// &
-                      "'bridging_domain'", 'overlap', 1, key, "leave it out, or write method = "// &
+      call deck%fault(errors, 'D431', key//" = '"//value//"' does not go with method = '"// &
+                      choices%method//"'", 'overlap', 1, key, "leave it out, or write method = "// &
                       "'bridging_scale'")
     end subroutine missing
   end subroutine read_method

@@ -5,7 +5,7 @@ program test_cpl_weights
   use talus_test, only: max_abs, test_type
   use talus_errors, only: error_list_type
   use cpl_initial, only: initial_type, correct_initial
-  use cpl_method, only: method_type, choose_weights, method_of
+  use cpl_weight_choice, only: weight_choice_type, choose_weights, weight_choice_of
   use cpl_overlap_partition, only: elastic_tensor
   use cpl_partition, only: partition_type, grain_free, grain_ghost, region_free, region_ghost, &
     region_rest, turn_curl, turn_micro, uniform_states, residual_rows, mean_sizes, worst_rows
@@ -59,7 +59,7 @@ contains
   subroutine test_lattice(polar)
     logical, intent(in) :: polar
     type(partition_type) :: overlap
-    type(method_type) :: method
+    type(weight_choice_type) :: method
     type(fit_type) :: fit
     type(error_list_type) :: errors
     real(wp), allocatable :: w(:), beta(:), inside(:)
@@ -72,7 +72,7 @@ contains
     call twice_weights(overlap, w, beta)
     worst = worst_now(overlap, w, beta)
     call test%check('counted twice leaves a face of forces', worst(1) > 9.0_wp)
-    call method_of('auto', method, 'test', errors)
+    call weight_choice_of('auto', method, 'test', errors)
     method%depth = h
     method%d_max = 1.0_wp
     call choose_weights(overlap, method, w, beta, fit, errors)
@@ -159,12 +159,12 @@ contains
     type(partition_type) :: overlap
     type(fit_type) :: fit
     type(error_list_type) :: errors
-    type(method_type) :: method
+    type(weight_choice_type) :: method
     real(wp), allocatable :: w(:), beta(:), right(:), force(:, :, :), stress(:, :, :)
     logical, allocatable :: chosen(:)
 
     call make_column(.true., overlap)
-    call method_of('fit', method, 'test', errors)
+    call weight_choice_of('fit', method, 'test', errors)
     method%depth = h
     method%d_max = 1.0_wp
     call choose_weights(overlap, method, w, beta, fit, errors)
@@ -203,24 +203,24 @@ contains
 
   subroutine test_faults()
     type(partition_type) :: overlap
-    type(method_type) :: method
+    type(weight_choice_type) :: method
     type(fit_type) :: fit
     type(error_list_type) :: errors, others
     real(wp), allocatable :: w(:), beta(:)
-    call method_of('rampe', method, 'deck.nml', errors)
+    call weight_choice_of('rampe', method, 'deck.nml', errors)
     call test%check_text('unknown method', errors%item(1)%code, 'D440')
     call make_column(.true., overlap)
-    call method_of('ramp', method, 'deck.nml', errors)
+    call weight_choice_of('ramp', method, 'deck.nml', errors)
     method%depth = 1.0_wp
     method%d_max = 1.0_wp
     call choose_weights(overlap, method, w, beta, fit, errors)
     call test%check_text('layer too thin', errors%item(2)%code, 'D441')
-    call method_of('share', method, 'deck.nml', errors)
+    call weight_choice_of('share', method, 'deck.nml', errors)
     call choose_weights(overlap, method, w, beta, fit, errors)
     call test%check_text('no shares', errors%item(3)%code, 'D442')
     overlap%moduli(:, :, layers) = 5.0_wp*overlap%moduli(:, :, layers)
     method%depth = h
-    call method_of('fit', method, 'deck.nml', errors)
+    call weight_choice_of('fit', method, 'deck.nml', errors)
     call choose_weights(overlap, method, w, beta, fit, others)
     call test%check_text('no balance within bounds', others%item(1)%code, 'N443')
   end subroutine test_faults

@@ -7,39 +7,35 @@ module cpl_bridge_setup
   use talus_log, only: short_number
   use talus_message, only: verb_select, verb_set, verb_ready
   use talus_timers, only: timers_type
-  use cpl_bridge, only: domain_type
-  use cpl_bridge_limit, only: check_bridge_step
+  use cpl_bridge, only: bridge_type, domain_type
   use cpl_bridge_mass, only: check_domain, share_domain
   use cpl_bridge_step, only: bridge_forces, bridge_bulk, read_bound, bound_set, load_set
-  use cpl_choices, only: cpl_choices_type
   use cpl_overlap, only: overlap_type, free_set, hat_set, edge_set, hat_phi_set, edge_phi_set
   use cpl_overlap_loads, only: begin_loads
   use cpl_overlap_start, only: start_type, prepare_start
   use cpl_overlap_weights, only: read_points
+  use cpl_run, only: cpl_run_type
   use cpl_sets, only: part_ghost
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
-  public :: make_bridge, begin_bridge
+  public :: make_bridge, begin_domain, start_domain
 
 contains
 
-  !> What sets and deck alone can tell.
-  subroutine make_bridge(o, choices, errors)
+  !> What sets and deck alone can tell; lumped: row sums in place of a system of equations.
+  subroutine make_bridge(o, b, lumped, errors)
     type(overlap_type), intent(inout) :: o
-    type(cpl_choices_type), intent(in) :: choices
+    type(bridge_type), intent(inout) :: b
+    logical, intent(in) :: lumped
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: n
 
     n = o%op%ghosts
-    associate (b => o%bridge)
-      b%active = .true.
-      b%lumped = choices%overlap%multipliers == 'lumped'
-      b%least = choices%overlap%least_weight
-      b%turns = o%turns
-      allocate (b%v(3, n), b%spin(3, n), b%push(3, n), b%couple(3, n), b%hold(3, n), &
-                b%hold_couple(3, n), b%theta_ref(3, n), source=0.0_wp)
-    end associate
+    b%lumped = lumped
+    b%turns = o%turns
+    allocate (b%v(3, n), b%spin(3, n), b%push(3, n), b%couple(3, n), b%hold(3, n), &
+              b%hold_couple(3, n), b%theta_ref(3, n), source=0.0_wp)
     allocate (o%factor(o%op%free), source=1.0_wp)
     o%in_parts = .false.
     o%hears_force = .false.
@@ -47,39 +43,46 @@ contains
     call check_domain(o, errors)
   end subroutine make_bridge
 
-  !> SELECT, weights, masses, READY; a fresh run then takes velocities and forces at the start.
-  subroutine begin_bridge(o, solvers, choices, again, timers, errors)
+  !> Sets of both solvers, weights of energy and mass, fields that are bound.
+  subroutine begin_domain(o, b, run, start, errors)
     type(overlap_type), intent(inout) :: o
-    type(cpl_solver_type), intent(inout) :: solvers(2)
-    type(cpl_choices_type), intent(in) :: choices
-    logical, intent(in) :: again  !! after a restart
-    type(timers_type), intent(inout) :: timers
+    type(bridge_type), intent(inout) :: b
+    type(cpl_run_type), intent(inout) :: run
+    type(start_type), intent(inout) :: start
     type(error_list_type), intent(inout) :: errors
-    type(start_type) :: start
 
-    call select_domain(o, solvers, timers, errors)
+    call select_domain(o, run%solvers, run%timers, errors)
     if (errors%any()) return
-    call prepare_start(o, solvers, choices, again, start, timers, errors)
+    call prepare_start(o, run%solvers, run%choices, run%again, start, run%timers, errors)
     if (errors%any()) return
-    if (again) call read_points(solvers(side_solid), start%points, timers, errors)
+    if (run%again) call read_points(run%solvers(side_solid), start%points, run%timers, errors)
     if (errors%any()) return
-    call share_domain(o, start%points)
-    call build_fields(o, errors)
-    if (.not. errors%any()) call set_mass(o, solvers(side_grains), timers, errors)
-    if (.not. (again .or. errors%any())) &
-      call check_bridge_step(o, solvers, start%points, timers, errors)
-    if (errors%any()) return
-    call ready(solvers(side_grains))
-    if (.not. (again .or. errors%any())) call read_grains(o, solvers(side_grains), errors)
-    call ready(solvers(side_solid))
-    call begin_loads(o, solvers(side_solid), again, timers, errors)
-    if (again .or. errors%any()) return
-    call start_speeds(o, errors)
-    if (.not. errors%any()) call bridge_forces(o, solvers, solvers(1)%time, timers, errors)
-    if (.not. errors%any()) &
-      call bridge_bulk(o, solvers(side_solid), 0.0_wp, solvers(1)%time, timers, errors)
-    if (choices%overlap%dead_load .and. .not. errors%any()) &
-      call hold_start(o, solvers(side_grains)%gravity)
+    call share_domain(o, b, start%points)
+    call build_fields(o, b, errors)
+    if (.not. errors%any()) call set_mass(o, b, run%solvers(side_grains), run%timers, errors)
+  end subroutine begin_domain
+
+  !> READY; a fresh run then takes velocities and forces at the start.
+  subroutine start_domain(o, b, run, errors)
+    type(overlap_type), intent(inout) :: o
+    type(bridge_type), intent(inout) :: b
+    type(cpl_run_type), intent(inout) :: run
+    type(error_list_type), intent(inout) :: errors
+
+    associate (solvers => run%solvers)
+      call ready(solvers(side_grains))
+      if (.not. (run%again .or. errors%any())) call read_grains(o, b, solvers(side_grains), errors)
+      call ready(solvers(side_solid))
+      call begin_loads(o, solvers(side_solid), run%again, run%timers, errors)
+      if (run%again .or. errors%any()) return
+      call start_speeds(o, b, errors)
+      if (.not. errors%any()) &
+        call bridge_forces(o, b, solvers, solvers(1)%time, run%timers, errors)
+      if (.not. errors%any()) call bridge_bulk(o, b, solvers(side_solid), 0.0_wp, &
+                                               solvers(1)%time, run%timers, errors)
+      if (run%choices%overlap%dead_load .and. .not. errors%any()) &
+        call hold_start(o, b, solvers(side_grains)%gravity)
+    end associate
 
   contains
 
@@ -87,19 +90,20 @@ contains
       type(cpl_solver_type), intent(inout) :: solver
       if (errors%any()) return
       call solver%start_request(verb_ready, o%step, solver%time, solver%time)
-      call solver%ask(timers, errors)
+      call solver%ask(run%timers, errors)
     end subroutine ready
-  end subroutine begin_bridge
+  end subroutine start_domain
 
   !> What carries the start is held against, weight of the bound grains with it.
-  subroutine hold_start(o, gravity)
+  subroutine hold_start(o, b, gravity)
     type(overlap_type), intent(inout) :: o
+    type(bridge_type), intent(inout) :: b
     real(wp), intent(in) :: gravity(3)  !! [m/s^2]
     integer(i4) :: g
     do g = 1, o%op%ghosts
-      o%bridge%hold(:, g) = -o%p(:, g) - o%bridge%move%grain(g)*gravity
+      b%hold(:, g) = -o%p(:, g) - b%move%grain(g)*gravity
     end do
-    if (o%bridge%turns) o%bridge%hold_couple = -o%m
+    if (b%turns) b%hold_couple = -o%m
     o%f_hold = -o%f
     o%c_hold = -o%c
     o%f = 0.0_wp
@@ -161,8 +165,9 @@ contains
 
   !> Multipliers of displacements and rotations; of grains that are no spheres the rotation by their
   !! least moment of inertia, so that no multiplier is too large for an axis.
-  subroutine build_fields(o, errors)
+  subroutine build_fields(o, b, errors)
     type(overlap_type), intent(inout) :: o
+    type(bridge_type), intent(inout) :: b
     type(error_list_type), intent(inout) :: errors
     type(domain_type) :: domain
     logical :: bound(o%cells%nodes)
@@ -172,7 +177,7 @@ contains
     do e = 1, o%cells%elements
       if (o%sets%part(e) == part_ghost) bound(o%cells%nodes_of(e)) = .true.
     end do
-    associate (b => o%bridge, ghost => o%sets%ghost)
+    associate (ghost => o%sets%ghost)
       domain%n = o%op%ghost
       domain%bound = bound(o%op%node)
       domain%x_node = o%x_node
@@ -194,8 +199,9 @@ contains
   end subroutine build_fields
 
   !> Weights on the masses of the bound grains. D425: the step is above the limit that comes back.
-  subroutine set_mass(o, grains, timers, errors)
+  subroutine set_mass(o, b, grains, timers, errors)
     type(overlap_type), intent(in) :: o
+    type(bridge_type), intent(in) :: b
     type(cpl_solver_type), intent(inout) :: grains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
@@ -203,7 +209,7 @@ contains
     call grains%start_request(verb_set, o%step, grains%time, grains%time)
     call grains%request%put_text('what', 'mass_factor')
     call grains%request%put_text('set', load_set)
-    call grains%request%put('value', o%bridge%weight)
+    call grains%request%put('value', b%weight)
     call grains%ask(timers, errors)
     if (errors%any()) return
     call grains%reply%get('step_limit', limit, errors)
@@ -214,25 +220,25 @@ contains
   end subroutine set_mass
 
   !> State of the grains before the first exchange, from their reply to READY.
-  subroutine read_grains(o, grains, errors)
+  subroutine read_grains(o, b, grains, errors)
     type(overlap_type), intent(inout) :: o
+    type(bridge_type), intent(inout) :: b
     type(cpl_solver_type), intent(inout) :: grains
     type(error_list_type), intent(inout) :: errors
     call grains%reply%get('scalars', o%grains, errors)
     if (o%turns) call grains%reply%get(free_set//'.theta', o%theta_ref, errors)
-    if (o%bridge%turns) call grains%reply%get(bound_set//'.theta', o%bridge%theta_ref, errors)
-    call read_bound(o, grains, .true., errors)
+    if (b%turns) call grains%reply%get(bound_set//'.theta', b%theta_ref, errors)
+    call read_bound(o, b, grains, .true., errors)
   end subroutine read_grains
 
   !> Velocities of the nodes at the start are those of the grains.
-  subroutine start_speeds(o, errors)
+  subroutine start_speeds(o, b, errors)
     type(overlap_type), intent(inout) :: o
+    type(bridge_type), intent(in) :: b
     type(error_list_type), intent(inout) :: errors
-    associate (b => o%bridge)
-      if (any(abs(b%v) > 0.0_wp)) call b%move%start(b%v, o%x_node, o%v, errors)
-      if (.not. b%turns) return
-      if (any(abs(b%spin) > 0.0_wp)) &
-        call b%turn%start(b%spin, o%cells%x(:, o%op%node_phi), o%w, errors)
-    end associate
+    if (any(abs(b%v) > 0.0_wp)) call b%move%start(b%v, o%x_node, o%v, errors)
+    if (.not. b%turns) return
+    if (any(abs(b%spin) > 0.0_wp)) &
+      call b%turn%start(b%spin, o%cells%x(:, o%op%node_phi), o%w, errors)
   end subroutine start_speeds
 end module cpl_bridge_setup

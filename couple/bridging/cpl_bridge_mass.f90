@@ -5,6 +5,7 @@ module cpl_bridge_mass
   use talus_kinds, only: wp, i4
   use talus_text, only: str
   use talus_errors, only: error_list_type
+  use cpl_bridge, only: bridge_type
   use cpl_cells, only: cells_type
   use cpl_elements, only: most_nodes, corner_count, locate
   use cpl_overlap, only: overlap_type
@@ -38,16 +39,17 @@ contains
   end subroutine check_domain
 
   !> Weights of the bound grains, masses of all nodes of the overlap.
-  subroutine share_domain(o, points)
+  subroutine share_domain(o, b, points)
     type(overlap_type), intent(inout) :: o
+    type(bridge_type), intent(inout) :: b
     type(points_type), intent(in) :: points
     real(wp), dimension(o%cells%nodes) :: all_of, own, all_phi, own_phi
     real(wp) :: share(most_nodes), weight(most_nodes, o%cells%elements)
     integer(i4) :: g, e, n
 
-    allocate (o%bridge%weight(o%op%ghosts))
+    allocate (b%weight(o%op%ghosts))
     do g = 1, o%op%ghosts
-      o%bridge%weight(g) = clipped(o, omega(o%sets%hull%distance(o%x_ghost(:, g)), &
+      b%weight(g) = clipped(o, omega(o%sets%hull%distance(o%x_ghost(:, g)), &
                                             o%sets%depth, 0.0_wp))
     end do
     call element_weights(o, points, weight)
@@ -65,16 +67,16 @@ contains
     own_phi = own/all_of
     all_phi = o%cells%inertia*own_phi
     own = o%cells%mass*own_phi
-    o%bridge%weight_excess = own(o%op%node) - o%cells%mass(o%op%node)
+    b%weight_excess = own(o%op%node) - o%cells%mass(o%op%node)
     o%mass = own(o%op%node)
     o%inertia = all_phi(o%op%node_phi)
-    o%moved_mass = sum(o%bridge%weight*o%pack%mass(o%sets%ghost))
+    o%moved_mass = sum(b%weight*o%pack%mass(o%sets%ghost))
   end subroutine share_domain
 
   pure elemental real(wp) function clipped(o, weight)
     type(overlap_type), intent(in) :: o
     real(wp), intent(in) :: weight
-    clipped = min(1.0_wp - o%bridge%least, max(o%bridge%least, weight))
+    clipped = min(1.0_wp - o%least_weight, max(o%least_weight, weight))
   end function clipped
 
   !> Mean weight of the continuum around each node of each element: with its function as weight in

@@ -1,51 +1,20 @@
-!> What a coupled run tells its user: log (header, model, rows, health) and summary.json.
-module cpl_logbook
-  use talus_kinds, only: wp, i4, i8
+!> What a run with facets reports: interface, rows, health and summary.
+module cpl_facet_log
+  use talus_kinds, only: wp, i4
   use talus_text, only: str, string_type
-  use talus_errors, only: error_list_type
-  use talus_deck, only: deck_type
   use talus_log, only: log_type, short_number, duration_text
   use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_max_overlap
   use talus_summary, only: summary_type
-  use talus_timers, only: timers_type
   use cpl_audit, only: audit_type
   use cpl_choices, only: cpl_choices_type, interface_springs
   use cpl_interface, only: interface_type
   use cpl_lag, only: lag_limit
-  use cpl_solver, only: cpl_solver_type
+  use cpl_logbook, only: overhead_text
   implicit none
   private
-  public :: begin_log, log_solvers, log_interface, log_row_titles, log_row, log_health, &
-    write_summary, work_share, overhead_text
+  public :: log_interface, log_row_titles, log_row, log_health, put_summary
 
 contains
-
-  !> Header and deck as understood.
-  subroutine begin_log(log, program, deck)
-    type(log_type), intent(inout) :: log
-    character(len=*), intent(in) :: program
-    type(deck_type), intent(in) :: deck
-    type(string_type), allocatable :: lines(:)
-    character(len=:), allocatable :: title
-    call deck%get('run', 1, 'title', title)
-    call log%header(program, title, deck%source%path, deck%hash(), 1_i4, 1_i4)
-    call deck%echo(lines)
-    call log%deck_echo(lines)
-  end subroutine begin_log
-
-  !> Who answered HELLO.
-  subroutine log_solvers(log, solvers)
-    type(log_type), intent(inout) :: log
-    type(cpl_solver_type), intent(in) :: solvers(2)
-    integer(i4) :: k
-    call log%section('Solvers')
-    do k = 1, 2
-      call log%item(solvers(k)%side, solvers(k)%title(), solvers(k)%program//' '// &
-                    solvers(k)%version//', deck hash '//solvers(k)%deck_hash//', '// &
-                    str(solvers(k)%ranks)//' rank, port '//solvers(k)%port%spec)
-    end do
-    call log%item('gravity', str(solvers(1)%gravity)//' m/s2')
-  end subroutine log_solvers
 
   !> Ghosts, facets, identities, springs.
   subroutine log_interface(log, face, choices, identity)
@@ -114,35 +83,6 @@ contains
     call log%row(cells)
   end subroutine log_row
 
-  !> Share of the time since `begun` [s of the timers] in which no solver was waited for: the work
-  !! of the coupling, much of it done while they work.
-  real(wp) function work_share(timers, begun, waited_before)
-    type(timers_type), intent(inout) :: timers
-    real(wp), intent(in) :: begun          !! elapsed time when the exchanges began [s]
-    real(wp), intent(in) :: waited_before  !! waits until then [s]
-    real(wp) :: whole
-    whole = max(timers%elapsed() - begun, tiny(1.0_wp))
-    work_share = max(0.0_wp, whole - (waited(timers) - waited_before))/whole
-  end function work_share
-
-  !> How long the grains stood still for the coupling, and how long it worked.
-  function overhead_text(overhead) result(text)
-    real(wp), intent(in) :: overhead(2)  !! shares that the grains waited for, and worked
-    character(len=:), allocatable :: text
-    text = 'coupling overhead '//short_number(100.0_wp*overhead(1))//' % of the run time'
-    if (abs(overhead(1) - overhead(2)) > 0.0_wp) text = text//', with what it does while the '// &
-      'grains work '//short_number(100.0_wp*overhead(2))//' %'
-  end function overhead_text
-
-  real(wp) function waited(timers)
-    type(timers_type), intent(inout) :: timers
-    integer(i4) :: n
-    call timers%index('waiting for grains', n)
-    waited = timers%seconds(n)
-    call timers%index('waiting for solid', n)
-    waited = waited + timers%seconds(n)
-  end function waited
-
   !> The line that tells whether to trust the run.
   subroutine log_health(log, face, audit, overhead)
     type(log_type), intent(inout) :: log
@@ -163,29 +103,14 @@ contains
       "end: a shorter &clock exchange or scheme = 'iterated' tells by how much it matters")
   end subroutine log_health
 
-  subroutine write_summary(path, program, deck, face, audit, timers, time, overhead, exit_code, &
-                           faults, errors)
-    character(len=*), intent(in) :: path, program
-    type(deck_type), intent(in) :: deck
+  !> The method's part of summary.json.
+  subroutine put_summary(summary, face, audit)
+    type(summary_type), intent(inout) :: summary
     type(interface_type), intent(in) :: face
     type(audit_type), intent(in) :: audit
-    type(timers_type), intent(in) :: timers
-    real(wp), intent(in) :: time, overhead(2)  !! s; shares that the grains waited for, and worked
-    integer(i4), intent(in) :: exit_code
-    type(error_list_type), intent(in) :: faults
-    type(error_list_type), intent(inout) :: errors
-    type(summary_type) :: summary
-
-    call summary%set_program(program, deck%source%path, deck%hash())
-    call summary%set('exit_code', exit_code)
-    call summary%set('wall_time_s', timers%elapsed())
-    call summary%set('steps', face%step)
-    call summary%set('time_s', time)
     call summary%set('ghosts', face%map%ghosts)
     call summary%set('interface_nodes', face%map%nodes)
     call summary%set('iterations', face%all_iterations)
-    call summary%set('coupling_overhead', overhead(1))
-    call summary%set('coupling_work', overhead(2))
     call summary%set('health.interface_work_error', audit%work_error(face))
     call summary%set('health.constraint_residual_m', audit%gap)
     call summary%set('health.force_lag', audit%lag%mean)
@@ -198,8 +123,5 @@ contains
     call summary%set('interface.work_on_grains_J', face%grains_work)
     call summary%set('interface.work_on_solid_J', face%solid_work)
     call summary%set('interface.largest_ghost_displacement_m', audit%ghost_motion)
-    call summary%set_timers(timers)
-    call summary%set_errors(faults)
-    call summary%write(path, errors)
-  end subroutine write_summary
-end module cpl_logbook
+  end subroutine put_summary
+end module cpl_facet_log

@@ -1,0 +1,207 @@
+!> What an exchange with a bridging domain is made of (theory: overlap coupling, Bridging domain):
+!! trial kicks, drift, what binds the grains put on them, forces of both sides.
+module cpl_bridge_step
+  use talus_kinds, only: wp, i4
+  use talus_errors, only: error_list_type
+  use talus_message, only: verb_force, verb_kick_drift
+  use talus_timers, only: timers_type
+  use cpl_bridge, only: bridge_type
+  use cpl_overlap, only: overlap_type, free_set, hat_set
+  use cpl_overlap_ask, only: evaluate_bulk, put_nodes, read_nodes
+  use cpl_solver, only: cpl_solver_type, side_grains, side_solid
+  implicit none
+  private
+  public :: trial_type, trial_kick, drift, send_push, bridge_forces, bridge_bulk, read_bound, &
+    bound_set, load_set
+
+  character(len=*), parameter :: bound_set = 'bound'   !! of the grains, whose motion is told
+  character(len=*), parameter :: load_set = 'pushed'   !! the same, which multipliers act on
+
+  !> Velocities around a kick.
+  type :: trial_type
+    real(wp) :: push = 0.0_wp                            !! what forces on grains act for [s]
+    real(wp), allocatable :: v(:, :), spin(:, :)         !! of the grains after it, if not bound
+    real(wp), allocatable :: before(:, :), before_phi(:, :)  !! of the nodes before it
+  end type trial_type
+
+contains
+
+  !> Kick of the nodes, then velocities that the bound grains would have after their kick, which is
+  !! two halves with background damping a, the first with the velocity after it, the second with
+  !! that before it: v -> ((1 - a kick/2) v + kick F/m)/(1 + a kick/2).
+  subroutine trial_kick(o, b, grains, kick, bulk, trial)
+    type(overlap_type), intent(inout) :: o
+    type(bridge_type), intent(in) :: b
+    type(cpl_solver_type), intent(in) :: grains
+    real(wp), intent(in) :: kick, bulk  !! of contacts and near elements, of the others [s]
+    type(trial_type), intent(inout) :: trial
+    real(wp) :: keep
+    integer(i4) :: g
+
+    associate (half => 0.5_wp*grains%motion(1)*kick)
+      keep = (1.0_wp - half)/(1.0_wp + half)
+      trial%push = kick/(1.0_wp + half)
+    end associate
+    trial%before = o%v
+    trial%before_phi = o%w
+    call kick_nodes(o, b, kick, bulk)
+    if (.not. allocated(trial%v)) allocate (trial%v(3, o%op%ghosts), trial%spin(3, o%op%ghosts))
+    do g = 1, o%op%ghosts
+      trial%v(:, g) = keep*b%v(:, g) + trial%push*((o%p(:, g) + b%hold(:, g))/b%move%grain(g) &
+                                                   + grains%gravity)
+    end do
+    if (.not. b%turns) return
+    do g = 1, o%op%ghosts
+      trial%spin(:, g) = keep*b%spin(:, g) &
+        + trial%push*(o%m(:, g) + b%hold_couple(:, g))/b%turn%grain(g)
+    end do
+  end subroutine trial_kick
+
+  !> Velocities of the nodes of the domain: forces of near elements, and once an exchange those of
+  !! the others.
+  subroutine kick_nodes(o, b, kick, bulk)
+    type(overlap_type), intent(inout) :: o
+    type(bridge_type), intent(in) :: b
+    real(wp), intent(in) :: kick, bulk  !! [s]
+    integer(i4) :: k, a
+    associate (at => b%move%at)
+      do k = 1, size(at)
+        a = at(k)
+        where (.not. o%held(:, a)) o%v(:, a) = o%v(:, a) &
+          + (kick*o%f(:, a) + bulk*o%bulk(:, a))/o%mass(a)
+      end do
+    end associate
+    if (.not. b%turns) return
+    associate (at => b%turn%at)
+      do k = 1, size(at)
+        a = at(k)
+        where (.not. o%held_phi(:, a)) o%w(:, a) = o%w(:, a) &
+          + (kick*o%c(:, a) + bulk*o%bulk_phi(:, a))/o%inertia(a)
+      end do
+    end associate
+  end subroutine kick_nodes
+
+  !> Nodes of the domain go on; the other nodes of the free grains' elements follow the grains when
+  !! an exchange ends: nothing depends on them. Work of the loads that balance the start.
+  subroutine drift(o, b, dt, last)
+    type(overlap_type), intent(inout) :: o
+    type(bridge_type), intent(in) :: b
+    real(wp), intent(in) :: dt  !! [s]
+    logical, intent(in) :: last
+    real(wp) :: u(3, o%op%nodes), phi(3, o%op%nodes_phi)
+    integer(i4) :: a
+
+    do a = 1, size(b%move%at)
+      associate (k => b%move%at(a))
+        o%u(:, k) = o%u(:, k) + dt*o%v(:, k)
+        o%hold_work = o%hold_work + dt*dot_product(o%f_hold(:, k), o%v(:, k))
+      end associate
+    end do
+    o%hold_work = o%hold_work + dt*sum(b%hold*b%v)
+    if (b%turns) then
+      do a = 1, size(b%turn%at)
+        associate (k => b%turn%at(a))
+          o%phi(:, k) = o%phi(:, k) + dt*o%w(:, k)
+          o%hold_work = o%hold_work + dt*dot_product(o%c_hold(:, k), o%w(:, k))
+        end associate
+      end do
+      o%hold_work = o%hold_work + dt*sum(b%hold_couple*b%spin)
+    end if
+    if (.not. last) return
+    u = o%u
+    phi = o%phi
+    call o%op%to_hats(o%q, o%theta, o%u, o%phi)
+    o%u(:, b%move%at) = u(:, b%move%at)
+    if (b%turns) o%phi(:, b%turn%at) = phi(:, b%turn%at)
+  end subroutine drift
+
+  !> KICK_DRIFT of the grains with the multipliers on the bound ones.
+  subroutine send_push(o, b, grains, kick, drift, t0, t1, timers, errors)
+    type(overlap_type), intent(in) :: o
+    type(bridge_type), intent(in) :: b
+    type(cpl_solver_type), intent(inout) :: grains
+    real(wp), intent(in) :: kick, drift, t0, t1  !! [s]
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    if (errors%any()) return
+    call grains%start_request(verb_kick_drift, o%step, t0, t1)
+    call grains%request%put('kick', kick)
+    call grains%request%put('drift', drift)
+    call grains%request%put(load_set//'.force', b%push)
+    if (b%turns) call grains%request%put(load_set//'.moment', b%couple)
+    if (drift > 0.0_wp) call grains%request%put_int('brief', 1_i4)
+    call grains%send(timers, errors)
+  end subroutine send_push
+
+  !> Motion of the bound grains from a reply, and where wanted that of the free ones.
+  subroutine read_bound(o, b, grains, all, errors)
+    type(overlap_type), intent(inout) :: o
+    type(bridge_type), intent(inout) :: b
+    type(cpl_solver_type), intent(inout) :: grains
+    logical, intent(in) :: all  !! with the free grains
+    type(error_list_type), intent(inout) :: errors
+    call grains%reply%get(bound_set//'.x', o%d, errors)
+    call grains%reply%get(bound_set//'.v', b%v, errors)
+    o%d = o%d - o%x_ghost
+    if (b%turns) then
+      call grains%reply%get(bound_set//'.omega', b%spin, errors)
+      call grains%reply%get(bound_set//'.theta', o%turn, errors)
+      o%turn = o%turn - b%theta_ref
+    end if
+    if (.not. all) return
+    call grains%reply%get(free_set//'.x', o%q, errors)
+    o%q = o%q - o%x_free
+    if (.not. o%turns) return
+    call grains%reply%get(free_set//'.theta', o%theta, errors)
+    o%theta = o%theta - o%theta_ref
+  end subroutine read_bound
+
+  !> FORCE on both sides where grains and nodes are now; the surcharge of the grains' deck is part
+  !! of what acts on the bound ones.
+  subroutine bridge_forces(o, b, solvers, t, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(bridge_type), intent(in) :: b
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    real(wp), intent(in) :: t  !! s
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: load(3, o%op%ghosts)
+
+    associate (grains => solvers(side_grains), solid => solvers(side_solid))
+      call grains%start_request(verb_force, o%step, t, t)
+      call grains%request%put_int('brief', 1_i4)
+      call grains%send(timers, errors)
+      call solid%start_request(verb_force, o%step, t, t)
+      call solid%request%put_text('scope', 'interface')
+      call solid%request%put_text('set', hat_set)
+      call put_nodes(o, solid)
+      call solid%request%put_int('brief', 1_i4)
+      if (.not. errors%any()) call solid%send(timers, errors)
+      if (.not. errors%any()) call grains%receive(timers, errors)
+      if (.not. errors%any()) call solid%receive(timers, errors)
+      if (errors%any()) return
+      call grains%reply%get(bound_set//'.force', o%p, errors)
+      call grains%reply%get(bound_set//'.load', load, errors)
+      o%p = o%p + load
+      if (b%turns) call grains%reply%get(bound_set//'.moment', o%m, errors)
+      call read_nodes(o, solid, 'force', 'moment', o%element, o%element_phi, errors)
+    end associate
+    o%f = o%element + o%f_hold
+    o%c = o%element_phi + o%c_hold
+  end subroutine bridge_forces
+
+  !> Forces of the other elements on the nodes; the weight there is that of their own mass.
+  subroutine bridge_bulk(o, b, solid, kick, t, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(bridge_type), intent(in) :: b
+    type(cpl_solver_type), intent(inout) :: solid
+    real(wp), intent(in) :: kick, t  !! [s]
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: a
+    call evaluate_bulk(o, solid, kick, t, timers, errors)
+    do a = 1, o%op%nodes
+      o%bulk(:, a) = o%bulk(:, a) + b%weight_excess(a)*solid%gravity
+    end do
+  end subroutine bridge_bulk
+end module cpl_bridge_step

@@ -1,0 +1,180 @@
+!> Ghosts on facets of the solid, or facets as a surface of the grains (theory: facet coupling).
+module cpl_facet_method
+  use talus_kinds, only: wp, i8
+  use talus_text, only: string_type
+  use talus_errors, only: error_list_type
+  use talus_log, only: log_type, short_number
+  use talus_summary, only: summary_type
+  use cpl_audit, only: audit_type, audit_columns
+  use cpl_choices, only: rotation_fixed
+  use cpl_exchange, only: exchange
+  use cpl_facet_log, only: log_interface, log_row_titles, log_row, log_health, put_summary
+  use cpl_interface, only: interface_type
+  use cpl_method, only: cpl_method_type
+  use cpl_run, only: cpl_run_type
+  use cpl_setup, only: find_ghosts, find_vertices, find_radii, make_map, select_sets, &
+    begin_interface, end_rehearsal
+  use cpl_start, only: relax_together
+  use cpl_state_file, only: write_state, read_state, read_reference
+  implicit none
+  private
+  public :: facet_method_type
+
+  type, extends(cpl_method_type) :: facet_method_type
+    type(interface_type) :: face
+    type(audit_type) :: worst
+    real(wp) :: identity = 0.0_wp  !! largest error of the operators
+  contains
+    procedure :: make
+    procedure :: restore
+    procedure :: begin
+    procedure :: start
+    procedure :: exchange => exchange_facets
+    procedure :: after
+    procedure :: save
+    procedure :: titles
+    procedure :: row
+    procedure :: health
+    procedure :: summary
+  end type facet_method_type
+
+contains
+
+  !> The operators: from the packing and the mesh, or from the stored reference state, whose hash
+  !! must come out again (I404); sets.
+  subroutine make(self, run, errors)
+    class(facet_method_type), intent(inout) :: self
+    type(cpl_run_type), intent(inout) :: run
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: ids(:)
+    real(wp), allocatable :: x(:, :)
+    character(len=:), allocatable :: map_hash
+    real(wp) :: time
+
+    self%face%dynamic = run%dynamic
+    associate (choices => run%choices, solvers => run%solvers)
+      if (run%again) then
+        call read_reference(run%checkpoint, run%state, ids, x, map_hash, time, errors)
+      else if (len(choices%surface) > 0) then
+        call find_vertices(solvers(2), choices%facets, ids, x, run%timers, errors)
+      else
+        call find_ghosts(solvers(1), choices%ghosts, ids, x, run%timers, errors)
+      end if
+      if (errors%any()) return
+      call make_map(self%face, solvers(2), choices, ids, x, self%identity, run%timers, errors)
+      if (choices%rotation /= rotation_fixed .and. .not. errors%any()) &
+        call find_radii(self%face, solvers(1), run%timers, errors)
+      if (errors%any()) return
+      if (run%again) call compare_maps(self%face, map_hash, run%state, errors)
+      if (.not. errors%any()) call select_sets(self%face, solvers, run%timers, errors)
+    end associate
+  end subroutine make
+
+  !> I404: the map is another one than that of the checkpoint.
+  subroutine compare_maps(face, map_hash, path, errors)
+    type(interface_type), intent(in) :: face
+    character(len=*), intent(in) :: map_hash, path
+    type(error_list_type), intent(inout) :: errors
+    character(len=16) :: own
+    own = face%transfer%hash(face%map)
+    if (own /= map_hash) &
+      call errors%add('I404', 'the facet map is not the one of the checkpoint ('// &
+                      own//', not '//map_hash//')', path, &
+                      'go on with the mesh and the deck that wrote it')
+  end subroutine compare_maps
+
+  subroutine restore(self, run, errors)
+    class(facet_method_type), intent(inout) :: self
+    type(cpl_run_type), intent(inout) :: run
+    type(error_list_type), intent(inout) :: errors
+    call read_state(run%checkpoint, run%state, self%face, errors)
+    self%step = self%face%step
+  end subroutine restore
+
+  subroutine begin(self, run, errors)
+    class(facet_method_type), intent(inout) :: self
+    type(cpl_run_type), intent(inout) :: run
+    type(error_list_type), intent(inout) :: errors
+    call begin_interface(self%face, run%solvers, run%choices, run%again, run%timers, errors)
+  end subroutine begin
+
+  !> Balance of both sides where the deck asks for it, census, audit.
+  subroutine start(self, run, errors)
+    class(facet_method_type), intent(inout) :: self
+    type(cpl_run_type), intent(inout) :: run
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: columns(:)
+    if (run%choices%relaxed .and. .not. run%again) then
+      call relax_together(self%face, run%solvers, run%choices, run%log, run%stop, run%timers, &
+                          errors)
+      if (.not. errors%any()) call end_rehearsal(self%face, run%solvers, run%timers, errors)
+    end if
+    if (errors%any()) return
+    call log_interface(run%log, self%face, run%choices, self%identity)
+    call audit_columns(columns)
+    call self%audit%begin(run%stem//'_audit.csv', columns, run%again, run%begins, errors)
+  end subroutine start
+
+  subroutine exchange_facets(self, run, t0, t1, errors)
+    class(facet_method_type), intent(inout) :: self
+    type(cpl_run_type), intent(inout) :: run
+    real(wp), intent(in) :: t0, t1  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    call exchange(self%face, run%solvers, run%choices, t0, t1, run%timers, errors)
+    self%step = self%face%step
+  end subroutine exchange_facets
+
+  !> A row of the audit; one warning when the exchange does not settle.
+  subroutine after(self, run, t1, errors)
+    class(facet_method_type), intent(inout) :: self
+    type(cpl_run_type), intent(inout) :: run
+    real(wp), intent(in) :: t1  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: text
+    real(wp) :: gap
+    call run%timers%start('audit and log')
+    call self%worst%note(self%face, gap)
+    call self%audit%put(self%worst%row(self%face, t1, gap))
+    call self%audit%write(errors)
+    if (self%worst%lag%stalls > 0 .and. .not. self%worst%lag%told) then
+      text = self%worst%lag%warning(run%choices%interface, run%choices%scheme)
+      call run%log%warn('time '//short_number(t1)//' s: '//text)
+    end if
+    call run%timers%stop('audit and log')
+  end subroutine after
+
+  subroutine save(self, run, time, tag, errors)
+    class(facet_method_type), intent(inout) :: self
+    type(cpl_run_type), intent(inout) :: run
+    real(wp), intent(in) :: time
+    character(len=*), intent(in) :: tag
+    type(error_list_type), intent(inout) :: errors
+    call write_state(run%checkpoint, self%face, time, tag, errors)
+  end subroutine save
+
+  subroutine titles(self, log)
+    class(facet_method_type), intent(in) :: self
+    type(log_type), intent(inout) :: log
+    call log_row_titles(log)
+  end subroutine titles
+
+  subroutine row(self, log, time, overhead, left)
+    class(facet_method_type), intent(in) :: self
+    type(log_type), intent(inout) :: log
+    real(wp), intent(in) :: time, overhead, left
+    call log_row(log, self%face, self%worst, time, overhead, left)
+  end subroutine row
+
+  subroutine health(self, run, overhead)
+    class(facet_method_type), intent(in) :: self
+    type(cpl_run_type), intent(inout) :: run
+    real(wp), intent(in) :: overhead(2)
+    call log_health(run%log, self%face, self%worst, overhead)
+  end subroutine health
+
+  subroutine summary(self, page)
+    class(facet_method_type), intent(in) :: self
+    type(summary_type), intent(inout) :: page
+    call put_summary(page, self%face, self%worst)
+  end subroutine summary
+end module cpl_facet_method
