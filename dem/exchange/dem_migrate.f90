@@ -15,9 +15,10 @@ module dem_migrate
   use dem_halo_state, only: dem_halo_type
   use dem_make, only: allocate_grains, is_prescribed, sorted_order
   use dem_pairs, only: allocate_bodies
-  use dem_records, only: grain_reals, contact_reals, body_places, pack_grain, unpack_grain, &
-    pack_contact, carried, index_of
-  use dem_surface_share, only: pack_touches, adopt_touches
+  use dem_record_layout, only: at_id, at_kind, at_position, at_body, touch_grain
+  use dem_records, only: grain_reals, contact_reals, pack_grain, unpack_grain, pack_contact, &
+    carried, index_of
+  use dem_surface_records, only: pack_touches, adopt_touches
   implicit none
   private
   public :: share_out, pack_grains, make_local, slab, most_imbalance
@@ -242,7 +243,7 @@ contains
     allocate (to(size(rows, 2)))
     number = 0
     do k = 1, size(to)
-      to(k) = max(home(index_of(d, rows(1, k))), 0)
+      to(k) = max(home(index_of(d, rows(touch_grain, k))), 0)
       number(to(k)) = number(to(k)) + 1
     end do
     call d%halo%team%trade(rows(:, sorted_order(int(to, i8))), number, touches, came)
@@ -262,7 +263,8 @@ contains
     number = 0
     do round = 1, 2
       do i = 1, size(own, 2)
-        call ranks_near(halo, place_of(halo, own(17:19, i)), halo%range, near, many)
+        call ranks_near(halo, place_of(halo, own(at_position(1):at_position(2), i)), halo%range, &
+                        near, many)
         do k = 0, many - 1
           r = near(k)
           if (r == halo%team%rank) cycle
@@ -271,7 +273,7 @@ contains
           else
             at(r) = at(r) + 1
             rows(:, at(r)) = own(:, i)
-            rows(15, at(r)) = real(kind_mirror, wp)
+            rows(at_kind, at(r)) = real(kind_mirror, wp)
           end if
         end do
       end do
@@ -301,7 +303,7 @@ contains
       halo%first_out(p + 1) = halo%first_out(p) + number(halo%partner(p))
       halo%first_in(p + 1) = halo%first_in(p) + came(halo%partner(p))
     end do
-    halo%out = nint(rows(14, :), i4)
+    halo%out = nint(rows(at_id, :), i4)
   end subroutine name_partners
 
   !> Bodies that are exchanged in every step, and room for them. A rank with nothing to send still
@@ -319,7 +321,7 @@ contains
       if (allocated(halo%in)) deallocate (halo%in)
       allocate (halo%in(sum(came)))
       do k = 1, size(halo%in)
-        halo%in(k) = index_of(d, mirrors(14, k))
+        halo%in(k) = index_of(d, mirrors(at_id, k))
       end do
       if (allocated(halo%sent)) deallocate (halo%sent, halo%came, halo%request)
       allocate (halo%sent(halo%width, size(halo%out) + halo%partners + 1), source=0.0_wp)
@@ -340,10 +342,10 @@ contains
     integer(i4), allocatable :: order(:)
     integer(i4) :: k, body
 
-    allocate (order, source=sorted_order(nint(rows(14, :), i8)))
+    allocate (order, source=sorted_order(nint(rows(at_id, :), i8)))
     d%grains = none
     d%grains%n = size(order)
-    call allocate_grains(d%grains, any(is_prescribed(nint(rows(15, :), i4))))
+    call allocate_grains(d%grains, any(is_prescribed(nint(rows(at_kind, :), i4))))
     if (d%halo%formed) call allocate_forms(d%grains%forms, d%grains%n)
     if (allocated(d%seen_kinetic)) d%seen_kinetic = spread(0.0_wp, 1, d%grains%n)
     do k = 1, size(order)
@@ -351,7 +353,7 @@ contains
     end do
     call allocate_bodies(d%pairs, d%grains, d%planes)
     do k = 1, size(order)
-      d%pairs%body(:, k) = rows(body_places(1):body_places(2), order(k))
+      d%pairs%body(:, k) = rows(at_body(1):at_body(2), order(k))
     end do
     do k = 1, d%planes%n
       body = d%grains%n + 3 + k

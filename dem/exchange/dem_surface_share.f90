@@ -1,25 +1,18 @@
 !> Surfaces of a run on many ranks: all ranks know and move all of them, each with the contacts of
-!! its own grains. What the grains do to them is the sum of the ranks' parts.
+!! its own grains (dem_surface_records). What the grains do to them is the sum of the ranks' parts.
 module dem_surface_share
-  use talus_kinds, only: wp, i4, i8
+  use talus_kinds, only: wp, i4
   use talus_ranks, only: ranks_type
-  use dem_make, only: sorted_order
-  use dem_records, only: index_of
-  use dem_state, only: dem_data_type, lanes, history_size
   use dem_surface_body, only: no_free_bodies
   use dem_membrane_share, only: tell_membranes, take_membranes
   use dem_membrane, only: no_membranes
-  use dem_surface_additional, only: surface_kept_reals
-  use dem_surface_search, only: allocate_contacts
   use dem_surface_state, only: dem_surfaces_type, bore_swell, bore_press, bore_impulse
   use dem_broadcast, only: tell_matrix, tell_list, tell_table
   implicit none
   private
-  public :: tell_surfaces, tell_motion, pack_touches, adopt_touches
+  public :: tell_surfaces, tell_motion
   public :: surface_reals, surface_report, take_surfaces
 
-  integer(i4), parameter :: head_reals = 8                  !! of a grain that has contacts
-  integer(i4), parameter :: kept_reals = history_size + 19  !! of a contact, and its sign
   integer(i4), parameter :: part_reals = 13                 !! of a part in a report
 
 contains
@@ -139,107 +132,6 @@ contains
     call tell_matrix(team, s%target)
     if (allocated(s%membranes)) call tell_list(team, s%membranes%pressure)
   end subroutine tell_motion
-
-  !> Contacts of grains with surfaces: a column a grain, first its id. All ranks ask together.
-  subroutine pack_touches(d, rows)
-    type(dem_data_type), intent(in) :: d
-    real(wp), allocatable, intent(out) :: rows(:, :)
-    integer(i4) :: g, n, slots
-    slots = slots_in_use(d)
-    n = 0
-    if (d%surfaces%near > 0) n = int(count(d%surfaces%contacts > 0), i4)
-    allocate (rows(head_reals + slots*reals_of(d), n))
-    n = 0
-    do g = 1, d%surfaces%near
-      if (d%surfaces%contacts(g) == 0) cycle
-      n = n + 1
-      call pack_touch(d, g, slots, rows(:, n))
-    end do
-  end subroutine pack_touches
-
-  !> Contacts of a grain that there is room for in a row. There is much room beside membranes, of
-  !! which few grains need more than a little.
-  integer(i4) function slots_in_use(d) result(slots)
-    type(dem_data_type), intent(in) :: d
-    real(wp) :: most(1)
-    slots = lanes
-    if (.not. allocated(d%surfaces%membranes)) return
-    most = 1.0_wp
-    if (d%surfaces%near > 0) most = max(most, real(maxval(d%surfaces%contacts), wp))
-    call d%halo%team%most(most)
-    slots = nint(most(1), i4)
-  end function slots_in_use
-
-  !> Reals of a contact in a row, with those that laws on top keep.
-  pure integer(i4) function reals_of(d) result(reals)
-    type(dem_data_type), intent(in) :: d
-    reals = surface_kept_reals(d)
-    reals = kept_reals + 1 + merge(reals + 3, 0_i4, reals > 0)
-  end function reals_of
-
-  pure subroutine pack_touch(d, g, n, row)
-    type(dem_data_type), intent(in) :: d
-    integer(i4), intent(in) :: g, n
-    real(wp), intent(out) :: row(:)
-    integer(i4) :: base
-    base = head_reals + n*(kept_reals + 1)
-    associate (s => d%surfaces)
-      row(:base) = [real(d%grains%id(s%near_grain(g)), wp), real(s%contacts(g), wp), &
-             s%load(:, g), &
-             s%history(:n, :, g), s%foot(:n, :, g), s%normal(:n, :, g), s%point(:n, :, g), &
-             s%push(:n, :, g), s%motion(:n, :, g), real(s%part(:n, g), wp), s%sign(:n, g)]
-      if (size(s%kept) > 0) row(base + 1:) = [s%kept(:n, :, g), s%couple(:n, :, g)]
-    end associate
-  end subroutine pack_touch
-
-  !> These contacts as those of the last list of d: the next list takes them over.
-  subroutine adopt_touches(d, rows)
-    type(dem_data_type), intent(inout) :: d
-    real(wp), intent(in) :: rows(:, :)
-    integer(i4), allocatable :: order(:)
-    integer(i4) :: g, n, slots
-
-    slots = (size(rows, 1, i4) - head_reals)/reals_of(d)
-    associate (s => d%surfaces)
-      if (allocated(s%contacts)) deallocate (s%contacts, s%history, s%foot, s%normal, s%point, &
-                                             s%push, s%motion, s%part, s%sign, s%load, &
-                                             s%columns, &
-                                             s%share, s%near_of, s%kept, s%couple, s%extra_work)
-      n = size(rows, 2)
-      s%near = n
-      s%near_grain = [(index_of(d, rows(1, g)), g=1, n)]
-      order = sorted_order(int(s%near_grain, i8))
-      s%near_grain = s%near_grain(order)
-      s%candidate = [integer(i4) ::]
-      call allocate_contacts(s, d%grains%n, surface_kept_reals(d))
-      do g = 1, n
-        call unpack_touch(s, g, slots, rows(:, order(g)))
-      end do
-    end associate
-  end subroutine adopt_touches
-
-  pure subroutine unpack_touch(s, g, n, row)
-    type(dem_surfaces_type), intent(inout) :: s
-    integer(i4), intent(in) :: g, n
-    real(wp), intent(in) :: row(:)
-    real(wp) :: kept(n, kept_reals + 1)
-    integer(i4) :: base
-    s%contacts(g) = nint(row(2), i4)
-    s%load(:, g) = row(3:head_reals)
-    base = head_reals + size(kept, kind=i4)
-    kept = reshape(row(head_reals + 1:base), shape(kept))
-    s%history(:n, :, g) = kept(:, :history_size)
-    s%foot(:n, :, g) = kept(:, history_size + 1:history_size + 3)
-    s%normal(:n, :, g) = kept(:, history_size + 4:history_size + 6)
-    s%point(:n, :, g) = kept(:, history_size + 7:history_size + 9)
-    s%push(:n, :, g) = kept(:, history_size + 10:history_size + 12)
-    s%motion(:n, :, g) = kept(:, history_size + 13:history_size + 18)
-    s%part(:n, g) = nint(kept(:, kept_reals), i4)
-    s%sign(:n, g) = kept(:, kept_reals + 1)
-    if (size(s%kept) == 0) return
-    s%kept(:n, :, g) = reshape(row(base + 1:base + n*size(s%kept, 2)), [n, size(s%kept, 2, i4)])
-    s%couple(:n, :, g) = reshape(row(base + n*size(s%kept, 2) + 1:), [n, 3_i4])
-  end subroutine unpack_touch
 
   !> Reals of the surfaces in a report.
   pure integer(i4) function surface_reals(s)

@@ -11,6 +11,7 @@ module dem_swap
   use talus_kinds, only: wp, i4
   use talus_system, only: wall_clock, set_environment
   use dem_halo_state, only: dem_halo_type
+  use dem_record_layout, only: swap_ellipsoid, swap_frame
   use dem_images, only: place_image
   use dem_state, only: dem_data_type
   use dem_surface_motion, only: loads_of_bodies, loads_of_vertices
@@ -129,7 +130,7 @@ contains
     real(wp), intent(in), contiguous :: body(:, :)  !! records, see dem_state
     type(dem_halo_type), intent(inout) :: halo
     integer(i4) :: p, k, c, many
-    many = merge(15_i4, halo%width, halo%formed)
+    many = merge(swap_ellipsoid(2), halo%width, halo%formed)
     do p = 1, halo%partners
       do k = halo%first_out(p), halo%first_out(p + 1) - 1
         do c = 1, many
@@ -144,7 +145,7 @@ contains
     type(dem_halo_type), intent(in) :: halo
     real(wp), intent(inout), contiguous :: body(:, :)
     integer(i4) :: p, k, c, many
-    many = merge(15_i4, halo%width, halo%formed)
+    many = merge(swap_ellipsoid(2), halo%width, halo%formed)
     do p = 1, halo%partners
       do k = halo%first_in(p), halo%first_in(p + 1) - 1
         do c = 1, many
@@ -161,7 +162,7 @@ contains
     integer(i4) :: p, k
     do p = 1, halo%partners
       do k = halo%first_out(p), halo%first_out(p + 1) - 1
-        halo%sent(16:19, k + p - 1) = record(1:4, halo%out(k))
+        halo%sent(swap_frame(1):swap_frame(2), k + p - 1) = record(1:4, halo%out(k))
       end do
     end do
   end subroutine pack_frames
@@ -172,7 +173,7 @@ contains
     integer(i4) :: p, k
     do p = 1, halo%partners
       do k = halo%first_in(p), halo%first_in(p + 1) - 1
-        record(1:4, halo%in(k)) = halo%came(16:19, k + p - 1)
+        record(1:4, halo%in(k)) = halo%came(swap_frame(1):swap_frame(2), k + p - 1)
       end do
     end do
   end subroutine unpack_frames

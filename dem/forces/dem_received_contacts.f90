@@ -7,7 +7,8 @@ module dem_received_contacts
   use dem_forces, only: sum_body
   use dem_images, only: name_images, image_of
   use dem_candidates, only: slot_of
-  use dem_records, only: contact_places, index_of
+  use dem_record_layout, only: at_first_id, at_second_id
+  use dem_records, only: unpack_contact, unpack_result, shift_of, index_of
   implicit none
   private
   public :: adopt_contacts, give_results
@@ -24,8 +25,8 @@ contains
 
     allocate (first(size(contact, 2)), second(size(contact, 2)))
     do k = 1, size(contact, 2)
-      first(k) = index_of(d, contact(1, k))
-      second(k) = index_of(d, contact(2, k))
+      first(k) = index_of(d, contact(at_first_id, k))
+      second(k) = index_of(d, contact(at_second_id, k))
     end do
     if (is_periodic(d%cell)) call name_images(d%pairs, d%grains%n, shifts_of(contact), second)
     m = size(first)
@@ -50,9 +51,7 @@ contains
         lane = 1 + mod(k - 1, lanes)
         block = 1 + (k - 1)/lanes
         p%second(lane, block) = second(k)
-        p%normal(lane, :, block) = contact(contact_places(1):contact_places(2) - 1, k)
-        p%history(lane, :, block) = contact(contact_places(2):contact_places(3) - 1, k)
-        if (p%extras%active) p%extras%kept(lane, :, block) = contact(contact_places(5):, k)
+        call unpack_contact(contact(:, k), d, lane, block)
       end do
     end associate
   end subroutine adopt_contacts
@@ -60,8 +59,10 @@ contains
   !> Shift of the second grain of each contact, in edges of the cell.
   pure function shifts_of(contact) result(shift)
     real(wp), intent(in) :: contact(:, :)
-    integer(i4) :: shift(3, size(contact, 2))
-    shift = nint(contact(contact_places(4):contact_places(5) - 1, :), i4)
+    integer(i4) :: shift(3, size(contact, 2)), k
+    do k = 1, size(contact, 2)
+      shift(:, k) = shift_of(contact(:, k))
+    end do
   end function shifts_of
 
   !> Lists of d without any pair, blocks for some.
@@ -91,17 +92,14 @@ contains
     integer(i4) :: k, first, second, slot
     real(wp) :: force(3), moment(3)
     do k = 1, size(contact, 2)
-      first = index_of(d, contact(1, k))
-      second = index_of(d, contact(2, k))
+      first = index_of(d, contact(at_first_id, k))
+      second = index_of(d, contact(at_second_id, k))
       if (first == 0 .or. second == 0) cycle
       if (d%pairs%images > 0) &
-        second = image_of(d%pairs, d%grains%n, second, &
-                          nint(contact(contact_places(4):contact_places(5) - 1, k), i4))
+        second = image_of(d%pairs, d%grains%n, second, shift_of(contact(:, k)))
       slot = slot_of(d%pairs, first, second)
       if (slot == 0) cycle
-      d%pairs%history(1 + mod(slot - 1, lanes), :, 1 + (slot - 1)/lanes) = &
-        contact(contact_places(2):contact_places(3) - 1, k)
-      d%pairs%result(:, slot) = contact(contact_places(3):contact_places(4) - 1, k)
+      call unpack_result(contact(:, k), d, slot)
     end do
     do k = 1, d%pairs%images
       call sum_body(d%pairs, d%pairs%plain + k, force, moment)

@@ -11,7 +11,7 @@ module dem_restart
   use dem_system, only: dem_system_type
   use dem_additional_list, only: layout_kept, fit_records, layout_size
   use dem_histories, only: dem_histories_type
-  use dem_records, only: contact_reals
+  use dem_records, only: plain_contact_reals
   use dem_slabs, only: dem_slab_type, slab_grains
   use dem_store, only: put_grain_arrays, put_run, records
   implicit none
@@ -175,7 +175,7 @@ contains
     integer(i8) :: done
     integer(i4) :: wanted
     call system%crew%begin_again(system%dem_data_type)
-    wanted = contact_reals(system%dem_data_type) - system%pairs%extras%reals + layout(1)
+    wanted = plain_contact_reals + layout(1)
     done = 0
     do
       call get_columns(file, '/state/'//records, done + 1, slab_contacts, rows, errors)

@@ -7,19 +7,20 @@ module dem_distribute
   use dem_additional, only: plan_extras
   use dem_shape_state, only: put_frame
   use dem_prescribed, only: put_body
-  use dem_state, only: dem_data_type, dem_parameters_type, dem_cell_type, &
+  use dem_state, only: dem_data_type, dem_grains_type, dem_parameters_type, dem_cell_type, &
     dem_health_type, dem_ledger_type, kind_free, kind_mirror
   use dem_make, only: make_planes
   use dem_migrate, only: pack_grains, make_local
-  use dem_records, only: part_size, grain_reals, index_of
+  use dem_record_layout, only: sum_reals, target_position, target_quat, target_velocity, &
+    target_spin, target_given, target_end_position, target_end_quat, target_turn, target_id, &
+    load_id, load_force, load_moment, swap_motion, swap_ellipsoid, swap_frame
+  use dem_records, only: grain_reals, index_of
   use dem_surface_share, only: tell_surfaces, tell_motion
   use dem_surface_state, only: bore_swell
   use dem_broadcast, only: tell_matrix
   implicit none
   private
   public :: hand_out, tell_step, tell_energies, tell_targets, tell_loads
-
-  integer(i4), parameter :: target_reals = 26  !! of a prescribed grain on its way
 
 contains
 
@@ -32,13 +33,13 @@ contains
 
     if (team%leads()) sizes = [size(part%materials, kind=i4), part%planes%n, &
                                int(count(part%grains%kind /= kind_free), i4), &
-                               merge(9_i4, 15_i4, all_round(part)), &
+                               merge(swap_motion(2), swap_ellipsoid(2), all_round(part)), &
                                merge(1_i4, 0_i4, part%grains%forms%n > 0), &
                                merge(1_i4, 0_i4, allocated(part%seen_kinetic))]
     call team%tell_numbers(sizes)
     part%halo%width = sizes(4)
     part%halo%formed = sizes(5) > 0
-    if (part%halo%formed) part%halo%width = 19
+    if (part%halo%formed) part%halo%width = swap_frame(2)
     if (sizes(6) > 0 .and. .not. team%leads()) part%seen_kinetic = [real(wp) ::]
     call tell_parameters(team, part%par)
     call tell_health(team, part%health)
@@ -115,19 +116,15 @@ contains
     real(wp), allocatable :: rows(:, :)
     integer(i4) :: i, k, at
 
-    allocate (rows(target_reals, count(part%grains%kind /= kind_free &
-                                       .and. part%grains%kind /= kind_mirror)))
+    allocate (rows(target_id, count(part%grains%kind /= kind_free &
+                                    .and. part%grains%kind /= kind_mirror)))
     k = 0
     do i = 1, part%grains%n
       if (part%grains%kind(i) == kind_free .or. part%grains%kind(i) == kind_mirror) cycle
       k = k + 1
       if (.not. team%leads()) cycle
       at = index_of(whole, real(part%grains%id(i), wp))
-      associate (g => whole%grains)
-        rows(:, k) = [g%x(:, at), g%quat(:, at), g%v(:, at), g%omega(:, at), &
-                      merge(1.0_wp, 0.0_wp, g%has_target(at)), g%target_x(:, at), &
-                      g%target_quat(:, at), g%turn(:, at), real(g%id(at), wp)]
-      end associate
+      call pack_target(whole%grains, at, rows(:, k))
     end do
     call tell_matrix(team, rows)
     do k = 1, size(rows, 2)
@@ -135,21 +132,36 @@ contains
     end do
   end subroutine tell_targets
 
+  pure subroutine pack_target(g, i, row)
+    type(dem_grains_type), intent(in) :: g
+    integer(i4), intent(in) :: i
+    real(wp), intent(out) :: row(:)
+    row(target_position(1):target_position(2)) = g%x(:, i)
+    row(target_quat(1):target_quat(2)) = g%quat(:, i)
+    row(target_velocity(1):target_velocity(2)) = g%v(:, i)
+    row(target_spin(1):target_spin(2)) = g%omega(:, i)
+    row(target_given) = merge(1.0_wp, 0.0_wp, g%has_target(i))
+    row(target_end_position(1):target_end_position(2)) = g%target_x(:, i)
+    row(target_end_quat(1):target_end_quat(2)) = g%target_quat(:, i)
+    row(target_turn(1):target_turn(2)) = g%turn(:, i)
+    row(target_id) = real(g%id(i), wp)
+  end subroutine pack_target
+
   subroutine take_target(part, row, placed)
     type(dem_data_type), intent(inout) :: part
-    real(wp), intent(in) :: row(target_reals)
+    real(wp), intent(in) :: row(:)
     logical, intent(in) :: placed
     integer(i4) :: i
-    i = index_of(part, row(target_reals))
+    i = index_of(part, row(target_id))
     associate (g => part%grains)
-      if (placed) g%x(:, i) = row(1:3)
-      if (placed) g%quat(:, i) = row(4:7)
-      g%v(:, i) = row(8:10)
-      g%omega(:, i) = row(11:13)
-      g%has_target(i) = row(14) > 0.0_wp
-      g%target_x(:, i) = row(15:17)
-      g%target_quat(:, i) = row(18:21)
-      g%turn(:, i) = row(22:25)
+      if (placed) g%x(:, i) = row(target_position(1):target_position(2))
+      if (placed) g%quat(:, i) = row(target_quat(1):target_quat(2))
+      g%v(:, i) = row(target_velocity(1):target_velocity(2))
+      g%omega(:, i) = row(target_spin(1):target_spin(2))
+      g%has_target(i) = row(target_given) > 0.0_wp
+      g%target_x(:, i) = row(target_end_position(1):target_end_position(2))
+      g%target_quat(:, i) = row(target_end_quat(1):target_end_quat(2))
+      g%turn(:, i) = row(target_turn(1):target_turn(2))
       call put_body(g, i, part%pairs%body(:, i))
       call put_frame(g%forms, i, g%quat(:, i))
     end associate
@@ -166,20 +178,21 @@ contains
 
     n = count(marked)
     call team%tell_numbers(n)
-    allocate (rows(7, n(1)))
+    allocate (rows(load_moment(2), n(1)))
     k = 0
     do i = 1, merge(whole%grains%n, 0_i4, team%leads())
       if (.not. marked(i)) cycle
       k = k + 1
-      rows(:, k) = [real(whole%grains%id(i), wp), whole%grains%extra_force(:, i), &
-                    whole%grains%extra_moment(:, i)]
+      rows(load_id, k) = real(whole%grains%id(i), wp)
+      rows(load_force(1):load_force(2), k) = whole%grains%extra_force(:, i)
+      rows(load_moment(1):load_moment(2), k) = whole%grains%extra_moment(:, i)
     end do
     call tell_matrix(team, rows)
     do k = 1, size(rows, 2)
-      i = index_of(part, rows(1, k))
+      i = index_of(part, rows(load_id, k))
       if (i == 0) cycle
-      part%grains%extra_force(:, i) = rows(2:4, k)
-      part%grains%extra_moment(:, i) = rows(5:7, k)
+      part%grains%extra_force(:, i) = rows(load_force(1):load_force(2), k)
+      part%grains%extra_moment(:, i) = rows(load_moment(1):load_moment(2), k)
     end do
   end subroutine tell_loads
 
@@ -304,7 +317,7 @@ contains
     end if
     call tell_matrix(team, rows)
     if (team%leads()) return
-    rows(:part_size, :) = 0.0_wp
+    rows(:sum_reals, :) = 0.0_wp
     part%pairs%blocks = 0  ! contacts of an earlier state are none of this one
     call make_local(part, rows)
   end subroutine tell_prescribed

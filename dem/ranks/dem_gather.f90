@@ -6,11 +6,12 @@ module dem_gather
   use dem_received_contacts, only: adopt_contacts, give_results
   use dem_migrate, only: pack_grains
   use dem_pairs, only: allocate_bodies, build_pairs
-  use dem_records, only: part_size, grain_reals, contact_reals, body_places, pack_grain, &
-    unpack_grain, pack_contact, carried, index_of
+  use dem_record_layout, only: sum_reals, at_id, at_body
+  use dem_records, only: grain_reals, contact_reals, pack_grain, unpack_grain, pack_contact, &
+    carried, index_of
   use dem_membrane_forces, only: share_anew
   use dem_surface_search, only: list_near
-  use dem_surface_share, only: pack_touches, adopt_touches
+  use dem_surface_records, only: pack_touches, adopt_touches
   implicit none
   private
   public :: release_list, hand_in, take_in, haul_type, hand_in_driven, pack_contacts, is_first_here
@@ -20,7 +21,7 @@ module dem_gather
     real(wp), allocatable :: grains(:, :)      !! rows as columns, see dem_records
     real(wp), allocatable :: contacts(:, :)
     real(wp), allocatable :: touches(:, :)     !! contacts with surfaces, see dem_surface_share
-    real(wp), allocatable :: prescribed(:, :)  !! (part_size n, ranks)
+    real(wp), allocatable :: prescribed(:, :)  !! (sum_reals n, ranks)
   end type haul_type
 
 contains
@@ -61,7 +62,7 @@ contains
     end if
     call pack_grains(part, .not. (part%grains%kind == kind_free &
                                   .or. part%grains%kind == kind_mirror), rows)
-    call team%collect(reshape(rows(:part_size, :), [part_size*size(rows, 2)]), &
+    call team%collect(reshape(rows(:sum_reals, :), [sum_reals*size(rows, 2)]), &
                       haul%prescribed)
   end subroutine hand_in
 
@@ -120,11 +121,11 @@ contains
     integer(i4) :: k, i
     call pack_grains(part, part%grains%kind == kind_driven, rows)
     if (size(rows, 2) == 0) return
-    call team%collect(reshape(rows(:part_size, :), [part_size*size(rows, 2)]), table)
+    call team%collect(reshape(rows(:sum_reals, :), [sum_reals*size(rows, 2)]), table)
     if (.not. team%leads()) return
     do k = 1, size(rows, 2)
-      rows(:part_size, k) = sum(table(part_size*(k - 1) + 1:part_size*k, :), 2)
-      i = index_of(whole, rows(14, k))
+      rows(:sum_reals, k) = sum(table(sum_reals*(k - 1) + 1:sum_reals*k, :), 2)
+      i = index_of(whole, rows(at_id, k))
       call unpack_grain(rows(:, k), whole, i)
     end do
   end subroutine hand_in_driven
@@ -141,9 +142,9 @@ contains
     if (.not. allocated(whole%pairs%body)) call allocate_bodies(whole%pairs, whole%grains, &
                                                                 whole%planes)
     do k = 1, size(haul%grains, 2)
-      i = index_of(whole, haul%grains(14, k))
+      i = index_of(whole, haul%grains(at_id, k))
       call unpack_grain(haul%grains(:, k), whole, i)
-      whole%pairs%body(:, i) = haul%grains(body_places(1):body_places(2), k)
+      whole%pairs%body(:, i) = haul%grains(at_body(1):at_body(2), k)
     end do
     call take_prescribed(part, haul%prescribed, whole)
     whole%planes%point = part%planes%point
@@ -175,12 +176,12 @@ contains
     do i = 1, part%grains%n
       if (part%grains%kind(i) == kind_free .or. part%grains%kind(i) == kind_mirror) cycle
       call pack_grain(part, i, row)
-      row(:part_size) = 0.0_wp
+      row(:sum_reals) = 0.0_wp
       do r = 1, size(prescribed, 2)
-        row(:part_size) = row(:part_size) + prescribed(n + 1:n + part_size, r)
+        row(:sum_reals) = row(:sum_reals) + prescribed(n + 1:n + sum_reals, r)
       end do
-      n = n + part_size
-      k = index_of(whole, row(14))
+      n = n + sum_reals
+      k = index_of(whole, row(at_id))
       call unpack_grain(row, whole, k)
       whole%pairs%body(:, k) = part%pairs%body(:, i)
     end do

@@ -12,6 +12,7 @@ module dem_part
   use dem_additional_list, only: count_broken
   use dem_membrane, only: check_membranes, corner_stiffness, membrane_rate
   use dem_measure, only: check_overlap, fastest_grain, forces_left, wall_stiffnesses
+  use dem_record_layout, only: plane_force, plane_moment, plane_impulse, plane_work
   use dem_records, only: index_of
   use dem_slabs, only: count_contacts
   use dem_steps, only: step_memory_type, take_steps, evaluate_forces
@@ -26,7 +27,7 @@ module dem_part
 
   type(dem_ledger_type), parameter :: fresh = dem_ledger_type()
   integer(i4), parameter :: works = size(transfer(fresh, [0.0_wp]))  !! columns of the ledger
-  integer(i4), parameter :: plane_size = 10   !! force, moment, impulse, work of a plane
+  integer(i4), parameter :: plane_size = plane_work  !! sums of a plane
 
   !> Where the numbers of a report stand.
   integer(i4), parameter :: at_overlap = works + 1, at_limits = works + 2, at_speed = works + 5, &
@@ -108,8 +109,10 @@ contains
     report(at_broken:at_broken + 1) = part%pairs%extras%broken
     do k = 1, part%planes%n
       at = report_size + plane_size*(k - 1)
-      report(at + 1:at + plane_size) = [part%planes%force(:, k), part%planes%moment(:, k), &
-                                        part%planes%impulse(:, k), part%planes%work(k)]
+      report(at + plane_force(1):at + plane_force(2)) = part%planes%force(:, k)
+      report(at + plane_moment(1):at + plane_moment(2)) = part%planes%moment(:, k)
+      report(at + plane_impulse(1):at + plane_impulse(2)) = part%planes%impulse(:, k)
+      report(at + plane_work) = part%planes%work(k)
     end do
     report(report_size + plane_size*part%planes%n + 1:) = surface_report(part%surfaces)
     if (allocated(part%surfaces%free)) report = [report, body_rows(part)]
@@ -135,10 +138,10 @@ contains
     whole%health%reference_energy = reference
     do k = 1, whole%planes%n
       at = report_size + plane_size*(k - 1)
-      whole%planes%force(:, k) = total(at + 1:at + 3)
-      whole%planes%moment(:, k) = total(at + 4:at + 6)
-      whole%planes%impulse(:, k) = total(at + 7:at + 9)
-      whole%planes%work(k) = total(at + 10)
+      whole%planes%force(:, k) = total(at + plane_force(1):at + plane_force(2))
+      whole%planes%moment(:, k) = total(at + plane_moment(1):at + plane_moment(2))
+      whole%planes%impulse(:, k) = total(at + plane_impulse(1):at + plane_impulse(2))
+      whole%planes%work(k) = total(at + plane_work)
     end do
     whole%planes%point = part%planes%point
     if (whole%surfaces%n > 0) call take_surfaces(part%surfaces, &

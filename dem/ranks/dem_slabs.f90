@@ -8,7 +8,9 @@ module dem_slabs
   use dem_gather, only: pack_contacts, is_first_here
   use dem_make, only: allocate_grains, sorted_order
   use dem_measure, only: coordination_of
-  use dem_records, only: part_size, grain_reals, pack_grain, unpack_grain, index_of
+  use dem_record_layout, only: sum_reals, at_id, list_ids, list_point, list_normal, list_branch, &
+    list_force, list_stiffness, list_overlap
+  use dem_records, only: grain_reals, pack_grain, unpack_grain, index_of
   use dem_state, only: dem_data_type, dem_grains_type, kind_free, kind_mirror, lanes, history_side
   use dem_surface_measure, only: surface_contact_count
   implicit none
@@ -17,7 +19,6 @@ module dem_slabs
   public :: slab_grains, copy_state
 
   integer(i4), parameter :: slab_grains = 50000  !! in a slab
-  integer(i4), parameter :: list_reals = 17  !! of a contact as it is written to fields
 
   !> Some grains, in the order of their ids.
   type :: dem_slab_type
@@ -50,7 +51,7 @@ contains
     if (.not. team%leads()) return
     call make_slab(part, ids, slab)
     do k = 1, size(taken, 2)
-      i = index_of(slab%some, taken(14, k))
+      i = index_of(slab%some, taken(at_id, k))
       call unpack_grain(taken(:reals, k), slab%some, i)
       slab%coordination(i) = nint(taken(reals + 1, k), i4)
     end do
@@ -101,22 +102,22 @@ contains
     type(dem_data_type), intent(in) :: part
     real(wp), intent(in) :: range(2)
     integer(i4), intent(in) :: z(:)
-    real(wp), allocatable, intent(out) :: sums(:, :)  !! (part_size+1, grains)
+    real(wp), allocatable, intent(out) :: sums(:, :)  !! (sum_reals+1, grains)
     real(wp) :: row(grain_reals(part%halo%formed))
     real(wp), allocatable :: flat(:)
     integer(i4) :: i, n
     n = count([(prescribed_within(part, i, range), i=1, part%grains%n)])
-    allocate (flat((part_size + 1)*n))
+    allocate (flat((sum_reals + 1)*n))
     n = 0
     do i = 1, part%grains%n
       if (.not. prescribed_within(part, i, range)) cycle
       call pack_grain(part, i, row)
-      flat(n + 1:n + part_size) = row(:part_size)
-      flat(n + part_size + 1) = z(i)
-      n = n + part_size + 1
+      flat(n + 1:n + sum_reals) = row(:sum_reals)
+      flat(n + sum_reals + 1) = z(i)
+      n = n + sum_reals + 1
     end do
     if (n > 0) call team%add_up(flat)
-    sums = reshape(flat, [part_size + 1, n/(part_size + 1)])
+    sums = reshape(flat, [sum_reals + 1, n/(sum_reals + 1)])
   end subroutine add_prescribed
 
   !> Room for the grains of these ids.
@@ -165,10 +166,10 @@ contains
       if (.not. prescribed_within(part, i, range)) cycle
       n = n + 1
       call pack_grain(part, i, row)
-      row(:part_size) = sums(:part_size, n)
-      k = index_of(slab%some, row(14))
+      row(:sum_reals) = sums(:sum_reals, n)
+      k = index_of(slab%some, row(at_id))
       call unpack_grain(row, slab%some, k)
-      slab%coordination(k) = nint(sums(part_size + 1, n), i4)
+      slab%coordination(k) = nint(sums(sum_reals + 1, n), i4)
     end do
   end subroutine take_prescribed
 
@@ -195,11 +196,9 @@ contains
           if (part%grains%kind(index_of(part, real(mine%ids(1, k), wp))) == kind_mirror) cycle
         end if
         n = n + 1
-        if (round == 2) rows(:, n) = [real(mine%ids(:, k), wp), mine%point(:, k), &
-          mine%normal(:, k), mine%branch(:, k), mine%force(:, k), mine%stiffness(:, k), &
-          mine%overlap(k)]
+        if (round == 2) call pack_listed(mine, k, rows(:, n))
       end do
-      if (round == 1) allocate (rows(list_reals, n))
+      if (round == 1) allocate (rows(list_overlap, n))
     end do
     number = 0
     number(0) = n
@@ -207,6 +206,21 @@ contains
     if (team%leads()) call make_list(taken, part%planes%n, list)
   end subroutine slab_of_contacts
 
+  !> A contact as it is written to fields.
+  pure subroutine pack_listed(list, k, row)
+    type(dem_contacts_type), intent(in) :: list
+    integer(i4), intent(in) :: k
+    real(wp), intent(out) :: row(:)
+    row(list_ids(1):list_ids(2)) = real(list%ids(:, k), wp)
+    row(list_point(1):list_point(2)) = list%point(:, k)
+    row(list_normal(1):list_normal(2)) = list%normal(:, k)
+    row(list_branch(1):list_branch(2)) = list%branch(:, k)
+    row(list_force(1):list_force(2)) = list%force(:, k)
+    row(list_stiffness(1):list_stiffness(2)) = list%stiffness(:, k)
+    row(list_overlap) = list%overlap(k)
+  end subroutine pack_listed
+
+  !> The list of these rows, in order.
   subroutine make_list(rows, planes, list)
     real(wp), intent(in) :: rows(:, :)
     integer(i4), intent(in) :: planes
@@ -216,18 +230,19 @@ contains
 
     allocate (order, source=[(k, k=1, size(rows, 2))])
     if (size(order) > 0) then
-      if (rows(1, 1) < 0.0_wp) order = sorted_order(nint(rows(2, :), i8))
-      if (rows(1, 1) > -planes - 0.5_wp) &
-        order = order(sorted_order(nint(abs(rows(1, order)), i8)))
+      associate (first => rows(list_ids(1), :), second => rows(list_ids(2), :))
+        if (first(1) < 0.0_wp) order = sorted_order(nint(second, i8))
+        if (first(1) > -planes - 0.5_wp) order = order(sorted_order(nint(abs(first(order)), i8)))
+      end associate
     end if
     list%n = size(order)
-    list%ids = nint(rows(1:2, order), i8)
-    list%point = rows(3:5, order)
-    list%normal = rows(6:8, order)
-    list%branch = rows(9:11, order)
-    list%force = rows(12:14, order)
-    list%stiffness = rows(15:16, order)
-    list%overlap = rows(17, order)
+    list%ids = nint(rows(list_ids(1):list_ids(2), order), i8)
+    list%point = rows(list_point(1):list_point(2), order)
+    list%normal = rows(list_normal(1):list_normal(2), order)
+    list%branch = rows(list_branch(1):list_branch(2), order)
+    list%force = rows(list_force(1):list_force(2), order)
+    list%stiffness = rows(list_stiffness(1):list_stiffness(2), order)
+    list%overlap = rows(list_overlap, order)
   end subroutine make_list
 
   !> Records of contacts (see dem_records) whose first id is in a range, on the leader.

@@ -1,6 +1,7 @@
 !> Contacts of a checkpoint that a rank keeps while they come by: those of its own grains.
 module dem_record_heap
   use talus_kinds, only: wp, i4
+  use dem_record_layout, only: at_first_id, at_second_id
   use dem_records, only: contact_reals, index_of
   use dem_state, only: dem_data_type, kind_free
   implicit none
@@ -25,7 +26,7 @@ contains
     real(wp), allocatable :: longer(:, :)
     integer(i4) :: k
     do k = 1, size(rows, 2)
-      if (.not. (is_own(part, rows(1, k)) .or. is_own(part, rows(2, k)))) cycle
+      if (.not. (is_own(part, rows(at_first_id, k)) .or. is_own(part, rows(at_second_id, k)))) cycle
       if (.not. allocated(self%row)) allocate (self%row(size(rows, 1), 1024))
       if (self%n == size(self%row, 2)) then
         allocate (longer(size(rows, 1), 2*self%n))

@@ -1,35 +1,35 @@
 !> Grains and contacts as rows of reals, to be sent to other ranks.
 module dem_records
   use talus_kinds, only: wp, i4, i8
-  use dem_shape, only: form_size
-  use dem_state, only: dem_data_type, lanes, history_size, history_root, result_size, body_size
+  use dem_record_layout, only: at_force, at_moment, at_impulse, at_moment_impulse, at_work, at_id, &
+    at_kind, at_material, at_position, at_quat, at_velocity, at_spin, at_axes, at_mass, &
+    at_inertia, at_theta, at_extra_force, at_extra_moment, at_turn, at_body, at_kinetic, &
+    at_shape_kind, at_shape_frame, at_shape_skew, at_shape_exponent, at_shape_axes, &
+    at_shape_reach, at_shape_radius, at_shape_record, sum_reals, at_first_id, at_second_id, &
+    at_normal, at_history, at_result, at_shift
+  use dem_state, only: dem_data_type, lanes, history_root
   implicit none
   private
-  public :: part_size, contact_places, body_places, grain_reals, contact_reals
-  public :: pack_grain, unpack_grain, pack_contact, carried, index_of
+  public :: grain_reals, contact_reals, plain_contact_reals
+  public :: pack_grain, unpack_grain, pack_contact, unpack_contact, unpack_result, shift_of
+  public :: carried, index_of
 
-  integer(i4), parameter :: grain_size = 50 + body_size   !! reals of an ellipsoid
-  integer(i4), parameter :: part_size = 13                !! of these the first that add up over
-                                                          !! the ranks, see pack_grain
-  integer(i4), parameter :: body_places(2) = [50, 49 + body_size]  !! of the body's record
-  integer(i4), parameter :: form_reals = 14 + form_size   !! more for a form
-  integer(i4), parameter :: contact_size = 8 + history_size + result_size  !! without laws on top
-  integer(i4), parameter :: contact_places(5) = [3, 6, 6 + history_size, contact_size - 2, &
-                                                 contact_size + 1]
-                            !! where normal, history, result, shift and laws on top begin
+  integer(i4), parameter :: grain_size = at_kinetic            !! reals of an ellipsoid
+  integer(i4), parameter :: formed_size = at_shape_record(2)   !! of a grain of another shape
+  integer(i4), parameter :: plain_contact_reals = at_shift(2)  !! without additional models
 
 contains
 
   !> Reals of a grain of this run.
   pure integer(i4) function grain_reals(formed)
     logical, intent(in) :: formed  !! some grain is no ellipsoid
-    grain_reals = grain_size + merge(form_reals, 0_i4, formed)
+    grain_reals = merge(formed_size, grain_size, formed)
   end function grain_reals
 
   !> Reals of a contact of this run.
   pure integer(i4) function contact_reals(d)
     type(dem_data_type), intent(in) :: d
-    contact_reals = contact_size + d%pairs%extras%reals
+    contact_reals = plain_contact_reals + d%pairs%extras%reals
   end function contact_reals
 
   !> All of a grain that moves with it. Force, moment, their impulses and the work come first: of a
@@ -39,25 +39,34 @@ contains
     integer(i4), intent(in) :: i
     real(wp), intent(out) :: row(:)
     associate (g => d%grains)
-      row(:13) = 0.0_wp
-      row(1:6) = [g%force(:, i), g%moment(:, i)]
-      row(46:49) = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
+      row(:sum_reals) = 0.0_wp
+      row(at_force(1):at_force(2)) = g%force(:, i)
+      row(at_moment(1):at_moment(2)) = g%moment(:, i)
+      row(at_turn(1):at_turn(2)) = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
       if (size(g%work) > 0) then
-        row(7:13) = [g%impulse(:, i), g%moment_impulse(:, i), g%work(i)]
-        row(46:49) = g%turn(:, i)
+        row(at_impulse(1):at_impulse(2)) = g%impulse(:, i)
+        row(at_moment_impulse(1):at_moment_impulse(2)) = g%moment_impulse(:, i)
+        row(at_work) = g%work(i)
+        row(at_turn(1):at_turn(2)) = g%turn(:, i)
       end if
-      row(14:16) = [real(g%id(i), wp), real(g%kind(i), wp), real(g%material(i), wp)]
-      row(17:29) = [g%x(:, i), g%quat(:, i), g%v(:, i), g%omega(:, i)]
-      row(30:36) = [g%axes(:, i), g%mass(i), g%inertia(:, i)]
-      row(37:45) = [g%theta(:, i), g%extra_force(:, i), g%extra_moment(:, i)]
-      row(50:49 + body_size) = d%pairs%body(:, i)
-      row(grain_size) = 0.0_wp
-      if (allocated(d%seen_kinetic)) row(grain_size) = d%seen_kinetic(i)
-      if (size(row) == grain_size) return
-      row(grain_size + 1:) = [real(g%forms%kind(i), wp), g%forms%frame(:, i), g%forms%skew(:, i), &
-                              g%forms%exponent(i), g%forms%axes(:, i), g%forms%reach(i), &
-                              g%radius(i), g%forms%record(:, i)]
+      row(at_id) = real(g%id(i), wp)
+      row(at_kind) = real(g%kind(i), wp)
+      row(at_material) = real(g%material(i), wp)
+      row(at_position(1):at_position(2)) = g%x(:, i)
+      row(at_quat(1):at_quat(2)) = g%quat(:, i)
+      row(at_velocity(1):at_velocity(2)) = g%v(:, i)
+      row(at_spin(1):at_spin(2)) = g%omega(:, i)
+      row(at_axes(1):at_axes(2)) = g%axes(:, i)
+      row(at_mass) = g%mass(i)
+      row(at_inertia(1):at_inertia(2)) = g%inertia(:, i)
+      row(at_theta(1):at_theta(2)) = g%theta(:, i)
+      row(at_extra_force(1):at_extra_force(2)) = g%extra_force(:, i)
+      row(at_extra_moment(1):at_extra_moment(2)) = g%extra_moment(:, i)
+      row(at_body(1):at_body(2)) = d%pairs%body(:, i)
+      row(at_kinetic) = 0.0_wp
+      if (allocated(d%seen_kinetic)) row(at_kinetic) = d%seen_kinetic(i)
     end associate
+    if (size(row) > grain_size) call pack_shape(d, i, row)
   end subroutine pack_grain
 
   !> The same back, but for the body's record.
@@ -66,42 +75,65 @@ contains
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: i
     associate (g => d%grains)
-      g%force(:, i) = row(1:3)
-      g%moment(:, i) = row(4:6)
+      g%force(:, i) = row(at_force(1):at_force(2))
+      g%moment(:, i) = row(at_moment(1):at_moment(2))
       if (size(g%work) > 0) then
-        g%impulse(:, i) = row(7:9)
-        g%moment_impulse(:, i) = row(10:12)
-        g%work(i) = row(13)
-        g%turn(:, i) = row(46:49)
+        g%impulse(:, i) = row(at_impulse(1):at_impulse(2))
+        g%moment_impulse(:, i) = row(at_moment_impulse(1):at_moment_impulse(2))
+        g%work(i) = row(at_work)
+        g%turn(:, i) = row(at_turn(1):at_turn(2))
       end if
-      g%id(i) = nint(row(14), i8)
-      g%kind(i) = nint(row(15), i4)
-      g%material(i) = nint(row(16), i4)
-      g%x(:, i) = row(17:19)
-      g%quat(:, i) = row(20:23)
-      g%v(:, i) = row(24:26)
-      g%omega(:, i) = row(27:29)
-      g%axes(:, i) = row(30:32)
-      g%radius(i) = maxval(row(30:32))
-      g%mass(i) = row(33)
-      g%inertia(:, i) = row(34:36)
-      g%theta(:, i) = row(37:39)
-      g%extra_force(:, i) = row(40:42)
-      g%extra_moment(:, i) = row(43:45)
-      if (allocated(d%seen_kinetic)) d%seen_kinetic(i) = row(grain_size)
-      if (size(row) == grain_size) return
-      associate (form => row(grain_size + 1:))
-        g%forms%kind(i) = nint(form(1), i4)
-        g%forms%frame(:, i) = form(2:5)
-        g%forms%skew(:, i) = form(6:8)
-        g%forms%exponent(i) = form(9)
-        g%forms%axes(:, i) = form(10:12)
-        g%forms%reach(i) = form(13)
-        g%radius(i) = form(14)
-        g%forms%record(:, i) = form(15:)
-      end associate
+      g%id(i) = nint(row(at_id), i8)
+      g%kind(i) = nint(row(at_kind), i4)
+      g%material(i) = nint(row(at_material), i4)
+      g%x(:, i) = row(at_position(1):at_position(2))
+      g%quat(:, i) = row(at_quat(1):at_quat(2))
+      g%v(:, i) = row(at_velocity(1):at_velocity(2))
+      g%omega(:, i) = row(at_spin(1):at_spin(2))
+      g%axes(:, i) = row(at_axes(1):at_axes(2))
+      g%radius(i) = maxval(row(at_axes(1):at_axes(2)))
+      g%mass(i) = row(at_mass)
+      g%inertia(:, i) = row(at_inertia(1):at_inertia(2))
+      g%theta(:, i) = row(at_theta(1):at_theta(2))
+      g%extra_force(:, i) = row(at_extra_force(1):at_extra_force(2))
+      g%extra_moment(:, i) = row(at_extra_moment(1):at_extra_moment(2))
+      if (allocated(d%seen_kinetic)) d%seen_kinetic(i) = row(at_kinetic)
     end associate
+    if (size(row) > grain_size) call unpack_shape(row, d, i)
   end subroutine unpack_grain
+
+  !> What a shape adds, see dem_shape_state.
+  pure subroutine pack_shape(d, i, row)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: i
+    real(wp), intent(inout) :: row(:)
+    associate (forms => d%grains%forms)
+      row(at_shape_kind) = real(forms%kind(i), wp)
+      row(at_shape_frame(1):at_shape_frame(2)) = forms%frame(:, i)
+      row(at_shape_skew(1):at_shape_skew(2)) = forms%skew(:, i)
+      row(at_shape_exponent) = forms%exponent(i)
+      row(at_shape_axes(1):at_shape_axes(2)) = forms%axes(:, i)
+      row(at_shape_reach) = forms%reach(i)
+      row(at_shape_radius) = d%grains%radius(i)
+      row(at_shape_record(1):at_shape_record(2)) = forms%record(:, i)
+    end associate
+  end subroutine pack_shape
+
+  pure subroutine unpack_shape(row, d, i)
+    real(wp), intent(in) :: row(:)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: i
+    associate (forms => d%grains%forms)
+      forms%kind(i) = nint(row(at_shape_kind), i4)
+      forms%frame(:, i) = row(at_shape_frame(1):at_shape_frame(2))
+      forms%skew(:, i) = row(at_shape_skew(1):at_shape_skew(2))
+      forms%exponent(i) = row(at_shape_exponent)
+      forms%axes(:, i) = row(at_shape_axes(1):at_shape_axes(2))
+      forms%reach(i) = row(at_shape_reach)
+      d%grains%radius(i) = row(at_shape_radius)
+      forms%record(:, i) = row(at_shape_record(1):at_shape_record(2))
+    end associate
+  end subroutine unpack_shape
 
   !> Does this candidate remember anything? The radius of two spheres is found anew.
   pure logical function carried(d, lane, block)
@@ -115,7 +147,7 @@ contains
   end function carried
 
   !> A contact: ids, lower one first, planes as -1, -2, ...; normal, history, force and moment, the
-  !! shift of the second in edges of the cell, what laws on top keep.
+  !! shift of the second in edges of the cell, what additional models keep.
   pure subroutine pack_contact(d, lane, block, row)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: lane, block
@@ -124,19 +156,46 @@ contains
     first = d%pairs%first(lane, block)
     second = d%pairs%second(lane, block)
     if (first > d%grains%n) then
-      row(1) = -real(first - d%grains%n - 3, wp)
+      row(at_first_id) = -real(first - d%grains%n - 3, wp)
     else
-      row(1) = real(d%grains%id(first), wp)
+      row(at_first_id) = real(d%grains%id(first), wp)
     end if
-    row(2) = real(d%grains%id(d%pairs%grain(second)), wp)
-    row(3:5) = d%pairs%normal(lane, :, block)
-    row(6:5 + history_size) = d%pairs%history(lane, :, block)
-    row(contact_places(3):contact_places(4) - 1) = d%pairs%result(:, (block - 1)*lanes + lane)
-    row(contact_places(4):contact_places(5) - 1) = 0.0_wp
-    if (second > d%pairs%plain) row(contact_places(4):contact_places(5) - 1) = &
+    row(at_second_id) = real(d%grains%id(d%pairs%grain(second)), wp)
+    row(at_normal(1):at_normal(2)) = d%pairs%normal(lane, :, block)
+    row(at_history(1):at_history(2)) = d%pairs%history(lane, :, block)
+    row(at_result(1):at_result(2)) = d%pairs%result(:, (block - 1)*lanes + lane)
+    row(at_shift(1):at_shift(2)) = 0.0_wp
+    if (second > d%pairs%plain) row(at_shift(1):at_shift(2)) = &
       d%pairs%shift(:, second - d%pairs%plain)
-    if (d%pairs%extras%active) row(contact_places(5):) = d%pairs%extras%kept(lane, :, block)
+    if (d%pairs%extras%active) row(plain_contact_reals + 1:) = d%pairs%extras%kept(lane, :, block)
   end subroutine pack_contact
+
+  !> Normal, history and what additional models keep, back to a place in the list.
+  pure subroutine unpack_contact(row, d, lane, block)
+    real(wp), intent(in) :: row(:)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: lane, block
+    d%pairs%normal(lane, :, block) = row(at_normal(1):at_normal(2))
+    d%pairs%history(lane, :, block) = row(at_history(1):at_history(2))
+    if (d%pairs%extras%active) d%pairs%extras%kept(lane, :, block) = row(plain_contact_reals + 1:)
+  end subroutine unpack_contact
+
+  !> History, force and moment, back to a slot of the list.
+  pure subroutine unpack_result(row, d, slot)
+    real(wp), intent(in) :: row(:)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: slot
+    d%pairs%history(1 + mod(slot - 1, lanes), :, 1 + (slot - 1)/lanes) = &
+      row(at_history(1):at_history(2))
+    d%pairs%result(:, slot) = row(at_result(1):at_result(2))
+  end subroutine unpack_result
+
+  !> Shift of the second grain, in edges of the cell.
+  pure function shift_of(row) result(shift)
+    real(wp), intent(in) :: row(:)
+    integer(i4) :: shift(3)
+    shift = nint(row(at_shift(1):at_shift(2)), i4)
+  end function shift_of
 
   !> Body of an id, planes as -1, -2, ...; 0 if it is not known here.
   pure integer(i4) function index_of(d, id) result(body)

@@ -14,7 +14,7 @@ module dem_store
   use dem_make, only: prescribe_some
   use dem_surface_store, only: put_surfaces, get_surfaces
   use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
-  use dem_records, only: contact_reals
+  use dem_records, only: plain_contact_reals
   implicit none
   private
   public :: put_state, get_state, put_run, put_grain_arrays, records
@@ -275,8 +275,7 @@ contains
     integer(i4) :: layout(layout_size)
     call get_age(d, archive, errors)
     layout = layout_kept(archive)
-    call archive%get_reals(records, contact_reals(d) - d%pairs%extras%reals + layout(1), -1, rows, &
-                           errors)
+    call archive%get_reals(records, plain_contact_reals + layout(1), -1, rows, errors)
     if (errors%any()) return
     call fit_records(d%pairs%extras, layout, rows)
     call adopt_contacts(d, rows)
