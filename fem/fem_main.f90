@@ -50,7 +50,7 @@ program talus_fem
     call finish_run(model, exit_code, errors)
   end if
   if (errors%any() .and. ranks%leads()) call errors%print(error_unit)
-  call model%body%solver%mumps%free()
+  call model%body%system%solver%mumps%free()
   call leave_ranks()
   call talus_exit(exit_code)
 

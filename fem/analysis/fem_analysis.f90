@@ -11,6 +11,7 @@ module fem_analysis
   use talus_log, only: log_type
   use talus_summary, only: summary_type
   use fem_body, only: fem_body_type
+  use fem_parts, only: fem_scheme_type
   use fem_supports, only: check_supports
   implicit none
   private
@@ -50,11 +51,11 @@ module fem_analysis
   end type fem_analysis_type
 
   abstract interface
-    subroutine read_kind(self, deck, body, errors)
-      import :: fem_analysis_type, deck_type, fem_body_type, error_list_type
+    subroutine read_kind(self, deck, scheme, errors)
+      import :: fem_analysis_type, deck_type, fem_scheme_type, error_list_type
       class(fem_analysis_type), intent(inout) :: self
       type(deck_type), intent(in) :: deck
-      type(fem_body_type), intent(inout) :: body
+      type(fem_scheme_type), intent(inout) :: scheme
       type(error_list_type), intent(inout) :: errors
     end subroutine read_kind
 
@@ -149,8 +150,8 @@ contains
     class(fem_analysis_type), intent(in) :: self
     type(fem_body_type), intent(in) :: body
     type(error_list_type), intent(inout) :: errors
-    call check_supports(body%mesh, body%dofs, body%pattern, body%held .or. body%prescribed, &
-                        body%ground, errors)
+    call check_supports(body%mesh, body%dofs, body%system%pattern, &
+                        body%supports%held .or. body%port%prescribed, body%supports%ground, errors)
   end subroutine check_held
 
   !> Has the accepted state reached the end?

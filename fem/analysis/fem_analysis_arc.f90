@@ -9,6 +9,7 @@ module fem_analysis_arc
   use fem_analysis_static, only: fem_analysis_static_type
   use fem_arc, only: fem_arc_data_type, arc_step, put_arc, get_arc
   use fem_body, only: fem_body_type
+  use fem_parts, only: fem_scheme_type
   implicit none
   private
   public :: fem_analysis_arc_type
@@ -30,10 +31,10 @@ module fem_analysis_arc
 
 contains
 
-  subroutine read_arc(self, deck, body, errors)
+  subroutine read_arc(self, deck, scheme, errors)
     class(fem_analysis_arc_type), intent(inout) :: self
     type(deck_type), intent(in) :: deck
-    type(fem_body_type), intent(inout) :: body
+    type(fem_scheme_type), intent(inout) :: scheme
     type(error_list_type), intent(inout) :: errors
     self%table = 'arc'
     self%iterative = .true.

@@ -9,6 +9,7 @@ module fem_analysis_explicit
   use fem_body, only: fem_body_type
   use fem_central, only: central_step, central_steps
   use fem_critical, only: scale_rotations
+  use fem_parts, only: fem_scheme_type
   use fem_start, only: start_motion
   implicit none
   private
@@ -29,14 +30,14 @@ module fem_analysis_explicit
 
 contains
 
-  subroutine read_explicit(self, deck, body, errors)
+  subroutine read_explicit(self, deck, scheme, errors)
     class(fem_analysis_explicit_type), intent(inout) :: self
     type(deck_type), intent(in) :: deck
-    type(fem_body_type), intent(inout) :: body
+    type(fem_scheme_type), intent(inout) :: scheme
     type(error_list_type), intent(inout) :: errors
     self%solves = .false.
-    body%dynamic = .true.
-    body%explicit = .true.
+    scheme%dynamic = .true.
+    scheme%explicit = .true.
   end subroutine read_explicit
 
   subroutine read_times(self, deck, served, errors)
@@ -76,17 +77,18 @@ contains
 
     call deck%get('analysis', 1, 'dt_factor', factor)
     call deck%get('analysis', 1, 'allow_unstable', allowed)
-    if (self%dt > body%step_limit) then
+    if (self%dt > body%limit%step) then
       if (allowed) then
-        call append_string(warnings, 'dt is '//short_number(self%dt/body%step_limit)// &
+        call append_string(warnings, 'dt is '//short_number(self%dt/body%limit%step)// &
                            ' times the largest stable step (allow_unstable)')
       else
         call deck%fault(errors, 'D324', 'dt = '//short_number(self%dt)// &
-          ' s is above the largest stable step '//short_number(body%step_limit)// &
-          ' s, which element '//str(body%stiffest)//' sets', 'analysis', 1, 'dt', 'leave dt out')
+          ' s is above the largest stable step '//short_number(body%limit%step)// &
+          ' s, which element '//str(body%limit%stiffest)//' sets', 'analysis', 1, 'dt', &
+            'leave dt out')
       end if
     else if (.not. self%dt > 0.0_wp) then
-      self%dt = factor*body%step_limit
+      self%dt = factor*body%limit%step
       if (self%t_end > 0.0_wp) self%dt = self%t_end/ceiling(self%t_end/self%dt, i8)
     end if
   end subroutine after_matrices
@@ -132,7 +134,7 @@ contains
     class(fem_analysis_explicit_type), intent(in) :: self
     type(fem_body_type), intent(in) :: body
     type(log_type), intent(inout) :: log
-    call log%item('largest stable step', short_number(body%step_limit)//' s', &
+    call log%item('largest stable step', short_number(body%limit%step)//' s', &
                   'dt '//short_number(self%dt)//' s')
   end subroutine describe
 end module fem_analysis_explicit

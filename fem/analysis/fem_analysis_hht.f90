@@ -5,7 +5,7 @@ module fem_analysis_hht
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use fem_analysis_newmark, only: fem_analysis_newmark_type
-  use fem_body, only: fem_body_type
+  use fem_parts, only: fem_scheme_type
   implicit none
   private
   public :: fem_analysis_hht_type
@@ -17,16 +17,16 @@ module fem_analysis_hht
 
 contains
 
-  subroutine read_hht(self, deck, body, errors)
+  subroutine read_hht(self, deck, scheme, errors)
     class(fem_analysis_hht_type), intent(inout) :: self
     type(deck_type), intent(in) :: deck
-    type(fem_body_type), intent(inout) :: body
+    type(fem_scheme_type), intent(inout) :: scheme
     type(error_list_type), intent(inout) :: errors
     real(wp) :: alpha
     call deck%get('analysis', 1, 'alpha', alpha)
-    body%dynamic = .true.
-    body%lag = -alpha
-    body%beta = 0.25_wp*(1.0_wp - alpha)**2
-    body%gamma = 0.5_wp - alpha
+    scheme%dynamic = .true.
+    scheme%lag = -alpha
+    scheme%beta = 0.25_wp*(1.0_wp - alpha)**2
+    scheme%gamma = 0.5_wp - alpha
   end subroutine read_hht
 end module fem_analysis_hht

@@ -9,6 +9,7 @@ module fem_analysis_modal
   use fem_analysis, only: fem_analysis_type
   use fem_body, only: fem_body_type
   use fem_modal, only: fem_modes_type, find_modes
+  use fem_parts, only: fem_scheme_type
   implicit none
   private
   public :: fem_analysis_modal_type
@@ -32,15 +33,15 @@ module fem_analysis_modal
 
 contains
 
-  subroutine read_modal(self, deck, body, errors)
+  subroutine read_modal(self, deck, scheme, errors)
     class(fem_analysis_modal_type), intent(inout) :: self
     type(deck_type), intent(in) :: deck
-    type(fem_body_type), intent(inout) :: body
+    type(fem_scheme_type), intent(inout) :: scheme
     type(error_list_type), intent(inout) :: errors
     self%table = 'modes'
     self%listed = .true.
-    body%massive = .true.
-    body%linear_only = .true.
+    scheme%massive = .true.
+    scheme%linear_only = .true.
     call deck%get('analysis', 1, 'modes', self%wanted)
     call deck%get('analysis', 1, 'tolerance', self%tolerance)
     call deck%get('analysis', 1, 'max_iterations', self%most_iterations)

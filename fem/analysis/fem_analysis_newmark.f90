@@ -10,6 +10,7 @@ module fem_analysis_newmark
   use fem_body, only: fem_body_type
   use fem_linear_step, only: linear_step
   use fem_newton, only: newton_step
+  use fem_parts, only: fem_scheme_type
   use fem_start, only: start_motion
   implicit none
   private
@@ -28,14 +29,14 @@ module fem_analysis_newmark
 
 contains
 
-  subroutine read_newmark(self, deck, body, errors)
+  subroutine read_newmark(self, deck, scheme, errors)
     class(fem_analysis_newmark_type), intent(inout) :: self
     type(deck_type), intent(in) :: deck
-    type(fem_body_type), intent(inout) :: body
+    type(fem_scheme_type), intent(inout) :: scheme
     type(error_list_type), intent(inout) :: errors
-    body%dynamic = .true.
-    call deck%get('analysis', 1, 'beta', body%beta)
-    call deck%get('analysis', 1, 'gamma', body%gamma)
+    scheme%dynamic = .true.
+    call deck%get('analysis', 1, 'beta', scheme%beta)
+    call deck%get('analysis', 1, 'gamma', scheme%gamma)
   end subroutine read_newmark
 
   subroutine read_times(self, deck, served, errors)
@@ -54,8 +55,8 @@ contains
     type(fem_body_type), intent(inout) :: body
     type(string_type), allocatable, intent(inout) :: warnings(:)
     type(error_list_type), intent(inout) :: errors
-    if (body%step_limit < huge(1.0_wp)) call append_string(warnings, &
-      'beta < gamma/2: Newmark is stable up to a step of '//short_number(body%step_limit)//' s')
+    if (body%limit%step < huge(1.0_wp)) call append_string(warnings, &
+      'beta < gamma/2: Newmark is stable up to a step of '//short_number(body%limit%step)//' s')
   end subroutine after_matrices
 
   !> Accelerations at the start. A coupled run learns dt from its first step; after a restart the
@@ -68,8 +69,8 @@ contains
     type(error_list_type), intent(inout) :: errors
     if (fresh) call start_motion(body, errors)
     if (errors%any()) return
-    if (body%restored_dt > 0.0_wp) then
-      call body%factor(body%restored_dt, errors)
+    if (body%system%restored_dt > 0.0_wp) then
+      call body%factor(body%system%restored_dt, errors)
     else if (dt > 0.0_wp) then
       call body%factor(dt, errors)
     end if

@@ -7,6 +7,7 @@ module fem_analysis_relaxation
   use talus_log, only: log_type
   use fem_analysis, only: fem_analysis_type
   use fem_body, only: fem_body_type
+  use fem_parts, only: fem_scheme_type
   use fem_relaxation, only: relax
   use fem_supports, only: check_supports
   implicit none
@@ -27,12 +28,12 @@ module fem_analysis_relaxation
 
 contains
 
-  subroutine read_relaxation(self, deck, body, errors)
+  subroutine read_relaxation(self, deck, scheme, errors)
     class(fem_analysis_relaxation_type), intent(inout) :: self
     type(deck_type), intent(in) :: deck
-    type(fem_body_type), intent(inout) :: body
+    type(fem_scheme_type), intent(inout) :: scheme
     type(error_list_type), intent(inout) :: errors
-    body%linear_only = .true.
+    scheme%linear_only = .true.
     if (deck%given('analysis', 1, 'tolerance')) &
       call deck%get('analysis', 1, 'tolerance', self%tolerance)
     if (deck%given('analysis', 1, 'max_iterations')) &
@@ -54,7 +55,8 @@ contains
     real(wp), intent(in) :: dt  !! [s]
     logical, intent(in) :: fresh
     type(error_list_type), intent(inout) :: errors
-    call check_supports(body%mesh, body%dofs, body%pattern, body%held, body%ground, errors)
+    call check_supports(body%mesh, body%dofs, body%system%pattern, body%supports%held, &
+      body%supports%ground, errors)
   end subroutine begin
 
   subroutine step(self, body, t1, errors)

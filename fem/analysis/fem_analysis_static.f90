@@ -8,6 +8,7 @@ module fem_analysis_static
   use fem_body, only: fem_body_type
   use fem_linear_step, only: linear_step
   use fem_newton, only: newton_step
+  use fem_parts, only: fem_scheme_type
   implicit none
   private
   public :: fem_analysis_static_type
@@ -22,10 +23,10 @@ module fem_analysis_static
 
 contains
 
-  subroutine read_static(self, deck, body, errors)
+  subroutine read_static(self, deck, scheme, errors)
     class(fem_analysis_static_type), intent(inout) :: self
     type(deck_type), intent(in) :: deck
-    type(fem_body_type), intent(inout) :: body
+    type(fem_scheme_type), intent(inout) :: scheme
     type(error_list_type), intent(inout) :: errors
     self%iterative = .true.
   end subroutine read_static

@@ -92,15 +92,16 @@ contains
     call self%external_at(0.0_wp, part%load)
     call self%external_at(arc%t_end, part%goal_load)
     if (.not. arc%settled) part%load = 0.0_wp
-    if (.not. allocated(self%follower)) return
-    allocate (part%pressure(size(self%follower)), part%goal_pressure(size(self%follower)))
-    part%goal_pressure = self%follower%pressure
-    part%pressure = self%follower%pressure
-    do k = 1, size(self%follower)
-      associate (f => self%follower(k))
+    if (.not. allocated(self%loads%follower)) return
+    allocate (part%pressure(size(self%loads%follower)), &
+      part%goal_pressure(size(self%loads%follower)))
+    part%goal_pressure = self%loads%follower%pressure
+    part%pressure = self%loads%follower%pressure
+    do k = 1, size(self%loads%follower)
+      associate (f => self%loads%follower(k))
         if (f%curve > 0) part%goal_pressure(k) = f%pressure &
-          *self%curve(f%curve)%at(arc%t_end)
-        if (f%curve > 0) part%pressure(k) = f%pressure*self%curve(f%curve)%at(0.0_wp)
+          *self%loads%curve(f%curve)%at(arc%t_end)
+        if (f%curve > 0) part%pressure(k) = f%pressure*self%loads%curve(f%curve)%at(0.0_wp)
       end associate
     end do
     if (.not. arc%settled) part%pressure = 0.0_wp
@@ -189,19 +190,20 @@ contains
     real(wp), dimension(3, self%dofs%blocks) :: push, given, carried
     integer(i4) :: k
     push = part%goal_load - part%load
-    if (allocated(self%follower)) then
-      do k = 1, size(self%follower)
-        call follower_force(self%mesh, self%follower(k), part%goal_pressure(k) &
+    if (allocated(self%loads%follower)) then
+      do k = 1, size(self%loads%follower)
+        call follower_force(self%mesh, self%loads%follower(k), part%goal_pressure(k) &
                             - part%pressure(k), self%state%u, push)
       end do
     end if
     call assemble(self, part)
-    given = merge(part%goal_u - part%u, 0.0_wp, self%held .or. self%prescribed)
-    call multiply_general(self%pattern, self%k, self%lower, given, carried)
+    given = merge(part%goal_u - part%u, 0.0_wp, self%supports%held .or. self%port%prescribed)
+    call multiply_general(self%system%pattern, self%system%k, self%system%lower, given, carried)
     call solve(self, part, residual, back, good)
     if (.not. good) return
-    call self%solver%solve(self%pattern, merge(0.0_wp, push - carried, &
-                                               self%held .or. self%prescribed), along, errors)
+    call self%system%solver%solve(self%system%pattern, merge(0.0_wp, push - carried, &
+                                               self%supports%held .or. self%port%prescribed), &
+                                                 along, errors)
     along = along + given
     good = .not. errors%any()
     if (good) good = is_finite(sum(abs(along)))

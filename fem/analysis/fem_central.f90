@@ -34,8 +34,8 @@ contains
         call central_step(self, t1, errors)
       end if
       if (errors%any()) return
-      self%leaps = self%leaps + 1
-      if (modulo(self%leaps, int(between, i8)) == 0) call look_again(self)
+      self%limit%leaps = self%limit%leaps + 1
+      if (modulo(self%limit%leaps, int(between, i8)) == 0) call look_again(self)
       if (parts <= 1) return
       call self%accept()
     end do
@@ -71,8 +71,8 @@ contains
       return
     end if
     dt = t1 - self%accepted%time
-    fixed = self%held .or. self%prescribed
-    mass = self%node_mass
+    fixed = self%supports%held .or. self%port%prescribed
+    mass = self%system%node_mass
     associate (s => self%state, old => self%accepted)
       s%time = t1
       s%u = old%u
@@ -85,7 +85,7 @@ contains
       call self%trial_force(s%u, internal)
       s%viscous = 0.0_wp
       if (self%damping%stiffness > 0.0_wp) then
-        call multiply(self%pattern, self%k, half, s%viscous)
+        call multiply(self%system%pattern, self%system%k, half, s%viscous)
         s%viscous = self%damping%stiffness*s%viscous
       end if
       force = s%external - internal - s%viscous
@@ -113,18 +113,18 @@ contains
     dt = t1 - self%accepted%time
     associate (s => self%state, old => self%accepted, work => self%leap_work)
       s%time = t1
-      call drift_all(dt, self%held, self%prescribed, self%given_u, old, s, work)
-      do k = 1, size(self%motion)
-        associate (m => self%motion(k))
-          s%u(m%component, m%block) = m%scale*self%curve(m%curve)%at(t1)
+      call drift_all(dt, self%supports%held, self%port%prescribed, self%port%given_u, old, s, work)
+      do k = 1, size(self%supports%motion)
+        associate (m => self%supports%motion(k))
+          s%u(m%component, m%block) = m%scale*self%loads%curve(m%curve)%at(t1)
           work%half(m%component, m%block) = (s%u(m%component, m%block) &
                                              - old%u(m%component, m%block))/dt
         end associate
       end do
-      if (allocated(self%rigid)) then
+      if (allocated(self%supports%rigid)) then
         call self%impose(t1, s%u)
-        do k = 1, size(self%rigid)
-          associate (node => self%rigid(k)%node)
+        do k = 1, size(self%supports%rigid)
+          associate (node => self%supports%rigid(k)%node)
             work%half(:, node) = (s%u(:, node) - old%u(:, node))/dt
           end associate
         end do
@@ -132,7 +132,8 @@ contains
       call self%external_at(t1, s%external)
       call self%follow(t1, s%u, s%external)
       call self%trial_force(s%u, work%internal)
-      call kick_all(dt, self%node_mass, self%initial_force, self%weight_force, old, s, work)
+      call kick_all(dt, self%system%node_mass, self%system%initial_force, &
+        self%system%weight_force, old, s, work)
       if (.not. is_finite(work%strain)) call self%check_finite(errors)
       self%energy = self%accepted_energy
       associate (e => self%energy)
@@ -156,13 +157,13 @@ contains
     integer(i4) :: i
     self%state%tie = 0.0_wp
     self%state%reaction = merge(internal - self%state%external, 0.0_wp, &
-                                self%held .or. self%prescribed)
+                                self%supports%held .or. self%port%prescribed)
     call self%update_energy(internal)
     if (self%matter%active) call self%matter_energy()
     self%energy%kinetic = 0.0_wp
     do i = 1, self%dofs%blocks
       self%energy%kinetic = self%energy%kinetic &
-        + 0.5_wp*self%node_mass(i)*sum(self%state%v(:, i)**2)
+        + 0.5_wp*self%system%node_mass(i)*sum(self%state%v(:, i)**2)
     end do
   end subroutine explicit_energy
 end module fem_central

@@ -29,10 +29,10 @@ contains
     nothing = 0.0_wp
     call body%matter%update(body%mesh, body%dofs, body%elastic, nothing, nothing, internal, bad)
     body%accepted%external = internal  ! the loads grow from those that the stress balances
-    dynamic = body%dynamic
-    body%dynamic = .false.  ! inertia has no part in it
+    dynamic = body%scheme%dynamic
+    body%scheme%dynamic = .false.  ! inertia has no part in it
     call newton_step(body, body%accepted%time, errors)
-    body%dynamic = dynamic
+    body%scheme%dynamic = dynamic
     if (errors%any()) return
     iterations = body%newton%rows
     moved = sqrt(maxval(sum(body%state%u**2, 1)))

@@ -25,7 +25,7 @@ contains
     dt = t1 - self%accepted%time
     call self%factor(dt, errors)
     if (errors%any()) return
-    associate (s => self%state, old => self%accepted, share => 1.0_wp - self%lag)
+    associate (s => self%state, old => self%accepted, share => 1.0_wp - self%scheme%lag)
       s%time = t1
       s%u = old%u
       call self%push(t1)
@@ -33,32 +33,32 @@ contains
       call self%external_at(t1, s%external)
       inertia = 0.0_wp
       old_balance = 0.0_wp
-      if (self%dynamic) then
+      if (self%scheme%dynamic) then
         call predict(self, dt)
-        call multiply_mass(self%pattern, self%mass, s%a, inertia)
-        if (self%lag > 0.0_wp) call balance(self, old, old_balance)
+        call multiply_mass(self%system%pattern, self%system%mass, s%a, inertia)
+        if (self%scheme%lag > 0.0_wp) call balance(self, old, old_balance)
       end if
       call inner_forces(self, s, internal)
-      call spring_force(self%robin, old%u, s%u, tie)
-      residual = tie + share*(s%external - internal) + self%lag*old_balance - inertia
-      call self%solver%solve(self%pattern, residual, du, errors)
+      call spring_force(self%port%robin, old%u, s%u, tie)
+      residual = tie + share*(s%external - internal) + self%scheme%lag*old_balance - inertia
+      call self%system%solver%solve(self%system%pattern, residual, du, errors)
       if (errors%any()) return
       s%u = s%u + du
       call self%check_finite(errors)
       if (errors%any()) return
-      if (self%dynamic) then
+      if (self%scheme%dynamic) then
         call correct(self, dt, du)
-        call multiply_mass(self%pattern, self%mass, s%a, inertia)
+        call multiply_mass(self%system%pattern, self%system%mass, s%a, inertia)
       end if
       call self%internal_force(s%u, internal)
       call self%viscous_force(s%v, s%viscous)
-      call spring_force(self%robin, old%u, s%u, tie)
-      s%reaction = (inertia - tie - self%lag*old_balance)/share + internal &
+      call spring_force(self%port%robin, old%u, s%u, tie)
+      s%reaction = (inertia - tie - self%scheme%lag*old_balance)/share + internal &
                    + s%viscous - s%external
       call part_reactions(self)
       s%tie = tie
       call self%update_energy(internal)
-      if (self%dynamic) call dynamic_work(self, dt, inertia, old_balance)
+      if (self%scheme%dynamic) call dynamic_work(self, dt, inertia, old_balance)
     end associate
   end subroutine linear_step
 
@@ -73,7 +73,7 @@ contains
     associate (s => self%state)
       do i = 1, size(s%reaction, 2)
         do c = 1, 3
-          if (self%held(c, i) .or. self%prescribed(c, i)) then
+          if (self%supports%held(c, i) .or. self%port%prescribed(c, i)) then
             scale = scale + s%reaction(c, i)**2
           else
             left = left + s%reaction(c, i)**2
@@ -113,12 +113,12 @@ contains
     type(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: dt  !! [s]
     associate (s => self%state, old => self%accepted)
-      where (self%held .or. self%prescribed)
+      where (self%supports%held .or. self%port%prescribed)
         s%v = (s%u - old%u)/dt
         s%a = (s%v - old%v)/dt
       elsewhere
-        s%a = -old%v/(self%beta*dt) - (0.5_wp/self%beta - 1.0_wp)*old%a
-        s%v = old%v + dt*((1.0_wp - self%gamma)*old%a + self%gamma*s%a)
+        s%a = -old%v/(self%scheme%beta*dt) - (0.5_wp/self%scheme%beta - 1.0_wp)*old%a
+        s%v = old%v + dt*((1.0_wp - self%scheme%gamma)*old%a + self%scheme%gamma*s%a)
       end where
     end associate
   end subroutine predict
@@ -128,9 +128,9 @@ contains
     type(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: dt, du(:, :)
     associate (s => self%state, old => self%accepted)
-      where (.not. (self%held .or. self%prescribed))
-        s%a = s%a + du/(self%beta*dt*dt)
-        s%v = old%v + dt*((1.0_wp - self%gamma)*old%a + self%gamma*s%a)
+      where (.not. (self%supports%held .or. self%port%prescribed))
+        s%a = s%a + du/(self%scheme%beta*dt*dt)
+        s%v = old%v + dt*((1.0_wp - self%scheme%gamma)*old%a + self%scheme%gamma*s%a)
       end where
     end associate
   end subroutine correct

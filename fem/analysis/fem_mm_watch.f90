@@ -31,7 +31,7 @@ contains
     integer(i4) :: e, k
 
     associate (micro => body%matter%micro)
-      if (.not. (micro%active .and. elliptic) .or. body%explicit .or. failed) return
+      if (.not. (micro%active .and. elliptic) .or. body%scheme%explicit .or. failed) return
       if (.not. any(can_lose(micro%law))) return
       allocate (least(body%mesh%elements), source=1.0_wp)
       allocate (normal(3, body%mesh%elements), point(body%mesh%elements))

@@ -39,8 +39,8 @@ contains
 
     call prepare(body, shift, errors)
     if (errors%any()) return
-    modes%n = min(wanted, body%solver%free)
-    q = min(modes%n + max(spare, modes%n/2), body%solver%free)
+    modes%n = min(wanted, body%system%solver%free)
+    q = min(modes%n + max(spare, modes%n/2), body%system%solver%free)
     call start_vectors(body, q, x)
     allocate (before(q), source=huge(1.0_wp))
     do iteration = 1, most
@@ -70,20 +70,24 @@ contains
     logical :: fixed(3, body%dofs%blocks)
     integer(i4) :: i
 
-    fixed = body%held .or. body%prescribed
+    fixed = body%supports%held .or. body%port%prescribed
     shift = 0.0_wp
-    call check_supports(body%mesh, body%dofs, body%pattern, fixed, body%ground, free)
+    call check_supports(body%mesh, body%dofs, body%system%pattern, fixed, body%supports%ground, &
+      free)
     if (free%any()) then
-      diagonal = block_diagonal(body%pattern, body%k)
-      diagonal = [(diagonal(i)/body%mass(body%pattern%start(i)), i=1, body%mesh%nodes)]
+      diagonal = block_diagonal(body%system%pattern, body%system%k)
+      diagonal = [(diagonal(i)/body%system%mass(body%system%pattern%start(i)), i=1, &
+        body%mesh%nodes)]
       ! frequencies fall with the square of the number of elements along the body
       shift = shift_share*sum(diagonal)/size(diagonal)/real(body%mesh%nodes, wp)**(2.0_wp/3.0_wp)
     end if
-    call body%solver%number(body%dofs, body%pattern, fixed, errors)
+    call body%system%solver%number(body%dofs, body%system%pattern, fixed, errors)
     if (errors%any()) return
-    call body%solver%factor(body%pattern, body%k, body%mass, shift, errors)
-    body%factored_dt = -1.0_wp
-    if (body%solver%free == 0) call errors%add('N305', 'the body has no free degree of freedom', &
+    call body%system%solver%factor(body%system%pattern, body%system%k, body%system%mass, shift, &
+      errors)
+    call body%system%forget_factors()
+    if (body%system%solver%free == 0) call errors%add('N305', &
+      'the body has no free degree of freedom', &
       '', 'leave out some &support')
   end subroutine prepare
 
@@ -102,7 +106,7 @@ contains
         do c = 1, 3
           seed = modulo(factor*seed, modulus)
           x(c, i, k) = real(seed, wp)/real(modulus, wp) - 0.5_wp
-          if (body%solver%equation(c, i) == 0) x(c, i, k) = 0.0_wp
+          if (body%system%solver%equation(c, i) == 0) x(c, i, k) = 0.0_wp
         end do
       end do
     end do
@@ -125,9 +129,9 @@ contains
     allocate (values(q), work(64*q))
     allocate (right, mold=x)
     do k = 1, q
-      call multiply_mass(body%pattern, body%mass, x(:, :, k), right(:, :, k))
-      where (body%solver%equation == 0) right(:, :, k) = 0.0_wp
-      call body%solver%solve(body%pattern, right(:, :, k), x(:, :, k), errors)
+      call multiply_mass(body%system%pattern, body%system%mass, x(:, :, k), right(:, :, k))
+      where (body%system%solver%equation == 0) right(:, :, k) = 0.0_wp
+      call body%system%solver%solve(body%system%pattern, right(:, :, k), x(:, :, k), errors)
       if (errors%any()) return
     end do
     do k = 1, q  ! (K + s M) x = right
@@ -136,7 +140,7 @@ contains
       end do
     end do
     do k = 1, q
-      call multiply_mass(body%pattern, body%mass, x(:, :, k), right(:, :, k))
+      call multiply_mass(body%system%pattern, body%system%mass, x(:, :, k), right(:, :, k))
       do j = 1, q
         mass(j, k) = sum(x(:, :, j)*right(:, :, k))
       end do
@@ -159,9 +163,9 @@ contains
     integer(i4) :: k
     allocate (modes%residual(modes%n), modes%mass(3, modes%n))
     do k = 1, modes%n
-      call multiply(body%pattern, body%k, modes%shape(:, :, k), kx)
-      call multiply_mass(body%pattern, body%mass, modes%shape(:, :, k), mx)
-      where (body%solver%equation == 0)
+      call multiply(body%system%pattern, body%system%k, modes%shape(:, :, k), kx)
+      call multiply_mass(body%system%pattern, body%system%mass, modes%shape(:, :, k), mx)
+      where (body%system%solver%equation == 0)
         kx = 0.0_wp
         mx = 0.0_wp
       end where

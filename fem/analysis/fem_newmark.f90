@@ -17,12 +17,13 @@ contains
     type(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: dt  !! [s]
     associate (s => self%state, old => self%accepted)
-      where (self%held .or. self%prescribed)
+      where (self%supports%held .or. self%port%prescribed)
         s%v = (s%u - old%u)/dt
         s%a = (s%v - old%v)/dt
       elsewhere
-        s%a = ((s%u - old%u)/dt - old%v)/(self%beta*dt) - (0.5_wp/self%beta - 1.0_wp)*old%a
-        s%v = old%v + dt*((1.0_wp - self%gamma)*old%a + self%gamma*s%a)
+        s%a = ((s%u - old%u)/dt - old%v)/(self%scheme%beta*dt) - (0.5_wp/self%scheme%beta &
+          - 1.0_wp)*old%a
+        s%v = old%v + dt*((1.0_wp - self%scheme%gamma)*old%a + self%scheme%gamma*s%a)
       end where
     end associate
   end subroutine newmark_motion
@@ -37,21 +38,23 @@ contains
     real(wp), intent(in) :: inertia(:, :), old_balance(:, :)   !! M a1, b0 of HHT [N]
     real(wp), dimension(3, self%dofs%blocks) :: mean, product, defect, moved
     real(wp) :: left, supports
-    associate (s => self%state, old => self%accepted, fixed => self%held .or. self%prescribed)
+    associate (s => self%state, old => self%accepted, fixed => self%supports%held &
+      .or. self%port%prescribed)
       moved = s%u - old%u
-      if (self%lag <= 0.0_wp .and. abs(self%gamma - 0.5_wp) + abs(self%beta - 0.25_wp) <= 0.0_wp &
+      if (self%scheme%lag <= 0.0_wp .and. abs(self%scheme%gamma - 0.5_wp) + abs(self%scheme%beta &
+        - 0.25_wp) <= 0.0_wp &
           .and. .not. any(fixed .and. abs(moved) + abs(s%v) + abs(old%v) + abs(s%a) + abs(old%a) &
                           > 0.0_wp)) return
       mean = 0.5_wp*(s%a + old%a)
-      call multiply_mass(self%pattern, self%mass, mean, product)
+      call multiply_mass(self%system%pattern, self%system%mass, mean, product)
       defect = merge(moved - 0.5_wp*dt*(s%v + old%v), 0.0_wp, fixed)
       supports = sum(defect*product)
       left = sum(moved*product)
-      if (self%lag > 0.0_wp) left = 0.5_wp*sum(moved*(old_balance + s%tie &
-        + (inertia - s%tie - self%lag*old_balance)/(1.0_wp - self%lag)))
+      if (self%scheme%lag > 0.0_wp) left = 0.5_wp*sum(moved*(old_balance + s%tie &
+        + (inertia - s%tie - self%scheme%lag*old_balance)/(1.0_wp - self%scheme%lag)))
       defect = merge(dt*mean - (s%v - old%v), 0.0_wp, fixed)
       mean = 0.5_wp*(s%v + old%v)
-      call multiply_mass(self%pattern, self%mass, mean, product)
+      call multiply_mass(self%system%pattern, self%system%mass, mean, product)
       supports = supports + sum(defect*product)
       left = left - sum((s%v - old%v)*product)
       self%energy%support = self%energy%support - supports

@@ -91,8 +91,8 @@ contains
     allocate (part%goal_load, part%raw, mold=part%load)
     call self%external_at(t1, part%goal_load)
     if (any(abs(part%load) > 0.0_wp)) part%weight_before = 1.0_wp
-    if (allocated(self%follower)) call begin_pressures(self, t1, part)
-    if (.not. self%dynamic) return
+    if (allocated(self%loads%follower)) call begin_pressures(self, t1, part)
+    if (.not. self%scheme%dynamic) return
     allocate (part%inertia, mold=part%load)
     allocate (part%balance(3, self%dofs%blocks), source=0.0_wp)
   end subroutine begin_step
@@ -103,14 +103,15 @@ contains
     real(wp), intent(in) :: t1
     type(part_type), intent(inout) :: part
     integer(i4) :: k
-    allocate (part%pressure(size(self%follower)), part%goal_pressure(size(self%follower)))
-    part%goal_pressure = self%follower%pressure
-    part%pressure = part%weight_before*self%follower%pressure
-    do k = 1, size(self%follower)
-      associate (f => self%follower(k))
+    allocate (part%pressure(size(self%loads%follower)), &
+      part%goal_pressure(size(self%loads%follower)))
+    part%goal_pressure = self%loads%follower%pressure
+    part%pressure = part%weight_before*self%loads%follower%pressure
+    do k = 1, size(self%loads%follower)
+      associate (f => self%loads%follower(k))
         if (f%curve > 0) then
-          part%goal_pressure(k) = f%pressure*self%curve(f%curve)%at(t1)
-          part%pressure(k) = part%pressure(k)*self%curve(f%curve)%at(self%accepted%time)
+          part%goal_pressure(k) = f%pressure*self%loads%curve(f%curve)%at(t1)
+          part%pressure(k) = part%pressure(k)*self%loads%curve(f%curve)%at(self%accepted%time)
         end if
         call follower_force(self%mesh, f, -part%pressure(k), self%accepted%u, part%load)
       end associate
@@ -191,7 +192,7 @@ contains
     integer(i4) :: bad
 
     given = 0.0_wp
-    where (self%held .or. self%prescribed) &
+    where (self%supports%held .or. self%port%prescribed) &
       given = part%u + part%after*(part%goal_u - part%u) - self%accepted%u
     call inner_force(self, 0.0_wp*given, internal, bad)
     good = bad == 0
@@ -199,11 +200,11 @@ contains
       call blame(self, part)
       return
     end if
-    if (self%lag > 0.0_wp) part%balance = self%accepted%external + self%accepted%reaction &
+    if (self%scheme%lag > 0.0_wp) part%balance = self%accepted%external + self%accepted%reaction &
       - internal - self%accepted%viscous
     call balance(self, part, given, internal, residual)
     call assemble(self, part)
-    call multiply_general(self%pattern, self%k, self%lower, given, carried)
+    call multiply_general(self%system%pattern, self%system%k, self%system%lower, given, carried)
     call solve(self, part, residual - carried, du, good)
     du = du + given
   end subroutine predict
@@ -224,19 +225,21 @@ contains
     type(fem_body_type), intent(inout) :: self
     type(part_type), intent(in) :: part
     integer(i4) :: k
-    call self%matter%assemble(self%mesh, self%dofs, self%elastic, self%pattern, self%k, self%lower)
-    call add_springs(self%ground, self%pattern, self%k, self%lower)
-    if (allocated(self%follower)) then
-      do k = 1, size(self%follower)
-        call add_follower_stiffness(self%mesh, self%follower(k), pressure_now(part, k), &
-                                    self%state%u, self%pattern, self%k, self%lower)
+    call self%matter%assemble(self%mesh, self%dofs, self%elastic, self%system%pattern, &
+      self%system%k, self%system%lower)
+    call add_springs(self%supports%ground, self%system%pattern, self%system%k, self%system%lower)
+    if (allocated(self%loads%follower)) then
+      do k = 1, size(self%loads%follower)
+        call add_follower_stiffness(self%mesh, self%loads%follower(k), pressure_now(part, k), &
+                                    self%state%u, self%system%pattern, self%system%k, &
+                                      self%system%lower)
       end do
     end if
-    if (self%dynamic .and. self%lag > 0.0_wp) then
-      self%k = (1.0_wp - self%lag)*self%k
-      self%lower = (1.0_wp - self%lag)*self%lower
+    if (self%scheme%dynamic .and. self%scheme%lag > 0.0_wp) then
+      self%system%k = (1.0_wp - self%scheme%lag)*self%system%k
+      self%system%lower = (1.0_wp - self%scheme%lag)*self%system%lower
     end if
-    call add_springs(self%robin, self%pattern, self%k, self%lower)
+    call add_springs(self%port%robin, self%system%pattern, self%system%k, self%system%lower)
   end subroutine assemble
 
   !> A pressure that follows the surface, in the part [Pa].
@@ -257,13 +260,14 @@ contains
     real(wp) :: rate, mass_term
     du = 0.0_wp
     mass_term = 0.0_wp
-    if (self%dynamic) then
-      rate = (1.0_wp - self%lag)*self%gamma/(self%beta*part%dt)
-      mass_term = 1.0_wp/(self%beta*part%dt**2) + rate*self%damping%mass
-      call self%damping%add_dashpots(self%pattern, rate, self%k)
+    if (self%scheme%dynamic) then
+      rate = (1.0_wp - self%scheme%lag)*self%scheme%gamma/(self%scheme%beta*part%dt)
+      mass_term = 1.0_wp/(self%scheme%beta*part%dt**2) + rate*self%damping%mass
+      call self%damping%add_dashpots(self%system%pattern, rate, self%system%k)
     end if
-    call self%solver%factor(self%pattern, self%k, self%mass, mass_term, errors, self%lower)
-    if (.not. errors%any()) call self%solver%solve(self%pattern, residual, du, errors)
+    call self%system%solver%factor(self%system%pattern, self%system%k, self%system%mass, &
+      mass_term, errors, self%system%lower)
+    if (.not. errors%any()) call self%system%solver%solve(self%system%pattern, residual, du, errors)
     good = .not. errors%any()
     if (good) good = is_finite(sum(abs(du)))
     if (good) return
@@ -282,8 +286,8 @@ contains
     real(wp) :: springs(3, self%dofs%blocks)
     call self%matter%update(self%mesh, self%dofs, self%elastic, self%accepted%u + moved, moved, &
                             internal, bad)
-    if (self%ground%n == 0) return
-    call spring_force(self%ground, 0.0_wp*moved, self%accepted%u + moved, springs)
+    if (self%supports%ground%n == 0) return
+    call spring_force(self%supports%ground, 0.0_wp*moved, self%accepted%u + moved, springs)
     internal = internal - springs
   end subroutine inner_force
 
@@ -298,24 +302,26 @@ contains
     associate (s => self%state)
       s%u = self%accepted%u + moved
       s%external = part%dead
-      if (allocated(self%follower)) then
-        do k = 1, size(self%follower)
-          call follower_force(self%mesh, self%follower(k), pressure_now(part, k), s%u, s%external)
+      if (allocated(self%loads%follower)) then
+        do k = 1, size(self%loads%follower)
+          call follower_force(self%mesh, self%loads%follower(k), pressure_now(part, k), s%u, &
+            s%external)
         end do
       end if
       part%raw = s%external - internal
-      if (self%dynamic) then
+      if (self%scheme%dynamic) then
         call newmark_motion(self, part%dt)
-        call multiply_mass(self%pattern, self%mass, s%a, part%inertia)
+        call multiply_mass(self%system%pattern, self%system%mass, s%a, part%inertia)
         call self%viscous_force(s%v, s%viscous)
-        part%raw = (1.0_wp - self%lag)*(part%raw - s%viscous) + self%lag*part%balance - part%inertia
+        part%raw = (1.0_wp - self%scheme%lag)*(part%raw - s%viscous) &
+          + self%scheme%lag*part%balance - part%inertia
       end if
-      if (self%robin%n > 0) then
-        call spring_force(self%robin, part%u, s%u, s%tie)
+      if (self%port%robin%n > 0) then
+        call spring_force(self%port%robin, part%u, s%u, s%tie)
         part%raw = part%raw + s%tie
       end if
       residual = part%raw
-      where (self%held .or. self%prescribed) residual = 0.0_wp
+      where (self%supports%held .or. self%port%prescribed) residual = 0.0_wp
     end associate
   end subroutine balance
 
@@ -388,13 +394,14 @@ contains
     real(wp), parameter :: floor_of = 1.0e-6_wp
     real(wp) :: momentum(3, self%dofs%blocks)
     size_of = sqrt(sum(residual**2))
-    scale = sum(merge(part%raw**2, self%state%external**2, self%held .or. self%prescribed))
-    if (self%dynamic) then
-      call multiply_mass(self%pattern, self%mass, self%state%v, momentum)
+    scale = sum(merge(part%raw**2, self%state%external**2, self%supports%held &
+      .or. self%port%prescribed))
+    if (self%scheme%dynamic) then
+      call multiply_mass(self%system%pattern, self%system%mass, self%state%v, momentum)
       scale = scale + sum(part%inertia**2) + sum((floor_of/part%dt*momentum)**2)
     end if
     if (self%matter%finite) scale = scale &
-      + (floor_of*largest_entry(self%pattern, self%k))**2*sum(self%state%u**2)
+      + (floor_of*largest_entry(self%system%pattern, self%system%k))**2*sum(self%state%u**2)
     scale = sqrt(scale)
   end subroutine measure
 
@@ -428,8 +435,8 @@ contains
     real(wp) :: moved(3, self%dofs%blocks), weight(2), share
     associate (s => self%state, old => self%accepted, e => self%energy)
       share = 1.0_wp
-      if (self%dynamic) share = 1.0_wp - self%lag
-      s%reaction = merge(-part%raw/share, 0.0_wp, self%held .or. self%prescribed)
+      if (self%scheme%dynamic) share = 1.0_wp - self%scheme%lag
+      s%reaction = merge(-part%raw/share, 0.0_wp, self%supports%held .or. self%port%prescribed)
       if (scale > 0.0_wp) self%residual = max(self%residual, size_of/scale)
       moved = s%u - old%u
       weight = 1.0_wp
@@ -437,11 +444,11 @@ contains
       e = self%accepted_energy
       call self%matter_energy()
       e%load = e%load + 0.5_wp*sum(moved*(s%external + old%external))
-      e%gravity = e%gravity + 0.5_wp*sum(weight)*sum(moved*self%weight_force)
+      e%gravity = e%gravity + 0.5_wp*sum(weight)*sum(moved*self%system%weight_force)
       e%support = e%support + 0.5_wp*sum(moved*(s%reaction + old%reaction))
-      if (self%robin%n > 0) e%spring = e%spring + 0.5_wp*sum(moved*(s%tie + old%tie))
+      if (self%port%robin%n > 0) e%spring = e%spring + 0.5_wp*sum(moved*(s%tie + old%tie))
     end associate
-    if (self%dynamic) call finish_motion(self, part, moved)
+    if (self%scheme%dynamic) call finish_motion(self, part, moved)
   end subroutine finish
 
   !> Kinetic energy, damping and what the scheme takes.
@@ -451,7 +458,7 @@ contains
     real(wp), intent(in) :: moved(:, :)
     real(wp) :: momentum(3, self%dofs%blocks)
     associate (s => self%state, old => self%accepted, e => self%energy)
-      call multiply_mass(self%pattern, self%mass, s%v, momentum)
+      call multiply_mass(self%system%pattern, self%system%mass, s%v, momentum)
       e%kinetic = 0.5_wp*sum(s%v*momentum)
       e%damping = e%damping + 0.5_wp*sum(moved*(s%viscous + old%viscous))
       call dynamic_work(self, part%dt, part%inertia, part%balance)

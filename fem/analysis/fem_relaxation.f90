@@ -28,8 +28,8 @@ contains
     real(wp) :: damping, scale
     logical :: settled
 
-    free = .not. (body%held .or. body%prescribed)
-    call pseudo_mass(body%pattern, body%k, mass)
+    free = .not. (body%supports%held .or. body%port%prescribed)
+    call pseudo_mass(body%system%pattern, body%system%k, mass)
     v = 0.0_wp
     damping = 0.0_wp
     associate (s => body%state, old => body%accepted)
@@ -45,7 +45,7 @@ contains
         if (settled .or. .not. is_finite(scale)) exit
         v = ((2.0_wp - damping)*v + 2.0_wp*residual/mass)/(2.0_wp + damping)
         s%u = s%u + v
-        call multiply(body%pattern, body%k, v, force)
+        call multiply(body%system%pattern, body%system%k, v, force)
         internal = internal + force
         damping = critical(v, force, mass, free)
       end do

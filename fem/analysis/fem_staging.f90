@@ -62,15 +62,15 @@ contains
     call hide_absent(self)
     call self%assemble()
     self%accepted_energy%load = self%accepted_energy%load - gone
-    self%load(self%stages%load)%force = 0.0_wp
+    self%loads%load(self%stages%load)%force = 0.0_wp
     call self%trial_force(self%accepted%u, internal)
     call self%matter%reject()
     call self%external_at(self%accepted%time, external)
     call self%follow(self%accepted%time, self%accepted%u, external)
-    internal = merge(0.0_wp, internal - external, self%held .or. self%prescribed)
-    self%load(self%stages%load)%force = internal
+    internal = merge(0.0_wp, internal - external, self%supports%held .or. self%port%prescribed)
+    self%loads%load(self%stages%load)%force = internal
     self%accepted%external = external + internal
-    where (self%prescribed) self%accepted%reaction = 0.0_wp
+    where (self%port%prescribed) self%accepted%reaction = 0.0_wp
     call set_release(self, self%stages%stage(k)%time, self%stages%stage(k)%duration)
   end subroutine change
 
@@ -78,8 +78,8 @@ contains
   subroutine set_release(self, time, duration)
     type(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: time, duration  !! [s]
-    self%curve(self%stages%curve)%time = [time, time + duration]
-    self%curve(self%stages%curve)%value = [1.0_wp, 0.0_wp]
+    self%loads%curve(self%stages%curve)%time = [time, time + duration]
+    self%loads%curve(self%stages%curve)%value = [1.0_wp, 0.0_wp]
   end subroutine set_release
 
   !> What is absent has no weight and no mass; where no element is left, nodes stay where they are.
@@ -96,9 +96,9 @@ contains
       if (.not. self%elastic%absent(e)) &
         alone(self%dofs%block(self%dofs%start(e):self%dofs%start(e + 1) - 1)) = .false.
     end do
-    self%prescribed = spread(alone, 1, 3)
-    self%given_u = merge(self%accepted%u, 0.0_wp, self%prescribed)
-    self%fresh_numbering = .false.
+    self%port%prescribed = spread(alone, 1, 3)
+    self%port%given_u = merge(self%accepted%u, 0.0_wp, self%port%prescribed)
+    call self%system%forget_numbers()
   end subroutine hide_absent
 
   !> Where the stages are, to a checkpoint.
@@ -107,8 +107,8 @@ contains
     type(h5_file_type), intent(inout) :: file
     type(error_list_type), intent(inout) :: errors
     call file%put('/state/stages', [real(self%stages%done, wp), &
-                                    self%curve(self%stages%curve)%time], errors)
-    call file%put('/state/release', self%load(self%stages%load)%force, errors)
+                                    self%loads%curve(self%stages%curve)%time], errors)
+    call file%put('/state/release', self%loads%load(self%stages%load)%force, errors)
   end subroutine put_stages
 
   !> And back; the body is assembled again.
@@ -129,7 +129,7 @@ contains
     end do
     call hide_absent(self)
     call self%assemble()
-    self%load(self%stages%load)%force = release
+    self%loads%load(self%stages%load)%force = release
     call set_release(self, values(2), values(3) - values(2))
   end subroutine get_stages
 end module fem_staging

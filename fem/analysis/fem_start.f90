@@ -19,7 +19,7 @@ contains
     real(wp), dimension(3, self%dofs%blocks) :: internal, residual, mass, momentum
     logical :: fixed(3, self%dofs%blocks)
 
-    fixed = self%held .or. self%prescribed
+    fixed = self%supports%held .or. self%port%prescribed
     associate (s => self%state)
       where (fixed) s%v = 0.0_wp
       call self%external_at(s%time, s%external)
@@ -29,15 +29,15 @@ contains
       if (errors%any()) return
       call self%viscous_force(s%v, s%viscous)
       residual = s%external - internal - s%viscous
-      if (self%explicit) then
-        mass = spread(self%node_mass, 1, 3)
+      if (self%scheme%explicit) then
+        mass = spread(self%system%node_mass, 1, 3)
         s%a = merge(0.0_wp, residual/mass, fixed)
         s%reaction = merge(-residual, 0.0_wp, fixed)
         momentum = mass*s%v
       else
         if (maxval(abs(residual)) > 0.0_wp) call consistent_start(self, fixed, residual, errors)
         if (errors%any()) return
-        call multiply_mass(self%pattern, self%mass, s%v, momentum)
+        call multiply_mass(self%system%pattern, self%system%mass, s%v, momentum)
       end if
       self%energy%kinetic = 0.5_wp*sum(s%v*momentum)
     end associate
@@ -58,13 +58,14 @@ contains
 
     call self%number(errors)
     if (errors%any()) return
-    allocate (none(3, 3, size(self%mass)), source=0.0_wp)
-    call self%solver%factor(self%pattern, none, self%mass, 1.0_wp, errors, none)
-    self%factored_dt = -1.0_wp
+    allocate (none(3, 3, size(self%system%mass)), source=0.0_wp)
+    call self%system%solver%factor(self%system%pattern, none, self%system%mass, 1.0_wp, errors, &
+      none)
+    call self%system%forget_factors()
     if (errors%any()) return
-    call self%solver%solve(self%pattern, residual, self%state%a, errors)
+    call self%system%solver%solve(self%system%pattern, residual, self%state%a, errors)
     if (errors%any()) return
-    call multiply_mass(self%pattern, self%mass, self%state%a, inertia)
+    call multiply_mass(self%system%pattern, self%system%mass, self%state%a, inertia)
     self%state%reaction = merge(inertia - residual, 0.0_wp, fixed)
   end subroutine consistent_start
 end module fem_start

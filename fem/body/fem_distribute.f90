@@ -34,7 +34,7 @@ contains
     if (ranks%leads()) then
       call part_elements(body%mesh, body%elastic, ranks%ranks, part)
       body%whole%mesh = body%mesh
-      body%solver%whole = body%dofs
+      body%system%solver%whole = body%dofs
     else
       allocate (part(body%mesh%elements))
     end if
@@ -66,21 +66,22 @@ contains
     integer(i4), intent(in) :: part(:)
     integer(i4), allocatable :: first(:), list(:)
     integer(i4) :: s, f, n
-    if (body%ground%n == 0 .and. .not. allocated(body%follower)) return
+    if (body%supports%ground%n == 0 .and. .not. allocated(body%loads%follower)) return
     call elements_of_blocks(body%dofs, first, list)
-    allocate (body%ground%here(body%ground%n))
-    do s = 1, body%ground%n
+    allocate (body%supports%ground%here(body%supports%ground%n))
+    do s = 1, body%supports%ground%n
       n = rank_of(body%dofs, part, first, list, &
-                  pack(body%ground%node(:, s), abs(body%ground%weight(:, s)) > 0.0_wp))
-      body%ground%here(s) = n == body%dofs%halo%rank
+                  pack(body%supports%ground%node(:, s), abs(body%supports%ground%weight(:, &
+                    s)) > 0.0_wp))
+      body%supports%ground%here(s) = n == body%dofs%halo%rank
     end do
-    if (.not. allocated(body%follower)) return
-    do s = 1, size(body%follower)
-      associate (facet => body%mesh%group(body%follower(s)%group)%facet)
-        allocate (body%follower(s)%here(size(facet, 2)))
+    if (.not. allocated(body%loads%follower)) return
+    do s = 1, size(body%loads%follower)
+      associate (facet => body%mesh%group(body%loads%follower(s)%group)%facet)
+        allocate (body%loads%follower(s)%here(size(facet, 2)))
         do f = 1, size(facet, 2)
           n = rank_of(body%dofs, part, first, list, pack(facet(:, f), facet(:, f) > 0))
-          body%follower(s)%here(f) = n == body%dofs%halo%rank
+          body%loads%follower(s)%here(f) = n == body%dofs%halo%rank
         end do
       end associate
     end do

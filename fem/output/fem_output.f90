@@ -125,9 +125,9 @@ contains
       end do
     end do
     call start_or_resume(self%reactions, stem//'_reactions.csv', columns, start_time, errors)
-    if (allocated(body%rigid)) call start_or_resume(self%rigid, stem//'_rigid.csv', &
+    if (allocated(body%supports%rigid)) call start_or_resume(self%rigid, stem//'_rigid.csv', &
       rigid_columns(body), start_time, errors)
-    if (.not. body%matter%active .or. body%explicit) return
+    if (.not. body%matter%active .or. body%scheme%explicit) return
     call newton_titles(columns)
     call start_or_resume(self%newton, stem//'_newton.csv', columns, start_time, errors)
   end subroutine open_histories
@@ -155,9 +155,9 @@ contains
       'moment y [N m]', 'moment z [N m]']
     integer(i4) :: k, c
     call append_string(columns, 'time [s]')
-    do k = 1, size(body%rigid)
+    do k = 1, size(body%supports%rigid)
       do c = 1, size(names)
-        call append_string(columns, trim(body%rigid(k)%name)//' '//trim(names(c)))
+        call append_string(columns, trim(body%supports%rigid(k)%name)//' '//trim(names(c)))
       end do
     end do
   end function rigid_columns
@@ -322,10 +322,11 @@ contains
         if (size(block) > 0) row = [row, sum(body%accepted%reaction(:, block), 2)]
       end do
       call self%reactions%write(row, errors)
-      if (.not. allocated(body%rigid)) return
+      if (.not. allocated(body%supports%rigid)) return
       row = [t]
-      do s = 1, size(body%rigid)
-        row = [row, moment_of(body%rigid(s), body%curve, body%mesh%x, body%accepted%u, &
+      do s = 1, size(body%supports%rigid)
+        row = [row, moment_of(body%supports%rigid(s), body%loads%curve, body%mesh%x, &
+          body%accepted%u, &
                               body%accepted%reaction, t)]
       end do
       call self%rigid%write(row, errors)
@@ -386,8 +387,8 @@ contains
     call body%whole%collect_cells(mean)
     if (leads) call self%series%begin_step(body%accepted%time, file, group, errors)
     call put('u', body%accepted%u(:, :n))
-    call put('v', merge(body%given_v(:, :n), body%accepted%v(:, :n), &
-                        body%prescribed(:, :n) .and. abs(body%given_v(:, :n)) > 0.0_wp))
+    call put('v', merge(body%port%given_v(:, :n), body%accepted%v(:, :n), &
+                        body%port%prescribed(:, :n) .and. abs(body%port%given_v(:, :n)) > 0.0_wp))
     call put('reaction', body%accepted%reaction(:, :n))
     call put_stress('stress', mean)
     call put_stress('stress_nodal', nodal)

@@ -42,9 +42,9 @@ contains
     call file%put('/state/reaction', body%accepted%reaction, errors)
     call file%put('/state/tie', body%accepted%tie, errors)
     call file%put('/state/viscous', body%accepted%viscous, errors)
-    call file%put('/state/factored_dt', body%factored_dt, errors)
-    call file%put('/state/port_load', body%port_load, errors)
-    call file%put('/state/given_u', body%given_u, errors)
+    call file%put('/state/factored_dt', body%system%factored_dt, errors)
+    call file%put('/state/port_load', body%port%port_load, errors)
+    call file%put('/state/given_u', body%port%given_u, errors)
     associate (e => body%accepted_energy)
       call file%put('/state/energy', &
                     [e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring, &
@@ -54,12 +54,14 @@ contains
         call file%put('/state/plastic', e%plastic, errors)
         call put_points(file, '/state/point_stress', body, body%matter%accepted_stress, errors)
         call put_points(file, '/state/point_state', body, body%matter%accepted_state, errors)
-        call file%put('/state/leaps', real(body%leaps, wp), errors)
-        call file%put('/state/step_limit', body%step_limit, errors)
+        call file%put('/state/leaps', real(body%limit%leaps, wp), errors)
+        call file%put('/state/step_limit', body%limit%step, errors)
       end if
     end associate
-    if (allocated(body%rigid)) call file%put('/state/rigid', reshape([(body%rigid(k)%accepted_d, &
-      body%rigid(k)%accepted_v, k=1, size(body%rigid))], [6, size(body%rigid)]), errors)
+    if (allocated(body%supports%rigid)) call file%put('/state/rigid', &
+      reshape([(body%supports%rigid(k)%accepted_d, &
+      body%supports%rigid(k)%accepted_v, k=1, size(body%supports%rigid))], [6, &
+        size(body%supports%rigid)]), errors)
     call checkpoint%finish(file, errors)
   end subroutine write_checkpoint
 
@@ -98,19 +100,19 @@ contains
       call file%get('/state/reaction', body%state%reaction, errors)
       call file%get('/state/tie', body%state%tie, errors)
       call file%get('/state/viscous', body%state%viscous, errors)
-      call file%get('/state/factored_dt', body%restored_dt, errors)
-      call file%get('/state/port_load', body%port_load, errors)
-      call file%get('/state/given_u', body%given_u, errors)
+      call file%get('/state/factored_dt', body%system%restored_dt, errors)
+      call file%get('/state/port_load', body%port%port_load, errors)
+      call file%get('/state/given_u', body%port%given_u, errors)
       call file%get('/state/energy', energy, errors)
       if (body%matter%active) then
         call file%get('/state/plastic', plastic, errors)
         call get_points(file, '/state/point_stress', body, body%matter%stress, errors)
         call get_points(file, '/state/point_state', body, body%matter%state, errors)
         call file%get('/state/leaps', leaps, errors)
-        call file%get('/state/step_limit', body%step_limit, errors)
-        body%leaps = nint(leaps, i8)
+        call file%get('/state/step_limit', body%limit%step, errors)
+        body%limit%leaps = nint(leaps, i8)
       end if
-      if (allocated(body%rigid)) call read_rigid(file, body, errors)
+      if (allocated(body%supports%rigid)) call read_rigid(file, body, errors)
     end if
     call file%close(errors)
     if (errors%any()) return
@@ -176,9 +178,9 @@ contains
     integer(i4) :: k
     call file%get('/state/rigid', values, errors)
     if (errors%any()) return
-    do k = 1, size(body%rigid)
-      body%rigid(k)%d = values(:3, k)
-      body%rigid(k)%v = values(4:, k)
+    do k = 1, size(body%supports%rigid)
+      body%supports%rigid(k)%d = values(:3, k)
+      body%supports%rigid(k)%v = values(4:, k)
     end do
   end subroutine read_rigid
 end module fem_restart

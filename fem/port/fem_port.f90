@@ -105,21 +105,21 @@ contains
       call self%sets%select(name, role, fields, ids, body, changed, errors)
       if (errors%any()) return
       if (changed) then
-        body%factored_dt = -1.0_wp
-        body%fresh_numbering = .false.
+        call body%system%forget_factors()
+        call body%system%forget_numbers()
       end if
       if (body%matter%active) call body%assemble_tangent()
-      diagonal = block_diagonal(body%pattern, body%k)
-      call reply%put('mass', body%lumped(ids))
+      diagonal = block_diagonal(body%system%pattern, body%system%k)
+      call reply%put('mass', body%system%lumped(ids))
       call reply%put('speed', body%state%v(:, ids))
-      call reply%put_int('held', merge(1_i4, 0_i4, body%held(:, ids)))
+      call reply%put_int('held', merge(1_i4, 0_i4, body%supports%held(:, ids)))
       call reply%put('stiffness', diagonal(ids))
       if (index(','//fields//',', ',phi,') > 0) then
         call self%sets%find(name, k)
         associate (phi => self%sets%set(k)%phi)
-          call reply%put('inertia', body%lumped(phi))
+          call reply%put('inertia', body%system%lumped(phi))
           call reply%put('speed_phi', body%state%v(:, phi))
-          call reply%put_int('held_phi', merge(1_i4, 0_i4, body%held(:, phi)))
+          call reply%put_int('held_phi', merge(1_i4, 0_i4, body%supports%held(:, phi)))
           call reply%put('stiffness_phi', diagonal(phi))
         end associate
       end if
@@ -133,7 +133,7 @@ contains
     call set_matter(self%model%body, self%sets, request, errors)
     call self%sets%forget_elements()
     if (.not. errors%any()) call request%all_read(errors)
-    if (.not. errors%any()) call reply%put('step_limit', self%model%body%step_limit)
+    if (.not. errors%any()) call reply%put('step_limit', self%model%body%limit%step)
   end subroutine set_values
 
   !> All is set: factors, files, and a reply as after a step of no length. A rehearsal makes no

@@ -39,10 +39,10 @@ contains
       'report,prescribe,load,solve,advance,force,kick_drift,springs,'// &
                         'dead_load,initial_stress,quad_weight,moduli,mass_factor')
     call reply%put_text('analysis', model%analysis%kind)
-    call reply%put('gravity', model%body%gravity)
+    call reply%put('gravity', model%body%loads%gravity)
     call reply%put('time', model%body%accepted%time)
     call reply%put('t_end', model%analysis%t_end)
-    call reply%put('step_limit', model%body%step_limit)
+    call reply%put('step_limit', model%body%limit%step)
     call reply%put_int('ranks', 1_i4)
   end subroutine reply_hello
 
@@ -51,7 +51,7 @@ contains
     type(fem_body_type), intent(in) :: body
     real(wp) :: inertia(body%mesh%nodes)
     inertia = 0.0_wp
-    inertia(body%dofs%node(body%mesh%nodes + 1:)) = body%lumped(body%mesh%nodes + 1:)
+    inertia(body%dofs%node(body%mesh%nodes + 1:)) = body%system%lumped(body%mesh%nodes + 1:)
   end function inertia_of_nodes
 
   !> Mesh, facets, quadrature, groups, or the nodes of one group.
@@ -66,7 +66,7 @@ contains
     case ('mesh')
       call reply%put_int('id', [(k, k=1, body%mesh%nodes)])
       call reply%put('x', body%mesh%x)
-      call reply%put('mass_u', body%lumped(:body%mesh%nodes))
+      call reply%put('mass_u', body%system%lumped(:body%mesh%nodes))
       if (body%dofs%blocks > body%mesh%nodes) call reply%put('mass_phi', inertia_of_nodes(body))
       if (body%dofs%blocks > body%mesh%nodes) &
         call reply%put_int(second_field(body), merge(1_i4, 0_i4, body%dofs%phi > 0))
@@ -237,8 +237,8 @@ contains
     if (request%has('node_phi')) call read_springs(body, request, '_phi', turning, errors)
     if (errors%any()) return
     if (turning%n > 0) call join_springs(turning, springs)
-    body%robin = springs
-    body%factored_dt = -1.0_wp
+    body%port%robin = springs
+    call body%system%forget_factors()
     call body%limit_step()
   end subroutine set_springs
 
@@ -271,7 +271,7 @@ contains
     if (errors%any()) return
     allocate (springs%stiffness(3, 3, springs%n), source=0.0_wp)
     do s = 1, springs%n
-      if (.not. share_element(body%pattern, springs%node(:, s))) then
+      if (.not. share_element(body%system%pattern, springs%node(:, s))) then
         call errors%add('P302', 'the nodes '//str(springs%node(:, s))//' of spring '//str(s)// &
                         ' are not those of a facet', request%place())
         return
@@ -354,13 +354,13 @@ contains
     allocate (force(3, size(sets%set(k)%node)))
     if (sets%set(k)%moves .or. request%has('force')) then
       call request%get('force', force, errors)
-      if (.not. errors%any()) body%dead_load(:, sets%set(k)%node) = force
+      if (.not. errors%any()) body%port%dead_load(:, sets%set(k)%node) = force
     end if
     if (size(sets%set(k)%phi) == 0 .or. .not. request%has('moment')) return
     deallocate (force)
     allocate (force(3, size(sets%set(k)%phi)))
     call request%get('moment', force, errors)
-    if (.not. errors%any()) body%dead_load(:, sets%set(k)%phi) = force
+    if (.not. errors%any()) body%port%dead_load(:, sets%set(k)%phi) = force
   end subroutine set_dead_load
 
   subroutine find_set(sets, name, k, request, errors)
@@ -490,8 +490,8 @@ contains
         'a node without mass has no acceleration: prescribe it')
       return
     end if
-    body%mass_factor(sets%set(k)%node) = value
-    if (polar) body%mass_factor(sets%set(k)%phi) = value_phi
+    body%port%mass_factor(sets%set(k)%node) = value
+    if (polar) body%port%mass_factor(sets%set(k)%phi) = value_phi
     call body%assemble()
   end subroutine set_mass_factor
 
@@ -510,12 +510,12 @@ contains
     scalars(scalar_gravity) = body%energy%gravity
     scalars(scalar_plastic) = body%energy%plastic
     scalars(scalar_background_damping) = body%energy%damping + body%energy%numerical
-    scalars(scalar_step_limit) = body%step_limit
-    if (body%dynamic) then
-      if (body%explicit) then
-        p = spread(body%node_mass, 1, 3)*body%state%v
+    scalars(scalar_step_limit) = body%limit%step
+    if (body%scheme%dynamic) then
+      if (body%scheme%explicit) then
+        p = spread(body%system%node_mass, 1, 3)*body%state%v
       else
-        call multiply_mass(body%pattern, body%mass, body%state%v, p)
+        call multiply_mass(body%system%pattern, body%system%mass, body%state%v, p)
       end if
       scalars(scalar_momentum:scalar_momentum + 2) = sum(p(:, :body%mesh%nodes), 2)
       associate (l => scalars(scalar_angular_momentum:scalar_angular_momentum + 2))

@@ -65,7 +65,7 @@ contains
     call sets%take_motion(model%body, request, errors)
     call request%all_read(errors)
     if (errors%any()) return
-    allocate (end_u, source=model%body%given_u)
+    allocate (end_u, source=model%body%port%given_u)
     t0 = model%body%accepted%time
     n = model%analysis%steps_between(model%body, t0, request%t1)
     dt = (request%t1 - t0)/n
@@ -77,7 +77,7 @@ contains
       call body%keep(kept)
       start: do k = 1, n
         share = real(k, wp)/real(n, wp)
-        body%given_u = start_u + share*(end_u - start_u)
+        body%port%given_u = start_u + share*(end_u - start_u)
         before(:, :) = body%accepted%reaction
         moved(:, :) = body%accepted%u
         call model%analysis%step(body, t0 + share*(request%t1 - t0), errors)
@@ -143,7 +143,7 @@ contains
     call request%all_read(errors)
     if (errors%any()) return
     associate (body => model%body)
-      where (body%prescribed) body%state%u = body%given_u
+      where (body%port%prescribed) body%state%u = body%port%given_u
       if (scope == 'interface' .and. chosen > 0) then
         call sets%put_force_of_elements(chosen, body, reply, errors)
         if (.not. (brief .or. errors%any())) call put_scalars(body, reply)
@@ -161,7 +161,7 @@ contains
       end if
       call body%matter_fault(errors)
       if (errors%any()) return
-      if (scope == 'all') f = f - body%weight_force
+      if (scope == 'all') f = f - body%system%weight_force
       if (scope == 'balance') then
         call body%external_at(body%state%time, external)
         f = f - external
@@ -179,10 +179,10 @@ contains
     real(wp) :: value
     integer(i4) :: k
     f = 0.0_wp
-    do k = 1, size(body%load)
+    do k = 1, size(body%loads%load)
       value = 1.0_wp
-      if (body%load(k)%curve > 0) value = body%curve(body%load(k)%curve)%at(t)
-      f = f + value*body%load(k)%force
+      if (body%loads%load(k)%curve > 0) value = body%loads%curve(body%loads%load(k)%curve)%at(t)
+      f = f + value*body%loads%load(k)%force
     end do
     call body%follow(t, body%state%u, f)
   end subroutine deck_loads
@@ -193,15 +193,15 @@ contains
     type(fem_sets_type), intent(in) :: sets
     integer(i4), intent(in) :: chosen
     integer(i4) :: k, s
-    steady_loads = .not. allocated(body%follower)
-    if (allocated(body%follower)) steady_loads = size(body%follower) == 0
+    steady_loads = .not. allocated(body%loads%follower)
+    if (allocated(body%loads%follower)) steady_loads = size(body%loads%follower) == 0
     do s = 1, sets%n
       if (chosen > 0 .and. s /= chosen) cycle
       associate (block => [sets%set(s)%node, sets%set(s)%phi])
-        do k = 1, size(body%load)
-          if (body%load(k)%curve == 0) cycle
+        do k = 1, size(body%loads%load)
+          if (body%loads%load(k)%curve == 0) cycle
           steady_loads = steady_loads .and. &
-            .not. any(abs(body%load(k)%force(:, block)) > 0.0_wp)
+            .not. any(abs(body%loads%load(k)%force(:, block)) > 0.0_wp)
         end do
       end associate
     end do
@@ -250,7 +250,7 @@ contains
     if (errors%any()) return
     associate (body => model%body)
       allocate (internal(3, body%dofs%blocks), external(3, body%dofs%blocks))
-      where (body%prescribed) body%state%u = body%given_u
+      where (body%port%prescribed) body%state%u = body%port%given_u
       call sets%whole_force(body, internal)
       call body%matter_fault(errors)
       if (errors%any()) return
@@ -258,14 +258,15 @@ contains
       call body%follow(request%t0, body%state%u, external)
       f = external - internal
       if (body%damping%stiffness > 0.0_wp) then
-        call multiply(body%pattern, body%k, body%state%v, body%state%viscous)
+        call multiply(body%system%pattern, body%system%k, body%state%v, body%state%viscous)
         f = f - body%damping%stiffness*body%state%viscous
       end if
-      if (kick > 0.0_wp) call kick_lumped(kick, body%held .or. body%prescribed, body%node_mass, &
+      if (kick > 0.0_wp) call kick_lumped(kick, body%supports%held .or. body%port%prescribed, &
+        body%system%node_mass, &
                                           body%damping, f, body%state%v)
       if (drift > 0.0_wp) then
         do i = 1, body%dofs%blocks
-          where (.not. (body%held(:, i) .or. body%prescribed(:, i))) &
+          where (.not. (body%supports%held(:, i) .or. body%port%prescribed(:, i))) &
             body%state%u(:, i) = body%state%u(:, i) + drift*body%state%v(:, i)
         end do
         call body%impose(request%t1, body%state%u)

@@ -90,15 +90,15 @@ contains
     allocate (self%set(k)%phi(0))
     if (turns) self%set(k)%phi = [((body%dofs%phi(ids(r)) + c, c=0, body%dofs%parts - 1), &
                                    r=1, int(size(ids), i4))]
-    before = body%prescribed
-    body%prescribed = .false.
+    before = body%port%prescribed
+    body%port%prescribed = .false.
     do k = 1, self%n
       if (self%set(k)%role /= role_prescribe) cycle
-      if (self%set(k)%moves) body%prescribed(:, self%set(k)%node) = .true.
-      body%prescribed(:, self%set(k)%phi) = .true.
+      if (self%set(k)%moves) body%port%prescribed(:, self%set(k)%node) = .true.
+      body%port%prescribed(:, self%set(k)%phi) = .true.
     end do
-    where (body%prescribed .and. .not. before) body%given_u = body%accepted%u
-    changed = any(body%prescribed .neqv. before)
+    where (body%port%prescribed .and. .not. before) body%port%given_u = body%accepted%u
+    changed = any(body%port%prescribed .neqv. before)
   end subroutine select_set
 
   !> Index of a set, 0 if there is none.
@@ -209,7 +209,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: k
 
-    body%port_load = 0.0_wp
+    body%port%port_load = 0.0_wp
     do k = 1, self%n
       if (self%set(k)%role /= role_load) cycle
       if (self%set(k)%moves) call add(self%set(k)%node, '.force')
@@ -228,7 +228,7 @@ contains
       call request%get(trim(self%set(k)%name)//field, value, errors)
       if (errors%any()) return
       do j = 1, size(block)
-        body%port_load(:, block(j)) = body%port_load(:, block(j)) + value(:, j)
+        body%port%port_load(:, block(j)) = body%port%port_load(:, block(j)) + value(:, j)
       end do
     end subroutine add
   end subroutine take_loads
@@ -245,8 +245,9 @@ contains
     do k = 1, self%n
       associate (set => self%set(k))
         if (set%role /= role_prescribe) cycle
-        if (set%moves) call take(set%name, set%node, '.u', request, body%given_u, errors)
-        if (size(set%phi) > 0) call take(set%name, set%phi, '.phi', request, body%given_u, errors)
+        if (set%moves) call take(set%name, set%node, '.u', request, body%port%given_u, errors)
+        if (size(set%phi) > 0) call take(set%name, set%phi, '.phi', request, body%port%given_u, &
+          errors)
       end associate
       if (errors%any()) return
     end do
@@ -263,7 +264,7 @@ contains
     do k = 1, self%n
       associate (set => self%set(k))
         if (set%role == role_prescribe .and. set%moves) &
-          call take(set%name, set%node, '.v', request, body%given_v, errors)
+          call take(set%name, set%node, '.v', request, body%port%given_v, errors)
       end associate
     end do
   end subroutine take_speeds

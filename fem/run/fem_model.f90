@@ -96,7 +96,7 @@ contains
     call moduli_warnings(self)
     if (self%served) call self%analysis%check_port(self%deck, errors)
     call self%analysis%read_times(self%deck, self%served, errors)
-    call read_storage(self%deck, folder_of(self%options%deck), self%body%solver)
+    call read_storage(self%deck, folder_of(self%options%deck), self%body%system%solver)
     if (.not. self%ranks%several() .or. errors%any()) return
     call choose_solver(self%deck, self%body, self%analysis, self%served, self%auto_solver)
     call refuse_ranks(self, errors)

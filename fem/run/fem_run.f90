@@ -35,7 +35,7 @@ contains
       call model%timers%start('steps')
       call model%analysis%step(model%body, t1, errors)
       call model%analysis%report(model%body, model%log)
-      if (errors%any() .and. model%auto_solver .and. model%body%solver%iterative) &
+      if (errors%any() .and. model%auto_solver .and. model%body%system%solver%iterative) &
         call go_direct(model, t1, errors)
       call model%timers%stop('steps')
       if (model%body%matter%active) call model%output%write_iterations(model%body, errors)
@@ -73,9 +73,9 @@ contains
   subroutine log_iterations(model)
     type(fem_model_type), intent(inout) :: model
     if (model%analysis%listed) call log_factors(model)
-    if (model%body%solver%iterative) call model%log%item('iterations', &
-      str(model%body%solver%cg%iterations), 'residual '// &
-      short_number(model%body%solver%cg%residual))
+    if (model%body%system%solver%iterative) call model%log%item('iterations', &
+      str(model%body%system%solver%cg%iterations), 'residual '// &
+      short_number(model%body%system%solver%cg%residual))
   end subroutine log_iterations
 
   !> Is the run to stop, or a checkpoint due? The leader decides.
@@ -102,10 +102,10 @@ contains
     call model%log%warn('conjugate gradients did not converge; factors are made')
     call errors%clear()
     call model%body%reject()
-    model%body%solver%iterative = .false.
-    call model%body%solver%cg%drop()
-    model%body%fresh_numbering = .false.
-    model%body%factored_dt = -1.0_wp
+    model%body%system%solver%iterative = .false.
+    call model%body%system%solver%cg%drop()
+    call model%body%system%forget_numbers()
+    call model%body%system%forget_factors()
     call model%analysis%step(model%body, t1, errors)
     call log_factors(model)
   end subroutine go_direct
@@ -116,10 +116,10 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp) :: stored
     integer(i4) :: node
-    if (.not. body%dynamic) return
+    if (.not. body%scheme%dynamic) return
     associate (e => body%energy)
       stored = e%strain + e%kinetic
-      if (body%explicit) stored = stored + e%numerical
+      if (body%scheme%explicit) stored = stored + e%numerical
       if (stored <= runaway*(e%start + abs(e%load) + abs(e%support) + abs(e%spring)) &
           + round_off*(e%strain + e%kinetic)) return
       node = int(maxloc(sum(body%state%v**2, 1), 1), i4)

@@ -35,7 +35,7 @@ contains
     call model%log%section('Model')
     call model%log%item('nodes', str(model%body%mesh%nodes))
     call model%log%item('elements', str(model%body%whole%elements(model%body%mesh%elements)))
-    call model%log%item('mass', str(sum(model%body%lumped(:model%body%mesh%nodes)))//' kg')
+    call model%log%item('mass', str(sum(model%body%system%lumped(:model%body%mesh%nodes)))//' kg')
     if (model%start_time >= 0.0_wp) call model%log%item('goes on from', str(model%start_time)//' s')
     call model%analysis%describe(model%body, model%log)
     if (model%settled) call model%log%item('settled under the initial stress', &
@@ -102,7 +102,7 @@ contains
   subroutine log_factors(model)
     type(fem_model_type), intent(inout) :: model
     real(wp), parameter :: giga = 1.0e9_wp
-    associate (solver => model%body%solver)
+    associate (solver => model%body%system%solver)
       if (.not. model%opened .or. solver%factorisations <= model%logged_factors) return
       if (model%body%matter%active .and. model%logged_factors > 0) return  ! one an iteration
       model%logged_factors = solver%factorisations
@@ -142,7 +142,7 @@ contains
     if (.not. model%opened) return
     if (model%row_step < model%steps) call log_row(model)
     call model%log%health('energy error '//short_number(energy_error(model%body))//', '// &
-                         str(model%body%solver%factorisations)//' factorisations')
+                         str(model%body%system%solver%factorisations)//' factorisations')
     call model%log%timer_table(model%timers)
     call model%log%faults(errors)
     call summary%set_program(program_name, model%options%deck, model%deck%hash())
@@ -151,7 +151,7 @@ contains
     call summary%set('steps', model%steps)
     call summary%set('time_s', model%body%accepted%time)
     call summary%set('health.energy_error', energy_error(model%body))
-    call summary%set('health.factorisations', model%body%solver%factorisations)
+    call summary%set('health.factorisations', model%body%system%solver%factorisations)
     call model%analysis%summarise(model%body, summary)
     call summary%set_timers(model%timers)
     call summary%set_errors(errors)

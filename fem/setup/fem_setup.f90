@@ -38,14 +38,14 @@ contains
     call read_mesh(deck%path('mesh', 1, 'file'), body%mesh, errors)
     if (errors%any()) return
     call deck%get('run', 1, 'gravity', gravity)
-    body%gravity = gravity
+    body%loads%gravity = gravity
     call read_analysis(deck, body, analysis, errors)
     call read_sections(deck, body, errors)
     if (errors%any()) return
     call number_fields(body%mesh, body%elastic%rotations(), body%dofs, &
                        merge(phi_columns, 1_i4, body%matter%micro%active))
     call body%allocate_state()
-    call read_curves(deck, 'D304', body%curve, errors)
+    call read_curves(deck, 'D304', body%loads%curve, errors)
     call read_supports(deck, body, errors)
     call read_motions(deck, body, errors)
     call read_rigid(deck, body, errors)
@@ -105,7 +105,7 @@ contains
           if (text == 'chi') text = 'chi'//str(1 + c/3)//str(1 + mod(c, 3))
           call blocks_for(deck, body, 'support', s, g, text, component, block, errors)
           if (component == 0) exit
-          body%held(component, block) = .true.
+          body%supports%held(component, block) = .true.
         end do
       end do
     end do
@@ -157,24 +157,24 @@ contains
     logical :: clash
     integer(i4) :: s, g
 
-    allocate (body%motion(0))
+    allocate (body%supports%motion(0))
     do s = 1, deck%count('motion')
       call deck%get('motion', s, 'group', name)
       g = find_group(body%mesh, name, any_kind)
       if (g == 0) call group_fault(deck, body, 'motion', s, any_kind, errors)
       call deck%get('motion', s, 'component', component)
       call deck%get('motion', s, 'scale', motion%scale)
-      call curve_index(deck, 'D303', body%curve, 'motion', s, motion%curve, errors)
+      call curve_index(deck, 'D303', body%loads%curve, 'motion', s, motion%curve, errors)
       if (g == 0 .or. motion%curve == 0) cycle
       call blocks_for(deck, body, 'motion', s, g, component, motion%component, motion%block, errors)
       if (motion%component == 0) cycle
-      clash = any(body%held(motion%component, motion%block))
+      clash = any(body%supports%held(motion%component, motion%block))
       if (clash) call deck%fault(errors, 'D306', &
         'component '//component//' of some of these nodes '// &
                                  'is held or moved already', 'motion', s, 'group', &
                                  'leave it out of &support and of the other &motion')
-      body%held(motion%component, motion%block) = .true.
-      call append_motion(body%motion, motion)
+      body%supports%held(motion%component, motion%block) = .true.
+      call append_motion(body%supports%motion, motion)
     end do
   end subroutine read_motions
 
@@ -189,23 +189,24 @@ contains
     integer(i4) :: s, g, component
 
     do s = 1, deck%count('initial')
-      if (.not. body%dynamic) call deck%fault(errors, 'D325', 'only dynamics has velocities', &
+      if (.not. body%scheme%dynamic) call deck%fault(errors, 'D325', &
+        'only dynamics has velocities', &
         'initial', s, 'group', "take kind = 'newmark', 'hht' or 'explicit', or leave it out")
       call deck%get('initial', s, 'group', name)
       g = find_group(body%mesh, name, any_kind)
       if (g == 0) call group_fault(deck, body, 'initial', s, any_kind, errors)
-      if (g == 0 .or. .not. body%dynamic) cycle
+      if (g == 0 .or. .not. body%scheme%dynamic) cycle
       call deck%get('initial', s, 'component', text)
       call deck%get('initial', s, 'value', value)
       call blocks_for(deck, body, 'initial', s, g, text, component, block, errors)
       if (component == 0) cycle
-      if (size(block) > 0 .and. all(body%held(component, block))) &
+      if (size(block) > 0 .and. all(body%supports%held(component, block))) &
         call deck%fault(errors, 'D328', 'component '//text// &
           " is held or moved at all nodes of '"//name//"'", 'initial', s, 'component', &
           'leave it out, or take it from the &support')
       body%state%v(component, block) = value
     end do
-    where (body%held) body%state%v = 0.0_wp
+    where (body%supports%held) body%state%v = 0.0_wp
     body%accepted%v = body%state%v
   end subroutine read_initial
 

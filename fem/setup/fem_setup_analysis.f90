@@ -44,8 +44,8 @@ contains
       call deck%fault(errors, 'D325', trim(keys(k))//" means nothing to kind = '"//kind//"'", &
         'analysis', 1, trim(keys(k)), 'it belongs to: '//trim(kinds(k)))
     end do
-    call analysis%read(deck, body, errors)
-    body%massive = body%massive .or. body%dynamic
+    call analysis%read(deck, body%scheme, errors)
+    body%scheme%massive = body%scheme%massive .or. body%scheme%dynamic
     call deck%get('analysis', 1, 'rayleigh_mass', body%damping%mass)
     call deck%get('analysis', 1, 'rayleigh_stiffness', body%damping%stiffness)
   end subroutine read_analysis
@@ -66,7 +66,7 @@ contains
                         s, 'group', group_hint(body%mesh, name, [group_facet]))
         cycle
       end if
-      if (.not. body%dynamic) then
+      if (.not. body%scheme%dynamic) then
         call deck%fault(errors, 'D325', 'absorbing faces act in dynamics alone', 'absorbing', s, &
                         'group', "take kind = 'newmark', 'hht' or 'explicit', or leave them out")
         cycle

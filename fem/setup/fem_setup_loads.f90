@@ -33,19 +33,19 @@ contains
     integer(i4) :: s, g
     logical :: follows
 
-    allocate (body%load(0))
+    allocate (body%loads%load(0))
     do s = 1, deck%count('traction')
       call facet_group(deck, body, 'traction', s, 'group', g, errors)
-      call curve_index(deck, 'D303', body%curve, 'traction', s, load%curve, errors)
+      call curve_index(deck, 'D303', body%loads%curve, 'traction', s, load%curve, errors)
       if (g == 0) cycle
       call deck%get('traction', s, 'value', value)
       load%force = 0.0_wp*body%state%u
       call traction_force(body%mesh, body%mesh%group(g), value, load%force)
-      call append_load(body%load, load)
+      call append_load(body%loads%load, load)
     end do
     do s = 1, deck%count('pressure')
       call facet_group(deck, body, 'pressure', s, 'group', g, errors)
-      call curve_index(deck, 'D303', body%curve, 'pressure', s, load%curve, errors)
+      call curve_index(deck, 'D303', body%loads%curve, 'pressure', s, load%curve, errors)
       if (g == 0) cycle
       call deck%get('pressure', s, 'value', pressure)
       call deck%get('pressure', s, 'follower', follows)
@@ -55,7 +55,7 @@ contains
       end if
       load%force = 0.0_wp*body%state%u
       call pressure_force(body%mesh, body%mesh%group(g), pressure, load%force)
-      call append_load(body%load, load)
+      call append_load(body%loads%load, load)
     end do
   end subroutine read_tractions
 
@@ -71,7 +71,7 @@ contains
 
     do s = 1, deck%count('couple')
       call facet_group(deck, body, 'couple', s, 'group', g, errors)
-      call curve_index(deck, 'D303', body%curve, 'couple', s, load%curve, errors)
+      call curve_index(deck, 'D303', body%loads%curve, 'couple', s, load%curve, errors)
       if (g == 0) cycle
       call deck%get('couple', s, 'value', value)
       load%force = 0.0_wp*body%state%u
@@ -82,7 +82,7 @@ contains
           "' has no micro-rotation", 'couple', s, 'group', &
           "couples act on sections of a material with law = 'micropolar'")
       end if
-      call append_load(body%load, load)
+      call append_load(body%loads%load, load)
     end do
   end subroutine read_couples
 
@@ -108,7 +108,7 @@ contains
       g = find_group(body%mesh, name, [group_volume])
       if (g == 0) call deck%fault(errors, 'D301', "the mesh has no volume group '"//name//"'", &
         'body_load', s, 'group', group_hint(body%mesh, name, [group_volume]))
-      call curve_index(deck, 'D303', body%curve, 'body_load', s, load%curve, errors)
+      call curve_index(deck, 'D303', body%loads%curve, 'body_load', s, load%curve, errors)
       if (g == 0) cycle
       call deck%get('body_load', s, 'force', force)
       call deck%get('body_load', s, 'couple', couple)
@@ -124,7 +124,7 @@ contains
         call body_force(body%mesh, body%dofs, body%elastic, element, 0.0_wp*force, force, couple, &
                         load%force)
       end associate
-      call append_load(body%load, load)
+      call append_load(body%loads%load, load)
     end do
   end subroutine read_body_loads
 
@@ -140,7 +140,7 @@ contains
       call deck%get('point_load', s, 'node', node)
       call deck%get('point_load', s, 'force', force)
       call deck%get('point_load', s, 'couple', couple)
-      call curve_index(deck, 'D303', body%curve, 'point_load', s, load%curve, errors)
+      call curve_index(deck, 'D303', body%loads%curve, 'point_load', s, load%curve, errors)
       load%force = 0.0_wp*body%state%u
       before = errors%count
       if (node > body%mesh%nodes) then
@@ -159,7 +159,7 @@ contains
       else
         call at_position(deck, body, s, force, load%force, errors)
       end if
-      if (errors%count == before) call append_load(body%load, load)
+      if (errors%count == before) call append_load(body%loads%load, load)
     end do
   end subroutine read_point_loads
 
@@ -240,7 +240,7 @@ contains
       if (g == 0) cycle
       call deck%get('spring', s, 'normal', normal)
       call deck%get('spring', s, 'tangential', tangential)
-      call facet_springs(body%mesh, body%mesh%group(g), normal, tangential, body%ground)
+      call facet_springs(body%mesh, body%mesh%group(g), normal, tangential, body%supports%ground)
     end do
   end subroutine read_springs
 
@@ -264,8 +264,8 @@ contains
     type(fem_body_type), intent(inout) :: body
     integer(i4), intent(in) :: g, curve
     real(wp), intent(in) :: pressure
-    if (.not. allocated(body%follower)) allocate (body%follower(0))
-    body%follower = [body%follower, fem_follower_type(g, curve, pressure)]
+    if (.not. allocated(body%loads%follower)) allocate (body%loads%follower(0))
+    body%loads%follower = [body%loads%follower, fem_follower_type(g, curve, pressure)]
   end subroutine append_follower
 
   subroutine append_load(list, load)

@@ -46,7 +46,7 @@ contains
     if (body%matter%finite .and. body%elastic%components == polar) call deck%fault(errors, 'D334', &
       'a body at finite strain has micropolar parts', 'section', 1, 'material', &
       'micropolar laws are those of small strains: run them alone')
-    if (allocated(body%follower)) body%matter%symmetric = .false.
+    if (allocated(body%loads%follower)) body%matter%symmetric = .false.
     if (deck%given('analysis', 1, 'tolerance')) &
       call deck%get('analysis', 1, 'tolerance', body%newton%tolerance)
     if (deck%given('analysis', 1, 'max_iterations')) &
@@ -82,7 +82,7 @@ contains
           'no section has a law with a state')
       end do
     end if
-    if (allocated(body%follower)) call deck%fault(errors, 'D336', &
+    if (allocated(body%loads%follower)) call deck%fault(errors, 'D336', &
       'a pressure follows the surface of a linear solid', 'pressure', 1, 'follower', &
       "leave follower out, or take a law with a state (law = 'neo_hookean')")
     do k = 1, size(groups)
@@ -101,7 +101,7 @@ contains
     integer(i4) :: e
     call deck%get('analysis', 1, 'kind', kind)
     call deck%get('analysis', 1, 'solver', solver)
-    if (body%linear_only) call deck%fault(errors, 'D334', "kind = '"//kind// &
+    if (body%scheme%linear_only) call deck%fault(errors, 'D334', "kind = '"//kind// &
       "' knows linear laws alone, and a section has one with a state", 'analysis', 1, &
       'kind', "take kind = 'static', 'newmark', 'hht' or 'explicit'")
     if (body%matter%micro%active) call refuse_micro(deck, body, errors)
@@ -134,7 +134,8 @@ contains
     type(fem_body_type), intent(in) :: body
     type(error_list_type), intent(inout) :: errors
     real(wp) :: factor
-    if (body%dynamic .and. .not. body%explicit .and. 2.0_wp*body%beta < body%gamma) &
+    if (body%scheme%dynamic .and. .not. body%scheme%explicit &
+      .and. 2.0_wp*body%scheme%beta < body%scheme%gamma) &
       call deck%fault(errors, 'D334', 'beta < gamma/2 with a micromorphic solid, whose largest '// &
         'stable step is not known', 'analysis', 1, 'beta', 'take beta >= gamma/2')
     call deck%get('analysis', 1, 'rotation_mass', factor)
@@ -171,7 +172,7 @@ contains
     call point_positions(body%mesh, body%dofs, body%elastic, x)
     do s = 1, deck%count('geostatic')
       call find_volume(deck, body, 'geostatic', s, g, errors)
-      if (.not. norm2(body%gravity) > 0.0_wp) call deck%fault(errors, 'D335', &
+      if (.not. norm2(body%loads%gravity) > 0.0_wp) call deck%fault(errors, 'D335', &
         'a geostatic stress needs gravity', 'geostatic', s, '', 'give gravity in &run')
       if (g == 0 .or. errors%any()) cycle
       call deck%get('geostatic', s, 'level', level)
@@ -180,7 +181,7 @@ contains
       do k = 1, size(body%mesh%group(g)%element)
         e = body%mesh%group(g)%element(k)
         do q = body%elastic%point(e), body%elastic%point(e + 1) - 1
-          body%matter%stress(:, q) = stress_at(x(:, q), body%gravity, level, surcharge, k0, &
+          body%matter%stress(:, q) = stress_at(x(:, q), body%loads%gravity, level, surcharge, k0, &
                                                body%elastic%density(e))
         end do
       end do

@@ -42,7 +42,7 @@ contains
       end do
     end associate
     body%matter%states = point_states
-    body%matter%micro%wants_stiffness = .not. body%explicit
+    body%matter%micro%wants_stiffness = .not. body%scheme%explicit
   end subroutine read_micro_laws
 
   !> All points at their initial stress, which `stress` of the matter holds as six components; fault
@@ -116,7 +116,7 @@ contains
 
     do s = 1, deck%count('double_force')
       call find_facets(deck, body, 'double_force', s, g, errors)
-      call curve_index(deck, 'D303', body%curve, 'double_force', s, load%curve, errors)
+      call curve_index(deck, 'D303', body%loads%curve, 'double_force', s, load%curve, errors)
       if (g == 0) cycle
       call deck%get('double_force', s, 'value', value)
       load%force = 0.0_wp*body%state%u
@@ -148,7 +148,8 @@ contains
         cycle
       end if
       call deck%get('micro_tie', s, 'stiffness', k)
-      call tie_springs(body%mesh, body%dofs, body%elastic, body%mesh%group(g), k, body%ground, lost)
+      call tie_springs(body%mesh, body%dofs, body%elastic, body%mesh%group(g), k, &
+        body%supports%ground, lost)
       if (lost > 0) call deck%fault(errors, 'D326', 'the element of facet '//str(lost)// &
         ' is not in the mesh file', 'micro_tie', s, 'group', &
         "make the mesh with `talus mesh`, which writes the dataset 'cell' of facet groups")
@@ -182,9 +183,9 @@ contains
     type(fem_body_type), intent(inout) :: body
     type(fem_load_type), intent(in) :: load
     type(fem_load_type), allocatable :: longer(:)
-    allocate (longer(size(body%load) + 1))
-    longer(:size(body%load)) = body%load
+    allocate (longer(size(body%loads%load) + 1))
+    longer(:size(body%loads%load)) = body%loads%load
     longer(size(longer)) = load
-    call move_alloc(longer, body%load)
+    call move_alloc(longer, body%loads%load)
   end subroutine append
 end module fem_setup_micro

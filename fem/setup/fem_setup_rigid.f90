@@ -27,8 +27,8 @@ contains
     integer(i4) :: s, g
 
     if (deck%count('rigid') == 0) return
-    allocate (body%rigid(deck%count('rigid')))
-    do s = 1, size(body%rigid)
+    allocate (body%supports%rigid(deck%count('rigid')))
+    do s = 1, size(body%supports%rigid)
       call deck%get('rigid', s, 'group', name)
       g = find_group(body%mesh, name, any_kind)
       if (g == 0) then
@@ -36,13 +36,13 @@ contains
                         group_hint(body%mesh, name, any_kind))
         cycle
       end if
-      body%rigid(s)%name = name
-      body%rigid(s)%node = body%mesh%group(g)%node
-      call read_motion(deck, s, body, body%rigid(s), errors)
-      if (any(body%held(:, body%rigid(s)%node))) call deck%fault(errors, 'D306', &
+      body%supports%rigid(s)%name = name
+      body%supports%rigid(s)%node = body%mesh%group(g)%node
+      call read_motion(deck, s, body, body%supports%rigid(s), errors)
+      if (any(body%supports%held(:, body%supports%rigid(s)%node))) call deck%fault(errors, 'D306', &
         'some of these nodes are held or moved already', 'rigid', s, 'group', &
         'leave them out of &support, &motion and other &rigid')
-      body%held(:, body%rigid(s)%node) = .true.
+      body%supports%held(:, body%supports%rigid(s)%node) = .true.
     end do
   end subroutine read_rigid
 
@@ -65,11 +65,11 @@ contains
       call deck%fault(errors, 'D337', 'the axis has no direction', 'rigid', s, 'axis', &
                       'give a vector of any length but zero')
     end if
-    call named_curve(deck, s, 'turn', body%curve, rigid%turn, errors)
+    call named_curve(deck, s, 'turn', body%loads%curve, rigid%turn, errors)
     do c = 1, 3
-      call named_curve(deck, s, shifts(c), body%curve, rigid%shift(c), errors)
+      call named_curve(deck, s, shifts(c), body%loads%curve, rigid%shift(c), errors)
     end do
-    call named_curve(deck, s, 'curve', body%curve, rigid%curve, errors)
+    call named_curve(deck, s, 'curve', body%loads%curve, rigid%curve, errors)
     call deck%get('rigid', s, 'mass', rigid%mass)
     call deck%get('rigid', s, 'force', values)
     rigid%force = values
@@ -82,7 +82,8 @@ contains
       'a component is free and has a curve', 'rigid', s, 'free', 'leave one of both out')
     if (.not. rigid%mass > 0.0_wp) call deck%fault(errors, 'D337', 'what is free has no mass', &
       'rigid', s, 'free', 'give mass: that of hub and axle')
-    if (.not. body%dynamic) call deck%fault(errors, 'D337', 'statics knows no free rigid group', &
+    if (.not. body%scheme%dynamic) call deck%fault(errors, 'D337', &
+      'statics knows no free rigid group', &
       'rigid', s, 'free', "take kind = 'newmark', 'hht' or 'explicit', or move it by a curve")
   end subroutine read_motion
 

@@ -188,7 +188,7 @@ contains
         cycle
       end if
       call read_material(deck, m, material(m), errors)
-      if (body%massive .and. material(m)%polar .and. .not. material(m)%inertia > 0.0_wp) &
+      if (body%scheme%massive .and. material(m)%polar .and. .not. material(m)%inertia > 0.0_wp) &
         call deck%fault(errors, 'D320', 'the micropolar material has no micro_inertia', &
           'material', m, 'id', 'dynamics and modes need it: 2/5 r^2 of grains of radius r')
     end do
@@ -240,7 +240,7 @@ contains
     do m = 1, size(material)
       if (material(m)%micromorphic == 0) cycle
       where (body%matter%law_of == m) is_micro = .true.
-      if (body%massive .and. any(body%matter%law_of == m) .and. &
+      if (body%scheme%massive .and. any(body%matter%law_of == m) .and. &
           .not. material(m)%inertia > 0.0_wp) call deck%fault(errors, 'D320', &
           'the micromorphic solid has no micro_inertia', 'micromorphic', &
           material(m)%micromorphic, 'id', 'dynamics and modes need it: r^2/5 of grains of radius r')

@@ -42,13 +42,13 @@ contains
     character(len=:), allocatable :: choice
     call deck%get('analysis', 1, 'solver', choice)
     by_itself = choice == 'auto'
-    associate (solver => body%solver)
+    associate (solver => body%system%solver)
       solver%iterative = choice == 'iterative'
       if (solver%iterative .and. deck%given('analysis', 1, 'tolerance')) &
         call deck%get('analysis', 1, 'tolerance', solver%tolerance)
       if (.not. by_itself) return
       solver%iterative = analysis%iterative .and. .not. (served .or. body%matter%active) .and. &
-        count(.not. body%held) >= large .and. analysis%t_end <= few_steps*analysis%dt
+        count(.not. body%supports%held) >= large .and. analysis%t_end <= few_steps*analysis%dt
     end associate
   end subroutine choose_solver
 end module fem_setup_solver

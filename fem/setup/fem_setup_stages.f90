@@ -25,7 +25,7 @@ contains
 
     n = deck%count('stage')
     if (n == 0 .or. errors%any()) return
-    if (body%dynamic .or. body%matter%micro%active .or. body%matter%finite) then
+    if (body%scheme%dynamic .or. body%matter%micro%active .or. body%matter%finite) then
       call deck%fault(errors, 'D339', 'stages belong to statics at small strain', 'stage', 1, '', &
                       "take kind = 'static', and no law of finite strain or micromorphic solid")
       return
@@ -156,12 +156,12 @@ contains
     type(fem_load_type), allocatable :: load(:)
     type(curve_type), allocatable :: curve(:)
     integer(i4) :: k
-    allocate (load(size(body%load) + 1), curve(size(body%curve) + 1))
-    do k = 1, size(body%load)
-      load(k) = body%load(k)
+    allocate (load(size(body%loads%load) + 1), curve(size(body%loads%curve) + 1))
+    do k = 1, size(body%loads%load)
+      load(k) = body%loads%load(k)
     end do
-    do k = 1, size(body%curve)
-      curve(k) = body%curve(k)
+    do k = 1, size(body%loads%curve)
+      curve(k) = body%loads%curve(k)
     end do
     body%stages%load = size(load)
     body%stages%curve = size(curve)
@@ -170,7 +170,7 @@ contains
     curve(size(curve))%name = ''
     curve(size(curve))%time = [0.0_wp, 1.0_wp]
     curve(size(curve))%value = [1.0_wp, 0.0_wp]
-    call move_alloc(load, body%load)
-    call move_alloc(curve, body%curve)
+    call move_alloc(load, body%loads%load)
+    call move_alloc(curve, body%loads%curve)
   end subroutine add_release
 end module fem_setup_stages

@@ -68,10 +68,10 @@ contains
     body%elastic%inertia = 0.2_wp
     call body%elastic%number_points()
     call number_fields(body%mesh, body%elastic%rotations(), body%dofs)
-    allocate (body%curve(0), body%load(0), body%motion(0))
+    allocate (body%loads%curve(0), body%loads%load(0), body%supports%motion(0))
     call body%allocate_state()
-    body%held(:, :(n + 1)**2) = .true.
-    body%gravity = [0.3_wp, -0.2_wp, -9.81_wp]
+    body%supports%held(:, :(n + 1)**2) = .true.
+    body%loads%gravity = [0.3_wp, -0.2_wp, -9.81_wp]
   end subroutine make_cube
 
   !> Numbers that look like chance.
@@ -101,14 +101,14 @@ contains
         call body%assemble()
         u = noise(body%dofs%blocks)
         y = u
-        call multiply(body%pattern, body%k, u, y)
+        call multiply(body%system%pattern, body%system%k, u, y)
         total = dot(u, y)
         if (t == 1) then
           first = y
           first_total = total
-          call test%check('one thread has no shares', .not. allocated(body%pattern%share))
+          call test%check('one thread has no shares', .not. allocated(body%system%pattern%share))
         else
-          call test%check('a share a thread', size(body%pattern%share) == threads(t))
+          call test%check('a share a thread', size(body%system%pattern%share) == threads(t))
         end if
         call test%check('product', same(y, first))
         call test%check('sum', abs(total - first_total) <= 0.0_wp)
@@ -130,18 +130,19 @@ contains
       call body%assemble()
       cg = cg_type()
       cg%factors%least_rows = 1
-      call cg%prepare(body%pattern, body%k, .not. body%held)
+      call cg%prepare(body%system%pattern, body%system%k, .not. body%supports%held)
       call test%check('factors', cg%factors%ready)
-      x = body%weight_force
-      call cg%solve(body%pattern, body%weight_force, 1.0e-10_wp, x, found)
+      x = body%system%weight_force
+      call cg%solve(body%system%pattern, body%system%weight_force, 1.0e-10_wp, x, found)
       call test%check('found', found)
       if (t == 1) then
         first = x
         steps = cg%iterations
         y = x
-        call multiply(body%pattern, body%k, x, y)
-        call test%check('solved', max_abs(merge(0.0_wp, y - body%weight_force, body%held)) &
-                        < 1.0e-8_wp*max_abs(body%weight_force))
+        call multiply(body%system%pattern, body%system%k, x, y)
+        call test%check('solved', max_abs(merge(0.0_wp, y - body%system%weight_force, &
+                                                body%supports%held)) &
+                        < 1.0e-8_wp*max_abs(body%system%weight_force))
       end if
       call test%check('iterations', cg%iterations == steps)
       call test%check('solution', same(x, first))
@@ -160,8 +161,8 @@ contains
     do t = 1, size(threads)
       body = fem_body_type()
       call omp_set_num_threads(threads(t))
-      body%dynamic = .true.
-      body%explicit = .true.
+      body%scheme%dynamic = .true.
+      body%scheme%explicit = .true.
       if (damped) body%damping%mass = 0.3_wp
       if (damped) body%damping%stiffness = 1.0e-3_wp
       call make_cube(rule, body)
@@ -174,7 +175,7 @@ contains
       body%state%v = noise(body%dofs%blocks)
       call start_motion(body, errors)
       do k = 1, 40
-        call central_step(body, 0.9_wp*k*body%step_limit, errors)
+        call central_step(body, 0.9_wp*k*body%limit%step, errors)
         call body%accept()
       end do
       associate (e => body%accepted_energy)
@@ -185,9 +186,9 @@ contains
       if (t == 1) then
         first = body%accepted%u
         first_energies = energies
-        limit = body%step_limit
+        limit = body%limit%step
       end if
-      call test%check('step limit of '//rule, abs(body%step_limit - limit) <= 0.0_wp)
+      call test%check('step limit of '//rule, abs(body%limit%step - limit) <= 0.0_wp)
       call test%check('displacements of '//rule, same(body%accepted%u, first))
       call test%check('energies of '//rule, all(abs(energies - first_energies) <= 0.0_wp))
     end do

@@ -48,10 +48,10 @@ contains
     body%elastic%density = 3.0_wp
     call body%elastic%number_points()
     call number_fields(body%mesh, body%elastic%rotations(), body%dofs)
-    allocate (body%curve(0), body%load(0), body%motion(0))
+    allocate (body%loads%curve(0), body%loads%load(0), body%supports%motion(0))
     call body%allocate_state()
-    body%held(1:2, :) = .true.
-    body%held(3, 1:4) = .true.
+    body%supports%held(1:2, :) = .true.
+    body%supports%held(3, 1:4) = .true.
   end subroutine make_column
 
   subroutine static_bar()
@@ -59,17 +59,17 @@ contains
     type(error_list_type) :: errors
     call make_column(5, body)
     call body%assemble()
-    body%port_load(3, 21:24) = -2.5_wp
+    body%port%port_load(3, 21:24) = -2.5_wp
     call linear_step(body, 1.0_wp, errors)
     call test%check('no fault', .not. errors%any())
     call test%check_close('shortening F L/(E A)', body%state%u(3, 24), -0.05_wp, 1.0e-15_wp)
     call test%check_close('reaction', sum(body%state%reaction(3, :)), 10.0_wp, 1.0e-12_wp)
     call test%check_close('half the work of the load is strain energy', &
                           body%energy%strain, 0.5_wp*10.0_wp*0.05_wp, 1.0e-13_wp)
-    call test%check_close('mass', sum(body%lumped), 15.0_wp, 1.0e-12_wp)
+    call test%check_close('mass', sum(body%system%lumped), 15.0_wp, 1.0e-12_wp)
     call body%reject()
     call test%check('rejected', all(abs(body%state%u) <= 0.0_wp))
-    call body%solver%mumps%free()
+    call body%system%solver%mumps%free()
   end subroutine static_bar
 
   !> Robin springs of stiffness s slow the approach to the fixed point by s/(k + s) a step.
@@ -81,14 +81,14 @@ contains
     integer(i4) :: n, c
     call make_column(5, body)
     call body%assemble()
-    body%robin%n = 1
-    body%robin%node = reshape([21, 22, 23, 24], [4, 1])
-    body%robin%weight = reshape([0.25_wp, 0.25_wp, 0.25_wp, 0.25_wp], [4, 1])
-    allocate (body%robin%stiffness(3, 3, 1), source=0.0_wp)
+    body%port%robin%n = 1
+    body%port%robin%node = reshape([21, 22, 23, 24], [4, 1])
+    body%port%robin%weight = reshape([0.25_wp, 0.25_wp, 0.25_wp, 0.25_wp], [4, 1])
+    allocate (body%port%robin%stiffness(3, 3, 1), source=0.0_wp)
     do c = 1, 3
-      body%robin%stiffness(c, c, 1) = s
+      body%port%robin%stiffness(c, c, 1) = s
     end do
-    body%port_load(3, 21:24) = -2.5_wp
+    body%port%port_load(3, 21:24) = -2.5_wp
     expected = 0.0_wp
     do n = 1, 6
       call linear_step(body, real(n, wp), errors)
@@ -97,8 +97,8 @@ contains
       call test%check_close('Robin step', body%state%u(3, 22), expected, 1.0e-14_wp)
     end do
     call test%check('no fault', .not. errors%any())
-    call test%check('one factorisation', body%solver%factorisations == 1)
-    call body%solver%mumps%free()
+    call test%check('one factorisation', body%system%solver%factorisations == 1)
+    call body%system%solver%mumps%free()
   end subroutine robin_springs
 
   !> Without the base the column can fall: the fault names the translation along z.
@@ -106,7 +106,7 @@ contains
     type(fem_body_type) :: body
     type(error_list_type) :: errors
     call make_column(2, body)
-    body%held(3, :) = .false.
+    body%supports%held(3, :) = .false.
     call body%assemble()
     call body%factor(1.0_wp, errors)
     call test%check('one fault', errors%count == 1)
@@ -123,8 +123,8 @@ contains
     real(wp) :: discrete, worst
     integer(i4) :: n
     call make_column(1, body)
-    body%dynamic = .true.
-    body%port_load(3, 5:8) = -2.5_wp
+    body%scheme%dynamic = .true.
+    body%port%port_load(3, 5:8) = -2.5_wp
     call body%assemble()
     call body%factor(dt, errors)
     call start_motion(body, errors)
@@ -139,7 +139,7 @@ contains
     call test%check('discrete frequency', worst < 1.0e-12_wp)
     call test%check_close('energy', body%energy%strain + body%energy%kinetic, body%energy%load, &
       1.0e-12_wp)
-    call body%solver%mumps%free()
+    call body%system%solver%mumps%free()
   end subroutine newmark_frequency
 
   !> The top moves at constant velocity from rest: the support feels rho c v A until the wave comes
@@ -152,13 +152,13 @@ contains
     real(wp) :: force, worst
     integer(i4) :: n, steps
     call make_column(cubes, body)
-    body%dynamic = .true.
-    deallocate (body%motion, body%curve)
-    allocate (body%motion(1), body%curve(1))
-    body%curve(1)%time = [0.0_wp, 4.0_wp, 8.0_wp]
-    body%curve(1)%value = [0.0_wp, 4.0_wp, 6.0_wp]
-    body%motion(1) = fem_motion_type(3, 1, v, [(n, n=4*cubes + 1, 4*cubes + 4)])
-    body%held(3, body%motion(1)%block) = .true.
+    body%scheme%dynamic = .true.
+    deallocate (body%supports%motion, body%loads%curve)
+    allocate (body%supports%motion(1), body%loads%curve(1))
+    body%loads%curve(1)%time = [0.0_wp, 4.0_wp, 8.0_wp]
+    body%loads%curve(1)%value = [0.0_wp, 4.0_wp, 6.0_wp]
+    body%supports%motion(1) = fem_motion_type(3, 1, v, [(n, n=4*cubes + 1, 4*cubes + 4)])
+    body%supports%held(3, body%supports%motion(1)%block) = .true.
     call body%assemble()
     force = 0.0_wp
     worst = 0.0_wp
@@ -182,6 +182,6 @@ contains
     call test%check_close('work of the support', body%energy%support, &
                           body%energy%strain + body%energy%kinetic, &
                           1.0e-11_wp*body%energy%support)
-    call body%solver%mumps%free()
+    call body%system%solver%mumps%free()
   end subroutine pushed_bar
 end program test_fem_body

@@ -64,9 +64,9 @@ contains
     body%elastic%inertia = 0.1_wp
     call body%elastic%number_points()
     call number_fields(body%mesh, body%elastic%rotations(), body%dofs)
-    allocate (body%curve(0), body%load(0), body%motion(0))
+    allocate (body%loads%curve(0), body%loads%load(0), body%supports%motion(0))
     call body%allocate_state()
-    body%dynamic = .true.
+    body%scheme%dynamic = .true.
   end subroutine make_column
 
   !> Largest circular frequency of the assembled stiffness with the mass of the integration.
@@ -83,12 +83,12 @@ contains
       do c = 1, 3
         unit = 0.0_wp
         unit(c, i) = 1.0_wp
-        call multiply(body%pattern, body%k, unit, column)
+        call multiply(body%system%pattern, body%system%k, unit, column)
         k(:, 3*i - 3 + c) = reshape(column, [n])
-        if (body%explicit) then
-          m(3*i - 3 + c, 3*i - 3 + c) = body%lumped(i)*body%mass_factor(i)
+        if (body%scheme%explicit) then
+          m(3*i - 3 + c, 3*i - 3 + c) = body%system%lumped(i)*body%port%mass_factor(i)
         else
-          call multiply_mass(body%pattern, body%mass, unit, column)
+          call multiply_mass(body%system%pattern, body%system%mass, unit, column)
           m(:, 3*i - 3 + c) = reshape(column, [n])
         end if
       end do
@@ -110,8 +110,8 @@ contains
     end do
     call start_motion(body, errors)
     do k = 1, 400
-      if (body%explicit) call central_step(body, k*dt, errors)
-      if (.not. body%explicit) call linear_step(body, k*dt, errors)
+      if (body%scheme%explicit) call central_step(body, k*dt, errors)
+      if (.not. body%scheme%explicit) call linear_step(body, k*dt, errors)
       if (errors%any()) exit
       call body%accept()
     end do
@@ -128,21 +128,21 @@ contains
     factor = [(0.05_wp + 0.9_wp*modulo(0.618_wp*i, 1.0_wp), i=1, 100)]
     do r = 1, 2
       body = fem_body_type()
-      body%explicit = .true.
+      body%scheme%explicit = .true.
       call make_column(4, trim(rules(r)), body)
       call body%assemble()
-      whole = body%step_limit
-      body%mass_factor = 0.49_wp
+      whole = body%limit%step
+      body%port%mass_factor = 0.49_wp
       call body%assemble()
-      call test%check_close('all masses by f: the step by its root', body%step_limit, &
+      call test%check_close('all masses by f: the step by its root', body%limit%step, &
                             0.7_wp*whole, 1.0e-13_wp)
-      body%mass_factor = factor(:body%dofs%blocks)
+      body%port%mass_factor = factor(:body%dofs%blocks)
       call body%assemble()
-      call test%check('shorter', body%step_limit < 0.7_wp*whole)
+      call test%check('shorter', body%limit%step < 0.7_wp*whole)
       call test%check('no longer than that of the assembled system', &
-                      body%step_limit <= 2.0_wp/true_frequency(body))
-      call test%check('not needlessly short', body%step_limit > 1.2_wp/true_frequency(body))
-      call test%check('stable at the limit', kicked(body, body%step_limit) < 10.0_wp)
+                      body%limit%step <= 2.0_wp/true_frequency(body))
+      call test%check('not needlessly short', body%limit%step > 1.2_wp/true_frequency(body))
+      call test%check('stable at the limit', kicked(body, body%limit%step) < 10.0_wp)
       call test%check('unstable at that of the whole mass', kicked(body, whole) > 1.0e6_wp)
     end do
   end subroutine explicit_factors
@@ -151,18 +151,18 @@ contains
   subroutine newmark_limit()
     type(fem_body_type) :: body
     call make_column(1, 'hex8_full', body)
-    body%beta = 0.1_wp
-    body%mass_factor(5:8) = 0.2_wp
+    body%scheme%beta = 0.1_wp
+    body%port%mass_factor(5:8) = 0.2_wp
     call body%assemble()
-    call test%check_close('limit of Newmark', body%step_limit, &
+    call test%check_close('limit of Newmark', body%limit%step, &
       1.0_wp/(true_frequency(body)*sqrt(0.25_wp - 0.1_wp)), 1.0e-10_wp)
-    call test%check('stable below', kicked(body, 0.999_wp*body%step_limit) < 10.0_wp)
-    call test%check('unstable above', kicked(body, 1.01_wp*body%step_limit) > 1.0e3_wp)
-    body%beta = 0.25_wp
-    body%step_limit = huge(1.0_wp)
+    call test%check('stable below', kicked(body, 0.999_wp*body%limit%step) < 10.0_wp)
+    call test%check('unstable above', kicked(body, 1.01_wp*body%limit%step) > 1.0e3_wp)
+    body%scheme%beta = 0.25_wp
+    body%limit%step = huge(1.0_wp)
     call body%assemble()
-    call test%check('average acceleration has none', body%step_limit >= huge(1.0_wp))
-    call body%solver%mumps%free()
+    call test%check('average acceleration has none', body%limit%step >= huge(1.0_wp))
+    call body%system%solver%mumps%free()
   end subroutine newmark_limit
 
   !> Springs of the port on an explicit body count as row sums over the masses.
@@ -170,20 +170,20 @@ contains
     type(fem_body_type) :: body
     real(wp) :: alone
     integer(i4) :: c
-    body%explicit = .true.
+    body%scheme%explicit = .true.
     call make_column(2, 'hex8_full', body)
     call body%assemble()
-    alone = 2.0_wp/body%step_limit
-    body%robin%n = 1
-    body%robin%node = reshape([9, 10, 11, 12], [4, 1])
-    body%robin%weight = reshape([0.4_wp, 0.3_wp, 0.2_wp, 0.1_wp], [4, 1])
-    allocate (body%robin%stiffness(3, 3, 1), source=0.0_wp)
+    alone = 2.0_wp/body%limit%step
+    body%port%robin%n = 1
+    body%port%robin%node = reshape([9, 10, 11, 12], [4, 1])
+    body%port%robin%weight = reshape([0.4_wp, 0.3_wp, 0.2_wp, 0.1_wp], [4, 1])
+    allocate (body%port%robin%stiffness(3, 3, 1), source=0.0_wp)
     do c = 1, 3
-      body%robin%stiffness(c, c, 1) = 5.0e4_wp
+      body%port%robin%stiffness(c, c, 1) = 5.0e4_wp
     end do
     call body%limit_step()
-    call test%check_close('springs in the limit', (2.0_wp/body%step_limit)**2, &
-      alone**2 + 0.4_wp*5.0e4_wp/body%lumped(9), 1.0e-12_wp*alone**2)
+    call test%check_close('springs in the limit', (2.0_wp/body%limit%step)**2, &
+      alone**2 + 0.4_wp*5.0e4_wp/body%system%lumped(9), 1.0e-12_wp*alone**2)
   end subroutine hanging_springs
 
   !> A free body that starts with one velocity goes on with it, and its energy stands in the ledger;
@@ -194,26 +194,26 @@ contains
     integer(i4) :: k, way
     do way = 1, 2
       body = fem_body_type()
-      body%explicit = way == 1
+      body%scheme%explicit = way == 1
       call make_column(3, 'hex8_bbar', body)
       call body%assemble()
       body%state%v(2, :) = 1.5_wp
       call start_motion(body, errors)
       call test%check_close('kinetic energy', body%energy%start, 0.5_wp*9.0_wp*2.25_wp, 1.0e-12_wp)
       do k = 1, 50
-        if (body%explicit) call central_step(body, k*0.01_wp, errors)
-        if (.not. body%explicit) call linear_step(body, k*0.01_wp, errors)
+        if (body%scheme%explicit) call central_step(body, k*0.01_wp, errors)
+        if (.not. body%scheme%explicit) call linear_step(body, k*0.01_wp, errors)
         call body%accept()
       end do
       call test%check('no fault', .not. errors%any())
       call test%check('moved', max_abs(body%accepted%u(2, :) - 0.75_wp) < 1.0e-12_wp)
       call test%check('straight', max_abs(body%accepted%u(1:3:2, :)) < 1.0e-12_wp)
-      body%held(:, 1:4) = .true.
+      body%supports%held(:, 1:4) = .true.
       body%state%v(2, :) = 1.5_wp
-      body%fresh_numbering = .false.
+      call body%system%forget_numbers()
       call start_motion(body, errors)
       call test%check('held nodes stay', max_abs(body%accepted%v(:, 1:4)) <= 0.0_wp)
-      if (.not. body%explicit) call body%solver%mumps%free()
+      if (.not. body%scheme%explicit) call body%system%solver%mumps%free()
     end do
   end subroutine rotor
 
@@ -224,9 +224,9 @@ contains
     real(wp), parameter :: omega = sqrt(2.0_wp*80.0_wp/(3.0_wp*0.1_wp)), dt = 1.0e-2_wp
     real(wp) :: discrete, worst
     integer(i4) :: k
-    body%explicit = .true.
+    body%scheme%explicit = .true.
     call make_column(2, 'hex8/hex8', body)
-    body%held(:, :body%mesh%nodes) = .true.
+    body%supports%held(:, :body%mesh%nodes) = .true.
     call body%assemble()
     body%state%v(3, body%mesh%nodes + 1:) = 0.2_wp
     call start_motion(body, errors)

@@ -57,7 +57,7 @@ contains
     body%elastic%density = 3.0_wp
     call body%elastic%number_points()
     call number_fields(body%mesh, body%elastic%rotations(), body%dofs)
-    allocate (body%curve(0), body%load(0), body%motion(0))
+    allocate (body%loads%curve(0), body%loads%load(0), body%supports%motion(0))
     call body%allocate_state()
     call body%assemble()
     call make_matter(plastic, body)
@@ -108,14 +108,15 @@ contains
     call make_cube(rule, .false., body)
     u = noise(body%dofs%blocks, 1.0e-3_wp)
     allocate (wanted, force, product, mold=u)
-    call multiply(body%pattern, body%k, u, wanted)
+    call multiply(body%system%pattern, body%system%k, u, wanted)
     call body%matter%update(body%mesh, body%dofs, body%elastic, u, u, force, bad)
     call test%check(rule//': all points have a state', bad == 0)
     call test%check_close(rule//': forces', max_abs(force - wanted)/max_abs(wanted), &
                           0.0_wp, 1.0e-13_wp)
-    call body%matter%assemble(body%mesh, body%dofs, body%elastic, body%pattern, body%k, body%lower)
-    call test%check(rule//': symmetric', size(body%lower) == 0)
-    call multiply_general(body%pattern, body%k, body%lower, u, product)
+    call body%matter%assemble(body%mesh, body%dofs, body%elastic, body%system%pattern, &
+      body%system%k, body%system%lower)
+    call test%check(rule//': symmetric', size(body%system%lower) == 0)
+    call multiply_general(body%system%pattern, body%system%k, body%system%lower, u, product)
     call test%check_close(rule//': stiffness', max_abs(product - wanted) &
                           /max_abs(wanted), 0.0_wp, 1.0e-13_wp)
     call test%check_close(rule//': stored energy', sum(body%matter%works()) &
@@ -138,9 +139,10 @@ contains
     call body%matter%update(body%mesh, body%dofs, body%elastic, u, u, product, bad)
     counts = body%matter%yielding()
     call test%check('some points yield', counts(1) > 0)
-    call body%matter%assemble(body%mesh, body%dofs, body%elastic, body%pattern, body%k, body%lower)
-    call multiply_general(body%pattern, body%k, body%lower, way, product)
-    call multiply_general(body%pattern, body%k, body%lower, u, back)
+    call body%matter%assemble(body%mesh, body%dofs, body%elastic, body%system%pattern, &
+      body%system%k, body%system%lower)
+    call multiply_general(body%system%pattern, body%system%k, body%system%lower, way, product)
+    call multiply_general(body%system%pattern, body%system%k, body%system%lower, u, back)
     call test%check('not symmetric', abs(sum(u*product) - sum(way*back)) > &
                     1.0e-6_wp*abs(sum(u*product)))
     call body%matter%update(body%mesh, body%dofs, body%elastic, u, u + step*way, high, bad)
@@ -159,17 +161,18 @@ contains
     do t = 1, 3
       call omp_set_num_threads(t)
       call body%matter%update(body%mesh, body%dofs, body%elastic, u, u, force, bad)
-      call body%matter%assemble(body%mesh, body%dofs, body%elastic, body%pattern, body%k, &
-                                body%lower)
+      call body%matter%assemble(body%mesh, body%dofs, body%elastic, body%system%pattern, &
+        body%system%k, &
+                                body%system%lower)
       if (t == 1) then
         first = force
-        k = body%k
-        lower = body%lower
+        k = body%system%k
+        lower = body%system%lower
         cycle
       end if
       call test%check('threads: forces', all(abs(force - first) <= 0.0_wp))
-      call test%check('threads: stiffness', all(abs(body%k - k) <= 0.0_wp) &
-                      .and. all(abs(body%lower - lower) <= 0.0_wp))
+      call test%check('threads: stiffness', all(abs(body%system%k - k) <= 0.0_wp) &
+                      .and. all(abs(body%system%lower - lower) <= 0.0_wp))
     end do
   end subroutine check_threads
 end program test_fem_matter

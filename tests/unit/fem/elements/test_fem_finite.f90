@@ -52,7 +52,7 @@ contains
     body%elastic%density = 3.0_wp
     call body%elastic%number_points()
     call number_fields(body%mesh, body%elastic%rotations(), body%dofs)
-    allocate (body%curve(0), body%load(0), body%motion(0))
+    allocate (body%loads%curve(0), body%loads%load(0), body%supports%motion(0))
     call body%allocate_state()
     call body%assemble()
     law%kind = law_kind
@@ -107,9 +107,10 @@ contains
     way = noise(body%dofs%blocks, 1.0_wp, 2.3_wp)
     allocate (force, high, low, product, back, mold=u)
     call forces_at(body, u, force, energy)
-    call body%matter%assemble(body%mesh, body%dofs, body%elastic, body%pattern, body%k, body%lower)
-    call multiply_general(body%pattern, body%k, body%lower, way, product)
-    call multiply_general(body%pattern, body%k, body%lower, u, back)
+    call body%matter%assemble(body%mesh, body%dofs, body%elastic, body%system%pattern, &
+      body%system%k, body%system%lower)
+    call multiply_general(body%system%pattern, body%system%k, body%system%lower, way, product)
+    call multiply_general(body%system%pattern, body%system%k, body%system%lower, u, back)
     call forces_at(body, u + step*way, high, up)
     call forces_at(body, u - step*way, low, down)
     call test%check_close(rule//': forces are slopes of the energy', (up - down) &
@@ -121,7 +122,7 @@ contains
     call test%check_close(rule//': forces sum to nothing', max_abs(sum(force, 2)) &
                           /max_abs(force), 0.0_wp, 1.0e-13_wp)
     call check_rotation(rule, body, u, force, energy)
-    call multiply(body%pattern, linear_stiffness(body), u, product)
+    call multiply(body%system%pattern, linear_stiffness(body), u, product)
     call forces_at(body, shorter*u, force, energy)
     call test%check_close(rule//': small motions are linear', max_abs(force - shorter*product) &
                           /max_abs(force), 0.0_wp, 20.0_wp*shorter)
@@ -134,7 +135,7 @@ contains
     body%matter%active = .false.
     call body%assemble()
     body%matter%active = .true.
-    k = body%k
+    k = body%system%k
   end function linear_stiffness
 
   !> A turn of the deformed element by 2 rad turns the forces and leaves the energy; forces have no
@@ -230,11 +231,12 @@ contains
       call follower_force(body%mesh, follower, 2.0_wp, u + step*way, high)
       low = 0.0_wp
       call follower_force(body%mesh, follower, 2.0_wp, u - step*way, low)
-      body%k = 0.0_wp*body%k
-      if (allocated(body%lower)) deallocate (body%lower)
-      allocate (body%lower, source=body%k)
-      call add_follower_stiffness(body%mesh, follower, 2.0_wp, u, body%pattern, body%k, body%lower)
-      call multiply_general(body%pattern, body%k, body%lower, way, product)
+      body%system%k = 0.0_wp*body%system%k
+      if (allocated(body%system%lower)) deallocate (body%system%lower)
+      allocate (body%system%lower, source=body%system%k)
+      call add_follower_stiffness(body%mesh, follower, 2.0_wp, u, body%system%pattern, &
+        body%system%k, body%system%lower)
+      call multiply_general(body%system%pattern, body%system%k, body%system%lower, way, product)
       call test%check_close('follower: tangent', max_abs((low - high)/(2.0_wp*step) - product) &
                             /max_abs(product), 0.0_wp, 1.0e-8_wp)
     end do

@@ -83,7 +83,7 @@ contains
     call body%elastic%number_points()
     body%elastic%components = micromorphic
     call number_fields(body%mesh, body%elastic%rotations(), body%dofs, phi_columns)
-    allocate (body%curve(0), body%load(0), body%motion(0))
+    allocate (body%loads%curve(0), body%loads%load(0), body%supports%motion(0))
     call body%allocate_state()
     call make_matter(plastic, body)
     call body%assemble()
@@ -137,10 +137,12 @@ contains
       call test%check('and know their node', all(dofs%node(dofs%phi + 2) == dofs%node(:nodes)))
       call test%check('blocks of an element', dofs%start(2) - dofs%start(1) == 32)
       volume = sum(body%matter%weight)
-      call test%check_close('mass', sum(body%lumped(:nodes)), 3.0_wp*volume, 1.0e-12_wp)
-      call test%check_close('micro-inertia of the first column', sum(body%lumped(dofs%phi)), &
+      call test%check_close('mass', sum(body%system%lumped(:nodes)), 3.0_wp*volume, 1.0e-12_wp)
+      call test%check_close('micro-inertia of the first column', &
+        sum(body%system%lumped(dofs%phi)), &
                             0.6_wp*volume, 1.0e-12_wp)
-      call test%check_close('and of the last', sum(body%lumped(dofs%phi + 2)), 0.6_wp*volume, &
+      call test%check_close('and of the last', sum(body%system%lumped(dofs%phi + 2)), &
+        0.6_wp*volume, &
                             1.0e-12_wp)
     end associate
   end subroutine check_blocks
@@ -162,9 +164,10 @@ contains
     call test%check(name//': all points have a state', bad == 0)
     counts = body%matter%yielding()
     call test%check(name//': points yield', counts(1) > 0 .eqv. plastic)
-    call body%matter%assemble(body%mesh, body%dofs, body%elastic, body%pattern, body%k, body%lower)
-    call test%check(name//': symmetry', size(body%lower) == 0 .neqv. plastic)
-    call multiply_general(body%pattern, body%k, body%lower, way, product)
+    call body%matter%assemble(body%mesh, body%dofs, body%elastic, body%system%pattern, &
+      body%system%k, body%system%lower)
+    call test%check(name//': symmetry', size(body%system%lower) == 0 .neqv. plastic)
+    call multiply_general(body%system%pattern, body%system%k, body%system%lower, way, product)
     call body%matter%update(body%mesh, body%dofs, body%elastic, u + step*way, u + step*way, high, &
                             bad)
     call body%matter%update(body%mesh, body%dofs, body%elastic, u - step*way, u - step*way, low, &
@@ -184,16 +187,20 @@ contains
     u = noise(one%dofs%blocks, 6.0e-3_wp)
     allocate (first, force, mold=u)
     call one%matter%update(one%mesh, one%dofs, one%elastic, u, u, first, bad)
-    call one%matter%assemble(one%mesh, one%dofs, one%elastic, one%pattern, one%k, one%lower)
+    associate (a => one%system)
+      call one%matter%assemble(one%mesh, one%dofs, one%elastic, a%pattern, a%k, a%lower)
+    end associate
     call make_cube(.true., many)
     do t = 2, 3
       call omp_set_num_threads(t)
       call many%matter%update(many%mesh, many%dofs, many%elastic, u, u, force, bad)
-      call many%matter%assemble(many%mesh, many%dofs, many%elastic, many%pattern, many%k, &
-                                many%lower)
+      associate (a => many%system)
+        call many%matter%assemble(many%mesh, many%dofs, many%elastic, a%pattern, a%k, a%lower)
+      end associate
       call test%check('threads: forces', all(force == first))
       call test%check('threads: states', all(many%matter%state == one%matter%state))
-      call test%check('threads: stiffness', all(many%k == one%k) .and. all(many%lower == one%lower))
+      call test%check('threads: stiffness', all(many%system%k == one%system%k) .and. &
+                      all(many%system%lower == one%system%lower))
     end do
     call omp_set_num_threads(1)
   end subroutine check_threads

@@ -72,7 +72,7 @@ contains
     allocate (model)
     call serve(model, options, exit_code, faults)
     if (faults%any()) call faults%print(0)
-    call model%body%solver%mumps%free()
+    call model%body%system%solver%mumps%free()
     call leave_ranks()
     stop exit_code, quiet=.true.
   end subroutine be_served

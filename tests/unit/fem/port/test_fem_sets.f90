@@ -32,7 +32,7 @@ contains
   subroutine make_cube(body)
     type(fem_body_type), intent(inout) :: body
     call make_row(body, [0.0_wp, 1.0_wp])
-    body%held(:, :8) = .true.
+    body%supports%held(:, :8) = .true.
   end subroutine make_cube
 
   !> Bricks between the given heights, 1 by 1 wide.
@@ -56,7 +56,7 @@ contains
     body%elastic%inertia = 0.5_wp
     call body%elastic%number_points()
     call number_fields(body%mesh, body%elastic%rotations(), body%dofs)
-    allocate (body%curve(0), body%load(0), body%motion(0))
+    allocate (body%loads%curve(0), body%loads%load(0), body%supports%motion(0))
     call body%allocate_state()
     call body%assemble()
   end subroutine make_row
@@ -75,8 +75,9 @@ contains
     call make_cube(body)
     ids = [(int(k, i8), k=1, 8)]
     call sets%select('all', 'prescribe', 'phi', ids, body, changed, errors)
-    call test%check('micro-rotations are prescribed', changed .and. all(body%prescribed(:, 9:)))
-    call test%check('displacements are not', .not. any(body%prescribed(:, :8)))
+    call test%check('micro-rotations are prescribed', changed .and. all(body%port%prescribed(:, &
+      9:)))
+    call test%check('displacements are not', .not. any(body%port%prescribed(:, :8)))
     phi = spread([0.1_wp, 0.0_wp, -0.2_wp], 2, 8)
     call request%start(verb_solve)
     call request%put('all.phi', phi)
@@ -89,7 +90,7 @@ contains
     call test%check_close('moment about x', sum(moment(1, :)), 2.0_wp*kappa*0.1_wp, 1.0e-13_wp)
     call test%check_close('moment about z', sum(moment(3, :)), -4.0_wp*kappa*0.1_wp, 1.0e-13_wp)
     call test%check_close('work is stored', body%energy%support, body%energy%strain, 1.0e-14_wp)
-    call body%solver%mumps%free()
+    call body%system%solver%mumps%free()
   end subroutine turned_block
 
   !> Moments on micro-rotations against held displacements: phi = m / (2 kappa V).
@@ -117,7 +118,7 @@ contains
     call test%check('no fault of loads', .not. errors%any())
     call test%check('uniform rotation', max_abs(phi(2, :) - 2.0_wp/(2.0_wp*kappa)) < 1.0e-14_wp)
     call test%check('about y alone', max_abs(phi([1, 3], :)) < 1.0e-15_wp)
-    call body%solver%mumps%free()
+    call body%system%solver%mumps%free()
   end subroutine loaded_block
 
   !> Elements of one shape share a map of their forces; what the maps give is what elements give.
@@ -144,7 +145,7 @@ contains
     call edge%force(u)
     call test%check('only of the last', size(edge%of) == 16 .and. &
                     all(abs(edge%f(:, :12)) <= 0.0_wp) .and. any(abs(edge%f(:, 13:20)) > 0.0_wp))
-    call body%solver%mumps%free()
+    call body%system%solver%mumps%free()
   end subroutine shared_maps
 
   !> Forces of the body are found anew when it has moved or its stiffness was changed.
@@ -160,7 +161,7 @@ contains
     call sets%whole_force(body, first)
     call sets%whole_force(body, again)
     call test%check('the same again', all(abs(first - again) <= 0.0_wp) .and. any(first > 0.0_wp))
-    body%k = 2.0_wp*body%k
+    body%system%k = 2.0_wp*body%system%k
     call sets%forget_elements()
     call sets%whole_force(body, again)
     call test%check('of another stiffness', all(abs(2.0_wp*first - again) <= 0.0_wp))
@@ -168,7 +169,7 @@ contains
     call sets%whole_force(body, first)
     call body%trial_force(body%state%u, again)
     call test%check('of another place', all(abs(first - again) <= 0.0_wp))
-    call body%solver%mumps%free()
+    call body%system%solver%mumps%free()
   end subroutine known_forces
 
   pure function phi_like(value) result(field)

@@ -1,0 +1,113 @@
+!> The parts of a solid body (fem_body), by job: scheme of the analysis, loads, supports, what the
+!! port sets, matrices with their factors, the largest stable step. Plain data.
+module fem_parts
+  use talus_kinds, only: wp, i4, i8
+  use talus_curve, only: curve_type
+  use fem_follower, only: fem_follower_type
+  use fem_rigid, only: fem_rigid_type
+  use fem_solver, only: fem_solver_type
+  use fem_sparse, only: fem_pattern_type
+  use fem_types, only: fem_load_type, fem_springs_type, fem_state_type, fem_energy_type
+  implicit none
+  private
+  public :: fem_scheme_type, fem_loads_type, fem_supports_type, fem_motion_type
+  public :: fem_port_values_type, fem_system_type, fem_limit_type, fem_newton_type, fem_kept_type
+
+  !> What the analysis asks of the body.
+  type :: fem_scheme_type
+    logical :: dynamic = .false.      !! steps in time with velocities
+    logical :: massive = .false.      !! mass matters: dynamics or modes
+    logical :: explicit = .false.     !! central differences, lumped mass; dynamic is true too
+    logical :: linear_only = .false.  !! no law with a state
+    real(wp) :: beta = 0.25_wp, gamma = 0.5_wp  !! Newmark's
+    real(wp) :: lag = 0.0_wp          !! HHT: share of the old balance, -alpha [-]
+  end type fem_scheme_type
+
+  type :: fem_loads_type
+    type(curve_type), allocatable :: curve(:)
+    type(fem_load_type), allocatable :: load(:)
+    type(fem_follower_type), allocatable :: follower(:)  !! pressures that follow the surface
+    real(wp) :: gravity(3) = 0.0_wp                      !! [m/s^2]
+  end type fem_loads_type
+
+  !> Prescribed motion of one component of some blocks.
+  type :: fem_motion_type
+    integer(i4) :: component = 1, curve = 0
+    real(wp) :: scale = 1.0_wp             !! [m], [rad]
+    integer(i4), allocatable :: block(:)
+  end type fem_motion_type
+
+  type :: fem_supports_type
+    logical, allocatable :: held(:, :)             !! (3, blocks) supported or moved by the deck
+    type(fem_motion_type), allocatable :: motion(:)
+    type(fem_rigid_type), allocatable :: rigid(:)  !! groups that move as rigid bodies
+    type(fem_springs_type) :: ground               !! springs to the ground
+  end type fem_supports_type
+
+  !> What a partner at the port sets.
+  type :: fem_port_values_type
+    logical, allocatable :: prescribed(:, :)     !! (3, blocks) moved
+    real(wp), allocatable :: given_u(:, :), given_v(:, :)  !! (3, blocks) [m], for output [m/s]
+    real(wp), allocatable :: port_load(:, :)     !! (3, blocks) now [N]
+    real(wp), allocatable :: dead_load(:, :)     !! (3, blocks) constant [N]
+    real(wp), allocatable :: mass_factor(:)      !! (blocks) on mass and weight [-]
+    type(fem_springs_type) :: robin              !! springs to the last accepted state
+  end type fem_port_values_type
+
+  !> Matrices and their factors.
+  type :: fem_system_type
+    type(fem_pattern_type) :: pattern
+    type(fem_solver_type) :: solver
+    real(wp), allocatable :: k(:, :, :)          !! (3, 3, entries) stiffness or tangent [N/m]
+    real(wp), allocatable :: lower(:, :, :)      !! blocks below the diagonal, if not symmetric
+    real(wp), allocatable :: mass(:)             !! (entries) consistent [kg], [kg m^2]
+    real(wp), allocatable :: lumped(:)           !! (blocks) without the factors [kg], [kg m^2]
+    real(wp), allocatable :: node_mass(:)        !! (blocks) lumped, with the factors
+    real(wp), allocatable :: weight_force(:, :)  !! (3, blocks) of gravity [N]
+    real(wp), allocatable :: initial_force(:, :) !! (3, blocks) of the initial stress [N]
+    real(wp) :: factored_dt = -1.0_wp            !! [s], 0 in statics, < 0 not factored
+    real(wp) :: restored_dt = -1.0_wp            !! [s] of the factors at a checkpoint, < 0 none
+    logical :: fresh_numbering = .false.
+  contains
+    procedure :: forget_factors
+    procedure :: forget_numbers
+  end type fem_system_type
+
+  !> Largest stable step of the time integration.
+  type :: fem_limit_type
+    real(wp) :: step = huge(1.0_wp)  !! [s]
+    integer(i4) :: stiffest = 0      !! element that sets it
+    integer(i8) :: leaps = 0         !! explicit steps of laws with a state so far
+  end type fem_limit_type
+
+  !> How the equilibrium of laws with a state is sought.
+  type :: fem_newton_type
+    real(wp) :: tolerance = 1.0e-8_wp  !! residual over loads and reactions [-]
+    integer(i4) :: most_iterations = 25
+    integer(i4) :: most_cuts = 10      !! halvings of a step
+    integer(i4) :: rows = 0            !! of the table of the last step
+    real(wp), allocatable :: table(:, :)  !! (8, rows), columns as fem_newton has them
+  end type fem_newton_type
+
+  !> An accepted state that is put aside while trials of several parts are made.
+  type :: fem_kept_type
+    type(fem_state_type) :: state
+    type(fem_energy_type) :: energy
+    real(wp), allocatable :: stress(:, :), points(:, :)
+    type(fem_rigid_type), allocatable :: rigid(:)
+  end type fem_kept_type
+
+contains
+
+  !> The factors are those of another matrix from now on.
+  subroutine forget_factors(self)
+    class(fem_system_type), intent(inout) :: self
+    self%factored_dt = -1.0_wp
+  end subroutine forget_factors
+
+  !> Other degrees of freedom are free from now on.
+  subroutine forget_numbers(self)
+    class(fem_system_type), intent(inout) :: self
+    self%fresh_numbering = .false.
+  end subroutine forget_numbers
+end module fem_parts
