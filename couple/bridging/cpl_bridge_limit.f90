@@ -66,10 +66,10 @@ contains
     mode = highest_frequency(o, coupled)
     call timers%stop('stable step')
     if (.not. mode%omega > 0.0_wp) return
-    o%step_limit = 2.0_wp/mode%omega
-    if (grains%dt <= o%step_limit) return
+    o%limit%step_limit = 2.0_wp/mode%omega
+    if (grains%dt <= o%limit%step_limit) return
     call errors%add('D425', 'the step of the grains, '//str(grains%dt)//' s, is above the '// &
-      'stable step of the overlap, '//short_number(o%step_limit)//' s', grains%deck, &
+      'stable step of the overlap, '//short_number(o%limit%step_limit)//' s', grains%deck, &
       'shorten dt in its deck; if the grains alone allow the step, moduli of the solid that '// &
       'are too stiff for the pack are the cause')
   end subroutine check_step_of
@@ -82,7 +82,7 @@ contains
     associate (p => coupled%partition)
       do c = 1, size(p%pair, 2)
         if (.not. ghost_ghost(p, c)) cycle
-        p%stiffness(:, c) = p%stiffness(:, c)*max(o%least_weight, omega_mean( &
+        p%stiffness(:, c) = p%stiffness(:, c)*max(o%rules%least_weight, omega_mean( &
           p%depth(p%pair(1, c)), p%depth(p%pair(2, c)), o%sets%depth, 0.0_wp))
       end do
     end associate
@@ -102,7 +102,7 @@ contains
         end do
       end do
     end associate
-    where (o%held) y%u = 0.0_wp
+    where (o%own%held) y%u = 0.0_wp
   end subroutine start_bound
 
   !> r = K y, with bound grains where the nodes are; r of them is handed to the nodes.
@@ -134,8 +134,8 @@ contains
         r%theta(:, o%sets%ghost) = 0.0_wp
       end if
       r%q(:, o%sets%ghost) = 0.0_wp
-      where (o%held) r%u = 0.0_wp
-      where (o%held_phi) r%phi = 0.0_wp
+      where (o%own%held) r%u = 0.0_wp
+      where (o%own%held_phi) r%phi = 0.0_wp
       u = r%u
       phi = r%phi
       r%u = 0.0_wp

@@ -49,7 +49,7 @@ contains
 
     allocate (b%weight(o%op%ghosts))
     do g = 1, o%op%ghosts
-      b%weight(g) = clipped(o, omega(o%sets%hull%distance(o%x_ghost(:, g)), &
+      b%weight(g) = clipped(o, omega(o%sets%hull%distance(o%map%x_ghost(:, g)), &
                                             o%sets%depth, 0.0_wp))
     end do
     call element_weights(o, points, weight)
@@ -68,15 +68,15 @@ contains
     all_phi = o%cells%inertia*own_phi
     own = o%cells%mass*own_phi
     b%weight_excess = own(o%op%node) - o%cells%mass(o%op%node)
-    o%mass = own(o%op%node)
-    o%inertia = all_phi(o%op%node_phi)
-    o%moved_mass = sum(b%weight*o%pack%mass(o%sets%ghost))
+    o%own%mass = own(o%op%node)
+    o%own%inertia = all_phi(o%op%node_phi)
+    o%own%moved_mass = sum(b%weight*o%pack%mass(o%sets%ghost))
   end subroutine share_domain
 
   pure elemental real(wp) function clipped(o, weight)
     type(overlap_type), intent(in) :: o
     real(wp), intent(in) :: weight
-    clipped = min(1.0_wp - o%least_weight, max(o%least_weight, weight))
+    clipped = min(1.0_wp - o%rules%least_weight, max(o%rules%least_weight, weight))
   end function clipped
 
   !> Mean weight of the continuum around each node of each element: with its function as weight in

@@ -33,13 +33,13 @@ contains
 
     n = o%op%ghosts
     b%lumped = lumped
-    b%turns = o%turns
+    b%turns = o%rules%turns
     allocate (b%v(3, n), b%spin(3, n), b%push(3, n), b%couple(3, n), b%hold(3, n), &
               b%hold_couple(3, n), b%theta_ref(3, n), source=0.0_wp)
-    allocate (o%factor(o%op%free), source=1.0_wp)
-    o%in_parts = .false.
-    o%hears_force = .false.
-    o%hears_speed = .false.
+    allocate (o%own%factor(o%op%free), source=1.0_wp)
+    o%rules%in_parts = .false.
+    o%rules%hears_force = .false.
+    o%rules%hears_speed = .false.
     call check_domain(o, errors)
   end subroutine make_bridge
 
@@ -101,13 +101,13 @@ contains
     real(wp), intent(in) :: gravity(3)  !! [m/s^2]
     integer(i4) :: g
     do g = 1, o%op%ghosts
-      b%hold(:, g) = -o%p(:, g) - b%move%grain(g)*gravity
+      b%hold(:, g) = -o%forces%p(:, g) - b%move%grain(g)*gravity
     end do
-    if (b%turns) b%hold_couple = -o%m
-    o%f_hold = -o%f
-    o%c_hold = -o%c
-    o%f = 0.0_wp
-    o%c = 0.0_wp
+    if (b%turns) b%hold_couple = -o%forces%m
+    o%forces%f_hold = -o%forces%f
+    o%forces%c_hold = -o%forces%c
+    o%forces%f = 0.0_wp
+    o%forces%c = 0.0_wp
   end subroutine hold_start
 
   !> Sets of both solvers. Prescribed for the solid are all nodes of the overlap, bound or not.
@@ -119,23 +119,23 @@ contains
     character(len=:), allocatable :: told
 
     told = 'x,v,force,load'
-    if (o%turns) told = told//',theta,omega,moment'
+    if (o%rules%turns) told = told//',theta,omega,moment'
     associate (grains => solvers(side_grains), solid => solvers(side_solid), n => o%op%hats, &
                m => o%op%hats_phi, bound => o%pack%id(o%sets%ghost))
       call choose(grains, bound_set, 'report', bound, told)
       call choose(grains, load_set, 'load', bound, '')
       told = 'x'
-      if (o%turns) told = 'x,theta'
+      if (o%rules%turns) told = 'x,theta'
       call choose(grains, free_set, 'report', o%pack%id(o%sets%free), told)
       call choose(solid, hat_set, 'prescribe', int(o%op%node(:n), i8), 'u')
-      call take_held('held', o%held(:, :n))
+      call take_held('held', o%own%held(:, :n))
       call choose(solid, edge_set, 'prescribe', int(o%op%node(n + 1:), i8), 'u')
-      call take_held('held', o%held(:, n + 1:))
+      call take_held('held', o%own%held(:, n + 1:))
       if (o%op%nodes_phi == 0) return
       call choose(solid, hat_phi_set, 'prescribe', int(o%op%node_phi(:m), i8), 'phi')
-      call take_held('held_phi', o%held_phi(:, :m))
+      call take_held('held_phi', o%own%held_phi(:, :m))
       call choose(solid, edge_phi_set, 'prescribe', int(o%op%node_phi(m + 1:), i8), 'phi')
-      call take_held('held_phi', o%held_phi(:, m + 1:))
+      call take_held('held_phi', o%own%held_phi(:, m + 1:))
     end associate
 
   contains
@@ -180,21 +180,21 @@ contains
     associate (ghost => o%sets%ghost)
       domain%n = o%op%ghost
       domain%bound = bound(o%op%node)
-      domain%x_node = o%x_node
-      domain%node = o%mass
+      domain%x_node = o%map%x_node
+      domain%node = o%own%mass
       domain%grain = b%weight*o%pack%mass(ghost)
-      domain%held = o%held
+      domain%held = o%own%held
       call b%move%build(domain, b%lumped, errors)
-      where (.not. bound(o%op%node)) o%mass = 0.0_wp
+      where (.not. bound(o%op%node)) o%own%mass = 0.0_wp
       if (.not. b%turns .or. errors%any()) return
       domain%n = o%op%ghost_phi
       domain%bound = bound(o%op%node_phi)
       domain%x_node = o%cells%x(:, o%op%node_phi)
-      domain%node = o%inertia
+      domain%node = o%own%inertia
       domain%grain = b%weight*o%pack%slimmest(ghost)
-      domain%held = o%held_phi
+      domain%held = o%own%held_phi
       call b%turn%build(domain, b%lumped, errors)
-      where (.not. bound(o%op%node_phi)) o%inertia = 0.0_wp
+      where (.not. bound(o%op%node_phi)) o%own%inertia = 0.0_wp
     end associate
   end subroutine build_fields
 
@@ -225,8 +225,8 @@ contains
     type(bridge_type), intent(inout) :: b
     type(cpl_solver_type), intent(inout) :: grains
     type(error_list_type), intent(inout) :: errors
-    call grains%reply%get('scalars', o%grains, errors)
-    if (o%turns) call grains%reply%get(free_set//'.theta', o%theta_ref, errors)
+    call grains%reply%get('scalars', o%ledger%grains, errors)
+    if (o%rules%turns) call grains%reply%get(free_set//'.theta', o%map%theta_ref, errors)
     if (b%turns) call grains%reply%get(bound_set//'.theta', b%theta_ref, errors)
     call read_bound(o, b, grains, .true., errors)
   end subroutine read_grains
@@ -236,9 +236,9 @@ contains
     type(overlap_type), intent(inout) :: o
     type(bridge_type), intent(in) :: b
     type(error_list_type), intent(inout) :: errors
-    if (any(abs(b%v) > 0.0_wp)) call b%move%start(b%v, o%x_node, o%v, errors)
+    if (any(abs(b%v) > 0.0_wp)) call b%move%start(b%v, o%map%x_node, o%motion%v, errors)
     if (.not. b%turns) return
     if (any(abs(b%spin) > 0.0_wp)) &
-      call b%turn%start(b%spin, o%cells%x(:, o%op%node_phi), o%w, errors)
+      call b%turn%start(b%spin, o%cells%x(:, o%op%node_phi), o%motion%w, errors)
   end subroutine start_speeds
 end module cpl_bridge_setup

@@ -42,18 +42,18 @@ contains
       keep = (1.0_wp - half)/(1.0_wp + half)
       trial%push = kick/(1.0_wp + half)
     end associate
-    trial%before = o%v
-    trial%before_phi = o%w
+    trial%before = o%motion%v
+    trial%before_phi = o%motion%w
     call kick_nodes(o, b, kick, bulk)
     if (.not. allocated(trial%v)) allocate (trial%v(3, o%op%ghosts), trial%spin(3, o%op%ghosts))
     do g = 1, o%op%ghosts
-      trial%v(:, g) = keep*b%v(:, g) + trial%push*((o%p(:, g) + b%hold(:, g))/b%move%grain(g) &
-                                                   + grains%gravity)
+      trial%v(:, g) = keep*b%v(:, g) + trial%push*((o%forces%p(:, g) + b%hold(:, &
+        g))/b%move%grain(g) + grains%gravity)
     end do
     if (.not. b%turns) return
     do g = 1, o%op%ghosts
       trial%spin(:, g) = keep*b%spin(:, g) &
-        + trial%push*(o%m(:, g) + b%hold_couple(:, g))/b%turn%grain(g)
+        + trial%push*(o%forces%m(:, g) + b%hold_couple(:, g))/b%turn%grain(g)
     end do
   end subroutine trial_kick
 
@@ -67,16 +67,16 @@ contains
     associate (at => b%move%at)
       do k = 1, size(at)
         a = at(k)
-        where (.not. o%held(:, a)) o%v(:, a) = o%v(:, a) &
-          + (kick*o%f(:, a) + bulk*o%bulk(:, a))/o%mass(a)
+        where (.not. o%own%held(:, a)) o%motion%v(:, a) = o%motion%v(:, a) &
+          + (kick*o%forces%f(:, a) + bulk*o%forces%bulk(:, a))/o%own%mass(a)
       end do
     end associate
     if (.not. b%turns) return
     associate (at => b%turn%at)
       do k = 1, size(at)
         a = at(k)
-        where (.not. o%held_phi(:, a)) o%w(:, a) = o%w(:, a) &
-          + (kick*o%c(:, a) + bulk*o%bulk_phi(:, a))/o%inertia(a)
+        where (.not. o%own%held_phi(:, a)) o%motion%w(:, a) = o%motion%w(:, a) &
+          + (kick*o%forces%c(:, a) + bulk*o%forces%bulk_phi(:, a))/o%own%inertia(a)
       end do
     end associate
   end subroutine kick_nodes
@@ -93,26 +93,28 @@ contains
 
     do a = 1, size(b%move%at)
       associate (k => b%move%at(a))
-        o%u(:, k) = o%u(:, k) + dt*o%v(:, k)
-        o%hold_work = o%hold_work + dt*dot_product(o%f_hold(:, k), o%v(:, k))
+        o%motion%u(:, k) = o%motion%u(:, k) + dt*o%motion%v(:, k)
+        o%ledger%hold_work = o%ledger%hold_work + dt*dot_product(o%forces%f_hold(:, k), &
+          o%motion%v(:, k))
       end associate
     end do
-    o%hold_work = o%hold_work + dt*sum(b%hold*b%v)
+    o%ledger%hold_work = o%ledger%hold_work + dt*sum(b%hold*b%v)
     if (b%turns) then
       do a = 1, size(b%turn%at)
         associate (k => b%turn%at(a))
-          o%phi(:, k) = o%phi(:, k) + dt*o%w(:, k)
-          o%hold_work = o%hold_work + dt*dot_product(o%c_hold(:, k), o%w(:, k))
+          o%motion%phi(:, k) = o%motion%phi(:, k) + dt*o%motion%w(:, k)
+          o%ledger%hold_work = o%ledger%hold_work + dt*dot_product(o%forces%c_hold(:, k), &
+            o%motion%w(:, k))
         end associate
       end do
-      o%hold_work = o%hold_work + dt*sum(b%hold_couple*b%spin)
+      o%ledger%hold_work = o%ledger%hold_work + dt*sum(b%hold_couple*b%spin)
     end if
     if (.not. last) return
-    u = o%u
-    phi = o%phi
-    call o%op%to_hats(o%q, o%theta, o%u, o%phi)
-    o%u(:, b%move%at) = u(:, b%move%at)
-    if (b%turns) o%phi(:, b%turn%at) = phi(:, b%turn%at)
+    u = o%motion%u
+    phi = o%motion%phi
+    call o%op%to_hats(o%motion%q, o%motion%theta, o%motion%u, o%motion%phi)
+    o%motion%u(:, b%move%at) = u(:, b%move%at)
+    if (b%turns) o%motion%phi(:, b%turn%at) = phi(:, b%turn%at)
   end subroutine drift
 
   !> KICK_DRIFT of the grains with the multipliers on the bound ones.
@@ -140,20 +142,20 @@ contains
     type(cpl_solver_type), intent(inout) :: grains
     logical, intent(in) :: all  !! with the free grains
     type(error_list_type), intent(inout) :: errors
-    call grains%reply%get(bound_set//'.x', o%d, errors)
+    call grains%reply%get(bound_set//'.x', o%motion%d, errors)
     call grains%reply%get(bound_set//'.v', b%v, errors)
-    o%d = o%d - o%x_ghost
+    o%motion%d = o%motion%d - o%map%x_ghost
     if (b%turns) then
       call grains%reply%get(bound_set//'.omega', b%spin, errors)
-      call grains%reply%get(bound_set//'.theta', o%turn, errors)
-      o%turn = o%turn - b%theta_ref
+      call grains%reply%get(bound_set//'.theta', o%motion%turn, errors)
+      o%motion%turn = o%motion%turn - b%theta_ref
     end if
     if (.not. all) return
-    call grains%reply%get(free_set//'.x', o%q, errors)
-    o%q = o%q - o%x_free
-    if (.not. o%turns) return
-    call grains%reply%get(free_set//'.theta', o%theta, errors)
-    o%theta = o%theta - o%theta_ref
+    call grains%reply%get(free_set//'.x', o%motion%q, errors)
+    o%motion%q = o%motion%q - o%map%x_free
+    if (.not. o%rules%turns) return
+    call grains%reply%get(free_set//'.theta', o%motion%theta, errors)
+    o%motion%theta = o%motion%theta - o%map%theta_ref
   end subroutine read_bound
 
   !> FORCE on both sides where grains and nodes are now; the surcharge of the grains' deck is part
@@ -180,14 +182,14 @@ contains
       if (.not. errors%any()) call grains%receive(timers, errors)
       if (.not. errors%any()) call solid%receive(timers, errors)
       if (errors%any()) return
-      call grains%reply%get(bound_set//'.force', o%p, errors)
+      call grains%reply%get(bound_set//'.force', o%forces%p, errors)
       call grains%reply%get(bound_set//'.load', load, errors)
-      o%p = o%p + load
-      if (b%turns) call grains%reply%get(bound_set//'.moment', o%m, errors)
-      call read_nodes(o, solid, 'force', 'moment', o%element, o%element_phi, errors)
+      o%forces%p = o%forces%p + load
+      if (b%turns) call grains%reply%get(bound_set//'.moment', o%forces%m, errors)
+      call read_nodes(o, solid, 'force', 'moment', o%forces%element, o%forces%element_phi, errors)
     end associate
-    o%f = o%element + o%f_hold
-    o%c = o%element_phi + o%c_hold
+    o%forces%f = o%forces%element + o%forces%f_hold
+    o%forces%c = o%forces%element_phi + o%forces%c_hold
   end subroutine bridge_forces
 
   !> Forces of the other elements on the nodes; the weight there is that of their own mass.
@@ -201,7 +203,7 @@ contains
     integer(i4) :: a
     call evaluate_bulk(o, solid, kick, t, timers, errors)
     do a = 1, o%op%nodes
-      o%bulk(:, a) = o%bulk(:, a) + b%weight_excess(a)*solid%gravity
+      o%forces%bulk(:, a) = o%forces%bulk(:, a) + b%weight_excess(a)*solid%gravity
     end do
   end subroutine bridge_bulk
 end module cpl_bridge_step

@@ -78,10 +78,10 @@ contains
     real(wp), intent(out) :: gap  !! between ghosts and facets [m]
     gap = face%gap()
     self%gap = max(self%gap, gap)
-    call self%lag%note(face%lag)
-    self%iterations = max(self%iterations, face%iterations)
-    self%ghost_motion = sqrt(maxval(sum(face%d_new(:3, :)**2, 1)))
-    self%ghost_force = sum(sqrt(sum(face%p_mean(:3, :)**2, 1)))/face%map%ghosts
+    call self%lag%note(face%ledger%lag)
+    self%iterations = max(self%iterations, face%ledger%iterations)
+    self%ghost_motion = sqrt(maxval(sum(face%motion%d_new(:3, :)**2, 1)))
+    self%ghost_force = sum(sqrt(sum(face%forces%p_mean(:3, :)**2, 1)))/face%map%ghosts
   end subroutine note
 
   !> Difference of the works from both sides, relative to what went through the interface.
@@ -89,8 +89,8 @@ contains
     class(audit_type), intent(in) :: self
     type(interface_type), intent(in) :: face
     work_error = 0.0_wp
-    if (face%work_turnover > 0.0_wp .and. self%iterations > 0) &
-      work_error = abs(face%grains_work + face%solid_work)/face%work_turnover
+    if (face%ledger%work_turnover > 0.0_wp .and. self%iterations > 0) &
+      work_error = abs(face%ledger%grains_work + face%ledger%solid_work)/face%ledger%work_turnover
   end function work_error
 
   !> A row at time [s], after the exchange was accepted.
@@ -101,14 +101,14 @@ contains
     real(wp), intent(in) :: gap  !! of this exchange [m]
     real(wp) :: value(column_count)
 
-    associate (g => face%grains, s => face%solid)
+    associate (g => face%ledger%grains, s => face%ledger%solid)
       value(1) = time
       value(2:8) = g([scalar_kinetic, scalar_elastic, scalar_friction, scalar_contact_damping, &
                       scalar_background_damping, scalar_boundary, scalar_gravity])
       value(9:12) = s([scalar_kinetic, scalar_elastic, scalar_boundary, scalar_gravity])
-      value(13) = face%grains_work
-      value(14) = face%solid_work
-      value(15) = face%grains_work + face%solid_work
+      value(13) = face%ledger%grains_work
+      value(14) = face%ledger%solid_work
+      value(15) = face%ledger%grains_work + face%ledger%solid_work
       value(16:18) = g(scalar_momentum:scalar_momentum + 2) + &
         s(scalar_momentum:scalar_momentum + 2)
       value(19:21) = g(scalar_angular_momentum:scalar_angular_momentum + 2) + &
@@ -117,10 +117,10 @@ contains
       value(25) = self%ghost_motion
       value(26) = self%ghost_force
       value(27) = gap
-      value(28) = face%lag
+      value(28) = face%ledger%lag
       value(29) = face%springs%stiffness
-      value(30) = face%iterations
-      value(31) = face%lost_impulse
+      value(30) = face%ledger%iterations
+      value(31) = face%ledger%lost_impulse
       value(32) = g(scalar_max_overlap)
       value(33:35) = 0.0_wp
       if (face%transfer%rows > 3) value(33:35) = sum(face%relax%held(4:, :), 2)

@@ -40,8 +40,8 @@ contains
     if (errors%any()) return
     call face%accept(t1 - t0)
     if (.not. automatic_springs(face, choices)) return
-    if (mod(face%step, look_every) == 0 .or. face%outgrown > 0 .or. &
-        maxval(abs(face%p_end)) > growth*face%force_at_look) &
+    if (mod(face%step, look_every) == 0 .or. face%watch%outgrown > 0 .or. &
+        maxval(abs(face%forces%p_end)) > growth*face%watch%force_at_look) &
       call look_at_stiffness(face, solvers, t1, .false., timers, errors)
   end subroutine exchange
 
@@ -68,16 +68,16 @@ contains
     gap_before = huge(1.0_wp)
     call face%predict(t1 - t0)
     do trial = 1, choices%max_iterations
-      face%iterations = trial
+      face%ledger%iterations = trial
       call advance_grains(face, solvers(side_grains), t0, t1, timers, errors)
       if (errors%any()) return
-      face%w_spring = face%w_new
+      face%motion%w_spring = face%motion%w_new
       if (choices%scheme == scheme_average) &
-        face%w_spring = face%w_spring + lead(face)*(face%w_new - face%w)
+        face%motion%w_spring = face%motion%w_spring + lead(face)*(face%motion%w_new - face%motion%w)
       call solve_solid(face, solvers(side_solid), trial, t0, t1, timers, errors)
       if (errors%any() .or. choices%scheme == scheme_average) exit
       gap = face%gap()
-      moved = sqrt(maxval(sum((face%d_new(:3, :) - face%d(:3, :))**2, 1)))
+      moved = sqrt(maxval(sum((face%motion%d_new(:3, :) - face%motion%d(:3, :))**2, 1)))
       if (gap <= choices%tolerance*max(moved, least_motion(face)) .and. &
           face%settled(choices%tolerance)) exit
       if (trial == choices%max_iterations) then
@@ -94,11 +94,11 @@ contains
       if (.not. errors%any()) &
         call judge_both(solvers, verb_reject, face%step, t0, t1, timers, errors)
       if (errors%any()) return
-      face%w_new = face%u_new
+      face%motion%w_new = face%motion%u_new
       call face%follow()
     end do
     if (errors%any()) return
-    if (use_midpoint(face)) face%p_put = 2.0_wp*face%relax%held - face%p_put
+    if (use_midpoint(face)) face%forces%p_put = 2.0_wp*face%relax%held - face%forces%p_put
   end subroutine step_with_mean
 
   !> How far ahead of the ghosts the springs are laid, in motions of the last interval, so that they
@@ -110,7 +110,7 @@ contains
     real(wp), parameter :: least = -0.5_wp    !! at the mean of the interval: stable for k < 3 s
     lead = 0.0_wp
     if (.not. face%springs%stiffness > 0.0_wp) return
-    lead = max(least, share*(1.0_wp - 0.5_wp*face%contact_stiffness/face%springs%stiffness))
+    lead = max(least, share*(1.0_wp - 0.5_wp*face%watch%contact_stiffness/face%springs%stiffness))
     if (face%dynamic) lead = 0.0_wp
   end function lead
 
@@ -118,7 +118,7 @@ contains
   pure real(wp) function least_motion(face)
     type(interface_type), intent(in) :: face
     real(wp), parameter :: share = 1.0e-9_wp  !! of the extent of the facets
-    least_motion = share*maxval(maxval(face%x_node, 2) - minval(face%x_node, 2))
+    least_motion = share*maxval(maxval(face%place%x_node, 2) - minval(face%place%x_node, 2))
   end function least_motion
 
   !> An implicit dynamic solid takes the mean of its loads at t0 and t1: to hand it the mean force
@@ -137,14 +137,14 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
 
-    face%iterations = 1
-    face%p_mean = face%p_end
-    if (face%dynamic) face%p_mean = 1.5_wp*face%p_end - 0.5_wp*face%p_before
-    face%p_before = face%p_end
+    face%ledger%iterations = 1
+    face%forces%p_mean = face%forces%p_end
+    if (face%dynamic) face%forces%p_mean = 1.5_wp*face%forces%p_end - 0.5_wp*face%forces%p_before
+    face%forces%p_before = face%forces%p_end
     call solve_solid(face, solvers(side_solid), 1_i4, t0, t1, timers, errors)
     if (errors%any()) return
-    if (use_midpoint(face)) face%p_put = 2.0_wp*face%relax%held - face%p_put
-    face%w_new = face%u_new
+    if (use_midpoint(face)) face%forces%p_put = 2.0_wp*face%relax%held - face%forces%p_put
+    face%motion%w_new = face%motion%u_new
     call face%follow()
     call advance_grains(face, solvers(side_grains), t0, t1, timers, errors)
   end subroutine step_with_state
@@ -161,24 +161,24 @@ contains
 
     span = t1 - t0
     call grains%start_request(verb_advance, face%step, t0, t1)
-    call grains%request%put(ghost_set//'.x', face%x_start + face%d_new(:3, :))
-    if (face%transfer%rows > 3) call grains%request%put(ghost_set//'.quat', face%quat_new)
+    call grains%request%put(ghost_set//'.x', face%place%x_start + face%motion%d_new(:3, :))
+    if (face%transfer%rows > 3) call grains%request%put(ghost_set//'.quat', face%motion%quat_new)
     call grains%ask(timers, errors)
     if (errors%any()) return
     associate (reply => grains%reply)
-      call read_forces(face, grains, face%p_end, errors)
+      call read_forces(face, grains, face%forces%p_end, errors)
       call reply%get(ghost_set//'.impulse', impulse, errors)
-      face%m_mean = 0.0_wp
-      if (len(face%material) == 0) &
-        call reply%get(ghost_set//'.moment_impulse', face%m_mean, errors)
-      call reply%get(ghost_set//'.work', face%step_work, errors)
-      call reply%get('scalars', face%grains_new, errors)
+      face%forces%m_mean = 0.0_wp
+      if (len(face%place%material) == 0) &
+        call reply%get(ghost_set//'.moment_impulse', face%forces%m_mean, errors)
+      call reply%get(ghost_set//'.work', face%ledger%step_work, errors)
+      call reply%get('scalars', face%ledger%grains_new, errors)
       call reply%get_int('substeps', substeps, errors)
       call reply%all_read(errors)
     end associate
-    face%m_mean = face%m_mean/span
-    face%p_mean(:3, :) = impulse/span
-    if (face%transfer%rows > 3) face%p_mean(4:, :) = face%m_mean
+    face%forces%m_mean = face%forces%m_mean/span
+    face%forces%p_mean(:3, :) = impulse/span
+    if (face%transfer%rows > 3) face%forces%p_mean(4:, :) = face%forces%m_mean
     if (errors%any() .or. face%finite()) return
     call errors%add('N407', 'a force on a ghost is no number', &
       'exchange from '//str(t0)//' s to '// &
@@ -194,7 +194,7 @@ contains
     real(wp) :: part(3, face%map%ghosts)
     call grains%reply%get(ghost_set//'.force', part, errors)
     p(:3, :) = part
-    if (len(face%material) > 0) return
+    if (len(face%place%material) > 0) return
     call grains%reply%get(ghost_set//'.moment', part, errors)
     if (face%transfer%rows > 3) p(4:, :) = part
   end subroutine read_forces
@@ -210,14 +210,14 @@ contains
     real(wp), dimension(3, face%transfer%blocks) :: nodal, pull
     integer(i4) :: iterations
 
-    call face%relax%force(face%p_mean)
+    call face%relax%force(face%forces%p_mean)
     if (use_midpoint(face)) then
-      call face%transfer%to_nodes(2.0_wp*face%relax%held - face%p_put, nodal)
+      call face%transfer%to_nodes(2.0_wp*face%relax%held - face%forces%p_put, nodal)
     else
       call face%transfer%to_nodes(face%relax%held, nodal)
     end if
     if (face%springs%n > 0) then
-      call face%springs%force(face%w_spring - face%u, pull)
+      call face%springs%force(face%motion%w_spring - face%motion%u, pull)
       nodal = nodal + pull
     end if
     call solid%start_request(verb_solve, face%step, t0, t1)
@@ -229,7 +229,7 @@ contains
     if (errors%any()) return
     call read_solid(face, solid, errors)
     call solid%reply%get_int('iterations', iterations, errors)
-    if (.not. allocated(face%start_load)) call solid%reply%all_read(errors)
+    if (.not. allocated(face%start%start_load)) call solid%reply%all_read(errors)
     if (errors%any() .or. face%finite()) return
     call errors%add('N407', 'a displacement of the interface is no number', &
                     'exchange from '//str(t0)//' s to '//str(t1)//' s', &
@@ -241,8 +241,8 @@ contains
     type(interface_type), intent(inout) :: face
     type(cpl_solver_type), intent(inout) :: solid
     type(error_list_type), intent(inout) :: errors
-    call read_motion(face, solid, face%u_new, face%v_new, errors)
-    call solid%reply%get('scalars', face%solid_new, errors)
+    call read_motion(face, solid, face%motion%u_new, face%motion%v_new, errors)
+    call solid%reply%get('scalars', face%ledger%solid_new, errors)
   end subroutine read_solid
 
   !> Displacements, micro-rotations and their rates from a reply of the solid.
@@ -313,17 +313,19 @@ contains
       call grains%reply%all_read(errors)
     end associate
     if (errors%any()) return
-    face%contact_stiffness = maxval(stiffness)
-    face%force_at_look = maxval(abs(face%p_end))
-    if (face%contact_stiffness <= face%springs%stiffness) then
-      face%outgrown = 0
+    face%watch%contact_stiffness = maxval(stiffness)
+    face%watch%force_at_look = maxval(abs(face%forces%p_end))
+    if (face%watch%contact_stiffness <= face%springs%stiffness) then
+      face%watch%outgrown = 0
       return
     end if
-    face%outgrown = face%outgrown + 1
-    if (face%outgrown < patience .and. face%springs%stiffness > 0.0_wp .and. .not. at_once) return
-    call face%springs%make(raise*face%contact_stiffness, face%map, face%transfer, face%radius)
-    face%outgrown = 0
-    face%refactored = face%refactored + 1
+    face%watch%outgrown = face%watch%outgrown + 1
+    if (face%watch%outgrown < patience .and. face%springs%stiffness > 0.0_wp &
+      .and. .not. at_once) return
+    call face%springs%make(raise*face%watch%contact_stiffness, face%map, face%transfer, &
+      face%place%radius)
+    face%watch%outgrown = 0
+    face%watch%refactored = face%watch%refactored + 1
     call set_springs(face, solvers(side_solid), time, timers, errors)
   end subroutine look_at_stiffness
 

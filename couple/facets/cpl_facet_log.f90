@@ -27,7 +27,7 @@ contains
                   str(face%map%nodes)//' nodes, map '//face%map%hash())
     call log%item('identities', 'sum N = 1, sum N x = x_g within '//short_number(identity))
     call log%item('largest offset', short_number(sqrt(maxval(sum(face%map%offset**2, 1))))//' m')
-    call log%item('contact stiffness', short_number(face%contact_stiffness)//' N/m', &
+    call log%item('contact stiffness', short_number(face%watch%contact_stiffness)//' N/m', &
                   'largest of a ghost')
     if (face%relax%method == interface_springs) &
       call log%item('spring stiffness', short_number(face%springs%stiffness)//' N/m at each ghost')
@@ -74,9 +74,10 @@ contains
     cells(1)%s = short_number(time)
     cells(2)%s = short_number(audit%ghost_motion)
     cells(3)%s = short_number(audit%ghost_force)
-    cells(4)%s = short_number(face%grains(scalar_kinetic) + face%solid(scalar_kinetic))
-    cells(5)%s = short_number(face%grains(scalar_elastic))
-    cells(6)%s = short_number(face%solid(scalar_elastic))
+    cells(4)%s = short_number(face%ledger%grains(scalar_kinetic) &
+      + face%ledger%solid(scalar_kinetic))
+    cells(5)%s = short_number(face%ledger%grains(scalar_elastic))
+    cells(6)%s = short_number(face%ledger%solid(scalar_elastic))
     cells(7)%s = short_number(100.0_wp*overhead)
     cells(8)%s = '-'
     if (left >= 0.0_wp) cells(8)%s = duration_text(left)
@@ -95,8 +96,8 @@ contains
       ' m at most, iterations '//str(audit%iterations)//' at most, force lag '// &
       short_number(100.0_wp*audit%lag%mean)//' % (limit '//short_number(100.0_wp*lag_limit)// &
       ' %), windows that did not settle '//str(audit%lag%stalls)//', springs raised '// &
-      str(face%refactored)//' times, largest overlap '// &
-      short_number(100.0_wp*face%grains(scalar_max_overlap))//' %, '//overhead_text(overhead)
+      str(face%watch%refactored)//' times, largest overlap '// &
+      short_number(100.0_wp*face%ledger%grains(scalar_max_overlap))//' %, '//overhead_text(overhead)
     call log%health(text)
     if (audit%lag%mean > lag_limit .and. .not. audit%lag%told) call log%warn('the solid does '// &
       'not carry '//short_number(100.0_wp*audit%lag%mean)//" % of the ghosts' force at the "// &
@@ -110,18 +111,18 @@ contains
     type(audit_type), intent(in) :: audit
     call summary%set('ghosts', face%map%ghosts)
     call summary%set('interface_nodes', face%map%nodes)
-    call summary%set('iterations', face%all_iterations)
+    call summary%set('iterations', face%ledger%all_iterations)
     call summary%set('health.interface_work_error', audit%work_error(face))
     call summary%set('health.constraint_residual_m', audit%gap)
     call summary%set('health.force_lag', audit%lag%mean)
     call summary%set('health.windows_not_settled', audit%lag%stalls)
     call summary%set('health.most_iterations', audit%iterations)
-    call summary%set('health.springs_raised', face%refactored)
-    call summary%set('health.lost_moment_impulse_Nms', face%lost_impulse)
-    call summary%set('health.max_overlap', face%grains(scalar_max_overlap))
+    call summary%set('health.springs_raised', face%watch%refactored)
+    call summary%set('health.lost_moment_impulse_Nms', face%ledger%lost_impulse)
+    call summary%set('health.max_overlap', face%ledger%grains(scalar_max_overlap))
     call summary%set('interface.spring_stiffness_N_per_m', face%springs%stiffness)
-    call summary%set('interface.work_on_grains_J', face%grains_work)
-    call summary%set('interface.work_on_solid_J', face%solid_work)
+    call summary%set('interface.work_on_grains_J', face%ledger%grains_work)
+    call summary%set('interface.work_on_solid_J', face%ledger%solid_work)
     call summary%set('interface.largest_ghost_displacement_m', audit%ghost_motion)
   end subroutine put_summary
 end module cpl_facet_log

@@ -3,8 +3,9 @@ module cpl_interface
   use talus_kinds, only: wp, i4, i8
   use talus_vectors, only: turned
   use talus_message, only: message_type
-  use talus_scalars, only: scalar_count
   use cpl_facet_map, only: facet_map_type
+  use cpl_interface_state, only: interface_place_type, interface_start_type, &
+    interface_motion_type, interface_forces_type, interface_watch_type, interface_ledger_type
   use cpl_relax, only: relax_type
   use cpl_springs, only: springs_type
   use cpl_transfer, only: transfer_type
@@ -26,58 +27,14 @@ module cpl_interface
     type(transfer_type) :: transfer
     type(springs_type) :: springs
     type(relax_type) :: relax
-    character(len=:), allocatable :: material     !! of a surface that grains touch; '' for ghosts
-    integer(i8), allocatable :: triangle(:, :)    !! of the surface (3, k), numbers of ghosts
     logical :: dynamic = .false.             !! the solid has inertia
     integer(i8) :: step = 0                  !! accepted exchanges
-    real(wp), allocatable :: radius(:)       !! of the ghosts [m]
-    real(wp), allocatable :: x_ref(:, :)     !! ghosts where the map was made (3, g) [m]
-    real(wp), allocatable :: x_start(:, :)   !! ghosts at the start (3, g) [m]
-    real(wp), allocatable :: x_node(:, :)    !! interface nodes (3, m) [m]
-    real(wp), allocatable :: u_start(:, :)   !! of the nodes, from the map's state to the start
-    integer(i4) :: all_nodes = 0             !! of the solid
-    real(wp), allocatable :: start_stress(:, :)  !! of the relaxed solid at its points (6, q), or
-                                                 !! (9, q) if it is micropolar [Pa]
-    real(wp), allocatable :: start_couple(:, :)  !! couple stress there (9, q) [N/m]; not allocated
-                                                 !! where no node has a micro-rotation
-    real(wp), allocatable :: start_load(:, :)    !! on all its nodes [N]
-    real(wp), allocatable :: start_moment(:, :)  !! on all its micro-rotations [N m]
-    integer(i8), allocatable :: polar_id(:)      !! all nodes with micro-rotations
-    real(wp), allocatable :: w(:, :)         !! of the nodes, that the ghosts follow (3, m) [m]
-    real(wp), allocatable :: u(:, :)         !! of the nodes, accepted (3, m) [m]
-    real(wp), allocatable :: v(:, :)         !! velocity of the nodes, accepted (3, m) [m/s]
-    real(wp), allocatable :: v_before(:, :)  !! one exchange earlier
-    real(wp), allocatable :: d(:, :)         !! motion of the ghosts, W w (rows, g) [m, rad]
-    real(wp), allocatable :: quat(:, :)      !! orientation of the ghosts (4, g)
-    real(wp), allocatable :: w_new(:, :)     !! trial values
-    real(wp), allocatable :: u_new(:, :)
-    real(wp), allocatable :: v_new(:, :)
-    real(wp), allocatable :: d_new(:, :)
-    real(wp), allocatable :: quat_new(:, :)
-    real(wp), allocatable :: w_spring(:, :)  !! where the springs are laid (3, m) [m]
-    real(wp), allocatable :: p_mean(:, :)    !! mean force on each ghost over the interval
-                                             !! (rows, g) [N, N m]
-    real(wp), allocatable :: p_end(:, :)     !! force at its end [N]
-    real(wp), allocatable :: p_before(:, :)  !! force at the end of the interval before [N]
-    real(wp), allocatable :: p_put(:, :)     !! force at tn that the implicit solid holds [N]
-    real(wp), allocatable :: m_mean(:, :)    !! mean moment on each ghost (3, g) [N m]
-    real(wp), allocatable :: dead_load(:, :) !! (3, m) [N]
-    real(wp) :: grains_work = 0.0_wp         !! by the ghosts' motion on the grains, total [J]
-    real(wp) :: solid_work = 0.0_wp          !! by the forces put on the solid, total [J]
-    real(wp) :: work_turnover = 0.0_wp       !! sum of |work| over the exchanges [J]
-    real(wp) :: step_work = 0.0_wp           !! by the ghosts in this exchange [J]
-    real(wp) :: lost_impulse = 0.0_wp        !! of moments, total [N m s]
-    real(wp) :: lag = 0.0_wp                 !! force lag of the last exchange [-]
-    real(wp) :: largest = 0.0_wp             !! |N'P| or |K u| so far [N]
-    integer(i4) :: iterations = 0            !! of the last exchange
-    integer(i8) :: all_iterations = 0
-    integer(i4) :: outgrown = 0              !! looks at which contacts were stiffer than the
-                                             !! springs
-    integer(i4) :: refactored = 0            !! times the springs were raised
-    real(wp) :: contact_stiffness = 0.0_wp   !! largest of a ghost at the last look [N/m]
-    real(wp) :: force_at_look = 0.0_wp       !! largest force on a ghost then [N]
-    real(wp) :: grains(scalar_count) = 0.0_wp, solid(scalar_count) = 0.0_wp
-    real(wp) :: grains_new(scalar_count) = 0.0_wp, solid_new(scalar_count) = 0.0_wp
+    type(interface_place_type) :: place
+    type(interface_start_type) :: start
+    type(interface_motion_type) :: motion
+    type(interface_forces_type) :: forces
+    type(interface_watch_type) :: watch
+    type(interface_ledger_type) :: ledger
   contains
     procedure :: init
     procedure :: resume
@@ -102,18 +59,19 @@ contains
     g = self%map%ghosts
     m = self%transfer%blocks
     c = self%transfer%rows
-    self%x_ref = x_ghost
-    self%x_start = x_ghost
-    self%x_node = x_all(:, self%map%node_id)
-    self%all_nodes = size(x_all, 2)
-    allocate (self%d(c, g), self%d_new(c, g), self%p_mean(c, g), self%p_end(c, g), &
-              self%p_put(c, g), self%p_before(c, g), self%m_mean(3, g), self%quat(4, g), &
-              self%quat_new(4, g), source=0.0_wp)
-    allocate (self%u(3, m), self%v(3, m), self%v_before(3, m), self%u_new(3, m), &
-              self%v_new(3, m), self%w(3, m), self%w_new(3, m), self%w_spring(3, m), &
-              self%u_start(3, m), self%dead_load(3, m), source=0.0_wp)
-    self%quat(1, :) = 1.0_wp
-    self%quat_new = self%quat
+    self%place%x_ref = x_ghost
+    self%place%x_start = x_ghost
+    self%place%x_node = x_all(:, self%map%node_id)
+    self%place%all_nodes = size(x_all, 2)
+    allocate (self%motion%d(c, g), self%motion%d_new(c, g), self%forces%p_mean(c, g), &
+      self%forces%p_end(c, g), self%forces%p_put(c, g), self%forces%p_before(c, g), &
+      self%forces%m_mean(3, g), self%motion%quat(4, g), self%motion%quat_new(4, g), source=0.0_wp)
+    allocate (self%motion%u(3, m), self%motion%v(3, m), self%motion%v_before(3, m), &
+      self%motion%u_new(3, m), self%motion%v_new(3, m), self%motion%w(3, m), self%motion%w_new(3, &
+      m), self%motion%w_spring(3, m), self%place%u_start(3, m), self%start%dead_load(3, m), &
+      source=0.0_wp)
+    self%motion%quat(1, :) = 1.0_wp
+    self%motion%quat_new = self%motion%quat
   end subroutine init
 
   !> Request of SELECT: the ghosts, or the corners of the surface as vertices.
@@ -122,25 +80,25 @@ contains
     type(message_type), intent(inout) :: request
     call request%put_text('set', ghost_set)
     call request%put_int('id', self%map%ghost_id)
-    if (len(self%material) == 0) then
+    if (len(self%place%material) == 0) then
       call request%put_text('role', 'prescribe')
       call request%put_text('fields', ghost_fields)
       return
     end if
     call request%put_text('role', 'surface')
     call request%put_text('fields', 'force,impulse,work')
-    call request%put_text('material', self%material)
-    call request%put('x', self%x_start)
-    call request%put_int('triangle', self%triangle)
+    call request%put_text('material', self%place%material)
+    call request%put('x', self%place%x_start)
+    call request%put_int('triangle', self%place%triangle)
   end subroutine select_ghosts
 
   !> Motion of the ghosts from that of the nodes, after a checkpoint was read or a start was found.
   subroutine resume(self)
     class(interface_type), intent(inout) :: self
-    call self%transfer%to_ghosts(self%u_start, self%d)
-    self%x_start = self%x_ref + self%d(:3, :)
-    call self%transfer%to_ghosts(self%w, self%d)
-    self%quat_new = self%quat
+    call self%transfer%to_ghosts(self%place%u_start, self%motion%d)
+    self%place%x_start = self%place%x_ref + self%motion%d(:3, :)
+    call self%transfer%to_ghosts(self%motion%w, self%motion%d)
+    self%motion%quat_new = self%motion%quat
   end subroutine resume
 
   !> The ghosts go where the trial motion w_new of the nodes takes them. They turn by the change of
@@ -149,10 +107,11 @@ contains
   subroutine follow(self)
     class(interface_type), intent(inout) :: self
     integer(i4) :: g
-    call self%transfer%to_ghosts(self%w_new, self%d_new)
+    call self%transfer%to_ghosts(self%motion%w_new, self%motion%d_new)
     if (self%transfer%rows == 3) return
     do g = 1, self%map%ghosts
-      self%quat_new(:, g) = turned(self%quat(:, g), self%d_new(4:6, g) - self%d(4:6, g))
+      self%motion%quat_new(:, g) = turned(self%motion%quat(:, g), self%motion%d_new(4:6, g) &
+        - self%motion%d(4:6, g))
     end do
   end subroutine follow
 
@@ -162,9 +121,10 @@ contains
   subroutine predict(self, h)
     class(interface_type), intent(inout) :: self
     real(wp), intent(in) :: h
-    self%w_new = self%u
+    self%motion%w_new = self%motion%u
     if (self%dynamic) &
-      self%w_new = self%u + h*self%v + 0.5_wp*h*(self%v - self%v_before)
+      self%motion%w_new = self%motion%u + h*self%motion%v + 0.5_wp*h*(self%motion%v &
+      - self%motion%v_before)
     call self%follow()
   end subroutine predict
 
@@ -172,8 +132,8 @@ contains
   pure real(wp) function gap(self)
     class(interface_type), intent(in) :: self
     real(wp) :: on_facet(self%transfer%rows, self%map%ghosts)
-    call self%transfer%to_ghosts(self%u_new, on_facet)
-    gap = sqrt(maxval(sum((on_facet(:3, :) - self%d_new(:3, :))**2, 1)))
+    call self%transfer%to_ghosts(self%motion%u_new, on_facet)
+    gap = sqrt(maxval(sum((on_facet(:3, :) - self%motion%d_new(:3, :))**2, 1)))
   end function gap
 
   !> Are the force measured and the force put on the solid the same, within a relative tolerance?
@@ -181,11 +141,11 @@ contains
     class(interface_type), intent(in) :: self
     real(wp), intent(in) :: tolerance
     real(wp) :: scale
-    scale = maxval(abs(self%p_mean(:3, :)))
-    settled = maxval(abs(self%p_mean(:3, :) - self%relax%held(:3, :))) <= tolerance*scale
+    scale = maxval(abs(self%forces%p_mean(:3, :)))
+    settled = maxval(abs(self%forces%p_mean(:3, :) - self%relax%held(:3, :))) <= tolerance*scale
     if (self%transfer%rows == 3 .or. .not. settled) return
-    scale = max(scale*self%relax%arm, maxval(abs(self%p_mean(4:, :))))
-    settled = maxval(abs(self%p_mean(4:, :) - self%relax%held(4:, :))) <= tolerance*scale
+    scale = max(scale*self%relax%arm, maxval(abs(self%forces%p_mean(4:, :))))
+    settled = maxval(abs(self%forces%p_mean(4:, :) - self%relax%held(4:, :))) <= tolerance*scale
   end function settled
 
   !> Forces of the ghosts that the solid does not carry yet, |N'P - K u| over the larger of |N'P|
@@ -198,17 +158,17 @@ contains
     real(wp), parameter :: nothing = 1.0e-3_wp  !! of the largest force
     real(wp) :: scale
     lag = 0.0_wp
-    call self%transfer%to_nodes(self%p_mean, whole)
+    call self%transfer%to_nodes(self%forces%p_mean, whole)
     if (self%springs%n > 0) then
-      call self%springs%force(self%w_spring - self%u_new, rest)
+      call self%springs%force(self%motion%w_spring - self%motion%u_new, rest)
     else
-      call self%transfer%to_nodes(self%p_mean - self%relax%held, rest)
+      call self%transfer%to_nodes(self%forces%p_mean - self%relax%held, rest)
     end if
     whole(:, self%map%nodes + 1:) = whole(:, self%map%nodes + 1:)/self%relax%arm
     rest(:, self%map%nodes + 1:) = rest(:, self%map%nodes + 1:)/self%relax%arm
     scale = sqrt(max(sum(whole**2), sum((whole - rest)**2)))
-    self%largest = max(self%largest, scale)
-    scale = max(scale, nothing*self%largest)
+    self%ledger%largest = max(self%ledger%largest, scale)
+    scale = max(scale, nothing*self%ledger%largest)
     if (scale > 0.0_wp) lag = sqrt(sum(rest**2))/scale
   end subroutine force_lag
 
@@ -218,30 +178,32 @@ contains
     real(wp), intent(in) :: h
     real(wp) :: nodal(3, self%transfer%blocks), work
 
-    call self%force_lag(self%lag)
+    call self%force_lag(self%ledger%lag)
     call self%transfer%to_nodes(self%relax%held, nodal)
-    work = sum(nodal*(self%u_new - self%u))
-    self%solid_work = self%solid_work + work
-    self%grains_work = self%grains_work + self%step_work
-    self%work_turnover = self%work_turnover + max(abs(work), abs(self%step_work))
-    if (self%transfer%rows == 3) self%lost_impulse = self%lost_impulse + &
-      h*norm2(sum(self%m_mean, 2) + self%transfer%moment_of(self%p_mean))
-    self%u = self%u_new
-    self%w = self%w_new
-    self%v_before = self%v
-    self%v = self%v_new
-    self%d = self%d_new
-    self%quat = self%quat_new
-    self%grains = self%grains_new
-    self%solid = self%solid_new
+    work = sum(nodal*(self%motion%u_new - self%motion%u))
+    self%ledger%solid_work = self%ledger%solid_work + work
+    self%ledger%grains_work = self%ledger%grains_work + self%ledger%step_work
+    self%ledger%work_turnover = self%ledger%work_turnover + max(abs(work), &
+      abs(self%ledger%step_work))
+    if (self%transfer%rows == 3) self%ledger%lost_impulse = self%ledger%lost_impulse + &
+      h*norm2(sum(self%forces%m_mean, 2) + self%transfer%moment_of(self%forces%p_mean))
+    self%motion%u = self%motion%u_new
+    self%motion%w = self%motion%w_new
+    self%motion%v_before = self%motion%v
+    self%motion%v = self%motion%v_new
+    self%motion%d = self%motion%d_new
+    self%motion%quat = self%motion%quat_new
+    self%ledger%grains = self%ledger%grains_new
+    self%ledger%solid = self%ledger%solid_new
     self%step = self%step + 1
-    self%all_iterations = self%all_iterations + self%iterations
+    self%ledger%all_iterations = self%ledger%all_iterations + self%ledger%iterations
   end subroutine accept
 
   !> Are motion and forces numbers?
   pure logical function finite(self)
     class(interface_type), intent(in) :: self
-    finite = all(abs(self%u_new) < huge(1.0_wp)) .and. all(abs(self%p_mean) < huge(1.0_wp)) .and. &
-      all(abs(self%p_end) < huge(1.0_wp))
+    finite = all(abs(self%motion%u_new) < huge(1.0_wp)) &
+      .and. all(abs(self%forces%p_mean) < huge(1.0_wp)) &
+      .and. all(abs(self%forces%p_end) < huge(1.0_wp))
   end function finite
 end module cpl_interface

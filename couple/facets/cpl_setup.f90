@@ -130,8 +130,8 @@ contains
     identity = 0.0_wp
     call read_mesh(solid, choices%facets, mesh, timers, errors)
     if (errors%any()) return
-    face%material = choices%surface
-    if (len(face%material) > 0) call cut_facets(mesh, ids, face%triangle)
+    face%place%material = choices%surface
+    if (len(face%place%material) > 0) call cut_facets(mesh, ids, face%place%triangle)
     call face%map%build(ids, x_ghost, mesh%facets, mesh%x, choices%max_offset, errors)
     if (errors%any()) return
     call face%map%identity_error(x_ghost, mesh%x, identity, errors)
@@ -139,11 +139,11 @@ contains
                                                      choices%rotation, errors)
     if (errors%any()) return
     call face%init(x_ghost, mesh%x)
-    face%polar_id = pack([(k, k=1, size(mesh%polar, kind=i8))], mesh%polar == 1)
-    call face%transfer%identity_error(face%x_node, x_ghost, turned, errors)
+    face%place%polar_id = pack([(k, k=1, size(mesh%polar, kind=i8))], mesh%polar == 1)
+    call face%transfer%identity_error(face%place%x_node, x_ghost, turned, errors)
     identity = max(identity, turned)
     call face%relax%init(choices%interface, choices%theta, face%transfer%rows, face%map%ghosts)
-    face%radius = spread(0.0_wp, 1, face%map%ghosts)
+    face%place%radius = spread(0.0_wp, 1, face%map%ghosts)
   end subroutine make_map
 
   !> DESCRIBE: a group of facets and the mesh behind them.
@@ -187,11 +187,11 @@ contains
     if (errors%any()) return
     do g = 1, face%map%ghosts
       k = findloc(all_ids, face%map%ghost_id(g), 1)
-      face%radius(g) = radius(k)
-      face%quat(:, g) = quat(:, k)
+      face%place%radius(g) = radius(k)
+      face%motion%quat(:, g) = quat(:, k)
     end do
-    face%quat_new = face%quat
-    face%relax%arm = sum(face%radius)/face%map%ghosts
+    face%motion%quat_new = face%motion%quat
+    face%relax%arm = sum(face%place%radius)/face%map%ghosts
   end subroutine find_radii
 
   !> SELECT the ghosts and the interface nodes.
@@ -222,7 +222,7 @@ contains
       call select_rotations(face, solvers(side_solid), timers, errors)
     if (errors%any()) return
     call solvers(side_grains)%reply%get('stiffness', stiffness, errors)
-    if (.not. errors%any()) face%contact_stiffness = maxval(stiffness)
+    if (.not. errors%any()) face%watch%contact_stiffness = maxval(stiffness)
   end subroutine select_sets
 
   !> SELECT the micro-rotations of the interface nodes.
@@ -261,20 +261,20 @@ contains
     if (errors%any()) return
     if (.not. again) then
       call read_forces(face, solvers(side_grains), p, errors)
-      call solvers(side_grains)%reply%get('scalars', face%grains, errors)
+      call solvers(side_grains)%reply%get('scalars', face%ledger%grains, errors)
       if (errors%any()) return
-      face%p_end = p
-      face%p_before = p
-      face%force_at_look = maxval(abs(p))
+      face%forces%p_end = p
+      face%forces%p_before = p
+      face%watch%force_at_look = maxval(abs(p))
       if (choices%interface == interface_springs) then
         stiffness = choices%stiffness
-        if (.not. stiffness > 0.0_wp) stiffness = first_stiffness*face%contact_stiffness
+        if (.not. stiffness > 0.0_wp) stiffness = first_stiffness*face%watch%contact_stiffness
         if (stiffness > 0.0_wp) &
-          call face%springs%make(stiffness, face%map, face%transfer, face%radius)
+          call face%springs%make(stiffness, face%map, face%transfer, face%place%radius)
       end if
       if (choices%dead_load) then
-        call face%transfer%to_nodes(p, face%dead_load)
-        face%dead_load = -face%dead_load
+        call face%transfer%to_nodes(p, face%start%dead_load)
+        face%start%dead_load = -face%start%dead_load
         face%relax%held = p
         face%relax%begun = .true.
       end if
@@ -300,10 +300,10 @@ contains
 
     call ready(solvers(side_grains), .false., face%step, timers, errors)
     if (errors%any()) return
-    call read_forces(face, solvers(side_grains), face%p_end, errors)
-    call solvers(side_grains)%reply%get('scalars', face%grains, errors)
-    face%p_before = face%p_end
-    face%force_at_look = maxval(abs(face%p_end))
+    call read_forces(face, solvers(side_grains), face%forces%p_end, errors)
+    call solvers(side_grains)%reply%get('scalars', face%ledger%grains, errors)
+    face%forces%p_before = face%forces%p_end
+    face%watch%force_at_look = maxval(abs(face%forces%p_end))
     if (.not. errors%any()) call ready(solvers(side_solid), .false., face%step, timers, errors)
     if (.not. errors%any()) call take_solid(face, solvers(side_solid), errors)
   end subroutine end_rehearsal
@@ -313,10 +313,10 @@ contains
     type(interface_type), intent(inout) :: face
     type(cpl_solver_type), intent(inout) :: solid
     type(error_list_type), intent(inout) :: errors
-    call read_motion(face, solid, face%u, face%v, errors)
-    call solid%reply%get('scalars', face%solid, errors)
-    face%v_before = face%v
-    face%u_new = face%u
+    call read_motion(face, solid, face%motion%u, face%motion%v, errors)
+    call solid%reply%get('scalars', face%ledger%solid, errors)
+    face%motion%v_before = face%motion%v
+    face%motion%u_new = face%motion%u
   end subroutine take_solid
 
   subroutine ready(solver, rehearsal, step, timers, errors)
@@ -336,9 +336,9 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
 
-    call put_load(node_set, 'force', face%dead_load(:, :face%map%nodes))
+    call put_load(node_set, 'force', face%start%dead_load(:, :face%map%nodes))
     if (face%transfer%rotation /= rotation_micro .or. errors%any()) return
-    call put_load(phi_set, 'moment', face%dead_load(:, face%map%nodes + 1:))
+    call put_load(phi_set, 'moment', face%start%dead_load(:, face%map%nodes + 1:))
 
   contains
 

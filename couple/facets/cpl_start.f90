@@ -49,7 +49,7 @@ contains
       call rehearse(face, solvers, choices, k, moved, changed, timers, errors)
       if (errors%any()) return
       settled = k > 1 .and. max(moved, changed) <= choices%relax_tolerance .and. &
-        any(abs(face%p_mean) > 0.0_wp)
+        any(abs(face%forces%p_mean) > 0.0_wp)
       if (settled .or. stop%check() /= stop_none) exit
     end do
     k = min(k, choices%relax_exchanges)
@@ -60,14 +60,16 @@ contains
       'relax_exchanges, or relax_tolerance if that is near enough')
     call make_reference(face, solvers(side_solid), timers, errors)
     if (errors%any()) return
-    call log%item('moved meanwhile', short_number(sqrt(maxval(sum((face%x_start - face%x_ref)**2, &
-                  1))))//' m', 'the ghosts at most; displacements count from there')
-    call log%item('balance', short_number(sqrt(maxval(sum(face%u_new**2, 1))))//' m', &
+    call log%item('moved meanwhile', &
+      short_number(sqrt(maxval(sum((face%place%x_start - face%place%x_ref)**2, 1))))//' m', &
+      'the ghosts at most; displacements count from there')
+    call log%item('balance', short_number(sqrt(maxval(sum(face%motion%u_new**2, 1))))//' m', &
                   'that the solid still moves under the same forces')
-    if (settled .and. relative(face%u_new, face%u_start) > unbalanced) &
+    if (settled .and. relative(face%motion%u_new, face%place%u_start) > unbalanced) &
       call errors%add('N408', 'the relaxed solid still moves by '// &
-                      str(relative(face%u_new, face%u_start))//' of what it has moved', &
-                      solvers(side_solid)%deck, 'it carries something at the start that is '// &
+                      str(relative(face%motion%u_new, face%place%u_start))// &
+                      ' of what it has moved', solvers(side_solid)%deck, &
+                      'it carries something at the start that is '// &
                       "neither stress nor force on nodes: write initial = 'dead_load'")
   end subroutine relax_together
 
@@ -84,22 +86,22 @@ contains
 
     moved = 0.0_wp
     changed = 0.0_wp
-    u_before = face%u_new
-    p_before = face%p_mean
-    face%w_new = face%u_new
+    u_before = face%motion%u_new
+    p_before = face%forces%p_mean
+    face%motion%w_new = face%motion%u_new
     call face%follow()
     t1 = k*choices%exchange
     call advance_grains(face, solvers(side_grains), (k - 1)*choices%exchange, t1, timers, errors)
     if (.not. errors%any()) call tell(solvers(side_grains), verb_accept, timers, errors)
     if (errors%any()) return
-    face%w_spring = face%w_new + lead(face)*(face%w_new - face%w)
-    face%w = face%w_new
-    face%d = face%d_new
-    face%quat = face%quat_new
+    face%motion%w_spring = face%motion%w_new + lead(face)*(face%motion%w_new - face%motion%w)
+    face%motion%w = face%motion%w_new
+    face%motion%d = face%motion%d_new
+    face%motion%quat = face%motion%quat_new
     call solve_solid(face, solvers(side_solid), k, 0.0_wp, 0.0_wp, timers, errors)
     if (errors%any()) return
-    moved = relative(face%u_new - u_before, face%u_new)
-    changed = relative(face%p_mean(:3, :) - p_before(:3, :), face%p_mean(:3, :))
+    moved = relative(face%motion%u_new - u_before, face%motion%u_new)
+    changed = relative(face%forces%p_mean(:3, :) - p_before(:3, :), face%forces%p_mean(:3, :))
     if (automatic_springs(face, choices) .and. mod(k, look_every) == 0) &
       call look_at_stiffness(face, solvers, t1, .false., timers, errors)
   end subroutine rehearse
@@ -129,28 +131,28 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: with_motion(:, :), without(:, :), with_turns(:, :), still(:, :)
 
-    face%u_start = face%w
+    face%place%u_start = face%motion%w
     call solid%start_request(verb_describe, 0_i8, 0.0_wp, 0.0_wp)
     call solid%request%put_text('what', 'quadrature')
     call solid%ask(timers, errors)
     if (errors%any()) return
-    call solid%reply%take('stress', face%start_stress, errors)
+    call solid%reply%take('stress', face%start%start_stress, errors)
     if (solid%reply%has('couple_stress')) &
-      call solid%reply%take('couple_stress', face%start_couple, errors)
+      call solid%reply%take('couple_stress', face%start%start_couple, errors)
     call choose_nodes(face, solid, .true., timers, errors)
     call forces_now(face, solid, with_motion, with_turns, timers, errors)
     if (.not. errors%any()) call tell(solid, verb_reject, timers, errors)
     if (.not. errors%any()) call put_stress(face, solid, timers, errors)
     call forces_now(face, solid, without, still, timers, errors)
     if (errors%any()) return
-    face%start_load = with_motion - without
-    face%start_moment = with_turns - still
+    face%start%start_load = with_motion - without
+    face%start%start_moment = with_turns - still
     call put_load(face, solid, timers, errors)
     if (errors%any()) return
-    face%w_spring = 0.0_wp
+    face%motion%w_spring = 0.0_wp
     call solve_solid(face, solid, 1_i4, 0.0_wp, 0.0_wp, timers, errors)
     if (.not. errors%any()) call tell(solid, verb_accept, timers, errors)
-    face%w = 0.0_wp
+    face%motion%w = 0.0_wp
     call face%resume()
   end subroutine make_reference
 
@@ -177,14 +179,14 @@ contains
     call solid%start_request(verb_select, 0_i8, solid%time, solid%time)
     call solid%request%put_text('set', all_set)
     call solid%request%put_text('role', 'load')
-    call solid%request%put_int('id', [(k, k=1, merge(int(face%all_nodes, i8), 1_i8, all))])
+    call solid%request%put_int('id', [(k, k=1, merge(int(face%place%all_nodes, i8), 1_i8, all))])
     call solid%ask(timers, errors)
-    if (size(face%polar_id) == 0 .or. errors%any()) return
+    if (size(face%place%polar_id) == 0 .or. errors%any()) return
     call solid%start_request(verb_select, 0_i8, solid%time, solid%time)
     call solid%request%put_text('set', all_turns)
     call solid%request%put_text('role', 'load')
     call solid%request%put_text('fields', 'phi')
-    call solid%request%put_int('id', face%polar_id(:merge(size(face%polar_id), 1, all)))
+    call solid%request%put_int('id', face%place%polar_id(:merge(size(face%place%polar_id), 1, all)))
     call solid%ask(timers, errors)
   end subroutine choose_nodes
 
@@ -195,13 +197,13 @@ contains
     real(wp), allocatable, intent(out) :: force(:, :), moment(:, :)
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    allocate (force(3, face%all_nodes), moment(3, size(face%polar_id)), source=0.0_wp)
+    allocate (force(3, face%place%all_nodes), moment(3, size(face%place%polar_id)), source=0.0_wp)
     if (errors%any()) return
     call solid%start_request(verb_force, 0_i8, 0.0_wp, 0.0_wp)
     call solid%request%put_text('scope', 'all')
     call solid%ask(timers, errors)
     if (.not. errors%any()) call solid%reply%get(all_set//'.force', force, errors)
-    if (size(face%polar_id) > 0 .and. .not. errors%any()) &
+    if (size(face%place%polar_id) > 0 .and. .not. errors%any()) &
       call solid%reply%get(all_turns//'.moment', moment, errors)
   end subroutine forces_now
 
@@ -212,8 +214,9 @@ contains
     type(error_list_type), intent(inout) :: errors
     call solid%start_request(verb_set, 0_i8, solid%time, solid%time)
     call solid%request%put_text('what', 'initial_stress')
-    call solid%request%put('value', face%start_stress)
-    if (allocated(face%start_couple)) call solid%request%put('couple', face%start_couple)
+    call solid%request%put('value', face%start%start_stress)
+    if (allocated(face%start%start_couple)) call solid%request%put('couple', &
+      face%start%start_couple)
     call solid%ask(timers, errors)
   end subroutine put_stress
 
@@ -226,13 +229,13 @@ contains
     call solid%start_request(verb_set, 0_i8, solid%time, solid%time)
     call solid%request%put_text('what', 'dead_load')
     call solid%request%put_text('set', all_set)
-    call solid%request%put('force', face%start_load)
+    call solid%request%put('force', face%start%start_load)
     call solid%ask(timers, errors)
-    if (size(face%polar_id) > 0 .and. .not. errors%any()) then
+    if (size(face%place%polar_id) > 0 .and. .not. errors%any()) then
       call solid%start_request(verb_set, 0_i8, solid%time, solid%time)
       call solid%request%put_text('what', 'dead_load')
       call solid%request%put_text('set', all_turns)
-      call solid%request%put('moment', face%start_moment)
+      call solid%request%put('moment', face%start%start_moment)
       call solid%ask(timers, errors)
     end if
     call choose_nodes(face, solid, .false., timers, errors)

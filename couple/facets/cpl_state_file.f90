@@ -23,37 +23,38 @@ contains
     call checkpoint%begin(file, time, face%step, errors, tag)
     call file%attr_put('/', 'map_hash', face%transfer%hash(face%map), errors)
     call file%put('/ghosts/id', face%map%ghost_id, errors)
-    call file%put('/ghosts/x_ref', face%x_ref, errors)
-    call file%put('/ghosts/quat', face%quat, errors)
-    call file%put('/ghosts/p_mean', face%p_mean, errors)
-    call file%put('/ghosts/p_end', face%p_end, errors)
-    call file%put('/ghosts/p_before', face%p_before, errors)
-    call file%put('/ghosts/p_put', face%p_put, errors)
+    call file%put('/ghosts/x_ref', face%place%x_ref, errors)
+    call file%put('/ghosts/quat', face%motion%quat, errors)
+    call file%put('/ghosts/p_mean', face%forces%p_mean, errors)
+    call file%put('/ghosts/p_end', face%forces%p_end, errors)
+    call file%put('/ghosts/p_before', face%forces%p_before, errors)
+    call file%put('/ghosts/p_put', face%forces%p_put, errors)
     call file%put('/ghosts/held', face%relax%held, errors)
     call file%put('/ghosts/residual', face%relax%residual, errors)
     call file%put('/nodes/id', face%map%node_id, errors)
-    call file%put('/nodes/u', face%u, errors)
-    call file%put('/nodes/w', face%w, errors)
-    call file%put('/nodes/u_start', face%u_start, errors)
-    call file%put('/nodes/v', face%v, errors)
-    call file%put('/nodes/v_before', face%v_before, errors)
-    call file%put('/nodes/dead_load', face%dead_load, errors)
-    call file%put('/numbers', [face%grains_work, face%solid_work, face%work_turnover, &
-                               face%lost_impulse, face%springs%stiffness, face%relax%factor, &
-                               face%contact_stiffness, face%force_at_look, face%largest], errors)
-    call file%put('/counts', [face%step, face%all_iterations, int(face%outgrown, i8), &
-                              int(face%refactored, i8), merge(1_i8, 0_i8, face%relax%begun)], &
-                                errors)
-    if (allocated(face%start_stress)) then
-      call file%put('/solid/start_stress', face%start_stress, errors)
-      call file%put('/solid/start_load', face%start_load, errors)
-      if (allocated(face%start_couple)) then
-        call file%put('/solid/start_couple', face%start_couple, errors)
-        call file%put('/solid/start_moment', face%start_moment, errors)
+    call file%put('/nodes/u', face%motion%u, errors)
+    call file%put('/nodes/w', face%motion%w, errors)
+    call file%put('/nodes/u_start', face%place%u_start, errors)
+    call file%put('/nodes/v', face%motion%v, errors)
+    call file%put('/nodes/v_before', face%motion%v_before, errors)
+    call file%put('/nodes/dead_load', face%start%dead_load, errors)
+    call file%put('/numbers', [face%ledger%grains_work, face%ledger%solid_work, &
+      face%ledger%work_turnover, face%ledger%lost_impulse, face%springs%stiffness, &
+      face%relax%factor, face%watch%contact_stiffness, face%watch%force_at_look, &
+      face%ledger%largest], errors)
+    call file%put('/counts', [face%step, face%ledger%all_iterations, int(face%watch%outgrown, i8), &
+                              int(face%watch%refactored, i8), merge(1_i8, 0_i8, &
+                              face%relax%begun)], errors)
+    if (allocated(face%start%start_stress)) then
+      call file%put('/solid/start_stress', face%start%start_stress, errors)
+      call file%put('/solid/start_load', face%start%start_load, errors)
+      if (allocated(face%start%start_couple)) then
+        call file%put('/solid/start_couple', face%start%start_couple, errors)
+        call file%put('/solid/start_moment', face%start%start_moment, errors)
       end if
     end if
-    call file%put('/scalars/grains', face%grains, errors)
-    call file%put('/scalars/solid', face%solid, errors)
+    call file%put('/scalars/grains', face%ledger%grains, errors)
+    call file%put('/scalars/solid', face%ledger%solid, errors)
     call checkpoint%finish(file, errors)
   end subroutine write_state
 
@@ -95,46 +96,46 @@ contains
     counts = 0
     call checkpoint%open(path, file, info, errors)
     if (errors%any()) return
-    call file%get_into('/ghosts/quat', face%quat, errors)
-    call file%get_into('/ghosts/p_mean', face%p_mean, errors)
-    call file%get_into('/ghosts/p_end', face%p_end, errors)
-    call file%get_into('/ghosts/p_before', face%p_before, errors)
-    call file%get_into('/ghosts/p_put', face%p_put, errors)
+    call file%get_into('/ghosts/quat', face%motion%quat, errors)
+    call file%get_into('/ghosts/p_mean', face%forces%p_mean, errors)
+    call file%get_into('/ghosts/p_end', face%forces%p_end, errors)
+    call file%get_into('/ghosts/p_before', face%forces%p_before, errors)
+    call file%get_into('/ghosts/p_put', face%forces%p_put, errors)
     call file%get_into('/ghosts/held', face%relax%held, errors)
     call file%get_into('/ghosts/residual', face%relax%residual, errors)
-    call file%get_into('/nodes/u', face%u, errors)
-    call file%get_into('/nodes/w', face%w, errors)
-    call file%get_into('/nodes/u_start', face%u_start, errors)
-    call file%get_into('/nodes/v', face%v, errors)
-    call file%get_into('/nodes/v_before', face%v_before, errors)
-    call file%get_into('/nodes/dead_load', face%dead_load, errors)
+    call file%get_into('/nodes/u', face%motion%u, errors)
+    call file%get_into('/nodes/w', face%motion%w, errors)
+    call file%get_into('/nodes/u_start', face%place%u_start, errors)
+    call file%get_into('/nodes/v', face%motion%v, errors)
+    call file%get_into('/nodes/v_before', face%motion%v_before, errors)
+    call file%get_into('/nodes/dead_load', face%start%dead_load, errors)
     call file%get_into('/numbers', numbers, errors)
     call file%get_into('/counts', counts, errors)
     if (file%exists('/solid/start_stress')) then
-      call file%get('/solid/start_stress', face%start_stress, errors)
-      call file%get('/solid/start_load', face%start_load, errors)
+      call file%get('/solid/start_stress', face%start%start_stress, errors)
+      call file%get('/solid/start_load', face%start%start_load, errors)
       if (file%exists('/solid/start_couple')) then
-        call file%get('/solid/start_couple', face%start_couple, errors)
-        call file%get('/solid/start_moment', face%start_moment, errors)
+        call file%get('/solid/start_couple', face%start%start_couple, errors)
+        call file%get('/solid/start_moment', face%start%start_moment, errors)
       end if
     end if
-    call file%get_into('/scalars/grains', face%grains, errors)
-    call file%get_into('/scalars/solid', face%solid, errors)
+    call file%get_into('/scalars/grains', face%ledger%grains, errors)
+    call file%get_into('/scalars/solid', face%ledger%solid, errors)
     call file%close(errors)
-    face%grains_work = numbers(1)
-    face%solid_work = numbers(2)
-    face%work_turnover = numbers(3)
-    face%lost_impulse = numbers(4)
+    face%ledger%grains_work = numbers(1)
+    face%ledger%solid_work = numbers(2)
+    face%ledger%work_turnover = numbers(3)
+    face%ledger%lost_impulse = numbers(4)
     if (numbers(5) > 0.0_wp) &
-      call face%springs%make(numbers(5), face%map, face%transfer, face%radius)
+      call face%springs%make(numbers(5), face%map, face%transfer, face%place%radius)
     face%relax%factor = numbers(6)
-    face%contact_stiffness = numbers(7)
-    face%force_at_look = numbers(8)
-    face%largest = numbers(9)
+    face%watch%contact_stiffness = numbers(7)
+    face%watch%force_at_look = numbers(8)
+    face%ledger%largest = numbers(9)
     face%step = counts(1)
-    face%all_iterations = counts(2)
-    face%outgrown = int(counts(3), i4)
-    face%refactored = int(counts(4), i4)
+    face%ledger%all_iterations = counts(2)
+    face%watch%outgrown = int(counts(3), i4)
+    face%watch%refactored = int(counts(4), i4)
     face%relax%begun = counts(5) == 1
     call face%resume()
   end subroutine read_state

@@ -48,11 +48,12 @@ contains
     type(trial_type) :: trial
     associate (o => self%o, b => self%bridge)
       call trial_kick(o, b, grains, kick, bulk, trial)
-      call bind_field(b%move, b%move%gap(o%d, o%u)/dt, b%v, trial%before, trial%v, o%v, b%push)
+      call bind_field(b%move, b%move%gap(o%motion%d, o%motion%u)/dt, b%v, trial%before, trial%v, &
+        o%motion%v, b%push)
       b%push = b%push/trial%push + b%hold
       if (.not. b%turns) return
-      call bind_field(b%turn, b%turn%gap(o%turn, o%phi)/dt, b%spin, trial%before_phi, &
-                      trial%spin, o%w, b%couple)
+      call bind_field(b%turn, b%turn%gap(o%motion%turn, o%motion%phi)/dt, b%spin, &
+        trial%before_phi, trial%spin, o%motion%w, b%couple)
       b%couple = b%couple/trial%push + b%hold_couple
     end associate
 
@@ -71,10 +72,10 @@ contains
       call field%n%transposed(impulse, on_nodes)
       given = 0.5_wp*sum(impulse*(v + trial))
       taken = 0.5_wp*sum(on_nodes*(d0(:, field%at) + d(:, field%at)))
-      self%o%work_given = self%o%work_given + given
-      self%o%work_taken = self%o%work_taken + taken
-      self%o%turnover = self%o%turnover + 0.5_wp*sum(abs(impulse*(v + trial)))
-      self%o%lost = self%o%lost + taken - given
+      self%o%ledger%work_given = self%o%ledger%work_given + given
+      self%o%ledger%work_taken = self%o%ledger%work_taken + taken
+      self%o%ledger%turnover = self%o%ledger%turnover + 0.5_wp*sum(abs(impulse*(v + trial)))
+      self%o%ledger%lost = self%o%ledger%lost + taken - given
     end subroutine bind_field
   end subroutine bind
 

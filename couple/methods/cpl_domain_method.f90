@@ -104,20 +104,20 @@ contains
 
     h = run%choices%exchange
     associate (o => self%o, b => self%bridge, solvers => run%solvers, timers => run%timers)
-      dt = h/o%substeps
+      dt = h/o%rules%substeps
       call send_bulk(o, solvers(side_solid), 0.5_wp*h, h, t0, t1, timers, errors)
-      do k = 1, o%substeps
-        now = merge(t1, t0 + k*dt, k == o%substeps)
+      do k = 1, o%rules%substeps
+        now = merge(t1, t0 + k*dt, k == o%rules%substeps)
         kick = merge(0.5_wp*dt, dt, k == 1)
-        call timers%start('multipliers')
+        call timers%start('binding')
         call self%bind(solvers(side_grains), kick, merge(0.5_wp*h, 0.0_wp, k == 1), dt)
-        call timers%stop('multipliers')
+        call timers%stop('binding')
         call send_push(o, b, solvers(side_grains), kick, dt, now - dt, now, timers, errors)
         if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
         if (k == 1 .and. .not. errors%any()) call solvers(side_solid)%receive(timers, errors)
         if (errors%any()) return
-        call read_bound(o, b, solvers(side_grains), k == o%substeps, errors)
-        call drift(o, b, dt, k == o%substeps)
+        call read_bound(o, b, solvers(side_grains), k == o%rules%substeps, errors)
+        call drift(o, b, dt, k == o%rules%substeps)
         call bridge_forces(o, b, solvers, now, timers, errors)
         if (errors%any()) return
       end do
@@ -128,7 +128,7 @@ contains
       if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
       if (errors%any()) return
       call read_bound(o, b, solvers(side_grains), .true., errors)
-      call solvers(side_grains)%reply%get('scalars', o%grains, errors)
+      call solvers(side_grains)%reply%get('scalars', o%ledger%grains, errors)
     end associate
     if (.not. errors%any()) call accept(self, run, t0, t1, errors)
   end subroutine exchange
@@ -146,8 +146,8 @@ contains
                         'the steps of both against their limits')
         return
       end if
-      o%fine = self%fine_scale()
-      o%past = 0.0_wp
+      o%map%fine = self%fine_scale()
+      o%map%past = 0.0_wp
       call accept_both(o, run%solvers, t0, t1, run%timers, errors)
       if (.not. errors%any()) o%step = o%step + 1
     end associate
@@ -158,20 +158,23 @@ contains
     class(domain_method_type), intent(in) :: self
     type(log_type), intent(inout) :: log
     type(cpl_choices_type), intent(in) :: choices
+    logical :: idle
     associate (o => self%o, b => self%bridge)
       call log%item('bridging domain', str(o%op%ghosts)//' grains are bound to '// &
-        str(size(b%move%at))//' nodes', 'weights '//short_number(o%least_weight)//' to '// &
-        short_number(1.0_wp - o%least_weight)//'; rotations '// &
+        str(size(b%move%at))//' nodes', 'weights '//short_number(o%rules%least_weight)//' to '// &
+        short_number(1.0_wp - o%rules%least_weight)//'; rotations '// &
         trim(merge('to micro-rotations', 'are free          ', b%turns)))
-      call log%item('masses there', short_number(o%moved_mass)//' kg of grains', &
-        short_number(sum(o%mass))//' kg of nodes, those at the far end with their outer elements')
+      call log%item('masses there', short_number(o%own%moved_mass)//' kg of grains', &
+        short_number(sum(o%own%mass))// &
+        ' kg of nodes, those at the far end with their outer elements')
       call self%log_bond(log)
-      if (o%step_limit < huge(1.0_wp)) call log%item('stable step', short_number(o%step_limit)// &
-        ' s', 'of grains and nodes that step with them')
-      if (.not. o%loads%active) return
-      if (any(abs(o%loads%f) > 0.0_wp .and. spread(.not. o%mass(:o%op%hats) > 0.0_wp, 1, 3))) &
-        call log%warn('loads of the solid''s deck on elements of free grains do nothing: nodes '// &
-        'beyond the bridging domain only follow the grains; put them on the grains')
+      if (o%limit%step_limit < huge(1.0_wp)) call log%item('stable step', &
+        short_number(o%limit%step_limit)// ' s', 'of grains and nodes that step with them')
+      if (.not. o%forces%loads%active) return
+      idle = any(abs(o%forces%loads%f) > 0.0_wp .and. &
+                 spread(.not. o%own%mass(:o%op%hats) > 0.0_wp, 1, 3))
+      if (idle) call log%warn('loads of the solid''s deck on elements of free grains do '// &
+        'nothing: nodes beyond the bridging domain only follow the grains; put them on the grains')
     end associate
   end subroutine log_domain
 
@@ -180,7 +183,7 @@ contains
     class(domain_method_type), intent(in) :: self
     real(wp) :: fine
     associate (o => self%o)
-      fine = sqrt(sum(self%bridge%move%gap(o%d, o%u)**2)/max(1, o%op%ghosts))
+      fine = sqrt(sum(self%bridge%move%gap(o%motion%d, o%motion%u)**2)/max(1, o%op%ghosts))
     end associate
   end function gap_of_both
 
@@ -192,12 +195,13 @@ contains
     associate (o => self%o, b => self%bridge)
       call file%put('/bridge/v', b%v, errors)
       call file%put('/bridge/spin', b%spin, errors)
-      call file%put('/bridge/force', o%p, errors)
-      call file%put('/bridge/moment', o%m, errors)
+      call file%put('/bridge/force', o%forces%p, errors)
+      call file%put('/bridge/moment', o%forces%m, errors)
       call file%put('/bridge/hold', b%hold, errors)
       call file%put('/bridge/hold_couple', b%hold_couple, errors)
       call file%put('/bridge/theta_ref', b%theta_ref, errors)
-      call file%put('/bridge/lost', [o%lost], errors)
+      call file%put('/bridge/lost', [o%ledger%lost], errors)
+      call file%put('/bridge/bond', [o%ledger%bond], errors)
     end associate
   end subroutine put_own
 
@@ -205,18 +209,21 @@ contains
     class(domain_method_type), intent(inout) :: self
     type(h5_file_type), intent(inout) :: file
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: lost(1)
+    real(wp) :: lost(1), bond(1)
     lost = 0.0_wp
+    bond = 0.0_wp
     associate (o => self%o, b => self%bridge)
       call file%get_into('/bridge/v', b%v, errors)
       call file%get_into('/bridge/spin', b%spin, errors)
-      call file%get_into('/bridge/force', o%p, errors)
-      call file%get_into('/bridge/moment', o%m, errors)
+      call file%get_into('/bridge/force', o%forces%p, errors)
+      call file%get_into('/bridge/moment', o%forces%m, errors)
       call file%get_into('/bridge/hold', b%hold, errors)
       call file%get_into('/bridge/hold_couple', b%hold_couple, errors)
       call file%get_into('/bridge/theta_ref', b%theta_ref, errors)
       call file%get_into('/bridge/lost', lost, errors)
-      o%lost = lost(1)
+      if (file%exists('/bridge/bond')) call file%get_into('/bridge/bond', bond, errors)
+      o%ledger%lost = lost(1)
+      o%ledger%bond = bond(1)
     end associate
   end subroutine get_own
 end module cpl_domain_method

@@ -84,7 +84,7 @@ contains
     call get_overlap(file, run%state, self%o, errors)
     if (.not. errors%any()) call self%get_own(file, errors)
     call file%close(errors)
-    if (self%o%remaps > 0 .and. .not. errors%any()) call rebuild_map(self%o, errors)
+    if (self%o%map%remaps > 0 .and. .not. errors%any()) call rebuild_map(self%o, errors)
     self%step = self%o%step
   end subroutine restore
 

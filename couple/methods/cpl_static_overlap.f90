@@ -60,14 +60,14 @@ contains
   function own_values(self) result(values)
     class(static_overlap_type), intent(in) :: self
     real(wp), allocatable :: values(:)
-    values = [self%o%unbalanced]
+    values = [self%o%ledger%unbalanced]
   end function own_values
 
   !> The rest of a static run.
   function own_health(self) result(text)
     class(static_overlap_type), intent(in) :: self
     character(len=:), allocatable :: text
-    text = 'unbalanced '//short_number(self%o%unbalanced)//' of a contact force, '
+    text = 'unbalanced '//short_number(self%o%ledger%unbalanced)//' of a contact force, '
   end function own_health
 
   subroutine health(self, run, overhead)
@@ -75,10 +75,10 @@ contains
     type(cpl_run_type), intent(inout) :: run
     real(wp), intent(in) :: overhead(2)
     associate (settled => run%choices%overlap%settled)
-      if (self%o%unbalanced > settled) call run%log%warn('the run has not settled: a force '// &
-        'of '//short_number(self%o%unbalanced)//' of the mean contact force is not balanced '// &
-        '(settled = '//short_number(settled)//'): let it run longer, or look at the damping of '// &
-        'the grains')
+      if (self%o%ledger%unbalanced > settled) call run%log%warn( &
+        'the run has not settled: a force of '//short_number(self%o%ledger%unbalanced)// &
+        ' of the mean contact force is not balanced (settled = '//short_number(settled)// &
+        '): let it run longer, or look at the damping of the grains')
     end associate
     call self%log_health(run, overhead)
   end subroutine health
@@ -87,6 +87,6 @@ contains
     class(static_overlap_type), intent(in) :: self
     type(summary_type), intent(inout) :: page
     call self%put_summary(page)
-    call page%set('health.unbalanced', self%o%unbalanced)
+    call page%set('health.unbalanced', self%o%ledger%unbalanced)
   end subroutine summary
 end module cpl_static_overlap

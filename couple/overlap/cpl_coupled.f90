@@ -65,7 +65,7 @@ contains
     else
       self%point = pack([(q, q=1, int(size(at), i4))], o%sets%fast(points%element(at)))
     end if
-    self%factor = o%beta(at(self%point))*self%partition%volume(self%point)
+    self%factor = o%share%beta(at(self%point))*self%partition%volume(self%point)
     allocate (self%bending(9, 9, size(self%partition%region)), source=0.0_wp)
     allocate (self%law(size(self%partition%region)), source=0)
     if (allocated(points%tangent)) self%tangent = reshape(points%tangent, [motions, motions, &
@@ -80,8 +80,8 @@ contains
     end do
     allocate (self%light(size(o%pack%id)), self%nimble(size(o%pack%id)), source=0.0_wp)
     associate (free => o%sets%free, outside => o%sets%outside)
-      self%light(free) = 1.0_wp/(o%factor*o%pack%mass(free))
-      self%nimble(free) = 1.0_wp/(o%factor*inertia(free))
+      self%light(free) = 1.0_wp/(o%own%factor*o%pack%mass(free))
+      self%nimble(free) = 1.0_wp/(o%own%factor*inertia(free))
       self%light(outside) = 1.0_wp/o%pack%mass(outside)
       self%nimble(outside) = 1.0_wp/inertia(outside)
     end associate
@@ -154,8 +154,8 @@ contains
     r%theta(:, o%sets%free) = r%theta(:, o%sets%free) + moment
     r%u(:, :o%op%hats) = 0.0_wp
     r%phi(:, :o%op%hats_phi) = 0.0_wp
-    where (o%held) r%u = 0.0_wp
-    where (o%held_phi) r%phi = 0.0_wp
+    where (o%own%held) r%u = 0.0_wp
+    where (o%own%held_phi) r%phi = 0.0_wp
     where (spread(self%light, 1, 3) <= 0.0_wp)
       r%q = 0.0_wp
       r%theta = 0.0_wp
@@ -351,25 +351,25 @@ contains
     real(wp) :: f(3, o%op%free), load(3, o%op%hats), load_phi(3, o%op%hats_phi)
     integer(i4) :: a
 
-    if (o%carried%active) then
+    if (o%own%carried%active) then
       f = r%q(:, o%sets%free)
-      call o%carried%resist(f, load)
+      call o%own%carried%resist(f, load)
       call o%op%p%transposed(load, f)
       r%q(:, o%sets%free) = f
     end if
-    if (o%carried_phi%active) then
+    if (o%own%carried_phi%active) then
       f = r%theta(:, o%sets%free)
-      call o%carried_phi%resist(f, load_phi)
+      call o%own%carried_phi%resist(f, load_phi)
       call o%op%p_phi%transposed(load_phi, f)
       r%theta(:, o%sets%free) = f
     end if
     r%q = r%q*spread(self%light, 1, 3)
     r%theta = r%theta*spread(self%nimble, 1, 3)
     do a = o%op%hats + 1, o%op%nodes
-      r%u(:, a) = r%u(:, a)/o%mass(a)
+      r%u(:, a) = r%u(:, a)/o%own%mass(a)
     end do
     do a = o%op%hats_phi + 1, o%op%nodes_phi
-      r%phi(:, a) = r%phi(:, a)/o%inertia(a)
+      r%phi(:, a) = r%phi(:, a)/o%own%inertia(a)
     end do
   end subroutine accelerate
 

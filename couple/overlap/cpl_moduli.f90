@@ -30,7 +30,7 @@ contains
     real(wp) :: lambda, shear
     integer(i4) :: e
 
-    o%affine = affine
+    o%start%affine = affine
     if (choices%overlap%moduli == 'deck') return
     lambda = affine%lambda
     shear = affine%shear
@@ -43,11 +43,11 @@ contains
                       "not enough: compress it first, or write moduli = 'deck'")
       return
     end if
-    o%lambda = lambda
-    o%shear = shear
-    o%moduli = points%moduli
-    do e = 1, size(o%moduli, 2)
-      associate (m => o%moduli(:, e))
+    o%start%lambda = lambda
+    o%start%shear = shear
+    o%start%moduli = points%moduli
+    do e = 1, size(o%start%moduli, 2)
+      associate (m => o%start%moduli(:, e))
         m(1) = lambda
         if (m(3) > 0.0_wp) then
           m(3) = merge(affine%kappa, m(3), affine%kappa > 0.0_wp)
@@ -57,7 +57,7 @@ contains
         m(2) = shear - 0.5_wp*m(3)
       end associate
     end do
-    points%moduli = o%moduli
+    points%moduli = o%start%moduli
   end subroutine choose_moduli
 
   !> SET moduli: six of micropolar elements, two of the others.
@@ -68,19 +68,19 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: list(:)
     integer(i4) :: e
-    logical :: polar(size(o%moduli, 2))
+    logical :: polar(size(o%start%moduli, 2))
 
-    polar = o%moduli(3, :) > 0.0_wp
+    polar = o%start%moduli(3, :) > 0.0_wp
     list = pack([(e, e=1, size(polar))], polar)
     if (size(list) > 0) then
       call begin(list)
-      call solid%request%put('micropolar', o%moduli(:, list))
+      call solid%request%put('micropolar', o%start%moduli(:, list))
       call solid%ask(timers, errors)
     end if
     list = pack([(e, e=1, size(polar))], .not. polar)
     if (size(list) == 0 .or. errors%any()) return
     call begin(list)
-    associate (lambda => o%moduli(1, list), shear => o%moduli(2, list))
+    associate (lambda => o%start%moduli(1, list), shear => o%start%moduli(2, list))
       call solid%request%put('young', shear*(3.0_wp*lambda + 2.0_wp*shear)/(lambda + shear))
       call solid%request%put('poisson', 0.5_wp*lambda/(lambda + shear))
     end associate

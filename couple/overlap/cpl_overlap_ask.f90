@@ -32,22 +32,25 @@ contains
     call grains%start_request(verb_kick_drift, o%step, t0, t1)
     call grains%request%put('kick', kick)
     call grains%request%put('drift', drift)
-    if (at_end .and. o%parts%active) then
-      call grains%request%put(pulled_set//'.force', o%force + o%substeps*o%parts%kick)
-      if (o%turns) &
-        call grains%request%put(pulled_set//'.moment', o%moment + o%substeps*o%parts%kick_phi)
+    if (at_end .and. o%forces%parts%active) then
+      call grains%request%put(pulled_set//'.force', o%forces%force &
+        + o%rules%substeps*o%forces%parts%kick)
+      if (o%rules%turns) &
+        call grains%request%put(pulled_set//'.moment', o%forces%moment &
+        + o%rules%substeps*o%forces%parts%kick_phi)
       if (.not. drift > 0.0_wp) then  ! energies are told
-        call grains%request%put(pulled_set//'.mean_force', o%force + o%parts%kick)
-        if (o%turns) &
-          call grains%request%put(pulled_set//'.mean_moment', o%moment + o%parts%kick_phi)
+        call grains%request%put(pulled_set//'.mean_force', o%forces%force + o%forces%parts%kick)
+        if (o%rules%turns) &
+          call grains%request%put(pulled_set//'.mean_moment', o%forces%moment &
+          + o%forces%parts%kick_phi)
       end if
     else
-      call grains%request%put(pulled_set//'.force', o%force)
-      if (o%turns) call grains%request%put(pulled_set//'.moment', o%moment)
+      call grains%request%put(pulled_set//'.force', o%forces%force)
+      if (o%rules%turns) call grains%request%put(pulled_set//'.moment', o%forces%moment)
     end if
     call timers%stop(messages)
     if (drift > 0.0_wp) call grains%request%put_int('brief', 1_i4)
-    if (drift > 0.0_wp .and. o%parts%active) call grains%request%put_int('ahead', 1_i4)
+    if (drift > 0.0_wp .and. o%forces%parts%active) call grains%request%put_int('ahead', 1_i4)
     call grains%send(timers, errors)
   end subroutine send_kick
 
@@ -58,13 +61,13 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     call timers%start(messages)
-    call grains%reply%get(free_set//'.x', o%q, errors)
-    o%q = o%q - o%x_free
-    if (o%hears_speed) call grains%reply%get(free_set//'.v', o%speed, errors)
-    if (o%turns) then
-      if (o%hears_speed) call grains%reply%get(free_set//'.omega', o%spin, errors)
-      call grains%reply%get(free_set//'.theta', o%theta, errors)
-      o%theta = o%theta - o%theta_ref
+    call grains%reply%get(free_set//'.x', o%motion%q, errors)
+    o%motion%q = o%motion%q - o%map%x_free
+    if (o%rules%hears_speed) call grains%reply%get(free_set//'.v', o%motion%speed, errors)
+    if (o%rules%turns) then
+      if (o%rules%hears_speed) call grains%reply%get(free_set//'.omega', o%motion%spin, errors)
+      call grains%reply%get(free_set//'.theta', o%motion%theta, errors)
+      o%motion%theta = o%motion%theta - o%map%theta_ref
     end if
     call timers%stop(messages)
   end subroutine read_free
@@ -88,10 +91,10 @@ contains
     type(overlap_type), intent(in) :: o
     type(message_type), intent(inout) :: request
     real(wp), intent(in) :: v(:, :), spin(:, :)  !! (3, ghosts) [m/s], [rad/s]
-    call request%put(ghost_set//'.x', o%x_ghost + o%d)
+    call request%put(ghost_set//'.x', o%map%x_ghost + o%motion%d)
     call request%put(ghost_set//'.v', v)
     call request%put(ghost_set//'.omega', spin)
-    if (.not. o%round) call request%put(ghost_set//'.quat', o%quat)
+    if (.not. o%rules%round) call request%put(ghost_set//'.quat', o%motion%quat)
   end subroutine put_ghosts
 
   !> Forces on ghosts and free grains, from a reply; all but gravity and what comes from here.
@@ -99,32 +102,32 @@ contains
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: grains
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: load(3, merge(o%op%free, 0_i4, o%hears_force))
-    if (o%parts%active) then
+    real(wp) :: load(3, merge(o%op%free, 0_i4, o%rules%hears_force))
+    if (o%forces%parts%active) then
       call read_near(o, grains, errors)
     else
-      call grains%reply%get(ghost_set//'.force', o%p, errors)
-      call grains%reply%get(ghost_set//'.moment', o%m, errors)
+      call grains%reply%get(ghost_set//'.force', o%forces%p, errors)
+      call grains%reply%get(ghost_set//'.moment', o%forces%m, errors)
     end if
-    if (o%hears_force) then
-      call grains%reply%get(free_set//'.force', o%contact, errors)
+    if (o%rules%hears_force) then
+      call grains%reply%get(free_set//'.force', o%forces%contact, errors)
       call grains%reply%get(free_set//'.load', load, errors)
-      if (.not. errors%any()) o%contact = o%contact + load
+      if (.not. errors%any()) o%forces%contact = o%forces%contact + load
     end if
-    if (o%hears_force .and. o%turns) &
-      call grains%reply%get(free_set//'.moment', o%contact_moment, errors)
+    if (o%rules%hears_force .and. o%rules%turns) &
+      call grains%reply%get(free_set//'.moment', o%forces%contact_moment, errors)
   end subroutine read_forces
 
   !> Where the nodes that talus-couple moves are, in a request to the solid.
   subroutine put_nodes(o, solid)
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: solid
-    call solid%request%put(hat_set//'.u', o%u(:, :o%op%hats))
-    if (.not. o%static) call solid%request%put(edge_set//'.u', o%u(:, o%op%hats + 1:))
+    call solid%request%put(hat_set//'.u', o%motion%u(:, :o%op%hats))
+    if (.not. o%rules%static) call solid%request%put(edge_set//'.u', o%motion%u(:, o%op%hats + 1:))
     if (o%op%nodes_phi == 0) return
-    call solid%request%put(hat_phi_set//'.phi', o%phi(:, :o%op%hats_phi))
-    if (.not. o%static) &
-      call solid%request%put(edge_phi_set//'.phi', o%phi(:, o%op%hats_phi + 1:))
+    call solid%request%put(hat_phi_set//'.phi', o%motion%phi(:, :o%op%hats_phi))
+    if (.not. o%rules%static) &
+      call solid%request%put(edge_phi_set//'.phi', o%motion%phi(:, o%op%hats_phi + 1:))
   end subroutine put_nodes
 
   !> A field of all nodes from a reply of the solid.
@@ -164,10 +167,11 @@ contains
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solid
     type(error_list_type), intent(inout) :: errors
-    call read_nodes(o, solid, 'reaction', 'reaction_moment', o%bulk, o%bulk_phi, errors)
-    o%bulk = -o%bulk - o%element - o%steady
-    o%bulk_phi = -o%bulk_phi - o%element_phi - o%steady_phi
-    call solid%reply%get('scalars', o%solid, errors)
+    call read_nodes(o, solid, 'reaction', 'reaction_moment', o%forces%bulk, o%forces%bulk_phi, &
+      errors)
+    o%forces%bulk = -o%forces%bulk - o%forces%element - o%forces%steady
+    o%forces%bulk_phi = -o%forces%bulk_phi - o%forces%element_phi - o%forces%steady_phi
+    call solid%reply%get('scalars', o%ledger%solid, errors)
   end subroutine read_bulk
 
   !> ACCEPT; nothing will be rejected. The solid is told velocities of hat and edge, for its field
@@ -180,9 +184,9 @@ contains
     type(error_list_type), intent(inout) :: errors
     call solver%start_request(verb_accept, o%step, t0, t1)
     call solver%request%put_int('final', 1_i4)
-    if (solver%side == sides(side_solid) .and. .not. o%static) then
-      call solver%request%put(hat_set//'.v', o%v(:, :o%op%hats))
-      call solver%request%put(edge_set//'.v', o%v(:, o%op%hats + 1:))
+    if (solver%side == sides(side_solid) .and. .not. o%rules%static) then
+      call solver%request%put(hat_set//'.v', o%motion%v(:, :o%op%hats))
+      call solver%request%put(edge_set//'.v', o%motion%v(:, o%op%hats + 1:))
     end if
     call solver%send(timers, errors)
   end subroutine send_accept
@@ -232,7 +236,7 @@ contains
     if (errors%any()) return
     call timers%start(messages)
     call grains%start_request(verb_force, o%step, t, t)
-    if (o%parts%active) then
+    if (o%forces%parts%active) then
       call put_near(o, grains%request, v, spin)
     else
       call put_ghosts(o, grains%request, v, spin)
@@ -267,7 +271,7 @@ contains
       if (present(end_kick)) call send_bulk(o, solid, end_kick, 0.0_wp, t, t, timers, errors)
       call timers%start(messages)
       call read_forces(o, grains, errors)
-      call read_nodes(o, solid, 'force', 'moment', o%element, o%element_phi, errors)
+      call read_nodes(o, solid, 'force', 'moment', o%forces%element, o%forces%element_phi, errors)
       call timers%stop(messages)
       if (errors%any()) return
       call timers%start('pull-backs')

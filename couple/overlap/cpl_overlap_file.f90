@@ -20,71 +20,71 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: reference(:, :)
 
-    call file%attr_put('/', 'sets_hash', o%sets_hash, errors)
+    call file%attr_put('/', 'sets_hash', o%map%sets_hash, errors)
     allocate (reference(6, size(o%pack%id)))
     reference(:3, :) = o%pack%x
     reference(4, :) = o%pack%mass
     reference(5, :) = o%pack%inertia
     reference(6, :) = o%pack%slimmest
     call file%put('/grains/reference', reference, errors)
-    call file%put('/free/q', o%q, errors)
-    call file%put('/free/theta', o%theta, errors)
-    call file%put('/free/theta_ref', o%theta_ref, errors)
-    call file%put('/free/force', o%force, errors)
-    call file%put('/free/moment', o%moment, errors)
-    call file%put('/free/force_hold', o%force_hold, errors)
-    call file%put('/free/moment_hold', o%moment_hold, errors)
-    call file%put('/ghosts/d', o%d, errors)
-    call file%put('/ghosts/turn', o%turn, errors)
-    call file%put('/ghosts/quat', o%quat, errors)
-    call file%put('/nodes/u', o%u, errors)
-    call file%put('/nodes/v', o%v, errors)
-    call file%put('/nodes/f', o%f, errors)
-    call file%put('/nodes/bulk', o%bulk, errors)
-    call file%put('/nodes/element', o%element, errors)
-    call file%put('/nodes/f_hold', o%f_hold, errors)
-    call file%put('/rotations/phi', o%phi, errors)
-    call file%put('/rotations/w', o%w, errors)
-    call file%put('/rotations/c', o%c, errors)
-    call file%put('/rotations/bulk', o%bulk_phi, errors)
-    call file%put('/rotations/element', o%element_phi, errors)
-    call file%put('/rotations/c_hold', o%c_hold, errors)
-    call file%put('/weights/ids', o%weight_ids, errors)
-    call file%put('/weights/contacts', o%weight, errors)
-    call file%put('/weights/points', o%beta, errors)
-    call file%put('/numbers', [o%work_given, o%work_taken, o%turnover, o%hold_work, &
-                               o%damping%lost, o%damping_phi%lost], errors)
-    if (o%damping%active) call file%put('/damping/force', o%damping%force, errors)
-    if (o%damping_phi%active) call file%put('/damping/moment', o%damping_phi%force, errors)
-    call file%put('/counts', [o%step, o%remaps], errors)
-    call file%put('/map/looked', [o%looked], errors)
-    call file%put('/map/told', merge(1_i4, 0_i4, o%told), errors)
-    if (o%remaps > 0) then
-      call file%put('/map/x_free', o%x_free, errors)
-      call file%put('/map/u', o%u_map, errors)
-      call file%put('/map/phi', o%phi_map, errors)
+    call file%put('/free/q', o%motion%q, errors)
+    call file%put('/free/theta', o%motion%theta, errors)
+    call file%put('/free/theta_ref', o%map%theta_ref, errors)
+    call file%put('/free/force', o%forces%force, errors)
+    call file%put('/free/moment', o%forces%moment, errors)
+    call file%put('/free/force_hold', o%forces%force_hold, errors)
+    call file%put('/free/moment_hold', o%forces%moment_hold, errors)
+    call file%put('/ghosts/d', o%motion%d, errors)
+    call file%put('/ghosts/turn', o%motion%turn, errors)
+    call file%put('/ghosts/quat', o%motion%quat, errors)
+    call file%put('/nodes/u', o%motion%u, errors)
+    call file%put('/nodes/v', o%motion%v, errors)
+    call file%put('/nodes/f', o%forces%f, errors)
+    call file%put('/nodes/bulk', o%forces%bulk, errors)
+    call file%put('/nodes/element', o%forces%element, errors)
+    call file%put('/nodes/f_hold', o%forces%f_hold, errors)
+    call file%put('/rotations/phi', o%motion%phi, errors)
+    call file%put('/rotations/w', o%motion%w, errors)
+    call file%put('/rotations/c', o%forces%c, errors)
+    call file%put('/rotations/bulk', o%forces%bulk_phi, errors)
+    call file%put('/rotations/element', o%forces%element_phi, errors)
+    call file%put('/rotations/c_hold', o%forces%c_hold, errors)
+    call file%put('/weights/ids', o%share%weight_ids, errors)
+    call file%put('/weights/contacts', o%share%weight, errors)
+    call file%put('/weights/points', o%share%beta, errors)
+    call file%put('/numbers', [o%ledger%work_given, o%ledger%work_taken, o%ledger%turnover, &
+      o%ledger%hold_work, o%own%damping%lost, o%own%damping_phi%lost], errors)
+    if (o%own%damping%active) call file%put('/damping/force', o%own%damping%force, errors)
+    if (o%own%damping_phi%active) call file%put('/damping/moment', o%own%damping_phi%force, errors)
+    call file%put('/counts', [o%step, o%map%remaps], errors)
+    call file%put('/map/looked', [o%map%looked], errors)
+    call file%put('/map/told', merge(1_i4, 0_i4, o%map%told), errors)
+    if (o%map%remaps > 0) then
+      call file%put('/map/x_free', o%map%x_free, errors)
+      call file%put('/map/u', o%map%u_map, errors)
+      call file%put('/map/phi', o%map%phi_map, errors)
     end if
-    if (allocated(o%moduli)) call file%put('/start/moduli', o%moduli, errors)
-    if (allocated(o%stress)) then
-      call file%put('/start/stress', o%stress, errors)
-      call file%put('/start/couple', o%couple, errors)
+    if (allocated(o%start%moduli)) call file%put('/start/moduli', o%start%moduli, errors)
+    if (allocated(o%start%stress)) then
+      call file%put('/start/stress', o%start%stress, errors)
+      call file%put('/start/couple', o%start%couple, errors)
     end if
-    call file%put('/start/steady', o%steady, errors)
-    call file%put('/start/steady_phi', o%steady_phi, errors)
-    if (o%parts%active) call write_parts(file, o, errors)
-    if (o%loads%active) then
-      call file%put('/loads/f', o%loads%f, errors)
-      call file%put('/loads/c', o%loads%c, errors)
+    call file%put('/start/steady', o%forces%steady, errors)
+    call file%put('/start/steady_phi', o%forces%steady_phi, errors)
+    if (o%forces%parts%active) call write_parts(file, o, errors)
+    if (o%forces%loads%active) then
+      call file%put('/loads/f', o%forces%loads%f, errors)
+      call file%put('/loads/c', o%forces%loads%c, errors)
     end if
-    if (o%static) then
+    if (o%rules%static) then
       call file%put('/static/held', o%relax%held, errors)
       call file%put('/static/residual', o%relax%residual, errors)
-      call file%put('/static/numbers', [o%relax%factor, o%contact_stiffness, &
-                    real(o%contact_count, wp), o%unbalanced, merge(1.0_wp, 0.0_wp, &
+      call file%put('/static/numbers', [o%relax%factor, o%start%contact_stiffness, &
+                    real(o%start%contact_count, wp), o%ledger%unbalanced, merge(1.0_wp, 0.0_wp, &
                     o%relax%begun)], errors)
     end if
-    call file%put('/scalars/grains', o%grains, errors)
-    call file%put('/scalars/solid', o%solid, errors)
+    call file%put('/scalars/grains', o%ledger%grains, errors)
+    call file%put('/scalars/solid', o%ledger%solid, errors)
   end subroutine put_overlap
 
   !> Positions, masses and inertia of all grains in the reference state, from which sets and
@@ -120,49 +120,50 @@ contains
     told = 0
     call file%attr_get('/', 'sets_hash', hash, errors)
     if (.not. errors%any()) then
-      if (hash /= o%sets_hash) &
+      if (hash /= o%map%sets_hash) &
         call errors%add('I404', 'the sets of the overlap are not those of the checkpoint ('// &
-                        o%sets_hash//', not '//hash//')', path, &
+                        o%map%sets_hash//', not '//hash//')', path, &
                         'go on with the mesh and the deck that wrote it')
     end if
     if (errors%any()) return
     call read_motion(file, o, errors)
-    call file%get('/weights/ids', o%weight_ids, errors)
-    call file%get('/weights/contacts', o%weight, errors)
-    call file%get('/weights/points', o%beta, errors)
-    if (file%exists('/start/moduli')) call file%get('/start/moduli', o%moduli, errors)
-    o%stressed = file%exists('/start/stress')
-    if (o%stressed) call file%get('/start/stress', o%stress, errors)
-    if (o%stressed) call file%get('/start/couple', o%couple, errors)
-    call file%get_into('/start/steady', o%steady, errors)
-    call file%get_into('/start/steady_phi', o%steady_phi, errors)
-    if (o%static) call read_static(file, o, errors)
-    if (o%in_parts .and. file%exists('/parts/near')) call read_parts(file, o, errors)
-    if (file%exists('/loads/f')) call file%get('/loads/f', o%loads%f, errors)
-    if (file%exists('/loads/c')) call file%get('/loads/c', o%loads%c, errors)
+    call file%get('/weights/ids', o%share%weight_ids, errors)
+    call file%get('/weights/contacts', o%share%weight, errors)
+    call file%get('/weights/points', o%share%beta, errors)
+    if (file%exists('/start/moduli')) call file%get('/start/moduli', o%start%moduli, errors)
+    o%rules%stressed = file%exists('/start/stress')
+    if (o%rules%stressed) call file%get('/start/stress', o%start%stress, errors)
+    if (o%rules%stressed) call file%get('/start/couple', o%start%couple, errors)
+    call file%get_into('/start/steady', o%forces%steady, errors)
+    call file%get_into('/start/steady_phi', o%forces%steady_phi, errors)
+    if (o%rules%static) call read_static(file, o, errors)
+    if (o%rules%in_parts .and. file%exists('/parts/near')) call read_parts(file, o, errors)
+    if (file%exists('/loads/f')) call file%get('/loads/f', o%forces%loads%f, errors)
+    if (file%exists('/loads/c')) call file%get('/loads/c', o%forces%loads%c, errors)
     call file%get_into('/numbers', numbers, errors)
     call file%get_into('/counts', counts, errors)
     call file%get_into('/map/looked', looked, errors)
     call file%get_into('/map/told', told, errors)
     if (counts(2) > 0) then
-      call file%get_into('/map/x_free', o%x_free, errors)
-      call file%get_into('/map/u', o%u_map, errors)
-      call file%get_into('/map/phi', o%phi_map, errors)
+      call file%get_into('/map/x_free', o%map%x_free, errors)
+      call file%get_into('/map/u', o%map%u_map, errors)
+      call file%get_into('/map/phi', o%map%phi_map, errors)
     end if
-    if (o%damping%active) call file%get_into('/damping/force', o%damping%force, errors)
-    if (o%damping_phi%active) call file%get_into('/damping/moment', o%damping_phi%force, errors)
-    call file%get_into('/scalars/grains', o%grains, errors)
-    call file%get_into('/scalars/solid', o%solid, errors)
-    o%work_given = numbers(1)
-    o%work_taken = numbers(2)
-    o%turnover = numbers(3)
-    o%hold_work = numbers(4)
-    o%damping%lost = numbers(5)
-    o%damping_phi%lost = numbers(6)
+    if (o%own%damping%active) call file%get_into('/damping/force', o%own%damping%force, errors)
+    if (o%own%damping_phi%active) call file%get_into('/damping/moment', o%own%damping_phi%force, &
+      errors)
+    call file%get_into('/scalars/grains', o%ledger%grains, errors)
+    call file%get_into('/scalars/solid', o%ledger%solid, errors)
+    o%ledger%work_given = numbers(1)
+    o%ledger%work_taken = numbers(2)
+    o%ledger%turnover = numbers(3)
+    o%ledger%hold_work = numbers(4)
+    o%own%damping%lost = numbers(5)
+    o%own%damping_phi%lost = numbers(6)
     o%step = counts(1)
-    o%remaps = counts(2)
-    o%looked = looked(1)
-    o%told = told == 1
+    o%map%remaps = counts(2)
+    o%map%looked = looked(1)
+    o%map%told = told == 1
   end subroutine get_overlap
 
   !> Forces on ghosts in parts.
@@ -170,16 +171,16 @@ contains
     type(h5_file_type), intent(inout) :: file
     type(overlap_type), intent(in) :: o
     type(error_list_type), intent(inout) :: errors
-    call file%put('/parts/near', o%parts%near, errors)
-    call file%put('/parts/p_near', o%parts%p_near, errors)
-    call file%put('/parts/m_near', o%parts%m_near, errors)
-    call file%put('/parts/p', o%parts%p, errors)
-    call file%put('/parts/m', o%parts%m, errors)
-    call file%put('/parts/p_still', o%parts%p_still, errors)
-    call file%put('/parts/m_still', o%parts%m_still, errors)
-    call file%put('/parts/p_sum', o%parts%p_sum, errors)
-    call file%put('/parts/m_sum', o%parts%m_sum, errors)
-    call file%put('/parts/age', [o%parts%age], errors)
+    call file%put('/parts/near', o%forces%parts%near, errors)
+    call file%put('/parts/p_near', o%forces%parts%p_near, errors)
+    call file%put('/parts/m_near', o%forces%parts%m_near, errors)
+    call file%put('/parts/p', o%forces%parts%p, errors)
+    call file%put('/parts/m', o%forces%parts%m, errors)
+    call file%put('/parts/p_still', o%forces%parts%p_still, errors)
+    call file%put('/parts/m_still', o%forces%parts%m_still, errors)
+    call file%put('/parts/p_sum', o%forces%parts%p_sum, errors)
+    call file%put('/parts/m_sum', o%forces%parts%m_sum, errors)
+    call file%put('/parts/age', [o%forces%parts%age], errors)
   end subroutine write_parts
 
   subroutine read_parts(file, o, errors)
@@ -188,18 +189,18 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: age(1)
     age = 0
-    call o%parts%begin(o%op)
-    call file%get('/parts/near', o%parts%near, errors)
-    call file%get('/parts/p_near', o%parts%p_near, errors)
-    call file%get('/parts/m_near', o%parts%m_near, errors)
-    call file%get_into('/parts/p', o%parts%p, errors)
-    call file%get_into('/parts/m', o%parts%m, errors)
-    call file%get_into('/parts/p_still', o%parts%p_still, errors)
-    call file%get_into('/parts/m_still', o%parts%m_still, errors)
-    call file%get_into('/parts/p_sum', o%parts%p_sum, errors)
-    call file%get_into('/parts/m_sum', o%parts%m_sum, errors)
+    call o%forces%parts%begin(o%op)
+    call file%get('/parts/near', o%forces%parts%near, errors)
+    call file%get('/parts/p_near', o%forces%parts%p_near, errors)
+    call file%get('/parts/m_near', o%forces%parts%m_near, errors)
+    call file%get_into('/parts/p', o%forces%parts%p, errors)
+    call file%get_into('/parts/m', o%forces%parts%m, errors)
+    call file%get_into('/parts/p_still', o%forces%parts%p_still, errors)
+    call file%get_into('/parts/m_still', o%forces%parts%m_still, errors)
+    call file%get_into('/parts/p_sum', o%forces%parts%p_sum, errors)
+    call file%get_into('/parts/m_sum', o%forces%parts%m_sum, errors)
     call file%get_into('/parts/age', age, errors)
-    o%parts%age = age(1)
+    o%forces%parts%age = age(1)
   end subroutine read_parts
 
   !> Load of the edge and its relaxation.
@@ -213,9 +214,9 @@ contains
     call file%get('/static/residual', o%relax%residual, errors)
     call file%get_into('/static/numbers', numbers, errors)
     o%relax%factor = numbers(1)
-    o%contact_stiffness = numbers(2)
-    o%contact_count = nint(numbers(3))
-    o%unbalanced = numbers(4)
+    o%start%contact_stiffness = numbers(2)
+    o%start%contact_count = nint(numbers(3))
+    o%ledger%unbalanced = numbers(4)
     o%relax%begun = numbers(5) > 0.0_wp
     call o%relax_as_static()
   end subroutine read_static
@@ -224,29 +225,29 @@ contains
     type(h5_file_type), intent(inout) :: file
     type(overlap_type), intent(inout) :: o
     type(error_list_type), intent(inout) :: errors
-    call file%get_into('/free/q', o%q, errors)
-    call file%get_into('/free/theta', o%theta, errors)
-    call file%get_into('/free/theta_ref', o%theta_ref, errors)
-    call file%get_into('/free/force', o%force, errors)
-    call file%get_into('/free/moment', o%moment, errors)
-    call file%get_into('/free/force_hold', o%force_hold, errors)
-    call file%get_into('/free/moment_hold', o%moment_hold, errors)
-    call file%get_into('/ghosts/d', o%d, errors)
-    call file%get_into('/ghosts/turn', o%turn, errors)
-    call file%get_into('/ghosts/quat', o%quat, errors)
-    call file%get_into('/nodes/u', o%u, errors)
-    call file%get_into('/nodes/v', o%v, errors)
-    call file%get_into('/nodes/f', o%f, errors)
-    call file%get_into('/nodes/bulk', o%bulk, errors)
-    call file%get_into('/nodes/element', o%element, errors)
-    call file%get_into('/nodes/f_hold', o%f_hold, errors)
-    call file%get_into('/rotations/phi', o%phi, errors)
-    if (o%op%micro%active) call o%op%micro%take(o%op%ghost_phi, o%phi)
-    call file%get_into('/rotations/w', o%w, errors)
-    call file%get_into('/rotations/c', o%c, errors)
-    call file%get_into('/rotations/bulk', o%bulk_phi, errors)
-    call file%get_into('/rotations/element', o%element_phi, errors)
-    call file%get_into('/rotations/c_hold', o%c_hold, errors)
+    call file%get_into('/free/q', o%motion%q, errors)
+    call file%get_into('/free/theta', o%motion%theta, errors)
+    call file%get_into('/free/theta_ref', o%map%theta_ref, errors)
+    call file%get_into('/free/force', o%forces%force, errors)
+    call file%get_into('/free/moment', o%forces%moment, errors)
+    call file%get_into('/free/force_hold', o%forces%force_hold, errors)
+    call file%get_into('/free/moment_hold', o%forces%moment_hold, errors)
+    call file%get_into('/ghosts/d', o%motion%d, errors)
+    call file%get_into('/ghosts/turn', o%motion%turn, errors)
+    call file%get_into('/ghosts/quat', o%motion%quat, errors)
+    call file%get_into('/nodes/u', o%motion%u, errors)
+    call file%get_into('/nodes/v', o%motion%v, errors)
+    call file%get_into('/nodes/f', o%forces%f, errors)
+    call file%get_into('/nodes/bulk', o%forces%bulk, errors)
+    call file%get_into('/nodes/element', o%forces%element, errors)
+    call file%get_into('/nodes/f_hold', o%forces%f_hold, errors)
+    call file%get_into('/rotations/phi', o%motion%phi, errors)
+    if (o%op%micro%active) call o%op%micro%take(o%op%ghost_phi, o%motion%phi)
+    call file%get_into('/rotations/w', o%motion%w, errors)
+    call file%get_into('/rotations/c', o%forces%c, errors)
+    call file%get_into('/rotations/bulk', o%forces%bulk_phi, errors)
+    call file%get_into('/rotations/element', o%forces%element_phi, errors)
+    call file%get_into('/rotations/c_hold', o%forces%c_hold, errors)
   end subroutine read_motion
 
   !> Hash of the sets and of the operator's weights at the ghosts.

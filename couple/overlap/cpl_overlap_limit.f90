@@ -57,17 +57,17 @@ contains
     call timers%start('stable step')
     call coupled%build(o, contacts, points, o%pack%slimmest)
     mode = highest_frequency(o, coupled)
-    if (o%in_parts) call look_at_kicks(o, contacts, points)
+    if (o%rules%in_parts) call look_at_kicks(o, contacts, points)
     call timers%stop('stable step')
     if (.not. mode%omega > 0.0_wp) return
-    o%step_limit = 2.0_wp/mode%omega
+    o%limit%step_limit = 2.0_wp/mode%omega
     associate (grains => solvers(side_grains))
-      if (grains%dt <= o%step_limit) return
+      if (grains%dt <= o%limit%step_limit) return
       call errors%add('D425', 'the step of the grains, '//str(grains%dt)//' s, is above the '// &
-        'stable step of the overlap, '//short_number(o%step_limit)//' s: '//mover(o, mode)// &
+        'stable step of the overlap, '//short_number(o%limit%step_limit)//' s: '//mover(o, mode)// &
         ' fastest', grains%deck, 'shorten dt in its deck; if the grains alone allow the step, '// &
         'moduli of the solid that are too stiff for the pack, light nodes or mass factors '// &
-        '(least '//short_number(minval(o%factor))//') are the cause')
+        '(least '//short_number(minval(o%own%factor))//') are the cause')
     end associate
   end subroutine check_step
 
@@ -81,8 +81,8 @@ contains
     call kicks%build(o, contacts, points, o%pack%slimmest, .true.)
     mode = highest_frequency(o, kicks)
     if (.not. mode%omega > 0.0_wp) return
-    o%kick_limit = 2.0_wp/mode%omega
-    o%kick_mover = mover(o, mode)
+    o%limit%kick_limit = 2.0_wp/mode%omega
+    o%limit%kick_mover = mover(o, mode)
   end subroutine look_at_kicks
 
   !> Keep what a later look takes; before the first exchange of a fresh run.
@@ -94,7 +94,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(contacts_type) :: contacts
     type(points_type) :: points
-    if (.not. o%kick_limit < huge(1.0_wp)) return
+    if (.not. o%limit%kick_limit < huge(1.0_wp)) return
     call read_contacts(solvers(side_grains), contacts, timers, errors)
     if (.not. errors%any()) call read_points(solvers(side_solid), points, timers, errors)
     if (errors%any()) return
@@ -114,18 +114,18 @@ contains
     real(wp) :: before
 
     said = ''
-    if (.not. self%active .or. o%remaps < first_look .or. popcnt(o%remaps) /= 1) return
+    if (.not. self%active .or. o%map%remaps < first_look .or. popcnt(o%map%remaps) /= 1) return
     call timers%start('stable step')
     mode = highest_frequency(o, self%kicks)
     call timers%stop('stable step')
     if (.not. mode%omega > 0.0_wp) return
     said = 'stable exchange '//short_number(2.0_wp/mode%omega)//' s after remap '// &
-      str(o%remaps)//'; '//mover(o, mode)//' fastest'
-    before = o%kick_limit
+      str(o%map%remaps)//'; '//mover(o, mode)//' fastest'
+    before = o%limit%kick_limit
     if (2.0_wp/mode%omega >= before) return
-    o%kick_limit = 2.0_wp/mode%omega
-    o%kick_mover = mover(o, mode)
-    if (exchange > o%kick_limit .and. exchange <= before) &
+    o%limit%kick_limit = 2.0_wp/mode%omega
+    o%limit%kick_mover = mover(o, mode)
+    if (exchange > o%limit%kick_limit .and. exchange <= before) &
       said = 'warning: '//kick_warning(o, exchange)
   end subroutine renew_limit
 
@@ -136,7 +136,8 @@ contains
     character(len=:), allocatable :: text
     text = 'the exchange, '//short_number(exchange)// &
       ' s, is above what kicks of the forces between ghosts allow, '// &
-      short_number(o%kick_limit)//' s: '//o%kick_mover//' fastest. Sliding contacts and '// &
+      short_number(o%limit%kick_limit)//' s: '//o%limit%kick_mover// &
+      ' fastest. Sliding contacts and '// &
       "damping may hold it; if not, shorten &clock exchange, or take projection = 'mls'"
   end function kick_warning
 

@@ -29,7 +29,7 @@ contains
     call ask(o, solid, solid%time, f, c, timers, errors)
     if (errors%any()) return
     call solid%reply%get_int('steady', steady, errors)
-    associate (loads => o%loads)
+    associate (loads => o%forces%loads)
       loads%steady = steady == 1
       if (.not. (again .and. allocated(loads%f))) then
         loads%f = f
@@ -52,25 +52,25 @@ contains
     real(wp), dimension(3, o%op%hats_phi) :: c, c1
     real(wp), dimension(3, o%op%free) :: push, turn
 
-    if (.not. o%loads%active .or. o%loads%steady .or. errors%any()) return
+    if (.not. o%forces%loads%active .or. o%forces%loads%steady .or. errors%any()) return
     call ask(o, solid, t0, f, c, timers, errors)
     call ask(o, solid, t1, f1, c1, timers, errors)
     if (errors%any()) return
     f = 0.5_wp*(f + f1)
     c = 0.5_wp*(c + c1)
-    call o%op%from_hats(f - o%loads%f, c - o%loads%c, push, turn)
-    if (o%carried%active) then
-      call o%carried%resist(push, f1)
+    call o%op%from_hats(f - o%forces%loads%f, c - o%forces%loads%c, push, turn)
+    if (o%own%carried%active) then
+      call o%own%carried%resist(push, f1)
       call o%op%p%transposed(f1, push)
     end if
-    if (o%carried_phi%active) then
-      call o%carried_phi%resist(turn, c1)
+    if (o%own%carried_phi%active) then
+      call o%own%carried_phi%resist(turn, c1)
       call o%op%p_phi%transposed(c1, turn)
     end if
-    o%force = o%force + push
-    o%moment = o%moment + turn
-    o%loads%f = f
-    o%loads%c = c
+    o%forces%force = o%forces%force + push
+    o%forces%moment = o%forces%moment + turn
+    o%forces%loads%f = f
+    o%forces%loads%c = c
   end subroutine renew_loads
 
   !> Loads at time t of a solid without inertia.
@@ -80,8 +80,8 @@ contains
     real(wp), intent(in) :: t  !! [s]
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    if (.not. o%loads%active .or. o%loads%steady) return
-    call ask(o, solid, t, o%loads%f, o%loads%c, timers, errors)
+    if (.not. o%forces%loads%active .or. o%forces%loads%steady) return
+    call ask(o, solid, t, o%forces%loads%f, o%forces%loads%c, timers, errors)
   end subroutine follow_loads
 
   !> FORCE: loads of the solid's deck on the hat nodes at time t.

@@ -36,8 +36,8 @@ contains
     call log%item('elements', str(count(o%sets%part == part_free))//' of free grains, '// &
                   str(count(o%sets%part == part_ghost))//' of ghosts, '// &
                   str(count(o%sets%part == part_rest))//' of continuum alone')
-    call log%item('free grains', str(count(o%seen)), 'under elements, '// &
-                  str(size(o%sets%outside) + count(.not. o%seen))//' elsewhere; '// &
+    call log%item('free grains', str(count(o%map%seen)), 'under elements, '// &
+                  str(size(o%sets%outside) + count(.not. o%map%seen))//' elsewhere; '// &
                   str(o%sets%least_in_element)//' to an element at least, '// &
                   short_number(o%sets%mean_in_element)//' in the mean')
     call log%item(trim(merge('bound grains', 'ghosts      ', bound)), &
@@ -49,7 +49,7 @@ contains
                   short_number(o%sets%depth/o%sets%d_max)//' largest diameters')
     call log%item('projection', choices%overlap%projection//', weights '// &
                   choices%overlap%weights, "condition of N'WN "//short_number(o%op%p%condition))
-    call log%item('identities', 'within '//short_number(o%identity))
+    call log%item('identities', 'within '//short_number(o%map%identity))
     call log_weights(log, o, choices)
     call log_start(log, o, choices, bound)
   end subroutine log_census
@@ -60,7 +60,7 @@ contains
     type(overlap_type), intent(in) :: o
     type(cpl_choices_type), intent(in) :: choices
     call log%item('exchanges', str(choices%exchanges), 'of '//short_number(choices%exchange)// &
-                  ' s, '//str(o%substeps)//' steps of the grains each, scheme '// &
+                  ' s, '//str(o%rules%substeps)//' steps of the grains each, scheme '// &
                   choices%overlap%scheme)
     if (choices%overlap%rotation == 'fixed') &
       call log%warn("rotation = 'fixed': ghosts resist turning, and moments on them are lost")
@@ -72,24 +72,24 @@ contains
     type(log_type), intent(inout) :: log
     type(overlap_type), intent(in) :: o
     type(cpl_choices_type), intent(in) :: choices
-    if (o%carried%active) then
-      call log%item('mass carried', short_number(o%moved_mass)//' kg', &
+    if (o%own%carried%active) then
+      call log%item('mass carried', short_number(o%own%moved_mass)//' kg', &
                     'of elements outside, by nodes that follow free grains')
       if (o%op%micro%active) then
         call log%item('micro-inertia', 'left out', 'that of these nodes: the grains have their own')
-      else if (o%turns .and. .not. o%round_free) then
+      else if (o%rules%turns .and. .not. o%rules%round_free) then
         call log%item('micro-inertia', 'left out', 'that of these nodes: free grains are no '// &
           'spheres')
       end if
     else
-      call log%item('mass moved', short_number(o%moved_mass)//' kg', 'of elements outside, '// &
+      call log%item('mass moved', short_number(o%own%moved_mass)//' kg', 'of elements outside, '// &
         'from hat nodes to free grains, '//choices%overlap%mass//'; factors '// &
-        short_number(minval(o%factor))//' to '//short_number(maxval(o%factor)))
+        short_number(minval(o%own%factor))//' to '//short_number(maxval(o%own%factor)))
     end if
-    if (o%step_limit < huge(1.0_wp)) call log%item('stable step', short_number(o%step_limit)// &
-      ' s', 'of grains and nodes that step with them')
+    if (o%limit%step_limit < huge(1.0_wp)) call log%item('stable step', &
+      short_number(o%limit%step_limit)// ' s', 'of grains and nodes that step with them')
     call log_kicks(log, o, choices%exchange)
-    if (o%damping%active) call log%item('fine scale damped', short_number( &
+    if (o%own%damping%active) call log%item('fine scale damped', short_number( &
       choices%overlap%fine_damping)//' 1/s', 'at the ghosts, fading to the far end')
   end subroutine log_masses
 
@@ -98,10 +98,11 @@ contains
     type(log_type), intent(inout) :: log
     type(overlap_type), intent(in) :: o
     real(wp), intent(in) :: exchange  !! [s]
-    if (.not. o%kick_limit < huge(1.0_wp)) return
-    call log%item('stable exchange', short_number(o%kick_limit)//' s', 'of forces between '// &
-                  'ghosts, in kicks, as if no contact slid; '//o%kick_mover//' fastest')
-    if (exchange > o%kick_limit) call log%warn(kick_warning(o, exchange))
+    if (.not. o%limit%kick_limit < huge(1.0_wp)) return
+    call log%item('stable exchange', short_number(o%limit%kick_limit)//' s', &
+      'of forces between ghosts, in kicks, as if no contact slid; '//o%limit%kick_mover// &
+      ' fastest')
+    if (exchange > o%limit%kick_limit) call log%warn(kick_warning(o, exchange))
   end subroutine log_kicks
 
   !> How energy is shared.
@@ -111,15 +112,17 @@ contains
     type(cpl_choices_type), intent(in) :: choices
     character(len=:), allocatable :: note
     note = ''
-    if (o%fit%rows > 0 .and. .not. o%unfit) note = str(o%fit%rows)//' rows, '// &
-      str(o%fit%unknowns)//' weights, '//str(o%fit%rounds)//' rounds: largest row '// &
-      short_number(o%fit%before)//' -> '//short_number(o%fit%after)//' of a contact force, '// &
-      str(o%fit%clipped)//' weights on bounds'
-    if (o%shared == 'ramp' .and. o%disorder > 0.0_wp) note = 'unbalance of free grains under '// &
-      'uniform strain '//short_number(o%disorder)//' of a contact force'
-    call log%item('energy shared by', o%shared, note)
-    if (o%unfit) call log%warn('the pack is a lattice, but no weights leave its nodes at rest: '// &
-      'the solid has another stiffness than the pack; ramps are taken')
+    if (o%share%fit%rows > 0 .and. .not. o%share%unfit) note = str(o%share%fit%rows)//' rows, '// &
+      str(o%share%fit%unknowns)//' weights, '//str(o%share%fit%rounds)//' rounds: largest row '// &
+      short_number(o%share%fit%before)//' -> '//short_number(o%share%fit%after)// &
+      ' of a contact force, '// str(o%share%fit%clipped)//' weights on bounds'
+    if (o%share%shared == 'ramp' .and. o%share%disorder > 0.0_wp) note = &
+      'unbalance of free grains under uniform strain '//short_number(o%share%disorder)// &
+      ' of a contact force'
+    call log%item('energy shared by', o%share%shared, note)
+    if (o%share%unfit) call log%warn( &
+      'the pack is a lattice, but no weights leave its nodes at rest: the solid has another '// &
+      'stiffness than the pack; ramps are taken')
   end subroutine log_weights
 
   !> Moduli, loads and initial stress.
@@ -128,26 +131,28 @@ contains
     type(overlap_type), intent(in) :: o
     type(cpl_choices_type), intent(in) :: choices
     logical, intent(in) :: bound
-    if (o%shear > 0.0_wp) then
-      call log%item('moduli of the solid', 'K '//short_number(o%lambda + 2.0_wp*o%shear/3.0_wp)// &
-                    ' Pa, G '//short_number(o%shear)//' Pa', choices%overlap%moduli//'; affine '// &
-                    'bound K '//short_number(o%affine%bulk)//' Pa, G '// &
-                    short_number(o%affine%shear)//' Pa')
+    if (o%start%shear > 0.0_wp) then
+      call log%item('moduli of the solid', 'K '//short_number(o%start%lambda &
+        + 2.0_wp*o%start%shear/3.0_wp)// ' Pa, G '//short_number(o%start%shear)//' Pa', &
+        choices%overlap%moduli//'; affine bound K '//short_number(o%start%affine%bulk)// &
+        ' Pa, G '// short_number(o%start%affine%shear)//' Pa')
       if (choices%overlap%moduli == 'affine') call log%warn('affine moduli are an upper bound '// &
         "of the pack's: probe it with talus-dem (&probe)")
       if (any(o%cells%polar)) call log%warn('micropolar constants are affine, no probe gives '// &
-        'them: kappa '//short_number(o%affine%kappa)//' Pa, gamma '// &
-        short_number(o%affine%gamma)//' N (equal spheres have no gamma: that of the deck stands)')
+        'them: kappa '//short_number(o%start%affine%kappa)//' Pa, gamma '// &
+        short_number(o%start%affine%gamma)// &
+        ' N (equal spheres have no gamma: that of the deck stands)')
     end if
-    if (o%loads%active .and. .not. bound) call log%item('loads on hat nodes', &
-      short_number(norm2(sum(o%loads%f, 2)))//' N', 'of the solid''s deck, handed to the free '// &
-      'grains'//trim(merge('                 ', '; they change now', o%loads%steady)))
-    if (o%initial%rounds == 0 .and. .not. o%initial%after > 0.0_wp) return
-    call log%item('initial stress', 'rest '//short_number(o%initial%before)//' -> '// &
-                  short_number(o%initial%after)//' of a contact force', 'changed by '// &
-                  short_number(o%initial%change)//' of the pressure at most, in element '// &
-                  str(o%initial%element)//', '//str(o%initial%rounds)//' rounds')
-    call log%item('at rest within', short_number(o%start_rest)//' of a contact force', &
+    if (o%forces%loads%active .and. .not. bound) call log%item('loads on hat nodes', &
+      short_number(norm2(sum(o%forces%loads%f, 2)))//' N', &
+      'of the solid''s deck, handed to the free grains'//trim(merge('                 ', &
+      '; they change now', o%forces%loads%steady)))
+    if (o%start%initial%rounds == 0 .and. .not. o%start%initial%after > 0.0_wp) return
+    call log%item('initial stress', 'rest '//short_number(o%start%initial%before)//' -> '// &
+                  short_number(o%start%initial%after)//' of a contact force', 'changed by '// &
+                  short_number(o%start%initial%change)//' of the pressure at most, in element '// &
+                  str(o%start%initial%element)//', '//str(o%start%initial%rounds)//' rounds')
+    call log%item('at rest within', short_number(o%start%start_rest)//' of a contact force', &
                   'forces on the nodes as both solvers give them')
   end subroutine log_start
 
@@ -192,22 +197,24 @@ contains
   !! the damping of the fine scale has taken [J].
   pure real(wp) function total_energy(o)
     type(overlap_type), intent(in) :: o
-    total_energy = o%grains(scalar_kinetic) + o%grains(scalar_elastic) + o%solid(scalar_kinetic) &
-                   + o%solid(scalar_elastic) + o%edge_kinetic() - o%hold_work + fine_loss(o)
+    total_energy = o%ledger%grains(scalar_kinetic) + o%ledger%grains(scalar_elastic) &
+      + o%ledger%solid(scalar_kinetic) + o%ledger%solid(scalar_elastic) + o%edge_kinetic() &
+      - o%ledger%hold_work + fine_loss(o) + o%ledger%bond
   end function total_energy
 
   !> What the damping of the fine scale has taken [J].
   pure real(wp) function fine_loss(o)
     type(overlap_type), intent(in) :: o
-    fine_loss = o%damping%lost + o%damping_phi%lost + o%lost
+    fine_loss = o%own%damping%lost + o%own%damping_phi%lost + o%ledger%lost
   end function fine_loss
 
   pure real(wp) function ghost_motion(o)
     type(overlap_type), intent(in) :: o
     integer(i4) :: k
     ghost_motion = 0.0_wp
-    do k = 1, size(o%d, 2)
-      ghost_motion = max(ghost_motion, o%d(1, k)**2 + o%d(2, k)**2 + o%d(3, k)**2)
+    do k = 1, size(o%motion%d, 2)
+      ghost_motion = max(ghost_motion, o%motion%d(1, k)**2 + o%motion%d(2, k)**2 + o%motion%d(3, &
+        k)**2)
     end do
     ghost_motion = sqrt(ghost_motion)
   end function ghost_motion
@@ -218,22 +225,22 @@ contains
     real(wp), intent(in) :: time  !! [s]
     real(wp) :: value(column_count), edge(6)
 
-    associate (g => o%grains, s => o%solid)
+    associate (g => o%ledger%grains, s => o%ledger%solid)
       value(1) = time
       value(2:8) = g([scalar_kinetic, scalar_elastic, scalar_friction, scalar_contact_damping, &
                       scalar_background_damping, scalar_boundary, scalar_gravity])
       value(9:10) = s([scalar_kinetic, scalar_elastic])
       value(11) = o%edge_kinetic()
       value(12) = total_energy(o)
-      value(13:15) = [o%work_given, o%work_taken, o%hold_work]
+      value(13:15) = [o%ledger%work_given, o%ledger%work_taken, o%ledger%hold_work]
       edge = o%edge_momentum()
       value(16) = fine_loss(o)
       value(17:19) = g(scalar_momentum:scalar_momentum + 2) + s(scalar_momentum:scalar_momentum &
         + 2) + edge(:3)
       value(20:22) = g(scalar_angular_momentum:scalar_angular_momentum + 2) &
         + s(scalar_angular_momentum:scalar_angular_momentum + 2) + edge(4:)
-      value(23:25) = sum(o%f(:, o%op%hats + 1:), 2)
-      value(26) = o%fine
+      value(23:25) = sum(o%forces%f(:, o%op%hats + 1:), 2)
+      value(26) = o%map%fine
       value(27) = ghost_motion(o)
       value(28) = g(scalar_max_overlap)
     end associate
@@ -264,10 +271,10 @@ contains
     cells(1)%s = short_number(time)
     cells(2)%s = short_number(ghost_motion(o))
     cells(3)%s = short_number(fine)
-    cells(4)%s = short_number(o%grains(scalar_kinetic) + o%solid(scalar_kinetic) + &
+    cells(4)%s = short_number(o%ledger%grains(scalar_kinetic) + o%ledger%solid(scalar_kinetic) + &
                               o%edge_kinetic())
-    cells(5)%s = short_number(o%grains(scalar_elastic))
-    cells(6)%s = short_number(o%solid(scalar_elastic))
+    cells(5)%s = short_number(o%ledger%grains(scalar_elastic))
+    cells(6)%s = short_number(o%ledger%solid(scalar_elastic))
     cells(7)%s = short_number(100.0_wp*overhead)
     cells(8)%s = '-'
     if (left >= 0.0_wp) cells(8)%s = duration_text(left)
@@ -278,7 +285,8 @@ contains
   pure real(wp) function work_error(o)
     type(overlap_type), intent(in) :: o
     work_error = 0.0_wp
-    if (o%turnover > 0.0_wp) work_error = abs(o%work_given - o%work_taken)/o%turnover
+    if (o%ledger%turnover > 0.0_wp) work_error = abs(o%ledger%work_given &
+      - o%ledger%work_taken)/o%ledger%turnover
   end function work_error
 
   !> What the health line says of an overlap.
@@ -289,7 +297,7 @@ contains
     text = 'works of both sides differ by '// &
       short_number(100.0_wp*work_error(o))//' % of what went through, fine scale '// &
       short_number(fine)//' m, ghosts moved by '//short_number(ghost_motion(o))// &
-      ' m, largest overlap '//short_number(100.0_wp*o%grains(scalar_max_overlap))//' %, '
+      ' m, largest overlap '//short_number(100.0_wp*o%ledger%grains(scalar_max_overlap))//' %, '
   end function overlap_health
 
   !> The part of summary.json that every overlap has.
@@ -297,32 +305,34 @@ contains
     type(summary_type), intent(inout) :: summary
     type(overlap_type), intent(in) :: o
     real(wp), intent(in) :: fine  !! [m]
-    call summary%set('free_grains', count(o%seen))
+    call summary%set('free_grains', count(o%map%seen))
     call summary%set('ghosts', o%op%ghosts)
     call summary%set('hat_nodes', o%op%hats)
     call summary%set('edge_nodes', o%op%nodes - o%op%hats)
     call summary%set('health.interface_work_error', work_error(o))
-    call summary%set('health.identity_error', o%identity)
+    call summary%set('health.identity_error', o%map%identity)
     call summary%set('health.projection_condition', o%op%p%condition)
     call summary%set('health.fine_scale_m', fine)
-    call summary%set('health.max_overlap', o%grains(scalar_max_overlap))
-    if (allocated(o%shared)) call summary%set('overlap.shared_by', o%shared)
-    call summary%set('overlap.fit_residual', o%fit%after)
+    call summary%set('health.max_overlap', o%ledger%grains(scalar_max_overlap))
+    if (allocated(o%share%shared)) call summary%set('overlap.shared_by', o%share%shared)
+    call summary%set('overlap.fit_residual', o%share%fit%after)
     call summary%set('overlap.depth_m', o%sets%depth)
-    if (o%shear > 0.0_wp) then
-      call summary%set('overlap.lambda_Pa', o%lambda)
-      call summary%set('overlap.shear_Pa', o%shear)
+    if (o%start%shear > 0.0_wp) then
+      call summary%set('overlap.lambda_Pa', o%start%lambda)
+      call summary%set('overlap.shear_Pa', o%start%shear)
     end if
-    if (allocated(o%stress)) then
-      call summary%set('overlap.initial_rest', o%initial%after)
-      call summary%set('overlap.initial_change', o%initial%change)
-      call summary%set('overlap.start_rest', o%start_rest)
+    if (allocated(o%start%stress)) then
+      call summary%set('overlap.initial_rest', o%start%initial%after)
+      call summary%set('overlap.initial_change', o%start%initial%change)
+      call summary%set('overlap.start_rest', o%start%start_rest)
     end if
-    call summary%set('overlap.moved_mass_kg', o%moved_mass)
-    if (o%step_limit < huge(1.0_wp)) call summary%set('overlap.stable_step_s', o%step_limit)
-    if (o%kick_limit < huge(1.0_wp)) call summary%set('overlap.stable_exchange_s', o%kick_limit)
+    call summary%set('overlap.moved_mass_kg', o%own%moved_mass)
+    if (o%limit%step_limit < huge(1.0_wp)) call summary%set('overlap.stable_step_s', &
+      o%limit%step_limit)
+    if (o%limit%kick_limit < huge(1.0_wp)) call summary%set('overlap.stable_exchange_s', &
+      o%limit%kick_limit)
     call summary%set('overlap.fine_scale_damping_J', fine_loss(o))
-    call summary%set('overlap.remaps', o%remaps)
+    call summary%set('overlap.remaps', o%map%remaps)
     call summary%set('overlap.total_energy_J', total_energy(o))
   end subroutine overlap_summary
 end module cpl_overlap_log

@@ -31,19 +31,19 @@ contains
     real(wp) :: extra(o%op%free), mass(o%op%hats), lumped(3, o%op%hats), given(3, o%op%free)
 
     call hat_shares(o, mass)
-    o%moved_mass = sum(mass)
+    o%own%moved_mass = sum(mass)
     extra = 0.0_wp
-    o%mass(:o%op%hats) = 0.0_wp
-    o%inertia(:o%op%hats_phi) = 0.0_wp
+    o%own%mass(:o%op%hats) = 0.0_wp
+    o%own%inertia(:o%op%hats_phi) = 0.0_wp
     select case (how)
     case ('consistent')
-      o%mass(:o%op%hats) = mass
-      call hat_inertias(o, o%inertia(:o%op%hats_phi))
-      if (o%op%micro%active .or. .not. o%round_free) o%inertia(:o%op%hats_phi) = 0.0_wp
-      call o%carried%build(o%op%p, o%pack%mass(o%sets%free), mass, errors)
-      if (o%turns .and. o%round_free .and. .not. o%op%micro%active) &
-        call o%carried_phi%build(o%op%p_phi, o%pack%inertia(o%sets%free), &
-                                 o%inertia(:o%op%hats_phi), errors)
+      o%own%mass(:o%op%hats) = mass
+      call hat_inertias(o, o%own%inertia(:o%op%hats_phi))
+      if (o%op%micro%active .or. .not. o%rules%round_free) o%own%inertia(:o%op%hats_phi) = 0.0_wp
+      call o%own%carried%build(o%op%p, o%pack%mass(o%sets%free), mass, errors)
+      if (o%rules%turns .and. o%rules%round_free .and. .not. o%op%micro%active) &
+        call o%own%carried_phi%build(o%op%p_phi, o%pack%inertia(o%sets%free), &
+                                 o%own%inertia(:o%op%hats_phi), errors)
     case ('projected')
       lumped = spread(mass, 1, 3)
       given = 0.0_wp
@@ -52,7 +52,7 @@ contains
     case default
       call share_nearest(o, mass, extra)
     end select
-    o%factor = 1.0_wp + extra/o%pack%mass(o%sets%free)
+    o%own%factor = 1.0_wp + extra/o%pack%mass(o%sets%free)
     call check_factors(o, errors)
   end subroutine share_mass
 
@@ -63,11 +63,12 @@ contains
     real(wp), intent(inout) :: extra(:)  !! of the free grains [kg]
     real(wp) :: far(o%op%free)
     integer(i4) :: a, k, n, g
-    n = min(sharers, int(count(o%seen), i4))
+    n = min(sharers, int(count(o%map%seen), i4))
     do a = 1, o%op%hats
       if (.not. mass(a) > 0.0_wp) cycle
       do g = 1, o%op%free
-        far(g) = merge(sum((o%x_free(:, g) - o%x_node(:, a))**2), huge(1.0_wp), o%seen(g))
+        far(g) = merge(sum((o%map%x_free(:, g) - o%map%x_node(:, a))**2), huge(1.0_wp), &
+          o%map%seen(g))
       end do
       do k = 1, n
         g = minloc(far, 1)
@@ -85,9 +86,9 @@ contains
     character(len=:), allocatable :: ids
     integer(i4) :: k, g, n
 
-    n = count(.not. o%factor >= least_factor)
+    n = count(.not. o%own%factor >= least_factor)
     if (n == 0) return
-    left = o%factor
+    left = o%own%factor
     ids = ''
     do k = 1, min(named, n)
       g = minloc(left, 1)
@@ -96,7 +97,7 @@ contains
       left(g) = huge(1.0_wp)
     end do
     call errors%add('I429', str(n)//' free grains would keep less than '//str(least_factor)// &
-      ' of their mass, the least '//str(minval(o%factor))//': '//ids, '', &
+      ' of their mass, the least '//str(minval(o%own%factor))//': '//ids, '', &
       "write mass = 'consistent' in &overlap, or take larger elements")
   end subroutine check_factors
 

@@ -193,7 +193,7 @@ contains
       associate (spot => o%sets%ghost_spot(k))
         partition%kind(g) = grain_ghost
         partition%cell(g) = number(spot%element)
-        partition%depth(g) = o%sets%hull%distance(o%x_ghost(:, k))
+        partition%depth(g) = o%sets%hull%distance(o%map%x_ghost(:, k))
         partition%shape_u(:, g) = spot%weight(:u)
         partition%shape_phi(:min(phi, spot%n_phi), g) = spot%weight_phi(:min(phi, spot%n_phi))
         partition%shape_slope(:, :, g) = spot%gradient(:, :u)

@@ -29,20 +29,20 @@ contains
     real(wp) :: rest(3, o%op%ghosts)
 
     if (again) then
-      call o%parts%pull_all(o%op)
+      call o%forces%parts%pull_all(o%op)
       call renew_kicks(o)
       call select_near(o, grains, timers, errors)
       return
     end if
-    call o%parts%begin(o%op)
+    call o%forces%parts%begin(o%op)
     call choose_border(o, grains, timers, errors)
     if (errors%any()) return
     rest = 0.0_wp
     call grains%start_request(verb_force, o%step, grains%time, grains%time)
     call grains%request%put_text('scope', 'split')
     call put_ghosts(o, grains%request, rest, rest)
-    call grains%request%put(near_set//'.v', rest(:, :size(o%parts%near)))
-    call grains%request%put(near_set//'.omega', rest(:, :size(o%parts%near)))
+    call grains%request%put(near_set//'.v', rest(:, :size(o%forces%parts%near)))
+    call grains%request%put(near_set//'.omega', rest(:, :size(o%forces%parts%near)))
     call grains%request%put_int('brief', 1_i4)
     call grains%ask(timers, errors)
     if (.not. errors%any()) call read_near(o, grains, errors)
@@ -53,9 +53,9 @@ contains
   !> What acts between ghosts now acts in every step from here on.
   subroutine settle_parts(o)
     type(overlap_type), intent(inout) :: o
-    call o%parts%settle(o%op)
-    o%parts%kick = o%parts%rest%force
-    o%parts%kick_phi = o%parts%rest%moment
+    call o%forces%parts%settle(o%op)
+    o%forces%parts%kick = o%forces%parts%rest%force
+    o%forces%parts%kick_phi = o%forces%parts%rest%moment
     call o%pull()
     call o%resist()
   end subroutine settle_parts
@@ -67,12 +67,13 @@ contains
     real(wp) :: given, taken, turnover
 
     call timers%start('works')
-    call o%parts%work(o%op, o%d, o%turn, o%q, o%theta, o%u, o%phi, given, taken, turnover)
-    o%work_given = o%work_given + given
-    o%work_taken = o%work_taken + taken
-    o%turnover = o%turnover + turnover
-    call o%note_dead(o%parts%q, o%parts%theta, o%parts%u, o%parts%phi)
-    call o%parts%gather()
+    call o%forces%parts%work(o%op, o%motion%d, o%motion%turn, o%motion%q, o%motion%theta, &
+      o%motion%u, o%motion%phi, given, taken, turnover)
+    o%ledger%work_given = o%ledger%work_given + given
+    o%ledger%work_taken = o%ledger%work_taken + taken
+    o%ledger%turnover = o%ledger%turnover + turnover
+    call o%note_dead(o%forces%parts%q, o%forces%parts%theta, o%forces%parts%u, o%forces%parts%phi)
+    call o%forces%parts%gather()
     call timers%stop('works')
   end subroutine work_of_parts
 
@@ -84,9 +85,9 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
 
-    if (o%parts%old) call choose_border(o, grains, timers, errors)
-    if (.not. o%parts%is_due()) return
-    call o%parts%renew(o%op)
+    if (o%forces%parts%old) call choose_border(o, grains, timers, errors)
+    if (.not. o%forces%parts%is_due()) return
+    call o%forces%parts%renew(o%op)
     call renew_kicks(o)
     call o%pull()
     call o%resist()
@@ -107,9 +108,9 @@ contains
     call grains%reply%take_int('id', ids, errors)
     if (errors%any()) return
     allocate (p(3, o%op%ghosts), m(3, o%op%ghosts), source=0.0_wp)
-    if (allocated(o%parts%near)) then
-      p(:, o%parts%near) = o%parts%p_near
-      m(:, o%parts%near) = o%parts%m_near
+    if (allocated(o%forces%parts%near)) then
+      p(:, o%forces%parts%near) = o%forces%parts%p_near
+      m(:, o%forces%parts%near) = o%forces%parts%m_near
     end if
     g = 0
     do k = 1, o%op%ghosts  ! both in the order of ids
@@ -119,9 +120,9 @@ contains
       row(g) = k
     end do
     if (g < size(ids)) error stop 'bug: a border that is not of the ghosts'
-    o%parts%near = row(:g)
-    o%parts%p_near = p(:, o%parts%near)
-    o%parts%m_near = m(:, o%parts%near)
+    o%forces%parts%near = row(:g)
+    o%forces%parts%p_near = p(:, o%forces%parts%near)
+    o%forces%parts%m_near = m(:, o%forces%parts%near)
     call select_near(o, grains, timers, errors)
   end subroutine choose_border
 
@@ -131,31 +132,31 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     logical :: is_far(o%op%ghosts)
-    associate (parts => o%parts)
+    associate (parts => o%forces%parts)
       is_far = .true.
       is_far(parts%near) = .false.
       parts%far = pack(o%op%every, is_far)
       if (.not. allocated(parts%v)) &
         allocate (parts%v(3, o%op%ghosts), parts%spin(3, o%op%ghosts))
-      parts%x_near = o%x_ghost(:, parts%near)
-      parts%d_near = o%d(:, parts%near)
-      parts%turn_near = o%turn(:, parts%near)
-      parts%quat_near = o%quat(:, parts%near)
+      parts%x_near = o%map%x_ghost(:, parts%near)
+      parts%d_near = o%motion%d(:, parts%near)
+      parts%turn_near = o%motion%turn(:, parts%near)
+      parts%quat_near = o%motion%quat(:, parts%near)
     end associate
     call grains%start_request(verb_select, o%step, grains%time, grains%time)
     call grains%request%put_text('set', near_set)
     call grains%request%put_text('role', 'border')
-    call grains%request%put_int('id', o%pack%id(o%sets%ghost(o%parts%near)))
+    call grains%request%put_int('id', o%pack%id(o%sets%ghost(o%forces%parts%near)))
     call grains%ask(timers, errors)
   end subroutine select_near
 
   !> Where nodes and free grains stand at the start of an exchange.
   subroutine remember_start(o)
     type(overlap_type), intent(inout) :: o
-    o%parts%q = o%q
-    o%parts%theta = o%theta
-    o%parts%u = o%u
-    o%parts%phi = o%phi
+    o%forces%parts%q = o%motion%q
+    o%forces%parts%theta = o%motion%theta
+    o%forces%parts%u = o%motion%u
+    o%forces%parts%phi = o%motion%phi
   end subroutine remember_start
 
   !> The near ghosts where the nodes are now; how far they came.
@@ -163,13 +164,13 @@ contains
     type(overlap_type), intent(inout) :: o
     real(wp), intent(out) :: moved(:, :), turns(:, :)  !! (3, near) [m], [rad]
 
-    associate (parts => o%parts)
+    associate (parts => o%forces%parts)
       moved = parts%d_near
       turns = parts%turn_near
-      call o%op%to_some_ghosts(parts%near, o%u, o%phi, parts%d_near, parts%turn_near)
+      call o%op%to_some_ghosts(parts%near, o%motion%u, o%motion%phi, parts%d_near, parts%turn_near)
       moved = parts%d_near - moved
       turns = parts%turn_near - turns
-      if (.not. o%round) call turn_all(parts%quat_near, turns)
+      if (.not. o%rules%round) call turn_all(parts%quat_near, turns)
     end associate
   end subroutine follow_near
 
@@ -178,26 +179,26 @@ contains
   subroutine follow_all(o, h)
     type(overlap_type), intent(inout) :: o
     real(wp), intent(in) :: h                     !! [s]
-    real(wp), dimension(3, size(o%parts%far)) :: d, turn
+    real(wp), dimension(3, size(o%forces%parts%far)) :: d, turn
     real(wp) :: rate
     integer(i4) :: k
 
-    call o%op%to_some_ghosts(o%parts%far, o%u, o%phi, d, turn)
-    call move_alloc(o%d, o%parts%d)
-    call move_alloc(o%turn, o%parts%turn)
-    allocate (o%d(3, o%op%ghosts), o%turn(3, o%op%ghosts))
-    call put_rows(o%parts%far, d, turn)
-    call put_rows(o%parts%near, o%parts%d_near, o%parts%turn_near)
+    call o%op%to_some_ghosts(o%forces%parts%far, o%motion%u, o%motion%phi, d, turn)
+    call move_alloc(o%motion%d, o%forces%parts%d)
+    call move_alloc(o%motion%turn, o%forces%parts%turn)
+    allocate (o%motion%d(3, o%op%ghosts), o%motion%turn(3, o%op%ghosts))
+    call put_rows(o%forces%parts%far, d, turn)
+    call put_rows(o%forces%parts%near, o%forces%parts%d_near, o%forces%parts%turn_near)
     rate = 1.0_wp/h
-    associate (parts => o%parts)
+    associate (parts => o%forces%parts)
       do k = 1, o%op%ghosts
-        parts%v(:, k) = rate*(o%d(:, k) - parts%d(:, k))
-        parts%spin(:, k) = rate*(o%turn(:, k) - parts%turn(:, k))
+        parts%v(:, k) = rate*(o%motion%d(:, k) - parts%d(:, k))
+        parts%spin(:, k) = rate*(o%motion%turn(:, k) - parts%turn(:, k))
       end do
-      if (o%round) return
-      call turn_all(o%quat, o%turn - parts%turn)
+      if (o%rules%round) return
+      call turn_all(o%motion%quat, o%motion%turn - parts%turn)
       do k = 1, size(parts%near)
-        o%quat(:, parts%near(k)) = parts%quat_near(:, k)
+        o%motion%quat(:, parts%near(k)) = parts%quat_near(:, k)
       end do
     end associate
 
@@ -208,8 +209,8 @@ contains
       real(wp), intent(in) :: d(:, :), turn(:, :)  !! (3, size(rows))
       integer(i4) :: i
       do i = 1, size(rows)
-        o%d(:, rows(i)) = d(:, i)
-        o%turn(:, rows(i)) = turn(:, i)
+        o%motion%d(:, rows(i)) = d(:, i)
+        o%motion%turn(:, rows(i)) = turn(:, i)
       end do
     end subroutine put_rows
   end subroutine follow_all
@@ -220,8 +221,8 @@ contains
     type(message_type), intent(inout) :: request
     real(wp), intent(in) :: v(:, :), spin(:, :)  !! (3, near) [m/s], [rad/s]
     call request%put_text('scope', 'interface')
-    call request%put(near_set//'.x', o%parts%x_near + o%parts%d_near)
-    if (.not. o%round) call request%put(near_set//'.quat', o%parts%quat_near)
+    call request%put(near_set//'.x', o%forces%parts%x_near + o%forces%parts%d_near)
+    if (.not. o%rules%round) call request%put(near_set//'.quat', o%forces%parts%quat_near)
     call request%put(near_set//'.v', v)
     call request%put(near_set//'.omega', spin)
   end subroutine put_near
@@ -231,7 +232,7 @@ contains
     type(overlap_type), intent(in) :: o
     type(message_type), intent(inout) :: request
     call request%put_text('scope', 'between')
-    call put_ghosts(o, request, o%parts%v, o%parts%spin)
+    call put_ghosts(o, request, o%forces%parts%v, o%forces%parts%spin)
     call request%put_int('brief', 1_i4)
   end subroutine put_between
 
@@ -239,8 +240,8 @@ contains
     type(overlap_type), intent(in) :: o
     type(message_type), intent(inout) :: request
     real(wp), intent(in) :: v(:, :), spin(:, :)  !! mean of the exchange (3, ghosts)
-    call request%put(ghost_set//'.x', o%x_ghost + o%d)
-    if (.not. o%round) call request%put(ghost_set//'.quat', o%quat)
+    call request%put(ghost_set//'.x', o%map%x_ghost + o%motion%d)
+    if (.not. o%rules%round) call request%put(ghost_set//'.quat', o%motion%quat)
     call request%put(ghost_set//'.v', v)
     call request%put(ghost_set//'.omega', spin)
   end subroutine put_ghosts
@@ -250,8 +251,8 @@ contains
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: grains
     type(error_list_type), intent(inout) :: errors
-    call grains%reply%get(near_set//'.force', o%parts%p_near, errors)
-    call grains%reply%get(near_set//'.moment', o%parts%m_near, errors)
+    call grains%reply%get(near_set//'.force', o%forces%parts%p_near, errors)
+    call grains%reply%get(near_set//'.moment', o%forces%parts%m_near, errors)
   end subroutine read_near
 
   !> Forces of ghosts on ghosts, from a reply.
@@ -260,11 +261,11 @@ contains
     type(cpl_solver_type), intent(inout) :: grains
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: old
-    call grains%reply%get(ghost_set//'.force', o%parts%p, errors)
-    call grains%reply%get(ghost_set//'.moment', o%parts%m, errors)
+    call grains%reply%get(ghost_set//'.force', o%forces%parts%p, errors)
+    call grains%reply%get(ghost_set//'.moment', o%forces%parts%m, errors)
     call grains%reply%get_int('border_old', old, errors)
     if (errors%any()) return
-    o%parts%old = old == 1
+    o%forces%parts%old = old == 1
   end subroutine read_between
 
   !> Kicks with the forces between ghosts now, with the inertia of what hat nodes carry.
@@ -272,16 +273,16 @@ contains
     type(overlap_type), intent(inout) :: o
     real(wp) :: load(3, o%op%hats), load_phi(3, o%op%hats_phi)
 
-    call o%parts%pull_rest(o%op)
-    associate (parts => o%parts)
+    call o%forces%parts%pull_rest(o%op)
+    associate (parts => o%forces%parts)
       parts%kick = parts%rest%force
       parts%kick_phi = parts%rest%moment
-      if (o%carried%active) then
-        call o%carried%resist(parts%rest%force, load)
+      if (o%own%carried%active) then
+        call o%own%carried%resist(parts%rest%force, load)
         call o%op%p%transposed(load, parts%kick)
       end if
-      if (o%carried_phi%active) then
-        call o%carried_phi%resist(parts%rest%moment, load_phi)
+      if (o%own%carried_phi%active) then
+        call o%own%carried_phi%resist(parts%rest%moment, load_phi)
         call o%op%p_phi%transposed(load_phi, parts%kick_phi)
       end if
     end associate

@@ -39,11 +39,11 @@ contains
     real(wp) :: next
 
     said = ''
-    far = share > 0.0_wp .and. o%past > share*o%sets%least_size
-    next = o%looked + look_every*o%sets%least_size
+    far = share > 0.0_wp .and. o%map%past > share*o%sets%least_size
+    next = o%map%looked + look_every*o%sets%least_size
     if (leaving == 'remap') next = max(next, kept_for*o%sets%least_size)
-    if (.not. far .and. o%past < next) return
-    o%looked = o%past
+    if (.not. far .and. o%map%past < next) return
+    o%map%looked = o%map%past
     call look(o, leaving, far, time, said, errors)
   end subroutine look_after
 
@@ -59,12 +59,12 @@ contains
     type(spot_type) :: spot(o%op%free)
     logical, dimension(o%op%free) :: gone, come, news
 
-    call move_mesh(o, o%u, moved)
-    call find_all(o, moved, o%x_free + o%q, spot)
-    gone = o%seen .and. spot%element == 0
-    come = spot%element > 0 .and. .not. o%seen
-    news = gone .and. .not. o%told
-    o%told = o%told .or. gone
+    call move_mesh(o, o%motion%u, moved)
+    call find_all(o, moved, o%map%x_free + o%motion%q, spot)
+    gone = o%map%seen .and. spot%element == 0
+    come = spot%element > 0 .and. .not. o%map%seen
+    news = gone .and. .not. o%map%told
+    o%map%told = o%map%told .or. gone
     if (any(news)) said = 'time '//short_number(time)//' s: '//whom(o, news)// &
                           ' left the elements of free grains'
     if (any(news) .and. leaving == 'stop') then
@@ -106,37 +106,38 @@ contains
     real(wp) :: before
 
     before = o%edge_kinetic()
-    o%x_free = o%x_free + o%q
-    o%theta_ref = o%theta_ref + o%theta
-    o%q = 0.0_wp
-    o%theta = 0.0_wp
-    o%u_map = o%u
-    o%phi_map = o%phi
-    o%remaps = o%remaps + 1
-    o%looked = 0.0_wp
+    o%map%x_free = o%map%x_free + o%motion%q
+    o%map%theta_ref = o%map%theta_ref + o%motion%theta
+    o%motion%q = 0.0_wp
+    o%motion%theta = 0.0_wp
+    o%map%u_map = o%motion%u
+    o%map%phi_map = o%motion%phi
+    o%map%remaps = o%map%remaps + 1
+    o%map%looked = 0.0_wp
     call map_from(o, moved, spot, errors)
     if (errors%any()) return
     call hold_again(o)
-    if (o%parts%active) then
+    if (o%forces%parts%active) then
       call settle_parts(o)
     else
       call o%pull()
       call o%resist()
     end if
-    if (o%carried%active) call o%op%to_hats(o%speed, o%spin, o%v, o%w)
+    if (o%own%carried%active) call o%op%to_hats(o%motion%speed, o%motion%spin, o%motion%v, &
+      o%motion%w)
     if (len(said) > 0) said = said//'; '
     if (len(said) == 0) said = 'time '//short_number(time)//' s: '
-    said = said//'remap '//str(o%remaps)//': grains moved up to '// &
-      short_number(o%past/o%sets%least_size)//' of an element past the nodes, '//str(gone)// &
-      ' left, '//str(come)//' came, '//str(count(o%seen))//' are seen; energy changed by '// &
+    said = said//'remap '//str(o%map%remaps)//': grains moved up to '// &
+      short_number(o%map%past/o%sets%least_size)//' of an element past the nodes, '//str(gone)// &
+      ' left, '//str(come)//' came, '//str(count(o%map%seen))//' are seen; energy changed by '// &
       short_number(o%edge_kinetic() - before)//' J'
   end subroutine remap
 
   !> Loads that balance the start, which hat nodes hand to other grains now.
   subroutine hold_again(o)
     type(overlap_type), intent(inout) :: o
-    call o%op%from_hats(o%f_hold, o%c_hold, o%force_hold, o%moment_hold)
-    o%parts%dead_known = .false.
+    call o%op%from_hats(o%forces%f_hold, o%forces%c_hold, o%forces%force_hold, o%forces%moment_hold)
+    o%forces%parts%dead_known = .false.
   end subroutine hold_again
 
   !> P and what hangs on it, for free grains at x_free and nodes moved by u_map.
@@ -146,8 +147,8 @@ contains
     type(cells_type) :: moved
     type(spot_type) :: spot(o%op%free)
 
-    call move_mesh(o, o%u_map, moved)
-    call find_all(o, moved, o%x_free, spot)
+    call move_mesh(o, o%map%u_map, moved)
+    call find_all(o, moved, o%map%x_free, spot)
     call map_from(o, moved, spot, errors)
   end subroutine rebuild_map
 
@@ -161,23 +162,24 @@ contains
     real(wp), dimension(o%op%free) :: ramp
 
     riders%spot = spot
-    riders%x = o%x_free
+    riders%x = o%map%x_free
     riders%origin = o%pack%x(:, o%sets%free)
     riders%w = o%op%w
     riders%w_phi = o%op%w_phi
-    o%seen = riders%spot%element > 0
-    o%told = o%told .and. .not. o%seen
+    o%map%seen = riders%spot%element > 0
+    o%map%told = o%map%told .and. .not. o%map%seen
     call o%op%project(moved, o%sets%part, riders, o%op%p%mls, errors)
     if (errors%any()) return
     associate (free => o%sets%free)
-      if (o%carried%active) call o%carried%build(o%op%p, o%pack%mass(free), &
-        o%mass(:o%op%hats), errors)
-      if (o%carried_phi%active) call o%carried_phi%build(o%op%p_phi, o%pack%inertia(free), &
-        o%inertia(:o%op%hats_phi), errors)
-      if (.not. o%damping%active) return
-      call ramp_from_ghosts(moved, o%sets%part == part_ghost, o%x_free, o%seen, ramp)
-      call o%damping%build(o%fine_damping, ramp, o%factor*o%pack%mass(free))
-      if (o%turns) call o%damping_phi%build(o%fine_damping, ramp, o%factor*o%pack%slimmest(free))
+      if (o%own%carried%active) call o%own%carried%build(o%op%p, o%pack%mass(free), &
+        o%own%mass(:o%op%hats), errors)
+      if (o%own%carried_phi%active) call o%own%carried_phi%build(o%op%p_phi, o%pack%inertia(free), &
+        o%own%inertia(:o%op%hats_phi), errors)
+      if (.not. o%own%damping%active) return
+      call ramp_from_ghosts(moved, o%sets%part == part_ghost, o%map%x_free, o%map%seen, ramp)
+      call o%own%damping%build(o%rules%fine_damping, ramp, o%own%factor*o%pack%mass(free))
+      if (o%rules%turns) call o%own%damping_phi%build(o%rules%fine_damping, ramp, &
+        o%own%factor*o%pack%slimmest(free))
     end associate
   end subroutine map_from
 
@@ -189,7 +191,7 @@ contains
     moved%nodes = o%cells%nodes
     moved%elements = o%cells%elements
     moved%x = o%cells%x
-    moved%x(:, o%op%node) = o%x_node + u
+    moved%x(:, o%op%node) = o%map%x_node + u
     moved%kind = o%cells%kind
     moved%start = o%cells%start
     moved%node = o%cells%node

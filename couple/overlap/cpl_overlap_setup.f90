@@ -41,12 +41,12 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
 
-    call check_solvers(solvers, choices, dynamic, o%substeps, errors)
+    call check_solvers(solvers, choices, dynamic, o%rules%substeps, errors)
     if (errors%any()) return
-    o%symmetric = choices%overlap%scheme == 'symmetric'
-    o%static = choices%overlap%scheme == 'static'
-    o%stressed = choices%overlap%initial == 'stress'
-    if (choices%overlap%bound) o%least_weight = choices%overlap%least_weight
+    o%rules%symmetric = choices%overlap%scheme == 'symmetric'
+    o%rules%static = choices%overlap%scheme == 'static'
+    o%rules%stressed = choices%overlap%initial == 'stress'
+    if (choices%overlap%bound) o%rules%least_weight = choices%overlap%least_weight
     call read_grains(o, solvers(side_grains), timers, errors)
     if (errors%any()) return
     if (allocated(reference)) then
@@ -72,21 +72,21 @@ contains
     call o%op%build(o%cells, o%sets, o%pack, rotation_of(o, choices), weights_of(choices), &
                     choices%overlap%projection == 'mls', errors)
     if (errors%any()) return
-    o%turns = o%op%hats_phi > 0
-    o%in_parts = o%symmetric .and. o%substeps > 1 .and. &
+    o%rules%turns = o%op%hats_phi > 0
+    o%rules%in_parts = o%rules%symmetric .and. o%rules%substeps > 1 .and. &
       choices%overlap%ghost_contacts == 'exchange'
-    if (o%in_parts .and. (o%op%micro%active .or. .not. solvers(side_grains)%can('border'))) &
+    if (o%rules%in_parts .and. (o%op%micro%active .or. .not. solvers(side_grains)%can('border'))) &
       call errors%add('D421', "ghost_contacts = 'exchange' is for classical and micropolar "// &
                       'solids, and for grains that have the role border', '', &
                       "write ghost_contacts = 'step'")
-    o%round = all(o%pack%round(o%sets%ghost))
-    o%fine_damping = choices%overlap%fine_damping
-    o%round_free = all(o%pack%round(o%sets%free))
-    o%hears_force = choices%overlap%mass == 'consistent' .or. o%static
-    o%hears_speed = o%hears_force .or. choices%overlap%fine_damping > 0.0_wp
+    o%rules%round = all(o%pack%round(o%sets%ghost))
+    o%rules%fine_damping = choices%overlap%fine_damping
+    o%rules%round_free = all(o%pack%round(o%sets%free))
+    o%rules%hears_force = choices%overlap%mass == 'consistent' .or. o%rules%static
+    o%rules%hears_speed = o%rules%hears_force .or. choices%overlap%fine_damping > 0.0_wp
     call o%allocate_state()
-    call o%op%identity_error(o%x_free, o%x_node, o%x_ghost, o%identity, errors)
-    o%sets_hash = hash_of(o)
+    call o%op%identity_error(o%map%x_free, o%map%x_node, o%map%x_ghost, o%map%identity, errors)
+    o%map%sets_hash = hash_of(o)
   end subroutine make_overlap
 
   !> Factors on masses of free grains, masses that hat nodes carry, damping of the fine scale.
@@ -211,7 +211,7 @@ contains
     type(cpl_choices_type), intent(in) :: choices
     type(cpl_solver_type), intent(in) :: solid
     type(error_list_type), intent(inout) :: errors
-    if (o%cells%micromorphic .and. o%stressed) &
+    if (o%cells%micromorphic .and. o%rules%stressed) &
       call errors%add('D427', "initial = 'stress' does not know micromorphic solids", solid%deck, &
       'give the stress in the deck of the solid '// &
       "(&initial_stress, &geostatic), and write initial = 'dead_load' in &overlap")
@@ -332,40 +332,42 @@ contains
     call prepare_start(o, solvers, choices, again, start, timers, errors)
     if (errors%any()) return
     call set_mass(o, solvers(side_grains), timers, errors)
-    if (.not. (again .or. o%static .or. errors%any())) &
+    if (.not. (again .or. o%rules%static .or. errors%any())) &
       call check_step(o, solvers, timers, errors)
     if (errors%any()) return
     call ready(solvers(side_grains), o%step, timers, errors)
     if (.not. again) call read_start(o, solvers(side_grains), timers, errors)
     if (errors%any()) return
-    if (o%stressed) call balance_start(o, solvers(side_solid), again, start, timers, errors)
+    if (o%rules%stressed) call balance_start(o, solvers(side_solid), again, start, timers, errors)
     if (errors%any()) return
     call ready(solvers(side_solid), o%step, timers, errors)
     call begin_loads(o, solvers(side_solid), again, timers, errors)
     if (errors%any()) return
     if (again) then
-      if (o%in_parts) call begin_parts(o, solvers(side_grains), o%parts%active, timers, errors)
+      if (o%rules%in_parts) call begin_parts(o, solvers(side_grains), o%forces%parts%active, &
+        timers, errors)
       return
     end if
     none = 0.0_wp
     call evaluate_forces(o, solvers, none, none, solvers(1)%time, timers, errors)
-    if (.not. (o%static .or. errors%any())) &
+    if (.not. (o%rules%static .or. errors%any())) &
       call evaluate_bulk(o, solvers(side_solid), 0.0_wp, solvers(1)%time, timers, errors)
     if (errors%any()) return
-    if (o%in_parts) call begin_parts(o, solvers(side_grains), .false., timers, errors)
+    if (o%rules%in_parts) call begin_parts(o, solvers(side_grains), .false., timers, errors)
     if (errors%any()) return
-    if ((o%stressed .or. choices%overlap%dead_load) .and. .not. o%static) call steady_forces(o)
+    if ((o%rules%stressed .or. choices%overlap%dead_load) &
+      .and. .not. o%rules%static) call steady_forces(o)
     if (choices%overlap%dead_load) then
       call o%pull()
-      o%f_hold = -o%f
-      o%c_hold = -o%c
-      o%force_hold = -o%force
-      o%moment_hold = -o%moment
-      o%parts%dead_known = .false.
+      o%forces%f_hold = -o%forces%f
+      o%forces%c_hold = -o%forces%c
+      o%forces%force_hold = -o%forces%force
+      o%forces%moment_hold = -o%forces%moment
+      o%forces%parts%dead_known = .false.
       call o%pull()
       call o%resist()
     end if
-    if (o%static) call begin_static(o, start%stiffness, start%touching)
+    if (o%rules%static) call begin_static(o, start%stiffness, start%touching)
   end subroutine begin_overlap
 
   !> Damping of the fine scale, strongest at the ghosts. D426: more than a step can take.
@@ -382,20 +384,21 @@ contains
                       'take at most 1/dt; a tenth of the highest frequency of the grains is much')
       return
     end if
-    call ramp_from_ghosts(o%cells, o%sets%part == part_ghost, o%x_free, o%seen, ramp)
-    call o%damping%build(rate, ramp, o%factor*o%pack%mass(o%sets%free))
-    if (o%turns) call o%damping_phi%build(rate, ramp, o%factor*o%pack%slimmest(o%sets%free))
+    call ramp_from_ghosts(o%cells, o%sets%part == part_ghost, o%map%x_free, o%map%seen, ramp)
+    call o%own%damping%build(rate, ramp, o%own%factor*o%pack%mass(o%sets%free))
+    if (o%rules%turns) call o%own%damping_phi%build(rate, ramp, &
+      o%own%factor*o%pack%slimmest(o%sets%free))
   end subroutine make_damping
 
   !> Forces of the elements without hat nodes at the start, which the others or dead loads balance,
   !! act on the edge in every step of the grains, too: in kicks they would shake it.
   subroutine steady_forces(o)
     type(overlap_type), intent(inout) :: o
-    o%steady(:, o%op%hats + 1:) = o%bulk(:, o%op%hats + 1:)
-    o%steady_phi(:, o%op%hats_phi + 1:) = o%bulk_phi(:, o%op%hats_phi + 1:)
-    o%bulk = o%bulk - o%steady
-    o%bulk_phi = o%bulk_phi - o%steady_phi
-    o%parts%dead_known = .false.
+    o%forces%steady(:, o%op%hats + 1:) = o%forces%bulk(:, o%op%hats + 1:)
+    o%forces%steady_phi(:, o%op%hats_phi + 1:) = o%forces%bulk_phi(:, o%op%hats_phi + 1:)
+    o%forces%bulk = o%forces%bulk - o%forces%steady
+    o%forces%bulk_phi = o%forces%bulk_phi - o%forces%steady_phi
+    o%forces%parts%dead_known = .false.
     call o%pull()
     call o%resist()
   end subroutine steady_forces
@@ -407,10 +410,10 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     if (errors%any()) return
-    call grains%reply%get('scalars', o%grains, errors)
-    if (o%turns) call grains%reply%get(free_set//'.theta', o%theta_ref, errors)
-    call grains%reply%get(ghost_set//'.force', o%p, errors)
-    call grains%reply%get(ghost_set//'.moment', o%m, errors)
+    call grains%reply%get('scalars', o%ledger%grains, errors)
+    if (o%rules%turns) call grains%reply%get(free_set//'.theta', o%map%theta_ref, errors)
+    call grains%reply%get(ghost_set//'.force', o%forces%p, errors)
+    call grains%reply%get(ghost_set//'.moment', o%forces%m, errors)
     call read_free(o, grains, timers, errors)
   end subroutine read_start
 
@@ -435,7 +438,7 @@ contains
     character(len=:), allocatable :: edge_role
 
     edge_role = 'prescribe'
-    if (o%static) edge_role = 'load'
+    if (o%rules%static) edge_role = 'load'
     associate (grains => solvers(side_grains), solid => solvers(side_solid), n => o%op%hats, &
                m => o%op%hats_phi)
       call choose(grains, ghost_set, 'prescribe', o%pack%id(o%sets%ghost), 'force,moment')
@@ -447,8 +450,8 @@ contains
       call solid%reply%take_int('held', held, errors)
       call solid%reply%get('speed', v, errors)
       if (errors%any()) return
-      o%held(:, n + 1:) = held == 1
-      if (.not. (again .or. o%static)) o%v(:, n + 1:) = v
+      o%own%held(:, n + 1:) = held == 1
+      if (.not. (again .or. o%rules%static)) o%motion%v(:, n + 1:) = v
       if (o%op%nodes_phi == 0) return
       call choose(solid, hat_phi_set, 'prescribe', int(o%op%node_phi(:m:o%op%stride), i8), 'phi')
       call choose(solid, edge_phi_set, edge_role, int(o%op%node_phi(m + 1::o%op%stride), i8), &
@@ -457,8 +460,8 @@ contains
       call solid%reply%take_int('held_phi', held, errors)
       call solid%reply%get('speed_phi', w, errors)
       if (errors%any()) return
-      o%held_phi(:, m + 1:) = held == 1
-      if (.not. (again .or. o%static)) o%w(:, m + 1:) = w
+      o%own%held_phi(:, m + 1:) = held == 1
+      if (.not. (again .or. o%rules%static)) o%motion%w(:, m + 1:) = w
     end associate
 
   contains
@@ -482,11 +485,11 @@ contains
     type(overlap_type), intent(in) :: o
     character(len=:), allocatable :: fields
     fields = 'x'
-    if (o%turns) fields = fields//',theta'
-    if (o%hears_force) fields = fields//',force,load'
-    if (o%hears_force .and. o%turns) fields = fields//',moment'
-    if (o%hears_speed) fields = fields//',v'
-    if (o%hears_speed .and. o%turns) fields = fields//',omega'
+    if (o%rules%turns) fields = fields//',theta'
+    if (o%rules%hears_force) fields = fields//',force,load'
+    if (o%rules%hears_force .and. o%rules%turns) fields = fields//',moment'
+    if (o%rules%hears_speed) fields = fields//',v'
+    if (o%rules%hears_speed .and. o%rules%turns) fields = fields//',omega'
   end function told
 
   !> Factors on the masses of the free grains. D425: the step is above the limit that comes back.
@@ -500,15 +503,15 @@ contains
     call grains%start_request(verb_set, o%step, grains%time, grains%time)
     call grains%request%put_text('what', 'mass_factor')
     call grains%request%put_text('set', pulled_set)
-    call grains%request%put('value', o%factor)
+    call grains%request%put('value', o%own%factor)
     call grains%ask(timers, errors)
-    if (errors%any() .or. .not. any(abs(o%factor - 1.0_wp) > 0.0_wp)) return
+    if (errors%any() .or. .not. any(abs(o%own%factor - 1.0_wp) > 0.0_wp)) return
     call grains%reply%get('step_limit', limit, errors)
     if (errors%any() .or. grains%dt <= limit) return
-    light = minloc(o%factor, 1)
+    light = minloc(o%own%factor, 1)
     call errors%add('D425', 'the step of the grains, '//str(grains%dt)//' s, is above the '// &
       'stable step with the masses of the overlap, '//short_number(limit)//' s: grain '// &
-      str(o%pack%id(o%sets%free(light)))//' keeps '//short_number(o%factor(light))// &
+      str(o%pack%id(o%sets%free(light)))//' keeps '//short_number(o%own%factor(light))// &
       ' of its mass', grains%deck, "shorten dt in its deck, or write mass = 'consistent' in "// &
       '&overlap')
   end subroutine set_mass

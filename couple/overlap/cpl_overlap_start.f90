@@ -50,23 +50,23 @@ contains
     type(error_list_type), intent(inout) :: errors
 
     if (again) then
-      o%shared = 'the weights of the checkpoint'
-      if (allocated(o%moduli)) call send_moduli(o, solvers(side_solid), timers, errors)
+      o%share%shared = 'the weights of the checkpoint'
+      if (allocated(o%start%moduli)) call send_moduli(o, solvers(side_solid), timers, errors)
       if (.not. errors%any()) call send_weights(o, solvers, timers, errors)
       return
     end if
     call read_points(solvers(side_solid), start%points, timers, errors)
     if (errors%any()) return
     call find_pairs(o)
-    if (o%static .or. o%stressed .or. choices%overlap%moduli /= 'deck' .or. &
+    if (o%rules%static .or. o%rules%stressed .or. choices%overlap%moduli /= 'deck' .or. &
         any(choices%overlap%partition == [character(len=5) :: 'auto', 'fit', 'share'])) then
       call read_whole_contacts()
       if (errors%any()) return
     end if
-    if (o%stressed .or. choices%overlap%moduli /= 'deck') then
+    if (o%rules%stressed .or. choices%overlap%moduli /= 'deck') then
       call average_pack(o, start%contacts, start%points, start%average)
       call choose_moduli(o, choices, start%average%affine, start%points, errors)
-      if (allocated(o%moduli) .and. .not. errors%any()) &
+      if (allocated(o%start%moduli) .and. .not. errors%any()) &
         call send_moduli(o, solvers(side_solid), timers, errors)
       if (errors%any()) return
     end if
@@ -80,7 +80,7 @@ contains
     !> Contacts, while all count fully.
     subroutine read_whole_contacts()
       real(wp), allocatable :: ones(:)
-      allocate (ones(size(o%weight_ids, 2)), source=1.0_wp)
+      allocate (ones(size(o%share%weight_ids, 2)), source=1.0_wp)
       call send_contacts(o, solvers(side_grains), ones, timers, errors)
       if (.not. errors%any()) &
         call read_contacts(solvers(side_grains), start%contacts, timers, errors)
@@ -90,8 +90,8 @@ contains
     end subroutine read_whole_contacts
   end subroutine prepare_start
 
-  !> Initial stress in balance with the ghosts' forces, which are in o%p and o%m; after a restart
-  !! that of the checkpoint.
+  !> Initial stress in balance with the forces p and m of the ghosts; after a restart that of the
+  !! checkpoint.
   subroutine balance_start(o, solid, again, start, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solid
@@ -124,8 +124,9 @@ contains
     load = load(:, :partition%blocks())
     allocate (w(size(row)), source=0.0_wp)
     allocate (chosen(size(partition%region)), source=.true.)
-    call correct_initial(partition, w, o%beta(at), start%contacts%force(:, row), load, &
-                         free(:, :partition%blocks()), chosen, stress, couple, o%initial, errors)
+    call correct_initial(partition, w, o%share%beta(at), start%contacts%force(:, row), load, &
+                         free(:, :partition%blocks()), chosen, stress, couple, o%start%initial, &
+                         errors)
     if (errors%any()) return
     call keep_stress(o, start%points, at, stress, couple)
     call send_stress(o, solid, timers, errors)
@@ -133,7 +134,7 @@ contains
     if (errors%any()) return
     rest(:, hat) = rest(:, hat) - outer(:, hat)
     call add_ghosts(o, solid%gravity, rest)
-    o%start_rest = maxval(abs(rest(:, :o%cells%nodes)), free(:, :o%cells%nodes)) &
+    o%start%start_rest = maxval(abs(rest(:, :o%cells%nodes)), free(:, :o%cells%nodes)) &
                    /max(start%average%mean_force, tiny(1.0_wp))
     call choose_nodes(o, solid, .false., free, timers, errors)
   end subroutine balance_start
@@ -252,12 +253,12 @@ contains
 
     f = 0.0_wp
     c = 0.0_wp
-    call o%op%pull(o%p, o%m, f, c, force, moment)
+    call o%op%pull(o%forces%p, o%forces%m, f, c, force, moment)
     call hat_shares(o, mass)
     do a = 1, o%op%hats
-      f(:, a) = f(:, a) + mass(a)*gravity + o%loads%f(:, a)
+      f(:, a) = f(:, a) + mass(a)*gravity + o%forces%loads%f(:, a)
     end do
-    c(:, :o%op%hats_phi) = c(:, :o%op%hats_phi) + o%loads%c
+    c(:, :o%op%hats_phi) = c(:, :o%op%hats_phi) + o%forces%loads%c
     load(:, o%op%node) = load(:, o%op%node) + f
     load(:, o%cells%nodes + o%op%node_phi) = load(:, o%cells%nodes + o%op%node_phi) + c
   end subroutine add_ghosts
@@ -268,9 +269,10 @@ contains
     type(points_type), intent(in) :: points
     integer(i4), intent(in) :: at(:)
     real(wp), intent(in) :: stress(:, :), couple(:, :)  !! (9, size(at)) [Pa], [N/m]
-    allocate (o%stress(9, size(points%element)), o%couple(9, size(points%element)), source=0.0_wp)
-    o%stress(:, at) = stress
-    o%couple(:, at) = couple
+    allocate (o%start%stress(9, size(points%element)), o%start%couple(9, size(points%element)), &
+      source=0.0_wp)
+    o%start%stress(:, at) = stress
+    o%start%couple(:, at) = couple
   end subroutine keep_stress
 
   !> SET initial_stress: nine components in a micropolar body, else six.
@@ -283,10 +285,10 @@ contains
     call solid%start_request(verb_set, o%step, solid%time, solid%time)
     call solid%request%put_text('what', 'initial_stress')
     if (any(o%cells%polar)) then
-      call solid%request%put('value', o%stress)
-      call solid%request%put('couple', o%couple)
+      call solid%request%put('value', o%start%stress)
+      call solid%request%put('couple', o%start%couple)
     else
-      call solid%request%put('value', o%stress([1, 5, 9, 2, 6, 7], :))
+      call solid%request%put('value', o%start%stress([1, 5, 9, 2, 6, 7], :))
     end if
     call solid%ask(timers, errors)
   end subroutine send_stress

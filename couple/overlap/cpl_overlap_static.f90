@@ -32,8 +32,8 @@ contains
     real(wp), intent(in) :: stiffness       !! [N/m]
     integer(i4), intent(in) :: contacts
     real(wp), allocatable :: load(:, :)
-    o%contact_stiffness = stiffness
-    o%contact_count = contacts
+    o%start%contact_stiffness = stiffness
+    o%start%contact_count = contacts
     call edge_load(o, load)
     call o%relax%init(interface_aitken, first_factor, size(load, 1, i4), size(load, 2, i4))
     call o%relax_as_static()
@@ -55,38 +55,38 @@ contains
     real(wp) :: dt, now
     integer(i4) :: k
 
-    dt = h/o%substeps
-    u0 = o%u
-    phi0 = o%phi
+    dt = h/o%rules%substeps
+    u0 = o%motion%u
+    phi0 = o%motion%phi
     call solve_solid(o, solvers(side_solid), t0, t1, u1, phi1, timers, errors)
     call follow_loads(o, solvers(side_solid), t1, timers, errors)
     if (errors%any()) return
-    do k = 1, o%substeps
-      now = merge(t1, t0 + k*dt, k == o%substeps)
+    do k = 1, o%rules%substeps
+      now = merge(t1, t0 + k*dt, k == o%rules%substeps)
       call send_kick(o, solvers(side_grains), merge(0.5_wp*dt, dt, k == 1), dt, now - dt, now, &
                      .false., timers, errors)
       if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
       if (errors%any()) return
-      q = o%q
-      theta = o%theta
-      u = o%u
-      phi = o%phi
+      q = o%motion%q
+      theta = o%motion%theta
+      u = o%motion%u
+      phi = o%motion%phi
       call read_free(o, solvers(side_grains), timers, errors)
-      associate (a => o%op%hats + 1, b => o%op%hats_phi + 1, share => real(k, wp)/o%substeps)
-        o%u(:, a:) = u0(:, a:) + share*(u1(:, a:) - u0(:, a:))
-        o%phi(:, b:) = phi0(:, b:) + share*(phi1(:, b:) - phi0(:, b:))
+      associate (a => o%op%hats + 1, b => o%op%hats_phi + 1, share => real(k, wp)/o%rules%substeps)
+        o%motion%u(:, a:) = u0(:, a:) + share*(u1(:, a:) - u0(:, a:))
+        o%motion%phi(:, b:) = phi0(:, b:) + share*(phi1(:, b:) - phi0(:, b:))
       end associate
       call o%follow(dt, v, spin)
       call evaluate_forces(o, solvers, v, spin, now, timers, errors)
       if (errors%any()) return
-      call o%note_work(q, theta, u, phi, o%p, o%m, dt*v, dt*spin)
+      call o%note_work(q, theta, u, phi, o%forces%p, o%forces%m, dt*v, dt*spin)
     end do
     call send_kick(o, solvers(side_grains), 0.5_wp*dt, 0.0_wp, t1, t1, .false., timers, &
                    errors)
     if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
     if (errors%any()) return
     call read_free(o, solvers(side_grains), timers, errors)
-    call solvers(side_grains)%reply%get('scalars', o%grains, errors)
+    call solvers(side_grains)%reply%get('scalars', o%ledger%grains, errors)
     call edge_load(o, load)
     call measure_balance(o, load, solvers(side_grains)%gravity)
     call o%relax%force(load)
@@ -118,14 +118,14 @@ contains
     real(wp) :: edge(3, o%op%nodes - o%op%hats), turn(3, o%op%nodes_phi - o%op%hats_phi)
     integer(i4) :: turning(size(turn, 2)/o%op%stride)
 
-    u = o%u
-    phi = o%phi
+    u = o%motion%u
+    phi = o%motion%phi
     call solid%start_request(verb_solve, o%step, t0, t1)
-    call solid%request%put(hat_set//'.u', o%u(:, :o%op%hats))
+    call solid%request%put(hat_set//'.u', o%motion%u(:, :o%op%hats))
     call solid%request%put(edge_set//'.force', o%relax%held(:3, :))
     if (o%op%nodes_phi > 0) then
       call find_turning(o, turning)
-      call solid%request%put(hat_phi_set//'.phi', o%phi(:, :o%op%hats_phi))
+      call solid%request%put(hat_phi_set//'.phi', o%motion%phi(:, :o%op%hats_phi))
       call solid%request%put(edge_phi_set//'.moment', reshape(o%relax%held(4:, turning), &
                                                               shape(turn)))
     end if
@@ -133,7 +133,7 @@ contains
     if (errors%any()) return
     call solid%reply%get(edge_set//'.u', edge, errors)
     if (o%op%nodes_phi > 0) call solid%reply%get(edge_phi_set//'.phi', turn, errors)
-    call solid%reply%get('scalars', o%solid, errors)
+    call solid%reply%get('scalars', o%ledger%solid, errors)
     if (errors%any()) return
     u(:, o%op%hats + 1:) = edge
     if (o%op%nodes_phi > 0) phi(:, o%op%hats_phi + 1:) = turn
@@ -159,10 +159,10 @@ contains
     allocate (load(3 + merge(3*o%op%stride, 0, o%op%nodes_phi > 0), o%op%nodes - o%op%hats), &
               source=0.0_wp)
     associate (a => o%op%hats + 1, b => o%op%hats_phi + 1)
-      load(:3, :) = o%f(:, a:) - o%element(:, a:)
+      load(:3, :) = o%forces%f(:, a:) - o%forces%element(:, a:)
       if (o%op%nodes_phi == 0) return
       call find_turning(o, turning)
-      load(4:, turning) = reshape(o%c(:, b:) - o%element_phi(:, b:), &
+      load(4:, turning) = reshape(o%forces%c(:, b:) - o%forces%element_phi(:, b:), &
                                   [int(3*o%op%stride), size(turning)])
     end associate
   end subroutine edge_load
@@ -175,25 +175,25 @@ contains
     real(wp) :: scale, rest(3, o%op%free), lag(size(load, 1), size(load, 2))
     integer(i4) :: k
 
-    scale = sqrt(2.0_wp*o%contact_stiffness*max(0.0_wp, o%grains(scalar_elastic)) &
-                 /max(1, o%contact_count))
+    scale = sqrt(2.0_wp*o%start%contact_stiffness*max(0.0_wp, o%ledger%grains(scalar_elastic)) &
+                 /max(1, o%start%contact_count))
     do k = 1, o%op%free
-      rest(:, k) = o%contact(:, k) + o%force(:, k) &
-        + gravity*o%factor(k)*o%pack%mass(o%sets%free(k))
+      rest(:, k) = o%forces%contact(:, k) + o%forces%force(:, k) &
+        + gravity*o%own%factor(k)*o%pack%mass(o%sets%free(k))
     end do
-    o%unbalanced = sqrt(maxval(sum(rest**2, 1)))
-    if (o%turns) then
-      rest = (o%contact_moment + o%moment)/o%sets%d_max
-      o%unbalanced = max(o%unbalanced, sqrt(maxval(sum(rest**2, 1))))
+    o%ledger%unbalanced = sqrt(maxval(sum(rest**2, 1)))
+    if (o%rules%turns) then
+      rest = (o%forces%contact_moment + o%forces%moment)/o%sets%d_max
+      o%ledger%unbalanced = max(o%ledger%unbalanced, sqrt(maxval(sum(rest**2, 1))))
     end if
     lag = load - o%relax%held
-    where (o%held(:, o%op%hats + 1:)) lag(:3, :) = 0.0_wp
+    where (o%own%held(:, o%op%hats + 1:)) lag(:3, :) = 0.0_wp
     if (size(lag, 1) > 3) lag(4:, :) = lag(4:, :)/o%sets%d_max
-    if (size(lag) > 0) o%unbalanced = max(o%unbalanced, maxval(abs(lag)))
+    if (size(lag) > 0) o%ledger%unbalanced = max(o%ledger%unbalanced, maxval(abs(lag)))
     if (scale > 0.0_wp) then
-      o%unbalanced = o%unbalanced/scale
-    else if (o%unbalanced > 0.0_wp) then
-      o%unbalanced = 1.0_wp
+      o%ledger%unbalanced = o%ledger%unbalanced/scale
+    else if (o%ledger%unbalanced > 0.0_wp) then
+      o%ledger%unbalanced = 1.0_wp
     end if
   end subroutine measure_balance
 end module cpl_overlap_static

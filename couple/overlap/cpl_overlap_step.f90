@@ -44,32 +44,34 @@ contains
     real(wp) :: dt, kick, now
     integer(i4) :: k
 
-    dt = h/o%substeps
+    dt = h/o%rules%substeps
     call renew_loads(o, solvers(side_solid), t0, t1, timers, errors)
     if (errors%any()) return
-    do k = 1, o%substeps
-      now = merge(t1, t0 + k*dt, k == o%substeps)
+    do k = 1, o%rules%substeps
+      now = merge(t1, t0 + k*dt, k == o%rules%substeps)
       kick = merge(0.5_wp*dt, dt, k == 1)
       call send_kick(o, solvers(side_grains), kick, dt, now - dt, now, k == 1, timers, errors)
       if (k == 1) then
-        call send_bulk(o, solvers(side_solid), merge(0.5_wp*h, h, o%symmetric), h, t0, t1, &
+        call send_bulk(o, solvers(side_solid), merge(0.5_wp*h, h, o%rules%symmetric), h, t0, t1, &
                        timers, errors)
         call begin_exchange(o, h)
       end if
       call note_step(o, step, timers)
-      step%u = o%u
-      step%phi = o%phi
-      if (o%symmetric) call o%kick_edge(kick, o%f, o%c)
+      step%u = o%motion%u
+      step%phi = o%motion%phi
+      if (o%rules%symmetric) call o%kick_edge(kick, o%forces%f, o%forces%c)
       call o%drift_edge(dt)
       if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
       if (errors%any()) return
       call keep_before(o)
       call read_free(o, solvers(side_grains), timers, errors)
       call note_damping(o)
-      if (o%parts%active) then
-        call step_in_parts(o, solvers, dt, h, now, k == 1, k == o%substeps, step, timers, errors)
+      if (o%forces%parts%active) then
+        call step_in_parts(o, solvers, dt, h, now, k == 1, k == o%rules%substeps, step, timers, &
+          errors)
       else
-        call step_at_once(o, solvers, dt, h, now, k == 1, k == o%substeps, step, timers, errors)
+        call step_at_once(o, solvers, dt, h, now, k == 1, k == o%rules%substeps, step, timers, &
+          errors)
       end if
       if (errors%any()) return
       call note_damping(o)
@@ -78,18 +80,18 @@ contains
     if (errors%any()) return
     solvers%owes = .true.  ! answers to ACCEPT, which nobody needs yet
     o%step = o%step + 1
-    if (o%parts%active) call finish_parts(o, solvers(side_grains), timers, errors)
+    if (o%forces%parts%active) call finish_parts(o, solvers(side_grains), timers, errors)
   end subroutine overlap_step
 
   !> Where all stands at the start, and the edge's kick with the forces that come once an exchange.
   subroutine begin_exchange(o, h)
     type(overlap_type), intent(inout) :: o
     real(wp), intent(in) :: h  !! [s]
-    if (o%parts%active) call remember_start(o)
-    if (o%symmetric) then
+    if (o%forces%parts%active) call remember_start(o)
+    if (o%rules%symmetric) then
       call kick_with_bulk(o, 0.5_wp*h)
     else
-      call o%kick_edge(h, o%bulk + o%f, o%bulk_phi + o%c)
+      call o%kick_edge(h, o%forces%bulk + o%forces%f, o%forces%bulk_phi + o%forces%c)
     end if
   end subroutine begin_exchange
 
@@ -101,12 +103,12 @@ contains
     if (.not. step%due) return
     step%due = .false.
     call timers%start('works')
-    if (o%parts%active) then
-      call o%note_work(o%q_before, o%theta_before, step%u, step%phi, o%parts%p_near, &
-                       o%parts%m_near, step%moved, step%turns)
+    if (o%forces%parts%active) then
+      call o%note_work(o%motion%q_before, o%motion%theta_before, step%u, step%phi, &
+        o%forces%parts%p_near, o%forces%parts%m_near, step%moved, step%turns)
     else
-      call o%note_work(o%q_before, o%theta_before, step%u, step%phi, o%p, o%m, step%moved, &
-                       step%turns)
+      call o%note_work(o%motion%q_before, o%motion%theta_before, step%u, step%phi, o%forces%p, &
+        o%forces%m, step%moved, step%turns)
     end if
     call timers%stop('works')
   end subroutine note_step
@@ -114,8 +116,8 @@ contains
   !> What the free grains did until now becomes what they did before; it is read anew next.
   subroutine keep_before(o)
     type(overlap_type), intent(inout) :: o
-    call exchange_arrays(o%q, o%q_before)
-    if (o%turns) call exchange_arrays(o%theta, o%theta_before)
+    call exchange_arrays(o%motion%q, o%motion%q_before)
+    if (o%rules%turns) call exchange_arrays(o%motion%theta, o%motion%theta_before)
   end subroutine keep_before
 
   pure subroutine exchange_arrays(a, b)
@@ -159,7 +161,7 @@ contains
     type(step_type), intent(inout) :: step
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp), dimension(3, size(o%parts%near)) :: moved, turns
+    real(wp), dimension(3, size(o%forces%parts%near)) :: moved, turns
 
     call timers%start('projection and maps')
     call o%follow_hats(dt)
@@ -200,8 +202,8 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     if (last) then
-      call take_forces(o, solvers, o%parts%active, now, timers, errors, &
-                       end_kick=merge(0.5_wp*h, 0.0_wp, o%symmetric))
+      call take_forces(o, solvers, o%forces%parts%active, now, timers, errors, &
+                       end_kick=merge(0.5_wp*h, 0.0_wp, o%rules%symmetric))
     else
       call take_forces(o, solvers, .false., now, timers, errors)
     end if
@@ -211,18 +213,20 @@ contains
   subroutine kick_with_bulk(o, kick)
     type(overlap_type), intent(inout) :: o
     real(wp), intent(in) :: kick  !! [s]
-    if (o%parts%active) then
-      call o%kick_edge(kick, o%bulk + o%parts%rest%f, o%bulk_phi + o%parts%rest%c)
+    if (o%forces%parts%active) then
+      call o%kick_edge(kick, o%forces%bulk + o%forces%parts%rest%f, o%forces%bulk_phi &
+        + o%forces%parts%rest%c)
     else
-      call o%kick_edge(kick, o%bulk, o%bulk_phi)
+      call o%kick_edge(kick, o%forces%bulk, o%forces%bulk_phi)
     end if
   end subroutine kick_with_bulk
 
   !> Half of what the damping takes in a step.
   subroutine note_damping(o)
     type(overlap_type), intent(inout) :: o
-    if (o%damping%active) call o%damping%note(o%q - o%q_before)
-    if (o%damping_phi%active) call o%damping_phi%note(o%theta - o%theta_before)
+    if (o%own%damping%active) call o%own%damping%note(o%motion%q - o%motion%q_before)
+    if (o%own%damping_phi%active) call o%own%damping_phi%note(o%motion%theta &
+      - o%motion%theta_before)
   end subroutine note_damping
 
   !> The last half kicks, with everything at t1; ACCEPT is sent to both.
@@ -237,9 +241,9 @@ contains
 
     call send_kick(o, solvers(side_grains), 0.5_wp*dt, 0.0_wp, t1, t1, .true., timers, errors)
     if (errors%any()) return
-    if (o%symmetric) call o%kick_edge(0.5_wp*dt, o%f, o%c)
+    if (o%rules%symmetric) call o%kick_edge(0.5_wp*dt, o%forces%f, o%forces%c)
     call note_step(o, step, timers)
-    if (o%parts%active) call work_of_parts(o, timers)
+    if (o%forces%parts%active) call work_of_parts(o, timers)
     call o%look_past()
     call timers%start('audit and log')
     call audit%write(errors)
@@ -247,7 +251,7 @@ contains
     if (.not. errors%any()) call solvers(side_solid)%receive(timers, errors)
     if (.not. errors%any()) call read_bulk(o, solvers(side_solid), errors)
     if (errors%any()) return
-    if (o%symmetric) call kick_with_bulk(o, 0.5_wp*h)
+    if (o%rules%symmetric) call kick_with_bulk(o, 0.5_wp*h)
     if (.not. o%finite()) &
       call errors%add('N407', 'a force or displacement of the overlap is no number', &
                       'exchange to '//str(t1)//' s', 'one side has become unstable: look at '// &
@@ -255,9 +259,10 @@ contains
     if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
     if (errors%any()) return
     call send_accept(o, solvers(side_grains), t0, t1, timers, errors)
-    if (o%hears_speed) call read_free(o, solvers(side_grains), timers, errors)
-    call solvers(side_grains)%reply%get('scalars', o%grains, errors)
-    if (o%carried%active) call o%op%to_hats(o%speed, o%spin, o%v, o%w)
+    if (o%rules%hears_speed) call read_free(o, solvers(side_grains), timers, errors)
+    call solvers(side_grains)%reply%get('scalars', o%ledger%grains, errors)
+    if (o%own%carried%active) call o%op%to_hats(o%motion%speed, o%motion%spin, o%motion%v, &
+      o%motion%w)
     call send_accept(o, solvers(side_solid), t0, t1, timers, errors)
   end subroutine finish_step
 

@@ -33,7 +33,7 @@ contains
     type(contacts_type), intent(in) :: contacts  !! whole; not looked at for ramps
     type(points_type), intent(in) :: points
     type(error_list_type), intent(inout) :: errors
-    o%shared = choices%overlap%partition
+    o%share%shared = choices%overlap%partition
     call ramp(o, choices, points)
     if (any(choices%overlap%partition == [character(len=5) :: 'auto', 'fit', 'share'])) &
       call fit(o, choices, contacts, points, errors)
@@ -45,12 +45,12 @@ contains
     type(cpl_solver_type), intent(inout) :: solvers(2)
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    call send_contacts(o, solvers(side_grains), o%weight, timers, errors)
+    call send_contacts(o, solvers(side_grains), o%share%weight, timers, errors)
     if (errors%any()) return
     associate (solid => solvers(side_solid))
       call solid%start_request(verb_set, o%step, solid%time, solid%time)
       call solid%request%put_text('what', 'quad_weight')
-      call solid%request%put('value', o%beta)
+      call solid%request%put('value', o%share%beta)
       call solid%ask(timers, errors)
     end associate
   end subroutine send_weights
@@ -63,7 +63,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     call grains%start_request(verb_set, o%step, grains%time, grains%time)
     call grains%request%put_text('what', 'contact_weight')
-    call grains%request%put_int('ids', o%weight_ids)
+    call grains%request%put_int('ids', o%share%weight_ids)
     call grains%request%put('value', value)
     call grains%ask(timers, errors)
   end subroutine send_contacts
@@ -79,25 +79,25 @@ contains
     logical :: fades
 
     fades = choices%overlap%partition /= 'twice'
-    flat = merge(0.0_wp, o%sets%d_max, o%least_weight > 0.0_wp)
+    flat = merge(0.0_wp, o%sets%d_max, o%rules%least_weight > 0.0_wp)
     allocate (depth(o%op%ghosts))
     do g = 1, o%op%ghosts
-      depth(g) = o%sets%hull%distance(o%x_ghost(:, g))
+      depth(g) = o%sets%hull%distance(o%map%x_ghost(:, g))
     end do
-    associate (pair => o%near_ghosts)
-      allocate (o%weight(size(pair, 2)), o%beta(size(points%element)), source=1.0_wp)
-      if (fades) o%weight = choices%overlap%rho*omega_mean(depth(pair(1, :)), depth(pair(2, :)), &
-                                                           o%sets%depth, flat)
-      if (fades) o%weight = clipped(o%weight)
+    associate (pair => o%share%near_ghosts)
+      allocate (o%share%weight(size(pair, 2)), o%share%beta(size(points%element)), source=1.0_wp)
+      if (fades) o%share%weight = choices%overlap%rho*omega_mean(depth(pair(1, :)), &
+        depth(pair(2, :)), o%sets%depth, flat)
+      if (fades) o%share%weight = clipped(o%share%weight)
     end associate
-    do q = 1, size(o%beta)
+    do q = 1, size(o%share%beta)
       select case (o%sets%part(points%element(q)))
       case (part_free)
-        o%beta(q) = 0.0_wp
+        o%share%beta(q) = 0.0_wp
       case (part_ghost)
-        if (fades) o%beta(q) = 1.0_wp - omega(o%sets%hull%distance(points%x(:, q)), &
+        if (fades) o%share%beta(q) = 1.0_wp - omega(o%sets%hull%distance(points%x(:, q)), &
                                               o%sets%depth, flat)
-        if (fades) o%beta(q) = clipped(o%beta(q))
+        if (fades) o%share%beta(q) = clipped(o%share%beta(q))
       end select
     end do
 
@@ -106,7 +106,7 @@ contains
     !> Weights of a bridging domain stay off 0 and 1.
     pure elemental real(wp) function clipped(weight)
       real(wp), intent(in) :: weight
-      clipped = min(1.0_wp - o%least_weight, max(o%least_weight, weight))
+      clipped = min(1.0_wp - o%rules%least_weight, max(o%rules%least_weight, weight))
     end function clipped
   end subroutine ramp
 
@@ -132,20 +132,20 @@ contains
     method%d_max = o%sets%d_max
     method%rho = choices%overlap%rho
     if (method%kind == weights_share) call find_shares(o, partition, points%x(:, at), method%share)
-    call choose_weights(partition, method, w, beta, o%fit, refused)
-    o%shared = method%name
-    o%disorder = method%disorder
+    call choose_weights(partition, method, w, beta, o%share%fit, refused)
+    o%share%shared = method%name
+    o%share%disorder = method%disorder
     if (refused%any() .and. choices%overlap%partition == 'auto') then
-      o%shared = 'ramp'
-      o%unfit = .true.
+      o%share%shared = 'ramp'
+      o%share%unfit = .true.
     else if (refused%any()) then
       call errors%add(refused%item(1)%code, refused%item(1)%message, refused%item(1)%place, &
                       refused%item(1)%hint)
     else if (method%kind == weights_fit .or. method%kind == weights_share) then
       do k = 1, size(at)
-        o%beta(at(k)) = beta(k)
+        o%share%beta(at(k)) = beta(k)
       end do
-      if (method%kind == weights_share) o%weight = 0.0_wp
+      if (method%kind == weights_share) o%share%weight = 0.0_wp
       if (method%kind == weights_fit) call put_weights(o, partition, w)
     end if
   end subroutine fit
@@ -175,8 +175,8 @@ contains
     real(wp) :: wanted
     integer(i4) :: c, low, high, middle
 
-    allocate (key(size(o%weight)), order(size(o%weight)))
-    key = key_of(minval(o%weight_ids, 1), maxval(o%weight_ids, 1))
+    allocate (key(size(o%share%weight)), order(size(o%share%weight)))
+    key = key_of(minval(o%share%weight_ids, 1), maxval(o%share%weight_ids, 1))
     call sort_order(key, order)
     do c = 1, size(w)
       if (.not. ghost_ghost(partition, c)) cycle
@@ -194,7 +194,7 @@ contains
         end if
       end do
       if (low > size(order)) cycle
-      if (.not. abs(key(order(low)) - wanted) > 0.0_wp) o%weight(order(low)) = w(c)
+      if (.not. abs(key(order(low)) - wanted) > 0.0_wp) o%share%weight(order(low)) = w(c)
     end do
 
   contains
@@ -253,9 +253,10 @@ contains
   !> List the ghosts that touch or may come to touch.
   subroutine find_pairs(o)
     type(overlap_type), intent(inout) :: o
-    call near_pairs(o, o%near_ghosts)
-    associate (pair => o%near_ghosts)
-      o%weight_ids = reshape(o%pack%id(o%sets%ghost(reshape(pair, [size(pair)]))), shape(pair))
+    call near_pairs(o, o%share%near_ghosts)
+    associate (pair => o%share%near_ghosts)
+      o%share%weight_ids = reshape(o%pack%id(o%sets%ghost(reshape(pair, [size(pair)]))), &
+        shape(pair))
     end associate
   end subroutine find_pairs
 
@@ -267,7 +268,7 @@ contains
     real(wp) :: radius(o%op%ghosts), reach
 
     radius = o%pack%radius(o%sets%ghost)
-    call sort_order(o%x_ghost(1, :), order)
+    call sort_order(o%map%x_ghost(1, :), order)
     reach = 2.0_wp*near*maxval(radius)
     do pass = 1, 2
       n = 0
@@ -275,8 +276,9 @@ contains
         a = order(i)
         do j = i + 1, size(order)
           b = order(j)
-          if (o%x_ghost(1, b) - o%x_ghost(1, a) > reach) exit
-          if (sum((o%x_ghost(:, a) - o%x_ghost(:, b))**2) > (near*(radius(a) + radius(b)))**2) cycle
+          if (o%map%x_ghost(1, b) - o%map%x_ghost(1, a) > reach) exit
+          if (sum((o%map%x_ghost(:, a) - o%map%x_ghost(:, b))**2) > (near*(radius(a) &
+            + radius(b)))**2) cycle
           n = n + 1
           if (pass == 2) pair(:, n) = [a, b]
         end do

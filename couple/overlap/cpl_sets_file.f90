@@ -23,7 +23,7 @@ contains
     integer(i4) :: grain(size(o%pack%id)), node(o%cells%nodes)
 
     grain = set_other
-    grain(pack(o%sets%free, o%seen)) = set_free
+    grain(pack(o%sets%free, o%map%seen)) = set_free
     grain(o%sets%ghost) = set_ghost
     node = set_other
     node(o%sets%hat) = set_hat

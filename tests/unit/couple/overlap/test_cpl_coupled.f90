@@ -42,15 +42,15 @@ contains
     call o%sets%sort(o%cells, o%pack, errors)
     call o%op%build(o%cells, o%sets, o%pack, merge(rotation_micro, rotation_curl, polar), &
                     weigh_mass, .false., errors)
-    o%turns = polar
+    o%rules%turns = polar
     call o%allocate_state()
     call share_mass(o, mass, errors)
     call test%check(name//': made', .not. errors%any())
     if (errors%any()) return
     call make_contacts(o, contacts)
     call make_points(o, polar, points)
-    allocate (o%beta(size(points%element)), source=0.7_wp)
-    where (o%sets%part(points%element) == part_free) o%beta = 0.0_wp
+    allocate (o%share%beta(size(points%element)), source=0.7_wp)
+    where (o%sets%part(points%element) == part_free) o%share%beta = 0.0_wp
     call coupled%build(o, contacts, points, o%pack%slimmest)
     call symmetric(name, o, coupled)
     call rigid(name, o, coupled)
@@ -271,7 +271,7 @@ contains
       end do
       do k = 1, size(y%u, 2)
         y%u(:, k) = axis
-        if (c > 3) y%u(:, k) = cross(axis, o%x_node(:, k))
+        if (c > 3) y%u(:, k) = cross(axis, o%map%x_node(:, k))
       end do
       y%phi = spread(merge(axis, 0.0_wp, c > 3), 2, size(y%phi, 2))
       call coupled%stiffness_times(o, y, r)
