@@ -44,15 +44,7 @@ contains
   !> The largest stable step where the points are now.
   subroutine look_again(self)
     type(fem_body_type), intent(inout) :: self
-    real(wp) :: moduli(2)
-    integer(i4) :: e
-    do e = 1, merge(0_i4, self%mesh%elements, self%matter%micro%active)
-      associate (law => self%matter%law(self%matter%law_of(e))%law)
-        if (law%finite .or. law%polar) cycle
-        moduli = law%modulus(self%matter%stress(:, self%elastic%point(e)))
-        self%elastic%moduli(:2, e) = [moduli(1) - 2.0_wp/3.0_wp*moduli(2), moduli(2)]
-      end associate
-    end do
+    if (.not. self%matter%micro%active) call self%matter%renew_moduli(self%elastic)
     call self%limit_step()
   end subroutine look_again
 

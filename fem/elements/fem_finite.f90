@@ -8,7 +8,7 @@
 module fem_finite
   use talus_kinds, only: wp, i4
   use fem_element, only: fem_shape_type
-  use fem_law_finite, only: fem_law_finite_type, stored_energy, at_green, at_ratio
+  use fem_law_finite, only: fem_law_finite_type, at_green, at_ratio
   use fem_law, only: at_stored
   use fem_rules, only: fem_formulation_type
   use fem_strain, only: add_product
@@ -128,7 +128,7 @@ contains
   !> Forces (3, nodes) [N] and, at the points, Cauchy's stress [Pa] and the state. `bad` is the
   !! first point without one.
   pure subroutine finite_force(law, shape, d, weight, stress, state, force, bad)
-    type(fem_law_finite_type), intent(in) :: law
+    class(fem_law_finite_type), intent(in) :: law
     type(fem_shape_type), intent(in) :: shape
     type(fem_deformation_type), intent(in) :: d
     real(wp), intent(in) :: weight(:)        !! (n) volume of the reference [m^3]
@@ -143,7 +143,7 @@ contains
     force = 0.0_wp
     bad = 0
     do q = 1, size(weight)
-      call stored_energy(law, strain_at(d, q), energy, second, unused, ratio, good)
+      call law%stored_energy(strain_at(d, q), energy, second, unused, ratio, good)
       if (.not. good) then
         if (bad == 0) bad = q
         cycle
@@ -164,7 +164,7 @@ contains
 
   !> Tangent (3 nodes, 3 nodes) [N/m] at a deformation for which there are forces.
   pure subroutine finite_tangent(law, rule, shape, d, weight, k)
-    type(fem_law_finite_type), intent(in) :: law
+    class(fem_law_finite_type), intent(in) :: law
     type(fem_formulation_type), intent(in) :: rule
     type(fem_shape_type), intent(in) :: shape
     type(fem_deformation_type), intent(in) :: d
@@ -177,7 +177,7 @@ contains
     k = 0.0_wp
     volume = 0.0_wp
     do q = 1, size(weight)
-      call stored_energy(law, strain_at(d, q), energy, second, modulus, ratio, good)
+      call law%stored_energy(strain_at(d, q), energy, second, modulus, ratio, good)
       call strain_rows(shape, d, q, b)
       call add_product(int(size(k, 1), i4), b, modulus, weight(q), k)
       call add_geometric(rule, shape, d, q, weight(q)*d%square(q)*second, k)

@@ -2,12 +2,15 @@
 !! consistent tangent. Small strains; tension positive; components as in fem_voigt.
 module fem_law
   use talus_kinds, only: wp, i4
+  use talus_deck, only: deck_type
+  use talus_errors, only: error_list_type
+  use fem_polar, only: symmetric_of
   use fem_types, only: name_length
   implicit none
   private
   public :: fem_law_type, fem_law_box_type, integrate, common_names
   public :: at_flag, at_iterations, at_stored, at_dissipated, at_numerical, at_plastic, common_size
-  public :: flag_elastic, flag_yielding, flag_apex
+  public :: flag_elastic, flag_yielding, flag_apex, state_length
 
   !> Places in the state of a point that all laws share.
   integer(i4), parameter :: at_flag = 1        !! elastic, yielding or apex in the last increment
@@ -17,6 +20,7 @@ module fem_law
   integer(i4), parameter :: at_numerical = 5   !! what the steps of the integration take [J/m^3]
   integer(i4), parameter :: at_plastic = 6     !! plastic strain, six components
   integer(i4), parameter :: common_size = 11
+  integer(i4), parameter :: state_length = 32  !! of the name of a state variable
   real(wp), parameter :: flag_elastic = 0.0_wp, flag_yielding = 1.0_wp, flag_apex = 2.0_wp
 
   integer(i4), parameter :: most_parts = 128   !! of an increment, when the whole does not converge
@@ -26,17 +30,30 @@ module fem_law
     'local_iterations', 'stored_energy', 'dissipation', 'numerical', 'plastic_xx', 'plastic_yy', &
     'plastic_zz', 'plastic_xy', 'plastic_yz', 'plastic_zx']
 
+  !> What a law says of itself (`define`) and of its material (`read_constants`): set-up, restart,
+  !! output and the one-point driver read it here, and know no law by its name.
   type, abstract :: fem_law_type
-    character(len=name_length) :: id = ''
+    character(len=name_length) :: name = ''  !! in decks
+    character(len=name_length) :: id = ''    !! of the material
+    logical :: stateful = .true.       !! false: linear elasticity, of `moduli` or `operator`
     logical :: symmetric = .true.      !! its tangent is
     logical :: finite = .false.        !! finite strain: fem_law_finite
     logical :: polar = .false.         !! strain and curvature of 18 components: fem_law_polar
+    logical :: eringen = .false.       !! takes the constants of Eringen's solid
     integer(i4) :: states = common_size
+    character(len=state_length), allocatable :: state_names(:)  !! beyond the common, with unit
+    real(wp) :: moduli(6) = 0.0_wp     !! as in fem_micropolar; at the reference of the law [Pa, N]
+    real(wp), allocatable :: operator(:, :, :)  !! (9, 9, 2) linear and not isotropic: of gamma
+                                                !! [Pa] and of curvature [N]
   contains
-    procedure(begin_face), deferred :: begin
+    procedure(define_face), deferred :: define
+    procedure(read_face), deferred :: read_constants
+    procedure :: begin
     procedure(update_face), deferred :: update
-    procedure(name_face), deferred :: state_name
     procedure(modulus_face), deferred :: modulus
+    procedure :: moduli_at
+    procedure :: add_states
+    procedure :: state_name
   end type fem_law_type
 
   !> A law in a list.
@@ -45,15 +62,20 @@ module fem_law
   end type fem_law_box_type
 
   abstract interface
-    !> State of a point that starts with a stress; `fault` says what is wrong with it, with its
-    !! value, and `cure` what helps; '' if nothing is.
-    subroutine begin_face(self, stress, state, fault, cure)
-      import :: fem_law_type, wp
-      class(fem_law_type), intent(in) :: self
-      real(wp), intent(in) :: stress(6)   !! [Pa]
-      real(wp), intent(out) :: state(:)
-      character(len=:), allocatable, intent(out) :: fault, cure
-    end subroutine begin_face
+    !> Name in decks, kind, states.
+    subroutine define_face(self)
+      import :: fem_law_type
+      class(fem_law_type), intent(inout) :: self
+    end subroutine define_face
+    !> Constants of material m of the deck, whose keys were checked; faults of values that cannot
+    !! work together.
+    subroutine read_face(self, deck, m, errors)
+      import :: fem_law_type, deck_type, error_list_type, i4
+      class(fem_law_type), intent(inout) :: self
+      type(deck_type), intent(in) :: deck
+      integer(i4), intent(in) :: m
+      type(error_list_type), intent(inout) :: errors
+    end subroutine read_face
     !> Stress and state after a strain increment, and the tangent d stress/d strain. A point that
     !! yielded takes a zero increment as the limit of a small one. `good` is false where the local
     !! equations do not converge; nothing is changed then.
@@ -66,14 +88,7 @@ module fem_law
       real(wp), intent(out) :: tangent(6, 6)
       logical, intent(out) :: good
     end subroutine update_face
-    !> Name and unit of a state beyond the common ones.
-    pure function name_face(self, k) result(name)
-      import :: fem_law_type, i4
-      class(fem_law_type), intent(in) :: self
-      integer(i4), intent(in) :: k
-      character(len=:), allocatable :: name
-    end function name_face
-    !> Bulk and shear modulus at a state, for scales and hints [Pa].
+    !> Bulk and shear modulus at a state, for scales, hints and the largest stable step [Pa].
     pure function modulus_face(self, stress) result(moduli)
       import :: fem_law_type, wp
       class(fem_law_type), intent(in) :: self
@@ -83,6 +98,48 @@ module fem_law
   end interface
 
 contains
+
+  !> State of a point that starts with a stress; `fault` says what is wrong with it, with its value,
+  !! and `cure` what helps; '' if nothing is. Here: every stress will do.
+  subroutine begin(self, stress, state, fault, cure)
+    class(fem_law_type), intent(in) :: self
+    real(wp), intent(in) :: stress(6)   !! [Pa]
+    real(wp), intent(out) :: state(:)
+    character(len=:), allocatable, intent(out) :: fault, cure
+    state = 0.0_wp
+    fault = ''
+    cure = ''
+  end subroutine begin
+
+  !> Moduli, as in fem_micropolar, of waves about a stress: the largest stable step is theirs.
+  pure function moduli_at(self, stress) result(moduli)
+    class(fem_law_type), intent(in) :: self
+    real(wp), intent(in) :: stress(:)  !! six components, or those of a body with micropolar parts
+    real(wp) :: moduli(6), two(2)
+    if (size(stress) > 6) then
+      two = self%modulus(stress(symmetric_of))
+    else
+      two = self%modulus(stress)
+    end if
+    moduli = 0.0_wp
+    moduli(:2) = [two(1) - 2.0_wp/3.0_wp*two(2), two(2)]
+  end function moduli_at
+
+  !> States beyond the common ones, by name and unit: 'hardening [-]'.
+  subroutine add_states(self, names)
+    class(fem_law_type), intent(inout) :: self
+    character(len=*), intent(in) :: names(:)
+    self%state_names = names
+    self%states = common_size + int(size(names), i4)
+  end subroutine add_states
+
+  !> Name and unit of state k, beyond the common ones.
+  pure function state_name(self, k) result(name)
+    class(fem_law_type), intent(in) :: self
+    integer(i4), intent(in) :: k
+    character(len=:), allocatable :: name
+    name = trim(self%state_names(k - common_size))
+  end function state_name
 
   !> Update with the ledger of the point: trapezoidal work is stored, dissipated (end stress times
   !! plastic strain, never negative) or taken by the integration. Where the whole increment does not

@@ -7,6 +7,9 @@
 module fem_law_clay
   use talus_kinds, only: wp, i4
   use talus_text, only: str
+  use talus_deck, only: deck_type
+  use talus_errors, only: error_list_type
+  use fem_constants, only: shear_ratio, given_or
   use fem_law, only: fem_law_type, common_size, at_flag, at_iterations, at_plastic, flag_elastic, &
     flag_yielding
   use fem_voigt, only: unit, twice, project, isotropic, trace, magnitude, outer
@@ -29,9 +32,10 @@ module fem_law_clay
     real(wp) :: preconsolidation = 0.0_wp  !! pc at the start [Pa], 0: by the ratio
     real(wp) :: overconsolidation = 1.0_wp !! pc at the start over that of the initial stress [-]
   contains
+    procedure :: define
+    procedure :: read_constants
     procedure :: begin
     procedure :: update
-    procedure :: state_name
     procedure :: modulus
     procedure, private :: solve
     procedure, private :: look
@@ -49,6 +53,35 @@ module fem_law_clay
   end type path_type
 
 contains
+
+  subroutine define(self)
+    class(fem_law_clay_type), intent(inout) :: self
+    self%name = 'cam_clay'
+    self%symmetric = .false.
+    call self%add_states(['preconsolidation [Pa]'])
+  end subroutine define
+
+  subroutine read_constants(self, deck, m, errors)
+    class(fem_law_clay_type), intent(inout) :: self
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: m
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: lambda, kappa, volume, poisson
+
+    call deck%get('material', m, 'critical_slope', self%slope)
+    call deck%get('material', m, 'compression_index', lambda)
+    call deck%get('material', m, 'swelling_index', kappa)
+    call deck%get('material', m, 'specific_volume', volume)
+    call deck%get('material', m, 'poisson', poisson)
+    self%overconsolidation = given_or(deck, m, 'overconsolidation', self%overconsolidation)
+    self%preconsolidation = given_or(deck, m, 'preconsolidation', self%preconsolidation)
+    if (.not. lambda > kappa) call deck%fault(errors, 'D331', 'compression_index = '// &
+      str(lambda)//' is not above swelling_index = '//str(kappa), 'material', m, &
+      'compression_index', 'the virgin line is steeper than the swelling lines')
+    self%swelling = kappa/volume
+    self%plastic = (lambda - kappa)/volume
+    self%ratio = shear_ratio(poisson)
+  end subroutine read_constants
 
   subroutine begin(self, stress, state, fault, cure)
     class(fem_law_clay_type), intent(in) :: self
@@ -221,13 +254,6 @@ contains
       tangent(:, j) = ds + path%p/self%swelling*(unit(j) + z(1, j))*unit
     end do
   end subroutine finish
-
-  pure function state_name(self, k) result(name)
-    class(fem_law_clay_type), intent(in) :: self
-    integer(i4), intent(in) :: k
-    character(len=:), allocatable :: name
-    name = 'preconsolidation [Pa]'
-  end function state_name
 
   pure function modulus(self, stress) result(moduli)
     class(fem_law_clay_type), intent(in) :: self

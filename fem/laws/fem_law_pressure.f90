@@ -3,12 +3,16 @@
 !! a straight path of strain. Closed circuits of strain that turn may gain or lose energy.
 module fem_law_pressure
   use talus_kinds, only: wp, i4
+  use talus_deck, only: deck_type
+  use talus_errors, only: error_list_type
+  use fem_constants, only: elastic_constants, given_or
   use fem_law, only: fem_law_type, at_flag, at_iterations, flag_elastic
   use fem_voigt, only: unit, project, isotropic, trace, outer
   implicit none
   private
   public :: fem_law_pressure_type
 
+  real(wp), parameter :: usual_least = 0.01_wp  !! least over reference pressure
   real(wp), parameter :: small = 1.0e-4_wp  !! relative change of the pressure that counts as none
 
   type, extends(fem_law_type) :: fem_law_pressure_type
@@ -18,9 +22,9 @@ module fem_law_pressure
     real(wp) :: reference = 1.0_wp   !! p0 [Pa]
     real(wp) :: least = 0.0_wp       !! pressure below which the stiffness is constant [Pa]
   contains
-    procedure :: begin
+    procedure :: define
+    procedure :: read_constants
     procedure :: update
-    procedure :: state_name
     procedure :: modulus
     procedure, private :: bulk_at
     procedure, private :: pressure_after
@@ -28,15 +32,22 @@ module fem_law_pressure
 
 contains
 
-  subroutine begin(self, stress, state, fault, cure)
-    class(fem_law_pressure_type), intent(in) :: self
-    real(wp), intent(in) :: stress(6)
-    real(wp), intent(out) :: state(:)
-    character(len=:), allocatable, intent(out) :: fault, cure
-    state = 0.0_wp
-    fault = ''
-    cure = ''
-  end subroutine begin
+  subroutine define(self)
+    class(fem_law_pressure_type), intent(inout) :: self
+    self%name = 'pressure_elastic'
+    self%symmetric = .false.
+  end subroutine define
+
+  subroutine read_constants(self, deck, m, errors)
+    class(fem_law_pressure_type), intent(inout) :: self
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: m
+    type(error_list_type), intent(inout) :: errors
+    call elastic_constants(deck, m, self%bulk, self%ratio, self%moduli)
+    call deck%get('material', m, 'exponent', self%exponent)
+    call deck%get('material', m, 'reference_pressure', self%reference)
+    self%least = given_or(deck, m, 'least_pressure', usual_least*self%reference)
+  end subroutine read_constants
 
   !> Bulk modulus at a pressure [Pa].
   pure real(wp) function bulk_at(self, p)
@@ -102,13 +113,6 @@ contains
     state(at_iterations) = 0.0_wp
     good = .true.
   end subroutine update
-
-  pure function state_name(self, k) result(name)
-    class(fem_law_pressure_type), intent(in) :: self
-    integer(i4), intent(in) :: k
-    character(len=:), allocatable :: name
-    name = ''
-  end function state_name
 
   pure function modulus(self, stress) result(moduli)
     class(fem_law_pressure_type), intent(in) :: self

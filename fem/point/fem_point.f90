@@ -12,13 +12,10 @@ module fem_point
   use talus_history, only: history_type
   use fem_deck_keys, only: fem_deck_table
   use fem_mm_path, only: follow_micromorphic
-  use fem_layered, only: layered_point
   use fem_micropolar, only: micropolar_strain, micropolar_stress, axial
-  use fem_law, only: fem_law_box_type
   use fem_law_polar, only: fem_law_polar_type
   use fem_point_path, only: follow_path
   use fem_point_polar, only: follow_polar
-  use fem_setup_laws, only: read_law
   use fem_setup_sections, only: read_material, fem_material_type, check_ids
   implicit none
   private
@@ -118,7 +115,6 @@ contains
     logical, intent(in) :: check
     type(error_list_type), intent(inout) :: errors
     type(curve_type), allocatable :: curve(:)
-    type(fem_law_box_type) :: box
     integer(i4) :: m
 
     if (deck%count('path') > 0 .or. deck%count('point') > 1) then
@@ -134,9 +130,7 @@ contains
                       'material', 'it has no state')
       return
     end if
-    call read_law(deck, m, material(m)%moduli, box, errors)
-    if (errors%any()) return
-    select type (law => box%law)
+    select type (law => material(m)%law)
     class is (fem_law_polar_type)
       call follow_polar(deck, law, curve, path, check, errors)
     class default
@@ -203,8 +197,9 @@ contains
     if (.not. material%polar) rotation = 0.5_wp*[h(3, 2) - h(2, 3), h(1, 3) - h(3, 1), &
                                                  h(2, 1) - h(1, 2)]
     gamma = micropolar_strain(h, rotation)
-    if (material%layered) then
-      call layered_point(material%layers, gamma, reshape(c, [9]), sigma, couple)
+    if (allocated(material%law%operator)) then
+      sigma = matmul(material%law%operator(:, :, 1), gamma)
+      couple = matmul(material%law%operator(:, :, 2), reshape(c, [9]))
     else
       call micropolar_stress(material%moduli, gamma, c, sigma, couple)
     end if

@@ -22,7 +22,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: value(:, :), state(:, :)
     character(len=:), allocatable :: fault, cure
-    real(wp) :: moduli(2), six(6)
+    real(wp) :: six(6)
     integer(i4) :: e, q
 
     if (body%matter%finite .or. body%matter%micro%active) then
@@ -49,14 +49,7 @@ contains
     end do
     body%matter%state = state
     body%matter%stress(:size(value, 1), :) = value
-    do e = 1, body%mesh%elements
-      associate (law => body%matter%law(body%matter%law_of(e))%law, first => body%elastic%point(e))
-        if (law%polar) cycle
-        moduli = law%modulus(value(:6, first))
-        if (size(value, 1) > 6) moduli = law%modulus(value(symmetric_of, first))
-        body%elastic%moduli(:2, e) = [moduli(1) - 2.0_wp/3.0_wp*moduli(2), moduli(2)]
-      end associate
-    end do
+    call body%matter%renew_moduli(body%elastic)
     call body%assemble()
   end subroutine set_begun_stress
 end module fem_port_stress

@@ -10,8 +10,6 @@ module fem_setup_matter
   use fem_mesh, only: find_group, group_hint
   use fem_polar, only: full_of
   use fem_recover, only: point_positions
-  use fem_setup_laws, only: read_law
-  use fem_setup_sections, only: read_material, fem_material_type
   use fem_setup_micro, only: read_micro_laws, begin_micro_points
   use fem_types, only: group_volume
   implicit none
@@ -25,7 +23,6 @@ contains
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
     type(error_list_type), intent(inout) :: errors
-    type(fem_material_type) :: material
     integer(i4) :: m
 
     if (.not. body%matter%active) then
@@ -34,10 +31,7 @@ contains
     end if
     call refuse_others(deck, body, errors)
     if (body%matter%micro%active) call read_micro_laws(deck, body, errors)
-    allocate (body%matter%law(merge(0_i4, deck%count('material'), body%matter%micro%active)))
     do m = 1, size(body%matter%law)
-      call read_material(deck, m, material, errors)
-      call read_law(deck, m, material%moduli, body%matter%law(m), errors)
       if (.not. any(body%matter%law_of == m)) cycle
       body%matter%symmetric = body%matter%symmetric .and. body%matter%law(m)%law%symmetric
       body%matter%states = max(body%matter%states, body%matter%law(m)%law%states)
@@ -219,7 +213,6 @@ contains
     type(fem_body_type), intent(inout) :: body
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: fault, cure
-    real(wp) :: moduli(2)
     real(wp), allocatable :: wide(:, :)
     integer(i4) :: e, q, n
 
@@ -234,14 +227,13 @@ contains
             ': '//fault, 'material', body%matter%law_of(e), 'id', cure)
           return
         end do
-        if (law%polar) cycle
-        moduli = law%modulus(body%matter%stress(:, first))
-        body%elastic%moduli(:2, e) = [moduli(1) - 2.0_wp/3.0_wp*moduli(2), moduli(2)]
       end associate
     end do
-    if (body%elastic%components == classical) return
-    allocate (wide(body%elastic%components, body%elastic%points), source=0.0_wp)
-    wide(:9, :) = body%matter%stress(full_of, :)
-    call move_alloc(wide, body%matter%stress)
+    if (body%elastic%components /= classical) then
+      allocate (wide(body%elastic%components, body%elastic%points), source=0.0_wp)
+      wide(:9, :) = body%matter%stress(full_of, :)
+      call move_alloc(wide, body%matter%stress)
+    end if
+    call body%matter%renew_moduli(body%elastic)
   end subroutine begin_points
 end module fem_setup_matter

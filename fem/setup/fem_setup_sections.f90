@@ -8,28 +8,23 @@ module fem_setup_sections
   use fem_elastic, only: micromorphic
   use fem_mesh, only: find_group, group_hint
   use fem_layered, only: fem_layered_type
-  use fem_setup_layers, only: read_layers
-  use fem_micropolar, only: technical_type, eringen_moduli, lame_moduli, violated_inequality
+  use fem_constants, only: eringen, technical
+  use fem_law, only: fem_law_type
+  use fem_law_registry, only: make_law
   use fem_rules, only: kind_of_rule, usual_rule, polar_rule, rules_for
   use fem_kinds, only: kind_name
-  use fem_setup_laws, only: has_state, check_law_keys
+  use fem_setup_laws, only: check_law_keys
   use fem_types, only: group_volume, name_length
   implicit none
   private
   public :: read_sections, check_ids, read_material, fem_material_type
 
-  character(len=*), parameter :: eringen(6) = [character(len=6) :: 'lambda', 'mu', 'kappa', &
-    'alpha', 'beta', 'gamma']
-  character(len=*), parameter :: technical(7) = [character(len=11) :: 'poisson', 'l_t', 'l_b', &
-    'coupling', 'polar_ratio', 'shear', 'young']
-
-  !> What a &material says.
+  !> What a &material says; a &micromorphic has no law of fem_law.
   type :: fem_material_type
     character(len=name_length) :: id = ''
-    logical :: polar = .false.
-    logical :: stateful = .false.   !! its law has a state (fem_law)
-    logical :: layered = .false.    !! of layers and joints (fem_layered)
-    type(fem_layered_type) :: layers
+    class(fem_law_type), allocatable :: law
+    logical :: polar = .false.      !! as its law has it
+    logical :: stateful = .false.
     integer(i4) :: micromorphic = 0 !! number of its &micromorphic, whose chi counts as polar
     real(wp) :: moduli(6) = 0.0_wp  !! lambda, mu, kappa [Pa], alpha, beta, gamma [N]
     real(wp) :: density = 0.0_wp    !! [kg/m^3]
@@ -38,55 +33,33 @@ module fem_setup_sections
 
 contains
 
-  !> Material m of the deck; faults D320 and D321.
+  !> Material m of the deck, with its law; faults D320, D321, D330, D331.
   subroutine read_material(deck, m, material, errors)
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: m
     type(fem_material_type), intent(out) :: material
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: law, text
-    real(wp) :: young, poisson
-    integer(i4) :: k, before
+    character(len=:), allocatable :: name, text
+    integer(i4) :: before
 
     before = errors%count
     call deck%get('material', m, 'id', text)
     material%id = text
-    call deck%get('material', m, 'law', law)
+    call deck%get('material', m, 'law', name)
     call deck%get('material', m, 'density', material%density)
     call deck%get('material', m, 'micro_inertia', material%inertia)
-    material%layered = law == 'layered'
-    material%polar = index(law, 'micropolar') > 0 .or. material%layered
-    material%stateful = has_state(law)
-    call check_law_keys(deck, m, law, errors)
-    if (material%layered) then
-      call check_classical_keys(deck, m, errors)
-      if (errors%count == before) &
-        call read_layers(deck, m, material%layers, material%moduli, errors)
-      return
-    else if (material%polar) then
-      if (any([(deck%given('material', m, trim(eringen(k))), k=1, 6)])) then
-        call read_eringen(deck, m, material%moduli, errors)
-      else
-        call read_technical(deck, m, material%moduli, errors)
-      end if
-      if (errors%count > before) return
-      text = violated_inequality(material%moduli)
-      if (len(text) > 0) call deck%fault(errors, 'D321', text, 'material', m, 'id', &
-        'these limits keep the stored energy positive; mu itself may be negative')
-      return
-    end if
-    call check_classical_keys(deck, m, errors)
-    if (deck%given('material', m, 'micro_inertia')) call deck%fault(errors, 'D320', &
-      'micro_inertia is a constant of micropolar solids', 'material', m, 'micro_inertia', &
-      "leave it out, or take law = 'micropolar'")
-    if (law == 'cam_clay' .or. errors%count > before) return
-    if (.not. (deck%given('material', m, 'young') .and. deck%given('material', m, 'poisson'))) &
-      call deck%fault(errors, 'D320', 'the material has no young or no poisson', 'material', m, &
-                      'id', 'a linear elastic solid needs both')
+    call make_law(name, material%law)
+    material%law%id = text
+    material%polar = material%law%polar
+    material%stateful = material%law%stateful
+    call check_law_keys(deck, m, name, errors)
+    if (.not. material%law%eringen) call check_classical_keys(deck, m, errors)
+    if (.not. material%polar .and. deck%given('material', m, 'micro_inertia')) &
+      call deck%fault(errors, 'D320', 'micro_inertia is a constant of micropolar solids', &
+        'material', m, 'micro_inertia', "leave it out, or take law = 'micropolar'")
     if (errors%count > before) return
-    call deck%get('material', m, 'young', young)
-    call deck%get('material', m, 'poisson', poisson)
-    material%moduli = lame_moduli(young, poisson)
+    call material%law%read_constants(deck, m, errors)
+    material%moduli = material%law%moduli
   end subroutine read_material
 
   !> Fault D320 for constants that only Eringen's solid knows.
@@ -107,68 +80,7 @@ contains
     end do
   end subroutine check_classical_keys
 
-  !> The six constants of Eringen; all are needed and no others.
-  subroutine read_eringen(deck, m, moduli, errors)
-    type(deck_type), intent(in) :: deck
-    integer(i4), intent(in) :: m
-    real(wp), intent(out) :: moduli(6)
-    type(error_list_type), intent(inout) :: errors
-    integer(i4) :: k
-    moduli = 0.0_wp
-    do k = 1, 6
-      if (deck%given('material', m, trim(eringen(k)))) then
-        call deck%get('material', m, trim(eringen(k)), moduli(k))
-      else
-        call deck%fault(errors, 'D320', 'the constant '//trim(eringen(k))//' is missing', &
-          'material', m, 'id', 'give lambda, mu, kappa, alpha, beta and gamma, all six')
-      end if
-    end do
-    do k = 1, size(technical)
-      if (deck%given('material', m, trim(technical(k)))) call deck%fault(errors, 'D320', &
-        'the material has constants of both kinds', 'material', m, trim(technical(k)), &
-        'give either lambda to gamma or the engineering constants')
-    end do
-  end subroutine read_eringen
-
-  !> Engineering constants; N = 1 and Psi = 0 would need infinite moduli.
-  subroutine read_technical(deck, m, moduli, errors)
-    type(deck_type), intent(in) :: deck
-    integer(i4), intent(in) :: m
-    real(wp), intent(out) :: moduli(6)
-    type(error_list_type), intent(inout) :: errors
-    type(technical_type) :: t
-    integer(i4) :: k, before
-
-    before = errors%count
-    moduli = 0.0_wp
-    do k = 1, 5
-      if (.not. deck%given('material', m, trim(technical(k)))) call deck%fault(errors, 'D320', &
-        'the constant '//trim(technical(k))//' is missing', 'material', m, 'id', &
-        'give shear or young, poisson, l_t, l_b, coupling and polar_ratio; or lambda to gamma')
-    end do
-    if (deck%given('material', m, 'shear') .eqv. deck%given('material', m, 'young')) &
-      call deck%fault(errors, 'D320', 'a micropolar solid needs shear or young, one of them', &
-                      'material', m, 'id', 'G = mu + kappa/2, E = 2 G (1 + nu)')
-    call deck%get('material', m, 'shear', t%shear)
-    call deck%get('material', m, 'young', t%young)
-    call deck%get('material', m, 'poisson', t%poisson)
-    call deck%get('material', m, 'l_t', t%length_torsion)
-    call deck%get('material', m, 'l_b', t%length_bending)
-    call deck%get('material', m, 'coupling', t%coupling)
-    call deck%get('material', m, 'polar_ratio', t%polar_ratio)
-    if (errors%count > before) return
-    if (t%coupling >= 1.0_wp .or. t%coupling < 0.0_wp) &
-      call deck%fault(errors, 'D321', 'the coupling number N must be in [0, 1), not '// &
-        str(t%coupling), 'material', m, 'coupling', &
-        'N = 1 means an infinite kappa (couple stress theory): N = 0.99 comes close to it')
-    if (.not. t%polar_ratio > 0.0_wp .or. t%polar_ratio > 1.5_wp) &
-      call deck%fault(errors, 'D321', 'the polar ratio Psi must be in (0, 3/2], not '// &
-        str(t%polar_ratio), 'material', m, 'polar_ratio', &
-        'Psi = 0 means an infinite alpha: Psi = 0.01 comes close to it')
-    if (errors%count == before) moduli = eringen_moduli(t)
-  end subroutine read_technical
-
-  !> Elastic constants and formulation of every element.
+  !> Law, elastic constants and formulation of every element.
   subroutine read_sections(deck, body, errors)
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
@@ -208,6 +120,11 @@ contains
     if (errors%any()) return
     call body%elastic%number_points()
     if (body%matter%micro%active) body%elastic%components = micromorphic
+    if (.not. body%matter%active) return
+    allocate (body%matter%law(merge(0_i4, deck%count('material'), body%matter%micro%active)))
+    do m = 1, size(body%matter%law)
+      call move_alloc(material(m)%law, body%matter%law(m)%law)
+    end do
   end subroutine read_sections
 
   !> Id, density and micro-inertia of &micromorphic m.
@@ -291,8 +208,12 @@ contains
     character(len=:), allocatable :: element, name
     real(wp) :: share
     integer(i4) :: k, e, r, kind
+    logical :: full
 
-    if (material%layered) body%elastic%layered = [body%elastic%layered, material%layers]
+    full = .false.
+    if (allocated(material%law)) full = allocated(material%law%operator)
+    if (full) body%elastic%layered = [body%elastic%layered, &
+      fem_layered_type(material%law%operator(:, :, 1), material%law%operator(:, :, 2))]
     call deck%get('section', s, 'element', element)
     call deck%get('section', s, 'hourglass', share)
     if (deck%given('section', s, 'hourglass') .and. element /= 'hex8_one_point') &
@@ -320,7 +241,7 @@ contains
       call body%elastic%use_rule(trim(name), r)
       body%elastic%rule_of(e) = r
       body%elastic%moduli(:, e) = material%moduli
-      if (material%layered) body%elastic%layered_of(e) = int(size(body%elastic%layered), i4)
+      if (full) body%elastic%layered_of(e) = int(size(body%elastic%layered), i4)
       body%elastic%density(e) = material%density
       body%elastic%inertia(e) = material%inertia
       body%elastic%hourglass(e) = share

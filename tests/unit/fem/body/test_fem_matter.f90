@@ -8,7 +8,8 @@ program test_fem_matter
   use fem_dofs, only: number_fields
   use fem_kinds, only: hex8
   use fem_law, only: common_size
-  use fem_law_drucker, only: fem_law_drucker_type, cone_constants
+  use fem_cone, only: cone_constants
+  use fem_law_drucker, only: fem_law_drucker_type
   use fem_law_linear, only: fem_law_linear_type
   use fem_sparse, only: multiply, multiply_general
   use fem_topology, only: set_elements
@@ -72,10 +73,10 @@ contains
     linear%shear = shear
     drucker%bulk = bulk
     drucker%shear = shear
-    drucker%cohesion = 0.2_wp
+    drucker%cone%cohesion = 0.2_wp
     drucker%states = common_size + 1
-    call cone_constants(0.5_wp, 0.1_wp, -1, drucker%a, drucker%b)
-    call cone_constants(0.1_wp, 0.1_wp, -1, drucker%a_flow, drucker%b_flow)
+    call cone_constants(0.5_wp, 0.1_wp, -1, drucker%cone%a, drucker%cone%b)
+    call cone_constants(0.1_wp, 0.1_wp, -1, drucker%cone%a_flow, drucker%cone%b_flow)
     associate (m => body%matter)
       allocate (m%law(1))
       allocate (m%law_of(n**3), source=1_i4)

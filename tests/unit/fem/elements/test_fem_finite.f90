@@ -10,11 +10,13 @@ program test_fem_finite
   use fem_kinds, only: hex8, hex20, hex27, tet4, tet10, wedge6, node_count, reference_nodes, &
     face_kind, face_nodes
   use fem_law, only: common_size
-  use fem_law_finite, only: fem_law_finite_type, kirchhoff, neo_hookean, finite_states
+  use fem_law_finite, only: fem_law_finite_type
+  use fem_law_registry, only: make_law
   use fem_sparse, only: multiply, multiply_general
   use fem_topology, only: set_elements
   implicit none
   type(test_type) :: test
+  character(len=*), parameter :: kirchhoff = 'st_venant_kirchhoff', neo_hookean = 'neo_hookean'
   real(wp), parameter :: lambda = 700.0_wp, mu = 400.0_wp
 
   call check_element('hex8_full', hex8, neo_hookean)
@@ -33,11 +35,11 @@ program test_fem_finite
 contains
 
   !> One distorted element.
-  subroutine make_body(rule, kind, law_kind, body)
+  subroutine make_body(rule, kind, law_name, body)
     character(len=*), intent(in) :: rule
-    integer(i4), intent(in) :: kind, law_kind
+    integer(i4), intent(in) :: kind
+    character(len=*), intent(in) :: law_name
     type(fem_body_type), intent(inout) :: body
-    type(fem_law_finite_type) :: law
     integer(i4) :: m, i, r
     m = node_count(kind)
     body%mesh%x = reference_nodes(kind)
@@ -55,20 +57,20 @@ contains
     allocate (body%loads%curve(0), body%loads%load(0), body%supports%motion(0))
     call body%allocate_state()
     call body%assemble()
-    law%kind = law_kind
-    law%lambda = lambda
-    law%mu = mu
-    law%finite = .true.
-    law%states = finite_states
     associate (matter => body%matter)
       allocate (matter%law(1))
       allocate (matter%law_of(1), source=1_i4)
-      matter%law(1)%law = law
+      call make_law(law_name, matter%law(1)%law)
+      select type (law => matter%law(1)%law)
+      class is (fem_law_finite_type)
+        law%lambda = lambda
+        law%mu = mu
+      end select
       matter%active = .true.
       matter%finite = .true.
-      matter%states = finite_states
+      matter%states = matter%law(1)%law%states
       allocate (matter%stress(6, body%elastic%points), source=0.0_wp)
-      allocate (matter%state(finite_states, body%elastic%points), source=0.0_wp)
+      allocate (matter%state(matter%states, body%elastic%points), source=0.0_wp)
       call matter%prepare(body%mesh, body%dofs, body%elastic)
     end associate
   end subroutine make_body
@@ -94,14 +96,15 @@ contains
     energy = works(1)
   end subroutine forces_at
 
-  subroutine check_element(rule, kind, law_kind)
+  subroutine check_element(rule, kind, law_name)
     character(len=*), intent(in) :: rule
-    integer(i4), intent(in) :: kind, law_kind
+    integer(i4), intent(in) :: kind
+    character(len=*), intent(in) :: law_name
     type(fem_body_type) :: body
     real(wp), allocatable, dimension(:, :) :: u, way, force, high, low, product, back
     real(wp) :: energy, up, down
     real(wp), parameter :: step = 1.0e-6_wp, shorter = 3.0e-6_wp
-    call make_body(rule, kind, law_kind, body)
+    call make_body(rule, kind, law_name, body)
     u = noise(body%dofs%blocks, 0.1_wp, 0.3_wp)
     if (kind == hex20 .or. kind == hex27 .or. kind == tet10) u = 0.4_wp*u
     way = noise(body%dofs%blocks, 1.0_wp, 2.3_wp)

@@ -6,9 +6,12 @@ program test_fem_law
   use fem_law, only: fem_law_type, integrate, at_flag, at_stored, at_dissipated, at_numerical, &
     at_plastic, common_size, flag_yielding, flag_apex
   use fem_law_clay, only: fem_law_clay_type
-  use fem_law_drucker, only: fem_law_drucker_type, cone_constants
-  use fem_law_finite, only: fem_law_finite_type, kirchhoff, neo_hookean, finite_states
+  use fem_cone, only: cone_constants
+  use fem_law_drucker, only: fem_law_drucker_type
+  use fem_law_finite, only: fem_law_finite_type
+  use fem_law_kirchhoff, only: fem_law_kirchhoff_type
   use fem_law_linear, only: fem_law_linear_type
+  use fem_law_neo_hookean, only: fem_law_neo_hookean_type
   use fem_law_pressure, only: fem_law_pressure_type
   use fem_voigt, only: unit, trace, magnitude, deviator
   implicit none
@@ -22,12 +25,14 @@ program test_fem_law
   type(fem_law_drucker_type) :: drucker, soft
   type(fem_law_pressure_type) :: pressure
   type(fem_law_clay_type) :: clay, stiff
+  type(fem_law_kirchhoff_type) :: kirchhoff
+  type(fem_law_neo_hookean_type) :: neo_hookean
 
   linear%bulk = 5.0e7_wp
   linear%shear = 3.0e7_wp
   drucker = drucker_law(35.0_wp, 10.0_wp, 2.0e4_wp, 5.0e5_wp)
   soft = drucker_law(30.0_wp, 0.0_wp, 2.0e4_wp, -2.0e6_wp)
-  soft%residual = 1.9e4_wp
+  soft%cone%residual = 1.9e4_wp
   pressure%bulk = 5.0e7_wp
   pressure%ratio = 0.6_wp
   pressure%exponent = 0.5_wp
@@ -37,7 +42,9 @@ program test_fem_law
   clay%swelling = 0.05_wp/1.9_wp
   clay%plastic = 0.15_wp/1.9_wp
   clay%ratio = 0.46_wp
-  clay%states = common_size + 1
+  call clay%define()
+  call set_finite(kirchhoff)
+  call set_finite(neo_hookean)
   stiff = clay
   stiff%overconsolidation = 5.0_wp
 
@@ -53,9 +60,9 @@ program test_fem_law
   call check_tangent('clay, wet', clay, press, 1.0e-2_wp, flag_yielding)
   call check_tangent('clay, elastic', stiff, press, 1.0e-3_wp)
   call check_tangent('clay, dry', stiff, press, 4.0e-2_wp, flag_yielding)
-  call check_tangent('St. Venant and Kirchhoff', finite_law(kirchhoff), 0.0_wp*unit, 0.2_wp)
-  call check_tangent('neo-Hookean', finite_law(neo_hookean), 0.0_wp*unit, 0.2_wp)
-  call check_tangent('neo-Hookean, stretched', finite_law(neo_hookean), 0.0_wp*unit, 0.3_wp, &
+  call check_tangent('St. Venant and Kirchhoff', kirchhoff, 0.0_wp*unit, 0.2_wp)
+  call check_tangent('neo-Hookean', neo_hookean, 0.0_wp*unit, 0.2_wp)
+  call check_tangent('neo-Hookean, stretched', neo_hookean, 0.0_wp*unit, 0.3_wp, &
                      more=4.0_wp)
   call check_finite()
   call check_rate()
@@ -75,32 +82,29 @@ contains
     type(fem_law_drucker_type) :: law
     law%bulk = 6.0e7_wp
     law%shear = 4.0e7_wp
-    law%cohesion = cohesion
-    law%hardening = hardening
-    law%states = common_size + 1
-    call cone_constants(friction*degree, dilation*degree, -1, law%a, law%b)
-    call cone_constants(dilation*degree, dilation*degree, -1, law%a_flow, law%b_flow)
+    law%cone%cohesion = cohesion
+    law%cone%hardening = hardening
+    call law%define()
+    call cone_constants(friction*degree, dilation*degree, -1, law%cone%a, law%cone%b)
+    call cone_constants(dilation*degree, dilation*degree, -1, law%cone%a_flow, law%cone%b_flow)
   end function drucker_law
 
-  function finite_law(kind) result(law)
-    integer(i4), intent(in) :: kind
-    type(fem_law_finite_type) :: law
-    law%kind = kind
+  subroutine set_finite(law)
+    class(fem_law_finite_type), intent(inout) :: law
+    call law%define()
     law%lambda = 5.0e7_wp
     law%mu = 3.0e7_wp
-    law%finite = .true.
-    law%states = finite_states
-  end function finite_law
+  end subroutine set_finite
 
   !> Neo-Hookean uniaxial strain by hand; a path that closes stores nothing; a strain that no motion
   !! has is refused and changes nothing.
   subroutine check_finite()
-    type(fem_law_finite_type) :: law
+    type(fem_law_neo_hookean_type) :: law
     real(wp) :: stress(6), tangent(6, 6), green, stretch, wanted
     real(wp), allocatable :: state(:), before(:)
     character(len=:), allocatable :: fault, cure
     logical :: good
-    law = finite_law(neo_hookean)
+    law = neo_hookean
     allocate (state(law%states))
     stress = 0.0_wp
     call law%begin(stress, state, fault, cure)
@@ -227,7 +231,7 @@ contains
     character(len=:), allocatable :: fault, cure
     logical :: good
 
-    associate (law => drucker)
+    associate (law => drucker, cone => drucker%cone)
       strain = 1.0e-2_wp*(shape_of + 0.4_wp*unit)
       trial = press + 2.0_wp*law%shear*(strain - trace(strain)/3.0_wp*unit) &
         + law%bulk*trace(strain)*unit
@@ -235,25 +239,25 @@ contains
       stress = press
       call law%begin(stress, state, fault, cure)
       call integrate(law, strain, stress, state, tangent, good)
-      step = (magnitude(deviator(trial)) + law%b*trace(trial)/3.0_wp - law%a*law%cohesion) &
-        /(2.0_wp*law%shear + law%bulk*law%b*law%b_flow + law%a*law%a_flow*law%hardening)
+      step = (magnitude(deviator(trial)) + cone%b*trace(trial)/3.0_wp - cone%a*cone%cohesion) &
+        /(2.0_wp*law%shear + law%bulk*cone%b*cone%b_flow + cone%a*cone%a_flow*cone%hardening)
       call test%check_close('cone: stress', max_abs(stress - (deviator(trial) &
         *(1.0_wp - 2.0_wp*law%shear*step/magnitude(deviator(trial))) + (trace(trial)/3.0_wp &
-        - law%bulk*law%b_flow*step)*unit))/1.0e5_wp, 0.0_wp, 1.0e-8_wp)
-      call test%check_close('cone: hardening', state(common_size + 1), law%a_flow*step, 1.0e-14_wp)
+        - law%bulk*cone%b_flow*step)*unit))/1.0e5_wp, 0.0_wp, 1.0e-8_wp)
+      call test%check_close('cone: hardening', state(common_size + 1), cone%a_flow*step, 1.0e-14_wp)
       call test%check_close('cone: plastic volume', trace(state(at_plastic:at_plastic + 5)), &
-                            law%b_flow*step, 1.0e-14_wp)
-      call test%check_close('cone: f', magnitude(deviator(stress)) + law%b*trace(stress)/3.0_wp &
-        - law%a*(law%cohesion + law%hardening*law%a_flow*step), 0.0_wp, 1.0e-8_wp*1.0e5_wp)
+                            cone%b_flow*step, 1.0e-14_wp)
+      call test%check_close('cone: f', magnitude(deviator(stress)) + cone%b*trace(stress)/3.0_wp &
+        - cone%a*(cone%cohesion + cone%hardening*cone%a_flow*step), 0.0_wp, 1.0e-8_wp*1.0e5_wp)
       strain = 1.0e-2_wp*unit + 1.0e-4_wp*shape_of
       stress = 0.0_wp
       call law%begin(stress, state, fault, cure)
       call integrate(law, strain, stress, state, tangent, good)
       p = law%bulk*trace(strain)
-      step = (p - law%a/law%b*law%cohesion) &
-        /(law%bulk + law%a/law%b*law%a_flow/law%b_flow*law%hardening)
-      c = law%cohesion + law%hardening*law%a_flow/law%b_flow*step
-      call test%check_close('apex: stress', max_abs(stress - law%a/law%b*c*unit)/1.0e5_wp, &
+      step = (p - cone%a/cone%b*cone%cohesion) &
+        /(law%bulk + cone%a/cone%b*cone%a_flow/cone%b_flow*cone%hardening)
+      c = cone%cohesion + cone%hardening*cone%a_flow/cone%b_flow*step
+      call test%check_close('apex: stress', max_abs(stress - cone%a/cone%b*c*unit)/1.0e5_wp, &
                             0.0_wp, 1.0e-8_wp)
       call test%check_close('apex: elastic volume', trace(strain) - step, trace(stress) &
                             /(3.0_wp*law%bulk), 1.0e-14_wp)
