@@ -7,7 +7,7 @@ module fem_hex8
   implicit none
   private
   public :: hex8_points, hex8_geometry_type, hex8_geometry, hex8_stiffness, hex8_stress
-  public :: hex8_forces, hex8_shape, quad4_shape, hex8_corners, gauss_shape
+  public :: hex8_forces, hex8_shape, quad4_shape, hex8_corners
 
   integer(i4), parameter :: hex8_points = 8  !! Gauss points
   real(wp), parameter :: g = 0.57735026918962576451_wp
@@ -46,13 +46,6 @@ contains
       n(a) = 0.25_wp*(1.0_wp + xi(1)*hex8_corners(1, a))*(1.0_wp + xi(2)*hex8_corners(2, a))
     end do
   end function quad4_shape
-
-  !> Shape functions at Gauss point q.
-  pure function gauss_shape(q) result(n)
-    integer(i4), intent(in) :: q
-    real(wp) :: n(8)
-    n = hex8_shape(g*hex8_corners(:, q))
-  end function gauss_shape
 
   !> Derivatives of the shape functions by the natural coordinates at Gauss point q.
   pure function natural_gradient(q) result(d)

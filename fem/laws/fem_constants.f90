@@ -7,7 +7,8 @@ module fem_constants
   use fem_micropolar, only: technical_type, eringen_moduli, lame_moduli, violated_inequality
   implicit none
   private
-  public :: elastic_constants, shear_ratio, polar_constants, given_or, eringen, technical
+  public :: elastic_constants, shear_ratio, pressure_constants, polar_constants, given_or, eringen
+  public :: technical
 
   character(len=*), parameter :: eringen(6) = [character(len=6) :: 'lambda', 'mu', 'kappa', &
     'alpha', 'beta', 'gamma']
@@ -44,6 +45,17 @@ contains
     given_or = usual
     if (deck%given('material', m, key)) call deck%get('material', m, key, given_or)
   end function given_or
+
+  !> How stiffness grows with the pressure.
+  subroutine pressure_constants(deck, m, exponent, reference, least)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: m
+    real(wp), intent(out) :: exponent, reference, least  !! [-], [Pa], [Pa]
+    real(wp), parameter :: usual_least = 0.01_wp         !! least over reference pressure
+    call deck%get('material', m, 'exponent', exponent)
+    call deck%get('material', m, 'reference_pressure', reference)
+    least = given_or(deck, m, 'least_pressure', usual_least*reference)
+  end subroutine pressure_constants
 
   !> Eringen's moduli of material m, given as they are or by engineering constants; faults D320 of
   !! constants that are missing, D321 of values that give energy.

@@ -5,14 +5,13 @@ module fem_law_pressure
   use talus_kinds, only: wp, i4
   use talus_deck, only: deck_type
   use talus_errors, only: error_list_type
-  use fem_constants, only: elastic_constants, given_or
+  use fem_constants, only: elastic_constants, pressure_constants
   use fem_law, only: fem_law_type, at_flag, at_iterations, flag_elastic
   use fem_voigt, only: unit, project, isotropic, trace, outer
   implicit none
   private
   public :: fem_law_pressure_type
 
-  real(wp), parameter :: usual_least = 0.01_wp  !! least over reference pressure
   real(wp), parameter :: small = 1.0e-4_wp  !! relative change of the pressure that counts as none
 
   type, extends(fem_law_type) :: fem_law_pressure_type
@@ -44,9 +43,7 @@ contains
     integer(i4), intent(in) :: m
     type(error_list_type), intent(inout) :: errors
     call elastic_constants(deck, m, self%bulk, self%ratio, self%moduli)
-    call deck%get('material', m, 'exponent', self%exponent)
-    call deck%get('material', m, 'reference_pressure', self%reference)
-    self%least = given_or(deck, m, 'least_pressure', usual_least*self%reference)
+    call pressure_constants(deck, m, self%exponent, self%reference, self%least)
   end subroutine read_constants
 
   !> Bulk modulus at a pressure [Pa].

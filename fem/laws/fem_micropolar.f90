@@ -11,8 +11,8 @@ module fem_micropolar
   use talus_text, only: str
   implicit none
   private
-  public :: micropolar_strain, micropolar_stress, micropolar_energy, eringen_moduli
-  public :: technical_constants, violated_inequality, axial, lame_moduli, technical_type
+  public :: micropolar_strain, micropolar_stress, eringen_moduli
+  public :: violated_inequality, axial, lame_moduli, technical_type
 
   real(wp), parameter :: round_off = 1.0e-12_wp
 
@@ -48,14 +48,6 @@ contains
     couple(diagonal) = couple(diagonal) + moduli(4)*sum(curvature(diagonal))
   end subroutine micropolar_stress
 
-  !> Energy per volume [J/m^3].
-  pure real(wp) function micropolar_energy(moduli, gamma, c)
-    real(wp), intent(in) :: moduli(6), gamma(9), c(3, 3)
-    real(wp) :: sigma(9), couple(9)
-    call micropolar_stress(moduli, gamma, c, sigma, couple)
-    micropolar_energy = 0.5_wp*(sum(sigma*gamma) + sum(couple*reshape(c, [9])))
-  end function micropolar_energy
-
   !> e_kmn sigma_mn [Pa].
   pure function axial(sigma) result(vector)
     real(wp), intent(in) :: sigma(9)
@@ -85,22 +77,6 @@ contains
     moduli(5) = 2.0_wp*g*t%length_torsion**2 - moduli(6)
     moduli(4) = (moduli(5) + moduli(6))*(1.0_wp/t%polar_ratio - 1.0_wp)
   end function eringen_moduli
-
-  !> Engineering constants of Eringen's moduli.
-  pure function technical_constants(m) result(t)
-    real(wp), intent(in) :: m(6)
-    type(technical_type) :: t
-    real(wp) :: twice, sum_couple
-    twice = 2.0_wp*m(2) + m(3)
-    t%shear = 0.5_wp*twice
-    t%young = twice*(3.0_wp*m(1) + twice)/(2.0_wp*m(1) + twice)
-    t%poisson = m(1)/(2.0_wp*m(1) + twice)
-    t%length_torsion = sqrt(max(0.0_wp, (m(5) + m(6))/twice))
-    t%length_bending = sqrt(max(0.0_wp, m(6)/(2.0_wp*twice)))
-    t%coupling = sqrt(m(3)/(2.0_wp*(m(2) + m(3))))
-    sum_couple = m(4) + m(5) + m(6)
-    if (sum_couple > 0.0_wp) t%polar_ratio = (m(5) + m(6))/sum_couple
-  end function technical_constants
 
   !> The first inequality of a stored energy that is never negative which the moduli violate, with
   !! its value; '' if there is none. Eringen's mu itself may be negative.
