@@ -47,7 +47,8 @@ objects   = $(patsubst %.f90,$(OBJ)/%.o,$(filter-out %_main.f90,$(notdir $(call 
             $(patsubst %.c,$(OBJ)/%_c.o,$(notdir $(call sources,$(1),c)))
 PROGRAMS := $(BIN)/talus-dem $(BIN)/talus-fem $(BIN)/talus-couple
 PARTS    := common dem fem couple
-UNITS    := $(patsubst %.f90,$(BUILD)/unit/%,$(filter-out talus_test.f90,$(notdir $(call sources,tests/unit,f90))))
+UNITS    := $(patsubst %.f90,$(BUILD)/unit/%,$(filter test_%,$(notdir $(call sources,tests/unit,f90))))
+HELPERS  := $(patsubst %.f90,$(OBJ)/%.o,$(filter-out test_%,$(notdir $(call sources,tests/unit,f90))))
 ALL_F90  := $(foreach d,$(PARTS) tests/unit,$(call sources,$(d),f90))
 vpath %.f90 $(sort $(dir $(ALL_F90)))
 vpath %.c   $(sort $(dir $(foreach d,$(PARTS),$(call sources,$(d),c))))
@@ -61,7 +62,7 @@ unit-one: $(BUILD)/unit/$(T)
 	$<
 
 # goals that compile nothing in this make: they need no dependency scan (and no compiler yet)
-NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev bench-deps keys style test demo \
+NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev bench-deps keys port style test demo \
   deposit penetration element-tests overlap-column block-on-grains tyre-segment micromorphic-triaxial \
   overlap-penetration \
   verification verification-ranks manual bench mutants
@@ -84,7 +85,7 @@ ifneq ($(filter-out $(NO_BUILD),$(or $(MAKECMDGOALS),all)),)
 endif
 
 # unit tests and key tables have no loops worth -O3
-QUICK_OBJ := $(OBJ)/test_%.o $(OBJ)/talus_test.o $(OBJ)/%_deck_keys.o
+QUICK_OBJ := $(OBJ)/test_%.o $(HELPERS) $(OBJ)/%_deck_keys.o
 flags = $(FFLAGS)$(if $(filter $(QUICK_OBJ),$(1)), -O1)
 $(OBJ)/%.o: %.f90 Makefile | $(OBJ) $(MOD)
 	$(FC) $(call flags,$@) -J$(MOD) -c -o $@ $<
@@ -110,10 +111,13 @@ $(BIN)/talus-fem: $(OBJ)/fem_main.o $(LIB)/libtalus_fem.a $(LIB)/libtalus_common
 $(BIN)/talus-couple: $(OBJ)/cpl_main.o $(LIB)/libtalus_couple.a $(LIB)/libtalus_common.a | $(BIN)
 	gfortran -fopenmp $(LDFLAGS) -o $@ $^ -lopenblas $(LIBS_HDF5)
 
-# unit tests link what they may use; a folder without sources yields an empty library
+# unit tests link what they may use, and of what they share what they need; a folder without
+# sources yields an empty library
+$(LIB)/libtalus_unit.a: $(HELPERS) | $(LIB)
+	rm -f $@ && ar rcs $@ $^
 unit_libs = $(LIB)/libtalus_$(1).a $(LIB)/libtalus_common.a
 define unit_rule
-$(BUILD)/unit/$(1): $(OBJ)/$(1).o $(OBJ)/talus_test.o \
+$(BUILD)/unit/$(1): $(OBJ)/$(1).o $(LIB)/libtalus_unit.a \
   $(if $(filter test_dem_%,$(1)),$(LIB)/libtalus_dem.a) $(if $(filter test_fem_%,$(1)),$(LIB)/libtalus_fem.a) \
   $(if $(filter test_cpl_%,$(1)),$(LIB)/libtalus_couple.a) $(LIB)/libtalus_common.a | $(BUILD)/unit
 	$(if $(filter test_fem_% test_dem_%,$(1)),$(FC),gfortran) -fopenmp $(LDFLAGS) -o $$@ $$^ \
@@ -122,7 +126,7 @@ endef
 $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
 
 # --- what a user calls ---------------------------------------------------------------------
-.PHONY: help deps deps-apt deps-run deps-render deps-dev keys test demo deposit penetration element-tests \
+.PHONY: help deps deps-apt deps-run deps-render deps-dev keys port test demo deposit penetration element-tests \
   overlap-column block-on-grains tyre-segment micromorphic-triaxial overlap-penetration \
   bench bench-deps verification verification-ranks manual mutants style install
 PY := $(VENV)/bin/python
@@ -224,12 +228,17 @@ mutants: deps
 	@$(MAKE) --no-print-directory all unit
 	$(PY) tools/mutants.py --out build/mutants $(if $(ONLY),--only $(ONLY)) $(if $(ACCEPT),--accept)
 
+port: deps-run
+	$(PY) tools/port.py
+
 style: deps-run deps-dev
 	$(PY) tools/style.py
 
 install: all
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/share/talus
+	install -d $(DESTDIR)$(PREFIX)/include
 	install -m 755 $(PROGRAMS) $(DESTDIR)$(PREFIX)/bin
+	install -m 644 common/port/talus_port_names.h $(DESTDIR)$(PREFIX)/include
 	rm -rf $(DESTDIR)$(PREFIX)/share/talus/talus
 	cp -r prepost/talus VERSION prepost/requirements-run.txt prepost/requirements-render.txt LICENSE \
 	  $(DESTDIR)$(PREFIX)/share/talus

@@ -4,18 +4,16 @@
 !! is fixed and becomes a ghost, 20 touches it, 30 is alone and gets a force.
 program test_dem_port
   use talus_kinds, only: wp, i4, i8
-  use talus_text, only: str, string_type, append_string
+  use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_files, only: file_exists, make_folder, replace_file
-  use talus_message, only: message_type, protocol_version, verb_hello, verb_describe, verb_select, &
+  use talus_message, only: message_type, verb_describe, verb_select, &
     verb_set, verb_ready, verb_advance, verb_solve, verb_force, verb_kick_drift, verb_accept, &
     verb_reject, verb_checkpoint, verb_write, verb_stop, verb_abort
-  use talus_options, only: options_type, parse_arguments
+  use talus_options, only: options_type
   use talus_partner, only: own_pid
-  use talus_port, only: port_type
-  use talus_process, only: process_type
   use talus_scalars, only: scalar_count, scalar_kinetic
-  use talus_test, only: test_type
+  use talus_port_fixture, only: port_test_type, asked_to_serve
   use dem_make, only: make_grains
   use dem_model, only: dem_model_type
   use dem_packing, only: dem_group_type, write_packing
@@ -25,22 +23,19 @@ program test_dem_port
 
   character(len=*), parameter :: nl = new_line('a')
   real(wp), parameter :: overlap = 5.0e-7_wp, dt = 1.0e-7_wp
-  type(test_type) :: test
-  type(port_type) :: port
+  type(port_test_type) :: test
+  type(options_type) :: options
   type(message_type) :: ask, reply
-  type(process_type) :: child
   type(error_list_type) :: errors
   character(len=:), allocatable :: folder
-  character(len=512) :: argument(3)
   real(wp) :: now_at, mass(3)
 
-  call get_command_argument(1, argument(1))
-  call get_command_argument(2, argument(2))
-  call get_command_argument(3, argument(3))
-  if (argument(1) == 'serve') then
-    call be_served(trim(argument(2)), trim(argument(3)))
+  if (asked_to_serve('talus-dem', options)) then
+    call be_served()
   else
     folder = '/tmp/talus-dem-port-'//str(own_pid())
+    test%folder = folder
+    test%program = 'talus-dem'
     call make_input()
     call start('first')
     call look_round()
@@ -60,16 +55,10 @@ program test_dem_port
 
 contains
 
-  subroutine be_served(spec, deck)
-    character(len=*), intent(in) :: spec, deck
+  subroutine be_served()
     type(dem_model_type), allocatable :: model
-    type(options_type) :: options
-    type(string_type), allocatable :: arguments(:)
     type(error_list_type) :: faults
     integer(i4) :: exit_code
-    call append_string(arguments, deck)
-    call append_string(arguments, '--port='//spec)
-    call parse_arguments(options, 'talus-dem', arguments, faults)
     allocate (model)
     call serve(model, options, exit_code, faults)
     if (faults%any()) call faults%print(0)
@@ -116,48 +105,13 @@ contains
   subroutine start(name, restart)
     character(len=*), intent(in) :: name
     character(len=*), intent(in), optional :: restart
-    type(string_type), allocatable :: argv(:)
-    character(len=512) :: program_path
-    character(len=:), allocatable :: spec, text
-    integer(i4) :: ranks
-
-    spec = 'shm:/talus-demport-'//str(own_pid())//'-'//name
-    call port%create(spec, 'run', 20.0_wp, errors)
-    call get_command_argument(0, program_path)
-    call append_string(argv, trim(program_path))
-    call append_string(argv, 'serve')
-    call append_string(argv, spec)
-    call append_string(argv, folder//'/deck.nml')
-    child = process_type()
-    call child%spawn(argv, '', folder//'/'//name//'.out', 1_i4, errors)
-    call port%watch(child%pid)
-    call ask%start(verb_hello)
-    call ask%put_text('run_id', 'run')
-    text = ''
-    if (present(restart)) text = restart
-    call ask%put_text('restart', text)
-    call ask%put_int('protocol', int(protocol_version, i4))
-    call port%ask(ask, reply, errors)
-    call reply%get_text('program', text, errors)
-    call test%check_text('HELLO tells the program', text, 'talus-dem')
-    call reply%get('time', now_at, errors)
-    call reply%get_int('ranks', ranks, errors)
-    call test%check('HELLO without faults', ranks == 1 .and. .not. errors%any())
+    call test%start(name, ask, reply, now_at, restart)
   end subroutine start
 
   !> Ask, and expect the fault `code` ('' for none).
   subroutine expect(what, code)
     character(len=*), intent(in) :: what, code
-    type(error_list_type) :: faults
-    call port%ask(ask, reply, faults)
-    if (len(code) == 0) then
-      call test%check(what, .not. faults%any())
-      if (faults%any()) call faults%print(0)
-    else if (faults%any()) then
-      call test%check_text(what, faults%item(1)%code, code)
-    else
-      call test%check(what//': no fault', .false.)
-    end if
+    call test%expect(what, code, ask, reply)
   end subroutine expect
 
   subroutine look_round()
@@ -365,8 +319,7 @@ contains
     call ask%start(verb_stop)
     call ask%put_int('early', 0_i4)
     call expect('STOP', '')
-    call test%check('it ends with 0', child%wait(20.0_wp) .and. child%exit_code == 0)
-    call port%close()
+    call test%ends_with(0)
     call test%check('histories and summary', file_exists(folder//'/deck_energy.csv') .and. &
                     file_exists(folder//'/deck_summary.json') .and. file_exists(folder//'/deck.h5'))
   end subroutine files_and_end
@@ -385,13 +338,11 @@ contains
     call ask%start(verb_stop)
     call ask%put_int('early', 1_i4)
     call expect('STOP early', '')
-    call test%check('it ends with 3', child%wait(20.0_wp) .and. child%exit_code == 3)
-    call port%close()
+    call test%ends_with(3)
     call start('third')
     call ask%start(verb_abort)
     call expect('ABORT', '')
-    call test%check('it ends with 4', child%wait(20.0_wp) .and. child%exit_code == 4)
-    call port%close()
+    call test%ends_with(4)
   end subroutine go_on
 
   !> A rehearsal: the driven grain 30 stands still, nothing is written; then it moves from time 0.
@@ -438,8 +389,7 @@ contains
     call expect('ACCEPT again', '')
     call ask%start(verb_stop)
     call expect('STOP after a rehearsal', '')
-    call test%check('it ends with 0', child%wait(20.0_wp) .and. child%exit_code == 0)
-    call port%close()
+    call test%ends_with(0)
     call test%check('rehearsal without faults', .not. errors%any())
   end subroutine rehearse
 
@@ -482,8 +432,7 @@ contains
     call test%check_close('FORCE tells the surcharge', v(3, 1), -4.0e-3_wp, 1.0e-12_wp)
     call ask%start(verb_stop)
     call expect('STOP', '')
-    call test%check('it ends with 0', child%wait(20.0_wp) .and. child%exit_code == 0)
-    call port%close()
+    call test%ends_with(0)
     call test%check('surcharge without faults', .not. errors%any())
   end subroutine press
 
@@ -591,9 +540,9 @@ contains
     character(len=*), intent(in) :: what
     type(error_list_type) :: faults
     call ask%start(verb_abort)
-    call port%send(ask, faults)
-    call test%check(what//': it ends', child%wait(20.0_wp))
-    call port%close()
+    call test%port%send(ask, faults)
+    call test%check(what//': it ends', test%child%wait(20.0_wp))
+    call test%port%close()
     call test%check(what//': no faults', .not. errors%any())
   end subroutine abandon
 end program test_dem_port

@@ -4,19 +4,18 @@
 !! The service runs in this program itself, started as `serve SPEC DECK`.
 program test_dem_port_surface
   use talus_kinds, only: wp, i4, i8
-  use talus_text, only: str, string_type, append_string
+  use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_files, only: make_folder, replace_file
-  use talus_message, only: message_type, protocol_version, verb_hello, verb_select, verb_ready, &
+  use talus_message, only: message_type, verb_select, verb_ready, &
     verb_advance, verb_force, verb_kick_drift, verb_accept, verb_reject, verb_checkpoint, verb_stop
-  use talus_options, only: options_type, parse_arguments
-  use talus_port, only: port_type
-  use talus_process, only: process_type
+  use talus_options, only: options_type
   use talus_scalars, only: scalar_count, scalar_kinetic, scalar_elastic, scalar_boundary, &
     scalar_momentum, scalar_friction, scalar_contact_damping, scalar_curvature, &
     scalar_tangential_relaxation
   use talus_partner, only: own_pid
-  use talus_test, only: max_abs, test_type
+  use talus_test, only: max_abs
+  use talus_port_fixture, only: port_test_type, asked_to_serve
   use dem_make, only: make_grains
   use dem_model, only: dem_model_type
   use dem_packing, only: dem_group_type, write_packing
@@ -25,26 +24,23 @@ program test_dem_port_surface
   implicit none
   character(len=*), parameter :: nl = new_line('a')
   real(wp), parameter :: span = 1.0e-5_wp
-  type(test_type) :: test
-  type(port_type) :: port
+  type(port_test_type) :: test
+  type(options_type) :: options
   type(message_type) :: ask, reply
-  type(process_type) :: child
   type(error_list_type) :: errors
   character(len=:), allocatable :: folder
-  character(len=512) :: argument(3)
-  real(wp) :: corner(3, 4), last(3, 4)
+  real(wp) :: corner(3, 4), last(3, 4), now_at
 
-  call get_command_argument(1, argument(1))
-  call get_command_argument(2, argument(2))
-  call get_command_argument(3, argument(3))
   corner = 2.0e-3_wp*reshape([-1.0_wp, -1.2_wp, 0.0_wp, 1.3_wp, -1.0_wp, 0.0_wp, 1.0_wp, 1.1_wp, &
                               0.0_wp, -1.2_wp, 1.0_wp, 0.0_wp], [3, 4])
-  if (argument(1) == 'serve') then
-    call be_served(trim(argument(2)), trim(argument(3)))
+  if (asked_to_serve('talus-dem', options)) then
+    call be_served()
   else
     folder = '/tmp/talus-dem-port-surface-'//str(own_pid())
+    test%folder = folder
+    test%program = 'talus-dem'
     call make_input()
-    call start('first', '')
+    call start('first')
     call refuse()
     call push()
     call split()
@@ -55,16 +51,10 @@ program test_dem_port_surface
 
 contains
 
-  subroutine be_served(spec, deck)
-    character(len=*), intent(in) :: spec, deck
+  subroutine be_served()
     type(dem_model_type), allocatable :: model
-    type(options_type) :: options
-    type(string_type), allocatable :: arguments(:)
     type(error_list_type) :: faults
     integer(i4) :: exit_code
-    call append_string(arguments, deck)
-    call append_string(arguments, '--port='//spec)
-    call parse_arguments(options, 'talus-dem', arguments, faults)
     allocate (model)
     call serve(model, options, exit_code, faults)
     if (faults%any()) call faults%print(0)
@@ -98,42 +88,15 @@ contains
   end subroutine make_input
 
   subroutine start(name, restart)
-    character(len=*), intent(in) :: name, restart
-    type(string_type), allocatable :: argv(:)
-    character(len=512) :: program_path
-    character(len=:), allocatable :: spec
-
-    spec = 'shm:/talus-demsurf-'//str(own_pid())//'-'//name
-    call port%create(spec, 'run', 20.0_wp, errors)
-    call get_command_argument(0, program_path)
-    call append_string(argv, trim(program_path))
-    call append_string(argv, 'serve')
-    call append_string(argv, spec)
-    call append_string(argv, folder//'/deck.nml')
-    child = process_type()
-    call child%spawn(argv, '', folder//'/'//name//'.out', 1_i4, errors)
-    call port%watch(child%pid)
-    call ask%start(verb_hello)
-    call ask%put_text('run_id', 'run')
-    call ask%put_text('restart', restart)
-    call ask%put_int('protocol', int(protocol_version, i4))
-    call port%ask(ask, reply, errors)
-    call test%check('HELLO', .not. errors%any())
+    character(len=*), intent(in) :: name
+    character(len=*), intent(in), optional :: restart
+    call test%start(name, ask, reply, now_at, restart)
   end subroutine start
 
   !> Ask, and expect the fault `code` ('' for none).
   subroutine expect(what, code)
     character(len=*), intent(in) :: what, code
-    type(error_list_type) :: faults
-    call port%ask(ask, reply, faults)
-    if (len(code) == 0) then
-      call test%check(what, .not. faults%any())
-      if (faults%any()) call faults%print(0)
-    else if (faults%any()) then
-      call test%check_text(what, faults%item(1)%code, code)
-    else
-      call test%check(what//': no fault', .false.)
-    end if
+    call test%expect(what, code, ask, reply)
   end subroutine expect
 
   subroutine choose(name, material, triangle, code)
@@ -256,8 +219,7 @@ contains
     call test%check('back with its velocity', sum(force(3, :)) < 0.0_wp .and. .not. errors%any())
     call ask%start(verb_stop)
     call expect('STOP', '')
-    call test%check('it ends with 0', child%wait(20.0_wp) .and. child%exit_code == 0)
-    call port%close()
+    call test%ends_with(0)
   end subroutine split
 
   !> Another service goes on from the checkpoint: other triangles are refused, the same bits come.
@@ -274,8 +236,7 @@ contains
                     any(abs(last) > 0.0_wp))
     call ask%start(verb_stop)
     call expect('STOP', '')
-    call test%check('it ends with 0', child%wait(20.0_wp) .and. child%exit_code == 0)
-    call port%close()
+    call test%ends_with(0)
     call test%check('going on without faults', .not. errors%any())
   end subroutine go_on
 end program test_dem_port_surface

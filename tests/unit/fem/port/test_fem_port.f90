@@ -4,19 +4,17 @@
 !! cubes, E = 1000 Pa, nu = 0, 3 kg/m3, held at its sides and base: k = 200 N/m at its top.
 program test_fem_port
   use talus_kinds, only: wp, i4, i8
-  use talus_text, only: str, string_type, append_string
+  use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_files, only: file_exists, make_folder, replace_file
   use talus_hdf5, only: h5_file_type
-  use talus_message, only: message_type, protocol_version, verb_hello, verb_describe, verb_select, &
+  use talus_message, only: message_type, verb_describe, verb_select, &
     verb_set, verb_ready, verb_advance, verb_solve, verb_force, verb_kick_drift, verb_accept, &
     verb_reject, verb_checkpoint, verb_write, verb_stop, verb_abort
-  use talus_options, only: options_type, parse_arguments
+  use talus_options, only: options_type
   use talus_partner, only: own_pid
-  use talus_port, only: port_type
-  use talus_process, only: process_type
   use talus_scalars, only: scalar_count, scalar_kinetic, scalar_elastic
-  use talus_test, only: test_type
+  use talus_port_fixture, only: port_test_type, asked_to_serve
   use fem_model, only: fem_model_type
   use talus_ranks, only: leave_ranks
   use fem_port, only: serve
@@ -26,22 +24,19 @@ program test_fem_port
   integer(i8), parameter :: top(4) = [21_i8, 22_i8, 23_i8, 24_i8]
   integer(i8), parameter :: middle(4) = [9_i8, 10_i8, 11_i8, 12_i8]
   real(wp), parameter :: k_top = 200.0_wp, k_spring = 600.0_wp
-  type(test_type) :: test
-  type(port_type) :: port
+  type(port_test_type) :: test
+  type(options_type) :: options
   type(message_type) :: ask, reply
-  type(process_type) :: child
   type(error_list_type) :: errors
   character(len=:), allocatable :: folder
-  character(len=512) :: argument(3)
   real(wp) :: now_at
 
-  call get_command_argument(1, argument(1))
-  call get_command_argument(2, argument(2))
-  call get_command_argument(3, argument(3))
-  if (argument(1) == 'serve') then
-    call be_served(trim(argument(2)), trim(argument(3)))
+  if (asked_to_serve('talus-fem', options)) then
+    call be_served()
   else
     folder = '/tmp/talus-fem-port-'//str(own_pid())
+    test%folder = folder
+    test%program = 'talus-fem'
     call make_input()
     call start('first')
     call look_round()
@@ -59,16 +54,10 @@ program test_fem_port
 
 contains
 
-  subroutine be_served(spec, deck)
-    character(len=*), intent(in) :: spec, deck
+  subroutine be_served()
     type(fem_model_type), allocatable :: model
-    type(options_type) :: options
-    type(string_type), allocatable :: arguments(:)
     type(error_list_type) :: faults
     integer(i4) :: exit_code
-    call append_string(arguments, deck)
-    call append_string(arguments, '--port='//spec)
-    call parse_arguments(options, 'talus-fem', arguments, faults)
     allocate (model)
     call serve(model, options, exit_code, faults)
     if (faults%any()) call faults%print(0)
@@ -119,48 +108,13 @@ contains
   subroutine start(name, restart)
     character(len=*), intent(in) :: name
     character(len=*), intent(in), optional :: restart
-    type(string_type), allocatable :: argv(:)
-    character(len=512) :: program_path
-    character(len=:), allocatable :: spec, text
-    integer(i4) :: ranks
-
-    spec = 'shm:/talus-femport-'//str(own_pid())//'-'//name
-    call port%create(spec, 'run', 20.0_wp, errors)
-    call get_command_argument(0, program_path)
-    call append_string(argv, trim(program_path))
-    call append_string(argv, 'serve')
-    call append_string(argv, spec)
-    call append_string(argv, folder//'/deck.nml')
-    child = process_type()
-    call child%spawn(argv, '', folder//'/'//name//'.out', 1_i4, errors)
-    call port%watch(child%pid)
-    call ask%start(verb_hello)
-    call ask%put_text('run_id', 'run')
-    text = ''
-    if (present(restart)) text = restart
-    call ask%put_text('restart', text)
-    call ask%put_int('protocol', int(protocol_version, i4))
-    call port%ask(ask, reply, errors)
-    call reply%get_text('program', text, errors)
-    call test%check_text('HELLO tells the program', text, 'talus-fem')
-    call reply%get('time', now_at, errors)
-    call reply%get_int('ranks', ranks, errors)
-    call test%check('HELLO without faults', ranks == 1 .and. .not. errors%any())
+    call test%start(name, ask, reply, now_at, restart)
   end subroutine start
 
   !> Ask, and expect the fault `code` ('' for none).
   subroutine expect(what, code)
     character(len=*), intent(in) :: what, code
-    type(error_list_type) :: faults
-    call port%ask(ask, reply, faults)
-    if (len(code) == 0) then
-      call test%check(what, .not. faults%any())
-      if (faults%any()) call faults%print(0)
-    else if (faults%any()) then
-      call test%check_text(what, faults%item(1)%code, code)
-    else
-      call test%check(what//': no fault', .false.)
-    end if
+    call test%expect(what, code, ask, reply)
   end subroutine expect
 
   subroutine describe(what, group, code)
@@ -370,8 +324,7 @@ contains
     call ask%start(verb_stop)
     call ask%put_int('early', 0_i4)
     call expect('STOP', '')
-    call test%check('it ends with 0', child%wait(20.0_wp) .and. child%exit_code == 0)
-    call port%close()
+    call test%ends_with(0)
     call test%check('histories and summary', file_exists(folder//'/deck_energy.csv') .and. &
                     file_exists(folder//'/deck_summary.json') .and. file_exists(folder//'/deck.h5'))
   end subroutine files_and_end
@@ -390,8 +343,7 @@ contains
     call ask%start(verb_stop)
     call ask%put_int('early', 1_i4)
     call expect('STOP early', '')
-    call test%check('it ends with 3', child%wait(20.0_wp) .and. child%exit_code == 3)
-    call port%close()
+    call test%ends_with(3)
   end subroutine go_on
 
   !> The top goes down by 0.05 m in four steps of its own; REJECT forgets all four.
@@ -506,8 +458,7 @@ contains
     call test%check_close('half of it', reaction, -0.075_wp*k_top - 2.0_wp, 1.0e-11_wp)
     call ask%start(verb_abort)
     call expect('ABORT', '')
-    call test%check('it ends with 4', child%wait(20.0_wp) .and. child%exit_code == 4)
-    call port%close()
+    call test%ends_with(4)
     call test%check('SET without faults', .not. errors%any())
   end subroutine matter
 
@@ -567,8 +518,7 @@ contains
                           1.0e-8_wp)
     call ask%start(verb_abort)
     call expect('ABORT of the column', '')
-    call test%check('it ends with 4', child%wait(20.0_wp) .and. child%exit_code == 4)
-    call port%close()
+    call test%ends_with(4)
   end subroutine micromorphic
 
   !> Forces and couples of the column at u and phi.
