@@ -12,6 +12,8 @@ module talus_message
     verb_checkpoint, verb_write, verb_stop, verb_abort, verb_name
   use talus_message_buffer, only: message_buffer_type, field_type, copy_bytes, text_to_words, &
     words_to_text, kind_real, kind_integer, kind_text, protocol_version, name_length
+  use talus_port_names, only: field_error_code, field_error_hint, field_error_message, &
+    field_error_place
   implicit none
   private
   public :: message_type, protocol_version, name_length, verb_name
@@ -389,10 +391,10 @@ contains
     self%status = errors%exit_code()
     more = ''
     if (errors%count > 1) more = ' (and '//str(errors%count - 1)//' more, see its log)'
-    call self%put_text('error.code', errors%item(1)%code)
-    call self%put_text('error.message', errors%item(1)%message//more)
-    call self%put_text('error.place', errors%item(1)%place)
-    call self%put_text('error.hint', errors%item(1)%hint)
+    call self%put_text(field_error_code, errors%item(1)%code)
+    call self%put_text(field_error_message, errors%item(1)%message//more)
+    call self%put_text(field_error_place, errors%item(1)%place)
+    call self%put_text(field_error_hint, errors%item(1)%hint)
   end subroutine fail_with
 
   !> Hand on the fault that a reply reports; nothing when its status is 0.
@@ -402,10 +404,10 @@ contains
     character(len=:), allocatable :: code, message, place, hint
 
     if (self%status == 0) return
-    call self%get_text('error.code', code, errors)
-    call self%get_text('error.message', message, errors)
-    call self%get_text('error.place', place, errors)
-    call self%get_text('error.hint', hint, errors)
+    call self%get_text(field_error_code, code, errors)
+    call self%get_text(field_error_message, message, errors)
+    call self%get_text(field_error_place, place, errors)
+    call self%get_text(field_error_hint, hint, errors)
     if (len(code) /= 4) code = 'P014'
     call errors%add(code, message, place, hint)
   end subroutine faults

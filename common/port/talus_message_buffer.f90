@@ -8,6 +8,8 @@ module talus_message_buffer
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
+  use talus_port_names, only: protocol_version, name_length, header_words, description_words, &
+    kind_real, kind_integer, kind_text
   use talus_verbs, only: verb_name, verb_first, verb_last
   implicit none
   private
@@ -15,13 +17,7 @@ module talus_message_buffer
   public :: kind_real, kind_integer, kind_text, kind_name
   public :: protocol_version, name_length, header_words, description_words, longest_message
 
-  integer(i4), parameter :: protocol_version = 1    !! raised when anything of the layout changes
-  integer(i4), parameter :: name_length = 48        !! characters of a field name
-  integer(i4), parameter :: header_words = 16
-  integer(i4), parameter :: description_words = 10
   integer(i8), parameter :: longest_message = 2_i8**37  !! words; a longer one is taken as damage
-
-  integer(i4), parameter :: kind_real = 1, kind_integer = 2, kind_text = 3
 
   !> The bytes 'TALUSMSG', read as a little-endian word.
   integer(i8), parameter, public :: message_magic = int(z'47534D53554C4154', i8)

@@ -14,6 +14,9 @@ module talus_serve
     verb_write, verb_stop, verb_abort
   use talus_options, only: options_type
   use talus_port, only: port_type
+  use talus_port_names, only: field_brief, field_early, field_final, field_group, field_hash, &
+    field_id, field_path, field_protocol, field_rehearsal, field_restart, field_role, &
+    field_run_id, field_set, field_tag, field_what
   use talus_system, only: install_signals, wall_clock
   implicit none
   private
@@ -211,7 +214,7 @@ contains
     case (verb_ready)
       call ready(server, request, reply, errors)
     case (verb_accept, verb_reject)
-      if (request%verb == verb_accept) call take_flag(request, 'final', server%final, errors)
+      if (request%verb == verb_accept) call take_flag(request, field_final, server%final, errors)
       if (request%verb == verb_accept) call server%hear_accept(request, errors)
       call request%all_read(errors)
       if (errors%any()) return
@@ -255,9 +258,9 @@ contains
     integer(i4) :: protocol
 
     protocol = 0
-    call request%get_text('run_id', run_id, errors)
-    call request%get_text('restart', restart, errors)
-    call request%get_int('protocol', protocol, errors)
+    call request%get_text(field_run_id, run_id, errors)
+    call request%get_text(field_restart, restart, errors)
+    call request%get_int(field_protocol, protocol, errors)
     call request%all_read(errors)
     if (errors%any()) return
     if (protocol /= protocol_version) then
@@ -279,7 +282,7 @@ contains
     integer(i4) :: rehearsal
 
     rehearsal = 0
-    if (request%has('rehearsal')) call request%get_int('rehearsal', rehearsal, errors)
+    if (request%has(field_rehearsal)) call request%get_int(field_rehearsal, rehearsal, errors)
     call request%all_read(errors)
     if (errors%any()) return
     server%rehearsing = rehearsal == 1
@@ -303,8 +306,8 @@ contains
     character(len=:), allocatable :: what, group
 
     group = ''
-    call request%get_text('what', what, errors)
-    if (request%has('group')) call request%get_text('group', group, errors)
+    call request%get_text(field_what, what, errors)
+    if (request%has(field_group)) call request%get_text(field_group, group, errors)
     call request%all_read(errors)
     if (.not. errors%any()) call server%describe(what, group, reply, errors)
   end subroutine describe
@@ -316,9 +319,9 @@ contains
     character(len=:), allocatable :: name, role
     integer(i8), allocatable :: ids(:)
 
-    call request%get_text('set', name, errors)
-    call request%get_text('role', role, errors)
-    call request%take_int('id', ids, errors)
+    call request%get_text(field_set, name, errors)
+    call request%get_text(field_role, role, errors)
+    call request%take_int(field_id, ids, errors)
     if (.not. errors%any()) call server%choose(request, name, role, ids, reply, errors)
   end subroutine choose
 
@@ -332,19 +335,19 @@ contains
     integer(i4) :: status
 
     tag = ''
-    if (request%has('tag')) call request%get_text('tag', tag, errors)
+    if (request%has(field_tag)) call request%get_text(field_tag, tag, errors)
     call request%all_read(errors)
     if (errors%any()) return
     if (request%verb == verb_checkpoint) then
       call server%save(tag, path, errors)
       if (errors%any()) return
       call hash_file(path, hash, status)
-      call reply%put_text('hash', hash)
+      call reply%put_text(field_hash, hash)
     else
       call server%write(tag, path, errors)
       if (errors%any()) return
     end if
-    call reply%put_text('path', path)
+    call reply%put_text(field_path, path)
   end subroutine write_files
 
   !> STOP: the normal end, with early = 1 the one on request. ABORT: leave at once (P022, exit 4,
@@ -358,7 +361,7 @@ contains
 
     server%leave = .true.
     early = 0
-    if (request%has('early')) call request%get_int('early', early, errors)
+    if (request%has(field_early)) call request%get_int(field_early, early, errors)
     call reasons%take(server%fatal)
     if (request%verb == verb_abort .and. .not. reasons%any()) &
       call reasons%add('P022', 'the partner has ended this run', request%place(), &
@@ -374,7 +377,7 @@ contains
     type(message_type), intent(inout) :: request
     logical, intent(out) :: brief
     type(error_list_type), intent(inout) :: errors
-    call take_flag(request, 'brief', brief, errors)
+    call take_flag(request, field_brief, brief, errors)
   end subroutine take_brief
 
   !> A field that is 1, or another number or left out.

@@ -1,30 +1,39 @@
 !> Verbs of the exchange port: one number each, the same on every side (manual/port.md).
+!!
+!! made by tools/port.py from common/port/port.toml: change that file, then `make port`.
 module talus_verbs
   use talus_kinds, only: i4
   implicit none
   private
-  public :: verb_hello, verb_describe, verb_select, verb_set, verb_ready
-  public :: verb_advance, verb_solve, verb_force, verb_kick_drift, verb_accept, verb_reject
-  public :: verb_checkpoint, verb_write, verb_stop, verb_abort
-  public :: verb_first, verb_last, verb_name
+  public :: verb_hello, verb_describe, verb_select, verb_set, verb_ready, verb_advance
+  public :: verb_solve, verb_force, verb_kick_drift, verb_accept, verb_reject, verb_checkpoint
+  public :: verb_write, verb_stop, verb_abort, verb_first, verb_last, verb_name
 
-  integer(i4), parameter :: verb_hello = 1       !! who are you; must be the first
-  integer(i4), parameter :: verb_describe = 2    !! grains, contacts, mesh, facets, groups
-  integer(i4), parameter :: verb_select = 3      !! name a set of entities and its role
-  integer(i4), parameter :: verb_set = 4         !! weights, springs, dead loads, moduli
-  integer(i4), parameter :: verb_ready = 5       !! state and forces at t with everything set
-  integer(i4), parameter :: verb_advance = 6     !! own sub-steps to t1
-  integer(i4), parameter :: verb_solve = 7       !! static or implicit step to t1
-  integer(i4), parameter :: verb_force = 8       !! forces, no time passes
-  integer(i4), parameter :: verb_kick_drift = 9  !! explicit half steps
-  integer(i4), parameter :: verb_accept = 10     !! keep the step
-  integer(i4), parameter :: verb_reject = 11     !! back to the last accepted state
-  integer(i4), parameter :: verb_checkpoint = 12 !! write a checkpoint with a tag
-  integer(i4), parameter :: verb_write = 13      !! write fields
-  integer(i4), parameter :: verb_stop = 14       !! normal end
-  integer(i4), parameter :: verb_abort = 15      !! leave at once
+  integer(i4), parameter :: verb_hello = 1  !! who are you; must be the first
+  integer(i4), parameter :: verb_describe = 2  !! grains, contacts, mesh, facets, groups
+  integer(i4), parameter :: verb_select = 3  !! name a set of entities and its role
+  integer(i4), parameter :: verb_set = 4  !! weights, springs, dead loads, moduli
+  !> state and forces at t with everything set, like the reply of a step of no duration
+  integer(i4), parameter :: verb_ready = 5
+  !> own sub-steps to t₁; prescribed motion is linear from t₀ (rotations by slerp), loads are held
+  integer(i4), parameter :: verb_advance = 6
+  !> one static or implicit step from the accepted state to t₁
+  integer(i4), parameter :: verb_solve = 7
+  !> forces with prescribed entities where the request puts them; no time passes
+  integer(i4), parameter :: verb_force = 8
+  !> v += kick (F + X)/m of free entities, then x += drift v; rotations alike
+  integer(i4), parameter :: verb_kick_drift = 9
+  integer(i4), parameter :: verb_accept = 10  !! keep the step; due output is written
+  integer(i4), parameter :: verb_reject = 11  !! back to the last accepted state
+  integer(i4), parameter :: verb_checkpoint = 12  !! write a checkpoint of the accepted state
+  integer(i4), parameter :: verb_write = 13  !! write fields now
+  integer(i4), parameter :: verb_stop = 14  !! normal end
+  integer(i4), parameter :: verb_abort = 15  !! leave at once
 
   integer(i4), parameter :: verb_first = verb_hello, verb_last = verb_abort
+  character(len=10), parameter :: names(verb_first:verb_last) = [character(len=10) :: &
+    'HELLO', 'DESCRIBE', 'SELECT', 'SET', 'READY', 'ADVANCE', 'SOLVE', 'FORCE', 'KICK_DRIFT', &
+    'ACCEPT', 'REJECT', 'CHECKPOINT', 'WRITE', 'STOP', 'ABORT']
 
 contains
 
@@ -32,9 +41,6 @@ contains
   pure function verb_name(verb) result(name)
     integer(i4), intent(in) :: verb
     character(len=:), allocatable :: name
-    character(len=10), parameter :: names(verb_first:verb_last) = [character(len=10) :: &
-      'HELLO', 'DESCRIBE', 'SELECT', 'SET', 'READY', 'ADVANCE', 'SOLVE', 'FORCE', 'KICK_DRIFT', &
-      'ACCEPT', 'REJECT', 'CHECKPOINT', 'WRITE', 'STOP', 'ABORT']
     character(len=16) :: number
 
     if (verb >= verb_first .and. verb <= verb_last) then

@@ -7,6 +7,9 @@ module dem_port
   use talus_errors, only: error_list_type
   use talus_message, only: message_type, verb_name, verb_advance, verb_force, verb_kick_drift
   use talus_options, only: options_type
+  use talus_port_names, only: field_fields, field_ids, field_set, field_step_limit, &
+    field_substeps, field_value, field_what, role_name, role_surface, what_contact_weight, &
+    what_mass_factor
   use talus_serve, only: server_type, serve_partner, restart_file
   use talus_text, only: str, append_string
   use dem_clock, only: dem_clock_type
@@ -133,11 +136,11 @@ contains
     logical :: changed
     integer(i4) :: k
 
-    if (role == 'surface') then
+    if (role == role_name(role_surface)) then
       call select_surface(self%model, self%sets, request, name, ids, changed, errors)
     else
       fields = ''
-      if (request%has('fields')) call request%get_text('fields', fields, errors)
+      if (request%has(field_fields)) call request%get_text(field_fields, fields, errors)
       call request%all_read(errors)
       if (errors%any()) return
       call self%sets%select(name, role, ids, fields, self%model%system, &
@@ -158,19 +161,19 @@ contains
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: what
 
-    call request%get_text('what', what, errors)
+    call request%get_text(field_what, what, errors)
     if (errors%any()) return
-    if (what == 'contact_weight') call go_alone(self)
+    if (what == what_contact_weight) call go_alone(self)
     select case (what)
-    case ('contact_weight')
+    case (what_contact_weight)
       call set_weights(self, request, errors)
-    case ('mass_factor')
+    case (what_mass_factor)
       call set_mass(self, request, errors)
     case default
       call errors%add('P255', "talus-dem cannot set '"//what//"'", request%place(), &
                       'it knows contact_weight and mass_factor')
     end select
-    if (.not. errors%any()) call reply%put('step_limit', self%model%system%step_limit())
+    if (.not. errors%any()) call reply%put(field_step_limit, self%model%system%step_limit())
   end subroutine set_values
 
   subroutine set_weights(self, request, errors)
@@ -181,10 +184,10 @@ contains
     real(wp), allocatable :: value(:)
     logical :: listed
 
-    call request%take_int('ids', ids, errors)
+    call request%take_int(field_ids, ids, errors)
     if (errors%any()) return
     allocate (value(size(ids, 2)))
-    call request%get('value', value, errors)
+    call request%get(field_value, value, errors)
     call request%all_read(errors)
     if (errors%any()) return
     associate (model => self%model)
@@ -212,12 +215,12 @@ contains
     real(wp), parameter :: same = 1.0e-12_wp
     integer(i4) :: k, j, i
 
-    call request%get_text('set', name, errors)
+    call request%get_text(field_set, name, errors)
     if (errors%any()) return
     call self%sets%find(name, k, errors)
     if (errors%any()) return
     allocate (value(size(self%sets%set(k)%index)))
-    call request%get('value', value, errors)
+    call request%get(field_value, value, errors)
     call request%all_read(errors)
     if (errors%any()) return
     associate (index => self%sets%set(k)%index, g => self%model%system%grains)
@@ -258,7 +261,7 @@ contains
       call system%save()
       self%kept = self%model%clock
       call put_sets(system, self%sets, .true., reply)
-      call reply%put_int('substeps', 0_i4)
+      call reply%put_int(field_substeps, 0_i4)
       call put_scalars(system, self%late, reply)
     end associate
   end subroutine ready

@@ -3,6 +3,14 @@ module dem_port_state
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
+  use talus_port_names, only: can_advance, can_border, can_checkpoint, can_contact_weight, &
+    can_force, can_kick_drift, can_load, can_mass_factor, can_prescribe, can_rehearsal, &
+    can_reject, can_report, can_surface, field_axes, field_branch, field_capabilities, &
+    field_deck_hash, field_dt, field_force, field_gravity, field_id, field_ids, field_inertia, &
+    field_kind, field_mass, field_motion, field_names, field_normal, field_point, field_program, &
+    field_quat, field_radius, field_ranks, field_scalars, field_step_limit, field_stiffness, &
+    field_t_end, field_time, field_version, field_x, what_border, what_contacts, what_grains, &
+    what_group, what_groups
   use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_friction, &
     scalar_contact_damping, scalar_background_damping, scalar_curvature, &
     scalar_tangential_relaxation, scalar_boundary, scalar_gravity, scalar_momentum, &
@@ -21,8 +29,10 @@ module dem_port_state
   private
   public :: reply_hello, reply_describe, reply_selected, put_scalars
 
-  character(len=*), parameter :: capabilities = 'prescribe load report surface border '// &
-    'contact_weight mass_factor advance force kick_drift reject checkpoint'
+  character(len=*), parameter :: capabilities = can_report//','//can_prescribe//','//can_load// &
+    ','//can_surface//','//can_border//','//can_advance//','//can_force//','//can_kick_drift// &
+    ','//can_reject//','//can_checkpoint//','//can_rehearsal//','//can_contact_weight//','// &
+    can_mass_factor
 
 contains
 
@@ -30,21 +40,21 @@ contains
   subroutine reply_hello(model, reply)
     type(dem_model_type), intent(in) :: model
     type(message_type), intent(inout) :: reply
-    call reply%put_text('program', program_name)
-    call reply%put_text('version', version_text())
-    call reply%put_text('deck_hash', model%deck%hash())
-    call reply%put_text('capabilities', capabilities)
-    call reply%put('gravity', model%system%par%gravity_scale*model%system%par%gravity)
-    call reply%put('time', model%clock%time())
-    call reply%put('t_end', model%clock%t_end)
-    call reply%put('step_limit', model%system%step_limit())
-    if (.not. model%clock%automatic) call reply%put('dt', model%choices%dt)
+    call reply%put_text(field_program, program_name)
+    call reply%put_text(field_version, version_text())
+    call reply%put_text(field_deck_hash, model%deck%hash())
+    call reply%put_text(field_capabilities, capabilities)
+    call reply%put(field_gravity, model%system%par%gravity_scale*model%system%par%gravity)
+    call reply%put(field_time, model%clock%time())
+    call reply%put(field_t_end, model%clock%t_end)
+    call reply%put(field_step_limit, model%system%step_limit())
+    if (.not. model%clock%automatic) call reply%put(field_dt, model%choices%dt)
     associate (par => model%system%par)
-      call reply%put('motion', [merge(2.0_wp/max(model%choices%dt, tiny(1.0_wp)), par%damping, &
+      call reply%put(field_motion, [merge(2.0_wp/max(model%choices%dt, tiny(1.0_wp)), par%damping, &
         par%full_damping), merge([par%mass_scale, par%inertia_scale], [1.0_wp, 1.0_wp], &
         par%mode == mode_relaxation)])
     end associate
-    call reply%put_int('ranks', model%ranks%ranks)
+    call reply%put_int(field_ranks, model%ranks%ranks)
   end subroutine reply_hello
 
   !> Grains, contacts, ghosts that free grains can reach, groups, a group.
@@ -58,27 +68,27 @@ contains
     integer(i4) :: k
 
     select case (what)
-    case ('grains')
+    case (what_grains)
       call put_grains(model%system, reply)
-    case ('contacts')
+    case (what_contacts)
       call put_contacts(model%system, reply)
-    case ('border')
+    case (what_border)
       call find_border(model%system%dem_data_type, near)
-      call reply%put_int('id', model%system%grains%id(near))
-    case ('groups')
+      call reply%put_int(field_id, model%system%grains%id(near))
+    case (what_groups)
       names = ''
       do k = 1, size(model%packing%group)
         if (k > 1) names = names//new_line('a')
         names = names//model%packing%group(k)%name
       end do
-      call reply%put_text('names', names)
-    case ('group')
+      call reply%put_text(field_names, names)
+    case (what_group)
       call group_index(model%packing%group, group, k, hint)
       if (k == 0) then
         call errors%add('D240', "the packing has no group '"//group//"'", &
                         model%deck%path('particles', 1, 'file'), hint)
       else
-        call reply%put_int('id', model%packing%group(k)%id)
+        call reply%put_int(field_id, model%packing%group(k)%id)
       end if
     case default
       call errors%add('P255', "talus-dem cannot describe '"//what//"'", 'exchange port, DESCRIBE', &
@@ -90,14 +100,14 @@ contains
     type(dem_system_type), intent(in) :: system
     type(message_type), intent(inout) :: reply
     associate (g => system%grains)
-      call reply%put_int('id', g%id)
-      call reply%put('x', g%x)
-      call reply%put('quat', g%quat)
-      call reply%put('axes', g%axes)
-      call reply%put('radius', g%radius)
-      call reply%put('mass', g%mass)
-      call reply%put('inertia', g%inertia)
-      call reply%put_int('kind', g%kind)
+      call reply%put_int(field_id, g%id)
+      call reply%put(field_x, g%x)
+      call reply%put(field_quat, g%quat)
+      call reply%put(field_axes, g%axes)
+      call reply%put(field_radius, g%radius)
+      call reply%put(field_mass, g%mass)
+      call reply%put(field_inertia, g%inertia)
+      call reply%put_int(field_kind, g%kind)
     end associate
   end subroutine put_grains
 
@@ -106,12 +116,12 @@ contains
     type(message_type), intent(inout) :: reply
     type(dem_contacts_type) :: list
     call system%contacts(list)
-    call reply%put_int('ids', list%ids(:, :list%n))
-    call reply%put('point', list%point(:, :list%n))
-    call reply%put('normal', list%normal(:, :list%n))
-    call reply%put('branch', list%branch(:, :list%n))
-    call reply%put('force', list%force(:, :list%n))
-    call reply%put('stiffness', list%stiffness(:, :list%n))
+    call reply%put_int(field_ids, list%ids(:, :list%n))
+    call reply%put(field_point, list%point(:, :list%n))
+    call reply%put(field_normal, list%normal(:, :list%n))
+    call reply%put(field_branch, list%branch(:, :list%n))
+    call reply%put(field_force, list%force(:, :list%n))
+    call reply%put(field_stiffness, list%stiffness(:, :list%n))
   end subroutine put_contacts
 
   !> Mass of each grain of a set, and the sum of the normal stiffness of its contacts; vertices of a
@@ -129,8 +139,8 @@ contains
     if (set%role == role_border) return
     if (set%role == role_surface) then
       stiffness = vertex_stiffness(system%dem_data_type, set%body)
-      call reply%put('mass', 0.0_wp*stiffness)
-      call reply%put('stiffness', stiffness)
+      call reply%put(field_mass, 0.0_wp*stiffness)
+      call reply%put(field_stiffness, stiffness)
       return
     end if
     allocate (stiffness(system%grains%n), source=0.0_wp)
@@ -143,8 +153,8 @@ contains
       end if
       stiffness(pair) = stiffness(pair) + list%stiffness(1, k)
     end do
-    call reply%put('mass', system%grains%mass(set%index))
-    call reply%put('stiffness', stiffness(set%index))
+    call reply%put(field_mass, system%grains%mass(set%index))
+    call reply%put(field_stiffness, stiffness(set%index))
   end subroutine reply_selected
 
   !> Ledger, momentum, limits and flags; late is the number of late rebuilds told so far.
@@ -178,6 +188,6 @@ contains
     if (system%health%max_overlap > system%par%overlap_limit) flags = flags + flag_large_overlap
     value(scalar_flags) = flags
     late = system%health%late_rebuilds
-    call reply%put('scalars', value)
+    call reply%put(field_scalars, value)
   end subroutine put_scalars
 end module dem_port_state

@@ -4,6 +4,12 @@ module dem_port_step
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
+  use talus_port_names, only: dot_force, dot_impulse, dot_load, dot_mean_force, dot_mean_moment, &
+    dot_moment, dot_moment_impulse, dot_omega, dot_quat, dot_theta, dot_v, dot_work, dot_x, &
+    field_ahead, field_border_old, field_drift, field_force, field_impulse, field_kick, &
+    field_load, field_moment, field_moment_impulse, field_omega, field_quat, field_scope, &
+    field_substeps, field_theta, field_v, field_work, field_x, scope_all, scope_between, &
+    scope_interface, scope_split
   use talus_serve, only: take_brief, take_flag
   use dem_system, only: dem_system_type
   use dem_model, only: dem_model_type
@@ -53,7 +59,7 @@ contains
     if (errors%any()) return
     call model%system%look()
     call put_sets(model%system, sets, .true., reply)
-    call reply%put_int('substeps', substeps)
+    call reply%put_int(field_substeps, substeps)
     call put_scalars(model%system, late, reply)
   end subroutine advance
 
@@ -114,8 +120,8 @@ contains
 
     x = system%grains%x(:, set%index)
     quat = system%grains%quat(:, set%index)
-    if (request%has(set%name//'.x')) call request%get(set%name//'.x', x, errors)
-    if (request%has(set%name//'.quat')) call request%get(set%name//'.quat', quat, errors)
+    if (request%has(set%name//dot_x)) call request%get(set%name//dot_x, x, errors)
+    if (request%has(set%name//dot_quat)) call request%get(set%name//dot_quat, quat, errors)
     call check_motion(system, set, x, quat, errors)
     if (errors%any()) return
     call system%set_motion(set%index, x, quat, substeps)
@@ -147,8 +153,8 @@ contains
 
     force = 0.0_wp
     moment = 0.0_wp
-    if (request%has(set%name//'.force')) call request%get(set%name//'.force', force, errors)
-    if (request%has(set%name//'.moment')) call request%get(set%name//'.moment', moment, errors)
+    if (request%has(set%name//dot_force)) call request%get(set%name//dot_force, force, errors)
+    if (request%has(set%name//dot_moment)) call request%get(set%name//dot_moment, moment, errors)
     if (.not. errors%any()) call system%set_extra(set%index, force, moment)
   end subroutine take_load
 
@@ -162,11 +168,11 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), dimension(3, size(set%index)) :: mean, mean_moment
 
-    if (.not. request%has(set%name//'.mean_force')) return
+    if (.not. request%has(set%name//dot_mean_force)) return
     mean_moment = 0.0_wp
-    call request%get(set%name//'.mean_force', mean, errors)
-    if (request%has(set%name//'.mean_moment')) &
-      call request%get(set%name//'.mean_moment', mean_moment, errors)
+    call request%get(set%name//dot_mean_force, mean, errors)
+    if (request%has(set%name//dot_mean_moment)) &
+      call request%get(set%name//dot_mean_moment, mean_moment, errors)
     if (errors%any()) return
     call system%set_extra(set%index, mean, mean_moment)
     force = system%grains%extra_force
@@ -186,11 +192,12 @@ contains
     character(len=:), allocatable :: scope
     logical :: brief, parted, ghosts
 
-    scope = 'all'
-    if (request%has('scope')) call request%get_text('scope', scope, errors)
-    parted = scope /= 'all' .and. model%system%parts%active
-    ghosts = scope == 'split' .or. scope == 'between'
-    if (all(scope /= [character(len=9) :: 'all', 'interface', 'split', 'between'])) then
+    scope = scope_all
+    if (request%has(field_scope)) call request%get_text(field_scope, scope, errors)
+    parted = scope /= scope_all .and. model%system%parts%active
+    ghosts = scope == scope_split .or. scope == scope_between
+    if (all(scope /= [character(len=9) :: scope_all, scope_interface, scope_split, &
+                                         scope_between])) then
       call errors%add('P255', "FORCE has no scope '"//scope//"'", request%place(), &
                       "it is 'all', 'interface', 'split' or 'between'")
     else if (ghosts .and. .not. parted) then
@@ -204,12 +211,12 @@ contains
       call place_sets(model%system, sets, role_prescribe, request, errors)
     if (errors%any()) return
     call model%timers%start('steps')
-    if (ghosts) call model%system%ghost_forces(scope == 'between')
-    if (parted .and. scope /= 'between') &
+    if (ghosts) call model%system%ghost_forces(scope == scope_between)
+    if (parted .and. scope /= scope_between) &
       call place_sets(model%system, sets, role_border, request, errors)
     call request%all_read(errors)
     if (errors%any()) return
-    if (scope == 'between') then
+    if (scope == scope_between) then
       continue  ! all else is as it was
     else if (parted) then
       call forces_on_rim(model%system%dem_data_type)
@@ -232,7 +239,7 @@ contains
       associate (set => sets%set(k))
         if (set%role == role_prescribe .or. set%role == role_border) cycle
         any_free_force = any_free_force .or. set%role == role_surface &
-          .or. set%wants('force') .or. set%wants('moment')
+          .or. set%wants(field_force) .or. set%wants(field_moment)
       end associate
     end do
   end function any_free_force
@@ -260,20 +267,21 @@ contains
     type(message_type), intent(inout) :: reply
     integer(i4) :: k
     do k = 1, sets%count
-      if (scope == 'between' .and. sets%set(k)%role /= role_prescribe) cycle
+      if (scope == scope_between .and. sets%set(k)%role /= role_prescribe) cycle
       associate (set => sets%set(k), parts => system%parts)
         if (set%role == role_surface) then
           call put_vertices(system, set, .false., reply)
         else if (set%role == role_border) then
-          if (scope /= 'all') call put_pair(set, parts%of_free(:, set%index))
-        else if (set%role == role_prescribe .and. any(scope == ['split  ', 'between'])) then
+          if (scope /= scope_all) call put_pair(set, parts%of_free(:, set%index))
+        else if (set%role == role_prescribe .and. any(scope == [character(len=7) :: &
+                 scope_split, scope_between])) then
           call put_pair(set, parts%of_ghosts(:, set%index))
-        else if (.not. (set%role == role_prescribe .and. parts%active .and. scope /= 'all')) then
-          if (set%wants('force')) &
-            call reply%put(set%name//'.force', system%grains%force(:, set%index))
-          if (set%wants('moment')) &
-            call reply%put(set%name//'.moment', system%grains%moment(:, set%index))
-          if (index(set%fields, ',load,') > 0) call put_load(set)
+        else if (set%role /= role_prescribe .or. scope == scope_all .or. .not. parts%active) then
+          if (set%wants(field_force)) &
+            call reply%put(set%name//dot_force, system%grains%force(:, set%index))
+          if (set%wants(field_moment)) &
+            call reply%put(set%name//dot_moment, system%grains%moment(:, set%index))
+          if (index(set%fields, ','//field_load//',') > 0) call put_load(set)
         end if
       end associate
     end do
@@ -286,14 +294,14 @@ contains
       real(wp) :: load(3, size(set%index))
       load = 0.0_wp
       if (allocated(system%surcharge)) load(3, :) = -system%surcharge(set%index)
-      call reply%put(set%name//'.load', load)
+      call reply%put(set%name//dot_load, load)
     end subroutine put_load
 
     subroutine put_pair(set, load)
       type(dem_set_type), intent(in) :: set
       real(wp), intent(in) :: load(:, :)  !! (6, grains) [N], [N m]
-      call reply%put(set%name//'.force', load(:3, :))
-      call reply%put(set%name//'.moment', load(4:, :))
+      call reply%put(set%name//dot_force, load(:3, :))
+      call reply%put(set%name//dot_moment, load(4:, :))
     end subroutine put_pair
   end subroutine put_forces
 
@@ -305,7 +313,7 @@ contains
     logical :: old
     old = border_is_old(system%dem_data_type)
     if (old) call check_border(system%dem_data_type, errors)
-    call reply%put_int('border_old', merge(1_i4, 0_i4, old))
+    call reply%put_int(field_border_old, merge(1_i4, 0_i4, old))
   end subroutine put_border
 
   !> Place, velocity and spin of a prescribed set now; what is not mentioned stays.
@@ -317,10 +325,10 @@ contains
     real(wp) :: x(3, size(set%index)), v(3, size(set%index)), omega(3, size(set%index))
     real(wp) :: quat(4, size(set%index))
 
-    call take_field('.x', system%grains%x, x)
-    call take_field('.quat', system%grains%quat, quat)
-    call take_field('.v', system%grains%v, v)
-    call take_field('.omega', system%grains%omega, omega)
+    call take_field(dot_x, system%grains%x, x)
+    call take_field(dot_quat, system%grains%quat, quat)
+    call take_field(dot_v, system%grains%v, v)
+    call take_field(dot_omega, system%grains%omega, omega)
     call check_motion(system, set, x, quat, errors)
     if (errors%any()) return
     if (system%parts%active) then
@@ -358,10 +366,10 @@ contains
 
     kick = 0.0_wp
     drift = 0.0_wp
-    call request%get('kick', kick, errors)
-    call request%get('drift', drift, errors)
+    call request%get(field_kick, kick, errors)
+    call request%get(field_drift, drift, errors)
     call take_brief(request, brief, errors)
-    call take_flag(request, 'ahead', ahead, errors)
+    call take_flag(request, field_ahead, ahead, errors)
     do k = 1, sets%count
       if (sets%set(k)%role /= role_load) cycle
       call take_mean(model%system, sets%set(k), request, force, moment, errors)
@@ -423,12 +431,12 @@ contains
     type(dem_set_type), intent(in) :: set
     type(message_type), intent(inout) :: reply
     associate (g => system%grains, index => set%index)
-      if (set%wants('force')) call reply%put(set%name//'.force', g%force(:, index))
-      if (set%wants('moment')) call reply%put(set%name//'.moment', g%moment(:, index))
-      if (set%wants('impulse')) call reply%put(set%name//'.impulse', g%impulse(:, index))
-      if (set%wants('moment_impulse')) &
-        call reply%put(set%name//'.moment_impulse', g%moment_impulse(:, index))
-      if (set%wants('work')) call reply%put(set%name//'.work', sum(g%work(index)))
+      if (set%wants(field_force)) call reply%put(set%name//dot_force, g%force(:, index))
+      if (set%wants(field_moment)) call reply%put(set%name//dot_moment, g%moment(:, index))
+      if (set%wants(field_impulse)) call reply%put(set%name//dot_impulse, g%impulse(:, index))
+      if (set%wants(field_moment_impulse)) &
+        call reply%put(set%name//dot_moment_impulse, g%moment_impulse(:, index))
+      if (set%wants(field_work)) call reply%put(set%name//dot_work, sum(g%work(index)))
     end associate
   end subroutine put_prescribed
 
@@ -437,11 +445,11 @@ contains
     type(dem_set_type), intent(in) :: set
     type(message_type), intent(inout) :: reply
     associate (g => system%grains, index => set%index)
-      if (set%wants('x')) call reply%put(set%name//'.x', g%x(:, index))
-      if (set%wants('quat')) call reply%put(set%name//'.quat', g%quat(:, index))
-      if (set%wants('v')) call reply%put(set%name//'.v', g%v(:, index))
-      if (set%wants('omega')) call reply%put(set%name//'.omega', g%omega(:, index))
-      if (set%wants('theta')) call reply%put(set%name//'.theta', g%theta(:, index))
+      if (set%wants(field_x)) call reply%put(set%name//dot_x, g%x(:, index))
+      if (set%wants(field_quat)) call reply%put(set%name//dot_quat, g%quat(:, index))
+      if (set%wants(field_v)) call reply%put(set%name//dot_v, g%v(:, index))
+      if (set%wants(field_omega)) call reply%put(set%name//dot_omega, g%omega(:, index))
+      if (set%wants(field_theta)) call reply%put(set%name//dot_theta, g%theta(:, index))
     end associate
   end subroutine put_state
 end module dem_port_step

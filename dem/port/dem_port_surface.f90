@@ -5,6 +5,8 @@ module dem_port_surface
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
+  use talus_port_names, only: dot_force, dot_impulse, dot_v, dot_work, dot_x, field_fields, &
+    field_force, field_impulse, field_material, field_triangle, field_work, field_x
   use dem_model, only: dem_model_type
   use dem_sets, only: dem_set_type, dem_sets_type, role_surface
   use dem_surface_make, only: mesh_type, check_mesh, add_mesh
@@ -33,10 +35,10 @@ contains
     before = errors%count
     changed = .false.
     fields = ''
-    if (request%has('fields')) call request%get_text('fields', fields, errors)
+    if (request%has(field_fields)) call request%get_text(field_fields, fields, errors)
     allocate (mesh%x(3, size(ids)))
-    call request%get('x', mesh%x, errors)
-    call request%take_int('triangle', triangle, errors)
+    call request%get(field_x, mesh%x, errors)
+    call request%take_int(field_triangle, triangle, errors)
     call find_material(model, request, material, errors)
     call request%all_read(errors)
     if (errors%count > before) return
@@ -72,7 +74,7 @@ contains
     integer(i4) :: k
 
     material = 0
-    call request%get_text('material', name, errors)
+    call request%get_text(field_material, name, errors)
     if (errors%any()) return
     do k = 1, size(model%choices%material)
       if (model%choices%material(k)%s == name) material = k
@@ -157,7 +159,7 @@ contains
     low = system%surfaces%first_vertex(set%body)
     high = system%surfaces%first_vertex(set%body + 1) - 1
     allocate (x, source=system%surfaces%x(:, low:high))
-    if (request%has(set%name//'.x')) call request%get(set%name//'.x', x, errors)
+    if (request%has(set%name//dot_x)) call request%get(set%name//dot_x, x, errors)
     call check_numbers(set, x, errors)
     if (errors%any()) return
     system%surfaces%v(:, low:high) = (x - system%surfaces%x(:, low:high))/span
@@ -178,8 +180,8 @@ contains
     high = system%surfaces%first_vertex(set%body + 1) - 1
     allocate (x, source=system%surfaces%x(:, low:high))
     allocate (v, source=system%surfaces%v(:, low:high))
-    if (request%has(set%name//'.x')) call request%get(set%name//'.x', x, errors)
-    if (request%has(set%name//'.v')) call request%get(set%name//'.v', v, errors)
+    if (request%has(set%name//dot_x)) call request%get(set%name//dot_x, x, errors)
+    if (request%has(set%name//dot_v)) call request%get(set%name//dot_v, v, errors)
     call check_numbers(set, x, errors)
     call check_numbers(set, v, errors)
     if (errors%any()) return
@@ -211,10 +213,11 @@ contains
     associate (s => system%surfaces)
       low = s%first_vertex(set%body)
       high = s%first_vertex(set%body + 1) - 1
-      if (set%wants('force')) call reply%put(set%name//'.force', s%vertex_force(:, low:high))
+      if (set%wants(field_force)) call reply%put(set%name//dot_force, s%vertex_force(:, low:high))
       if (.not. motion) return
-      if (set%wants('impulse')) call reply%put(set%name//'.impulse', s%vertex_impulse(:, low:high))
-      if (set%wants('work')) call reply%put(set%name//'.work', s%work(s%first_part(set%body)))
+      if (set%wants(field_impulse)) &
+        call reply%put(set%name//dot_impulse, s%vertex_impulse(:, low:high))
+      if (set%wants(field_work)) call reply%put(set%name//dot_work, s%work(s%first_part(set%body)))
     end associate
   end subroutine put_vertices
 end module dem_port_surface

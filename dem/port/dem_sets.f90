@@ -3,6 +3,8 @@ module dem_sets
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
+  use talus_port_names, only: role_border, role_load, role_number, role_prescribe, role_report, &
+    role_surface
   use dem_make, only: prescribe_some
   use dem_state, only: kind_free, kind_ghost
   use dem_system, only: dem_system_type
@@ -10,13 +12,6 @@ module dem_sets
   private
   public :: dem_set_type, dem_sets_type, role_report, role_prescribe, role_load, &
     role_surface, role_border
-
-  integer(i4), parameter :: role_report = 1     !! its states are told in replies
-  integer(i4), parameter :: role_prescribe = 2  !! the partner moves it
-  integer(i4), parameter :: role_load = 3       !! the partner puts forces on it
-  integer(i4), parameter :: role_surface = 4    !! vertices that the partner moves
-
-  integer(i4), parameter :: role_border = 5     !! ghosts that are placed in every step
 
   type :: dem_set_type
     character(len=:), allocatable :: name
@@ -126,20 +121,10 @@ contains
     character(len=*), intent(in) :: name
     integer(i4), intent(out) :: role
     type(error_list_type), intent(inout) :: errors
-    role = 0
-    select case (name)
-    case ('report')
-      role = role_report
-    case ('prescribe')
-      role = role_prescribe
-    case ('load')
-      role = role_load
-    case ('border')
-      role = role_border
-    case default
-      call errors%add('P250', "there is no role '"//name//"'", 'exchange port, SELECT', &
+    role = role_number(name)
+    if (role == 0 .or. role == role_surface) &
+      call errors%add('P250', "there is no role '"//name//"' for grains", 'exchange port, SELECT', &
                       'roles: report, prescribe, load, surface, border')
-    end select
   end subroutine role_of
 
   !> Turn grains into ghosts at rest; only before the first step (P253).

@@ -9,7 +9,7 @@ module dem_surface_motion
   use dem_ellipsoid, only: quaternion_from_rotation, quaternion_product, rotation_of
   implicit none
   private
-  public :: drift_surfaces, finish_surfaces, surface_travel, place_surfaces, reset_surfaces
+  public :: drift_surfaces, finish_surfaces, surface_travel, reset_surfaces
   public :: surface_columns, loads_of_bodies, loads_of_vertices
 
 contains
@@ -57,15 +57,6 @@ contains
                   + r(:, 3)*s%rest(3, k)
     end do
   end subroutine place_body
-
-  !> All rigid bodies where their centre and turn put them.
-  pure subroutine place_surfaces(s)
-    type(dem_surfaces_type), intent(inout) :: s
-    integer(i4) :: b
-    do b = 1, s%n
-      if (.not. is_soft(s, b)) call place_body(s, b)
-    end do
-  end subroutine place_surfaces
 
   !> Largest displacement of a point of any surface since the list was made [m].
   pure real(wp) function surface_travel(s) result(travel)

@@ -1,6 +1,7 @@
 !> What a solid is made of: mesh, materials, loads, supports and its state. Plain arrays.
 module fem_types
   use talus_kinds, only: wp, i4
+  use talus_port_names, only: role_report, role_prescribe, role_load
   implicit none
   private
   public :: fem_mesh_type, fem_group_type, fem_load_type
@@ -9,7 +10,6 @@ module fem_types
   public :: role_report, role_prescribe, role_load
 
   integer(i4), parameter :: group_volume = 3, group_facet = 2, group_node = 0
-  integer(i4), parameter :: role_report = 1, role_prescribe = 2, role_load = 3
   integer(i4), parameter :: name_length = 64
 
   !> A named group of elements, facets or nodes.

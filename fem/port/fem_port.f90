@@ -6,6 +6,9 @@ module fem_port
   use talus_errors, only: error_list_type
   use talus_message, only: message_type, verb_solve, verb_advance, verb_force
   use talus_options, only: options_type
+  use talus_port_names, only: field_fields, field_held, field_held_phi, field_inertia, &
+    field_iterations, field_mass, field_speed, field_speed_phi, field_step_limit, &
+    field_stiffness, field_stiffness_phi
   use talus_serve, only: server_type, serve_partner, restart_file
   use fem_model, only: fem_model_type, program_name
   use fem_run_files, only: open_run, finish_run, log_row, log_factors
@@ -98,7 +101,7 @@ contains
     logical :: changed
 
     fields = ''
-    if (request%has('fields')) call request%get_text('fields', fields, errors)
+    if (request%has(field_fields)) call request%get_text(field_fields, fields, errors)
     call request%all_read(errors)
     if (errors%any()) return
     associate (body => self%model%body)
@@ -110,17 +113,17 @@ contains
       end if
       if (body%matter%active) call body%assemble_tangent()
       diagonal = block_diagonal(body%system%pattern, body%system%k)
-      call reply%put('mass', body%system%lumped(ids))
-      call reply%put('speed', body%state%v(:, ids))
-      call reply%put_int('held', merge(1_i4, 0_i4, body%supports%held(:, ids)))
-      call reply%put('stiffness', diagonal(ids))
+      call reply%put(field_mass, body%system%lumped(ids))
+      call reply%put(field_speed, body%state%v(:, ids))
+      call reply%put_int(field_held, merge(1_i4, 0_i4, body%supports%held(:, ids)))
+      call reply%put(field_stiffness, diagonal(ids))
       if (index(','//fields//',', ',phi,') > 0) then
         call self%sets%find(name, k)
         associate (phi => self%sets%set(k)%phi)
-          call reply%put('inertia', body%system%lumped(phi))
-          call reply%put('speed_phi', body%state%v(:, phi))
-          call reply%put_int('held_phi', merge(1_i4, 0_i4, body%supports%held(:, phi)))
-          call reply%put('stiffness_phi', diagonal(phi))
+          call reply%put(field_inertia, body%system%lumped(phi))
+          call reply%put(field_speed_phi, body%state%v(:, phi))
+          call reply%put_int(field_held_phi, merge(1_i4, 0_i4, body%supports%held(:, phi)))
+          call reply%put(field_stiffness_phi, diagonal(phi))
         end associate
       end if
     end associate
@@ -133,7 +136,7 @@ contains
     call set_matter(self%model%body, self%sets, request, errors)
     call self%sets%forget_elements()
     if (.not. errors%any()) call request%all_read(errors)
-    if (.not. errors%any()) call reply%put('step_limit', self%model%body%limit%step)
+    if (.not. errors%any()) call reply%put(field_step_limit, self%model%body%limit%step)
   end subroutine set_values
 
   !> All is set: factors, files, and a reply as after a step of no length. A rehearsal makes no
@@ -154,7 +157,7 @@ contains
       if (errors%any()) return
       call model%body%accept()
       call self%sets%put_states(model%body, reply)
-      call reply%put_int('iterations', 0_i4)
+      call reply%put_int(field_iterations, 0_i4)
       call put_scalars(model%body, reply)
     end associate
   end subroutine ready

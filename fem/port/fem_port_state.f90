@@ -3,7 +3,20 @@ module fem_port_state
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
-  use talus_message, only: message_type
+  use talus_message, only: message_type, name_length
+  use talus_port_names, only: can_advance, can_checkpoint, can_dead_load, can_force, &
+    can_initial_stress, can_kick_drift, can_load, can_mass_factor, can_moduli, can_prescribe, &
+    can_quad_weight, can_rehearsal, can_reject, can_report, can_solve, can_springs, &
+    field_analysis, field_capabilities, field_connectivity, field_couple, field_couple_stress, &
+    field_deck_hash, field_element, field_force, field_gravity, field_id, field_kind, field_law, &
+    field_mass_phi, field_mass_u, field_mean, field_micro_stress, field_micromorphic, &
+    field_micropolar, field_moduli, field_moment, field_names, field_node, field_node_phi, &
+    field_poisson, field_polar, field_program, field_ranks, field_scalars, field_set, &
+    field_start, field_step_limit, field_stiffness, field_stiffness_phi, field_stress, &
+    field_t_end, field_tangent, field_time, field_value, field_value_phi, field_version, &
+    field_weight, field_weight_phi, field_what, field_x, field_young, what_dead_load, &
+    what_facets, what_group, what_groups, what_initial_stress, what_mass_factor, what_moduli, &
+    what_quad_weight, what_quadrature, what_springs
   use talus_scalars, only: scalar_count, scalar_kinetic, scalar_elastic, scalar_boundary, &
     scalar_plastic, &
     scalar_background_damping, &
@@ -27,23 +40,26 @@ module fem_port_state
   private
   public :: reply_hello, reply_describe, set_values, put_scalars
 
+  character(len=*), parameter :: capabilities = can_report//','//can_prescribe//','//can_load// &
+    ','//can_solve//','//can_advance//','//can_force//','//can_kick_drift//','//can_reject//','// &
+    can_checkpoint//','//can_rehearsal//','//can_springs//','//can_dead_load//','// &
+    can_initial_stress//','//can_quad_weight//','//can_moduli//','//can_mass_factor
+
 contains
 
   subroutine reply_hello(model, reply)
     type(fem_model_type), intent(in) :: model
     type(message_type), intent(inout) :: reply
-    call reply%put_text('program', program_name)
-    call reply%put_text('version', version_text())
-    call reply%put_text('deck_hash', model%deck%hash())
-    call reply%put_text('capabilities', &
-      'report,prescribe,load,solve,advance,force,kick_drift,springs,'// &
-                        'dead_load,initial_stress,quad_weight,moduli,mass_factor')
-    call reply%put_text('analysis', model%analysis%kind)
-    call reply%put('gravity', model%body%loads%gravity)
-    call reply%put('time', model%body%accepted%time)
-    call reply%put('t_end', model%analysis%t_end)
-    call reply%put('step_limit', model%body%limit%step)
-    call reply%put_int('ranks', 1_i4)
+    call reply%put_text(field_program, program_name)
+    call reply%put_text(field_version, version_text())
+    call reply%put_text(field_deck_hash, model%deck%hash())
+    call reply%put_text(field_capabilities, capabilities)
+    call reply%put_text(field_analysis, model%analysis%kind)
+    call reply%put(field_gravity, model%body%loads%gravity)
+    call reply%put(field_time, model%body%accepted%time)
+    call reply%put(field_t_end, model%analysis%t_end)
+    call reply%put(field_step_limit, model%body%limit%step)
+    call reply%put_int(field_ranks, 1_i4)
   end subroutine reply_hello
 
   !> Lumped micro-inertia of every node, zero where there is no micro-rotation [kg m^2].
@@ -64,46 +80,46 @@ contains
 
     select case (what)
     case ('mesh')
-      call reply%put_int('id', [(k, k=1, body%mesh%nodes)])
-      call reply%put('x', body%mesh%x)
-      call reply%put('mass_u', body%system%lumped(:body%mesh%nodes))
-      if (body%dofs%blocks > body%mesh%nodes) call reply%put('mass_phi', inertia_of_nodes(body))
+      call reply%put_int(field_id, [(k, k=1, body%mesh%nodes)])
+      call reply%put(field_x, body%mesh%x)
+      call reply%put(field_mass_u, body%system%lumped(:body%mesh%nodes))
+      if (body%dofs%blocks > body%mesh%nodes) call reply%put(field_mass_phi, inertia_of_nodes(body))
       if (body%dofs%blocks > body%mesh%nodes) &
         call reply%put_int(second_field(body), merge(1_i4, 0_i4, body%dofs%phi > 0))
-      if (allocated(body%mesh%hex8)) call reply%put_int('connectivity', body%mesh%hex8)
-      call reply%put_int('kind', body%mesh%kind)
-      call reply%put_int('start', body%mesh%start)
-      call reply%put_int('node', body%mesh%node)
-    case ('facets')
+      if (allocated(body%mesh%hex8)) call reply%put_int(field_connectivity, body%mesh%hex8)
+      call reply%put_int(field_kind, body%mesh%kind)
+      call reply%put_int(field_start, body%mesh%start)
+      call reply%put_int(field_node, body%mesh%node)
+    case (what_facets)
       g = find_group(body%mesh, group, [group_facet])
       if (g == 0) then
         call no_group('facet group', group, group_hint(body%mesh, group, [group_facet]), errors)
         return
       end if
-      call reply%put_int('connectivity', body%mesh%group(g)%facet)
-      call reply%put_int('kind', body%mesh%group(g)%facet_kind)
-    case ('quadrature')
+      call reply%put_int(field_connectivity, body%mesh%group(g)%facet)
+      call reply%put_int(field_kind, body%mesh%group(g)%facet_kind)
+    case (what_quadrature)
       call describe_points(body, reply)
-    case ('moduli')
+    case (what_moduli)
       if (body%matter%micro%active) then
         call describe_micro_laws(body, reply)
       else
-        call reply%put('moduli', body%elastic%moduli)
+        call reply%put(field_moduli, body%elastic%moduli)
       end if
-      call reply%put_int('mean', merge(1_i4, 0_i4, &
+      call reply%put_int(field_mean, merge(1_i4, 0_i4, &
         body%elastic%rule(body%elastic%rule_of)%bbar))
-    case ('groups')
-      call reply%put_text('names', lines(body%mesh))
-    case ('group')
+    case (what_groups)
+      call reply%put_text(field_names, lines(body%mesh))
+    case (what_group)
       g = find_group(body%mesh, group, [group_node, group_facet, group_volume])
       if (g == 0) then
         call no_group('group', group, group_hint(body%mesh, group, &
           [group_volume, group_facet, group_node]), errors)
         return
       end if
-      call reply%put_int('id', body%mesh%group(g)%node)
+      call reply%put_int(field_id, body%mesh%group(g)%node)
       if (body%mesh%group(g)%kind == group_volume) &
-        call reply%put_int('element', body%mesh%group(g)%element)
+        call reply%put_int(field_element, body%mesh%group(g)%element)
     case default
       call errors%add('P301', "talus-fem cannot describe '"//what//"'", '', &
                       'it knows mesh, facets, quadrature, moduli, groups and group')
@@ -114,8 +130,8 @@ contains
   pure function second_field(body) result(name)
     type(fem_body_type), intent(in) :: body
     character(len=:), allocatable :: name
-    name = 'polar'
-    if (body%matter%micro%active) name = 'micromorphic'
+    name = field_polar
+    if (body%matter%micro%active) name = field_micromorphic
   end function second_field
 
   !> Moduli of the micropolar solid that is as stiff in uniform strain, and the tangent (45, 45) of
@@ -135,9 +151,9 @@ contains
       end associate
       packed(:, m) = reshape(tangent, [45*45])
     end do
-    call reply%put('moduli', moduli(:, body%matter%micro%law_of))
-    call reply%put('tangent', packed)
-    call reply%put_int('law', body%matter%micro%law_of)
+    call reply%put(field_moduli, moduli(:, body%matter%micro%law_of))
+    call reply%put(field_tangent, packed)
+    call reply%put_int(field_law, body%matter%micro%law_of)
   end subroutine describe_micro_laws
 
   subroutine no_group(what, name, hint, errors)
@@ -172,19 +188,20 @@ contains
     else
       call point_stress(body%mesh, body%dofs, body%elastic, body%state%u, stress)
     end if
-    call reply%put('x', x)
-    call reply%put('weight', weight)
+    call reply%put(field_x, x)
+    call reply%put(field_weight, weight)
     if (body%elastic%components == classical) then
-      call reply%put('stress', stress)
+      call reply%put(field_stress, stress)
     else if (body%matter%micro%active) then
-      call reply%put('stress', stress(:9, :))
-      call reply%put('micro_stress', stress(10:18, :))
-      call reply%put('couple_stress', stress(19:, :))
+      call reply%put(field_stress, stress(:9, :))
+      call reply%put(field_micro_stress, stress(10:18, :))
+      call reply%put(field_couple_stress, stress(19:, :))
     else
-      call reply%put('stress', stress(:9, :))
-      call reply%put('couple_stress', stress(10:, :))
+      call reply%put(field_stress, stress(:9, :))
+      call reply%put(field_couple_stress, stress(10:, :))
     end if
-    call reply%put_int('element', [((e, q=body%elastic%point(e), body%elastic%point(e + 1) - 1), &
+    call reply%put_int(field_element, [((e, q=body%elastic%point(e), &
+      body%elastic%point(e + 1) - 1), &
                                    e=1, body%mesh%elements)])
   end subroutine describe_points
 
@@ -196,27 +213,27 @@ contains
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: what
 
-    call request%get_text('what', what, errors)
-    if (body%matter%active .and. what == 'moduli') &
+    call request%get_text(field_what, what, errors)
+    if (body%matter%active .and. what == what_moduli) &
       call errors%add('P302', "talus-fem cannot set '"//what//"' where laws have a state", &
       request%place(), 'give the constants in the deck of the solid, or take linear laws')
     if (errors%any()) return
     select case (what)
-    case ('springs')
+    case (what_springs)
       call set_springs(body, request, errors)
-    case ('dead_load')
+    case (what_dead_load)
       call set_dead_load(body, sets, request, errors)
-    case ('initial_stress')
+    case (what_initial_stress)
       if (body%matter%active) then
         call set_begun_stress(body, request, errors)
       else
         call set_initial(body, request, errors)
       end if
-    case ('quad_weight')
+    case (what_quad_weight)
       call set_weights(body, request, errors)
-    case ('moduli')
+    case (what_moduli)
       call set_moduli(body, request, errors)
-    case ('mass_factor')
+    case (what_mass_factor)
       call set_mass_factor(body, sets, request, errors)
     case default
       call errors%add('P301', "talus-fem cannot set '"//what//"'", request%place(), &
@@ -233,8 +250,11 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(fem_springs_type) :: springs, turning
 
-    call read_springs(body, request, '', springs, errors)
-    if (request%has('node_phi')) call read_springs(body, request, '_phi', turning, errors)
+    call read_springs(body, request, [character(len=name_length) :: field_node, field_weight, &
+      field_stiffness], springs, errors)
+    if (request%has(field_node_phi)) call read_springs(body, request, &
+      [character(len=name_length) :: field_node_phi, field_weight_phi, field_stiffness_phi], &
+      turning, errors)
     if (errors%any()) return
     if (turning%n > 0) call join_springs(turning, springs)
     body%port%robin = springs
@@ -242,19 +262,19 @@ contains
     call body%limit_step()
   end subroutine set_springs
 
-  !> Fields node, weight and stiffness with an ending; P302 when they do not fit.
-  subroutine read_springs(body, request, ending, springs, errors)
+  !> Nodes, weights and stiffness of springs, from fields of these names; P302 when they do not fit.
+  subroutine read_springs(body, request, names, springs, errors)
     type(fem_body_type), intent(in) :: body
     type(message_type), intent(inout) :: request
-    character(len=*), intent(in) :: ending  !! '' or '_phi'
+    character(len=*), intent(in) :: names(3)
     type(fem_springs_type), intent(inout) :: springs
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: stiffness(:)
     integer(i4) :: s, c
 
-    call request%take_int('node'//ending, springs%node, errors)
-    call request%take('weight'//ending, springs%weight, errors)
-    call request%take('stiffness'//ending, stiffness, errors)
+    call request%take_int(trim(names(1)), springs%node, errors)
+    call request%take(trim(names(2)), springs%weight, errors)
+    call request%take(trim(names(3)), stiffness, errors)
     if (errors%any()) return
     springs%n = size(stiffness)
     if (size(springs%node, 2) /= springs%n .or. &
@@ -267,7 +287,7 @@ contains
       call errors%add('P302', 'a spring''s weight or stiffness is no number', request%place())
       return
     end if
-    if (len(ending) > 0) call turn_nodes(body, springs, request%place(), errors)
+    if (names(1) == field_node_phi) call turn_nodes(body, springs, request%place(), errors)
     if (errors%any()) return
     allocate (springs%stiffness(3, 3, springs%n), source=0.0_wp)
     do s = 1, springs%n
@@ -347,19 +367,19 @@ contains
     real(wp), allocatable :: force(:, :)
     integer(i4) :: k
 
-    call request%get_text('set', name, errors)
+    call request%get_text(field_set, name, errors)
     if (errors%any()) return
     call find_set(sets, name, k, request, errors)
     if (errors%any()) return
     allocate (force(3, size(sets%set(k)%node)))
-    if (sets%set(k)%moves .or. request%has('force')) then
-      call request%get('force', force, errors)
+    if (sets%set(k)%moves .or. request%has(field_force)) then
+      call request%get(field_force, force, errors)
       if (.not. errors%any()) body%port%dead_load(:, sets%set(k)%node) = force
     end if
-    if (size(sets%set(k)%phi) == 0 .or. .not. request%has('moment')) return
+    if (size(sets%set(k)%phi) == 0 .or. .not. request%has(field_moment)) return
     deallocate (force)
     allocate (force(3, size(sets%set(k)%phi)))
-    call request%get('moment', force, errors)
+    call request%get(field_moment, force, errors)
     if (.not. errors%any()) body%port%dead_load(:, sets%set(k)%phi) = force
   end subroutine set_dead_load
 
@@ -383,15 +403,15 @@ contains
     real(wp), allocatable :: stress(:, :), couple(:, :)
 
     allocate (stress(merge(6, 9, body%elastic%components == classical), body%elastic%points))
-    call request%get('value', stress, errors)
+    call request%get(field_value, stress, errors)
     if (errors%any()) return
     if (.not. allocated(body%elastic%initial)) &
       allocate (body%elastic%initial(body%elastic%components, body%elastic%points))
     body%elastic%initial = 0.0_wp
     body%elastic%initial(:size(stress, 1), :) = stress
-    if (body%elastic%components > classical .and. request%has('couple')) then
+    if (body%elastic%components > classical .and. request%has(field_couple)) then
       allocate (couple(9, body%elastic%points))
-      call request%get('couple', couple, errors)
+      call request%get(field_couple, couple, errors)
       if (errors%any()) return
       body%elastic%initial(10:, :) = couple
     end if
@@ -406,7 +426,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: weight(:)
     allocate (weight(body%elastic%points))
-    call request%get('value', weight, errors)
+    call request%get(field_value, weight, errors)
     if (errors%any()) return
     body%elastic%factor = weight
     call body%assemble()
@@ -421,14 +441,14 @@ contains
     real(wp), allocatable :: young(:), poisson(:), moduli(:, :)
     integer(i4) :: k
 
-    call request%take_int('element', element, errors)
+    call request%take_int(field_element, element, errors)
     if (errors%any()) return
     allocate (moduli(6, size(element)), young(size(element)), poisson(size(element)))
-    if (request%has('micropolar')) then
-      call request%get('micropolar', moduli, errors)
+    if (request%has(field_micropolar)) then
+      call request%get(field_micropolar, moduli, errors)
     else
-      call request%get('young', young, errors)
-      call request%get('poisson', poisson, errors)
+      call request%get(field_young, young, errors)
+      call request%get(field_poisson, poisson, errors)
     end if
     if (errors%any()) return
     if (any(element < 1) .or. any(element > body%mesh%elements)) then
@@ -441,7 +461,7 @@ contains
     end if
     do k = 1, size(element)
       associate (polar => body%elastic%rule(body%elastic%rule_of(element(k)))%polar)
-        if (polar .neqv. request%has('micropolar')) then
+        if (polar .neqv. request%has(field_micropolar)) then
           call errors%add('P302', 'moduli of element '//str(element(k))//' are of the other law', &
             request%place(), 'give micropolar where the element is, young and poisson elsewhere')
           return
@@ -473,14 +493,14 @@ contains
     real(wp), allocatable :: value(:), value_phi(:)
     integer(i4) :: k
     logical :: polar
-    call request%get_text('set', name, errors)
+    call request%get_text(field_set, name, errors)
     if (errors%any()) return
     call find_set(sets, name, k, request, errors)
     if (errors%any()) return
     allocate (value(size(sets%set(k)%node)), value_phi(size(sets%set(k)%phi)))
-    call request%get('value', value, errors)
-    polar = size(sets%set(k)%phi) > 0 .and. request%has('value_phi')
-    if (polar) call request%get('value_phi', value_phi, errors)
+    call request%get(field_value, value, errors)
+    polar = size(sets%set(k)%phi) > 0 .and. request%has(field_value_phi)
+    if (polar) call request%get(field_value_phi, value_phi, errors)
     if (errors%any()) return
     if (.not. polar) value_phi = 1.0_wp
     if (.not. (all(is_finite(value)) .and. all(is_finite(value_phi)) .and. &
@@ -528,7 +548,7 @@ contains
         l = l + spin_momentum(body, p(:, body%mesh%nodes + 1:))
       end associate
     end if
-    call reply%put('scalars', scalars)
+    call reply%put(field_scalars, scalars)
   end subroutine put_scalars
 
   !> Angular momentum of the second field with momenta p of its blocks: their sum for

@@ -3,6 +3,9 @@ module fem_port_step
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
+  use talus_port_names, only: dot_impulse, dot_moment_impulse, dot_work, field_drift, &
+    field_iterations, field_kick, field_scope, field_set, field_steady, field_substeps, &
+    field_trial, scope_all, scope_balance, scope_interface, scope_loads
   use talus_serve, only: take_brief
   use fem_central, only: explicit_energy
   use fem_explicit, only: kick_lumped
@@ -33,7 +36,7 @@ contains
                       "ask for ADVANCE, or take kind = 'newmark'")
       return
     end if
-    if (request%has('trial')) call request%get_int('trial', trial, errors)
+    if (request%has(field_trial)) call request%get_int(field_trial, trial, errors)
     call sets%take_loads(model%body, request, errors)
     call sets%take_motion(model%body, request, errors)
     call request%all_read(errors)
@@ -43,7 +46,7 @@ contains
     if (model%body%matter%active) call model%body%put_back(kept)
     if (errors%any()) return
     call sets%put_states(model%body, reply)
-    call reply%put_int('iterations', max(1_i4, model%body%newton%rows))
+    call reply%put_int(field_iterations, max(1_i4, model%body%newton%rows))
     call put_scalars(model%body, reply)
   end subroutine solve
 
@@ -98,7 +101,7 @@ contains
       if (errors%any()) return
       call sets%put_states(body, reply)
       call put_impulses(sets, impulse, work, reply)
-      call reply%put_int('substeps', n)
+      call reply%put_int(field_substeps, n)
       call put_scalars(body, reply)
     end associate
   end subroutine advance
@@ -111,10 +114,10 @@ contains
     integer(i4) :: s
     do s = 1, sets%n
       if (sets%set(s)%role /= role_prescribe) cycle
-      call reply%put(trim(sets%set(s)%name)//'.impulse', -impulse(:, sets%set(s)%node))
+      call reply%put(trim(sets%set(s)%name)//dot_impulse, -impulse(:, sets%set(s)%node))
       if (size(sets%set(s)%phi) > 0) call reply%put(trim(sets%set(s)%name)// &
-        '.moment_impulse', -impulse(:, sets%set(s)%phi))
-      call reply%put(trim(sets%set(s)%name)//'.work', work(s))
+        dot_moment_impulse, -impulse(:, sets%set(s)%phi))
+      call reply%put(trim(sets%set(s)%name)//dot_work, work(s))
     end do
   end subroutine put_impulses
 
@@ -132,9 +135,10 @@ contains
     logical :: brief
     integer(i4) :: chosen
 
-    scope = 'all'
-    if (request%has('scope')) call request%get_text('scope', scope, errors)
-    if (all(scope /= [character(len=9) :: 'all', 'interface', 'balance', 'loads'])) &
+    scope = scope_all
+    if (request%has(field_scope)) call request%get_text(field_scope, scope, errors)
+    if (all(scope /= [character(len=9) :: scope_all, scope_interface, scope_balance, &
+                                         scope_loads])) &
       call errors%add('P301', "FORCE has no scope '"//scope//"'", request%place(), &
                       "it is 'all', 'interface', 'balance' or 'loads'")
     call choose_set(sets, model, request, chosen, errors)
@@ -150,11 +154,11 @@ contains
         return
       end if
       allocate (f(3, body%dofs%blocks), external(3, body%dofs%blocks))
-      if (scope == 'loads') then
+      if (scope == scope_loads) then
         call deck_loads(body, request%t0, f)
         f = -f
-        call reply%put_int('steady', merge(1_i4, 0_i4, steady_loads(body, sets, chosen)))
-      else if (scope == 'interface') then
+        call reply%put_int(field_steady, merge(1_i4, 0_i4, steady_loads(body, sets, chosen)))
+      else if (scope == scope_interface) then
         call body%interface_force(body%state%u, f)
       else
         call body%trial_force(body%state%u, f)
@@ -216,8 +220,8 @@ contains
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: name
     chosen = 0
-    if (.not. request%has('set')) return
-    call request%get_text('set', name, errors)
+    if (.not. request%has(field_set)) return
+    call request%get_text(field_set, name, errors)
     if (errors%any()) return
     call sets%find(name, chosen)
     if (chosen == 0) then
@@ -241,8 +245,8 @@ contains
 
     kick = 0.0_wp
     drift = 0.0_wp
-    call request%get('kick', kick, errors)
-    call request%get('drift', drift, errors)
+    call request%get(field_kick, kick, errors)
+    call request%get(field_drift, drift, errors)
     call take_brief(request, brief, errors)
     call sets%take_loads(model%body, request, errors)
     call sets%take_motion(model%body, request, errors)

@@ -5,6 +5,7 @@ module fem_port_stress
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
+  use talus_port_names, only: field_value
   use fem_body, only: fem_body_type
   use fem_elastic, only: classical
   use fem_polar, only: symmetric_of
@@ -31,7 +32,7 @@ contains
       return
     end if
     allocate (value(merge(6, 9, body%elastic%components == classical), body%elastic%points))
-    call request%get('value', value, errors)
+    call request%get(field_value, value, errors)
     if (errors%any()) return
     state = body%matter%state
     do e = 1, body%mesh%elements

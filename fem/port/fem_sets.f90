@@ -4,6 +4,9 @@ module fem_sets
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
+  use talus_port_names, only: dot_a, dot_force, dot_moment, dot_phi, dot_phi_acceleration, &
+    dot_phi_rate, dot_reaction, dot_reaction_moment, dot_u, dot_v, field_phi, field_u, &
+    role_number
   use fem_types, only: fem_set_type, role_report, role_prescribe, role_load, name_length
   use fem_body, only: fem_body_type
   use fem_edge, only: fem_edge_type
@@ -50,8 +53,8 @@ contains
 
     changed = .false.
     self%edge%ready = .false.
-    role_of = findloc([character(len=9) :: 'report', 'prescribe', 'load'], role, 1)
-    if (role_of == 0) then
+    role_of = role_number(role)
+    if (role_of == 0 .or. role_of > role_load) then
       call errors%add('P301', "talus-fem has no role '"//role//"' for a set", 'set '//name, &
                       'it knows report, prescribe and load')
       return
@@ -63,7 +66,7 @@ contains
                       'node ids go from 1 to '//str(body%mesh%nodes))
       return
     end if
-    turns = index(','//fields//',', ',phi,') > 0
+    turns = index(','//fields//',', ','//field_phi//',') > 0
     if (turns) then
       if (any(body%dofs%phi(ids) == 0)) then
         k = int(ids(findloc(body%dofs%phi(ids), 0, 1)), i4)
@@ -84,7 +87,7 @@ contains
     self%set(k)%name = name
     self%set(k)%role = role_of
     self%set(k)%node = int(ids, i4)
-    self%set(k)%moves = .not. turns .or. index(','//fields//',', ',u,') > 0
+    self%set(k)%moves = .not. turns .or. index(','//fields//',', ','//field_u//',') > 0
     if (allocated(self%set(k)%phi)) deallocate (self%set(k)%phi)
     if (allocated(self%set(k)%element)) deallocate (self%set(k)%element)
     allocate (self%set(k)%phi(0))
@@ -161,9 +164,9 @@ contains
     type(message_type), intent(inout) :: reply
     integer(i4) :: s
     do s = 1, self%n
-      call reply%put(trim(self%set(s)%name)//'.force', -f(:, self%set(s)%node))
+      call reply%put(trim(self%set(s)%name)//dot_force, -f(:, self%set(s)%node))
       if (size(self%set(s)%phi) > 0) &
-        call reply%put(trim(self%set(s)%name)//'.moment', -f(:, self%set(s)%phi))
+        call reply%put(trim(self%set(s)%name)//dot_moment, -f(:, self%set(s)%phi))
     end do
   end subroutine put_forces
 
@@ -212,8 +215,8 @@ contains
     body%port%port_load = 0.0_wp
     do k = 1, self%n
       if (self%set(k)%role /= role_load) cycle
-      if (self%set(k)%moves) call add(self%set(k)%node, '.force')
-      if (size(self%set(k)%phi) > 0) call add(self%set(k)%phi, '.moment')
+      if (self%set(k)%moves) call add(self%set(k)%node, dot_force)
+      if (size(self%set(k)%phi) > 0) call add(self%set(k)%phi, dot_moment)
       if (errors%any()) return
     end do
 
@@ -245,8 +248,8 @@ contains
     do k = 1, self%n
       associate (set => self%set(k))
         if (set%role /= role_prescribe) cycle
-        if (set%moves) call take(set%name, set%node, '.u', request, body%port%given_u, errors)
-        if (size(set%phi) > 0) call take(set%name, set%phi, '.phi', request, body%port%given_u, &
+        if (set%moves) call take(set%name, set%node, dot_u, request, body%port%given_u, errors)
+        if (size(set%phi) > 0) call take(set%name, set%phi, dot_phi, request, body%port%given_u, &
           errors)
       end associate
       if (errors%any()) return
@@ -264,7 +267,7 @@ contains
     do k = 1, self%n
       associate (set => self%set(k))
         if (set%role == role_prescribe .and. set%moves) &
-          call take(set%name, set%node, '.v', request, body%port%given_v, errors)
+          call take(set%name, set%node, dot_v, request, body%port%given_v, errors)
       end associate
     end do
   end subroutine take_speeds
@@ -293,17 +296,17 @@ contains
     integer(i4) :: k
     do k = 1, self%n
       name = trim(self%set(k)%name)
-      call reply%put(name//'.u', body%state%u(:, self%set(k)%node))
-      call reply%put(name//'.v', body%state%v(:, self%set(k)%node))
-      call reply%put(name//'.a', body%state%a(:, self%set(k)%node))
+      call reply%put(name//dot_u, body%state%u(:, self%set(k)%node))
+      call reply%put(name//dot_v, body%state%v(:, self%set(k)%node))
+      call reply%put(name//dot_a, body%state%a(:, self%set(k)%node))
       if (self%set(k)%role == role_prescribe) &
-        call reply%put(name//'.reaction', body%state%reaction(:, self%set(k)%node))
+        call reply%put(name//dot_reaction, body%state%reaction(:, self%set(k)%node))
       if (size(self%set(k)%phi) == 0) cycle
-      call reply%put(name//'.phi', body%state%u(:, self%set(k)%phi))
-      call reply%put(name//'.phi_rate', body%state%v(:, self%set(k)%phi))
-      call reply%put(name//'.phi_acceleration', body%state%a(:, self%set(k)%phi))
+      call reply%put(name//dot_phi, body%state%u(:, self%set(k)%phi))
+      call reply%put(name//dot_phi_rate, body%state%v(:, self%set(k)%phi))
+      call reply%put(name//dot_phi_acceleration, body%state%a(:, self%set(k)%phi))
       if (self%set(k)%role == role_prescribe) &
-        call reply%put(name//'.reaction_moment', body%state%reaction(:, self%set(k)%phi))
+        call reply%put(name//dot_reaction_moment, body%state%reaction(:, self%set(k)%phi))
     end do
   end subroutine put_states
 end module fem_sets
