@@ -4,8 +4,11 @@ module cpl_handshake
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_message, only: verb_hello, protocol_version
+  use talus_port_names, only: field_analysis, field_capabilities, field_deck_hash, field_dt, &
+    field_gravity, field_motion, field_program, field_protocol, field_ranks, field_restart, &
+    field_run_id, field_step_limit, field_t_end, field_time, field_version
   use talus_timers, only: timers_type
-  use talus_version, only: version_text
+  use cpl_capabilities, only: check_capabilities
   use cpl_choices, only: cpl_choices_type
   use cpl_solver, only: cpl_solver_type, side_solid
   implicit none
@@ -31,9 +34,9 @@ contains
     dynamic = .false.
     do k = 1, 2
       call solvers(k)%start_request(verb_hello, 0_i8, time, time)
-      call solvers(k)%request%put_text('run_id', run_id)
-      call solvers(k)%request%put_text('restart', solvers(k)%restart)
-      call solvers(k)%request%put_int('protocol', int(protocol_version, i4))
+      call solvers(k)%request%put_text(field_run_id, run_id)
+      call solvers(k)%request%put_text(field_restart, solvers(k)%restart)
+      call solvers(k)%request%put_int(field_protocol, int(protocol_version, i4))
       call solvers(k)%send(timers, errors)
       if (errors%any()) return
     end do
@@ -43,8 +46,8 @@ contains
       solvers(k)%greeted = errors%count == faults
     end do
     if (errors%any()) return
-    if (solvers(side_solid)%reply%has('analysis')) then
-      call solvers(side_solid)%reply%get_text('analysis', analysis, errors)
+    if (solvers(side_solid)%reply%has(field_analysis)) then
+      call solvers(side_solid)%reply%get_text(field_analysis, analysis, errors)
       dynamic = analysis /= 'static'
     end if
     do k = 1, 2
@@ -54,6 +57,7 @@ contains
     do k = 1, 2
       call compare(solvers(k), choices, time, errors)
     end do
+    call check_capabilities(solvers, choices, errors)
     call compare_gravity(solvers, choices, errors)
     if (choices%relaxed .and. dynamic) &
       call errors%add('D414', "initial = 'relax' needs a static solid, "// &
@@ -67,23 +71,23 @@ contains
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: program
 
-    call solver%reply%get_text('program', program, errors)
-    call solver%reply%get_text('version', solver%version, errors)
-    call solver%reply%get_text('deck_hash', solver%deck_hash, errors)
-    call solver%reply%get_text('capabilities', solver%capabilities, errors)
-    call solver%reply%get('gravity', solver%gravity, errors)
-    call solver%reply%get('time', solver%time, errors)
-    call solver%reply%get('t_end', solver%t_end, errors)
-    call solver%reply%get('step_limit', solver%step_limit, errors)
-    if (solver%reply%has('dt')) call solver%reply%get('dt', solver%dt, errors)
-    if (solver%reply%has('motion')) call solver%reply%get('motion', solver%motion, errors)
-    call solver%reply%get_int('ranks', solver%ranks, errors)
+    call solver%reply%get_text(field_program, program, errors)
+    call solver%reply%get_text(field_version, solver%version, errors)
+    call solver%reply%get_text(field_deck_hash, solver%deck_hash, errors)
+    call solver%reply%get_text(field_capabilities, solver%capabilities, errors)
+    call solver%reply%get(field_gravity, solver%gravity, errors)
+    call solver%reply%get(field_time, solver%time, errors)
+    call solver%reply%get(field_t_end, solver%t_end, errors)
+    call solver%reply%get(field_step_limit, solver%step_limit, errors)
+    if (solver%reply%has(field_dt)) call solver%reply%get(field_dt, solver%dt, errors)
+    if (solver%reply%has(field_motion)) call solver%reply%get(field_motion, solver%motion, errors)
+    call solver%reply%get_int(field_ranks, solver%ranks, errors)
     call solver%reply%all_read(errors)
     if (errors%any()) return
     solver%program = program
   end subroutine read_answer
 
-  !> Version, start time, end time and step; D410, D415, P411, P412.
+  !> Start time, end time and step; D410, D415, P412.
   subroutine compare(solver, choices, time, errors)
     type(cpl_solver_type), intent(in) :: solver
     type(cpl_choices_type), intent(in) :: choices
@@ -91,10 +95,6 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp) :: steps
 
-    if (solver%version /= version_text()) &
-      call errors%add('P411', solver%title()//' has version '//solver%version// &
-                      ', talus-couple has '//version_text(), solver%deck, &
-                      'use programs of the same version')
     if (abs(solver%time - time) > same*max(choices%exchange, time)) &
       call errors%add('P412', solver%title()//' stands at '//str(solver%time)// &
                       ' s, the coupled run begins at '//str(time)//' s', solver%deck, &

@@ -6,6 +6,7 @@ module cpl_launch
   use talus_files, only: remove_file
   use talus_log, only: log_type
   use talus_message, only: verb_stop, verb_abort
+  use talus_port_names, only: field_early
   use talus_process, only: sibling_program
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type
@@ -105,7 +106,7 @@ contains
 
     do k = 1, size(solvers)
       call solvers(k)%start_request(verb_stop, step, time, time)
-      call solvers(k)%request%put_int('early', merge(1_i4, 0_i4, early))
+      call solvers(k)%request%put_int(field_early, merge(1_i4, 0_i4, early))
       call solvers(k)%send(timers, errors)
     end do
     do k = 1, size(solvers)

@@ -5,6 +5,7 @@ module cpl_solver
   use talus_errors, only: error_list_type
   use talus_message, only: message_type, verb_hello, verb_describe
   use talus_port, only: port_type
+  use talus_port_names, only: field_group, field_what
   use talus_process, only: process_type, tail_of
   use talus_system, only: wall_clock
   use talus_timers, only: timers_type
@@ -137,8 +138,8 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     call self%start_request(verb_describe, 0_i8, self%time, self%time)
-    call self%request%put_text('what', what)
-    if (len(group) > 0) call self%request%put_text('group', group)
+    call self%request%put_text(field_what, what)
+    if (len(group) > 0) call self%request%put_text(field_group, group)
     call self%ask(timers, errors)
   end subroutine describe
 

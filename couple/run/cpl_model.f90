@@ -14,9 +14,11 @@ module cpl_model
   use talus_lock, only: lock_type
   use talus_log, only: short_number
   use talus_message, only: verb_checkpoint
+  use talus_port_names, only: field_hash, field_path, field_tag
   use talus_stop, only: stop_none
   use talus_summary, only: summary_type
   use talus_system, only: process_id, date_text
+  use cpl_capabilities, only: warn_of_versions
   use cpl_choices, only: read_choices, read_solvers, method_name
   use cpl_deck_keys, only: cpl_deck_table
   use cpl_handshake, only: shake_hands
@@ -154,6 +156,7 @@ contains
                      self%run%timers, self%run%dynamic, errors)
     if (errors%any()) return
     call log_solvers(self%run%log, self%run%solvers)
+    call warn_of_versions(self%run%log, self%run%solvers)
     self%run%begins = self%manifest%time
     if (self%run%again) self%run%state = self%manifest%path(3)%s
     call self%method%make(self%run, errors)
@@ -227,15 +230,15 @@ contains
     call self%method%audit%flush(errors)
     do k = 1, 2
       call self%run%solvers(k)%start_request(verb_checkpoint, self%method%step, time, time)
-      call self%run%solvers(k)%request%put_text('tag', tag)
+      call self%run%solvers(k)%request%put_text(field_tag, tag)
       call self%run%solvers(k)%send(self%run%timers, errors)
     end do
     do k = 1, 2
       if (errors%any()) return
       call self%run%solvers(k)%receive(self%run%timers, errors)
       if (errors%any()) return
-      call self%run%solvers(k)%reply%get_text('path', manifest%path(k)%s, errors)
-      call self%run%solvers(k)%reply%get_text('hash', hash, errors)
+      call self%run%solvers(k)%reply%get_text(field_path, manifest%path(k)%s, errors)
+      call self%run%solvers(k)%reply%get_text(field_hash, hash, errors)
       manifest%hash(k) = hash
     end do
     call self%run%timers%start('checkpoint')
