@@ -76,7 +76,7 @@ contains
       call append_string(needed, can_load)
       call append_string(needed, can_force)
       call append_string(needed, can_kick_drift)
-      if (.not. choices%overlap%bridging) call append_string(needed, can_prescribe)
+      if (.not. choices%overlap%bound) call append_string(needed, can_prescribe)
     else
       call append_string(needed, can_prescribe)
       call append_string(needed, can_load)
