@@ -68,11 +68,13 @@ contains
     real(wp), intent(inout) :: row(bond_reals)
     real(wp), intent(out) :: load(6), work(2)
     integer(i4), intent(out) :: mode
-    real(wp) :: n(3), v(3), spin(3), vn, wn, stiff(4), last(6), dash(6), was, c(4)
+    real(wp) :: n(3), v(3), spin(3), moved(3), pulled, vn, wn, stiff(4), last(6), dash(6), was, c(4)
 
     n = [b%nx(k), b%ny(k), b%nz(k)]
     spin = [b%b%wx(k) - b%a%wx(k), b%b%wy(k) - b%a%wy(k), b%b%wz(k) - b%a%wz(k)]
     v = velocity(b, k, point)
+    moved = displacement(b, k, h, v, point)
+    pulled = dot_product(moved, n)
     vn = dot_product(v, n)
     wn = dot_product(spin, n)
     stiff = stiffnesses(bond, row)
@@ -81,8 +83,8 @@ contains
     dash = row(12:17)
     call turn_moment(b, k, h, n, row(3:5))
     call turn_moment(b, k, h, n, row(6:8))
-    row(2) = row(2) + stiff(1)*h*vn
-    row(3:5) = row(3:5) - stiff(2)*h*(v - vn*n)
+    row(2) = row(2) + stiff(1)*pulled
+    row(3:5) = row(3:5) - stiff(2)*(moved - pulled*n)
     row(6:8) = row(6:8) - stiff(3)*h*(spin - wn*n)
     row(9) = row(9) - stiff(4)*h*wn
     mode = break_mode(bond, row)
@@ -170,6 +172,23 @@ contains
         + cross([b%b%wx(k), b%b%wy(k), b%b%wz(k)], point - [b%rx(k), b%ry(k), b%rz(k)]) &
         - cross([b%a%wx(k), b%a%wy(k), b%a%wz(k)], point)
   end function velocity
+
+  !> How far B has moved over A at the point in the step, in the frame of its end [m]. h v alone has
+  !! the arms of the end along the chord of the step: a bond that turns as a rigid body by an angle
+  !! a a step would then grow by L a^2/2 each, to tears. To third order in a:
+  !! (h + h^2 w x)(v - h/2 (w_B x (w_B x b) - w_A x (w_A x a))), w = (w_A + w_B)/2.
+  pure function displacement(b, k, h, v, point) result(moved)
+    type(dem_block_type), intent(in) :: b
+    integer(i4), intent(in) :: k
+    real(wp), intent(in) :: h, v(3), point(3)  !! velocity there [m/s], point from the centre of A [m]
+    real(wp) :: moved(3), of_a(3), of_b(3)
+    of_a = [b%a%wx(k), b%a%wy(k), b%a%wz(k)]
+    of_b = [b%b%wx(k), b%b%wy(k), b%b%wz(k)]
+    moved = point - [b%rx(k), b%ry(k), b%rz(k)]
+    moved = cross(of_b, cross(of_b, moved)) - cross(of_a, cross(of_a, point))
+    moved = h*(v - 0.5_wp*h*moved)
+    moved = moved + 0.5_wp*h*cross(of_a + of_b, moved)
+  end function displacement
 
   pure function cross(a, b) result(c)
     real(wp), intent(in) :: a(3), b(3)
