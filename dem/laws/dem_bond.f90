@@ -12,12 +12,12 @@ module dem_bond
   use dem_additional_state, only: dem_bond_type, bond_reals, extra_work_count, work_breakage, &
     work_torn, work_sheared
   use dem_block, only: dem_block_type
-  use dem_rolling, only: turn_moment
   implicit none
   private
   public :: bond_block, bond_energy, bond_stiffness
 
   real(wp), parameter :: pi = acos(-1.0_wp)
+  real(wp), parameter :: tiny_load = 1.0e-200_wp
 
 contains
 
@@ -81,8 +81,8 @@ contains
     was = stored(bond, row)
     last = elastic(row, n)
     dash = row(12:17)
-    call turn_moment(b, k, h, n, row(3:5))
-    call turn_moment(b, k, h, n, row(6:8))
+    call carry(b, k, h, n, row(3:5))
+    call carry(b, k, h, n, row(6:8))
     row(2) = row(2) + stiff(1)*pulled
     row(3:5) = row(3:5) - stiff(2)*(moved - pulled*n)
     row(6:8) = row(6:8) - stiff(3)*h*(spin - wn*n)
@@ -172,6 +172,21 @@ contains
         + cross([b%b%wx(k), b%b%wy(k), b%b%wz(k)], point - [b%rx(k), b%ry(k), b%rz(k)]) &
         - cross([b%a%wx(k), b%a%wy(k), b%a%wz(k)], point)
   end function velocity
+
+  !> Turn what a bond holds across its normal with the mean spin of both bodies, then into the new
+  !! plane, length kept. Into the plane alone would turn it within by the square of the tilt.
+  pure subroutine carry(b, k, h, n, held)
+    type(dem_block_type), intent(in) :: b
+    integer(i4), intent(in) :: k
+    real(wp), intent(in) :: h, n(3)
+    real(wp), intent(inout) :: held(3)  !! [N] or [N m]
+    real(wp) :: angle(3), length
+    length = norm2(held)
+    angle = 0.5_wp*h*[b%a%wx(k) + b%b%wx(k), b%a%wy(k) + b%b%wy(k), b%a%wz(k) + b%b%wz(k)]
+    held = held + cross(angle, held + 0.5_wp*cross(angle, held))
+    held = held - dot_product(held, n)*n
+    held = held*(length/max(norm2(held), tiny_load))
+  end subroutine carry
 
   !> How far B has moved over A at the point in the step, in the frame of its end [m]. h v alone has
   !! the arms of the end along the chord of the step: a bond that turns as a rigid body by an angle

@@ -13,7 +13,7 @@ module dem_rolling
   use dem_contact, only: contact_constants_type
   implicit none
   private
-  public :: rolling_block, rolling_energy, turn_moment
+  public :: rolling_block, rolling_energy
 
   real(wp), parameter :: tiny_moment = 1.0e-200_wp
 

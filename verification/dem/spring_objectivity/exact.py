@@ -271,6 +271,7 @@ def motions() -> dict[str, Turn]:
     return {
         "x": Turn(X, grow * X), "y": Turn(Y, grow * Y), "z": Turn(Z, sway * X),
         "x, twisted": Turn(X, sway * Z), "oblique": Turn(oblique, grow * oblique),
+        "oblique, swaying": Turn(oblique, sway * np.array([-0.8, 0.6, 0.0])),
     }  # fmt: skip
 
 
@@ -295,7 +296,7 @@ def judge_pairs(case: Case) -> None:
     lag, steps = np.pi / STEPS[-1], STEPS[-1]
     for name, law in {**laws(HALF), "bond": bonded()}.items():
         for way, turn in motions().items():
-            if way == "oblique" or not choose(name, way):
+            if way.startswith("oblique") or not choose(name, way):
                 continue
             found = turning_pair(case, law, turn, steps)
             limit = 1.0e-4 if way != "z" else 0.0
@@ -334,6 +335,9 @@ def judge_plate(case: Case) -> None:
                 continue
             found = on_plate(case, law, turn, STEPS[-1])
             limit = {"x": 1e-8, "y": 1e-8, "oblique": 1e-4}.get(way, 1.2 * lag)
+            if way == "oblique, swaying":  # into the new plane, by tilt^2/4 of a step at most
+                tilt = 0.8 * 2 * np.pi / STEPS[-1]
+                limit += 0.25 * tilt**2 * STEPS[-1] * TURNS
             if name == "little slip":
                 limit += PLACES
             if name == "mindlin_deresiewicz":
@@ -355,7 +359,7 @@ def judge_orders(case: Case, ax: object) -> None:
         slope = np.polyfit(np.log(STEPS), np.log(found), 1)[0]
         case.metric(f"{label}: order in the step", -slope, order, 0.25)
         ax.loglog(STEPS, found, mark, label=label)
-        ax.loglog(STEPS, found[0] * (np.array(STEPS) / STEPS[0]) ** -float(order), "-", lw=0.8)
+        ax.loglog(STEPS, found[0] * (np.array(STEPS) / STEPS[0]) ** -float(order), "-", color="0.5")
     ax.set(xlabel="steps a turn [-]", ylabel="largest error in ten turns [-]")
     ax.legend()
 
@@ -368,7 +372,7 @@ def show(case: Case, ax: object, law: Law, turn: Turn, title: str) -> None:
     for c in range(3):
         ax.plot(turned, 1e6 * found.wanted[part, c], "-", color=f"C{c}")
         ax.plot(turned, 1e6 * found.loads[part, c], "o", color=f"C{c}", ms=3.5, label="xyz"[c])
-    ax.set(xlabel="turns [-]", ylabel="moment on the first sphere [N um]", title=title)
+    ax.set(xlabel="turns [-]", ylabel="moment on the first sphere [uN m]", title=title)
     ax.legend()
 
 

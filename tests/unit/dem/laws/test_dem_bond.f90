@@ -1,0 +1,129 @@
+!> Bonds that turn as rigid bodies, about axes across, along and oblique to the bond: one at rest
+!! stays without load, and what a loaded one holds turns with it.
+program test_dem_bond
+  use talus_kinds, only: wp, i4
+  use talus_test, only: max_abs, test_type
+  use talus_vectors, only: cross
+  use dem_additional_state, only: dem_bond_type, bond_reals, extra_work_count
+  use dem_block, only: dem_block_type
+  use dem_bond, only: bond_block
+  use dem_state, only: lanes, dem_law_type
+  implicit none
+  type(test_type) :: test
+  real(wp), parameter :: pi = acos(-1.0_wp), length = 2.0e-3_wp, beam = 0.8e-3_wp
+  real(wp), parameter :: load = 0.1_wp  !! of each kind, moments over the length [N]
+  real(wp), parameter :: axes(3, 4) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, &
+    0.0_wp, 0.0_wp, 1.0_wp, 0.48_wp, 0.64_wp, 0.6_wp], [3, 4])
+  integer(i4), parameter :: lane = 3, turns = 2
+  character(len=7), parameter :: name(4) = ['x      ', 'y      ', 'z      ', 'oblique']
+  integer(i4) :: k
+
+  do k = 1, 4
+    call check_turns(trim(name(k)), axes(:, k), 0.0_wp)
+    call check_turns(trim(name(k)), axes(:, k), load)
+  end do
+  call test%finish()
+
+contains
+
+  !> Rotation of a vector about a unit axis (Rodrigues).
+  pure function rotated(axis, angle, v) result(w)
+    real(wp), intent(in) :: axis(3), angle, v(3)
+    real(wp) :: w(3)
+    w = cos(angle)*v + sin(angle)*cross(axis, v) + (1.0_wp - cos(angle))*dot_product(axis, v)*axis
+  end function rotated
+
+  !> What changes in two turns falls with the square of the step: 400 and 800 steps a turn.
+  subroutine check_turns(which, axis, held)
+    character(len=*), intent(in) :: which
+    real(wp), intent(in) :: axis(3), held
+    character(len=:), allocatable :: text
+    real(wp) :: coarse(4), fine(4), chord
+    text = 'about '//which//merge(', loaded', ', free  ', held > 0.0_wp)
+    call turn(axis, held, 400, coarse)
+    call turn(axis, held, 800, fine)
+    ! the partner goes along chords, the spins along arcs: a^3/6 a step [of the length]
+    chord = (2.0_wp*pi/800.0_wp)**2*2.0_wp*pi*turns/6.0_wp
+    call test%check_all_close(text//': pull, shear / (k_n x length)', fine(1:2), 0.0_wp, &
+                              1.1_wp*chord)
+    ! the frame turns by the tangent of the angle: a^3/3 a step [of the load]
+    call test%check_all_close(text//': bending and twisting', fine(3:4), 0.0_wp, &
+                              2.2_wp*chord*held)
+    call test%check(text//': of second order', max_abs(fine) <= 0.3_wp*max_abs(coarse) + 1.0e-12_wp)
+  end subroutine check_turns
+
+  !> Turn a bond along z at first; off: of pull and shear over k_n L, of bending and twisting [N m]
+  !! over L, from loads that turn with the pair.
+  subroutine turn(axis, held, steps, off)
+    real(wp), intent(in) :: axis(3), held
+    integer(i4), intent(in) :: steps
+    real(wp), intent(out) :: off(4)
+    type(dem_block_type) :: b
+    type(dem_law_type) :: law
+    type(dem_bond_type) :: bond
+    real(wp) :: kept(lanes, bond_reals), work(2), extra(extra_work_count), h, angle, stiffness
+    real(wp) :: r(3), last(3), n(3), across(3)
+    integer(i4) :: i
+
+    bond%young = 1.0e7_wp
+    bond%stiffness_ratio = 2.0_wp
+    bond%tensile_strength = huge(1.0_wp)
+    bond%shear_strength = huge(1.0_wp)
+    stiffness = bond%young*pi*beam**2/length
+    kept = 0.0_wp
+    kept(lane, [1, 2, 9, 10, 11]) = [1.0_wp, held, held*length, beam, length]
+    kept(lane, 3:8) = held*[1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, length, 0.0_wp]
+    h = 1.0e-5_wp
+    extra = 0.0_wp
+    last = [0.0_wp, 0.0_wp, length]
+    do i = 1, turns*steps
+      angle = 2.0_wp*pi*i/steps
+      r = rotated(axis, angle, [0.0_wp, 0.0_wp, length])
+      call place(b, r, (r - last)/h, 2.0_wp*pi/(steps*h)*axis)
+      call bond_block(b, law, bond, h, spread(1.0_wp, 1, lanes), spread(1.0_wp, 1, lanes), kept, &
+                      work, extra)
+      last = r
+    end do
+    n = r/length
+    across = rotated(axis, angle, [1.0_wp, 0.0_wp, 0.0_wp])
+    off(1) = abs(kept(lane, 2) - held)/(stiffness*length)
+    off(2) = norm2(kept(lane, 3:5) - held*across)/(stiffness*length)
+    off(3) = norm2(kept(lane, 6:8)/length - held*cross(n, across))
+    off(4) = abs(kept(lane, 9)/length - held)
+  end subroutine turn
+
+  !> Two equal spheres that just touch: B at r from A, its velocity, one spin of both.
+  subroutine place(b, r, v, spin)
+    type(dem_block_type), intent(inout) :: b
+    real(wp), intent(in) :: r(3), v(3), spin(3)
+    b%rx(lane) = r(1)
+    b%ry(lane) = r(2)
+    b%rz(lane) = r(3)
+    b%nx(lane) = r(1)/length
+    b%ny(lane) = r(2)/length
+    b%nz(lane) = r(3)/length
+    b%ax(lane) = 0.5_wp*r(1)
+    b%ay(lane) = 0.5_wp*r(2)
+    b%az(lane) = 0.5_wp*r(3)
+    b%gap(lane) = 0.0_wp
+    b%a%x = 0.0_wp
+    b%a%vx(lane) = 0.0_wp
+    b%a%vy(lane) = 0.0_wp
+    b%a%vz(lane) = 0.0_wp
+    b%b%vx(lane) = v(1)
+    b%b%vy(lane) = v(2)
+    b%b%vz(lane) = v(3)
+    b%a%wx(lane) = spin(1)
+    b%a%wy(lane) = spin(2)
+    b%a%wz(lane) = spin(3)
+    b%b%wx(lane) = spin(1)
+    b%b%wy(lane) = spin(2)
+    b%b%wz(lane) = spin(3)
+    b%load%fx = 0.0_wp
+    b%load%fy = 0.0_wp
+    b%load%fz = 0.0_wp
+    b%load%mx = 0.0_wp
+    b%load%my = 0.0_wp
+    b%load%mz = 0.0_wp
+  end subroutine place
+end program test_dem_bond
