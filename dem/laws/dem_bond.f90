@@ -195,7 +195,8 @@ contains
   pure function displacement(b, k, h, v, point) result(moved)
     type(dem_block_type), intent(in) :: b
     integer(i4), intent(in) :: k
-    real(wp), intent(in) :: h, v(3), point(3)  !! velocity there [m/s], point from the centre of A [m]
+    real(wp), intent(in) :: h, v(3)   !! velocity there [m/s]
+    real(wp), intent(in) :: point(3)  !! from the centre of A [m]
     real(wp) :: moved(3), of_a(3), of_b(3)
     of_a = [b%a%wx(k), b%a%wy(k), b%a%wz(k)]
     of_b = [b%b%wx(k), b%b%wy(k), b%b%wz(k)]
