@@ -11,6 +11,7 @@ module fem_law_registry
   use fem_law_micropolar, only: fem_law_micropolar_type
   use fem_law_neo_hookean, only: fem_law_neo_hookean_type
   use fem_law_polar_drucker, only: fem_law_polar_drucker_type
+  use fem_law_polar_pressure, only: fem_law_polar_pressure_type
   use fem_law_pressure, only: fem_law_pressure_type
   implicit none
   private
@@ -32,6 +33,7 @@ contains
     call append(list, fem_law_neo_hookean_type())
     call append(list, fem_law_kirchhoff_type())
     call append(list, fem_law_polar_drucker_type())
+    call append(list, fem_law_polar_pressure_type())
     do k = 1, int(size(list), i4)
       call list(k)%law%define()
     end do

@@ -140,13 +140,15 @@ contains
       //'`specific_volume`, `poisson`; `neo_hookean` and `st_venant_kirchhoff`: ' &
       //'elasticity at finite strain of `young` and `poisson`; ' &
       //'`micropolar_drucker_prager`: plasticity of the constants of `micropolar`, ' &
-      //'`cohesion`, `friction_deg`, `dilation_deg` and `plastic_length`. The last three,' &
-      //' soils and `pressure_elastic` are laws with a state, which `modal` and ' &
-      //'`relaxation` do not know.')
+      //'`cohesion`, `friction_deg`, `dilation_deg` and `plastic_length`; ' &
+      //'`micropolar_pressure`: elasticity of the constants of `micropolar` at ' &
+      //'`reference_pressure`, all moduli of which grow with ' &
+      //'(p/reference_pressure)^exponent. The last four, soils and `pressure_elastic` are' &
+      //' laws with a state, which `modal` and `relaxation` do not know.')
     call table%preset('linear_elastic')
     call table%allow(&
       'linear_elastic|micropolar|pressure_elastic|drucker_prager|cam_clay|layered|neo_h' &
-      //'ookean|st_venant_kirchhoff|micropolar_drucker_prager')
+      //'ookean|st_venant_kirchhoff|micropolar_drucker_prager|micropolar_pressure')
     call table%add_key('lambda', 'real', 'Pa', &
       'Eringen''s lambda; with 3 lambda + 2 mu + kappa > 0.')
     call table%add_key('mu', 'real', 'Pa', &
@@ -205,22 +207,25 @@ contains
     call table%preset('isotropic')
     call table%allow('isotropic|published')
     call table%add_key('exponent', 'real', '', &
-      'Exponent n of `pressure_elastic`, E = young (p/reference_pressure)^n.')
+      'Exponent n of `pressure_elastic`, E = young (p/reference_pressure)^n, and of ' &
+      //'`micropolar_pressure`, where it is below 1.')
     call table%bounds(min=0.0_wp, max=1.0_wp)
     call table%add_key('reference_pressure', 'real', 'Pa', &
-      'Mean compressive stress at which `young` of `pressure_elastic` holds.')
+      'Mean compressive stress at which `young` of `pressure_elastic` and the moduli of' &
+      //' `micropolar_pressure` hold.')
     call table%bounds(above=0.0_wp)
     call table%add_key('least_pressure', 'real', 'Pa', &
-      'Mean compressive stress below which the stiffness of `pressure_elastic` does not' &
-      //' fall any more; a hundredth of `reference_pressure` if left out.')
+      'Mean compressive stress below which the stiffness of `pressure_elastic` and ' &
+      //'`micropolar_pressure` does not fall any more; a hundredth of ' &
+      //'`reference_pressure` if left out.')
     call table%bounds(above=0.0_wp)
-    call table%add_key('cohesion', 'real', 'Pa', 'Cohesion c of `drucker_prager` at the start.')
-    call table%bounds(min=0.0_wp)
     call group_material_3(table)
   end subroutine group_material_2
 
   subroutine group_material_3(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('cohesion', 'real', 'Pa', 'Cohesion c of `drucker_prager` at the start.')
+    call table%bounds(min=0.0_wp)
     call table%add_key('friction_deg', 'real', 'deg', 'Angle of friction of `drucker_prager`.')
     call table%bounds(min=0.0_wp, below=90.0_wp)
     call table%add_key('dilation_deg', 'real', 'deg', &

@@ -13,21 +13,23 @@ module fem_setup_laws
     'specific_volume', 'preconsolidation', 'overconsolidation', 'young', 'layer_thickness', &
     'joint_normal', 'joint_shear', 'layer_normal', 'spin_modulus', 'layer_moduli', &
     'plastic_length', 'invariant']
+  character(len=*), parameter :: pressures = 'pressure_elastic micropolar_pressure'
   character(len=*), parameter :: cones = 'drucker_prager micropolar_drucker_prager'
-  character(len=*), parameter :: owner(24) = [character(len=130) :: 'pressure_elastic', &
-    'pressure_elastic', 'pressure_elastic', cones, cones, cones, cones, cones, cones, 'cam_clay', &
+  character(len=*), parameter :: owner(24) = [character(len=150) :: pressures, pressures, &
+    pressures, cones, cones, cones, cones, cones, cones, 'cam_clay', &
     'cam_clay', 'cam_clay', 'cam_clay', 'cam_clay', 'cam_clay', 'linear_elastic '// &
     'pressure_elastic drucker_prager micropolar micropolar_drucker_prager layered neo_hookean '// &
-    'st_venant_kirchhoff', 'layered', 'layered', 'layered', 'layered', 'layered', 'layered', &
-    'micropolar_drucker_prager', 'micropolar_drucker_prager']
-  character(len=*), parameter :: laws(7) = [character(len=25) :: 'pressure_elastic', &
+    'st_venant_kirchhoff micropolar_pressure', 'layered', 'layered', 'layered', 'layered', &
+    'layered', 'layered', 'micropolar_drucker_prager', 'micropolar_drucker_prager']
+  character(len=*), parameter :: laws(8) = [character(len=25) :: 'pressure_elastic', &
     'drucker_prager', 'cam_clay', 'neo_hookean', 'st_venant_kirchhoff', &
-    'micropolar_drucker_prager', 'layered']
-  character(len=*), parameter :: needed(7) = [character(len=80) :: &
+    'micropolar_drucker_prager', 'layered', 'micropolar_pressure']
+  character(len=*), parameter :: needed(8) = [character(len=80) :: &
     'young poisson exponent reference_pressure', 'young poisson cohesion friction_deg', &
     'poisson critical_slope compression_index swelling_index specific_volume', &
     'young poisson', 'young poisson', 'cohesion friction_deg plastic_length', &
-    'young poisson layer_thickness joint_normal joint_shear']
+    'young poisson layer_thickness joint_normal joint_shear', &
+    'exponent reference_pressure']
 
 contains
 
