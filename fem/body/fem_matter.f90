@@ -5,10 +5,8 @@ module fem_matter
   use talus_kinds, only: wp, i4
   use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
-  use fem_element, only: fem_shape_type
-  use fem_finite, only: fem_deformation_type
   use fem_mm_element, only: mm_response_type
-  use fem_points, only: fem_points_type
+  use fem_points, only: fem_points_type, fem_work_type
   use fem_points_tangent, only: assemble_tangent, point_tangent
   use fem_points_trial, only: work_elements
   use fem_recover, only: point_weights
@@ -82,7 +80,8 @@ contains
     real(wp), intent(out) :: force(:, :)     !! (3, blocks) [N]
     integer(i4), intent(out) :: bad
     integer(i4) :: k
-    call work_elements(self, mesh, dofs, elastic, u, moved, [(k, k=1, mesh%elements)], bad)
+    call work_elements(self, mesh, dofs, elastic, u, moved, [(k, k=1, mesh%elements)])
+    bad = self%bad
     call agree_on_bad(self, elastic, bad)
     self%bad = bad
     force = 0.0_wp
@@ -120,7 +119,7 @@ contains
     logical :: wanted
     wanted = self%micro%wants_stiffness
     self%micro%wants_stiffness = .false.
-    call work_elements(self, mesh, dofs, elastic, u, moved, list, self%bad)
+    call work_elements(self, mesh, dofs, elastic, u, moved, list)
     self%micro%wants_stiffness = wanted
   end subroutine update_some
 
@@ -154,17 +153,15 @@ contains
     call assemble_tangent(self, mesh, dofs, elastic, pattern, k, lower)
   end subroutine assemble
 
-  !> Tangent of element e (3 blocks, 3 blocks) in the trial state [N/m].
-  subroutine element_tangent(self, mesh, dofs, elastic, e, shape, motion, ke)
+  !> Tangent of the element at work (3 blocks, 3 blocks) in the trial state [N/m].
+  subroutine element_tangent(self, mesh, dofs, elastic, work, ke)
     class(fem_matter_type), intent(in) :: self
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
-    integer(i4), intent(in) :: e
-    type(fem_shape_type), intent(inout) :: shape
-    type(fem_deformation_type), intent(inout) :: motion
+    type(fem_work_type), intent(inout) :: work
     real(wp), intent(out) :: ke(:, :)
-    call point_tangent(self, mesh, dofs, elastic, e, shape, motion, ke)
+    call point_tangent(self, mesh, dofs, elastic, work, ke)
   end subroutine element_tangent
 
   !> Sum of the forces of some elements after an update (3, blocks) [N].

@@ -5,9 +5,8 @@ module fem_matter_step
   use fem_assembly, only: lumped_mass_of
   use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
-  use fem_element, only: fem_shape_type
-  use fem_finite, only: fem_deformation_type
   use fem_matter, only: fem_matter_type
+  use fem_points, only: fem_work_type
   use fem_spectrum, only: lanes, largest_values
   use fem_types, only: fem_mesh_type
   implicit none
@@ -101,12 +100,12 @@ contains
     real(wp), intent(in) :: factor(:)
     integer(i4), intent(in) :: e, l
     real(wp), intent(inout) :: matrix(:, :, :)
-    type(fem_shape_type) :: shape
-    type(fem_deformation_type) :: motion
+    type(fem_work_type) :: work
     real(wp), allocatable :: lumped(:)
     real(wp) :: k(size(matrix, 2), size(matrix, 2)), root(size(matrix, 2))
     integer(i4) :: i, j
-    call matter%element_tangent(mesh, dofs, elastic, e, shape, motion, k)
+    work%element = e
+    call matter%element_tangent(mesh, dofs, elastic, work, k)
     call lumped_mass_of(mesh, dofs, elastic, e, lumped)
     lumped = lumped*factor(dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
     root = [(1.0_wp/sqrt(lumped((i + 2)/3)), i=1, size(root))]

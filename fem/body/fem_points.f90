@@ -5,13 +5,22 @@ module fem_points
   use talus_text, only: str
   use talus_ranks, only: ranks_type
   use fem_elastic, only: fem_elastic_type
+  use fem_element, only: fem_shape_type
+  use fem_finite, only: fem_deformation_type
   use fem_law, only: fem_law_box_type, at_flag, at_iterations, at_stored, at_dissipated, &
     at_numerical, common_size
   use fem_law_finite, only: at_ratio
   use fem_mm_body, only: fem_micro_type
   implicit none
   private
-  public :: fem_points_type
+  public :: fem_points_type, fem_work_type
+
+  !> The element at work, and the room that elements of one rule share.
+  type :: fem_work_type
+    integer(i4) :: element = 0
+    type(fem_shape_type) :: shape
+    type(fem_deformation_type) :: motion
+  end type fem_work_type
 
   type :: fem_points_type
     logical :: active = .false.               !! some law of the body has a state

@@ -5,11 +5,11 @@ module fem_points_tangent
   use fem_assembly, only: share_nodes, elements_at
   use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
-  use fem_element, only: fem_shape_type, element_shape
-  use fem_finite, only: fem_deformation_type, deform, finite_tangent
+  use fem_element, only: element_shape
+  use fem_finite, only: deform, finite_tangent
   use fem_law_finite, only: fem_law_finite_type
   use fem_law_polar, only: fem_law_polar_type
-  use fem_points, only: fem_points_type
+  use fem_points, only: fem_points_type, fem_work_type
   use fem_polar_element, only: polar_tangent
   use fem_scatter, only: add_element, clear_rows
   use fem_sparse, only: fem_pattern_type
@@ -40,53 +40,49 @@ contains
     !$omp parallel do default(none) shared(self, mesh, dofs, elastic, pattern, k, lower, first) &
     !$omp private(t) schedule(static, 1)
     do t = 1, size(first) - 1
-      call share(self, mesh, dofs, elastic, pattern, first(t:t + 1), k, lower)
+      call share(first(t:t + 1))
     end do
     !$omp end parallel do
+
+  contains
+
+    !> The rows of the nodes of a range.
+    subroutine share(range)
+      integer(i4), intent(in) :: range(2)
+      type(fem_work_type) :: work
+      real(wp), allocatable :: ke(:, :)
+      integer(i4), allocatable :: chosen(:)
+      integer(i4) :: r, i
+
+      call clear_rows(dofs, pattern, range, self%symmetric, k, lower)
+      do r = 1, size(elastic%rule)
+        if (allocated(work%shape%weight)) &
+          deallocate (work%shape%weight, work%shape%u, work%shape%phi)
+        if (allocated(ke)) deallocate (ke)
+        i = 3*(elastic%rule(r)%nodes + dofs%parts*elastic%rule(r)%rotations)
+        allocate (ke(i, i))
+        call elements_at(mesh, elastic, r, range, chosen)
+        do i = 1, size(chosen)
+          work%element = chosen(i)
+          call point_tangent(self, mesh, dofs, elastic, work, ke)
+          call add_element(dofs%block(dofs%start(chosen(i)):dofs%start(chosen(i) + 1) - 1), &
+                           dofs%node, pattern, range, self%symmetric, ke, k, lower)
+        end do
+      end do
+    end subroutine share
   end subroutine assemble_tangent
 
-  !> The rows of the nodes of a range.
-  subroutine share(self, mesh, dofs, elastic, pattern, range, k, lower)
+  !> Tangent of the element at work (3 blocks, 3 blocks) in the trial state [N/m].
+  subroutine point_tangent(self, mesh, dofs, elastic, work, ke)
     class(fem_points_type), intent(in) :: self
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
-    type(fem_pattern_type), intent(in) :: pattern
-    integer(i4), intent(in) :: range(2)
-    real(wp), intent(inout) :: k(:, :, :), lower(:, :, :)
-    type(fem_shape_type) :: shape
-    type(fem_deformation_type) :: motion
-    real(wp), allocatable :: ke(:, :)
-    integer(i4), allocatable :: chosen(:)
-    integer(i4) :: r, i
-
-    call clear_rows(dofs, pattern, range, self%symmetric, k, lower)
-    do r = 1, size(elastic%rule)
-      if (allocated(shape%weight)) deallocate (shape%weight, shape%u, shape%phi)
-      if (allocated(ke)) deallocate (ke)
-      i = 3*(elastic%rule(r)%nodes + dofs%parts*elastic%rule(r)%rotations)
-      allocate (ke(i, i))
-      call elements_at(mesh, elastic, r, range, chosen)
-      do i = 1, size(chosen)
-        call point_tangent(self, mesh, dofs, elastic, chosen(i), shape, motion, ke)
-        call add_element(dofs%block(dofs%start(chosen(i)):dofs%start(chosen(i) + 1) - 1), &
-                         dofs%node, pattern, range, self%symmetric, ke, k, lower)
-      end do
-    end do
-  end subroutine share
-
-  !> Tangent of element e (3 blocks, 3 blocks) in the trial state [N/m].
-  subroutine point_tangent(self, mesh, dofs, elastic, e, shape, motion, ke)
-    class(fem_points_type), intent(in) :: self
-    type(fem_mesh_type), intent(in) :: mesh
-    type(fem_dofs_type), intent(in) :: dofs
-    type(fem_elastic_type), intent(in) :: elastic
-    integer(i4), intent(in) :: e
-    type(fem_shape_type), intent(inout) :: shape
-    type(fem_deformation_type), intent(inout) :: motion
+    type(fem_work_type), intent(inout) :: work
     real(wp), intent(out) :: ke(:, :)
     real(wp) :: mean(size(ke, 1)), b(size(ke, 1), 6)
-    integer(i4) :: q, p
+    integer(i4) :: e, q, p
+    e = work%element
     if (self%micro%active) then
       ke = self%micro%stiffness(:size(ke, 1), :size(ke, 1), e)
       return
@@ -94,22 +90,23 @@ contains
     ke = 0.0_wp
     associate (rule => elastic%rule(elastic%rule_of(e)), &
                block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
-      call element_shape(rule%at, mesh%x(:, block(:rule%nodes)), shape)
+      call element_shape(rule%at, mesh%x(:, block(:rule%nodes)), work%shape)
       select type (law => self%law(self%law_of(e))%law)
       class is (fem_law_polar_type)
-        call polar_tangent(rule, shape, self%tangent(:, :, elastic%point(e):elastic%point(e + 1) &
-          - 1), self%weight(elastic%point(e):elastic%point(e + 1) - 1), ke)
+        call polar_tangent(rule, work%shape, &
+                           self%tangent(:, :, elastic%point(e):elastic%point(e + 1) - 1), &
+                           self%weight(elastic%point(e):elastic%point(e + 1) - 1), ke)
         return
       class is (fem_law_finite_type)
-        call deform(rule, shape, self%u(:, block), motion, q)
-        call finite_tangent(law, rule, shape, motion, &
+        call deform(rule, work%shape, self%u(:, block), work%motion, q)
+        call finite_tangent(law, rule, work%shape, work%motion, &
                             self%weight(elastic%point(e):elastic%point(e + 1) - 1), ke)
         return
       end select
-      if (rule%bbar) call mean_gradient(shape, mean)
+      if (rule%bbar) call mean_gradient(work%shape, mean)
       do q = 1, rule%at%n
         p = elastic%point(e) + q - 1
-        call strain_matrix(rule, shape, q, mean, b)
+        call strain_matrix(rule, work%shape, q, mean, b)
         call add_product(int(size(ke, 1), i4), b, self%tangent(:6, :6, p), self%weight(p), ke)
       end do
     end associate

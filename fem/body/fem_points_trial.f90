@@ -5,13 +5,13 @@ module fem_points_trial
   use talus_kinds, only: wp, i4, i8
   use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
-  use fem_element, only: fem_shape_type, element_shape
-  use fem_finite, only: fem_deformation_type, deform, finite_force
+  use fem_element, only: element_shape
+  use fem_finite, only: deform, finite_force
   use fem_law, only: integrate
   use fem_law_finite, only: fem_law_finite_type, at_ratio
   use fem_law_polar, only: fem_law_polar_type
   use fem_mm_element, only: mm_response_type
-  use fem_points, only: fem_points_type
+  use fem_points, only: fem_points_type, fem_work_type
   use fem_polar, only: full_of, symmetric_of
   use fem_polar_element, only: polar_answer
   use fem_strain, only: mean_gradient, strain_of, add_force
@@ -24,15 +24,14 @@ module fem_points_trial
 
 contains
 
-  !> Some elements in chunks; `bad` is the first point without a state, 0 if there is none.
-  subroutine work_elements(self, mesh, dofs, elastic, u, moved, list, bad)
+  !> Some elements in chunks; `bad` of the points is the first without a state, 0 if there is none.
+  subroutine work_elements(self, mesh, dofs, elastic, u, moved, list)
     class(fem_points_type), intent(inout) :: self
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(in) :: u(:, :), moved(:, :)  !! (3, blocks)
     integer(i4), intent(in) :: list(:)            !! elements
-    integer(i4), intent(out) :: bad
     integer(i4) :: c, failed(chunks)
     if (self%finite) self%u = u
     !$omp parallel do default(none) shared(self, mesh, dofs, elastic, u, moved, list, failed) &
@@ -47,11 +46,12 @@ contains
       end associate
     end do
     !$omp end parallel do
-    bad = 0
+    self%bad = 0
     do c = chunks, 1, -1
-      if (failed(c) > 0) bad = failed(c)
+      if (failed(c) > 0) self%bad = failed(c)
     end do
-    if (bad > 0 .and. self%micro%active) call explain(self, dofs, elastic, u, moved, bad)
+    if (self%bad > 0 .and. self%micro%active) &
+      call explain(self, dofs, elastic, u, moved, self%bad)
   end subroutine work_elements
 
   !> First of n elements that chunk c works.
@@ -60,6 +60,7 @@ contains
     first_of = int((c - 1)*int(n, i8)/chunks, i4) + 1
   end function first_of
 
+  !> `bad` is the first point without a state.
   subroutine work_micro(self, dofs, elastic, u, moved, list, bad)
     class(fem_points_type), intent(inout) :: self
     type(fem_dofs_type), intent(in) :: dofs
@@ -71,30 +72,17 @@ contains
     integer(i4) :: k, failed
     bad = 0
     do k = 1, size(list)
-      call answer_micro(self, dofs, elastic, u, moved, list(k), response, failed)
-      if (bad == 0) bad = failed
+      associate (e => list(k), first => elastic%point(list(k)), &
+                 last => elastic%point(list(k) + 1) - 1, &
+                 a => dofs%start(list(k)), b => dofs%start(list(k) + 1) - 1)
+        call self%micro%answer(e, u(:, dofs%block(a:b)) - moved(:, dofs%block(a:b)), &
+          u(:, dofs%block(a:b)), self%accepted_state(:, first:last), response, &
+          self%stress(:, first:last), self%state(:, first:last), failed)
+        if (bad == 0 .and. failed > 0) bad = first + failed - 1
+        if (failed == 0) self%nodal(:, a:b) = reshape(response%force, [3, b - a + 1])
+      end associate
     end do
   end subroutine work_micro
-
-  !> Element e; `bad` is its first point without a state.
-  subroutine answer_micro(self, dofs, elastic, u, moved, e, response, bad)
-    type(fem_points_type), intent(inout) :: self
-    type(fem_dofs_type), intent(in) :: dofs
-    type(fem_elastic_type), intent(in) :: elastic
-    real(wp), intent(in) :: u(:, :), moved(:, :)
-    integer(i4), intent(in) :: e
-    type(mm_response_type), intent(inout) :: response
-    integer(i4), intent(out) :: bad
-    integer(i4) :: failed
-    associate (first => elastic%point(e), last => elastic%point(e + 1) - 1, &
-               a => dofs%start(e), b => dofs%start(e + 1) - 1)
-      call self%micro%answer(e, u(:, dofs%block(a:b)) - moved(:, dofs%block(a:b)), &
-        u(:, dofs%block(a:b)), self%accepted_state(:, first:last), response, &
-        self%stress(:, first:last), self%state(:, first:last), failed)
-      bad = merge(first + failed - 1, 0_i4, failed > 0)
-      if (failed == 0) self%nodal(:, a:b) = reshape(response%force, [3, b - a + 1])
-    end associate
-  end subroutine answer_micro
 
   !> Why point p of a micromorphic body found no state.
   subroutine explain(self, dofs, elastic, u, moved, p)
@@ -119,57 +107,57 @@ contains
     real(wp), intent(in) :: moved(:, :)
     integer(i4), intent(in) :: list(:)
     integer(i4), intent(out) :: bad
-    type(fem_shape_type) :: shape
-    type(fem_deformation_type) :: motion
+    type(fem_work_type) :: work
     integer(i4) :: e, k, rule, failed
     bad = 0
     rule = 0
     do k = 1, size(list)
       e = list(k)
-      if (allocated(shape%weight) .and. elastic%rule_of(e) /= rule) &
-        deallocate (shape%weight, shape%u, shape%phi)
+      work%element = e
+      if (allocated(work%shape%weight) .and. elastic%rule_of(e) /= rule) &
+        deallocate (work%shape%weight, work%shape%u, work%shape%phi)
       rule = elastic%rule_of(e)
       failed = 0
       if (elastic%is_absent(e)) then
         self%nodal(:, dofs%start(e):dofs%start(e + 1) - 1) = 0.0_wp
       else if (self%law(self%law_of(e))%law%finite) then
-        call deform_element(self, mesh, dofs, elastic, e, shape, motion, failed)
+        call deform_element(self, mesh, dofs, elastic, work, failed)
       else if (self%law(self%law_of(e))%law%polar) then
-        call turn_element(self, mesh, dofs, elastic, moved, e, shape, failed)
+        call turn_element(self, mesh, dofs, elastic, moved, work, failed)
       else
-        call update_element(self, mesh, dofs, elastic, moved, e, shape, failed)
+        call update_element(self, mesh, dofs, elastic, moved, work, failed)
       end if
       if (bad == 0) bad = failed
     end do
   end subroutine work_part
 
-  subroutine update_element(self, mesh, dofs, elastic, moved, e, shape, bad)
+  subroutine update_element(self, mesh, dofs, elastic, moved, work, bad)
     class(fem_points_type), intent(inout) :: self
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(in) :: moved(:, :)
-    integer(i4), intent(in) :: e
-    type(fem_shape_type), intent(inout) :: shape
+    type(fem_work_type), intent(inout) :: work
     integer(i4), intent(out) :: bad
-    real(wp), dimension(3, elastic%rule(elastic%rule_of(e))%nodes) :: d, f, share
+    real(wp), dimension(3, elastic%rule(elastic%rule_of(work%element))%nodes) :: d, f, share
     real(wp) :: mean(size(d))
     real(wp) :: strain(6), stress(6), push(6), pressure
     logical :: good, wide
-    integer(i4) :: q, p, n
+    integer(i4) :: e, q, p, n
     bad = 0
+    e = work%element
     wide = size(self%stress, 1) > size(stress)  ! a body with micropolar parts
     associate (rule => elastic%rule(elastic%rule_of(e)), law => self%law(self%law_of(e))%law, &
                block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
       n = self%law(self%law_of(e))%law%states
-      call element_shape(rule%at, mesh%x(:, block), shape)
-      if (rule%bbar) call mean_gradient(shape, mean)
+      call element_shape(rule%at, mesh%x(:, block), work%shape)
+      if (rule%bbar) call mean_gradient(work%shape, mean)
       if (rule%bbar) share = reshape(mean, [3, rule%nodes])
       d = moved(:, block)
       f = 0.0_wp
       do q = 1, rule%at%n
         p = elastic%point(e) + q - 1
-        strain = strain_of(shape%u(:, :, q), d)
+        strain = strain_of(work%shape%u(:, :, q), d)
         if (rule%bbar) strain(:3) = strain(:3) + (sum(share*d) - sum(strain(:3)))/3.0_wp
         if (wide) then
           stress = self%accepted_stress(symmetric_of, p)
@@ -190,30 +178,31 @@ contains
           push(:3) = push(:3) - pressure
           f = f + pressure*share
         end if
-        call add_force(shape%u(:, :, q), push, f)
+        call add_force(work%shape%u(:, :, q), push, f)
       end do
       self%nodal(:, dofs%start(e):dofs%start(e + 1) - 1) = f
     end associate
   end subroutine update_element
 
   !> A micropolar element.
-  subroutine turn_element(self, mesh, dofs, elastic, moved, e, shape, bad)
+  subroutine turn_element(self, mesh, dofs, elastic, moved, work, bad)
     class(fem_points_type), intent(inout) :: self
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(in) :: moved(:, :)
-    integer(i4), intent(in) :: e
-    type(fem_shape_type), intent(inout) :: shape
+    type(fem_work_type), intent(inout) :: work
     integer(i4), intent(out) :: bad
+    integer(i4) :: e
+    e = work%element
     associate (rule => elastic%rule(elastic%rule_of(e)), a => elastic%point(e), &
                b => elastic%point(e + 1) - 1, first => dofs%start(e), last => dofs%start(e + 1) - 1)
-      call element_shape(rule%at, mesh%x(:, dofs%block(first:first + rule%nodes - 1)), shape)
+      call element_shape(rule%at, mesh%x(:, dofs%block(first:first + rule%nodes - 1)), work%shape)
       self%stress(:, a:b) = self%accepted_stress(:, a:b)
       self%state(:, a:b) = self%accepted_state(:, a:b)
       select type (law => self%law(self%law_of(e))%law)
       class is (fem_law_polar_type)
-        call polar_answer(law, rule, shape, moved(:, dofs%block(first:last)), &
+        call polar_answer(law, rule, work%shape, moved(:, dofs%block(first:last)), &
                           elastic%factor(a:b), self%stress(:, a:b), self%state(:, a:b), &
                           self%tangent(:, :, a:b), self%nodal(:, first:last), bad)
       end select
@@ -222,27 +211,27 @@ contains
   end subroutine turn_element
 
   !> An element at finite strain; where a point is turned inside out its volume ratio is kept.
-  subroutine deform_element(self, mesh, dofs, elastic, e, shape, motion, bad)
+  subroutine deform_element(self, mesh, dofs, elastic, work, bad)
     class(fem_points_type), intent(inout) :: self
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
-    integer(i4), intent(in) :: e
-    type(fem_shape_type), intent(inout) :: shape
-    type(fem_deformation_type), intent(inout) :: motion
+    type(fem_work_type), intent(inout) :: work
     integer(i4), intent(out) :: bad
+    integer(i4) :: e
 
+    e = work%element
     associate (rule => elastic%rule(elastic%rule_of(e)), a => elastic%point(e), &
                b => elastic%point(e + 1) - 1, first => dofs%start(e), last => dofs%start(e + 1) - 1)
-      call element_shape(rule%at, mesh%x(:, dofs%block(first:last)), shape)
-      call deform(rule, shape, self%u(:, dofs%block(first:last)), motion, bad)
+      call element_shape(rule%at, mesh%x(:, dofs%block(first:last)), work%shape)
+      call deform(rule, work%shape, self%u(:, dofs%block(first:last)), work%motion, bad)
       if (bad > 0) then
-        self%state(at_ratio, a:b) = motion%ratio
+        self%state(at_ratio, a:b) = work%motion%ratio
         self%nodal(:, first:last) = 0.0_wp
       else
         select type (law => self%law(self%law_of(e))%law)
         class is (fem_law_finite_type)
-          call finite_force(law, shape, motion, self%weight(a:b), self%stress(:, a:b), &
+          call finite_force(law, work%shape, work%motion, self%weight(a:b), self%stress(:, a:b), &
                             self%state(:, a:b), self%nodal(:, first:last), bad)
         end select
       end if

@@ -47,6 +47,7 @@ module fem_cone
     real(wp) :: ratio(families) = 0.0_wp   !! E w over that of the first [-]
     real(wp) :: mean = 0.0_wp              !! p [Pa]
     real(wp) :: z = 0.0_wp                 !! hardening variable at the start [-]
+    real(wp) :: x = 0.0_wp                 !! place of its return, 1 at the apex [-]
   end type fem_trial_type
 
 contains

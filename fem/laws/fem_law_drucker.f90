@@ -1,5 +1,6 @@
-!> Drucker-Prager plasticity with linear elasticity, `drucker_prager` (theory-fem): the cone of
-!! fem_cone with q = |s|; the return to the cone or to its apex is in closed form.
+!> Drucker-Prager plasticity with linear elasticity, `drucker_prager` (theory-fem, Laws with a
+!! state): the cone of fem_cone with q = |s|; the return to the cone or to its apex is in closed
+!! form.
 module fem_law_drucker
   use talus_kinds, only: wp, i4
   use talus_deck, only: deck_type

@@ -187,14 +187,10 @@ contains
   pure function turned(moduli, turn) result(space)
     real(wp), intent(in) :: moduli(9, 9), turn(3, 3)
     real(wp) :: space(9, 9), q(9, 9)
-    integer(i4) :: k, l, i, j
-    do l = 1, 3
+    integer(i4) :: k, i
+    do i = 1, 3
       do k = 1, 3
-        do j = 1, 3
-          do i = 1, 3
-            q(3*k - 3 + l, 3*i - 3 + j) = turn(k, i)*turn(l, j)
-          end do
-        end do
+        q(3*k - 2:3*k, 3*i - 2:3*i) = turn(k, i)*turn
       end do
     end do
     space = matmul(q, matmul(moduli, transpose(q)))

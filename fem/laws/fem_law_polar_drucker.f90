@@ -108,8 +108,9 @@ contains
     if (yields) then
       call self%cone%find_return(trial, x, iterations, good)
       if (.not. good) return
+      trial%x = x
       if (x < 1.0_wp) then
-        call self%to_cone(trial, elastic, x, new, flow, state, tangent)
+        call self%to_cone(trial, elastic, new, flow, state, tangent)
       else
         call self%to_apex(trial, elastic, new, flow, state, tangent)
       end if
@@ -136,16 +137,17 @@ contains
   end function trial_of
 
   !> Stress, flow and tangent of a return to the cone.
-  pure subroutine to_cone(self, trial, elastic, x, new, flow, state, tangent)
+  pure subroutine to_cone(self, trial, elastic, new, flow, state, tangent)
     class(fem_law_polar_drucker_type), intent(in) :: self
     type(fem_trial_type), intent(in) :: trial
-    real(wp), intent(in) :: elastic(polar_size), x
+    real(wp), intent(in) :: elastic(polar_size)
     real(wp), intent(out) :: new(polar_size), flow(polar_size)
     real(wp), intent(inout) :: state(:)
     real(wp), intent(out) :: tangent(polar_size, polar_size)
     real(wp) :: left(families), n(polar_size), v(polar_size), rate(polar_size)
-    real(wp) :: q, t, q_rate, bulk, c, slope, hard, step
+    real(wp) :: x, q, t, q_rate, bulk, c, slope, hard, step
     bulk = trial%bulk
+    x = trial%x
     t = x/(self%modulus_of(1)*(1.0_wp - x))
     left = (1.0_wp - x)/(1.0_wp + x*(trial%ratio - 1.0_wp))
     left(mean_family) = 1.0_wp

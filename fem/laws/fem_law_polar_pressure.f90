@@ -1,6 +1,6 @@
 !> Micropolar elasticity whose moduli all grow with the pressure, `micropolar_pressure`: the
 !! hyperelastic power law of Houlsby, Amorosi and Rojas (2005) with the families of fem_polar in
-!! place of the deviator (theory: laws with a state). With the moduli E_i of the families at the
+!! place of the deviator (eq. F.24). With the moduli E_i of the families at the
 !! reference pressure p0, K that of the volume, and sigma_i = S E_i e_i, p = -S (1 - n) K tr(e),
 !!   P^2 = p^2 + (1 - n) K sum_i |sigma_i|^2/E_i,  S = (P/p0)^n, P not below a least pressure in S.
 !! The stored energy is a function of P alone; under isotropic pressure all moduli are S times those

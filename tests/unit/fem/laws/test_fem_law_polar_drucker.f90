@@ -217,8 +217,8 @@ contains
     trial = trial*(1.0_wp - law%modulus_of(1)*step/q)
     call test%check_close('closed form: couple stress', max_abs(stress(10:) - trial(10:)) &
                           /max_abs(trial(10:)), 0.0_wp, 1.0e-12_wp)
-    call test%check_close('closed form: hardening', state(common_size + 1)/(law%cone%a_flow*step), &
-                          1.0_wp, 1.0e-12_wp)
+    call test%check_close('closed form: hardening', state(common_size + 1) &
+                          /(law%cone%a_flow*step), 1.0_wp, 1.0e-12_wp)
   end subroutine check_returns
 
   !> Symmetric states without couple stress are those of the classical law, in 18 components and

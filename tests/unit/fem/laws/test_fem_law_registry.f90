@@ -28,21 +28,16 @@ contains
   subroutine check_deck()
     type(key_table_type) :: table
     class(fem_law_type), allocatable :: law
-    integer(i4) :: g, i, j
+    integer(i4) :: g, j
     call fem_deck_table(table)
-    do g = 1, table%group_count
-      if (table%group(g)%name /= 'material') cycle
-      do i = 1, table%group(g)%key_count
-        associate (key => table%group(g)%key(i))
-          if (key%name /= 'law') cycle
-          call test%check('as many laws as the deck has', size(key%choice) == size(list))
-          do j = 1, int(size(key%choice), i4)
-            call make_law(key%choice(j)%s, law)
-            call test%check_text('law of the deck', trim(law%name), key%choice(j)%s)
-          end do
-        end associate
+    g = table%find('material')
+    associate (key => table%group(g)%key(table%group(g)%find('law')))
+      call test%check('as many laws as the deck has', size(key%choice) == size(list))
+      do j = 1, int(size(key%choice), i4)
+        call make_law(key%choice(j)%s, law)
+        call test%check_text('law of the deck', trim(law%name), key%choice(j)%s)
       end do
-    end do
+    end associate
   end subroutine check_deck
 
   !> Names with units, each once; states as many as names; traits that go together.
