@@ -17,7 +17,8 @@ module fem_mumps
 
   include 'dmumps_struc.h'
 
-  integer(i4), parameter :: spd = 1, unsymmetric = 0, given_order = 1, distributed = 3
+  integer(i4), parameter :: spd = 1, unsymmetric = 0, symmetric = 2
+  integer(i4), parameter :: given_order = 1, distributed = 3
   integer(i4), parameter :: storage_auto = 0, storage_memory = 1, storage_disk = 2
   real(wp), parameter :: usable = 0.9_wp   !! share of the free memory that factors may take
   real(wp), parameter :: mega = 1.0e6_wp
@@ -31,6 +32,7 @@ module fem_mumps
   type :: mumps_type
     logical :: general = .false.         !! not symmetric: all entries are given, not one triangle
     logical :: indefinite = .false.      !! negative pivots are no fault
+    logical :: pivoting = .false.        !! symmetric, with pivots of 1 x 1 and 2 x 2
     integer(i4) :: storage = storage_auto
     character(len=:), allocatable :: scratch  !! folder of factors on disk
     logical :: on_disk = .false.         !! the factors are
@@ -65,7 +67,7 @@ contains
     allocate (self%id)
     self%n = n
     self%id%comm = self%ranks%comm
-    self%id%sym = merge(unsymmetric, spd, self%general)
+    self%id%sym = merge(unsymmetric, merge(symmetric, spd, self%pivoting), self%general)
     self%id%par = 1
     self%id%job = -1
     call dmumps(self%id)

@@ -17,6 +17,7 @@ module fem_parts
   type :: fem_scheme_type
     logical :: dynamic = .false.      !! steps in time with velocities
     logical :: massive = .false.      !! mass matters: dynamics or modes
+    logical :: damped = .false.       !! damping and absorbing faces act
     logical :: explicit = .false.     !! central differences, lumped mass; dynamic is true too
     logical :: linear_only = .false.  !! no law with a state
     real(wp) :: beta = 0.25_wp, gamma = 0.5_wp  !! Newmark's

@@ -289,7 +289,7 @@ contains
     real(wp), allocatable :: values(:)
     if (.not. self%table%is_open()) return
     call analysis%row(body, values)
-    call self%table%write(values, errors)
+    if (size(values) > 0) call self%table%write(values, errors)
   end subroutine write_row
 
   subroutine write_history(self, body, errors)

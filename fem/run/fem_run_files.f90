@@ -104,7 +104,8 @@ contains
     real(wp), parameter :: giga = 1.0e9_wp
     associate (solver => model%body%system%solver)
       if (.not. model%opened .or. solver%factorisations <= model%logged_factors) return
-      if (model%body%matter%active .and. model%logged_factors > 0) return  ! one an iteration
+      if ((model%body%matter%active .or. model%analysis%listed) .and. &
+          model%logged_factors > 0) return  ! one an iteration or a step
       model%logged_factors = solver%factorisations
       if (solver%iterative) then
         call model%log%item('solver', 'conjugate gradients', str(solver%free)// &

@@ -46,6 +46,7 @@ contains
     end do
     call analysis%read(deck, body%scheme, errors)
     body%scheme%massive = body%scheme%massive .or. body%scheme%dynamic
+    body%scheme%damped = body%scheme%damped .or. body%scheme%dynamic
     call deck%get('analysis', 1, 'rayleigh_mass', body%damping%mass)
     call deck%get('analysis', 1, 'rayleigh_stiffness', body%damping%stiffness)
   end subroutine read_analysis
@@ -66,7 +67,7 @@ contains
                         s, 'group', group_hint(body%mesh, name, [group_facet]))
         cycle
       end if
-      if (.not. body%scheme%dynamic) then
+      if (.not. body%scheme%damped) then
         call deck%fault(errors, 'D325', 'absorbing faces act in dynamics alone', 'absorbing', s, &
                         'group', "take kind = 'newmark', 'hht' or 'explicit', or leave them out")
         cycle
