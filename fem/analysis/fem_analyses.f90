@@ -4,6 +4,7 @@ module fem_analyses
   use fem_analysis, only: fem_analysis_type
   use fem_analysis_arc, only: fem_analysis_arc_type
   use fem_analysis_explicit, only: fem_analysis_explicit_type
+  use fem_analysis_harmonic, only: fem_analysis_harmonic_type
   use fem_analysis_hht, only: fem_analysis_hht_type
   use fem_analysis_modal, only: fem_analysis_modal_type
   use fem_analysis_newmark, only: fem_analysis_newmark_type
@@ -35,6 +36,7 @@ contains
     case ('newmark'); allocate (fem_analysis_newmark_type :: analysis)
     case ('hht'); allocate (fem_analysis_hht_type :: analysis)
     case ('explicit'); allocate (fem_analysis_explicit_type :: analysis)
+    case ('harmonic'); allocate (fem_analysis_harmonic_type :: analysis)
     case ('modal'); allocate (fem_analysis_modal_type :: analysis)
     case default; error stop 'bug: a kind of deck.toml is not in the registry of analyses'
     end select

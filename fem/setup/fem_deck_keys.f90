@@ -572,14 +572,16 @@ contains
 
   subroutine group_analysis(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('analysis', 21, &
+    call table%add_group('analysis', 26, &
       'What is computed, and in which steps.', required=.true.)
     call table%add_key('kind', 'string', '', &
       '`static`: equilibrium at each step; `newmark` and `hht`: implicit dynamics with ' &
       //'consistent mass; `explicit`: central differences with lumped mass; `modal`: the ' &
-      //'lowest free vibrations; `relaxation`: equilibrium by a damped pseudo-motion.')
+      //'lowest free vibrations; `relaxation`: equilibrium by a damped pseudo-motion; ' &
+      //'`harmonic`: steady-state response to loads and motions whose amplitudes are ' &
+      //'their values at time 0.')
     call table%need()
-    call table%allow('static|newmark|hht|explicit|modal|relaxation')
+    call table%allow('static|newmark|hht|explicit|modal|relaxation|harmonic')
     call table%add_key('dt', 'real', 's', &
       'Time step. Statics: t_end in one step if left out. Needed for `newmark` and ' &
       //'`hht`; `explicit` takes dt_factor times the largest stable step if it is left ' &
@@ -598,7 +600,7 @@ contains
     call table%preset('-0.05')
     call table%bounds(min=-0.3333333333333333_wp, max=0.0_wp)
     call table%add_key('rayleigh_mass', 'real', '1/s', &
-      'Rayleigh damping, factor a of C = a M + b K.')
+      'Rayleigh damping, factor a of C = a M + b K; of dynamics and `harmonic`.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
     call table%add_key('rayleigh_stiffness', 'real', 's', &
@@ -614,6 +616,11 @@ contains
     call table%add_key('allow_unstable', 'logical', '', &
       'Take a dt above the largest stable step all the same, with a warning.')
     call table%preset('.false.')
+    call group_analysis_2(table)
+  end subroutine group_analysis
+
+  subroutine group_analysis_2(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('rotation_mass', 'real', '', &
       'Factor on the micro-inertia in `explicit`, so that slow motions need not follow ' &
       //'its fast rotations. ''auto'' raises it in each element until displacements alone ' &
@@ -621,11 +628,6 @@ contains
     call table%preset('1.0')
     call table%bounds(min=0.0_wp)
     call table%words('auto', [0.0_wp])
-    call group_analysis_2(table)
-  end subroutine group_analysis
-
-  subroutine group_analysis_2(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('solver', 'string', '', &
       'How `static` solves its equations: `direct` by factors (MUMPS), which serve any ' &
       //'number of steps; `iterative` by conjugate gradients with an incomplete ' &
@@ -642,6 +644,33 @@ contains
     call table%add_key('scratch', 'string', '', &
       'Folder for factors on disk; that of the deck if left out.')
     call table%preset('')
+    call table%add_key('frequencies', 'real', 'Hz', &
+      'Frequencies of `harmonic`, in any order; or give frequency_range.')
+    call table%sized(1_i4, huge(1_i4))
+    call table%bounds(above=0.0_wp)
+    call table%add_key('frequency_range', 'real', 'Hz', &
+      'First and last frequency of `harmonic`, with frequency_count of them in equal ' &
+      //'steps.')
+    call table%sized(2_i4, 2_i4)
+    call table%bounds(above=0.0_wp)
+    call table%add_key('frequency_count', 'integer', '', &
+      'Frequencies of frequency_range, the ends among them.')
+    call table%preset('50')
+    call table%bounds(min=2.0_wp)
+    call table%add_key('loss_factor', 'real', '', &
+      'Structural damping of `harmonic`: the stiffness is K (1 + i loss_factor).')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%add_key('response', 'string', '', &
+      'Groups whose mean displacement (and micro-rotation) stands in ' &
+      //'`<deck>_harmonic.csv` of `harmonic`, by amplitude and phase; reactions of ' &
+      //'supported and moved groups do anyway.')
+    call table%sized(1_i4, 99_i4)
+    call group_analysis_3(table)
+  end subroutine group_analysis_2
+
+  subroutine group_analysis_3(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('modes', 'integer', '', &
       'Number of modes of `modal`, from the lowest; rigid motions count.')
     call table%preset('10')
@@ -672,11 +701,6 @@ contains
       //'`<deck>_arc.csv` has it.')
     call table%preset('load')
     call table%allow('load|arc_length')
-    call group_analysis_3(table)
-  end subroutine group_analysis_2
-
-  subroutine group_analysis_3(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('first_share', 'real', '', &
       'Load factor of the first step by arc length, which sets its length; dt/t_end if ' &
       //'left out.')

@@ -15,15 +15,18 @@ module fem_setup_analysis
   public :: read_analysis, read_absorbing
 
   !> Keys that only some kinds know.
-  character(len=*), parameter :: keys(19) = [character(len=18) :: 'beta', 'gamma', 'alpha', &
+  character(len=*), parameter :: keys(24) = [character(len=18) :: 'beta', 'gamma', 'alpha', &
     'dt_factor', 'allow_unstable', 'rotation_mass', 'modes', 'tolerance', 'max_iterations', &
     'rayleigh_mass', 'rayleigh_stiffness', 'solver', 'factors', 'scratch', 'step_cuts', &
-    'continuation', 'first_share', 'arc_growth', 'arc_iterations']
-  character(len=*), parameter :: kinds(19) = [character(len=35) :: 'newmark', 'newmark', 'hht', &
+    'continuation', 'first_share', 'arc_growth', 'arc_iterations', 'frequencies', &
+    'frequency_range', 'frequency_count', 'loss_factor', 'response']
+  character(len=*), parameter :: kinds(24) = [character(len=35) :: 'newmark', 'newmark', 'hht', &
     'explicit', 'explicit', 'explicit', 'modal', 'modal relaxation static newmark hht', &
     'modal relaxation static newmark hht', &
-    'newmark hht explicit', 'newmark hht explicit', 'static', 'static newmark hht modal', &
-    'static newmark hht modal', 'static newmark hht', 'static', 'static', 'static', 'static']
+    'newmark hht explicit harmonic', 'newmark hht explicit harmonic', 'static', &
+    'static newmark hht modal harmonic', 'static newmark hht modal harmonic', &
+    'static newmark hht', 'static', 'static', 'static', 'static', 'harmonic', 'harmonic', &
+    'harmonic', 'harmonic', 'harmonic']
 
 contains
 
@@ -69,7 +72,8 @@ contains
       end if
       if (.not. body%scheme%damped) then
         call deck%fault(errors, 'D325', 'absorbing faces act in dynamics alone', 'absorbing', s, &
-                        'group', "take kind = 'newmark', 'hht' or 'explicit', or leave them out")
+                        'group', 'take a kind with damping (newmark, hht, explicit, harmonic), '// &
+                        'or leave them out')
         cycle
       end if
       if (any_layered(body, g)) then
