@@ -88,7 +88,7 @@ contains
       allocate (o%share%weight(size(pair, 2)), o%share%beta(size(points%element)), source=1.0_wp)
       if (fades) o%share%weight = choices%overlap%rho*omega_mean(depth(pair(1, :)), &
         depth(pair(2, :)), o%sets%depth, flat)
-      if (fades) o%share%weight = clipped(o%share%weight)
+      if (fades .and. o%rules%least_weight > 0.0_wp) o%share%weight = clipped(o%share%weight)
     end associate
     do q = 1, size(o%share%beta)
       select case (o%sets%part(points%element(q)))
@@ -97,7 +97,7 @@ contains
       case (part_ghost)
         if (fades) o%share%beta(q) = 1.0_wp - omega(o%sets%hull%distance(points%x(:, q)), &
                                               o%sets%depth, flat)
-        if (fades) o%share%beta(q) = clipped(o%share%beta(q))
+        if (fades .and. o%rules%least_weight > 0.0_wp) o%share%beta(q) = clipped(o%share%beta(q))
       end select
     end do
 
