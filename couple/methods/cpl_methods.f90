@@ -4,6 +4,7 @@ module cpl_methods
   use cpl_bridging_scale, only: bridging_scale_type
   use cpl_facet_method, only: facet_method_type
   use cpl_method, only: cpl_method_type
+  use cpl_penalty, only: penalty_type
   use cpl_static_overlap, only: static_overlap_type
   implicit none
   private
@@ -20,6 +21,7 @@ contains
     case ('bridging_scale'); allocate (bridging_scale_type :: method)
     case ('static_overlap'); allocate (static_overlap_type :: method)
     case ('bridging_domain'); allocate (bridging_domain_type :: method)
+    case ('penalty'); allocate (penalty_type :: method)
     case default; error stop 'bug: a coupling method without its line'
     end select
   end subroutine choose_method

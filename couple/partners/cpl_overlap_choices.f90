@@ -105,6 +105,10 @@ contains
     call deck%get('overlap', 1, 'multipliers', choices%multipliers)
     call deck%get('overlap', 1, 'least_weight', choices%least_weight)
     if (choices%method /= 'bridging_domain') call idle('multipliers')
+    if (choices%method /= 'penalty') then
+      call idle('penalty')
+      call idle('penalty_damping')
+    end if
     if (.not. choices%bound) then
       call idle('least_weight')
       return

@@ -214,16 +214,17 @@ contains
 
   subroutine group_overlap(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('overlap', 23, &
+    call table%add_group('overlap', 25, &
       'Grains and solid overlap: free grains move the nodes over them, ghost grains ' &
       //'follow the solid, and energy is counted once. A deck has exactly one of facets ' &
       //'and overlap.')
     call table%add_key('method', 'string', '', &
       '`''bridging_scale''`: ghosts follow the nodes, free grains move them. ' &
       //'`''bridging_domain''`: the grains in the elements of the ghosts are free, share ' &
-      //'mass and energy with the nodes there, and are bound to them by multipliers.')
+      //'mass and energy with the nodes there, and are bound to them by multipliers. ' &
+      //'`''penalty''`: the same with springs in place of multipliers.')
     call table%preset('bridging_scale')
-    call table%allow('bridging_scale|bridging_domain')
+    call table%allow('bridging_scale|bridging_domain|penalty')
     call table%add_key('multipliers', 'string', '', &
       'Bridging domain: `''consistent''`, bound grains move with the nodes (one ' &
       //'factorisation); `''lumped''`, row sums, without a system of equations: it ' &
@@ -235,6 +236,16 @@ contains
       //'else would be 0.')
     call table%preset('0.01')
     call table%bounds(above=0.0_wp, below=0.5_wp)
+    call table%add_key('penalty', 'real', '', &
+      'Penalty: stiffness of the springs between grains and nodes, as (ω Δt/2)² of the ' &
+      //'highest frequency ω that they have alone; at 1 they take the whole stable step. ' &
+      //'The gap falls as 1/penalty.')
+    call table%preset('0.25')
+    call table%bounds(above=0.0_wp, below=1.0_wp)
+    call table%add_key('penalty_damping', 'real', '', &
+      'Penalty: dashpots beside the springs, as a ratio to critical damping at ω.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
     call table%add_key('free_elements', 'string', '', &
       'Volume group of the mesh in which grains are free and move the nodes. Give this ' &
       //'or free_box.')
@@ -248,6 +259,11 @@ contains
     call table%add_key('ghost_box', 'real', 'm', &
       'The same by a box; elements of the free grains are left out.')
     call table%sized(6_i4, 6_i4)
+    call group_overlap_2(table)
+  end subroutine group_overlap
+
+  subroutine group_overlap_2(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('rotation', 'string', '', &
       'Rotation of the ghosts: `''micro''`, with the micro-rotation of a micropolar ' &
       //'solid, whose nodes over free grains take the grains'' rotation; `''curl''`, with ' &
@@ -265,11 +281,6 @@ contains
       //'moments are couples on it.')
     call table%preset('rotations')
     call table%allow('rotations|positions|spins')
-    call group_overlap_2(table)
-  end subroutine group_overlap
-
-  subroutine group_overlap_2(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('projection', 'string', '', &
       'How free grains move the nodes: `''l2''`, the best fit (one factorisation); ' &
       //'`''mls''`, moving least squares around each node, without a system of equations.')
@@ -295,6 +306,11 @@ contains
       //'force, above which the run warns that it has not settled.')
     call table%preset('0.0001')
     call table%bounds(above=0.0_wp, below=1.0_wp)
+    call group_overlap_3(table)
+  end subroutine group_overlap_2
+
+  subroutine group_overlap_3(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('partition', 'string', '', &
       'How energy in the layer of ghosts is shared: `''ramp''`, contacts between ghosts ' &
       //'fade out and the solid fades in with the distance from the free grains; `''fit''`,' &
@@ -312,11 +328,6 @@ contains
       //'random packs of spheres.')
     call table%preset('1.0')
     call table%bounds(max=1.0_wp, above=0.0_wp)
-    call group_overlap_3(table)
-  end subroutine group_overlap_2
-
-  subroutine group_overlap_3(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('initial', 'string', '', &
       'What happens to forces that are not balanced when the coupling begins: ' &
       //'`''stress''`: the mean stress of the grains, corrected until contacts, stress and ' &
@@ -346,6 +357,11 @@ contains
       //'carry are not reflected. A tenth of the highest frequency of the grains is much.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call group_overlap_4(table)
+  end subroutine group_overlap_3
+
+  subroutine group_overlap_4(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('remap', 'real', '', &
       'Motion of a free grain past the nodes, over the length of an element, beyond ' &
       //'which the projection is made anew from where all are (logged); 0 never. Grains ' &
@@ -365,11 +381,6 @@ contains
       //'overlap, an upper bound. Micropolar kappa and couple moduli are always affine.')
     call table%preset('deck')
     call table%allow('deck|probed|affine')
-    call group_overlap_4(table)
-  end subroutine group_overlap_3
-
-  subroutine group_overlap_4(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('probe', 'file', '', &
       'File of probed moduli (`<deck>_probe.json` of talus-dem), for moduli = ''probed''.')
   end subroutine group_overlap_4
