@@ -72,9 +72,7 @@ contains
       call field%n%transposed(impulse, on_nodes)
       given = 0.5_wp*sum(impulse*(v + trial))
       taken = 0.5_wp*sum(on_nodes*(d0(:, field%at) + d(:, field%at)))
-      self%o%ledger%work_given = self%o%ledger%work_given + given
-      self%o%ledger%work_taken = self%o%ledger%work_taken + taken
-      self%o%ledger%turnover = self%o%ledger%turnover + 0.5_wp*sum(abs(impulse*(v + trial)))
+      call self%o%ledger%add(given, taken, 0.5_wp*sum(abs(impulse*(v + trial))))
       self%o%ledger%lost = self%o%ledger%lost + taken - given
     end subroutine bind_field
   end subroutine bind

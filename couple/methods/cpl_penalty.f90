@@ -120,7 +120,7 @@ contains
                         m%w, b%couple)
         b%couple = b%couple + b%hold_couple
       end if
-      o%ledger%work_taken = o%ledger%work_taken - (stored - o%ledger%bond)
+      call o%ledger%add(0.0_wp, o%ledger%bond - stored, 0.0_wp)
       o%ledger%bond = stored
     end associate
 
@@ -150,12 +150,8 @@ contains
       given = 0.5_wp*kick*sum(force*(v + after))
       taken = 0.5_wp*kick*sum(on_nodes*(d0(:, field%at) + d(:, field%at)))
       lost = -0.5_wp*kick*sum(dashpot*(rate + field%gap(after, d)))
-      associate (ledger => self%o%ledger)
-        ledger%work_given = ledger%work_given + given
-        ledger%work_taken = ledger%work_taken + taken - lost
-        ledger%turnover = ledger%turnover + 0.5_wp*kick*sum(abs(force*(v + after)))
-        ledger%lost = ledger%lost + lost
-      end associate
+      call self%o%ledger%add(given, taken - lost, 0.5_wp*kick*sum(abs(force*(v + after))))
+      self%o%ledger%lost = self%o%ledger%lost + lost
     end subroutine bind_field
   end subroutine bind
 

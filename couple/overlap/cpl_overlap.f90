@@ -69,36 +69,15 @@ contains
   !> Zero state for sets and operators that have been made.
   subroutine allocate_state(self)
     class(overlap_type), intent(inout) :: self
-    integer(i4) :: nf, ng, n, np
-    nf = self%op%free
-    ng = self%op%ghosts
-    n = self%op%nodes
-    np = self%op%nodes_phi
-    allocate (self%motion%q_before(3, nf), self%motion%theta_before(3, nf), source=0.0_wp)
-    allocate (self%motion%q(3, nf), self%motion%theta(3, nf), self%forces%force(3, nf), &
-      self%forces%moment(3, nf), self%map%theta_ref(3, nf), self%forces%force_hold(3, nf), &
-      self%forces%moment_hold(3, nf), self%forces%contact(3, nf), self%forces%contact_moment(3, &
-      nf), self%motion%speed(3, nf), self%motion%spin(3, nf), source=0.0_wp)
-    allocate (self%forces%inertial(3, self%op%hats), self%forces%inertial_phi(3, &
-      self%op%hats_phi), source=0.0_wp)
-    allocate (self%motion%u(3, n), self%motion%v(3, n), self%forces%f(3, n), self%forces%bulk(3, &
-      n), self%forces%element(3, n), self%forces%f_hold(3, n), source=0.0_wp)
-    allocate (self%motion%phi(3, np), self%motion%w(3, np), self%forces%c(3, np), &
-      self%forces%bulk_phi(3, np), self%forces%element_phi(3, np), self%forces%c_hold(3, np), &
-      source=0.0_wp)
-    allocate (self%motion%d(3, ng), self%motion%turn(3, ng), self%forces%p(3, ng), &
-      self%forces%m(3, ng), source=0.0_wp)
-    self%motion%quat = self%pack%quat(:, self%sets%ghost)
-    allocate (self%own%held(3, n), self%own%held_phi(3, np), source=.false.)
-    allocate (self%map%u_map(3, n), self%map%phi_map(3, np), source=0.0_wp)
-    self%map%seen = self%sets%free_spot%element > 0
-    allocate (self%map%told(nf), source=.false.)
-    allocate (self%forces%steady(3, n), self%forces%steady_phi(3, np), source=0.0_wp)
-    self%map%x_free = self%pack%x(:, self%sets%free)
-    self%map%x_ghost = self%pack%x(:, self%sets%ghost)
-    self%map%x_node = self%cells%x(:, self%op%node)
-    self%own%mass = self%cells%mass(self%op%node)
-    self%own%inertia = self%cells%inertia(self%op%node_phi)
+    associate (op => self%op, x => self%pack%x, sets => self%sets)
+      call self%motion%init(op%free, op%nodes, op%nodes_phi, self%pack%quat(:, sets%ghost))
+      call self%forces%init(op%free, op%ghosts, op%nodes, op%nodes_phi, op%hats, op%hats_phi)
+      call self%map%init(x(:, sets%free), x(:, sets%ghost), self%cells%x(:, op%node), &
+                         op%nodes_phi, sets%free_spot%element > 0)
+      allocate (self%own%held(3, op%nodes), self%own%held_phi(3, op%nodes_phi), source=.false.)
+      self%own%mass = self%cells%mass(op%node)
+      self%own%inertia = self%cells%inertia(op%node_phi)
+    end associate
   end subroutine allocate_state
 
   !> Hat nodes and ghosts where free grains and edge are now; velocity and spin with which ghosts
@@ -224,9 +203,7 @@ contains
       taken = taken + work_since(size(q0), self%own%damping%force, self%motion%q, q0)
     if (self%own%damping_phi%active) &
       taken = taken + work_since(size(q0), self%own%damping_phi%force, self%motion%theta, theta0)
-    self%ledger%turnover = self%ledger%turnover + through
-    self%ledger%work_given = self%ledger%work_given + given
-    self%ledger%work_taken = self%ledger%work_taken + taken
+    call self%ledger%add(given, taken, through)
     if (.not. self%forces%parts%active) call self%note_dead(q0, theta0, u0, phi0)
   end subroutine note_work
 

@@ -9,12 +9,14 @@ module cpl_overlap_mass
   use talus_kinds, only: wp, i4
   use talus_text, only: str
   use talus_errors, only: error_list_type
+  use cpl_cells, only: cells_type
   use cpl_elements, only: most_nodes, corner_count
+  use cpl_fine_damping, only: ramp_from_ghosts
   use cpl_overlap, only: overlap_type
-  use cpl_sets, only: part_free
+  use cpl_sets, only: part_ghost, part_free
   implicit none
   private
-  public :: share_mass, hat_shares
+  public :: share_mass, hat_shares, damp_fine_scale
 
   integer(i4), parameter :: sharers = 8          !! grains that a node's mass goes to
   integer(i4), parameter :: named = 5            !! grains that a message names
@@ -55,6 +57,19 @@ contains
     o%own%factor = 1.0_wp + extra/o%pack%mass(o%sets%free)
     call check_factors(o, errors)
   end subroutine share_mass
+
+  !> Damping of the fine scale, strongest at the ghosts, for cells as they are now.
+  subroutine damp_fine_scale(o, cells)
+    type(overlap_type), intent(inout) :: o
+    type(cells_type), intent(in) :: cells
+    real(wp) :: ramp(o%op%free)
+    associate (rate => o%rules%fine_damping, free => o%sets%free)
+      call ramp_from_ghosts(cells, o%sets%part == part_ghost, o%map%x_free, o%map%seen, ramp)
+      call o%own%damping%build(rate, ramp, o%own%factor*o%pack%mass(free))
+      if (o%rules%turns) call o%own%damping_phi%build(rate, ramp, &
+                                                      o%own%factor*o%pack%slimmest(free))
+    end associate
+  end subroutine damp_fine_scale
 
   !> The mass of each node to the free grains nearest to it.
   subroutine share_nearest(o, mass, extra)

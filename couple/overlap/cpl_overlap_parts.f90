@@ -69,9 +69,7 @@ contains
     call timers%start('works')
     call o%forces%parts%work(o%op, o%motion%d, o%motion%turn, o%motion%q, o%motion%theta, &
       o%motion%u, o%motion%phi, given, taken, turnover)
-    o%ledger%work_given = o%ledger%work_given + given
-    o%ledger%work_taken = o%ledger%work_taken + taken
-    o%ledger%turnover = o%ledger%turnover + turnover
+    call o%ledger%add(given, taken, turnover)
     call o%note_dead(o%forces%parts%q, o%forces%parts%theta, o%forces%parts%u, o%forces%parts%phi)
     call o%forces%parts%gather()
     call timers%stop('works')

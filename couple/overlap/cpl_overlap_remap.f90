@@ -10,11 +10,11 @@ module cpl_overlap_remap
   use talus_errors, only: error_list_type
   use talus_log, only: short_number
   use cpl_cells, only: cells_type, spot_type
-  use cpl_fine_damping, only: ramp_from_ghosts
   use cpl_operators, only: riders_type
   use cpl_overlap, only: overlap_type
+  use cpl_overlap_mass, only: damp_fine_scale
   use cpl_overlap_parts, only: settle_parts
-  use cpl_sets, only: part_free, part_ghost
+  use cpl_sets, only: part_free
   implicit none
   private
   public :: look_after, rebuild_map
@@ -159,7 +159,6 @@ contains
     type(spot_type), intent(in) :: spot(:)
     type(error_list_type), intent(inout) :: errors
     type(riders_type) :: riders
-    real(wp), dimension(o%op%free) :: ramp
 
     riders%spot = spot
     riders%x = o%map%x_free
@@ -175,12 +174,8 @@ contains
         o%own%mass(:o%op%hats), errors)
       if (o%own%carried_phi%active) call o%own%carried_phi%build(o%op%p_phi, o%pack%inertia(free), &
         o%own%inertia(:o%op%hats_phi), errors)
-      if (.not. o%own%damping%active) return
-      call ramp_from_ghosts(moved, o%sets%part == part_ghost, o%map%x_free, o%map%seen, ramp)
-      call o%own%damping%build(o%rules%fine_damping, ramp, o%own%factor*o%pack%mass(free))
-      if (o%rules%turns) call o%own%damping_phi%build(o%rules%fine_damping, ramp, &
-        o%own%factor*o%pack%slimmest(free))
     end associate
+    if (o%own%damping%active) call damp_fine_scale(o, moved)
   end subroutine map_from
 
   !> The mesh with the nodes of the overlap where they are.

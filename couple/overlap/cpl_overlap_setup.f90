@@ -11,11 +11,10 @@ module cpl_overlap_setup
   use cpl_operators, only: weigh_unit, weigh_mass, weigh_volume
   use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, &
     hat_phi_set, edge_phi_set
-  use cpl_fine_damping, only: ramp_from_ghosts
   use cpl_overlap_file, only: hash_of
   use cpl_overlap_limit, only: check_step
   use cpl_overlap_loads, only: begin_loads
-  use cpl_overlap_mass, only: share_mass
+  use cpl_overlap_mass, only: share_mass, damp_fine_scale
   use cpl_overlap_parts, only: begin_parts
   use cpl_overlap_static, only: begin_static
   use cpl_overlap_start, only: start_type, prepare_start, balance_start
@@ -376,7 +375,6 @@ contains
     real(wp), intent(in) :: rate  !! [1/s]
     type(cpl_solver_type), intent(in) :: grains
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: ramp(o%op%free)
     if (.not. rate > 0.0_wp) return
     if (rate*grains%dt > 1.0_wp) then
       call errors%add('D426', 'fine_damping = '//str(rate)//' 1/s stops the fine scale in less '// &
@@ -384,10 +382,7 @@ contains
                       'take at most 1/dt; a tenth of the highest frequency of the grains is much')
       return
     end if
-    call ramp_from_ghosts(o%cells, o%sets%part == part_ghost, o%map%x_free, o%map%seen, ramp)
-    call o%own%damping%build(rate, ramp, o%own%factor*o%pack%mass(o%sets%free))
-    if (o%rules%turns) call o%own%damping_phi%build(rate, ramp, &
-      o%own%factor*o%pack%slimmest(o%sets%free))
+    call damp_fine_scale(o, o%cells)
   end subroutine make_damping
 
   !> Forces of the elements without hat nodes at the start, which the others or dead loads balance,
