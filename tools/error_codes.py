@@ -23,9 +23,6 @@ ANY = re.compile(r"\b[A-Z]\d{3}\b")
 #: Codes without a failing deck, and why; those tested by a unit test are named with it.
 UNTESTED: dict[str, str] = {
     "D023": "no group, key or choice has a former name yet; test_talus_deck has it",
-    "D024": "no deck.toml says `of` yet; test_talus_deck has it",
-    "D025": "no deck.toml says `excludes` yet; test_talus_deck has it",
-    "D026": "no deck.toml says `choices_of` yet; test_talus_deck has it",
     "N405": "guards the identities of the operators; no mesh that talus-fem takes breaks them",
     "N224": "guards the choice of ghosts near free grains; a unit test of the port has it",
     "N422": "guards the identities of the operators; no mesh that talus-fem takes breaks them",

@@ -1,7 +1,8 @@
-!> How the keys of a deck depend on each other: keys that belong to a choice, need or exclude others.
+!> Rules between the keys of a deck: keys that belong to a choice, need or exclude other keys.
 !!
-!! The rules stand in the table (`of`, `required`, `needs`, `excludes`, `one_of` of deck.toml). Where
-!! the value of a choosing key is not known, because it is missing or faulty, nothing is concluded.
+!! They stand in the table (`of`, `required`, `needs`, `excludes`, `one_of` of deck.toml). Where the
+!! value of a choosing key is not known, because it or its group is missing or faulty, nothing is
+!! concluded.
 module talus_deck_rules
   use talus_kinds, only: i4
   use talus_text, only: string_type, str, join
@@ -287,7 +288,7 @@ contains
       do place = syntax%instance_count, 1, -1
         if (syntax%instance(place)%group == g) exit
       end do
-      if (any(syntax%instance(:syntax%instance_count)%group == 0)) return  ! it may be meant
+      if (place == 0) return
     end if
     if (g == 0) error stop 'bug: a rule of the key table names no group of it'
     j = table%group(g)%find(condition%key)
@@ -297,9 +298,7 @@ contains
       call read_choice(source, table, syntax, place, j, chosen%entry, value)
       if (chosen%entry == 0) then
         if (.not. allocated(key%preset)) return
-        if (place > 0) then
-          if (.not. complete(syntax, place)) return
-        end if
+        if (.not. complete(syntax, place)) return
         value = key%preset(1)%s
       end if
       do c = 1, size(key%choice)
@@ -325,8 +324,6 @@ contains
     integer(i4), allocatable :: at(:)
 
     value = ''
-    entry = 0
-    if (place == 0) return
     call find_entries(table, syntax, place, at)
     entry = at(j)
     if (entry == 0) return

@@ -156,8 +156,10 @@ contains
     call expect('chooser of another group', '&step / &tool disc = 1, speed = 2, force = 1 /', &
                 'D024:1:25')
     call says(1, 'speed has no meaning with kind = ''static'' of &step (default)')
-    call expect('group of another choice', '&damper rate = 1 / &step kind = ''static'' /', 'D024:1:1')
+    call expect('group of another choice', '&damper rate = 1 / &step kind = ''static'' /', &
+                'D024:1:1')
     call says(1, 'group &damper has no meaning with kind = ''static'' of &step')
+    call expect('chooser in a group that is missing', '&damper rate = 1 /', 'D010')
     call old_names()
     call make_table()
   end subroutine rule_faults
