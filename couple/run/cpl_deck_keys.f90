@@ -130,6 +130,7 @@ contains
       //'follow its motion.')
     call table%preset('average')
     call table%allow('average|iterated|state_at_n')
+    call table%choice_with('state_at_n', 'facets.interface', 'none')
     call table%add_key('tolerance', 'real', '', &
       'Iterated: largest distance between the ghosts and the facets they ride on, ' &
       //'relative to their motion in the interval, and largest difference of the force ' &
@@ -147,6 +148,7 @@ contains
     call table%add_group('facets', 12, &
       'Facets of the solid that meet the grains: ghost grains ride on them, or they are' &
       //' a surface that free grains touch. A deck has exactly one of facets and overlap.')
+    call table%one_of('ghosts|surface')
     call table%add_key('ghosts', 'string', '', &
       'Group of the packing whose grains become ghosts. Give this or surface.')
     call table%add_key('surface', 'string', '', &
@@ -161,6 +163,7 @@ contains
       //'thousandth of the facet''s size. A force off its facet leaves a moment, which the' &
       //' audit counts.')
     call table%bounds(min=0.0_wp)
+    call table%needs('ghosts')
     call table%add_key('rotation', 'string', '', &
       'Rotation of the ghosts. `''fixed''`: none; the moments that they take are counted ' &
       //'as lost in the audit. `''curl''`: they turn with half the curl of the displacement' &
@@ -174,6 +177,7 @@ contains
       //'around it, about one diameter; left out, it acts at a point. The ghosts then ' &
       //'follow the mean motion of the facets under the kernel.')
     call table%bounds(above=0.0_wp)
+    call table%needs('ghosts')
     call table%add_key('interface', 'string', '', &
       'What keeps the exchange stable when contacts are stiffer than the facets: ' &
       //'`''springs''` (a constant stiffness on the facets that acts on the change only), ' &
@@ -184,10 +188,13 @@ contains
       'Springs: stiffness at each ghost. Left out, one and a half times the largest ' &
       //'contact stiffness of a ghost, raised when contacts outgrow it.')
     call table%bounds(above=0.0_wp)
+    call table%only_with('interface', 'springs')
     call table%add_key('theta', 'real', '', &
       'Theta: share of the new force, 1/(1 + contact stiffness/facet stiffness); also ' &
       //'the first factor of Aitken.')
     call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%only_with('interface', 'theta|aitken')
+    call table%need_with('interface', 'theta')
     call group_facets_2(table)
   end subroutine group_facets
 
@@ -206,10 +213,12 @@ contains
       //'exchange, relative to their largest, below which the start is found.')
     call table%preset('0.0001')
     call table%bounds(above=0.0_wp, below=1.0_wp)
+    call table%only_with('initial', 'relax')
     call table%add_key('relax_exchanges', 'integer', '', &
       'Relax: exchanges after which the run begins all the same, with a warning.')
     call table%preset('500')
     call table%bounds(min=2.0_wp, max=1000000.0_wp)
+    call table%only_with('initial', 'relax')
   end subroutine group_facets_2
 
   subroutine group_overlap(table)
@@ -218,6 +227,8 @@ contains
       'Grains and solid overlap: free grains move the nodes over them, ghost grains ' &
       //'follow the solid, and energy is counted once. A deck has exactly one of facets ' &
       //'and overlap.')
+    call table%one_of('free_elements|free_box')
+    call table%one_of('ghost_elements|ghost_box')
     call table%add_key('method', 'string', '', &
       '`''bridging_scale''`: ghosts follow the nodes, free grains move them. ' &
       //'`''bridging_domain''`: the grains in the elements of the ghosts are free, share ' &
@@ -231,21 +242,25 @@ contains
       //'dissipates above the cut-off of the mesh.')
     call table%preset('consistent')
     call table%allow('consistent|lumped')
+    call table%only_with('method', 'bridging_domain')
     call table%add_key('least_weight', 'real', '', &
       'Bridging domain: weight of grains and continuum where each of them ends, which ' &
       //'else would be 0.')
     call table%preset('0.01')
     call table%bounds(above=0.0_wp, below=0.5_wp)
+    call table%only_with('method', 'bridging_domain|penalty')
     call table%add_key('penalty', 'real', '', &
       'Penalty: stiffness of the springs between grains and nodes, as (ω Δt/2)² of the ' &
       //'highest frequency ω that they have alone; at 1 they take the whole stable step. ' &
       //'The gap falls as 1/penalty.')
     call table%preset('0.25')
     call table%bounds(above=0.0_wp, below=1.0_wp)
+    call table%only_with('method', 'penalty')
     call table%add_key('penalty_damping', 'real', '', &
       'Penalty: dashpots beside the springs, as a ratio to critical damping at ω.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%only_with('method', 'penalty')
     call table%add_key('free_elements', 'string', '', &
       'Volume group of the mesh in which grains are free and move the nodes. Give this ' &
       //'or free_box.')
@@ -272,6 +287,8 @@ contains
       //'curl.')
     call table%preset('auto')
     call table%allow('auto|fixed|curl|micro')
+    call table%choice_with('fixed', 'method', 'bridging_scale')
+    call table%choice_with('curl', 'method', 'bridging_scale')
     call table%add_key('micro_deformation', 'string', '', &
       'Micro-deformation of the nodes over free grains in a micromorphic solid: ' &
       //'`''rotations''`, rotations by the mean rotation of the grains, the rest by the ' &
@@ -301,11 +318,14 @@ contains
       //'exchange.')
     call table%preset('symmetric')
     call table%allow('symmetric|state_at_n|static')
+    call table%choice_with('static', 'method', 'bridging_scale')
+    call table%choice_with('state_at_n', 'method', 'bridging_scale')
     call table%add_key('settled', 'real', '', &
       'Static: largest force that is not balanced at the end, over the mean contact ' &
       //'force, above which the run warns that it has not settled.')
     call table%preset('0.0001')
     call table%bounds(above=0.0_wp, below=1.0_wp)
+    call table%only_with('scheme', 'static')
     call group_overlap_3(table)
   end subroutine group_overlap_2
 
@@ -328,6 +348,7 @@ contains
       //'random packs of spheres.')
     call table%preset('1.0')
     call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%only_with('partition', 'auto|ramp|fit')
     call table%add_key('initial', 'string', '', &
       'What happens to forces that are not balanced when the coupling begins: ' &
       //'`''stress''`: the mean stress of the grains, corrected until contacts, stress and ' &
@@ -335,6 +356,7 @@ contains
       //'holds against them, so that nothing moves; `''none''` lets them act.')
     call table%preset('dead_load')
     call table%allow('dead_load|stress|none')
+    call table%choice_with('stress', 'method', 'bridging_scale')
     call table%add_key('mass', 'string', '', &
       'Mass that elements outside give to nodes that follow free grains: ' &
       //'`''consistent''`, it stays there and its inertia is handed back to the grains in ' &
@@ -344,6 +366,9 @@ contains
       //'projected.')
     call table%preset('auto')
     call table%allow('auto|consistent|projected|nearest')
+    call table%only_with('method', 'bridging_scale')
+    call table%choice_with('consistent', 'weights', 'mass')
+    call table%choice_with('consistent', 'projection', 'l2')
     call table%add_key('ghost_contacts', 'string', '', &
       'When contacts between ghosts are evaluated in the scheme `''symmetric''`: with ' &
       //'every step of the grains, or once an exchange, their forces acting in kicks at ' &
@@ -351,23 +376,27 @@ contains
       //'ghosts are far from free grains.')
     call table%preset('step')
     call table%allow('step|exchange')
+    call table%only_with('method', 'bridging_scale')
+    call table%choice_with('exchange', 'scheme', 'symmetric')
+    call group_overlap_4(table)
+  end subroutine group_overlap_3
+
+  subroutine group_overlap_4(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('fine_damping', 'real', '1/s', &
       'Rate at which the motion of free grains that the nodes do not see is damped at ' &
       //'the ghosts, fading to the far end of the elements: waves that the mesh cannot ' &
       //'carry are not reflected. A tenth of the highest frequency of the grains is much.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
-    call group_overlap_4(table)
-  end subroutine group_overlap_3
-
-  subroutine group_overlap_4(table)
-    type(key_table_type), intent(inout) :: table
+    call table%only_with('method', 'bridging_scale')
     call table%add_key('remap', 'real', '', &
       'Motion of a free grain past the nodes, over the length of an element, beyond ' &
       //'which the projection is made anew from where all are (logged); 0 never. Grains ' &
       //'near the elements may then come under them.')
     call table%preset('0.25')
     call table%bounds(min=0.0_wp)
+    call table%only_with('method', 'bridging_scale')
     call table%add_key('leaving', 'string', '', &
       'What happens when a free grain leaves the elements of the free grains: ' &
       //'`''remap''`, the projection is made anew without it (and with those that came), a ' &
@@ -375,6 +404,7 @@ contains
       //'the log and still moves its nodes; `''stop''` ends the run.')
     call table%preset('remap')
     call table%allow('remap|log|stop')
+    call table%only_with('method', 'bridging_scale')
     call table%add_key('moduli', 'string', '', &
       'Moduli of the solid: `''deck''`, its deck''s own; `''probed''`, those that talus-dem ' &
       //'has probed on the pack (`probe`); `''affine''`, the sum over the contacts of the ' &
@@ -383,5 +413,7 @@ contains
     call table%allow('deck|probed|affine')
     call table%add_key('probe', 'file', '', &
       'File of probed moduli (`<deck>_probe.json` of talus-dem), for moduli = ''probed''.')
+    call table%need()
+    call table%only_with('moduli', 'probed')
   end subroutine group_overlap_4
 end module cpl_deck_keys

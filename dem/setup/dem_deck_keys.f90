@@ -182,6 +182,7 @@ contains
       //'they are the same.')
     call table%preset('circle')
     call table%allow('circle|ellipse')
+    call table%only_with('law', 'hertz_mindlin|mindlin_deresiewicz|hertz_no_history')
     call table%add_key('friction', 'real', '', 'Coulomb coefficient of friction.')
     call table%need()
     call table%bounds(min=0.0_wp)
@@ -193,22 +194,27 @@ contains
       'Ratio of rebound to approach speed of a head-on impact, independent of the ' &
       //'speed; the damping ratio is found from it.')
     call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%excludes('damping_ratio')
     call table%add_key('tangential_damping', 'real', '', &
       'Fraction of critical damping of the tangential contact; left out, that of the ' &
       //'normal one.')
     call table%bounds(min=0.0_wp)
     call table%add_key('normal_stiffness', 'real', 'N/m', &
       'Normal stiffness; the law ''linear'' needs it, the others take it from the moduli.')
+    call table%need()
     call table%bounds(above=0.0_wp)
-    call table%add_key('tangential_stiffness', 'real', 'N/m', &
-      'Tangential stiffness; the law ''linear'' needs it, the others take it from the ' &
-      //'moduli.')
-    call table%bounds(above=0.0_wp)
+    call table%only_with('law', 'linear')
     call group_contact_2(table)
   end subroutine group_contact
 
   subroutine group_contact_2(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('tangential_stiffness', 'real', 'N/m', &
+      'Tangential stiffness; the law ''linear'' needs it, the others take it from the ' &
+      //'moduli.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%only_with('law', 'linear')
     call table%add_key('rolling_friction', 'real', '', &
       'Rolling resistance: an elastic-plastic spring on the relative spin across the ' &
       //'normal, whose moment is at most this times effective radius R_e times elastic ' &
@@ -238,11 +244,17 @@ contains
       //'force alone.')
     call table%preset('none')
     call table%allow('none|constant|dmt|jkr')
+    call table%choice_with('dmt', 'law', 'hertz_mindlin|mindlin_deresiewicz|hertz_no_history')
+    call table%choice_with('jkr', 'law', 'hertz_mindlin|mindlin_deresiewicz|hertz_no_history')
     call table%add_key('pull_force', 'real', 'N', 'Force of the cohesion ''constant''.')
+    call table%need()
     call table%bounds(above=0.0_wp)
+    call table%only_with('cohesion', 'constant')
     call table%add_key('surface_energy', 'real', 'J/m2', &
       'Work w to part a unit of contact area, of the cohesions ''dmt'' and ''jkr''.')
+    call table%need()
     call table%bounds(above=0.0_wp)
+    call table%only_with('cohesion', 'dmt|jkr')
   end subroutine group_contact_2
 
   subroutine group_bond(table)
@@ -304,6 +316,7 @@ contains
     type(key_table_type), intent(inout) :: table
     call table%add_group('fixed', 2, &
       'Grains that never move, besides those that the packing marks as fixed.', repeats=.true.)
+    call table%one_of('group|ids')
     call table%add_key('group', 'string', '', 'A group of the packing. Give this or ids.')
     call table%add_key('ids', 'integer', '', 'Ids of grains. Give this or group.')
     call table%sized(1_i4, huge(1_i4))
@@ -315,6 +328,7 @@ contains
     call table%add_group('driven', 4, &
       'Grains that move with constant velocity and spin, whatever force acts on them. ' &
       //'Force, moment and work of each are written to `<deck>_driven.csv`.', repeats=.true.)
+    call table%one_of('group|ids')
     call table%add_key('group', 'string', '', 'A group of the packing. Give this or ids.')
     call table%add_key('ids', 'integer', '', 'Ids of grains. Give this or group.')
     call table%sized(1_i4, huge(1_i4))
@@ -364,6 +378,7 @@ contains
       //'than smooth_deg are one face, which a grain touches once. Force, moment about ' &
       //'the centre and work are written to `<deck>_surfaces.csv`, the triangles to the ' &
       //'field file.', repeats=.true.)
+    call table%one_of('file|rectangle')
     call table%add_key('id', 'string', '', 'Name in the log.')
     call table%need()
     call table%add_key('file', 'file', '', &
@@ -607,7 +622,10 @@ contains
       //'Histories in `<deck>_servos.csv` and `<deck>_surface_servos.csv`. A run that ' &
       //'ends beyond the tolerance ends with exit code 2, N204. It does not work under ' &
       //'talus-couple.', repeats=.true.)
+    call table%one_of('wall|surface')
+    call table%one_of('stress|force')
     call table%add_key('wall', 'string', '', 'Id of the wall. Give this or surface.')
+    call table%needs('stress')
     call table%add_key('surface', 'string', '', 'Id of the surface, penetrometer or cylinder.')
     call table%add_key('stress', 'real', 'Pa', &
       'Target: force of the grains on the wall or surface over its area; pressure is ' &
@@ -617,10 +635,12 @@ contains
       'Target of a surface: force on the grains along the direction. Give this, or ' &
       //'stress and area.')
     call table%bounds(above=0.0_wp)
+    call table%needs('surface')
     call table%add_key('direction', 'real', '', &
       'Where a surface pushes the grains, of any length; it moves along it and back. A ' &
       //'cylinder with grains inside has none: its wall moves outwards and inwards.')
     call table%sized(3_i4, 3_i4)
+    call table%needs('surface')
     call table%add_key('curve', 'string', '', 'The curve by which the target is multiplied.')
     call table%preset('')
     call table%add_key('area', 'real', 'm2', &
@@ -690,8 +710,10 @@ contains
       'Lower corner (x, y) of the rectangle; left out with upper, it lies between the ' &
       //'four walls across x and y and moves with them.')
     call table%sized(2_i4, 2_i4)
+    call table%needs('upper')
     call table%add_key('upper', 'real', 'm', 'Upper corner (x, y) of the rectangle.')
     call table%sized(2_i4, 2_i4)
+    call table%needs('lower')
     call table%add_key('clearance', 'real', '', &
       'Radius of the disc left free around each driven grain, over the largest ' &
       //'semi-axis of its outline in the plan; 0: none.')
@@ -732,6 +754,7 @@ contains
     call table%add_key('vectors', 'real', 'm', &
       'The three edges, one after the other, of a cell that is no box; right-handed.')
     call table%sized(9_i4, 9_i4)
+    call table%excludes('size')
     call table%add_key('origin', 'real', 'm', &
       'Corner from which the edges go out; the point that the flow leaves in place.')
     call table%sized(3_i4, 3_i4)
@@ -769,6 +792,7 @@ contains
       //' stiffness that the contacts would have if all grains followed the flow and the ' &
       //'time of 10 steps, and a slow integral of that. A run that ends beyond the ' &
       //'tolerance ends with exit code 2 (N221).', repeats=.true.)
+    call table%one_of('stress|b')
     call table%add_key('component', 'string', '', &
       'Component, as in &cell_rate; `''mean''` holds the pressure and strains xx, yy and ' &
       //'zz alike.')
@@ -782,9 +806,11 @@ contains
       //'two components and b of that in the second, as they are at each look.')
     call table%sized(2_i4, 2_i4)
     call table%allow('xx|yy|zz')
+    call table%needs('b')
     call table%add_key('b', 'real', '', &
       'Place of the target between the two, 0 at the first, 1 at the second.')
     call table%bounds(min=0.0_wp, max=1.0_wp)
+    call table%needs('between')
     call table%add_key('curve', 'string', '', 'The curve by which the stress is multiplied.')
     call table%preset('')
     call table%add_key('rate', 'real', '1/s', &
@@ -955,20 +981,33 @@ contains
       //'grids. Left out: first and last state.')
     call table%bounds(above=0.0_wp)
     call table%add_key('lower', 'real', 'm', 'Lower corner of a box.')
+    call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%only_with('region', 'box')
     call table%add_key('upper', 'real', 'm', 'Upper corner of a box.')
+    call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%only_with('region', 'box')
     call table%add_key('base', 'real', 'm', 'Centre of the lower face of a cylinder.')
+    call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%only_with('region', 'cylinder')
     call table%add_key('centre', 'real', 'm', 'Centre of a sphere.')
+    call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%only_with('region', 'sphere')
     call table%add_key('axis', 'real', '', 'Direction of a cylinder, of any length.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|1.0')
+    call table%only_with('region', 'cylinder')
     call table%add_key('radius', 'real', 'm', 'Radius of a cylinder or a sphere.')
+    call table%need()
     call table%bounds(above=0.0_wp)
+    call table%only_with('region', 'cylinder|sphere')
     call table%add_key('length', 'real', 'm', 'Length of a cylinder along its axis.')
+    call table%need()
     call table%bounds(above=0.0_wp)
+    call table%only_with('region', 'cylinder')
     call table%add_key('resolution', 'integer', '', &
       'Points to the diameter of a grain that the faces cut, by which the part inside ' &
       //'is found.')
@@ -977,12 +1016,17 @@ contains
     call table%add_key('origin', 'real', 'm', &
       'Origin of the arms of the couple stress; left out, the middle of each branch.')
     call table%sized(3_i4, 3_i4)
+    call group_measure_2(table)
+  end subroutine group_measure
+
+  subroutine group_measure_2(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('moduli', 'logical', '', &
       'Write the affine moduli in full (C, B and D, 9 x 9 each) to ' &
       //'`<deck>_moduli_<id>.csv`, and those of a micromorphic solid to ' &
       //'`<deck>_micromorphic_<id>.csv`.')
     call table%preset('.false.')
-  end subroutine group_measure
+  end subroutine group_measure_2
 
   subroutine group_grid(table)
     type(key_table_type), intent(inout) :: table

@@ -125,8 +125,17 @@ contains
     call table%bounds(above=0.0_wp)
     call table%add_key('young', 'real', 'Pa', 'Young''s modulus.')
     call table%bounds(above=0.0_wp)
+    call table%only_with('law', &
+      'linear_elastic|pressure_elastic|drucker_prager|layered|neo_hookean|st_venant_kir' &
+      //'chhoff|micropolar|micropolar_drucker_prager|micropolar_pressure')
+    call table%need_with('law', &
+      'linear_elastic|pressure_elastic|drucker_prager|layered|neo_hookean|st_venant_kir' &
+      //'chhoff')
     call table%add_key('poisson', 'real', '', 'Poisson''s ratio.')
     call table%bounds(above=-1.0_wp, below=0.5_wp)
+    call table%need_with('law', &
+      'linear_elastic|pressure_elastic|drucker_prager|layered|neo_hookean|st_venant_kir' &
+      //'chhoff|cam_clay')
     call table%add_key('law', 'string', '', &
       '`linear_elastic`: isotropic elasticity at small strains, of `young` and ' &
       //'`poisson`; `micropolar`: Eringen''s solid with micro-rotations, either of ' &
@@ -151,54 +160,80 @@ contains
       //'ookean|st_venant_kirchhoff|micropolar_drucker_prager|micropolar_pressure')
     call table%add_key('lambda', 'real', 'Pa', &
       'Eringen''s lambda; with 3 lambda + 2 mu + kappa > 0.')
+    call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
     call table%add_key('mu', 'real', 'Pa', &
       'Eringen''s mu; it may be negative as long as 2 mu + kappa > 0. G = mu + kappa/2.')
-    call table%add_key('kappa', 'real', 'Pa', &
-      'Eringen''s kappa > 0, which ties the micro-rotation to the rotation of the ' &
-      //'material.')
-    call table%add_key('alpha', 'real', 'N', &
-      'Eringen''s alpha; with 3 alpha + beta + gamma >= 0.')
-    call table%add_key('beta', 'real', 'N', 'Eringen''s beta, between -gamma and gamma.')
-    call table%add_key('gamma', 'real', 'N', 'Eringen''s gamma >= 0; gamma = 4 G l_b^2.')
-    call table%add_key('shear', 'real', 'Pa', &
-      'Shear modulus G = mu + kappa/2 of a micropolar solid (or give `young`).')
-    call table%bounds(above=0.0_wp)
-    call table%add_key('l_t', 'real', 'm', &
-      'Characteristic length of torsion; l_t^2 = (beta + gamma)/(2 mu + kappa).')
-    call table%bounds(min=0.0_wp)
+    call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
     call group_material_2(table)
   end subroutine group_material
 
   subroutine group_material_2(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('kappa', 'real', 'Pa', &
+      'Eringen''s kappa > 0, which ties the micro-rotation to the rotation of the ' &
+      //'material.')
+    call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
+    call table%add_key('alpha', 'real', 'N', &
+      'Eringen''s alpha; with 3 alpha + beta + gamma >= 0.')
+    call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
+    call table%add_key('beta', 'real', 'N', 'Eringen''s beta, between -gamma and gamma.')
+    call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
+    call table%add_key('gamma', 'real', 'N', 'Eringen''s gamma >= 0; gamma = 4 G l_b^2.')
+    call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
+    call table%add_key('shear', 'real', 'Pa', &
+      'Shear modulus G = mu + kappa/2 of a micropolar solid (or give `young`).')
+    call table%bounds(above=0.0_wp)
+    call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
+    call table%add_key('l_t', 'real', 'm', &
+      'Characteristic length of torsion; l_t^2 = (beta + gamma)/(2 mu + kappa).')
+    call table%bounds(min=0.0_wp)
+    call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
     call table%add_key('l_b', 'real', 'm', &
       'Characteristic length of bending; l_b^2 = gamma/(2 (2 mu + kappa)).')
     call table%bounds(min=0.0_wp)
+    call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
     call table%add_key('coupling', 'real', '', &
       'Coupling number N in [0, 1); N^2 = kappa/(2 (mu + kappa)).')
+    call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
     call table%add_key('polar_ratio', 'real', '', &
       'Polar ratio Psi in (0, 3/2]; Psi = (beta + gamma)/(alpha + beta + gamma).')
+    call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
     call table%add_key('micro_inertia', 'real', 'm2', &
       'Micro-inertia j of a micropolar solid, 2/5 r^2 of spheres of radius r; dynamics ' &
       //'needs it.')
     call table%bounds(above=0.0_wp)
+    call table%only_with('law', &
+      'micropolar|micropolar_drucker_prager|micropolar_pressure|layered')
     call table%add_key('layer_thickness', 'real', 'm', 'Thickness of a layer of `layered`.')
+    call table%need()
     call table%bounds(above=0.0_wp)
+    call table%only_with('law', 'layered')
     call table%add_key('joint_normal', 'real', 'Pa/m', &
       'Normal stiffness per area of the joints of `layered`.')
+    call table%need()
     call table%bounds(above=0.0_wp)
+    call table%only_with('law', 'layered')
+    call group_material_3(table)
+  end subroutine group_material_2
+
+  subroutine group_material_3(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('joint_shear', 'real', 'Pa/m', &
       'Shear stiffness per area of the joints of `layered`; 0 lets them slip freely.')
+    call table%need()
     call table%bounds(min=0.0_wp)
+    call table%only_with('law', 'layered')
     call table%add_key('layer_normal', 'real', '', 'Direction across the layers of `layered`.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|1.0')
+    call table%only_with('law', 'layered')
     call table%add_key('spin_modulus', 'real', 'Pa', &
       'Modulus of `layered` against micro-rotation about the layers'' normal relative to' &
       //' the material. The layers give it no stiffness: with 0, hold that rotation ' &
       //'everywhere (`fix = ''rz''`); else the layers'' shear modulus is a good value.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%only_with('law', 'layered')
     call table%add_key('layer_moduli', 'string', '', &
       'Moduli of `layered` in the plane of its layers: `isotropic` there, with the ' &
       //'twist of the layers as plates and layers and joints in series; `published`, ' &
@@ -206,81 +241,108 @@ contains
       //'nu/(1 - nu) of the modulus along the layers between the two directions.')
     call table%preset('isotropic')
     call table%allow('isotropic|published')
+    call table%only_with('law', 'layered')
     call table%add_key('exponent', 'real', '', &
       'Exponent n of `pressure_elastic`, E = young (p/reference_pressure)^n, and of ' &
       //'`micropolar_pressure`, where it is below 1.')
+    call table%need()
     call table%bounds(min=0.0_wp, max=1.0_wp)
+    call table%only_with('law', 'pressure_elastic|micropolar_pressure')
     call table%add_key('reference_pressure', 'real', 'Pa', &
       'Mean compressive stress at which `young` of `pressure_elastic` and the moduli of' &
       //' `micropolar_pressure` hold.')
+    call table%need()
     call table%bounds(above=0.0_wp)
+    call table%only_with('law', 'pressure_elastic|micropolar_pressure')
     call table%add_key('least_pressure', 'real', 'Pa', &
       'Mean compressive stress below which the stiffness of `pressure_elastic` and ' &
       //'`micropolar_pressure` does not fall any more; a hundredth of ' &
       //'`reference_pressure` if left out.')
     call table%bounds(above=0.0_wp)
-    call group_material_3(table)
-  end subroutine group_material_2
-
-  subroutine group_material_3(table)
-    type(key_table_type), intent(inout) :: table
+    call table%only_with('law', 'pressure_elastic|micropolar_pressure')
     call table%add_key('cohesion', 'real', 'Pa', 'Cohesion c of `drucker_prager` at the start.')
+    call table%need()
     call table%bounds(min=0.0_wp)
+    call table%only_with('law', 'drucker_prager|micropolar_drucker_prager')
+    call group_material_4(table)
+  end subroutine group_material_3
+
+  subroutine group_material_4(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('friction_deg', 'real', 'deg', 'Angle of friction of `drucker_prager`.')
+    call table%need()
     call table%bounds(min=0.0_wp, below=90.0_wp)
+    call table%only_with('law', 'drucker_prager|micropolar_drucker_prager')
     call table%add_key('dilation_deg', 'real', 'deg', &
       'Angle of dilation of `drucker_prager`, 0 if left out, not above that of ' &
       //'friction: plastic flow would give energy. Below zero where shear compacts, as in' &
       //' loose soil.')
     call table%bounds(min=-45.0_wp, below=90.0_wp)
+    call table%only_with('law', 'drucker_prager|micropolar_drucker_prager')
     call table%add_key('cone', 'string', '', &
       'Which strength of Mohr and Coulomb the cone of `drucker_prager` has: that of ' &
       //'triaxial compression, of triaxial extension, or of plane strain; compression if ' &
       //'left out.')
     call table%allow('compression|extension|plane_strain')
+    call table%only_with('law', 'drucker_prager|micropolar_drucker_prager')
     call table%add_key('hardening', 'real', 'Pa', &
       'Slope H of the cohesion of `drucker_prager`, c = cohesion + H Z, dZ = A_psi ' &
       //'dgamma; negative softens.')
+    call table%only_with('law', 'drucker_prager|micropolar_drucker_prager')
     call table%add_key('residual_cohesion', 'real', 'Pa', &
       'Least cohesion of `drucker_prager` that softens.')
     call table%bounds(min=0.0_wp)
+    call table%only_with('law', 'drucker_prager|micropolar_drucker_prager')
     call table%add_key('plastic_length', 'real', 'm', &
       'Length l of `micropolar_drucker_prager`: a couple stress m counts as a stress ' &
       //'m/l in the yield function.')
+    call table%need()
     call table%bounds(above=0.0_wp)
+    call table%only_with('law', 'micropolar_drucker_prager')
     call table%add_key('invariant', 'real', '', &
       'Shares a1, a2, a3 of `micropolar_drucker_prager` in J2 = a1 s_ij s_ij + a2 s_ij ' &
       //'s_ji + a3 m_ij m_ij/l^2, a1 + a2 = 1/2: 0.25, 0.25, 0.5 (de Borst 1991), 0.75, ' &
       //'-0.25, 0.125 or 0.375, 0.125, 0.25 (Muehlhaus and Vardoulakis 1987).')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.25|0.25|0.5')
+    call table%only_with('law', 'micropolar_drucker_prager')
     call table%add_key('critical_slope', 'real', '', &
       'Slope M = q/p of the critical state line of `cam_clay`.')
+    call table%need()
     call table%bounds(above=0.0_wp)
+    call table%only_with('law', 'cam_clay')
     call table%add_key('compression_index', 'real', '', &
       'Slope lambda of the virgin line of `cam_clay`, v over ln p; above ' &
       //'`swelling_index`.')
+    call table%need()
     call table%bounds(above=0.0_wp)
+    call table%only_with('law', 'cam_clay')
+    call group_material_5(table)
+  end subroutine group_material_4
+
+  subroutine group_material_5(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('swelling_index', 'real', '', &
       'Slope kappa of the swelling lines of `cam_clay`, v over ln p.')
+    call table%need()
     call table%bounds(above=0.0_wp)
+    call table%only_with('law', 'cam_clay')
     call table%add_key('specific_volume', 'real', '', &
       'Specific volume v = 1 + e of `cam_clay`, constant at small strains.')
+    call table%need()
     call table%bounds(above=1.0_wp)
+    call table%only_with('law', 'cam_clay')
     call table%add_key('preconsolidation', 'real', 'Pa', &
       'Preconsolidation pressure pc of `cam_clay` at the start; without it ' &
       //'`overconsolidation` counts.')
     call table%bounds(above=0.0_wp)
-    call group_material_4(table)
-  end subroutine group_material_3
-
-  subroutine group_material_4(table)
-    type(key_table_type), intent(inout) :: table
+    call table%only_with('law', 'cam_clay')
     call table%add_key('overconsolidation', 'real', '', &
       'pc of `cam_clay` at the start over that whose yield surface the initial stress ' &
       //'touches; 1 if left out.')
     call table%bounds(min=1.0_wp)
-  end subroutine group_material_4
+    call table%only_with('law', 'cam_clay')
+  end subroutine group_material_5
 
   subroutine group_curve(table)
     type(key_table_type), intent(inout) :: table
@@ -337,6 +399,7 @@ contains
       //'free.')
     call table%preset('0.05')
     call table%bounds(min=0.0_wp, max=1.0_wp)
+    call table%only_with('element', 'hex8_one_point')
   end subroutine group_section
 
   subroutine group_support(table)
@@ -424,6 +487,7 @@ contains
       'A component of the velocity, or of the rate of micro-rotation, that a group has ' &
       //'at the start of a dynamic run. What is held stays at rest, what is moved follows' &
       //' its curve; where groups share nodes the last one counts.', repeats=.true.)
+    call table%group_with('analysis.kind', 'newmark|hht|explicit')
     call table%add_key('group', 'string', '', 'Facet, node or volume group.')
     call table%need()
     call table%add_key('component', 'string', '', &
@@ -535,20 +599,22 @@ contains
     call table%add_group('point_load', 6, &
       'A force at a node, or at a point of the surface (shared to the facet''s nodes by ' &
       //'its shape functions).', repeats=.true.)
+    call table%one_of('node|position')
     call table%add_key('node', 'integer', '', 'Node id; or give a position.')
-    call table%preset('0')
-    call table%bounds(min=0.0_wp)
+    call table%bounds(min=1.0_wp)
     call table%add_key('position', 'real', 'm', &
       'A point on a facet of `facets`; or give a node.')
     call table%sized(3_i4, 3_i4)
+    call table%needs('facets')
     call table%add_key('facets', 'string', '', 'Facet group on which the position lies.')
-    call table%preset('')
+    call table%needs('position')
     call table%add_key('force', 'real', 'N', 'The force.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
     call table%add_key('couple', 'real', 'N m', 'The couple, at a node with micro-rotation.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%needs('node')
     call table%add_key('curve', 'string', '', &
       'Id of a curve that scales it; without one it is constant.')
     call table%preset('')
@@ -591,36 +657,43 @@ contains
     call table%add_key('beta', 'real', '', 'Newmark''s beta; 1/4 is average acceleration.')
     call table%preset('0.25')
     call table%bounds(max=0.5_wp, above=0.0_wp)
+    call table%only_with('kind', 'newmark')
     call table%add_key('gamma', 'real', '', 'Newmark''s gamma; above 1/2 dissipates.')
     call table%preset('0.5')
     call table%bounds(min=0.5_wp, max=1.0_wp)
+    call table%only_with('kind', 'newmark')
     call table%add_key('alpha', 'real', '', &
       'HHT''s alpha from -1/3 (most dissipation of high frequencies) to 0 (none); beta =' &
       //' (1 - alpha)^2/4, gamma = 1/2 - alpha.')
     call table%preset('-0.05')
     call table%bounds(min=-0.3333333333333333_wp, max=0.0_wp)
+    call table%only_with('kind', 'hht')
     call table%add_key('rayleigh_mass', 'real', '1/s', &
       'Rayleigh damping, factor a of C = a M + b K; of dynamics and `harmonic`.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%only_with('kind', 'newmark|hht|explicit|harmonic')
     call table%add_key('rayleigh_stiffness', 'real', 's', &
       'Rayleigh damping, factor b of C = a M + b K; in `explicit` it shortens the ' &
       //'stable step.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%only_with('kind', 'newmark|hht|explicit|harmonic')
     call table%add_key('dt_factor', 'real', '', &
       'Step of `explicit` over the largest stable one, by the largest frequency of any ' &
       //'element.')
     call table%preset('0.9')
     call table%bounds(max=1.0_wp, above=0.0_wp)
-    call table%add_key('allow_unstable', 'logical', '', &
-      'Take a dt above the largest stable step all the same, with a warning.')
-    call table%preset('.false.')
+    call table%only_with('kind', 'explicit')
     call group_analysis_2(table)
   end subroutine group_analysis
 
   subroutine group_analysis_2(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('allow_unstable', 'logical', '', &
+      'Take a dt above the largest stable step all the same, with a warning.')
+    call table%preset('.false.')
+    call table%only_with('kind', 'explicit')
     call table%add_key('rotation_mass', 'real', '', &
       'Factor on the micro-inertia in `explicit`, so that slow motions need not follow ' &
       //'its fast rotations. ''auto'' raises it in each element until displacements alone ' &
@@ -628,6 +701,7 @@ contains
     call table%preset('1.0')
     call table%bounds(min=0.0_wp)
     call table%words('auto', [0.0_wp])
+    call table%only_with('kind', 'explicit')
     call table%add_key('solver', 'string', '', &
       'How `static` solves its equations: `direct` by factors (MUMPS), which serve any ' &
       //'number of steps; `iterative` by conjugate gradients with an incomplete ' &
@@ -636,45 +710,54 @@ contains
       //'coupled; direct if it does not converge. Dynamics is direct.')
     call table%preset('auto')
     call table%allow('auto|direct|iterative')
+    call table%only_with('kind', 'static')
     call table%add_key('factors', 'string', '', &
       'Where the factors of the direct solver are kept; `auto`: in memory, on disk ' &
       //'where it does not suffice.')
     call table%preset('auto')
     call table%allow('auto|memory|disk')
+    call table%only_with('kind', 'static|newmark|hht|modal|harmonic')
     call table%add_key('scratch', 'string', '', &
       'Folder for factors on disk; that of the deck if left out.')
     call table%preset('')
+    call table%only_with('kind', 'static|newmark|hht|modal|harmonic')
     call table%add_key('frequencies', 'real', 'Hz', &
       'Frequencies of `harmonic`, in any order; or give frequency_range.')
     call table%sized(1_i4, huge(1_i4))
     call table%bounds(above=0.0_wp)
+    call table%only_with('kind', 'harmonic')
     call table%add_key('frequency_range', 'real', 'Hz', &
       'First and last frequency of `harmonic`, with frequency_count of them in equal ' &
       //'steps.')
     call table%sized(2_i4, 2_i4)
     call table%bounds(above=0.0_wp)
+    call table%only_with('kind', 'harmonic')
     call table%add_key('frequency_count', 'integer', '', &
       'Frequencies of frequency_range, the ends among them.')
     call table%preset('50')
     call table%bounds(min=2.0_wp)
-    call table%add_key('loss_factor', 'real', '', &
-      'Structural damping of `harmonic`: the stiffness is K (1 + i loss_factor).')
-    call table%preset('0.0')
-    call table%bounds(min=0.0_wp)
-    call table%add_key('response', 'string', '', &
-      'Groups whose mean displacement (and micro-rotation) stands in ' &
-      //'`<deck>_harmonic.csv` of `harmonic`, by amplitude and phase; reactions of ' &
-      //'supported and moved groups do anyway.')
-    call table%sized(1_i4, 99_i4)
+    call table%only_with('kind', 'harmonic')
     call group_analysis_3(table)
   end subroutine group_analysis_2
 
   subroutine group_analysis_3(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('loss_factor', 'real', '', &
+      'Structural damping of `harmonic`: the stiffness is K (1 + i loss_factor).')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%only_with('kind', 'harmonic')
+    call table%add_key('response', 'string', '', &
+      'Groups whose mean displacement (and micro-rotation) stands in ' &
+      //'`<deck>_harmonic.csv` of `harmonic`, by amplitude and phase; reactions of ' &
+      //'supported and moved groups do anyway.')
+    call table%sized(1_i4, 99_i4)
+    call table%only_with('kind', 'harmonic')
     call table%add_key('modes', 'integer', '', &
       'Number of modes of `modal`, from the lowest; rigid motions count.')
     call table%preset('10')
     call table%bounds(min=1.0_wp)
+    call table%only_with('kind', 'modal')
     call table%add_key('tolerance', 'real', '', &
       'Relative change of the squared frequencies at which the iteration of `modal` ' &
       //'ends; residual over loads and reactions at which `relaxation`, and `static`, ' &
@@ -682,17 +765,20 @@ contains
       //' the residual at which conjugate gradients (`solver = ''iterative''`) end.')
     call table%preset('1e-10')
     call table%bounds(above=0.0_wp)
+    call table%only_with('kind', 'modal|relaxation|static|newmark|hht')
     call table%add_key('max_iterations', 'integer', '', &
       'Most iterations of `modal`, of a step of `relaxation` (there 100 000 unless ' &
       //'given), and of a step of `static`, `newmark` or `hht` of laws with a state (25),' &
       //' which is halved then.')
     call table%preset('200')
     call table%bounds(min=1.0_wp)
+    call table%only_with('kind', 'modal|relaxation|static|newmark|hht')
     call table%add_key('step_cuts', 'integer', '', &
       'How often `static`, `newmark` and `hht` halve a step of laws with a state that ' &
       //'does not converge, before they give up.')
     call table%preset('10')
     call table%bounds(min=0.0_wp, max=30.0_wp)
+    call table%only_with('kind', 'static|newmark|hht')
     call table%add_key('continuation', 'string', '', &
       'How `static` of laws with a state goes on: `load`, to the loads and motions of ' &
       //'the next time; `arc_length`, along the path of equilibrium whatever becomes of ' &
@@ -701,20 +787,32 @@ contains
       //'`<deck>_arc.csv` has it.')
     call table%preset('load')
     call table%allow('load|arc_length')
+    call table%only_with('kind', 'static')
+    call group_analysis_4(table)
+  end subroutine group_analysis_3
+
+  subroutine group_analysis_4(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('first_share', 'real', '', &
       'Load factor of the first step by arc length, which sets its length; dt/t_end if ' &
       //'left out.')
     call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%only_with('kind', 'static')
+    call table%only_with('continuation', 'arc_length')
     call table%add_key('arc_growth', 'real', '', &
       'Length of an arc over the first one, at most.')
     call table%preset('1.0')
     call table%bounds(min=1.0_wp)
+    call table%only_with('kind', 'static')
+    call table%only_with('continuation', 'arc_length')
     call table%add_key('arc_iterations', 'integer', '', &
       'Iterations that a step by arc length should take: fewer make the next one ' &
       //'longer, more make it shorter.')
     call table%preset('5')
     call table%bounds(min=1.0_wp)
-  end subroutine group_analysis_3
+    call table%only_with('kind', 'static')
+    call table%only_with('continuation', 'arc_length')
+  end subroutine group_analysis_4
 
   subroutine group_initial_stress(table)
     type(key_table_type), intent(inout) :: table
@@ -780,6 +878,7 @@ contains
       'Absorbing faces (Lysmer and Kuhlemeyer 1969): dashpots rho c_p along the normal ' &
       //'and rho c_s in the plane, which let waves out that come along the normal. For ' &
       //'`newmark`, `hht` and `explicit`.', repeats=.true.)
+    call table%group_with('analysis.kind', 'newmark|hht|explicit')
     call table%add_key('group', 'string', '', 'Facet group.')
     call table%need()
   end subroutine group_absorbing
