@@ -73,7 +73,6 @@ contains
       call deck%get('contact', k, 'between', between)
       call material_index(deck, names, between(1)%s, 'contact', k, 'between', a, errors)
       call material_index(deck, names, between(2)%s, 'contact', k, 'between', b, errors)
-      call check_contact(deck, k, errors)
       if (errors%count > before) cycle
       if (laws(a, b)%kind /= 0) then
         call deck%fault(errors, 'D232', "the contact of '"//names(a)%s//"' and '"//names(b)%s// &
@@ -82,43 +81,11 @@ contains
         cycle
       end if
       call read_law(deck, k, materials(a), materials(b), law)
-      call read_extra(deck, k, law, errors)
+      call read_extra(deck, k, law)
       laws(a, b) = law
       if (a /= b) laws(b, a) = mirrored_law(law)
     end do
   end subroutine read_contacts
-
-  !> Keys of a contact group that exclude or need each other.
-  subroutine check_contact(deck, k, errors)
-    type(deck_type), intent(in) :: deck
-    integer(i4), intent(in) :: k
-    type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: law
-    character(len=20), parameter :: stiffness(2) = [character(len=20) :: &
-      'normal_stiffness', 'tangential_stiffness']
-    integer(i4) :: j
-
-    if (deck%given('contact', k, 'damping_ratio') .and. deck%given('contact', k, 'restitution')) &
-      call deck%fault(errors, 'D234', 'damping_ratio and restitution are both given', 'contact', &
-                      k, 'restitution', 'each follows from the other: give one of them')
-    call deck%get('contact', k, 'law', law)
-    if (law == 'linear' .and. deck%given('contact', k, 'contact_area')) &
-      call deck%fault(errors, 'D236', "contact_area has no meaning for the law 'linear'", &
-                      'contact', k, 'contact_area', &
-                      'leave it out: its stiffness is the one that is given')
-    do j = 1, 2
-      if (law == 'linear' .neqv. deck%given('contact', k, trim(stiffness(j)))) then
-        if (law == 'linear') then
-          call deck%fault(errors, 'D235', "the law 'linear' needs "//trim(stiffness(j)), &
-                          'contact', k, 'law', 'add '//trim(stiffness(j))//' = ... in N/m')
-        else
-          call deck%fault(errors, 'D236', trim(stiffness(j))//" has no meaning for the law '"// &
-                          law//"'", 'contact', k, trim(stiffness(j)), &
-                          'leave it out: the stiffness follows from young and poisson')
-        end if
-      end if
-    end do
-  end subroutine check_contact
 
   subroutine read_law(deck, k, first, second, law)
     type(deck_type), intent(in) :: deck
@@ -159,11 +126,10 @@ contains
   end subroutine read_law
 
   !> Laws on top of the base law.
-  subroutine read_extra(deck, k, law, errors)
+  subroutine read_extra(deck, k, law)
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: k
     type(dem_law_type), intent(inout) :: law
-    type(error_list_type), intent(inout) :: errors
 
     associate (extra => law%extra)
       call deck%get('contact', k, 'rolling_friction', extra%rolling)
@@ -173,45 +139,25 @@ contains
       extra%rolling_damping = law%damping_ratio
       if (deck%given('contact', k, 'rolling_damping')) &
         call deck%get('contact', k, 'rolling_damping', extra%rolling_damping)
-      call read_cohesion(deck, k, law, errors)
+      call read_cohesion(deck, k, law)
       extra%used = extra%rolling > 0.0_wp .or. extra%twisting > 0.0_wp &
                    .or. extra%cohesion /= cohesion_none &
                    .or. law%kind == law_mindlin_deresiewicz
     end associate
   end subroutine read_extra
 
-  !> Cohesion and its one parameter (D254).
-  subroutine read_cohesion(deck, k, law, errors)
+  !> Cohesion and its one parameter.
+  subroutine read_cohesion(deck, k, law)
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: k
     type(dem_law_type), intent(inout) :: law
-    type(error_list_type), intent(inout) :: errors
-    character(len=14), parameter :: keys(2) = [character(len=14) :: 'pull_force', 'surface_energy']
     character(len=:), allocatable :: name
-    logical :: needed
-    integer(i4) :: j
 
     call deck%get('contact', k, 'cohesion', name)
     law%extra%cohesion = cohesion_none
     if (name == 'constant') law%extra%cohesion = cohesion_constant
     if (name == 'dmt') law%extra%cohesion = cohesion_dmt
     if (name == 'jkr') law%extra%cohesion = cohesion_jkr
-    do j = 1, 2
-      needed = merge(name == 'constant', name == 'dmt' .or. name == 'jkr', j == 1)
-      if (needed .eqv. deck%given('contact', k, trim(keys(j)))) cycle
-      if (needed) then
-        call deck%fault(errors, 'D254', "the cohesion '"//name//"' needs "//trim(keys(j)), &
-                        'contact', k, 'cohesion', 'add '//trim(keys(j))//' = ...')
-      else
-        call deck%fault(errors, 'D254', trim(keys(j))//" has no meaning for the cohesion '"// &
-                        name//"'", 'contact', k, trim(keys(j)), 'leave it out, or name the '// &
-                        "cohesion that it belongs to: 'constant', 'dmt' or 'jkr'")
-      end if
-    end do
-    if (law%kind == law_linear .and. (name == 'dmt' .or. name == 'jkr')) &
-      call deck%fault(errors, 'D254', "the cohesion '"//name//"' needs a Hertz law", 'contact', k, &
-                      'cohesion', "law = 'hertz_mindlin', or cohesion = 'constant'")
-    if (errors%any()) return
     if (law%extra%cohesion == cohesion_constant) &
       call deck%get('contact', k, 'pull_force', law%extra%pull)
     if (law%extra%cohesion == cohesion_dmt .or. law%extra%cohesion == cohesion_jkr) &
