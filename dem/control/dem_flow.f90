@@ -114,13 +114,6 @@ contains
     type(string_type), allocatable :: names(:)
     integer(i4) :: j
 
-    if (deck%given('cell_stress', k, 'between') .neqv. deck%given('cell_stress', k, 'b')) then
-      call deck%fault(errors, 'D268', 'between and b belong together', 'cell_stress', k, '', &
-                      "between = 'xx', 'zz', b = 0.5")
-    else if (deck%given('cell_stress', k, 'stress') .eqv. deck%given('cell_stress', k, 'b')) then
-      call deck%fault(errors, 'D268', 'a servo has a stress, or a place between two', &
-                      'cell_stress', k, 'component', 'give one of stress and b')
-    end if
     if (deck%given('cell_stress', k, 'stress')) &
       call deck%get('cell_stress', k, 'stress', servo%value)
     if (.not. deck%given('cell_stress', k, 'between')) return

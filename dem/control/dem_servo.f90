@@ -92,30 +92,11 @@ contains
                       1, '', 'give the walls constant velocities')
     n = 0
     do k = 1, deck%count('servo')
-      if (deck%given('servo', k, 'surface')) then
-        call check_words(deck, k, ['wall'], errors)
-        cycle
-      end if
+      if (deck%given('servo', k, 'surface')) cycle
       n = n + 1
-      call check_words(deck, k, [character(len=9) :: 'force', 'direction'], errors)
       call read_servo(self, deck, d, k, self%servo(n), errors)
     end do
   end subroutine read_servos
-
-  !> Keys that a servo of the other kind has (D251).
-  subroutine check_words(deck, k, words, errors)
-    type(deck_type), intent(in) :: deck
-    integer(i4), intent(in) :: k
-    character(len=*), intent(in) :: words(:)
-    type(error_list_type), intent(inout) :: errors
-    integer(i4) :: j
-    do j = 1, size(words)
-      if (deck%given('servo', k, trim(words(j)))) &
-        call deck%fault(errors, 'D251', 'a servo moves a wall (wall, stress) or a surface '// &
-                        '(surface, direction, and force or stress with area)', 'servo', k, &
-                        trim(words(j)), 'leave '//trim(words(j))//' out, or the other kind')
-    end do
-  end subroutine check_words
 
   !> One group servo of a wall (D251).
   subroutine read_servo(self, deck, d, k, servo, errors)
@@ -137,11 +118,6 @@ contains
     servo%until = huge(1.0_wp)
     if (deck%given('servo', k, 'until')) call deck%get('servo', k, 'until', servo%until)
     call curve_index(deck, 'D250', self%curve, 'servo', k, servo%curve, errors)
-    if (.not. (deck%given('servo', k, 'wall') .and. deck%given('servo', k, 'stress'))) then
-      call deck%fault(errors, 'D251', 'a servo needs a wall and a stress', 'servo', k, '', &
-                      'or a surface, a direction and a force')
-      return
-    end if
     j = findloc([(self%name(j)%s == name, j=1, size(self%name))], .true., 1)
     if (j == 0) then
       call deck%fault(errors, 'D251', "there is no wall '"//name//"'", 'servo', k, 'wall', &

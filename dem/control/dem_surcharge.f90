@@ -103,10 +103,7 @@ contains
     real(wp), allocatable :: corner(:)
     integer(i4) :: k, axis, side
 
-    if (deck%given('surcharge', 1, 'lower') .neqv. deck%given('surcharge', 1, 'upper')) then
-      call deck%fault(errors, 'D280', 'one corner of the rectangle is missing', 'surcharge', 1, &
-                      '', 'give lower and upper, or none of them between four upright walls')
-    else if (deck%given('surcharge', 1, 'lower')) then
+    if (deck%given('surcharge', 1, 'lower')) then
       call deck%get('surcharge', 1, 'lower', corner)
       self%lower = corner
       call deck%get('surcharge', 1, 'upper', corner)

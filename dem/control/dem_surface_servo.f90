@@ -137,10 +137,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp) :: stress, area
 
-    if (deck%given('servo', instance, 'stress') .eqv. deck%given('servo', instance, 'force')) then
-      call deck%fault(errors, 'D252', 'a surface pushes with a force or with a stress, one of '// &
-                      'the two', 'servo', instance, '', 'give force = ... in N, or stress and area')
-    else if (deck%given('servo', instance, 'force')) then
+    if (deck%given('servo', instance, 'force')) then
       call deck%get('servo', instance, 'force', servo%force)
     else
       call deck%get('servo', instance, 'stress', stress)

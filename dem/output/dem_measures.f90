@@ -137,15 +137,8 @@ contains
     integer(i4), intent(in) :: k
     type(request_type), intent(inout) :: request
     type(error_list_type), intent(inout) :: errors
-    character(len=6), parameter :: keys(7) = [character(len=6) :: 'lower', 'upper', 'base', &
-                                              'axis', 'length', 'centre', 'radius']
-    integer(i4), parameter :: owner(7) = [region_box, region_box, region_cylinder, &
-      region_cylinder, region_cylinder, region_sphere, region_sphere]
-    character(len=*), parameter :: hint = 'a box has lower and upper, a cylinder base, axis, '// &
-      'radius and length, a sphere centre and radius'
     character(len=:), allocatable :: kind
-    integer(i4) :: j, before
-    logical :: own
+    integer(i4) :: before
 
     before = errors%count
     call deck%get('measure', k, 'region', kind)
@@ -153,18 +146,6 @@ contains
     if (kind == 'box') request%region%kind = region_box
     if (kind == 'cylinder') request%region%kind = region_cylinder
     if (kind == 'sphere') request%region%kind = region_sphere
-    do j = 1, size(keys)
-      own = owner(j) == request%region%kind .or. &
-        (keys(j) == 'radius' .and. request%region%kind == region_cylinder)
-      if (deck%given('measure', k, trim(keys(j))) .and. .not. own) then
-        call deck%fault(errors, 'D261', "region '"//kind//"' has no "//trim(keys(j)), &
-                        'measure', k, trim(keys(j)), hint)
-      else if (own .and. keys(j) /= 'axis' .and. &
-               .not. deck%given('measure', k, trim(keys(j)))) then
-        call deck%fault(errors, 'D261', "region '"//kind//"' needs "//trim(keys(j)), 'measure', &
-                        k, '', hint)
-      end if
-    end do
     call deck%get('measure', k, 'resolution', request%resolution)
     request%has_origin = deck%given('measure', k, 'origin')
     if (request%has_origin) call get_three(deck, k, 'origin', request%origin)

@@ -162,7 +162,7 @@ contains
     end if
   end subroutine read_step_curve
 
-  !> Rows of the packing that a group with the keys group and ids names (D239 to D241).
+  !> Rows of the packing that a group with the keys group and ids names (D240, D241).
   subroutine named_rows(deck, packing, group, k, rows, errors)
     type(deck_type), intent(in) :: deck
     type(dem_packing_type), intent(in) :: packing
@@ -176,12 +176,6 @@ contains
     integer(i4) :: g, j
 
     allocate (rows(0))
-    if (deck%given(group, k, 'group') .eqv. deck%given(group, k, 'ids')) then
-      call deck%fault(errors, 'D239', 'grains are named by group or by ids, one of the two', &
-                      group, k, trim(merge('ids', '   ', deck%given(group, k, 'ids'))), &
-                      "give group = '...' or ids = ...")
-      return
-    end if
     if (deck%given(group, k, 'group')) then
       call deck%get(group, k, 'group', name)
       call group_index(packing%group, name, g, hint)

@@ -86,11 +86,7 @@ contains
 
     vectors = packing%cell
     origin = packing%cell_origin
-    if (deck%given('cell', 1, 'size') .and. deck%given('cell', 1, 'vectors')) then
-      call deck%fault(errors, 'D265', 'the cell has a size and vectors', 'cell', 1, 'vectors', &
-                      'give one of the two')
-      return
-    else if (deck%given('cell', 1, 'size')) then
+    if (deck%given('cell', 1, 'size')) then
       call deck%get('cell', 1, 'size', values)
       vectors = 0.0_wp
       do k = 1, 3

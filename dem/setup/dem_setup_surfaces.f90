@@ -122,11 +122,6 @@ contains
     real(wp), allocatable :: p(:)
 
     call deck%get('surface', k, 'facets', facets)
-    if (deck%given('surface', k, 'file') .eqv. deck%given('surface', k, 'rectangle')) then
-      call deck%fault(errors, 'D271', 'a surface is a file or a rectangle, one of the two', &
-                      'surface', k, '', "give file = 'tool.stl', or rectangle = three corners")
-      return
-    end if
     if (deck%given('surface', k, 'rectangle')) then
       name = 'rectangle'
       call deck%get('surface', k, 'rectangle', p)
