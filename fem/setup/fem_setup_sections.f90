@@ -8,12 +8,10 @@ module fem_setup_sections
   use fem_elastic, only: micromorphic
   use fem_mesh, only: find_group, group_hint
   use fem_layered, only: fem_layered_type
-  use fem_constants, only: eringen, technical
   use fem_law, only: fem_law_type
   use fem_law_registry, only: make_law
   use fem_rules, only: kind_of_rule, usual_rule, polar_rule, rules_for
   use fem_kinds, only: kind_name
-  use fem_setup_laws, only: check_law_keys
   use fem_types, only: group_volume, name_length
   implicit none
   private
@@ -52,33 +50,10 @@ contains
     material%law%id = text
     material%polar = material%law%polar
     material%stateful = material%law%stateful
-    call check_law_keys(deck, m, name, errors)
-    if (.not. material%law%eringen) call check_classical_keys(deck, m, errors)
-    if (.not. material%polar .and. deck%given('material', m, 'micro_inertia')) &
-      call deck%fault(errors, 'D320', 'micro_inertia is a constant of micropolar solids', &
-        'material', m, 'micro_inertia', "leave it out, or take law = 'micropolar'")
     if (errors%count > before) return
     call material%law%read_constants(deck, m, errors)
     material%moduli = material%law%moduli
   end subroutine read_material
-
-  !> Fault D320 for constants that only Eringen's solid knows.
-  subroutine check_classical_keys(deck, m, errors)
-    type(deck_type), intent(in) :: deck
-    integer(i4), intent(in) :: m
-    type(error_list_type), intent(inout) :: errors
-    integer(i4) :: k
-    do k = 1, 6
-      if (deck%given('material', m, trim(eringen(k)))) call deck%fault(errors, 'D320', &
-        trim(eringen(k))//' is a constant of micropolar solids', 'material', m, &
-        trim(eringen(k)), "give young and poisson, or law = 'micropolar'")
-    end do
-    do k = 2, size(technical) - 1
-      if (.not. deck%given('material', m, trim(technical(k)))) cycle
-      call deck%fault(errors, 'D320', trim(technical(k))//' is a constant of micropolar solids', &
-        'material', m, trim(technical(k)), "give young and poisson, or law = 'micropolar'")
-    end do
-  end subroutine check_classical_keys
 
   !> Law, elastic constants and formulation of every element.
   subroutine read_sections(deck, body, errors)
@@ -216,9 +191,6 @@ contains
       fem_layered_type(material%law%operator(:, :, 1), material%law%operator(:, :, 2))]
     call deck%get('section', s, 'element', element)
     call deck%get('section', s, 'hourglass', share)
-    if (deck%given('section', s, 'hourglass') .and. element /= 'hex8_one_point') &
-      call deck%fault(errors, 'D322', "hourglass means nothing to the element '"//element//"'", &
-                      'section', s, 'hourglass', 'it belongs to hex8_one_point')
     do k = 1, size(body%mesh%group(g)%element)
       e = body%mesh%group(g)%element(k)
       if (owner(e) > 0 .and. owner(e) /= s) then
