@@ -877,8 +877,8 @@ contains
     call table%add_group('absorbing', 1, &
       'Absorbing faces (Lysmer and Kuhlemeyer 1969): dashpots rho c_p along the normal ' &
       //'and rho c_s in the plane, which let waves out that come along the normal. For ' &
-      //'`newmark`, `hht` and `explicit`.', repeats=.true.)
-    call table%group_with('analysis.kind', 'newmark|hht|explicit')
+      //'`newmark`, `hht`, `explicit` and `harmonic`.', repeats=.true.)
+    call table%group_with('analysis.kind', 'newmark|hht|explicit|harmonic')
     call table%add_key('group', 'string', '', 'Facet group.')
     call table%need()
   end subroutine group_absorbing

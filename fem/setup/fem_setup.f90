@@ -189,13 +189,10 @@ contains
     integer(i4) :: s, g, component
 
     do s = 1, deck%count('initial')
-      if (.not. body%scheme%dynamic) call deck%fault(errors, 'D325', &
-        'only dynamics has velocities', &
-        'initial', s, 'group', "take kind = 'newmark', 'hht' or 'explicit', or leave it out")
       call deck%get('initial', s, 'group', name)
       g = find_group(body%mesh, name, any_kind)
       if (g == 0) call group_fault(deck, body, 'initial', s, any_kind, errors)
-      if (g == 0 .or. .not. body%scheme%dynamic) cycle
+      if (g == 0) cycle
       call deck%get('initial', s, 'component', text)
       call deck%get('initial', s, 'value', value)
       call blocks_for(deck, body, 'initial', s, g, text, component, block, errors)

@@ -14,39 +14,16 @@ module fem_setup_analysis
   private
   public :: read_analysis, read_absorbing
 
-  !> Keys that only some kinds know.
-  character(len=*), parameter :: keys(24) = [character(len=18) :: 'beta', 'gamma', 'alpha', &
-    'dt_factor', 'allow_unstable', 'rotation_mass', 'modes', 'tolerance', 'max_iterations', &
-    'rayleigh_mass', 'rayleigh_stiffness', 'solver', 'factors', 'scratch', 'step_cuts', &
-    'continuation', 'first_share', 'arc_growth', 'arc_iterations', 'frequencies', &
-    'frequency_range', 'frequency_count', 'loss_factor', 'response']
-  character(len=*), parameter :: kinds(24) = [character(len=35) :: 'newmark', 'newmark', 'hht', &
-    'explicit', 'explicit', 'explicit', 'modal', 'modal relaxation static newmark hht', &
-    'modal relaxation static newmark hht', &
-    'newmark hht explicit harmonic', 'newmark hht explicit harmonic', 'static', &
-    'static newmark hht modal harmonic', 'static newmark hht modal harmonic', &
-    'static newmark hht', 'static', 'static', 'static', 'static', 'harmonic', 'harmonic', &
-    'harmonic', 'harmonic', 'harmonic']
-
 contains
 
-  !> The analysis and its numbers; fault D325 for keys that the kind does not know.
+  !> The analysis and its numbers.
   subroutine read_analysis(deck, body, analysis, errors)
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
     class(fem_analysis_type), allocatable, intent(out) :: analysis
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: kind
-    integer(i4) :: k
 
     call choose_analysis(deck, analysis)
-    call deck%get('analysis', 1, 'kind', kind)
-    do k = 1, size(keys)
-      if (.not. deck%given('analysis', 1, trim(keys(k)))) cycle
-      if (index(' '//trim(kinds(k))//' ', ' '//kind//' ') > 0) cycle
-      call deck%fault(errors, 'D325', trim(keys(k))//" means nothing to kind = '"//kind//"'", &
-        'analysis', 1, trim(keys(k)), 'it belongs to: '//trim(kinds(k)))
-    end do
     call analysis%read(deck, body%scheme, errors)
     body%scheme%massive = body%scheme%massive .or. body%scheme%dynamic
     body%scheme%damped = body%scheme%damped .or. body%scheme%dynamic
@@ -68,12 +45,6 @@ contains
       if (g == 0) then
         call deck%fault(errors, 'D301', "the mesh has no facet group '"//name//"'", 'absorbing', &
                         s, 'group', group_hint(body%mesh, name, [group_facet]))
-        cycle
-      end if
-      if (.not. body%scheme%damped) then
-        call deck%fault(errors, 'D325', 'absorbing faces act in dynamics alone', 'absorbing', s, &
-                        'group', 'take a kind with damping (newmark, hht, explicit, harmonic), '// &
-                        'or leave them out')
         cycle
       end if
       if (any_layered(body, g)) then

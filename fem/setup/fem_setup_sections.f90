@@ -38,9 +38,7 @@ contains
     type(fem_material_type), intent(out) :: material
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: name, text
-    integer(i4) :: before
 
-    before = errors%count
     call deck%get('material', m, 'id', text)
     material%id = text
     call deck%get('material', m, 'law', name)
@@ -50,7 +48,6 @@ contains
     material%law%id = text
     material%polar = material%law%polar
     material%stateful = material%law%stateful
-    if (errors%count > before) return
     call material%law%read_constants(deck, m, errors)
     material%moduli = material%law%moduli
   end subroutine read_material
