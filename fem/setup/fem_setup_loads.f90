@@ -146,16 +146,10 @@ contains
       if (node > body%mesh%nodes) then
         call deck%fault(errors, 'D307', 'there is no node '//str(node)//', the mesh has '// &
                         str(body%mesh%nodes), 'point_load', s, 'node', 'node ids count from 1')
-      else if (node > 0 .and. deck%given('point_load', s, 'position')) then
-        call deck%fault(errors, 'D307', 'the point load has two places', 'point_load', s, &
-                        'position', 'give node, or position together with facets')
       else if (node > 0) then
         load%force(:, node) = force
         if (any(abs(couple) > 0.0_wp)) &
           call couple_at_node(deck, body, s, node, couple, load%force, errors)
-      else if (any(abs(couple) > 0.0_wp)) then
-        call deck%fault(errors, 'D307', 'a couple needs a node', 'point_load', s, 'couple', &
-                        'give node; on facets use &couple')
       else
         call at_position(deck, body, s, force, load%force, errors)
       end if
@@ -191,12 +185,6 @@ contains
     real(wp) :: n(most_facet_nodes), xi(2), area(3), off, best
     integer(i4) :: g, f, a, chosen
 
-    if (.not. (deck%given('point_load', s, 'position') &
-      .and. deck%given('point_load', s, 'facets'))) then
-      call deck%fault(errors, 'D307', 'the point load has no place', 'point_load', s, '', &
-                      'give node, or position together with facets')
-      return
-    end if
     call facet_group(deck, body, 'point_load', s, 'facets', g, errors)
     if (g == 0) return
     call deck%get('point_load', s, 'position', position)
