@@ -100,27 +100,15 @@ contains
       call deck%get('facets', 1, 'stiffness', choices%stiffness)
     if (deck%given('facets', 1, 'theta')) call deck%get('facets', 1, 'theta', choices%theta)
     call set_methods(choices)
-    call check_choices(deck, choices, errors)
     call check_surface(deck, choices, errors)
   end subroutine read_choices
 
-  !> Ghosts or a surface; what goes with ghosts alone (D416).
+  !> What goes with ghosts alone (D416).
   subroutine check_surface(deck, choices, errors)
     type(deck_type), intent(in) :: deck
     type(cpl_choices_type), intent(in) :: choices
     type(error_list_type), intent(inout) :: errors
-    character(len=10), parameter :: keys(2) = [character(len=10) :: 'spread', 'max_offset']
-    integer(i4) :: k
-    if (deck%count('facets') == 0) return
-    if (len(choices%ghosts) > 0 .eqv. len(choices%surface) > 0) &
-      call deck%fault(errors, 'D416', 'facets carry ghosts or are a surface, one of the two', &
-                      'facets', 1, '', "give ghosts = 'group', or surface = 'material'")
     if (len(choices%surface) == 0) return
-    do k = 1, 2
-      if (deck%given('facets', 1, trim(keys(k)))) &
-        call deck%fault(errors, 'D416', trim(keys(k))//' is for ghosts', 'facets', 1, &
-                        trim(keys(k)), 'leave it out with surface')
-    end do
     if (choices%rotation /= rotation_fixed) &
       call deck%fault(errors, 'D416', 'a surface turns with its triangles', 'facets', 1, &
                       'rotation', 'leave rotation out with surface')
@@ -165,35 +153,6 @@ contains
       choices%exchanges = nint(count)
     end if
   end subroutine check_clock
-
-  !> What one key alone cannot tell: D402 theta, D403 keys without their method.
-  subroutine check_choices(deck, choices, errors)
-    type(deck_type), intent(in) :: deck
-    type(cpl_choices_type), intent(in) :: choices
-    type(error_list_type), intent(inout) :: errors
-
-    if (choices%interface == interface_theta .and. choices%theta <= 0.0_wp) &
-      call deck%fault(errors, 'D402', "interface = 'theta' needs theta", 'facets', 1, 'interface', &
-                      'theta = 1/(1 + contact stiffness/facet stiffness), for example 0.1')
-    if (choices%theta > 0.0_wp .and. choices%interface /= interface_theta .and. &
-        choices%interface /= interface_aitken) &
-      call deck%fault(errors, 'D403', "theta means nothing with interface = '"// &
-                      choices%interface_name//"'", 'facets', 1, 'theta', "choose interface = "// &
-                      "'theta' or 'aitken', or leave theta out")
-    if (choices%stiffness > 0.0_wp .and. choices%interface /= interface_springs) &
-      call deck%fault(errors, 'D403', "stiffness means nothing with interface = '"// &
-                      choices%interface_name//"'", 'facets', 1, 'stiffness', &
-                      "choose interface = 'springs', or leave stiffness out")
-    if (.not. choices%relaxed .and. deck%given('facets', 1, 'relax_tolerance')) &
-      call deck%fault(errors, 'D403', "relax_tolerance goes with initial = 'relax' only", &
-                      'facets', 1, 'relax_tolerance', "write initial = 'relax', or leave it out")
-    if (.not. choices%relaxed .and. deck%given('facets', 1, 'relax_exchanges')) &
-      call deck%fault(errors, 'D403', "relax_exchanges goes with initial = 'relax' only", &
-                      'facets', 1, 'relax_exchanges', "write initial = 'relax', or leave it out")
-    if (choices%scheme == scheme_state .and. choices%interface /= interface_none) &
-      call deck%fault(errors, 'D403', "scheme = 'state_at_n' goes with interface = 'none' only", &
-                      'facets', 1, 'interface', "write interface = 'none'")
-  end subroutine check_choices
 
   !> The two solvers in the order grains, solid; faults: D404 sides, D405 launch, D406 names.
   subroutine read_solvers(deck, stem, solvers, errors)
