@@ -3,7 +3,7 @@ module dem_cell_stress
   use talus_kinds, only: wp, i4
   use talus_homogenise, only: dyad
   use dem_cell, only: cell_volume
-  use dem_contact, only: contact_radius, constants_of, contact_constants_type
+  use dem_pair_law, only: pair_stiffness
   use dem_halo_state, only: cell_reals
   use dem_state, only: dem_data_type, lanes, history_side
   implicit none
@@ -32,24 +32,22 @@ contains
   pure function cell_sums(d) result(sums)
     type(dem_data_type), intent(in) :: d
     real(wp) :: sums(cell_reals)
-    type(contact_constants_type) :: c
-    real(wp) :: l(3), n(3), kn, kt, radius, weight, part(cell_reals)
+    real(wp) :: l(3), n(3), kn, kt, weight, stiffness(2), part(cell_reals)
     integer(i4) :: k, lane, i, j
 
     sums = 0.0_wp
     do k = 1, d%pairs%grain_blocks
       if (.not. d%pairs%touched(k)) cycle
-      c = constants_of(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)))
       do lane = 1, lanes
         if (.not. d%pairs%history(lane, history_side, k) > 0.0_wp) cycle
         l = d%pairs%body(1:3, d%pairs%second(lane, k)) - d%pairs%body(1:3, d%pairs%first(lane, k))
         n = d%pairs%normal(lane, :, k)
         if (d%pairs%round(k)) n = l/norm2(l)
         part(:9) = reshape(-dyad(l, d%pairs%result(1:3, (k - 1)*lanes + lane)), [9])
-        radius = contact_radius(d%pairs%history(lane, :, k))
+        stiffness = pair_stiffness(d, lane, k)
         weight = d%pairs%weight(lane, min(k, size(d%pairs%weight, 2)))
-        kt = weight*(c%kt_a*radius + c%kt)
-        kn = weight*(c%kn_a*radius + c%kn) - kt
+        kt = weight*stiffness(2)
+        kn = weight*stiffness(1) - kt
         do i = 1, 3
           do j = 1, 3
             part(6 + 3*i + j) = l(j)**2*(kn*n(i)**2 + kt)

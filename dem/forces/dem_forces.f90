@@ -2,7 +2,7 @@
 module dem_forces
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_pairs_type, dem_law_type, lanes, history_size, history_side, &
-    history_root, result_size, body_size, law_mindlin_deresiewicz
+    history_root, result_size, body_size
   use dem_block, only: dem_block_type
   use dem_shape_lanes, only: form_block_type, ready_forms, evaluate_forms, evaluate_form_planes, &
     evaluate_again, refine_forms, add_form_curvatures, solve_form_lane
@@ -11,10 +11,9 @@ module dem_forces
     gather_records, put_loads, sum_results
   use dem_gap, only: branch_vectors, evaluate_pairs, evaluate_spheres, evaluate_planes, &
     refine_normals, add_curvatures, solve_lane
-  use dem_contact, only: contact_block, constants_of
+  use dem_law_registry, only: place_of_memory
   use dem_ellipse, only: narrow_ellipsoids, narrow_forms
   use dem_additional_list, only: held_lanes
-  use dem_additional_state, only: turning_reals
   use dem_additional, only: extra_forces
   implicit none
   private
@@ -39,8 +38,9 @@ contains
     integer(i4), intent(in) :: k        !! block
     real(wp), intent(in) :: h           !! time since the last evaluation [s]
     real(wp), intent(in) :: travel      !! no surface has moved further since the list was made [m]
-    integer(i4) :: next, later
+    integer(i4) :: next, later, range(2)
     logical :: contact
+    real(wp) :: none(lanes, 0)
 
     if (pairs%extras%active) pairs%extras%work(:, k) = 0.0_wp
     if (travel < 0.5_wp*pairs%least_gap(k) .and. .not. pairs%touched(k)) then
@@ -89,15 +89,15 @@ contains
         call narrow_ellipsoids(mine, k <= pairs%grain_blocks)
     end if
     associate (law => laws(pairs%law_first(k), pairs%law_second(k)), &
-               at => pairs%extras%turning_at, &
                weight => pairs%weight(:, min(k, size(pairs%weight, 2))))
-      if (law%kind == law_mindlin_deresiewicz) then
-        call contact_block(mine, constants_of(law), pairs%round(k), h, pairs%m_star(:, k), weight, &
-                           pairs%history(:, :, k), pairs%columns(:, k), &
-                           pairs%extras%kept(:, at:at + turning_reals - 1, k))
+      if (law%base%reals > 0) then
+        range = place_of_memory(law, pairs%extras)
+        call law%base%forces(mine, law%law_numbers_type, pairs%round(k), h, pairs%m_star(:, k), &
+                             weight, pairs%history(:, :, k), &
+                             pairs%extras%kept(:, range(1):range(2), k), pairs%columns(:, k))
       else
-        call contact_block(mine, constants_of(law), pairs%round(k), h, pairs%m_star(:, k), weight, &
-                           pairs%history(:, :, k), pairs%columns(:, k))
+        call law%base%forces(mine, law%law_numbers_type, pairs%round(k), h, pairs%m_star(:, k), &
+                             weight, pairs%history(:, :, k), none, pairs%columns(:, k))
       end if
     end associate
     pairs%touched(k) = contact

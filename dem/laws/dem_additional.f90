@@ -4,12 +4,14 @@ module dem_additional
   use talus_errors, only: error_list_type
   use talus_text, only: str
   use dem_state, only: dem_pairs_type, dem_law_type, dem_data_type, lanes, history_size, &
-    column_count, law_mindlin_deresiewicz
+    column_count
   use dem_additional_state, only: dem_extras_type, extra_places_type, rolling_reals, &
-    cohesion_reals, bond_reals, turning_reals, cohesion_none, cohesion_jkr, extra_work_count, &
+    cohesion_reals, bond_reals, kept_part_type, part_rolling, part_cohesion, part_bond, &
+    cohesion_none, cohesion_jkr, extra_work_count, &
     work_rolling, work_breakage, work_torn, work_sheared
   use dem_block, only: dem_block_type
   use dem_contact, only: constants_of
+  use dem_law_registry, only: memory_places, place_of_memory
   use dem_additional_list, only: held_lanes, count_broken
   use dem_bond, only: bond_block, bond_energy, bond_stiffness
   use dem_cohesion, only: cohesion_block, cohesion_energy, neck_stiffness, tear_overlap
@@ -26,20 +28,20 @@ contains
     type(dem_law_type), intent(in) :: laws(:, :)
     type(dem_extras_type), intent(inout) :: extras
 
-    extras%active = any(laws%extra%used .or. laws%kind == law_mindlin_deresiewicz) &
-                    .or. extras%bond%given
+    extras%active = any(laws%extra%used .or. laws%base%reals > 0) .or. extras%bond%given
     extras%reals = 0
     extras%rolling_at = 0
     extras%cohesion_at = 0
     extras%bond_at = 0
-    extras%turning_at = 0
     if (any(laws%extra%rolling > 0.0_wp .or. laws%extra%twisting > 0.0_wp)) &
       call reserve(rolling_reals, extras%rolling_at)
+    extras%part(part_rolling) = kept_part_type('rolling', rolling_reals, extras%rolling_at)
     if (any(laws%extra%cohesion /= cohesion_none)) &
       call reserve(cohesion_reals, extras%cohesion_at)
+    extras%part(part_cohesion) = kept_part_type('cohesion', cohesion_reals, extras%cohesion_at)
     if (extras%bond%given) call reserve(bond_reals, extras%bond_at)
-    if (any(laws%kind == law_mindlin_deresiewicz)) &
-      call reserve(turning_reals, extras%turning_at)
+    extras%part(part_bond) = kept_part_type('bond', bond_reals, extras%bond_at)
+    call memory_places(laws, extras)
 
   contains
 
@@ -108,11 +110,23 @@ contains
     real(wp), intent(in) :: history(lanes, history_size)  !! already brought forward
     real(wp), intent(inout) :: kept(:, :)                 !! (lanes, reals)
     real(wp), intent(inout) :: columns(column_count), work(extra_work_count)
-    real(wp) :: some(3)
+    real(wp) :: some(3), response(3, lanes)
+    integer(i4) :: k, range(2)
 
     if (law%extra%rolling > 0.0_wp .or. law%extra%twisting > 0.0_wp) then
-      call rolling_block(b, constants_of(law), law%extra, h, m_star, weight, history, &
-                         kept(:, at%rolling_at:at%rolling_at + rolling_reals - 1), some)
+      if (associated(law%base%response)) then
+        range = place_of_memory(law, at)
+        do k = 1, lanes
+          response(:, k) = law%base%response(law%law_numbers_type, kept(k, range(1):range(2)))
+        end do
+        call rolling_block(b, constants_of(law%law_numbers_type), law%extra, h, m_star, weight, &
+                           history, &
+                           kept(:, at%rolling_at:at%rolling_at + rolling_reals - 1), some, response)
+      else
+        call rolling_block(b, constants_of(law%law_numbers_type), law%extra, h, m_star, weight, &
+                           history, &
+                           kept(:, at%rolling_at:at%rolling_at + rolling_reals - 1), some)
+      end if
       columns(1) = columns(1) + some(1)
       columns(3) = columns(3) + some(2)
       work(work_rolling) = work(work_rolling) + some(3)

@@ -5,14 +5,13 @@ module dem_additional_list
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
   use dem_state, only: lanes
-  use dem_additional_state, only: dem_extras_type, extra_work_count, rolling_reals, &
-    cohesion_reals, bond_reals, turning_reals
+  use dem_additional_state, only: dem_extras_type, extra_work_count, most_parts
   implicit none
   private
   public :: move_extras, mark_touched, held_lanes, count_broken, put_extras, get_extras
   public :: put_run_of_extras, get_run_of_extras, layout_kept, fit_records, layout_size
 
-  integer(i4), parameter :: layout_size = 5  !! reals in all, and where those of each law begin
+  integer(i4), parameter :: layout_size = 1 + most_parts  !! reals, and where each part begins
 
 contains
 
@@ -69,11 +68,12 @@ contains
   subroutine put_extras(extras, archive)
     type(dem_extras_type), intent(in) :: extras
     type(dem_archive_type), intent(inout) :: archive
-    if (extras%rolling_at > 0) call put_part('extras.rolling', extras%rolling_at, rolling_reals)
-    if (extras%cohesion_at > 0) call put_part('extras.cohesion', extras%cohesion_at, &
-                                              cohesion_reals)
-    if (extras%turning_at > 0) call put_part('extras.turning', extras%turning_at, turning_reals)
-    if (extras%bond_at > 0) call put_part('extras.bond', extras%bond_at, bond_reals)
+    integer(i4) :: k
+    do k = 1, most_parts
+      associate (part => extras%part(k))
+        if (part%at > 0) call put_part('extras.'//trim(part%name), part%at, part%reals)
+      end associate
+    end do
 
   contains
 
@@ -91,16 +91,16 @@ contains
     integer(i4), intent(in) :: blocks
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
-    integer(i4) :: none(0)
+    integer(i4) :: none(0), k
 
     if (.not. extras%active) return
     if (allocated(extras%kept)) deallocate (extras%kept)
     call move_extras(extras, blocks, none, none)
-    if (extras%rolling_at > 0) call get_part('extras.rolling', extras%rolling_at, rolling_reals)
-    if (extras%cohesion_at > 0) call get_part('extras.cohesion', extras%cohesion_at, &
-                                              cohesion_reals)
-    if (extras%turning_at > 0) call get_part('extras.turning', extras%turning_at, turning_reals)
-    if (extras%bond_at > 0) call get_part('extras.bond', extras%bond_at, bond_reals)
+    do k = 1, most_parts
+      associate (part => extras%part(k))
+        if (part%at > 0) call get_part('extras.'//trim(part%name), part%at, part%reals)
+      end associate
+    end do
 
   contains
 
@@ -154,8 +154,7 @@ contains
   pure function layout_of(extras) result(layout)
     type(dem_extras_type), intent(in) :: extras
     integer(i4) :: layout(layout_size)
-    layout = [extras%reals, extras%rolling_at, extras%cohesion_at, extras%turning_at, &
-              extras%bond_at]
+    layout = [extras%reals, extras%part%at]
   end function layout_of
 
   !> Records of contacts from a checkpoint with another layout: a law that it does not have starts
@@ -164,10 +163,8 @@ contains
     type(dem_extras_type), intent(in) :: extras
     integer(i4), intent(in) :: layout(layout_size)     !! of the rows
     real(wp), allocatable, intent(inout) :: rows(:, :)  !! (before + layout(1), contacts)
-    integer(i4), parameter :: reals(2:layout_size) = [rolling_reals, cohesion_reals, &
-                                                      turning_reals, bond_reals]
     real(wp), allocatable :: fitted(:, :)
-    integer(i4) :: own(layout_size), before, k
+    integer(i4) :: own(layout_size), before, k, last
 
     own = layout_of(extras)
     if (all(own == layout)) return
@@ -176,8 +173,9 @@ contains
     fitted(:before, :) = rows(:before, :)
     do k = 2, layout_size
       if (own(k) == 0 .or. layout(k) == 0) cycle
-      fitted(before + own(k):before + own(k) + reals(k) - 1, :) = &
-        rows(before + layout(k):before + layout(k) + reals(k) - 1, :)
+      last = extras%part(k - 1)%reals - 1
+      fitted(before + own(k):before + own(k) + last, :) = &
+        rows(before + layout(k):before + layout(k) + last, :)
     end do
     call move_alloc(fitted, rows)
   end subroutine fit_records

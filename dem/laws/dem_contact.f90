@@ -1,25 +1,26 @@
-!> Contact forces of one block: normal, tangential with history, damping, and their work.
+!> Contact forces of one block: normal, tangential with history, damping, and their work. The whole
+!! as `spring_forces`, and its steps for laws that differ in one of them.
 !!
 !! History of a lane (all zero without contact): 1-3 tangential elastic force on B, 4-6 damping
 !! force on B [N], 7 square root of the overlap, 8 sqrt(R_e) [m^1/2], 9-11 contact point from the
 !! centre of A [m]. Two spheres keep 1-7 alone: their R_e never changes and stands there from the
 !! start, their last contact point follows from the last overlap and the velocities.
-!! Work columns: contact damping, friction, tangential relaxation, curvature work [J].
+!! Work columns: see dem_law_state; plastic work is none here.
 !! The work of a step is half that of the last forces at the last contact point and half that of
 !! the new ones, both with the velocity of the step: this is what the leapfrog puts into the
 !! kinetic energy, so that the ledger closes to the error of the stored energies alone.
 module dem_contact
   use talus_kinds, only: wp, i4
   use dem_state, only: lanes, history_size, history_side, history_root, history_point, &
-    column_count, dem_pairs_type, dem_law_type, law_linear, law_hertz_no_history
+    column_count, dem_pairs_type, dem_law_type
+  use dem_law_state, only: law_numbers_type
   use dem_block, only: dem_block_type
-  use dem_additional_state, only: turning_reals
-  use dem_turning_springs, only: springs_step_type
-  use dem_turning_block, only: advance_turnings
   implicit none
   private
-  public :: contact_block, contact_constants_type, constants_of, stored_energy, turning_energy, &
-    contact_radius, contact_point
+  public :: spring_forces, contact_constants_type, constants_of, stored_energy, contact_radius, &
+    contact_point, contact_stiffness
+  public :: contact_scratch_type, begin_contacts, approach_contacts, tangential_springs, &
+    finish_contacts
 
   real(wp), parameter :: tiny_force = 1.0e-200_wp
 
@@ -38,8 +39,8 @@ module dem_contact
     logical :: frozen          !! a contact keeps the R_e of its first touch
   end type contact_constants_type
 
-  !> What passes between the parts of contact_block, a lane each.
-  type :: scratch_type
+  !> What passes between the steps of a law, a lane each.
+  type :: contact_scratch_type
     real(wp) :: on(lanes)                           !! 1 in contact, else 0
     real(wp) :: side(lanes), root(lanes)            !! sqrt(overlap), sqrt(R_e) [m^1/2]
     real(wp) :: c(lanes), c_last(lanes)             !! 8/15 E* overlap^(5/2) now and before
@@ -55,32 +56,21 @@ module dem_contact
     real(wp) :: tx(lanes), ty(lanes), tz(lanes)     !! tangential elastic force [N]
     real(wp) :: dx(lanes), dy(lanes), dz(lanes)     !! damping force [N]
     real(wp) :: was(lanes), t2(lanes), slip(lanes)  !! |T|^2 before and now [N^2], slip work [J]
-    real(wp) :: excess(lanes)                       !! of dem_turning: stored energy gained over
-                                                    !! that of one spring [J]
-  end type scratch_type
+  end type contact_scratch_type
 
 contains
 
   pure function constants_of(law) result(c)
-    type(dem_law_type), intent(in) :: law
+    type(law_numbers_type), intent(in) :: law
     type(contact_constants_type) :: c
-    c%kn_a = 0.0_wp
-    c%kt_a = 0.0_wp
-    c%kn = 0.0_wp
-    c%kt = 0.0_wp
-    c%c = 0.0_wp
-    c%spring = 1.0_wp
-    if (law%kind == law_hertz_no_history) c%spring = 0.0_wp
-    if (law%kind == law_linear) then
-      c%kn = law%kn
-      c%kt = law%kt
-      c%normal_share = 1.0_wp
-    else
-      c%kn_a = 2.0_wp*law%e_star
-      c%kt_a = 8.0_wp*law%g_star
-      c%normal_share = 2.0_wp/3.0_wp
-      c%c = 8.0_wp/15.0_wp*law%e_star
-    end if
+    c%kn_a = 2.0_wp*law%e_star
+    c%kt_a = 8.0_wp*law%g_star
+    c%kn = law%kn
+    c%kt = law%kt
+    c%c = 8.0_wp/15.0_wp*law%e_star
+    c%normal_share = 2.0_wp/3.0_wp
+    if (law%kn > 0.0_wp) c%normal_share = 1.0_wp
+    c%spring = law%spring
     c%friction = law%friction
     c%damping = 2.0_wp*law%damping_ratio
     c%tangential_damping = 2.0_wp*law%tangential_ratio &
@@ -88,6 +78,20 @@ contains
     c%share = law%share
     c%frozen = law%frozen
   end function constants_of
+
+  !> Normal and tangential stiffness of a contact [N/m].
+  pure function contact_stiffness(law, history, memory) result(stiffness)
+    type(dem_law_type), intent(in) :: law
+    real(wp), intent(in) :: history(history_size), memory(:)
+    real(wp) :: stiffness(2), response(3), radius
+    if (associated(law%base%response)) then
+      response = law%base%response(law%law_numbers_type, memory)
+      stiffness = response(1:2)
+    else
+      radius = contact_radius(history)
+      stiffness = [2.0_wp*law%e_star*radius + law%kn, 8.0_wp*law%g_star*radius + law%kt]
+    end if
+  end function contact_stiffness
 
   !> Radius of a contact from its history [m].
   pure real(wp) function contact_radius(history)
@@ -133,29 +137,33 @@ contains
     energy = [normal, tangential]
   end function stored_energy
 
-  !> Stored tangential energy of a block under the law of Mindlin and Deresiewicz [J].
-  pure real(wp) function turning_energy(weight, turning) result(energy)
-    real(wp), intent(in) :: weight(lanes), turning(lanes, turning_reals)
-    integer(i4) :: k
-    energy = 0.0_wp
-    do k = 1, lanes
-      energy = energy + weight(k)*turning(k, 2)
-    end do
-  end function turning_energy
-
-  !> Forces and moments of all lanes into the block, history brought forward by h.
-  pure subroutine contact_block(b, c, round, h, m_star, weight, history, columns, turning)
+  !> The forces of Hertz or linear springs: forces_routine of laws without a memory of their own.
+  pure subroutine spring_forces(b, law, round, h, m_star, weight, history, memory, columns)
     type(dem_block_type), intent(inout) :: b
-    type(contact_constants_type), intent(in) :: c
-    logical, intent(in) :: round                         !! all pairs are of spheres
-    real(wp), intent(in) :: h                            !! time since the last evaluation [s]
-    real(wp), intent(in) :: m_star(lanes)                !! reduced masses [kg]
-    real(wp), intent(in) :: weight(lanes)                !! contact weights [-]
+    type(law_numbers_type), intent(in) :: law
+    logical, intent(in) :: round                             !! all pairs are of spheres
+    real(wp), intent(in) :: h                                !! since the last evaluation [s]
+    real(wp), intent(in) :: m_star(lanes), weight(lanes)     !! reduced masses [kg], weights [-]
     real(wp), intent(inout) :: history(lanes, history_size)
+    real(wp), intent(inout), contiguous :: memory(:, :)      !! (lanes, 0)
     real(wp), intent(out) :: columns(column_count)
-    real(wp), intent(inout), optional :: turning(lanes, turning_reals)  !! of dem_turning
-    type(scratch_type) :: s
+    type(contact_constants_type) :: c
+    type(contact_scratch_type) :: s
 
+    c = constants_of(law)
+    call begin_contacts(b, c, round, h, m_star, history, s)
+    call approach_contacts(b, c, h, s)
+    call tangential_springs(b, c, h, history, s)
+    call finish_contacts(b, c, round, h, weight, s, history, columns)
+  end subroutine spring_forces
+
+  !> First step: effective radii, last contact points, normal forces, stiffnesses, contact points.
+  pure subroutine begin_contacts(b, c, round, h, m_star, history, s)
+    type(dem_block_type), intent(in) :: b
+    type(contact_constants_type), intent(in) :: c
+    logical, intent(in) :: round
+    real(wp), intent(in) :: h, m_star(lanes), history(lanes, history_size)
+    type(contact_scratch_type), intent(inout) :: s
     if (round) then
       call recall_spheres(b, c, h, history, s)
     else
@@ -163,25 +171,38 @@ contains
       if (c%frozen) call freeze_radii(history, s)
     end if
     call normal_forces(b, c, m_star, history, s)
+  end subroutine begin_contacts
+
+  !> Second step: velocities at the contacts and normal damping.
+  pure subroutine approach_contacts(b, c, h, s)
+    type(dem_block_type), intent(in) :: b
+    type(contact_constants_type), intent(in) :: c
+    real(wp), intent(in) :: h
+    type(contact_scratch_type), intent(inout) :: s
     call relative_motion(b, h, s)
     call damp_normal(b, c, s)
-    if (present(turning)) then
-      call turning_springs(b, c, h, history, turning, s)
-    else
-      call tangential_springs(b, c, h, history, s)
-    end if
+  end subroutine approach_contacts
+
+  !> Last step, after the tangential forces: their damping, works, history, loads.
+  pure subroutine finish_contacts(b, c, round, h, weight, s, history, columns)
+    type(dem_block_type), intent(inout) :: b
+    type(contact_constants_type), intent(in) :: c
+    logical, intent(in) :: round
+    real(wp), intent(in) :: h, weight(lanes)
+    type(contact_scratch_type), intent(inout) :: s
+    real(wp), intent(inout) :: history(lanes, history_size)
+    real(wp), intent(out) :: columns(column_count)
     call damp_tangent(b, c, s)
     call sum_work(h, weight, history, s, columns)
-    if (present(turning)) columns(3) = columns(3) - sum(weight*s%excess)
     call keep_history(s, round, history)
     call put_forces(b, weight, s)
-  end subroutine contact_block
+  end subroutine finish_contacts
 
   !> Effective radii now and the last contact points from the history.
   pure subroutine recall_contacts(b, history, s)
     type(dem_block_type), intent(in) :: b
     real(wp), intent(in) :: history(lanes, history_size)
-    type(scratch_type), intent(inout) :: s
+    type(contact_scratch_type), intent(inout) :: s
     integer(i4) :: k
     !$omp simd
     do k = 1, lanes
@@ -195,7 +216,7 @@ contains
   !> Contacts that go on keep the effective radius of their first touch.
   pure subroutine freeze_radii(history, s)
     real(wp), intent(in) :: history(lanes, history_size)
-    type(scratch_type), intent(inout) :: s
+    type(contact_scratch_type), intent(inout) :: s
     where (history(:, history_side) > 0.0_wp) s%root = history(:, history_root)
   end subroutine freeze_radii
 
@@ -205,7 +226,7 @@ contains
     type(dem_block_type), intent(in) :: b
     type(contact_constants_type), intent(in) :: c
     real(wp), intent(in) :: h, history(lanes, history_size)
-    type(scratch_type), intent(inout) :: s
+    type(contact_scratch_type), intent(inout) :: s
     real(wp) :: overlap, length, factor
     integer(i4) :: k
     !$omp simd private(overlap, length, factor)
@@ -225,7 +246,7 @@ contains
     type(dem_block_type), intent(in) :: b
     type(contact_constants_type), intent(in) :: c
     real(wp), intent(in) :: m_star(lanes), history(lanes, history_size)
-    type(scratch_type), intent(inout) :: s
+    type(contact_scratch_type), intent(inout) :: s
     real(wp) :: on, factor, overlap, side, a, last
     integer(i4) :: k
 
@@ -258,7 +279,7 @@ contains
   pure subroutine relative_motion(b, h, s)
     type(dem_block_type), intent(in) :: b
     real(wp), intent(in) :: h
-    type(scratch_type), intent(inout) :: s
+    type(contact_scratch_type), intent(inout) :: s
     real(wp) :: ax, ay, az, bx, by, bz, dx, dy, dz
     integer(i4) :: k
 
@@ -292,7 +313,7 @@ contains
   pure subroutine damp_normal(b, c, s)
     type(dem_block_type), intent(in) :: b
     type(contact_constants_type), intent(in) :: c
-    type(scratch_type), intent(inout) :: s
+    type(contact_scratch_type), intent(inout) :: s
     real(wp) :: vn
     integer(i4) :: k
 
@@ -312,7 +333,7 @@ contains
     type(dem_block_type), intent(in) :: b
     type(contact_constants_type), intent(in) :: c
     real(wp), intent(in) :: h, history(lanes, history_size)
-    type(scratch_type), intent(inout) :: s
+    type(contact_scratch_type), intent(inout) :: s
     real(wp) :: tx, ty, tz, px, py, pz, factor, spin, length, cap, t2
     integer(i4) :: k
 
@@ -349,52 +370,12 @@ contains
     end do
   end subroutine tangential_springs
 
-  !> The same with the memory of turning points.
-  pure subroutine turning_springs(b, c, h, history, turning, s)
-    type(dem_block_type), intent(in) :: b
-    type(contact_constants_type), intent(in) :: c
-    real(wp), intent(in) :: h, history(lanes, history_size)
-    real(wp), intent(inout) :: turning(lanes, turning_reals)
-    type(scratch_type), intent(inout) :: s
-    type(springs_step_type) :: step
-    real(wp) :: force(lanes, 3), stored(lanes)
-    integer(i4) :: k
-
-    step%stiffness = c%kt_a
-    step%cone = c%friction*c%kn_a/c%kt_a
-    !$omp simd
-    do k = 1, lanes
-      s%was(k) = history(k, 1)**2 + history(k, 2)**2 + history(k, 3)**2
-      step%shift(k, 1) = -h*s%wx(k)
-      step%shift(k, 2) = -h*s%wy(k)
-      step%shift(k, 3) = -h*s%wz(k)
-      step%normal(k, 1) = b%nx(k)
-      step%normal(k, 2) = b%ny(k)
-      step%normal(k, 3) = b%nz(k)
-      step%spin(k) = 0.5_wp*h*((b%a%wx(k) + b%b%wx(k))*b%nx(k) + (b%a%wy(k) + b%b%wy(k))*b%ny(k) &
-                               + (b%a%wz(k) + b%b%wz(k))*b%nz(k))
-      step%overlap(k) = -b%gap(k)
-      step%root(k) = s%root(k)
-      stored(k) = turning(k, 2)
-    end do
-    call advance_turnings(s%on > 0.0_wp, step, turning, force, s%slip)
-    !$omp simd
-    do k = 1, lanes
-      s%tx(k) = force(k, 1)
-      s%ty(k) = force(k, 2)
-      s%tz(k) = force(k, 3)
-      s%t2(k) = force(k, 1)**2 + force(k, 2)**2 + force(k, 3)**2
-      s%excess(k) = turning(k, 2) - stored(k) - 0.5_wp*(s%t2(k)*s%soft(k) &
-                                                        - s%was(k)*s%soft_last(k))
-    end do
-  end subroutine turning_springs
-
   !> Tangential damping, shortened so that its sum with the spring stays below the cap; d becomes
   !! the whole damping force.
   pure subroutine damp_tangent(b, c, s)
     type(dem_block_type), intent(in) :: b
     type(contact_constants_type), intent(in) :: c
-    type(scratch_type), intent(inout) :: s
+    type(contact_scratch_type), intent(inout) :: s
     real(wp) :: length, dx, dy, dz, d2, td, cap, factor, normal
     integer(i4) :: k
 
@@ -419,7 +400,7 @@ contains
   !> Work of the step, see the head of this module.
   pure subroutine sum_work(h, weight, history, s, columns)
     real(wp), intent(in) :: h, weight(lanes), history(lanes, history_size)
-    type(scratch_type), intent(in) :: s
+    type(contact_scratch_type), intent(in) :: s
     real(wp), intent(out) :: columns(column_count)
     real(wp) :: work_d, work_t, stored, last, damping, friction, relaxation, curvature, half
     integer(i4) :: k
@@ -445,11 +426,11 @@ contains
       curvature = curvature + weight(k)*0.5_wp*(s%c(k) + s%c_last(k)) &
                   *(s%on(k)*merge(1.0_wp, 0.0_wp, last > 0.0_wp)*(s%root(k) - last))
     end do
-    columns = [damping, friction, relaxation, curvature]
+    columns = [damping, friction, relaxation, curvature, 0.0_wp]
   end subroutine sum_work
 
   pure subroutine keep_history(s, round, history)
-    type(scratch_type), intent(in) :: s
+    type(contact_scratch_type), intent(in) :: s
     logical, intent(in) :: round
     real(wp), intent(inout) :: history(lanes, history_size)
     integer(i4) :: k
@@ -478,7 +459,7 @@ contains
   pure subroutine put_forces(b, weight, s)
     type(dem_block_type), intent(inout) :: b
     real(wp), intent(in) :: weight(lanes)
-    type(scratch_type), intent(in) :: s
+    type(contact_scratch_type), intent(in) :: s
     real(wp) :: fx, fy, fz, px, py, pz
     integer(i4) :: k
 

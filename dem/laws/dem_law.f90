@@ -1,7 +1,8 @@
 !> Contact laws of material pairs: constants from elastic moduli, damping from restitution.
 module dem_law
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_law_type, dem_material_type, law_linear
+  use dem_law_state, only: dem_law_type, dem_material_type
+  use dem_law_registry, only: find_law, bind_law
   implicit none
   private
   public :: make_law, make_linear_law, restitution_of, uncut_restitution_of, damping_ratio_for
@@ -11,9 +12,9 @@ module dem_law
 
 contains
 
-  !> Hertz law (with or without history) between two materials.
-  pure function make_law(kind, first, second, friction, damping_ratio, tangential_ratio) result(law)
-    integer(i4), intent(in) :: kind
+  !> Law between two materials; constants of its own are added by its file.
+  pure function make_law(name, first, second, friction, damping_ratio, tangential_ratio) result(law)
+    character(len=*), intent(in) :: name      !! in the registry
     type(dem_material_type), intent(in) :: first, second
     real(wp), intent(in) :: friction          !! Coulomb coefficient [-]
     real(wp), intent(in) :: damping_ratio     !! normal ratio xi [-]
@@ -21,7 +22,8 @@ contains
     type(dem_law_type) :: law
     real(wp) :: c1, c2, shear1, shear2
 
-    law%kind = kind
+    law%kind = find_law(name)
+    call bind_law(law)
     law%friction = friction
     law%damping_ratio = damping_ratio
     law%tangential_ratio = tangential_ratio
@@ -41,7 +43,8 @@ contains
     real(wp), intent(in) :: damping_ratio     !! of critical [-]
     real(wp), intent(in) :: tangential_ratio  !! of critical [-]
     type(dem_law_type) :: law
-    law%kind = law_linear
+    law%kind = find_law('linear')
+    call bind_law(law)
     law%kn = kn
     law%kt = kt
     law%friction = friction
@@ -57,22 +60,14 @@ contains
     other%share = 1.0_wp - law%share
   end function mirrored_law
 
-  !> Damping of the linear oscillator equivalent to the impact: b = xi sqrt(6/5) for Hertz.
-  pure real(wp) function oscillator_ratio(kind, damping_ratio) result(b)
-    integer(i4), intent(in) :: kind
-    real(wp), intent(in) :: damping_ratio
-    b = damping_ratio
-    if (kind /= law_linear) b = damping_ratio*sqrt(1.2_wp)
-  end function oscillator_ratio
-
   !> Restitution of the law in force, where the contact ends when the force is back at zero:
   !! e = exp(-b (pi - 2 asin b)/sqrt(1 - b^2)), free of speed (the Hertz impact is a linear
   !! oscillator in delta^(5/4)).
-  pure real(wp) function restitution_of(kind, damping_ratio) result(e)
-    integer(i4), intent(in) :: kind
+  pure real(wp) function restitution_of(oscillator, damping_ratio) result(e)
+    real(wp), intent(in) :: oscillator  !! see base_law_type [-]
     real(wp), intent(in) :: damping_ratio
     real(wp) :: b, s
-    b = oscillator_ratio(kind, damping_ratio)
+    b = damping_ratio*oscillator
     if (b < 1.0_wp) then
       s = sqrt(1.0_wp - b*b)
       e = exp(-b*(pi - 2.0_wp*asin(b))/s)
@@ -85,29 +80,29 @@ contains
   end function restitution_of
 
   !> Restitution if the contact could pull until the overlap is gone: exp(-pi b/sqrt(1 - b^2)).
-  pure real(wp) function uncut_restitution_of(kind, damping_ratio) result(e)
-    integer(i4), intent(in) :: kind
+  pure real(wp) function uncut_restitution_of(oscillator, damping_ratio) result(e)
+    real(wp), intent(in) :: oscillator  !! see base_law_type [-]
     real(wp), intent(in) :: damping_ratio
     real(wp) :: b
-    b = oscillator_ratio(kind, damping_ratio)
+    b = damping_ratio*oscillator
     e = 0.0_wp
     if (b < 1.0_wp) e = exp(-pi*b/sqrt(1.0_wp - b*b))
   end function uncut_restitution_of
 
   !> Damping ratio that gives restitution e (0 < e <= 1) with the law in force, by bisection.
-  pure real(wp) function damping_ratio_for(kind, e) result(ratio)
-    integer(i4), intent(in) :: kind
+  pure real(wp) function damping_ratio_for(oscillator, e) result(ratio)
+    real(wp), intent(in) :: oscillator  !! see base_law_type [-]
     real(wp), intent(in) :: e
     real(wp) :: low, high
     integer(i4) :: k
     low = 0.0_wp
     high = 1.0_wp
-    do while (restitution_of(kind, high) > e .and. high < 1.0e6_wp)
+    do while (restitution_of(oscillator, high) > e .and. high < 1.0e6_wp)
       high = 2.0_wp*high
     end do
     do k = 1, 200
       ratio = 0.5_wp*(low + high)
-      if (restitution_of(kind, ratio) > e) then
+      if (restitution_of(oscillator, ratio) > e) then
         low = ratio
       else
         high = ratio

@@ -20,7 +20,7 @@ module dem_rolling
 contains
 
   !> Add the moments of all lanes; work: damping, relaxation, rolling and twisting [J].
-  pure subroutine rolling_block(b, c, law, h, m_star, weight, history, kept, work)
+  pure subroutine rolling_block(b, c, law, h, m_star, weight, history, kept, work, response)
     type(dem_block_type), intent(inout) :: b
     type(contact_constants_type), intent(in) :: c
     type(dem_extra_law_type), intent(in) :: law
@@ -29,6 +29,8 @@ contains
     real(wp), intent(in) :: history(lanes, history_size)  !! already brought forward
     real(wp), intent(inout) :: kept(lanes, rolling_reals)
     real(wp), intent(out) :: work(3)
+    real(wp), intent(in), optional :: response(3, lanes)  !! of laws that have one, dem_law_state
+    type(contact_constants_type) :: mine
     real(wp) :: row(rolling_reals), moment(3), part(3)
     integer(i4) :: k
 
@@ -36,7 +38,9 @@ contains
     do k = 1, lanes
       if (.not. (history(k, history_side) > 0.0_wp .or. kept(k, rolling_reals) > 0.0_wp)) cycle
       row = kept(k, :)
-      call one_contact(b, k, c, law, h, m_star(k), history(k, history_side), &
+      mine = c
+      if (present(response)) mine = constants_at(c, response(:, k), history(k, history_side))
+      call one_contact(b, k, mine, law, h, m_star(k), history(k, history_side), &
                        history(k, history_root), row, moment, part)
       kept(k, :) = row
       work = work + weight(k)*part
@@ -45,6 +49,19 @@ contains
       b%load%mz(k) = b%load%mz(k) + weight(k)*moment(3)
     end do
   end subroutine rolling_block
+
+  !> Constants that give a contact its stiffness and force at this overlap.
+  pure function constants_at(c, response, side) result(mine)
+    type(contact_constants_type), intent(in) :: c
+    real(wp), intent(in) :: response(3), side  !! see dem_law_state, square root of the overlap
+    type(contact_constants_type) :: mine
+    mine = c
+    mine%kn_a = 0.0_wp
+    mine%kt_a = 0.0_wp
+    mine%kt = response(2)
+    mine%normal_share = 1.0_wp
+    mine%kn = response(3)/max(side*side, tiny_moment)
+  end function constants_at
 
   !> One lane: its springs and dashpots over the step.
   pure subroutine one_contact(b, k, c, law, h, m_star, side, root, row, moment, work)

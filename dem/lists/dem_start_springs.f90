@@ -6,7 +6,7 @@
 module dem_start_springs
   use talus_kinds, only: wp, i4, i8
   use dem_records, only: index_of
-  use dem_state, only: dem_data_type, lanes, law_mindlin_deresiewicz
+  use dem_state, only: dem_data_type, lanes
   implicit none
   private
   public :: start_springs_type, hang_springs, count_springs
@@ -37,8 +37,7 @@ contains
         block = 1 + slot/lanes
         associate (first => d%pairs%first(lane, block), second => d%pairs%second(lane, block))
           if (.not. (all([first, second] == [a, b]) .or. all([first, second] == [b, a]))) cycle
-          if (d%laws(d%pairs%law_first(block), d%pairs%law_second(block))%kind &
-              == law_mindlin_deresiewicz) exit
+          if (.not. d%laws(d%pairs%law_first(block), d%pairs%law_second(block))%base%starts) exit
           d%pairs%history(lane, 1:3, block) = merge(1.0_wp, -1.0_wp, second == b) &
                                               *springs%force(:, k)
         end associate

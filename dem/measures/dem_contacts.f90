@@ -1,7 +1,8 @@
 !> The contacts of a system as a list, in an order that does not depend on its lists.
 module dem_contacts
   use talus_kinds, only: wp, i4, i8
-  use dem_contact, only: contact_constants_type, constants_of, contact_radius, contact_point
+  use dem_contact, only: contact_point
+  use dem_pair_law, only: pair_stiffness
   use dem_measure, only: contact_count
   use dem_state, only: dem_data_type, lanes, history_side
   use dem_surface_measure, only: surface_stiffness, body_of_part
@@ -75,8 +76,6 @@ contains
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: lane, block
     type(dem_contacts_type), intent(inout) :: list
-    type(contact_constants_type) :: c
-    real(wp) :: radius
     integer(i4) :: i, j, k
 
     i = d%pairs%first(lane, block)
@@ -89,15 +88,13 @@ contains
       list%ids(1, k) = d%grains%id(i)
     end if
     list%ids(2, k) = d%grains%id(d%pairs%grain(j))
-    c = constants_of(d%laws(d%pairs%law_first(block), d%pairs%law_second(block)))
-    list%point(:, k) = d%pairs%body(1:3, i) + contact_point(d%pairs, c%share, lane, block)
+    list%point(:, k) = d%pairs%body(1:3, i) + contact_point( &
+      d%pairs, d%laws(d%pairs%law_first(block), d%pairs%law_second(block))%share, lane, block)
     list%normal(:, k) = d%pairs%normal(lane, :, block)
     list%branch(:, k) = d%pairs%body(1:3, j) - d%pairs%body(1:3, i)
     if (d%pairs%round(block)) list%normal(:, k) = list%branch(:, k)/norm2(list%branch(:, k))
     list%force(:, k) = d%pairs%result(1:3, (block - 1)*lanes + lane)
-    radius = contact_radius(d%pairs%history(lane, :, block))
-    list%stiffness(1, k) = c%kn_a*radius + c%kn
-    list%stiffness(2, k) = c%kt_a*radius + c%kt
+    list%stiffness(:, k) = pair_stiffness(d, lane, block)
     list%overlap(k) = d%pairs%history(lane, history_side, block)**2
   end subroutine add_contact
 

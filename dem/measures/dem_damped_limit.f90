@@ -7,7 +7,9 @@
 module dem_damped_limit
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
-  use dem_contact, only: contact_constants_type, constants_of, contact_radius, contact_point
+  use dem_contact, only: contact_constants_type, constants_of, contact_point
+  use dem_pair_law, only: pair_stiffness
+  use dem_surface_measure, only: surface_stiffness
   use dem_additional, only: extra_stiffness
   use dem_state, only: dem_data_type, kind_free, kind_mirror, lanes, mode_relaxation, &
     history_side, history_root
@@ -88,7 +90,7 @@ contains
           other = d%pairs%second(lane, k)
           second = d%pairs%grain(other)
           weight = d%pairs%weight(lane, min(k, size(d%pairs%weight, 2)))
-          call set_springs(constants_of(law), d%pairs%history(lane, :, k), &
+          call set_springs(constants_of(law%law_numbers_type), pair_stiffness(d, lane, k), &
                            d%pairs%m_star(lane, k), weight, s)
           if (d%pairs%extras%active .and. law%extra%used) call set_rolling( &
             extra_stiffness(law, lane, k, d%pairs), law%extra%rolling_damping, &
@@ -137,8 +139,8 @@ contains
         if (.not. d%surfaces%history(k, history_side, g) > 0.0_wp) cycle
         associate (law => d%laws(d%surfaces%material(d%surfaces%part(k, g)), &
                                  d%grains%material(i)))
-          call set_springs(constants_of(law), d%surfaces%history(k, :, g), d%grains%mass(i), &
-                           1.0_wp, s)
+          call set_springs(constants_of(law%law_numbers_type), surface_stiffness(d, k, g), &
+                           d%grains%mass(i), 1.0_wp, s)
         end associate
         s%arm = d%surfaces%point(k, :, g) - d%pairs%body(1:3, i)
         s%normal = d%surfaces%normal(k, :, g)
@@ -149,15 +151,12 @@ contains
   end subroutine add_surfaces
 
   !> Springs and dashpots of the base law.
-  pure subroutine set_springs(c, history, m_star, weight, s)
+  pure subroutine set_springs(c, stiffness, m_star, weight, s)
     type(contact_constants_type), intent(in) :: c
-    real(wp), intent(in) :: history(:), m_star, weight
+    real(wp), intent(in) :: stiffness(2), m_star, weight  !! k_n, k_t [N/m], [kg], [-]
     type(spring_type), intent(out) :: s
-    real(wp) :: radius, kn
-    radius = contact_radius(history)
-    kn = c%kn_a*radius + c%kn
-    s%k = weight*[kn, c%kt_a*radius + c%kt, 0.0_wp]
-    s%c = weight*sqrt(m_star*kn)*[c%damping, c%tangential_damping, 0.0_wp]
+    s%k = weight*[stiffness, 0.0_wp]
+    s%c = weight*sqrt(m_star*stiffness(1))*[c%damping, c%tangential_damping, 0.0_wp]
   end subroutine set_springs
 
   !> Those of rolling resistance.

@@ -1,9 +1,8 @@
 !> The energy ledger: what is stored now, and how well all columns close.
 module dem_ledger
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_data_type, dem_ledger_type, kind_free, law_mindlin_deresiewicz
-  use dem_additional_state, only: turning_reals
-  use dem_contact, only: contact_constants_type, constants_of, stored_energy, turning_energy
+  use dem_state, only: dem_data_type, dem_ledger_type, kind_free
+  use dem_pair_law, only: pair_energy
   use dem_additional, only: extra_energy
   use dem_integrate, only: motion_type, motion_of, scaled_spin_momentum
   use dem_ellipsoid, only: rotation_of
@@ -24,7 +23,6 @@ contains
     real(wp), intent(in) :: dt
     type(dem_ledger_type), intent(inout) :: ledger
     type(motion_type) :: motion
-    type(contact_constants_type) :: constants
     real(wp) :: energy(2), part(2), other, sheet(3)
     integer(i4) :: i, k
 
@@ -47,11 +45,7 @@ contains
     ledger%elastic_other = 0.0_wp
     do k = 1, d%pairs%blocks
       if (.not. d%pairs%touched(k)) cycle
-      constants = constants_of(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)))
-      energy = stored_energy(constants, d%pairs%weight(:, min(k, size(d%pairs%weight, 2))), &
-                             d%pairs%history(:, :, k))
-      if (d%laws(d%pairs%law_first(k), d%pairs%law_second(k))%kind == law_mindlin_deresiewicz) &
-        energy(2) = stored_by_turning(d, k)
+      energy = pair_energy(d, k)
       if (allocated(d%pairs%share)) energy = d%pairs%share(k)*energy
       ledger%elastic_normal = ledger%elastic_normal + energy(1)
       ledger%elastic_tangential = ledger%elastic_tangential + energy(2)
@@ -73,16 +67,6 @@ contains
     if (size(d%surfaces%kept) > 0) ledger%elastic_other = ledger%elastic_other &
       + surface_extra_energy(d)
   end subroutine refresh_stored
-
-  !> Tangential energy of block k under the law of Mindlin and Deresiewicz [J].
-  pure real(wp) function stored_by_turning(d, k) result(energy)
-    type(dem_data_type), intent(in) :: d
-    integer(i4), intent(in) :: k
-    associate (at => d%pairs%extras%turning_at)
-      energy = turning_energy(d%pairs%weight(:, min(k, size(d%pairs%weight, 2))), &
-                              d%pairs%extras%kept(:, at:at + turning_reals - 1, k))
-    end associate
-  end function stored_by_turning
 
   !> Kinetic energy of a free grain with scaled masses, and the leapfrog's part of it: the works of
   !! the half kicks add up to m v-.v+/2 = m v^2/2 - dt^2 G^2/(8 m), G the total force [J].
@@ -183,7 +167,7 @@ contains
     error = ledger%start + ledger%boundary + ledger%external + ledger%gravity + ledger%curvature &
             - content(ledger) - ledger%friction - ledger%contact_damping &
             - ledger%background_damping - ledger%tangential_relaxation - ledger%rolling &
-            - ledger%breakage
+            - ledger%breakage - ledger%plastic
   end function closure_of
 
   !> Energy turned over so far, the scale of the closure error [J].
@@ -191,6 +175,7 @@ contains
     type(dem_ledger_type), intent(in) :: ledger
     scale = max(abs(ledger%start), ledger%kinetic + ledger%elastic_normal, abs(ledger%boundary) &
                 + abs(ledger%external) + abs(ledger%gravity), ledger%friction &
-                + ledger%contact_damping + ledger%background_damping + ledger%rolling)
+                + ledger%contact_damping + ledger%background_damping + ledger%rolling &
+                + ledger%plastic)
   end function turnover_of
 end module dem_ledger

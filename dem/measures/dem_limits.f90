@@ -4,9 +4,10 @@
 !! and sum f k_t |r_c|^2/(s_I I_min), with f = 2 for a free partner and 1 for a prescribed one.
 module dem_limits
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_data_type, kind_free, kind_mirror, law_linear, lanes, mode_relaxation, &
+  use dem_state, only: dem_data_type, kind_free, kind_mirror, lanes, mode_relaxation, &
     history_side
-  use dem_contact, only: contact_constants_type, constants_of, contact_radius, contact_point
+  use dem_contact, only: contact_point
+  use dem_pair_law, only: pair_stiffness
   use dem_damped_limit, only: damped_step
   use dem_additional, only: extra_stiffness
   use dem_membrane, only: membrane_rate, corner_stiffness
@@ -24,23 +25,20 @@ contains
   real(wp) function gershgorin_step(d) result(limit)
     type(dem_data_type), intent(in) :: d
     real(wp), allocatable :: lambda(:, :)
-    type(contact_constants_type) :: c
-    real(wp) :: kn, kt, radius, weight, scale(2), point(3)
+    real(wp) :: kn, weight, scale(2), point(3), stiffness(2)
     integer(i4) :: k, lane, i
 
     allocate (lambda(2, d%grains%n), source=0.0_wp)
     do k = 1, d%pairs%blocks
       if (.not. d%pairs%touched(k)) cycle
-      c = constants_of(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)))
       do lane = 1, lanes
         if (d%pairs%extras%active) call add_extra(d, lane, k, lambda)
         if (.not. d%pairs%history(lane, history_side, k) > 0.0_wp) cycle
-        radius = contact_radius(d%pairs%history(lane, :, k))
         weight = d%pairs%weight(lane, min(k, size(d%pairs%weight, 2)))
-        kn = weight*(c%kn_a*radius + c%kn)
-        kt = weight*(c%kt_a*radius + c%kt)
-        point = contact_point(d%pairs, c%share, lane, k)
-        call add_pair(d, d%pairs%first(lane, k), d%pairs%second(lane, k), kn, kt, point, lambda)
+        stiffness = weight*pair_stiffness(d, lane, k)
+        point = contact_point(d%pairs, d%laws(d%pairs%law_first(k), d%pairs%law_second(k))%share, &
+                              lane, k)
+        call add_pair(d, d%pairs%first(lane, k), d%pairs%second(lane, k), stiffness, point, lambda)
       end do
     end do
     if (d%surfaces%near > 0) call add_surface_rows(d, lambda)
@@ -62,14 +60,16 @@ contains
   end function gershgorin_step
 
   !> Add a contact to the row sums of its grains.
-  pure subroutine add_pair(d, first, other, kn, kt, point, lambda)
+  pure subroutine add_pair(d, first, other, stiffness, point, lambda)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: first, other
-    real(wp), intent(in) :: kn, kt, point(3)
+    real(wp), intent(in) :: stiffness(2), point(3)  !! k_n, k_t [N/m], from the first [m]
     real(wp), intent(inout) :: lambda(:, :)
-    real(wp) :: factor, arm(3)
+    real(wp) :: factor, arm(3), kn, kt
     integer(i4) :: second
 
+    kn = stiffness(1)
+    kt = stiffness(2)
     arm = point - (d%pairs%body(1:3, other) - d%pairs%body(1:3, first))
     second = d%pairs%grain(other)
     factor = 1.0_wp
@@ -167,8 +167,9 @@ contains
       if (d%grains%kind(i) /= kind_free) cycle
       associate (law => d%laws(d%grains%material(i), d%grains%material(i)))
         m = d%grains%mass(i)*scale
-        if (law%kind == law_linear) then
-          k = law%kn + law%kt
+        if (associated(law%base%impact)) then
+          k = law%base%impact(law%law_numbers_type, 0.5_wp*m, 0.5_wp*d%grains%radius(i), speed)
+          if (.not. k > 0.0_wp) cycle
         else if (law%kind > 0 .and. speed > 0.0_wp) then
           root = sqrt(0.5_wp*d%grains%radius(i))
           overlap = (15.0_wp*0.5_wp*m*speed**2/(16.0_wp*law%e_star*root))**0.4_wp

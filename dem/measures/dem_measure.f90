@@ -4,7 +4,8 @@ module dem_measure
   use talus_vectors, only: cross
   use talus_errors, only: error_list_type
   use talus_text, only: str
-  use dem_contact, only: contact_constants_type, constants_of, contact_radius
+  use dem_contact, only: contact_radius
+  use dem_pair_law, only: pair_stiffness
   use dem_state, only: dem_data_type, kind_free, lanes, history_side
   use dem_integrate, only: motion_type, motion_of, scaled_spin_momentum
   use dem_ellipsoid, only: rotation_of
@@ -150,7 +151,7 @@ contains
   pure real(wp) function wall_stiffness(d, wall) result(stiffness)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: wall
-    type(contact_constants_type) :: c
+    real(wp) :: pair(2)
     integer(i4) :: e, slot, lane, block, body
 
     stiffness = 0.0_wp
@@ -159,9 +160,16 @@ contains
       slot = d%pairs%entry(e)/2
       lane = 1 + mod(slot, lanes)
       block = 1 + slot/lanes
-      c = constants_of(d%laws(d%pairs%law_first(block), d%pairs%law_second(block)))
       if (.not. d%pairs%history(lane, history_side, block) > 0.0_wp) cycle
-      stiffness = stiffness + c%kn_a*contact_radius(d%pairs%history(lane, :, block)) + c%kn
+      associate (law => d%laws(d%pairs%law_first(block), d%pairs%law_second(block)))
+        if (associated(law%base%response)) then
+          pair = pair_stiffness(d, lane, block)
+          stiffness = stiffness + pair(1)
+        else
+          stiffness = stiffness &
+            + 2.0_wp*law%e_star*contact_radius(d%pairs%history(lane, :, block)) + law%kn
+        end if
+      end associate
     end do
   end function wall_stiffness
 

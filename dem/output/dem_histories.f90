@@ -32,6 +32,7 @@ module dem_histories
   type :: dem_histories_type
     type(history_type) :: energy, driven, walls, surfaces, bodies
     logical :: free = .false.                 !! there are free bodies
+    logical :: plastic = .false.              !! a law books plastic work
     integer(i4), allocatable :: index(:)      !! driven grains
     real(wp), allocatable :: driven_work(:)   !! of intervals that are over [J]
     real(wp), allocatable :: wall_work(:)     !! of intervals that are over [J]
@@ -53,6 +54,7 @@ contains
     type(dem_system_type), intent(in) :: system
     integer(i4) :: k
     self%free = allocated(system%surfaces%free)
+    self%plastic = any(system%laws%base%plastic)
     self%index = pack([(k, k=1, system%grains%n)], system%grains%kind == kind_driven)
     if (allocated(self%driven_work)) deallocate (self%driven_work)
     if (allocated(self%wall_work)) deallocate (self%wall_work, self%surface_work)
@@ -68,7 +70,12 @@ contains
     real(wp), intent(in) :: time  !! of the checkpoint [s]; < 0: a fresh run
     type(error_list_type), intent(inout) :: errors
 
-    call begin(self%energy, stem//'_energy.csv', energy_columns, time, errors)
+    if (self%plastic) then
+      call begin(self%energy, stem//'_energy.csv', &
+                 [character(len=26) :: energy_columns, 'plastic [J]'], time, errors)
+    else
+      call begin(self%energy, stem//'_energy.csv', energy_columns, time, errors)
+    end if
     if (size(self%index) > 0) &
       call begin(self%driven, stem//'_driven.csv', driven_columns, time, errors)
     if (size(self%wall_work) > 0) &
@@ -116,7 +123,8 @@ contains
                               l%staggering, system%closure(), relative_closure(system), &
                               real(system%contact_number(), wp), &
                               system%health%max_overlap, system%par%dt, l%elastic_other, &
-                              l%rolling, l%breakage], errors)
+                              l%rolling, l%breakage, &
+                              pack([l%plastic], self%plastic)], errors)
     end associate
     do k = 1, size(self%index)
       i = self%index(k)

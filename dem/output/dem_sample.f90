@@ -77,9 +77,9 @@ contains
     type(dem_contacts_type), intent(in) :: list
     integer(i4), intent(in) :: c
     type(sample_type), intent(inout) :: sample
-    type(contact_constants_type) :: law
+    type(contact_constants_type) :: constants
     integer(i4) :: material
-    real(wp) :: shear(3)
+    real(wp) :: shear(3), normal
 
     sample%point(:, c) = list%point(:, c)
     sample%normal(:, c) = list%normal(:, c)
@@ -95,10 +95,13 @@ contains
         material = system%planes%material(int(-list%ids(1, c), i4))
     end if
     if (material == 0) return
-    law = constants_of(system%laws(material, system%grains%material(sample%second(c))))
     shear = list%force(:, c) &
             - dot_product(list%force(:, c), list%normal(:, c))*list%normal(:, c)
-    sample%sliding(c) = norm2(shear) >= at_limit*law%friction*law%normal_share &
-                        *list%stiffness(1, c)*list%overlap(c)
+    associate (law => system%laws(material, system%grains%material(sample%second(c))))
+      constants = constants_of(law%law_numbers_type)
+      normal = constants%normal_share*list%stiffness(1, c)*list%overlap(c)
+      if (associated(law%base%response)) normal = dot_product(list%force(:, c), list%normal(:, c))
+      sample%sliding(c) = norm2(shear) >= at_limit*law%friction*normal
+    end associate
   end subroutine put_contact
 end module dem_sample

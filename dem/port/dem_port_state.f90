@@ -11,7 +11,7 @@ module dem_port_state
     field_quat, field_radius, field_ranks, field_scalars, field_step_limit, field_stiffness, &
     field_t_end, field_time, field_version, field_x, what_border, what_contacts, what_grains, &
     what_group, what_groups
-  use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_friction, &
+  use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_friction, scalar_plastic, &
     scalar_contact_damping, scalar_background_damping, scalar_curvature, &
     scalar_tangential_relaxation, scalar_boundary, scalar_gravity, scalar_momentum, &
     scalar_angular_momentum, scalar_step_limit, scalar_max_overlap, scalar_flags, scalar_count, &
@@ -171,6 +171,7 @@ contains
       value(scalar_kinetic) = l%kinetic - l%staggering
       value(scalar_elastic) = l%elastic_normal + l%elastic_tangential + l%elastic_other
       value(scalar_friction) = l%friction + l%rolling + l%breakage
+      value(scalar_plastic) = l%plastic
       value(scalar_contact_damping) = l%contact_damping
       value(scalar_background_damping) = l%background_damping
       value(scalar_curvature) = l%curvature

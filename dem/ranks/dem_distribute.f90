@@ -5,6 +5,7 @@ module dem_distribute
   use talus_ranks, only: ranks_type
   use dem_additional_state, only: dem_extras_type
   use dem_additional, only: plan_extras
+  use dem_law_registry, only: bind_law
   use dem_shape_state, only: put_frame
   use dem_prescribed, only: put_body
   use dem_state, only: dem_data_type, dem_grains_type, dem_parameters_type, dem_cell_type, &
@@ -232,6 +233,7 @@ contains
         numbers = transfer(part%laws(a, b), [0_i4])
         call team%tell_numbers(numbers)
         part%laws(a, b) = transfer(numbers, part%laws(a, b))
+        call bind_law(part%laws(a, b))
       end do
     end do
   end subroutine tell_laws

@@ -5,10 +5,9 @@ module dem_setup_laws
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use talus_suggest, only: did_you_mean
-  use dem_state, only: dem_material_type, dem_law_type, law_hertz_mindlin, law_hertz_no_history, &
-    law_linear, law_mindlin_deresiewicz, dem_planes_type
+  use dem_state, only: dem_material_type, dem_law_type, dem_planes_type
   use dem_additional_state, only: cohesion_none, cohesion_constant, cohesion_dmt, cohesion_jkr
-  use dem_law, only: make_law, make_linear_law, mirrored_law, damping_ratio_for, restitution_of
+  use dem_law, only: make_law, mirrored_law, damping_ratio_for, restitution_of
   use dem_make, only: make_planes
   implicit none
   private
@@ -80,52 +79,45 @@ contains
                         'one group a pair; the order of the names does not matter')
         cycle
       end if
-      call read_law(deck, k, materials(a), materials(b), law)
+      call read_law(deck, k, materials(a), materials(b), law, errors)
       call read_extra(deck, k, law)
       laws(a, b) = law
       if (a /= b) laws(b, a) = mirrored_law(law)
     end do
   end subroutine read_contacts
 
-  subroutine read_law(deck, k, first, second, law)
+  subroutine read_law(deck, k, first, second, law, errors)
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: k
     type(dem_material_type), intent(in) :: first, second
     type(dem_law_type), intent(out) :: law
+    type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: name, radius, area
-    real(wp) :: friction, ratio, tangential, e, kn, kt
-    integer(i4) :: kind
+    real(wp) :: friction, ratio, tangential, e
 
     call deck%get('contact', k, 'law', name)
-    kind = law_linear
-    if (name == 'hertz_mindlin') kind = law_hertz_mindlin
-    if (name == 'hertz_no_history') kind = law_hertz_no_history
-    if (name == 'mindlin_deresiewicz') kind = law_mindlin_deresiewicz
     call deck%get('contact', k, 'friction', friction)
     call deck%get('contact', k, 'radius', radius)
     ratio = 0.0_wp
     if (deck%given('contact', k, 'restitution')) then
       call deck%get('contact', k, 'restitution', e)
-      ratio = damping_ratio_for(kind, e)
+      law = make_law(name, first, second, friction, ratio, ratio)
+      ratio = damping_ratio_for(law%base%oscillator, e)
     else if (deck%given('contact', k, 'damping_ratio')) then
       call deck%get('contact', k, 'damping_ratio', ratio)
     end if
     tangential = ratio
     if (deck%given('contact', k, 'tangential_damping')) &
       call deck%get('contact', k, 'tangential_damping', tangential)
-    if (kind == law_linear) then
-      call deck%get('contact', k, 'normal_stiffness', kn)
-      call deck%get('contact', k, 'tangential_stiffness', kt)
-      law = make_linear_law(kn, kt, friction, ratio, tangential)
-    else
-      law = make_law(kind, first, second, friction, ratio, tangential)
-    end if
+    law = make_law(name, first, second, friction, ratio, tangential)
     law%frozen = radius == 'frozen'
     call deck%get('contact', k, 'contact_area', area)
-    law%elliptic = area == 'ellipse' .and. kind /= law_linear
+    law%elliptic = area == 'ellipse' .and. law%base%hertz
+    if (associated(law%base%constants)) &
+      call law%base%constants(deck, k, law%law_numbers_type, errors)
   end subroutine read_law
 
-  !> Laws on top of the base law.
+  !> Additional contact models.
   subroutine read_extra(deck, k, law)
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: k
@@ -141,8 +133,7 @@ contains
         call deck%get('contact', k, 'rolling_damping', extra%rolling_damping)
       call read_cohesion(deck, k, law)
       extra%used = extra%rolling > 0.0_wp .or. extra%twisting > 0.0_wp &
-                   .or. extra%cohesion /= cohesion_none &
-                   .or. law%kind == law_mindlin_deresiewicz
+                   .or. extra%cohesion /= cohesion_none
     end associate
   end subroutine read_extra
 
@@ -233,7 +224,7 @@ contains
         n = n + 1
         lines(n)%s = names(a)%s//' - '//names(b)%s//': friction '//str(laws(a, b)%friction)// &
           ', damping ratio '//rounded(laws(a, b)%damping_ratio)//', restitution '// &
-          rounded(restitution_of(laws(a, b)%kind, laws(a, b)%damping_ratio))
+          rounded(restitution_of(laws(a, b)%base%oscillator, laws(a, b)%damping_ratio))
       end do
     end do
   end subroutine law_lines

@@ -6,7 +6,8 @@ module dem_additional_state
   use talus_kinds, only: wp, i4, i8
   implicit none
   private
-  public :: dem_extra_law_type, extra_places_type, dem_extras_type, dem_bond_type
+  public :: dem_extra_law_type, kept_part_type, extra_places_type, dem_extras_type, dem_bond_type
+  public :: part_rolling, part_cohesion, part_bond, part_base, most_parts
   public :: extra_work_count, work_rolling, work_breakage, work_torn, work_sheared
   public :: rolling_reals, cohesion_reals, bond_reals, turning_reals, turning_knots
   public :: cohesion_none, cohesion_constant, cohesion_dmt, cohesion_jkr
@@ -53,13 +54,25 @@ module dem_additional_state
     integer(i8), allocatable :: pairs(:, :)     !! (2, n) ids of the only ones; else all in reach
   end type dem_bond_type
 
+  ! Places of models and laws in the table of parts; what a base law keeps is part_base + its place
+  ! in dem_law_registry.
+  integer(i4), parameter :: part_rolling = 1, part_cohesion = 2, part_bond = 3, part_base = 3
+  integer(i4), parameter :: most_parts = 16
+
+  !> A part of what a contact keeps.
+  type :: kept_part_type
+    character(len=12) :: name = ''            !! in checkpoints
+    integer(i4) :: reals = 0
+    integer(i4) :: at = 0                     !! first real, 0: the run does not need it
+  end type kept_part_type
+
   !> Places in what a contact keeps; 0 means that no law needs it.
   type :: extra_places_type
     integer(i4) :: reals = 0                  !! kept for a candidate
     integer(i4) :: rolling_at = 0             !! first of dem_rolling
     integer(i4) :: cohesion_at = 0            !! first of dem_cohesion
     integer(i4) :: bond_at = 0                !! first of dem_bond
-    integer(i4) :: turning_at = 0             !! first of dem_turning
+    type(kept_part_type) :: part(most_parts)  !! of all laws and models
   end type extra_places_type
 
   !> What contacts keep; empty unless active.

@@ -4,7 +4,9 @@ module dem_state
   use talus_kinds, only: wp, i4, i8
   use dem_sizes, only: lanes
   use dem_shape_state, only: dem_forms_type
-  use dem_additional_state, only: dem_extra_law_type, dem_extras_type
+  use dem_law_state, only: dem_material_type, dem_law_type, history_size, history_side, &
+    history_root, history_point, column_count
+  use dem_additional_state, only: dem_extras_type
   use dem_surface_state, only: dem_surfaces_type
   use dem_halo_state, only: dem_halo_type
   implicit none
@@ -14,7 +16,6 @@ module dem_state
   public :: dem_cell_type, dem_parts_type
   public :: kind_free, kind_fixed, kind_driven, kind_ghost, kind_mirror
   public :: mode_dynamic, mode_relaxation
-  public :: law_hertz_mindlin, law_hertz_no_history, law_linear, law_mindlin_deresiewicz
   public :: lanes, body_size, history_size, result_size, column_count
   public :: entries_ahead, history_side, history_root, history_point
 
@@ -26,44 +27,10 @@ module dem_state
 
   integer(i4), parameter :: mode_dynamic = 1, mode_relaxation = 2
 
-  integer(i4), parameter :: law_hertz_mindlin = 1     !! Hertz and Mindlin, history kept
-  integer(i4), parameter :: law_hertz_no_history = 2  !! Hertz, tangential force viscous only
-  integer(i4), parameter :: law_linear = 3            !! spring and dashpot of given stiffness
-  integer(i4), parameter :: law_mindlin_deresiewicz = 4  !! Hertz, history of all turning points
-
   integer(i4), parameter :: body_size = 16     !! reals in a body record, see dem_pairs_type
-  integer(i4), parameter :: history_size = 11  !! reals kept for a candidate, see dem_contact
   integer(i4), parameter :: result_size = 8    !! force, moment about the origin, two spare
-  integer(i4), parameter :: column_count = 4   !! work of a block: see dem_contact
 
   integer(i4), parameter :: entries_ahead = 48  !! spare entries that sums may look at
-
-  integer(i4), parameter :: history_side = 7      !! square root of the overlap, > 0 in contact
-  integer(i4), parameter :: history_root = 8      !! square root of the effective radius
-  integer(i4), parameter :: history_point = 9     !! contact point from the centre of A, 9-11
-
-  !> Elastic constants and density of a material.
-  type :: dem_material_type
-    real(wp) :: young = 0.0_wp    !! Young's modulus [Pa]
-    real(wp) :: poisson = 0.0_wp  !! Poisson's ratio [-]
-    real(wp) :: density = 0.0_wp  !! density [kg/m^3]
-  end type dem_material_type
-
-  !> Contact law of an ordered pair of materials (filled by dem_law).
-  type :: dem_law_type
-    integer(i4) :: kind = 0                !! law_..., 0 = not given
-    real(wp) :: e_star = 0.0_wp            !! contact modulus E* [Pa]
-    real(wp) :: g_star = 0.0_wp            !! shear contact modulus G* [Pa]
-    real(wp) :: friction = 0.0_wp          !! Coulomb coefficient [-]
-    real(wp) :: damping_ratio = 0.0_wp     !! normal damping ratio xi [-]
-    real(wp) :: tangential_ratio = 0.0_wp  !! tangential damping ratio [-]
-    real(wp) :: kn = 0.0_wp                !! normal stiffness of the linear law [N/m]
-    real(wp) :: kt = 0.0_wp                !! tangential stiffness of the linear law [N/m]
-    real(wp) :: share = 0.5_wp             !! compliance share of the first material [-]
-    logical :: frozen = .false.            !! R_e of a contact stays that of its first touch
-    logical :: elliptic = .false.          !! exact Hertz force of elliptic areas, see dem_ellipse
-    type(dem_extra_law_type) :: extra      !! on top of the base law
-  end type dem_law_type
 
   !> All grains, in ascending order of id. Arrays are (components, grains).
   type :: dem_grains_type
@@ -224,6 +191,7 @@ module dem_state
     real(wp) :: tangential_relaxation = 0.0_wp  !! lost by tangential springs without sliding
     real(wp) :: rolling = 0.0_wp                !! dissipated by rolling and twisting
     real(wp) :: breakage = 0.0_wp               !! lost when bonds break, necks form or tear
+    real(wp) :: plastic = 0.0_wp                !! dissipated by plastic deformation of contacts
     real(wp) :: boundary = 0.0_wp               !! work of prescribed grains and planes
     real(wp) :: external = 0.0_wp               !! work of held extra forces
     real(wp) :: gravity = 0.0_wp                !! work of gravity

@@ -11,6 +11,7 @@ module dem_parts_forces
   use dem_parts, only: sum_part, finish_part
   use dem_prescribed, only: finish_prescribed
   use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_ghost
+  use dem_law_state, only: column_count, column_plastic
   use dem_relist, only: rebuild_list, travel_of, larger
   use dem_steps, only: finish_planes
   use dem_membrane_forces, only: share_near
@@ -226,7 +227,7 @@ contains
   subroutine note_columns(d, first, last)
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: first, last
-    real(wp) :: total(4)
+    real(wp) :: total(column_count)
     integer(i4) :: k
     total = 0.0_wp
     do k = first, last
@@ -237,10 +238,11 @@ contains
 
   subroutine note(d, total)
     type(dem_data_type), intent(inout) :: d
-    real(wp), intent(in) :: total(4)  !! dashpots, friction, tangential relaxation, curvature [J]
+    real(wp), intent(in) :: total(column_count)  !! see dem_law_state [J]
     d%ledger%contact_damping = d%ledger%contact_damping + total(1)
     d%ledger%friction = d%ledger%friction + total(2)
     d%ledger%tangential_relaxation = d%ledger%tangential_relaxation + total(3)
     d%ledger%curvature = d%ledger%curvature + total(4)
+    d%ledger%plastic = d%ledger%plastic + total(column_plastic)
   end subroutine note
 end module dem_parts_forces

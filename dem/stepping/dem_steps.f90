@@ -14,6 +14,7 @@ module dem_steps
   use talus_errors, only: error_list_type
   use dem_state, only: dem_data_type, dem_pairs_type, kind_free, kind_fixed, kind_ghost, &
     kind_mirror, mode_relaxation, lanes, body_size
+  use dem_law_state, only: column_count, column_plastic
   use dem_carry, only: start_carried, finish_carried, recall_carried, sum_images
   use dem_cell, only: advance_cell
   use dem_lost, only: all_finite, name_lost_grain, name_stray
@@ -510,7 +511,7 @@ contains
   !> Block sums into the ledger, in the order of blocks.
   subroutine add_contact_work(d)
     type(dem_data_type), intent(inout) :: d
-    real(wp) :: total(4)
+    real(wp) :: total(column_count)
     integer(i4) :: k
     total = 0.0_wp
     if (allocated(d%pairs%share)) then
@@ -528,6 +529,7 @@ contains
     d%ledger%friction = d%ledger%friction + total(2)
     d%ledger%tangential_relaxation = d%ledger%tangential_relaxation + total(3)
     d%ledger%curvature = d%ledger%curvature + total(4)
+    d%ledger%plastic = d%ledger%plastic + total(column_plastic)
     d%health%evaluations = d%health%evaluations + 1
   end subroutine add_contact_work
 

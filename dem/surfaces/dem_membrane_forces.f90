@@ -2,7 +2,7 @@
 !! contacts: blocks of lanes one after another, each contact with its sign (see dem_membrane_find).
 module dem_membrane_forces
   use talus_kinds, only: wp, i4, i8
-  use dem_state, only: dem_data_type, lanes, history_size, history_point, column_count
+  use dem_state, only: dem_data_type, dem_law_type, lanes, history_size, history_point, column_count
   use dem_surface_state, only: dem_surfaces_type, surface_membrane
   use dem_figure, only: figure_type
   use dem_surface_feature, only: touches_type, features_type
@@ -11,7 +11,6 @@ module dem_membrane_forces
     law_of, take_lane, about_centre, clear_shares, share_loads, far_apart
   use dem_membrane_match, only: bear_pairs
   use dem_block, only: dem_block_type
-  use dem_contact, only: contact_block, constants_of, contact_constants_type
   implicit none
   private
   public :: share_near, share_anew
@@ -204,6 +203,8 @@ contains
     real(wp), intent(out) :: columns(column_count)
     type(dem_block_type) :: mine
     real(wp) :: m_star(lanes), weight(lanes), some(column_count), kept(lanes, history_size)
+    real(wp) :: none(lanes, 0)
+    type(dem_law_type) :: of_both
     integer(i4) :: k, law(size(part)), lead
 
     columns = 0.0_wp
@@ -220,10 +221,10 @@ contains
         mine%gap(k) = 1.0_wp
         kept(k, :) = 0.0_wp
       end do
-      associate (c => constants_of(d%laws(abs(law(lead)), d%grains%material(i))))
-        call contact_block(mine, surface_share(c, law(lead)), .false., h, m_star, weight, kept, &
-                           some)
-      end associate
+      of_both = d%laws(abs(law(lead)), d%grains%material(i))
+      if (law(lead) < 0) of_both%share = 0.0_wp  ! on a soft body the point lies on its surface
+      call of_both%base%forces(mine, of_both%law_numbers_type, .false., h, m_star, weight, kept, &
+                               none, some)
       columns = columns + some
       do k = 1, size(part)
         if (law(k) /= law(lead)) cycle
@@ -232,12 +233,4 @@ contains
       end do
     end do
   end subroutine apply_laws
-
-  !> On a soft body the contact point lies on its surface; law: see law_of.
-  pure type(contact_constants_type) function surface_share(c, law) result(d)
-    type(contact_constants_type), intent(in) :: c
-    integer(i4), intent(in) :: law
-    d = c
-    if (law < 0) d%share = 0.0_wp
-  end function surface_share
 end module dem_membrane_forces

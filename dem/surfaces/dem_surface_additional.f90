@@ -3,17 +3,17 @@ module dem_surface_additional
   use talus_kinds, only: wp, i4
   use dem_block, only: dem_block_type
   use dem_cohesion, only: tear_overlap
-  use dem_contact, only: contact_block, constants_of
-  use dem_additional_state, only: extra_places_type, cohesion_jkr, extra_work_count, turning_reals
+  use dem_contact, only: contact_stiffness, constants_of, stored_energy
+  use dem_law_registry, only: place_of_memory
+  use dem_additional_state, only: extra_places_type, cohesion_jkr, extra_work_count
   use dem_additional, only: add_extra_work, add_laws, stored_on_top, stiffness_on_top
   use talus_vectors, only: cross
-  use dem_state, only: dem_data_type, dem_law_type, lanes, history_size, column_count, &
-    law_mindlin_deresiewicz
+  use dem_state, only: dem_data_type, dem_law_type, lanes, history_size, column_count
   implicit none
   private
   public :: surface_kept_reals, neck_reach, held_by_necks, laws_of_surface, surface_extra_energy, &
-    surface_extra_stiffness, surface_turning_energy, turns_at_surface, &
-    add_work_on_top, corner_couples
+    surface_extra_stiffness, surface_base_stiffness, has_own_energy, has_hertz_energy, &
+    own_energy, add_work_on_top, corner_couples
 
 contains
 
@@ -24,7 +24,9 @@ contains
     reals = 0
     if (.not. d%pairs%extras%active) return
     do k = 1, d%surfaces%parts
-      if (any(d%laws(d%surfaces%material(k), :)%extra%used)) reals = d%pairs%extras%reals
+      associate (laws => d%laws(d%surfaces%material(k), :))
+        if (any(laws%extra%used .or. laws%base%reals > 0)) reals = d%pairs%extras%reals
+      end associate
     end do
   end function surface_kept_reals
 
@@ -74,17 +76,15 @@ contains
     real(wp), intent(inout) :: history(lanes, history_size), kept(:, :)
     real(wp), intent(out) :: columns(column_count)
     real(wp), intent(inout) :: work(extra_work_count)
-    real(wp) :: weight(lanes), turning(lanes, turning_reals)
+    real(wp) :: weight(lanes), memory(lanes, law%base%reals)
+    integer(i4) :: range(2)
 
     weight = 1.0_wp
-    if (law%kind == law_mindlin_deresiewicz) then
-      turning = kept(:, at%turning_at:at%turning_at + turning_reals - 1)
-      call contact_block(b, constants_of(law), .false., h, m_star, weight, history, columns, &
-                         turning)
-      kept(:, at%turning_at:at%turning_at + turning_reals - 1) = turning
-    else
-      call contact_block(b, constants_of(law), .false., h, m_star, weight, history, columns)
-    end if
+    range = place_of_memory(law, at)
+    memory = kept(:, range(1):range(2))
+    call law%base%forces(b, law%law_numbers_type, .false., h, m_star, weight, history, memory, &
+                          columns)
+    kept(:, range(1):range(2)) = memory
     if (law%extra%used) &
       call add_laws(b, law, at, .false., h, m_star, weight, history, kept, columns, work)
   end subroutine laws_of_surface
@@ -108,20 +108,60 @@ contains
     end do
   end function surface_extra_energy
 
-  !> Has contact k of near grain g the law of Mindlin and Deresiewicz?
-  pure logical function turns_at_surface(d, k, g)
+  !> Normal and tangential stiffness of contact k of near grain g by its base law [N/m].
+  pure function surface_base_stiffness(d, k, g) result(stiffness)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: k, g
-    turns_at_surface = d%laws(d%surfaces%material(d%surfaces%part(k, g)), &
-      d%grains%material(d%surfaces%near_grain(g)))%kind == law_mindlin_deresiewicz
-  end function turns_at_surface
+    real(wp) :: stiffness(2), none(0)
+    integer(i4) :: range(2)
+    associate (law => d%laws(d%surfaces%material(d%surfaces%part(k, g)), &
+                             d%grains%material(d%surfaces%near_grain(g))))
+      if (law%base%reals > 0) then
+        range = place_of_memory(law, d%pairs%extras)
+        stiffness = contact_stiffness(law, d%surfaces%history(k, :, g), &
+                                      d%surfaces%kept(k, range(1):range(2), g))
+      else
+        stiffness = contact_stiffness(law, d%surfaces%history(k, :, g), none)
+      end if
+    end associate
+  end function surface_base_stiffness
 
-  !> Its stored tangential energy [J].
-  pure real(wp) function surface_turning_energy(d, k, g) result(energy)
+  !> Is the energy of contact k of near grain g not that of springs?
+  pure logical function has_own_energy(d, k, g)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: k, g
-    energy = d%surfaces%kept(k, d%pairs%extras%turning_at + 1, g)
-  end function surface_turning_energy
+    has_own_energy = associated(d%laws(d%surfaces%material(d%surfaces%part(k, g)), &
+                                       d%grains%material(d%surfaces%near_grain(g)))%base%energy)
+  end function has_own_energy
+
+  !> Is its normal force that of Hertz?
+  pure logical function has_hertz_energy(d, k, g) result(hertz)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: k, g
+    hertz = d%laws(d%surfaces%material(d%surfaces%part(k, g)), &
+                   d%grains%material(d%surfaces%near_grain(g)))%base%hertz
+  end function has_hertz_energy
+
+  !> Then its normal and tangential energy [J].
+  pure function own_energy(d, k, g) result(energy)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: k, g
+    real(wp) :: energy(2), weight(lanes), memory(lanes, d%pairs%extras%reals)
+    real(wp) :: history(lanes, history_size)
+    integer(i4) :: range(2)
+    weight = 0.0_wp
+    weight(1) = 1.0_wp
+    memory = 0.0_wp
+    memory(1, :) = d%surfaces%kept(k, :, g)
+    history = 0.0_wp
+    history(1, :) = d%surfaces%history(k, :, g)
+    associate (law => d%laws(d%surfaces%material(d%surfaces%part(k, g)), &
+                             d%grains%material(d%surfaces%near_grain(g))))
+      energy = stored_energy(constants_of(law%law_numbers_type), weight, history)
+      range = place_of_memory(law, d%pairs%extras)
+      call law%base%energy(law%law_numbers_type, weight, memory(:, range(1):range(2)), energy)
+    end associate
+  end function own_energy
 
   !> Stiffness that the laws on top add to a contact: of translation [N/m] and of rotation [N m].
   pure function surface_extra_stiffness(d, k, g) result(stiffness)

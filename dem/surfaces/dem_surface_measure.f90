@@ -5,9 +5,10 @@ module dem_surface_measure
   use dem_state, only: dem_data_type, kind_free, history_side, history_root
   use dem_surface_body, only: is_free
   use dem_surface_state, only: dem_surfaces_type, surface_membrane
-  use dem_contact, only: contact_constants_type, constants_of, contact_radius
-  use dem_surface_additional, only: surface_extra_stiffness, surface_turning_energy, &
-    turns_at_surface
+  use dem_contact, only: contact_constants_type, constants_of
+  use dem_surface_additional, only: surface_extra_stiffness, has_own_energy, &
+    has_hertz_energy, own_energy, &
+    surface_stiffness => surface_base_stiffness
   implicit none
   private
   public :: vertex_stiffness, body_rows, body_rate
@@ -34,20 +35,11 @@ contains
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: k, g
     type(contact_constants_type) :: c
-    c = constants_of(d%laws(d%surfaces%material(d%surfaces%part(k, g)), &
-                            d%grains%material(d%surfaces%near_grain(g))))
+    associate (law => d%laws(d%surfaces%material(d%surfaces%part(k, g)), &
+                             d%grains%material(d%surfaces%near_grain(g))))
+      c = constants_of(law%law_numbers_type)
+    end associate
   end function law_of
-
-  !> Normal and tangential stiffness of contact k of near grain g [N/m].
-  pure function surface_stiffness(d, k, g) result(stiffness)
-    type(dem_data_type), intent(in) :: d
-    integer(i4), intent(in) :: k, g
-    real(wp) :: stiffness(2), radius
-    type(contact_constants_type) :: c
-    c = law_of(d, k, g)
-    radius = contact_radius(d%surfaces%history(k, :, g))
-    stiffness = [c%kn_a*radius + c%kn, c%kt_a*radius + c%kt]
-  end function surface_stiffness
 
   !> Normal stiffness of the contacts of a soft body, shared among its vertices as their forces
   !! are [N/m].
@@ -86,7 +78,7 @@ contains
   !> Stored normal and tangential energy [J].
   pure function surface_energy(d) result(energy)
     type(dem_data_type), intent(in) :: d
-    real(wp) :: energy(2), overlap, stiffness(2)
+    real(wp) :: energy(2), overlap, stiffness(2), tangential, own(2)
     type(contact_constants_type) :: c
     integer(i4) :: g, k
 
@@ -101,27 +93,27 @@ contains
             c%c = d%surfaces%sign(k, g)*c%c
             c%kn = d%surfaces%sign(k, g)*c%kn
           end if
-          energy(1) = energy(1) + overlap*overlap*(c%c*history(history_root)*history(history_side) &
-                                                   + 0.5_wp*c%kn)
-          if (.not. stiffness(2) > 0.0_wp) cycle
-          if (d%surfaces%sign(k, g) < 0.0_wp) then
-            energy(2) = energy(2) + d%surfaces%sign(k, g)*tangential_energy(d, k, g, stiffness(2))
+          tangential = 0.0_wp
+          if (stiffness(2) > 0.0_wp) tangential = 0.5_wp*sum(history(1:3)**2)/stiffness(2)
+          own = 0.0_wp
+          if (has_own_energy(d, k, g)) own = own_energy(d, k, g)
+          if (has_own_energy(d, k, g)) tangential = own(2)
+          if (.not. has_own_energy(d, k, g) .or. has_hertz_energy(d, k, g)) then
+            energy(1) = energy(1) &
+              + overlap*overlap*(c%c*history(history_root)*history(history_side) &
+                                 + 0.5_wp*c%kn)
           else
-            energy(2) = energy(2) + tangential_energy(d, k, g, stiffness(2))
+            energy(1) = energy(1) + own(1)
+          end if
+          if (d%surfaces%sign(k, g) < 0.0_wp) then
+            energy(2) = energy(2) + d%surfaces%sign(k, g)*tangential
+          else
+            energy(2) = energy(2) + tangential
           end if
         end associate
       end do
     end do
   end function surface_energy
-
-  !> Stored tangential energy of contact k of near grain g [J].
-  pure real(wp) function tangential_energy(d, k, g, stiffness) result(energy)
-    type(dem_data_type), intent(in) :: d
-    integer(i4), intent(in) :: k, g
-    real(wp), intent(in) :: stiffness  !! tangential [N/m]
-    energy = 0.5_wp*sum(d%surfaces%history(k, 1:3, g)**2)/stiffness
-    if (turns_at_surface(d, k, g)) energy = surface_turning_energy(d, k, g)
-  end function tangential_energy
 
   !> Row sums of the step limit: see dem_limits; a surface counts as a prescribed partner.
   pure subroutine add_surface_rows(d, lambda)

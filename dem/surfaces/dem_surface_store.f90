@@ -7,8 +7,7 @@ module dem_surface_store
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
   use dem_state, only: dem_data_type, lanes, history_size, column_count
-  use dem_additional_state, only: extra_places_type, extra_work_count, rolling_reals, &
-    cohesion_reals, turning_reals
+  use dem_additional_state, only: extra_places_type, extra_work_count, most_parts, part_bond
   use dem_surface_additional, only: surface_kept_reals
   use dem_surface_state, only: dem_surfaces_type, surface_soft, surface_cylinder, &
     soft_smooth
@@ -21,9 +20,6 @@ module dem_surface_store
 
   integer(i4), parameter :: longest_name = 48
   integer(i4), parameter :: contact_size = history_size + 18  !! reals of a contact
-
-  character(len=8), parameter :: laws(3) = [character(len=8) :: 'rolling', 'cohesion', 'turning']
-  integer(i4), parameter :: law_reals(3) = [rolling_reals, cohesion_reals, turning_reals]
 
 contains
 
@@ -81,11 +77,13 @@ contains
     type(dem_surfaces_type), intent(in) :: s
     type(extra_places_type), intent(in) :: places
     type(dem_archive_type), intent(inout) :: archive
-    integer(i4) :: k, at(3)
-    at = [places%rolling_at, places%cohesion_at, places%turning_at]
-    do k = 1, size(laws)
-      if (at(k) > 0) call archive%put_reals('surfaces.'//trim(laws(k)), reshape( &
-        s%kept(:, at(k):at(k) + law_reals(k) - 1, :), [s%slots*law_reals(k), s%near]))
+    integer(i4) :: k
+    do k = 1, most_parts
+      if (k == part_bond) cycle
+      associate (part => places%part(k))
+        if (part%at > 0) call archive%put_reals('surfaces.'//trim(part%name), reshape( &
+          s%kept(:, part%at:part%at + part%reals - 1, :), [s%slots*part%reals, s%near]))
+      end associate
     end do
     call archive%put_reals('surfaces.couple', reshape(s%couple, [s%slots*3, s%near]))
   end subroutine put_kept
@@ -98,18 +96,23 @@ contains
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: flat(:, :)
-    integer(i4) :: k, at(3), some
+    integer(i4) :: k, some
 
     some = merge(s%near, 0_i4, reals > 0)
     allocate (s%kept(s%slots, reals, some), s%couple(s%slots, 3, some), &
               s%extra_work(extra_work_count, some), source=0.0_wp)
     if (some == 0) return
-    at = [places%rolling_at, places%cohesion_at, places%turning_at]
-    do k = 1, size(laws)
-      if (at(k) == 0 .or. archive%find('surfaces.'//trim(laws(k))) == 0) cycle
-      call archive%get_reals('surfaces.'//trim(laws(k)), s%slots*law_reals(k), s%near, flat, errors)
-      if (errors%any()) return
-      s%kept(:, at(k):at(k) + law_reals(k) - 1, :) = reshape(flat, [s%slots, law_reals(k), s%near])
+    do k = 1, most_parts
+      if (k == part_bond) cycle
+      associate (part => places%part(k))
+        if (part%at == 0) cycle
+        if (archive%find('surfaces.'//trim(part%name)) == 0) cycle
+        call archive%get_reals('surfaces.'//trim(part%name), s%slots*part%reals, s%near, flat, &
+                               errors)
+        if (errors%any()) return
+        s%kept(:, part%at:part%at + part%reals - 1, :) = &
+          reshape(flat, [s%slots, part%reals, s%near])
+      end associate
     end do
     if (archive%find('surfaces.couple') == 0) return
     call archive%get_reals('surfaces.couple', s%slots*3, s%near, flat, errors)

@@ -215,15 +215,15 @@ contains
 
   pure function ledger_row(l) result(row)
     type(dem_ledger_type), intent(in) :: l
-    real(wp) :: row(17, 1)
+    real(wp) :: row(18, 1)
     row(:, 1) = [l%kinetic, l%elastic_normal, l%elastic_tangential, l%staggering, l%friction, &
                  l%contact_damping, l%background_damping, l%curvature, l%tangential_relaxation, &
                  l%boundary, l%external, l%gravity, l%start, l%largest, l%elastic_other, &
-                 l%rolling, l%breakage]
+                 l%rolling, l%breakage, l%plastic]
   end function ledger_row
 
   pure function ledger_from(row) result(l)
-    real(wp), intent(in) :: row(17)
+    real(wp), intent(in) :: row(18)
     type(dem_ledger_type) :: l
     l%kinetic = row(1)
     l%elastic_normal = row(2)
@@ -242,6 +242,7 @@ contains
     l%elastic_other = row(15)
     l%rolling = row(16)
     l%breakage = row(17)
+    l%plastic = row(18)
   end function ledger_from
 
   !> Take the state from an archive; grains must be those of the packing (same ids).
@@ -359,7 +360,7 @@ contains
     end if
     call get_run_of_extras(d%pairs%extras, archive, errors)
     if (errors%any()) return
-    call archive%get_reals('ledger', 17, 1, row, errors)
+    call archive%get_reals('ledger', 18, 1, row, errors)
     d%ledger = ledger_from(row(:, 1))
     call archive%get_reals('health.real', 5, 1, row, errors)
     d%health%max_overlap = row(1, 1)

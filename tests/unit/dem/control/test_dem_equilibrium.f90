@@ -3,7 +3,7 @@ program test_dem_equilibrium
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_test, only: test_type
-  use dem_state, only: law_hertz_mindlin, kind_free, kind_fixed
+  use dem_state, only: kind_free, kind_fixed
   use dem_law, only: make_law
   use dem_make, only: make_grains
   use dem_system, only: dem_system_type
@@ -37,7 +37,7 @@ contains
     s%materials(1)%young = 29.0e9_wp
     s%materials(1)%poisson = 0.25_wp
     s%materials(1)%density = 2650.0_wp
-    s%laws(1, 1) = make_law(law_hertz_mindlin, s%materials(1), s%materials(1), 0.5_wp, 0.0_wp, &
+    s%laws(1, 1) = make_law('hertz_mindlin', s%materials(1), s%materials(1), 0.5_wp, 0.0_wp, &
                             0.0_wp)
     call make_grains(s%grains, s%materials, [1_i8, 2_i8, 3_i8], &
                      [kind_fixed, kind_free, kind_free], [1, 1, 1], x, q, a, v, w, errors)

@@ -5,7 +5,7 @@ program test_dem_servo
   use talus_test, only: larger, test_type
   use talus_text, only: string_type
   use talus_curve, only: curve_type
-  use dem_state, only: law_linear, kind_free
+  use dem_state, only: kind_free
   use dem_law, only: make_linear_law
   use dem_make, only: make_grains, make_planes
   use dem_measure, only: wall_stiffness, wall_stiffnesses

@@ -5,10 +5,11 @@ program test_dem_surface
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_test, only: larger, max_abs, test_type
-  use dem_state, only: law_hertz_mindlin, law_mindlin_deresiewicz, kind_free
+  use dem_state, only: kind_free
   use dem_additional_state, only: cohesion_jkr, cohesion_dmt
   use dem_shape_make, only: make_forms
   use dem_law, only: make_law
+  use dem_law_registry, only: find_law, bind_law
   use dem_make, only: make_grains, make_planes
   use dem_surface_state, only: surface_rigid, surface_soft
   use dem_surface_make, only: mesh_type, join_corners, check_mesh, add_mesh
@@ -59,7 +60,7 @@ contains
     s%materials(2)%young = 210.0e8_wp
     do a = 1, 2
       do b = 1, 2
-        s%laws(a, b) = make_law(law_hertz_mindlin, s%materials(a), s%materials(b), 0.4_wp, 0.1_wp, &
+        s%laws(a, b) = make_law('hertz_mindlin', s%materials(a), s%materials(b), 0.4_wp, 0.1_wp, &
                                 0.1_wp)
       end do
     end do
@@ -126,8 +127,20 @@ contains
     if (which == 2 .or. which == 5) s%laws%extra%cohesion = cohesion_jkr
     if (which == 3) s%laws%extra%cohesion = cohesion_dmt
     s%laws%extra%surface_energy = 1.0e-2_wp
-    if (which == 4) s%laws%kind = law_mindlin_deresiewicz
+    if (which == 4) call turn_laws(s)
   end subroutine add_laws
+
+  !> The law of Mindlin and Deresiewicz for all pairs, with the constants that they have.
+  subroutine turn_laws(s)
+    type(dem_system_type), intent(inout) :: s
+    integer(i4) :: a, b
+    s%laws%kind = find_law('mindlin_deresiewicz')
+    do a = 1, 2
+      do b = 1, 2
+        call bind_law(s%laws(a, b))
+      end do
+    end do
+  end subroutine turn_laws
 
   !> The same throw onto a plane and onto triangles: bounces, slides and rolls over many edges.
   subroutine check_plane(axes, name, skew, exponent, on_top)

@@ -9,7 +9,7 @@ program test_dem_received_contacts
   use dem_migrate, only: make_local, pack_grains
   use dem_pairs, only: build_pairs
   use dem_records, only: contact_reals, pack_contact, carried, index_of
-  use dem_state, only: law_hertz_mindlin, lanes
+  use dem_state, only: lanes
   use dem_system, only: dem_system_type, dem_contacts_type
   implicit none
   type(test_type) :: test
@@ -46,7 +46,7 @@ contains
     s%materials(1)%density = 2650.0_wp
     s%materials(1)%young = 1.0e7_wp
     s%materials(1)%poisson = 0.25_wp
-    s%laws(1, 1) = make_law(law_hertz_mindlin, s%materials(1), s%materials(1), 0.5_wp, 0.1_wp, &
+    s%laws(1, 1) = make_law('hertz_mindlin', s%materials(1), s%materials(1), 0.5_wp, 0.1_wp, &
                             0.1_wp)
     call make_grains(s%grains, s%materials, id, kind, material, x, q, a, still, still, errors)
     call make_planes(s%planes, reshape([0.0_wp, 0.0_wp, 0.0_wp], [3, 1]), &

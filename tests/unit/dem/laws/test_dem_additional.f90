@@ -10,12 +10,13 @@ program test_dem_additional
   use dem_additional_state, only: cohesion_jkr, cohesion_dmt
   use dem_law, only: make_law
   use dem_make, only: make_grains, make_planes
-  use dem_state, only: law_hertz_mindlin, law_mindlin_deresiewicz, kind_free, kind_fixed
+  use dem_state, only: kind_free, kind_fixed
   use dem_system, only: dem_system_type
   implicit none
   type(test_type) :: test
   real(wp), parameter :: pi = acos(-1.0_wp)
-  integer(i4) :: seed = 1, base = law_hertz_mindlin
+  integer(i4) :: seed = 1
+  character(len=24) :: base = 'hertz_mindlin'
 
   call omp_set_num_threads(1)
   call check_neck()
@@ -23,7 +24,7 @@ program test_dem_additional
   call check_ledger(cohesion_jkr, 3.0e-4_wp)
   call check_ledger(cohesion_dmt, 3.0e-4_wp)
   call check_long_necks()
-  base = law_mindlin_deresiewicz
+  base = 'mindlin_deresiewicz'
   call check_bits(cohesion_dmt)
   call check_ledger(cohesion_dmt, 3.0e-4_wp)
   call test%finish()
@@ -67,7 +68,7 @@ contains
     s%materials(1)%young = 29.0e6_wp
     s%materials(1)%poisson = 0.25_wp
     s%materials(1)%density = 2650.0_wp
-    s%laws(1, 1) = make_law(base, s%materials(1), s%materials(1), 0.5_wp, 0.05_wp, &
+    s%laws(1, 1) = make_law(trim(base), s%materials(1), s%materials(1), 0.5_wp, 0.05_wp, &
                             0.05_wp)
     associate (extra => s%laws(1, 1)%extra)
       extra%used = .true.

@@ -8,7 +8,7 @@ program test_dem_margin
   use dem_law, only: make_law
   use dem_make, only: make_grains, make_planes
   use dem_margin, only: pair_skin, spare_margins
-  use dem_state, only: law_hertz_mindlin, kind_free
+  use dem_state, only: kind_free
   use dem_system, only: dem_system_type
   implicit none
 
@@ -55,7 +55,7 @@ contains
     s%materials(1)%young = 29.0e6_wp
     s%materials(1)%poisson = 0.25_wp
     s%materials(1)%density = 2650.0_wp
-    s%laws(1, 1) = make_law(law_hertz_mindlin, s%materials(1), s%materials(1), 0.5_wp, 0.2_wp, &
+    s%laws(1, 1) = make_law('hertz_mindlin', s%materials(1), s%materials(1), 0.5_wp, 0.2_wp, &
                             0.2_wp)
     call make_grains(s%grains, s%materials, id, [(kind_free, i=1, n)], [(1_i4, i=1, n)], x, q, a, &
                      v, w, errors)

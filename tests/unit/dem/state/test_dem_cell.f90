@@ -15,7 +15,7 @@ program test_dem_cell
   use dem_make, only: make_grains
   use dem_measure, only: momentum_of, stress_of
   use dem_sample, only: fill_sample
-  use dem_state, only: dem_cell_type, law_hertz_mindlin, kind_free
+  use dem_state, only: dem_cell_type, kind_free
   use dem_system, only: dem_system_type, dem_contacts_type
   use dem_tiles, only: tile
   implicit none
@@ -114,7 +114,7 @@ contains
     s%materials(1)%density = 2650.0_wp
     s%materials(1)%young = 1.0e9_wp
     s%materials(1)%poisson = 0.25_wp
-    s%laws(1, 1) = make_law(law_hertz_mindlin, s%materials(1), s%materials(1), 0.5_wp, 0.0_wp, &
+    s%laws(1, 1) = make_law('hertz_mindlin', s%materials(1), s%materials(1), 0.5_wp, 0.0_wp, &
                             0.0_wp)
     state = seed
     do k = 1, n

@@ -4,7 +4,7 @@ program test_dem_bodies
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_test, only: larger, test_type
-  use dem_state, only: law_hertz_mindlin, kind_free, kind_fixed
+  use dem_state, only: kind_free, kind_fixed
   use dem_law, only: make_law
   use dem_make, only: make_grains
   use dem_figure, only: figure_type
@@ -40,7 +40,7 @@ contains
     s%materials(1)%young = 1.0e9_wp
     s%materials(1)%poisson = 0.25_wp
     s%materials(1)%density = 2650.0_wp
-    s%laws(1, 1) = make_law(law_hertz_mindlin, s%materials(1), s%materials(1), 0.3_wp, damping, &
+    s%laws(1, 1) = make_law('hertz_mindlin', s%materials(1), s%materials(1), 0.3_wp, damping, &
                             damping)
     call make_grains(s%grains, s%materials, [1_i8], [kind], [1], reshape([0.0_wp, 0.0_wp, 0.0_wp], &
                      [3, 1]), reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [4, 1]), &

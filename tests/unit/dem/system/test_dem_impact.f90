@@ -4,7 +4,7 @@ program test_dem_impact
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_test, only: larger, max_abs, test_type
-  use dem_state, only: law_hertz_mindlin, law_linear, kind_free, kind_fixed
+  use dem_state, only: kind_free, kind_fixed
   use dem_law, only: make_law, make_linear_law, restitution_of, uncut_restitution_of, &
     damping_ratio_for
   use dem_make, only: make_grains
@@ -12,6 +12,7 @@ program test_dem_impact
   use dem_system, only: dem_system_type
   implicit none
   type(test_type) :: test
+  real(wp), parameter :: hertz = sqrt(1.2_wp)  !! oscillator of its laws
   real(wp), parameter :: pi = acos(-1.0_wp)
 
   call omp_set_num_threads(1)
@@ -32,7 +33,7 @@ contains
   subroutine make_pair(s, axes, quat1, quat2, offset, speed, law_kind, friction, ratio)
     type(dem_system_type), intent(inout) :: s
     real(wp), intent(in) :: axes(3), quat1(4), quat2(4), offset(3), speed(3)
-    integer(i4), intent(in) :: law_kind
+    character(len=*), intent(in) :: law_kind
     real(wp), intent(in) :: friction, ratio
     type(error_list_type) :: errors
     real(wp) :: x(3, 2), q(4, 2), a(3, 2), v(3, 2), w(3, 2)
@@ -41,7 +42,7 @@ contains
     s%materials(1)%young = 29.0e9_wp
     s%materials(1)%poisson = 0.25_wp
     s%materials(1)%density = 2650.0_wp
-    if (law_kind == law_linear) then
+    if (law_kind == 'linear') then
       s%laws(1, 1) = make_linear_law(1.0e6_wp, 0.5e6_wp, friction, ratio, 0.0_wp)
     else
       s%laws(1, 1) = make_law(law_kind, s%materials(1), s%materials(1), friction, ratio, ratio)
@@ -62,19 +63,19 @@ contains
   end subroutine make_pair
 
   subroutine check_restitution_formulas()
-    call test%check_close('cut restitution, xi 0.05', restitution_of(law_hertz_mindlin, 0.05_wp), &
+    call test%check_close('cut restitution, xi 0.05', restitution_of(hertz, 0.05_wp), &
                           0.8468_wp, 5.0e-5_wp)
     call test%check_close('uncut restitution, xi 0.05', &
-                          uncut_restitution_of(law_hertz_mindlin, 0.05_wp), 0.8417_wp, 5.0e-5_wp)
-    call test%check_close('cut restitution, xi 0.30', restitution_of(law_hertz_mindlin, 0.30_wp), &
+                          uncut_restitution_of(hertz, 0.05_wp), 0.8417_wp, 5.0e-5_wp)
+    call test%check_close('cut restitution, xi 0.30', restitution_of(hertz, 0.30_wp), &
                           0.4231_wp, 5.0e-5_wp)
     call test%check_close('inverse of the law in force', &
-                          restitution_of(law_hertz_mindlin, &
-                                         damping_ratio_for(law_hertz_mindlin, 0.6_wp)), 0.6_wp, &
+                          restitution_of(hertz, &
+                                         damping_ratio_for(hertz, 0.6_wp)), 0.6_wp, &
                                              1.0e-12_wp)
-    call test%check_close('beyond critical damping', restitution_of(law_linear, &
+    call test%check_close('beyond critical damping', restitution_of(1.0_wp, &
                                                   1.0_wp + 1.0e-7_wp), &
-                          restitution_of(law_linear, 1.0_wp - 1.0e-7_wp), 1.0e-6_wp)
+                          restitution_of(1.0_wp, 1.0_wp - 1.0e-7_wp), 1.0e-6_wp)
   end subroutine check_restitution_formulas
 
   !> t = 2.9433 delta_max/v and delta_max = (15 m* v^2/(16 E* sqrt R))^(2/5).
@@ -88,7 +89,7 @@ contains
     call make_pair(s, [radius, radius, radius], [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], &
                    [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [2.0_wp*radius*(1.0_wp + 1.0e-12_wp), &
                                                   0.0_wp, 0.0_wp], &
-                   [v, 0.0_wp, 0.0_wp], law_hertz_mindlin, 0.5_wp, 0.0_wp)
+                   [v, 0.0_wp, 0.0_wp], 'hertz_mindlin', 0.5_wp, 0.0_wp)
     e_star = s%laws(1, 1)%e_star
     m = 0.5_wp*s%grains%mass(1)
     depth = (15.0_wp*m*v**2/(16.0_wp*e_star*sqrt(0.5_wp*radius)))**0.4_wp
@@ -120,7 +121,7 @@ contains
     v = 0.7_wp
     call make_pair(s, [radius, radius, radius], [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], &
                    [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [2.0_wp*radius, 0.0_wp, 0.0_wp], &
-                   [v, 0.0_wp, 0.0_wp], law_hertz_mindlin, 0.5_wp, ratio)
+                   [v, 0.0_wp, 0.0_wp], 'hertz_mindlin', 0.5_wp, ratio)
     s%par%dt = 5.0e-9_wp
     call s%step(6000, errors)
     call test%check_close('restitution at work', (s%grains%v(1, 2) - s%grains%v(1, 1))/v, &
@@ -141,7 +142,7 @@ contains
 
     call make_pair(s, [radius, radius, radius], [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], &
                    [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [2.0_wp*radius, 0.0_wp, 0.0_wp], &
-                   [1.0_wp, 0.0_wp, 0.0_wp], law_linear, 0.5_wp, 0.0_wp)
+                   [1.0_wp, 0.0_wp, 0.0_wp], 'linear', 0.5_wp, 0.0_wp)
     time = pi*sqrt(0.5_wp*s%grains%mass(1)/1.0e6_wp)
     s%par%dt = time/1000.0_wp
     call s%step(10, errors)
@@ -164,7 +165,7 @@ contains
 
     call make_pair(s, [2.5e-3_wp, 2.0e-3_wp, 1.5e-3_wp], [0.9_wp, 0.2_wp, 0.3_wp, -0.1_wp], &
                    [0.7_wp, -0.3_wp, 0.4_wp, 0.5_wp], [4.3e-3_wp, -0.5e-3_wp, 0.8e-3_wp], &
-                   [20.0_wp, 2.0_wp, 0.0_wp], law_hertz_mindlin, 0.0_wp, 0.0_wp)
+                   [20.0_wp, 2.0_wp, 0.0_wp], 'hertz_mindlin', 0.0_wp, 0.0_wp)
     s%par%dt = 5.0e-10_wp
     energy = 0.5_wp*s%grains%mass(1)*sum(s%grains%v(:, 1)**2)
     p = momentum_of(s%dem_data_type)
@@ -192,7 +193,7 @@ contains
 
     call make_pair(s, [2.5e-3_wp, 2.0e-3_wp, 1.5e-3_wp], [0.9_wp, 0.2_wp, 0.3_wp, -0.1_wp], &
                    [0.7_wp, -0.3_wp, 0.4_wp, 0.5_wp], [4.3e-3_wp, -0.5e-3_wp, 0.8e-3_wp], &
-                   [20.0_wp, 2.0_wp, 0.0_wp], law_hertz_mindlin, 0.0_wp, 0.0_wp)
+                   [20.0_wp, 2.0_wp, 0.0_wp], 'hertz_mindlin', 0.0_wp, 0.0_wp)
     s%laws(1, 1)%frozen = .true.
     s%par%dt = 5.0e-10_wp
     energy = 0.5_wp*s%grains%mass(1)*sum(s%grains%v(:, 1)**2)
@@ -214,7 +215,7 @@ contains
 
     call make_pair(s, [radius, radius, radius], [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], &
                    [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [2.0_wp*radius, 0.0_wp, 0.0_wp], &
-                   [v, 0.0_wp, 2.0_wp*v], law_hertz_mindlin, mu, 0.0_wp)
+                   [v, 0.0_wp, 2.0_wp*v], 'hertz_mindlin', mu, 0.0_wp)
     s%par%dt = 1.0e-8_wp
     m = s%grains%mass(1)
     energy = 0.5_wp*m*5.0_wp*v**2

@@ -4,7 +4,7 @@ program test_dem_rotation
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_test, only: larger, test_type
-  use dem_state, only: law_hertz_mindlin, kind_free, kind_driven
+  use dem_state, only: kind_free, kind_driven
   use dem_law, only: make_law
   use dem_make, only: make_grains
   use dem_ellipsoid, only: rotation_of, rotation_between, quaternion_from_rotation, &
@@ -34,7 +34,7 @@ contains
     s%materials(1)%young = 29.0e9_wp
     s%materials(1)%poisson = 0.25_wp
     s%materials(1)%density = 2650.0_wp
-    s%laws(1, 1) = make_law(law_hertz_mindlin, s%materials(1), s%materials(1), 0.5_wp, 0.0_wp, &
+    s%laws(1, 1) = make_law('hertz_mindlin', s%materials(1), s%materials(1), 0.5_wp, 0.0_wp, &
                             0.0_wp)
     q(:, 1) = [0.5_wp, -0.5_wp, 0.1_wp, 0.7_wp]
     q = q/sqrt(sum(q**2))

@@ -4,8 +4,8 @@ program test_dem_spheres
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_test, only: max_abs, test_type
-  use dem_state, only: law_hertz_mindlin, law_linear, kind_free
-  use dem_law, only: make_law
+  use dem_state, only: kind_free
+  use dem_law, only: make_law, make_linear_law
   use dem_make, only: make_grains, make_planes
   use dem_system, only: dem_system_type, dem_contacts_type
   implicit none
@@ -14,8 +14,8 @@ program test_dem_spheres
   real(wp), parameter :: flat = 1.0e-14_wp  !! of a semi-axis: an ellipsoid for the program
 
   call omp_set_num_threads(1)
-  call compare('Hertz-Mindlin', law_hertz_mindlin)
-  call compare('linear', law_linear)
+  call compare('Hertz-Mindlin', 'hertz_mindlin')
+  call compare('linear', 'linear')
   call test%finish()
 
 contains
@@ -23,7 +23,7 @@ contains
   !> A cluster of spheres of two sizes that fall together, spinning, without walls.
   subroutine make_cluster(s, law, off)
     type(dem_system_type), intent(inout) :: s
-    integer(i4), intent(in) :: law
+    character(len=*), intent(in) :: law
     real(wp), intent(in) :: off  !! of the last semi-axis, relative
     type(error_list_type) :: errors
     integer(i8) :: id(n)
@@ -45,13 +45,10 @@ contains
     s%materials(1)%young = 1.0e7_wp
     s%materials(1)%poisson = 0.25_wp
     s%materials(1)%density = 2650.0_wp
-    s%laws(1, 1) = make_law(law_hertz_mindlin, s%materials(1), s%materials(1), 0.4_wp, 0.1_wp, &
+    s%laws(1, 1) = make_law('hertz_mindlin', s%materials(1), s%materials(1), 0.4_wp, 0.1_wp, &
                             0.1_wp)
-    if (law == law_linear) then
-      s%laws(1, 1)%kind = law
-      s%laws(1, 1)%kn = 500.0_wp
-      s%laws(1, 1)%kt = 400.0_wp
-    end if
+    if (law == 'linear') &
+      s%laws(1, 1) = make_linear_law(500.0_wp, 400.0_wp, 0.4_wp, 0.1_wp, 0.1_wp)
     call make_grains(s%grains, s%materials, id, spread(kind_free, 1, n), spread(1, 1, n), x, q, a, &
                      v, w, errors)
     call make_planes(s%planes, none, none, none, [integer(i4) ::])
@@ -64,7 +61,7 @@ contains
 
   subroutine compare(name, law)
     character(len=*), intent(in) :: name
-    integer(i4), intent(in) :: law
+    character(len=*), intent(in) :: law
     type(dem_system_type) :: round, oval
     type(dem_contacts_type) :: a, b
     type(error_list_type) :: errors

@@ -5,7 +5,7 @@ program test_dem_system
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_test, only: larger, max_abs, test_type
-  use dem_state, only: law_hertz_mindlin, kind_free, kind_fixed, kind_driven, kind_ghost, &
+  use dem_state, only: kind_free, kind_fixed, kind_driven, kind_ghost, &
     mode_relaxation
   use dem_law, only: make_law
   use dem_make, only: make_grains, make_planes, prescribe_some
@@ -85,7 +85,7 @@ contains
     s%materials(1)%young = 29.0e6_wp
     s%materials(1)%poisson = 0.25_wp
     s%materials(1)%density = 2650.0_wp
-    s%laws(1, 1) = make_law(law_hertz_mindlin, s%materials(1), s%materials(1), friction, ratio, &
+    s%laws(1, 1) = make_law('hertz_mindlin', s%materials(1), s%materials(1), friction, ratio, &
                             ratio)
     call make_grains(s%grains, s%materials, id, kind, material, x, q, a, v, w, errors)
     call make_planes(s%planes, reshape([-10.1e-3_wp, 0.0_wp, 0.0_wp, 10.1e-3_wp, 0.0_wp, 0.0_wp, &
