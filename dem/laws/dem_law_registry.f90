@@ -7,6 +7,7 @@ module dem_law_registry
   use dem_hertz_no_history, only: hertz_no_history
   use dem_linear, only: linear
   use dem_mindlin_deresiewicz, only: mindlin_deresiewicz
+  use dem_thornton_ning, only: thornton_ning
   implicit none
   private
   public :: law_count, base_law, find_law, bind_law, place_of_memory, memory_places
@@ -24,6 +25,7 @@ contains
     call add(hertz_no_history(), list, n)
     call add(linear(), list, n)
     call add(mindlin_deresiewicz(), list, n)
+    call add(thornton_ning(), list, n)
   end subroutine list_laws
 
   pure subroutine add(base, list, n)

@@ -154,7 +154,7 @@ contains
 
   subroutine group_contact(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('contact', 18, &
+    call table%add_group('contact', 19, &
       'Contact law of a pair of materials. Every pair that can meet needs one; the ' &
       //'order of the two names does not matter.', repeats=.true., required=.true.)
     call table%add_key('between', 'string', '', &
@@ -166,9 +166,11 @@ contains
       //'Coulomb cap, history carried. `mindlin_deresiewicz`: the same normal force, slip' &
       //' that starts at the rim of the contact, all turning points of loading, unloading' &
       //' and reloading kept. `hertz_no_history`: Hertz normal force, tangential force by' &
-      //' damping alone. `linear`: springs and dashpots of constant stiffness.')
+      //' damping alone. `linear`: springs and dashpots of constant stiffness. ' &
+      //'`thornton_ning`: Hertz up to `yield_pressure`, then elastic-plastic, tangential ' &
+      //'force as `hertz_mindlin`; contacts keep the R_e of their first touch.')
     call table%need()
-    call table%allow('hertz_mindlin|mindlin_deresiewicz|hertz_no_history|linear')
+    call table%allow('hertz_mindlin|mindlin_deresiewicz|hertz_no_history|linear|thornton_ning')
     call table%add_key('radius', 'string', '', &
       'Effective radius R_e of contacts of ellipsoids: `current`: that of the present ' &
       //'normal, whose turn the ledger books as curvature work; `frozen`: that of the ' &
@@ -199,22 +201,29 @@ contains
       'Fraction of critical damping of the tangential contact; left out, that of the ' &
       //'normal one.')
     call table%bounds(min=0.0_wp)
-    call table%add_key('normal_stiffness', 'real', 'N/m', &
-      'Normal stiffness; the law ''linear'' needs it, the others take it from the moduli.')
-    call table%need()
-    call table%bounds(above=0.0_wp)
-    call table%only_with('law', 'linear')
     call group_contact_2(table)
   end subroutine group_contact
 
   subroutine group_contact_2(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('normal_stiffness', 'real', 'N/m', &
+      'Normal stiffness; the law ''linear'' needs it, the others take it from the moduli.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%only_with('law', 'linear')
     call table%add_key('tangential_stiffness', 'real', 'N/m', &
       'Tangential stiffness; the law ''linear'' needs it, the others take it from the ' &
       //'moduli.')
     call table%need()
     call table%bounds(above=0.0_wp)
     call table%only_with('law', 'linear')
+    call table%add_key('yield_pressure', 'real', 'Pa', &
+      'Greatest pressure of a contact, the law ''thornton_ning'' needs it; about 2.5 ' &
+      //'times the yield stress of a metal. Restitution follows from it and falls with ' &
+      //'the speed of impact.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%only_with('law', 'thornton_ning')
     call table%add_key('rolling_friction', 'real', '', &
       'Rolling resistance: an elastic-plastic spring on the relative spin across the ' &
       //'normal, whose moment is at most this times effective radius R_e times elastic ' &
@@ -237,6 +246,11 @@ contains
       'Fraction of critical damping of both springs, with m* R_e^2 as inertia, never ' &
       //'beyond the cap; left out, that of the normal contact.')
     call table%bounds(min=0.0_wp)
+    call group_contact_3(table)
+  end subroutine group_contact_2
+
+  subroutine group_contact_3(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('cohesion', 'string', '', &
       'Pull along the normal on top of the Hertz force: `constant`: `pull_force` while ' &
       //'the bodies overlap; `dmt`: 2 pi w R_e while they overlap; `jkr`: a neck that ' &
@@ -255,7 +269,7 @@ contains
     call table%need()
     call table%bounds(above=0.0_wp)
     call table%only_with('cohesion', 'dmt|jkr')
-  end subroutine group_contact_2
+  end subroutine group_contact_3
 
   subroutine group_bond(table)
     type(key_table_type), intent(inout) :: table
