@@ -150,7 +150,7 @@ contains
 
     sums = balance_of_forces(system)
     gravity = system%par%gravity_scale*system%par%gravity
-    do i = 1, merge(system%surfaces%n, 0_i4, allocated(system%surfaces%free))
+    do i = 1, merge(system%surfaces%n, 0_i4, allocated(system%surfaces%rigid%free))
       if (.not. is_free(system%surfaces, i)) cycle
       load = load_left(system%surfaces, i, gravity)
       sums(1:2) = sums(1:2) + [norm2(load(1:3)), 1.0_wp]

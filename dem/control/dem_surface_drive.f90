@@ -8,7 +8,7 @@ module dem_surface_drive
   use dem_ledger, only: staggering_of, follow_load
   use dem_state, only: dem_data_type
   use dem_surface_body, only: is_free
-  use dem_surface_state, only: servo_velocity, is_bore, bore_swell
+  use dem_surface_state, only: servo_velocity, is_bore
   implicit none
   private
   public :: surface_drive_type
@@ -89,8 +89,8 @@ contains
         call curve_index(deck, 'D250', curve, 'membrane', k, self%pressing(b), errors)
       end do
     end if
-    if (.not. allocated(d%surfaces%given)) return
-    self%load = d%surfaces%given
+    if (.not. allocated(d%surfaces%rigid%given)) return
+    self%load = d%surfaces%rigid%given
     allocate (self%loading(d%surfaces%n), source=0_i4)
     do k = 1, deck%count('body')
       call curve_index(deck, 'D250', curve, 'body', k, number, errors)
@@ -149,7 +149,7 @@ contains
     real(wp), intent(in) :: velocity(3), spin(3)
     logical :: held(6)
     held = .true.
-    if (is_free(d%surfaces, k)) held = d%surfaces%free(:, k) < 0.5_wp
+    if (is_free(d%surfaces, k)) held = d%surfaces%rigid%free(:, k) < 0.5_wp
     where (held(:3)) d%surfaces%velocity(:, k) = velocity
     where (held(4:)) d%surfaces%spin(:, k) = spin
   end subroutine prescribe
@@ -166,7 +166,7 @@ contains
     before = staggering_of(d)
     do k = 1, size(self%loading)
       if (self%loading(k) == 0) cycle
-      d%surfaces%given(:, k) = self%load(:, k) &
+      d%surfaces%rigid%given(:, k) = self%load(:, k) &
         *self%curve(self%loading(k))%mean(time, time + look_steps*d%par%dt)
     end do
     call follow_load(d, before)
@@ -186,11 +186,11 @@ contains
     if (allocated(self%pressure)) d%surfaces%membranes%pressure = self%pressure
     if (allocated(self%load)) then
       before = staggering_of(d)
-      d%surfaces%given = self%load
+      d%surfaces%rigid%given = self%load
       call follow_load(d, before)
     end if
     if (allocated(d%surfaces%servo)) d%surfaces%servo(servo_velocity:servo_velocity + 2, :) = 0.0_wp
-    d%surfaces%bore(bore_swell, :) = 0.0_wp
+    d%surfaces%round%swell = 0.0_wp
     call self%look(d, time)
   end subroutine follow
 end module dem_surface_drive

@@ -17,8 +17,7 @@ module dem_surface_servo
   use dem_servo_law, only: servo_law_type, look_steps
   use dem_state, only: dem_data_type
   use dem_surface_measure, only: body_of_part, surface_stiffness
-  use dem_surface_state, only: servo_size, servo_velocity, is_bore, bore_swell, bore_press, &
-    bore_impulse, bore_start
+  use dem_surface_state, only: servo_size, servo_velocity, is_bore
   implicit none
   private
   public :: surface_servo_type, surface_stiffness_along
@@ -194,11 +193,11 @@ contains
     real(wp) :: pair(2), along
     integer(i4) :: g, k
     stiffness = 0.0_wp
-    do g = 1, d%surfaces%near
-      do k = 1, d%surfaces%contacts(g)
-        if (body_of_part(d, d%surfaces%part(k, g)) /= body) cycle
+    do g = 1, d%surfaces%list%near
+      do k = 1, d%surfaces%list%contacts(g)
+        if (body_of_part(d, d%surfaces%list%part(k, g)) /= body) cycle
         pair = surface_stiffness(d, k, g)
-        along = dot_product(d%surfaces%normal(k, :, g), direction)**2
+        along = dot_product(d%surfaces%list%normal(k, :, g), direction)**2
         stiffness = stiffness + along*pair(1) + (1.0_wp - along)*pair(2)
       end do
     end do
@@ -211,9 +210,9 @@ contains
     real(wp) :: pair(2)
     integer(i4) :: g, k
     stiffness = 0.0_wp
-    do g = 1, d%surfaces%near
-      do k = 1, d%surfaces%contacts(g)
-        if (body_of_part(d, d%surfaces%part(k, g)) /= body) cycle
+    do g = 1, d%surfaces%list%near
+      do k = 1, d%surfaces%list%contacts(g)
+        if (body_of_part(d, d%surfaces%list%part(k, g)) /= body) cycle
         pair = surface_stiffness(d, k, g)
         stiffness = stiffness + pair(1)
       end do
@@ -232,10 +231,10 @@ contains
     d%surfaces%servo(seen_time, :) = time
     do b = 1, d%surfaces%n
       if (is_bore(d%surfaces, b)) then
-        d%surfaces%servo(1, b) = d%surfaces%bore(bore_impulse, b)
+        d%surfaces%servo(1, b) = d%surfaces%round%press_impulse(b)
         cycle
       end if
-      d%surfaces%servo(:3, b) = sum(d%surfaces%impulse(:, d%surfaces%first_part(b): &
+      d%surfaces%servo(:3, b) = sum(d%surfaces%sums%impulse(:, d%surfaces%first_part(b): &
                                                        d%surfaces%first_part(b + 1) - 1), 2)
     end do
   end subroutine start
@@ -260,7 +259,7 @@ contains
       if (time < self%servo(k)%until) call answer(self, k, d, time, curve, speed)
       if (self%servo(k)%radial) then
         d%surfaces%servo(servo_velocity, b) = -speed
-        d%surfaces%bore(bore_swell, b) = -speed
+        d%surfaces%round%swell(b) = -speed
         cycle
       end if
       d%surfaces%servo(servo_velocity:, b) = speed*self%servo(k)%direction
@@ -288,7 +287,7 @@ contains
       if (servo%curve > 0) seen(seen_target) = servo%force*curve(servo%curve)%at(time)
       if (servo%radial) then
         if (servo%pressed) seen(seen_target) = seen(seen_target) &
-          *d%surfaces%cone(3, servo%body)/d%surfaces%bore(bore_start, servo%body)
+          *d%surfaces%round%radius(servo%body)/d%surfaces%round%start_radius(servo%body)
         stiffness = normal_stiffness(d, servo%body)
       else
         stiffness = surface_stiffness_along(d, servo%body, servo%direction)
@@ -309,16 +308,16 @@ contains
     integer(i4) :: low, high
     associate (s => d%surfaces, seen => d%surfaces%servo(:, self%servo(k)%body))
       if (self%servo(k)%radial) then
-        force = s%bore(bore_press, self%servo(k)%body)
-        impulse(1) = s%bore(bore_impulse, self%servo(k)%body)
+        force = s%round%press(self%servo(k)%body)
+        impulse(1) = s%round%press_impulse(self%servo(k)%body)
         if (time > seen(seen_time)) force = (impulse(1) - seen(1))/(time - seen(seen_time))
         seen(1) = impulse(1)
         return
       end if
       low = s%first_part(self%servo(k)%body)
       high = s%first_part(self%servo(k)%body + 1) - 1
-      mean = sum(s%force(:, low:high), 2)
-      impulse = sum(s%impulse(:, low:high), 2)
+      mean = sum(s%sums%force(:, low:high), 2)
+      impulse = sum(s%sums%impulse(:, low:high), 2)
       if (time > seen(seen_time)) mean = (impulse - seen(:3))/(time - seen(seen_time))
       seen(:3) = impulse
       force = -dot_product(mean, self%servo(k)%direction)
@@ -407,7 +406,7 @@ contains
       associate (servo => self%servo(k), seen => d%surfaces%servo(:, self%servo(k)%body))
         way = [dot_product(seen(servo_velocity:), servo%direction), &
                dot_product(d%surfaces%centre(:, servo%body), servo%direction)]
-        if (servo%radial) way = [seen(servo_velocity), d%surfaces%cone(3, servo%body)]
+        if (servo%radial) way = [seen(servo_velocity), d%surfaces%round%radius(servo%body)]
         call self%history%write([time, real(servo%body, wp), seen(seen_target), seen(seen_force), &
                                  way], errors)
       end associate

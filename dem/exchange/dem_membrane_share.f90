@@ -25,15 +25,15 @@ contains
       call tell_list(team, m%stretch)
       call tell_list(team, m%mass)
       call tell_list(team, m%area)
-      inverse = reshape(m%inverse, [4, s%triangles])
+      inverse = reshape(m%inverse, [4, s%mesh%triangles])
       call tell_matrix(team, inverse)
       m%inverse = reshape(inverse, shape(m%inverse))
       call tell_matrix(team, m%press)
       call tell_matrix(team, m%pull)
       call team%tell_numbers(m%wall)
     end associate
-    s%vertex_acting = s%vertex_force
-    call tell_matrix(team, s%vertex_acting)
+    s%mesh%acting = s%mesh%force
+    call tell_matrix(team, s%mesh%acting)
     s%counted = team%leads()
   end subroutine tell_membranes
 
@@ -41,7 +41,7 @@ contains
   pure subroutine take_membranes(part, whole)
     type(dem_surfaces_type), intent(in) :: part
     type(dem_surfaces_type), intent(inout) :: whole
-    whole%v = part%v
+    whole%mesh%v = part%mesh%v
     whole%membranes%stretch = part%membranes%stretch
     whole%membranes%press = part%membranes%press
     whole%membranes%pull = part%membranes%pull

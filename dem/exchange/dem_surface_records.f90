@@ -25,11 +25,11 @@ contains
     integer(i4) :: g, n, slots
     slots = slots_in_use(d)
     n = 0
-    if (d%surfaces%near > 0) n = int(count(d%surfaces%contacts > 0), i4)
+    if (d%surfaces%list%near > 0) n = int(count(d%surfaces%list%contacts > 0), i4)
     allocate (rows(head_reals + slots*reals_of(d), n))
     n = 0
-    do g = 1, d%surfaces%near
-      if (d%surfaces%contacts(g) == 0) cycle
+    do g = 1, d%surfaces%list%near
+      if (d%surfaces%list%contacts(g) == 0) cycle
       n = n + 1
       call pack_touch(d, g, slots, rows(:, n))
     end do
@@ -43,7 +43,7 @@ contains
     slots = lanes
     if (.not. allocated(d%surfaces%membranes)) return
     most = 1.0_wp
-    if (d%surfaces%near > 0) most = max(most, real(maxval(d%surfaces%contacts), wp))
+    if (d%surfaces%list%near > 0) most = max(most, real(maxval(d%surfaces%list%contacts), wp))
     call d%halo%team%most(most)
     slots = nint(most(1), i4)
   end function slots_in_use
@@ -64,19 +64,19 @@ contains
     integer(i4) :: base
     base = head_reals + n*slot_reals
     associate (s => d%surfaces)
-      row(touch_grain) = real(d%grains%id(s%near_grain(g)), wp)
-      row(touch_count) = real(s%contacts(g), wp)
-      row(touch_load(1):touch_load(2)) = s%load(:, g)
-      slot(:, slot_history(1):slot_history(2)) = s%history(:n, :, g)
-      slot(:, slot_foot(1):slot_foot(2)) = s%foot(:n, :, g)
-      slot(:, slot_normal(1):slot_normal(2)) = s%normal(:n, :, g)
-      slot(:, slot_point(1):slot_point(2)) = s%point(:n, :, g)
-      slot(:, slot_push(1):slot_push(2)) = s%push(:n, :, g)
-      slot(:, slot_motion(1):slot_motion(2)) = s%motion(:n, :, g)
-      slot(:, slot_part) = real(s%part(:n, g), wp)
-      slot(:, slot_sign) = s%sign(:n, g)
+      row(touch_grain) = real(d%grains%id(s%list%near_grain(g)), wp)
+      row(touch_count) = real(s%list%contacts(g), wp)
+      row(touch_load(1):touch_load(2)) = s%list%load(:, g)
+      slot(:, slot_history(1):slot_history(2)) = s%list%history(:n, :, g)
+      slot(:, slot_foot(1):slot_foot(2)) = s%list%foot(:n, :, g)
+      slot(:, slot_normal(1):slot_normal(2)) = s%list%normal(:n, :, g)
+      slot(:, slot_point(1):slot_point(2)) = s%list%point(:n, :, g)
+      slot(:, slot_push(1):slot_push(2)) = s%list%push(:n, :, g)
+      slot(:, slot_motion(1):slot_motion(2)) = s%list%motion(:n, :, g)
+      slot(:, slot_part) = real(s%list%part(:n, g), wp)
+      slot(:, slot_sign) = s%list%sign(:n, g)
       row(head_reals + 1:base) = reshape(slot, [size(slot)])
-      if (size(s%kept) > 0) row(base + 1:) = [s%kept(:n, :, g), s%couple(:n, :, g)]
+      if (size(s%list%kept) > 0) row(base + 1:) = [s%list%kept(:n, :, g), s%list%couple(:n, :, g)]
     end associate
   end subroutine pack_touch
 
@@ -89,20 +89,20 @@ contains
     integer(i4) :: base, kept
     base = head_reals + size(slot, kind=i4)
     slot = reshape(row(head_reals + 1:base), shape(slot))
-    s%contacts(g) = nint(row(touch_count), i4)
-    s%load(:, g) = row(touch_load(1):touch_load(2))
-    s%history(:n, :, g) = slot(:, slot_history(1):slot_history(2))
-    s%foot(:n, :, g) = slot(:, slot_foot(1):slot_foot(2))
-    s%normal(:n, :, g) = slot(:, slot_normal(1):slot_normal(2))
-    s%point(:n, :, g) = slot(:, slot_point(1):slot_point(2))
-    s%push(:n, :, g) = slot(:, slot_push(1):slot_push(2))
-    s%motion(:n, :, g) = slot(:, slot_motion(1):slot_motion(2))
-    s%part(:n, g) = nint(slot(:, slot_part), i4)
-    s%sign(:n, g) = slot(:, slot_sign)
-    if (size(s%kept) == 0) return
-    kept = size(s%kept, 2, i4)
-    s%kept(:n, :, g) = reshape(row(base + 1:base + n*kept), [n, kept])
-    s%couple(:n, :, g) = reshape(row(base + n*kept + 1:), [n, 3_i4])
+    s%list%contacts(g) = nint(row(touch_count), i4)
+    s%list%load(:, g) = row(touch_load(1):touch_load(2))
+    s%list%history(:n, :, g) = slot(:, slot_history(1):slot_history(2))
+    s%list%foot(:n, :, g) = slot(:, slot_foot(1):slot_foot(2))
+    s%list%normal(:n, :, g) = slot(:, slot_normal(1):slot_normal(2))
+    s%list%point(:n, :, g) = slot(:, slot_point(1):slot_point(2))
+    s%list%push(:n, :, g) = slot(:, slot_push(1):slot_push(2))
+    s%list%motion(:n, :, g) = slot(:, slot_motion(1):slot_motion(2))
+    s%list%part(:n, g) = nint(slot(:, slot_part), i4)
+    s%list%sign(:n, g) = slot(:, slot_sign)
+    if (size(s%list%kept) == 0) return
+    kept = size(s%list%kept, 2, i4)
+    s%list%kept(:n, :, g) = reshape(row(base + 1:base + n*kept), [n, kept])
+    s%list%couple(:n, :, g) = reshape(row(base + n*kept + 1:), [n, 3_i4])
   end subroutine unpack_touch
 
   !> These contacts as those of the last list of d: the next list takes them over.
@@ -114,16 +114,16 @@ contains
 
     slots = (size(rows, 1, i4) - head_reals)/reals_of(d)
     associate (s => d%surfaces)
-      if (allocated(s%contacts)) deallocate (s%contacts, s%history, s%foot, s%normal, s%point, &
-                                             s%push, s%motion, s%part, s%sign, s%load, &
-                                             s%columns, &
-                                             s%share, s%near_of, s%kept, s%couple, s%extra_work)
+      if (allocated(s%list%contacts)) deallocate (s%list%contacts, s%list%history, s%list%foot, &
+        s%list%normal, s%list%point, s%list%push, s%list%motion, s%list%part, s%list%sign, &
+        s%list%load, s%list%columns, s%list%share, s%list%near_of, s%list%kept, s%list%couple, &
+        s%list%extra_work)
       n = size(rows, 2)
-      s%near = n
-      s%near_grain = [(index_of(d, rows(touch_grain, g)), g=1, n)]
-      order = sorted_order(int(s%near_grain, i8))
-      s%near_grain = s%near_grain(order)
-      s%candidate = [integer(i4) ::]
+      s%list%near = n
+      s%list%near_grain = [(index_of(d, rows(touch_grain, g)), g=1, n)]
+      order = sorted_order(int(s%list%near_grain, i8))
+      s%list%near_grain = s%list%near_grain(order)
+      s%list%candidate = [integer(i4) ::]
       call allocate_contacts(s, d%grains%n, surface_kept_reals(d))
       do g = 1, n
         call unpack_touch(rows(:, order(g)), s, g, slots)

@@ -6,7 +6,7 @@ module dem_surface_share
   use dem_surface_body, only: no_free_bodies
   use dem_membrane_share, only: tell_membranes, take_membranes
   use dem_membrane, only: no_membranes
-  use dem_surface_state, only: dem_surfaces_type, bore_swell, bore_press, bore_impulse
+  use dem_surface_state, only: dem_surfaces_type
   use dem_broadcast, only: tell_matrix, tell_list, tell_table
   implicit none
   private
@@ -23,9 +23,9 @@ contains
     type(dem_surfaces_type), intent(inout) :: s
     integer(i4) :: sizes(8)
 
-    sizes = [s%n, s%parts, s%vertices, s%triangles, merge(1_i4, 0_i4, s%soft), 0_i4, &
-             merge(1_i4, 0_i4, allocated(s%free)), merge(1_i4, 0_i4, allocated(s%membranes))]
-    if (allocated(s%fan)) sizes(6) = ubound(s%fan, 1)
+    sizes = [s%n, s%parts, s%mesh%vertices, s%mesh%triangles, merge(1_i4, 0_i4, s%soft), 0_i4, &
+             merge(1_i4, 0_i4, allocated(s%rigid%free)), merge(1_i4, 0_i4, allocated(s%membranes))]
+    if (allocated(s%mesh%fan)) sizes(6) = ubound(s%mesh%fan, 1)
     call team%tell_numbers(sizes)
     if (sizes(1) == 0) return
     if (.not. team%leads()) call make_room(s, sizes)
@@ -34,24 +34,27 @@ contains
     call tell_list(team, s%reach)
     call tell_matrix(team, s%centre)
     call tell_matrix(team, s%quat)
-    call tell_matrix(team, s%rest_axis)
-    call tell_matrix(team, s%axis)
-    call tell_matrix(team, s%cone)
-    call tell_matrix(team, s%bore)
-    if (.not. team%leads()) s%bore([bore_press, bore_impulse], :) = 0.0_wp
+    call tell_matrix(team, s%round%rest_axis)
+    call tell_matrix(team, s%round%axis)
+    call tell_list(team, s%round%sine)
+    call tell_list(team, s%round%cosine)
+    call tell_list(team, s%round%radius)
+    call tell_list(team, s%round%extent)
+    call tell_list(team, s%round%listed_radius)
+    call tell_list(team, s%round%start_radius)
     call team%tell_numbers(s%first_part)
     call team%tell_numbers(s%first_vertex)
     call team%tell_numbers(s%first_triangle)
     call team%tell_numbers(s%material)
-    call tell_matrix(team, s%rest)
-    call tell_matrix(team, s%x)
+    call tell_matrix(team, s%mesh%rest)
+    call tell_matrix(team, s%mesh%x)
     if (sizes(7) > 0) call tell_bodies(team, s)
     if (sizes(8) > 0) call tell_membranes(team, s)
     call tell_motion(team, s)
-    if (s%triangles > 0) call tell_triangles(team, s)
+    if (s%mesh%triangles > 0) call tell_triangles(team, s)
     s%reference_x = s%centre
     s%reference_q = s%quat
-    s%reference = s%x
+    s%mesh%reference = s%mesh%x
   end subroutine tell_surfaces
 
   !> Bodies that move freely: all ranks move them alike, by what all grains do to them; the leader
@@ -60,29 +63,29 @@ contains
     type(ranks_type), intent(in) :: team
     type(dem_surfaces_type), intent(inout) :: s
     integer(i4) :: b, p
-    call tell_matrix(team, s%free)
-    call tell_list(team, s%mass)
-    call tell_matrix(team, s%inertia)
-    if (allocated(s%acting)) deallocate (s%acting)
-    allocate (s%acting(6, s%n), source=0.0_wp)
+    call tell_matrix(team, s%rigid%free)
+    call tell_list(team, s%rigid%mass)
+    call tell_matrix(team, s%rigid%inertia)
+    if (allocated(s%rigid%acting)) deallocate (s%rigid%acting)
+    allocate (s%rigid%acting(6, s%n), source=0.0_wp)
     do b = 1, s%n
       do p = s%first_part(b), s%first_part(b + 1) - 1
-        s%acting(:, b) = s%acting(:, b) + [s%force(:, p), s%moment(:, p)]
+        s%rigid%acting(:, b) = s%rigid%acting(:, b) + [s%sums%force(:, p), s%sums%moment(:, p)]
       end do
     end do
-    call tell_matrix(team, s%acting)
+    call tell_matrix(team, s%rigid%acting)
     s%counted = team%leads()
   end subroutine tell_bodies
 
   subroutine tell_triangles(team, s)
     type(ranks_type), intent(in) :: team
     type(dem_surfaces_type), intent(inout) :: s
-    call team%tell_numbers(s%home)
-    call team%tell_numbers(s%fan_start)
-    call team%tell_numbers(s%fan)
-    call tell_table(team, s%corner)
-    call team%tell_numbers(s%owner)
-    call tell_table(team, s%mate)
+    call team%tell_numbers(s%mesh%home)
+    call team%tell_numbers(s%mesh%fan_start)
+    call team%tell_numbers(s%mesh%fan)
+    call tell_table(team, s%mesh%corner)
+    call team%tell_numbers(s%mesh%owner)
+    call tell_table(team, s%mesh%mate)
   end subroutine tell_triangles
 
   subroutine make_room(s, sizes)
@@ -93,21 +96,26 @@ contains
     s = fresh
     s%n = sizes(1)
     s%parts = sizes(2)
-    s%vertices = sizes(3)
-    s%triangles = sizes(4)
+    s%mesh%vertices = sizes(3)
+    s%mesh%triangles = sizes(4)
     s%soft = sizes(5) > 0
     allocate (s%name(s%n), s%kind(s%n), s%cos_smooth(s%n), s%reach(s%n))
-    allocate (s%centre(3, s%n), s%velocity(3, s%n), s%spin(3, s%n), s%rest_axis(3, s%n), &
-              s%axis(3, s%n), s%quat(4, s%n), s%cone(4, s%n), s%bore(5, s%n), source=0.0_wp)
+    allocate (s%centre(3, s%n), s%velocity(3, s%n), s%spin(3, s%n), s%round%rest_axis(3, s%n), &
+              s%round%axis(3, s%n), s%quat(4, s%n), source=0.0_wp)
+    allocate (s%round%sine(s%n), s%round%cosine(s%n), s%round%radius(s%n), s%round%extent(s%n), &
+              s%round%swell(s%n), s%round%press(s%n), s%round%press_impulse(s%n), &
+              s%round%listed_radius(s%n), s%round%start_radius(s%n), source=0.0_wp)
     allocate (s%first_part(s%n + 1), s%first_vertex(s%n + 1), s%first_triangle(s%n + 1))
     allocate (s%material(s%parts))
-    allocate (s%force(3, s%parts), s%moment(3, s%parts), s%impulse(3, s%parts), &
-              s%moment_impulse(3, s%parts), s%work(s%parts), source=0.0_wp)
-    allocate (s%rest(3, s%vertices), s%x(3, s%vertices), s%v(3, s%vertices), &
-              s%target(3, s%vertices), s%vertex_force(3, s%vertices), &
-              s%vertex_impulse(3, s%vertices), source=0.0_wp)
-    allocate (s%home(s%vertices), s%fan_start(s%vertices + 1), s%fan(sizes(6)))
-    allocate (s%corner(3, s%triangles), s%owner(s%triangles), s%mate(3, s%triangles))
+    allocate (s%sums%force(3, s%parts), s%sums%moment(3, s%parts), s%sums%impulse(3, s%parts), &
+              s%sums%moment_impulse(3, s%parts), s%sums%work(s%parts), source=0.0_wp)
+    allocate (s%mesh%rest(3, s%mesh%vertices), s%mesh%x(3, s%mesh%vertices), &
+              s%mesh%v(3, s%mesh%vertices), s%mesh%target(3, s%mesh%vertices), &
+              s%mesh%force(3, s%mesh%vertices), s%mesh%impulse(3, s%mesh%vertices), source=0.0_wp)
+    allocate (s%mesh%home(s%mesh%vertices), s%mesh%fan_start(s%mesh%vertices + 1), &
+              s%mesh%fan(sizes(6)))
+    allocate (s%mesh%corner(3, s%mesh%triangles), s%mesh%owner(s%mesh%triangles), &
+              s%mesh%mate(3, s%mesh%triangles))
     if (sizes(7) > 0) call no_free_bodies(s)
     if (sizes(8) > 0) call no_membranes(s)
   end subroutine make_room
@@ -117,26 +125,23 @@ contains
     type(ranks_type), intent(in) :: team
     type(dem_surfaces_type), intent(inout) :: s
     integer(i4) :: aimed(1)
-    real(wp) :: swell(s%n)
     call tell_matrix(team, s%velocity)
     call tell_matrix(team, s%spin)
-    swell = s%bore(bore_swell, :)
-    call tell_list(team, swell)
-    s%bore(bore_swell, :) = swell
-    if (allocated(s%free)) call tell_matrix(team, s%given)
+    call tell_list(team, s%round%swell)
+    if (allocated(s%rigid%free)) call tell_matrix(team, s%rigid%given)
     if (.not. s%soft) return
-    aimed = merge(1_i4, 0_i4, s%has_target)
+    aimed = merge(1_i4, 0_i4, s%mesh%has_target)
     call team%tell_numbers(aimed)
-    s%has_target = aimed(1) > 0
-    call tell_matrix(team, s%v)
-    call tell_matrix(team, s%target)
+    s%mesh%has_target = aimed(1) > 0
+    call tell_matrix(team, s%mesh%v)
+    call tell_matrix(team, s%mesh%target)
     if (allocated(s%membranes)) call tell_list(team, s%membranes%pressure)
   end subroutine tell_motion
 
   !> Reals of the surfaces in a report.
   pure integer(i4) function surface_reals(s)
     type(dem_surfaces_type), intent(in) :: s
-    surface_reals = part_reals*s%parts + 2*s%n + merge(6*s%vertices, 0_i4, s%soft)
+    surface_reals = part_reals*s%parts + 2*s%n + merge(6*s%mesh%vertices, 0_i4, s%soft)
   end function surface_reals
 
   !> Sums over this rank's grains.
@@ -146,10 +151,10 @@ contains
     integer(i4) :: n
     if (s%n == 0) return
     n = part_reals*s%parts
-    report(:n) = [s%force, s%moment, s%impulse, s%moment_impulse, s%work]
-    report(n + 1:n + s%n) = s%bore(bore_press, :)
-    report(n + s%n + 1:n + 2*s%n) = s%bore(bore_impulse, :)
-    if (s%soft) report(n + 2*s%n + 1:) = [s%vertex_force, s%vertex_impulse]
+    report(:n) = [s%sums%force, s%sums%moment, s%sums%impulse, s%sums%moment_impulse, s%sums%work]
+    report(n + 1:n + s%n) = s%round%press
+    report(n + s%n + 1:n + 2*s%n) = s%round%press_impulse
+    if (s%soft) report(n + 2*s%n + 1:) = [s%mesh%force, s%mesh%impulse]
   end function surface_report
 
   !> Sums over all grains from added reports, and the motion, which is that of any part.
@@ -160,27 +165,27 @@ contains
     integer(i4) :: n, v
     n = 3*whole%parts
     v = part_reals*whole%parts
-    whole%force = reshape(report(:n), [3, whole%parts])
-    whole%moment = reshape(report(n + 1:2*n), [3, whole%parts])
-    whole%impulse = reshape(report(2*n + 1:3*n), [3, whole%parts])
-    whole%moment_impulse = reshape(report(3*n + 1:4*n), [3, whole%parts])
-    whole%work = report(4*n + 1:v)
-    if (allocated(whole%free)) then
+    whole%sums%force = reshape(report(:n), [3, whole%parts])
+    whole%sums%moment = reshape(report(n + 1:2*n), [3, whole%parts])
+    whole%sums%impulse = reshape(report(2*n + 1:3*n), [3, whole%parts])
+    whole%sums%moment_impulse = reshape(report(3*n + 1:4*n), [3, whole%parts])
+    whole%sums%work = report(4*n + 1:v)
+    if (allocated(whole%rigid%free)) then
       whole%velocity = part%velocity
       whole%spin = part%spin
     end if
     whole%centre = part%centre
     whole%quat = part%quat
-    whole%axis = part%axis
-    whole%x = part%x
-    whole%cone = part%cone
-    whole%bore(bore_press, :) = report(v + 1:v + whole%n)
-    whole%bore(bore_impulse, :) = report(v + whole%n + 1:v + 2*whole%n)
+    whole%round%axis = part%round%axis
+    whole%mesh%x = part%mesh%x
+    whole%round%radius = part%round%radius
+    whole%round%press = report(v + 1:v + whole%n)
+    whole%round%press_impulse = report(v + whole%n + 1:v + 2*whole%n)
     if (.not. whole%soft) return
     v = v + 2*whole%n
-    n = 3*whole%vertices
-    whole%vertex_force = reshape(report(v + 1:v + n), [3, whole%vertices])
-    whole%vertex_impulse = reshape(report(v + n + 1:v + 2*n), [3, whole%vertices])
+    n = 3*whole%mesh%vertices
+    whole%mesh%force = reshape(report(v + 1:v + n), [3, whole%mesh%vertices])
+    whole%mesh%impulse = reshape(report(v + n + 1:v + 2*n), [3, whole%mesh%vertices])
     if (allocated(whole%membranes)) call take_membranes(part, whole)
   end subroutine take_surfaces
 end module dem_surface_share

@@ -100,25 +100,25 @@ contains
     real(wp), allocatable :: bodies(:, :), corners(:, :), loads(:)
     real(wp) :: begun
     integer(i4) :: n
-    if (.not. (allocated(d%surfaces%acting) .or. allocated(d%surfaces%vertex_acting))) return
+    if (.not. (allocated(d%surfaces%rigid%acting) .or. allocated(d%surfaces%mesh%acting))) return
     !$omp master
     begun = wall_clock()
     associate (s => d%surfaces)
       n = 0
       allocate (loads(0))
-      if (allocated(s%acting)) then
+      if (allocated(s%rigid%acting)) then
         bodies = loads_of_bodies(s)
         n = size(bodies)
         loads = reshape(bodies, [n])
       end if
-      if (allocated(s%vertex_acting)) then
+      if (allocated(s%mesh%acting)) then
         corners = loads_of_vertices(s)
         loads = [loads, corners(:, first_corner(s):)]
       end if
       call d%halo%team%add_in_order(loads)
-      if (allocated(s%acting)) s%acting = reshape(loads(:n), [6, s%n])
-      if (allocated(s%vertex_acting)) &
-        s%vertex_acting(:, first_corner(s):) = reshape(loads(n + 1:), [3, size(loads(n + 1:))/3])
+      if (allocated(s%rigid%acting)) s%rigid%acting = reshape(loads(:n), [6, s%n])
+      if (allocated(s%mesh%acting)) &
+        s%mesh%acting(:, first_corner(s):) = reshape(loads(n + 1:), [3, size(loads(n + 1:))/3])
     end associate
     d%halo%seconds = d%halo%seconds + (wall_clock() - begun)
     !$omp end master

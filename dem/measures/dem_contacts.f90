@@ -104,19 +104,19 @@ contains
     type(dem_contacts_type), intent(inout) :: list
     integer(i4) :: g, k, n, b
 
-    do g = 1, d%surfaces%near
-      do k = 1, d%surfaces%contacts(g)
+    do g = 1, d%surfaces%list%near
+      do k = 1, d%surfaces%list%contacts(g)
         n = list%n + 1
         list%n = n
-        b = body_of_part(d, d%surfaces%part(k, g))
-        list%ids(:, n) = [-int(d%planes%n + b, i8), d%grains%id(d%surfaces%near_grain(g))]
-        list%point(:, n) = d%surfaces%point(k, :, g)
-        list%normal(:, n) = d%surfaces%normal(k, :, g)
-        list%branch(:, n) = d%grains%x(:, d%surfaces%near_grain(g)) &
+        b = body_of_part(d, d%surfaces%list%part(k, g))
+        list%ids(:, n) = [-int(d%planes%n + b, i8), d%grains%id(d%surfaces%list%near_grain(g))]
+        list%point(:, n) = d%surfaces%list%point(k, :, g)
+        list%normal(:, n) = d%surfaces%list%normal(k, :, g)
+        list%branch(:, n) = d%grains%x(:, d%surfaces%list%near_grain(g)) &
                             - d%surfaces%centre(:, b)
-        list%force(:, n) = d%surfaces%push(k, :, g)
+        list%force(:, n) = d%surfaces%list%push(k, :, g)
         list%stiffness(:, n) = surface_stiffness(d, k, g)
-        list%overlap(n) = d%surfaces%history(k, history_side, g)**2
+        list%overlap(n) = d%surfaces%list%history(k, history_side, g)**2
       end do
     end do
   end subroutine add_surface_contacts

@@ -52,7 +52,7 @@ contains
     if (.not. ratio*sqrt(most) > (1.0_wp - y*y)/(2.0_wp*y)) return
     allocate (sums(2, d%grains%n))
     call add_pairs(d, sums)
-    if (d%surfaces%near > 0) call add_surfaces(d, sums)
+    if (d%surfaces%list%near > 0) call add_surfaces(d, sums)
     do i = 1, d%grains%n
       if (d%grains%kind(i) /= kind_free) cycle
       mass = d%grains%mass(i)
@@ -133,18 +133,18 @@ contains
     type(spring_type) :: s
     integer(i4) :: g, k, i, body
 
-    do g = 1, d%surfaces%near
-      i = d%surfaces%near_grain(g)
-      do k = 1, d%surfaces%contacts(g)
-        if (.not. d%surfaces%history(k, history_side, g) > 0.0_wp) cycle
-        associate (law => d%laws(d%surfaces%material(d%surfaces%part(k, g)), &
+    do g = 1, d%surfaces%list%near
+      i = d%surfaces%list%near_grain(g)
+      do k = 1, d%surfaces%list%contacts(g)
+        if (.not. d%surfaces%list%history(k, history_side, g) > 0.0_wp) cycle
+        associate (law => d%laws(d%surfaces%material(d%surfaces%list%part(k, g)), &
                                  d%grains%material(i)))
           call set_springs(constants_of(law%law_numbers_type), surface_stiffness(d, k, g), &
                            d%grains%mass(i), 1.0_wp, s)
         end associate
-        s%arm = d%surfaces%point(k, :, g) - d%pairs%body(1:3, i)
-        s%normal = d%surfaces%normal(k, :, g)
-        body = count(d%surfaces%first_part(:d%surfaces%n) <= d%surfaces%part(k, g))
+        s%arm = d%surfaces%list%point(k, :, g) - d%pairs%body(1:3, i)
+        s%normal = d%surfaces%list%normal(k, :, g)
+        body = count(d%surfaces%first_part(:d%surfaces%n) <= d%surfaces%list%part(k, g))
         call add_spring(s, merge(2.0_wp, 1.0_wp, is_free(d%surfaces, body)), sums(:, i))
       end do
     end do

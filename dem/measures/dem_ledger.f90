@@ -35,7 +35,7 @@ contains
       ledger%kinetic = ledger%kinetic + part(1)
       ledger%staggering = ledger%staggering + part(2)
     end do
-    if (allocated(d%surfaces%free)) then
+    if (allocated(d%surfaces%rigid%free)) then
       part = bodies_energy(d, motion)
       ledger%kinetic = ledger%kinetic + part(1)
       ledger%staggering = ledger%staggering + part(2)
@@ -60,11 +60,11 @@ contains
       ledger%staggering = ledger%staggering + sheet(2)
       ledger%elastic_other = ledger%elastic_other + sheet(3)
     end if
-    if (d%surfaces%near == 0) return
+    if (d%surfaces%list%near == 0) return
     energy = surface_energy(d)
     ledger%elastic_normal = ledger%elastic_normal + energy(1)
     ledger%elastic_tangential = ledger%elastic_tangential + energy(2)
-    if (size(d%surfaces%kept) > 0) ledger%elastic_other = ledger%elastic_other &
+    if (size(d%surfaces%list%kept) > 0) ledger%elastic_other = ledger%elastic_other &
       + surface_extra_energy(d)
   end subroutine refresh_stored
 
@@ -149,7 +149,7 @@ contains
       sheet = membranes_energy(d%surfaces, motion)
       sum = sum + sheet(2)
     end if
-    if (.not. allocated(d%surfaces%free)) return
+    if (.not. allocated(d%surfaces%rigid%free)) return
     part = bodies_energy(d, motion)
     sum = sum + part(2)
   end function staggering_of

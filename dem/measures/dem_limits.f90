@@ -41,7 +41,7 @@ contains
         call add_pair(d, d%pairs%first(lane, k), d%pairs%second(lane, k), stiffness, point, lambda)
       end do
     end do
-    if (d%surfaces%near > 0) call add_surface_rows(d, lambda)
+    if (d%surfaces%list%near > 0) call add_surface_rows(d, lambda)
     scale = 1.0_wp
     if (d%par%mode == mode_relaxation) scale = [d%par%mass_scale, d%par%inertia_scale]
     limit = huge(1.0_wp)
@@ -52,9 +52,9 @@ contains
       if (kn > 0.0_wp) limit = min(limit, 2.0_wp/sqrt(kn))
     end do
     kn = 0.0_wp
-    if (allocated(d%surfaces%free) .and. .not. allocated(d%surfaces%acting)) &
+    if (allocated(d%surfaces%rigid%free) .and. .not. allocated(d%surfaces%rigid%acting)) &
       kn = body_rate(d%surfaces, body_rows(d))
-    if (allocated(d%surfaces%membranes) .and. .not. allocated(d%surfaces%vertex_acting)) &
+    if (allocated(d%surfaces%membranes) .and. .not. allocated(d%surfaces%mesh%acting)) &
       kn = max(kn, membrane_rate(d%surfaces, corner_stiffness(d)))
     if (kn > 0.0_wp) limit = min(limit, 2.0_wp/sqrt(kn))
   end function gershgorin_step

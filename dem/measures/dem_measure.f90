@@ -65,7 +65,7 @@ contains
         z(i) = z(i) + 1
       end do
     end do
-    if (d%surfaces%near > 0) call add_surface_coordination(d, z)
+    if (d%surfaces%list%near > 0) call add_surface_coordination(d, z)
   end function coordination_of
 
   !> Number of contacts.
@@ -112,7 +112,7 @@ contains
         second = d%pairs%grain(d%pairs%second(lane, k))
       end do
     end do
-    if (d%surfaces%near > 0) call largest_surface_overlap(d, ratio, first, second)
+    if (d%surfaces%list%near > 0) call largest_surface_overlap(d, ratio, first, second)
   end subroutine largest_overlap
 
   !> Love-Weber stress of all grain-grain contacts over a volume, compression negative [Pa]:

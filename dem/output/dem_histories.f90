@@ -53,7 +53,7 @@ contains
     class(dem_histories_type), intent(inout) :: self
     type(dem_system_type), intent(in) :: system
     integer(i4) :: k
-    self%free = allocated(system%surfaces%free)
+    self%free = allocated(system%surfaces%rigid%free)
     self%plastic = any(system%laws%base%plastic)
     self%index = pack([(k, k=1, system%grains%n)], system%grains%kind == kind_driven)
     if (allocated(self%driven_work)) deallocate (self%driven_work)
@@ -149,8 +149,8 @@ contains
     self%driven_work = self%driven_work + system%grains%work(self%index)
     system%grains%work(self%index) = 0.0_wp
     if (system%surfaces%n > 0) then
-      self%surface_work = self%surface_work + system%surfaces%work
-      system%surfaces%work = 0.0_wp
+      self%surface_work = self%surface_work + system%surfaces%sums%work
+      system%surfaces%sums%work = 0.0_wp
     end if
     if (system%planes%n == 0) return
     self%wall_work = self%wall_work + system%planes%work

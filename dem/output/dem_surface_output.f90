@@ -6,7 +6,7 @@ module dem_surface_output
   use talus_errors, only: error_list_type
   use talus_hdf5, only: h5_file_type
   use talus_history, only: history_type
-  use dem_surface_state, only: dem_surfaces_type, surface_cone, surface_cylinder
+  use dem_surface_state, only: dem_surfaces_type, surface_cone, is_round
   implicit none
   private
   public :: open_surface_history, write_surface_rows, picture_sizes, put_picture
@@ -70,7 +70,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: b
     do b = 1, s%n
-      if (.not. any(s%free(:, b) > 0.5_wp)) cycle
+      if (.not. any(s%rigid%free(:, b) > 0.5_wp)) cycle
       call history%write([time, real(b, wp), s%centre(:, b), s%velocity(:, b), s%spin(:, b), &
                           s%quat(:, b)], errors)
     end do
@@ -87,7 +87,8 @@ contains
     do b = 1, s%n
       do p = s%first_part(b), s%first_part(b + 1) - 1
         call history%write([time, real(b, wp), real(p - s%first_part(b) + 1, wp), s%centre(:, b), &
-                            s%force(:, p), s%moment(:, p), work(p) + s%work(p)], errors)
+                           s%sums%force(:, p), s%sums%moment(:, p), work(p) + s%sums%work(p)], &
+                           errors)
       end do
     end do
   end subroutine write_surface_rows
@@ -96,10 +97,10 @@ contains
   pure subroutine picture_sizes(s, points, triangles)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(out) :: points, triangles
-    integer(i4) :: cones
-    cones = count(s%kind == surface_cone .or. s%kind == surface_cylinder)
-    points = s%vertices + cones*(1 + 2*sides)
-    triangles = s%triangles + cones*3*sides
+    integer(i4) :: cones, b
+    cones = count([(is_round(s, b), b=1, s%n)])
+    points = s%mesh%vertices + cones*(1 + 2*sides)
+    triangles = s%mesh%triangles + cones*3*sides
   end subroutine picture_sizes
 
   !> Group surfaces of a step: x, triangles (nodes from 0) and the number of the body of each.
@@ -114,13 +115,13 @@ contains
 
     call picture_sizes(s, points, triangles)
     allocate (x(3, points), corner(3, triangles), body(triangles))
-    x(:, :s%vertices) = s%x
-    corner(:, :s%triangles) = s%corner - 1
-    body(:s%triangles) = s%owner
-    points = s%vertices
-    triangles = s%triangles
+    x(:, :s%mesh%vertices) = s%mesh%x
+    corner(:, :s%mesh%triangles) = s%mesh%corner - 1
+    body(:s%mesh%triangles) = s%mesh%owner
+    points = s%mesh%vertices
+    triangles = s%mesh%triangles
     do b = 1, s%n
-      if (s%kind(b) /= surface_cone .and. s%kind(b) /= surface_cylinder) cycle
+      if (.not. is_round(s, b)) cycle
       body(triangles + 1:triangles + 3*sides) = b
       call draw_cone(s, b, x, corner, points, triangles)
     end do
@@ -140,25 +141,26 @@ contains
     integer(i4) :: k, low, high
 
     e = 0.0_wp
-    e(minloc(abs(s%axis(:, b)), 1)) = 1.0_wp
-    e = e - dot_product(e, s%axis(:, b))*s%axis(:, b)
+    e(minloc(abs(s%round%axis(:, b)), 1)) = 1.0_wp
+    e = e - dot_product(e, s%round%axis(:, b))*s%round%axis(:, b)
     e = e/sqrt(sum(e*e))
-    f = [s%axis(2, b)*e(3) - s%axis(3, b)*e(2), s%axis(3, b)*e(1) - s%axis(1, b)*e(3), &
-         s%axis(1, b)*e(2) - s%axis(2, b)*e(1)]
+    f = [s%round%axis(2, b)*e(3) - s%round%axis(3, b)*e(2), s%round%axis(3, b)*e(1) &
+         - s%round%axis(1, b)*e(3), s%round%axis(1, b)*e(2) - s%round%axis(2, b)*e(1)]
     low_end = 0.0_wp
     if (s%kind(b) == surface_cone) then
-      height = s%cone(3, b)*s%cone(2, b)/s%cone(1, b)
-      length = s%cone(4, b)
+      height = s%round%radius(b)*s%round%cosine(b)/s%round%sine(b)
+      length = s%round%extent(b)
     else
-      length = 2.0_wp*min(s%cone(4, b), endless*s%cone(3, b))
+      length = 2.0_wp*min(s%round%extent(b), endless*s%round%radius(b))
       height = -0.5_wp*length
       low_end = height
     end if
-    x(:, points + 1) = s%centre(:, b) + low_end*s%axis(:, b)
+    x(:, points + 1) = s%centre(:, b) + low_end*s%round%axis(:, b)
     do k = 1, sides
-      ring = s%cone(3, b)*(cos(2.0_wp*pi*k/sides)*e + sin(2.0_wp*pi*k/sides)*f) + s%centre(:, b)
-      x(:, points + 1 + k) = ring + height*s%axis(:, b)
-      x(:, points + 1 + sides + k) = ring + (height + length)*s%axis(:, b)
+      ring = s%round%radius(b)*(cos(2.0_wp*pi*k/sides)*e + sin(2.0_wp*pi*k/sides)*f) &
+        + s%centre(:, b)
+      x(:, points + 1 + k) = ring + height*s%round%axis(:, b)
+      x(:, points + 1 + sides + k) = ring + (height + length)*s%round%axis(:, b)
       low = points + k
       high = points + 1 + mod(k, sides)
       corner(:, triangles + 1) = [points, high, low]

@@ -139,7 +139,7 @@ contains
     associate (s => system%surfaces, low => system%surfaces%first_triangle(body))
       same = s%first_vertex(body + 1) - s%first_vertex(body) == size(mesh%x, 2) .and. &
              s%first_triangle(body + 1) - low == size(mesh%corner, 2)
-      if (same) same = all(s%corner(:, low:s%first_triangle(body + 1) - 1) &
+      if (same) same = all(s%mesh%corner(:, low:s%first_triangle(body + 1) - 1) &
                            - s%first_vertex(body) + 1 == mesh%corner)
     end associate
     if (.not. same) call errors%add('P253', mesh%name//' was made of other triangles', &
@@ -158,13 +158,13 @@ contains
 
     low = system%surfaces%first_vertex(set%body)
     high = system%surfaces%first_vertex(set%body + 1) - 1
-    allocate (x, source=system%surfaces%x(:, low:high))
+    allocate (x, source=system%surfaces%mesh%x(:, low:high))
     if (request%has(set%name//dot_x)) call request%get(set%name//dot_x, x, errors)
     call check_numbers(set, x, errors)
     if (errors%any()) return
-    system%surfaces%v(:, low:high) = (x - system%surfaces%x(:, low:high))/span
-    system%surfaces%target(:, low:high) = x
-    system%surfaces%has_target = .true.
+    system%surfaces%mesh%v(:, low:high) = (x - system%surfaces%mesh%x(:, low:high))/span
+    system%surfaces%mesh%target(:, low:high) = x
+    system%surfaces%mesh%has_target = .true.
   end subroutine take_vertices
 
   !> FORCE: place and velocity of the vertices now; what is not mentioned stays.
@@ -178,16 +178,16 @@ contains
 
     low = system%surfaces%first_vertex(set%body)
     high = system%surfaces%first_vertex(set%body + 1) - 1
-    allocate (x, source=system%surfaces%x(:, low:high))
-    allocate (v, source=system%surfaces%v(:, low:high))
+    allocate (x, source=system%surfaces%mesh%x(:, low:high))
+    allocate (v, source=system%surfaces%mesh%v(:, low:high))
     if (request%has(set%name//dot_x)) call request%get(set%name//dot_x, x, errors)
     if (request%has(set%name//dot_v)) call request%get(set%name//dot_v, v, errors)
     call check_numbers(set, x, errors)
     call check_numbers(set, v, errors)
     if (errors%any()) return
-    system%surfaces%x(:, low:high) = x
-    system%surfaces%v(:, low:high) = v
-    system%surfaces%has_target = .false.
+    system%surfaces%mesh%x(:, low:high) = x
+    system%surfaces%mesh%v(:, low:high) = v
+    system%surfaces%mesh%has_target = .false.
   end subroutine place_vertices
 
   subroutine check_numbers(set, x, errors)
@@ -213,11 +213,11 @@ contains
     associate (s => system%surfaces)
       low = s%first_vertex(set%body)
       high = s%first_vertex(set%body + 1) - 1
-      if (set%wants(field_force)) call reply%put(set%name//dot_force, s%vertex_force(:, low:high))
+      if (set%wants(field_force)) call reply%put(set%name//dot_force, s%mesh%force(:, low:high))
       if (.not. motion) return
       if (set%wants(field_impulse)) &
-        call reply%put(set%name//dot_impulse, s%vertex_impulse(:, low:high))
-      if (set%wants(field_work)) call reply%put(set%name//dot_work, s%work(s%first_part(set%body)))
+        call reply%put(set%name//dot_impulse, s%mesh%impulse(:, low:high))
+      if (set%wants(field_work)) call reply%put(set%name//dot_work, s%sums%work(s%first_part(set%body)))
     end associate
   end subroutine put_vertices
 end module dem_port_surface

@@ -17,7 +17,6 @@ module dem_distribute
     load_id, load_force, load_moment, swap_motion, swap_ellipsoid, swap_frame
   use dem_records, only: grain_reals, index_of
   use dem_surface_share, only: tell_surfaces, tell_motion
-  use dem_surface_state, only: bore_swell
   use dem_broadcast, only: tell_matrix
   implicit none
   private
@@ -79,13 +78,14 @@ contains
       if (part%surfaces%n > 0) then
         part%surfaces%velocity = whole%surfaces%velocity
         part%surfaces%spin = whole%surfaces%spin
-        part%surfaces%bore(bore_swell, :) = whole%surfaces%bore(bore_swell, :)
-        if (allocated(part%surfaces%free)) part%surfaces%given = whole%surfaces%given
+        part%surfaces%round%swell = whole%surfaces%round%swell
+        if (allocated(part%surfaces%rigid%free)) &
+          part%surfaces%rigid%given = whole%surfaces%rigid%given
       end if
       if (part%surfaces%soft) then
-        part%surfaces%v = whole%surfaces%v
-        part%surfaces%target = whole%surfaces%target
-        part%surfaces%has_target = whole%surfaces%has_target
+        part%surfaces%mesh%v = whole%surfaces%mesh%v
+        part%surfaces%mesh%target = whole%surfaces%mesh%target
+        part%surfaces%mesh%has_target = whole%surfaces%mesh%has_target
         if (allocated(part%surfaces%membranes)) &
           part%surfaces%membranes%pressure = whole%surfaces%membranes%pressure
       end if
@@ -103,9 +103,9 @@ contains
     type(dem_data_type), intent(inout) :: part
     if (team%leads()) part%par = whole%par
     call tell_parameters(team, part%par)
-    if (.not. allocated(part%surfaces%free)) return
-    if (team%leads()) part%surfaces%given = whole%surfaces%given
-    call tell_matrix(team, part%surfaces%given)
+    if (.not. allocated(part%surfaces%rigid%free)) return
+    if (team%leads()) part%surfaces%rigid%given = whole%surfaces%rigid%given
+    call tell_matrix(team, part%surfaces%rigid%given)
   end subroutine tell_energies
 
   !> How prescribed grains go on from now.

@@ -115,7 +115,7 @@ contains
       report(at + plane_work) = part%planes%work(k)
     end do
     report(report_size + plane_size*part%planes%n + 1:) = surface_report(part%surfaces)
-    if (allocated(part%surfaces%free)) report = [report, body_rows(part)]
+    if (allocated(part%surfaces%rigid%free)) report = [report, body_rows(part)]
     if (allocated(part%surfaces%membranes)) report = [report, corner_stiffness(part)]
   end function report_of
 
@@ -164,7 +164,7 @@ contains
     integer(i4) :: n
     n = 0
     rate = 0.0_wp
-    if (allocated(s%free)) then
+    if (allocated(s%rigid%free)) then
       n = 4*s%n
       rate = body_rate(s, reshape(rows(:n), [4_i4, s%n]))
     end if

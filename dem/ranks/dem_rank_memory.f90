@@ -72,9 +72,9 @@ contains
     call count_mirrors(halo, place, ranks, loads%mirrors)
     call count_pairs(d, home, ranks, loads)
     allocate (loads%rooms(0:ranks - 1), source=0_i8)
-    do k = 1, d%surfaces%near
-      if (home(d%surfaces%near_grain(k)) < 0) cycle
-      associate (rooms => loads%rooms(home(d%surfaces%near_grain(k))))
+    do k = 1, d%surfaces%list%near
+      if (home(d%surfaces%list%near_grain(k)) < 0) cycle
+      associate (rooms => loads%rooms(home(d%surfaces%list%near_grain(k))))
         rooms = rooms + rooms_of(d, k)
       end associate
     end do
@@ -85,7 +85,7 @@ contains
   pure integer(i4) function rooms_of(d, g) result(rooms)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: g
-    rooms = merge(2_i4, 1_i4, d%surfaces%contacts(g) > 0)
+    rooms = merge(2_i4, 1_i4, d%surfaces%list%contacts(g) > 0)
   end function rooms_of
 
   !> Most work of a domain over the mean.
@@ -171,8 +171,9 @@ contains
     if (size(d%pairs%weight, 2) > 1) slot = slot + bytes
     slot = slot*lanes*d%pairs%blocks/max(d%pairs%count, 1)  ! with the pads
     room = bytes_of_room(d)
-    surfaces = bytes*(vertex_reals*d%surfaces%vertices + triangle_reals*d%surfaces%triangles)
-    rooms = sum([(rooms_of(d, r), r=1, d%surfaces%near)])
+    surfaces = bytes*(vertex_reals*d%surfaces%mesh%vertices &
+      + triangle_reals*d%surfaces%mesh%triangles)
+    rooms = sum([(rooms_of(d, r), r=1, d%surfaces%list%near)])
     do r = 0, size(loads%own) - 1
       held = loads%own(r) + loads%mirrors(r) + prescribed
       ! the old list is there while contacts are sent; the old grains have gone when rows of all
@@ -198,10 +199,10 @@ contains
     type(dem_data_type), intent(in) :: d
     integer(i4) :: kept
     room = 0.0_wp
-    if (d%surfaces%near == 0) return
+    if (d%surfaces%list%near == 0) return
     kept = surface_kept_reals(d)
     if (kept > 0) kept = kept + 3
-    room = bytes*d%surfaces%slots*(touch_reals + kept) &
-           + bytes*candidate_reals*size(d%surfaces%candidate)/d%surfaces%near
+    room = bytes*d%surfaces%list%slots*(touch_reals + kept) &
+           + bytes*candidate_reals*size(d%surfaces%list%candidate)/d%surfaces%list%near
   end function bytes_of_room
 end module dem_rank_memory

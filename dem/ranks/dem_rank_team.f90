@@ -289,7 +289,7 @@ contains
     class(dem_crew_type), intent(in) :: self
     type(dem_data_type), intent(in) :: whole
     pending = self%reset .or. self%redirected .or. allocated(self%loaded) .or. &
-      allocated(whole%surfaces%free)
+      allocated(whole%surfaces%rigid%free)
     pending = pending .or. any(transfer(whole%par, [0_i4]) /= transfer(self%part%par, [0_i4]))
   end function pending
 

@@ -16,8 +16,7 @@ module dem_logbook
   use dem_clock, only: dem_clock_type
   use dem_rank_team, only: dem_crew_type
   use dem_surface_body, only: is_free
-  use dem_surface_state, only: dem_surfaces_type, surface_cone, surface_cylinder, &
-    is_bore
+  use dem_surface_state, only: dem_surfaces_type, surface_cone, is_cylinder, is_bore
   use dem_setup, only: dem_choices_type
   use dem_setup_laws, only: law_lines
   implicit none
@@ -112,13 +111,13 @@ contains
       text = 'cone and shaft'//free_text(s, k)
       return
     end if
-    if (s%kind(k) == surface_cylinder) then
-      text = 'cylinder of radius '//short_number(s%cone(3, k))//' m, grains '// &
+    if (is_cylinder(s, k)) then
+      text = 'cylinder of radius '//short_number(s%round%radius(k))//' m, grains '// &
         trim(merge('inside ', 'outside', is_bore(s, k)))//free_text(s, k)
       return
     end if
     associate (low => s%first_triangle(k), high => s%first_triangle(k + 1) - 1)
-      rim = count(s%mate(:, low:high) == 0)
+      rim = count(s%mesh%mate(:, low:high) == 0)
       text = str(high - low + 1)//' triangles, '//str(s%first_vertex(k + 1) - s%first_vertex(k))// &
         ' corners'
     end associate
@@ -138,7 +137,7 @@ contains
     if (.not. is_free(s, k)) return
     text = ', free:'
     do j = 1, 6
-      if (s%free(j, k) > 0.5_wp) text = text//trim(direction(j))
+      if (s%rigid%free(j, k) > 0.5_wp) text = text//trim(direction(j))
     end do
   end function free_text
 

@@ -6,7 +6,7 @@ module dem_setup_bodies
   use talus_deck, only: deck_type
   use talus_suggest, only: did_you_mean
   use dem_surface_body, only: no_free_bodies, is_free
-  use dem_surface_state, only: dem_surfaces_type, surface_cylinder
+  use dem_surface_state, only: dem_surfaces_type, is_cylinder
   implicit none
   private
   public :: read_bodies
@@ -51,16 +51,16 @@ contains
     do j = 1, size(names)
       where (direction == names(j)%s) free = 1.0_wp
     end do
-    s%free(:, b) = free
-    if (deck%given('body', k, 'mass')) call deck%get('body', k, 'mass', s%mass(b))
+    s%rigid%free(:, b) = free
+    if (deck%given('body', k, 'mass')) call deck%get('body', k, 'mass', s%rigid%mass(b))
     if (deck%given('body', k, 'inertia')) then
       call deck%get('body', k, 'inertia', values)
-      call take_inertia(deck, k, values, free, s%inertia(:, b), errors)
+      call take_inertia(deck, k, values, free, s%rigid%inertia(:, b), errors)
     end if
     call deck%get('body', k, 'force', values)
-    s%given(:3, b) = values
+    s%rigid%given(:3, b) = values
     call deck%get('body', k, 'moment', values)
-    s%given(4:, b) = values
+    s%rigid%given(4:, b) = values
     call check_body(deck, k, s, b, errors)
   end subroutine read_body
 
@@ -132,8 +132,8 @@ contains
     integer(i4) :: axes
     real(wp) :: across(3)
 
-    axes = nint(sum(s%free(4:, b)))
-    if (any(s%free(:3, b) > 0.5_wp) .and. .not. s%mass(b) > 0.0_wp) &
+    axes = nint(sum(s%rigid%free(4:, b)))
+    if (any(s%rigid%free(:3, b) > 0.5_wp) .and. .not. s%rigid%mass(b) > 0.0_wp) &
       call deck%fault(errors, 'D287', 'a body that moves freely has no mass', 'body', k, '', &
                       'give mass = ... in kg')
     if (axes > 0 .and. .not. deck%given('body', k, 'inertia')) &
@@ -142,13 +142,13 @@ contains
     if (axes == 2) &
       call deck%fault(errors, 'D287', 'a body turns freely about one axis or about all three', &
                       'body', k, 'free', 'name one of rx, ry, rz, or all of them')
-    across = (1.0_wp - s%free(4:, b))*s%spin(:, b)
+    across = (1.0_wp - s%rigid%free(4:, b))*s%spin(:, b)
     if (axes == 1 .and. any(abs(across) > 0.0_wp)) &
       call deck%fault(errors, 'D287', "surface '"//s%name(b)%s//"' spins across its free axis", &
                       'body', k, 'free', 'leave that part of the spin out: the free axis would '// &
                       'turn with it')
-    if (s%kind(b) /= surface_cylinder .or. s%cone(4, b) < huge(1.0_wp)) return
-    if (sum(s%free(4:, b)*(1.0_wp - s%axis(:, b)**2)) > 1.0e-9_wp) &
+    if (.not. is_cylinder(s, b) .or. s%round%extent(b) < huge(1.0_wp)) return
+    if (sum(s%rigid%free(4:, b)*(1.0_wp - s%round%axis(:, b)**2)) > 1.0e-9_wp) &
       call deck%fault(errors, 'D287', 'a cylinder without ends turns about its axis alone', &
                       'body', k, 'free', 'give the cylinder a length')
   end subroutine check_body

@@ -103,11 +103,11 @@ contains
     associate (s => d%surfaces)
       do t = s%first_triangle(b), s%first_triangle(b + 1) - 1
         do e = 1, 3
-          if (s%mate(e, t) > 0) cycle
-          c = [s%corner(e, t), s%corner(1 + mod(e, 3), t)]
+          if (s%mesh%mate(e, t) > 0) cycle
+          c = [s%mesh%corner(e, t), s%mesh%corner(1 + mod(e, 3), t)]
           do j = 1, 2
             s%membranes%wall(c(j)) = 0
-            if (size(wall) > 0) s%membranes%wall(c(j)) = nearest_wall(d, wall, s%x(:, c(j)))
+            if (size(wall) > 0) s%membranes%wall(c(j)) = nearest_wall(d, wall, s%mesh%x(:, c(j)))
           end do
         end do
       end do

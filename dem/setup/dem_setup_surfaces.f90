@@ -294,9 +294,9 @@ contains
     if (s%n < deck%count('surface')) return
     do k = 1, s%n
       if (.not. is_bore(s, k)) cycle
-      if (s%cone(3, k) > maxval(packing%axes)) cycle
+      if (s%round%radius(k) > maxval(packing%axes)) cycle
       call deck%fault(errors, 'D289', "cylinder '"//s%name(k)%s//"' has a radius of "// &
-                      short_number(s%cone(3, k))//' m, the largest grain a semi-axis of '// &
+                      short_number(s%round%radius(k))//' m, the largest grain a semi-axis of '// &
                       short_number(maxval(packing%axes))//' m', 'cylinder', &
                       k - s%n + deck%count('cylinder'), 'radius', 'take a wider cylinder, or '// &
                       "side = 'outside' if the grains are around it")
@@ -305,7 +305,7 @@ contains
     bed = maxval(maxval(packing%x, 2) - minval(packing%x, 2)) + grain
     do k = 1, deck%count('surface')
       if (deck%given('surface', k, 'scale') .or. .not. deck%given('surface', k, 'file')) cycle
-      associate (x => s%x(:, s%first_vertex(k):s%first_vertex(k + 1) - 1))
+      associate (x => s%mesh%x(:, s%first_vertex(k):s%first_vertex(k + 1) - 1))
         extent = maxval(maxval(x, 2) - minval(x, 2))
       end associate
       if (extent <= too_large*bed .and. extent >= too_small*grain) cycle

@@ -168,7 +168,7 @@ contains
     integer(i4) :: i
 
     call evaluate(d, d%pairs%grain_blocks + 1, d%pairs%blocks, d%pending, d%parts%travel)
-    if (d%surfaces%near > 0) then
+    if (d%surfaces%list%near > 0) then
       !$omp parallel default(none) shared(d)
       call share_near(d, d%pending, d%parts%travel, omp_get_thread_num(), omp_get_num_threads())
       !$omp end parallel
@@ -181,7 +181,7 @@ contains
         call finish_prescribed(d%grains, i, d%pending, force, moment, work)
         cycle
       end if
-      if (d%surfaces%near > 0) then
+      if (d%surfaces%list%near > 0) then
         load = surface_load(d%surfaces, i)
         force = force + load(1:3)
         moment = moment + load(4:6)
@@ -193,7 +193,7 @@ contains
     d%ledger%boundary = d%ledger%boundary + work(4)
     call note_columns(d, 1_i4, d%pairs%rim_blocks)
     call note_columns(d, d%pairs%grain_blocks + 1, d%pairs%blocks)
-    if (d%surfaces%near > 0) call note(d, surface_columns(d%surfaces))
+    if (d%surfaces%list%near > 0) call note(d, surface_columns(d%surfaces))
     d%health%evaluations = d%health%evaluations + 1
     d%pending = 0.0_wp
     d%parts%stage = stage_none

@@ -283,7 +283,7 @@ contains
       end do
       base = d%pairs%group_end(g)
     end do
-    if (d%surfaces%near > 0 .and. .not. border) call share_near(d, h, travel, me, threads)
+    if (d%surfaces%list%near > 0 .and. .not. border) call share_near(d, h, travel, me, threads)
     if (d%pairs%past > 0) call finish_puts()
   end subroutine share_forces
 
@@ -398,8 +398,8 @@ contains
       call sum_lanes(d%pairs%result, d%pairs%entry, d%pairs%start(mover%low + 1:), mover%count, &
                      push%s%x, push%f, push%m)
       if (d%cell%active) call finish_carried(d, mover, motion%dt, push, work%finished(:, c))
-      if (d%surfaces%near > 0) call add_surface_loads(d%surfaces, mover%low, mover%count, push%f, &
-                                                      push%m)
+      if (d%surfaces%list%near > 0) call add_surface_loads(d%surfaces, mover%low, mover%count, &
+        push%f, push%m)
       do k = 1, merge(0, mover%count, mover%free_count == mover%count)
         if (mover%free(k) > 0.5_wp .or. d%grains%kind(mover%low + k) == kind_mirror) cycle
         call finish_prescribed(d%grains, mover%low + k, motion%dt, push%f(k, :), push%m(k, :), &
@@ -523,7 +523,7 @@ contains
         total = total + d%pairs%columns(:, k)
       end do
     end if
-    if (d%surfaces%near > 0) total = total + surface_columns(d%surfaces)
+    if (d%surfaces%list%near > 0) total = total + surface_columns(d%surfaces)
     if (d%pairs%extras%active) call add_work_on_top(d)
     d%ledger%contact_damping = d%ledger%contact_damping + total(1)
     d%ledger%friction = d%ledger%friction + total(2)
@@ -548,7 +548,7 @@ contains
       if (d%grains%kind(i) == kind_mirror) cycle
       call sum_body(d%pairs, i, force, moment)
       call sum_images(d, i, force, moment)
-      if (d%surfaces%near > 0) then
+      if (d%surfaces%list%near > 0) then
         load = surface_load(d%surfaces, i)
         force = force + load(1:3)
         moment = moment + load(4:6)

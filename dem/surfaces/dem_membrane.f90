@@ -31,10 +31,10 @@ contains
     allocate (s%membranes)
     associate (m => s%membranes)
       allocate (m%modulus(s%n), m%poisson(s%n), m%pressure(s%n), m%side(s%n), m%damping(s%n), &
-                m%limit(s%n), m%stretch(s%n), m%mass(s%vertices), m%area(s%triangles), &
-                m%inverse(2, 2, s%triangles), m%press(3, s%vertices), m%pull(3, s%vertices), &
-                source=0.0_wp)
-      allocate (m%wall(s%vertices), source=-1_i4)
+                m%limit(s%n), m%stretch(s%n), m%mass(s%mesh%vertices), m%area(s%mesh%triangles), &
+                m%inverse(2, 2, s%mesh%triangles), m%press(3, s%mesh%vertices), &
+                m%pull(3, s%mesh%vertices), source=0.0_wp)
+      allocate (m%wall(s%mesh%vertices), source=-1_i4)
     end associate
   end subroutine no_membranes
 
@@ -50,9 +50,9 @@ contains
     towards = 0.0_wp
     associate (m => s%membranes)
       do k = s%first_triangle(b), s%first_triangle(b + 1) - 1
-        associate (c => s%corner(:, k))
-          e(:, 1) = s%x(:, c(2)) - s%x(:, c(1))
-          e(:, 2) = s%x(:, c(3)) - s%x(:, c(1))
+        associate (c => s%mesh%corner(:, k))
+          e(:, 1) = s%mesh%x(:, c(2)) - s%mesh%x(:, c(1))
+          e(:, 2) = s%mesh%x(:, c(3)) - s%mesh%x(:, c(1))
           n = cross(e(:, 1), e(:, 2))
           m%area(k) = 0.5_wp*norm2(n)
           long = norm2(e(:, 1))
@@ -61,7 +61,7 @@ contains
           m%inverse(:, 1, k) = [1.0_wp/long, 0.0_wp]
           m%inverse(:, 2, k) = [-along/(long*high), 1.0_wp/high]
           m%mass(c) = m%mass(c) + weight*m%area(k)/3.0_wp
-          towards = towards + dot_product(n, inside - sum(s%x(:, c), 2)/3.0_wp)
+          towards = towards + dot_product(n, inside - sum(s%mesh%x(:, c), 2)/3.0_wp)
         end associate
       end do
       m%side(b) = sign(1.0_wp, towards)
@@ -100,18 +100,18 @@ contains
         kicked = merge(1.0_wp, 1.0_wp/(1.0_wp + half*m%damping(b)), explicit)
         do k = s%first_vertex(b), s%first_vertex(b + 1) - 1
           if (m%wall(k) >= 0) then
-            s%v(:, k) = 0.0_wp
-            if (m%wall(k) > 0) s%v(:, k) = wall_velocity(:, m%wall(k))
+            s%mesh%v(:, k) = 0.0_wp
+            if (m%wall(k) > 0) s%mesh%v(:, k) = wall_velocity(:, m%wall(k))
             cycle
           end if
-          old = s%v(:, k)
+          old = s%mesh%v(:, k)
           new = corner_load(s, k) + m%press(:, k) + m%pull(:, k) + m%mass(k)*step%gravity
           new = (old*keep + half/m%mass(k)*new)*kicked
           between = merge(new, old, explicit)
           now = merge(old, new, explicit)
           work(1) = work(1) + half*m%mass(k)*dot_product(step%gravity, between)
           work(3) = work(3) + half*m%damping(b)*m%mass(k)*dot_product(now, between)
-          s%v(:, k) = new
+          s%mesh%v(:, k) = new
         end do
       end do
     end associate
@@ -123,10 +123,10 @@ contains
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: k
     real(wp) :: force(3)
-    if (allocated(s%vertex_acting)) then
-      force = s%vertex_acting(:, k)
+    if (allocated(s%mesh%acting)) then
+      force = s%mesh%acting(:, k)
     else
-      force = s%vertex_force(:, k)
+      force = s%mesh%force(:, k)
     end if
   end function corner_load
 
@@ -136,7 +136,7 @@ contains
     type(dem_surfaces_type), intent(inout) :: s
     real(wp), intent(in) :: dt
     real(wp), intent(inout) :: work(work_count)
-    real(wp) :: press(3, s%vertices), pull(3, s%vertices)
+    real(wp) :: press(3, s%mesh%vertices), pull(3, s%mesh%vertices)
     integer(i4) :: k
 
     press = s%membranes%press
@@ -144,13 +144,13 @@ contains
     call pull_membranes(s)
     if (.not. s%counted) return
     associate (m => s%membranes)
-      do k = 1, s%vertices
+      do k = 1, s%mesh%vertices
         if (.not. m%mass(k) > 0.0_wp) cycle
         press(:, k) = 0.5_wp*dt*(press(:, k) + m%press(:, k))
-        work(2) = work(2) + dot_product(press(:, k), s%v(:, k))
+        work(2) = work(2) + dot_product(press(:, k), s%mesh%v(:, k))
         if (m%wall(k) < 0) cycle
         pull(:, k) = 0.5_wp*dt*(pull(:, k) + m%pull(:, k))
-        work(4) = work(4) - dot_product(press(:, k) + pull(:, k), s%v(:, k))
+        work(4) = work(4) - dot_product(press(:, k) + pull(:, k), s%mesh%v(:, k))
       end do
     end associate
   end subroutine finish_membranes
@@ -167,7 +167,7 @@ contains
       do b = 1, s%n
         if (s%kind(b) /= surface_membrane) cycle
         do k = s%first_triangle(b), s%first_triangle(b + 1) - 1
-          associate (c => s%corner(:, k))
+          associate (c => s%mesh%corner(:, k))
             call strain_of(s, k, f, strain)
             m%stretch(b) = max(m%stretch(b), largest_stretch(strain))
             stress = m%modulus(b)*(1.0_wp - m%poisson(b))*strain
@@ -178,7 +178,8 @@ contains
             m%pull(:, c(2)) = m%pull(:, c(2)) - part(:, 1)
             m%pull(:, c(3)) = m%pull(:, c(3)) - part(:, 2)
             m%pull(:, c(1)) = m%pull(:, c(1)) + part(:, 1) + part(:, 2)
-            push = cross(s%x(:, c(2)) - s%x(:, c(1)), s%x(:, c(3)) - s%x(:, c(1)))
+            push = cross(s%mesh%x(:, c(2)) - s%mesh%x(:, c(1)), s%mesh%x(:, c(3)) &
+              - s%mesh%x(:, c(1)))
             push = m%side(b)*m%pressure(b)/6.0_wp*push
             m%press(:, c(1)) = m%press(:, c(1)) + push
             m%press(:, c(2)) = m%press(:, c(2)) + push
@@ -195,8 +196,8 @@ contains
     integer(i4), intent(in) :: k
     real(wp), intent(out) :: f(3, 2), strain(2, 2)
     real(wp) :: e(3, 2)
-    e(:, 1) = s%x(:, s%corner(2, k)) - s%x(:, s%corner(1, k))
-    e(:, 2) = s%x(:, s%corner(3, k)) - s%x(:, s%corner(1, k))
+    e(:, 1) = s%mesh%x(:, s%mesh%corner(2, k)) - s%mesh%x(:, s%mesh%corner(1, k))
+    e(:, 2) = s%mesh%x(:, s%mesh%corner(3, k)) - s%mesh%x(:, s%mesh%corner(1, k))
     f = matmul(e, s%membranes%inverse(:, :, k))
     strain = 0.5_wp*matmul(transpose(f), f)
     strain(1, 1) = strain(1, 1) - 0.5_wp
@@ -228,8 +229,8 @@ contains
         do k = s%first_vertex(b), s%first_vertex(b + 1) - 1
           if (m%wall(k) >= 0) cycle
           force = corner_load(s, k) + m%press(:, k) + m%pull(:, k) &
-                  + m%mass(k)*(step%gravity - m%damping(b)*s%v(:, k))
-          part(1) = part(1) + 0.5_wp*m%mass(k)*sum(s%v(:, k)**2)
+                  + m%mass(k)*(step%gravity - m%damping(b)*s%mesh%v(:, k))
+          part(1) = part(1) + 0.5_wp*m%mass(k)*sum(s%mesh%v(:, k)**2)
           part(2) = part(2) + step%dt**2/8.0_wp*sum(force**2)/m%mass(k)
         end do
         do k = s%first_triangle(b), s%first_triangle(b + 1) - 1
@@ -270,7 +271,7 @@ contains
         low = s%first_vertex(b)
         row = 2.0_wp*stiffness(low - first + 1:s%first_vertex(b + 1) - first)
         do k = s%first_triangle(b), s%first_triangle(b + 1) - 1
-          associate (g => m%inverse(:, :, k), c => s%corner(:, k) - low + 1)
+          associate (g => m%inverse(:, :, k), c => s%mesh%corner(:, k) - low + 1)
             slope(2:3) = sqrt(sum(g**2, 2))
             slope(1) = sqrt(sum(sum(g, 1)**2))
             row(c) = row(c) + m%modulus(b)*m%area(k)*slope*sum(slope)*m%stretch(b)**2
@@ -301,12 +302,12 @@ contains
                         'less pressure, a stiffer or finer membrane, or a larger stretch_limit '// &
                         'if the material bears it')
       end do
-      if (errors%any() .or. d%surfaces%near == 0) return
-      b = maxloc(d%surfaces%contacts, 1)
-      if (d%surfaces%contacts(b) < d%surfaces%slots) return
-      call errors%add('N208', 'grain '//str(d%grains%id(d%surfaces%near_grain(b)))// &
-                      ' touches '//str(d%surfaces%contacts(b))//' faces, edges and corners '// &
-                      'of membranes, more than there is room for', &
+      if (errors%any() .or. d%surfaces%list%near == 0) return
+      b = maxloc(d%surfaces%list%contacts, 1)
+      if (d%surfaces%list%contacts(b) < d%surfaces%list%slots) return
+      call errors%add('N208', 'grain '//str(d%grains%id(d%surfaces%list%near_grain(b)))// &
+                      ' touches '//str(d%surfaces%list%contacts(b))// &
+                      ' faces, edges and corners of membranes, more than there is room for', &
                       'step '//str(d%health%steps), 'larger triangles')
     end associate
   end subroutine check_membranes

@@ -35,7 +35,7 @@ contains
     real(wp) :: n(3), gap, foot(3), inside(3), length(3), share(3)
     integer(i4) :: triangle, k
 
-    triangle = s%candidate(c)
+    triangle = s%list%candidate(c)
     call look_down(s, triangle, grain, n, gap, foot, inside, length)
     if (gap >= grain%reach) return
     if (all(inside >= 0.0_wp)) then
@@ -44,9 +44,10 @@ contains
       call put(s, c, grain, n, gap, foot, share([2, 3, 1]), 1, f)
     end if
     do k = 1, 3
-      if (s%mate(k, triangle) == 0 .or. s%mate(k, triangle) > triangle) &
+      if (s%mesh%mate(k, triangle) == 0 .or. s%mesh%mate(k, triangle) > triangle) &
         call look_at_edge(s, c, k, inside(k), grain, f)
-      if (s%home(s%corner(k, triangle)) == triangle) call look_at_corner(s, g, c, k, grain, f)
+      if (s%mesh%home(s%mesh%corner(k, triangle)) == triangle) &
+        call look_at_corner(s, g, c, k, grain, f)
     end do
   end subroutine look_at_sheet
 
@@ -60,7 +61,7 @@ contains
     real(wp) :: p(3, 3), t(3), up(3), u(3), h
     integer(i4) :: k
 
-    p = s%x(:, s%corner(:, triangle))
+    p = s%mesh%x(:, s%mesh%corner(:, triangle))
     up = cross(p(:, 2) - p(:, 1), p(:, 3) - p(:, 1))
     up = up/sqrt(sum(up*up))
     gap = dot_product(grain%x - p(:, 1), up)
@@ -86,10 +87,10 @@ contains
     real(wp) :: p(3), t(3), r(3), e(3), n(3), gap, u(3), h, length, share(3)
     integer(i4) :: first, second, down
 
-    first = s%corner(k, s%candidate(c))
-    second = s%corner(1 + mod(k, 3), s%candidate(c))
-    p = s%x(:, first)
-    t = s%x(:, second) - p
+    first = s%mesh%corner(k, s%list%candidate(c))
+    second = s%mesh%corner(1 + mod(k, 3), s%list%candidate(c))
+    p = s%mesh%x(:, first)
+    t = s%mesh%x(:, second) - p
     length = sqrt(sum(t*t))
     t = t/length
     r = grain%x - p
@@ -97,7 +98,7 @@ contains
     if (h < -grain%span .or. h > length + grain%span) return
     if (sum(r*r) - h*h > grain%span**2) return
     down = merge(1, 0, inside >= 0.0_wp) &
-           + across(s, s%mate(k, s%candidate(c)), first, second, grain)
+           + across(s, s%mesh%mate(k, s%list%candidate(c)), first, second, grain)
     if (down == 1) return
     call circle_gap(r, grain, t, 0.0_wp, 1.0_wp, e, n, gap)
     if (gap >= grain%reach) return
@@ -122,8 +123,8 @@ contains
     if (mate == 0) return
     call look_down(s, mate, grain, n, gap, foot, inside, length)
     do k = 1, 3
-      if (all(s%corner([k, 1 + mod(k, 3)], mate) == [first, second]) .or. &
-          all(s%corner([k, 1 + mod(k, 3)], mate) == [second, first])) &
+      if (all(s%mesh%corner([k, 1 + mod(k, 3)], mate) == [first, second]) .or. &
+          all(s%mesh%corner([k, 1 + mod(k, 3)], mate) == [second, first])) &
         down = merge(1, 0, inside(k) >= 0.0_wp)
     end do
   end function across
@@ -138,27 +139,27 @@ contains
     real(wp) :: r(3), n(3), gap, share(3)
     integer(i4) :: vertex, j, down, triangle, other(2)
 
-    vertex = s%corner(k, s%candidate(c))
-    r = grain%x - s%x(:, vertex)
+    vertex = s%mesh%corner(k, s%list%candidate(c))
+    r = grain%x - s%mesh%x(:, vertex)
     if (sum(r*r) > grain%span**2) return
     call corner_gap(r, grain, [0.0_wp, 0.0_wp, 1.0_wp], 0.0_wp, n, gap)
     if (gap >= grain%reach) return
     down = 0
-    do j = s%fan_start(vertex), s%fan_start(vertex + 1) - 1
-      if (falls(s, vertex, s%fan(j), grain)) down = down + 1
+    do j = s%mesh%fan_start(vertex), s%mesh%fan_start(vertex + 1) - 1
+      if (falls(s, vertex, s%mesh%fan(j), grain)) down = down + 1
     end do
-    do j = s%near_start(g), s%near_start(g + 1) - 1
-      triangle = s%candidate(j)
+    do j = s%list%near_start(g), s%list%near_start(g + 1) - 1
+      triangle = s%list%candidate(j)
       if (triangle <= 0) cycle
-      if (.not. any(s%corner(:, triangle) == vertex)) cycle
-      other = pack(s%corner(:, triangle), s%corner(:, triangle) /= vertex)
+      if (.not. any(s%mesh%corner(:, triangle) == vertex)) cycle
+      other = pack(s%mesh%corner(:, triangle), s%mesh%corner(:, triangle) /= vertex)
       if (.not. falls(s, vertex, other(1), grain)) cycle
       if (falls(s, vertex, other(2), grain)) down = down - 1
     end do
     if (down == 1) return
     share = 0.0_wp
     share(k) = 1.0_wp
-    call put(s, c, grain, n, gap, s%x(:, vertex), share, 1 - down, f)
+    call put(s, c, grain, n, gap, s%mesh%x(:, vertex), share, 1 - down, f)
   end subroutine look_at_corner
 
   !> Does the grain come nearer from one corner towards another?
@@ -167,13 +168,13 @@ contains
     integer(i4), intent(in) :: from, towards
     type(figure_type), intent(in) :: grain
     real(wp) :: r(3), n(3), gap
-    r = grain%x - s%x(:, from)
+    r = grain%x - s%mesh%x(:, from)
     n = r
     if (grain%formed .or. &
         any(abs(grain%a - grain%a(1)*[1.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]) &
             > as_round*grain%a(1))) &
       call corner_gap(r, grain, [0.0_wp, 0.0_wp, 1.0_wp], 0.0_wp, n, gap)
-    falls = dot_product(n, s%x(:, towards) - s%x(:, from)) >= 0.0_wp
+    falls = dot_product(n, s%mesh%x(:, towards) - s%mesh%x(:, from)) >= 0.0_wp
   end function falls
 
   pure subroutine put(s, c, grain, n, gap, foot, share, index, f)
@@ -184,7 +185,7 @@ contains
     type(features_type), intent(inout) :: f
     integer(i4) :: k, body
     k = f%n
-    body = s%owner(s%candidate(c))
+    body = s%mesh%owner(s%list%candidate(c))
     call append(body, s%first_part(body), c, n, gap, foot, f)
     if (f%n == k) return
     f%sign(f%n) = real(index, wp)

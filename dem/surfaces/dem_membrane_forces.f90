@@ -27,8 +27,9 @@ contains
     integer(i4), intent(in) :: me, threads
     integer(i4) :: g
     associate (s => d%surfaces)
-      do g = 1 + int(int(s%near, i8)*me/threads, i4), int(int(s%near, i8)*(me + 1)/threads, i4)
-        if (s%contacts(g) == 0 .and. travel < 0.5_wp*s%least_gap(g)) then
+      do g = 1 + int(int(s%list%near, i8)*me/threads, i4), &
+        int(int(s%list%near, i8)*(me + 1)/threads, i4)
+        if (s%list%contacts(g) == 0 .and. travel < 0.5_wp*s%list%least_gap(g)) then
           call leave_grain(s, g)
         else if (allocated(s%membranes)) then
           call work_on_sheets(d, g, h)
@@ -47,10 +48,10 @@ contains
     type(figure_type) :: figure
     type(features_type) :: features
     type(touches_type) :: touches
-    real(wp) :: history(ubound(d%surfaces%history, 1), history_size), load(6)
+    real(wp) :: history(ubound(d%surfaces%list%history, 1), history_size), load(6)
     integer(i4) :: i, count, low
 
-    i = d%surfaces%near_grain(g)
+    i = d%surfaces%list%near_grain(g)
     figure = figure_of(d, i)
     figure%span = figure%radius
     associate (s => d%surfaces)
@@ -62,13 +63,13 @@ contains
         return
       end if
       load = 0.0_wp
-      s%columns(:, g) = 0.0_wp
+      s%list%columns(:, g) = 0.0_wp
       do low = 0, count - 1, lanes
         call work_block(d, g, h, low, count, touches, history, load)
       end do
-      s%contacts(g) = touches%n
+      s%list%contacts(g) = touches%n
       call about_centre(d%pairs%body(1:3, i), load)
-      s%load(:, g) = load
+      s%list%load(:, g) = load
       call share_loads(s, g, features, touches)
     end associate
   end subroutine work_on_sheets
@@ -82,12 +83,12 @@ contains
     type(touches_type) :: touches
     integer(i4) :: g
     associate (s => d%surfaces)
-      do g = 1, s%near
-        if (s%contacts(g) == 0) cycle
-        figure = figure_of(d, s%near_grain(g))
+      do g = 1, s%list%near
+        if (s%list%contacts(g) == 0) cycle
+        figure = figure_of(d, s%list%near_grain(g))
         figure%span = figure%radius
         call find_touches(s, g, figure, features, touches)
-        if (touches%n == s%contacts(g)) call share_loads(s, g, features, touches)
+        if (touches%n == s%list%contacts(g)) call share_loads(s, g, features, touches)
       end do
     end associate
   end subroutine share_anew
@@ -104,7 +105,7 @@ contains
     real(wp) :: mine(lanes, history_size), columns(column_count)
     integer(i4) :: i, k, many
 
-    i = d%surfaces%near_grain(g)
+    i = d%surfaces%list%near_grain(g)
     many = min(lanes, count - low)
     call fill_block(touches, low, many, d%pairs%body(:, i), block)
     mine = 0.0_wp
@@ -113,16 +114,17 @@ contains
                     block, mine, columns)
     many = min(lanes, touches%n - low)
     associate (s => d%surfaces)
-      s%columns(:, g) = s%columns(:, g) + columns
-      s%history(low + 1:low + lanes, :, g) = mine
+      s%list%columns(:, g) = s%list%columns(:, g) + columns
+      s%list%history(low + 1:low + lanes, :, g) = mine
       do k = 1, many
-        s%foot(low + k, :, g) = touches%foot(:, low + k)
-        s%normal(low + k, :, g) = touches%normal(:, low + k)
-        s%point(low + k, :, g) = touches%foot(:, low + k) + mine(k, history_point:history_point + 2)
-        s%motion(low + k, :, g) = touches%motion(:, low + k)
-        s%part(low + k, g) = touches%part(low + k)
-        s%sign(low + k, g) = touches%sign(low + k)
-        s%push(low + k, :, g) = [block%load%fx(k), block%load%fy(k), block%load%fz(k)]
+        s%list%foot(low + k, :, g) = touches%foot(:, low + k)
+        s%list%normal(low + k, :, g) = touches%normal(:, low + k)
+        s%list%point(low + k, :, g) = touches%foot(:, low + k) &
+          + mine(k, history_point:history_point + 2)
+        s%list%motion(low + k, :, g) = touches%motion(:, low + k)
+        s%list%part(low + k, g) = touches%part(low + k)
+        s%list%sign(low + k, g) = touches%sign(low + k)
+        s%list%push(low + k, :, g) = [block%load%fx(k), block%load%fy(k), block%load%fz(k)]
       end do
     end associate
     do k = 1, many
@@ -140,13 +142,13 @@ contains
     type(touches_type), intent(inout) :: touches
     integer(i4), intent(out) :: count
     real(wp), intent(out) :: history(:, :)
-    real(wp) :: cost(touches%n, s%contacts(g))
-    integer(i4) :: k, j, best(2), mine(s%contacts(g)), source(ubound(history, 1))
+    real(wp) :: cost(touches%n, s%list%contacts(g))
+    integer(i4) :: k, j, best(2), mine(s%list%contacts(g)), source(ubound(history, 1))
 
     mine = 0
     source = 0
     history = 0.0_wp
-    do j = 1, s%contacts(g)
+    do j = 1, s%list%contacts(g)
       do k = 1, touches%n
         cost(k, j) = distance(s, g, j, h, radius, touches, k)
         if (s%kind(touches%body(k)) == surface_membrane .and. .not. &
@@ -154,7 +156,7 @@ contains
       end do
     end do
     count = touches%n
-    do while (s%contacts(g) > 0 .and. touches%n > 0)
+    do while (s%list%contacts(g) > 0 .and. touches%n > 0)
       best = minloc(cost)
       if (cost(best(1), best(2)) > far_apart) exit
       mine(best(2)) = best(1)
@@ -163,22 +165,22 @@ contains
       cost(:, best(2)) = huge(1.0_wp)
     end do
     call bear_pairs(s, g, h, radius, touches, source)
-    do j = 1, s%contacts(g)
+    do j = 1, s%list%contacts(g)
       if (mine(j) > 0) cycle
       if (count == ubound(history, 1)) cycle
       count = count + 1
       source(count) = j
-      touches%part(count) = s%part(j, g)
-      touches%sign(count) = s%sign(j, g)
-      touches%foot(:, count) = s%foot(j, :, g) + h*s%motion(j, 1:3, g)
-      touches%normal(:, count) = s%normal(j, :, g)
-      touches%motion(:, count) = s%motion(j, :, g)
+      touches%part(count) = s%list%part(j, g)
+      touches%sign(count) = s%list%sign(j, g)
+      touches%foot(:, count) = s%list%foot(j, :, g) + h*s%list%motion(j, 1:3, g)
+      touches%normal(:, count) = s%list%normal(j, :, g)
+      touches%motion(:, count) = s%list%motion(j, :, g)
     end do
     do k = 1, count
       j = source(k)
       if (j == 0) cycle
-      history(k, :) = s%history(j, :, g)
-      history(k, history_point:history_point + 2) = s%point(j, :, g) &
+      history(k, :) = s%list%history(j, :, g)
+      history(k, history_point:history_point + 2) = s%list%point(j, :, g) &
         - (touches%foot(:, k) - h*touches%motion(1:3, k))
     end do
   end subroutine match
@@ -188,7 +190,7 @@ contains
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: g, j
     real(wp), intent(in) :: sign, distance
-    same = distance < close_by .and. .not. abs(sign - s%sign(j, g)) > 0.0_wp
+    same = distance < close_by .and. .not. abs(sign - s%list%sign(j, g)) > 0.0_wp
   end function same_critical
 
   !> The law of each contact's materials.

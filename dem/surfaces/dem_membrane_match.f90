@@ -39,9 +39,10 @@ contains
       if (other == 0) cycle
       nearest = far_apart*radius
       heir = 0
-      do j = 1, s%contacts(g)
-        if (s%part(j, g) /= touches%part(k)) cycle
-        apart = sqrt(sum((s%foot(j, :, g) + h*s%motion(j, 1:3, g) - touches%foot(:, k))**2))
+      do j = 1, s%list%contacts(g)
+        if (s%list%part(j, g) /= touches%part(k)) cycle
+        apart = sqrt(sum((s%list%foot(j, :, g) + h*s%list%motion(j, 1:3, g) &
+          - touches%foot(:, k))**2))
         if (apart >= nearest) cycle
         nearest = apart
         heir = j

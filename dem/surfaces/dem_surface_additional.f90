@@ -35,8 +35,8 @@ contains
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: k, g
     type(dem_law_type) :: law
-    law = d%laws(d%surfaces%material(d%surfaces%part(k, g)), &
-                 d%grains%material(d%surfaces%near_grain(g)))
+    law = d%laws(d%surfaces%material(d%surfaces%list%part(k, g)), &
+                 d%grains%material(d%surfaces%list%near_grain(g)))
   end function law_of
 
   !> Gap up to which the necks of near grain g may hold, 0 without necks [m].
@@ -49,11 +49,11 @@ contains
     reach = 0.0_wp
     associate (at => d%pairs%extras%cohesion_at)
       if (at == 0) return
-      do k = 1, d%surfaces%contacts(g)
-        if (.not. d%surfaces%kept(k, at, g) > 0.0_wp) cycle
+      do k = 1, d%surfaces%list%contacts(g)
+        if (.not. d%surfaces%list%kept(k, at, g) > 0.0_wp) cycle
         law = law_of(d, k, g)
         if (law%extra%cohesion /= cohesion_jkr) cycle
-        reach = max(reach, -tear_overlap(law, ample*d%surfaces%kept(k, at + 3, g)))
+        reach = max(reach, -tear_overlap(law, ample*d%surfaces%list%kept(k, at + 3, g)))
       end do
     end associate
   end function neck_reach
@@ -96,14 +96,14 @@ contains
     real(wp) :: weight(lanes)
     integer(i4) :: g, k
     energy = 0.0_wp
-    do g = 1, d%surfaces%near
-      do k = 1, d%surfaces%contacts(g)
+    do g = 1, d%surfaces%list%near
+      do k = 1, d%surfaces%list%contacts(g)
         law = law_of(d, k, g)
         if (.not. law%extra%used) cycle
         weight = 0.0_wp
         weight(k) = 1.0_wp
         energy = energy + stored_on_top(law, d%pairs%extras%extra_places_type, weight, &
-                                        d%surfaces%kept(:, :, g))
+                                        d%surfaces%list%kept(:, :, g))
       end do
     end do
   end function surface_extra_energy
@@ -114,14 +114,14 @@ contains
     integer(i4), intent(in) :: k, g
     real(wp) :: stiffness(2), none(0)
     integer(i4) :: range(2)
-    associate (law => d%laws(d%surfaces%material(d%surfaces%part(k, g)), &
-                             d%grains%material(d%surfaces%near_grain(g))))
+    associate (law => d%laws(d%surfaces%material(d%surfaces%list%part(k, g)), &
+                             d%grains%material(d%surfaces%list%near_grain(g))))
       if (law%base%reals > 0) then
         range = place_of_memory(law, d%pairs%extras)
-        stiffness = contact_stiffness(law, d%surfaces%history(k, :, g), &
-                                      d%surfaces%kept(k, range(1):range(2), g))
+        stiffness = contact_stiffness(law, d%surfaces%list%history(k, :, g), &
+                                      d%surfaces%list%kept(k, range(1):range(2), g))
       else
-        stiffness = contact_stiffness(law, d%surfaces%history(k, :, g), none)
+        stiffness = contact_stiffness(law, d%surfaces%list%history(k, :, g), none)
       end if
     end associate
   end function surface_base_stiffness
@@ -130,16 +130,16 @@ contains
   pure logical function has_own_energy(d, k, g)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: k, g
-    has_own_energy = associated(d%laws(d%surfaces%material(d%surfaces%part(k, g)), &
-                                       d%grains%material(d%surfaces%near_grain(g)))%base%energy)
+    has_own_energy = associated(d%laws(d%surfaces%material(d%surfaces%list%part(k, g)), &
+                                       d%grains%material(d%surfaces%list%near_grain(g)))%base%energy)
   end function has_own_energy
 
   !> Is its normal force that of Hertz?
   pure logical function has_hertz_energy(d, k, g) result(hertz)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: k, g
-    hertz = d%laws(d%surfaces%material(d%surfaces%part(k, g)), &
-                   d%grains%material(d%surfaces%near_grain(g)))%base%hertz
+    hertz = d%laws(d%surfaces%material(d%surfaces%list%part(k, g)), &
+                   d%grains%material(d%surfaces%list%near_grain(g)))%base%hertz
   end function has_hertz_energy
 
   !> Then its normal and tangential energy [J].
@@ -152,11 +152,11 @@ contains
     weight = 0.0_wp
     weight(1) = 1.0_wp
     memory = 0.0_wp
-    memory(1, :) = d%surfaces%kept(k, :, g)
+    memory(1, :) = d%surfaces%list%kept(k, :, g)
     history = 0.0_wp
-    history(1, :) = d%surfaces%history(k, :, g)
-    associate (law => d%laws(d%surfaces%material(d%surfaces%part(k, g)), &
-                             d%grains%material(d%surfaces%near_grain(g))))
+    history(1, :) = d%surfaces%list%history(k, :, g)
+    associate (law => d%laws(d%surfaces%material(d%surfaces%list%part(k, g)), &
+                             d%grains%material(d%surfaces%list%near_grain(g))))
       energy = stored_energy(constants_of(law%law_numbers_type), weight, history)
       range = place_of_memory(law, d%pairs%extras)
       call law%base%energy(law%law_numbers_type, weight, memory(:, range(1):range(2)), energy)
@@ -170,9 +170,10 @@ contains
     real(wp) :: stiffness(2)
     type(dem_law_type) :: law
     stiffness = 0.0_wp
-    if (.not. size(d%surfaces%kept) > 0) return
+    if (.not. size(d%surfaces%list%kept) > 0) return
     law = law_of(d, k, g)
-    stiffness = stiffness_on_top(law, d%pairs%extras%extra_places_type, d%surfaces%kept(k, :, g))
+    stiffness = stiffness_on_top(law, d%pairs%extras%extra_places_type, &
+      d%surfaces%list%kept(k, :, g))
   end function surface_extra_stiffness
 
   !> Works of the step of all laws on top into the ledger, those at surfaces in the order of the
@@ -182,11 +183,11 @@ contains
     real(wp) :: total(extra_work_count)
     integer(i4) :: g
     call add_extra_work(d)
-    if (d%surfaces%near == 0) return
-    if (.not. size(d%surfaces%kept) > 0) return
+    if (d%surfaces%list%near == 0) return
+    if (.not. size(d%surfaces%list%kept) > 0) return
     total = 0.0_wp
-    do g = 1, d%surfaces%near
-      total = total + d%surfaces%extra_work(:, g)
+    do g = 1, d%surfaces%list%near
+      total = total + d%surfaces%list%extra_work(:, g)
     end do
     d%ledger%rolling = d%ledger%rolling + total(1)
     d%ledger%breakage = d%ledger%breakage + total(2)

@@ -17,7 +17,8 @@ contains
   !> Room for the properties of bodies of which none is free yet.
   subroutine no_free_bodies(s)
     type(dem_surfaces_type), intent(inout) :: s
-    allocate (s%free(6, s%n), s%mass(s%n), s%inertia(3, s%n), s%given(6, s%n), source=0.0_wp)
+    allocate (s%rigid%free(6, s%n), s%rigid%mass(s%n), s%rigid%inertia(3, s%n), &
+              s%rigid%given(6, s%n), source=0.0_wp)
   end subroutine no_free_bodies
 
   !> Does body b move freely in any direction?
@@ -25,7 +26,7 @@ contains
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: b
     is_free = .false.
-    if (allocated(s%free)) is_free = any(s%free(:, b) > 0.5_wp)
+    if (allocated(s%rigid%free)) is_free = any(s%rigid%free(:, b) > 0.5_wp)
   end function is_free
 
   !> Does body b turn freely about all axes?
@@ -33,7 +34,7 @@ contains
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: b
     turns_freely = .false.
-    if (allocated(s%free)) turns_freely = all(s%free(4:, b) > 0.5_wp)
+    if (allocated(s%rigid%free)) turns_freely = all(s%rigid%free(4:, b) > 0.5_wp)
   end function turns_freely
 
   !> What acts on body b in its free directions: contacts, the given load and its weight [N], [N m].
@@ -43,13 +44,13 @@ contains
     real(wp), intent(in) :: gravity(3)  !! [m/s^2]
     real(wp) :: load(6)
     integer(i4) :: p
-    load = s%given(:, b)
-    load(1:3) = load(1:3) + s%mass(b)*gravity
-    if (allocated(s%acting)) load = load + s%acting(:, b)
-    do p = s%first_part(b), merge(0_i4, s%first_part(b + 1) - 1, allocated(s%acting))
-      load = load + [s%force(:, p), s%moment(:, p)]
+    load = s%rigid%given(:, b)
+    load(1:3) = load(1:3) + s%rigid%mass(b)*gravity
+    if (allocated(s%rigid%acting)) load = load + s%rigid%acting(:, b)
+    do p = s%first_part(b), merge(0_i4, s%first_part(b + 1) - 1, allocated(s%rigid%acting))
+      load = load + [s%sums%force(:, p), s%sums%moment(:, p)]
     end do
-    load = s%free(:, b)*load
+    load = s%rigid%free(:, b)*load
   end function load_left
 
   !> Half kick of all free bodies with the forces in hand: explicit before a drift, else after one.
@@ -61,26 +62,26 @@ contains
     real(wp) :: load(6), old(6), between(6), r(3, 3), half
     integer(i4) :: b
 
-    if (.not. allocated(s%free)) return
+    if (.not. allocated(s%rigid%free)) return
     half = 0.5_wp*step%dt
     do b = 1, s%n
       if (.not. is_free(s, b)) cycle
       load = load_left(s, b, step%gravity)
       old = [s%velocity(:, b), s%spin(:, b)]
-      if (any(s%free(:3, b) > 0.5_wp)) &
-        s%velocity(:, b) = s%velocity(:, b) + half/s%mass(b)*load(1:3)
+      if (any(s%rigid%free(:3, b) > 0.5_wp)) &
+        s%velocity(:, b) = s%velocity(:, b) + half/s%rigid%mass(b)*load(1:3)
       if (turns_freely(s, b)) then
         r = rotation_of(s%quat(:, b))
-        s%spin(:, b) = s%spin(:, b) + half*matmul(r, matmul(load(4:6), r)/s%inertia(:, b))
-      else if (any(s%free(4:, b) > 0.5_wp)) then
-        where (s%free(4:, b) > 0.5_wp) &
-          s%spin(:, b) = s%spin(:, b) + half*load(4:6)/s%inertia(:, b)
+        s%spin(:, b) = s%spin(:, b) + half*matmul(r, matmul(load(4:6), r)/s%rigid%inertia(:, b))
+      else if (any(s%rigid%free(4:, b) > 0.5_wp)) then
+        where (s%rigid%free(4:, b) > 0.5_wp) &
+          s%spin(:, b) = s%spin(:, b) + half*load(4:6)/s%rigid%inertia(:, b)
       end if
       if (.not. s%counted) cycle
       between = merge([s%velocity(:, b), s%spin(:, b)], old, explicit)
-      work(1) = work(1) + half*s%mass(b)*dot_product( &
-                                                         s%free(:3, b)*step%gravity, between(1:3))
-      work(2) = work(2) + half*dot_product(s%free(:, b)*s%given(:, b), between)
+      work(1) = work(1) + half*s%rigid%mass(b)*dot_product(s%rigid%free(:3, b)*step%gravity, &
+        between(1:3))
+      work(2) = work(2) + half*dot_product(s%rigid%free(:, b)*s%rigid%given(:, b), between)
     end do
   end subroutine push_bodies
 
@@ -89,8 +90,8 @@ contains
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: b
     real(wp), intent(in) :: force(3), moment(3)
-    power = dot_product((1.0_wp - s%free(:3, b))*force, s%velocity(:, b)) &
-            + dot_product((1.0_wp - s%free(4:, b))*moment, s%spin(:, b))
+    power = dot_product((1.0_wp - s%rigid%free(:3, b))*force, s%velocity(:, b)) &
+            + dot_product((1.0_wp - s%rigid%free(4:, b))*moment, s%spin(:, b))
   end function held_power
 
   !> Kinetic energy of the free directions of body b, and the leapfrog's part of it [J].
@@ -103,20 +104,20 @@ contains
     part = 0.0_wp
     if (.not. (is_free(s, b) .and. s%counted)) return
     load = load_left(s, b, gravity)
-    if (any(s%free(:3, b) > 0.5_wp)) then
-      part(1) = 0.5_wp*s%mass(b)*sum(s%free(:3, b)*s%velocity(:, b)**2)
-      part(2) = dt**2/8.0_wp*sum(load(1:3)**2)/s%mass(b)
+    if (any(s%rigid%free(:3, b) > 0.5_wp)) then
+      part(1) = 0.5_wp*s%rigid%mass(b)*sum(s%rigid%free(:3, b)*s%velocity(:, b)**2)
+      part(2) = dt**2/8.0_wp*sum(load(1:3)**2)/s%rigid%mass(b)
     end if
-    if (.not. any(s%free(4:, b) > 0.5_wp)) return
+    if (.not. any(s%rigid%free(4:, b) > 0.5_wp)) return
     spin = s%spin(:, b)
     if (turns_freely(s, b)) then
       r = rotation_of(s%quat(:, b))
       spin = matmul(spin, r)
       load(4:6) = matmul(load(4:6), r)
     end if
-    part(1) = part(1) + 0.5_wp*sum(s%inertia(:, b)*s%free(4:, b)*spin**2)
-    part(2) = part(2) + dt**2/8.0_wp*sum(load(4:6)**2/s%inertia(:, b), &
-                                         mask=s%free(4:, b) > 0.5_wp)
+    part(1) = part(1) + 0.5_wp*sum(s%rigid%inertia(:, b)*s%rigid%free(4:, b)*spin**2)
+    part(2) = part(2) + dt**2/8.0_wp*sum(load(4:6)**2/s%rigid%inertia(:, b), &
+                                         mask=s%rigid%free(4:, b) > 0.5_wp)
   end function body_energy
 
   !> Free rotation of body b by dt: five turns about body axes (Dullweber, Leimkuhler & McLachlan).
@@ -131,13 +132,13 @@ contains
 
     q = s%quat(:, b)
     r = rotation_of(q)
-    l = s%inertia(:, b)*matmul(s%spin(:, b), r)
+    l = s%rigid%inertia(:, b)*matmul(s%spin(:, b), r)
     do k = 1, 5
-      call turn_about(about(k), 0.5_wp*part(k)*dt/s%inertia(about(k), b), l, q)
+      call turn_about(about(k), 0.5_wp*part(k)*dt/s%rigid%inertia(about(k), b), l, q)
     end do
     q = q/sqrt(sum(q*q))
     s%quat(:, b) = q
-    s%spin(:, b) = matmul(rotation_of(q), l/s%inertia(:, b))
+    s%spin(:, b) = matmul(rotation_of(q), l/s%rigid%inertia(:, b))
   end subroutine turn_free
 
   !> Turn about body axis a by the Cayley angle 2 atan(factor l(a)): momentum in the body frame,

@@ -45,7 +45,7 @@ contains
     type(features_type), intent(inout) :: features
     integer(i4) :: k, body
     k = features%n
-    body = s%owner(s%candidate(c))
+    body = s%mesh%owner(s%list%candidate(c))
     call add_feature(body, s%first_part(body), c, n, gap, foot, grain%radius, features)
     if (features%n == k) return
     features%share(:, features%n) = share

@@ -11,7 +11,7 @@ module dem_surface_find
   use talus_vectors, only: cross
   use dem_figure, only: figure_type, figure_point, figure_curvature
   use dem_surface_state, only: dem_surfaces_type, is_soft, surface_cone, surface_membrane, &
-    part_tip, part_flank, part_shaft, part_side, part_end, is_bore, bore_swell
+    part_tip, part_flank, part_shaft, part_side, part_end, is_bore
   use dem_surface_feature, only: touches_type, features_type, most_features, add_feature, add
   use dem_membrane_find, only: look_at_sheet
   use dem_round_gap, only: circle_gap, corner_gap, bore_gap, most_places
@@ -34,23 +34,23 @@ contains
     integer(i4) :: c
 
     features%n = 0
-    do c = s%near_start(g), s%near_start(g + 1) - 1
-      if (s%candidate(c) > 0) then
-        if (s%kind(s%owner(s%candidate(c))) == surface_membrane) then
+    do c = s%list%near_start(g), s%list%near_start(g + 1) - 1
+      if (s%list%candidate(c) > 0) then
+        if (s%kind(s%mesh%owner(s%list%candidate(c))) == surface_membrane) then
           call look_at_sheet(s, g, c, grain, features)
         else
           call look_at_triangle(s, c, grain, features)
         end if
-      else if (s%kind(-s%candidate(c)) == surface_cone) then
-        call look_at_cone(s, -s%candidate(c), grain, features)
-      else if (is_bore(s, -s%candidate(c))) then
-        call look_at_bore(s, -s%candidate(c), grain, features)
+      else if (s%kind(-s%list%candidate(c)) == surface_cone) then
+        call look_at_cone(s, -s%list%candidate(c), grain, features)
+      else if (is_bore(s, -s%list%candidate(c))) then
+        call look_at_bore(s, -s%list%candidate(c), grain, features)
       else
-        call look_at_cylinder(s, -s%candidate(c), grain, features)
+        call look_at_cylinder(s, -s%list%candidate(c), grain, features)
       end if
     end do
     call join_features(s, g, grain%radius, features, touches%n)
-    touches%n = min(touches%n, ubound(s%history, 1))
+    touches%n = min(touches%n, ubound(s%list%history, 1))
     call sum_features(s, features, touches)
   end subroutine find_touches
 
@@ -63,8 +63,8 @@ contains
     real(wp) :: p(3, 3), t(3, 3), m(3, 3), length(3), n(3), u(3), h, gap, foot(3), inside(3)
     integer(i4) :: triangle, k
 
-    triangle = s%candidate(c)
-    p = s%x(:, s%corner(:, triangle))
+    triangle = s%list%candidate(c)
+    p = s%mesh%x(:, s%mesh%corner(:, triangle))
     n = cross(p(:, 2) - p(:, 1), p(:, 3) - p(:, 1))
     n = n/sqrt(sum(n*n))
     gap = dot_product(grain%x - p(:, 1), n)
@@ -115,8 +115,8 @@ contains
     real(wp) :: r(3), e(3), n(3), gap, u(3), h, along, share(3)
     integer(i4) :: triangle, mate
 
-    triangle = s%candidate(c)
-    mate = s%mate(k, triangle)
+    triangle = s%list%candidate(c)
+    mate = s%mesh%mate(k, triangle)
     if (mate > 0 .and. mate < triangle) return
     r = grain%x - p
     h = dot_product(r, t)
@@ -126,7 +126,7 @@ contains
     if (gap >= grain%reach) return
     if (dot_product(n, m) > slack) return
     if (mate > 0) then
-      if (dot_product(n, inwards(s, mate, s%corner(k, triangle), t, p)) > slack) return
+      if (dot_product(n, inwards(s, mate, s%mesh%corner(k, triangle), t, p)) > slack) return
     end if
     call figure_point(grain, n, u, h)
     along = dot_product(r - u, t)
@@ -147,8 +147,8 @@ contains
     best = -1.0_wp
     m = 0.0_wp
     do k = 1, 3
-      if (s%corner(k, triangle) == first) cycle
-      far = s%x(:, s%corner(k, triangle)) - p
+      if (s%mesh%corner(k, triangle) == first) cycle
+      far = s%mesh%x(:, s%mesh%corner(k, triangle)) - p
       far = far - dot_product(far, t)*t
       if (sum(far*far) <= best) cycle
       best = sum(far*far)
@@ -167,14 +167,14 @@ contains
     real(wp) :: r(3), n(3), gap, far(3), share(3)
     integer(i4) :: vertex, j
 
-    vertex = s%corner(k, s%candidate(c))
-    if (s%home(vertex) /= s%candidate(c)) return
+    vertex = s%mesh%corner(k, s%list%candidate(c))
+    if (s%mesh%home(vertex) /= s%list%candidate(c)) return
     r = grain%x - p
     if (sum(r*r) > grain%span*grain%span) return
     call corner_gap(r, grain, [0.0_wp, 0.0_wp, 1.0_wp], 0.0_wp, n, gap)
     if (gap >= grain%reach) return
-    do j = s%fan_start(vertex), s%fan_start(vertex + 1) - 1
-      far = s%x(:, s%fan(j)) - p
+    do j = s%mesh%fan_start(vertex), s%mesh%fan_start(vertex + 1) - 1
+      far = s%mesh%x(:, s%mesh%fan(j)) - p
       if (dot_product(n, far) > slack*sqrt(sum(far*far))) return
     end do
     share = 0.0_wp
@@ -190,12 +190,12 @@ contains
     type(features_type), intent(inout) :: features
     real(wp) :: r(3), e(3), n(3), gap, u(3), h, along, height, axis(3), q(3)
 
-    axis = s%axis(:, b)
-    associate (sine => s%cone(1, b), cosine => s%cone(2, b), wide => s%cone(3, b))
+    axis = s%round%axis(:, b)
+    associate (sine => s%round%sine(b), cosine => s%round%cosine(b), wide => s%round%radius(b))
       height = wide*cosine/sine
       r = grain%x - s%centre(:, b)
       along = dot_product(r, axis)
-      if (along < -grain%span .or. along > height + s%cone(4, b) + grain%span) return
+      if (along < -grain%span .or. along > height + s%round%extent(b) + grain%span) return
       if (sum(r*r) - along**2 > (wide + grain%span)**2) return
 
       call corner_gap(r, grain, axis, 0.0_wp, n, gap)
@@ -222,7 +222,7 @@ contains
       gap = gap - wide
       call figure_point(grain, n, u, h)
       along = dot_product(q - u, axis)
-      if (gap < grain%reach .and. along >= -slack*grain%radius .and. along <= s%cone(4, b)) &
+      if (gap < grain%reach .and. along >= -slack*grain%radius .and. along <= s%round%extent(b)) &
         call add_part(part_shaft, s%centre(:, b) + (height + along)*axis + wide*e, wide)
     end associate
 
@@ -251,9 +251,9 @@ contains
     type(features_type), intent(inout) :: f
     real(wp) :: r(3), e(3), n(3), gap, u(3), h, along, axis(3), foot(3), wide, half
 
-    axis = s%axis(:, b)
-    wide = s%cone(3, b)
-    half = s%cone(4, b)
+    axis = s%round%axis(:, b)
+    wide = s%round%radius(b)
+    half = s%round%extent(b)
     r = grain%x - s%centre(:, b)
     along = dot_product(r, axis)
     if (abs(along) - grain%span > half) return
@@ -289,17 +289,17 @@ contains
     integer(i4) :: k, places
 
     r = grain%x - s%centre(:, b)
-    along = dot_product(r, s%axis(:, b))
-    if (abs(along) - grain%span > s%cone(4, b)) return
-    if (sum(r*r) - along**2 < max(s%cone(3, b) - grain%span, 0.0_wp)**2) return
-    if (sum(r*r) - along**2 > (s%cone(3, b) + grain%span)**2) return
-    call bore_gap(r, grain, s%axis(:, b), s%cone(3, b), places, e, gap)
+    along = dot_product(r, s%round%axis(:, b))
+    if (abs(along) - grain%span > s%round%extent(b)) return
+    if (sum(r*r) - along**2 < max(s%round%radius(b) - grain%span, 0.0_wp)**2) return
+    if (sum(r*r) - along**2 > (s%round%radius(b) + grain%span)**2) return
+    call bore_gap(r, grain, s%round%axis(:, b), s%round%radius(b), places, e, gap)
     do k = 1, places
       call figure_point(grain, -e(:, k), u, h)
-      along = dot_product(r - u, s%axis(:, b))
-      if (abs(along) > s%cone(4, b)) cycle
-      call add_round(s, b, part_side, grain, -e(:, k), gap(k), along*s%axis(:, b) &
-                     + s%cone(3, b)*e(:, k), -1.0_wp, f)
+      along = dot_product(r - u, s%round%axis(:, b))
+      if (abs(along) > s%round%extent(b)) cycle
+      call add_round(s, b, part_side, grain, -e(:, k), gap(k), along*s%round%axis(:, b) &
+                     + s%round%radius(b)*e(:, k), -1.0_wp, f)
     end do
   end subroutine look_at_bore
 
@@ -321,7 +321,7 @@ contains
     call add_feature(b, s%first_part(b) + part, 0, n, gap, s%centre(:, b) + foot, grain%radius, f)
     if (f%n == k) return
     own = figure_curvature(grain, n)
-    f%curvature(f%n) = max(own + 0.5_wp*across/s%cone(3, b), 0.01_wp*own)
+    f%curvature(f%n) = max(own + 0.5_wp*across/s%round%radius(b), 0.01_wp*own)
   end subroutine add_round
 
   !> Features of one smooth face become one contact; the others stand alone.
@@ -400,10 +400,10 @@ contains
     if (f%body(i) /= f%body(j) .or. f%candidate(i) == 0 .or. f%candidate(j) == 0) return
     if (s%kind(f%body(i)) == surface_membrane) return
     if (dot_product(f%normal(:, i), f%normal(:, j)) < s%cos_smooth(f%body(i))) return
-    a = s%candidate(f%candidate(i))
-    b = s%candidate(f%candidate(j))
+    a = s%list%candidate(f%candidate(i))
+    b = s%list%candidate(f%candidate(j))
     do k = 1, 3
-      linked = linked .or. any(s%corner(:, a) == s%corner(k, b))
+      linked = linked .or. any(s%mesh%corner(:, a) == s%mesh%corner(k, b))
     end do
   end function linked
 
@@ -419,18 +419,18 @@ contains
     integer(i4) :: c, k, triangle
 
     distance = radius
-    do c = s%near_start(g), s%near_start(g + 1) - 1
-      triangle = s%candidate(c)
+    do c = s%list%near_start(g), s%list%near_start(g + 1) - 1
+      triangle = s%list%candidate(c)
       if (triangle <= 0) cycle
-      if (s%owner(triangle) /= f%body(i)) cycle
+      if (s%mesh%owner(triangle) /= f%body(i)) cycle
       do k = 1, 3
-        if (s%mate(k, triangle) <= triangle) cycle
-        p = s%x(:, s%corner(k, triangle))
-        t = s%x(:, s%corner(1 + mod(k, 3), triangle)) - p
+        if (s%mesh%mate(k, triangle) <= triangle) cycle
+        p = s%mesh%x(:, s%mesh%corner(k, triangle))
+        t = s%mesh%x(:, s%mesh%corner(1 + mod(k, 3), triangle)) - p
         length = sqrt(sum(t*t))
         t = t/length
-        m = inwards(s, triangle, s%corner(k, triangle), t, p) &
-            + inwards(s, s%mate(k, triangle), s%corner(k, triangle), t, p)
+        m = inwards(s, triangle, s%mesh%corner(k, triangle), t, p) &
+            + inwards(s, s%mesh%mate(k, triangle), s%mesh%corner(k, triangle), t, p)
         if (dot_product(m, f%normal(:, i)) <= 1.0e-12_wp) cycle
         r = f%foot(:, i) - p
         r = r - min(max(dot_product(r, t), 0.0_wp), length)*t
@@ -484,12 +484,12 @@ contains
     if (.not. is_soft(s, b)) then
       motion(1:3) = s%velocity(:, b) + cross(s%spin(:, b), f%foot(:, i) - s%centre(:, b))
       motion(4:6) = s%spin(:, b)
-      if (is_bore(s, b)) motion(1:3) = motion(1:3) - s%bore(bore_swell, b)*f%normal(:, i)
+      if (is_bore(s, b)) motion(1:3) = motion(1:3) - s%round%swell(b)*f%normal(:, i)
       return
     end if
-    corner = s%corner(:, s%candidate(f%candidate(i)))
-    motion(1:3) = matmul(s%v(:, corner), f%share(:, i))
-    motion(4:6) = triangle_spin(s%x(:, corner), s%v(:, corner))
+    corner = s%mesh%corner(:, s%list%candidate(f%candidate(i)))
+    motion(1:3) = matmul(s%mesh%v(:, corner), f%share(:, i))
+    motion(4:6) = triangle_spin(s%mesh%x(:, corner), s%mesh%v(:, corner))
   end subroutine surface_motion
 
   !> Spin of a triangle: the turn of its normal, and half the curl in its plane [rad/s].

@@ -31,10 +31,10 @@ contains
   pure subroutine leave_grain(s, g)
     type(dem_surfaces_type), intent(inout) :: s
     integer(i4), intent(in) :: g
-    s%contacts(g) = 0
-    s%load(:, g) = 0.0_wp
-    s%columns(:, g) = 0.0_wp
-    if (size(s%kept) > 0) s%extra_work(:, g) = 0.0_wp
+    s%list%contacts(g) = 0
+    s%list%load(:, g) = 0.0_wp
+    s%list%columns(:, g) = 0.0_wp
+    if (size(s%list%kept) > 0) s%list%extra_work(:, g) = 0.0_wp
   end subroutine leave_grain
 
   !> All contacts of near grain g.
@@ -46,14 +46,14 @@ contains
     type(features_type) :: features
     type(touches_type) :: touches
     type(dem_block_type) :: block
-    real(wp) :: history(lanes, history_size), kept(lanes, size(d%surfaces%kept, 2))
+    real(wp) :: history(lanes, history_size), kept(lanes, size(d%surfaces%list%kept, 2))
     real(wp) :: some(extra_work_count)
     integer(i4) :: i, count, part(lanes)
 
-    i = d%surfaces%near_grain(g)
+    i = d%surfaces%list%near_grain(g)
     figure = figure_of(d, i)
     associate (s => d%surfaces)
-      if (size(s%kept) > 0) figure%reach = neck_reach(d, g)
+      if (size(s%list%kept) > 0) figure%reach = neck_reach(d, g)
       figure%span = figure%radius + figure%reach
       call find_touches(s, g, figure, features, touches)
       call fill_block(touches, 0, touches%n, d%pairs%body(:, i), block)
@@ -65,13 +65,14 @@ contains
         if (s%soft) call clear_shares(s, g)
         return
       end if
-      call apply_laws(d, i, figure, h, part, count, block, history, kept, s%columns(:, g), some)
+      call apply_laws(d, i, figure, h, part, count, block, history, kept, s%list%columns(:, g), &
+                      some)
       if (figure%reach > 0.0_wp) call drop_torn(held_by_necks(d%pairs%extras%extra_places_type, &
                                                               kept), features, touches, block, &
                                                 history, kept)
       call keep_touches(s, g, touches, block, history)
-      if (size(s%kept) > 0) call keep_more(s, g, touches%n, block, kept, some)
-      call sum_loads(block, touches%n, d%pairs%body(1:3, i), s%load(:, g))
+      if (size(s%list%kept) > 0) call keep_more(s, g, touches%n, block, kept, some)
+      call sum_loads(block, touches%n, d%pairs%body(1:3, i), s%list%load(:, g))
       if (s%soft) call share_loads(s, g, features, touches)
     end associate
   end subroutine work_grain
@@ -84,15 +85,15 @@ contains
     type(dem_block_type), intent(in) :: block
     real(wp), intent(in) :: history(lanes, history_size)
     integer(i4) :: k
-    s%contacts(g) = touches%n
-    s%history(:, :, g) = history
+    s%list%contacts(g) = touches%n
+    s%list%history(:, :, g) = history
     do k = 1, touches%n
-      s%foot(k, :, g) = touches%foot(:, k)
-      s%normal(k, :, g) = touches%normal(:, k)
-      s%point(k, :, g) = touches%foot(:, k) + history(k, history_point:history_point + 2)
-      s%motion(k, :, g) = touches%motion(:, k)
-      s%part(k, g) = touches%part(k)
-      s%push(k, :, g) = [block%load%fx(k), block%load%fy(k), block%load%fz(k)]
+      s%list%foot(k, :, g) = touches%foot(:, k)
+      s%list%normal(k, :, g) = touches%normal(:, k)
+      s%list%point(k, :, g) = touches%foot(:, k) + history(k, history_point:history_point + 2)
+      s%list%motion(k, :, g) = touches%motion(:, k)
+      s%list%part(k, g) = touches%part(k)
+      s%list%push(k, :, g) = [block%load%fx(k), block%load%fy(k), block%load%fz(k)]
     end do
   end subroutine keep_touches
 
@@ -103,11 +104,11 @@ contains
     type(dem_block_type), intent(in) :: block
     real(wp), intent(in) :: kept(:, :), work(:)
     integer(i4) :: k
-    s%kept(:, :, g) = kept
-    s%extra_work(:, g) = work
+    s%list%kept(:, :, g) = kept
+    s%list%extra_work(:, g) = work
     do k = 1, n
-      s%couple(k, :, g) = [block%load%mx(k), block%load%my(k), block%load%mz(k)] &
-                          - cross(s%point(k, :, g), s%push(k, :, g))
+      s%list%couple(k, :, g) = [block%load%mx(k), block%load%my(k), block%load%mz(k)] &
+                          - cross(s%list%point(k, :, g), s%list%push(k, :, g))
     end do
   end subroutine keep_more
 
@@ -231,35 +232,36 @@ contains
     history = 0.0_wp
     kept = 0.0_wp
     cost = huge(1.0_wp)
-    do j = 1, s%contacts(g)
+    do j = 1, s%list%contacts(g)
       do k = 1, touches%n
         cost(k, j) = distance(s, g, j, h, radius, touches, k)
       end do
     end do
     count = touches%n
-    do while (s%contacts(g) > 0 .and. touches%n > 0)
-      best = minloc(cost(:touches%n, :s%contacts(g)))
+    do while (s%list%contacts(g) > 0 .and. touches%n > 0)
+      best = minloc(cost(:touches%n, :s%list%contacts(g)))
       if (cost(best(1), best(2)) > far_apart) exit
       mine(best(2)) = best(1)
       cost(best(1), :) = huge(1.0_wp)
       cost(:, best(2)) = huge(1.0_wp)
     end do
     grain(1:3) = [b%rx(1) + b%a%x(1, 1), b%ry(1) + b%a%x(1, 2), b%rz(1) + b%a%x(1, 3)]
-    do j = 1, s%contacts(g)
+    do j = 1, s%list%contacts(g)
       k = mine(j)
-      v = s%motion(j, 1:3, g)
+      v = s%list%motion(j, 1:3, g)
       if (k == 0) then
         if (count == lanes) cycle
         count = count + 1
         k = count
-        part(k) = s%part(j, g)
-        call fill_lane(b, k, s%foot(j, :, g) + h*v, s%normal(j, :, g), s%motion(j, :, g), grain)
+        part(k) = s%list%part(j, g)
+        call fill_lane(b, k, s%list%foot(j, :, g) + h*v, s%list%normal(j, :, g), &
+                       s%list%motion(j, :, g), grain)
       else
         v = touches%motion(1:3, k)
       end if
-      history(k, :) = s%history(j, :, g)
-      if (size(kept) > 0) kept(k, :) = s%kept(j, :, g)
-      history(k, history_point:history_point + 2) = s%point(j, :, g) - (b%a%x(k, :) - h*v)
+      history(k, :) = s%list%history(j, :, g)
+      if (size(kept) > 0) kept(k, :) = s%list%kept(j, :, g)
+      history(k, history_point:history_point + 2) = s%list%point(j, :, g) - (b%a%x(k, :) - h*v)
     end do
   end subroutine match
 
@@ -271,10 +273,11 @@ contains
     real(wp), intent(in) :: h, radius
     type(touches_type), intent(in) :: touches
     distance = huge(1.0_wp)
-    if (s%part(j, g) < s%first_part(touches%body(k))) return
-    if (s%part(j, g) >= s%first_part(touches%body(k) + 1)) return
-    distance = sqrt(sum((touches%foot(:, k) - s%foot(j, :, g) - h*s%motion(j, 1:3, g))**2))/radius &
-               + sqrt(sum((touches%normal(:, k) - s%normal(j, :, g))**2))
+    if (s%list%part(j, g) < s%first_part(touches%body(k))) return
+    if (s%list%part(j, g) >= s%first_part(touches%body(k) + 1)) return
+    distance = sqrt(sum((touches%foot(:, k) - s%list%foot(j, :, g) &
+      - h*s%list%motion(j, 1:3, g))**2))/radius &
+      + sqrt(sum((touches%normal(:, k) - s%list%normal(j, :, g))**2))
   end function distance
 
   !> The law of each contact's materials.
@@ -301,7 +304,7 @@ contains
     do k = 1, count
       law(k) = law_of(d%surfaces, part(k))
     end do
-    if (allocated(d%surfaces%free)) call reduce_masses(d, i, part(:count), m_star)
+    if (allocated(d%surfaces%rigid%free)) call reduce_masses(d, i, part(:count), m_star)
     do lead = 1, count
       if (any(law(:lead - 1) == law(lead))) cycle
       this = law == law(lead)
@@ -339,7 +342,7 @@ contains
     integer(i4) :: k, b
     do k = 1, size(part)
       b = count(d%surfaces%first_part(:d%surfaces%n) <= part(k))
-      mass = d%surfaces%mass(b)
+      mass = d%surfaces%rigid%mass(b)
       if (.not. (is_free(d%surfaces, b) .and. mass > 0.0_wp)) cycle
       m_star(k) = merge(mass*d%grains%mass(i)/(mass + d%grains%mass(i)), mass, &
                         d%grains%kind(i) == kind_free)
@@ -405,7 +408,7 @@ contains
   pure subroutine clear_shares(s, g)
     type(dem_surfaces_type), intent(inout) :: s
     integer(i4), intent(in) :: g
-    s%share(:, 3*s%near_start(g) - 2:3*s%near_start(g + 1) - 3) = 0.0_wp
+    s%list%share(:, 3*s%list%near_start(g) - 2:3*s%list%near_start(g + 1) - 3) = 0.0_wp
   end subroutine clear_shares
 
   !> Forces on the corners of soft triangles: those of each contact by its shares.
@@ -421,14 +424,14 @@ contains
     do i = 1, f%n
       if (f%touch(i) > touches%n .or. .not. is_soft(s, f%body(i))) cycle
       k = 3*(f%candidate(i) - 1)
-      if (size(s%kept) > 0) then
-        turn = corner_couples(s%x(:, s%corner(:, s%candidate(f%candidate(i)))), &
-                              -f%weight(i)*s%couple(f%touch(i), :, g))
-        s%share(:, k + 1:k + 3) = s%share(:, k + 1:k + 3) + turn
+      if (size(s%list%kept) > 0) then
+        turn = corner_couples(s%mesh%x(:, s%mesh%corner(:, s%list%candidate(f%candidate(i)))), &
+                              -f%weight(i)*s%list%couple(f%touch(i), :, g))
+        s%list%share(:, k + 1:k + 3) = s%list%share(:, k + 1:k + 3) + turn
       end if
       do corner = 1, 3
-        s%share(:, k + corner) = s%share(:, k + corner) &
-          - f%weight(i)*f%share(corner, i)*s%push(f%touch(i), :, g)
+        s%list%share(:, k + corner) = s%list%share(:, k + corner) &
+          - f%weight(i)*f%share(corner, i)*s%list%push(f%touch(i), :, g)
       end do
     end do
   end subroutine share_loads
@@ -440,10 +443,10 @@ contains
     real(wp), intent(inout) :: force(:, :), moment(:, :)  !! (n, 3) [N], [N m]
     integer(i4) :: k, g
     do k = 1, n
-      g = s%near_of(low + k)
+      g = s%list%near_of(low + k)
       if (g == 0) cycle
-      force(k, :) = force(k, :) + s%load(1:3, g)
-      moment(k, :) = moment(k, :) + s%load(4:6, g)
+      force(k, :) = force(k, :) + s%list%load(1:3, g)
+      moment(k, :) = moment(k, :) + s%list%load(4:6, g)
     end do
   end subroutine add_surface_loads
 
@@ -453,6 +456,6 @@ contains
     integer(i4), intent(in) :: i
     real(wp) :: load(6)
     load = 0.0_wp
-    if (s%near_of(i) > 0) load = s%load(:, s%near_of(i))
+    if (s%list%near_of(i) > 0) load = s%list%load(:, s%list%near_of(i))
   end function surface_load
 end module dem_surface_forces

@@ -6,7 +6,7 @@ module dem_surface_make
   use talus_errors, only: error_list_type
   use dem_make, only: sorted_order
   use dem_surface_state, only: dem_surfaces_type, surface_cone, surface_soft, &
-    surface_membrane, surface_cylinder, bore_listed, bore_start
+    surface_membrane, surface_cylinder, surface_bore
   implicit none
   private
   public :: mesh_type, join_corners, check_mesh, add_mesh, add_cone, add_cylinder
@@ -175,25 +175,25 @@ contains
     call add_body(s, name, kind, centre, [material])
     s%cos_smooth(s%n) = cos_smooth
     allocate (zero(3, size(mesh%x, 2)), source=0.0_wp)
-    s%corner = reshape([s%corner, mesh%corner + s%vertices], [3, s%triangles + size(mesh%corner, &
-      2)])
-    s%mate = reshape([s%mate, merge(mesh%mate + s%triangles, 0, mesh%mate > 0)], &
-                     [3, s%triangles + size(mesh%corner, 2)])
-    s%owner = [s%owner, spread(s%n, 1, size(mesh%corner, 2))]
-    s%x = joined(s%x, mesh%x)
-    s%rest = joined(s%rest, mesh%x - spread(centre, 2, size(mesh%x, 2)))
-    s%v = joined(s%v, zero)
-    s%target = s%x
-    s%reference = s%x
-    s%vertex_force = joined(s%vertex_force, zero)
-    s%vertex_impulse = joined(s%vertex_impulse, zero)
-    do k = s%vertices + 1, size(s%x, 2)
-      s%reach(s%n) = max(s%reach(s%n), sqrt(sum(s%rest(:, k)**2)))
+    s%mesh%corner = reshape([s%mesh%corner, mesh%corner + s%mesh%vertices], &
+      [3, s%mesh%triangles + size(mesh%corner, 2)])
+    s%mesh%mate = reshape([s%mesh%mate, merge(mesh%mate + s%mesh%triangles, 0, mesh%mate > 0)], &
+                     [3, s%mesh%triangles + size(mesh%corner, 2)])
+    s%mesh%owner = [s%mesh%owner, spread(s%n, 1, size(mesh%corner, 2))]
+    s%mesh%x = joined(s%mesh%x, mesh%x)
+    s%mesh%rest = joined(s%mesh%rest, mesh%x - spread(centre, 2, size(mesh%x, 2)))
+    s%mesh%v = joined(s%mesh%v, zero)
+    s%mesh%target = s%mesh%x
+    s%mesh%reference = s%mesh%x
+    s%mesh%force = joined(s%mesh%force, zero)
+    s%mesh%impulse = joined(s%mesh%impulse, zero)
+    do k = s%mesh%vertices + 1, size(s%mesh%x, 2)
+      s%reach(s%n) = max(s%reach(s%n), sqrt(sum(s%mesh%rest(:, k)**2)))
     end do
-    s%vertices = size(s%x, 2)
-    s%triangles = size(s%corner, 2)
-    s%first_vertex(s%n + 1) = s%vertices + 1
-    s%first_triangle(s%n + 1) = s%triangles + 1
+    s%mesh%vertices = size(s%mesh%x, 2)
+    s%mesh%triangles = size(s%mesh%corner, 2)
+    s%first_vertex(s%n + 1) = s%mesh%vertices + 1
+    s%first_triangle(s%n + 1) = s%mesh%triangles + 1
     call find_fans(s)
   end subroutine add_mesh
 
@@ -210,33 +210,33 @@ contains
     integer(i4), allocatable :: fill(:)
     integer(i4) :: round, k, e, ends(2), j
 
-    if (allocated(s%fan_start)) deallocate (s%fan_start, s%fan, s%home)
-    allocate (s%fan_start(s%vertices + 1), s%home(s%vertices), source=0)
-    do k = s%triangles, 1, -1
-      s%home(s%corner(:, k)) = k
+    if (allocated(s%mesh%fan_start)) deallocate (s%mesh%fan_start, s%mesh%fan, s%mesh%home)
+    allocate (s%mesh%fan_start(s%mesh%vertices + 1), s%mesh%home(s%mesh%vertices), source=0)
+    do k = s%mesh%triangles, 1, -1
+      s%mesh%home(s%mesh%corner(:, k)) = k
     end do
     do round = 1, 2
-      do k = 1, s%triangles
+      do k = 1, s%mesh%triangles
         do e = 1, 3
-          if (s%mate(e, k) > 0 .and. s%mate(e, k) < k) cycle
-          ends = [s%corner(e, k), s%corner(1 + mod(e, 3), k)]
+          if (s%mesh%mate(e, k) > 0 .and. s%mesh%mate(e, k) < k) cycle
+          ends = [s%mesh%corner(e, k), s%mesh%corner(1 + mod(e, 3), k)]
           do j = 1, 2
             if (round == 1) then
-              s%fan_start(ends(j) + 1) = s%fan_start(ends(j) + 1) + 1
+              s%mesh%fan_start(ends(j) + 1) = s%mesh%fan_start(ends(j) + 1) + 1
             else
-              s%fan(fill(ends(j))) = ends(3 - j)
+              s%mesh%fan(fill(ends(j))) = ends(3 - j)
               fill(ends(j)) = fill(ends(j)) + 1
             end if
           end do
         end do
       end do
       if (round == 2) exit
-      s%fan_start(1) = 1
-      do k = 2, s%vertices + 1
-        s%fan_start(k) = s%fan_start(k) + s%fan_start(k - 1)
+      s%mesh%fan_start(1) = 1
+      do k = 2, s%mesh%vertices + 1
+        s%mesh%fan_start(k) = s%mesh%fan_start(k) + s%mesh%fan_start(k - 1)
       end do
-      allocate (s%fan(s%fan_start(s%vertices + 1) - 1))
-      fill = s%fan_start
+      allocate (s%mesh%fan(s%mesh%fan_start(s%mesh%vertices + 1) - 1))
+      fill = s%mesh%fan_start
     end do
   end subroutine find_fans
 
@@ -250,9 +250,12 @@ contains
     real(wp), intent(in) :: radius, length           !! of the shaft [m]
 
     call add_body(s, name, surface_cone, tip, material)
-    s%rest_axis(:, s%n) = axis/sqrt(sum(axis**2))
-    s%axis(:, s%n) = s%rest_axis(:, s%n)
-    s%cone(:, s%n) = [sin(half_angle), cos(half_angle), radius, length]
+    s%round%rest_axis(:, s%n) = axis/sqrt(sum(axis**2))
+    s%round%axis(:, s%n) = s%round%rest_axis(:, s%n)
+    s%round%sine(s%n) = sin(half_angle)
+    s%round%cosine(s%n) = cos(half_angle)
+    s%round%radius(s%n) = radius
+    s%round%extent(s%n) = length
     s%reach(s%n) = radius/tan(half_angle) + length + radius
   end subroutine add_cone
 
@@ -265,11 +268,14 @@ contains
     logical, intent(in) :: inside
     real(wp), intent(in) :: radius, half             !! half its length, huge if it has no ends [m]
 
-    call add_body(s, name, surface_cylinder, centre, [material, material])
-    s%rest_axis(:, s%n) = axis/sqrt(sum(axis**2))
-    s%axis(:, s%n) = s%rest_axis(:, s%n)
-    s%cone(:, s%n) = [merge(-1.0_wp, 1.0_wp, inside), 0.0_wp, radius, half]
-    s%bore([bore_listed, bore_start], s%n) = radius
+    call add_body(s, name, merge(surface_bore, surface_cylinder, inside), centre, &
+                  [material, material])
+    s%round%rest_axis(:, s%n) = axis/sqrt(sum(axis**2))
+    s%round%axis(:, s%n) = s%round%rest_axis(:, s%n)
+    s%round%radius(s%n) = radius
+    s%round%extent(s%n) = half
+    s%round%listed_radius(s%n) = radius
+    s%round%start_radius(s%n) = radius
     s%reach(s%n) = radius
     if (half < huge(half)) s%reach(s%n) = sqrt(radius**2 + half**2)
   end subroutine add_cylinder
@@ -280,14 +286,12 @@ contains
     character(len=*), intent(in) :: name
     integer(i4), intent(in) :: kind, material(:)
     real(wp), intent(in) :: centre(3)
-    real(wp) :: zero(3, 1), up(3, 1), turn(4, 1), none(4, 1), no_bore(5, 1)
+    real(wp) :: zero(3, 1), up(3, 1), turn(4, 1)
     real(wp), allocatable :: sums(:, :)
 
     if (s%n == 0) call start_empty(s)
     s%soft = s%soft .or. kind == surface_soft .or. kind == surface_membrane
     zero = 0.0_wp
-    none = 0.0_wp
-    no_bore = 0.0_wp
     up = reshape([0.0_wp, 0.0_wp, 1.0_wp], [3, 1])
     turn = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [4, 1])
     s%n = s%n + 1
@@ -301,21 +305,28 @@ contains
     s%reference_q = s%quat
     s%velocity = joined(s%velocity, zero)
     s%spin = joined(s%spin, zero)
-    s%rest_axis = joined(s%rest_axis, up)
-    s%axis = joined(s%axis, up)
-    s%cone = joined(s%cone, none)
-    s%bore = joined(s%bore, no_bore)
-    s%first_vertex = [s%first_vertex, s%vertices + 1]
-    s%first_triangle = [s%first_triangle, s%triangles + 1]
+    s%round%rest_axis = joined(s%round%rest_axis, up)
+    s%round%axis = joined(s%round%axis, up)
+    s%round%sine = [s%round%sine, 0.0_wp]
+    s%round%cosine = [s%round%cosine, 1.0_wp]
+    s%round%radius = [s%round%radius, 0.0_wp]
+    s%round%extent = [s%round%extent, 0.0_wp]
+    s%round%swell = [s%round%swell, 0.0_wp]
+    s%round%press = [s%round%press, 0.0_wp]
+    s%round%press_impulse = [s%round%press_impulse, 0.0_wp]
+    s%round%listed_radius = [s%round%listed_radius, 0.0_wp]
+    s%round%start_radius = [s%round%start_radius, 0.0_wp]
+    s%first_vertex = [s%first_vertex, s%mesh%vertices + 1]
+    s%first_triangle = [s%first_triangle, s%mesh%triangles + 1]
     s%parts = s%parts + size(material)
     s%first_part = [s%first_part, s%parts + 1]
     s%material = [s%material, material]
     allocate (sums(3, size(material)), source=0.0_wp)
-    s%force = joined(s%force, sums)
-    s%moment = joined(s%moment, sums)
-    s%impulse = joined(s%impulse, sums)
-    s%moment_impulse = joined(s%moment_impulse, sums)
-    s%work = [s%work, sums(1, :)]
+    s%sums%force = joined(s%sums%force, sums)
+    s%sums%moment = joined(s%sums%moment, sums)
+    s%sums%impulse = joined(s%sums%impulse, sums)
+    s%sums%moment_impulse = joined(s%sums%moment_impulse, sums)
+    s%sums%work = [s%sums%work, sums(1, :)]
   end subroutine add_body
 
   subroutine add_name(s, name)
@@ -338,12 +349,15 @@ contains
     s%first_part = 1
     s%first_vertex = 1
     s%first_triangle = 1
-    allocate (s%cos_smooth(0), s%reach(0), s%work(0))
-    allocate (s%centre(3, 0), s%quat(4, 0), s%velocity(3, 0), s%spin(3, 0), s%rest_axis(3, 0), &
-              s%axis(3, 0), s%cone(4, 0), s%bore(5, 0), s%force(3, 0), s%moment(3, 0), &
-              s%impulse(3, 0), &
-              s%moment_impulse(3, 0), s%rest(3, 0), s%x(3, 0), s%v(3, 0), s%vertex_force(3, 0), &
-              s%vertex_impulse(3, 0), s%target(3, 0), s%reference(3, 0))
-    allocate (s%corner(3, 0), s%mate(3, 0), s%owner(0))
+    allocate (s%cos_smooth(0), s%reach(0), s%sums%work(0))
+    allocate (s%centre(3, 0), s%quat(4, 0), s%velocity(3, 0), s%spin(3, 0), &
+              s%round%rest_axis(3, 0), s%round%axis(3, 0), s%sums%force(3, 0), &
+              s%sums%moment(3, 0), s%sums%impulse(3, 0), s%sums%moment_impulse(3, 0), &
+              s%mesh%rest(3, 0), s%mesh%x(3, 0), s%mesh%v(3, 0), s%mesh%force(3, 0), &
+              s%mesh%impulse(3, 0), s%mesh%target(3, 0), s%mesh%reference(3, 0))
+    allocate (s%mesh%corner(3, 0), s%mesh%mate(3, 0), s%mesh%owner(0))
+    allocate (s%round%sine(0), s%round%cosine(0), s%round%radius(0), s%round%extent(0), &
+              s%round%swell(0), s%round%press(0), s%round%press_impulse(0), &
+              s%round%listed_radius(0), s%round%start_radius(0))
   end subroutine start_empty
 end module dem_surface_make

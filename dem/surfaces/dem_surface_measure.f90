@@ -20,7 +20,7 @@ contains
   pure integer(i4) function surface_contact_count(d) result(n)
     type(dem_data_type), intent(in) :: d
     n = 0
-    if (d%surfaces%near > 0) n = sum(d%surfaces%contacts)
+    if (d%surfaces%list%near > 0) n = sum(d%surfaces%list%contacts)
   end function surface_contact_count
 
   !> Body that a part belongs to.
@@ -35,8 +35,8 @@ contains
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: k, g
     type(contact_constants_type) :: c
-    associate (law => d%laws(d%surfaces%material(d%surfaces%part(k, g)), &
-                             d%grains%material(d%surfaces%near_grain(g))))
+    associate (law => d%laws(d%surfaces%material(d%surfaces%list%part(k, g)), &
+                             d%grains%material(d%surfaces%list%near_grain(g))))
       c = constants_of(law%law_numbers_type)
     end associate
   end function law_of
@@ -52,24 +52,24 @@ contains
 
     first = d%surfaces%first_vertex(body)
     allocate (stiffness(d%surfaces%first_vertex(body + 1) - first), source=0.0_wp)
-    do g = 1, d%surfaces%near
+    do g = 1, d%surfaces%list%near
       whole = 0.0_wp
-      do k = 1, d%surfaces%contacts(g)
-        if (d%surfaces%part(k, g) /= d%surfaces%first_part(body)) cycle
+      do k = 1, d%surfaces%list%contacts(g)
+        if (d%surfaces%list%part(k, g) /= d%surfaces%first_part(body)) cycle
         pair = surface_stiffness(d, k, g)
         whole = whole + pair(1)
       end do
       if (.not. whole > 0.0_wp) cycle
       sum_of = 0.0_wp
-      do k = 3*d%surfaces%near_start(g) - 2, 3*d%surfaces%near_start(g + 1) - 3
-        sum_of = sum_of + norm2(d%surfaces%share(:, k))
+      do k = 3*d%surfaces%list%near_start(g) - 2, 3*d%surfaces%list%near_start(g + 1) - 3
+        sum_of = sum_of + norm2(d%surfaces%list%share(:, k))
       end do
-      do k = 3*d%surfaces%near_start(g) - 2, 3*d%surfaces%near_start(g + 1) - 3
-        c = d%surfaces%candidate((k + 2)/3)
-        part = norm2(d%surfaces%share(:, k))
+      do k = 3*d%surfaces%list%near_start(g) - 2, 3*d%surfaces%list%near_start(g + 1) - 3
+        c = d%surfaces%list%candidate((k + 2)/3)
+        part = norm2(d%surfaces%list%share(:, k))
         if (c <= 0 .or. .not. part > 0.0_wp) cycle
-        if (d%surfaces%owner(c) /= body) cycle
-        vertex = d%surfaces%corner(k - 3*((k + 2)/3 - 1), c) - first + 1
+        if (d%surfaces%mesh%owner(c) /= body) cycle
+        vertex = d%surfaces%mesh%corner(k - 3*((k + 2)/3 - 1), c) - first + 1
         stiffness(vertex) = stiffness(vertex) + whole*part/sum_of
       end do
     end do
@@ -83,15 +83,15 @@ contains
     integer(i4) :: g, k
 
     energy = 0.0_wp
-    do g = 1, d%surfaces%near
-      do k = 1, d%surfaces%contacts(g)
-        associate (history => d%surfaces%history(k, :, g))
+    do g = 1, d%surfaces%list%near
+      do k = 1, d%surfaces%list%contacts(g)
+        associate (history => d%surfaces%list%history(k, :, g))
           c = law_of(d, k, g)
           stiffness = surface_stiffness(d, k, g)
           overlap = history(history_side)**2
-          if (d%surfaces%sign(k, g) < 0.0_wp) then
-            c%c = d%surfaces%sign(k, g)*c%c
-            c%kn = d%surfaces%sign(k, g)*c%kn
+          if (d%surfaces%list%sign(k, g) < 0.0_wp) then
+            c%c = d%surfaces%list%sign(k, g)*c%c
+            c%kn = d%surfaces%list%sign(k, g)*c%kn
           end if
           tangential = 0.0_wp
           if (stiffness(2) > 0.0_wp) tangential = 0.5_wp*sum(history(1:3)**2)/stiffness(2)
@@ -105,8 +105,8 @@ contains
           else
             energy(1) = energy(1) + own(1)
           end if
-          if (d%surfaces%sign(k, g) < 0.0_wp) then
-            energy(2) = energy(2) + d%surfaces%sign(k, g)*tangential
+          if (d%surfaces%list%sign(k, g) < 0.0_wp) then
+            energy(2) = energy(2) + d%surfaces%list%sign(k, g)*tangential
           else
             energy(2) = energy(2) + tangential
           end if
@@ -122,16 +122,16 @@ contains
     real(wp) :: stiffness(2), more(2), arm(3), factor
     integer(i4) :: g, k, i, b
 
-    do g = 1, d%surfaces%near
-      i = d%surfaces%near_grain(g)
-      do k = 1, d%surfaces%contacts(g)
-        if (d%surfaces%sign(k, g) < 0.0_wp) cycle
+    do g = 1, d%surfaces%list%near
+      i = d%surfaces%list%near_grain(g)
+      do k = 1, d%surfaces%list%contacts(g)
+        if (d%surfaces%list%sign(k, g) < 0.0_wp) cycle
         stiffness = surface_stiffness(d, k, g)
         factor = 1.0_wp
-        b = body_of_part(d, d%surfaces%part(k, g))
+        b = body_of_part(d, d%surfaces%list%part(k, g))
         if (is_free(d%surfaces, b) .or. d%surfaces%kind(b) == surface_membrane) factor = 2.0_wp
         stiffness = factor*stiffness
-        arm = d%surfaces%point(k, :, g) - d%pairs%body(1:3, i)
+        arm = d%surfaces%list%point(k, :, g) - d%pairs%body(1:3, i)
         lambda(1, i) = lambda(1, i) + sum(stiffness)
         lambda(2, i) = lambda(2, i) + stiffness(2)*sum(arm**2)
         more = surface_extra_stiffness(d, k, g)
@@ -148,17 +148,17 @@ contains
     integer(i4) :: g, k, b
 
     row = 0.0_wp
-    do g = 1, d%surfaces%near
-      do k = 1, d%surfaces%contacts(g)
-        b = body_of_part(d, d%surfaces%part(k, g))
+    do g = 1, d%surfaces%list%near
+      do k = 1, d%surfaces%list%contacts(g)
+        b = body_of_part(d, d%surfaces%list%part(k, g))
         stiffness = surface_stiffness(d, k, g)
         more = surface_extra_stiffness(d, k, g)
-        if (d%grains%kind(d%surfaces%near_grain(g)) == kind_free) then
+        if (d%grains%kind(d%surfaces%list%near_grain(g)) == kind_free) then
           stiffness = 2.0_wp*stiffness
           more = 2.0_wp*more
         end if
-        arm = d%surfaces%point(k, :, g) - d%surfaces%centre(:, b)
-        lever = cross(arm, d%surfaces%normal(k, :, g))
+        arm = d%surfaces%list%point(k, :, g) - d%surfaces%centre(:, b)
+        lever = cross(arm, d%surfaces%list%normal(k, :, g))
         row(:3, b) = row(:3, b) + stiffness(1)*lever**2 + stiffness(2)*(sum(arm**2) - arm**2)
         row(4, b) = row(4, b) + sum(stiffness)
         if (any(more > 0.0_wp)) row(:, b) = row(:, b) + [more(1)*lever**2 + more(2), more(1)]
@@ -173,10 +173,10 @@ contains
     integer(i4) :: a, b
     rate = 0.0_wp
     do b = 1, s%n
-      if (any(s%free(:3, b) > 0.5_wp)) rate = max(rate, row(4, b)/s%mass(b))
+      if (any(s%rigid%free(:3, b) > 0.5_wp)) rate = max(rate, row(4, b)/s%rigid%mass(b))
       do a = 1, 3
-        if (s%free(3 + a, b) > 0.5_wp) &
-          rate = max(rate, sum(row(:3, b), mask=s%free(4:, b) > 0.5_wp)/s%inertia(a, b))
+        if (s%rigid%free(3 + a, b) > 0.5_wp) &
+          rate = max(rate, sum(row(:3, b), mask=s%rigid%free(4:, b) > 0.5_wp)/s%rigid%inertia(a, b))
       end do
     end do
   end function body_rate
@@ -185,9 +185,9 @@ contains
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(inout) :: z(:)
     integer(i4) :: g
-    do g = 1, d%surfaces%near
-      z(d%surfaces%near_grain(g)) = z(d%surfaces%near_grain(g)) &
-        + nint(sum(d%surfaces%sign(:d%surfaces%contacts(g), g)))
+    do g = 1, d%surfaces%list%near
+      z(d%surfaces%list%near_grain(g)) = z(d%surfaces%list%near_grain(g)) &
+        + nint(sum(d%surfaces%list%sign(:d%surfaces%list%contacts(g), g)))
     end do
   end subroutine add_surface_coordination
 
@@ -200,14 +200,14 @@ contains
     real(wp) :: this
     integer(i4) :: g, k, i
 
-    do g = 1, d%surfaces%near
-      i = d%surfaces%near_grain(g)
-      do k = 1, d%surfaces%contacts(g)
-        this = d%surfaces%history(k, history_side, g)**2/minval(d%grains%axes(:, i))
+    do g = 1, d%surfaces%list%near
+      i = d%surfaces%list%near_grain(g)
+      do k = 1, d%surfaces%list%contacts(g)
+        this = d%surfaces%list%history(k, history_side, g)**2/minval(d%grains%axes(:, i))
         if (this <= ratio) cycle
         ratio = this
         grain = i
-        body = d%grains%n + 3 + d%planes%n + body_of_part(d, d%surfaces%part(k, g))
+        body = d%grains%n + 3 + d%planes%n + body_of_part(d, d%surfaces%list%part(k, g))
       end do
     end do
   end subroutine largest_surface_overlap

@@ -3,8 +3,8 @@
 module dem_surface_motion
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_data_type, column_count
-  use dem_surface_state, only: dem_surfaces_type, is_soft, surface_soft, surface_cylinder, &
-    is_bore, bore_swell, bore_press, bore_impulse, bore_listed
+  use dem_surface_state, only: dem_surfaces_type, is_soft, surface_soft, surface_bore, &
+    is_bore, is_cylinder
   use dem_surface_body, only: turn_free, turns_freely, is_free, held_power
   use dem_ellipsoid, only: quaternion_from_rotation, quaternion_product, rotation_of
   implicit none
@@ -26,12 +26,12 @@ contains
       low = s%first_vertex(b)
       high = s%first_vertex(b + 1) - 1
       if (is_soft(s, b)) then
-        s%x(:, low:high) = s%x(:, low:high) + dt*s%v(:, low:high)
-        if (last .and. s%has_target .and. s%kind(b) == surface_soft) &
-          s%x(:, low:high) = s%target(:, low:high)
+        s%mesh%x(:, low:high) = s%mesh%x(:, low:high) + dt*s%mesh%v(:, low:high)
+        if (last .and. s%mesh%has_target .and. s%kind(b) == surface_soft) &
+          s%mesh%x(:, low:high) = s%mesh%target(:, low:high)
         cycle
       end if
-      if (is_bore(s, b)) s%cone(3, b) = s%cone(3, b) + dt*s%bore(bore_swell, b)
+      if (is_bore(s, b)) s%round%radius(b) = s%round%radius(b) + dt*s%round%swell(b)
       if (.not. any(abs([s%velocity(:, b), s%spin(:, b)]) > 0.0_wp)) cycle
       s%centre(:, b) = s%centre(:, b) + dt*s%velocity(:, b)
       if (turns_freely(s, b)) then
@@ -51,10 +51,10 @@ contains
     real(wp) :: r(3, 3)
     integer(i4) :: k
     r = rotation_of(s%quat(:, b))
-    s%axis(:, b) = matmul(r, s%rest_axis(:, b))
+    s%round%axis(:, b) = matmul(r, s%round%rest_axis(:, b))
     do k = s%first_vertex(b), s%first_vertex(b + 1) - 1
-      s%x(:, k) = s%centre(:, b) + r(:, 1)*s%rest(1, k) + r(:, 2)*s%rest(2, k) &
-                  + r(:, 3)*s%rest(3, k)
+      s%mesh%x(:, k) = s%centre(:, b) + r(:, 1)*s%mesh%rest(1, k) + r(:, 2)*s%mesh%rest(2, k) &
+                  + r(:, 3)*s%mesh%rest(3, k)
     end do
   end subroutine place_body
 
@@ -68,7 +68,7 @@ contains
     do b = 1, s%n
       if (is_soft(s, b)) then
         do k = s%first_vertex(b), s%first_vertex(b + 1) - 1
-          this = sqrt(sum((s%x(:, k) - s%reference(:, k))**2))
+          this = sqrt(sum((s%mesh%x(:, k) - s%mesh%reference(:, k))**2))
           if (.not. this <= travel) travel = this
         end do
         cycle
@@ -76,7 +76,7 @@ contains
       cosine = dot_product(s%quat(:, b), s%reference_q(:, b))
       sine = sqrt(max(1.0_wp - cosine*cosine, 0.0_wp))
       this = sqrt(sum((s%centre(:, b) - s%reference_x(:, b))**2)) + 2.0_wp*sine*s%reach(b)
-      if (s%kind(b) == surface_cylinder) this = cylinder_travel(s, b)
+      if (is_cylinder(s, b)) this = cylinder_travel(s, b)
       if (.not. this <= travel) travel = this
     end do
   end function surface_travel
@@ -87,10 +87,10 @@ contains
     integer(i4), intent(in) :: b
     real(wp) :: before(3), r(3, 3)
     r = rotation_of(s%reference_q(:, b))
-    before = matmul(r, s%rest_axis(:, b))
+    before = matmul(r, s%round%rest_axis(:, b))
     travel = sqrt(sum((s%centre(:, b) - s%reference_x(:, b))**2)) &
-             + sqrt(sum((s%axis(:, b) - before)**2))*s%reach(b) &
-             + abs(s%cone(3, b) - s%bore(bore_listed, b))
+             + sqrt(sum((s%round%axis(:, b) - before)**2))*s%reach(b) &
+             + abs(s%round%radius(b) - s%round%listed_radius(b))
   end function cylinder_travel
 
   !> New contact forces are in: sums of the parts, impulses of the step and work of the motion, each
@@ -105,20 +105,20 @@ contains
     call sum_parts(s, force, moment)
     do b = 1, s%n
       do p = s%first_part(b), s%first_part(b + 1) - 1
-        f = 0.5_wp*dt*(s%force(:, p) + force(:, p))
-        m = 0.5_wp*dt*(s%moment(:, p) + moment(:, p))
-        s%impulse(:, p) = s%impulse(:, p) + f
-        s%moment_impulse(:, p) = s%moment_impulse(:, p) + m
+        f = 0.5_wp*dt*(s%sums%force(:, p) + force(:, p))
+        m = 0.5_wp*dt*(s%sums%moment(:, p) + moment(:, p))
+        s%sums%impulse(:, p) = s%sums%impulse(:, p) + f
+        s%sums%moment_impulse(:, p) = s%sums%moment_impulse(:, p) + m
         if (is_soft(s, b)) cycle
         done = -dot_product(f, s%velocity(:, b)) - dot_product(m, s%spin(:, b))
-        s%work(p) = s%work(p) + done
+        s%sums%work(p) = s%sums%work(p) + done
         if (is_free(s, b)) done = -held_power(s, b, f, m)
         boundary = boundary + done
       end do
     end do
-    s%force = force
-    s%moment = moment
-    if (any(s%kind == surface_cylinder)) call finish_bores(s, dt, boundary)
+    s%sums%force = force
+    s%sums%moment = moment
+    if (any(s%kind == surface_bore)) call finish_bores(s, dt, boundary)
     if (s%soft) call finish_vertices(s, dt, boundary)
   end subroutine finish_surfaces
 
@@ -133,17 +133,17 @@ contains
     do b = 1, s%n
       if (.not. is_bore(s, b)) cycle
       press = 0.0_wp
-      do g = 1, s%near
-        do k = 1, s%contacts(g)
-          if (s%part(k, g) /= s%first_part(b)) cycle
-          press = press + dot_product(s%push(k, :, g), s%normal(k, :, g))
+      do g = 1, s%list%near
+        do k = 1, s%list%contacts(g)
+          if (s%list%part(k, g) /= s%first_part(b)) cycle
+          press = press + dot_product(s%list%push(k, :, g), s%list%normal(k, :, g))
         end do
       end do
-      mean = 0.5_wp*dt*(s%bore(bore_press, b) + press)
-      s%bore(bore_press, b) = press
-      s%bore(bore_impulse, b) = s%bore(bore_impulse, b) + mean
-      done = -mean*s%bore(bore_swell, b)
-      s%work(s%first_part(b)) = s%work(s%first_part(b)) + done
+      mean = 0.5_wp*dt*(s%round%press(b) + press)
+      s%round%press(b) = press
+      s%round%press_impulse(b) = s%round%press_impulse(b) + mean
+      done = -mean*s%round%swell(b)
+      s%sums%work(s%first_part(b)) = s%sums%work(s%first_part(b)) + done
       boundary = boundary + done
     end do
   end subroutine finish_bores
@@ -160,16 +160,16 @@ contains
     end do
     force = 0.0_wp
     moment = 0.0_wp
-    do g = 1, s%near
-      do k = 1, s%contacts(g)
-        p = s%part(k, g)
-        f = -s%push(k, :, g)
-        r = s%point(k, :, g) - s%centre(:, body(p))
+    do g = 1, s%list%near
+      do k = 1, s%list%contacts(g)
+        p = s%list%part(k, g)
+        f = -s%list%push(k, :, g)
+        r = s%list%point(k, :, g) - s%centre(:, body(p))
         force(:, p) = force(:, p) + f
         moment(1, p) = moment(1, p) + r(2)*f(3) - r(3)*f(2)
         moment(2, p) = moment(2, p) + r(3)*f(1) - r(1)*f(3)
         moment(3, p) = moment(3, p) + r(1)*f(2) - r(2)*f(1)
-        if (size(s%couple) > 0) moment(:, p) = moment(:, p) - s%couple(k, :, g)
+        if (size(s%list%couple) > 0) moment(:, p) = moment(:, p) - s%list%couple(k, :, g)
       end do
     end do
   end subroutine sum_parts
@@ -193,40 +193,40 @@ contains
     type(dem_surfaces_type), intent(inout) :: s
     real(wp), intent(in) :: dt
     real(wp), intent(inout) :: boundary
-    real(wp) :: force(3, s%vertices), mean(3), done
+    real(wp) :: force(3, s%mesh%vertices), mean(3), done
     integer(i4) :: k, b
 
     force = loads_of_vertices(s)
     do b = 1, s%n
       if (.not. is_soft(s, b)) cycle
       do k = s%first_vertex(b), s%first_vertex(b + 1) - 1
-        mean = 0.5_wp*dt*(s%vertex_force(:, k) + force(:, k))
-        s%vertex_impulse(:, k) = s%vertex_impulse(:, k) + mean
-        done = -dot_product(mean, s%v(:, k))
-        s%work(s%first_part(b)) = s%work(s%first_part(b)) + done
+        mean = 0.5_wp*dt*(s%mesh%force(:, k) + force(:, k))
+        s%mesh%impulse(:, k) = s%mesh%impulse(:, k) + mean
+        done = -dot_product(mean, s%mesh%v(:, k))
+        s%sums%work(s%first_part(b)) = s%sums%work(s%first_part(b)) + done
         if (allocated(s%membranes)) then
           if (s%membranes%mass(k) > 0.0_wp .and. s%membranes%wall(k) < 0) cycle
         end if
         boundary = boundary + done
       end do
     end do
-    s%vertex_force = force
+    s%mesh%force = force
   end subroutine finish_vertices
 
   !> What this rank's grains do to each vertex of soft bodies [N].
   pure function loads_of_vertices(s) result(force)
     type(dem_surfaces_type), intent(in) :: s
-    real(wp) :: force(3, s%vertices)
+    real(wp) :: force(3, s%mesh%vertices)
     integer(i4) :: g, c, k
     force = 0.0_wp
-    do g = 1, s%near
-      if (s%contacts(g) == 0) cycle
-      do c = s%near_start(g), s%near_start(g + 1) - 1
-        if (s%candidate(c) <= 0) cycle
-        if (.not. is_soft(s, s%owner(s%candidate(c)))) cycle
+    do g = 1, s%list%near
+      if (s%list%contacts(g) == 0) cycle
+      do c = s%list%near_start(g), s%list%near_start(g + 1) - 1
+        if (s%list%candidate(c) <= 0) cycle
+        if (.not. is_soft(s, s%mesh%owner(s%list%candidate(c)))) cycle
         do k = 1, 3
-          associate (vertex => s%corner(k, s%candidate(c)))
-            force(:, vertex) = force(:, vertex) + s%share(:, 3*(c - 1) + k)
+          associate (vertex => s%mesh%corner(k, s%list%candidate(c)))
+            force(:, vertex) = force(:, vertex) + s%list%share(:, 3*(c - 1) + k)
           end associate
         end do
       end do
@@ -239,17 +239,17 @@ contains
     real(wp) :: total(column_count)
     integer(i4) :: g
     total = 0.0_wp
-    do g = 1, s%near
-      total = total + s%columns(:, g)
+    do g = 1, s%list%near
+      total = total + s%list%columns(:, g)
     end do
   end function surface_columns
 
   !> Impulses and works to zero (start of an exchange).
   pure subroutine reset_surfaces(s)
     type(dem_surfaces_type), intent(inout) :: s
-    s%impulse = 0.0_wp
-    s%moment_impulse = 0.0_wp
-    s%work = 0.0_wp
-    s%vertex_impulse = 0.0_wp
+    s%sums%impulse = 0.0_wp
+    s%sums%moment_impulse = 0.0_wp
+    s%sums%work = 0.0_wp
+    s%mesh%impulse = 0.0_wp
   end subroutine reset_surfaces
 end module dem_surface_motion

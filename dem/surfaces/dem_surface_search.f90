@@ -10,8 +10,7 @@ module dem_surface_search
   use dem_surface_body, only: is_free
   use dem_surface_additional, only: surface_kept_reals
   use dem_surface_feature, only: most_features
-  use dem_surface_state, only: dem_surfaces_type, surface_cone, surface_cylinder, is_bore, &
-    bore_listed
+  use dem_surface_state, only: dem_surfaces_type, surface_cone, is_bore, is_round
   implicit none
   private
   public :: list_near, allocate_contacts, triangle_distance
@@ -36,7 +35,8 @@ contains
     real(wp), allocatable :: gap(:)
     integer(i4) :: i, near, found
 
-    if (d%surfaces%triangles > 0) call make_grid(d%surfaces, d%pairs%skin, d%grains%radius, grid)
+    if (d%surfaces%mesh%triangles > 0) call make_grid(d%surfaces, d%pairs%skin, d%grains%radius, &
+      grid)
     allocate (grain(d%grains%n), start(d%grains%n + 1), gap(d%grains%n), candidate(64))
     near = 0
     found = 0
@@ -44,7 +44,8 @@ contains
     do i = 1, d%grains%n
       if (.not. may_touch(d, i)) cycle
       gap(near + 1) = huge(1.0_wp)
-      if (d%surfaces%triangles > 0) call find_triangles(d, grid, i, candidate, found, gap(near + 1))
+      if (d%surfaces%mesh%triangles > 0) call find_triangles(d, grid, i, candidate, found, &
+        gap(near + 1))
       call find_cones(d, i, candidate, found, gap(near + 1))
       if (found < start(near + 1)) cycle
       near = near + 1
@@ -53,17 +54,17 @@ contains
     end do
     call keep_contacts(d%surfaces, old)
     associate (s => d%surfaces)
-      s%near = near
-      s%near_grain = grain(:near)
-      s%near_start = start(:near + 1)
-      s%candidate = candidate(:found)
-      s%least_gap = gap(:near)
+      s%list%near = near
+      s%list%near_grain = grain(:near)
+      s%list%near_start = start(:near + 1)
+      s%list%candidate = candidate(:found)
+      s%list%least_gap = gap(:near)
       call allocate_contacts(s, d%grains%n, surface_kept_reals(d))
       call take_contacts(s, old)
       s%reference_x = s%centre
       s%reference_q = s%quat
-      s%reference = s%x
-      s%bore(bore_listed, :) = s%cone(3, :)
+      s%mesh%reference = s%mesh%x
+      s%round%listed_radius = s%round%radius
     end associate
   end subroutine list_near
 
@@ -72,7 +73,7 @@ contains
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: i
     may_touch = d%grains%kind(i) == kind_free
-    if (may_touch .or. .not. (allocated(d%surfaces%free) .and. d%surfaces%counted)) return
+    if (may_touch .or. .not. (allocated(d%surfaces%rigid%free) .and. d%surfaces%counted)) return
     may_touch = d%grains%kind(i) == kind_fixed .or. d%grains%kind(i) == kind_driven
   end function may_touch
 
@@ -86,21 +87,22 @@ contains
     integer(i4), allocatable :: fill(:)
 
     reach = maxval(radius) + skin
-    grid%low = minval(s%x, 2) - reach
-    high = maxval(s%x, 2) + reach
+    grid%low = minval(s%mesh%x, 2) - reach
+    high = maxval(s%mesh%x, 2) + reach
     size = 0.0_wp
-    do k = 1, s%triangles
-      size = size + maxval(maxval(s%x(:, s%corner(:, k)), 2) - minval(s%x(:, s%corner(:, k)), 2))
+    do k = 1, s%mesh%triangles
+      size = size + maxval(maxval(s%mesh%x(:, s%mesh%corner(:, k)), 2) &
+        - minval(s%mesh%x(:, s%mesh%corner(:, k)), 2))
     end do
-    grid%size = max(reach, size/s%triangles)
+    grid%size = max(reach, size/s%mesh%triangles)
     cells = product(max((high - grid%low)/grid%size, 1.0_wp))
     if (cells > most_cells) grid%size = grid%size*(cells/most_cells)**(1.0_wp/3.0_wp)*1.01_wp
     grid%n = 1 + int((high - grid%low)/grid%size, i4)
     allocate (grid%start(product(grid%n) + 1), source=0)
     do round = 1, 2
-      do k = 1, s%triangles
-        box(:, 1) = cell_of(grid, minval(s%x(:, s%corner(:, k)), 2) - reach)
-        box(:, 2) = cell_of(grid, maxval(s%x(:, s%corner(:, k)), 2) + reach)
+      do k = 1, s%mesh%triangles
+        box(:, 1) = cell_of(grid, minval(s%mesh%x(:, s%mesh%corner(:, k)), 2) - reach)
+        box(:, 2) = cell_of(grid, maxval(s%mesh%x(:, s%mesh%corner(:, k)), 2) + reach)
         do cz = box(3, 1), box(3, 2)
           do cy = box(2, 1), box(2, 2)
             do cx = box(1, 1), box(1, 2)
@@ -150,9 +152,10 @@ contains
     do m = grid%start(c), grid%start(c + 1) - 1
       k = grid%member(m)
       if (d%grains%kind(i) /= kind_free) then
-        if (.not. is_free(d%surfaces, d%surfaces%owner(k))) cycle
+        if (.not. is_free(d%surfaces, d%surfaces%mesh%owner(k))) cycle
       end if
-      distance = triangle_distance(d%surfaces%x(:, d%surfaces%corner(:, k)), x) - d%grains%radius(i)
+      distance = triangle_distance(d%surfaces%mesh%x(:, d%surfaces%mesh%corner(:, k)), x) &
+        - d%grains%radius(i)
       if (distance > d%pairs%skin) cycle
       gap = min(gap, distance)
       call put(candidate, found, k)
@@ -170,16 +173,18 @@ contains
 
     associate (s => d%surfaces)
       do b = 1, s%n
-        if (s%kind(b) /= surface_cone .and. s%kind(b) /= surface_cylinder) cycle
+        if (.not. is_round(s, b)) cycle
         if (d%grains%kind(i) /= kind_free .and. .not. is_free(s, b)) cycle
         r = d%grains%x(:, i) - s%centre(:, b)
-        along = dot_product(r, s%axis(:, b))
-        across = sqrt(max(sum(r*r) - along**2, 0.0_wp)) - s%cone(3, b)
-        height = s%cone(3, b)*s%cone(2, b)/s%cone(1, b) + min(s%cone(4, b), 0.5_wp*huge(height))
-        distance = max(across, -along, along - height) - d%grains%radius(i)
-        if (s%kind(b) == surface_cylinder) then
-          if (is_bore(s, b)) across = -across
-          distance = max(across, abs(along) - s%cone(4, b)) - d%grains%radius(i)
+        along = dot_product(r, s%round%axis(:, b))
+        across = sqrt(max(sum(r*r) - along**2, 0.0_wp)) - s%round%radius(b)
+        if (is_bore(s, b)) across = -across
+        if (s%kind(b) == surface_cone) then
+          height = s%round%radius(b)*s%round%cosine(b)/s%round%sine(b) &
+            + min(s%round%extent(b), 0.5_wp*huge(height))
+          distance = max(across, -along, along - height) - d%grains%radius(i)
+        else
+          distance = max(across, abs(along) - s%round%extent(b)) - d%grains%radius(i)
         end if
         if (distance > d%pairs%skin) cycle
         gap = min(gap, distance)
@@ -231,23 +236,23 @@ contains
   subroutine keep_contacts(s, old)
     type(dem_surfaces_type), intent(inout) :: s
     type(dem_surfaces_type), intent(inout) :: old
-    old%near = 0
-    if (.not. allocated(s%contacts)) return
-    old%near = s%near
-    call move_alloc(s%near_grain, old%near_grain)
-    call move_alloc(s%contacts, old%contacts)
-    call move_alloc(s%history, old%history)
-    call move_alloc(s%foot, old%foot)
-    call move_alloc(s%normal, old%normal)
-    call move_alloc(s%point, old%point)
-    call move_alloc(s%push, old%push)
-    call move_alloc(s%motion, old%motion)
-    call move_alloc(s%part, old%part)
-    call move_alloc(s%sign, old%sign)
-    call move_alloc(s%load, old%load)
-    call move_alloc(s%kept, old%kept)
-    call move_alloc(s%couple, old%couple)
-    deallocate (s%extra_work, s%columns, s%share, s%near_of)
+    old%list%near = 0
+    if (.not. allocated(s%list%contacts)) return
+    old%list%near = s%list%near
+    call move_alloc(s%list%near_grain, old%list%near_grain)
+    call move_alloc(s%list%contacts, old%list%contacts)
+    call move_alloc(s%list%history, old%list%history)
+    call move_alloc(s%list%foot, old%list%foot)
+    call move_alloc(s%list%normal, old%list%normal)
+    call move_alloc(s%list%point, old%list%point)
+    call move_alloc(s%list%push, old%list%push)
+    call move_alloc(s%list%motion, old%list%motion)
+    call move_alloc(s%list%part, old%list%part)
+    call move_alloc(s%list%sign, old%list%sign)
+    call move_alloc(s%list%load, old%list%load)
+    call move_alloc(s%list%kept, old%list%kept)
+    call move_alloc(s%list%couple, old%list%couple)
+    deallocate (s%list%extra_work, s%list%columns, s%list%share, s%list%near_of)
   end subroutine keep_contacts
 
   subroutine allocate_contacts(s, grains, reals)
@@ -255,21 +260,23 @@ contains
     integer(i4), intent(in) :: grains
     integer(i4), intent(in) :: reals  !! kept for laws on top
     integer(i4) :: g, some
-    s%slots = merge(most_features, lanes, allocated(s%membranes))
-    some = merge(s%near, 0_i4, reals > 0)
-    associate (n => s%slots)
-      allocate (s%kept(n, reals, some), s%couple(n, 3, some), &
-                s%extra_work(extra_work_count, some), source=0.0_wp)
-      allocate (s%contacts(s%near), s%part(n, s%near), source=0)
-      allocate (s%sign(n, s%near), source=1.0_wp)
-      allocate (s%history(n, history_size, s%near), s%foot(n, 3, s%near), s%normal(n, 3, s%near), &
-                s%point(n, 3, s%near), s%push(n, 3, s%near), s%motion(n, 6, s%near), &
-                s%load(6, s%near), s%columns(column_count, s%near), source=0.0_wp)
+    s%list%slots = merge(most_features, lanes, allocated(s%membranes))
+    some = merge(s%list%near, 0_i4, reals > 0)
+    associate (n => s%list%slots)
+      allocate (s%list%kept(n, reals, some), s%list%couple(n, 3, some), &
+                s%list%extra_work(extra_work_count, some), source=0.0_wp)
+      allocate (s%list%contacts(s%list%near), s%list%part(n, s%list%near), source=0)
+      allocate (s%list%sign(n, s%list%near), source=1.0_wp)
+      allocate (s%list%history(n, history_size, s%list%near), s%list%foot(n, 3, s%list%near), &
+                s%list%normal(n, 3, s%list%near), s%list%point(n, 3, s%list%near), &
+                s%list%push(n, 3, s%list%near), s%list%motion(n, 6, s%list%near), &
+                s%list%load(6, s%list%near), s%list%columns(column_count, s%list%near), &
+                source=0.0_wp)
     end associate
-    allocate (s%share(3, merge(3*ubound(s%candidate, 1), 0, s%soft)), source=0.0_wp)
-    allocate (s%near_of(grains), source=0)
-    do g = 1, s%near
-      s%near_of(s%near_grain(g)) = g
+    allocate (s%list%share(3, merge(3*ubound(s%list%candidate, 1), 0, s%soft)), source=0.0_wp)
+    allocate (s%list%near_of(grains), source=0)
+    do g = 1, s%list%near
+      s%list%near_of(s%list%near_grain(g)) = g
     end do
   end subroutine allocate_contacts
 
@@ -278,22 +285,22 @@ contains
     type(dem_surfaces_type), intent(inout) :: s
     type(dem_surfaces_type), intent(in) :: old
     integer(i4) :: g, k
-    do k = 1, old%near
-      g = s%near_of(old%near_grain(k))
+    do k = 1, old%list%near
+      g = s%list%near_of(old%list%near_grain(k))
       if (g == 0) cycle
-      s%contacts(g) = old%contacts(k)
-      s%history(:, :, g) = old%history(:, :, k)
-      s%foot(:, :, g) = old%foot(:, :, k)
-      s%normal(:, :, g) = old%normal(:, :, k)
-      s%point(:, :, g) = old%point(:, :, k)
-      s%push(:, :, g) = old%push(:, :, k)
-      s%motion(:, :, g) = old%motion(:, :, k)
-      s%part(:, g) = old%part(:, k)
-      s%sign(:, g) = old%sign(:, k)
-      s%load(:, g) = old%load(:, k)
-      if (size(s%kept) == 0 .or. size(old%kept, 2) /= size(s%kept, 2)) cycle
-      s%kept(:, :, g) = old%kept(:, :, k)
-      s%couple(:, :, g) = old%couple(:, :, k)
+      s%list%contacts(g) = old%list%contacts(k)
+      s%list%history(:, :, g) = old%list%history(:, :, k)
+      s%list%foot(:, :, g) = old%list%foot(:, :, k)
+      s%list%normal(:, :, g) = old%list%normal(:, :, k)
+      s%list%point(:, :, g) = old%list%point(:, :, k)
+      s%list%push(:, :, g) = old%list%push(:, :, k)
+      s%list%motion(:, :, g) = old%list%motion(:, :, k)
+      s%list%part(:, g) = old%list%part(:, k)
+      s%list%sign(:, g) = old%list%sign(:, k)
+      s%list%load(:, g) = old%list%load(:, k)
+      if (size(s%list%kept) == 0 .or. size(old%list%kept, 2) /= size(s%list%kept, 2)) cycle
+      s%list%kept(:, :, g) = old%list%kept(:, :, k)
+      s%list%couple(:, :, g) = old%list%couple(:, :, k)
     end do
   end subroutine take_contacts
 end module dem_surface_search

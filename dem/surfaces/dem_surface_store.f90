@@ -10,7 +10,7 @@ module dem_surface_store
   use dem_additional_state, only: extra_places_type, extra_work_count, most_parts, part_bond
   use dem_surface_additional, only: surface_kept_reals
   use dem_surface_state, only: dem_surfaces_type, surface_soft, surface_cylinder, &
-    soft_smooth
+    surface_bore, soft_smooth
   use dem_membrane, only: pull_membranes
   use dem_surface_feature, only: most_features
   use dem_surface_make, only: mesh_type, check_mesh, add_mesh
@@ -28,49 +28,78 @@ contains
     type(dem_surfaces_type), intent(in) :: s
     type(extra_places_type), intent(in) :: places
     type(dem_archive_type), intent(inout) :: archive
-    real(wp) :: packed(s%slots*contact_size, s%near)
+    real(wp) :: packed(s%list%slots*contact_size, s%list%near)
     integer(i4) :: g
 
     call archive%put_integers('surfaces.size', &
-                              int(reshape([s%n, s%parts, s%vertices, s%triangles, s%near], [5, &
-                                1]), i8))
+                              int(reshape([s%n, s%parts, s%mesh%vertices, s%mesh%triangles, &
+                              s%list%near], [5, 1]), i8))
     call archive%put_reals('surfaces.body', reshape([s%centre, s%velocity, s%spin, s%reference_x], &
                                                     [3*s%n, 4]))
     call archive%put_reals('surfaces.turn', reshape([s%quat, s%reference_q], [4*s%n, 2]))
-    call archive%put_reals('surfaces.axis', s%axis)
-    call archive%put_reals('surfaces.sums', reshape([s%force, s%moment, s%impulse, &
-                                                     s%moment_impulse], [3*s%parts, 4]))
-    call archive%put_reals('surfaces.work', reshape(s%work, [1, s%parts]))
-    call archive%put_reals('surfaces.vertex', reshape([s%x, s%v, s%reference, s%vertex_force, &
-                                                       s%vertex_impulse], [3*s%vertices, 5]))
-    call archive%put_integers('surfaces.near', int(reshape(s%near_grain, [1, s%near]), i8))
-    call archive%put_integers('surfaces.start', int(reshape(s%near_start, [1, s%near + 1]), i8))
-    call archive%put_integers('surfaces.candidate', int(reshape(s%candidate, &
-                                                                [1, size(s%candidate)]), i8))
-    call archive%put_integers('surfaces.contacts', int(reshape(s%contacts, [1, s%near]), i8))
-    call archive%put_integers('surfaces.part', int(s%part, i8))
-    call archive%put_reals('surfaces.gap', reshape(s%least_gap, [1, s%near]))
-    call archive%put_reals('surfaces.load', s%load)
-    call archive%put_reals('surfaces.share', s%share)
-    do g = 1, s%near
-      packed(:, g) = [s%history(:, :, g), s%foot(:, :, g), s%normal(:, :, g), s%point(:, :, g), &
-                      s%push(:, :, g), s%motion(:, :, g)]
+    call archive%put_reals('surfaces.axis', s%round%axis)
+    call archive%put_reals('surfaces.sums', reshape([s%sums%force, s%sums%moment, s%sums%impulse, &
+                                                     s%sums%moment_impulse], [3*s%parts, 4]))
+    call archive%put_reals('surfaces.work', reshape(s%sums%work, [1, s%parts]))
+    call archive%put_reals('surfaces.vertex', reshape([s%mesh%x, s%mesh%v, s%mesh%reference, &
+                           s%mesh%force, s%mesh%impulse], [3*s%mesh%vertices, 5]))
+    call archive%put_integers('surfaces.near', &
+                              int(reshape(s%list%near_grain, [1, s%list%near]), i8))
+    call archive%put_integers('surfaces.start', &
+                              int(reshape(s%list%near_start, [1, s%list%near + 1]), i8))
+    call archive%put_integers('surfaces.candidate', int(reshape(s%list%candidate, &
+                                                                [1, size(s%list%candidate)]), i8))
+    call archive%put_integers('surfaces.contacts', &
+                              int(reshape(s%list%contacts, [1, s%list%near]), i8))
+    call archive%put_integers('surfaces.part', int(s%list%part, i8))
+    call archive%put_reals('surfaces.gap', reshape(s%list%least_gap, [1, s%list%near]))
+    call archive%put_reals('surfaces.load', s%list%load)
+    call archive%put_reals('surfaces.share', s%list%share)
+    do g = 1, s%list%near
+      packed(:, g) = [s%list%history(:, :, g), s%list%foot(:, :, g), s%list%normal(:, :, g), &
+        s%list%point(:, :, g), s%list%push(:, :, g), s%list%motion(:, :, g)]
     end do
     call archive%put_reals('surfaces.contact', packed)
     if (s%soft) call put_soft(s, archive)
-    if (size(s%kept) > 0) call put_kept(s, places, archive)
+    if (size(s%list%kept) > 0) call put_kept(s, places, archive)
     if (allocated(s%servo)) call archive%put_reals('surfaces.servo', s%servo)
-    if (any(s%kind == surface_cylinder)) &
-      call archive%put_reals('surfaces.bore', reshape([reshape(s%bore, [5*s%n]), s%cone(3, :)], &
-                                                      [6*s%n, 1]))
+    if (any(s%kind == surface_cylinder .or. s%kind == surface_bore)) call put_bores(s, archive)
     if (allocated(s%membranes)) then
       call archive%put_reals('surfaces.membranes', &
                              reshape([s%membranes%pressure, s%membranes%stretch], [s%n, 2]))
-      call archive%put_reals('surfaces.sign', s%sign)
+      call archive%put_reals('surfaces.sign', s%list%sign)
       call archive%put_reals('surfaces.press', s%membranes%press)
     end if
-    if (allocated(s%given)) call archive%put_reals('surfaces.given', s%given)
+    if (allocated(s%rigid%given)) call archive%put_reals('surfaces.given', s%rigid%given)
   end subroutine put_surfaces
+
+  !> Radii of cylinders, and what presses on their walls.
+  subroutine put_bores(s, archive)
+    type(dem_surfaces_type), intent(in) :: s
+    type(dem_archive_type), intent(inout) :: archive
+    real(wp) :: rows(5, s%n)
+    rows(1, :) = s%round%swell
+    rows(2, :) = s%round%press
+    rows(3, :) = s%round%press_impulse
+    rows(4, :) = s%round%listed_radius
+    rows(5, :) = s%round%start_radius
+    call archive%put_reals('surfaces.bore', reshape([reshape(rows, [5*s%n]), s%round%radius], &
+                           [6*s%n, 1]))
+  end subroutine put_bores
+
+  !> The same back.
+  pure subroutine get_bores(s, values)
+    type(dem_surfaces_type), intent(inout) :: s
+    real(wp), intent(in) :: values(:)
+    real(wp) :: rows(5, s%n)
+    rows = reshape(values(:5*s%n), [5, s%n])
+    s%round%swell = rows(1, :)
+    s%round%press = rows(2, :)
+    s%round%press_impulse = rows(3, :)
+    s%round%listed_radius = rows(4, :)
+    s%round%start_radius = rows(5, :)
+    s%round%radius = values(5*s%n + 1:)
+  end subroutine get_bores
 
   !> What contacts keep for laws on top, each law by its name, as dem_additional_list does.
   subroutine put_kept(s, places, archive)
@@ -85,7 +114,7 @@ contains
           s%kept(:, part%at:part%at + part%reals - 1, :), [s%slots*part%reals, s%near]))
       end associate
     end do
-    call archive%put_reals('surfaces.couple', reshape(s%couple, [s%slots*3, s%near]))
+    call archive%put_reals('surfaces.couple', reshape(s%list%couple, [s%list%slots*3, s%list%near]))
   end subroutine put_kept
 
   !> The same back; a law that the checkpoint does not have starts from nothing.
@@ -98,9 +127,9 @@ contains
     real(wp), allocatable :: flat(:, :)
     integer(i4) :: k, some
 
-    some = merge(s%near, 0_i4, reals > 0)
-    allocate (s%kept(s%slots, reals, some), s%couple(s%slots, 3, some), &
-              s%extra_work(extra_work_count, some), source=0.0_wp)
+    some = merge(s%list%near, 0_i4, reals > 0)
+    allocate (s%list%kept(s%list%slots, reals, some), s%list%couple(s%list%slots, 3, some), &
+              s%list%extra_work(extra_work_count, some), source=0.0_wp)
     if (some == 0) return
     do k = 1, most_parts
       if (k == part_bond) cycle
@@ -115,8 +144,8 @@ contains
       end associate
     end do
     if (archive%find('surfaces.couple') == 0) return
-    call archive%get_reals('surfaces.couple', s%slots*3, s%near, flat, errors)
-    if (.not. errors%any()) s%couple = reshape(flat, [s%slots, 3, s%near])
+    call archive%get_reals('surfaces.couple', s%list%slots*3, s%list%near, flat, errors)
+    if (.not. errors%any()) s%list%couple = reshape(flat, [s%list%slots, 3, s%list%near])
   end subroutine get_kept
 
   !> Soft bodies are not in the deck: name, material and triangles of each.
@@ -136,10 +165,10 @@ contains
       end do
       name(longest_name + 1:, 1) = [s%material(s%first_part(b)), b]
       call archive%put_integers('surfaces.name.'//number, name)
-      call archive%put_reals('surfaces.rest.'//number, s%rest(:, s%first_vertex(b): &
+      call archive%put_reals('surfaces.rest.'//number, s%mesh%rest(:, s%first_vertex(b): &
                                                               s%first_vertex(b + 1) - 1))
       call archive%put_integers('surfaces.corner.'//number, &
-        int(s%corner(:, s%first_triangle(b):s%first_triangle(b + 1) - 1), i8) &
+        int(s%mesh%corner(:, s%first_triangle(b):s%first_triangle(b + 1) - 1), i8) &
         - s%first_vertex(b) + 1)
     end do
   end subroutine put_soft
@@ -188,22 +217,19 @@ contains
     if (errors%count > before) return
     call archive%get_integers('surfaces.size', 5, 1, sizes, errors)
     associate (s => d%surfaces)
-      if (any(sizes(:4, 1) /= [s%n, s%parts, s%vertices, s%triangles])) &
+      if (any(sizes(:4, 1) /= [s%n, s%parts, s%mesh%vertices, s%mesh%triangles])) &
         call errors%add('I228', 'the checkpoint has '//str(sizes(1, 1))//' surfaces with '// &
                         str(sizes(4, 1))//' triangles, the deck has '//str(s%n)//' with '// &
-                        str(s%triangles), 'checkpoint', &
+                        str(s%mesh%triangles), 'checkpoint', &
                         'restart with the deck and the files that made it, or start anew')
       if (errors%count > before) return
-      s%near = int(sizes(5, 1), i4)
+      s%list%near = int(sizes(5, 1), i4)
       k = archive%find('surfaces.servo')
       if (k > 0) s%servo = archive%item(k)%reals
       k = archive%find('surfaces.bore')
-      if (k > 0) then
-        s%bore = reshape(archive%item(k)%reals(:5*s%n, 1), [5, s%n])
-        s%cone(3, :) = archive%item(k)%reals(5*s%n + 1:, 1)
-      end if
+      if (k > 0) call get_bores(s, archive%item(k)%reals(:, 1))
       k = archive%find('surfaces.given')
-      if (k > 0 .and. allocated(s%given)) s%given = archive%item(k)%reals
+      if (k > 0 .and. allocated(s%rigid%given)) s%rigid%given = archive%item(k)%reals
       call get_bodies(s, archive, errors)
       k = archive%find('surfaces.membranes')
       if (k > 0 .and. allocated(s%membranes)) then
@@ -234,22 +260,22 @@ contains
     s%quat = reshape(part(:, 1), [4, s%n])
     s%reference_q = reshape(part(:, 2), [4, s%n])
     call archive%get_reals('surfaces.axis', 3, s%n, part, errors)
-    s%axis = part
+    s%round%axis = part
     call archive%get_reals('surfaces.sums', 3*s%parts, 4, part, errors)
-    s%force = reshape(part(:, 1), [3, s%parts])
-    s%moment = reshape(part(:, 2), [3, s%parts])
-    s%impulse = reshape(part(:, 3), [3, s%parts])
-    s%moment_impulse = reshape(part(:, 4), [3, s%parts])
+    s%sums%force = reshape(part(:, 1), [3, s%parts])
+    s%sums%moment = reshape(part(:, 2), [3, s%parts])
+    s%sums%impulse = reshape(part(:, 3), [3, s%parts])
+    s%sums%moment_impulse = reshape(part(:, 4), [3, s%parts])
     call archive%get_reals('surfaces.work', 1, s%parts, part, errors)
-    s%work = part(1, :)
-    call archive%get_reals('surfaces.vertex', 3*s%vertices, 5, part, errors)
-    s%x = reshape(part(:, 1), [3, s%vertices])
-    s%v = reshape(part(:, 2), [3, s%vertices])
-    s%reference = reshape(part(:, 3), [3, s%vertices])
-    s%vertex_force = reshape(part(:, 4), [3, s%vertices])
-    s%vertex_impulse = reshape(part(:, 5), [3, s%vertices])
-    s%target = s%x
-    s%has_target = .false.
+    s%sums%work = part(1, :)
+    call archive%get_reals('surfaces.vertex', 3*s%mesh%vertices, 5, part, errors)
+    s%mesh%x = reshape(part(:, 1), [3, s%mesh%vertices])
+    s%mesh%v = reshape(part(:, 2), [3, s%mesh%vertices])
+    s%mesh%reference = reshape(part(:, 3), [3, s%mesh%vertices])
+    s%mesh%force = reshape(part(:, 4), [3, s%mesh%vertices])
+    s%mesh%impulse = reshape(part(:, 5), [3, s%mesh%vertices])
+    s%mesh%target = s%mesh%x
+    s%mesh%has_target = .false.
   end subroutine get_bodies
 
   subroutine get_contacts(s, grains, archive, errors)
@@ -261,39 +287,41 @@ contains
     real(wp), allocatable :: packed(:, :)
     integer(i4) :: g
 
-    call archive%get_integers('surfaces.near', 1, s%near, counts, errors)
-    s%near_grain = int(counts(1, :), i4)
-    call archive%get_integers('surfaces.start', 1, s%near + 1, counts, errors)
-    s%near_start = int(counts(1, :), i4)
+    call archive%get_integers('surfaces.near', 1, s%list%near, counts, errors)
+    s%list%near_grain = int(counts(1, :), i4)
+    call archive%get_integers('surfaces.start', 1, s%list%near + 1, counts, errors)
+    s%list%near_start = int(counts(1, :), i4)
     call archive%get_integers('surfaces.candidate', 1, -1, counts, errors)
-    s%candidate = int(counts(1, :), i4)
-    call archive%get_integers('surfaces.contacts', 1, s%near, counts, errors)
-    s%contacts = int(counts(1, :), i4)
-    s%slots = merge(most_features, lanes, allocated(s%membranes))
-    call archive%get_integers('surfaces.part', s%slots, s%near, counts, errors)
-    s%part = int(counts, i4)
-    allocate (s%sign(s%slots, s%near), source=1.0_wp)
+    s%list%candidate = int(counts(1, :), i4)
+    call archive%get_integers('surfaces.contacts', 1, s%list%near, counts, errors)
+    s%list%contacts = int(counts(1, :), i4)
+    s%list%slots = merge(most_features, lanes, allocated(s%membranes))
+    call archive%get_integers('surfaces.part', s%list%slots, s%list%near, counts, errors)
+    s%list%part = int(counts, i4)
+    allocate (s%list%sign(s%list%slots, s%list%near), source=1.0_wp)
     if (allocated(s%membranes)) then
-      call archive%get_reals('surfaces.sign', s%slots, s%near, packed, errors)
-      s%sign = packed
+      call archive%get_reals('surfaces.sign', s%list%slots, s%list%near, packed, errors)
+      s%list%sign = packed
     end if
-    call archive%get_reals('surfaces.gap', 1, s%near, packed, errors)
-    s%least_gap = packed(1, :)
-    call archive%get_reals('surfaces.load', 6, s%near, packed, errors)
-    s%load = packed
+    call archive%get_reals('surfaces.gap', 1, s%list%near, packed, errors)
+    s%list%least_gap = packed(1, :)
+    call archive%get_reals('surfaces.load', 6, s%list%near, packed, errors)
+    s%list%load = packed
     call archive%get_reals('surfaces.share', 3, -1, packed, errors)
-    s%share = packed
-    call archive%get_reals('surfaces.contact', s%slots*contact_size, s%near, packed, errors)
-    associate (n => s%slots)
-      allocate (s%history(n, history_size, s%near), s%foot(n, 3, s%near), s%normal(n, 3, s%near), &
-                s%point(n, 3, s%near), s%push(n, 3, s%near), s%motion(n, 6, s%near), &
-                s%columns(column_count, s%near))
+    s%list%share = packed
+    call archive%get_reals('surfaces.contact', s%list%slots*contact_size, s%list%near, packed, &
+                           errors)
+    associate (n => s%list%slots)
+      allocate (s%list%history(n, history_size, s%list%near), s%list%foot(n, 3, s%list%near), &
+                s%list%normal(n, 3, s%list%near), s%list%point(n, 3, s%list%near), &
+                s%list%push(n, 3, s%list%near), s%list%motion(n, 6, s%list%near), &
+                s%list%columns(column_count, s%list%near))
     end associate
-    s%columns = 0.0_wp
-    allocate (s%near_of(grains), source=0)
-    do g = 1, s%near
-      s%near_of(s%near_grain(g)) = g
-      call unpack_contact(s, g, reshape(packed(:, g), [s%slots, contact_size]))
+    s%list%columns = 0.0_wp
+    allocate (s%list%near_of(grains), source=0)
+    do g = 1, s%list%near
+      s%list%near_of(s%list%near_grain(g)) = g
+      call unpack_contact(s, g, reshape(packed(:, g), [s%list%slots, contact_size]))
     end do
   end subroutine get_contacts
 
@@ -301,11 +329,11 @@ contains
     type(dem_surfaces_type), intent(inout) :: s
     integer(i4), intent(in) :: g
     real(wp), intent(in) :: row(:, :)
-    s%history(:, :, g) = row(:, :history_size)
-    s%foot(:, :, g) = row(:, history_size + 1:history_size + 3)
-    s%normal(:, :, g) = row(:, history_size + 4:history_size + 6)
-    s%point(:, :, g) = row(:, history_size + 7:history_size + 9)
-    s%push(:, :, g) = row(:, history_size + 10:history_size + 12)
-    s%motion(:, :, g) = row(:, history_size + 13:history_size + 18)
+    s%list%history(:, :, g) = row(:, :history_size)
+    s%list%foot(:, :, g) = row(:, history_size + 1:history_size + 3)
+    s%list%normal(:, :, g) = row(:, history_size + 4:history_size + 6)
+    s%list%point(:, :, g) = row(:, history_size + 7:history_size + 9)
+    s%list%push(:, :, g) = row(:, history_size + 10:history_size + 12)
+    s%list%motion(:, :, g) = row(:, history_size + 13:history_size + 18)
   end subroutine unpack_contact
 end module dem_surface_store

@@ -190,7 +190,7 @@ contains
       call servo%look(s%dem_data_type, 10*k*s%par%dt, none)
     end do
     call test%check('no faults', .not. errors%any())
-    call test%check_close('force on the plate', s%surfaces%force(3, 1), wanted, 1.0e-6_wp)
+    call test%check_close('force on the plate', s%surfaces%sums%force(3, 1), wanted, 1.0e-6_wp)
     call test%check_close('where it stands', s%surfaces%centre(3, 1), &
                           2.0_wp*r - 2.0_wp*wanted/kn, 1.0e-10_wp)
     call test%check_close('its own way across', s%surfaces%centre(1, 1), 0.001_wp, 1.0e-12_wp)

@@ -179,7 +179,7 @@ contains
       worst = larger(worst, max_abs(a%grains%x - b%grains%x)/axes(1), &
                   max_abs(a%grains%v - b%grains%v), &
                   max_abs(a%grains%omega - b%grains%omega)*axes(1))
-      turn = larger(turn, max_abs(a%planes%impulse(:, 1) - b%surfaces%impulse(:, 1)) &
+      turn = larger(turn, max_abs(a%planes%impulse(:, 1) - b%surfaces%sums%impulse(:, 1)) &
                  /(a%grains%mass(1)*0.2_wp))
     end do
     call test%check(name//' touches', sum(a%planes%impulse(3, :)) < 0.0_wp)
@@ -231,7 +231,7 @@ contains
       last = s%grains%force(:, 1)
     end do
     call test%check(name//' passed the bend', s%grains%x(2, 1) > 1.0e-4_wp)
-    call test%check(name//' one contact', s%surfaces%contacts(1) == 1)
+    call test%check(name//' one contact', s%surfaces%list%contacts(1) == 1)
     call test%check_close(name//' no jump', jump/most, 0.0_wp, 1.0e-3_wp)
   end subroutine check_bend
 
@@ -248,25 +248,26 @@ contains
     call make_floor(s, -0.02_wp, surface_soft)
     if (present(on_top)) call add_laws(s, on_top)
     call s%init(errors)
-    s%surfaces%v = 0.5_wp*s%surfaces%x([2, 1, 3], :)
+    s%surfaces%mesh%v = 0.5_wp*s%surfaces%mesh%x([2, 1, 3], :)
     s%par%dt = 2.0e-7_wp
     do k = 1, 1000
       call s%step(10, errors)
-      if (s%surfaces%contacts(1) == 1 .and. norm2(s%grains%force) > 0.05_wp) exit
+      if (s%surfaces%list%contacts(1) == 1 .and. norm2(s%grains%force) > 0.05_wp) exit
     end do
-    call test%check('soft floor touched', s%surfaces%contacts(1) == 1)
+    call test%check('soft floor touched', s%surfaces%list%contacts(1) == 1)
     force = 0.0_wp
     moment = 0.0_wp
-    do k = 1, s%surfaces%vertices
-      f = s%surfaces%vertex_force(:, k)
-      r = s%surfaces%x(:, k)
+    do k = 1, s%surfaces%mesh%vertices
+      f = s%surfaces%mesh%force(:, k)
+      r = s%surfaces%mesh%x(:, k)
       force = force + f
       moment = moment + [r(2)*f(3) - r(3)*f(2), r(3)*f(1) - r(1)*f(3), r(1)*f(2) - r(2)*f(1)]
     end do
     call test%check_close('vertices carry the force', norm2(force + s%grains%force(:, 1)) &
                           /norm2(force), 0.0_wp, 1.0e-14_wp)
-    call test%check_close('vertices carry the moment', norm2(moment - s%surfaces%moment(:, 1)) &
-                          /norm2(moment), 0.0_wp, 1.0e-12_wp)
+    call test%check_close('vertices carry the moment', &
+                          norm2(moment - s%surfaces%sums%moment(:, 1)) /norm2(moment), 0.0_wp, &
+                          1.0e-12_wp)
     call s%step(20000, errors)
     call s%refresh_ledger()
     call test%check_close('ledger on a soft floor', s%closure()/s%ledger%start, 0.0_wp, 1.0e-4_wp)
@@ -308,11 +309,11 @@ contains
                     all(sum(abs(a%planes%impulse), 1) > 0.0_wp))
     call test%check_close('a corner of one mesh is two planes', worst, 0.0_wp, 1.0e-10_wp)
     call test%check_close('its force is that of both planes', max_abs( &
-      sum(a%planes%impulse, 2) - b%surfaces%impulse(:, 1))/(a%grains%mass(1)*0.3_wp), 0.0_wp, &
+      sum(a%planes%impulse, 2) - b%surfaces%sums%impulse(:, 1))/(a%grains%mass(1)*0.3_wp), 0.0_wp, &
       1.0e-10_wp)
     call test%check('same bits with threads and list', &
                     all(abs(b%grains%x - c%grains%x) <= 0.0_wp) .and. &
-                    all(abs(b%surfaces%impulse - c%surfaces%impulse) <= 0.0_wp))
+                    all(abs(b%surfaces%sums%impulse - c%surfaces%sums%impulse) <= 0.0_wp))
   end subroutine check_corner
 
   !> Floor and wall that meet along y.
@@ -359,21 +360,21 @@ contains
     call s%init(errors)
     do k = 1, 2000
       call s%step(10, errors)
-      if (s%surfaces%contacts(1) == 1 .and. norm2(s%grains%force) > 0.05_wp) exit
+      if (s%surfaces%list%contacts(1) == 1 .and. norm2(s%grains%force) > 0.05_wp) exit
     end do
     f = s%grains%force(:, 1)
     r = s%grains%x(:, 1) - s%surfaces%centre(:, 1)
     moment = s%grains%moment(:, 1) + [r(2)*f(3) - r(3)*f(2), r(3)*f(1) - r(1)*f(3), &
                                       r(1)*f(2) - r(2)*f(1)]
     call test%check('a floor that moves is touched', norm2(f) > 0.05_wp)
-    call test%check_close('its force', norm2(s%surfaces%force(:, 1) + f)/norm2(f), 0.0_wp, &
+    call test%check_close('its force', norm2(s%surfaces%sums%force(:, 1) + f)/norm2(f), 0.0_wp, &
                           1.0e-14_wp)
-    call test%check_close('its moment', norm2(s%surfaces%moment(:, 1) + moment)/norm2(moment), &
-                          0.0_wp, 1.0e-12_wp)
+    call test%check_close('its moment', norm2(s%surfaces%sums%moment(:, 1) &
+                          + moment)/norm2(moment), 0.0_wp, 1.0e-12_wp)
     call s%step(20000, errors)
     call s%refresh_ledger()
     call test%check('the grain is thrown off', s%grains%v(3, 1) > 0.2_wp)
-    call test%check_close('work of the floor', s%surfaces%work(1), s%ledger%boundary, &
+    call test%check_close('work of the floor', s%surfaces%sums%work(1), s%ledger%boundary, &
                           1.0e-14_wp*abs(s%ledger%boundary))
     call test%check_close('ledger with a floor that turns', s%closure()/s%ledger%boundary, 0.0_wp, &
                           1.0e-4_wp)

@@ -196,23 +196,23 @@ contains
     integer(i4) :: g
     call make_random(d, .false.)
     associate (s => d%surfaces)
-      s%near = 2
-      s%near_grain = [2_i4, 4_i4]
-      s%candidate = [integer(i4) ::]
+      s%list%near = 2
+      s%list%near_grain = [2_i4, 4_i4]
+      s%list%candidate = [integer(i4) ::]
       call allocate_contacts(s, n, kept)
       copy%surfaces = s
-      s%contacts = [3, lanes]
-      s%part = reshape([(g, g=1, 2*lanes)], [lanes, 2])
-      call random_number(s%load)
-      call random_number(s%history)
-      call random_number(s%foot)
-      call random_number(s%normal)
-      call random_number(s%point)
-      call random_number(s%push)
-      call random_number(s%motion)
-      call random_number(s%sign)
-      call random_number(s%kept)
-      call random_number(s%couple)
+      s%list%contacts = [3, lanes]
+      s%list%part = reshape([(g, g=1, 2*lanes)], [lanes, 2])
+      call random_number(s%list%load)
+      call random_number(s%list%history)
+      call random_number(s%list%foot)
+      call random_number(s%list%normal)
+      call random_number(s%list%point)
+      call random_number(s%list%push)
+      call random_number(s%list%motion)
+      call random_number(s%list%sign)
+      call random_number(s%list%kept)
+      call random_number(s%list%couple)
       allocate (row(8 + lanes*(history_size + 20 + merge(kept + 3, 0_i4, kept > 0))))
       do g = 1, 2
         row = ieee_value(1.0_wp, ieee_quiet_nan)
@@ -222,13 +222,18 @@ contains
         call unpack_touch(row, copy%surfaces, g, lanes)
       end do
       associate (c => copy%surfaces)
-        call test%check('numbers', all(c%contacts == s%contacts) .and. all(c%part == s%part))
-        call test%check('loads', all(c%load == s%load))
-        call test%check('contacts', all(c%history == s%history) .and. all(c%foot == s%foot) .and. &
-                        all(c%normal == s%normal) .and. all(c%point == s%point) .and. &
-                        all(c%push == s%push) .and. all(c%motion == s%motion) .and. &
-                        all(c%sign == s%sign))
-        call test%check('kept', all(c%kept == s%kept) .and. all(c%couple == s%couple))
+        call test%check('numbers', all(c%list%contacts == s%list%contacts) &
+                        .and. all(c%list%part == s%list%part))
+        call test%check('loads', all(c%list%load == s%list%load))
+        call test%check('contacts', all(c%list%history == s%list%history) &
+                        .and. all(c%list%foot == s%list%foot) &
+                        .and. all(c%list%normal == s%list%normal) &
+                        .and. all(c%list%point == s%list%point) &
+                        .and. all(c%list%push == s%list%push) &
+                        .and. all(c%list%motion == s%list%motion) &
+                        .and. all(c%list%sign == s%list%sign))
+        call test%check('kept', all(c%list%kept == s%list%kept) &
+                        .and. all(c%list%couple == s%list%couple))
       end associate
     end associate
   end subroutine check_touches

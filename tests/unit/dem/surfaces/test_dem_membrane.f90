@@ -63,10 +63,10 @@ contains
     call check_mesh(mesh, .false., errors)
     call test%check('a sheet', .not. errors%any())
     call add_mesh(s, mesh, 'sheet', surface_membrane, 1, 0.94_wp, [0.0_wp, 0.0_wp, 0.0_wp])
-    s%near = 1
-    s%near_start = [1, s%triangles + 1]
-    s%candidate = [(k, k=1, s%triangles)]
-    allocate (s%history(most_features, 1, 1))
+    s%list%near = 1
+    s%list%near_start = [1, s%mesh%triangles + 1]
+    s%list%candidate = [(k, k=1, s%mesh%triangles)]
+    allocate (s%list%history(most_features, 1, 1))
   end subroutine make_sheet
 
   pure type(figure_type) function grain_at(x, shape)
@@ -118,7 +118,7 @@ contains
       energy = energy + 0.5_wp*f%sign(k)*f%gap(k)**2
       force = force - f%sign(k)*f%gap(k)*f%normal(:, k)
       do j = 1, 3
-        vertex = s%corner(j, f%candidate(k))
+        vertex = s%mesh%corner(j, f%candidate(k))
         corner(:, vertex) = corner(:, vertex) &
                             + f%sign(k)*f%gap(k)*f%share(j, k)*f%normal(:, k)
       end do
@@ -136,7 +136,7 @@ contains
     integer(i4) :: k, a, side, index, shape, v, most, touched
 
     call make_sheet(s, bump)
-    allocate (corner(3, s%vertices), some(3, s%vertices))
+    allocate (corner(3, s%mesh%vertices), some(3, s%mesh%vertices))
     worst = 0.0_wp
     balance = 0.0_wp
     most = 0
@@ -158,9 +158,9 @@ contains
         end do
         worst(1) = larger(worst(1), abs((u(2) - u(1))/(2.0_wp*step) + force(a))/norm2(force))
         do side = 1, 2
-          s%x(a, v) = s%x(a, v) + (2*side - 3)*step
+          s%mesh%x(a, v) = s%mesh%x(a, v) + (2*side - 3)*step
           call look(s, x, shape, u(side), none, some, index)
-          s%x(a, v) = s%x(a, v) - (2*side - 3)*step
+          s%mesh%x(a, v) = s%mesh%x(a, v) - (2*side - 3)*step
         end do
         worst(2) = larger(worst(2), abs((u(2) - u(1))/(2.0_wp*step) + corner(a, v))/norm2(force))
       end do
@@ -181,7 +181,7 @@ contains
     integer(i4) :: k, index, many, shape, fewest, most
 
     call make_sheet(s, 1.5e-4_wp)
-    allocate (corner(3, s%vertices))
+    allocate (corner(3, s%mesh%vertices))
     do shape = 1, 2
       work = 0.0_wp
       largest = 0.0_wp
@@ -217,9 +217,9 @@ contains
     call pull_membranes(ball)
     call test%check_close('pressure on a closed sheet', norm2(sum(ball%membranes%press, 2)), &
                           0.0_wp, 1.0e-14_wp)
-    call test%check('pressure inwards', sum(ball%membranes%press*ball%x) < 0.0_wp)
+    call test%check('pressure inwards', sum(ball%membranes%press*ball%mesh%x) < 0.0_wp)
     call test%check_close('three times pressure times volume', &
-                          -sum(ball%membranes%press*ball%x)/5.0_wp, 3.0_wp*volume(ball), &
+                          -sum(ball%membranes%press*ball%mesh%x)/5.0_wp, 3.0_wp*volume(ball), &
                           1.0e-13_wp)
     call add_triangles(s, p, side(:, :1))
     s%membranes%pressure = 5.0_wp
@@ -244,8 +244,8 @@ contains
     p(3, 5:6) = [1.0_wp, -1.0_wp]
     call add_triangles(ball, p, side)
     ball%membranes%pressure = 5.0_wp
-    ball%x = much*ball%x
-    ball%v = -rate*ball%x
+    ball%mesh%x = much*ball%mesh%x
+    ball%mesh%v = -rate*ball%mesh%x
     call pull_membranes(ball)
     work = 0.0_wp
     ball%membranes%wall = -1
@@ -257,8 +257,9 @@ contains
     work = 0.0_wp
     call finish_membranes(ball, dt, work)
     call test%check_close('work of the pressure on held corners', work(2)/given, 1.0_wp, 1.0e-12_wp)
-    given = given + dt*sum(ball%membranes%pull*ball%v)
-    call test%check('a stretched sheet pulls inwards', sum(ball%membranes%pull*ball%v) > 0.0_wp)
+    given = given + dt*sum(ball%membranes%pull*ball%mesh%v)
+    call test%check('a stretched sheet pulls inwards', &
+                    sum(ball%membranes%pull*ball%mesh%v) > 0.0_wp)
     call test%check_close('work of what holds corners', work(4)/given, -1.0_wp, 1.0e-12_wp)
   end subroutine check_work
 
@@ -266,8 +267,8 @@ contains
     type(dem_surfaces_type), intent(in) :: s
     integer(i4) :: k
     volume = 0.0_wp
-    do k = 1, s%triangles
-      associate (x => s%x(:, s%corner(:, k)))
+    do k = 1, s%mesh%triangles
+      associate (x => s%mesh%x(:, s%mesh%corner(:, k)))
         volume = volume + dot_product(x(:, 1), cross(x(:, 2), x(:, 3)))/6.0_wp
       end associate
     end do
@@ -303,24 +304,24 @@ contains
     p = reshape([0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.1_wp, 0.0_wp, 1.1_wp, 1.0_wp, 0.0_wp, &
                  0.0_wp, 0.9_wp, 0.0_wp], [3, 4])
     call add_triangles(s, p, reshape([1, 2, 3, 1, 3, 4], [3, 2]))
-    s%x = much*s%x
+    s%mesh%x = much*s%mesh%x
     call pull_membranes(s)
     part = membranes_energy(s, motion)
     strain = 0.5_wp*(much**2 - 1.0_wp)
     call test%check_close('energy of an even stretch', part(3), &
                           sum(s%membranes%area)*7.0_wp*1.3_wp*strain**2, 1.0e-13_wp)
     call test%check_close('its largest stretch', s%membranes%stretch(1), much, 1.0e-12_wp)
-    s%x(3, 2) = 0.2_wp
-    s%x(1, 3) = 1.4_wp
+    s%mesh%x(3, 2) = 0.2_wp
+    s%mesh%x(1, 3) = 1.4_wp
     call pull_membranes(s)
     worst = 0.0_wp
     do k = 1, 4
       do a = 1, 3
         do side = 1, 2
-          s%x(a, k) = s%x(a, k) + (2*side - 3)*step
+          s%mesh%x(a, k) = s%mesh%x(a, k) + (2*side - 3)*step
           part = membranes_energy(s, motion)
           u(side) = part(3)
-          s%x(a, k) = s%x(a, k) - (2*side - 3)*step
+          s%mesh%x(a, k) = s%mesh%x(a, k) - (2*side - 3)*step
         end do
         worst = larger(worst, abs((u(2) - u(1))/(2.0_wp*step) + s%membranes%pull(a, k)))
       end do

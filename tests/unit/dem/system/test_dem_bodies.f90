@@ -71,10 +71,10 @@ contains
 
     call make_pair(s, kind_fixed, 1.0_wp, 0.0_wp)
     call test%check('nothing is free yet', .not. is_free(s%surfaces, 1))
-    s%surfaces%free(:, 1) = [0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 1.0_wp, 0.0_wp]
-    s%surfaces%mass = mass
-    s%surfaces%inertia = inertia
-    s%surfaces%given(:, 1) = [7.0_wp, 0.0_wp, push, 5.0_wp, moment, 0.0_wp]
+    s%surfaces%rigid%free(:, 1) = [0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 1.0_wp, 0.0_wp]
+    s%surfaces%rigid%mass = mass
+    s%surfaces%rigid%inertia = inertia
+    s%surfaces%rigid%given(:, 1) = [7.0_wp, 0.0_wp, push, 5.0_wp, moment, 0.0_wp]
     s%surfaces%velocity(1, 1) = 0.3_wp
     s%par%gravity = [1.0_wp, 0.0_wp, -g]
     s%par%dt = dt
@@ -121,8 +121,8 @@ contains
     integer(i4) :: k
 
     call make_pair(s, kind, radius + 1.0e-6_wp, 0.05_wp)
-    s%surfaces%free(3, 1) = 1.0_wp
-    s%surfaces%mass = mass
+    s%surfaces%rigid%free(3, 1) = 1.0_wp
+    s%surfaces%rigid%mass = mass
     s%surfaces%velocity(3, 1) = -speed
     s%par%dt = 2.0e-6_wp*sqrt(min(mass, 1.0e-3_wp)/0.1_wp)
     call s%init(errors)
@@ -151,16 +151,16 @@ contains
     call held%init(errors)
     call test%check('no limit', held%step_limit() > 1.0_wp)
     s%surfaces%centre(1, 1) = 5.0e-3_wp
-    s%surfaces%free(3, 1) = 1.0_wp
-    s%surfaces%mass = 0.1_wp
+    s%surfaces%rigid%free(3, 1) = 1.0_wp
+    s%surfaces%rigid%mass = 0.1_wp
     s%par%dt = 1.0e-9_wp
     call s%init(errors)
     heavy = s%step_limit()
-    s%surfaces%mass = 0.001_wp
+    s%surfaces%rigid%mass = 0.001_wp
     light = s%step_limit()
     call test%check_close('by the root of the mass', heavy/light, 10.0_wp, 1.0e-12_wp)
-    s%surfaces%free(5, 1) = 1.0_wp
-    s%surfaces%inertia = 1.0e-9_wp
+    s%surfaces%rigid%free(5, 1) = 1.0_wp
+    s%surfaces%rigid%inertia = 1.0e-9_wp
     turning = s%step_limit()
     call test%check('less if it turns', turning < light)
   end subroutine check_limit
