@@ -25,11 +25,13 @@ module talus_history
     character(len=:), allocatable, private :: buffer
   contains
     procedure :: open => open_history
+    generic :: begin => begin_names, begin_titles
     procedure :: resume
     procedure :: write => write_row
     procedure :: flush => flush_rows
     procedure :: close => close_history
     procedure :: is_open
+    procedure, private :: begin_names, begin_titles
   end type history_type
 
 contains
@@ -43,6 +45,34 @@ contains
     type(error_list_type), intent(inout) :: errors
     call start(self, path, columns, append .and. file_exists(path), errors)
   end subroutine open_history
+
+  !> Begin a file, or go on in it after a restart at time >= 0.
+  subroutine begin_names(self, path, columns, time, errors)
+    class(history_type), intent(inout) :: self
+    character(len=*), intent(in) :: path
+    type(string_type), intent(in) :: columns(:)
+    real(wp), intent(in) :: time  !! of the checkpoint [s]; < 0: a fresh run
+    type(error_list_type), intent(inout) :: errors
+    if (time < 0.0_wp) then
+      call self%open(path, columns, .false., errors)
+    else
+      call self%resume(path, columns, time, errors)
+    end if
+  end subroutine begin_names
+
+  !> The same with padded titles.
+  subroutine begin_titles(self, path, titles, time, errors)
+    class(history_type), intent(inout) :: self
+    character(len=*), intent(in) :: path, titles(:)
+    real(wp), intent(in) :: time  !! of the checkpoint [s]; < 0: a fresh run
+    type(error_list_type), intent(inout) :: errors
+    type(string_type) :: columns(size(titles))
+    integer(i4) :: k
+    do k = 1, size(titles)
+      columns(k)%s = trim(titles(k))
+    end do
+    call begin_names(self, path, columns, time, errors)
+  end subroutine begin_titles
 
   !> Go on after a restart: rows later than time [s], and a last row without its end, are cut.
   subroutine resume(self, path, columns, time, errors)

@@ -334,11 +334,7 @@ contains
         names(2 + 9*k + j)%s = trim(tensors(k))//trim(components(j))//trim(units(k))
       end do
     end do
-    if (time < 0.0_wp) then
-      call self%history%open(stem//'_cell.csv', names, .false., errors)
-    else
-      call self%history%resume(stem//'_cell.csv', names, time, errors)
-    end if
+    call self%history%begin(stem//'_cell.csv', names, time, errors)
   end subroutine open_history
 
   !> One row: edges, deformation gradient since the start, velocity gradient, stress.

@@ -8,7 +8,7 @@
 !! Where grains overlap with a solid, what falls to ghosts is left to the loads of the solid.
 module dem_surcharge
   use talus_kinds, only: wp, i4, i8
-  use talus_text, only: str, string_type
+  use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_curve, only: curve_type, curve_index
   use talus_deck, only: deck_type
@@ -290,17 +290,8 @@ contains
     character(len=*), intent(in) :: stem
     real(wp), intent(in) :: time  !! of the checkpoint [s]; < 0: a fresh run
     type(error_list_type), intent(inout) :: errors
-    type(string_type) :: names(size(columns))
-    integer(i4) :: k
     if (.not. self%active) return
-    do k = 1, size(columns)
-      names(k)%s = trim(columns(k))
-    end do
-    if (time < 0.0_wp) then
-      call self%history%open(stem//'_surcharge.csv', names, .false., errors)
-    else
-      call self%history%resume(stem//'_surcharge.csv', names, time, errors)
-    end if
+    call self%history%begin(stem//'_surcharge.csv', columns, time, errors)
   end subroutine open_history
 
   !> The last look, the moment of the forces about the origin, and the work of all extra forces so

@@ -379,17 +379,8 @@ contains
     character(len=*), intent(in) :: stem
     real(wp), intent(in) :: time  !! of the checkpoint [s]; < 0: a fresh run
     type(error_list_type), intent(inout) :: errors
-    type(string_type) :: names(size(columns))
-    integer(i4) :: k
     if (.not. self%active()) return
-    do k = 1, size(columns)
-      names(k)%s = trim(columns(k))
-    end do
-    if (time < 0.0_wp) then
-      call self%history%open(stem//'_surface_servos.csv', names, .false., errors)
-    else
-      call self%history%resume(stem//'_surface_servos.csv', names, time, errors)
-    end if
+    call self%history%begin(stem//'_surface_servos.csv', columns, time, errors)
   end subroutine open_history
 
   !> A row a servo: what it saw at its last look, and where it is along its direction now; of a

@@ -4,7 +4,6 @@
 !! the run, also when a partner's exchanges reset those of the system.
 module dem_histories
   use talus_kinds, only: wp, i4, i8
-  use talus_text, only: string_type
   use talus_errors, only: error_list_type
   use talus_history, only: history_type
   use dem_state, only: kind_driven
@@ -71,38 +70,19 @@ contains
     type(error_list_type), intent(inout) :: errors
 
     if (self%plastic) then
-      call begin(self%energy, stem//'_energy.csv', &
-                 [character(len=26) :: energy_columns, 'plastic [J]'], time, errors)
+      call self%energy%begin(stem//'_energy.csv', &
+                             [character(len=26) :: energy_columns, 'plastic [J]'], time, errors)
     else
-      call begin(self%energy, stem//'_energy.csv', energy_columns, time, errors)
+      call self%energy%begin(stem//'_energy.csv', energy_columns, time, errors)
     end if
     if (size(self%index) > 0) &
-      call begin(self%driven, stem//'_driven.csv', driven_columns, time, errors)
+      call self%driven%begin(stem//'_driven.csv', driven_columns, time, errors)
     if (size(self%wall_work) > 0) &
-      call begin(self%walls, stem//'_walls.csv', wall_columns, time, errors)
+      call self%walls%begin(stem//'_walls.csv', wall_columns, time, errors)
     if (size(self%surface_work) > 0) &
       call open_surface_history(self%surfaces, stem, time, errors)
     if (self%free) call open_body_history(self%bodies, stem, time, errors)
   end subroutine open_histories
-
-  subroutine begin(history, path, columns, time, errors)
-    type(history_type), intent(inout) :: history
-    character(len=*), intent(in) :: path, columns(:)
-    real(wp), intent(in) :: time
-    type(error_list_type), intent(inout) :: errors
-    type(string_type), allocatable :: names(:)
-    integer(i4) :: k
-
-    allocate (names(size(columns)))
-    do k = 1, size(columns)
-      names(k)%s = trim(columns(k))
-    end do
-    if (time < 0.0_wp) then
-      call history%open(path, names, .false., errors)
-    else
-      call history%resume(path, names, time, errors)
-    end if
-  end subroutine begin
 
   !> Rows of the present state; the ledger is refreshed.
   subroutine write_rows(self, time, system, errors)

@@ -206,12 +206,12 @@ contains
       associate (item => self%item(k))
         kept = kept_time(time, item%every)
         call measure_columns(names)
-        call begin(item%history, stem//'_measure_'//item%id//'.csv', names, kept, errors)
+        call item%history%begin(stem//'_measure_'//item%id//'.csv', names, kept, errors)
         call moduli_columns(names)
-        if (item%moduli) call begin(item%full, stem//'_moduli_'//item%id//'.csv', names, kept, &
+        if (item%moduli) call item%full%begin(stem//'_moduli_'//item%id//'.csv', names, kept, &
                                     errors)
         call micro_columns(names)
-        if (item%moduli) call begin(item%micro, stem//'_micromorphic_'//item%id//'.csv', names, &
+        if (item%moduli) call item%micro%begin(stem//'_micromorphic_'//item%id//'.csv', names, &
                                     kept, errors)
         item%last_time = -1.0_wp
         if (kept >= time .and. time >= 0.0_wp) item%last_time = time
@@ -233,19 +233,6 @@ contains
     end if
     kept = time*(1.0_wp - epsilon(time))
   end function kept_time
-
-  subroutine begin(history, path, names, time, errors)
-    type(history_type), intent(inout) :: history
-    character(len=*), intent(in) :: path
-    type(string_type), intent(in) :: names(:)
-    real(wp), intent(in) :: time
-    type(error_list_type), intent(inout) :: errors
-    if (time < 0.0_wp) then
-      call history%open(path, names, .false., errors)
-    else
-      call history%resume(path, names, time, errors)
-    end if
-  end subroutine begin
 
   !> Measure what is due now, or (all) everything that was not measured at this time.
   subroutine write_measures(self, time, system, all, errors, list)

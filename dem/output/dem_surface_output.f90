@@ -2,7 +2,6 @@
 !! every step for pictures (cones as polygons of revolution).
 module dem_surface_output
   use talus_kinds, only: wp, i4, i8
-  use talus_text, only: string_type
   use talus_errors, only: error_list_type
   use talus_hdf5, only: h5_file_type
   use talus_history, only: history_type
@@ -31,7 +30,7 @@ contains
     character(len=*), intent(in) :: stem
     real(wp), intent(in) :: time  !! of the checkpoint [s]; < 0: a fresh run
     type(error_list_type), intent(inout) :: errors
-    call begin(history, stem//'_surfaces.csv', columns, time, errors)
+    call history%begin(stem//'_surfaces.csv', columns, time, errors)
   end subroutine open_surface_history
 
   !> The same for free bodies.
@@ -40,27 +39,8 @@ contains
     character(len=*), intent(in) :: stem
     real(wp), intent(in) :: time  !! of the checkpoint [s]; < 0: a fresh run
     type(error_list_type), intent(inout) :: errors
-    call begin(history, stem//'_bodies.csv', body_columns, time, errors)
+    call history%begin(stem//'_bodies.csv', body_columns, time, errors)
   end subroutine open_body_history
-
-  subroutine begin(history, path, titles, time, errors)
-    type(history_type), intent(inout) :: history
-    character(len=*), intent(in) :: path, titles(:)
-    real(wp), intent(in) :: time
-    type(error_list_type), intent(inout) :: errors
-    type(string_type), allocatable :: names(:)
-    integer(i4) :: k
-
-    allocate (names(size(titles)))
-    do k = 1, size(titles)
-      names(k)%s = trim(titles(k))
-    end do
-    if (time < 0.0_wp) then
-      call history%open(path, names, .false., errors)
-    else
-      call history%resume(path, names, time, errors)
-    end if
-  end subroutine begin
 
   !> A row a free body: place, velocity, spin and turn since the start, a quaternion.
   subroutine write_body_rows(history, time, s, errors)

@@ -13,7 +13,7 @@ module dem_parts_forces
   use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_ghost
   use dem_law_state, only: column_count, column_plastic
   use dem_relist, only: rebuild_list, travel_of, larger
-  use dem_steps, only: finish_planes
+  use dem_chunks, only: finish_planes
   use dem_membrane_forces, only: share_near
   use dem_surface_forces, only: surface_load
   use dem_surface_motion, only: surface_travel, surface_columns

@@ -12,44 +12,31 @@ module dem_steps
   use, intrinsic :: omp_lib, only: omp_get_thread_num, omp_get_num_threads
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use dem_state, only: dem_data_type, dem_pairs_type, kind_free, kind_fixed, kind_ghost, &
-    kind_mirror, mode_relaxation, lanes, body_size
-  use dem_law_state, only: column_count, column_plastic
-  use dem_carry, only: start_carried, finish_carried, recall_carried, sum_images
+  use dem_state, only: dem_data_type, dem_pairs_type, kind_free, kind_fixed, kind_ghost, kind_mirror
+  use dem_carry, only: sum_images
   use dem_cell, only: advance_cell
   use dem_lost, only: all_finite, name_lost_grain, name_stray
   use dem_bonds_make, only: check_bonds
   use dem_forces, only: block_forces, sum_body
-  use dem_lanes, only: sum_lanes, call_for, finish_puts
+  use dem_lanes, only: finish_puts
   use dem_integrate, only: motion_type, motion_of, kick_mover, drift_mover, work_count
   use dem_integration_block, only: mover_type, push_type, load_mover, store_mover, load_forces, &
-    store_forces, load_side, recall_side, ready_push, read_mover, put_bodies, follow_travel
-  use dem_relist, only: rebuild_list, fit_skin, outlived, travel_of, larger
+    load_side, ready_push, put_bodies
+  use dem_relist, only: rebuild_list, fit_skin, outlived
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_ellipsoid, only: quaternion_from_rotation
   use dem_membrane_forces, only: share_near
-  use dem_membrane, only: push_surfaces, finish_membranes
-  use dem_surface_additional, only: add_work_on_top
-  use dem_surface_forces, only: add_surface_loads, surface_load
-  use dem_surface_motion, only: drift_surfaces, finish_surfaces, surface_travel, surface_columns
+  use dem_surface_forces, only: surface_load
   use dem_swap, only: agree_travel, begin_swap, end_swap, add_loads
+  use dem_chunks, only: set_turns, start_chunk, recall_chunk, finish_chunk, start_planes, &
+    finish_planes
+  use dem_step_work, only: step_memory_type, plan_work, settle_work, share_chunks, &
+    add_grain_work, add_contact_work, chunk
   implicit none
   private
-  public :: step_memory_type, take_steps, evaluate_forces
-  public :: kick_and_drift, finish_planes
+  public :: step_memory_type, take_steps, evaluate_forces, kick_and_drift
 
-  integer(i4), parameter :: chunk = lanes  !! grains in a unit of work
   integer(i8), parameter :: look = 32      !! steps after which a chunk's travel is found anew
-
-  !> What a region works on beside the system itself: memory that one call of take_steps leaves to
-  !! the next. It carries no state.
-  type :: step_memory_type
-    type(mover_type), allocatable :: movers(:)    !! of each chunk; the last chunk is the planes'
-    real(wp), allocatable :: started(:, :)        !! (work_count, chunks) of the first half [J]
-    real(wp), allocatable :: finished(:, :)       !! (work_count, chunks) of the second half [J]
-    real(wp), allocatable :: travel(:)            !! (chunks) since the list was made [m]
-    integer(i4), allocatable :: load(:)           !! (chunks) work up to and with each chunk
-  end type step_memory_type
 
 contains
 
@@ -97,73 +84,6 @@ contains
     d%grains%has_target = .false.
     if (.not. all_finite(d)) call name_lost_grain(d, errors)
   end subroutine take_steps
-
-  !> Works of a step that is half done into the ledger, before the grains go to other chunks.
-  subroutine settle_work(d, work, begun)
-    type(dem_data_type), intent(inout) :: d
-    type(step_memory_type), intent(inout) :: work
-    logical, intent(in) :: begun  !! steps were taken before this one
-    if (begun) call add_grain_work(d, work%finished)
-    call add_grain_work(d, work%started)
-    deallocate (work%load, work%started, work%finished)
-  end subroutine settle_work
-
-  !> Chunks of grains and how much work each is: a free grain counts ten, another one one.
-  subroutine plan_work(d, work)
-    type(dem_data_type), intent(in) :: d
-    type(step_memory_type), intent(inout) :: work
-    integer(i4) :: chunks, c, low, high
-
-    chunks = (d%grains%n + chunk - 1)/chunk + 1
-    if (allocated(work%load)) then
-      if (size(work%load) /= chunks) deallocate (work%load, work%started, work%finished)
-    end if
-    if (allocated(work%movers)) then
-      if (size(work%movers) /= chunks - 1) deallocate (work%movers)
-    end if
-    if (.not. allocated(work%movers)) allocate (work%movers(chunks - 1))
-    if (.not. allocated(work%load)) then
-      if (allocated(work%travel)) deallocate (work%travel)
-      allocate (work%load(chunks), work%travel(chunks))
-      allocate (work%started(work_count, chunks), work%finished(work_count, chunks))
-      work%started = 0.0_wp
-      work%finished = 0.0_wp
-    end if
-    do c = 1, chunks
-      low = (c - 1)*chunk + 1
-      high = min(c*chunk, d%grains%n)
-      work%load(c) = 1 + 9*count(d%grains%kind(low:high) == kind_free) + max(high - low + 1, 0)
-      if (c > 1) work%load(c) = work%load(c) + work%load(c - 1)
-    end do
-  end subroutine plan_work
-
-  !> Chunks low..high of one of the threads: runs of equal work.
-  pure subroutine share_chunks(load, me, threads, low, high)
-    integer(i4), intent(in) :: load(:)      !! running sum
-    integer(i4), intent(in) :: me, threads  !! me from 0
-    integer(i4), intent(out) :: low, high
-    integer(i8) :: total
-    total = load(size(load))
-    low = 1 + count(load <= total*me/threads)
-    high = count(load <= total*(me + 1)/threads)
-  end subroutine share_chunks
-
-  !> Rotation of one step of the grains that keep a constant spin.
-  subroutine set_turns(d)
-    type(dem_data_type), intent(inout) :: d
-    integer(i4) :: i
-    do i = 1, d%grains%n
-      if (stands(d%grains%kind(i))) cycle
-      if (d%grains%has_target(i)) cycle
-      d%grains%turn(:, i) = quaternion_from_rotation(d%par%dt*d%grains%omega(:, i))
-    end do
-  end subroutine set_turns
-
-  !> Is the grain of a kind that no prescription moves here?
-  pure logical function stands(kind)
-    integer(i4), intent(in) :: kind
-    stands = kind == kind_free .or. kind == kind_fixed .or. kind == kind_mirror
-  end function stands
 
   !> Steps done+1 to n, or until the list is used up (then half of step done+1 is done).
   subroutine run_region(d, motion, n, done, resumed, rebuild, work)
@@ -295,153 +215,6 @@ contains
     if (allocated(pairs%share)) at_border = pairs%share(k) < 1.0_wp
   end function at_border
 
-  !> Start of a step for the grains of chunk c; the last chunk is the planes'. The push is that left
-  !! by finish_chunk, or it is fresh.
-  subroutine start_chunk(d, c, motion, last, exact, work, push, fresh)
-    type(dem_data_type), intent(inout) :: d
-    integer(i4), intent(in) :: c
-    type(motion_type), intent(in) :: motion
-    logical, intent(in) :: last
-    logical, intent(in) :: exact  !! the travel is wanted as it is, see follow_travel
-    type(step_memory_type), intent(inout) :: work
-    type(push_type), intent(inout) :: push
-    logical, intent(in) :: fresh
-    real(wp) :: travel
-    integer(i4) :: i
-
-    work%started(:, c) = 0.0_wp
-    travel = 0.0_wp
-    if (c > size(work%movers)) then
-      call push_surfaces(d%surfaces, d%planes%velocity, motion, .true., work%started(:, c))
-      call start_planes(d, motion%dt, last, travel)
-    else if (d%cell%active) then
-      if (fresh) call ready_chunk(d, work%movers(c), push)
-      call start_carried(d, work%movers(c), motion, last, push, work%started(:, c), travel)
-    else
-      associate (mover => work%movers(c))
-        if (mover%free_count > 0) then
-          if (fresh) call ready_chunk(d, mover, push)
-          call kick_mover(mover, push, motion, .true., work%started(:, c))
-          call drift_mover(mover, push, motion%dt)
-          call put_bodies(mover, push, d%pairs%body, d%grains%forms)
-          call follow_travel(mover, push, d%pairs, motion%dt, exact)
-          travel = mover%travel
-        end if
-        do i = mover%low + 1, mover%low + merge(0, mover%count, mover%free_count == mover%count)
-          if (stands(d%grains%kind(i))) cycle
-          call drift_prescribed(d%grains, i, motion%dt, last, d%pairs%body(:, i))
-          travel = larger(travel, travel_of(d, i))
-        end do
-      end associate
-    end if
-    work%travel(c) = travel
-  end subroutine start_chunk
-
-  !> What a step of a chunk begins with, as it stands with the grains.
-  subroutine ready_chunk(d, mover, push)
-    type(dem_data_type), intent(in) :: d
-    type(mover_type), intent(in) :: mover
-    type(push_type), intent(inout) :: push
-    call load_side(mover, d%grains, d%pairs, push)
-    call load_forces(mover, d%grains, push)
-    call ready_push(mover, d%grains, push)
-  end subroutine ready_chunk
-
-  !> Where the grains of a chunk are and how they move in a step that is half done.
-  subroutine recall_chunk(d, mover, push)
-    type(dem_data_type), intent(in) :: d
-    type(mover_type), intent(in) :: mover
-    type(push_type), intent(inout) :: push
-    call recall_side(mover, d%pairs%body, push)
-    if (d%cell%active) call recall_carried(d, mover, push)
-  end subroutine recall_chunk
-
-  !> Planes and surfaces.
-  subroutine start_planes(d, dt, last, travel)
-    type(dem_data_type), intent(inout) :: d
-    real(wp), intent(in) :: dt
-    logical, intent(in) :: last
-    real(wp), intent(inout) :: travel
-    integer(i4) :: i, body
-    do i = 1, d%planes%n
-      body = d%grains%n + 3 + i
-      d%planes%point(:, i) = d%planes%point(:, i) + dt*d%planes%velocity(:, i)
-      d%pairs%body(1:3, body) = d%planes%point(:, i)
-      d%pairs%body(4:6, body) = d%planes%velocity(:, i)
-      travel = max(travel, sqrt(sum((d%planes%point(:, i) - d%pairs%reference_x(:, body))**2)))
-    end do
-    if (d%surfaces%n == 0) return
-    call drift_surfaces(d%surfaces, dt, last)
-    travel = larger(travel, surface_travel(d%surfaces))
-  end subroutine start_planes
-
-  !> Sums and end of the step for the grains of chunk c; the last chunk is the planes'.
-  subroutine finish_chunk(d, c, motion, last, work, push)
-    type(dem_data_type), intent(inout) :: d
-    integer(i4), intent(in) :: c
-    type(motion_type), intent(in) :: motion
-    logical, intent(in) :: last  !! the forces are wanted with the grains
-    type(step_memory_type), intent(inout) :: work
-    type(push_type), intent(inout) :: push
-    integer(i4) :: k
-
-    work%finished(:, c) = 0.0_wp
-    if (c > size(work%movers)) then
-      call finish_planes(d, motion%dt, work%finished(:, c))
-      call push_surfaces(d%surfaces, d%planes%velocity, motion, .false., work%finished(:, c))
-      return
-    end if
-    if (c < size(work%movers)) call call_chunk(d%pairs, work%movers(c + 1))
-    associate (mover => work%movers(c))
-      call read_mover(mover, .false.)
-      call recall_chunk(d, mover, push)
-      call sum_lanes(d%pairs%result, d%pairs%entry, d%pairs%start(mover%low + 1:), mover%count, &
-                     push%s%x, push%f, push%m)
-      if (d%cell%active) call finish_carried(d, mover, motion%dt, push, work%finished(:, c))
-      if (d%surfaces%list%near > 0) call add_surface_loads(d%surfaces, mover%low, mover%count, &
-        push%f, push%m)
-      do k = 1, merge(0, mover%count, mover%free_count == mover%count)
-        if (mover%free(k) > 0.5_wp .or. d%grains%kind(mover%low + k) == kind_mirror) cycle
-        call finish_prescribed(d%grains, mover%low + k, motion%dt, push%f(k, :), push%m(k, :), &
-                               work%finished(:, c))
-      end do
-      if (mover%free_count == 0) return
-      if (last) call store_forces(mover, push, d%grains)
-      call ready_push(mover, d%grains, push)
-      call kick_mover(mover, push, motion, .false., work%finished(:, c))
-      if (last) call store_mover(mover, push, d%grains)
-    end associate
-  end subroutine finish_chunk
-
-  !> Call for the next chunk while this one is worked on.
-  subroutine call_chunk(pairs, mover)
-    type(dem_pairs_type), intent(in) :: pairs
-    type(mover_type), intent(in) :: mover
-    call read_mover(mover, .true.)
-    call call_for(pairs%body(:, mover%low + 1), body_size*mover%count)
-  end subroutine call_chunk
-
-  !> Planes and surfaces.
-  subroutine finish_planes(d, dt, work)
-    type(dem_data_type), intent(inout) :: d
-    real(wp), intent(in) :: dt
-    real(wp), intent(inout) :: work(work_count)
-    real(wp) :: force(3), moment(3), mean(3), done
-    integer(i4) :: i
-    do i = 1, d%planes%n
-      call sum_body(d%pairs, d%grains%n + 3 + i, force, moment)
-      mean = 0.5_wp*dt*(d%planes%force(:, i) + force)
-      d%planes%force(:, i) = force
-      d%planes%moment(:, i) = moment
-      d%planes%impulse(:, i) = d%planes%impulse(:, i) + mean
-      done = -dot_product(mean, d%planes%velocity(:, i))
-      d%planes%work(i) = d%planes%work(i) + done
-      work(4) = work(4) + done
-    end do
-    if (d%surfaces%n > 0) call finish_surfaces(d%surfaces, dt, work(4))
-    if (allocated(d%surfaces%membranes)) call finish_membranes(d%surfaces, dt, work)
-  end subroutine finish_planes
-
   !> Kick over `kick`, then drift over `drift` of everything that moves [s]; zero leaves one out. No
   !! forces. After a drift targets are reached.
   subroutine kick_and_drift(d, kick, drift)
@@ -491,47 +264,6 @@ contains
       d%grains%has_target(i) = .false.
     end do
   end subroutine drift_all_prescribed
-
-  !> Chunk sums into the ledger, in the order of chunks.
-  subroutine add_grain_work(d, work)
-    type(dem_data_type), intent(inout) :: d
-    real(wp), intent(in) :: work(:, :)
-    real(wp) :: total(work_count)
-    integer(i4) :: c
-    total = 0.0_wp
-    do c = 1, size(work, 2)
-      total = total + work(:, c)
-    end do
-    d%ledger%gravity = d%ledger%gravity + total(1)
-    d%ledger%external = d%ledger%external + total(2)
-    d%ledger%background_damping = d%ledger%background_damping + total(3)
-    d%ledger%boundary = d%ledger%boundary + total(4)
-  end subroutine add_grain_work
-
-  !> Block sums into the ledger, in the order of blocks.
-  subroutine add_contact_work(d)
-    type(dem_data_type), intent(inout) :: d
-    real(wp) :: total(column_count)
-    integer(i4) :: k
-    total = 0.0_wp
-    if (allocated(d%pairs%share)) then
-      do k = 1, d%pairs%blocks
-        total = total + d%pairs%share(k)*d%pairs%columns(:, k)
-      end do
-    else
-      do k = 1, d%pairs%blocks
-        total = total + d%pairs%columns(:, k)
-      end do
-    end if
-    if (d%surfaces%list%near > 0) total = total + surface_columns(d%surfaces)
-    if (d%pairs%extras%active) call add_work_on_top(d)
-    d%ledger%contact_damping = d%ledger%contact_damping + total(1)
-    d%ledger%friction = d%ledger%friction + total(2)
-    d%ledger%tangential_relaxation = d%ledger%tangential_relaxation + total(3)
-    d%ledger%curvature = d%ledger%curvature + total(4)
-    d%ledger%plastic = d%ledger%plastic + total(column_plastic)
-    d%health%evaluations = d%health%evaluations + 1
-  end subroutine add_contact_work
 
   !> Forces at the current state over the pending drift h; sums go to the grains and planes.
   subroutine evaluate_forces(d, h)
