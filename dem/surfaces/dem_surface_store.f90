@@ -111,7 +111,7 @@ contains
       if (k == part_bond) cycle
       associate (part => places%part(k))
         if (part%at > 0) call archive%put_reals('surfaces.'//trim(part%name), reshape( &
-          s%kept(:, part%at:part%at + part%reals - 1, :), [s%slots*part%reals, s%near]))
+          s%list%kept(:, part%at:part%at + part%reals - 1, :), [s%list%slots*part%reals, s%list%near]))
       end associate
     end do
     call archive%put_reals('surfaces.couple', reshape(s%list%couple, [s%list%slots*3, s%list%near]))
@@ -136,11 +136,11 @@ contains
       associate (part => places%part(k))
         if (part%at == 0) cycle
         if (archive%find('surfaces.'//trim(part%name)) == 0) cycle
-        call archive%get_reals('surfaces.'//trim(part%name), s%slots*part%reals, s%near, flat, &
+        call archive%get_reals('surfaces.'//trim(part%name), s%list%slots*part%reals, s%list%near, flat, &
                                errors)
         if (errors%any()) return
-        s%kept(:, part%at:part%at + part%reals - 1, :) = &
-          reshape(flat, [s%slots, part%reals, s%near])
+        s%list%kept(:, part%at:part%at + part%reals - 1, :) = &
+          reshape(flat, [s%list%slots, part%reals, s%list%near])
       end associate
     end do
     if (archive%find('surfaces.couple') == 0) return
