@@ -63,23 +63,16 @@ contains
     scheme%damped = .true.
     scheme%linear_only = .true.
     call deck%get('analysis', 1, 'loss_factor', self%loss)
-    call read_frequencies(deck, self%frequency, errors)
+    call read_frequencies(deck, self%frequency)
   end subroutine read_harmonic
 
-  !> The list, or the range from first to last in equal parts; fault D345 for none or both.
-  subroutine read_frequencies(deck, frequency, errors)
+  !> The list, or the range from first to last in equal parts.
+  subroutine read_frequencies(deck, frequency)
     type(deck_type), intent(in) :: deck
     real(wp), allocatable, intent(out) :: frequency(:)  !! [Hz]
-    type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: ends(:)
     integer(i4) :: n, k
-    if (deck%given('analysis', 1, 'frequencies') .eqv. &
-        deck%given('analysis', 1, 'frequency_range')) then
-      call deck%fault(errors, 'D345', 'the frequencies are given '//trim(merge('twice   ', &
-        'nowhere ', deck%given('analysis', 1, 'frequencies'))), 'analysis', 1, 'kind', &
-        'give either frequencies = ... or frequency_range = first, last, in Hz')
-      allocate (frequency(0))
-    else if (deck%given('analysis', 1, 'frequencies')) then
+    if (deck%given('analysis', 1, 'frequencies')) then
       call deck%get('analysis', 1, 'frequencies', frequency)
     else
       call deck%get('analysis', 1, 'frequency_range', ends)

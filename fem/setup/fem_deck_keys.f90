@@ -640,6 +640,7 @@ contains
     type(key_table_type), intent(inout) :: table
     call table%add_group('analysis', 26, &
       'What is computed, and in which steps.', required=.true.)
+    call table%one_of('frequencies|frequency_range')
     call table%add_key('kind', 'string', '', &
       '`static`: equilibrium at each step; `newmark` and `hht`: implicit dynamics with ' &
       //'consistent mass; `explicit`: central differences with lumped mass; `modal`: the ' &
@@ -737,6 +738,7 @@ contains
     call table%preset('50')
     call table%bounds(min=2.0_wp)
     call table%only_with('kind', 'harmonic')
+    call table%needs('frequency_range')
     call group_analysis_3(table)
   end subroutine group_analysis_2
 
