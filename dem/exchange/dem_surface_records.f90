@@ -7,8 +7,9 @@ module dem_surface_records
   use dem_records, only: index_of
   use dem_state, only: dem_data_type, lanes
   use dem_surface_additional, only: surface_kept_reals
-  use dem_surface_search, only: allocate_contacts
-  use dem_surface_state, only: dem_surfaces_type
+  use dem_surface_contacts, only: begin_list, allocate_contacts, drop_contacts, set_contacts, &
+    set_slots, set_kept
+  use dem_surface_state, only: dem_touches_type
   implicit none
   private
   public :: pack_touches, adopt_touches, pack_touch, unpack_touch
@@ -81,52 +82,41 @@ contains
   end subroutine pack_touch
 
   !> The same back, but for the grain's id.
-  pure subroutine unpack_touch(row, s, g, n)
+  pure subroutine unpack_touch(row, list, g, n)
     real(wp), intent(in) :: row(:)
-    type(dem_surfaces_type), intent(inout) :: s
+    type(dem_touches_type), intent(inout) :: list
     integer(i4), intent(in) :: g, n
     real(wp) :: slot(n, slot_reals)
     integer(i4) :: base, kept
     base = head_reals + size(slot, kind=i4)
     slot = reshape(row(head_reals + 1:base), shape(slot))
-    s%list%contacts(g) = nint(row(touch_count), i4)
-    s%list%load(:, g) = row(touch_load(1):touch_load(2))
-    s%list%history(:n, :, g) = slot(:, slot_history(1):slot_history(2))
-    s%list%foot(:n, :, g) = slot(:, slot_foot(1):slot_foot(2))
-    s%list%normal(:n, :, g) = slot(:, slot_normal(1):slot_normal(2))
-    s%list%point(:n, :, g) = slot(:, slot_point(1):slot_point(2))
-    s%list%push(:n, :, g) = slot(:, slot_push(1):slot_push(2))
-    s%list%motion(:n, :, g) = slot(:, slot_motion(1):slot_motion(2))
-    s%list%part(:n, g) = nint(slot(:, slot_part), i4)
-    s%list%sign(:n, g) = slot(:, slot_sign)
-    if (size(s%list%kept) == 0) return
-    kept = size(s%list%kept, 2, i4)
-    s%list%kept(:n, :, g) = reshape(row(base + 1:base + n*kept), [n, kept])
-    s%list%couple(:n, :, g) = reshape(row(base + n*kept + 1:), [n, 3_i4])
+    call set_contacts(list, g, nint(row(touch_count), i4), nint(slot(:, slot_part), i4), &
+                      slot(:, slot_sign), row(touch_load(1):touch_load(2)))
+    call set_slots(list, g, slot)
+    if (size(list%kept) == 0) return
+    kept = size(list%kept, 2, i4)
+    call set_kept(list, g, reshape(row(base + 1:base + n*kept), [n, kept]), &
+                  reshape(row(base + n*kept + 1:), [n, 3_i4]))
   end subroutine unpack_touch
 
   !> These contacts as those of the last list of d: the next list takes them over.
   subroutine adopt_touches(d, rows)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: rows(:, :)
-    integer(i4), allocatable :: order(:)
+    integer(i4), allocatable :: order(:), grain(:)
     integer(i4) :: g, n, slots
 
     slots = (size(rows, 1, i4) - head_reals)/reals_of(d)
     associate (s => d%surfaces)
-      if (allocated(s%list%contacts)) deallocate (s%list%contacts, s%list%history, s%list%foot, &
-        s%list%normal, s%list%point, s%list%push, s%list%motion, s%list%part, s%list%sign, &
-        s%list%load, s%list%columns, s%list%share, s%list%near_of, s%list%kept, s%list%couple, &
-        s%list%extra_work)
+      call drop_contacts(s%list)
       n = size(rows, 2)
-      s%list%near = n
-      s%list%near_grain = [(index_of(d, rows(touch_grain, g)), g=1, n)]
-      order = sorted_order(int(s%list%near_grain, i8))
-      s%list%near_grain = s%list%near_grain(order)
-      s%list%candidate = [integer(i4) ::]
+      grain = [(index_of(d, rows(touch_grain, g)), g=1, n)]
+      order = sorted_order(int(grain, i8))
+      call begin_list(s%list, grain(order), [(1_i4, g=1, n + 1)], [integer(i4) ::], &
+                      [(0.0_wp, g=1, n)])
       call allocate_contacts(s, d%grains%n, surface_kept_reals(d))
       do g = 1, n
-        call unpack_touch(rows(:, order(g)), s, g, slots)
+        call unpack_touch(rows(:, order(g)), s%list, g, slots)
       end do
     end associate
   end subroutine adopt_touches

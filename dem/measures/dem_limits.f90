@@ -14,7 +14,7 @@ module dem_limits
   use dem_surface_measure, only: add_surface_rows, body_rows, body_rate
   implicit none
   private
-  public :: gershgorin_step, rayleigh_step, impact_step, foreseen_step
+  public :: gershgorin_step, rayleigh_step, foreseen_step
 
   real(wp), parameter :: pi = acos(-1.0_wp)
 

@@ -14,7 +14,7 @@ module dem_measure
   implicit none
   private
   public :: momentum_of, angular_momentum_of, coordination_of, largest_overlap, stress_of
-  public :: contact_count, least_axis, check_runaway, check_overlap, cross
+  public :: contact_count, check_runaway, check_overlap
   public :: fastest_grain, judge_runaway, wall_stiffness, wall_stiffnesses, forces_left
 
 contains

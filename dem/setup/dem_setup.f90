@@ -19,7 +19,7 @@ module dem_setup
     material_index
   implicit none
   private
-  public :: dem_choices_type, read_model, check_initial_overlap, check_step, check_mode
+  public :: dem_choices_type, read_model, check_initial_overlap, check_step
   public :: read_step_curve
 
   !> What the deck says beyond the state of the system.

@@ -14,7 +14,7 @@ module dem_shape
   implicit none
   private
   public :: form_size, form_of, form_support, form_height, form_tangent, mean_curvature_of, turned
-  public :: octant_support, octant_tangent, flattest_radius
+  public :: octant_support, flattest_radius
   public :: least_exponent, most_exponent, bulge, hertz_radius, bounded_curvature
   public :: at_upper, at_lower, at_centre, at_half, at_rounding, at_scale
 

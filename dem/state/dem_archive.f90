@@ -4,7 +4,7 @@ module dem_archive
   use talus_errors, only: error_list_type
   implicit none
   private
-  public :: dem_archive_type, dem_item_type
+  public :: dem_archive_type
 
   !> One named array: real (components, n) or integer (components, n).
   type :: dem_item_type

@@ -9,7 +9,7 @@ module dem_surface_state
   public :: dem_surfaces_type, surface_rigid, surface_soft, surface_cone
   public :: dem_membranes_type, surface_membrane, is_soft, first_corner
   public :: surface_cylinder, surface_bore, part_side, part_end, is_bore, is_cylinder, is_round
-  public :: dem_mesh_type, dem_round_type, dem_body_sums_type, dem_rigid_type, dem_touches_type
+  public :: dem_touches_type
   public :: part_tip, part_flank, part_shaft, soft_smooth, servo_size, servo_velocity
 
   integer(i4), parameter :: surface_rigid = 1  !! triangles that move as one body

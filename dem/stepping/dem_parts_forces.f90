@@ -21,7 +21,7 @@ module dem_parts_forces
   private
   public :: begin_ahead, is_left, slice_of_free, forces_on_rim, forces_on_free, &
     forces_between_ghosts
-  public :: stage_none, stage_ahead, stage_told
+  public :: stage_none, stage_told
 
   integer(i4), parameter :: stage_none = 0   !! all forces are those of now
   integer(i4), parameter :: stage_ahead = 1  !! free grains have moved, ghosts have yet to

@@ -7,8 +7,9 @@ module dem_membrane_forces
   use dem_figure, only: figure_type
   use dem_surface_feature, only: touches_type, features_type
   use dem_surface_find, only: find_touches
-  use dem_surface_forces, only: work_grain, leave_grain, figure_of, fill_block, distance, &
-    law_of, take_lane, about_centre, clear_shares, share_loads, far_apart
+  use dem_surface_contacts, only: leave_grain, keep_block, set_loads
+  use dem_surface_forces, only: work_grain, figure_of, fill_block, distance, law_of, take_lane, &
+    about_centre, clear_shares, share_loads, far_apart
   use dem_membrane_match, only: bear_pairs
   use dem_block, only: dem_block_type
   implicit none
@@ -30,7 +31,7 @@ contains
       do g = 1 + int(int(s%list%near, i8)*me/threads, i4), &
         int(int(s%list%near, i8)*(me + 1)/threads, i4)
         if (s%list%contacts(g) == 0 .and. travel < 0.5_wp*s%list%least_gap(g)) then
-          call leave_grain(s, g)
+          call leave_grain(s%list, g)
         else if (allocated(s%membranes)) then
           call work_on_sheets(d, g, h)
         else
@@ -49,6 +50,7 @@ contains
     type(features_type) :: features
     type(touches_type) :: touches
     real(wp) :: history(ubound(d%surfaces%list%history, 1), history_size), load(6)
+    real(wp) :: columns(column_count)
     integer(i4) :: i, count, low
 
     i = d%surfaces%list%near_grain(g)
@@ -58,18 +60,17 @@ contains
       call find_touches(s, g, figure, features, touches)
       call match(s, g, h, d%grains%radius(i), touches, count, history)
       if (count == 0) then
-        call leave_grain(s, g)
+        call leave_grain(s%list, g)
         call clear_shares(s, g)
         return
       end if
       load = 0.0_wp
-      s%list%columns(:, g) = 0.0_wp
+      columns = 0.0_wp
       do low = 0, count - 1, lanes
-        call work_block(d, g, h, low, count, touches, history, load)
+        call work_block(d, g, h, low, count, touches, history, load, columns)
       end do
-      s%list%contacts(g) = touches%n
       call about_centre(d%pairs%body(1:3, i), load)
-      s%list%load(:, g) = load
+      call set_loads(s%list, g, touches%n, load, columns)
       call share_loads(s, g, features, touches)
     end associate
   end subroutine work_on_sheets
@@ -94,13 +95,14 @@ contains
   end subroutine share_anew
 
   !> Contacts low+1 to low+lanes of near grain g, of `count` with those that have ended.
-  subroutine work_block(d, g, h, low, count, touches, history, load)
+  subroutine work_block(d, g, h, low, count, touches, history, load, total)
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: g, low, count
     real(wp), intent(in) :: h
     type(touches_type), intent(in) :: touches
     real(wp), intent(in) :: history(:, :)
-    real(wp), intent(inout) :: load(6)  !! on the grain, about the origin
+    real(wp), intent(inout) :: load(6)               !! on the grain, about the origin
+    real(wp), intent(inout) :: total(column_count)  !! works of the step [J]
     type(dem_block_type) :: block
     real(wp) :: mine(lanes, history_size), columns(column_count)
     integer(i4) :: i, k, many
@@ -113,20 +115,8 @@ contains
     call apply_laws(d, i, h, touches%part(low + 1:low + many), touches%sign(low + 1:low + many), &
                     block, mine, columns)
     many = min(lanes, touches%n - low)
-    associate (s => d%surfaces)
-      s%list%columns(:, g) = s%list%columns(:, g) + columns
-      s%list%history(low + 1:low + lanes, :, g) = mine
-      do k = 1, many
-        s%list%foot(low + k, :, g) = touches%foot(:, low + k)
-        s%list%normal(low + k, :, g) = touches%normal(:, low + k)
-        s%list%point(low + k, :, g) = touches%foot(:, low + k) &
-          + mine(k, history_point:history_point + 2)
-        s%list%motion(low + k, :, g) = touches%motion(:, low + k)
-        s%list%part(low + k, g) = touches%part(low + k)
-        s%list%sign(low + k, g) = touches%sign(low + k)
-        s%list%push(low + k, :, g) = [block%load%fx(k), block%load%fy(k), block%load%fz(k)]
-      end do
-    end associate
+    total = total + columns
+    call keep_block(d%surfaces%list, g, low, many, touches, block, mine)
     do k = 1, many
       load = load + [block%load%fx(k), block%load%fy(k), block%load%fz(k), &
                      block%load%mx(k), block%load%my(k), block%load%mz(k)]

@@ -13,6 +13,7 @@ module dem_surface_forces
   use dem_figure, only: figure_type
   use dem_shape_state, only: form_ellipsoid
   use dem_surface_additional, only: laws_of_surface, neck_reach, held_by_necks, corner_couples
+  use dem_surface_contacts, only: leave_grain, keep_touches, keep_more
   use dem_surface_feature, only: touches_type, features_type
   use dem_surface_find, only: find_touches
   use dem_block, only: dem_block_type
@@ -20,22 +21,12 @@ module dem_surface_forces
   implicit none
   private
   public :: work_grain, add_surface_loads, surface_load
-  public :: leave_grain, figure_of, fill_block, distance, law_of, take_lane, about_centre, &
+  public :: figure_of, fill_block, distance, law_of, take_lane, about_centre, &
     clear_shares, share_loads, far_apart
 
   real(wp), parameter :: far_apart = 0.5_wp  !! distance in radii and turn that no contact makes
 
 contains
-
-  !> Near grain g has no contacts.
-  pure subroutine leave_grain(s, g)
-    type(dem_surfaces_type), intent(inout) :: s
-    integer(i4), intent(in) :: g
-    s%list%contacts(g) = 0
-    s%list%load(:, g) = 0.0_wp
-    s%list%columns(:, g) = 0.0_wp
-    if (size(s%list%kept) > 0) s%list%extra_work(:, g) = 0.0_wp
-  end subroutine leave_grain
 
   !> All contacts of near grain g.
   subroutine work_grain(d, g, h)
@@ -61,7 +52,7 @@ contains
       part(:touches%n) = touches%part(:touches%n)
       call match(s, g, h, d%grains%radius(i), touches, count, part, block, history, kept)
       if (count == 0) then
-        call leave_grain(s, g)
+        call leave_grain(s%list, g)
         if (s%soft) call clear_shares(s, g)
         return
       end if
@@ -70,47 +61,12 @@ contains
       if (figure%reach > 0.0_wp) call drop_torn(held_by_necks(d%pairs%extras%extra_places_type, &
                                                               kept), features, touches, block, &
                                                 history, kept)
-      call keep_touches(s, g, touches, block, history)
-      if (size(s%list%kept) > 0) call keep_more(s, g, touches%n, block, kept, some)
+      call keep_touches(s%list, g, touches, block, history)
+      if (size(s%list%kept) > 0) call keep_more(s%list, g, touches%n, block, kept, some)
       call sum_loads(block, touches%n, d%pairs%body(1:3, i), s%list%load(:, g))
       if (s%soft) call share_loads(s, g, features, touches)
     end associate
   end subroutine work_grain
-
-  !> Contacts in hand for the next step.
-  pure subroutine keep_touches(s, g, touches, block, history)
-    type(dem_surfaces_type), intent(inout) :: s
-    integer(i4), intent(in) :: g
-    type(touches_type), intent(in) :: touches
-    type(dem_block_type), intent(in) :: block
-    real(wp), intent(in) :: history(lanes, history_size)
-    integer(i4) :: k
-    s%list%contacts(g) = touches%n
-    s%list%history(:, :, g) = history
-    do k = 1, touches%n
-      s%list%foot(k, :, g) = touches%foot(:, k)
-      s%list%normal(k, :, g) = touches%normal(:, k)
-      s%list%point(k, :, g) = touches%foot(:, k) + history(k, history_point:history_point + 2)
-      s%list%motion(k, :, g) = touches%motion(:, k)
-      s%list%part(k, g) = touches%part(k)
-      s%list%push(k, :, g) = [block%load%fx(k), block%load%fy(k), block%load%fz(k)]
-    end do
-  end subroutine keep_touches
-
-  !> What laws on top keep, their works, and the couples that they add to the forces.
-  pure subroutine keep_more(s, g, n, block, kept, work)
-    type(dem_surfaces_type), intent(inout) :: s
-    integer(i4), intent(in) :: g, n
-    type(dem_block_type), intent(in) :: block
-    real(wp), intent(in) :: kept(:, :), work(:)
-    integer(i4) :: k
-    s%list%kept(:, :, g) = kept
-    s%list%extra_work(:, g) = work
-    do k = 1, n
-      s%list%couple(k, :, g) = [block%load%mx(k), block%load%my(k), block%load%mz(k)] &
-                          - cross(s%list%point(k, :, g), s%list%push(k, :, g))
-    end do
-  end subroutine keep_more
 
   !> Of contacts over a gap only those stay that a neck holds; the others never were any.
   pure subroutine drop_torn(held, features, touches, block, history, kept)

@@ -4,16 +4,14 @@
 module dem_surface_search
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
-  use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_driven, lanes, history_size, &
-    column_count
-  use dem_additional_state, only: extra_work_count
+  use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_driven
   use dem_surface_body, only: is_free
   use dem_surface_additional, only: surface_kept_reals
-  use dem_surface_feature, only: most_features
-  use dem_surface_state, only: dem_surfaces_type, surface_cone, is_bore, is_round
+  use dem_surface_contacts, only: begin_list, allocate_contacts, keep_contacts, take_contacts
+  use dem_surface_state, only: dem_surfaces_type, dem_touches_type, surface_cone, is_bore, is_round
   implicit none
   private
-  public :: list_near, allocate_contacts, triangle_distance
+  public :: list_near
 
   integer(i4), parameter :: most_cells = 2000000
 
@@ -30,7 +28,7 @@ contains
   subroutine list_near(d)
     type(dem_data_type), intent(inout) :: d
     type(grid_type) :: grid
-    type(dem_surfaces_type) :: old
+    type(dem_touches_type) :: old
     integer(i4), allocatable :: grain(:), start(:), candidate(:)
     real(wp), allocatable :: gap(:)
     integer(i4) :: i, near, found
@@ -52,15 +50,11 @@ contains
       grain(near) = i
       start(near + 1) = found + 1
     end do
-    call keep_contacts(d%surfaces, old)
+    call keep_contacts(d%surfaces%list, old)
     associate (s => d%surfaces)
-      s%list%near = near
-      s%list%near_grain = grain(:near)
-      s%list%near_start = start(:near + 1)
-      s%list%candidate = candidate(:found)
-      s%list%least_gap = gap(:near)
+      call begin_list(s%list, grain(:near), start(:near + 1), candidate(:found), gap(:near))
       call allocate_contacts(s, d%grains%n, surface_kept_reals(d))
-      call take_contacts(s, old)
+      call take_contacts(s%list, old)
       s%reference_x = s%centre
       s%reference_q = s%quat
       s%mesh%reference = s%mesh%x
@@ -231,76 +225,4 @@ contains
       distance = min(distance, sqrt(sum((r - along*t)**2)))
     end do
   end function triangle_distance
-
-  !> Contacts of the last list, out of the way.
-  subroutine keep_contacts(s, old)
-    type(dem_surfaces_type), intent(inout) :: s
-    type(dem_surfaces_type), intent(inout) :: old
-    old%list%near = 0
-    if (.not. allocated(s%list%contacts)) return
-    old%list%near = s%list%near
-    call move_alloc(s%list%near_grain, old%list%near_grain)
-    call move_alloc(s%list%contacts, old%list%contacts)
-    call move_alloc(s%list%history, old%list%history)
-    call move_alloc(s%list%foot, old%list%foot)
-    call move_alloc(s%list%normal, old%list%normal)
-    call move_alloc(s%list%point, old%list%point)
-    call move_alloc(s%list%push, old%list%push)
-    call move_alloc(s%list%motion, old%list%motion)
-    call move_alloc(s%list%part, old%list%part)
-    call move_alloc(s%list%sign, old%list%sign)
-    call move_alloc(s%list%load, old%list%load)
-    call move_alloc(s%list%kept, old%list%kept)
-    call move_alloc(s%list%couple, old%list%couple)
-    deallocate (s%list%extra_work, s%list%columns, s%list%share, s%list%near_of)
-  end subroutine keep_contacts
-
-  subroutine allocate_contacts(s, grains, reals)
-    type(dem_surfaces_type), intent(inout) :: s
-    integer(i4), intent(in) :: grains
-    integer(i4), intent(in) :: reals  !! kept for laws on top
-    integer(i4) :: g, some
-    s%list%slots = merge(most_features, lanes, allocated(s%membranes))
-    some = merge(s%list%near, 0_i4, reals > 0)
-    associate (n => s%list%slots)
-      allocate (s%list%kept(n, reals, some), s%list%couple(n, 3, some), &
-                s%list%extra_work(extra_work_count, some), source=0.0_wp)
-      allocate (s%list%contacts(s%list%near), s%list%part(n, s%list%near), source=0)
-      allocate (s%list%sign(n, s%list%near), source=1.0_wp)
-      allocate (s%list%history(n, history_size, s%list%near), s%list%foot(n, 3, s%list%near), &
-                s%list%normal(n, 3, s%list%near), s%list%point(n, 3, s%list%near), &
-                s%list%push(n, 3, s%list%near), s%list%motion(n, 6, s%list%near), &
-                s%list%load(6, s%list%near), s%list%columns(column_count, s%list%near), &
-                source=0.0_wp)
-    end associate
-    allocate (s%list%share(3, merge(3*ubound(s%list%candidate, 1), 0, s%soft)), source=0.0_wp)
-    allocate (s%list%near_of(grains), source=0)
-    do g = 1, s%list%near
-      s%list%near_of(s%list%near_grain(g)) = g
-    end do
-  end subroutine allocate_contacts
-
-  !> Contacts follow their grains into the new list; both ascend.
-  pure subroutine take_contacts(s, old)
-    type(dem_surfaces_type), intent(inout) :: s
-    type(dem_surfaces_type), intent(in) :: old
-    integer(i4) :: g, k
-    do k = 1, old%list%near
-      g = s%list%near_of(old%list%near_grain(k))
-      if (g == 0) cycle
-      s%list%contacts(g) = old%list%contacts(k)
-      s%list%history(:, :, g) = old%list%history(:, :, k)
-      s%list%foot(:, :, g) = old%list%foot(:, :, k)
-      s%list%normal(:, :, g) = old%list%normal(:, :, k)
-      s%list%point(:, :, g) = old%list%point(:, :, k)
-      s%list%push(:, :, g) = old%list%push(:, :, k)
-      s%list%motion(:, :, g) = old%list%motion(:, :, k)
-      s%list%part(:, g) = old%list%part(:, k)
-      s%list%sign(:, g) = old%list%sign(:, k)
-      s%list%load(:, g) = old%list%load(:, k)
-      if (size(s%list%kept) == 0 .or. size(old%list%kept, 2) /= size(s%list%kept, 2)) cycle
-      s%list%kept(:, :, g) = old%list%kept(:, :, k)
-      s%list%couple(:, :, g) = old%list%couple(:, :, k)
-    end do
-  end subroutine take_contacts
 end module dem_surface_search

@@ -1,25 +1,26 @@
 !> Surfaces on their way to and from a checkpoint, bit for bit: motion, sums, the list of what is
-!! near
-!! and the contacts in hand.
+!! near and the contacts in hand.
 module dem_surface_store
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
-  use dem_state, only: dem_data_type, lanes, history_size, column_count
-  use dem_additional_state, only: extra_places_type, extra_work_count, most_parts, part_bond
+  use dem_record_layout, only: slot_motion
+  use dem_state, only: dem_data_type
+  use dem_additional_state, only: extra_places_type, most_parts, part_bond
   use dem_surface_additional, only: surface_kept_reals
   use dem_surface_state, only: dem_surfaces_type, surface_soft, surface_cylinder, &
     surface_bore, soft_smooth
   use dem_membrane, only: pull_membranes
-  use dem_surface_feature, only: most_features
+  use dem_surface_contacts, only: begin_list, allocate_contacts, set_contacts, set_slots, &
+    set_kept, set_shares
   use dem_surface_make, only: mesh_type, check_mesh, add_mesh
   implicit none
   private
   public :: put_surfaces, get_surfaces
 
   integer(i4), parameter :: longest_name = 48
-  integer(i4), parameter :: contact_size = history_size + 18  !! reals of a contact
+  integer(i4), parameter :: contact_size = slot_motion(2)  !! reals of a contact
 
 contains
 
@@ -118,34 +119,39 @@ contains
   end subroutine put_kept
 
   !> The same back; a law that the checkpoint does not have starts from nothing.
-  subroutine get_kept(s, places, reals, archive, errors)
+  subroutine get_kept(s, places, archive, errors)
     type(dem_surfaces_type), intent(inout) :: s
     type(extra_places_type), intent(in) :: places
-    integer(i4), intent(in) :: reals
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: flat(:, :)
-    integer(i4) :: k, some
+    real(wp) :: kept(s%list%slots, size(s%list%kept, 2), s%list%near)
+    real(wp) :: couple(s%list%slots, 3, s%list%near)
+    integer(i4) :: k
 
-    some = merge(s%list%near, 0_i4, reals > 0)
-    allocate (s%list%kept(s%list%slots, reals, some), s%list%couple(s%list%slots, 3, some), &
-              s%list%extra_work(extra_work_count, some), source=0.0_wp)
-    if (some == 0) return
+    if (size(s%list%kept) == 0) return
+    kept = 0.0_wp
+    couple = 0.0_wp
     do k = 1, most_parts
       if (k == part_bond) cycle
       associate (part => places%part(k))
         if (part%at == 0) cycle
         if (archive%find('surfaces.'//trim(part%name)) == 0) cycle
-        call archive%get_reals('surfaces.'//trim(part%name), s%list%slots*part%reals, s%list%near, flat, &
-                               errors)
+        call archive%get_reals('surfaces.'//trim(part%name), s%list%slots*part%reals, &
+                               s%list%near, flat, errors)
         if (errors%any()) return
-        s%list%kept(:, part%at:part%at + part%reals - 1, :) = &
+        kept(:, part%at:part%at + part%reals - 1, :) = &
           reshape(flat, [s%list%slots, part%reals, s%list%near])
       end associate
     end do
-    if (archive%find('surfaces.couple') == 0) return
-    call archive%get_reals('surfaces.couple', s%list%slots*3, s%list%near, flat, errors)
-    if (.not. errors%any()) s%list%couple = reshape(flat, [s%list%slots, 3, s%list%near])
+    if (archive%find('surfaces.couple') > 0) then
+      call archive%get_reals('surfaces.couple', s%list%slots*3, s%list%near, flat, errors)
+      if (errors%any()) return
+      couple = reshape(flat, [s%list%slots, 3, s%list%near])
+    end if
+    do k = 1, s%list%near
+      call set_kept(s%list, k, kept(:, :, k), couple(:, :, k))
+    end do
   end subroutine get_kept
 
   !> Soft bodies are not in the deck: name, material and triangles of each.
@@ -223,7 +229,6 @@ contains
                         str(s%mesh%triangles), 'checkpoint', &
                         'restart with the deck and the files that made it, or start anew')
       if (errors%count > before) return
-      s%list%near = int(sizes(5, 1), i4)
       k = archive%find('surfaces.servo')
       if (k > 0) s%servo = archive%item(k)%reals
       k = archive%find('surfaces.bore')
@@ -239,9 +244,10 @@ contains
         k = archive%find('surfaces.press')  ! of the last step; the pressure may have changed since
         if (k > 0) s%membranes%press = archive%item(k)%reals
       end if
-      if (errors%count == before) call get_contacts(s, d%grains%n, archive, errors)
-      if (errors%count == before) call get_kept(s, d%pairs%extras%extra_places_type, &
-                                                surface_kept_reals(d), archive, errors)
+      if (errors%count == before) call get_contacts(s, int(sizes(5, 1), i4), d%grains%n, &
+                                                    surface_kept_reals(d), archive, errors)
+      if (errors%count == before) call get_kept(s, d%pairs%extras%extra_places_type, archive, &
+                                                errors)
     end associate
   end subroutine get_surfaces
 
@@ -278,62 +284,39 @@ contains
     s%mesh%has_target = .false.
   end subroutine get_bodies
 
-  subroutine get_contacts(s, grains, archive, errors)
+  subroutine get_contacts(s, near, grains, reals, archive, errors)
     type(dem_surfaces_type), intent(inout) :: s
+    integer(i4), intent(in) :: near    !! grains with something near
     integer(i4), intent(in) :: grains
+    integer(i4), intent(in) :: reals   !! kept for additional models
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
-    integer(i8), allocatable :: counts(:, :)
-    real(wp), allocatable :: packed(:, :)
+    integer(i8), allocatable :: grain(:, :), start(:, :), candidate(:, :), number(:, :), part(:, :)
+    real(wp), allocatable :: gap(:, :), load(:, :), share(:, :), sign(:, :), packed(:, :)
     integer(i4) :: g
 
-    call archive%get_integers('surfaces.near', 1, s%list%near, counts, errors)
-    s%list%near_grain = int(counts(1, :), i4)
-    call archive%get_integers('surfaces.start', 1, s%list%near + 1, counts, errors)
-    s%list%near_start = int(counts(1, :), i4)
-    call archive%get_integers('surfaces.candidate', 1, -1, counts, errors)
-    s%list%candidate = int(counts(1, :), i4)
-    call archive%get_integers('surfaces.contacts', 1, s%list%near, counts, errors)
-    s%list%contacts = int(counts(1, :), i4)
-    s%list%slots = merge(most_features, lanes, allocated(s%membranes))
-    call archive%get_integers('surfaces.part', s%list%slots, s%list%near, counts, errors)
-    s%list%part = int(counts, i4)
-    allocate (s%list%sign(s%list%slots, s%list%near), source=1.0_wp)
-    if (allocated(s%membranes)) then
-      call archive%get_reals('surfaces.sign', s%list%slots, s%list%near, packed, errors)
-      s%list%sign = packed
-    end if
-    call archive%get_reals('surfaces.gap', 1, s%list%near, packed, errors)
-    s%list%least_gap = packed(1, :)
-    call archive%get_reals('surfaces.load', 6, s%list%near, packed, errors)
-    s%list%load = packed
-    call archive%get_reals('surfaces.share', 3, -1, packed, errors)
-    s%list%share = packed
-    call archive%get_reals('surfaces.contact', s%list%slots*contact_size, s%list%near, packed, &
-                           errors)
-    associate (n => s%list%slots)
-      allocate (s%list%history(n, history_size, s%list%near), s%list%foot(n, 3, s%list%near), &
-                s%list%normal(n, 3, s%list%near), s%list%point(n, 3, s%list%near), &
-                s%list%push(n, 3, s%list%near), s%list%motion(n, 6, s%list%near), &
-                s%list%columns(column_count, s%list%near))
-    end associate
-    s%list%columns = 0.0_wp
-    allocate (s%list%near_of(grains), source=0)
-    do g = 1, s%list%near
-      s%list%near_of(s%list%near_grain(g)) = g
-      call unpack_contact(s, g, reshape(packed(:, g), [s%list%slots, contact_size]))
+    call archive%get_integers('surfaces.near', 1, near, grain, errors)
+    call archive%get_integers('surfaces.start', 1, near + 1, start, errors)
+    call archive%get_integers('surfaces.candidate', 1, -1, candidate, errors)
+    call archive%get_reals('surfaces.gap', 1, near, gap, errors)
+    if (errors%any()) return
+    call begin_list(s%list, int(grain(1, :), i4), int(start(1, :), i4), int(candidate(1, :), i4), &
+                    gap(1, :))
+    call allocate_contacts(s, grains, reals)
+    call archive%get_integers('surfaces.contacts', 1, near, number, errors)
+    call archive%get_integers('surfaces.part', s%list%slots, near, part, errors)
+    allocate (sign(s%list%slots, near), source=1.0_wp)
+    if (allocated(s%membranes)) &
+      call archive%get_reals('surfaces.sign', s%list%slots, near, sign, errors)
+    call archive%get_reals('surfaces.load', 6, near, load, errors)
+    call archive%get_reals('surfaces.share', 3, -1, share, errors)
+    call archive%get_reals('surfaces.contact', s%list%slots*contact_size, near, packed, errors)
+    if (errors%any()) return
+    call set_shares(s%list, share)
+    do g = 1, near
+      call set_contacts(s%list, g, int(number(1, g), i4), int(part(:, g), i4), sign(:, g), &
+                        load(:, g))
+      call set_slots(s%list, g, reshape(packed(:, g), [s%list%slots, contact_size]))
     end do
   end subroutine get_contacts
-
-  pure subroutine unpack_contact(s, g, row)
-    type(dem_surfaces_type), intent(inout) :: s
-    integer(i4), intent(in) :: g
-    real(wp), intent(in) :: row(:, :)
-    s%list%history(:, :, g) = row(:, :history_size)
-    s%list%foot(:, :, g) = row(:, history_size + 1:history_size + 3)
-    s%list%normal(:, :, g) = row(:, history_size + 4:history_size + 6)
-    s%list%point(:, :, g) = row(:, history_size + 7:history_size + 9)
-    s%list%push(:, :, g) = row(:, history_size + 10:history_size + 12)
-    s%list%motion(:, :, g) = row(:, history_size + 13:history_size + 18)
-  end subroutine unpack_contact
 end module dem_surface_store

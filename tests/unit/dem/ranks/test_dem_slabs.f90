@@ -13,7 +13,7 @@ program test_dem_slabs
   use dem_state, only: dem_data_type, dem_grains_type, lanes, history_size, result_size, &
     body_size, kind_free, kind_driven
   use dem_surface_records, only: pack_touch, unpack_touch
-  use dem_surface_search, only: allocate_contacts
+  use dem_surface_contacts, only: allocate_contacts
   implicit none
   integer(i4), parameter :: n = 5  !! grains
   type(test_type) :: test
@@ -219,7 +219,7 @@ contains
         call pack_touch(d, g, lanes, row)
         call test%check('every column is written', .not. any(ieee_is_nan(row)))
         call test%check('id', nint(row(1)) == 20*g)
-        call unpack_touch(row, copy%surfaces, g, lanes)
+        call unpack_touch(row, copy%surfaces%list, g, lanes)
       end do
       associate (c => copy%surfaces)
         call test%check('numbers', all(c%list%contacts == s%list%contacts) &
