@@ -11,7 +11,7 @@ module dem_surface_search
   use dem_surface_state, only: dem_surfaces_type, dem_touches_type, surface_cone, is_bore, is_round
   implicit none
   private
-  public :: list_near
+  public :: list_near, triangle_distance
 
   integer(i4), parameter :: most_cells = 2000000
 
