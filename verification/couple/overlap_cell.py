@@ -329,26 +329,6 @@ class Overlap:
         """Return the 36 moduli of the cell: stress components xx yy zz xy yz zx by states [Pa]."""
         return np.array([six(self.relax(strain)[0]) for strain in strain_states()]).T
 
-    def rows_of(
-        self, force: np.ndarray, sigma: np.ndarray, couple: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return loads on free grains and free nodes of given forces (n, 3), stresses (q, 3, 3)."""
-        one, two = self.pair.T
-        f = self.w[:, None] * force
-        load = np.zeros((len(self.kind), 6))
-        np.add.at(load, one, np.hstack([-f, -np.cross(self.arms[:, 0], f)]))
-        np.add.at(load, two, np.hstack([f, np.cross(self.arms[:, 1], f)]))
-        factor = (self.beta * self.volume)[:, None, None]
-        t, m = ((factor * s).reshape(-1, 8, 3, 3) for s in (sigma, couple))
-        out = np.zeros((len(self.node), 8, 6))
-        out[..., :3] = np.einsum("eqkl,qak->eal", t, self.g_slope)
-        if self.polar:
-            out[..., 3:] = np.einsum("lkm,eqkl,qa->eam", AXIAL, t, self.g_value)
-            out[..., 3:] += np.einsum("eqkl,qak->eal", m, self.g_slope)
-        nodes = np.zeros((self.nodes, 6))
-        np.add.at(nodes, self.node, out)
-        return self.pull_back(load, nodes)
-
     # --- Talus ------------------------------------------------------------------------------
     def write(self, path: Path, method: str, rho: float = 1.0, **more: object) -> None:
         """Write the overlap for `talus-couple FILE.h5 --weights`."""
