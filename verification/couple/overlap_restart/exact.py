@@ -49,8 +49,8 @@ def run(case: Case) -> None:
         ("micropolar", "projection = 'l2', ghost_contacts = 'exchange'", True),
         ("classical", "ghost_contacts = 'exchange', partition = 'share'", False),
         ("micropolar", "method = 'bridging_domain'", True),
-        ("classical", "method = 'bridging_domain', multipliers = 'lumped'", False),
         ("micropolar", "method = 'penalty', penalty_damping = 0.05", False),
+        ("classical", "method = 'bridging_domain', multipliers = 'lumped'", False),
     ):
         label = f"{soil}, {method}: "
         material, element = SOILS[soil]
