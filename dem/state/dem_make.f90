@@ -3,6 +3,7 @@ module dem_make
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
+  use talus_repeated_errors, only: repeated_errors_type
   use dem_state, only: dem_grains_type, dem_planes_type, dem_material_type, kind_free, kind_mirror
   implicit none
   private
@@ -60,12 +61,14 @@ contains
     end do
   end subroutine make_grains
 
+  !> Faults I210 to I214 of every grain, the first few of each.
   subroutine check_grains(id, kind, material, n_materials, x, quat, axes, v, omega, errors)
     integer(i8), intent(in) :: id(:)
     integer(i4), intent(in) :: kind(:), material(:), n_materials
     real(wp), intent(in) :: x(:, :), quat(:, :), axes(:, :), v(:, :), omega(:, :)
     type(error_list_type), intent(inout) :: errors
     character(len=*), parameter :: hint = 'make the packing again or mend the file'
+    type(repeated_errors_type) :: few
     character(len=:), allocatable :: who
     integer(i4) :: k
 
@@ -73,25 +76,26 @@ contains
       who = 'grain '//str(id(k))//': '
       if (.not. all(abs(x(:, k)) < huge(1.0_wp)) .or. .not. all(abs(v(:, k)) < huge(1.0_wp)) &
           .or. .not. all(abs(omega(:, k)) < huge(1.0_wp))) then
-        call errors%add('I210', who//'position, velocity or spin is not a number: '// &
-                        str([x(:, k), v(:, k), omega(:, k)]), hint=hint)
+        call few%add('I210', who//'position, velocity or spin is not a number: '// &
+                     str([x(:, k), v(:, k), omega(:, k)]), hint, errors)
       end if
       if (.not. all(axes(:, k) > least_axis .and. axes(:, k) < 1.0_wp/least_axis)) then
-        call errors%add('I211', who//'semi-axes must be positive, got '//str(axes(:, k)), hint=hint)
+        call few%add('I211', who//'semi-axes must be positive, got '//str(axes(:, k)), hint, errors)
       end if
       if (id(k) < 1 .or. id(k) > huge(1_i4)) then
-        call errors%add('I213', 'grain id '//str(id(k))//' is not from 1 to '//str(huge(1_i4)), &
-                        hint='decks and ports name grains by ids')
+        call few%add('I213', 'grain id '//str(id(k))//' is not from 1 to '//str(huge(1_i4)), &
+                     'decks and ports name grains by ids', errors)
       end if
       if (.not. abs(sum(quat(:, k)**2) - 1.0_wp) < 1.0e-3_wp) then
-        call errors%add('I212', who//'orientation is no unit quaternion: '//str(quat(:, k)), &
-                        hint='order w, x, y, z, length 1')
+        call few%add('I212', who//'orientation is no unit quaternion: '//str(quat(:, k)), &
+                     'order w, x, y, z, length 1', errors)
       end if
       if (kind(k) < 0 .or. kind(k) > 3 .or. material(k) < 1 .or. material(k) > n_materials) then
-        call errors%add('I214', who//'unknown kind '//str(kind(k))//' or material '// &
-                        str(material(k)), hint='kinds: 0 free, 1 fixed, 2 driven')
+        call few%add('I214', who//'unknown kind '//str(kind(k))//' or material '// &
+                     str(material(k)), 'kinds: 0 free, 1 fixed, 2 driven', errors)
       end if
     end do
+    call few%finish('grains', errors)
   end subroutine check_grains
 
   !> Arrays for g%n grains.

@@ -3,6 +3,7 @@ module dem_shape_make
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
+  use talus_repeated_errors, only: repeated_errors_type
   use dem_shape, only: form_of, turned, least_exponent, most_exponent
   use dem_shape_mass, only: form_mass_type, mass_of_form
   use dem_shape_state, only: allocate_forms, form_kind, form_ellipsoid
@@ -81,6 +82,7 @@ contains
     integer(i8), intent(in) :: id(:)
     real(wp), intent(in) :: skew(:, :), exponent(:)
     type(error_list_type), intent(inout) :: errors
+    type(repeated_errors_type) :: few
     character(len=:), allocatable :: who
     integer(i4), allocatable :: order(:)
     real(wp) :: upper(3), lower(3)
@@ -91,25 +93,26 @@ contains
       k = order(i)
       who = 'grain '//str(id(k))//': '
       if (.not. all(abs(skew(:, k)) <= most_skew)) then
-        call errors%add('I217', who//'skew must lie within '//str(most_skew)//', got '// &
-                        str(skew(:, k)), hint='skew is (upper - lower)/(upper + lower) of the '// &
-                        'semi-axes on both sides; both must be positive')
+        call few%add('I217', who//'skew must lie within '//str(most_skew)//', got '// &
+                     str(skew(:, k)), 'skew is (upper - lower)/(upper + lower) of the '// &
+                     'semi-axes on both sides; both must be positive', errors)
         cycle
       end if
       if (.not. (exponent(k) >= least_exponent .and. exponent(k) <= most_exponent)) then
-        call errors%add('I218', who//'exponent must lie from '//str(least_exponent)//' to '// &
-                        str(most_exponent)//', got '//str(exponent(k)), &
-                        hint='2 is an ellipsoid; below it surfaces have edges, above corners')
+        call few%add('I218', who//'exponent must lie from '//str(least_exponent)//' to '// &
+                     str(most_exponent)//', got '//str(exponent(k)), &
+                     '2 is an ellipsoid; below it surfaces have edges, above corners', errors)
       end if
       if (form_kind(skew(:, k), exponent(k)) == form_ellipsoid) cycle
       upper = grains%axes(:, i)*(1.0_wp + skew(:, k))
       lower = grains%axes(:, i)*(1.0_wp - skew(:, k))
       if (maxval([upper, lower]) > most_slender*minval([upper, lower])) then
-        call errors%add('I217', who//'semi-axes '//str([upper, lower])//' m differ by more '// &
-                        'than '//str(most_slender)//' times', hint='such a form has '// &
-                        'no well-defined contact: take a less slender one')
+        call few%add('I217', who//'semi-axes '//str([upper, lower])//' m differ by more '// &
+                     'than '//str(most_slender)//' times', 'such a form has '// &
+                     'no well-defined contact: take a less slender one', errors)
       end if
     end do
+    call few%finish('grains', errors)
   end subroutine check_forms
 
   !> Orientations as files hold them: of the octants, not of the principal frame.

@@ -3,6 +3,7 @@
 module dem_driven_system
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
+  use talus_repeated_errors, only: repeated_errors_type
   use talus_text, only: str
   use dem_state, only: dem_data_type
   use dem_make, only: sorted_order
@@ -153,14 +154,16 @@ contains
     integer(i8), intent(in) :: ids(:)
     integer(i4), allocatable, intent(out) :: index(:)
     type(error_list_type), intent(inout) :: errors
+    type(repeated_errors_type) :: few
     integer(i4) :: k
 
     allocate (index(size(ids)))
     do k = 1, size(ids)
       index(k) = 0
       if (ids(k) > 0) index(k) = index_of(self%dem_data_type, real(ids(k), wp))
-      if (index(k) == 0) call errors%add('I216', 'there is no grain with id '//str(ids(k)), &
-                                         hint='ids are those of the packing file')
+      if (index(k) == 0) call few%add('I216', 'there is no grain with id '//str(ids(k)), &
+                                      'ids are those of the packing file', errors)
     end do
+    call few%finish('ids', errors)
   end subroutine find
 end module dem_driven_system
