@@ -9,7 +9,8 @@
 !! or the micro-rotation of a micropolar solid (micro), with M_b the functions of that field,
 !!   theta = sum_b M_b phi_b,              f_a = W_a P,   c_b = M_b (m + arm x P).
 !! Sum W = 1, sum M = 1, sum grad N = 0 and sum x_a (grad N_a)' = 1 make total force and moment
-!! exact, and the transpose makes the powers of both sides equal (formulation, facet coupling).
+!! exact, and the transpose makes the powers of both sides equal
+!! (theory-coupling, Rotation and moments).
 !!
 !! Columns of nodal values: displacements or forces of the interface nodes, then micro-rotations or
 !! couples of those that have them.

@@ -1,7 +1,8 @@
 !> Ghost grains on facets of the solid: where each rides.
 !!
 !! x_g = sum_a N_a(xi, eta) x_a + offset, N_a the shape functions of the facet, of whatever kind;
-!! cpl_transfer makes the operator between nodes and ghosts from it (formulation, facet coupling).
+!! cpl_transfer makes the operator between nodes and ghosts from it
+!! (theory-coupling, Rotation and moments).
 module cpl_facet_map
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str

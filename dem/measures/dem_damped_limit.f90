@@ -1,4 +1,4 @@
-!> Step that the dashpots of contacts allow (theory-dem, section 1).
+!> Step that the dashpots of contacts allow (theory-dem, Motion).
 !!
 !! Their force is that of the velocity half a step ago. A mode of stiffness k and dashpot c, both
 !! over its inertia, then grows beyond dt = 4/(c + sqrt(c^2 + 4 k)). Of a grain both are bounded by

@@ -1,4 +1,4 @@
-!> Time steps that the contacts allow (theory-dem, section 1).
+!> Time steps that the contacts allow (theory-dem, Motion).
 !!
 !! Gershgorin: dt_s = min over free grains of 2/sqrt(L_i), L_i the larger of sum f (k_n + k_t)/(s m)
 !! and sum f k_t |r_c|^2/(s_I I_min), with f = 2 for a free partner and 1 for a prescribed one.

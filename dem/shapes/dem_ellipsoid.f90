@@ -1,7 +1,7 @@
 !> Ellipsoids through their support function: shape matrices, support, surface point, curvature.
 !!
 !! h(n) = sqrt(n.A n), A = Q diag(a^2,b^2,c^2) Q^T; its gradient is the surface point u = A n/h, its
-!! tangential Hessian K = (A - u u^T)/h holds the radii of curvature (theory-dem, section 2).
+!! tangential Hessian K = (A - u u^T)/h holds the radii of curvature (theory-dem, Contact geometry).
 module dem_ellipsoid
   use talus_kinds, only: wp
   implicit none

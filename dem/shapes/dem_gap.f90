@@ -2,7 +2,8 @@
 !! g(n) = r.n - h_A(n) - h_B(-n). Batched over the lanes of a block, and a scalar, safeguarded path.
 !!
 !! Newton on the tangent plane: (K_A + K_B + g I) t = d_t, n <- (n + t)/|n + t|. Any n bounds the
-!! distance from below, so g(n) > 0 means no contact after one evaluation (theory-dem, section 2).
+!! distance from below, so g(n) > 0 means no contact after one evaluation
+!! (theory-dem, Contact geometry).
 module dem_gap
   use talus_kinds, only: wp, i4
   use dem_sizes, only: lanes

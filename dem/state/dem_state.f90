@@ -1,5 +1,5 @@
 !> What a system of grains is made of: grains, planes, contact laws, candidate pairs, parameters,
-!! energy ledger, health counters. Plain arrays, no behaviour (formulation: theory-dem).
+!! energy ledger, health counters. Plain arrays, no behaviour (theory-dem).
 module dem_state
   use talus_kinds, only: wp, i4, i8
   use dem_sizes, only: lanes

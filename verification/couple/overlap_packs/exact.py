@@ -9,7 +9,7 @@ PACKS = ((2, 1), (2, 2), (2, 3), (3, 1), (3, 2), (3, 3), (4, 3), (4, 4))  # elem
 LARGE = 3  # elements a side from which on there are grains 3 d off all faces
 SINGLE = 0.03  # of the stress, for one pack in one state
 SHARED = ((3, 1), (4, 4))  # packs that also run without contacts between ghosts
-# the gates of ramps times 0.33 / 0.27, what both gave in the slab of the formulation's prototype
+# the gates of ramps times 0.33 / 0.27, what both gave in a slab, in an independent program
 MOTION_SHARED = {"motion": 0.35 * 0.33 / 0.27, "motion 2 d inside": 0.25 * 0.33 / 0.27}
 
 

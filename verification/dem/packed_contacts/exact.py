@@ -47,7 +47,7 @@ def case_rows(case: Case, way: str, text: str, changed: float, moved: float) -> 
         case.above(f"largest displacement / diameter, {text}", moved, 1e-4)
         return
     case.below(f"largest change of a contact force / mean, {text}", changed, 1e-6, "unrest left")
-    case.below(f"largest displacement / diameter, {text}", moved, 1e-6, "gate of the formulation")
+    case.below(f"largest displacement / diameter, {text}", moved, 1e-6, "a millionth of a diameter")
 
 
 def shelled(bed: Packing) -> Packing:
