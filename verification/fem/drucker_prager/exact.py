@@ -6,7 +6,8 @@ from talus.verification import Case, read_history
 
 YOUNG, POISSON, COHESION, HARDENING, CONFINED = 1.0e8, 0.25, 2.0e4, 5.0e5, 1.0e5
 BULK, SHEAR = YOUNG / (3 * (1 - 2 * POISSON)), YOUNG / (2 * (1 + POISSON))
-# reference O18: axial compression, q, radial tension, hardening variable
+# closed form of drained triaxial compression: axial compression, q, radial tension, hardening
+# variable
 PATH = [
     (0.001, 100000.0, 0.00025, 0.0),
     (0.002, 200000.0, 0.0005, 0.0),

@@ -14,7 +14,7 @@ LAWS = {
     "kirchhoff": f"law = 'st_venant_kirchhoff', young = {YOUNG}, poisson = {POISSON}",
     "neo-hookean": f"law = 'neo_hookean', young = {YOUNG}, poisson = {POISSON}",
 }
-# reference O12: lateral stretch, S33, Cauchy stress, at a stretch of 0.99
+# finite_strain_solution.txt of Tardigrade-examples: lateral stretch, S33, Cauchy stress, at 0.99
 LATERAL, SECOND, CAUCHY = 1.00387299994, -1.64175, -1.61281543938
 PRESSURE = 40.0
 SIX = ([0, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 0])
@@ -96,7 +96,7 @@ def supports(mesh: Mesh) -> str:
 
 
 def judge_uniaxial(case: Case, element: str) -> None:
-    """Press a distorted cube by its top; judge stress and lateral stretch (reference O12)."""
+    """Press a distorted cube by its top; judge stress and lateral stretch."""
     mesh = distorted_cube(2, shape_of(element))
     lines = supports(mesh) + "&curve id = 'on', times = 0.0, 1.0, values = 0.0, -0.01 /\n"
     lines += "&motion group = 'z1', component = 'z', curve = 'on' /\n"

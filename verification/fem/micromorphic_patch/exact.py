@@ -14,7 +14,8 @@ FLOW = 0.2 * (STRETCH - np.eye(3) * np.trace(STRETCH) / 3)
 CHI = 0.1 * np.sin(np.arange(9.0) + 1.0)
 SLOPE = 0.2 * np.sin(3.7 * np.arange(27.0) + 2.0).reshape(9, 3)
 NAMES = [f"{i}{k}" for i in "123" for k in "123"]
-# reference O13: stretch, sideways displacement, phi_xx, phi_yy, S_yy, cauchy_yy
+# the gold file stretch_y of Tardigrade: stretch, sideways displacement, phi_xx, phi_yy, S_yy,
+# cauchy_yy
 GOLD = np.array([
     (1.01, -0.00310863048587, -0.00413588611663, 0.00814584708277, 517.563790166, 526.004653179),
     (1.03, -0.00944868561962, -0.012581038074, 0.0244912770233, 1568.14103588, 1646.14613755),
@@ -107,7 +108,7 @@ def faces(mesh: Mesh) -> None:
 
 
 def judge_column(case: Case, element: str) -> None:
-    """Judge reference O17."""
+    """Compare with independent finite elements in one dimension."""
     side, up = np.array([0.0, 0.3]), np.linspace(0.0, 1.0, 4)
     x, hex8 = structured((side, side, up))
     mesh = converted(Mesh(x, hex8, {"all": np.arange(len(hex8))}), shape_of(element))
@@ -126,7 +127,7 @@ def judge_column(case: Case, element: str) -> None:
 
 
 def judge_stretch(case: Case) -> np.ndarray:
-    """Judge reference O13; return what was found in its columns."""
+    """Compare with the gold file stretch_y of Tardigrade; return what was found in its columns."""
     side = np.array([0.0, 1.0])
     x, hex8 = structured((side, side, side))
     mesh = Mesh(x, hex8, {"all": np.array([0])})
@@ -149,7 +150,7 @@ def judge_stretch(case: Case) -> np.ndarray:
 
 
 def judge_cylinder(case: Case, n: int) -> None:
-    """Judge reference O23 with n elements along a radius."""
+    """Compare with published values (Tardigrade_MOOSE_convergence.rst), n elements on a radius."""
     side = np.linspace(0.0, 1.0, n + 1)
     x, hex8 = structured((side, side, np.linspace(0.0, 5.0, n + 1)))
     a, b = x[:, 0].copy(), x[:, 1].copy()

@@ -7,10 +7,12 @@ from talus.verification import Case, read_history
 
 YOUNG, POISSON, COHESION, CONFINED, HARDENING = 1.0e8, 0.25, 2.0e4, 1.0e5, 5.0e5
 FRICTION, DILATION = np.deg2rad(35.0), np.deg2rad(10.0)
-Q_YIELD = 345856.518293  # reference O18
-# reference O18: axial compression, q, radial tension, hardening variable
+Q_YIELD = 345856.518293  # closed form of drained triaxial compression
+# closed form of drained triaxial compression: axial compression, q, radial tension, hardening
+# variable
 LAST = (0.02, 418278.404831, 0.0122781070601, 0.0377004478705)
-# reference O14: angle [rad], shape, cohesion, and the factors of the cone
+# unit tests of tardigrade-micromorphic-elasto-plasticity: angle [rad], shape, cohesion, and the
+# factors of the cone
 O14 = {"angle": 0.46, "shape": 0.34, "cohesion": 0.51, "A": 1.39315236742, "B": 0.690235625633}
 STIFF = (1.0, 10.0, 100.0, 1000.0)
 

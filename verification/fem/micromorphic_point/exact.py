@@ -5,7 +5,8 @@ import numpy as np
 from talus.verification import Case, read_history
 
 KL = [f"{k}{j}" for k in (1, 2, 3) for j in (1, 2, 3)]
-# reference O10: displacement gradient, chi - 1, grad chi, and what follows from them
+# unit tests of tardigrade_micromorphic_linear_elasticity: displacement gradient, chi - 1, grad chi,
+# and what follows from them
 GRAD_U = """-1.07901185 -1.09656192 -0.04629144 -0.77749189 -1.27877771 -0.82648234 0.66484637
 -0.05552567 -1.65125738"""
 PHI = """-1.40391532 -0.42715691 0.75393369 0.2849511 -2.06484257 -0.52190902 1.07238446 0.19155907
@@ -37,11 +38,12 @@ FAR = {
 -2.57226841329 -3.38234139992 -2.57226841329 -11.8993180236""",
     },
 }
-# reference O11: entries of C by row, taus = 2 to 12
+# unit tests testFormIsotropicA to D of tardigrade_hydra: entries of C by row, taus = 2 to 12
 O11 = {0: 97.0, 4: 13.0, 8: 13.0, 10: 16.0, 12: 9.0, 28: 23.0, 30: 22.0, 36: 23.0, 40: 9.0, 44: 2.0,
        50: 3.0, 52: 4.0}  # fmt: skip
 COUPLE_11K = [10.1924409842, 131.600160126, -110.930468133]
-# reference O13: F22, lateral displacement, chi_xx - 1, chi_yy - 1, S_22, Cauchy stress
+# gold file stretch_y of Tardigrade: F22, lateral displacement, chi_xx - 1, chi_yy - 1, S_22,
+# Cauchy stress
 STRETCH = np.array([
     [1.01, -0.00310863048587, -0.00413588611663, 0.00814584708277, 517.563790166, 526.004653179],
     [1.02, -0.00625806263129, -0.00832933902824, 0.0163097816976, 1040.27746879, 1074.48938125],

@@ -22,7 +22,8 @@ POLAR = DRUCKER.replace("'drucker", "'micropolar_drucker") + (
 STRONG = DRUCKER.replace("cohesion = 20.0e3", "cohesion = 1.0e9")
 ELEMENTS = ("hex8_bbar", "hex8_full", "hex20", "hex27", "tet4", "tet10", "wedge6",
             "hex8/hex8", "hex20/hex8", "tet10/tet4")  # fmt: skip
-# reference O18 at 0.4, 0.6, 1 and 2 %: deviatoric stress, radial strain, hardening variable
+# triaxial compression in closed form at 0.4, 0.6, 1 and 2 %: deviatoric stress, radial strain,
+# hardening variable
 TIMES = np.array([0.004, 0.006, 0.01, 0.02])
 Q = np.array([348227.03399, 356983.455346, 374496.298056, 418278.404831])
 RADIAL = np.array([0.00123822725225, 0.00261821222823, 0.0053781821802, 0.0122781070601])

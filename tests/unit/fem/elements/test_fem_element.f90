@@ -127,7 +127,8 @@ contains
     call test%check(name//': no negative mode', values(1) > -1.0e-12_wp*scale*n)
   end subroutine check_element
 
-  !> Largest frequency of the hex8/hex8 cube of side h with lumped masses (reference O20).
+  !> Largest frequency of the hex8/hex8 cube of side h with lumped masses
+  !! (an independent eigenvalue solution).
   subroutine check_spectrum(h, kappa, gamma, inertia, expected)
     real(wp), intent(in) :: h, kappa, gamma, inertia, expected
     type(fem_formulation_type) :: rule

@@ -73,7 +73,8 @@ contains
     end do
   end subroutine check_element
 
-  !> Unit cube, E = 1, nu = 0.3, rho = 1, lumped: largest frequency sqrt(10) (reference O20), by
+  !> Unit cube, E = 1, nu = 0.3, rho = 1, lumped: largest frequency sqrt(10)
+  !! (an independent eigenvalue solution), by
   !! power iteration, and six zero energies.
   subroutine check_spectrum()
     type(hex8_geometry_type) :: geometry
