@@ -1,4 +1,4 @@
-!> From deck and packing to a system of grains that is ready to move. Faults D239 to D249, I234.
+!> From deck and packing to a system of grains that is ready to move. Faults D240 to D249, I234.
 module dem_setup
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, string_type

@@ -1,4 +1,4 @@
-!> From the deck: materials, contact laws of every pair that can meet, walls. Faults D230 to D239.
+!> From the deck: materials, contact laws of every pair that can meet, walls. Faults D230 to D238.
 module dem_setup_laws
   use talus_kinds, only: wp, i4
   use talus_text, only: str, string_type
