@@ -8,7 +8,8 @@ class FaultError(Exception):
         self, code: str, message: str, hint: str = "", place: str = "", exit_code: int = 1
     ):
         """Keep the parts; `str()` gives the text that a user sees."""
-        self.code, self.hint, self.place, self.exit_code = code, hint, place, exit_code
+        self.code, self.message, self.hint = code, message, hint
+        self.place, self.exit_code = place, exit_code
         lines = [f"error {code}: {message}"]
         if place:
             lines.append(f"  at {place}")

@@ -69,9 +69,9 @@ def main() -> int:
         if request is None:
             solver.kill()
             return 4
-        port.write(f"{inner}.{sequence:08d}", request, "request")
+        port.write(inner, request, "request")
         reply = port.read(inner, sequence, "reply")
-        asked = port.VERBS[request.verb - 1]
+        asked = request.name
         if "/" in verb and "what" in request.fields:
             asked += "/" + request.fields["what"].decode()
         wrong: dict[str, int] = {}
@@ -82,7 +82,7 @@ def main() -> int:
             continue
         if asked == verb:
             wrong = spoil(reply, deed, name)
-        port.write(f"{outer}.{sequence:08d}", reply, "reply", **wrong)
+        port.write(outer, reply, "reply", sequence, **wrong)
         if asked in ("STOP", "ABORT"):
             solver.wait(20.0)
             if asked == verb and deed == "stay":

@@ -1,0 +1,240 @@
+"""The exchange port over HDF5 files in Python (manual/port.md): for solvers written in Python.
+
+`serve(stem, answer)` joins a port that talus-couple offers and answers its requests. Below it stand
+the parts: `Message`, `write_message`, `read_message`, `join`, `offer`, `spec_of`.
+"""
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from talus.faults import FaultError
+from talus.port_names import (
+    FIELD_WORDS,
+    HEADER,
+    HEADER_WORDS,
+    KINDS,
+    MAGIC,
+    NAME_LENGTH,
+    PROTOCOL,
+    STATUS,
+    VERBS,
+    Field,
+)
+
+WORDS = [name for name in HEADER if name != "waited"]  # attributes of a message file
+VERB_NAMES = {number: name for name, number in VERBS.items()}
+KIND_OF = {"f": KINDS["real"], "i": KINDS["integer"]}
+PATIENCE = 100.0  # s for a message whose sender cannot be watched
+SLICE = 0.25  # s between two heartbeats
+Values = dict[str, object]  # fields by name: arrays of reals or integers, numbers, texts
+
+
+@dataclass
+class Message:
+    """Header values by name, fields by name: arrays as h5py sees them, or bytes for text."""
+
+    verb: int
+    sequence: int
+    step: int = 0
+    t0: float = 0.0
+    t1: float = 0.0
+    status: int = 0
+    protocol: int = PROTOCOL
+    fields: dict[str, np.ndarray | bytes] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Return the verb's name."""
+        return VERB_NAMES.get(self.verb, f"verb {self.verb}")
+
+    def text(self, name: str, otherwise: str = "") -> str:
+        """Return a field of text."""
+        value = self.fields.get(name)
+        return value.decode() if isinstance(value, bytes) else otherwise
+
+    def flag(self, name: str) -> bool:
+        """Tell whether an optional field is there and is 1."""
+        return name in self.fields and int(np.ravel(self.fields[name])[0]) == 1
+
+    def put(self, values: Values) -> None:
+        """Add fields: integers stay integers, other numbers become reals, str becomes bytes."""
+        for name, value in values.items():
+            if isinstance(value, str):
+                value = value.encode()
+            if not isinstance(value, bytes):
+                value = np.atleast_1d(np.asarray(value))
+                value = value.astype("<i8" if value.dtype.kind in "iub" else "<f8")
+            self.fields[name] = value
+
+    def header(self) -> np.ndarray:
+        """Return the header's words with words and checksum as they should be."""
+        data = [self.words_of(name) for name in self.fields]
+        head = np.zeros(HEADER_WORDS, dtype="<i8")
+        head[HEADER["magic"]] = np.frombuffer(MAGIC, dtype="<i8")[0]
+        head[1:5] = self.protocol, self.sequence, self.verb, self.step
+        head[5:7] = np.array([self.t0, self.t1]).view("<i8")
+        size = HEADER_WORDS + sum(len(words) for words in data)
+        head[7:10] = self.status, len(self.fields), size
+        w = np.concatenate([head, *data]).view("<u8")
+        s1 = w.sum(dtype="u8")
+        s2 = (w * np.arange(1, w.size + 1, dtype="u8")).sum(dtype="u8")
+        turned = (s2 << np.uint64(32)) | (s2 >> np.uint64(32))
+        head[HEADER["checksum"]] = (s1 ^ turned).view("<i8")
+        return head
+
+    def words_of(self, name: str) -> np.ndarray:
+        """Return description and data of a field as words."""
+        value = self.fields[name]
+        if isinstance(value, bytes):
+            count, components, kind = len(value), 1, KINDS["text"]
+            data = np.frombuffer(value + b"\0" * (-len(value) % 8), dtype="<i8")
+        else:
+            count = len(value)
+            components = value.shape[1] if value.ndim == 2 else 1
+            kind, data = KIND_OF[value.dtype.kind], np.ascontiguousarray(value).reshape(-1)
+            data = data.view("<i8")
+        head = np.zeros(FIELD_WORDS, dtype="<i8")
+        head[:6] = np.frombuffer(name.encode().ljust(NAME_LENGTH), dtype="<i8")
+        head[6:] = kind, components, count, len(data)
+        return np.concatenate([head, data])
+
+
+def write_message(
+    stem: str, message: Message, ending: str, sequence: int = 0, **wrong: int
+) -> None:
+    """Write STEM.SEQUENCE.ENDING.h5; `wrong` overrides words of the header by name.
+
+    The file has the number of the message, unless another is given.
+    """
+    path = Path(f"{stem}.{sequence or message.sequence:08d}.{ending}.h5")
+    head = dict(zip(HEADER, message.header(), strict=False)) | wrong
+    with h5py.File(f"{path}.tmp", "w") as file:
+        for name in WORDS:
+            value = np.int64(head[name])
+            file.attrs[name] = value.view(np.float64) if name in ("t0", "t1") else value
+        group = file.create_group("fields")
+        for name, value in message.fields.items():
+            if isinstance(value, bytes):
+                text = np.array(value, dtype=f"S{max(1, len(value))}")
+                group[name] = text if value else h5py.Empty("S1")
+            else:
+                group[name] = value
+        order = "".join(f"{name}\n" for name in message.fields).encode()
+        file["order"] = np.array(order, dtype=f"S{len(order)}") if order else h5py.Empty("S1")
+    os.replace(f"{path}.tmp", path)
+
+
+def read_message(
+    stem: str, sequence: int, ending: str, alive: Callable[[], bool] | None = None
+) -> Message | None:
+    """Wait for a message file, read and remove it; None when it does not come.
+
+    The wait ends when `alive`, asked every quarter of a second, says no, else after PATIENCE.
+    """
+    path = Path(f"{stem}.{sequence:08d}.{ending}.h5")
+    limit = time.monotonic() + (SLICE if alive else PATIENCE)
+    while not path.exists():
+        if time.monotonic() > limit:
+            if not (alive and alive()):
+                return None
+            limit = time.monotonic() + SLICE
+        if ending == "request" and not path.parent.exists():
+            return None
+        time.sleep(0.001)
+    with h5py.File(path) as file:
+        a = file.attrs
+        message = Message(int(a["verb"]), int(a["sequence"]), int(a["step"]), float(a["t0"]))
+        message.t1, message.status = float(a["t1"]), int(a["status"])
+        message.protocol = int(a["protocol"])
+        order = file["order"]
+        names = [] if order.shape is None else order[()].decode().split()
+        for name in names:
+            data = file["fields"][name]
+            text = data.dtype.kind == "S"
+            value = b"" if data.shape is None else data[()]
+            message.fields[name] = bytes(value) if text else value
+    path.unlink()
+    return message
+
+
+def place() -> str:
+    """Return boot id and process namespace, as the programs write them."""
+    boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+    return f"{boot}/{os.stat('/proc/self/ns/pid').st_ino}"
+
+
+def write_lines(path: Path, *text: str) -> None:
+    """Write a small text file under another name and rename it."""
+    hidden = path.with_name(path.name + ".new")
+    hidden.write_text("".join(f"{line}\n" for line in text))
+    os.replace(hidden, path)
+
+
+def join(stem: str) -> list[str]:
+    """Join a port that talus-couple offers; return the lines of its offer."""
+    limit = time.monotonic() + PATIENCE
+    offer_file = Path(f"{stem}.port")
+    while not offer_file.exists() and time.monotonic() < limit:
+        time.sleep(0.01)
+    text = offer_file.read_text().splitlines()
+    offer_file.unlink()
+    write_lines(Path(f"{stem}.joined"), place(), str(os.getpid()))
+    write_lines(Path(f"{stem}.beat"), "1")
+    return text
+
+
+def offer(stem: str) -> None:
+    """Offer a port to a solver, as talus-couple does."""
+    Path(stem).parent.mkdir(exist_ok=True)
+    write_lines(Path(stem).parent / "couple.beat", "1")
+    write_lines(Path(f"{stem}.port"), "talus-port 1", "test", place(), str(os.getpid()), "false")
+
+
+def spec_of(arguments: list[str]) -> str:
+    """Return the stem in --port=hdf5:STEM."""
+    return next(a[len("--port=hdf5:") :] for a in arguments if a.startswith("--port=hdf5:"))
+
+
+def serve(stem: str, answer: Callable[[Message], Values]) -> int:
+    """Answer the requests of talus-couple until STOP or ABORT; return the exit code.
+
+    `answer` takes a request and returns the fields of its reply; a FaultError that it raises is
+    the reply.
+    """
+    offered = join(stem)
+    beats = 1
+
+    def alive() -> bool:
+        """Beat; tell whether talus-couple still runs, where that can be seen."""
+        nonlocal beats
+        beats += 1
+        if Path(stem).parent.exists():
+            write_lines(Path(f"{stem}.beat"), str(beats))
+        return offered[2] != place() or Path(f"/proc/{offered[3]}").exists()
+
+    sequence = 0
+    while True:
+        sequence += 1
+        request = read_message(stem, sequence, "request", alive)
+        if request is None:
+            return STATUS["system"]
+        reply = Message(request.verb, sequence, request.step, request.t0, request.t1)
+        try:
+            reply.put(answer(request))
+        except FaultError as fault:
+            reply.status = fault.exit_code
+            reply.fields = {}
+            reply.put({Field.ERROR_CODE: fault.code, Field.ERROR_MESSAGE: fault.message,
+                       Field.ERROR_PLACE: fault.place, Field.ERROR_HINT: fault.hint})  # fmt: skip
+        write_message(stem, reply, "reply")
+        if request.name == "STOP":
+            early = request.flag(Field.EARLY)
+            return STATUS["stopped"] if early else STATUS["good"]
+        if request.name == "ABORT":
+            return STATUS["system"]
