@@ -175,7 +175,7 @@ module talus_port_names
   character(len=*), parameter :: dot_force = '.force'  !! grains prescribe and 7 more
   !> grains prescribe, grains surface, solid prescribe
   character(len=*), parameter :: dot_impulse = '.impulse'
-  character(len=*), parameter :: dot_load = '.load'  !! grains report
+  character(len=*), parameter :: dot_load = '.load'  !! grains load, grains report
   character(len=*), parameter :: dot_mean_force = '.mean_force'  !! grains load
   character(len=*), parameter :: dot_mean_moment = '.mean_moment'  !! grains load
   character(len=*), parameter :: dot_moment = '.moment'  !! grains prescribe and 6 more

@@ -514,7 +514,11 @@ SET_REPLIES = {
         ("moment_impulse", "real", "(3, set)", "both", True),
         ("work", "real", "(1)", "both", True),
     ),
-    "grains load": (),
+    "grains load": (
+        ("force", "real", "(3, set)", "both", True),
+        ("moment", "real", "(3, set)", "both", True),
+        ("load", "real", "(3, set)", "both", False),
+    ),
     "grains report": (
         ("x", "real", "(3, set)", "both", True),
         ("quat", "real", "(4, set)", "both", True),

@@ -42,8 +42,8 @@ def run(case: Case) -> None:
     ax.set(xlabel="time [µs]", ylabel="force on the plate [N]")
     ax.legend()
     case.save(fig)
-    # the plate follows the mean force of an exchange, tau = exchange/2 late: a sine of force thereby
-    # loses pi omega tau k'/K of its energy, and half as much of its amplitude
+    # the plate follows the mean force of an exchange, tau = exchange/2 late: a sine of force loses
+    # thereby pi omega tau k'/K of its energy, and half as much of its amplitude
     loss = 0.5 * np.pi * omega * np.array(EXCHANGES) * series / spring
     second = (omega * np.array(EXCHANGES)) ** 2 * series / spring
     for k, exchange in enumerate(EXCHANGES):
