@@ -209,7 +209,7 @@ contains
     k = position(self, name)
     if (k == 0) then
       call errors%add('P009', 'the field '''//trim(name)//''' is missing', self%place(), &
-                      'both programs must be of the same version')
+                      'both programs must speak the same version of the port')
       return
     end if
     self%last = k
@@ -217,7 +217,7 @@ contains
     if (self%field(k)%kind /= kind) then
       call errors%add('P011', 'the field '''//trim(name)//''' holds '// &
                       kind_name(self%field(k)%kind)//', '//kind_name(kind)//' are expected', &
-                      self%place(), 'both programs must be of the same version')
+                      self%place(), 'both programs must speak the same version of the port')
       return
     end if
     field = self%field(k)
@@ -268,7 +268,7 @@ contains
     integer(i4), intent(in) :: k
     type(error_list_type), intent(inout) :: errors
     call errors%add('P012', 'the field '''//trim(self%field(k)%name)//''' is not known here', &
-                    self%place(), 'both programs must be of the same version')
+                    self%place(), 'both programs must speak the same version of the port')
   end subroutine unknown_field
 
   !> Write the header; the message can then be sent.
@@ -309,7 +309,7 @@ contains
     else if (self%word(at_protocol) /= protocol_version) then
       call errors%add('P005', 'the partner speaks protocol '//str(self%word(at_protocol))// &
                       ', this program '//str(protocol_version), '', &
-                      'use programs of the same version')
+                      'use programs that speak the same version of the port')
     else if (self%word(at_words) /= words) then
       call errors%add('P006', 'a message of '//str(self%word(at_words))//' words arrived with '// &
                       str(words), '', 'the message is damaged')

@@ -241,7 +241,7 @@ contains
                         'the partner does not speak this port')
       else if (message%verb < 1) then
         call errors%add('P017', 'the request has a verb that is not known here', &
-                        message%place(), 'use programs of the same version')
+                        message%place(), 'use programs that speak the same version of the port')
       end if
       self%verb = message%verb
     end if

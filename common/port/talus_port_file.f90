@@ -148,7 +148,7 @@ contains
     end if
     if (stat /= 0) then
       call errors%add('P005', 'the port file is not of this version of Talus', path//'.port', &
-                      'use programs of the same version')
+                      'use programs that speak the same version of the port')
       return
     end if
     self%run_id = line(2)%s

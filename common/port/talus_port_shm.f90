@@ -150,7 +150,7 @@ contains
     select case (stage)
     case (stage_foreign)
       call errors%add('P005', 'the shared memory segment is not of this version of Talus', &
-                      '/dev/shm'//name, 'use programs of the same version')
+                      '/dev/shm'//name, 'use programs that speak the same version of the port')
     case (stage_lock)
       call errors%add('P016', 'another process has already joined this port', '/dev/shm'//name, &
                       'one solver a port; a solver on several ranks speaks through rank 0 only')

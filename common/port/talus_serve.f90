@@ -265,7 +265,7 @@ contains
     if (errors%any()) return
     if (protocol /= protocol_version) then
       call errors%add('P005', 'the partner speaks another protocol than '//server%program, &
-                      request%place(), 'use programs of the same version')
+                      request%place(), 'use programs that speak the same version of the port')
       return
     end if
     call server%hello(restart, reply, errors)
