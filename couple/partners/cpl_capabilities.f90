@@ -6,7 +6,7 @@ module cpl_capabilities
   use talus_errors, only: error_list_type
   use talus_log, only: log_type
   use talus_port_names, only: can_advance, can_dead_load, can_force, can_kick_drift, can_load, &
-    can_prescribe, can_reject, can_rehearsal, can_report, can_solve, can_springs, can_surface
+    can_prescribe, can_rehearsal, can_reject, can_report, can_solve, can_springs, can_surface
   use talus_version, only: version_text
   use cpl_choices, only: cpl_choices_type, interface_springs, scheme_iterated
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
