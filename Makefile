@@ -86,7 +86,7 @@ endif
 
 # unit tests and key tables have no loops worth -O3
 QUICK_OBJ := $(OBJ)/test_%.o $(HELPERS) $(OBJ)/%_deck_keys.o
-flags = $(FFLAGS)$(if $(filter $(QUICK_OBJ),$(1)), -O1)
+flags = $(FFLAGS)$(if $(filter $(QUICK_OBJ),$(1)), -O1 -fexpensive-optimizations)
 $(OBJ)/%.o: %.f90 Makefile | $(OBJ) $(MOD)
 	$(FC) $(call flags,$@) -J$(MOD) -c -o $@ $<
 $(OBJ)/%_c.o: %.c Makefile | $(OBJ)

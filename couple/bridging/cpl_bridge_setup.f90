@@ -6,6 +6,10 @@ module cpl_bridge_setup
   use talus_errors, only: error_list_type
   use talus_log, only: short_number
   use talus_message, only: verb_select, verb_set, verb_ready
+  use talus_port_names, only: dot_theta, field_fields, field_force, field_id, field_load, &
+    field_moment, field_omega, field_phi, field_role, field_scalars, field_set, field_step_limit, &
+    field_theta, field_u, field_v, field_value, field_what, field_x, role_load, role_name, &
+    role_prescribe, role_report, what_mass_factor
   use talus_timers, only: timers_type
   use cpl_bridge, only: bridge_type, domain_type
   use cpl_bridge_mass, only: check_domain, share_domain
@@ -118,23 +122,25 @@ contains
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: told
 
-    told = 'x,v,force,load'
-    if (o%rules%turns) told = told//',theta,omega,moment'
+    told = field_x//','//field_v//','//field_force//','//field_load
+    if (o%rules%turns) told = told//','//field_theta//','//field_omega//','//field_moment
     associate (grains => solvers(side_grains), solid => solvers(side_solid), n => o%op%hats, &
                m => o%op%hats_phi, bound => o%pack%id(o%sets%ghost))
-      call choose(grains, bound_set, 'report', bound, told)
-      call choose(grains, load_set, 'load', bound, '')
-      told = 'x'
-      if (o%rules%turns) told = 'x,theta'
-      call choose(grains, free_set, 'report', o%pack%id(o%sets%free), told)
-      call choose(solid, hat_set, 'prescribe', int(o%op%node(:n), i8), 'u')
+      call choose(grains, bound_set, role_name(role_report), bound, told)
+      call choose(grains, load_set, role_name(role_load), bound, '')
+      told = field_x
+      if (o%rules%turns) told = field_x//','//field_theta
+      call choose(grains, free_set, role_name(role_report), o%pack%id(o%sets%free), told)
+      call choose(solid, hat_set, role_name(role_prescribe), int(o%op%node(:n), i8), field_u)
       call take_held('held', o%own%held(:, :n))
-      call choose(solid, edge_set, 'prescribe', int(o%op%node(n + 1:), i8), 'u')
+      call choose(solid, edge_set, role_name(role_prescribe), int(o%op%node(n + 1:), i8), field_u)
       call take_held('held', o%own%held(:, n + 1:))
       if (o%op%nodes_phi == 0) return
-      call choose(solid, hat_phi_set, 'prescribe', int(o%op%node_phi(:m), i8), 'phi')
+      call choose(solid, hat_phi_set, role_name(role_prescribe), int(o%op%node_phi(:m), i8), &
+        field_phi)
       call take_held('held_phi', o%own%held_phi(:, :m))
-      call choose(solid, edge_phi_set, 'prescribe', int(o%op%node_phi(m + 1:), i8), 'phi')
+      call choose(solid, edge_phi_set, role_name(role_prescribe), int(o%op%node_phi(m + 1:), i8), &
+        field_phi)
       call take_held('held_phi', o%own%held_phi(:, m + 1:))
     end associate
 
@@ -146,10 +152,10 @@ contains
       integer(i8), intent(in) :: ids(:)
       if (errors%any()) return
       call solver%start_request(verb_select, o%step, solver%time, solver%time)
-      call solver%request%put_text('set', set)
-      call solver%request%put_text('role', role)
-      call solver%request%put_int('id', ids)
-      call solver%request%put_text('fields', fields)
+      call solver%request%put_text(field_set, set)
+      call solver%request%put_text(field_role, role)
+      call solver%request%put_int(field_id, ids)
+      call solver%request%put_text(field_fields, fields)
       call solver%ask(timers, errors)
     end subroutine choose
 
@@ -207,12 +213,12 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp) :: limit
     call grains%start_request(verb_set, o%step, grains%time, grains%time)
-    call grains%request%put_text('what', 'mass_factor')
-    call grains%request%put_text('set', load_set)
-    call grains%request%put('value', b%weight)
+    call grains%request%put_text(field_what, what_mass_factor)
+    call grains%request%put_text(field_set, load_set)
+    call grains%request%put(field_value, b%weight)
     call grains%ask(timers, errors)
     if (errors%any()) return
-    call grains%reply%get('step_limit', limit, errors)
+    call grains%reply%get(field_step_limit, limit, errors)
     if (errors%any() .or. grains%dt <= limit .or. .not. limit > 0.0_wp) return
     call errors%add('D425', 'the step of the grains, '//str(grains%dt)//' s, is above the '// &
       'stable step with the masses of the bridging domain, '//short_number(limit)//' s', &
@@ -225,9 +231,9 @@ contains
     type(bridge_type), intent(inout) :: b
     type(cpl_solver_type), intent(inout) :: grains
     type(error_list_type), intent(inout) :: errors
-    call grains%reply%get('scalars', o%ledger%grains, errors)
-    if (o%rules%turns) call grains%reply%get(free_set//'.theta', o%map%theta_ref, errors)
-    if (b%turns) call grains%reply%get(bound_set//'.theta', b%theta_ref, errors)
+    call grains%reply%get(field_scalars, o%ledger%grains, errors)
+    if (o%rules%turns) call grains%reply%get(free_set//dot_theta, o%map%theta_ref, errors)
+    if (b%turns) call grains%reply%get(bound_set//dot_theta, b%theta_ref, errors)
     call read_bound(o, b, grains, .true., errors)
   end subroutine read_grains
 

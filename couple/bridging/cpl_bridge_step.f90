@@ -4,6 +4,9 @@ module cpl_bridge_step
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use talus_message, only: verb_force, verb_kick_drift
+  use talus_port_names, only: dot_force, dot_load, dot_moment, dot_omega, dot_theta, dot_v, &
+    dot_x, field_brief, field_drift, field_force, field_kick, field_moment, field_scope, &
+    field_set, scope_interface
   use talus_timers, only: timers_type
   use cpl_bridge, only: bridge_type
   use cpl_overlap, only: overlap_type, free_set, hat_set
@@ -127,11 +130,11 @@ contains
     type(error_list_type), intent(inout) :: errors
     if (errors%any()) return
     call grains%start_request(verb_kick_drift, o%step, t0, t1)
-    call grains%request%put('kick', kick)
-    call grains%request%put('drift', drift)
-    call grains%request%put(load_set//'.force', b%push)
-    if (b%turns) call grains%request%put(load_set//'.moment', b%couple)
-    if (drift > 0.0_wp) call grains%request%put_int('brief', 1_i4)
+    call grains%request%put(field_kick, kick)
+    call grains%request%put(field_drift, drift)
+    call grains%request%put(load_set//dot_force, b%push)
+    if (b%turns) call grains%request%put(load_set//dot_moment, b%couple)
+    if (drift > 0.0_wp) call grains%request%put_int(field_brief, 1_i4)
     call grains%send(timers, errors)
   end subroutine send_push
 
@@ -142,19 +145,19 @@ contains
     type(cpl_solver_type), intent(inout) :: grains
     logical, intent(in) :: all  !! with the free grains
     type(error_list_type), intent(inout) :: errors
-    call grains%reply%get(bound_set//'.x', o%motion%d, errors)
-    call grains%reply%get(bound_set//'.v', b%v, errors)
+    call grains%reply%get(bound_set//dot_x, o%motion%d, errors)
+    call grains%reply%get(bound_set//dot_v, b%v, errors)
     o%motion%d = o%motion%d - o%map%x_ghost
     if (b%turns) then
-      call grains%reply%get(bound_set//'.omega', b%spin, errors)
-      call grains%reply%get(bound_set//'.theta', o%motion%turn, errors)
+      call grains%reply%get(bound_set//dot_omega, b%spin, errors)
+      call grains%reply%get(bound_set//dot_theta, o%motion%turn, errors)
       o%motion%turn = o%motion%turn - b%theta_ref
     end if
     if (.not. all) return
-    call grains%reply%get(free_set//'.x', o%motion%q, errors)
+    call grains%reply%get(free_set//dot_x, o%motion%q, errors)
     o%motion%q = o%motion%q - o%map%x_free
     if (.not. o%rules%turns) return
-    call grains%reply%get(free_set//'.theta', o%motion%theta, errors)
+    call grains%reply%get(free_set//dot_theta, o%motion%theta, errors)
     o%motion%theta = o%motion%theta - o%map%theta_ref
   end subroutine read_bound
 
@@ -171,22 +174,23 @@ contains
 
     associate (grains => solvers(side_grains), solid => solvers(side_solid))
       call grains%start_request(verb_force, o%step, t, t)
-      call grains%request%put_int('brief', 1_i4)
+      call grains%request%put_int(field_brief, 1_i4)
       call grains%send(timers, errors)
       call solid%start_request(verb_force, o%step, t, t)
-      call solid%request%put_text('scope', 'interface')
-      call solid%request%put_text('set', hat_set)
+      call solid%request%put_text(field_scope, scope_interface)
+      call solid%request%put_text(field_set, hat_set)
       call put_nodes(o, solid)
-      call solid%request%put_int('brief', 1_i4)
+      call solid%request%put_int(field_brief, 1_i4)
       if (.not. errors%any()) call solid%send(timers, errors)
       if (.not. errors%any()) call grains%receive(timers, errors)
       if (.not. errors%any()) call solid%receive(timers, errors)
       if (errors%any()) return
-      call grains%reply%get(bound_set//'.force', o%forces%p, errors)
-      call grains%reply%get(bound_set//'.load', load, errors)
+      call grains%reply%get(bound_set//dot_force, o%forces%p, errors)
+      call grains%reply%get(bound_set//dot_load, load, errors)
       o%forces%p = o%forces%p + load
-      if (b%turns) call grains%reply%get(bound_set//'.moment', o%forces%m, errors)
-      call read_nodes(o, solid, 'force', 'moment', o%forces%element, o%forces%element_phi, errors)
+      if (b%turns) call grains%reply%get(bound_set//dot_moment, o%forces%m, errors)
+      call read_nodes(o, solid, field_force, field_moment, o%forces%element, &
+        o%forces%element_phi, errors)
     end associate
     o%forces%f = o%forces%element + o%forces%f_hold
     o%forces%c = o%forces%element_phi + o%forces%c_hold

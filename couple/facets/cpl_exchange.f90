@@ -4,6 +4,11 @@ module cpl_exchange
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_message, only: verb_advance, verb_solve, verb_accept, verb_reject, verb_select, verb_set
+  use talus_port_names, only: dot_a, dot_force, dot_impulse, dot_moment, dot_moment_impulse, &
+    dot_phi, dot_phi_acceleration, dot_phi_rate, dot_quat, dot_u, dot_v, dot_work, dot_x, &
+    field_iterations, field_mass, field_node, field_node_phi, field_scalars, field_stiffness, &
+    field_stiffness_phi, field_substeps, field_trial, field_weight, field_weight_phi, field_what, &
+    what_springs
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, scheme_average, scheme_iterated, scheme_state, &
     interface_springs
@@ -161,19 +166,19 @@ contains
 
     span = t1 - t0
     call grains%start_request(verb_advance, face%step, t0, t1)
-    call grains%request%put(ghost_set//'.x', face%place%x_start + face%motion%d_new(:3, :))
-    if (face%transfer%rows > 3) call grains%request%put(ghost_set//'.quat', face%motion%quat_new)
+    call grains%request%put(ghost_set//dot_x, face%place%x_start + face%motion%d_new(:3, :))
+    if (face%transfer%rows > 3) call grains%request%put(ghost_set//dot_quat, face%motion%quat_new)
     call grains%ask(timers, errors)
     if (errors%any()) return
     associate (reply => grains%reply)
       call read_forces(face, grains, face%forces%p_end, errors)
-      call reply%get(ghost_set//'.impulse', impulse, errors)
+      call reply%get(ghost_set//dot_impulse, impulse, errors)
       face%forces%m_mean = 0.0_wp
       if (len(face%place%material) == 0) &
-        call reply%get(ghost_set//'.moment_impulse', face%forces%m_mean, errors)
-      call reply%get(ghost_set//'.work', face%ledger%step_work, errors)
-      call reply%get('scalars', face%ledger%grains_new, errors)
-      call reply%get_int('substeps', substeps, errors)
+        call reply%get(ghost_set//dot_moment_impulse, face%forces%m_mean, errors)
+      call reply%get(ghost_set//dot_work, face%ledger%step_work, errors)
+      call reply%get(field_scalars, face%ledger%grains_new, errors)
+      call reply%get_int(field_substeps, substeps, errors)
       call reply%all_read(errors)
     end associate
     face%forces%m_mean = face%forces%m_mean/span
@@ -192,10 +197,10 @@ contains
     real(wp), intent(out) :: p(:, :)  !! (rows, ghosts)
     type(error_list_type), intent(inout) :: errors
     real(wp) :: part(3, face%map%ghosts)
-    call grains%reply%get(ghost_set//'.force', part, errors)
+    call grains%reply%get(ghost_set//dot_force, part, errors)
     p(:3, :) = part
     if (len(face%place%material) > 0) return
-    call grains%reply%get(ghost_set//'.moment', part, errors)
+    call grains%reply%get(ghost_set//dot_moment, part, errors)
     if (face%transfer%rows > 3) p(4:, :) = part
   end subroutine read_forces
 
@@ -221,14 +226,14 @@ contains
       nodal = nodal + pull
     end if
     call solid%start_request(verb_solve, face%step, t0, t1)
-    call solid%request%put(node_set//'.force', nodal(:, :face%map%nodes))
+    call solid%request%put(node_set//dot_force, nodal(:, :face%map%nodes))
     if (face%transfer%blocks > face%map%nodes) &
-      call solid%request%put(phi_set//'.moment', nodal(:, face%map%nodes + 1:))
-    call solid%request%put_int('trial', trial)
+      call solid%request%put(phi_set//dot_moment, nodal(:, face%map%nodes + 1:))
+    call solid%request%put_int(field_trial, trial)
     call solid%ask(timers, errors)
     if (errors%any()) return
     call read_solid(face, solid, errors)
-    call solid%reply%get_int('iterations', iterations, errors)
+    call solid%reply%get_int(field_iterations, iterations, errors)
     if (.not. allocated(face%start%start_load)) call solid%reply%all_read(errors)
     if (errors%any() .or. face%finite()) return
     call errors%add('N407', 'a displacement of the interface is no number', &
@@ -242,7 +247,7 @@ contains
     type(cpl_solver_type), intent(inout) :: solid
     type(error_list_type), intent(inout) :: errors
     call read_motion(face, solid, face%motion%u_new, face%motion%v_new, errors)
-    call solid%reply%get('scalars', face%ledger%solid_new, errors)
+    call solid%reply%get(field_scalars, face%ledger%solid_new, errors)
   end subroutine read_solid
 
   !> Displacements, micro-rotations and their rates from a reply of the solid.
@@ -255,19 +260,19 @@ contains
     real(wp), dimension(3, face%map%nodes) :: at, rate, unused
     real(wp), dimension(3, size(face%transfer%phi_id)) :: turn, turn_rate, unused_phi
 
-    call solid%reply%get(node_set//'.u', at, errors)
-    call solid%reply%get(node_set//'.v', rate, errors)
-    call solid%reply%get(node_set//'.a', unused, errors)
+    call solid%reply%get(node_set//dot_u, at, errors)
+    call solid%reply%get(node_set//dot_v, rate, errors)
+    call solid%reply%get(node_set//dot_a, unused, errors)
     if (errors%any()) return
     u(:, :face%map%nodes) = at
     v(:, :face%map%nodes) = rate
     if (face%transfer%blocks == face%map%nodes) return
-    call solid%reply%get(phi_set//'.u', unused_phi, errors)
-    call solid%reply%get(phi_set//'.v', unused_phi, errors)
-    call solid%reply%get(phi_set//'.a', unused_phi, errors)
-    call solid%reply%get(phi_set//'.phi', turn, errors)
-    call solid%reply%get(phi_set//'.phi_rate', turn_rate, errors)
-    call solid%reply%get(phi_set//'.phi_acceleration', unused_phi, errors)
+    call solid%reply%get(phi_set//dot_u, unused_phi, errors)
+    call solid%reply%get(phi_set//dot_v, unused_phi, errors)
+    call solid%reply%get(phi_set//dot_a, unused_phi, errors)
+    call solid%reply%get(phi_set//dot_phi, turn, errors)
+    call solid%reply%get(phi_set//dot_phi_rate, turn_rate, errors)
+    call solid%reply%get(phi_set//dot_phi_acceleration, unused_phi, errors)
     if (errors%any()) return
     u(:, face%map%nodes + 1:) = turn
     v(:, face%map%nodes + 1:) = turn_rate
@@ -308,8 +313,8 @@ contains
       call select_ghosts(face, grains%request)
       call grains%ask(timers, errors)
       if (errors%any()) return
-      call grains%reply%get('mass', mass, errors)
-      call grains%reply%get('stiffness', stiffness, errors)
+      call grains%reply%get(field_mass, mass, errors)
+      call grains%reply%get(field_stiffness, stiffness, errors)
       call grains%reply%all_read(errors)
     end associate
     if (errors%any()) return
@@ -345,14 +350,14 @@ contains
     end do
     n = face%springs%n - face%springs%turning
     call solid%start_request(verb_set, face%step, time, time)
-    call solid%request%put_text('what', 'springs')
-    call solid%request%put_int('node', node(:, :n))
-    call solid%request%put('weight', face%springs%weight(:, :n))
-    call solid%request%put('stiffness', face%springs%each(:n))
+    call solid%request%put_text(field_what, what_springs)
+    call solid%request%put_int(field_node, node(:, :n))
+    call solid%request%put(field_weight, face%springs%weight(:, :n))
+    call solid%request%put(field_stiffness, face%springs%each(:n))
     if (face%springs%turning > 0) then
-      call solid%request%put_int('node_phi', node(:, n + 1:))
-      call solid%request%put('weight_phi', face%springs%weight(:, n + 1:))
-      call solid%request%put('stiffness_phi', face%springs%each(n + 1:))
+      call solid%request%put_int(field_node_phi, node(:, n + 1:))
+      call solid%request%put(field_weight_phi, face%springs%weight(:, n + 1:))
+      call solid%request%put(field_stiffness_phi, face%springs%each(n + 1:))
     end if
     call solid%ask(timers, errors)
   end subroutine set_springs

@@ -3,6 +3,9 @@ module cpl_interface
   use talus_kinds, only: wp, i4, i8
   use talus_vectors, only: turned
   use talus_message, only: message_type
+  use talus_port_names, only: field_fields, field_force, field_id, field_impulse, field_material, &
+    field_moment, field_moment_impulse, field_role, field_set, field_triangle, field_work, &
+    field_x, role_name, role_prescribe, role_surface
   use cpl_facet_map, only: facet_map_type
   use cpl_interface_state, only: interface_place_type, interface_start_type, &
     interface_motion_type, interface_forces_type, interface_watch_type, interface_ledger_type
@@ -14,7 +17,8 @@ module cpl_interface
   public :: interface_type, select_ghosts, ghost_set, ghost_fields, node_set, phi_set
 
   character(len=*), parameter :: ghost_set = 'ghosts'     !! set of the grains
-  character(len=*), parameter :: ghost_fields = 'force,moment,impulse,moment_impulse,work'
+  character(len=*), parameter :: ghost_fields = field_force// &
+    ','//field_moment//','//field_impulse//','//field_moment_impulse//','//field_work
   character(len=*), parameter :: node_set = 'interface'   !! set of the solid
   character(len=*), parameter :: phi_set = 'rotations'    !! set of its micro-rotations
 
@@ -78,18 +82,18 @@ contains
   subroutine select_ghosts(self, request)
     type(interface_type), intent(in) :: self
     type(message_type), intent(inout) :: request
-    call request%put_text('set', ghost_set)
-    call request%put_int('id', self%map%ghost_id)
+    call request%put_text(field_set, ghost_set)
+    call request%put_int(field_id, self%map%ghost_id)
     if (len(self%place%material) == 0) then
-      call request%put_text('role', 'prescribe')
-      call request%put_text('fields', ghost_fields)
+      call request%put_text(field_role, role_name(role_prescribe))
+      call request%put_text(field_fields, ghost_fields)
       return
     end if
-    call request%put_text('role', 'surface')
-    call request%put_text('fields', 'force,impulse,work')
-    call request%put_text('material', self%place%material)
-    call request%put('x', self%place%x_start)
-    call request%put_int('triangle', self%place%triangle)
+    call request%put_text(field_role, role_name(role_surface))
+    call request%put_text(field_fields, field_force//','//field_impulse//','//field_work)
+    call request%put_text(field_material, self%place%material)
+    call request%put(field_x, self%place%x_start)
+    call request%put_int(field_triangle, self%place%triangle)
   end subroutine select_ghosts
 
   !> Motion of the ghosts from that of the nodes, after a checkpoint was read or a start was found.

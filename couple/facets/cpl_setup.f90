@@ -4,6 +4,10 @@ module cpl_setup
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_message, only: verb_select, verb_set, verb_ready
+  use talus_port_names, only: field_a, field_connectivity, field_fields, field_force, field_id, &
+    field_moment, field_phi, field_polar, field_quat, field_radius, field_rehearsal, field_role, &
+    field_scalars, field_set, field_stiffness, field_u, field_v, field_what, field_x, role_load, &
+    role_name, what_dead_load, what_facets, what_grains, what_group, what_mesh
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, interface_springs, rotation_micro
   use cpl_exchange, only: set_springs, read_forces, read_motion
@@ -33,13 +37,13 @@ contains
     real(wp), allocatable :: all_x(:, :)
     integer(i4) :: k
 
-    call grains%describe('group', group, timers, errors)
+    call grains%describe(what_group, group, timers, errors)
     if (errors%any()) return
-    call grains%reply%take_int('id', ids, errors)
-    call grains%describe('grains', '', timers, errors)
+    call grains%reply%take_int(field_id, ids, errors)
+    call grains%describe(what_grains, '', timers, errors)
     if (errors%any()) return
-    call grains%reply%take_int('id', all_ids, errors)
-    call grains%reply%take('x', all_x, errors)
+    call grains%reply%take_int(field_id, all_ids, errors)
+    call grains%reply%take(field_x, all_x, errors)
     if (errors%any()) return
     allocate (x(3, size(ids)))
     do k = 1, size(ids)
@@ -154,18 +158,18 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
 
-    call solid%describe('facets', group, timers, errors)
+    call solid%describe(what_facets, group, timers, errors)
     if (errors%any()) return
-    call solid%reply%take_int('connectivity', mesh%facets, errors)
-    call solid%describe('mesh', '', timers, errors)
+    call solid%reply%take_int(field_connectivity, mesh%facets, errors)
+    call solid%describe(what_mesh, '', timers, errors)
     if (errors%any()) return
-    call solid%reply%take('x', mesh%x, errors)
+    call solid%reply%take(field_x, mesh%x, errors)
     allocate (mesh%hex8(8, 0))
-    if (solid%reply%has('connectivity')) &
-      call solid%reply%take_int('connectivity', mesh%hex8, errors)
+    if (solid%reply%has(field_connectivity)) &
+      call solid%reply%take_int(field_connectivity, mesh%hex8, errors)
     if (errors%any()) return
     allocate (mesh%polar(size(mesh%x, 2)), source=0_i4)
-    if (solid%reply%has('polar')) call solid%reply%take_int('polar', mesh%polar, errors)
+    if (solid%reply%has(field_polar)) call solid%reply%take_int(field_polar, mesh%polar, errors)
     if (.not. errors%any()) call mesh%check(errors)
   end subroutine read_mesh
 
@@ -179,11 +183,11 @@ contains
     real(wp), allocatable :: radius(:), quat(:, :)
     integer(i4) :: g, k
 
-    call grains%describe('grains', '', timers, errors)
+    call grains%describe(what_grains, '', timers, errors)
     if (errors%any()) return
-    call grains%reply%take_int('id', all_ids, errors)
-    call grains%reply%take('radius', radius, errors)
-    call grains%reply%take('quat', quat, errors)
+    call grains%reply%take_int(field_id, all_ids, errors)
+    call grains%reply%take(field_radius, radius, errors)
+    call grains%reply%take(field_quat, quat, errors)
     if (errors%any()) return
     do g = 1, face%map%ghosts
       k = findloc(all_ids, face%map%ghost_id(g), 1)
@@ -208,10 +212,10 @@ contains
       if (k == side_grains) then
         call select_ghosts(face, solvers(k)%request)
       else
-        call solvers(k)%request%put_text('set', node_set)
-        call solvers(k)%request%put_text('role', 'load')
-        call solvers(k)%request%put_int('id', face%map%node_id)
-        call solvers(k)%request%put_text('fields', 'u,v,a')
+        call solvers(k)%request%put_text(field_set, node_set)
+        call solvers(k)%request%put_text(field_role, role_name(role_load))
+        call solvers(k)%request%put_int(field_id, face%map%node_id)
+        call solvers(k)%request%put_text(field_fields, field_u//','//field_v//','//field_a)
       end if
       call solvers(k)%send(timers, errors)
     end do
@@ -221,7 +225,7 @@ contains
     if (face%transfer%rotation == rotation_micro .and. .not. errors%any()) &
       call select_rotations(face, solvers(side_solid), timers, errors)
     if (errors%any()) return
-    call solvers(side_grains)%reply%get('stiffness', stiffness, errors)
+    call solvers(side_grains)%reply%get(field_stiffness, stiffness, errors)
     if (.not. errors%any()) face%watch%contact_stiffness = maxval(stiffness)
   end subroutine select_sets
 
@@ -232,10 +236,10 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     call solid%start_request(verb_select, face%step, solid%time, solid%time)
-    call solid%request%put_text('set', phi_set)
-    call solid%request%put_text('role', 'load')
-    call solid%request%put_int('id', face%transfer%phi_id)
-    call solid%request%put_text('fields', 'phi')
+    call solid%request%put_text(field_set, phi_set)
+    call solid%request%put_text(field_role, role_name(role_load))
+    call solid%request%put_int(field_id, face%transfer%phi_id)
+    call solid%request%put_text(field_fields, field_phi)
     call solid%ask(timers, errors)
   end subroutine select_rotations
 
@@ -261,7 +265,7 @@ contains
     if (errors%any()) return
     if (.not. again) then
       call read_forces(face, solvers(side_grains), p, errors)
-      call solvers(side_grains)%reply%get('scalars', face%ledger%grains, errors)
+      call solvers(side_grains)%reply%get(field_scalars, face%ledger%grains, errors)
       if (errors%any()) return
       face%forces%p_end = p
       face%forces%p_before = p
@@ -301,7 +305,7 @@ contains
     call ready(solvers(side_grains), .false., face%step, timers, errors)
     if (errors%any()) return
     call read_forces(face, solvers(side_grains), face%forces%p_end, errors)
-    call solvers(side_grains)%reply%get('scalars', face%ledger%grains, errors)
+    call solvers(side_grains)%reply%get(field_scalars, face%ledger%grains, errors)
     face%forces%p_before = face%forces%p_end
     face%watch%force_at_look = maxval(abs(face%forces%p_end))
     if (.not. errors%any()) call ready(solvers(side_solid), .false., face%step, timers, errors)
@@ -314,7 +318,7 @@ contains
     type(cpl_solver_type), intent(inout) :: solid
     type(error_list_type), intent(inout) :: errors
     call read_motion(face, solid, face%motion%u, face%motion%v, errors)
-    call solid%reply%get('scalars', face%ledger%solid, errors)
+    call solid%reply%get(field_scalars, face%ledger%solid, errors)
     face%motion%v_before = face%motion%v
     face%motion%u_new = face%motion%u
   end subroutine take_solid
@@ -326,7 +330,7 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     call solver%start_request(verb_ready, step, solver%time, solver%time)
-    if (rehearsal) call solver%request%put_int('rehearsal', 1_i4)
+    if (rehearsal) call solver%request%put_int(field_rehearsal, 1_i4)
     call solver%ask(timers, errors)
   end subroutine ready
 
@@ -336,9 +340,9 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
 
-    call put_load(node_set, 'force', face%start%dead_load(:, :face%map%nodes))
+    call put_load(node_set, field_force, face%start%dead_load(:, :face%map%nodes))
     if (face%transfer%rotation /= rotation_micro .or. errors%any()) return
-    call put_load(phi_set, 'moment', face%start%dead_load(:, face%map%nodes + 1:))
+    call put_load(phi_set, field_moment, face%start%dead_load(:, face%map%nodes + 1:))
 
   contains
 
@@ -346,8 +350,8 @@ contains
       character(len=*), intent(in) :: set, field
       real(wp), intent(in) :: load(:, :)
       call solid%start_request(verb_set, face%step, solid%time, solid%time)
-      call solid%request%put_text('what', 'dead_load')
-      call solid%request%put_text('set', set)
+      call solid%request%put_text(field_what, what_dead_load)
+      call solid%request%put_text(field_set, set)
       call solid%request%put(field, load)
       call solid%ask(timers, errors)
     end subroutine put_load

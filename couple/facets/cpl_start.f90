@@ -11,6 +11,10 @@ module cpl_start
   use talus_log, only: log_type, short_number
   use talus_message, only: verb_accept, verb_describe, verb_force, verb_ready, verb_reject, &
     verb_select, verb_set
+  use talus_port_names, only: dot_force, dot_moment, field_couple, field_couple_stress, &
+    field_fields, field_force, field_id, field_moment, field_phi, field_role, field_scope, &
+    field_set, field_stress, field_value, field_what, role_load, role_name, scope_all, &
+    what_dead_load, what_initial_stress, what_quadrature
   use talus_stop, only: stop_type, stop_none
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type
@@ -133,12 +137,12 @@ contains
 
     face%place%u_start = face%motion%w
     call solid%start_request(verb_describe, 0_i8, 0.0_wp, 0.0_wp)
-    call solid%request%put_text('what', 'quadrature')
+    call solid%request%put_text(field_what, what_quadrature)
     call solid%ask(timers, errors)
     if (errors%any()) return
-    call solid%reply%take('stress', face%start%start_stress, errors)
-    if (solid%reply%has('couple_stress')) &
-      call solid%reply%take('couple_stress', face%start%start_couple, errors)
+    call solid%reply%take(field_stress, face%start%start_stress, errors)
+    if (solid%reply%has(field_couple_stress)) &
+      call solid%reply%take(field_couple_stress, face%start%start_couple, errors)
     call choose_nodes(face, solid, .true., timers, errors)
     call forces_now(face, solid, with_motion, with_turns, timers, errors)
     if (.not. errors%any()) call tell(solid, verb_reject, timers, errors)
@@ -177,16 +181,18 @@ contains
     integer(i8) :: k
     if (errors%any()) return
     call solid%start_request(verb_select, 0_i8, solid%time, solid%time)
-    call solid%request%put_text('set', all_set)
-    call solid%request%put_text('role', 'load')
-    call solid%request%put_int('id', [(k, k=1, merge(int(face%place%all_nodes, i8), 1_i8, all))])
+    call solid%request%put_text(field_set, all_set)
+    call solid%request%put_text(field_role, role_name(role_load))
+    call solid%request%put_int(field_id, [(k, k=1, merge(int(face%place%all_nodes, i8), 1_i8, &
+      all))])
     call solid%ask(timers, errors)
     if (size(face%place%polar_id) == 0 .or. errors%any()) return
     call solid%start_request(verb_select, 0_i8, solid%time, solid%time)
-    call solid%request%put_text('set', all_turns)
-    call solid%request%put_text('role', 'load')
-    call solid%request%put_text('fields', 'phi')
-    call solid%request%put_int('id', face%place%polar_id(:merge(size(face%place%polar_id), 1, all)))
+    call solid%request%put_text(field_set, all_turns)
+    call solid%request%put_text(field_role, role_name(role_load))
+    call solid%request%put_text(field_fields, field_phi)
+    call solid%request%put_int(field_id, face%place%polar_id(:merge(size(face%place%polar_id), 1, &
+      all)))
     call solid%ask(timers, errors)
   end subroutine choose_nodes
 
@@ -200,11 +206,11 @@ contains
     allocate (force(3, face%place%all_nodes), moment(3, size(face%place%polar_id)), source=0.0_wp)
     if (errors%any()) return
     call solid%start_request(verb_force, 0_i8, 0.0_wp, 0.0_wp)
-    call solid%request%put_text('scope', 'all')
+    call solid%request%put_text(field_scope, scope_all)
     call solid%ask(timers, errors)
-    if (.not. errors%any()) call solid%reply%get(all_set//'.force', force, errors)
+    if (.not. errors%any()) call solid%reply%get(all_set//dot_force, force, errors)
     if (size(face%place%polar_id) > 0 .and. .not. errors%any()) &
-      call solid%reply%get(all_turns//'.moment', moment, errors)
+      call solid%reply%get(all_turns//dot_moment, moment, errors)
   end subroutine forces_now
 
   subroutine put_stress(face, solid, timers, errors)
@@ -213,9 +219,9 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     call solid%start_request(verb_set, 0_i8, solid%time, solid%time)
-    call solid%request%put_text('what', 'initial_stress')
-    call solid%request%put('value', face%start%start_stress)
-    if (allocated(face%start%start_couple)) call solid%request%put('couple', &
+    call solid%request%put_text(field_what, what_initial_stress)
+    call solid%request%put(field_value, face%start%start_stress)
+    if (allocated(face%start%start_couple)) call solid%request%put(field_couple, &
       face%start%start_couple)
     call solid%ask(timers, errors)
   end subroutine put_stress
@@ -227,15 +233,15 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     call solid%start_request(verb_set, 0_i8, solid%time, solid%time)
-    call solid%request%put_text('what', 'dead_load')
-    call solid%request%put_text('set', all_set)
-    call solid%request%put('force', face%start%start_load)
+    call solid%request%put_text(field_what, what_dead_load)
+    call solid%request%put_text(field_set, all_set)
+    call solid%request%put(field_force, face%start%start_load)
     call solid%ask(timers, errors)
     if (size(face%place%polar_id) > 0 .and. .not. errors%any()) then
       call solid%start_request(verb_set, 0_i8, solid%time, solid%time)
-      call solid%request%put_text('what', 'dead_load')
-      call solid%request%put_text('set', all_turns)
-      call solid%request%put('moment', face%start%start_moment)
+      call solid%request%put_text(field_what, what_dead_load)
+      call solid%request%put_text(field_set, all_turns)
+      call solid%request%put(field_moment, face%start%start_moment)
       call solid%ask(timers, errors)
     end if
     call choose_nodes(face, solid, .false., timers, errors)

@@ -7,6 +7,7 @@ module cpl_domain_method
   use talus_errors, only: error_list_type
   use talus_hdf5, only: h5_file_type
   use talus_log, only: log_type, short_number
+  use talus_port_names, only: field_scalars
   use cpl_bridge, only: bridge_type
   use cpl_bridge_setup, only: make_bridge, begin_domain, start_domain
   use cpl_bridge_step, only: drift, send_push, bridge_forces, bridge_bulk, read_bound
@@ -128,7 +129,7 @@ contains
       if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
       if (errors%any()) return
       call read_bound(o, b, solvers(side_grains), .true., errors)
-      call solvers(side_grains)%reply%get('scalars', o%ledger%grains, errors)
+      call solvers(side_grains)%reply%get(field_scalars, o%ledger%grains, errors)
     end associate
     if (.not. errors%any()) call accept(self, run, t0, t1, errors)
   end subroutine exchange

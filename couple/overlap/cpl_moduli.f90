@@ -7,6 +7,8 @@ module cpl_moduli
   use talus_files, only: read_file
   use talus_message, only: verb_set
   use talus_moduli, only: isotropic_type
+  use talus_port_names, only: field_element, field_micropolar, field_poisson, field_what, &
+    field_young, what_moduli
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type
   use cpl_overlap, only: overlap_type
@@ -74,15 +76,15 @@ contains
     list = pack([(e, e=1, size(polar))], polar)
     if (size(list) > 0) then
       call begin(list)
-      call solid%request%put('micropolar', o%start%moduli(:, list))
+      call solid%request%put(field_micropolar, o%start%moduli(:, list))
       call solid%ask(timers, errors)
     end if
     list = pack([(e, e=1, size(polar))], .not. polar)
     if (size(list) == 0 .or. errors%any()) return
     call begin(list)
     associate (lambda => o%start%moduli(1, list), shear => o%start%moduli(2, list))
-      call solid%request%put('young', shear*(3.0_wp*lambda + 2.0_wp*shear)/(lambda + shear))
-      call solid%request%put('poisson', 0.5_wp*lambda/(lambda + shear))
+      call solid%request%put(field_young, shear*(3.0_wp*lambda + 2.0_wp*shear)/(lambda + shear))
+      call solid%request%put(field_poisson, 0.5_wp*lambda/(lambda + shear))
     end associate
     call solid%ask(timers, errors)
 
@@ -91,8 +93,8 @@ contains
     subroutine begin(elements)
       integer(i4), intent(in) :: elements(:)
       call solid%start_request(verb_set, o%step, solid%time, solid%time)
-      call solid%request%put_text('what', 'moduli')
-      call solid%request%put_int('element', elements)
+      call solid%request%put_text(field_what, what_moduli)
+      call solid%request%put_int(field_element, elements)
     end subroutine begin
   end subroutine send_moduli
 

@@ -4,6 +4,10 @@ module cpl_overlap_ask
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use talus_message, only: message_type, verb_accept, verb_force, verb_kick_drift
+  use talus_port_names, only: dot_force, dot_load, dot_mean_force, dot_mean_moment, dot_moment, &
+    dot_omega, dot_phi, dot_quat, dot_theta, dot_u, dot_v, dot_x, field_ahead, field_brief, &
+    field_drift, field_final, field_force, field_kick, field_moment, field_reaction, &
+    field_reaction_moment, field_scalars, field_scope, field_set, scope_interface
   use talus_timers, only: timers_type
   use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, &
     hat_phi_set, edge_phi_set
@@ -30,27 +34,27 @@ contains
     type(error_list_type), intent(inout) :: errors
     call timers%start(messages)
     call grains%start_request(verb_kick_drift, o%step, t0, t1)
-    call grains%request%put('kick', kick)
-    call grains%request%put('drift', drift)
+    call grains%request%put(field_kick, kick)
+    call grains%request%put(field_drift, drift)
     if (at_end .and. o%forces%parts%active) then
-      call grains%request%put(pulled_set//'.force', o%forces%force &
+      call grains%request%put(pulled_set//dot_force, o%forces%force &
         + o%rules%substeps*o%forces%parts%kick)
       if (o%rules%turns) &
-        call grains%request%put(pulled_set//'.moment', o%forces%moment &
+        call grains%request%put(pulled_set//dot_moment, o%forces%moment &
         + o%rules%substeps*o%forces%parts%kick_phi)
       if (.not. drift > 0.0_wp) then  ! energies are told
-        call grains%request%put(pulled_set//'.mean_force', o%forces%force + o%forces%parts%kick)
+        call grains%request%put(pulled_set//dot_mean_force, o%forces%force + o%forces%parts%kick)
         if (o%rules%turns) &
-          call grains%request%put(pulled_set//'.mean_moment', o%forces%moment &
+          call grains%request%put(pulled_set//dot_mean_moment, o%forces%moment &
           + o%forces%parts%kick_phi)
       end if
     else
-      call grains%request%put(pulled_set//'.force', o%forces%force)
-      if (o%rules%turns) call grains%request%put(pulled_set//'.moment', o%forces%moment)
+      call grains%request%put(pulled_set//dot_force, o%forces%force)
+      if (o%rules%turns) call grains%request%put(pulled_set//dot_moment, o%forces%moment)
     end if
     call timers%stop(messages)
-    if (drift > 0.0_wp) call grains%request%put_int('brief', 1_i4)
-    if (drift > 0.0_wp .and. o%forces%parts%active) call grains%request%put_int('ahead', 1_i4)
+    if (drift > 0.0_wp) call grains%request%put_int(field_brief, 1_i4)
+    if (drift > 0.0_wp .and. o%forces%parts%active) call grains%request%put_int(field_ahead, 1_i4)
     call grains%send(timers, errors)
   end subroutine send_kick
 
@@ -61,12 +65,12 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     call timers%start(messages)
-    call grains%reply%get(free_set//'.x', o%motion%q, errors)
+    call grains%reply%get(free_set//dot_x, o%motion%q, errors)
     o%motion%q = o%motion%q - o%map%x_free
-    if (o%rules%hears_speed) call grains%reply%get(free_set//'.v', o%motion%speed, errors)
+    if (o%rules%hears_speed) call grains%reply%get(free_set//dot_v, o%motion%speed, errors)
     if (o%rules%turns) then
-      if (o%rules%hears_speed) call grains%reply%get(free_set//'.omega', o%motion%spin, errors)
-      call grains%reply%get(free_set//'.theta', o%motion%theta, errors)
+      if (o%rules%hears_speed) call grains%reply%get(free_set//dot_omega, o%motion%spin, errors)
+      call grains%reply%get(free_set//dot_theta, o%motion%theta, errors)
       o%motion%theta = o%motion%theta - o%map%theta_ref
     end if
     call timers%stop(messages)
@@ -80,9 +84,9 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     call solid%start_request(verb_kick_drift, o%step, t0, t1)
-    call solid%request%put('kick', kick)
-    call solid%request%put('drift', drift)
-    if (drift > 0.0_wp) call solid%request%put_int('brief', 1_i4)
+    call solid%request%put(field_kick, kick)
+    call solid%request%put(field_drift, drift)
+    if (drift > 0.0_wp) call solid%request%put_int(field_brief, 1_i4)
     call solid%send(timers, errors)
   end subroutine send_bulk
 
@@ -91,10 +95,10 @@ contains
     type(overlap_type), intent(in) :: o
     type(message_type), intent(inout) :: request
     real(wp), intent(in) :: v(:, :), spin(:, :)  !! (3, ghosts) [m/s], [rad/s]
-    call request%put(ghost_set//'.x', o%map%x_ghost + o%motion%d)
-    call request%put(ghost_set//'.v', v)
-    call request%put(ghost_set//'.omega', spin)
-    if (.not. o%rules%round) call request%put(ghost_set//'.quat', o%motion%quat)
+    call request%put(ghost_set//dot_x, o%map%x_ghost + o%motion%d)
+    call request%put(ghost_set//dot_v, v)
+    call request%put(ghost_set//dot_omega, spin)
+    if (.not. o%rules%round) call request%put(ghost_set//dot_quat, o%motion%quat)
   end subroutine put_ghosts
 
   !> Forces on ghosts and free grains, from a reply; all but gravity and what comes from here.
@@ -106,28 +110,28 @@ contains
     if (o%forces%parts%active) then
       call read_near(o, grains, errors)
     else
-      call grains%reply%get(ghost_set//'.force', o%forces%p, errors)
-      call grains%reply%get(ghost_set//'.moment', o%forces%m, errors)
+      call grains%reply%get(ghost_set//dot_force, o%forces%p, errors)
+      call grains%reply%get(ghost_set//dot_moment, o%forces%m, errors)
     end if
     if (o%rules%hears_force) then
-      call grains%reply%get(free_set//'.force', o%forces%contact, errors)
-      call grains%reply%get(free_set//'.load', load, errors)
+      call grains%reply%get(free_set//dot_force, o%forces%contact, errors)
+      call grains%reply%get(free_set//dot_load, load, errors)
       if (.not. errors%any()) o%forces%contact = o%forces%contact + load
     end if
     if (o%rules%hears_force .and. o%rules%turns) &
-      call grains%reply%get(free_set//'.moment', o%forces%contact_moment, errors)
+      call grains%reply%get(free_set//dot_moment, o%forces%contact_moment, errors)
   end subroutine read_forces
 
   !> Where the nodes that talus-couple moves are, in a request to the solid.
   subroutine put_nodes(o, solid)
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: solid
-    call solid%request%put(hat_set//'.u', o%motion%u(:, :o%op%hats))
-    if (.not. o%rules%static) call solid%request%put(edge_set//'.u', o%motion%u(:, o%op%hats + 1:))
+    call solid%request%put(hat_set//dot_u, o%motion%u(:, :o%op%hats))
+    if (.not. o%rules%static) call solid%request%put(edge_set//dot_u, o%motion%u(:, o%op%hats + 1:))
     if (o%op%nodes_phi == 0) return
-    call solid%request%put(hat_phi_set//'.phi', o%motion%phi(:, :o%op%hats_phi))
+    call solid%request%put(hat_phi_set//dot_phi, o%motion%phi(:, :o%op%hats_phi))
     if (.not. o%rules%static) &
-      call solid%request%put(edge_phi_set//'.phi', o%motion%phi(:, o%op%hats_phi + 1:))
+      call solid%request%put(edge_phi_set//dot_phi, o%motion%phi(:, o%op%hats_phi + 1:))
   end subroutine put_nodes
 
   !> A field of all nodes from a reply of the solid.
@@ -167,11 +171,12 @@ contains
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solid
     type(error_list_type), intent(inout) :: errors
-    call read_nodes(o, solid, 'reaction', 'reaction_moment', o%forces%bulk, o%forces%bulk_phi, &
+    call read_nodes(o, solid, field_reaction, field_reaction_moment, o%forces%bulk, &
+      o%forces%bulk_phi, &
       errors)
     o%forces%bulk = -o%forces%bulk - o%forces%element - o%forces%steady
     o%forces%bulk_phi = -o%forces%bulk_phi - o%forces%element_phi - o%forces%steady_phi
-    call solid%reply%get('scalars', o%ledger%solid, errors)
+    call solid%reply%get(field_scalars, o%ledger%solid, errors)
   end subroutine read_bulk
 
   !> ACCEPT; nothing will be rejected. The solid is told velocities of hat and edge, for its field
@@ -183,10 +188,10 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     call solver%start_request(verb_accept, o%step, t0, t1)
-    call solver%request%put_int('final', 1_i4)
+    call solver%request%put_int(field_final, 1_i4)
     if (solver%side == sides(side_solid) .and. .not. o%rules%static) then
-      call solver%request%put(hat_set//'.v', o%motion%v(:, :o%op%hats))
-      call solver%request%put(edge_set//'.v', o%motion%v(:, o%op%hats + 1:))
+      call solver%request%put(hat_set//dot_v, o%motion%v(:, :o%op%hats))
+      call solver%request%put(edge_set//dot_v, o%motion%v(:, o%op%hats + 1:))
     end if
     call solver%send(timers, errors)
   end subroutine send_accept
@@ -216,10 +221,10 @@ contains
     if (errors%any()) return
     call timers%start(messages)
     call solid%start_request(verb_force, o%step, t, t)
-    call solid%request%put_text('scope', 'interface')
-    call solid%request%put_text('set', hat_set)
+    call solid%request%put_text(field_scope, scope_interface)
+    call solid%request%put_text(field_set, hat_set)
     call put_nodes(o, solid)
-    call solid%request%put_int('brief', 1_i4)
+    call solid%request%put_int(field_brief, 1_i4)
     call timers%stop(messages)
     call solid%send(timers, errors)
   end subroutine ask_solid
@@ -241,7 +246,7 @@ contains
     else
       call put_ghosts(o, grains%request, v, spin)
     end if
-    call grains%request%put_int('brief', 1_i4)
+    call grains%request%put_int(field_brief, 1_i4)
     call timers%stop(messages)
     call grains%send(timers, errors)
   end subroutine ask_grains
@@ -271,7 +276,8 @@ contains
       if (present(end_kick)) call send_bulk(o, solid, end_kick, 0.0_wp, t, t, timers, errors)
       call timers%start(messages)
       call read_forces(o, grains, errors)
-      call read_nodes(o, solid, 'force', 'moment', o%forces%element, o%forces%element_phi, errors)
+      call read_nodes(o, solid, field_force, field_moment, o%forces%element, &
+        o%forces%element_phi, errors)
       call timers%stop(messages)
       if (errors%any()) return
       call timers%start('pull-backs')

@@ -6,6 +6,8 @@ module cpl_overlap_loads
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use talus_message, only: verb_force
+  use talus_port_names, only: dot_force, dot_moment, field_brief, field_scope, field_set, &
+    field_steady, scope_loads
   use talus_timers, only: timers_type
   use cpl_overlap, only: overlap_type, hat_set, hat_phi_set
   use cpl_solver, only: cpl_solver_type
@@ -28,7 +30,7 @@ contains
 
     call ask(o, solid, solid%time, f, c, timers, errors)
     if (errors%any()) return
-    call solid%reply%get_int('steady', steady, errors)
+    call solid%reply%get_int(field_steady, steady, errors)
     associate (loads => o%forces%loads)
       loads%steady = steady == 1
       if (.not. (again .and. allocated(loads%f))) then
@@ -94,12 +96,12 @@ contains
     type(error_list_type), intent(inout) :: errors
     if (errors%any()) return
     call solid%start_request(verb_force, o%step, t, t)
-    call solid%request%put_text('scope', 'loads')
-    call solid%request%put_text('set', hat_set)
-    call solid%request%put_int('brief', 1_i4)
+    call solid%request%put_text(field_scope, scope_loads)
+    call solid%request%put_text(field_set, hat_set)
+    call solid%request%put_int(field_brief, 1_i4)
     call solid%ask(timers, errors)
     if (errors%any()) return
-    call solid%reply%get(hat_set//'.force', f, errors)
-    if (size(c) > 0) call solid%reply%get(hat_phi_set//'.moment', c, errors)
+    call solid%reply%get(hat_set//dot_force, f, errors)
+    if (size(c) > 0) call solid%reply%get(hat_phi_set//dot_moment, c, errors)
   end subroutine ask
 end module cpl_overlap_loads

@@ -5,6 +5,9 @@ module cpl_overlap_parts
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_message, only: message_type, verb_force, verb_select
+  use talus_port_names, only: dot_force, dot_moment, dot_omega, dot_quat, dot_v, dot_x, &
+    field_border_old, field_brief, field_id, field_role, field_scope, field_set, role_border, &
+    role_name, scope_between, scope_interface, scope_split, what_border
   use talus_timers, only: timers_type
   use talus_vectors, only: turn_all
   use cpl_overlap, only: overlap_type, ghost_set
@@ -39,11 +42,11 @@ contains
     if (errors%any()) return
     rest = 0.0_wp
     call grains%start_request(verb_force, o%step, grains%time, grains%time)
-    call grains%request%put_text('scope', 'split')
+    call grains%request%put_text(field_scope, scope_split)
     call put_ghosts(o, grains%request, rest, rest)
-    call grains%request%put(near_set//'.v', rest(:, :size(o%forces%parts%near)))
-    call grains%request%put(near_set//'.omega', rest(:, :size(o%forces%parts%near)))
-    call grains%request%put_int('brief', 1_i4)
+    call grains%request%put(near_set//dot_v, rest(:, :size(o%forces%parts%near)))
+    call grains%request%put(near_set//dot_omega, rest(:, :size(o%forces%parts%near)))
+    call grains%request%put_int(field_brief, 1_i4)
     call grains%ask(timers, errors)
     if (.not. errors%any()) call read_near(o, grains, errors)
     if (.not. errors%any()) call read_between(o, grains, errors)
@@ -101,9 +104,9 @@ contains
     real(wp), allocatable :: p(:, :), m(:, :)
     integer(i4) :: row(o%op%ghosts), k, g
 
-    call grains%describe('border', '', timers, errors)
+    call grains%describe(what_border, '', timers, errors)
     if (errors%any()) return
-    call grains%reply%take_int('id', ids, errors)
+    call grains%reply%take_int(field_id, ids, errors)
     if (errors%any()) return
     allocate (p(3, o%op%ghosts), m(3, o%op%ghosts), source=0.0_wp)
     if (allocated(o%forces%parts%near)) then
@@ -142,9 +145,9 @@ contains
       parts%quat_near = o%motion%quat(:, parts%near)
     end associate
     call grains%start_request(verb_select, o%step, grains%time, grains%time)
-    call grains%request%put_text('set', near_set)
-    call grains%request%put_text('role', 'border')
-    call grains%request%put_int('id', o%pack%id(o%sets%ghost(o%forces%parts%near)))
+    call grains%request%put_text(field_set, near_set)
+    call grains%request%put_text(field_role, role_name(role_border))
+    call grains%request%put_int(field_id, o%pack%id(o%sets%ghost(o%forces%parts%near)))
     call grains%ask(timers, errors)
   end subroutine select_near
 
@@ -218,30 +221,30 @@ contains
     type(overlap_type), intent(in) :: o
     type(message_type), intent(inout) :: request
     real(wp), intent(in) :: v(:, :), spin(:, :)  !! (3, near) [m/s], [rad/s]
-    call request%put_text('scope', 'interface')
-    call request%put(near_set//'.x', o%forces%parts%x_near + o%forces%parts%d_near)
-    if (.not. o%rules%round) call request%put(near_set//'.quat', o%forces%parts%quat_near)
-    call request%put(near_set//'.v', v)
-    call request%put(near_set//'.omega', spin)
+    call request%put_text(field_scope, scope_interface)
+    call request%put(near_set//dot_x, o%forces%parts%x_near + o%forces%parts%d_near)
+    if (.not. o%rules%round) call request%put(near_set//dot_quat, o%forces%parts%quat_near)
+    call request%put(near_set//dot_v, v)
+    call request%put(near_set//dot_omega, spin)
   end subroutine put_near
 
   !> All ghosts, in a request FORCE: their contacts with each other, after those of free grains.
   subroutine put_between(o, request)
     type(overlap_type), intent(in) :: o
     type(message_type), intent(inout) :: request
-    call request%put_text('scope', 'between')
+    call request%put_text(field_scope, scope_between)
     call put_ghosts(o, request, o%forces%parts%v, o%forces%parts%spin)
-    call request%put_int('brief', 1_i4)
+    call request%put_int(field_brief, 1_i4)
   end subroutine put_between
 
   subroutine put_ghosts(o, request, v, spin)
     type(overlap_type), intent(in) :: o
     type(message_type), intent(inout) :: request
     real(wp), intent(in) :: v(:, :), spin(:, :)  !! mean of the exchange (3, ghosts)
-    call request%put(ghost_set//'.x', o%map%x_ghost + o%motion%d)
-    if (.not. o%rules%round) call request%put(ghost_set//'.quat', o%motion%quat)
-    call request%put(ghost_set//'.v', v)
-    call request%put(ghost_set//'.omega', spin)
+    call request%put(ghost_set//dot_x, o%map%x_ghost + o%motion%d)
+    if (.not. o%rules%round) call request%put(ghost_set//dot_quat, o%motion%quat)
+    call request%put(ghost_set//dot_v, v)
+    call request%put(ghost_set//dot_omega, spin)
   end subroutine put_ghosts
 
   !> Forces of free grains on the near ghosts, from a reply.
@@ -249,8 +252,8 @@ contains
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: grains
     type(error_list_type), intent(inout) :: errors
-    call grains%reply%get(near_set//'.force', o%forces%parts%p_near, errors)
-    call grains%reply%get(near_set//'.moment', o%forces%parts%m_near, errors)
+    call grains%reply%get(near_set//dot_force, o%forces%parts%p_near, errors)
+    call grains%reply%get(near_set//dot_moment, o%forces%parts%m_near, errors)
   end subroutine read_near
 
   !> Forces of ghosts on ghosts, from a reply.
@@ -259,9 +262,9 @@ contains
     type(cpl_solver_type), intent(inout) :: grains
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: old
-    call grains%reply%get(ghost_set//'.force', o%forces%parts%p, errors)
-    call grains%reply%get(ghost_set//'.moment', o%forces%parts%m, errors)
-    call grains%reply%get_int('border_old', old, errors)
+    call grains%reply%get(ghost_set//dot_force, o%forces%parts%p, errors)
+    call grains%reply%get(ghost_set//dot_moment, o%forces%parts%m, errors)
+    call grains%reply%get_int(field_border_old, old, errors)
     if (errors%any()) return
     o%forces%parts%old = old == 1
   end subroutine read_between

@@ -6,6 +6,14 @@ module cpl_overlap_setup
   use talus_errors, only: error_list_type
   use talus_log, only: short_number
   use talus_message, only: verb_select, verb_set, verb_ready
+  use talus_port_names, only: can_border, can_kick_drift, dot_force, dot_moment, dot_theta, &
+    field_axes, field_element, field_fields, field_force, field_held, field_held_phi, field_id, &
+    field_inertia, field_kind, field_load, field_mass, field_mass_phi, field_mass_u, &
+    field_micromorphic, field_moment, field_node, field_omega, field_phi, field_polar, &
+    field_quat, field_radius, field_role, field_scalars, field_set, field_speed, field_speed_phi, &
+    field_start, field_step_limit, field_theta, field_u, field_v, field_value, field_what, &
+    field_x, role_load, role_name, role_prescribe, role_report, what_grains, what_group, &
+    what_mass_factor, what_mesh
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, rotation_fixed, rotation_curl, rotation_micro
   use cpl_operators, only: weigh_unit, weigh_mass, weigh_volume
@@ -74,7 +82,7 @@ contains
     o%rules%turns = o%op%hats_phi > 0
     o%rules%in_parts = o%rules%symmetric .and. o%rules%substeps > 1 .and. &
       choices%overlap%ghost_contacts == 'exchange'
-    if (o%rules%in_parts .and. (o%op%micro%active .or. .not. solvers(side_grains)%can('border'))) &
+    if (o%rules%in_parts .and. (o%op%micro%active .or. .not. solvers(side_grains)%can(can_border))) &
       call errors%add('D421', "ghost_contacts = 'exchange' is for classical and micropolar "// &
                       'solids, and for grains that have the role border', '', &
                       "write ghost_contacts = 'step'")
@@ -114,7 +122,7 @@ contains
       call errors%add('D422', solvers(side_solid)%title()//' is not static', &
                       solvers(side_solid)%deck, "write &analysis kind = 'static', or another "// &
                       'scheme in &overlap')
-    else if (.not. static .and. .not. (dynamic .and. solvers(side_solid)%can('kick_drift'))) then
+    else if (.not. static .and. .not. (dynamic .and. solvers(side_solid)%can(can_kick_drift))) then
       call errors%add('D422', solvers(side_solid)%title()//' does not step explicitly', &
                       solvers(side_solid)%deck, "write &analysis kind = 'explicit', or for a "// &
                       "static solid &overlap scheme = 'static'")
@@ -147,17 +155,17 @@ contains
     real(wp), allocatable :: axes(:, :), inertia(:, :)
     real(wp), parameter :: sphere = 4.188790204786390984617_wp  !! 4 pi/3
 
-    call grains%describe('grains', '', timers, errors)
+    call grains%describe(what_grains, '', timers, errors)
     if (errors%any()) return
     associate (reply => grains%reply, p => o%pack)
-      call reply%take_int('id', p%id, errors)
-      call reply%take('x', p%x, errors)
-      call reply%take('quat', p%quat, errors)
-      call reply%take('axes', axes, errors)
-      call reply%take('radius', p%radius, errors)
-      call reply%take('mass', p%mass, errors)
-      call reply%take('inertia', inertia, errors)
-      call reply%take_int('kind', p%kind, errors)
+      call reply%take_int(field_id, p%id, errors)
+      call reply%take(field_x, p%x, errors)
+      call reply%take(field_quat, p%quat, errors)
+      call reply%take(field_axes, axes, errors)
+      call reply%take(field_radius, p%radius, errors)
+      call reply%take(field_mass, p%mass, errors)
+      call reply%take(field_inertia, inertia, errors)
+      call reply%take_int(field_kind, p%kind, errors)
       if (errors%any()) return
       p%inertia = sum(inertia, 1)/3.0_wp
       p%slimmest = minval(inertia, 1)
@@ -173,29 +181,29 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: polar(:)
 
-    call solid%describe('mesh', '', timers, errors)
+    call solid%describe(what_mesh, '', timers, errors)
     if (errors%any()) return
     associate (reply => solid%reply, c => o%cells)
-      call reply%take('x', c%x, errors)
-      call reply%take_int('kind', c%kind, errors)
-      call reply%take_int('start', c%start, errors)
-      call reply%take_int('node', c%node, errors)
-      call reply%take('mass_u', c%mass, errors)
+      call reply%take(field_x, c%x, errors)
+      call reply%take_int(field_kind, c%kind, errors)
+      call reply%take_int(field_start, c%start, errors)
+      call reply%take_int(field_node, c%node, errors)
+      call reply%take(field_mass_u, c%mass, errors)
       if (errors%any()) return
       c%nodes = size(c%x, 2)
       c%elements = size(c%kind)
       allocate (c%polar(c%nodes), source=.false.)
       allocate (c%inertia(c%nodes), source=0.0_wp)
-      if (reply%has('polar')) then
-        call reply%take_int('polar', polar, errors)
-        call reply%take('mass_phi', c%inertia, errors)
+      if (reply%has(field_polar)) then
+        call reply%take_int(field_polar, polar, errors)
+        call reply%take(field_mass_phi, c%inertia, errors)
         if (errors%any()) return
         c%polar = polar == 1
       end if
-      c%micromorphic = reply%has('micromorphic')
+      c%micromorphic = reply%has(field_micromorphic)
       if (c%micromorphic) then
-        call reply%take_int('micromorphic', polar, errors)
-        call reply%take('mass_phi', c%inertia, errors)
+        call reply%take_int(field_micromorphic, polar, errors)
+        call reply%take(field_mass_phi, c%inertia, errors)
         if (errors%any()) return
         c%polar = polar == 1
       end if
@@ -273,14 +281,14 @@ contains
       end do
       return
     end if
-    call solid%describe('group', group, timers, errors)
+    call solid%describe(what_group, group, timers, errors)
     if (errors%any()) return
-    if (.not. solid%reply%has('element')) then
+    if (.not. solid%reply%has(field_element)) then
       call errors%add('I421', "the group '"//group//"' is not one of elements", solid%deck, &
                       '&overlap wants volume groups')
       return
     end if
-    call solid%reply%take_int('element', ids, errors)
+    call solid%reply%take_int(field_element, ids, errors)
     if (.not. errors%any()) list(ids) = .true.
   end subroutine chosen
 
@@ -405,10 +413,10 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     if (errors%any()) return
-    call grains%reply%get('scalars', o%ledger%grains, errors)
-    if (o%rules%turns) call grains%reply%get(free_set//'.theta', o%map%theta_ref, errors)
-    call grains%reply%get(ghost_set//'.force', o%forces%p, errors)
-    call grains%reply%get(ghost_set//'.moment', o%forces%m, errors)
+    call grains%reply%get(field_scalars, o%ledger%grains, errors)
+    if (o%rules%turns) call grains%reply%get(free_set//dot_theta, o%map%theta_ref, errors)
+    call grains%reply%get(ghost_set//dot_force, o%forces%p, errors)
+    call grains%reply%get(ghost_set//dot_moment, o%forces%m, errors)
     call read_free(o, grains, timers, errors)
   end subroutine read_start
 
@@ -432,28 +440,30 @@ contains
     real(wp) :: v(3, o%op%nodes - o%op%hats), w(3, o%op%nodes_phi - o%op%hats_phi)
     character(len=:), allocatable :: edge_role
 
-    edge_role = 'prescribe'
-    if (o%rules%static) edge_role = 'load'
+    edge_role = role_name(role_prescribe)
+    if (o%rules%static) edge_role = role_name(role_load)
     associate (grains => solvers(side_grains), solid => solvers(side_solid), n => o%op%hats, &
                m => o%op%hats_phi)
-      call choose(grains, ghost_set, 'prescribe', o%pack%id(o%sets%ghost), 'force,moment')
-      call choose(grains, free_set, 'report', o%pack%id(o%sets%free), told(o))
-      call choose(grains, pulled_set, 'load', o%pack%id(o%sets%free), 'none')
-      call choose(solid, hat_set, 'prescribe', int(o%op%node(:n), i8), 'u')
-      call choose(solid, edge_set, edge_role, int(o%op%node(n + 1:), i8), 'u')
+      call choose(grains, ghost_set, role_name(role_prescribe), o%pack%id(o%sets%ghost), &
+        field_force//','//field_moment)
+      call choose(grains, free_set, role_name(role_report), o%pack%id(o%sets%free), told(o))
+      call choose(grains, pulled_set, role_name(role_load), o%pack%id(o%sets%free), 'none')
+      call choose(solid, hat_set, role_name(role_prescribe), int(o%op%node(:n), i8), field_u)
+      call choose(solid, edge_set, edge_role, int(o%op%node(n + 1:), i8), field_u)
       if (errors%any()) return
-      call solid%reply%take_int('held', held, errors)
-      call solid%reply%get('speed', v, errors)
+      call solid%reply%take_int(field_held, held, errors)
+      call solid%reply%get(field_speed, v, errors)
       if (errors%any()) return
       o%own%held(:, n + 1:) = held == 1
       if (.not. (again .or. o%rules%static)) o%motion%v(:, n + 1:) = v
       if (o%op%nodes_phi == 0) return
-      call choose(solid, hat_phi_set, 'prescribe', int(o%op%node_phi(:m:o%op%stride), i8), 'phi')
+      call choose(solid, hat_phi_set, role_name(role_prescribe), &
+        int(o%op%node_phi(:m:o%op%stride), i8), field_phi)
       call choose(solid, edge_phi_set, edge_role, int(o%op%node_phi(m + 1::o%op%stride), i8), &
-                  'phi')
+                  field_phi)
       if (errors%any()) return
-      call solid%reply%take_int('held_phi', held, errors)
-      call solid%reply%get('speed_phi', w, errors)
+      call solid%reply%take_int(field_held_phi, held, errors)
+      call solid%reply%get(field_speed_phi, w, errors)
       if (errors%any()) return
       o%own%held_phi(:, m + 1:) = held == 1
       if (.not. (again .or. o%rules%static)) o%motion%w(:, m + 1:) = w
@@ -467,10 +477,10 @@ contains
       integer(i8), intent(in) :: ids(:)
       if (errors%any()) return
       call solver%start_request(verb_select, o%step, solver%time, solver%time)
-      call solver%request%put_text('set', set)
-      call solver%request%put_text('role', role)
-      call solver%request%put_int('id', ids)
-      call solver%request%put_text('fields', fields)
+      call solver%request%put_text(field_set, set)
+      call solver%request%put_text(field_role, role)
+      call solver%request%put_int(field_id, ids)
+      call solver%request%put_text(field_fields, fields)
       call solver%ask(timers, errors)
     end subroutine choose
   end subroutine select_sets
@@ -479,12 +489,12 @@ contains
   pure function told(o) result(fields)
     type(overlap_type), intent(in) :: o
     character(len=:), allocatable :: fields
-    fields = 'x'
-    if (o%rules%turns) fields = fields//',theta'
-    if (o%rules%hears_force) fields = fields//',force,load'
-    if (o%rules%hears_force .and. o%rules%turns) fields = fields//',moment'
-    if (o%rules%hears_speed) fields = fields//',v'
-    if (o%rules%hears_speed .and. o%rules%turns) fields = fields//',omega'
+    fields = field_x
+    if (o%rules%turns) fields = fields//','//field_theta
+    if (o%rules%hears_force) fields = fields//','//field_force//','//field_load
+    if (o%rules%hears_force .and. o%rules%turns) fields = fields//','//field_moment
+    if (o%rules%hears_speed) fields = fields//','//field_v
+    if (o%rules%hears_speed .and. o%rules%turns) fields = fields//','//field_omega
   end function told
 
   !> Factors on the masses of the free grains. D425: the step is above the limit that comes back.
@@ -496,12 +506,12 @@ contains
     real(wp) :: limit
     integer(i4) :: light
     call grains%start_request(verb_set, o%step, grains%time, grains%time)
-    call grains%request%put_text('what', 'mass_factor')
-    call grains%request%put_text('set', pulled_set)
-    call grains%request%put('value', o%own%factor)
+    call grains%request%put_text(field_what, what_mass_factor)
+    call grains%request%put_text(field_set, pulled_set)
+    call grains%request%put(field_value, o%own%factor)
     call grains%ask(timers, errors)
     if (errors%any() .or. .not. any(abs(o%own%factor - 1.0_wp) > 0.0_wp)) return
-    call grains%reply%get('step_limit', limit, errors)
+    call grains%reply%get(field_step_limit, limit, errors)
     if (errors%any() .or. grains%dt <= limit) return
     light = minloc(o%own%factor, 1)
     call errors%add('D425', 'the step of the grains, '//str(grains%dt)//' s, is above the '// &

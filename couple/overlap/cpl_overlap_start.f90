@@ -7,6 +7,10 @@ module cpl_overlap_start
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_message, only: verb_force, verb_ready, verb_select, verb_set
+  use talus_port_names, only: dot_force, dot_moment, field_brief, field_couple, field_fields, &
+    field_held, field_held_phi, field_id, field_phi, field_rehearsal, field_role, field_scope, &
+    field_set, field_u, field_value, field_what, role_name, role_report, scope_balance, &
+    what_initial_stress
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type
   use cpl_homogenise, only: pack_average_type, average_pack, extend_average, stress_at
@@ -163,7 +167,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     if (errors%any()) return
     call solid%start_request(verb_ready, o%step, solid%time, solid%time)
-    call solid%request%put_int('rehearsal', 1_i4)
+    call solid%request%put_int(field_rehearsal, 1_i4)
     call solid%ask(timers, errors)
   end subroutine rehearse
 
@@ -180,11 +184,11 @@ contains
     integer(i4) :: k, n
 
     n = merge(o%cells%nodes, 1, all)
-    call choose(all_set, 'u', [(int(k, i8), k=1, n)])
+    call choose(all_set, field_u, [(int(k, i8), k=1, n)])
     if (errors%any()) return
     if (all) then
       allocate (free(3, 2*o%cells%nodes), source=.false.)
-      call solid%reply%take_int('held', held, errors)
+      call solid%reply%take_int(field_held, held, errors)
       if (errors%any()) return
       free(:, :o%cells%nodes) = held == 0
       free(:, o%op%node(:o%op%hats)) = .true.
@@ -192,9 +196,9 @@ contains
     turning = pack([(k, k=1, o%cells%nodes)], o%cells%polar)
     if (size(turning) == 0) return
     if (.not. all) turning = turning(:1)
-    call choose(all_turns, 'phi', int(turning, i8))
+    call choose(all_turns, field_phi, int(turning, i8))
     if (errors%any() .or. .not. all) return
-    call solid%reply%take_int('held_phi', held, errors)
+    call solid%reply%take_int(field_held_phi, held, errors)
     if (errors%any()) return
     free(:, o%cells%nodes + turning) = held == 0
     free(:, o%cells%nodes + o%op%node_phi(:o%op%hats_phi)) = .true.
@@ -206,10 +210,10 @@ contains
       integer(i8), intent(in) :: ids(:)
       if (errors%any()) return
       call solid%start_request(verb_select, o%step, solid%time, solid%time)
-      call solid%request%put_text('set', set)
-      call solid%request%put_text('role', 'report')
-      call solid%request%put_int('id', ids)
-      call solid%request%put_text('fields', fields)
+      call solid%request%put_text(field_set, set)
+      call solid%request%put_text(field_role, role_name(role_report))
+      call solid%request%put_int(field_id, ids)
+      call solid%request%put_text(field_fields, fields)
       call solid%ask(timers, errors)
     end subroutine choose
   end subroutine choose_nodes
@@ -227,17 +231,17 @@ contains
     allocate (load(3, 2*o%cells%nodes), source=0.0_wp)
     if (errors%any()) return
     call solid%start_request(verb_force, o%step, solid%time, solid%time)
-    call solid%request%put_text('scope', 'balance')
-    call solid%request%put_int('brief', 1_i4)
+    call solid%request%put_text(field_scope, scope_balance)
+    call solid%request%put_int(field_brief, 1_i4)
     call solid%ask(timers, errors)
     if (errors%any()) return
     allocate (part(3, o%cells%nodes))
-    call solid%reply%get(all_set//'.force', part, errors)
+    call solid%reply%get(all_set//dot_force, part, errors)
     load(:, :o%cells%nodes) = part
     if (.not. any(o%cells%polar) .or. errors%any()) return
     deallocate (part)
     allocate (part(3, count(o%cells%polar)))
-    call solid%reply%get(all_turns//'.moment', part, errors)
+    call solid%reply%get(all_turns//dot_moment, part, errors)
     load(:, o%cells%nodes + pack([(k, k=1, o%cells%nodes)], o%cells%polar)) = part
   end subroutine outer_loads
 
@@ -283,12 +287,12 @@ contains
     type(error_list_type), intent(inout) :: errors
     if (errors%any()) return
     call solid%start_request(verb_set, o%step, solid%time, solid%time)
-    call solid%request%put_text('what', 'initial_stress')
+    call solid%request%put_text(field_what, what_initial_stress)
     if (any(o%cells%polar)) then
-      call solid%request%put('value', o%start%stress)
-      call solid%request%put('couple', o%start%couple)
+      call solid%request%put(field_value, o%start%stress)
+      call solid%request%put(field_couple, o%start%couple)
     else
-      call solid%request%put('value', o%start%stress([1, 5, 9, 2, 6, 7], :))
+      call solid%request%put(field_value, o%start%stress([1, 5, 9, 2, 6, 7], :))
     end if
     call solid%ask(timers, errors)
   end subroutine send_stress

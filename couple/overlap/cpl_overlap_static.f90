@@ -9,6 +9,7 @@ module cpl_overlap_static
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_message, only: verb_solve
+  use talus_port_names, only: dot_force, dot_moment, dot_phi, dot_u, field_scalars
   use talus_scalars, only: scalar_elastic
   use talus_timers, only: timers_type
   use cpl_choices, only: interface_aitken
@@ -86,7 +87,7 @@ contains
     if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
     if (errors%any()) return
     call read_free(o, solvers(side_grains), timers, errors)
-    call solvers(side_grains)%reply%get('scalars', o%ledger%grains, errors)
+    call solvers(side_grains)%reply%get(field_scalars, o%ledger%grains, errors)
     call edge_load(o, load)
     call measure_balance(o, load, solvers(side_grains)%gravity)
     call o%relax%force(load)
@@ -121,19 +122,19 @@ contains
     u = o%motion%u
     phi = o%motion%phi
     call solid%start_request(verb_solve, o%step, t0, t1)
-    call solid%request%put(hat_set//'.u', o%motion%u(:, :o%op%hats))
-    call solid%request%put(edge_set//'.force', o%relax%held(:3, :))
+    call solid%request%put(hat_set//dot_u, o%motion%u(:, :o%op%hats))
+    call solid%request%put(edge_set//dot_force, o%relax%held(:3, :))
     if (o%op%nodes_phi > 0) then
       call find_turning(o, turning)
-      call solid%request%put(hat_phi_set//'.phi', o%motion%phi(:, :o%op%hats_phi))
-      call solid%request%put(edge_phi_set//'.moment', reshape(o%relax%held(4:, turning), &
+      call solid%request%put(hat_phi_set//dot_phi, o%motion%phi(:, :o%op%hats_phi))
+      call solid%request%put(edge_phi_set//dot_moment, reshape(o%relax%held(4:, turning), &
                                                               shape(turn)))
     end if
     call solid%ask(timers, errors)
     if (errors%any()) return
-    call solid%reply%get(edge_set//'.u', edge, errors)
-    if (o%op%nodes_phi > 0) call solid%reply%get(edge_phi_set//'.phi', turn, errors)
-    call solid%reply%get('scalars', o%ledger%solid, errors)
+    call solid%reply%get(edge_set//dot_u, edge, errors)
+    if (o%op%nodes_phi > 0) call solid%reply%get(edge_phi_set//dot_phi, turn, errors)
+    call solid%reply%get(field_scalars, o%ledger%solid, errors)
     if (errors%any()) return
     u(:, o%op%hats + 1:) = edge
     if (o%op%nodes_phi > 0) phi(:, o%op%hats_phi + 1:) = turn

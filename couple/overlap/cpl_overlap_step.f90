@@ -8,6 +8,7 @@ module cpl_overlap_step
   use talus_kinds, only: wp, i4
   use talus_text, only: str
   use talus_errors, only: error_list_type
+  use talus_port_names, only: field_scalars
   use talus_timers, only: timers_type
   use cpl_audit_file, only: audit_file_type
   use cpl_overlap, only: overlap_type
@@ -260,7 +261,7 @@ contains
     if (errors%any()) return
     call send_accept(o, solvers(side_grains), t0, t1, timers, errors)
     if (o%rules%hears_speed) call read_free(o, solvers(side_grains), timers, errors)
-    call solvers(side_grains)%reply%get('scalars', o%ledger%grains, errors)
+    call solvers(side_grains)%reply%get(field_scalars, o%ledger%grains, errors)
     if (o%own%carried%active) call o%op%to_hats(o%motion%speed, o%motion%spin, o%motion%v, &
       o%motion%w)
     call send_accept(o, solvers(side_solid), t0, t1, timers, errors)

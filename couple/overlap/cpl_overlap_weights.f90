@@ -7,6 +7,10 @@ module cpl_overlap_weights
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_message, only: verb_describe, verb_set
+  use talus_port_names, only: field_element, field_force, field_ids, field_law, field_mean, &
+    field_moduli, field_normal, field_point, field_stiffness, field_tangent, field_value, &
+    field_weight, field_what, field_x, what_contact_weight, what_contacts, what_moduli, &
+    what_quad_weight, what_quadrature
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type
   use cpl_weight_choice, only: weight_choice_type, choose_weights, weight_choice_of, weights_fit, &
@@ -49,8 +53,8 @@ contains
     if (errors%any()) return
     associate (solid => solvers(side_solid))
       call solid%start_request(verb_set, o%step, solid%time, solid%time)
-      call solid%request%put_text('what', 'quad_weight')
-      call solid%request%put('value', o%share%beta)
+      call solid%request%put_text(field_what, what_quad_weight)
+      call solid%request%put(field_value, o%share%beta)
       call solid%ask(timers, errors)
     end associate
   end subroutine send_weights
@@ -62,9 +66,9 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     call grains%start_request(verb_set, o%step, grains%time, grains%time)
-    call grains%request%put_text('what', 'contact_weight')
-    call grains%request%put_int('ids', o%share%weight_ids)
-    call grains%request%put('value', value)
+    call grains%request%put_text(field_what, what_contact_weight)
+    call grains%request%put_int(field_ids, o%share%weight_ids)
+    call grains%request%put(field_value, value)
     call grains%ask(timers, errors)
   end subroutine send_contacts
 
@@ -214,15 +218,15 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     call grains%start_request(verb_describe, 0_i8, grains%time, grains%time)
-    call grains%request%put_text('what', 'contacts')
+    call grains%request%put_text(field_what, what_contacts)
     call grains%ask(timers, errors)
     if (errors%any()) return
-    call grains%reply%take_int('ids', contacts%ids, errors)
-    call grains%reply%take('point', contacts%point, errors)
-    call grains%reply%take('normal', contacts%normal, errors)
-    call grains%reply%take('force', contacts%force, errors)
+    call grains%reply%take_int(field_ids, contacts%ids, errors)
+    call grains%reply%take(field_point, contacts%point, errors)
+    call grains%reply%take(field_normal, contacts%normal, errors)
+    call grains%reply%take(field_force, contacts%force, errors)
     if (allocated(contacts%force)) contacts%force = -contacts%force  ! told is that on the second
-    call grains%reply%take('stiffness', contacts%stiffness, errors)
+    call grains%reply%take(field_stiffness, contacts%stiffness, errors)
   end subroutine read_contacts
 
   !> DESCRIBE quadrature and moduli.
@@ -232,22 +236,22 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     call solid%start_request(verb_describe, 0_i8, solid%time, solid%time)
-    call solid%request%put_text('what', 'quadrature')
+    call solid%request%put_text(field_what, what_quadrature)
     call solid%ask(timers, errors)
     if (errors%any()) return
-    call solid%reply%take('x', points%x, errors)
-    call solid%reply%take('weight', points%weight, errors)
-    call solid%reply%take_int('element', points%element, errors)
+    call solid%reply%take(field_x, points%x, errors)
+    call solid%reply%take(field_weight, points%weight, errors)
+    call solid%reply%take_int(field_element, points%element, errors)
     if (errors%any()) return
     call solid%start_request(verb_describe, 0_i8, solid%time, solid%time)
-    call solid%request%put_text('what', 'moduli')
+    call solid%request%put_text(field_what, what_moduli)
     call solid%ask(timers, errors)
     if (errors%any()) return
-    call solid%reply%take('moduli', points%moduli, errors)
-    call solid%reply%take_int('mean', points%mean, errors)
-    if (.not. solid%reply%has('tangent')) return
-    call solid%reply%take('tangent', points%tangent, errors)
-    call solid%reply%take_int('law', points%law, errors)
+    call solid%reply%take(field_moduli, points%moduli, errors)
+    call solid%reply%take_int(field_mean, points%mean, errors)
+    if (.not. solid%reply%has(field_tangent)) return
+    call solid%reply%take(field_tangent, points%tangent, errors)
+    call solid%reply%take_int(field_law, points%law, errors)
   end subroutine read_points
 
   !> List the ghosts that touch or may come to touch.

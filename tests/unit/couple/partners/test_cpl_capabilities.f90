@@ -52,7 +52,7 @@ contains
     call lacks('enough for an overlap', '')
     call told('report,load,force,kick_drift', 'prescribe,load,force')
     call lacks('ghosts', 'prescribe')
-    choices%overlap%bridging = .true.
+    choices%overlap%bound = .true.
     call lacks('the bridging domain has none', '')
     choices%overlap%scheme = 'static'
     call lacks('a static overlap', 'solve')
