@@ -12,7 +12,7 @@ program talus_dem
   use talus_deck_table, only: key_table_type
   use talus_text, only: str
   use talus_system, only: ignore_write_signals, keep_memory, talus_exit, talus_short_spins
-  use dem_rank_team, only: dem_crew_type
+  use dem_rank_team, only: dem_rank_team_type
   use dem_rank_worker, only: serve_leader
   use dem_swap, only: prefer_copies
   use dem_memory, only: report_memory, check_ranks
@@ -60,9 +60,9 @@ contains
   !> All ranks leave.
   subroutine go(code)
     integer(i4), intent(in) :: code
-    type(dem_crew_type) :: crew
-    crew%team = ranks
-    call crew%leave(code)
+    type(dem_rank_team_type) :: rank_team
+    rank_team%team = ranks
+    call rank_team%leave(code)
     call leave_ranks()
     call talus_exit(code)
   end subroutine go

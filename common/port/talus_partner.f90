@@ -14,7 +14,7 @@ module talus_partner
   private
   public :: partner_type, own_pid, own_place, own_host, now, nap
 
-  real(wp), parameter :: look_every = 0.2_wp  !! s between two looks at the CPU time
+  real(wp), parameter :: check_interval = 0.2_wp  !! s between two looks at the CPU time
   real(wp), parameter :: longest_gap = 1.0_wp !! s; a longer gap: we were stopped ourselves
 
   !> One watched process.
@@ -145,7 +145,7 @@ contains
       self%beat = beat
       self%silence = 0.0_wp
     end if
-    if (t - self%looked >= look_every) then
+    if (t - self%looked >= check_interval) then
       self%looked = t
       pid = merge(self%pid, 0, self%same_place)
       if (self%pid == 0) pid = self%launcher

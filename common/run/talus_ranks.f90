@@ -32,9 +32,9 @@ module talus_ranks
     procedure :: leads            !! (): is this the rank that leads?
     procedure :: several          !! (): more than one
     procedure :: await            !! (numbers): those of the leader; others sleep until they come
-    procedure :: tell_numbers     !! (numbers): those of the leader
-    procedure :: tell_values      !! (values): those of the leader
-    procedure :: tell_text        !! (from, text): that of one rank
+    procedure :: broadcast_numbers     !! (numbers): those of the leader
+    procedure :: broadcast_values      !! (values): those of the leader
+    procedure :: broadcast_text        !! (from, text): that of one rank
     procedure :: add_up           !! (values): sums over the ranks
     procedure :: add_in_order     !! (values): the same, added in the order of the ranks
     procedure :: any_of           !! (flag): does it hold on any rank?
@@ -141,23 +141,23 @@ contains
     end do
   end subroutine await
 
-  subroutine tell_numbers(self, numbers)
+  subroutine broadcast_numbers(self, numbers)
     class(ranks_type), intent(in) :: self
     integer(i4), intent(inout), contiguous :: numbers(:)
     integer :: status
     if (self%ranks == 1) return
     call mpi_bcast(numbers, size(numbers), mpi_integer, 0, self%comm, status)
-  end subroutine tell_numbers
+  end subroutine broadcast_numbers
 
-  subroutine tell_values(self, values)
+  subroutine broadcast_values(self, values)
     class(ranks_type), intent(in) :: self
     real(wp), intent(inout), contiguous :: values(:)
     integer :: status
     if (self%ranks == 1) return
     call mpi_bcast(values, size(values), mpi_double_precision, 0, self%comm, status)
-  end subroutine tell_values
+  end subroutine broadcast_values
 
-  subroutine tell_text(self, from, text)
+  subroutine broadcast_text(self, from, text)
     class(ranks_type), intent(in) :: self
     integer(i4), intent(in) :: from
     character(len=:), allocatable, intent(inout) :: text
@@ -167,7 +167,7 @@ contains
     call mpi_bcast(length, 1, mpi_integer, from, self%comm, status)
     if (self%rank /= from) text = repeat(' ', length(1))
     if (length(1) > 0) call mpi_bcast(text, length(1), mpi_character, from, self%comm, status)
-  end subroutine tell_text
+  end subroutine broadcast_text
 
   subroutine add_up(self, values)
     class(ranks_type), intent(in) :: self
@@ -361,7 +361,7 @@ contains
         end associate
       end do
     end if
-    call self%tell_text(nint(first(1), i4), text)
+    call self%broadcast_text(nint(first(1), i4), text)
     if (nint(first(1)) == self%rank) return
     call errors%clear()
     do while (len(text) > 0)

@@ -17,7 +17,7 @@ module talus_stop
   integer(i4), parameter :: stop_file = 3    !! the stop file is there
 
   integer(i4), parameter :: interrupt = 2            !! SIGINT
-  real(wp), parameter :: look_every = 0.5_wp         !! [s] between looks at the stop file
+  real(wp), parameter :: check_interval = 0.5_wp         !! [s] between looks at the stop file
 
   !> Reasons to stop that are watched.
   type :: stop_type
@@ -49,7 +49,7 @@ contains
     self%file = file
     self%reason = stop_none
     self%begun = wall_clock()
-    self%looked = self%begun - 2.0_wp*look_every
+    self%looked = self%begun - 2.0_wp*check_interval
     call install_signals(obey)
   end subroutine init
 
@@ -63,7 +63,7 @@ contains
         self%reason = stop_signal
       else if (self%wall_limit > 0.0_wp .and. now - self%begun >= self%wall_limit) then
         self%reason = stop_wall
-      else if (now - self%looked >= look_every) then
+      else if (now - self%looked >= check_interval) then
         self%looked = now
         if (len(self%file) > 0) then
           if (file_exists(self%file)) then

@@ -14,7 +14,8 @@ module cpl_bridge_setup
   use cpl_bridge, only: bridge_type, domain_type
   use cpl_bridge_mass, only: check_domain, share_domain
   use cpl_bridge_step, only: bridge_forces, bridge_bulk, read_bound, bound_set, load_set
-  use cpl_overlap, only: overlap_type, free_set, hat_set, edge_set, hat_phi_set, edge_phi_set
+  use cpl_overlap, only: overlap_type, free_set, prescribed_set, edge_set, prescribed_phi_set, &
+    edge_phi_set
   use cpl_overlap_loads, only: begin_loads
   use cpl_overlap_start, only: start_type, prepare_start
   use cpl_overlap_weights, only: read_points
@@ -124,19 +125,20 @@ contains
 
     told = field_x//','//field_v//','//field_force//','//field_load
     if (o%rules%turns) told = told//','//field_theta//','//field_omega//','//field_moment
-    associate (grains => solvers(side_grains), solid => solvers(side_solid), n => o%op%hats, &
-               m => o%op%hats_phi, bound => o%pack%id(o%sets%ghost))
+    associate (grains => solvers(side_grains), solid => solvers(side_solid), n => o%op%prescribed, &
+               m => o%op%prescribed_phi, bound => o%pack%id(o%sets%ghost))
       call choose(grains, bound_set, role_name(role_report), bound, told)
       call choose(grains, load_set, role_name(role_load), bound, '')
       told = field_x
       if (o%rules%turns) told = field_x//','//field_theta
       call choose(grains, free_set, role_name(role_report), o%pack%id(o%sets%free), told)
-      call choose(solid, hat_set, role_name(role_prescribe), int(o%op%node(:n), i8), field_u)
+      call choose(solid, prescribed_set, role_name(role_prescribe), int(o%op%node(:n), i8), field_u)
       call take_held('held', o%own%held(:, :n))
       call choose(solid, edge_set, role_name(role_prescribe), int(o%op%node(n + 1:), i8), field_u)
       call take_held('held', o%own%held(:, n + 1:))
       if (o%op%nodes_phi == 0) return
-      call choose(solid, hat_phi_set, role_name(role_prescribe), int(o%op%node_phi(:m), i8), &
+      call choose(solid, prescribed_phi_set, role_name(role_prescribe), int(o%op%node_phi(:m), &
+        i8), &
         field_phi)
       call take_held('held_phi', o%own%held_phi(:, :m))
       call choose(solid, edge_phi_set, role_name(role_prescribe), int(o%op%node_phi(m + 1:), i8), &

@@ -9,7 +9,7 @@ module cpl_bridge_step
     field_set, scope_interface
   use talus_timers, only: timers_type
   use cpl_bridge, only: bridge_type
-  use cpl_overlap, only: overlap_type, free_set, hat_set
+  use cpl_overlap, only: overlap_type, free_set, prescribed_set
   use cpl_overlap_ask, only: evaluate_bulk, put_nodes, read_nodes
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
@@ -115,7 +115,7 @@ contains
     if (.not. last) return
     u = o%motion%u
     phi = o%motion%phi
-    call o%op%to_hats(o%motion%q, o%motion%theta, o%motion%u, o%motion%phi)
+    call o%op%to_prescribed(o%motion%q, o%motion%theta, o%motion%u, o%motion%phi)
     o%motion%u(:, b%move%at) = u(:, b%move%at)
     if (b%turns) o%motion%phi(:, b%turn%at) = phi(:, b%turn%at)
   end subroutine drift
@@ -178,7 +178,7 @@ contains
       call grains%send(timers, errors)
       call solid%start_request(verb_force, o%step, t, t)
       call solid%request%put_text(field_scope, scope_interface)
-      call solid%request%put_text(field_set, hat_set)
+      call solid%request%put_text(field_set, prescribed_set)
       call put_nodes(o, solid)
       call solid%request%put_int(field_brief, 1_i4)
       if (.not. errors%any()) call solid%send(timers, errors)

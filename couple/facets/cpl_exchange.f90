@@ -20,7 +20,7 @@ module cpl_exchange
   public :: automatic_springs, look_at_stiffness, lead
 
   real(wp), parameter :: raise = 1.5_wp           !! springs over contact stiffness
-  integer(i8), parameter :: look_every = 50_i8    !! exchanges between looks at the stiffness
+  integer(i8), parameter :: check_interval = 50_i8    !! exchanges between looks at the stiffness
   real(wp), parameter :: growth = 1.5_wp          !! of the largest force that calls for a look
   integer(i4), parameter :: patience = 2          !! looks at which it must be outgrown
 
@@ -45,8 +45,8 @@ contains
     if (errors%any()) return
     call face%accept(t1 - t0)
     if (.not. automatic_springs(face, choices)) return
-    if (mod(face%step, look_every) == 0 .or. face%watch%outgrown > 0 .or. &
-        maxval(abs(face%forces%p_end)) > growth*face%watch%force_at_look) &
+    if (mod(face%step, check_interval) == 0 .or. face%watch%outgrown > 0 .or. &
+        maxval(abs(face%forces%p_end)) > growth*face%watch%force_at_check) &
       call look_at_stiffness(face, solvers, t1, .false., timers, errors)
   end subroutine exchange
 
@@ -319,7 +319,7 @@ contains
     end associate
     if (errors%any()) return
     face%watch%contact_stiffness = maxval(stiffness)
-    face%watch%force_at_look = maxval(abs(face%forces%p_end))
+    face%watch%force_at_check = maxval(abs(face%forces%p_end))
     if (face%watch%contact_stiffness <= face%springs%stiffness) then
       face%watch%outgrown = 0
       return

@@ -64,7 +64,7 @@ module cpl_interface_state
                                              !! springs
     integer(i4) :: refactored = 0            !! times the springs were raised
     real(wp) :: contact_stiffness = 0.0_wp   !! largest of a ghost at the last look [N/m]
-    real(wp) :: force_at_look = 0.0_wp       !! largest force on a ghost then [N]
+    real(wp) :: force_at_check = 0.0_wp       !! largest force on a ghost then [N]
   end type interface_watch_type
 
   !> Works, energies, iterations.

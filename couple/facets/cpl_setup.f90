@@ -269,7 +269,7 @@ contains
       if (errors%any()) return
       face%forces%p_end = p
       face%forces%p_before = p
-      face%watch%force_at_look = maxval(abs(p))
+      face%watch%force_at_check = maxval(abs(p))
       if (choices%interface == interface_springs) then
         stiffness = choices%stiffness
         if (.not. stiffness > 0.0_wp) stiffness = first_stiffness*face%watch%contact_stiffness
@@ -307,7 +307,7 @@ contains
     call read_forces(face, solvers(side_grains), face%forces%p_end, errors)
     call solvers(side_grains)%reply%get(field_scalars, face%ledger%grains, errors)
     face%forces%p_before = face%forces%p_end
-    face%watch%force_at_look = maxval(abs(face%forces%p_end))
+    face%watch%force_at_check = maxval(abs(face%forces%p_end))
     if (.not. errors%any()) call ready(solvers(side_solid), .false., face%step, timers, errors)
     if (.not. errors%any()) call take_solid(face, solvers(side_solid), errors)
   end subroutine end_rehearsal

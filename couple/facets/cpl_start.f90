@@ -27,7 +27,7 @@ module cpl_start
 
   character(len=*), parameter :: all_set = 'everything'  !! all nodes of the solid
   character(len=*), parameter :: all_turns = 'turns'     !! all its micro-rotations
-  integer(i4), parameter :: look_every = 10_i4           !! exchanges between looks at stiffness
+  integer(i4), parameter :: check_interval = 10_i4           !! exchanges between looks at stiffness
 
   real(wp), parameter :: unbalanced = 0.05_wp            !! motion in the balance over all motion
 
@@ -106,7 +106,7 @@ contains
     if (errors%any()) return
     moved = relative(face%motion%u_new - u_before, face%motion%u_new)
     changed = relative(face%forces%p_mean(:3, :) - p_before(:3, :), face%forces%p_mean(:3, :))
-    if (automatic_springs(face, choices) .and. mod(k, look_every) == 0) &
+    if (automatic_springs(face, choices) .and. mod(k, check_interval) == 0) &
       call look_at_stiffness(face, solvers, t1, .false., timers, errors)
   end subroutine rehearse
 

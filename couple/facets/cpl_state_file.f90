@@ -40,7 +40,7 @@ contains
     call file%put('/nodes/dead_load', face%start%dead_load, errors)
     call file%put('/numbers', [face%ledger%grains_work, face%ledger%solid_work, &
       face%ledger%work_turnover, face%ledger%lost_impulse, face%springs%stiffness, &
-      face%relax%factor, face%watch%contact_stiffness, face%watch%force_at_look, &
+      face%relax%factor, face%watch%contact_stiffness, face%watch%force_at_check, &
       face%ledger%largest], errors)
     call file%put('/counts', [face%step, face%ledger%all_iterations, int(face%watch%outgrown, i8), &
                               int(face%watch%refactored, i8), merge(1_i8, 0_i8, &
@@ -130,7 +130,7 @@ contains
       call face%springs%make(numbers(5), face%map, face%transfer, face%place%radius)
     face%relax%factor = numbers(6)
     face%watch%contact_stiffness = numbers(7)
-    face%watch%force_at_look = numbers(8)
+    face%watch%force_at_check = numbers(8)
     face%ledger%largest = numbers(9)
     face%step = counts(1)
     face%ledger%all_iterations = counts(2)

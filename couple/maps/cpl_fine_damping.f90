@@ -55,16 +55,16 @@ contains
     type(projection_type), intent(in) :: p
     real(wp), intent(in) :: v(:, :)          !! (3, free) [m/s] or [rad/s]
     real(wp), intent(inout) :: total(:, :)   !! (3, free)
-    real(wp) :: hat(3, p%n%columns), coarse(3, size(v, 2))
+    real(wp) :: prescribed(3, p%n%columns), coarse(3, size(v, 2))
     integer(i4) :: k
-    call p%apply(v, hat)
-    call p%n%apply(hat, coarse)
+    call p%apply(v, prescribed)
+    call p%n%apply(prescribed, coarse)
     do k = 1, size(v, 2)
       self%force(:, k) = -self%c(k)*(v(:, k) - coarse(:, k))
     end do
-    hat = 0.0_wp
-    call p%n%transposed(-self%force, hat)
-    call p%transposed(hat, self%force)
+    prescribed = 0.0_wp
+    call p%n%transposed(-self%force, prescribed)
+    call p%transposed(prescribed, self%force)
     total = total + self%force
   end subroutine act
 

@@ -8,7 +8,8 @@ module cpl_identical_rows
   use cpl_rows, only: rows_type, lanes
   implicit none
   private
-  public :: same_rows, same_maps, apply_twins, transposed_twins, project_twins, hand_on_twins
+  public :: same_rows, same_maps, apply_identical, transposed_identical, project_identical, &
+    hand_on_identical
 
   integer(i4), parameter :: both = 2*lanes  !! displacements in the first half
   integer(i4), parameter :: whole_lines = 256  !! columns of an array that begins on a line
@@ -64,7 +65,7 @@ contains
   end function same_maps
 
   !> Values at the rows named, one after another: y of x, z of phi.
-  subroutine apply_twins(n, rows, x, phi, y, z)
+  subroutine apply_identical(n, rows, x, phi, y, z)
     type(rows_type), intent(in) :: n
     integer(i4), intent(in), contiguous :: rows(:)
     real(wp), intent(in) :: x(:, :), phi(:, :)           !! (3, columns)
@@ -72,7 +73,7 @@ contains
     real(wp), allocatable :: padded(:, :)
     call pad(x, phi, padded)
     call sum_rows(size(rows, kind=i4), rows, n%first, n%column, n%weight, padded, y, z)
-  end subroutine apply_twins
+  end subroutine apply_identical
 
   !> Eight lanes of each column. Arrays of this size and larger begin on a line of the cache
   !! (talus_memory.c), so that no column lies across two.
@@ -90,7 +91,7 @@ contains
   end subroutine pad
 
   !> x and phi with the transposes of y and z at the rows named; zeros of both add nothing.
-  subroutine transposed_twins(n, rows, y, z, x, phi)
+  subroutine transposed_identical(n, rows, y, z, x, phi)
     type(rows_type), intent(in) :: n
     integer(i4), intent(in), contiguous :: rows(:)
     real(wp), intent(in), contiguous :: y(:, :), z(:, :)  !! (3, size(rows))
@@ -103,10 +104,10 @@ contains
       x(:, a) = padded(:3, a)
       phi(:, a) = padded(lanes + 1:lanes + 3, a)
     end do
-  end subroutine transposed_twins
+  end subroutine transposed_identical
 
   !> Nodes from the motion of the grains: d of q by p, phi of theta by p_phi.
-  subroutine project_twins(p, p_phi, q, theta, d, phi)
+  subroutine project_identical(p, p_phi, q, theta, d, phi)
     type(projection_type), intent(in) :: p, p_phi
     real(wp), intent(in), contiguous :: q(:, :), theta(:, :)  !! (3, grains)
     real(wp), intent(out) :: d(:, :), phi(:, :)               !! (3, nodes)
@@ -130,7 +131,7 @@ contains
       d(:, a) = r(:3, p%place(a))
       phi(:, a) = r(lanes + 1:lanes + 3, p%place(a))
     end do
-  end subroutine project_twins
+  end subroutine project_identical
 
   pure function weighed(w, x) result(y)
     real(wp), intent(in) :: w(:), x(:, :)
@@ -142,7 +143,7 @@ contains
   end function weighed
 
   !> What nodes hand on to the grains, with what acts there besides: force of f, moment of c.
-  subroutine hand_on_twins(p, p_phi, f, c, besides, besides_phi, force, moment)
+  subroutine hand_on_identical(p, p_phi, f, c, besides, besides_phi, force, moment)
     type(projection_type), intent(in) :: p, p_phi
     real(wp), intent(in) :: f(:, :), c(:, :)                  !! (3, nodes)
     real(wp), intent(in) :: besides(:, :), besides_phi(:, :)  !! (3, grains)
@@ -171,7 +172,7 @@ contains
       force(:, i) = besides(:, i) + p%w(i)*force(:, i)
       moment(:, i) = besides_phi(:, i) + p_phi%w(i)*moment(:, i)
     end do
-  end subroutine hand_on_twins
+  end subroutine hand_on_identical
 
   !> Both systems at once, each half of the lanes with its own factor.
   pure subroutine solve(p, p_phi, r)

@@ -36,8 +36,8 @@ module cpl_micro
   contains
     procedure :: begin
     procedure :: fit
-    procedure :: hats
-    procedure :: pull_hats
+    procedure :: prescribed
+    procedure :: pull_prescribed
     procedure :: turns
     procedure :: follow
     procedure :: take
@@ -129,7 +129,7 @@ contains
   end subroutine invert
 
   !> Blocks of the hat nodes from displacements of the grains and mean rotations at the nodes.
-  pure subroutine hats(self, q, turn, phi)
+  pure subroutine prescribed(self, q, turn, phi)
     class(micro_type), intent(in) :: self
     real(wp), intent(in) :: q(:, :)        !! (3, grains) [m]
     real(wp), intent(in) :: turn(:, :)     !! (3, hat nodes) [rad]
@@ -150,7 +150,7 @@ contains
       if (.not. self%positions) a = 0.5_wp*(a + transpose(a)) + columns_of_turn(turn(:, b))
       phi(:, parts*b - 2:parts*b) = a
     end do
-  end subroutine hats
+  end subroutine prescribed
 
   !> Columns of the skew matrix of a small rotation.
   pure function columns_of_turn(turn) result(a)
@@ -163,7 +163,7 @@ contains
   end function columns_of_turn
 
   !> Couples on the hat nodes handed on: forces on the grains, and moments of mean rotations.
-  pure subroutine pull_hats(self, c, force, moment)
+  pure subroutine pull_prescribed(self, c, force, moment)
     class(micro_type), intent(in) :: self
     real(wp), intent(in) :: c(:, :)            !! (3, 3 hat nodes) [N m]
     real(wp), intent(inout) :: force(:, :)     !! (3, grains) [N]
@@ -182,7 +182,7 @@ contains
         force(:, self%grain(e)) = force(:, self%grain(e)) + matmul(a, self%slope(:, e))
       end do
     end do
-  end subroutine pull_hats
+  end subroutine pull_prescribed
 
   !> Moment of couples on blocks in the reference state: sum over K of e_K x C_K [N m].
   pure function moment_of(c) result(moment)

@@ -17,27 +17,27 @@ module cpl_operators
   use cpl_projection, only: projection_type
   use cpl_rows, only: rows_type, curl_rows_type
   use cpl_sets, only: sets_type, pack_type, part_free, numbering
-  use cpl_identical_rows, only: same_rows, same_maps, apply_twins, transposed_twins, &
-    project_twins, hand_on_twins
+  use cpl_identical_rows, only: same_rows, same_maps, apply_identical, transposed_identical, &
+    project_identical, hand_on_identical
   implicit none
   private
-  public :: operators_type, riders_type, weigh_unit, weigh_mass, weigh_volume
+  public :: operators_type, followers_type, weigh_unit, weigh_mass, weigh_volume
 
   integer(i4), parameter :: weigh_unit = 1, weigh_mass = 2, weigh_volume = 3
 
   !> Free grains as the projection takes them; those in no element (spot%element = 0) do not count.
-  type :: riders_type
+  type :: followers_type
     type(spot_type), allocatable :: spot(:)
     real(wp), allocatable :: x(:, :)       !! (3, free) [m]
     real(wp), allocatable :: origin(:, :)  !! the same in the reference state
     real(wp), allocatable :: w(:)          !! weights of displacements
     real(wp), allocatable :: w_phi(:)      !! weights of rotations
-  end type riders_type
+  end type followers_type
 
   type :: operators_type
     integer(i4) :: free = 0, ghosts = 0          !! grains
-    integer(i4) :: hats = 0, nodes = 0           !! hat nodes; with those of the edge
-    integer(i4) :: hats_phi = 0, nodes_phi = 0   !! of these, with micro-rotations
+    integer(i4) :: prescribed = 0, nodes = 0           !! hat nodes; with those of the edge
+    integer(i4) :: prescribed_phi = 0, nodes_phi = 0   !! of these, with micro-rotations
     integer(i4), allocatable :: node(:)          !! ids of the nodes
     integer(i4), allocatable :: node_phi(:)      !! ids of the nodes with micro-rotations; three
                                                  !! times each with micro-deformations
@@ -54,11 +54,11 @@ module cpl_operators
   contains
     procedure :: build
     procedure :: project
-    procedure :: to_hats
+    procedure :: to_prescribed
     procedure :: to_ghosts
     procedure :: to_some_ghosts
     procedure :: pull
-    procedure :: from_hats
+    procedure :: from_prescribed
     procedure :: pull_some
     procedure :: identity_error
   end type operators_type
@@ -74,21 +74,21 @@ contains
     integer(i4), intent(in) :: rotation, weights  !! rotation_*, weigh_*
     logical, intent(in) :: mls
     type(error_list_type), intent(inout) :: errors
-    type(riders_type) :: riders
+    type(followers_type) :: followers
     integer(i4) :: number(cells%nodes), a
 
     self%free = size(sets%free)
     self%ghosts = size(sets%ghost)
     self%rotation = rotation
-    self%node = [sets%hat, sets%edge]
-    self%hats = size(sets%hat)
+    self%node = [sets%prescribed, sets%edge]
+    self%prescribed = size(sets%prescribed)
     self%nodes = size(self%node)
     self%node_phi = pack(self%node, cells%polar(self%node) .and. rotation == rotation_micro)
-    self%hats_phi = count(cells%polar(sets%hat) .and. rotation == rotation_micro)
+    self%prescribed_phi = count(cells%polar(sets%prescribed) .and. rotation == rotation_micro)
     if (cells%micromorphic .and. rotation == rotation_micro) then
       self%stride = parts
       self%node_phi = [(spread(self%node_phi(a), 1, parts), a=1, int(size(self%node_phi), i4))]
-      self%hats_phi = parts*self%hats_phi
+      self%prescribed_phi = parts*self%prescribed_phi
       call self%micro%begin(self%ghosts)
     end if
     self%nodes_phi = size(self%node_phi)
@@ -110,31 +110,31 @@ contains
       self%twin_ghosts = .not. self%micro%active .and. same_rows(self%ghost, self%ghost_phi)
     end if
     self%every = [(a, a=1, self%ghosts)]
-    riders%spot = sets%free_spot
-    riders%x = pack_of%x(:, sets%free)
-    riders%origin = riders%x
+    followers%spot = sets%free_spot
+    followers%x = pack_of%x(:, sets%free)
+    followers%origin = followers%x
     self%w = weights_of(pack_of, sets%free, weights, .false.)
     self%w_phi = weights_of(pack_of, sets%free, weights, .true.)
-    riders%w = self%w
-    riders%w_phi = self%w_phi
-    call self%project(cells, sets%part, riders, mls, errors)
+    followers%w = self%w
+    followers%w_phi = self%w_phi
+    call self%project(cells, sets%part, followers, mls, errors)
   end subroutine build
 
   !> P from where the free grains stand in the elements. I425 a projection that cannot be.
-  subroutine project(self, cells, part, riders, mls, errors)
+  subroutine project(self, cells, part, followers, mls, errors)
     class(operators_type), intent(inout) :: self
     type(cells_type), intent(in) :: cells
     integer(i4), intent(in) :: part(:)  !! of the elements
-    type(riders_type), intent(in) :: riders
+    type(followers_type), intent(in) :: followers
     logical, intent(in) :: mls
     type(error_list_type), intent(inout) :: errors
-    call one(self%p, self%node(:self%hats), .false., riders%w)
+    call one(self%p, self%node(:self%prescribed), .false., followers%w)
     self%twin_maps = .false.
-    if (self%hats_phi == 0 .or. errors%any()) return
-    associate (ids => self%node_phi(:self%hats_phi:self%stride))
-      call one(self%p_phi, ids, .true., riders%w_phi)
+    if (self%prescribed_phi == 0 .or. errors%any()) return
+    associate (ids => self%node_phi(:self%prescribed_phi:self%stride))
+      call one(self%p_phi, ids, .true., followers%w_phi)
       if (self%micro%active .and. .not. errors%any()) call self%micro%fit(self%p_phi%n, &
-        merge(riders%w, 0.0_wp, riders%spot%element > 0), riders%origin, ids, errors)
+        merge(followers%w, 0.0_wp, followers%spot%element > 0), followers%origin, ids, errors)
     end associate
     if (.not. errors%any()) self%twin_maps = .not. self%micro%active .and. &
       same_maps(self%p, self%p_phi)
@@ -150,10 +150,10 @@ contains
       real(wp) :: w(size(weights))
       integer(i4) :: number(cells%nodes)
       number = numbering(ids, cells%nodes)
-      call interpolate(cells, riders%spot, number, int(size(ids), i4), turning, n)
-      w = merge(weights, 0.0_wp, riders%spot%element > 0)
+      call interpolate(cells, followers%spot, number, int(size(ids), i4), turning, n)
+      w = merge(weights, 0.0_wp, followers%spot%element > 0)
       if (mls) then
-        call p%build_mls(n, w, cells%x(:, ids), riders%x, reaches(cells, part, ids), ids, errors)
+        call p%build_mls(n, w, cells%x(:, ids), followers%x, reaches(cells, part, ids), ids, errors)
       else
         call p%build_l2(n, w, cells%x(:, ids), ids, errors)
       end if
@@ -243,24 +243,25 @@ contains
   end subroutine slopes
 
   !> Hat nodes from the motion of the free grains.
-  subroutine to_hats(self, q, theta, u, phi)
+  subroutine to_prescribed(self, q, theta, u, phi)
     class(operators_type), intent(in) :: self
     real(wp), intent(in) :: q(:, :), theta(:, :)      !! (3, free) [m], [rad]
     real(wp), intent(inout) :: u(:, :), phi(:, :)     !! (3, nodes), (3, nodes_phi)
-    real(wp) :: turn(3, self%hats_phi/self%stride)
+    real(wp) :: turn(3, self%prescribed_phi/self%stride)
     if (self%twin_maps) then
-      call project_twins(self%p, self%p_phi, q, theta, u(:, :self%hats), phi(:, :self%hats_phi))
+      call project_identical(self%p, self%p_phi, q, theta, u(:, :self%prescribed), phi(:, &
+        :self%prescribed_phi))
       return
     end if
-    call self%p%apply(q, u(:, :self%hats))
-    if (self%hats_phi == 0) return
+    call self%p%apply(q, u(:, :self%prescribed))
+    if (self%prescribed_phi == 0) return
     if (self%micro%active) then
       call self%p_phi%apply(theta, turn)
-      call self%micro%hats(q, turn, phi(:, :self%hats_phi))
+      call self%micro%prescribed(q, turn, phi(:, :self%prescribed_phi))
     else
-      call self%p_phi%apply(theta, phi(:, :self%hats_phi))
+      call self%p_phi%apply(theta, phi(:, :self%prescribed_phi))
     end if
-  end subroutine to_hats
+  end subroutine to_prescribed
 
   !> Displacements and rotations of the ghosts, small ones if they turn with micro-deformations.
   subroutine to_ghosts(self, u, phi, d, turn)
@@ -268,7 +269,7 @@ contains
     real(wp), intent(in) :: u(:, :), phi(:, :)
     real(wp), intent(out) :: d(:, :), turn(:, :)      !! (3, ghosts) [m], [rad]
     if (self%twin_ghosts) then
-      call apply_twins(self%ghost, self%every, u, phi, d, turn)
+      call apply_identical(self%ghost, self%every, u, phi, d, turn)
       return
     end if
     call self%ghost%apply(u, d)
@@ -293,7 +294,7 @@ contains
     real(wp), intent(in) :: u(:, :), phi(:, :)
     real(wp), intent(out) :: d(:, :), turn(:, :)      !! (3, size(some)) [m], [rad]
     if (self%twin_ghosts) then
-      call apply_twins(self%ghost, some, u, phi, d, turn)
+      call apply_identical(self%ghost, some, u, phi, d, turn)
       return
     end if
     call self%ghost%apply_some(some, u, d)
@@ -316,8 +317,8 @@ contains
     real(wp), intent(inout) :: f(:, :), c(:, :)           !! (3, nodes), (3, nodes_phi)
     real(wp), intent(out) :: force(:, :), moment(:, :)    !! (3, free) [N], [N m]
     if (self%twin_ghosts) then
-      call transposed_twins(self%ghost, self%every, p, m, f, c)
-      call self%from_hats(f, c, force, moment)
+      call transposed_identical(self%ghost, self%every, p, m, f, c)
+      call self%from_prescribed(f, c, force, moment)
       return
     end if
     call self%ghost%transposed(p, f)
@@ -327,32 +328,33 @@ contains
       call self%ghost_phi%transposed(m, c)
     end if
     if (self%rotation == rotation_curl) call self%ghost_curl%transposed(m, f)
-    call self%from_hats(f, c, force, moment)
+    call self%from_prescribed(f, c, force, moment)
   end subroutine pull
 
   !> What hat nodes hand on to the free grains.
-  subroutine from_hats(self, f, c, force, moment)
+  subroutine from_prescribed(self, f, c, force, moment)
     class(operators_type), intent(in) :: self
     real(wp), intent(in) :: f(:, :), c(:, :)
     real(wp), intent(out) :: force(:, :), moment(:, :)
-    real(wp) :: turning(3, self%hats_phi/self%stride), nothing(3, self%free)
+    real(wp) :: turning(3, self%prescribed_phi/self%stride), nothing(3, self%free)
     if (self%twin_maps) then
       nothing = 0.0_wp
-      call hand_on_twins(self%p, self%p_phi, f(:, :self%hats), c(:, :self%hats_phi), nothing, &
+      call hand_on_identical(self%p, self%p_phi, f(:, :self%prescribed), c(:, &
+        :self%prescribed_phi), nothing, &
                          nothing, force, moment)
       return
     end if
     force = 0.0_wp
     moment = 0.0_wp
-    call self%p%transposed(f(:, :self%hats), force)
-    if (self%hats_phi == 0) return
+    call self%p%transposed(f(:, :self%prescribed), force)
+    if (self%prescribed_phi == 0) return
     if (self%micro%active) then
-      call self%micro%pull_hats(c(:, :self%hats_phi), force, turning)
+      call self%micro%pull_prescribed(c(:, :self%prescribed_phi), force, turning)
       call self%p_phi%transposed(turning, moment)
     else
-      call self%p_phi%transposed(c(:, :self%hats_phi), moment)
+      call self%p_phi%transposed(c(:, :self%prescribed_phi), moment)
     end if
-  end subroutine from_hats
+  end subroutine from_prescribed
 
   !> As pull, with forces on some of the ghosts alone, for forces and moments that act on the free
   !! grains besides. Of micro-rotations, not of micro-deformations.
@@ -364,20 +366,21 @@ contains
     real(wp), intent(in) :: besides(:, :), besides_phi(:, :)  !! (3, free) [N], [N m]
     real(wp), intent(out) :: force(:, :), moment(:, :)
     if (self%twin_ghosts) then
-      call transposed_twins(self%ghost, some, p, m, f, c)
+      call transposed_identical(self%ghost, some, p, m, f, c)
     else
       call self%ghost%transposed_some(some, p, f)
       if (self%rotation == rotation_micro) call self%ghost_phi%transposed_some(some, m, c)
       if (self%rotation == rotation_curl) call self%ghost_curl%transposed_some(some, m, f)
     end if
     if (self%twin_maps) then
-      call hand_on_twins(self%p, self%p_phi, f(:, :self%hats), c(:, :self%hats_phi), besides, &
+      call hand_on_identical(self%p, self%p_phi, f(:, :self%prescribed), c(:, &
+        :self%prescribed_phi), besides, &
                          besides_phi, force, moment)
       return
     end if
-    call self%p%transposed_onto(f(:, :self%hats), besides, force)
-    if (self%hats_phi > 0) then
-      call self%p_phi%transposed_onto(c(:, :self%hats_phi), besides_phi, moment)
+    call self%p%transposed_onto(f(:, :self%prescribed), besides, force)
+    if (self%prescribed_phi > 0) then
+      call self%p_phi%transposed_onto(c(:, :self%prescribed_phi), besides_phi, moment)
     else
       moment = besides_phi
     end if
@@ -427,8 +430,8 @@ contains
         turning)), 3, self%nodes_phi/parts), shape(turned))
       if (self%micro%positions) turned = turned/extent  ! of shifts over the extent
       phi = turned
-      u(:, :self%hats) = 0.0_wp
-      call self%to_hats(q, theta, u, phi)
+      u(:, :self%prescribed) = 0.0_wp
+      call self%to_prescribed(q, theta, u, phi)
       worst = max(worst, maxval(abs(u - shifts(x_node))))
       if (self%nodes_phi > 0 .and. turning) &
         worst = max(worst, maxval(abs(phi - turned)))
@@ -452,9 +455,9 @@ contains
 
     !> P N = 1 on a field that is different at every node.
     subroutine inverse_error()
-      real(wp) :: q(3, self%free), field(3, self%hats), back(3, self%hats)
+      real(wp) :: q(3, self%free), field(3, self%prescribed), back(3, self%prescribed)
       integer(i4) :: a
-      do a = 1, self%hats
+      do a = 1, self%prescribed
         field(:, a) = [sin(1.3_wp*a), cos(2.1_wp*a), sin(0.7_wp*a + 1.0_wp)]
       end do
       call self%p%n%apply(field, q)
@@ -483,23 +486,24 @@ contains
     call scatter(0.9_wp, phi)
     m = extent*m
     c0 = extent*c0
-    call self%to_hats(q, theta, u, phi)
+    call self%to_prescribed(q, theta, u, phi)
     call self%to_ghosts(u, phi, d, turn)
     f = f0
     c = c0
     call self%pull(p, m, f, c, force, moment)
     here = sum(p*d) + sum(m*turn) + sum(f0*u) + sum(c0*phi)
-    there = sum(force*q) + sum(moment*theta) + sum(f(:, self%hats + 1:)*u(:, self%hats + 1:)) &
-            + sum(c(:, self%hats_phi + 1:)*phi(:, self%hats_phi + 1:))
+    there = sum(force*q) + sum(moment*theta) + sum(f(:, self%prescribed + 1:)*u(:, &
+      self%prescribed + 1:)) &
+            + sum(c(:, self%prescribed_phi + 1:)*phi(:, self%prescribed_phi + 1:))
     scale = sum(abs(p*d)) + sum(abs(m*turn)) + sum(abs(f0*u)) + sum(abs(c0*phi)) &
             + sum(abs(force*q)) + sum(abs(moment*theta))
     worst = abs(here - there)/scale
     if (self%rotation == rotation_fixed) m = 0.0_wp
-    total(:, 1) = sum(p, 2) + sum(f0, 2) - sum(force, 2) - sum(f(:, self%hats + 1:), 2)
+    total(:, 1) = sum(p, 2) + sum(f0, 2) - sum(force, 2) - sum(f(:, self%prescribed + 1:), 2)
     total(:, 2) = moment_about(x_ghost, p) + sum(m, 2) + moment_about(x_node, f0) &
       + turning(self, c0) - moment_about(x_free, force) - sum(moment, 2) &
-      - turning(self, c(:, self%hats_phi + 1:)) &
-      - moment_about(x_node(:, self%hats + 1:), f(:, self%hats + 1:))
+      - turning(self, c(:, self%prescribed_phi + 1:)) &
+      - moment_about(x_node(:, self%prescribed + 1:), f(:, self%prescribed + 1:))
     scale = sum(abs(p)) + sum(abs(f0)) + sum(abs(force))
     arm = extent*scale
     worst = max(worst, maxval(abs(total(:, 1)))/scale, maxval(abs(total(:, 2)))/arm)

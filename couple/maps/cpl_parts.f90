@@ -26,14 +26,14 @@ module cpl_parts
     logical :: active = .false.
     integer(i4), allocatable :: near(:)            !! rows of the ghosts that move with the steps
     integer(i4), allocatable :: far(:)             !! rows of the others
-    real(wp), allocatable :: p_near(:, :), m_near(:, :)  !! of free grains on these [N], [N m]
-    real(wp), allocatable :: x_near(:, :), quat_near(:, :)  !! where they were at first [m]; now
-    real(wp), allocatable :: d_near(:, :), turn_near(:, :)  !! how far they have come [m], [rad]
+    real(wp), allocatable :: p_active(:, :), m_active(:, :)  !! of free grains on these [N], [N m]
+    real(wp), allocatable :: x_active(:, :), quat_active(:, :)  !! where they were at first [m]; now
+    real(wp), allocatable :: d_active(:, :), turn_active(:, :)  !! how far they have come [m], [rad]
     real(wp), allocatable :: kick(:, :), kick_phi(:, :)  !! rest on free grains, with the inertia of
                                                    !! what hat nodes carry (3, free)
     real(wp), allocatable :: p(:, :), m(:, :)      !! of ghosts on ghosts (3, ghosts) [N], [N m]
     real(wp), allocatable :: p_sum(:, :), m_sum(:, :)      !! the same over the window so far
-    real(wp), allocatable :: p_still(:, :), m_still(:, :)  !! the mean over the window before
+    real(wp), allocatable :: p_mean(:, :), m_mean(:, :)  !! the mean over the window before
     integer(i4) :: age = 0                         !! exchanges since
     logical :: old = .false.                       !! near must be chosen anew
     type(pulled_type) :: still, rest
@@ -52,7 +52,7 @@ module cpl_parts
     procedure :: is_due
     procedure :: renew
     procedure :: pull_all
-    procedure :: pull_rest
+    procedure :: pull_remainder
     procedure :: work
   end type parts_type
 
@@ -63,8 +63,8 @@ contains
     class(parts_type), intent(inout) :: self
     type(operators_type), intent(in) :: op
     self%active = .true.
-    allocate (self%p(3, op%ghosts), self%m(3, op%ghosts), self%p_still(3, op%ghosts), &
-              self%m_still(3, op%ghosts), self%p_sum(3, op%ghosts), self%m_sum(3, op%ghosts), &
+    allocate (self%p(3, op%ghosts), self%m(3, op%ghosts), self%p_mean(3, op%ghosts), &
+              self%m_mean(3, op%ghosts), self%p_sum(3, op%ghosts), self%m_sum(3, op%ghosts), &
               source=0.0_wp)
     call make_room(op, self%still)
     call make_room(op, self%rest)
@@ -81,8 +81,8 @@ contains
   subroutine settle(self, op)
     class(parts_type), intent(inout) :: self
     type(operators_type), intent(in) :: op
-    self%p_still = self%p
-    self%m_still = self%m
+    self%p_mean = self%p
+    self%m_mean = self%m
     call clear(self)
     call self%pull_all(op)
   end subroutine settle
@@ -112,8 +112,8 @@ contains
   subroutine renew(self, op)
     class(parts_type), intent(inout) :: self
     type(operators_type), intent(in) :: op
-    self%p_still = self%p_sum/self%age
-    self%m_still = self%m_sum/self%age
+    self%p_mean = self%p_sum/self%age
+    self%m_mean = self%m_sum/self%age
     call clear(self)
     call self%pull_all(op)
   end subroutine renew
@@ -123,11 +123,11 @@ contains
     class(parts_type), intent(inout) :: self
     type(operators_type), intent(in) :: op
     self%dead_known = .false.
-    call pull(op, self%p_still, self%m_still, self%still)
-    call self%pull_rest(op)
+    call pull(op, self%p_mean, self%m_mean, self%still)
+    call self%pull_remainder(op)
   end subroutine pull_all
 
-  subroutine pull_rest(self, op)
+  subroutine pull_remainder(self, op)
     class(parts_type), intent(inout) :: self
     type(operators_type), intent(in) :: op
     call pull(op, self%p, self%m, self%rest)
@@ -135,7 +135,7 @@ contains
     self%rest%c = self%rest%c - self%still%c
     self%rest%force = self%rest%force - self%still%force
     self%rest%moment = self%rest%moment - self%still%moment
-  end subroutine pull_rest
+  end subroutine pull_remainder
 
   subroutine pull(op, p, m, pulled)
     type(operators_type), intent(in) :: op
@@ -159,7 +159,7 @@ contains
     turnover = 0.0_wp
     call add_works(size(d), self%p, d - self%d, taken, turnover)
     call add_works(size(turn), self%m, turn - self%turn, taken, turnover)
-    associate (a => op%hats + 1, b => op%hats_phi + 1)
+    associate (a => op%prescribed + 1, b => op%prescribed_phi + 1)
       given = work_since(size(q), self%rest%force, q, self%q) &
               + work_since(size(theta), self%rest%moment, theta, self%theta) &
               + sum(self%rest%f(:, a:)*(u(:, a:) - self%u(:, a:))) &

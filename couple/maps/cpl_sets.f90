@@ -37,7 +37,7 @@ module cpl_sets
     integer(i4), allocatable :: ghost(:)
     integer(i4), allocatable :: outside(:)     !! free grains under no element
     type(spot_type), allocatable :: free_spot(:), ghost_spot(:)
-    integer(i4), allocatable :: hat(:)         !! nodes that the free grains move
+    integer(i4), allocatable :: prescribed(:)         !! nodes that the free grains move
     integer(i4), allocatable :: edge(:)        !! free nodes of elements with ghosts
     logical, allocatable :: fast(:)            !! (elements) has a hat node and energy of its own
     type(hull_type) :: hull                    !! of the elements of the free grains
@@ -76,26 +76,26 @@ contains
     type(sets_type), intent(inout) :: self
     type(cells_type), intent(in) :: cells
     type(error_list_type), intent(inout) :: errors
-    logical :: hat(cells%nodes), edge(cells%nodes)
+    logical :: prescribed(cells%nodes), edge(cells%nodes)
     integer(i4), allocatable :: bad(:)
     integer(i4) :: e, k
 
-    hat = .false.
+    prescribed = .false.
     edge = .false.
     allocate (bad(0))
     do e = 1, cells%elements
-      if (self%part(e) == part_free) hat(cells%nodes_of(e)) = .true.
+      if (self%part(e) == part_free) prescribed(cells%nodes_of(e)) = .true.
     end do
     allocate (self%fast(cells%elements))
     do e = 1, cells%elements
       associate (node => cells%node(cells%start(e):cells%start(e + 1) - 1))
-        self%fast(e) = self%part(e) /= part_free .and. any(hat(node))
-        if (self%part(e) == part_ghost .and. all(hat(node))) bad = [bad, e]
+        self%fast(e) = self%part(e) /= part_free .and. any(prescribed(node))
+        if (self%part(e) == part_ghost .and. all(prescribed(node))) bad = [bad, e]
         if (self%part(e) == part_ghost .or. self%fast(e)) edge(node) = .true.
       end associate
     end do
-    self%hat = pack([(k, k=1, cells%nodes)], hat)
-    self%edge = pack([(k, k=1, cells%nodes)], edge .and. .not. hat)
+    self%prescribed = pack([(k, k=1, cells%nodes)], prescribed)
+    self%edge = pack([(k, k=1, cells%nodes)], edge .and. .not. prescribed)
     if (size(bad) > 0) call errors%add('I423', str(size(bad))//' elements of the ghosts have '// &
       'no free node, such as '//list(int(bad, i8)), '', 'all their nodes belong to elements of '// &
       'free grains: give these elements to free_elements, or let the layers of both be blocks')

@@ -173,7 +173,7 @@ contains
         short_number(o%limit%step_limit)// ' s', 'of grains and nodes that step with them')
       if (.not. o%forces%loads%active) return
       idle = any(abs(o%forces%loads%f) > 0.0_wp .and. &
-                 spread(.not. o%own%mass(:o%op%hats) > 0.0_wp, 1, 3))
+                 spread(.not. o%own%mass(:o%op%prescribed) > 0.0_wp, 1, 3))
       if (idle) call log%warn('loads of the solid''s deck on elements of free grains do '// &
         'nothing: nodes beyond the bridging domain only follow the grains; put them on the grains')
     end associate

@@ -16,7 +16,7 @@ module cpl_overlap_method
   use cpl_overlap_file, only: put_overlap, get_overlap, read_overlap_reference
   use cpl_overlap_log, only: log_census, log_masses, log_exchanges, overlap_columns, &
     overlap_values, overlap_row_titles, overlap_row, overlap_health, overlap_summary
-  use cpl_overlap_remap, only: rebuild_map, look_after
+  use cpl_overlap_remap, only: rebuild_map, check_after
   use cpl_overlap_setup, only: make_overlap, give_masses
   use cpl_run, only: cpl_run_type
   use cpl_sets_file, only: write_sets
@@ -125,7 +125,7 @@ contains
     character(len=:), allocatable :: said
     call run%timers%start('audit and log')
     associate (wanted => run%choices%overlap)
-      call look_after(self%o, wanted%remap, wanted%leaving, t1, said, errors)
+      call check_after(self%o, wanted%remap, wanted%leaving, t1, said, errors)
     end associate
     if (len(said) > 0) call run%log%line(said)
     call run%timers%stop('audit and log')

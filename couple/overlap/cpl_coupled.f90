@@ -134,7 +134,7 @@ contains
     real(wp), dimension(3, o%op%ghosts) :: d, turn
     real(wp), dimension(3, o%op%free) :: force, moment
 
-    call o%op%to_hats(y%q(:, o%sets%free), y%theta(:, o%sets%free), y%u, y%phi)
+    call o%op%to_prescribed(y%q(:, o%sets%free), y%theta(:, o%sets%free), y%u, y%phi)
     call o%op%to_ghosts(y%u, y%phi, d, turn)
     y%q(:, o%sets%ghost) = d
     y%theta(:, o%sets%ghost) = turn
@@ -152,8 +152,8 @@ contains
     call o%op%pull(d, turn, r%u, r%phi, force, moment)
     r%q(:, o%sets%free) = r%q(:, o%sets%free) + force
     r%theta(:, o%sets%free) = r%theta(:, o%sets%free) + moment
-    r%u(:, :o%op%hats) = 0.0_wp
-    r%phi(:, :o%op%hats_phi) = 0.0_wp
+    r%u(:, :o%op%prescribed) = 0.0_wp
+    r%phi(:, :o%op%prescribed_phi) = 0.0_wp
     where (o%own%held) r%u = 0.0_wp
     where (o%own%held_phi) r%phi = 0.0_wp
     where (spread(self%light, 1, 3) <= 0.0_wp)
@@ -348,7 +348,7 @@ contains
     class(coupled_type), intent(in) :: self
     type(overlap_type), intent(in) :: o
     type(motion_type), intent(inout) :: r
-    real(wp) :: f(3, o%op%free), load(3, o%op%hats), load_phi(3, o%op%hats_phi)
+    real(wp) :: f(3, o%op%free), load(3, o%op%prescribed), load_phi(3, o%op%prescribed_phi)
     integer(i4) :: a
 
     if (o%own%carried%active) then
@@ -365,10 +365,10 @@ contains
     end if
     r%q = r%q*spread(self%light, 1, 3)
     r%theta = r%theta*spread(self%nimble, 1, 3)
-    do a = o%op%hats + 1, o%op%nodes
+    do a = o%op%prescribed + 1, o%op%nodes
       r%u(:, a) = r%u(:, a)/o%own%mass(a)
     end do
-    do a = o%op%hats_phi + 1, o%op%nodes_phi
+    do a = o%op%prescribed_phi + 1, o%op%nodes_phi
       r%phi(:, a) = r%phi(:, a)/o%own%inertia(a)
     end do
   end subroutine accelerate
@@ -378,7 +378,7 @@ contains
     class(coupled_type), intent(in) :: self
     type(overlap_type), intent(in) :: o
     type(motion_type), intent(in) :: y, r
-    associate (n => o%op%hats + 1, m => o%op%hats_phi + 1)
+    associate (n => o%op%prescribed + 1, m => o%op%prescribed_phi + 1)
       work = sum(y%q*r%q) + sum(y%theta*r%theta) + sum(y%u(:, n:)*r%u(:, n:)) &
              + sum(y%phi(:, m:)*r%phi(:, m:))
     end associate

@@ -17,16 +17,16 @@ module cpl_overlap
   use cpl_sums, only: work_since, add_works
   implicit none
   private
-  public :: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, &
-    hat_phi_set, edge_phi_set
+  public :: overlap_type, ghost_set, free_set, pulled_set, prescribed_set, edge_set, &
+    prescribed_phi_set, edge_phi_set
 
   real(wp), parameter :: least_factor = 0.1_wp          !! of Aitken
   character(len=*), parameter :: ghost_set = 'ghosts'   !! of the grains
   character(len=*), parameter :: free_set = 'free'      !! of the grains, whose motion is told
   character(len=*), parameter :: pulled_set = 'pulled'  !! the same, which forces are put on
-  character(len=*), parameter :: hat_set = 'hats'       !! of the solid
+  character(len=*), parameter :: prescribed_set = 'hats'       !! of the solid
   character(len=*), parameter :: edge_set = 'edge'
-  character(len=*), parameter :: hat_phi_set = 'hat_rotations'
+  character(len=*), parameter :: prescribed_phi_set = 'hat_rotations'
   character(len=*), parameter :: edge_phi_set = 'edge_rotations'
 
   type :: overlap_type
@@ -48,7 +48,7 @@ module cpl_overlap
   contains
     procedure :: allocate_state
     procedure :: follow
-    procedure :: follow_hats
+    procedure :: follow_prescribed
     procedure :: pull
     procedure :: resist
     procedure :: note_work
@@ -71,7 +71,8 @@ contains
     class(overlap_type), intent(inout) :: self
     associate (op => self%op, x => self%pack%x, sets => self%sets)
       call self%motion%init(op%free, op%nodes, op%nodes_phi, self%pack%quat(:, sets%ghost))
-      call self%forces%init(op%free, op%ghosts, op%nodes, op%nodes_phi, op%hats, op%hats_phi)
+      call self%forces%init(op%free, op%ghosts, op%nodes, op%nodes_phi, op%prescribed, &
+        op%prescribed_phi)
       call self%map%init(x(:, sets%free), x(:, sets%ghost), self%cells%x(:, op%node), &
                          op%nodes_phi, sets%free_spot%element > 0)
       allocate (self%own%held(3, op%nodes), self%own%held_phi(3, op%nodes_phi), source=.false.)
@@ -88,7 +89,7 @@ contains
     real(wp), intent(out) :: v(:, :), spin(:, :)    !! (3, ghosts) [m/s], [rad/s]
     real(wp), dimension(3, self%op%ghosts) :: d, turn
 
-    call self%follow_hats(dt)
+    call self%follow_prescribed(dt)
     call self%op%to_ghosts(self%motion%u, self%motion%phi, d, turn)
     if (self%op%micro%active) then
       turn = self%motion%turn
@@ -102,23 +103,24 @@ contains
   end subroutine follow
 
   !> Hat nodes where free grains are now.
-  subroutine follow_hats(self, dt)
+  subroutine follow_prescribed(self, dt)
     class(overlap_type), intent(inout) :: self
     real(wp), intent(in) :: dt                      !! [s]
-    real(wp) :: hat(3, self%op%hats), hat_phi(3, self%op%hats_phi)
+    real(wp) :: prescribed(3, self%op%prescribed), prescribed_phi(3, self%op%prescribed_phi)
 
-    hat = self%motion%u(:, :self%op%hats)
-    hat_phi = self%motion%phi(:, :self%op%hats_phi)
-    call self%op%to_hats(self%motion%q, self%motion%theta, self%motion%u, self%motion%phi)
+    prescribed = self%motion%u(:, :self%op%prescribed)
+    prescribed_phi = self%motion%phi(:, :self%op%prescribed_phi)
+    call self%op%to_prescribed(self%motion%q, self%motion%theta, self%motion%u, self%motion%phi)
     if (self%map%remaps > 0) then
-      associate (n => self%op%hats, m => self%op%hats_phi)
+      associate (n => self%op%prescribed, m => self%op%prescribed_phi)
         self%motion%u(:, :n) = self%motion%u(:, :n) + self%map%u_map(:, :n)
         self%motion%phi(:, :m) = self%motion%phi(:, :m) + self%map%phi_map(:, :m)
       end associate
     end if
-    self%motion%v(:, :self%op%hats) = (self%motion%u(:, :self%op%hats) - hat)/dt
-    self%motion%w(:, :self%op%hats_phi) = (self%motion%phi(:, :self%op%hats_phi) - hat_phi)/dt
-  end subroutine follow_hats
+    self%motion%v(:, :self%op%prescribed) = (self%motion%u(:, :self%op%prescribed) - prescribed)/dt
+    self%motion%w(:, :self%op%prescribed_phi) = (self%motion%phi(:, :self%op%prescribed_phi) &
+      - prescribed_phi)/dt
+  end subroutine follow_prescribed
 
   !> Forces on ghosts (p, m) and of elements with hat nodes (element) handed to what is free.
   subroutine pull(self)
@@ -126,7 +128,7 @@ contains
     self%forces%f = self%forces%element
     self%forces%c = self%forces%element_phi
     if (self%forces%loads%active) then
-      associate (a => self%op%hats, b => self%op%hats_phi)
+      associate (a => self%op%prescribed, b => self%op%prescribed_phi)
         self%forces%f(:, :a) = self%forces%f(:, :a) + self%forces%loads%f
         self%forces%c(:, :b) = self%forces%c(:, :b) + self%forces%loads%c
       end associate
@@ -140,7 +142,7 @@ contains
           parts%dead_c = parts%still%c + self%forces%steady_phi + self%forces%c_hold
           parts%dead_known = .true.
         end if
-        call self%op%pull_some(parts%near, parts%p_near, parts%m_near, self%forces%f, &
+        call self%op%pull_some(parts%near, parts%p_active, parts%m_active, self%forces%f, &
           self%forces%c, parts%dead, parts%dead_phi, self%forces%force, self%forces%moment)
         self%forces%f = self%forces%f + parts%dead_f
         self%forces%c = self%forces%c + parts%dead_c
@@ -191,7 +193,7 @@ contains
     call add_works(size(m), m, turn, taken, through)
     call add_works(size(u0), self%forces%element, self%motion%u - u0, taken, through)
     call add_works(size(phi0), self%forces%element_phi, self%motion%phi - phi0, taken, through)
-    associate (a => self%op%hats, b => self%op%hats_phi)
+    associate (a => self%op%prescribed, b => self%op%prescribed_phi)
       if (self%forces%loads%active) taken = taken + sum(self%forces%loads%f*(self%motion%u(:, :a) &
         - u0(:, :a))) + sum(self%forces%loads%c*(self%motion%phi(:, :b) - phi0(:, :b)))
       if (self%own%carried%active) taken = taken + sum(self%forces%inertial*(self%motion%u(:, :a) &
@@ -233,7 +235,7 @@ contains
   pure real(wp) function edge_work(self, f, c, u0, phi0) result(work)
     type(overlap_type), intent(in) :: self
     real(wp), intent(in), contiguous :: f(:, :), c(:, :), u0(:, :), phi0(:, :)
-    associate (a => self%op%hats + 1, b => self%op%hats_phi + 1)
+    associate (a => self%op%prescribed + 1, b => self%op%prescribed_phi + 1)
       work = work_since(size(f(:, a:)), f(:, a:), self%motion%u(:, a:), u0(:, a:)) &
              + work_since(size(c(:, b:)), c(:, b:), self%motion%phi(:, b:), phi0(:, b:))
     end associate
@@ -247,11 +249,11 @@ contains
     real(wp), intent(in) :: dt                !! [s]
     real(wp), intent(in) :: f(:, :), c(:, :)  !! (3, nodes) [N], (3, nodes_phi) [N m]
     integer(i4) :: a
-    do a = self%op%hats + 1, self%op%nodes
+    do a = self%op%prescribed + 1, self%op%nodes
       where (.not. self%own%held(:, a)) self%motion%v(:, a) = self%motion%v(:, a) &
         + dt*f(:, a)/self%own%mass(a)
     end do
-    do a = self%op%hats_phi + 1, self%op%nodes_phi
+    do a = self%op%prescribed_phi + 1, self%op%nodes_phi
       where (.not. self%own%held_phi(:, a)) self%motion%w(:, a) = self%motion%w(:, a) &
         + dt*c(:, a)/self%own%inertia(a)
     end do
@@ -260,7 +262,7 @@ contains
   subroutine drift_edge(self, dt)
     class(overlap_type), intent(inout) :: self
     real(wp), intent(in) :: dt  !! [s]
-    associate (a => self%op%hats + 1, b => self%op%hats_phi + 1)
+    associate (a => self%op%prescribed + 1, b => self%op%prescribed_phi + 1)
       self%motion%u(:, a:) = self%motion%u(:, a:) + dt*self%motion%v(:, a:)
       self%motion%phi(:, b:) = self%motion%phi(:, b:) + dt*self%motion%w(:, b:)
     end associate
@@ -311,7 +313,8 @@ contains
     class(overlap_type), intent(in) :: self
     real(wp) :: past(self%op%free), coarse(3, self%op%free)
     integer(i4) :: k
-    call self%op%p%n%apply(self%motion%u(:, :self%op%hats) - self%map%u_map(:, :self%op%hats), &
+    call self%op%p%n%apply(self%motion%u(:, :self%op%prescribed) - self%map%u_map(:, &
+      :self%op%prescribed), &
       coarse)
     do k = 1, self%op%free
       past(k) = sqrt((self%motion%q(1, k) - coarse(1, k))**2 + (self%motion%q(2, k) - coarse(2, &

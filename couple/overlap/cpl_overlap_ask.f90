@@ -9,9 +9,9 @@ module cpl_overlap_ask
     field_drift, field_final, field_force, field_kick, field_moment, field_reaction, &
     field_reaction_moment, field_scalars, field_scope, field_set, scope_interface
   use talus_timers, only: timers_type
-  use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, &
-    hat_phi_set, edge_phi_set
-  use cpl_overlap_parts, only: put_near, put_between, read_near, read_between, renew_kicks
+  use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, prescribed_set, edge_set, &
+    prescribed_phi_set, edge_phi_set
+  use cpl_overlap_parts, only: put_active, put_between, read_active, read_between, renew_kicks
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid, sides
   implicit none
   private
@@ -108,7 +108,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp) :: load(3, merge(o%op%free, 0_i4, o%rules%hears_force))
     if (o%forces%parts%active) then
-      call read_near(o, grains, errors)
+      call read_active(o, grains, errors)
     else
       call grains%reply%get(ghost_set//dot_force, o%forces%p, errors)
       call grains%reply%get(ghost_set//dot_moment, o%forces%m, errors)
@@ -126,12 +126,13 @@ contains
   subroutine put_nodes(o, solid)
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: solid
-    call solid%request%put(hat_set//dot_u, o%motion%u(:, :o%op%hats))
-    if (.not. o%rules%static) call solid%request%put(edge_set//dot_u, o%motion%u(:, o%op%hats + 1:))
+    call solid%request%put(prescribed_set//dot_u, o%motion%u(:, :o%op%prescribed))
+    if (.not. o%rules%static) call solid%request%put(edge_set//dot_u, o%motion%u(:, &
+      o%op%prescribed + 1:))
     if (o%op%nodes_phi == 0) return
-    call solid%request%put(hat_phi_set//dot_phi, o%motion%phi(:, :o%op%hats_phi))
+    call solid%request%put(prescribed_phi_set//dot_phi, o%motion%phi(:, :o%op%prescribed_phi))
     if (.not. o%rules%static) &
-      call solid%request%put(edge_phi_set//dot_phi, o%motion%phi(:, o%op%hats_phi + 1:))
+      call solid%request%put(edge_phi_set//dot_phi, o%motion%phi(:, o%op%prescribed_phi + 1:))
   end subroutine put_nodes
 
   !> A field of all nodes from a reply of the solid.
@@ -141,17 +142,18 @@ contains
     character(len=*), intent(in) :: field, field_phi
     real(wp), intent(inout) :: f(:, :), c(:, :)  !! (3, nodes), (3, nodes_phi)
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: hat(3, o%op%hats), edge(3, o%op%nodes - o%op%hats)
-    real(wp) :: hat_phi(3, o%op%hats_phi), edge_phi(3, o%op%nodes_phi - o%op%hats_phi)
-    call solid%reply%get(hat_set//'.'//field, hat, errors)
+    real(wp) :: prescribed(3, o%op%prescribed), edge(3, o%op%nodes - o%op%prescribed)
+    real(wp) :: prescribed_phi(3, o%op%prescribed_phi), edge_phi(3, o%op%nodes_phi &
+      - o%op%prescribed_phi)
+    call solid%reply%get(prescribed_set//'.'//field, prescribed, errors)
     call solid%reply%get(edge_set//'.'//field, edge, errors)
-    f(:, :o%op%hats) = hat
-    f(:, o%op%hats + 1:) = edge
+    f(:, :o%op%prescribed) = prescribed
+    f(:, o%op%prescribed + 1:) = edge
     if (o%op%nodes_phi == 0) return
-    call solid%reply%get(hat_phi_set//'.'//field_phi, hat_phi, errors)
+    call solid%reply%get(prescribed_phi_set//'.'//field_phi, prescribed_phi, errors)
     call solid%reply%get(edge_phi_set//'.'//field_phi, edge_phi, errors)
-    c(:, :o%op%hats_phi) = hat_phi
-    c(:, o%op%hats_phi + 1:) = edge_phi
+    c(:, :o%op%prescribed_phi) = prescribed_phi
+    c(:, o%op%prescribed_phi + 1:) = edge_phi
   end subroutine read_nodes
 
   !> Forces of the elements without hat nodes on the edge: all that the solid exerts, less those of
@@ -190,8 +192,8 @@ contains
     call solver%start_request(verb_accept, o%step, t0, t1)
     call solver%request%put_int(field_final, 1_i4)
     if (solver%side == sides(side_solid) .and. .not. o%rules%static) then
-      call solver%request%put(hat_set//dot_v, o%motion%v(:, :o%op%hats))
-      call solver%request%put(edge_set//dot_v, o%motion%v(:, o%op%hats + 1:))
+      call solver%request%put(prescribed_set//dot_v, o%motion%v(:, :o%op%prescribed))
+      call solver%request%put(edge_set//dot_v, o%motion%v(:, o%op%prescribed + 1:))
     end if
     call solver%send(timers, errors)
   end subroutine send_accept
@@ -222,7 +224,7 @@ contains
     call timers%start(messages)
     call solid%start_request(verb_force, o%step, t, t)
     call solid%request%put_text(field_scope, scope_interface)
-    call solid%request%put_text(field_set, hat_set)
+    call solid%request%put_text(field_set, prescribed_set)
     call put_nodes(o, solid)
     call solid%request%put_int(field_brief, 1_i4)
     call timers%stop(messages)
@@ -242,7 +244,7 @@ contains
     call timers%start(messages)
     call grains%start_request(verb_force, o%step, t, t)
     if (o%forces%parts%active) then
-      call put_near(o, grains%request, v, spin)
+      call put_active(o, grains%request, v, spin)
     else
       call put_ghosts(o, grains%request, v, spin)
     end if

@@ -16,7 +16,7 @@ module cpl_overlap_limit
   public :: check_step, highest_frequency, mode_type, kick_watch_type, kick_warning
 
   integer(i4), parameter :: most_rounds = 300, quiet_rounds = 5
-  integer(i4), parameter :: first_look = 16   !! remaps before the limit of kicks is found again
+  integer(i4), parameter :: first_check = 16   !! remaps before the limit of kicks is found again
   real(wp), parameter :: settled = 1.0e-4_wp  !! change of the frequency in a round, relative
 
   !> The fastest motion: angular frequency, and who moves most in it.
@@ -114,7 +114,7 @@ contains
     real(wp) :: before
 
     said = ''
-    if (.not. self%active .or. o%map%remaps < first_look .or. popcnt(o%map%remaps) /= 1) return
+    if (.not. self%active .or. o%map%remaps < first_check .or. popcnt(o%map%remaps) /= 1) return
     call timers%start('stable step')
     mode = highest_frequency(o, self%kicks)
     call timers%stop('stable step')

@@ -9,7 +9,7 @@ module cpl_overlap_loads
   use talus_port_names, only: dot_force, dot_moment, field_brief, field_scope, field_set, &
     field_steady, scope_loads
   use talus_timers, only: timers_type
-  use cpl_overlap, only: overlap_type, hat_set, hat_phi_set
+  use cpl_overlap, only: overlap_type, prescribed_set, prescribed_phi_set
   use cpl_solver, only: cpl_solver_type
   implicit none
   private
@@ -25,7 +25,7 @@ contains
     logical, intent(in) :: again
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: f(3, o%op%hats), c(3, o%op%hats_phi)
+    real(wp) :: f(3, o%op%prescribed), c(3, o%op%prescribed_phi)
     integer(i4) :: steady
 
     call ask(o, solid, solid%time, f, c, timers, errors)
@@ -50,8 +50,8 @@ contains
     real(wp), intent(in) :: t0, t1  !! [s]
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp), dimension(3, o%op%hats) :: f, f1
-    real(wp), dimension(3, o%op%hats_phi) :: c, c1
+    real(wp), dimension(3, o%op%prescribed) :: f, f1
+    real(wp), dimension(3, o%op%prescribed_phi) :: c, c1
     real(wp), dimension(3, o%op%free) :: push, turn
 
     if (.not. o%forces%loads%active .or. o%forces%loads%steady .or. errors%any()) return
@@ -60,7 +60,7 @@ contains
     if (errors%any()) return
     f = 0.5_wp*(f + f1)
     c = 0.5_wp*(c + c1)
-    call o%op%from_hats(f - o%forces%loads%f, c - o%forces%loads%c, push, turn)
+    call o%op%from_prescribed(f - o%forces%loads%f, c - o%forces%loads%c, push, turn)
     if (o%own%carried%active) then
       call o%own%carried%resist(push, f1)
       call o%op%p%transposed(f1, push)
@@ -91,17 +91,17 @@ contains
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: solid
     real(wp), intent(in) :: t                     !! [s]
-    real(wp), intent(inout) :: f(:, :), c(:, :)   !! (3, hats) [N], (3, hats_phi) [N m]
+    real(wp), intent(inout) :: f(:, :), c(:, :)   !! (3, hats) [N], (3, prescribed_phi) [N m]
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     if (errors%any()) return
     call solid%start_request(verb_force, o%step, t, t)
     call solid%request%put_text(field_scope, scope_loads)
-    call solid%request%put_text(field_set, hat_set)
+    call solid%request%put_text(field_set, prescribed_set)
     call solid%request%put_int(field_brief, 1_i4)
     call solid%ask(timers, errors)
     if (errors%any()) return
-    call solid%reply%get(hat_set//dot_force, f, errors)
-    if (size(c) > 0) call solid%reply%get(hat_phi_set//dot_moment, c, errors)
+    call solid%reply%get(prescribed_set//dot_force, f, errors)
+    if (size(c) > 0) call solid%reply%get(prescribed_phi_set//dot_moment, c, errors)
   end subroutine ask
 end module cpl_overlap_loads

@@ -42,9 +42,10 @@ contains
                   short_number(o%sets%mean_in_element)//' in the mean')
     call log%item(trim(merge('bound grains', 'ghosts      ', bound)), &
                   str(o%op%ghosts), turning)
-    call log%item('nodes', str(o%op%hats)//' follow free grains', str(o%op%nodes - o%op%hats)// &
-                  ' of the edge, micro-rotations '//str(o%op%hats_phi)//' and '// &
-                  str(o%op%nodes_phi - o%op%hats_phi))
+    call log%item('nodes', str(o%op%prescribed)//' follow free grains', str(o%op%nodes &
+      - o%op%prescribed)// &
+                  ' of the edge, micro-rotations '//str(o%op%prescribed_phi)//' and '// &
+                  str(o%op%nodes_phi - o%op%prescribed_phi))
     call log%item('depth of the ghosts', short_number(o%sets%depth)//' m', &
                   short_number(o%sets%depth/o%sets%d_max)//' largest diameters')
     call log%item('projection', choices%overlap%projection//', weights '// &
@@ -239,7 +240,7 @@ contains
         + 2) + edge(:3)
       value(20:22) = g(scalar_angular_momentum:scalar_angular_momentum + 2) &
         + s(scalar_angular_momentum:scalar_angular_momentum + 2) + edge(4:)
-      value(23:25) = sum(o%forces%f(:, o%op%hats + 1:), 2)
+      value(23:25) = sum(o%forces%f(:, o%op%prescribed + 1:), 2)
       value(26) = o%map%fine
       value(27) = ghost_motion(o)
       value(28) = g(scalar_max_overlap)
@@ -307,8 +308,8 @@ contains
     real(wp), intent(in) :: fine  !! [m]
     call summary%set('free_grains', count(o%map%seen))
     call summary%set('ghosts', o%op%ghosts)
-    call summary%set('hat_nodes', o%op%hats)
-    call summary%set('edge_nodes', o%op%nodes - o%op%hats)
+    call summary%set('hat_nodes', o%op%prescribed)
+    call summary%set('edge_nodes', o%op%nodes - o%op%prescribed)
     call summary%set('health.interface_work_error', work_error(o))
     call summary%set('health.identity_error', o%map%identity)
     call summary%set('health.projection_condition', o%op%p%condition)

@@ -16,7 +16,7 @@ module cpl_overlap_mass
   use cpl_sets, only: part_ghost, part_free
   implicit none
   private
-  public :: share_mass, hat_shares, damp_fine_scale
+  public :: share_mass, prescribed_shares, damp_fine_scale
 
   integer(i4), parameter :: sharers = 8          !! grains that a node's mass goes to
   integer(i4), parameter :: named = 5            !! grains that a message names
@@ -30,22 +30,24 @@ contains
     type(overlap_type), intent(inout) :: o
     character(len=*), intent(in) :: how  !! consistent, projected or nearest
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: extra(o%op%free), mass(o%op%hats), lumped(3, o%op%hats), given(3, o%op%free)
+    real(wp) :: extra(o%op%free), mass(o%op%prescribed), lumped(3, o%op%prescribed), given(3, &
+      o%op%free)
 
-    call hat_shares(o, mass)
+    call prescribed_shares(o, mass)
     o%own%moved_mass = sum(mass)
     extra = 0.0_wp
-    o%own%mass(:o%op%hats) = 0.0_wp
-    o%own%inertia(:o%op%hats_phi) = 0.0_wp
+    o%own%mass(:o%op%prescribed) = 0.0_wp
+    o%own%inertia(:o%op%prescribed_phi) = 0.0_wp
     select case (how)
     case ('consistent')
-      o%own%mass(:o%op%hats) = mass
-      call hat_inertias(o, o%own%inertia(:o%op%hats_phi))
-      if (o%op%micro%active .or. .not. o%rules%round_free) o%own%inertia(:o%op%hats_phi) = 0.0_wp
+      o%own%mass(:o%op%prescribed) = mass
+      call prescribed_inertias(o, o%own%inertia(:o%op%prescribed_phi))
+      if (o%op%micro%active &
+        .or. .not. o%rules%round_free) o%own%inertia(:o%op%prescribed_phi) = 0.0_wp
       call o%own%carried%build(o%op%p, o%pack%mass(o%sets%free), mass, errors)
       if (o%rules%turns .and. o%rules%round_free .and. .not. o%op%micro%active) &
         call o%own%carried_phi%build(o%op%p_phi, o%pack%inertia(o%sets%free), &
-                                 o%own%inertia(:o%op%hats_phi), errors)
+                                 o%own%inertia(:o%op%prescribed_phi), errors)
     case ('projected')
       lumped = spread(mass, 1, 3)
       given = 0.0_wp
@@ -79,7 +81,7 @@ contains
     real(wp) :: far(o%op%free)
     integer(i4) :: a, k, n, g
     n = min(sharers, int(count(o%map%seen), i4))
-    do a = 1, o%op%hats
+    do a = 1, o%op%prescribed
       if (.not. mass(a) > 0.0_wp) cycle
       do g = 1, o%op%free
         far(g) = merge(sum((o%map%x_free(:, g) - o%map%x_node(:, a))**2), huge(1.0_wp), &
@@ -118,22 +120,22 @@ contains
 
   !> Mass of hat nodes that comes from elements outside, by the integrals of their functions, of
   !! elements with middle nodes by their volumes [kg].
-  subroutine hat_shares(o, mass)
+  subroutine prescribed_shares(o, mass)
     type(overlap_type), intent(in) :: o
     real(wp), intent(out) :: mass(:)
-    associate (node => o%op%node(:o%op%hats))
+    associate (node => o%op%node(:o%op%prescribed))
       mass = o%cells%mass(node)*outside_share(o, node)
     end associate
-  end subroutine hat_shares
+  end subroutine prescribed_shares
 
   !> The same for micro-inertia [kg m^2].
-  subroutine hat_inertias(o, inertia)
+  subroutine prescribed_inertias(o, inertia)
     type(overlap_type), intent(in) :: o
     real(wp), intent(out) :: inertia(:)
-    associate (node => o%op%node_phi(:o%op%hats_phi))
+    associate (node => o%op%node_phi(:o%op%prescribed_phi))
       inertia = o%cells%inertia(node)*outside_share(o, node)
     end associate
-  end subroutine hat_inertias
+  end subroutine prescribed_inertias
 
   !> Share of nodes that elements without free grains give [-].
   pure function outside_share(o, nodes) result(share_of)

@@ -14,10 +14,10 @@ module cpl_overlap_parts
   use cpl_solver, only: cpl_solver_type
   implicit none
   private
-  public :: begin_parts, settle_parts, remember_start, follow_near, follow_all, put_near, &
-    put_between, read_near, read_between, renew_kicks, work_of_parts, finish_parts
+  public :: begin_parts, settle_parts, remember_start, follow_active, follow_all, put_active, &
+    put_between, read_active, read_between, renew_kicks, work_of_parts, finish_parts
 
-  character(len=*), parameter :: near_set = 'border'  !! of the grains
+  character(len=*), parameter :: active_set = 'border'  !! of the grains
 
 contains
 
@@ -34,7 +34,7 @@ contains
     if (again) then
       call o%forces%parts%pull_all(o%op)
       call renew_kicks(o)
-      call select_near(o, grains, timers, errors)
+      call select_active(o, grains, timers, errors)
       return
     end if
     call o%forces%parts%begin(o%op)
@@ -44,11 +44,11 @@ contains
     call grains%start_request(verb_force, o%step, grains%time, grains%time)
     call grains%request%put_text(field_scope, scope_split)
     call put_ghosts(o, grains%request, rest, rest)
-    call grains%request%put(near_set//dot_v, rest(:, :size(o%forces%parts%near)))
-    call grains%request%put(near_set//dot_omega, rest(:, :size(o%forces%parts%near)))
+    call grains%request%put(active_set//dot_v, rest(:, :size(o%forces%parts%near)))
+    call grains%request%put(active_set//dot_omega, rest(:, :size(o%forces%parts%near)))
     call grains%request%put_int(field_brief, 1_i4)
     call grains%ask(timers, errors)
-    if (.not. errors%any()) call read_near(o, grains, errors)
+    if (.not. errors%any()) call read_active(o, grains, errors)
     if (.not. errors%any()) call read_between(o, grains, errors)
     if (.not. errors%any()) call settle_parts(o)
   end subroutine begin_parts
@@ -110,8 +110,8 @@ contains
     if (errors%any()) return
     allocate (p(3, o%op%ghosts), m(3, o%op%ghosts), source=0.0_wp)
     if (allocated(o%forces%parts%near)) then
-      p(:, o%forces%parts%near) = o%forces%parts%p_near
-      m(:, o%forces%parts%near) = o%forces%parts%m_near
+      p(:, o%forces%parts%near) = o%forces%parts%p_active
+      m(:, o%forces%parts%near) = o%forces%parts%m_active
     end if
     g = 0
     do k = 1, o%op%ghosts  ! both in the order of ids
@@ -122,12 +122,12 @@ contains
     end do
     if (g < size(ids)) error stop 'bug: a border that is not of the ghosts'
     o%forces%parts%near = row(:g)
-    o%forces%parts%p_near = p(:, o%forces%parts%near)
-    o%forces%parts%m_near = m(:, o%forces%parts%near)
-    call select_near(o, grains, timers, errors)
+    o%forces%parts%p_active = p(:, o%forces%parts%near)
+    o%forces%parts%m_active = m(:, o%forces%parts%near)
+    call select_active(o, grains, timers, errors)
   end subroutine choose_border
 
-  subroutine select_near(o, grains, timers, errors)
+  subroutine select_active(o, grains, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: grains
     type(timers_type), intent(inout) :: timers
@@ -139,17 +139,17 @@ contains
       parts%far = pack(o%op%every, is_far)
       if (.not. allocated(parts%v)) &
         allocate (parts%v(3, o%op%ghosts), parts%spin(3, o%op%ghosts))
-      parts%x_near = o%map%x_ghost(:, parts%near)
-      parts%d_near = o%motion%d(:, parts%near)
-      parts%turn_near = o%motion%turn(:, parts%near)
-      parts%quat_near = o%motion%quat(:, parts%near)
+      parts%x_active = o%map%x_ghost(:, parts%near)
+      parts%d_active = o%motion%d(:, parts%near)
+      parts%turn_active = o%motion%turn(:, parts%near)
+      parts%quat_active = o%motion%quat(:, parts%near)
     end associate
     call grains%start_request(verb_select, o%step, grains%time, grains%time)
-    call grains%request%put_text(field_set, near_set)
+    call grains%request%put_text(field_set, active_set)
     call grains%request%put_text(field_role, role_name(role_border))
     call grains%request%put_int(field_id, o%pack%id(o%sets%ghost(o%forces%parts%near)))
     call grains%ask(timers, errors)
-  end subroutine select_near
+  end subroutine select_active
 
   !> Where nodes and free grains stand at the start of an exchange.
   subroutine remember_start(o)
@@ -161,19 +161,20 @@ contains
   end subroutine remember_start
 
   !> The near ghosts where the nodes are now; how far they came.
-  subroutine follow_near(o, moved, turns)
+  subroutine follow_active(o, moved, turns)
     type(overlap_type), intent(inout) :: o
     real(wp), intent(out) :: moved(:, :), turns(:, :)  !! (3, near) [m], [rad]
 
     associate (parts => o%forces%parts)
-      moved = parts%d_near
-      turns = parts%turn_near
-      call o%op%to_some_ghosts(parts%near, o%motion%u, o%motion%phi, parts%d_near, parts%turn_near)
-      moved = parts%d_near - moved
-      turns = parts%turn_near - turns
-      if (.not. o%rules%round) call turn_all(parts%quat_near, turns)
+      moved = parts%d_active
+      turns = parts%turn_active
+      call o%op%to_some_ghosts(parts%near, o%motion%u, o%motion%phi, parts%d_active, &
+        parts%turn_active)
+      moved = parts%d_active - moved
+      turns = parts%turn_active - turns
+      if (.not. o%rules%round) call turn_all(parts%quat_active, turns)
     end associate
-  end subroutine follow_near
+  end subroutine follow_active
 
   !> At the end of an exchange of length h the other ghosts, too; mean velocities of all. The near
   !! ones have followed already.
@@ -189,7 +190,7 @@ contains
     call move_alloc(o%motion%turn, o%forces%parts%turn)
     allocate (o%motion%d(3, o%op%ghosts), o%motion%turn(3, o%op%ghosts))
     call put_rows(o%forces%parts%far, d, turn)
-    call put_rows(o%forces%parts%near, o%forces%parts%d_near, o%forces%parts%turn_near)
+    call put_rows(o%forces%parts%near, o%forces%parts%d_active, o%forces%parts%turn_active)
     rate = 1.0_wp/h
     associate (parts => o%forces%parts)
       do k = 1, o%op%ghosts
@@ -199,7 +200,7 @@ contains
       if (o%rules%round) return
       call turn_all(o%motion%quat, o%motion%turn - parts%turn)
       do k = 1, size(parts%near)
-        o%motion%quat(:, parts%near(k)) = parts%quat_near(:, k)
+        o%motion%quat(:, parts%near(k)) = parts%quat_active(:, k)
       end do
     end associate
 
@@ -217,16 +218,16 @@ contains
   end subroutine follow_all
 
   !> The near ghosts, in a request FORCE: contacts of free grains alone.
-  subroutine put_near(o, request, v, spin)
+  subroutine put_active(o, request, v, spin)
     type(overlap_type), intent(in) :: o
     type(message_type), intent(inout) :: request
     real(wp), intent(in) :: v(:, :), spin(:, :)  !! (3, near) [m/s], [rad/s]
     call request%put_text(field_scope, scope_interface)
-    call request%put(near_set//dot_x, o%forces%parts%x_near + o%forces%parts%d_near)
-    if (.not. o%rules%round) call request%put(near_set//dot_quat, o%forces%parts%quat_near)
-    call request%put(near_set//dot_v, v)
-    call request%put(near_set//dot_omega, spin)
-  end subroutine put_near
+    call request%put(active_set//dot_x, o%forces%parts%x_active + o%forces%parts%d_active)
+    if (.not. o%rules%round) call request%put(active_set//dot_quat, o%forces%parts%quat_active)
+    call request%put(active_set//dot_v, v)
+    call request%put(active_set//dot_omega, spin)
+  end subroutine put_active
 
   !> All ghosts, in a request FORCE: their contacts with each other, after those of free grains.
   subroutine put_between(o, request)
@@ -248,13 +249,13 @@ contains
   end subroutine put_ghosts
 
   !> Forces of free grains on the near ghosts, from a reply.
-  subroutine read_near(o, grains, errors)
+  subroutine read_active(o, grains, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: grains
     type(error_list_type), intent(inout) :: errors
-    call grains%reply%get(near_set//dot_force, o%forces%parts%p_near, errors)
-    call grains%reply%get(near_set//dot_moment, o%forces%parts%m_near, errors)
-  end subroutine read_near
+    call grains%reply%get(active_set//dot_force, o%forces%parts%p_active, errors)
+    call grains%reply%get(active_set//dot_moment, o%forces%parts%m_active, errors)
+  end subroutine read_active
 
   !> Forces of ghosts on ghosts, from a reply.
   subroutine read_between(o, grains, errors)
@@ -272,9 +273,9 @@ contains
   !> Kicks with the forces between ghosts now, with the inertia of what hat nodes carry.
   subroutine renew_kicks(o)
     type(overlap_type), intent(inout) :: o
-    real(wp) :: load(3, o%op%hats), load_phi(3, o%op%hats_phi)
+    real(wp) :: load(3, o%op%prescribed), load_phi(3, o%op%prescribed_phi)
 
-    call o%forces%parts%pull_rest(o%op)
+    call o%forces%parts%pull_remainder(o%op)
     associate (parts => o%forces%parts)
       parts%kick = parts%rest%force
       parts%kick_phi = parts%rest%moment

@@ -10,16 +10,16 @@ module cpl_overlap_remap
   use talus_errors, only: error_list_type
   use talus_log, only: short_number
   use cpl_cells, only: cells_type, spot_type
-  use cpl_operators, only: riders_type
+  use cpl_operators, only: followers_type
   use cpl_overlap, only: overlap_type
   use cpl_overlap_mass, only: damp_fine_scale
   use cpl_overlap_parts, only: settle_parts
   use cpl_sets, only: part_free
   implicit none
   private
-  public :: look_after, rebuild_map
+  public :: check_after, rebuild_map
 
-  real(wp), parameter :: look_every = 0.02_wp  !! of an element: motion between two looks
+  real(wp), parameter :: check_interval = 0.02_wp  !! of an element: motion between two looks
   real(wp), parameter :: kept_for = 0.1_wp     !! of an element: motion that a map is good for, even
                                                !! if grains at the rim leave and come meanwhile
   integer(i4), parameter :: named = 5          !! grains that a line names
@@ -28,7 +28,7 @@ contains
 
   !> At the end of an exchange, after look_past; said is what the log has to tell, '' nothing. N423:
   !! a free grain has left and the deck wants to stop.
-  subroutine look_after(o, share, leaving, time, said, errors)
+  subroutine check_after(o, share, leaving, time, said, errors)
     type(overlap_type), intent(inout) :: o
     real(wp), intent(in) :: share             !! of an element, beyond which P is made anew; 0 never
     character(len=*), intent(in) :: leaving   !! remap, log or stop
@@ -40,12 +40,12 @@ contains
 
     said = ''
     far = share > 0.0_wp .and. o%map%past > share*o%sets%least_size
-    next = o%map%looked + look_every*o%sets%least_size
+    next = o%map%looked + check_interval*o%sets%least_size
     if (leaving == 'remap') next = max(next, kept_for*o%sets%least_size)
     if (.not. far .and. o%map%past < next) return
     o%map%looked = o%map%past
     call look(o, leaving, far, time, said, errors)
-  end subroutine look_after
+  end subroutine check_after
 
   !> Find all grains; make the projection anew if it is due.
   subroutine look(o, leaving, far, time, said, errors)
@@ -123,7 +123,7 @@ contains
       call o%pull()
       call o%resist()
     end if
-    if (o%own%carried%active) call o%op%to_hats(o%motion%speed, o%motion%spin, o%motion%v, &
+    if (o%own%carried%active) call o%op%to_prescribed(o%motion%speed, o%motion%spin, o%motion%v, &
       o%motion%w)
     if (len(said) > 0) said = said//'; '
     if (len(said) == 0) said = 'time '//short_number(time)//' s: '
@@ -136,7 +136,8 @@ contains
   !> Loads that balance the start, which hat nodes hand to other grains now.
   subroutine hold_again(o)
     type(overlap_type), intent(inout) :: o
-    call o%op%from_hats(o%forces%f_hold, o%forces%c_hold, o%forces%force_hold, o%forces%moment_hold)
+    call o%op%from_prescribed(o%forces%f_hold, o%forces%c_hold, o%forces%force_hold, &
+      o%forces%moment_hold)
     o%forces%parts%dead_known = .false.
   end subroutine hold_again
 
@@ -158,22 +159,22 @@ contains
     type(cells_type), intent(in) :: moved
     type(spot_type), intent(in) :: spot(:)
     type(error_list_type), intent(inout) :: errors
-    type(riders_type) :: riders
+    type(followers_type) :: followers
 
-    riders%spot = spot
-    riders%x = o%map%x_free
-    riders%origin = o%pack%x(:, o%sets%free)
-    riders%w = o%op%w
-    riders%w_phi = o%op%w_phi
-    o%map%seen = riders%spot%element > 0
+    followers%spot = spot
+    followers%x = o%map%x_free
+    followers%origin = o%pack%x(:, o%sets%free)
+    followers%w = o%op%w
+    followers%w_phi = o%op%w_phi
+    o%map%seen = followers%spot%element > 0
     o%map%told = o%map%told .and. .not. o%map%seen
-    call o%op%project(moved, o%sets%part, riders, o%op%p%mls, errors)
+    call o%op%project(moved, o%sets%part, followers, o%op%p%mls, errors)
     if (errors%any()) return
     associate (free => o%sets%free)
       if (o%own%carried%active) call o%own%carried%build(o%op%p, o%pack%mass(free), &
-        o%own%mass(:o%op%hats), errors)
+        o%own%mass(:o%op%prescribed), errors)
       if (o%own%carried_phi%active) call o%own%carried_phi%build(o%op%p_phi, o%pack%inertia(free), &
-        o%own%inertia(:o%op%hats_phi), errors)
+        o%own%inertia(:o%op%prescribed_phi), errors)
     end associate
     if (o%own%damping%active) call damp_fine_scale(o, moved)
   end subroutine map_from

@@ -17,8 +17,8 @@ module cpl_overlap_setup
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, rotation_fixed, rotation_curl, rotation_micro
   use cpl_operators, only: weigh_unit, weigh_mass, weigh_volume
-  use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, hat_set, edge_set, &
-    hat_phi_set, edge_phi_set
+  use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, prescribed_set, edge_set, &
+    prescribed_phi_set, edge_phi_set
   use cpl_overlap_file, only: hash_of
   use cpl_overlap_limit, only: check_step
   use cpl_overlap_loads, only: begin_loads
@@ -79,10 +79,11 @@ contains
     call o%op%build(o%cells, o%sets, o%pack, rotation_of(o, choices), weights_of(choices), &
                     choices%overlap%projection == 'mls', errors)
     if (errors%any()) return
-    o%rules%turns = o%op%hats_phi > 0
+    o%rules%turns = o%op%prescribed_phi > 0
     o%rules%in_parts = o%rules%symmetric .and. o%rules%substeps > 1 .and. &
       choices%overlap%ghost_contacts == 'exchange'
-    if (o%rules%in_parts .and. (o%op%micro%active .or. .not. solvers(side_grains)%can(can_border))) &
+    if (o%rules%in_parts .and. (o%op%micro%active &
+      .or. .not. solvers(side_grains)%can(can_border))) &
       call errors%add('D421', "ghost_contacts = 'exchange' is for classical and micropolar "// &
                       'solids, and for grains that have the role border', '', &
                       "write ghost_contacts = 'step'")
@@ -397,8 +398,9 @@ contains
   !! act on the edge in every step of the grains, too: in kicks they would shake it.
   subroutine steady_forces(o)
     type(overlap_type), intent(inout) :: o
-    o%forces%steady(:, o%op%hats + 1:) = o%forces%bulk(:, o%op%hats + 1:)
-    o%forces%steady_phi(:, o%op%hats_phi + 1:) = o%forces%bulk_phi(:, o%op%hats_phi + 1:)
+    o%forces%steady(:, o%op%prescribed + 1:) = o%forces%bulk(:, o%op%prescribed + 1:)
+    o%forces%steady_phi(:, o%op%prescribed_phi + 1:) = o%forces%bulk_phi(:, o%op%prescribed_phi &
+      + 1:)
     o%forces%bulk = o%forces%bulk - o%forces%steady
     o%forces%bulk_phi = o%forces%bulk_phi - o%forces%steady_phi
     o%forces%parts%dead_known = .false.
@@ -437,18 +439,18 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: held(:, :)
-    real(wp) :: v(3, o%op%nodes - o%op%hats), w(3, o%op%nodes_phi - o%op%hats_phi)
+    real(wp) :: v(3, o%op%nodes - o%op%prescribed), w(3, o%op%nodes_phi - o%op%prescribed_phi)
     character(len=:), allocatable :: edge_role
 
     edge_role = role_name(role_prescribe)
     if (o%rules%static) edge_role = role_name(role_load)
-    associate (grains => solvers(side_grains), solid => solvers(side_solid), n => o%op%hats, &
-               m => o%op%hats_phi)
+    associate (grains => solvers(side_grains), solid => solvers(side_solid), n => o%op%prescribed, &
+               m => o%op%prescribed_phi)
       call choose(grains, ghost_set, role_name(role_prescribe), o%pack%id(o%sets%ghost), &
         field_force//','//field_moment)
       call choose(grains, free_set, role_name(role_report), o%pack%id(o%sets%free), told(o))
       call choose(grains, pulled_set, role_name(role_load), o%pack%id(o%sets%free), 'none')
-      call choose(solid, hat_set, role_name(role_prescribe), int(o%op%node(:n), i8), field_u)
+      call choose(solid, prescribed_set, role_name(role_prescribe), int(o%op%node(:n), i8), field_u)
       call choose(solid, edge_set, edge_role, int(o%op%node(n + 1:), i8), field_u)
       if (errors%any()) return
       call solid%reply%take_int(field_held, held, errors)
@@ -457,7 +459,7 @@ contains
       o%own%held(:, n + 1:) = held == 1
       if (.not. (again .or. o%rules%static)) o%motion%v(:, n + 1:) = v
       if (o%op%nodes_phi == 0) return
-      call choose(solid, hat_phi_set, role_name(role_prescribe), &
+      call choose(solid, prescribed_phi_set, role_name(role_prescribe), &
         int(o%op%node_phi(:m:o%op%stride), i8), field_phi)
       call choose(solid, edge_phi_set, edge_role, int(o%op%node_phi(m + 1::o%op%stride), i8), &
                   field_phi)

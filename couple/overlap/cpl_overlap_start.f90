@@ -18,7 +18,7 @@ module cpl_overlap_start
   use cpl_moduli, only: choose_moduli, send_moduli
   use cpl_overlap, only: overlap_type
   use cpl_overlap_loads, only: begin_loads
-  use cpl_overlap_mass, only: hat_shares
+  use cpl_overlap_mass, only: prescribed_shares
   use cpl_overlap_partition, only: contacts_type, points_type, fill_partition
   use cpl_overlap_units, only: check_units
   use cpl_overlap_weights, only: set_partition, send_weights, find_pairs, send_contacts, &
@@ -107,7 +107,7 @@ contains
     integer(i4), allocatable :: row(:), at(:)
     real(wp), allocatable :: outer(:, :), load(:, :), rest(:, :), stress(:, :), couple(:, :), w(:)
     logical, allocatable :: free(:, :), chosen(:)
-    integer(i4), allocatable :: hat(:)
+    integer(i4), allocatable :: prescribed(:)
 
     if (again) then
       call send_stress(o, solid, timers, errors)
@@ -121,9 +121,9 @@ contains
     call choose_nodes(o, solid, .true., free, timers, errors)
     call outer_loads(o, solid, outer, timers, errors)
     if (errors%any()) return
-    hat = [o%op%node(:o%op%hats), o%cells%nodes + o%op%node_phi(:o%op%hats_phi)]
+    prescribed = [o%op%node(:o%op%prescribed), o%cells%nodes + o%op%node_phi(:o%op%prescribed_phi)]
     load = outer
-    load(:, hat) = 0.0_wp
+    load(:, prescribed) = 0.0_wp
     call add_ghosts(o, solid%gravity, load)
     load = load(:, :partition%blocks())
     allocate (w(size(row)), source=0.0_wp)
@@ -136,7 +136,7 @@ contains
     call send_stress(o, solid, timers, errors)
     call outer_loads(o, solid, rest, timers, errors)
     if (errors%any()) return
-    rest(:, hat) = rest(:, hat) - outer(:, hat)
+    rest(:, prescribed) = rest(:, prescribed) - outer(:, prescribed)
     call add_ghosts(o, solid%gravity, rest)
     o%start%start_rest = maxval(abs(rest(:, :o%cells%nodes)), free(:, :o%cells%nodes)) &
                    /max(start%average%mean_force, tiny(1.0_wp))
@@ -191,7 +191,7 @@ contains
       call solid%reply%take_int(field_held, held, errors)
       if (errors%any()) return
       free(:, :o%cells%nodes) = held == 0
-      free(:, o%op%node(:o%op%hats)) = .true.
+      free(:, o%op%node(:o%op%prescribed)) = .true.
     end if
     turning = pack([(k, k=1, o%cells%nodes)], o%cells%polar)
     if (size(turning) == 0) return
@@ -201,7 +201,7 @@ contains
     call solid%reply%take_int(field_held_phi, held, errors)
     if (errors%any()) return
     free(:, o%cells%nodes + turning) = held == 0
-    free(:, o%cells%nodes + o%op%node_phi(:o%op%hats_phi)) = .true.
+    free(:, o%cells%nodes + o%op%node_phi(:o%op%prescribed_phi)) = .true.
 
   contains
 
@@ -251,18 +251,18 @@ contains
     type(overlap_type), intent(in) :: o
     real(wp), intent(in) :: gravity(3)      !! [m/s^2]
     real(wp), intent(inout) :: load(:, :)   !! (3, 2 nodes) [N], [N m]
-    real(wp) :: f(3, o%op%nodes), c(3, o%op%nodes_phi), mass(o%op%hats)
+    real(wp) :: f(3, o%op%nodes), c(3, o%op%nodes_phi), mass(o%op%prescribed)
     real(wp) :: force(3, o%op%free), moment(3, o%op%free)
     integer(i4) :: a
 
     f = 0.0_wp
     c = 0.0_wp
     call o%op%pull(o%forces%p, o%forces%m, f, c, force, moment)
-    call hat_shares(o, mass)
-    do a = 1, o%op%hats
+    call prescribed_shares(o, mass)
+    do a = 1, o%op%prescribed
       f(:, a) = f(:, a) + mass(a)*gravity + o%forces%loads%f(:, a)
     end do
-    c(:, :o%op%hats_phi) = c(:, :o%op%hats_phi) + o%forces%loads%c
+    c(:, :o%op%prescribed_phi) = c(:, :o%op%prescribed_phi) + o%forces%loads%c
     load(:, o%op%node) = load(:, o%op%node) + f
     load(:, o%cells%nodes + o%op%node_phi) = load(:, o%cells%nodes + o%op%node_phi) + c
   end subroutine add_ghosts

@@ -21,7 +21,7 @@ module cpl_overlap_state
   type :: loads_type
     logical :: active = .false.
     logical :: steady = .true.                     !! they do not change with time
-    real(wp), allocatable :: f(:, :), c(:, :)      !! (3, hats) [N], (3, hats_phi) [N m]
+    real(wp), allocatable :: f(:, :), c(:, :)      !! (3, hats) [N], (3, prescribed_phi) [N m]
   end type loads_type
 
   !> How the overlap is run: chosen once, from the deck and what both sides are.
@@ -79,7 +79,7 @@ module cpl_overlap_state
   !> How energy is shared: weights of contacts and quadrature points.
   type :: overlap_share_type
     integer(i8), allocatable :: weight_ids(:, :)   !! (2, pairs) of ghosts that may touch
-    integer(i4), allocatable :: near_ghosts(:, :)  !! the same by their rows, before a fresh start
+    integer(i4), allocatable :: active_ghosts(:, :)  !! the same by their rows, before a fresh start
     real(wp), allocatable :: weight(:)             !! of their contacts [-]
     real(wp), allocatable :: beta(:)               !! of the quadrature points [-]
     character(len=:), allocatable :: shared        !! how the weights were found
@@ -205,13 +205,13 @@ contains
   end subroutine get_motion
 
   !> No forces.
-  subroutine init_forces(self, free, ghosts, nodes, nodes_phi, hats, hats_phi)
+  subroutine init_forces(self, free, ghosts, nodes, nodes_phi, prescribed, prescribed_phi)
     class(overlap_forces_type), intent(inout) :: self
-    integer(i4), intent(in) :: free, ghosts, nodes, nodes_phi, hats, hats_phi
+    integer(i4), intent(in) :: free, ghosts, nodes, nodes_phi, prescribed, prescribed_phi
     allocate (self%force(3, free), self%moment(3, free), self%force_hold(3, free), &
               self%moment_hold(3, free), self%contact(3, free), self%contact_moment(3, free), &
               source=0.0_wp)
-    allocate (self%inertial(3, hats), self%inertial_phi(3, hats_phi), source=0.0_wp)
+    allocate (self%inertial(3, prescribed), self%inertial_phi(3, prescribed_phi), source=0.0_wp)
     allocate (self%f(3, nodes), self%bulk(3, nodes), self%element(3, nodes), &
               self%f_hold(3, nodes), self%steady(3, nodes), source=0.0_wp)
     allocate (self%c(3, nodes_phi), self%bulk_phi(3, nodes_phi), self%element_phi(3, nodes_phi), &

@@ -13,7 +13,7 @@ module cpl_overlap_static
   use talus_scalars, only: scalar_elastic
   use talus_timers, only: timers_type
   use cpl_choices, only: interface_aitken
-  use cpl_overlap, only: overlap_type, hat_set, edge_set, hat_phi_set, edge_phi_set
+  use cpl_overlap, only: overlap_type, prescribed_set, edge_set, prescribed_phi_set, edge_phi_set
   use cpl_overlap_loads, only: follow_loads
   use cpl_overlap_ask, only: send_kick, read_free, accept_both
   use cpl_overlap_step, only: evaluate_forces
@@ -73,7 +73,8 @@ contains
       u = o%motion%u
       phi = o%motion%phi
       call read_free(o, solvers(side_grains), timers, errors)
-      associate (a => o%op%hats + 1, b => o%op%hats_phi + 1, share => real(k, wp)/o%rules%substeps)
+      associate (a => o%op%prescribed + 1, b => o%op%prescribed_phi + 1, share => real(k, &
+        wp)/o%rules%substeps)
         o%motion%u(:, a:) = u0(:, a:) + share*(u1(:, a:) - u0(:, a:))
         o%motion%phi(:, b:) = phi0(:, b:) + share*(phi1(:, b:) - phi0(:, b:))
       end associate
@@ -116,17 +117,17 @@ contains
     real(wp), intent(out) :: u(:, :), phi(:, :)  !! (3, nodes), (3, nodes_phi)
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: edge(3, o%op%nodes - o%op%hats), turn(3, o%op%nodes_phi - o%op%hats_phi)
+    real(wp) :: edge(3, o%op%nodes - o%op%prescribed), turn(3, o%op%nodes_phi - o%op%prescribed_phi)
     integer(i4) :: turning(size(turn, 2)/o%op%stride)
 
     u = o%motion%u
     phi = o%motion%phi
     call solid%start_request(verb_solve, o%step, t0, t1)
-    call solid%request%put(hat_set//dot_u, o%motion%u(:, :o%op%hats))
+    call solid%request%put(prescribed_set//dot_u, o%motion%u(:, :o%op%prescribed))
     call solid%request%put(edge_set//dot_force, o%relax%held(:3, :))
     if (o%op%nodes_phi > 0) then
       call find_turning(o, turning)
-      call solid%request%put(hat_phi_set//dot_phi, o%motion%phi(:, :o%op%hats_phi))
+      call solid%request%put(prescribed_phi_set//dot_phi, o%motion%phi(:, :o%op%prescribed_phi))
       call solid%request%put(edge_phi_set//dot_moment, reshape(o%relax%held(4:, turning), &
                                                               shape(turn)))
     end if
@@ -136,8 +137,8 @@ contains
     if (o%op%nodes_phi > 0) call solid%reply%get(edge_phi_set//dot_phi, turn, errors)
     call solid%reply%get(field_scalars, o%ledger%solid, errors)
     if (errors%any()) return
-    u(:, o%op%hats + 1:) = edge
-    if (o%op%nodes_phi > 0) phi(:, o%op%hats_phi + 1:) = turn
+    u(:, o%op%prescribed + 1:) = edge
+    if (o%op%nodes_phi > 0) phi(:, o%op%prescribed_phi + 1:) = turn
   end subroutine solve_solid
 
   !> Edge nodes that have a micro-rotation, counted along the edge.
@@ -146,8 +147,8 @@ contains
     integer(i4), intent(out) :: turning(:)
     integer(i4) :: k
     do k = 1, size(turning)
-      turning(k) = findloc(o%op%node(o%op%hats + 1:), &
-                           o%op%node_phi(o%op%hats_phi + o%op%stride*k), 1)
+      turning(k) = findloc(o%op%node(o%op%prescribed + 1:), &
+                           o%op%node_phi(o%op%prescribed_phi + o%op%stride*k), 1)
     end do
   end subroutine find_turning
 
@@ -156,10 +157,10 @@ contains
   subroutine edge_load(o, load)
     type(overlap_type), intent(in) :: o
     real(wp), allocatable, intent(out) :: load(:, :)
-    integer(i4) :: turning((o%op%nodes_phi - o%op%hats_phi)/o%op%stride)
-    allocate (load(3 + merge(3*o%op%stride, 0, o%op%nodes_phi > 0), o%op%nodes - o%op%hats), &
+    integer(i4) :: turning((o%op%nodes_phi - o%op%prescribed_phi)/o%op%stride)
+    allocate (load(3 + merge(3*o%op%stride, 0, o%op%nodes_phi > 0), o%op%nodes - o%op%prescribed), &
               source=0.0_wp)
-    associate (a => o%op%hats + 1, b => o%op%hats_phi + 1)
+    associate (a => o%op%prescribed + 1, b => o%op%prescribed_phi + 1)
       load(:3, :) = o%forces%f(:, a:) - o%forces%element(:, a:)
       if (o%op%nodes_phi == 0) return
       call find_turning(o, turning)
@@ -188,7 +189,7 @@ contains
       o%ledger%unbalanced = max(o%ledger%unbalanced, sqrt(maxval(sum(rest**2, 1))))
     end if
     lag = load - o%relax%held
-    where (o%own%held(:, o%op%hats + 1:)) lag(:3, :) = 0.0_wp
+    where (o%own%held(:, o%op%prescribed + 1:)) lag(:3, :) = 0.0_wp
     if (size(lag, 1) > 3) lag(4:, :) = lag(4:, :)/o%sets%d_max
     if (size(lag) > 0) o%ledger%unbalanced = max(o%ledger%unbalanced, maxval(abs(lag)))
     if (scale > 0.0_wp) then

@@ -15,7 +15,7 @@ module cpl_overlap_step
   use cpl_overlap_ask, only: send_kick, read_free, send_bulk, read_bulk, ask_solid, ask_grains, &
     take_forces, send_accept
   use cpl_overlap_loads, only: renew_loads
-  use cpl_overlap_parts, only: remember_start, follow_near, follow_all, work_of_parts, &
+  use cpl_overlap_parts, only: remember_start, follow_active, follow_all, work_of_parts, &
     finish_parts
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
@@ -106,7 +106,7 @@ contains
     call timers%start('works')
     if (o%forces%parts%active) then
       call o%note_work(o%motion%q_before, o%motion%theta_before, step%u, step%phi, &
-        o%forces%parts%p_near, o%forces%parts%m_near, step%moved, step%turns)
+        o%forces%parts%p_active, o%forces%parts%m_active, step%moved, step%turns)
     else
       call o%note_work(o%motion%q_before, o%motion%theta_before, step%u, step%phi, o%forces%p, &
         o%forces%m, step%moved, step%turns)
@@ -165,11 +165,11 @@ contains
     real(wp), dimension(3, size(o%forces%parts%near)) :: moved, turns
 
     call timers%start('projection and maps')
-    call o%follow_hats(dt)
+    call o%follow_prescribed(dt)
     call timers%stop('projection and maps')
     if (.not. first) call ask_solid(o, solvers(side_solid), now, timers, errors)
     call timers%start('projection and maps')
-    call follow_near(o, moved, turns)
+    call follow_active(o, moved, turns)
     call timers%stop('projection and maps')
     call ask_grains(o, solvers(side_grains), moved/dt, turns/dt, now, timers, errors)
     if (first) then
@@ -262,7 +262,7 @@ contains
     call send_accept(o, solvers(side_grains), t0, t1, timers, errors)
     if (o%rules%hears_speed) call read_free(o, solvers(side_grains), timers, errors)
     call solvers(side_grains)%reply%get(field_scalars, o%ledger%grains, errors)
-    if (o%own%carried%active) call o%op%to_hats(o%motion%speed, o%motion%spin, o%motion%v, &
+    if (o%own%carried%active) call o%op%to_prescribed(o%motion%speed, o%motion%spin, o%motion%v, &
       o%motion%w)
     call send_accept(o, solvers(side_solid), t0, t1, timers, errors)
   end subroutine finish_step

@@ -88,7 +88,7 @@ contains
     do g = 1, o%op%ghosts
       depth(g) = o%sets%hull%distance(o%map%x_ghost(:, g))
     end do
-    associate (pair => o%share%near_ghosts)
+    associate (pair => o%share%active_ghosts)
       allocate (o%share%weight(size(pair, 2)), o%share%beta(size(points%element)), source=1.0_wp)
       if (fades) o%share%weight = choices%overlap%rho*omega_mean(depth(pair(1, :)), &
         depth(pair(2, :)), o%sets%depth, flat)
@@ -257,8 +257,8 @@ contains
   !> List the ghosts that touch or may come to touch.
   subroutine find_pairs(o)
     type(overlap_type), intent(inout) :: o
-    call near_pairs(o, o%share%near_ghosts)
-    associate (pair => o%share%near_ghosts)
+    call near_pairs(o, o%share%active_ghosts)
+    associate (pair => o%share%active_ghosts)
       o%share%weight_ids = reshape(o%pack%id(o%sets%ghost(reshape(pair, [size(pair)]))), &
         shape(pair))
     end associate

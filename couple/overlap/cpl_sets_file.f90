@@ -10,7 +10,8 @@ module cpl_sets_file
   public :: write_sets
 
   integer(i4), parameter :: set_other = 0, set_free = 1, set_ghost = 2  !! of grains
-  integer(i4), parameter :: set_hat = 1, set_edge = 2                   !! of nodes, else other
+  integer(i4), parameter :: set_prescribed = 1, set_edge = 2                   !! of nodes, else
+                                                                               !! other
 
 contains
 
@@ -26,7 +27,7 @@ contains
     grain(pack(o%sets%free, o%map%seen)) = set_free
     grain(o%sets%ghost) = set_ghost
     node = set_other
-    node(o%sets%hat) = set_hat
+    node(o%sets%prescribed) = set_prescribed
     node(o%sets%edge) = set_edge
     call file%create(path, errors, format='talus-sets')
     if (errors%any()) return

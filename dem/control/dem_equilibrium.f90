@@ -31,7 +31,7 @@ module dem_equilibrium
     procedure :: longest_block
     procedure :: damp
     procedure :: due
-    procedure :: look
+    procedure :: check
     procedure :: judge
     procedure :: text => equilibrium_text
     procedure, private :: measures
@@ -91,7 +91,7 @@ contains
   end function due
 
   !> Compare both measures with their limits; a bed without contacts is not in equilibrium.
-  subroutine look(self, system, held)
+  subroutine check(self, system, held)
     class(dem_equilibrium_type), intent(inout) :: self
     type(dem_system_type), intent(inout) :: system
     logical, intent(in) :: held  !! servos hold their stresses
@@ -108,7 +108,7 @@ contains
     self%energy_ratio = system%ledger%kinetic/elastic
     self%reached = self%unbalanced <= self%unbalanced_limit .and. &
                    self%energy_ratio <= self%energy_limit .and. held
-  end subroutine look
+  end subroutine check
 
   !> A run that reached its end without the equilibrium that was asked for says so (N203).
   subroutine judge(self, time, place, errors)

@@ -17,7 +17,7 @@ module dem_flow
   use talus_log, only: short_number
   use dem_cell, only: cell_volume
   use dem_cell_stress, only: cell_stress
-  use dem_servo_law, only: servo_law_type, look_steps
+  use dem_servo_law, only: servo_law_type, check_interval
   use dem_state, only: dem_data_type
   implicit none
   private
@@ -46,7 +46,7 @@ module dem_flow
     procedure :: active
     procedure :: longest_block
     procedure :: due
-    procedure :: look
+    procedure :: update
     procedure :: satisfied
     procedure :: judge
     procedure :: open => open_history
@@ -201,13 +201,13 @@ contains
   !> Steps that may pass without a look.
   pure integer(i4) function longest_block(self)
     class(dem_flow_type), intent(in) :: self
-    longest_block = merge(look_steps, huge(look_steps), self%active())
+    longest_block = merge(check_interval, huge(check_interval), self%active())
   end function longest_block
 
   pure logical function due(self, steps)
     class(dem_flow_type), intent(in) :: self
     integer(i8), intent(in) :: steps  !! taken so far
-    due = self%active() .and. modulo(steps, int(look_steps, i8)) == 0
+    due = self%active() .and. modulo(steps, int(check_interval, i8)) == 0
   end function due
 
   !> Stress of a component; pressure is positive in normal components and the mean, a shear stress
@@ -232,7 +232,7 @@ contains
   end function sign_of
 
   !> Velocity gradient for the steps to come.
-  subroutine look(self, d, time)
+  subroutine update(self, d, time)
     class(dem_flow_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time  !! [s]
@@ -240,7 +240,7 @@ contains
     integer(i4) :: k
 
     if (.not. self%present) return
-    ahead = look_steps*d%par%dt
+    ahead = check_interval*d%par%dt
     gradient = 0.0_wp
     do k = 1, size(self%rate)
       rate = self%rate(k)%value
@@ -264,7 +264,7 @@ contains
       end associate
     end do
     d%cell%rate = gradient
-  end subroutine look
+  end subroutine update
 
   !> Largest target, the scale of all errors [Pa].
   pure real(wp) function scale_of(self)

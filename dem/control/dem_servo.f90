@@ -17,7 +17,7 @@ module dem_servo
   use talus_history, only: history_type
   use talus_log, only: short_number
   use dem_state, only: dem_data_type
-  use dem_servo_law, only: servo_law_type, look_steps
+  use dem_servo_law, only: servo_law_type, check_interval
   use dem_surface_servo, only: surface_servo_type
   use dem_volume, only: constant_volume_type
   implicit none
@@ -51,7 +51,7 @@ module dem_servo
     procedure :: longest_block
     procedure :: due
     procedure :: start
-    procedure :: look
+    procedure :: update
     procedure :: satisfied
     procedure :: judge
     procedure :: open => open_history
@@ -184,13 +184,13 @@ contains
   !> Steps that may pass without a look.
   pure integer(i4) function longest_block(self)
     class(dem_servo_type), intent(in) :: self
-    longest_block = merge(look_steps, huge(look_steps), self%active())
+    longest_block = merge(check_interval, huge(check_interval), self%active())
   end function longest_block
 
   pure logical function due(self, steps)
     class(dem_servo_type), intent(in) :: self
     integer(i8), intent(in) :: steps  !! taken so far
-    due = self%active() .and. modulo(steps, int(look_steps, i8)) == 0
+    due = self%active() .and. modulo(steps, int(check_interval, i8)) == 0
   end function due
 
   !> First velocities of a fresh run, or of servos that the checkpoint does not know.
@@ -211,11 +211,11 @@ contains
       call self%surfaces%start(d, time)
       fresh = .true.
     end if
-    if (fresh) call self%look(d, time, stiffness)
+    if (fresh) call self%update(d, time, stiffness)
   end subroutine start
 
   !> Velocities for the steps to come.
-  subroutine look(self, d, time, stiffness)
+  subroutine update(self, d, time, stiffness)
     class(dem_servo_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time  !! [s]
@@ -223,7 +223,7 @@ contains
     integer(i4) :: k
     real(wp) :: ahead
 
-    ahead = look_steps*d%par%dt
+    ahead = check_interval*d%par%dt
     d%planes%velocity = self%wall_velocity
     do k = 1, size(self%wall_curve)
       if (self%wall_curve(k) == 0) cycle
@@ -235,8 +235,8 @@ contains
         call self%set_servo(k, d, time, ahead, stiffness)
     end do
     call self%volume%set(d, time, ahead)
-    call self%surfaces%look(d, time, self%curve)
-  end subroutine look
+    call self%surfaces%update(d, time, self%curve)
+  end subroutine update
 
   !> Velocity of servo k.
   subroutine set_servo(self, k, d, time, ahead, stiffness)

@@ -8,9 +8,9 @@ module dem_servo_law
   use talus_log, only: short_number
   implicit none
   private
-  public :: servo_law_type, look_steps
+  public :: servo_law_type, check_interval
 
-  integer(i4), parameter :: look_steps = 10  !! between two looks
+  integer(i4), parameter :: check_interval = 10  !! between two looks
   real(wp), parameter :: integral_share = 0.02_wp
 
   type :: servo_law_type

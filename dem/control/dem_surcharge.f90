@@ -50,7 +50,7 @@ module dem_surcharge
     procedure :: longest_block
     procedure :: due
     procedure :: start
-    procedure :: look
+    procedure :: update
     procedure :: text => surcharge_text
     procedure :: open => open_history
     procedure :: write => write_row
@@ -161,7 +161,7 @@ contains
       d%surcharge_top = d%surcharge > 0.0_wp
       d%grains%extra_force(3, :) = d%grains%extra_force(3, :) - d%surcharge
     end if
-    call self%look(d, time, steps, errors)
+    call self%update(d, time, steps, errors)
   end subroutine start
 
   !> The checkpoint had a surcharge, the deck has none.
@@ -175,7 +175,7 @@ contains
   end subroutine take_off
 
   !> Find the surface and share the load (N230, N231).
-  subroutine look(self, d, time, steps, errors)
+  subroutine update(self, d, time, steps, errors)
     class(dem_surcharge_type), intent(in) :: self
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time        !! [s]
@@ -216,7 +216,7 @@ contains
     rows = pack(rows, carries)
     d%surcharge_seen = [stress, loaded, real(size(rows), wp), sum(force), minval(area), &
                         maxval(area), sum(area*d%grains%x(3, rows))/sum(area), real(steps, wp)]
-  end subroutine look
+  end subroutine update
 
   !> Loads on the way from what they were to what they shall be, of the same sum: a grain that comes
   !! to the surface or leaves it is not struck.

@@ -31,7 +31,7 @@ contains
       call surcharge%start(system%dem_data_type, system%springs%load, clock%time(), clock%steps, &
                            errors)
     else
-      call surcharge%look(system%dem_data_type, clock%time(), clock%steps, errors)
+      call surcharge%update(system%dem_data_type, clock%time(), clock%steps, errors)
     end if
     call system%loads_changed(before)
     call system%start_moved(start)

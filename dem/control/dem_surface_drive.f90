@@ -13,7 +13,7 @@ module dem_surface_drive
   private
   public :: surface_drive_type
 
-  integer(i4), parameter :: look_steps = 10
+  integer(i4), parameter :: check_interval = 10
 
   type :: surface_drive_type
     type(curve_type), allocatable :: curve(:)
@@ -27,7 +27,7 @@ module dem_surface_drive
     procedure :: read => read_drive
     procedure :: longest_block
     procedure :: due
-    procedure :: look
+    procedure :: update
     procedure :: follow
     procedure, private :: read_loads
     procedure, private :: load_bodies
@@ -104,21 +104,21 @@ contains
   !> Steps that may pass without a look.
   pure integer(i4) function longest_block(self)
     class(surface_drive_type), intent(in) :: self
-    longest_block = merge(look_steps, huge(look_steps), any(self%number > 0))
+    longest_block = merge(check_interval, huge(check_interval), any(self%number > 0))
     if (allocated(self%loading)) &
-      longest_block = merge(look_steps, longest_block, any(self%loading > 0))
+      longest_block = merge(check_interval, longest_block, any(self%loading > 0))
     if (allocated(self%pressing)) &
-      longest_block = merge(look_steps, longest_block, any(self%pressing > 0))
+      longest_block = merge(check_interval, longest_block, any(self%pressing > 0))
   end function longest_block
 
   pure logical function due(self, steps)
     class(surface_drive_type), intent(in) :: self
     integer(i8), intent(in) :: steps  !! taken so far
-    due = self%longest_block() == look_steps .and. modulo(steps, int(look_steps, i8)) == 0
+    due = self%longest_block() == check_interval .and. modulo(steps, int(check_interval, i8)) == 0
   end function due
 
   !> Velocities and spins for the steps to come: the mean of the curve over them.
-  subroutine look(self, d, time)
+  subroutine update(self, d, time)
     class(surface_drive_type), intent(in) :: self
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time  !! [s]
@@ -129,18 +129,18 @@ contains
       do k = 1, size(self%pressing)
         if (self%pressing(k) == 0) cycle
         d%surfaces%membranes%pressure(k) = self%pressure(k) &
-          *self%curve(self%pressing(k))%mean(time, time + look_steps*d%par%dt)
+          *self%curve(self%pressing(k))%mean(time, time + check_interval*d%par%dt)
       end do
     end if
     do k = 1, size(self%number)
       if (self%number(k) == 0) cycle
-      factor = self%curve(self%number(k))%mean(time, time + look_steps*d%par%dt)
+      factor = self%curve(self%number(k))%mean(time, time + check_interval*d%par%dt)
       call prescribe(d, k, factor*self%velocity(:, k), factor*self%spin(:, k))
       if (allocated(d%surfaces%servo) .and. .not. is_bore(d%surfaces, k)) &
         d%surfaces%velocity(:, k) = d%surfaces%velocity(:, k) + &
         d%surfaces%servo(servo_velocity:servo_velocity + 2, k)
     end do
-  end subroutine look
+  end subroutine update
 
   !> Velocity and spin of body k where it is not free.
   pure subroutine prescribe(d, k, velocity, spin)
@@ -167,7 +167,7 @@ contains
     do k = 1, size(self%loading)
       if (self%loading(k) == 0) cycle
       d%surfaces%rigid%given(:, k) = self%load(:, k) &
-        *self%curve(self%loading(k))%mean(time, time + look_steps*d%par%dt)
+        *self%curve(self%loading(k))%mean(time, time + check_interval*d%par%dt)
     end do
     call follow_load(d, before)
   end subroutine load_bodies
@@ -191,6 +191,6 @@ contains
     end if
     if (allocated(d%surfaces%servo)) d%surfaces%servo(servo_velocity:servo_velocity + 2, :) = 0.0_wp
     d%surfaces%round%swell = 0.0_wp
-    call self%look(d, time)
+    call self%update(d, time)
   end subroutine follow
 end module dem_surface_drive

@@ -14,7 +14,7 @@ module dem_surface_servo
   use talus_history, only: history_type
   use talus_log, only: short_number
   use talus_suggest, only: did_you_mean
-  use dem_servo_law, only: servo_law_type, look_steps
+  use dem_servo_law, only: servo_law_type, check_interval
   use dem_state, only: dem_data_type
   use dem_surface_measure, only: body_of_part, surface_stiffness
   use dem_surface_state, only: servo_size, servo_velocity, is_bore
@@ -48,7 +48,7 @@ module dem_surface_servo
     procedure :: read => read_servos
     procedure :: active
     procedure :: start
-    procedure :: look
+    procedure :: update
     procedure :: satisfied
     procedure :: judge
     procedure :: open => open_history
@@ -240,7 +240,7 @@ contains
   end subroutine start
 
   !> Velocities for the steps to come; dem_surface_drive sets those that follow a curve anew.
-  subroutine look(self, d, time, curve)
+  subroutine update(self, d, time, curve)
     class(surface_servo_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time  !! [s]
@@ -270,7 +270,7 @@ contains
         d%surfaces%velocity(:, b) = self%velocity(:, b) + d%surfaces%servo(servo_velocity:, b)
       end if
     end do
-  end subroutine look
+  end subroutine update
 
   !> Speed of servo k along its direction [m/s].
   subroutine answer(self, k, d, time, curve, speed)
@@ -293,7 +293,7 @@ contains
         stiffness = surface_stiffness_along(d, servo%body, servo%direction)
       end if
       call servo%respond(seen(seen_target) - seen(seen_force), 1.0_wp, stiffness, &
-                         look_steps*d%par%dt, servo%speed, seen(seen_held), speed)
+                         check_interval*d%par%dt, servo%speed, seen(seen_held), speed)
     end associate
   end subroutine answer
 

@@ -4,33 +4,33 @@ module dem_broadcast
   use talus_ranks, only: ranks_type
   implicit none
   private
-  public :: tell_matrix, tell_list, tell_table
+  public :: broadcast_matrix, broadcast_list, broadcast_table
 
 contains
 
-  subroutine tell_matrix(team, matrix)
+  subroutine broadcast_matrix(team, matrix)
     type(ranks_type), intent(in) :: team
     real(wp), intent(inout), contiguous :: matrix(:, :)
     real(wp), allocatable :: values(:)
     if (size(matrix) == 0) return
     values = reshape(matrix, [size(matrix)])
-    call team%tell_values(values)
+    call team%broadcast_values(values)
     matrix = reshape(values, shape(matrix))
-  end subroutine tell_matrix
+  end subroutine broadcast_matrix
 
-  subroutine tell_list(team, list)
+  subroutine broadcast_list(team, list)
     type(ranks_type), intent(in) :: team
     real(wp), intent(inout), contiguous :: list(:)
-    if (size(list) > 0) call team%tell_values(list)
-  end subroutine tell_list
+    if (size(list) > 0) call team%broadcast_values(list)
+  end subroutine broadcast_list
 
-  subroutine tell_table(team, table)
+  subroutine broadcast_table(team, table)
     type(ranks_type), intent(in) :: team
     integer(i4), intent(inout), contiguous :: table(:, :)
     integer(i4), allocatable :: numbers(:)
     if (size(table) == 0) return
     numbers = reshape(table, [size(table)])
-    call team%tell_numbers(numbers)
+    call team%broadcast_numbers(numbers)
     table = reshape(numbers, shape(table))
-  end subroutine tell_table
+  end subroutine broadcast_table
 end module dem_broadcast

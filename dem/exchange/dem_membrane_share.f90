@@ -3,39 +3,39 @@ module dem_membrane_share
   use talus_kinds, only: wp
   use talus_ranks, only: ranks_type
   use dem_surface_state, only: dem_surfaces_type
-  use dem_broadcast, only: tell_matrix, tell_list
+  use dem_broadcast, only: broadcast_matrix, broadcast_list
   implicit none
   private
-  public :: tell_membranes, take_membranes
+  public :: broadcast_membranes, take_membranes
 
 contains
 
   !> What membranes are made of and what pulls them; the others have room for it. What the grains do
   !! to them is so far what the leader has.
-  subroutine tell_membranes(team, s)
+  subroutine broadcast_membranes(team, s)
     type(ranks_type), intent(in) :: team
     type(dem_surfaces_type), intent(inout) :: s
     real(wp), allocatable :: inverse(:, :)
     associate (m => s%membranes)
-      call tell_list(team, m%modulus)
-      call tell_list(team, m%poisson)
-      call tell_list(team, m%side)
-      call tell_list(team, m%damping)
-      call tell_list(team, m%limit)
-      call tell_list(team, m%stretch)
-      call tell_list(team, m%mass)
-      call tell_list(team, m%area)
+      call broadcast_list(team, m%modulus)
+      call broadcast_list(team, m%poisson)
+      call broadcast_list(team, m%side)
+      call broadcast_list(team, m%damping)
+      call broadcast_list(team, m%limit)
+      call broadcast_list(team, m%stretch)
+      call broadcast_list(team, m%mass)
+      call broadcast_list(team, m%area)
       inverse = reshape(m%inverse, [4, s%mesh%triangles])
-      call tell_matrix(team, inverse)
+      call broadcast_matrix(team, inverse)
       m%inverse = reshape(inverse, shape(m%inverse))
-      call tell_matrix(team, m%press)
-      call tell_matrix(team, m%pull)
-      call team%tell_numbers(m%wall)
+      call broadcast_matrix(team, m%press)
+      call broadcast_matrix(team, m%pull)
+      call team%broadcast_numbers(m%wall)
     end associate
     s%mesh%acting = s%mesh%force
-    call tell_matrix(team, s%mesh%acting)
+    call broadcast_matrix(team, s%mesh%acting)
     s%counted = team%leads()
-  end subroutine tell_membranes
+  end subroutine broadcast_membranes
 
   !> Motion and forces of the whole, which are those of any part.
   pure subroutine take_membranes(part, whole)

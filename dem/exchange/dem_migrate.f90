@@ -8,17 +8,17 @@
 module dem_migrate
   use talus_kinds, only: wp, i4, i8
   use dem_state, only: dem_data_type, dem_grains_type, kind_free, kind_mirror, lanes
-  use dem_received_contacts, only: adopt_contacts
+  use dem_received_contacts, only: receive_contacts
   use dem_domains, only: cut_domains, rank_at, ranks_near, distance_to_domain, place_of, &
     follow_cell, turn_to_cell
-  use dem_shape_state, only: allocate_forms
+  use dem_shape_state, only: allocate_shapes
   use dem_halo_state, only: dem_halo_type
   use dem_make, only: allocate_grains, is_prescribed, sorted_order
   use dem_pairs, only: allocate_bodies
   use dem_record_layout, only: at_id, at_kind, at_position, at_body, touch_grain
   use dem_records, only: grain_reals, contact_reals, pack_grain, unpack_grain, pack_contact, &
     carried, index_of
-  use dem_surface_records, only: pack_touches, adopt_touches
+  use dem_surface_records, only: pack_touches, receive_touches
   implicit none
   private
   public :: share_out, pack_grains, make_local, slab, most_imbalance
@@ -55,8 +55,8 @@ contains
     rows(:, size(held, 2) + size(own, 2) + 1:) = mirrors
     deallocate (held, own)
     call make_local(d, rows)
-    call adopt_contacts(d, contacts)
-    if (d%surfaces%n > 0) call adopt_touches(d, touches)
+    call receive_contacts(d, contacts)
+    if (d%surfaces%n > 0) call receive_touches(d, touches)
     call list_bodies(d, mirrors, came)
   end subroutine share_out
 
@@ -124,7 +124,7 @@ contains
     logical, intent(in) :: wanted(:)
     real(wp), allocatable, intent(out) :: rows(:, :)
     integer(i4) :: i, k
-    allocate (rows(grain_reals(d%halo%formed), count(wanted)))
+    allocate (rows(grain_reals(d%halo%shaped), count(wanted)))
     k = 0
     do i = 1, d%grains%n
       if (.not. wanted(i)) cycle
@@ -175,7 +175,7 @@ contains
     do r = 1, d%halo%team%ranks - 1
       at(r) = at(r - 1) + number(r - 1)
     end do
-    allocate (rows(grain_reals(d%halo%formed), size(list)))
+    allocate (rows(grain_reals(d%halo%shaped), size(list)))
     do k = 1, size(list)
       at(home(list(k))) = at(home(list(k))) + 1
       call pack_grain(d, list(k), rows(:, at(home(list(k)))))
@@ -346,7 +346,7 @@ contains
     d%grains = none
     d%grains%n = size(order)
     call allocate_grains(d%grains, any(is_prescribed(nint(rows(at_kind, :), i4))))
-    if (d%halo%formed) call allocate_forms(d%grains%forms, d%grains%n)
+    if (d%halo%shaped) call allocate_shapes(d%grains%shapes, d%grains%n)
     if (allocated(d%seen_kinetic)) d%seen_kinetic = spread(0.0_wp, 1, d%grains%n)
     do k = 1, size(order)
       call unpack_grain(rows(:, order(k)), d, k)

@@ -12,7 +12,7 @@ module dem_surface_records
   use dem_surface_state, only: dem_touches_type
   implicit none
   private
-  public :: pack_touches, adopt_touches, pack_touch, unpack_touch
+  public :: pack_touches, receive_touches, pack_touch, unpack_touch
 
   integer(i4), parameter :: head_reals = touch_load(2)  !! of a grain that has contacts
   integer(i4), parameter :: slot_reals = slot_sign      !! of a contact, without additional models
@@ -100,7 +100,7 @@ contains
   end subroutine unpack_touch
 
   !> These contacts as those of the last list of d: the next list takes them over.
-  subroutine adopt_touches(d, rows)
+  subroutine receive_touches(d, rows)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: rows(:, :)
     integer(i4), allocatable :: order(:), grain(:)
@@ -119,5 +119,5 @@ contains
         call unpack_touch(rows(:, order(g)), s%list, g, slots)
       end do
     end associate
-  end subroutine adopt_touches
+  end subroutine receive_touches
 end module dem_surface_records

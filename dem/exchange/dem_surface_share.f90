@@ -4,13 +4,13 @@ module dem_surface_share
   use talus_kinds, only: wp, i4
   use talus_ranks, only: ranks_type
   use dem_surface_body, only: no_free_bodies
-  use dem_membrane_share, only: tell_membranes, take_membranes
+  use dem_membrane_share, only: broadcast_membranes, take_membranes
   use dem_membrane, only: no_membranes
   use dem_surface_state, only: dem_surfaces_type
-  use dem_broadcast, only: tell_matrix, tell_list, tell_table
+  use dem_broadcast, only: broadcast_matrix, broadcast_list, broadcast_table
   implicit none
   private
-  public :: tell_surfaces, tell_motion
+  public :: broadcast_surfaces, broadcast_motion
   public :: surface_reals, surface_report, take_surfaces
 
   integer(i4), parameter :: part_reals = 13                 !! of a part in a report
@@ -18,7 +18,7 @@ module dem_surface_share
 contains
 
   !> Everything but contacts and sums, which stay with the leader.
-  subroutine tell_surfaces(team, s)
+  subroutine broadcast_surfaces(team, s)
     type(ranks_type), intent(in) :: team
     type(dem_surfaces_type), intent(inout) :: s
     integer(i4) :: sizes(8)
@@ -26,46 +26,46 @@ contains
     sizes = [s%n, s%parts, s%mesh%vertices, s%mesh%triangles, merge(1_i4, 0_i4, s%soft), 0_i4, &
              merge(1_i4, 0_i4, allocated(s%rigid%free)), merge(1_i4, 0_i4, allocated(s%membranes))]
     if (allocated(s%mesh%fan)) sizes(6) = ubound(s%mesh%fan, 1)
-    call team%tell_numbers(sizes)
+    call team%broadcast_numbers(sizes)
     if (sizes(1) == 0) return
     if (.not. team%leads()) call make_room(s, sizes)
-    call team%tell_numbers(s%kind)
-    call tell_list(team, s%cos_smooth)
-    call tell_list(team, s%reach)
-    call tell_matrix(team, s%centre)
-    call tell_matrix(team, s%quat)
-    call tell_matrix(team, s%round%rest_axis)
-    call tell_matrix(team, s%round%axis)
-    call tell_list(team, s%round%sine)
-    call tell_list(team, s%round%cosine)
-    call tell_list(team, s%round%radius)
-    call tell_list(team, s%round%extent)
-    call tell_list(team, s%round%listed_radius)
-    call tell_list(team, s%round%start_radius)
-    call team%tell_numbers(s%first_part)
-    call team%tell_numbers(s%first_vertex)
-    call team%tell_numbers(s%first_triangle)
-    call team%tell_numbers(s%material)
-    call tell_matrix(team, s%mesh%rest)
-    call tell_matrix(team, s%mesh%x)
-    if (sizes(7) > 0) call tell_bodies(team, s)
-    if (sizes(8) > 0) call tell_membranes(team, s)
-    call tell_motion(team, s)
-    if (s%mesh%triangles > 0) call tell_triangles(team, s)
+    call team%broadcast_numbers(s%kind)
+    call broadcast_list(team, s%cos_smooth)
+    call broadcast_list(team, s%reach)
+    call broadcast_matrix(team, s%centre)
+    call broadcast_matrix(team, s%quat)
+    call broadcast_matrix(team, s%round%rest_axis)
+    call broadcast_matrix(team, s%round%axis)
+    call broadcast_list(team, s%round%sine)
+    call broadcast_list(team, s%round%cosine)
+    call broadcast_list(team, s%round%radius)
+    call broadcast_list(team, s%round%extent)
+    call broadcast_list(team, s%round%listed_radius)
+    call broadcast_list(team, s%round%start_radius)
+    call team%broadcast_numbers(s%first_part)
+    call team%broadcast_numbers(s%first_vertex)
+    call team%broadcast_numbers(s%first_triangle)
+    call team%broadcast_numbers(s%material)
+    call broadcast_matrix(team, s%mesh%rest)
+    call broadcast_matrix(team, s%mesh%x)
+    if (sizes(7) > 0) call broadcast_bodies(team, s)
+    if (sizes(8) > 0) call broadcast_membranes(team, s)
+    call broadcast_motion(team, s)
+    if (s%mesh%triangles > 0) call broadcast_triangles(team, s)
     s%reference_x = s%centre
     s%reference_q = s%quat
     s%mesh%reference = s%mesh%x
-  end subroutine tell_surfaces
+  end subroutine broadcast_surfaces
 
   !> Bodies that move freely: all ranks move them alike, by what all grains do to them; the leader
   !! counts their works.
-  subroutine tell_bodies(team, s)
+  subroutine broadcast_bodies(team, s)
     type(ranks_type), intent(in) :: team
     type(dem_surfaces_type), intent(inout) :: s
     integer(i4) :: b, p
-    call tell_matrix(team, s%rigid%free)
-    call tell_list(team, s%rigid%mass)
-    call tell_matrix(team, s%rigid%inertia)
+    call broadcast_matrix(team, s%rigid%free)
+    call broadcast_list(team, s%rigid%mass)
+    call broadcast_matrix(team, s%rigid%inertia)
     if (allocated(s%rigid%acting)) deallocate (s%rigid%acting)
     allocate (s%rigid%acting(6, s%n), source=0.0_wp)
     do b = 1, s%n
@@ -73,20 +73,20 @@ contains
         s%rigid%acting(:, b) = s%rigid%acting(:, b) + [s%sums%force(:, p), s%sums%moment(:, p)]
       end do
     end do
-    call tell_matrix(team, s%rigid%acting)
+    call broadcast_matrix(team, s%rigid%acting)
     s%counted = team%leads()
-  end subroutine tell_bodies
+  end subroutine broadcast_bodies
 
-  subroutine tell_triangles(team, s)
+  subroutine broadcast_triangles(team, s)
     type(ranks_type), intent(in) :: team
     type(dem_surfaces_type), intent(inout) :: s
-    call team%tell_numbers(s%mesh%home)
-    call team%tell_numbers(s%mesh%fan_start)
-    call team%tell_numbers(s%mesh%fan)
-    call tell_table(team, s%mesh%corner)
-    call team%tell_numbers(s%mesh%owner)
-    call tell_table(team, s%mesh%mate)
-  end subroutine tell_triangles
+    call team%broadcast_numbers(s%mesh%home)
+    call team%broadcast_numbers(s%mesh%fan_start)
+    call team%broadcast_numbers(s%mesh%fan)
+    call broadcast_table(team, s%mesh%corner)
+    call team%broadcast_numbers(s%mesh%owner)
+    call broadcast_table(team, s%mesh%mate)
+  end subroutine broadcast_triangles
 
   subroutine make_room(s, sizes)
     type(dem_surfaces_type), intent(inout) :: s
@@ -121,22 +121,22 @@ contains
   end subroutine make_room
 
   !> How surfaces move from now on.
-  subroutine tell_motion(team, s)
+  subroutine broadcast_motion(team, s)
     type(ranks_type), intent(in) :: team
     type(dem_surfaces_type), intent(inout) :: s
     integer(i4) :: aimed(1)
-    call tell_matrix(team, s%velocity)
-    call tell_matrix(team, s%spin)
-    call tell_list(team, s%round%swell)
-    if (allocated(s%rigid%free)) call tell_matrix(team, s%rigid%given)
+    call broadcast_matrix(team, s%velocity)
+    call broadcast_matrix(team, s%spin)
+    call broadcast_list(team, s%round%swell)
+    if (allocated(s%rigid%free)) call broadcast_matrix(team, s%rigid%given)
     if (.not. s%soft) return
     aimed = merge(1_i4, 0_i4, s%mesh%has_target)
-    call team%tell_numbers(aimed)
+    call team%broadcast_numbers(aimed)
     s%mesh%has_target = aimed(1) > 0
-    call tell_matrix(team, s%mesh%v)
-    call tell_matrix(team, s%mesh%target)
-    if (allocated(s%membranes)) call tell_list(team, s%membranes%pressure)
-  end subroutine tell_motion
+    call broadcast_matrix(team, s%mesh%v)
+    call broadcast_matrix(team, s%mesh%target)
+    if (allocated(s%membranes)) call broadcast_list(team, s%membranes%pressure)
+  end subroutine broadcast_motion
 
   !> Reals of the surfaces in a report.
   pure integer(i4) function surface_reals(s)

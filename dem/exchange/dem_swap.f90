@@ -59,7 +59,7 @@ contains
     d%halo%travel = most
     d%halo%before = most
     call pack_bodies(d%pairs%body, d%halo)
-    if (d%halo%formed) call pack_frames(d%grains%forms%record, d%halo)
+    if (d%halo%shaped) call pack_frames(d%grains%shapes%record, d%halo)
     call post(d%halo, d%halo%sent, d%halo%came, d%halo%asked)
     d%halo%seconds = d%halo%seconds + (wall_clock() - begun)
   end subroutine begin_swap
@@ -73,7 +73,7 @@ contains
     begun = wall_clock()
     call await_all(d%halo, d%halo%came, d%halo%asked)
     call unpack_bodies(d%halo, d%pairs%body)
-    if (d%halo%formed) call unpack_frames(d%halo, d%grains%forms%record)
+    if (d%halo%shaped) call unpack_frames(d%halo, d%grains%shapes%record)
     if (d%pairs%images > 0) call follow_mirrors(d)
     d%halo%foreseen = d%halo%asked(1)
     do p = 1, d%halo%partners
@@ -130,7 +130,7 @@ contains
     real(wp), intent(in), contiguous :: body(:, :)  !! records, see dem_state
     type(dem_halo_type), intent(inout) :: halo
     integer(i4) :: p, k, c, many
-    many = merge(swap_ellipsoid(2), halo%width, halo%formed)
+    many = merge(swap_ellipsoid(2), halo%width, halo%shaped)
     do p = 1, halo%partners
       do k = halo%first_out(p), halo%first_out(p + 1) - 1
         do c = 1, many
@@ -145,7 +145,7 @@ contains
     type(dem_halo_type), intent(in) :: halo
     real(wp), intent(inout), contiguous :: body(:, :)
     integer(i4) :: p, k, c, many
-    many = merge(swap_ellipsoid(2), halo%width, halo%formed)
+    many = merge(swap_ellipsoid(2), halo%width, halo%shaped)
     do p = 1, halo%partners
       do k = halo%first_in(p), halo%first_in(p + 1) - 1
         do c = 1, many

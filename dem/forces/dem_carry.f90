@@ -9,8 +9,9 @@ module dem_carry
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_mirror, lanes
   use dem_images, only: place_image
-  use dem_integrate, only: motion_type, kick_mover, drift_mover, work_count
-  use dem_integration_block, only: mover_type, push_type, put_bodies, travel_of_mover
+  use dem_integrate, only: motion_type, kick_block, drift_block, work_count
+  use dem_integration_block, only: integration_block_type, block_state_type, put_bodies, &
+    travel_of_block
   use dem_forces, only: sum_body
   use dem_prescribed, only: drift_prescribed
   implicit none
@@ -19,49 +20,49 @@ module dem_carry
 
 contains
 
-  !> First half of a step for the grains of a mover; the push is ready.
-  subroutine start_carried(d, mover, motion, last, push, work, travel)
+  !> First half of a step for the grains of a block; the push is ready.
+  subroutine start_carried(d, block, motion, last, state, work, travel)
     type(dem_data_type), intent(inout) :: d
-    type(mover_type), intent(inout) :: mover
+    type(integration_block_type), intent(inout) :: block
     type(motion_type), intent(in) :: motion
     logical, intent(in) :: last
-    type(push_type), intent(inout) :: push
+    type(block_state_type), intent(inout) :: state
     real(wp), intent(inout) :: work(work_count)
     real(wp), intent(inout) :: travel  !! since the list was made [m]
     real(wp) :: u(3, lanes), x0(3, lanes)
     integer(i4) :: k, i
 
-    do k = 1, mover%count
-      u(:, k) = matmul(d%cell%step, push%s%x(k, :) - d%cell%origin)
+    do k = 1, block%count
+      u(:, k) = matmul(d%cell%step, state%s%x(k, :) - d%cell%origin)
       x0(:, k) = d%cell%origin + matmul(d%cell%deform, &
-                                        d%pairs%reference_x(:, mover%low + k) - d%cell%origin)
+                                        d%pairs%reference_x(:, block%low + k) - d%cell%origin)
     end do
-    if (mover%free_count > 0) then
-      call kick_mover(mover, push, motion, .true., work)
-      do k = 1, mover%count
-        push%s%x(k, :) = push%s%x(k, :) + u(:, k)
-        work(4) = work(4) - 0.5_wp*mover%free(k)*dot_product(push%f(k, :), u(:, k))
+    if (block%free_count > 0) then
+      call kick_block(block, state, motion, .true., work)
+      do k = 1, block%count
+        state%s%x(k, :) = state%s%x(k, :) + u(:, k)
+        work(4) = work(4) - 0.5_wp*block%free(k)*dot_product(state%f(k, :), u(:, k))
       end do
-      call drift_mover(mover, push, motion%dt)
-      call put_bodies(mover, push, d%pairs%body, d%grains%forms)
-      associate (low => mover%low + 1, high => mover%low + mover%count)
-        travel = travel_of_mover(mover, push, x0, d%pairs%reference_q(:, low:high), &
+      call drift_block(block, state, motion%dt)
+      call put_bodies(block, state, d%pairs%body, d%grains%shapes)
+      associate (low => block%low + 1, high => block%low + block%count)
+        travel = travel_of_block(block, state, x0, d%pairs%reference_q(:, low:high), &
                                  d%pairs%reach(low:high))
       end associate
     end if
-    do k = 1, mover%count
-      i = mover%low + k
+    do k = 1, block%count
+      i = block%low + k
       if (d%grains%kind(i) == kind_mirror) cycle
       if (d%grains%kind(i) == kind_free) then
-        call slow_down(d%cell%back, motion%mass_scale*mover%mass(k), &
-                       [push%s%vx(k), push%s%vy(k), push%s%vz(k)], d%grains%v(:, i), work)
+        call slow_down(d%cell%back, motion%mass_scale*block%mass(k), &
+                       [state%s%vx(k), state%s%vy(k), state%s%vz(k)], d%grains%v(:, i), work)
       else
         call move_prescribed(d, i, motion%dt, last, u(:, k), x0(:, k), work, travel)
       end if
       d%pairs%body(4:6, i) = d%pairs%body(4:6, i) + u(:, k)/motion%dt
     end do
     travel = travel + d%cell%stretch
-    call move_images(d, mover, motion%dt, work)
+    call move_images(d, block, motion%dt, work)
   end subroutine start_carried
 
   !> Relative velocity in a flow that spreads, E^-1 c, kept with the grain; the flow's work on it.
@@ -75,16 +76,16 @@ contains
   end subroutine slow_down
 
   !> Velocities relative to the flow, which bodies do not have.
-  pure subroutine recall_carried(d, mover, push)
+  pure subroutine recall_carried(d, block, state)
     type(dem_data_type), intent(in) :: d
-    type(mover_type), intent(in) :: mover
-    type(push_type), intent(inout) :: push
+    type(integration_block_type), intent(in) :: block
+    type(block_state_type), intent(inout) :: state
     integer(i4) :: k
-    do k = 1, mover%count
-      if (.not. mover%free(k) > 0.5_wp) cycle
-      push%s%vx(k) = d%grains%v(1, mover%low + k)
-      push%s%vy(k) = d%grains%v(2, mover%low + k)
-      push%s%vz(k) = d%grains%v(3, mover%low + k)
+    do k = 1, block%count
+      if (.not. block%free(k) > 0.5_wp) cycle
+      state%s%vx(k) = d%grains%v(1, block%low + k)
+      state%s%vy(k) = d%grains%v(2, block%low + k)
+      state%s%vz(k) = d%grains%v(3, block%low + k)
     end do
   end subroutine recall_carried
 
@@ -109,14 +110,14 @@ contains
   end subroutine move_prescribed
 
   !> Images follow their grains.
-  subroutine move_images(d, mover, dt, work)
+  subroutine move_images(d, block, dt, work)
     type(dem_data_type), intent(inout) :: d
-    type(mover_type), intent(in) :: mover
+    type(integration_block_type), intent(in) :: block
     real(wp), intent(in) :: dt
     real(wp), intent(inout) :: work(work_count)
     integer(i4) :: k
     if (d%pairs%images == 0) return
-    do k = d%pairs%image_start(mover%low + 1), d%pairs%image_start(mover%low + mover%count + 1) - 1
+    do k = d%pairs%image_start(block%low + 1), d%pairs%image_start(block%low + block%count + 1) - 1
       if (d%grains%kind(d%pairs%grain(d%pairs%plain + k)) == kind_mirror) cycle
       call place_image(d%pairs, d%cell, k)
       work(4) = work(4) - 0.5_wp*dt*dot_product(d%pairs%image_force(:, k), lead(d, k))
@@ -132,26 +133,26 @@ contains
   end function lead
 
   !> New sums of the grains themselves are in the push: those of the images, and the flow's work.
-  subroutine finish_carried(d, mover, dt, push, work)
+  subroutine finish_carried(d, block, dt, state, work)
     type(dem_data_type), intent(inout) :: d
-    type(mover_type), intent(in) :: mover
+    type(integration_block_type), intent(in) :: block
     real(wp), intent(in) :: dt
-    type(push_type), intent(inout) :: push
+    type(block_state_type), intent(inout) :: state
     real(wp), intent(inout) :: work(work_count)
     real(wp) :: c(3)
     integer(i4) :: k, i, m
 
-    do k = 1, mover%count
-      i = mover%low + k
+    do k = 1, block%count
+      i = block%low + k
       if (d%grains%kind(i) == kind_mirror) cycle
-      call sum_images(d, i, push%f(k, :), push%m(k, :))
+      call sum_images(d, i, state%f(k, :), state%m(k, :))
       if (d%pairs%images > 0) then
         do m = d%pairs%image_start(i), d%pairs%image_start(i + 1) - 1
           work(4) = work(4) - 0.5_wp*dt*dot_product(d%pairs%image_force(:, m), lead(d, m))
         end do
       end if
       c = d%grains%v(:, i)
-      work(4) = work(4) - 0.5_wp*dt*dot_product(push%f(k, :), d%pairs%body(4:6, i) - c)
+      work(4) = work(4) - 0.5_wp*dt*dot_product(state%f(k, :), d%pairs%body(4:6, i) - c)
     end do
   end subroutine finish_carried
 

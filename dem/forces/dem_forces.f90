@@ -4,15 +4,15 @@ module dem_forces
   use dem_state, only: dem_pairs_type, dem_law_type, lanes, history_size, history_side, &
     history_root, result_size, body_size
   use dem_block, only: dem_block_type
-  use dem_shape_lanes, only: form_block_type, ready_forms, evaluate_forms, evaluate_form_planes, &
-    evaluate_again, refine_forms, add_form_curvatures, solve_form_lane
-  use dem_shape_state, only: dem_forms_type, form_powers
+  use dem_shape_lanes, only: shape_block_type, ready_shapes, evaluate_shapes, &
+    evaluate_shape_planes, evaluate_again, refine_shapes, add_shape_curvatures, solve_shape_lane
+  use dem_shape_state, only: dem_shapes_type, shape_powers
   use dem_lanes, only: call_for, read_in_order, gather_side, gather_spheres, gather_motions, &
     gather_records, put_loads, sum_results
   use dem_gap, only: branch_vectors, evaluate_pairs, evaluate_spheres, evaluate_planes, &
     refine_normals, add_curvatures, solve_lane
   use dem_law_registry, only: place_of_memory
-  use dem_ellipse, only: narrow_ellipsoids, narrow_forms
+  use dem_ellipse, only: narrow_ellipsoids, narrow_shapes
   use dem_additional_list, only: held_lanes
   use dem_additional, only: extra_forces
   implicit none
@@ -24,17 +24,17 @@ module dem_forces
   !> Scratch of one block, each thread's own. On the stack its arrays may lie across lines of the
   !! cache, as chance has it: a tenth of the speed of a bed hung on that.
   type(dem_block_type) :: mine
-  type(form_block_type) :: mine_forms
-  !$omp threadprivate(mine, mine_forms)
+  type(shape_block_type) :: mine_shapes
+  !$omp threadprivate(mine, mine_shapes)
 
 contains
 
   !> Geometry, law and results of one block. A block without contact whose bodies cannot have met
   !! since the list was made is left alone.
-  subroutine block_forces(pairs, laws, forms, k, h, travel)
+  subroutine block_forces(pairs, laws, shapes, k, h, travel)
     type(dem_pairs_type), intent(inout) :: pairs
     type(dem_law_type), intent(in) :: laws(:, :)
-    type(dem_forms_type), intent(in) :: forms
+    type(dem_shapes_type), intent(in) :: shapes
     integer(i4), intent(in) :: k        !! block
     real(wp), intent(in) :: h           !! time since the last evaluation [s]
     real(wp), intent(in) :: travel      !! no surface has moved further since the list was made [m]
@@ -63,8 +63,8 @@ contains
       call call_for(pairs%normal(:, 1, later), 3*lanes)
       call branch_vectors(mine)
       call take_normals(pairs, mine, k)
-      if (pairs%form(k) > 0) then
-        call meet_forms(pairs, forms, mine, mine_forms, k)
+      if (pairs%shape(k) > 0) then
+        call meet_shapes(pairs, shapes, mine, mine_shapes, k)
       else if (k <= pairs%grain_blocks) then
         call evaluate_pairs(mine)
         call find_contacts(pairs, mine, k)
@@ -72,17 +72,17 @@ contains
         call evaluate_planes(mine)
       end if
       if (pairs%extras%active .and. k <= pairs%grain_blocks) call find_held(pairs, mine, &
-                                                                            mine_forms, k)
+                                                                            mine_shapes, k)
     end if
     contact = any(mine%gap < 0.0_wp)
     if (.not. contact .and. .not. pairs%touched(k)) then
       pairs%columns(:, k) = 0.0_wp
       return
     end if
-    if (pairs%form(k) > 0) then
-      call add_form_curvatures(mine, mine_forms, k <= pairs%grain_blocks)
+    if (pairs%shape(k) > 0) then
+      call add_shape_curvatures(mine, mine_shapes, k <= pairs%grain_blocks)
       if (laws(pairs%law_first(k), pairs%law_second(k))%elliptic) &
-        call narrow_forms(mine, mine_forms, k <= pairs%grain_blocks)
+        call narrow_shapes(mine, mine_shapes, k <= pairs%grain_blocks)
     else if (.not. pairs%round(k)) then
       call add_curvatures(mine, k <= pairs%grain_blocks)
       if (laws(pairs%law_first(k), pairs%law_second(k))%elliptic) &
@@ -106,7 +106,7 @@ contains
     call put_loads(mine%load, pairs%past, pairs%result(:, (k - 1)*lanes + 1:k*lanes))
   end subroutine block_forces
 
-  !> Both bodies of block k; those of the next block are called for. Of spheres, and forms as their
+  !> Both bodies of block k; those of the next block are called for. Of spheres, and shapes as their
   !! bounding spheres, no shapes.
   subroutine gather_pair(pairs, k, next)
     type(dem_pairs_type), intent(in) :: pairs
@@ -115,7 +115,7 @@ contains
       if (pairs%round(k)) then
         call gather_spheres(pairs%body, a(:, k), a(:, next), pairs%past, mine%a)
         call gather_spheres(pairs%body, b(:, k), b(:, next), pairs%past, mine%b)
-      else if (pairs%form(k) > 0) then
+      else if (pairs%shape(k) > 0) then
         call gather_motions(pairs%body, a(:, k), a(:, next), pairs%past, mine%a)
         call gather_motions(pairs%body, b(:, k), b(:, next), pairs%past, mine%b)
       else
@@ -166,32 +166,32 @@ contains
     call keep_normals(pairs, block, k)
   end subroutine find_contacts
 
-  !> The same for forms: gaps, and normals of overlapping lanes.
-  subroutine meet_forms(pairs, forms, block, figures, k)
+  !> The same for shapes: gaps, and normals of overlapping lanes.
+  subroutine meet_shapes(pairs, shapes, block, figures, k)
     type(dem_pairs_type), intent(inout) :: pairs
-    type(dem_forms_type), intent(in) :: forms
+    type(dem_shapes_type), intent(in) :: shapes
     type(dem_block_type), intent(inout) :: block
-    type(form_block_type), intent(inout) :: figures
+    type(shape_block_type), intent(inout) :: figures
     integer(i4), intent(in) :: k
     integer(i4) :: lane, next
     logical :: grains
 
     next = min(k + 1, pairs%blocks)
     grains = k <= pairs%grain_blocks
-    call gather_forms(pairs%second(:, k), pairs%second(:, next), figures%b%record)
-    if (grains) call gather_forms(pairs%first(:, k), pairs%first(:, next), figures%a%record)
-    call ready_forms(figures, grains, pairs%form(k) == form_powers)
+    call gather_shapes(pairs%second(:, k), pairs%second(:, next), figures%b%record)
+    if (grains) call gather_shapes(pairs%first(:, k), pairs%first(:, next), figures%a%record)
+    call ready_shapes(figures, grains, pairs%shape(k) == shape_powers)
     if (.not. grains) then
-      call evaluate_form_planes(block, figures)
+      call evaluate_shape_planes(block, figures)
       return
     end if
-    call evaluate_forms(block, figures)
+    call evaluate_shapes(block, figures)
     if (.not. any(block%gap <= 0.0_wp)) return
-    call refine_forms(block, figures)
+    call refine_shapes(block, figures)
     if (new_contacts(block, pairs%history(:, history_side, k))) then
       do lane = 1, lanes
         if (block%gap(lane) > 0.0_wp .or. pairs%history(lane, history_side, k) > 0.0_wp) cycle
-        call solve_form_lane(block, figures, lane, .true.)
+        call solve_shape_lane(block, figures, lane, .true.)
       end do
       call evaluate_again(block, figures)
     end if
@@ -200,24 +200,24 @@ contains
   contains
 
     !> Records of bodies, those of their grains where bodies are images.
-    subroutine gather_forms(body, ahead, record)
+    subroutine gather_shapes(body, ahead, record)
       integer(i4), intent(in) :: body(lanes), ahead(lanes)
       real(wp), intent(inout) :: record(lanes, body_size)
       if (pairs%images > 0) then
-        call gather_records(forms%record, owners(body), owners(ahead), pairs%past, record)
+        call gather_records(shapes%record, owners(body), owners(ahead), pairs%past, record)
       else
-        call gather_records(forms%record, body, ahead, pairs%past, record)
+        call gather_records(shapes%record, body, ahead, pairs%past, record)
       end if
-    end subroutine gather_forms
+    end subroutine gather_shapes
 
     !> Grains of bodies; pads have the record behind the last grain.
     pure function owners(body) result(owner)
       integer(i4), intent(in) :: body(lanes)
       integer(i4) :: owner(lanes)
       owner = pairs%grain(body)
-      owner = merge(owner, forms%n + 1, owner > 0)
+      owner = merge(owner, shapes%n + 1, owner > 0)
     end function owners
-  end subroutine meet_forms
+  end subroutine meet_shapes
 
   !> True if some lane overlaps that did not before.
   pure logical function new_contacts(block, side) result(some)
@@ -237,7 +237,7 @@ contains
   subroutine find_held(pairs, block, figures, k)
     type(dem_pairs_type), intent(inout) :: pairs
     type(dem_block_type), intent(inout) :: block
-    type(form_block_type), intent(inout) :: figures
+    type(shape_block_type), intent(inout) :: figures
     integer(i4), intent(in) :: k
     integer(i4) :: lane
     logical :: needs(lanes)
@@ -246,13 +246,13 @@ contains
     if (.not. any(needs)) return
     do lane = 1, lanes
       if (.not. needs(lane)) cycle
-      if (pairs%form(k) > 0) then
-        call solve_form_lane(block, figures, lane, .false.)
+      if (pairs%shape(k) > 0) then
+        call solve_shape_lane(block, figures, lane, .false.)
       else
         call solve_lane(block, lane, .false.)
       end if
     end do
-    if (pairs%form(k) > 0) then
+    if (pairs%shape(k) > 0) then
       call evaluate_again(block, figures)
     else
       call evaluate_pairs(block)

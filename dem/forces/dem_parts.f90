@@ -83,7 +83,7 @@ contains
       d%grains%v(:, i) = v(:, k)
       d%grains%omega(:, i) = omega(:, k)
       call put_body(d%grains, i, d%pairs%body(:, i))
-      call put_frame(d%grains%forms, i, d%grains%quat(:, i))
+      call put_frame(d%grains%shapes, i, d%grains%quat(:, i))
     end do
   end subroutine place_ghosts
 

@@ -11,12 +11,12 @@ module dem_received_contacts
   use dem_records, only: unpack_contact, unpack_result, shift_of, index_of
   implicit none
   private
-  public :: adopt_contacts, give_results
+  public :: receive_contacts, give_results
 
 contains
 
   !> Contacts as the last list of d; those with a body that d does not know are left out.
-  subroutine adopt_contacts(d, contact)
+  subroutine receive_contacts(d, contact)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: contact(:, :)  !! rows of dem_records, as columns
     integer(i4), allocatable :: first(:), second(:)
@@ -54,7 +54,7 @@ contains
         call unpack_contact(contact(:, k), d, lane, block)
       end do
     end associate
-  end subroutine adopt_contacts
+  end subroutine receive_contacts
 
   !> Shift of the second grain of each contact, in edges of the cell.
   pure function shifts_of(contact) result(shift)

@@ -3,7 +3,8 @@
 !! constant: a given force while the bodies overlap. dmt: 2 pi w R_e while they overlap. jkr: the
 !! force of a neck of radius a,
 !!   overlap = a^2/R_e - sqrt(2 pi w a/E*),  F = 4 E* a^3/(3 R_e) - sqrt(8 pi w E* a^3),
-!! which forms at the first touch and tears at the overlap -3/4 (pi^2 w^2 R_e/E*^2)^(1/3), where its
+!! which shapes at the first touch and tears at the overlap -3/4 (pi^2 w^2 R_e/E*^2)^(1/3), where
+!! its
 !! stable branch ends; dU = F d(overlap) along it gives its energy.
 !! Kept of a lane: 1 neck radius, or 1 where the force acts [m], 2 pull on B along the normal [N],
 !! 3 overlap [m], 4 R_e [m].

@@ -4,7 +4,7 @@ module dem_bonds_make
   use talus_errors, only: error_list_type
   use talus_text, only: str
   use dem_state, only: dem_data_type, lanes
-  use dem_shape_gap, only: find_form_gap
+  use dem_shape_gap, only: find_shape_gap
   use dem_gap, only: solve_gap
   use dem_candidates, only: slot_of
   implicit none
@@ -76,11 +76,11 @@ contains
     integer(i4), intent(in) :: lane, k
     real(wp) :: normal(3)
     normal = 0.0_wp
-    if (d%grains%forms%n > 0) then
+    if (d%grains%shapes%n > 0) then
       associate (i => d%pairs%first(lane, k), j => d%pairs%second(lane, k))
-        call find_form_gap(d%pairs%body(1:3, j) - d%pairs%body(1:3, i), &
-                           d%grains%forms%record(:, i), &
-                           d%grains%forms%record(:, d%pairs%grain(j)), d%pairs%skin, normal, gap)
+        call find_shape_gap(d%pairs%body(1:3, j) - d%pairs%body(1:3, i), &
+                           d%grains%shapes%record(:, i), &
+                           d%grains%shapes%record(:, d%pairs%grain(j)), d%pairs%skin, normal, gap)
       end associate
       return
     end if

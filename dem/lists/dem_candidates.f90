@@ -7,9 +7,9 @@ module dem_candidates
   use dem_cell, only: is_periodic
   use dem_cells, only: find_candidates
   use dem_additional_list, only: held_lanes
-  use dem_shape, only: form_support
-  use dem_shape_gap, only: find_form_gap
-  use dem_shape_state, only: form_ellipsoid
+  use dem_shape, only: shape_support
+  use dem_shape_gap, only: find_shape_gap
+  use dem_shape_state, only: shape_ellipsoid
   use dem_gap, only: solve_gap
   use dem_images, only: find_over_faces
   use dem_margin, only: spare_margins, pair_skin
@@ -22,7 +22,7 @@ module dem_candidates
 
   integer(i4), parameter :: bands = 4  !! of gaps, see band_of
   integer(i4), parameter :: most_materials = 1000
-  integer(i4), parameter :: geometries = 4  !! spheres, ellipsoids, two kinds of forms
+  integer(i4), parameter :: geometries = 4  !! spheres, ellipsoids, two kinds of shapes
   integer(i4), parameter :: first_border_group = &
     geometries*bands*most_materials*(most_materials + 2)
   integer(i4), parameter :: first_rim_group = 2*first_border_group
@@ -83,7 +83,7 @@ contains
       near%second(:near%count) = second(low + 1:low + near%count)
       !$omp parallel do default(none) shared(near, pairs, grains) schedule(static)
       do k = 1, near%count
-        call look_at_pair(pairs, grains, near, k)
+        call examine_pair(pairs, grains, near, k)
       end do
       call take_near(near, pairs%skin, low, count, list)
     end do
@@ -149,7 +149,7 @@ contains
   end subroutine make_room
 
   !> Old slot, normal, gap and group of candidate k.
-  pure subroutine look_at_pair(pairs, grains, list, k)
+  pure subroutine examine_pair(pairs, grains, list, k)
     type(dem_pairs_type), intent(in) :: pairs
     type(dem_grains_type), intent(in) :: grains
     type(list_type), intent(inout) :: list
@@ -177,8 +177,8 @@ contains
     geometry = geometry_of(pairs, grains, i, j)
     list%gap(k) = -1.0_wp
     if (geometry > 1 .and. .not. contact) then
-      call find_form_gap(pairs%body(1:3, j) - pairs%body(1:3, i), grains%forms%record(:, i), &
-                         grains%forms%record(:, pairs%grain(j)), skin, list%normal(:, k), &
+      call find_shape_gap(pairs%body(1:3, j) - pairs%body(1:3, i), grains%shapes%record(:, i), &
+                         grains%shapes%record(:, pairs%grain(j)), skin, list%normal(:, k), &
                          list%gap(k))
     else if (.not. contact) then
       call find_gap(pairs%body(:, i), pairs%body(:, j), skin, list%normal(:, k), list%gap(k))
@@ -195,7 +195,7 @@ contains
         list%group(k) = list%group(k) + first_rim_group
       end if
     end associate
-  end subroutine look_at_pair
+  end subroutine examine_pair
 
   !> A gap in the margins of its pair, as if these were the skin.
   pure real(wp) function in_skins(gap, pair, skin)
@@ -218,9 +218,9 @@ contains
     integer(i4), intent(in) :: i, j
     integer(i4) :: kind
     geometry = merge(1, 0, pairs%reach(i) > 0.0_wp .or. pairs%reach(j) > 0.0_wp)
-    if (grains%forms%n == 0) return
-    kind = max(grains%forms%kind(i), grains%forms%kind(pairs%grain(j)))
-    if (kind /= form_ellipsoid) geometry = 1 + kind
+    if (grains%shapes%n == 0) return
+    kind = max(grains%shapes%kind(i), grains%shapes%kind(pairs%grain(j)))
+    if (kind /= shape_ellipsoid) geometry = 1 + kind
   end function geometry_of
 
   !> Order of blocks: planes last, materials of first and second, geometry, band of gaps; pairs of
@@ -271,9 +271,9 @@ contains
         skin = pair_skin(pairs, body, j)
         if (gap - grains%radius(j) > skin) cycle
         geometry = 1
-        if (grains%forms%n > 0) geometry = 1 + grains%forms%kind(j)
+        if (grains%shapes%n > 0) geometry = 1 + grains%shapes%kind(j)
         if (geometry > 1) then
-          call form_support(grains%forms%record(:, j), -normal, support, point)
+          call shape_support(grains%shapes%record(:, j), -normal, support, point)
           gap = gap - support
         else
           gap = gap - sqrt(dot_product(normal, matrix_times(pairs%body(10:15, j), normal)))

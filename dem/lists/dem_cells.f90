@@ -248,7 +248,7 @@ contains
       apart = margin + spare(i) + spare(j)
       reach = radius(i) + radius(j) + apart
       if (square > reach*reach) return
-      if (square - sqrt(form(body(10:15, i), r)) - sqrt(form(body(10:15, j), r)) &
+      if (square - sqrt(shape(body(10:15, i), r)) - sqrt(shape(body(10:15, j), r)) &
           > apart*sqrt(square)) return
       found = found + 1
       partner(found) = j
@@ -256,11 +256,11 @@ contains
   end subroutine list_range
 
   !> r . A r
-  pure real(wp) function form(a, r)
+  pure real(wp) function shape(a, r)
     real(wp), intent(in) :: a(6), r(3)
-    form = a(1)*r(1)*r(1) + a(2)*r(2)*r(2) + a(3)*r(3)*r(3) &
+    shape = a(1)*r(1)*r(1) + a(2)*r(2)*r(2) + a(3)*r(3)*r(3) &
            + 2.0_wp*(a(4)*r(1)*r(2) + a(5)*r(2)*r(3) + a(6)*r(3)*r(1))
-  end function form
+  end function shape
 
   !> Insertion sort, for the dozen partners of a grain.
   pure subroutine sort(list)

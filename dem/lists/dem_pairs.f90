@@ -12,7 +12,7 @@ module dem_pairs
     first_border_group, first_rim_group, first_ghost_group, first_wall_group
   use dem_cell, only: list_in_cell
   use dem_additional_list, only: move_extras, mark_touched
-  use dem_shape_state, only: form_ellipsoid, put_frame
+  use dem_shape_state, only: shape_ellipsoid, put_frame
   use dem_images, only: place_images
   use dem_prescribed, only: put_body
   implicit none
@@ -50,21 +50,21 @@ contains
       pairs%reach(i) = maxval(grains%axes(:, i)) - minval(grains%axes(:, i))
       pairs%grain(i) = i
     end do
-    if (grains%forms%n == 0) return
-    where (grains%forms%kind(:n) /= form_ellipsoid) pairs%reach(:n) = grains%forms%reach
+    if (grains%shapes%n == 0) return
+    where (grains%shapes%kind(:n) /= shape_ellipsoid) pairs%reach(:n) = grains%shapes%reach
   end subroutine allocate_bodies
 
   !> Body records from the state of grains, planes and cell.
   subroutine update_bodies(pairs, grains, planes, cell)
     type(dem_pairs_type), intent(inout) :: pairs
-    type(dem_grains_type), intent(inout) :: grains  !! frames of forms
+    type(dem_grains_type), intent(inout) :: grains  !! frames of shapes
     type(dem_planes_type), intent(in) :: planes
     type(dem_cell_type), intent(in) :: cell
     integer(i4) :: i, k
 
     do i = 1, grains%n
       call put_body(grains, i, pairs%body(:, i))
-      call put_frame(grains%forms, i, grains%quat(:, i))
+      call put_frame(grains%shapes, i, grains%quat(:, i))
     end do
     do k = 1, planes%n
       pairs%body(1:3, grains%n + 3 + k) = planes%point(:, k)
@@ -197,11 +197,11 @@ contains
     integer(i4) :: k, block
 
     if (allocated(pairs%law_first)) then
-      deallocate (pairs%law_first, pairs%law_second, pairs%round, pairs%form, pairs%least_gap)
+      deallocate (pairs%law_first, pairs%law_second, pairs%round, pairs%shape, pairs%least_gap)
     end if
     if (allocated(pairs%share)) deallocate (pairs%share)
     allocate (pairs%law_first(pairs%blocks), pairs%law_second(pairs%blocks))
-    allocate (pairs%round(pairs%blocks), pairs%form(pairs%blocks))
+    allocate (pairs%round(pairs%blocks), pairs%shape(pairs%blocks))
     allocate (pairs%least_gap(pairs%blocks), source=huge(1.0_wp))
     do k = 1, list%count
       block = 1 + (slot(k) - 1)/lanes
@@ -212,7 +212,7 @@ contains
       end if
       pairs%law_second(block) = grains%material(pairs%grain(list%second(k)))
       pairs%round(block) = mod(list%group(k)/bands, geometries) == 0
-      pairs%form(block) = max(mod(list%group(k)/bands, geometries) - 1, 0)
+      pairs%shape(block) = max(mod(list%group(k)/bands, geometries) - 1, 0)
       pairs%least_gap(block) = min(pairs%least_gap(block), list%gap(k))
       if (list%group(k) < first_border_group .or. list%group(k) >= first_rim_group) cycle
       if (.not. allocated(pairs%share)) allocate (pairs%share(pairs%blocks), source=1.0_wp)

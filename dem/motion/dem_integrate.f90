@@ -1,4 +1,4 @@
-!> Motion of movers: half kicks and drifts of free grains, and the work.
+!> Motion of blocks: half kicks and drifts of free grains, and the work.
 !!
 !! A step is an explicit half kick, a drift, forces, an implicit half kick; together
 !! v+ = [(2 - a dt) v- + 2 F dt/(s m)]/(2 + a dt), x+ = x + v+ dt, and v is known at the times of x.
@@ -10,11 +10,11 @@ module dem_integrate
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_data_type, mode_relaxation, lanes
   use dem_block, only: dem_side_type
-  use dem_integration_block, only: mover_type, push_type
-  use dem_orientation, only: rotations, shapes
+  use dem_integration_block, only: integration_block_type, block_state_type
+  use dem_orientation, only: rotations, shape_matrices
   implicit none
   private
-  public :: motion_type, motion_of, kick_mover, drift_mover, scaled_spin_momentum, work_count
+  public :: motion_type, motion_of, kick_block, drift_block, scaled_spin_momentum, work_count
 
   integer(i4), parameter :: work_count = 4  !! gravity, external, background damping, boundary
 
@@ -56,9 +56,9 @@ contains
   end function motion_of
 
   !> Half kick of all lanes with the forces in hand: explicit before a drift, implicit after one.
-  pure subroutine kick_mover(b, push, step, explicit, work)
-    type(mover_type), intent(in) :: b
-    type(push_type), intent(inout) :: push
+  pure subroutine kick_block(b, state, step, explicit, work)
+    type(integration_block_type), intent(in) :: b
+    type(block_state_type), intent(inout) :: state
     type(motion_type), intent(in) :: step
     logical, intent(in) :: explicit
     real(wp), intent(inout) :: work(work_count)
@@ -76,25 +76,28 @@ contains
     end if
     kick%scale = step%mass_scale
     kick%pull = step%gravity(1)
-    call kick_lanes(kick, b%mass, push%light, b%free, push%f(:, 1), push%ef(:, 1), push%s%vx, tally)
+    call kick_lanes(kick, b%mass, state%inverse_mass, b%free, state%f(:, 1), state%ef(:, 1), &
+      state%s%vx, tally)
     kick%pull = step%gravity(2)
-    call kick_lanes(kick, b%mass, push%light, b%free, push%f(:, 2), push%ef(:, 2), push%s%vy, tally)
+    call kick_lanes(kick, b%mass, state%inverse_mass, b%free, state%f(:, 2), state%ef(:, 2), &
+      state%s%vy, tally)
     kick%pull = step%gravity(3)
-    call kick_lanes(kick, b%mass, push%light, b%free, push%f(:, 3), push%ef(:, 3), push%s%vz, tally)
+    call kick_lanes(kick, b%mass, state%inverse_mass, b%free, state%f(:, 3), state%ef(:, 3), &
+      state%s%vz, tally)
     kick%scale = step%inertia_scale
     kick%pull = 0.0_wp
     if (.not. b%round) then
-      call kick_spins(b, push, kick, tally)
+      call kick_spins(b, state, kick, tally)
     else
-      call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 1), &
-                      push%em(:, 1), push%s%wx, tally)
-      call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 2), &
-                      push%em(:, 2), push%s%wy, tally)
-      call kick_lanes(kick, b%inertia(:, 1), push%agile(:, 1), b%free, push%m(:, 3), &
-                      push%em(:, 3), push%s%wz, tally)
+      call kick_lanes(kick, b%inertia(:, 1), state%inverse_inertia(:, 1), b%free, state%m(:, 1), &
+                      state%em(:, 1), state%s%wx, tally)
+      call kick_lanes(kick, b%inertia(:, 1), state%inverse_inertia(:, 1), b%free, state%m(:, 2), &
+                      state%em(:, 2), state%s%wy, tally)
+      call kick_lanes(kick, b%inertia(:, 1), state%inverse_inertia(:, 1), b%free, state%m(:, 3), &
+                      state%em(:, 3), state%s%wz, tally)
     end if
     call add_tally(tally, kick, work)
-  end subroutine kick_mover
+  end subroutine kick_block
 
   !> Works of all lanes into the chunk's sums.
   pure subroutine add_tally(tally, kick, work)
@@ -118,36 +121,37 @@ contains
   end subroutine add_tally
 
   !> One component of the velocities, or of the spins of spheres.
-  pure subroutine kick_lanes(kick, mass, light, free, load, extra, v, tally)
+  pure subroutine kick_lanes(kick, mass, inverse_mass, free, load, extra, v, tally)
     type(kick_type), intent(in) :: kick
-    real(wp), intent(in) :: mass(lanes), light(lanes)  !! mass or inertia, not scaled; inverse
+    real(wp), intent(in) :: mass(lanes), inverse_mass(lanes)  !! mass or inertia, not scaled;
+                                                              !! inverse
     real(wp), intent(in) :: free(lanes)
     real(wp), intent(in) :: load(lanes), extra(lanes)  !! force or moment
     real(wp), intent(inout) :: v(lanes)
     real(wp), intent(inout) :: tally(lanes, 3)         !! works/half: gravity, extra, damping
-    real(wp) :: old, new, between, now, push, scaled, rate
+    real(wp) :: old, new, between, now, weight, scaled, rate
     integer(i4) :: k
 
     rate = kick%half/kick%scale
-    !$omp simd private(scaled, old, new, between, now, push)
+    !$omp simd private(scaled, old, new, between, now, weight)
     do k = 1, lanes
       scaled = kick%scale*mass(k)
-      push = mass(k)*kick%pull
+      weight = mass(k)*kick%pull
       old = v(k)
-      new = free(k)*(old*kick%keep + rate*light(k)*(load(k) + push + extra(k)))*kick%kicked
+      new = free(k)*(old*kick%keep + rate*inverse_mass(k)*(load(k) + weight + extra(k)))*kick%kicked
       between = kick%mix*new + (1.0_wp - kick%mix)*old
       now = kick%mix*old + (1.0_wp - kick%mix)*new
-      tally(k, 1) = tally(k, 1) + push*between
+      tally(k, 1) = tally(k, 1) + weight*between
       tally(k, 2) = tally(k, 2) + extra(k)*between
       tally(k, 3) = tally(k, 3) + scaled*now*between
       v(k) = new
     end do
   end subroutine kick_lanes
 
-  !> Spins of kick_mover, in the body frame.
-  pure subroutine kick_spins(b, push, kick, tally)
-    type(mover_type), intent(in) :: b
-    type(push_type), intent(inout) :: push
+  !> Spins of kick_block, in the body frame.
+  pure subroutine kick_spins(b, state, kick, tally)
+    type(integration_block_type), intent(in) :: b
+    type(block_state_type), intent(inout) :: state
     type(kick_type), intent(in) :: kick
     real(wp), intent(inout) :: tally(lanes, 3)
     real(wp) :: inertia, old, new, between, now, moment, extra, rate
@@ -161,14 +165,15 @@ contains
       sy = 0.0_wp
       sz = 0.0_wp
       do c = 1, 3
-        rx = push%r(k, 3*c - 2)
-        ry = push%r(k, 3*c - 1)
-        rz = push%r(k, 3*c)
+        rx = state%r(k, 3*c - 2)
+        ry = state%r(k, 3*c - 1)
+        rz = state%r(k, 3*c)
         inertia = kick%scale*b%inertia(k, c)
-        old = rx*push%s%wx(k) + ry*push%s%wy(k) + rz*push%s%wz(k)
-        moment = rx*push%m(k, 1) + ry*push%m(k, 2) + rz*push%m(k, 3)
-        extra = rx*push%em(k, 1) + ry*push%em(k, 2) + rz*push%em(k, 3)
-        new = b%free(k)*(old*kick%keep + rate*push%agile(k, c)*(moment + extra))*kick%kicked
+        old = rx*state%s%wx(k) + ry*state%s%wy(k) + rz*state%s%wz(k)
+        moment = rx*state%m(k, 1) + ry*state%m(k, 2) + rz*state%m(k, 3)
+        extra = rx*state%em(k, 1) + ry*state%em(k, 2) + rz*state%em(k, 3)
+        new = b%free(k)*(old*kick%keep + rate*state%inverse_inertia(k, c)*(moment &
+          + extra))*kick%kicked
         between = kick%mix*new + (1.0_wp - kick%mix)*old
         now = kick%mix*old + (1.0_wp - kick%mix)*new
         tally(k, 2) = tally(k, 2) + extra*between
@@ -177,54 +182,54 @@ contains
         sy = sy + ry*new
         sz = sz + rz*new
       end do
-      push%s%wx(k) = sx
-      push%s%wy(k) = sy
-      push%s%wz(k) = sz
+      state%s%wx(k) = sx
+      state%s%wy(k) = sy
+      state%s%wz(k) = sz
     end do
   end subroutine kick_spins
 
   !> Drift of all lanes by dt: centres, orientations, spins, accumulated rotations, shapes.
-  pure subroutine drift_mover(b, push, dt)
-    type(mover_type), intent(inout) :: b
-    type(push_type), intent(inout) :: push
+  pure subroutine drift_block(b, state, dt)
+    type(integration_block_type), intent(inout) :: b
+    type(block_state_type), intent(inout) :: state
     real(wp), intent(in) :: dt
     integer(i4) :: k
 
     !$omp simd
     do k = 1, lanes
-      push%s%x(k, 1) = push%s%x(k, 1) + dt*push%s%vx(k)
-      push%s%x(k, 2) = push%s%x(k, 2) + dt*push%s%vy(k)
-      push%s%x(k, 3) = push%s%x(k, 3) + dt*push%s%vz(k)
+      state%s%x(k, 1) = state%s%x(k, 1) + dt*state%s%vx(k)
+      state%s%x(k, 2) = state%s%x(k, 2) + dt*state%s%vy(k)
+      state%s%x(k, 3) = state%s%x(k, 3) + dt*state%s%vz(k)
     end do
     if (b%round) then
-      call turn_round(b, push, dt)
+      call turn_round(b, state, dt)
     else
-      call turn_bodies(b, push, dt)
-      call rotations(b%q, push%r)
-      call spins_to_space(push%r, push%s)
-      call shapes(b%square, push%r, .false., push%s%s)
+      call turn_bodies(b, state, dt)
+      call rotations(b%q, state%r)
+      call spins_to_space(state%r, state%s)
+      call shape_matrices(b%square, state%r, .false., state%s%s)
     end if
     !$omp simd
     do k = 1, lanes
-      b%theta(k, 1) = b%theta(k, 1) + dt*push%s%wx(k)
-      b%theta(k, 2) = b%theta(k, 2) + dt*push%s%wy(k)
-      b%theta(k, 3) = b%theta(k, 3) + dt*push%s%wz(k)
+      b%theta(k, 1) = b%theta(k, 1) + dt*state%s%wx(k)
+      b%theta(k, 2) = b%theta(k, 2) + dt*state%s%wy(k)
+      b%theta(k, 3) = b%theta(k, 3) + dt*state%s%wz(k)
     end do
-  end subroutine drift_mover
+  end subroutine drift_block
 
   !> Orientations of spheres: their spin stays, the turn has its Cayley angle.
-  pure subroutine turn_round(b, push, dt)
-    type(mover_type), intent(inout) :: b
-    type(push_type), intent(in) :: push
+  pure subroutine turn_round(b, state, dt)
+    type(integration_block_type), intent(inout) :: b
+    type(block_state_type), intent(in) :: state
     real(wp), intent(in) :: dt
     real(wp) :: hx, hy, hz, q1, q2, q3, q4, p1, p2, p3, p4, scale
     integer(i4) :: k
 
     !$omp simd private(hx, hy, hz, q1, q2, q3, q4, p1, p2, p3, p4, scale)
     do k = 1, lanes
-      hx = 0.5_wp*dt*push%s%wx(k)
-      hy = 0.5_wp*dt*push%s%wy(k)
-      hz = 0.5_wp*dt*push%s%wz(k)
+      hx = 0.5_wp*dt*state%s%wx(k)
+      hy = 0.5_wp*dt*state%s%wy(k)
+      hz = 0.5_wp*dt*state%s%wz(k)
       q1 = b%q(k, 1)
       q2 = b%q(k, 2)
       q3 = b%q(k, 3)
@@ -242,24 +247,24 @@ contains
   end subroutine turn_round
 
   !> Free rotation of all lanes by dt; spins are left in the body frame.
-  pure subroutine turn_bodies(b, push, dt)
-    type(mover_type), intent(inout) :: b
-    type(push_type), intent(inout) :: push
+  pure subroutine turn_bodies(b, state, dt)
+    type(integration_block_type), intent(inout) :: b
+    type(block_state_type), intent(inout) :: state
     real(wp), intent(in) :: dt
     real(wp) :: l1, l2, l3, q1, q2, q3, q4, i1, i2, i3, scale
     integer(i4) :: k
 
     !$omp simd private(l1, l2, l3, q1, q2, q3, q4, i1, i2, i3, scale)
     do k = 1, lanes
-      q1 = push%s%wx(k)
-      q2 = push%s%wy(k)
-      q3 = push%s%wz(k)
-      l1 = b%inertia(k, 1)*(push%r(k, 1)*q1 + push%r(k, 2)*q2 + push%r(k, 3)*q3)
-      l2 = b%inertia(k, 2)*(push%r(k, 4)*q1 + push%r(k, 5)*q2 + push%r(k, 6)*q3)
-      l3 = b%inertia(k, 3)*(push%r(k, 7)*q1 + push%r(k, 8)*q2 + push%r(k, 9)*q3)
-      i1 = dt*push%agile(k, 1)
-      i2 = dt*push%agile(k, 2)
-      i3 = dt*push%agile(k, 3)
+      q1 = state%s%wx(k)
+      q2 = state%s%wy(k)
+      q3 = state%s%wz(k)
+      l1 = b%inertia(k, 1)*(state%r(k, 1)*q1 + state%r(k, 2)*q2 + state%r(k, 3)*q3)
+      l2 = b%inertia(k, 2)*(state%r(k, 4)*q1 + state%r(k, 5)*q2 + state%r(k, 6)*q3)
+      l3 = b%inertia(k, 3)*(state%r(k, 7)*q1 + state%r(k, 8)*q2 + state%r(k, 9)*q3)
+      i1 = dt*state%inverse_inertia(k, 1)
+      i2 = dt*state%inverse_inertia(k, 2)
+      i3 = dt*state%inverse_inertia(k, 3)
       q1 = b%q(k, 1)
       q2 = b%q(k, 2)
       q3 = b%q(k, 3)
@@ -270,15 +275,15 @@ contains
       call turn(0.25_wp*i2, l2, l3, l1, q1, q3, q4, q2)
       call turn(0.25_wp*i1, l1, l2, l3, q1, q2, q3, q4)
       scale = 1.0_wp/sqrt(q1*q1 + q2*q2 + q3*q3 + q4*q4)
-      push%turned(k) = b%free(k)*((scale*q1 - b%q(k, 1))**2 + (scale*q2 - b%q(k, 2))**2 &
+      state%turned(k) = b%free(k)*((scale*q1 - b%q(k, 1))**2 + (scale*q2 - b%q(k, 2))**2 &
                                   + (scale*q3 - b%q(k, 3))**2 + (scale*q4 - b%q(k, 4))**2)
       b%q(k, 1) = merge(scale*q1, b%q(k, 1), b%free(k) > 0.5_wp)
       b%q(k, 2) = merge(scale*q2, b%q(k, 2), b%free(k) > 0.5_wp)
       b%q(k, 3) = merge(scale*q3, b%q(k, 3), b%free(k) > 0.5_wp)
       b%q(k, 4) = merge(scale*q4, b%q(k, 4), b%free(k) > 0.5_wp)
-      push%s%wx(k) = l1*push%agile(k, 1)
-      push%s%wy(k) = l2*push%agile(k, 2)
-      push%s%wz(k) = l3*push%agile(k, 3)
+      state%s%wx(k) = l1*state%inverse_inertia(k, 1)
+      state%s%wy(k) = l2*state%inverse_inertia(k, 2)
+      state%s%wz(k) = l3*state%inverse_inertia(k, 3)
     end do
   end subroutine turn_bodies
 

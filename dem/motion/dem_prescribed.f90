@@ -3,7 +3,7 @@ module dem_prescribed
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_grains_type, kind_fixed, body_size
   use dem_ellipsoid, only: rotation_of, shape_matrix, quaternion_product
-  use dem_shape_state, only: form_ellipsoid, put_frame
+  use dem_shape_state, only: shape_ellipsoid, put_frame
   use dem_integrate, only: work_count
   implicit none
   private
@@ -26,8 +26,8 @@ contains
       body(13:15) = 0.0_wp
     end if
     body(16) = product(g%axes(:, i)**2)
-    if (g%forms%n == 0) return
-    if (g%forms%kind(i) == form_ellipsoid) return
+    if (g%shapes%n == 0) return
+    if (g%shapes%kind(i) == shape_ellipsoid) return
     body(10:12) = g%radius(i)**2
     body(13:15) = 0.0_wp
   end subroutine put_body
@@ -52,7 +52,7 @@ contains
       g%quat(:, i) = g%target_quat(:, i)
     end if
     call put_body(g, i, body)
-    call put_frame(g%forms, i, g%quat(:, i))
+    call put_frame(g%shapes, i, g%quat(:, i))
   end subroutine drift_prescribed
 
   !> New contact force and moment are in: impulse of the step and work of the prescription, each

@@ -6,7 +6,7 @@ module dem_fields
   use talus_hdf5, only: h5_file_type
   use talus_series, only: series_type
   use talus_xdmf, only: xdmf_type, xdmf_node, xdmf_cell
-  use dem_surface_output, only: picture_sizes, put_picture
+  use dem_surface_output, only: surface_mesh_sizes, put_surface_mesh
   use dem_system, only: dem_system_type, dem_contacts_type
   use dem_measure, only: coordination_of
   use dem_packing, only: put_shapes
@@ -91,7 +91,7 @@ contains
     if (.not. self%opened .or. .not. time > self%last_time) return
     call self%series%begin_step(time, file, group, errors)
     call file%group(group//'/grains', errors)
-    if (system%parted()) then
+    if (system%owner_changed()) then
       call put_slabs(file, group//'/grains', system, errors)
     else
       call put_grains(file, group//'/grains', system%grains, &
@@ -104,7 +104,8 @@ contains
       call file%put(group//'/cell/rate', transpose(system%cell%rate), errors)
       call file%put(group//'/cell/periodic', merge(1_i4, 0_i4, system%cell%periodic), errors)
     end if
-    if (system%surfaces%n > 0) call put_picture(file, group//'/surfaces', system%surfaces, errors)
+    if (system%surfaces%n > 0) call put_surface_mesh(file, group//'/surfaces', system%surfaces, &
+      errors)
     if (self%contacts) call put_contacts(file, group//'/contacts', system, errors)
     call self%series%end_step(int(system%grains%n, i8), file, errors)
     call self%xdmf%write(self%series, errors)
@@ -120,7 +121,7 @@ contains
     integer(i4) :: points, triangles
     if (.not. self%described) then
       self%described = .true.
-      call picture_sizes(system%surfaces, points, triangles)
+      call surface_mesh_sizes(system%surfaces, points, triangles)
       call self%surfaces%describe_mesh(self%stem//'_surfaces.xdmf', 'surfaces/x', 'Triangle', &
                                        'surfaces/triangles', [int(triangles, i8), 3_i8], &
                                        int(points, i8), int(triangles, i8))
@@ -157,7 +158,7 @@ contains
     integer(i4) :: low, high
     do low = 1, system%grains%n, slab_grains
       high = min(low + slab_grains - 1, system%grains%n)
-      call system%crew%some_grains(system%grains%id(low:high), slab)
+      call system%rank_team%some_grains(system%grains%id(low:high), slab)
       file%slab = [low - 1, system%grains%n]
       call put_grains(file, group, slab%some%grains, slab%coordination, errors)
     end do
@@ -174,7 +175,7 @@ contains
     integer(i8) :: done
 
     call file%group(group, errors)
-    if (.not. system%parted()) then
+    if (.not. system%owner_changed()) then
       call system%contacts(list)
       call put_list(file, group, list, errors)
       return
@@ -196,7 +197,7 @@ contains
 
     subroutine put_some(first, last)
       integer(i8), intent(in) :: first, last
-      call system%crew%some_contacts(first, last, list)
+      call system%rank_team%some_contacts(first, last, list)
       file%slab = [done, system%contact_number()]
       call put_list(file, group, list, errors)
       done = done + list%n

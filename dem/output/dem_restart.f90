@@ -46,7 +46,7 @@ contains
     if (size(histories%surface_work) > 0) &
       call file%put('/clock/surface_work', histories%surface_work, errors)
     call file%group('/state', errors)
-    if (system%parted()) then
+    if (system%owner_changed()) then
       call write_slabs(file, system, errors)
       call put_run(system%dem_data_type, archive)
     else
@@ -84,7 +84,7 @@ contains
     do low = 1, system%grains%n, slab_grains
       high = min(low + slab_grains - 1, system%grains%n)
       associate (id => system%grains%id)
-        call system%crew%some_grains(id(low:high), slab)
+        call system%rank_team%some_grains(id(low:high), slab)
         call archive%clear()
         call put_grain_arrays(slab%some, archive)
         file%slab = [low - 1, system%grains%n]
@@ -102,8 +102,8 @@ contains
     subroutine write_records(first, last)
       integer(i8), intent(in) :: first, last
       real(wp), allocatable :: rows(:, :)
-      call system%crew%some_records(first, last, rows)
-      file%slab = [done, nint(system%crew%marks%contacts(2), i8)]
+      call system%rank_team%some_records(first, last, rows)
+      file%slab = [done, nint(system%rank_team%marks%contacts(2), i8)]
       call file%put('/state/'//records, rows, errors)
       done = done + size(rows, 2)
     end subroutine write_records
@@ -174,7 +174,7 @@ contains
     real(wp), allocatable :: rows(:, :)
     integer(i8) :: done
     integer(i4) :: wanted
-    call system%crew%begin_again(system%dem_data_type)
+    call system%rank_team%begin_again(system%dem_data_type)
     wanted = plain_contact_reals + layout(1)
     done = 0
     do
@@ -188,10 +188,10 @@ contains
       end if
       if (size(rows, 2) == 0) exit
       call fit_records(system%pairs%extras, layout, rows)
-      call system%crew%add_records(rows)
+      call system%rank_team%add_records(rows)
       done = done + size(rows, 2)
     end do
-    call system%crew%adopt_records(system%dem_data_type)
+    call system%rank_team%receive_records(system%dem_data_type)
   end subroutine read_slabs
 
   subroutine read_archive(file, slabs, archive, errors)

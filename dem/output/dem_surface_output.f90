@@ -8,7 +8,7 @@ module dem_surface_output
   use dem_surface_state, only: dem_surfaces_type, surface_cone, is_round
   implicit none
   private
-  public :: open_surface_history, write_surface_rows, picture_sizes, put_picture
+  public :: open_surface_history, write_surface_rows, surface_mesh_sizes, put_surface_mesh
   public :: open_body_history, write_body_rows
 
   character(len=16), parameter :: columns(13) = [character(len=16) :: 'time [s]', 'surface [-]', &
@@ -74,17 +74,17 @@ contains
   end subroutine write_surface_rows
 
   !> Points and triangles of the picture.
-  pure subroutine picture_sizes(s, points, triangles)
+  pure subroutine surface_mesh_sizes(s, points, triangles)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(out) :: points, triangles
     integer(i4) :: cones, b
     cones = count([(is_round(s, b), b=1, s%n)])
     points = s%mesh%vertices + cones*(1 + 2*sides)
     triangles = s%mesh%triangles + cones*3*sides
-  end subroutine picture_sizes
+  end subroutine surface_mesh_sizes
 
   !> Group surfaces of a step: x, triangles (nodes from 0) and the number of the body of each.
-  subroutine put_picture(file, group, s, errors)
+  subroutine put_surface_mesh(file, group, s, errors)
     type(h5_file_type), intent(inout) :: file
     character(len=*), intent(in) :: group
     type(dem_surfaces_type), intent(in) :: s
@@ -93,7 +93,7 @@ contains
     integer(i4), allocatable :: corner(:, :), body(:)
     integer(i4) :: points, triangles, b
 
-    call picture_sizes(s, points, triangles)
+    call surface_mesh_sizes(s, points, triangles)
     allocate (x(3, points), corner(3, triangles), body(triangles))
     x(:, :s%mesh%vertices) = s%mesh%x
     corner(:, :s%mesh%triangles) = s%mesh%corner - 1
@@ -109,7 +109,7 @@ contains
     call file%put(group//'/x', x, errors)
     call file%put(group//'/triangles', corner, errors)
     call file%put(group//'/surface', body, errors)
-  end subroutine put_picture
+  end subroutine put_surface_mesh
 
   !> Tip, ring of the shoulder, ring at the top; of a cylinder the lower end, a disc, is drawn too.
   pure subroutine draw_cone(s, b, x, corner, points, triangles)

@@ -360,8 +360,8 @@ contains
     character(len=:), allocatable :: text
     associate (model => self%model)
       if (.not. model%ranks%several()) return
-      if (model%system%crew%alone) return
-      call model%system%crew%go_alone(model%system%dem_data_type)
+      if (model%system%rank_team%alone) return
+      call model%system%rank_team%go_alone(model%system%dem_data_type)
       text = 'the partner steps with the grains, or weighs their contacts: the first of '// &
         str(model%ranks%ranks)//' ranks moves them all, with '// &
         str(int(omp_get_max_threads(), i4))//' threads'

@@ -14,7 +14,7 @@ module dem_port_step
   use dem_system, only: dem_system_type
   use dem_model, only: dem_model_type
   use dem_parts, only: border_is_old, check_border
-  use dem_parts_forces, only: begin_ahead, forces_on_rim, stage_told
+  use dem_parts_forces, only: begin_ahead, forces_on_rim, stage_reported
   use dem_sets, only: dem_sets_type, dem_set_type, role_prescribe, role_load, role_report, &
     role_surface, role_border
   use dem_port_surface, only: take_vertices, place_vertices, put_vertices
@@ -57,7 +57,7 @@ contains
     call model%timers%stop('steps')
     call model%clock%jump(request%t1, substeps)
     if (errors%any()) return
-    call model%system%look()
+    call model%system%gather()
     call put_sets(model%system, sets, .true., reply)
     call reply%put_int(field_substeps, substeps)
     call put_scalars(model%system, late, reply)
@@ -190,35 +190,35 @@ contains
     integer(i8), intent(inout) :: late
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: scope
-    logical :: brief, parted, ghosts
+    logical :: brief, owner_changed, ghosts
 
     scope = scope_all
     if (request%has(field_scope)) call request%get_text(field_scope, scope, errors)
-    parted = scope /= scope_all .and. model%system%parts%active
+    owner_changed = scope /= scope_all .and. model%system%parts%active
     ghosts = scope == scope_split .or. scope == scope_between
     if (all(scope /= [character(len=9) :: scope_all, scope_interface, scope_split, &
                                          scope_between])) then
       call errors%add('P255', "FORCE has no scope '"//scope//"'", request%place(), &
                       "it is 'all', 'interface', 'split' or 'between'")
-    else if (ghosts .and. .not. parted) then
+    else if (ghosts .and. .not. owner_changed) then
       call errors%add('P255', 'FORCE cannot be split: no border was selected', request%place(), &
                       'SELECT a set with the role border first')
     end if
     call take_brief(request, brief, errors)
     if (errors%any()) return
-    if (model%system%parts%stage == stage_told) call model%system%free_forces()
-    if (ghosts .or. .not. parted) &
+    if (model%system%parts%stage == stage_reported) call model%system%free_forces()
+    if (ghosts .or. .not. owner_changed) &
       call place_sets(model%system, sets, role_prescribe, request, errors)
     if (errors%any()) return
     call model%timers%start('steps')
     if (ghosts) call model%system%ghost_forces(scope == scope_between)
-    if (parted .and. scope /= scope_between) &
+    if (owner_changed .and. scope /= scope_between) &
       call place_sets(model%system, sets, role_border, request, errors)
     call request%all_read(errors)
     if (errors%any()) return
     if (scope == scope_between) then
       continue  ! all else is as it was
-    else if (parted) then
+    else if (owner_changed) then
       call forces_on_rim(model%system%dem_data_type)
       if (.not. brief .or. any_free_force(sets)) call model%system%free_forces()
     else

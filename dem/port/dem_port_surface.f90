@@ -217,7 +217,8 @@ contains
       if (.not. motion) return
       if (set%wants(field_impulse)) &
         call reply%put(set%name//dot_impulse, s%mesh%impulse(:, low:high))
-      if (set%wants(field_work)) call reply%put(set%name//dot_work, s%sums%work(s%first_part(set%body)))
+      if (set%wants(field_work)) call reply%put(set%name//dot_work, &
+        s%sums%work(s%first_part(set%body)))
     end associate
   end subroutine put_vertices
 end module dem_port_surface

@@ -16,17 +16,17 @@ module dem_distribute
     target_spin, target_given, target_end_position, target_end_quat, target_turn, target_id, &
     load_id, load_force, load_moment, swap_motion, swap_ellipsoid, swap_frame
   use dem_records, only: grain_reals, index_of
-  use dem_surface_share, only: tell_surfaces, tell_motion
-  use dem_broadcast, only: tell_matrix
+  use dem_surface_share, only: broadcast_surfaces, broadcast_motion
+  use dem_broadcast, only: broadcast_matrix
   implicit none
   private
-  public :: hand_out, tell_step, tell_energies, tell_targets, tell_loads
+  public :: distribute, broadcast_step, broadcast_energies, broadcast_targets, broadcast_loads
 
 contains
 
   !> The leader's part is the whole system; the others get what all ranks know. Sums of planes and
   !! prescribed grains stay with the leader.
-  subroutine hand_out(team, part)
+  subroutine distribute(team, part)
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(inout) :: part
     integer(i4) :: sizes(6)
@@ -34,30 +34,30 @@ contains
     if (team%leads()) sizes = [size(part%materials, kind=i4), part%planes%n, &
                                int(count(part%grains%kind /= kind_free), i4), &
                                merge(swap_motion(2), swap_ellipsoid(2), all_round(part)), &
-                               merge(1_i4, 0_i4, part%grains%forms%n > 0), &
+                               merge(1_i4, 0_i4, part%grains%shapes%n > 0), &
                                merge(1_i4, 0_i4, allocated(part%seen_kinetic))]
-    call team%tell_numbers(sizes)
+    call team%broadcast_numbers(sizes)
     part%halo%width = sizes(4)
-    part%halo%formed = sizes(5) > 0
-    if (part%halo%formed) part%halo%width = swap_frame(2)
+    part%halo%shaped = sizes(5) > 0
+    if (part%halo%shaped) part%halo%width = swap_frame(2)
     if (sizes(6) > 0 .and. .not. team%leads()) part%seen_kinetic = [real(wp) ::]
-    call tell_parameters(team, part%par)
-    call tell_health(team, part%health)
-    call tell_laws(team, sizes(1), part)
-    call tell_extras(team, part)
-    call tell_cell(team, part%cell)
-    call tell_planes(team, sizes(2), part)
-    call tell_surfaces(team, part%surfaces)
-    call tell_list(team, part)
-    call tell_prescribed(team, sizes(3), part)
-  end subroutine hand_out
+    call broadcast_parameters(team, part%par)
+    call broadcast_health(team, part%health)
+    call broadcast_laws(team, sizes(1), part)
+    call broadcast_extras(team, part)
+    call broadcast_cell(team, part%cell)
+    call broadcast_planes(team, sizes(2), part)
+    call broadcast_surfaces(team, part%surfaces)
+    call broadcast_list(team, part)
+    call broadcast_prescribed(team, sizes(3), part)
+  end subroutine distribute
 
   !> Are all grains spheres?
   pure logical function all_round(d)
     type(dem_data_type), intent(in) :: d
     integer(i4) :: i
     all_round = .false.
-    if (d%grains%forms%n > 0) return
+    if (d%grains%shapes%n > 0) return
     do i = 1, d%grains%n
       if (maxval(d%grains%axes(:, i)) > minval(d%grains%axes(:, i))) return
     end do
@@ -66,7 +66,7 @@ contains
 
   !> What may have changed since the last steps: parameters, rate of the cell, velocities of planes
   !! and surfaces, pressure of membranes.
-  subroutine tell_step(team, whole, part)
+  subroutine broadcast_step(team, whole, part)
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(in) :: whole  !! of the leader; the others name any
     type(dem_data_type), intent(inout) :: part
@@ -90,26 +90,26 @@ contains
           part%surfaces%membranes%pressure = whole%surfaces%membranes%pressure
       end if
     end if
-    call tell_parameters(team, part%par)
-    call tell_matrix(team, part%planes%velocity)
-    if (part%cell%active) call tell_matrix(team, part%cell%rate)
-    if (part%surfaces%n > 0) call tell_motion(team, part%surfaces)
-  end subroutine tell_step
+    call broadcast_parameters(team, part%par)
+    call broadcast_matrix(team, part%planes%velocity)
+    if (part%cell%active) call broadcast_matrix(team, part%cell%rate)
+    if (part%surfaces%n > 0) call broadcast_motion(team, part%surfaces)
+  end subroutine broadcast_step
 
   !> What energies depend on besides grains and contacts: parameters, loads of free bodies.
-  subroutine tell_energies(team, whole, part)
+  subroutine broadcast_energies(team, whole, part)
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(in) :: whole  !! of the leader; the others name any
     type(dem_data_type), intent(inout) :: part
     if (team%leads()) part%par = whole%par
-    call tell_parameters(team, part%par)
+    call broadcast_parameters(team, part%par)
     if (.not. allocated(part%surfaces%rigid%free)) return
     if (team%leads()) part%surfaces%rigid%given = whole%surfaces%rigid%given
-    call tell_matrix(team, part%surfaces%rigid%given)
-  end subroutine tell_energies
+    call broadcast_matrix(team, part%surfaces%rigid%given)
+  end subroutine broadcast_energies
 
   !> How prescribed grains go on from now.
-  subroutine tell_targets(team, whole, placed, part)
+  subroutine broadcast_targets(team, whole, placed, part)
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(in) :: whole  !! of the leader; the others name any
     logical, intent(in) :: placed             !! the whole knows where they are
@@ -127,11 +127,11 @@ contains
       at = index_of(whole, real(part%grains%id(i), wp))
       call pack_target(whole%grains, at, rows(:, k))
     end do
-    call tell_matrix(team, rows)
+    call broadcast_matrix(team, rows)
     do k = 1, size(rows, 2)
       call take_target(part, rows(:, k), placed)
     end do
-  end subroutine tell_targets
+  end subroutine broadcast_targets
 
   pure subroutine pack_target(g, i, row)
     type(dem_grains_type), intent(in) :: g
@@ -164,12 +164,12 @@ contains
       g%target_quat(:, i) = row(target_end_quat(1):target_end_quat(2))
       g%turn(:, i) = row(target_turn(1):target_turn(2))
       call put_body(g, i, part%pairs%body(:, i))
-      call put_frame(g%forms, i, g%quat(:, i))
+      call put_frame(g%shapes, i, g%quat(:, i))
     end associate
   end subroutine take_target
 
   !> Extra forces of the grains that are marked.
-  subroutine tell_loads(team, whole, marked, part)
+  subroutine broadcast_loads(team, whole, marked, part)
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(in) :: whole  !! of the leader; the others name any
     logical, intent(in) :: marked(:)          !! grains of the whole; the others name any
@@ -178,7 +178,7 @@ contains
     integer(i4) :: n(1), i, k
 
     n = count(marked)
-    call team%tell_numbers(n)
+    call team%broadcast_numbers(n)
     allocate (rows(load_moment(2), n(1)))
     k = 0
     do i = 1, merge(whole%grains%n, 0_i4, team%leads())
@@ -188,34 +188,34 @@ contains
       rows(load_force(1):load_force(2), k) = whole%grains%extra_force(:, i)
       rows(load_moment(1):load_moment(2), k) = whole%grains%extra_moment(:, i)
     end do
-    call tell_matrix(team, rows)
+    call broadcast_matrix(team, rows)
     do k = 1, size(rows, 2)
       i = index_of(part, rows(load_id, k))
       if (i == 0) cycle
       part%grains%extra_force(:, i) = rows(load_force(1):load_force(2), k)
       part%grains%extra_moment(:, i) = rows(load_moment(1):load_moment(2), k)
     end do
-  end subroutine tell_loads
+  end subroutine broadcast_loads
 
-  subroutine tell_parameters(team, par)
+  subroutine broadcast_parameters(team, par)
     type(ranks_type), intent(in) :: team
     type(dem_parameters_type), intent(inout) :: par
     integer(i4), allocatable :: numbers(:)
     allocate (numbers, source=transfer(par, [0_i4]))
-    call team%tell_numbers(numbers)
+    call team%broadcast_numbers(numbers)
     par = transfer(numbers, par)
-  end subroutine tell_parameters
+  end subroutine broadcast_parameters
 
-  subroutine tell_health(team, health)
+  subroutine broadcast_health(team, health)
     type(ranks_type), intent(in) :: team
     type(dem_health_type), intent(inout) :: health
     integer(i4), allocatable :: numbers(:)
     allocate (numbers, source=transfer(health, [0_i4]))
-    call team%tell_numbers(numbers)
+    call team%broadcast_numbers(numbers)
     health = transfer(numbers, health)
-  end subroutine tell_health
+  end subroutine broadcast_health
 
-  subroutine tell_laws(team, n, part)
+  subroutine broadcast_laws(team, n, part)
     type(ranks_type), intent(in) :: team
     integer(i4), intent(in) :: n  !! materials
     type(dem_data_type), intent(inout) :: part
@@ -227,18 +227,18 @@ contains
     end if
     do a = 1, n
       numbers = transfer(part%materials(a), [0_i4])
-      call team%tell_numbers(numbers)
+      call team%broadcast_numbers(numbers)
       part%materials(a) = transfer(numbers, part%materials(a))
       do b = 1, n
         numbers = transfer(part%laws(a, b), [0_i4])
-        call team%tell_numbers(numbers)
+        call team%broadcast_numbers(numbers)
         part%laws(a, b) = transfer(numbers, part%laws(a, b))
         call bind_law(part%laws(a, b))
       end do
     end do
-  end subroutine tell_laws
+  end subroutine broadcast_laws
 
-  subroutine tell_planes(team, n, part)
+  subroutine broadcast_planes(team, n, part)
     type(ranks_type), intent(in) :: team
     integer(i4), intent(in) :: n
     type(dem_data_type), intent(inout) :: part
@@ -249,14 +249,14 @@ contains
     material = 1
     if (.not. team%leads()) call make_planes(part%planes, none, up, none, material)
     if (n == 0) return
-    call team%tell_numbers(part%planes%material)
-    call tell_matrix(team, part%planes%point)
-    call tell_matrix(team, part%planes%normal)
-    call tell_matrix(team, part%planes%velocity)
-  end subroutine tell_planes
+    call team%broadcast_numbers(part%planes%material)
+    call broadcast_matrix(team, part%planes%point)
+    call broadcast_matrix(team, part%planes%normal)
+    call broadcast_matrix(team, part%planes%velocity)
+  end subroutine broadcast_planes
 
   !> Laws on top of the base law, and bonds. Those made and broken so far are the leader's.
-  subroutine tell_extras(team, part)
+  subroutine broadcast_extras(team, part)
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(inout) :: part
     type(dem_extras_type) :: fresh
@@ -266,7 +266,7 @@ contains
     associate (bond => part%pairs%extras%bond)
       values = [merge(1.0_wp, 0.0_wp, bond%given), bond%young, bond%stiffness_ratio, bond%radius, &
                 bond%tensile_strength, bond%shear_strength, bond%damping_ratio, bond%reach]
-      call team%tell_values(values)
+      call team%broadcast_values(values)
       if (team%leads()) return
       bond%given = values(1) > 0.0_wp
       bond%young = values(2)
@@ -278,36 +278,36 @@ contains
       bond%reach = values(8)
     end associate
     call plan_extras(part%laws, part%pairs%extras)
-  end subroutine tell_extras
+  end subroutine broadcast_extras
 
-  subroutine tell_cell(team, cell)
+  subroutine broadcast_cell(team, cell)
     type(ranks_type), intent(in) :: team
     type(dem_cell_type), intent(inout) :: cell
     integer(i4), allocatable :: numbers(:)
     allocate (numbers, source=transfer(cell, [0_i4]))
-    call team%tell_numbers(numbers)
+    call team%broadcast_numbers(numbers)
     cell = transfer(numbers, cell)
-  end subroutine tell_cell
+  end subroutine broadcast_cell
 
   !> Skin of the list and when it was made; the step of the ledger, which the leader's part holds.
-  subroutine tell_list(team, part)
+  subroutine broadcast_list(team, part)
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(inout) :: part
     type(dem_ledger_type) :: fresh
     real(wp) :: values(5)
     values = [part%pairs%skin, part%pairs%least_skin, part%pairs%most_skin, part%ledger_dt, &
               real(part%pairs%built_at, wp)]
-    call team%tell_values(values)
+    call team%broadcast_values(values)
     part%pairs%skin = values(1)
     part%pairs%least_skin = values(2)
     part%pairs%most_skin = values(3)
     part%ledger_dt = values(4)
     part%pairs%built_at = nint(values(5), i8)
     if (.not. team%leads()) part%ledger = fresh
-  end subroutine tell_list
+  end subroutine broadcast_list
 
   !> All ranks hold all prescribed grains; their sums so far are the leader's.
-  subroutine tell_prescribed(team, n, part)
+  subroutine broadcast_prescribed(team, n, part)
     type(ranks_type), intent(in) :: team
     integer(i4), intent(in) :: n
     type(dem_data_type), intent(inout) :: part
@@ -315,12 +315,12 @@ contains
     if (team%leads()) then
       call pack_grains(part, part%grains%kind /= kind_free, rows)
     else
-      allocate (rows(grain_reals(part%halo%formed), n))
+      allocate (rows(grain_reals(part%halo%shaped), n))
     end if
-    call tell_matrix(team, rows)
+    call broadcast_matrix(team, rows)
     if (team%leads()) return
     rows(:sum_reals, :) = 0.0_wp
     part%pairs%blocks = 0  ! contacts of an earlier state are none of this one
     call make_local(part, rows)
-  end subroutine tell_prescribed
+  end subroutine broadcast_prescribed
 end module dem_distribute

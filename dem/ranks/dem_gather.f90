@@ -3,7 +3,7 @@ module dem_gather
   use talus_kinds, only: wp, i4
   use talus_ranks, only: ranks_type
   use dem_state, only: dem_data_type, dem_pairs_type, kind_free, kind_driven, kind_mirror, lanes
-  use dem_received_contacts, only: adopt_contacts, give_results
+  use dem_received_contacts, only: receive_contacts, give_results
   use dem_migrate, only: pack_grains
   use dem_pairs, only: allocate_bodies, build_pairs
   use dem_record_layout, only: sum_reals, at_id, at_body
@@ -11,10 +11,10 @@ module dem_gather
     carried, index_of
   use dem_membrane_forces, only: share_anew
   use dem_surface_search, only: list_near
-  use dem_surface_records, only: pack_touches, adopt_touches
+  use dem_surface_records, only: pack_touches, receive_touches
   implicit none
   private
-  public :: release_list, hand_in, take_in, haul_type, hand_in_driven, pack_contacts, is_first_here
+  public :: release_list, deliver, take_in, haul_type, deliver_driven, pack_contacts, is_first_here
 
   !> What all ranks have handed in, on the leader.
   type :: haul_type
@@ -41,7 +41,7 @@ contains
   end subroutine release_list
 
   !> Free grains, contacts and the parts of prescribed grains' sums, from all ranks to the leader.
-  subroutine hand_in(team, part, haul)
+  subroutine deliver(team, part, haul)
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(in) :: part
     type(haul_type), intent(out) :: haul
@@ -64,7 +64,7 @@ contains
                                   .or. part%grains%kind == kind_mirror), rows)
     call team%collect(reshape(rows(:sum_reals, :), [sum_reals*size(rows, 2)]), &
                       haul%prescribed)
-  end subroutine hand_in
+  end subroutine deliver
 
   !> Every contact of a rank whose first id is in a range, planes as -1, -2, ...; those over a
   !! border from the rank of the lower id alone.
@@ -113,7 +113,7 @@ contains
   end function first_id
 
   !> Driven grains of the whole as they are now: sums over the ranks of what acts on them.
-  subroutine hand_in_driven(team, part, whole)
+  subroutine deliver_driven(team, part, whole)
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(in) :: part
     type(dem_data_type), intent(inout) :: whole  !! of the leader; the others name any
@@ -128,7 +128,7 @@ contains
       i = index_of(whole, rows(at_id, k))
       call unpack_grain(rows(:, k), whole, i)
     end do
-  end subroutine hand_in_driven
+  end subroutine deliver_driven
 
   !> The whole as it is now.
   subroutine take_in(part, haul, whole)
@@ -154,12 +154,12 @@ contains
     end do
     whole%pairs%skin = part%pairs%skin
     whole%pairs%built_at = part%pairs%built_at
-    call adopt_contacts(whole, haul%contacts)
+    call receive_contacts(whole, haul%contacts)
     call build_pairs(whole%pairs, whole%grains, whole%planes, whole%weights, &
                      whole%par%ghost_pairs, whole%cell)
     call give_results(whole, haul%contacts)
     if (whole%surfaces%n == 0) return
-    call adopt_touches(whole, haul%touches)
+    call receive_touches(whole, haul%touches)
     call list_near(whole)
     if (allocated(whole%surfaces%membranes)) call share_anew(whole)
   end subroutine take_in
@@ -169,7 +169,7 @@ contains
     type(dem_data_type), intent(in) :: part
     real(wp), intent(in) :: prescribed(:, :)
     type(dem_data_type), intent(inout) :: whole
-    real(wp) :: row(grain_reals(part%halo%formed))
+    real(wp) :: row(grain_reals(part%halo%shaped))
     integer(i4) :: i, k, n, r
 
     n = 0

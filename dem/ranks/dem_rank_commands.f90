@@ -5,24 +5,29 @@ module dem_rank_commands
   use talus_ranks, only: ranks_type
   use talus_system, only: memory_most
   use dem_state, only: dem_data_type
-  use dem_received_contacts, only: adopt_contacts, give_results
-  use dem_distribute, only: hand_out
+  use dem_received_contacts, only: receive_contacts, give_results
+  use dem_distribute, only: distribute
   use dem_migrate, only: share_out
   use dem_pairs, only: build_pairs
   use dem_record_heap, only: record_heap_type
   use dem_surface_search, only: list_near
   implicit none
   private
-  public :: order_start, order_step, order_look, order_leave, order_targets, order_loads, &
-    order_reset, order_slow, order_glance, order_grains, order_contacts, order_records, &
-    order_fresh, order_renew, order_weigh, order_again, order_add, order_adopt, order_balance
-  public :: begin_part, adopt_kept, weight_of
+  public :: command_start, command_step, command_gather, command_leave, command_targets, &
+    command_loads, &
+    command_reset, command_slow, command_glance, command_grains, command_contacts, &
+    command_records, &
+    command_fresh, command_renew, command_weigh, command_again, command_add, command_receive, &
+    command_balance
+  public :: begin_part, receive_kept, weight_of
 
-  integer(i4), parameter :: order_start = 1, order_step = 2, order_look = 3, order_leave = 4, &
-    order_targets = 5, order_loads = 6, order_reset = 7, order_slow = 8, order_glance = 9, &
-    order_grains = 10, order_contacts = 11, order_records = 12, order_fresh = 13, &
-    order_renew = 14, order_weigh = 15, order_again = 16, &
-    order_add = 17, order_adopt = 18, order_balance = 19
+  integer(i4), parameter :: command_start = 1, command_step = 2, command_gather = 3, &
+    command_leave = 4, &
+    command_targets = 5, command_loads = 6, command_reset = 7, command_slow = 8, &
+    command_glance = 9, &
+    command_grains = 10, command_contacts = 11, command_records = 12, command_fresh = 13, &
+    command_renew = 14, command_weigh = 15, command_again = 16, &
+    command_add = 17, command_receive = 18, command_balance = 19
 
 contains
 
@@ -33,7 +38,7 @@ contains
     logical, intent(in) :: bare                 !! contacts come afterwards
     real(wp), allocatable :: contacts(:, :)
     part%halo%cut = .false.
-    call hand_out(team, part)
+    call distribute(team, part)
     call share_out(part, contacts)
     if (.not. bare) call list_part(part, contacts)
   end subroutine begin_part
@@ -48,14 +53,14 @@ contains
   end subroutine list_part
 
   !> All contacts of a checkpoint have come by: the list of a part with those that were kept.
-  subroutine adopt_kept(kept, part)
+  subroutine receive_kept(kept, part)
     type(record_heap_type), intent(inout) :: kept
     type(dem_data_type), intent(inout) :: part
     real(wp), allocatable :: contacts(:, :)
     call kept%take(part, contacts)
-    call adopt_contacts(part, contacts)
+    call receive_contacts(part, contacts)
     call list_part(part, contacts)
-  end subroutine adopt_kept
+  end subroutine receive_kept
 
   !> Most memory that this process has had [bytes], its grains, mirrors, candidate pairs.
   function weight_of(part) result(row)

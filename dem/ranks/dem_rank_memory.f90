@@ -16,7 +16,7 @@ module dem_rank_memory
   use dem_surface_additional, only: surface_kept_reals
   implicit none
   private
-  public :: rank_loads_type, find_loads, memory_foretold
+  public :: rank_loads_type, find_loads, memory_estimate
 
   real(wp), parameter :: bytes = 8.0_wp             !! of a real
   real(wp), parameter :: alone = 27.0_wp*2**20      !! a rank without grains [byte]
@@ -151,7 +151,7 @@ contains
   end subroutine count_pairs
 
   !> Most memory that each rank will have had [byte].
-  function memory_foretold(d, loads, apart, gathers) result(most)
+  function memory_estimate(d, loads, apart, gathers) result(most)
     type(dem_data_type), intent(in) :: d
     type(rank_loads_type), intent(in) :: loads
     logical, intent(in) :: apart    !! the whole is handed out before it has a list
@@ -161,7 +161,7 @@ contains
     real(wp) :: rooms, surfaces
     integer(i4) :: r
 
-    row = bytes*grain_reals(d%grains%forms%n > 0)
+    row = bytes*grain_reals(d%grains%shapes%n > 0)
     contact = bytes*contact_reals(d)
     body = bytes*(body_size + list_reals)
     prescribed = real(count(d%grains%kind /= kind_free), wp)
@@ -192,7 +192,7 @@ contains
     held = 2.0_wp*(whole + surfaces) + 2.0_wp*row*(min(d%grains%n, slab) + loads%own(0))
     if (.not. apart) held = held + 2.0_wp*list + rooms*room
     most(0) = max(most(0), alone_first + pieces_first*held)
-  end function memory_foretold
+  end function memory_estimate
 
   !> Bytes of the room for a grain's contacts with surfaces, with what is near it.
   pure real(wp) function bytes_of_room(d) result(room)

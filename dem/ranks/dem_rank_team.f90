@@ -14,14 +14,14 @@ module dem_rank_team
   use dem_state, only: dem_data_type
   use dem_bonds_make, only: check_bonds
   use dem_contacts, only: dem_contacts_type, make_contacts, append_contacts
-  use dem_gather, only: release_list, hand_in, take_in, haul_type, hand_in_driven
+  use dem_gather, only: release_list, deliver, take_in, haul_type, deliver_driven
   use dem_halo_state, only: dem_halo_type
-  use dem_distribute, only: tell_step, tell_energies, tell_targets, tell_loads
+  use dem_distribute, only: broadcast_step, broadcast_energies, broadcast_targets, broadcast_loads
   use dem_measure, only: judge_runaway
-  use dem_rank_commands, only: order_start, order_step, order_look, order_leave, order_targets, &
-    order_loads, order_reset, order_slow, order_glance, order_grains, order_contacts, &
-    order_records, order_fresh, order_renew, order_weigh, order_again, order_add, order_adopt, &
-    order_balance, begin_part, adopt_kept, weight_of
+  use dem_rank_commands, only: command_start, command_step, command_gather, command_leave, &
+    command_targets, command_loads, command_reset, command_slow, command_glance, command_grains, &
+    command_contacts, command_records, command_fresh, command_renew, command_weigh, command_again, &
+    command_add, command_receive, command_balance, begin_part, receive_kept, weight_of
   use dem_part, only: start_part, move_part, report_of, add_reports, glance_of, add_glances, &
     balance_of, rank_marks_type
   use dem_record_heap, only: record_heap_type
@@ -30,12 +30,12 @@ module dem_rank_team
     slab_grains, copy_state
   use dem_adaptive_damping, only: stop_slowing, reset_sums
   use dem_steps, only: step_memory_type
-  use dem_broadcast, only: tell_matrix
+  use dem_broadcast, only: broadcast_matrix
   implicit none
   private
-  public :: dem_crew_type
+  public :: dem_rank_team_type
 
-  type :: dem_crew_type
+  type :: dem_rank_team_type
     type(ranks_type) :: team
     type(dem_data_type) :: part                !! grains of this rank's domain
     type(step_memory_type) :: memory
@@ -53,9 +53,9 @@ module dem_rank_team
     procedure :: begin_fresh
     procedure :: begin_again
     procedure :: add_records
-    procedure :: adopt_records
+    procedure :: receive_records
     procedure :: step
-    procedure :: look
+    procedure :: gather
     procedure :: glance
     procedure :: balance
     procedure :: see_grains
@@ -69,32 +69,32 @@ module dem_rank_team
     procedure :: try_out
     procedure :: go_alone
     procedure :: leave
-    procedure :: text => crew_text
+    procedure :: text => rank_team_text
     procedure, private :: start
     procedure, private :: pending
-    procedure, private :: tell_changes
-  end type dem_crew_type
+    procedure, private :: broadcast_changes
+  end type dem_rank_team_type
 
 contains
 
   !> n steps of the whole; its ledger, planes, health and limits are up to date afterwards, its
   !! grains and contacts only after a look.
   subroutine step(self, whole, n, errors)
-    class(dem_crew_type), intent(inout) :: self
+    class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: whole
     integer(i4), intent(in) :: n
     type(error_list_type), intent(inout) :: errors
-    integer(i4) :: order(2)
+    integer(i4) :: command(2)
     real(wp), allocatable :: reports(:, :)
 
-    if (.not. self%started) call self%start(whole, order_start)
-    call self%tell_changes(whole)
+    if (.not. self%started) call self%start(whole, command_start)
+    call self%broadcast_changes(whole)
     call release_list(whole%pairs)
     whole%halo%cell_seen = .false.
     self%glanced = .false.
-    order = [order_step, n]
-    call self%team%await(order)
-    call tell_step(self%team, whole, self%part)
+    command = [command_step, n]
+    call self%team%await(command)
+    call broadcast_step(self%team, whole, self%part)
     call move_part(self%part, self%memory, n, errors)
     call self%team%collect(report_of(self%part), reports)
     call add_reports(self%part, reports, whole, self%marks)
@@ -108,11 +108,11 @@ contains
 
   !> Every rank makes the list of its part of a whole without one, and finds the first forces.
   subroutine begin_fresh(self, whole, errors)
-    class(dem_crew_type), intent(inout) :: self
+    class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: whole
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: reports(:, :)
-    call self%start(whole, order_fresh)
+    call self%start(whole, command_fresh)
     call release_list(whole%pairs)
     call start_part(self%part, errors)
     call self%team%collect(report_of(self%part), reports)
@@ -124,51 +124,51 @@ contains
 
   !> Every rank gets its grains of a whole without a list; then contacts come, in any order.
   subroutine begin_again(self, whole)
-    class(dem_crew_type), intent(inout) :: self
+    class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(in) :: whole
-    call self%start(whole, order_again)
+    call self%start(whole, command_again)
   end subroutine begin_again
 
   !> Some contacts, see dem_records: every rank keeps those of its own grains.
   subroutine add_records(self, rows)
-    class(dem_crew_type), intent(inout) :: self
+    class(dem_rank_team_type), intent(inout) :: self
     real(wp), intent(inout), contiguous :: rows(:, :)
-    integer(i4) :: order(2)
-    order = [order_add, size(rows, 2, i4)]
-    call self%team%await(order)
-    call tell_matrix(self%team, rows)
+    integer(i4) :: command(2)
+    command = [command_add, size(rows, 2, i4)]
+    call self%team%await(command)
+    call broadcast_matrix(self%team, rows)
     call self%records%keep(self%part, rows)
   end subroutine add_records
 
   !> All have come: every rank makes its list.
-  subroutine adopt_records(self, whole)
-    class(dem_crew_type), intent(inout) :: self
+  subroutine receive_records(self, whole)
+    class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: whole
     real(wp), allocatable :: reports(:, :)
-    integer(i4) :: order(2)
-    order = [order_adopt, 0_i4]
-    call self%team%await(order)
-    call adopt_kept(self%records, self%part)
+    integer(i4) :: command(2)
+    command = [command_receive, 0_i4]
+    call self%team%await(command)
+    call receive_kept(self%records, self%part)
     call self%team%collect(report_of(self%part), reports)
     call add_reports(self%part, reports, whole, self%marks)
     self%stale = .true.
     call self%glance(whole)
-  end subroutine adopt_records
+  end subroutine receive_records
 
   !> Give every rank its part.
   subroutine start(self, whole, how)
-    class(dem_crew_type), intent(inout) :: self
+    class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(in) :: whole
-    integer(i4), intent(in) :: how  !! order_start, order_fresh or order_again
-    integer(i4) :: order(2)
+    integer(i4), intent(in) :: how  !! command_start, command_fresh or command_again
+    integer(i4) :: command(2)
     type(dem_halo_type) :: halo
-    order = [how, int(omp_get_max_threads(), i4)]
-    call self%team%await(order)
+    command = [how, int(omp_get_max_threads(), i4)]
+    call self%team%await(command)
     halo = self%part%halo
     self%part = whole
     self%part%halo = halo
     self%part%halo%team = self%team
-    call begin_part(self%team, self%part, how == order_again)
+    call begin_part(self%team, self%part, how == command_again)
     self%started = .true.
     self%redirected = any(whole%grains%has_target)
     self%reset = .false.
@@ -177,35 +177,35 @@ contains
   end subroutine start
 
   !> What the leader has changed since the last steps.
-  subroutine tell_changes(self, whole)
-    class(dem_crew_type), intent(inout) :: self
+  subroutine broadcast_changes(self, whole)
+    class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(in) :: whole
-    integer(i4) :: order(2)
+    integer(i4) :: command(2)
     if (self%reset) then
-      order = [order_reset, 0_i4]
-      call self%team%await(order)
+      command = [command_reset, 0_i4]
+      call self%team%await(command)
       call reset_sums(self%part)
     end if
     if (self%redirected) then
-      order = [order_targets, merge(0_i4, 1_i4, self%stale)]
-      call self%team%await(order)
-      call tell_targets(self%team, whole, order(2) > 0, self%part)
+      command = [command_targets, merge(0_i4, 1_i4, self%stale)]
+      call self%team%await(command)
+      call broadcast_targets(self%team, whole, command(2) > 0, self%part)
     end if
     if (allocated(self%loaded)) then
-      order = [order_loads, 0_i4]
-      call self%team%await(order)
-      call tell_loads(self%team, whole, self%loaded, self%part)
+      command = [command_loads, 0_i4]
+      call self%team%await(command)
+      call broadcast_loads(self%team, whole, self%loaded, self%part)
       deallocate (self%loaded)
     end if
     self%part%ledger%start = self%part%ledger%start + self%shift
     self%shift = 0.0_wp
     self%reset = .false.
     self%redirected = .false.
-  end subroutine tell_changes
+  end subroutine broadcast_changes
 
   !> Extra forces of these grains have changed in the whole.
   subroutine mark_loads(self, marked)
-    class(dem_crew_type), intent(inout) :: self
+    class(dem_rank_team_type), intent(inout) :: self
     logical, intent(in) :: marked(:)  !! (grains)
     if (.not. self%started) return
     if (.not. allocated(self%loaded)) allocate (self%loaded(size(marked)), source=.false.)
@@ -214,14 +214,14 @@ contains
 
   !> Adaptive damping of all grains.
   subroutine slow_down(self, whole)
-    class(dem_crew_type), intent(inout) :: self
+    class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: whole
-    integer(i4) :: order(2)
+    integer(i4) :: command(2)
     real(wp), allocatable :: reports(:, :)
-    if (.not. self%started) call self%start(whole, order_start)
+    if (.not. self%started) call self%start(whole, command_start)
     self%glanced = .false.
-    order = [order_slow, 0_i4]
-    call self%team%await(order)
+    command = [command_slow, 0_i4]
+    call self%team%await(command)
     call stop_slowing(self%part)
     call self%team%collect(report_of(self%part), reports)
     call add_reports(self%part, reports, whole, self%marks)
@@ -230,7 +230,7 @@ contains
 
   !> The whole was put in another state: ranks get new parts of it before the next steps.
   subroutine begin_anew(self)
-    class(dem_crew_type), intent(inout) :: self
+    class(dem_rank_team_type), intent(inout) :: self
     self%started = .false.
     self%stale = .false.
     self%glanced = .false.
@@ -239,11 +239,11 @@ contains
   !> The leader moves all grains from now on, with the threads of the ranks of its host, which
   !! sleep: as many as it has processors.
   subroutine go_alone(self, whole)
-    class(dem_crew_type), intent(inout) :: self
+    class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: whole
     integer(i4) :: threads
     if (self%alone) return
-    call self%look(whole)
+    call self%gather(whole)
     call self%begin_anew()
     self%alone = .true.
     threads = int(omp_get_max_threads(), i4)
@@ -252,41 +252,41 @@ contains
   end subroutine go_alone
 
   !> Bring the whole up to date.
-  subroutine look(self, whole)
-    class(dem_crew_type), intent(inout) :: self
+  subroutine gather(self, whole)
+    class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: whole
-    integer(i4) :: order(2)
+    integer(i4) :: command(2)
     type(haul_type) :: haul
     if (.not. self%stale) return
-    order = [order_look, 0_i4]
-    call self%team%await(order)
-    call hand_in(self%team, self%part, haul)
+    command = [command_gather, 0_i4]
+    call self%team%await(command)
+    call deliver(self%team, self%part, haul)
     call take_in(self%part, haul, whole)
     whole%halo%cell_seen = .false.
     self%stale = .false.
-  end subroutine look
+  end subroutine gather
 
   !> Energies, contacts' number, the stress in a cell and driven grains of the whole, without the
   !! rest.
   subroutine glance(self, whole)
-    class(dem_crew_type), intent(inout) :: self
+    class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: whole
-    integer(i4) :: order(2)
+    integer(i4) :: command(2)
     real(wp), allocatable :: rows(:, :)
     if (self%glanced .and. .not. self%pending(whole)) return
-    call self%tell_changes(whole)
-    order = [order_glance, 0_i4]
-    call self%team%await(order)
-    call tell_energies(self%team, whole, self%part)
+    call self%broadcast_changes(whole)
+    command = [command_glance, 0_i4]
+    call self%team%await(command)
+    call broadcast_energies(self%team, whole, self%part)
     call self%team%collect(glance_of(self%part), rows)
     call add_glances(self%part, rows, whole, self%marks)
-    call hand_in_driven(self%team, self%part, whole)
+    call deliver_driven(self%team, self%part, whole)
     self%glanced = .true.
   end subroutine glance
 
   !> Has the leader changed something that energies depend on since the ranks told them?
   logical function pending(self, whole)
-    class(dem_crew_type), intent(in) :: self
+    class(dem_rank_team_type), intent(in) :: self
     type(dem_data_type), intent(in) :: whole
     pending = self%reset .or. self%redirected .or. allocated(self%loaded) .or. &
       allocated(whole%surfaces%rigid%free)
@@ -295,19 +295,19 @@ contains
 
   !> Sums of all ranks, see balance_of.
   subroutine balance(self, sums)
-    class(dem_crew_type), intent(inout) :: self
+    class(dem_rank_team_type), intent(inout) :: self
     real(wp), intent(out) :: sums(:)
     real(wp), allocatable :: rows(:, :)
-    integer(i4) :: order(2)
-    order = [order_balance, 0_i4]
-    call self%team%await(order)
+    integer(i4) :: command(2)
+    command = [command_balance, 0_i4]
+    call self%team%await(command)
     call self%team%collect(balance_of(self%part), rows)
     sums = sum(rows, 2)
   end subroutine balance
 
   !> Places, motion and forces of all grains of the whole as they are now, without their contacts.
   subroutine see_grains(self, whole)
-    class(dem_crew_type), intent(inout) :: self
+    class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: whole
     type(dem_slab_type) :: slab
     integer(i4) :: low, high
@@ -320,7 +320,7 @@ contains
 
   !> All contacts as they are now, in the order of those of one rank.
   subroutine see_contacts(self, whole, list)
-    class(dem_crew_type), intent(inout) :: self
+    class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: whole
     type(dem_contacts_type), intent(inout) :: list
     type(dem_contacts_type) :: some
@@ -345,34 +345,34 @@ contains
 
   !> Some grains of the whole as they are now.
   subroutine some_grains(self, ids, slab)
-    class(dem_crew_type), intent(inout) :: self
+    class(dem_rank_team_type), intent(inout) :: self
     integer(i8), intent(in) :: ids(:)  !! all from the first to the last, ascending
     type(dem_slab_type), intent(out) :: slab
-    integer(i4) :: order(2)
-    order = [order_grains, 0_i4]
-    call self%team%await(order)
+    integer(i4) :: command(2)
+    command = [command_grains, 0_i4]
+    call self%team%await(command)
     call slab_of_grains(self%team, self%part, ids, slab)
   end subroutine some_grains
 
   !> Contacts whose first id is between two, planes and surfaces being -1, -2, ...
   subroutine some_contacts(self, first, last, list)
-    class(dem_crew_type), intent(inout) :: self
+    class(dem_rank_team_type), intent(inout) :: self
     integer(i8), intent(in) :: first, last
     type(dem_contacts_type), intent(out) :: list
-    integer(i4) :: order(2)
-    order = [order_contacts, 0_i4]
-    call self%team%await(order)
+    integer(i4) :: command(2)
+    command = [command_contacts, 0_i4]
+    call self%team%await(command)
     call slab_of_contacts(self%team, self%part, first, last, list)
   end subroutine some_contacts
 
   !> The same with all that they keep, see dem_records.
   subroutine some_records(self, first, last, rows)
-    class(dem_crew_type), intent(inout) :: self
+    class(dem_rank_team_type), intent(inout) :: self
     integer(i8), intent(in) :: first, last
     real(wp), allocatable, intent(out) :: rows(:, :)
-    integer(i4) :: order(2)
-    order = [order_records, 0_i4]
-    call self%team%await(order)
+    integer(i4) :: command(2)
+    command = [command_records, 0_i4]
+    call self%team%await(command)
     call slab_of_records(self%team, self%part, first, last, rows)
   end subroutine some_records
 
@@ -380,30 +380,30 @@ contains
   !! and where the run gathers the whole, that. Tells of each rank the most bytes that it had, its
   !! grains, mirrors and candidate pairs. The run does not go on from here.
   subroutine try_out(self, whole, gathers, rows)
-    class(dem_crew_type), intent(inout) :: self
+    class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: whole
     logical, intent(in) :: gathers
     real(wp), allocatable, intent(out) :: rows(:, :)  !! (4, ranks)
-    integer(i4) :: order(2), round
+    integer(i4) :: command(2), round
 
-    if (.not. self%started) call self%start(whole, order_start)
+    if (.not. self%started) call self%start(whole, command_start)
     call release_list(whole%pairs)
     self%stale = .true.
     do round = 1, 2  ! what the first has freed is not all of use to the second
-      order = [order_renew, 0_i4]
-      call self%team%await(order)
+      command = [command_renew, 0_i4]
+      call self%team%await(command)
       call rebuild_list(self%part, 0.0_wp)
       call try_slabs(self, whole)
     end do
-    if (gathers) call self%look(whole)
-    order = [order_weigh, 0_i4]
-    call self%team%await(order)
+    if (gathers) call self%gather(whole)
+    command = [command_weigh, 0_i4]
+    call self%team%await(command)
     call self%team%collect(weight_of(self%part), rows)
   end subroutine try_out
 
   !> The slabs of fields and of a checkpoint.
   subroutine try_slabs(self, whole)
-    type(dem_crew_type), intent(inout) :: self
+    type(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(in) :: whole
     type(dem_slab_type) :: slab
     type(dem_contacts_type) :: list
@@ -421,17 +421,17 @@ contains
 
   !> The others leave with this exit code.
   subroutine leave(self, exit_code)
-    class(dem_crew_type), intent(inout) :: self
+    class(dem_rank_team_type), intent(inout) :: self
     integer(i4), intent(in) :: exit_code
-    integer(i4) :: order(2)
+    integer(i4) :: command(2)
     if (.not. self%team%several()) return
-    order = [order_leave, exit_code]
-    call self%team%await(order)
+    command = [command_leave, exit_code]
+    call self%team%await(command)
   end subroutine leave
 
   !> How the ranks shared the work, for the log.
-  function crew_text(self, steps_time) result(text)
-    class(dem_crew_type), intent(in) :: self
+  function rank_team_text(self, steps_time) result(text)
+    class(dem_rank_team_type), intent(in) :: self
     real(wp), intent(in) :: steps_time  !! in steps so far [s]
     character(len=:), allocatable :: text
     associate (m => self%marks)
@@ -443,5 +443,5 @@ contains
         short_number(m%mirrors(1))//' to '//short_number(m%mirrors(2))//' mirrors, imbalance '// &
         short_number(m%imbalance)
     end associate
-  end function crew_text
+  end function rank_team_text
 end module dem_rank_team

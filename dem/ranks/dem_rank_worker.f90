@@ -1,4 +1,4 @@
-!> A rank that does not lead: it does what the leader orders until that sends it home.
+!> A rank that does not lead: it does what the leader commands until that sends it home.
 module dem_rank_worker
   use omp_lib, only: omp_set_num_threads
   use talus_kinds, only: wp, i4, i8
@@ -7,12 +7,12 @@ module dem_rank_worker
   use talus_system, only: install_signals
   use dem_state, only: dem_data_type
   use dem_contacts, only: dem_contacts_type
-  use dem_gather, only: hand_in, haul_type, hand_in_driven
-  use dem_distribute, only: tell_step, tell_energies, tell_targets, tell_loads
-  use dem_rank_commands, only: order_start, order_step, order_look, order_targets, order_loads, &
-    order_reset, order_slow, order_glance, order_grains, order_contacts, order_records, &
-    order_fresh, order_renew, order_weigh, order_again, order_add, order_adopt, order_balance, &
-    begin_part, adopt_kept, weight_of
+  use dem_gather, only: deliver, haul_type, deliver_driven
+  use dem_distribute, only: broadcast_step, broadcast_energies, broadcast_targets, broadcast_loads
+  use dem_rank_commands, only: command_start, command_step, command_gather, command_targets, &
+    command_loads, command_reset, command_slow, command_glance, command_grains, command_contacts, &
+    command_records, command_fresh, command_renew, command_weigh, command_again, command_add, &
+    command_receive, command_balance, begin_part, receive_kept, weight_of
   use dem_part, only: start_part, move_part, report_of, glance_of, balance_of
   use dem_record_heap, only: record_heap_type
   use dem_records, only: contact_reals
@@ -20,7 +20,7 @@ module dem_rank_worker
   use dem_slabs, only: dem_slab_type, slab_of_grains, slab_of_contacts, slab_of_records
   use dem_adaptive_damping, only: stop_slowing, reset_sums
   use dem_steps, only: step_memory_type
-  use dem_broadcast, only: tell_matrix
+  use dem_broadcast, only: broadcast_matrix
   implicit none
   private
   public :: serve_leader
@@ -40,7 +40,7 @@ contains
     type(ranks_type), intent(in) :: team
     integer(i4), intent(out) :: exit_code
     type(follower_type), allocatable :: self
-    integer(i4) :: order(2)
+    integer(i4) :: command(2)
     logical :: done
 
     call install_signals(.false.)
@@ -48,19 +48,19 @@ contains
     self%team = team
     self%part%halo%team = team
     do
-      call team%await(order)
-      call move_on(self, order, done)
-      if (.not. done) call hand_over(self, order, done)
+      call team%await(command)
+      call move_on(self, command, done)
+      if (.not. done) call hand_over(self, command, done)
       if (done) cycle
-      exit_code = order(2)
+      exit_code = command(2)
       return
     end do
   end subroutine serve_leader
 
   !> Orders that change the part.
-  subroutine move_on(self, order, done)
+  subroutine move_on(self, command, done)
     type(follower_type), intent(inout) :: self
-    integer(i4), intent(in) :: order(2)
+    integer(i4), intent(in) :: command(2)
     logical, intent(out) :: done
     type(error_list_type) :: errors
     real(wp), allocatable :: rows(:, :)
@@ -68,39 +68,39 @@ contains
 
     done = .true.
     associate (team => self%team, part => self%part)
-      select case (order(1))
-      case (order_start, order_fresh)
-        call omp_set_num_threads(order(2))
+      select case (command(1))
+      case (command_start, command_fresh)
+        call omp_set_num_threads(command(2))
         call begin_part(team, part, .false.)
-        if (order(1) == order_start) return
+        if (command(1) == command_start) return
         call start_part(part, errors)
-        call tell_report(self)
+        call send_report(self)
         call team%agree(errors)
-      case (order_step)
-        call tell_step(team, part, part)
-        call move_part(part, self%memory, order(2), errors)
-        call tell_report(self)
+      case (command_step)
+        call broadcast_step(team, part, part)
+        call move_part(part, self%memory, command(2), errors)
+        call send_report(self)
         call team%agree(errors)
-      case (order_reset)
+      case (command_reset)
         call reset_sums(part)
-      case (order_targets)
-        call tell_targets(team, part, order(2) > 0, part)
-      case (order_loads)
-        call tell_loads(team, part, none, part)
-      case (order_slow)
+      case (command_targets)
+        call broadcast_targets(team, part, command(2) > 0, part)
+      case (command_loads)
+        call broadcast_loads(team, part, none, part)
+      case (command_slow)
         call stop_slowing(part)
-        call tell_report(self)
-      case (order_again)
-        call omp_set_num_threads(order(2))
+        call send_report(self)
+      case (command_again)
+        call omp_set_num_threads(command(2))
         call begin_part(team, part, .true.)
-      case (order_add)
-        allocate (rows(contact_reals(part), order(2)))
-        call tell_matrix(team, rows)
+      case (command_add)
+        allocate (rows(contact_reals(part), command(2)))
+        call broadcast_matrix(team, rows)
         call self%records%keep(part, rows)
-      case (order_adopt)
-        call adopt_kept(self%records, part)
-        call tell_report(self)
-      case (order_renew)
+      case (command_receive)
+        call receive_kept(self%records, part)
+        call send_report(self)
+      case (command_renew)
         call rebuild_list(part, 0.0_wp)
       case default
         done = .false.
@@ -109,9 +109,9 @@ contains
   end subroutine move_on
 
   !> Orders to hand in what the part holds.
-  subroutine hand_over(self, order, done)
+  subroutine hand_over(self, command, done)
     type(follower_type), intent(inout) :: self
-    integer(i4), intent(in) :: order(2)
+    integer(i4), intent(in) :: command(2)
     logical, intent(out) :: done
     type(haul_type) :: haul
     type(dem_slab_type) :: slab
@@ -121,22 +121,22 @@ contains
 
     done = .true.
     associate (team => self%team, part => self%part)
-      select case (order(1))
-      case (order_look)
-        call hand_in(team, part, haul)
-      case (order_glance)
-        call tell_energies(team, part, part)
+      select case (command(1))
+      case (command_gather)
+        call deliver(team, part, haul)
+      case (command_glance)
+        call broadcast_energies(team, part, part)
         call team%collect(glance_of(part), rows)
-        call hand_in_driven(team, part, part)
-      case (order_balance)
+        call deliver_driven(team, part, part)
+      case (command_balance)
         call team%collect(balance_of(part), rows)
-      case (order_grains)
+      case (command_grains)
         call slab_of_grains(team, part, no_id, slab)
-      case (order_contacts)
+      case (command_contacts)
         call slab_of_contacts(team, part, 0_i8, 0_i8, list)
-      case (order_records)
+      case (command_records)
         call slab_of_records(team, part, 0_i8, 0_i8, rows)
-      case (order_weigh)
+      case (command_weigh)
         call team%collect(weight_of(part), rows)
       case default
         done = .false.
@@ -145,9 +145,9 @@ contains
   end subroutine hand_over
 
   !> What the leader must know after steps.
-  subroutine tell_report(self)
+  subroutine send_report(self)
     type(follower_type), intent(in) :: self
     real(wp), allocatable :: reports(:, :)
     call self%team%collect(report_of(self%part), reports)
-  end subroutine tell_report
+  end subroutine send_report
 end module dem_rank_worker

@@ -4,7 +4,7 @@ module dem_slabs
   use talus_kinds, only: wp, i4, i8
   use talus_ranks, only: ranks_type
   use dem_contacts, only: dem_contacts_type, list_contacts
-  use dem_shape_state, only: allocate_forms, put_frame
+  use dem_shape_state, only: allocate_shapes, put_frame
   use dem_gather, only: pack_contacts, is_first_here
   use dem_make, only: allocate_grains, sorted_order
   use dem_measure, only: coordination_of
@@ -40,8 +40,8 @@ contains
     integer(i4), allocatable :: z(:)
 
     if (team%leads()) range = real([ids(1), ids(size(ids))], wp)
-    call team%tell_values(range)
-    reals = grain_reals(part%halo%formed)
+    call team%broadcast_values(range)
+    reals = grain_reals(part%halo%shaped)
     z = coordination_of(part)
     call pack_own(part, range, z, rows)
     number = 0
@@ -65,7 +65,7 @@ contains
     integer(i4), intent(in) :: z(:)
     real(wp), allocatable, intent(out) :: rows(:, :)
     integer(i4) :: i, n, round, reals
-    reals = grain_reals(part%halo%formed)
+    reals = grain_reals(part%halo%shaped)
     do round = 1, 2
       n = 0
       do i = 1, part%grains%n
@@ -103,7 +103,7 @@ contains
     real(wp), intent(in) :: range(2)
     integer(i4), intent(in) :: z(:)
     real(wp), allocatable, intent(out) :: sums(:, :)  !! (sum_reals+1, grains)
-    real(wp) :: row(grain_reals(part%halo%formed))
+    real(wp) :: row(grain_reals(part%halo%shaped))
     real(wp), allocatable :: flat(:)
     integer(i4) :: i, n
     n = count([(prescribed_within(part, i, range), i=1, part%grains%n)])
@@ -128,7 +128,7 @@ contains
     associate (d => slab%some)
       d%grains%n = size(ids)
       call allocate_grains(d%grains, size(part%grains%work) > 0)
-      if (part%halo%formed) call allocate_forms(d%grains%forms, d%grains%n)
+      if (part%halo%shaped) call allocate_shapes(d%grains%shapes, d%grains%n)
       d%grains%id = ids
       if (allocated(part%seen_kinetic)) allocate (d%seen_kinetic(d%grains%n), source=0.0_wp)
     end associate
@@ -150,7 +150,7 @@ contains
       whole%theta(:, i) = some%theta(:, k)
       whole%force(:, i) = some%force(:, k)
       whole%moment(:, i) = some%moment(:, k)
-      call put_frame(whole%forms, i, whole%quat(:, i))
+      call put_frame(whole%shapes, i, whole%quat(:, i))
     end do
   end subroutine copy_state
 
@@ -159,7 +159,7 @@ contains
     type(dem_data_type), intent(in) :: part
     real(wp), intent(in) :: range(2), sums(:, :)
     type(dem_slab_type), intent(inout) :: slab
-    real(wp) :: row(grain_reals(part%halo%formed))
+    real(wp) :: row(grain_reals(part%halo%shaped))
     integer(i4) :: i, k, n
     n = 0
     do i = 1, part%grains%n
@@ -186,7 +186,7 @@ contains
     integer(i4) :: number(0:team%ranks - 1), came(0:team%ranks - 1), k, n, round
 
     range = real([first, last], wp)
-    call team%tell_values(range)
+    call team%broadcast_values(range)
     call list_contacts(part, mine)
     do round = 1, 2
       n = 0
@@ -255,7 +255,7 @@ contains
     real(wp), allocatable :: rows(:, :)
     integer(i4) :: number(0:team%ranks - 1), came(0:team%ranks - 1)
     range = real([first, last], wp)
-    call team%tell_values(range)
+    call team%broadcast_values(range)
     call pack_contacts(part, range, rows)
     number = 0
     number(0) = size(rows, 2)

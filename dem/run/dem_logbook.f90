@@ -10,11 +10,11 @@ module dem_logbook
   use dem_state, only: kind_free, kind_fixed, kind_driven, kind_ghost
   use dem_equilibrium, only: dem_equilibrium_type
   use dem_shape, only: bulge, hertz_radius
-  use dem_shape_state, only: form_octants, form_powers
+  use dem_shape_state, only: shape_octants, shape_powers
   use dem_system, only: dem_system_type
   use dem_histories, only: relative_closure
   use dem_clock, only: dem_clock_type
-  use dem_rank_team, only: dem_crew_type
+  use dem_rank_team, only: dem_rank_team_type
   use dem_surface_body, only: is_free
   use dem_surface_state, only: dem_surfaces_type, surface_cone, is_cylinder, is_bore
   use dem_setup, only: dem_choices_type
@@ -56,7 +56,7 @@ contains
     call log%item('grains', str(system%grains%n), counted(system, kind_free)//' free, '// &
                   counted(system, kind_fixed)//' fixed, '//counted(system, kind_driven)// &
                   ' driven, '//counted(system, kind_ghost)//' ghosts')
-    if (system%grains%forms%n > 0) call log_forms(log, system)
+    if (system%grains%shapes%n > 0) call log_shapes(log, system)
     call log%item('walls', str(system%planes%n))
     do k = 1, system%surfaces%n
       call log%item(trim(merge('surfaces', '        ', k == 1)), system%surfaces%name(k)%s, &
@@ -86,20 +86,20 @@ contains
   end subroutine log_model
 
   !> How many grains are no ellipsoids, and how far the flat spots of superquadrics are rounded.
-  subroutine log_forms(log, system)
+  subroutine log_shapes(log, system)
     type(log_type), intent(inout) :: log
     type(dem_system_type), intent(in) :: system
     real(wp) :: most
-    associate (f => system%grains%forms)
-      call log%item('poly-ellipsoids', str(count(f%kind(:f%n) == form_octants)))
+    associate (f => system%grains%shapes)
+      call log%item('poly-ellipsoids', str(count(f%kind(:f%n) == shape_octants)))
       most = maxval(f%exponent)
       if (.not. most > 2.0_wp) return
-      call log%item('superquadrics', str(count(f%kind(:f%n) == form_powers)), &
+      call log%item('superquadrics', str(count(f%kind(:f%n) == shape_powers)), &
                     'exponents to '//short_number(most)//', flat spots rounded by '// &
                     short_number(bulge)//' of the semi-axis, radii in Hertz''s law to '// &
                     short_number(hertz_radius)//' mean semi-axes')
     end associate
-  end subroutine log_forms
+  end subroutine log_shapes
 
   !> Size of a surface, and its free edges if it has any.
   function surface_text(s, k) result(text)
@@ -249,7 +249,7 @@ contains
       call summary%set('health.unbalanced_force', equilibrium%unbalanced)
       call summary%set('health.kinetic_over_elastic', equilibrium%energy_ratio)
     end if
-    if (allocated(system%crew)) call put_ranks(summary, system%crew)
+    if (allocated(system%rank_team)) call put_ranks(summary, system%rank_team)
     call summary%set('energy.kinetic_J', system%ledger%kinetic)
     call summary%set('energy.elastic_J', system%ledger%elastic_normal &
                      + system%ledger%elastic_tangential)
@@ -259,18 +259,18 @@ contains
   end subroutine write_summary
 
   !> How the ranks shared the work.
-  subroutine put_ranks(summary, crew)
+  subroutine put_ranks(summary, rank_team)
     type(summary_type), intent(inout) :: summary
-    type(dem_crew_type), intent(in) :: crew
-    call summary%set('ranks.count', crew%team%ranks)
-    call summary%set('ranks.exchange_s', crew%marks%exchange(2))
-    call summary%set('ranks.least_exchange_s', crew%marks%exchange(1))
-    call summary%set('ranks.most_exchange_s', crew%marks%exchange(3))
-    call summary%set('ranks.imbalance', crew%marks%imbalance)
-    call summary%set('ranks.least_grains', nint(crew%marks%own(1), i4))
-    call summary%set('ranks.most_grains', nint(crew%marks%own(2), i4))
-    call summary%set('ranks.most_mirrors', nint(crew%marks%mirrors(2), i4))
-    call summary%set('ranks.bytes_a_step', crew%marks%bytes)
-    call summary%set('ranks.messages_a_step', crew%marks%messages)
+    type(dem_rank_team_type), intent(in) :: rank_team
+    call summary%set('ranks.count', rank_team%team%ranks)
+    call summary%set('ranks.exchange_s', rank_team%marks%exchange(2))
+    call summary%set('ranks.least_exchange_s', rank_team%marks%exchange(1))
+    call summary%set('ranks.most_exchange_s', rank_team%marks%exchange(3))
+    call summary%set('ranks.imbalance', rank_team%marks%imbalance)
+    call summary%set('ranks.least_grains', nint(rank_team%marks%own(1), i4))
+    call summary%set('ranks.most_grains', nint(rank_team%marks%own(2), i4))
+    call summary%set('ranks.most_mirrors', nint(rank_team%marks%mirrors(2), i4))
+    call summary%set('ranks.bytes_a_step', rank_team%marks%bytes)
+    call summary%set('ranks.messages_a_step', rank_team%marks%messages)
   end subroutine put_ranks
 end module dem_logbook

@@ -8,7 +8,7 @@ module dem_memory
   use talus_system, only: memory_free, memory_resident, memory_most
   use talus_text, only: str
   use dem_archive, only: dem_archive_type
-  use dem_rank_memory, only: rank_loads_type, find_loads, memory_foretold
+  use dem_rank_memory, only: rank_loads_type, find_loads, memory_estimate
   use dem_model, only: dem_model_type
   use dem_state, only: kind_free
   use dem_system, only: dem_system_type
@@ -36,11 +36,11 @@ contains
   subroutine report_memory(model)
     type(dem_model_type), intent(inout) :: model
     character(len=:), allocatable :: text
-    if (allocated(model%system%crew)) then
+    if (allocated(model%system%rank_team)) then
       text = memory_of_ranks(model%system, gathers(model))
     else
       text = memory_of_one(model%system)
-      if (model%options%ranks > 0) text = text//new_line('a')//foretold(model)
+      if (model%options%ranks > 0) text = text//new_line('a')//estimated(model)
     end if
     write (output_unit, '(a)') text
     flush (output_unit)
@@ -74,7 +74,7 @@ contains
     logical, intent(in) :: gathers  !! the whole from time to time
     character(len=:), allocatable :: text
     real(wp), allocatable :: rows(:, :)
-    call system%crew%try_out(system%dem_data_type, gathers, rows)
+    call system%rank_team%try_out(system%dem_data_type, gathers, rows)
     text = 'memory of '//str(size(rows, 2))//' ranks at most: the first '// &
            short_number(rows(1, 1)/mebibyte)//' MiB, the others '// &
            span(rows(1, 2:)/mebibyte)//' MiB'//new_line('a')// &
@@ -82,20 +82,20 @@ contains
   end function memory_of_ranks
 
   !> The same of ranks that are not there.
-  function foretold(model) result(text)
+  function estimated(model) result(text)
     type(dem_model_type), intent(in) :: model
     character(len=:), allocatable :: text
     type(rank_loads_type) :: loads
     real(wp), allocatable :: most(:)
     call find_loads(model%system%dem_data_type, model%options%ranks, loads)
-    most = memory_foretold(model%system%dem_data_type, loads, .not. model%starts_whole(), &
+    most = memory_estimate(model%system%dem_data_type, loads, .not. model%starts_whole(), &
                            gathers(model))
     text = 'memory of '//str(size(most))//' ranks, foretold to a fifth: the first '// &
            short_number(most(1)/mebibyte)//' MiB'
     if (size(most) > 1) text = text//', the others '//span(most(2:)/mebibyte)//' MiB'
     text = text//new_line('a')//holdings(real(loads%own, wp), real(loads%mirrors, wp), &
                                          real(loads%pairs, wp))
-  end function foretold
+  end function estimated
 
   function holdings(own, mirrors, pairs) result(text)
     real(wp), intent(in) :: own(:), mirrors(:), pairs(:)  !! (ranks)

@@ -61,14 +61,14 @@ contains
       end if
       call self%take_steps(block, errors)
       if (errors%any()) return
-      if (self%servo%due(self%clock%steps) .and. self%needs_whole()) call self%system%look()
+      if (self%servo%due(self%clock%steps) .and. self%needs_whole()) call self%system%gather()
       if (self%flow%due(self%clock%steps)) call self%system%glance()
       if (self%servo%due(self%clock%steps)) &
-        call self%servo%look(self%system%dem_data_type, self%clock%time(), &
+        call self%servo%update(self%system%dem_data_type, self%clock%time(), &
                              wall_stiffness_of(self%system))
       call self%load_surface(.false., errors)
       if (self%flow%due(self%clock%steps)) &
-        call self%flow%look(self%system%dem_data_type, self%clock%time())
+        call self%flow%update(self%system%dem_data_type, self%clock%time())
       if (self%drive%due(self%clock%steps)) call self%drive_surfaces()
       if (self%equilibrium%due(self%clock%steps)) call self%judge_rest()
       call self%equilibrium%damp(self%system, self%clock%steps)
@@ -80,7 +80,7 @@ contains
   subroutine judge_rest(self)
     class(dem_model_type), intent(inout) :: self
     if (.not. self%equilibrium%watched) return
-    call self%equilibrium%look(self%system, self%servo%satisfied(self%system%dem_data_type) .and. &
+    call self%equilibrium%check(self%system, self%servo%satisfied(self%system%dem_data_type) .and. &
                                self%flow%satisfied(self%system%dem_data_type))
   end subroutine judge_rest
 
@@ -136,7 +136,7 @@ contains
     integer(i4), intent(out) :: exit_code
     type(error_list_type), intent(inout) :: errors
 
-    if (self%needs_whole()) call self%system%look()
+    if (self%needs_whole()) call self%system%gather()
     if (self%surcharge%active) call see_grains(self%system)
     call self%system%glance()
     if (.not. (errors%any() .or. self%stopped)) call self%judge_rest()
@@ -194,8 +194,8 @@ contains
     if (self%surcharge%active) call self%log%line( &
       'surcharge: '//self%surcharge%text(self%system%dem_data_type))
     call log_health(self%log, self%system, self%clock)
-    if (allocated(self%system%crew)) &
-      call self%log%item('ranks', self%system%crew%text(self%steps_seconds()))
+    if (allocated(self%system%rank_team)) &
+      call self%log%item('ranks', self%system%rank_team%text(self%steps_seconds()))
     call self%log%timer_table(self%timers)
     call write_summary(self%stem//'_summary.json', program_name, self%deck, self%system, &
                        self%clock, self%timers, self%clock%steps - self%start_steps, &

@@ -29,7 +29,7 @@ module dem_probe
   private
   public :: dem_probe_type
 
-  integer(i4), parameter :: look_steps = 10, check_looks = 10
+  integer(i4), parameter :: check_interval = 10, check_updates = 10
   character(len=2), parameter :: six(6) = ['xx', 'yy', 'zz', 'yz', 'zx', 'xy']
 
   type :: dem_probe_type
@@ -173,17 +173,17 @@ contains
     real(wp) :: unbalanced
     integer(i4) :: k, n
 
-    call system%look()
+    call system%gather()
     if (allocated(system%seen_kinetic)) system%seen_kinetic = 0.0_wp
     call system%begin_anew()
-    do n = look_steps*check_looks, self%most_steps, look_steps*check_looks
-      do k = 1, check_looks
-        call system%step(look_steps, errors)
+    do n = check_interval*check_updates, self%most_steps, check_interval*check_updates
+      do k = 1, check_updates
+        call system%step(check_interval, errors)
         if (errors%any()) return
         call system%slow_down()
       end do
-      self%steps = self%steps + look_steps*check_looks
-      call system%look()
+      self%steps = self%steps + check_interval*check_updates
+      call system%gather()
       unbalanced = mean_unbalanced(system)
       if (unbalanced <= self%limit) return
     end do

@@ -124,7 +124,7 @@ contains
     t = self%clock%time()
     call self%timers%start('output')
     if (self%clock%due(event_history)) then
-      if (self%needs_whole()) call self%system%look()
+      if (self%needs_whole()) call self%system%gather()
       if (self%surcharge%active) call see_grains(self%system)
       call write_histories(self, t, errors)
       call self%clock%passed(event_history)
@@ -172,7 +172,7 @@ contains
     type(error_list_type), intent(inout) :: errors
 
     call self%timers%start('checkpoint')
-    if (self%system%surfaces%n > 0) call self%system%look()
+    if (self%system%surfaces%n > 0) call self%system%gather()
     call self%histories%flush(errors)
     call self%servo%flush(errors)
     call self%surcharge%history%flush(errors)

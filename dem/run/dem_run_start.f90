@@ -175,7 +175,7 @@ contains
     call self%clock%start_at(0.0_wp, dt)
     call self%use_step(dt)
     call self%system%glance()
-    call self%flow%look(self%system%dem_data_type, 0.0_wp)
+    call self%flow%update(self%system%dem_data_type, 0.0_wp)
     call self%drive_surfaces()
   end subroutine begin_fresh
 
@@ -195,7 +195,7 @@ contains
     self%start_steps = self%clock%steps
     call self%clock%set_events(every)
     if (deck_changed) call self%system%follow_laws()
-    if (deck_changed) call self%flow%look(self%system%dem_data_type, self%clock%time())
+    if (deck_changed) call self%flow%update(self%system%dem_data_type, self%clock%time())
     if (deck_changed .and. .not. self%servo%active()) &
       self%system%planes%velocity = self%servo%wall_velocity
     if (deck_changed) call self%drive%follow(self%system%dem_data_type, self%clock%time())

@@ -89,7 +89,7 @@ contains
     class(dem_run_state_type), intent(inout) :: self
     real(wp) :: start
     start = self%system%ledger%start
-    call self%drive%look(self%system%dem_data_type, self%clock%time())
+    call self%drive%update(self%system%dem_data_type, self%clock%time())
     call self%system%start_moved(start)
   end subroutine drive_surfaces
 

@@ -9,7 +9,7 @@ module dem_setup
   use dem_state, only: kind_free, kind_fixed, kind_driven, mode_dynamic, mode_relaxation
   use dem_slabs, only: slab_grains
   use dem_system, only: dem_system_type, dem_contacts_type
-  use dem_shape_make, only: make_forms
+  use dem_shape_make, only: make_shapes
   use dem_make, only: make_grains, sorted_order
   use dem_measure, only: largest_overlap
   use dem_packing, only: dem_packing_type, read_packing, drop_grains, group_index
@@ -312,7 +312,7 @@ contains
     call make_grains(system%grains, system%materials, packing%id, packing%kind, of_grain, &
                      packing%x, packing%quat, packing%axes, packing%v, packing%omega, errors)
     if (errors%any()) return
-    call make_forms(system%grains, system%materials, packing%id, packing%skew, packing%exponent, &
+    call make_shapes(system%grains, system%materials, packing%id, packing%skew, packing%exponent, &
                     errors)
   end subroutine place_grains
 
@@ -329,9 +329,9 @@ contains
 
     found = 0
     text = ''
-    if (system%parted()) then
+    if (system%owner_changed()) then
       do low = 1, system%grains%n, slab_grains
-        call system%crew%some_contacts(system%grains%id(low), system%grains%id( &
+        call system%rank_team%some_contacts(system%grains%id(low), system%grains%id( &
           min(low + slab_grains - 1, system%grains%n)), list)
         call name_overlaps(system, choices, list, found, text, errors)
       end do

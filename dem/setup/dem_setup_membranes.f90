@@ -1,4 +1,4 @@
-!> Groups membrane: what their sheets are made of and what holds them. Faults D293.
+!> Groups membrane: what their membranes are made of and what holds them. Faults D293.
 module dem_setup_membranes
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
@@ -13,7 +13,7 @@ module dem_setup_membranes
 
 contains
 
-  !> All groups membrane; their sheets are the last surfaces, in the deck's order.
+  !> All groups membrane; their membranes are the last surfaces, in the deck's order.
   subroutine read_membranes(deck, walls, served, d, errors)
     type(deck_type), intent(in) :: deck
     type(string_type), intent(in) :: walls(:)  !! names

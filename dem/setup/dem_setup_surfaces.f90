@@ -47,7 +47,7 @@ contains
       call read_cylinder(deck, k, names, s, errors)
     end do
     do k = 1, deck%count('membrane')
-      call read_sheet(deck, k, names, s, errors)
+      call read_membrane(deck, k, names, s, errors)
     end do
   end subroutine read_surfaces
 
@@ -230,8 +230,8 @@ contains
     call read_motion(deck, 'cylinder', k, s)
   end subroutine read_cylinder
 
-  !> The sheet of one group membrane.
-  subroutine read_sheet(deck, k, names, s, errors)
+  !> The membrane of one group membrane.
+  subroutine read_membrane(deck, k, names, s, errors)
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: k
     type(string_type), intent(in) :: names(:)
@@ -256,7 +256,7 @@ contains
     call check_mesh(mesh, .false., errors)
     if (errors%count > before) return
     call add_mesh(s, mesh, name, surface_membrane, number, soft_smooth, [0.0_wp, 0.0_wp, 0.0_wp])
-  end subroutine read_sheet
+  end subroutine read_membrane
 
   !> The first group of a surface of any kind in the deck.
   function first_group(deck) result(group)

@@ -9,12 +9,12 @@ module dem_ellipse
   use talus_kinds, only: wp, i4
   use dem_sizes, only: lanes
   use dem_block, only: dem_block_type
-  use dem_shape, only: form_size, form_tangent, hertz_radius, at_half, at_lower, at_upper
-  use dem_shape_lanes, only: form_block_type
+  use dem_shape, only: shape_size, shape_tangent, hertz_radius, at_half, at_lower, at_upper
+  use dem_shape_lanes, only: shape_block_type
   use dem_figure, only: figure_type, figure_bend
   implicit none
   private
-  public :: radius_ratio, narrow_ellipsoids, narrow_forms, ratio_on_plane
+  public :: radius_ratio, narrow_ellipsoids, narrow_shapes, ratio_on_plane
 
   real(wp), parameter :: pi = acos(-1.0_wp)
   real(wp), parameter :: round = 1.0e-8_wp    !! k1/k2 - 1 that counts as a circle [-]
@@ -95,29 +95,29 @@ contains
     end do
   end subroutine narrow_ellipsoids
 
-  !> The same for forms.
-  pure subroutine narrow_forms(b, f, with_first)
+  !> The same for shapes.
+  pure subroutine narrow_shapes(b, f, with_first)
     type(dem_block_type), intent(inout) :: b
-    type(form_block_type), intent(in) :: f
+    type(shape_block_type), intent(in) :: f
     logical, intent(in) :: with_first
     real(wp) :: n(3), c(3)
     integer(i4) :: k
     do k = 1, lanes
       if (.not. b%gap(k) < 0.0_wp) cycle
       n = [b%nx(k), b%ny(k), b%nz(k)]
-      c = form_curvature(f%b%record(k, :), n, -1.0_wp)
-      if (with_first) c = c + form_curvature(f%a%record(k, :), n, 1.0_wp)
+      c = shape_curvature(f%b%record(k, :), n, -1.0_wp)
+      if (with_first) c = c + shape_curvature(f%a%record(k, :), n, 1.0_wp)
       b%curvature(k) = b%curvature(k)/ratio_of(c)
     end do
-  end subroutine narrow_forms
+  end subroutine narrow_shapes
 
   !> R_x/R_e of a grain on a plane with the normal n.
   pure real(wp) function ratio_on_plane(figure, n) result(ratio)
     type(figure_type), intent(in) :: figure
     real(wp), intent(in) :: n(3)
     real(wp) :: u(3), h, k(6)
-    if (figure%formed) then
-      ratio = ratio_of(form_curvature(figure%form, n, -1.0_wp))
+    if (figure%shaped) then
+      ratio = ratio_of(shape_curvature(figure%shape, n, -1.0_wp))
       return
     end if
     call figure_bend(figure, n, u, h, k)
@@ -126,19 +126,19 @@ contains
 
   !> Curvatures xx yy xy of a form in the plane across n where its normal is side n [1/m]; each
   !! of a superquadric is bounded as its mean is in dem_shape.
-  pure function form_curvature(form, n, side) result(c)
-    real(wp), intent(in) :: form(form_size), n(3), side
+  pure function shape_curvature(shape, n, side) result(c)
+    real(wp), intent(in) :: shape(shape_size), n(3), side
     real(wp) :: c(3), h, u(3), k(6), least, mean, half, principal(2)
-    call form_tangent(form, side*n, h, u, k)
+    call shape_tangent(shape, side*n, h, u, k)
     c = curvature_of(n, k)
-    if (.not. form(at_half) < 1.0_wp) return
-    least = 6.0_wp/(hertz_radius*sum(form(at_upper:at_lower + 2)))
+    if (.not. shape(at_half) < 1.0_wp) return
+    least = 6.0_wp/(hertz_radius*sum(shape(at_upper:at_lower + 2)))
     mean = 0.5_wp*(c(1) + c(2))
     half = sqrt((0.5_wp*(c(1) - c(2)))**2 + c(3)**2)
     principal = sqrt(sqrt([mean + half, max(mean - half, 0.0_wp)]**4 + least**4))
     c = (c - [mean, mean, 0.0_wp])*(0.5_wp*(principal(1) - principal(2))/max(half, tiny(half))) &
         + 0.5_wp*(principal(1) + principal(2))*[1.0_wp, 1.0_wp, 0.0_wp]
-  end function form_curvature
+  end function shape_curvature
 
   pure function products(x, y, z) result(p)
     real(wp), intent(in) :: x, y, z

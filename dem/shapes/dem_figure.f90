@@ -1,7 +1,7 @@
 !> A grain as a surface sees it: centre, and support against any normal, whatever its form is.
 module dem_figure
   use talus_kinds, only: wp
-  use dem_shape, only: form_size, form_support, form_tangent, bounded_curvature
+  use dem_shape, only: shape_size, shape_support, shape_tangent, bounded_curvature
   use dem_ellipsoid, only: matrix_times
   implicit none
   private
@@ -9,14 +9,14 @@ module dem_figure
 
   !> Spheres and ellipsoids by their matrix, the others by their form (dem_shape).
   type :: figure_type
-    logical :: formed = .false.
+    logical :: shaped = .false.
     real(wp) :: x(3) = 0.0_wp                !! centre [m]
     real(wp) :: radius = 0.0_wp              !! of the bounding sphere [m]
     real(wp) :: reach = 0.0_wp               !! gaps below count: 0, or what a neck bridges [m]
     real(wp) :: span = 0.0_wp                !! radius + reach [m]
     real(wp) :: a(6) = 0.0_wp                !! shape matrix, xx yy zz xy yz zx [m^2]
     real(wp) :: square = 0.0_wp              !! product of its squared semi-axes [m^6]
-    real(wp) :: form(form_size) = 0.0_wp     !! if formed
+    real(wp) :: shape(shape_size) = 0.0_wp     !! if shaped
   end type figure_type
 
 contains
@@ -27,8 +27,8 @@ contains
     real(wp), intent(in) :: n(3)
     real(wp), intent(out) :: u(3)  !! the point is -u [m]
     real(wp), intent(out) :: h     !! [m]
-    if (f%formed) then
-      call form_support(f%form, -n, h, u)
+    if (f%shaped) then
+      call shape_support(f%shape, -n, h, u)
       u = -u
       return
     end if
@@ -42,8 +42,8 @@ contains
     type(figure_type), intent(in) :: f
     real(wp), intent(in) :: n(3)
     real(wp), intent(out) :: u(3), h, k(6)
-    if (f%formed) then
-      call form_tangent(f%form, -n, h, u, k)
+    if (f%shaped) then
+      call shape_tangent(f%shape, -n, h, u, k)
       u = -u
       return
     end if
@@ -61,7 +61,7 @@ contains
     real(wp), intent(in) :: n(3), across(3)
     real(wp), intent(out) :: u(3), h, radius
     real(wp) :: k(6)
-    if (f%formed) then
+    if (f%shaped) then
       call figure_bend(f, n, u, h, k)
       radius = dot_product(across, matrix_times(k, across))
       return
@@ -70,14 +70,14 @@ contains
     radius = (dot_product(across, matrix_times(f%a, across)) - dot_product(u, across)**2)/h
   end subroutine bend_along
 
-  !> Mean curvature of the surface at the point against n, of forms that of Hertz's law [1/m].
+  !> Mean curvature of the surface at the point against n, of shapes that of Hertz's law [1/m].
   pure real(wp) function figure_curvature(f, n) result(curvature)
     type(figure_type), intent(in) :: f
     real(wp), intent(in) :: n(3)
     real(wp) :: u(3), h, k(6)
-    if (f%formed) then
+    if (f%shaped) then
       call figure_bend(f, n, u, h, k)
-      curvature = bounded_curvature(f%form, k)
+      curvature = bounded_curvature(f%shape, k)
       return
     end if
     call figure_point(f, n, u, h)

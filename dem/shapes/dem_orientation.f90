@@ -1,11 +1,11 @@
 !> Rotation and shape matrices of a block of lanes. In a file of their own so that no caller inlines
-!! them: a mover that is loaded anew must have, bit for bit, the matrices of one that moved on.
+!! them: a block that is loaded anew must have, bit for bit, the matrices of one that moved on.
 module dem_orientation
   use talus_kinds, only: wp, i4
   use dem_sizes, only: lanes
   implicit none
   private
-  public :: rotations, shapes
+  public :: rotations, shape_matrices
 
 contains
 
@@ -34,7 +34,7 @@ contains
   end subroutine rotations
 
   !> Shape matrices, xx yy zz xy yz zx [m^2].
-  pure subroutine shapes(square, r, round, a)
+  pure subroutine shape_matrices(square, r, round, a)
     real(wp), intent(in) :: square(lanes, 3)  !! squares of the semi-axes [m^2]
     real(wp), intent(in) :: r(lanes, 9)       !! rotation, body to space, by columns
     logical, intent(in) :: round              !! all are spheres
@@ -58,5 +58,5 @@ contains
       a(k, 5) = s1*r(k, 2)*r(k, 3) + s2*r(k, 5)*r(k, 6) + s3*r(k, 8)*r(k, 9)
       a(k, 6) = s1*r(k, 3)*r(k, 1) + s2*r(k, 6)*r(k, 4) + s3*r(k, 9)*r(k, 7)
     end do
-  end subroutine shapes
+  end subroutine shape_matrices
 end module dem_orientation

@@ -171,15 +171,15 @@ contains
   end function largest_reach
 
   !> r.S^-1 r [-].
-  pure real(wp) function form(s, r)
+  pure real(wp) function shape(s, r)
     real(wp), intent(in) :: s(3), r(2)
-    form = (s(2)*r(1)**2 - 2.0_wp*s(3)*r(1)*r(2) + s(1)*r(2)**2)/(s(1)*s(2) - s(3)**2)
-  end function form
+    shape = (s(2)*r(1)**2 - 2.0_wp*s(3)*r(1)*r(2) + s(1)*r(2)**2)/(s(1)*s(2) - s(3)**2)
+  end function shape
 
   !> Does an outline hold the point at r from its centre?
   pure logical function holds_centre(s, r)
     real(wp), intent(in) :: s(3), r(2)
-    holds_centre = form(s, r) < 1.0_wp
+    holds_centre = shape(s, r) < 1.0_wp
   end function holds_centre
 
   !> Do two outlines, centres r apart, overlap? By the contact function of Perram and Wertheim
@@ -220,7 +220,7 @@ contains
 
     pure real(wp) function value(t)
       real(wp), intent(in) :: t
-      value = t*(1.0_wp - t)*form((1.0_wp - t)*s1 + t*s2, r)
+      value = t*(1.0_wp - t)*shape((1.0_wp - t)*s1 + t*s2, r)
     end function value
   end function outlines_meet
 end module dem_plan

@@ -16,7 +16,7 @@ module dem_round_gap
 
   integer(i4), parameter :: most_steps = 200, most_cuts = 30
   integer(i4), parameter :: most_places = 4  !! where a grain meets a bore
-  integer(i4), parameter :: most_looks = 96  !! directions of the first look, in the round
+  integer(i4), parameter :: most_checks = 96  !! directions of the first look, in the round
   real(wp), parameter :: longest_turn = 0.7_wp  !! of a Newton step [rad]
 
 contains
@@ -86,12 +86,12 @@ contains
     real(wp), intent(out) :: e(3, most_places)  !! directions from the axis
     real(wp), intent(out) :: gap(most_places)   !! [m]
     real(wp) :: first(3), across(3), apart
-    real(wp) :: value(0:most_looks + 1)
+    real(wp) :: value(0:most_checks + 1)
     integer(i4) :: k, looks
 
     first = outward(r, axis)
     across = cross(axis, first)
-    looks = merge(most_looks, most_looks/4, flat_spots(f))
+    looks = merge(most_checks, most_checks/4, flat_spots(f))
     apart = 2.0_wp*acos(-1.0_wp)/looks
     n = 0
     if (touches_once(f, radius)) then
@@ -148,14 +148,14 @@ contains
   pure logical function touches_once(f, radius)
     type(figure_type), intent(in) :: f
     real(wp), intent(in) :: radius  !! of the bore [m]
-    touches_once = .not. f%formed
+    touches_once = .not. f%shaped
     if (touches_once) touches_once = f%radius**4 < radius*sqrt(f%square)
   end function touches_once
 
   !> Has the grain flat spots? Both rims of one may touch a wall that is bent, close to each other.
   pure logical function flat_spots(f)
     type(figure_type), intent(in) :: f
-    flat_spots = f%formed .and. f%form(at_half) < 1.0_wp
+    flat_spots = f%shaped .and. f%shape(at_half) < 1.0_wp
   end function flat_spots
 
   !> f(phi) of bore_gap [m].

@@ -1,13 +1,13 @@
-!> Common normal and gap of two forms (dem_shape): safeguarded Newton ascent of
+!> Common normal and gap of two shapes (dem_shape): safeguarded Newton ascent of
 !! g(n) = r.n - h_A(n) - h_B(-n), as dem_gap for ellipsoids. Forms have curvatures that jump or grow
 !! a thousandfold within a small angle: a step is shortened until g rises, and where g bends the
 !! wrong way the step follows the gradient uphill.
 module dem_shape_gap
   use talus_kinds, only: wp, i4
-  use dem_shape, only: form_size, form_height, form_tangent
+  use dem_shape, only: shape_size, shape_height, shape_tangent
   implicit none
   private
-  public :: solve_forms, gap_of_forms, find_form_gap
+  public :: solve_shapes, gap_of_shapes, find_shape_gap
 
   integer(i4), parameter :: most_steps = 200, most_cuts = 30
   real(wp), parameter :: longest_turn = 0.7_wp  !! of a step [rad]
@@ -17,34 +17,34 @@ module dem_shape_gap
 contains
 
   !> g(n) [m].
-  pure real(wp) function gap_of_forms(r, a, b, n) result(gap)
+  pure real(wp) function gap_of_shapes(r, a, b, n) result(gap)
     real(wp), intent(in) :: r(3)                        !! x_B - x_A [m]
-    real(wp), intent(in) :: a(form_size), b(form_size)
+    real(wp), intent(in) :: a(shape_size), b(shape_size)
     real(wp), intent(in) :: n(3)                        !! unit vector
-    gap = dot_product(r, n) - form_height(a, n) - form_height(b, -n)
-  end function gap_of_forms
+    gap = dot_product(r, n) - shape_height(a, n) - shape_height(b, -n)
+  end function gap_of_shapes
 
   !> Gap along the given normal if that already separates the bodies, or along the line of centres
   !! if that leaves more than the skin, else along the true normal.
-  pure subroutine find_form_gap(r, a, b, skin, normal, gap)
-    real(wp), intent(in) :: r(3), a(form_size), b(form_size), skin
+  pure subroutine find_shape_gap(r, a, b, skin, normal, gap)
+    real(wp), intent(in) :: r(3), a(shape_size), b(shape_size), skin
     real(wp), intent(inout) :: normal(3)  !! of the last list, zero without one
     real(wp), intent(out) :: gap          !! or a lower bound of it [m]
     if (sum(normal**2) > 0.5_wp) then
-      gap = gap_of_forms(r, a, b, normal)
+      gap = gap_of_shapes(r, a, b, normal)
       if (gap > 0.0_wp) return
     else
       normal = r/sqrt(sum(r*r))
-      gap = gap_of_forms(r, a, b, normal)
+      gap = gap_of_shapes(r, a, b, normal)
       if (gap > skin) return
     end if
-    call solve_forms(r, a, b, normal, gap)
-  end subroutine find_form_gap
+    call solve_shapes(r, a, b, normal, gap)
+  end subroutine find_shape_gap
 
   !> Common normal and gap of one pair, to rounding.
-  pure subroutine solve_forms(r, a, b, n, gap)
+  pure subroutine solve_shapes(r, a, b, n, gap)
     real(wp), intent(in) :: r(3)                        !! x_B - x_A [m]
-    real(wp), intent(in) :: a(form_size), b(form_size)
+    real(wp), intent(in) :: a(shape_size), b(shape_size)
     real(wp), intent(inout) :: n(3)                     !! start (zero: line of centres), normal
     real(wp), intent(out) :: gap                        !! g at the normal [m]
     real(wp) :: t(3), trial(3), value, residual, fraction, rounding, slope
@@ -59,7 +59,7 @@ contains
       do cut = 1, most_cuts
         trial = n + fraction*t
         trial = trial/sqrt(sum(trial*trial))
-        value = gap_of_forms(r, a, b, trial)
+        value = gap_of_shapes(r, a, b, trial)
         if (value >= gap - rounding) exit
         fraction = fraction*min(max(0.5_wp*fraction*slope/(fraction*slope + gap - value), 0.1_wp), &
                                 0.5_wp)
@@ -68,23 +68,23 @@ contains
       n = trial
       call ascent(r, a, b, n, gap, t, residual, slope)
     end do
-  end subroutine solve_forms
+  end subroutine solve_shapes
 
   !> g(n), relative squared residual, a direction uphill and the slope of g along it.
   pure subroutine ascent(r, a, b, n, gap, t, residual, slope)
-    real(wp), intent(in) :: r(3), a(form_size), b(form_size), n(3)
+    real(wp), intent(in) :: r(3), a(shape_size), b(shape_size), n(3)
     real(wp), intent(out) :: gap, t(3), residual, slope
     real(wp) :: ha, hb, ua(3), ub(3), ka(6), kb(6), d(3), e(3, 2), k(3), w(2), p, q
 
-    call form_tangent(a, n, ha, ua, ka)
-    call form_tangent(b, -n, hb, ub, kb)
+    call shape_tangent(a, n, ha, ua, ka)
+    call shape_tangent(b, -n, hb, ub, kb)
     gap = dot_product(r, n) - ha - hb
     d = r + ub - ua - gap*n
     residual = sum(d*d)/(ha + hb)**2
     call span_tangent(n, e)
     ka = ka + kb
-    k = [form_of_two(ka, e(:, 1), e(:, 1)) + gap, form_of_two(ka, e(:, 2), e(:, 2)) + gap, &
-         form_of_two(ka, e(:, 1), e(:, 2))]
+    k = [shape_of_two(ka, e(:, 1), e(:, 1)) + gap, shape_of_two(ka, e(:, 2), e(:, 2)) + gap, &
+         shape_of_two(ka, e(:, 1), e(:, 2))]
     w = [dot_product(d, e(:, 1)), dot_product(d, e(:, 2))]
     ! |K| of the 2 x 2 matrix K from its eigenvalues, so that the step goes uphill
     p = 0.5_wp*(k(1) + k(2))
@@ -122,9 +122,9 @@ contains
   end subroutine span_tangent
 
   !> a . K b
-  pure real(wp) function form_of_two(k, a, b) result(value)
+  pure real(wp) function shape_of_two(k, a, b) result(value)
     real(wp), intent(in) :: k(6), a(3), b(3)
     value = k(1)*a(1)*b(1) + k(2)*a(2)*b(2) + k(3)*a(3)*b(3) + k(4)*(a(1)*b(2) + a(2)*b(1)) &
             + k(5)*(a(2)*b(3) + a(3)*b(2)) + k(6)*(a(3)*b(1) + a(1)*b(3))
-  end function form_of_two
+  end function shape_of_two
 end module dem_shape_gap

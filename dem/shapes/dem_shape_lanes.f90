@@ -1,37 +1,38 @@
-!> Gap, normal and curvature of the pairs of a block whose bodies have forms (dem_shape): what
+!> Gap, normal and curvature of the pairs of a block whose bodies have shapes (dem_shape): what
 !! dem_gap does for ellipsoids. Powers are worked out in blocks that hold superquadrics alone.
 module dem_shape_lanes
   use talus_kinds, only: wp, i4
   use dem_sizes, only: lanes
   use dem_block, only: dem_block_type
-  use dem_shape, only: form_size, at_half, at_rounding
-  use dem_shape_gap, only: solve_forms
-  use dem_shape_side, only: form_side_type, raise_sides, support_side, bend_side, curve_side, &
+  use dem_shape, only: shape_size, at_half, at_rounding
+  use dem_shape_gap, only: solve_shapes
+  use dem_shape_side, only: shape_side_type, raise_sides, support_side, bend_side, curve_side, &
     turn_side
   use dem_gap, only: settled_residual
   implicit none
   private
-  public :: form_block_type, evaluate_forms, evaluate_form_planes, refine_forms, add_form_curvatures
-  public :: solve_form_lane, ready_forms, evaluate_again
+  public :: shape_block_type, evaluate_shapes, evaluate_shape_planes, refine_shapes, &
+    add_shape_curvatures
+  public :: solve_shape_lane, ready_shapes, evaluate_again
 
   !> Curvatures change by this factor in a radian, near flat spots of superquadrics by more.
   real(wp), parameter :: most_change = 10.0_wp
 
-  !> The forms of a block; A is the first body, B the second.
-  type :: form_block_type
-    type(form_side_type) :: a, b
+  !> The shapes of a block; A is the first body, B the second.
+  type :: shape_block_type
+    type(shape_side_type) :: a, b
     logical :: powers = .false.      !! some exponent is above 2
     real(wp) :: followed(lanes)      !! 1: gap and points have followed the last step
     real(wp) :: kept(lanes)          !! 1 where of these the curvature is kept here
     logical :: keeps = .false.       !! some curvatures are kept
     real(wp) :: curvature(lanes)     !! [1/m]
-  end type form_block_type
+  end type shape_block_type
 
 contains
 
   !> Rotations of the gathered records.
-  pure subroutine ready_forms(f, with_first, powers)
-    type(form_block_type), intent(inout) :: f
+  pure subroutine ready_shapes(f, with_first, powers)
+    type(shape_block_type), intent(inout) :: f
     logical, intent(in) :: with_first  !! false: A is a plane
     logical, intent(in) :: powers
     f%powers = powers
@@ -40,12 +41,12 @@ contains
     f%keeps = .false.
     if (with_first) call turn_side(f%a)
     call turn_side(f%b)
-  end subroutine ready_forms
+  end subroutine ready_shapes
 
   !> g(n), supports, surface points and tangential residual of all lanes.
-  pure subroutine evaluate_forms(b, f)
+  pure subroutine evaluate_shapes(b, f)
     type(dem_block_type), intent(inout) :: b
-    type(form_block_type), intent(inout) :: f
+    type(shape_block_type), intent(inout) :: f
     integer(i4) :: k
     real(wp) :: g, px, py, pz
 
@@ -64,12 +65,12 @@ contains
       b%tz(k) = pz
       b%residual(k) = (px*px + py*py + pz*pz)/(b%ha(k) + b%hb(k))**2
     end do
-  end subroutine evaluate_forms
+  end subroutine evaluate_shapes
 
   !> The same where A is a plane through x_A: the normal is given, A has no extent.
-  pure subroutine evaluate_form_planes(b, f)
+  pure subroutine evaluate_shape_planes(b, f)
     type(dem_block_type), intent(inout) :: b
-    type(form_block_type), intent(inout) :: f
+    type(shape_block_type), intent(inout) :: f
     integer(i4) :: k
 
     if (f%powers) call raise_sides(b%nx, b%ny, b%nz, f%b)
@@ -83,13 +84,13 @@ contains
       b%az(k) = b%rz(k) - b%bz(k) - b%gap(k)*b%nz(k)
       b%residual(k) = 0.0_wp
     end do
-  end subroutine evaluate_form_planes
+  end subroutine evaluate_shape_planes
 
   !> Newton steps for the lanes whose bodies overlap along n and whose n is not converged. Lanes
   !! that resist go to the scalar path. What a lane comes to does not hang on the others.
-  subroutine refine_forms(b, f)
+  subroutine refine_shapes(b, f)
     type(dem_block_type), intent(inout) :: b
-    type(form_block_type), intent(inout) :: f
+    type(shape_block_type), intent(inout) :: f
     real(wp) :: ka(lanes, 6), kb(lanes, 6), t(lanes, 3), left(lanes)
     integer(i4) :: trial, k
     integer(i4), parameter :: trials = 3
@@ -106,20 +107,20 @@ contains
     if (.not. worst_residual(b) > settled_residual) return
     do k = 1, lanes
       if (b%gap(k) <= 0.0_wp .and. b%residual(k) > settled_residual) &
-        call solve_form_lane(b, f, k, .false.)
+        call solve_shape_lane(b, f, k, .false.)
     end do
     call evaluate_again(b, f)
-  end subroutine refine_forms
+  end subroutine refine_shapes
 
-  !> As evaluate_forms, but lanes that have followed their last step stay as they are.
+  !> As evaluate_shapes, but lanes that have followed their last step stay as they are.
   subroutine evaluate_again(b, f)
     type(dem_block_type), intent(inout) :: b
-    type(form_block_type), intent(inout) :: f
+    type(shape_block_type), intent(inout) :: f
     real(wp) :: seen(lanes, 7), second(lanes), first(lanes)
     integer(i4) :: k
 
     if (.not. maxval(f%followed) > 0.0_wp) then
-      call evaluate_forms(b, f)
+      call evaluate_shapes(b, f)
       return
     end if
     call curve_side(f%b, f%powers, second)
@@ -137,7 +138,7 @@ contains
       seen(k, 6) = b%by(k)
       seen(k, 7) = b%bz(k)
     end do
-    call evaluate_forms(b, f)
+    call evaluate_shapes(b, f)
     !$omp simd
     do k = 1, lanes
       b%gap(k) = merge(seen(k, 1), b%gap(k), f%followed(k) > 0.5_wp)
@@ -167,7 +168,7 @@ contains
   !! there was no step to take or it leads into another octant, where curvatures jump.
   pure subroutine find_left(b, f, t, left)
     type(dem_block_type), intent(in) :: b
-    type(form_block_type), intent(in) :: f
+    type(shape_block_type), intent(in) :: f
     real(wp), intent(in) :: t(lanes, 3)
     real(wp), intent(out) :: left(lanes)  !! 0 of lanes whose bodies do not overlap
     real(wp) :: near(lanes), turn
@@ -190,7 +191,7 @@ contains
 
   !> The square of the least share w of an axis, rounded, if that is less: 1/c^2 near flat spots.
   pure subroutine near_flat_spots(side, near)
-    type(form_side_type), intent(in) :: side
+    type(shape_side_type), intent(in) :: side
     real(wp), intent(inout) :: near(lanes)
     real(wp) :: least
     integer(i4) :: k
@@ -205,7 +206,7 @@ contains
   !! nothing need be evaluated again; the others' are found anew.
   pure subroutine follow_step(b, f, ka, kb, t, left)
     type(dem_block_type), intent(inout) :: b
-    type(form_block_type), intent(inout) :: f
+    type(shape_block_type), intent(inout) :: f
     real(wp), intent(in) :: ka(lanes, 6), kb(lanes, 6), t(lanes, 3)
     real(wp), intent(in) :: left(lanes)  !! residuals that the steps leave
     integer(i4) :: k
@@ -246,7 +247,7 @@ contains
   !! Hessians of both bodies: (K_A + K_B + g + c n n) t = d_t.
   pure subroutine find_step(b, f, ka, kb, t)
     type(dem_block_type), intent(in) :: b
-    type(form_block_type), intent(in) :: f
+    type(shape_block_type), intent(in) :: f
     real(wp), intent(out) :: ka(lanes, 6), kb(lanes, 6), t(lanes, 3)
     real(wp) :: c, g, nx, ny, nz, s1, s2, s3, s4, s5, s6, m1, m2, m3, m4, m5, m6, det
     integer(i4) :: k
@@ -283,28 +284,28 @@ contains
   end subroutine find_step
 
   !> Solve one lane by the scalar path, from the line of centres if `cold`.
-  subroutine solve_form_lane(b, f, k, cold)
+  subroutine solve_shape_lane(b, f, k, cold)
     type(dem_block_type), intent(inout) :: b
-    type(form_block_type), intent(inout) :: f
+    type(shape_block_type), intent(inout) :: f
     integer(i4), intent(in) :: k
     logical, intent(in) :: cold
-    real(wp) :: n(3), gap, form_a(form_size), form_b(form_size)
+    real(wp) :: n(3), gap, shape_a(shape_size), shape_b(shape_size)
     n = [b%nx(k), b%ny(k), b%nz(k)]
     if (cold) n = 0.0_wp
-    form_a = f%a%record(k, :)
-    form_b = f%b%record(k, :)
-    call solve_forms([b%rx(k), b%ry(k), b%rz(k)], form_a, form_b, n, gap)
+    shape_a = f%a%record(k, :)
+    shape_b = f%b%record(k, :)
+    call solve_shapes([b%rx(k), b%ry(k), b%rz(k)], shape_a, shape_b, n, gap)
     b%nx(k) = n(1)
     b%ny(k) = n(2)
     b%nz(k) = n(3)
     f%followed(k) = 0.0_wp
     f%kept(k) = 0.0_wp
-  end subroutine solve_form_lane
+  end subroutine solve_shape_lane
 
   !> Mean curvature of the relative surface, 1/R_e.
-  pure subroutine add_form_curvatures(b, f, with_first)
+  pure subroutine add_shape_curvatures(b, f, with_first)
     type(dem_block_type), intent(inout) :: b
-    type(form_block_type), intent(inout) :: f
+    type(shape_block_type), intent(inout) :: f
     logical, intent(in) :: with_first  !! false: A is a plane
     real(wp) :: first(lanes)
     call curve_side(f%b, f%powers, b%curvature)
@@ -312,5 +313,5 @@ contains
     call curve_side(f%a, f%powers, first)
     b%curvature = b%curvature + first
     if (f%keeps) b%curvature = merge(f%curvature, b%curvature, f%kept > 0.5_wp)
-  end subroutine add_form_curvatures
+  end subroutine add_shape_curvatures
 end module dem_shape_lanes

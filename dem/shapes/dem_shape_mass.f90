@@ -1,31 +1,31 @@
-!> Volume, centre, principal moments and bounding radius of the forms of dem_shape.
+!> Volume, centre, principal moments and bounding radius of the shapes of dem_shape.
 !!
 !! The integral of x^(i-1) y^(j-1) z^(k-1) over an octant |x/a|^p + |y/b|^p + |z/c|^p <= 1 is
 !! a^i b^j c^k Gamma(i/p) Gamma(j/p) Gamma(k/p) / (p^3 Gamma(1 + (i+j+k)/p)) (Dirichlet); eight
 !! octants of six semi-axes add up to products of sums of their powers.
 module dem_shape_mass
   use talus_kinds, only: wp, i4
-  use dem_shape, only: form_size, form_of, octant_support, at_upper, at_lower, at_centre, bulge
+  use dem_shape, only: shape_size, shape_of, octant_support, at_upper, at_lower, at_centre, bulge
   implicit none
   private
-  public :: form_mass_type, mass_of_form
+  public :: shape_mass_type, mass_of_shape
 
   !> Of a body of density 1 in the frame of its octants.
-  type :: form_mass_type
+  type :: shape_mass_type
     real(wp) :: volume = 0.0_wp                             !! [m^3]
     real(wp) :: centre(3) = 0.0_wp                          !! from the octants' origin [m]
     real(wp) :: moment(3) = 0.0_wp                          !! principal, about the centre [m^5]
     real(wp) :: turn(4) = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]  !! principal frame -> octants', w x y z
     real(wp) :: radius = 0.0_wp                             !! farthest point from the centre [m]
     real(wp) :: reach = 0.0_wp  !! bound of the tangential part of surface points [m]
-  end type form_mass_type
+  end type shape_mass_type
 
 contains
 
-  pure function mass_of_form(upper, lower, exponent) result(mass)
+  pure function mass_of_shape(upper, lower, exponent) result(mass)
     real(wp), intent(in) :: upper(3), lower(3)  !! semi-axes [m]
     real(wp), intent(in) :: exponent            !! p [-]
-    type(form_mass_type) :: mass
+    type(shape_mass_type) :: mass
     real(wp) :: s1(3), d2(3), s3(3), second(6), tensor(3, 3), axes(3, 3), trace
 
     s1 = upper + lower
@@ -50,7 +50,7 @@ contains
     end if
     mass%moment = trace - second(1:3)
     call find_extent(upper, lower, exponent, mass)
-  end function mass_of_form
+  end function mass_of_shape
 
   !> Integral of x^(i-1) y^(j-1) z^(k-1) over the octant of semi-axes 1.
   pure real(wp) function dirichlet(p, i, j, k)
@@ -63,11 +63,11 @@ contains
   !! tangential part of surface points. Equal halves have both in closed form.
   pure subroutine find_extent(upper, lower, exponent, mass)
     real(wp), intent(in) :: upper(3), lower(3), exponent
-    type(form_mass_type), intent(inout) :: mass
+    type(shape_mass_type), intent(inout) :: mass
     real(wp), parameter :: margin = 1.0e-6_wp, starts(3, 4) = reshape( &
       [1.0_wp, 1.0_wp, 1.0_wp, 2.0_wp, 0.5_wp, 0.5_wp, 0.5_wp, 2.0_wp, 0.5_wp, 0.5_wp, 0.5_wp, &
        2.0_wp], [3, 4])
-    real(wp) :: form(form_size), start(3), a(3), k
+    real(wp) :: shape(shape_size), start(3), a(3), k
     integer(i4) :: octant, i
 
     if (all(abs(upper - lower) <= 0.0_wp)) then
@@ -78,14 +78,14 @@ contains
       end if
       mass%reach = maxval(upper) - minval(upper)
     else
-      form = form_of(upper, lower, mass%centre, exponent)
+      shape = shape_of(upper, lower, mass%centre, exponent)
       do octant = 0, 7
         a = merge(upper, lower, [btest(octant, 0), btest(octant, 1), btest(octant, 2)])
         mass%reach = max(mass%reach, maxval(a) - minval(a))
         do i = 1, size(starts, 2)
           start = merge(1.0_wp, -1.0_wp, [btest(octant, 0), btest(octant, 1), btest(octant, 2)])
           start = starts(:, i)*start
-          mass%radius = max(mass%radius, farthest_from(form, start/norm2(start)))
+          mass%radius = max(mass%radius, farthest_from(shape, start/norm2(start)))
         end do
       end do
       mass%radius = mass%radius*(1.0_wp + margin)
@@ -97,16 +97,16 @@ contains
   end subroutine find_extent
 
   !> Local maximum of |u(n)|, which rises under n <- u/|u| as it maximises a convex function [m].
-  pure real(wp) function farthest_from(form, start) result(far)
-    real(wp), intent(in) :: form(form_size), start(3)
+  pure real(wp) function farthest_from(shape, start) result(far)
+    real(wp), intent(in) :: shape(shape_size), start(3)
     integer(i4), parameter :: most = 60
     real(wp) :: n(3), u(3), h
     integer(i4) :: k
     n = start
     far = 0.0_wp
     do k = 1, most
-      call octant_support(form, n, h, u)
-      u = u - form(at_centre:at_centre + 2)
+      call octant_support(shape, n, h, u)
+      u = u - shape(at_centre:at_centre + 2)
       h = norm2(u)
       if (h <= far*(1.0_wp + 1.0e-12_wp)) exit
       far = h

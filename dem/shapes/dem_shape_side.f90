@@ -1,20 +1,20 @@
-!> Support, surface point and Hessian of one side of a block of forms (dem_shape), a lane each.
+!> Support, surface point and Hessian of one side of a block of shapes (dem_shape), a lane each.
 module dem_shape_side
   use talus_kinds, only: wp, i4
   use dem_sizes, only: lanes
-  use dem_shape, only: form_size, at_upper, at_lower, at_centre, at_half, at_rounding, at_scale, &
+  use dem_shape, only: shape_size, at_upper, at_lower, at_centre, at_half, at_rounding, at_scale, &
     hertz_radius
   use dem_orientation, only: rotations
   use dem_power, only: raise, raise_near
   implicit none
   private
-  public :: form_side_type, turn_side, raise_sides, support_side, bend_side, curve_side
+  public :: shape_side_type, turn_side, raise_sides, support_side, bend_side, curve_side
 
   !> Forms of one body of each pair, and what their support along the last normal was made of.
   !! Octants without powers are ellipsoids about the octants' origin, as long as the normal stays on
   !! one side of each axis.
-  type :: form_side_type
-    real(wp) :: record(lanes, form_size)  !! see dem_shape
+  type :: shape_side_type
+    real(wp) :: record(lanes, shape_size)  !! see dem_shape
     real(wp) :: r(lanes, 9)               !! rotation, octants to space, by columns
     real(wp) :: length(lanes)             !! of a m; without powers the support about the origin [m]
     real(wp) :: inside(lanes)             !! square of the least component of m
@@ -30,13 +30,13 @@ module dem_shape_side
     real(wp) :: power(lanes, 3)           !! (w^2 + e^2)^(q/2 - 1)
     real(wp) :: total(lanes)              !! sum of (w^2 + e^2)^(q/2)
     real(wp) :: factor(lanes)             !! total^(1/q - 1)
-  end type form_side_type
+  end type shape_side_type
 
 contains
 
   !> Rotations of the records, and where the centres of mass are.
   pure subroutine turn_side(f)
-    type(form_side_type), intent(inout) :: f
+    type(shape_side_type), intent(inout) :: f
     integer(i4) :: k
     call rotations(f%record(:, 1:4), f%r)
     !$omp simd
@@ -54,8 +54,8 @@ contains
   !! loops wait for each other's results.
   pure subroutine raise_sides(nx, ny, nz, b, a)
     real(wp), intent(in) :: nx(lanes), ny(lanes), nz(lanes)
-    type(form_side_type), intent(inout) :: b
-    type(form_side_type), intent(inout), optional :: a
+    type(shape_side_type), intent(inout) :: b
+    type(shape_side_type), intent(inout), optional :: a
     real(wp) :: square(lanes, 6), exponent(lanes, 6), power(lanes, 6)
     real(wp) :: total(lanes, 2), last(lanes, 2), factor(lanes, 2)
 
@@ -80,7 +80,7 @@ contains
   !> Squares of the shares, rounded, and their exponent. Lanes without powers have the exponent 0
   !! and come out as 1.
   pure subroutine find_squares(f, square, exponent)
-    type(form_side_type), intent(in) :: f
+    type(shape_side_type), intent(in) :: f
     real(wp), intent(out) :: square(lanes, 3), exponent(lanes, 3)
     integer(i4) :: k, c
     real(wp), parameter :: least = 1.0e-200_wp
@@ -94,7 +94,7 @@ contains
   end subroutine find_squares
 
   pure subroutine find_totals(f, square, power, total, last)
-    type(form_side_type), intent(inout) :: f
+    type(shape_side_type), intent(inout) :: f
     real(wp), intent(in) :: square(lanes, 3), power(lanes, 3)
     real(wp), intent(out) :: total(lanes), last(lanes)  !! its exponent
     integer(i4) :: k
@@ -112,7 +112,7 @@ contains
   !> Support along sign n about the centre of mass, and sign times the surface point from it; with
   !! powers raise_sides goes before.
   pure subroutine support_side(f, sign, powers, nx, ny, nz, h, ux, uy, uz)
-    type(form_side_type), intent(inout) :: f
+    type(shape_side_type), intent(inout) :: f
     real(wp), intent(in) :: sign
     logical, intent(in) :: powers
     real(wp), intent(in) :: nx(lanes), ny(lanes), nz(lanes)
@@ -126,7 +126,7 @@ contains
 
   !> Without powers, in one go.
   pure subroutine support_octants(f, sign, nx, ny, nz, h, ux, uy, uz)
-    type(form_side_type), intent(inout) :: f
+    type(shape_side_type), intent(inout) :: f
     real(wp), intent(in) :: sign
     real(wp), intent(in) :: nx(lanes), ny(lanes), nz(lanes)
     real(wp), intent(out) :: h(lanes), ux(lanes), uy(lanes), uz(lanes)
@@ -194,7 +194,7 @@ contains
 
   !> From the shares and their powers.
   pure subroutine support_powers(f, sign, h, ux, uy, uz)
-    type(form_side_type), intent(in) :: f
+    type(shape_side_type), intent(in) :: f
     real(wp), intent(in) :: sign
     real(wp), intent(out) :: h(lanes), ux(lanes), uy(lanes), uz(lanes)
     real(wp) :: scale, p, p1, p2, p3
@@ -220,7 +220,7 @@ contains
 
   !> Semi-axes on the side of sign n, and their shares.
   pure subroutine pick_axes(f, sign, nx, ny, nz)
-    type(form_side_type), intent(inout) :: f
+    type(shape_side_type), intent(inout) :: f
     real(wp), intent(in) :: sign
     real(wp), intent(in) :: nx(lanes), ny(lanes), nz(lanes)
     real(wp) :: m1, m2, m3, a1, a2, a3, length, inverse
@@ -256,7 +256,7 @@ contains
   !> Mean curvature of the surface along the last normal [1/m]: half of trace over determinant of
   !! the tangent Hessian, which rotations leave as they are; see bounded_curvature of dem_shape.
   pure subroutine curve_side(f, powers, curvature)
-    type(form_side_type), intent(in) :: f
+    type(shape_side_type), intent(in) :: f
     logical, intent(in) :: powers
     real(wp), intent(out) :: curvature(lanes)
     real(wp) :: s(lanes, 6), least
@@ -284,7 +284,7 @@ contains
 
   !> Without powers: (trace of the shape matrix - u.u) l^3 over its determinant.
   pure subroutine curve_octants(f, curvature)
-    type(form_side_type), intent(in) :: f
+    type(shape_side_type), intent(in) :: f
     real(wp), intent(out) :: curvature(lanes)
     real(wp) :: l
     integer(i4) :: k
@@ -300,7 +300,7 @@ contains
 
   !> Hessian of the support along the last normal in space, xx yy zz xy yz zx [m].
   pure subroutine bend_side(f, powers, s)
-    type(form_side_type), intent(in) :: f
+    type(shape_side_type), intent(in) :: f
     logical, intent(in) :: powers
     real(wp), intent(out) :: s(lanes, 6)
     if (powers) then
@@ -313,7 +313,7 @@ contains
 
   !> (S - u u^T)/l.
   pure subroutine bend_octants(f, s)
-    type(form_side_type), intent(in) :: f
+    type(shape_side_type), intent(in) :: f
     real(wp), intent(out) :: s(lanes, 6)
     real(wp) :: inverse, x, y, z
     integer(i4) :: k
@@ -335,7 +335,7 @@ contains
 
   !> See octant_tangent of dem_shape.
   pure subroutine bend_powers(f, s)
-    type(form_side_type), intent(in) :: f
+    type(shape_side_type), intent(in) :: f
     real(wp), intent(out) :: s(lanes, 6)
     real(wp) :: e, p, q1, q2, q3, s1, s2, s3, w1, w2, w3, g1, g2, g3, bend, over, scale
     integer(i4) :: k

@@ -28,7 +28,7 @@ module dem_halo_state
     real(wp) :: per_length(3) = 1.0_wp         !! how far places lie apart, [-] or [1/m]
     real(wp) :: range = 0.0_wp                 !! depth of the halo [m]
     integer(i4) :: width = 9                   !! reals of a body record that change in a step
-    logical :: formed = .false.                !! some grain of the run is no ellipsoid
+    logical :: shaped = .false.                !! some grain of the run is no ellipsoid
     integer(i4) :: partners = 0                !! ranks with which bodies are exchanged
     integer(i4), allocatable :: partner(:)     !! (partners) ascending
     integer(i4), allocatable :: first_out(:)   !! (partners+1) of the bodies sent to each

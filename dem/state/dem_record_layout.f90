@@ -6,7 +6,7 @@
 !! dem_surface_records; bodies in every step: dem_swap; the rest: dem_distribute, dem_slabs).
 module dem_record_layout
   use talus_kinds, only: i4
-  use dem_shape, only: form_size
+  use dem_shape, only: shape_size
   use dem_state, only: body_size, history_size, result_size
   implicit none
   private
@@ -65,7 +65,7 @@ module dem_record_layout
   integer(i4), parameter :: at_shape_axes(2) = at_shape_exponent + [1, 3]
   integer(i4), parameter :: at_shape_reach = at_shape_axes(2) + 1
   integer(i4), parameter :: at_shape_radius = at_shape_reach + 1
-  integer(i4), parameter :: at_shape_record(2) = at_shape_radius + [1_i4, form_size]
+  integer(i4), parameter :: at_shape_record(2) = at_shape_radius + [1_i4, shape_size]
   integer(i4), parameter :: shape_columns(2, 8) = reshape([ &
     at_shape_kind, at_shape_kind, at_shape_frame, at_shape_skew, at_shape_exponent, &
     at_shape_exponent, at_shape_axes, at_shape_reach, at_shape_reach, at_shape_radius, &

@@ -21,9 +21,9 @@ module dem_records
 contains
 
   !> Reals of a grain of this run.
-  pure integer(i4) function grain_reals(formed)
-    logical, intent(in) :: formed  !! some grain is no ellipsoid
-    grain_reals = merge(formed_size, grain_size, formed)
+  pure integer(i4) function grain_reals(shaped)
+    logical, intent(in) :: shaped  !! some grain is no ellipsoid
+    grain_reals = merge(formed_size, grain_size, shaped)
   end function grain_reals
 
   !> Reals of a contact of this run.
@@ -107,15 +107,15 @@ contains
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: i
     real(wp), intent(inout) :: row(:)
-    associate (forms => d%grains%forms)
-      row(at_shape_kind) = real(forms%kind(i), wp)
-      row(at_shape_frame(1):at_shape_frame(2)) = forms%frame(:, i)
-      row(at_shape_skew(1):at_shape_skew(2)) = forms%skew(:, i)
-      row(at_shape_exponent) = forms%exponent(i)
-      row(at_shape_axes(1):at_shape_axes(2)) = forms%axes(:, i)
-      row(at_shape_reach) = forms%reach(i)
+    associate (shapes => d%grains%shapes)
+      row(at_shape_kind) = real(shapes%kind(i), wp)
+      row(at_shape_frame(1):at_shape_frame(2)) = shapes%frame(:, i)
+      row(at_shape_skew(1):at_shape_skew(2)) = shapes%skew(:, i)
+      row(at_shape_exponent) = shapes%exponent(i)
+      row(at_shape_axes(1):at_shape_axes(2)) = shapes%axes(:, i)
+      row(at_shape_reach) = shapes%reach(i)
       row(at_shape_radius) = d%grains%radius(i)
-      row(at_shape_record(1):at_shape_record(2)) = forms%record(:, i)
+      row(at_shape_record(1):at_shape_record(2)) = shapes%record(:, i)
     end associate
   end subroutine pack_shape
 
@@ -123,15 +123,15 @@ contains
     real(wp), intent(in) :: row(:)
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: i
-    associate (forms => d%grains%forms)
-      forms%kind(i) = nint(row(at_shape_kind), i4)
-      forms%frame(:, i) = row(at_shape_frame(1):at_shape_frame(2))
-      forms%skew(:, i) = row(at_shape_skew(1):at_shape_skew(2))
-      forms%exponent(i) = row(at_shape_exponent)
-      forms%axes(:, i) = row(at_shape_axes(1):at_shape_axes(2))
-      forms%reach(i) = row(at_shape_reach)
+    associate (shapes => d%grains%shapes)
+      shapes%kind(i) = nint(row(at_shape_kind), i4)
+      shapes%frame(:, i) = row(at_shape_frame(1):at_shape_frame(2))
+      shapes%skew(:, i) = row(at_shape_skew(1):at_shape_skew(2))
+      shapes%exponent(i) = row(at_shape_exponent)
+      shapes%axes(:, i) = row(at_shape_axes(1):at_shape_axes(2))
+      shapes%reach(i) = row(at_shape_reach)
       d%grains%radius(i) = row(at_shape_radius)
-      forms%record(:, i) = row(at_shape_record(1):at_shape_record(2))
+      shapes%record(:, i) = row(at_shape_record(1):at_shape_record(2))
     end associate
   end subroutine unpack_shape
 

@@ -1,18 +1,18 @@
-!> Gives grains their forms: checks, records, mass, inertia and bounding spheres.
+!> Gives grains their shapes: checks, records, mass, inertia and bounding spheres.
 module dem_shape_make
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_repeated_errors, only: repeated_errors_type
-  use dem_shape, only: form_of, turned, least_exponent, most_exponent
-  use dem_shape_mass, only: form_mass_type, mass_of_form
-  use dem_shape_state, only: allocate_forms, form_kind, form_ellipsoid
+  use dem_shape, only: shape_of, turned, least_exponent, most_exponent
+  use dem_shape_mass, only: shape_mass_type, mass_of_shape
+  use dem_shape_state, only: allocate_shapes, shape_kind, shape_ellipsoid
   use dem_make, only: sorted_order
   use dem_ellipsoid, only: quaternion_product
   use dem_state, only: dem_grains_type, dem_material_type
   implicit none
   private
-  public :: make_forms, octant_frames
+  public :: make_shapes, octant_frames
 
   real(wp), parameter :: most_skew = 0.8_wp    !! one half-axis nine times the other
   real(wp), parameter :: most_slender = 50.0_wp  !! greatest over least semi-axis
@@ -22,7 +22,7 @@ contains
 
   !> Forms of grains that make_grains has made as ellipsoids; nothing if all are. Arrays are in the
   !! order of `id`. Faults name the grain (I217, I218).
-  subroutine make_forms(grains, materials, id, skew, exponent, errors)
+  subroutine make_shapes(grains, materials, id, skew, exponent, errors)
     type(dem_grains_type), intent(inout) :: grains
     type(dem_material_type), intent(in) :: materials(:)
     integer(i8), intent(in) :: id(:)
@@ -32,37 +32,37 @@ contains
     integer(i4), allocatable :: order(:)
     integer(i4) :: i, n
 
-    call check_forms(grains, id, skew, exponent, errors)
+    call check_shapes(grains, id, skew, exponent, errors)
     if (errors%any()) return
     n = grains%n
     if (.not. (any(abs(skew) > 0.0_wp) .or. any(exponent > least_exponent))) return
     order = sorted_order(id)
-    associate (f => grains%forms)
-      call allocate_forms(f, n)
+    associate (f => grains%shapes)
+      call allocate_shapes(f, n)
       f%skew = skew(:, order)
       f%exponent = exponent(order)
       f%axes = grains%axes
     end associate
     do i = 1, n
-      call make_form(grains, materials(grains%material(i))%density, i)
+      call make_shape(grains, materials(grains%material(i))%density, i)
     end do
-  end subroutine make_forms
+  end subroutine make_shapes
 
   !> One grain: its axes become those of an ellipsoid of the same volume, its orientation that of
   !! the principal frame.
-  subroutine make_form(g, density, i)
+  subroutine make_shape(g, density, i)
     type(dem_grains_type), intent(inout) :: g
     real(wp), intent(in) :: density  !! [kg/m^3]
     integer(i4), intent(in) :: i
-    type(form_mass_type) :: mass
+    type(shape_mass_type) :: mass
     real(wp) :: upper(3), lower(3)
 
-    associate (f => g%forms)
+    associate (f => g%shapes)
       upper = f%axes(:, i)*(1.0_wp + f%skew(:, i))
       lower = f%axes(:, i)*(1.0_wp - f%skew(:, i))
-      f%kind(i) = form_kind(f%skew(:, i), f%exponent(i))
-      if (f%kind(i) /= form_ellipsoid) then
-        mass = mass_of_form(upper, lower, f%exponent(i))
+      f%kind(i) = shape_kind(f%skew(:, i), f%exponent(i))
+      if (f%kind(i) /= shape_ellipsoid) then
+        mass = mass_of_shape(upper, lower, f%exponent(i))
         f%frame(:, i) = [mass%turn(1), -mass%turn(2:4)]
         f%reach(i) = mass%reach
         g%radius(i) = mass%radius
@@ -72,12 +72,12 @@ contains
                        *(mass%volume/(4.0_wp/3.0_wp*pi*product(f%axes(:, i))))**(1.0_wp/3.0_wp)
         g%quat(:, i) = quaternion_product(g%quat(:, i), mass%turn)
       end if
-      f%record(:, i) = turned(form_of(upper, lower, mass%centre, f%exponent(i)), &
+      f%record(:, i) = turned(shape_of(upper, lower, mass%centre, f%exponent(i)), &
                               quaternion_product(g%quat(:, i), f%frame(:, i)))
     end associate
-  end subroutine make_form
+  end subroutine make_shape
 
-  subroutine check_forms(grains, id, skew, exponent, errors)
+  subroutine check_shapes(grains, id, skew, exponent, errors)
     type(dem_grains_type), intent(in) :: grains
     integer(i8), intent(in) :: id(:)
     real(wp), intent(in) :: skew(:, :), exponent(:)
@@ -103,7 +103,7 @@ contains
                      str(most_exponent)//', got '//str(exponent(k)), &
                      '2 is an ellipsoid; below it surfaces have edges, above corners', errors)
       end if
-      if (form_kind(skew(:, k), exponent(k)) == form_ellipsoid) cycle
+      if (shape_kind(skew(:, k), exponent(k)) == shape_ellipsoid) cycle
       upper = grains%axes(:, i)*(1.0_wp + skew(:, k))
       lower = grains%axes(:, i)*(1.0_wp - skew(:, k))
       if (maxval([upper, lower]) > most_slender*minval([upper, lower])) then
@@ -113,7 +113,7 @@ contains
       end if
     end do
     call few%finish('grains', errors)
-  end subroutine check_forms
+  end subroutine check_shapes
 
   !> Orientations as files hold them: of the octants, not of the principal frame.
   pure function octant_frames(g) result(quat)
@@ -121,9 +121,9 @@ contains
     real(wp) :: quat(4, g%n)
     integer(i4) :: i
     quat = g%quat
-    do i = 1, merge(g%n, 0, g%forms%n > 0)
-      if (g%forms%kind(i) /= form_ellipsoid) &
-        quat(:, i) = quaternion_product(g%quat(:, i), g%forms%frame(:, i))
+    do i = 1, merge(g%n, 0, g%shapes%n > 0)
+      if (g%shapes%kind(i) /= shape_ellipsoid) &
+        quat(:, i) = quaternion_product(g%quat(:, i), g%shapes%frame(:, i))
     end do
   end function octant_frames
 end module dem_shape_make

@@ -3,7 +3,7 @@
 module dem_state
   use talus_kinds, only: wp, i4, i8
   use dem_sizes, only: lanes
-  use dem_shape_state, only: dem_forms_type
+  use dem_shape_state, only: dem_shapes_type
   use dem_law_state, only: dem_material_type, dem_law_type, history_size, history_side, &
     history_root, history_point, column_count
   use dem_additional_state, only: dem_extras_type
@@ -42,7 +42,7 @@ module dem_state
     real(wp), allocatable :: quat(:, :)            !! orientation w,x,y,z: body to space [-]
     real(wp), allocatable :: v(:, :)               !! velocity [m/s]
     real(wp), allocatable :: omega(:, :)           !! spin, space frame [rad/s]
-    real(wp), allocatable :: axes(:, :)            !! semi-axes a, b, c; of forms those of an
+    real(wp), allocatable :: axes(:, :)            !! semi-axes a, b, c; of shapes those of an
                                                    !! ellipsoid of the same volume [m]
     real(wp), allocatable :: radius(:)             !! of the bounding sphere [m]
     real(wp), allocatable :: mass(:)               !! unscaled mass [kg]
@@ -52,7 +52,7 @@ module dem_state
     real(wp), allocatable :: theta(:, :)           !! accumulated rotation [rad]
     real(wp), allocatable :: extra_force(:, :)     !! held external force on free grains [N]
     real(wp), allocatable :: extra_moment(:, :)    !! held external moment on free grains [N m]
-    type(dem_forms_type) :: forms                  !! of grains that are no ellipsoids
+    type(dem_shapes_type) :: shapes                  !! of grains that are no ellipsoids
     ! What only prescribed grains have: no columns as long as all grains are free (dem_make).
     real(wp), allocatable :: impulse(:, :)         !! time integral of force since reset [N s]
     real(wp), allocatable :: moment_impulse(:, :)  !! time integral of moment since reset [N m s]
@@ -98,7 +98,7 @@ module dem_state
     integer(i8) :: built_at = 0                  !! step of the last rebuild
     integer(i4), allocatable :: group_end(:)     !! (groups) last block of each
     logical, allocatable :: round(:)             !! (blocks) all pairs are of spheres
-    integer(i4), allocatable :: form(:)          !! (blocks) greatest kind, see dem_shape_state
+    integer(i4), allocatable :: shape(:)          !! (blocks) greatest kind, see dem_shape_state
     real(wp), allocatable :: least_gap(:)        !! (blocks) when the list was made [m]
     real(wp), allocatable :: share(:)            !! (blocks) of their work that is this rank's [-];
                                                  !! none: all of it

@@ -5,9 +5,10 @@ module dem_chunks
   use dem_carry, only: start_carried, finish_carried, recall_carried
   use dem_forces, only: sum_body
   use dem_lanes, only: sum_lanes, call_for
-  use dem_integrate, only: motion_type, kick_mover, drift_mover, work_count
-  use dem_integration_block, only: mover_type, push_type, store_mover, load_forces, &
-    store_forces, load_side, recall_side, ready_push, read_mover, put_bodies, follow_travel
+  use dem_integrate, only: motion_type, kick_block, drift_block, work_count
+  use dem_integration_block, only: integration_block_type, block_state_type, store_block, &
+    load_forces, store_forces, load_side, recall_side, ready_state, read_block, put_bodies, &
+    follow_travel
   use dem_relist, only: travel_of, larger
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_ellipsoid, only: quaternion_from_rotation
@@ -40,37 +41,37 @@ contains
 
   !> Start of a step for the grains of chunk c; the last chunk is the planes'. The push is that left
   !! by finish_chunk, or it is fresh.
-  subroutine start_chunk(d, c, motion, last, exact, work, push, fresh)
+  subroutine start_chunk(d, c, motion, last, exact, work, state, fresh)
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: c
     type(motion_type), intent(in) :: motion
     logical, intent(in) :: last
     logical, intent(in) :: exact  !! the travel is wanted as it is, see follow_travel
     type(step_memory_type), intent(inout) :: work
-    type(push_type), intent(inout) :: push
+    type(block_state_type), intent(inout) :: state
     logical, intent(in) :: fresh
     real(wp) :: travel
     integer(i4) :: i
 
     work%started(:, c) = 0.0_wp
     travel = 0.0_wp
-    if (c > size(work%movers)) then
+    if (c > size(work%blocks)) then
       call push_surfaces(d%surfaces, d%planes%velocity, motion, .true., work%started(:, c))
       call start_planes(d, motion%dt, last, travel)
     else if (d%cell%active) then
-      if (fresh) call ready_chunk(d, work%movers(c), push)
-      call start_carried(d, work%movers(c), motion, last, push, work%started(:, c), travel)
+      if (fresh) call ready_chunk(d, work%blocks(c), state)
+      call start_carried(d, work%blocks(c), motion, last, state, work%started(:, c), travel)
     else
-      associate (mover => work%movers(c))
-        if (mover%free_count > 0) then
-          if (fresh) call ready_chunk(d, mover, push)
-          call kick_mover(mover, push, motion, .true., work%started(:, c))
-          call drift_mover(mover, push, motion%dt)
-          call put_bodies(mover, push, d%pairs%body, d%grains%forms)
-          call follow_travel(mover, push, d%pairs, motion%dt, exact)
-          travel = mover%travel
+      associate (block => work%blocks(c))
+        if (block%free_count > 0) then
+          if (fresh) call ready_chunk(d, block, state)
+          call kick_block(block, state, motion, .true., work%started(:, c))
+          call drift_block(block, state, motion%dt)
+          call put_bodies(block, state, d%pairs%body, d%grains%shapes)
+          call follow_travel(block, state, d%pairs, motion%dt, exact)
+          travel = block%travel
         end if
-        do i = mover%low + 1, mover%low + merge(0, mover%count, mover%free_count == mover%count)
+        do i = block%low + 1, block%low + merge(0, block%count, block%free_count == block%count)
           if (stands(d%grains%kind(i))) cycle
           call drift_prescribed(d%grains, i, motion%dt, last, d%pairs%body(:, i))
           travel = larger(travel, travel_of(d, i))
@@ -81,22 +82,22 @@ contains
   end subroutine start_chunk
 
   !> What a step of a chunk begins with, as it stands with the grains.
-  subroutine ready_chunk(d, mover, push)
+  subroutine ready_chunk(d, block, state)
     type(dem_data_type), intent(in) :: d
-    type(mover_type), intent(in) :: mover
-    type(push_type), intent(inout) :: push
-    call load_side(mover, d%grains, d%pairs, push)
-    call load_forces(mover, d%grains, push)
-    call ready_push(mover, d%grains, push)
+    type(integration_block_type), intent(in) :: block
+    type(block_state_type), intent(inout) :: state
+    call load_side(block, d%grains, d%pairs, state)
+    call load_forces(block, d%grains, state)
+    call ready_state(block, d%grains, state)
   end subroutine ready_chunk
 
   !> Where the grains of a chunk are and how they move in a step that is half done.
-  subroutine recall_chunk(d, mover, push)
+  subroutine recall_chunk(d, block, state)
     type(dem_data_type), intent(in) :: d
-    type(mover_type), intent(in) :: mover
-    type(push_type), intent(inout) :: push
-    call recall_side(mover, d%pairs%body, push)
-    if (d%cell%active) call recall_carried(d, mover, push)
+    type(integration_block_type), intent(in) :: block
+    type(block_state_type), intent(inout) :: state
+    call recall_side(block, d%pairs%body, state)
+    if (d%cell%active) call recall_carried(d, block, state)
   end subroutine recall_chunk
 
   !> Planes and surfaces.
@@ -119,49 +120,49 @@ contains
   end subroutine start_planes
 
   !> Sums and end of the step for the grains of chunk c; the last chunk is the planes'.
-  subroutine finish_chunk(d, c, motion, last, work, push)
+  subroutine finish_chunk(d, c, motion, last, work, state)
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: c
     type(motion_type), intent(in) :: motion
     logical, intent(in) :: last  !! the forces are wanted with the grains
     type(step_memory_type), intent(inout) :: work
-    type(push_type), intent(inout) :: push
+    type(block_state_type), intent(inout) :: state
     integer(i4) :: k
 
     work%finished(:, c) = 0.0_wp
-    if (c > size(work%movers)) then
+    if (c > size(work%blocks)) then
       call finish_planes(d, motion%dt, work%finished(:, c))
       call push_surfaces(d%surfaces, d%planes%velocity, motion, .false., work%finished(:, c))
       return
     end if
-    if (c < size(work%movers)) call call_chunk(d%pairs, work%movers(c + 1))
-    associate (mover => work%movers(c))
-      call read_mover(mover, .false.)
-      call recall_chunk(d, mover, push)
-      call sum_lanes(d%pairs%result, d%pairs%entry, d%pairs%start(mover%low + 1:), mover%count, &
-                     push%s%x, push%f, push%m)
-      if (d%cell%active) call finish_carried(d, mover, motion%dt, push, work%finished(:, c))
-      if (d%surfaces%list%near > 0) call add_surface_loads(d%surfaces, mover%low, mover%count, &
-        push%f, push%m)
-      do k = 1, merge(0, mover%count, mover%free_count == mover%count)
-        if (mover%free(k) > 0.5_wp .or. d%grains%kind(mover%low + k) == kind_mirror) cycle
-        call finish_prescribed(d%grains, mover%low + k, motion%dt, push%f(k, :), push%m(k, :), &
+    if (c < size(work%blocks)) call call_chunk(d%pairs, work%blocks(c + 1))
+    associate (block => work%blocks(c))
+      call read_block(block, .false.)
+      call recall_chunk(d, block, state)
+      call sum_lanes(d%pairs%result, d%pairs%entry, d%pairs%start(block%low + 1:), block%count, &
+                     state%s%x, state%f, state%m)
+      if (d%cell%active) call finish_carried(d, block, motion%dt, state, work%finished(:, c))
+      if (d%surfaces%list%near > 0) call add_surface_loads(d%surfaces, block%low, block%count, &
+        state%f, state%m)
+      do k = 1, merge(0, block%count, block%free_count == block%count)
+        if (block%free(k) > 0.5_wp .or. d%grains%kind(block%low + k) == kind_mirror) cycle
+        call finish_prescribed(d%grains, block%low + k, motion%dt, state%f(k, :), state%m(k, :), &
                                work%finished(:, c))
       end do
-      if (mover%free_count == 0) return
-      if (last) call store_forces(mover, push, d%grains)
-      call ready_push(mover, d%grains, push)
-      call kick_mover(mover, push, motion, .false., work%finished(:, c))
-      if (last) call store_mover(mover, push, d%grains)
+      if (block%free_count == 0) return
+      if (last) call store_forces(block, state, d%grains)
+      call ready_state(block, d%grains, state)
+      call kick_block(block, state, motion, .false., work%finished(:, c))
+      if (last) call store_block(block, state, d%grains)
     end associate
   end subroutine finish_chunk
 
   !> Call for the next chunk while this one is worked on.
-  subroutine call_chunk(pairs, mover)
+  subroutine call_chunk(pairs, block)
     type(dem_pairs_type), intent(in) :: pairs
-    type(mover_type), intent(in) :: mover
-    call read_mover(mover, .true.)
-    call call_for(pairs%body(:, mover%low + 1), body_size*mover%count)
+    type(integration_block_type), intent(in) :: block
+    call read_block(block, .true.)
+    call call_for(pairs%body(:, block%low + 1), body_size*block%count)
   end subroutine call_chunk
 
   !> Planes and surfaces.

@@ -21,11 +21,11 @@ module dem_parts_forces
   private
   public :: begin_ahead, is_left, slice_of_free, forces_on_rim, forces_on_free, &
     forces_between_ghosts
-  public :: stage_none, stage_told
+  public :: stage_none, stage_reported
 
   integer(i4), parameter :: stage_none = 0   !! all forces are those of now
   integer(i4), parameter :: stage_ahead = 1  !! free grains have moved, ghosts have yet to
-  integer(i4), parameter :: stage_told = 2   !! forces on ghosts are those of now
+  integer(i4), parameter :: stage_reported = 2   !! forces on ghosts are those of now
   integer(i4), parameter :: slice = 16       !! blocks of a thread between two looks at the port
 
 contains
@@ -57,7 +57,7 @@ contains
   !> Is there something to do before the partner speaks again?
   pure logical function is_left(d)
     type(dem_data_type), intent(in) :: d
-    is_left = d%parts%stage == stage_told .or. &
+    is_left = d%parts%stage == stage_reported .or. &
       (d%parts%stage == stage_ahead .and. d%parts%next <= d%pairs%bare_blocks)
   end function is_left
 
@@ -67,7 +67,7 @@ contains
     if (d%parts%stage == stage_none) return
     if (d%parts%next <= d%pairs%bare_blocks) then
       call evaluate_bare(d, d%parts%next + slice*omp_get_max_threads() - 1)
-    else if (d%parts%stage == stage_told) then
+    else if (d%parts%stage == stage_reported) then
       call sum_up(d)
     end if
   end subroutine slice_of_free
@@ -94,13 +94,13 @@ contains
       call finish_part(d, i, d%pending, force, moment, d%parts%of_free(:, i), work)
     end do
     d%ledger%boundary = d%ledger%boundary + work(4)
-    d%parts%stage = stage_told
+    d%parts%stage = stage_reported
   end subroutine forces_on_rim
 
   !> All contacts of free grains over the pending drift, or what is left of them.
   subroutine forces_on_free(d)
     type(dem_data_type), intent(inout) :: d
-    if (d%parts%stage /= stage_told) call forces_on_rim(d)
+    if (d%parts%stage /= stage_reported) call forces_on_rim(d)
     call evaluate_bare(d, d%pairs%bare_blocks)
     call sum_up(d)
   end subroutine forces_on_free
@@ -213,7 +213,7 @@ contains
       if (d%pairs%group_end(g) >= first .and. base < last) then
         !$omp do schedule(static)
         do k = max(first, base + 1), min(last, d%pairs%group_end(g))
-          call block_forces(d%pairs, d%laws, d%grains%forms, k, h, travel)
+          call block_forces(d%pairs, d%laws, d%grains%shapes, k, h, travel)
         end do
         !$omp end do nowait
       end if

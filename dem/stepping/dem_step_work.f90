@@ -5,7 +5,7 @@ module dem_step_work
   use dem_state, only: dem_data_type, kind_free, lanes
   use dem_law_state, only: column_count, column_plastic
   use dem_integrate, only: work_count
-  use dem_integration_block, only: mover_type
+  use dem_integration_block, only: integration_block_type
   use dem_surface_additional, only: add_work_on_top
   use dem_surface_motion, only: surface_columns
   implicit none
@@ -18,7 +18,8 @@ module dem_step_work
   !> What a region works on beside the system itself: memory that one call of take_steps leaves to
   !! the next. It carries no state.
   type :: step_memory_type
-    type(mover_type), allocatable :: movers(:)    !! of each chunk; the last chunk is the planes'
+    type(integration_block_type), allocatable :: blocks(:)    !! of each chunk; the last chunk is
+                                                              !! the planes'
     real(wp), allocatable :: started(:, :)        !! (work_count, chunks) of the first half [J]
     real(wp), allocatable :: finished(:, :)       !! (work_count, chunks) of the second half [J]
     real(wp), allocatable :: travel(:)            !! (chunks) since the list was made [m]
@@ -37,10 +38,10 @@ contains
     if (allocated(work%load)) then
       if (size(work%load) /= chunks) deallocate (work%load, work%started, work%finished)
     end if
-    if (allocated(work%movers)) then
-      if (size(work%movers) /= chunks - 1) deallocate (work%movers)
+    if (allocated(work%blocks)) then
+      if (size(work%blocks) /= chunks - 1) deallocate (work%blocks)
     end if
-    if (.not. allocated(work%movers)) allocate (work%movers(chunks - 1))
+    if (.not. allocated(work%blocks)) allocate (work%blocks(chunks - 1))
     if (.not. allocated(work%load)) then
       if (allocated(work%travel)) deallocate (work%travel)
       allocate (work%load(chunks), work%travel(chunks))

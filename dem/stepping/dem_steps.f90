@@ -2,7 +2,7 @@
 !!
 !! A step is (1) half kick and drift of every grain, (2) forces of every block, (3) sums and second
 !! half kick; (3) and the next (1) go together, chunk by chunk, without a barrier between them.
-!! A thread owns a run of grains, whose motion stays in its movers as long as the region lasts, and
+!! A thread owns a run of grains, whose motion stays in its blocks as long as the region lasts, and
 !! a run of the blocks of each group: as grains and blocks both follow the ids, most bodies of its
 !! blocks are its own. Work is added to the ledger by one thread in a fixed order, so that the
 !! thread count changes no bit. The region is left when the list must be made anew. On ranks the
@@ -19,9 +19,9 @@ module dem_steps
   use dem_bonds_make, only: check_bonds
   use dem_forces, only: block_forces, sum_body
   use dem_lanes, only: finish_puts
-  use dem_integrate, only: motion_type, motion_of, kick_mover, drift_mover, work_count
-  use dem_integration_block, only: mover_type, push_type, load_mover, store_mover, load_forces, &
-    load_side, ready_push, put_bodies
+  use dem_integrate, only: motion_type, motion_of, kick_block, drift_block, work_count
+  use dem_integration_block, only: integration_block_type, block_state_type, load_block, &
+    store_block, load_forces, load_side, ready_state, put_bodies
   use dem_relist, only: rebuild_list, fit_skin, outlived
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_ellipsoid, only: quaternion_from_rotation
@@ -71,7 +71,7 @@ contains
         travel = max(travel, 2.0_wp*d%halo%before)  ! late if steps were taken beyond half the skin
         call d%halo%team%most(travel)
       end if
-      if (allocated(work%movers)) deallocate (work%movers)  ! most memory is in use at a rebuild
+      if (allocated(work%blocks)) deallocate (work%blocks)  ! most memory is in use at a rebuild
       call rebuild_list(d, travel(1))
       if (d%pairs%extras%active) call check_bonds(d, errors)
       if (errors%any()) return
@@ -99,25 +99,26 @@ contains
     logical :: begun, leave, several, exact
     integer(i8) :: before
     real(wp) :: travel, foreseen
-    type(push_type) :: push
+    type(block_state_type) :: state
 
     before = d%health%steps - done
     several = d%halo%team%several()
     rebuild = .false.
     if (d%cell%active .and. .not. resumed) call advance_cell(d%cell, motion%dt)
-    !$omp parallel default(none) private(s, c, begun, leave, me, threads, low, high, travel, push) &
+    !$omp parallel default(none) private(s, c, begun, leave, me, threads, low, high, travel, &
+    !$omp state) &
     !$omp   private(swaps, foreseen, exact) shared(d, motion, n, done, resumed, rebuild, work) &
     !$omp   shared(several, before)
     me = omp_get_thread_num()
     threads = omp_get_num_threads()
     call share_chunks(work%load, me, threads, low, high)
-    do c = low, min(high, size(work%movers))
-      call load_mover(d%grains, d%pairs, (c - 1)*chunk, min(chunk, d%grains%n - (c - 1)*chunk), &
-                      work%movers(c))
+    do c = low, min(high, size(work%blocks))
+      call load_block(d%grains, d%pairs, (c - 1)*chunk, min(chunk, d%grains%n - (c - 1)*chunk), &
+                      work%blocks(c))
     end do
     if (.not. resumed) then
       do c = low, high
-        call start_chunk(d, c, motion, done + 1 == n, .true., work, push, .true.)
+        call start_chunk(d, c, motion, done + 1 == n, .true., work, state, .true.)
       end do
     end if
     begun = resumed
@@ -166,14 +167,14 @@ contains
       call add_contact_work(d)
       !$omp end master
       do c = low, high
-        call finish_chunk(d, c, motion, s == n, work, push)
+        call finish_chunk(d, c, motion, s == n, work, state)
         exact = several .or. mod(before + s + c, look) == 0
-        if (s < n) call start_chunk(d, c, motion, s + 1 == n, exact, work, push, .false.)
+        if (s < n) call start_chunk(d, c, motion, s + 1 == n, exact, work, state, .false.)
       end do
     end do
-    do c = low, merge(min(high, size(work%movers)), 0, leave)
-      call recall_chunk(d, work%movers(c), push)
-      call store_mover(work%movers(c), push, d%grains)
+    do c = low, merge(min(high, size(work%blocks)), 0, leave)
+      call recall_chunk(d, work%blocks(c), state)
+      call store_block(work%blocks(c), state, d%grains)
     end do
     !$omp barrier
     !$omp master
@@ -199,7 +200,7 @@ contains
       if (at_border(d%pairs, d%pairs%group_end(g)) .neqv. border) length = 0
       do k = base + 1 + int(int(length, i8)*me/threads, i4), &
              base + int(int(length, i8)*(me + 1)/threads, i4)
-        call block_forces(d%pairs, d%laws, d%grains%forms, k, h, travel)
+        call block_forces(d%pairs, d%laws, d%grains%shapes, k, h, travel)
       end do
       base = d%pairs%group_end(g)
     end do
@@ -221,8 +222,8 @@ contains
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: kick, drift
     type(motion_type) :: motion
-    type(mover_type) :: mover
-    type(push_type) :: push
+    type(integration_block_type) :: block
+    type(block_state_type) :: state
     real(wp) :: work(work_count, 1), travel
     integer(i4) :: low, many
 
@@ -231,17 +232,17 @@ contains
     do low = 0, d%grains%n - 1, chunk
       many = min(chunk, d%grains%n - low)
       if (.not. any(d%grains%kind(low + 1:low + many) == kind_free)) cycle
-      call load_mover(d%grains, d%pairs, low, many, mover)
-      call load_side(mover, d%grains, d%pairs, push)
-      if (kick > 0.0_wp) call load_forces(mover, d%grains, push)
-      call ready_push(mover, d%grains, push)
+      call load_block(d%grains, d%pairs, low, many, block)
+      call load_side(block, d%grains, d%pairs, state)
+      if (kick > 0.0_wp) call load_forces(block, d%grains, state)
+      call ready_state(block, d%grains, state)
       if (kick > 0.0_wp) then
-        call kick_mover(mover, push, motion, .false., work(:, 1))
-        call kick_mover(mover, push, motion, .true., work(:, 1))
+        call kick_block(block, state, motion, .false., work(:, 1))
+        call kick_block(block, state, motion, .true., work(:, 1))
       end if
-      if (drift > 0.0_wp) call drift_mover(mover, push, drift)
-      call store_mover(mover, push, d%grains)
-      if (drift > 0.0_wp) call put_bodies(mover, push, d%pairs%body, d%grains%forms)
+      if (drift > 0.0_wp) call drift_block(block, state, drift)
+      call store_block(block, state, d%grains)
+      if (drift > 0.0_wp) call put_bodies(block, state, d%pairs%body, d%grains%shapes)
     end do
     if (kick > 0.0_wp) call add_grain_work(d, work)
     if (.not. drift > 0.0_wp) return

@@ -1,7 +1,8 @@
-!> Flexible membranes: sheets of triangles with masses at their corners, stretched by the grains
+!> Flexible membranes: membranes of triangles with masses at their corners, stretched by the grains
 !! inside and pushed by a pressure that follows them.
 !!
-!! A triangle is a plane-stress sheet of St. Venant and Kirchhoff: with the deformation gradient F
+!! A triangle is a plane-stress membrane of St. Venant and Kirchhoff: with the deformation gradient
+!! F
 !! from its shape at the start, E = (F^T F - 1)/2 and S = K ((1 - nu) E + nu tr E 1),
 !! K = E t/(1 - nu^2), the energy is A S:E/2 and its corners are pulled by -A F S grad N. Corners on
 !! free edges are held: they stand, or go with a wall. On ranks all of them move all corners alike,

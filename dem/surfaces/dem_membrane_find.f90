@@ -1,14 +1,15 @@
-!> Where a grain touches a membrane, so that no energy comes or goes as the sheet bends and the
+!> Where a grain touches a membrane, so that no energy comes or goes as the membrane bends and the
 !! grain slides over its edges.
 !!
-!! The distance of the points of the sheet from the grain has minima, saddles and maxima: faces
+!! The distance of the points of the membrane from the grain has minima, saddles and maxima: faces
 !! whose foot lies inside are minima; an edge or corner is one of them, or none, by the number of
 !! ways down from it. Each one that the grain overlaps is a contact of the law in force, and counts
 !! by its index: 1 - (Euler's characteristic of the ways down), which is 1 for minima and maxima and
 !! -1 for saddles. A minimum is born and dies with a saddle at the same place, so that the sum of
-!! the energies and the forces stay continuous for any bend. On a flat sheet one contact is left,
+!! the energies and the forces stay continuous for any bend. On a flat membrane one contact is left,
 !! in a sharp groove there are two. Each contact's force is the gradient of its own energy by the
-!! places of grain and corners: the foot is a critical point, so its motion along the sheet does no
+!! places of grain and corners: the foot is a critical point, so its motion along the membrane does
+!! no
 !! work.
 module dem_membrane_find
   use talus_kinds, only: wp, i4
@@ -19,7 +20,7 @@ module dem_membrane_find
   use dem_round_gap, only: circle_gap, corner_gap
   implicit none
   private
-  public :: look_at_sheet
+  public :: search_membrane
 
   real(wp), parameter :: as_round = 1.0e-12_wp  !! part of the shape matrix
 
@@ -27,7 +28,7 @@ contains
 
   !> Face, edges and corners of candidate c of near grain g; edges and corners are worked by the
   !! lowest of their triangles.
-  pure subroutine look_at_sheet(s, g, c, grain, f)
+  pure subroutine search_membrane(s, g, c, grain, f)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: g, c
     type(figure_type), intent(in) :: grain
@@ -45,11 +46,11 @@ contains
     end if
     do k = 1, 3
       if (s%mesh%mate(k, triangle) == 0 .or. s%mesh%mate(k, triangle) > triangle) &
-        call look_at_edge(s, c, k, inside(k), grain, f)
+        call search_edge(s, c, k, inside(k), grain, f)
       if (s%mesh%home(s%mesh%corner(k, triangle)) == triangle) &
-        call look_at_corner(s, g, c, k, grain, f)
+        call search_corner(s, g, c, k, grain, f)
     end do
-  end subroutine look_at_sheet
+  end subroutine search_membrane
 
   !> The deepest point of the grain against the plane of a triangle: normal towards the grain, gap,
   !! foot, and its distances inwards from the edges k, k+1.
@@ -78,7 +79,7 @@ contains
   end subroutine look_down
 
   !> Edge k of a candidate; inside: of the foot on the candidate's own plane.
-  pure subroutine look_at_edge(s, c, k, inside, grain, f)
+  pure subroutine search_edge(s, c, k, inside, grain, f)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: c, k
     real(wp), intent(in) :: inside
@@ -110,7 +111,7 @@ contains
     share(k) = 1.0_wp - h
     share(1 + mod(k, 3)) = h
     call put(s, c, grain, n, gap, p + h*length*t, share, 1 - down, f)
-  end subroutine look_at_edge
+  end subroutine search_edge
 
   !> 1 if there is a way down from an edge into its other triangle, if any, else 0.
   pure integer(i4) function across(s, mate, first, second, grain) result(down)
@@ -131,7 +132,7 @@ contains
 
   !> Corner k of a candidate: its ways down are the edges that fall, joined where both edges of a
   !! triangle do.
-  pure subroutine look_at_corner(s, g, c, k, grain, f)
+  pure subroutine search_corner(s, g, c, k, grain, f)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: g, c, k
     type(figure_type), intent(in) :: grain
@@ -160,7 +161,7 @@ contains
     share = 0.0_wp
     share(k) = 1.0_wp
     call put(s, c, grain, n, gap, s%mesh%x(:, vertex), share, 1 - down, f)
-  end subroutine look_at_corner
+  end subroutine search_corner
 
   !> Does the grain come nearer from one corner towards another?
   pure logical function falls(s, from, towards, grain)
@@ -170,7 +171,7 @@ contains
     real(wp) :: r(3), n(3), gap
     r = grain%x - s%mesh%x(:, from)
     n = r
-    if (grain%formed .or. &
+    if (grain%shaped .or. &
         any(abs(grain%a - grain%a(1)*[1.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]) &
             > as_round*grain%a(1))) &
       call corner_gap(r, grain, [0.0_wp, 0.0_wp, 1.0_wp], 0.0_wp, n, gap)

@@ -33,7 +33,7 @@ contains
         if (s%list%contacts(g) == 0 .and. travel < 0.5_wp*s%list%least_gap(g)) then
           call leave_grain(s%list, g)
         else if (allocated(s%membranes)) then
-          call work_on_sheets(d, g, h)
+          call work_on_membranes(d, g, h)
         else
           call work_grain(d, g, h)
         end if
@@ -42,7 +42,7 @@ contains
   end subroutine share_near
 
   !> All contacts of near grain g.
-  subroutine work_on_sheets(d, g, h)
+  subroutine work_on_membranes(d, g, h)
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: g
     real(wp), intent(in) :: h
@@ -73,7 +73,7 @@ contains
       call set_loads(s%list, g, touches%n, load, columns)
       call share_loads(s, g, features, touches)
     end associate
-  end subroutine work_on_sheets
+  end subroutine work_on_membranes
 
   !> Forces on the corners from the contacts in hand, whose list was made anew where they were
   !! worked.

@@ -130,8 +130,10 @@ contains
   pure logical function has_own_energy(d, k, g)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: k, g
-    has_own_energy = associated(d%laws(d%surfaces%material(d%surfaces%list%part(k, g)), &
-                                       d%grains%material(d%surfaces%list%near_grain(g)))%base%energy)
+    associate (list => d%surfaces%list)
+      has_own_energy = associated(d%laws(d%surfaces%material(list%part(k, g)), &
+                                         d%grains%material(list%near_grain(g)))%base%energy)
+    end associate
   end function has_own_energy
 
   !> Is its normal force that of Hertz?

@@ -13,7 +13,7 @@ module dem_surface_find
   use dem_surface_state, only: dem_surfaces_type, is_soft, surface_cone, surface_membrane, &
     part_tip, part_flank, part_shaft, part_side, part_end, is_bore
   use dem_surface_feature, only: touches_type, features_type, most_features, add_feature, add
-  use dem_membrane_find, only: look_at_sheet
+  use dem_membrane_find, only: search_membrane
   use dem_round_gap, only: circle_gap, corner_gap, bore_gap, most_places
   implicit none
   private
@@ -37,16 +37,16 @@ contains
     do c = s%list%near_start(g), s%list%near_start(g + 1) - 1
       if (s%list%candidate(c) > 0) then
         if (s%kind(s%mesh%owner(s%list%candidate(c))) == surface_membrane) then
-          call look_at_sheet(s, g, c, grain, features)
+          call search_membrane(s, g, c, grain, features)
         else
-          call look_at_triangle(s, c, grain, features)
+          call search_triangle(s, c, grain, features)
         end if
       else if (s%kind(-s%list%candidate(c)) == surface_cone) then
-        call look_at_cone(s, -s%list%candidate(c), grain, features)
+        call search_cone(s, -s%list%candidate(c), grain, features)
       else if (is_bore(s, -s%list%candidate(c))) then
-        call look_at_bore(s, -s%list%candidate(c), grain, features)
+        call search_bore(s, -s%list%candidate(c), grain, features)
       else
-        call look_at_cylinder(s, -s%list%candidate(c), grain, features)
+        call search_cylinder(s, -s%list%candidate(c), grain, features)
       end if
     end do
     call join_features(s, g, grain%radius, features, touches%n)
@@ -55,7 +55,7 @@ contains
   end subroutine find_touches
 
   !> Face, edges and corners of a triangle.
-  pure subroutine look_at_triangle(s, c, grain, features)
+  pure subroutine search_triangle(s, c, grain, features)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: c
     type(figure_type), intent(in) :: grain
@@ -87,13 +87,13 @@ contains
       call add(s, c, grain, n, gap, foot, shares(inside, length), features)
     do k = 1, 3
       if (inside(k) <= slack*grain%radius) &
-        call look_at_edge(s, c, k, p(:, k), t(:, k), m(:, k), length(k), grain, features)
+        call search_edge(s, c, k, p(:, k), t(:, k), m(:, k), length(k), grain, features)
     end do
     do k = 1, 3
       if (inside(k) <= slack*grain%radius .or. inside(1 + mod(k + 1, 3)) <= slack*grain%radius) &
-        call look_at_corner(s, c, k, p(:, k), grain, features)
+        call search_corner(s, c, k, p(:, k), grain, features)
     end do
-  end subroutine look_at_triangle
+  end subroutine search_triangle
 
   !> Shares of the corners at a foot with these distances from the edges k, k+1.
   pure function shares(inside, length) result(share)
@@ -105,7 +105,7 @@ contains
   end function shares
 
   !> Edge k of a candidate, worked by the lower of its two triangles.
-  pure subroutine look_at_edge(s, c, k, p, t, m, length, grain, features)
+  pure subroutine search_edge(s, c, k, p, t, m, length, grain, features)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: c, k
     real(wp), intent(in) :: p(3), t(3), m(3)  !! start, direction, inwards
@@ -135,7 +135,7 @@ contains
     share(k) = 1.0_wp - along/length
     share(1 + mod(k, 3)) = along/length
     call add(s, c, grain, n, gap, p + along*t, share, features)
-  end subroutine look_at_edge
+  end subroutine search_edge
 
   !> Direction from an edge into the triangle that holds it, at right angles to it.
   pure function inwards(s, triangle, first, t, p) result(m)
@@ -158,7 +158,7 @@ contains
   end function inwards
 
   !> Corner k of a candidate, worked by the lowest of its triangles.
-  pure subroutine look_at_corner(s, c, k, p, grain, features)
+  pure subroutine search_corner(s, c, k, p, grain, features)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: c, k
     real(wp), intent(in) :: p(3)
@@ -180,10 +180,10 @@ contains
     share = 0.0_wp
     share(k) = 1.0_wp
     call add(s, c, grain, n, gap, p, share, features)
-  end subroutine look_at_corner
+  end subroutine search_corner
 
   !> Tip, flank, shoulder and shaft of a cone; the shoulder counts to the flank.
-  subroutine look_at_cone(s, b, grain, features)
+  subroutine search_cone(s, b, grain, features)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: b
     type(figure_type), intent(in) :: grain
@@ -241,10 +241,10 @@ contains
       h = sqrt(max(1.0_wp - dot_product(n, axis)**2, 0.0_wp))
       features%curvature(features%n) = own + 0.5_wp*h/max(distance, 1.0_wp/own)
     end subroutine add_part
-  end subroutine look_at_cone
+  end subroutine search_cone
 
   !> Side, end or rim of a cylinder with the grain outside: it is convex, so one of them is nearest.
-  subroutine look_at_cylinder(s, b, grain, f)
+  subroutine search_cylinder(s, b, grain, f)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: b
     type(figure_type), intent(in) :: grain
@@ -277,10 +277,10 @@ contains
     e = n - dot_product(n, axis)*axis
     h = sqrt(max(sum(e*e), tiny(1.0_wp)))
     call add_round(s, b, part_end, grain, n, gap, half*axis + wide/h*e, h, f)
-  end subroutine look_at_cylinder
+  end subroutine search_cylinder
 
   !> The wall of a cylinder from inside; its ends are open. Grains wholly beyond it are not its own.
-  subroutine look_at_bore(s, b, grain, f)
+  subroutine search_bore(s, b, grain, f)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: b
     type(figure_type), intent(in) :: grain
@@ -301,7 +301,7 @@ contains
       call add_round(s, b, part_side, grain, -e(:, k), gap(k), along*s%round%axis(:, b) &
                      + s%round%radius(b)*e(:, k), -1.0_wp, f)
     end do
-  end subroutine look_at_bore
+  end subroutine search_bore
 
   !> A feature of a cylinder: half its curvature counts, by the part of the normal across the axis,
   !! towards the grain or, inside, away from it.

@@ -11,7 +11,7 @@ module dem_surface_forces
   use dem_surface_state, only: dem_surfaces_type, is_soft
   use dem_surface_body, only: is_free
   use dem_figure, only: figure_type
-  use dem_shape_state, only: form_ellipsoid
+  use dem_shape_state, only: shape_ellipsoid
   use dem_surface_additional, only: laws_of_surface, neck_reach, held_by_necks, corner_couples
   use dem_surface_contacts, only: leave_grain, keep_touches, keep_more
   use dem_surface_feature, only: touches_type, features_type
@@ -110,9 +110,9 @@ contains
     figure%radius = d%grains%radius(i)
     figure%a = d%pairs%body(10:15, i)
     figure%square = d%pairs%body(16, i)
-    if (d%grains%forms%n == 0) return
-    figure%formed = d%grains%forms%kind(i) /= form_ellipsoid
-    if (figure%formed) figure%form = d%grains%forms%record(:, i)
+    if (d%grains%shapes%n == 0) return
+    figure%shaped = d%grains%shapes%kind(i) /= shape_ellipsoid
+    if (figure%shaped) figure%shape = d%grains%shapes%record(:, i)
   end function figure_of
 
   !> Contacts low+1 to low+many as pairs of a point of the surface, A, and the grain, B; those

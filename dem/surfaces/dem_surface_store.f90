@@ -112,7 +112,8 @@ contains
       if (k == part_bond) cycle
       associate (part => places%part(k))
         if (part%at > 0) call archive%put_reals('surfaces.'//trim(part%name), reshape( &
-          s%list%kept(:, part%at:part%at + part%reals - 1, :), [s%list%slots*part%reals, s%list%near]))
+          s%list%kept(:, part%at:part%at + part%reals - 1, :), [s%list%slots*part%reals, &
+          s%list%near]))
       end associate
     end do
     call archive%put_reals('surfaces.couple', reshape(s%list%couple, [s%list%slots*3, s%list%near]))

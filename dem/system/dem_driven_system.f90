@@ -53,7 +53,7 @@ contains
       self%grains%target_quat(:, i) = quat1(:, k)
       self%grains%has_target(i) = .true.
     end do
-    if (allocated(self%crew)) self%crew%redirected = .true.
+    if (allocated(self%rank_team)) self%rank_team%redirected = .true.
   end subroutine set_motion
 
   !> Prescribed grains move with constant velocity and spin from now on.
@@ -69,7 +69,7 @@ contains
       self%grains%turn(:, i) = quaternion_from_rotation(self%par%dt*omega(:, k))
       self%grains%has_target(i) = .false.
     end do
-    if (allocated(self%crew)) self%crew%redirected = .true.
+    if (allocated(self%rank_team)) self%rank_team%redirected = .true.
   end subroutine set_velocity
 
   !> Prescribed grains stand at x, quat with velocity v and spin omega at once.
@@ -98,10 +98,10 @@ contains
       if (allocated(self%surcharge)) self%grains%extra_force(3, index(k)) = &
         force(3, k) - self%surcharge(index(k))
     end do
-    if (.not. allocated(self%crew)) return
+    if (.not. allocated(self%rank_team)) return
     allocate (marked(self%grains%n), source=.false.)
     marked(index) = .true.
-    call self%crew%mark_loads(marked)
+    call self%rank_team%mark_loads(marked)
   end subroutine set_extra
 
   subroutine clear_extra(self)
@@ -109,7 +109,7 @@ contains
     self%grains%extra_force = 0.0_wp
     self%grains%extra_moment = 0.0_wp
     if (allocated(self%surcharge)) self%grains%extra_force(3, :) = -self%surcharge
-    if (allocated(self%crew)) call self%crew%mark_loads(spread(.true., 1, self%grains%n))
+    if (allocated(self%rank_team)) call self%rank_team%mark_loads(spread(.true., 1, self%grains%n))
   end subroutine clear_extra
 
   !> Contact weights by pair id, all others 1; takes effect at the next evaluation.
@@ -145,7 +145,7 @@ contains
   subroutine reset_impulses(self)
     class(dem_driven_system_type), intent(inout) :: self
     call reset_sums(self%dem_data_type)
-    if (allocated(self%crew)) self%crew%reset = .true.
+    if (allocated(self%rank_team)) self%rank_team%reset = .true.
   end subroutine reset_impulses
 
   !> Indices of ids; unknown ones are faults (I216) and give 0.

@@ -22,7 +22,7 @@ module dem_packing
 
   character(len=*), parameter :: format_name = 'talus-packing'
   integer(i4), parameter :: format_version = 1  !! ellipsoids alone
-  integer(i4), parameter :: forms_version = 2   !! with skew and exponent
+  integer(i4), parameter :: shapes_version = 2   !! with skew and exponent
 
   !> A named group of grains.
   type :: dem_group_type
@@ -79,9 +79,9 @@ contains
     if (errors%count > before) return
     version = 0
     call file%attr_get('/', 'version', version, errors)
-    if (errors%count == before .and. all(version /= [format_version, forms_version])) then
+    if (errors%count == before .and. all(version /= [format_version, shapes_version])) then
       call errors%add('I230', "'"//path//"' is a packing of version "//str(version)//', '// &
-                      str(format_version)//' and '//str(forms_version)//' are read', path, &
+                      str(format_version)//' and '//str(shapes_version)//' are read', path, &
                       "make it again with the 'talus pack' of this version")
     end if
     if (errors%count == before) then
@@ -93,7 +93,7 @@ contains
       call file%get('/grains/v', packing%v, errors)
       call file%get('/grains/omega', packing%omega, errors)
     end if
-    if (errors%count == before) call read_forms(packing, file, errors)
+    if (errors%count == before) call read_shapes(packing, file, errors)
     if (errors%count == before) call check_sizes(packing, path, errors)
     if (errors%count == before) call read_groups(packing, file, errors)
     if (errors%count == before) call read_springs(packing, file, errors)
@@ -106,7 +106,7 @@ contains
   end subroutine read_packing
 
   !> Skew and exponent where the file has them, else those of ellipsoids.
-  subroutine read_forms(packing, file, errors)
+  subroutine read_shapes(packing, file, errors)
     type(dem_packing_type), intent(inout) :: packing
     type(h5_file_type), intent(inout) :: file
     type(error_list_type), intent(inout) :: errors
@@ -116,7 +116,7 @@ contains
     if (file%exists('/grains/skew')) call file%get('/grains/skew', packing%skew, errors)
     if (file%exists('/grains/exponent')) &
       call file%get('/grains/exponent', packing%exponent, errors)
-  end subroutine read_forms
+  end subroutine read_shapes
 
   subroutine check_sizes(packing, path, errors)
     type(dem_packing_type), intent(inout) :: packing
@@ -289,15 +289,15 @@ contains
     character(len=*), intent(in) :: group
     type(dem_grains_type), intent(in) :: grains
     type(error_list_type), intent(inout) :: errors
-    if (grains%forms%n == 0) then
+    if (grains%shapes%n == 0) then
       call file%put(group//'/quat', grains%quat, errors)
       call file%put(group//'/axes', grains%axes, errors)
       return
     end if
     call file%put(group//'/quat', octant_frames(grains), errors)
-    call file%put(group//'/axes', grains%forms%axes, errors)
-    call file%put(group//'/skew', grains%forms%skew, errors)
-    call file%put(group//'/exponent', grains%forms%exponent, errors)
+    call file%put(group//'/axes', grains%shapes%axes, errors)
+    call file%put(group//'/skew', grains%shapes%skew, errors)
+    call file%put(group//'/exponent', grains%shapes%exponent, errors)
   end subroutine put_shapes
 
   !> Write the present state of grains as a packing; ghosts are written as fixed.
@@ -317,7 +317,7 @@ contains
     before = errors%count
     call file%create(path, errors, format=format_name)
     if (errors%count > before) return
-    call file%attr_put('/', 'version', merge(forms_version, format_version, grains%forms%n > 0), &
+    call file%attr_put('/', 'version', merge(shapes_version, format_version, grains%shapes%n > 0), &
                        errors)
     call file%group('/grains', errors)
     call file%put('/grains/id', grains%id, errors)

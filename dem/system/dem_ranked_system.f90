@@ -3,7 +3,7 @@
 module dem_ranked_system
   use talus_kinds, only: wp, i8
   use talus_ranks, only: ranks_type
-  use dem_rank_team, only: dem_crew_type
+  use dem_rank_team, only: dem_rank_team_type
   use dem_state, only: dem_data_type
   use dem_ledger, only: refresh_stored, follow_step, closure_of
   use dem_limits, only: gershgorin_step, rayleigh_step, foreseen_step
@@ -15,19 +15,19 @@ module dem_ranked_system
 
   !> A system whose steps one process or many ranks take.
   type, extends(dem_data_type) :: dem_ranked_system_type
-    type(dem_crew_type), allocatable :: crew       !! of a run on many ranks
+    type(dem_rank_team_type), allocatable :: rank_team       !! of a run on many ranks
     real(wp), private :: limit = 0.0_wp            !! recent_limit [s]
     integer(i8), private :: limit_at = -1          !! evaluation of forces then
   contains
     procedure :: use_ranks        !! (team): steps are those of many ranks
-    procedure :: look             !! (): grains and contacts as the ranks have them now
+    procedure :: gather             !! (): grains and contacts as the ranks have them now
     procedure :: glance           !! (): ledger and stress in a cell as the ranks have them
     procedure :: slow_down        !! (): adaptive damping
     procedure :: loads_changed    !! (before): extra forces were others before
     procedure :: start_moved      !! (start): of the ledger, loads have changed
     procedure :: begin_anew       !! (): the state was replaced: ranks must know
     procedure :: shared           !! (): many ranks take the steps
-    procedure :: parted           !! (): ranks have been on since the last look
+    procedure :: owner_changed           !! (): ranks have been on since the last look
     procedure :: pair_number      !! (): of candidate pairs, over a border twice
     procedure :: contact_number   !! (): of contacts, once the ledger was refreshed
     procedure :: top_speed        !! (): of the fastest grain [m/s]
@@ -47,27 +47,27 @@ contains
     class(dem_ranked_system_type), intent(inout) :: self
     type(ranks_type), intent(in) :: team
     if (.not. team%several()) return
-    allocate (self%crew)
-    self%crew%team = team
+    allocate (self%rank_team)
+    self%rank_team%team = team
   end subroutine use_ranks
 
   !> Of many ranks the leader's grains and contacts are as old as its last look.
-  subroutine look(self)
+  subroutine gather(self)
     class(dem_ranked_system_type), intent(inout) :: self
-    if (allocated(self%crew)) call self%crew%look(self%dem_data_type)
-  end subroutine look
+    if (allocated(self%rank_team)) call self%rank_team%gather(self%dem_data_type)
+  end subroutine gather
 
   !> Ledger, number of contacts, stress in a cell and driven grains as the ranks have them.
   subroutine glance(self)
     class(dem_ranked_system_type), intent(inout) :: self
-    if (self%parted()) call self%crew%glance(self%dem_data_type)
+    if (self%owner_changed()) call self%rank_team%glance(self%dem_data_type)
   end subroutine glance
 
   !> Adaptive damping.
   subroutine slow_down(self)
     class(dem_ranked_system_type), intent(inout) :: self
     if (self%shared()) then
-      call self%crew%slow_down(self%dem_data_type)
+      call self%rank_team%slow_down(self%dem_data_type)
     else
       call stop_slowing(self%dem_data_type)
     end if
@@ -77,51 +77,52 @@ contains
   subroutine loads_changed(self, before)
     class(dem_ranked_system_type), intent(inout) :: self
     real(wp), intent(in) :: before(:, :)  !! (3, grains) [N]
-    if (allocated(self%crew)) &
-      call self%crew%mark_loads(any(abs(self%grains%extra_force - before) > 0.0_wp, 1))
+    if (allocated(self%rank_team)) &
+      call self%rank_team%mark_loads(any(abs(self%grains%extra_force - before) > 0.0_wp, 1))
   end subroutine loads_changed
 
   !> With a change of loads the ledger has got another start: so has that of the ranks.
   subroutine start_moved(self, start)
     class(dem_ranked_system_type), intent(inout) :: self
     real(wp), intent(in) :: start  !! before the change [J]
-    if (.not. allocated(self%crew)) return
-    if (self%crew%started) self%crew%shift = self%crew%shift + (self%ledger%start - start)
+    if (.not. allocated(self%rank_team)) return
+    if (self%rank_team%started) self%rank_team%shift = self%rank_team%shift + (self%ledger%start &
+      - start)
   end subroutine start_moved
 
   !> Another state has taken the place of this one: ranks get their parts of it before they step.
   subroutine begin_anew(self)
     class(dem_ranked_system_type), intent(inout) :: self
-    if (allocated(self%crew)) call self%crew%begin_anew()
+    if (allocated(self%rank_team)) call self%rank_team%begin_anew()
   end subroutine begin_anew
 
   !> Do many ranks take the steps?
   pure logical function shared(self)
     class(dem_ranked_system_type), intent(in) :: self
     shared = .false.
-    if (allocated(self%crew)) shared = .not. self%crew%alone
+    if (allocated(self%rank_team)) shared = .not. self%rank_team%alone
   end function shared
 
   !> Have the ranks been on since the last look? The whole's grains are then old, it has no
   !! contacts, and what is written comes from the ranks in slabs.
-  pure logical function parted(self)
+  pure logical function owner_changed(self)
     class(dem_ranked_system_type), intent(in) :: self
-    parted = .false.
-    if (allocated(self%crew)) parted = self%crew%stale
-  end function parted
+    owner_changed = .false.
+    if (allocated(self%rank_team)) owner_changed = self%rank_team%stale
+  end function owner_changed
 
   !> Number of candidate pairs.
   integer(i8) function pair_number(self)
     class(dem_ranked_system_type), intent(in) :: self
     pair_number = self%pairs%count
-    if (self%parted()) pair_number = nint(self%crew%marks%pairs, i8)
+    if (self%owner_changed()) pair_number = nint(self%rank_team%marks%pairs, i8)
   end function pair_number
 
   !> Number of contacts, as the ranks told it with the ledger.
   integer(i8) function contact_number(self)
     class(dem_ranked_system_type), intent(in) :: self
-    if (self%parted()) then
-      contact_number = nint(self%crew%marks%contacts(1), i8)
+    if (self%owner_changed()) then
+      contact_number = nint(self%rank_team%marks%contacts(1), i8)
     else
       contact_number = contact_count(self%dem_data_type)
     end if
@@ -131,8 +132,8 @@ contains
   real(wp) function top_speed(self) result(speed)
     class(dem_ranked_system_type), intent(in) :: self
     speed = 0.0_wp
-    if (self%parted()) then
-      speed = self%crew%marks%speed
+    if (self%owner_changed()) then
+      speed = self%rank_team%marks%speed
     else if (self%grains%n > 0) then
       speed = sqrt(maxval(sum(self%grains%v**2, 1)))
     end if
@@ -141,8 +142,8 @@ contains
   !> Gershgorin limit of the contacts in hand [s].
   real(wp) function step_limit(self)
     class(dem_ranked_system_type), intent(in) :: self
-    if (self%parted()) then
-      step_limit = self%crew%marks%limit(1)
+    if (self%owner_changed()) then
+      step_limit = self%rank_team%marks%limit(1)
     else
       step_limit = gershgorin_step(self%dem_data_type)
     end if
@@ -163,8 +164,8 @@ contains
   !> Least Rayleigh time of the free grains [s].
   real(wp) function rayleigh_limit(self)
     class(dem_ranked_system_type), intent(in) :: self
-    if (self%parted()) then
-      rayleigh_limit = self%crew%marks%limit(2)
+    if (self%owner_changed()) then
+      rayleigh_limit = self%rank_team%marks%limit(2)
     else
       rayleigh_limit = rayleigh_step(self%dem_data_type)
     end if
@@ -176,8 +177,8 @@ contains
     class(dem_ranked_system_type), intent(in) :: self
     real(wp), intent(in) :: speed  !! approach speed, 0: none; of ranks the fastest grain's [m/s]
     real(wp) :: impact
-    if (self%parted()) then
-      impact = self%crew%marks%limit(3)
+    if (self%owner_changed()) then
+      impact = self%rank_team%marks%limit(3)
     else
       impact = foreseen_step(self%dem_data_type, speed)
     end if
@@ -187,7 +188,7 @@ contains
   !> Fill the 'now' columns of the ledger.
   subroutine refresh_ledger(self)
     class(dem_ranked_system_type), intent(inout) :: self
-    if (self%parted()) then
+    if (self%owner_changed()) then
       call self%glance()
       return
     end if

@@ -4,7 +4,7 @@ module dem_store
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
   use dem_state, only: dem_data_type, dem_cell_type, dem_ledger_type
-  use dem_received_contacts, only: adopt_contacts, give_results
+  use dem_received_contacts, only: receive_contacts, give_results
   use dem_cell, only: is_periodic
   use dem_additional_list, only: put_run_of_extras, get_run_of_extras, layout_kept, fit_records, &
     layout_size
@@ -206,7 +206,7 @@ contains
     call archive%get_reals(records, plain_contact_reals + layout(1), -1, rows, errors)
     if (errors%any()) return
     call fit_records(d%pairs%extras, layout, rows)
-    call adopt_contacts(d, rows)
+    call receive_contacts(d, rows)
     call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)
     call give_results(d, rows)
   end subroutine get_records

@@ -39,7 +39,7 @@ contains
         call archive%put_reals('grains.work', reshape(g%work, [1, n]))
         call archive%put_reals('grains.turn', g%turn)
       end if
-      if (g%forms%n > 0) call archive%put_reals('grains.form', g%forms%record(5:, :n))
+      if (g%shapes%n > 0) call archive%put_reals('grains.form', g%shapes%record(5:, :n))
     end associate
     if (allocated(d%seen_kinetic)) call archive%put_reals( &
       'damping.seen_kinetic', reshape(d%seen_kinetic, [1, size(d%seen_kinetic)]))
@@ -83,10 +83,10 @@ contains
         call take_row('grains.work', g%work)
         call take('grains.turn', g%turn)
       end if
-      call compare_forms(g, archive, errors)
+      call compare_shapes(g, archive, errors)
       call take_row('grains.mass', g%mass)
     end associate
-    if (d%grains%forms%n == 0) d%grains%radius = maxval(d%grains%axes, dim=1)
+    if (d%grains%shapes%n == 0) d%grains%radius = maxval(d%grains%axes, dim=1)
     d%grains%has_target = .false.
     call take('planes.point', d%planes%point)
     call take('planes.velocity', d%planes%velocity)
@@ -113,22 +113,22 @@ contains
     end subroutine take_row
   end subroutine get_grains
 
-  !> The grains of the packing must still have the forms of the checkpoint (I229).
-  subroutine compare_forms(g, archive, errors)
+  !> The grains of the packing must still have the shapes of the checkpoint (I229).
+  subroutine compare_shapes(g, archive, errors)
     type(dem_grains_type), intent(in) :: g
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: forms(:, :)
+    real(wp), allocatable :: shapes(:, :)
     logical :: same
 
-    same = (archive%find('grains.form') > 0) .eqv. (g%forms%n > 0)
-    if (same .and. g%forms%n > 0) then
-      call archive%get_reals('grains.form', size(g%forms%record, 1) - 4, g%n, forms, errors)
+    same = (archive%find('grains.form') > 0) .eqv. (g%shapes%n > 0)
+    if (same .and. g%shapes%n > 0) then
+      call archive%get_reals('grains.form', size(g%shapes%record, 1) - 4, g%n, shapes, errors)
       if (errors%any()) return
-      same = all(abs(forms - g%forms%record(5:, :g%n)) <= 0.0_wp)
+      same = all(abs(shapes - g%shapes%record(5:, :g%n)) <= 0.0_wp)
     end if
     if (same) return
     call errors%add('I229', 'checkpoint: its grains have other shapes than the packing', &
                     hint='the checkpoint belongs to another packing, deck or version')
-  end subroutine compare_forms
+  end subroutine compare_shapes
 end module dem_store_grains

@@ -25,7 +25,7 @@ contains
     call archive%put_integers('pairs.first', int(p%first, i8))
     call archive%put_integers('pairs.second', int(p%second, i8))
     call archive%put_integers('pairs.law', int(reshape( &
-      [p%law_first, p%law_second, merge(1, 0, p%touched), merge(1, 0, p%round) + 2*p%form], &
+      [p%law_first, p%law_second, merge(1, 0, p%touched), merge(1, 0, p%round) + 2*p%shape], &
       [m, 4]), i8))
     call archive%put_integers('pairs.group_end', int(reshape(p%group_end, [1, p%groups]), i8))
     call archive%put_integers('pairs.start', int(reshape(p%start, [size(p%start), 1]), i8))
@@ -94,7 +94,7 @@ contains
       p%law_second = int(law(:, 2), i4)
       p%touched = law(:, 3) == 1
       p%round = law(:, 4) == 1
-      p%form = int(law(:, 4)/2, i4)
+      p%shape = int(law(:, 4)/2, i4)
       p%groups = size(group, 2)
       p%group_end = int(group(1, :), i4)
       p%start = int(start(:, 1), i4)

@@ -75,7 +75,7 @@ contains
     call allocate_bodies(self%pairs, self%grains, self%planes)
     call update_bodies(self%pairs, self%grains, self%planes, self%cell)
     if (self%apart) then
-      call self%crew%begin_fresh(self%dem_data_type, errors)
+      call self%rank_team%begin_fresh(self%dem_data_type, errors)
       self%ready = .true.
       return
     end if
@@ -145,7 +145,7 @@ contains
 
     if (allocated(self%springs%ids)) deallocate (self%springs%ids, self%springs%force)
     if (self%shared()) then
-      call self%crew%step(self%dem_data_type, n, errors)
+      call self%rank_team%step(self%dem_data_type, n, errors)
       return
     end if
     call follow_step(self%dem_data_type, self%par%dt)
@@ -218,7 +218,7 @@ contains
   !> Keep the state in memory.
   subroutine save(self)
     class(dem_system_type), intent(inout) :: self
-    call self%look()
+    call self%gather()
     if (.not. allocated(self%kept)) allocate (self%kept)
     self%kept = self%dem_data_type
   end subroutine save

@@ -16,15 +16,15 @@ contains
   !> Places, motion and forces of the grains as they are now.
   subroutine see_grains(system)
     type(dem_system_type), intent(inout) :: system
-    if (system%parted()) call system%crew%see_grains(system%dem_data_type)
+    if (system%owner_changed()) call system%rank_team%see_grains(system%dem_data_type)
   end subroutine see_grains
 
   !> Contacts at the last evaluation.
   subroutine see_contacts(system, list)
     type(dem_system_type), intent(inout) :: system
     type(dem_contacts_type), intent(inout) :: list
-    if (system%parted()) then
-      call system%crew%see_contacts(system%dem_data_type, list)
+    if (system%owner_changed()) then
+      call system%rank_team%see_contacts(system%dem_data_type, list)
     else
       call system%contacts(list)
     end if
@@ -54,8 +54,8 @@ contains
   function wall_stiffness_of(system) result(stiffness)
     type(dem_system_type), intent(inout) :: system
     real(wp) :: stiffness(system%planes%n), sums(4 + system%planes%n)
-    if (system%parted()) then
-      call system%crew%balance(sums)
+    if (system%owner_changed()) then
+      call system%rank_team%balance(sums)
       stiffness = sums(5:)
     else
       stiffness = wall_stiffnesses(system%dem_data_type)
@@ -69,8 +69,8 @@ contains
     real(wp) :: sums(4), all(4 + system%planes%n)
     type(dem_contacts_type) :: list
     integer :: i
-    if (system%parted()) then
-      call system%crew%balance(all)
+    if (system%owner_changed()) then
+      call system%rank_team%balance(all)
       sums = all(:4)
       return
     end if

@@ -213,7 +213,7 @@ contains
       return
     end if
     if (self%ranks%leads()) b = self%id%rhs
-    call self%ranks%tell_values(b)
+    call self%ranks%broadcast_values(b)
   end subroutine solve
 
   !> Give the factors back.

@@ -38,7 +38,7 @@ contains
     else
       allocate (part(body%mesh%elements))
     end if
-    call ranks%tell_numbers(part)
+    call ranks%broadcast_numbers(part)
     mine = pack([(e, e=1, body%mesh%elements)], part == ranks%rank)
     body%dofs%halo%ranks_type = ranks
     call make_halo(body%dofs, part, body%dofs%halo)

@@ -111,7 +111,7 @@ contains
     inverted = .false.
     text = ''
     if (self%bad > 0) call trouble_here(self, elastic, text, inverted)
-    call self%ranks%tell_text(self%bad_rank, text)
+    call self%ranks%broadcast_text(self%bad_rank, text)
     call self%ranks%any_of(inverted)
   end subroutine trouble
 

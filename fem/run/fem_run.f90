@@ -88,7 +88,7 @@ contains
     if (.not. save_now .and. asked(1) == stop_none) &
       save_now = model%checkpoint%due(model%body%accepted%time)
     asked(2) = merge(1, 0, save_now)
-    call model%ranks%tell_numbers(asked)
+    call model%ranks%broadcast_numbers(asked)
     save_now = asked(2) > 0 .and. asked(1) == stop_none
     model%stopped = asked(1) /= stop_none
     if (model%stopped) call model%log%line('stopped by '//model%stop%text())

@@ -93,7 +93,7 @@ contains
   !> The nodes never feel it, it never adds energy, and it leaves coarse motion alone.
   subroutine damps_the_fine_scale()
     type(fine_damping_type) :: damping
-    real(wp) :: v(3, grains), force(3, grains), back(3, nodes), hat(3, nodes), ramp(grains)
+    real(wp) :: v(3, grains), force(3, grains), back(3, nodes), prescribed(3, nodes), ramp(grains)
     integer(i4) :: k
     ramp = [(real(k, wp)/grains, k=1, grains)]
     call damping%build(0.3_wp, ramp, mass)
@@ -109,9 +109,9 @@ contains
     call damping%note(0.1_wp*v)
     call test%check_close('counts what it takes', damping%lost, -0.05_wp*sum(force*v), tight)
     do k = 1, nodes
-      hat(:, k) = [sin(1.3_wp*k), cos(3.1_wp*k), real(k, wp)]
+      prescribed(:, k) = [sin(1.3_wp*k), cos(3.1_wp*k), real(k, wp)]
     end do
-    call p%n%apply(hat, v)
+    call p%n%apply(prescribed, v)
     force = 0.0_wp
     call damping%act(p, v, force)
     call test%check('coarse motion is free', max_abs(force) < tight*max_abs(v))

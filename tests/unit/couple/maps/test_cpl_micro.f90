@@ -85,7 +85,7 @@ contains
     f = matmul(rotation(1.1_wp), reshape([1.2_wp, 0.1_wp, 0.0_wp, 0.3_wp, 0.8_wp, 0.2_wp, 0.1_wp, &
                                           0.0_wp, 1.1_wp], [3, 3]))
     turn = 7.0_wp
-    call micro%hats(matmul(f - one, x) + 0.4_wp, turn, phi)
+    call micro%prescribed(matmul(f - one, x) + 0.4_wp, turn, phi)
     do a = 1, nodes
       call test%check_all_close('chi = F', phi(:, 3*a - 2:3*a) + one, f, exact)
     end do
@@ -98,7 +98,7 @@ contains
     call build(micro, .false.)
     g = reshape([0.1_wp, 0.3_wp, -0.2_wp, 0.0_wp, 0.2_wp, 0.4_wp, 0.5_wp, 0.1_wp, -0.1_wp], [3, 3])
     turn = spread([0.01_wp, 0.02_wp, -0.03_wp], 2, nodes)
-    call micro%hats(matmul(g, x), turn, phi)
+    call micro%prescribed(matmul(g, x), turn, phi)
     wanted = 0.5_wp*(g + transpose(g)) + columns_of_turn(turn(:, 1))
     call test%check_all_close('strain and rotation', phi(:, 4:6), wanted, exact)
     call test%check_close('skew part of a turn', wanted(3, 2) - wanted(2, 3), 2.0_wp*turn(1, 1), &
@@ -162,8 +162,8 @@ contains
       call scatter(q, 0.19_wp)
       call scatter(spin, 0.61_wp)
       force = 0.0_wp
-      call micro%pull_hats(c, force, moment)
-      call micro%hats(q, spin, rate)
+      call micro%pull_prescribed(c, force, moment)
+      call micro%prescribed(q, spin, rate)
       call test%check_close('power of hat nodes', sum(force*q) + sum(moment*spin), sum(c*rate), &
                             exact)
       call test%check_all_close('no force in all', sum(force, 2), 0.0_wp, exact)

@@ -216,11 +216,11 @@ contains
     call test%check_close(label//what//': identities', worst, 0.0_wp, 1.0e-12_wp)
     call test%check(label//what//': condition', operators%p%condition < 1.0e3_wp)
     if (.not. operators%micro%active) call some_ghosts(label//what, operators)
-    if (operators%twin_ghosts .or. operators%twin_maps) call twins(label//what, operators)
+    if (operators%twin_ghosts .or. operators%twin_maps) call identical(label//what, operators)
   end subroutine one
 
   !> Both fields taken together, and one after the other.
-  subroutine twins(label, together)
+  subroutine identical(label, together)
     character(len=*), intent(in) :: label
     type(operators_type), intent(in) :: together
     type(operators_type) :: apart
@@ -242,8 +242,8 @@ contains
     phi = -0.6_wp
     u_apart = u
     phi_apart = phi
-    call together%to_hats(q, theta, u, phi)
-    call apart%to_hats(q, theta, u_apart, phi_apart)
+    call together%to_prescribed(q, theta, u, phi)
+    call apart%to_prescribed(q, theta, u_apart, phi_apart)
     call together%to_ghosts(u, phi, d, turn)
     call apart%to_ghosts(u, phi, d_apart, turn_apart)
     call test%check_close(label//': twins move nodes', larger(max_abs(u - u_apart), &
@@ -257,7 +257,7 @@ contains
     call test%check_close(label//': twins pull', larger(max_abs(u - u_apart), &
       max_abs(phi - phi_apart), max_abs(q - q_apart), max_abs(theta - theta_apart)), &
       0.0_wp, 1.0e-11_wp)
-  end subroutine twins
+  end subroutine identical
 
   !> Forces on some ghosts, with others that act on the free grains: the sum of both.
   subroutine some_ghosts(label, operators)
@@ -307,7 +307,7 @@ contains
     call sets%sort(cells, pack_of, errors)
     call operators%build(cells, sets, pack_of, rotation_fixed, weigh_mass, .false., errors)
     allocate (q(3, operators%free), coarse(3, operators%free))
-    allocate (d(3, operators%hats), left(3, operators%hats))
+    allocate (d(3, operators%prescribed), left(3, operators%prescribed))
     do i = 1, operators%free
       q(:, i) = [sin(1.0_wp*i), cos(3.0_wp*i), sin(5.0_wp*i)]
     end do

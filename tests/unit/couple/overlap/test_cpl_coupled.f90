@@ -223,8 +223,8 @@ contains
     type(overlap_type), intent(in) :: o
     type(motion_type), intent(in) :: y, r
     product_of = sum(y%q*r%q) + sum(y%theta*r%theta) &
-      + sum(y%u(:, o%op%hats + 1:)*r%u(:, o%op%hats + 1:)) &
-      + sum(y%phi(:, o%op%hats_phi + 1:)*r%phi(:, o%op%hats_phi + 1:))
+      + sum(y%u(:, o%op%prescribed + 1:)*r%u(:, o%op%prescribed + 1:)) &
+      + sum(y%phi(:, o%op%prescribed_phi + 1:)*r%phi(:, o%op%prescribed_phi + 1:))
   end function product_of
 
   subroutine symmetric(name, o, coupled)

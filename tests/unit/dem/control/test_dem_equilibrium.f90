@@ -96,19 +96,19 @@ contains
     rest%every = 200
     rest%unbalanced_limit = 0.6_wp
     rest%energy_limit = 1.0e-8_wp
-    call rest%look(s, .true.)
+    call rest%check(s, .true.)
     call test%check('at rest within the limits', rest%reached)
     rest%unbalanced_limit = 0.4_wp
-    call rest%look(s, .true.)
+    call rest%check(s, .true.)
     call test%check('force beyond its limit', .not. rest%reached)
     rest%unbalanced_limit = 0.6_wp
     s%grains%v(1, 3) = 1.0_wp
-    call rest%look(s, .true.)
+    call rest%check(s, .true.)
     call test%check('motion beyond its limit', .not. rest%reached .and. &
                     rest%energy_ratio > 1.0e-8_wp)
     s%grains%x(3, 2) = 1.0_wp
     call s%forces()
-    call rest%look(s, .true.)
+    call rest%check(s, .true.)
     call test%check('without contacts never', .not. rest%reached .and. rest%unbalanced < 0.0_wp)
     call test%check('due on its steps', rest%due(400_i8) .and. .not. rest%due(300_i8) &
                     .and. .not. rest%due(0_i8))

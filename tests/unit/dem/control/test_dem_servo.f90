@@ -106,7 +106,7 @@ contains
                           s%planes%velocity(3, 2), -0.05_wp, 0.0_wp)
     do k = 1, 5000
       call s%step(10, errors)
-      call servo%look(s%dem_data_type, 10*k*s%par%dt, wall_stiffnesses(s%dem_data_type))
+      call servo%update(s%dem_data_type, 10*k*s%par%dt, wall_stiffnesses(s%dem_data_type))
     end do
     call test%check('no faults', .not. errors%any())
     call test%check_close('stiffness of the wall', wall_stiffness(s%dem_data_type, 2), kn, 0.0_wp)
@@ -117,7 +117,7 @@ contains
     servo%servo(1)%until = huge(1.0_wp)
     call test%check('satisfied', servo%satisfied(s%dem_data_type))
     servo%servo(1)%stress = 3.0e4_wp
-    call servo%look(s%dem_data_type, 1.0_wp, wall_stiffnesses(s%dem_data_type))
+    call servo%update(s%dem_data_type, 1.0_wp, wall_stiffnesses(s%dem_data_type))
     call test%check('a new target is not held', .not. servo%satisfied(s%dem_data_type))
     call servo%judge(s%dem_data_type, 1.0_wp, wall_stiffnesses(s%dem_data_type), 'deck.nml', &
                      errors)
@@ -182,12 +182,12 @@ contains
     servo%servo(1)%tolerance = 1.0e-6_wp
     servo%servo(1)%until = huge(1.0_wp)
     call servo%start(s%dem_data_type, 0.0_wp)
-    call servo%look(s%dem_data_type, 0.0_wp, none)
+    call servo%update(s%dem_data_type, 0.0_wp, none)
     call test%check_close('a plate without contact comes at its speed', &
                           s%surfaces%velocity(3, 1), -0.05_wp, 0.0_wp)
     do k = 1, 5000
       call s%step(10, errors)
-      call servo%look(s%dem_data_type, 10*k*s%par%dt, none)
+      call servo%update(s%dem_data_type, 10*k*s%par%dt, none)
     end do
     call test%check('no faults', .not. errors%any())
     call test%check_close('force on the plate', s%surfaces%sums%force(3, 1), wanted, 1.0e-6_wp)
@@ -200,12 +200,12 @@ contains
       surface_stiffness_along(s%dem_data_type, 1, [1.0_wp, 0.0_wp, 0.0_wp]), kt, 1.0e-6_wp)
     call test%check('satisfied', servo%satisfied(s%dem_data_type))
     servo%servo(1)%force = 3.0_wp
-    call servo%look(s%dem_data_type, 1.0_wp, none)
+    call servo%update(s%dem_data_type, 1.0_wp, none)
     call test%check('a new target is not held', .not. servo%satisfied(s%dem_data_type))
     call servo%judge(s%dem_data_type, 1.0_wp, 'deck.nml', errors)
     call test%check('and is a fault', errors%any())
     servo%servo(1)%until = 0.5_wp
-    call servo%look(s%dem_data_type, 1.0_wp, none)
+    call servo%update(s%dem_data_type, 1.0_wp, none)
     call test%check_close('ended: its own velocity', s%surfaces%velocity(3, 1), 0.0_wp, 0.0_wp)
   end subroutine check_surface_servo
 

@@ -205,7 +205,7 @@ contains
     do k = 1, 30
       call s%step(100, errors)
       if (surcharge%due(s%dem_data_type, s%health%steps)) &
-        call surcharge%look(s%dem_data_type, k*2.0e-4_wp, s%health%steps, errors)
+        call surcharge%update(s%dem_data_type, k*2.0e-4_wp, s%health%steps, errors)
       if (k == 10) surcharge%stress = 3.0e5_wp
       if (k == 20) surcharge%stress = 2.0e5_wp
     end do
@@ -215,7 +215,7 @@ contains
     call test%check('work was done', s%ledger%external > 0.0_wp)
     call s%set_extra([1], reshape([1.0_wp, 0.0_wp, 7.0_wp], [3, 1]), 0.0_wp*up)
     call test%check_close('a partner''s load', s%grains%extra_force(3, 1), 6.0_wp, 1.0e-14_wp)
-    call surcharge%look(s%dem_data_type, 0.1_wp, 3000_i8, errors)
+    call surcharge%update(s%dem_data_type, 0.1_wp, 3000_i8, errors)
     call test%check_close('stays beside it', s%grains%extra_force(3, 1), 6.0_wp, 1.0e-14_wp)
     call s%clear_extra()
     call test%check_close('and goes', s%grains%extra_force(3, 1), -1.0_wp, 1.0e-14_wp)
@@ -250,22 +250,22 @@ contains
     s%grains%x(1, 1) = 2.0e-3_wp  ! the border comes to 3 mm
     wanted = 0.5_wp
     do k = 1, 3
-      call surcharge%look(s%dem_data_type, 0.0_wp, 0_i8, errors)
+      call surcharge%update(s%dem_data_type, 0.0_wp, 0_i8, errors)
       wanted = wanted + (0.6_wp - wanted)/20.0_wp
     end do
     call test%check_close('then on the way', s%surcharge(1), wanted, 1.0e-14_wp)
     call test%check_close('with what is held', s%grains%extra_force(3, 1), -wanted, 1.0e-14_wp)
     call test%check_close('all of it', sum(s%surcharge), 1.0_wp, 1.0e-14_wp)
     surcharge%stress = 2.0e5_wp
-    call surcharge%look(s%dem_data_type, 0.0_wp, 0_i8, errors)
+    call surcharge%update(s%dem_data_type, 0.0_wp, 0_i8, errors)
     call test%check_close('the total at once', sum(s%surcharge), 2.0_wp, 1.0e-14_wp)
     do k = 1, 700
-      call surcharge%look(s%dem_data_type, 0.0_wp, 0_i8, errors)
+      call surcharge%update(s%dem_data_type, 0.0_wp, 0_i8, errors)
     end do
     call test%check_close('at last its share', s%surcharge(1), 1.2_wp, 1.0e-12_wp)
     surcharge%follow = 1.0_wp
     s%grains%x(1, 1) = 1.0e-3_wp
-    call surcharge%look(s%dem_data_type, 0.0_wp, 0_i8, errors)
+    call surcharge%update(s%dem_data_type, 0.0_wp, 0_i8, errors)
     call test%check_close('or without delay', s%surcharge(1), 1.0_wp, 1.0e-14_wp)
     call test%check('no fault', .not. errors%any())
   end subroutine check_follow
@@ -306,10 +306,10 @@ contains
     surcharge%upper = [6.0e-3_wp, 2.0e-3_wp]
     allocate (surcharge%hole(3, 0))
     allocate (s%surcharge(3), s%surcharge_seen(8), source=0.0_wp)
-    call surcharge%look(s%dem_data_type, 0.0_wp, 0_i8, errors)
+    call surcharge%update(s%dem_data_type, 0.0_wp, 0_i8, errors)
     call test%check_close('beside a wall of ghosts', s%surcharge(1), 6.0_wp, 1.0e-12_wp)
     s%par%overlapped = .true.
-    call surcharge%look(s%dem_data_type, 0.0_wp, 0_i8, errors)
+    call surcharge%update(s%dem_data_type, 0.0_wp, 0_i8, errors)
     call test%check('no fault', .not. errors%any())
     call test%check_close('its own share', s%surcharge(1), 4.0_wp, 1.0e-12_wp)
     call test%check_close('nothing on the ghost', s%surcharge(2), 0.0_wp, 0.0_wp)
@@ -334,11 +334,11 @@ contains
     surcharge%clearance = 1.1_wp
     allocate (surcharge%hole(3, 0))
     allocate (s%surcharge(3), s%surcharge_seen(8), source=0.0_wp)
-    call surcharge%look(s%dem_data_type, 0.0_wp, 0_i8, none)
+    call surcharge%update(s%dem_data_type, 0.0_wp, 0_i8, none)
     call test%check('nobody', none%any())
     if (none%any()) call test%check_text('its code', none%item(1)%code, 'N230')
     surcharge%clearance = 1.2_wp
-    call surcharge%look(s%dem_data_type, 0.0_wp, 0_i8, overlap)
+    call surcharge%update(s%dem_data_type, 0.0_wp, 0_i8, overlap)
     call test%check('overlap', overlap%any())
     if (overlap%any()) call test%check_text('its code', overlap%item(1)%code, 'N231')
   end subroutine check_faults

@@ -7,7 +7,7 @@ program test_dem_surface
   use talus_test, only: larger, max_abs, test_type
   use dem_state, only: kind_free
   use dem_additional_state, only: cohesion_jkr, cohesion_dmt
-  use dem_shape_make, only: make_forms
+  use dem_shape_make, only: make_shapes
   use dem_law, only: make_law
   use dem_law_registry, only: find_law, bind_law
   use dem_make, only: make_grains, make_planes
@@ -160,8 +160,8 @@ contains
     call make_grain(a, axes, x, v, [3.0_wp, -5.0_wp, 20.0_wp])
     call make_grain(b, axes, x, v, [3.0_wp, -5.0_wp, 20.0_wp])
     if (present(skew)) then
-      call make_forms(a%grains, a%materials, [7_i8], reshape(skew, [3, 1]), [exponent], errors)
-      call make_forms(b%grains, b%materials, [7_i8], reshape(skew, [3, 1]), [exponent], errors)
+      call make_shapes(a%grains, a%materials, [7_i8], reshape(skew, [3, 1]), [exponent], errors)
+      call make_shapes(b%grains, b%materials, [7_i8], reshape(skew, [3, 1]), [exponent], errors)
     end if
     if (present(on_top)) then
       call add_laws(a, on_top)
@@ -380,7 +380,7 @@ contains
                           1.0e-4_wp)
   end subroutine check_moving
 
-  !> A sheet holds grains on both sides, and at its rim pushes straight out.
+  !> A membrane holds grains on both sides, and at its rim pushes straight out.
   subroutine check_both_sides()
     real(wp), parameter :: r = sphere(1), depth = 1.0e-5_wp
     real(wp) :: force(3, 3), x(3, 3)
@@ -389,7 +389,7 @@ contains
     x = reshape([2.0e-3_wp, 1.0e-3_wp, r - depth, 2.0e-3_wp, 1.0e-3_wp, depth - r, &
                  depth - r, 0.5e-3_wp, 0.0_wp], [3, 3])
     do k = 1, 3
-      call make_sheet(x(:, k), force(:, k))
+      call make_test_membrane(x(:, k), force(:, k))
     end do
     call test%check_close('same force on both sides', force(3, 1), -force(3, 2), &
                           1.0e-12_wp*force(3, 1))
@@ -398,8 +398,8 @@ contains
                           1.0e-12_wp*force(3, 1))
   end subroutine check_both_sides
 
-  !> Force on a sphere at x on or beside a sheet in x > 0.
-  subroutine make_sheet(x, force)
+  !> Force on a sphere at x on or beside a membrane in x > 0.
+  subroutine make_test_membrane(x, force)
     real(wp), intent(in) :: x(3)
     real(wp), intent(out) :: force(3)
     real(wp), parameter :: l = 1.0e-2_wp
@@ -410,5 +410,5 @@ contains
                                    0.0_wp], [3, 4]), reshape([1, 2, 3, 1, 3, 4], [3, 2]))
     call s%init(errors)
     force = s%grains%force(:, 1)
-  end subroutine make_sheet
+  end subroutine make_test_membrane
 end program test_dem_surface

@@ -3,7 +3,7 @@ program test_dem_received_contacts
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_test, only: test_type
-  use dem_received_contacts, only: adopt_contacts, give_results
+  use dem_received_contacts, only: receive_contacts, give_results
   use dem_law, only: make_law
   use dem_make, only: make_grains, make_planes
   use dem_migrate, only: make_local, pack_grains
@@ -89,7 +89,7 @@ contains
                     .and. same(copy%pairs%body(:, :copy%grains%n), &
                                pile%pairs%body(:, :copy%grains%n)))
     call test%check('an id that is not here', index_of(copy%dem_data_type, 6.0_wp) == 0)
-    call adopt_contacts(copy%dem_data_type, contact)
+    call receive_contacts(copy%dem_data_type, contact)
     call build_pairs(copy%pairs, copy%grains, copy%planes, copy%weights, .false., copy%cell)
     call give_results(copy%dem_data_type, contact)
     call copy%contacts(new)

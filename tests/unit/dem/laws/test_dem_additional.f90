@@ -1,4 +1,4 @@
-!> Laws on top of the base law: rolling, twisting, cohesion, turning points. Closed forms,
+!> Laws on top of the base law: rolling, twisting, cohesion, turning points. Closed shapes,
 !! ledger, and the same bits for threads, list margins and restarts.
 program test_dem_additional
   use omp_lib, only: omp_set_num_threads

@@ -1,4 +1,5 @@
-!> Law of Mindlin and Deresiewicz: closed forms of loading, unloading, reloading, of changing normal
+!> Law of Mindlin and Deresiewicz: closed shapes of loading, unloading, reloading, of changing
+!! normal
 !! force, and the energy that loops lose.
 program test_dem_turning
   use talus_kinds, only: wp, i4

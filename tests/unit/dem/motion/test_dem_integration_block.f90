@@ -1,12 +1,12 @@
-!> How far movers say that they have gone: never less than they have, and what they have where it
+!> How far blocks say that they have gone: never less than they have, and what they have where it
 !! matters.
 program test_dem_integration_block
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use dem_integrate, only: drift_mover
+  use dem_integrate, only: drift_block
   use dem_make, only: make_grains, make_planes
-  use dem_integration_block, only: mover_type, push_type, load_mover, load_side, &
-    ready_push, follow_travel, travel_of_mover
+  use dem_integration_block, only: integration_block_type, block_state_type, load_block, &
+    load_side, ready_state, follow_travel, travel_of_block
   use dem_pairs, only: allocate_bodies
   use dem_state, only: dem_grains_type, dem_material_type, dem_pairs_type, &
     dem_planes_type, kind_free, lanes
@@ -30,27 +30,27 @@ contains
     type(dem_grains_type) :: grains
     type(dem_planes_type) :: planes
     type(dem_pairs_type) :: pairs
-    type(mover_type) :: mover
-    type(push_type) :: push
+    type(integration_block_type) :: block
+    type(block_state_type) :: state
     real(wp) :: exact, least, excess
     integer(i4) :: step
     logical :: found
 
     call make(grains, planes, pairs, axes, v)
-    call load_mover(grains, pairs, 0_i4, grains%n, mover)
-    call load_side(mover, grains, pairs, push)
-    call ready_push(mover, grains, push)
+    call load_block(grains, pairs, 0_i4, grains%n, block)
+    call load_side(block, grains, pairs, state)
+    call ready_state(block, grains, state)
     least = huge(least)
     excess = 0.0_wp
     found = .true.
     do step = 1, 1000
-      call drift_mover(mover, push, dt)
-      call follow_travel(mover, push, pairs, dt, step == 1)
-      exact = travel_of_mover(mover, push, pairs%reference_x(:, :lanes), &
+      call drift_block(block, state, dt)
+      call follow_travel(block, state, pairs, dt, step == 1)
+      exact = travel_of_block(block, state, pairs%reference_x(:, :lanes), &
                               pairs%reference_q(:, :lanes), pairs%reach(:lanes))
-      least = min(least, mover%travel/exact)
-      excess = larger(excess, mover%travel/exact)
-      if (exact > 0.5_wp*pairs%skin) found = found .and. abs(mover%travel - exact) <= 0.0_wp
+      least = min(least, block%travel/exact)
+      excess = larger(excess, block%travel/exact)
+      if (exact > 0.5_wp*pairs%skin) found = found .and. abs(block%travel - exact) <= 0.0_wp
       if (exact > pairs%skin) exit
     end do
     call test%check(name//': it goes as far', exact > pairs%skin .and. step > 10)

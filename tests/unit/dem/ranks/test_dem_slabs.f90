@@ -8,7 +8,7 @@ program test_dem_slabs
   use dem_make, only: allocate_grains, make_planes
   use dem_records, only: grain_reals, contact_reals, pack_grain, unpack_grain, pack_contact, &
     unpack_contact, unpack_result, shift_of
-  use dem_shape_state, only: allocate_forms
+  use dem_shape_state, only: allocate_shapes
   use dem_slabs, only: dem_slab_type, slab_of_grains, slab_of_records
   use dem_state, only: dem_data_type, dem_grains_type, lanes, history_size, result_size, &
     body_size, kind_free, kind_driven
@@ -31,15 +31,15 @@ program test_dem_slabs
 contains
 
   !> Room for random grains, the first a driven one.
-  subroutine make_room(d, formed)
+  subroutine make_room(d, shaped)
     type(dem_data_type), intent(out) :: d
-    logical, intent(in) :: formed
+    logical, intent(in) :: shaped
     real(wp) :: none(3, 0)
     integer(i4) :: material(0), i
     d%grains%n = n
     call allocate_grains(d%grains, .true.)
-    if (formed) call allocate_forms(d%grains%forms, n)
-    d%halo%formed = formed
+    if (shaped) call allocate_shapes(d%grains%shapes, n)
+    d%halo%shaped = shaped
     d%grains%id = [(10_i8*i, i=1, n)]
     d%grains%kind = kind_free
     d%grains%kind(1) = kind_driven
@@ -49,12 +49,12 @@ contains
   end subroutine make_room
 
   !> Room with a random number in every real that travels.
-  subroutine make_random(d, formed)
+  subroutine make_random(d, shaped)
     type(dem_data_type), intent(out) :: d
-    logical, intent(in) :: formed
+    logical, intent(in) :: shaped
     integer(i4) :: i
-    call make_room(d, formed)
-    associate (g => d%grains, forms => d%grains%forms)
+    call make_room(d, shaped)
+    associate (g => d%grains, shapes => d%grains%shapes)
       call random_number(g%x)
       call random_number(g%quat)
       call random_number(g%v)
@@ -75,15 +75,15 @@ contains
         g%material(i) = 10 + i
         g%radius(i) = maxval(g%axes(:, i))
       end do
-      if (formed) then
-        forms%kind(:n) = [(i, i=1, n)]
+      if (shaped) then
+        shapes%kind(:n) = [(i, i=1, n)]
         call random_number(g%radius)
-        call random_number(forms%record)
-        call random_number(forms%frame)
-        call random_number(forms%skew)
-        call random_number(forms%exponent)
-        call random_number(forms%axes)
-        call random_number(forms%reach)
+        call random_number(shapes%record)
+        call random_number(shapes%frame)
+        call random_number(shapes%skew)
+        call random_number(shapes%exponent)
+        call random_number(shapes%axes)
+        call random_number(shapes%reach)
       end if
     end associate
     call random_number(d%pairs%body)
@@ -91,13 +91,13 @@ contains
   end subroutine make_random
 
   !> Into a row and back into an empty system.
-  subroutine check_grains(formed)
-    logical, intent(in) :: formed
+  subroutine check_grains(shaped)
+    logical, intent(in) :: shaped
     type(dem_data_type) :: d, copy
-    real(wp) :: row(grain_reals(formed))
+    real(wp) :: row(grain_reals(shaped))
     integer(i4) :: i
-    call make_random(d, formed)
-    call make_room(copy, formed)
+    call make_random(d, shaped)
+    call make_room(copy, shaped)
     do i = 1, n
       row = ieee_value(1.0_wp, ieee_quiet_nan)
       call pack_grain(d, i, row)
@@ -115,8 +115,8 @@ contains
                     all(d%grains%material == copy%grains%material))
     call test%check('all reals of a grain', all(reals_of(d%grains) == reals_of(copy%grains)))
     call test%check('what damping has seen', all(d%seen_kinetic == copy%seen_kinetic))
-    if (d%grains%forms%n == 0) return
-    associate (a => d%grains%forms, b => copy%grains%forms)
+    if (d%grains%shapes%n == 0) return
+    associate (a => d%grains%shapes, b => copy%grains%shapes)
       call test%check('shapes', all(a%kind(:n) == b%kind(:n)) .and. &
                       all(a%record(:, :n) == b%record(:, :n)) .and. all(a%frame == b%frame) .and. &
                       all(a%skew == b%skew) .and. all(a%exponent == b%exponent) .and. &

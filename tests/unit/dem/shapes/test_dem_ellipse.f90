@@ -3,10 +3,10 @@ program test_dem_ellipse
   use talus_kinds, only: wp, i4
   use talus_test, only: larger, test_type
   use dem_figure, only: figure_type
-  use dem_ellipse, only: radius_ratio, ratio_on_plane, narrow_ellipsoids, narrow_forms
+  use dem_ellipse, only: radius_ratio, ratio_on_plane, narrow_ellipsoids, narrow_shapes
   use dem_block, only: dem_block_type
-  use dem_shape, only: form_of
-  use dem_shape_lanes, only: form_block_type
+  use dem_shape, only: shape_of
+  use dem_shape_lanes, only: shape_block_type
   use dem_gap, only: add_curvatures
   use dem_state, only: lanes
   implicit none
@@ -84,10 +84,10 @@ contains
   end subroutine check_plane
 
   !> Two alike ellipsoids on each other: crossed they touch in a circle, parallel in the ellipse of
-  !! one on a plane; as forms they do the same.
+  !! one on a plane; as shapes they do the same.
   subroutine check_pairs()
     type(dem_block_type) :: b, other
-    type(form_block_type) :: f
+    type(shape_block_type) :: f
     real(wp), parameter :: axes(3) = [3.0_wp, 2.0_wp, 1.0_wp]
     integer(i4) :: k
     do k = 1, lanes
@@ -97,7 +97,7 @@ contains
       b%gap(k) = merge(-0.01_wp, 0.01_wp, k <= 2)
       b%a%s(k, :) = [9.0_wp, 4.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
       b%b%s(k, :) = b%a%s(k, :)
-      f%a%record(k, :) = form_of(axes, axes, [0.0_wp, 0.0_wp, 0.0_wp], 2.0_wp)
+      f%a%record(k, :) = shape_of(axes, axes, [0.0_wp, 0.0_wp, 0.0_wp], 2.0_wp)
       f%b%record(k, :) = f%a%record(k, :)
     end do
     b%b%s(1, 1:2) = [4.0_wp, 9.0_wp]
@@ -119,7 +119,7 @@ contains
     call test%check_close('parallel', b%curvature(2)*radius_ratio(2.25_wp), 13.0_wp/36.0_wp, &
                           1.0e-14_wp)
     call test%check_close('no contact', b%curvature(3), 13.0_wp/36.0_wp, 1.0e-15_wp)
-    call narrow_forms(other, f, .true.)
+    call narrow_shapes(other, f, .true.)
     call test%check_all_close('forms', other%curvature, b%curvature, 1.0e-14_wp)
   end subroutine check_pairs
 end program test_dem_ellipse

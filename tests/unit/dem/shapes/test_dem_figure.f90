@@ -5,7 +5,7 @@ program test_dem_figure
   use talus_test, only: larger, max_abs, test_type
   use dem_ellipse, only: ratio_on_plane
   use dem_figure, only: figure_type, figure_point, figure_bend, figure_curvature
-  use dem_shape, only: form_of, turned, form_size
+  use dem_shape, only: shape_of, turned, shape_size
   use dem_round_gap, only: circle_gap, corner_gap, bore_gap, most_places
   use dem_ellipsoid, only: rotation_of
   implicit none
@@ -24,12 +24,12 @@ program test_dem_figure
 contains
 
   !> A grain turned by some quaternion.
-  function grain_of(skew, exponent, seed, formed) result(f)
+  function grain_of(skew, exponent, seed, shaped) result(f)
     real(wp), intent(in) :: skew(3), exponent
     integer(i4), intent(in) :: seed
-    logical, intent(in) :: formed
+    logical, intent(in) :: shaped
     type(figure_type) :: f
-    real(wp) :: q(4), r(3, 3), m(3, 3), form(form_size)
+    real(wp) :: q(4), r(3, 3), m(3, 3), shape(shape_size)
     integer(i4) :: k
     q = [cos(1.0_wp*seed), sin(2.0_wp*seed), cos(3.0_wp*seed), sin(5.0_wp*seed + 1.0_wp)]
     q = q/norm2(q)
@@ -42,11 +42,11 @@ contains
     f%a = [m(1, 1), m(2, 2), m(3, 3), m(1, 2), m(2, 3), m(3, 1)]
     f%square = product(semi)**2
     f%radius = 4.0_wp
-    f%formed = formed
-    form = form_of(semi*(1.0_wp + skew), semi*(1.0_wp - skew), [0.05_wp, -0.02_wp, 0.03_wp], &
+    f%shaped = shaped
+    shape = shape_of(semi*(1.0_wp + skew), semi*(1.0_wp - skew), [0.05_wp, -0.02_wp, 0.03_wp], &
                    exponent)
-    if (exponent <= 2.0_wp .and. all(abs(skew) <= 0.0_wp)) form(11:13) = 0.0_wp
-    f%form = turned(form, q)
+    if (exponent <= 2.0_wp .and. all(abs(skew) <= 0.0_wp)) shape(11:13) = 0.0_wp
+    f%shape = turned(shape, q)
   end function grain_of
 
   !> A place beside the grain.
@@ -162,8 +162,9 @@ contains
     type(figure_type) :: f
     real(wp) :: e(3, most_places), gap(most_places)
     integer(i4) :: n
-    f%formed = .true.
-    f%form = form_of([1.0_wp, 1.0_wp, 1.0_wp], [1.0_wp, 1.0_wp, 1.0_wp], [0.0_wp, 0.0_wp, 0.0_wp], &
+    f%shaped = .true.
+    f%shape = shape_of([1.0_wp, 1.0_wp, 1.0_wp], [1.0_wp, 1.0_wp, 1.0_wp], [0.0_wp, 0.0_wp, &
+      0.0_wp], &
                      6.0_wp)
     call bore_gap([0.0_wp, 0.0_wp, 0.0_wp], f, [0.0_wp, 0.0_wp, 1.0_wp], 2.0_wp, n, e, gap)
     call test%check('four places', n == 4)

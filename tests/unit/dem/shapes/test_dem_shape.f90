@@ -1,17 +1,17 @@
 !> Forms: support, surface point and Hessian against differences and ellipsoids, mass properties
-!! against quadrature and closed forms, gaps of random pairs against a search by values, and all
+!! against quadrature and closed shapes, gaps of random pairs against a search by values, and all
 !! that by blocks of lanes.
 program test_dem_shape
   use talus_kinds, only: wp, i4, i8
   use talus_test, only: larger, max_abs, test_type
   use dem_block, only: dem_block_type
-  use dem_shape, only: form_size, form_of, form_support, form_tangent, form_height, &
+  use dem_shape, only: shape_size, shape_of, shape_support, shape_tangent, shape_height, &
     mean_curvature_of, bounded_curvature, flattest_radius, turned, at_half
-  use dem_shape_gap, only: solve_forms, gap_of_forms
-  use dem_shape_lanes, only: form_block_type, ready_forms, evaluate_forms, refine_forms, &
-    add_form_curvatures
-  use dem_shape_mass, only: form_mass_type, mass_of_form
-  use dem_shape_state, only: dem_forms_type, allocate_forms, put_frame, put_frames
+  use dem_shape_gap, only: solve_shapes, gap_of_shapes
+  use dem_shape_lanes, only: shape_block_type, ready_shapes, evaluate_shapes, refine_shapes, &
+    add_shape_curvatures
+  use dem_shape_mass, only: shape_mass_type, mass_of_shape
+  use dem_shape_state, only: dem_shapes_type, allocate_shapes, put_frame, put_frames
   use dem_gap, only: solve_gap
   use dem_power, only: raise, raise_near
   use dem_ellipsoid, only: rotation_of, shape_matrix, support, surface_point, quaternion_product
@@ -70,17 +70,17 @@ contains
 
   !> Equal halves and exponent 2, with or without the powers at work, are the ellipsoid.
   subroutine check_ellipsoid()
-    real(wp) :: form(form_size), q(4), n(3), a(6), h, u(3), k(6), worst(3), exact
+    real(wp) :: shape(shape_size), q(4), n(3), a(6), h, u(3), k(6), worst(3), exact
     integer :: i, which
     do which = 1, 2
       worst = 0.0_wp
       do i = 1, 300
         q = orientation()
-        form = turned(form_of(upper, upper, none, 2.0_wp), q)
-        if (which == 2) form = turned(form_of(upper, upper, none, 2.0_wp + 1.0e-13_wp), q)
+        shape = turned(shape_of(upper, upper, none, 2.0_wp), q)
+        if (which == 2) shape = turned(shape_of(upper, upper, none, 2.0_wp + 1.0e-13_wp), q)
         a = shape_matrix(rotation_of(q), upper)
         n = direction()
-        call form_tangent(form, n, h, u, k)
+        call shape_tangent(shape, n, h, u, k)
         worst(1) = larger(worst(1), abs(h - support(a, n)))
         worst(2) = larger(worst(2), norm2(u - surface_point(a, n)))
         exact = 0.5_wp*(sum(a(1:3)) - sum(u*u))*h**3/product(upper)**2
@@ -96,22 +96,24 @@ contains
   !! Hessian does not see n itself.
   subroutine check_derivatives()
     real(wp), parameter :: small = 1.0e-5_wp, exponents(4) = [2.0_wp, 2.5_wp, 4.0_wp, 8.0_wp]
-    real(wp) :: form(form_size), n(3), h, u(3), k(6), low(3), high(3), hl, hh, e(3), worst(3), m(3)
+    real(wp) :: shape(shape_size), n(3), h, u(3), k(6), low(3), high(3), hl, hh, e(3), worst(3), &
+      m(3)
     integer :: i, c, p
     worst = 0.0_wp
     do p = 1, size(exponents)
       do i = 1, 50
-        form = turned(form_of(upper, lower, [0.1_wp, -0.2_wp, 0.3_wp], exponents(p)), orientation())
+        shape = turned(shape_of(upper, lower, [0.1_wp, -0.2_wp, 0.3_wp], exponents(p)), &
+          orientation())
         n = direction()
-        m = matmul(n, rotation_of(form(1:4)))
+        m = matmul(n, rotation_of(shape(1:4)))
         if (any(abs(m) < 0.1_wp)) cycle  ! differences must not straddle octants
-        call form_tangent(form, n, h, u, k)
+        call shape_tangent(shape, n, h, u, k)
         worst(1) = larger(worst(1), norm2(matmul(square(k), n)), abs(dot_product(n, u) - h))
         do c = 1, 3
           e = 0.0_wp
           e(c) = small
-          call form_support(form, n + e, hh, high)
-          call form_support(form, n - e, hl, low)
+          call shape_support(shape, n + e, hh, high)
+          call shape_support(shape, n - e, hl, low)
           worst(2) = larger(worst(2), abs((hh - hl)/(2.0_wp*small) - u(c)))
           e = (high - low)/(2.0_wp*small)
           worst(3) = larger(worst(3), norm2(e - reshape(matmul(square(k), unit_vector(c)), [3])))
@@ -140,17 +142,17 @@ contains
   !! |x/a|^p + ... = 1 to the same, and its radii are bounded.
   subroutine check_flat_spots()
     real(wp), parameter :: exponents(3) = [2.2_wp, 4.0_wp, 10.0_wp]
-    real(wp) :: form(form_size), n(3), h, u(3), k(6), sharp, worst(2), q, radius
+    real(wp) :: shape(shape_size), n(3), h, u(3), k(6), sharp, worst(2), q, radius
     integer :: i, p
     do p = 1, size(exponents)
-      form = form_of(upper, upper, none, exponents(p))
+      shape = shape_of(upper, upper, none, exponents(p))
       q = exponents(p)/(exponents(p) - 1.0_wp)
       worst = 0.0_wp
       radius = 0.0_wp
       do i = 1, 3000
         n = direction()
         if (i <= 3) n = unit_vector(i)
-        call form_tangent(form, n, h, u, k)
+        call shape_tangent(shape, n, h, u, k)
         sharp = sum(abs(upper*n)**q)**(1.0_wp/q)
         worst(1) = larger(worst(1), abs(h/sharp - 1.0_wp))
         worst(2) = larger(worst(2), abs(sum(abs(u/upper)**exponents(p))**(1.0_wp/exponents(p)) &
@@ -164,15 +166,15 @@ contains
     end do
   end subroutine check_flat_spots
 
-  !> Volume, centre and moments: closed forms against Gauss quadrature over each octant, in which
+  !> Volume, centre and moments: closed shapes against Gauss quadrature over each octant, in which
   !! x = a s^(2/p) and so on, with s on the sphere; half an ellipsoid; an ellipsoid.
   subroutine check_mass()
     real(wp), parameter :: exponents(4) = [2.0_wp, 2.5_wp, 4.0_wp, 8.0_wp]
-    type(form_mass_type) :: mass
+    type(shape_mass_type) :: mass
     real(wp) :: volume, centre(3), tensor(3, 3), v(3, 3), back(3, 3), moments(3)
     integer :: p, k
     do p = 1, size(exponents)
-      mass = mass_of_form(upper, lower, exponents(p))
+      mass = mass_of_shape(upper, lower, exponents(p))
       call integrate(exponents(p), volume, centre, tensor)
       call test%check_close('volume', mass%volume/volume, 1.0_wp, 1.0e-10_wp)
       call test%check_close('centre', norm2(mass%centre - centre), 0.0_wp, 1.0e-10_wp)
@@ -185,13 +187,13 @@ contains
       back = matmul(v, matmul(back, transpose(v)))
       call test%check_close('second moments', max_abs(back - tensor)/volume, 0.0_wp, 1.0e-9_wp)
     end do
-    mass = mass_of_form(upper, upper, 2.0_wp)
+    mass = mass_of_shape(upper, upper, 2.0_wp)
     call test%check_close('volume of an ellipsoid', mass%volume/(4.0_wp/3.0_wp*pi*product(upper)), &
                           1.0_wp, 1.0e-14_wp)
     call test%check_close('moment of an ellipsoid', mass%moment(1)/(0.2_wp*mass%volume &
                           *(upper(2)**2 + upper(3)**2)), 1.0_wp, 1.0e-14_wp)
     call test%check_close('an ellipsoid is not turned', norm2(mass%turn(2:4)), 0.0_wp, 0.0_wp)
-    mass = mass_of_form([4.0_wp, 1.0_wp, 1.0_wp], [2.0_wp, 1.0_wp, 1.0_wp], 2.0_wp)
+    mass = mass_of_shape([4.0_wp, 1.0_wp, 1.0_wp], [2.0_wp, 1.0_wp, 1.0_wp], 2.0_wp)
     call test%check_close('centre of two half ellipsoids', mass%centre(1), 0.75_wp, 1.0e-14_wp)
     call test%check_close('they are not turned', norm2(mass%turn(2:4)), 0.0_wp, 0.0_wp)
   end subroutine check_mass
@@ -251,8 +253,8 @@ contains
 
   !> No surface point lies outside the bounding radius, none moves more under a rotation than reach.
   subroutine check_extent()
-    type(form_mass_type) :: mass
-    real(wp) :: a(3), b(3), p, form(form_size), n(3), h, u(3), worst(2), tight
+    type(shape_mass_type) :: mass
+    real(wp) :: a(3), b(3), p, shape(shape_size), n(3), h, u(3), worst(2), tight
     integer :: trial, i, k
     worst = 0.0_wp
     tight = 0.0_wp
@@ -264,12 +266,12 @@ contains
       p = 2.0_wp
       if (mod(trial, 2) == 0) p = 2.0_wp + 6.0_wp*uniform()
       if (mod(trial, 3) == 0) b = a
-      mass = mass_of_form(a, b, p)
-      form = form_of(a, b, mass%centre, p)
+      mass = mass_of_shape(a, b, p)
+      shape = shape_of(a, b, mass%centre, p)
       h = 0.0_wp
       do i = 1, 2000
         n = direction()
-        call form_support(form, n, h, u)
+        call shape_support(shape, n, h, u)
         worst(1) = larger(worst(1), norm2(u)/mass%radius)
         worst(2) = larger(worst(2), norm2(u - h*n)/mass%reach)
         tight = larger(tight, norm2(u)/mass%radius)
@@ -284,14 +286,14 @@ contains
   !! no direction of a search by values around it gives a larger gap; ellipsoids give the gap of
   !! dem_gap.
   subroutine check_pairs()
-    real(wp) :: a(form_size), b(form_size), r(3), n(3), m(3), gap, best, worst(3), size_of
+    real(wp) :: a(shape_size), b(shape_size), r(3), n(3), m(3), gap, best, worst(3), size_of
     real(wp) :: e(6), f(6), other, q(4), axes(3)
     integer :: trial
     worst = 0.0_wp
     do trial = 1, 3000
       call random_pair(a, b, r, size_of)
       n = 0.0_wp
-      call solve_forms(r, a, b, n, gap)
+      call solve_shapes(r, a, b, n, gap)
       worst(1) = larger(worst(1), tilt(r, a, b, n)/size_of)
       if (mod(trial, 10) == 0) then
         call climb(r, a, b, n, best)
@@ -299,13 +301,13 @@ contains
       end if
       axes = [1.0_wp + 4.0_wp*uniform(), 1.0_wp + 4.0_wp*uniform(), 1.0_wp]
       q = orientation()
-      a = turned(form_of(axes, axes, none, 2.0_wp), q)
+      a = turned(shape_of(axes, axes, none, 2.0_wp), q)
       e = shape_matrix(rotation_of(q), axes)
       q = orientation()
-      b = turned(form_of(axes, axes, none, 2.0_wp), q)
+      b = turned(shape_of(axes, axes, none, 2.0_wp), q)
       f = shape_matrix(rotation_of(q), axes)
       n = 0.0_wp
-      call solve_forms(r, a, b, n, gap)
+      call solve_shapes(r, a, b, n, gap)
       m = n
       call solve_gap(r, e, f, m, other)
       worst(3) = larger(worst(3), abs(other - gap)/maxval(axes))
@@ -339,25 +341,25 @@ contains
   !> Frames in turned bodies, one by one and many at once, the same bits.
   subroutine check_frames()
     integer(i4), parameter :: n = 7, low = 2
-    type(dem_forms_type) :: forms
+    type(dem_shapes_type) :: shapes
     real(wp) :: quat(lanes, 4), one(4, n), worst
     integer(i4) :: i
-    call allocate_forms(forms, n)
+    call allocate_shapes(shapes, n)
     worst = 0.0_wp
     do i = 1, n
-      forms%frame(:, i) = orientation()
+      shapes%frame(:, i) = orientation()
       quat(i, :) = orientation()
-      call put_frame(forms, i, quat(i, :))
-      one(:, i) = forms%record(1:4, i)
+      call put_frame(shapes, i, quat(i, :))
+      one(:, i) = shapes%record(1:4, i)
       worst = larger(worst, max_abs(one(:, i) - quaternion_product(quat(i, :), &
-                                                                   forms%frame(:, i))))
+                                                                   shapes%frame(:, i))))
     end do
     call test%check_close('frames in turned bodies', worst, 0.0_wp, 1.0e-15_wp)
     quat(:n - low, :) = quat(low + 1:n, :)
-    forms%record(1:4, low + 1:n) = 0.0_wp
-    call put_frames(forms, low, n - low - 1, quat)
-    call test%check('many frames at once', all(forms%record(1:4, :n - 1) == one(:, :n - 1)) &
-                    .and. all(forms%record(1:4, n) == 0.0_wp))
+    shapes%record(1:4, low + 1:n) = 0.0_wp
+    call put_frames(shapes, low, n - low - 1, quat)
+    call test%check('many frames at once', all(shapes%record(1:4, :n - 1) == one(:, :n - 1)) &
+                    .and. all(shapes%record(1:4, n) == 0.0_wp))
   end subroutine check_frames
 
   !> Blocks of pairs whose normals are somewhat off, as after a step.
@@ -365,7 +367,7 @@ contains
     logical, intent(in) :: powers
     real(wp), intent(in) :: off  !! of the normal [rad]
     type(dem_block_type) :: b, start
-    type(form_block_type) :: f
+    type(shape_block_type) :: f
     real(wp) :: r(3, lanes), n(3), u(3), v(3), h, ka(6), kb(6), gap, size_of(lanes), worst(4)
     integer(i4) :: trial, k
     logical :: same
@@ -380,7 +382,7 @@ contains
           if (min(f%a%record(k, at_half), f%b%record(k, at_half)) >= 1.0_wp) exit
         end do
         n = 0.0_wp
-        call solve_forms(r(:, k), f%a%record(k, :), f%b%record(k, :), n, gap)
+        call solve_shapes(r(:, k), f%a%record(k, :), f%b%record(k, :), n, gap)
         n = n + off*direction()
         n = n/norm2(n)
         b%rx(k) = r(1, k)
@@ -397,12 +399,12 @@ contains
         if (b%gap(k) > 0.0_wp) cycle
         n = [b%nx(k), b%ny(k), b%nz(k)]
         worst(1) = larger(worst(1), tilt(r(:, k), f%a%record(k, :), f%b%record(k, :), n)/size_of(k))
-        call form_tangent(f%a%record(k, :), n, h, u, ka)
-        call form_tangent(f%b%record(k, :), -n, h, v, kb)
+        call shape_tangent(f%a%record(k, :), n, h, u, ka)
+        call shape_tangent(f%b%record(k, :), -n, h, v, kb)
         worst(2) = larger(worst(2), norm2(u - [b%ax(k), b%ay(k), b%az(k)])/size_of(k), &
                        norm2(v + [b%bx(k), b%by(k), b%bz(k)])/size_of(k))
-        gap = dot_product(r(:, k), n) - form_height(f%a%record(k, :), n) &
-              - form_height(f%b%record(k, :), -n)
+        gap = dot_product(r(:, k), n) - shape_height(f%a%record(k, :), n) &
+              - shape_height(f%b%record(k, :), -n)
         worst(3) = larger(worst(3), abs(gap - b%gap(k))/size_of(k))
         gap = bounded_curvature(f%a%record(k, :), ka) + bounded_curvature(f%b%record(k, :), kb)
         worst(4) = larger(worst(4), abs(b%curvature(k)/gap - 1.0_wp))
@@ -419,12 +421,12 @@ contains
 
   subroutine refine(b, f, powers)
     type(dem_block_type), intent(inout) :: b
-    type(form_block_type), intent(inout) :: f
+    type(shape_block_type), intent(inout) :: f
     logical, intent(in) :: powers
-    call ready_forms(f, .true., powers)
-    call evaluate_forms(b, f)
-    call refine_forms(b, f)
-    call add_form_curvatures(b, f, .true.)
+    call ready_shapes(f, .true., powers)
+    call evaluate_shapes(b, f)
+    call refine_shapes(b, f)
+    call add_shape_curvatures(b, f, .true.)
   end subroutine refine
 
   pure function lane_of(b, k) result(row)
@@ -438,12 +440,12 @@ contains
   !> What lane k comes to in a block of nothing but itself.
   function alone(start, f, powers, k) result(row)
     type(dem_block_type), intent(in) :: start
-    type(form_block_type), intent(in) :: f
+    type(shape_block_type), intent(in) :: f
     logical, intent(in) :: powers
     integer(i4), intent(in) :: k
     real(wp) :: row(11)
     type(dem_block_type) :: b
-    type(form_block_type) :: one
+    type(shape_block_type) :: one
     b = start
     one = f
     b%rx = start%rx(k)
@@ -458,13 +460,13 @@ contains
     row = lane_of(b, 1_i4)
   end function alone
 
-  !> Two random forms whose centres lie outside each other, overlapping by at most 5 %.
+  !> Two random shapes whose centres lie outside each other, overlapping by at most 5 %.
   subroutine random_pair(a, b, r, size_of)
-    real(wp), intent(out) :: a(form_size), b(form_size), r(3), size_of
+    real(wp), intent(out) :: a(shape_size), b(shape_size), r(3), size_of
     real(wp) :: low, high, middle, n(3), gap, wanted, line(3), least
     integer :: k
-    call random_form(a)
-    call random_form(b)
+    call random_shape(a)
+    call random_shape(b)
     least = min(minval(a(5:10)), minval(b(5:10)))
     size_of = least
     wanted = -0.05_wp*least*uniform()
@@ -475,7 +477,7 @@ contains
     do k = 1, 50
       middle = 0.5_wp*(low + high)
       n = 0.0_wp
-      call solve_forms(middle*line, a, b, n, gap)
+      call solve_shapes(middle*line, a, b, n, gap)
       if (gap < wanted) then
         low = middle
       else
@@ -485,10 +487,10 @@ contains
     r = high*line
   end subroutine random_pair
 
-  subroutine random_form(form)
-    real(wp), intent(out) :: form(form_size)
+  subroutine random_shape(shape)
+    real(wp), intent(out) :: shape(shape_size)
     real(wp) :: a(3), b(3), p
-    type(form_mass_type) :: mass
+    type(shape_mass_type) :: mass
     integer :: k
     do k = 1, 3
       a(k) = 1.0_wp + 4.0_wp*uniform()**2
@@ -501,27 +503,27 @@ contains
         b(k) = 1.0_wp + 4.0_wp*uniform()**2
       end do
     end if
-    mass = mass_of_form(a, b, p)
-    form = turned(form_of(a, b, mass%centre, p), orientation())
-  end subroutine random_form
+    mass = mass_of_shape(a, b, p)
+    shape = turned(shape_of(a, b, mass%centre, p), orientation())
+  end subroutine random_shape
 
   !> How far the surface points lie off the normal.
   real(wp) function tilt(r, a, b, n)
-    real(wp), intent(in) :: r(3), a(form_size), b(form_size), n(3)
+    real(wp), intent(in) :: r(3), a(shape_size), b(shape_size), n(3)
     real(wp) :: ha, hb, ua(3), ub(3)
-    call form_support(a, n, ha, ua)
-    call form_support(b, -n, hb, ub)
+    call shape_support(a, n, ha, ua)
+    call shape_support(b, -n, hb, ub)
     tilt = norm2(r + ub - ua - (dot_product(r, n) - ha - hb)*n)
   end function tilt
 
   !> Best of ever finer nets around n.
   subroutine climb(r, a, b, n, best)
-    real(wp), intent(in) :: r(3), a(form_size), b(form_size), n(3)
+    real(wp), intent(in) :: r(3), a(shape_size), b(shape_size), n(3)
     real(wp), intent(out) :: best
     real(wp) :: centre(3), trial(3), width, value, e(3), f(3)
     integer :: round, i
     centre = n
-    best = gap_of_forms(r, a, b, n)
+    best = gap_of_shapes(r, a, b, n)
     width = 0.2_wp
     do round = 1, 60
       e = direction()
@@ -532,7 +534,7 @@ contains
       do i = 0, 15
         trial = centre + width*(cos(pi*i/8.0_wp)*e + sin(pi*i/8.0_wp)*f)
         trial = trial/norm2(trial)
-        value = gap_of_forms(r, a, b, trial)
+        value = gap_of_shapes(r, a, b, trial)
         if (value > best) then
           best = value
           centre = trial

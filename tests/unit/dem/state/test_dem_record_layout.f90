@@ -5,13 +5,13 @@ program test_dem_record_layout
   use dem_record_layout, only: grain_columns, shape_columns, contact_columns, touch_head_columns, &
     slot_columns, list_columns, target_columns, load_columns, plane_columns, swap_columns, &
     sum_reals, at_id
-  use dem_shape, only: form_size
+  use dem_shape, only: shape_size
   use dem_state, only: body_size, history_size, result_size
   implicit none
   type(test_type) :: test
 
   call check_block('grain', grain_columns, 1_i4, 50_i4 + body_size)
-  call check_block('shape', shape_columns, 51_i4 + body_size, 14_i4 + form_size)
+  call check_block('shape', shape_columns, 51_i4 + body_size, 14_i4 + shape_size)
   call check_block('contact', contact_columns, 1_i4, 8_i4 + history_size + result_size)
   call check_block('grain at surfaces', touch_head_columns, 1_i4, 8_i4)
   call check_block('contact with a surface', slot_columns, 1_i4, history_size + 20_i4)

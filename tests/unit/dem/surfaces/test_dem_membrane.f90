@@ -1,5 +1,6 @@
-!> Membranes: forces are gradients of energies, on grain and corners, however the sheet is bent; a
-!! sheet that is touched in one place counts once; pressure pushes by area.
+!> Membranes: forces are gradients of energies, on grain and corners, however the membrane is bent;
+!! a
+!! membrane that is touched in one place counts once; pressure pushes by area.
 program test_dem_membrane
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
@@ -32,8 +33,8 @@ program test_dem_membrane
 
 contains
 
-  !> A sheet of odd triangles around z = 0, its corners up and down by at most `bump`.
-  subroutine make_sheet(s, bump)
+  !> A membrane of odd triangles around z = 0, its corners up and down by at most `bump`.
+  subroutine make_test_membrane(s, bump)
     type(dem_surfaces_type), intent(inout) :: s
     real(wp), intent(in) :: bump
     type(mesh_type) :: mesh
@@ -67,7 +68,7 @@ contains
     s%list%near_start = [1, s%mesh%triangles + 1]
     s%list%candidate = [(k, k=1, s%mesh%triangles)]
     allocate (s%list%history(most_features, 1, 1))
-  end subroutine make_sheet
+  end subroutine make_test_membrane
 
   pure type(figure_type) function grain_at(x, shape)
     real(wp), intent(in) :: x(3)
@@ -135,7 +136,7 @@ contains
     real(wp) :: x(3), y(3), force(3), none(3), u(2), worst(2), balance
     integer(i4) :: k, a, side, index, shape, v, most, touched
 
-    call make_sheet(s, bump)
+    call make_test_membrane(s, bump)
     allocate (corner(3, s%mesh%vertices), some(3, s%mesh%vertices))
     worst = 0.0_wp
     balance = 0.0_wp
@@ -172,7 +173,7 @@ contains
     call test%check_close(name//': force on a corner', worst(2), 0.0_wp, 1.0e-4_wp)
   end subroutine check_gradients
 
-  !> A grain that slides over a bent sheet: work of the force is the energy, whatever it crosses.
+  !> A grain that slides over a bent membrane: work of the force is the energy, whatever it crosses.
   subroutine check_walk()
     type(dem_surfaces_type) :: s
     integer(i4), parameter :: steps = 4000
@@ -180,7 +181,7 @@ contains
     real(wp) :: x(3), y(3), force(3), last(3), u, first, work, largest
     integer(i4) :: k, index, many, shape, fewest, most
 
-    call make_sheet(s, 1.5e-4_wp)
+    call make_test_membrane(s, 1.5e-4_wp)
     allocate (corner(3, s%mesh%vertices))
     do shape = 1, 2
       work = 0.0_wp
@@ -203,7 +204,7 @@ contains
     end do
   end subroutine check_walk
 
-  !> Pressure on a closed sheet sums to nothing, on one triangle it is p A along its normal.
+  !> Pressure on a closed membrane sums to nothing, on one triangle it is p A along its normal.
   subroutine check_pressure()
     type(dem_surfaces_type) :: s, ball
     real(wp) :: area(3), p(3, 6)
@@ -229,7 +230,7 @@ contains
                           5.0_wp*norm2(area), 1.0e-14_wp)
   end subroutine check_pressure
 
-  !> A closed sheet that shrinks alike is given pressure times the volume that it loses; whatever
+  !> A closed membrane that shrinks alike is given pressure times the volume that it loses; whatever
   !! holds its corners gets that and what the stretch gives.
   subroutine check_work()
     type(dem_surfaces_type) :: ball
@@ -292,7 +293,7 @@ contains
     call shape_membrane(s, 1, 2.0_wp, [0.01_wp, 0.02_wp, 0.03_wp])
   end subroutine add_triangles
 
-  !> The pull of the stretch is the gradient of its energy; a plane sheet stretched alike has the
+  !> The pull of the stretch is the gradient of its energy; a plane membrane stretched alike has the
   !! closed form.
   subroutine check_stretch()
     type(dem_surfaces_type) :: s

@@ -143,7 +143,7 @@ contains
   subroutine check_limit()
     type(dem_system_type) :: s, held
     type(error_list_type) :: errors
-    real(wp) :: heavy, light, turning
+    real(wp) :: heavy, inverse_mass, turning
 
     call make_pair(s, kind_fixed, radius - 1.0e-6_wp, 0.0_wp)
     call make_pair(held, kind_fixed, radius - 1.0e-6_wp, 0.0_wp)
@@ -157,12 +157,12 @@ contains
     call s%init(errors)
     heavy = s%step_limit()
     s%surfaces%rigid%mass = 0.001_wp
-    light = s%step_limit()
-    call test%check_close('by the root of the mass', heavy/light, 10.0_wp, 1.0e-12_wp)
+    inverse_mass = s%step_limit()
+    call test%check_close('by the root of the mass', heavy/inverse_mass, 10.0_wp, 1.0e-12_wp)
     s%surfaces%rigid%free(5, 1) = 1.0_wp
     s%surfaces%rigid%inertia = 1.0e-9_wp
     turning = s%step_limit()
-    call test%check('less if it turns', turning < light)
+    call test%check('less if it turns', turning < inverse_mass)
   end subroutine check_limit
 
   !> A long ellipsoid across a bore reaches its wall in two places, alike; a round one in one; both

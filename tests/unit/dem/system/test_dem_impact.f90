@@ -1,4 +1,4 @@
-!> Two-body impacts against closed forms: Hertz time and overlap, restitution, linear law, ledger.
+!> Two-body impacts against closed shapes: Hertz time and overlap, restitution, linear law, ledger.
 program test_dem_impact
   use omp_lib, only: omp_set_num_threads
   use talus_kinds, only: wp, i4, i8
