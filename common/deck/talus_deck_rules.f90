@@ -199,19 +199,22 @@ contains
     type(string_type), allocatable :: asked(:)
     integer(i4), allocatable :: there(:)
     integer(i4) :: c, j, wanted
+    logical :: known
 
     allocate (asked(size(set%key)), there(0))
     wanted = 0
+    known = .true.
     associate (group => table%group(syntax%instance(k)%group), head => syntax%instance(k)%head)
       do c = 1, size(set%key)
         j = group%find(set%key(c)%s)
         if (.not. key_belongs(source, table, syntax, k, j)) cycle
+        known = known .and. owner_known(source, table, syntax, k, j)
         wanted = wanted + 1
         asked(wanted)%s = group%key(j)%name
         if (at(j) > 0) there = [there, j]
       end do
       if (wanted == 0) return
-      if (size(there) == 0 .and. complete(syntax, k)) &
+      if (size(there) == 0 .and. known .and. complete(syntax, k)) &
         call faults%add(source, 'D013', 'group &'//group%name//' needs ' &
                         //set_text(set, asked(:wanted)), head%line, head%first, head%last, &
                         asked(1)%s//': '//group%key(group%find(asked(1)%s))%doc)
@@ -269,6 +272,24 @@ contains
       end do
     end associate
   end function key_belongs
+
+  !> Have all choosing keys that key j belongs to a value that is one of their choices?
+  logical function owner_known(source, table, syntax, k, j) result(known)
+    type(deck_source_type), intent(in) :: source
+    type(key_table_type), intent(in) :: table
+    type(deck_syntax_type), intent(in) :: syntax
+    integer(i4), intent(in) :: k, j
+    type(chosen_type) :: chosen
+    integer(i4) :: c
+
+    known = .true.
+    associate (key => table%group(syntax%instance(k)%group)%key(j))
+      do c = 1, conditions(key%belongs)
+        chosen = choice_of(source, table, syntax, k, key%belongs(c))
+        known = known .and. chosen%known
+      end do
+    end associate
+  end function owner_known
 
   !> The value of a choosing key, as seen from instance k.
   function choice_of(source, table, syntax, k, condition) result(chosen)

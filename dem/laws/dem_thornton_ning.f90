@@ -52,10 +52,6 @@ contains
     type(law_numbers_type), intent(inout) :: law
     type(error_list_type), intent(inout) :: errors
     law%frozen = .true.
-    if (deck%given('contact', k, 'restitution')) &
-      call deck%fault(errors, 'D236', "restitution has no meaning for the law 'thornton_ning'", &
-                      'contact', k, 'restitution', &
-                      'leave it out: it follows from yield_pressure and falls with the speed')
     if (deck%given('contact', k, 'yield_pressure')) &
       call deck%get('contact', k, 'yield_pressure', law%own(own_pressure))
   end subroutine constants

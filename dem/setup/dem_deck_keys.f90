@@ -196,6 +196,7 @@ contains
       'Ratio of rebound to approach speed of a head-on impact, independent of the ' &
       //'speed; the damping ratio is found from it.')
     call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%only_with('law', 'hertz_mindlin|mindlin_deresiewicz|hertz_no_history|linear')
     call table%excludes('damping_ratio')
     call table%add_key('tangential_damping', 'real', '', &
       'Fraction of critical damping of the tangential contact; left out, that of the ' &
