@@ -21,7 +21,7 @@ module dem_flow
   use dem_state, only: dem_data_type
   implicit none
   private
-  public :: dem_flow_type
+  public :: dem_flow_type, stress_in, direction
 
   integer(i4), parameter :: mean_stress = 10  !! component number of the pressure
   character(len=4), parameter :: components(10) = [character(len=4) :: 'xx', 'xy', 'xz', 'yx', &
