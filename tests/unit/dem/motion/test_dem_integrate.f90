@@ -60,7 +60,8 @@ contains
     call test%check_all_close('its spin stays', s%grains%omega(:, 1), spin, 1.0e-12_wp)
   end subroutine check_sphere
 
-  !> Works of gravity and background damping are the energy gained: to round-off without a gyroscopic
+  !> Works of gravity and background damping are the energy gained: to round-off without a
+  !! gyroscopic
   !! term; the splitting of free rotations keeps energy to (w dt)^2 of the energy of rotation, 1e-5,
   !! which is 1e-3 of what is turned over here.
   subroutine check_damped_fall(axes, limit, name)
