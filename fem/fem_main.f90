@@ -1,5 +1,5 @@
 !> talus-fem: solids. `talus-fem deck.nml` runs a deck, `mpirun -n 4 talus-fem deck.nml` with ranks;
-!! `talus-fem --help` says the rest.
+!! See `talus-fem --help`.
 program talus_fem
   use, intrinsic :: iso_fortran_env, only: error_unit
   use talus_kinds, only: i4

@@ -1,8 +1,8 @@
 !> Conjugate gradients for large symmetric positive systems, preconditioned by an incomplete
-!! Cholesky factorisation (fem_cholesky). Products and sums go by threads, with the same bits for
+!! Cholesky factorisation (fem_cholesky). Products and sums run in threads, with the same bits for
 !! any number of them. With ranks each factors the matrix of all blocks of its elements, and what
 !! they find is added with weights (symmetric additive Schwarz: 188 iterations on two ranks for 40^3
-!! hexahedra, where one takes 167 and blocks without overlap 208).
+!! hexahedra, where one needs 167 and blocks without overlap 208).
 module fem_cg
   use talus_kinds, only: wp, i4
   use fem_cholesky, only: cholesky_type
@@ -30,7 +30,7 @@ module fem_cg
 
 contains
 
-  !> Take a matrix and factor it incompletely; `factors%ready` tells whether that worked.
+  !> Set a matrix and factor it incompletely; `factors%ready` is true on success.
   subroutine prepare(self, pattern, k, free)
     class(cg_type), intent(inout) :: self
     type(fem_pattern_type), intent(in) :: pattern
@@ -68,7 +68,7 @@ contains
     self%weight = 1.0_wp/sqrt(real(ranks(pattern%halo%common), wp))
   end subroutine choose_own
 
-  !> Give the memory back.
+  !> Release the memory.
   subroutine drop(self)
     class(cg_type), intent(inout) :: self
     if (allocated(self%k)) deallocate (self%k, self%free)
@@ -76,7 +76,7 @@ contains
   end subroutine drop
 
   !> x(3, blocks) for a right-hand side; zero where nothing is free. `found` if the residual fell
-  !! to the tolerance. The iteration works on what is scaled to a residual of one at its start.
+  !! to the tolerance. The iteration is scaled to an initial residual of one.
   subroutine solve(self, pattern, right, tolerance, x, found)
     class(cg_type), intent(inout) :: self
     type(fem_pattern_type), intent(in) :: pattern
@@ -120,7 +120,7 @@ contains
     call pattern%halo%spread_out(x)
   end subroutine solve
 
-  !> z from r; q is room.
+  !> z from r; q is workspace.
   subroutine precondition(self, pattern, r, q, z)
     class(cg_type), intent(inout) :: self
     type(fem_pattern_type), intent(in) :: pattern

@@ -2,9 +2,9 @@
 !! 1977), held in single precision. Where a pivot is not positive the diagonal is raised and tried
 !! again (Manteuffel 1980).
 !!
-!! Sweeps go by levels where there are threads: the rows of a level hang on those of earlier levels
+!! With threads the sweeps run by levels: the rows of a level depend on those of earlier levels
 !! alone. Each product is added by itself and in the order of the rows, in the sweeps of one thread
-!! too, so that the bits do not hang on the number of threads.
+!! too, so that the bits do not depend on the number of threads.
 module fem_cholesky
   use, intrinsic :: iso_fortran_env, only: sp => real32
   use, intrinsic :: omp_lib, only: omp_get_max_threads
@@ -21,7 +21,7 @@ module fem_cholesky
     logical :: ready = .false.
     real(wp) :: raise = 0.0_wp        !! share by which the diagonal was raised
     real(wp) :: memory = 0.0_wp       !! of the factors [MB]
-    integer(i4) :: least_rows = 400   !! of a level on average from which on threads pay
+    integer(i4) :: least_rows = 400   !! least mean size of a level for threads
     real(sp), allocatable, private :: upper(:, :, :)  !! D^-1 U by rows; the diagonal holds D^-1
     real(sp), allocatable, private :: lower(:, :, :)  !! the same by columns, for threads
     real(sp), allocatable, private :: y(:, :)         !! (3, blocks)
@@ -35,7 +35,7 @@ module fem_cholesky
 
 contains
 
-  !> Factor a matrix incompletely; `ready` tells whether that worked.
+  !> Factor a matrix incompletely; `ready` is true on success.
   subroutine prepare(self, pattern, k, free)
     class(cholesky_type), intent(inout) :: self
     type(fem_pattern_type), intent(in) :: pattern
@@ -73,7 +73,7 @@ contains
     !$omp end parallel do
   end subroutine prepare_threads
 
-  !> Give the memory back.
+  !> Release the memory.
   subroutine drop(self)
     class(cholesky_type), intent(inout) :: self
     if (allocated(self%upper)) deallocate (self%upper, self%y)
@@ -232,7 +232,7 @@ contains
     end associate
   end subroutine sweep_levels
 
-  !> Forward sweep by one thread: each row gives to later ones what they lack.
+  !> Forward sweep by one thread: each row adds its products to later ones.
   pure subroutine forward(pattern, u, y)
     type(fem_pattern_type), intent(in) :: pattern
     real(sp), intent(in), contiguous :: u(:, :, :)

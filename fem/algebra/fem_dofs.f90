@@ -4,7 +4,7 @@
 !! micro-deformation of micromorphic bodies has three at these nodes, its columns.
 !!
 !! Blocks 1 to `nodes` are the displacements of nodes 1 to `nodes`; micro-rotations follow. All
-!! arrays of state, loads and supports are (3, blocks), so that what works for u works for phi.
+!! arrays of state, loads and supports are (3, blocks), so that u and phi share procedures.
 module fem_dofs
   use talus_kinds, only: i4
   use fem_halo, only: fem_halo_type
@@ -25,7 +25,7 @@ module fem_dofs
 
 contains
 
-  !> Number the blocks of a mesh; `rotations` says how many of an element's nodes, from the first,
+  !> Number the blocks of a mesh; `rotations` is how many of an element's nodes, from the first,
   !! have micro-rotations (corner nodes come first in every element), of `parts` blocks each.
   subroutine number_fields(mesh, rotations, dofs, parts)
     type(fem_mesh_type), intent(in) :: mesh

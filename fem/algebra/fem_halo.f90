@@ -3,7 +3,7 @@
 !! Vectors of blocks are complete and the same bits on every rank. What elements add to them is a
 !! part on each rank; `sum_up` makes them complete: neighbours exchange the blocks they share, every
 !! holder adds the parts in the order of the ranks, and the owner of a block, the first rank that
-!! holds it, tells the others.
+!! holds it, sends it to the others.
 module fem_halo
   use mpi, only: mpi_allgatherv, mpi_alltoallv, mpi_double_precision
   use talus_kinds, only: wp, i4
@@ -12,9 +12,9 @@ module fem_halo
   private
   public :: fem_halo_type
 
-  !> The blocks of this rank's elements, and who else holds them.
+  !> The blocks of this rank's elements, and the other ranks that hold them.
   type, extends(ranks_type) :: fem_halo_type
-    integer(i4), allocatable :: common(:)     !! blocks that others hold too, ascending
+    integer(i4), allocatable :: common(:)     !! blocks that other ranks hold too, ascending
     integer(i4), allocatable :: first(:)      !! (0:ranks) of those shared with each rank, in
     integer(i4), allocatable :: shared(:)     !! this list, ascending
     integer(i4), allocatable :: first_own(:)  !! (0:ranks) of the blocks of each owner, in

@@ -8,10 +8,10 @@ module fem_leap
   private
   public :: fem_leap_type, drift_all, kick_all, least_shared, chunk
 
-  integer(i4), parameter :: least_shared = 2000  !! blocks from which on threads pay
+  integer(i4), parameter :: least_shared = 2000  !! least number of blocks for threads
   integer(i4), parameter :: chunk = 1024         !! blocks whose sums are added first
 
-  !> Room kept between steps, and the sums of the last one.
+  !> Workspace kept between steps, and the sums of the last one.
   type :: fem_leap_type
     real(wp), allocatable :: internal(:, :), half(:, :)  !! (3, blocks) [N], [m/s]
     real(wp), allocatable :: sums(:, :)                  !! (6, chunks)
@@ -20,7 +20,7 @@ module fem_leap
     real(wp) :: strain = 0.0_wp    !! u . (K u + forces of the initial stress) / 2 [J]
     real(wp) :: load = 0.0_wp      !! work of the loads in the step [J]
     real(wp) :: weight = 0.0_wp    !! weight . moved [J]
-    real(wp) :: support = 0.0_wp   !! work of supports in the step, inertia taken off [J]
+    real(wp) :: support = 0.0_wp   !! work of supports in the step, less inertia [J]
     real(wp) :: kinetic = 0.0_wp   !! [J]
     real(wp) :: discrete = 0.0_wp  !! growth of -dt^2/8 a M a [J]
   end type fem_leap_type

@@ -1,4 +1,4 @@
-!> Levels of a pattern for sweeps by threads: a row of the forward sweep hangs on rows of earlier
+!> Levels of a pattern for sweeps by threads: a row of the forward sweep depends on rows of earlier
 !! levels alone, one of the backward sweep on rows of later ones (Saad 2003, section 11.6).
 module fem_levels
   use talus_kinds, only: i4

@@ -56,7 +56,7 @@ contains
   end subroutine dissect
 
   !> Both triangles of the pattern of the displacements (all nodes of an element have them)
-  !! without the diagonal, counted from 0 as METIS wants them.
+  !! without the diagonal, counted from 0 as METIS requires.
   subroutine full_graph(nodes, pattern, xadj, adjncy)
     integer(i4), intent(in) :: nodes
     type(fem_pattern_type), intent(in) :: pattern

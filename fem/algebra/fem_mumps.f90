@@ -1,8 +1,8 @@
-!> The one module that speaks MUMPS (5.5): factors that are kept, of symmetric positive definite
+!> The only interface to MUMPS (5.5): factors that are kept, of symmetric positive definite
 !! matrices or of general ones, in memory or on disk.
 !!
 !! The order comes from METIS through PERM_IN (Debian's MUMPS has none inside). MPI is started
-!! with the first factorisation; runs that solve nothing pay nothing. Where ranks work together each
+!! with the first factorisation, if any. With several ranks each
 !! gives the entries of its own elements, the leader the order; right-hand sides and solutions are
 !! the same on all.
 module fem_mumps
@@ -20,9 +20,9 @@ module fem_mumps
   integer(i4), parameter :: spd = 1, unsymmetric = 0, symmetric = 2
   integer(i4), parameter :: given_order = 1, distributed = 3
   integer(i4), parameter :: storage_auto = 0, storage_memory = 1, storage_disk = 2
-  real(wp), parameter :: usable = 0.9_wp   !! share of the free memory that factors may take
+  real(wp), parameter :: usable = 0.9_wp   !! share of the free memory that factors may use
   real(wp), parameter :: mega = 1.0e6_wp
-  integer(i4), parameter :: least_split = 9        !! KEEP: order of fronts that ranks share
+  integer(i4), parameter :: least_split = 9        !! KEEP: least order of fronts shared by ranks
   integer(i4), parameter :: never = 1000000000
   real(wp), parameter :: large_root = 4000.0_wp     !! order from which on ScaLAPACK is slow
   real(wp), parameter :: root_share = 0.8_wp        !! of the guess that counts as the root
@@ -89,7 +89,7 @@ contains
     if (self%id%infog(1) < 0) then
       call translate(self, 'the symbolic analysis', errors)
     else if (self%id%infog(7) /= given_order) then
-      call errors%add('S302', 'MUMPS did not take the order of METIS (INFOG(7) = ' &
+      call errors%add('S302', 'MUMPS did not accept the order of METIS (INFOG(7) = ' &
                       //str(self%id%infog(7))//')', hint='install another build of MUMPS 5')
     end if
     self%analysed = self%id%infog(1) >= 0
@@ -113,9 +113,9 @@ contains
     self%id%jcn = jcn
   end subroutine give_pattern
 
-  !> Of two ranks each takes a half of the tree, and they share its root alone, by ScaLAPACK as long
+  !> Two ranks factor a half of the tree, and they share its root alone, by ScaLAPACK as long
   !! as it is small: 0.55 of the time of one rank for 30^3 hexahedra, where MUMPS' own choice (many
-  !! shared fronts) takes 0.63, and 0.6 instead of 0.68 for 40^3. The root is guessed from the
+  !! shared fronts) needs 0.63, and 0.6 instead of 0.68 for 40^3. The root is guessed from the
   !! section through the middle of a cube.
   subroutine share_root(self)
     class(mumps_type), intent(inout) :: self
@@ -147,7 +147,7 @@ contains
       self%id%job = 2
       call dmumps(self%id)
       select case (self%id%infog(1))
-      case (-9)  ! its own guess of the room was too small
+      case (-9)  ! its estimate of the workspace was too small
         if (self%id%icntl(14) >= most_space) exit
         self%id%icntl(14) = 2*self%id%icntl(14)
       case (-13)
@@ -216,7 +216,7 @@ contains
     call self%ranks%broadcast_values(b)
   end subroutine solve
 
-  !> Give the factors back.
+  !> Release the factors.
   subroutine free(self)
     class(mumps_type), intent(inout) :: self
     if (.not. allocated(self%id)) return
@@ -231,7 +231,7 @@ contains
     self%factored = .false.
   end subroutine free
 
-  !> MUMPS' error codes in words, with what can be done.
+  !> MUMPS' error codes in words, with remedies.
   subroutine translate(self, where, errors)
     class(mumps_type), intent(in) :: self
     character(len=*), intent(in) :: where
@@ -244,7 +244,7 @@ contains
     select case (self%id%infog(1))
     case (-7, -8, -9, -13, -19)
       hint = "factors = 'disk' needs "//str(self%id%infog(26))//" MB, solver = 'iterative' in "// &
-             'statics less still; or take a smaller mesh'
+             'statics even less; or use a smaller mesh'
       if (self%on_disk) hint = "solver = 'iterative' in statics needs less; or take a smaller mesh"
       call errors%add('S303', 'not enough memory for '//where//mumps//': about '// &
         str(self%id%infog(merge(26, 16, self%on_disk)))//' MB are needed, '// &

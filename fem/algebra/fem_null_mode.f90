@@ -1,5 +1,5 @@
 !> A stiffness that is singular though supports hold the body as a whole: hinges, elements without
-!! control of their hourglass modes, weights of zero. The factors are asked by inverse iteration for
+!! control of their hourglass modes, weights of zero. Inverse iteration with the factors finds
 !! the motion with the least resistance; where it has none its nodes are named.
 module fem_null_mode
   use talus_kinds, only: wp, i4
@@ -12,7 +12,7 @@ module fem_null_mode
   private
   public :: explain_singular
 
-  real(wp), parameter :: suspicious = 1.0e-9_wp  !! x K x / x D x below which a motion is looked at
+  real(wp), parameter :: suspicious = 1.0e-9_wp  !! x K x / x D x below which a motion is examined
   real(wp), parameter :: nothing = 1.0e-13_wp    !! that counts as no resistance
   real(wp), parameter :: shift = 1.0e-9_wp       !! of the diagonal where there are no factors
   real(wp), parameter :: takes_part = 0.1_wp     !! of the largest motion
@@ -20,7 +20,7 @@ module fem_null_mode
 
 contains
 
-  !> Fault N301 with the nodes of the null mode, instead of what the factorisation said of pivots.
+  !> Fault N301 with the nodes of the null mode, instead of the factorisation's fault of pivots.
   subroutine explain_singular(solver, pattern, dofs, k, errors)
     type(fem_solver_type), intent(inout) :: solver
     type(fem_pattern_type), intent(in) :: pattern
@@ -56,7 +56,7 @@ contains
     if (abs(sum(x*kx)) > nothing*sum(diagonal*x**2)) return
     call errors%clear()
     call errors%add('N301', 'the stiffness is singular: '//mode_text(dofs, x), '', &
-      'do parts hang together by an edge or a corner alone, are hourglass modes left free, '// &
+      'are parts connected by an edge or a corner alone, are hourglass modes left free, '// &
       'have points no weight, or is poisson nearly 1/2? Hold these nodes, or tie them')
   end subroutine explain_singular
 

@@ -1,5 +1,5 @@
-!> The part of a matrix that stands between the blocks of one rank's elements: what elements of
-!! other ranks add there comes from them. A preconditioner by ranks is made of it.
+!> The part of a matrix between the blocks of one rank's elements: what elements of
+!! other ranks add there is received from them. Preconditioners by ranks use it.
 module fem_own_matrix
   use mpi, only: mpi_alltoall, mpi_alltoallv, mpi_double_precision, mpi_integer
   use talus_kinds, only: wp, i4
@@ -69,7 +69,7 @@ contains
     end do
   end subroutine choose_pairs
 
-  !> How many come before those of each rank.
+  !> Number of entries before those of each rank.
   pure function starts(counts)
     integer, intent(in) :: counts(:)
     integer :: starts(size(counts)), r

@@ -66,7 +66,7 @@ contains
     allocate (self%value(size(irn)), self%right(self%free))
   end subroutine number
 
-  !> Positions of the nodes; the leader alone orders where ranks work together.
+  !> Positions of the nodes; the leader alone finds the order.
   subroutine order_nodes(self, dofs, pattern, errors)
     class(fem_solver_type), intent(inout) :: self
     type(fem_dofs_type), intent(in) :: dofs

@@ -1,7 +1,7 @@
 !> Symmetric matrix of 3 x 3 blocks on the pattern of the fields: upper triangle by rows.
 !!
-!! The pattern is made once; stiffness and mass share it (mass is a scalar a pair of blocks). Where
-!! ranks work together the matrix is the sum of theirs, and products are complete on all of them.
+!! The pattern is built once; stiffness and mass share it (mass is a scalar a pair of blocks). Where
+!! there are several ranks the matrix is the sum of theirs, and products are complete on all.
 module fem_sparse
   use talus_kinds, only: wp, i4
   use fem_dofs, only: fem_dofs_type
@@ -17,7 +17,7 @@ module fem_sparse
   !> Rows whose columns are all of their share, some of which are, or that belong to another.
   integer(i4), parameter :: rows_inner = 1, rows_border = 2, rows_foreign = 3
 
-  !> What a thread does in a product: its blocks are two ranges, displacements and micro-rotations
+  !> Work of a thread in a product: its blocks are two ranges, displacements and micro-rotations
   !! of the same nodes.
   type :: fem_share_type
     integer(i4) :: first(2) = 1, last(2) = 0
@@ -116,7 +116,7 @@ contains
     end do
   end subroutine sort
 
-  !> Place of the pair (i, j), i <= j, in the pattern; 0 if it is not there. Rows are short:
+  !> Position of the pair (i, j), i <= j, in the pattern; 0 if absent. Rows are short:
   !! counting the columns before j is a few vector operations without a branch.
   pure integer(i4) function place(pattern, i, j)
     type(fem_pattern_type), intent(in) :: pattern
@@ -248,7 +248,7 @@ contains
     end do
   end subroutine share_rows
 
-  !> Rows first to last, whose columns are all at home.
+  !> Rows first to last, all of whose columns are of this rank.
   pure subroutine inner_rows(pattern, k, u, first, last, y)
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), intent(in), contiguous :: k(:, :, :), u(:, :)
@@ -277,7 +277,7 @@ contains
     end do
   end subroutine inner_rows
 
-  !> Products of which each sum has one: whether the compiler fuses them does not hang on the loop.
+  !> Products of which each sum has one: the loop does not decide whether they are fused.
   pure subroutine diagonal_block(k, u1, u2, u3, y1, y2, y3)
     real(wp), intent(in) :: k(3, 3), u1, u2, u3
     real(wp), intent(out) :: y1, y2, y3

@@ -17,7 +17,7 @@ module fem_analyses
 
 contains
 
-  !> The analysis that the deck asks for: that of `kind`, in statics that of `continuation` or of
+  !> The analysis of the deck: that of `kind`, in statics that of `continuation` or of
   !! the stages.
   subroutine choose_analysis(deck, analysis)
     type(deck_type), intent(in) :: deck

@@ -1,5 +1,5 @@
-!> What an analysis is to the rest of talus-fem: it reads its part of the deck, prepares the body,
-!! takes steps, and says what belongs into checkpoints, tables, log and summary. A kind of &analysis
+!> The interface of an analysis to talus-fem: it reads its part of the deck, prepares the body,
+!! advances it, and defines entries of checkpoints, tables, log and summary. A kind of &analysis
 !! is an extension in a file of its own and a line in fem_analyses; what a kind does not override
 !! suits a linear static one. Called once a step: nothing here is inside a loop over elements.
 module fem_analysis
@@ -78,21 +78,21 @@ contains
     type(error_list_type), intent(inout) :: errors
   end subroutine check
 
-  !> Fault of a kind that a coupled run cannot take; none here.
+  !> Fault of a kind that a coupled run does not support; none here.
   subroutine check_port(self, deck, errors)
     class(fem_analysis_type), intent(in) :: self
     type(deck_type), intent(in) :: deck
     type(error_list_type), intent(inout) :: errors
   end subroutine check_port
 
-  !> What of the deck asks for one rank, with its verb; '' if nothing does.
+  !> What of the deck requires one rank, with its verb; '' if nothing does.
   function one_rank(self) result(what)
     class(fem_analysis_type), intent(in) :: self
     character(len=:), allocatable :: what
     what = ''
   end function one_rank
 
-  !> End and step; one step to 1 s where the deck says nothing. A coupled run has those of the
+  !> End and step; one step to 1 s where the deck gives none. A coupled run has those of the
   !! partner.
   subroutine read_times(self, deck, served, errors)
     class(fem_analysis_type), intent(inout) :: self
@@ -139,13 +139,13 @@ contains
   subroutine begin(self, body, dt, fresh, errors)
     class(fem_analysis_type), intent(inout) :: self
     type(fem_body_type), intent(inout) :: body
-    real(wp), intent(in) :: dt  !! [s], 0: not known yet
+    real(wp), intent(in) :: dt  !! [s], 0: not yet determined
     logical, intent(in) :: fresh
     type(error_list_type), intent(inout) :: errors
     call body%factor(dt, errors)
   end subroutine begin
 
-  !> The body cannot move as a rigid one (I307); kinds with inertia do not ask.
+  !> The body cannot move as a rigid one (I307); kinds with inertia do not check.
   subroutine check_held(self, body, errors)
     class(fem_analysis_type), intent(in) :: self
     type(fem_body_type), intent(in) :: body
@@ -161,7 +161,7 @@ contains
     complete = body%accepted%time >= self%t_end - near*self%dt
   end function complete
 
-  !> Steps that a span of time takes at the port, one if the deck gives no step.
+  !> Number of steps in a time interval at the port, one if the deck gives no step.
   integer(i4) function steps_between(self, body, t0, t1)
     class(fem_analysis_type), intent(in) :: self
     type(fem_body_type), intent(in) :: body
@@ -169,7 +169,7 @@ contains
     steps_between = own_steps(self%dt, t0, t1)
   end function steps_between
 
-  !> Steps of about dt between two times, one if dt is not known.
+  !> Steps of about dt between two times, one if dt is not given.
   pure integer(i4) function own_steps(dt, t0, t1)
     real(wp), intent(in) :: dt, t0, t1  !! [s]
     own_steps = 1
@@ -198,7 +198,7 @@ contains
     type(error_list_type), intent(inout) :: errors
   end subroutine put
 
-  !> And back, before the state of the body is read.
+  !> Restore these, before the state of the body is read.
   subroutine get(self, body, file, errors)
     class(fem_analysis_type), intent(inout) :: self
     type(fem_body_type), intent(inout) :: body

@@ -1,5 +1,5 @@
-!> kind = 'static' with continuation = 'arc_length': the path of equilibrium, whatever becomes of
-!! the load. <deck>_arc.csv has its factor.
+!> kind = 'static' with continuation = 'arc_length': the path of equilibrium, with the
+!! load as an unknown. <deck>_arc.csv has its factor.
 module fem_analysis_arc
   use talus_kinds, only: wp
   use talus_errors, only: error_list_type
@@ -52,7 +52,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     if (body%matter%active .and. deck%count('stage') > 0) call deck%fault(errors, 'D340', &
       'stages have times, which a path by arc length has not', 'analysis', 1, 'continuation', &
-      'take one of both')
+      'use one of both')
   end subroutine check
 
   subroutine check_port(self, deck, errors)

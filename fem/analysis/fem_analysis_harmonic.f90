@@ -93,7 +93,7 @@ contains
     do k = 1, size(none)
       if (deck%count(trim(none(k))) > 0) call deck%fault(errors, 'D345', 'a harmonic response '// &
         'knows no &'//trim(none(k)), trim(none(k)), 1, '', &
-        'it is linear, about one state: leave it out, or go through time with kind = ''newmark''')
+        'it is linear, about one state: leave it out, or integrate in time with kind = ''newmark''')
     end do
     allocate (self%watched(0), self%reacting(0))
     if (deck%given('analysis', 1, 'response')) call deck%get('analysis', 1, 'response', names)
@@ -127,7 +127,7 @@ contains
     class(fem_analysis_harmonic_type), intent(in) :: self
     type(deck_type), intent(in) :: deck
     type(error_list_type), intent(inout) :: errors
-    call deck%fault(errors, 'D345', 'a coupled run goes through time, a harmonic response does '// &
+    call deck%fault(errors, 'D345', 'a coupled run integrates in time, a harmonic one does '// &
                     'not', 'analysis', 1, 'kind', 'run this deck alone')
   end subroutine check_port
 
@@ -137,7 +137,7 @@ contains
     what = "kind = 'harmonic' takes"
   end function one_rank
 
-  !> Two steps of one a frequency; factors are made on the way.
+  !> Two steps of one a frequency; factors are computed as needed.
   subroutine begin(self, body, dt, fresh, errors)
     class(fem_analysis_harmonic_type), intent(inout) :: self
     type(fem_body_type), intent(inout) :: body

@@ -51,7 +51,7 @@ contains
     class(fem_analysis_modal_type), intent(in) :: self
     type(deck_type), intent(in) :: deck
     type(error_list_type), intent(inout) :: errors
-    call deck%fault(errors, 'D325', 'a coupled run takes no modes', 'analysis', 1, 'kind', &
+    call deck%fault(errors, 'D325', 'a coupled run does not support modes', 'analysis', 1, 'kind', &
                     'run this deck alone')
   end subroutine check_port
 
@@ -61,7 +61,7 @@ contains
     what = "kind = 'modal' takes"
   end function one_rank
 
-  !> Factors are made with the modes; a mode is a step of one.
+  !> Factors are computed with the modes; a mode is a step of one.
   subroutine begin(self, body, dt, fresh, errors)
     class(fem_analysis_modal_type), intent(inout) :: self
     type(fem_body_type), intent(inout) :: body

@@ -59,7 +59,7 @@ contains
       'beta < gamma/2: Newmark is stable up to a step of '//short_number(body%limit%step)//' s')
   end subroutine after_matrices
 
-  !> Accelerations at the start. A coupled run learns dt from its first step; after a restart the
+  !> Accelerations at the start. A coupled run has dt from its first step; after a restart the
   !! factors are for that of the checkpoint, bit for bit.
   subroutine begin(self, body, dt, fresh, errors)
     class(fem_analysis_newmark_type), intent(inout) :: self

@@ -1,4 +1,4 @@
-!> kind = 'static' with &stage: groups of elements are removed and placed on the way.
+!> kind = 'static' with &stage: groups of elements are removed and placed during the run.
 module fem_analysis_stages
   use talus_kinds, only: wp
   use talus_errors, only: error_list_type
@@ -33,7 +33,7 @@ contains
   function one_rank(self) result(what)
     class(fem_analysis_stages_type), intent(in) :: self
     character(len=:), allocatable :: what
-    what = 'stages take'
+    what = 'stages require'
   end function one_rank
 
   subroutine step(self, body, t1, errors)

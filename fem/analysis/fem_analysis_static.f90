@@ -43,7 +43,7 @@ contains
     end if
   end subroutine step
 
-  !> Keys of arc length without it (D340); those of linear solids are looked at with the laws.
+  !> Keys of arc length without it (D340); those of linear solids are checked with the laws.
   subroutine check(self, deck, body, errors)
     class(fem_analysis_static_type), intent(inout) :: self
     type(deck_type), intent(in) :: deck

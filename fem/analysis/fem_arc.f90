@@ -1,7 +1,7 @@
 !> One step of statics by arc length (Crisfield 1981, Ramm 1981): all loads and motions have one
 !! factor, which is sought together with the displacements so that these change by a given length.
-!! Limit points of the load and of the motion are passed; the way on is that which does not turn
-!! back on the last step (Feng, Peric and Owen 1995).
+!! Limit points of the load and of the motion are passed; the path continues without turning
+!! back along the last step (Feng, Peric and Owen 1995).
 module fem_arc
   use talus_kinds, only: wp, i4
   use talus_text, only: str, is_finite
@@ -16,7 +16,7 @@ module fem_arc
   private
   public :: fem_arc_data_type, arc_step, put_arc, get_arc
 
-  !> Where a path stands.
+  !> State of a path.
   type :: fem_arc_data_type
     logical :: settled = .false.        !! the loads at time 0 act from the start
     real(wp) :: t_end = 0.0_wp          !! whose loads and motions have the factor 1 [s]
@@ -24,7 +24,7 @@ module fem_arc
     real(wp) :: growth = 1.0_wp         !! of the arc over the first one, at most [-]
     integer(i4) :: wanted = 5           !! iterations of a step
     real(wp) :: factor = 0.0_wp         !! of loads and motions, now [-]
-    real(wp) :: radius = -1.0_wp        !! of the next step, < 0: not known yet [m]
+    real(wp) :: radius = -1.0_wp        !! of the next step, < 0: not yet determined [m]
     real(wp) :: first_radius = 0.0_wp   !! [m]
     integer(i4) :: iterations = 0       !! of the last step
     integer(i4) :: limits = 0           !! changes of sign of the factor's steps so far
@@ -108,7 +108,7 @@ contains
   end subroutine begin_path
 
   !> Predict along the tangent, then correct on the sphere; a radius below zero is that of the first
-  !! factor. What did not converge says why in part%reason.
+  !! factor. The reason of a failure is in part%reason.
   subroutine try_step(self, arc, part, radius, step, iterations, good)
     type(fem_body_type), intent(inout) :: self
     type(fem_arc_data_type), intent(in) :: arc
@@ -227,7 +227,7 @@ contains
     change = (-b + sign(root, sum(step*along)))/a
   end subroutine stay_on_arc
 
-  !> Where the path stands, to a checkpoint.
+  !> State of the path, to a checkpoint.
   subroutine put_arc(arc, file, errors)
     type(fem_arc_data_type), intent(in) :: arc
     type(h5_file_type), intent(inout) :: file

@@ -12,7 +12,7 @@ module fem_central
   private
   public :: central_step, explicit_energy, central_steps
 
-  integer(i4), parameter :: between = 50     !! steps between looks at the largest stable one
+  integer(i4), parameter :: between = 50     !! steps between updates of the largest stable one
 
 contains
 
@@ -41,7 +41,7 @@ contains
     end do
   end subroutine central_steps
 
-  !> The largest stable step where the points are now.
+  !> The largest stable step at the present state of the points.
   subroutine look_again(self)
     type(fem_body_type), intent(inout) :: self
     if (.not. self%matter%micro%active) call self%matter%renew_moduli(self%elastic)
@@ -131,7 +131,7 @@ contains
       associate (e => self%energy)
         e%strain = work%strain
         e%load = e%load + work%load
-        ! the first step from rest brings the weight up from nothing, as it does all loads
+        ! the first step from rest raises the weight from zero, as all loads
         e%gravity = e%gravity + merge(1.0_wp, 0.5_wp, any(abs(old%external) > 0.0_wp))*work%weight
         e%support = e%support + work%support
         e%kinetic = work%kinetic

@@ -1,10 +1,10 @@
 !> Central differences with lumped masses: the two halves of a step. Plain arrays.
 !!
 !! With v at whole steps: v' = v + dt/2 a, u1 = u + dt v', then a1 from the forces at u1 and
-!! v1 = v' + dt/2 a1. Forces of dashpots and of a M are taken at v1 (they are diagonal by nodes, so
+!! v1 = v' + dt/2 a1. Forces of dashpots and of a M are those at v1 (they are diagonal by nodes, so
 !! that this needs no solution of a system), those of b K at v'. U and the discrete kinetic energy
 !! 1/2 v M v - dt^2/8 a M a close against trapezoidal works exactly (theory: dynamics); the second
-!! term is bounded and stands under `numerical` in the ledger.
+!! term is bounded and is listed under `numerical` in the ledger.
 module fem_explicit
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross

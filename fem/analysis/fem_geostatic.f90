@@ -1,4 +1,4 @@
-!> The equilibrium step of a body with an initial stress: what loads and stress leave over moves it,
+!> The equilibrium step of a body with an initial stress: imbalance of loads and stress moves it,
 !! and displacements, works and the ledger count from there.
 module fem_geostatic
   use talus_kinds, only: wp, i4
@@ -13,8 +13,8 @@ module fem_geostatic
 
 contains
 
-  !> Settle under the loads at the start; `moved` is the largest displacement on the way [m],
-  !! `iterations` how many corrections it took. N311 as in a step.
+  !> Initial equilibrium under loads; `moved` is the largest displacement on the way [m],
+  !! `iterations` the number of corrections. N311 as in a step.
   subroutine settle(body, moved, iterations, errors)
     type(fem_body_type), intent(inout) :: body
     real(wp), intent(out) :: moved
@@ -30,13 +30,13 @@ contains
     call body%matter%update(body%mesh, body%dofs, body%elastic, nothing, nothing, internal, bad)
     body%accepted%external = internal  ! the loads grow from those that the stress balances
     dynamic = body%scheme%dynamic
-    body%scheme%dynamic = .false.  ! inertia has no part in it
+    body%scheme%dynamic = .false.  ! no inertia
     call newton_step(body, body%accepted%time, errors)
     body%scheme%dynamic = dynamic
     if (errors%any()) return
     iterations = body%newton%rows
     moved = sqrt(maxval(sum(body%state%u**2, 1)))
-    if (.not. body%matter%micro%active) then  ! which know their place by all displacements
+    if (.not. body%matter%micro%active) then  ! whose state depends on total displacements
       body%state%u = 0.0_wp
       call body%impose(body%accepted%time, body%state%u)
     end if

@@ -62,8 +62,8 @@ contains
     end associate
   end subroutine linear_step
 
-  !> Reactions are what is missing to balance where something is held; elsewhere it is the residual,
-  !! taken over loads and reactions.
+  !> Reactions are the unbalanced forces at supports; elsewhere these are the residual,
+  !! relative to loads and reactions.
   subroutine part_reactions(self)
     type(fem_body_type), intent(inout) :: self
     real(wp) :: left, scale

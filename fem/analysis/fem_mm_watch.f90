@@ -1,5 +1,5 @@
-!> A warning, once in a run, where hardening loses the ellipticity of a micromorphic solid. Looked
-!! at is the first point that yields in each element at the end of a step, of laws that can lose it:
+!> A warning, once in a run, where hardening loses the ellipticity of a micromorphic solid. Checked
+!! is the first point that yields in each element at the end of a step, of laws that can lose it:
 !! those that soften or flow otherwise than along the normals of their surfaces.
 module fem_mm_watch
   use talus_kinds, only: wp, i4
@@ -19,7 +19,7 @@ module fem_mm_watch
 
 contains
 
-  !> Look at the trial state of a body, which has been found, and warn of the first element; not
+  !> Check the converged trial state of a body, and warn of the first element; not
   !! again where `elliptic` is false already.
   subroutine watch_ellipticity(body, log, failed, elliptic)
     type(fem_body_type), intent(in) :: body

@@ -13,7 +13,7 @@ module fem_modal
   private
   public :: fem_modes_type, find_modes
 
-  integer(i4), parameter :: spare = 8              !! vectors beyond those wanted
+  integer(i4), parameter :: spare = 8              !! vectors beyond those requested
   real(wp), parameter :: shift_share = 1.0e-3_wp   !! of the rough lowest eigenvalue
 
   type :: fem_modes_type
@@ -26,7 +26,7 @@ module fem_modal
 
 contains
 
-  !> The lowest `wanted` modes of the body; fault N305 if they do not settle.
+  !> The lowest `wanted` modes of the body; fault N305 if they do not converge.
   subroutine find_modes(body, wanted, tolerance, most, modes, errors)
     type(fem_body_type), intent(inout) :: body
     integer(i4), intent(in) :: wanted, most   !! number of modes, of iterations
@@ -51,8 +51,8 @@ contains
     end do
     modes%iterations = min(iteration, most)
     if (iteration > most) then
-      call errors%add('N305', 'the '//str(modes%n)//' lowest modes have not settled in '// &
-        str(most)//' iterations', '', 'raise max_iterations, or modes by a few: near ones help')
+      call errors%add('N305', 'the '//str(modes%n)//' lowest modes have not converged in '// &
+        str(most)//' iterations', '', 'raise max_iterations, or modes by a few')
       return
     end if
     modes%shape = x(:, :, :modes%n)
@@ -91,7 +91,7 @@ contains
       '', 'leave out some &support')
   end subroutine prepare
 
-  !> Start vectors that hold a bit of everything, the same in every run.
+  !> Start vectors with components along all modes, the same in every run.
   subroutine start_vectors(body, q, x)
     type(fem_body_type), intent(in) :: body
     integer(i4), intent(in) :: q
@@ -148,7 +148,7 @@ contains
     call dsygv(1, 'V', 'U', q, stiffness, q, mass, q, values, work, size(work), info)
     if (info /= 0) then
       call errors%add('N305', 'the reduced problem of the modes is singular (LAPACK '// &
-        str(int(info, i4))//')', '', 'ask for fewer modes')
+        str(int(info, i4))//')', '', 'reduce modes')
       return
     end if
     x = reshape(matmul(reshape(x, [size(x, 1)*size(x, 2), q]), stiffness), shape(x))

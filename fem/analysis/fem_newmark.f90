@@ -28,7 +28,7 @@ contains
     end associate
   end subroutine newmark_motion
 
-  !> What trapezoidal works leave over. By their balance in every state it is D = du'b - dv'M v_mean
+  !> What trapezoidal works miss. By their balance in every state it is D = du'b - dv'M v_mean
   !! with b the mean of what accelerates (M a, or the balances of HHT): the dissipation of the
   !! scheme. Moved supports do not obey Newmark's relations; with e = du - dt v_mean and
   !! f = dt a_mean - dv there (zero where free) f'M v_mean + e'M a_mean is work of theirs.

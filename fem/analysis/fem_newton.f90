@@ -24,12 +24,12 @@ module fem_newton
   real(wp), parameter :: diverged = 1.0e4_wp     !! residual over the first one
   real(wp), parameter :: complete = 1.0e-12_wp   !! share of the step that may be left
 
-  !> What a part of a step begins with and heads for.
+  !> Start and target of a part of a step.
   type :: part_type
     real(wp), allocatable :: load(:, :), goal_load(:, :)  !! at start and end of the step [N]
     real(wp), allocatable :: pressure(:), goal_pressure(:)  !! of those that follow the surface [Pa]
     real(wp), allocatable :: dead(:, :)                   !! loads of the part [N]
-    real(wp), allocatable :: raw(:, :)                    !! residual, reactions not taken off [N]
+    real(wp), allocatable :: raw(:, :)                    !! residual plus reactions [N]
     real(wp), allocatable :: inertia(:, :), balance(:, :) !! M a, and that before the part (HHT) [N]
     real(wp) :: dt = 0.0_wp                               !! of the part [s]
     real(wp), allocatable :: u(:, :), goal_u(:, :)        !! of what is held or moved [m]
@@ -129,12 +129,12 @@ contains
       str(nint(1.0_wp/size_of, i4))//': '
     if (part%inverted) then
       call errors%add('N312', 'an element turns inside out'//cut//part%reason, '', &
-        'the load is more than this mesh can follow: take a finer mesh or a stiffer law there, '// &
+        'the load is more than this mesh can follow: use a finer mesh or a stiffer law there, '// &
         'or less load; the last converged state is written')
     else
       call errors%add('N311', 'no equilibrium'//cut//part%reason, '', &
         'do the loads exceed what the body carries? Prescribe motions in their place, or '// &
-        'look at the yielding points of the last state; max_iterations and step_cuts may '// &
+        'check the yielding points of the last state; max_iterations and step_cuts may '// &
         'be raised')
     end if
   end subroutine give_up
@@ -181,7 +181,7 @@ contains
     end associate
   end subroutine try_part
 
-  !> Displacements by the tangent of the accepted state: what is moved goes to its place, the rest
+  !> Displacements by the tangent of the accepted state: prescribed ones to their values, the others
   !! follows.
   subroutine predict(self, part, du, good)
     type(fem_body_type), intent(inout) :: self
@@ -325,7 +325,7 @@ contains
     end associate
   end subroutine balance
 
-  !> Go along du: all of it, or (`seek`) as far as the residual's work on it falls; shorter where a
+  !> Step along du: all of it, or (`seek`) as far as the residual's work on it falls; less where a
   !! point has no state.
   subroutine line_search(self, part, du, seek, residual, share, good)
     type(fem_body_type), intent(inout) :: self
@@ -376,7 +376,7 @@ contains
     end associate
   end function most_yielding
 
-  !> Keep what is wrong with the first point without a state.
+  !> Store the fault of the first point without a state.
   subroutine blame(self, part)
     type(fem_body_type), intent(in) :: self
     type(part_type), intent(inout) :: part
@@ -451,7 +451,7 @@ contains
     if (self%scheme%dynamic) call finish_motion(self, part, moved)
   end subroutine finish
 
-  !> Kinetic energy, damping and what the scheme takes.
+  !> Kinetic energy, damping and numerical dissipation of the scheme.
   subroutine finish_motion(self, part, moved)
     type(fem_body_type), intent(inout) :: self
     type(part_type), intent(in) :: part

@@ -15,8 +15,8 @@ module fem_relaxation
 
 contains
 
-  !> One static step to time t1; `iterations` of them were taken. Fault N307 if |residual| has not
-  !! fallen to the tolerance times |loads and reactions|.
+  !> One static step to time t1; `iterations` is their number. Fault N307 if |residual| has not
+  !! decreased to the tolerance times |loads and reactions|.
   subroutine relax(body, t1, tolerance, most, iterations, errors)
     type(fem_body_type), intent(inout) :: body
     real(wp), intent(in) :: t1, tolerance
@@ -50,7 +50,7 @@ contains
         damping = critical(v, force, mass, free)
       end do
       if (.not. settled) then
-        call errors%add('N307', 'dynamic relaxation has not settled in '//str(most)// &
+        call errors%add('N307', 'dynamic relaxation has not converged in '//str(most)// &
           ' iterations: residual '//str(norm2(residual)/scale), 'time '//str(t1)//' s', &
           "raise max_iterations or tolerance, or take kind = 'static'")
         return

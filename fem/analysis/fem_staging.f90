@@ -1,5 +1,5 @@
 !> Steps of a body whose elements are removed and placed in stages. What a stage leaves out of
-!! balance (forces of the elements that go, weight of those that come) is a load that vanishes over
+!! balance (forces of removed elements, weight of placed ones) is a load that vanishes over
 !! the stage's duration.
 module fem_staging
   use talus_kinds, only: wp, i4
@@ -17,7 +17,7 @@ module fem_staging
 
 contains
 
-  !> From the accepted state to time t1, in parts that begin at the stages; parts before the last
+  !> From the accepted state to time t1, in parts that start at the stages; parts before the last
   !! one are accepted.
   subroutine staged_step(self, t1, errors)
     type(fem_body_type), intent(inout) :: self
@@ -37,7 +37,7 @@ contains
     end do
   end subroutine staged_step
 
-  !> Elements of stage k go or come; the release holds what is out of balance then.
+  !> Remove or place the elements of stage k; the release has what is out of balance then.
   subroutine change(self, k)
     type(fem_body_type), intent(inout) :: self
     integer(i4), intent(in) :: k
@@ -74,7 +74,7 @@ contains
     call set_release(self, self%stages%stage(k)%time, self%stages%stage(k)%duration)
   end subroutine change
 
-  !> The release is whole at its start and gone at its end.
+  !> The release decreases from 1 at its start to 0 at its end.
   subroutine set_release(self, time, duration)
     type(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: time, duration  !! [s]

@@ -1,5 +1,5 @@
 !> The start of a dynamic run: initial velocities, accelerations and reactions in balance with the
-!! loads, and the energy that the body starts with.
+!! loads, and the initial energy of the body.
 module fem_start
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
@@ -11,7 +11,7 @@ module fem_start
 
 contains
 
-  !> Start from the velocities of the deck, which what is held does not have, with accelerations and
+  !> Start from the velocities of the deck (zero where held), with accelerations and
   !! reactions in balance with the loads there: M a = f - K u - C v.
   subroutine start_motion(self, errors)
     type(fem_body_type), intent(inout) :: self

@@ -21,7 +21,7 @@ module fem_absorbing
 contains
 
   !> Add the dashpots of the facets of a group to the nodes, whose shares are int N^2 scaled to the
-  !! area, so that none is negative. `lost` is a facet whose element is not known, else 0.
+  !! area, so that none is negative. `lost` is a facet whose element is missing, else 0.
   subroutine absorb(mesh, dofs, elastic, group, damping, lost)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs

@@ -1,6 +1,6 @@
 !> Stiffness, mass and body forces of all elements on the pattern of the fields.
 !!
-!! Elements are worked in batches of one formulation (fem_batch). Each thread owns the rows of a
+!! Elements are processed in batches of one formulation (fem_batch). Each thread owns the rows of a
 !! range of nodes, computes all elements that touch them and adds to its own rows only, in the
 !! order of the elements: the sums are the same bits for any number of threads.
 module fem_assembly
@@ -83,7 +83,7 @@ contains
     chosen = pack([(e, e=1, mesh%elements)], in)
   end subroutine elements_at
 
-  !> Positions, moduli and weights of points of up to `lanes` elements; the last fills the rest.
+  !> Positions, moduli and weights of points of up to `lanes` elements; the last one pads the batch.
   subroutine fill_batch(mesh, elastic, element, batch)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_elastic_type), intent(in) :: elastic

@@ -113,7 +113,7 @@ contains
     call self%dofs%halo%largest(square, self%limit%stiffest)
   end subroutine name_stiffest
 
-  !> Factor for a step dt (statics: dt is not used); nothing to do if that is done.
+  !> Factor for a step dt (statics: dt is not used); no action if done already.
   subroutine factor(self, dt, errors)
     class(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: dt  !! [s]
@@ -143,7 +143,7 @@ contains
     if (.not. errors%any()) self%system%factored_dt = wanted
   end subroutine factor
 
-  !> Number the free degrees of freedom, if that is to be done; a static body must be held.
+  !> Number the free degrees of freedom, on request; a static body must be held.
   subroutine number(self, errors)
     class(fem_body_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
@@ -160,8 +160,8 @@ contains
     if (.not. errors%any()) self%system%fresh_numbering = .true.
   end subroutine number
 
-  !> Explicit steps that are taken at most: those of laws with a state leave room for what stiffens
-  !! until the next look at the largest stable one [s].
+  !> Largest explicit steps in use: those of laws with a state leave room for what stiffens
+  !! until the next update of the largest stable one [s].
   pure real(wp) function safe_step(self)
     class(fem_body_type), intent(in) :: self
     safe_step = self%limit%step

@@ -147,7 +147,7 @@ contains
     real(wp) :: momentum(3, self%dofs%blocks), before
     type(fem_works_type) :: works
     associate (s => self%state, old => self%accepted, e => self%energy)
-      ! the first static step brings the weight up from nothing, as it does all loads
+      ! the first static step raises the weight from zero, as all loads
       before = merge(1.0_wp, 0.0_wp, any(abs(old%external) > 0.0_wp))
       call step_works(old, s, internal, self%system%initial_force, self%system%weight_force, works)
       e = self%accepted_energy
@@ -164,7 +164,7 @@ contains
     end associate
   end subroutine update_energy
 
-  !> Ledger of laws with a state: stored energy and dissipation now. What their integration takes is
+  !> Ledger of laws with a state: stored energy and dissipation now. What integration dissipates is
   !! counted since the accepted state.
   subroutine matter_energy(self)
     class(fem_body_forces_type), intent(inout) :: self
@@ -197,11 +197,11 @@ contains
     call self%matter%trouble(self%elastic, text, inverted)
     if (inverted) then
       call errors%add('N312', text, 'time '//str(self%state%time)//' s', &
-        'the load is more than this mesh can follow: take a finer mesh or a stiffer law there, '// &
+        'the load is more than this mesh can follow: use a finer mesh or a stiffer law there, '// &
         'or less load; shorter steps help where the load comes suddenly')
     else
       call errors%add('N313', text, 'time '//str(self%state%time)//' s', &
-        'shorter steps, or look at the stress of the last state')
+        'shorter steps, or check the stress of the last state')
     end if
   end subroutine matter_fault
 

@@ -27,8 +27,8 @@ module fem_body_state
     type(fem_elastic_type) :: elastic            !! moduli, quadrature and densities of elements
     type(fem_matter_type) :: matter              !! points whose laws have a state
     type(fem_stages_type) :: stages              !! elements that are removed and placed
-    type(fem_scheme_type) :: scheme              !! what the analysis asks for
-    type(fem_newton_type) :: newton              !! how the equilibrium of `matter` is sought
+    type(fem_scheme_type) :: scheme              !! what the analysis requires
+    type(fem_newton_type) :: newton              !! iteration for the equilibrium of `matter`
     type(fem_loads_type) :: loads
     type(fem_supports_type) :: supports
     type(fem_port_values_type) :: port           !! what a partner sets
@@ -128,7 +128,7 @@ contains
                     'check loads, moduli and supports')
   end subroutine check_finite
 
-  !> Put the accepted state aside.
+  !> Save the accepted state.
   subroutine keep(self, kept)
     class(fem_body_state_type), intent(in) :: self
     type(fem_kept_type), intent(out) :: kept
@@ -140,7 +140,7 @@ contains
     kept%points = self%matter%accepted_state
   end subroutine keep
 
-  !> What was put aside is the accepted state again; the trial stays.
+  !> Restore the saved accepted state; the trial stays.
   subroutine put_back(self, kept)
     class(fem_body_state_type), intent(inout) :: self
     type(fem_kept_type), intent(in) :: kept
@@ -159,7 +159,7 @@ contains
   end subroutine put_back
 
   !> Accept the trial state without a copy: the arrays change places, and `state` holds what is old
-  !! until the next step fills it. For runs that look at `accepted` alone and never reject.
+  !! until the next step fills it. For runs that use `accepted` alone and never reject.
   subroutine hand_over(self)
     class(fem_body_state_type), intent(inout) :: self
     call swap(self%state%u, self%accepted%u)

@@ -17,7 +17,7 @@ module fem_critical
   real(wp), parameter :: same = 1.0e-12_wp  !! relative difference of matrices that count as equal
   integer(i4), parameter :: chunks = 64          !! of elements
 
-  !> Matrices of elements of one size that wait until there are enough to be worked together.
+  !> Matrices of elements of one size, buffered until there are enough of them.
   type :: waiting_type
     integer(i4) :: n = 0
     integer(i4) :: element(lanes) = 0
@@ -27,7 +27,7 @@ module fem_critical
 contains
 
   !> Bound of the square of the largest circular frequency [1/s^2] and the element that sets it.
-  !! Elements are worked in chunks whose number does not depend on the threads, so that the bits
+  !! Elements are processed in chunks whose number does not depend on the threads, so that the bits
   !! of the step do not either.
   subroutine largest_frequency(mesh, dofs, elastic, factor, lumped, square, element)
     type(fem_mesh_type), intent(in) :: mesh
@@ -88,7 +88,7 @@ contains
   end subroutine chunk_frequency
 
   !> Put an element with lumped mass to those that wait; full ranks, and others of another size,
-  !! are worked off.
+  !! are processed.
   subroutine wait_for_more(e, n, k, mass, waiting, most, element)
     integer(i4), intent(in) :: e, n
     real(wp), intent(in) :: k(:, :, :, :), mass(:, :)
@@ -303,7 +303,7 @@ contains
     end do
   end subroutine chunk_needs
 
-  !> Put blocks first to last of element e (of its chunk) to those whose largest values are wanted.
+  !> Put blocks first to last of element e (of its chunk) into the buffer of its size.
   subroutine wait_for_value(e, first, last, k, mass, waiting, square)
     integer(i4), intent(in) :: e, first, last
     real(wp), intent(in) :: k(:, :, :, :), mass(:, :)

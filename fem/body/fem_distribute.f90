@@ -1,4 +1,4 @@
-!> Deal the elements of a body out to the ranks, once the deck is read: each keeps its own with
+!> Distribute the elements of a body to the ranks, once the deck is read: each has its own with
 !! their points and states, and all nodes.
 module fem_distribute
   use talus_kinds, only: wp, i4
@@ -17,7 +17,7 @@ module fem_distribute
 
 contains
 
-  !> Leave this rank its elements; fault I309 where ranks would have none.
+  !> Restrict this rank to its elements; fault I309 where ranks would have none.
   subroutine share_out(body, ranks, errors)
     type(fem_body_type), intent(inout) :: body
     type(ranks_type), intent(in) :: ranks
@@ -157,7 +157,7 @@ contains
     call move_alloc(kept, start)
   end subroutine keep_rows
 
-  !> What stands in the rows of some elements.
+  !> Entries in the rows of some elements.
   pure subroutine keep_list(start, mine, list)
     integer(i4), intent(in) :: start(:), mine(:)
     integer(i4), allocatable, intent(inout) :: list(:)
@@ -173,7 +173,7 @@ contains
     call move_alloc(kept, list)
   end subroutine keep_list
 
-  !> Elements of the mesh; those of groups are counted as they stand now, 0 where others have them.
+  !> Elements of the mesh; those of groups have their present numbers, 0 where others have them.
   pure subroutine keep_mesh(mesh, mine)
     type(fem_mesh_type), intent(inout) :: mesh
     integer(i4), intent(in) :: mine(:)

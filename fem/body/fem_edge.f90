@@ -1,7 +1,7 @@
 !> Forces of a few elements as an affine map of the displacements, f = f0 + K u, made once: for a
-!! partner that asks for them far more often than the body steps.
+!! partner that requests them far more often than the body steps.
 !!
-!! The maps are found by asking the elements, so that whatever they consist of is in them; laws with
+!! The maps are found by evaluating the elements and so include all their parts; laws with
 !! a state have none. Elements of one shape and stiffness share a map.
 module fem_edge
   use talus_kinds, only: wp, i4
@@ -88,7 +88,7 @@ contains
     end do
   end subroutine list_blocks
 
-  !> A map behind the others; their room doubles when it is used up.
+  !> Append a map; the storage doubles when it is full.
   pure subroutine keep(k, at, map)
     real(wp), allocatable, intent(inout) :: k(:)
     integer(i4), intent(in) :: at  !! first entry
@@ -123,7 +123,7 @@ contains
     end do
   end subroutine map_of
 
-  !> Where such a map is among those kept, or behind all.
+  !> Position of such a map among those stored, or behind all.
   pure integer(i4) function place_of(k, first, map) result(at)
     real(wp), intent(in) :: k(:)
     integer(i4), intent(in) :: first(:)  !! entry of each map, and behind the last

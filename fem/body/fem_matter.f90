@@ -1,5 +1,5 @@
-!> The points of a body as its analyses use them: room at the start, trial values and internal
-!! forces of all ranks, stiffness, forces of some elements. What a point holds is in fem_points, how
+!> The points of a body as its analyses use them: allocation at the start, trial values and internal
+!! forces of all ranks, stiffness, forces of some elements. The state of points: fem_points, how
 !! an element finds it in fem_points_trial, its tangent in fem_points_tangent.
 module fem_matter
   use talus_kinds, only: wp, i4
@@ -29,7 +29,7 @@ module fem_matter
 
 contains
 
-  !> Room for all points, once the initial state is there.
+  !> Allocate all points, once the initial state is set.
   subroutine prepare(self, mesh, dofs, elastic)
     class(fem_matter_type), intent(inout) :: self
     type(fem_mesh_type), intent(in) :: mesh
@@ -69,7 +69,7 @@ contains
 
   !> Trial stress, state and tangents for displacements since the accepted state, and the internal
   !! forces of all ranks. `bad` is the first point whose law found no state, 0 if there is none.
-  !! Laws of finite strain go by all displacements, `u`.
+  !! Laws of finite strain depend on total displacements, `u`.
   subroutine update(self, mesh, dofs, elastic, u, moved, force, bad)
     class(fem_matter_type), intent(inout) :: self
     type(fem_mesh_type), intent(in) :: mesh
@@ -153,7 +153,7 @@ contains
     call assemble_tangent(self, mesh, dofs, elastic, pattern, k, lower)
   end subroutine assemble
 
-  !> Tangent of the element at work (3 blocks, 3 blocks) in the trial state [N/m].
+  !> Tangent of the present element (3 blocks, 3 blocks) in the trial state [N/m].
   subroutine element_tangent(self, mesh, dofs, elastic, work, ke)
     class(fem_matter_type), intent(in) :: self
     type(fem_mesh_type), intent(in) :: mesh

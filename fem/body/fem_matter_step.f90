@@ -41,7 +41,7 @@ contains
     element = stiffest(c)
   end subroutine tangent_frequency
 
-  !> The elements of chunk c; neighbours of one rule are worked together, the last fills the rest.
+  !> The elements of chunk c; neighbours of one rule are processed together, the last pads.
   subroutine chunk_frequency(mesh, dofs, elastic, matter, factor, c, most, element)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs

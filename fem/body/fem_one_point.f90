@@ -1,6 +1,6 @@
 !> Internal forces of a whole mesh of one-point hexahedra without its stiffness: for explicit steps.
-!! Elements stand in chunks of `lanes`, chunks in shares: each thread owns the nodes of a range and
-!! works all elements that touch them, so that the sums are the same bits for any number of threads.
+!! Elements are in chunks of `lanes`, chunks in shares: each thread owns the nodes of a range and
+!! processes all elements that touch them, so that the sums have the same bits for any threads.
 module fem_one_point
   use, intrinsic :: omp_lib, only: omp_get_max_threads
   use talus_kinds, only: wp, i4
@@ -34,7 +34,7 @@ module fem_one_point
 
 contains
 
-  !> Gather what stays the same; ready only if all elements are of this formulation.
+  !> Gather constant data; ready only if all elements are of this formulation.
   subroutine prepare(self, mesh, dofs, elastic, pattern)
     class(fem_one_point_type), intent(inout) :: self
     type(fem_mesh_type), intent(in) :: mesh

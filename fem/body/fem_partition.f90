@@ -1,4 +1,4 @@
-!> Which rank works which elements, by METIS (5.1, 32-bit indices): parts of about the same work
+!> Which rank has which elements, by METIS (5.1, 32-bit indices): parts of about the same work
 !! that share few faces, and the blocks that the parts share.
 module fem_partition
   use, intrinsic :: iso_c_binding, only: c_int, c_ptr, c_null_ptr

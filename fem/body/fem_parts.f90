@@ -13,7 +13,7 @@ module fem_parts
   public :: fem_scheme_type, fem_loads_type, fem_supports_type, fem_motion_type
   public :: fem_port_values_type, fem_system_type, fem_limit_type, fem_newton_type, fem_kept_type
 
-  !> What the analysis asks of the body.
+  !> What the analysis requires of the body.
   type :: fem_scheme_type
     logical :: dynamic = .false.      !! steps in time with velocities
     logical :: massive = .false.      !! mass matters: dynamics or modes
@@ -81,7 +81,7 @@ module fem_parts
     integer(i8) :: leaps = 0         !! explicit steps of laws with a state so far
   end type fem_limit_type
 
-  !> How the equilibrium of laws with a state is sought.
+  !> Settings of the equilibrium iteration of laws with a state.
   type :: fem_newton_type
     real(wp) :: tolerance = 1.0e-8_wp  !! residual over loads and reactions [-]
     integer(i4) :: most_iterations = 25
@@ -90,7 +90,7 @@ module fem_parts
     real(wp), allocatable :: table(:, :)  !! (8, rows), columns as fem_newton has them
   end type fem_newton_type
 
-  !> An accepted state that is put aside while trials of several parts are made.
+  !> A saved accepted state, for trials of several parts.
   type :: fem_kept_type
     type(fem_state_type) :: state
     type(fem_energy_type) :: energy

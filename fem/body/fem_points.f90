@@ -1,5 +1,5 @@
 !> Stress and state of every quadrature point of a body whose laws have a state: trial and accepted
-!! values, commit and revert, what the points store and lose.
+!! values, commit and revert, stored energy and dissipation.
 module fem_points
   use talus_kinds, only: wp, i4
   use talus_text, only: str
@@ -15,7 +15,7 @@ module fem_points
   private
   public :: fem_points_type, fem_work_type
 
-  !> The element at work, and the room that elements of one rule share.
+  !> The present element, and the workspace of elements of one rule.
   type :: fem_work_type
     integer(i4) :: element = 0
     type(fem_shape_type) :: shape
@@ -28,7 +28,7 @@ module fem_points
     logical :: finite = .false.               !! some law is one of finite strain
     integer(i4) :: bad = 0                    !! first point without a state in the last update,
                                               !! < 0: one that another rank has
-    integer(i4) :: bad_rank = 0               !! who has it
+    integer(i4) :: bad_rank = 0               !! rank that has it
     type(ranks_type) :: ranks             !! that have the other elements
     type(fem_law_box_type), allocatable :: law(:)
     integer(i4), allocatable :: law_of(:)     !! (elements)
@@ -78,7 +78,7 @@ contains
     end do
   end subroutine renew_moduli
 
-  !> Stored energy, dissipation and what the integration took, of the trial state [J].
+  !> Stored energy, dissipation and that of the integration, of the trial state [J].
   pure function works(self)
     class(fem_points_type), intent(in) :: self
     real(wp) :: works(3)
@@ -87,7 +87,7 @@ contains
              sum(self%weight*self%state(at_numerical, :))]
   end function works
 
-  !> What the integration took since the accepted state [J].
+  !> Dissipated by the integration since the accepted state [J].
   pure real(wp) function growth(self)
     class(fem_points_type), intent(in) :: self
     growth = sum(self%weight*(self%state(at_numerical, :) - self%accepted_state(at_numerical, :)))
@@ -101,8 +101,8 @@ contains
               nint(maxval(self%state(at_iterations, :)))]
   end function yielding
 
-  !> What is wrong with the first point without a state, and whether its element is turned inside
-  !! out; all ranks ask together.
+  !> The fault of the first point without a state, and whether its element is turned inside
+  !! out; collective over the ranks.
   subroutine trouble(self, elastic, text, inverted)
     class(fem_points_type), intent(in) :: self
     type(fem_elastic_type), intent(in) :: elastic

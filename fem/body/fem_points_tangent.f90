@@ -72,7 +72,7 @@ contains
     end subroutine share
   end subroutine assemble_tangent
 
-  !> Tangent of the element at work (3 blocks, 3 blocks) in the trial state [N/m].
+  !> Tangent of the present element (3 blocks, 3 blocks) in the trial state [N/m].
   subroutine point_tangent(self, mesh, dofs, elastic, work, ke)
     class(fem_points_type), intent(in) :: self
     type(fem_mesh_type), intent(in) :: mesh

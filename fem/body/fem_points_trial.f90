@@ -1,5 +1,5 @@
 !> Trial stress, state and tangents of the points of elements, and their internal forces, for
-!! displacements since the accepted state. Elements are worked in chunks whose number does not
+!! displacements since the accepted state. Elements are processed in chunks whose number does not
 !! depend on the threads.
 module fem_points_trial
   use talus_kinds, only: wp, i4, i8
@@ -54,7 +54,7 @@ contains
       call explain(self, dofs, elastic, u, moved, self%bad)
   end subroutine work_elements
 
-  !> First of n elements that chunk c works.
+  !> First of n elements of chunk c.
   pure integer(i4) function first_of(c, n)
     integer(i4), intent(in) :: c, n
     first_of = int((c - 1)*int(n, i8)/chunks, i4) + 1

@@ -132,7 +132,7 @@ contains
 
   !> Nodal stresses (components, nodes). Bricks share theirs by shape functions, sum of N sigma w
   !! over sum of N w; the others by a least squares fit of the corner functions in the element, and
-  !! nodes between corners take the mean of the fits there.
+  !! nodes between corners have the mean of the fits there.
   subroutine nodal_stress(mesh, dofs, elastic, stress, nodal)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs

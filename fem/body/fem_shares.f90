@@ -10,7 +10,7 @@ module fem_shares
   private
   public :: share_pattern
 
-  integer(i4), parameter :: least = 2000  !! blocks from which on threads pay
+  integer(i4), parameter :: least = 2000  !! least number of blocks for threads
 
 contains
 

@@ -1,4 +1,4 @@
-!> Is the body held? Rigid motions of every connected part that supports leave free are named.
+!> Is the body supported? Rigid motions of every connected part that supports leave free are named.
 module fem_supports
   use talus_kinds, only: wp, i4
   use talus_lapack, only: dsyev
@@ -64,7 +64,7 @@ contains
     end do
   end subroutine connected_parts
 
-  !> What hangs together by the elements of other ranks; all of them find the same.
+  !> Connect parts by the elements of other ranks; all ranks find the same.
   subroutine join_over_ranks(pattern, root)
     type(fem_pattern_type), intent(in) :: pattern
     integer(i4), intent(inout) :: root(:)

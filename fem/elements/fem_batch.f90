@@ -14,7 +14,7 @@ module fem_batch
 
   real(wp), parameter :: two_thirds = 2.0_wp/3.0_wp
 
-  !> Room for a batch of one formulation; the first index is the element.
+  !> Workspace of a batch of one formulation; the first index is the element.
   type :: fem_batch_type
     real(wp), allocatable :: x(:, :, :)       !! (lanes, 3, nodes) [m]
     real(wp), allocatable :: u(:, :, :, :)    !! (lanes, 3, n, nodes + modes) gradients of u [1/m]
@@ -35,7 +35,7 @@ contains
     pair = a + (b*(b - 1))/2
   end function pair
 
-  !> Room for a formulation at its stiffness or mass points.
+  !> Allocate a formulation at its stiffness or mass points.
   pure subroutine batch_room(rule, at, batch)
     type(fem_formulation_type), intent(in) :: rule
     type(fem_points_type), intent(in) :: at

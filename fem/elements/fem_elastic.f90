@@ -41,7 +41,7 @@ module fem_elastic
 
 contains
 
-  !> Room for n elements, none with a rule yet.
+  !> Allocate n elements, none with a rule yet.
   subroutine start(self, n)
     class(fem_elastic_type), intent(inout) :: self
     integer(i4), intent(in) :: n

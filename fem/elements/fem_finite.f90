@@ -32,7 +32,7 @@ module fem_finite
 contains
 
   !> Deformation for displacements u(3, nodes) [m]. `bad` is the first point with J <= 0, 0 if there
-  !! is none; the rest is not found then.
+  !! is none; the other results are undefined then.
   pure subroutine deform(rule, shape, u, d, bad)
     type(fem_formulation_type), intent(in) :: rule
     type(fem_shape_type), intent(in) :: shape
@@ -72,7 +72,7 @@ contains
     end do
   end subroutine deform
 
-  !> Room for one rule.
+  !> Allocate one rule.
   pure subroutine make_room(rule, d)
     type(fem_formulation_type), intent(in) :: rule
     type(fem_deformation_type), intent(inout) :: d

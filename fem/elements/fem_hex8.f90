@@ -1,5 +1,5 @@
 !> The trilinear hexahedron with eight nodes in VTK order: shape functions, 2 x 2 x 2 Gauss points,
-!! stiffness, stress and mass. `bbar` takes the volumetric part of the strain from the mean of the
+!! stiffness, stress and mass. `bbar` has the volumetric part of the strain from the mean of the
 !! gradients over the element (Hughes 1980), which removes volumetric locking.
 module fem_hex8
   use talus_kinds, only: wp, i4

@@ -1,7 +1,7 @@
 !> Hourglass control of one-point hexahedra (Flanagan and Belytschko 1981), for `lanes` elements at
 !! once. With hourglass base vectors h_m (+1, -1 at the nodes), mean gradients b_i and the moments
-!! X_mi = sum_a h_ma x_ia, gamma_m = h_m - X_mi b_i is orthogonal to all linear fields: it sees what
-!! one point does not. The modes q_mi = gamma_m . u_i get the forces c q_mi, with
+!! X_mi = sum_a h_ma x_ia, gamma_m = h_m - X_mi b_i is orthogonal to all linear fields: it measures
+!! what one point misses. The modes q_mi = gamma_m . u_i get the forces c q_mi, with
 !!   c = (share/8) (lambda + 2 mu) V sum b_ia^2,
 !! a share of the largest stiffness of uniform strains. A cube by full integration has 0.06 to 0.14
 !! of it, depending on the mode.
@@ -13,7 +13,7 @@ module fem_hourglass
   public :: one_point_force, one_point_size
 
   integer(i4), parameter :: lanes = 8            !! elements at once: a vector of 512 bits
-  real(wp), parameter :: usual_share = 0.05_wp   !! of the control, unless the deck says another
+  real(wp), parameter :: usual_share = 0.05_wp   !! of the control, unless the deck gives another
   real(wp), parameter :: hourglass(8, 4) = reshape([ &
     1.0_wp, 1.0_wp, -1.0_wp, -1.0_wp, -1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp, &
     1.0_wp, -1.0_wp, -1.0_wp, 1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp, &
@@ -56,7 +56,7 @@ contains
     c = 0.125_wp*share*(moduli(:, 1) + 2.0_wp*moduli(:, 2))*volume*c
   end subroutine hourglass_stiffness
 
-  !> What stays the same in time, from mean gradients, nodes and moduli.
+  !> Constants in time, from mean gradients, nodes and moduli.
   pure subroutine one_point_data(x, b, volume, moduli, factor, share, data)
     real(wp), intent(in) :: x(lanes, 3, 8), b(lanes, 3, 8), volume(lanes)
     real(wp), intent(in) :: moduli(lanes, 6), factor(lanes)  !! factor: weight of the point [-]
@@ -118,7 +118,7 @@ contains
     end do
   end subroutine modes
 
-  !> s_ij = V sigma_ij - X_mj r_mi from the gradients g; r comes as h_m . u_i and goes as c q.
+  !> s_ij = V sigma_ij - X_mj r_mi from the gradients g; on entry r = h_m . u_i, on return c q.
   pure subroutine stresses(data, g, r, s)
     real(wp), intent(in) :: data(lanes, one_point_size), g(lanes, 3, 3)
     real(wp), intent(inout) :: r(lanes, 3, 4)

@@ -34,7 +34,7 @@ module fem_rules
     real(wp), allocatable :: phi(:, :)         !! (rotations, n)
     real(wp), allocatable :: phi_slope(:, :, :)
     real(wp), allocatable :: corner(:, :)      !! (corners, n) of the corner element
-    real(wp), allocatable :: fine_slope(:, :, :)  !! (3, nodes, points) to take gradients as means
+    real(wp), allocatable :: fine_slope(:, :, :)  !! (3, nodes, points) for mean gradients
   end type fem_points_type
 
   type :: fem_formulation_type

@@ -16,7 +16,7 @@ contains
   pure subroutine largest_values(a, top)
     real(wp), intent(inout), contiguous :: a(:, :, :)  !! (lanes, n, n)
     real(wp), intent(out) :: top(lanes)
-    real(wp) :: square(lanes, size(a, 2))  !! of what stands beside the diagonal
+    real(wp) :: square(lanes, size(a, 2))  !! of the entries off the diagonal
     call tridiagonal(int(size(a, 2), i4), a, square)
     call bisect(int(size(a, 2), i4), a, square, top)
   end subroutine largest_values

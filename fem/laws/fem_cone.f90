@@ -70,7 +70,7 @@ contains
     b = beta*sin(angle)
   end subroutine cone_constants
 
-  !> Constants of material m of the deck. Faults D331: flow that gives energy, a cone without
+  !> Constants of material m of the deck. Faults D331: flow that produces energy, a cone without
   !! strength, softening faster than the elastic unloading of `stiff` + K B B_psi.
   subroutine read_cone(self, deck, m, stiff, bulk, errors)
     class(fem_cone_type), intent(inout) :: self
@@ -116,7 +116,7 @@ contains
     associated_flow = abs(self%b - self%b_flow) <= 0.0_wp
   end function associated_flow
 
-  !> What is wrong with an initial stress, and what helps; '' if it is not outside the cone.
+  !> What is wrong with an initial stress, and a remedy; '' if it is not outside the cone.
   subroutine check_start(self, stress, fault, cure)
     class(fem_cone_type), intent(in) :: self
     real(wp), intent(in) :: stress(6)

@@ -36,7 +36,7 @@ contains
     shear_ratio = 1.5_wp*(1.0_wp - 2.0_wp*poisson)/(1.0_wp + poisson)
   end function shear_ratio
 
-  !> A constant that may be left out: then it is `usual`.
+  !> An optional constant, `usual` by default.
   real(wp) function given_or(deck, m, key, usual)
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: m

@@ -17,7 +17,7 @@ module fem_law
   integer(i4), parameter :: at_iterations = 2  !! local iterations in it
   integer(i4), parameter :: at_stored = 3      !! elastic work since the start [J/m^3]
   integer(i4), parameter :: at_dissipated = 4  !! plastic dissipation [J/m^3]
-  integer(i4), parameter :: at_numerical = 5   !! what the steps of the integration take [J/m^3]
+  integer(i4), parameter :: at_numerical = 5   !! dissipated by the integration [J/m^3]
   integer(i4), parameter :: at_plastic = 6     !! plastic strain, six components
   integer(i4), parameter :: common_size = 11
   integer(i4), parameter :: state_length = 32  !! of the name of a state variable
@@ -30,8 +30,8 @@ module fem_law
     'local_iterations', 'stored_energy', 'dissipation', 'numerical', 'plastic_xx', 'plastic_yy', &
     'plastic_zz', 'plastic_xy', 'plastic_yz', 'plastic_zx']
 
-  !> What a law says of itself (`define`) and of its material (`read_constants`): set-up, restart,
-  !! output and the one-point driver read it here, and know no law by its name.
+  !> Properties of a law (`define`) and of its material (`read_constants`): set-up, restart,
+  !! output and the one-point driver read them here, and refer to no law by its name.
   type, abstract :: fem_law_type
     character(len=name_length) :: name = ''  !! in decks
     character(len=name_length) :: id = ''    !! of the material
@@ -39,7 +39,7 @@ module fem_law
     logical :: symmetric = .true.      !! its tangent is
     logical :: finite = .false.        !! finite strain: fem_law_finite
     logical :: polar = .false.         !! strain and curvature of 18 components: fem_law_polar
-    logical :: eringen = .false.       !! takes the constants of Eringen's solid
+    logical :: eringen = .false.       !! has the constants of Eringen's solid
     integer(i4) :: states = common_size
     character(len=state_length), allocatable :: state_names(:)  !! beyond the common, with unit
     real(wp) :: moduli(6) = 0.0_wp     !! as in fem_micropolar; at the reference of the law [Pa, N]
@@ -77,7 +77,7 @@ module fem_law
       type(error_list_type), intent(inout) :: errors
     end subroutine read_face
     !> Stress and state after a strain increment, and the tangent d stress/d strain. A point that
-    !! yielded takes a zero increment as the limit of a small one. `good` is false where the local
+    !! yielded treats a zero increment as the limit of a small one. `good` is false where the local
     !! equations do not converge; nothing is changed then.
     pure subroutine update_face(self, strain, stress, state, tangent, good)
       import :: fem_law_type, wp
@@ -99,8 +99,8 @@ module fem_law
 
 contains
 
-  !> State of a point that starts with a stress; `fault` says what is wrong with it, with its value,
-  !! and `cure` what helps; '' if nothing is. Here: every stress will do.
+  !> State of a point that starts with a stress; `fault` is what is wrong with it, with its value,
+  !! and `cure` a remedy; '' if nothing is. Here: every stress is admitted.
   subroutine begin(self, stress, state, fault, cure)
     class(fem_law_type), intent(in) :: self
     real(wp), intent(in) :: stress(6)   !! [Pa]
@@ -142,8 +142,8 @@ contains
   end function state_name
 
   !> Update with the ledger of the point: trapezoidal work is stored, dissipated (end stress times
-  !! plastic strain, never negative) or taken by the integration. Where the whole increment does not
-  !! converge it is taken in 2, 4, ... parts, with a tangent by differences.
+  !! plastic strain, never negative) or by the integration. An increment that does not converge
+  !! as a whole is divided into 2, 4, ... parts, with a tangent by differences.
   pure subroutine integrate(law, strain, stress, state, tangent, good)
     class(fem_law_type), intent(in) :: law
     real(wp), intent(in) :: strain(6)

@@ -42,7 +42,7 @@ module fem_law_clay
     procedure, private :: finish
   end type fem_law_clay_type
 
-  !> What an increment starts with, and where its iteration stands; pressures positive in
+  !> What an increment starts with, and the state of its iteration; pressures positive in
   !! compression.
   type :: path_type
     real(wp) :: p0, pc0, v              !! before [Pa]; compression of the increment [-]
@@ -141,7 +141,7 @@ contains
       + 3.0_wp*path%m/self%slope**2*twice*path%a/path%d
   end subroutine update
 
-  !> Newton for y and m; steps are held so that pressures stay within a factor e^2.
+  !> Newton for y and m; steps are limited so that pressures stay within a factor e^2.
   pure subroutine solve(self, path, iterations, good)
     class(fem_law_clay_type), intent(in) :: self
     type(path_type), intent(inout) :: path

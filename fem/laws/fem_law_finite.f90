@@ -72,7 +72,7 @@ contains
     cure = ''
     if (maxval(abs(stress)) <= 0.0_wp) return
     fault = 'a solid at finite strain starts without stress'
-    cure = 'leave the initial stress out, or take a law of small strains'
+    cure = 'leave the initial stress out, or use a law of small strains'
   end subroutine begin
 
   !> C = I + 2 E, its inverse as six components, and J; `good` is false where C is not positive.
@@ -99,7 +99,7 @@ contains
     if (determinant > 0.0_wp) inverse = inverse/determinant
   end subroutine invert
 
-  !> The path counts not: what was there is forgotten.
+  !> The result is independent of the path: earlier values are not used.
   pure subroutine update(self, strain, stress, state, tangent, good)
     class(fem_law_finite_type), intent(in) :: self
     real(wp), intent(in) :: strain(6)

@@ -9,7 +9,7 @@
 !!   B = E b^2/(12 (1 - nu^2)) (G - G')/(G + G'),
 !!   m_11 = -m_22 = B (1 - nu)/2 (phi_1,1 - phi_2,2),
 !! the stretches those of layers and joints in series. The last line, the twist of the layers as
-!! plates, makes the law the same for all directions in their plane; the source leaves it out.
+!! plates, makes the law the same for all directions in their plane; the source omits it.
 !! Indices as in `fem_micropolar`: the first is the face's normal, and nine-vectors hold kl = 11 12
 !! 13 21 22 23 31 32 33.
 module fem_law_layered

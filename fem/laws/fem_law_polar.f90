@@ -93,7 +93,7 @@ contains
     moduli = self%moduli
   end function moduli_at
 
-  !> Ledger of an increment whose stress goes from `stress` to `new`, of which `flow` is plastic.
+  !> Ledger of an increment whose stress changes from `stress` to `new`, of which `flow` is plastic.
   pure subroutine count_polar_work(strain, flow, stress, new, state)
     real(wp), dimension(polar_size), intent(in) :: strain, flow, stress, new
     real(wp), intent(inout) :: state(:)

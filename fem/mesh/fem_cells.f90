@@ -46,7 +46,7 @@ contains
     call file%put('/mesh/mixed', list, errors)
   end subroutine put_cells
 
-  !> Tell XDMF of the cells that `put_cells` writes.
+  !> Describe the cells that `put_cells` writes in XDMF.
   subroutine describe_cells(mesh, path, xdmf)
     type(fem_mesh_type), intent(in) :: mesh
     character(len=*), intent(in) :: path  !! of the .xdmf file

@@ -39,7 +39,7 @@ contains
       if (hit == 0) cycle
       if (corner > 0) then
         call errors%add('I303', 'nodes '//str(min(hit, corner))//' and '//str(max(hit, corner))// &
-                        ' lie in the same place (element '//str(faces%element(outer(f)))// &
+                        ' are at the same position (element '//str(faces%element(outer(f)))// &
                         ' hangs on a face or edge there, at '//str(mesh%x(:, hit))//' m)', path, &
                         'join the meshes so that neighbours share their nodes')
       else
@@ -132,7 +132,7 @@ contains
     end do
   end subroutine look_around
 
-  !> Which of the nodes at x lies at p; 0 if none does.
+  !> Which of the nodes at x is at p; 0 if none is.
   pure integer(i4) function same_place(own, x, p)
     integer(i4), intent(in) :: own(:)
     real(wp), intent(in) :: x(:, :), p(3)

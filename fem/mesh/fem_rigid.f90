@@ -1,6 +1,6 @@
 !> Groups of nodes that move as a rigid body: a turn about an axis through a centre and a shift of
 !! the centre, both by curves. A component of the shift can be free: then it is that of a mass under
-!! a force and what the body pulls, v1 = v0 + dt (F - R)/m, x1 = x0 + dt v1, with the force and the
+!! a force and those of the body, v1 = v0 + dt (F - R)/m, x1 = x0 + dt v1, with the force and the
 !! reactions R at the start of the step (stable for dt < 2/omega of the mass on the body).
 module fem_rigid
   use talus_kinds, only: wp, i4

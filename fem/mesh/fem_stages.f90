@@ -1,5 +1,5 @@
 !> Stages of construction: groups of elements that are removed or placed at given times, and what is
-!! then out of balance, which is let go along a curve. Plain data; fem_staging acts.
+!! then out of balance, which is released along a curve. Data only; fem_staging applies them.
 module fem_stages
   use talus_kinds, only: wp, i4
   implicit none
@@ -10,7 +10,7 @@ module fem_stages
   type :: fem_stage_type
     logical :: place = .false.
     real(wp) :: time = 0.0_wp      !! [s]
-    real(wp) :: duration = 0.0_wp  !! over which the release goes to zero [s]
+    real(wp) :: duration = 0.0_wp  !! over which the release decreases to zero [s]
     integer(i4), allocatable :: element(:)
   end type fem_stage_type
 

@@ -1,4 +1,4 @@
-!> What is next to what in a mesh: nodes of elements and facets, faces of elements, outer faces.
+!> Adjacency in a mesh: nodes of elements and facets, faces of elements, outer faces.
 module fem_topology
   use talus_kinds, only: i4
   use fem_kinds, only: hex8, node_count, corner_count, face_count, face_nodes, face_kind, &

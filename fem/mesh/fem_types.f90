@@ -1,4 +1,4 @@
-!> What a solid is made of: mesh, materials, loads, supports and its state. Plain arrays.
+!> Data of a solid: mesh, materials, loads, supports and its state. Plain arrays.
 module fem_types
   use talus_kinds, only: wp, i4
   use talus_port_names, only: role_report, role_prescribe, role_load
@@ -56,7 +56,7 @@ module fem_types
     logical :: moves = .true.              !! the set acts on displacements
     integer(i4), allocatable :: node(:)
     integer(i4), allocatable :: phi(:)     !! blocks of the micro-rotations; none: size 0
-    integer(i4), allocatable :: element(:) !! elements with a node of the set; found when asked for
+    integer(i4), allocatable :: element(:) !! elements with a node of the set; found on request
   end type fem_set_type
 
   !> Everything that changes in time.

@@ -1,4 +1,4 @@
-!> The whole mesh behind the parts that the ranks work: what the leader needs to write results, and
+!> The whole mesh behind the parts of the ranks: what the leader needs to write results, and
 !! what every rank needs to find its share in a file. Without several ranks all of it is empty, and
 !! values stay as they are.
 module fem_whole

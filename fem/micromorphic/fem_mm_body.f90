@@ -1,4 +1,4 @@
-!> Micromorphic elements of a body: their laws and tables, the answer of an element to displacements
+!> Micromorphic elements of a body: laws and tables, response of an element to displacements
 !! and micro-deformations since the accepted state, and its stiffness, kept for the assembly.
 !! Blocks of an element are u of its nodes, then the three columns of phi of each micro-node.
 module fem_mm_body
@@ -123,7 +123,7 @@ contains
     phi = reshape(block(:, element%nodes + 1:), [9, element%micro_nodes])
   end subroutine fields
 
-  !> Say in `trouble` why point q of element e found no state.
+  !> Report in `trouble` why point q of element e found no state.
   subroutine explain(self, e, q, old, now, before)
     class(fem_micro_type), intent(inout) :: self
     integer(i4), intent(in) :: e, q

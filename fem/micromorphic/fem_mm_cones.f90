@@ -1,9 +1,9 @@
 !> Yield surfaces and plastic potentials of the micromorphic solid: Drucker-Prager cones in the
-!! stresses of the intermediate configuration (theory: micromorphic plasticity). Surface 1 sees the
+!! stresses of the intermediate configuration (theory: micromorphic plasticity). Surface 1 is of the
 !! macro-stress S, 2 the micro-stress Sigma, 3 to 5 the slices M_IJK of the couple stress, K = 1..3:
 !!   f = |dev| + B p - A c,  p = C:stress/3 (tension positive),  dev = stress - p C^-1.
 !! Potentials are the same with the angle of dilation. A rounded cone has sqrt(dev^2 + l^2) in the
-!! place of |dev|, which has a direction at the axis. Softening ends where the tip comes to p = 0.
+!! place of |dev|, which has a direction at the axis. Softening ends where the tip reaches p = 0.
 module fem_mm_cones
   use talus_kinds, only: wp, i4
   use fem_mm_elastic, only: mm_stress_type, mm_stress_d_type
@@ -68,7 +68,7 @@ contains
     cone%on = .true.
   end function make_cone
 
-  !> c = c0 + H Z [Pa] or [N/m], not below the rest.
+  !> c = c0 + H Z [Pa] or [N/m], not below the residual value.
   elemental real(wp) function cohesion(cone, z)
     type(mm_cone_type), intent(in) :: cone
     real(wp), intent(in) :: z
@@ -82,7 +82,7 @@ contains
     cohesion_slope = merge(0.0_wp, cone%hardening, cone%cohesion + cone%hardening*z < cone%rest)
   end function cohesion_slope
 
-  !> The stress that surface k sees.
+  !> The stress that surface k acts on.
   pure function stress_slice(stress, k) result(s)
     type(mm_stress_type), intent(in) :: stress
     integer(i4), intent(in) :: k

@@ -31,7 +31,7 @@ module fem_mm_element
     type(mm_motion_type), allocatable :: motion(:)  !! of the last accepted step
   end type mm_element_type
 
-  !> What it answers.
+  !> Results of the element.
   type :: mm_response_type
     type(mm_point_type), allocatable :: point(:)
     real(wp), allocatable :: force(:), stiffness(:, :)  !! (dofs), (dofs, dofs)
@@ -81,7 +81,7 @@ contains
     motion%g = reshape(matmul(phi, transpose(element%micro_slope(:, :, q))), [3, 3, 3])
   end function motion_at
 
-  !> Forces, and stiffness if wanted, at the end of a step that the element does not accept yet.
+  !> Forces, and stiffness on request, at the end of a trial step of the element.
   subroutine respond(law, element, u, phi, wants_stiffness, response)
     type(mm_law_type), intent(in) :: law
     type(mm_element_type), intent(in) :: element
@@ -135,7 +135,7 @@ contains
     if (wants_stiffness) response%stiffness = 0.0_wp
   end subroutine make_room
 
-  !> Make the answer the start of the next step.
+  !> Accept the result as start of the next step.
   subroutine accept(element, u, phi, response)
     type(mm_element_type), intent(inout) :: element
     real(wp), intent(in) :: u(:, :), phi(:, :)

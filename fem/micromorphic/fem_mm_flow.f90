@@ -2,7 +2,7 @@
 !! the residual of one step and its derivatives.
 !!
 !! Unknowns are the plastic parts of F, chi and grad chi and a multiplier for each active surface.
-!! Their changes are taken in the intermediate configuration,
+!! Their changes are in the intermediate configuration,
 !!   dFp = w Fp,  dchi_p = x chi_p,  dchi_p,jIJ = y_jAB chi_p,AI Fp_BJ,
 !! in which the elastic strains move by -Cw - (Cw)^T, -w^T Psi - Psi x, and so on, and the residuals
 !! are multiplied from the right by Fp^-1 and chi_p^-1.
@@ -32,7 +32,7 @@ module fem_mm_flow
     real(wp) :: modulus = 0.0_wp      !! largest of the strains [Pa]: rounding of stresses
   end type mm_law_type
 
-  !> What a point remembers.
+  !> State of a point.
   type :: mm_state_type
     real(wp) :: fp(3, 3) = identity, xp(3, 3) = identity  !! plastic parts of F and chi [-]
     real(wp) :: gp(3, 3, 3) = 0.0_wp                       !! plastic part of grad chi [1/m]
@@ -190,7 +190,7 @@ contains
     at%rg = at%gp - leg_one(at%lx, at%gp) - at%lg - at%yg
   end subroutine residuals
 
-  !> Start of a step from the state that `at` holds, evaluated with the strains of the start. The
+  !> Start of a step from the state in `at`, evaluated with the strains of the start. The
   !! flow at the start counts only where the point yielded there: elsewhere it has no direction.
   pure subroutine start_step(law, at, old)
     type(mm_law_type), intent(in) :: law

@@ -19,7 +19,7 @@ module fem_mm_plastic
 
   real(wp), parameter :: least_share = 1.0_wp/1024.0_wp  !! of a step, before it fails
 
-  !> A point at the end of a step, and how it went.
+  !> A point at the end of a step, with diagnostics.
   type :: mm_point_type
     type(mm_state_type) :: state
     type(mm_stress_type) :: stress            !! S, Sigma, M in the reference configuration
@@ -129,7 +129,7 @@ contains
   end subroutine step_point
 
   !> Work [J/m^3] of the stored energy on the plastic change of volume and of the gradient's last
-  !! index: what a step takes beside stored and dissipated energy.
+  !! index: energy of a step beside the stored and dissipated one.
   pure real(wp) function shift_of(at)
     type(mm_iterate_type), intent(in) :: at
     real(wp) :: l(3, 3)

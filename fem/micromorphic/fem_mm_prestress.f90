@@ -1,5 +1,5 @@
 !> A micromorphic point that starts with a stress: at F = chi = 1 its elastic parts are stretches
-!! along the principal axes of the stress, under which Cauchy and micro-stress are the wanted one;
+!! along the principal axes of the stress, under which Cauchy and micro-stress are the given one;
 !! their inverses are the plastic parts of the start.
 module fem_mm_prestress
   use talus_kinds, only: wp, i4
@@ -18,7 +18,7 @@ module fem_mm_prestress
 
 contains
 
-  !> State of a point that starts with a stress xx yy zz xy yz zx [Pa]; `fault` says what is wrong
+  !> State of a point that starts with a stress xx yy zz xy yz zx [Pa]; `fault` is what is wrong
   !! with it, '' if nothing is.
   subroutine start_state(law, stress, state, fault)
     type(mm_law_type), intent(in) :: law

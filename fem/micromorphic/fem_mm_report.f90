@@ -1,4 +1,4 @@
-!> What can be said of the moduli of a micromorphic solid before it is used: eigenvalues of the
+!> Checks of the moduli of a micromorphic solid before use: eigenvalues of the
 !! stored energy, the inequalities of isotropic strains by name, and the moduli of its limits.
 module fem_mm_report
   use talus_kinds, only: wp, i4

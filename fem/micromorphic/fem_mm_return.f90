@@ -17,9 +17,9 @@ module fem_mm_return
   integer(i4), parameter :: most = 45 + surfaces  !! unknowns
   integer(i4), parameter :: most_iterations = 30, most_cuts = 8, most_sets = 12
   real(wp), parameter :: enough = 1.0e-10_wp      !! largest scaled residual [-]
-  real(wp), parameter :: near = 1.0e-3_wp         !! where a negative multiplier is believed [-]
+  real(wp), parameter :: near = 1.0e-3_wp         !! above which a negative multiplier counts [-]
   real(wp), parameter :: least_strain = 1.0e-4_wp
-  real(wp), parameter :: decrease = 1.0e-4_wp     !! share of Newton's promise the search wants
+  real(wp), parameter :: decrease = 1.0e-4_wp     !! least share of the predicted decrease
 
   !> The linear system of an iterate.
   type :: mm_system_type
@@ -61,7 +61,7 @@ contains
       if (any(at%active .and. at%gamma < 0.0_wp)) then
         at%active(minloc(at%gamma/scale_of_gamma(law), dim=1)) = .false.
         if (.not. any(at%active)) exit
-        at%state = old%state  ! parts that moved with the surface dropped go back
+        at%state = old%state  ! restore the parts that moved with the surface dropped
         at%gamma = 0.0_wp
       else if (any(.not. at%active .and. at%yield > enough*scale)) then
         at%active = at%active .or. at%yield > enough*scale

@@ -1,4 +1,4 @@
-!> What a body remembers of a micromorphic point, as plain numbers: a column of its states and one
+!> State of a micromorphic point in a body, as plain numbers: a column of its states and one
 !! of its stresses. The first places are those that all laws share (fem_law); plastic strains are
 !! Green's, (Fp'Fp - 1)/2, with engineering shears.
 module fem_mm_store
@@ -43,7 +43,7 @@ contains
     name = trim(titles(k))
   end function state_title
 
-  !> What the law knows of the point.
+  !> What the law reads of the point.
   pure function state_of(column) result(state)
     real(wp), intent(in) :: column(:)
     type(mm_state_type) :: state
@@ -57,7 +57,7 @@ contains
   end function state_of
 
   !> A point at the end of a step between two motions, `force` as the element has it. Trapezoidal
-  !! work is stored, dissipated, or taken by the integration and by the shift of stored energy.
+  !! work is stored, dissipated, or due to the integration and to the shift of stored energy.
   pure subroutine store_point(motion, point, force, before, column)
     type(mm_motion_type), intent(in) :: motion(2)
     type(mm_point_type), intent(in) :: point

@@ -47,7 +47,7 @@ contains
   !> Datasets of a step.
   subroutine put_micro(body, points, file, group, errors)
     type(fem_body_type), intent(in) :: body
-    logical, intent(in) :: points  !! write what the points have too
+    logical, intent(in) :: points  !! write the data of the points too
     type(h5_file_type), intent(inout) :: file
     character(len=*), intent(in) :: group
     type(error_list_type), intent(inout) :: errors
@@ -80,7 +80,7 @@ contains
     end associate
   end subroutine put_micro
 
-  !> Flags and iterations (largest of an element's points), means over the volume of the rest.
+  !> Flags and iterations (largest of an element's points), volume means of the others.
   subroutine put_means(body, file, group, errors)
     type(fem_body_type), intent(in) :: body
     type(h5_file_type), intent(inout) :: file

@@ -333,7 +333,7 @@ contains
     end associate
   end subroutine write_history
 
-  !> Work put in minus energy stored and dissipated [J].
+  !> Work supplied minus energy stored and dissipated [J].
   pure real(wp) function closure(body)
     type(fem_body_type), intent(in) :: body
     associate (e => body%accepted_energy)
@@ -434,7 +434,7 @@ contains
     end subroutine put_stress
   end subroutine write_fields
 
-  !> Fields of the accepted state where a run breaks off, if fields are written at all.
+  !> Fields of the accepted state where a run ends by a fault, if fields are written at all.
   subroutine write_last(self, body, errors)
     class(fem_output_type), intent(inout) :: self
     type(fem_body_type), intent(in) :: body

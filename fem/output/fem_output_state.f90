@@ -51,7 +51,7 @@ contains
     end do
   end subroutine law_states
 
-  !> Has some element law m?
+  !> Does an element have law m?
   pure logical function in_use(body, m)
     type(fem_body_type), intent(in) :: body
     integer(i4), intent(in) :: m
@@ -69,7 +69,7 @@ contains
   end function plain
 
   !> Datasets of a step: yield (the largest flag of an element's points: 1 yields, 2 at the apex),
-  !! local iterations (most), means over the volume of the rest; zero where a law has no such state.
+  !! local iterations (most), volume means of the others; zero where a law has no such state.
   subroutine put_states(body, points, file, group, errors)
     type(fem_body_type), intent(in) :: body
     logical, intent(in) :: points  !! write the states of all points too

@@ -65,7 +65,7 @@ contains
     call checkpoint%finish(file, errors)
   end subroutine write_checkpoint
 
-  !> Take the state of a checkpoint; the body holds the same mesh.
+  !> Read the state of a checkpoint; the body has the same mesh.
   subroutine read_checkpoint(checkpoint, path, body, analysis, steps, deck_changed, errors)
     type(checkpoint_type), intent(inout) :: checkpoint
     character(len=*), intent(in) :: path
@@ -125,7 +125,7 @@ contains
     call body%accept()
   end subroutine read_checkpoint
 
-  !> Values at all points; each rank takes those of its elements.
+  !> Values at all points; each rank has those of its elements.
   subroutine get_points(file, name, body, values, errors)
     type(h5_file_type), intent(inout) :: file
     character(len=*), intent(in) :: name
@@ -159,7 +159,7 @@ contains
     end if
   end subroutine put_points
 
-  !> What the leader puts, of the other ranks.
+  !> Values of the other ranks that the leader writes.
   subroutine give_points(body)
     type(fem_body_type), intent(in) :: body
     real(wp), allocatable :: stress(:, :), state(:, :)

@@ -27,7 +27,7 @@ module fem_mm_path
   real(wp), parameter :: accuracy = 1.0e-12_wp   !! of forces, against moduli
   real(wp), parameter :: most_change = 0.5_wp    !! of a component in one iteration [-]
 
-  !> What is asked of the 45 components.
+  !> Control of the 45 components.
   type :: control_type
     integer(i4) :: kind(45) = held, curve(45) = 0
     real(wp) :: scale(45) = 0.0_wp
@@ -160,7 +160,7 @@ contains
     control%named(first:last) = .true.
     if (kind == 'macro' .and. (first < 10 .or. first > 18)) call deck%fault(errors, 'D351', &
       "kind = 'macro' makes chi equal to F: it means nothing to "//name, 'micro_control', k, &
-      'kind', "take 'motion' or 'force'")
+      'kind', "use 'motion' or 'force'")
     control%kind(first:last) = held
     if (kind == 'force') control%kind(first:last) = free
     if (kind == 'macro') control%kind(first:last) = tied
@@ -168,7 +168,7 @@ contains
     control%curve(first:last) = c
   end subroutine set_control
 
-  !> Go to a time, in halves where a step does not converge.
+  !> Advance to a time, halving steps that do not converge.
   subroutine step_to(law, control, curve, time, track, errors)
     type(mm_law_type), intent(in) :: law
     type(control_type), intent(in) :: control
@@ -273,7 +273,7 @@ contains
     if (control%curve(k) > 0) value_at = value_at*curve(control%curve(k))%at(time)
   end function value_at
 
-  !> Wanted less present force of the free components, zero for the others.
+  !> Prescribed less present force of the free components, zero for the others.
   pure function missing(control, curve, time, force) result(left)
     type(control_type), intent(in) :: control
     type(curve_type), intent(in) :: curve(:)

@@ -75,7 +75,7 @@ contains
     if (deck%count('path') + deck%count('point') > 0 .or. deck%count('micro_point') == 0 .or. &
         deck%count('micromorphic') == 0) then
       call errors%add('D352', 'a micromorphic point needs &micromorphic and &micro_point, and '// &
-        'no &path and no &point', options%deck, 'tables have one name: take two decks')
+        'no &path and no &point', options%deck, 'tables have one name: use two decks')
       return
     end if
     stem = run_stem(options%deck, options%output_dir)
@@ -119,14 +119,14 @@ contains
 
     if (deck%count('path') > 0 .or. deck%count('point') > 1) then
       call deck%fault(errors, 'D332', 'the deck has more than one &point, or &path beside it', &
-                      'point', 1, '', 'they make tables of one name: take two decks')
+                      'point', 1, '', 'they make tables of one name: use two decks')
       return
     end if
     call find_material(deck, 'point', 1, material, m, errors)
     call read_curves(deck, 'D304', curve, errors)
     if (errors%any()) return
     if (material(m)%polar .and. .not. material(m)%stateful) then
-      call deck%fault(errors, 'D332', 'a micropolar solid takes &path states', 'point', 1, &
+      call deck%fault(errors, 'D332', 'a micropolar solid has &path states', 'point', 1, &
                       'material', 'it has no state')
       return
     end if

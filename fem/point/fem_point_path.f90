@@ -36,7 +36,7 @@ module fem_point_path
 contains
 
   !> Follow the path and write `path`; faults D332 for conditions that are not six, D333 for a start
-  !! that the law does not take, N310 where the path cannot be followed.
+  !! that the law does not admit, N310 where the path cannot be followed.
   subroutine follow_path(deck, law, curve, path, check, errors)
     type(deck_type), intent(in) :: deck
     class(fem_law_type), intent(in) :: law
@@ -126,7 +126,7 @@ contains
     if (len(fault) > 0) call deck%fault(errors, 'D333', fault, 'point', 1, 'stress', cure)
   end subroutine begin_point
 
-  !> Go to a time, in halves where a step does not converge.
+  !> Advance to a time, halving steps that do not converge.
   subroutine step_to(law, control, curve, time, point, errors)
     class(fem_law_type), intent(in) :: law
     type(control_type), intent(in) :: control
@@ -146,7 +146,7 @@ contains
     call errors%add('N310', 'the point cannot follow the path beyond time '// &
       str(point%time)//' s, strain '//str(point%strain(3))//' along z, stress '// &
       str(point%stress(3))//' Pa', 'material '//trim(law%id), &
-      'is a stress wanted that the material cannot carry? Control the strain there')
+      'is a stress prescribed that the material cannot carry? Control the strain there')
   end subroutine step_to
 
   !> One step to a time by Newton's method; a step that does not converge changes nothing.

@@ -18,7 +18,7 @@ module fem_point_polar
 
   character(len=2), parameter :: kl(9) = ['11', '12', '13', '21', '22', '23', '31', '32', '33']
 
-  !> What is asked of each component.
+  !> Control of each component.
   type :: control_type
     logical :: stress(polar_size) = .false.     !! of its stress; of its strain otherwise
     real(wp) :: scale(polar_size) = 0.0_wp
@@ -36,7 +36,7 @@ module fem_point_polar
 contains
 
   !> Follow the path and write `path`; faults D332 for rows that make no sense, D333 for a start
-  !! that the law does not take, N310 where the path cannot be followed.
+  !! that the law does not admit, N310 where the path cannot be followed.
   subroutine follow_polar(deck, law, curve, path, check, errors)
     type(deck_type), intent(in) :: deck
     class(fem_law_polar_type), intent(in) :: law
@@ -109,7 +109,7 @@ contains
     end do
   end subroutine read_controls
 
-  !> Go to a time, in halves where a step does not converge.
+  !> Advance to a time, halving steps that do not converge.
   subroutine step_to(law, control, curve, time, point, errors)
     class(fem_law_polar_type), intent(in) :: law
     type(control_type), intent(in) :: control
@@ -129,7 +129,7 @@ contains
     call errors%add('N310', 'the point cannot follow the path beyond time '// &
       str(point%time)//' s, stress sigma_11 '//str(point%stress(1))//' Pa, sigma_12 '// &
       str(point%stress(2))//' Pa', 'material '//trim(law%id), &
-      'is a stress wanted that the material cannot carry? Control the strain there')
+      'is a stress prescribed that the material cannot carry? Control the strain there')
   end subroutine step_to
 
   !> One step to a time by Newton's method; a step that does not converge changes nothing.

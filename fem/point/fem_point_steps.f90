@@ -12,16 +12,16 @@ module fem_point_steps
   integer(i4), parameter :: most_halvings = 12
   real(wp), parameter :: accuracy = 1.0e-13_wp   !! of the conditions, in strain
   real(wp), parameter :: relative = 1.0e-12_wp   !! of the strain so far
-  real(wp), parameter :: wild = 1.0_wp           !! strain increment that cannot be meant
+  real(wp), parameter :: wild = 1.0_wp           !! largest plausible strain increment
 
-  !> A way from one time to another, in halves where a step does not converge. The caller steps to
-  !! the goal while there is one and tells whether that went well.
+  !> An interval of time, halved where a step does not converge. The caller steps to
+  !! the goal while there is one and reports its success.
   type :: parts_type
-    real(wp) :: now = 0.0_wp      !! how far it has come [s]
+    real(wp) :: now = 0.0_wp      !! time reached [s]
     real(wp) :: goal = 0.0_wp     !! of the next step [s]
     real(wp) :: time = 0.0_wp     !! of the end [s]
     real(wp) :: size_of = 0.0_wp  !! of a step [s]
-    real(wp) :: least = 0.0_wp    !! below which it is given up [s]
+    real(wp) :: least = 0.0_wp    !! below which the path ends [s]
   contains
     procedure :: begin => begin_parts
     procedure :: has_goal
@@ -47,7 +47,7 @@ contains
     has_goal = self%now < self%time .and. .not. self%size_of < self%least
   end function has_goal
 
-  !> Go on from the goal that was reached, or try half the way.
+  !> Continue from the goal that was reached, or try half the step.
   pure subroutine judge(self, good)
     class(parts_type), intent(inout) :: self
     logical, intent(in) :: good  !! has the step converged?

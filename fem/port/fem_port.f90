@@ -1,6 +1,6 @@
-!> talus-fem as a partner of talus-couple: what each request does to the solid.
+!> talus-fem as a partner of talus-couple: the effect of each request on the solid.
 !!
-!! Files are opened at READY, when all is found good; output is written at ACCEPT.
+!! Files are opened at READY, once all checks have passed; output is written at ACCEPT.
 module fem_port
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -64,7 +64,7 @@ contains
     call self%model%read(options, errors)
   end subroutine read_input
 
-  !> Matrices, or the state of a checkpoint, and who we are.
+  !> Matrices, or the state of a checkpoint, and the reply to HELLO.
   subroutine hello(self, restart, reply, errors)
     class(fem_server_type), intent(inout) :: self
     character(len=*), intent(in) :: restart
@@ -139,8 +139,8 @@ contains
     if (.not. errors%any()) call reply%put(field_step_limit, self%model%body%limit%step)
   end subroutine set_values
 
-  !> All is set: factors, files, and a reply as after a step of no length. A rehearsal makes no
-  !! file, and its steps make factors when they need them.
+  !> All is set: factors, files, and a reply as after a step of no length. A rehearsal writes no
+  !! file, and its steps factor on demand.
   subroutine ready(self, reply, errors)
     class(fem_server_type), intent(inout) :: self
     type(message_type), intent(inout) :: reply

@@ -1,4 +1,4 @@
-!> What talus-fem tells of itself at the port (HELLO, DESCRIBE, scalars) and takes (SET).
+!> What talus-fem reports at the port (HELLO, DESCRIBE, scalars) and receives (SET).
 module fem_port_state
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, is_finite
@@ -122,7 +122,7 @@ contains
         call reply%put_int(field_element, body%mesh%group(g)%element)
     case default
       call errors%add('P301', "talus-fem cannot describe '"//what//"'", '', &
-                      'it knows mesh, facets, quadrature, moduli, groups and group')
+                      'choices: mesh, facets, quadrature, moduli, groups and group')
     end select
   end subroutine reply_describe
 
@@ -216,7 +216,7 @@ contains
     call request%get_text(field_what, what, errors)
     if (body%matter%active .and. what == what_moduli) &
       call errors%add('P302', "talus-fem cannot set '"//what//"' where laws have a state", &
-      request%place(), 'give the constants in the deck of the solid, or take linear laws')
+      request%place(), 'give the constants in the deck of the solid, or use linear laws')
     if (errors%any()) return
     select case (what)
     case (what_springs)
@@ -237,13 +237,13 @@ contains
       call set_mass_factor(body, sets, request, errors)
     case default
       call errors%add('P301', "talus-fem cannot set '"//what//"'", request%place(), &
-        'it knows springs, '// &
+        'choices: springs, '// &
                       'dead_load, initial_stress, quad_weight, moduli and mass_factor')
     end select
   end subroutine set_values
 
-  !> Springs of the partner on displacements, and with `node_phi` on micro-rotations; they take the
-  !! place of those that it gave before.
+  !> Springs of the partner on displacements, and with `node_phi` on micro-rotations; they replace
+  !! those set before.
   subroutine set_springs(body, request, errors)
     type(fem_body_type), intent(inout) :: body
     type(message_type), intent(inout) :: request
@@ -310,7 +310,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: s, a
     if (body%matter%micro%active) then
-      call errors%add('P302', 'springs on micro-rotations do not know micromorphic solids', place, &
+      call errors%add('P302', 'micromorphic solids have no springs on micro-rotations', place, &
                       'leave node_phi out')
       return
     end if

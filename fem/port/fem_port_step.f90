@@ -106,7 +106,7 @@ contains
     end associate
   end subroutine advance
 
-  !> Impulses and works of the prescribed sets; signs as the partner feels them.
+  !> Impulses and works of the prescribed sets; signs as on the partner.
   subroutine put_impulses(sets, impulse, work, reply)
     type(fem_sets_type), intent(in) :: sets
     real(wp), intent(in) :: impulse(:, :), work(:)
@@ -121,7 +121,7 @@ contains
     end do
   end subroutine put_impulses
 
-  !> Internal forces of the present state with prescribed nodes where the request puts them.
+  !> Internal forces of the present state with prescribed nodes as given in the request.
   !! Scope `interface`: only elements that have a node of a prescribed set count, or of `set`;
   !! `balance`: with all loads, so that zero is left where the body is at rest; `loads`: the loads
   !! of the deck alone, without weight, at the time of the request.
@@ -211,7 +211,7 @@ contains
     end do
   end function steady_loads
 
-  !> The set whose elements FORCE takes alone, 0 if none is named (P302).
+  !> The set to whose elements FORCE is restricted, 0 if none is named (P302).
   subroutine choose_set(sets, model, request, chosen, errors)
     type(fem_sets_type), intent(inout) :: sets
     type(fem_model_type), intent(in) :: model
@@ -231,8 +231,8 @@ contains
   end subroutine choose_set
 
   !> v += kick (F + X)/m, x += drift v on free degrees of freedom, with lumped mass. Dashpots and
-  !! a M act in the kick by the mean of the velocities before and after it; what the deck moves goes
-  !! where it is at t1.
+  !! a M act in the kick by the mean of the velocities before and after it; what the deck moves has
+  !! its position at t1.
   subroutine kick_drift(model, sets, request, reply, errors)
     type(fem_model_type), intent(inout) :: model
     type(fem_sets_type), intent(inout) :: sets

@@ -1,5 +1,5 @@
 !> SET initial_stress of the port for bodies whose laws have a state: the stress of all points, and
-!! the state that begins with it.
+!! the state that starts from it.
 module fem_port_stress
   use talus_kinds, only: wp, i4
   use talus_text, only: str
@@ -28,7 +28,7 @@ contains
 
     if (body%matter%finite .or. body%matter%micro%active) then
       call errors%add('P302', "talus-fem cannot set 'initial_stress' at finite strain", &
-        request%place(), 'give the state in the deck of the solid, or take laws of small strain')
+        request%place(), 'give the state in the deck of the solid, or use laws of small strain')
       return
     end if
     allocate (value(merge(6, 9, body%elastic%components == classical), body%elastic%points))

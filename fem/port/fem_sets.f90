@@ -17,7 +17,7 @@ module fem_sets
   type :: fem_sets_type
     integer(i4) :: n = 0
     type(fem_set_type) :: set(32)
-    type(fem_edge_type) :: edge    !! the elements of a set that is asked for often
+    type(fem_edge_type) :: edge    !! the elements of a set that is requested often
     integer(i4) :: edge_of = 0     !! that set
     real(wp), allocatable :: known_u(:, :), known_force(:, :)  !! whole_force found last
   contains
@@ -56,7 +56,7 @@ contains
     role_of = role_number(role)
     if (role_of == 0 .or. role_of > role_load) then
       call errors%add('P301', "talus-fem has no role '"//role//"' for a set", 'set '//name, &
-                      'it knows report, prescribe and load')
+                      'choices: report, prescribe and load')
       return
     end if
     if (any(ids < 1) .or. any(ids > body%mesh%nodes)) then
@@ -132,7 +132,7 @@ contains
     self%set(k)%element = pack([(e, e=1, body%mesh%elements)], wanted)
   end subroutine elements_of
 
-  !> Inner forces of the elements of set k on all sets, as the partner feels them; laws with a state
+  !> Inner forces of the elements of set k on all sets, as on the partner; laws with a state
   !! have no map.
   subroutine put_force_of_elements(self, k, body, reply, errors)
     class(fem_sets_type), intent(inout) :: self
@@ -157,7 +157,7 @@ contains
     call self%put_forces(self%edge%f, reply)
   end subroutine put_force_of_elements
 
-  !> Inner forces (3, blocks) on all sets, as the partner feels them.
+  !> Inner forces (3, blocks) on all sets, as on the partner.
   subroutine put_forces(self, f, reply)
     class(fem_sets_type), intent(in) :: self
     real(wp), intent(in) :: f(:, :)
@@ -171,7 +171,7 @@ contains
   end subroutine put_forces
 
   !> Inner forces of the body at its displacements. A partner that kicks at the end of an interval
-  !! and again at the start of the next asks for them twice. Laws with a state are always asked, and
+  !! and again at the start of the next requests them twice. Laws with a state are not cached, and
   !! bodies in several ranks.
   subroutine whole_force(self, body, f)
     class(fem_sets_type), intent(inout) :: self

@@ -1,5 +1,5 @@
-!> A run of talus-fem: deck, body, analysis, files, and how it is read and prepared. Nothing is
-!! written before the deck, the mesh and the factorisation are found good.
+!> A run of talus-fem: deck, body, analysis, files; input and preparation. Nothing is
+!! written before the deck, the mesh and the factorisation have passed all checks.
 module fem_model
   use omp_lib, only: omp_set_num_threads
   use talus_kinds, only: wp, i4, i8
@@ -52,9 +52,9 @@ module fem_model
     integer(i4) :: logged_factors = 0
     logical :: served = .false., stopped = .false., opened = .false.
     logical :: auto_solver = .false.
-    logical :: elliptic = .true.             !! of micromorphic points no other was seen
+    logical :: elliptic = .true.             !! all micromorphic points so far
     logical :: settled = .false.             !! under an initial stress, before the first step
-    real(wp) :: settlement = 0.0_wp          !! on the way there, at most [m]
+    real(wp) :: settlement = 0.0_wp          !! largest displacement to it [m]
   contains
     procedure :: read => read_run
     procedure :: prepare
@@ -103,14 +103,14 @@ contains
     if (.not. errors%any()) call share_out(self%body, self%ranks, errors)
   end subroutine read_run
 
-  !> Fault D338 for what only one rank can do.
+  !> Fault D338 for features of a single rank.
   subroutine refuse_ranks(self, errors)
     class(fem_model_type), intent(in) :: self
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: what
     what = self%analysis%one_rank()
-    if (self%served) what = 'a coupled run takes'
-    if (self%body%matter%micro%active) what = 'micromorphic solids take'
+    if (self%served) what = 'a coupled run requires'
+    if (self%body%matter%micro%active) what = 'micromorphic solids require'
     if (len(what) > 0) call self%deck%fault(errors, 'D338', what//' one rank of talus-fem, not '// &
       str(self%ranks%ranks), 'analysis', 1, 'kind', 'start it without a launcher; threads work')
   end subroutine refuse_ranks
@@ -129,7 +129,7 @@ contains
     end do
   end subroutine moduli_warnings
 
-  !> Matrices; with a deck of its own also the factors. A checkpoint if one is asked for.
+  !> Matrices; with a deck of its own also the factors. A checkpoint if one is requested.
   subroutine prepare(self, errors)
     class(fem_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
@@ -157,7 +157,7 @@ contains
     call self%checkpoint%schedule(every_wall, every_time, self%body%accepted%time)
   end subroutine prepare
 
-  !> The state of the checkpoint that is asked for, if there is one.
+  !> The state of the requested checkpoint, if there is one.
   subroutine restart_from(self, errors)
     class(fem_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
@@ -171,7 +171,7 @@ contains
       call append_string(self%warnings, found(k)%s)
     end do
     if (len(path) == 0) then
-      call append_string(self%warnings, 'there is no checkpoint to go on from: a fresh run')
+      call append_string(self%warnings, 'there is no checkpoint to restart from: a fresh run')
       return
     end if
     call read_checkpoint(self%checkpoint, path, self%body, self%analysis, self%steps, changed, &
@@ -183,7 +183,7 @@ contains
       call append_string(self%warnings, 'the deck is not the one that wrote '//path)
   end subroutine restart_from
 
-  !> The start of the analysis, after settling under an initial stress.
+  !> The start of the analysis, after equilibrium under an initial stress.
   subroutine begin(self, errors)
     class(fem_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors

@@ -15,7 +15,7 @@ module fem_run
 
   real(wp), parameter :: near = 1.0e-9_wp  !! of a step that counts as the end
   real(wp), parameter :: round_off = 1.0e-10_wp  !! of sums that cancel
-  real(wp), parameter :: runaway = 10.0_wp !! stored energy / work put in that ends a run
+  real(wp), parameter :: runaway = 10.0_wp !! stored energy / supplied work that ends a run
 
 contains
 
@@ -69,7 +69,7 @@ contains
     end associate
   end subroutine next_time
 
-  !> Iterations of conjugate gradients, and new factors of kinds that make them on the way.
+  !> Iterations of conjugate gradients, and new factors of kinds that compute them as needed.
   subroutine log_iterations(model)
     type(fem_model_type), intent(inout) :: model
     if (model%analysis%listed) call log_factors(model)
@@ -110,7 +110,7 @@ contains
     call log_factors(model)
   end subroutine go_direct
 
-  !> A dynamic body cannot store more than was put in; the fastest node is named.
+  !> A dynamic body cannot store more than was supplied; the fastest node is named.
   subroutine check_energy(body, errors)
     type(fem_body_type), intent(in) :: body
     type(error_list_type), intent(inout) :: errors

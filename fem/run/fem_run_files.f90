@@ -1,4 +1,4 @@
-!> Log, results and summary of a run: opened once all is found good, closed at its end.
+!> Log, results and summary of a run: opened once all checks have passed, closed at its end.
 module fem_run_files
   use omp_lib, only: omp_get_max_threads
   use talus_kinds, only: wp, i4
@@ -98,7 +98,7 @@ contains
                        energy_error(model%body)])
   end subroutine log_row
 
-  !> Tell of factorisations that the log does not know yet.
+  !> Log the factorisations that are not yet logged.
   subroutine log_factors(model)
     type(fem_model_type), intent(inout) :: model
     real(wp), parameter :: giga = 1.0e9_wp

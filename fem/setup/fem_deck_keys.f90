@@ -153,7 +153,7 @@ contains
       //'`micropolar_pressure`: elasticity of the constants of `micropolar` at ' &
       //'`reference_pressure`, all moduli of which grow with ' &
       //'(p/reference_pressure)^exponent. The last four, soils and `pressure_elastic` are' &
-      //' laws with a state, which `modal` and `relaxation` do not know.')
+      //' laws with a state, which `modal` and `relaxation` do not support.')
     call table%preset('linear_elastic')
     call table%allow(&
       'linear_elastic|micropolar|pressure_elastic|drucker_prager|cam_clay|layered|neo_h' &
@@ -382,12 +382,11 @@ contains
       //'micro-deformation, the latter one order lower by default because equal orders of' &
       //' hexahedra lock when the coupling number nears 1. `auto`: `hex8_bbar`, or the ' &
       //'kind of the cells; in these solids `hex20/hex8`, `hex27/hex8`, `tet10/tet4`, and' &
-      //' equal orders for linear cells. `hex8_bbar` takes the volumetric strain from the' &
-      //' mean over the element and does not lock near incompressibility; `hex8_full` is ' &
-      //'plain 2 x 2 x 2 integration; `hex8_incompatible` adds modes inside the element ' &
-      //'and bends well, best with bricks that are nearly rectangular; `hex8_one_point` ' &
-      //'has the mean strain alone and an elastic hourglass control, for fast explicit ' &
-      //'runs.')
+      //' equal orders for linear cells. `hex8_bbar` uses the mean volumetric strain over' &
+      //' the element and does not lock near incompressibility; `hex8_full` is plain 2 x ' &
+      //'2 x 2 integration; `hex8_incompatible` adds modes inside the element and bends ' &
+      //'well, best with bricks that are nearly rectangular; `hex8_one_point` has the ' &
+      //'mean strain alone and an elastic hourglass control, for fast explicit runs.')
     call table%preset('auto')
     call table%allow(&
       'auto|hex8_bbar|hex8_full|hex8_incompatible|hex8_one_point|hex20|hex27|tet4|tet10' &
@@ -405,8 +404,8 @@ contains
   subroutine group_support(table)
     type(key_table_type), intent(inout) :: table
     call table%add_group('support', 2, &
-      'Components of displacement, micro-rotation and micro-deformation that a group ' &
-      //'holds at zero.', repeats=.true.)
+      'Components of displacement, micro-rotation and micro-deformation that are zero ' &
+      //'in a group.', repeats=.true.)
     call table%add_key('group', 'string', '', 'Facet, node or volume group.')
     call table%need()
     call table%add_key('fix', 'string', '', &
@@ -439,8 +438,8 @@ contains
     type(key_table_type), intent(inout) :: table
     call table%add_group('rigid', 11, &
       'A group that moves as a rigid body: a turn about an axis through a centre, and a' &
-      //' shift of the centre that is prescribed, or free under a force. Forces and ' &
-      //'moments with which it holds the body stand in `<deck>_rigid.csv`.', repeats=.true.)
+      //' shift of the centre that is prescribed, or free under a force. Its forces and ' &
+      //'moments on the body are written to `<deck>_rigid.csv`.', repeats=.true.)
     call table%add_key('group', 'string', '', 'Facet, node or volume group.')
     call table%need()
     call table%add_key('centre', 'real', 'm', 'The centre at the start.')
@@ -464,8 +463,8 @@ contains
     call table%preset('')
     call table%add_key('free', 'string', '', &
       'Components of the centre that are free, in dynamics: those of `mass` under ' &
-      //'`force` and what the body pulls, by steps with the forces at their start, which ' &
-      //'are stable below 2/omega of the mass on the body.')
+      //'`force` and the forces of the body, by steps with the forces at their start, ' &
+      //'which are stable below 2/omega of the mass on the body.')
     call table%sized(1_i4, 3_i4)
     call table%allow('x|y|z')
     call table%add_key('mass', 'real', 'kg', &
@@ -570,8 +569,8 @@ contains
     call table%add_key('group', 'string', '', 'Facet group.')
     call table%need()
     call table%add_key('stiffness', 'real', 'N/m', &
-      'Stiffness k per area. Moduli times the size of an element hold loosely; a ' &
-      //'thousand times that makes both equal to some thousandth of the micro-strain.')
+      'Stiffness k per area. Moduli times the size of an element tie loosely; a ' &
+      //'thousand times that makes both equal to some thousandths of the micro-strain.')
     call table%need()
     call table%bounds(min=0.0_wp)
   end subroutine group_micro_tie
@@ -651,7 +650,7 @@ contains
     call table%allow('static|newmark|hht|explicit|modal|relaxation|harmonic')
     call table%add_key('dt', 'real', 's', &
       'Time step. Statics: t_end in one step if left out. Needed for `newmark` and ' &
-      //'`hht`; `explicit` takes dt_factor times the largest stable step if it is left ' &
+      //'`hht`; `explicit` uses dt_factor times the largest stable step if it is left ' &
       //'out, and refuses a longer one than that. In a coupled run the exchange interval ' &
       //'is the step.')
     call table%bounds(above=0.0_wp)
@@ -692,20 +691,20 @@ contains
   subroutine group_analysis_2(table)
     type(key_table_type), intent(inout) :: table
     call table%add_key('allow_unstable', 'logical', '', &
-      'Take a dt above the largest stable step all the same, with a warning.')
+      'Allow a dt above the largest stable step, with a warning.')
     call table%preset('.false.')
     call table%only_with('kind', 'explicit')
     call table%add_key('rotation_mass', 'real', '', &
-      'Factor on the micro-inertia in `explicit`, so that slow motions need not follow ' &
-      //'its fast rotations. ''auto'' raises it in each element until displacements alone ' &
-      //'govern the step.')
+      'Factor on the micro-inertia in `explicit`, so that fast rotations do not limit ' &
+      //'the step of slow motions. ''auto'' raises it in each element until displacements ' &
+      //'alone govern the step.')
     call table%preset('1.0')
     call table%bounds(min=0.0_wp)
     call table%words('auto', [0.0_wp])
     call table%only_with('kind', 'explicit')
     call table%add_key('solver', 'string', '', &
-      'How `static` solves its equations: `direct` by factors (MUMPS), which serve any ' &
-      //'number of steps; `iterative` by conjugate gradients with an incomplete ' &
+      'How `static` solves its equations: `direct` by factors (MUMPS), which are reused' &
+      //' by any number of steps; `iterative` by conjugate gradients with an incomplete ' &
       //'factorisation, for large problems of few steps. `auto`: iterative from 40 000 ' &
       //'degrees of freedom on, unless there are more than ten steps or the run is ' &
       //'coupled; direct if it does not converge. Dynamics is direct.')
@@ -750,9 +749,9 @@ contains
     call table%bounds(min=0.0_wp)
     call table%only_with('kind', 'harmonic')
     call table%add_key('response', 'string', '', &
-      'Groups whose mean displacement (and micro-rotation) stands in ' &
+      'Groups whose mean displacement (and micro-rotation) is written to ' &
       //'`<deck>_harmonic.csv` of `harmonic`, by amplitude and phase; reactions of ' &
-      //'supported and moved groups do anyway.')
+      //'supported and moved groups always are.')
     call table%sized(1_i4, 99_i4)
     call table%only_with('kind', 'harmonic')
     call table%add_key('modes', 'integer', '', &
@@ -763,8 +762,9 @@ contains
     call table%add_key('tolerance', 'real', '', &
       'Relative change of the squared frequencies at which the iteration of `modal` ' &
       //'ends; residual over loads and reactions at which `relaxation`, and `static`, ' &
-      //'`newmark` and `hht` of laws with a state, end (there 1e-8 unless given); fall of' &
-      //' the residual at which conjugate gradients (`solver = ''iterative''`) end.')
+      //'`newmark` and `hht` of laws with a state, end (there 1e-8 unless given); ' &
+      //'decrease of the residual at which conjugate gradients (`solver = ''iterative''`) ' &
+      //'end.')
     call table%preset('1e-10')
     call table%bounds(above=0.0_wp)
     call table%only_with('kind', 'modal|relaxation|static|newmark|hht')
@@ -777,14 +777,14 @@ contains
     call table%only_with('kind', 'modal|relaxation|static|newmark|hht')
     call table%add_key('step_cuts', 'integer', '', &
       'How often `static`, `newmark` and `hht` halve a step of laws with a state that ' &
-      //'does not converge, before they give up.')
+      //'does not converge, before the run ends.')
     call table%preset('10')
     call table%bounds(min=0.0_wp, max=30.0_wp)
     call table%only_with('kind', 'static|newmark|hht')
     call table%add_key('continuation', 'string', '', &
-      'How `static` of laws with a state goes on: `load`, to the loads and motions of ' &
-      //'the next time; `arc_length`, along the path of equilibrium whatever becomes of ' &
-      //'the load. All loads and motions then have one factor, 1 for their values at ' &
+      'How `static` of laws with a state advances: `load`, to the loads and motions of ' &
+      //'the next time; `arc_length`, along the path of equilibrium with the load as an ' &
+      //'unknown. All loads and motions then have one factor, 1 for their values at ' &
       //'t_end, which each of the t_end/dt steps finds with the displacements; ' &
       //'`<deck>_arc.csv` has it.')
     call table%preset('load')
@@ -808,7 +808,7 @@ contains
     call table%only_with('kind', 'static')
     call table%only_with('continuation', 'arc_length')
     call table%add_key('arc_iterations', 'integer', '', &
-      'Iterations that a step by arc length should take: fewer make the next one ' &
+      'Target number of iterations of a step by arc length: fewer make the next one ' &
       //'longer, more make it shorter.')
     call table%preset('5')
     call table%bounds(min=1.0_wp)
@@ -820,8 +820,8 @@ contains
     type(key_table_type), intent(inout) :: table
     call table%add_group('initial_stress', 2, &
       'Stress at the start in a volume group whose law has a state. Before the first ' &
-      //'step the body settles under it and the loads at the start; displacements count ' &
-      //'from there.', repeats=.true.)
+      //'step the body reaches equilibrium under it and the loads at the start; ' &
+      //'displacements count from there.', repeats=.true.)
     call table%add_key('group', 'string', '', &
       'Volume group; where groups share elements the last one counts, those of ' &
       //'`&geostatic` after these.')
@@ -836,9 +836,9 @@ contains
     call table%add_group('geostatic', 4, &
       'Stress at the start under a level surface, in a volume group whose law has a ' &
       //'state: along gravity the weight above and the surcharge, k0 times as much ' &
-      //'sideways. The body then settles as with `&initial_stress`.', repeats=.true.)
+      //'sideways. Equilibrium follows as with `&initial_stress`.', repeats=.true.)
     call table%add_key('group', 'string', '', &
-      'Volume group; its own density counts for all that lies above.')
+      'Volume group; its own density is used for all material above.')
     call table%need()
     call table%add_key('level', 'real', 'm', &
       'Height of the surface, along the direction against gravity.')
@@ -855,21 +855,20 @@ contains
     type(key_table_type), intent(inout) :: table
     call table%add_group('stage', 4, &
       'A group of elements that is removed (excavation) or placed at a time of a static' &
-      //' run. What is then out of balance, the forces of elements that go and the weight' &
-      //' of those that come, is let go over `duration`. A group whose first stage places' &
-      //' it is absent at the start. Elements come without strain, and without stress but' &
-      //' for their `&initial_stress` where they are absent at the start.', repeats=.true.)
+      //' run. The imbalance, forces of removed elements and weight of placed ones, is ' &
+      //'released over `duration`. A group whose first stage places it is absent at the ' &
+      //'start. Placed elements have no strain, and no stress but for their ' &
+      //'`&initial_stress` where they are absent at the start.', repeats=.true.)
     call table%add_key('group', 'string', '', 'Volume group.')
     call table%need()
-    call table%add_key('action', 'string', '', 'What becomes of it.')
+    call table%add_key('action', 'string', '', 'Whether the group is removed or placed.')
     call table%preset('remove')
     call table%allow('remove|place')
     call table%add_key('time', 'real', 's', 'When; steps end there.')
     call table%need()
     call table%bounds(min=0.0_wp)
     call table%add_key('duration', 'real', 's', &
-      'Over which what is out of balance is let go; a later stage takes over what is ' &
-      //'left.')
+      'Over which the imbalance is released; a later stage includes what is left.')
     call table%need()
     call table%bounds(above=0.0_wp)
   end subroutine group_stage
@@ -898,7 +897,7 @@ contains
     call table%need()
     call table%sized(9_i4, 9_i4)
     call table%add_key('rotation', 'real', 'rad', &
-      'Micro-rotation phi; a classical solid takes that of the gradient.')
+      'Micro-rotation phi; a classical solid uses that of the gradient.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
     call table%add_key('rotation_gradient', 'real', '1/m', &
@@ -933,7 +932,7 @@ contains
       //'stress or strain, or the combination sum of `stress_part` sigma + sum of ' &
       //'`strain_part` epsilon (six factors, xx yy zz xy yz zx, engineering shears) ' &
       //'equals scale times the curve. Shear strains that no row names are held at zero; ' &
-      //'three rows are needed for the rest.', repeats=.true.)
+      //'three rows are needed for the others.', repeats=.true.)
     call table%add_key('component', 'string', '', &
       'The component, in place of `stress_part` and `strain_part`; of ' &
       //'`micropolar_drucker_prager` 11 to 33 (gamma_kl or sigma_kl) and k11 to k33 ' &
@@ -1022,7 +1021,7 @@ contains
       'Id of the `&micromorphic`; it may be left out where there is one alone.')
     call table%preset('')
     call table%add_key('level', 'string', '', &
-      'The stress it sees: S, Sigma, or the three slices of the couple stress M.')
+      'The stress it acts on: S, Sigma, or the three slices of the couple stress M.')
     call table%need()
     call table%allow('macro|micro|gradient')
     call table%add_key('friction_deg', 'real', 'deg', 'Angle of friction.')
@@ -1074,8 +1073,8 @@ contains
   subroutine group_micro_control(table)
     type(key_table_type), intent(inout) :: table
     call table%add_group('micro_control', 4, &
-      'What is asked of a component in `&micro_point`; components that no row names are' &
-      //' held. Rows for a whole field come before those for single components.', repeats=.true.)
+      'Control of a component in `&micro_point`; components that no row names are held.' &
+      //' Rows for a whole field come before those for single components.', repeats=.true.)
     call table%add_key('component', 'string', '', &
       'F11 to F33, chi11 to chi33, grad_chi111 to grad_chi333 (chi_iK,L), or `F`, ' &
       //'`chi`, `grad_chi` for all of a field.')

@@ -17,7 +17,7 @@ module fem_mm_setup
 
 contains
 
-  !> The solid number m; fault D350 for cones with which flow could not work.
+  !> The solid number m; fault D350 for cones that admit no flow.
   subroutine read_micromorphic(deck, m, law, errors)
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: m
@@ -101,7 +101,7 @@ contains
     last = merge(5_i4, first, first == 3)
     if (first == 3 .and. .not. cohesion > 0.0_wp) call deck%fault(errors, 'D350', &
       'a gradient cone needs cohesion', 'cone', k, 'cohesion', &
-      'couple stresses vanish at the start: they would stand on the tip of the cone')
+      'couple stresses vanish at the start: they would be on the tip of the cone')
     if (first == 3 .and. all(law%elastic%taus == 0.0_wp)) call deck%fault(errors, 'D350', &
       'a gradient cone belongs to couple stresses, and all taus are zero', 'cone', k, 'level', &
       'give taus to &micromorphic')

@@ -27,7 +27,7 @@ module fem_setup
 
 contains
 
-  !> Everything that the deck says of the body; all faults in one go.
+  !> All input of the body from the deck; all faults in one pass.
   subroutine read_body(deck, body, analysis, errors)
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
@@ -200,7 +200,7 @@ contains
       if (size(block) > 0 .and. all(body%supports%held(component, block))) &
         call deck%fault(errors, 'D328', 'component '//text// &
           " is held or moved at all nodes of '"//name//"'", 'initial', s, 'component', &
-          'leave it out, or take it from the &support')
+          'leave it out, or remove it from the &support')
       body%state%v(component, block) = value
     end do
     where (body%supports%held) body%state%v = 0.0_wp

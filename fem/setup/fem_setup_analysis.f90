@@ -31,7 +31,7 @@ contains
     call deck%get('analysis', 1, 'rayleigh_stiffness', body%damping%stiffness)
   end subroutine read_analysis
 
-  !> Dashpots of the absorbing faces, whose elements are known by now.
+  !> Dashpots of the absorbing faces, once their elements are known.
   subroutine read_absorbing(deck, body, errors)
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
@@ -48,7 +48,7 @@ contains
         cycle
       end if
       if (any_layered(body, g)) then
-        call deck%fault(errors, 'D329', 'absorbing faces do not know the waves of a layered '// &
+        call deck%fault(errors, 'D329', 'absorbing faces cannot absorb the waves of a layered '// &
                         'solid', 'absorbing', s, 'group', 'put a solid without layers there')
         cycle
       end if

@@ -116,7 +116,7 @@ contains
         if (any(abs(couple) > 0.0_wp) .and. &
             .not. all(body%elastic%rule(body%elastic%rule_of(element))%polar .and. &
                       body%dofs%parts == 1)) then
-          call deck%fault(errors, 'D323', "elements of '"//name//"' take no couples", 'body_load', &
+          call deck%fault(errors, 'D323', "elements of '"//name//"' have no couples", 'body_load', &
             s, 'couple', "couples act on sections of a material with law = 'micropolar'")
           cycle
         end if

@@ -1,5 +1,5 @@
 !> Laws with a state for a body: which elements have them, their initial stress from &initial_stress
-!! and &geostatic, and how their equilibrium is sought.
+!! and &geostatic, and settings of their equilibrium iteration.
 module fem_setup_matter
   use talus_kinds, only: wp, i4
   use talus_text, only: str
@@ -18,7 +18,7 @@ module fem_setup_matter
 
 contains
 
-  !> Nothing to do for bodies of elastic laws alone.
+  !> No action for bodies of elastic laws alone.
   subroutine read_matter(deck, body, errors)
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
@@ -86,7 +86,7 @@ contains
     end do
   end subroutine refuse_idle
 
-  !> Fault D334 for analyses and elements that know no state.
+  !> Fault D334 for analyses and elements that do not support a state.
   subroutine refuse_others(deck, body, errors)
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(in) :: body
@@ -96,12 +96,12 @@ contains
     call deck%get('analysis', 1, 'kind', kind)
     call deck%get('analysis', 1, 'solver', solver)
     if (body%scheme%linear_only) call deck%fault(errors, 'D334', "kind = '"//kind// &
-      "' knows linear laws alone, and a section has one with a state", 'analysis', 1, &
-      'kind', "take kind = 'static', 'newmark', 'hht' or 'explicit'")
+      "' supports linear laws alone, and a section has one with a state", 'analysis', 1, &
+      'kind', "use kind = 'static', 'newmark', 'hht' or 'explicit'")
     if (body%matter%micro%active) call refuse_micro(deck, body, errors)
     if (body%damping%stiffness > 0.0_wp) call deck%fault(errors, 'D334', &
-      'rayleigh_stiffness knows linear laws alone, and a section has one with a state', &
-      'analysis', 1, 'rayleigh_stiffness', 'take rayleigh_mass, dashpots, or the numerical '// &
+      'rayleigh_stiffness supports linear laws alone, and a section has one with a state', &
+      'analysis', 1, 'rayleigh_stiffness', 'use rayleigh_mass, dashpots, or the numerical '// &
       "damping of kind = 'hht'")
     if (solver == 'iterative') call deck%fault(errors, 'D334', &
       'tangents of laws with a state need factors', 'analysis', 1, 'solver', &
@@ -115,14 +115,14 @@ contains
       associate (rule => body%elastic%rule(body%elastic%rule_of(e)))
         if (rule%modes == 0 .and. .not. rule%one_point) cycle
         call deck%fault(errors, 'D334', 'element '//str(e)//' is '//trim(rule%name)// &
-          ', which knows elastic laws alone, in a body that has one with a state', 'section', 1, &
-          'element', 'take an element that integrates in full: hex8_bbar, hex8_full, hex20, ...')
+          ', which has elastic laws alone, in a body that has one with a state', 'section', 1, &
+          'element', 'use an element that integrates in full: hex8_bbar, hex8_full, hex20, ...')
         return
       end associate
     end do
   end subroutine refuse_others
 
-  !> Fault D334 for what dynamics has for other solids alone.
+  !> Fault D334 for options of dynamics for other solids alone.
   subroutine refuse_micro(deck, body, errors)
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(in) :: body
@@ -131,13 +131,13 @@ contains
     if (body%scheme%dynamic .and. .not. body%scheme%explicit &
       .and. 2.0_wp*body%scheme%beta < body%scheme%gamma) &
       call deck%fault(errors, 'D334', 'beta < gamma/2 with a micromorphic solid, whose largest '// &
-        'stable step is not known', 'analysis', 1, 'beta', 'take beta >= gamma/2')
+        'stable step is unknown', 'analysis', 1, 'beta', 'use beta >= gamma/2')
     call deck%get('analysis', 1, 'rotation_mass', factor)
     if (.not. factor > 0.0_wp) call deck%fault(errors, 'D334', &
-      "rotation_mass = 'auto' knows micropolar solids alone", 'analysis', 1, 'rotation_mass', &
+      "rotation_mass = 'auto' supports micropolar solids alone", 'analysis', 1, 'rotation_mass', &
       'give a factor on micro_inertia')
     if (deck%count('absorbing') > 0) call deck%fault(errors, 'D334', &
-      'absorbing faces do not know micromorphic solids', 'absorbing', 1, 'group', 'leave them out')
+      'absorbing faces exclude micromorphic solids', 'absorbing', 1, 'group', 'leave them out')
   end subroutine refuse_micro
 
   !> Initial stress of all points; where groups share elements the last one counts.

@@ -45,7 +45,7 @@ contains
     body%matter%micro%wants_stiffness = .not. body%scheme%explicit
   end subroutine read_micro_laws
 
-  !> All points at their initial stress, which `stress` of the matter holds as six components; fault
+  !> All points at their initial stress, given in `stress` of the matter as six components; fault
   !! D333 names the first that cannot be.
   subroutine begin_micro_points(deck, body, errors)
     type(deck_type), intent(in) :: deck

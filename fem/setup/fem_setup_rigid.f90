@@ -83,8 +83,8 @@ contains
     if (.not. rigid%mass > 0.0_wp) call deck%fault(errors, 'D337', 'what is free has no mass', &
       'rigid', s, 'free', 'give mass: that of hub and axle')
     if (.not. body%scheme%dynamic) call deck%fault(errors, 'D337', &
-      'statics knows no free rigid group', &
-      'rigid', s, 'free', "take kind = 'newmark', 'hht' or 'explicit', or move it by a curve")
+      'statics does not support a free rigid group', &
+      'rigid', s, 'free', "use kind = 'newmark', 'hht' or 'explicit', or move it by a curve")
   end subroutine read_motion
 
   !> Index of the curve that a key names, 0 if the key is left out; fault D303.

@@ -17,7 +17,7 @@ module fem_setup_sections
   private
   public :: read_sections, check_ids, read_material, fem_material_type
 
-  !> What a &material says; a &micromorphic has no law of fem_law.
+  !> Data of a &material; a &micromorphic has no law of fem_law.
   type :: fem_material_type
     character(len=name_length) :: id = ''
     class(fem_law_type), allocatable :: law

@@ -10,7 +10,7 @@ module fem_setup_solver
   private
   public :: read_storage, choose_solver
 
-  integer(i4), parameter :: large = 40000  !! degrees of freedom from which on iterating is faster
+  integer(i4), parameter :: large = 40000  !! degrees of freedom above which iteration is faster
   real(wp), parameter :: few_steps = 10.0_wp
 
 contains
@@ -31,7 +31,7 @@ contains
     end associate
   end subroutine read_storage
 
-  !> Conjugate gradients for large statics of few steps, factors for the rest; `by_itself` says
+  !> Conjugate gradients for large statics of few steps, factors otherwise; `by_itself` is true
   !! that the deck leaves the choice open.
   subroutine choose_solver(deck, body, analysis, served, by_itself)
     type(deck_type), intent(in) :: deck

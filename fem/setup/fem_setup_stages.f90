@@ -16,7 +16,7 @@ module fem_setup_stages
 
 contains
 
-  !> All &stage groups, once the points have their initial state; nothing to do without them.
+  !> All &stage groups, once the points have their initial state; no action without any.
   subroutine read_stages(deck, body, errors)
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
@@ -122,7 +122,7 @@ contains
     end do
   end subroutine check_order
 
-  !> Elements that are there at the start and come back later come without stress; fault D333 for
+  !> Elements present at the start and placed again later have no stress; fault D333 for
   !! laws that cannot be so.
   subroutine clear_start(deck, body, errors)
     type(deck_type), intent(in) :: deck
@@ -143,7 +143,7 @@ contains
           end do
         end associate
         if (len(fault) == 0) cycle
-        call deck%fault(errors, 'D333', 'element '//str(e)//' comes back without stress: '//fault, &
+        call deck%fault(errors, 'D333', 'element '//str(e)//' returns without stress: '//fault, &
                         'material', body%matter%law_of(e), 'id', cure)
         return
       end do
