@@ -1,6 +1,6 @@
 !> A step of central differences without damping, in two passes over the degrees of freedom: before
-!! and after the internal forces. The formulas are those of fem_explicit; the second pass takes all
-!! sums of the ledger with it, chunk by chunk: the same bits for any number of threads.
+!! and after the internal forces. The formulas are those of fem_explicit; the second pass adds all
+!! sums of the ledger, chunk by chunk: the same bits for any number of threads.
 module fem_leap
   use talus_kinds, only: wp, i4
   use fem_types, only: fem_state_type

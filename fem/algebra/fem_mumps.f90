@@ -173,7 +173,7 @@ contains
     if (self%entries < 0) self%entries = -self%entries*1000000_i8
   end subroutine factor
 
-  !> On disk if the deck says so, or if it leaves the choice and memory is short.
+  !> On disk if the deck requires it, or if it leaves the choice and memory is short.
   subroutine choose_storage(self)
     class(mumps_type), intent(inout) :: self
     real(wp) :: free
@@ -251,7 +251,7 @@ contains
         str(int(memory_free()/int(mega, i8), i4))//' MB are free', hint=hint)
     case (-90)
       call errors%add('S305', 'the factors cannot be put on disk'//mumps, &
-        trim(self%id%ooc_tmpdir), 'is it a folder with room for '//str(self%id%infog(16))// &
+        trim(self%id%ooc_tmpdir), 'is it a folder with space for '//str(self%id%infog(16))// &
         ' MB? `scratch` in &analysis names another')
     case (-6, -10, -40)
       call errors%add('N301', 'the stiffness is singular in '//where//mumps, &

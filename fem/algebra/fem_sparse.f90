@@ -387,7 +387,7 @@ contains
   end subroutine scale_mass
 
   !> Largest size of an entry; of a matrix that ranks share, which is symmetric and positive, it
-  !! stands in the diagonal.
+  !! is in the diagonal.
   real(wp) function largest_entry(pattern, k)
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), intent(in) :: k(:, :, :)

@@ -78,7 +78,7 @@ contains
   end subroutine assemble_tangent
 
   !> Largest stable step of the time integration, and the element that sets it. Springs of the port
-  !! stand for what hangs at the nodes of an explicit body: they act on its step alone.
+  !! represent what the partner ties to the nodes of an explicit body: they act on its step alone.
   subroutine limit_step(self)
     class(fem_body_type), intent(inout) :: self
     real(wp) :: square
@@ -160,7 +160,7 @@ contains
     if (.not. errors%any()) self%system%fresh_numbering = .true.
   end subroutine number
 
-  !> Largest explicit steps in use: those of laws with a state leave room for what stiffens
+  !> Largest explicit steps in use: those of laws with a state have a margin for stiffening
   !! until the next update of the largest stable one [s].
   pure real(wp) function safe_step(self)
     class(fem_body_type), intent(in) :: self

@@ -1,4 +1,4 @@
-!> Stress of hexahedra with incompatible modes: what the modes 1 - xi_i^2 add to it. They take the
+!> Stress of hexahedra with incompatible modes: what the modes 1 - xi_i^2 add to it. They have the
 !! amplitudes for which no work is done on them; the stiffness has them condensed (fem_batch).
 module fem_incompatible
   use talus_kinds, only: wp, i4

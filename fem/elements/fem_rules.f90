@@ -166,7 +166,7 @@ contains
     end do
   end subroutine evaluate
 
-  !> Matrix that takes values at the points to the corners: the least squares fit by the corner
+  !> Matrix that maps values at the points to the corners: the least squares fit by the corner
   !! functions, or the mean where there are fewer points than corners.
   subroutine fit(at, corners, spread)
     type(fem_points_type), intent(in) :: at

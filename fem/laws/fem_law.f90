@@ -217,8 +217,8 @@ contains
     end do
   end subroutine differences
 
-  !> Work of the increment from `stress` to `new` into the state `there`; laws of finite strain know
-  !! their stored energy.
+  !> Work of the increment from `stress` to `new` into the state `there`; the stored energy of laws
+  !! of finite strain is `known`.
   pure subroutine count_work(known, strain, stress, new, state, there)
     logical, intent(in) :: known
     real(wp), intent(in) :: strain(6), stress(6), new(6), state(:)

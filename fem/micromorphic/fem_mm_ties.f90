@@ -19,7 +19,7 @@ module fem_mm_ties
 contains
 
   !> Append the springs of a group with k [N/m] to those of the ground. `lost` is the first facet
-  !! whose element is not known, 0 if all are.
+  !! whose element is missing, 0 if none is.
   subroutine tie_springs(mesh, dofs, elastic, group, k, springs, lost)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
