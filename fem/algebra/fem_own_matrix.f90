@@ -44,28 +44,32 @@ contains
     integer(i4), allocatable, intent(out) :: pair(:, :)
     real(wp), allocatable, intent(out) :: value(:, :)
     logical :: there(pattern%nodes)
-    integer(i4) :: n, i, p, r, l, pass
-    do pass = 1, 2
-      n = 0
-      counts = 0
-      do r = 0, size(counts) - 1
-        associate (list => pattern%halo%shared(pattern%halo%first(r):pattern%halo%first(r + 1) - 1))
-          there = .false.
-          there(list) = .true.
-          do l = 1, size(list)
-            i = list(l)
-            do p = pattern%start(i), pattern%start(i + 1) - 1
-              if (.not. there(pattern%column(p))) cycle
-              n = n + 1
-              counts(r) = counts(r) + 1
-              if (pass == 1) cycle
-              pair(:, n) = [i, pattern%column(p)]
-              value(:, n) = reshape(k(:, :, p), [9])
-            end do
-          end do
-        end associate
+    integer(i4), allocatable :: row(:), entry(:)
+    integer(i4) :: n, i, p, r, l
+    associate (list => pattern%halo%shared)
+      n = int(sum(pattern%start(list + 1) - pattern%start(list)), i4)
+    end associate
+    allocate (row(n), entry(n))
+    n = 0
+    counts = 0
+    do r = 0, size(counts) - 1
+      there = .false.
+      there(pattern%halo%shared(pattern%halo%first(r):pattern%halo%first(r + 1) - 1)) = .true.
+      do l = pattern%halo%first(r), pattern%halo%first(r + 1) - 1
+        i = pattern%halo%shared(l)
+        do p = pattern%start(i), pattern%start(i + 1) - 1
+          if (.not. there(pattern%column(p))) cycle
+          n = n + 1
+          counts(r) = counts(r) + 1
+          row(n) = i
+          entry(n) = p
+        end do
       end do
-      if (pass == 1) allocate (pair(2, n), value(9, n))
+    end do
+    allocate (pair(2, n), value(9, n))
+    do l = 1, n
+      pair(:, l) = [row(l), pattern%column(entry(l))]
+      value(:, l) = reshape(k(:, :, entry(l)), [9])
     end do
   end subroutine choose_pairs
 

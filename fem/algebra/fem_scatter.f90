@@ -27,20 +27,20 @@ contains
     end do
   end subroutine clear_rows
 
-  !> Add an element to the rows of a range of nodes.
-  pure subroutine add_element(block, node, pattern, range, symmetric, ke, k, lower)
-    integer(i4), intent(in) :: block(:), node(:), range(2)
+  !> Add an element to the rows of its blocks that are `mine`.
+  pure subroutine add_element(block, mine, pattern, symmetric, ke, k, lower)
+    integer(i4), intent(in) :: block(:)
+    logical, intent(in) :: mine(:)
     type(fem_pattern_type), intent(in) :: pattern
     logical, intent(in) :: symmetric
     real(wp), intent(in) :: ke(:, :)
     real(wp), intent(inout) :: k(:, :, :), lower(:, :, :)
-    integer(i4) :: a, b, row, p
+    integer(i4) :: a, b, p
     do b = 1, size(block)
       do a = 1, size(block)
-        row = min(block(a), block(b))
-        if (node(row) < range(1) .or. node(row) >= range(2)) cycle
+        if (.not. merge(mine(a), mine(b), block(a) <= block(b))) cycle
         if (symmetric .and. block(a) > block(b)) cycle
-        p = place(pattern, row, max(block(a), block(b)))
+        p = place(pattern, min(block(a), block(b)), max(block(a), block(b)))
         if (block(a) <= block(b)) then
           k(:, :, p) = k(:, :, p) + ke(3*a - 2:3*a, 3*b - 2:3*b)
         else

@@ -90,30 +90,50 @@ contains
     class(fem_solver_type), intent(in) :: self
     type(fem_pattern_type), intent(in) :: pattern
     integer(i4), allocatable, intent(out) :: irn(:), jcn(:)
-    integer(i4) :: i, j, p, a, b, n, pass
+    integer(i4) :: i, j, p, l, m, n, pairs(2, 9)
 
-    do pass = 1, 2
-      n = 0
-      do i = 1, pattern%nodes
-        do p = pattern%start(i), pattern%start(i + 1) - 1
-          j = pattern%column(p)
-          do b = 1, 3
-            do a = 1, merge(b, 3, i == j .and. .not. self%mumps%general)
-              if (self%equation(a, i) == 0 .or. self%equation(b, j) == 0) cycle
-              n = n + 1
-              if (pass == 2) irn(n) = self%equation(a, i)
-              if (pass == 2) jcn(n) = self%equation(b, j)
-              if (i == j .or. .not. self%mumps%general) cycle
-              n = n + 1
-              if (pass == 2) irn(n) = self%equation(b, j)
-              if (pass == 2) jcn(n) = self%equation(a, i)
-            end do
-          end do
+    n = 0
+    do i = 1, pattern%nodes
+      do p = pattern%start(i), pattern%start(i + 1) - 1
+        call free_pairs(self, i, pattern%column(p), m, pairs)
+        n = n + merge(2*m, m, self%mumps%general .and. i /= pattern%column(p))
+      end do
+    end do
+    allocate (irn(n), jcn(n))
+    n = 0
+    do i = 1, pattern%nodes
+      do p = pattern%start(i), pattern%start(i + 1) - 1
+        j = pattern%column(p)
+        call free_pairs(self, i, j, m, pairs)
+        do l = 1, m
+          n = n + 1
+          irn(n) = self%equation(pairs(1, l), i)
+          jcn(n) = self%equation(pairs(2, l), j)
+          if (i == j .or. .not. self%mumps%general) cycle
+          n = n + 1
+          irn(n) = self%equation(pairs(2, l), j)
+          jcn(n) = self%equation(pairs(1, l), i)
         end do
       end do
-      if (pass == 1) allocate (irn(n), jcn(n))
     end do
   end subroutine entries_of
+
+  !> The m pairs of components (a, b) of block i, j between free degrees of freedom; of a diagonal
+  !! block of a symmetric matrix its upper triangle.
+  pure subroutine free_pairs(self, i, j, m, pairs)
+    class(fem_solver_type), intent(in) :: self
+    integer(i4), intent(in) :: i, j
+    integer(i4), intent(out) :: m, pairs(2, 9)
+    integer(i4) :: a, b
+    m = 0
+    do b = 1, 3
+      do a = 1, merge(b, 3, i == j .and. .not. self%mumps%general)
+        if (self%equation(a, i) == 0 .or. self%equation(b, j) == 0) cycle
+        m = m + 1
+        pairs(:, m) = [a, b]
+      end do
+    end do
+  end subroutine free_pairs
 
   !> Elimination order of the equations: by node position, then by field, then by component.
   subroutine elimination(self, dofs, order)
@@ -162,7 +182,6 @@ contains
     real(wp), intent(in) :: mass_factor  !! [1/s^2], 0 in statics
     type(error_list_type), intent(inout) :: errors
     real(wp), intent(in), optional :: lower(:, :, :)
-    integer(i4) :: i, j, p, a, b, n
 
     if (self%free == 0) return
     if (self%iterative) then
@@ -174,29 +193,40 @@ contains
         hint='check supports, moduli and the mesh')
       return
     end if
+    call fill_values(self, pattern, k, mass, mass_factor, lower)
+    call self%mumps%factor(self%value, errors)
+    self%factorisations = self%factorisations + 1
+  end subroutine factor
+
+  !> Values of the entries of K + mass_factor M, in the order of `entries_of`.
+  subroutine fill_values(self, pattern, k, mass, mass_factor, lower)
+    class(fem_solver_type), intent(inout) :: self
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in) :: k(:, :, :), mass(:)
+    real(wp), intent(in) :: mass_factor  !! [1/s^2]
+    real(wp), intent(in), optional :: lower(:, :, :)
+    integer(i4) :: i, j, p, a, b, l, m, n, pairs(2, 9)
     n = 0
     do i = 1, pattern%nodes
       do p = pattern%start(i), pattern%start(i + 1) - 1
         j = pattern%column(p)
-        do b = 1, 3
-          do a = 1, merge(b, 3, i == j .and. .not. self%mumps%general)
-            if (self%equation(a, i) == 0 .or. self%equation(b, j) == 0) cycle
-            n = n + 1
-            self%value(n) = k(a, b, p)
-            if (a == b .and. mass_factor > 0.0_wp) self%value(n) = self%value(n) &
-              + mass_factor*mass(p)
-            if (i == j .or. .not. self%mumps%general) cycle
-            n = n + 1
-            self%value(n) = lower(b, a, p)
-            if (a == b .and. mass_factor > 0.0_wp) self%value(n) = self%value(n) &
-              + mass_factor*mass(p)
-          end do
+        call free_pairs(self, i, j, m, pairs)
+        do l = 1, m
+          a = pairs(1, l)
+          b = pairs(2, l)
+          n = n + 1
+          self%value(n) = k(a, b, p)
+          if (a == b .and. mass_factor > 0.0_wp) self%value(n) = self%value(n) &
+            + mass_factor*mass(p)
+          if (i == j .or. .not. self%mumps%general) cycle
+          n = n + 1
+          self%value(n) = lower(b, a, p)
+          if (a == b .and. mass_factor > 0.0_wp) self%value(n) = self%value(n) &
+            + mass_factor*mass(p)
         end do
       end do
     end do
-    call self%mumps%factor(self%value, errors)
-    self%factorisations = self%factorisations + 1
-  end subroutine factor
+  end subroutine fill_values
 
   !> du(3, blocks) from residual(3, blocks); prescribed entries of du are zero.
   subroutine solve(self, pattern, residual, du, errors)

@@ -50,6 +50,15 @@ module fem_analysis_harmonic
     procedure :: report
   end type fem_analysis_harmonic_type
 
+  !> Entries of a sparse matrix by row and column.
+  type :: triplets_type
+    integer(i4) :: n = 0
+    integer(i4), allocatable :: irn(:), jcn(:)
+    real(wp), allocatable :: value(:)
+  contains
+    procedure :: put => put_triplet
+  end type triplets_type
+
 contains
 
   subroutine read_harmonic(self, deck, scheme, errors)
@@ -92,7 +101,7 @@ contains
     integer(i4) :: k, g
     do k = 1, size(none)
       if (deck%count(trim(none(k))) > 0) call deck%fault(errors, 'D345', 'a harmonic response '// &
-        'knows no &'//trim(none(k)), trim(none(k)), 1, '', &
+        'does not support &'//trim(none(k)), trim(none(k)), 1, '', &
         'it is linear, about one state: leave it out, or integrate in time with kind = ''newmark''')
     end do
     allocate (self%watched(0), self%reacting(0))
@@ -249,37 +258,53 @@ contains
     real(wp), intent(in) :: a(:, :, :), b(:, :, :)
     integer(i4), allocatable, intent(out) :: irn(:), jcn(:)
     real(wp), allocatable, intent(out) :: value(:)
-    integer(i4) :: i, j, p, c, d, n, row, column, pass
+    type(triplets_type) :: list
+    integer(i4) :: i, j, p, pass
 
     do pass = 1, 2
-      n = 0
+      list%n = 0
       do i = 1, pattern%nodes
         do p = pattern%start(i), pattern%start(i + 1) - 1
           j = pattern%column(p)
-          do d = 1, 3
-            do c = 1, merge(d, 3_i4, i == j)
-              row = equation(c, i)
-              column = equation(d, j)
-              if (row == 0 .or. column == 0) cycle
-              if (pass == 2) then
-                irn(n + 1:n + 3) = [2*row - 1, 2*row, 2*row - 1]
-                jcn(n + 1:n + 3) = [2*column - 1, 2*column, 2*column]
-                value(n + 1:n + 3) = [a(c, d, p), -a(c, d, p), -b(c, d, p)]
-              end if
-              n = n + 3
-              if (row == column) cycle
-              n = n + 1
-              if (pass == 1) cycle
-              irn(n) = 2*row
-              jcn(n) = 2*column - 1
-              value(n) = -b(c, d, p)
-            end do
-          end do
+          call double_block(equation(:, i), equation(:, j), i == j, a(:, :, p), b(:, :, p), list)
         end do
       end do
-      if (pass == 1) allocate (irn(n), jcn(n), value(n))
+      if (pass == 1) allocate (list%irn(list%n), list%jcn(list%n), list%value(list%n))
     end do
+    call move_alloc(list%irn, irn)
+    call move_alloc(list%jcn, jcn)
+    call move_alloc(list%value, value)
   end subroutine double_entries
+
+  !> The entries of one block of each of A and B; of diagonal blocks one triangle.
+  pure subroutine double_block(rows, columns, diagonal, a, b, list)
+    integer(i4), intent(in) :: rows(3), columns(3)  !! pairs, 0 = held
+    logical, intent(in) :: diagonal
+    real(wp), intent(in) :: a(3, 3), b(3, 3)
+    type(triplets_type), intent(inout) :: list
+    integer(i4) :: c, d
+    do d = 1, 3
+      do c = 1, merge(d, 3_i4, diagonal)
+        if (rows(c) == 0 .or. columns(d) == 0) cycle
+        call list%put(2*rows(c) - 1, 2*columns(d) - 1, a(c, d))
+        call list%put(2*rows(c), 2*columns(d), -a(c, d))
+        call list%put(2*rows(c) - 1, 2*columns(d), -b(c, d))
+        if (rows(c) /= columns(d)) call list%put(2*rows(c), 2*columns(d) - 1, -b(c, d))
+      end do
+    end do
+  end subroutine double_block
+
+  !> Append an entry; counts it alone as long as there are no arrays.
+  pure subroutine put_triplet(self, row, column, value)
+    class(triplets_type), intent(inout) :: self
+    integer(i4), intent(in) :: row, column
+    real(wp), intent(in) :: value
+    self%n = self%n + 1
+    if (.not. allocated(self%value)) return
+    self%irn(self%n) = row
+    self%jcn(self%n) = column
+    self%value(self%n) = value
+  end subroutine put_triplet
 
   !> U and reactions at the circular frequency w [rad/s].
   subroutine respond(self, body, w, errors)

@@ -100,27 +100,12 @@ contains
     real(wp), intent(in) :: t1  !! [s]
     type(error_list_type), intent(inout) :: errors
     real(wp) :: dt
-    integer(i4) :: k
 
     dt = t1 - self%accepted%time
     associate (s => self%state, old => self%accepted, work => self%leap_work)
       s%time = t1
       call drift_all(dt, self%supports%held, self%port%prescribed, self%port%given_u, old, s, work)
-      do k = 1, size(self%supports%motion)
-        associate (m => self%supports%motion(k))
-          s%u(m%component, m%block) = m%scale*self%loads%curve(m%curve)%at(t1)
-          work%half(m%component, m%block) = (s%u(m%component, m%block) &
-                                             - old%u(m%component, m%block))/dt
-        end associate
-      end do
-      if (allocated(self%supports%rigid)) then
-        call self%impose(t1, s%u)
-        do k = 1, size(self%supports%rigid)
-          associate (node => self%supports%rigid(k)%node)
-            work%half(:, node) = (s%u(:, node) - old%u(:, node))/dt
-          end associate
-        end do
-      end if
+      call quick_motions(self, t1, dt)
       call self%external_at(t1, s%external)
       call self%follow(t1, s%u, s%external)
       call self%trial_force(s%u, work%internal)
@@ -141,6 +126,30 @@ contains
       call self%matter_fault(errors)
     end associate
   end subroutine quick_leap
+
+  !> Displacements at t1 of the motions of the deck and of rigid groups, and their velocities in the
+  !! step.
+  subroutine quick_motions(self, t1, dt)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: t1, dt  !! [s]
+    integer(i4) :: k
+    associate (s => self%state, old => self%accepted, work => self%leap_work)
+      do k = 1, size(self%supports%motion)
+        associate (m => self%supports%motion(k))
+          s%u(m%component, m%block) = m%scale*self%loads%curve(m%curve)%at(t1)
+          work%half(m%component, m%block) = (s%u(m%component, m%block) &
+                                             - old%u(m%component, m%block))/dt
+        end associate
+      end do
+      if (.not. allocated(self%supports%rigid)) return
+      call self%impose(t1, s%u)
+      do k = 1, size(self%supports%rigid)
+        associate (node => self%supports%rigid(k)%node)
+          work%half(:, node) = (s%u(:, node) - old%u(:, node))/dt
+        end associate
+      end do
+    end associate
+  end subroutine quick_motions
 
   !> Ledger of an explicit state with lumped mass; loads by what moved since the accepted state.
   subroutine explicit_energy(self, internal)

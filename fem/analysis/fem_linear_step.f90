@@ -67,19 +67,19 @@ contains
   subroutine part_reactions(self)
     type(fem_body_type), intent(inout) :: self
     real(wp) :: left, scale
+    logical :: fixed(3)
     integer(i4) :: i, c
     left = 0.0_wp
     scale = 0.0_wp
     associate (s => self%state)
       do i = 1, size(s%reaction, 2)
+        fixed = self%supports%held(:, i) .or. self%port%prescribed(:, i)
         do c = 1, 3
-          if (self%supports%held(c, i) .or. self%port%prescribed(c, i)) then
-            scale = scale + s%reaction(c, i)**2
-          else
-            left = left + s%reaction(c, i)**2
-            scale = scale + s%external(c, i)**2
-            s%reaction(c, i) = 0.0_wp
-          end if
+          if (fixed(c)) scale = scale + s%reaction(c, i)**2
+          if (fixed(c)) cycle
+          left = left + s%reaction(c, i)**2
+          scale = scale + s%external(c, i)**2
+          s%reaction(c, i) = 0.0_wp
         end do
       end do
     end associate

@@ -64,8 +64,8 @@ contains
     real(wp), intent(out) :: c(:, :, :)
     real(wp), allocatable :: xi(:, :), weight(:)
     real(wp) :: u(size(x, 2)), n(node_count(field)), slope(2, node_count(field))
-    real(wp) :: area(3), size_of, whole, squares, share
-    integer(i4) :: q, a, i, j
+    real(wp) :: area(3), size_of, whole, squares
+    integer(i4) :: q, a
 
     call quadrature_rule(kind, degree, xi, weight)
     c = 0.0_wp
@@ -78,15 +78,24 @@ contains
       whole = whole + weight(q)*size_of
       squares = squares + weight(q)*size_of*sum(n**2)
       do a = 1, size(n)
-        share = weight(q)*size_of*n(a)**2
-        do j = 1, 3
-          do i = 1, 3
-            c(i, j, a) = c(i, j, a) + share*(press - shear)*area(i)*area(j)/size_of**2
-          end do
-          c(j, j, a) = c(j, j, a) + share*shear
-        end do
+        call add_dashpot(weight(q)*size_of*n(a)**2, press, shear, area, c(:, :, a))
       end do
     end do
     c = c*whole/squares
   end subroutine facet_dashpots
+
+  !> Add the dashpot of a share [m^2] of a facet with the area vector `area` [m^2].
+  pure subroutine add_dashpot(share, press, shear, area, c)
+    real(wp), intent(in) :: share, press, shear, area(3)
+    real(wp), intent(inout) :: c(3, 3)  !! [N s/m]
+    real(wp) :: size_of
+    integer(i4) :: i, j
+    size_of = norm2(area)
+    do j = 1, 3
+      do i = 1, 3
+        c(i, j) = c(i, j) + share*(press - shear)*area(i)*area(j)/size_of**2
+      end do
+      c(j, j) = c(j, j) + share*shear
+    end do
+  end subroutine add_dashpot
 end module fem_absorbing

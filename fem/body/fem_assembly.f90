@@ -114,7 +114,7 @@ contains
     real(wp), intent(inout) :: k(:, :, :)
     type(fem_batch_type) :: batch
     integer(i4), allocatable :: chosen(:)
-    integer(i4) :: r, i, l, n
+    integer(i4) :: r, i, l, n, e
 
     do n = range(1), range(2) - 1
       k(:, :, pattern%start(n):pattern%start(n + 1) - 1) = 0.0_wp
@@ -130,12 +130,11 @@ contains
         call batch_shape(elastic%rule(r)%at, batch)
         call batch_stiffness(elastic%rule(r), batch)
         do l = 1, n
-          associate (e => chosen(i + l - 1))
-            if (elastic%layered_of(e) > 0) &
-              call layered_lane(mesh, dofs, elastic, e, batch%k(l, :, :))
-            call add_blocks(dofs%block(dofs%start(e):dofs%start(e + 1) - 1), dofs%node, pattern, &
-                            range, batch%k(l, :, :), k)
-          end associate
+          e = chosen(i + l - 1)
+          if (elastic%layered_of(e) > 0) &
+            call layered_lane(mesh, dofs, elastic, e, batch%k(l, :, :))
+          call add_blocks(dofs%block(dofs%start(e):dofs%start(e + 1) - 1), dofs%node, pattern, &
+                          range, batch%k(l, :, :), k)
         end do
       end do
     end do
@@ -167,28 +166,37 @@ contains
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), intent(in) :: ke(:, :)
     real(wp), intent(inout) :: k(:, :, :)
-    integer(i4) :: a, b, p, row, j
+    integer(i4) :: a, b, p, row
     do b = 1, size(block)
       do a = 1, b
         row = node(min(block(a), block(b)))
         if (row < range(1) .or. row >= range(2)) cycle
         p = place(pattern, min(block(a), block(b)), max(block(a), block(b)))
-        if (block(a) <= block(b)) then
-          do j = 1, 3
-            k(1, j, p) = k(1, j, p) + ke(3*j - 2, pair(a, b))
-            k(2, j, p) = k(2, j, p) + ke(3*j - 1, pair(a, b))
-            k(3, j, p) = k(3, j, p) + ke(3*j, pair(a, b))
-          end do
-        else
-          do j = 1, 3
-            k(1, j, p) = k(1, j, p) + ke(j, pair(a, b))
-            k(2, j, p) = k(2, j, p) + ke(j + 3, pair(a, b))
-            k(3, j, p) = k(3, j, p) + ke(j + 6, pair(a, b))
-          end do
-        end if
+        call add_block(ke(:, pair(a, b)), block(a) > block(b), k(:, :, p))
       end do
     end do
   end subroutine add_blocks
+
+  !> Add nine entries, column by column, or transposed.
+  pure subroutine add_block(ke, transposed, k)
+    real(wp), intent(in) :: ke(:)
+    logical, intent(in) :: transposed
+    real(wp), intent(inout) :: k(:, :)
+    integer(i4) :: j
+    if (transposed) then
+      do j = 1, 3
+        k(1, j) = k(1, j) + ke(j)
+        k(2, j) = k(2, j) + ke(j + 3)
+        k(3, j) = k(3, j) + ke(j + 6)
+      end do
+      return
+    end if
+    do j = 1, 3
+      k(1, j) = k(1, j) + ke(3*j - 2)
+      k(2, j) = k(2, j) + ke(3*j - 1)
+      k(3, j) = k(3, j) + ke(3*j)
+    end do
+  end subroutine add_block
 
   !> Stiffness of element e, blocks a <= b [N/m, N, N m].
   subroutine stiffness_of(mesh, dofs, elastic, e, ke)
@@ -277,9 +285,8 @@ contains
     real(wp), intent(inout) :: mass(:), lumped(:)
     type(fem_batch_type) :: batch
     integer(i4), allocatable :: chosen(:)
-    integer(i4), allocatable :: of(:, :)
     real(wp), allocatable :: me(:, :), le(:)
-    integer(i4) :: r, i, l, m, a, b, e, p, row
+    integer(i4) :: r, i, l, m, e
 
     do r = 1, size(elastic%rule)
       call batch_room(elastic%rule(r), elastic%rule(r)%mass_at, batch)
@@ -293,24 +300,50 @@ contains
           e = chosen(i + l - 1)
           call whole_mass(elastic, e, batch%mass(l, :), me)
           call lumped_of(elastic, e, me, le)
-          associate (block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
-            of = places_of(int(size(block), i4), elastic%rule(r)%nodes, dofs%parts)
-            do b = 1, size(block)
-              row = dofs%node(block(b))
-              if (row >= range(1) .and. row < range(2)) &
-                lumped(block(b)) = lumped(block(b)) + le(of(1, b))
-              do a = 1, b
-                row = dofs%node(min(block(a), block(b)))
-                if (row < range(1) .or. row >= range(2) .or. of(2, a) /= of(2, b)) cycle
-                p = place(pattern, min(block(a), block(b)), max(block(a), block(b)))
-                mass(p) = mass(p) + me(of(1, a), of(1, b))
-              end do
-            end do
-          end associate
+          call add_mass(dofs, e, elastic%rule(r)%nodes, pattern, range, me, mass)
+          call add_lumped(dofs, e, elastic%rule(r)%nodes, range, le, lumped)
         end do
       end do
     end do
   end subroutine mass_share
+
+  !> Add the consistent mass of element e to the rows of a range of nodes.
+  subroutine add_mass(dofs, e, nodes, pattern, range, me, mass)
+    type(fem_dofs_type), intent(in) :: dofs
+    integer(i4), intent(in) :: e, nodes, range(2)
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in) :: me(:, :)
+    real(wp), intent(inout) :: mass(:)
+    integer(i4) :: of(2, dofs%start(e + 1) - dofs%start(e)), a, b, p, row
+    associate (block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
+      of = places_of(int(size(block), i4), nodes, dofs%parts)
+      do b = 1, size(block)
+        do a = 1, b
+          row = dofs%node(min(block(a), block(b)))
+          if (row < range(1) .or. row >= range(2) .or. of(2, a) /= of(2, b)) cycle
+          p = place(pattern, min(block(a), block(b)), max(block(a), block(b)))
+          mass(p) = mass(p) + me(of(1, a), of(1, b))
+        end do
+      end do
+    end associate
+  end subroutine add_mass
+
+  !> Add the lumped mass of element e to the blocks of a range of nodes.
+  subroutine add_lumped(dofs, e, nodes, range, le, lumped)
+    type(fem_dofs_type), intent(in) :: dofs
+    integer(i4), intent(in) :: e, nodes, range(2)
+    real(wp), intent(in) :: le(:)
+    real(wp), intent(inout) :: lumped(:)
+    integer(i4) :: of(2, dofs%start(e + 1) - dofs%start(e)), b, row
+    associate (block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
+      of = places_of(int(size(block), i4), nodes, dofs%parts)
+      do b = 1, size(block)
+        row = dofs%node(block(b))
+        if (row < range(1) .or. row >= range(2)) cycle
+        lumped(block(b)) = lumped(block(b)) + le(of(1, b))
+      end do
+    end associate
+  end subroutine add_lumped
 
   !> Node of each block of an element, u first, counted through both fields, and its part: blocks of
   !! different parts have no mass between them.
@@ -404,14 +437,13 @@ contains
     end associate
   end subroutine lumped_mass_of
 
-  !> Add the consistent forces (3, blocks) of a force per mass on all elements, and of a force and
-  !! a couple per volume on chosen ones [N, N m].
-  subroutine body_force(mesh, dofs, elastic, chosen, per_mass, per_volume, couple, force)
+  !> Add the consistent forces (3, blocks) of a force and a couple per volume on chosen elements
+  !! [N, N m].
+  subroutine body_force(mesh, dofs, elastic, chosen, per_volume, couple, force)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     integer(i4), intent(in) :: chosen(:)       !! elements
-    real(wp), intent(in) :: per_mass(3)        !! [m/s^2]
     real(wp), intent(in) :: per_volume(3)      !! [N/m^3]
     real(wp), intent(in) :: couple(3)          !! [N/m^2]
     real(wp), intent(inout) :: force(:, :)
@@ -427,7 +459,7 @@ contains
         if (allocated(f)) deallocate (f)
         allocate (f(3, size(block)))
         call element_shape(rule%mass_at, mesh%x(:, block(:rule%nodes)), shape)
-        call element_load(rule, shape, elastic%density(e)*per_mass + per_volume, couple, f)
+        call element_load(rule, shape, per_volume, couple, f)
         force(:, block) = force(:, block) + f
       end associate
     end do

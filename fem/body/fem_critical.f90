@@ -111,7 +111,7 @@ contains
     integer(i4), intent(in) :: e
     real(wp), intent(in) :: k(:, :, :, :), mass(:, :)
     type(waiting_type), intent(inout) :: waiting
-    integer(i4) :: a, b, i, j, l, n
+    integer(i4) :: a, b, i, l, n
     n = size(k, 4)
     if (.not. allocated(waiting%matrix)) allocate (waiting%matrix(lanes, 3*n, 3*n))
     waiting%n = waiting%n + 1
@@ -119,10 +119,8 @@ contains
     waiting%element(l) = e
     do b = 1, n
       do a = 1, b  ! the lower triangle from the blocks of the upper one
-        do j = 1, 3
-          do i = 1, 3
-            waiting%matrix(l, 3*b - 3 + j, 3*a - 3 + i) = k(i, j, a, b)/sqrt(mass(1, a)*mass(1, b))
-          end do
+        do i = 1, 3
+          waiting%matrix(l, 3*b - 2:3*b, 3*a - 3 + i) = k(i, :, a, b)/sqrt(mass(1, a)*mass(1, b))
         end do
       end do
     end do

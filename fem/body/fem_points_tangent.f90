@@ -65,8 +65,11 @@ contains
         do i = 1, size(chosen)
           work%element = chosen(i)
           call point_tangent(self, mesh, dofs, elastic, work, ke)
-          call add_element(dofs%block(dofs%start(chosen(i)):dofs%start(chosen(i) + 1) - 1), &
-                           dofs%node, pattern, range, self%symmetric, ke, k, lower)
+          associate (block => dofs%block(dofs%start(chosen(i)):dofs%start(chosen(i) + 1) - 1), &
+                     node => dofs%node)
+            call add_element(block, node(block) >= range(1) .and. node(block) < range(2), pattern, &
+                             self%symmetric, ke, k, lower)
+          end associate
         end do
       end do
     end subroutine share

@@ -141,7 +141,7 @@ contains
     real(wp), intent(out) :: nodal(:, :)
     real(wp) :: share(mesh%nodes), weight(elastic%points)
     real(wp), allocatable :: corner(:, :), volume(:)
-    integer(i4) :: e, q, a
+    integer(i4) :: e, a
 
     nodal = 0.0_wp
     share = 0.0_wp
@@ -152,12 +152,7 @@ contains
                  last => elastic%point(e + 1) - 1, node => dofs%block(dofs%start(e):))
         volume = matmul(rule%at%corner, weight(first:last))
         if (rule%brick) then
-          do q = 1, rule%at%n
-            do a = 1, rule%corners
-              nodal(:, node(a)) = nodal(:, node(a)) &
-                + rule%at%corner(a, q)*weight(first + q - 1)*stress(:, first + q - 1)
-            end do
-          end do
+          call add_brick(rule%at%corner, node, weight(first:last), stress(:, first:last), nodal)
           share(node(:8)) = share(node(:8)) + volume
           cycle
         end if
@@ -173,6 +168,20 @@ contains
       nodal(:, a) = nodal(:, a)/max(share(a), tiny(1.0_wp))  ! nodes of absent elements
     end do
   end subroutine nodal_stress
+
+  !> Add the stresses of the points of a brick to its corners, weighted by N w.
+  pure subroutine add_brick(corner, node, weight, stress, nodal)
+    real(wp), intent(in) :: corner(:, :)  !! (corners, points) N
+    integer(i4), intent(in) :: node(:)
+    real(wp), intent(in) :: weight(:), stress(:, :)
+    real(wp), intent(inout) :: nodal(:, :)
+    integer(i4) :: q, a
+    do q = 1, size(weight)
+      do a = 1, size(corner, 1)
+        nodal(:, node(a)) = nodal(:, node(a)) + corner(a, q)*weight(q)*stress(:, q)
+      end do
+    end do
+  end subroutine add_brick
 
   !> Sums at the nodes over the elements of all ranks.
   subroutine complete(dofs, nodal, share)
@@ -205,12 +214,10 @@ contains
         if (.not. rule%polar) cycle
         do a = 1, rule%nodes
           n = block(a)
-          if (dofs%phi(n) > 0) then
-            nodal(:3, n) = u(:, dofs%phi(n))
-          else
-            nodal(:3, n) = matmul(u(:, block(rule%nodes + 1:rule%nodes + rule%corners)), &
-                                  rule%middle(:, a))
-          end if
+          if (dofs%phi(n) > 0) nodal(:3, n) = u(:, dofs%phi(n))
+          if (dofs%phi(n) > 0) cycle
+          nodal(:3, n) = matmul(u(:, block(rule%nodes + 1:rule%nodes + rule%corners)), &
+                                rule%middle(:, a))
         end do
       end associate
     end do

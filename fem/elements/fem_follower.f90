@@ -27,25 +27,32 @@ contains
     real(wp), intent(in) :: pressure     !! now [Pa]
     real(wp), intent(in) :: u(:, :)      !! (3, blocks) [m]
     real(wp), intent(inout) :: force(:, :)
-    real(wp) :: n(most_facet_nodes), area(3)
-    real(wp), allocatable :: points(:, :), weights(:)
-    integer(i4) :: f, q, m, a
+    integer(i4) :: f
     associate (group => mesh%group(follower%group))
       do f = 1, facet_total(group)
-        m = node_count(group%facet_kind(f))
-        call quadrature_rule(group%facet_kind(f), full_degree(group%facet_kind(f)), points, weights)
-        associate (node => group%facet(:m, f))
-          do q = 1, size(weights)
-            call facet_point(group%facet_kind(f), mesh%x(:, node) + u(:, node), points(:, q), &
-                             n(:m), area)
-            do a = 1, m
-              force(:, node(a)) = force(:, node(a)) - weights(q)*pressure*n(a)*area
-            end do
-          end do
+        associate (node => group%facet(:node_count(group%facet_kind(f)), f))
+          call facet_force(group%facet_kind(f), node, mesh%x(:, node) + u(:, node), pressure, force)
         end associate
       end do
     end associate
   end subroutine follower_force
+
+  !> Add the forces of one facet with its nodes at x [m].
+  subroutine facet_force(kind, node, x, pressure, force)
+    integer(i4), intent(in) :: kind, node(:)
+    real(wp), intent(in) :: x(:, :), pressure
+    real(wp), intent(inout) :: force(:, :)
+    real(wp) :: n(size(node)), area(3)
+    real(wp), allocatable :: points(:, :), weights(:)
+    integer(i4) :: q, a
+    call quadrature_rule(kind, full_degree(kind), points, weights)
+    do q = 1, size(weights)
+      call facet_point(kind, x, points(:, q), n, area)
+      do a = 1, size(node)
+        force(:, node(a)) = force(:, node(a)) - weights(q)*pressure*n(a)*area
+      end do
+    end do
+  end subroutine facet_force
 
   !> Add minus the slopes of these forces to a general matrix: blocks
   !! p w N_a (N_b,eta [x,xi]x - N_b,xi [x,eta]x), `lower` below the diagonal.
@@ -55,34 +62,44 @@ contains
     real(wp), intent(in) :: pressure, u(:, :)
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), intent(inout) :: k(:, :, :), lower(:, :, :)
-    real(wp) :: n(most_facet_nodes), slope(2, most_facet_nodes), along(3, 2), block(3, 3)
-    real(wp), allocatable :: points(:, :), weights(:)
-    integer(i4) :: f, q, m, a, b, p
+    integer(i4) :: f
     associate (group => mesh%group(follower%group))
       do f = 1, facet_total(group)
         if (allocated(follower%here)) then
           if (.not. follower%here(f)) cycle
         end if
-        m = node_count(group%facet_kind(f))
-        call quadrature_rule(group%facet_kind(f), full_degree(group%facet_kind(f)), points, weights)
-        associate (node => group%facet(:m, f))
-          do q = 1, size(weights)
-            call shape_functions(group%facet_kind(f), points(:, q), n(:m), slope(:, :m))
-            along = matmul(mesh%x(:, node) + u(:, node), transpose(slope(:, :m)))
-            do b = 1, m
-              block = pressure*weights(q)*(slope(2, b)*cross_matrix(along(:, 1)) &
-                                           - slope(1, b)*cross_matrix(along(:, 2)))
-              do a = 1, m
-                p = place(pattern, min(node(a), node(b)), max(node(a), node(b)))
-                if (node(a) <= node(b)) k(:, :, p) = k(:, :, p) + n(a)*block
-                if (node(a) > node(b)) lower(:, :, p) = lower(:, :, p) + n(a)*block
-              end do
-            end do
-          end do
+        associate (node => group%facet(:node_count(group%facet_kind(f)), f))
+          call facet_stiffness(group%facet_kind(f), node, mesh%x(:, node) + u(:, node), pressure, &
+                               pattern, k, lower)
         end associate
       end do
     end associate
   end subroutine add_follower_stiffness
+
+  !> Add the slopes of one facet with its nodes at x [m].
+  subroutine facet_stiffness(kind, node, x, pressure, pattern, k, lower)
+    integer(i4), intent(in) :: kind, node(:)
+    real(wp), intent(in) :: x(:, :), pressure
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(inout) :: k(:, :, :), lower(:, :, :)
+    real(wp) :: n(size(node)), slope(2, size(node)), along(3, 2), block(3, 3)
+    real(wp), allocatable :: points(:, :), weights(:)
+    integer(i4) :: q, a, b, p
+    call quadrature_rule(kind, full_degree(kind), points, weights)
+    do q = 1, size(weights)
+      call shape_functions(kind, points(:, q), n, slope)
+      along = matmul(x, transpose(slope))
+      do b = 1, size(node)
+        block = pressure*weights(q)*(slope(2, b)*cross_matrix(along(:, 1)) &
+                                     - slope(1, b)*cross_matrix(along(:, 2)))
+        do a = 1, size(node)
+          p = place(pattern, min(node(a), node(b)), max(node(a), node(b)))
+          if (node(a) <= node(b)) k(:, :, p) = k(:, :, p) + n(a)*block
+          if (node(a) > node(b)) lower(:, :, p) = lower(:, :, p) + n(a)*block
+        end do
+      end do
+    end do
+  end subroutine facet_stiffness
 
   !> The matrix of a x.
   pure function cross_matrix(a) result(m)

@@ -106,8 +106,8 @@ contains
     real(wp), intent(in) :: normal, tangential
     type(fem_springs_type), intent(inout) :: springs
     real(wp), allocatable :: points(:, :), weights(:)
-    real(wp) :: area(3), unit(3)
-    integer(i4) :: f, q, s, i, j, m, kind
+    real(wp) :: area(3)
+    integer(i4) :: f, q, s, m, kind
 
     s = springs%n
     call make_room(group, springs)
@@ -122,17 +122,26 @@ contains
         springs%node(:m, s) = group%facet(:m, f)
         call facet_point(kind, mesh%x(:, group%facet(:m, f)), points(:, q), &
                          springs%weight(:m, s), area)
-        unit = area/norm2(area)
-        area = weights(q)*area
-        do j = 1, 3
-          do i = 1, 3
-            springs%stiffness(i, j, s) = norm2(area)*(normal - tangential)*unit(i)*unit(j)
-          end do
-          springs%stiffness(j, j, s) = springs%stiffness(j, j, s) + norm2(area)*tangential
-        end do
+        springs%stiffness(:, :, s) = spring_stiffness(normal, tangential, area, weights(q))
       end do
     end do
   end subroutine facet_springs
+
+  !> Stiffness [N/m] of a point with a weight, from the stiffnesses per area along the normal and in
+  !! the plane, and the area vector.
+  pure function spring_stiffness(normal, tangential, area, weight) result(k)
+    real(wp), intent(in) :: normal, tangential, area(3), weight
+    real(wp) :: k(3, 3), unit(3), weighted(3)
+    integer(i4) :: i, j
+    unit = area/norm2(area)
+    weighted = weight*area
+    do j = 1, 3
+      do i = 1, 3
+        k(i, j) = norm2(weighted)*(normal - tangential)*unit(i)*unit(j)
+      end do
+      k(j, j) = k(j, j) + norm2(weighted)*tangential
+    end do
+  end function spring_stiffness
 
   !> Lengthen springs by those of a group; `n` counts them already.
   subroutine make_room(group, springs)

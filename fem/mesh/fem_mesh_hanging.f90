@@ -35,7 +35,7 @@ contains
     call outer_faces(faces, outer)
     call fill_grid(mesh, faces, outer, grid)
     do f = 1, size(outer)
-      call look_around(mesh, faces, grid, outer(f), hit, corner)
+      call search_face(mesh, faces, grid, outer(f), hit, corner)
       if (hit == 0) cycle
       if (corner > 0) then
         call errors%add('I303', 'nodes '//str(min(hit, corner))//' and '//str(max(hit, corner))// &
@@ -98,7 +98,7 @@ contains
 
   !> The first surface node on face q that is none of its own; `corner` is the own node in the same
   !! place, 0 if there is none.
-  subroutine look_around(mesh, faces, grid, q, hit, corner)
+  subroutine search_face(mesh, faces, grid, q, hit, corner)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_faces_type), intent(in) :: faces
     type(grid_type), intent(in) :: grid
@@ -121,16 +121,23 @@ contains
       place = at(1) + grid%cells(1)*(at(2) - 1 + grid%cells(2)*(at(3) - 1))
       hit = grid%first(place)
       do while (hit > 0)
-        if (.not. any(own == hit)) then
-          if (on_face(kind, mesh%x(:, hit), x)) then
-            corner = same_place(own, x, mesh%x(:, hit))
-            return
-          end if
+        if (is_foreign(kind, own, x, hit, mesh%x(:, hit))) then
+          corner = same_place(own, x, mesh%x(:, hit))
+          return
         end if
         hit = grid%next(hit)
       end do
     end do
-  end subroutine look_around
+  end subroutine search_face
+
+  !> Is a node at p on the face with the nodes `own` at x, and none of them?
+  logical function is_foreign(kind, own, x, node, p)
+    integer(i4), intent(in) :: kind, own(:), node
+    real(wp), intent(in) :: x(:, :), p(3)
+    is_foreign = .false.
+    if (any(own == node)) return
+    is_foreign = on_face(kind, p, x)
+  end function is_foreign
 
   !> Which of the nodes at x is at p; 0 if none is.
   pure integer(i4) function same_place(own, x, p)

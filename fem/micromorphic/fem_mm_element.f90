@@ -211,15 +211,13 @@ contains
     real(wp), intent(in) :: density, inertia(3, 3)
     real(wp), intent(out) :: mass(:, :)
     real(wp) :: share
-    integer(i4) :: q, a, b, i, k, l, d, e
+    integer(i4) :: q, a, b, d, e
     mass = 0.0_wp
     do q = 1, element%points
       do b = 1, element%nodes
         do a = 1, element%nodes
           share = density*element%weight(q)*element%n(a, q)*element%n(b, q)
-          do i = 1, 3
-            mass(3*a - 3 + i, 3*b - 3 + i) = mass(3*a - 3 + i, 3*b - 3 + i) + share
-          end do
+          call add_diagonal(share, mass(3*a - 2:3*a, 3*b - 2:3*b))
         end do
       end do
       do b = 1, element%micro_nodes
@@ -227,16 +225,34 @@ contains
           share = density*element%weight(q)*element%micro(a, q)*element%micro(b, q)
           d = 3*element%nodes + 9*(a - 1)
           e = 3*element%nodes + 9*(b - 1)
-          do l = 1, 3
-            do k = 1, 3
-              do i = 1, 3
-                mass(d + i + 3*(k - 1), e + i + 3*(l - 1)) = &
-                  mass(d + i + 3*(k - 1), e + i + 3*(l - 1)) + share*inertia(k, l)
-              end do
-            end do
-          end do
+          call add_micro(share, inertia, mass(d + 1:d + 9, e + 1:e + 9))
         end do
       end do
     end do
   end subroutine element_mass
+
+  !> Add a mass to the diagonal of a block of u.
+  pure subroutine add_diagonal(share, block)
+    real(wp), intent(in) :: share
+    real(wp), intent(inout) :: block(:, :)
+    integer(i4) :: i
+    do i = 1, 3
+      block(i, i) = block(i, i) + share
+    end do
+  end subroutine add_diagonal
+
+  !> Add a mass times I_KL to a block of phi.
+  pure subroutine add_micro(share, inertia, block)
+    real(wp), intent(in) :: share, inertia(3, 3)
+    real(wp), intent(inout) :: block(:, :)
+    integer(i4) :: i, k, l
+    do l = 1, 3
+      do k = 1, 3
+        do i = 1, 3
+          block(i + 3*(k - 1), i + 3*(l - 1)) = block(i + 3*(k - 1), i + 3*(l - 1)) &
+            + share*inertia(k, l)
+        end do
+      end do
+    end do
+  end subroutine add_micro
 end module fem_mm_element

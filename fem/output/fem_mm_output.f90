@@ -123,11 +123,9 @@ contains
         end do
         do a = 1, rule%nodes
           n = block(a)
-          if (dofs%phi(n) > 0) then
-            nodal(:, n) = nine(u, dofs%phi(n))
-          else if (between) then
-            nodal(:, n) = matmul(corner(:, :rule%corners), rule%middle(:, a))
-          end if
+          if (dofs%phi(n) > 0) nodal(:, n) = nine(u, dofs%phi(n))
+          if (dofs%phi(n) > 0 .or. .not. between) cycle
+          nodal(:, n) = matmul(corner(:, :rule%corners), rule%middle(:, a))
         end do
       end associate
     end do

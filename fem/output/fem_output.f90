@@ -46,6 +46,16 @@ module fem_output
     procedure :: close => close_output
   end type fem_output_type
 
+  !> A field step that is being written.
+  type :: field_step_type
+    logical :: leads = .true.  !! this rank writes
+    type(h5_file_type) :: file
+    character(len=:), allocatable :: group
+  contains
+    procedure :: put => put_field
+    procedure :: put_stress
+  end type field_step_type
+
 contains
 
   !> Open all files; start_time < 0 is a fresh run, else rows and steps later than it are cut.
@@ -358,19 +368,17 @@ contains
     class(fem_output_type), intent(inout) :: self
     type(fem_body_type), intent(in) :: body
     type(error_list_type), intent(inout) :: errors
-    type(h5_file_type) :: file
-    character(len=:), allocatable :: group
-    real(wp), allocatable :: stress(:, :), mean(:, :), nodal(:, :), position(:, :)
+    type(field_step_type) :: step
+    real(wp), allocatable :: stress(:, :), mean(:, :), nodal(:, :)
     integer(i4) :: n, c
-    logical :: leads
 
-    leads = body%whole%ranks%leads()
+    self%last_field = body%accepted%time
+    step%leads = body%whole%ranks%leads()
     if (body%matter%micro%active) then
-      call self%series%begin_step(body%accepted%time, file, group, errors)
-      call put_micro(body, self%points, file, group, errors)
-      call self%series%end_step(int(body%mesh%nodes, i8), file, errors)
+      call self%series%begin_step(body%accepted%time, step%file, step%group, errors)
+      call put_micro(body, self%points, step%file, step%group, errors)
+      call self%series%end_step(int(body%mesh%nodes, i8), step%file, errors)
       call self%xdmf%write(self%series, errors)
-      self%last_field = body%accepted%time
       return
     end if
     n = body%mesh%nodes
@@ -385,54 +393,74 @@ contains
     call mean_stress(body%mesh, body%dofs, body%elastic, stress, mean)
     call nodal_stress(body%mesh, body%dofs, body%elastic, stress, nodal)
     call body%whole%collect_cells(mean)
-    if (leads) call self%series%begin_step(body%accepted%time, file, group, errors)
-    call put('u', body%accepted%u(:, :n))
-    call put('v', merge(body%port%given_v(:, :n), body%accepted%v(:, :n), &
-                        body%port%prescribed(:, :n) .and. abs(body%port%given_v(:, :n)) > 0.0_wp))
-    call put('reaction', body%accepted%reaction(:, :n))
-    call put_stress('stress', mean)
-    call put_stress('stress_nodal', nodal)
-    if (c > classical) then
-      call nodal_rotation(body%dofs, body%elastic, body%accepted%u, nodal)
-      call put('phi', nodal(:3, :))
-      call nodal_rotation(body%dofs, body%elastic, body%accepted%v, nodal)
-      call put('phi_rate', nodal(:3, :))
-      nodal(:3, :) = 0.0_wp
-      nodal(:3, body%dofs%node(n + 1:)) = body%accepted%reaction(:, n + 1:)
-      call put('reaction_couple', nodal(:3, :))
-    end if
-    if (self%points) then
-      allocate (position(3, body%elastic%points))
-      call point_positions(body%mesh, body%dofs, body%elastic, position)
-      call body%whole%collect_points(position)
-      call put('points_x', position)
-      call body%whole%collect_points(stress)
-      call put_stress('stress_points', stress)
-    end if
-    if (body%matter%active) call put_states(body, self%points, file, group, errors)
-    if (leads) call self%series%end_step(int(body%mesh%nodes, i8), file, errors)
-    if (leads) call self%xdmf%write(self%series, errors)
-    self%last_field = body%accepted%time
-
-  contains
-
-    subroutine put(name, values)
-      character(len=*), intent(in) :: name
-      real(wp), intent(in) :: values(:, :)
-      if (leads) call file%put(group//'/'//name, values, errors)
-    end subroutine put
-
-    subroutine put_stress(name, values)
-      character(len=*), intent(in) :: name
-      real(wp), intent(in) :: values(:, :)
-      if (c == classical) then
-        call put(name, values)
-      else
-        call put(name, values(:9, :))
-        call put('couple_'//name, values(10:, :))
-      end if
-    end subroutine put_stress
+    if (step%leads) call self%series%begin_step(body%accepted%time, step%file, step%group, errors)
+    call step%put('u', body%accepted%u(:, :n), errors)
+    call step%put('v', merge(body%port%given_v(:, :n), body%accepted%v(:, :n), &
+      body%port%prescribed(:, :n) .and. abs(body%port%given_v(:, :n)) > 0.0_wp), errors)
+    call step%put('reaction', body%accepted%reaction(:, :n), errors)
+    call step%put_stress('stress', mean, errors)
+    call step%put_stress('stress_nodal', nodal, errors)
+    if (c > classical) call write_rotations(body, nodal, step, errors)
+    if (self%points) call write_points(body, stress, step, errors)
+    if (body%matter%active) call put_states(body, self%points, step%file, step%group, errors)
+    if (step%leads) call self%series%end_step(int(body%mesh%nodes, i8), step%file, errors)
+    if (step%leads) call self%xdmf%write(self%series, errors)
   end subroutine write_fields
+
+  !> Micro-rotations, their rates and reactions; `nodal` is workspace.
+  subroutine write_rotations(body, nodal, step, errors)
+    type(fem_body_type), intent(in) :: body
+    real(wp), intent(inout) :: nodal(:, :)
+    type(field_step_type), intent(inout) :: step
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: n
+    n = body%mesh%nodes
+    call nodal_rotation(body%dofs, body%elastic, body%accepted%u, nodal)
+    call step%put('phi', nodal(:3, :), errors)
+    call nodal_rotation(body%dofs, body%elastic, body%accepted%v, nodal)
+    call step%put('phi_rate', nodal(:3, :), errors)
+    nodal(:3, :) = 0.0_wp
+    nodal(:3, body%dofs%node(n + 1:)) = body%accepted%reaction(:, n + 1:)
+    call step%put('reaction_couple', nodal(:3, :), errors)
+  end subroutine write_rotations
+
+  !> Positions and stresses of the quadrature points of all ranks.
+  subroutine write_points(body, stress, step, errors)
+    type(fem_body_type), intent(in) :: body
+    real(wp), allocatable, intent(inout) :: stress(:, :)
+    type(field_step_type), intent(inout) :: step
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: position(:, :)
+    allocate (position(3, body%elastic%points))
+    call point_positions(body%mesh, body%dofs, body%elastic, position)
+    call body%whole%collect_points(position)
+    call step%put('points_x', position, errors)
+    call body%whole%collect_points(stress)
+    call step%put_stress('stress_points', stress, errors)
+  end subroutine write_points
+
+  !> Write a dataset, by the leader.
+  subroutine put_field(self, name, values, errors)
+    class(field_step_type), intent(inout) :: self
+    character(len=*), intent(in) :: name
+    real(wp), intent(in) :: values(:, :)
+    type(error_list_type), intent(inout) :: errors
+    if (self%leads) call self%file%put(self%group//'/'//name, values, errors)
+  end subroutine put_field
+
+  !> Write stresses, of bodies with micropolar parts stress and couple stress apart.
+  subroutine put_stress(self, name, values, errors)
+    class(field_step_type), intent(inout) :: self
+    character(len=*), intent(in) :: name
+    real(wp), intent(in) :: values(:, :)
+    type(error_list_type), intent(inout) :: errors
+    if (size(values, 1) == classical) then
+      call self%put(name, values, errors)
+      return
+    end if
+    call self%put(name, values(:9, :), errors)
+    call self%put('couple_'//name, values(10:, :), errors)
+  end subroutine put_stress
 
   !> Fields of the accepted state where a run ends by a fault, if fields are written at all.
   subroutine write_last(self, body, errors)

@@ -8,7 +8,8 @@ module fem_output_state
   use talus_history, only: history_type
   use talus_xdmf, only: xdmf_type, xdmf_cell
   use fem_body, only: fem_body_type
-  use fem_law, only: at_flag, at_iterations, at_dissipated, at_plastic, common_size
+  use fem_law, only: at_flag, at_iterations, at_dissipated, at_plastic, common_size, &
+    fem_law_type
   implicit none
   private
   public :: put_states, describe_states, newton_titles, write_newton
@@ -78,7 +79,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(string_type), allocatable :: names(:)
     real(wp), allocatable :: mean(:, :), cell(:, :), state(:, :)
-    integer(i4) :: e, k, s
+    integer(i4) :: e, k
     logical :: leads
 
     leads = body%whole%ranks%leads()
@@ -92,24 +93,15 @@ contains
           mean(at_iterations, e) = maxval(m%accepted_state(at_iterations, a:b))
         end associate
       end do
-      call law_states(body, names)
-      allocate (cell(size(names), body%mesh%elements), source=0.0_wp)
-      do k = 1, size(names)
-        do e = 1, body%mesh%elements
-          associate (law => m%law(m%law_of(e))%law)
-            do s = common_size + 1, law%states
-              if (plain(law%state_name(s)) == names(k)%s) cell(k, e) = mean(s, e)
-            end do
-          end associate
-        end do
-      end do
-      call body%whole%collect_cells(mean)
-      call body%whole%collect_cells(cell)
-      if (points) then
-        state = m%accepted_state
-        call body%whole%collect_points(state)
-      end if
     end associate
+    call law_states(body, names)
+    call by_name(body, names, mean, cell)
+    call body%whole%collect_cells(mean)
+    call body%whole%collect_cells(cell)
+    if (points) then
+      state = body%matter%accepted_state
+      call body%whole%collect_points(state)
+    end if
     if (.not. leads) return
     call file%put(group//'/yield', mean(at_flag, :), errors)
     call file%put(group//'/local_iterations', mean(at_iterations, :), errors)
@@ -122,6 +114,33 @@ contains
     if (body%stages%active) &
       call file%put(group//'/active', merge(0.0_wp, 1.0_wp, body%elastic%absent), errors)
   end subroutine put_states
+
+  !> Means of the states of given names (names, elements), zero where the law has no such state.
+  subroutine by_name(body, names, mean, cell)
+    type(fem_body_type), intent(in) :: body
+    type(string_type), intent(in) :: names(:)
+    real(wp), intent(in) :: mean(:, :)
+    real(wp), allocatable, intent(out) :: cell(:, :)
+    integer(i4) :: e, k, s
+    allocate (cell(size(names), body%mesh%elements), source=0.0_wp)
+    do k = 1, size(names)
+      do e = 1, body%mesh%elements
+        s = state_index(body%matter%law(body%matter%law_of(e))%law, names(k)%s)
+        if (s > 0) cell(k, e) = mean(s, e)
+      end do
+    end do
+  end subroutine by_name
+
+  !> Place of the state of a name beyond the common ones, 0 if the law has none.
+  pure integer(i4) function state_index(law, name)
+    class(fem_law_type), intent(in) :: law
+    character(len=*), intent(in) :: name
+    integer(i4) :: s
+    state_index = 0
+    do s = common_size + 1, law%states
+      if (plain(law%state_name(s)) == name) state_index = s
+    end do
+  end function state_index
 
   !> Columns of the table of iterations.
   subroutine newton_titles(columns)

@@ -308,7 +308,7 @@ contains
     type(fem_springs_type), intent(inout) :: springs
     character(len=*), intent(in) :: place
     type(error_list_type), intent(inout) :: errors
-    integer(i4) :: s, a
+    integer(i4) :: s, a, node, block
     if (body%matter%micro%active) then
       call errors%add('P302', 'micromorphic solids have no springs on micro-rotations', place, &
                       'leave node_phi out')
@@ -316,17 +316,15 @@ contains
     end if
     do s = 1, springs%n
       do a = 1, size(springs%node, 1)
-        associate (node => springs%node(a, s))
-          if (node >= 1 .and. node <= body%mesh%nodes) then
-            if (body%dofs%phi(node) > 0) then
-              node = body%dofs%phi(node)
-              cycle
-            end if
-          end if
+        node = springs%node(a, s)
+        block = 0
+        if (node >= 1 .and. node <= body%mesh%nodes) block = body%dofs%phi(node)
+        if (block == 0) then
           call errors%add('P302', 'spring '//str(s)//' on micro-rotations names node '// &
                           str(node)//', which has none', place)
           return
-        end associate
+        end if
+        springs%node(a, s) = block
       end do
     end do
   end subroutine turn_nodes

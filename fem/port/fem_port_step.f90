@@ -33,7 +33,7 @@ contains
     trial = 1
     if (.not. model%analysis%solves) then
       call errors%add('P301', 'an explicit body does not answer SOLVE', request%place(), &
-                      "ask for ADVANCE, or take kind = 'newmark'")
+                      "use ADVANCE, or kind = 'newmark'")
       return
     end if
     if (request%has(field_trial)) call request%get_int(field_trial, trial, errors)
@@ -61,7 +61,7 @@ contains
       moved(:, :)
     type(fem_kept_type) :: kept
     real(wp) :: t0, share, dt
-    integer(i4) :: k, n, s, i
+    integer(i4) :: k, n
 
     call sets%take_loads(model%body, request, errors)
     allocate (start_u, source=model%body%accepted%u)
@@ -87,14 +87,7 @@ contains
         if (errors%any()) exit start
         moved(:, :) = body%state%u - moved
         impulse = impulse + 0.5_wp*dt*(before + body%state%reaction)
-        do s = 1, sets%n
-          associate (block => [sets%set(s)%node, sets%set(s)%phi])
-            do i = 1, size(block)
-              work(s) = work(s) + 0.5_wp*dot_product(before(:, block(i)) &
-                        + body%state%reaction(:, block(i)), moved(:, block(i)))
-            end do
-          end associate
-        end do
+        call add_work(sets, before, body%state%reaction, moved, work)
         if (k < n) call body%accept()
       end do start
       call body%put_back(kept)
@@ -105,6 +98,22 @@ contains
       call put_scalars(body, reply)
     end associate
   end subroutine advance
+
+  !> Add the trapezoidal works of the reactions on each set [J].
+  subroutine add_work(sets, before, after, moved, work)
+    type(fem_sets_type), intent(in) :: sets
+    real(wp), intent(in) :: before(:, :), after(:, :), moved(:, :)  !! (3, blocks)
+    real(wp), intent(inout) :: work(:)
+    integer(i4) :: s, i
+    do s = 1, sets%n
+      associate (block => [sets%set(s)%node, sets%set(s)%phi])
+        do i = 1, size(block)
+          work(s) = work(s) + 0.5_wp*dot_product(before(:, block(i)) + after(:, block(i)), &
+                                                 moved(:, block(i)))
+        end do
+      end associate
+    end do
+  end subroutine add_work
 
   !> Impulses and works of the prescribed sets; signs as on the partner.
   subroutine put_impulses(sets, impulse, work, reply)

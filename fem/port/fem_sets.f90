@@ -48,13 +48,44 @@ contains
     type(fem_body_type), intent(inout) :: body
     logical, intent(out) :: changed
     type(error_list_type), intent(inout) :: errors
-    logical :: before(3, body%dofs%blocks), turns
-    integer(i4) :: k, r, role_of, c
+    logical :: turns
+    integer(i4) :: k, r, c
 
     changed = .false.
     self%edge%ready = .false.
-    role_of = role_number(role)
-    if (role_of == 0 .or. role_of > role_load) then
+    turns = index(','//fields//',', ','//field_phi//',') > 0
+    call check_set(name, role, ids, turns, body, errors)
+    if (errors%any()) return
+    call self%find(name, k)
+    if (k == 0) then
+      if (self%n == size(self%set)) then
+        call errors%add('P302', 'more than '//str(int(size(self%set), i4))//' sets were selected')
+        return
+      end if
+      self%n = self%n + 1
+      k = self%n
+    end if
+    self%set(k)%name = name
+    self%set(k)%role = role_number(role)
+    self%set(k)%node = int(ids, i4)
+    self%set(k)%moves = .not. turns .or. index(','//fields//',', ','//field_u//',') > 0
+    if (allocated(self%set(k)%phi)) deallocate (self%set(k)%phi)
+    if (allocated(self%set(k)%element)) deallocate (self%set(k)%element)
+    allocate (self%set(k)%phi(0))
+    if (turns) self%set(k)%phi = [((body%dofs%phi(ids(r)) + c, c=0, body%dofs%parts - 1), &
+                                   r=1, int(size(ids), i4))]
+    call mark_prescribed(self, body, changed)
+  end subroutine select_set
+
+  !> Faults P301 of the role, P302 of nodes of a set that do not exist or have no micro-rotation.
+  subroutine check_set(name, role, ids, turns, body, errors)
+    character(len=*), intent(in) :: name, role
+    integer(i8), intent(in) :: ids(:)
+    logical, intent(in) :: turns  !! the set acts on micro-rotations
+    type(fem_body_type), intent(in) :: body
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    if (role_number(role) == 0 .or. role_number(role) > role_load) then
       call errors%add('P301', "talus-fem has no role '"//role//"' for a set", 'set '//name, &
                       'choices: report, prescribe and load')
       return
@@ -66,33 +97,20 @@ contains
                       'node ids go from 1 to '//str(body%mesh%nodes))
       return
     end if
-    turns = index(','//fields//',', ','//field_phi//',') > 0
-    if (turns) then
-      if (any(body%dofs%phi(ids) == 0)) then
-        k = int(ids(findloc(body%dofs%phi(ids), 0, 1)), i4)
-        call errors%add('P302', 'set '//name//': node '//str(k)//' has no micro-rotation', &
-          hint='only corner nodes of mixed pairs and micropolar or micromorphic sections have them')
-        return
-      end if
-    end if
-    call self%find(name, k)
-    if (k == 0) then
-      if (self%n == size(self%set)) then
-        call errors%add('P302', 'more than '//str(int(size(self%set), i4))//' sets were selected')
-        return
-      end if
-      self%n = self%n + 1
-      k = self%n
-    end if
-    self%set(k)%name = name
-    self%set(k)%role = role_of
-    self%set(k)%node = int(ids, i4)
-    self%set(k)%moves = .not. turns .or. index(','//fields//',', ','//field_u//',') > 0
-    if (allocated(self%set(k)%phi)) deallocate (self%set(k)%phi)
-    if (allocated(self%set(k)%element)) deallocate (self%set(k)%element)
-    allocate (self%set(k)%phi(0))
-    if (turns) self%set(k)%phi = [((body%dofs%phi(ids(r)) + c, c=0, body%dofs%parts - 1), &
-                                   r=1, int(size(ids), i4))]
+    if (.not. turns) return
+    if (.not. any(body%dofs%phi(ids) == 0)) return
+    k = int(ids(findloc(body%dofs%phi(ids), 0, 1)), i4)
+    call errors%add('P302', 'set '//name//': node '//str(k)//' has no micro-rotation', &
+      hint='only corner nodes of mixed pairs and micropolar or micromorphic sections have them')
+  end subroutine check_set
+
+  !> Mark what the prescribe sets move; what they did not move before keeps its displacement.
+  subroutine mark_prescribed(self, body, changed)
+    class(fem_sets_type), intent(in) :: self
+    type(fem_body_type), intent(inout) :: body
+    logical, intent(out) :: changed
+    logical :: before(3, body%dofs%blocks)
+    integer(i4) :: k
     before = body%port%prescribed
     body%port%prescribed = .false.
     do k = 1, self%n
@@ -102,7 +120,7 @@ contains
     end do
     where (body%port%prescribed .and. .not. before) body%port%given_u = body%accepted%u
     changed = any(body%port%prescribed .neqv. before)
-  end subroutine select_set
+  end subroutine mark_prescribed
 
   !> Index of a set, 0 if there is none.
   subroutine find(self, name, k)

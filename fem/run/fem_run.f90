@@ -28,7 +28,7 @@ contains
 
     do
       if (model%analysis%complete(model%body)) exit
-      call look_around(model, save_now)
+      call check_requests(model, save_now)
       if (model%stopped) exit
       if (save_now) call model%save_checkpoint('', errors)
       call next_time(model, t1, last)
@@ -79,7 +79,7 @@ contains
   end subroutine log_iterations
 
   !> Is the run to stop, or a checkpoint due? The leader decides.
-  subroutine look_around(model, save_now)
+  subroutine check_requests(model, save_now)
     type(fem_model_type), intent(inout) :: model
     logical, intent(out) :: save_now
     integer(i4) :: asked(2)
@@ -92,7 +92,7 @@ contains
     save_now = asked(2) > 0 .and. asked(1) == stop_none
     model%stopped = asked(1) /= stop_none
     if (model%stopped) call model%log%line('stopped by '//model%stop%text())
-  end subroutine look_around
+  end subroutine check_requests
 
   !> The step again by factors, where conjugate gradients were chosen and did not converge.
   subroutine go_direct(model, t1, errors)

@@ -103,7 +103,8 @@ contains
         do c = 0, last
           text = fix(k)%s
           if (text == 'chi') text = 'chi'//str(1 + c/3)//str(1 + mod(c, 3))
-          call blocks_for(deck, body, 'support', s, g, text, component, block, errors)
+          call blocks_for(body, g, text, component, block)
+          if (component == 0) call field_fault(deck, 'support', s, text, errors)
           if (component == 0) exit
           body%supports%held(component, block) = .true.
         end do
@@ -111,17 +112,14 @@ contains
     end do
   end subroutine read_supports
 
-  !> Component and blocks that 'x' to 'rz', 'chi11' to 'chi33' mean at the nodes of group g; fault
-  !! D323 where no node has such a field, the component is 0 then.
-  subroutine blocks_for(deck, body, group, instance, g, text, component, block, errors)
-    type(deck_type), intent(in) :: deck
+  !> Component and blocks that 'x' to 'rz', 'chi11' to 'chi33' mean at the nodes of group g; the
+  !! component is 0 where no node has such a field.
+  subroutine blocks_for(body, g, text, component, block)
     type(fem_body_type), intent(in) :: body
-    character(len=*), intent(in) :: group, text
-    integer(i4), intent(in) :: instance, g
+    integer(i4), intent(in) :: g
+    character(len=*), intent(in) :: text
     integer(i4), intent(out) :: component
     integer(i4), allocatable, intent(out) :: block(:)
-    type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: name
     integer(i4) :: place(2)
 
     place = chi_component(text)
@@ -134,8 +132,18 @@ contains
       block = block + place(2) - 1
     end if
     if (body%matter%micro%active .neqv. place(1) > 0) block = [integer(i4) ::]
-    if (size(block) > 0) return
-    component = 0
+    if (size(block) == 0) component = 0
+  end subroutine blocks_for
+
+  !> Fault D323: the nodes that an instance of a group of the deck names do not have the field.
+  subroutine field_fault(deck, group, instance, text, errors)
+    type(deck_type), intent(in) :: deck
+    character(len=*), intent(in) :: group, text
+    integer(i4), intent(in) :: instance
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name
+    integer(i4) :: place(2)
+    place = chi_component(text)
     call deck%get(group, instance, 'group', name)
     if (place(1) > 0) then
       call deck%fault(errors, 'D323', "no node of '"//name//"' has a micro-deformation", group, &
@@ -146,7 +154,7 @@ contains
     call deck%fault(errors, 'D323', "no node of '"//name//"' has a micro-rotation", group, &
       instance, trim(merge('fix      ', 'component', group == 'support')), &
       "rotations belong to sections of a material with law = 'micropolar'")
-  end subroutine blocks_for
+  end subroutine field_fault
 
   subroutine read_motions(deck, body, errors)
     type(deck_type), intent(in) :: deck
@@ -166,7 +174,8 @@ contains
       call deck%get('motion', s, 'scale', motion%scale)
       call curve_index(deck, 'D303', body%loads%curve, 'motion', s, motion%curve, errors)
       if (g == 0 .or. motion%curve == 0) cycle
-      call blocks_for(deck, body, 'motion', s, g, component, motion%component, motion%block, errors)
+      call blocks_for(body, g, component, motion%component, motion%block)
+      if (motion%component == 0) call field_fault(deck, 'motion', s, component, errors)
       if (motion%component == 0) cycle
       clash = any(body%supports%held(motion%component, motion%block))
       if (clash) call deck%fault(errors, 'D306', &
@@ -195,7 +204,8 @@ contains
       if (g == 0) cycle
       call deck%get('initial', s, 'component', text)
       call deck%get('initial', s, 'value', value)
-      call blocks_for(deck, body, 'initial', s, g, text, component, block, errors)
+      call blocks_for(body, g, text, component, block)
+      if (component == 0) call field_fault(deck, 'initial', s, text, errors)
       if (component == 0) cycle
       if (size(block) > 0 .and. all(body%supports%held(component, block))) &
         call deck%fault(errors, 'D328', 'component '//text// &

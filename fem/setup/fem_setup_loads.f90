@@ -121,8 +121,7 @@ contains
           cycle
         end if
         load%force = 0.0_wp*body%state%u
-        call body_force(body%mesh, body%dofs, body%elastic, element, 0.0_wp*force, force, couple, &
-                        load%force)
+        call body_force(body%mesh, body%dofs, body%elastic, element, force, couple, load%force)
       end associate
       call append_load(body%loads%load, load)
     end do

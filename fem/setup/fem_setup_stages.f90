@@ -129,19 +129,13 @@ contains
     type(fem_body_type), intent(inout) :: body
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: fault, cure
-    real(wp), parameter :: none(6) = 0.0_wp
-    integer(i4) :: k, i, e, q
+    integer(i4) :: k, i, e
     do k = 1, size(body%stages%stage)
       if (.not. body%stages%stage(k)%place) cycle
       do i = 1, size(body%stages%stage(k)%element)
         e = body%stages%stage(k)%element(i)
         if (body%elastic%absent(e)) cycle
-        associate (law => body%matter%law(body%matter%law_of(e))%law)
-          do q = body%elastic%point(e), body%elastic%point(e + 1) - 1
-            body%stages%stress(:, q) = 0.0_wp
-            call law%begin(none, body%stages%state(:law%states, q), fault, cure)
-          end do
-        end associate
+        call clear_element(body, e, fault, cure)
         if (len(fault) == 0) cycle
         call deck%fault(errors, 'D333', 'element '//str(e)//' returns without stress: '//fault, &
                         'material', body%matter%law_of(e), 'id', cure)
@@ -149,6 +143,21 @@ contains
       end do
     end do
   end subroutine clear_start
+
+  !> No stress, and the state of that, at the points of element e when it is placed.
+  subroutine clear_element(body, e, fault, cure)
+    type(fem_body_type), intent(inout) :: body
+    integer(i4), intent(in) :: e
+    character(len=:), allocatable, intent(out) :: fault, cure
+    real(wp), parameter :: none(6) = 0.0_wp
+    integer(i4) :: q
+    associate (law => body%matter%law(body%matter%law_of(e))%law)
+      do q = body%elastic%point(e), body%elastic%point(e + 1) - 1
+        body%stages%stress(:, q) = 0.0_wp
+        call law%begin(none, body%stages%state(:law%states, q), fault, cure)
+      end do
+    end associate
+  end subroutine clear_element
 
   !> A load for what is out of balance, with its curve, after those of the deck.
   subroutine add_release(body)
