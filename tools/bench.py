@@ -4,17 +4,17 @@ Usage: bench.py [--bin build/bin] [--out build/bench] [--cases NAME ...] [--core
                 [--repeats 3] [--quick] [--accept]
        (make bench CASES='spheres_10000 ellipsoids_2760' QUICK=1 ACCEPT=1)
 
-Cases are the beds of bench_beds.py, settled once, and those of bench_solid.py; `solid` stands for
-all of these but solid_million, which alone takes some minutes. Writes OUT/bench.csv, bench.png and
+Cases are the beds of bench_beds.py, settled once, and those of bench_solid.py; `solid` means
+all of these but solid_million, which needs some minutes. Writes OUT/bench.csv, bench.png and
 bench.json; --accept also writes manual/speed.csv, which the manual shows. Figures are medians.
-Machines are shared and noisy: compare figures of one run only; the rate by CPU time tells more
+Machines are shared and noisy: compare figures of one run only; the rate by CPU time is safer
 where others load the machine.
 
 One bed alone, talus-dem only (beds: build/bench/beds/NAME.{h5,nml}, made by bench_beds.py):
     cd build/bench/beds && taskset -c 0 talus-dem spheres_10000.nml --threads=1 --output=/tmp
 runs 1000 steps without output (t_end in the deck decides); the rate is grain_steps_per_s of the
 summary, wall time of the steps alone. NAME: spheres_10000, spheres_50000, ellipsoids_2760,
-ellipsoids_20000, poly_ellipsoids_2760, superquadrics_2760, ... `perf stat -e task-clock` tells CPU
+ellipsoids_20000, poly_ellipsoids_2760, superquadrics_2760, ... `perf stat -e task-clock` gives CPU
 time where the machine is shared.
 """
 
@@ -73,7 +73,7 @@ def solid_cases(cases: list[str], quick: bool) -> list[str]:
 
 
 def main() -> int:
-    """Run what was asked for and write table, figure and record."""
+    """Run what was requested and write table, figure and record."""
     options = arguments()
     binaries, out = options.bin.resolve(), options.out.resolve()
     out.mkdir(parents=True, exist_ok=True)

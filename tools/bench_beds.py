@@ -1,6 +1,6 @@
 """Beds for `make bench`: grains on a loose lattice, let down into a box of planes by talus-dem.
 
-A bed is settled once and kept: FOLDER/<name>.h5 (packing), <name>.nml (deck that goes on from it,
+A bed is settled once and kept: FOLDER/<name>.h5 (packing), <name>.nml (deck that continues from it,
 for timing) and <name>.json (what was found when it had settled). Material, step and damping are
 those of CASE below for every code.
 
@@ -26,7 +26,7 @@ from talus.packing import make_packing, read_packing, write_packing_file  # noqa
 
 DENSITY, YOUNG, POISSON = 2650.0, 1.0e7, 0.25  # kg/m3, Pa; soft, so that settling is cheap
 FRICTION, DAMPING_RATIO = 0.5, 0.3
-DENSE = 0.35  # friction while ellipsoids fall: a coordination of 5.8 instead of 5.2
+DENSE = 0.35  # friction during deposition: a coordination of 5.8 instead of 5.2
 DT = 2.0e-5  # s; 0.28 of the Rayleigh time of the smallest sphere
 GRAVITY = 9.81  # m/s2
 SPHERE, SPREAD = 1.0e-3, 0.2  # mean radius [m], +- share
@@ -45,9 +45,9 @@ class Bed:
     shape: str
     grains: int
     columns: int
-    fall: float  # s, with the damping that follows
+    fall: float  # s of deposition, with the damping that follows
     damping: float  # 1/s
-    friction: float = FRICTION  # while it falls; less makes a denser bed
+    friction: float = FRICTION  # during deposition; less makes a denser bed
     source: str = ""  # bed of which this one is copies side by side
     copies: tuple[int, int] = (1, 1)
     beside: str = ""  # bed of ellipsoids of the same box, number and volumes
@@ -269,7 +269,7 @@ def say(found: dict) -> str:
 
 
 def main() -> int:
-    """Settle the beds asked for."""
+    """Settle the requested beds."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bin", type=Path, default=ROOT / "build/bin")
     parser.add_argument("--out", type=Path, default=ROOT / "build/bench/beds")

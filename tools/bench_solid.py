@@ -24,8 +24,8 @@ from talus.verification import launcher
 
 CONSTANTS = (210.0e9, 0.3, 7800.0)  # E [Pa], nu, density [kg/m3]
 GRAVITY = (3.0, 0.0, -9.81)  # m/s2
-LONG = 60.0  # s; what takes longer is run once
-POLL = 0.005  # s between two looks at the memory of a process
+LONG = 60.0  # s; what is slower is run once
+POLL = 0.005  # s between two samples of the memory of a process
 
 # displacement of the corner (1, 1, 1) [m], as CalculiX and FEniCSx print it
 CORNER = {

@@ -51,7 +51,7 @@ def table(timings: list) -> list[dict]:
 
 
 def write(path: Path, rows: list[dict], head: dict) -> None:
-    """Write the rows as CSV; what was run where stands in comments above."""
+    """Write the rows as CSV; comments above give what was run where."""
     with path.open("w", newline="") as file:
         for key, value in head.items():
             file.write(f"# {key}: {value}\n")

@@ -1,7 +1,7 @@
 """Compare the error codes of the sources with those of errors.toml and of the tests.
 
 Every code in the sources must be explained in errors.toml and the other way round; every code must
-be expected by a test of tests/errors, tests/faults or tests/python, unless UNTESTED says why not.
+be expected by a test of tests/errors, tests/faults or tests/python, unless listed in UNTESTED.
 """
 
 import re
@@ -23,9 +23,9 @@ ANY = re.compile(r"\b[A-Z]\d{3}\b")
 #: Codes without a failing deck, and why; those tested by a unit test are named with it.
 UNTESTED: dict[str, str] = {
     "D023": "no group, key or choice has a former name yet; test_talus_deck has it",
-    "N405": "guards the identities of the operators; no mesh that talus-fem takes breaks them",
+    "N405": "guards the identities of the operators; no mesh that talus-fem accepts breaks them",
     "N224": "guards the choice of ghosts near free grains; a unit test of the port has it",
-    "N422": "guards the identities of the operators; no mesh that talus-fem takes breaks them",
+    "N422": "guards the identities of the operators; no mesh that talus-fem accepts breaks them",
     "N408": "guards the reference of a relaxed solid; no deck is known that breaks it",
     "N441": "guards the factor of a matrix that is positive by construction; no input breaks it",
     "P424": "a solver that dies in its --check without a word; no input does that",
@@ -80,6 +80,6 @@ def check_codes() -> list[str]:
         for code in sorted(listed.keys() - tested - UNTESTED.keys())
     ]
     wrong += [
-        f"{code} has a test, yet stands in UNTESTED" for code in sorted(tested & UNTESTED.keys())
+        f"{code} has a test, yet is in UNTESTED" for code in sorted(tested & UNTESTED.keys())
     ]
     return wrong

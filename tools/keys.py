@@ -17,7 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PROGRAMS = {"dem": "dem", "fem": "fem", "couple": "cpl"}  # folder: prefix of its modules
-TABLES = {  # where the Fortran table of a program stands
+TABLES = {  # the Fortran table of a program
     "dem": "setup/dem_deck_keys.f90",
     "fem": "setup/fem_deck_keys.f90",
     "couple": "run/cpl_deck_keys.f90",
@@ -115,7 +115,7 @@ def clean(text: str) -> str:
 
 
 def is_number(value: object) -> bool:
-    """Tell whether a TOML value is a finite number."""
+    """Return whether a TOML value is a finite number."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
@@ -168,7 +168,7 @@ def read_relations(key: Key, entry: dict, place: str, faults: Faults) -> None:
 
 
 def fits(value: object, key: Key) -> bool:
-    """Tell whether one default value has the type of its key, its bounds and its choices."""
+    """Return whether one default value has the type of its key, its bounds and its choices."""
     if key.kind in ("string", "file"):
         return isinstance(value, str) and (not key.choices or value in key.choices)
     if key.kind == "logical":
@@ -197,7 +197,7 @@ def read_default(entry: dict, key: Key, place: str, faults: Faults) -> list | No
     if key.required or key.need_if:
         faults.add(place, "a required key has no default")
     if not key.least <= len(values) <= key.most:
-        faults.add(place, f"default has {len(values)} values, size says otherwise")
+        faults.add(place, f"default has {len(values)} values, size differs")
     for item in values:
         if not fits(item, key) or (isinstance(item, str) and re.search(r"[|\n]", item)):
             faults.add(place, f"default {item!r} does not fit type, bounds or choices")
@@ -278,7 +278,7 @@ def read_group(name: str, entry: dict, shared: bool, place: str, faults: Faults)
         faults.add(
             place,
             f"unknown word '{word}' (known: {', '.join(sorted(GROUP_WORDS))}; "
-            f"keys stand in [{name}.keys])",
+            f"keys belong in [{name}.keys])",
         )
     if not NAME.match(name):
         faults.add(place, "a name is lower case, starts with a letter, has at most 31 letters")
@@ -291,7 +291,7 @@ def read_group(name: str, entry: dict, shared: bool, place: str, faults: Faults)
         if key:
             keys.append(key)
     if not keys:
-        faults.add(place, f"no keys: they stand in [{name}.keys]")
+        faults.add(place, f"no keys: they belong in [{name}.keys]")
     example = str(entry.get("example", "")).strip()
     group = Group(name, clean(entry.get("doc", "")), bool(entry.get("repeat", False)),
                   bool(entry.get("required", False)), example, keys, shared)  # fmt: skip
@@ -338,7 +338,7 @@ def read_program(folder: str, common: dict, faults: Faults) -> Program | None:
             if name in common:
                 faults.add(
                     place,
-                    f"group '{name}' stands in common/deck.toml too: include it, then change it",
+                    f"group '{name}' is in common/deck.toml too: include it, then change it",
                 )
             groups.append(read_group(name, entry, False, f"{place}: {name}", faults))
         else:
@@ -372,12 +372,12 @@ def check_relations(program: Program, place: str, faults: Faults) -> None:
 
 
 def check_names(was: list[str], used: set[str], place: str, faults: Faults) -> None:
-    """Check former names: in lower case, none that is in use or stands twice."""
+    """Check former names: in lower case, none that is in use or occurs twice."""
     for name in was:
         if not NAME.match(name):
             faults.add(place, f"was = {name!r} is no name")
         if name in used:
-            faults.add(place, f"was = '{name}' is in use: a name stands for one thing")
+            faults.add(place, f"was = '{name}' is in use: a name means one thing")
         used.add(name)
 
 
@@ -430,7 +430,7 @@ def check_conditions(
         elif not key.choices or key.most > 1:
             faults.add(place, f"'{chooser}' is no choosing key: a string with choices, one value")
         elif head and holder and holder.repeat:
-            faults.add(place, f"'{chooser}' cannot choose here: &{head} may stand several times")
+            faults.add(place, f"'{chooser}' cannot choose here: &{head} may occur several times")
         else:
             for value in values or ["nothing"]:
                 if value not in key.choices:
@@ -615,7 +615,7 @@ def size_text(key: Key) -> str:
 
 
 def deck_text(value: object) -> str:
-    """Return a value as it would stand in a deck."""
+    """Return a value as written in a deck."""
     if isinstance(value, str):
         return f"'{value}'"
     if isinstance(value, bool):
@@ -669,7 +669,7 @@ def group_rule_text(group: Group) -> str:
 
 
 def default_text(key: Key) -> str:
-    """Return the default of a key as it would stand in a deck."""
+    """Return the default of a key as written in a deck."""
     if key.required:
         return "**required**"
     if key.default is None:
@@ -685,7 +685,7 @@ def cell(text: str) -> str:
 def group_page(group: Group) -> list[str]:
     """Return the section of one group: what it does, keys, example."""
     said = ["required" if group.required else "optional"]
-    said.append("may stand several times" if group.repeat else "at most once")
+    said.append("may occur several times" if group.repeat else "at most once")
     said = [f"*{', '.join(said).capitalize()}.*", *filter(None, [group_rule_text(group)])]
     lines = [f"## &{group.name}", "", group.doc, "", " ".join(said), ""]
     lines += ["| key | type | unit | default | range | meaning |", "|---|---|---|---|---|---|"]
@@ -710,7 +710,7 @@ def page(program: Program) -> str:
     if program.doc:
         lines += [program.doc, ""]
     lines += [
-        "Groups stand in any order as `&group key = value, value, ... /`; `!` starts a comment;"
+        "Groups may be in any order as `&group key = value, value, ... /`; `!` starts a comment;"
     ]
     lines += [
         "strings are quoted; units are SI; file names are relative to the deck. Every fault of a"
@@ -728,7 +728,7 @@ def page(program: Program) -> str:
     return "\n".join(lines)
 
 
-# --- what is asked for --------------------------------------------------------------------------
+# --- requested outputs --------------------------------------------------------------------------
 
 
 def main() -> int:

@@ -1,7 +1,7 @@
 """Build the manual as HTML: pages in Markdown, plus what the sources and the runs generate.
 
 Usage: manual.py [--out build/manual] [--verification build/verification]
-Pages stand in manual/*.md in the order of ORDER; the deck reference comes from the deck.toml
+Pages are manual/*.md in the order of ORDER; the deck reference comes from the deck.toml
 files, the error chapter from the errors.toml files, the verification chapter from the summary
 of the last `make verification` (or of the quick cases that `make test` ran).
 Formulas between $...$ and $$...$$ become MathML; a label behind the latter, {D.12}, goes to the
@@ -138,7 +138,7 @@ def verification_page(folder: Path, out: Path) -> str:
     cases = data["cases"]
     failed = [case for case in cases if not case["pass"]]
     lines += [f"{len(cases)} cases, {len(failed)} failing; version {data.get('version', '?')}."]
-    lines += ["Cases that fail stand in red; nothing is tuned to pass.", ""]
+    lines += ["Cases that fail are in red; nothing is tuned to pass.", ""]
     for area in ["dem", "fem", "couple"]:
         chosen = [case for case in cases if case.get("area") == area]
         if chosen:

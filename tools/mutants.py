@@ -1,10 +1,10 @@
 """Put one-line faults into the code, one at a time, and see which test notices each.
 
 Usage: mutants.py [--out build/mutants] [--only ID ...] [--check] [--accept]
-tools/mutants.toml lists the faults: a text that stands once in a file, what replaces it, and the
-tests that are about the thing and must fail then. The work goes on in a copy of the tree with its
-build, made anew where it is older; the checkout is not touched. --check only says whether each
-text still stands once in its file. --accept writes the report to manual/mutants.csv.
+tools/mutants.toml lists the faults: a text that occurs once in a file, what replaces it, and the
+tests that are about the thing and must fail then. The work is done in a copy of the tree with its
+build, rebuilt where it is older; the checkout is not touched. --check only says whether each
+text still occurs once in its file. --accept writes the report to manual/mutants.csv.
 Closes with 'N passed, M failed'; exits with 1 if a fault is not noticed.
 """
 
@@ -22,7 +22,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 LIST = "tools/mutants.toml"
 PARTS = ("common", "dem", "fem", "couple")
-SECONDS = 900  # a test that takes longer has noticed: the fault makes it hang
+SECONDS = 900  # a slower test has noticed: the fault makes it hang
 
 
 @dataclass
@@ -53,7 +53,7 @@ def place_of(root: Path, mutant: Mutant) -> tuple[Path | None, str]:
         return None, f"{mutant.name}: {len(paths)} files {mutant.file}"
     count = paths[0].read_text().count(mutant.find)
     if count != 1 or mutant.find == mutant.put:
-        return None, f"{mutant.name}: its text stands {count} times in {mutant.file}"
+        return None, f"{mutant.name}: its text occurs {count} times in {mutant.file}"
     return paths[0], ""
 
 

@@ -54,11 +54,11 @@ def faults_of(port: Port) -> list[str]:
     for table in NUMBERS:
         seen = [entry["number"] for entry in port[table]]
         if len(set(seen)) != len(seen):
-            faults.append(f"{table}: a number stands twice")
+            faults.append(f"{table}: a number occurs twice")
     for table in ("kind", "status", "role", "capability", "scope", "scalar", "flag", "cell"):
         seen = [entry["name"] for entry in port[table]]
         faults += [f"{table} {n}: no name" for n in seen if not NAME.match(n)]
-        faults += [f"{table} {n}: stands twice" for n in set(seen) if seen.count(n) > 1]
+        faults += [f"{table} {n}: occurs twice" for n in set(seen) if seen.count(n) > 1]
     if [verb["number"] for verb in port["verb"]] != list(range(1, len(port["verb"]) + 1)):
         faults.append("verb: numbers must run from 1 without gaps")
     kinds = {kind["name"] for kind in port["kind"]}
@@ -67,7 +67,7 @@ def faults_of(port: Port) -> list[str]:
         place = f"{message}, {field['name']}"
         names.setdefault(message, set())
         if field["name"] in names[message]:
-            faults.append(f"{place}: stands twice")
+            faults.append(f"{place}: occurs twice")
         names[message].add(field["name"])
         faults += [f"{place}: unknown word {w}" for w in sorted(set(field) - FIELD_WORDS)]
         if not NAME.match(field["name"]) or len(field["name"]) > port["protocol"]["name_length"]:
@@ -103,7 +103,7 @@ def member_names(port: Port) -> list[str]:
 
 
 def meaning(port: Port, name: str, source: Callable) -> str:
-    """Return where a field stands, for the comment beside its constant."""
+    """Return the places of a field, for the comment beside its constant."""
     places: list[str] = []
     for message, field in source(port):
         if field["name"] == name:
@@ -367,7 +367,7 @@ def c_header(port: Port) -> str:
         ("scopes of FORCE", "SCOPE", [e["name"] for e in port["scope"]]),
         ("what of DESCRIBE and SET", "WHAT",
          list(dict.fromkeys(e["name"] for e in port["what"]))),
-        ("fields; those of sets stand behind the name of the set and a dot", "FIELD",
+        ("fields; those of sets follow the name of the set and a dot", "FIELD",
          field_names(port)),
     ):  # fmt: skip
         lines += c_texts(title, prefix, names)
@@ -518,7 +518,7 @@ def table(titles: list[str], rows: list[list[str]]) -> str:
 
 
 def field_rows(head: list[str], fields: list[dict], side: str) -> list[list[str]]:
-    """Return rows of a table of fields; the head stands in the first one only."""
+    """Return rows of a table of fields; the head is in the first one only."""
     rows = []
     for field in fields:
         rows.append([*head, f"`{field['name']}`", shape_text(field), field.get("unit", ""),

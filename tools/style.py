@@ -4,7 +4,7 @@ Usage: style.py [--root FOLDER] [--shrink]
 Fortran under common, dem, fem, couple and tests/unit; Python by ruff, where it is installed;
 labels of equations (style_labels.py); subjects of commits. Procedures that are too long, take too
 many arguments or nest too deeply, and variables of modules (style_procedures.py) are let through
-only if tools/style_exceptions.txt names them; that list may only shrink (--shrink takes out what
+only if tools/style_exceptions.txt names them; that list may only shrink (--shrink removes what
 is mended). Prints `file:line: rule`, closes with 'N passed, M failed', exits with 1 on failure.
 """
 
@@ -34,7 +34,7 @@ FORBIDDEN = (
     (re.compile(r"^\s*equivalence\s*\("), "equivalence"),
     (re.compile(r"^\s*include\s"), "include"),
 )
-# the module that speaks MUMPS may do what that asks for; memory that C owns needs a pointer; the
+# the module of the interface to MUMPS includes its file; memory that C owns needs a pointer; the
 # routines of a contact law are procedure pointers, chosen outside the loop
 ALLOWED = {"include": {"fem_mumps.f90"}, "pointer": {"fem_mumps.f90", "dem_law_state.f90"}}
 EXCEPTIONS = "tools/style_exceptions.txt"
@@ -43,7 +43,7 @@ SINCE = "1572f64"
 SUBJECT = re.compile(r"^[a-z][a-z0-9, -]*: (?P<verb>[a-z][a-z-]*)\b")
 NO_VERB = re.compile(r"(ed|ing|[^s]s)$|^(a|an|the|no|new|more|of|for|in)$")
 VERBS = {"process", "address", "pass", "focus", "embed", "feed", "need", "bring", "string", "speed"}
-# maxval, and any of a comparison, pass over a NaN: a test that uses them asserts less than it says
+# maxval, and any of a comparison, pass over a NaN: a test that uses them asserts too little
 BLIND = (
     (re.compile(r"\bmaxval\s*\(\s*abs\s*\("), "maxval(abs(...)) skips NaN"),
     (re.compile(r"\.not\.\s*any\s*\(\s*abs\s*\("), ".not. any(abs(...)) passes with NaN"),
@@ -126,7 +126,7 @@ def check_statements(path: Path, code: list[str]) -> list[tuple[int, str]]:
 
 
 def check_tests(path: Path, code: list[str]) -> list[tuple[int, str]]:
-    """Unit tests compare so that a NaN fails; the harness itself may look."""
+    """Unit tests compare so that a NaN fails; the harness itself is exempt."""
     if not path.name.startswith("test_"):
         return []
     return [
@@ -138,7 +138,7 @@ def check_tests(path: Path, code: list[str]) -> list[tuple[int, str]]:
 
 
 class Exceptions:
-    """Procedures that may be above a limit, as far as the list says."""
+    """Procedures that may be above a limit, as far as the list allows."""
 
     def __init__(self, path: Path) -> None:
         """Read lines `module procedure rule value`."""
@@ -163,7 +163,7 @@ class Exceptions:
         return found
 
     def idle(self) -> list[str]:
-        """Return entries that are mended or lower than the list says: the list must shrink."""
+        """Return entries that are mended or lower than in the list: the list must shrink."""
         return [
             f"{EXCEPTIONS}: {' '.join(key)} {value} is {self.seen.get(key, 'mended')} (--shrink)"
             for key, value in self.allowed.items()
@@ -209,7 +209,7 @@ def check_subjects(root: Path) -> list[str]:
 
 
 def check_python(root: Path) -> tuple[int, int, list[str]]:
-    """Return (files in order, files with breaches, what ruff says); (0, 0, ...) without ruff."""
+    """Return (files in order, files with breaches, messages of ruff); (0, 0, ...) without ruff."""
     ruff = shutil.which("ruff") or shutil.which("ruff", path=str(Path(sys.executable).parent))
     if ruff is None:
         return 0, 0, ["ruff is not installed (make deps-dev): Python was not checked"]

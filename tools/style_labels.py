@@ -28,7 +28,7 @@ def labels(root: Path) -> tuple[dict[str, str], list[str]]:
             if match[1] is None:
                 found.append(f"{place}: equation without label")
             elif match[1] in known:
-                found.append(f"{place}: label {match[1]} stands in {known[match[1]]} too")
+                found.append(f"{place}: label {match[1]} is in {known[match[1]]} too")
             else:
                 known[match[1]] = path.name
     return known, found

@@ -11,7 +11,7 @@ order in which they take effect on a scratch copy:
   damage   Python statements
   partner  a Python script with arguments that runs beside the program; its output counts too
   file_size  limit on the size of a file in bytes, as of a full disk
-  ranks    number of ranks that mpirun starts; each code must then come once
+  ranks    number of ranks that mpirun starts; each code must then occur once
 First the codes themselves are checked: those of the sources, of errors.toml and of the tests must
 be the same (tools/error_codes.py); --codes does no more than that.
 """
@@ -95,7 +95,7 @@ class Bench:
         )
 
     def prepare(self) -> str:
-        """Make the input and do what comes before; return what went wrong."""
+        """Make the input and run the preparation; return what went wrong."""
         commands = []
         if (self.scratch / "make_input.py").exists():
             commands.append([sys.executable, "make_input.py"])

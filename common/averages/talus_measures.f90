@@ -233,7 +233,7 @@ contains
   end function coordination_row
 
   !> Grains that are held, and their contacts with boundaries and with each other: free grains with
-  !! fewer than two contacts go with their contacts, again and again until none is left.
+  !! fewer than two contacts are removed with their contacts, repeatedly until none is left.
   pure subroutine find_held(sample, held, among)
     type(sample_type), intent(in) :: sample
     logical, allocatable, intent(out) :: held(:)     !! (n)

@@ -149,7 +149,7 @@ contains
   end subroutine cut
 
   !> Part of the volume of an ellipsoid that lies inside [-]: the part of the points (3, m) of the
-  !! unit ball; none is looked at where the grain is surely in or out.
+  !! unit ball; none is evaluated where the grain is surely in or out.
   pure real(wp) function part_of_grain(self, x, half, turn, axes, points) result(part)
     class(region_type), intent(in) :: self
     real(wp), intent(in) :: x(3)          !! centre [m]

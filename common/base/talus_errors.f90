@@ -1,7 +1,7 @@
-!> Faults of users and machines: collected in a list, handed back, printed by the main program.
+!> Faults of users and machines: collected in a list, returned, printed by the main program.
 !!
 !! A code is a letter and three digits. The letter gives the exit code: D deck and I input data 1,
-!! N numerical 2, S system and P partner 4, B bug 5. What each code means stands in */errors.toml.
+!! N numerical 2, S system and P partner 4, B bug 5. Meaning of each code: */errors.toml.
 module talus_errors
   use talus_kinds, only: i4
   use talus_text, only: str
@@ -43,7 +43,7 @@ module talus_errors
 
 contains
 
-  !> Add a fault; place and hint may be empty. A full disk fails file after file: the first tells.
+  !> Add a fault; place and hint may be empty. A full disk fails each file: the first is reported.
   subroutine error_list_add(self, code, message, place, hint)
     class(error_list_type), intent(inout) :: self
     character(len=*), intent(in) :: code, message

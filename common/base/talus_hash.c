@@ -11,7 +11,7 @@ static uint64_t mix(uint64_t hash, const unsigned char *data, size_t count)
     return hash;
 }
 
-/* Goes on from *hash (start with 0 for the offset basis). */
+/* Continues from *hash (start with 0 for the offset basis). */
 void talus_c_hash(const unsigned char *data, int64_t count, int64_t *hash)
 {
     uint64_t start = *hash == 0 ? UINT64_C(14695981039346656037) : (uint64_t)*hash;

@@ -1,4 +1,4 @@
-!> Hash of a text or a file as 16 hexadecimal digits (64-bit FNV-1a): tells whether two are the
+!> Hash of a text or a file as 16 hexadecimal digits (64-bit FNV-1a): shows whether two are the
 !! same, is no protection against intent.
 module talus_hash
   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_null_char

@@ -6,7 +6,7 @@ module talus_lapack
   public :: dsyev, dsygv, dgesv, dgetrf, dgetrs, dpotrf, dpotrs
 
   interface
-    !> Eigenvalues, and vectors if asked, of a symmetric matrix.
+    !> Eigenvalues, and vectors if requested, of a symmetric matrix.
     subroutine dsyev(jobz, uplo, n, a, lda, w, work, lwork, info)
       import :: wp, i4
       character(len=1), intent(in) :: jobz, uplo

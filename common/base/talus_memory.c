@@ -3,12 +3,12 @@
  * size when they are given back.
  *
  * The linker sends every malloc and free of Talus' own objects here (-Wl,--wrap=malloc,--wrap=free),
- * and with them every allocate and deallocate of Fortran. As glibc hands out large blocks they begin
+ * and with them every allocate and deallocate of Fortran. As glibc returns large blocks they begin
  * 16 bytes behind a line, so that each record of 64 bytes lies across two; and it gives them back to
  * the system, which clears each page before it hands it out again: a second for a gigabyte.
  *
- * What is kept is no reason to take more than without: a block that is not there is asked for after
- * as much of what is kept has gone back.
+ * Memory in use does not grow by what is kept: a block that is not there is allocated after
+ * as much of what is kept has been freed.
  */
 #include <malloc.h>
 #include <pthread.h>
@@ -112,7 +112,7 @@ void talus_keep_memory(void)
 #endif
 }
 
-/* All that is kept goes back to the system. */
+/* Return all that is kept to the system. */
 void talus_give_back(void)
 {
     pthread_mutex_lock(&lock);

@@ -1,4 +1,4 @@
-!> Faults that can come once a grain: the first few of each code are reported, the rest counted.
+!> Faults that can occur once a grain: the first few of each code are reported, the rest counted.
 module talus_repeated_errors
   use talus_kinds, only: i4
   use talus_text, only: str

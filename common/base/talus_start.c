@@ -1,8 +1,8 @@
 /*
  * Variables of the environment that libraries read once, when they are loaded: they are set by
- * starting the program anew before any library has begun. Later would be too late in another way
+ * restarting the program before any library has begun. Later would be too late in another way
  * too: by then OpenMP has bound the first thread to its place (OMP_PROC_BIND), and the program that
- * is started anew would inherit that one core for all its threads.
+ * is restarted would inherit that one core for all its threads.
  */
 #include <errno.h>
 #include <stdio.h>
@@ -17,7 +17,7 @@ enum { MOST = 3 }; /* settings, and the end of the list */
 
 static int start_error;
 
-/* OpenBLAS chooses old kernels for processors that it does not know: the best that this one runs. */
+/* OpenBLAS chooses old kernels for unknown processors: the best that this one runs. */
 __attribute__((no_sanitize("address", "undefined"))) static const char *kernels(void)
 {
 #if defined(__x86_64__)

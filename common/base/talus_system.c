@@ -1,4 +1,4 @@
-/* What only POSIX can tell: signals, clock, host, memory, environment, start-up and exit. */
+/* What only POSIX provides: signals, clock, host, memory, environment, start-up and exit. */
 #include <errno.h>
 #include <signal.h>
 #include <stdint.h>

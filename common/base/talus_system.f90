@@ -1,8 +1,8 @@
 !> The process and its machine: signals, wall clock, host, memory, environment, start-up and exit.
 !!
-!! Signals: the first SIGINT or SIGTERM asks for a stop with a checkpoint (talus_stop). What follows
+!! Signals: the first SIGINT or SIGTERM requests a stop with a checkpoint (talus_stop). What follows
 !! within two seconds counts as the same request, since launchers deliver it twice; a later one ends
-!! the program at once. SIGUSR1 asks for a checkpoint and the run goes on.
+!! the program at once. SIGUSR1 requests a checkpoint and the run continues.
 module talus_system
   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t, c_null_char
   use, intrinsic :: iso_fortran_env, only: compiler_version, error_unit, output_unit
@@ -127,7 +127,7 @@ contains
     text = text_of(buffer)
   end function host_name
 
-  !> Identity of this boot of this machine; empty where the kernel does not tell.
+  !> Identity of this boot of this machine; empty where the kernel does not report it.
   function boot_id() result(text)
     character(len=:), allocatable :: text
     character(len=64) :: line
@@ -206,7 +206,7 @@ contains
   end subroutine clear_environment
 
   !> OpenBLAS uses the kernels of this CPU: unless OPENBLAS_CORETYPE was set, the program has set it
-  !! and started itself anew before its libraries were loaded (talus_start.c). Warns if that failed.
+  !! and restarted itself before its libraries were loaded (talus_start.c). Warns if that failed.
   subroutine talus_blas_kernels()
     integer(c_int) :: stat
     flush (output_unit)

@@ -126,7 +126,7 @@ contains
     end do
   end function str_integers
 
-  !> Neither NaN nor infinite, told by the bits: comparisons would trap in a debug build, and
+  !> Neither NaN nor infinite, by its bits: comparisons would trap in a debug build, and
   !! -fno-trapping-math lets ieee_is_finite compare.
   elemental logical function is_finite(value)
     real(wp), intent(in) :: value

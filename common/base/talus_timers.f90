@@ -1,4 +1,4 @@
-!> Named timers: where the wall time of a run goes.
+!> Named timers: how the wall time of a run is spent.
 !!
 !! Timers are made once by name and used by number; they do not nest (a start inside another timer
 !! counts in both, and the shares then add up to more than the whole).

@@ -285,8 +285,8 @@ contains
     call errors%add(code, message, self%source%path, hint)
   end subroutine fault
 
-  !> The deck as understood, a line a key, defaults marked with (default); groups stand in the order
-  !! of the deck; then come groups that were left out and have a default for every key.
+  !> The deck as understood, a line a key, defaults marked with (default); groups are in the order
+  !! of the deck; then follow groups that were left out and have a default for every key.
   subroutine echo(self, lines)
     class(deck_type), intent(in) :: self
     type(string_type), allocatable, intent(out) :: lines(:)

@@ -39,7 +39,7 @@ contains
           call faults%add(source, 'D009', 'group &'//table%group(instance%group)%name//' is given' &
                           //' again (first on line '//str(first_line(instance%group))//')', &
                           instance%head%line, instance%head%first, instance%head%last, &
-                          'it may stand only once: merge the two')
+                          'it may occur only once: merge the two')
       end associate
       call check_keys(source, table, syntax, k, faults)
     end do
@@ -57,7 +57,7 @@ contains
     type(key_table_type), intent(in) :: table
     type(deck_syntax_type), intent(inout) :: syntax
     integer(i4), intent(in) :: k
-    logical, intent(inout) :: meant(:)  !! groups that a mistyped name stands for
+    logical, intent(inout) :: meant(:)  !! groups that a mistyped name may mean
     type(deck_faults_type), intent(inout) :: faults
     type(string_type), allocatable :: names(:)
     character(len=:), allocatable :: name, hint
@@ -108,7 +108,7 @@ contains
             call faults%add(source, 'D012', 'key '''//group%key(entry%key)%name &
                             //''' is given again (first on line '//str(line(entry%key))//')', &
                             entry%name%line, entry%name%first, entry%name%last, &
-                            'a key stands once in a group')
+                            'a key may occur once in a group')
           else
             line(entry%key) = entry%name%line
           end if
@@ -133,7 +133,7 @@ contains
     type(key_table_type), intent(in) :: table
     integer(i4), intent(in) :: group
     type(deck_entry_type), intent(inout) :: entry
-    logical, intent(inout) :: meant(:)  !! keys that a mistyped name stands for
+    logical, intent(inout) :: meant(:)  !! keys that a mistyped name may mean
     type(deck_faults_type), intent(inout) :: faults
     type(string_type), allocatable :: names(:)
     character(len=:), allocatable :: name, hint

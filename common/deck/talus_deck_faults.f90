@@ -1,4 +1,4 @@
-!> Faults of a deck with their places, handed on in the order of the text.
+!> Faults of a deck with their places, reported in the order of the text.
 module talus_deck_faults
   use talus_kinds, only: i4
   use talus_errors, only: error_list_type

@@ -1,6 +1,6 @@
 !> Rules between the keys of a deck: keys that belong to a choice, need or exclude other keys.
 !!
-!! They stand in the table (`of`, `required`, `needs`, `excludes`, `one_of` of deck.toml). Where the
+!! They are in the table (`of`, `required`, `needs`, `excludes`, `one_of` of deck.toml). Where the
 !! value of a choosing key is not known, because it or its group is missing or faulty, nothing is
 !! concluded.
 module talus_deck_rules
@@ -16,11 +16,11 @@ module talus_deck_rules
   private
   public :: check_rules, key_belongs
 
-  !> What a choosing key says.
+  !> Value of a choosing key.
   type :: chosen_type
     logical :: known = .false.             !! its value is one of its choices
-    logical :: holds = .false.             !! and one of those asked for
-    integer(i4) :: entry = 0               !! where it stands in the deck, 0: its default
+    logical :: holds = .false.             !! and one of those required
+    integer(i4) :: entry = 0               !! its place in the deck, 0: its default
     character(len=:), allocatable :: text  !! "law = 'linear'"
   end type chosen_type
 
@@ -236,7 +236,7 @@ contains
     text = text//''''//join(asked, ''', ''')//''''
   end function set_text
 
-  !> Two keys that exclude each other (D025), reported at the one that stands second.
+  !> Two keys that exclude each other (D025), reported at the second one.
   subroutine both_given(source, syntax, group, at, pair, faults)
     type(deck_source_type), intent(in) :: source
     type(deck_syntax_type), intent(in) :: syntax
@@ -368,7 +368,7 @@ contains
     end do
   end subroutine find_entries
 
-  !> Is all known that stands in an instance, so that what is not seen was not given?
+  !> Is everything in an instance known, so that what is not seen was not given?
   pure logical function complete(syntax, k)
     type(deck_syntax_type), intent(in) :: syntax
     integer(i4), intent(in) :: k

@@ -10,7 +10,7 @@ module talus_deck_scan
   private
   public :: deck_syntax_type, deck_instance_type, deck_entry_type, scan_deck
 
-  !> One group of the deck as it stands there.
+  !> One group as written in the deck.
   type :: deck_instance_type
     type(token_type) :: head
     logical :: broken = .false.          !! a quote is missing in it: keys may be lost
@@ -19,7 +19,7 @@ module talus_deck_scan
     integer(i4) :: first_entry = 1, last_entry = 0
   end type deck_instance_type
 
-  !> One `key = values` as it stands in the deck.
+  !> One `key = values` as written in the deck.
   type :: deck_entry_type
     type(token_type) :: name
     integer(i4) :: key = 0               !! number in the table, 0 unknown
@@ -60,7 +60,7 @@ contains
                       'a deck holds groups: &name key = value /')
   end subroutine scan_deck
 
-  !> One group, from its &name to its / or what stands for it.
+  !> One group, from its &name to its / or its substitute.
   subroutine scan_group(source, tokens, at, syntax, faults)
     type(deck_source_type), intent(in) :: source
     type(token_list_type), intent(in) :: tokens

@@ -103,7 +103,7 @@ contains
     is_binary = .false.
   end function is_binary
 
-  !> Ends of line of any system become line feeds; a byte order mark goes; the last line gets one.
+  !> Line ends of any system become line feeds, also behind the last line; no byte order mark.
   pure subroutine unify_line_ends(raw, text)
     character(len=*), intent(in) :: raw
     character(len=:), allocatable, intent(out) :: text

@@ -37,13 +37,13 @@ module talus_deck_table
     real(wp) :: low = -huge(1.0_wp), high = huge(1.0_wp)            !! bounds of each value
     logical :: low_open = .false., high_open = .false.              !! bound itself excluded
     type(string_type), allocatable :: choice(:)   !! strings that are allowed; not allocated: all
-    type(string_type), allocatable :: word(:)     !! words that a real key takes
-    real(wp), allocatable :: word_value(:)        !! and what they stand for
+    type(string_type), allocatable :: word(:)     !! words that a real key accepts
+    real(wp), allocatable :: word_value(:)        !! and their values
     type(deck_condition_type), allocatable :: belongs(:)    !! all must hold, else it means nothing
     type(deck_condition_type), allocatable :: need_if(:)    !! required where all of them hold
     type(deck_condition_type), allocatable :: choice_if(:)  !! choices that want other choices
     type(string_type), allocatable :: needs(:)     !! keys without which it means nothing
-    type(string_type), allocatable :: excludes(:)  !! keys that may not stand beside it
+    type(string_type), allocatable :: excludes(:)  !! keys that exclude it
     type(string_type), allocatable :: was(:)       !! names that it had
     type(string_type), allocatable :: old_choice(:), new_choice(:)  !! choices that were renamed
   end type deck_key_type
@@ -150,7 +150,7 @@ contains
     end associate
   end subroutine need
 
-  !> The last key takes least to most values.
+  !> The last key accepts least to most values.
   subroutine sized(self, least, most)
     class(key_table_type), intent(inout) :: self
     integer(i4), intent(in) :: least, most
@@ -195,7 +195,7 @@ contains
     end associate
   end subroutine allow
 
-  !> Words, apart by '|', that the last (real) key takes besides numbers, and their values.
+  !> Words, apart by '|', that the last (real) key accepts besides numbers, and their values.
   subroutine words(self, names, values)
     class(key_table_type), intent(inout) :: self
     character(len=*), intent(in) :: names
@@ -225,7 +225,7 @@ contains
     end associate
   end subroutine need_with
 
-  !> A choice of the last key goes only with these values of the key `chooser`.
+  !> A choice of the last key, allowed only with these values of the key `chooser`.
   subroutine choice_with(self, choice, chooser, values)
     class(key_table_type), intent(inout) :: self
     character(len=*), intent(in) :: choice, chooser, values

@@ -87,7 +87,7 @@ contains
                         'the group before is closed already: take one of the two away')
       else
         call faults%add(source, 'D004', 'text outside groups', line, at, last, &
-                        'text stands inside a group, &name ... /, or behind a !')
+                        'text belongs inside a group, &name ... /, or behind a !')
       end if
     end if
     stray_above = .true.
@@ -144,7 +144,7 @@ contains
     end do
   end function word_end
 
-  !> Find the closing quote (a doubled one stands for itself), or report that it is missing.
+  !> Find the closing quote (a doubled one is the character itself), or report that it is missing.
   subroutine close_string(source, token, tokens, faults)
     type(deck_source_type), intent(in) :: source
     type(token_type), intent(inout) :: token
@@ -206,7 +206,7 @@ contains
     tokens%item(tokens%count) = token
   end subroutine append_token
 
-  !> What a token says: strings without quotes, groups without &, words as they stand.
+  !> Value of a token: strings without quotes, groups without &, words unchanged.
   pure function token_text(source, token) result(text)
     type(deck_source_type), intent(in) :: source
     type(token_type), intent(in) :: token

@@ -50,7 +50,7 @@ contains
     type(token_type) :: place
     integer(i4) :: k
 
-    message = key%name//' takes '//size_text(key)//', '
+    message = key%name//' needs '//size_text(key)//', '
     hint = key%doc
     place = name
     if (size(values) == 0) then
@@ -103,7 +103,7 @@ contains
       call add_at(source, 'D016', key%name//' = '//text//' is too large for the machine', token, &
                   limits(key), faults)
     case (value_is_real)
-      call add_at(source, 'D014', key%name//' takes an integer, '//text//' is a real number', &
+      call add_at(source, 'D014', key%name//' needs an integer, '//text//' is a real number', &
                   token, limits(key), faults)
     case default
       call no_number(source, key, token, faults)
@@ -125,11 +125,11 @@ contains
     if (status == value_good) then
       hint = 'write the number without quotes: '//text
     else if (allocated(key%word)) then
-      hint = did_you_mean(text, key%word, 'words that it takes:')
+      hint = did_you_mean(text, key%word, 'words that it accepts:')
     else
       hint = limits(key)
     end if
-    call add_at(source, 'D014', key%name//' takes '//wanted(key)//', '//shown(source, token) &
+    call add_at(source, 'D014', key%name//' needs '//wanted(key)//', '//shown(source, token) &
                 //' is a string', token, hint, faults)
   end subroutine quoted_number
 
@@ -144,8 +144,8 @@ contains
     text = token_text(source, token)
     hint = 'numbers are written 1, 1.0 or 1.0e3'
     if (index(text, '*') > 0) hint = 'write every value out: 0.0, 0.0, 0.0'
-    if (word_number(key, lower(text)) > 0) hint = 'a word stands in quotes: '''//lower(text)//''''
-    call add_at(source, 'D014', key%name//' takes '//wanted(key)//', '//text//' is none', token, &
+    if (word_number(key, lower(text)) > 0) hint = 'put a word in quotes: '''//lower(text)//''''
+    call add_at(source, 'D014', key%name//' needs '//wanted(key)//', '//text//' is none', token, &
                 hint, faults)
   end subroutine no_number
 
@@ -189,7 +189,7 @@ contains
 
     text = token_text(source, token)
     if (token%kind /= token_string) then
-      call add_at(source, 'D014', key%name//' takes a string, '//text//' stands without quotes', &
+      call add_at(source, 'D014', key%name//' needs a string, '//text//' is without quotes', &
                   token, 'write '''//text//''', with plain quotes', faults)
     else if (allocated(key%choice)) then
       do k = 1, size(key%choice)
@@ -205,7 +205,7 @@ contains
         end do
       end if
       call add_at(source, 'D017', key%name//' = '''//text//''' is not one of '//range_text(key), &
-                  token, did_you_mean(text, key%choice, 'it takes:'), faults)
+                  token, did_you_mean(text, key%choice, 'it accepts:'), faults)
     else if (key%kind == 'file') then
       call check_file(source, key, token, text, faults)
     end if
@@ -226,7 +226,7 @@ contains
     inquire (file=path//'/.', exist=folder)
     if (len_trim(name) == 0 .or. .not. there) then
       call add_at(source, 'D018', key%name//': there is no file '''//name//'''', token, &
-                  'looked for '//path//'; names are relative to the deck', faults)
+                  'searched for '//path//'; names are relative to the deck', faults)
     else if (folder) then
       call add_at(source, 'D018', key%name//': '''//name//''' is a folder, not a file', token, &
                   key%doc, faults)

@@ -20,7 +20,7 @@ module talus_checkpoint
   character(len=*), parameter :: format = 'talus-checkpoint'
   character(len=*), parameter :: ending = '.chk.h5'
 
-  !> What a checkpoint says of itself.
+  !> Description stored in a checkpoint.
   type :: checkpoint_info_type
     character(len=:), allocatable :: path, program, version, deck_hash, tag
     real(wp) :: time = 0.0_wp    !! [s]
@@ -119,7 +119,7 @@ contains
     call file%attr_put('/', 'step', step, errors)
   end subroutine begin
 
-  !> Mark it complete, move the older ones on, give it its name. After a fault the older ones stand.
+  !> Mark it complete, rename the older ones and it. After a fault the older ones remain.
   subroutine finish(self, file, errors)
     class(checkpoint_type), intent(inout) :: self
     type(h5_file_type), intent(inout) :: file
@@ -231,7 +231,7 @@ contains
     end do
     if (size(candidates) > 0) call errors%add('S013', 'none of the '//str(size(candidates))// &
         " checkpoints '"//self%tag_path('')//"' can be used: "//faults%item(1)%message, &
-        self%tag_path(''), 'name another with --restart=FILE, or start anew without --restart')
+        self%tag_path(''), 'name another with --restart=FILE, or start without --restart')
   end subroutine find
 
   !> Checkpoints of this stem that are there, newest first.
@@ -283,7 +283,7 @@ contains
                       'take an older one: --restart=auto finds the newest whole one')
     else if (info%program /= self%program) then
       call errors%add('S012', "checkpoint '"//path//"' is of "//info%program//', not of '// &
-                      self%program, path, 'each program goes on from its own checkpoint')
+                      self%program, path, 'each program continues from its own checkpoint')
     else
       return
     end if

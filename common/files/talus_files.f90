@@ -155,7 +155,7 @@ contains
     if (c_stat(c_string(path), bytes, changed, is_folder) == 0) file_changed = changed
   end function file_changed
 
-  !> Room left where a folder stands [byte], -1 where unknown.
+  !> Space left on the disk of a folder [byte], -1 where unknown.
   integer(i8) function disk_free(folder)
     character(len=*), intent(in) :: folder
     disk_free = c_disk_free(c_string(folder))
@@ -200,7 +200,7 @@ contains
     stat = c_writable(c_string(path))
     if (stat /= 0) call errors%add('S001', "nothing can be written into folder '"//path//"': "// &
                                    system_error_text(stat), path, &
-                                   'look at its permissions, or choose --output=DIR')
+                                   'check its permissions, or choose --output=DIR')
   end subroutine make_folder
 
   subroutine rename_file(from, to, errors)
@@ -209,7 +209,7 @@ contains
     integer(i4) :: stat
     stat = c_rename(c_string(from), c_string(to))
     if (stat /= 0) call errors%add('S007', "'"//from//"' cannot be renamed to '"//to//"': "// &
-                                   system_error_text(stat), to, 'look at the folder')
+                                   system_error_text(stat), to, 'check the folder')
   end subroutine rename_file
 
   !> Give a file a second name; where the file system has no links the file is renamed.
@@ -230,7 +230,7 @@ contains
     stat = c_unlink(c_string(path))
     if (stat == 0 .or. stat == not_there .or. .not. present(errors)) return
     call errors%add('S007', "'"//path//"' cannot be removed: "//system_error_text(stat), path, &
-                    'look at the folder')
+                    'check the folder')
   end subroutine remove_file
 
   !> Remove a folder if nothing is in it.
@@ -257,7 +257,7 @@ contains
     stat = c_sync_path(c_string(folder_of(path_of_file)))
     if (stat /= 0) call errors%add('S007', "folder '"//folder_of(path_of_file)// &
                                    "' cannot be synced: "//system_error_text(stat), &
-                                   path_of_file, 'look at the disk')
+                                   path_of_file, 'check the disk')
   end subroutine sync_folder
 
   !> Open a file for writing at its end.
@@ -273,7 +273,7 @@ contains
     call write_fault(path, stat, errors)
   end subroutine open_append
 
-  !> Write text as it stands; a full disk is seen here.
+  !> Write text unchanged; a full disk is found here.
   subroutine write_text(descriptor, path, text, errors)
     integer(i4), intent(in) :: descriptor
     character(len=*), intent(in) :: path  !! for the message
@@ -345,7 +345,7 @@ contains
     if (stat == 0) return
     text = ''
     call errors%add('S003', "'"//path//"' cannot be read: "//trim(message), path, &
-                    'look at the name and the permissions')
+                    'check the name and the permissions')
   end subroutine read_file
 
   !> The fault of a failed write: S002 when there is no room, S001 otherwise.
@@ -359,7 +359,7 @@ contains
                       room_text(path), path, 'make room, then go on with --restart=auto')
     case default
       call errors%add('S001', "'"//path//"' cannot be written: "//system_error_text(error), path, &
-                      'look at the folder and its permissions, or choose --output=DIR')
+                      'check the folder and its permissions, or choose --output=DIR')
     end select
   end subroutine write_fault
 

@@ -1,4 +1,4 @@
-!> Opening, closing and looking round in an HDF5 file: the parent of talus_hdf5's typed access.
+!> Opening, closing and querying an HDF5 file: the parent of talus_hdf5's typed access.
 module talus_h5_file
   use hdf5, only: hid_t, hsize_t, size_t, h5fcreate_f, h5fopen_f, h5fclose_f, h5fflush_f, &
     h5fis_hdf5_f, h5f_acc_trunc_f, h5f_acc_rdonly_f, h5f_acc_rdwr_f, h5f_scope_global_f, &
@@ -111,11 +111,11 @@ contains
     if (.not. file_exists(path)) then
       call errors%add('S003', "'"//path//"' cannot be read: "// &
                       trim(merge('it is a folder       ', 'there is no such file', &
-                                 folder_exists(path))), path, 'look at the name and the folder')
+                                 folder_exists(path))), path, 'check the name and the folder')
       return
     end if
     if (file_size(path) == 0) then
-      call errors%add('S005', "'"//path//"' is empty", path, 'make it anew')
+      call errors%add('S005', "'"//path//"' is empty", path, 'make it again')
       return
     end if
     call h5fis_hdf5_f(path, is_hdf5, stat)
@@ -134,10 +134,10 @@ contains
     type(error_list_type), intent(inout) :: errors
     if (index(reason, 'ermission') > 0) then
       call errors%add('S003', "'"//path//"' cannot be read: "//reason, path, &
-                      'look at the permissions')
+                      'check the permissions')
     else
       call errors%add('S005', "'"//path//"' is truncated or damaged ("//str(file_size(path))// &
-                      ' bytes): '//reason, path, 'make it anew or take an older one')
+                      ' bytes): '//reason, path, 'make it again or use an older one')
     end if
   end subroutine open_fault
 
@@ -327,7 +327,7 @@ contains
     class(h5_base_type), intent(in) :: self
     character(len=*), intent(in) :: name
     character(len=*), intent(in) :: class_name  !! 'integer', 'real' (integers do) or 'text'
-    integer, intent(in) :: rank                 !! rank 0 also takes one value of rank 1
+    integer, intent(in) :: rank                 !! rank 0 also accepts one value of rank 1
     integer(hsize_t), allocatable, intent(out) :: extent(:)
     type(error_list_type), intent(inout) :: errors
     integer(hsize_t), allocatable :: found(:)
@@ -348,7 +348,7 @@ contains
         call errors%add('S005', "'"//self%path//"' is damaged: "//name//' has the shape '// &
                         shape_text(int(found, i8))//', more than '//str(file_size(self%path))// &
                         ' bytes can hold', self%path//':'//name, &
-                        'make it anew or take an older one')
+                        'make it again or use an older one')
       else if (size(found) == rank .or. (rank == 0 .and. product(found) == 1)) then
         call move_alloc(found, extent)
       else

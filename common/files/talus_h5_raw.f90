@@ -1,4 +1,4 @@
-!> HDF5 without its own messages: the calls that talus_hdf5 is made of, faults handed back.
+!> HDF5 without its own messages: the calls that talus_hdf5 is made of, faults returned.
 !!
 !! Every fault names file and object and carries the library's deepest reason (for example
 !! 'No space left on device'). Objects are given by their whole path, '/grains/x'.
@@ -36,7 +36,7 @@ module talus_h5_raw
     type(c_ptr) :: function_name, file_name, description
   end type stack_entry_type
 
-  !> What the walk over the error stack brings home.
+  !> What is found in the error stack.
   type, bind(c) :: reason_type
     integer(c_int) :: length
     character(kind=c_char) :: text(longest_reason)
@@ -116,14 +116,14 @@ contains
     character(len=:), allocatable :: reason, code, hint
     reason = library_reason()
     code = 'S009'
-    hint = 'look at the file with h5ls'
+    hint = 'check the file with h5ls'
     if (index(reason, 'No space left') > 0 .or. index(reason, 'too large') > 0 .or. &
         index(reason, 'quota') > 0) then
       code = 'S002'
       hint = 'make room, then go on with --restart=auto'
     else if (what == 'made' .and. name == 'the file') then
       code = 'S001'
-      hint = 'look at the folder and its permissions, or choose --output=DIR'
+      hint = 'check the folder and its permissions, or choose --output=DIR'
     end if
     call errors%add(code, "'"//path//"': "//name//' cannot be '//what//': '//reason, &
                     path//':'//name, hint)
@@ -304,7 +304,7 @@ contains
     call h5sclose_f(space, ignored)
   end subroutine write_slab
 
-  !> Read a dataset whole; its shape must have been looked up before.
+  !> Read a dataset whole; its shape must have been read before.
   subroutine read_dataset(file, path, name, kind_code, data, errors, memory)
     integer(hid_t), intent(in) :: file
     character(len=*), intent(in) :: path, name

@@ -2,7 +2,7 @@
 !!
 !! Objects are named by their whole path, '/grains/x'; groups above a dataset are made as needed.
 !! Fortran x(3, n) is (n, 3) for h5py. After the first fault of a file further writes do nothing,
-!! and calls on a file that is not open do nothing: the fault stands in the list already.
+!! and calls on a file that is not open do nothing: the fault is in the list already.
 !!
 !! S003 cannot be read, S004 no HDF5 file, S005 truncated or damaged, S006 another format,
 !! S001, S002, S009 cannot be written; I001 no such dataset, I002 shape, I003 kind, I004 attribute,
@@ -22,7 +22,7 @@ module talus_hdf5
   private
   public :: h5_file_type
 
-  !> An HDF5 file with typed access; opening, closing and looking round come from its parent.
+  !> An HDF5 file with typed access; opening, closing and queries are its parent's.
   type, extends(h5_base_type) :: h5_file_type
   contains
     !> put(name, value, errors): a new dataset; real, integer(i4), integer(i8) of rank 0 to 2,

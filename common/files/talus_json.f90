@@ -16,7 +16,7 @@ module talus_json
     character(len=:), allocatable :: buffer
     integer(i4) :: used = 0
     integer(i4) :: depth = 0
-    logical :: first(0:deepest) = .true.          !! nothing stands yet on this level
+    logical :: first(0:deepest) = .true.          !! this level is still empty
     logical :: is_array(0:deepest) = .false.
   contains
     procedure :: begin => begin_object            !! call json%begin() or json%begin('name')

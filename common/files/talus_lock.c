@@ -1,4 +1,4 @@
-/* A file that says which process writes here, under a lock that the kernel drops at its end. */
+/* A file that names the process that writes here, under a lock that the kernel drops at its end. */
 #include <errno.h>
 #include <fcntl.h>
 #include <string.h>
@@ -17,7 +17,7 @@ static int same_file(const char *path, int fd)
            && opened.st_dev == named.st_dev;
 }
 
-/* 0: locked, or (fd -1) the folder knows no locks; 1: another process holds it, which left the
+/* 0: locked, or (fd -1) the folder supports no locks; 1: another process holds it, which left the
    text in holder. */
 int talus_c_lock(const char *path, const char *text, int *fd, char *holder, int room)
 {
@@ -41,7 +41,7 @@ int talus_c_lock(const char *path, const char *text, int *fd, char *holder, int 
     return 0;
 }
 
-/* The name goes first, so that nobody locks a file that is about to be removed. */
+/* The name is removed first, so that nobody locks a file that is about to be removed. */
 void talus_c_unlock(const char *path, int fd)
 {
     unlink(path);

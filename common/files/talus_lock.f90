@@ -1,6 +1,6 @@
 !> Lock on the results of a run: two runs must not write the same files at the same time.
 !!
-!! <stem>.lock stands beside the results while a run writes them. The kernel drops the lock when its
+!! <stem>.lock is beside the results while a run writes them. The kernel drops the lock when its
 !! process ends, however it ends, so that a file left by a killed run is taken over. On file systems
 !! without locks nothing is locked.
 module talus_lock
@@ -15,7 +15,7 @@ module talus_lock
   private
   public :: lock_type
 
-  integer(i4), parameter :: room = 512  !! bytes read of what a holder says of itself
+  integer(i4), parameter :: room = 512  !! bytes read of a holder's description
 
   !> Held from `take` to `release`.
   type :: lock_type
@@ -62,7 +62,7 @@ contains
       return
     end if
     holder = first_line(said)
-    if (len(holder) == 0) holder = 'a process that has not told its name yet'
+    if (len(holder) == 0) holder = 'a process that has not written its name yet'
     call errors%add('S014', 'another run writes '//stem//'.* now: '//holder, self%path, &
                     'wait for its end, or give this run another folder with --output='// &
                     'FOLDER; results in '//folder_of(stem)//' are untouched')
@@ -79,7 +79,7 @@ contains
     end do
   end function first_line
 
-  !> Let others write; the file goes.
+  !> Let others write; the file is removed.
   subroutine release(self)
     class(lock_type), intent(inout) :: self
     if (self%descriptor < 0) return

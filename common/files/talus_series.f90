@@ -2,8 +2,8 @@
 !! attributes time [s], count and complete.
 !!
 !! The file is opened, added to and closed for every step, so that an interrupted run leaves the
-!! earlier steps readable and a viewer can look in between. On restart the steps later than the
-!! checkpoint go; a file that cannot be read any more is moved aside and told in note.
+!! earlier steps readable and a viewer can read in between. On restart the steps later than the
+!! checkpoint are removed; an unreadable file is moved aside and reported in note.
 module talus_series
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -14,7 +14,7 @@ module talus_series
   private
   public :: series_type, step_type
 
-  !> One step that stands in the file.
+  !> One step in the file.
   type :: step_type
     real(wp) :: time = 0.0_wp   !! [s]
     integer(i8) :: count = 0    !! grains, or whatever may change in number
@@ -39,7 +39,7 @@ module talus_series
 
 contains
 
-  !> Begin anew. The caller may put what does not change (a mesh) into file and then commits it.
+  !> Begin a new file. The caller may put constant data (a mesh) into file and then commits it.
   subroutine start(self, path, format, file, errors)
     class(series_type), intent(inout) :: self
     character(len=*), intent(in) :: path, format  !! format: 'talus-grains', 'talus-solid'

@@ -1,5 +1,5 @@
 !> XDMF description of a field file, so that ParaView opens it: a temporal collection of points or
-!! of a mesh with attributes, written anew and renamed after every step.
+!! of a mesh with attributes, rewritten and renamed after every step.
 !!
 !! Datasets are named relative to the group of a step ('grains/x'), or absolutely ('/mesh/x').
 !! Attributes of four and six components are shown component by component: XDMF has no quaternion,
@@ -27,7 +27,7 @@ module talus_xdmf
     character(len=8) :: kind = 'real'      !! real, int4 or int8
   end type attribute_type
 
-  !> What a step looks like.
+  !> Contents of a step.
   type :: xdmf_type
     character(len=:), allocatable :: path
     integer(i4), private :: form = shape_points
@@ -61,7 +61,7 @@ contains
   end subroutine describe_points
 
   !> A mesh that stays the same: XDMF's name of the topology ('Hexahedron_20', 'Mixed', ...) and the
-  !! dataset of cells (int32, nodes from 0, VTK order) with its extent as HDF5 sees it.
+  !! dataset of cells (int32, nodes from 0, VTK order) with its extent in HDF5.
   subroutine describe_mesh(self, path, points, topology, cells, extent, node_count, cell_count)
     class(xdmf_type), intent(inout) :: self
     character(len=*), intent(in) :: path, points, topology, cells
@@ -98,7 +98,7 @@ contains
     if (present(kind)) self%list(self%attribute_count)%kind = kind
   end subroutine attribute
 
-  !> Describe all steps that stand in the field file; call it after each step and after a restart.
+  !> Describe all steps in the field file; call it after each step and after a restart.
   subroutine write_xdmf(self, series, errors)
     class(xdmf_type), intent(inout) :: self
     type(series_type), intent(in) :: series
@@ -144,7 +144,7 @@ contains
     text = text//'</Grid>'//nl
   end function step_text
 
-  !> Reference to a dataset, with its shape as HDF5 sees it.
+  !> Reference to a dataset, with its shape in HDF5.
   function data_item(source, dataset, kind, extent) result(item)
     character(len=*), intent(in) :: source   !! 'file.h5:/steps/000000'
     character(len=*), intent(in) :: dataset, kind

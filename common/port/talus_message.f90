@@ -2,7 +2,7 @@
 !!
 !! `call m%start(verb, step, t0, t1)`, then `put`, `put_int`, `put_text`; the receiver uses `get`,
 !! `get_int`, `get_text` into arrays whose shape must agree, or `take`, `take_int` into allocatables
-!! that take the shape of the field; `all_read` or `expect` finds fields that nobody knows.
+!! that take the shape of the field; `all_read` or `expect` finds unknown fields.
 module talus_message
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
@@ -201,7 +201,7 @@ contains
       call copy_bytes(value, self%word(field%at:), 8*field%words)
   end subroutine get_matrix
 
-  !> Take a real field of one component; `value` is allocated anew only when its size differs.
+  !> Take a real field of one component; `value` is reallocated only when its size differs.
   subroutine take_vector(self, name, value, errors)
     class(message_type), intent(inout) :: self
     character(len=*), intent(in) :: name
@@ -216,7 +216,7 @@ contains
     call self%get_vector(name, value, errors)
   end subroutine take_vector
 
-  !> Take a real field of any shape; `value` is allocated anew only when its shape differs.
+  !> Take a real field of any shape; `value` is reallocated only when its shape differs.
   subroutine take_matrix(self, name, value, errors)
     class(message_type), intent(inout) :: self
     character(len=*), intent(in) :: name
@@ -397,7 +397,7 @@ contains
     call self%put_text(field_error_hint, errors%item(1)%hint)
   end subroutine fail_with
 
-  !> Hand on the fault that a reply reports; nothing when its status is 0.
+  !> Add the fault that a reply reports; nothing when its status is 0.
   subroutine faults(self, errors)
     class(message_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors

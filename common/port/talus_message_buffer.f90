@@ -26,7 +26,7 @@ module talus_message_buffer
   integer(i4), parameter :: at_step = 5, at_t0 = 6, at_t1 = 7, at_status = 8, at_fields = 9
   integer(i4), parameter :: at_words = 10, at_checksum = 11, at_waited = 12
 
-  !> Where a field stands in the buffer.
+  !> Place of a field in the buffer.
   type, public :: field_type
     character(len=name_length) :: name = ''
     integer(i4) :: kind = 0        !! kind_real, kind_integer or kind_text
@@ -34,7 +34,7 @@ module talus_message_buffer
     integer(i8) :: count = 0       !! second extent; bytes of a text
     integer(i8) :: at = 0          !! first data word
     integer(i8) :: words = 0       !! data words
-    logical :: read = .false.      !! the receiver has asked for it
+    logical :: read = .false.      !! the receiver has read it
   end type field_type
 
   !> Header, buffer and index of fields. `word`, `used` and `field` are for the transports only.
@@ -116,7 +116,7 @@ contains
     call self%reserve(int(header_words, i8))
   end subroutine start
 
-  !> Make room for so many words; what stands in the buffer is kept.
+  !> Make room for so many words; the contents of the buffer are kept.
   subroutine reserve(self, words)
     class(message_buffer_type), intent(inout) :: self
     integer(i8), intent(in) :: words
@@ -181,7 +181,7 @@ contains
     self%field(self%field_count) = field
   end subroutine append_field
 
-  !> Index of a field, 0 when there is none. Fields are mostly asked for in the order they stand in.
+  !> Index of a field, 0 when there is none. Fields are mostly read in their order.
   pure integer(i4) function position(self, name)
     class(message_buffer_type), intent(in) :: self
     character(len=*), intent(in) :: name
@@ -209,7 +209,7 @@ contains
     k = position(self, name)
     if (k == 0) then
       call errors%add('P009', 'the field '''//trim(name)//''' is missing', self%place(), &
-                      'both programs must speak the same version of the port')
+                      'both programs must use the same version of the port')
       return
     end if
     self%last = k
@@ -217,7 +217,7 @@ contains
     if (self%field(k)%kind /= kind) then
       call errors%add('P011', 'the field '''//trim(name)//''' holds '// &
                       kind_name(self%field(k)%kind)//', '//kind_name(kind)//' are expected', &
-                      self%place(), 'both programs must speak the same version of the port')
+                      self%place(), 'both programs must use the same version of the port')
       return
     end if
     field = self%field(k)
@@ -268,7 +268,7 @@ contains
     integer(i4), intent(in) :: k
     type(error_list_type), intent(inout) :: errors
     call errors%add('P012', 'the field '''//trim(self%field(k)%name)//''' is not known here', &
-                    self%place(), 'both programs must speak the same version of the port')
+                    self%place(), 'both programs must use the same version of the port')
   end subroutine unknown_field
 
   !> Write the header; the message can then be sent.
@@ -302,14 +302,14 @@ contains
     call self%start(0)
     if (words < header_words) then
       call errors%add('P006', 'a message of '//str(8*words)//' bytes is shorter than its header', &
-                      '', 'the partner does not speak this port')
+                      '', 'the partner does not implement this port')
     else if (self%word(at_magic) /= message_magic) then
       call errors%add('P005', 'what arrived at the port is no Talus message', '', &
-                      'the partner does not speak this port')
+                      'the partner does not implement this port')
     else if (self%word(at_protocol) /= protocol_version) then
-      call errors%add('P005', 'the partner speaks protocol '//str(self%word(at_protocol))// &
+      call errors%add('P005', 'the partner uses protocol '//str(self%word(at_protocol))// &
                       ', this program '//str(protocol_version), '', &
-                      'use programs that speak the same version of the port')
+                      'use programs with the same version of the port')
     else if (self%word(at_words) /= words) then
       call errors%add('P006', 'a message of '//str(self%word(at_words))//' words arrived with '// &
                       str(words), '', 'the message is damaged')
@@ -340,7 +340,7 @@ contains
     self%status = int(min(self%word(at_status), int(huge(0_i4), i8)), i4)
   end subroutine read_header
 
-  !> Walk over the field descriptions; a description that leaves the message is a fault.
+  !> Loop over the field descriptions; a description that leaves the message is a fault.
   subroutine index_fields(self, words, errors)
     class(message_buffer_type), intent(inout) :: self
     integer(i8), intent(in) :: words
@@ -369,7 +369,7 @@ contains
     if (self%field_count /= fields .or. self%used /= words) &
       call errors%add('P006', 'the description of field '//str(self%field_count + 1)//' of '// &
                       str(fields)//' is damaged', self%place(), &
-                      'the partner does not speak this port')
+                      'the partner does not implement this port')
   end subroutine index_fields
 
   subroutine read_description(self, field)

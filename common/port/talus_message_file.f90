@@ -1,6 +1,6 @@
 !> A port message as an HDF5 file: the header as attributes of the root, a dataset for each field.
 !!
-!! /fields/<name>: real64 (n, c), int64 (n, c) as h5py sees them (one component: (n)), text as one
+!! /fields/<name>: real64 (n, c), int64 (n, c) as read by h5py (one component: (n)), text as one
 !! string; /order: the names in the order of the message, one a line. Read back, the message has the
 !! same words and so the same checksum (manual/port.md).
 module talus_message_file

@@ -1,7 +1,7 @@
 !> Watch over the process on the other side of a port: has it ended, does it still work?
 !!
 !! Ended: the process descriptor (pidfd) fires; a zombie counts as ended. At work: its heartbeat
-!! word moved, or, on the same machine, it used CPU time since the last look. A long call into a
+!! word moved, or, on the same machine, it used CPU time since the last check. A long call into a
 !! library (a factorisation) uses CPU time and is no hang; a stopped process (SIGSTOP), or one that
 !! sleeps for ever, does neither. Time in which this process itself was stopped does not count.
 module talus_partner
@@ -14,7 +14,7 @@ module talus_partner
   private
   public :: partner_type, own_pid, own_place, own_host, now, nap
 
-  real(wp), parameter :: check_interval = 0.2_wp  !! s between two looks at the CPU time
+  real(wp), parameter :: check_interval = 0.2_wp  !! s between two checks of the CPU time
   real(wp), parameter :: longest_gap = 1.0_wp !! s; a longer gap: we were stopped ourselves
 
   !> One watched process.
@@ -28,7 +28,7 @@ module talus_partner
     integer(c_int), private :: pid_fd = -1, launcher_fd = -1
     integer(i8), private :: beat = -1, ticks = -1
     real(wp), private :: silence = 0.0_wp  !! s without a sign of life
-    real(wp), private :: looked = -1.0_wp  !! time of the last look
+    real(wp), private :: looked = -1.0_wp  !! time of the last check
     real(wp), private :: heard = -1.0_wp   !! time of the last check
     character(len=1) :: state = '?'        !! state letter of /proc/<pid>/stat
   contains
@@ -101,7 +101,7 @@ contains
     call self%fresh()
   end subroutine partner_started
 
-  !> The process that joined the port; `place` tells whether it runs under the same kernel.
+  !> The process that joined the port; `place` shows whether it runs under the same kernel.
   subroutine partner_joined(self, pid, place)
     class(partner_type), intent(inout) :: self
     integer(i4), intent(in) :: pid
@@ -122,7 +122,7 @@ contains
       partner_ended = c_ended(self%launcher_fd) /= 0
   end function partner_ended
 
-  !> Start counting silence anew (a wait begins).
+  !> Restart the count of silence (a wait begins).
   subroutine partner_fresh(self)
     class(partner_type), intent(inout) :: self
     self%silence = 0.0_wp
@@ -175,16 +175,16 @@ contains
     class(partner_type), intent(in) :: self
     type(error_list_type), intent(inout) :: errors
     call errors%add('P001', self%title()//' ended before it answered', log_place(self), &
-                    'the end of its log tells more; the last checkpoint is valid')
+                    'see the end of its log; the last checkpoint is valid')
   end subroutine partner_report_end
 
-  !> Fault: it did not come to the port in time.
+  !> Fault: it did not join the port in time.
   subroutine partner_report_absence(self, errors)
     class(partner_type), intent(in) :: self
     type(error_list_type), intent(inout) :: errors
     call errors%add('P003', self%title()//' did not join the port within '// &
                     str(self%time_limit)//' s', log_place(self), &
-                    'its log tells more; for another host use transport = ''hdf5''')
+                    'see its log; for another host use transport = ''hdf5''')
   end subroutine partner_report_absence
 
   !> Fault: no sign of life for the time limit.
@@ -196,7 +196,7 @@ contains
     what = ' hangs: no heartbeat and no CPU time for '//str(self%time_limit)//' s'
     if (self%state == 'T' .or. self%state == 't') what = what//' (it is stopped by a signal)'
     call errors%add('P002', self%title()//what, log_place(self), &
-                    'look at its log; time_limit in &port sets how long silence may last')
+                    'see its log; time_limit in &port sets how long silence may last')
   end subroutine partner_report_silence
 
   function log_place(self) result(text)

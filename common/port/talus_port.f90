@@ -1,4 +1,4 @@
-!> Exchange port: talus-couple asks, a solver answers (manual/port.md).
+!> Exchange port: talus-couple sends requests, a solver replies (manual/port.md).
 !!
 !! Ask side: `create`, launch the solver with `--port=SPEC`, `watch` its process, then `send` and
 !! `receive` (or `ask`); several ports may be sent to before any is read. Serve side: `connect`,
@@ -18,8 +18,8 @@ module talus_port
   public :: port_type
 
   integer(i4), parameter :: transport_none = 0, transport_shm = 1, transport_file = 2
-  real(wp), parameter :: slice = 0.05_wp             !! s between two looks at the partner
-  real(wp), parameter :: connect_limit = 30.0_wp     !! s that a solver looks for its port
+  real(wp), parameter :: slice = 0.05_wp             !! s between two checks of the partner
+  real(wp), parameter :: connect_limit = 30.0_wp     !! s that a solver waits for its port
   real(wp), parameter :: attach_limit = 600.0_wp     !! s that it waits for a rendezvous file
   real(wp), parameter :: far_ask_limit = 600.0_wp    !! s of silence of an asker on another host
 
@@ -78,7 +78,7 @@ contains
     if (errors%count == faults) self%transport = transport
   end subroutine create
 
-  !> Tell in a file where the port is, for a solver that the user starts with --port=attach:FILE.
+  !> Write to a file where the port is, for a solver that the user starts with --port=attach:FILE.
   subroutine publish(self, path, errors)
     class(port_type), intent(inout) :: self
     character(len=*), intent(in) :: path
@@ -238,10 +238,10 @@ contains
       else if (self%asks .and. message%verb /= self%verb) then
         call errors%add('P008', 'the reply is to '//verb_name(message%verb)//', '// &
                         verb_name(self%verb)//' was asked', message%place(), &
-                        'the partner does not speak this port')
+                        'the partner does not implement this port')
       else if (message%verb < 1) then
         call errors%add('P017', 'the request has a verb that is not known here', &
-                        message%place(), 'use programs that speak the same version of the port')
+                        message%place(), 'use programs with the same version of the port')
       end if
       self%verb = message%verb
     end if
@@ -249,7 +249,7 @@ contains
       errors%item(faults + 1)%message = self%partner%title()//': '//errors%item(faults + 1)%message
   end subroutine check
 
-  !> Send, receive, and hand on the fault that the reply reports.
+  !> Send, receive, and add the fault that the reply reports.
   subroutine ask(self, request, reply, errors)
     class(port_type), intent(inout) :: self
     type(message_type), intent(inout) :: request, reply
@@ -261,7 +261,7 @@ contains
     if (errors%count == faults) call reply%faults(errors)
   end subroutine ask
 
-  !> While waiting: has the partner joined, ended, fallen silent?
+  !> While waiting: has the partner joined, ended, stopped answering?
   subroutine look(self, reading, errors)
     class(port_type), intent(inout) :: self
     logical, intent(in) :: reading  !! a message that arrived counts more than the end of its sender

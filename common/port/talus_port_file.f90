@@ -1,6 +1,6 @@
 !> hdf5 transport of the port: one file a message, written under a temporary name and renamed.
 !!
-!! In the folder of the port stand SIDE.port (made by the asker, taken away by the one who joins),
+!! In the folder of the port are SIDE.port (made by the asker, removed by the one who joins),
 !! SIDE.joined, the heartbeats SIDE.beat and couple.beat, and SIDE.NNNNNNNN.request.h5 / .reply.h5.
 !! It works across hosts on a shared file system; for an exchange in every sub-step it is slow.
 module talus_port_file
@@ -148,7 +148,7 @@ contains
     end if
     if (stat /= 0) then
       call errors%add('P005', 'the port file is not of this version of Talus', path//'.port', &
-                      'use programs that speak the same version of the port')
+                      'use programs with the same version of the port')
       return
     end if
     self%run_id = line(2)%s
@@ -221,7 +221,7 @@ contains
     if (failed /= '') then
       call c_remove(path//'.tmp'//c_null_char)
       call errors%add('P018', 'the message file '//path//' cannot be written: '//failed, path, &
-                      'is the disk full, or the folder gone?')
+                      'is the disk full, or the folder removed?')
     end if
     call self%beat()
   end subroutine file_push
@@ -306,11 +306,11 @@ contains
     self%beats = self%beats + 1
     path = self%stem//'.beat'
     if (self%asks) path = self%folder//'/couple.beat'
-    ! a beat that cannot be written is missed by the other side, which then tells
+    ! a beat that cannot be written is missed by the other side, which then reports it
     code = c_write(path//c_null_char, str(self%beats)//new_line('a')//c_null_char)
   end subroutine file_beat
 
-  !> Leave; the asker, or the last one when the asker is gone, removes the files.
+  !> Leave; the asker, or the last one when the asker has ended, removes the files.
   subroutine file_close(self, last)
     class(file_port_type), intent(inout) :: self
     logical, intent(in) :: last

@@ -49,7 +49,7 @@ module talus_port_names
   integer(i4), parameter :: kind_text = 3  !! bytes, ASCII
 
   ! Roles of sets; a message has their names, role_name(role_load).
-  integer(i4), parameter :: role_report = 1  !! its state is told in replies
+  integer(i4), parameter :: role_report = 1  !! its state is reported in replies
   integer(i4), parameter :: role_prescribe = 2  !! talus-couple moves it
   integer(i4), parameter :: role_load = 3  !! talus-couple puts forces on it; grains of it are free
   !> vertices of triangles that talus-couple moves; forces on each vertex in return

@@ -64,7 +64,7 @@ enum talus_cell {
 /* health flags, summed in the scalar flags */
 enum talus_flag {
   TALUS_FLAG_LATE_REBUILD = 1, /* a list was rebuilt later than its skin allows */
-  TALUS_FLAG_LARGE_OVERLAP = 2, /* an overlap is past the deck's limit */
+  TALUS_FLAG_LARGE_OVERLAP = 2, /* an overlap is above the deck's limit */
 };
 
 /* words of the header, from 0 */
@@ -80,7 +80,7 @@ enum talus_header {
   TALUS_HEADER_FIELDS = 8, /* number of fields */
   TALUS_HEADER_WORDS = 9, /* words of the whole message */
   TALUS_HEADER_CHECKSUM = 10, /* see below */
-  TALUS_HEADER_WAITED = 11, /* of a reply: for how many seconds its sender had waited for the request (real), 0 if it does not tell; else 0 */
+  TALUS_HEADER_WAITED = 11, /* of a reply: for how many seconds its sender had waited for the request (real), 0 if not reported; else 0 */
 };
 
 /* places in the field scalars, from 0 */
@@ -155,7 +155,7 @@ enum talus_scalar {
 #define TALUS_WHAT_SPRINGS "springs"
 #define TALUS_WHAT_DEAD_LOAD "dead_load"
 
-/* fields; those of sets stand behind the name of the set and a dot */
+/* fields; those of sets follow the name of the set and a dot */
 #define TALUS_FIELD_A "a"
 #define TALUS_FIELD_AHEAD "ahead"
 #define TALUS_FIELD_ANALYSIS "analysis"

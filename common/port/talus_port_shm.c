@@ -4,7 +4,7 @@
    and chunks taken; the writer may write when they are equal, the reader may read when they are
    not. Who waits spins for SPIN seconds (not when both sides share a core: the partner could not
    run) and then sleeps on the counter's futex (shared between processes, so without the PRIVATE
-   flag) for one slice; between slices the caller looks whether the partner lives. A side shows its
+   flag) for one slice; between slices the caller checks whether the partner runs. A side shows its
    life by an OFD lock on its own byte of the segment. */
 #include <dirent.h>
 #include <errno.h>
@@ -247,8 +247,8 @@ static void pause_briefly(void)
 #endif
 }
 
-/* Copy into the slot past the caches: lines that one core has changed come slowly to another core
-   (measured: 104 kB in 50 us; past the caches in 8 us). Short chunks gain nothing. */
+/* Copy into the slot by streaming stores: lines that one core has changed are slow on another
+   (measured: 104 kB in 50 us; by streaming stores in 8 us). Short chunks gain nothing. */
 static void copy_out(unsigned char *to, const unsigned char *from, size_t bytes)
 {
     size_t k = 0;
@@ -381,7 +381,7 @@ int64_t talus_shm_partner_beat(struct port *p)
     return (int64_t)atomic_load_explicit(&p->control->side[1 - p->me].beat, memory_order_relaxed);
 }
 
-/* 1 when the other side had joined and its lock has dropped: its process is gone. */
+/* 1 when the other side had joined and its lock has dropped: its process has ended. */
 int talus_shm_partner_gone(struct port *p)
 {
     short type = F_WRLCK;

@@ -150,10 +150,10 @@ contains
     select case (stage)
     case (stage_foreign)
       call errors%add('P005', 'the shared memory segment is not of this version of Talus', &
-                      '/dev/shm'//name, 'use programs that speak the same version of the port')
+                      '/dev/shm'//name, 'use programs with the same version of the port')
     case (stage_lock)
       call errors%add('P016', 'another process has already joined this port', '/dev/shm'//name, &
-                      'one solver a port; a solver on several ranks speaks through rank 0 only')
+                      'one solver a port; a solver on several ranks uses rank 0 only')
     case default
       call errors%add('P016', 'the shared memory segment cannot be opened (system error '// &
                       str(code)//', stage '//str(stage)//')', '/dev/shm'//name, &
@@ -219,7 +219,7 @@ contains
     shm_partner_beat = c_partner_beat(self%handle)
   end function shm_partner_beat
 
-  !> Whether the other side had joined and its process is gone.
+  !> Whether the other side had joined and its process has ended.
   logical function shm_partner_gone(self)
     class(shm_port_type), intent(in) :: self
     shm_partner_gone = c_partner_gone(self%handle) /= 0

@@ -34,5 +34,5 @@ module talus_scalars
   integer(i4), parameter :: scalar_count = 19
 
   integer(i4), parameter :: flag_late_rebuild = 1  !! a list was rebuilt later than its skin allows
-  integer(i4), parameter :: flag_large_overlap = 2  !! an overlap is past the deck's limit
+  integer(i4), parameter :: flag_large_overlap = 2  !! an overlap is above the deck's limit
 end module talus_scalars

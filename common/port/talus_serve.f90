@@ -1,7 +1,7 @@
-!> The service of a solver at the exchange port: requests come in, replies go out.
+!> The service of a solver at the exchange port: requests are received, replies sent.
 !!
 !! A solver extends `server_type` by what each verb does; order of the verbs, faults, restart tags
-!! and the end are the same for all. A fault of a request is told in its reply and the service goes
+!! and the end are the same for all. A fault of a request is reported in its reply; the service goes
 !! on: what to do is the partner's decision. A numerical failure, or a fault before HELLO was
 !! answered, ends the run.
 module talus_serve
@@ -27,9 +27,9 @@ module talus_serve
     character(len=:), allocatable :: program  !! 'talus-dem'
     logical :: greeted = .false.              !! HELLO was answered
     logical :: begun = .false.                !! READY was answered
-    logical :: rehearsing = .false.           !! READY asked for steps that do not count
+    logical :: rehearsing = .false.           !! READY requested steps that do not count
     logical :: final = .false.                !! the last ACCEPT said that no REJECT follows it
-    logical :: leave = .false.                !! STOP or ABORT came
+    logical :: leave = .false.                !! STOP or ABORT was received
     integer(i4) :: exit_code = 0
     type(error_list_type) :: fatal            !! faults that end the run
   contains
@@ -47,7 +47,7 @@ module talus_serve
     procedure(file_of), deferred :: write          !! WRITE
     procedure(end_run), deferred :: finish         !! sets exit_code
     procedure :: is_busy                           !! is there work that nobody waits for yet?
-    procedure :: work_on                           !! a slice of it, while no request comes
+    procedure :: work_on                           !! a slice of it, while no request arrives
     procedure :: catch_up                          !! all of it, before any request but FORCE
   end type server_type
 
@@ -229,14 +229,14 @@ contains
     end select
   end subroutine handle
 
-  !> HELLO comes before all, READY before all that moves or judges (P021).
+  !> HELLO precedes all, READY all that moves or judges (P021).
   subroutine check_order(server, request, errors)
     class(server_type), intent(in) :: server
     type(message_type), intent(in) :: request
     type(error_list_type), intent(inout) :: errors
     if (leaving(request%verb) .or. request%verb == verb_hello) return
     if (.not. server%greeted) then
-      call errors%add('P021', verb_name(request%verb)//' came before HELLO', request%place(), &
+      call errors%add('P021', verb_name(request%verb)//' before HELLO', request%place(), &
                       'HELLO is the first request')
       return
     end if
@@ -245,8 +245,8 @@ contains
       return
     end select
     if (.not. server%begun) &
-      call errors%add('P021', verb_name(request%verb)//' came before READY', request%place(), &
-                      'READY comes before all steps')
+      call errors%add('P021', verb_name(request%verb)//' before READY', request%place(), &
+                      'READY must precede all steps')
   end subroutine check_order
 
   !> Same protocol? Then the first state, or that of a checkpoint; a fault of it ends the run.
@@ -264,8 +264,8 @@ contains
     call request%all_read(errors)
     if (errors%any()) return
     if (protocol /= protocol_version) then
-      call errors%add('P005', 'the partner speaks another protocol than '//server%program, &
-                      request%place(), 'use programs that speak the same version of the port')
+      call errors%add('P005', 'the partner uses another protocol than '//server%program, &
+                      request%place(), 'use programs with the same version of the port')
       return
     end if
     call server%hello(restart, reply, errors)
@@ -274,7 +274,7 @@ contains
   end subroutine hello
 
   !> READY. With rehearsal = 1 steps may be tried and accepted, but what the deck itself moves
-  !! stands still and no file is written; the READY that ends it sets the clock back to the start.
+  !! does not advance and no file is written; the READY that ends it resets the clock.
   subroutine ready(server, request, reply, errors)
     class(server_type), intent(inout) :: server
     type(message_type), intent(inout) :: request, reply
@@ -365,7 +365,7 @@ contains
     call reasons%take(server%fatal)
     if (request%verb == verb_abort .and. .not. reasons%any()) &
       call reasons%add('P022', 'the partner has ended this run', request%place(), &
-                            'the reason stands in the log of the coupled run')
+                            'the reason is in the log of the coupled run')
     call server%finish(request%verb == verb_stop, early == 1, reasons)
     call server%fatal%clear()
     call server%fatal%take(reasons)

@@ -17,13 +17,13 @@ module talus_log
   private
   public :: log_type, short_number, duration_text
 
-  integer(i4), parameter :: item_width = 26                !! column at which values stand
+  integer(i4), parameter :: item_width = 26                !! column of values
   integer(i4), parameter :: narrowest = 10                 !! narrowest column of rows
   real(wp), parameter :: first_spacing = 0.5_wp            !! wall time between rows, at first [s]
   real(wp), parameter :: last_spacing = 30.0_wp            !! and at last [s]
   real(wp), parameter :: bar_spacing = 0.2_wp              !! between redraws of the bar [s]
 
-  !> A log that is open, or only goes to the screen.
+  !> A log that is open, or on the screen only.
   type :: log_type
     character(len=:), allocatable :: path
     logical :: screen = .true.                             !! also to standard output
@@ -68,7 +68,7 @@ contains
     self%kept = ''
   end subroutine hold
 
-  !> Begin a log; with an empty path it goes to the screen only.
+  !> Begin a log; with an empty path on the screen only.
   subroutine open_log(self, path, errors, append, screen)
     class(log_type), intent(inout) :: self
     character(len=*), intent(in) :: path
@@ -253,7 +253,7 @@ contains
     self%bar_drawn = .true.
   end subroutine progress
 
-  !> The line that tells whether to trust the run.
+  !> The line that shows whether to trust the run.
   subroutine health(self, text)
     class(log_type), intent(inout) :: self
     character(len=*), intent(in) :: text

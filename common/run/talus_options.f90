@@ -12,7 +12,7 @@ module talus_options
   integer(i4), parameter :: most_threads = 1024
   integer(i4), parameter :: most_ranks = 100000
 
-  !> What the user asked for.
+  !> Options of the user.
   type :: options_type
     character(len=:), allocatable :: deck        !! path of the deck, '' if none was given
     logical :: check = .false.                   !! read, check, echo, leave
@@ -86,7 +86,7 @@ contains
                       'a run gets its ranks from its launcher: mpirun -n '//str(options%ranks)// &
                       ' '//program//' deck.nml')
     if (len(options%deck) == 0) call errors%add('D021', 'no deck was given', 'command line', &
-                                                usage_line(program)//'; --help says more')
+                                                usage_line(program)//'; see --help')
   end subroutine parse_arguments
 
   !> One option: a flag, or name=value.
@@ -107,7 +107,8 @@ contains
     select case (name)
     case ('--check', '--json', '--keys', '--version', '--help', '-h')
       if (equals > 0) then
-        call errors%add('D022', 'option '//name//' takes no value', 'command line', 'write '//name)
+        call errors%add('D022', 'option '//name//' accepts no value', 'command line', &
+                        'write '//name)
         return
       end if
     case ('--weights')
@@ -115,7 +116,7 @@ contains
         call unknown_option(program, name, errors)
         return
       else if (equals > 0) then
-        call errors%add('D022', 'option --weights takes no value', 'command line', &
+        call errors%add('D022', 'option --weights accepts no value', 'command line', &
                         'write talus-couple FILE.h5 --weights')
         return
       end if
@@ -265,7 +266,7 @@ contains
                          ' file of an earlier run')
     if (program == 'talus-couple') &
       call append_string(lines, '  --weights       energy partition of an overlap in a file'// &
-                         ' that stands for the deck, without solvers')
+                         ' in place of the deck, without solvers')
     if (program == 'talus-fem') &
       call append_string(lines, '  --point         one material along the &path states of the'// &
                          ' deck, without mesh')

@@ -40,7 +40,7 @@ static int starts(const char *text, const char *head)
     return strncmp(text, head, strlen(head)) == 0;
 }
 
-/* What a parent MPI launcher left: a child that inherits it takes itself for one of its ranks. */
+/* What a parent MPI launcher left: a child that inherits it considers itself one of its ranks. */
 static int of_launcher(const char *entry)
 {
     if (starts(entry, "OMPI_ALLOW_RUN_AS_ROOT"))
@@ -185,7 +185,7 @@ void talus_process_close(int fd)
         close(fd);
 }
 
-/* Path of a program that stands beside this one; its bare name when there is none. */
+/* Path of a program beside this one; its bare name when there is none. */
 void talus_process_sibling(const char *name, char *path, int room)
 {
     const ssize_t n = readlink("/proc/self/exe", path, (size_t)room - 1);
@@ -197,7 +197,7 @@ void talus_process_sibling(const char *name, char *path, int room)
         snprintf(path, (size_t)room, "%s", name);
 }
 
-/* Kernels that OpenBLAS should take where it does not know the processor (older releases). */
+/* Kernels that OpenBLAS should use where it does not recognise the processor (older releases). */
 void talus_process_core_type(char *text, int room)
 {
     const char *kernels = "";

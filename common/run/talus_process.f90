@@ -1,4 +1,4 @@
-!> Child processes: start in a group of their own, wait with a limit, end, tell how they ended.
+!> Child processes: start in a group of their own, wait with a limit, end, report how they ended.
 !!
 !! A child gets no variables of a parent MPI launcher, a passive OpenMP wait policy, its thread
 !! counts, and is killed by the kernel when this program dies, however it dies.
@@ -79,7 +79,7 @@ module talus_process
 
 contains
 
-  !> Start a program. argv(1) is a path, or a name that PATH knows.
+  !> Start a program. argv(1) is a path, or a name found in PATH.
   subroutine process_spawn(self, argv, folder, log_file, threads, errors, death_signal)
     class(process_type), intent(inout) :: self
     type(string_type), intent(in) :: argv(:)
@@ -240,7 +240,7 @@ contains
     end if
   end function process_epitaph
 
-  !> Path of a program that stands beside this one, or its bare name for PATH to find.
+  !> Path of a program beside this one, or its bare name for PATH to find.
   function sibling_program(name) result(path)
     character(len=*), intent(in) :: name
     character(len=:), allocatable :: path

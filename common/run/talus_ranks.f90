@@ -1,4 +1,4 @@
-!> The ranks that work on a run together (MPI): who they are, and what they tell each other.
+!> The ranks that work on a run together (MPI): their numbers and what they send each other.
 !!
 !! A run of one rank calls nothing of MPI here. Ranks that wait for their leader sleep: collectives
 !! of MPI spin.
@@ -17,8 +17,8 @@ module talus_ranks
   private
   public :: ranks_type, join_ranks, start_mpi, leave_ranks, sum_of_columns
 
-  integer(c_int), parameter :: pause = 100_c_int  !! between two looks of a rank that waits [us]
-  integer(i4), parameter :: spins = 2000          !! looks before it sleeps
+  integer(c_int), parameter :: pause = 100_c_int  !! between two checks of a rank that waits [us]
+  integer(i4), parameter :: spins = 2000          !! checks before it sleeps
   integer(i4), parameter :: few = 512             !! values that are worth one message less
   character(len=1), parameter :: mark = achar(0)  !! ends each text of a fault
 
@@ -31,7 +31,7 @@ module talus_ranks
   contains
     procedure :: leads            !! (): is this the rank that leads?
     procedure :: several          !! (): more than one
-    procedure :: await            !! (numbers): those of the leader; others sleep until they come
+    procedure :: await            !! (numbers): those of the leader; others sleep until they arrive
     procedure :: broadcast_numbers     !! (numbers): those of the leader
     procedure :: broadcast_values      !! (values): those of the leader
     procedure :: broadcast_text        !! (from, text): that of one rank
@@ -85,7 +85,7 @@ contains
     launched = any([(len(environment(trim(launcher(k)))) > 0, k=1, size(launcher))])
   end function launched
 
-  !> Outside a launcher of MPI OpenMPI is told that this process is alone: it then needs no daemon
+  !> Outside an MPI launcher OpenMPI is configured for a single process: it then needs no daemon
   !! (which would outlive a kill) and starts in a third of the time. A plain step of Slurm (srun
   !! without --mpi) is none, but OpenMPI would take it for one and end: it does not get to see it.
   subroutine start_mpi()
@@ -124,7 +124,7 @@ contains
     several = self%ranks > 1
   end function several
 
-  !> Numbers of the leader; the others sleep until it speaks.
+  !> Numbers of the leader; the others sleep until it sends.
   subroutine await(self, numbers)
     class(ranks_type), intent(in) :: self
     integer(i4), intent(inout), contiguous, asynchronous :: numbers(:)
@@ -319,7 +319,7 @@ contains
                      mpi_double_precision, 0, self%comm, status)
   end subroutine collect_columns
 
-  !> Rows go to their ranks; what comes is ordered by the rank that it comes from.
+  !> Send rows to their ranks; received rows are ordered by their sender.
   subroutine trade(self, rows, count, taken, came)
     class(ranks_type), intent(in) :: self
     real(wp), intent(in), contiguous :: rows(:, :)      !! ordered by the rank they go to

@@ -127,7 +127,7 @@ contains
       associate (group => table%group(g))
         write (output_unit, '(a)') ''
         write (output_unit, '(a)') '&'//group%name//trim(merge(' !', '  ', group%required)) &
-          //trim(merge('  (may stand several times)', '                           ', group%repeats))
+          //trim(merge('  (may occur several times)', '                           ', group%repeats))
         call write_folded(group%doc, 2)
         call write_group_rules(group)
         do k = 1, group%key_count

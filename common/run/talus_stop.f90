@@ -12,12 +12,12 @@ module talus_stop
   public :: stop_type, stop_none, stop_signal, stop_wall, stop_file
 
   integer(i4), parameter :: stop_none = 0    !! go on
-  integer(i4), parameter :: stop_signal = 1  !! SIGINT or SIGTERM came
+  integer(i4), parameter :: stop_signal = 1  !! SIGINT or SIGTERM received
   integer(i4), parameter :: stop_wall = 2    !! the wall limit is reached
   integer(i4), parameter :: stop_file = 3    !! the stop file is there
 
   integer(i4), parameter :: interrupt = 2            !! SIGINT
-  real(wp), parameter :: check_interval = 0.5_wp         !! [s] between looks at the stop file
+  real(wp), parameter :: check_interval = 0.5_wp         !! [s] between checks of the stop file
 
   !> Reasons to stop that are watched.
   type :: stop_type
@@ -25,7 +25,7 @@ module talus_stop
     character(len=:), allocatable :: file            !! empty none
     integer(i4) :: reason = stop_none                !! first reason met; it stays
     real(wp), private :: begun = 0.0_wp              !! wall clock at init [s]
-    real(wp), private :: looked = 0.0_wp             !! wall clock at the last look [s]
+    real(wp), private :: looked = 0.0_wp             !! wall clock at the last check [s]
   contains
     procedure :: init
     procedure :: check

@@ -54,7 +54,7 @@ contains
     call table%preset('')
     call table%add_key('t_end', 'real', 's', &
       'Time at which the run ends. In a coupled run it belongs to the coupled deck; a ' &
-      //'solver''s deck then leaves it out or says the same.')
+      //'solver''s deck then leaves it out or gives the same.')
     call table%bounds(above=0.0_wp)
     call table%add_key('gravity', 'real', 'm/s2', &
       'Acceleration of gravity. Both solvers of a coupled run must agree.')
@@ -69,8 +69,8 @@ contains
       //'checkpoint and leaves with exit code 3. Empty: none.')
     call table%preset('')
     call table%add_key('threads', 'integer', '', &
-      'OpenMP threads; 0 takes OMP_NUM_THREADS or all cores. The option --threads=N ' &
-      //'goes before it.')
+      'OpenMP threads; 0: OMP_NUM_THREADS or all cores. The option --threads=N ' &
+      //'overrides it.')
     call table%preset('0')
     call table%bounds(min=0.0_wp, max=1024.0_wp)
   end subroutine group_run
@@ -104,8 +104,8 @@ contains
   subroutine group_checkpoint(table)
     type(key_table_type), intent(inout) :: table
     call table%add_group('checkpoint', 3, &
-      'Checkpoints from which --restart=auto goes on. One is also written on SIGTERM, ' &
-      //'wall limit and stop file.')
+      'Checkpoints from which --restart=auto continues. One is also written on SIGTERM,' &
+      //' wall limit and stop file.')
     call table%add_key('every_wall', 'real', 's', 'Wall-clock time between two checkpoints.')
     call table%bounds(above=0.0_wp)
     call table%add_key('every_time', 'real', 's', 'Simulated time between two checkpoints.')

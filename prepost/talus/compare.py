@@ -1,7 +1,7 @@
 """Comparisons of results that a NaN cannot pass.
 
 Python's max and min pass over a NaN that is not their first, and a largest difference kept by
-max(worst, x) is then that of the other numbers alone. Whatever judges results goes through here.
+max(worst, x) is then that of the other numbers alone. All comparisons of results use this module.
 """
 
 from collections.abc import Iterable, Mapping

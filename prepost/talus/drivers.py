@@ -11,7 +11,7 @@ import numpy as np
 from talus import histories
 from talus.faults import FaultError
 
-STEEPEST = 200.0  # largest ratio of principal stresses that is looked for
+STEEPEST = 200.0  # largest ratio of principal stresses that is searched for
 
 
 def ratio_of(angle: float) -> float:
@@ -44,7 +44,7 @@ def matsuoka_nakai(ratio: float, b: float) -> float:
 
 
 def angle_by(criterion: object, compression: float, b: float) -> float:
-    """Angle of friction [deg] at b of a criterion that goes through one in triaxial compression.
+    """Angle of friction [deg] at b of a criterion that equals one in triaxial compression.
 
     b = (s2 - s3)/(s1 - s3); the angle is that of s1 and s3.
     """
@@ -92,7 +92,7 @@ def read_shear_box(path: Path, upper: tuple[int, ...], lid: int, flange: int) ->
     """Read *_surfaces.csv of a box whose lower half moves along x under a lid that moves along z.
 
     Surfaces by their numbers in the deck: those of the upper half, the lid, and the flange of the
-    lower half, whose share of the upper grains does not press on the plane between the halves.
+    lower half, whose share of the upper grains does not load the plane between the halves.
     """
     rows = histories.read(path)
     numbers = sorted({*upper, lid, flange})

@@ -24,7 +24,7 @@ LAMMPS_TYPES = {FREE: 1, FIXED: 2, DRIVEN: 3}
 def sphere_radii(packing: Packing, spheres: str = "refuse") -> np.ndarray:
     """Return the radius of each grain (n,) [m].
 
-    `spheres` says what becomes of ellipsoids: 'refuse' raises E505, 'bounding' takes the sphere
+    `spheres` sets the treatment of ellipsoids: 'refuse' raises E505, 'bounding' takes the sphere
     around the grain, 'volume' the sphere of the same volume.
     """
     axes = packing.axes

@@ -7,7 +7,7 @@ class FaultError(Exception):
     def __init__(
         self, code: str, message: str, hint: str = "", place: str = "", exit_code: int = 1
     ):
-        """Keep the parts; `str()` gives the text that a user sees."""
+        """Keep the parts; `str()` gives the text for the user."""
         self.code, self.message, self.hint = code, message, hint
         self.place, self.exit_code = place, exit_code
         lines = [f"error {code}: {message}"]

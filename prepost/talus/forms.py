@@ -1,4 +1,4 @@
-"""Forms of grains: eight octants of six semi-axes and an exponent, as talus-dem takes them.
+"""Shapes of grains: eight octants of six semi-axes and an exponent, as talus-dem reads them.
 
 A grain has the semi-axes `axes` (1 + skew) on the positive sides of its frame and `axes` (1 - skew)
 on the negative ones; exponent p: |x/a|^p + |y/b|^p + |z/c|^p = 1. Skew 0 and exponent 2 is an
@@ -17,7 +17,7 @@ MOST_SKEW = 0.8  # one half nine times the other
 LEAST_EXPONENT, MOST_EXPONENT = 2.0, 10.0
 TABLE = "a b c weight, or a+ b+ c+ a- b- c- exponent weight"  # columns of a table of forms
 COLUMNS = (3, 4, 6, 7, 8)  # that a row may have; weight 1 and exponent 2 where they are left out
-MARGIN = 1.02  # of bounding spheres, for the directions between those looked at
+MARGIN = 1.02  # of bounding spheres, for the directions between those sampled
 
 
 @dataclass

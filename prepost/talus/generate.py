@@ -56,9 +56,9 @@ def container(grid: int, rows: int = WALL_ROWS) -> np.ndarray:
 
 
 def penetration(name: str, seed: int, layers: int = 40, guard_rows: int = 0) -> Packing:
-    """Container and grains of the benchmark before they fall; groups container, free, guard.
+    """Container and grains of the benchmark before deposition; groups container, free, guard.
 
-    `guard_rows` more rows of fixed spheres stand above the walls (group guard) so that every grain
+    `guard_rows` more rows of fixed spheres are above the walls (group guard) so that every grain
     falls inside; they are dropped from the deposit.
     """
     if name not in GRID:
@@ -128,7 +128,7 @@ def lattice(
 ) -> Packing:
     """Grains on a lattice; `pitch` [m] is the cell's edge (hcp: the distance in a layer).
 
-    A periodic packing holds the cell in which the lattice goes on without end.
+    A periodic packing holds the cell of the infinite lattice.
     """
     if kind not in LATTICES:
         raise FaultError("E510", f"no lattice '{kind}'", f"one of {', '.join(LATTICES)}")
@@ -202,7 +202,7 @@ def cloud(
     `sizes` (n) multiply `axes` [m]. Larger grains are placed first; ids run through the box layer
     by layer, so that neighbours lie near each other in the solver's memory. In a periodic box
     grains reach through the faces; the packing then holds it as its cell. With `forms` each grain
-    takes one of them by chance and weight, in place of `axes`.
+    draws one of them at random by weight, in place of `axes`.
     """
     rng = np.random.default_rng(seed)
     scale = np.sort(sizes)[::-1]

@@ -62,7 +62,7 @@ def read(path: Path) -> History:
             raise FaultError("E545", text, place=f"{path}:{number}")
     table = np.array(values).reshape(-1, len(names))
     if len(table) and not np.isfinite(table[:, 1:]).any():
-        hint = "look at the end of the run's log"
+        hint = "see the end of the run's log"
         raise FaultError("E545", f"{path} holds no finite number", hint)
     back = np.flatnonzero(np.diff(table[:, 0]) < 0.0)
     if back.size and names[0] == "time":

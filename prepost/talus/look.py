@@ -1,4 +1,4 @@
-"""The one look of all plots: exact = line, Talus = marks, version stamped in the corner."""
+"""The common style of all plots: exact = line, Talus = marks, version stamped in the corner."""
 
 import io
 from pathlib import Path

@@ -238,7 +238,7 @@ def layer_fractions(
     edges = np.linspace(lower[2], upper[2], layers + 1)
     if edges[1] - edges[0] < spacing:
         text = f"{layers} layers would be {edges[1] - edges[0]:.2g} m thin"
-        raise FaultError("E541", text, f"the points that are counted stand {spacing:.2g} m apart")
+        raise FaultError("E541", text, f"the points that are counted are {spacing:.2g} m apart")
     parts = []
     for k in watch(range(layers)):
         low, high = lower.copy(), upper.copy()

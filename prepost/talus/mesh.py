@@ -33,7 +33,7 @@ Facets = np.ndarray | dict[str, np.ndarray]
 class Mesh:
     """Nodes (n, 3) [m], elements by kind, groups of elements, facets and nodes.
 
-    Elements are numbered through over the kinds in the order of KINDS; an array (m, 8) stands for
+    Elements are numbered through over the kinds in the order of KINDS; an array (m, 8) means
     hex8 alone. A facet group is an array (k, nodes) or, of several kinds, a dict of such arrays.
     """
 
@@ -334,7 +334,7 @@ def read_foreign(path: Path) -> object:
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             return meshio.read(path)
-    except SystemExit as fault:  # meshio leaves when no reader of this ending takes the file
+    except SystemExit as fault:  # meshio exits when no reader of this ending accepts the file
         hint = "a whole .msh file of gmsh is wanted"
         raise FaultError("E520", f"{path} is not in the form of its ending", hint) from fault
     except Exception as fault:  # a damaged file may raise anything inside a reader

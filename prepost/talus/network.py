@@ -1,4 +1,4 @@
-"""Picture of the contact network: a tube a contact, thick and bright where the force is large."""
+"""Image of the contact network: a tube a contact, thick and bright where the force is large."""
 
 from pathlib import Path
 
@@ -57,10 +57,10 @@ def tubes(start: np.ndarray, end: np.ndarray, radius: np.ndarray) -> tuple[np.nd
 
 
 def render(path: Path, step: int, output: Path, size: tuple[int, int]) -> None:
-    """Write a picture of the contact network of a step of a field file."""
+    """Write an image of the contact network of a step of a field file."""
     if output.suffix not in ENDINGS:
         raise FaultError(
-            "E554", f"no picture can be written as '{output.name}'", "end it with .png"
+            "E554", f"no image can be written as '{output.name}'", "end it with .png"
         )
     time, contacts, grains = contacts_of(path, step)
     with FieldFile(path) as fields:

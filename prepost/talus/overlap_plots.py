@@ -35,7 +35,7 @@ def profile(grains: Path, solid: Path | None, axis: str) -> object:
         steps = [fields.read(k) for k in chosen_steps(len(fields))]
     if not steps[0].grains:
         raise FaultError(
-            "E543", f"{grains} holds no grains", "grains.h5 comes first, then solid.h5"
+            "E543", f"{grains} holds no grains", "give grains.h5 first, then solid.h5"
         )
     for colour, step in zip(COLOURS, steps, strict=False):
         g = step.grains

@@ -123,7 +123,7 @@ class Packing:
         """Return both packings in one; ids must differ."""
         twice = np.intersect1d(self.id, other.id)
         if twice.size:
-            raise FaultError("E503", f"grain id {twice[0]} stands in both packings")
+            raise FaultError("E503", f"grain id {twice[0]} is in both packings")
         groups = dict(self.groups)
         for name, ids in other.groups.items():
             groups[name] = np.concatenate([groups.get(name, np.empty(0, np.int64)), ids])
@@ -280,7 +280,7 @@ def check_packing(packing: Packing, place: str) -> None:
     check_contacts(packing, place)
     unique, count = np.unique(ids, return_counts=True)
     if (count > 1).any():
-        raise FaultError("E503", f"id {unique[count > 1][0]} stands twice", "", place)
+        raise FaultError("E503", f"id {unique[count > 1][0]} is there twice", "", place)
     for name, members in packing.groups.items():
         strangers = np.setdiff1d(members, ids)
         if strangers.size:

@@ -1,4 +1,4 @@
-"""Pictures of grains and the block around them, a quarter cut away (off-screen, pyvista)."""
+"""Images of grains and the block around them, a quarter cut away (off-screen, pyvista)."""
 
 import ctypes
 import os
@@ -17,7 +17,7 @@ from talus.packing import DRIVEN, FIXED
 
 MILLI = 1.0e3
 COLOURS_OF = {"displacement": "displacement [mm]", "speed": "speed [m/s]", "force": "force [N]"}
-DRAWING = ("libEGL.so.1", "libOSMesa.so.8", "libOSMesa.so")  # what VTK looks for
+DRAWING = ("libEGL.so.1", "libOSMesa.so.8", "libOSMesa.so")  # libraries that VTK loads
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".bmp")
 VIEW = np.array([0.95, -1.0, 0.62])  # from the cut quarter (+x, -y), from above
 WALL_GREY, TOOL_RED, SOLID_SAND = "#9aa3ad", "#c0392b", "#d8c7a3"
@@ -38,7 +38,7 @@ def load_pyvista() -> object:
         import pyvista
     except ImportError as fault:
         raise FaultError(
-            "E550", "pictures need pyvista, which is not installed", "make deps-render", exit_code=4
+            "E550", "images need pyvista, which is not installed", "make deps-render", exit_code=4
         ) from fault
     if not os.environ.get("DISPLAY") and not any(map(loads, DRAWING)):
         raise FaultError(
@@ -58,14 +58,14 @@ def render(
     """Write a PNG of the grains at a step, coloured, with the block of `solid` around them."""
     if output.suffix not in ENDINGS:
         raise FaultError(
-            "E554", f"no picture can be written as '{output.name}'", "end it with .png"
+            "E554", f"no image can be written as '{output.name}'", "end it with .png"
         )
     pyvista = load_pyvista()
     with FieldFile(grains) as fields:
         first, now = fields.read(0), fields.read(step)
     if not now.grains:
         raise FaultError(
-            "E543", f"{grains} holds no grains", "grains.h5 comes first, --solid after it"
+            "E543", f"{grains} holds no grains", "give grains.h5 first, --solid after it"
         )
     plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
     plotter.set_background("white")
@@ -190,7 +190,7 @@ def ellipsoids(
 def add_surfaces(
     pyvista: object, plotter: object, first: Snapshot, now: Snapshot, nodes: np.ndarray
 ) -> None:
-    """Add the triangles that grains meet: those that stand still as glass, others red.
+    """Add the triangles that grains meet: fixed ones as glass, moving ones red.
 
     A surface whose corners are nodes (n, 3) [mm] of the solid is the solid's own face: it is drawn
     with the solid.
@@ -208,7 +208,7 @@ def add_surfaces(
 
 
 def lies_on(points: np.ndarray, nodes: np.ndarray) -> bool:
-    """Tell whether points (a few are looked at) are nodes, to a micrometre [mm]."""
+    """Return whether points (a few are checked) are nodes, to a micrometre [mm]."""
     few = points[:: max(1, len(points) // 20)]
     if not len(nodes):
         return False

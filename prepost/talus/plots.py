@@ -173,7 +173,7 @@ def ghosts(path: Path, step: int = -1) -> object:
     extent, largest = float(np.ptp(x, axis=0).max()), float(size.max())
     scale = round_scale(0.12 * extent / largest) if extent > 0.0 and largest > MOVED else 1.0
     fig, (side, top) = new_figure(ncols=2, figsize=(10.4, 5.6), width_ratios=[2, 3])
-    # the side view keeps the walls that it sees edge-on, so that arrows do not hide each other
+    # the side view keeps the walls seen edge-on, so that arrows do not hide each other
     walls = np.abs(x[:, 1]) < 0.9 * np.abs(x[:, 1]).max() + 1.0e-12
     walls |= not walls.any()
     for ax, (a, b), chosen in ((side, (0, 2), walls), (top, (0, 1), np.ones(len(x), bool))):

@@ -1,6 +1,6 @@
 """The exchange port over HDF5 files in Python (manual/port.md): for solvers written in Python.
 
-`serve(stem, answer)` joins a port that talus-couple offers and answers its requests. Below it stand
+`serve(stem, answer)` joins a port that talus-couple offers and answers its requests. Below are
 the parts: `Message`, `write_message`, `read_message`, `join`, `offer`, `spec_of`.
 """
 
@@ -37,7 +37,7 @@ Values = dict[str, object]  # fields by name: arrays of reals or integers, numbe
 
 @dataclass
 class Message:
-    """Header values by name, fields by name: arrays as h5py sees them, or bytes for text."""
+    """Header values by name, fields by name: arrays as read by h5py, or bytes for text."""
 
     verb: int
     sequence: int
@@ -59,7 +59,7 @@ class Message:
         return value.decode() if isinstance(value, bytes) else otherwise
 
     def flag(self, name: str) -> bool:
-        """Tell whether an optional field is there and is 1."""
+        """Return whether an optional field is there and is 1."""
         return name in self.fields and int(np.ravel(self.fields[name])[0]) == 1
 
     def put(self, values: Values) -> None:
@@ -133,9 +133,9 @@ def write_message(
 def read_message(
     stem: str, sequence: int, ending: str, alive: Callable[[], bool] | None = None
 ) -> Message | None:
-    """Wait for a message file, read and remove it; None when it does not come.
+    """Wait for a message file, read and remove it; None when it does not arrive.
 
-    The wait ends when `alive`, asked every quarter of a second, says no, else after PATIENCE.
+    The wait ends when `alive`, checked every quarter of a second, is false, else after PATIENCE.
     """
     path = Path(f"{stem}.{sequence:08d}.{ending}.h5")
     limit = time.monotonic() + (SLICE if alive else PATIENCE)
@@ -204,14 +204,14 @@ def spec_of(arguments: list[str]) -> str:
 def serve(stem: str, answer: Callable[[Message], Values]) -> int:
     """Answer the requests of talus-couple until STOP or ABORT; return the exit code.
 
-    `answer` takes a request and returns the fields of its reply; a FaultError that it raises is
+    `answer` receives a request and returns the fields of its reply; a FaultError that it raises is
     the reply.
     """
     offered = join(stem)
     beats = 1
 
     def alive() -> bool:
-        """Beat; tell whether talus-couple still runs, where that can be seen."""
+        """Beat; return whether talus-couple still runs, where that is known."""
         nonlocal beats
         beats += 1
         if Path(stem).parent.exists():

@@ -1,4 +1,4 @@
-"""Find the solvers, and tell which one a deck is for."""
+"""Find the solvers, and which one a deck is for."""
 
 import os
 import re
@@ -20,7 +20,7 @@ def find_program(name: str) -> Path:
         if (Path(folder) / name).is_file():
             return Path(folder) / name
         text = f"{name} is not in {folder}, which TALUS_BIN names"
-        raise FaultError("E530", text, "build it (make) or set TALUS_BIN anew", exit_code=4)
+        raise FaultError("E530", text, "build it (make) or set TALUS_BIN", exit_code=4)
     places = [folder / "build/bin" for folder in Path(__file__).resolve().parents]
     for place in places:
         if (place / name).is_file():
@@ -47,5 +47,5 @@ def program_of(deck: Path) -> str:
         if groups & own:
             return name
     raise FaultError(
-        "E532", f"{deck} is no deck of Talus that I know", "name the program with --program"
+        "E532", f"{deck} is no known deck of Talus", "name the program with --program"
     )

@@ -1,4 +1,4 @@
-"""Picture of the sets of an overlap: free grains, ghosts, nodes that follow and of the edge.
+"""Image of the sets of an overlap: free grains, ghosts, nodes that follow and of the edge.
 
 The sets come from `<coupled deck>_sets.h5`, places from the field files of both solvers.
 """
@@ -45,7 +45,7 @@ def render(
     """Write a PNG: grains and nodes coloured by their sets, edges of the elements by their part."""
     if output.suffix not in ENDINGS:
         raise FaultError(
-            "E554", f"no picture can be written as '{output.name}'", "end it with .png"
+            "E554", f"no image can be written as '{output.name}'", "end it with .png"
         )
     if solid is None:
         raise FaultError("E543", "the sets need the solid, too", "add --solid solid.h5")
@@ -75,7 +75,7 @@ def render(
 
 
 def bounds_of(g: dict[str, np.ndarray], member: np.ndarray) -> list[float]:
-    """Return what the picture shows [mm]: the grains of the overlap, and some around them."""
+    """Return what the image shows [mm]: the grains of the overlap, and some around them."""
     x = g["x"][member > 0] if np.any(member > 0) else g["x"]
     low, high = x.min(axis=0), x.max(axis=0)
     more = 0.15 * (high - low).max()

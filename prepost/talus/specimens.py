@@ -78,14 +78,14 @@ class Specimen:
 def read_specimen(path: Path, axis: str = "z") -> Specimen:
     """Read *_walls.csv of a box of six walls, and the grains' volume from the field file beside it.
 
-    Which walls are opposite is seen by the forces: all its life a smooth wall is pushed along its
+    Which walls are opposite follows from the forces: a smooth wall is always loaded along its
     normal, of two opposite ones the lower one downwards.
     """
     rows = histories.read(path)
     walls = np.unique(rows["wall"]).astype(int)
     if len(walls) != 6 or not rows["time"].size:
         text = f"{path} has {len(walls)} walls with rows"
-        raise FaultError("E558", text, "an element test stands between six walls")
+        raise FaultError("E558", text, "an element test needs six walls")
     place = np.stack([[rows[c][rows["wall"] == w] for c in "xyz"] for w in walls])
     force = np.stack([[rows[f"force_{c}"][rows["wall"] == w] for c in "xyz"] for w in walls])
     steps = min(int(np.count_nonzero(rows["wall"] == w)) for w in walls)
@@ -94,7 +94,7 @@ def read_specimen(path: Path, axis: str = "z") -> Specimen:
     along = total.argmax(axis=1)
     if (total.max(axis=1) <= 0.0).any() or sorted(along) != [0, 0, 1, 1, 2, 2]:
         text = f"the walls of {path} are no box with two of them across each axis"
-        raise FaultError("E558", text, "every wall must have been pushed by grains")
+        raise FaultError("E558", text, "every wall must have been loaded by grains")
     length, push = np.empty((steps, 3)), np.empty((steps, 3))
     for k in range(3):
         one, other = np.flatnonzero(along == k)
@@ -167,7 +167,7 @@ def peak_angle(test: Specimen) -> tuple[float, float]:
 
 
 def widen(ax: object, least: float) -> None:
-    """Give the vertical axis at least a span, so that rounding does not look like a curve."""
+    """Give the vertical axis at least a span, so that rounding does not show as a curve."""
     low, high = ax.get_ylim()
     if high - low < least:
         ax.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))

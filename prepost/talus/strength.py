@@ -98,7 +98,7 @@ def fit(tests: list[Loading], rows: list[np.ndarray], cone: str = "compression")
     """Least squares of |s| = B p + A c and of dV = B_psi |de| over rows of all tests.
 
     Each test counts alike, however many rows it has. Grains without cohesion may give a negative
-    cohesion: it is then zero and the line goes through the origin.
+    cohesion: it is then zero and the line passes the origin.
     """
     weight = np.concatenate([np.full(len(r), 1.0 / np.sqrt(len(r))) for r in rows])
     p = np.concatenate([t.pressure[r] for t, r in zip(tests, rows, strict=True)])

@@ -8,7 +8,7 @@ from talus.measure import near_pairs
 from talus.mesh import Mesh, all_faces, boundary_faces
 
 NEAR = 1.0e-6  # distance / size of the face that counts as on it
-BATCH = 2_000_000  # pairs looked at in one go
+BATCH = 2_000_000  # pairs checked at once
 TRIANGLES = {
     "quad4": [[0, 1, 2], [0, 2, 3]],
     "quad8": [[0, 4, 7], [4, 1, 5], [5, 2, 6], [6, 3, 7], [4, 5, 6], [4, 6, 7]],

@@ -140,7 +140,7 @@ class Case:
     title: str
     folder: Path
     binaries: Path
-    ranks: int = 0  # of every run of talus-dem that asks for none itself
+    ranks: int = 0  # of every run of talus-dem that sets none itself
     metrics: list[dict] = field(default_factory=list)
     figures: list[str] = field(default_factory=list)
 
@@ -217,7 +217,7 @@ class Case:
         self.below(f"{title}, largest difference on ranks", off, rounding)
 
     def figure(self, **options: object) -> tuple:
-        """Return (fig, ax) in the common look."""
+        """Return (fig, ax) in the common style."""
         from talus.look import new_figure
 
         return new_figure(**options)

@@ -31,7 +31,7 @@ def spheres(path: Path, kind: int, groups: dict[str, np.ndarray] | None = None) 
         ("pack edit fixed.h5 --drop-group wall -o a.h5", "E513", "no group 'wall'"),
         ("measure fixed.h5", "E540", "no free grains"),
         ("plot force", "E549", "needs a file"),
-        ("plot audit a.csv b.csv", "E549", "takes one file"),
+        ("plot audit a.csv b.csv", "E549", "requires one file"),
         ("plot nowhere", "E549", "is no folder and no kind of plot"),
         ("plot audit run_energy.csv", "E546", "run_energy.csv has no column"),
         ("plot energy run_energy.csv --output a.xyz", "E554", "written as 'a.xyz'"),

@@ -85,7 +85,7 @@ def test_labels_are_checked(tmp_path: Path) -> None:
     (tmp_path / "dem/dem_x.f90").write_text(source)
     assert style_labels.check(tmp_path) == [
         "manual/theory-dem.md:3: equation without label",
-        "manual/theory-dem.md:6: label D.1 stands in theory-dem.md too",
+        "manual/theory-dem.md:6: label D.1 is in theory-dem.md too",
         "dem/dem_x.f90:2: no equation D.2",
         "dem/dem_x.f90:3: no page theory-nowhere",
         "dem/dem_x.f90:4: cites what is not in the repository",

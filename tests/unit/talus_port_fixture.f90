@@ -1,5 +1,5 @@
 !> What the tests of a solver's service at the port share. The service runs in the test program
-!! itself, started as `serve SPEC DECK`; the test asks it through shared memory.
+!! itself, started as `serve SPEC DECK`; the test sends requests through shared memory.
 module talus_port_fixture
   use talus_kinds, only: wp, i4
   use talus_text, only: str, string_type, append_string
@@ -16,9 +16,9 @@ module talus_port_fixture
 
   real(wp), parameter :: patience = 20.0_wp  !! s for an answer, and for the end of a service
 
-  !> A tally, and the service that is asked. Set `program` and `folder` before `start`.
+  !> A tally, and the service under test. Set `program` and `folder` before `start`.
   type, extends(test_type) :: port_test_type
-    character(len=:), allocatable :: program  !! name that HELLO must tell
+    character(len=:), allocatable :: program  !! name that HELLO must report
     character(len=:), allocatable :: folder   !! with deck.nml
     type(port_type) :: port
     type(process_type) :: child
@@ -50,7 +50,7 @@ contains
     if (faults%any()) error stop 'bug: options of a service'
   end function asked_to_serve
 
-  !> Start a service and greet it; `time` [s] is where it stands.
+  !> Start a service and send HELLO; `time` [s] is its time.
   subroutine start(self, name, ask, reply, time, restart)
     class(port_test_type), intent(inout) :: self
     character(len=*), intent(in) :: name  !! of this service, for its port and its output
@@ -79,7 +79,7 @@ contains
     call ask%put_int('protocol', int(protocol_version, i4))
     call self%port%ask(ask, reply, errors)
     call reply%get_text('program', text, errors)
-    call self%check_text('HELLO tells the program', text, self%program)
+    call self%check_text('HELLO reports the program', text, self%program)
     time = 0.0_wp
     call reply%get('time', time, errors)
     call reply%get_int('ranks', ranks, errors)

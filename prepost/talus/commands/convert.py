@@ -52,7 +52,7 @@ def convert(options: argparse.Namespace) -> int:
     target = options.to or ("vtu" if options.kind == "packing" else "packing")
     if target == "vtu":
         if options.kind != "packing":
-            raise FaultError("E500", f"--to=vtu takes field files, not --from={options.kind}")
+            raise FaultError("E500", f"--to=vtu requires field files, not --from={options.kind}")
         written = convert_to_vtu(options.source, options.output, watch, options.surfaces)
         print(f"{written[-1]}: {len(written) - 1} steps")
         return 0

@@ -41,7 +41,7 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument(
         "--shapes", type=Path, metavar="FILE",
         help=f"table of measured grains in place of --axes, a row each: {TABLE}; every grain "
-        "of the cloud takes one by chance and weight",
+        "of the cloud draws one at random by weight",
     )  # fmt: skip
     sizes = new.add_mutually_exclusive_group()
     sizes.add_argument("--spread", type=share, default=0.0, help="sizes 1 +- spread, by number")
@@ -182,10 +182,10 @@ def cloud(options: argparse.Namespace) -> int:
 def forms_of(options: argparse.Namespace) -> Forms:
     """Return the forms that a cloud is made of: those of a table, or one of the options."""
     if (options.axes is None) == (options.shapes is None):
-        raise FaultError("E507", "a cloud takes --axes or --shapes, one of the two")
+        raise FaultError("E507", "a cloud requires --axes or --shapes, one of the two")
     if options.shapes is not None:
         if options.exponent != LEAST_EXPONENT or any(options.skew):
-            raise FaultError("E507", "--skew and --exponent stand in the table of --shapes")
+            raise FaultError("E507", "--skew and --exponent belong in the table of --shapes")
         return read_table(options.shapes)
     axes, skew = np.array(options.axes), np.array(options.skew)
     check_row(np.concatenate([axes * (1.0 + skew), axes * (1.0 - skew), [options.exponent]]), "")
@@ -245,7 +245,7 @@ def edit(options: argparse.Namespace) -> int:
         lower, upper = np.reshape(options.keep_box, (2, 3))
         keep &= np.all((packing.x >= lower) & (packing.x <= upper), axis=1)
     if not keep.any():
-        raise FaultError("E511", f"{options.source}: no grain is left", "look at the limits given")
+        raise FaultError("E511", f"{options.source}: no grain is left", "check the limits given")
     packing = packing.take(keep)
     packing.groups = {name: ids for name, ids in packing.groups.items() if ids.size}
     if options.at_rest:

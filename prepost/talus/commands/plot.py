@@ -45,7 +45,7 @@ def register(commands: argparse._SubParsersAction) -> None:
 
 
 def plot(options: argparse.Namespace) -> int:
-    """Make the figures that were asked for."""
+    """Make the requested figures."""
     if options.what not in KINDS:
         return plot_folder(Path(options.what), options)
     if not options.files:
@@ -57,7 +57,7 @@ def plot(options: argparse.Namespace) -> int:
     if options.what == "profile":
         return plot_profile(options)
     if len(options.files) > 1:
-        raise FaultError("E549", f"'talus plot {options.what}' takes one file")
+        raise FaultError("E549", f"'talus plot {options.what}' requires one file")
     source = Path(options.files[0])
     if options.what == "rose":
         axes = options.of == "axes"
@@ -85,7 +85,7 @@ def plot(options: argparse.Namespace) -> int:
 def plot_profile(options: argparse.Namespace) -> int:
     """Velocity along an axis through grains and solid, several times."""
     if len(options.files) > 2:
-        raise FaultError("E549", "'talus plot profile' takes grains.h5 and solid.h5")
+        raise FaultError("E549", "'talus plot profile' requires grains.h5 and solid.h5")
     solid = Path(options.files[1]) if len(options.files) == 2 else None
     figure = overlap_plots.profile(Path(options.files[0]), solid, options.axial)
     return save(figure, options.output or Path("profile.png"))

@@ -1,4 +1,4 @@
-"""`talus render`: a picture of grains as ellipsoids with the block around them cut away."""
+"""`talus render`: an image of grains as ellipsoids with the block around them cut away."""
 
 import argparse
 from pathlib import Path
@@ -7,7 +7,7 @@ from talus import network, pictures, sets_picture
 
 
 def pixels(text: str) -> int:
-    """Return a width or height that a picture can have."""
+    """Return a width or height that an image can have."""
     value = int(text)
     if not 50 <= value <= 8000:
         raise argparse.ArgumentTypeError(f"{text} is not from 50 to 8000 pixels")
@@ -16,7 +16,7 @@ def pixels(text: str) -> int:
 
 def register(commands: argparse._SubParsersAction) -> None:
     """Add `render`."""
-    new = commands.add_parser("render", help="picture of grains and solid (needs pyvista)")
+    new = commands.add_parser("render", help="image of grains and solid (needs pyvista)")
     new.add_argument("grains", type=Path, help="field file of the grains")
     new.add_argument("--solid", type=Path, help="field file of the solid")
     new.add_argument("--network", action="store_true", help="contacts as tubes, by their force")
@@ -33,7 +33,7 @@ def register(commands: argparse._SubParsersAction) -> None:
 
 
 def render(options: argparse.Namespace) -> int:
-    """Write the picture and say its name."""
+    """Write the image and print its name."""
     if options.network:
         network.render(options.grains, options.step, options.output, tuple(options.size))
         print(options.output)

@@ -305,7 +305,7 @@ contains
                           1.0e-15_wp)
   end subroutine check_rattlers
 
-  !> Titles and rows have the same length; values stand where the titles say.
+  !> Titles and rows have the same length; values are in the columns of the titles.
   subroutine check_rows()
     type(sample_type) :: sample
     type(request_type) :: request

@@ -28,7 +28,7 @@ program test_talus_memory
   call test%check('one of half the size does not', at(first) /= place)
   deallocate (first)
 
-  ! two together, then one as large as both: what is kept goes back first
+  ! two together, then one as large as both: what is kept is freed first
   allocate (first(many), source=4.0_wp)
   allocate (second(many), source=5.0_wp)
   most = memory_most()

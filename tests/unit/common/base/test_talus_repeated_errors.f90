@@ -1,4 +1,4 @@
-!> Faults that come often: the first few by name, the rest as a count.
+!> Faults that occur often: the first few by name, the rest as a count.
 program test_talus_repeated_errors
   use talus_kinds, only: i4
   use talus_text, only: str
@@ -33,8 +33,8 @@ program test_talus_repeated_errors
                        'and 5 more grains with this fault')
   call test%check('exit code', errors%exit_code() == 1)
   call errors%clear()
-  call few%add('I210', 'anew', 'mend it', errors)
+  call few%add('I210', 'again', 'mend it', errors)
   call few%finish('grains', errors)
-  call test%check('finish begins anew', errors%count == 1)
+  call test%check('finish starts a new count', errors%count == 1)
   call test%finish()
 end program test_talus_repeated_errors

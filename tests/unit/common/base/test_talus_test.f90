@@ -1,4 +1,4 @@
-!> The harness itself: what must fail fails, what must pass passes, and it says where.
+!> The harness itself: what must fail fails, what must pass passes, and it reports where.
 program test_talus_test
   use, intrinsic :: ieee_arithmetic, only: ieee_invalid, ieee_is_nan, ieee_positive_inf, &
     ieee_quiet_nan, ieee_set_halting_mode, ieee_value
@@ -8,7 +8,7 @@ program test_talus_test
   type(test_type) :: test
   real(wp) :: nan, infinity
 
-  ! a comparison with a NaN traps where the build asks for it; here it is the subject
+  ! a comparison with a NaN traps in some builds; here it is the subject
   call ieee_set_halting_mode(ieee_invalid, .false.)
   nan = ieee_value(1.0_wp, ieee_quiet_nan)
   infinity = ieee_value(1.0_wp, ieee_positive_inf)

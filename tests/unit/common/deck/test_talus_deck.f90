@@ -1,4 +1,4 @@
-!> The deck reader: what it accepts, what it hands out, and every fault with its place.
+!> The deck reader: what it accepts, what it returns, and every fault with its place.
 program test_talus_deck
   use talus_kinds, only: wp, i4
   use talus_text, only: string_type, str, join
@@ -396,9 +396,9 @@ contains
     call expect('bare string', '&run t_end=1 title = quartz /', 'D014:1:22')
     call says(1, 'write ''quartz''')
     call expect('bare path', '&run t_end=1 /&wall id=''a'' file = a/b.h5 /', 'D014:1:35')
-    call says(1, 'a/b.h5 stands without quotes')
+    call says(1, 'a/b.h5 is without quotes')
     call expect('bare word for a word', '&run t_end=1 damping = full /', 'D014:1:24')
-    call says(1, 'a word stands in quotes: ''full''')
+    call says(1, 'put a word in quotes: ''full''')
     call expect('wrong word', '&run t_end=1 damping = ''ful'' /', 'D014:1:24')
     call says(1, 'did you mean ''full''?')
     call expect('no number', '&run t_end = 1.0.0 /', 'D014:1:14')
@@ -407,10 +407,10 @@ contains
     call expect('no logical', '&run t_end=1 verbose = yes /', 'D014:1:24')
     call expect('quoted logical', '&run t_end=1 verbose = ''true'' /', 'D014:1:24')
     call expect('too few', '&run t_end=1 gravity = 0, 1 /', 'D015:1:14')
-    call says(1, 'takes 3 values, 2 are given')
+    call says(1, 'needs 3 values, 2 are given')
     call expect('too many', '&run t_end=1 gravity = 0, 1, 2, 3, 4 /', 'D015:1:33')
     call expect('no value', '&run t_end= /', 'D015:1:6')
-    call says(1, 'takes 1 value, none is given')
+    call says(1, 'needs 1 value, none is given')
     call expect('missing equals', '&run t_end=1 threads 3 /', 'D015:1:14')
     call says(1, 'is a ''='' missing after ''threads''?')
     call expect('above', '&run t_end = 0.0 /', 'D016:1:14')

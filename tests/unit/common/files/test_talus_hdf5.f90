@@ -1,4 +1,4 @@
-!> HDF5 files: what is put comes back; wrong, foreign, truncated and full are told apart.
+!> HDF5 files: what is put is read back; wrong, foreign, truncated and full are distinguished.
 program test_talus_hdf5
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type

@@ -34,7 +34,7 @@ program test_talus_lock
 
 contains
 
-  !> The other process: takes the lock and ends without giving it back.
+  !> The other process: acquires the lock and ends without giving it back.
   subroutine try(stem)
     character(len=*), intent(in) :: stem
     type(lock_type) :: lock
@@ -93,7 +93,7 @@ contains
     call lock%release()
   end subroutine left_behind
 
-  !> Where no file can be made, the log says so, not the lock.
+  !> Where no file can be made, the log reports it, not the lock.
   subroutine no_folder()
     type(lock_type) :: lock
     call lock%take('/nowhere/at/all', 'talus-dem', errors)

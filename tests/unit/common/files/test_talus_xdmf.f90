@@ -1,4 +1,4 @@
-!> Field files: steps come and go as the run does, and their XDMF description names them.
+!> Field files: steps are added and removed as the run does, and their XDMF description names them.
 program test_talus_xdmf
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -82,7 +82,7 @@ contains
     call xdmf%attribute('quat', 'grains/quat', xdmf_node, 4)
   end subroutine describe
 
-  !> Back to t = 0.25: the step at 0.5 goes, and the next takes its place.
+  !> Back to t = 0.25: the step at 0.5 is removed, and the next replaces it.
   subroutine restart()
     type(series_type) :: series
     type(h5_file_type) :: file
@@ -103,7 +103,7 @@ contains
     call describe(xdmf)
     call xdmf%write(series, errors)
     call read_file(folder//'/grains.xdmf', text, errors)
-    call test%check('described anew', occurrences(text, '<Time ') == 3 .and. &
+    call test%check('described again', occurrences(text, '<Time ') == 3 .and. &
                     index(text, 'Dimensions="6 3">grains.h5:/steps/000002/grains/x<') > 0)
     call file%open(folder//'/grains.h5', errors, format='talus-grains')
     call file%names('/steps', names)
@@ -154,7 +154,7 @@ contains
     call series%resume(folder//'/torn.h5', 'talus-solid', 1.0_wp, found, errors)
     call test%check('a damaged file is moved aside', .not. found .and. .not. errors%any())
     call test%check('and is still there', file_exists(folder//'/torn.h5.damaged'))
-    call test%check('and told: '//series%note, index(series%note, 'truncated') > 0)
+    call test%check('and reported: '//series%note, index(series%note, 'truncated') > 0)
   end subroutine damaged
 
   subroutine full_disk()

@@ -76,7 +76,7 @@ contains
     end if
   end function spec_of
 
-  !> A partner that answers HELLO and then behaves as its mode says.
+  !> A partner that answers HELLO and then behaves according to its mode.
   subroutine serve(spec, mode)
     character(len=*), intent(in) :: spec, mode
     type(port_type) :: port
@@ -274,7 +274,7 @@ contains
     call test%check('nothing left of a port that nobody joined', .not. left)
   end subroutine never_joins
 
-  !> A solver that finds its port in a rendezvous file; one on another machine is told so.
+  !> A solver that finds its port in a rendezvous file; one on another machine gets a fault.
   subroutine attached()
     type(port_type) :: port, far
     type(process_type) :: process

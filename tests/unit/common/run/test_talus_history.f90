@@ -56,7 +56,7 @@ contains
     call test%check('all rows', count_lines(text) == 2001)
   end subroutine round_trip
 
-  !> 0 to 20 at once equals 0 to 15, killed, gone on with from 10 to 20.
+  !> 0 to 20 at once equals 0 to 15, killed, continued from 10 to 20.
   subroutine restart_equals_whole()
     type(history_type) :: history
     character(len=:), allocatable :: whole, parts
@@ -109,7 +109,7 @@ contains
     call expect('full disk at flush', 'S002', 'No space left')
     call rows(history, 1, 5000)
     call history%close(errors)
-    call test%check('told once only', .not. errors%any())
+    call test%check('reported once only', .not. errors%any())
     call history%open(folder//'/a.csv/b.csv', columns, .false., errors)
     call expect('unwritable', 'S001', 'Not a directory')
     call history%write([0.0_wp, 0.0_wp, 0.0_wp], errors)

@@ -1,4 +1,4 @@
-!> The log: what stands in the file, numbers for people, spacing of rows, full disk.
+!> The log: contents of the file, numbers for people, spacing of rows, full disk.
 program test_talus_log
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use talus_kinds, only: wp

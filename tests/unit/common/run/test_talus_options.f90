@@ -35,7 +35,7 @@ program test_talus_options
   call fault('two decks', 'a.nml|b.nml', 'D021', '''a.nml'' and ''b.nml''')
   call fault('value missing', 'deck.nml|--restart', 'D022', '--restart=auto')
   call fault('value empty', 'deck.nml|--output=', 'D022', '--output=results')
-  call fault('value too much', 'deck.nml|--check=1', 'D022', 'takes no value')
+  call fault('value too much', 'deck.nml|--check=1', 'D022', 'accepts no value')
   call fault('threads no number', 'deck.nml|--threads=two', 'D022', '--threads=two')
   call fault('threads zero', 'deck.nml|--threads=0', 'D022', 'from 1 to 1024')
   call parse('deck.nml|--check|--ranks=64')
@@ -51,7 +51,7 @@ program test_talus_options
 
 contains
 
-  !> Parse arguments that stand apart by |.
+  !> Parse arguments separated by |.
   subroutine parse(text)
     character(len=*), intent(in) :: text
     type(string_type), allocatable :: arguments(:)

@@ -125,7 +125,7 @@ contains
     call grandchild%close()
   end subroutine stopped_group
 
-  !> The number that a child writes into a file; 0 when none comes.
+  !> The number that a child writes into a file; 0 when there is none.
   integer(i4) function pid_in(path)
     character(len=*), intent(in) :: path
     integer :: unit, stat
@@ -154,7 +154,7 @@ contains
     call nap(60.0_wp)
   end subroutine middle
 
-  !> The grandchild has a group of its own; only the kernel can tell it that its parent was killed.
+  !> The grandchild has a group of its own; only the kernel can signal that its parent was killed.
   subroutine parent_killed()
     type(process_type) :: process
     type(error_list_type) :: errors

@@ -1,4 +1,4 @@
-!> Reasons to stop: none, signal, wall limit, stop file; SIGUSR1 asks for a checkpoint only.
+!> Reasons to stop: none, signal, wall limit, stop file; SIGUSR1 requests a checkpoint only.
 program test_talus_stop
   use talus_kinds, only: wp
   use talus_errors, only: error_list_type

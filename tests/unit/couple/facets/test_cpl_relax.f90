@@ -29,7 +29,7 @@ program test_cpl_relax
 
 contains
 
-  !> Exchanges with the lagged predictor: the ghost goes from where the facet was to where it is,
+  !> Exchanges with the lagged predictor: the ghost moves from the facet's old to its new place,
   !! its mean force is force_at_rest - k (mean displacement); the facet carries the load.
   subroutine settle(method, stiffness, theta, exchanges, u)
     integer(i4), intent(in) :: method, exchanges

@@ -155,7 +155,7 @@ contains
     m = all_of(first:)
   end function masses_of
 
-  !> By row sums: a part of the gap is taken, momentum stays, energy falls, and a gap that is the
+  !> By row sums: part of the gap is removed, momentum stays, energy decreases, and a gap that is the
   !! same for all grains of a domain without limits would be taken whole.
   subroutine test_lumped()
     type(bridge_field_type) :: field
@@ -192,7 +192,7 @@ contains
     first_sum = 1.0_wp/w(1) + 0.9_wp*1.7_wp/m(2) + 0.1_wp*3.0_wp/m(3)
   end function first_sum
 
-  !> Velocities of a linear field come out at the nodes, held ones stay at 0.
+  !> Velocities of a linear field are found at the nodes, held ones stay at 0.
   subroutine test_start()
     type(bridge_field_type) :: field
     type(error_list_type) :: errors

@@ -1,4 +1,4 @@
-!> Masses that nodes carry with free grains, masses handed over by P', and damping of the fine
+!> Masses that nodes carry with free grains, masses transferred by P', and damping of the fine
 !! scale, on a chain of grains under linear elements.
 program test_cpl_inertia
   use talus_kinds, only: wp, i4

@@ -130,7 +130,7 @@ contains
   end subroutine rigid_turn
 
   !> At finite chi power and moment of ghosts are those of the couples on the nodes, and those of
-  !! the hat nodes are those of forces and moments on the grains.
+  !! the prescribed nodes are those of forces and moments on the grains.
   subroutine powers()
     type(micro_type) :: micro
     real(wp) :: phi(3, parts*nodes), rate(3, parts*nodes), m(3, ghosts), before(3, ghosts)
@@ -164,14 +164,14 @@ contains
       force = 0.0_wp
       call micro%pull_prescribed(c, force, moment)
       call micro%prescribed(q, spin, rate)
-      call test%check_close('power of hat nodes', sum(force*q) + sum(moment*spin), sum(c*rate), &
+      call test%check_close('power on prescribed', sum(force*q) + sum(moment*spin), sum(c*rate), &
                             exact)
       call test%check_all_close('no force in all', sum(force, 2), 0.0_wp, exact)
       total = sum(moment, 2)
       do k = 1, grains
         total = total + cross(x(:, k), force(:, k))
       end do
-      call test%check_all_close('moment of hat nodes', total, moment_of(c), exact)
+      call test%check_all_close('moment of prescribed nodes', total, moment_of(c), exact)
     end do
   end subroutine powers
 

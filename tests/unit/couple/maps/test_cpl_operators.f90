@@ -24,7 +24,7 @@ program test_cpl_operators
     call identities('plate', kinds(k), [6, 3, 1])
     call identities('block', kinds(k), [6, 3, 3])
   end do
-  call test%check('twins: there were some', pairs > 10)
+  call test%check('identical operators: there were some', pairs > 10)
   call fine_scale()
   call broken_rules()
   call bands()
@@ -246,15 +246,15 @@ contains
     call apart%to_prescribed(q, theta, u_apart, phi_apart)
     call together%to_ghosts(u, phi, d, turn)
     call apart%to_ghosts(u, phi, d_apart, turn_apart)
-    call test%check_close(label//': twins move nodes', larger(max_abs(u - u_apart), &
+    call test%check_close(label//': identical rows move nodes', larger(max_abs(u - u_apart), &
                           max_abs(phi - phi_apart)), 0.0_wp, 1.0e-13_wp)
-    call test%check_close(label//': twins move ghosts', larger(max_abs(d - d_apart), &
+    call test%check_close(label//': identical rows move ghosts', larger(max_abs(d - d_apart), &
                           max_abs(turn - turn_apart)), 0.0_wp, 1.0e-13_wp)
     u_apart = u
     phi_apart = phi
     call together%pull(d, turn, u, phi, q, theta)
     call apart%pull(d, turn, u_apart, phi_apart, q_apart, theta_apart)
-    call test%check_close(label//': twins pull', larger(max_abs(u - u_apart), &
+    call test%check_close(label//': identical rows pull', larger(max_abs(u - u_apart), &
       max_abs(phi - phi_apart), max_abs(q - q_apart), max_abs(theta - theta_apart)), &
       0.0_wp, 1.0e-11_wp)
   end subroutine identical

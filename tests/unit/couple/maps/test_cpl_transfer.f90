@@ -12,7 +12,7 @@ program test_cpl_transfer
   use cpl_transfer, only: transfer_type, cross
   implicit none
 
-  integer(i4), parameter :: across = 5, n = 30  !! nodes along an edge of the sheet, ghosts
+  integer(i4), parameter :: across = 5, n = 30  !! nodes along an edge of the surface, ghosts
   type(test_type) :: test
   real(wp) :: x(3, 2*across**2)
   integer(i4) :: facets(4, (across - 1)**2), hex8(8, (across - 1)**2)

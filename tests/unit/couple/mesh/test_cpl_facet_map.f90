@@ -8,7 +8,7 @@ program test_cpl_facet_map
   implicit none
 
   type(test_type) :: test
-  ! a sheet of 2 x 2 facets, warped and skewed
+  ! a surface of 2 x 2 facets, warped and skewed
   real(wp) :: x(3, 9)
   integer(i4) :: facets(4, 4)
   integer(i4) :: i, j, k

@@ -1,4 +1,4 @@
-!> Facets of all kinds: shape functions, projection and operators on curved sheets, with ghosts that
+!> Facets of all kinds: shape functions, projection, operators on curved surfaces, with ghosts that
 !! follow micro-rotations of all nodes or of the corners alone.
 program test_cpl_shapes
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan

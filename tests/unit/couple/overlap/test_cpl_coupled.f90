@@ -1,6 +1,6 @@
 !> The operator whose highest frequency limits the step in an overlap: symmetric, blind to rigid
 !! motion, and its frequency against a dense solution, with grains that turn, elements classical and
-!! micropolar, masses carried by nodes and handed over.
+!! micropolar, masses carried by nodes and transferred.
 program test_cpl_coupled
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -59,7 +59,7 @@ contains
   end subroutine whole
 
   !> What acts in kicks is the layer of ghosts but for contacts with free grains and elements with
-  !! hat nodes: kicks and steps add up alike whether contacts between ghosts are there or not.
+  !! prescribed nodes: kicks and steps add up alike with and without contacts between ghosts.
   subroutine kicks(name, o, contacts, points)
     character(len=*), intent(in) :: name
     type(overlap_type), intent(in) :: o
@@ -281,7 +281,7 @@ contains
     end do
   end subroutine rigid
 
-  !> The quotient is that of an eigenvector: what it finds must be there when it goes on alone.
+  !> The quotient is that of an eigenvector: what it finds must remain when iterated alone.
   subroutine frequency(name, o, coupled)
     character(len=*), intent(in) :: name
     type(overlap_type), intent(in) :: o

@@ -24,7 +24,7 @@ program test_cpl_homogenise
 
 contains
 
-  !> Grains press along z, more with depth (slope, per length): stress and moduli of the element of
+  !> Compression along z, more with depth (slope, per length): stress and moduli of the element of
   !! free grains, of that of the ghosts, and of those beyond.
   subroutine test_lattice(slope)
     real(wp), intent(in) :: slope

@@ -154,7 +154,7 @@ contains
     call test%check('a load that nothing carries is N442', errors%count == 1)
   end subroutine test_initial
 
-  !> One scalar an element: points halved by mistake come back.
+  !> One scalar an element: points halved by mistake are recovered.
   subroutine test_elements()
     type(partition_type) :: overlap
     type(fit_type) :: fit
@@ -317,7 +317,7 @@ contains
     if (polar) overlap%slope_phi(:, :, q) = overlap%slope_u(:, :, q)
   end subroutine point_shapes
 
-  !> Distance from the free elements, which stand from h to 3 h.
+  !> Distance from the free elements, which are from h to 3 h.
   pure real(wp) function depth_of(z)
     real(wp), intent(in) :: z
     depth_of = max(0.0_wp, h - z, z - 3.0_wp*h)

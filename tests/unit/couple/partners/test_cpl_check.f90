@@ -1,4 +1,4 @@
-!> Faults of a solver's --check --json, as talus_report writes them, come back unchanged.
+!> Faults of a solver's --check --json, as talus_report writes them, are read unchanged.
 program test_cpl_check
   use talus_errors, only: error_list_type
   use talus_report, only: faults_json

@@ -18,7 +18,7 @@ program test_dem_equilibrium
 
 contains
 
-  !> A free sphere on a fixed one, overlap 1 micrometre, and one that falls far from both.
+  !> A free sphere on a fixed one, overlap 1 micrometre, and one that falls freely.
   subroutine make_three(s)
     type(dem_system_type), intent(inout) :: s
     type(error_list_type) :: errors
@@ -47,7 +47,7 @@ contains
     call test%check('made without faults', .not. errors%any())
   end subroutine make_three
 
-  !> Between two looks the second grain slows down and the third one falls faster.
+  !> Between two checks the second grain slows down and the third one falls faster.
   subroutine check_stopping()
     type(dem_system_type) :: s
     real(wp) :: before, closure, spin
@@ -57,7 +57,7 @@ contains
     s%grains%v(:, 3) = [0.0_wp, 0.0_wp, -0.1_wp]
     s%grains%omega(:, 2) = [0.0_wp, 5.0_wp, 0.0_wp]
     call stop_slowing(s%dem_data_type)
-    call test%check('the first look stops none', s%grains%v(3, 2) < -0.09_wp)
+    call test%check('the first check stops none', s%grains%v(3, 2) < -0.09_wp)
     spin = 0.5_wp*s%grains%inertia(1, 2)*5.0_wp**2
     call test%check_close('kinetic energy seen', s%seen_kinetic(2), &
                           0.5_wp*s%grains%mass(2)*0.0101_wp + spin, 1.0e-14_wp*s%seen_kinetic(2))
@@ -115,6 +115,6 @@ contains
     rest%adaptive = .true.
     call test%check('adaptive damping shortens blocks', rest%longest_block() == 10_i4)
     rest%damping_every = 1000
-    call test%check('rare looks leave them whole', rest%longest_block() == 100_i4)
+    call test%check('rare checks leave them whole', rest%longest_block() == 100_i4)
   end subroutine check_measures
 end program test_dem_equilibrium

@@ -158,7 +158,7 @@ contains
     call test%check('a sphere and a plate', .not. errors%any())
   end subroutine make_pressed
 
-  !> A plate that pushes a sphere down with 2 N and has a velocity of its own across: force,
+  !> A plate that loads a sphere with 2 N downwards and has a velocity of its own across: force,
   !! stiffness along and across, place, what is left of both.
   subroutine check_surface_servo()
     type(dem_system_type) :: s
@@ -209,7 +209,7 @@ contains
     call test%check_close('ended: its own velocity', s%surfaces%velocity(3, 1), 0.0_wp, 0.0_wp)
   end subroutine check_surface_servo
 
-  !> A box 2 x 3 x 4 whose z walls come and go: x and y follow, both by one factor; then x alone.
+  !> A box 2 x 3 x 4 whose z walls move: x and y follow, both by one factor; then x alone.
   subroutine check_volume()
     type(dem_system_type) :: s
     type(constant_volume_type) :: volume

@@ -146,7 +146,7 @@ contains
     call check_slack(s, plan)
   end subroutine check_surface
 
-  !> A grain leaves the surface later than it comes back: by height (0.15 and 0.05 of the vertical
+  !> A grain leaves the surface later than it returns: by height (0.15 and 0.05 of the vertical
   !! semi-extent) and by outlines (3 % smaller and larger).
   subroutine check_slack(s, plan)
     type(dem_system_type), intent(inout) :: s
@@ -223,7 +223,7 @@ contains
     call copy%import_state(archive, errors)
     call test%check('state taken', .not. errors%any())
     call test%check('forces of the archive', all(abs(copy%surcharge - s%surcharge) <= 0.0_wp))
-    call test%check('last look', all(abs(copy%surcharge_seen - s%surcharge_seen) <= 0.0_wp))
+    call test%check('last update', all(abs(copy%surcharge_seen - s%surcharge_seen) <= 0.0_wp))
     call test%check('its surface', all(copy%surcharge_top .eqv. s%surcharge_top))
     surcharge%active = .false.
     call surcharge%start(copy%dem_data_type, none, 0.1_wp, 3000_i8, errors)
@@ -231,7 +231,7 @@ contains
                     all(abs(copy%grains%extra_force) <= 0.0_wp))
   end subroutine check_forces
 
-  !> A load follows its share in so many looks, the total at once.
+  !> A load follows its share in so many updates, the total at once.
   subroutine check_follow()
     type(dem_system_type) :: s
     type(dem_surcharge_type) :: surcharge
@@ -247,7 +247,7 @@ contains
     allocate (surcharge%hole(3, 0))
     call surcharge%start(s%dem_data_type, none, 0.0_wp, 0_i8, errors)
     call test%check_close('at first its share', s%surcharge(1), 0.5_wp, 1.0e-15_wp)
-    s%grains%x(1, 1) = 2.0e-3_wp  ! the border comes to 3 mm
+    s%grains%x(1, 1) = 2.0e-3_wp  ! the border moves to 3 mm
     wanted = 0.5_wp
     do k = 1, 3
       call surcharge%update(s%dem_data_type, 0.0_wp, 0_i8, errors)
@@ -315,8 +315,8 @@ contains
     call test%check_close('nothing on the ghost', s%surcharge(2), 0.0_wp, 0.0_wp)
     call test%check_close('nor held there', s%grains%extra_force(3, 2), 0.0_wp, 0.0_wp)
     call test%check_close('the other', s%surcharge(3), 4.0_wp, 1.0e-12_wp)
-    call test%check_close('area told', s%surcharge_seen(2), 8.0e-6_wp, 1.0e-18_wp)
-    call test%check_close('grains told', s%surcharge_seen(3), 2.0_wp, 0.0_wp)
+    call test%check_close('area reported', s%surcharge_seen(2), 8.0e-6_wp, 1.0e-18_wp)
+    call test%check_close('grains reported', s%surcharge_seen(3), 2.0_wp, 0.0_wp)
   end subroutine check_ghosts
 
   !> Nobody in the free area (N230); discs that overlap (N231).

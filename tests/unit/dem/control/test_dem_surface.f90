@@ -113,7 +113,7 @@ contains
     call add_mesh(s%surfaces, mesh, 'floor', kind, 2, cos(0.35_wp), [0.0_wp, 0.0_wp, 0.0_wp])
   end subroutine make_floor
 
-  !> Laws on top of the base law: 1 rolling and twisting, 2 JKR, 3 DMT, 4 turning points, 5 both
+  !> Additional contact models: 1 rolling and twisting, 2 JKR, 3 DMT, 4 turning points, 5 both
   !! first ones.
   subroutine add_laws(s, which)
     type(dem_system_type), intent(inout) :: s
@@ -184,7 +184,7 @@ contains
     end do
     call test%check(name//' touches', sum(a%planes%impulse(3, :)) < 0.0_wp)
     call test%check_close(name//' moves as on a plane', worst, 0.0_wp, 1.0e-10_wp)
-    call test%check_close(name//' pushes as on a plane', turn, 0.0_wp, 1.0e-10_wp)
+    call test%check_close(name//' acts as on a plane', turn, 0.0_wp, 1.0e-10_wp)
     call test%check(name//' has left its first triangle', &
                     norm2(b%grains%x(:2, 1) - x(:2)) > 4.0e-3_wp)
     call b%refresh_ledger()
@@ -200,7 +200,7 @@ contains
     call test%check_close(name//' elastic', b%ledger%elastic_other, a%ledger%elastic_other, same)
   end subroutine check_plane
 
-  !> A sphere pressed onto a floor with a bend rolls over it: the force has no jump from step to
+  !> A sphere loaded onto a floor with a bend rolls over it: the force has no jump from step to
   !! step, whatever counts as one face.
   subroutine check_bend(bend, name)
     real(wp), intent(in) :: bend
@@ -340,7 +340,7 @@ contains
                   [0.0_wp, 0.0_wp, 0.0_wp])
   end subroutine add_triangles
 
-  !> A floor that comes up and one that turns: the work is what the grain has, force and moment are
+  !> A floor that rises and one that turns: the work is what the grain has, force and moment are
   !! minus the grain's.
   subroutine check_moving(on_top)
     integer(i4), intent(in), optional :: on_top  !! laws, see add_laws
@@ -380,7 +380,7 @@ contains
                           1.0e-4_wp)
   end subroutine check_moving
 
-  !> A membrane holds grains on both sides, and at its rim pushes straight out.
+  !> A membrane holds grains on both sides, and at its rim the force is in its plane.
   subroutine check_both_sides()
     real(wp), parameter :: r = sphere(1), depth = 1.0e-5_wp
     real(wp) :: force(3, 3), x(3, 3)

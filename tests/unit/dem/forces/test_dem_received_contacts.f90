@@ -1,4 +1,4 @@
-!> Grains and contacts as rows and back: a list that is made from rows is the one they came from.
+!> Grains and contacts as rows and back: a list made from rows equals the original.
 program test_dem_received_contacts
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -21,7 +21,7 @@ program test_dem_received_contacts
 
 contains
 
-  !> A cube of ellipsoids on a floor, pressed together a little, with ids that run backwards.
+  !> A cube of ellipsoids on a floor, slightly compressed, with descending ids.
   subroutine make_pile(s)
     type(dem_system_type), intent(inout) :: s
     integer(i4), parameter :: m = 4, n = m**3

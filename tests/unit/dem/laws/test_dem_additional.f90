@@ -1,4 +1,4 @@
-!> Laws on top of the base law: rolling, twisting, cohesion, turning points. Closed shapes,
+!> Additional contact models: rolling, twisting, cohesion, turning points. Closed shapes,
 !! ledger, and the same bits for threads, list margins and restarts.
 program test_dem_additional
   use omp_lib, only: omp_set_num_threads
@@ -36,7 +36,7 @@ contains
     uniform = seed/2147483647.0_wp
   end function uniform
 
-  !> Ellipsoids, some of them spheres, that fall on fixed spheres between two planes.
+  !> Ellipsoids, some of them spheres, dropped on fixed spheres between two planes.
   subroutine make_heap(s, skin, cohesion, energy)
     type(dem_system_type), intent(inout) :: s
     real(wp), intent(in) :: skin, energy
@@ -149,7 +149,7 @@ contains
                                                == transfer(two%ledger, [0_i8])))
     call make_heap(wide, 5.0e-4_wp, cohesion, 0.02_wp)
     call wide%step(1150, errors)
-    call test%check('lists were made anew', one%health%rebuilds > wide%health%rebuilds)
+    call test%check('lists were rebuilt', one%health%rebuilds > wide%health%rebuilds)
     call test%check('other lists: same bits', same_bits(one, wide))
     call make_heap(again, 2.0e-4_wp, cohesion, 0.02_wp)
     call again%import_state(archive, errors)

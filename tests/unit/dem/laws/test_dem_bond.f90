@@ -33,7 +33,7 @@ contains
     w = cos(angle)*v + sin(angle)*cross(axis, v) + (1.0_wp - cos(angle))*dot_product(axis, v)*axis
   end function rotated
 
-  !> What changes in two turns falls with the square of the step: 400 and 800 steps a turn.
+  !> What changes in two turns decreases with the square of the step: 400 and 800 steps a turn.
   subroutine check_turns(which, axis, held)
     character(len=*), intent(in) :: which
     real(wp), intent(in) :: axis(3), held
@@ -42,7 +42,7 @@ contains
     text = 'about '//which//merge(', loaded', ', free  ', held > 0.0_wp)
     call turn(axis, held, 400, coarse)
     call turn(axis, held, 800, fine)
-    ! the partner goes along chords, the spins along arcs: a^3/6 a step [of the length]
+    ! the partner moves along chords, the spins along arcs: a^3/6 a step [of the length]
     chord = (2.0_wp*pi/800.0_wp)**2*2.0_wp*pi*turns/6.0_wp
     call test%check_all_close(text//': pull, shear / (k_n x length)', fine(1:2), 0.0_wp, &
                               1.1_wp*chord)

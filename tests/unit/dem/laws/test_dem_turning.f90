@@ -42,7 +42,7 @@ contains
     hertz = 4.0_wp/3.0_wp*e_star*sqrt(radius)*max(overlap, 0.0_wp)**1.5_wp
   end function hertz
 
-  !> Press without tangential load.
+  !> Normal load without tangential load.
   subroutine press(overlap)
     real(wp), intent(in) :: overlap
     row = 0.0_wp
@@ -150,7 +150,7 @@ contains
                           1.0e-4_wp)
   end subroutine check_nested
 
-  !> Normal force that grows or falls under a tangential displacement (Mindlin and Deresiewicz).
+  !> Normal force that grows or decreases under a tangential displacement (Mindlin and Deresiewicz).
   subroutine check_normal()
     real(wp) :: u, whole, expected
     whole = mu*e_star/(4.0_wp*g_star)

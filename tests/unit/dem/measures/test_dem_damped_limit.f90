@@ -32,7 +32,7 @@ contains
     call test%check_close('without dashpot 2/omega', mode_step(4.0_wp, 0.0_wp), 1.0_wp, 1.0e-15_wp)
   end subroutine check_mode
 
-  !> A sphere pressed into a rough plane by its weight, shaken a little.
+  !> A sphere on a rough plane under its weight, slightly perturbed.
   subroutine make_sphere(s, ratio)
     type(dem_system_type), intent(inout) :: s
     real(wp), intent(in) :: ratio
@@ -73,7 +73,7 @@ contains
     call test%check('springs alone allow more', gershgorin_step(s%dem_data_type) > 2.0_wp*limit)
     call test%check_close('the same for a fixed step near the limit of springs', &
                           damped_step(s%dem_data_type, 0.9_wp), limit, 1.0e-15_wp*limit)
-    call test%check('nothing to look at for very small steps', &
+    call test%check('nothing to check for very small steps', &
                     damped_step(s%dem_data_type, 0.0_wp) >= huge(1.0_wp))
     s%par%dt = 0.97_wp*limit
     call s%step(200, errors)
@@ -87,7 +87,7 @@ contains
                     s%automatic_step(0.0_wp) <= 0.95_wp*limit*(1.0_wp + 1.0e-12_wp))
   end subroutine check_contact
 
-  !> Speed of the point of contact along the plane; rolling goes on [m/s].
+  !> Speed of the point of contact along the plane; rolling continues [m/s].
   real(wp) function slip(s)
     type(dem_system_type), intent(in) :: s
     slip = abs(s%grains%v(1, 1) - (radius - 0.5_wp*overlap)*s%grains%omega(2, 1))

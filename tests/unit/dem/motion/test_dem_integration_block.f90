@@ -1,4 +1,4 @@
-!> How far blocks say that they have gone: never less than they have, and what they have where it
+!> Distances moved that blocks report: never less than they have, and what they have where it
 !! matters.
 program test_dem_integration_block
   use talus_kinds, only: wp, i4, i8
@@ -23,7 +23,7 @@ program test_dem_integration_block
 
 contains
 
-  !> Grains without forces, until they have gone the skin.
+  !> Grains without forces, until they have moved by the skin.
   subroutine follow(name, axes, v)
     character(len=*), intent(in) :: name
     real(wp), intent(in) :: axes(3), v

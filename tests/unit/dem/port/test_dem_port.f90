@@ -90,7 +90,7 @@ contains
     call test%check('input is written', .not. errors%any())
   end subroutine make_input
 
-  !> The deck, with groups of its own at the end; what another wrote goes.
+  !> The deck, with groups of its own at the end; it replaces earlier files.
   subroutine write_deck(more)
     character(len=*), intent(in) :: more
     call replace_file(folder//'/deck.nml', '&run gravity = 0.0, 0.0, 0.0 /'//nl// &
@@ -195,7 +195,7 @@ contains
     call test%check('READY without faults', .not. errors%any())
   end subroutine select_and_set
 
-  !> One interval of 1e-6 s: the ghost goes up by 1e-8 m, grain 30 feels 1e-3 N.
+  !> One interval of 1e-6 s: the ghost rises by 1e-8 m, grain 30 carries 1e-3 N.
   subroutine ask_interval(t0, t1)
     real(wp), intent(in) :: t0, t1
     call ask%start(verb_advance, 1_i8, t0, t1)
@@ -291,7 +291,7 @@ contains
     call test%check('split steps without faults', .not. errors%any())
   end subroutine split_steps
 
-  !> Kinetic energy told under a load [N], and a mean force [N] and moment [N m].
+  !> Kinetic energy reported under a load [N], and a mean force [N] and moment [N m].
   real(wp) function kinetic_under(load, mean, mean_moment) result(kinetic)
     real(wp), intent(in) :: load(3), mean(3), mean_moment(3)
     real(wp) :: scalars(scalar_count)
@@ -324,7 +324,7 @@ contains
                     file_exists(folder//'/deck_summary.json') .and. file_exists(folder//'/deck.h5'))
   end subroutine files_and_end
 
-  !> Another service goes on from the checkpoint, is stopped early, a third one is aborted.
+  !> Another service restarts from the checkpoint, is stopped early, a third one is aborted.
   subroutine go_on()
     real(wp) :: reached
     reached = now_at
@@ -345,7 +345,7 @@ contains
     call test%ends_with(4)
   end subroutine go_on
 
-  !> A rehearsal: the driven grain 30 stands still, nothing is written; then it moves from time 0.
+  !> A rehearsal: the driven grain 30 does not move, nothing is written; then it moves from time 0.
   subroutine rehearse()
     real(wp) :: x(3, 1), v(3, 1), scalars(scalar_count)
     integer(i4) :: k
@@ -393,8 +393,8 @@ contains
     call test%check('rehearsal without faults', .not. errors%any())
   end subroutine rehearse
 
-  !> A surcharge beside a load: both push grain 30; the third interval begins with a look at the
-  !! surface, by then the stress has doubled; REJECT takes the look back.
+  !> A surcharge beside a load: both load grain 30; the third interval begins with an update of the
+  !! surface, by then the stress has doubled; REJECT undoes the update.
   subroutine press()
     real(wp) :: x(3, 1), again(3, 1), v(3, 1)
     integer(i4) :: k
@@ -429,7 +429,7 @@ contains
     call ask%start(verb_force)
     call expect('FORCE with loads', '')
     call reply%get('w.load', v, errors)
-    call test%check_close('FORCE tells the surcharge', v(3, 1), -4.0e-3_wp, 1.0e-12_wp)
+    call test%check_close('FORCE returns the surcharge', v(3, 1), -4.0e-3_wp, 1.0e-12_wp)
     call ask%start(verb_stop)
     call expect('STOP', '')
     call test%ends_with(0)
@@ -500,8 +500,8 @@ contains
     call abandon('parts')
   end subroutine parts
 
-  !> Ghost 10 goes sideways at free grain 20: force and moment of the contact stand beside a
-  !! mean force and moment; the energy's dt^2/8 times the square of both tells the sign.
+  !> Ghost 10 moves sideways at free grain 20: force and moment of the contact add to a
+  !! mean force and moment; the energy's dt^2/8 times the square of both shows the sign.
   subroutine under_contact()
     real(wp) :: force(3, 1), moment(3, 1)
     real(wp), parameter :: load(3) = [0.0_wp, 0.0_wp, 0.05_wp], none(3) = 0.0_wp, &
@@ -523,7 +523,7 @@ contains
     call expect('FORCE with a ghost that goes sideways', '')
     call reply%get('r.force', force, errors)
     call reply%get('r.moment', moment, errors)
-    call test%check('it pushes up and sideways, and turns', force(3, 1) > 0.0_wp .and. &
+    call test%check('force up and sideways, and a moment', force(3, 1) > 0.0_wp .and. &
                     force(1, 1) > 0.0_wp .and. abs(moment(2, 1)) > 0.0_wp)
     inertia = 0.4_wp*mass(2)*1.0e-6_wp
     call test%check_close('the mean force adds to that of the contact', &

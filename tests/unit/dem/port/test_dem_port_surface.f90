@@ -1,5 +1,5 @@
 !> The role surface at the port: triangles that a partner moves, forces on their vertices; refusals,
-!! REJECT and restart bit for bit. A sphere of 1 mm stands on a square of two triangles.
+!! REJECT and restart bit for bit. A sphere of 1 mm is on a square of two triangles.
 !!
 !! The service runs in this program itself, started as `serve SPEC DECK`.
 program test_dem_port_surface
@@ -142,7 +142,7 @@ contains
     call expect('ADVANCE '//str(k), '')
   end subroutine advance
 
-  !> Force, impulse, momentum and work fit together; REJECT goes back bit for bit.
+  !> Force, impulse, momentum and work fit together; REJECT restores bit for bit.
   subroutine push()
     real(wp) :: force(3, 4), again(3, 4), impulse(3, 4), scalars(scalar_count)
     real(wp) :: sum_of(3), work, all_work
@@ -222,7 +222,7 @@ contains
     call test%ends_with(0)
   end subroutine split
 
-  !> Another service goes on from the checkpoint: other triangles are refused, the same bits come.
+  !> Another service restarts from the checkpoint: other triangles are refused, same bits.
   subroutine go_on()
     real(wp) :: force(3, 4)
     call start('second', '000003')

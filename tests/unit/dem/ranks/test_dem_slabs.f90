@@ -1,5 +1,5 @@
 !> Records of random grains and contacts, packed and unpacked, by themselves and through the slabs
-!! of a lone rank: every value comes back with its bits, and every column was written.
+!! of a lone rank: every value is restored bit for bit, and every column was written.
 program test_dem_slabs
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_nan
   use talus_kinds, only: wp, i4, i8

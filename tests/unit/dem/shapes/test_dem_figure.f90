@@ -57,7 +57,7 @@ contains
     r = (2.2_wp + 0.4_wp*sin(11.0_wp*seed))*r/norm2(r)
   end function place_of
 
-  !> Every number that a surface asks for, once from the matrix and once from the form.
+  !> Every quantity of a surface, once from the matrix and once from the shape.
   subroutine check_same()
     type(figure_type) :: a, b
     real(wp) :: worst(6), n(3), u(3, 2), h(2), k(6, 2), e(3), gap(2), other(3)

@@ -437,7 +437,7 @@ contains
            b%bz(k), b%curvature(k)]
   end function lane_of
 
-  !> What lane k comes to in a block of nothing but itself.
+  !> Result of lane k in a block of copies of itself.
   function alone(start, f, powers, k) result(row)
     type(dem_block_type), intent(in) :: start
     type(shape_block_type), intent(in) :: f

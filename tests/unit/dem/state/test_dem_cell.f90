@@ -65,7 +65,7 @@ contains
     call test%check_close('left in place', x(2, 2), 0.01_wp, 0.0_wp)
   end subroutine check_basis
 
-  !> Simple shear keeps the volume and is exact; a rotation keeps all lengths; pure compression goes
+  !> Simple shear keeps the volume and is exact; a rotation keeps all lengths; compression changes
   !! with the exponential to third order in the step.
   subroutine check_advance()
     type(dem_cell_type) :: cell
@@ -210,7 +210,7 @@ contains
     many = many/2
   end subroutine brute_force
 
-  !> A box in the cell sees the images that reach into it: against a box around everything.
+  !> A box in the cell finds the images that reach into it: against a box around everything.
   subroutine check_regions(s, list)
     type(dem_system_type), intent(in) :: s
     type(dem_contacts_type), intent(in) :: list
@@ -296,14 +296,14 @@ contains
     call second%import_state(archive, errors)
     call second%step(1700, errors)
     call test%check('no faults', .not. errors%any())
-    call test%check('lists were made anew', second%health%rebuilds > 2)
+    call test%check('lists were rebuilt', second%health%rebuilds > 2)
     call test%check('same places', all(abs(whole%grains%x - second%grains%x) <= 0.0_wp))
     call test%check('same velocities', all(abs(whole%grains%v - second%grains%v) <= 0.0_wp))
     call test%check('same cell', all(abs(whole%cell%vectors - second%cell%vectors) <= 0.0_wp))
     call test%check('same ledger', abs(whole%ledger%boundary - second%ledger%boundary) <= 0.0_wp)
   end subroutine check_restart
 
-  !> One thread and three: the same bits after lists were made anew in a strained cell.
+  !> One thread and three: the same bits after lists were rebuilt in a strained cell.
   subroutine check_threads()
     type(dem_system_type) :: one, three
     type(error_list_type) :: errors
@@ -320,7 +320,7 @@ contains
     call three%init(errors)
     call three%step(2000, errors)
     call test%check('no faults', .not. errors%any())
-    call test%check('lists were made anew', three%health%rebuilds > 2)
+    call test%check('lists were rebuilt', three%health%rebuilds > 2)
     call test%check('places of three threads', all(abs(one%grains%x - three%grains%x) <= 0.0_wp))
     call test%check('spins of three threads', &
                     all(abs(one%grains%omega - three%grains%omega) <= 0.0_wp))

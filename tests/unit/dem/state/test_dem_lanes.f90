@@ -73,7 +73,7 @@ contains
     call test%check('motion goes back, shapes stay', count > lanes)
   end subroutine check_put
 
-  !> Records that follow each other to lanes: what was there before goes, beyond `count` too.
+  !> Records that follow each other to lanes: earlier contents are overwritten, beyond `count` too.
   subroutine check_take()
     type(dem_side_type) :: taken
     real(wp) :: row(body_size, lanes)
@@ -135,7 +135,7 @@ contains
     call test%check('sum of none', all(abs(total) <= 0.0_wp))
   end subroutine check_loads
 
-  !> Past the caches as by way of them, on a line of the cache and beside one.
+  !> Streaming stores as stores through the caches, on a line of the cache and beside one.
   subroutine check_past(load, result)
     type(dem_load_type), intent(in) :: load
     real(wp), intent(in) :: result(result_size, lanes)

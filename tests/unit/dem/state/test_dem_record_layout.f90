@@ -1,4 +1,4 @@
-!> Columns of records: each block begins at 1, has neither gap nor overlap, and ends where it says.
+!> Columns of records: each block begins at 1, has neither gap nor overlap, and ends where declared.
 program test_dem_record_layout
   use talus_kinds, only: i4
   use talus_test, only: test_type

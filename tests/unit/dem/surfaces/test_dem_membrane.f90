@@ -1,6 +1,6 @@
 !> Membranes: forces are gradients of energies, on grain and corners, however the membrane is bent;
 !! a
-!! membrane that is touched in one place counts once; pressure pushes by area.
+!! membrane that is touched in one place counts once; pressure acts by area.
 program test_dem_membrane
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
@@ -62,7 +62,7 @@ contains
     mesh%name = 'sheet'
     call join_corners(corner, mesh)
     call check_mesh(mesh, .false., errors)
-    call test%check('a sheet', .not. errors%any())
+    call test%check('a membrane', .not. errors%any())
     call add_mesh(s, mesh, 'sheet', surface_membrane, 1, 0.94_wp, [0.0_wp, 0.0_wp, 0.0_wp])
     s%list%near = 1
     s%list%near_start = [1, s%mesh%triangles + 1]
@@ -216,7 +216,7 @@ contains
     call add_triangles(ball, p, side)
     ball%membranes%pressure = 5.0_wp
     call pull_membranes(ball)
-    call test%check_close('pressure on a closed sheet', norm2(sum(ball%membranes%press, 2)), &
+    call test%check_close('pressure on a closed membrane', norm2(sum(ball%membranes%press, 2)), &
                           0.0_wp, 1.0e-14_wp)
     call test%check('pressure inwards', sum(ball%membranes%press*ball%mesh%x) < 0.0_wp)
     call test%check_close('three times pressure times volume', &
@@ -259,7 +259,7 @@ contains
     call finish_membranes(ball, dt, work)
     call test%check_close('work of the pressure on held corners', work(2)/given, 1.0_wp, 1.0e-12_wp)
     given = given + dt*sum(ball%membranes%pull*ball%mesh%v)
-    call test%check('a stretched sheet pulls inwards', &
+    call test%check('a stretched membrane pulls inwards', &
                     sum(ball%membranes%pull*ball%mesh%v) > 0.0_wp)
     call test%check_close('work of what holds corners', work(4)/given, -1.0_wp, 1.0e-12_wp)
   end subroutine check_work

@@ -139,7 +139,7 @@ contains
                           1.0e-4_wp)
   end function rebound
 
-  !> A light plate that may turn asks for a smaller step than a heavy one; a held one for none.
+  !> A light plate that may turn needs a smaller step than a heavy one; a held one for none.
   subroutine check_limit()
     type(dem_system_type) :: s, held
     type(error_list_type) :: errors

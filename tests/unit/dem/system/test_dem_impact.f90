@@ -206,7 +206,7 @@ contains
   end subroutine check_frozen_radius
 
   !> Oblique impact with gross sliding: the tangential impulse is friction times the normal one,
-  !! the slip speed falls from 2 v to 2 v - 7 mu v, v the normal speed.
+  !! the slip speed decreases from 2 v to 2 v - 7 mu v, v the normal speed.
   subroutine check_oblique()
     type(dem_system_type) :: s
     type(error_list_type) :: errors

@@ -119,7 +119,7 @@ contains
     call test%check('made again', .not. errors%any())
   end subroutine make_drop_again
 
-  !> A plane that comes up with 0.2 m/s throws an elastic grain off with twice that.
+  !> A plane that rises with 0.2 m/s throws an elastic grain off with twice that.
   subroutine check_moving_plane()
     type(dem_system_type) :: s
     type(error_list_type) :: errors

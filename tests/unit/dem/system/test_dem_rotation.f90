@@ -96,7 +96,7 @@ contains
     q = s%grains%quat(:, 1)
   end function orientation_after
 
-  !> Driven grain: constant spin by exact quaternions; a target turn takes the shortest way.
+  !> Driven grain: constant spin by exact quaternions; a target rotation follows the shortest path.
   subroutine check_constant_spin()
     type(dem_system_type) :: s
     type(error_list_type) :: errors

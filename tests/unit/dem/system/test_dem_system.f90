@@ -126,8 +126,8 @@ contains
   end function same_ledger
 
   !> Forces in parts: pairs without ghosts evaluated before these are placed, or after they were
-  !! told, a slice at a time, give the bits of forces evaluated at once; also where ghosts use up
-  !! the list while slices are under way, and where those between ghosts come last and use it up.
+  !! given, a slice at a time, give the bits of forces evaluated at once; also where ghosts use up
+  !! the list while slices are under way, and where those between ghosts are last and use it up.
   subroutine check_parts()
     type(dem_system_type) :: at_once, sliced, last
     integer(i8) :: rebuilds
@@ -241,7 +241,7 @@ contains
     call test%check('one and two threads: same ledger', same_ledger(one, two))
     call make_heap(wide, 5.0e-4_wp, 0.5_wp, 0.05_wp)
     call wide%step(2800, errors)
-    call test%check('lists were made anew', one%health%rebuilds > wide%health%rebuilds &
+    call test%check('lists were rebuilt', one%health%rebuilds > wide%health%rebuilds &
                     .and. wide%health%rebuilds > 2)
     call test%check('other lists: same bits', same_bits(one, wide))
     call test%check('no list was late', one%health%late_rebuilds == 0_i8)
@@ -299,7 +299,7 @@ contains
     call test%check('missing array is a fault', errors%any())
   end subroutine check_restart
 
-  !> What is kept in memory comes back and goes on alike.
+  !> A state kept in memory is restored and continues alike.
   subroutine check_memory()
     type(dem_system_type) :: s, other
     type(error_list_type) :: errors

@@ -74,7 +74,7 @@ contains
     body%loads%gravity = [0.3_wp, -0.2_wp, -9.81_wp]
   end subroutine make_cube
 
-  !> Numbers that look like chance.
+  !> Pseudo-random numbers.
   pure function noise(blocks) result(u)
     integer(i4), intent(in) :: blocks
     real(wp) :: u(3, blocks)

@@ -142,7 +142,7 @@ contains
     call body%system%solver%mumps%free()
   end subroutine newmark_frequency
 
-  !> The top moves at constant velocity from rest: the support feels rho c v A until the wave comes
+  !> The top moves at constant velocity from rest: the support carries rho c v A until the wave is
   !! back, nothing rings, and the ledger closes. Then the same with a motion that bends.
   subroutine pushed_bar()
     type(fem_body_type) :: body
@@ -162,7 +162,7 @@ contains
     call body%assemble()
     force = 0.0_wp
     worst = 0.0_wp
-    steps = 150  ! 3 s; the wave needs 6.6 s to come back
+    steps = 150  ! 3 s; the wave needs 6.6 s to return
     do n = 1, steps
       call linear_step(body, n*dt, errors)
       call body%accept()

@@ -97,7 +97,7 @@ contains
     omega = sqrt(values(n))
   end function true_frequency
 
-  !> Explicit steps of a kicked body; the largest displacement tells whether they were stable.
+  !> Explicit steps of a kicked body; the largest displacement shows whether they were stable.
   real(wp) function kicked(body, dt) result(largest)
     type(fem_body_type), intent(inout) :: body
     real(wp), intent(in) :: dt
@@ -186,7 +186,7 @@ contains
       alone**2 + 0.4_wp*5.0e4_wp/body%system%lumped(9), 1.0e-12_wp*alone**2)
   end subroutine hanging_springs
 
-  !> A free body that starts with one velocity goes on with it, and its energy stands in the ledger;
+  !> A free body keeps its uniform initial velocity, and its energy is in the ledger;
   !! held nodes do not start.
   subroutine rotor()
     type(fem_body_type) :: body

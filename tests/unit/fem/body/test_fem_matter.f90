@@ -92,7 +92,7 @@ contains
     end associate
   end subroutine make_matter
 
-  !> Numbers that look like chance.
+  !> Pseudo-random numbers.
   pure function noise(blocks, size_of) result(u)
     integer(i4), intent(in) :: blocks
     real(wp), intent(in) :: size_of

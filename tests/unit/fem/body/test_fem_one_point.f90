@@ -1,5 +1,5 @@
 !> Forces of a mesh of one-point hexahedra: those of its stiffness, the same bits for any number of
-!! threads; not used where another formulation stands in the mesh.
+!! threads; not used where the mesh has another formulation.
 program test_fem_one_point
   use, intrinsic :: omp_lib, only: omp_set_num_threads
   use talus_kinds, only: wp, i4

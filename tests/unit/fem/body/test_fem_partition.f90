@@ -1,5 +1,5 @@
 !> Parts of a mesh for ranks: none is empty, all blocks have one owner, neighbours agree on what
-!! they share; one process stands for all ranks.
+!! they share; one process acts for all ranks.
 program test_fem_partition
   use talus_kinds, only: wp, i4
   use talus_test, only: test_type

@@ -138,7 +138,7 @@ contains
     end associate
   end subroutine share_of
 
-  !> Natural coordinates of points on curved facets come back; a point off the facet is told.
+  !> Natural coordinates of points on curved facets are recovered; a point off it is reported.
   subroutine check_locate()
     integer(i4), parameter :: facets(5) = [quad4, quad8, quad9, tri3, tri6]
     real(wp) :: x(3, most_facet_nodes), n(most_facet_nodes), area(3), xi(2), off
@@ -160,7 +160,7 @@ contains
     end do
   end subroutine check_locate
 
-  !> Couples go to the corners of mixed orders, to all nodes of equal ones; nodes without
+  !> Couples act on the corners of mixed orders, to all nodes of equal ones; nodes without
   !! micro-rotation are named.
   subroutine check_couples()
     type(fem_mesh_type) :: mesh

@@ -184,7 +184,7 @@ contains
       + 4.0_wp*epsilon(1.0_wp)*max_abs(end_stress)/(step*max_abs(law%modulus(stress))))
   end subroutine check_tangent
 
-  !> A point that yielded takes a zero increment as the limit of a small one, and does not move.
+  !> A point that yielded treats a zero increment as the limit of a small one, and does not move.
   subroutine check_rate()
     real(wp) :: stress(6), zero(6), tangent(6, 6), small(6, 6)
     real(wp), allocatable :: state(:), there(:)
@@ -264,7 +264,7 @@ contains
     end associate
   end subroutine check_returns
 
-  !> A random walk of strain about its start: dissipation never falls, works add up.
+  !> A random path of strain about its start: dissipation never decreases, works add up.
   subroutine check_walk(name, law, size_of)
     character(len=*), intent(in) :: name
     class(fem_law_type), intent(in) :: law
@@ -305,7 +305,7 @@ contains
     next = 2.0_wp*real(seed, wp)/real(huge(seed), wp) - 1.0_wp
   end function next
 
-  !> An increment too large for the local Newton goes in parts; its tangent is that of the parts.
+  !> An increment too large for the local Newton is subdivided; its tangent is that of the parts.
   subroutine check_parts()
     real(wp) :: stress(6), state(common_size + 1), tangent(6, 6), strain(6), trapezoid
     character(len=:), allocatable :: fault, cure

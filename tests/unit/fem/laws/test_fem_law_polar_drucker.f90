@@ -269,7 +269,7 @@ contains
                           0.0_wp, 1.0e-12_wp)
   end subroutine check_classical
 
-  !> A random walk: dissipation never falls, works add up.
+  !> A random path: dissipation never decreases, works add up.
   subroutine check_walk(name, law)
     character(len=*), intent(in) :: name
     type(fem_law_polar_drucker_type), intent(in) :: law

@@ -182,7 +182,7 @@ contains
                           1.0e-13_wp)
   end subroutine check_linear
 
-  !> A walk that ends where it began, through tension too: stress and energy are those of the start,
+  !> A path that ends where it began, through tension too: stress and energy are those of the start,
   !! works add up.
   subroutine check_circuit()
     type(fem_law_polar_pressure_type) :: law

@@ -1,4 +1,4 @@
-!> The registry of laws: what each says of itself, and an elastic increment of all that can do
+!> The registry of laws: the data of each, and an elastic increment of all that can do
 !! without constants from a deck; that every law of the deck is there.
 program test_fem_law_registry
   use talus_kinds, only: wp, i4
@@ -66,7 +66,7 @@ contains
       call test%check(name//': has a unit', index(name, ' [') > 1 .and. name(len(name):) == ']')
       call test%check(name//': is not a common state', all(common_names /= name(:index(name, ' '))))
       do j = common_size + 1, i - 1
-        call test%check(name//': stands once', law%state_name(j) /= name)
+        call test%check(name//': is there once', law%state_name(j) /= name)
       end do
     end do
   end subroutine check_traits

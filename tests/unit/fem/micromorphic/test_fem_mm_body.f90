@@ -116,7 +116,7 @@ contains
     end associate
   end subroutine make_matter
 
-  !> Numbers that look like chance.
+  !> Pseudo-random numbers.
   pure function noise(blocks, size_of) result(u)
     integer(i4), intent(in) :: blocks
     real(wp), intent(in) :: size_of
@@ -248,7 +248,7 @@ contains
     bare%modulus = law%modulus
   end function solid_of
 
-  !> What is stored of a point comes back.
+  !> State stored of a point is restored.
   subroutine check_states()
     type(mm_motion_type) :: motion(2)
     type(mm_point_type) :: point

@@ -88,7 +88,7 @@ contains
     s = lambda*(e(1, 1) + e(2, 2) + e(3, 3))*one + shear*(e + transpose(e))
   end function elastic
 
-  !> In simple shear with axes at 45 degrees the band stands along one of the planes of shear.
+  !> In simple shear with axes at 45 degrees the band is along one of the planes of shear.
   subroutine direction()
     real(wp) :: least, normal(3), turned
     logical, parameter :: yes = .true.

@@ -32,7 +32,7 @@ program test_fem_mm_plastic
   integer(i4) :: n
 
   way = [(0.03_wp*sin(1.0_wp + 1.7_wp*n), n=1, 45)]
-  way([1, 5, 9]) = way([1, 5, 9]) - sum(way([1, 5, 9]))/3.0_wp - 0.001_wp  ! slightly pressed
+  way([1, 5, 9]) = way([1, 5, 9]) - sum(way([1, 5, 9]))/3.0_wp - 0.001_wp  ! slightly compressed
   way([10, 14, 18]) = way([10, 14, 18]) - sum(way([10, 14, 18]))/3.0_wp
   way(19:) = 3.0_wp*way(19:)
   call check_published()
@@ -58,7 +58,7 @@ program test_fem_mm_plastic
 
 contains
 
-  !> A solid with friction at macro, micro and gradient level as asked.
+  !> A solid with friction at macro, micro and gradient level as given.
   pure function solid(on, reduced, trapezoidal) result(law)
     logical, intent(in) :: on(3), reduced, trapezoidal
     type(mm_law_type) :: law
@@ -276,7 +276,7 @@ contains
     call test%check_close('and no yield is above zero', worst, 0.0_wp, 1.0e-9_wp)
   end subroutine check_path
 
-  !> Work is stored, dissipated or shifted; what is missing falls with the step (dissipation is
+  !> Work is stored, dissipated or shifted; what is missing decreases with the step (dissipation is
   !! counted with the stress at the end of a step) and vanishes in the limit.
   subroutine check_energy()
     real(wp) :: missing(2)

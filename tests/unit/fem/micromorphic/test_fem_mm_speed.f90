@@ -36,7 +36,7 @@ program test_fem_mm_speed
 
 contains
 
-  !> Strains of 3 per cent, slightly pressed.
+  !> Strains of 3 per cent, slightly compressed.
   pure function way(k) result(v)
     integer(i4), intent(in) :: k
     real(wp) :: v(45)

@@ -161,7 +161,7 @@ contains
     call reply%take_int('mean', element, errors)
     call test%check('moduli of every element', all(shape(moduli) == [6, 5]) .and. &
                     all(moduli(2, :) > 0.0_wp) .and. all(abs(moduli(3:, :)) <= 0.0_wp))
-    call test%check('B-bar is told', size(element) == 5 .and. all(element == element(1)))
+    call test%check('B-bar is reported', size(element) == 5 .and. all(element == element(1)))
     call describe('groups', '', '')
     call reply%get_text('names', names, errors)
     call test%check_text('groups', names, 'all'//nl//'the top'//nl//'base')
@@ -262,7 +262,7 @@ contains
     call test%check('SOLVE without faults', .not. errors%any())
   end subroutine springs_and_loads
 
-  !> FORCE tells minus the internal forces; a kick of the middle nodes, mass doubled by its factor.
+  !> FORCE returns minus the internal forces; a kick of the middle nodes, mass doubled by factor.
   subroutine split_steps()
     real(wp) :: force(3, 4), u(3, 4), v(3, 4), scalars(scalar_count)
     real(wp), parameter :: kick = 1.0e-3_wp
@@ -276,7 +276,7 @@ contains
     call ask%put('drift', 0.0_wp)
     call expect('KICK_DRIFT of nothing', '')
     call reply%get('l.u', u, errors)
-    call test%check_close('the column pushes back', sum(force(3, :)), -k_top*u(3, 1), 1.0e-11_wp)
+    call test%check_close('reaction of the column', sum(force(3, :)), -k_top*u(3, 1), 1.0e-11_wp)
     call choose('m', 'load', middle, '')
     call ask%start(verb_set)
     call ask%put_text('what', 'mass_factor')
@@ -329,7 +329,7 @@ contains
                     file_exists(folder//'/deck_summary.json') .and. file_exists(folder//'/deck.h5'))
   end subroutine files_and_end
 
-  !> Another service goes on from the checkpoint and is stopped early.
+  !> Another service restarts from the checkpoint and is stopped early.
   subroutine go_on()
     real(wp) :: u(3, 4)
     call start('second', '000002')
@@ -346,7 +346,7 @@ contains
     call test%ends_with(3)
   end subroutine go_on
 
-  !> The top goes down by 0.05 m in four steps of its own; REJECT forgets all four.
+  !> The top moves down by 0.05 m in four steps of its own; REJECT undoes all four.
   subroutine prescribed()
     real(wp) :: reaction(3, 4), impulse(3, 4), work, u(3, 4), first(3, 4)
     integer(i4) :: substeps, pass
@@ -383,8 +383,8 @@ contains
     call scopes()
   end subroutine prescribed
 
-  !> FORCE in the pressed state: in balance the element at the top pushes its lower nodes, which the
-  !! scope `interface` tells, while all elements together leave them in balance.
+  !> FORCE in the compressed state: in balance the element at the top loads its lower nodes, which
+  !! scope `interface` returns, while all elements together leave them in balance.
   subroutine scopes()
     integer(i8), parameter :: below(4) = [17_i8, 18_i8, 19_i8, 20_i8]
     real(wp), parameter :: pressed = 0.05_wp*k_top
@@ -425,7 +425,7 @@ contains
     call ask%put('top.u', spread([0.0_wp, 0.0_wp, u], 2, 4))
   end subroutine ask_force
 
-  !> Moduli, weights and initial stress by SET change the reaction of the pressed top.
+  !> Moduli, weights and initial stress by SET change the reaction of the compressed top.
   subroutine matter()
     real(wp) :: reaction, force(3, 4)
     integer(i4) :: k

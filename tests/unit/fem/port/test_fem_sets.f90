@@ -148,7 +148,7 @@ contains
     call body%system%solver%mumps%free()
   end subroutine shared_maps
 
-  !> Forces of the body are found anew when it has moved or its stiffness was changed.
+  !> Forces of the body are recomputed when it has moved or its stiffness was changed.
   subroutine known_forces()
     type(fem_body_type) :: body
     type(fem_sets_type) :: sets
