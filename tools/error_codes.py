@@ -79,7 +79,5 @@ def check_codes() -> list[str]:
         f"{code} ({used.get(code, listed[code])}) has no test"
         for code in sorted(listed.keys() - tested - UNTESTED.keys())
     ]
-    wrong += [
-        f"{code} has a test, yet is in UNTESTED" for code in sorted(tested & UNTESTED.keys())
-    ]
+    wrong += [f"{code} has a test, yet is in UNTESTED" for code in sorted(tested & UNTESTED.keys())]
     return wrong

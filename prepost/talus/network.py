@@ -59,9 +59,7 @@ def tubes(start: np.ndarray, end: np.ndarray, radius: np.ndarray) -> tuple[np.nd
 def render(path: Path, step: int, output: Path, size: tuple[int, int]) -> None:
     """Write an image of the contact network of a step of a field file."""
     if output.suffix not in ENDINGS:
-        raise FaultError(
-            "E554", f"no image can be written as '{output.name}'", "end it with .png"
-        )
+        raise FaultError("E554", f"no image can be written as '{output.name}'", "end it with .png")
     time, contacts, grains = contacts_of(path, step)
     with FieldFile(path) as fields:
         cell = fields.read(step).cell

@@ -34,9 +34,7 @@ def profile(grains: Path, solid: Path | None, axis: str) -> object:
     with FieldFile(grains) as fields:
         steps = [fields.read(k) for k in chosen_steps(len(fields))]
     if not steps[0].grains:
-        raise FaultError(
-            "E543", f"{grains} holds no grains", "give grains.h5 first, then solid.h5"
-        )
+        raise FaultError("E543", f"{grains} holds no grains", "give grains.h5 first, then solid.h5")
     for colour, step in zip(COLOURS, steps, strict=False):
         g = step.grains
         own = g["kind"] != GHOST

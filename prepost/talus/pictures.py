@@ -57,9 +57,7 @@ def render(
 ) -> None:
     """Write a PNG of the grains at a step, coloured, with the block of `solid` around them."""
     if output.suffix not in ENDINGS:
-        raise FaultError(
-            "E554", f"no image can be written as '{output.name}'", "end it with .png"
-        )
+        raise FaultError("E554", f"no image can be written as '{output.name}'", "end it with .png")
     pyvista = load_pyvista()
     with FieldFile(grains) as fields:
         first, now = fields.read(0), fields.read(step)

@@ -46,6 +46,4 @@ def program_of(deck: Path) -> str:
     ):
         if groups & own:
             return name
-    raise FaultError(
-        "E532", f"{deck} is no known deck of Talus", "name the program with --program"
-    )
+    raise FaultError("E532", f"{deck} is no known deck of Talus", "name the program with --program")

@@ -44,9 +44,7 @@ def render(
 ) -> None:
     """Write a PNG: grains and nodes coloured by their sets, edges of the elements by their part."""
     if output.suffix not in ENDINGS:
-        raise FaultError(
-            "E554", f"no image can be written as '{output.name}'", "end it with .png"
-        )
+        raise FaultError("E554", f"no image can be written as '{output.name}'", "end it with .png")
     if solid is None:
         raise FaultError("E543", "the sets need the solid, too", "add --solid solid.h5")
     found = read_sets(sets)

@@ -155,7 +155,7 @@ contains
     m = all_of(first:)
   end function masses_of
 
-  !> By row sums: part of the gap is removed, momentum stays, energy decreases, and a gap that is the
+  !> By row sums: part of the gap is removed, momentum stays, energy drops, and a gap that is the
   !! same for all grains of a domain without limits would be taken whole.
   subroutine test_lumped()
     type(bridge_field_type) :: field
