@@ -1,4 +1,4 @@
-!> Grains and contacts at one instant, as the formulas of homogenisation want them.
+!> Grains and contacts at one instant, as the formulas of homogenisation need them.
 !!
 !! A contact joins grain `first` to grain `second`; first = 0 is a boundary (a plane), whose end of
 !! the branch is the contact point. The force is that on the first from the second. In a periodic

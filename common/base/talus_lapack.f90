@@ -16,7 +16,7 @@ module talus_lapack
       integer(i4), intent(out) :: info
     end subroutine dsyev
 
-    !> The same of a symmetric matrix beside a positive one.
+    !> The same of a symmetric matrix and a positive definite one.
     subroutine dsygv(itype, jobz, uplo, n, a, lda, b, ldb, w, work, lwork, info)
       import :: wp, i4
       integer(i4), intent(in) :: itype, n, lda, ldb, lwork

@@ -7,11 +7,11 @@ module talus_deck_faults
   private
   public :: deck_faults_type
 
-  !> Faults found so far. Text behind a missing quote is murky: what is found there is not reported.
+  !> Faults found so far. Faults behind a missing quote are not reported (murky).
   type :: deck_faults_type
     type(error_list_type) :: list
     integer(i4), allocatable :: position(:)  !! first byte of each fault; huge: the deck as a whole
-    integer(i4), allocatable :: murky(:)     !! per line: first byte from which nothing is trusted
+    integer(i4), allocatable :: murky(:)     !! per line: first byte after a missing quote
   contains
     procedure :: init
     procedure :: add

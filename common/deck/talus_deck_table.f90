@@ -41,7 +41,7 @@ module talus_deck_table
     real(wp), allocatable :: word_value(:)        !! and their values
     type(deck_condition_type), allocatable :: belongs(:)    !! all must hold, else it means nothing
     type(deck_condition_type), allocatable :: need_if(:)    !! required where all of them hold
-    type(deck_condition_type), allocatable :: choice_if(:)  !! choices that want other choices
+    type(deck_condition_type), allocatable :: choice_if(:)  !! choices that require other choices
     type(string_type), allocatable :: needs(:)     !! keys without which it means nothing
     type(string_type), allocatable :: excludes(:)  !! keys that exclude it
     type(string_type), allocatable :: was(:)       !! names that it had

@@ -41,7 +41,7 @@ int talus_c_lock(const char *path, const char *text, int *fd, char *holder, int 
     return 0;
 }
 
-/* The name is removed first, so that nobody locks a file that is about to be removed. */
+/* The name is removed first, so that no process locks a file that is about to be removed. */
 void talus_c_unlock(const char *path, int fd)
 {
     unlink(path);

@@ -50,7 +50,7 @@ module talus_message_buffer
     integer(i8) :: used = header_words
     integer(i8), allocatable :: word(:)
     type(field_type), allocatable :: field(:)
-    integer(i4), private :: last = 0  !! field found last: the next question starts behind it
+    integer(i4), private :: last = 0  !! field found last: the next search starts behind it
   contains
     procedure :: start
     procedure :: reserve
@@ -252,7 +252,7 @@ contains
     end do
   end subroutine expect
 
-  !> Fault for every field that nobody has read (the error.* fields aside).
+  !> Fault for every field that was not read (the error.* fields aside).
   subroutine all_read(self, errors)
     class(message_buffer_type), intent(in) :: self
     type(error_list_type), intent(inout) :: errors

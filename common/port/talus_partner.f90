@@ -130,7 +130,7 @@ contains
     self%looked = -1.0_wp
   end subroutine partner_fresh
 
-  !> Whether nothing was heard for the time limit. Call it often while waiting.
+  !> Whether there was no sign of the partner for the time limit. Call it often while waiting.
   logical function partner_silent(self, beat)
     class(partner_type), intent(inout) :: self
     integer(i8), intent(in) :: beat  !! heartbeat word as it is now

@@ -21,7 +21,7 @@ module talus_port
   real(wp), parameter :: slice = 0.05_wp             !! s between two checks of the partner
   real(wp), parameter :: connect_limit = 30.0_wp     !! s that a solver waits for its port
   real(wp), parameter :: attach_limit = 600.0_wp     !! s that it waits for a rendezvous file
-  real(wp), parameter :: far_ask_limit = 600.0_wp    !! s of silence of an asker on another host
+  real(wp), parameter :: far_ask_limit = 600.0_wp    !! s of silence of talus-couple on another host
 
   !> One end of a port. Set `partner%name` and `partner%log` for good messages, `trace` and
   !! `join_limit` before `create`.
@@ -87,8 +87,8 @@ contains
     self%rendezvous = path
   end subroutine publish
 
-  !> Open the answering side; waits a while for the asker to make the port. `spec` is that of the
-  !! asker, or 'attach:FILE' with the file that it publishes.
+  !> Open the answering side; waits a while for talus-couple to make the port. `spec` is that of the
+  !! other side, or 'attach:FILE' with the file that it publishes.
   subroutine connect(self, spec, errors)
     class(port_type), intent(inout) :: self
     character(len=*), intent(in) :: spec
@@ -334,7 +334,7 @@ contains
     is_open = self%transport /= transport_none
   end function is_open
 
-  !> Leave the port; nothing of it stays behind.
+  !> Leave the port; its files are removed.
   subroutine port_close(self)
     class(port_type), intent(inout) :: self
     if (self%transport == transport_shm) call self%shm%close()

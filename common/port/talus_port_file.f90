@@ -1,6 +1,6 @@
 !> hdf5 transport of the port: one file a message, written under a temporary name and renamed.
 !!
-!! In the folder of the port are SIDE.port (made by the asker, removed by the one who joins),
+!! In the folder of the port are SIDE.port (made by talus-couple, removed by the solver),
 !! SIDE.joined, the heartbeats SIDE.beat and couple.beat, and SIDE.NNNNNNNN.request.h5 / .reply.h5.
 !! It works across hosts on a shared file system; for an exchange in every sub-step it is slow.
 module talus_port_file
@@ -127,7 +127,7 @@ contains
                       str(code)//')', self%folder, 'a writable folder that both sides see')
   end subroutine file_create
 
-  !> Try to join; `absent` when nobody offers the port yet.
+  !> Try to join; `absent` when the port is not offered yet.
   subroutine file_connect(self, path, absent, errors)
     class(file_port_type), intent(inout) :: self
     character(len=*), intent(in) :: path
@@ -254,7 +254,7 @@ contains
     file_arrived = c_wait(message_path(self, self%due, .not. self%asks)//c_null_char, 0.0_wp) /= 0
   end function file_arrived
 
-  !> Who has joined on the other side: process number (0 nobody) and place.
+  !> Who has joined on the other side: process number (0 none) and place.
   subroutine file_partner(self, pid, place)
     class(file_port_type), intent(in) :: self
     integer(i4), intent(out) :: pid
@@ -310,7 +310,7 @@ contains
     code = c_write(path//c_null_char, str(self%beats)//new_line('a')//c_null_char)
   end subroutine file_beat
 
-  !> Leave; the asker, or the last one when the asker has ended, removes the files.
+  !> Leave; talus-couple, or the last side when it has ended, removes the files.
   subroutine file_close(self, last)
     class(file_port_type), intent(inout) :: self
     logical, intent(in) :: last

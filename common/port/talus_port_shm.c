@@ -108,7 +108,7 @@ static int take_lock(struct port *p)
     return lock_byte(p->fd, p->me, F_OFD_SETLK, &type);
 }
 
-/* A segment that nobody locks and that is older than ten seconds is left over: remove it. */
+/* A segment that no process locks and that is older than ten seconds is left over: remove it. */
 static void remove_left_over(const char *name)
 {
     const int fd = shm_open(name, O_RDWR | O_CLOEXEC, 0);

@@ -202,7 +202,7 @@ contains
     shm_arrived = c_incoming(self%handle, 0.0_wp) /= 0
   end function shm_arrived
 
-  !> Who has joined on the other side: process number (0 nobody) and place.
+  !> Who has joined on the other side: process number (0 none) and place.
   subroutine shm_partner(self, pid, place)
     class(shm_port_type), intent(in) :: self
     integer(i4), intent(out) :: pid

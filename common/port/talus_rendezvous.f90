@@ -14,7 +14,7 @@ module talus_rendezvous
 
 contains
 
-  !> Ask side: write where the port is.
+  !> talus-couple: write where the port is.
   subroutine write_rendezvous(path, spec, run_id, errors)
     character(len=*), intent(in) :: path, spec, run_id
     type(error_list_type), intent(inout) :: errors

@@ -46,7 +46,7 @@ module talus_serve
     procedure(file_of), deferred :: save           !! CHECKPOINT
     procedure(file_of), deferred :: write          !! WRITE
     procedure(end_run), deferred :: finish         !! sets exit_code
-    procedure :: is_busy                           !! is there work that nobody waits for yet?
+    procedure :: is_busy                           !! is there work that no request waits for yet?
     procedure :: work_on                           !! a slice of it, while no request arrives
     procedure :: catch_up                          !! all of it, before any request but FORCE
   end type server_type
