@@ -206,19 +206,16 @@ contains
     integer(i4), intent(in) :: number
     real(wp), allocatable :: points(:, :)
     real(wp) :: p(3)
-    integer(i4) :: i, j, k, m, round
+    integer(i4) :: cell, m, place(3), round
 
     do round = 1, 2
       m = 0
-      do k = 1, number
-        do j = 1, number
-          do i = 1, number
-            p = (2*[i, j, k] - 1)/real(number, wp) - 1.0_wp
-            if (sum(p**2) > 1.0_wp) cycle
-            m = m + 1
-            if (round == 2) points(:, m) = p
-          end do
-        end do
+      do cell = 0, number**3 - 1
+        place = [mod(cell, number), mod(cell/number, number), cell/number**2] + 1
+        p = (2*place - 1)/real(number, wp) - 1.0_wp
+        if (sum(p**2) > 1.0_wp) cycle
+        m = m + 1
+        if (round == 2) points(:, m) = p
       end do
       if (round == 1) allocate (points(3, m))
     end do

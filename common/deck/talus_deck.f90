@@ -117,28 +117,37 @@ contains
     character(len=*), intent(in) :: group, key, kind
     integer(i4), intent(in) :: instance
     type(string_type), allocatable, intent(out) :: values(:)
-    integer(i4) :: at, k
+    integer(i4) :: at, g
 
     at = self%entry_of(group, instance, key)
-    associate (holder => self%table%group(self%table%find(group)))
-      associate (definition => holder%key(holder%find(key)))
-        if (index(kind, definition%kind) == 0) &
-          error stop 'bug: get of key '''//key//''' into a variable of another type'
-        if (at > 0) then
-          associate (entry => self%syntax%entry(at))
-            allocate (values(entry%last - entry%first + 1))
-            do k = 1, size(values)
-              values(k)%s = token_text(self%source, self%syntax%value(entry%first + k - 1))
-            end do
-          end associate
-        else if (allocated(definition%preset)) then
-          values = definition%preset
-        else
-          allocate (values(0))
-        end if
-      end associate
+    g = self%table%find(group)
+    associate (definition => self%table%group(g)%key(self%table%group(g)%find(key)))
+      if (index(kind, definition%kind) == 0) &
+        error stop 'bug: get of key '''//key//''' into a variable of another type'
+      if (at > 0) then
+        call texts_of(self, at, values)
+      else if (allocated(definition%preset)) then
+        values = definition%preset
+      else
+        allocate (values(0))
+      end if
     end associate
   end subroutine values_of
+
+  !> Values of an entry of the deck as text.
+  subroutine texts_of(self, at, values)
+    class(deck_type), intent(in) :: self
+    integer(i4), intent(in) :: at  !! number of the entry
+    type(string_type), allocatable, intent(out) :: values(:)
+    integer(i4) :: k
+
+    associate (entry => self%syntax%entry(at))
+      allocate (values(entry%last - entry%first + 1))
+      do k = 1, size(values)
+        values(k)%s = token_text(self%source, self%syntax%value(entry%first + k - 1))
+      end do
+    end associate
+  end subroutine texts_of
 
   subroutine get_reals(self, group, instance, key, value)
     class(deck_type), intent(in) :: self
@@ -146,21 +155,20 @@ contains
     integer(i4), intent(in) :: instance
     real(wp), allocatable, intent(out) :: value(:)
     type(string_type), allocatable :: values(:)
-    integer(i4) :: k, status, word
+    integer(i4) :: g, k, status, word
 
     call self%values_of(group, instance, key, 'real', values)
     allocate (value(size(values)))
-    associate (holder => self%table%group(self%table%find(group)))
-      associate (definition => holder%key(holder%find(key)))
-        do k = 1, size(values)
-          word = word_number(definition, values(k)%s)
-          if (word > 0) then
-            value(k) = definition%word_value(word)
-          else
-            call parse_real(values(k)%s, value(k), status)
-          end if
-        end do
-      end associate
+    g = self%table%find(group)
+    associate (definition => self%table%group(g)%key(self%table%group(g)%find(key)))
+      do k = 1, size(values)
+        word = word_number(definition, values(k)%s)
+        if (word > 0) then
+          value(k) = definition%word_value(word)
+        else
+          call parse_real(values(k)%s, value(k), status)
+        end if
+      end do
     end associate
   end subroutine get_reals
 

@@ -104,14 +104,12 @@ contains
         associate (entry => syntax%entry(e))
           call know_key(source, table, instance%group, entry, meant, faults)
           if (entry%key == 0) cycle
-          if (line(entry%key) > 0) then
+          if (line(entry%key) > 0) &
             call faults%add(source, 'D012', 'key '''//group%key(entry%key)%name &
                             //''' is given again (first on line '//str(line(entry%key))//')', &
                             entry%name%line, entry%name%first, entry%name%last, &
                             'a key may occur once in a group')
-          else
-            line(entry%key) = entry%name%line
-          end if
+          if (line(entry%key) == 0) line(entry%key) = entry%name%line
           call check_values(source, group, group%key(entry%key), &
                             syntax%value(entry%first:entry%last), entry%name, faults)
         end associate

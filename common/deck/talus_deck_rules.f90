@@ -128,7 +128,7 @@ contains
     call check_choices(source, table, syntax, k, j, at(j), faults)
   end subroutine check_given
 
-  !> Choices of a key that want other choices beside them (D026).
+  !> Choices of a key that require other choices (D026).
   subroutine check_choices(source, table, syntax, k, j, entry, faults)
     type(deck_source_type), intent(in) :: source
     type(key_table_type), intent(in) :: table
@@ -136,19 +136,19 @@ contains
     integer(i4), intent(in) :: k, j, entry
     type(deck_faults_type), intent(inout) :: faults
     type(chosen_type) :: chosen
+    type(token_type) :: token
     integer(i4) :: c, v
 
     associate (key => table%group(syntax%instance(k)%group)%key(j))
       do c = 1, conditions(key%choice_if)
         do v = syntax%entry(entry)%first, syntax%entry(entry)%last
-          associate (token => syntax%value(v))
-            if (token_text(source, token) /= key%choice_if(c)%choice) cycle
-            chosen = choice_of(source, table, syntax, k, key%choice_if(c))
-            if (chosen%holds .or. .not. chosen%known) cycle
-            call faults%add(source, 'D026', key%name//' = '''//key%choice_if(c)%choice &
-                            //''' does not go with '//chosen%text, token%line, token%first, &
-                            token%last, 'it goes with '//condition_text(key%choice_if(c)))
-          end associate
+          token = syntax%value(v)
+          if (token_text(source, token) /= key%choice_if(c)%choice) cycle
+          chosen = choice_of(source, table, syntax, k, key%choice_if(c))
+          if (chosen%holds .or. .not. chosen%known) cycle
+          call faults%add(source, 'D026', key%name//' = '''//key%choice_if(c)%choice &
+                          //''' does not go with '//chosen%text, token%line, token%first, &
+                          token%last, 'it goes with '//condition_text(key%choice_if(c)))
         end do
       end do
     end associate

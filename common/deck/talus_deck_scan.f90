@@ -142,6 +142,7 @@ contains
     integer(i4), intent(inout) :: at
     type(deck_syntax_type), intent(inout) :: syntax
     type(deck_faults_type), intent(inout) :: faults
+    type(token_type) :: token
     logical :: comma
 
     syntax%entry_count = syntax%entry_count + 1
@@ -151,22 +152,21 @@ contains
       at = at + 2
       comma = .true.
       do while (at <= tokens%count)
-        associate (token => tokens%item(at))
-          if (token%kind == token_comma) then
-            if (comma) call faults%add(source, 'D007', 'a value is missing before this comma', &
-                                       token%line, token%first, token%last, &
-                                       'write the value, or take the comma away')
-            comma = .true.
-          else if (starts_entry(tokens, at)) then
-            exit
-          else if (token%kind == token_word .or. token%kind == token_string) then
-            syntax%value_count = syntax%value_count + 1
-            syntax%value(syntax%value_count) = token
-            comma = .false.
-          else
-            exit
-          end if
-        end associate
+        token = tokens%item(at)
+        if (token%kind == token_comma) then
+          if (comma) call faults%add(source, 'D007', 'a value is missing before this comma', &
+                                     token%line, token%first, token%last, &
+                                     'write the value, or remove the comma')
+          comma = .true.
+        else if (starts_entry(tokens, at)) then
+          exit
+        else if (token%kind == token_word .or. token%kind == token_string) then
+          syntax%value_count = syntax%value_count + 1
+          syntax%value(syntax%value_count) = token
+          comma = .false.
+        else
+          exit
+        end if
         at = at + 1
       end do
       entry%last = syntax%value_count

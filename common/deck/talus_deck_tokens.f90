@@ -84,7 +84,7 @@ contains
     if (.not. stray_above) then
       if (source%text(at:last) == '/') then
         call faults%add(source, 'D004', 'this ''/'' closes no group', line, at, last, &
-                        'the group before is closed already: take one of the two away')
+                        'the group before is closed already: remove one of the two')
       else
         call faults%add(source, 'D004', 'text outside groups', line, at, last, &
                         'text belongs inside a group, &name ... /, or behind a !')

@@ -57,24 +57,29 @@ contains
   integer(i4) function check(self)
     class(stop_type), intent(inout) :: self
     real(wp) :: now
-    if (self%reason == stop_none) then
-      now = wall_clock()
-      if (signal_seen() /= 0) then
-        self%reason = stop_signal
-      else if (self%wall_limit > 0.0_wp .and. now - self%begun >= self%wall_limit) then
-        self%reason = stop_wall
-      else if (now - self%looked >= check_interval) then
-        self%looked = now
-        if (len(self%file) > 0) then
-          if (file_exists(self%file)) then
-            self%reason = stop_file
-            call remove_file(self%file)
-          end if
-        end if
-      end if
+
+    check = self%reason
+    if (self%reason /= stop_none) return
+    now = wall_clock()
+    if (signal_seen() /= 0) then
+      self%reason = stop_signal
+    else if (self%wall_limit > 0.0_wp .and. now - self%begun >= self%wall_limit) then
+      self%reason = stop_wall
+    else if (now - self%looked >= check_interval) then
+      self%looked = now
+      if (len(self%file) > 0) call check_file(self)
     end if
     check = self%reason
   end function check
+
+  !> Stop, and remove the file, if the stop file exists.
+  subroutine check_file(self)
+    class(stop_type), intent(inout) :: self
+
+    if (.not. file_exists(self%file)) return
+    self%reason = stop_file
+    call remove_file(self%file)
+  end subroutine check_file
 
   !> True once after SIGUSR1: write a checkpoint and go on.
   logical function checkpoint_asked(self)

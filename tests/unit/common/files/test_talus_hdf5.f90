@@ -73,33 +73,13 @@ contains
     integer(i4), allocatable :: kinds(:), table(:, :)
     integer(i8), allocatable :: ids(:)
     integer(i8) :: shape_seen(2)
-    type(string_type) :: words(3)
     type(string_type), allocatable :: read_words(:)
     character(len=:), allocatable :: text
     real(wp) :: into(3, 2), scalar
     integer(i4) :: k, count
 
     x = reshape([(real(k, wp)/3.0_wp, k=1, 12)], [3, 4])
-    words(1)%s = 'one'
-    words(2)%s = ''
-    words(3)%s = 'three words long'
-    call file%create(folder//'/a.h5', errors, format='talus-packing')
-    call file%put('/grains/x', x, errors)
-    call file%put('/grains/part', x(:, 1:4:3), errors)
-    call file%put('/grains/id', [10_i8, 20_i8, 3000000000_i8], errors)
-    call file%put('/grains/kind', [0_i4, 1_i4, -2_i4], errors)
-    call file%put('/grains/table', reshape([1_i4, 2_i4, 3_i4, 4_i4], [2, 2]), errors)
-    call file%put('/scalars/time', 0.1_wp, errors)
-    call file%put('/scalars/count', 7_i4, errors)
-    call file%put('/text/deck', 'one line', errors)
-    call file%put('/text/words', words, errors)
-    call file%put('/empty', x(:, 1:0), errors)
-    call test%check('not there before commit', .not. file_exists(folder//'/a.h5'))
-    call file%commit(errors)
-    call test%check('written without faults', .not. errors%any())
-    call test%check('renamed', file_exists(folder//'/a.h5') .and. &
-                    .not. file_exists(folder//'/a.h5.tmp'))
-
+    call write_all(x)
     call file%open(folder//'/a.h5', errors, format='talus-packing')
     call file%get('/grains/x', back, errors)
     call test%check('reals of rank 2, bit for bit', all(abs(back - x) <= 0.0_wp))
@@ -135,6 +115,32 @@ contains
     call file%close(errors)
     call test%check('read without faults', .not. errors%any())
   end subroutine round_trip
+
+  subroutine write_all(x)
+    real(wp), intent(in) :: x(:, :)
+    type(h5_file_type) :: file
+    type(string_type) :: words(3)
+
+    words(1)%s = 'one'
+    words(2)%s = ''
+    words(3)%s = 'three words long'
+    call file%create(folder//'/a.h5', errors, format='talus-packing')
+    call file%put('/grains/x', x, errors)
+    call file%put('/grains/part', x(:, 1:4:3), errors)
+    call file%put('/grains/id', [10_i8, 20_i8, 3000000000_i8], errors)
+    call file%put('/grains/kind', [0_i4, 1_i4, -2_i4], errors)
+    call file%put('/grains/table', reshape([1_i4, 2_i4, 3_i4, 4_i4], [2, 2]), errors)
+    call file%put('/scalars/time', 0.1_wp, errors)
+    call file%put('/scalars/count', 7_i4, errors)
+    call file%put('/text/deck', 'one line', errors)
+    call file%put('/text/words', words, errors)
+    call file%put('/empty', x(:, 1:0), errors)
+    call test%check('not there before commit', .not. file_exists(folder//'/a.h5'))
+    call file%commit(errors)
+    call test%check('written without faults', .not. errors%any())
+    call test%check('renamed', file_exists(folder//'/a.h5') .and. &
+                    .not. file_exists(folder//'/a.h5.tmp'))
+  end subroutine write_all
 
   subroutine attributes()
     type(h5_file_type) :: file

@@ -49,19 +49,7 @@ contains
     v = [(1.0_wp/k, k=1, 5)]
     l = reshape([1_i8, -2_i8, 2_i8**40, 4_i8, -5_i8**20, huge(0_i8)], [2, 3])
     id = [1, 5, 2147483647, -7, 0, 12]
-    call a%start(verb_advance, 12_i8, 0.25_wp, 0.5_wp)
-    call a%put('container.x', x)
-    call a%put('transposed', transpose(x))
-    call a%put('v', v)
-    call a%put('every second', v(1:5:2))
-    call a%put('s', -0.0_wp)
-    call a%put_int('pairs', l)
-    call a%put_int('id', id)
-    call a%put_int('ranks', 3)
-    call a%put_text('run_id', 'Prüfung'//char(0)//'7')
-    call a%put_text('nothing', '')
-    call a%put('empty', x(:, 1:0))
-    call a%seal(77_i8)
+    call fill(a, x, v, l, id)
     call carry(a, b, errors)
     call test%check('parses', .not. errors%any())
     call test%check('header', b%verb == verb_advance .and. b%step == 12 .and. b%sequence == 77 &
@@ -95,6 +83,27 @@ contains
     call b%all_read(errors)
     call test%check('no fault', .not. errors%any())
   end subroutine there_and_back
+
+  subroutine fill(a, x, v, l, id)
+    type(message_type), intent(inout) :: a
+    real(wp), intent(in) :: x(:, :), v(:)
+    integer(i8), intent(in) :: l(:, :)
+    integer(i4), intent(in) :: id(:)
+
+    call a%start(verb_advance, 12_i8, 0.25_wp, 0.5_wp)
+    call a%put('container.x', x)
+    call a%put('transposed', transpose(x))
+    call a%put('v', v)
+    call a%put('every second', v(1:5:2))
+    call a%put('s', -0.0_wp)
+    call a%put_int('pairs', l)
+    call a%put_int('id', id)
+    call a%put_int('ranks', 3)
+    call a%put_text('run_id', 'Prüfung'//char(0)//'7')
+    call a%put_text('nothing', '')
+    call a%put('empty', x(:, 1:0))
+    call a%seal(77_i8)
+  end subroutine fill
 
   !> The words as manual/port.md lays them down; the checksum by its plain definition.
   subroutine layout()

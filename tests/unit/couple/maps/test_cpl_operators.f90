@@ -55,14 +55,7 @@ contains
   subroutine make_cells(kind, n, cells)
     integer(i4), intent(in) :: kind, n(3)
     type(cells_type), intent(inout) :: cells
-    integer(i4), parameter :: corner(3, 8) = reshape([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, &
-      0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1], [3, 8])
-    integer(i4), parameter :: kuhn(4, 6) = reshape([1, 2, 3, 7, 1, 3, 4, 7, 1, 4, 8, 7, &
-      1, 8, 5, 7, 1, 5, 6, 7, 1, 6, 2, 7], [4, 6])
-    integer(i4), parameter :: hex_edge(2, 12) = reshape([1, 2, 2, 3, 3, 4, 4, 1, 5, 6, 6, 7, 7, 8, &
-      8, 5, 1, 5, 2, 6, 3, 7, 4, 8], [2, 12])
-    integer(i4), parameter :: tet_edge(2, 6) = reshape([1, 2, 2, 3, 3, 1, 1, 4, 2, 4, 3, 4], [2, 6])
-    integer(i4) :: i, j, l, a, t, at(3), m(3), v(8)
+    integer(i4) :: i, j, l, a, m(3)
     integer(i4) :: edge_node(product(n + 1), product(n + 1))
 
     m = n + 1
@@ -81,17 +74,7 @@ contains
     do l = 0, n(3) - 1
       do j = 0, n(2) - 1
         do i = 0, n(1) - 1
-          do a = 1, 8
-            at = [i, j, l] + corner(:, a)
-            v(a) = 1 + at(1) + m(1)*(at(2) + m(2)*at(3))
-          end do
-          if (kind == hex8 .or. kind == hex20) then
-            call add(kind, v, hex_edge, cells, edge_node)
-          else
-            do t = 1, 6
-              call add(kind, v(kuhn(:, t)), tet_edge, cells, edge_node)
-            end do
-          end if
+          call add_brick(kind, [i, j, l], m, cells, edge_node)
         end do
       end do
     end do
@@ -103,6 +86,34 @@ contains
     allocate (cells%inertia(cells%nodes), source=1.0_wp)
     call cells%prepare()
   end subroutine make_cells
+
+  !> A brick of the lattice: one hexahedron, or six tetrahedra.
+  subroutine add_brick(kind, place, m, cells, edge_node)
+    integer(i4), intent(in) :: kind
+    integer(i4), intent(in) :: place(3), m(3)  !! of the brick, nodes along the axes
+    type(cells_type), intent(inout) :: cells
+    integer(i4), intent(inout) :: edge_node(:, :)
+    integer(i4), parameter :: corner(3, 8) = reshape([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, &
+      0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1], [3, 8])
+    integer(i4), parameter :: kuhn(4, 6) = reshape([1, 2, 3, 7, 1, 3, 4, 7, 1, 4, 8, 7, &
+      1, 8, 5, 7, 1, 5, 6, 7, 1, 6, 2, 7], [4, 6])
+    integer(i4), parameter :: hex_edge(2, 12) = reshape([1, 2, 2, 3, 3, 4, 4, 1, 5, 6, 6, 7, 7, 8, &
+      8, 5, 1, 5, 2, 6, 3, 7, 4, 8], [2, 12])
+    integer(i4), parameter :: tet_edge(2, 6) = reshape([1, 2, 2, 3, 3, 1, 1, 4, 2, 4, 3, 4], [2, 6])
+    integer(i4) :: a, t, at(3), v(8)
+
+    do a = 1, 8
+      at = place + corner(:, a)
+      v(a) = 1 + at(1) + m(1)*(at(2) + m(2)*at(3))
+    end do
+    if (kind == hex8 .or. kind == hex20) then
+      call add(kind, v, hex_edge, cells, edge_node)
+      return
+    end if
+    do t = 1, 6
+      call add(kind, v(kuhn(:, t)), tet_edge, cells, edge_node)
+    end do
+  end subroutine add_brick
 
   subroutine add(kind, v, edge, cells, edge_node)
     integer(i4), intent(in) :: kind, v(:), edge(:, :)

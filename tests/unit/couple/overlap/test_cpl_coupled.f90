@@ -133,16 +133,13 @@ contains
   !> A square lattice: a layer before the mesh, then up to the end of the ghosts.
   subroutine make_grains(o)
     type(overlap_type), intent(inout) :: o
-    integer(i4) :: n, i, j, k
-    n = 0
+    integer(i4), parameter :: n = 4*layers
+    integer(i4) :: i, j
     associate (p => o%pack)
-      allocate (p%x(3, 4*layers))
+      allocate (p%x(3, n))
       do i = 1, layers
-        do j = 0, 1
-          do k = 0, 1
-            n = n + 1
-            p%x(:, n) = d*[i - 2.5_wp, j + 0.5_wp, k + 0.5_wp]
-          end do
+        do j = 0, 3
+          p%x(:, 4*i - 3 + j) = d*[i - 2.5_wp, j/2 + 0.5_wp, mod(j, 2) + 0.5_wp]
         end do
       end do
       p%id = [(int(i, i8), i=1, n)]

@@ -101,8 +101,7 @@ contains
     type(overlap_type), intent(inout) :: o
     real(wp), intent(in) :: slope
     type(contacts_type), intent(inout) :: contacts
-    integer(i4) :: n, m, i, j, k, axis
-    integer(i4) :: step(3)
+    integer(i4) :: n, m, i, j, k
     n = across**2*(below + above)
     associate (p => o%pack)
       p%id = [(int(i, i8), i=1, n)]
@@ -121,18 +120,7 @@ contains
       do j = 1, across
         do i = 1, across
           o%pack%x(:, number(i, j, k)) = [i, j, k - below] - 0.5_wp
-          do axis = 1, 3
-            step = 0
-            step(axis) = 1
-            if (any([i, j, k] + step > [across, across, below + above])) cycle
-            m = m + 1
-            contacts%ids(:, m) = [number(i, j, k), number(i + step(1), j + step(2), k + step(3))]
-            contacts%point(:, m) = o%pack%x(:, number(i, j, k)) + 0.5_wp*step
-            contacts%normal(:, m) = step
-            contacts%stiffness(:, m) = [kn, ks]
-            contacts%force(:, m) = 0.0_wp
-            if (axis == 3) contacts%force(3, m) = -force*(1.0_wp + slope*contacts%point(3, m))
-          end do
+          call add_contacts([i, j, k], slope, o%pack%x(:, number(i, j, k)), contacts, m)
         end do
       end do
     end do
@@ -142,6 +130,29 @@ contains
     contacts%stiffness = contacts%stiffness(:, :m)
     contacts%force = contacts%force(:, :m)
   end subroutine make_pack
+
+  !> The contacts of a grain at x with those behind it along the axes.
+  subroutine add_contacts(at, slope, x, contacts, m)
+    integer(i4), intent(in) :: at(3)  !! of the grain in the lattice
+    real(wp), intent(in) :: slope, x(3)
+    type(contacts_type), intent(inout) :: contacts
+    integer(i4), intent(inout) :: m   !! contacts so far
+    integer(i4) :: axis, step(3), other(3)
+
+    do axis = 1, 3
+      step = 0
+      step(axis) = 1
+      other = at + step
+      if (any(other > [across, across, below + above])) cycle
+      m = m + 1
+      contacts%ids(:, m) = [number(at(1), at(2), at(3)), number(other(1), other(2), other(3))]
+      contacts%point(:, m) = x + 0.5_wp*step
+      contacts%normal(:, m) = step
+      contacts%stiffness(:, m) = [kn, ks]
+      contacts%force(:, m) = 0.0_wp
+      if (axis == 3) contacts%force(3, m) = -force*(1.0_wp + slope*contacts%point(3, m))
+    end do
+  end subroutine add_contacts
 
   pure integer(i4) function number(i, j, k)
     integer(i4), intent(in) :: i, j, k

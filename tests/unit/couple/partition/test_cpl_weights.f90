@@ -331,7 +331,7 @@ contains
   !> Contacts along the axes; none across the element without grains. Moduli are their sum.
   subroutine make_contacts(overlap)
     type(partition_type), intent(inout) :: overlap
-    integer(i4) :: i, j, k, c, axis, step(3), most
+    integer(i4) :: j, k, c, axis, step(3), most
     real(wp) :: normal(3), local(3, 3)
 
     most = 3*n*n*n*(layers - 1) - n*n
@@ -344,16 +344,14 @@ contains
       step(axis) = 1
       normal = step
       do k = 0, n*(layers - 1) - step(3) - 1
-        do j = 0, n - 1
-          do i = 0, n - 1
-            c = c + 1
-            overlap%pair(:, c) = [grain_of(i, j, k), grain_of(i + step(1), j + step(2), &
-                                                              k + step(3))]
-            overlap%normal(:, c) = normal
-            overlap%arm(:, 1, c) = 0.5_wp*normal
-            overlap%arm(:, 2, c) = -0.5_wp*normal
-            overlap%stiffness(:, c) = [kn, ks]
-          end do
+        do j = 0, n**2 - 1
+          c = c + 1
+          overlap%pair(:, c) = [grain_of(mod(j, n), j/n, k), &
+                                grain_of(mod(j, n) + step(1), j/n + step(2), k + step(3))]
+          overlap%normal(:, c) = normal
+          overlap%arm(:, 1, c) = 0.5_wp*normal
+          overlap%arm(:, 2, c) = -0.5_wp*normal
+          overlap%stiffness(:, c) = [kn, ks]
         end do
       end do
       local = 0.0_wp

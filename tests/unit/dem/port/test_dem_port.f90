@@ -440,29 +440,8 @@ contains
   !! come apart, and a ghost that no one foresaw at a free grain is a fault.
   subroutine parts()
     real(wp) :: x(3, 2), both(3, 2), near(3, 1), alone(3, 1)
-    integer(i8), allocatable :: ids(:)
     integer(i4) :: old
-    call write_deck('')
-    call start('sixth')
-    call choose('g', 'prescribe', [10_i8, 20_i8], '')
-    call choose('r', 'report', [30_i8], '')
-    call choose('b', 'border', [30_i8], 'P252')
-    call ask%start(verb_set)
-    call ask%put_text('what', 'contact_weight')
-    call ask%put_int('ids', reshape([10_i8, 20_i8], [2, 1]))
-    call ask%put('value', [1.0_wp])
-    call expect('SET of ghosts', '')
-    call ask%start(verb_ready)
-    call expect('READY with ghosts', '')
-    call ask%start(verb_force)
-    call ask%put_text('scope', 'split')
-    call expect('FORCE split without a border', 'P255')
-    call ask%start(verb_describe)
-    call ask%put_text('what', 'border')
-    call expect('DESCRIBE border', '')
-    call reply%take_int('id', ids, errors)
-    call test%check('no ghost is near', size(ids) == 0)
-
+    call ghosts_without_border()
     call choose('b', 'border', [20_i8], '')
     call ask%start(verb_force)
     call ask%put_text('scope', 'split')
@@ -499,6 +478,31 @@ contains
     call expect('a ghost at a free grain that is not of the border', 'N224')
     call abandon('parts')
   end subroutine parts
+
+  !> Ghosts 10 and 20, without any free grain near them.
+  subroutine ghosts_without_border()
+    integer(i8), allocatable :: ids(:)
+    call write_deck('')
+    call start('sixth')
+    call choose('g', 'prescribe', [10_i8, 20_i8], '')
+    call choose('r', 'report', [30_i8], '')
+    call choose('b', 'border', [30_i8], 'P252')
+    call ask%start(verb_set)
+    call ask%put_text('what', 'contact_weight')
+    call ask%put_int('ids', reshape([10_i8, 20_i8], [2, 1]))
+    call ask%put('value', [1.0_wp])
+    call expect('SET of ghosts', '')
+    call ask%start(verb_ready)
+    call expect('READY with ghosts', '')
+    call ask%start(verb_force)
+    call ask%put_text('scope', 'split')
+    call expect('FORCE split without a border', 'P255')
+    call ask%start(verb_describe)
+    call ask%put_text('what', 'border')
+    call expect('DESCRIBE border', '')
+    call reply%take_int('id', ids, errors)
+    call test%check('no ghost is near', size(ids) == 0)
+  end subroutine ghosts_without_border
 
   !> Ghost 10 moves sideways at free grain 20: force and moment of the contact add to a
   !! mean force and moment; the energy's dt^2/8 times the square of both shows the sign.

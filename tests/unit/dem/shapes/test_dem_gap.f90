@@ -99,10 +99,7 @@ contains
         t = pi*i/40.0_wp
         p = pi*j/40.0_wp
         n = [sin(t)*cos(p), sin(t)*sin(p), cos(t)]
-        if (gap_along(r, a, b, n) > best) then
-          best = gap_along(r, a, b, n)
-          found = n
-        end if
+        call keep_larger(gap_along(r, a, b, n), n, best, found)
       end do
     end do
     size = 0.1_wp
@@ -112,15 +109,20 @@ contains
         do j = -2, 2
           n = centre + size*i*across(centre, 1) + size*j*across(centre, 2)
           n = n/sqrt(sum(n**2))
-          if (gap_along(r, a, b, n) > best) then
-            best = gap_along(r, a, b, n)
-            found = n
-          end if
+          call keep_larger(gap_along(r, a, b, n), n, best, found)
         end do
       end do
       if (sum(abs(found - centre)) <= 0.0_wp) size = 0.5_wp*size
     end do
   end function net_maximum
+
+  subroutine keep_larger(gap, n, best, found)
+    real(wp), intent(in) :: gap, n(3)
+    real(wp), intent(inout) :: best, found(3)
+    if (gap <= best) return
+    best = gap
+    found = n
+  end subroutine keep_larger
 
   !> Two directions at right angles to n.
   pure function across(n, which) result(e)

@@ -223,9 +223,7 @@ contains
           x = merge(x, -x, [btest(octant, 0), btest(octant, 1), btest(octant, 2)])
           volume = volume + part/3.0_wp
           centre = centre + part*x/4.0_wp
-          do k = 1, 3
-            tensor(:, k) = tensor(:, k) + part*x*x(k)/5.0_wp
-          end do
+          tensor = tensor + part*spread(x, 2, 3)*spread(x, 1, 3)/5.0_wp
         end do
       end do
     end do

@@ -88,6 +88,19 @@ contains
     s%laws(1, 1) = make_law('hertz_mindlin', s%materials(1), s%materials(1), friction, ratio, &
                             ratio)
     call make_grains(s%grains, s%materials, id, kind, material, x, q, a, v, w, errors)
+    call make_box(s)
+    s%par%gravity = [0.0_wp, 0.0_wp, -9.81_wp]
+    s%par%skin = skin
+    s%par%overlap_limit = 0.5_wp
+    s%par%dt = 1.2e-5_wp
+    call s%init(errors)
+    call test%check('heap made without faults', .not. errors%any())
+  end subroutine make_heap
+
+  !> Four walls, one of which moves.
+  subroutine make_box(s)
+    type(dem_system_type), intent(inout) :: s
+
     call make_planes(s%planes, reshape([-10.1e-3_wp, 0.0_wp, 0.0_wp, 10.1e-3_wp, 0.0_wp, 0.0_wp, &
                                         0.0_wp, -10.1e-3_wp, 0.0_wp, 0.0_wp, 10.1e-3_wp, 0.0_wp], &
                                             [3, 4]), &
@@ -96,13 +109,7 @@ contains
                      reshape([0.1_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
                               0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [3, 4]), [1, 1, 1, &
                                                   1])
-    s%par%gravity = [0.0_wp, 0.0_wp, -9.81_wp]
-    s%par%skin = skin
-    s%par%overlap_limit = 0.5_wp
-    s%par%dt = 1.2e-5_wp
-    call s%init(errors)
-    call test%check('heap made without faults', .not. errors%any())
-  end subroutine make_heap
+  end subroutine make_box
 
   logical function same_bits(a, b)
     type(dem_system_type), intent(in) :: a, b

@@ -61,8 +61,8 @@ contains
     type(fem_dofs_type), intent(in) :: dofs
     integer(i4), intent(in) :: part(:)
     type(fem_halo_type), intent(in) :: halo(0:)
-    integer(i4) :: a, b, e, k
-    logical :: same, there
+    integer(i4) :: a, b
+    logical :: same
     do a = 0, ubound(halo, 1)
       do b = 0, a - 1
         associate (mine => halo(a)%shared(halo(a)%first(b):halo(a)%first(b + 1) - 1), &
@@ -70,16 +70,23 @@ contains
           same = size(mine) == size(others)
           if (same) same = all(mine == others)
           call test%check('the same list', same)
-          there = .true.
-          do k = 1, size(mine)
-            there = there .and. any([(part(e) == b .and. any(dofs%block(dofs%start(e): &
-              dofs%start(e + 1) - 1) == mine(k)), e=1, size(part))])
-          end do
-          call test%check('both have it', there)
+          call test%check('both have it', all_of_part(dofs, part, b, mine))
         end associate
       end do
     end do
   end subroutine neighbours
+
+  !> Has an element of part b each of these blocks?
+  logical function all_of_part(dofs, part, b, blocks)
+    type(fem_dofs_type), intent(in) :: dofs
+    integer(i4), intent(in) :: part(:), b, blocks(:)
+    integer(i4) :: e, k
+    all_of_part = .true.
+    do k = 1, size(blocks)
+      all_of_part = all_of_part .and. any([(part(e) == b .and. any(dofs%block(dofs%start(e): &
+        dofs%start(e + 1) - 1) == blocks(k)), e=1, size(part))])
+    end do
+  end function all_of_part
 
   subroutine make_cube(n, mesh)
     integer(i4), intent(in) :: n

@@ -178,7 +178,7 @@ contains
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), intent(in) :: k(:, :, :), lumped(:)
-    real(wp) :: wanted(3, 3, size(k, 3)), heavy(dofs%blocks)
+    real(wp) :: wanted(3, 3, size(k, 3)), heavy(dofs%blocks), upper(3, 3)
     real(wp), allocatable :: ke(:, :, :, :), le(:)
     integer(i4), allocatable :: block(:)
     integer(i4) :: e, a, b, p
@@ -193,11 +193,9 @@ contains
       do b = 1, size(block)
         do a = 1, b
           p = place(pattern, min(block(a), block(b)), max(block(a), block(b)))
-          if (block(a) <= block(b)) then
-            wanted(:, :, p) = wanted(:, :, p) + ke(:, :, a, b)
-          else
-            wanted(:, :, p) = wanted(:, :, p) + transpose(ke(:, :, a, b))
-          end if
+          upper = ke(:, :, a, b)
+          if (block(a) > block(b)) upper = transpose(upper)
+          wanted(:, :, p) = wanted(:, :, p) + upper
         end do
       end do
       deallocate (ke)

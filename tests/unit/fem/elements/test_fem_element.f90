@@ -65,9 +65,9 @@ contains
   subroutine check_element(name)
     character(len=*), intent(in) :: name
     type(fem_formulation_type) :: rule
-    type(fem_shape_type) :: shape, mass_shape
+    type(fem_shape_type) :: shape
     real(wp), allocatable :: x(:, :), k(:, :, :, :), matrix(:, :), u(:, :), stress(:, :), f(:, :), &
-      mass(:, :), one(:), values(:), work(:)
+      one(:), values(:), work(:)
     real(wp) :: moduli(6), scale, h(3, 3), phi(3), sigma(9), couple(9)
     integer(i4) :: a, n, i
     integer :: info
@@ -110,15 +110,7 @@ contains
       call test%check(name//': linear field', max_abs(stress - &
         spread(sigma([1, 5, 9, 2, 6, 7]), 2, rule%at%n)) < 1.0e-13_wp*scale)
     end if
-    ! mass of the fields, positive lumping is tested in the body
-    allocate (mass(n, n))
-    call element_shape(rule%mass_at, x, mass_shape)
-    call element_mass(rule, mass_shape, 3.0_wp, 0.5_wp, mass)
-    scale = 3.0_wp*sum(mass_shape%weight)
-    call test%check_close(name//': mass', sum(mass(:rule%nodes, :rule%nodes))/scale, 1.0_wp, &
-                          1.0e-13_wp)
-    if (rule%polar) call test%check_close(name//': micro-inertia', &
-      sum(mass(rule%nodes + 1:, rule%nodes + 1:))/scale, 0.5_wp, 1.0e-13_wp)
+    call check_mass(name, rule, x)
     ! six zero modes, in the volume's weight
     scale = max_abs(matrix)
     call dsyev('N', 'U', 3*n, matrix, 3*n, values, work, size(work), info)
@@ -126,6 +118,23 @@ contains
     call test%check_close(name//': zero modes', real(i, wp), 6.0_wp, 0.5_wp)
     call test%check(name//': no negative mode', values(1) > -1.0e-12_wp*scale*n)
   end subroutine check_element
+
+  !> Mass of the fields of an element with nodes x; positive lumping is tested in the body.
+  subroutine check_mass(name, rule, x)
+    character(len=*), intent(in) :: name
+    type(fem_formulation_type), intent(in) :: rule
+    real(wp), intent(in) :: x(:, :)
+    type(fem_shape_type) :: shape
+    real(wp) :: mass(rule%nodes + rule%rotations, rule%nodes + rule%rotations), whole
+
+    call element_shape(rule%mass_at, x, shape)
+    call element_mass(rule, shape, 3.0_wp, 0.5_wp, mass)
+    whole = 3.0_wp*sum(shape%weight)
+    call test%check_close(name//': mass', sum(mass(:rule%nodes, :rule%nodes))/whole, 1.0_wp, &
+                          1.0e-13_wp)
+    if (rule%polar) call test%check_close(name//': micro-inertia', &
+      sum(mass(rule%nodes + 1:, rule%nodes + 1:))/whole, 0.5_wp, 1.0e-13_wp)
+  end subroutine check_mass
 
   !> Largest frequency of the hex8/hex8 cube of side h with lumped masses
   !! (an independent eigenvalue solution).
