@@ -32,7 +32,7 @@ module cpl_bridge_limit
 contains
 
   !> D425: the step of the grains is above the stable step 2/omega. With lumped multipliers, which
-  !! bind less, the limit of the grains alone (SET mass_factor) stands beside it.
+  !! bind less, the limit of the grains alone (SET mass_factor) is printed with it.
   subroutine check_bridge_step(o, b, solvers, points, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(bridge_type), intent(in) :: b
@@ -105,7 +105,7 @@ contains
     where (o%own%held) y%u = 0.0_wp
   end subroutine start_bound
 
-  !> r = K y, with bound grains where the nodes are; r of them is handed to the nodes.
+  !> r = K y, with bound grains where the nodes are; r of them is transferred to the nodes.
   subroutine bound_stiffness_times(self, o, y, r)
     class(bridged_type), intent(in) :: self
     type(overlap_type), intent(in) :: o

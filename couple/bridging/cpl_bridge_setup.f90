@@ -28,7 +28,8 @@ module cpl_bridge_setup
 
 contains
 
-  !> What sets and deck alone can tell; lumped: row sums in place of a system of equations.
+  !> What can be checked from sets and deck alone; lumped: row sums in place of a system of
+  !! equations.
   subroutine make_bridge(o, b, lumped, errors)
     type(overlap_type), intent(inout) :: o
     type(bridge_type), intent(inout) :: b

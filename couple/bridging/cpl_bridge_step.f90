@@ -17,12 +17,12 @@ module cpl_bridge_step
   public :: trial_type, trial_kick, drift, send_push, bridge_forces, bridge_bulk, read_bound, &
     bound_set, load_set
 
-  character(len=*), parameter :: bound_set = 'bound'   !! of the grains, whose motion is told
+  character(len=*), parameter :: bound_set = 'bound'   !! of the grains, whose motion is reported
   character(len=*), parameter :: load_set = 'pushed'   !! the same, which multipliers act on
 
   !> Velocities around a kick.
   type :: trial_type
-    real(wp) :: push = 0.0_wp                            !! what forces on grains act for [s]
+    real(wp) :: push = 0.0_wp                            !! kick of forces on grains [s]
     real(wp), allocatable :: v(:, :), spin(:, :)         !! of the grains after it, if not bound
     real(wp), allocatable :: before(:, :), before_phi(:, :)  !! of the nodes before it
   end type trial_type
@@ -36,7 +36,7 @@ contains
     type(overlap_type), intent(inout) :: o
     type(bridge_type), intent(in) :: b
     type(cpl_solver_type), intent(in) :: grains
-    real(wp), intent(in) :: kick, bulk  !! of contacts and near elements, of the others [s]
+    real(wp), intent(in) :: kick, bulk  !! of contacts and fast elements, of others [s]
     type(trial_type), intent(inout) :: trial
     real(wp) :: keep
     integer(i4) :: g
@@ -60,8 +60,8 @@ contains
     end do
   end subroutine trial_kick
 
-  !> Velocities of the nodes of the domain: forces of near elements, and once an exchange those of
-  !! the others.
+  !> Velocities of the nodes of the domain: forces of elements over free grains, and once an
+  !! exchange those of the others.
   subroutine kick_nodes(o, b, kick, bulk)
     type(overlap_type), intent(inout) :: o
     type(bridge_type), intent(in) :: b

@@ -20,9 +20,9 @@ module cpl_exchange
   public :: automatic_springs, look_at_stiffness, lead
 
   real(wp), parameter :: raise = 1.5_wp           !! springs over contact stiffness
-  integer(i8), parameter :: check_interval = 50_i8    !! exchanges between looks at the stiffness
-  real(wp), parameter :: growth = 1.5_wp          !! of the largest force that calls for a look
-  integer(i4), parameter :: patience = 2          !! looks at which it must be outgrown
+  integer(i8), parameter :: check_interval = 50_i8    !! exchanges between checks of the stiffness
+  real(wp), parameter :: growth = 1.5_wp          !! of the largest force that triggers a check
+  integer(i4), parameter :: patience = 2          !! checks at which it must be exceeded
 
 contains
 
@@ -86,7 +86,7 @@ contains
       if (gap <= choices%tolerance*max(moved, least_motion(face)) .and. &
           face%settled(choices%tolerance)) exit
       if (trial == choices%max_iterations) then
-        call errors%add('N406', 'ghosts and facets still differ by '//str(gap)//' m after '// &
+        call errors%add('N406', 'ghosts and facets differ by '//str(gap)//' m after '// &
                         str(trial)//' iterations, in which they move by '//str(moved)//' m', &
                         'exchange from '//str(t0)//' s to '//str(t1)//' s', &
                         "shorten &clock exchange, use interface = 'aitken' or 'springs', or "// &
@@ -119,14 +119,14 @@ contains
     if (face%dynamic) lead = 0.0_wp
   end function lead
 
-  !> Motion below which the convergence of an iteration is not looked at [m].
+  !> Motion below which the convergence of an iteration is not checked [m].
   pure real(wp) function least_motion(face)
     type(interface_type), intent(in) :: face
     real(wp), parameter :: share = 1.0e-9_wp  !! of the extent of the facets
     least_motion = share*maxval(maxval(face%place%x_node, 2) - minval(face%place%x_node, 2))
   end function least_motion
 
-  !> An implicit dynamic solid takes the mean of its loads at t0 and t1: to hand it the mean force
+  !> An implicit dynamic solid uses the mean of its loads at t0 and t1: to apply the mean force
   !! of the interval, the load at t1 is twice the mean less the load at t0 (exact momentum).
   pure logical function use_midpoint(face)
     type(interface_type), intent(in) :: face
@@ -187,7 +187,7 @@ contains
     if (errors%any() .or. face%finite()) return
     call errors%add('N407', 'a force on a ghost is no number', &
       'exchange from '//str(t0)//' s to '// &
-                    str(t1)//' s', 'the grains have become unstable: look at their step limit')
+                    str(t1)//' s', 'the grains have become unstable: check their step limit')
   end subroutine advance_grains
 
   !> Forces and, with rotation, moments on the ghosts now, from a reply of the grains.
@@ -238,7 +238,7 @@ contains
     if (errors%any() .or. face%finite()) return
     call errors%add('N407', 'a displacement of the interface is no number', &
                     'exchange from '//str(t0)//' s to '//str(t1)//' s', &
-                    'look at the log of the solid')
+                    'check the log of the solid')
   end subroutine solve_solid
 
   !> Motion of the interface nodes and scalars from a reply of the solid.

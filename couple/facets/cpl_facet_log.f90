@@ -84,7 +84,7 @@ contains
     call log%row(cells)
   end subroutine log_row
 
-  !> The line that tells whether to trust the run.
+  !> The health line: whether the run can be trusted.
   subroutine log_health(log, face, audit, overhead)
     type(log_type), intent(inout) :: log
     type(interface_type), intent(in) :: face
@@ -101,7 +101,7 @@ contains
     call log%health(text)
     if (audit%lag%mean > lag_limit .and. .not. audit%lag%told) call log%warn('the solid does '// &
       'not carry '//short_number(100.0_wp*audit%lag%mean)//" % of the ghosts' force at the "// &
-      "end: a shorter &clock exchange or scheme = 'iterated' tells by how much it matters")
+      "end: a shorter &clock exchange or scheme = 'iterated' shows how much it matters")
   end subroutine log_health
 
   !> The method's part of summary.json.

@@ -58,12 +58,12 @@ module cpl_interface_state
     real(wp), allocatable :: m_mean(:, :)    !! mean moment on each ghost (3, g) [N m]
   end type interface_forces_type
 
-  !> Looks at the stiffness of the contacts, for springs.
+  !> Checks of the stiffness of the contacts, for springs.
   type :: interface_watch_type
-    integer(i4) :: outgrown = 0              !! looks at which contacts were stiffer than the
+    integer(i4) :: outgrown = 0              !! checks at which contacts were stiffer than the
                                              !! springs
     integer(i4) :: refactored = 0            !! times the springs were raised
-    real(wp) :: contact_stiffness = 0.0_wp   !! largest of a ghost at the last look [N/m]
+    real(wp) :: contact_stiffness = 0.0_wp   !! largest of a ghost at the last check [N/m]
     real(wp) :: force_at_check = 0.0_wp       !! largest force on a ghost then [N]
   end type interface_watch_type
 

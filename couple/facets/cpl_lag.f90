@@ -1,4 +1,4 @@
-!> Does the exchange keep up? The force lag over windows of exchanges, and one warning if it stays.
+!> Does the exchange converge? The force lag over windows of exchanges, and one warning if it stays.
 module cpl_lag
   use talus_kinds, only: wp, i4, i8
   use talus_log, only: short_number
@@ -9,7 +9,7 @@ module cpl_lag
 
   real(wp), parameter :: lag_limit = 0.1_wp  !! of the force lag, worth a warning [-]
   integer(i4), parameter :: half = 25        !! exchanges in half a window
-  real(wp), parameter :: falling = 0.8_wp    !! second half over first: it still settles
+  real(wp), parameter :: falling = 0.8_wp    !! second half over first: it is settling
 
   type :: lag_type
     real(wp) :: now = 0.0_wp                 !! of the last exchange [-]
@@ -47,7 +47,7 @@ contains
     self%second = 0.0_wp
   end subroutine note
 
-  !> What to tell the user, once: empty when all is well or it was told.
+  !> Warning for the log, once: empty when all is well or it was given.
   function warning(self, method, scheme) result(text)
     class(lag_type), intent(inout) :: self
     integer(i4), intent(in) :: method, scheme

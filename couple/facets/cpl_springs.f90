@@ -14,7 +14,7 @@ module cpl_springs
   private
   public :: springs_type
 
-  !> Springs, each at a weighted mean of nodal values; those on micro-rotations stand last.
+  !> Springs, each at a weighted mean of nodal values; those on micro-rotations come last.
   type :: springs_type
     integer(i4) :: n = 0
     integer(i4) :: turning = 0                !! of them on micro-rotations

@@ -1,8 +1,8 @@
 !> initial = 'relax': grains and solid find their balance with the tool at rest before the run.
 !!
-!! Both solvers rehearse: the grains run exchanges with what they drive held still, the solid is
+!! Both solvers rehearse: the grains run exchanges with the driven bodies fixed, the solid is
 !! solved for their mean force from its undeformed state, until neither the facets nor the forces
-!! change any more. Then the solid's state becomes its reference: the stress goes in as initial
+!! change. Then the solid's state becomes its reference: the stress becomes initial
 !! stress, what other springs carry as dead load, and displacements count from there.
 module cpl_start
   use talus_kinds, only: wp, i4, i8
@@ -27,7 +27,7 @@ module cpl_start
 
   character(len=*), parameter :: all_set = 'everything'  !! all nodes of the solid
   character(len=*), parameter :: all_turns = 'turns'     !! all its micro-rotations
-  integer(i4), parameter :: check_interval = 10_i4           !! exchanges between looks at stiffness
+  integer(i4), parameter :: check_interval = 10_i4        !! exchanges between checks of stiffness
 
   real(wp), parameter :: unbalanced = 0.05_wp            !! motion in the balance over all motion
 
@@ -61,16 +61,16 @@ contains
                   short_number(moved)//', of the forces '//short_number(changed))
     if (.not. settled) call log%warn('the start has not settled within '// &
       short_number(choices%relax_tolerance)//' in '//str(k)//" exchanges: raise &facets "// &
-      'relax_exchanges, or relax_tolerance if that is near enough')
+      'relax_exchanges, or relax_tolerance if that is close enough')
     call make_reference(face, solvers(side_solid), timers, errors)
     if (errors%any()) return
     call log%item('moved meanwhile', &
       short_number(sqrt(maxval(sum((face%place%x_start - face%place%x_ref)**2, 1))))//' m', &
       'the ghosts at most; displacements count from there')
     call log%item('balance', short_number(sqrt(maxval(sum(face%motion%u_new**2, 1))))//' m', &
-                  'that the solid still moves under the same forces')
+                  'that the solid moves on under the same forces')
     if (settled .and. relative(face%motion%u_new, face%place%u_start) > unbalanced) &
-      call errors%add('N408', 'the relaxed solid still moves by '// &
+      call errors%add('N408', 'the relaxed solid moves by '// &
                       str(relative(face%motion%u_new, face%place%u_start))// &
                       ' of what it has moved', solvers(side_solid)%deck, &
                       'it carries something at the start that is '// &

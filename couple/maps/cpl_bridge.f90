@@ -163,7 +163,7 @@ contains
   end subroutine bind
 
   !> Velocities of the nodes that fit those of the grains best. Where the grains are too few for a
-  !! fit of their own the nodes' masses, slight, decide.
+  !! fit of their own the nodes' masses, reduced, decide.
   subroutine start(self, v, x_node, d, errors)
     class(bridge_field_type), intent(in) :: self
     real(wp), intent(in) :: v(:, :)         !! of the grains (3, grains) [m/s]
@@ -187,7 +187,7 @@ contains
   end subroutine start
 
   !> Accelerations of nodes with the grains that are bound to them, of forces on both (which are
-  !! handed to the nodes already), in place.
+  !! transferred to the nodes already), in place.
   subroutine node_accelerations(self, f)
     class(bridge_field_type), intent(in) :: self
     real(wp), intent(inout) :: f(:, :)  !! (3, nodes of the overlap)

@@ -1,4 +1,4 @@
-!> Dense symmetric positive systems by LAPACK, on one thread: bits do not hang on their number.
+!> Dense symmetric positive systems by LAPACK, on one thread: bits do not depend on their number.
 module cpl_dense
   use, intrinsic :: iso_c_binding, only: c_int
   use talus_kinds, only: wp, i4
@@ -17,7 +17,7 @@ module cpl_dense
 
 contains
 
-  !> Replace the lower triangle of a by its Cholesky factor; `good` tells whether that worked.
+  !> Replace the lower triangle of a by its Cholesky factor; `good` is whether that worked.
   subroutine factor_dense(a, good)
     real(wp), contiguous, intent(inout) :: a(:, :)
     logical, intent(out) :: good

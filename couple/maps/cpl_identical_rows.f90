@@ -142,7 +142,7 @@ contains
     end do
   end function weighed
 
-  !> What nodes hand on to the grains, with what acts there besides: force of f, moment of c.
+  !> What nodes transfer to the grains, with what acts there besides: force of f, moment of c.
   subroutine hand_on_identical(p, p_phi, f, c, besides, besides_phi, force, moment)
     type(projection_type), intent(in) :: p, p_phi
     real(wp), intent(in) :: f(:, :), c(:, :)                  !! (3, nodes)

@@ -3,7 +3,7 @@
 !!
 !! With P = (N'M_Q N)^-1 N'M_Q the nodes' acceleration is a = (N'M_Q N + M)^-1 N'F, and the grains
 !! feel F - P' M a. What acts on all mass alike (gravity, background damping) stays with the grains
-!! and needs no thought. (theory: overlap coupling, Who owns what)
+!! and needs no correction. (theory: overlap coupling, Who owns what)
 module cpl_inertia
   use talus_kinds, only: wp, i4
   use talus_text, only: str
@@ -43,7 +43,7 @@ contains
   subroutine resist(self, force, inertial)
     class(inertia_type), intent(in) :: self
     real(wp), intent(in) :: force(:, :)      !! (3, free) [N]
-    real(wp), intent(out) :: inertial(:, :)  !! (3, hats) [N]
+    real(wp), intent(out) :: inertial(:, :)  !! (3, prescribed) [N]
     real(wp) :: a(3, size(force, 2))
     integer(i4) :: k
     do k = 1, size(force, 2)

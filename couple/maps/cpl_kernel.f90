@@ -90,7 +90,7 @@ contains
     beyond = norm2(max(0.0_wp, minval(node, 2) - x, x - maxval(node, 2))) > width
   end function beyond
 
-  !> Midpoint rule over the parts of a facet that looks the same way as the ghost's.
+  !> Midpoint rule over the parts of a facet with the same orientation as the ghost's.
   subroutine add_facet(x, axes, nodes, place, width, moments, list, share)
     real(wp), intent(in) :: x(3), axes(3, 3), place(:, :), width
     integer(i4), intent(in) :: nodes(:)

@@ -49,7 +49,7 @@ void cpl_sum_rows(int32_t rows, const int32_t *row, const int32_t *first, const 
     }
 }
 
-/* The transpose: what stands at the rows, added to the columns. */
+/* The transpose: values at the rows, added to the columns. */
 void cpl_add_rows(int32_t rows, const int32_t *row, const int32_t *first, const int32_t *at, const double *weight,
                   const double *y, const double *z, double *x)
 {

@@ -28,7 +28,7 @@ module cpl_micro
     logical :: active = .false.
     logical :: positions = .false.         !! rotations of chi are those of positions, too
     logical :: rigid = .false.             !! chi is a rotation, without regard to positions
-    integer(i4), allocatable :: first(:)   !! of each hat node's grains (nodes + 1)
+    integer(i4), allocatable :: first(:)   !! of each prescribed node's grains (nodes + 1)
     integer(i4), allocatable :: grain(:)
     real(wp), allocatable :: slope(:, :)   !! (3, entries) of the fit [1/m]
     real(wp), allocatable :: chi(:, :, :)      !! (3, 3, ghosts)
@@ -81,7 +81,7 @@ contains
       end associate
       if (good) cycle
       call errors%add('I425', 'around node '//str(names(a))//' the free grains are too few '// &
-        'for a micro-deformation, or stand in a plane', '', &
+        'for a micro-deformation, or lie in a plane', '', &
         'take larger elements, or fewer of them')
       return
     end do
@@ -128,12 +128,13 @@ contains
     inverse = inverse/det
   end subroutine invert
 
-  !> Blocks of the hat nodes from displacements of the grains and mean rotations at the nodes.
+  !> Blocks of the prescribed nodes from displacements of the grains and mean rotations at the
+  !! nodes.
   pure subroutine prescribed(self, q, turn, phi)
     class(micro_type), intent(in) :: self
     real(wp), intent(in) :: q(:, :)        !! (3, grains) [m]
-    real(wp), intent(in) :: turn(:, :)     !! (3, hat nodes) [rad]
-    real(wp), intent(out) :: phi(:, :)     !! (3, 3 hat nodes)
+    real(wp), intent(in) :: turn(:, :)     !! (3, prescribed nodes) [rad]
+    real(wp), intent(out) :: phi(:, :)     !! (3, 3 prescribed nodes)
     real(wp) :: a(3, 3)
     integer(i4) :: b, e, k
     do b = 1, size(self%first) - 1
@@ -162,12 +163,13 @@ contains
     end do
   end function columns_of_turn
 
-  !> Couples on the hat nodes handed on: forces on the grains, and moments of mean rotations.
+  !> Couples on the prescribed nodes transferred: forces on the grains, and moments of mean
+  !! rotations.
   pure subroutine pull_prescribed(self, c, force, moment)
     class(micro_type), intent(in) :: self
-    real(wp), intent(in) :: c(:, :)            !! (3, 3 hat nodes) [N m]
+    real(wp), intent(in) :: c(:, :)            !! (3, 3 prescribed nodes) [N m]
     real(wp), intent(inout) :: force(:, :)     !! (3, grains) [N]
-    real(wp), intent(out) :: moment(:, :)      !! (3, hat nodes) [N m]
+    real(wp), intent(out) :: moment(:, :)      !! (3, prescribed nodes) [N m]
     real(wp) :: a(3, 3)
     integer(i4) :: b, e
     moment = 0.0_wp

@@ -1,10 +1,10 @@
 !> The operators of the overlap: nodes over free grains follow them, D^ = P Q, ghosts follow the
 !! nodes, Q^ = G D + H Q with H = N P; forces come back by the transposes.
 !!
-!! Columns of nodal values: the hat nodes, then those of the edge; micro-rotations alike, of those
-!! nodes that have one. A ghost turns with the micro-rotation (micro), with half the curl of the
-!! displacement (curl), or not at all (fixed). Of a micromorphic solid the three columns of the
-!! micro-deformation stand for the micro-rotation (cpl_micro). (theory: overlap coupling)
+!! Columns of nodal values: the prescribed nodes, then those of the edge; micro-rotations alike, of
+!! those nodes that have one. A ghost turns with the micro-rotation (micro), with half the curl of
+!! the displacement (curl), or not at all (fixed). Of a micromorphic solid the three columns of the
+!! micro-deformation replace the micro-rotation (cpl_micro). (theory: overlap coupling)
 module cpl_operators
   use talus_kinds, only: wp, i4
   use talus_text, only: str
@@ -36,7 +36,7 @@ module cpl_operators
 
   type :: operators_type
     integer(i4) :: free = 0, ghosts = 0          !! grains
-    integer(i4) :: prescribed = 0, nodes = 0           !! hat nodes; with those of the edge
+    integer(i4) :: prescribed = 0, nodes = 0           !! prescribed nodes; with those of the edge
     integer(i4) :: prescribed_phi = 0, nodes_phi = 0   !! of these, with micro-rotations
     integer(i4), allocatable :: node(:)          !! ids of the nodes
     integer(i4), allocatable :: node_phi(:)      !! ids of the nodes with micro-rotations; three
@@ -99,7 +99,7 @@ contains
     if (rotation == rotation_micro) then
       if (any(sets%ghost_spot%n_phi == 0) .or. &
           any(sets%free_spot%n_phi == 0 .and. sets%free_spot%element > 0)) then
-        call errors%add('I406', 'some grains of the overlap stand in elements without '// &
+        call errors%add('I406', 'some grains of the overlap are in elements without '// &
           'micro-rotation', '', "rotation = 'micro' needs a micropolar section under all of "// &
           "&overlap, or write rotation = 'curl'")
         return
@@ -120,7 +120,7 @@ contains
     call self%project(cells, sets%part, followers, mls, errors)
   end subroutine build
 
-  !> P from where the free grains stand in the elements. I425 a projection that cannot be.
+  !> P from where the free grains are in the elements. I425 a projection that cannot be.
   subroutine project(self, cells, part, followers, mls, errors)
     class(operators_type), intent(inout) :: self
     type(cells_type), intent(in) :: cells
@@ -242,7 +242,7 @@ contains
     end do
   end subroutine slopes
 
-  !> Hat nodes from the motion of the free grains.
+  !> Prescribed nodes from the motion of the free grains.
   subroutine to_prescribed(self, q, theta, u, phi)
     class(operators_type), intent(in) :: self
     real(wp), intent(in) :: q(:, :), theta(:, :)      !! (3, free) [m], [rad]
@@ -308,9 +308,9 @@ contains
     end select
   end subroutine to_some_ghosts
 
-  !> Forces on ghosts and nodes, handed to what is free: f and c come in as forces and couples that
-  !! elements put on the nodes, and leave with the ghosts' share; force and moment are what the hat
-  !! nodes hand on to the free grains.
+  !> Forces on ghosts and nodes, transferred to what is free: f and c come in as forces and couples
+  !! that elements put on the nodes, and leave with the ghosts' share; force and moment are what the
+  !! prescribed nodes transfer to the free grains.
   subroutine pull(self, p, m, f, c, force, moment)
     class(operators_type), intent(in) :: self
     real(wp), intent(in) :: p(:, :), m(:, :)              !! (3, ghosts) [N], [N m]
@@ -331,7 +331,7 @@ contains
     call self%from_prescribed(f, c, force, moment)
   end subroutine pull
 
-  !> What hat nodes hand on to the free grains.
+  !> What prescribed nodes transfer to the free grains.
   subroutine from_prescribed(self, f, c, force, moment)
     class(operators_type), intent(in) :: self
     real(wp), intent(in) :: f(:, :), c(:, :)
@@ -413,7 +413,7 @@ contains
     if (worst > max(limit, rounding*max(self%p%condition, self%p_phi%condition))) &
       call errors%add('N422', 'the operators of the overlap violate their identities by '// &
         str(worst), '', 'elements of strange shape, or a projection near the limit of its '// &
-        'condition: look at the census in the log')
+        'condition: check the census in the log')
 
   contains
 

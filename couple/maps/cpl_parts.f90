@@ -4,8 +4,8 @@
 !! like a dead load; what they are besides (`rest`) acts in kicks of half an exchange at its start
 !! and at its end. As forces of the contacts change slowly the kicks are weak, however large the
 !! forces are. Kicks keep an energy that differs from the true one by h^2 rest^2/m: a `still` that
-!! is taken at an instant makes the rest vanish there, always to the same side, and energy drifts;
-!! a mean does not know the instant.
+!! is the value at an instant makes the rest vanish there, always to the same side, and energy
+!! drifts; a mean does not depend on the instant.
 module cpl_parts
   use talus_kinds, only: wp, i4
   use cpl_operators, only: operators_type
@@ -30,12 +30,12 @@ module cpl_parts
     real(wp), allocatable :: x_active(:, :), quat_active(:, :)  !! where they were at first [m]; now
     real(wp), allocatable :: d_active(:, :), turn_active(:, :)  !! how far they have come [m], [rad]
     real(wp), allocatable :: kick(:, :), kick_phi(:, :)  !! rest on free grains, with the inertia of
-                                                   !! what hat nodes carry (3, free)
+                                                   !! what prescribed nodes carry (3, free)
     real(wp), allocatable :: p(:, :), m(:, :)      !! of ghosts on ghosts (3, ghosts) [N], [N m]
     real(wp), allocatable :: p_sum(:, :), m_sum(:, :)      !! the same over the window so far
     real(wp), allocatable :: p_mean(:, :), m_mean(:, :)  !! the mean over the window before
     integer(i4) :: age = 0                         !! exchanges since
-    logical :: old = .false.                       !! near must be chosen anew
+    logical :: old = .false.                       !! the active ghosts must be chosen again
     type(pulled_type) :: still, rest
     real(wp), allocatable :: dead(:, :), dead_phi(:, :)  !! still on free grains, with loads that
                                                    !! balance the start (3, free)
@@ -58,7 +58,7 @@ module cpl_parts
 
 contains
 
-  !> Room for the ghosts, free grains and nodes of the operators.
+  !> Allocate for the ghosts, free grains and nodes of the operators.
   subroutine begin(self, op)
     class(parts_type), intent(inout) :: self
     type(operators_type), intent(in) :: op

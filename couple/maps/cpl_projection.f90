@@ -72,7 +72,7 @@ contains
       self%condition = huge(1.0_wp)
       call errors%add('I425', "the projection N'WN is singular at node "// &
         str(names(findloc(self%place, bad, 1))), '', 'an element has too few grains, or they '// &
-        'stand in a plane: about 30 an element are wanted for hex8, 60 for hex20')
+        'lie in a plane: about 30 an element are wanted for hex8, 60 for hex20')
       return
     end if
     self%condition = condition_of(matrix, self%factor)
@@ -227,7 +227,7 @@ contains
       if (good) call fit_row(x(:, list), x_node(:, a), reach(a), value, good)
       if (.not. good) then
         call errors%add('I425', 'around node '//str(names(a))//' the '//str(size(list))// &
-          ' free grains are too few, or stand in a plane', '', &
+          ' free grains are too few, or lie in a plane', '', &
           'take larger elements, or fewer of them')
         return
       end if

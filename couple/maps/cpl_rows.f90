@@ -1,5 +1,5 @@
-!> Sparse rows of weights: interpolation from nodes to points, and its transpose, which hands forces
-!! of the points to the nodes. Sums are added in the order of the rows.
+!> Sparse rows of weights: interpolation from nodes to points, and its transpose, which transfers
+!! forces of the points to the nodes. Sums are added in the order of the rows.
 module cpl_rows
   use talus_kinds, only: wp, i4
   implicit none

@@ -12,8 +12,8 @@ module cpl_sets
   public :: sets_type, pack_type, numbering, part_rest, part_ghost, part_free
 
   integer(i4), parameter :: part_rest = 0   !! of the elements: continuum alone
-  integer(i4), parameter :: part_ghost = 1  !! ghosts stand in them
-  integer(i4), parameter :: part_free = 2   !! free grains stand in them
+  integer(i4), parameter :: part_ghost = 1  !! ghosts are in them
+  integer(i4), parameter :: part_free = 2   !! free grains are in them
   integer(i4), parameter :: named = 5       !! ids that a message names
 
   !> Grains as the partner describes them.
@@ -39,7 +39,7 @@ module cpl_sets
     type(spot_type), allocatable :: free_spot(:), ghost_spot(:)
     integer(i4), allocatable :: prescribed(:)         !! nodes that the free grains move
     integer(i4), allocatable :: edge(:)        !! free nodes of elements with ghosts
-    logical, allocatable :: fast(:)            !! (elements) has a hat node and energy of its own
+    logical, allocatable :: fast(:)            !! (elements) has a prescribed node and own energy
     type(hull_type) :: hull                    !! of the elements of the free grains
     real(wp) :: d_max = 0.0_wp                 !! largest diameter of all coupled grains [m]
     real(wp) :: depth = 0.0_wp                 !! of the ghosts' layer [m]
@@ -134,15 +134,15 @@ contains
     associate (at => [self%free, self%ghost])
       if (size(at) > 0) self%d_max = 2.0_wp*maxval(pack_of%radius(at))
     end associate
-    if (n(4) > 0) call errors%add('I422', str(n(4))//' grains stand in elements of continuum '// &
+    if (n(4) > 0) call errors%add('I422', str(n(4))//' grains are in elements of continuum '// &
       'alone, such as '//list(pack_of%id(lost(:n(4)))), '', 'cut them off the packing, or name '// &
       'these elements in &overlap ghost_elements')
-    if (n(5) > 0) call errors%add('I428', str(n(5))//' driven grains stand among the ghosts, '// &
+    if (n(5) > 0) call errors%add('I428', str(n(5))//' driven grains are among the ghosts, '// &
       'such as '//list(pack_of%id(held(:n(5)))), '', 'what the deck drives must stay out of '// &
       'the elements of the ghosts')
     if (n(2) == 0 .or. n(3) == 0) call errors%add('I421', str(n(2))//' free grains and '// &
-      str(n(3))//' ghosts stand in the elements of the overlap', '', &
-      'grains and mesh must overlap: look at units and places of both')
+      str(n(3))//' ghosts are in the elements of the overlap', '', &
+      'grains and mesh must overlap: check units and positions of both')
   end subroutine sort_grains
 
   !> Free grains under no element but within the length of one of those of the free grains: they may

@@ -59,7 +59,7 @@ module cpl_transfer
 
 contains
 
-  !> Make the operator for a map, whose nodes are numbered anew: those of the elements behind and
+  !> Make the operator for a map, whose nodes are renumbered: those of the elements behind and
   !! of facets in reach join them. Faults: I405 a facet without an element behind it, I406 one
   !! without micro-rotations.
   subroutine build(self, map, mesh, spread, rotation, errors)
@@ -200,7 +200,7 @@ contains
     end do
   end function holds
 
-  !> Gradients of the element's shape functions where the ghost stands.
+  !> Gradients of the element's shape functions at the ghost's position.
   subroutine make_gradients(self, map, facets, x_node, hex8, element, number)
     type(transfer_type), intent(inout) :: self
     type(facet_map_type), intent(in) :: map
@@ -356,7 +356,7 @@ contains
     if (worst <= identity_limit) return
     call errors%add('N405', 'the operator between nodes and ghosts is off a rigid motion, or '// &
                     'the powers of both sides off each other, by '// &
-                    str(worst), '', 'look at the facets'' shape: a corner may be turned in')
+                    str(worst), '', 'check the facets'' shape: a corner may be turned in')
   end subroutine identity_error
 
   !> Power of forces and moments of the ghosts less that of the nodal forces and couples, for

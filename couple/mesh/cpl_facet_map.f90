@@ -1,4 +1,4 @@
-!> Ghost grains on facets of the solid: where each rides.
+!> Ghost grains on facets of the solid: the position of each on its facet.
 !!
 !! x_g = sum_a N_a(xi, eta) x_a + offset, N_a the shape functions of the facet, of whatever kind;
 !! cpl_transfer makes the operator between nodes and ghosts from it
@@ -63,7 +63,7 @@ contains
     self%ghosts = size(ids)
     if (size(ids) == 0 .or. size(facets, 2) == 0) then
       call errors%add('I402', str(size(ids))//' ghosts and '//str(size(facets, 2))//' facets: '// &
-                      'there is nothing to couple', '', 'look at the groups that &facets names')
+                      'there is nothing to couple', '', 'check the groups that &facets names')
       return
     end if
     self%ghost_id = ids
@@ -272,7 +272,7 @@ contains
     end do
     if (worst <= identity_limit) return
     call errors%add('N405', 'the facet map violates sum N = 1 or sum N x = x_g by '// &
-                    str(worst), '', 'look at the facets'' shape: a corner may be turned in')
+                    str(worst), '', 'check the facets'' shape: a corner may be turned in')
   end subroutine identity_error
 
   !> Hash of the map: ids, nodes and the bits of the weights.

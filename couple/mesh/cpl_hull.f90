@@ -70,7 +70,7 @@ contains
     end if
   end function face_of
 
-  !> A face that comes a second time is inside: it is struck out. Lists hang on the lowest node.
+  !> A face that comes a second time is inside: it is removed. Lists belong to the lowest node.
   subroutine put_face(face, faces, head, next, n)
     integer(i4), intent(in) :: face(4)
     integer(i4), intent(inout) :: faces(:, :), head(:), next(:), n

@@ -1,4 +1,4 @@
-!> Shape functions of facets: tri3, quad4, tri6, quad8, quad9, told apart by their number of nodes.
+!> Shape functions of facets: tri3, quad4, tri6, quad8, quad9, by their number of nodes.
 !!
 !! Nodes in the order of the files: corners, then middles of the edges 12, 23, ..., then the centre.
 !! Natural coordinates of quadrilaterals go from -1 to 1, those of triangles from 0 to 1 with

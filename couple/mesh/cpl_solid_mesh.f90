@@ -8,7 +8,7 @@ module cpl_solid_mesh
   private
   public :: solid_mesh_type
 
-  !> Nodes, the facets that ghosts may ride on, and what is behind them.
+  !> Nodes, the facets that ghosts may be attached to, and what is behind them.
   type :: solid_mesh_type
     real(wp), allocatable :: x(:, :)          !! (3, nodes) [m]
     integer(i4), allocatable :: facets(:, :)  !! (most nodes, facets) node ids from 1, 0 beyond

@@ -60,7 +60,7 @@ module cpl_domain_method
       import
       class(domain_method_type), intent(inout) :: self
       type(cpl_solver_type), intent(in) :: grains
-      real(wp), intent(in) :: kick, bulk  !! of contacts and near elements, of the others [s]
+      real(wp), intent(in) :: kick, bulk  !! of contacts and fast elements, of others [s]
       real(wp), intent(in) :: dt          !! step of the grains [s]
     end subroutine bind_part
 
@@ -143,7 +143,7 @@ contains
     associate (o => self%o)
       if (.not. o%finite()) then
         call errors%add('N407', 'a force or displacement of the overlap is no number', &
-                        'exchange to '//str(t1)//' s', 'one side has become unstable: look at '// &
+                        'exchange to '//str(t1)//' s', 'one side has become unstable: check '// &
                         'the steps of both against their limits')
         return
       end if

@@ -1,11 +1,11 @@
 !> A coupling method: the way in which states and forces of one side become motions and forces of
 !! the other. The model calls a method in this order and knows none by name:
 !!
-!!   check                        what the deck alone can tell
+!!   check                        what can be checked from the deck alone
 !!   make, restore, begin, start  maps and sets; the checkpoint's state; READY; with an open log
 !!   exchange, after              every exchange; its row of the audit, what may change after it
 !!   save                         the coupling's own state into a checkpoint
-!!   titles, row, health, summary what the user is told
+!!   titles, row, health, summary what is reported to the user
 module cpl_method
   use talus_kinds, only: wp, i8
   use talus_errors, only: error_list_type

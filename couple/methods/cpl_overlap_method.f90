@@ -88,7 +88,7 @@ contains
     self%step = self%o%step
   end subroutine restore
 
-  !> Census, sets for pictures, audit.
+  !> Census, sets for plots, audit.
   subroutine start(self, run, errors)
     class(overlap_method_type), intent(inout) :: self
     type(cpl_run_type), intent(inout) :: run
@@ -116,7 +116,7 @@ contains
     call run%timers%stop('audit and log')
   end subroutine put_row
 
-  !> Have free grains moved past the nodes? Then the maps are made anew.
+  !> Have free grains moved past the nodes? Then the maps are rebuilt.
   subroutine look(self, run, t1, errors)
     class(overlap_method_type), intent(inout) :: self
     type(cpl_run_type), intent(inout) :: run
@@ -157,7 +157,7 @@ contains
     call overlap_row(log, self%o, self%fine_scale(), time, overhead, left)
   end subroutine row
 
-  !> The line that tells whether to trust the run.
+  !> The health line: whether the run can be trusted.
   subroutine log_health(self, run, overhead)
     class(overlap_method_type), intent(in) :: self
     type(cpl_run_type), intent(inout) :: run
@@ -193,7 +193,7 @@ contains
     allocate (values(0))
   end function no_values
 
-  !> What stands first in the health line.
+  !> What comes first in the health line.
   function no_text(self) result(text)
     class(overlap_method_type), intent(in) :: self
     character(len=:), allocatable :: text

@@ -78,7 +78,7 @@ contains
       if (self%o%ledger%unbalanced > settled) call run%log%warn( &
         'the run has not settled: a force of '//short_number(self%o%ledger%unbalanced)// &
         ' of the mean contact force is not balanced (settled = '//short_number(settled)// &
-        '): let it run longer, or look at the damping of the grains')
+        '): let it run longer, or check the damping of the grains')
     end associate
     call self%log_health(run, overhead)
   end subroutine health

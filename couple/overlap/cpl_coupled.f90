@@ -1,7 +1,7 @@
 !> The stiffness that acts in every step of the grains in an overlap, as a linear operator: contacts
-!! of free grains and ghosts, elements with hat nodes, ghosts and hat nodes following, forces pulled
-!! back. Contacts neither slide nor open; those between ghosts count in full. (theory: overlap
-!! coupling)
+!! of free grains and ghosts, elements with prescribed nodes, ghosts and prescribed nodes following,
+!! forces pulled back. Contacts neither slide nor open; those between ghosts count in full. (theory:
+!! overlap coupling)
 module cpl_coupled
   use talus_kinds, only: wp, i4
   use talus_homogenise, only: cross
@@ -24,7 +24,7 @@ module cpl_coupled
 
   type :: coupled_type
     type(partition_type) :: partition
-    integer(i4), allocatable :: point(:)      !! points of elements with hat nodes, in the partition
+    integer(i4), allocatable :: point(:)      !! points of elements with prescribed nodes
     real(wp), allocatable :: factor(:)        !! their weights times volumes [m^3]
     real(wp), allocatable :: bending(:, :, :) !! (9, 9, elements) couple stress/curvature [N]
     real(wp), allocatable :: tangent(:, :, :) !! (45, 45, laws) of micromorphic ones
@@ -183,7 +183,7 @@ contains
     end do
   end subroutine add_contacts
 
-  !> Inner forces of the elements with hat nodes; r%u and r%phi are overwritten.
+  !> Inner forces of the elements with prescribed nodes; r%u and r%phi are overwritten.
   subroutine add_elements(self, o, y, r)
     class(coupled_type), intent(in) :: self
     type(overlap_type), intent(in) :: o

@@ -1,8 +1,8 @@
-!> State of an overlap: free grains, ghosts, nodes of the hat and of the edge, and the forces that
-!! are handed between them (theory: overlap coupling).
+!> State of an overlap: free grains, ghosts, prescribed nodes and edge nodes, and the forces that
+!! are transferred between them (theory: overlap coupling).
 !!
-!! Nodes of the hat follow the free grains; those of the edge have mass and are moved here. Forces
-!! are those on what is free: `force` on the free grains through hat nodes, `f` on the edge.
+!! Prescribed nodes follow the free grains; those of the edge have mass and are moved here. Forces
+!! are those on what is free: `force` on the free grains through prescribed nodes, `f` on the edge.
 module cpl_overlap
   use talus_kinds, only: wp, i4, i8
   use talus_vectors, only: cross, turn_all
@@ -22,7 +22,7 @@ module cpl_overlap
 
   real(wp), parameter :: least_factor = 0.1_wp          !! of Aitken
   character(len=*), parameter :: ghost_set = 'ghosts'   !! of the grains
-  character(len=*), parameter :: free_set = 'free'      !! of the grains, whose motion is told
+  character(len=*), parameter :: free_set = 'free'      !! of the grains, whose motion is reported
   character(len=*), parameter :: pulled_set = 'pulled'  !! the same, which forces are put on
   character(len=*), parameter :: prescribed_set = 'hats'       !! of the solid
   character(len=*), parameter :: edge_set = 'edge'
@@ -81,8 +81,8 @@ contains
     end associate
   end subroutine allocate_state
 
-  !> Hat nodes and ghosts where free grains and edge are now; velocity and spin with which ghosts
-  !! came there in dt.
+  !> Prescribed nodes and ghosts where free grains and edge are now; velocity and spin with which
+  !! ghosts came there in dt.
   subroutine follow(self, dt, v, spin)
     class(overlap_type), intent(inout) :: self
     real(wp), intent(in) :: dt                      !! [s]
@@ -102,7 +102,7 @@ contains
     self%motion%turn = turn
   end subroutine follow
 
-  !> Hat nodes where free grains are now.
+  !> Prescribed nodes where free grains are now.
   subroutine follow_prescribed(self, dt)
     class(overlap_type), intent(inout) :: self
     real(wp), intent(in) :: dt                      !! [s]
@@ -122,7 +122,8 @@ contains
       - prescribed_phi)/dt
   end subroutine follow_prescribed
 
-  !> Forces on ghosts (p, m) and of elements with hat nodes (element) handed to what is free.
+  !> Forces on ghosts (p, m) and of elements with prescribed nodes (element) transferred to what is
+  !! free.
   subroutine pull(self)
     class(overlap_type), intent(inout) :: self
     self%forces%f = self%forces%element
@@ -157,8 +158,8 @@ contains
     end if
   end subroutine pull
 
-  !> Damping of the fine scale, then inertia of what hat nodes carry under all forces that act on
-  !! the free grains now.
+  !> Damping of the fine scale, then inertia of what prescribed nodes carry under all forces that
+  !! act on the free grains now.
   subroutine resist(self)
     class(overlap_type), intent(inout) :: self
     if (self%own%damping%active) call self%own%damping%act(self%op%p, self%motion%speed, &
@@ -268,7 +269,7 @@ contains
     end associate
   end subroutine drift_edge
 
-  !> Kinetic energy of the edge, and of what hat nodes carry [J].
+  !> Kinetic energy of the edge, and of what prescribed nodes carry [J].
   pure real(wp) function edge_kinetic(self)
     class(overlap_type), intent(in) :: self
     integer(i4) :: a
@@ -281,7 +282,7 @@ contains
     end do
   end function edge_kinetic
 
-  !> Momentum and angular momentum of the edge and of what hat nodes carry, about the origin
+  !> Momentum and angular momentum of the edge and of what prescribed nodes carry, about the origin
   !! [kg m/s], [N m s].
   pure function edge_momentum(self) result(momentum)
     class(overlap_type), intent(in) :: self

@@ -42,7 +42,7 @@ contains
       if (o%rules%turns) &
         call grains%request%put(pulled_set//dot_moment, o%forces%moment &
         + o%rules%substeps*o%forces%parts%kick_phi)
-      if (.not. drift > 0.0_wp) then  ! energies are told
+      if (.not. drift > 0.0_wp) then  ! energies are reported
         call grains%request%put(pulled_set//dot_mean_force, o%forces%force + o%forces%parts%kick)
         if (o%rules%turns) &
           call grains%request%put(pulled_set//dot_mean_moment, o%forces%moment &
@@ -76,7 +76,8 @@ contains
     call timers%stop(messages)
   end subroutine read_free
 
-  !> KICK_DRIFT of the solid's free nodes; edge and hat stay where the last forces were taken.
+  !> KICK_DRIFT of the solid's free nodes; edge and prescribed nodes stay where the last forces were
+  !! taken.
   subroutine send_bulk(o, solid, kick, drift, t0, t1, timers, errors)
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: solid
@@ -156,8 +157,8 @@ contains
     c(:, o%op%prescribed_phi + 1:) = edge_phi
   end subroutine read_nodes
 
-  !> Forces of the elements without hat nodes on the edge: all that the solid exerts, less those of
-  !! the elements with hat nodes. The free nodes are kicked on the way.
+  !> Forces of the elements without prescribed nodes on the edge: all that the solid exerts, less
+  !! those of the elements with prescribed nodes. The free nodes are kicked on the way.
   subroutine evaluate_bulk(o, solid, kick, t, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solid
@@ -181,8 +182,8 @@ contains
     call solid%reply%get(field_scalars, o%ledger%solid, errors)
   end subroutine read_bulk
 
-  !> ACCEPT; nothing will be rejected. The solid is told velocities of hat and edge, for its field
-  !! output.
+  !> ACCEPT; nothing will be rejected. The solid is sent velocities of prescribed and edge nodes,
+  !! for its field output.
   subroutine send_accept(o, solver, t0, t1, timers, errors)
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: solver
@@ -213,7 +214,7 @@ contains
     end do
   end subroutine accept_both
 
-  !> FORCE of the elements with hat nodes, with the nodes where they are now.
+  !> FORCE of the elements with prescribed nodes, with the nodes where they are now.
   subroutine ask_solid(o, solid, t, timers, errors)
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: solid
@@ -232,11 +233,11 @@ contains
   end subroutine ask_solid
 
   !> FORCE of the grains with ghosts where they are now. v and spin are those of the ghosts; where
-  !! forces come in parts of the near ones.
+  !! forces come in parts those of the active ghosts.
   subroutine ask_grains(o, grains, v, spin, t, timers, errors)
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: grains
-    real(wp), intent(in) :: v(:, :), spin(:, :)  !! (3, ghosts) or (3, near) [m/s], [rad/s]
+    real(wp), intent(in) :: v(:, :), spin(:, :)  !! (3, ghosts) or (3, active) [m/s], [rad/s]
     real(wp), intent(in) :: t                    !! s
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
@@ -253,9 +254,9 @@ contains
     call grains%send(timers, errors)
   end subroutine ask_grains
 
-  !> Wait for the forces that both were asked for, and hand them to what is free; between: those of
-  !! ghosts on ghosts are asked for next and evaluated meanwhile. With end_kick the solid begins its
-  !! last kick of an exchange as soon as its forces are there.
+  !> Wait for the forces that both were asked for, and transfer them to what is free; between: those
+  !! of ghosts on ghosts are asked for next and evaluated meanwhile. With end_kick the solid begins
+  !! its last kick of an exchange as soon as its forces are there.
   subroutine take_forces(o, solvers, between, t, timers, errors, end_kick)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)

@@ -85,7 +85,7 @@ contains
     o%limit%kick_mover = mover(o, mode)
   end subroutine look_at_kicks
 
-  !> Keep what a later look takes; before the first exchange of a fresh run.
+  !> Keep what a later check needs; before the first exchange of a fresh run.
   subroutine begin_watch(self, o, solvers, timers, errors)
     class(kick_watch_type), intent(inout) :: self
     type(overlap_type), intent(in) :: o
@@ -103,7 +103,7 @@ contains
   end subroutine begin_watch
 
   !> After remaps 16, 32, 64 and so on: it costs as much as 30 exchanges. The least limit stays;
-  !! said is what the log has to tell.
+  !! said is the text for the log.
   subroutine renew_limit(self, o, exchange, timers, said)
     class(kick_watch_type), intent(in) :: self
     type(overlap_type), intent(inout) :: o

@@ -43,7 +43,7 @@ contains
   end subroutine begin_loads
 
   !> Loads of the exchange from t0 to t1: their mean. What is new in them is added to the forces on
-  !! the free grains, with the inertia of what hat nodes carry.
+  !! the free grains, with the inertia of what prescribed nodes carry.
   subroutine renew_loads(o, solid, t0, t1, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solid
@@ -86,12 +86,12 @@ contains
     call ask(o, solid, t, o%forces%loads%f, o%forces%loads%c, timers, errors)
   end subroutine follow_loads
 
-  !> FORCE: loads of the solid's deck on the hat nodes at time t.
+  !> FORCE: loads of the solid's deck on the prescribed nodes at time t.
   subroutine ask(o, solid, t, f, c, timers, errors)
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: solid
     real(wp), intent(in) :: t                     !! [s]
-    real(wp), intent(inout) :: f(:, :), c(:, :)   !! (3, hats) [N], (3, prescribed_phi) [N m]
+    real(wp), intent(inout) :: f(:, :), c(:, :)   !! (3, prescribed) [N], (3, prescribed_phi) [N m]
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     if (errors%any()) return

@@ -1,4 +1,4 @@
-!> What a run with overlap tells: census, audit, rows, health and summary.
+!> What a run with overlap reports: census, audit, rows, health and summary.
 module cpl_overlap_log
   use talus_kinds, only: wp, i4
   use talus_text, only: str, string_type, append_string
@@ -68,7 +68,7 @@ contains
     call log%memory()
   end subroutine log_exchanges
 
-  !> Masses of hat nodes, the stable step, damping.
+  !> Masses of prescribed nodes, the stable step, damping.
   subroutine log_masses(log, o, choices)
     type(log_type), intent(inout) :: log
     type(overlap_type), intent(in) :: o
@@ -84,7 +84,7 @@ contains
       end if
     else
       call log%item('mass moved', short_number(o%own%moved_mass)//' kg', 'of elements outside, '// &
-        'from hat nodes to free grains, '//choices%overlap%mass//'; factors '// &
+        'from prescribed nodes to free grains, '//choices%overlap%mass//'; factors '// &
         short_number(minval(o%own%factor))//' to '//short_number(maxval(o%own%factor)))
     end if
     if (o%limit%step_limit < huge(1.0_wp)) call log%item('stable step', &
@@ -142,11 +142,11 @@ contains
       if (any(o%cells%polar)) call log%warn('micropolar constants are affine, no probe gives '// &
         'them: kappa '//short_number(o%start%affine%kappa)//' Pa, gamma '// &
         short_number(o%start%affine%gamma)// &
-        ' N (equal spheres have no gamma: that of the deck stands)')
+        ' N (equal spheres have no gamma: that of the deck is kept)')
     end if
-    if (o%forces%loads%active .and. .not. bound) call log%item('loads on hat nodes', &
+    if (o%forces%loads%active .and. .not. bound) call log%item('loads on prescribed nodes', &
       short_number(norm2(sum(o%forces%loads%f, 2)))//' N', &
-      'of the solid''s deck, handed to the free grains'//trim(merge('                 ', &
+      'of the solid''s deck, transferred to the free grains'//trim(merge('                 ', &
       '; they change now', o%forces%loads%steady)))
     if (o%start%initial%rounds == 0 .and. .not. o%start%initial%after > 0.0_wp) return
     call log%item('initial stress', 'rest '//short_number(o%start%initial%before)//' -> '// &

@@ -1,5 +1,5 @@
 !> Each mass belongs to one side: grains own what the free ones fill, nodes own the rest, ghosts
-!! nothing. What elements outside give to hat nodes moves with the free grains:
+!! nothing. What elements outside give to prescribed nodes moves with the free grains:
 !!
 !! 'consistent': it stays at the nodes, whose acceleration is that of the grains, P Q'': their
 !! inertia comes back by P' (cpl_inertia). 'projected': the grains get P' m, the row sums of
@@ -24,8 +24,8 @@ module cpl_overlap_mass
 
 contains
 
-  !> Factors on the masses of the free grains, or masses of the hat nodes. I429: grains that would
-  !! keep less than a twentieth of their mass.
+  !> Factors on the masses of the free grains, or masses of the prescribed nodes. I429: grains that
+  !! would keep less than a twentieth of their mass.
   subroutine share_mass(o, how, errors)
     type(overlap_type), intent(inout) :: o
     character(len=*), intent(in) :: how  !! consistent, projected or nearest
@@ -76,7 +76,7 @@ contains
   !> The mass of each node to the free grains nearest to it.
   subroutine share_nearest(o, mass, extra)
     type(overlap_type), intent(in) :: o
-    real(wp), intent(in) :: mass(:)      !! of the hat nodes [kg]
+    real(wp), intent(in) :: mass(:)      !! of the prescribed nodes [kg]
     real(wp), intent(inout) :: extra(:)  !! of the free grains [kg]
     real(wp) :: far(o%op%free)
     integer(i4) :: a, k, n, g
@@ -118,8 +118,8 @@ contains
       "write mass = 'consistent' in &overlap, or take larger elements")
   end subroutine check_factors
 
-  !> Mass of hat nodes that comes from elements outside, by the integrals of their functions, of
-  !! elements with middle nodes by their volumes [kg].
+  !> Mass of prescribed nodes that comes from elements outside, by the integrals of their functions,
+  !! of elements with middle nodes by their volumes [kg].
   subroutine prescribed_shares(o, mass)
     type(overlap_type), intent(in) :: o
     real(wp), intent(out) :: mass(:)

@@ -21,8 +21,8 @@ module cpl_overlap_parts
 
 contains
 
-  !> From here on forces come in parts; ghosts and all else are where they were when the forces at
-  !! hand were evaluated. Again: after a restart, with all of it read.
+  !> From here on forces come in parts; ghosts and all else are where they were when the present
+  !! forces were evaluated. Again: after a restart, with all of it read.
   subroutine begin_parts(o, grains, again, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: grains
@@ -78,7 +78,7 @@ contains
     call timers%stop('works')
   end subroutine work_of_parts
 
-  !> After an exchange: a border that is too old is chosen anew; after a window of exchanges its
+  !> After an exchange: a border that is too old is chosen again; after a window of exchanges its
   !! mean forces act in every step.
   subroutine finish_parts(o, grains, timers, errors)
     type(overlap_type), intent(inout) :: o
@@ -151,7 +151,7 @@ contains
     call grains%ask(timers, errors)
   end subroutine select_active
 
-  !> Where nodes and free grains stand at the start of an exchange.
+  !> Where nodes and free grains are at the start of an exchange.
   subroutine remember_start(o)
     type(overlap_type), intent(inout) :: o
     o%forces%parts%q = o%motion%q
@@ -160,10 +160,10 @@ contains
     o%forces%parts%phi = o%motion%phi
   end subroutine remember_start
 
-  !> The near ghosts where the nodes are now; how far they came.
+  !> The active ghosts where the nodes are now; how far they came.
   subroutine follow_active(o, moved, turns)
     type(overlap_type), intent(inout) :: o
-    real(wp), intent(out) :: moved(:, :), turns(:, :)  !! (3, near) [m], [rad]
+    real(wp), intent(out) :: moved(:, :), turns(:, :)  !! (3, active) [m], [rad]
 
     associate (parts => o%forces%parts)
       moved = parts%d_active
@@ -176,7 +176,7 @@ contains
     end associate
   end subroutine follow_active
 
-  !> At the end of an exchange of length h the other ghosts, too; mean velocities of all. The near
+  !> At the end of an exchange of length h the other ghosts, too; mean velocities of all. The active
   !! ones have followed already.
   subroutine follow_all(o, h)
     type(overlap_type), intent(inout) :: o
@@ -217,11 +217,11 @@ contains
     end subroutine put_rows
   end subroutine follow_all
 
-  !> The near ghosts, in a request FORCE: contacts of free grains alone.
+  !> The active ghosts, in a request FORCE: contacts of free grains alone.
   subroutine put_active(o, request, v, spin)
     type(overlap_type), intent(in) :: o
     type(message_type), intent(inout) :: request
-    real(wp), intent(in) :: v(:, :), spin(:, :)  !! (3, near) [m/s], [rad/s]
+    real(wp), intent(in) :: v(:, :), spin(:, :)  !! (3, active) [m/s], [rad/s]
     call request%put_text(field_scope, scope_interface)
     call request%put(active_set//dot_x, o%forces%parts%x_active + o%forces%parts%d_active)
     if (.not. o%rules%round) call request%put(active_set//dot_quat, o%forces%parts%quat_active)
@@ -248,7 +248,7 @@ contains
     call request%put(ghost_set//dot_omega, spin)
   end subroutine put_ghosts
 
-  !> Forces of free grains on the near ghosts, from a reply.
+  !> Forces of free grains on the active ghosts, from a reply.
   subroutine read_active(o, grains, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: grains
@@ -270,7 +270,7 @@ contains
     o%forces%parts%old = old == 1
   end subroutine read_between
 
-  !> Kicks with the forces between ghosts now, with the inertia of what hat nodes carry.
+  !> Kicks with the forces between ghosts now, with the inertia of what prescribed nodes carry.
   subroutine renew_kicks(o)
     type(overlap_type), intent(inout) :: o
     real(wp) :: load(3, o%op%prescribed), load_phi(3, o%op%prescribed_phi)

@@ -1,8 +1,8 @@
 !> Grains that move past the nodes: when one has left the elements of the free grains, or all have
-!! moved far, the projection is made anew from where they are (theory: overlap coupling, Remap).
+!! moved far, the projection is rebuilt from where they are (theory: overlap coupling, Remap).
 !!
 !! Nothing jumps: nodes and grains stay where they are, displacements of the grains count from here,
-!! those of the nodes are kept. Ghosts sit where they sat in their elements, weights stay frozen.
+!! those of the nodes are kept. Ghosts keep their positions in their elements, weights stay frozen.
 !! Grains that no element holds are free like others, but no node follows them.
 module cpl_overlap_remap
   use talus_kinds, only: wp, i4, i8
@@ -19,18 +19,18 @@ module cpl_overlap_remap
   private
   public :: check_after, rebuild_map
 
-  real(wp), parameter :: check_interval = 0.02_wp  !! of an element: motion between two looks
+  real(wp), parameter :: check_interval = 0.02_wp  !! of an element: motion between two checks
   real(wp), parameter :: kept_for = 0.1_wp     !! of an element: motion that a map is good for, even
                                                !! if grains at the rim leave and come meanwhile
   integer(i4), parameter :: named = 5          !! grains that a line names
 
 contains
 
-  !> At the end of an exchange, after look_past; said is what the log has to tell, '' nothing. N423:
+  !> At the end of an exchange, after look_past; said is the text for the log, '' nothing. N423:
   !! a free grain has left and the deck wants to stop.
   subroutine check_after(o, share, leaving, time, said, errors)
     type(overlap_type), intent(inout) :: o
-    real(wp), intent(in) :: share             !! of an element, beyond which P is made anew; 0 never
+    real(wp), intent(in) :: share             !! of an element, beyond which P is rebuilt; 0 never
     character(len=*), intent(in) :: leaving   !! remap, log or stop
     real(wp), intent(in) :: time              !! [s]
     character(len=:), allocatable, intent(out) :: said
@@ -47,7 +47,7 @@ contains
     call look(o, leaving, far, time, said, errors)
   end subroutine check_after
 
-  !> Find all grains; make the projection anew if it is due.
+  !> Find all grains; rebuild the projection if it is due.
   subroutine look(o, leaving, far, time, said, errors)
     type(overlap_type), intent(inout) :: o
     character(len=*), intent(in) :: leaving
@@ -133,7 +133,7 @@ contains
       short_number(o%edge_kinetic() - before)//' J'
   end subroutine remap
 
-  !> Loads that balance the start, which hat nodes hand to other grains now.
+  !> Loads that balance the start, which prescribed nodes transfer to other grains now.
   subroutine hold_again(o)
     type(overlap_type), intent(inout) :: o
     call o%op%from_prescribed(o%forces%f_hold, o%forces%c_hold, o%forces%force_hold, &
@@ -141,7 +141,7 @@ contains
     o%forces%parts%dead_known = .false.
   end subroutine hold_again
 
-  !> P and what hangs on it, for free grains at x_free and nodes moved by u_map.
+  !> P and what depends on it, for free grains at x_free and nodes moved by u_map.
   subroutine rebuild_map(o, errors)
     type(overlap_type), intent(inout) :: o
     type(error_list_type), intent(inout) :: errors

@@ -37,7 +37,7 @@ module cpl_overlap_setup
 contains
 
   !> Describe, sort, make the operators and check their identities. Positions and masses of a
-  !! checkpoint's reference state stand in for those of the grains now.
+  !! checkpoint's reference state are used for those of the grains now.
   subroutine make_overlap(o, solvers, choices, dynamic, reference, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
@@ -97,7 +97,8 @@ contains
     o%map%sets_hash = hash_of(o)
   end subroutine make_overlap
 
-  !> Factors on masses of free grains, masses that hat nodes carry, damping of the fine scale.
+  !> Factors on masses of free grains, masses that prescribed nodes carry, damping of the fine
+  !! scale.
   subroutine give_masses(o, choices, grains, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_choices_type), intent(in) :: choices
@@ -394,8 +395,8 @@ contains
     call damp_fine_scale(o, o%cells)
   end subroutine make_damping
 
-  !> Forces of the elements without hat nodes at the start, which the others or dead loads balance,
-  !! act on the edge in every step of the grains, too: in kicks they would shake it.
+  !> Forces of the elements without prescribed nodes at the start, which the others or dead loads
+  !! balance, act on the edge in every step of the grains, too: in kicks they would shake it.
   subroutine steady_forces(o)
     type(overlap_type), intent(inout) :: o
     o%forces%steady(:, o%op%prescribed + 1:) = o%forces%bulk(:, o%op%prescribed + 1:)
@@ -487,7 +488,7 @@ contains
     end subroutine choose
   end subroutine select_sets
 
-  !> What the grains tell of the free ones.
+  !> What the grains report of the free ones.
   pure function told(o) result(fields)
     type(overlap_type), intent(in) :: o
     character(len=:), allocatable :: fields

@@ -245,8 +245,8 @@ contains
     load(:, o%cells%nodes + pack([(k, k=1, o%cells%nodes)], o%cells%polar)) = part
   end subroutine outer_loads
 
-  !> Add what ghosts hand to the nodes, and on hat nodes the loads of the deck and the weight that
-  !! free grains carry for them.
+  !> Add what ghosts transfer to the nodes, and on prescribed nodes the loads of the deck and the
+  !! weight that free grains carry for them.
   subroutine add_ghosts(o, gravity, load)
     type(overlap_type), intent(in) :: o
     real(wp), intent(in) :: gravity(3)      !! [m/s^2]

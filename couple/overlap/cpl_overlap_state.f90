@@ -17,11 +17,11 @@ module cpl_overlap_state
     overlap_limit_type, overlap_share_type, overlap_start_type, overlap_motion_type, &
     overlap_forces_type, overlap_ledger_type
 
-  !> Loads of the solid's deck on hat nodes, without weight.
+  !> Loads of the solid's deck on prescribed nodes, without weight.
   type :: loads_type
     logical :: active = .false.
     logical :: steady = .true.                     !! they do not change with time
-    real(wp), allocatable :: f(:, :), c(:, :)      !! (3, hats) [N], (3, prescribed_phi) [N m]
+    real(wp), allocatable :: f(:, :), c(:, :)      !! (3, prescribed) [N], (3, prescribed_phi) [N m]
   end type loads_type
 
   !> How the overlap is run: chosen once, from the deck and what both sides are.
@@ -33,8 +33,8 @@ module cpl_overlap_state
     logical :: round = .true.                      !! all ghosts are spheres
     logical :: round_free = .true.                 !! all free grains are spheres
     logical :: in_parts = .false.                  !! forces between ghosts come once an exchange
-    logical :: hears_force = .false.               !! contact forces of the free grains are told
-    logical :: hears_speed = .false.               !! velocities of the free grains are told
+    logical :: hears_force = .false.               !! contact forces of the free grains are reported
+    logical :: hears_speed = .false.               !! velocities of the free grains are reported
     real(wp) :: least_weight = 0.0_wp              !! of either side of a bridging domain; 0: ghosts
     logical :: stressed = .false.                  !! the solid begins with the grains' stress
     real(wp) :: fine_damping = 0.0_wp              !! of the deck [1/s]
@@ -46,9 +46,9 @@ module cpl_overlap_state
     real(wp), allocatable :: x_free(:, :), x_ghost(:, :), x_node(:, :)  !! reference (3, :) [m]
     real(wp), allocatable :: theta_ref(:, :)       !! rotation of the free grains then [rad]
     logical, allocatable :: seen(:)                !! free grains that the nodes see
-    logical, allocatable :: told(:)                !! that they have left was said
+    logical, allocatable :: told(:)                !! that they have left was logged
     real(wp), allocatable :: u_map(:, :), phi_map(:, :)  !! of the nodes when P was made
-    real(wp) :: looked = 0.0_wp                    !! motion past the nodes at the last look [m]
+    real(wp) :: looked = 0.0_wp                    !! motion past the nodes at the last check [m]
     real(wp) :: fine = 0.0_wp, past = 0.0_wp       !! the same now: root mean square, largest [m]
     integer(i8) :: remaps = 0
     character(len=:), allocatable :: sets_hash     !! of the sets and the first operators
@@ -60,9 +60,9 @@ module cpl_overlap_state
 
   !> Who owns which mass, and what the solid's deck holds.
   type :: overlap_own_type
-    type(inertia_type) :: carried, carried_phi     !! masses that hat nodes carry
+    type(inertia_type) :: carried, carried_phi     !! masses that prescribed nodes carry
     type(fine_damping_type) :: damping, damping_phi
-    real(wp) :: moved_mass = 0.0_wp                !! from hat nodes to free grains [kg]
+    real(wp) :: moved_mass = 0.0_wp                !! from prescribed nodes to free grains [kg]
     real(wp), allocatable :: factor(:)             !! on the masses of the free grains
     real(wp), allocatable :: mass(:)               !! of the nodes, what they own [kg]
     real(wp), allocatable :: inertia(:)            !! of their micro-rotations [kg m^2]
@@ -129,13 +129,13 @@ module cpl_overlap_state
     real(wp), allocatable :: p(:, :), m(:, :)      !! on the ghosts [N], [N m]
     real(wp), allocatable :: f(:, :), c(:, :)      !! on the nodes, every step of the grains
     real(wp), allocatable :: bulk(:, :), bulk_phi(:, :)  !! the same, once an exchange
-    real(wp), allocatable :: element(:, :), element_phi(:, :)  !! of elements with hat nodes alone
+    real(wp), allocatable :: element(:, :), element_phi(:, :)  !! of elements with prescribed nodes
     real(wp), allocatable :: force(:, :), moment(:, :)  !! on the free grains [N], [N m]
     real(wp), allocatable :: contact(:, :), contact_moment(:, :)  !! of contacts on free grains
-    real(wp), allocatable :: inertial(:, :), inertial_phi(:, :)  !! of what hat nodes carry
+    real(wp), allocatable :: inertial(:, :), inertial_phi(:, :)  !! of what prescribed nodes carry
     real(wp), allocatable :: f_hold(:, :), c_hold(:, :)  !! that balance the start
     real(wp), allocatable :: force_hold(:, :), moment_hold(:, :)
-    type(loads_type) :: loads                      !! of the solid's deck on hat nodes
+    type(loads_type) :: loads                      !! of the solid's deck on prescribed nodes
     type(parts_type) :: parts                      !! forces between ghosts, once an exchange
   contains
     procedure :: init => init_forces

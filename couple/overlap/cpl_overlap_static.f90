@@ -1,9 +1,9 @@
 !> One exchange of an overlap with a static solid (theory: overlap coupling, Static).
 !!
 !! The solid is solved for what ghosts put on the edge, then the grains go on for a batch of their
-!! own damped steps, in which hat nodes and ghosts follow them and pull-backs are renewed in every
-!! step; the edge moves evenly through the batch. What the edge is loaded with is under-relaxed by
-!! Aitken. Both come to rest where all forces balance.
+!! own damped steps, in which prescribed nodes and ghosts follow them and pull-backs are renewed in
+!! every step; the edge moves evenly through the batch. What the edge is loaded with is
+!! under-relaxed by Aitken. Both come to rest where all forces balance.
 module cpl_overlap_static
   use talus_kinds, only: wp, i4
   use talus_text, only: str
@@ -104,12 +104,12 @@ contains
     type(error_list_type), intent(inout) :: errors
     if (o%finite()) return
     call errors%add('N407', 'a force or displacement of the overlap is no number', &
-                    'exchange to '//str(t1)//' s', 'the grains have become unstable: look at '// &
+                    'exchange to '//str(t1)//' s', 'the grains have become unstable: check '// &
                     'their step against its limit, and at their damping')
   end subroutine check_numbers
 
-  !> SOLVE at t1 with the hat nodes where the grains hold them and the edge's load; the edge's
-  !! place comes back.
+  !> SOLVE at t1 with the prescribed nodes where the grains hold them and the edge's load; the
+  !! edge's place comes back.
   subroutine solve_solid(o, solid, t0, t1, u, phi, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solid
@@ -170,7 +170,7 @@ contains
   end subroutine edge_load
 
   !> Largest force not in balance, on a free grain and on an edge node that nothing holds, over the
-  !! root mean square of the contact forces, which the elastic energy tells: E = n f^2/(2 k).
+  !! root mean square of the contact forces, from the elastic energy: E = n f^2/(2 k).
   subroutine measure_balance(o, load, gravity)
     type(overlap_type), intent(inout) :: o
     real(wp), intent(in) :: load(:, :), gravity(3)

@@ -1,9 +1,9 @@
 !> One exchange of an overlap in dynamics (r-RESPA; theory: overlap coupling, Time).
 !!
-!! Forces of contacts and of elements with hat nodes act in every step of the grains, on the free
-!! grains and on the edge alike; forces of the other elements are kicks of half an exchange at its
-!! start and at its end. All forces are those of one energy and every map is a constant matrix, so
-!! that momentum is exact and energy bounded.
+!! Forces of contacts and of elements with prescribed nodes act in every step of the grains, on the
+!! free grains and on the edge alike; forces of the other elements are kicks of half an exchange at
+!! its start and at its end. All forces are those of one energy and every map is a constant matrix,
+!! so that momentum is exact and energy bounded.
 module cpl_overlap_step
   use talus_kinds, only: wp, i4
   use talus_text, only: str
@@ -26,7 +26,7 @@ module cpl_overlap_step
   type :: step_type
     logical :: due = .false.
     real(wp), allocatable :: u(:, :), phi(:, :)        !! nodes at its start [m], [rad]
-    real(wp), allocatable :: moved(:, :), turns(:, :)  !! of the ghosts, or of the near ones, in it
+    real(wp), allocatable :: moved(:, :), turns(:, :)  !! of the (active) ghosts, in it
   end type step_type
 
 contains
@@ -84,7 +84,7 @@ contains
     if (o%forces%parts%active) call finish_parts(o, solvers(side_grains), timers, errors)
   end subroutine overlap_step
 
-  !> Where all stands at the start, and the edge's kick with the forces that come once an exchange.
+  !> State at the start, and the edge's kick with the forces that come once an exchange.
   subroutine begin_exchange(o, h)
     type(overlap_type), intent(inout) :: o
     real(wp), intent(in) :: h  !! [s]
@@ -114,7 +114,7 @@ contains
     call timers%stop('works')
   end subroutine note_step
 
-  !> What the free grains did until now becomes what they did before; it is read anew next.
+  !> What the free grains did until now becomes what they did before; it is read next.
   subroutine keep_before(o)
     type(overlap_type), intent(inout) :: o
     call exchange_arrays(o%motion%q, o%motion%q_before)
@@ -255,7 +255,7 @@ contains
     if (o%rules%symmetric) call kick_with_bulk(o, 0.5_wp*h)
     if (.not. o%finite()) &
       call errors%add('N407', 'a force or displacement of the overlap is no number', &
-                      'exchange to '//str(t1)//' s', 'one side has become unstable: look at '// &
+                      'exchange to '//str(t1)//' s', 'one side has become unstable: check '// &
                       'the steps of both against their limits')
     if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
     if (errors%any()) return

@@ -15,7 +15,7 @@ module cpl_overlap_units
 
 contains
 
-  !> I446 stiffness, I447 density; contacts are not looked at if there are none.
+  !> I446 stiffness, I447 density; contacts are not checked if there are none.
   subroutine check_units(o, contacts, points, errors)
     type(overlap_type), intent(in) :: o
     type(contacts_type), intent(in) :: contacts
@@ -29,7 +29,7 @@ contains
     if (differ(pack, solid)) &
       call errors%add('I447', 'the grains in the elements of free grains have '// &
         short_number(pack)//' kg/m3, the solid '//short_number(solid)//' kg/m3', '', &
-        'both are the same ground: look at density and units of both decks, of packing and mesh')
+        'both are the same ground: check density and units of both decks, of packing and mesh')
     if (.not. allocated(contacts%stiffness)) return
     pack = contact_shear(o, contacts)/volume
     shear = points%moduli(2, :) + 0.5_wp*points%moduli(3, :)
@@ -38,7 +38,7 @@ contains
       call errors%add('I446', 'the contacts of the free grains give a shear modulus of '// &
         short_number(pack)//' Pa (an upper bound), the solid has '// &
         short_number(solid)//' Pa', '', &
-        "both are the same ground: look at units and moduli of both decks, or write moduli = "// &
+        "both are the same ground: check units and moduli of both decks, or write moduli = "// &
         "'affine' or 'probed' in &overlap")
   end subroutine check_units
 

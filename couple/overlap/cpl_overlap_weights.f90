@@ -1,7 +1,7 @@
-!> The energy partition of an overlap handed to the solvers: weights of contacts between ghosts and
+!> The energy partition of an overlap sent to the solvers: weights of contacts between ghosts and
 !! of quadrature points (theory: overlap coupling, energy partition).
 !!
-!! They are found once, in the reference state, and stand in the checkpoint. Ghosts that do not
+!! They are found once, in the reference state, and are in the checkpoint. Ghosts that do not
 !! touch yet have the ramp's weight, for when they will.
 module cpl_overlap_weights
   use talus_kinds, only: wp, i4, i8
@@ -34,7 +34,7 @@ contains
   subroutine set_partition(o, choices, contacts, points, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_choices_type), intent(in) :: choices
-    type(contacts_type), intent(in) :: contacts  !! whole; not looked at for ramps
+    type(contacts_type), intent(in) :: contacts  !! whole; not used for ramps
     type(points_type), intent(in) :: points
     type(error_list_type), intent(inout) :: errors
     o%share%shared = choices%overlap%partition
@@ -72,7 +72,7 @@ contains
     call grains%ask(timers, errors)
   end subroutine send_contacts
 
-  !> Ramps, or ones, of all ghosts that are near one another and of all points.
+  !> Ramps, or ones, of all ghosts that are close to one another and of all points.
   subroutine ramp(o, choices, points)
     type(overlap_type), intent(inout) :: o
     type(cpl_choices_type), intent(in) :: choices
@@ -169,7 +169,7 @@ contains
     call kernel_shares(partition, x, middle, none, o%sets%d_max, share)
   end subroutine find_shares
 
-  !> Weights of contacts into the list of near ghosts.
+  !> Weights of contacts into the list of ghosts that may touch.
   subroutine put_weights(o, partition, w)
     type(overlap_type), intent(inout) :: o
     type(partition_type), intent(in) :: partition
@@ -225,7 +225,7 @@ contains
     call grains%reply%take(field_point, contacts%point, errors)
     call grains%reply%take(field_normal, contacts%normal, errors)
     call grains%reply%take(field_force, contacts%force, errors)
-    if (allocated(contacts%force)) contacts%force = -contacts%force  ! told is that on the second
+    if (allocated(contacts%force)) contacts%force = -contacts%force  ! at the port: on the second
     call grains%reply%take(field_stiffness, contacts%stiffness, errors)
   end subroutine read_contacts
 

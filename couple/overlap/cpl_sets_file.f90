@@ -1,4 +1,4 @@
-!> <stem>_sets.h5: which grains and nodes of an overlap are in which set, for pictures
+!> <stem>_sets.h5: which grains and nodes of an overlap are in which set, for plots
 !! (`talus render --sets`).
 module cpl_sets_file
   use talus_kinds, only: wp, i4

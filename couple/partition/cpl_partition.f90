@@ -1,8 +1,8 @@
 !> Overlap of grains and elements as the energy partition sees it (theory: "Energy partition").
 !!
-!! U = sum over contacts of w psi + sum over quadrature points of beta V W. Ghost grains hang on the
-!! nodes of their element; here stands what ghosts and elements put on the nodes. Nothing here knows
-!! of ports or decks.
+!! U = sum over contacts of w psi + sum over quadrature points of beta V W. Ghost grains follow the
+!! nodes of their element; this module has what ghosts and elements put on the nodes. It is
+!! independent of ports and decks.
 !!
 !! Blocks are the rows of three: displacements of the nodes, then (polar) their micro-rotations.
 !! Loads are inner ones, dU/du and dU/dphi. Nine-vectors hold kl = 11 12 13 21 22 23 31 32 33 with
@@ -18,8 +18,8 @@ module cpl_partition
     residual_rows, add_grain, add_point, ghost_ghost, mean_sizes, worst_rows
 
   integer(i4), parameter :: grain_free = 1, grain_ghost = 2, grain_other = 3
-  integer(i4), parameter :: region_free = 1   !! free grains stand in these elements
-  integer(i4), parameter :: region_ghost = 2  !! ghosts stand in these elements
+  integer(i4), parameter :: region_free = 1   !! free grains are in these elements
+  integer(i4), parameter :: region_ghost = 2  !! ghosts are in these elements
   integer(i4), parameter :: region_rest = 3   !! elements without grains
   integer(i4), parameter :: turn_none = 0     !! ghosts do not turn, their moments are lost
   integer(i4), parameter :: turn_curl = 1     !! with half the curl of the displacement
@@ -74,7 +74,7 @@ contains
     l = self%arm(:, 1, c) - self%arm(:, 2, c)
   end function branch
 
-  !> Do both ends of contact c hang on nodes?
+  !> Do both ends of contact c follow nodes?
   pure logical function ghost_ghost(self, c)
     type(partition_type), intent(in) :: self
     integer(i4), intent(in) :: c

@@ -2,7 +2,7 @@
 !! partition").
 !!
 !! Unknowns are weights of contacts between ghosts and of points in the ghosts' elements, in [0, 1].
-!! Looked for is the least change: min |x - x_0|^2 with A x + c = 0 and bounds. With multipliers y
+!! The least change is sought: min |x - x_0|^2 with A x + c = 0 and bounds. With multipliers y
 !! of the rows x = clip(x_0 - A' y), and y comes from Newton's rounds
 !!   (A_F A_F' + e I) dy = A x + c,   e a thousandth of the largest row,
 !! F the unknowns inside the bounds at that time: what is clipped is fixed for a round and comes

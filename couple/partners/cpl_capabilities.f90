@@ -34,7 +34,7 @@ contains
         if (.not. solvers(side)%can(needed(k)%s)) &
           call errors%add('P411', solvers(side)%title()//" lacks the capability '"// &
                           needed(k)%s//"', which the coupled deck needs", solvers(side)%deck, &
-                          "it tells of '"//solvers(side)%capabilities//"'")
+                          "it names '"//solvers(side)%capabilities//"'")
       end do
     end do
   end subroutine check_capabilities

@@ -15,7 +15,7 @@ module cpl_check
 contains
 
   !> Check the decks of both solvers as decks of a coupled run. Those launched by a command or by
-  !! the user are checked with the program that stands beside this one.
+  !! the user are checked with the program next to this one.
   subroutine check_solvers(solvers, errors)
     type(cpl_solver_type), intent(in) :: solvers(2)
     type(error_list_type), intent(inout) :: errors

@@ -24,7 +24,7 @@ contains
     type(cpl_solver_type), intent(inout) :: solvers(2)
     type(cpl_choices_type), intent(in) :: choices
     character(len=*), intent(in) :: run_id
-    real(wp), intent(in) :: time  !! at which both must stand [s]
+    real(wp), intent(in) :: time  !! at which both must be [s]
     type(timers_type), intent(inout) :: timers
     logical, intent(out) :: dynamic  !! the solid has inertia
     type(error_list_type), intent(inout) :: errors
@@ -96,7 +96,7 @@ contains
     real(wp) :: steps
 
     if (abs(solver%time - time) > same*max(choices%exchange, time)) &
-      call errors%add('P412', solver%title()//' stands at '//str(solver%time)// &
+      call errors%add('P412', solver%title()//' is at '//str(solver%time)// &
                       ' s, the coupled run begins at '//str(time)//' s', solver%deck, &
                       'go on with --restart=auto of the coupled run, not of a solver')
     if (solver%t_end > 0.0_wp .and. abs(solver%t_end - choices%t_end) > same*choices%t_end) &

@@ -1,4 +1,4 @@
-!> Start the solvers with a port each, and end them: no process and no port stays behind.
+!> Start the solvers with a port each, and end them: no process and no port is left.
 module cpl_launch
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, string_type, append_string
@@ -23,7 +23,7 @@ module cpl_launch
 
 contains
 
-  !> Open the port and start the solver, or tell the user how to.
+  !> Open the port and start the solver, or tell the user how.
   subroutine launch_solver(solver, choices, run_id, folder, log, errors)
     type(cpl_solver_type), intent(inout) :: solver
     type(cpl_choices_type), intent(in) :: choices
@@ -122,7 +122,7 @@ contains
                         str(stop_grace)//' s', solvers(k)%output, 'its results are complete')
       else if (solvers(k)%process%exit_code /= wanted) then
         call errors%add('P423', solvers(k)%title()//' answered STOP, but ended with '// &
-                        solvers(k)%process%epitaph(), solvers(k)%output, 'its log tells why')
+                        solvers(k)%process%epitaph(), solvers(k)%output, 'its log has the reason')
       else if (.not. errors%any()) then
         call remove_file(solvers(k)%output)
       end if

@@ -1,4 +1,4 @@
-!> What every coupled run tells its user, whatever its method: header, solvers, overhead.
+!> What every coupled run reports to its user, whatever its method: header, solvers, overhead.
 module cpl_logbook
   use talus_kinds, only: wp, i4
   use talus_text, only: str, string_type
@@ -12,7 +12,7 @@ module cpl_logbook
 
 contains
 
-  !> Header and deck as understood.
+  !> Header and deck as read.
   subroutine begin_log(log, program, deck)
     type(log_type), intent(inout) :: log
     character(len=*), intent(in) :: program
@@ -50,7 +50,7 @@ contains
     work_share = max(0.0_wp, whole - (waited(timers) - waited_before))/whole
   end function work_share
 
-  !> How long the grains stood still for the coupling, and how long it worked.
+  !> How long the grains waited for the coupling, and how long it worked.
   function overhead_text(overhead) result(text)
     real(wp), intent(in) :: overhead(2)  !! shares that the grains waited for, and worked
     character(len=:), allocatable :: text

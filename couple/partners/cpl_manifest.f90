@@ -83,7 +83,7 @@ contains
     end do
   end subroutine forget
 
-  !> Read a manifest and look whether its files are whole: I430 no manifest, S431 file lost.
+  !> Read a manifest and check whether its files are whole: I430 no manifest, S431 file lost.
   subroutine read_manifest(path, manifest, errors)
     character(len=*), intent(in) :: path
     type(manifest_type), intent(inout) :: manifest
@@ -171,7 +171,7 @@ contains
     end do
   end subroutine check_files
 
-  !> The manifest to go on from: 'auto' takes the newest whole one (warnings tell what was passed
+  !> The manifest to go on from: 'auto' takes the newest whole one (warnings name what was passed
   !! over); found is false when there is none at all.
   subroutine find_manifest(restart, stem, manifest, path, found, warnings, errors)
     character(len=*), intent(in) :: restart, stem
@@ -204,6 +204,6 @@ contains
     path = ''
     if (seen > 0) call errors%add('S432', 'none of the '//str(seen)//' manifests can be used: '// &
                                   faults%item(1)%message, path_of(stem, 0), &
-                                  'start anew without --restart')
+                                  'start again without --restart')
   end subroutine find_manifest
 end module cpl_manifest

@@ -15,7 +15,7 @@ module cpl_overlap_choices
     real(wp) :: free_box(6) = 0.0_wp, ghost_box(6) = 0.0_wp  !! lower and upper corner [m]
     character(len=:), allocatable :: rotation, projection, weights, scheme, partition
     real(wp) :: rho = 1.0_wp  !! relaxed over affine stiffness of the pack [-]
-    character(len=:), allocatable :: mass   !! what happens to that of hat nodes
+    character(len=:), allocatable :: mass   !! what happens to that of prescribed nodes
     character(len=:), allocatable :: ghost_contacts  !! when those between ghosts act
     real(wp) :: fine_damping = 0.0_wp  !! [1/s]
     real(wp) :: remap = 0.0_wp         !! share of an element; 0 never
@@ -46,7 +46,7 @@ contains
                         'a coupled run has one of them')
       else
         call errors%add('D420', 'the deck has neither &facets nor &overlap', deck%source%path, &
-                        'ghosts ride on facets of the solid, or grains and mesh overlap')
+                        'ghosts on facets of the solid, or grains and mesh overlap')
       end if
       return
     end if

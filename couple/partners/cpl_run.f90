@@ -1,4 +1,4 @@
-!> What a coupled run hands to its coupling method: deck, both solvers, log, timers, checkpoint.
+!> What a coupled run passes to its coupling method: deck, both solvers, log, timers, checkpoint.
 module cpl_run
   use talus_kinds, only: wp
   use talus_checkpoint, only: checkpoint_type

@@ -1,4 +1,4 @@
-!> A solver as talus-couple sees it: process, port, messages, what it said of itself.
+!> A solver as talus-couple sees it: process, port, messages, what it reported of itself.
 module cpl_solver
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
@@ -44,7 +44,7 @@ module cpl_solver
     real(wp) :: motion(3) = [0.0_wp, 1.0_wp, 1.0_wp]  !! background damping of grains [1/s], factors
                                      !! on their masses and on their moments of inertia
     integer(i4) :: ranks = 1
-    real(wp) :: stood = 0.0_wp       !! it stood still for the coupling so far [s]
+    real(wp) :: stood = 0.0_wp       !! it waited for the coupling so far [s]
     real(wp), private :: asked = 0.0_wp     !! wall clock when it was asked last [s]
   contains
     procedure :: start_request
@@ -67,7 +67,7 @@ contains
     call self%request%start(verb, step, t0, t1)
   end subroutine start_request
 
-  !> Hand a request over. Where cores are short the solver that wakes up may take ours at once, so
+  !> Send a request. Where cores are short the solver that wakes up may take ours at once, so
   !! that this, too, is a wait for it.
   subroutine send(self, timers, errors)
     class(cpl_solver_type), intent(inout) :: self
@@ -85,7 +85,7 @@ contains
   end subroutine send
 
   !> Wait for the reply; the wait is put on the solver's timer. A fault that the solver reports is
-  !! handed on as it is.
+  !! passed on as it is.
   subroutine receive(self, timers, errors)
     class(cpl_solver_type), intent(inout) :: self
     type(timers_type), intent(inout) :: timers
@@ -109,7 +109,7 @@ contains
     call errors%take(faults)
   end subroutine receive
 
-  !> The solver stood still until it was asked: for the coupling, but for the time in which that
+  !> The solver waited until it was asked: for the coupling, but for the time in which that
   !! waited for the other side.
   subroutine note_standing(self, timers)
     type(cpl_solver_type), intent(inout) :: self
@@ -161,7 +161,7 @@ contains
         if (self%process%exit_code == 1) fault%code = 'I420'
         if (self%process%exit_code == 2) fault%code = 'N421'
         if (self%process%exit_code == 1 .or. self%process%exit_code == 2) &
-          fault%hint = 'what it said stands above; `'//self%program//' --check '//self%deck// &
+          fault%hint = 'its output is above; `'//self%program//' --check '//self%deck// &
           '` says all'
       end if
       fault%place = self%output

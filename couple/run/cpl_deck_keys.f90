@@ -71,16 +71,16 @@ contains
       'A solver of the coupled run. Both sides must be given.', repeats=.true., required=.true.)
     call table%add_key('side', 'string', '', &
       'Which side it is: `''grains''` (talus-dem) or `''solid''` (talus-fem), or a program ' &
-      //'that stands in for it.')
+      //'that replaces it.')
     call table%need()
     call table%allow('grains|solid')
     call table%add_key('deck', 'file', '', &
       'The solver''s own deck; its results go to the folder of the coupled run.')
     call table%need()
     call table%add_key('launch', 'string', '', &
-      '`''fork''`: the program that stands beside talus-couple. `''command''`: through ' &
-      //'`command`. `''attach''`: you start it yourself with `--port=attach:FILE`; the log ' &
-      //'names the file.')
+      '`''fork''`: the program next to talus-couple. `''command''`: through `command`. ' &
+      //'`''attach''`: you start it yourself with `--port=attach:FILE`; the log names the ' &
+      //'file.')
     call table%preset('fork')
     call table%allow('fork|command|attach')
     call table%add_key('command', 'string', '', &
@@ -93,14 +93,14 @@ contains
     call table%preset('1')
     call table%bounds(min=1.0_wp)
     call table%add_key('threads', 'integer', '', &
-      'OpenMP threads of this solver; 0 takes what OMP_NUM_THREADS says.')
+      'OpenMP threads of this solver; 0 uses OMP_NUM_THREADS.')
     call table%preset('0')
     call table%bounds(min=0.0_wp, max=1024.0_wp)
   end subroutine group_program
 
   subroutine group_port(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('port', 3, 'How talus-couple speaks with the solvers.')
+    call table%add_group('port', 3, 'How talus-couple communicates with the solvers.')
     call table%add_key('transport', 'string', '', &
       '`''shared_memory''` on one host; `''hdf5''`, a file a message, also across hosts. ' &
       //'Both give the same bits.')
@@ -124,17 +124,17 @@ contains
     call table%need()
     call table%bounds(above=0.0_wp)
     call table%add_key('scheme', 'string', '', &
-      '`''average''`: the grains run the interval, the solid takes the mean force. ' &
-      //'`''iterated''`: the same, repeated until the mean force settles. `''state_at_n''`: ' &
-      //'the solid steps with the force at the start of the interval, then the grains ' &
-      //'follow its motion.')
+      '`''average''`: the grains run the interval, the solid is loaded with the mean ' &
+      //'force. `''iterated''`: the same, repeated until the mean force settles. ' &
+      //'`''state_at_n''`: the solid steps with the force at the start of the interval, ' &
+      //'then the grains follow its motion.')
     call table%preset('average')
     call table%allow('average|iterated|state_at_n')
     call table%choice_with('state_at_n', 'facets.interface', 'none')
     call table%add_key('tolerance', 'real', '', &
-      'Iterated: largest distance between the ghosts and the facets they ride on, ' &
-      //'relative to their motion in the interval, and largest difference of the force ' &
-      //'measured and the force put on, relative to the force.')
+      'Iterated: largest distance between the ghosts and the facets they are attached ' &
+      //'to, relative to their motion in the interval, and largest difference of the ' &
+      //'force measured and the force put on, relative to the force.')
     call table%preset('1e-05')
     call table%bounds(above=0.0_wp, below=1.0_wp)
     call table%add_key('max_iterations', 'integer', '', &
@@ -146,8 +146,9 @@ contains
   subroutine group_facets(table)
     type(key_table_type), intent(inout) :: table
     call table%add_group('facets', 12, &
-      'Facets of the solid that meet the grains: ghost grains ride on them, or they are' &
-      //' a surface that free grains touch. A deck has exactly one of facets and overlap.')
+      'Facets of the solid that meet the grains: ghost grains are attached to them, or ' &
+      //'they are a surface that free grains touch. A deck has exactly one of facets and ' &
+      //'overlap.')
     call table%one_of('ghosts|surface')
     call table%add_key('ghosts', 'string', '', &
       'Group of the packing whose grains become ghosts. Give this or surface.')
@@ -165,11 +166,11 @@ contains
     call table%bounds(min=0.0_wp)
     call table%needs('ghosts')
     call table%add_key('rotation', 'string', '', &
-      'Rotation of the ghosts. `''fixed''`: none; the moments that they take are counted ' &
-      //'as lost in the audit. `''curl''`: they turn with half the curl of the displacement' &
-      //' in the element behind their facet, and their moments act on its nodes. ' &
-      //'`''micro''`: they turn with the micro-rotation of a micropolar solid under them, ' &
-      //'and their moments are couples on it.')
+      'Rotation of the ghosts. `''fixed''`: none; the moments on them are counted as lost' &
+      //' in the audit. `''curl''`: they turn with half the curl of the displacement in the' &
+      //' element behind their facet, and their moments act on its nodes. `''micro''`: they' &
+      //' turn with the micro-rotation of a micropolar solid under them, and their ' &
+      //'moments are couples on it.')
     call table%preset('fixed')
     call table%allow('fixed|curl|micro')
     call table%add_key('spread', 'real', 'm', &
@@ -203,9 +204,9 @@ contains
     call table%add_key('initial', 'string', '', &
       'What happens to the forces that the ghosts carry at the start: `''dead_load''` ' &
       //'balances them, so that the solid starts undeformed; `''relax''` runs exchanges ' &
-      //'before the start, with what the decks move held at rest, until grains and a ' &
-      //'static solid are in balance, and counts displacements from there; `''none''` lets ' &
-      //'them act.')
+      //'before the start, with all that the decks move held fixed, until grains and a ' &
+      //'static solid are in balance, and counts displacements from there; `''none''` ' &
+      //'leaves them acting.')
     call table%preset('dead_load')
     call table%allow('dead_load|relax|none')
     call table%add_key('relax_tolerance', 'real', '', &
@@ -215,7 +216,7 @@ contains
     call table%bounds(above=0.0_wp, below=1.0_wp)
     call table%only_with('initial', 'relax')
     call table%add_key('relax_exchanges', 'integer', '', &
-      'Relax: exchanges after which the run begins all the same, with a warning.')
+      'Relax: exchanges after which the run begins nevertheless, with a warning.')
     call table%preset('500')
     call table%bounds(min=2.0_wp, max=1000000.0_wp)
     call table%only_with('initial', 'relax')
@@ -251,8 +252,8 @@ contains
     call table%only_with('method', 'bridging_domain|penalty')
     call table%add_key('penalty', 'real', '', &
       'Penalty: stiffness of the springs between grains and nodes, as (ω Δt/2)² of the ' &
-      //'highest frequency ω that they have alone; at 1 they take the whole stable step. ' &
-      //'The gap falls as 1/penalty.')
+      //'highest frequency ω that they have alone; at 1 they use up the whole stable ' &
+      //'step. The gap decreases as 1/penalty.')
     call table%preset('0.25')
     call table%bounds(above=0.0_wp, below=1.0_wp)
     call table%only_with('method', 'penalty')
@@ -311,10 +312,10 @@ contains
     call table%add_key('scheme', 'string', '', &
       '`''symmetric''`: forces of contacts and of elements over free grains act in every ' &
       //'step of the grains on both sides, those of the other elements at exchanges; ' &
-      //'momentum is exact and energy bounded. `''state_at_n''`: the solid takes all forces' &
-      //' as they are at the start of an exchange; for comparison. `''static''`: a static ' &
-      //'solid, solved at each exchange, and grains that find their rest by their own ' &
-      //'damping (`&relaxation`, or `&dynamics damping`), a batch of their steps an ' &
+      //'momentum is exact and energy bounded. `''state_at_n''`: the solid is loaded with ' &
+      //'all forces as they are at the start of an exchange; for comparison. `''static''`: ' &
+      //'a static solid, solved at each exchange, and grains that come to rest by their ' &
+      //'own damping (`&relaxation`, or `&dynamics damping`), a batch of their steps an ' &
       //'exchange.')
     call table%preset('symmetric')
     call table%allow('symmetric|state_at_n|static')
@@ -336,10 +337,10 @@ contains
       //'fade out and the solid fades in with the distance from the free grains; `''fit''`,' &
       //' these ramps changed least so that uniform strains leave every node at rest, for' &
       //' lattices; `''auto''`, fit for a lattice whose stiffness the solid has, else ramp;' &
-      //' `''share''`, contacts between ghosts do not count, points have what those of free' &
-      //' grains leave of the stiffness: for a solid that yields, and with half the ' &
-      //'ghosts (1.5 largest diameters deep); `''twice''` counts all of both there, for ' &
-      //'comparison.')
+      //' `''share''`, contacts between ghosts do not count, points have the stiffness that' &
+      //' contacts of free grains do not account for: for a solid that yields, and with ' &
+      //'half the ghosts (1.5 largest diameters deep); `''twice''` counts all of both ' &
+      //'there, for comparison.')
     call table%preset('auto')
     call table%allow('auto|ramp|fit|share|twice')
     call table%add_key('rho', 'real', '', &
@@ -353,13 +354,13 @@ contains
       'What happens to forces that are not balanced when the coupling begins: ' &
       //'`''stress''`: the mean stress of the grains, corrected until contacts, stress and ' &
       //'loads balance at every node, is the initial stress of the solid; `''dead_load''` ' &
-      //'holds against them, so that nothing moves; `''none''` lets them act.')
+      //'holds against them, so that nothing moves; `''none''` leaves them acting.')
     call table%preset('dead_load')
     call table%allow('dead_load|stress|none')
     call table%choice_with('stress', 'method', 'bridging_scale')
     call table%add_key('mass', 'string', '', &
       'Mass that elements outside give to nodes that follow free grains: ' &
-      //'`''consistent''`, it stays there and its inertia is handed back to the grains in ' &
+      //'`''consistent''`, it stays there and its inertia is returned to the grains in ' &
       //'every step; `''projected''`, it goes to the grains by the transposed projection, ' &
       //'which makes some lighter; `''nearest''`, it goes to the eight nearest grains; ' &
       //'`''auto''`, consistent where weights are masses and the projection is l2, else ' &
@@ -392,16 +393,16 @@ contains
     call table%only_with('method', 'bridging_scale')
     call table%add_key('remap', 'real', '', &
       'Motion of a free grain past the nodes, over the length of an element, beyond ' &
-      //'which the projection is made anew from where all are (logged); 0 never. Grains ' &
+      //'which the projection is rebuilt from where all are (logged); 0 never. Grains ' &
       //'near the elements may then come under them.')
     call table%preset('0.25')
     call table%bounds(min=0.0_wp)
     call table%only_with('method', 'bridging_scale')
     call table%add_key('leaving', 'string', '', &
       'What happens when a free grain leaves the elements of the free grains: ' &
-      //'`''remap''`, the projection is made anew without it (and with those that came), a ' &
+      //'`''remap''`, the projection is rebuilt without it (and with those that came), a ' &
       //'tenth of an element after it was made at the earliest; `''log''`, it is named in ' &
-      //'the log and still moves its nodes; `''stop''` ends the run.')
+      //'the log and goes on moving its nodes; `''stop''` ends the run.')
     call table%preset('remap')
     call table%allow('remap|log|stop')
     call table%only_with('method', 'bridging_scale')

@@ -50,7 +50,7 @@ module cpl_model
     logical :: stopped = .false.           !! left early on request
     real(wp) :: begun = 0.0_wp             !! elapsed time when the exchanges began [s]
     real(wp) :: waited = 0.0_wp            !! waits until then [s]
-    real(wp) :: stood = 0.0_wp             !! the grains had stood still until then [s]
+    real(wp) :: stood = 0.0_wp             !! the grains had waited until then [s]
     integer(i8) :: first_step = 0          !! of this part of the run
     integer(i8) :: saved_step = -1         !! of the last checkpoint
   contains
@@ -70,7 +70,7 @@ module cpl_model
 
 contains
 
-  !> Deck and all that it alone can tell.
+  !> Deck and all that can be checked from it alone.
   subroutine read_run(self, options, errors)
     class(cpl_model_type), intent(inout) :: self
     type(options_type), intent(in) :: options
@@ -269,7 +269,7 @@ contains
     call self%method%audit%flush(ignored)
   end subroutine write_row
 
-  !> Shares of the time of the exchanges that the grains stood still for the coupling, and that it
+  !> Shares of the time of the exchanges that the grains waited for the coupling, and that it
   !! worked: less or more, as much of the work is done while they work.
   function overhead(self)
     class(cpl_model_type), intent(inout) :: self
