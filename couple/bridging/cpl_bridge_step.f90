@@ -10,7 +10,7 @@ module cpl_bridge_step
   use talus_timers, only: timers_type
   use cpl_bridge, only: bridge_type
   use cpl_overlap, only: overlap_type, free_set, prescribed_set
-  use cpl_overlap_ask, only: evaluate_bulk, put_nodes, read_nodes
+  use cpl_overlap_ask, only: kick_type, evaluate_bulk, put_nodes, read_nodes
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
@@ -121,20 +121,20 @@ contains
   end subroutine drift
 
   !> KICK_DRIFT of the grains with the multipliers on the bound ones.
-  subroutine send_push(o, b, grains, kick, drift, t0, t1, timers, errors)
+  subroutine send_push(o, b, grains, by, timers, errors)
     type(overlap_type), intent(in) :: o
     type(bridge_type), intent(in) :: b
     type(cpl_solver_type), intent(inout) :: grains
-    real(wp), intent(in) :: kick, drift, t0, t1  !! [s]
+    type(kick_type), intent(in) :: by
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     if (errors%any()) return
-    call grains%start_request(verb_kick_drift, o%step, t0, t1)
-    call grains%request%put(field_kick, kick)
-    call grains%request%put(field_drift, drift)
+    call grains%start_request(verb_kick_drift, o%step, by%t0, by%t1)
+    call grains%request%put(field_kick, by%kick)
+    call grains%request%put(field_drift, by%drift)
     call grains%request%put(load_set//dot_force, b%push)
     if (b%turns) call grains%request%put(load_set//dot_moment, b%couple)
-    if (drift > 0.0_wp) call grains%request%put_int(field_brief, 1_i4)
+    if (by%drift > 0.0_wp) call grains%request%put_int(field_brief, 1_i4)
     call grains%send(timers, errors)
   end subroutine send_push
 

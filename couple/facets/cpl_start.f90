@@ -44,21 +44,21 @@ contains
     type(stop_type), intent(inout) :: stop
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: moved, changed
+    real(wp) :: change(2)  !! of facets, of forces
     integer(i4) :: k
     logical :: settled
 
     settled = .false.
     do k = 1, choices%relax_exchanges
-      call rehearse(face, solvers, choices, k, moved, changed, timers, errors)
+      call rehearse(face, solvers, choices, k, change, timers, errors)
       if (errors%any()) return
-      settled = k > 1 .and. max(moved, changed) <= choices%relax_tolerance .and. &
+      settled = k > 1 .and. maxval(change) <= choices%relax_tolerance .and. &
         any(abs(face%forces%p_mean) > 0.0_wp)
       if (settled .or. stop%check() /= stop_none) exit
     end do
     k = min(k, choices%relax_exchanges)
     call log%item('relaxed', str(k)//' exchanges', 'last change of the facets '// &
-                  short_number(moved)//', of the forces '//short_number(changed))
+                  short_number(change(1))//', of the forces '//short_number(change(2)))
     if (.not. settled) call log%warn('the start has not settled within '// &
       short_number(choices%relax_tolerance)//' in '//str(k)//" exchanges: raise &facets "// &
       'relax_exchanges, or relax_tolerance if that is close enough')
@@ -78,18 +78,17 @@ contains
   end subroutine relax_together
 
   !> One exchange of the rehearsal; relative changes of facets and forces in it.
-  subroutine rehearse(face, solvers, choices, k, moved, changed, timers, errors)
+  subroutine rehearse(face, solvers, choices, k, change, timers, errors)
     type(interface_type), intent(inout) :: face
     type(cpl_solver_type), intent(inout) :: solvers(2)
     type(cpl_choices_type), intent(in) :: choices
     integer(i4), intent(in) :: k
-    real(wp), intent(out) :: moved, changed
+    real(wp), intent(out) :: change(2)
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     real(wp) :: p_before(face%transfer%rows, face%map%ghosts), u_before(3, face%transfer%blocks), t1
 
-    moved = 0.0_wp
-    changed = 0.0_wp
+    change = 0.0_wp
     u_before = face%motion%u_new
     p_before = face%forces%p_mean
     face%motion%w_new = face%motion%u_new
@@ -104,8 +103,8 @@ contains
     face%motion%quat = face%motion%quat_new
     call solve_solid(face, solvers(side_solid), k, 0.0_wp, 0.0_wp, timers, errors)
     if (errors%any()) return
-    moved = relative(face%motion%u_new - u_before, face%motion%u_new)
-    changed = relative(face%forces%p_mean(:3, :) - p_before(:3, :), face%forces%p_mean(:3, :))
+    change(1) = relative(face%motion%u_new - u_before, face%motion%u_new)
+    change(2) = relative(face%forces%p_mean(:3, :) - p_before(:3, :), face%forces%p_mean(:3, :))
     if (automatic_springs(face, choices) .and. mod(k, check_interval) == 0) &
       call look_at_stiffness(face, solvers, t1, .false., timers, errors)
   end subroutine rehearse

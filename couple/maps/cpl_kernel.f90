@@ -7,6 +7,7 @@
 module cpl_kernel
   use talus_kinds, only: wp, i4
   use cpl_shapes, only: node_count, corner_count, shapes, shapes_at, centre_of
+  use cpl_solid_mesh, only: solid_mesh_type
   implicit none
   private
   public :: spread_weights
@@ -16,44 +17,47 @@ module cpl_kernel
   integer(i4), parameter :: most_parts = 40     !! of a facet's edge
   real(wp), parameter :: least_points = 1.0e-6_wp !! of the moments' determinant: too few points
 
-  !> Sums over the quadrature points: 1, t1, t2 and their products.
+  !> Sums over the quadrature points: 1, t1, t2 and their products, and of each node reached.
   type :: moments_type
     real(wp) :: m(3, 3) = 0.0_wp
+    integer(i4), allocatable :: list(:)      !! nodes
+    real(wp), allocatable :: share(:, :)     !! (3, list): sums of phi N (1, t1, t2)
   end type moments_type
 
 contains
 
   !> Nodes, ascending, and weights of a ghost at x on facet `own`; a kernel narrower than the
   !! quadrature can see leaves it with the shape functions of its facet.
-  subroutine spread_weights(x, own, facets, x_node, width, own_weight, list, weight)
+  subroutine spread_weights(x, own, mesh, width, own_weight, list, weight)
     real(wp), intent(in) :: x(3)             !! [m]
     integer(i4), intent(in) :: own
-    integer(i4), intent(in) :: facets(:, :)  !! (most, k) node ids from 1, 0 beyond
-    real(wp), intent(in) :: x_node(:, :)     !! (3, all nodes) [m]
+    type(solid_mesh_type), intent(in) :: mesh
     real(wp), intent(in) :: width            !! [m]
     real(wp), intent(in) :: own_weight(:)  !! of the nodes of `own`
     integer(i4), allocatable, intent(out) :: list(:)
     real(wp), allocatable, intent(out) :: weight(:)
     type(moments_type) :: moments
-    real(wp), allocatable :: share(:, :)
     real(wp) :: axes(3, 3), alpha(3)
     logical :: good
     integer(i4) :: k, n
 
-    n = node_count(facets(:, own))
-    axes = tangents(x_node(:, facets(:n, own)))
-    allocate (list(0), share(3, 0))
-    do k = 1, size(facets, 2)
-      n = node_count(facets(:, k))
-      if (beyond(x, x_node(:, facets(:n, k)), width)) cycle
-      call add_facet(x, axes, facets(:n, k), x_node(:, facets(:n, k)), width, moments, list, share)
+    n = node_count(mesh%facets(:, own))
+    axes = tangents(mesh%x(:, mesh%facets(:n, own)))
+    allocate (moments%list(0), moments%share(3, 0))
+    do k = 1, size(mesh%facets, 2)
+      n = node_count(mesh%facets(:, k))
+      associate (nodes => mesh%facets(:n, k))
+        if (beyond(x, mesh%x(:, nodes), width)) cycle
+        call add_facet(x, axes, nodes, mesh%x(:, nodes), width, moments)
+      end associate
     end do
     call solve(moments%m, alpha, good)
     if (good) then
-      weight = matmul(alpha, share)
+      list = moments%list
+      weight = matmul(alpha, moments%share)
     else
-      n = node_count(facets(:, own))
-      list = facets(:n, own)
+      n = node_count(mesh%facets(:, own))
+      list = mesh%facets(:n, own)
       weight = own_weight(:n)
     end if
     call sort(list, weight)
@@ -91,12 +95,10 @@ contains
   end function beyond
 
   !> Midpoint rule over the parts of a facet with the same orientation as the ghost's.
-  subroutine add_facet(x, axes, nodes, place, width, moments, list, share)
+  subroutine add_facet(x, axes, nodes, place, width, moments)
     real(wp), intent(in) :: x(3), axes(3, 3), place(:, :), width
     integer(i4), intent(in) :: nodes(:)
     type(moments_type), intent(inout) :: moments
-    integer(i4), allocatable, intent(inout) :: list(:)
-    real(wp), allocatable, intent(inout) :: share(:, :)  !! (3, list): sums of phi N (1, t1, t2)
     real(wp) :: sums(3, size(nodes)), own(3, 3), basis(3), n(size(nodes)), r(3), phi, whole
     real(wp), allocatable :: natural(:, :)
     integer(i4) :: k, a, b
@@ -122,13 +124,13 @@ contains
     end do
     if (.not. any(sums(1, :) > 0.0_wp)) return
     do a = 1, size(nodes)
-      b = findloc(list, nodes(a), 1)
+      b = findloc(moments%list, nodes(a), 1)
       if (b == 0) then
-        list = [list, nodes(a)]
-        b = size(list)
-        share = reshape([share, 0.0_wp, 0.0_wp, 0.0_wp], [3, b])
+        moments%list = [moments%list, nodes(a)]
+        b = size(moments%list)
+        moments%share = reshape([moments%share, 0.0_wp, 0.0_wp, 0.0_wp], [3, b])
       end if
-      share(:, b) = share(:, b) + sums(:, a)
+      moments%share(:, b) = moments%share(:, b) + sums(:, a)
     end do
   end subroutine add_facet
 

@@ -21,9 +21,16 @@ module cpl_operators
     project_identical, hand_on_identical
   implicit none
   private
-  public :: operators_type, followers_type, weigh_unit, weigh_mass, weigh_volume
+  public :: operators_type, map_choice_type, followers_type, weigh_unit, weigh_mass, weigh_volume
 
   integer(i4), parameter :: weigh_unit = 1, weigh_mass = 2, weigh_volume = 3
+
+  !> How ghosts turn and free grains are projected.
+  type :: map_choice_type
+    integer(i4) :: rotation = rotation_fixed
+    integer(i4) :: weights = weigh_mass
+    logical :: mls = .false.                 !! moving least squares, else l2
+  end type map_choice_type
 
   !> Free grains as the projection takes them; those in no element (spot%element = 0) do not count.
   type :: followers_type
@@ -66,19 +73,19 @@ module cpl_operators
 contains
 
   !> Make all from the sets. I406 no micro-rotation, I425 a projection that cannot be.
-  subroutine build(self, cells, sets, pack_of, rotation, weights, mls, errors)
+  subroutine build(self, cells, sets, pack_of, choice, errors)
     class(operators_type), intent(inout) :: self
     type(cells_type), intent(in) :: cells
     type(sets_type), intent(in) :: sets
     type(pack_type), intent(in) :: pack_of
-    integer(i4), intent(in) :: rotation, weights  !! rotation_*, weigh_*
-    logical, intent(in) :: mls
+    type(map_choice_type), intent(in) :: choice
     type(error_list_type), intent(inout) :: errors
     type(followers_type) :: followers
-    integer(i4) :: number(cells%nodes), a
+    integer(i4) :: number(cells%nodes), rotation, a
 
     self%free = size(sets%free)
     self%ghosts = size(sets%ghost)
+    rotation = choice%rotation
     self%rotation = rotation
     self%node = [sets%prescribed, sets%edge]
     self%prescribed = size(sets%prescribed)
@@ -113,11 +120,11 @@ contains
     followers%spot = sets%free_spot
     followers%x = pack_of%x(:, sets%free)
     followers%origin = followers%x
-    self%w = weights_of(pack_of, sets%free, weights, .false.)
-    self%w_phi = weights_of(pack_of, sets%free, weights, .true.)
+    self%w = weights_of(pack_of, sets%free, choice%weights, .false.)
+    self%w_phi = weights_of(pack_of, sets%free, choice%weights, .true.)
     followers%w = self%w
     followers%w_phi = self%w_phi
-    call self%project(cells, sets%part, followers, mls, errors)
+    call self%project(cells, sets%part, followers, choice%mls, errors)
   end subroutine build
 
   !> P from where the free grains are in the elements. I425 a projection that cannot be.
@@ -183,20 +190,28 @@ contains
     integer(i4), intent(in) :: part(:), ids(:)
     real(wp) :: reach(size(ids)), whole(cells%nodes)
     real(wp), parameter :: more = 1.05_wp
-    integer(i4) :: e, a, b
+    integer(i4) :: e, a
     whole = 0.0_wp
     do e = 1, cells%elements
       if (part(e) /= part_free) cycle
       associate (node => cells%node(cells%start(e):cells%start(e + 1) - 1))
         do a = 1, size(node)
-          do b = 1, size(node)
-            whole(node(a)) = max(whole(node(a)), norm2(cells%x(:, node(a)) - cells%x(:, node(b))))
-          end do
+          whole(node(a)) = max(whole(node(a)), farthest(cells%x(:, node(a)), cells%x(:, node)))
         end do
       end associate
     end do
     reach = more*whole(ids)
   end function reaches
+
+  !> Distance of the farthest of some points from x.
+  pure real(wp) function farthest(x, points)
+    real(wp), intent(in) :: x(3), points(:, :)
+    integer(i4) :: b
+    farthest = 0.0_wp
+    do b = 1, size(points, 2)
+      farthest = max(farthest, norm2(x - points(:, b)))
+    end do
+  end function farthest
 
   !> Rows of the functions of u or phi at points.
   subroutine interpolate(cells, spot, number, columns, turning, rows)
@@ -408,7 +423,7 @@ contains
       axis(1 + mod(k - 1, 3)) = 1.0_wp
       call rigid(k > 3)
     end do
-    if (.not. self%p%mls) call inverse_error()
+    if (.not. self%p%mls) worst = max(worst, inverse_error(self))
     worst = max(worst, power_error(self, x_free, x_node, x_ghost, middle, extent))
     if (worst > max(limit, rounding*max(self%p%condition, self%p_phi%condition))) &
       call errors%add('N422', 'the operators of the overlap violate their identities by '// &
@@ -452,19 +467,20 @@ contains
         if (norm2(axis) > 0.0_wp .and. k > 3) d(:, i) = cross(axis, (x(:, i) - middle)/extent)
       end do
     end function shifts
-
-    !> P N = 1 on a field that is different at every node.
-    subroutine inverse_error()
-      real(wp) :: q(3, self%free), field(3, self%prescribed), back(3, self%prescribed)
-      integer(i4) :: a
-      do a = 1, self%prescribed
-        field(:, a) = [sin(1.3_wp*a), cos(2.1_wp*a), sin(0.7_wp*a + 1.0_wp)]
-      end do
-      call self%p%n%apply(field, q)
-      call self%p%apply(q, back)
-      worst = max(worst, maxval(abs(back - field)))
-    end subroutine inverse_error
   end subroutine identity_error
+
+  !> P N = 1 on a field that is different at every node.
+  real(wp) function inverse_error(self) result(worst)
+    type(operators_type), intent(in) :: self
+    real(wp) :: q(3, self%free), field(3, self%prescribed), back(3, self%prescribed)
+    integer(i4) :: a
+    do a = 1, self%prescribed
+      field(:, a) = [sin(1.3_wp*a), cos(2.1_wp*a), sin(0.7_wp*a + 1.0_wp)]
+    end do
+    call self%p%n%apply(field, q)
+    call self%p%apply(q, back)
+    worst = maxval(abs(back - field))
+  end function inverse_error
 
   !> Powers of both sides, total force and total moment, for forces all over the place.
   real(wp) function power_error(self, x_free, x_node, x_ghost, middle, extent) result(worst)
@@ -519,16 +535,17 @@ contains
         sum_of = sum_of + cross(x(:, k) - middle, load(:, k))
       end do
     end function moment_about
-
-    pure subroutine scatter(seed, value)
-      real(wp), intent(in) :: seed
-      real(wp), intent(out) :: value(:, :)
-      integer(i4) :: k
-      do k = 1, size(value, 2)
-        value(:, k) = [sin(seed*k), cos(1.7_wp*seed*k + 0.4_wp), sin(0.6_wp*seed*k + 2.0_wp)]
-      end do
-    end subroutine scatter
   end function power_error
+
+  !> Vectors that are different everywhere.
+  pure subroutine scatter(seed, value)
+    real(wp), intent(in) :: seed
+    real(wp), intent(out) :: value(:, :)
+    integer(i4) :: k
+    do k = 1, size(value, 2)
+      value(:, k) = [sin(seed*k), cos(1.7_wp*seed*k + 0.4_wp), sin(0.6_wp*seed*k + 2.0_wp)]
+    end do
+  end subroutine scatter
 
   !> Moment of couples on nodes.
   pure function turning(self, c) result(moment)

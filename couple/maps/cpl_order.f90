@@ -11,7 +11,7 @@ contains
   subroutine sort_order(key, order)
     real(wp), intent(in) :: key(:)
     integer(i4), intent(out) :: order(:)
-    integer(i4) :: spare(size(key)), width, low, middle, high, a, b, k, n
+    integer(i4) :: merged(size(key)), width, low, middle, high, k, n
     n = size(key)
     order = [(k, k=1, n)]
     width = 1
@@ -19,23 +19,31 @@ contains
       do low = 1, n, 2*width
         middle = min(low + width, n + 1)
         high = min(low + 2*width, n + 1)
-        a = low
-        b = middle
-        do k = low, high - 1
-          if (b >= high) then
-            spare(k) = order(a)
-            a = a + 1
-          else if (a < middle .and. key(order(min(a, n))) <= key(order(b))) then
-            spare(k) = order(a)
-            a = a + 1
-          else
-            spare(k) = order(b)
-            b = b + 1
-          end if
-        end do
+        merged(low:high - 1) = merge_runs(key, order(low:middle - 1), order(middle:high - 1))
       end do
-      order = spare
+      order = merged
       width = 2*width
     end do
   end subroutine sort_order
+
+  !> Two sorted runs as one, the first one's before equal ones of the second.
+  pure function merge_runs(key, first, second) result(merged)
+    real(wp), intent(in) :: key(:)
+    integer(i4), intent(in) :: first(:), second(:)
+    integer(i4) :: merged(size(first) + size(second)), a, b, k
+    logical :: from_first
+    a = 1
+    b = 1
+    do k = 1, size(merged)
+      from_first = b > size(second)
+      if (.not. from_first .and. a <= size(first)) from_first = key(first(a)) <= key(second(b))
+      if (from_first) then
+        merged(k) = first(a)
+        a = a + 1
+      else
+        merged(k) = second(b)
+        b = b + 1
+      end if
+    end do
+  end function merge_runs
 end module cpl_order

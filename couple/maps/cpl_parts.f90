@@ -9,7 +9,6 @@
 module cpl_parts
   use talus_kinds, only: wp, i4
   use cpl_operators, only: operators_type
-  use cpl_sums, only: work_since, add_works
   implicit none
   private
   public :: parts_type, pulled_type
@@ -53,7 +52,6 @@ module cpl_parts
     procedure :: renew
     procedure :: pull_all
     procedure :: pull_remainder
-    procedure :: work
   end type parts_type
 
 contains
@@ -145,25 +143,4 @@ contains
     pulled%c = 0.0_wp
     call op%pull(p, m, pulled%f, pulled%c, pulled%force, pulled%moment)
   end subroutine pull
-
-  !> Works of an exchange, with the forces at its end, on what is free and by the ghosts [J]; what
-  !! is still was counted with the steps.
-  subroutine work(self, op, d, turn, q, theta, u, phi, given, taken, turnover)
-    class(parts_type), intent(in) :: self
-    type(operators_type), intent(in) :: op
-    real(wp), intent(in), contiguous :: d(:, :), turn(:, :)   !! ghosts now (3, ghosts) [m], [rad]
-    real(wp), intent(in), contiguous :: q(:, :), theta(:, :)  !! free grains now
-    real(wp), intent(in) :: u(:, :), phi(:, :)                !! nodes now
-    real(wp), intent(out) :: given, taken, turnover
-    taken = 0.0_wp
-    turnover = 0.0_wp
-    call add_works(size(d), self%p, d - self%d, taken, turnover)
-    call add_works(size(turn), self%m, turn - self%turn, taken, turnover)
-    associate (a => op%prescribed + 1, b => op%prescribed_phi + 1)
-      given = work_since(size(q), self%rest%force, q, self%q) &
-              + work_since(size(theta), self%rest%moment, theta, self%theta) &
-              + sum(self%rest%f(:, a:)*(u(:, a:) - self%u(:, a:))) &
-              + sum(self%rest%c(:, b:)*(phi(:, b:) - self%phi(:, b:)))
-    end associate
-  end subroutine work
 end module cpl_parts

@@ -111,8 +111,8 @@ contains
     self%arm = map%offset
     do g = 1, map%ghosts
       if (spread > 0.0_wp) then
-        call spread_weights(map%point_on_facet(g, mesh%facets, mesh%x), map%facet(g), &
-                            mesh%facets, mesh%x, spread, map%weight(:, g), list, weight)
+        call spread_weights(map%point_on_facet(g, mesh%facets, mesh%x), map%facet(g), mesh, &
+                            spread, map%weight(:, g), list, weight)
         self%arm(:, g) = map%offset(:, g) + map%point_on_facet(g, mesh%facets, mesh%x) &
                          - matmul(mesh%x(:, list), weight)
       else

@@ -35,8 +35,7 @@ contains
     type(cpl_run_type), intent(inout) :: run
     real(wp), intent(in) :: t0, t1
     type(error_list_type), intent(inout) :: errors
-    call overlap_step(self%o, run%solvers, run%choices%exchange, t0, t1, self%audit, run%timers, &
-                      errors)
+    call overlap_step(self%o, run, t0, t1, self%audit, errors)
   end subroutine exchange
 
   !> The row of the audit, and new maps where grains have moved past the nodes: they may have

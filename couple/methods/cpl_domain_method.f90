@@ -12,7 +12,7 @@ module cpl_domain_method
   use cpl_bridge_setup, only: make_bridge, begin_domain, start_domain
   use cpl_bridge_step, only: drift, send_push, bridge_forces, bridge_bulk, read_bound
   use cpl_choices, only: cpl_choices_type
-  use cpl_overlap_ask, only: send_bulk, accept_both
+  use cpl_overlap_ask, only: kick_type, send_bulk, accept_both
   use cpl_overlap_method, only: overlap_method_type
   use cpl_overlap_partition, only: points_type
   use cpl_overlap_start, only: start_type
@@ -106,14 +106,15 @@ contains
     h = run%choices%exchange
     associate (o => self%o, b => self%bridge, solvers => run%solvers, timers => run%timers)
       dt = h/o%rules%substeps
-      call send_bulk(o, solvers(side_solid), 0.5_wp*h, h, t0, t1, timers, errors)
+      call send_bulk(o, solvers(side_solid), kick_type(0.5_wp*h, h, t0, t1), timers, errors)
       do k = 1, o%rules%substeps
         now = merge(t1, t0 + k*dt, k == o%rules%substeps)
         kick = merge(0.5_wp*dt, dt, k == 1)
         call timers%start('binding')
         call self%bind(solvers(side_grains), kick, merge(0.5_wp*h, 0.0_wp, k == 1), dt)
         call timers%stop('binding')
-        call send_push(o, b, solvers(side_grains), kick, dt, now - dt, now, timers, errors)
+        call send_push(o, b, solvers(side_grains), kick_type(kick, dt, now - dt, now), timers, &
+                       errors)
         if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
         if (k == 1 .and. .not. errors%any()) call solvers(side_solid)%receive(timers, errors)
         if (errors%any()) return
@@ -125,7 +126,8 @@ contains
       call bridge_bulk(o, b, solvers(side_solid), 0.5_wp*h, t1, timers, errors)
       if (errors%any()) return
       call self%bind(solvers(side_grains), 0.5_wp*dt, 0.5_wp*h, dt)
-      call send_push(o, b, solvers(side_grains), 0.5_wp*dt, 0.0_wp, t1, t1, timers, errors)
+      call send_push(o, b, solvers(side_grains), kick_type(0.5_wp*dt, 0.0_wp, t1, t1), timers, &
+                     errors)
       if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
       if (errors%any()) return
       call read_bound(o, b, solvers(side_grains), .true., errors)

@@ -11,7 +11,7 @@ module cpl_overlap
   use cpl_operators, only: operators_type
   use cpl_overlap_state, only: overlap_rules_type, overlap_map_type, overlap_own_type, &
     overlap_limit_type, overlap_share_type, overlap_start_type, overlap_motion_type, &
-    overlap_forces_type, overlap_ledger_type
+    increment_type, overlap_forces_type, overlap_ledger_type
   use cpl_relax, only: relax_type
   use cpl_sets, only: sets_type, pack_type
   use cpl_sums, only: work_since, add_works
@@ -177,21 +177,40 @@ contains
     end if
   end subroutine resist
 
-  !> Works of a step of the grains from both sides, with the forces at its end; ghosts, or those of
-  !! them that p and m act on, moved by d and turn in it, the others from q0, theta0, u0, phi0.
-  !! Where forces come in parts `note_dead` is due at the end of the exchange.
-  subroutine note_work(self, q0, theta0, u0, phi0, p, m, d, turn)
+  !> Works of a step of the grains from both sides, with the forces at its end; free grains moved
+  !! from where they were a step before. Where forces come in parts ghosts are the active ones, and
+  !! `note_dead` is due at the end of the exchange.
+  subroutine note_work(self, step)
     class(overlap_type), intent(inout) :: self
-    real(wp), intent(in), contiguous :: q0(:, :), theta0(:, :), u0(:, :), phi0(:, :)  !! [m], [rad]
-    real(wp), intent(in), contiguous :: p(:, :), m(:, :)     !! [N], [N m]
-    real(wp), intent(in), contiguous :: d(:, :), turn(:, :)  !! [m], [rad]
+    type(increment_type), intent(in) :: step
     real(wp) :: given, taken, through
-    given = work_of(self, self%forces%force, self%forces%moment, self%forces%f, self%forces%c, &
-      q0, theta0, u0, phi0)
+    given = edge_work(self, self%forces%f, self%forces%c, step%u, step%phi)
+    call add_grain_work(self, self%forces%force, self%forces%moment, self%motion%q_before, &
+      self%motion%theta_before, given)
     taken = 0.0_wp
     through = 0.0_wp
-    call add_works(size(p), p, d, taken, through)
-    call add_works(size(m), m, turn, taken, through)
+    if (self%forces%parts%active) then
+      call add_works(size(step%moved), self%forces%parts%p_active, step%moved, taken, through)
+      call add_works(size(step%turns), self%forces%parts%m_active, step%turns, taken, through)
+    else
+      call add_works(size(step%moved), self%forces%p, step%moved, taken, through)
+      call add_works(size(step%turns), self%forces%m, step%turns, taken, through)
+    end if
+    call add_loads_work(self, step%u, step%phi, taken, through)
+    if (self%own%damping%active) taken = taken + work_since(size(self%motion%q), &
+      self%own%damping%force, self%motion%q, self%motion%q_before)
+    if (self%own%damping_phi%active) taken = taken + work_since(size(self%motion%q), &
+      self%own%damping_phi%force, self%motion%theta, self%motion%theta_before)
+    call self%ledger%add(given, taken, through)
+    if (.not. self%forces%parts%active) call self%note_dead(self%motion%q_before, &
+      self%motion%theta_before, step%u, step%phi)
+  end subroutine note_work
+
+  !> Works of elements, loads and inertia on the prescribed nodes since u0, phi0.
+  pure subroutine add_loads_work(self, u0, phi0, taken, through)
+    type(overlap_type), intent(in) :: self
+    real(wp), intent(in), contiguous :: u0(:, :), phi0(:, :)  !! [m], [rad]
+    real(wp), intent(inout) :: taken, through
     call add_works(size(u0), self%forces%element, self%motion%u - u0, taken, through)
     call add_works(size(phi0), self%forces%element_phi, self%motion%phi - phi0, taken, through)
     associate (a => self%op%prescribed, b => self%op%prescribed_phi)
@@ -202,13 +221,7 @@ contains
       if (self%own%carried_phi%active) &
         taken = taken + sum(self%forces%inertial_phi*(self%motion%phi(:, :b) - phi0(:, :b)))
     end associate
-    if (self%own%damping%active) &
-      taken = taken + work_since(size(q0), self%own%damping%force, self%motion%q, q0)
-    if (self%own%damping_phi%active) &
-      taken = taken + work_since(size(q0), self%own%damping_phi%force, self%motion%theta, theta0)
-    call self%ledger%add(given, taken, through)
-    if (.not. self%forces%parts%active) call self%note_dead(q0, theta0, u0, phi0)
-  end subroutine note_work
+  end subroutine add_loads_work
 
   !> Loads that do not change are no work of the other side: those that balance the start and the
   !! solid's steady ones.
@@ -216,23 +229,25 @@ contains
     class(overlap_type), intent(inout) :: self
     real(wp), intent(in), contiguous :: q0(:, :), theta0(:, :), u0(:, :), phi0(:, :)  !! [m], [rad]
     real(wp) :: hold
-    hold = work_of(self, self%forces%force_hold, self%forces%moment_hold, self%forces%f_hold, &
-      self%forces%c_hold, q0, theta0, u0, phi0)
+    hold = edge_work(self, self%forces%f_hold, self%forces%c_hold, u0, phi0)
+    call add_grain_work(self, self%forces%force_hold, self%forces%moment_hold, q0, theta0, hold)
     self%ledger%hold_work = self%ledger%hold_work + hold
     self%ledger%work_given = self%ledger%work_given - hold
     self%ledger%work_given = self%ledger%work_given - edge_work(self, self%forces%steady, &
       self%forces%steady_phi, u0, phi0)
   end subroutine note_dead
 
-  !> Work of forces on the free grains and on the edge since q0, theta0, u0, phi0.
-  pure real(wp) function work_of(self, force, moment, f, c, q0, theta0, u0, phi0) result(work)
+  !> Add the work of forces on the free grains since q0, theta0.
+  pure subroutine add_grain_work(self, force, moment, q0, theta0, work)
     type(overlap_type), intent(in) :: self
-    real(wp), intent(in), contiguous :: force(:, :), moment(:, :), f(:, :), c(:, :)  !! [N], [N m]
-    real(wp), intent(in), contiguous :: q0(:, :), theta0(:, :), u0(:, :), phi0(:, :)
-    work = edge_work(self, f, c, u0, phi0) + work_since(size(q0), force, self%motion%q, q0)
+    real(wp), intent(in), contiguous :: force(:, :), moment(:, :)  !! [N], [N m]
+    real(wp), intent(in), contiguous :: q0(:, :), theta0(:, :)     !! [m], [rad]
+    real(wp), intent(inout) :: work                                !! [J]
+    work = work + work_since(size(q0), force, self%motion%q, q0)
     if (self%rules%turns) work = work + work_since(size(q0), moment, self%motion%theta, theta0)
-  end function work_of
+  end subroutine add_grain_work
 
+  !> Work of forces on the edge since u0, phi0 [J].
   pure real(wp) function edge_work(self, f, c, u0, phi0) result(work)
     type(overlap_type), intent(in) :: self
     real(wp), intent(in), contiguous :: f(:, :), c(:, :), u0(:, :), phi0(:, :)

@@ -15,34 +15,40 @@ module cpl_overlap_ask
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid, sides
   implicit none
   private
-  public :: send_kick, read_free, send_bulk, read_bulk, evaluate_bulk, ask_solid, ask_grains, &
-    take_forces, put_nodes, read_nodes, send_accept, accept_both
+  public :: kick_type, send_kick, read_free, send_bulk, read_bulk, evaluate_bulk, ask_solid, &
+    ask_grains, take_forces, put_nodes, read_nodes, send_accept, accept_both
 
   character(len=*), parameter :: messages = 'exchange'  !! timer of what goes into and out of them
+
+  !> What KICK_DRIFT asks for.
+  type :: kick_type
+    real(wp) :: kick = 0.0_wp, drift = 0.0_wp  !! durations [s]
+    real(wp) :: t0 = 0.0_wp, t1 = 0.0_wp       !! interval [s]
+  end type kick_type
 
 contains
 
   !> KICK_DRIFT of the grains with the forces on the free ones; at the ends of an exchange with
   !! those that act in kicks of half of it. Where forces come in parts contacts between free grains
   !! may then begin before the ghosts are placed.
-  subroutine send_kick(o, grains, kick, drift, t0, t1, at_end, timers, errors)
+  subroutine send_kick(o, grains, by, at_end, timers, errors)
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: grains
-    real(wp), intent(in) :: kick, drift, t0, t1  !! [s]
+    type(kick_type), intent(in) :: by
     logical, intent(in) :: at_end
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     call timers%start(messages)
-    call grains%start_request(verb_kick_drift, o%step, t0, t1)
-    call grains%request%put(field_kick, kick)
-    call grains%request%put(field_drift, drift)
+    call grains%start_request(verb_kick_drift, o%step, by%t0, by%t1)
+    call grains%request%put(field_kick, by%kick)
+    call grains%request%put(field_drift, by%drift)
     if (at_end .and. o%forces%parts%active) then
       call grains%request%put(pulled_set//dot_force, o%forces%force &
         + o%rules%substeps*o%forces%parts%kick)
       if (o%rules%turns) &
         call grains%request%put(pulled_set//dot_moment, o%forces%moment &
         + o%rules%substeps*o%forces%parts%kick_phi)
-      if (.not. drift > 0.0_wp) then  ! energies are reported
+      if (.not. by%drift > 0.0_wp) then  ! energies are reported
         call grains%request%put(pulled_set//dot_mean_force, o%forces%force + o%forces%parts%kick)
         if (o%rules%turns) &
           call grains%request%put(pulled_set//dot_mean_moment, o%forces%moment &
@@ -53,8 +59,9 @@ contains
       if (o%rules%turns) call grains%request%put(pulled_set//dot_moment, o%forces%moment)
     end if
     call timers%stop(messages)
-    if (drift > 0.0_wp) call grains%request%put_int(field_brief, 1_i4)
-    if (drift > 0.0_wp .and. o%forces%parts%active) call grains%request%put_int(field_ahead, 1_i4)
+    if (by%drift > 0.0_wp) call grains%request%put_int(field_brief, 1_i4)
+    if (by%drift > 0.0_wp .and. o%forces%parts%active) &
+      call grains%request%put_int(field_ahead, 1_i4)
     call grains%send(timers, errors)
   end subroutine send_kick
 
@@ -78,16 +85,16 @@ contains
 
   !> KICK_DRIFT of the solid's free nodes; edge and prescribed nodes stay where the last forces were
   !! taken.
-  subroutine send_bulk(o, solid, kick, drift, t0, t1, timers, errors)
+  subroutine send_bulk(o, solid, by, timers, errors)
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: solid
-    real(wp), intent(in) :: kick, drift, t0, t1  !! [s]
+    type(kick_type), intent(in) :: by
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    call solid%start_request(verb_kick_drift, o%step, t0, t1)
-    call solid%request%put(field_kick, kick)
-    call solid%request%put(field_drift, drift)
-    if (drift > 0.0_wp) call solid%request%put_int(field_brief, 1_i4)
+    call solid%start_request(verb_kick_drift, o%step, by%t0, by%t1)
+    call solid%request%put(field_kick, by%kick)
+    call solid%request%put(field_drift, by%drift)
+    if (by%drift > 0.0_wp) call solid%request%put_int(field_brief, 1_i4)
     call solid%send(timers, errors)
   end subroutine send_bulk
 
@@ -165,7 +172,7 @@ contains
     real(wp), intent(in) :: kick, t  !! [s]
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    call send_bulk(o, solid, kick, 0.0_wp, t, t, timers, errors)
+    call send_bulk(o, solid, kick_type(kick, 0.0_wp, t, t), timers, errors)
     if (.not. errors%any()) call solid%receive(timers, errors)
     if (.not. errors%any()) call read_bulk(o, solid, errors)
   end subroutine evaluate_bulk
@@ -276,7 +283,8 @@ contains
       if (between .and. .not. errors%any()) call grains%send(timers, errors)
       if (.not. errors%any()) call solid%receive(timers, errors)
       if (errors%any()) return
-      if (present(end_kick)) call send_bulk(o, solid, end_kick, 0.0_wp, t, t, timers, errors)
+      if (present(end_kick)) &
+        call send_bulk(o, solid, kick_type(end_kick, 0.0_wp, t, t), timers, errors)
       call timers%start(messages)
       call read_forces(o, grains, errors)
       call read_nodes(o, solid, field_force, field_moment, o%forces%element, &

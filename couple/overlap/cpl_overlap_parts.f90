@@ -12,6 +12,7 @@ module cpl_overlap_parts
   use talus_vectors, only: turn_all
   use cpl_overlap, only: overlap_type, ghost_set
   use cpl_solver, only: cpl_solver_type
+  use cpl_sums, only: work_since, add_works
   implicit none
   private
   public :: begin_parts, settle_parts, remember_start, follow_active, follow_all, put_active, &
@@ -63,15 +64,25 @@ contains
     call o%resist()
   end subroutine settle_parts
 
-  !> Works of an exchange, whose forces belong to the window.
+  !> Works of an exchange, with the forces at its end, which belong to the window; the mean part
+  !! was counted with the steps.
   subroutine work_of_parts(o, timers)
     type(overlap_type), intent(inout) :: o
     type(timers_type), intent(inout) :: timers
     real(wp) :: given, taken, turnover
 
     call timers%start('works')
-    call o%forces%parts%work(o%op, o%motion%d, o%motion%turn, o%motion%q, o%motion%theta, &
-      o%motion%u, o%motion%phi, given, taken, turnover)
+    taken = 0.0_wp
+    turnover = 0.0_wp
+    associate (parts => o%forces%parts, now => o%motion, a => o%op%prescribed + 1, &
+               b => o%op%prescribed_phi + 1)
+      call add_works(size(now%d), parts%p, now%d - parts%d, taken, turnover)
+      call add_works(size(now%turn), parts%m, now%turn - parts%turn, taken, turnover)
+      given = work_since(size(now%q), parts%rest%force, now%q, parts%q) &
+              + work_since(size(now%theta), parts%rest%moment, now%theta, parts%theta) &
+              + sum(parts%rest%f(:, a:)*(now%u(:, a:) - parts%u(:, a:))) &
+              + sum(parts%rest%c(:, b:)*(now%phi(:, b:) - parts%phi(:, b:)))
+    end associate
     call o%ledger%add(given, taken, turnover)
     call o%note_dead(o%forces%parts%q, o%forces%parts%theta, o%forces%parts%u, o%forces%parts%phi)
     call o%forces%parts%gather()

@@ -74,7 +74,7 @@ contains
       return
     end if
     if (far .or. (leaving == 'remap' .and. any(gone .or. come))) &
-      call remap(o, moved, spot, int(count(gone), i4), int(count(come), i4), time, said, errors)
+      call remap(o, moved, spot, [count(gone), count(come)], time, said, errors)
   end subroutine look
 
   !> '3 free grains (ids 4, 17, 20)'
@@ -95,12 +95,12 @@ contains
   end function whom
 
   !> From here on displacements count from where all are now.
-  subroutine remap(o, moved, spot, gone, come, time, said, errors)
+  subroutine remap(o, moved, spot, left_came, time, said, errors)
     type(overlap_type), intent(inout) :: o
     type(cells_type), intent(in) :: moved  !! the mesh as it is
     type(spot_type), intent(in) :: spot(:)
     real(wp), intent(in) :: time           !! [s]
-    integer(i4), intent(in) :: gone, come  !! grains
+    integer, intent(in) :: left_came(2)    !! grains that left, and that came
     character(len=:), allocatable, intent(inout) :: said
     type(error_list_type), intent(inout) :: errors
     real(wp) :: before
@@ -128,9 +128,9 @@ contains
     if (len(said) > 0) said = said//'; '
     if (len(said) == 0) said = 'time '//short_number(time)//' s: '
     said = said//'remap '//str(o%map%remaps)//': grains moved up to '// &
-      short_number(o%map%past/o%sets%least_size)//' of an element past the nodes, '//str(gone)// &
-      ' left, '//str(come)//' came, '//str(count(o%map%seen))//' are seen; energy changed by '// &
-      short_number(o%edge_kinetic() - before)//' J'
+      short_number(o%map%past/o%sets%least_size)//' of an element past the nodes, '// &
+      str(left_came(1))//' left, '//str(left_came(2))//' came, '//str(count(o%map%seen))// &
+      ' are seen; energy changed by '//short_number(o%edge_kinetic() - before)//' J'
   end subroutine remap
 
   !> Loads that balance the start, which prescribed nodes transfer to other grains now.

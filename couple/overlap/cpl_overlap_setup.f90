@@ -16,7 +16,7 @@ module cpl_overlap_setup
     what_mass_factor, what_mesh
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, rotation_fixed, rotation_curl, rotation_micro
-  use cpl_operators, only: weigh_unit, weigh_mass, weigh_volume
+  use cpl_operators, only: map_choice_type, weigh_unit, weigh_mass, weigh_volume
   use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, prescribed_set, edge_set, &
     prescribed_phi_set, edge_phi_set
   use cpl_overlap_file, only: hash_of
@@ -76,8 +76,8 @@ contains
     if (errors%any()) return
     if (choices%overlap%remap > 0.0_wp .and. .not. choices%overlap%bound) &
       call o%sets%take_neighbours(o%pack)
-    call o%op%build(o%cells, o%sets, o%pack, rotation_of(o, choices), weights_of(choices), &
-                    choices%overlap%projection == 'mls', errors)
+    call o%op%build(o%cells, o%sets, o%pack, map_choice_type(rotation_of(o, choices), &
+      weights_of(choices), choices%overlap%projection == 'mls'), errors)
     if (errors%any()) return
     o%rules%turns = o%op%prescribed_phi > 0
     o%rules%in_parts = o%rules%symmetric .and. o%rules%substeps > 1 .and. &

@@ -14,7 +14,7 @@ module cpl_overlap_start
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type
   use cpl_homogenise, only: pack_average_type, average_pack, extend_average, stress_at
-  use cpl_initial, only: correct_initial
+  use cpl_initial, only: initial_state_type, correct_initial
   use cpl_moduli, only: choose_moduli, send_moduli
   use cpl_overlap, only: overlap_type
   use cpl_overlap_loads, only: begin_loads
@@ -105,7 +105,8 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(partition_type) :: partition
     integer(i4), allocatable :: row(:), at(:)
-    real(wp), allocatable :: outer(:, :), load(:, :), rest(:, :), stress(:, :), couple(:, :), w(:)
+    type(initial_state_type) :: state
+    real(wp), allocatable :: outer(:, :), load(:, :), rest(:, :)
     logical, allocatable :: free(:, :), chosen(:)
     integer(i4), allocatable :: prescribed(:)
 
@@ -115,7 +116,7 @@ contains
     end if
     call extend_average(o, solid%gravity, start%average)
     call fill_partition(o, start%contacts, start%points, partition, row, at, whole=.true.)
-    call point_stresses(start, at, partition%polar, stress, couple)
+    call point_stresses(start, at, partition%polar, state%stress, state%couple)
     call rehearse(o, solid, timers, errors)
     call begin_loads(o, solid, .false., timers, errors)
     call choose_nodes(o, solid, .true., free, timers, errors)
@@ -125,14 +126,15 @@ contains
     load = outer
     load(:, prescribed) = 0.0_wp
     call add_ghosts(o, solid%gravity, load)
-    load = load(:, :partition%blocks())
-    allocate (w(size(row)), source=0.0_wp)
+    state%load = load(:, :partition%blocks())
+    state%beta = o%share%beta(at)
+    state%force = start%contacts%force(:, row)
+    allocate (state%w(size(row)), source=0.0_wp)
     allocate (chosen(size(partition%region)), source=.true.)
-    call correct_initial(partition, w, o%share%beta(at), start%contacts%force(:, row), load, &
-                         free(:, :partition%blocks()), chosen, stress, couple, o%start%initial, &
-                         errors)
+    call correct_initial(partition, state, free(:, :partition%blocks()), chosen, &
+                         o%start%initial, errors)
     if (errors%any()) return
-    call keep_stress(o, start%points, at, stress, couple)
+    call keep_stress(o, start%points, at, state%stress, state%couple)
     call send_stress(o, solid, timers, errors)
     call outer_loads(o, solid, rest, timers, errors)
     if (errors%any()) return

@@ -15,7 +15,7 @@ module cpl_overlap_state
   private
   public :: loads_type, overlap_rules_type, overlap_map_type, overlap_own_type, &
     overlap_limit_type, overlap_share_type, overlap_start_type, overlap_motion_type, &
-    overlap_forces_type, overlap_ledger_type
+    increment_type, overlap_forces_type, overlap_ledger_type
 
   !> Loads of the solid's deck on prescribed nodes, without weight.
   type :: loads_type
@@ -121,6 +121,12 @@ module cpl_overlap_state
     procedure :: put => put_motion
     procedure :: get => get_motion
   end type overlap_motion_type
+
+  !> Motion in a step of the grains, for works.
+  type :: increment_type
+    real(wp), allocatable :: u(:, :), phi(:, :)        !! nodes at its start [m], [rad]
+    real(wp), allocatable :: moved(:, :), turns(:, :)  !! of the (active) ghosts, in it
+  end type increment_type
 
   !> Forces on what is free, and those of ghosts and elements that they come from.
   type :: overlap_forces_type

@@ -15,7 +15,8 @@ module cpl_overlap_static
   use cpl_choices, only: interface_aitken
   use cpl_overlap, only: overlap_type, prescribed_set, edge_set, prescribed_phi_set, edge_phi_set
   use cpl_overlap_loads, only: follow_loads
-  use cpl_overlap_ask, only: send_kick, read_free, accept_both
+  use cpl_overlap_ask, only: kick_type, send_kick, read_free, accept_both
+  use cpl_overlap_state, only: increment_type
   use cpl_overlap_step, only: evaluate_forces
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
@@ -23,6 +24,11 @@ module cpl_overlap_static
   public :: static_step, begin_static
 
   real(wp), parameter :: first_factor = 0.5_wp  !! of Aitken
+
+  !> Where the nodes are.
+  type :: nodes_type
+    real(wp), allocatable :: u(:, :), phi(:, :)  !! (3, nodes) [m], (3, nodes_phi) [rad]
+  end type nodes_type
 
 contains
 
@@ -49,41 +55,41 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     real(wp), dimension(3, o%op%ghosts) :: v, spin
-    real(wp), dimension(3, o%op%free) :: q, theta
-    real(wp), dimension(3, o%op%nodes) :: u, u0, u1
-    real(wp), dimension(3, o%op%nodes_phi) :: phi, phi0, phi1
+    type(nodes_type) :: start, solved
+    type(increment_type) :: step
     real(wp), allocatable :: load(:, :)
     real(wp) :: dt, now
     integer(i4) :: k
 
     dt = h/o%rules%substeps
-    u0 = o%motion%u
-    phi0 = o%motion%phi
-    call solve_solid(o, solvers(side_solid), t0, t1, u1, phi1, timers, errors)
+    start = nodes_type(o%motion%u, o%motion%phi)
+    call solve_solid(o, solvers(side_solid), t0, t1, solved, timers, errors)
     call follow_loads(o, solvers(side_solid), t1, timers, errors)
     if (errors%any()) return
     do k = 1, o%rules%substeps
       now = merge(t1, t0 + k*dt, k == o%rules%substeps)
-      call send_kick(o, solvers(side_grains), merge(0.5_wp*dt, dt, k == 1), dt, now - dt, now, &
-                     .false., timers, errors)
+      call send_kick(o, solvers(side_grains), kick_type(merge(0.5_wp*dt, dt, k == 1), dt, &
+        now - dt, now), .false., timers, errors)
       if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
       if (errors%any()) return
-      q = o%motion%q
-      theta = o%motion%theta
-      u = o%motion%u
-      phi = o%motion%phi
+      o%motion%q_before = o%motion%q
+      o%motion%theta_before = o%motion%theta
+      step%u = o%motion%u
+      step%phi = o%motion%phi
       call read_free(o, solvers(side_grains), timers, errors)
       associate (a => o%op%prescribed + 1, b => o%op%prescribed_phi + 1, share => real(k, &
         wp)/o%rules%substeps)
-        o%motion%u(:, a:) = u0(:, a:) + share*(u1(:, a:) - u0(:, a:))
-        o%motion%phi(:, b:) = phi0(:, b:) + share*(phi1(:, b:) - phi0(:, b:))
+        o%motion%u(:, a:) = start%u(:, a:) + share*(solved%u(:, a:) - start%u(:, a:))
+        o%motion%phi(:, b:) = start%phi(:, b:) + share*(solved%phi(:, b:) - start%phi(:, b:))
       end associate
       call o%follow(dt, v, spin)
       call evaluate_forces(o, solvers, v, spin, now, timers, errors)
       if (errors%any()) return
-      call o%note_work(q, theta, u, phi, o%forces%p, o%forces%m, dt*v, dt*spin)
+      step%moved = dt*v
+      step%turns = dt*spin
+      call o%note_work(step)
     end do
-    call send_kick(o, solvers(side_grains), 0.5_wp*dt, 0.0_wp, t1, t1, .false., timers, &
+    call send_kick(o, solvers(side_grains), kick_type(0.5_wp*dt, 0.0_wp, t1, t1), .false., timers, &
                    errors)
     if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
     if (errors%any()) return
@@ -110,18 +116,17 @@ contains
 
   !> SOLVE at t1 with the prescribed nodes where the grains hold them and the edge's load; the
   !! edge's place comes back.
-  subroutine solve_solid(o, solid, t0, t1, u, phi, timers, errors)
+  subroutine solve_solid(o, solid, t0, t1, solved, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solid
     real(wp), intent(in) :: t0, t1
-    real(wp), intent(out) :: u(:, :), phi(:, :)  !! (3, nodes), (3, nodes_phi)
+    type(nodes_type), intent(out) :: solved
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     real(wp) :: edge(3, o%op%nodes - o%op%prescribed), turn(3, o%op%nodes_phi - o%op%prescribed_phi)
     integer(i4) :: turning(size(turn, 2)/o%op%stride)
 
-    u = o%motion%u
-    phi = o%motion%phi
+    solved = nodes_type(o%motion%u, o%motion%phi)
     call solid%start_request(verb_solve, o%step, t0, t1)
     call solid%request%put(prescribed_set//dot_u, o%motion%u(:, :o%op%prescribed))
     call solid%request%put(edge_set//dot_force, o%relax%held(:3, :))
@@ -137,8 +142,8 @@ contains
     if (o%op%nodes_phi > 0) call solid%reply%get(edge_phi_set//dot_phi, turn, errors)
     call solid%reply%get(field_scalars, o%ledger%solid, errors)
     if (errors%any()) return
-    u(:, o%op%prescribed + 1:) = edge
-    if (o%op%nodes_phi > 0) phi(:, o%op%prescribed_phi + 1:) = turn
+    solved%u(:, o%op%prescribed + 1:) = edge
+    if (o%op%nodes_phi > 0) solved%phi(:, o%op%prescribed_phi + 1:) = turn
   end subroutine solve_solid
 
   !> Edge nodes that have a micro-rotation, counted along the edge.

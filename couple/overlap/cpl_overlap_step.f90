@@ -12,21 +12,26 @@ module cpl_overlap_step
   use talus_timers, only: timers_type
   use cpl_audit_file, only: audit_file_type
   use cpl_overlap, only: overlap_type
-  use cpl_overlap_ask, only: send_kick, read_free, send_bulk, read_bulk, ask_solid, ask_grains, &
-    take_forces, send_accept
+  use cpl_overlap_ask, only: kick_type, send_kick, read_free, send_bulk, read_bulk, ask_solid, &
+    ask_grains, take_forces, send_accept
   use cpl_overlap_loads, only: renew_loads
   use cpl_overlap_parts, only: remember_start, follow_active, follow_all, work_of_parts, &
     finish_parts
+  use cpl_overlap_state, only: increment_type
+  use cpl_run, only: cpl_run_type
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
   public :: overlap_step, evaluate_forces
 
-  !> A step of the grains whose works are yet to be noted.
+  !> A step of the grains in an exchange.
   type :: step_type
-    logical :: due = .false.
-    real(wp), allocatable :: u(:, :), phi(:, :)        !! nodes at its start [m], [rad]
-    real(wp), allocatable :: moved(:, :), turns(:, :)  !! of the (active) ghosts, in it
+    real(wp) :: h = 0.0_wp, dt = 0.0_wp            !! lengths of exchange and step [s]
+    real(wp) :: t0 = 0.0_wp, t1 = 0.0_wp           !! of the exchange [s]
+    real(wp) :: now = 0.0_wp                       !! end of the step [s]
+    logical :: first = .false., last = .false.     !! of the exchange
+    logical :: due = .false.                       !! its works are yet to be noted
+    type(increment_type) :: increment
   end type step_type
 
 contains
@@ -34,55 +39,72 @@ contains
   !> From t0 to t1 [s], accepted on both sides; after a fault nothing was accepted. The length h is
   !! the same in every exchange, free of the rounding of times. What no solver waits for is done
   !! while they work, such as writing the row of the exchange before.
-  subroutine overlap_step(o, solvers, h, t0, t1, audit, timers, errors)
+  subroutine overlap_step(o, run, t0, t1, audit, errors)
     type(overlap_type), intent(inout) :: o
-    type(cpl_solver_type), intent(inout) :: solvers(2)
-    real(wp), intent(in) :: h, t0, t1
+    type(cpl_run_type), intent(inout) :: run
+    real(wp), intent(in) :: t0, t1
     type(audit_file_type), intent(inout) :: audit
-    type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     type(step_type) :: step
-    real(wp) :: dt, kick, now
     integer(i4) :: k
 
-    dt = h/o%rules%substeps
-    call renew_loads(o, solvers(side_solid), t0, t1, timers, errors)
-    if (errors%any()) return
-    do k = 1, o%rules%substeps
-      now = merge(t1, t0 + k*dt, k == o%rules%substeps)
-      kick = merge(0.5_wp*dt, dt, k == 1)
-      call send_kick(o, solvers(side_grains), kick, dt, now - dt, now, k == 1, timers, errors)
-      if (k == 1) then
-        call send_bulk(o, solvers(side_solid), merge(0.5_wp*h, h, o%rules%symmetric), h, t0, t1, &
-                       timers, errors)
-        call begin_exchange(o, h)
-      end if
-      call note_step(o, step, timers)
-      step%u = o%motion%u
-      step%phi = o%motion%phi
-      if (o%rules%symmetric) call o%kick_edge(kick, o%forces%f, o%forces%c)
-      call o%drift_edge(dt)
-      if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
+    step%h = run%choices%exchange
+    step%dt = step%h/o%rules%substeps
+    step%t0 = t0
+    step%t1 = t1
+    associate (solvers => run%solvers, timers => run%timers)
+      call renew_loads(o, solvers(side_solid), t0, t1, timers, errors)
       if (errors%any()) return
-      call keep_before(o)
-      call read_free(o, solvers(side_grains), timers, errors)
-      call note_damping(o)
-      if (o%forces%parts%active) then
-        call step_in_parts(o, solvers, dt, h, now, k == 1, k == o%rules%substeps, step, timers, &
-          errors)
-      else
-        call step_at_once(o, solvers, dt, h, now, k == 1, k == o%rules%substeps, step, timers, &
-          errors)
-      end if
+      do k = 1, o%rules%substeps
+        step%first = k == 1
+        step%last = k == o%rules%substeps
+        step%now = merge(t1, t0 + k*step%dt, step%last)
+        call begin_step(o, solvers, step, timers, errors)
+        if (errors%any()) return
+        if (o%forces%parts%active) then
+          call step_in_parts(o, solvers, step, timers, errors)
+        else
+          call step_at_once(o, solvers, step, timers, errors)
+        end if
+        if (errors%any()) return
+        call note_damping(o)
+      end do
+      call finish_step(o, solvers, step, audit, timers, errors)
       if (errors%any()) return
-      call note_damping(o)
-    end do
-    call finish_step(o, solvers, dt, h, t0, t1, step, audit, timers, errors)
-    if (errors%any()) return
-    solvers%owes = .true.  ! answers to ACCEPT, which nobody needs yet
-    o%step = o%step + 1
-    if (o%forces%parts%active) call finish_parts(o, solvers(side_grains), timers, errors)
+      solvers%owes = .true.  ! answers to ACCEPT, which nobody needs yet
+      o%step = o%step + 1
+      if (o%forces%parts%active) call finish_parts(o, solvers(side_grains), timers, errors)
+    end associate
   end subroutine overlap_step
+
+  !> KICK_DRIFT of the grains, and of the solid once an exchange; meanwhile the edge is moved.
+  subroutine begin_step(o, solvers, step, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(step_type), intent(inout) :: step
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: kick
+
+    kick = merge(0.5_wp*step%dt, step%dt, step%first)
+    call send_kick(o, solvers(side_grains), kick_type(kick, step%dt, step%now - step%dt, &
+      step%now), step%first, timers, errors)
+    if (step%first) then
+      call send_bulk(o, solvers(side_solid), kick_type(merge(0.5_wp*step%h, step%h, &
+        o%rules%symmetric), step%h, step%t0, step%t1), timers, errors)
+      call begin_exchange(o, step%h)
+    end if
+    call note_step(o, step, timers)
+    step%increment%u = o%motion%u
+    step%increment%phi = o%motion%phi
+    if (o%rules%symmetric) call o%kick_edge(kick, o%forces%f, o%forces%c)
+    call o%drift_edge(step%dt)
+    if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
+    if (errors%any()) return
+    call keep_before(o)
+    call read_free(o, solvers(side_grains), timers, errors)
+    call note_damping(o)
+  end subroutine begin_step
 
   !> State at the start, and the edge's kick with the forces that come once an exchange.
   subroutine begin_exchange(o, h)
@@ -104,13 +126,7 @@ contains
     if (.not. step%due) return
     step%due = .false.
     call timers%start('works')
-    if (o%forces%parts%active) then
-      call o%note_work(o%motion%q_before, o%motion%theta_before, step%u, step%phi, &
-        o%forces%parts%p_active, o%forces%parts%m_active, step%moved, step%turns)
-    else
-      call o%note_work(o%motion%q_before, o%motion%theta_before, step%u, step%phi, o%forces%p, &
-        o%forces%m, step%moved, step%turns)
-    end if
+    call o%note_work(step%increment)
     call timers%stop('works')
   end subroutine note_step
 
@@ -130,57 +146,54 @@ contains
   end subroutine exchange_arrays
 
   !> Ghosts follow, all forces.
-  subroutine step_at_once(o, solvers, dt, h, now, first, last, step, timers, errors)
+  subroutine step_at_once(o, solvers, step, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
-    real(wp), intent(in) :: dt, h, now    !! [s]
-    logical, intent(in) :: first, last    !! of this exchange
     type(step_type), intent(inout) :: step
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     real(wp), dimension(3, o%op%ghosts) :: v, spin
 
     call timers%start('projection and maps')
-    call o%follow(dt, v, spin)
+    call o%follow(step%dt, v, spin)
     call timers%stop('projection and maps')
-    if (first .and. .not. errors%any()) call solvers(side_solid)%receive(timers, errors)
-    call ask_solid(o, solvers(side_solid), now, timers, errors)
-    call ask_grains(o, solvers(side_grains), v, spin, now, timers, errors)
-    step%moved = dt*v
-    step%turns = dt*spin
+    if (step%first .and. .not. errors%any()) call solvers(side_solid)%receive(timers, errors)
+    call ask_solid(o, solvers(side_solid), step%now, timers, errors)
+    call ask_grains(o, solvers(side_grains), v, spin, step%now, timers, errors)
+    step%increment%moved = step%dt*v
+    step%increment%turns = step%dt*spin
     step%due = .true.
-    call take_step_forces(o, solvers, h, last, now, timers, errors)
+    call take_step_forces(o, solvers, step, timers, errors)
   end subroutine step_at_once
 
   !> The same where forces come in parts. The solid goes on as soon as the nodes are known, unless
   !! it may still be busy with its own step.
-  subroutine step_in_parts(o, solvers, dt, h, now, first, last, step, timers, errors)
+  subroutine step_in_parts(o, solvers, step, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
-    real(wp), intent(in) :: dt, h, now    !! [s]
-    logical, intent(in) :: first, last    !! of this exchange
     type(step_type), intent(inout) :: step
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     real(wp), dimension(3, size(o%forces%parts%near)) :: moved, turns
 
     call timers%start('projection and maps')
-    call o%follow_prescribed(dt)
+    call o%follow_prescribed(step%dt)
     call timers%stop('projection and maps')
-    if (.not. first) call ask_solid(o, solvers(side_solid), now, timers, errors)
+    if (.not. step%first) call ask_solid(o, solvers(side_solid), step%now, timers, errors)
     call timers%start('projection and maps')
     call follow_active(o, moved, turns)
     call timers%stop('projection and maps')
-    call ask_grains(o, solvers(side_grains), moved/dt, turns/dt, now, timers, errors)
-    if (first) then
+    call ask_grains(o, solvers(side_grains), moved/step%dt, turns/step%dt, step%now, timers, &
+                    errors)
+    if (step%first) then
       if (.not. errors%any()) call solvers(side_solid)%receive(timers, errors)
-      call ask_solid(o, solvers(side_solid), now, timers, errors)
+      call ask_solid(o, solvers(side_solid), step%now, timers, errors)
     end if
-    step%moved = moved
-    step%turns = turns
+    step%increment%moved = moved
+    step%increment%turns = turns
     step%due = .true.
-    if (last) call place_all(o, h)
-    call take_step_forces(o, solvers, h, last, now, timers, errors)
+    if (step%last) call place_all(o, step%h)
+    call take_step_forces(o, solvers, step, timers, errors)
 
   contains
 
@@ -195,18 +208,17 @@ contains
   end subroutine step_in_parts
 
   !> Forces at the end of a step; at that of an exchange also those that come once an exchange.
-  subroutine take_step_forces(o, solvers, h, last, now, timers, errors)
+  subroutine take_step_forces(o, solvers, step, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
-    real(wp), intent(in) :: h, now  !! [s]
-    logical, intent(in) :: last     !! of this exchange
+    type(step_type), intent(in) :: step
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    if (last) then
-      call take_forces(o, solvers, o%forces%parts%active, now, timers, errors, &
-                       end_kick=merge(0.5_wp*h, 0.0_wp, o%rules%symmetric))
+    if (step%last) then
+      call take_forces(o, solvers, o%forces%parts%active, step%now, timers, errors, &
+                       end_kick=merge(0.5_wp*step%h, 0.0_wp, o%rules%symmetric))
     else
-      call take_forces(o, solvers, .false., now, timers, errors)
+      call take_forces(o, solvers, .false., step%now, timers, errors)
     end if
   end subroutine take_step_forces
 
@@ -231,18 +243,18 @@ contains
   end subroutine note_damping
 
   !> The last half kicks, with everything at t1; ACCEPT is sent to both.
-  subroutine finish_step(o, solvers, dt, h, t0, t1, step, audit, timers, errors)
+  subroutine finish_step(o, solvers, step, audit, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
-    real(wp), intent(in) :: dt, h, t0, t1  !! [s]
     type(step_type), intent(inout) :: step
     type(audit_file_type), intent(inout) :: audit
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
 
-    call send_kick(o, solvers(side_grains), 0.5_wp*dt, 0.0_wp, t1, t1, .true., timers, errors)
+    call send_kick(o, solvers(side_grains), kick_type(0.5_wp*step%dt, 0.0_wp, step%t1, step%t1), &
+      .true., timers, errors)
     if (errors%any()) return
-    if (o%rules%symmetric) call o%kick_edge(0.5_wp*dt, o%forces%f, o%forces%c)
+    if (o%rules%symmetric) call o%kick_edge(0.5_wp*step%dt, o%forces%f, o%forces%c)
     call note_step(o, step, timers)
     if (o%forces%parts%active) call work_of_parts(o, timers)
     call o%look_past()
@@ -252,19 +264,19 @@ contains
     if (.not. errors%any()) call solvers(side_solid)%receive(timers, errors)
     if (.not. errors%any()) call read_bulk(o, solvers(side_solid), errors)
     if (errors%any()) return
-    if (o%rules%symmetric) call kick_with_bulk(o, 0.5_wp*h)
+    if (o%rules%symmetric) call kick_with_bulk(o, 0.5_wp*step%h)
     if (.not. o%finite()) &
       call errors%add('N407', 'a force or displacement of the overlap is no number', &
-                      'exchange to '//str(t1)//' s', 'one side has become unstable: check '// &
+                      'exchange to '//str(step%t1)//' s', 'one side has become unstable: check '// &
                       'the steps of both against their limits')
     if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
     if (errors%any()) return
-    call send_accept(o, solvers(side_grains), t0, t1, timers, errors)
+    call send_accept(o, solvers(side_grains), step%t0, step%t1, timers, errors)
     if (o%rules%hears_speed) call read_free(o, solvers(side_grains), timers, errors)
     call solvers(side_grains)%reply%get(field_scalars, o%ledger%grains, errors)
     if (o%own%carried%active) call o%op%to_prescribed(o%motion%speed, o%motion%spin, o%motion%v, &
       o%motion%w)
-    call send_accept(o, solvers(side_solid), t0, t1, timers, errors)
+    call send_accept(o, solvers(side_solid), step%t0, step%t1, timers, errors)
   end subroutine finish_step
 
   !> FORCE on both sides with ghosts and nodes where they are now, and what comes back to the free.

@@ -11,7 +11,7 @@ module cpl_initial
   use cpl_partition, only: partition_type, residual_rows, add_point, mean_sizes
   implicit none
   private
-  public :: initial_type, correct_initial, initial_rest, balanced
+  public :: initial_type, initial_state_type, correct_initial, initial_rest, balanced
 
   real(wp), parameter :: balanced = 1.0e-10_wp  !! largest rest that is let pass [-]
   real(wp), parameter :: goal = 1.0e-14_wp
@@ -26,6 +26,15 @@ module cpl_initial
     integer(i4) :: rounds = 0                    !! of conjugate gradients
   end type initial_type
 
+  !> Weights, forces and stresses of a partition at the start.
+  type :: initial_state_type
+    real(wp), allocatable :: w(:), beta(:)   !! (contacts), (points)
+    real(wp), allocatable :: force(:, :)     !! (3, contacts) on the first grain [N]
+    real(wp), allocatable :: stress(:, :)    !! (9, points) [Pa]
+    real(wp), allocatable :: couple(:, :)    !! (9, points) [N/m]
+    real(wp), allocatable :: load(:, :)      !! (3, blocks) from outside, such as weight [N], [N m]
+  end type initial_state_type
+
   !> Rows that count, and what scales them.
   type :: rows_type
     real(wp), allocatable :: scale(:, :, :)  !! (3, 1, blocks) 0: the row does not count
@@ -38,53 +47,49 @@ module cpl_initial
 contains
 
   !> Rest of the rows: contact forces, initial stress and couple stress, less loads from outside.
-  pure subroutine initial_rest(self, w, beta, force, stress, couple, load, row)
+  pure subroutine initial_rest(self, state, row)
     type(partition_type), intent(in) :: self
-    real(wp), intent(in) :: w(:), beta(:)
-    real(wp), intent(in) :: force(:, :)    !! (3, contacts) on the first grain [N]
-    real(wp), intent(in) :: stress(:, :)   !! (9, points) [Pa]
-    real(wp), intent(in) :: couple(:, :)   !! (9, points) [N/m]
-    real(wp), intent(in) :: load(:, :)     !! (3, blocks) from outside, such as weight [N], [N m]
+    type(initial_state_type), intent(in) :: state
     real(wp), allocatable, intent(out) :: row(:, :, :)  !! (3, 1, blocks)
     real(wp), allocatable :: none(:, :, :)
     integer(i4) :: q
 
     allocate (none(9, 1, size(self%region)), source=0.0_wp)
-    call residual_rows(self, w, beta(:0), reshape(force, [3, 1, size(force, 2)]), none, row)
-    do q = 1, size(beta)
-      if (.not. beta(q) > 0.0_wp) cycle
-      call add_point(self, q, beta(q)*self%volume(q), stress(:, q:q), row, couple(:, q:q))
+    call residual_rows(self, state%w, state%beta(:0), &
+                       reshape(state%force, [3, 1, size(state%force, 2)]), none, row)
+    do q = 1, size(state%beta)
+      if (.not. state%beta(q) > 0.0_wp) cycle
+      call add_point(self, q, state%beta(q)*self%volume(q), state%stress(:, q:q), row, &
+                     state%couple(:, q:q))
     end do
-    row(:, 1, :) = row(:, 1, :) - load
+    row(:, 1, :) = row(:, 1, :) - state%load
   end subroutine initial_rest
 
   !> Bring the rest of the rows that are free to zero by changing stress and couple stress of the
   !! points of chosen elements. N442 when a rest above 1e-10 of the mean contact force stays.
-  subroutine correct_initial(self, w, beta, force, load, free, chosen, stress, couple, &
-                             report, errors)
+  subroutine correct_initial(self, state, free, chosen, report, errors)
     type(partition_type), intent(in) :: self
-    real(wp), intent(in) :: w(:), beta(:), force(:, :), load(:, :)
+    type(initial_state_type), intent(inout) :: state
     logical, intent(in) :: free(:, :)   !! (3, blocks) no support holds it
     logical, intent(in) :: chosen(:)    !! (elements)
-    real(wp), intent(inout) :: stress(:, :), couple(:, :)
     type(initial_type), intent(out) :: report
     type(error_list_type), intent(inout) :: errors
     type(rows_type) :: rows
     real(wp), allocatable :: rest(:, :, :), old(:, :), y(:, :, :)
     integer(i4) :: k
 
-    call make_rows(self, beta, force, free, chosen, rows)
-    allocate (old, source=stress)
+    call make_rows(self, state%beta, state%force, free, chosen, rows)
+    allocate (old, source=state%stress)
     do k = 0, restarts
-      call initial_rest(self, w, beta, force, stress, couple, load, rest)
+      call initial_rest(self, state, rest)
       rest = rest*rows%scale
       report%after = maxval(abs(rest))
       if (k == 0) report%before = report%after
       if (report%after <= goal .or. k == restarts) exit
       call solve(self, rows, rest, y, report%rounds)
-      call change(self, rows, y, stress, couple)
+      call change(self, rows, y, state%stress, state%couple)
     end do
-    call largest_change(self, stress - old, stress, report)
+    call largest_change(self, state%stress - old, state%stress, report)
     if (report%after > balanced) &
       call errors%add('N442', 'the initial stress leaves '//str(report%after)//' of a mean '// &
                       'contact force at the nodes under ghosts', 'initial state', &

@@ -8,7 +8,7 @@ module cpl_partition_file
   use talus_text, only: is_finite
   use talus_errors, only: error_list_type
   use talus_hdf5, only: h5_file_type
-  use cpl_initial, only: initial_type, correct_initial
+  use cpl_initial, only: initial_type, initial_state_type, correct_initial
   use cpl_weight_choice, only: weight_choice_type, choose_weights, weight_choice_of, weights_given
   use cpl_partition, only: partition_type, grain_ghost, state_count, turn_none, turn_curl, &
     turn_micro, uniform_states, residual_rows, mean_sizes, worst_rows
@@ -233,22 +233,24 @@ contains
     real(wp), intent(in) :: w(:), beta(:)
     type(error_list_type), intent(inout) :: errors
     type(initial_type) :: report
-    real(wp), allocatable :: force(:, :), stress(:, :), couple(:, :), load(:, :)
+    type(initial_state_type) :: state
     integer(i4), allocatable :: free(:, :), chosen(:)
 
-    allocate (force(3, size(w)), stress(9, size(beta)), couple(9, size(beta)), &
-              load(3, overlap%blocks()), free(3, overlap%blocks()), chosen(size(overlap%region)))
-    call file%get_into('/contacts/force', force, errors)
-    call file%get_into('/points/stress', stress, errors)
-    call file%get_into('/points/couple', couple, errors)
-    call file%get_into('/blocks/load', load, errors)
+    allocate (state%w, source=w)
+    allocate (state%beta, source=beta)
+    allocate (state%force(3, size(w)), state%stress(9, size(beta)), state%couple(9, size(beta)), &
+              state%load(3, overlap%blocks()))
+    allocate (free(3, overlap%blocks()), chosen(size(overlap%region)))
+    call file%get_into('/contacts/force', state%force, errors)
+    call file%get_into('/points/stress', state%stress, errors)
+    call file%get_into('/points/couple', state%couple, errors)
+    call file%get_into('/blocks/load', state%load, errors)
     call file%get_into('/blocks/free', free, errors)
     call file%get_into('/elements/chosen', chosen, errors)
     if (errors%any()) return
-    call correct_initial(overlap, w, beta, force, load, free == 1, chosen == 1, stress, couple, &
-                         report, errors)
-    call result%put('/stress', stress, errors)
-    call result%put('/couple', couple, errors)
+    call correct_initial(overlap, state, free == 1, chosen == 1, report, errors)
+    call result%put('/stress', state%stress, errors)
+    call result%put('/couple', state%couple, errors)
     call result%attr_put('/', 'initial_before', report%before, errors)
     call result%attr_put('/', 'initial_after', report%after, errors)
     call result%attr_put('/', 'initial_change', report%change, errors)

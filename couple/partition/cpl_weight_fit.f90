@@ -34,6 +34,13 @@ module cpl_weight_fit
     real(wp) :: change = 0.0_wp                  !! largest of a weight [-]
   end type fit_type
 
+  !> Weights for some multipliers.
+  type :: trial_type
+    real(wp), allocatable :: x(:), r(:)      !! weights, their rows
+    logical, allocatable :: free(:)          !! inside the bounds
+    real(wp) :: value = 0.0_wp               !! of the dual function
+  end type trial_type
+
   !> Columns of A, sparse.
   type :: columns_type
     integer(i4) :: n = 0
@@ -159,7 +166,7 @@ contains
     type(columns_type), intent(inout) :: columns
     integer(i4), allocatable :: longer(:)
     real(wp), allocatable :: longer_value(:)
-    integer(i4) :: k, a, b, s, i, last, at
+    integer(i4) :: k, a, b, last
 
     last = columns%start(columns%n + 1) - 1
     k = last + a_block*size(elements)*(size(self%node_u, 1) + size(self%node_phi, 1))
@@ -174,21 +181,32 @@ contains
       do a = 1, size(self%node_u, 1) + size(self%node_phi, 1)
         b = block_of(self, a, elements(k))
         if (b == 0) cycle
-        do s = 1, state_count
-          do i = 1, 3
-            at = a_block*(b - 1) + 3*(s - 1) + i
-            if (.not. abs(row(i, s, b)*scale(at)) > 0.0_wp) cycle
-            last = last + 1
-            columns%row(last) = at
-            columns%value(last) = row(i, s, b)*scale(at)
-          end do
-        end do
+        call append_block(b, row(:, :, b), scale, columns, last)
         row(:, :, b) = 0.0_wp
       end do
     end do
     columns%n = columns%n + 1
     columns%start(columns%n + 1) = last + 1
   end subroutine take_column
+
+  !> Entries of a block that are not 0, after the last one.
+  pure subroutine append_block(b, block, scale, columns, last)
+    integer(i4), intent(in) :: b
+    real(wp), intent(in) :: block(:, :)  !! (3, states)
+    real(wp), intent(in) :: scale(:)
+    type(columns_type), intent(inout) :: columns
+    integer(i4), intent(inout) :: last
+    integer(i4) :: s, i, at
+    do s = 1, state_count
+      do i = 1, 3
+        at = a_block*(b - 1) + 3*(s - 1) + i
+        if (.not. abs(block(i, s)*scale(at)) > 0.0_wp) cycle
+        last = last + 1
+        columns%row(last) = at
+        columns%value(last) = block(i, s)*scale(at)
+      end do
+    end do
+  end subroutine append_block
 
   !> Block of place a in an element's lists, 0 if there is none.
   pure integer(i4) function block_of(self, a, element) result(b)
@@ -226,18 +244,18 @@ contains
     real(wp), allocatable, intent(out) :: x(:)
     type(fit_type), intent(inout) :: fit
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: matrix(:, :), y(:), dy(:), r(:), next_r(:)
-    logical, allocatable :: free(:)
-    real(wp) :: value, next_value, part, before
+    type(trial_type) :: now, next
+    real(wp), allocatable :: matrix(:, :), y(:), dy(:)
+    real(wp) :: part, before
     integer(i4) :: k
     logical :: good
 
     allocate (matrix(columns%rows, columns%rows), y(columns%rows), source=0.0_wp)
-    call weights_at(columns, x0, r0, y, x, r, free, value)
-    do while (fit%rounds < most_rounds .and. maxval(abs(r)) > done)
+    call weights_at(columns, x0, r0, y, now)
+    do while (fit%rounds < most_rounds .and. maxval(abs(now%r)) > done)
       fit%rounds = fit%rounds + 1
       do k = 1, most_raises
-        call square(columns, free, max(ridge, share*min(1.0_wp, maxval(abs(r)))) &
+        call square(columns, now%free, max(ridge, share*min(1.0_wp, maxval(abs(now%r)))) &
                     *share**(1 - k), matrix)
         call factor_dense(matrix, good)
         if (good) exit
@@ -247,43 +265,43 @@ contains
                         'energy partition', 'contacts without stiffness, or elements turned over?')
         return
       end if
-      dy = r
+      dy = now%r
       call solve_dense(matrix, dy)
-      before = maxval(abs(r))
+      before = maxval(abs(now%r))
       part = 1.0_wp
       do k = 1, most_halvings
-        call weights_at(columns, x0, r0, y + part*dy, x, next_r, free, next_value)
-        if (next_value >= value + 1.0e-4_wp*part*dot_product(r, dy) .or. &
-            maxval(abs(next_r)) < 0.5_wp*before) exit
+        call weights_at(columns, x0, r0, y + part*dy, next)
+        if (next%value >= now%value + 1.0e-4_wp*part*dot_product(now%r, dy) .or. &
+            maxval(abs(next%r)) < 0.5_wp*before) exit
         part = 0.5_wp*part
       end do
       y = y + part*dy
-      value = next_value
-      call move_alloc(next_r, r)
-      if (before < closed .and. maxval(abs(r)) > 0.5_wp*before) exit
+      now = next
+      if (before < closed .and. maxval(abs(now%r)) > 0.5_wp*before) exit
     end do
+    x = now%x
   end subroutine least_change
 
   !> Weights x = clip(x0 - A' y), their rows, which are inside the bounds, and the dual function.
-  pure subroutine weights_at(columns, x0, r0, y, x, r, free, value)
+  pure subroutine weights_at(columns, x0, r0, y, trial)
     type(columns_type), intent(in) :: columns
     real(wp), intent(in) :: x0(:), r0(:), y(:)
-    real(wp), allocatable, intent(out) :: x(:), r(:)
-    logical, allocatable, intent(out) :: free(:)
-    real(wp), intent(out) :: value
+    type(trial_type), intent(out) :: trial
     real(wp) :: wanted
     integer(i4) :: j
-    allocate (x(columns%n), free(columns%n))
-    allocate (r, source=r0)
-    do j = 1, columns%n
-      associate (from => columns%start(j), to => columns%start(j + 1) - 1)
-        wanted = x0(j) - dot_product(columns%value(from:to), y(columns%row(from:to)))
-        x(j) = min(1.0_wp, max(0.0_wp, wanted))
-        free(j) = wanted >= 0.0_wp .and. wanted <= 1.0_wp
-        r(columns%row(from:to)) = r(columns%row(from:to)) + (x(j) - x0(j))*columns%value(from:to)
-      end associate
-    end do
-    value = 0.5_wp*sum((x - x0)**2) + dot_product(y, r)
+    allocate (trial%x(columns%n), trial%free(columns%n))
+    allocate (trial%r, source=r0)
+    associate (x => trial%x, r => trial%r)
+      do j = 1, columns%n
+        associate (from => columns%start(j), to => columns%start(j + 1) - 1)
+          wanted = x0(j) - dot_product(columns%value(from:to), y(columns%row(from:to)))
+          x(j) = min(1.0_wp, max(0.0_wp, wanted))
+          trial%free(j) = wanted >= 0.0_wp .and. wanted <= 1.0_wp
+          r(columns%row(from:to)) = r(columns%row(from:to)) + (x(j) - x0(j))*columns%value(from:to)
+        end associate
+      end do
+      trial%value = 0.5_wp*sum((x - x0)**2) + dot_product(y, r)
+    end associate
   end subroutine weights_at
 
   !> A A' + raise, lower triangle, over the free columns.

@@ -9,7 +9,7 @@ program test_cpl_operators
   use cpl_choices, only: rotation_fixed, rotation_curl, rotation_micro
   use cpl_elements, only: hex8, hex20, tet4, tet10, node_count
   use cpl_hull, only: hull_type
-  use cpl_operators, only: operators_type, weigh_unit, weigh_mass, weigh_volume
+  use cpl_operators, only: operators_type, map_choice_type, weigh_unit, weigh_volume
   use cpl_rows, only: lanes
   use cpl_sets, only: sets_type, pack_type, part_rest, part_ghost, part_free
   implicit none
@@ -193,33 +193,33 @@ contains
     do rotation = rotation_fixed, rotation_micro
       do weights = weigh_unit, weigh_volume
         do mls = 0, 1
-          call one(trim(label), cells, sets, pack_of, rotation, weights, mls == 1)
+          call one(trim(label), cells, sets, pack_of, map_choice_type(rotation, weights, mls == 1))
         end do
       end do
     end do
     if (any(n == 1)) return
     cells%micromorphic = .true.
-    call one(trim(label)//' chi', cells, sets, pack_of, rotation_micro, weigh_mass, .false.)
-    call one(trim(label)//' chi', cells, sets, pack_of, rotation_micro, weigh_mass, .false., .true.)
+    call one(trim(label)//' chi', cells, sets, pack_of, map_choice_type(rotation_micro))
+    call one(trim(label)//' chi', cells, sets, pack_of, map_choice_type(rotation_micro), .true.)
   end subroutine identities
 
   !> Identities of the operators; `positions`: of micro-deformations by positions alone.
-  subroutine one(label, cells, sets, pack_of, rotation, weights, mls, positions)
+  subroutine one(label, cells, sets, pack_of, choice, positions)
     character(len=*), intent(in) :: label
     type(cells_type), intent(in) :: cells
     type(sets_type), intent(in) :: sets
     type(pack_type), intent(in) :: pack_of
-    integer(i4), intent(in) :: rotation, weights
-    logical, intent(in) :: mls
+    type(map_choice_type), intent(in) :: choice
     logical, intent(in), optional :: positions
     type(operators_type) :: operators
     type(error_list_type) :: errors
     character(len=20) :: what
     real(wp) :: worst
 
-    write (what, '(2(a,i0),a,l1)') ' r', rotation, ' w', weights, ' mls ', mls
+    write (what, '(2(a,i0),a,l1)') ' r', choice%rotation, ' w', choice%weights, &
+      ' mls ', choice%mls
     if (present(positions)) operators%micro%positions = positions
-    call operators%build(cells, sets, pack_of, rotation, weights, mls, errors)
+    call operators%build(cells, sets, pack_of, choice, errors)
     call test%check(label//what//': built', .not. errors%any())
     if (errors%any()) return
     call operators%identity_error(pack_of%x(:, sets%free), cells%x(:, operators%node), &
@@ -316,7 +316,7 @@ contains
 
     call make(hex8, [6, 2, 2], cells, sets, pack_of, 90)
     call sets%sort(cells, pack_of, errors)
-    call operators%build(cells, sets, pack_of, rotation_fixed, weigh_mass, .false., errors)
+    call operators%build(cells, sets, pack_of, map_choice_type(), errors)
     allocate (q(3, operators%free), coarse(3, operators%free))
     allocate (d(3, operators%prescribed), left(3, operators%prescribed))
     do i = 1, operators%free

@@ -9,7 +9,7 @@ program test_cpl_coupled
   use cpl_choices, only: rotation_curl, rotation_micro
   use cpl_coupled, only: coupled_type, motion_type
   use cpl_elements, only: hex8
-  use cpl_operators, only: weigh_mass
+  use cpl_operators, only: map_choice_type
   use cpl_overlap, only: overlap_type
   use cpl_overlap_limit, only: highest_frequency, mode_type
   use cpl_overlap_mass, only: share_mass
@@ -40,8 +40,8 @@ contains
     call make_mesh(o, polar)
     call make_grains(o)
     call o%sets%sort(o%cells, o%pack, errors)
-    call o%op%build(o%cells, o%sets, o%pack, merge(rotation_micro, rotation_curl, polar), &
-                    weigh_mass, .false., errors)
+    call o%op%build(o%cells, o%sets, o%pack, map_choice_type(merge(rotation_micro, &
+      rotation_curl, polar)), errors)
     o%rules%turns = polar
     call o%allocate_state()
     call share_mass(o, mass, errors)

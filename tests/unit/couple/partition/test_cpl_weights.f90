@@ -4,7 +4,7 @@ program test_cpl_weights
   use talus_kinds, only: wp, i4
   use talus_test, only: max_abs, test_type
   use talus_errors, only: error_list_type
-  use cpl_initial, only: initial_type, correct_initial
+  use cpl_initial, only: initial_type, initial_state_type, correct_initial
   use cpl_weight_choice, only: weight_choice_type, choose_weights, weight_choice_of
   use cpl_overlap_partition, only: elastic_tensor
   use cpl_partition, only: partition_type, grain_free, grain_ghost, region_free, region_ghost, &
@@ -118,39 +118,37 @@ contains
     type(partition_type) :: overlap
     type(initial_type) :: report
     type(error_list_type) :: errors
-    real(wp), allocatable :: w(:), beta(:), force(:, :, :), state(:, :, :), stress(:, :), &
-      couple(:, :), load(:, :)
+    type(initial_state_type) :: start
+    real(wp), allocatable :: force(:, :, :), state(:, :, :)
     logical, allocatable :: free(:, :), chosen(:)
     integer(i4) :: q
 
     call make_column(polar, overlap)
-    call ramp_weights(overlap, h, 1.0_wp, 1.0_wp, w, beta)
+    call ramp_weights(overlap, h, 1.0_wp, 1.0_wp, start%w, start%beta)
     call uniform_states(overlap, force, state)
-    allocate (stress(9, size(beta)), couple(9, size(beta)), load(3, overlap%blocks()), &
-              source=0.0_wp)
+    start%force = force(:, 3, :)
+    allocate (start%stress(9, size(start%beta)), start%couple(9, size(start%beta)), &
+              start%load(3, overlap%blocks()), source=0.0_wp)
     allocate (free(3, overlap%blocks()), source=.true.)
     chosen = overlap%region == region_ghost
-    do q = 1, size(beta)
-      stress(:, q) = state(:, 3, overlap%element(q))
+    do q = 1, size(start%beta)
+      start%stress(:, q) = state(:, 3, overlap%element(q))
     end do
-    call correct_initial(overlap, w, beta, force(:, 3, :), load, free, chosen, stress, couple, &
-                         report, errors)
+    call correct_initial(overlap, start, free, chosen, report, errors)
     call test%check('initial stress closes', report%after < 1.0e-13_wp .and. .not. errors%any())
     call test%check('there was a rest', report%before > 1.0e-2_wp)
     call test%check('a small change', report%change < 0.5_wp .and. report%change > 1.0e-3_wp)
     call test%check('where it may change', overlap%region(report%element) == region_ghost)
-    call test%check('other elements keep theirs', all(abs(stress(:, 33:40) - &
+    call test%check('other elements keep theirs', all(abs(start%stress(:, 33:40) - &
                     spread(state(:, 3, 5), 2, 8)) <= 0.0_wp))
     free(3, :) = .false.
     chosen = .false.
-    call correct_initial(overlap, w, beta, force(:, 3, :), load, free, chosen, stress, couple, &
-                         report, errors)
+    call correct_initial(overlap, start, free, chosen, report, errors)
     call test%check('nothing may change: nothing asked', report%after <= 0.0_wp)
     free = .true.
     chosen = overlap%region == region_ghost
-    load(1, 1) = 1.0_wp
-    call correct_initial(overlap, w, beta, force(:, 3, :), load, free, chosen, stress, couple, &
-                         report, errors)
+    start%load(1, 1) = 1.0_wp
+    call correct_initial(overlap, start, free, chosen, report, errors)
     call test%check('a load that nothing carries is N442', errors%count == 1)
   end subroutine test_initial
 
