@@ -1,6 +1,5 @@
 !> talus-dem: grains. `talus-dem deck.nml` runs a deck, `mpirun -n 4 talus-dem deck.nml` with ranks;
-!! `talus-dem --help` says the rest. The first rank does all that is written here, the others what
-!! it orders.
+!! see `talus-dem --help`. The first rank executes this program, the others execute its commands.
 program talus_dem
   use, intrinsic :: iso_fortran_env, only: error_unit
   use talus_kinds, only: i4
@@ -88,7 +87,7 @@ contains
     call go(0_i4)
   end subroutine answer
 
-  !> --check: read everything, evaluate the first forces, report with the memory it takes, leave.
+  !> --check: read everything, evaluate the first forces, report with the required memory, exit.
   subroutine check()
     if (options%ranks > 0 .and. ranks%several()) &
       call errors%add('D022', 'option --ranks is for one process, there are '// &

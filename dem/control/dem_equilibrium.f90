@@ -1,7 +1,7 @@
 !> Is the bed at rest, and adaptive damping that brings it there (theory-dem, Equilibrium).
 !!
-!! Looks fall on whole multiples of steps and use sums in the order of the ids, so that neither
-!! threads nor restarts change a bit.
+!! Checks are made at whole multiples of steps and use sums in the order of the ids, so that results
+!! depend neither on threads nor on restarts.
 module dem_equilibrium
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -17,12 +17,12 @@ module dem_equilibrium
   integer(i4), parameter :: longest = 100  !! steps in a block
 
   type :: dem_equilibrium_type
-    logical :: watched = .false.             !! the deck asks for equilibrium
+    logical :: watched = .false.             !! equilibrium is requested
     logical :: adaptive = .false.            !! grains are stopped when they slow down
-    integer(i4) :: damping_every = 10        !! steps between two looks of adaptive damping
+    integer(i4) :: damping_every = 10        !! steps between two checks of adaptive damping
     real(wp) :: unbalanced_limit = 0.0_wp    !! [-]
     real(wp) :: energy_limit = 0.0_wp        !! [-]
-    integer(i4) :: every = 1                 !! steps between two looks at the criterion
+    integer(i4) :: every = 1                 !! steps between two checks of the criterion
     logical :: reached = .false.
     real(wp) :: unbalanced = -1.0_wp         !! mean force left over mean contact force [-]
     real(wp) :: energy_ratio = -1.0_wp       !! kinetic over elastic energy [-]
@@ -59,15 +59,15 @@ contains
     call deck%get('equilibrium', 1, 'energy_ratio', self%energy_limit)
     call deck%get('equilibrium', 1, 'check_every', self%every)
     if (modulo(self%every, longest) /= 0) &
-      call deck%fault(errors, 'D248', 'looks fall on multiples of 100 steps', 'equilibrium', 1, &
-                      'check_every', 'take 100, 200, ...')
+      call deck%fault(errors, 'D248', 'checks are made at multiples of 100 steps', 'equilibrium', &
+                      1, 'check_every', 'take 100, 200, ...')
     call deck%get('relaxation', 1, 'damping_every', self%damping_every)
     if (modulo(self%damping_every, longest) /= 0 .and. modulo(longest, self%damping_every) /= 0) &
-      call deck%fault(errors, 'D248', 'looks fall on divisors or multiples of 100 steps', &
+      call deck%fault(errors, 'D248', 'checks are made at divisors or multiples of 100 steps', &
                       'relaxation', 1, 'damping_every', 'take 10, 20, 50, 100, 200, ...')
   end subroutine read_equilibrium
 
-  !> Steps that may pass without a look.
+  !> Largest number of steps without a check.
   pure integer(i4) function longest_block(self)
     class(dem_equilibrium_type), intent(in) :: self
     longest_block = longest
@@ -110,7 +110,7 @@ contains
                    self%energy_ratio <= self%energy_limit .and. held
   end subroutine check
 
-  !> A run that reached its end without the equilibrium that was asked for says so (N203).
+  !> Report a run that reached its end without the requested equilibrium (N203).
   subroutine judge(self, time, place, errors)
     class(dem_equilibrium_type), intent(in) :: self
     real(wp), intent(in) :: time  !! s
@@ -119,7 +119,7 @@ contains
     if (.not. self%watched .or. self%reached .or. errors%any()) return
     call errors%add('N203', 'not in equilibrium at '//short_number(time)//' s: '// &
                     self%measures(), place, 'raise t_end and go on with --restart, change '// &
-                    'the damping, or ask for less in &equilibrium; the state was written')
+                    'the damping, or relax the limits of &equilibrium; the state was written')
   end subroutine judge
 
   !> One line for the log.

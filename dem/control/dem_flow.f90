@@ -3,9 +3,9 @@
 !!
 !! A servo is that of dem_servo with the cell in place of a wall: with the stress s of the contacts,
 !! the target s_t and the stiffness C that the contacts would have if all grains followed the flow,
-!! the rate is gain (s_t - s)/(C T) + r, T the time between two looks, never above its limit; r
-!! grows by gain^2/50 (s_t - s)/(C T) a look. The pack is softer than C: it cannot overshoot. Looks
-!! fall on whole multiples of steps: neither threads nor restarts change a bit.
+!! the rate is gain (s_t - s)/(C T) + r, T the interval between updates, bounded by its limit; r
+!! grows by gain^2/50 (s_t - s)/(C T) per update. The pack is softer than C: it cannot overshoot.
+!! Updates are made at whole multiples of steps: results depend neither on threads nor on restarts.
 module dem_flow
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: string_type, str
@@ -31,7 +31,7 @@ module dem_flow
   type, extends(servo_law_type) :: control_type
     integer(i4) :: component = 0      !! of components
     real(wp) :: value = 0.0_wp        !! rate [1/s] or stress [Pa]
-    real(wp) :: target = 0.0_wp       !! at the last look [Pa]
+    real(wp) :: target = 0.0_wp       !! at the last update [Pa]
     integer(i4) :: between(2) = 0     !! components that set the target; 0: value does
     real(wp) :: share = 0.0_wp        !! b: place of the target between the two
   end type control_type
@@ -101,7 +101,7 @@ contains
     list(k)%component = findloc(components == name, .true., 1)
     call curve_index(deck, 'D250', curve, group, k, list(k)%curve, errors)
     if (any(list(:k - 1)%component == list(k)%component)) &
-      call deck%fault(errors, 'D268', "component '"//name//"' stands twice", group, k, &
+      call deck%fault(errors, 'D268', "component '"//name//"' is given twice", group, k, &
                       'component', 'name each component once')
   end subroutine read_control
 
@@ -198,7 +198,7 @@ contains
     active = size(self%rate) + size(self%stress) > 0
   end function active
 
-  !> Steps that may pass without a look.
+  !> Largest number of steps without an update.
   pure integer(i4) function longest_block(self)
     class(dem_flow_type), intent(in) :: self
     longest_block = merge(check_interval, huge(check_interval), self%active())
@@ -288,7 +288,7 @@ contains
     end do
   end function satisfied
 
-  !> A servo that does not hold its stress at the end of the run says by how much and why (N221).
+  !> Report servos that do not hold their stress at the end of the run, with error and cause (N221).
   subroutine judge(self, d, place, errors)
     class(dem_flow_type), intent(in) :: self
     type(dem_data_type), intent(in) :: d

@@ -1,13 +1,13 @@
-!> Walls that follow a curve or hold a stress: their velocity is set anew every few steps.
+!> Walls that follow a curve or hold a stress: their velocity is updated every few steps.
 !!
-!! A servo is proportional, with a slow integral: with the force F on its wall since the last look,
-!! the target F_t and the sum K of the normal stiffnesses of the wall's contacts, it moves at
-!! gain (F_t - F)/(K T) + v_i, T the time between two looks, but never faster than its speed; a
-!! wall without contact comes at its speed. v_i grows by gain^2/50 (F_t - F)/(K T) a look, so that
-!! nothing is left of the error while the specimen is sheared at a steady rate. The specimen behind
+!! A servo is proportional, with a slow integral: with the force F on its wall since the last
+!! update, the target F_t and the sum K of the normal stiffnesses of the wall's contacts, it moves
+!! at gain (F_t - F)/(K T) + v_i, T the interval between updates, but never faster than its speed; a
+!! wall without contacts approaches at its speed. v_i grows by gain^2/50 (F_t - F)/(K T) per update,
+!! so that the error vanishes while the specimen is sheared at a steady rate. The specimen behind
 !! the wall is softer than its contacts: without v_i a gain below one cannot overshoot, and v_i is
-!! damped as long as the specimen has more than a fiftieth of the contacts' stiffness. Looks fall
-!! on whole multiples of steps: neither threads nor restarts change a bit.
+!! damped as long as the specimen has more than a fiftieth of the contacts' stiffness. Updates are
+!! made at whole multiples of steps: results depend neither on threads nor on restarts.
 module dem_servo
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: string_type
@@ -24,7 +24,7 @@ module dem_servo
   private
   public :: dem_servo_type, measured_area
 
-  integer(i4), parameter :: seen_size = 7  !! impulse(3), time, stress, target of the last look, v_i
+  integer(i4), parameter :: seen_size = 7  !! impulse, time, stress, target of last update, v_i
   real(wp), parameter :: parallel = 1.0e-9_wp
   character(len=14), parameter :: columns(7) = [character(len=14) :: 'time [s]', 'wall [-]', &
     'area [m2]', 'target [Pa]', 'stress [Pa]', 'velocity [m/s]', 'position [m]']
@@ -131,10 +131,10 @@ contains
     if (any(abs(d%planes%velocity(:, servo%wall)) > 0.0_wp) .and. &
         .not. deck%given('servo', k, 'until')) &
       call deck%fault(errors, 'D251', "wall '"//name//"' has a velocity and a servo", 'servo', &
-                      k, 'wall', 'leave the velocity out, or say until when the servo works')
+                      k, 'wall', 'leave the velocity out, or give the end of the servo')
     if (.not. servo%area > 0.0_wp .and. .not. measured_area(d, servo%wall) > 0.0_wp) &
       call deck%fault(errors, 'D251', "the area of wall '"//name//"' cannot be measured: it "// &
-                      'takes two pairs of opposite walls, at right angles to it and to '// &
+                      'needs two pairs of opposite walls, at right angles to it and to '// &
                       'each other', 'servo', k, 'area', 'give area = ... in m2')
   end subroutine read_servo
 
@@ -149,8 +149,8 @@ contains
     end do
   end function listed
 
-  !> Area between the two pairs of opposite planes that stand at right angles to a plane and to
-  !! each other [m^2]; 0 if there are no such two pairs or more than two.
+  !> Area between the two pairs of opposite planes at right angles to a plane and to each other
+  !! [m^2]; 0 if there are no such two pairs or more than two.
   pure real(wp) function measured_area(d, wall) result(area)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: wall
@@ -181,7 +181,7 @@ contains
       self%surfaces%active()
   end function active
 
-  !> Steps that may pass without a look.
+  !> Largest number of steps without an update.
   pure integer(i4) function longest_block(self)
     class(dem_servo_type), intent(in) :: self
     longest_block = merge(check_interval, huge(check_interval), self%active())
@@ -193,7 +193,7 @@ contains
     due = self%active() .and. modulo(steps, int(check_interval, i8)) == 0
   end function due
 
-  !> First velocities of a fresh run, or of servos that the checkpoint does not know.
+  !> First velocities of a fresh run, or of servos that the checkpoint does not contain.
   subroutine start(self, d, time, stiffness)
     class(dem_servo_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: d
@@ -243,7 +243,7 @@ contains
     class(dem_servo_type), intent(inout) :: self
     integer(i4), intent(in) :: k
     type(dem_data_type), intent(inout) :: d
-    real(wp), intent(in) :: time, ahead   !! now, and to the next look [s]
+    real(wp), intent(in) :: time, ahead   !! now, and to the next update [s]
     real(wp), intent(in) :: stiffness(:)  !! of the contacts of each plane [N/m]
     real(wp) :: force(3), area, velocity
 
@@ -263,7 +263,7 @@ contains
     end associate
   end subroutine set_servo
 
-  !> Relative error of the stress of servo k at the last look.
+  !> Relative error of the stress of servo k at the last update.
   pure real(wp) function error_of(self, k, d)
     class(dem_servo_type), intent(in) :: self
     integer(i4), intent(in) :: k
@@ -285,7 +285,7 @@ contains
     end do
   end function satisfied
 
-  !> A servo that does not hold its stress at the end of the run says by how much and why (N204).
+  !> Report servos that do not hold their stress at the end of the run, with error and cause (N204).
   subroutine judge(self, d, time, stiffness, place, errors)
     class(dem_servo_type), intent(in) :: self
     type(dem_data_type), intent(in) :: d
@@ -301,7 +301,7 @@ contains
         if (self%error_of(k, d) <= servo%tolerance) cycle
         if (servo%until <= time) cycle
         call servo%reason('it moved at its speed limit', 'm/s', 'raise speed or t_end, or '// &
-          'look whether the grains run away from the wall', why, hint)
+          'check whether the grains run away from the wall', why, hint)
         if (.not. stiffness(servo%wall) > 0.0_wp) why = why//', and it touches no grain'
         call errors%add('N204', "servo of wall '"//self%name(servo%wall)%s//"' ended at "// &
                         short_number(seen(5))//' Pa instead of '//short_number(seen(6))// &
@@ -322,7 +322,7 @@ contains
     call self%history%begin(stem//'_servos.csv', columns, time, errors)
   end subroutine open_history
 
-  !> A row a servo: what it saw at its last look, and where it is now.
+  !> One row per servo: values of its last update, and its present position.
   subroutine write_rows(self, time, d, errors)
     class(dem_servo_type), intent(inout) :: self
     real(wp), intent(in) :: time  !! [s]

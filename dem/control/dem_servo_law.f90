@@ -1,8 +1,8 @@
-!> The law of all servos, of walls, surfaces and cells: proportional, with a slow integral. With the
-!! lack F_t - F of what is held, the stiffness K that answers a motion and the time T between two
-!! looks, a servo moves at gain (F_t - F)/(K T) + v_i, never faster than its speed; v_i grows by
-!! gain^2/50 (F_t - F)/(K T) a look, so that nothing is left of the error at a steady rate. Why this
-!! is stable stands with the walls (dem_servo).
+!> Control law of all servos (walls, surfaces, cells): proportional, with a slow integral. With the
+!! error F_t - F of the controlled quantity, the stiffness K against the motion and the interval T
+!! between updates, a servo moves at gain (F_t - F)/(K T) + v_i, never faster than its speed; v_i
+!! grows by gain^2/50 (F_t - F)/(K T) per update, so that the error vanishes at a steady rate.
+!! Stability is shown in dem_servo.
 module dem_servo_law
   use talus_kinds, only: wp, i4, i8
   use talus_log, only: short_number
@@ -10,7 +10,7 @@ module dem_servo_law
   private
   public :: servo_law_type, check_interval
 
-  integer(i4), parameter :: check_interval = 10  !! between two looks
+  integer(i4), parameter :: check_interval = 10  !! between two updates
   real(wp), parameter :: integral_share = 0.02_wp
 
   type :: servo_law_type
@@ -27,13 +27,13 @@ module dem_servo_law
 
 contains
 
-  !> Velocity until the next look; without contacts that of `approach`.
+  !> Velocity until the next update; without contacts that of `approach`.
   pure subroutine respond(self, lack, area, stiffness, ahead, approach, held, velocity)
     class(servo_law_type), intent(inout) :: self
     real(wp), intent(in) :: lack       !! target less what is there, over area
     real(wp), intent(in) :: area       !! by which it is a force; 1 where it is one
     real(wp), intent(in) :: stiffness  !! of what answers
-    real(wp), intent(in) :: ahead      !! to the next look [s]
+    real(wp), intent(in) :: ahead      !! to the next update [s]
     real(wp), intent(in) :: approach   !! without contacts
     real(wp), intent(inout) :: held    !! v_i
     real(wp), intent(out) :: velocity
@@ -58,10 +58,10 @@ contains
     character(len=*), intent(in) :: moved, unit, faster  !! 'it moved at its speed limit', ...
     character(len=:), allocatable, intent(out) :: why, hint
     why = 'it was still on its way'
-    hint = 'raise t_end and go on with --restart, raise gain, or widen tolerance'
+    hint = 'raise t_end and continue with --restart, raise gain, or widen tolerance'
     if (2*self%at_speed <= self%looks) return
     why = moved//' of '//short_number(self%speed)//' '//unit//' in '// &
-      short_number(100.0_wp*real(self%at_speed, wp)/real(self%looks, wp))//' % of its looks'
+      short_number(100.0_wp*real(self%at_speed, wp)/real(self%looks, wp))//' % of its updates'
     hint = faster
   end subroutine reason
 end module dem_servo_law

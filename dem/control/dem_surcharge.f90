@@ -3,9 +3,9 @@
 !! Each grain of the surface (dem_surface) is pushed down by the stress times the free part of its
 !! Voronoi cell in the plan, so that the forces add up to stress times free area whatever the grains
 !! do. The free area is a rectangle, given or between upright walls, less a disc around every driven
-!! grain and one that the deck may name. Surface and areas are found anew every so many steps; in
-!! between the forces are held. They are extra forces: their work stands in the ledger as such.
-!! Where grains overlap with a solid, what falls to ghosts is left to the loads of the solid.
+!! grain and one that the deck may name. Surface and areas are updated every so many steps; in
+!! between the forces are constant. They are extra forces: the ledger counts their work as external.
+!! In an overlap with a solid, the share of ghosts is applied by the loads of the solid.
 module dem_surcharge
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
@@ -42,8 +42,8 @@ module dem_surcharge
     integer(i4) :: wall(2, 2) = 0            !! (side, axis) else the walls that bound it
     real(wp) :: clearance = 0.0_wp           !! radius of discs over that of driven grains [-]
     real(wp), allocatable :: hole(:, :)      !! (3, 0 or 1) disc of the deck [m]
-    integer(i4) :: every = longest           !! steps between two looks
-    real(wp) :: follow = 20.0_wp             !! looks in which a grain's load follows its share
+    integer(i4) :: every = longest           !! steps between two updates
+    real(wp) :: follow = 20.0_wp             !! updates over which a grain's load follows its share
     type(history_type) :: history
   contains
     procedure :: read => read_surcharge
@@ -81,8 +81,8 @@ contains
     call deck%get('surcharge', 1, 'update_every', self%every)
     call deck%get('surcharge', 1, 'follow', self%follow)
     if (modulo(self%every, longest) /= 0) &
-      call deck%fault(errors, 'D248', 'looks fall on multiples of 100 steps', 'surcharge', 1, &
-                      'update_every', 'take 100, 200, ...')
+      call deck%fault(errors, 'D248', 'updates are made at multiples of 100 steps', 'surcharge', &
+                      1, 'update_every', 'take 100, 200, ...')
     allocate (self%hole(3, 0))
     if (deck%given('surcharge', 1, 'hole')) then
       call deck%get('surcharge', 1, 'hole', hole)
@@ -126,7 +126,7 @@ contains
     end if
   end subroutine read_rectangle
 
-  !> Steps that may pass without a look.
+  !> Largest number of steps without an update.
   pure integer(i4) function longest_block(self)
     class(dem_surcharge_type), intent(in) :: self
     longest_block = merge(longest, huge(longest), self%active)
@@ -143,7 +143,7 @@ contains
     due = passed >= self%every .or. passed < 0
   end function due
 
-  !> First forces of a fresh run, or of one that goes on from a checkpoint without surcharge; one
+  !> First forces of a fresh run, or of one that restarts from a checkpoint without surcharge; one
   !! from a checkpoint that had it keeps its forces, one from a packing that has loads begins with
   !! those.
   subroutine start(self, d, given, time, steps, errors)
@@ -197,7 +197,7 @@ contains
     if (.not. any(carries)) then
       call errors%add('N230', 'no grain carries the surcharge at '//short_number(time)//' s: '// &
                       'none lies in the free area of '//short_number(free_area(plan))//' m2', &
-                      'group surcharge', 'look at lower, upper, clearance and where the bed is')
+                      'group surcharge', 'check lower, upper, clearance and where the bed is')
       return
     end if
     allocate (area(size(rows)))
@@ -294,7 +294,7 @@ contains
     call self%history%begin(stem//'_surcharge.csv', columns, time, errors)
   end subroutine open_history
 
-  !> The last look, the moment of the forces about the origin, and the work of all extra forces so
+  !> The last update, the moment of the forces about the origin, and the work of all extra forces so
   !! far.
   subroutine write_row(self, time, d, errors)
     class(dem_surcharge_type), intent(inout) :: self

@@ -1,5 +1,5 @@
-!> The surcharge on grains of one rank or of many: the leader sees all grains and tells ranks what
-!! their forces are.
+!> The surcharge on grains of one rank or of many: the leader holds all grains and sends their
+!! forces to the ranks.
 module dem_surcharge_renew
   use talus_kinds, only: wp
   use talus_errors, only: error_list_type
@@ -13,8 +13,8 @@ module dem_surcharge_renew
 
 contains
 
-  !> Find the surface anew, or (first) at the start of a run, when what a checkpoint had without a
-  !! surcharge goes.
+  !> Determine the surface again, or (first) at the start of a run, when the extra forces of a
+  !! checkpoint without surcharge are removed.
   subroutine renew_surcharge(surcharge, system, clock, first, errors)
     type(dem_surcharge_type), intent(inout) :: surcharge
     type(dem_system_type), intent(inout) :: system

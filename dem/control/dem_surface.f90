@@ -4,11 +4,12 @@
 !! A free grain lies above another if its centre is higher by more than a tenth of the other's
 !! vertical semi-extent (neighbours at one height overlap in the plan by their contact) and their
 !! outlines overlap. A fixed or driven grain lies above if its outline holds the other's centre: a
-!! wall of spheres beside the bed covers nothing. Ghosts do so, too, but where grains overlap with a
-!! solid: there they go on the bed and count as free.
+!! wall of spheres beside the bed covers nothing. So do ghosts, except in an overlap with a solid,
+!! where they continue the bed and count as free.
 !!
-!! A grain that was on the surface at the last look leaves it when it is covered by more than that,
-!! one that was not comes back when it is free by more: a bed at rest keeps its surface.
+!! A grain that was on the surface at the last update leaves it when it is covered by more than
+!! that, one that was not joins it when it is free by more: the surface of a bed at rest does not
+!! change.
 module dem_surface
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_grains_type, kind_free, kind_ghost
@@ -24,7 +25,7 @@ module dem_surface
 
   !> Grains as the plan shows them, those of the bed in square bins.
   type :: view_type
-    logical, allocatable :: bed(:)          !! (n) free, or a ghost that goes on the bed
+    logical, allocatable :: bed(:)          !! (n) free, or a ghost that continues the bed
     real(wp), allocatable :: outline(:, :)  !! (3, n), see outline_of [m^2]
     real(wp), allocatable :: reach(:)       !! (n) largest semi-axis of the outline [m]
     real(wp), allocatable :: half(:)        !! (n) vertical semi-extent [m]
@@ -132,7 +133,7 @@ contains
     type(dem_grains_type), intent(in) :: g
     type(view_type), intent(in) :: view
     integer(i4), intent(in) :: i
-    real(wp), intent(in) :: slack  !! 1 it was on the surface, -1 it was not, 0 nobody knows
+    real(wp), intent(in) :: slack  !! 1 it was on the surface, -1 it was not, 0 unknown
     integer(i4) :: at(2), row, b, k, j
     real(wp) :: r(2), above, scale
 

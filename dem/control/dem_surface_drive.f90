@@ -1,4 +1,4 @@
-!> Surfaces that follow a curve: their velocity and spin are set anew every few steps, as those of
+!> Surfaces that follow a curve: their velocity and spin are updated every few steps, as those of
 !! walls are (dem_servo), and so are the loads of free bodies.
 module dem_surface_drive
   use talus_kinds, only: wp, i4, i8
@@ -101,7 +101,7 @@ contains
     end do
   end subroutine read_loads
 
-  !> Steps that may pass without a look.
+  !> Largest number of steps without an update.
   pure integer(i4) function longest_block(self)
     class(surface_drive_type), intent(in) :: self
     longest_block = merge(check_interval, huge(check_interval), any(self%number > 0))

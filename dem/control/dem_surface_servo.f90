@@ -2,9 +2,9 @@
 !! surface. Faults D252, D292, N204.
 !!
 !! The law is that of dem_servo_law with the force F by which the body has pushed the grains along
-!! its direction since the last look and the stiffness of its contacts along it; across it the body
-!! moves as the deck says. The servo of a cylinder with grains inside moves its wall: F is the sum
-!! of their normal forces, and a stress times the area grows with the radius.
+!! its direction since the last update and the stiffness of its contacts along it; across it the
+!! body moves as prescribed by the deck. The servo of a cylinder with grains inside moves its wall:
+!! F is the sum of their normal forces, and a stress times the area grows with the radius.
 module dem_surface_servo
   use talus_kinds, only: wp, i4
   use talus_text, only: string_type
@@ -174,7 +174,7 @@ contains
           .not. deck%given('servo', instance, 'until')) &
         call deck%fault(errors, 'D252', "surface '"//self%name(servo%body)%s//"' has a "// &
                         'velocity along the direction of its servo', 'servo', instance, &
-                        'direction', 'leave that part of the velocity out, or say until when '// &
+                        'direction', 'leave that part of the velocity out, or give the end '// &
                         'the servo works')
     end associate
   end subroutine read_direction
@@ -219,7 +219,7 @@ contains
     end do
   end function normal_stiffness
 
-  !> Begin; no velocity is set before the first look.
+  !> Initialise; no velocity is set before the first update.
   subroutine start(self, d, time)
     class(surface_servo_type), intent(in) :: self
     type(dem_data_type), intent(inout) :: d
@@ -239,7 +239,7 @@ contains
     end do
   end subroutine start
 
-  !> Velocities for the steps to come; dem_surface_drive sets those that follow a curve anew.
+  !> Velocities for the steps to come; dem_surface_drive updates those that follow a curve.
   subroutine update(self, d, time, curve)
     class(surface_servo_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: d
@@ -297,8 +297,8 @@ contains
     end associate
   end subroutine answer
 
-  !> Mean force on the grains along the direction since the last look, of which the impulse is kept
-  !! anew [N].
+  !> Mean force on the grains along the direction since the last update, whose impulse is
+  !! accumulated from zero again [N].
   real(wp) function force_of(self, k, d, time) result(force)
     class(surface_servo_type), intent(in) :: self
     integer(i4), intent(in) :: k
@@ -324,7 +324,7 @@ contains
     end associate
   end function force_of
 
-  !> Relative error of the force of servo k at the last look.
+  !> Relative error of the force of servo k at the last update.
   pure real(wp) function error_of(self, k, d)
     class(surface_servo_type), intent(in) :: self
     integer(i4), intent(in) :: k
@@ -348,7 +348,7 @@ contains
     end do
   end function satisfied
 
-  !> A servo that does not hold its force at the end of the run says by how much and why (N204).
+  !> Report servos that do not hold their force at the end of the run, with error and cause (N204).
   subroutine judge(self, d, time, place, errors)
     class(surface_servo_type), intent(in) :: self
     type(dem_data_type), intent(in) :: d
@@ -363,7 +363,7 @@ contains
       associate (servo => self%servo(k), seen => d%surfaces%servo(:, self%servo(k)%body))
         if (self%error_of(k, d) <= servo%tolerance .or. servo%until <= time) cycle
         call servo%reason('it moved at its speed limit', 'm/s', 'raise speed or t_end, or '// &
-          'look whether the grains run away from the surface', why, hint)
+          'check whether the grains run away from the surface', why, hint)
         if (.not. surface_stiffness_along(d, servo%body, servo%direction) > 0.0_wp) &
           why = why//', and it touches no grain'
         call errors%add('N204', "servo of surface '"//self%name(servo%body)%s//"' ended at "// &
@@ -383,7 +383,7 @@ contains
     call self%history%begin(stem//'_surface_servos.csv', columns, time, errors)
   end subroutine open_history
 
-  !> A row a servo: what it saw at its last look, and where it is along its direction now; of a
+  !> One row per servo: values of its last update, and its position along its direction now; of a
   !! bore how fast its radius grows, and the radius.
   subroutine write_rows(self, time, d, errors)
     class(surface_servo_type), intent(inout) :: self

@@ -1,9 +1,9 @@
 !> Constant volume: walls of a box move so that its volume stays while its other walls move
 !! (undrained triaxial compression, plane strain at constant volume).
 !!
-!! At every look the chosen pairs get the velocities that bring the volume back to its value when
-!! the group began to act, at the next look, with the other walls as they move now; both walls of a
-!! pair share the change.
+!! At every update the chosen pairs get the velocities that bring the volume back to its value when
+!! the group began to act, at the next update, with the other walls as they move now; both walls of
+!! a pair share the change.
 module dem_volume
   use talus_kinds, only: wp, i4
   use talus_text, only: string_type
@@ -71,7 +71,7 @@ contains
     call deck%get('constant_volume', 1, 'since', self%since)
     self%pair = box_pairs(d)
     if (any(self%pair == 0)) then
-      call deck%fault(errors, 'D281', 'the walls are no box: it takes three pairs of opposite '// &
+      call deck%fault(errors, 'D281', 'the walls are no box: it needs three pairs of opposite '// &
                       'walls at right angles to each other', 'constant_volume', 1, '', &
                       'give six walls, no more that are opposite to each other')
       return
@@ -143,11 +143,11 @@ contains
     end do
   end subroutine check_servos
 
-  !> Velocities of the chosen pairs until the next look.
+  !> Velocities of the chosen pairs until the next update.
   subroutine set_velocities(self, d, time, ahead)
     class(constant_volume_type), intent(in) :: self
     type(dem_data_type), intent(inout) :: d
-    real(wp), intent(in) :: time, ahead  !! now, and to the next look [s]
+    real(wp), intent(in) :: time, ahead  !! now, and to the next update [s]
     real(wp) :: length(3), later(3), growth
     integer(i4) :: k, j, wall
 

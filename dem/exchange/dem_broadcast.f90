@@ -1,4 +1,4 @@
-!> Arrays of the leader, told to all ranks; the others have room for them.
+!> Arrays of the leader, broadcast to all ranks, where they are allocated with the same shape.
 module dem_broadcast
   use talus_kinds, only: wp, i4
   use talus_ranks, only: ranks_type

@@ -1,4 +1,4 @@
-!> Domains of the ranks: boxes of equal work, whose box a point is in, whose boxes are near it.
+!> Domains of the ranks: boxes of equal work; the rank whose box holds a point, and those near it.
 module dem_domains
   use talus_kinds, only: wp, i4
   use talus_homogenise, only: inverse_of
@@ -14,7 +14,7 @@ module dem_domains
 
 contains
 
-  !> Places go with the faces of the cell as it is now.
+  !> Coordinates follow the present faces of the cell.
   subroutine follow_cell(halo, cell)
     type(dem_halo_type), intent(inout) :: halo
     type(dem_cell_type), intent(in) :: cell
@@ -28,8 +28,8 @@ contains
     end do
   end subroutine follow_cell
 
-  !> Places between the short edges that the lattice has now; boxes must be chosen anew if these are
-  !! others than before.
+  !> Coordinates in the present short edges of the lattice; boxes must be chosen again if these
+  !! edges have changed.
   subroutine turn_to_cell(halo, cell)
     type(dem_halo_type), intent(inout) :: halo
     type(dem_cell_type), intent(in) :: cell
@@ -56,7 +56,7 @@ contains
     where (halo%wraps) place = place - floor(place)
   end function place_of
 
-  !> Choose the boxes anew for the grains of all ranks, so that each has the same work.
+  !> Choose new boxes for the grains of all ranks, so that each has the same work.
   subroutine cut_domains(halo, x, work)
     type(dem_halo_type), intent(inout) :: halo
     real(wp), intent(in) :: x(:, :)   !! (3, n) places of this rank's grains

@@ -1,9 +1,9 @@
-!> Grains and contacts go to the ranks in whose domains they are: at the start, and whenever the
-!! list is made anew.
+!> Migration of grains and contacts to the ranks in whose domains they are: at the start, and at
+!! every rebuild of the list.
 !!
 !! Each rank then holds its own free grains, mirrors of the free grains of others within one
 !! interaction range of its domain, and all prescribed grains (each rank has the part of their
-!! forces that its own grains give). All stand in the order of their ids, so that a contact over a
+!! forces that its own grains give). All are in the order of their ids, so that a contact over a
 !! border has the same bits on both sides, and sums run in the same order as on one rank.
 module dem_migrate
   use talus_kinds, only: wp, i4, i8
@@ -24,12 +24,12 @@ module dem_migrate
   public :: share_out, pack_grains, make_local, slab, most_imbalance
 
   integer(i4), parameter :: slab = 50000          !! grains that a rank sends at a time
-  real(wp), parameter :: most_imbalance = 1.1_wp  !! domains are cut anew above it
+  real(wp), parameter :: most_imbalance = 1.1_wp  !! domains are cut again above it
 
 contains
 
-  !> Send everything where it belongs; the list of d is then the contacts alone and must be made
-  !! anew. Skin and range must be the same on all ranks.
+  !> Send grains and contacts to their ranks; the list of d then holds the contacts alone and must
+  !! be rebuilt. Skin and range must be the same on all ranks.
   subroutine share_out(d, contacts)
     type(dem_data_type), intent(inout) :: d
     real(wp), allocatable, intent(out) :: contacts(:, :)  !! of this rank's grains, see dem_records
@@ -69,7 +69,7 @@ contains
     d%halo%range = 2.0_wp*radius(1) + d%pairs%skin
   end subroutine find_range
 
-  !> Rank of each free grain of this rank, -1 for the others. Domains are cut anew when the work is
+  !> Rank of each free grain of this rank, -1 for the others. Domains are cut again when the work is
   !! too uneven; a grain that has gone beyond the halo of its domain is a stray.
   subroutine find_homes(d, home, rounds)
     type(dem_data_type), intent(inout) :: d
@@ -118,7 +118,7 @@ contains
     end do
   end subroutine find_homes
 
-  !> Rows of the grains wanted, as columns.
+  !> Records of the selected grains, as columns.
   subroutine pack_grains(d, wanted, rows)
     type(dem_data_type), intent(in) :: d
     logical, intent(in) :: wanted(:)
@@ -157,7 +157,7 @@ contains
     end do
   end subroutine send_grains
 
-  !> These grains to their ranks; what comes from all.
+  !> Send these grains to their ranks and receive those of all others.
   subroutine send_some(d, home, list, taken)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: home(:), list(:)
@@ -216,7 +216,7 @@ contains
 
   contains
 
-    !> Count it in the first round, send it in the second.
+    !> Count it in the first round, pack it in the second.
     subroutine put(rank)
       integer(i4), intent(in) :: rank
       if (rank < 0) return
@@ -249,7 +249,7 @@ contains
     call d%halo%team%trade(rows(:, sorted_order(int(to, i8))), number, touches, came)
   end subroutine send_touches
 
-  !> Grains near the domains of others are known there too.
+  !> Send mirrors of grains near the domains of others to these.
   subroutine send_mirrors(halo, own, mirrors, came)
     type(dem_halo_type), intent(inout) :: halo
     real(wp), intent(in) :: own(:, :)
@@ -288,7 +288,7 @@ contains
     call name_partners(halo, rows, number, came)
   end subroutine send_mirrors
 
-  !> Who exchanges bodies with this rank, and how many; `out` holds ids until list_bodies.
+  !> Ranks that exchange bodies with this one, and how many; `out` holds ids until list_bodies.
   subroutine name_partners(halo, rows, number, came)
     type(dem_halo_type), intent(inout) :: halo
     real(wp), intent(in) :: rows(:, :)

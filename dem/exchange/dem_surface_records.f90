@@ -19,7 +19,7 @@ module dem_surface_records
 
 contains
 
-  !> Contacts of grains with surfaces: a column a grain, first its id. All ranks ask together.
+  !> Contacts of grains with surfaces: a column a grain, first its id. Collective over all ranks.
   subroutine pack_touches(d, rows)
     type(dem_data_type), intent(in) :: d
     real(wp), allocatable, intent(out) :: rows(:, :)
@@ -99,7 +99,7 @@ contains
                   reshape(row(base + n*kept + 1:), [n, 3_i4]))
   end subroutine unpack_touch
 
-  !> These contacts as those of the last list of d: the next list takes them over.
+  !> Store these contacts as those of the last list of d: the next list inherits them.
   subroutine receive_touches(d, rows)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: rows(:, :)

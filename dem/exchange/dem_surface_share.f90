@@ -1,4 +1,4 @@
-!> Surfaces of a run on many ranks: all ranks know and move all of them, each with the contacts of
+!> Surfaces of a run on many ranks: all ranks hold and move all of them, each with the contacts of
 !! its own grains (dem_surface_records). What the grains do to them is the sum of the ranks' parts.
 module dem_surface_share
   use talus_kinds, only: wp, i4
@@ -120,7 +120,7 @@ contains
     if (sizes(8) > 0) call no_membranes(s)
   end subroutine make_room
 
-  !> How surfaces move from now on.
+  !> Velocities of surfaces for the next steps.
   subroutine broadcast_motion(team, s)
     type(ranks_type), intent(in) :: team
     type(dem_surfaces_type), intent(inout) :: s

@@ -1,10 +1,10 @@
 !> Bodies at the borders of domains, exchanged in every step.
 !!
-!! One message goes to each partner and one comes: records of the bodies, and in a last column the
-!! travel of the sender's grains now and what it foresees for the next step. Pairs inside a domain
-!! are worked while messages are under way. Whether the list is used up is known a step ahead, from
-!! what all ranks foresee: ranks that are all partners tell it with their bodies, others by a
-!! reduction that runs meanwhile.
+!! One message is sent to and one received from each partner: records of the bodies, and in a last
+!! column the travel of the sender's grains now and predicted for the next step. Pairs inside a
+!! domain are evaluated meanwhile. Whether the list is used up is known one step ahead from the
+!! predictions of all ranks: these travel with the bodies if all ranks are partners, else by a
+!! non-blocking reduction.
 module dem_swap
   use mpi, only: mpi_iallreduce, mpi_irecv, mpi_isend, mpi_waitall, mpi_max, &
     mpi_in_place, mpi_double_precision, mpi_request_null, mpi_statuses_ignore, mpi_f_sync_reg
@@ -20,13 +20,13 @@ module dem_swap
   private
   public :: prefer_copies, agree_travel, begin_swap, end_swap, add_loads
 
-  real(wp), parameter :: ahead = 2.0_wp  !! a step goes no further than so often the last one
+  real(wp), parameter :: ahead = 2.0_wp  !! largest predicted travel over that of the last step
 
 contains
 
-  !> Before MPI starts: OpenMPI copies messages of some hundred bodies through shared memory, which
-  !! takes a third of the time of its way for large ones, and the sender needs not wait for the
-  !! receiver. What the user has chosen stays.
+  !> Before MPI starts: OpenMPI copies messages of some hundred bodies through shared memory, in a
+  !! third of the time of its protocol for large ones, and the sender need not wait for the
+  !! receiver. Settings of the user are kept.
   subroutine prefer_copies()
     call set_environment('OMPI_MCA_btl_vader_eager_limit', '65536', .false.)
     call set_environment('OMPI_MCA_btl_sm_eager_limit', '65536', .false.)  ! its name in OpenMPI 5

@@ -2,7 +2,7 @@
 !!
 !! In a step a centre goes from x to x + u + dt c, u = (E - 1)(x - o) the displacement of the flow,
 !! and c becomes E^-1 c, which is Newton's law where the flow is steady simple shear or the cell is
-!! at rest. Contacts see the velocity u/dt + c. The flow's work is booked as boundary work: half of
+!! at rest. Contacts see the velocity u/dt + c. The flow's work is counted as boundary work: half of
 !! the forces before and half of those after the step times -u, of every body, images too; and what
 !! E^-1 does to the kinetic energy. With it the ledger closes as without a cell.
 module dem_carry
@@ -20,7 +20,7 @@ module dem_carry
 
 contains
 
-  !> First half of a step for the grains of a block; the push is ready.
+  !> First half of a step for the grains of a block, which is loaded.
   subroutine start_carried(d, block, motion, last, state, work, travel)
     type(dem_data_type), intent(inout) :: d
     type(integration_block_type), intent(inout) :: block
@@ -132,7 +132,7 @@ contains
     v = d%pairs%body(4:6, d%pairs%plain + k) - d%pairs%body(4:6, d%pairs%grain(d%pairs%plain + k))
   end function lead
 
-  !> New sums of the grains themselves are in the push: those of the images, and the flow's work.
+  !> After the new sums of the block's grains: those of their images, and the flow's work.
   subroutine finish_carried(d, block, dt, state, work)
     type(dem_data_type), intent(inout) :: d
     type(integration_block_type), intent(in) :: block

@@ -1,4 +1,5 @@
-!> Stress in a periodic cell: of the contacts in hand or, where many ranks have them, as they told.
+!> Stress in a periodic cell: of the current contacts or, on many ranks, from the sums that these
+!! reported.
 module dem_cell_stress
   use talus_kinds, only: wp, i4
   use talus_homogenise, only: dyad

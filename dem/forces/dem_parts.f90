@@ -1,8 +1,8 @@
 !> Forces in two parts for a partner that moves ghosts: contacts of free grains in every step, those
-!! of ghosts among themselves once an exchange (theory: overlap coupling, Time).
+!! between ghosts once an exchange (theory: overlap coupling, Time).
 !!
-!! Only ghosts near free grains are then placed in every step. The partner chooses them anew after
-!! the list was made anew: until then no other ghost can have come to a free grain.
+!! Only active ghosts, those near free grains, are then placed in every step. The partner selects
+!! them again after each rebuild of the list; until then no other ghost can reach a free grain.
 module dem_parts
   use talus_kinds, only: wp, i4
   use talus_text, only: str
@@ -22,7 +22,7 @@ module dem_parts
 
 contains
 
-  !> Ghosts that a free grain can reach before the list is made anew twice.
+  !> Ghosts that a free grain can reach before the second rebuild of the list.
   subroutine find_border(d, near)
     type(dem_data_type), intent(in) :: d
     integer(i4), allocatable, intent(out) :: near(:)
@@ -41,7 +41,7 @@ contains
     near = pack([(i, i=1, d%grains%n)], mark .and. d%grains%kind == kind_ghost)
   end subroutine find_border
 
-  !> From now on forces come in parts, with these ghosts in every step.
+  !> Begin evaluation in parts, with these ghosts active.
   subroutine choose_border(d, near)
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: near(:)
@@ -64,7 +64,7 @@ contains
     end associate
   end subroutine choose_border
 
-  !> Was the list made anew since the border was chosen?
+  !> Was the list rebuilt since the border was chosen?
   pure logical function border_is_old(d)
     type(dem_data_type), intent(in) :: d
     border_is_old = d%parts%active .and. d%parts%chosen /= d%health%rebuilds
@@ -87,7 +87,7 @@ contains
     end do
   end subroutine place_ghosts
 
-  !> Impulse and work of one part of what acts on a ghost; with the grain stands the sum of both.
+  !> Impulse and work of one part of what acts on a ghost; the grain holds the sum of both.
   subroutine finish_part(d, i, h, force, moment, part, work)
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: i
@@ -102,7 +102,7 @@ contains
     d%grains%moment(:, i) = d%parts%of_free(4:, i) + d%parts%of_ghosts(4:, i)
   end subroutine finish_part
 
-  !> N224: a ghost that was not told to move with the steps touches a free grain.
+  !> N224: a ghost that is not active touches a free grain.
   subroutine check_border(d, errors)
     type(dem_data_type), intent(in) :: d
     type(error_list_type), intent(inout) :: errors

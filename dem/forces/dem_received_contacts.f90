@@ -1,5 +1,5 @@
-!> Contacts that come from elsewhere, put in the place of the last list: the next list takes normals
-!! and history from them as if they had always been here.
+!> Contacts received from elsewhere, stored as the last list: the next list inherits normals and
+!! history from them as from its own.
 module dem_received_contacts
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_data_type, lanes, history_size, entries_ahead
@@ -15,7 +15,7 @@ module dem_received_contacts
 
 contains
 
-  !> Contacts as the last list of d; those with a body that d does not know are left out.
+  !> Contacts as the last list of d; those with a body that is not in d are left out.
   subroutine receive_contacts(d, contact)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: contact(:, :)  !! rows of dem_records, as columns

@@ -1,4 +1,4 @@
-!> Laws on top of the base law, block by block: forces, stored energy, stiffness, kept reals.
+!> Additional contact models, block by block: forces, stored energy, stiffness, kept reals.
 module dem_additional
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -73,7 +73,8 @@ contains
                     str(3.0_wp*length)//', or less surface_energy: such grains are mere jelly')
   end subroutine check_necks
 
-  !> After the base law: forces and moments on top of it into the block, works into the pairs.
+  !> After the base law: add forces and moments of the additional models to the block, works to the
+  !! pairs.
   subroutine extra_forces(b, law, k, h, pairs)
     type(dem_block_type), intent(inout) :: b
     type(dem_law_type), intent(in) :: law
@@ -139,7 +140,7 @@ contains
     end if
   end subroutine add_laws
 
-  !> Energy that the laws on top store in block k [J].
+  !> Energy that additional contact models store in block k [J].
   pure real(wp) function extra_energy(law, k, pairs) result(energy)
     type(dem_law_type), intent(in) :: law
     integer(i4), intent(in) :: k
@@ -169,7 +170,8 @@ contains
         kept(:, at%cohesion_at:at%cohesion_at + cohesion_reals - 1))
   end function stored_on_top
 
-  !> Stiffness that the laws on top add to a lane: of translation [N/m] and of rotation [N m].
+  !> Stiffness that additional contact models add to a lane: of translation [N/m] and of rotation
+  !! [N m].
   pure function extra_stiffness(law, lane, k, pairs) result(stiffness)
     type(dem_law_type), intent(in) :: law
     integer(i4), intent(in) :: lane, k

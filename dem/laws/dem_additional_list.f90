@@ -1,5 +1,5 @@
-!> What contacts keep for the laws on top of the base law: carried over when the list is made anew,
-!! and into checkpoints and back.
+!> History of the additional contact models: inherited when the list is rebuilt, written to
+!! checkpoints and read back.
 module dem_additional_list
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -15,7 +15,8 @@ module dem_additional_list
 
 contains
 
-  !> Arrays for `blocks` blocks; slot(k) takes over what slot old(k) of the last list kept, 0: none.
+  !> Arrays for `blocks` blocks; slot(k) inherits the history of slot old(k) of the last list, 0:
+  !! none.
   pure subroutine move_extras(extras, blocks, old, slot)
     type(dem_extras_type), intent(inout) :: extras
     integer(i4), intent(in) :: blocks, old(:), slot(:)
@@ -140,7 +141,7 @@ contains
     call count_broken(extras)
   end subroutine get_run_of_extras
 
-  !> Layout of a checkpoint; without laws on top all zero.
+  !> Layout of a checkpoint; without additional contact models all zero.
   function layout_kept(archive) result(layout)
     type(dem_archive_type), intent(in) :: archive
     integer(i4) :: layout(layout_size), k

@@ -1,14 +1,13 @@
-!> Cohesion: a pull along the normal on top of the Hertz force, by one of three laws.
+!> Cohesion: an attraction along the normal in addition to the Hertz force, by one of three laws.
 !!
 !! constant: a given force while the bodies overlap. dmt: 2 pi w R_e while they overlap. jkr: the
 !! force of a neck of radius a,
 !!   overlap = a^2/R_e - sqrt(2 pi w a/E*),  F = 4 E* a^3/(3 R_e) - sqrt(8 pi w E* a^3),
-!! which shapes at the first touch and tears at the overlap -3/4 (pi^2 w^2 R_e/E*^2)^(1/3), where
-!! its
+!! which forms at the first touch and tears at the overlap -3/4 (pi^2 w^2 R_e/E*^2)^(1/3), where its
 !! stable branch ends; dU = F d(overlap) along it gives its energy.
 !! Kept of a lane: 1 neck radius, or 1 where the force acts [m], 2 pull on B along the normal [N],
 !! 3 overlap [m], 4 R_e [m].
-!! Works: what a force that comes or goes at once leaves unpaid; the turn of R_e at given overlap.
+!! Works: of a force that appears or vanishes at once; of the change of R_e at constant overlap.
 module dem_cohesion
   use talus_kinds, only: wp, i4
   use dem_state, only: lanes, history_size, history_root, dem_law_type
@@ -107,7 +106,7 @@ contains
     end if
   end subroutine one_contact
 
-  !> Force on B along the normal on top of Hertz [N].
+  !> Force on B along the normal in addition to Hertz [N].
   pure real(wp) function pull(law, row)
     type(dem_law_type), intent(in) :: law
     real(wp), intent(in) :: row(cohesion_reals)
@@ -125,7 +124,7 @@ contains
     end select
   end function pull
 
-  !> Energy of a contact on top of Hertz [J].
+  !> Energy of a contact in addition to Hertz [J].
   pure real(wp) function energy_of(law, row) result(energy)
     type(dem_law_type), intent(in) :: law
     real(wp), intent(in) :: row(cohesion_reals)

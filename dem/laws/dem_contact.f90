@@ -3,8 +3,8 @@
 !!
 !! History of a lane (all zero without contact): 1-3 tangential elastic force on B, 4-6 damping
 !! force on B [N], 7 square root of the overlap, 8 sqrt(R_e) [m^1/2], 9-11 contact point from the
-!! centre of A [m]. Two spheres keep 1-7 alone: their R_e never changes and stands there from the
-!! start, their last contact point follows from the last overlap and the velocities.
+!! centre of A [m]. Two spheres keep 1-7 alone: their R_e is constant and set at the start, their
+!! last contact point follows from the last overlap and the velocities.
 !! Work columns: see dem_law_state; plastic work is none here.
 !! The work of a step is half that of the last forces at the last contact point and half that of
 !! the new ones, both with the velocity of the step: this is what the leapfrog puts into the

@@ -2,12 +2,12 @@
 !! fixed places z = 0, s, 2s, ... below the overlap, straight in between and to 0 at the rim. All
 !! lanes of a block at once.
 !!
-!! A place has the weight that its hat has over y = sqrt(z), so that full sliding gives the friction
-!! of Hertz's force exactly, and is a spring of its own: forces, energies and losses are sums over
-!! places, and nothing drifts with the number of steps. Weights of the last place change with the
-!! overlap: where the rim moves out its deflection shrinks so that the force stays; where it moves
-!! in springs slip back. s is a power of two; it doubles or halves so that 12 to 24 places are below
-!! the overlap, without more force or energy.
+!! A place has the weight of its hat function over y = sqrt(z), so that full sliding gives the
+!! friction of Hertz's force exactly, and is a spring of its own: forces, energies and losses are
+!! sums over places, and nothing drifts with the number of steps. Weights of the last place change
+!! with the overlap: where the rim moves out its deflection shrinks so that the force stays; where
+!! it moves in springs slip back. s is a power of two; it doubles or halves so that 12 to 24 places
+!! are below the overlap, without more force or energy.
 !!
 !! Kept of a contact: 1 springs_mark; 2 stored energy [J]; 3 overlap [m]; 4 s [m]; then w of each
 !! place [m].
@@ -26,7 +26,8 @@ module dem_turning_springs
   integer(i4), parameter :: at_spacing = 4
   real(wp), parameter :: tiny_length = 1.0e-200_wp
 
-  !> y at the places for s = 1, and the parts of a hat's integral on either side of its place.
+  !> y at the places for s = 1, and the parts of a hat function's integral on either side of its
+  !! place.
   real(wp), parameter :: y(most_places + 1) = sqrt([ &
     0.0_wp, 1.0_wp, 2.0_wp, 3.0_wp, 4.0_wp, 5.0_wp, 6.0_wp, 7.0_wp, 8.0_wp, 9.0_wp, 10.0_wp, &
     11.0_wp, 12.0_wp, 13.0_wp, 14.0_wp, 15.0_wp, 16.0_wp, 17.0_wp, 18.0_wp, 19.0_wp, 20.0_wp, &
@@ -125,7 +126,7 @@ contains
     end do
   end subroutine find_rims
 
-  !> Weight of the last place below an overlap, whose hat ends at the rim [m^1/2].
+  !> Weight of the last place below an overlap, whose hat function ends at the rim [m^1/2].
   pure real(wp) function weight_of_last(s, overlap) result(weight)
     real(wp), intent(in) :: s, overlap
     integer(i4) :: last

@@ -50,7 +50,7 @@ contains
     second = findloc(d%grains%id, maxval(ids), 1)
     if (first == 0 .or. second == 0 .or. first == second) then
       call errors%add('I236', 'a bond needs two grains of the packing, not '//str(ids(1))// &
-                      ' and '//str(ids(2)), hint='mend &bond pairs')
+                      ' and '//str(ids(2)), hint='correct &bond pairs')
       return
     end if
     gap = norm2(d%grains%x(:, second) - d%grains%x(:, first)) - d%grains%radius(first) &
@@ -106,8 +106,8 @@ contains
     d%pairs%extras%made = d%pairs%extras%made + 1
   end subroutine glue
 
-  !> A bond that has stretched beyond the margin of the list can no longer be worked (N205). Of
-  !! several ranks all ask together.
+  !> A bond that has stretched beyond the margin of the list can no longer be worked (N205).
+  !! Collective over all ranks.
   subroutine check_bonds(d, errors)
     type(dem_data_type), intent(in) :: d
     type(error_list_type), intent(inout) :: errors

@@ -28,7 +28,7 @@ module dem_candidates
   integer(i4), parameter :: first_rim_group = 2*first_border_group
   integer(i4), parameter :: first_ghost_group = 3*first_border_group
   integer(i4), parameter :: first_wall_group = 4*first_border_group
-  integer(i4), parameter :: batch = 2**17  !! pairs that are looked at together
+  integer(i4), parameter :: batch = 2**17  !! pairs that are tested together
 
   !> Candidates before they are put into blocks.
   type :: list_type

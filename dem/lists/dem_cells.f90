@@ -9,7 +9,7 @@ module dem_cells
   private
   public :: find_candidates
 
-  integer(i4), parameter :: most_large = 32     !! grains that may stand outside the cells
+  integer(i4), parameter :: most_large = 32     !! grains that may lie outside the cells
   real(wp), parameter :: large_factor = 1.5_wp  !! how much larger they must be
 
   !> Cell grid; grains outside its box count to the border cells.
@@ -39,7 +39,7 @@ contains
     real(wp), intent(in) :: spare(:)                !! what a grain adds to the margin [m]
     integer(i4), intent(in) :: kind(:)
     real(wp), intent(in) :: margin                  !! list pairs with a smaller gap [m]
-    logical, intent(in) :: ghost_pairs              !! ghost-ghost pairs wanted
+    logical, intent(in) :: ghost_pairs              !! ghost-ghost pairs are listed
     integer(i4), allocatable, intent(out) :: first(:), second(:)
     integer(i4), intent(out) :: count
     type(grid_type) :: grid

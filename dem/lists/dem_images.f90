@@ -1,5 +1,5 @@
-!> Images of grains across the faces of a periodic cell: bodies that stand at a grain's place plus a
-!! whole number of edges, so that pairs over a face are worked like all others.
+!> Images of grains across the faces of a periodic cell: bodies at a grain's place plus a whole
+!! number of edges, so that pairs over a face are evaluated like all others.
 !!
 !! Centres of grains are never folded back, so that a contact has one shift as long as it lasts;
 !! the search folds copies of them. Of a pair over a face the higher id is the image.
@@ -119,7 +119,7 @@ contains
     key = ((grain*span + shift(1) + span/2)*span + shift(2) + span/2)*span + shift(3) + span/2
   end function key_of
 
-  !> Bodies for all images among the keys; `former` tells which they were before.
+  !> Bodies for all images among the keys; `former` holds their former indices.
   subroutine make_images(pairs, n, key)
     type(dem_pairs_type), intent(inout) :: pairs
     integer(i4), intent(in) :: n

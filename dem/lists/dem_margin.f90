@@ -17,7 +17,7 @@ module dem_margin
   integer(i8), parameter :: short_life = 200   !! steps of a list that calls for more margin
   integer(i8), parameter :: long_life = 1000   !! and of one that has no need of it any more
   real(wp), parameter :: fast_share = 0.03_wp  !! of the free grains that are fast
-  real(wp), parameter :: memory = 0.85_wp      !! what stays of a margin that speed does not ask for
+  real(wp), parameter :: memory = 0.85_wp      !! part of a margin that is kept without need
   real(wp), parameter :: least_spare = 1.0e-3_wp  !! of half the skin; less is nothing
   integer(i4), parameter :: most_wide = 32     !! grains that may have much more
   real(wp), parameter :: wide_spare = 1.0_wp   !! what these may have at most, in mean radii
@@ -26,7 +26,7 @@ module dem_margin
 contains
 
   !> Margins of the next list, from the speeds of now and the margins before. Grains of other ranks,
-  !! images and surfaces count on the skin alone, and a skin that the deck gives stands.
+  !! images and surfaces rely on the skin alone, and a skin that the deck gives is not changed.
   subroutine set_margins(d)
     type(dem_data_type), intent(inout) :: d
     real(wp), allocatable :: speed(:)

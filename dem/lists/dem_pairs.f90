@@ -73,7 +73,7 @@ contains
     if (cell%active) call place_images(pairs, cell)
   end subroutine update_bodies
 
-  !> Make the list anew for the current bodies; contacts keep normal and history, bit for bit.
+  !> Rebuild the list for the current bodies; contacts keep normal and history, bit for bit.
   subroutine build_pairs(pairs, grains, planes, weights, ghost_pairs, cell)
     type(dem_pairs_type), intent(inout) :: pairs
     type(dem_grains_type), intent(in) :: grains
@@ -87,7 +87,7 @@ contains
     integer(i4) :: i
 
     if (pairs%keep_results) allocate (result, source=pairs%result)
-    ! most memory is in use here: what nobody asks of the old list goes first
+    ! peak of memory: parts of the old list that are not needed are freed first
     if (allocated(pairs%result)) deallocate (pairs%result, pairs%columns, pairs%m_star, &
                                              pairs%weight)
     call list_grain_pairs(pairs, grains, ghost_pairs, cell, list)

@@ -20,7 +20,7 @@ module dem_limits
 
 contains
 
-  !> Step limit of the contacts in hand [s]; huge without contacts. On ranks free bodies and
+  !> Step limit of the current contacts [s]; huge without contacts. On ranks free bodies and
   !! membranes are the leader's, see dem_part.
   real(wp) function gershgorin_step(d) result(limit)
     type(dem_data_type), intent(in) :: d
@@ -91,7 +91,7 @@ contains
     moves = kind == kind_free .or. kind == kind_mirror
   end function moves
 
-  !> Add the stiffness of laws on top of the base law to the rows of their grains.
+  !> Add the stiffness of additional contact models to the rows of their grains.
   pure subroutine add_extra(d, lane, k, lambda)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: lane, k

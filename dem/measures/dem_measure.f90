@@ -1,4 +1,4 @@
-!> What is measured on a system: momenta, coordination, overlap, stress, runaway energy.
+!> Measures of a system: momenta, coordination, overlap, stress, runaway energy.
 module dem_measure
   use talus_kinds, only: wp, i4, i8
   use talus_vectors, only: cross
@@ -98,7 +98,7 @@ contains
     ratio = 0.0_wp
     first = 0
     second = 0
-    least = (1.0_wp - 1.0e-9_wp)*minval(d%grains%axes)  ! for blocks that need no closer look
+    least = (1.0_wp - 1.0e-9_wp)*minval(d%grains%axes)  ! for blocks that need no closer test
     do k = 1, d%pairs%blocks
       if (.not. d%pairs%touched(k)) cycle
       if (.not. maxval(d%pairs%history(:, history_side, k))**2 > ratio*least) cycle
@@ -246,7 +246,7 @@ contains
                     str(d%health%reference_energy)//' J put in; fastest is grain '// &
                     str(id)//' with '//str(speed)// &
                     ' m/s', place='step '//str(d%health%steps), &
-                    hint='lower the time step; its limit now stands in the log')
+                    hint='lower the time step; see its present limit in the log')
   end subroutine judge_runaway
 
   !> Largest overlap into the health counters; fault `code` when it passes par%overlap_limit.

@@ -55,7 +55,7 @@ contains
     motion%gravity = d%par%gravity_scale*d%par%gravity
   end function motion_of
 
-  !> Half kick of all lanes with the forces in hand: explicit before a drift, implicit after one.
+  !> Half kick of all lanes with the current forces: explicit before a drift, implicit after one.
   pure subroutine kick_block(b, state, step, explicit, work)
     type(integration_block_type), intent(in) :: b
     type(block_state_type), intent(inout) :: state

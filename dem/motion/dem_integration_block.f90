@@ -1,5 +1,5 @@
-!> Grains in lanes: what a step leaves to the next, what it takes for its length, and how far they
-!! have gone since the list was made.
+!> Integration blocks: grains in lanes, with what one step hands to the next, their work arrays, and
+!! their travel since the list was made.
 module dem_integration_block
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_grains_type, dem_pairs_type, kind_free, lanes, body_size
@@ -13,9 +13,9 @@ module dem_integration_block
     store_forces, load_side
   public :: recall_side, ready_state, read_block, put_bodies, travel_of_block, follow_travel
 
-  !> Consecutive grains, one short array a quantity; lanes that are not free stand still. Centres,
-  !! velocities, spins and shapes are in the body records, from where a push takes them. Nothing has
-  !! a value before load_block: each thread is the first to touch its own.
+  !> Consecutive grains, one short array a quantity; lanes of prescribed grains are not moved.
+  !! Centres, velocities, spins and shapes are in the body records, from which a block is loaded.
+  !! Nothing has a value before load_block, so that each thread is the first to touch its own.
   type :: integration_block_type
     integer(i4) :: low, count            !! grains low+1 .. low+count
     integer(i4) :: free_count            !! of these, free
@@ -30,7 +30,7 @@ module dem_integration_block
     real(wp) :: ease(lanes)              !! see dem_margin; read where some are below 1
   end type integration_block_type
 
-  !> What is needed of a block for the length of a half step: it stays in the cache.
+  !> Work arrays of a block during a half step: they stay in the cache.
   type :: block_state_type
     type(dem_side_type) :: s                !! centres, velocities, spins, shape matrices
     real(wp) :: f(lanes, 3), m(lanes, 3)    !! contact force and moment of the free lanes
@@ -79,7 +79,7 @@ contains
                .or. any(abs(g%extra_moment(:, low + 1:low + count)) > 0.0_wp)
   end subroutine load_block
 
-  !> Forms stand in the body records as their bounding spheres.
+  !> Shapes are in the body records as their bounding spheres.
   pure subroutine bound_shapes(g, b)
     type(dem_grains_type), intent(in) :: g
     type(integration_block_type), intent(inout) :: b
@@ -116,7 +116,7 @@ contains
     call shape_matrices(b%square, r, b%round, state%s%s)
   end subroutine load_side
 
-  !> Lanes that are not free stand still.
+  !> Lanes of prescribed grains are not moved.
   pure subroutine stop_others(free, s)
     real(wp), intent(in) :: free(lanes)
     type(dem_side_type), intent(inout) :: s
@@ -131,7 +131,7 @@ contains
   end subroutine stop_others
 
   !> What put_bodies left in the records: of spheres centres, velocities and spins, as nothing else
-  !! changes in them. Lanes that are not free stand still.
+  !! changes in them. Lanes of prescribed grains are not moved.
   pure subroutine recall_side(b, body, state)
     type(integration_block_type), intent(in) :: b
     real(wp), intent(in), contiguous :: body(:, :)
@@ -158,7 +158,7 @@ contains
     end if
   end subroutine read_block
 
-  !> Contact forces and moments of the free grains as they stand with the grains.
+  !> Contact forces and moments of the free grains from the grains.
   pure subroutine load_forces(b, g, state)
     type(integration_block_type), intent(in) :: b
     type(dem_grains_type), intent(in) :: g
@@ -254,8 +254,8 @@ contains
   end function travel_of_block
 
   !> Bring a block's travel up to date after a drift of dt: by what its fastest lane did in it, or,
-  !! if that is wanted or comes up to the limit, to what it is. So most steps need not read where
-  !! the list was made.
+  !! if requested or near the limit, exactly. So most steps need not read the positions at which the
+  !! list was made.
   pure subroutine follow_travel(b, state, pairs, dt, exact)
     type(integration_block_type), intent(inout) :: b
     type(block_state_type), intent(in) :: state

@@ -1,4 +1,4 @@
-!> Motion of fixed, driven and ghost grains, and the work and impulse of what moves them.
+!> Motion of fixed, driven and ghost grains, and the work and impulse of the forces that move them.
 module dem_prescribed
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_grains_type, kind_fixed, body_size
@@ -11,7 +11,7 @@ module dem_prescribed
 
 contains
 
-  !> Body record of a grain; a form stands there as its bounding sphere.
+  !> Body record of a grain; a shape is there as its bounding sphere.
   pure subroutine put_body(g, i, body)
     type(dem_grains_type), intent(in) :: g
     integer(i4), intent(in) :: i

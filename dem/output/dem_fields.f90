@@ -1,4 +1,4 @@
-!> Field output: grains (and contacts, where asked for) step by step in HDF5, described in XDMF.
+!> Field output: grains (and contacts, on request) step by step in HDF5, described in XDMF.
 module dem_fields
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: string_type
@@ -35,7 +35,7 @@ module dem_fields
 
 contains
 
-  !> Begin the file, or go on in it after a restart at time >= 0; note tells what was mended.
+  !> Create the file, or continue it after a restart at time >= 0; note describes repairs.
   subroutine open_fields(self, stem, time, note, errors)
     class(dem_fields_type), intent(inout) :: self
     character(len=*), intent(in) :: stem

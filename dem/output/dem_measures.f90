@@ -1,5 +1,5 @@
-!> Measures of regions and coarse-grained grids that a deck asks for: &measure and &grid, in the run
-!! and afterwards. The formulas are those of common (talus_measures, talus_coarse).
+!> Measures of regions and coarse-grained fields (&measure and &grid), during the run and
+!! afterwards. The formulas are those of common (talus_measures, talus_coarse).
 !!
 !! Faults: D260 name, D261 region, D262 interval, D263 grid.
 module dem_measures
@@ -223,7 +223,7 @@ contains
     self%opened = .not. errors%any()
   end subroutine open_measures
 
-  !> Rows up to here stand in a whole run too: a last row off the interval does not.
+  !> Rows up to here are in an uninterrupted run too: a last row off the interval is not.
   pure real(wp) function kept_time(time, every) result(kept)
     real(wp), intent(in) :: time, every
     kept = time

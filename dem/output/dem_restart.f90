@@ -145,7 +145,7 @@ contains
                       ' driven grains and '//str(size(walls))//' walls, the deck has '// &
                       str(size(histories%driven_work))//' and '// &
                       str(size(histories%wall_work)), path, &
-                      'restart with the deck that made it, or start anew')
+                      'restart with the deck that made it, or start from the beginning')
       return
     end if
     histories%driven_work = driven
@@ -168,7 +168,7 @@ contains
   !> Contacts for many ranks, some at a time.
   subroutine read_slabs(file, layout, system, errors)
     type(h5_file_type), intent(inout) :: file
-    integer(i4), intent(in) :: layout(layout_size)  !! of what laws on top keep
+    integer(i4), intent(in) :: layout(layout_size)  !! of what additional contact models keep
     type(dem_system_type), intent(inout) :: system
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: rows(:, :)

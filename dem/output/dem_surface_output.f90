@@ -1,5 +1,5 @@
 !> Surfaces in the results: a history of force, moment and work of each part, and the triangles of
-!! every step for pictures (cones as polygons of revolution).
+!! every step as a surface mesh (cones as polygons of revolution).
 module dem_surface_output
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -18,7 +18,7 @@ module dem_surface_output
     'surface [-]', 'x [m]', 'y [m]', 'z [m]', 'velocity_x [m/s]', 'velocity_y [m/s]', &
     'velocity_z [m/s]', 'spin_x [rad/s]', 'spin_y [rad/s]', 'spin_z [rad/s]', 'turn_w [-]', &
     'turn_x [-]', 'turn_y [-]', 'turn_z [-]']
-  integer(i4), parameter :: sides = 48  !! of a cone or cylinder in pictures
+  integer(i4), parameter :: sides = 48  !! of a cone or cylinder in the mesh
   real(wp), parameter :: endless = 5.0_wp  !! half the length, in radii, of a cylinder without ends
   real(wp), parameter :: pi = acos(-1.0_wp)
 
@@ -73,7 +73,7 @@ contains
     end do
   end subroutine write_surface_rows
 
-  !> Points and triangles of the picture.
+  !> Points and triangles of the surface mesh.
   pure subroutine surface_mesh_sizes(s, points, triangles)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(out) :: points, triangles

@@ -1,6 +1,6 @@
 !> talus-dem as a partner of talus-couple: what each request does to the grains.
 !!
-!! Files are opened at READY, when all is found good; output is written at ACCEPT.
+!! Files are opened at READY, after all checks; output is written at ACCEPT.
 module dem_port
   use omp_lib, only: omp_get_max_threads
   use talus_kinds, only: wp, i4, i8
@@ -32,12 +32,12 @@ module dem_port
     real(wp), allocatable :: base_mass(:)   !! of the packing, before factors [kg]
     real(wp), allocatable :: base_inertia(:, :)  !! [kg m^2]
     real(wp), allocatable :: factor(:)      !! mass factors set through the port [-]
-    integer(i8) :: late = 0                 !! late rebuilds told so far
-    logical :: held = .false.               !! driven grains and planes stand still
+    integer(i8) :: late = 0                 !! late rebuilds reported so far
+    logical :: held = .false.               !! driven grains and planes are at rest
     real(wp), allocatable :: held_v(:, :), held_omega(:, :)  !! of driven grains [m/s, rad/s]
     real(wp), allocatable :: held_planes(:, :)  !! velocity of the planes [m/s]
     real(wp), allocatable :: held_surfaces(:, :)  !! velocity and spin of surfaces [m/s, rad/s]
-    logical :: stale = .false.              !! kinds or masses changed: forces must be made anew
+    logical :: stale = .false.              !! kinds or masses changed: forces must be rebuilt
   contains
     procedure :: read => read_input
     procedure :: hello
@@ -83,7 +83,7 @@ contains
     call self%model%read(options, errors)
   end subroutine read_input
 
-  !> Prepare the first state, or go on from a checkpoint, and say who we are.
+  !> Prepare the first state, or restart from a checkpoint, and identify the program.
   subroutine hello(self, restart, reply, errors)
     class(dem_server_type), intent(inout) :: self
     character(len=*), intent(in) :: restart
@@ -105,7 +105,7 @@ contains
     end associate
   end subroutine hello
 
-  !> After a change of kinds or masses before the first step: lists, forces and ledger anew.
+  !> After a change of kinds or masses before the first step: rebuild lists, forces and ledger.
   subroutine refresh(self, errors)
     class(dem_server_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
@@ -171,7 +171,7 @@ contains
       call set_mass(self, request, errors)
     case default
       call errors%add('P255', "talus-dem cannot set '"//what//"'", request%place(), &
-                      'it knows contact_weight and mass_factor')
+                      'valid are contact_weight and mass_factor')
     end select
     if (.not. errors%any()) call reply%put(field_step_limit, self%model%system%step_limit())
   end subroutine set_values
@@ -266,7 +266,7 @@ contains
     end associate
   end subroutine ready
 
-  !> What the deck moves stands still during a rehearsal.
+  !> Motion prescribed by the deck is suspended during a rehearsal.
   subroutine hold(self)
     class(dem_server_type), intent(inout) :: self
     real(wp) :: rest(3, size(self%model%histories%index))
@@ -288,7 +288,7 @@ contains
     end associate
   end subroutine hold
 
-  !> After a rehearsal: it moves again, the clock and the ledger start anew.
+  !> After a rehearsal: resume this motion, restart clock and ledger.
   subroutine let_go(self)
     class(dem_server_type), intent(inout) :: self
     if (.not. self%held) return

@@ -1,4 +1,4 @@
-!> Replies of the port that only look: HELLO, DESCRIBE, SELECT, scalars.
+!> Replies of the port that change nothing: HELLO, DESCRIBE, SELECT, scalars.
 module dem_port_state
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -36,7 +36,7 @@ module dem_port_state
 
 contains
 
-  !> Who we are and where we stand.
+  !> Name, version and present time.
   subroutine reply_hello(model, reply)
     type(dem_model_type), intent(in) :: model
     type(message_type), intent(inout) :: reply
@@ -92,7 +92,7 @@ contains
       end if
     case default
       call errors%add('P255', "talus-dem cannot describe '"//what//"'", 'exchange port, DESCRIBE', &
-                      'it knows grains, contacts, border, groups and group')
+                      'valid are grains, contacts, border, groups and group')
     end select
   end subroutine reply_describe
 
@@ -157,7 +157,7 @@ contains
     call reply%put(field_stiffness, stiffness(set%index))
   end subroutine reply_selected
 
-  !> Ledger, momentum, limits and flags; late is the number of late rebuilds told so far.
+  !> Ledger, momentum, limits and flags; late is the number of late rebuilds reported so far.
   subroutine put_scalars(system, late, reply)
     type(dem_system_type), intent(inout) :: system
     integer(i8), intent(inout) :: late

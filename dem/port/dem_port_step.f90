@@ -63,7 +63,7 @@ contains
     call put_scalars(model%system, late, reply)
   end subroutine advance
 
-  !> The partner's interval must begin where the grains stand (P256).
+  !> The partner's interval must begin at the time of the grains (P256).
   subroutine check_start(model, request, errors)
     type(dem_model_type), intent(in) :: model
     type(message_type), intent(in) :: request
@@ -73,7 +73,7 @@ contains
     slack = round_off*max(abs(now), request%t1 - request%t0)
     if (abs(request%t0 - now) <= slack .and. request%t1 > request%t0) return
     call errors%add('P256', 'an interval from '//str(request%t0)//' s to '//str(request%t1)// &
-                    ' s was asked, the grains stand at '//str(now)//' s', request%place(), &
+                    ' s was requested, the grains are at '//str(now)//' s', request%place(), &
                     'both sides must go on from the same accepted time')
   end subroutine check_start
 
@@ -109,7 +109,7 @@ contains
     if (abs(dt - model%system%par%dt) > 0.0_wp) call model%use_step(dt)
   end subroutine count_substeps
 
-  !> Where a prescribed set is at t1; a set that is not mentioned stays at rest.
+  !> Where a prescribed set is at t1; a set that is not mentioned is at rest.
   subroutine take_motion(system, set, request, substeps, errors)
     type(dem_system_type), intent(inout) :: system
     type(dem_set_type), intent(in) :: set
@@ -137,7 +137,7 @@ contains
     do k = 1, size(x, 2)
       if (all(abs(x(:, k)) < huge(1.0_wp)) .and. abs(sum(quat(:, k)**2) - 1.0_wp) < 1.0e-6_wp) cycle
       call errors%add('P257', "set '"//set%name//"': grain "// &
-                      str(system%grains%id(set%index(k)))//' was told to go to '//str(x(:, k))// &
+                      str(system%grains%id(set%index(k)))//' was sent to '//str(x(:, k))// &
                       ', orientation '//str(quat(:, k)), 'exchange port', &
                       'positions must be numbers, orientations unit quaternions')
       return
@@ -158,8 +158,9 @@ contains
     if (.not. errors%any()) call system%set_extra(set%index, force, moment)
   end subroutine take_load
 
-  !> What of a load counts for the kinetic energy that is told, where a kick holds impulses of many
-  !! steps: `mean_force`, `mean_moment`. Extra forces of all grains, then; the load itself is due.
+  !> Mean part of a load, by which the reported kinetic energy is computed where a kick holds
+  !! impulses of many steps: `mean_force`, `mean_moment`. Returns extra forces of all grains; the
+  !! load itself is applied by the kick.
   subroutine take_mean(system, set, request, force, moment, errors)
     type(dem_system_type), intent(inout) :: system
     type(dem_set_type), intent(in) :: set
@@ -179,10 +180,10 @@ contains
     moment = system%grains%extra_moment
   end subroutine take_mean
 
-  !> Forces with prescribed grains placed as told; no time passes. Where a border was selected the
-  !! scope interface takes contacts of free grains alone, between those of ghosts with each other,
-  !! split both; the forces on free grains are then completed after the reply, unless it tells of
-  !! them.
+  !> Forces with prescribed grains placed as requested; time does not advance. Where a border was
+  !! selected the scope interface takes contacts of free grains alone, between those of ghosts with
+  !! each other, split both; the forces on free grains are then completed after the reply, unless it
+  !! reports them.
   subroutine force(model, sets, request, reply, late, errors)
     type(dem_model_type), intent(inout) :: model
     type(dem_sets_type), intent(in) :: sets
@@ -230,7 +231,7 @@ contains
     if (.not. brief) call put_scalars(model%system, late, reply)
   end subroutine force
 
-  !> Does a set want to hear of forces on grains that no partner moves, or on vertices?
+  !> Does a set request forces on grains that no partner moves, or on vertices?
   pure logical function any_free_force(sets)
     type(dem_sets_type), intent(in) :: sets
     integer(i4) :: k
@@ -244,7 +245,7 @@ contains
     end do
   end function any_free_force
 
-  !> Grains of all sets of a role, and vertices, where the request says.
+  !> Grains of all sets of a role, and vertices, where the request places them.
   subroutine place_sets(system, sets, role, request, errors)
     type(dem_system_type), intent(inout) :: system
     type(dem_sets_type), intent(in) :: sets
@@ -259,7 +260,7 @@ contains
     end do
   end subroutine place_sets
 
-  !> What was evaluated: of ghosts that part of it which the scope tells apart.
+  !> Forces evaluated: of ghosts the part that the scope selects.
   subroutine put_forces(system, sets, scope, reply)
     type(dem_system_type), intent(in) :: system
     type(dem_sets_type), intent(in) :: sets
@@ -305,7 +306,7 @@ contains
     end subroutine put_pair
   end subroutine put_forces
 
-  !> Whether the border must be chosen anew; that it was wide enough till now.
+  !> Report whether the border must be selected again; check that it has been wide enough.
   subroutine put_border(system, reply, errors)
     type(dem_system_type), intent(in) :: system
     type(message_type), intent(inout) :: reply
@@ -352,7 +353,7 @@ contains
   end subroutine take_state
 
   !> v += kick (F + X)/m of free grains, then x += drift v of all. With ahead = 1 forces in parts
-  !! are asked for next: contacts without ghosts begin after the reply.
+  !! are requested next: contacts without ghosts begin after the reply.
   subroutine kick_drift(model, sets, request, reply, late, errors)
     type(dem_model_type), intent(inout) :: model
     type(dem_sets_type), intent(in) :: sets
@@ -410,7 +411,7 @@ contains
     call move_alloc(aside, moment)
   end subroutine swap_loads
 
-  !> What the sets have to say after motion: forces and impulses where wanted, and states.
+  !> Replies of the sets after motion: forces and impulses on request, and states.
   subroutine put_sets(system, sets, forces, reply)
     type(dem_system_type), intent(in) :: system
     type(dem_sets_type), intent(in) :: sets

@@ -197,7 +197,7 @@ contains
     integer(i4) :: k
     do k = 1, size(x, 2)
       if (all(abs(x(:, k)) < huge(1.0_wp))) cycle
-      call errors%add('P257', "set '"//set%name//"': vertex "//str(k)//' was told to go to '// &
+      call errors%add('P257', "set '"//set%name//"': vertex "//str(k)//' was sent to '// &
                       str(x(:, k)), 'exchange port', 'positions and velocities must be numbers')
       return
     end do

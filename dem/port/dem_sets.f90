@@ -55,7 +55,7 @@ contains
                     'SELECT comes before all other use of a set')
   end subroutine find
 
-  !> Make a set, or replace the one of this name. Kinds of grains may change: changed tells.
+  !> Make a set, or replace the one of this name. changed is set if kinds of grains changed.
   subroutine select(self, name, role_name, ids, fields, system, may_change, changed, errors)
     class(dem_sets_type), intent(inout) :: self
     character(len=*), intent(in) :: name, role_name, fields
@@ -176,7 +176,7 @@ contains
     integer(i4) :: k
     if (system%cell%active) &
       call errors%add('P252', 'grains in a cell have no border: all their contacts are '// &
-                      'evaluated at once', 'exchange port, SELECT', 'ask FORCE with scope all')
+                      'evaluated at once', 'exchange port, SELECT', 'send FORCE with scope all')
     do k = 1, size(index)
       if (system%grains%kind(index(k)) == kind_ghost) cycle
       call errors%add('P252', 'grain '//str(system%grains%id(index(k)))//' is no ghost: it '// &

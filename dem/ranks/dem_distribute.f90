@@ -1,5 +1,6 @@
-!> What the leader tells the other ranks: how the system moves, its laws, planes, surfaces, cell and
-!! prescribed grains at the start; what may change between steps before each of them.
+!> Data that the leader broadcasts to the other ranks: parameters of the motion, laws, planes,
+!! surfaces, cell and prescribed grains at the start; before each block of steps what may have
+!! changed.
 module dem_distribute
   use talus_kinds, only: wp, i4, i8
   use talus_ranks, only: ranks_type
@@ -24,8 +25,8 @@ module dem_distribute
 
 contains
 
-  !> The leader's part is the whole system; the others get what all ranks know. Sums of planes and
-  !! prescribed grains stay with the leader.
+  !> The leader holds the whole system; the others receive what is common to all ranks. Sums of
+  !! planes and prescribed grains remain on the leader.
   subroutine distribute(team, part)
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(inout) :: part
@@ -68,7 +69,7 @@ contains
   !! and surfaces, pressure of membranes.
   subroutine broadcast_step(team, whole, part)
     type(ranks_type), intent(in) :: team
-    type(dem_data_type), intent(in) :: whole  !! of the leader; the others name any
+    type(dem_data_type), intent(in) :: whole  !! used on the leader alone
     type(dem_data_type), intent(inout) :: part
     if (team%leads()) then
       part%par = whole%par
@@ -99,7 +100,7 @@ contains
   !> What energies depend on besides grains and contacts: parameters, loads of free bodies.
   subroutine broadcast_energies(team, whole, part)
     type(ranks_type), intent(in) :: team
-    type(dem_data_type), intent(in) :: whole  !! of the leader; the others name any
+    type(dem_data_type), intent(in) :: whole  !! used on the leader alone
     type(dem_data_type), intent(inout) :: part
     if (team%leads()) part%par = whole%par
     call broadcast_parameters(team, part%par)
@@ -108,11 +109,11 @@ contains
     call broadcast_matrix(team, part%surfaces%rigid%given)
   end subroutine broadcast_energies
 
-  !> How prescribed grains go on from now.
+  !> Prescribed motion for the next steps.
   subroutine broadcast_targets(team, whole, placed, part)
     type(ranks_type), intent(in) :: team
-    type(dem_data_type), intent(in) :: whole  !! of the leader; the others name any
-    logical, intent(in) :: placed             !! the whole knows where they are
+    type(dem_data_type), intent(in) :: whole  !! used on the leader alone
+    logical, intent(in) :: placed             !! the leader has their present positions
     type(dem_data_type), intent(inout) :: part
     real(wp), allocatable :: rows(:, :)
     integer(i4) :: i, k, at
@@ -171,8 +172,8 @@ contains
   !> Extra forces of the grains that are marked.
   subroutine broadcast_loads(team, whole, marked, part)
     type(ranks_type), intent(in) :: team
-    type(dem_data_type), intent(in) :: whole  !! of the leader; the others name any
-    logical, intent(in) :: marked(:)          !! grains of the whole; the others name any
+    type(dem_data_type), intent(in) :: whole  !! used on the leader alone
+    logical, intent(in) :: marked(:)          !! grains of the whole, used on the leader alone
     type(dem_data_type), intent(inout) :: part
     real(wp), allocatable :: rows(:, :)
     integer(i4) :: n(1), i, k
@@ -255,7 +256,7 @@ contains
     call broadcast_matrix(team, part%planes%velocity)
   end subroutine broadcast_planes
 
-  !> Laws on top of the base law, and bonds. Those made and broken so far are the leader's.
+  !> Additional contact models, and bonds. Those made and broken so far are the leader's.
   subroutine broadcast_extras(team, part)
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(inout) :: part
@@ -320,7 +321,7 @@ contains
     call broadcast_matrix(team, rows)
     if (team%leads()) return
     rows(:sum_reals, :) = 0.0_wp
-    part%pairs%blocks = 0  ! contacts of an earlier state are none of this one
+    part%pairs%blocks = 0  ! contacts of an earlier state do not belong to this one
     call make_local(part, rows)
   end subroutine broadcast_prescribed
 end module dem_distribute

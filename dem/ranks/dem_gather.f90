@@ -16,7 +16,7 @@ module dem_gather
   private
   public :: release_list, deliver, take_in, haul_type, deliver_driven, pack_contacts, is_first_here
 
-  !> What all ranks have handed in, on the leader.
+  !> Data of all ranks, gathered on the leader.
   type :: haul_type
     real(wp), allocatable :: grains(:, :)      !! rows as columns, see dem_records
     real(wp), allocatable :: contacts(:, :)
@@ -116,7 +116,7 @@ contains
   subroutine deliver_driven(team, part, whole)
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(in) :: part
-    type(dem_data_type), intent(inout) :: whole  !! of the leader; the others name any
+    type(dem_data_type), intent(inout) :: whole  !! used on the leader alone
     real(wp), allocatable :: rows(:, :), table(:, :)
     integer(i4) :: k, i
     call pack_grains(part, part%grains%kind == kind_driven, rows)
@@ -164,7 +164,7 @@ contains
     if (allocated(whole%surfaces%membranes)) call share_anew(whole)
   end subroutine take_in
 
-  !> Prescribed grains stand where the leader has them; what acts on them is the sum over the ranks.
+  !> Prescribed grains are where the leader has them; forces on them are sums over the ranks.
   subroutine take_prescribed(part, prescribed, whole)
     type(dem_data_type), intent(in) :: part
     real(wp), intent(in) :: prescribed(:, :)

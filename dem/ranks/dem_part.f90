@@ -1,4 +1,4 @@
-!> Steps of one rank's part of a system, and what it tells the leader about them.
+!> Steps of one rank's part of a system, and their report to the leader.
 module dem_part
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
@@ -29,13 +29,13 @@ module dem_part
   integer(i4), parameter :: works = size(transfer(fresh, [0.0_wp]))  !! columns of the ledger
   integer(i4), parameter :: plane_size = plane_work  !! sums of a plane
 
-  !> Where the numbers of a report stand.
+  !> Places of the numbers in a report.
   integer(i4), parameter :: at_overlap = works + 1, at_limits = works + 2, at_speed = works + 5, &
     at_kinetic = works + 6, at_most = works + 7, at_exchange = works + 10, at_own = works + 11, &
     at_mirrors = works + 12, at_pairs = works + 13, at_bytes = works + 14, &
     at_messages = works + 15, at_broken = works + 16, report_size = works + 17
 
-  !> What the ranks told last.
+  !> Last report of the ranks.
   type :: rank_marks_type
     real(wp) :: limit(3) = 0.0_wp      !! Gershgorin, Rayleigh, impact [s]
     real(wp) :: speed = 0.0_wp         !! of the fastest grain [m/s]
@@ -48,7 +48,7 @@ module dem_part
     real(wp) :: pairs = 0.0_wp         !! candidates of all ranks
     real(wp) :: bytes = 0.0_wp         !! sent in a step by all ranks
     real(wp) :: messages = 0.0_wp      !! sent in a step by all ranks
-    real(wp) :: contacts(2) = 0.0_wp   !! contacts at the last glance, those with a history
+    real(wp) :: contacts(2) = 0.0_wp   !! contacts at the last snapshot, those with a history
   end type rank_marks_type
 
 contains
@@ -78,7 +78,7 @@ contains
     call check_membranes(part, errors)
   end subroutine move_part
 
-  !> What the leader must know after steps. All ranks ask together.
+  !> Report to the leader after steps. Collective over all ranks.
   function report_of(part) result(report)
     type(dem_data_type), intent(in) :: part
     real(wp), allocatable :: report(:)
@@ -129,7 +129,7 @@ contains
     integer(i4) :: k, at
 
     total = sum_of_columns(reports)
-    whole%ledger = transfer(total, whole%ledger)  ! what is stored now is found at the next look
+    whole%ledger = transfer(total, whole%ledger)  ! stored energies are updated by the next snapshot
     whole%ledger_dt = part%ledger_dt
     overlap = max(whole%health%max_overlap, maxval(reports(at_overlap, :)))
     reference = whole%health%reference_energy
@@ -184,7 +184,7 @@ contains
     if (part%cell%active) row(works + 3:) = cell_sums(part)
   end function glance_of
 
-  !> Sums of glances over the ranks, in their order.
+  !> Sums of snapshots over the ranks, in their order.
   subroutine add_glances(part, rows, whole, marks)
     type(dem_data_type), intent(in) :: part  !! of the leader
     real(wp), intent(in) :: rows(:, :)       !! (:, ranks)

@@ -1,5 +1,5 @@
-!> Orders of the leader to the ranks, and what each rank, the leader too, does with its part on some
-!! of them.
+!> Commands of the leader to the ranks, and how each rank, including the leader, executes some of
+!! them.
 module dem_rank_commands
   use talus_kinds, only: wp, i4
   use talus_ranks, only: ranks_type
@@ -31,7 +31,7 @@ module dem_rank_commands
 
 contains
 
-  !> This rank's part from what the leader has.
+  !> Receive this rank's part from the leader.
   subroutine begin_part(team, part, bare)
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(inout) :: part  !! of the leader the whole
@@ -52,7 +52,7 @@ contains
     if (d%surfaces%n > 0) call list_near(d)
   end subroutine list_part
 
-  !> All contacts of a checkpoint have come by: the list of a part with those that were kept.
+  !> After the last contact of a checkpoint: the list of a part with those that were kept.
   subroutine receive_kept(kept, part)
     type(record_heap_type), intent(inout) :: kept
     type(dem_data_type), intent(inout) :: part

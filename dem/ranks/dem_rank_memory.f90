@@ -1,10 +1,10 @@
-!> What ranks would hold and take of a whole that one process has, without them: domains are cut as
-!! ranks cut them, and what each would hold is counted in the list of the whole.
+!> Prediction, on one process, of the memory that ranks would need: domains are cut as on ranks, and
+!! the share of each is counted in the list of the whole.
 !!
-!! Bytes are those of the arrays that live at the two places where most memory is in use: where the
-!! leader hands out the whole, and where a rank sends grains and contacts while its old list is
-!! still there. What is freed stays in pieces that are not all of use again, so that more is taken:
-!! the factors are what runs of 10^5 to 10^6 ellipsoids on 2 to 8 ranks took.
+!! Bytes are those of the arrays that are allocated at the two peaks of memory: where the leader
+!! distributes the whole, and where a rank sends grains and contacts while its old list is still
+!! allocated. Freed memory is fragmented and not all reused; the factors for this are those of runs
+!! of 10^5 to 10^6 ellipsoids on 2 to 8 ranks.
 module dem_rank_memory
   use talus_kinds, only: wp, i4, i8
   use dem_domains, only: cut_domains, rank_at, ranks_near, place_of, turn_to_cell
@@ -21,8 +21,8 @@ module dem_rank_memory
   real(wp), parameter :: bytes = 8.0_wp             !! of a real
   real(wp), parameter :: alone = 27.0_wp*2**20      !! a rank without grains [byte]
   real(wp), parameter :: alone_first = 32.0_wp*2**20
-  real(wp), parameter :: pieces = 1.35_wp           !! of a rank's part: taken over what lives
-  real(wp), parameter :: pieces_first = 1.1_wp      !! of the whole, while it is handed out
+  real(wp), parameter :: pieces = 1.35_wp           !! of a rank's part: allocated over in use
+  real(wp), parameter :: pieces_first = 1.1_wp      !! of the whole, while it is distributed
   integer(i4), parameter :: target_reals = 7        !! of a prescribed grain, not in its record
   integer(i4), parameter :: prescribed_reals = 11   !! in it, that others have no room for
   integer(i4), parameter :: list_reals = 9          !! of a body, in the list
@@ -30,7 +30,7 @@ module dem_rank_memory
   integer(i4), parameter :: candidate_reals = 10    !! of what is near a grain: forces on corners
   integer(i4), parameter :: vertex_reals = 30, triangle_reals = 10  !! of surfaces, on all ranks
 
-  !> What each rank would hold. Contacts are those that remember something.
+  !> Load of each rank. Contacts are those with a history.
   type :: rank_loads_type
     integer(i8), allocatable :: own(:), mirrors(:), pairs(:), contacts(:)  !! (0:ranks-1)
     integer(i8), allocatable :: rooms(:)  !! (0:ranks-1) for contacts with surfaces, see rooms_of
@@ -80,7 +80,7 @@ contains
     end do
   end subroutine find_loads
 
-  !> Rooms for contacts of near grain g while a list is made anew: the old contacts, if there are
+  !> Allocated contacts of near grain g while the list is rebuilt: the old contacts, if there are
   !! any, and the new ones.
   pure integer(i4) function rooms_of(d, g) result(rooms)
     type(dem_data_type), intent(in) :: d
@@ -103,7 +103,7 @@ contains
     imbalance = maxval(sums)*ranks/max(sum(sums), 1.0_wp)
   end function imbalance_of
 
-  !> Grains of others that each rank would know.
+  !> Mirrors of grains of others on each rank.
   subroutine count_mirrors(halo, place, ranks, mirrors)
     type(dem_halo_type), intent(in) :: halo
     real(wp), intent(in) :: place(:, :)
@@ -150,11 +150,11 @@ contains
     end subroutine add
   end subroutine count_pairs
 
-  !> Most memory that each rank will have had [byte].
+  !> Peak memory of each rank [byte].
   function memory_estimate(d, loads, apart, gathers) result(most)
     type(dem_data_type), intent(in) :: d
     type(rank_loads_type), intent(in) :: loads
-    logical, intent(in) :: apart    !! the whole is handed out before it has a list
+    logical, intent(in) :: apart    !! the whole is distributed before it has a list
     logical, intent(in) :: gathers  !! the first rank has the whole with its list from time to time
     real(wp) :: most(0:size(loads%own) - 1)
     real(wp) :: record, body, slot, row, contact, prescribed, whole, list, lean, held, part, room
@@ -194,7 +194,7 @@ contains
     most(0) = max(most(0), alone_first + pieces_first*held)
   end function memory_estimate
 
-  !> Bytes of the room for a grain's contacts with surfaces, with what is near it.
+  !> Bytes allocated for a grain's contacts with surfaces and its candidates.
   pure real(wp) function bytes_of_room(d) result(room)
     type(dem_data_type), intent(in) :: d
     integer(i4) :: kept

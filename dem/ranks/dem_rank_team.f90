@@ -1,9 +1,9 @@
 !> A run on many ranks: the leader holds the whole system, reads, writes and decides; every rank,
 !! the leader too, holds and moves the grains of its domain.
 !!
-!! The others wait for commands (dem_rank_commands, dem_rank_worker): take over their parts, take
-!! steps, hand in what they have, leave. The whole system is brought up to date when it is looked
-!! at, not before; what the leader changes in it is broadcast before the next steps.
+!! The others wait for commands (dem_rank_commands, dem_rank_worker): receive their parts, advance,
+!! send their parts, exit. The whole system is updated only when it is accessed; what the leader
+!! changes in it is broadcast before the next steps.
 module dem_rank_team
   use omp_lib, only: omp_set_num_threads, omp_get_max_threads, omp_get_num_procs
   use talus_kinds, only: wp, i4, i8
@@ -39,16 +39,16 @@ module dem_rank_team
     type(ranks_type) :: team
     type(dem_data_type) :: part                !! grains of this rank's domain
     type(step_memory_type) :: memory
-    type(rank_marks_type) :: marks             !! what the last steps told
+    type(rank_marks_type) :: marks             !! report of the last steps
     logical :: started = .false.               !! all ranks have their parts
-    logical :: alone = .false.                 !! the leader moves all grains, the others sleep
+    logical :: alone = .false.                 !! the leader moves all grains, the others are idle
     logical :: stale = .false.                 !! the whole is older than the parts
-    logical :: redirected = .false.            !! prescribed grains have other ways to go
-    logical :: glanced = .false.               !! the whole has the energies of now
-    logical :: reset = .false.                 !! impulses and works begin anew
+    logical :: redirected = .false.            !! motion of prescribed grains has changed
+    logical :: glanced = .false.               !! the energies of the whole are up to date
+    logical :: reset = .false.                 !! impulses and works restart from zero
     logical, allocatable :: loaded(:)          !! (grains) extra forces have changed
     real(wp) :: shift = 0.0_wp                 !! of the start of the ledger with them [J]
-    type(record_heap_type) :: records          !! of contacts that a run goes on with
+    type(record_heap_type) :: records          !! of contacts of a checkpoint
   contains
     procedure :: begin_fresh
     procedure :: begin_again
@@ -78,7 +78,7 @@ module dem_rank_team
 contains
 
   !> n steps of the whole; its ledger, planes, health and limits are up to date afterwards, its
-  !! grains and contacts only after a look.
+  !! grains and contacts only when accessed.
   subroutine step(self, whole, n, errors)
     class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: whole
@@ -122,7 +122,7 @@ contains
     if (.not. errors%any()) call self%glance(whole)
   end subroutine begin_fresh
 
-  !> Every rank gets its grains of a whole without a list; then contacts come, in any order.
+  !> Every rank gets its grains of a whole without a list; contacts follow, in any order.
   subroutine begin_again(self, whole)
     class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(in) :: whole
@@ -140,7 +140,7 @@ contains
     call self%records%keep(self%part, rows)
   end subroutine add_records
 
-  !> All have come: every rank makes its list.
+  !> After the last one: every rank makes its list.
   subroutine receive_records(self, whole)
     class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: whole
@@ -176,7 +176,7 @@ contains
     if (allocated(self%loaded)) deallocate (self%loaded)
   end subroutine start
 
-  !> What the leader has changed since the last steps.
+  !> Broadcast what the leader has changed since the last steps.
   subroutine broadcast_changes(self, whole)
     class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(in) :: whole
@@ -228,7 +228,7 @@ contains
     self%stale = .true.
   end subroutine slow_down
 
-  !> The whole was put in another state: ranks get new parts of it before the next steps.
+  !> The state of the whole was replaced: ranks receive new parts of it before the next steps.
   subroutine begin_anew(self)
     class(dem_rank_team_type), intent(inout) :: self
     self%started = .false.
@@ -236,8 +236,8 @@ contains
     self%glanced = .false.
   end subroutine begin_anew
 
-  !> The leader moves all grains from now on, with the threads of the ranks of its host, which
-  !! sleep: as many as it has processors.
+  !> The leader moves all grains from now on, with the threads of the idle ranks on its host: as
+  !! many as this has processors.
   subroutine go_alone(self, whole)
     class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: whole
@@ -284,7 +284,7 @@ contains
     self%glanced = .true.
   end subroutine glance
 
-  !> Has the leader changed something that energies depend on since the ranks told them?
+  !> Has the leader changed anything that energies depend on since the last report?
   logical function pending(self, whole)
     class(dem_rank_team_type), intent(in) :: self
     type(dem_data_type), intent(in) :: whole
@@ -376,9 +376,9 @@ contains
     call slab_of_records(self%team, self%part, first, last, rows)
   end subroutine some_records
 
-  !> Do what takes most memory in a run: parts of all, a list made anew, the slabs of a checkpoint,
-  !! and where the run gathers the whole, that. Tells of each rank the most bytes that it had, its
-  !! grains, mirrors and candidate pairs. The run does not go on from here.
+  !> Perform the steps of a run that need most memory: distribution, a rebuild of the list, the
+  !! slabs of a checkpoint, gathering the whole if the run does so. Returns the peak bytes of each
+  !! rank, its grains, mirrors and candidate pairs. The run cannot continue from here.
   subroutine try_out(self, whole, gathers, rows)
     class(dem_rank_team_type), intent(inout) :: self
     type(dem_data_type), intent(inout) :: whole
@@ -389,7 +389,7 @@ contains
     if (.not. self%started) call self%start(whole, command_start)
     call release_list(whole%pairs)
     self%stale = .true.
-    do round = 1, 2  ! what the first has freed is not all of use to the second
+    do round = 1, 2  ! memory freed by the first is not all reused by the second
       command = [command_renew, 0_i4]
       call self%team%await(command)
       call rebuild_list(self%part, 0.0_wp)
@@ -419,7 +419,7 @@ contains
     end associate
   end subroutine try_slabs
 
-  !> The others leave with this exit code.
+  !> The other ranks exit with this code.
   subroutine leave(self, exit_code)
     class(dem_rank_team_type), intent(inout) :: self
     integer(i4), intent(in) :: exit_code

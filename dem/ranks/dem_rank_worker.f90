@@ -1,4 +1,4 @@
-!> A rank that does not lead: it does what the leader commands until that sends it home.
+!> A rank other than the leader: it executes the leader's commands until the command to exit.
 module dem_rank_worker
   use omp_lib, only: omp_set_num_threads
   use talus_kinds, only: wp, i4, i8
@@ -30,12 +30,12 @@ module dem_rank_worker
     type(ranks_type) :: team
     type(dem_data_type) :: part
     type(step_memory_type) :: memory
-    type(record_heap_type) :: records  !! of contacts that a run goes on with
+    type(record_heap_type) :: records  !! of contacts of a checkpoint
   end type follower_type
 
 contains
 
-  !> Orders, one after the other. Signals are the leader's.
+  !> Execute commands one after another. Signals are handled by the leader.
   subroutine serve_leader(team, exit_code)
     type(ranks_type), intent(in) :: team
     integer(i4), intent(out) :: exit_code
@@ -57,7 +57,7 @@ contains
     end do
   end subroutine serve_leader
 
-  !> Orders that change the part.
+  !> Commands that change the part.
   subroutine move_on(self, command, done)
     type(follower_type), intent(inout) :: self
     integer(i4), intent(in) :: command(2)
@@ -108,7 +108,7 @@ contains
     end associate
   end subroutine move_on
 
-  !> Orders to hand in what the part holds.
+  !> Commands to send data of the part.
   subroutine hand_over(self, command, done)
     type(follower_type), intent(inout) :: self
     integer(i4), intent(in) :: command(2)
@@ -144,7 +144,7 @@ contains
     end associate
   end subroutine hand_over
 
-  !> What the leader must know after steps.
+  !> Report to the leader after steps.
   subroutine send_report(self)
     type(follower_type), intent(in) :: self
     real(wp), allocatable :: reports(:, :)

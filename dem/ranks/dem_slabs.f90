@@ -22,7 +22,7 @@ module dem_slabs
 
   !> Some grains, in the order of their ids.
   type :: dem_slab_type
-    type(dem_data_type) :: some                    !! grains, and what damping has seen of them
+    type(dem_data_type) :: some  !! grains, and their kinetic energies at the last check of damping
     integer(i4), allocatable :: coordination(:)    !! (grains) contacts of each
   end type dem_slab_type
 
@@ -154,7 +154,7 @@ contains
     end do
   end subroutine copy_state
 
-  !> Prescribed grains stand where the leader has them.
+  !> Prescribed grains are where the leader has them.
   subroutine take_prescribed(part, range, sums, slab)
     type(dem_data_type), intent(in) :: part
     real(wp), intent(in) :: range(2), sums(:, :)

@@ -1,4 +1,4 @@
-!> What a run tells its user: log (header, model, rows, health) and summary.json.
+!> Report of a run: log (header, model, rows, health) and summary.json.
 module dem_logbook
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, string_type
@@ -183,7 +183,7 @@ contains
     call log%row(cells)
   end subroutine log_row
 
-  !> The line that tells whether to trust the run.
+  !> The line on the health of the run.
   subroutine log_health(log, system, clock)
     type(log_type), intent(inout) :: log
     type(dem_system_type), intent(inout) :: system
@@ -198,7 +198,7 @@ contains
       ' bonds, of which '//str(system%pairs%extras%torn)//' torn and '// &
       str(system%pairs%extras%sheared)//' sheared'
     if (clock%unstable > 0) text = text//', step above the stability limit at '// &
-      str(clock%unstable)//' looks'
+      str(clock%unstable)//' checks'
     call log%health(text)
   end subroutine log_health
 

@@ -28,7 +28,7 @@ contains
     integer(i4) :: k
 
     if (model%measures%n + model%measures%grids == 0) then
-      call errors%add('D264', 'the deck asks for no measures', model%deck%source%path, &
+      call errors%add('D264', 'the deck has no measures', model%deck%source%path, &
                       "add &measure id = 'whole' / or &grid ... /")
       return
     end if
@@ -62,7 +62,7 @@ contains
     logical :: same
 
     if (.not. file%exists(group//'/contacts/stiffness')) then
-      call errors%add('I260', 'no contacts with stiffness stand in the file', path//', '//group, &
+      call errors%add('I260', 'the file has no contacts with stiffness', path//', '//group, &
                       "run with &output fields = 'contacts'")
       return
     end if

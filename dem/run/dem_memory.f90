@@ -1,5 +1,5 @@
-!> Memory that a deck takes, on stdout, for --check: of one process after the first forces, of ranks
-!! after all that makes them large was tried out, of ranks that are not there as it is foretold.
+!> Memory that a deck needs, on stdout, for --check: of one process after the first forces, of ranks
+!! after their peaks, of other numbers of ranks as predicted.
 module dem_memory
   use, intrinsic :: iso_fortran_env, only: output_unit
   use talus_kinds, only: wp, i4, i8
@@ -20,7 +20,7 @@ module dem_memory
 
 contains
 
-  !> A rank without a grain is one too many to plan for (D291).
+  !> Each planned rank must have a grain (D291).
   subroutine check_ranks(model, errors)
     type(dem_model_type), intent(in) :: model
     type(error_list_type), intent(inout) :: errors
@@ -46,7 +46,7 @@ contains
     flush (output_unit)
   end subroutine report_memory
 
-  !> Is there anything for which ranks hand in the whole from time to time?
+  !> Does anything require that the whole be gathered from time to time?
   logical function gathers(model)
     type(dem_model_type), intent(in) :: model
     gathers = model%needs_whole()
@@ -54,7 +54,7 @@ contains
     gathers = gathers .or. model%system%surfaces%n > 0
   end function gathers
 
-  !> Now, and where there is room for it as checkpoints ask for it.
+  !> Now, and at the peak of a checkpoint.
   function memory_of_one(system) result(text)
     type(dem_system_type), intent(in) :: system
     character(len=:), allocatable :: text
@@ -81,7 +81,7 @@ contains
            holdings(rows(2, :), rows(3, :), rows(4, :))
   end function memory_of_ranks
 
-  !> The same of ranks that are not there.
+  !> The same as predicted for other numbers of ranks.
   function estimated(model) result(text)
     type(dem_model_type), intent(in) :: model
     character(len=:), allocatable :: text

@@ -1,6 +1,6 @@
 !> A run of talus-dem: read, prepare (dem_run_start), open (dem_run_output), run, finish.
 !!
-!! Nothing is written before deck, packing and first forces are found good.
+!! Nothing is written before deck, packing and first forces have passed all checks.
 module dem_model
   use talus_kinds, only: wp, i4
   use talus_text, only: str
@@ -95,8 +95,8 @@ contains
                           cell_volume(self%system%cell), self%log, errors)
   end subroutine take_probes
 
-  !> Steps up to the next thing to do. A stop at an odd time (t_end off the grid) must not show in
-  !! the health counters, or a run that goes on from there would differ.
+  !> Steps until the next event. A stop at an odd time (t_end off the grid) must not show in the
+  !! health counters, or a run restarted there would differ.
   subroutine take_steps(self, block, errors)
     class(dem_model_type), intent(inout) :: self
     integer(i4), intent(in) :: block
@@ -117,8 +117,8 @@ contains
     end if
   end subroutine take_steps
 
-  !> The surcharge finds the surface anew, when it is due, or before the first step when kinds have
-  !! changed.
+  !> The surcharge determines the surface again, when it is due, or before the first step when kinds
+  !! have changed.
   subroutine load_surface(self, changed, errors)
     class(dem_model_type), intent(inout) :: self
     logical, intent(in) :: changed

@@ -156,7 +156,7 @@ contains
                       short_number(self%unbalanced)//'), kinetic energy '// &
                       short_number(system%ledger%kinetic/elastic)//' of the elastic (limit '// &
                       short_number(self%energy_ratio)//')', place, &
-                      'bring it to rest with &equilibrium, or ask for less in &probe')
+                      'bring it to rest with &equilibrium, or relax the limits of &probe')
       return
     end if
     pressure = max(-(sigma(1, 1) + sigma(2, 2) + sigma(3, 3))/3.0_wp, tiny(1.0_wp))

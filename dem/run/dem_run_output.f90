@@ -1,5 +1,5 @@
-!> What a run writes: log, histories, fields, measures, checkpoints. Looks at the state leave no
-!! trace in it, so that a restart takes the same steps.
+!> Output of a run: log, histories, fields, measures, checkpoints. Output does not change the state,
+!! so that a restart repeats the same steps.
 module dem_run_output
   use omp_lib, only: omp_get_max_threads
   use talus_kinds, only: wp, i4, i8
@@ -30,7 +30,8 @@ module dem_run_output
 
 contains
 
-  !> Open log, histories, fields; write a fresh run's first state; a last field off the times goes.
+  !> Open log, histories, fields; write a fresh run's first state; a last field off the output times
+  !! is removed.
   subroutine open_run(self, errors)
     class(dem_written_run_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
@@ -62,7 +63,7 @@ contains
     call self%measures%write(0.0_wp, self%system, .true., errors)
   end subroutine open_run
 
-  !> Histories and fields that the deck asks for.
+  !> Histories and fields that the deck requests.
   subroutine open_files(self, errors)
     class(dem_written_run_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors

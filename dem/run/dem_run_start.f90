@@ -91,7 +91,7 @@ contains
     call self%probe%read(self%deck, self%system%dem_data_type, errors)
   end subroutine read_features
 
-  !> Threads as asked for, or as many as the grains are worth.
+  !> Threads as requested, or as many as the number of grains justifies.
   subroutine use_threads(self)
     class(dem_started_run_type), intent(in) :: self
     integer(i4) :: threads

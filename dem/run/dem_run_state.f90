@@ -1,4 +1,4 @@
-!> What a run of talus-dem is made of, and what all its phases ask of it.
+!> State of a run of talus-dem, and procedures common to all its phases.
 module dem_run_state
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: string_type
@@ -53,7 +53,7 @@ module dem_run_state
     type(log_type) :: log
     type(lock_type) :: lock
     character(len=:), allocatable :: stem          !! of all files of the run
-    character(len=:), allocatable :: restart_path  !! checkpoint gone on from, '' for none
+    character(len=:), allocatable :: restart_path  !! checkpoint restarted from, '' for none
     type(string_type), allocatable :: warnings(:)  !! for the log, once it is open
     real(wp) :: start_time = -1.0_wp               !! of the checkpoint [s], < 0: a fresh run
     integer(i8) :: start_steps = 0                 !! steps taken before
@@ -62,16 +62,16 @@ module dem_run_state
     logical :: stopped = .false.                   !! left early on request
     logical :: opened = .false.                    !! log and files are open
   contains
-    procedure :: needs_whole, starts_whole  !! do all grains stand on the leader?
+    procedure :: needs_whole, starts_whole  !! are all grains on the leader?
     procedure :: drive_surfaces             !! (): velocities of surfaces, loads of free bodies
-    procedure :: automatic_dt               !! (): step that an automatic choice takes now [s]
+    procedure :: automatic_dt               !! (): present step of the automatic choice [s]
     procedure :: use_step                   !! (dt): steps of this length from now on
     procedure :: steps_seconds              !! (): wall time spent in steps [s]
   end type dem_run_state_type
 
 contains
 
-  !> Is anything in use that looks at all grains and their contacts?
+  !> Is anything in use that needs all grains and their contacts?
   logical function needs_whole(self)
     class(dem_run_state_type), intent(in) :: self
     needs_whole = self%servo%surfaces%active() .or. self%probe%wanted .or. self%served
@@ -93,7 +93,7 @@ contains
     call self%system%start_moved(start)
   end subroutine drive_surfaces
 
-  !> Step that an automatic choice takes now [s].
+  !> Present step of the automatic choice [s].
   real(wp) function automatic_dt(self) result(dt)
     class(dem_run_state_type), intent(in) :: self
     real(wp), parameter :: least_steps = 100.0_wp

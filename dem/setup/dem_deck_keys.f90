@@ -68,8 +68,8 @@ contains
       //'checkpoint and leaves with exit code 3. Empty: none.')
     call table%preset('')
     call table%add_key('threads', 'integer', '', &
-      'OpenMP threads; 0 takes OMP_NUM_THREADS or all cores, but no more than one for ' &
-      //'every 500 grains. The option --threads=N goes before it.')
+      'OpenMP threads; 0: OMP_NUM_THREADS or all cores, but at most one per 500 grains.' &
+      //' The option --threads=N has precedence.')
     call table%preset('0')
     call table%bounds(min=0.0_wp, max=1024.0_wp)
   end subroutine group_run
@@ -220,8 +220,8 @@ contains
     call table%only_with('law', 'linear')
     call table%add_key('yield_pressure', 'real', 'Pa', &
       'Greatest pressure of a contact, the law ''thornton_ning'' needs it; about 2.5 ' &
-      //'times the yield stress of a metal. Restitution follows from it and falls with ' &
-      //'the speed of impact.')
+      //'times the yield stress of a metal. Restitution follows from it and decreases ' &
+      //'with the speed of impact.')
     call table%need()
     call table%bounds(above=0.0_wp)
     call table%only_with('law', 'thornton_ning')
@@ -253,10 +253,10 @@ contains
   subroutine group_contact_3(table)
     type(key_table_type), intent(inout) :: table
     call table%add_key('cohesion', 'string', '', &
-      'Pull along the normal on top of the Hertz force: `constant`: `pull_force` while ' &
-      //'the bodies overlap; `dmt`: 2 pi w R_e while they overlap; `jkr`: a neck that ' &
-      //'forms at the first touch and tears at 3/2 pi w R_e. Friction goes by the Hertz ' &
-      //'force alone.')
+      'Attraction along the normal in addition to the Hertz force: `constant`: ' &
+      //'`pull_force` while the bodies overlap; `dmt`: 2 pi w R_e while they overlap; ' &
+      //'`jkr`: a neck that forms at the first touch and tears at 3/2 pi w R_e. Friction ' &
+      //'is limited by the Hertz force alone.')
     call table%preset('none')
     call table%allow('none|constant|dmt|jkr')
     call table%choice_with('dmt', 'law', 'hertz_mindlin|mindlin_deresiewicz|hertz_no_history')
@@ -276,8 +276,8 @@ contains
     type(key_table_type), intent(inout) :: table
     call table%add_group('bond', 8, &
       'Bonds: beams of circular section that glue grains at the start of the run and ' &
-      //'break at their strengths, on top of the contact law. All grains with a gap of at' &
-      //' most `reach` are bonded, or the pairs that are named.')
+      //'break at their strengths, in addition to the contact law. All grains with a gap ' &
+      //'of at most `reach` are bonded, or the pairs that are named.')
     call table%add_key('young', 'real', 'Pa', &
       'Young''s modulus of the beams: k_n = E A/L, L the distance of the centres.')
     call table%need()
@@ -359,8 +359,8 @@ contains
   subroutine group_wall(table)
     type(key_table_type), intent(inout) :: table
     call table%add_group('wall', 7, &
-      'An infinite plane; grains stand on the side to which its normal points. A finite' &
-      //' one is a &surface with rectangle.', repeats=.true.)
+      'An infinite plane; grains are on the side to which its normal points. A finite ' &
+      //'one is a &surface with rectangle.', repeats=.true.)
     call table%add_key('id', 'string', '', 'Name in the log and in `<deck>_walls.csv`.')
     call table%need()
     call table%add_key('kind', 'string', '', 'Shape of the wall.')
@@ -379,8 +379,8 @@ contains
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
     call table%add_key('curve', 'string', '', &
-      'The curve by which the velocity is multiplied; every 10 steps the wall takes its' &
-      //' mean over the next 10.')
+      'The curve by which the velocity is multiplied; every 10 steps the mean over the ' &
+      //'next 10 is applied to the wall.')
     call table%preset('')
   end subroutine group_wall
 
@@ -388,8 +388,8 @@ contains
     type(key_table_type), intent(inout) :: table
     call table%add_group('surface', 13, &
       'Triangles that grains meet on both sides: a tool, a hopper, a container, a ' &
-      //'finite plane. The body stands still, moves with its velocity, or turns about its' &
-      //' centre; a &body lets it go. Edges and corners count; triangles bent by less ' &
+      //'finite plane. The body is at rest, moves with its velocity, or turns about its ' &
+      //'centre; a &body sets it free. Edges and corners count; triangles bent by less ' &
       //'than smooth_deg are one face, which a grain touches once. Force, moment about ' &
       //'the centre and work are written to `<deck>_surfaces.csv`, the triangles to the ' &
       //'field file.', repeats=.true.)
@@ -537,9 +537,9 @@ contains
   subroutine group_membrane(table)
     type(key_table_type), intent(inout) :: table
     call table%add_group('membrane', 14, &
-      'A flexible sheet of triangles with masses at their corners: the grains inside ' &
-      //'stretch it, a pressure that follows it pushes it towards them. Free edges are ' &
-      //'held: they stand still, or go with walls. What it does to the grains is in ' &
+      'A flexible membrane of triangles with masses at their corners: the grains inside' &
+      //' stretch it, a follower pressure loads it towards them. Free edges are held: ' &
+      //'they are fixed, or follow walls. Its forces on the grains are in ' &
       //'`<deck>_surfaces.csv`, its triangles are in the field file, its elastic energy ' &
       //'in `elastic_other`. Only in &dynamics.', repeats=.true.)
     call table%add_key('id', 'string', '', 'Name in the log.')
@@ -553,7 +553,7 @@ contains
     call table%bounds(above=0.0_wp)
     call table%add_key('material', 'string', '', 'Material of its contacts.')
     call table%need()
-    call table%add_key('young', 'real', 'Pa', 'Young''s modulus of the sheet.')
+    call table%add_key('young', 'real', 'Pa', 'Young''s modulus of the membrane.')
     call table%need()
     call table%bounds(above=0.0_wp)
     call table%add_key('poisson', 'real', '', 'Its Poisson''s ratio.')
@@ -563,22 +563,22 @@ contains
     call table%need()
     call table%bounds(above=0.0_wp)
     call table%add_key('density', 'real', 'kg/m3', &
-      'Its density; a light one asks for a small step.')
+      'Its density; a small one requires a small step.')
     call table%need()
     call table%bounds(above=0.0_wp)
     call table%add_key('pressure', 'real', 'Pa', 'Pressure on the side away from the grains.')
     call table%preset('0.0')
     call table%add_key('curve', 'string', '', &
-      'The curve by which the pressure is multiplied; every 10 steps it takes its mean ' &
-      //'over the next 10.')
+      'The curve by which the pressure is multiplied; every 10 steps its mean over the ' &
+      //'next 10 is applied.')
     call table%preset('')
     call table%add_key('inside', 'real', 'm', &
-      'A point among the grains: towards it the pressure pushes.')
+      'A point among the grains, towards which the pressure acts.')
     call table%need()
     call table%sized(3_i4, 3_i4)
     call table%add_key('clamp', 'string', '', &
-      'Walls with which the free edges go, each corner with the nearest; left out, they' &
-      //' stand still.')
+      'Walls that the free edges follow, each corner the nearest; left out, they are ' &
+      //'fixed.')
     call table%sized(1_i4, huge(1_i4))
     call table%add_key('damping', 'real', '1/s', 'Background damping of its corners.')
     call table%preset('0.0')
@@ -593,7 +593,7 @@ contains
   subroutine group_body(table)
     type(key_table_type), intent(inout) :: table
     call table%add_group('body', 7, &
-      'A surface, penetrometer or cylinder that moves and turns as forces ask in some ' &
+      'A surface, penetrometer or cylinder that moves and turns by forces in some ' &
       //'directions (contacts, weight, a given load), and with its own velocity and spin ' &
       //'in the others; where it is free, these are its first ones. It meets fixed and ' &
       //'driven grains, too. Its `centre` is its mass centre. Place, velocity and spin ' &
@@ -631,9 +631,9 @@ contains
     call table%add_group('servo', 11, &
       'A wall that moves along its normal so that the grains press on it with a given ' &
       //'stress, or a surface that pushes the grains along a direction with a given ' &
-      //'force. Every 10 steps its velocity is gain times the force that is wanting, over' &
-      //' the stiffness of its contacts and the time of 10 steps, and a slow integral of ' &
-      //'that; across its direction a surface keeps the velocity and curve of its own. ' &
+      //'force. Every 10 steps its velocity is gain times the missing force, over the ' &
+      //'stiffness of its contacts and the time of 10 steps, and a slow integral of that;' &
+      //' across its direction a surface keeps the velocity and curve of its own. ' &
       //'Histories in `<deck>_servos.csv` and `<deck>_surface_servos.csv`. A run that ' &
       //'ends beyond the tolerance ends with exit code 2, N204. It does not work under ' &
       //'talus-couple.', repeats=.true.)
@@ -660,17 +660,17 @@ contains
     call table%preset('')
     call table%add_key('area', 'real', 'm2', &
       'Area of the wall; 0: the area between the two pairs of opposite walls at right ' &
-      //'angles to it, as they stand at the time. A surface with a stress needs it; that ' &
-      //'of a cylinder with grains inside grows with its radius.')
+      //'angles to it, at their present distances. A surface with a stress needs it; that' &
+      //' of a cylinder with grains inside grows with its radius.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
     call table%add_key('speed', 'real', 'm/s', &
-      'Largest speed of the wall; it comes at this speed as long as it touches no ' &
+      'Largest speed of the wall; it approaches at this speed as long as it touches no ' &
       //'grain.')
     call table%preset('0.05')
     call table%bounds(above=0.0_wp)
     call table%add_key('gain', 'real', '', &
-      'Part of the error that its own contacts would take up until the next look.')
+      'Part of the error that its own contacts would compensate until the next update.')
     call table%preset('0.1')
     call table%bounds(max=1.0_wp, above=0.0_wp)
     call table%add_key('tolerance', 'real', '', &
@@ -698,7 +698,7 @@ contains
     call table%need()
     call table%sized(1_i4, huge(1_i4))
     call table%add_key('since', 'real', 's', &
-      'From then on; the volume is that of the first look at or after it.')
+      'From then on; the volume is that of the first update at or after it.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
   end subroutine group_constant_volume
@@ -710,16 +710,16 @@ contains
       //'grain (nothing above its centre within its outline in the plan) carries the ' &
       //'stress times the free part of its Voronoi cell in the plan, so that all forces ' &
       //'add up to the stress times the free area. The free area is a rectangle less a ' &
-      //'disc around each driven grain and one `hole`. Found anew every `update_every` ' &
+      //'disc around each driven grain and one `hole`. Updated every `update_every` ' &
       //'steps. Histories in `<deck>_surcharge.csv`; the work is `external` in the ' &
-      //'ledger. Under talus-couple what falls to ghosts of an overlap is left to the ' &
+      //'ledger. Under talus-couple the share of ghosts of an overlap is applied by the ' &
       //'loads of the solid.')
     call table%add_key('stress', 'real', 'Pa', 'Pressure on the free area.')
     call table%need()
     call table%bounds(above=0.0_wp)
     call table%add_key('curve', 'string', '', &
-      'The curve by which the stress is multiplied, as seen at each look; a bed is best' &
-      //' loaded along a ramp.')
+      'The curve by which the stress is multiplied, evaluated at each update; load a ' &
+      //'bed along a ramp.')
     call table%preset('')
     call table%add_key('lower', 'real', 'm', &
       'Lower corner (x, y) of the rectangle; left out with upper, it lies between the ' &
@@ -739,7 +739,7 @@ contains
       //'no grain.')
     call table%sized(3_i4, 3_i4)
     call table%add_key('update_every', 'integer', '', &
-      'Steps between two looks at the surface, a multiple of 100; under talus-couple ' &
+      'Steps between two updates of the surface, a multiple of 100; under talus-couple ' &
       //'the first exchange after so many.')
     call table%preset('100')
     call table%bounds(min=100.0_wp)
@@ -788,14 +788,14 @@ contains
       'A component of the velocity gradient of the cell; those that are not named are ' &
       //'zero. `''xz''` is dv_x/dz: velocity along x that grows with z.', repeats=.true.)
     call table%add_key('component', 'string', '', &
-      'Component; `''mean''` stands for xx, yy and zz together.')
+      'Component; `''mean''`: xx, yy and zz together.')
     call table%need()
     call table%allow('xx|xy|xz|yx|yy|yz|zx|zy|zz|mean')
     call table%add_key('rate', 'real', '1/s', 'Rate; positive normal rates lengthen the cell.')
     call table%need()
     call table%add_key('curve', 'string', '', &
-      'The curve by which the rate is multiplied; every 10 steps the cell takes its ' &
-      //'mean over the next 10.')
+      'The curve by which the rate is multiplied; every 10 steps the mean over the next' &
+      //' 10 is applied to the cell.')
     call table%preset('')
   end subroutine group_cell_rate
 
@@ -803,8 +803,8 @@ contains
     type(key_table_type), intent(inout) :: table
     call table%add_group('cell_stress', 8, &
       'A component of the stress of the contacts that a servo holds by straining the ' &
-      //'cell. Every 10 steps its rate is gain times the stress that is wanting, over the' &
-      //' stiffness that the contacts would have if all grains followed the flow and the ' &
+      //'cell. Every 10 steps its rate is gain times the missing stress, over the ' &
+      //'stiffness that the contacts would have if all grains followed the flow and the ' &
       //'time of 10 steps, and a slow integral of that. A run that ends beyond the ' &
       //'tolerance ends with exit code 2 (N221).', repeats=.true.)
     call table%one_of('stress|b')
@@ -818,7 +818,7 @@ contains
       //'is positive where it resists a positive rate. Give this, or between and b.')
     call table%add_key('between', 'string', '', &
       'True triaxial test: the target is (1 - b) of the stress in the first of these ' &
-      //'two components and b of that in the second, as they are at each look.')
+      //'two components and b of that in the second, evaluated at each update.')
     call table%sized(2_i4, 2_i4)
     call table%allow('xx|yy|zz')
     call table%needs('b')
@@ -833,7 +833,7 @@ contains
     call table%preset('1.0')
     call table%bounds(above=0.0_wp)
     call table%add_key('gain', 'real', '', &
-      'Part of the error that the contacts would take up until the next look.')
+      'Part of the error that the contacts would compensate until the next update.')
     call table%preset('0.1')
     call table%bounds(max=1.0_wp, above=0.0_wp)
     call table%add_key('tolerance', 'real', '', &
@@ -889,17 +889,17 @@ contains
       'Motion as it is: inertia, contact forces, gravity. A deck has exactly one of ' &
       //'dynamics and relaxation. Without dt the step is dt_factor times the smaller of ' &
       //'the stability limit and the Rayleigh time; it shrinks when contacts stiffen, and' &
-      //' is cut so that histories and output fall on their times.')
+      //' is cut so that histories and output are written at their exact times.')
     call table%add_key('dt', 'real', 's', 'Fixed time step; left out, the program chooses it.')
     call table%bounds(min=1e-15_wp)
     call table%add_key('dt_factor', 'real', '', &
       'Automatic step over the smaller of stability limit and Rayleigh time; strong ' &
-      //'dashpots of contacts may ask for less.')
+      //'dashpots of contacts may require less.')
     call table%preset('0.3')
     call table%bounds(max=1.0_wp, above=0.0_wp)
     call table%add_key('curve', 'string', '', &
       'The curve by which dt_factor is multiplied: a finer step while grains hit each ' &
-      //'other fast, whose impacts the ledger wants resolved.')
+      //'other fast, whose impacts the ledger must resolve.')
     call table%preset('')
     call table%add_key('damping', 'real', '1/s', &
       'Background damping a: a force -a m v on every free grain, and a moment alike.')
@@ -927,16 +927,16 @@ contains
     call table%add_key('damping', 'real', '1/s', &
       'Background damping a, or `''full''`: a = 2/dt, which erases the velocity in every ' &
       //'step, v = F dt/(2 s m), or `''adaptive''`: no drag, but every damping_every steps ' &
-      //'each grain whose kinetic energy has fallen since the last look is stopped; ' &
-      //'grains that fall or roll down go on. `''adaptive''` does not work under ' &
+      //'each grain whose kinetic energy has decreased since the last check is stopped; ' &
+      //'grains that fall or roll down continue. `''adaptive''` does not work under ' &
       //'talus-couple.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
     call table%words('full|adaptive', [-1.0_wp, -2.0_wp])
     call table%add_key('damping_every', 'integer', '', &
-      'Steps between two looks of adaptive damping: 10, 20, 50 or a multiple of 100. ' &
-      //'Few take much energy at once, as after a switch of moduli; about 1000 bring the ' &
-      //'last loose grains, which roll slowly, to rest.')
+      'Steps between two checks of adaptive damping: 10, 20, 50 or a multiple of 100. ' &
+      //'Few dissipate much energy at once, as after a switch of moduli; about 1000 bring' &
+      //' the last loose grains, which roll slowly, to rest.')
     call table%preset('10')
     call table%bounds(min=10.0_wp)
     call table%add_key('dt', 'real', 's', &
@@ -973,7 +973,7 @@ contains
     call table%preset('1e-08')
     call table%bounds(above=0.0_wp)
     call table%add_key('check_every', 'integer', '', &
-      'Steps between two looks, a multiple of 100.')
+      'Steps between two checks, a multiple of 100.')
     call table%preset('100')
     call table%bounds(min=100.0_wp)
   end subroutine group_equilibrium
@@ -983,7 +983,7 @@ contains
     call table%add_group('measure', 13, &
       'Measures of a region, one row a time in `<deck>_measure_<id>.csv`: stress, solid' &
       //' fraction, coordination, fabrics, sliding, inertial number, affine moduli. The ' &
-      //'first and the last state are always measured. `talus-dem --measure=FILE` takes ' &
+      //'first and the last state are always measured. `talus-dem --measure=FILE` reads ' &
       //'the states from a field file instead.', repeats=.true.)
     call table%add_key('id', 'string', '', 'Name, part of the name of the file.')
     call table%need()

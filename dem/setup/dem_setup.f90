@@ -22,7 +22,7 @@ module dem_setup
   public :: dem_choices_type, read_model, check_initial_overlap, check_step
   public :: read_step_curve
 
-  !> What the deck says beyond the state of the system.
+  !> Data of the deck beyond the state of the system.
   type :: dem_choices_type
     type(string_type), allocatable :: material(:)  !! names
     type(string_type), allocatable :: wall(:)      !! names
@@ -345,7 +345,7 @@ contains
     if (found > named) text = text//' and '//str(found - named)//' more pairs'
     call errors%add('I234', 'grains overlap at the start: '//text//' of the smaller grain''s '// &
                     'least semi-axis, more than '//str(100.0_wp*choices%initial_overlap)//' %', &
-                    path, 'mend the packing, or raise &limits initial_overlap')
+                    path, 'correct the packing, or raise &limits initial_overlap')
   end subroutine check_initial_overlap
 
   !> Pairs of free grains of a list that overlap too much; the first ones are named.

@@ -15,7 +15,7 @@ module dem_setup_bodies
 
 contains
 
-  !> All groups body; the surfaces of the deck stand in s in its order.
+  !> All groups body; s holds the surfaces in the order of the deck.
   subroutine read_bodies(deck, served, s, errors)
     type(deck_type), intent(in) :: deck
     logical, intent(in) :: served  !! a partner drives the run

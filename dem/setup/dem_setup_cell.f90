@@ -69,7 +69,7 @@ contains
       end if
     end do
     if (none .and. any(periodic)) &
-      call deck%fault(errors, 'D265', "'none' stands beside a periodic edge", 'cell', 1, &
+      call deck%fault(errors, 'D265', "'none' is given beside a periodic edge", 'cell', 1, &
                       'periodic', "name edges, or 'none' alone")
   end subroutine read_periodic
 

@@ -1,4 +1,4 @@
-!> Groups membrane: what their membranes are made of and what holds them. Faults D293.
+!> Groups membrane: material of membranes and supports of their edges. Faults D293.
 module dem_setup_membranes
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
@@ -27,7 +27,7 @@ contains
       call deck%fault(errors, 'D293', 'membranes move in &dynamics, without a partner', &
                       'membrane', 1, '', 'take &dynamics in place of &relaxation')
     if (on_top(d)) &
-      call deck%fault(errors, 'D293', 'laws on top of the base law (cohesion, rolling, turning '// &
+      call deck%fault(errors, 'D293', 'additional contact models (cohesion, rolling, turning '// &
                       'points, elliptic areas) do not act at the surfaces of a run with '// &
                       'membranes', 'membrane', 1, 'material', &
                       'give its surfaces materials of their own, with &contact without them')
@@ -78,7 +78,7 @@ contains
     call hold_edges(deck, k, b, walls, d, errors)
   end subroutine read_membrane
 
-  !> Corners on free edges stand still, or go with the nearest of the walls named (D293).
+  !> Corners on free edges are fixed, or follow the nearest of the walls named (D293).
   subroutine hold_edges(deck, k, b, walls, d, errors)
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: k, b

@@ -277,12 +277,12 @@ contains
     character(len=:), allocatable :: group
     group = first_group(deck)
     if (.not. periodic .or. deck%count(group) == 0) return
-    call deck%fault(errors, 'D274', 'surfaces do not stand in a periodic cell', group, 1, '', &
+    call deck%fault(errors, 'D274', 'a periodic cell has no surfaces', group, 1, '', &
                     'take the cell out, or give walls along its periodic edges')
   end subroutine refuse_cell
 
   !> A surface far larger than the bed or far smaller than a grain has another unit, unless the deck
-  !! says scale (D272); no grain fits into a bore narrower than itself (D289).
+  !! gives scale (D272); no grain fits into a bore narrower than itself (D289).
   subroutine check_units(deck, s, packing, errors)
     type(deck_type), intent(in) :: deck
     type(dem_surfaces_type), intent(in) :: s

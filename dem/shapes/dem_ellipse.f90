@@ -4,7 +4,7 @@
 !! contact, k = b/a, m = 1 - k^2 and the complete elliptic integrals K, E, D = (K - E)/m, B = K - D
 !! (Johnson, Contact Mechanics, 4.2):
 !!   k1/k2 = B/(k^2 D),  F = 4/3 E* sqrt(R_x) delta^(3/2),  R_x/R_e = pi^2/4 E/(k^2 K^3).
-!! R_x stands for R_e in all that follows; with k1 = k2 they are the same.
+!! R_x replaces R_e in all that follows; with k1 = k2 they are the same.
 module dem_ellipse
   use talus_kinds, only: wp, i4
   use dem_sizes, only: lanes
@@ -45,7 +45,7 @@ contains
     factor = 0.25_wp*pi**2*e/(exp(2.0_wp*x(2))*k**3)
   end function radius_ratio
 
-  !> Log of the ratio of curvatures at b/a = exp(x) over the wanted one.
+  !> Log of the ratio of curvatures at b/a = exp(x) over the required one.
   pure real(wp) function misfit(x, ratio)
     real(wp), intent(in) :: x, ratio
     real(wp) :: k, d, e

@@ -1,5 +1,5 @@
 !> Rotation and shape matrices of a block of lanes. In a file of their own so that no caller inlines
-!! them: a block that is loaded anew must have, bit for bit, the matrices of one that moved on.
+!! them: a block that is reloaded must have, bit for bit, the matrices of one that moved on.
 module dem_orientation
   use talus_kinds, only: wp, i4
   use dem_sizes, only: lanes

@@ -183,7 +183,7 @@ contains
   end function holds_centre
 
   !> Do two outlines, centres r apart, overlap? By the contact function of Perram and Wertheim
-  !! (1985), max over t of t (1 - t) r.[(1 - t) S1 + t S2]^-1 r < 1; any t with more tells them
+  !! (1985), max over t of t (1 - t) r.[(1 - t) S1 + t S2]^-1 r < 1; any t with more separates them
   !! apart.
   pure logical function outlines_meet(s1, s2, r) result(meet)
     real(wp), intent(in) :: s1(3), s2(3), r(2)

@@ -16,7 +16,7 @@ module dem_round_gap
 
   integer(i4), parameter :: most_steps = 200, most_cuts = 30
   integer(i4), parameter :: most_places = 4  !! where a grain meets a bore
-  integer(i4), parameter :: most_checks = 96  !! directions of the first look, in the round
+  integer(i4), parameter :: most_checks = 96  !! directions of the first search, around the circle
   real(wp), parameter :: longest_turn = 0.7_wp  !! of a Newton step [rad]
 
 contains

@@ -6,7 +6,7 @@
 !!   h(m) = s l (sum (w_i^2 + e^2)^(q/2))^(1/q), s = (1 + 3 e^2)^(-1/2).
 !! With e = 0 this is the superquadric of exponent p; its flat spots have no greatest radius of
 !! curvature. e rounds them: they bulge by `bulge` of the semi-axis, all radii are bounded, and
-!! p = 2 is an ellipsoid whatever e is (theory-dem, Forms).
+!! p = 2 is an ellipsoid whatever e is (theory-dem, Shapes).
 module dem_shape
   use talus_kinds, only: wp, i4
   use dem_power, only: raise
@@ -175,9 +175,9 @@ contains
     end if
   end subroutine shares
 
-  !> Mean curvature that Hertz's law takes: that of a superquadric has the fourth power of
-  !! 1/(hertz_radius mean semi-axis) added to its own, so that a flat spot stays softer than a
-  !! punch as wide as the grain [1/m].
+  !> Mean curvature for Hertz's law: that of a superquadric has the fourth power of 1/(hertz_radius
+  !! mean semi-axis) added to its own, so that a flat spot stays softer than a punch as wide as the
+  !! grain [1/m].
   pure real(wp) function bounded_curvature(shape, k) result(curvature)
     real(wp), intent(in) :: shape(shape_size), k(6)
     real(wp) :: least

@@ -1,7 +1,7 @@
 !> Common normal and gap of two shapes (dem_shape): safeguarded Newton ascent of
-!! g(n) = r.n - h_A(n) - h_B(-n), as dem_gap for ellipsoids. Forms have curvatures that jump or grow
-!! a thousandfold within a small angle: a step is shortened until g rises, and where g bends the
-!! wrong way the step follows the gradient uphill.
+!! g(n) = r.n - h_A(n) - h_B(-n), as dem_gap for ellipsoids. Shapes have curvatures that jump or
+!! grow a thousandfold within a small angle: a step is shortened until g rises, and where g bends
+!! the wrong way the step follows the gradient uphill.
 module dem_shape_gap
   use talus_kinds, only: wp, i4
   use dem_shape, only: shape_size, shape_height, shape_tangent

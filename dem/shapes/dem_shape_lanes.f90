@@ -1,5 +1,5 @@
 !> Gap, normal and curvature of the pairs of a block whose bodies have shapes (dem_shape): what
-!! dem_gap does for ellipsoids. Powers are worked out in blocks that hold superquadrics alone.
+!! dem_gap does for ellipsoids. Powers are computed in blocks that hold superquadrics alone.
 module dem_shape_lanes
   use talus_kinds, only: wp, i4
   use dem_sizes, only: lanes
@@ -203,7 +203,7 @@ contains
   end subroutine near_flat_spots
 
   !> After the last step surface points move by their Hessians and gaps by half the slope, so that
-  !! nothing need be evaluated again; the others' are found anew.
+  !! nothing need be evaluated again; the others' are recomputed.
   pure subroutine follow_step(b, f, ka, kb, t, left)
     type(dem_block_type), intent(inout) :: b
     type(shape_block_type), intent(inout) :: f

@@ -110,7 +110,7 @@ contains
   end subroutine find_totals
 
   !> Support along sign n about the centre of mass, and sign times the surface point from it; with
-  !! powers raise_sides goes before.
+  !! powers raise_sides is called first.
   pure subroutine support_side(f, sign, powers, nx, ny, nz, h, ux, uy, uz)
     type(shape_side_type), intent(inout) :: f
     real(wp), intent(in) :: sign

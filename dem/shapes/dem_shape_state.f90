@@ -1,4 +1,4 @@
-!> Forms of the grains of a run: records that the contact kernel reads, there only if some grain is
+!> Shapes of the grains of a run: records that the contact kernel reads, there only if some grain is
 !! no ellipsoid.
 module dem_shape_state
   use, intrinsic :: iso_c_binding, only: c_double, c_int32_t

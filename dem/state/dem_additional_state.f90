@@ -1,7 +1,6 @@
-!> Contact laws on top of the base law: their parameters, and what their contacts keep.
+!> Additional contact models: their parameters, and the history of their contacts.
 !!
-!! What a contact keeps lies in arrays of their own, which exist only if a law of the run needs
-!! them: a run without them reads and writes nothing more.
+!! The history is in arrays of its own, which are allocated only if a model of the run needs them.
 module dem_additional_state
   use talus_kinds, only: wp, i4, i8
   implicit none

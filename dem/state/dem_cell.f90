@@ -83,7 +83,7 @@ contains
     end do
   end function folded
 
-  !> Edges and maps of a step of length dt; the cell stands at its end afterwards.
+  !> Edges and maps of a step of length dt; the cell is advanced to its end.
   pure subroutine advance_cell(cell, dt)
     type(dem_cell_type), intent(inout) :: cell
     real(wp), intent(in) :: dt  !! [s]

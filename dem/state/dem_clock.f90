@@ -1,8 +1,8 @@
 !> Simulated time, the time step, and when histories, fields and checkpoints are due.
 !!
 !! Time is base + count dt, so that a fixed step gathers no rounding. An automatic step is cut so
-!! that steps end on multiples of the grid (the interval of histories, else output, else
-!! measures). All that decides a step is part of the state: a restart takes the same steps.
+!! that steps end on multiples of the grid (the interval of histories, else output, else measures).
+!! All data that determine a step are part of the state: a restart repeats the same steps.
 module dem_clock
   use talus_kinds, only: wp, i4, i8
   implicit none
@@ -13,7 +13,7 @@ module dem_clock
   integer(i4), parameter :: event_history = 1, event_output = 2, event_checkpoint = 3
   integer(i4), parameter :: event_measure = 4
   integer(i4), parameter :: event_count = 4
-  integer(i4), parameter :: check_steps = 100   !! steps between two looks at the step limit
+  integer(i4), parameter :: check_steps = 100   !! steps between two checks of the step limit
   real(wp), parameter :: near = 1.0e-6_wp       !! what counts as on time, in steps
   real(wp), parameter :: growth = 1.1_wp        !! automatic step, largest growth in one go
   real(wp), parameter :: worth = 1.25_wp        !! it grows when the limit has grown by so much
@@ -24,7 +24,7 @@ module dem_clock
     real(wp) :: base = 0.0_wp             !! time of the last change of step [s]
     integer(i8) :: count = 0              !! steps since
     integer(i8) :: steps = 0              !! steps since the start
-    integer(i8) :: unstable = 0           !! looks at which a fixed step was above the limit
+    integer(i8) :: unstable = 0           !! checks at which a fixed step was above the limit
     real(wp) :: t_end = 0.0_wp            !! end of the run [s]
     real(wp) :: grid = 0.0_wp             !! automatic steps end on multiples [s]; 0: none
     real(wp) :: every(event_count) = 0.0_wp  !! intervals [s]; 0: never
@@ -90,7 +90,7 @@ contains
     end if
   end function chosen_step
 
-  !> Is it time to look at the step limit? On the grid, and every so many steps.
+  !> Is a check of the step limit due? On the grid, and every so many steps.
   pure logical function review_due(self)
     class(dem_clock_type), intent(in) :: self
     real(wp) :: cells
@@ -120,7 +120,7 @@ contains
     if (abs(dt - self%dt) > near*self%dt) call self%start_at(self%time(), dt)
   end subroutine review
 
-  !> Steps until the next event, the next look at the limits or the end, at least 1. Blocks end on
+  !> Steps until the next event, the next check of the limits or the end, at least 1. Blocks end on
   !! multiples of `block`, which divides 100.
   pure integer(i4) function steps_ahead(self, block, t_end) result(n)
     class(dem_clock_type), intent(in) :: self
@@ -166,7 +166,7 @@ contains
       due = self%time() >= self%next(event)*self%every(event) - near*self%dt
   end function due
 
-  !> The event has happened (or is not wanted any more): the next one lies ahead.
+  !> The event has happened (or is no longer requested): schedule the next one.
   pure subroutine passed(self, event)
     class(dem_clock_type), intent(inout) :: self
     integer(i4), intent(in) :: event
@@ -174,7 +174,7 @@ contains
       self%next(event) = floor((self%time() + near*self%dt)/self%every(event), i8) + 1
   end subroutine passed
 
-  !> Does an event fall on the present time?
+  !> Is an event due at the present time?
   pure logical function on_time(self, event)
     class(dem_clock_type), intent(in) :: self
     integer(i4), intent(in) :: event

@@ -41,15 +41,15 @@ module dem_halo_state
     integer, allocatable :: request(:)         !! (2 partners + 1) of the exchange under way
     real(wp) :: travel = 0.0_wp                !! of this rank's grains and its partners' [m]
     real(wp) :: before = 0.0_wp                !! of this rank's grains, an exchange ago [m]
-    real(wp) :: most = 0.0_wp                  !! of all ranks' grains, where it was asked for [m]
-    real(wp) :: foreseen = 0.0_wp              !! of all ranks' grains in the next step [m]
-    real(wp) :: asked(1) = 0.0_wp              !! the same, under way
+    real(wp) :: most = 0.0_wp                  !! of all ranks' grains, on request [m]
+    real(wp) :: foreseen = 0.0_wp  !! of all ranks' grains, predicted for the next step [m]
+    real(wp) :: asked(1) = 0.0_wp              !! the same, in the pending reduction
     integer(i8) :: stray = 0                   !! a grain that left the halo within a step; 0: none
     logical :: strayed = .false.               !! some rank has one
     real(wp) :: stray_way = 0.0_wp             !! how far it has come from its domain [m]
     real(wp) :: imbalance = 1.0_wp             !! largest work of a rank over the mean [-]
     integer(i4) :: own = 0                     !! free grains of this rank
-    integer(i4) :: mirrors = 0                 !! free grains of others that it knows
+    integer(i4) :: mirrors = 0                 !! mirrors of free grains of others
     integer(i8) :: swaps = 0                   !! exchanges so far
     real(wp) :: seconds = 0.0_wp               !! in exchanges so far [s]
     logical :: cell_seen = .false.             !! the whole's contacts are with the ranks, but

@@ -1,4 +1,4 @@
-!> Records to lanes and back (dem_lanes.c).
+!> Gather of records into lanes and scatter back (dem_lanes.c).
 module dem_lanes
   use, intrinsic :: iso_c_binding, only: c_double, c_int32_t
   use dem_state, only: lanes, body_size, result_size
@@ -17,15 +17,15 @@ module dem_lanes
       integer(c_int32_t), value, intent(in) :: reals
     end subroutine read_in_order
 
-    !> Call for memory that will be wanted soon.
+    !> Prefetch memory.
     pure subroutine call_for(from, reals) bind(c, name='dem_call_for')
       import :: c_double, c_int32_t
       real(c_double), intent(in) :: from(*)
       integer(c_int32_t), value, intent(in) :: reals
     end subroutine call_for
 
-    !> Records body(:, index) into the lanes of a side; body(:, next) will be wanted soon, and are
-    !! called for if far /= 0: they may be out of the caches.
+    !> Records body(:, index) into the lanes of a side; body(:, next) are used next, and are
+    !! prefetched if far /= 0, as they may be out of the caches.
     pure subroutine gather_side(body, index, next, far, side) bind(c, name='dem_gather_side')
       import :: c_double, c_int32_t, dem_side_type, lanes, body_size
       real(c_double), intent(in) :: body(body_size, *)
@@ -64,7 +64,7 @@ module dem_lanes
       real(c_double), intent(inout) :: side(lanes, body_size)
     end subroutine gather_records
 
-    !> Loads of the lanes to the records of a block; past /= 0: not by way of the caches.
+    !> Loads of the lanes to the records of a block; past /= 0: by streaming stores.
     pure subroutine put_loads(load, past, result) bind(c, name='dem_put_loads')
       import :: c_double, c_int32_t, dem_load_type, lanes, result_size
       type(dem_load_type), intent(in) :: load
@@ -72,7 +72,7 @@ module dem_lanes
       real(c_double), intent(out) :: result(result_size, lanes)
     end subroutine put_loads
 
-    !> What was put past the caches is seen by other threads from now on.
+    !> Fence: streaming stores become visible to other threads.
     subroutine finish_puts() bind(c, name='dem_finish_puts')
     end subroutine finish_puts
 
@@ -92,7 +92,7 @@ module dem_lanes
       real(c_double), intent(inout) :: body(body_size, *)
     end subroutine put_motion
 
-    !> The way back of put_side; lanes beyond `count` become zero.
+    !> Inverse of put_side; lanes beyond `count` become zero.
     pure subroutine take_side(body, count, side) bind(c, name='dem_take_bodies')
       import :: c_double, c_int32_t, dem_side_type, body_size
       real(c_double), intent(in) :: body(body_size, *)
@@ -100,7 +100,7 @@ module dem_lanes
       type(dem_side_type), intent(inout) :: side
     end subroutine take_side
 
-    !> The way back of put_motion; lanes beyond `count` become zero, the rest of the side is left.
+    !> Inverse of put_motion; lanes beyond `count` become zero, the rest of the side is left.
     pure subroutine take_motion(body, count, side) bind(c, name='dem_take_motions')
       import :: c_double, c_int32_t, dem_side_type, body_size
       real(c_double), intent(in) :: body(body_size, *)

@@ -1,8 +1,8 @@
 !> Contact laws as data: constants of a pair of materials, and what the file of a base law gives.
 !!
-!! A base law is a file of dem/laws that fills base_law_type, and a line in dem_law_registry.
-!! Nothing else knows a law by name. Routines that it leaves out are those of springs: Hertz or
-!! linear normal force, tangential spring of stiffness k_t (dem_contact).
+!! A base law is a file of dem/laws that fills base_law_type, and a line in dem_law_registry. No
+!! other code depends on a law by name. Default routines are those of springs: Hertz or linear
+!! normal force, tangential spring of stiffness k_t (dem_contact).
 module dem_law_state
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
@@ -62,12 +62,12 @@ module dem_law_state
     procedure(constants_routine), pointer, nopass :: constants => null()  !! own, from the deck
     procedure(energy_routine), pointer, nopass :: energy => null()      !! stored, of a block
     procedure(response_routine), pointer, nopass :: response => null()  !! stiffness and force
-    procedure(impact_routine), pointer, nopass :: impact => null()      !! stiffness foreseen
+    procedure(impact_routine), pointer, nopass :: impact => null()      !! predicted stiffness
     character(len=longest_key) :: keys(most_keys) = ''  !! of &contact, needed by this law alone
     character(len=12) :: memory = ''         !! name in checkpoints of what its contacts keep
     integer(i4) :: reals = 0                 !! of it, 0 without contact
     logical :: hertz = .true.                !! normal force of Hertz: elliptic areas, DMT, JKR
-    logical :: starts = .true.               !! takes the tangential force of a packing
+    logical :: starts = .true.               !! accepts the tangential force of a packing
     logical :: plastic = .false.             !! books plastic work
     real(wp) :: spring = 1.0_wp              !! 1: tangential spring kept, 0: none
     real(wp) :: oscillator = sqrt(1.2_wp)    !! damping of the equivalent linear oscillator / xi [-]
@@ -121,7 +121,7 @@ module dem_law_state
       real(wp) :: response(3)
     end function response_routine
 
-    !> k_n + k_t at the largest overlap of an impact, 0: none foreseen [N/m].
+    !> k_n + k_t at the largest overlap of an impact, 0: none predicted [N/m].
     pure function impact_routine(law, mass, radius, speed) result(stiffness)
       import :: law_numbers_type, wp
       type(law_numbers_type), intent(in) :: law

@@ -1,4 +1,4 @@
-!> Grains whose motion is lost: no number, out of the world, or out of sight of all ranks.
+!> Lost grains: not a number, out of bounds, or beyond the halo of their rank.
 module dem_lost
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
@@ -10,7 +10,7 @@ module dem_lost
 
 contains
 
-  !> Are all grains where numbers can tell? Of several ranks each has the same answer.
+  !> Are all states of grains finite and within bounds? All ranks return the same answer.
   logical function all_finite(d)
     type(dem_data_type), intent(in) :: d
     real(wp), parameter :: far = 1.0e6_wp
@@ -34,7 +34,7 @@ contains
       call errors%add('N200', 'the motion of grain '//str(d%grains%id(i))//' is lost: position '// &
                       str(d%grains%x(:, i))//' m, velocity '//str(d%grains%v(:, i))//' m/s', &
                       place='step '//str(d%health%steps), &
-                      hint='lower the time step, or look for grains that overlap at the start')
+                      hint='lower the time step, or search for grains that overlap at the start')
       return
     end do
   end subroutine name_lost_grain
@@ -45,7 +45,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     if (d%halo%stray == 0) return
     call errors%add('N240', 'grain '//str(d%halo%stray)//' has gone '//str(d%halo%stray_way)// &
-                    ' m beyond the domain of its rank in one step; ranks know the grains of '// &
+                    ' m beyond the domain of its rank in one step; ranks hold the grains of '// &
                     'others within '//str(d%halo%range)//' m alone', &
                     place='step '//str(d%health%steps), &
                     hint='contacts on its way were missed: take a smaller time step, or a '// &

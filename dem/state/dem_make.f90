@@ -67,7 +67,7 @@ contains
     integer(i4), intent(in) :: kind(:), material(:), n_materials
     real(wp), intent(in) :: x(:, :), quat(:, :), axes(:, :), v(:, :), omega(:, :)
     type(error_list_type), intent(inout) :: errors
-    character(len=*), parameter :: hint = 'make the packing again or mend the file'
+    character(len=*), parameter :: hint = 'make the packing again or correct the file'
     type(repeated_errors_type) :: few
     character(len=:), allocatable :: who
     integer(i4) :: k

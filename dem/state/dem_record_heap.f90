@@ -1,4 +1,4 @@
-!> Contacts of a checkpoint that a rank keeps while they come by: those of its own grains.
+!> Contacts of a checkpoint that a rank keeps from the broadcast: those of its own grains.
 module dem_record_heap
   use talus_kinds, only: wp, i4
   use dem_record_layout, only: at_first_id, at_second_id

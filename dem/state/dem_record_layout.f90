@@ -1,4 +1,4 @@
-!> Columns of the records that travel between ranks: what stands where, in this file alone.
+!> Columns of the records that are sent between ranks, defined in this file alone.
 !!
 !! A quantity is a pair of its first and last column, `previous(2) + [1, reals]`; the records begin
 !! with the first line of a block and end with its last. Another quantity is one line here, and one
@@ -113,7 +113,7 @@ module dem_record_layout
     list_ids, list_point, list_normal, list_branch, list_force, list_stiffness, list_overlap, &
     list_overlap], [2, 7])
 
-  ! How a prescribed grain goes on from now.
+  ! Motion of a prescribed grain in the next steps.
   integer(i4), parameter :: target_position(2) = [1, 3]
   integer(i4), parameter :: target_quat(2) = target_position(2) + [1, 4]
   integer(i4), parameter :: target_velocity(2) = target_quat(2) + [1, 3]

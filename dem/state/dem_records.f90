@@ -135,7 +135,7 @@ contains
     end associate
   end subroutine unpack_shape
 
-  !> Does this candidate remember anything? The radius of two spheres is found anew.
+  !> Has this candidate a history? The radius of two spheres is recomputed.
   pure logical function carried(d, lane, block)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: lane, block

@@ -1,4 +1,4 @@
-!> Gives grains their shapes: checks, records, mass, inertia and bounding spheres.
+!> Shapes of grains: checks, records, mass, inertia and bounding spheres.
 module dem_shape_make
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str

@@ -1,5 +1,5 @@
-!> What a system of grains is made of: grains, planes, contact laws, candidate pairs, parameters,
-!! energy ledger, health counters. Plain arrays, no behaviour (theory-dem).
+!> Data of a system of grains: grains, planes, contact laws, candidate pairs, parameters, energy
+!! ledger, health counters. Plain arrays, no behaviour (theory-dem).
 module dem_state
   use talus_kinds, only: wp, i4, i8
   use dem_sizes, only: lanes
@@ -30,7 +30,7 @@ module dem_state
   integer(i4), parameter :: body_size = 16     !! reals in a body record, see dem_pairs_type
   integer(i4), parameter :: result_size = 8    !! force, moment about the origin, two spare
 
-  integer(i4), parameter :: entries_ahead = 48  !! spare entries that sums may look at
+  integer(i4), parameter :: entries_ahead = 48  !! spare entries that sums may read
 
   !> All grains, in ascending order of id. Arrays are (components, grains).
   type :: dem_grains_type
@@ -63,7 +63,7 @@ module dem_state
     real(wp), allocatable :: turn(:, :)            !! rotation of one sub-step, quaternion [-]
   end type dem_grains_type
 
-  !> Infinite planes; grains stand on the side to which the normal points.
+  !> Infinite planes; grains are on the side to which the normal points.
   type :: dem_planes_type
     integer(i4) :: n = 0
     integer(i4), allocatable :: material(:)
@@ -130,7 +130,7 @@ module dem_state
     integer(i4), allocatable :: image_start(:)   !! (grains+1) first image of each grain
     integer(i4), allocatable :: former(:)        !! (images) body in the list before, 0: none
     real(wp), allocatable :: image_force(:, :)   !! (3, images) at the last evaluation [N]
-    type(dem_extras_type) :: extras              !! of the laws on top of the base law
+    type(dem_extras_type) :: extras              !! of the additional contact models
   end type dem_pairs_type
 
   !> Periodic cell and the homogeneous flow that carries all grains. Velocities of grains are those
@@ -199,7 +199,7 @@ module dem_state
     real(wp) :: largest = 0.0_wp                !! largest energy turned over so far, for scale
   end type dem_ledger_type
 
-  !> Counters that tell whether to trust a run.
+  !> Counters of the health of a run.
   type :: dem_health_type
     integer(i8) :: steps = 0                !! sub-steps taken
     integer(i8) :: rebuilds = 0             !! list rebuilds
@@ -209,8 +209,8 @@ module dem_state
     real(wp) :: reference_energy = 0.0_wp   !! scale for the runaway test [J]
   end type dem_health_type
 
-  !> Forces in two parts, once a partner has chosen it: those on free grains and on the ghosts near
-  !! them in every step, those between ghosts more rarely (dem_parts).
+  !> Forces in two parts, once a partner has chosen it: those of free grains and of active ghosts in
+  !! every step, those between ghosts once an exchange (dem_parts).
   type :: dem_parts_type
     logical :: active = .false.
     integer(i4), allocatable :: near(:)     !! ghosts that may touch a free grain
@@ -242,12 +242,12 @@ module dem_state
     type(dem_parts_type) :: parts
     real(wp) :: pending = 0.0_wp                   !! drift since forces were evaluated [s]
     real(wp) :: ledger_dt = 0.0_wp                 !! step that ledger%staggering is for [s]
-    real(wp), allocatable :: seen_kinetic(:)       !! (grains) at the last look of damping [J]
-    real(wp), allocatable :: servo_seen(:, :)      !! (:, planes) last look of servos, dem_servo
+    real(wp), allocatable :: seen_kinetic(:)  !! (grains) at the last check of adaptive damping [J]
+    real(wp), allocatable :: servo_seen(:, :)      !! (:, planes) last update of servos, dem_servo
     real(wp) :: kept_volume = 0.0_wp               !! of the box [m^3], dem_volume; 0: not yet
     real(wp), allocatable :: surcharge(:)          !! (grains) force downwards now [N]
-    logical, allocatable :: surcharge_top(:)       !! (grains) on the surface at the last look
-    real(wp), allocatable :: surcharge_seen(:)     !! last look, dem_surcharge
+    logical, allocatable :: surcharge_top(:)       !! (grains) on the surface at the last update
+    real(wp), allocatable :: surcharge_seen(:)     !! last update, dem_surcharge
     logical :: ready = .false.                     !! lists and forces exist
   end type dem_data_type
 end module dem_state

@@ -1,6 +1,5 @@
-!> What surfaces are made of: bodies and their motion; in parts of their own the triangles, the
-!! bodies of exact round shape, what the grains do to bodies, bodies that forces move, membranes,
-!! and the contacts in hand. Plain arrays.
+!> Data of surfaces: bodies and their motion; as components the triangles, the exact round bodies,
+!! the forces of grains on bodies, free bodies, membranes, and the current contacts. Plain arrays.
 module dem_surface_state
   use talus_kinds, only: wp, i4
   use talus_text, only: string_type
@@ -25,23 +24,23 @@ module dem_surface_state
   integer(i4), parameter :: part_side = 0, part_end = 1  !! of a cylinder
   integer(i4), parameter :: part_tip = 0, part_flank = 1, part_shaft = 2  !! of a cone
 
-  !> Rows of a body's servo: see dem_surface_servo; the velocity that it adds stands at the end.
+  !> Rows of a body's servo: see dem_surface_servo; the velocity that it adds is the last row.
   integer(i4), parameter :: servo_size = 10, servo_velocity = 8
 
   !> Cosine of the smooth angle of soft bodies, 20 degrees, the default of decks.
   real(wp), parameter :: soft_smooth = cos(acos(-1.0_wp)/9.0_wp)
 
-  !> What membranes are made of; bodies, vertices and triangles are those of all surfaces.
+  !> Membranes; bodies, vertices and triangles are those of all surfaces.
   type :: dem_membranes_type
     real(wp), allocatable :: modulus(:)        !! (bodies) E t/(1 - nu^2) [N/m]
     real(wp), allocatable :: poisson(:)        !! (bodies) [-]
     real(wp), allocatable :: pressure(:)       !! (bodies) now [Pa]
-    real(wp), allocatable :: side(:)           !! (bodies) 1: it pushes along the triangles' normals
+    real(wp), allocatable :: side(:)           !! (bodies) 1: it acts along the triangles' normals
     real(wp), allocatable :: damping(:)        !! (bodies) background damping [1/s]
     real(wp), allocatable :: limit(:)          !! (bodies) largest stretch that it bears [-]
     real(wp), allocatable :: stretch(:)        !! (bodies) largest so far [-]
     real(wp), allocatable :: mass(:)           !! (vertices) [kg]
-    integer(i4), allocatable :: wall(:)        !! (vertices) that holds it; 0: it stands, -1: free
+    integer(i4), allocatable :: wall(:)        !! (vertices) that holds it; 0: fixed, -1: free
     real(wp), allocatable :: inverse(:, :, :)  !! (2, 2, triangles) of the edges at the start [1/m]
     real(wp), allocatable :: area(:)           !! (triangles) at the start [m^2]
     real(wp), allocatable :: press(:, :)       !! (3, vertices) of the pressure [N]
@@ -86,7 +85,7 @@ module dem_surface_state
     real(wp), allocatable :: start_radius(:)   !! (n) at the start [m]
   end type dem_round_type
 
-  !> What the grains do to the parts of bodies. Forces are sums over the parts' contacts, moments
+  !> Forces of the grains on the parts of bodies. Forces are sums over the parts' contacts, moments
   !! are about the body's centre.
   type :: dem_body_sums_type
     real(wp), allocatable :: force(:, :)           !! (3, parts) [N]
@@ -96,10 +95,10 @@ module dem_surface_state
     real(wp), allocatable :: work(:)               !! (parts) on the grains since reset [J]
   end type dem_body_sums_type
 
-  !> Rigid bodies that forces move.
+  !> Free rigid bodies, moved by forces.
   type :: dem_rigid_type
-    real(wp), allocatable :: free(:, :)     !! (6, n) 1: moves along x, y, z, turns about them as
-                                            !! forces ask; none: no body does
+    real(wp), allocatable :: free(:, :)     !! (6, n) 1: moves along x, y, z, turns about them by
+                                            !! forces; empty: no body does
     real(wp), allocatable :: mass(:)        !! (n) of free bodies, else 0 [kg]
     real(wp), allocatable :: inertia(:, :)  !! (3, n) about x, y, z at the start [kg m^2]
     real(wp), allocatable :: given(:, :)    !! (6, n) load: force, moment [N], [N m]

@@ -1,5 +1,5 @@
 !> Changes between steps that a system makes by itself: adaptive damping (theory-dem, Equilibrium),
-!! sums that begin anew.
+!! sums that restart from zero.
 module dem_adaptive_damping
   use talus_kinds, only: wp, i4
   use dem_integrate, only: scaled_spin_momentum
@@ -12,7 +12,7 @@ module dem_adaptive_damping
 
 contains
 
-  !> Stop every free grain whose kinetic energy has fallen since the last look: it has passed the
+  !> Stop every free grain whose kinetic energy has fallen since the last check: it has passed the
   !! lowest point of its motion. What it loses is background damping. A grain that falls or rolls
   !! down is left alone. Translation and rotation stop together: one without the other would break
   !! rolling into sliding, and the bed would creep.

@@ -39,14 +39,14 @@ contains
     stands = kind == kind_free .or. kind == kind_fixed .or. kind == kind_mirror
   end function stands
 
-  !> Start of a step for the grains of chunk c; the last chunk is the planes'. The push is that left
-  !! by finish_chunk, or it is fresh.
+  !> Start of a step for the grains of chunk c; the last chunk is the planes'. The integration block
+  !! is that left by finish_chunk, or it is fresh.
   subroutine start_chunk(d, c, motion, last, exact, work, state, fresh)
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: c
     type(motion_type), intent(in) :: motion
     logical, intent(in) :: last
-    logical, intent(in) :: exact  !! the travel is wanted as it is, see follow_travel
+    logical, intent(in) :: exact  !! the travel is computed exactly, see follow_travel
     type(step_memory_type), intent(inout) :: work
     type(block_state_type), intent(inout) :: state
     logical, intent(in) :: fresh
@@ -81,7 +81,7 @@ contains
     work%travel(c) = travel
   end subroutine start_chunk
 
-  !> What a step of a chunk begins with, as it stands with the grains.
+  !> Data with which a step of a chunk begins, from the grains.
   subroutine ready_chunk(d, block, state)
     type(dem_data_type), intent(in) :: d
     type(integration_block_type), intent(in) :: block
@@ -124,7 +124,7 @@ contains
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: c
     type(motion_type), intent(in) :: motion
-    logical, intent(in) :: last  !! the forces are wanted with the grains
+    logical, intent(in) :: last  !! the forces are stored with the grains
     type(step_memory_type), intent(inout) :: work
     type(block_state_type), intent(inout) :: state
     integer(i4) :: k

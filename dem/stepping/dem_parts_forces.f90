@@ -1,7 +1,7 @@
 !> Contact forces in parts (theory: overlap coupling, Time): pairs of two ghosts once an exchange,
-!! the others in every step. What a partner waits for is told as early as can be: pairs without
-!! ghosts may be evaluated before the ghosts are placed, or after the forces on them were told, a
-!! slice at a time while the partner works. Nothing depends on how the slices fall.
+!! the others in every step. Forces that a partner waits for are reported as early as possible:
+!! pairs without ghosts may be evaluated before the ghosts are placed, or after the forces on them
+!! were reported, a slice at a time while the partner works. Results do not depend on the slices.
 module dem_parts_forces
   use, intrinsic :: omp_lib, only: omp_get_thread_num, omp_get_num_threads, omp_get_max_threads
   use talus_kinds, only: wp, i4
@@ -26,11 +26,11 @@ module dem_parts_forces
   integer(i4), parameter :: stage_none = 0   !! all forces are those of now
   integer(i4), parameter :: stage_ahead = 1  !! free grains have moved, ghosts have yet to
   integer(i4), parameter :: stage_reported = 2   !! forces on ghosts are those of now
-  integer(i4), parameter :: slice = 16       !! blocks of a thread between two looks at the port
+  integer(i4), parameter :: slice = 16       !! blocks of a thread between two checks of the port
 
 contains
 
-  !> Free grains stand where they will be evaluated, with their bodies up to date.
+  !> Free grains are at their new places, with their bodies up to date.
   subroutine begin_ahead(d)
     type(dem_data_type), intent(inout) :: d
     real(wp) :: travel
@@ -61,7 +61,8 @@ contains
       (d%parts%stage == stage_ahead .and. d%parts%next <= d%pairs%bare_blocks)
   end function is_left
 
-  !> A slice of the pairs without ghosts; after the last one, if ghosts have been told, the sums.
+  !> A slice of the pairs without ghosts; after the last one, if forces on ghosts have been
+  !! reported, the sums.
   subroutine slice_of_free(d)
     type(dem_data_type), intent(inout) :: d
     if (d%parts%stage == stage_none) return
@@ -133,8 +134,8 @@ contains
     d%parts%pending = 0.0_wp
   end subroutine forces_between_ghosts
 
-  !> The list is made anew if ghosts have used it up while pairs without them are under way: these
-  !! are evaluated to the end first, and keep their forces.
+  !> The list is rebuilt if ghosts have used it up while pairs without them are under way: these are
+  !! evaluated to the end first, and keep their forces.
   subroutine renew_on_the_way(d, travel)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(inout) :: travel  !! of ghosts [m]

@@ -1,4 +1,4 @@
-!> When and how the candidate list is made anew: travel since it was made, the skin, the cell.
+!> When and how the candidate list is rebuilt: travel since it was made, the skin, the cell.
 module dem_relist
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -70,7 +70,7 @@ contains
     if (d%surfaces%n > 0) travel = larger(travel, surface_travel(d%surfaces))
   end function largest_travel
 
-  !> Make the list anew if the current positions have used it up (bodies must be up to date).
+  !> Rebuild the list if the current positions have used it up (bodies must be up to date).
   subroutine rebuild_if_needed(d)
     type(dem_data_type), intent(inout) :: d
     real(wp) :: travel

@@ -1,13 +1,13 @@
 !> Time stepping: one parallel region for many steps, two barriers a step (three on ranks).
 !!
 !! A step is (1) half kick and drift of every grain, (2) forces of every block, (3) sums and second
-!! half kick; (3) and the next (1) go together, chunk by chunk, without a barrier between them.
-!! A thread owns a run of grains, whose motion stays in its blocks as long as the region lasts, and
-!! a run of the blocks of each group: as grains and blocks both follow the ids, most bodies of its
+!! half kick; (3) and the next (1) go together, chunk by chunk, without a barrier between them. A
+!! thread owns a run of grains, whose motion stays in its blocks as long as the region lasts, and a
+!! run of the blocks of each group: as grains and blocks both follow the ids, most bodies of its
 !! blocks are its own. Work is added to the ledger by one thread in a fixed order, so that the
-!! thread count changes no bit. The region is left when the list must be made anew. On ranks the
-!! first thread sends the bodies at the borders before (2) and takes those of others before the
-!! blocks that need them, which come last.
+!! thread count changes no bit. The region is left when the list must be rebuilt. On ranks the first
+!! thread sends the bodies at the borders before (2) and takes those of others before the blocks
+!! that need them, which come last.
 module dem_steps
   use, intrinsic :: omp_lib, only: omp_get_thread_num, omp_get_num_threads
   use talus_kinds, only: wp, i4, i8
@@ -36,7 +36,7 @@ module dem_steps
   private
   public :: step_memory_type, take_steps, evaluate_forces, kick_and_drift
 
-  integer(i8), parameter :: look = 32      !! steps after which a chunk's travel is found anew
+  integer(i8), parameter :: look = 32      !! steps after which a chunk's travel is computed exactly
 
 contains
 
@@ -132,7 +132,7 @@ contains
         travel = maxval(work%travel)
         leave = .not. all(work%travel <= 0.5_wp*d%pairs%skin) .or. outlived(d, before + s)
         if (several) then
-          if (swaps < 2) then  ! nothing is foreseen yet
+          if (swaps < 2) then  ! no prediction yet
             call agree_travel(d, work%travel)
             foreseen = d%halo%most
           end if
@@ -185,8 +185,8 @@ contains
     !$omp end parallel
   end subroutine run_region
 
-  !> Forces of this thread's run of the blocks of each group: those at the border, which other
-  !! ranks know too, or all others.
+  !> Forces of this thread's run of the blocks of each group: those at the border, which other ranks
+  !! have too, or all others.
   subroutine share_forces(d, h, travel, border, me, threads)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: h       !! time since the last evaluation [s]

@@ -1,12 +1,11 @@
-!> Flexible membranes: membranes of triangles with masses at their corners, stretched by the grains
-!! inside and pushed by a pressure that follows them.
+!> Flexible membranes of triangles with masses at their corners, stretched by the grains inside and
+!! loaded by a follower pressure.
 !!
 !! A triangle is a plane-stress membrane of St. Venant and Kirchhoff: with the deformation gradient
-!! F
-!! from its shape at the start, E = (F^T F - 1)/2 and S = K ((1 - nu) E + nu tr E 1),
-!! K = E t/(1 - nu^2), the energy is A S:E/2 and its corners are pulled by -A F S grad N. Corners on
-!! free edges are held: they stand, or go with a wall. On ranks all of them move all corners alike,
-!! by what the grains of all do to them; the leader counts their works.
+!! F from its shape at the start, E = (F^T F - 1)/2 and S = K ((1 - nu) E + nu tr E 1),
+!! K = E t/(1 - nu^2), the energy is A S:E/2 and its corners are pulled by -A F S grad N. Corners
+!! on free edges are held: they are fixed, or follow a wall. On ranks all of them move all corners
+!! alike, by the forces of all grains; the leader counts their works.
 module dem_membrane
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
@@ -80,7 +79,7 @@ contains
     if (allocated(s%membranes)) call push_membranes(s, wall_velocity, step, explicit, work)
   end subroutine push_surfaces
 
-  !> Half kick of all corners that are not held, with the forces in hand: explicit before a drift,
+  !> Half kick of all corners that are not held, with the current forces: explicit before a drift,
   !! else after one. Held corners take the velocity of their wall.
   pure subroutine push_membranes(s, wall_velocity, step, explicit, work)
     type(dem_surfaces_type), intent(inout) :: s

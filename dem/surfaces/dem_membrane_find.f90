@@ -1,16 +1,15 @@
-!> Where a grain touches a membrane, so that no energy comes or goes as the membrane bends and the
-!! grain slides over its edges.
+!> Where a grain touches a membrane, so that energy is conserved as the membrane bends and the grain
+!! slides over its edges.
 !!
 !! The distance of the points of the membrane from the grain has minima, saddles and maxima: faces
 !! whose foot lies inside are minima; an edge or corner is one of them, or none, by the number of
-!! ways down from it. Each one that the grain overlaps is a contact of the law in force, and counts
+!! ways down from it. Each one that the grain overlaps is a contact of the contact law, and counts
 !! by its index: 1 - (Euler's characteristic of the ways down), which is 1 for minima and maxima and
 !! -1 for saddles. A minimum is born and dies with a saddle at the same place, so that the sum of
 !! the energies and the forces stay continuous for any bend. On a flat membrane one contact is left,
 !! in a sharp groove there are two. Each contact's force is the gradient of its own energy by the
 !! places of grain and corners: the foot is a critical point, so its motion along the membrane does
-!! no
-!! work.
+!! no work.
 module dem_membrane_find
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
@@ -130,7 +129,7 @@ contains
     end do
   end function across
 
-  !> Corner k of a candidate: its ways down are the edges that fall, joined where both edges of a
+  !> Corner k of a candidate: its ways down are the edges that descend, joined where both edges of a
   !! triangle do.
   pure subroutine search_corner(s, g, c, k, grain, f)
     type(dem_surfaces_type), intent(in) :: s

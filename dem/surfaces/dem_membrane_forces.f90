@@ -75,8 +75,7 @@ contains
     end associate
   end subroutine work_on_membranes
 
-  !> Forces on the corners from the contacts in hand, whose list was made anew where they were
-  !! worked.
+  !> Forces on the corners from the current contacts, whose list was rebuilt where they were worked.
   subroutine share_anew(d)
     type(dem_data_type), intent(inout) :: d
     type(figure_type) :: figure

@@ -11,7 +11,7 @@ module dem_stl
 
   integer(i4), parameter :: header = 80, record = 50  !! bytes
   character(len=*), parameter :: number_letters = ' 0123456789+-.edinfaty'  !! nan, infinity too
-  character(len=*), parameter :: hint = 'write it anew from the program that drew it'
+  character(len=*), parameter :: hint = 'export it again from the program that drew it'
 
 contains
 

@@ -1,4 +1,4 @@
-!> Laws on top of the base law at surfaces: what their contacts keep, forces, energies, works.
+!> Additional contact models at surfaces: history of contacts, forces, energies, works.
 module dem_surface_additional
   use talus_kinds, only: wp, i4
   use dem_block, only: dem_block_type
@@ -17,7 +17,8 @@ module dem_surface_additional
 
 contains
 
-  !> Reals that a contact with a surface keeps for the laws on top; 0 if no law of surfaces has any.
+  !> Reals that a contact with a surface keeps for additional contact models; 0 if no law of
+  !! surfaces has any.
   pure integer(i4) function surface_kept_reals(d) result(reals)
     type(dem_data_type), intent(in) :: d
     integer(i4) :: k
@@ -67,7 +68,7 @@ contains
     if (at%cohesion_at > 0) held = kept(:, at%cohesion_at) > 0.0_wp
   end function held_by_necks
 
-  !> Base law and laws on top of the lanes of a block; history and kept brought forward by h.
+  !> Base law and additional models of the lanes of a block; history and kept are advanced by h.
   pure subroutine laws_of_surface(b, law, at, h, m_star, history, kept, columns, work)
     type(dem_block_type), intent(inout) :: b
     type(dem_law_type), intent(in) :: law
@@ -89,7 +90,7 @@ contains
       call add_laws(b, law, at, .false., h, m_star, weight, history, kept, columns, work)
   end subroutine laws_of_surface
 
-  !> Energy that the laws on top store in the contacts with surfaces [J].
+  !> Energy that additional contact models store in the contacts with surfaces [J].
   pure real(wp) function surface_extra_energy(d) result(energy)
     type(dem_data_type), intent(in) :: d
     type(dem_law_type) :: law
@@ -165,7 +166,8 @@ contains
     end associate
   end function own_energy
 
-  !> Stiffness that the laws on top add to a contact: of translation [N/m] and of rotation [N m].
+  !> Stiffness that additional contact models add to a contact: of translation [N/m] and of rotation
+  !! [N m].
   pure function surface_extra_stiffness(d, k, g) result(stiffness)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: k, g
@@ -178,8 +180,8 @@ contains
       d%surfaces%list%kept(k, :, g))
   end function surface_extra_stiffness
 
-  !> Works of the step of all laws on top into the ledger, those at surfaces in the order of the
-  !! grains.
+  !> Works of the step of all additional contact models into the ledger, those at surfaces in the
+  !! order of the grains.
   pure subroutine add_work_on_top(d)
     type(dem_data_type), intent(inout) :: d
     real(wp) :: total(extra_work_count)

@@ -1,4 +1,4 @@
-!> Bodies that move and turn as forces ask in some directions, and as the deck says in the others.
+!> Bodies that move and turn by forces in some directions, and as prescribed in the others.
 !!
 !! A body has half kicks before and after its drift, as a grain has; the spin of one that turns
 !! freely about all axes follows the symmetric splitting of dem_integrate.
@@ -53,7 +53,7 @@ contains
     load = s%rigid%free(:, b)*load
   end function load_left
 
-  !> Half kick of all free bodies with the forces in hand: explicit before a drift, else after one.
+  !> Half kick of all free bodies with the current forces: explicit before a drift, else after one.
   pure subroutine push_bodies(s, step, explicit, work)
     type(dem_surfaces_type), intent(inout) :: s
     type(motion_type), intent(in) :: step

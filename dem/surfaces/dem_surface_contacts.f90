@@ -37,7 +37,7 @@ contains
   subroutine allocate_contacts(s, grains, reals)
     type(dem_surfaces_type), intent(inout) :: s
     integer(i4), intent(in) :: grains
-    integer(i4), intent(in) :: reals  !! kept for laws on top
+    integer(i4), intent(in) :: reals  !! kept for additional contact models
     integer(i4) :: g, some
     s%list%slots = merge(most_features, lanes, allocated(s%membranes))
     some = merge(s%list%near, 0_i4, reals > 0)
@@ -123,7 +123,7 @@ contains
     if (size(list%kept) > 0) list%extra_work(:, g) = 0.0_wp
   end subroutine leave_grain
 
-  !> Contacts in hand for the next step.
+  !> Current contacts for the next step.
   pure subroutine keep_touches(list, g, touches, block, history)
     type(dem_touches_type), intent(inout) :: list
     integer(i4), intent(in) :: g

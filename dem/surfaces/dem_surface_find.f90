@@ -4,8 +4,8 @@
 !! grain in its own right: the grain's deepest point against the face lies inside it, or the normal
 !! lies in the cone of normals of the edge or corner. On flat and convex meshes there is one. On
 !! faces bent inwards by less than the smooth angle there may be several: they are one contact,
-!! weighted by their distance from the bend, so that none comes or goes with a jump. Membranes have
-!! their own way, see dem_membrane_find.
+!! weighted by their distance from the bend, so that none appears or vanishes with a jump. For
+!! membranes see dem_membrane_find.
 module dem_surface_find
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
@@ -324,7 +324,7 @@ contains
     f%curvature(f%n) = max(own + 0.5_wp*across/s%round%radius(b), 0.01_wp*own)
   end subroutine add_round
 
-  !> Features of one smooth face become one contact; the others stand alone.
+  !> Features of one smooth face become one contact; the others stay separate.
   pure subroutine join_features(s, g, radius, f, touches)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: g

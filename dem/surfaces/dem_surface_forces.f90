@@ -1,6 +1,6 @@
 !> Contact forces between grains and surfaces: the law of grain pairs, one block of lanes a grain.
 !!
-!! A contact is found anew in every step and takes over the history of the last step's contact that
+!! A contact is recomputed in every step and inherits the history of the last step's contact that
 !! lies nearest, so that a grain rolls from triangle to triangle, and over edges, without a jump.
 module dem_surface_forces
   use talus_kinds, only: wp, i4

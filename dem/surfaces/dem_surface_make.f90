@@ -58,7 +58,7 @@ contains
   end subroutine join_corners
 
   !> Triangles with an area (I223), turned alike (I224), two at an edge at most (I225), without
-  !! holes if asked for (I226). Neighbours are found.
+  !! holes if requested (I226). Neighbours are found.
   subroutine check_mesh(mesh, closed, errors)
     type(mesh_type), intent(inout) :: mesh
     logical, intent(in) :: closed
@@ -73,7 +73,7 @@ contains
       call errors%add('I223', &
         mesh%name//': triangle '//str(k)//' has no area: its longest side is '// &
                       str(side)//' m, its area '//str(area)//' m2', mesh%name, &
-                      'take it out, or mesh the surface anew')
+                      'take it out, or mesh the surface again')
       return
     end do
     call find_mates(mesh, errors)
@@ -82,7 +82,7 @@ contains
     call errors%add('I226', &
       mesh%name//': the surface has holes: '//str(mesh%rim)//' edges belong '// &
                     'to one triangle alone, the first of them to triangle '//str(k), mesh%name, &
-                    'close the surface, or leave closed = .true. out if it is a sheet')
+                    'close the surface, or leave closed = .true. out if it is open')
   end subroutine check_mesh
 
   pure subroutine size_of(p, side, area)
@@ -132,7 +132,7 @@ contains
           mesh%name//': '//str(length)//' triangles share one edge, among '// &
                         'them '//str(1 + (order(k) - 1)/3)//', '//str(1 + (order(k + 1) - 1)/3)// &
                         ' and '//str(1 + (order(k + 2) - 1)/3), mesh%name, &
-                        'take triangles that stand twice out; give fins a surface of their own')
+                        'remove duplicate triangles; give fins a surface of their own')
         return
       end if
       k = k + length

@@ -1,4 +1,4 @@
-!> What is measured on the contacts of surfaces: energy, stiffness, overlap, coordination.
+!> Measures of the contacts of surfaces: energy, stiffness, overlap, coordination.
 module dem_surface_measure
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross

@@ -1,6 +1,5 @@
-!> The list of what is near each grain: triangles within its bounding sphere and the skin, and
-!! cones.
-!! Contacts in hand go along with their grains.
+!> Candidates of each grain: triangles within its bounding sphere and the skin, and cones. Current
+!! contacts are kept with their grains.
 module dem_surface_search
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
@@ -15,7 +14,7 @@ module dem_surface_search
 
   integer(i4), parameter :: most_cells = 2000000
 
-  !> Cells over the triangles; each triangle stands in every cell that its box meets.
+  !> Cells over the triangles; each triangle is in every cell that its box meets.
   type :: grid_type
     real(wp) :: low(3) = 0.0_wp, size = 1.0_wp
     integer(i4) :: n(3) = 1
@@ -62,7 +61,7 @@ contains
     end associate
   end subroutine list_near
 
-  !> Prescribed grains meet the bodies alone that give way, on one of the ranks that all know them.
+  !> Prescribed grains meet free bodies and membranes alone, on one rank, as all ranks hold them.
   pure logical function may_touch(d, i)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: i
@@ -71,7 +70,7 @@ contains
     may_touch = d%grains%kind(i) == kind_fixed .or. d%grains%kind(i) == kind_driven
   end function may_touch
 
-  !> Cells as large as the grains reach, so that a grain looks into its own cell alone.
+  !> Cells as large as the grains reach, so that a grain searches its own cell alone.
   subroutine make_grid(s, skin, radius, grid)
     type(dem_surfaces_type), intent(in) :: s
     real(wp), intent(in) :: skin, radius(:)

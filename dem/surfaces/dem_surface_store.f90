@@ -1,5 +1,5 @@
-!> Surfaces on their way to and from a checkpoint, bit for bit: motion, sums, the list of what is
-!! near and the contacts in hand.
+!> Surfaces on their way to and from a checkpoint, bit for bit: motion, sums, candidates and current
+!! contacts.
 module dem_surface_store
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
@@ -102,7 +102,7 @@ contains
     s%round%radius = values(5*s%n + 1:)
   end subroutine get_bores
 
-  !> What contacts keep for laws on top, each law by its name, as dem_additional_list does.
+  !> History of additional contact models, each by its name, as in dem_additional_list.
   subroutine put_kept(s, places, archive)
     type(dem_surfaces_type), intent(in) :: s
     type(extra_places_type), intent(in) :: places
@@ -228,7 +228,8 @@ contains
         call errors%add('I228', 'the checkpoint has '//str(sizes(1, 1))//' surfaces with '// &
                         str(sizes(4, 1))//' triangles, the deck has '//str(s%n)//' with '// &
                         str(s%mesh%triangles), 'checkpoint', &
-                        'restart with the deck and the files that made it, or start anew')
+                        'restart with the deck and the files that made it, or start from '// &
+                        'the beginning')
       if (errors%count > before) return
       k = archive%find('surfaces.servo')
       if (k > 0) s%servo = archive%item(k)%reals

@@ -1,5 +1,5 @@
-!> What the deck or a partner prescribes to a system: motion of grains, forces held on them, weights
-!! of contacts. Prescribed grains are named by index (find gives it).
+!> Data prescribed by the deck or a partner: motion of grains, constant forces on them, weights of
+!! contacts. Prescribed grains are named by index (find gives it).
 module dem_driven_system
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -72,7 +72,7 @@ contains
     if (allocated(self%rank_team)) self%rank_team%redirected = .true.
   end subroutine set_velocity
 
-  !> Prescribed grains stand at x, quat with velocity v and spin omega at once.
+  !> Place prescribed grains at x, quat with velocity v and spin omega.
   subroutine set_state(self, index, x, quat, v, omega)
     class(dem_driven_system_type), intent(inout) :: self
     integer(i4), intent(in) :: index(:)

@@ -126,7 +126,7 @@ contains
     packing%n = size(packing%id)
     if (packing%n == 0) then
       call errors%add('I231', "'"//path//"' holds no grains", path//':/grains/id', &
-                      "look at the file with h5ls, or make it again with 'talus pack'")
+                      "inspect the file with h5ls, or make it again with 'talus pack'")
       return
     end if
     call check('kind', 1, 1, size(packing%kind))

@@ -1,5 +1,5 @@
-!> What a system knows of the ranks that move it: looks at their state, what they must be told, and
-!! figures that come from them or, without ranks, from the system itself.
+!> A system and the ranks that move it: access to their state, changes to be sent to them, and
+!! figures from them or, without ranks, from the system itself.
 module dem_ranked_system
   use talus_kinds, only: wp, i8
   use talus_ranks, only: ranks_type
@@ -25,9 +25,9 @@ module dem_ranked_system
     procedure :: slow_down        !! (): adaptive damping
     procedure :: loads_changed    !! (before): extra forces were others before
     procedure :: start_moved      !! (start): of the ledger, loads have changed
-    procedure :: begin_anew       !! (): the state was replaced: ranks must know
+    procedure :: begin_anew       !! (): the state was replaced: to be sent to the ranks
     procedure :: shared           !! (): many ranks take the steps
-    procedure :: owner_changed           !! (): ranks have been on since the last look
+    procedure :: owner_changed           !! (): ranks have advanced since the last access
     procedure :: pair_number      !! (): of candidate pairs, over a border twice
     procedure :: contact_number   !! (): of contacts, once the ledger was refreshed
     procedure :: top_speed        !! (): of the fastest grain [m/s]
@@ -51,7 +51,7 @@ contains
     self%rank_team%team = team
   end subroutine use_ranks
 
-  !> Of many ranks the leader's grains and contacts are as old as its last look.
+  !> On many ranks the leader's grains and contacts are those of its last access.
   subroutine gather(self)
     class(dem_ranked_system_type), intent(inout) :: self
     if (allocated(self%rank_team)) call self%rank_team%gather(self%dem_data_type)
@@ -73,7 +73,7 @@ contains
     end if
   end subroutine slow_down
 
-  !> Extra forces of some grains have been others before: ranks must know.
+  !> Extra forces of some grains have changed: to be sent to the ranks.
   subroutine loads_changed(self, before)
     class(dem_ranked_system_type), intent(inout) :: self
     real(wp), intent(in) :: before(:, :)  !! (3, grains) [N]
@@ -103,7 +103,7 @@ contains
     if (allocated(self%rank_team)) shared = .not. self%rank_team%alone
   end function shared
 
-  !> Have the ranks been on since the last look? The whole's grains are then old, it has no
+  !> Have the ranks advanced since the last access? The whole's grains are then old, it has no
   !! contacts, and what is written comes from the ranks in slabs.
   pure logical function owner_changed(self)
     class(dem_ranked_system_type), intent(in) :: self
@@ -118,7 +118,7 @@ contains
     if (self%owner_changed()) pair_number = nint(self%rank_team%marks%pairs, i8)
   end function pair_number
 
-  !> Number of contacts, as the ranks told it with the ledger.
+  !> Number of contacts, as reported by the ranks with the ledger.
   integer(i8) function contact_number(self)
     class(dem_ranked_system_type), intent(in) :: self
     if (self%owner_changed()) then
@@ -139,7 +139,7 @@ contains
     end if
   end function top_speed
 
-  !> Gershgorin limit of the contacts in hand [s].
+  !> Gershgorin limit of the current contacts [s].
   real(wp) function step_limit(self)
     class(dem_ranked_system_type), intent(in) :: self
     if (self%owner_changed()) then

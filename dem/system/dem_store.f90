@@ -1,4 +1,4 @@
-!> The complete state as named arrays, and back, so that a run goes on bit for bit.
+!> The complete state as named arrays, and back, so that a run continues bit for bit.
 module dem_store
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -194,7 +194,7 @@ contains
     call get_run(d, archive, errors)
   end subroutine get_state
 
-  !> Contacts as many ranks wrote them: a new list takes them over.
+  !> Contacts as many ranks wrote them: a new list inherits them.
   subroutine get_records(d, archive, errors)
     type(dem_data_type), intent(inout) :: d
     type(dem_archive_type), intent(in) :: archive

@@ -1,8 +1,8 @@
-!> A whole system of grains: what a program calls to set it up, move it and look at it.
+!> A whole system of grains: procedures to set it up, advance and examine it.
 !!
 !! Order of use: fill grains (dem_make), planes, materials, laws (dem_law), par; init; then step, or
-!! the split verbs kick, drift and forces. What ranks know of it: dem_ranked_system; what is
-!! prescribed to it: dem_driven_system.
+!! the split verbs kick, drift and forces. With ranks: dem_ranked_system; prescribed motion and
+!! forces: dem_driven_system.
 module dem_system
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
@@ -29,7 +29,7 @@ module dem_system
   private
   public :: dem_system_type, dem_contacts_type
 
-  !> The state of a system with its verbs; `kept` is what restore goes back to.
+  !> The state of a system with its verbs; `kept` is the state that restore returns to.
   type, extends(dem_driven_system_type) :: dem_system_type
     type(dem_data_type), allocatable :: kept
     type(start_springs_type) :: springs       !! that contacts begin with
@@ -170,7 +170,7 @@ contains
     self%pending = 0.0_wp
   end subroutine forces
 
-  !> Ghosts stand at x, quat with velocity v and spin omega at once; bodies are up to date.
+  !> Place ghosts at x, quat with velocity v and spin omega; bodies are up to date.
   subroutine place(self, index, x, quat, v, omega)
     class(dem_system_type), intent(inout) :: self
     integer(i4), intent(in) :: index(:)

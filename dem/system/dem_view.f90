@@ -1,5 +1,5 @@
-!> Looks at a system that need no more than its grains, a list of its contacts, or sums of them: of
-!! many ranks these come in slabs or as sums, and the whole with its lists is not gathered.
+!> Access to a system that needs no more than its grains, a list of its contacts, or sums of them:
+!! on many ranks these are sent in slabs or as sums, without gathering the whole.
 module dem_view
   use talus_kinds, only: wp
   use talus_errors, only: error_list_type
