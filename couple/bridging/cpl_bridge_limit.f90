@@ -143,7 +143,7 @@ contains
       r%u(:, b%move%at) = u(:, b%move%at)
       if (b%turns) r%phi(:, b%turn%at) = phi(:, b%turn%at)
       r%q = merge(r%q, 0.0_wp, spread(self%light, 1, 3) > 0.0_wp)
-      r%theta = merge(r%theta, 0.0_wp, spread(self%nimble, 1, 3) > 0.0_wp)
+      r%theta = merge(r%theta, 0.0_wp, spread(self%inverse_inertia, 1, 3) > 0.0_wp)
     end associate
   end subroutine bound_stiffness_times
 
@@ -153,7 +153,7 @@ contains
     type(overlap_type), intent(in) :: o
     type(motion_type), intent(inout) :: r
     r%q = r%q*spread(self%light, 1, 3)
-    r%theta = r%theta*spread(self%nimble, 1, 3)
+    r%theta = r%theta*spread(self%inverse_inertia, 1, 3)
     call self%bridge%move%node_accelerations(r%u)
     if (self%bridge%turns) call self%bridge%turn%node_accelerations(r%phi)
   end subroutine accelerate_bound

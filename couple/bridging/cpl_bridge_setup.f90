@@ -44,8 +44,8 @@ contains
               b%hold_couple(3, n), b%theta_ref(3, n), source=0.0_wp)
     allocate (o%own%factor(o%op%free), source=1.0_wp)
     o%rules%in_parts = .false.
-    o%rules%hears_force = .false.
-    o%rules%hears_speed = .false.
+    o%rules%reads_force = .false.
+    o%rules%reads_speed = .false.
     call check_domain(o, errors)
   end subroutine make_bridge
 
@@ -122,17 +122,17 @@ contains
     type(cpl_solver_type), intent(inout) :: solvers(2)
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: told
+    character(len=:), allocatable :: fields
 
-    told = field_x//','//field_v//','//field_force//','//field_load
-    if (o%rules%turns) told = told//','//field_theta//','//field_omega//','//field_moment
+    fields = field_x//','//field_v//','//field_force//','//field_load
+    if (o%rules%turns) fields = fields//','//field_theta//','//field_omega//','//field_moment
     associate (grains => solvers(side_grains), solid => solvers(side_solid), n => o%op%prescribed, &
                m => o%op%prescribed_phi, bound => o%pack%id(o%sets%ghost))
-      call choose(grains, bound_set, role_name(role_report), bound, told)
+      call choose(grains, bound_set, role_name(role_report), bound, fields)
       call choose(grains, load_set, role_name(role_load), bound, '')
-      told = field_x
-      if (o%rules%turns) told = field_x//','//field_theta
-      call choose(grains, free_set, role_name(role_report), o%pack%id(o%sets%free), told)
+      fields = field_x
+      if (o%rules%turns) fields = field_x//','//field_theta
+      call choose(grains, free_set, role_name(role_report), o%pack%id(o%sets%free), fields)
       call choose(solid, prescribed_set, role_name(role_prescribe), int(o%op%node(:n), i8), field_u)
       call take_held('held', o%own%held(:, :n))
       call choose(solid, edge_set, role_name(role_prescribe), int(o%op%node(n + 1:), i8), field_u)

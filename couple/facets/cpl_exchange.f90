@@ -17,7 +17,7 @@ module cpl_exchange
   implicit none
   private
   public :: exchange, set_springs, read_forces, read_motion, advance_grains, solve_solid
-  public :: automatic_springs, look_at_stiffness, lead
+  public :: automatic_springs, check_stiffness, lead
 
   real(wp), parameter :: raise = 1.5_wp           !! springs over contact stiffness
   integer(i8), parameter :: check_interval = 50_i8    !! exchanges between checks of the stiffness
@@ -47,7 +47,7 @@ contains
     if (.not. automatic_springs(face, choices)) return
     if (mod(face%step, check_interval) == 0 .or. face%watch%outgrown > 0 .or. &
         maxval(abs(face%forces%p_end)) > growth*face%watch%force_at_check) &
-      call look_at_stiffness(face, solvers, t1, .false., timers, errors)
+      call check_stiffness(face, solvers, t1, .false., timers, errors)
   end subroutine exchange
 
   !> Springs whose stiffness the deck does not give.
@@ -94,7 +94,7 @@ contains
         return
       end if
       if (automatic_springs(face, choices) .and. gap > gap_before) &
-        call look_at_stiffness(face, solvers, t1, .true., timers, errors)
+        call check_stiffness(face, solvers, t1, .true., timers, errors)
       gap_before = gap
       if (.not. errors%any()) &
         call judge_both(solvers, verb_reject, face%step, t0, t1, timers, errors)
@@ -299,7 +299,7 @@ contains
 
   !> Ask how stiff the ghosts' contacts are now; raise the springs when they were outgrown twice,
   !! or at once.
-  subroutine look_at_stiffness(face, solvers, time, at_once, timers, errors)
+  subroutine check_stiffness(face, solvers, time, at_once, timers, errors)
     type(interface_type), intent(inout) :: face
     type(cpl_solver_type), intent(inout) :: solvers(2)
     real(wp), intent(in) :: time  !! s
@@ -332,7 +332,7 @@ contains
     face%watch%outgrown = 0
     face%watch%refactored = face%watch%refactored + 1
     call set_springs(face, solvers(side_solid), time, timers, errors)
-  end subroutine look_at_stiffness
+  end subroutine check_stiffness
 
   !> Put the springs on the facets of the solid.
   subroutine set_springs(face, solid, time, timers, errors)

@@ -99,7 +99,7 @@ contains
       str(face%watch%refactored)//' times, largest overlap '// &
       short_number(100.0_wp*face%ledger%grains(scalar_max_overlap))//' %, '//overhead_text(overhead)
     call log%health(text)
-    if (audit%lag%mean > lag_limit .and. .not. audit%lag%told) call log%warn('the solid does '// &
+    if (audit%lag%mean > lag_limit .and. .not. audit%lag%warned) call log%warn('the solid does '// &
       'not carry '//short_number(100.0_wp*audit%lag%mean)//" % of the ghosts' force at the "// &
       "end: a shorter &clock exchange or scheme = 'iterated' shows how much it matters")
   end subroutine log_health

@@ -15,7 +15,7 @@ module cpl_lag
     real(wp) :: now = 0.0_wp                 !! of the last exchange [-]
     real(wp) :: mean = 0.0_wp                !! over the last half window [-]
     integer(i8) :: stalls = 0                !! windows in which it was large and did not fall
-    logical :: told = .false.                !! the warning was given
+    logical :: warned = .false.              !! the warning was given
     integer(i4), private :: count = 0        !! in the window
     real(wp), private :: first = 0.0_wp, second = 0.0_wp  !! sums of the halves
   contains
@@ -53,8 +53,8 @@ contains
     integer(i4), intent(in) :: method, scheme
     character(len=:), allocatable :: text
     text = ''
-    if (self%told .or. self%stalls == 0) return
-    self%told = .true.
+    if (self%warned .or. self%stalls == 0) return
+    self%warned = .true.
     text = 'the solid lags behind the grains: '//short_number(100.0_wp*self%mean)// &
       ' % of the ghosts'' force are not carried, and this has not fallen over '// &
       short_number(real(2*half, wp))//' exchanges: '

@@ -18,7 +18,7 @@ module cpl_start
   use talus_stop, only: stop_type, stop_none
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type
-  use cpl_exchange, only: advance_grains, solve_solid, automatic_springs, look_at_stiffness, lead
+  use cpl_exchange, only: advance_grains, solve_solid, automatic_springs, check_stiffness, lead
   use cpl_interface, only: interface_type, node_set
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
@@ -95,7 +95,7 @@ contains
     call face%follow()
     t1 = k*choices%exchange
     call advance_grains(face, solvers(side_grains), (k - 1)*choices%exchange, t1, timers, errors)
-    if (.not. errors%any()) call tell(solvers(side_grains), verb_accept, timers, errors)
+    if (.not. errors%any()) call send_verb(solvers(side_grains), verb_accept, timers, errors)
     if (errors%any()) return
     face%motion%w_spring = face%motion%w_new + lead(face)*(face%motion%w_new - face%motion%w)
     face%motion%w = face%motion%w_new
@@ -106,7 +106,7 @@ contains
     change(1) = relative(face%motion%u_new - u_before, face%motion%u_new)
     change(2) = relative(face%forces%p_mean(:3, :) - p_before(:3, :), face%forces%p_mean(:3, :))
     if (automatic_springs(face, choices) .and. mod(k, check_interval) == 0) &
-      call look_at_stiffness(face, solvers, t1, .false., timers, errors)
+      call check_stiffness(face, solvers, t1, .false., timers, errors)
   end subroutine rehearse
 
   pure real(wp) function relative(change, whole)
@@ -116,14 +116,14 @@ contains
       /max(maxval(sum(whole**2, 1)), tiny(1.0_wp)))
   end function relative
 
-  subroutine tell(solver, verb, timers, errors)
+  subroutine send_verb(solver, verb, timers, errors)
     type(cpl_solver_type), intent(inout) :: solver
     integer(i4), intent(in) :: verb
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     call solver%start_request(verb, 0_i8, solver%time, solver%time)
     call solver%ask(timers, errors)
-  end subroutine tell
+  end subroutine send_verb
 
   !> The solid's trial state becomes its reference; then it is solved once more under the same
   !! forces and must stay where it is.
@@ -144,7 +144,7 @@ contains
       call solid%reply%take(field_couple_stress, face%start%start_couple, errors)
     call choose_nodes(face, solid, .true., timers, errors)
     call forces_now(face, solid, with_motion, with_turns, timers, errors)
-    if (.not. errors%any()) call tell(solid, verb_reject, timers, errors)
+    if (.not. errors%any()) call send_verb(solid, verb_reject, timers, errors)
     if (.not. errors%any()) call put_stress(face, solid, timers, errors)
     call forces_now(face, solid, without, still, timers, errors)
     if (errors%any()) return
@@ -154,7 +154,7 @@ contains
     if (errors%any()) return
     face%motion%w_spring = 0.0_wp
     call solve_solid(face, solid, 1_i4, 0.0_wp, 0.0_wp, timers, errors)
-    if (.not. errors%any()) call tell(solid, verb_accept, timers, errors)
+    if (.not. errors%any()) call send_verb(solid, verb_accept, timers, errors)
     face%motion%w = 0.0_wp
     call face%resume()
   end subroutine make_reference

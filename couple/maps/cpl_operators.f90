@@ -448,8 +448,7 @@ contains
       u(:, :self%prescribed) = 0.0_wp
       call self%to_prescribed(q, theta, u, phi)
       worst = max(worst, maxval(abs(u - shifts(x_node))))
-      if (self%nodes_phi > 0 .and. turning) &
-        worst = max(worst, maxval(abs(phi - turned)))
+      if (self%nodes_phi > 0 .and. turning) worst = max(worst, maxval(abs(phi - turned)))
       call self%to_ghosts(u, phi, d, turn)
       worst = max(worst, maxval(abs(d - shifts(x_ghost))))
       if (self%rotation == rotation_curl .or. self%micro%positions) turn = extent*turn
@@ -461,13 +460,20 @@ contains
     pure function shifts(x) result(d)
       real(wp), intent(in) :: x(:, :)
       real(wp) :: d(3, size(x, 2))
-      integer(i4) :: i
-      do i = 1, size(x, 2)
-        d(:, i) = axis
-        if (norm2(axis) > 0.0_wp .and. k > 3) d(:, i) = cross(axis, (x(:, i) - middle)/extent)
-      end do
+      d = spread(axis, 2, size(x, 2))
+      if (k > 3) d = turned_about(axis, x, middle, extent)
     end function shifts
   end subroutine identity_error
+
+  !> Motion of points turned by one radian, over the extent.
+  pure function turned_about(axis, x, middle, extent) result(d)
+    real(wp), intent(in) :: axis(3), x(:, :), middle(3), extent
+    real(wp) :: d(3, size(x, 2))
+    integer(i4) :: i
+    do i = 1, size(x, 2)
+      d(:, i) = cross(axis, (x(:, i) - middle)/extent)
+    end do
+  end function turned_about
 
   !> P N = 1 on a field that is different at every node.
   real(wp) function inverse_error(self) result(worst)

@@ -1,11 +1,11 @@
 !> Forces between ghosts that are evaluated once an exchange (theory: overlap coupling, Time).
 !!
-!! What they were in the mean of a window of exchanges (`still`) acts in every step of the grains
-!! like a dead load; what they are besides (`rest`) acts in kicks of half an exchange at its start
-!! and at its end. As forces of the contacts change slowly the kicks are weak, however large the
-!! forces are. Kicks keep an energy that differs from the true one by h^2 rest^2/m: a `still` that
-!! is the value at an instant makes the rest vanish there, always to the same side, and energy
-!! drifts; a mean does not depend on the instant.
+!! What they were in the mean of a window of exchanges (`mean`) acts in every step of the grains
+!! like a dead load; what they are besides (`remainder`) acts in kicks of half an exchange at its
+!! start and at its end. As forces of the contacts change slowly the kicks are weak, however large
+!! the forces are. Kicks keep an energy that differs from the true one by h^2 remainder^2/m: the
+!! value at an instant in place of the mean makes the remainder vanish there, always to the same
+!! side, and energy drifts; a mean does not depend on the instant.
 module cpl_parts
   use talus_kinds, only: wp, i4
   use cpl_operators, only: operators_type
@@ -23,20 +23,20 @@ module cpl_parts
 
   type :: parts_type
     logical :: active = .false.
-    integer(i4), allocatable :: near(:)            !! rows of the ghosts that move with the steps
-    integer(i4), allocatable :: far(:)             !! rows of the others
+    integer(i4), allocatable :: active_rows(:)     !! rows of the ghosts that move with the steps
+    integer(i4), allocatable :: other_rows(:)      !! rows of the others
     real(wp), allocatable :: p_active(:, :), m_active(:, :)  !! of free grains on these [N], [N m]
     real(wp), allocatable :: x_active(:, :), quat_active(:, :)  !! where they were at first [m]; now
     real(wp), allocatable :: d_active(:, :), turn_active(:, :)  !! how far they have come [m], [rad]
-    real(wp), allocatable :: kick(:, :), kick_phi(:, :)  !! rest on free grains, with the inertia of
+    real(wp), allocatable :: kick(:, :), kick_phi(:, :)  !! remainder on free grains, with that of
                                                    !! what prescribed nodes carry (3, free)
     real(wp), allocatable :: p(:, :), m(:, :)      !! of ghosts on ghosts (3, ghosts) [N], [N m]
     real(wp), allocatable :: p_sum(:, :), m_sum(:, :)      !! the same over the window so far
     real(wp), allocatable :: p_mean(:, :), m_mean(:, :)  !! the mean over the window before
     integer(i4) :: age = 0                         !! exchanges since
     logical :: old = .false.                       !! the active ghosts must be chosen again
-    type(pulled_type) :: still, rest
-    real(wp), allocatable :: dead(:, :), dead_phi(:, :)  !! still on free grains, with loads that
+    type(pulled_type) :: mean, remainder
+    real(wp), allocatable :: dead(:, :), dead_phi(:, :)  !! mean on free grains, with loads that
                                                    !! balance the start (3, free)
     real(wp), allocatable :: dead_f(:, :), dead_c(:, :)  !! the same on nodes, with what is steady
     logical :: dead_known = .false.                !! they are of now
@@ -64,8 +64,8 @@ contains
     allocate (self%p(3, op%ghosts), self%m(3, op%ghosts), self%p_mean(3, op%ghosts), &
               self%m_mean(3, op%ghosts), self%p_sum(3, op%ghosts), self%m_sum(3, op%ghosts), &
               source=0.0_wp)
-    call make_room(op, self%still)
-    call make_room(op, self%rest)
+    call make_room(op, self%mean)
+    call make_room(op, self%remainder)
   end subroutine begin
 
   pure subroutine make_room(op, pulled)
@@ -116,23 +116,23 @@ contains
     call self%pull_all(op)
   end subroutine renew
 
-  !> Both on what is free, after a change of what is still or of the operators.
+  !> Both on what is free, after a change of the mean part or of the operators.
   subroutine pull_all(self, op)
     class(parts_type), intent(inout) :: self
     type(operators_type), intent(in) :: op
     self%dead_known = .false.
-    call pull(op, self%p_mean, self%m_mean, self%still)
+    call pull(op, self%p_mean, self%m_mean, self%mean)
     call self%pull_remainder(op)
   end subroutine pull_all
 
   subroutine pull_remainder(self, op)
     class(parts_type), intent(inout) :: self
     type(operators_type), intent(in) :: op
-    call pull(op, self%p, self%m, self%rest)
-    self%rest%f = self%rest%f - self%still%f
-    self%rest%c = self%rest%c - self%still%c
-    self%rest%force = self%rest%force - self%still%force
-    self%rest%moment = self%rest%moment - self%still%moment
+    call pull(op, self%p, self%m, self%remainder)
+    self%remainder%f = self%remainder%f - self%mean%f
+    self%remainder%c = self%remainder%c - self%mean%c
+    self%remainder%force = self%remainder%force - self%mean%force
+    self%remainder%moment = self%remainder%moment - self%mean%moment
   end subroutine pull_remainder
 
   subroutine pull(op, p, m, pulled)

@@ -49,7 +49,7 @@ contains
     integer(i8) :: remaps
     call self%put_row(run, t1, errors)
     remaps = self%o%map%remaps
-    call self%look(run, t1, errors)
+    call self%check_map(run, t1, errors)
     if (errors%any() .or. self%o%map%remaps == remaps) return
     call self%kick_watch%renew(self%o, run%choices%exchange, run%timers, said)
     if (len(said) > 0) call run%log%line(said)

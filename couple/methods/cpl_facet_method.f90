@@ -136,7 +136,7 @@ contains
     call self%worst%note(self%face, gap)
     call self%audit%put(self%worst%row(self%face, t1, gap))
     call self%audit%write(errors)
-    if (self%worst%lag%stalls > 0 .and. .not. self%worst%lag%told) then
+    if (self%worst%lag%stalls > 0 .and. .not. self%worst%lag%warned) then
       text = self%worst%lag%warning(run%choices%interface, run%choices%scheme)
       call run%log%warn('time '//short_number(t1)//' s: '//text)
     end if

@@ -40,7 +40,7 @@ module cpl_overlap_method
     procedure :: put_row       !! for methods that do more after an exchange
     procedure :: log_health
     procedure :: put_summary
-    procedure :: look
+    procedure :: check_map
     procedure :: share => share_masses
     procedure :: log_own => log_own_masses
     procedure :: own_columns => no_columns
@@ -117,7 +117,7 @@ contains
   end subroutine put_row
 
   !> Have free grains moved past the nodes? Then the maps are rebuilt.
-  subroutine look(self, run, t1, errors)
+  subroutine check_map(self, run, t1, errors)
     class(overlap_method_type), intent(inout) :: self
     type(cpl_run_type), intent(inout) :: run
     real(wp), intent(in) :: t1  !! [s]
@@ -129,7 +129,7 @@ contains
     end associate
     if (len(said) > 0) call run%log%line(said)
     call run%timers%stop('audit and log')
-  end subroutine look
+  end subroutine check_map
 
   subroutine save(self, run, time, tag, errors)
     class(overlap_method_type), intent(inout) :: self

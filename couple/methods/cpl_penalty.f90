@@ -195,7 +195,7 @@ contains
     call self%coupled_type%build(o, contacts, points, inertia, kicks)
     associate (ghost => o%sets%ghost, weight => self%bridge%weight)
       self%light(ghost) = 1.0_wp/(weight*o%pack%mass(ghost))
-      self%nimble(ghost) = 1.0_wp/(weight*inertia(ghost))
+      self%inverse_inertia(ghost) = 1.0_wp/(weight*inertia(ghost))
     end associate
   end subroutine build_sprung
 
@@ -236,7 +236,7 @@ contains
         call add_springs(b%turn, y%theta(:, ghost), y%phi, of_elements%phi, r%theta, r%phi)
     end associate
     r%q = merge(r%q, 0.0_wp, spread(self%light, 1, 3) > 0.0_wp)/self%left
-    r%theta = merge(r%theta, 0.0_wp, spread(self%nimble, 1, 3) > 0.0_wp)/self%left
+    r%theta = merge(r%theta, 0.0_wp, spread(self%inverse_inertia, 1, 3) > 0.0_wp)/self%left
     r%u = merge(0.0_wp, r%u, o%own%held)/self%left
     r%phi = merge(0.0_wp, r%phi, o%own%held_phi)/self%left
 
@@ -263,7 +263,7 @@ contains
     type(overlap_type), intent(in) :: o
     type(motion_type), intent(inout) :: r
     r%q = r%q*spread(self%light, 1, 3)
-    r%theta = r%theta*spread(self%nimble, 1, 3)
+    r%theta = r%theta*spread(self%inverse_inertia, 1, 3)
     associate (b => self%bridge)
       r%u(:, b%move%at) = r%u(:, b%move%at)*b%move%light
       if (b%turns) r%phi(:, b%turn%at) = r%phi(:, b%turn%at)*b%turn%light

@@ -48,7 +48,7 @@ contains
     real(wp), intent(in) :: t1
     type(error_list_type), intent(inout) :: errors
     call self%put_row(run, t1, errors)
-    call self%look(run, t1, errors)
+    call self%check_map(run, t1, errors)
   end subroutine after
 
   subroutine own_columns(self, columns)

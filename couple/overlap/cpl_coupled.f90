@@ -30,7 +30,7 @@ module cpl_coupled
     real(wp), allocatable :: tangent(:, :, :) !! (45, 45, laws) of micromorphic ones
     integer(i4), allocatable :: law(:)        !! (elements) of the partition
     real(wp), allocatable :: light(:)         !! (grains) 1/mass, 0 of what does not move [1/kg]
-    real(wp), allocatable :: nimble(:)        !! (grains) 1/least moment of inertia [1/(kg m^2)]
+    real(wp), allocatable :: inverse_inertia(:)  !! (grains) 1/least moment of inertia [1/(kg m^2)]
   contains
     procedure :: build
     procedure :: start
@@ -78,12 +78,12 @@ contains
         if (self%partition%polar) self%bending(:, :, k) = elastic_tensor([m(4), m(5), m(6) - m(5)])
       end associate
     end do
-    allocate (self%light(size(o%pack%id)), self%nimble(size(o%pack%id)), source=0.0_wp)
+    allocate (self%light(size(o%pack%id)), self%inverse_inertia(size(o%pack%id)), source=0.0_wp)
     associate (free => o%sets%free, outside => o%sets%outside)
       self%light(free) = 1.0_wp/(o%own%factor*o%pack%mass(free))
-      self%nimble(free) = 1.0_wp/(o%own%factor*inertia(free))
+      self%inverse_inertia(free) = 1.0_wp/(o%own%factor*inertia(free))
       self%light(outside) = 1.0_wp/o%pack%mass(outside)
-      self%nimble(outside) = 1.0_wp/inertia(outside)
+      self%inverse_inertia(outside) = 1.0_wp/inertia(outside)
     end associate
   end subroutine build
 
@@ -364,7 +364,7 @@ contains
       r%theta(:, o%sets%free) = f
     end if
     r%q = r%q*spread(self%light, 1, 3)
-    r%theta = r%theta*spread(self%nimble, 1, 3)
+    r%theta = r%theta*spread(self%inverse_inertia, 1, 3)
     do a = o%op%prescribed + 1, o%op%nodes
       r%u(:, a) = r%u(:, a)/o%own%mass(a)
     end do

@@ -38,14 +38,6 @@ module cpl_homogenise
     real(wp) :: middle(3) = 0.0_wp, down(3) = 0.0_wp !! of the fit [m], [-]
   end type pack_average_type
 
-  !> A part of a contact's arm, what it transmits and the elements at its ends.
-  type :: piece_type
-    real(wp) :: a(3) = 0.0_wp, b(3) = 0.0_wp           !! ends [m]
-    integer(i4) :: ea = 0, eb = 0                      !! elements at the ends
-    integer(i4) :: left = deepest                      !! halvings left
-    real(wp) :: force(3) = 0.0_wp, couple(3) = 0.0_wp  !! [N], [N m]
-  end type piece_type
-
 contains
 
   !> Sums over the contacts, which must be there with their whole forces.
@@ -105,7 +97,7 @@ contains
     integer(i4), intent(in) :: e
     integer(i4), parameter :: grid = 6
     real(wp) :: n(most_nodes), dn(3, most_nodes), xi(3)
-    integer(i4) :: ijk(3), m, c, kind, many
+    integer(i4) :: i, j, k, c, kind, many
 
     mean_ramp = merge(1.0_wp, 0.0_wp, o%sets%part(e) == part_free)
     if (o%sets%part(e) /= part_ghost) return
@@ -113,16 +105,20 @@ contains
     c = corner_count(kind)
     many = 0
     associate (x => o%cells%x(:, o%cells%node(o%cells%start(e):o%cells%start(e) + c - 1)))
-      do m = 0, grid**3 - 1
-        ijk = [mod(m, grid), mod(m/grid, grid), m/grid**2]
-        xi = (2.0_wp*ijk + 1.0_wp)/grid - 1.0_wp
-        if (c /= 8) then
-          if (sum(ijk) >= grid) cycle
-          xi = (ijk + 0.25_wp)/grid
-        end if
-        call shapes(kind, xi, n, dn)
-        mean_ramp = mean_ramp + ramp_at(o, e, matmul(x, n(:c)))
-        many = many + 1
+      do k = 0, grid - 1
+        do j = 0, grid - 1
+          do i = 0, grid - 1
+            if (c == 8) then
+              xi = (2.0_wp*[i, j, k] + 1.0_wp)/grid - 1.0_wp
+            else
+              if (i + j + k >= grid) cycle
+              xi = ([i, j, k] + 0.25_wp)/grid
+            end if
+            call shapes(kind, xi, n, dn)
+            mean_ramp = mean_ramp + ramp_at(o, e, matmul(x, n(:c)))
+            many = many + 1
+          end do
+        end do
       end do
     end associate
     mean_ramp = mean_ramp/many
@@ -193,10 +189,8 @@ contains
     if (sample%first(c) > 0) ea = element(sample%first(c))
     if (ea == 0 .and. eb == 0 .and. ep == 0) return
     couple = cross(p - 0.5_wp*(a + b), sample%force(:, c))
-    call add_piece(o, piece_type(a, p, ea, ep, deepest, sample%force(:, c), couple), average, &
-                   branch)
-    call add_piece(o, piece_type(p, b, ep, eb, deepest, sample%force(:, c), couple), average, &
-                   branch)
+    call add_piece(o, a, p, ea, ep, deepest, sample%force(:, c), couple, average, branch)
+    call add_piece(o, p, b, ep, eb, deepest, sample%force(:, c), couple, average, branch)
   end subroutine add_contact
 
   integer(i4) function element_at(o, x)
@@ -208,38 +202,31 @@ contains
   end function element_at
 
   !> The piece from a to b; one whose ends lie in two elements is halved.
-  recursive subroutine add_piece(o, piece, average, branch)
+  recursive subroutine add_piece(o, a, b, ea, eb, left, force, couple, average, branch)
     type(overlap_type), intent(in) :: o
-    type(piece_type), intent(in) :: piece
+    real(wp), intent(in) :: a(3), b(3)            !! [m]
+    integer(i4), intent(in) :: ea, eb, left       !! elements at the ends, halvings left
+    real(wp), intent(in) :: force(3), couple(3)   !! [N], [N m]
     type(pack_average_type), intent(inout) :: average
     real(wp), intent(inout) :: branch(3)
-    type(piece_type) :: half
-    real(wp) :: middle(3), along(3)
+    real(wp) :: middle(3), piece(3)
     integer(i4) :: em, k
 
-    middle = 0.5_wp*(piece%a + piece%b)
-    em = piece%ea
-    if (piece%ea /= piece%eb) em = element_at(o, middle)
-    if (piece%ea /= piece%eb .and. piece%left > 0) then
-      half = piece
-      half%left = piece%left - 1
-      half%b = middle
-      half%eb = em
-      call add_piece(o, half, average, branch)
-      half%a = middle
-      half%ea = em
-      half%b = piece%b
-      half%eb = piece%eb
-      call add_piece(o, half, average, branch)
+    middle = 0.5_wp*(a + b)
+    em = ea
+    if (ea /= eb) em = element_at(o, middle)
+    if (ea /= eb .and. left > 0) then
+      call add_piece(o, a, middle, ea, em, left - 1, force, couple, average, branch)
+      call add_piece(o, middle, b, em, eb, left - 1, force, couple, average, branch)
       return
     end if
-    along = ramp_at(o, em, middle)*(piece%b - piece%a)
-    if (.not. any(abs(along) > 0.0_wp)) return
-    if (o%sets%part(em) == part_free) branch = branch + along
+    piece = ramp_at(o, em, middle)*(b - a)
+    if (.not. any(abs(piece) > 0.0_wp)) return
+    if (o%sets%part(em) == part_free) branch = branch + piece
     do k = 1, 3
       associate (row => average%stress(3*k - 2:3*k, em), turn => average%couple(3*k - 2:3*k, em))
-        row = row + along(k)*piece%force
-        turn = turn + along(k)*piece%couple
+        row = row + piece(k)*force
+        turn = turn + piece(k)*couple
       end associate
     end do
   end subroutine add_piece

@@ -58,7 +58,7 @@ module cpl_overlap
     procedure :: edge_kinetic
     procedure :: edge_momentum
     procedure :: past_nodes
-    procedure :: look_past
+    procedure :: measure_past
     procedure :: fine_scale
     procedure :: finite
     procedure :: relax_as_static
@@ -137,13 +137,13 @@ contains
     if (self%forces%parts%active) then
       associate (parts => self%forces%parts)
         if (.not. parts%dead_known) then
-          parts%dead = parts%still%force + self%forces%force_hold
-          parts%dead_phi = parts%still%moment + self%forces%moment_hold
-          parts%dead_f = parts%still%f + self%forces%steady + self%forces%f_hold
-          parts%dead_c = parts%still%c + self%forces%steady_phi + self%forces%c_hold
+          parts%dead = parts%mean%force + self%forces%force_hold
+          parts%dead_phi = parts%mean%moment + self%forces%moment_hold
+          parts%dead_f = parts%mean%f + self%forces%steady + self%forces%f_hold
+          parts%dead_c = parts%mean%c + self%forces%steady_phi + self%forces%c_hold
           parts%dead_known = .true.
         end if
-        call self%op%pull_some(parts%near, parts%p_active, parts%m_active, self%forces%f, &
+        call self%op%pull_some(parts%active_rows, parts%p_active, parts%m_active, self%forces%f, &
           self%forces%c, parts%dead, parts%dead_phi, self%forces%force, self%forces%moment)
         self%forces%f = self%forces%f + parts%dead_f
         self%forces%c = self%forces%c + parts%dead_c
@@ -340,13 +340,13 @@ contains
   end function past_nodes
 
   !> Motion past the nodes now, for the end of an exchange.
-  pure subroutine look_past(self)
+  pure subroutine measure_past(self)
     class(overlap_type), intent(inout) :: self
     real(wp) :: past(self%op%free)
     past = self%past_nodes()
     self%map%fine = sqrt(sum(past**2)/max(1, count(self%map%seen)))
     self%map%past = maxval(past)
-  end subroutine look_past
+  end subroutine measure_past
 
   !> Root mean square of what the nodes do not see of the free grains' motion [m].
   pure real(wp) function fine_scale(self)

@@ -74,9 +74,9 @@ contains
     call timers%start(messages)
     call grains%reply%get(free_set//dot_x, o%motion%q, errors)
     o%motion%q = o%motion%q - o%map%x_free
-    if (o%rules%hears_speed) call grains%reply%get(free_set//dot_v, o%motion%speed, errors)
+    if (o%rules%reads_speed) call grains%reply%get(free_set//dot_v, o%motion%speed, errors)
     if (o%rules%turns) then
-      if (o%rules%hears_speed) call grains%reply%get(free_set//dot_omega, o%motion%spin, errors)
+      if (o%rules%reads_speed) call grains%reply%get(free_set//dot_omega, o%motion%spin, errors)
       call grains%reply%get(free_set//dot_theta, o%motion%theta, errors)
       o%motion%theta = o%motion%theta - o%map%theta_ref
     end if
@@ -114,19 +114,19 @@ contains
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: grains
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: load(3, merge(o%op%free, 0_i4, o%rules%hears_force))
+    real(wp) :: load(3, merge(o%op%free, 0_i4, o%rules%reads_force))
     if (o%forces%parts%active) then
       call read_active(o, grains, errors)
     else
       call grains%reply%get(ghost_set//dot_force, o%forces%p, errors)
       call grains%reply%get(ghost_set//dot_moment, o%forces%m, errors)
     end if
-    if (o%rules%hears_force) then
+    if (o%rules%reads_force) then
       call grains%reply%get(free_set//dot_force, o%forces%contact, errors)
       call grains%reply%get(free_set//dot_load, load, errors)
       if (.not. errors%any()) o%forces%contact = o%forces%contact + load
     end if
-    if (o%rules%hears_force .and. o%rules%turns) &
+    if (o%rules%reads_force .and. o%rules%turns) &
       call grains%reply%get(free_set//dot_moment, o%forces%contact_moment, errors)
   end subroutine read_forces
 

@@ -104,7 +104,7 @@ contains
     type(h5_file_type), intent(inout) :: file
     type(overlap_type), intent(in) :: o
     type(error_list_type), intent(inout) :: errors
-    call file%put('/parts/near', o%forces%parts%near, errors)
+    call file%put('/parts/near', o%forces%parts%active_rows, errors)
     call file%put('/parts/p_near', o%forces%parts%p_active, errors)
     call file%put('/parts/m_near', o%forces%parts%m_active, errors)
     call file%put('/parts/p', o%forces%parts%p, errors)
@@ -123,7 +123,7 @@ contains
     integer(i4) :: age(1)
     age = 0
     call o%forces%parts%begin(o%op)
-    call file%get('/parts/near', o%forces%parts%near, errors)
+    call file%get('/parts/near', o%forces%parts%active_rows, errors)
     call file%get('/parts/p_near', o%forces%parts%p_active, errors)
     call file%get('/parts/m_near', o%forces%parts%m_active, errors)
     call file%get_into('/parts/p', o%forces%parts%p, errors)

@@ -57,22 +57,23 @@ contains
     call timers%start('stable step')
     call coupled%build(o, contacts, points, o%pack%slimmest)
     mode = highest_frequency(o, coupled)
-    if (o%rules%in_parts) call look_at_kicks(o, contacts, points)
+    if (o%rules%in_parts) call check_kicks(o, contacts, points)
     call timers%stop('stable step')
     if (.not. mode%omega > 0.0_wp) return
     o%limit%step_limit = 2.0_wp/mode%omega
     associate (grains => solvers(side_grains))
       if (grains%dt <= o%limit%step_limit) return
       call errors%add('D425', 'the step of the grains, '//str(grains%dt)//' s, is above the '// &
-        'stable step of the overlap, '//short_number(o%limit%step_limit)//' s: '//mover(o, mode)// &
-        ' fastest', grains%deck, 'shorten dt in its deck; if the grains alone allow the step, '// &
+        'stable step of the overlap, '//short_number(o%limit%step_limit)//' s: '// &
+        critical_part(o, mode)//' fastest', grains%deck, 'shorten dt in its deck; if '// &
+        'the grains alone allow the step, '// &
         'moduli of the solid that are too stiff for the pack, light nodes or mass factors '// &
         '(least '//short_number(minval(o%own%factor))//') are the cause')
     end associate
   end subroutine check_step
 
   !> What acts in kicks alone has a limit of its own, 2/omega of an exchange, as if no contact slid.
-  subroutine look_at_kicks(o, contacts, points)
+  subroutine check_kicks(o, contacts, points)
     type(overlap_type), intent(inout) :: o
     type(contacts_type), intent(in) :: contacts
     type(points_type), intent(in) :: points
@@ -82,8 +83,8 @@ contains
     mode = highest_frequency(o, kicks)
     if (.not. mode%omega > 0.0_wp) return
     o%limit%kick_limit = 2.0_wp/mode%omega
-    o%limit%kick_mover = mover(o, mode)
-  end subroutine look_at_kicks
+    o%limit%kick_critical = critical_part(o, mode)
+  end subroutine check_kicks
 
   !> Keep what a later check needs; before the first exchange of a fresh run.
   subroutine begin_watch(self, o, solvers, timers, errors)
@@ -120,11 +121,11 @@ contains
     call timers%stop('stable step')
     if (.not. mode%omega > 0.0_wp) return
     said = 'stable exchange '//short_number(2.0_wp/mode%omega)//' s after remap '// &
-      str(o%map%remaps)//'; '//mover(o, mode)//' fastest'
+      str(o%map%remaps)//'; '//critical_part(o, mode)//' fastest'
     before = o%limit%kick_limit
     if (2.0_wp/mode%omega >= before) return
     o%limit%kick_limit = 2.0_wp/mode%omega
-    o%limit%kick_mover = mover(o, mode)
+    o%limit%kick_critical = critical_part(o, mode)
     if (exchange > o%limit%kick_limit .and. exchange <= before) &
       said = 'warning: '//kick_warning(o, exchange)
   end subroutine renew_limit
@@ -136,20 +137,20 @@ contains
     character(len=:), allocatable :: text
     text = 'the exchange, '//short_number(exchange)// &
       ' s, is above what kicks of the forces between ghosts allow, '// &
-      short_number(o%limit%kick_limit)//' s: '//o%limit%kick_mover// &
+      short_number(o%limit%kick_limit)//' s: '//o%limit%kick_critical// &
       ' fastest. Sliding contacts and '// &
       "damping may hold it; if not, shorten &clock exchange, or take projection = 'mls'"
   end function kick_warning
 
   !> 'grain 12 turns'
-  pure function mover(o, mode) result(who)
+  pure function critical_part(o, mode) result(who)
     type(overlap_type), intent(in) :: o
     type(mode_type), intent(in) :: mode
     character(len=:), allocatable :: who
     who = 'node '//str(mode%node)//' of the edge'
     if (mode%grain > 0) who = 'grain '//str(o%pack%id(mode%grain))
     who = who//trim(merge(' turns', ' moves', mode%turns))
-  end function mover
+  end function critical_part
 
   !> Largest eigenvalue of M^-1 K by its quotient r'a / y'r, r = K y, a = M^-1 r: from below, within
   !! some tenths of a percent.

@@ -101,7 +101,7 @@ contains
     real(wp), intent(in) :: exchange  !! [s]
     if (.not. o%limit%kick_limit < huge(1.0_wp)) return
     call log%item('stable exchange', short_number(o%limit%kick_limit)//' s', &
-      'of forces between ghosts, in kicks, as if no contact slid; '//o%limit%kick_mover// &
+      'of forces between ghosts, in kicks, as if no contact slid; '//o%limit%kick_critical// &
       ' fastest')
     if (exchange > o%limit%kick_limit) call log%warn(kick_warning(o, exchange))
   end subroutine log_kicks

@@ -45,8 +45,8 @@ contains
     call grains%start_request(verb_force, o%step, grains%time, grains%time)
     call grains%request%put_text(field_scope, scope_split)
     call put_ghosts(o, grains%request, rest, rest)
-    call grains%request%put(active_set//dot_v, rest(:, :size(o%forces%parts%near)))
-    call grains%request%put(active_set//dot_omega, rest(:, :size(o%forces%parts%near)))
+    call grains%request%put(active_set//dot_v, rest(:, :size(o%forces%parts%active_rows)))
+    call grains%request%put(active_set//dot_omega, rest(:, :size(o%forces%parts%active_rows)))
     call grains%request%put_int(field_brief, 1_i4)
     call grains%ask(timers, errors)
     if (.not. errors%any()) call read_active(o, grains, errors)
@@ -58,8 +58,8 @@ contains
   subroutine settle_parts(o)
     type(overlap_type), intent(inout) :: o
     call o%forces%parts%settle(o%op)
-    o%forces%parts%kick = o%forces%parts%rest%force
-    o%forces%parts%kick_phi = o%forces%parts%rest%moment
+    o%forces%parts%kick = o%forces%parts%remainder%force
+    o%forces%parts%kick_phi = o%forces%parts%remainder%moment
     call o%pull()
     call o%resist()
   end subroutine settle_parts
@@ -78,10 +78,10 @@ contains
                b => o%op%prescribed_phi + 1)
       call add_works(size(now%d), parts%p, now%d - parts%d, taken, turnover)
       call add_works(size(now%turn), parts%m, now%turn - parts%turn, taken, turnover)
-      given = work_since(size(now%q), parts%rest%force, now%q, parts%q) &
-              + work_since(size(now%theta), parts%rest%moment, now%theta, parts%theta) &
-              + sum(parts%rest%f(:, a:)*(now%u(:, a:) - parts%u(:, a:))) &
-              + sum(parts%rest%c(:, b:)*(now%phi(:, b:) - parts%phi(:, b:)))
+      given = work_since(size(now%q), parts%remainder%force, now%q, parts%q) &
+              + work_since(size(now%theta), parts%remainder%moment, now%theta, parts%theta) &
+              + sum(parts%remainder%f(:, a:)*(now%u(:, a:) - parts%u(:, a:))) &
+              + sum(parts%remainder%c(:, b:)*(now%phi(:, b:) - parts%phi(:, b:)))
     end associate
     call o%ledger%add(given, taken, turnover)
     call o%note_dead(o%forces%parts%q, o%forces%parts%theta, o%forces%parts%u, o%forces%parts%phi)
@@ -120,9 +120,9 @@ contains
     call grains%reply%take_int(field_id, ids, errors)
     if (errors%any()) return
     allocate (p(3, o%op%ghosts), m(3, o%op%ghosts), source=0.0_wp)
-    if (allocated(o%forces%parts%near)) then
-      p(:, o%forces%parts%near) = o%forces%parts%p_active
-      m(:, o%forces%parts%near) = o%forces%parts%m_active
+    if (allocated(o%forces%parts%active_rows)) then
+      p(:, o%forces%parts%active_rows) = o%forces%parts%p_active
+      m(:, o%forces%parts%active_rows) = o%forces%parts%m_active
     end if
     g = 0
     do k = 1, o%op%ghosts  ! both in the order of ids
@@ -132,9 +132,9 @@ contains
       row(g) = k
     end do
     if (g < size(ids)) error stop 'bug: a border that is not of the ghosts'
-    o%forces%parts%near = row(:g)
-    o%forces%parts%p_active = p(:, o%forces%parts%near)
-    o%forces%parts%m_active = m(:, o%forces%parts%near)
+    o%forces%parts%active_rows = row(:g)
+    o%forces%parts%p_active = p(:, o%forces%parts%active_rows)
+    o%forces%parts%m_active = m(:, o%forces%parts%active_rows)
     call select_active(o, grains, timers, errors)
   end subroutine choose_border
 
@@ -146,19 +146,19 @@ contains
     logical :: is_far(o%op%ghosts)
     associate (parts => o%forces%parts)
       is_far = .true.
-      is_far(parts%near) = .false.
-      parts%far = pack(o%op%every, is_far)
+      is_far(parts%active_rows) = .false.
+      parts%other_rows = pack(o%op%every, is_far)
       if (.not. allocated(parts%v)) &
         allocate (parts%v(3, o%op%ghosts), parts%spin(3, o%op%ghosts))
-      parts%x_active = o%map%x_ghost(:, parts%near)
-      parts%d_active = o%motion%d(:, parts%near)
-      parts%turn_active = o%motion%turn(:, parts%near)
-      parts%quat_active = o%motion%quat(:, parts%near)
+      parts%x_active = o%map%x_ghost(:, parts%active_rows)
+      parts%d_active = o%motion%d(:, parts%active_rows)
+      parts%turn_active = o%motion%turn(:, parts%active_rows)
+      parts%quat_active = o%motion%quat(:, parts%active_rows)
     end associate
     call grains%start_request(verb_select, o%step, grains%time, grains%time)
     call grains%request%put_text(field_set, active_set)
     call grains%request%put_text(field_role, role_name(role_border))
-    call grains%request%put_int(field_id, o%pack%id(o%sets%ghost(o%forces%parts%near)))
+    call grains%request%put_int(field_id, o%pack%id(o%sets%ghost(o%forces%parts%active_rows)))
     call grains%ask(timers, errors)
   end subroutine select_active
 
@@ -179,7 +179,7 @@ contains
     associate (parts => o%forces%parts)
       moved = parts%d_active
       turns = parts%turn_active
-      call o%op%to_some_ghosts(parts%near, o%motion%u, o%motion%phi, parts%d_active, &
+      call o%op%to_some_ghosts(parts%active_rows, o%motion%u, o%motion%phi, parts%d_active, &
         parts%turn_active)
       moved = parts%d_active - moved
       turns = parts%turn_active - turns
@@ -192,16 +192,16 @@ contains
   subroutine follow_all(o, h)
     type(overlap_type), intent(inout) :: o
     real(wp), intent(in) :: h                     !! [s]
-    real(wp), dimension(3, size(o%forces%parts%far)) :: d, turn
+    real(wp), dimension(3, size(o%forces%parts%other_rows)) :: d, turn
     real(wp) :: rate
     integer(i4) :: k
 
-    call o%op%to_some_ghosts(o%forces%parts%far, o%motion%u, o%motion%phi, d, turn)
+    call o%op%to_some_ghosts(o%forces%parts%other_rows, o%motion%u, o%motion%phi, d, turn)
     call move_alloc(o%motion%d, o%forces%parts%d)
     call move_alloc(o%motion%turn, o%forces%parts%turn)
     allocate (o%motion%d(3, o%op%ghosts), o%motion%turn(3, o%op%ghosts))
-    call put_rows(o%forces%parts%far, d, turn)
-    call put_rows(o%forces%parts%near, o%forces%parts%d_active, o%forces%parts%turn_active)
+    call put_rows(o%forces%parts%other_rows, d, turn)
+    call put_rows(o%forces%parts%active_rows, o%forces%parts%d_active, o%forces%parts%turn_active)
     rate = 1.0_wp/h
     associate (parts => o%forces%parts)
       do k = 1, o%op%ghosts
@@ -210,8 +210,8 @@ contains
       end do
       if (o%rules%round) return
       call turn_all(o%motion%quat, o%motion%turn - parts%turn)
-      do k = 1, size(parts%near)
-        o%motion%quat(:, parts%near(k)) = parts%quat_active(:, k)
+      do k = 1, size(parts%active_rows)
+        o%motion%quat(:, parts%active_rows(k)) = parts%quat_active(:, k)
       end do
     end associate
 
@@ -288,14 +288,14 @@ contains
 
     call o%forces%parts%pull_remainder(o%op)
     associate (parts => o%forces%parts)
-      parts%kick = parts%rest%force
-      parts%kick_phi = parts%rest%moment
+      parts%kick = parts%remainder%force
+      parts%kick_phi = parts%remainder%moment
       if (o%own%carried%active) then
-        call o%own%carried%resist(parts%rest%force, load)
+        call o%own%carried%resist(parts%remainder%force, load)
         call o%op%p%transposed(load, parts%kick)
       end if
       if (o%own%carried_phi%active) then
-        call o%own%carried_phi%resist(parts%rest%moment, load_phi)
+        call o%own%carried_phi%resist(parts%remainder%moment, load_phi)
         call o%op%p_phi%transposed(load_phi, parts%kick_phi)
       end if
     end associate

@@ -26,7 +26,7 @@ module cpl_overlap_remap
 
 contains
 
-  !> At the end of an exchange, after look_past; said is the text for the log, '' nothing. N423:
+  !> At the end of an exchange, after measure_past; said is the text for the log, '' nothing. N423:
   !! a free grain has left and the deck wants to stop.
   subroutine check_after(o, share, leaving, time, said, errors)
     type(overlap_type), intent(inout) :: o
@@ -40,15 +40,15 @@ contains
 
     said = ''
     far = share > 0.0_wp .and. o%map%past > share*o%sets%least_size
-    next = o%map%looked + check_interval*o%sets%least_size
+    next = o%map%checked + check_interval*o%sets%least_size
     if (leaving == 'remap') next = max(next, kept_for*o%sets%least_size)
     if (.not. far .and. o%map%past < next) return
-    o%map%looked = o%map%past
-    call look(o, leaving, far, time, said, errors)
+    o%map%checked = o%map%past
+    call check_grains(o, leaving, far, time, said, errors)
   end subroutine check_after
 
   !> Find all grains; rebuild the projection if it is due.
-  subroutine look(o, leaving, far, time, said, errors)
+  subroutine check_grains(o, leaving, far, time, said, errors)
     type(overlap_type), intent(inout) :: o
     character(len=*), intent(in) :: leaving
     real(wp), intent(in) :: time            !! [s]
@@ -63,8 +63,8 @@ contains
     call find_all(o, moved, o%map%x_free + o%motion%q, spot)
     gone = o%map%seen .and. spot%element == 0
     come = spot%element > 0 .and. .not. o%map%seen
-    news = gone .and. .not. o%map%told
-    o%map%told = o%map%told .or. gone
+    news = gone .and. .not. o%map%logged
+    o%map%logged = o%map%logged .or. gone
     if (any(news)) said = 'time '//short_number(time)//' s: '//whom(o, news)// &
                           ' left the elements of free grains'
     if (any(news) .and. leaving == 'stop') then
@@ -75,7 +75,7 @@ contains
     end if
     if (far .or. (leaving == 'remap' .and. any(gone .or. come))) &
       call remap(o, moved, spot, [count(gone), count(come)], time, said, errors)
-  end subroutine look
+  end subroutine check_grains
 
   !> '3 free grains (ids 4, 17, 20)'
   function whom(o, news) result(text)
@@ -113,7 +113,7 @@ contains
     o%map%u_map = o%motion%u
     o%map%phi_map = o%motion%phi
     o%map%remaps = o%map%remaps + 1
-    o%map%looked = 0.0_wp
+    o%map%checked = 0.0_wp
     call map_from(o, moved, spot, errors)
     if (errors%any()) return
     call hold_again(o)
@@ -167,7 +167,7 @@ contains
     followers%w = o%op%w
     followers%w_phi = o%op%w_phi
     o%map%seen = followers%spot%element > 0
-    o%map%told = o%map%told .and. .not. o%map%seen
+    o%map%logged = o%map%logged .and. .not. o%map%seen
     call o%op%project(moved, o%sets%part, followers, o%op%p%mls, errors)
     if (errors%any()) return
     associate (free => o%sets%free)

@@ -90,8 +90,8 @@ contains
     o%rules%round = all(o%pack%round(o%sets%ghost))
     o%rules%fine_damping = choices%overlap%fine_damping
     o%rules%round_free = all(o%pack%round(o%sets%free))
-    o%rules%hears_force = choices%overlap%mass == 'consistent' .or. o%rules%static
-    o%rules%hears_speed = o%rules%hears_force .or. choices%overlap%fine_damping > 0.0_wp
+    o%rules%reads_force = choices%overlap%mass == 'consistent' .or. o%rules%static
+    o%rules%reads_speed = o%rules%reads_force .or. choices%overlap%fine_damping > 0.0_wp
     call o%allocate_state()
     call o%op%identity_error(o%map%x_free, o%map%x_node, o%map%x_ghost, o%map%identity, errors)
     o%map%sets_hash = hash_of(o)
@@ -449,7 +449,7 @@ contains
                m => o%op%prescribed_phi)
       call choose(grains, ghost_set, role_name(role_prescribe), o%pack%id(o%sets%ghost), &
         field_force//','//field_moment)
-      call choose(grains, free_set, role_name(role_report), o%pack%id(o%sets%free), told(o))
+      call choose(grains, free_set, role_name(role_report), o%pack%id(o%sets%free), reported(o))
       call choose(grains, pulled_set, role_name(role_load), o%pack%id(o%sets%free), 'none')
       call choose(solid, prescribed_set, role_name(role_prescribe), int(o%op%node(:n), i8), field_u)
       call choose(solid, edge_set, edge_role, int(o%op%node(n + 1:), i8), field_u)
@@ -489,16 +489,16 @@ contains
   end subroutine select_sets
 
   !> What the grains report of the free ones.
-  pure function told(o) result(fields)
+  pure function reported(o) result(fields)
     type(overlap_type), intent(in) :: o
     character(len=:), allocatable :: fields
     fields = field_x
     if (o%rules%turns) fields = fields//','//field_theta
-    if (o%rules%hears_force) fields = fields//','//field_force//','//field_load
-    if (o%rules%hears_force .and. o%rules%turns) fields = fields//','//field_moment
-    if (o%rules%hears_speed) fields = fields//','//field_v
-    if (o%rules%hears_speed .and. o%rules%turns) fields = fields//','//field_omega
-  end function told
+    if (o%rules%reads_force) fields = fields//','//field_force//','//field_load
+    if (o%rules%reads_force .and. o%rules%turns) fields = fields//','//field_moment
+    if (o%rules%reads_speed) fields = fields//','//field_v
+    if (o%rules%reads_speed .and. o%rules%turns) fields = fields//','//field_omega
+  end function reported
 
   !> Factors on the masses of the free grains. D425: the step is above the limit that comes back.
   subroutine set_mass(o, grains, timers, errors)

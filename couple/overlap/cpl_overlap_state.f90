@@ -33,8 +33,8 @@ module cpl_overlap_state
     logical :: round = .true.                      !! all ghosts are spheres
     logical :: round_free = .true.                 !! all free grains are spheres
     logical :: in_parts = .false.                  !! forces between ghosts come once an exchange
-    logical :: hears_force = .false.               !! contact forces of the free grains are reported
-    logical :: hears_speed = .false.               !! velocities of the free grains are reported
+    logical :: reads_force = .false.               !! contact forces of the free grains are reported
+    logical :: reads_speed = .false.               !! velocities of the free grains are reported
     real(wp) :: least_weight = 0.0_wp              !! of either side of a bridging domain; 0: ghosts
     logical :: stressed = .false.                  !! the solid begins with the grains' stress
     real(wp) :: fine_damping = 0.0_wp              !! of the deck [1/s]
@@ -46,9 +46,9 @@ module cpl_overlap_state
     real(wp), allocatable :: x_free(:, :), x_ghost(:, :), x_node(:, :)  !! reference (3, :) [m]
     real(wp), allocatable :: theta_ref(:, :)       !! rotation of the free grains then [rad]
     logical, allocatable :: seen(:)                !! free grains that the nodes see
-    logical, allocatable :: told(:)                !! that they have left was logged
+    logical, allocatable :: logged(:)              !! that they have left was logged
     real(wp), allocatable :: u_map(:, :), phi_map(:, :)  !! of the nodes when P was made
-    real(wp) :: looked = 0.0_wp                    !! motion past the nodes at the last check [m]
+    real(wp) :: checked = 0.0_wp                   !! motion past the nodes at the last check [m]
     real(wp) :: fine = 0.0_wp, past = 0.0_wp       !! the same now: root mean square, largest [m]
     integer(i8) :: remaps = 0
     character(len=:), allocatable :: sets_hash     !! of the sets and the first operators
@@ -73,7 +73,7 @@ module cpl_overlap_state
   type :: overlap_limit_type
     real(wp) :: step_limit = huge(1.0_wp)          !! of the grains' step in the overlap [s]
     real(wp) :: kick_limit = huge(1.0_wp)          !! of the exchange, of what acts in kicks [s]
-    character(len=:), allocatable :: kick_mover    !! who moves most at it
+    character(len=:), allocatable :: kick_critical    !! who moves most at it
   end type overlap_limit_type
 
   !> How energy is shared: weights of contacts and quadrature points.
@@ -278,7 +278,7 @@ contains
     logical, intent(in) :: seen(:)  !! (free)
     allocate (self%theta_ref(3, size(x_free, 2)), self%u_map(3, size(x_node, 2)), &
               self%phi_map(3, nodes_phi), source=0.0_wp)
-    allocate (self%told(size(seen)), source=.false.)
+    allocate (self%logged(size(seen)), source=.false.)
     self%seen = seen
     self%x_free = x_free
     self%x_ghost = x_ghost
@@ -290,8 +290,8 @@ contains
     type(h5_file_type), intent(inout) :: file
     type(error_list_type), intent(inout) :: errors
     call file%put('/free/theta_ref', self%theta_ref, errors)
-    call file%put('/map/looked', [self%looked], errors)
-    call file%put('/map/told', merge(1_i4, 0_i4, self%told), errors)
+    call file%put('/map/looked', [self%checked], errors)
+    call file%put('/map/told', merge(1_i4, 0_i4, self%logged), errors)
     if (self%remaps == 0) return
     call file%put('/map/x_free', self%x_free, errors)
     call file%put('/map/u', self%u_map, errors)
@@ -304,14 +304,14 @@ contains
     integer(i8), intent(in) :: remaps
     type(error_list_type), intent(inout) :: errors
     real(wp) :: looked(1)
-    integer(i4) :: told(size(self%told))
+    integer(i4) :: told(size(self%logged))
     looked = 0.0_wp
     told = 0
     call file%get_into('/free/theta_ref', self%theta_ref, errors)
     call file%get_into('/map/looked', looked, errors)
     call file%get_into('/map/told', told, errors)
-    self%looked = looked(1)
-    self%told = told == 1
+    self%checked = looked(1)
+    self%logged = told == 1
     self%remaps = remaps
     if (remaps == 0) return
     call file%get_into('/map/x_free', self%x_free, errors)

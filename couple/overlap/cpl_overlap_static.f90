@@ -98,7 +98,7 @@ contains
     call edge_load(o, load)
     call measure_balance(o, load, solvers(side_grains)%gravity)
     call o%relax%force(load)
-    call o%look_past()
+    call o%measure_past()
     call check_numbers(o, t1, errors)
     if (.not. errors%any()) call accept_both(o, solvers, t0, t1, timers, errors)
     if (.not. errors%any()) o%step = o%step + 1

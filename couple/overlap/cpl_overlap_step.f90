@@ -174,7 +174,7 @@ contains
     type(step_type), intent(inout) :: step
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp), dimension(3, size(o%forces%parts%near)) :: moved, turns
+    real(wp), dimension(3, size(o%forces%parts%active_rows)) :: moved, turns
 
     call timers%start('projection and maps')
     call o%follow_prescribed(step%dt)
@@ -227,8 +227,8 @@ contains
     type(overlap_type), intent(inout) :: o
     real(wp), intent(in) :: kick  !! [s]
     if (o%forces%parts%active) then
-      call o%kick_edge(kick, o%forces%bulk + o%forces%parts%rest%f, o%forces%bulk_phi &
-        + o%forces%parts%rest%c)
+      call o%kick_edge(kick, o%forces%bulk + o%forces%parts%remainder%f, o%forces%bulk_phi &
+        + o%forces%parts%remainder%c)
     else
       call o%kick_edge(kick, o%forces%bulk, o%forces%bulk_phi)
     end if
@@ -257,7 +257,7 @@ contains
     if (o%rules%symmetric) call o%kick_edge(0.5_wp*step%dt, o%forces%f, o%forces%c)
     call note_step(o, step, timers)
     if (o%forces%parts%active) call work_of_parts(o, timers)
-    call o%look_past()
+    call o%measure_past()
     call timers%start('audit and log')
     call audit%write(errors)
     call timers%stop('audit and log')
@@ -272,7 +272,7 @@ contains
     if (.not. errors%any()) call solvers(side_grains)%receive(timers, errors)
     if (errors%any()) return
     call send_accept(o, solvers(side_grains), step%t0, step%t1, timers, errors)
-    if (o%rules%hears_speed) call read_free(o, solvers(side_grains), timers, errors)
+    if (o%rules%reads_speed) call read_free(o, solvers(side_grains), timers, errors)
     call solvers(side_grains)%reply%get(field_scalars, o%ledger%grains, errors)
     if (o%own%carried%active) call o%op%to_prescribed(o%motion%speed, o%motion%spin, o%motion%v, &
       o%motion%w)

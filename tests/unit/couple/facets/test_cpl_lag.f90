@@ -1,4 +1,4 @@
-!> The lag over windows of exchanges: one warning when it is large and stays, none if it decreases.
+!> The lag over windows of exchanges: one warning when it is large and stays, none while it falls.
 program test_cpl_lag
   use talus_kinds, only: wp, i4
   use talus_test, only: test_type
@@ -37,7 +37,7 @@ contains
     call test%check('falls: the last is known', lag%now < 1.0e-3_wp)
   end subroutine falls
 
-  !> A limit cycle: reported once, with what to change.
+  !> A limit cycle: told once, with what to change.
   subroutine stays()
     type(lag_type) :: lag
     character(len=:), allocatable :: text
@@ -49,11 +49,11 @@ contains
     text = lag%warning(interface_aitken, scheme_average)
     call test%check('stays: limit cycle', index(text, 'limit cycle') > 0)
     call test%check('stays: what to write', index(text, "interface = 'springs'") > 0)
-    call test%check_text('stays: reported once', lag%warning(interface_aitken, scheme_average), '')
-    lag%told = .false.
+    call test%check_text('stays: told once', lag%warning(interface_aitken, scheme_average), '')
+    lag%warned = .false.
     text = lag%warning(interface_springs, scheme_average)
     call test%check('springs: shorter exchange', index(text, 'shorten &clock exchange') > 0)
-    lag%told = .false.
+    lag%warned = .false.
     text = lag%warning(interface_none, scheme_iterated)
     call test%check('iterated: tolerance', index(text, 'tolerance') > 0)
   end subroutine stays
