@@ -79,7 +79,7 @@ $(OBJ) $(MOD) $(BIN) $(LIB) $(BUILD)/unit:
 	mkdir -p $@
 
 $(BUILD)/depend.mk: $(ALL_F90) tools/depend.awk tools/floors.txt | $(OBJ) $(MOD)
-	awk -v obj='$$(OBJ)' -v mod='$$(MOD)' -f tools/depend.awk tools/floors.txt $(ALL_F90) > $@.tmp && mv $@.tmp $@
+	@awk -v obj='$$(OBJ)' -v mod='$$(MOD)' -f tools/depend.awk tools/floors.txt $(ALL_F90) > $@.tmp && mv $@.tmp $@
 ifneq ($(filter-out $(NO_BUILD),$(or $(MAKECMDGOALS),all)),)
 -include $(BUILD)/depend.mk
 endif

@@ -1,6 +1,7 @@
 !> Who owns which mass in a bridging domain: nodes have a of the continuum's, grains 1 - a of their
 !! own, a the weight of the continuum, which runs from the free grains to the end of the domain
 !! (theory: overlap coupling, Bridging domain).
+!! eq. C.16
 module cpl_bridge_mass
   use talus_kinds, only: wp, i4
   use talus_text, only: str

@@ -1,4 +1,5 @@
 !> Does the exchange converge? The force lag over windows of exchanges, and one warning if it stays.
+!! eq. C.3
 module cpl_lag
   use talus_kinds, only: wp, i4, i8
   use talus_log, only: short_number

@@ -5,6 +5,7 @@
 !! the same fixed point, contraction whenever k is at least half the true stiffness. Where ghosts
 !! turn with the solid, their moments are held by springs on the nodes of the elements behind, or on
 !! the micro-rotations that they follow.
+!! eq. C.2
 module cpl_springs
   use talus_kinds, only: wp, i4
   use cpl_choices, only: rotation_curl, rotation_micro

@@ -6,6 +6,7 @@
 !! the grains and -N'L on the nodes. Consistent: g becomes 0; what is solved is not the system in
 !! the grains, A = N M^-1 N' + m^-1, but the one in the nodes that gives the same, M + N'm N.
 !! Lumped: A by its row sums, which takes only a part of g, and energy with it.
+!! eq. C.17
 module cpl_bridge
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type

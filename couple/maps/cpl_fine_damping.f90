@@ -1,6 +1,7 @@
 !> Damping of what the nodes do not see of the free grains' motion: F = -Pi' c Pi v, Pi = 1 - N P,
 !! c = rate x mass, fading with the distance from the ghosts (theory: overlap coupling, What a mesh
 !! reflects). The coarse motion is left alone: N'F = 0 for every motion.
+!! eq. C.15
 module cpl_fine_damping
   use talus_kinds, only: wp, i4
   use cpl_cells, only: cells_type

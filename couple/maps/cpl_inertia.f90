@@ -4,6 +4,7 @@
 !! With P = (N'M_Q N)^-1 N'M_Q the nodes' acceleration is a = (N'M_Q N + M)^-1 N'F, and the grains
 !! feel F - P' M a. What acts on all mass alike (gravity, background damping) stays with the grains
 !! and needs no correction. (theory: overlap coupling, Who owns what)
+!! eq. C.11
 module cpl_inertia
   use talus_kinds, only: wp, i4
   use talus_text, only: str

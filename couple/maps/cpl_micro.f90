@@ -8,6 +8,7 @@
 !! of it: the micro-element is the grain. Ghosts turn by
 !! w_k = -1/2 e_kij (chi' chi^-1)_ij of the interpolated chi; a moment m on a ghost is the couple
 !! C_iK = -1/2 N_b e_kij m_k (chi^-1)_Kj on its nodes.
+!! eqs. C.9 and C.10
 module cpl_micro
   use talus_kinds, only: wp, i4
   use talus_text, only: str

@@ -5,6 +5,7 @@
 !! those nodes that have one. A ghost turns with the micro-rotation (micro), with half the curl of
 !! the displacement (curl), or not at all (fixed). Of a micromorphic solid the three columns of the
 !! micro-deformation replace the micro-rotation (cpl_micro). (theory: overlap coupling)
+!! eqs. C.7 and C.8
 module cpl_operators
   use talus_kinds, only: wp, i4
   use talus_text, only: str

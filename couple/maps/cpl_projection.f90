@@ -3,6 +3,7 @@
 !! 'l2': P = (N' W N)^-1 N' W, the best fit in the norm of W (1, masses or volumes), factored once.
 !! 'mls': moving least squares, a linear fit around each node: no matrix is solved; P 1 = 1 and
 !! P x = x hold, P N = 1 does not. (theory: overlap coupling)
+!! eq. C.7
 module cpl_projection
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str

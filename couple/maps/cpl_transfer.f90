@@ -14,6 +14,7 @@
 !!
 !! Columns of nodal values: displacements or forces of the interface nodes, then micro-rotations or
 !! couples of those that have them.
+!! eqs. C.1, C.4 and C.5
 module cpl_transfer
   use talus_kinds, only: wp, i4, i8
   use talus_vectors, only: cross, inverse

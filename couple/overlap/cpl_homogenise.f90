@@ -7,6 +7,7 @@
 !! is under the ramp, take the mean over all that share their nodes; elements without grains take a
 !! fit over the others: a constant, with gravity a linear change with depth. Moduli are those of
 !! the elements of free grains.
+!! eq. C.12
 module cpl_homogenise
   use talus_kinds, only: wp, i4
   use talus_homogenise, only: cross

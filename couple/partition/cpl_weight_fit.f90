@@ -9,6 +9,7 @@
 !! back by itself; steps are shortened until the dual function grows (Zhao, Sun and Toh 2010). Rows
 !! are scaled by the mean force of their state (and arm). A A' is dense: 8 rows^2 bytes and rows^3/3
 !! operations a round (a second for 3700 rows), some five rounds.
+!! eq. C.6
 module cpl_weight_fit
   use talus_kinds, only: wp, i4
   use talus_text, only: str

@@ -2,6 +2,7 @@
 !!
 !! Checks are made at whole multiples of steps and use sums in the order of the ids, so that results
 !! depend neither on threads nor on restarts.
+!! eq. D.4
 module dem_equilibrium
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type

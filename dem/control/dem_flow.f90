@@ -6,6 +6,7 @@
 !! the rate is gain (s_t - s)/(C T) + r, T the interval between updates, bounded by its limit; r
 !! grows by gain^2/50 (s_t - s)/(C T) per update. The pack is softer than C: it cannot overshoot.
 !! Updates are made at whole multiples of steps: results depend neither on threads nor on restarts.
+!! eq. D.9
 module dem_flow
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: string_type, str

@@ -3,6 +3,7 @@
 !! between updates, a servo moves at gain (F_t - F)/(K T) + v_i, never faster than its speed; v_i
 !! grows by gain^2/50 (F_t - F)/(K T) per update, so that the error vanishes at a steady rate.
 !! Stability is shown in dem_servo.
+!! eq. D.5
 module dem_servo_law
   use talus_kinds, only: wp, i4, i8
   use talus_log, only: short_number

@@ -6,6 +6,7 @@
 !! grain and one that the deck may name. Surface and areas are updated every so many steps; in
 !! between the forces are constant. They are extra forces: the ledger counts their work as external.
 !! In an overlap with a solid, the share of ghosts is applied by the loads of the solid.
+!! eq. D.7
 module dem_surcharge
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str

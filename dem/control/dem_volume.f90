@@ -4,6 +4,7 @@
 !! At every update the chosen pairs get the velocities that bring the volume back to its value when
 !! the group began to act, at the next update, with the other walls as they move now; both walls of
 !! a pair share the change.
+!! eq. D.6
 module dem_volume
   use talus_kinds, only: wp, i4
   use talus_text, only: string_type

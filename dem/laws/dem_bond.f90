@@ -6,6 +6,7 @@
 !!   N/A + |M_b| r/I > tensile strength,  or  |S|/A + |M_t| r/J > shear strength.
 !! Kept of a lane: 1 whether it holds, 2 pull N [N], 3-5 shear S on B [N], 6-8 bending moment on B,
 !! 9 twisting moment [N m], 10 r, 11 L [m], 12-14 damping force [N], 15-17 damping moment [N m].
+!! eq. D.19
 module dem_bond
   use talus_kinds, only: wp, i4
   use dem_state, only: lanes, dem_law_type

@@ -8,6 +8,7 @@
 !! Kept of a lane: 1 neck radius, or 1 where the force acts [m], 2 pull on B along the normal [N],
 !! 3 overlap [m], 4 R_e [m].
 !! Works: of a force that appears or vanishes at once; of the change of R_e at constant overlap.
+!! eq. D.18
 module dem_cohesion
   use talus_kinds, only: wp, i4
   use dem_state, only: lanes, history_size, history_root, dem_law_type

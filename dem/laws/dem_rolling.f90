@@ -5,6 +5,7 @@
 !! k = ratio k_t R_e^2 and the elastic normal force. Relative spins are the same for every observer.
 !! Kept of a lane: 1-3 rolling moment, 4 twisting moment, 5-7 damping moment [N m],
 !! 8 k_t R_e^2 [N m].
+!! eq. D.17
 module dem_rolling
   use talus_kinds, only: wp, i4
   use dem_state, only: lanes, history_size, history_side, history_root

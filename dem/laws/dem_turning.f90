@@ -15,6 +15,7 @@
 !!
 !! Kept of a contact: 1 knots, 0 without contact; 2 stored energy [J]; 3 overlap [m]; then for each
 !! knot z and w, the force of B's springs on B being along w [m].
+!! eq. D.16
 module dem_turning
   use talus_kinds, only: wp, i4
   use dem_additional_state, only: turning_reals, turning_knots

@@ -2,6 +2,7 @@
 !!
 !! Gershgorin: dt_s = min over free grains of 2/sqrt(L_i), L_i the larger of sum f (k_n + k_t)/(s m)
 !! and sum f k_t |r_c|^2/(s_I I_min), with f = 2 for a free partner and 1 for a prescribed one.
+!! eq. D.3
 module dem_limits
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_data_type, kind_free, kind_mirror, lanes, mode_relaxation, &

@@ -6,6 +6,7 @@
 !! (Dullweber, Leimkuhler & McLachlan 1997) in Cayley form, so that |L| is kept without sine or
 !! cosine. Work of a half kick: half a step with its forces and the velocity between two kicks,
 !! which is what the kinetic energy m v-.v+/2 of the leapfrog gains.
+!! eqs. D.1 and D.2
 module dem_integrate
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_data_type, mode_relaxation, lanes

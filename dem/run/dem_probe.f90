@@ -6,6 +6,7 @@
 !! state of the run stays as it was.
 !!
 !! Faults: D269 the deck, N222 the pack is not at rest, N223 a probe does not come to rest.
+!! eq. D.10
 module dem_probe
   use talus_kinds, only: wp, i4
   use talus_text, only: str, string_type

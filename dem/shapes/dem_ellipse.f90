@@ -5,6 +5,7 @@
 !! (Johnson, Contact Mechanics, 4.2):
 !!   k1/k2 = B/(k^2 D),  F = 4/3 E* sqrt(R_x) delta^(3/2),  R_x/R_e = pi^2/4 E/(k^2 K^3).
 !! R_x replaces R_e in all that follows; with k1 = k2 they are the same.
+!! eq. D.15
 module dem_ellipse
   use talus_kinds, only: wp, i4
   use dem_sizes, only: lanes

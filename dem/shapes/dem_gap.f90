@@ -4,6 +4,7 @@
 !! Newton on the tangent plane: (K_A + K_B + g I) t = d_t, n <- (n + t)/|n + t|. Any n bounds the
 !! distance from below, so g(n) > 0 means no contact after one evaluation
 !! (theory-dem, Contact geometry).
+!! eq. D.11
 module dem_gap
   use talus_kinds, only: wp, i4
   use dem_sizes, only: lanes

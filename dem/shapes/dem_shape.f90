@@ -7,6 +7,7 @@
 !! With e = 0 this is the superquadric of exponent p; its flat spots have no greatest radius of
 !! curvature. e rounds them: they bulge by `bulge` of the semi-axis, all radii are bounded, and
 !! p = 2 is an ellipsoid whatever e is (theory-dem, Shapes).
+!! eq. D.12
 module dem_shape
   use talus_kinds, only: wp, i4
   use dem_power, only: raise

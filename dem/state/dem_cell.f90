@@ -2,6 +2,7 @@
 !!
 !! A step of length dt with the velocity gradient L carries x to o + E (x - o), o the origin,
 !! E = (1 - dt L/2)^-1 (1 + dt L/2): exact for simple shear, a rotation where L is one.
+!! eq. D.8
 module dem_cell
   use talus_kinds, only: wp, i4
   use talus_homogenise, only: cross, inverse_of

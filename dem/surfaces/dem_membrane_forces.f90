@@ -1,5 +1,6 @@
 !> Contact forces between grains and surfaces in runs with membranes, whose grains may have many
 !! contacts: blocks of lanes one after another, each contact with its sign (see dem_membrane_find).
+!! eq. D.13
 module dem_membrane_forces
   use talus_kinds, only: wp, i4, i8
   use dem_state, only: dem_data_type, dem_law_type, lanes, history_size, history_point, column_count

@@ -2,6 +2,7 @@
 !!
 !! A body has half kicks before and after its drift, as a grain has; the spin of one that turns
 !! freely about all axes follows the symmetric splitting of dem_integrate.
+!! eq. D.14
 module dem_surface_body
   use talus_kinds, only: wp, i4
   use dem_integrate, only: motion_type, work_count

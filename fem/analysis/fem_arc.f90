@@ -2,6 +2,7 @@
 !! factor, which is sought together with the displacements so that these change by a given length.
 !! Limit points of the load and of the motion are passed; the path continues without turning
 !! back along the last step (Feng, Peric and Owen 1995).
+!! eq. F.20
 module fem_arc
   use talus_kinds, only: wp, i4
   use talus_text, only: str, is_finite

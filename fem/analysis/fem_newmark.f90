@@ -1,5 +1,6 @@
 !> Newmark's relations between displacements, velocities and accelerations of a body, and the works
 !! of a step that trapezoids leave over.
+!! eq. F.23
 module fem_newmark
   use talus_kinds, only: wp
   use fem_body, only: fem_body_type

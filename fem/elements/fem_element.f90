@@ -6,6 +6,7 @@
 !!   K_uu   = lambda G + mu G' + (mu + kappa) tr G I,
 !!   K_uphi = kappa e_lkm C_k,
 !!   K_pp   = alpha H + beta H' + gamma tr H I + 2 kappa I int N_a N_b   (theory: micropolar).
+!! eqs. F.4 and F.6
 module fem_element
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross

@@ -5,6 +5,7 @@
 !!
 !! With g_a = grad N_a, b_a = F^-T g_a, their mean b'_a weighted by J, s^2 = (mean J / J)^(2/3) and
 !! beta_a = (b'_a - b_a)/3: dE = s^2 [sym(F' du_a g_a') + (beta_a . du_a) C].
+!! eq. F.22
 module fem_finite
   use talus_kinds, only: wp, i4
   use fem_element, only: fem_shape_type

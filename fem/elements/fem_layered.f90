@@ -1,6 +1,7 @@
 !> Elements of a linear solid that is not isotropic, as `layered`: sigma = a gamma, m = b kappa.
 !! Indices as in `fem_micropolar`: the first is the face's normal, and nine-vectors hold kl = 11 12
 !! 13 21 22 23 31 32 33.
+!! eq. F.7
 module fem_layered
   use talus_kinds, only: wp, i4
   use fem_element, only: fem_shape_type, polar_strain

@@ -1,6 +1,7 @@
 !> Drucker-Prager plasticity with linear elasticity, `drucker_prager` (theory-fem, Laws with a
 !! state): the cone of fem_cone with q = |s|; the return to the cone or to its apex is in closed
 !! form.
+!! eq. F.17
 module fem_law_drucker
   use talus_kinds, only: wp, i4
   use talus_deck, only: deck_type

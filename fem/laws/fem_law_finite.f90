@@ -1,6 +1,7 @@
 !> What elastic solids at finite strain share: a stored energy W(E) of Green's strain E, with the
 !! second Piola-Kirchhoff stress S = dW/dE (theory: finite strain). Here `strain` of a law is E,
 !! with engineering shears, and `stress` is S.
+!! eq. F.21
 module fem_law_finite
   use talus_kinds, only: wp, i4
   use talus_deck, only: deck_type

@@ -1,5 +1,6 @@
 !> Linear elasticity, `linear_elastic`; with a state, for elastic parts of bodies that have other
 !! laws too.
+!! eq. F.1
 module fem_law_linear
   use talus_kinds, only: wp, i4
   use talus_deck, only: deck_type

@@ -1,6 +1,7 @@
 !> What micropolar laws share: stress and couple stress (fem_polar) from an increment of strain and
 !! curvature, 18 components in all, with tangent and ledger; six components for states that are
 !! symmetric and have no couple stress.
+!! eqs. F.18 and F.19
 module fem_law_polar
   use talus_kinds, only: wp, i4
   use talus_deck, only: deck_type

@@ -6,6 +6,7 @@
 !!   m_kl     = alpha phi_r,r d_kl + beta phi_k,l + gamma phi_l,k.
 !! Nine-vectors hold kl = 11 12 13 21 22 23 31 32 33. Moduli are (lambda, mu, kappa [Pa], alpha,
 !! beta, gamma [N]); the last four are zero in a classical solid and sigma is then symmetric.
+!! eqs. F.2, F.3 and F.5
 module fem_micropolar
   use talus_kinds, only: wp, i4
   use talus_text, only: str

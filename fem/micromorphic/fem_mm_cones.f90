@@ -4,6 +4,7 @@
 !!   f = |dev| + B p - A c,  p = C:stress/3 (tension positive),  dev = stress - p C^-1.
 !! Potentials are the same with the angle of dilation. A rounded cone has sqrt(dev^2 + l^2) in the
 !! place of |dev|, which has a direction at the axis. Softening ends where the tip reaches p = 0.
+!! eq. F.13
 module fem_mm_cones
   use talus_kinds, only: wp, i4
   use fem_mm_elastic, only: mm_stress_type, mm_stress_d_type

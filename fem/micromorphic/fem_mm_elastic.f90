@@ -6,6 +6,7 @@
 !! and with T = (P^ Psi^T + G^_IQR Gamma_SQR) C^-1 the stresses are
 !!   S = E^ + T,  Sigma = E^ + T + T^T,  M_IJK = G^_JKI.
 !! The reduced form (Regueiro 2010) drops the products of T: S and Sigma are linear in E and e.
+!! eqs. F.9 and F.10
 module fem_mm_elastic
   use talus_kinds, only: wp, i4
   use fem_mm_tensor, only: lanes, identity, inverse, fold, left, right, turned, fold_of

@@ -5,6 +5,7 @@
 !! 11 21 31 12 .. as in fem_mm_motion. In the energy form
 !!   f_ia = int P_iI N_a,I,  f_iKb = int (Q_iK N_b + R_iKL N_b,L),
 !! the stiffness of an elastic element is symmetric; the balance form has B and M for Q and R.
+!! eq. F.15
 module fem_mm_element
   use talus_kinds, only: wp, i4
   use fem_mm_balance, only: balance_forces, balance_tangent

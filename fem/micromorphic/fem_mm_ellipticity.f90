@@ -3,6 +3,7 @@
 !! the acoustic matrix (12, 12) of displacements and micro-deformations from the tangent of the
 !! forces, or that of displacements alone (3, 3) where the gradient has no moduli (theory:
 !! micromorphic plasticity). From there on a band may form whose width no length of the law sets.
+!! eq. F.16
 module fem_mm_ellipticity
   use talus_kinds, only: wp, i4
   use talus_lapack, only: dgetrf

@@ -6,6 +6,7 @@
 !!   dFp = w Fp,  dchi_p = x chi_p,  dchi_p,jIJ = y_jAB chi_p,AI Fp_BJ,
 !! in which the elastic strains move by -Cw - (Cw)^T, -w^T Psi - Psi x, and so on, and the residuals
 !! are multiplied from the right by Fp^-1 and chi_p^-1.
+!! eq. F.14
 module fem_mm_flow
   use talus_kinds, only: wp, i4
   use fem_mm_cones, only: mm_cone_type, mm_surface_type, surfaces, surface_of, stress_slice

@@ -3,6 +3,7 @@
 !! the first index running fastest. Forces P, Q, R are the derivatives of the energy with respect
 !! to F, chi and grad chi,
 !!   P = F E^ + chi P^T + chi_iQ,R G^_IQR,  Q = F P^,  R_iKL = F_iI G^_IKL.
+!! eqs. F.8, F.11 and F.12
 module fem_mm_motion
   use talus_kinds, only: wp, i4
   use fem_mm_elastic, only: mm_elastic_type, mm_strain_type, mm_dual_type, mm_stress_type
