@@ -216,6 +216,11 @@ def check_python(root: Path) -> tuple[int, int, list[str]]:
     folders = [name for name in PYTHON if (root / name).exists()]
     files = {str(p.relative_to(root)) for name in folders for p in (root / name).rglob("*.py")}
     bad, said = set(), []
+    for name in sorted(files):
+        lines = len((root / name).read_text().splitlines())
+        if lines > LINES:
+            bad.add(name)
+            said.append(f"{name}:{lines}: file of {lines} lines")
     for arguments in (["check", "--output-format", "concise"], ["format", "--check"]):
         command = [ruff, *arguments, "--no-cache", *folders]
         done = subprocess.run(command, cwd=root, capture_output=True, text=True)

@@ -1,7 +1,6 @@
 """Definitions of deck keys: what tools/keys.py accepts, refuses and writes."""
 
 import copy
-import importlib.util
 import re
 import subprocess
 import sys
@@ -10,10 +9,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-SPEC = importlib.util.spec_from_file_location("talus_keys", ROOT / "tools/keys.py")
-keys = importlib.util.module_from_spec(SPEC)
-sys.modules["talus_keys"] = keys
-SPEC.loader.exec_module(keys)
+sys.path.insert(0, str(ROOT / "tools"))
+
+import deck_definitions  # noqa: E402
+import deck_reference  # noqa: E402
+import deck_tables  # noqa: E402
 
 COMMON = {
     "run": {
@@ -26,8 +26,8 @@ COMMON = {
 
 def faults_of(entry: dict) -> str:
     """Return what is said of the definition of one key."""
-    faults = keys.Faults()
-    keys.read_key("key", entry, "here", faults)
+    faults = deck_definitions.Faults()
+    deck_definitions.read_key("key", entry, "here", faults)
     return "\n".join(faults.lines)
 
 
@@ -108,12 +108,15 @@ GROUPS = {
 }
 
 
-def program_of(groups: dict) -> tuple[keys.Program, str]:
+def program_of(groups: dict) -> tuple[deck_definitions.Program, str]:
     """Return a program of these groups and what is said of them."""
-    faults = keys.Faults()
-    read = [keys.read_group(name, entry, False, name, faults) for name, entry in groups.items()]
-    program = keys.Program("talus-dem", "dem", "", "", read)
-    keys.check_relations(program, "here", faults)
+    faults = deck_definitions.Faults()
+    read = [
+        deck_definitions.read_group(name, entry, False, name, faults)
+        for name, entry in groups.items()
+    ]
+    program = deck_definitions.Program("talus-dem", "dem", "", "", read)
+    deck_definitions.check_relations(program, "here", faults)
     return program, "\n".join(faults.lines)
 
 
@@ -121,7 +124,7 @@ def test_relations_reach_table_and_manual() -> None:
     """What is said of keys that depend on others stands in the Fortran table and in the manual."""
     program, said = program_of(GROUPS)
     assert said == ""
-    table = keys.fortran(program)
+    table = deck_tables.fortran(program)
     for line in (
         "call table%group_was('stride')",
         "call table%one_of('lower|upper', at_least=.true.)",
@@ -137,7 +140,7 @@ def test_relations_reach_table_and_manual() -> None:
         "call table%only_with('step.kind', 'static')",
     ):
         assert line in table
-    page = keys.page(program)
+    page = deck_reference.page(program)
     for text in (
         "At least one of `lower`, `upper`. Once called `&stride`.",
         "Only with `kind` = `'newmark'`, `'hht'`. Required with `kind` = `'hht'`. Once called",
@@ -200,7 +203,7 @@ def test_faulty_group_relations(group: str, change: dict, said: str) -> None:
 def test_included_group_is_changed() -> None:
     """A program extends an included group and replaces a bound; the shared one stays."""
     change = {"keys": {"t_end": {"min": 0.0, "required": True}, "more": {"type": "real"}}}
-    merged = keys.merge(COMMON["run"], change)
+    merged = deck_definitions.merge(COMMON["run"], change)
     assert merged["keys"]["t_end"] == {
         "type": "real",
         "unit": "s",
@@ -215,9 +218,9 @@ def test_included_group_is_changed() -> None:
 def test_fortran_lines_are_short() -> None:
     """Long texts are cut so that no line passes 100 columns, and nothing of them is lost."""
     doc = "It's " + "a long text with many words " * 20
-    key = keys.Key("name", "string", doc.strip(), default=["x" * 150])
-    group = keys.Group("group", doc.strip(), True, True, "", [key], False)
-    text = keys.fortran(keys.Program("talus-dem", "dem", "", "", [group]))
+    key = deck_definitions.Key("name", "string", doc.strip(), default=["x" * 150])
+    group = deck_definitions.Group("group", doc.strip(), True, True, "", [key], False)
+    text = deck_tables.fortran(deck_definitions.Program("talus-dem", "dem", "", "", [group]))
     assert max(len(line) for line in text.splitlines()) <= 100
     assert re.sub(r"'\s*&\n\s*//'", "", text).count(doc.strip().replace("'", "''")) == 2
 
@@ -236,8 +239,10 @@ def test_reference_names_every_key(tmp_path: Path) -> None:
         [sys.executable, ROOT / "tools/keys.py", "--docs", tmp_path], capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
-    program = keys.read_program(
-        "dem", keys.load(ROOT / "common/deck.toml", keys.Faults()), keys.Faults()
+    program = deck_definitions.read_program(
+        "dem",
+        deck_definitions.load(ROOT / "common/deck.toml", deck_definitions.Faults()),
+        deck_definitions.Faults(),
     )
     page = (tmp_path / "deck-dem.md").read_text()
     for group in program.groups:
