@@ -5,11 +5,11 @@ module cpl_bridge_setup
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_log, only: short_number
-  use talus_message, only: verb_select, verb_set, verb_ready
-  use talus_port_names, only: dot_theta, field_fields, field_force, field_id, field_load, &
-    field_moment, field_omega, field_phi, field_role, field_scalars, field_set, field_step_limit, &
-    field_theta, field_u, field_v, field_value, field_what, field_x, role_load, role_name, &
-    role_prescribe, role_report, what_mass_factor
+  use talus_message, only: verb_set, verb_ready
+  use talus_port_names, only: field_held, field_held_phi, dot_theta, field_force, field_load, &
+    field_moment, field_omega, field_phi, field_scalars, field_set, field_step_limit, field_theta, &
+    field_u, field_v, field_value, field_what, field_x, role_load, role_prescribe, role_report, &
+    what_mass_factor
   use talus_timers, only: timers_type
   use cpl_bridge, only: bridge_type, domain_type
   use cpl_bridge_mass, only: check_domain, share_domain
@@ -128,37 +128,33 @@ contains
     if (o%rules%turns) fields = fields//','//field_theta//','//field_omega//','//field_moment
     associate (grains => solvers(side_grains), solid => solvers(side_solid), n => o%op%prescribed, &
                m => o%op%prescribed_phi, bound => o%pack%id(o%sets%ghost))
-      call choose(grains, bound_set, role_name(role_report), bound, fields)
-      call choose(grains, load_set, role_name(role_load), bound, '')
+      call choose(grains, bound_set, role_report, bound, fields)
+      call choose(grains, load_set, role_load, bound, '')
       fields = field_x
       if (o%rules%turns) fields = field_x//','//field_theta
-      call choose(grains, free_set, role_name(role_report), o%pack%id(o%sets%free), fields)
-      call choose(solid, prescribed_set, role_name(role_prescribe), int(o%op%node(:n), i8), field_u)
-      call take_held('held', o%own%held(:, :n))
-      call choose(solid, edge_set, role_name(role_prescribe), int(o%op%node(n + 1:), i8), field_u)
-      call take_held('held', o%own%held(:, n + 1:))
+      call choose(grains, free_set, role_report, o%pack%id(o%sets%free), fields)
+      call choose(solid, prescribed_set, role_prescribe, int(o%op%node(:n), i8), field_u)
+      call take_held(field_held, o%own%held(:, :n))
+      call choose(solid, edge_set, role_prescribe, int(o%op%node(n + 1:), i8), field_u)
+      call take_held(field_held, o%own%held(:, n + 1:))
       if (o%op%nodes_phi == 0) return
-      call choose(solid, prescribed_phi_set, role_name(role_prescribe), int(o%op%node_phi(:m), &
-        i8), &
+      call choose(solid, prescribed_phi_set, role_prescribe, &
+        int(o%op%node_phi(:m), i8), field_phi)
+      call take_held(field_held_phi, o%own%held_phi(:, :m))
+      call choose(solid, edge_phi_set, role_prescribe, int(o%op%node_phi(m + 1:), i8), &
         field_phi)
-      call take_held('held_phi', o%own%held_phi(:, :m))
-      call choose(solid, edge_phi_set, role_name(role_prescribe), int(o%op%node_phi(m + 1:), i8), &
-        field_phi)
-      call take_held('held_phi', o%own%held_phi(:, m + 1:))
+      call take_held(field_held_phi, o%own%held_phi(:, m + 1:))
     end associate
 
   contains
 
-    subroutine choose(solver, set, role, ids, fields)
+    subroutine choose(solver, set, role, id, fields)
       type(cpl_solver_type), intent(inout) :: solver
-      character(len=*), intent(in) :: set, role, fields
-      integer(i8), intent(in) :: ids(:)
+      character(len=*), intent(in) :: set, fields
+      integer(i4), intent(in) :: role
+      integer(i8), intent(in) :: id(:)
       if (errors%any()) return
-      call solver%start_request(verb_select, o%step, solver%time, solver%time)
-      call solver%request%put_text(field_set, set)
-      call solver%request%put_text(field_role, role)
-      call solver%request%put_int(field_id, ids)
-      call solver%request%put_text(field_fields, fields)
+      call solver%start_select(o%step, set, role, id, fields)
       call solver%ask(timers, errors)
     end subroutine choose
 

@@ -4,10 +4,10 @@ module cpl_setup
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_message, only: verb_select, verb_set, verb_ready
-  use talus_port_names, only: field_a, field_connectivity, field_fields, field_force, field_id, &
-    field_moment, field_phi, field_polar, field_quat, field_radius, field_rehearsal, field_role, &
-    field_scalars, field_set, field_stiffness, field_u, field_v, field_what, field_x, role_load, &
-    role_name, what_dead_load, what_facets, what_grains, what_group, what_mesh
+  use talus_port_names, only: field_a, field_connectivity, field_force, field_id, field_moment, &
+    field_phi, field_polar, field_quat, field_radius, field_rehearsal, field_scalars, field_set, &
+    field_stiffness, field_u, field_v, field_what, field_x, role_load, what_dead_load, &
+    what_facets, what_grains, what_group, what_mesh
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, interface_springs, rotation_micro
   use cpl_exchange, only: set_springs, read_forces, read_motion
@@ -208,14 +208,12 @@ contains
     integer(i4) :: k
 
     do k = 1, 2
-      call solvers(k)%start_request(verb_select, face%step, solvers(k)%time, solvers(k)%time)
       if (k == side_grains) then
+        call solvers(k)%start_request(verb_select, face%step, solvers(k)%time, solvers(k)%time)
         call select_ghosts(face, solvers(k)%request)
       else
-        call solvers(k)%request%put_text(field_set, node_set)
-        call solvers(k)%request%put_text(field_role, role_name(role_load))
-        call solvers(k)%request%put_int(field_id, face%map%node_id)
-        call solvers(k)%request%put_text(field_fields, field_u//','//field_v//','//field_a)
+        call solvers(k)%start_select(face%step, node_set, role_load, face%map%node_id, &
+                                     field_u//','//field_v//','//field_a)
       end if
       call solvers(k)%send(timers, errors)
     end do
@@ -235,11 +233,7 @@ contains
     type(cpl_solver_type), intent(inout) :: solid
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    call solid%start_request(verb_select, face%step, solid%time, solid%time)
-    call solid%request%put_text(field_set, phi_set)
-    call solid%request%put_text(field_role, role_name(role_load))
-    call solid%request%put_int(field_id, face%transfer%phi_id)
-    call solid%request%put_text(field_fields, field_phi)
+    call solid%start_select(face%step, phi_set, role_load, face%transfer%phi_id, field_phi)
     call solid%ask(timers, errors)
   end subroutine select_rotations
 

@@ -9,12 +9,10 @@ module cpl_start
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_log, only: log_type, short_number
-  use talus_message, only: verb_accept, verb_describe, verb_force, verb_ready, verb_reject, &
-    verb_select, verb_set
+  use talus_message, only: verb_accept, verb_describe, verb_force, verb_reject, verb_set
   use talus_port_names, only: dot_force, dot_moment, field_couple, field_couple_stress, &
-    field_fields, field_force, field_id, field_moment, field_phi, field_role, field_scope, &
-    field_set, field_stress, field_value, field_what, role_load, role_name, scope_all, &
-    what_dead_load, what_initial_stress, what_quadrature
+    field_force, field_moment, field_phi, field_scope, field_set, field_stress, field_value, &
+    field_what, role_load, scope_all, what_dead_load, what_initial_stress, what_quadrature
   use talus_stop, only: stop_type, stop_none
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type
@@ -179,19 +177,13 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i8) :: k
     if (errors%any()) return
-    call solid%start_request(verb_select, 0_i8, solid%time, solid%time)
-    call solid%request%put_text(field_set, all_set)
-    call solid%request%put_text(field_role, role_name(role_load))
-    call solid%request%put_int(field_id, [(k, k=1, merge(int(face%place%all_nodes, i8), 1_i8, &
-      all))])
+    call solid%start_select(0_i8, all_set, role_load, &
+                            [(k, k=1, merge(int(face%place%all_nodes, i8), 1_i8, all))])
     call solid%ask(timers, errors)
     if (size(face%place%polar_id) == 0 .or. errors%any()) return
-    call solid%start_request(verb_select, 0_i8, solid%time, solid%time)
-    call solid%request%put_text(field_set, all_turns)
-    call solid%request%put_text(field_role, role_name(role_load))
-    call solid%request%put_text(field_fields, field_phi)
-    call solid%request%put_int(field_id, face%place%polar_id(:merge(size(face%place%polar_id), 1, &
-      all)))
+    call solid%start_select(0_i8, all_turns, role_load, &
+                            face%place%polar_id(:merge(size(face%place%polar_id), 1, all)), &
+                            field_phi)
     call solid%ask(timers, errors)
   end subroutine choose_nodes
 

@@ -4,10 +4,10 @@
 module cpl_overlap_parts
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use talus_message, only: message_type, verb_force, verb_select
+  use talus_message, only: message_type, verb_force
   use talus_port_names, only: dot_force, dot_moment, dot_omega, dot_quat, dot_v, dot_x, &
-    field_border_old, field_brief, field_id, field_role, field_scope, field_set, role_border, &
-    role_name, scope_between, scope_interface, scope_split, what_border
+    field_border_old, field_brief, field_id, field_scope, role_border, scope_between, &
+    scope_interface, scope_split, what_border
   use talus_timers, only: timers_type
   use talus_vectors, only: turn_all
   use cpl_overlap, only: overlap_type, ghost_set
@@ -155,10 +155,8 @@ contains
       parts%turn_active = o%motion%turn(:, parts%active_rows)
       parts%quat_active = o%motion%quat(:, parts%active_rows)
     end associate
-    call grains%start_request(verb_select, o%step, grains%time, grains%time)
-    call grains%request%put_text(field_set, active_set)
-    call grains%request%put_text(field_role, role_name(role_border))
-    call grains%request%put_int(field_id, o%pack%id(o%sets%ghost(o%forces%parts%active_rows)))
+    call grains%start_select(o%step, active_set, role_border, &
+                             o%pack%id(o%sets%ghost(o%forces%parts%active_rows)))
     call grains%ask(timers, errors)
   end subroutine select_active
 

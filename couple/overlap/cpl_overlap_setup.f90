@@ -5,15 +5,14 @@ module cpl_overlap_setup
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_log, only: short_number
-  use talus_message, only: verb_select, verb_set, verb_ready
+  use talus_message, only: verb_set, verb_ready
   use talus_port_names, only: can_border, can_kick_drift, dot_force, dot_moment, dot_theta, &
-    field_axes, field_element, field_fields, field_force, field_held, field_held_phi, field_id, &
-    field_inertia, field_kind, field_load, field_mass, field_mass_phi, field_mass_u, &
-    field_micromorphic, field_moment, field_node, field_omega, field_phi, field_polar, &
-    field_quat, field_radius, field_role, field_scalars, field_set, field_speed, field_speed_phi, &
-    field_start, field_step_limit, field_theta, field_u, field_v, field_value, field_what, &
-    field_x, role_load, role_name, role_prescribe, role_report, what_grains, what_group, &
-    what_mass_factor, what_mesh
+    field_axes, field_element, field_force, field_held, field_held_phi, field_id, field_inertia, &
+    field_kind, field_load, field_mass, field_mass_phi, field_mass_u, field_micromorphic, &
+    field_moment, field_node, field_omega, field_phi, field_polar, field_quat, field_radius, &
+    field_scalars, field_set, field_speed, field_speed_phi, field_start, field_step_limit, &
+    field_theta, field_u, field_v, field_value, field_what, field_x, role_load, role_prescribe, &
+    role_report, what_grains, what_group, what_mass_factor, what_mesh
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, rotation_fixed, rotation_curl, rotation_micro
   use cpl_operators, only: map_choice_type, weigh_unit, weigh_mass, weigh_volume
@@ -441,17 +440,17 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: held(:, :)
     real(wp) :: v(3, o%op%nodes - o%op%prescribed), w(3, o%op%nodes_phi - o%op%prescribed_phi)
-    character(len=:), allocatable :: edge_role
+    integer(i4) :: edge_role
 
-    edge_role = role_name(role_prescribe)
-    if (o%rules%static) edge_role = role_name(role_load)
+    edge_role = role_prescribe
+    if (o%rules%static) edge_role = role_load
     associate (grains => solvers(side_grains), solid => solvers(side_solid), n => o%op%prescribed, &
                m => o%op%prescribed_phi)
-      call choose(grains, ghost_set, role_name(role_prescribe), o%pack%id(o%sets%ghost), &
+      call choose(grains, ghost_set, role_prescribe, o%pack%id(o%sets%ghost), &
         field_force//','//field_moment)
-      call choose(grains, free_set, role_name(role_report), o%pack%id(o%sets%free), reported(o))
-      call choose(grains, pulled_set, role_name(role_load), o%pack%id(o%sets%free), 'none')
-      call choose(solid, prescribed_set, role_name(role_prescribe), int(o%op%node(:n), i8), field_u)
+      call choose(grains, free_set, role_report, o%pack%id(o%sets%free), reported(o))
+      call choose(grains, pulled_set, role_load, o%pack%id(o%sets%free), 'none')
+      call choose(solid, prescribed_set, role_prescribe, int(o%op%node(:n), i8), field_u)
       call choose(solid, edge_set, edge_role, int(o%op%node(n + 1:), i8), field_u)
       if (errors%any()) return
       call solid%reply%take_int(field_held, held, errors)
@@ -460,7 +459,7 @@ contains
       o%own%held(:, n + 1:) = held == 1
       if (.not. (again .or. o%rules%static)) o%motion%v(:, n + 1:) = v
       if (o%op%nodes_phi == 0) return
-      call choose(solid, prescribed_phi_set, role_name(role_prescribe), &
+      call choose(solid, prescribed_phi_set, role_prescribe, &
         int(o%op%node_phi(:m:o%op%stride), i8), field_phi)
       call choose(solid, edge_phi_set, edge_role, int(o%op%node_phi(m + 1::o%op%stride), i8), &
                   field_phi)
@@ -474,16 +473,13 @@ contains
 
   contains
 
-    subroutine choose(solver, set, role, ids, fields)
+    subroutine choose(solver, set, role, id, fields)
       type(cpl_solver_type), intent(inout) :: solver
-      character(len=*), intent(in) :: set, role, fields
-      integer(i8), intent(in) :: ids(:)
+      character(len=*), intent(in) :: set, fields
+      integer(i4), intent(in) :: role
+      integer(i8), intent(in) :: id(:)
       if (errors%any()) return
-      call solver%start_request(verb_select, o%step, solver%time, solver%time)
-      call solver%request%put_text(field_set, set)
-      call solver%request%put_text(field_role, role)
-      call solver%request%put_int(field_id, ids)
-      call solver%request%put_text(field_fields, fields)
+      call solver%start_select(o%step, set, role, id, fields)
       call solver%ask(timers, errors)
     end subroutine choose
   end subroutine select_sets

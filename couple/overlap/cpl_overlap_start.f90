@@ -6,11 +6,10 @@
 module cpl_overlap_start
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use talus_message, only: verb_force, verb_ready, verb_select, verb_set
-  use talus_port_names, only: dot_force, dot_moment, field_brief, field_couple, field_fields, &
-    field_held, field_held_phi, field_id, field_phi, field_rehearsal, field_role, field_scope, &
-    field_set, field_u, field_value, field_what, role_name, role_report, scope_balance, &
-    what_initial_stress
+  use talus_message, only: verb_force, verb_ready, verb_set
+  use talus_port_names, only: dot_force, dot_moment, field_brief, field_couple, field_held, &
+    field_held_phi, field_phi, field_rehearsal, field_scope, field_u, field_value, field_what, &
+    role_report, scope_balance, what_initial_stress
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type
   use cpl_homogenise, only: pack_average_type, average_pack, extend_average, stress_at
@@ -211,11 +210,7 @@ contains
       character(len=*), intent(in) :: set, fields
       integer(i8), intent(in) :: ids(:)
       if (errors%any()) return
-      call solid%start_request(verb_select, o%step, solid%time, solid%time)
-      call solid%request%put_text(field_set, set)
-      call solid%request%put_text(field_role, role_name(role_report))
-      call solid%request%put_int(field_id, ids)
-      call solid%request%put_text(field_fields, fields)
+      call solid%start_select(o%step, set, role_report, ids, fields)
       call solid%ask(timers, errors)
     end subroutine choose
   end subroutine choose_nodes

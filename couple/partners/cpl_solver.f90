@@ -3,9 +3,10 @@ module cpl_solver
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
-  use talus_message, only: message_type, verb_hello, verb_describe
+  use talus_message, only: message_type, verb_describe, verb_select
   use talus_port, only: port_type
-  use talus_port_names, only: field_group, field_what
+  use talus_port_names, only: field_fields, field_group, field_id, field_role, field_set, &
+    field_what, role_name
   use talus_process, only: process_type, tail_of
   use talus_system, only: wall_clock
   use talus_timers, only: timers_type
@@ -52,6 +53,7 @@ module cpl_solver
     procedure :: receive
     procedure :: ask
     procedure :: describe
+    procedure :: start_select
     procedure :: can
     procedure :: title
   end type cpl_solver_type
@@ -142,6 +144,21 @@ contains
     if (len(group) > 0) call self%request%put_text(field_group, group)
     call self%ask(timers, errors)
   end subroutine describe
+
+  !> Begin a SELECT: entities `id` as a set with a role, and the fields wanted of it.
+  subroutine start_select(self, step, set, role, id, fields)
+    class(cpl_solver_type), intent(inout) :: self
+    integer(i8), intent(in) :: step
+    character(len=*), intent(in) :: set
+    integer(i4), intent(in) :: role  !! role_... of talus_port_names
+    integer(i8), intent(in) :: id(:)
+    character(len=*), intent(in), optional :: fields  !! with commas between
+    call self%start_request(verb_select, step, self%time, self%time)
+    call self%request%put_text(field_set, set)
+    call self%request%put_text(field_role, role_name(role))
+    call self%request%put_int(field_id, id)
+    if (present(fields)) call self%request%put_text(field_fields, fields)
+  end subroutine start_select
 
   !> A fault of the port: add how the process ended and the end of what it wrote. Before HELLO its
   !! own exit code 1 or 2 is passed on (I420, N421).
