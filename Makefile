@@ -84,8 +84,11 @@ ifneq ($(filter-out $(NO_BUILD),$(or $(MAKECMDGOALS),all)),)
 -include $(BUILD)/depend.mk
 endif
 
-# unit tests and key tables have no loops worth -O3
-QUICK_OBJ := $(OBJ)/test_%.o $(HELPERS) $(OBJ)/%_deck_keys.o
+# no loops worth -O3: unit tests, decks, and floors that only lead others (their large types would
+# cost a sixth of the whole build)
+QUICK_FLOORS := common/deck common/run dem/setup dem/run fem/setup fem/run couple/run couple/methods
+QUICK_OBJ := $(OBJ)/test_%.o $(HELPERS) $(foreach m,dem_port fem_port dem_main fem_main cpl_main \
+  $(basename $(notdir $(foreach f,$(QUICK_FLOORS),$(wildcard $(f)/*.f90)))),$(OBJ)/$(m).o)
 flags = $(FFLAGS)$(if $(filter $(QUICK_OBJ),$(1)), -O1 -fexpensive-optimizations)
 $(OBJ)/%.o: %.f90 Makefile | $(OBJ) $(MOD)
 	$(FC) $(call flags,$@) -J$(MOD) -c -o $@ $<

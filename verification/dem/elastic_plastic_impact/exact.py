@@ -139,7 +139,7 @@ def plot(case: Case, measured: list[float]) -> None:
     fine = np.geomspace(0.5, 200.0, 200)
     ax.semilogx(fine, [restitution(r) for r in fine], "-", label="exact")
     ax.semilogx(RATIOS, measured, "o", label="Talus")
-    inset = ax.inset_axes((0.08, 0.12, 0.37, 0.37))
+    inset = ax.inset_axes((0.13, 0.15, 0.35, 0.35))
     inset.plot(overlap * 1e6, exact, "-")
     inset.plot(overlap[::4] * 1e6, push[::4], ".")
     inset.set(xlabel="overlap [um]", ylabel="force [N]", xlim=(0.0, None))
