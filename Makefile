@@ -89,7 +89,10 @@ endif
 QUICK_FLOORS := common/deck common/run dem/setup dem/run fem/setup fem/run couple/run couple/methods
 QUICK_OBJ := $(OBJ)/test_%.o $(HELPERS) $(foreach m,dem_port fem_port dem_main fem_main cpl_main \
   $(basename $(notdir $(foreach f,$(QUICK_FLOORS),$(wildcard $(f)/*.f90)))),$(OBJ)/$(m).o)
-flags = $(FFLAGS)$(if $(filter $(QUICK_OBJ),$(1)), -O1 -fexpensive-optimizations)
+# the steps of the default contact law become one procedure
+INLINE_OBJ := $(OBJ)/dem_contact.o
+flags = $(FFLAGS)$(if $(filter $(QUICK_OBJ),$(1)), -O1 -fexpensive-optimizations)$(if \
+  $(filter $(INLINE_OBJ),$(1)), -finline-limit=4000)
 $(OBJ)/%.o: %.f90 Makefile | $(OBJ) $(MOD)
 	$(FC) $(call flags,$@) -J$(MOD) -c -o $@ $<
 $(OBJ)/%_c.o: %.c Makefile | $(OBJ)

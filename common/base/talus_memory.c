@@ -18,7 +18,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-enum { LINE = 64, LARGE = 16384, SEVERAL_LARGE_PAGES = 4 << 20, KEPT = 64, SPARE_PART = 8 };
+enum { LINE = 64, LARGE = 4096, SEVERAL_LARGE_PAGES = 4 << 20, KEPT = 64, SPARE_PART = 8 };
 
 void *__real_malloc(size_t size);
 void *__wrap_malloc(size_t size);

@@ -24,6 +24,7 @@ module dem_integration_block
     logical :: eased                     !! some have more margin than half the skin
     real(wp) :: travel                   !! since the list was made, or more [m]
     real(wp) :: arm                      !! greatest reach, see dem_pairs_type [m]
+    real(wp) :: filler(3)                !! none: lanes begin on a line of the cache
     real(wp) :: free(lanes)              !! 1 for free grains, else 0
     real(wp) :: q(lanes, 4), theta(lanes, 3), mass(lanes)
     real(wp) :: inertia(lanes, 3), square(lanes, 3)

@@ -9,7 +9,7 @@
 !! thread sends the bodies at the borders before (2) and takes those of others before the blocks
 !! that need them, which come last.
 module dem_steps
-  use, intrinsic :: omp_lib, only: omp_get_thread_num, omp_get_num_threads
+  use, intrinsic :: omp_lib, only: omp_get_thread_num, omp_get_num_threads, omp_get_max_threads
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use dem_state, only: dem_data_type, dem_pairs_type, kind_free, kind_fixed, kind_ghost, kind_mirror
@@ -99,16 +99,16 @@ contains
     logical :: begun, leave, several, exact
     integer(i8) :: before
     real(wp) :: travel, foreseen
-    type(block_state_type) :: state
+    type(block_state_type), allocatable :: states(:)  !! of each thread, on lines of the cache
 
     before = d%health%steps - done
     several = d%halo%team%several()
     rebuild = .false.
     if (d%cell%active .and. .not. resumed) call advance_cell(d%cell, motion%dt)
-    !$omp parallel default(none) private(s, c, begun, leave, me, threads, low, high, travel, &
-    !$omp state) &
+    allocate (states(0:omp_get_max_threads() - 1))
+    !$omp parallel default(none) private(s, c, begun, leave, me, threads, low, high, travel) &
     !$omp   private(swaps, foreseen, exact) shared(d, motion, n, done, resumed, rebuild, work) &
-    !$omp   shared(several, before)
+    !$omp   shared(several, before, states)
     me = omp_get_thread_num()
     threads = omp_get_num_threads()
     call share_chunks(work%load, me, threads, low, high)
@@ -118,7 +118,7 @@ contains
     end do
     if (.not. resumed) then
       do c = low, high
-        call start_chunk(d, c, motion, done + 1 == n, .true., work, state, .true.)
+        call start_chunk(d, c, motion, done + 1 == n, .true., work, states(me), .true.)
       end do
     end if
     begun = resumed
@@ -167,14 +167,14 @@ contains
       call add_contact_work(d)
       !$omp end master
       do c = low, high
-        call finish_chunk(d, c, motion, s == n, work, state)
+        call finish_chunk(d, c, motion, s == n, work, states(me))
         exact = several .or. mod(before + s + c, look) == 0
-        if (s < n) call start_chunk(d, c, motion, s + 1 == n, exact, work, state, .false.)
+        if (s < n) call start_chunk(d, c, motion, s + 1 == n, exact, work, states(me), .false.)
       end do
     end do
     do c = low, merge(min(high, size(work%blocks)), 0, leave)
-      call recall_chunk(d, work%blocks(c), state)
-      call store_block(work%blocks(c), state, d%grains)
+      call recall_chunk(d, work%blocks(c), states(me))
+      call store_block(work%blocks(c), states(me), d%grains)
     end do
     !$omp barrier
     !$omp master
