@@ -2,8 +2,10 @@
 program test_dem_domains
   use talus_kinds, only: wp, i4
   use talus_test, only: test_type
-  use dem_domains, only: cut_domains, rank_at, ranks_near, distance_to_domain
+  use dem_domains, only: cut_domains, rank_at, ranks_near, distance_to_domain, place_of, &
+    turn_to_cell
   use dem_halo_state, only: dem_halo_type
+  use dem_state, only: dem_cell_type
   implicit none
   type(test_type) :: test
   integer(i4), parameter :: n = 20000, boxes = 12
@@ -13,6 +15,7 @@ program test_dem_domains
   call check_shares()
   call check_places()
   call check_few()
+  call check_images()
   call test%finish()
 
 contains
@@ -83,4 +86,27 @@ contains
     a = rank_at(halo, x(:, 1))
     call test%check('boxes without points', a >= 0 .and. a < boxes)
   end subroutine check_few
+
+  !> All images of a point in a sheared cell, open along z, have its place, between 0 and 1.
+  subroutine check_images()
+    type(dem_halo_type) :: halo
+    type(dem_cell_type) :: cell
+    real(wp) :: inside(3), place(3), image(3)
+    integer(i4) :: i, j
+
+    cell%active = .true.
+    cell%periodic = [.true., .true., .false.]
+    cell%origin = [0.3_wp, -0.2_wp, 0.1_wp]
+    cell%vectors = reshape([2.0_wp, 0.0_wp, 0.0_wp, 0.6_wp, 1.5_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
+                            1.0_wp], [3, 3])
+    call turn_to_cell(halo, cell)
+    inside = [0.25_wp, 0.75_wp, 2.5_wp]  ! shares of the edges; along z beyond the faces
+    place = cell%origin + matmul(cell%vectors, inside)
+    do j = -2, 2
+      do i = -2, 2
+        image = place + i*cell%vectors(:, 1) + j*cell%vectors(:, 2)
+        call test%check_all_close('place of an image', place_of(halo, image), inside, 1.0e-14_wp)
+      end do
+    end do
+  end subroutine check_images
 end program test_dem_domains

@@ -29,6 +29,7 @@ program test_dem_membrane
   call check_pressure()
   call check_work()
   call check_stretch()
+  call check_masses()
   call test%finish()
 
 contains
@@ -329,4 +330,17 @@ contains
     end do
     call test%check_close('pull of the stretch', worst, 0.0_wp, 1.0e-8_wp)
   end subroutine check_stretch
+
+  !> Each corner has a third of the mass of its triangles.
+  subroutine check_masses()
+    type(dem_surfaces_type) :: s
+    real(wp), parameter :: weight = 2.0_wp  ! of add_triangles [kg/m^2]
+    real(wp) :: p(3, 4)
+
+    p = reshape([0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, &
+                 0.0_wp, 2.0_wp, 0.0_wp], [3, 4])
+    call add_triangles(s, p, reshape([1, 2, 3, 1, 3, 4], [3, 2]))  ! of 1/2 and 1 m^2
+    call test%check_all_close('masses of corners', s%membranes%mass, &
+                              weight*[0.5_wp, 1.0_wp/6.0_wp, 0.5_wp, 1.0_wp/3.0_wp], 1.0e-14_wp)
+  end subroutine check_masses
 end program test_dem_membrane
