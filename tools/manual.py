@@ -3,12 +3,14 @@
 Usage: manual.py [--out build/manual] [--verification build/verification]
 Pages are manual/*.md in the order of ORDER; the deck reference comes from the deck.toml
 files, the error chapter from the errors.toml files, the verification chapter from the summary
-of the last `make verification` (or of the quick cases that `make test` ran).
+of the last `make verification` (or of the quick cases that `make test` ran) and what the tests
+noticed of faults put in (`make mutants ACCEPT=1`).
 Formulas between $...$ and $$...$$ become MathML; a label behind the latter, {D.12}, goes to the
 margin.
 """
 
 import argparse
+import csv
 import html
 import json
 import re
@@ -179,6 +181,28 @@ def case_lines(case: dict, folder: Path, out: Path) -> list[str]:
     return [*lines, ""]
 
 
+def noticed_faults(accepted: Path) -> str:
+    """Return the table of one-line faults put into the code, and what noticed each."""
+    head = "\n## Tests that notice\n\n"
+    if not accepted.exists():
+        return head + "None tried yet: `make mutants ACCEPT=1`.\n"
+    with accepted.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    missed = [row["id"] for row in rows if not row["noticed by"]]
+    lines = [
+        f"{len(rows)} one-line faults of `tools/mutants.toml` were put into the code, one at a "
+        f"time; tests about the thing noticed {len(rows) - len(missed)}"
+        + (f", none noticed {', '.join(missed)}." if missed else "."),
+        "",
+        "| fault in | file | noticed by | which said |",
+        "|---|---|---|---|",
+    ]
+    for row in rows:
+        by = row["noticed by"] or "<span class='fail'>nothing</span>"
+        lines.append(f"| {cell(row['about'])} | {row['file']} | {by} | {cell(row['how'])} |")
+    return head + "\n".join(lines) + "\n"
+
+
 def gather(out: Path, verification: Path) -> dict[str, str]:
     """Return name -> Markdown of every page, generated ones included."""
     generated = out / "generated"
@@ -189,6 +213,7 @@ def gather(out: Path, verification: Path) -> dict[str, str]:
     pages |= {path.stem: path.read_text() for path in (ROOT / "manual").glob("*.md")}
     pages["errors"] = errors_page()
     pages["verification"] = verification_page(verification, out)
+    pages["verification"] += noticed_faults(ROOT / "manual/mutants.csv")
     pages["speed"] += speed_results(ROOT / "manual/speed.csv", out)
     return pages
 
