@@ -7,7 +7,7 @@ program talus_couple
   use talus_options, only: options_type, parse_options
   use talus_report, only: report_check
   use talus_deck_table, only: key_table_type
-  use talus_system, only: ignore_write_signals, talus_exit
+  use talus_system, only: begin_signals, talus_exit
   use cpl_check, only: check_solvers
   use cpl_deck_keys, only: cpl_deck_table
   use cpl_model, only: cpl_model_type, program_name
@@ -19,7 +19,7 @@ program talus_couple
   type(error_list_type) :: errors
   integer(i4) :: exit_code
 
-  call ignore_write_signals()
+  call begin_signals()
   call parse_options(options, program_name, errors)
   if (errors%any()) call leave_with_faults()
   if (asks_a_question(options)) call answer()

@@ -10,7 +10,7 @@ program talus_dem
   use talus_report, only: report_check
   use talus_deck_table, only: key_table_type
   use talus_text, only: str
-  use talus_system, only: ignore_write_signals, keep_memory, talus_exit, talus_short_spins
+  use talus_system, only: begin_signals, keep_memory, talus_exit, talus_short_spins
   use dem_rank_team, only: dem_rank_team_type
   use dem_rank_worker, only: serve_leader
   use dem_swap, only: prefer_copies
@@ -27,7 +27,7 @@ program talus_dem
   type(ranks_type) :: ranks
   integer(i4) :: exit_code
 
-  call ignore_write_signals()
+  call begin_signals()
   call talus_short_spins()
   call keep_memory()
   call prefer_copies()

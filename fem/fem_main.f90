@@ -8,7 +8,7 @@ program talus_fem
   use talus_options, only: options_type, parse_options
   use talus_report, only: report_check
   use talus_deck_table, only: key_table_type
-  use talus_system, only: ignore_write_signals, talus_blas_kernels, talus_exit, &
+  use talus_system, only: begin_signals, talus_blas_kernels, talus_exit, &
     talus_short_spins
   use fem_model, only: fem_model_type, program_name
   use fem_deck_keys, only: fem_deck_table
@@ -25,7 +25,7 @@ program talus_fem
   type(error_list_type) :: errors
   integer(i4) :: exit_code
 
-  call ignore_write_signals()
+  call begin_signals()
   call talus_short_spins()
   call talus_blas_kernels()
   call join_ranks(ranks)

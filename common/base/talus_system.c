@@ -22,7 +22,7 @@ int talus_c_is_terminal(int fd);
 int talus_c_setenv(const char *name, const char *value, int overwrite);
 int talus_c_unsetenv(const char *name);
 void talus_c_exit(int code);
-void talus_c_write_signals(void);
+void talus_c_first_signals(void);
 void talus_c_error_text(int error, char *text, int room);
 
 /* A launcher may deliver one request twice (to the group and to each process): what follows the
@@ -62,20 +62,37 @@ static void handle(int number, void (*handler)(int))
     sigaction(number, &action, NULL);
 }
 
-/* A closed pipe or a file over the limit becomes a write error. */
-void talus_c_write_signals(void)
+/* Requests to stop. Who started the program with nohup wants no hang-up to end it. */
+static void handle_stops(void (*handler)(int))
 {
+    struct sigaction before;
+    handle(SIGINT, handler);
+    handle(SIGTERM, handler);
+    handle(SIGQUIT, handler);
+    if (sigaction(SIGHUP, NULL, &before) != 0 || before.sa_handler != SIG_IGN) handle(SIGHUP, handler);
+}
+
+/* Before all else: a closed pipe or a file over the limit becomes a write error, and a request to
+   stop is kept, one that came since the start (talus_start.c held it back) too. */
+void talus_c_first_signals(void)
+{
+    sigset_t none;
     handle(SIGPIPE, SIG_IGN);
     handle(SIGXFSZ, SIG_IGN);
+    leave_on_second = 1;
+    handle_stops(on_stop);
+    sigemptyset(&none);
+    sigprocmask(SIG_SETMASK, &none, NULL);
 }
 
 void talus_c_signals(int obey, int second_leaves)
 {
     leave_on_second = second_leaves;
-    talus_c_write_signals();
-    handle(SIGINT, obey ? on_stop : SIG_IGN);
-    handle(SIGTERM, obey ? on_stop : SIG_IGN);
+    handle(SIGPIPE, SIG_IGN);
+    handle(SIGXFSZ, SIG_IGN);
+    handle_stops(obey ? on_stop : SIG_IGN);
     handle(SIGUSR1, obey ? on_checkpoint : SIG_IGN);
+    if (!obey) stop_signal = 0;
 }
 
 int talus_c_signal_seen(void)

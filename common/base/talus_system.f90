@@ -1,8 +1,9 @@
 !> The process and its machine: signals, wall clock, host, memory, environment, start-up and exit.
 !!
-!! Signals: the first SIGINT or SIGTERM requests a stop with a checkpoint (talus_stop). What follows
-!! within two seconds counts as the same request, since launchers deliver it twice; a later one ends
-!! the program at once. SIGUSR1 requests a checkpoint and the run continues.
+!! Signals: the first SIGINT, SIGTERM, SIGQUIT or SIGHUP requests a stop with a checkpoint
+!! (talus_stop), one at the very start too. What follows within two seconds counts as the same
+!! request, since launchers deliver it twice; a later one ends the program at once. SIGUSR1 requests
+!! a checkpoint and the run continues.
 module talus_system
   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int, c_int64_t, c_null_char
   use, intrinsic :: iso_fortran_env, only: compiler_version, error_unit, output_unit
@@ -10,7 +11,7 @@ module talus_system
   use talus_c_text, only: c_string, text_of
   implicit none
   private
-  public :: ignore_write_signals, install_signals, signal_seen, signal_checkpoint
+  public :: begin_signals, install_signals, signal_seen, signal_checkpoint
   public :: wall_clock, host_name, boot_id, process_id, date_text
   public :: memory_free, memory_resident, memory_most, keep_memory, is_terminal
   public :: environment, set_environment, clear_environment, talus_blas_kernels, talus_short_spins
@@ -72,8 +73,8 @@ module talus_system
     integer(c_int) function c_blas_kernels() bind(c, name='talus_c_blas_kernels')
       import :: c_int
     end function c_blas_kernels
-    subroutine c_write_signals() bind(c, name='talus_c_write_signals')
-    end subroutine c_write_signals
+    subroutine c_first_signals() bind(c, name='talus_c_first_signals')
+    end subroutine c_first_signals
     integer(c_int) function c_short_spins() bind(c, name='talus_c_short_spins')
       import :: c_int
     end function c_short_spins
@@ -86,14 +87,15 @@ module talus_system
 
 contains
 
-  !> SIGPIPE and SIGXFSZ become write errors. Call it at the start of the main program.
-  subroutine ignore_write_signals()
-    call c_write_signals()
-  end subroutine ignore_write_signals
+  !> To be called at the start of the main program: SIGPIPE and SIGXFSZ become write errors, and the
+  !! first request to stop (SIGINT, SIGTERM, SIGQUIT, SIGHUP) is kept for those who look for it.
+  subroutine begin_signals()
+    call c_first_signals()
+  end subroutine begin_signals
 
   !> Set up the signals; SIGPIPE and SIGXFSZ are always ignored, so that they become write errors.
   subroutine install_signals(obey, second_leaves)
-    logical, intent(in) :: obey                    !! .false.: INT, TERM and USR1 are the starter's
+    logical, intent(in) :: obey                    !! .false.: stops and USR1 are the starter's
     logical, intent(in), optional :: second_leaves !! a second request ends at once (default true)
     logical :: leaves
     leaves = .true.

@@ -86,7 +86,8 @@ contains
   end function launched
 
   !> Outside an MPI launcher OpenMPI is configured for a single process: it then needs no daemon
-  !! (which would outlive a kill) and starts in a third of the time. A plain step of Slurm (srun
+  !! (which would outlive a kill), starts in a third of the time, and makes no folder that several
+  !! programs starting at once would make and remove for each other. A plain step of Slurm (srun
   !! without --mpi) is none, but OpenMPI would take it for one and end: it does not get to see it.
   subroutine start_mpi()
     logical :: running
@@ -99,6 +100,7 @@ contains
       call set_environment('OMPI_MCA_ess_singleton_isolated', '1', .false.)
       call set_environment('OMPI_MCA_pml', 'ob1', .false.)
       call set_environment('OMPI_MCA_btl', 'self', .false.)
+      call set_environment('OMPI_MCA_orte_create_session_dirs', '0', .false.)
     end if
     call mpi_init(status)
   end subroutine start_mpi

@@ -12,11 +12,10 @@ module talus_stop
   public :: stop_type, stop_none, stop_signal, stop_wall, stop_file
 
   integer(i4), parameter :: stop_none = 0    !! go on
-  integer(i4), parameter :: stop_signal = 1  !! SIGINT or SIGTERM received
+  integer(i4), parameter :: stop_signal = 1  !! SIGINT, SIGTERM, SIGQUIT or SIGHUP
   integer(i4), parameter :: stop_wall = 2    !! the wall limit is reached
   integer(i4), parameter :: stop_file = 3    !! the stop file is there
 
-  integer(i4), parameter :: interrupt = 2            !! SIGINT
   real(wp), parameter :: check_interval = 0.5_wp         !! [s] between checks of the stop file
 
   !> Reasons to stop that are watched.
@@ -99,7 +98,7 @@ contains
     character(len=:), allocatable :: text
     select case (self%reason)
     case (stop_signal)
-      text = 'signal '//trim(merge('SIGINT ', 'SIGTERM', signal_seen() == interrupt))
+      text = 'signal '//signal_name(signal_seen())
     case (stop_wall)
       text = 'wall limit of '//str(self%wall_limit)//' s'
     case (stop_file)
@@ -108,4 +107,19 @@ contains
       text = ''
     end select
   end function reason_text
+
+  function signal_name(number) result(name)
+    integer(i4), intent(in) :: number
+    character(len=:), allocatable :: name
+    select case (number)
+    case (1)
+      name = 'SIGHUP'
+    case (2)
+      name = 'SIGINT'
+    case (3)
+      name = 'SIGQUIT'
+    case default
+      name = 'SIGTERM'
+    end select
+  end function signal_name
 end module talus_stop
