@@ -153,6 +153,8 @@ contains
     call summary%set('time_s', model%body%accepted%time)
     call summary%set('health.energy_error', energy_error(model%body))
     call summary%set('health.factorisations', model%body%system%solver%factorisations)
+    if (model%body%system%solver%iterative) call summary%set('health.iterations', &
+      model%body%system%solver%cg%iterations)
     call model%analysis%summarise(model%body, summary)
     call summary%set_timers(model%timers)
     call summary%set_errors(errors)

@@ -1,5 +1,6 @@
-!> Bonds that turn as rigid bodies, about axes across, along and oblique to the bond: one at rest
-!! stays without load, and what a loaded one holds turns with it.
+!> Stiffnesses of a bond, each by a small step of its own; bonds that turn as rigid bodies, about
+!! axes across, along and oblique to the bond: one at rest stays without load, and what a loaded one
+!! holds turns with it.
 program test_dem_bond
   use talus_kinds, only: wp, i4
   use talus_test, only: max_abs, test_type
@@ -18,6 +19,7 @@ program test_dem_bond
   character(len=7), parameter :: name(4) = ['x      ', 'y      ', 'z      ', 'oblique']
   integer(i4) :: k
 
+  call check_stiffnesses()
   do k = 1, 4
     call check_turns(trim(name(k)), axes(:, k), 0.0_wp)
     call check_turns(trim(name(k)), axes(:, k), load)
@@ -32,6 +34,44 @@ contains
     real(wp) :: w(3)
     w = cos(angle)*v + sin(angle)*cross(axis, v) + (1.0_wp - cos(angle))*dot_product(axis, v)*axis
   end function rotated
+
+  !> A pull, a shift, a bend and a twist of one step: E A/l, the same over the ratio, E I/l, G J/l.
+  subroutine check_stiffnesses()
+    real(wp), parameter :: step = 1.0e-9_wp, young = 1.0e7_wp, ratio = 2.5_wp
+    real(wp), parameter :: area = pi*beam**2, angle = 1.0e-6_wp
+    real(wp), parameter :: limit = angle*young*area/length*step  ! second order in the angle [N]
+    type(dem_block_type) :: b
+    type(dem_law_type) :: law
+    type(dem_bond_type) :: bond
+    real(wp) :: kept(lanes, bond_reals), work(2), extra(extra_work_count), h
+    real(wp), dimension(3) :: along, across
+
+    bond%young = young
+    bond%stiffness_ratio = ratio
+    bond%tensile_strength = huge(1.0_wp)
+    bond%shear_strength = huge(1.0_wp)
+    kept = 0.0_wp
+    kept(lane, [1, 10, 11]) = [1.0_wp, beam, length]
+    extra = 0.0_wp
+    h = 1.0e-5_wp
+    along = [0.0_wp, 0.0_wp, length]
+    across = [step, 0.0_wp, 0.0_wp]
+    call place(b, along, (across + [0.0_wp, 0.0_wp, 3.0_wp*step])/h, [0.0_wp, 0.0_wp, 0.0_wp])
+    ! half a turn on each side leaves the contact point where it is
+    b%a%wy(lane) = -0.5_wp*angle/h
+    b%b%wy(lane) = 0.5_wp*angle/h
+    b%a%wz(lane) = -angle/h
+    b%b%wz(lane) = angle/h
+    call bond_block(b, law, bond, h, spread(1.0_wp, 1, lanes), spread(1.0_wp, 1, lanes), kept, &
+                    work, extra)
+    call test%check_close('pull of a bond', kept(lane, 2), young*area/length*3.0_wp*step, limit)
+    call test%check_all_close('shear of a bond', kept(lane, 3:5), &
+                              -young*area/(ratio*length)*across, limit)
+    call test%check_all_close('bending of a bond', kept(lane, 6:8), &
+      -young*0.25_wp*area*beam**2/length*[0.0_wp, angle, 0.0_wp], 1.0e-14_wp)
+    call test%check_close('twisting of a bond', kept(lane, 9), &
+      -young/ratio*0.5_wp*area*beam**2/length*2.0_wp*angle, 1.0e-14_wp)
+  end subroutine check_stiffnesses
 
   !> What changes in two turns decreases with the square of the step: 400 and 800 steps a turn.
   subroutine check_turns(which, axis, held)
