@@ -13,7 +13,7 @@ module cpl_projection
   use cpl_rows, only: rows_type, lanes
   implicit none
   private
-  public :: projection_type
+  public :: projection_type, fit_row
 
   real(wp), parameter :: worst_condition = 1.0e8_wp
   integer(i4), parameter :: least_grains = 4      !! of a linear fit
@@ -247,7 +247,8 @@ contains
     end do
   end function near
 
-  !> Values at `at` of the linear fit to values at x: weights in, coefficients out.
+  !> Values at `at` of the linear fit to values at x, weighted by value (1 - r^2/reach^2)^2: weights
+  !! in, coefficients out.
   pure subroutine fit_row(x, at, reach, value, good)
     real(wp), intent(in) :: x(:, :), at(3), reach
     real(wp), intent(inout) :: value(:)

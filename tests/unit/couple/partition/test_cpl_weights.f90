@@ -51,6 +51,9 @@ contains
     end do
     call test%check_close('mean over both kinks', omega_mean(0.5_wp, 3.5_wp, 3.0_wp, 1.0_wp), &
                           fine, 1.0e-8_wp)
+    ! 1 from 1/2 to 1, then the ramp from 1 to 1/2 at 2
+    call test%check_close('mean over one kink', omega_mean(0.5_wp, 2.0_wp, 3.0_wp, 1.0_wp), &
+                          (0.5_wp + 0.75_wp)/1.5_wp, 1.0e-15_wp)
     call test%check_close('mean backwards', omega_mean(3.5_wp, 0.5_wp, 3.0_wp, 1.0_wp), fine, &
                           1.0e-8_wp)
   end subroutine test_ramp
@@ -65,6 +68,7 @@ contains
     real(wp), allocatable :: w(:), beta(:), inside(:)
     real(wp) :: worst(2), balance(9, 6), median
     logical :: disordered
+    logical, allocatable :: ghost(:)
 
     call make_column(polar, overlap)
     call pack_is_disordered(overlap, disordered, median)
@@ -92,6 +96,8 @@ contains
     call test%check('nine components', max_abs(balance) < 1.0e-13_wp)
     call share_weights(overlap, spread(1.0_wp/6.0_wp, 1, size(beta)), w, beta)
     call test%check('ghosts skipped', all(abs(pack(w, .not. free_contacts(overlap))) <= 0.0_wp))
+    ghost = overlap%region(overlap%element) == region_ghost
+    call test%check_all_close('points have the rest', pack(beta, ghost), 5.0_wp/6.0_wp, 1.0e-15_wp)
     worst = worst_now(overlap, w, beta)
     call test%check('skipped ghosts leave moments', (.not. polar) .or. worst(2) > 1.0_wp)
   end subroutine test_lattice
