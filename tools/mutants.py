@@ -4,7 +4,8 @@ Usage: mutants.py [--out build/mutants] [--only ID ...] [--check] [--accept]
 tools/mutants.toml lists the faults: a text that occurs once in a file, what replaces it, and the
 tests that are about the thing and must fail then. The work is done in a copy of the tree with its
 build, rebuilt where it is older; the checkout is not touched. --check only says whether each
-text still occurs once in its file. --accept writes the report to manual/mutants.csv.
+text still occurs once in its file. --accept writes the report to manual/mutants.csv; with --only
+it replaces the rows of the faults that were tried.
 Closes with 'N passed, M failed'; exits with 1 if a fault is not noticed.
 """
 
@@ -175,6 +176,16 @@ def write_report(rows: list[dict[str, str]], path: Path) -> None:
         writer.writerows(rows)
 
 
+def accept(rows: list[dict[str, str]], names: list[str], path: Path) -> None:
+    """Put rows in place of older ones, in the order of the list; what left the list goes."""
+    known: dict[str, dict[str, str]] = {}
+    if path.exists():
+        with path.open(newline="", encoding="utf-8") as file:
+            known = {row["id"]: row for row in csv.DictReader(file)}
+    known |= {row["id"]: row for row in rows}
+    write_report([known[name] for name in names if name in known], path)
+
+
 def sound_tests(tree: Path, mutants: list[Mutant]) -> list[str]:
     """Return the tests that fail without any fault: they cannot notice one."""
     names = sorted({name for it in mutants for name in it.tests})
@@ -212,8 +223,8 @@ def main() -> int:
         if not rows[-1]["noticed by"]:
             print(f"    {rows[-1]['how']}", flush=True)
     write_report(rows, options.out / "report.csv")
-    if options.accept and not options.only:
-        write_report(rows, ROOT / "manual/mutants.csv")
+    if options.accept:
+        accept(rows, [it.name for it in read_list(ROOT)], ROOT / "manual/mutants.csv")
     failed = sum(1 for row in rows if not row["noticed by"])
     print(f"{len(rows) - failed} passed, {failed} failed")
     return int(failed > 0)

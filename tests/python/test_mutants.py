@@ -62,3 +62,12 @@ def test_the_manual_shows_what_noticed(tmp_path: Path) -> None:
     assert "noticed 1, none noticed other." in page
     assert "| a \\| b | dem_x.f90 | unit dem_x | FAIL sum |" in page
     assert "None tried" in manual.noticed_faults(tmp_path / "absent.csv")
+
+
+def test_accepted_rows_replace_older_ones(tmp_path: Path) -> None:
+    """Rows of other faults stay, in the order of the list; what left the list goes."""
+    path = tmp_path / "mutants.csv"
+    blank = dict.fromkeys(("file", "about", "noticed by", "how"), "")
+    mutants.accept([{"id": name, **blank} for name in "abc"], ["a", "b", "c"], path)
+    mutants.accept([{"id": "b", **blank, "noticed by": "unit x"}], ["b", "a", "d"], path)
+    assert path.read_text().splitlines()[1:] == ["b,,,unit x,", "a,,,,"]
