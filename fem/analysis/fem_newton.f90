@@ -139,7 +139,8 @@ contains
     end if
   end subroutine give_up
 
-  !> A part of the step by Newton's method.
+  !> A part of the step by Newton's method. In statics the residual is measured by the largest loads
+  !! and reactions of the run, so that a body can be unloaded.
   subroutine try_part(self, t0, t1, part, iterations, good)
     type(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: t0, t1
@@ -163,6 +164,7 @@ contains
       if (.not. good) return
       do iterations = 1, self%newton%most_iterations
         call measure(self, part, residual, size_of, scale)
+        if (.not. self%scheme%dynamic) scale = max(scale, self%newton%largest)
         if (iterations == 1) first = size_of
         call note(self, part, iterations, size_of, scale, sum(du*residual), search)
         good = size_of <= self%newton%tolerance*scale
@@ -383,16 +385,16 @@ contains
     call self%matter%trouble(self%elastic, part%reason, part%inverted)
   end subroutine blame
 
-  !> Norm of the residual, and of loads, reactions and inertia; in free flight of what would change
-  !! the momentum by a millionth, at finite strain at least of a millionth of stiffness times
-  !! displacement: turns of bodies without load leave round-off alone.
+  !> Norm of the residual, and what it is measured by: the norm of loads, reactions and inertia; in
+  !! free flight of what would change the momentum by a millionth, at finite strain at least of a
+  !! millionth of stiffness times displacement: turns of bodies without load leave round-off alone.
   subroutine measure(self, part, residual, size_of, scale)
     type(fem_body_type), intent(in) :: self
     type(part_type), intent(in) :: part
     real(wp), intent(in) :: residual(:, :)
     real(wp), intent(out) :: size_of, scale
     real(wp), parameter :: floor_of = 1.0e-6_wp
-    real(wp) :: momentum(3, self%dofs%blocks)
+    real(wp) :: momentum(3, self%dofs%blocks), stiffest
     size_of = sqrt(sum(residual**2))
     scale = sum(merge(part%raw**2, self%state%external**2, self%supports%held &
       .or. self%port%prescribed))
@@ -400,10 +402,25 @@ contains
       call multiply_mass(self%system%pattern, self%system%mass, self%state%v, momentum)
       scale = scale + sum(part%inertia**2) + sum((floor_of/part%dt*momentum)**2)
     end if
-    if (self%matter%finite) scale = scale &
-      + (floor_of*largest_entry(self%system%pattern, self%system%k))**2*sum(self%state%u**2)
-    scale = sqrt(scale)
+    if (.not. self%matter%finite) then
+      scale = sqrt(scale)
+    else
+      stiffest = largest_entry(self%system%pattern, self%system%k)
+      scale = sqrt(scale + (floor_of*stiffest)**2*sum(self%state%u**2))
+      scale = max(scale, stiffest*round_off(self)/self%newton%tolerance)
+    end if
   end subroutine measure
+
+  !> Norm of displacements that deformation gradients of finite strain cannot tell from none [m]:
+  !! some units in the last place of 1 over an element, at every node.
+  pure real(wp) function round_off(self)
+    type(fem_body_type), intent(in) :: self
+    real(wp), parameter :: units = 8.0_wp
+    real(wp) :: extent, nodes
+    nodes = real(size(self%mesh%x, 2), wp)
+    extent = maxval(maxval(self%mesh%x, 2) - minval(self%mesh%x, 2))
+    round_off = units*epsilon(1.0_wp)*extent/nodes**(1.0_wp/3.0_wp)*sqrt(nodes)
+  end function round_off
 
   !> A row of the table: time [s], share of the step, iteration, residual, work of the residual on
   !! the correction [J], share of the line search, yielding points, most local iterations.
@@ -438,6 +455,7 @@ contains
       if (self%scheme%dynamic) share = 1.0_wp - self%scheme%lag
       s%reaction = merge(-part%raw/share, 0.0_wp, self%supports%held .or. self%port%prescribed)
       if (scale > 0.0_wp) self%residual = max(self%residual, size_of/scale)
+      if (.not. self%scheme%dynamic) self%newton%largest = max(self%newton%largest, scale)
       moved = s%u - old%u
       weight = 1.0_wp
       if (part%weight_before < 1.0_wp) weight = [part%before, part%after]

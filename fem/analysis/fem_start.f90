@@ -43,6 +43,7 @@ contains
     end associate
     self%energy%start = self%energy%kinetic
     self%accepted = self%state
+    call self%energy%keep_largest()
     self%accepted_energy = self%energy
   end subroutine start_motion
 

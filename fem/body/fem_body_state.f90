@@ -170,6 +170,7 @@ contains
     call swap(self%state%tie, self%accepted%tie)
     call swap(self%state%viscous, self%accepted%viscous)
     self%accepted%time = self%state%time
+    call self%energy%keep_largest()
     self%accepted_energy = self%energy
     call self%matter%accept()
     call self%accept_rigid()
@@ -195,6 +196,7 @@ contains
     else
       self%accepted = self%state
     end if
+    call self%energy%keep_largest()
     self%accepted_energy = self%energy
     call self%matter%accept()
     call self%accept_rigid()

@@ -84,6 +84,7 @@ module fem_parts
   !> Settings of the equilibrium iteration of laws with a state.
   type :: fem_newton_type
     real(wp) :: tolerance = 1.0e-8_wp  !! residual over loads and reactions [-]
+    real(wp) :: largest = 0.0_wp       !! norm of loads and reactions of a static run so far [N]
     integer(i4) :: most_iterations = 25
     integer(i4) :: most_cuts = 10      !! halvings of a step
     integer(i4) :: rows = 0            !! of the table of the last step

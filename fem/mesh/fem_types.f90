@@ -81,5 +81,17 @@ module fem_types
     real(wp) :: numerical = 0.0_wp  !! dissipated by the time integration so far
     real(wp) :: start = 0.0_wp      !! kinetic energy of the initial velocities
     real(wp) :: plastic = 0.0_wp    !! dissipated by plastic flow so far
+    real(wp) :: largest = 0.0_wp    !! size of the largest of these at any accepted state
+  contains
+    procedure :: keep_largest
   end type fem_energy_type
+
+contains
+
+  !> The state is accepted: what its ledger's closure is measured by.
+  pure subroutine keep_largest(self)
+    class(fem_energy_type), intent(inout) :: self
+    self%largest = max(self%largest, abs(self%load), abs(self%support), abs(self%strain), &
+                       abs(self%kinetic), abs(self%plastic))
+  end subroutine keep_largest
 end module fem_types

@@ -48,10 +48,10 @@ contains
     associate (e => body%accepted_energy)
       call file%put('/state/energy', &
                     [e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring, &
-                     e%damping, e%numerical, e%start], errors)
+                     e%damping, e%numerical, e%start, e%plastic, e%largest], errors)
       call analysis%put(body, file, errors)
       if (body%matter%active) then
-        call file%put('/state/plastic', e%plastic, errors)
+        call file%put('/state/largest_force', body%newton%largest, errors)
         call put_points(file, '/state/point_stress', body, body%matter%accepted_stress, errors)
         call put_points(file, '/state/point_state', body, body%matter%accepted_state, errors)
         call file%put('/state/leaps', real(body%limit%leaps, wp), errors)
@@ -76,11 +76,11 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(h5_file_type) :: file
     type(checkpoint_info_type) :: info
-    real(wp), allocatable :: energy(:), u(:, :)
-    real(wp) :: plastic, leaps
+    real(wp), allocatable :: u(:, :)
+    real(wp) :: energy(11)
+    real(wp) :: leaps
 
     steps = 0
-    plastic = 0.0_wp
     leaps = 0.0_wp
     deck_changed = .false.
     call checkpoint%open(path, file, info, errors)
@@ -103,9 +103,9 @@ contains
       call file%get('/state/factored_dt', body%system%restored_dt, errors)
       call file%get('/state/port_load', body%port%port_load, errors)
       call file%get('/state/given_u', body%port%given_u, errors)
-      call file%get('/state/energy', energy, errors)
+      call file%get_into('/state/energy', energy, errors)
       if (body%matter%active) then
-        call file%get('/state/plastic', plastic, errors)
+        call file%get('/state/largest_force', body%newton%largest, errors)
         call get_points(file, '/state/point_stress', body, body%matter%stress, errors)
         call get_points(file, '/state/point_state', body, body%matter%state, errors)
         call file%get('/state/leaps', leaps, errors)
@@ -118,8 +118,8 @@ contains
     if (errors%any()) return
     body%state%time = info%time
     body%energy = fem_energy_type(energy(1), energy(2), energy(3), energy(4), energy(5), &
-                                  energy(6), energy(7), energy(8), energy(9))
-    body%energy%plastic = plastic
+                                  energy(6), energy(7), energy(8), energy(9), energy(10), &
+                                  energy(11))
     steps = info%step
     deck_changed = info%deck_hash /= checkpoint%deck_hash
     call body%accept()

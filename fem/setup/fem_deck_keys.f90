@@ -761,10 +761,10 @@ contains
     call table%only_with('kind', 'modal')
     call table%add_key('tolerance', 'real', '', &
       'Relative change of the squared frequencies at which the iteration of `modal` ' &
-      //'ends; residual over loads and reactions at which `relaxation`, and `static`, ' &
-      //'`newmark` and `hht` of laws with a state, end (there 1e-8 unless given); ' &
-      //'decrease of the residual at which conjugate gradients (`solver = ''iterative''`) ' &
-      //'end.')
+      //'ends; residual over loads and reactions (in statics the largest of the run so ' &
+      //'far) at which `relaxation`, and `static`, `newmark` and `hht` of laws with a ' &
+      //'state, end (there 1e-8 unless given); decrease of the residual at which ' &
+      //'conjugate gradients (`solver = ''iterative''`) end.')
     call table%preset('1e-10')
     call table%bounds(above=0.0_wp)
     call table%only_with('kind', 'modal|relaxation|static|newmark|hht')
