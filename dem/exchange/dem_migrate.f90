@@ -260,7 +260,7 @@ contains
     integer(i4) :: i, k, r, many, round
     real(wp), allocatable :: rows(:, :)
 
-    number = 0
+    at = 0
     do round = 1, 2
       do i = 1, size(own, 2)
         call ranks_near(halo, place_of(halo, own(at_position(1):at_position(2), i)), halo%range, &
@@ -268,16 +268,14 @@ contains
         do k = 0, many - 1
           r = near(k)
           if (r == halo%team%rank) cycle
-          if (round == 1) then
-            number(r) = number(r) + 1
-          else
-            at(r) = at(r) + 1
-            rows(:, at(r)) = own(:, i)
-            rows(at_kind, at(r)) = real(kind_mirror, wp)
-          end if
+          at(r) = at(r) + 1
+          if (round == 1) cycle  ! there is no room before they are counted
+          rows(:, at(r)) = own(:, i)
+          rows(at_kind, at(r)) = real(kind_mirror, wp)
         end do
       end do
       if (round == 2) exit
+      number = at
       at(0) = 0
       do r = 1, halo%team%ranks - 1
         at(r) = at(r - 1) + number(r - 1)

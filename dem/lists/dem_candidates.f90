@@ -280,6 +280,9 @@ contains
         end if
         if (gap > skin) cycle
         gap = in_skins(gap, skin, pairs%skin)
+        if (old(j) > 0) then
+          if (in_contact(pairs, old(j))) gap = -1.0_wp
+        end if
         if (list%count == size(list%first)) &
           call make_room(list, list%count + list%count/8_i4 + 64_i4)
         list%count = list%count + 1
@@ -288,9 +291,6 @@ contains
           list%second(n) = j
           list%old(n) = old(j)
           list%normal(:, n) = normal
-          if (list%old(n) > 0) then
-            if (in_contact(pairs, list%old(n))) gap = -1.0_wp
-          end if
           list%gap(n) = gap
           list%group(n) = group_of(.true., planes%material(k), grains%material(j), geometry, &
                                    band_of(gap, pairs%skin))

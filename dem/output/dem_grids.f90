@@ -108,11 +108,9 @@ contains
     type(h5_file_type), intent(inout) :: file
     type(grid_type), intent(in) :: grid
     type(error_list_type), intent(inout) :: errors
-    integer(i4), parameter :: corner(3, 8) = reshape( &
-      [0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1], [3, 8])
     real(wp), allocatable :: x(:, :)
     integer(i4), allocatable :: hex8(:, :)
-    integer(i4) :: i, j, k, c, n, at(3), across(2)
+    integer(i4) :: i, j, k, n, across(2)
 
     across = [grid%cells(1) + 1, (grid%cells(1) + 1)*(grid%cells(2) + 1)]
     allocate (x(3, product(grid%cells + 1)), hex8(8, product(grid%cells)))
@@ -124,10 +122,7 @@ contains
             grid%lower + [i, j, k]*((grid%upper - grid%lower)/grid%cells)
           if (any([i, j, k] == grid%cells)) cycle
           n = n + 1
-          do c = 1, 8
-            at = [i, j, k] + corner(:, c)
-            hex8(c, n) = at(1) + across(1)*at(2) + across(2)*at(3)
-          end do
+          hex8(:, n) = corners_of([i, j, k], across)
         end do
       end do
     end do
@@ -135,6 +130,17 @@ contains
     call file%put('/mesh/x', x, errors)
     call file%put('/mesh/hex8', hex8, errors)
   end subroutine put_mesh
+
+  !> Numbers of the corners of a cell, from 0, in the order of hex8.
+  pure function corners_of(cell, across) result(number)
+    integer(i4), intent(in) :: cell(3)    !! its place along x, y, z, from 0
+    integer(i4), intent(in) :: across(2)  !! corners from one row to the next, from layer to layer
+    integer(i4) :: number(8)
+    integer(i4), parameter :: corner(3, 8) = reshape( &
+      [0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1], [3, 8])
+    number = cell(1) + corner(1, :) + across(1)*(cell(2) + corner(2, :)) &
+             + across(2)*(cell(3) + corner(3, :))
+  end function corners_of
 
   !> One more step.
   subroutine write_grid(self, time, sample, errors)

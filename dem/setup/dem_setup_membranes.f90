@@ -85,9 +85,33 @@ contains
     type(string_type), intent(in) :: walls(:)
     class(dem_data_type), intent(inout) :: d
     type(error_list_type), intent(inout) :: errors
-    type(string_type), allocatable :: names(:)
     integer(i4), allocatable :: wall(:)
-    integer(i4) :: j, w, t, e, c(2)
+    integer(i4) :: t, e, first, second
+
+    call find_clamps(deck, k, walls, wall, errors)
+    if (errors%any()) return
+    associate (s => d%surfaces)
+      do t = s%first_triangle(b), s%first_triangle(b + 1) - 1
+        do e = 1, 3
+          if (s%mesh%mate(e, t) > 0) cycle
+          first = s%mesh%corner(e, t)
+          second = s%mesh%corner(1 + mod(e, 3), t)
+          s%membranes%wall(first) = nearest_wall(d, wall, s%mesh%x(:, first))
+          s%membranes%wall(second) = nearest_wall(d, wall, s%mesh%x(:, second))
+        end do
+      end do
+    end associate
+  end subroutine hold_edges
+
+  !> Numbers of the walls that hold membrane k of the deck (D293).
+  subroutine find_clamps(deck, k, walls, wall, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(string_type), intent(in) :: walls(:)
+    integer(i4), allocatable, intent(out) :: wall(:)
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: names(:)
+    integer(i4) :: j, w
 
     call deck%get('membrane', k, 'clamp', names)
     allocate (wall(size(names)), source=0_i4)
@@ -99,28 +123,17 @@ contains
         call deck%fault(errors, 'D293', "there is no wall '"//names(j)%s//"'", 'membrane', k, &
                         'clamp', did_you_mean(names(j)%s, walls, 'walls of this deck:'))
     end do
-    if (errors%any()) return
-    associate (s => d%surfaces)
-      do t = s%first_triangle(b), s%first_triangle(b + 1) - 1
-        do e = 1, 3
-          if (s%mesh%mate(e, t) > 0) cycle
-          c = [s%mesh%corner(e, t), s%mesh%corner(1 + mod(e, 3), t)]
-          do j = 1, 2
-            s%membranes%wall(c(j)) = 0
-            if (size(wall) > 0) s%membranes%wall(c(j)) = nearest_wall(d, wall, s%mesh%x(:, c(j)))
-          end do
-        end do
-      end do
-    end associate
-  end subroutine hold_edges
+  end subroutine find_clamps
 
-  !> Of these walls the one nearest to a point.
+  !> Of these walls the one nearest to a point, 0 if there are none.
   pure integer(i4) function nearest_wall(d, wall, x)
     class(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: wall(:)
     real(wp), intent(in) :: x(3)
     real(wp) :: distance(size(wall))
     integer(i4) :: j
+    nearest_wall = 0
+    if (size(wall) == 0) return
     do j = 1, size(wall)
       distance(j) = abs(dot_product(x - d%planes%point(:, wall(j)), d%planes%normal(:, wall(j))))
     end do

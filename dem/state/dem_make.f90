@@ -161,8 +161,7 @@ contains
   pure function sorted_order(keys) result(order)
     integer(i8), intent(in) :: keys(:)
     integer(i4), allocatable :: order(:), other(:)
-    integer(i4) :: n, width, low, middle, high, a, b, k
-    logical :: take_first
+    integer(i4) :: n, width, low, middle, high, k
 
     n = size(keys)
     allocate (order(n), other(n))
@@ -173,23 +172,34 @@ contains
       do while (low <= n)
         middle = min(low + width, n + 1)
         high = min(low + 2*width, n + 1)
-        a = low
-        b = middle
-        do k = low, high - 1
-          take_first = a < middle
-          if (take_first .and. b < high) take_first = keys(order(a)) <= keys(order(b))
-          if (take_first) then
-            other(k) = order(a)
-            a = a + 1
-          else
-            other(k) = order(b)
-            b = b + 1
-          end if
-        end do
+        call merge_runs(keys, order(low:middle - 1), order(middle:high - 1), other(low:high - 1))
         low = high
       end do
       order = other
       width = 2*width
     end do
   end function sorted_order
+
+  !> Two sorted runs become one; of equal keys that of the first run comes first.
+  pure subroutine merge_runs(keys, first, second, merged)
+    integer(i8), intent(in) :: keys(:)
+    integer(i4), intent(in) :: first(:), second(:)
+    integer(i4), intent(out) :: merged(:)
+    integer(i4) :: a, b, k
+    logical :: take_first
+
+    a = 1
+    b = 1
+    do k = 1, size(merged)
+      take_first = a <= size(first)
+      if (take_first .and. b <= size(second)) take_first = keys(first(a)) <= keys(second(b))
+      if (take_first) then
+        merged(k) = first(a)
+        a = a + 1
+      else
+        merged(k) = second(b)
+        b = b + 1
+      end if
+    end do
+  end subroutine merge_runs
 end module dem_make
