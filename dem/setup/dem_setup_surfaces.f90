@@ -10,8 +10,8 @@ module dem_setup_surfaces
   use dem_setup_laws, only: material_index
   use dem_stl, only: read_stl
   use dem_surface_file, only: read_facets
-  use dem_surface_make, only: mesh_type, join_corners, check_mesh, add_mesh, add_cone, &
-    add_cylinder
+  use dem_surface_make, only: mesh_type, round_type, join_corners, check_mesh, add_mesh, &
+    add_cone, add_cylinder
   use dem_surface_state, only: dem_surfaces_type, surface_rigid, surface_membrane, soft_smooth, &
     is_bore
   implicit none
@@ -186,8 +186,8 @@ contains
       call deck%fault(errors, 'D273', 'the axis of a penetrometer has no length', 'penetrometer', &
                       k, 'axis', 'give the direction from the tip up the shaft')
     if (errors%count > before) return
-    call add_cone(s, name, [number(1), number(1), number(2)], tip, axis, 0.5_wp*apex*degree, &
-                  0.5_wp*diameter, length)
+    call add_cone(s, name, [number(1), number(1), number(2)], &
+                  round_type(tip, axis, 0.5_wp*diameter, length), 0.5_wp*apex*degree)
     call read_motion(deck, 'penetrometer', k, s)
   end subroutine read_penetrometer
 
@@ -226,7 +226,7 @@ contains
                       'cylinder', k, 'spin', 'give it a length, or a spin along the axis')
     end if
     if (errors%count > before) return
-    call add_cylinder(s, name, number, centre, axis, side == 'inside', radius, half)
+    call add_cylinder(s, name, number, round_type(centre, axis, radius, half), side == 'inside')
     call read_motion(deck, 'cylinder', k, s)
   end subroutine read_cylinder
 

@@ -91,6 +91,7 @@ contains
     real(wp) :: before(work_count)
     integer(i4) :: b, k
 
+    call hold_corners(s, wall_velocity)
     half = 0.5_wp*step%dt
     before = work
     associate (m => s%membranes)
@@ -99,11 +100,7 @@ contains
         keep = merge(1.0_wp - half*m%damping(b), 1.0_wp, explicit)
         kicked = merge(1.0_wp, 1.0_wp/(1.0_wp + half*m%damping(b)), explicit)
         do k = s%first_vertex(b), s%first_vertex(b + 1) - 1
-          if (m%wall(k) >= 0) then
-            s%mesh%v(:, k) = 0.0_wp
-            if (m%wall(k) > 0) s%mesh%v(:, k) = wall_velocity(:, m%wall(k))
-            cycle
-          end if
+          if (m%wall(k) >= 0) cycle
           old = s%mesh%v(:, k)
           new = corner_load(s, k) + m%press(:, k) + m%pull(:, k) + m%mass(k)*step%gravity
           new = (old*keep + half/m%mass(k)*new)*kicked
@@ -117,6 +114,17 @@ contains
     end associate
     if (.not. s%counted) work = before
   end subroutine push_membranes
+
+  !> Held corners stand still, or have the velocity of their wall.
+  pure subroutine hold_corners(s, wall_velocity)
+    type(dem_surfaces_type), intent(inout) :: s
+    real(wp), intent(in) :: wall_velocity(:, :)  !! (3, walls) [m/s]
+    integer(i4) :: k
+    do k = 1, s%mesh%vertices
+      if (s%membranes%wall(k) == 0) s%mesh%v(:, k) = 0.0_wp
+      if (s%membranes%wall(k) > 0) s%mesh%v(:, k) = wall_velocity(:, s%membranes%wall(k))
+    end do
+  end subroutine hold_corners
 
   !> What the grains, of all ranks, do to corner k [N].
   pure function corner_load(s, k) result(force)
@@ -159,7 +167,7 @@ contains
   pure subroutine pull_membranes(s)
     type(dem_surfaces_type), intent(inout) :: s
     real(wp) :: f(3, 2), strain(2, 2), stress(2, 2), t(3, 2), push(3), part(3, 2)
-    integer(i4) :: b, k
+    integer(i4) :: b, k, c(3)
 
     associate (m => s%membranes)
       m%press = 0.0_wp
@@ -167,24 +175,23 @@ contains
       do b = 1, s%n
         if (s%kind(b) /= surface_membrane) cycle
         do k = s%first_triangle(b), s%first_triangle(b + 1) - 1
-          associate (c => s%mesh%corner(:, k))
-            call strain_of(s, k, f, strain)
-            m%stretch(b) = max(m%stretch(b), largest_stretch(strain))
-            stress = m%modulus(b)*(1.0_wp - m%poisson(b))*strain
-            stress(1, 1) = stress(1, 1) + m%modulus(b)*m%poisson(b)*(strain(1, 1) + strain(2, 2))
-            stress(2, 2) = stress(2, 2) + m%modulus(b)*m%poisson(b)*(strain(1, 1) + strain(2, 2))
-            t = m%area(k)*matmul(f, stress)
-            part = matmul(t, transpose(m%inverse(:, :, k)))
-            m%pull(:, c(2)) = m%pull(:, c(2)) - part(:, 1)
-            m%pull(:, c(3)) = m%pull(:, c(3)) - part(:, 2)
-            m%pull(:, c(1)) = m%pull(:, c(1)) + part(:, 1) + part(:, 2)
-            push = cross(s%mesh%x(:, c(2)) - s%mesh%x(:, c(1)), s%mesh%x(:, c(3)) &
-              - s%mesh%x(:, c(1)))
-            push = m%side(b)*m%pressure(b)/6.0_wp*push
-            m%press(:, c(1)) = m%press(:, c(1)) + push
-            m%press(:, c(2)) = m%press(:, c(2)) + push
-            m%press(:, c(3)) = m%press(:, c(3)) + push
-          end associate
+          c = s%mesh%corner(:, k)
+          call strain_of(s, k, f, strain)
+          m%stretch(b) = max(m%stretch(b), largest_stretch(strain))
+          stress = m%modulus(b)*(1.0_wp - m%poisson(b))*strain
+          stress(1, 1) = stress(1, 1) + m%modulus(b)*m%poisson(b)*(strain(1, 1) + strain(2, 2))
+          stress(2, 2) = stress(2, 2) + m%modulus(b)*m%poisson(b)*(strain(1, 1) + strain(2, 2))
+          t = m%area(k)*matmul(f, stress)
+          part = matmul(t, transpose(m%inverse(:, :, k)))
+          m%pull(:, c(2)) = m%pull(:, c(2)) - part(:, 1)
+          m%pull(:, c(3)) = m%pull(:, c(3)) - part(:, 2)
+          m%pull(:, c(1)) = m%pull(:, c(1)) + part(:, 1) + part(:, 2)
+          push = cross(s%mesh%x(:, c(2)) - s%mesh%x(:, c(1)), s%mesh%x(:, c(3)) &
+            - s%mesh%x(:, c(1)))
+          push = m%side(b)*m%pressure(b)/6.0_wp*push
+          m%press(:, c(1)) = m%press(:, c(1)) + push
+          m%press(:, c(2)) = m%press(:, c(2)) + push
+          m%press(:, c(3)) = m%press(:, c(3)) + push
         end do
       end do
     end associate
@@ -260,29 +267,38 @@ contains
     type(dem_surfaces_type), intent(in) :: s
     real(wp), intent(in) :: stiffness(:)  !! of all contacts, see corner_stiffness
     real(wp), allocatable :: row(:)
-    real(wp) :: slope(3)
     integer(i4) :: b, k, low, first
 
     rate = 0.0_wp
     first = first_corner(s)
-    associate (m => s%membranes)
-      do b = 1, s%n
-        if (s%kind(b) /= surface_membrane) cycle
-        low = s%first_vertex(b)
-        row = 2.0_wp*stiffness(low - first + 1:s%first_vertex(b + 1) - first)
-        do k = s%first_triangle(b), s%first_triangle(b + 1) - 1
-          associate (g => m%inverse(:, :, k), c => s%mesh%corner(:, k) - low + 1)
-            slope(2:3) = sqrt(sum(g**2, 2))
-            slope(1) = sqrt(sum(sum(g, 1)**2))
-            row(c) = row(c) + m%modulus(b)*m%area(k)*slope*sum(slope)*m%stretch(b)**2
-          end associate
-        end do
-        do k = low, s%first_vertex(b + 1) - 1
-          if (m%wall(k) < 0) rate = max(rate, row(k - low + 1)/m%mass(k))
-        end do
+    do b = 1, s%n
+      if (s%kind(b) /= surface_membrane) cycle
+      low = s%first_vertex(b)
+      row = 2.0_wp*stiffness(low - first + 1:s%first_vertex(b + 1) - first)
+      call add_stretch_rows(s, b, row)
+      do k = low, s%first_vertex(b + 1) - 1
+        if (s%membranes%wall(k) < 0) rate = max(rate, row(k - low + 1)/s%membranes%mass(k))
       end do
-    end associate
+    end do
   end function membrane_rate
+
+  !> Row sums of the stretch of membrane b.
+  pure subroutine add_stretch_rows(s, b, row)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: b
+    real(wp), intent(inout) :: row(:)  !! of its corners [N/m]
+    real(wp) :: slope(3)
+    integer(i4) :: k
+
+    do k = s%first_triangle(b), s%first_triangle(b + 1) - 1
+      associate (m => s%membranes, g => s%membranes%inverse(:, :, k), &
+                 c => s%mesh%corner(:, k) - s%first_vertex(b) + 1)
+        slope(2:3) = sqrt(sum(g**2, 2))
+        slope(1) = sqrt(sum(sum(g, 1)**2))
+        row(c) = row(c) + m%modulus(b)*m%area(k)*slope*sum(slope)*m%stretch(b)**2
+      end associate
+    end do
+  end subroutine add_stretch_rows
 
   !> A membrane that was stretched beyond its limit has torn (N207); one that is too fine for a
   !! grain (N208).

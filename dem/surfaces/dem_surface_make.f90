@@ -9,7 +9,7 @@ module dem_surface_make
     surface_membrane, surface_cylinder, surface_bore
   implicit none
   private
-  public :: mesh_type, join_corners, check_mesh, add_mesh, add_cone, add_cylinder
+  public :: mesh_type, round_type, join_corners, check_mesh, add_mesh, add_cone, add_cylinder
 
   real(wp), parameter :: flat = 1.0e-9_wp  !! height over longest side of a degenerate triangle
 
@@ -21,6 +21,15 @@ module dem_surface_make
     integer(i4), allocatable :: mate(:, :)         !! (3, triangles)
     integer(i4) :: rim = 0                         !! edges of one triangle alone
   end type mesh_type
+
+  !> A cylinder, or the shaft of a cone, before it becomes a body.
+  type :: round_type
+    real(wp) :: centre(3) = 0.0_wp                 !! of a cylinder; tip of a cone [m]
+    real(wp) :: axis(3) = 0.0_wp                   !! of any length; of a cone from the tip up
+    real(wp) :: radius = 0.0_wp                    !! [m]
+    real(wp) :: length = huge(1.0_wp)              !! of a shaft, half that of a cylinder; huge if
+                                                   !! it has no end [m]
+  end type round_type
 
 contains
 
@@ -207,78 +216,96 @@ contains
   !> Neighbours of each vertex along edges, and its lowest triangle.
   subroutine find_fans(s)
     type(dem_surfaces_type), intent(inout) :: s
-    integer(i4), allocatable :: fill(:)
-    integer(i4) :: round, k, e, ends(2), j
+    integer(i4), allocatable :: ends(:, :), next(:)
+    integer(i4) :: k, j
 
     if (allocated(s%mesh%fan_start)) deallocate (s%mesh%fan_start, s%mesh%fan, s%mesh%home)
     allocate (s%mesh%fan_start(s%mesh%vertices + 1), s%mesh%home(s%mesh%vertices), source=0)
     do k = s%mesh%triangles, 1, -1
       s%mesh%home(s%mesh%corner(:, k)) = k
     end do
-    do round = 1, 2
-      do k = 1, s%mesh%triangles
-        do e = 1, 3
-          if (s%mesh%mate(e, k) > 0 .and. s%mesh%mate(e, k) < k) cycle
-          ends = [s%mesh%corner(e, k), s%mesh%corner(1 + mod(e, 3), k)]
-          do j = 1, 2
-            if (round == 1) then
-              s%mesh%fan_start(ends(j) + 1) = s%mesh%fan_start(ends(j) + 1) + 1
-            else
-              s%mesh%fan(fill(ends(j))) = ends(3 - j)
-              fill(ends(j)) = fill(ends(j)) + 1
-            end if
-          end do
-        end do
+    ends = edges_of(s)
+    associate (start => s%mesh%fan_start)
+      do k = 1, size(ends, 2)
+        start(ends(:, k) + 1) = start(ends(:, k) + 1) + 1
       end do
-      if (round == 2) exit
-      s%mesh%fan_start(1) = 1
+      start(1) = 1
       do k = 2, s%mesh%vertices + 1
-        s%mesh%fan_start(k) = s%mesh%fan_start(k) + s%mesh%fan_start(k - 1)
+        start(k) = start(k) + start(k - 1)
       end do
-      allocate (s%mesh%fan(s%mesh%fan_start(s%mesh%vertices + 1) - 1))
-      fill = s%mesh%fan_start
+      next = start
+      allocate (s%mesh%fan(start(s%mesh%vertices + 1) - 1))
+    end associate
+    do k = 1, size(ends, 2)
+      do j = 1, 2
+        s%mesh%fan(next(ends(j, k))) = ends(3 - j, k)
+        next(ends(j, k)) = next(ends(j, k)) + 1
+      end do
     end do
   end subroutine find_fans
 
+  !> The vertices at both ends of every edge, in the order of the triangles (2, edges).
+  pure function edges_of(s) result(ends)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), allocatable :: ends(:, :)
+    integer(i4) :: k, e, n
+
+    allocate (ends(2, 3*s%mesh%triangles))
+    n = 0
+    do k = 1, s%mesh%triangles
+      do e = 1, 3
+        if (s%mesh%mate(e, k) > 0 .and. s%mesh%mate(e, k) < k) cycle
+        n = n + 1
+        ends(:, n) = [s%mesh%corner(e, k), s%mesh%corner(1 + mod(e, 3), k)]
+      end do
+    end do
+    ends = ends(:, :n)
+  end function edges_of
+
   !> A cone on a cylinder, the tip at the centre.
-  subroutine add_cone(s, name, material, tip, axis, half_angle, radius, length)
+  subroutine add_cone(s, name, material, shaft, half_angle)
     type(dem_surfaces_type), intent(inout) :: s
     character(len=*), intent(in) :: name
     integer(i4), intent(in) :: material(3)           !! of tip, flank, shaft
-    real(wp), intent(in) :: tip(3), axis(3)          !! [m]; axis of any length, from the tip up
+    type(round_type), intent(in) :: shaft
     real(wp), intent(in) :: half_angle               !! of the apex [rad]
-    real(wp), intent(in) :: radius, length           !! of the shaft [m]
 
-    call add_body(s, name, surface_cone, tip, material)
-    s%round%rest_axis(:, s%n) = axis/sqrt(sum(axis**2))
-    s%round%axis(:, s%n) = s%round%rest_axis(:, s%n)
+    call add_round(s, name, surface_cone, material, shaft)
     s%round%sine(s%n) = sin(half_angle)
     s%round%cosine(s%n) = cos(half_angle)
-    s%round%radius(s%n) = radius
-    s%round%extent(s%n) = length
-    s%reach(s%n) = radius/tan(half_angle) + length + radius
+    s%reach(s%n) = shaft%radius/tan(half_angle) + shaft%length + shaft%radius
   end subroutine add_cone
 
   !> A cylinder around its centre; grains are outside, or inside.
-  subroutine add_cylinder(s, name, material, centre, axis, inside, radius, half)
+  subroutine add_cylinder(s, name, material, cylinder, inside)
     type(dem_surfaces_type), intent(inout) :: s
     character(len=*), intent(in) :: name
     integer(i4), intent(in) :: material
-    real(wp), intent(in) :: centre(3), axis(3)       !! [m]; axis of any length
+    type(round_type), intent(in) :: cylinder
     logical, intent(in) :: inside
-    real(wp), intent(in) :: radius, half             !! half its length, huge if it has no ends [m]
 
-    call add_body(s, name, merge(surface_bore, surface_cylinder, inside), centre, &
-                  [material, material])
-    s%round%rest_axis(:, s%n) = axis/sqrt(sum(axis**2))
-    s%round%axis(:, s%n) = s%round%rest_axis(:, s%n)
-    s%round%radius(s%n) = radius
-    s%round%extent(s%n) = half
-    s%round%listed_radius(s%n) = radius
-    s%round%start_radius(s%n) = radius
-    s%reach(s%n) = radius
-    if (half < huge(half)) s%reach(s%n) = sqrt(radius**2 + half**2)
+    call add_round(s, name, merge(surface_bore, surface_cylinder, inside), &
+                   [material, material], cylinder)
+    s%round%listed_radius(s%n) = cylinder%radius
+    s%round%start_radius(s%n) = cylinder%radius
+    s%reach(s%n) = cylinder%radius
+    if (cylinder%length < huge(cylinder%length)) &
+      s%reach(s%n) = sqrt(cylinder%radius**2 + cylinder%length**2)
   end subroutine add_cylinder
+
+  !> What cones and cylinders have in common.
+  subroutine add_round(s, name, kind, material, round)
+    type(dem_surfaces_type), intent(inout) :: s
+    character(len=*), intent(in) :: name
+    integer(i4), intent(in) :: kind, material(:)
+    type(round_type), intent(in) :: round
+
+    call add_body(s, name, kind, round%centre, material)
+    s%round%rest_axis(:, s%n) = round%axis/sqrt(sum(round%axis**2))
+    s%round%axis(:, s%n) = s%round%rest_axis(:, s%n)
+    s%round%radius(s%n) = round%radius
+    s%round%extent(s%n) = round%length
+  end subroutine add_round
 
   !> Everything that a body of any kind has, at rest.
   subroutine add_body(s, name, kind, centre, material)

@@ -78,42 +78,51 @@ contains
   !> Stored normal and tangential energy [J].
   pure function surface_energy(d) result(energy)
     type(dem_data_type), intent(in) :: d
-    real(wp) :: energy(2), overlap, stiffness(2), tangential, own(2)
-    type(contact_constants_type) :: c
+    real(wp) :: energy(2)
     integer(i4) :: g, k
 
     energy = 0.0_wp
     do g = 1, d%surfaces%list%near
       do k = 1, d%surfaces%list%contacts(g)
-        associate (history => d%surfaces%list%history(k, :, g))
-          c = law_of(d, k, g)
-          stiffness = surface_stiffness(d, k, g)
-          overlap = history(history_side)**2
-          if (d%surfaces%list%sign(k, g) < 0.0_wp) then
-            c%c = d%surfaces%list%sign(k, g)*c%c
-            c%kn = d%surfaces%list%sign(k, g)*c%kn
-          end if
-          tangential = 0.0_wp
-          if (stiffness(2) > 0.0_wp) tangential = 0.5_wp*sum(history(1:3)**2)/stiffness(2)
-          own = 0.0_wp
-          if (has_own_energy(d, k, g)) own = own_energy(d, k, g)
-          if (has_own_energy(d, k, g)) tangential = own(2)
-          if (.not. has_own_energy(d, k, g) .or. has_hertz_energy(d, k, g)) then
-            energy(1) = energy(1) &
-              + overlap*overlap*(c%c*history(history_root)*history(history_side) &
-                                 + 0.5_wp*c%kn)
-          else
-            energy(1) = energy(1) + own(1)
-          end if
-          if (d%surfaces%list%sign(k, g) < 0.0_wp) then
-            energy(2) = energy(2) + d%surfaces%list%sign(k, g)*tangential
-          else
-            energy(2) = energy(2) + tangential
-          end if
-        end associate
+        call add_energy(d, k, g, energy)
       end do
     end do
   end function surface_energy
+
+  !> That of contact k of near grain g.
+  pure subroutine add_energy(d, k, g, energy)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: k, g
+    real(wp), intent(inout) :: energy(2)
+    real(wp) :: overlap, stiffness(2), tangential, own(2)
+    type(contact_constants_type) :: c
+
+    associate (history => d%surfaces%list%history(k, :, g))
+      c = law_of(d, k, g)
+      stiffness = surface_stiffness(d, k, g)
+      overlap = history(history_side)**2
+      if (d%surfaces%list%sign(k, g) < 0.0_wp) then
+        c%c = d%surfaces%list%sign(k, g)*c%c
+        c%kn = d%surfaces%list%sign(k, g)*c%kn
+      end if
+      tangential = 0.0_wp
+      if (stiffness(2) > 0.0_wp) tangential = 0.5_wp*sum(history(1:3)**2)/stiffness(2)
+      own = 0.0_wp
+      if (has_own_energy(d, k, g)) own = own_energy(d, k, g)
+      if (has_own_energy(d, k, g)) tangential = own(2)
+      if (.not. has_own_energy(d, k, g) .or. has_hertz_energy(d, k, g)) then
+        energy(1) = energy(1) &
+          + overlap*overlap*(c%c*history(history_root)*history(history_side) + 0.5_wp*c%kn)
+      else
+        energy(1) = energy(1) + own(1)
+      end if
+      if (d%surfaces%list%sign(k, g) < 0.0_wp) then
+        energy(2) = energy(2) + d%surfaces%list%sign(k, g)*tangential
+      else
+        energy(2) = energy(2) + tangential
+      end if
+    end associate
+  end subroutine add_energy
 
   !> Row sums of the step limit: see dem_limits; a surface counts as a prescribed partner.
   pure subroutine add_surface_rows(d, lambda)

@@ -217,7 +217,7 @@ contains
   pure function loads_of_vertices(s) result(force)
     type(dem_surfaces_type), intent(in) :: s
     real(wp) :: force(3, s%mesh%vertices)
-    integer(i4) :: g, c, k
+    integer(i4) :: g, c, k, vertex
     force = 0.0_wp
     do g = 1, s%list%near
       if (s%list%contacts(g) == 0) cycle
@@ -225,9 +225,8 @@ contains
         if (s%list%candidate(c) <= 0) cycle
         if (.not. is_soft(s, s%mesh%owner(s%list%candidate(c)))) cycle
         do k = 1, 3
-          associate (vertex => s%mesh%corner(k, s%list%candidate(c)))
-            force(:, vertex) = force(:, vertex) + s%list%share(:, 3*(c - 1) + k)
-          end associate
+          vertex = s%mesh%corner(k, s%list%candidate(c))
+          force(:, vertex) = force(:, vertex) + s%list%share(:, 3*(c - 1) + k)
         end do
       end do
     end do

@@ -19,6 +19,7 @@ module dem_surface_search
     real(wp) :: low(3) = 0.0_wp, size = 1.0_wp
     integer(i4) :: n(3) = 1
     integer(i4), allocatable :: start(:), member(:)
+    integer(i4), allocatable :: next(:)  !! place in member that is free, while triangles enter
   end type grid_type
 
 contains
@@ -75,11 +76,35 @@ contains
     type(dem_surfaces_type), intent(in) :: s
     real(wp), intent(in) :: skin, radius(:)
     type(grid_type), intent(out) :: grid
-    real(wp) :: reach, high(3), cells, size
-    integer(i4) :: k, c, cx, cy, cz, box(3, 2), round
-    integer(i4), allocatable :: fill(:)
+    real(wp) :: reach
+    integer(i4) :: k, c, cells
 
     reach = maxval(radius) + skin
+    call size_grid(s, reach, grid)
+    cells = product(grid%n)
+    allocate (grid%start(cells + 1), grid%next(cells), source=0)
+    do k = 1, s%mesh%triangles
+      call enter(s, reach, k, grid)
+    end do
+    grid%start(1) = 1
+    do c = 1, cells
+      grid%start(c + 1) = grid%start(c) + grid%next(c)
+    end do
+    allocate (grid%member(grid%start(cells + 1) - 1))
+    grid%next = grid%start(:cells)
+    do k = 1, s%mesh%triangles
+      call enter(s, reach, k, grid)
+    end do
+  end subroutine make_grid
+
+  !> Size and number of the cells: no smaller than the mean triangle or the reach, and not too many.
+  pure subroutine size_grid(s, reach, grid)
+    type(dem_surfaces_type), intent(in) :: s
+    real(wp), intent(in) :: reach  !! of the grains [m]
+    type(grid_type), intent(inout) :: grid
+    real(wp) :: high(3), cells, size
+    integer(i4) :: k
+
     grid%low = minval(s%mesh%x, 2) - reach
     high = maxval(s%mesh%x, 2) + reach
     size = 0.0_wp
@@ -91,34 +116,28 @@ contains
     cells = product(max((high - grid%low)/grid%size, 1.0_wp))
     if (cells > most_cells) grid%size = grid%size*(cells/most_cells)**(1.0_wp/3.0_wp)*1.01_wp
     grid%n = 1 + int((high - grid%low)/grid%size, i4)
-    allocate (grid%start(product(grid%n) + 1), source=0)
-    do round = 1, 2
-      do k = 1, s%mesh%triangles
-        box(:, 1) = cell_of(grid, minval(s%mesh%x(:, s%mesh%corner(:, k)), 2) - reach)
-        box(:, 2) = cell_of(grid, maxval(s%mesh%x(:, s%mesh%corner(:, k)), 2) + reach)
-        do cz = box(3, 1), box(3, 2)
-          do cy = box(2, 1), box(2, 2)
-            do cx = box(1, 1), box(1, 2)
-              c = cx + grid%n(1)*(cy - 1 + grid%n(2)*(cz - 1))
-              if (round == 1) then
-                grid%start(c + 1) = grid%start(c + 1) + 1
-              else
-                grid%member(fill(c)) = k
-                fill(c) = fill(c) + 1
-              end if
-            end do
-          end do
+  end subroutine size_grid
+
+  !> Triangle k in the cells that its box meets: counted, and a member once there is room.
+  pure subroutine enter(s, reach, k, grid)
+    type(dem_surfaces_type), intent(in) :: s
+    real(wp), intent(in) :: reach  !! of the grains [m]
+    integer(i4), intent(in) :: k
+    type(grid_type), intent(inout) :: grid
+    integer(i4) :: c, cx, cy, cz, low(3), high(3)
+
+    low = cell_of(grid, minval(s%mesh%x(:, s%mesh%corner(:, k)), 2) - reach)
+    high = cell_of(grid, maxval(s%mesh%x(:, s%mesh%corner(:, k)), 2) + reach)
+    do cz = low(3), high(3)
+      do cy = low(2), high(2)
+        do cx = low(1), high(1)
+          c = cx + grid%n(1)*(cy - 1 + grid%n(2)*(cz - 1))
+          if (allocated(grid%member)) grid%member(grid%next(c)) = k
+          grid%next(c) = grid%next(c) + 1
         end do
       end do
-      if (round == 2) exit
-      grid%start(1) = 1
-      do c = 2, ubound(grid%start, 1)
-        grid%start(c) = grid%start(c) + grid%start(c - 1)
-      end do
-      allocate (grid%member(grid%start(ubound(grid%start, 1)) - 1))
-      fill = grid%start
     end do
-  end subroutine make_grid
+  end subroutine enter
 
   pure function cell_of(grid, x) result(c)
     type(grid_type), intent(in) :: grid
