@@ -12,6 +12,13 @@ module dem_domains
 
   integer(i4), parameter :: bins = 2048      !! of a histogram of work along an axis
 
+  !> Columns of places that are cut along an axis.
+  type :: columns_type
+    integer(i4) :: count = 1                 !! of the columns
+    integer(i4) :: parts = 1                 !! of each
+    real(wp) :: low = 0.0_wp, high = 1.0_wp  !! lowest and highest place of all
+  end type columns_type
+
 contains
 
   !> Coordinates follow the present faces of the cell.
@@ -84,17 +91,17 @@ contains
     if (allocated(halo%cut_x)) deallocate (halo%cut_x, halo%cut_y, halo%cut_z)
     allocate (halo%cut_x(0:p(1)), halo%cut_y(0:p(2), p(1)), halo%cut_z(0:p(3), p(1), p(2)))
     allocate (column(size(work)), source=1_i4)
-    call cut_axis(halo, x(1, :), work, low(1), high(1), p(1), 1_i4, column, cuts)
+    call cut_axis(halo, columns_type(1, p(1), low(1), high(1)), x(1, :), work, column, cuts)
     halo%cut_x = cuts(:, 1)
     do k = 1, size(work)
       column(k) = 1 + part_of(halo%cut_x, x(1, k))
     end do
-    call cut_axis(halo, x(2, :), work, low(2), high(2), p(2), p(1), column, cuts)
+    call cut_axis(halo, columns_type(p(1), p(2), low(2), high(2)), x(2, :), work, column, cuts)
     halo%cut_y = cuts
     do k = 1, size(work)
       column(k) = column(k) + p(1)*part_of(halo%cut_y(:, column(k)), x(2, k))
     end do
-    call cut_axis(halo, x(3, :), work, low(3), high(3), p(3), p(1)*p(2), column, cuts)
+    call cut_axis(halo, columns_type(p(1)*p(2), p(3), low(3), high(3)), x(3, :), work, column, cuts)
     halo%cut_z = reshape(cuts, [p(3) + 1, p(1), p(2)])
   end subroutine cut_domains
 
@@ -121,48 +128,55 @@ contains
 
   !> Cut each column along an axis into parts of equal work: a histogram of all ranks, linear
   !! inside its bins.
-  subroutine cut_axis(halo, x, work, low, high, parts, columns, column, cuts)
+  subroutine cut_axis(halo, columns, x, work, column, cuts)
     type(dem_halo_type), intent(in) :: halo
-    real(wp), intent(in) :: x(:), work(:), low, high
-    integer(i4), intent(in) :: parts, columns, column(:)
+    type(columns_type), intent(in) :: columns
+    real(wp), intent(in) :: x(:), work(:)             !! (n) places along the axis
+    integer(i4), intent(in) :: column(:)              !! (n)
     real(wp), allocatable, intent(out) :: cuts(:, :)  !! (0:parts, columns)
     real(wp), allocatable :: load(:)
-    real(wp) :: size_of_bin, sum, wanted
+    real(wp) :: size_of_bin
     integer(i4) :: k, c, b, at
 
-    allocate (cuts(0:parts, columns))
+    allocate (cuts(0:columns%parts, columns%count))
     cuts(0, :) = -huge(1.0_wp)
-    cuts(parts, :) = huge(1.0_wp)
-    if (parts == 1) return
-    allocate (load(bins*columns), source=0.0_wp)
-    size_of_bin = (high - low)/bins
+    cuts(columns%parts, :) = huge(1.0_wp)
+    if (columns%parts == 1) return
+    allocate (load(bins*columns%count), source=0.0_wp)
+    size_of_bin = (columns%high - columns%low)/bins
     do k = 1, size(work)
-      b = min(max(int((x(k) - low)/size_of_bin, i4), 0), bins - 1)
+      b = min(max(int((x(k) - columns%low)/size_of_bin, i4), 0), bins - 1)
       at = 1 + b + bins*(column(k) - 1)
       load(at) = load(at) + work(k)
     end do
     call halo%team%add_up(load)
-    do c = 1, columns
+    do c = 1, columns%count
       associate (bar => load(bins*(c - 1) + 1:bins*c))
         if (.not. maxval(bar) > 0.0_wp) bar = 1.0_wp
-        b = 1
-        sum = 0.0_wp
-        do k = 1, parts - 1
-          wanted = total(bar)*k/parts
-          do while (sum + bar(b) < wanted .and. b < bins)
-            sum = sum + bar(b)
-            b = b + 1
-          end do
-          cuts(k, c) = low + size_of_bin*(b - 1 + (wanted - sum)/max(bar(b), tiny(1.0_wp)))
-        end do
+        call cut_column(bar, columns%low, size_of_bin, cuts(1:columns%parts - 1, c))
       end associate
     end do
   end subroutine cut_axis
 
-  pure real(wp) function total(list)
-    real(wp), intent(in) :: list(:)
-    total = sum(list)
-  end function total
+  !> Ends of the parts of a column that share its work evenly, but the last one's.
+  pure subroutine cut_column(bar, low, size_of_bin, cut)
+    real(wp), intent(in) :: bar(:)            !! work in each bin
+    real(wp), intent(in) :: low, size_of_bin  !! start of the first bin, and size of all
+    real(wp), intent(out) :: cut(:)
+    real(wp) :: before, wanted
+    integer(i4) :: k, b
+
+    b = 1
+    before = 0.0_wp
+    do k = 1, size(cut)
+      wanted = sum(bar)*k/(size(cut) + 1)
+      do while (before + bar(b) < wanted .and. b < size(bar))
+        before = before + bar(b)
+        b = b + 1
+      end do
+      cut(k) = low + size_of_bin*(b - 1 + (wanted - before)/max(bar(b), tiny(1.0_wp)))
+    end do
+  end subroutine cut_column
 
   !> Part, from 0, that holds a place.
   pure integer(i4) function part_of(cuts, x) result(part)
