@@ -45,73 +45,91 @@ contains
       'damping.seen_kinetic', reshape(d%seen_kinetic, [1, size(d%seen_kinetic)]))
   end subroutine put_grain_arrays
 
+  !> Grains and planes as they were.
   subroutine get_grains(d, archive, errors)
     type(dem_data_type), intent(inout) :: d
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
-    integer(i8), allocatable :: ids(:, :)
-    integer(i4) :: n
 
-    n = d%grains%n
-    call archive%get_integers('grains.id', 1, n, ids, errors)
+    call compare_ids(d%grains, archive, errors)
     if (errors%any()) return
-    if (any(ids(1, :) /= d%grains%id)) then
-      call errors%add('I229', 'checkpoint: its grains have other ids than the packing', &
-                      hint='the checkpoint belongs to another packing, deck or version')
-      return
-    end if
-    call archive%get_integers('grains.kind', 1, n, ids, errors)
-    d%grains%kind = int(ids(1, :), i4)
-    call archive%get_integers('grains.material', 1, n, ids, errors)
-    d%grains%material = int(ids(1, :), i4)
     associate (g => d%grains)
-      call take('grains.x', g%x)
-      call take('grains.quat', g%quat)
-      call take('grains.v', g%v)
-      call take('grains.omega', g%omega)
-      call take('grains.axes', g%axes)
-      call take('grains.inertia', g%inertia)
-      call take('grains.force', g%force)
-      call take('grains.moment', g%moment)
-      call take('grains.theta', g%theta)
-      call take('grains.extra_force', g%extra_force)
-      call take('grains.extra_moment', g%extra_moment)
+      call take_numbers(archive, 'grains.kind', g%kind, errors)
+      call take_numbers(archive, 'grains.material', g%material, errors)
+      call take(archive, 'grains.x', g%x, errors)
+      call take(archive, 'grains.quat', g%quat, errors)
+      call take(archive, 'grains.v', g%v, errors)
+      call take(archive, 'grains.omega', g%omega, errors)
+      call take(archive, 'grains.axes', g%axes, errors)
+      call take(archive, 'grains.inertia', g%inertia, errors)
+      call take(archive, 'grains.force', g%force, errors)
+      call take(archive, 'grains.moment', g%moment, errors)
+      call take(archive, 'grains.theta', g%theta, errors)
+      call take(archive, 'grains.extra_force', g%extra_force, errors)
+      call take(archive, 'grains.extra_moment', g%extra_moment, errors)
       if (archive%find('grains.work') > 0) then
         call prescribe_some(g)
-        call take('grains.impulse', g%impulse)
-        call take('grains.moment_impulse', g%moment_impulse)
-        call take_row('grains.work', g%work)
-        call take('grains.turn', g%turn)
+        call take(archive, 'grains.impulse', g%impulse, errors)
+        call take(archive, 'grains.moment_impulse', g%moment_impulse, errors)
+        call take_row(archive, 'grains.work', g%work, errors)
+        call take(archive, 'grains.turn', g%turn, errors)
       end if
       call compare_shapes(g, archive, errors)
-      call take_row('grains.mass', g%mass)
+      call take_row(archive, 'grains.mass', g%mass, errors)
     end associate
     if (d%grains%shapes%n == 0) d%grains%radius = maxval(d%grains%axes, dim=1)
     d%grains%has_target = .false.
-    call take('planes.point', d%planes%point)
-    call take('planes.velocity', d%planes%velocity)
-    call take('planes.force', d%planes%force)
-    call take('planes.impulse', d%planes%impulse)
-    call take_row('planes.work', d%planes%work)
-
-  contains
-
-    subroutine take(name, array)
-      character(len=*), intent(in) :: name
-      real(wp), intent(inout) :: array(:, :)
-      real(wp), allocatable :: values(:, :)
-      call archive%get_reals(name, size(array, 1), size(array, 2), values, errors)
-      array = values
-    end subroutine take
-
-    subroutine take_row(name, array)
-      character(len=*), intent(in) :: name
-      real(wp), intent(inout) :: array(:)
-      real(wp), allocatable :: values(:, :)
-      call archive%get_reals(name, 1, size(array), values, errors)
-      array = values(1, :)
-    end subroutine take_row
+    call take(archive, 'planes.point', d%planes%point, errors)
+    call take(archive, 'planes.velocity', d%planes%velocity, errors)
+    call take(archive, 'planes.force', d%planes%force, errors)
+    call take(archive, 'planes.impulse', d%planes%impulse, errors)
+    call take_row(archive, 'planes.work', d%planes%work, errors)
   end subroutine get_grains
+
+  !> An array of the archive instead of the one that is there, of the same shape.
+  subroutine take(archive, name, array, errors)
+    type(dem_archive_type), intent(in) :: archive
+    character(len=*), intent(in) :: name
+    real(wp), intent(inout) :: array(:, :)
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: values(:, :)
+    call archive%get_reals(name, size(array, 1), size(array, 2), values, errors)
+    array = values
+  end subroutine take
+
+  subroutine take_row(archive, name, array, errors)
+    type(dem_archive_type), intent(in) :: archive
+    character(len=*), intent(in) :: name
+    real(wp), intent(inout) :: array(:)
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: values(:, :)
+    call archive%get_reals(name, 1, size(array), values, errors)
+    array = values(1, :)
+  end subroutine take_row
+
+  subroutine take_numbers(archive, name, array, errors)
+    type(dem_archive_type), intent(in) :: archive
+    character(len=*), intent(in) :: name
+    integer(i4), intent(inout) :: array(:)
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: values(:, :)
+    call archive%get_integers(name, 1, size(array), values, errors)
+    array = int(values(1, :), i4)
+  end subroutine take_numbers
+
+  !> The packing must still hold the grains of the checkpoint (I229).
+  subroutine compare_ids(g, archive, errors)
+    type(dem_grains_type), intent(in) :: g
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: ids(:, :)
+
+    call archive%get_integers('grains.id', 1, g%n, ids, errors)
+    if (errors%any()) return
+    if (any(ids(1, :) /= g%id)) &
+      call errors%add('I229', 'checkpoint: its grains have other ids than the packing', &
+                      hint='the checkpoint belongs to another packing, deck or version')
+  end subroutine compare_ids
 
   !> The grains of the packing must still have the shapes of the checkpoint (I229).
   subroutine compare_shapes(g, archive, errors)

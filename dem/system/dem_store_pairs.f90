@@ -63,16 +63,15 @@ contains
     pairs%most_skin = skin(3, 1)
   end subroutine get_skin
 
-  subroutine get_pairs(d, archive, errors)
-    type(dem_data_type), intent(inout) :: d
+  !> Which bodies each lane of a block joins, by which law, and where a body finds its pairs.
+  subroutine get_blocks(p, archive, errors)
+    type(dem_pairs_type), intent(inout) :: p
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
     integer(i8), allocatable :: counts(:, :), law(:, :), first(:, :), second(:, :), start(:, :), &
       entry(:, :), group(:, :)
-    real(wp), allocatable :: flat(:, :)
-    integer(i4) :: m, bodies
+    integer(i4) :: m
 
-    bodies = d%pairs%plain + d%pairs%images
     call archive%get_integers('pairs.count', 4, 1, counts, errors)
     if (errors%any()) return
     m = int(counts(1, 1), i4)
@@ -80,25 +79,35 @@ contains
     call archive%get_integers('pairs.second', lanes, m, second, errors)
     call archive%get_integers('pairs.law', m, 4, law, errors)
     call archive%get_integers('pairs.group_end', 1, -1, group, errors)
-    call archive%get_integers('pairs.start', bodies + 1, 1, start, errors)
+    call archive%get_integers('pairs.start', p%plain + p%images + 1, 1, start, errors)
     call archive%get_integers('pairs.entry', 2*int(counts(3, 1), i4), 1, entry, errors)
     if (errors%any()) return
-    associate (p => d%pairs)
-      p%blocks = m
-      p%grain_blocks = int(counts(2, 1), i4)
-      p%count = int(counts(3, 1), i4)
-      p%built_at = counts(4, 1)
-      p%first = int(first, i4)
-      p%second = int(second, i4)
-      p%law_first = int(law(:, 1), i4)
-      p%law_second = int(law(:, 2), i4)
-      p%touched = law(:, 3) == 1
-      p%round = law(:, 4) == 1
-      p%shape = int(law(:, 4)/2, i4)
-      p%groups = size(group, 2)
-      p%group_end = int(group(1, :), i4)
-      p%start = int(start(:, 1), i4)
-      p%entry = int([entry(:, 1), spread(0_i8, 1, entries_ahead)], i4)
+    p%blocks = m
+    p%grain_blocks = int(counts(2, 1), i4)
+    p%count = int(counts(3, 1), i4)
+    p%built_at = counts(4, 1)
+    p%first = int(first, i4)
+    p%second = int(second, i4)
+    p%law_first = int(law(:, 1), i4)
+    p%law_second = int(law(:, 2), i4)
+    p%touched = law(:, 3) == 1
+    p%round = law(:, 4) == 1
+    p%shape = int(law(:, 4)/2, i4)
+    p%groups = size(group, 2)
+    p%group_end = int(group(1, :), i4)
+    p%start = int(start(:, 1), i4)
+    p%entry = int([entry(:, 1), spread(0_i8, 1, entries_ahead)], i4)
+  end subroutine get_blocks
+
+  subroutine get_pairs(d, archive, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: flat(:, :)
+
+    call get_blocks(d%pairs, archive, errors)
+    if (errors%any()) return
+    associate (p => d%pairs, m => d%pairs%blocks)
       call get_skin(p, archive, errors)
       call archive%get_reals('pairs.normal', lanes*3, m, flat, errors)
       p%normal = reshape(flat, [lanes, 3, m])
