@@ -18,7 +18,7 @@ module dem_flow
   use talus_log, only: short_number
   use dem_cell, only: cell_volume
   use dem_cell_stress, only: cell_stress
-  use dem_servo_law, only: servo_law_type, check_interval
+  use dem_servo_law, only: servo_law_type, servo_view_type, check_interval
   use dem_state, only: dem_data_type
   implicit none
   private
@@ -238,6 +238,7 @@ contains
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time  !! [s]
     real(wp) :: ahead, rate, gradient(3, 3), sigma(3, 3), stiffness(10)
+    type(servo_view_type) :: view
     integer(i4) :: k
 
     if (.not. self%present) return
@@ -257,9 +258,9 @@ contains
           servo%target = (1.0_wp - servo%share)*stress_in(sigma, servo%between(1)) &
                          + servo%share*stress_in(sigma, servo%between(2))
         if (servo%curve > 0) servo%target = servo%value*self%curve(servo%curve)%at(time)
-        call servo%respond(servo%target - stress_in(sigma, servo%component), 1.0_wp, &
-                           stiffness(servo%component), ahead, sign(servo%speed, servo%target), &
-                           d%cell%held(servo%component), rate)
+        view = servo_view_type(servo%target - stress_in(sigma, servo%component), 1.0_wp, &
+                               stiffness(servo%component), ahead, sign(servo%speed, servo%target))
+        call servo%respond(view, d%cell%held(servo%component), rate)
         rate = sign_of(servo%component)*rate
         gradient = gradient + rate*direction(servo%component)
       end associate

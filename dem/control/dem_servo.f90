@@ -17,7 +17,7 @@ module dem_servo
   use talus_history, only: history_type
   use talus_log, only: short_number
   use dem_state, only: dem_data_type
-  use dem_servo_law, only: servo_law_type, check_interval
+  use dem_servo_law, only: servo_law_type, servo_view_type, check_interval
   use dem_surface_servo, only: surface_servo_type
   use dem_volume, only: constant_volume_type
   implicit none
@@ -257,8 +257,8 @@ contains
       seen(5) = -dot_product(force, p%normal(:, servo%wall))/area
       seen(6) = servo%stress
       if (servo%curve > 0) seen(6) = servo%stress*self%curve(servo%curve)%at(time)
-      call servo%respond(seen(6) - seen(5), area, stiffness(servo%wall), ahead, &
-                         servo%speed, seen(7), velocity)
+      call servo%respond(servo_view_type(seen(6) - seen(5), area, stiffness(servo%wall), ahead, &
+                                         servo%speed), seen(7), velocity)
       p%velocity(:, servo%wall) = velocity*p%normal(:, servo%wall)
     end associate
   end subroutine set_servo

@@ -9,7 +9,7 @@ module dem_servo_law
   use talus_log, only: short_number
   implicit none
   private
-  public :: servo_law_type, check_interval
+  public :: servo_law_type, servo_view_type, check_interval
 
   integer(i4), parameter :: check_interval = 10  !! between two updates
   real(wp), parameter :: integral_share = 0.02_wp
@@ -26,23 +26,28 @@ module dem_servo_law
     procedure :: reason
   end type servo_law_type
 
+  !> What a servo sees at an update; of a cell forces are stresses [Pa], velocities rates [1/s].
+  type :: servo_view_type
+    real(wp) :: lack = 0.0_wp           !! F_t - F [N], over the area [Pa] if there is one
+    real(wp) :: area = 1.0_wp           !! of a wall whose stress is held [m^2], else 1
+    real(wp) :: stiffness = 0.0_wp      !! K of what answers [N/m]
+    real(wp) :: ahead = 0.0_wp          !! T, to the next update [s]
+    real(wp) :: approach = 0.0_wp       !! velocity without contacts [m/s]
+  end type servo_view_type
+
 contains
 
-  !> Velocity until the next update; without contacts that of `approach`.
-  pure subroutine respond(self, lack, area, stiffness, ahead, approach, held, velocity)
+  !> Velocity until the next update.
+  pure subroutine respond(self, view, held, velocity)
     class(servo_law_type), intent(inout) :: self
-    real(wp), intent(in) :: lack       !! target less what is there, over area
-    real(wp), intent(in) :: area       !! by which it is a force; 1 where it is one
-    real(wp), intent(in) :: stiffness  !! of what answers
-    real(wp), intent(in) :: ahead      !! to the next update [s]
-    real(wp), intent(in) :: approach   !! without contacts
-    real(wp), intent(inout) :: held    !! v_i
-    real(wp), intent(out) :: velocity
+    type(servo_view_type), intent(in) :: view
+    real(wp), intent(inout) :: held    !! v_i [m/s], of a cell [1/s]
+    real(wp), intent(out) :: velocity  !! the same
     real(wp) :: own
 
-    velocity = approach
-    if (stiffness > 0.0_wp) then
-      own = self%gain*lack*area/(stiffness*ahead)
+    velocity = view%approach
+    if (view%stiffness > 0.0_wp) then
+      own = self%gain*view%lack*view%area/(view%stiffness*view%ahead)
       velocity = own + held
       if (abs(velocity) < self%speed) held = held + integral_share*self%gain*own
     else

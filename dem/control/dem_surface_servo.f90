@@ -14,7 +14,7 @@ module dem_surface_servo
   use talus_history, only: history_type
   use talus_log, only: short_number
   use talus_suggest, only: did_you_mean
-  use dem_servo_law, only: servo_law_type, check_interval
+  use dem_servo_law, only: servo_law_type, servo_view_type, check_interval
   use dem_state, only: dem_data_type
   use dem_surface_measure, only: body_of_part, surface_stiffness
   use dem_surface_state, only: servo_size, servo_velocity, is_bore
@@ -280,7 +280,7 @@ contains
     real(wp), intent(in) :: time  !! [s]
     type(curve_type), intent(in) :: curve(:)
     real(wp), intent(out) :: speed
-    real(wp) :: stiffness
+    type(servo_view_type) :: view
 
     associate (servo => self%servo(k), seen => d%surfaces%servo(:, self%servo(k)%body))
       seen(seen_target) = servo%force
@@ -288,12 +288,14 @@ contains
       if (servo%radial) then
         if (servo%pressed) seen(seen_target) = seen(seen_target) &
           *d%surfaces%round%radius(servo%body)/d%surfaces%round%start_radius(servo%body)
-        stiffness = normal_stiffness(d, servo%body)
+        view%stiffness = normal_stiffness(d, servo%body)
       else
-        stiffness = surface_stiffness_along(d, servo%body, servo%direction)
+        view%stiffness = surface_stiffness_along(d, servo%body, servo%direction)
       end if
-      call servo%respond(seen(seen_target) - seen(seen_force), 1.0_wp, stiffness, &
-                         check_interval*d%par%dt, servo%speed, seen(seen_held), speed)
+      view%lack = seen(seen_target) - seen(seen_force)
+      view%ahead = check_interval*d%par%dt
+      view%approach = servo%speed
+      call servo%respond(view, seen(seen_held), speed)
     end associate
   end subroutine answer
 

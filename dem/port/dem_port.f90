@@ -15,7 +15,7 @@ module dem_port
   use dem_clock, only: dem_clock_type
   use dem_ledger, only: start_ledger
   use dem_model, only: dem_model_type, program_name
-  use dem_sets, only: dem_sets_type
+  use dem_sets, only: dem_sets_type, selection_type
   use dem_parts_forces, only: is_left, slice_of_free, stage_none
   use dem_port_state, only: reply_hello, reply_describe, reply_selected, put_scalars
   use dem_port_surface, only: select_surface
@@ -132,19 +132,21 @@ contains
     integer(i8), intent(in) :: ids(:)
     type(message_type), intent(inout) :: reply
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: fields
+    type(selection_type) :: wish
     logical :: changed
     integer(i4) :: k
 
     if (role == role_name(role_surface)) then
       call select_surface(self%model, self%sets, request, name, ids, changed, errors)
     else
-      fields = ''
-      if (request%has(field_fields)) call request%get_text(field_fields, fields, errors)
+      wish%name = name
+      wish%role = role
+      wish%fields = ''
+      wish%ids = ids
+      if (request%has(field_fields)) call request%get_text(field_fields, wish%fields, errors)
       call request%all_read(errors)
       if (errors%any()) return
-      call self%sets%select(name, role, ids, fields, self%model%system, &
-                            self%model%clock%steps == 0, changed, errors)
+      call self%sets%select(wish, self%model%system, self%model%clock%steps == 0, changed, errors)
     end if
     if (errors%any()) return
     self%stale = self%stale .or. changed

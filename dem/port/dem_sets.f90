@@ -10,7 +10,7 @@ module dem_sets
   use dem_system, only: dem_system_type
   implicit none
   private
-  public :: dem_set_type, dem_sets_type, role_report, role_prescribe, role_load, &
+  public :: dem_set_type, dem_sets_type, selection_type, role_report, role_prescribe, role_load, &
     role_surface, role_border
 
   type :: dem_set_type
@@ -22,6 +22,13 @@ module dem_sets
   contains
     procedure :: wants
   end type dem_set_type
+
+  !> What a partner asks for with SELECT.
+  type :: selection_type
+    character(len=:), allocatable :: name, role  !! of the set; of its grains
+    character(len=:), allocatable :: fields      !! as in the message, '' for the usual
+    integer(i8), allocatable :: ids(:)           !! of the grains
+  end type selection_type
 
   type :: dem_sets_type
     integer(i4) :: count = 0
@@ -56,10 +63,9 @@ contains
   end subroutine find
 
   !> Make a set, or replace the one of this name. changed is set if kinds of grains changed.
-  subroutine select(self, name, role_name, ids, fields, system, may_change, changed, errors)
+  subroutine select(self, wish, system, may_change, changed, errors)
     class(dem_sets_type), intent(inout) :: self
-    character(len=*), intent(in) :: name, role_name, fields
-    integer(i8), intent(in) :: ids(:)
+    type(selection_type), intent(in) :: wish
     type(dem_system_type), intent(inout) :: system
     logical, intent(in) :: may_change  !! no step was taken yet
     logical, intent(out) :: changed
@@ -69,15 +75,15 @@ contains
 
     before = errors%count
     changed = .false.
-    call role_of(role_name, role, errors)
-    call system%find(ids, index, errors)
+    call role_of(wish%role, role, errors)
+    call system%find(wish%ids, index, errors)
     if (errors%count > before) return
     if (role == role_prescribe) call prescribe(system, index, may_change, changed, errors)
     if (role == role_load) call check_free(system, index, errors)
     if (role == role_border) call check_ghosts(system, index, errors)
     if (errors%count > before) return
     if (role == role_border) call system%set_border(index)
-    call self%put(name, role, fields, index, 0)
+    call self%put(wish%name, role, wish%fields, index, 0)
   end subroutine select
 
   !> A set by this name, new or instead of the one that had it.
