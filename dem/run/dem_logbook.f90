@@ -1,27 +1,22 @@
-!> Report of a run: log (header, model, rows, health) and summary.json.
+!> Log of a run: header, model, rows, health.
 module dem_logbook
-  use talus_kinds, only: wp, i4, i8
+  use talus_kinds, only: wp, i4
   use talus_text, only: str, string_type
-  use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use talus_log, only: log_type, short_number, duration_text
-  use talus_summary, only: summary_type
-  use talus_timers, only: timers_type
   use dem_state, only: kind_free, kind_fixed, kind_driven, kind_ghost
-  use dem_equilibrium, only: dem_equilibrium_type
   use dem_shape, only: bulge, hertz_radius
   use dem_shape_state, only: shape_octants, shape_powers
   use dem_system, only: dem_system_type
   use dem_histories, only: relative_closure
   use dem_clock, only: dem_clock_type
-  use dem_rank_team, only: dem_rank_team_type
   use dem_surface_body, only: is_free
   use dem_surface_state, only: dem_surfaces_type, surface_cone, is_cylinder, is_bore
   use dem_setup, only: dem_choices_type
   use dem_setup_laws, only: law_lines
   implicit none
   private
-  public :: begin_log, log_model, log_row_titles, log_row, log_health, write_summary
+  public :: begin_log, log_model, log_row_titles, log_row, log_health
 
 contains
 
@@ -201,76 +196,4 @@ contains
       str(clock%unstable)//' checks'
     call log%health(text)
   end subroutine log_health
-
-  !> summary.json; steps_time is the wall time spent in steps [s].
-  subroutine write_summary(path, program, deck, system, clock, timers, steps_done, steps_time, &
-                           exit_code, faults, equilibrium, errors)
-    character(len=*), intent(in) :: path, program
-    type(deck_type), intent(in) :: deck
-    type(dem_system_type), intent(inout) :: system
-    type(dem_clock_type), intent(in) :: clock
-    type(timers_type), intent(in) :: timers
-    integer(i8), intent(in) :: steps_done  !! in this run, without those before a restart
-    real(wp), intent(in) :: steps_time
-    integer(i4), intent(in) :: exit_code
-    type(error_list_type), intent(in) :: faults
-    type(dem_equilibrium_type), intent(in) :: equilibrium
-    type(error_list_type), intent(inout) :: errors
-    type(summary_type) :: summary
-    real(wp) :: rate
-
-    call system%refresh_ledger()
-    call summary%set_program(program, deck%source%path, deck%hash())
-    call summary%set('exit_code', exit_code)
-    call summary%set('wall_time_s', timers%elapsed())
-    call summary%set('steps', clock%steps)
-    call summary%set('time_s', clock%time())
-    call summary%set('dt_s', clock%dt)
-    call summary%set('grains', system%grains%n)
-    call summary%set('free_grains', int(count(system%grains%kind == kind_free), i4))
-    call summary%set('contacts', system%contact_number())
-    rate = 0.0_wp
-    if (steps_time > 0.0_wp) rate = real(steps_done, wp)/steps_time
-    call summary%set('grain_steps_per_s', rate*system%grains%n)
-    call summary%set('free_grain_steps_per_s', rate*count(system%grains%kind == kind_free))
-    call summary%set('health.energy_error', relative_closure(system))
-    call summary%set('health.closure_J', system%closure())
-    call summary%set('health.max_overlap', system%health%max_overlap)
-    call summary%set('health.rebuilds', system%health%rebuilds)
-    call summary%set('health.late_rebuilds', system%health%late_rebuilds)
-    call summary%set('health.steps_above_limit', clock%unstable)
-    if (system%pairs%extras%bond%given) then
-      call summary%set('health.bonds_made', system%pairs%extras%made)
-      call summary%set('health.bonds_torn', system%pairs%extras%torn)
-      call summary%set('health.bonds_sheared', system%pairs%extras%sheared)
-    end if
-    if (equilibrium%watched) then
-      call summary%set('health.equilibrium', equilibrium%reached)
-      call summary%set('health.unbalanced_force', equilibrium%unbalanced)
-      call summary%set('health.kinetic_over_elastic', equilibrium%energy_ratio)
-    end if
-    if (allocated(system%rank_team)) call put_ranks(summary, system%rank_team)
-    call summary%set('energy.kinetic_J', system%ledger%kinetic)
-    call summary%set('energy.elastic_J', system%ledger%elastic_normal &
-                     + system%ledger%elastic_tangential)
-    call summary%set_timers(timers)
-    call summary%set_errors(faults)
-    call summary%write(path, errors)
-  end subroutine write_summary
-
-  !> How the ranks shared the work.
-  subroutine put_ranks(summary, rank_team)
-    type(summary_type), intent(inout) :: summary
-    type(dem_rank_team_type), intent(in) :: rank_team
-    call summary%set('ranks.count', rank_team%team%ranks)
-    call summary%set('ranks.exchange_s', rank_team%marks%exchange(2))
-    call summary%set('ranks.least_exchange_s', rank_team%marks%exchange(1))
-    call summary%set('ranks.most_exchange_s', rank_team%marks%exchange(3))
-    call summary%set('ranks.imbalance', rank_team%marks%imbalance)
-    call summary%set('ranks.least_grains', nint(rank_team%marks%own(1), i4))
-    call summary%set('ranks.most_grains', nint(rank_team%marks%own(2), i4))
-    call summary%set('ranks.most_mirrors', nint(rank_team%marks%mirrors(2), i4))
-    call summary%set('ranks.bytes_a_step', rank_team%marks%bytes)
-    call summary%set('ranks.messages_a_step', rank_team%marks%messages)
-  end subroutine put_ranks
 end module dem_logbook

@@ -9,9 +9,9 @@ module dem_model
   use talus_log, only: short_number
   use talus_stop, only: stop_none
   use dem_state, only: dem_health_type
-  use dem_cell, only: cell_volume
   use dem_clock, only: event_checkpoint
-  use dem_logbook, only: log_health, write_summary
+  use dem_logbook, only: log_health
+  use dem_summary, only: write_summary
   use dem_surcharge_renew, only: renew_surcharge
   use dem_view, only: see_grains, keep_packing, wall_stiffness_of
   use dem_run_output, only: dem_written_run_type
@@ -91,8 +91,7 @@ contains
     call self%timers%start('probes')
     call self%probe%run(self%system, self%deck%source%path, errors)
     call self%timers%stop('probes')
-    call self%probe%write(self%stem, program_name, self%deck, self%clock%time(), &
-                          cell_volume(self%system%cell), self%log, errors)
+    call self%probe%write(self%stem, program_name, self%deck, self%clock%time(), self%log, errors)
   end subroutine take_probes
 
   !> Steps until the next event. A stop at an odd time (t_end off the grid) must not show in the
@@ -197,9 +196,7 @@ contains
     if (allocated(self%system%rank_team)) &
       call self%log%item('ranks', self%system%rank_team%text(self%steps_seconds()))
     call self%log%timer_table(self%timers)
-    call write_summary(self%stem//'_summary.json', program_name, self%deck, self%system, &
-                       self%clock, self%timers, self%clock%steps - self%start_steps, &
-                       self%steps_seconds(), exit_code, errors, self%equilibrium, ignored)
+    call write_summary(self, exit_code, errors, ignored)
     call self%log%finish(program_name, exit_code, 'time '//short_number(self%clock%time())// &
                          ' s, '//str(self%clock%steps)//' steps')
     call self%log%close()

@@ -45,6 +45,7 @@ module dem_probe
     logical :: done = .false.
     real(wp) :: limit = 0.0_wp           !! unbalanced force at which a probe is at rest [-]
     real(wp) :: sigma(3, 3) = 0.0_wp     !! before the probes [Pa]
+    real(wp) :: volume = 0.0_wp          !! of the cell [m^3]
     real(wp) :: probed(6, 6) = 0.0_wp    !! [Pa]
     real(wp) :: affine(6, 6) = 0.0_wp    !! [Pa]
     real(wp) :: one_sided = 0.0_wp       !! largest difference of both sides over the larger one [-]
@@ -112,6 +113,7 @@ contains
     call self%relax(system, 'before the probes', place, errors)
     still = system%dem_data_type
     call cell_stress(still, self%sigma, stiffness)
+    self%volume = cell_volume(still%cell)
     call self%put_affine(system, errors)
     do k = 1, 6
       do side = 1, merge(2, 1, self%both)
@@ -241,11 +243,11 @@ contains
   end subroutine put_affine
 
   !> Log, <stem>_probe.json and <stem>_probe.csv.
-  subroutine write_probe(self, stem, program, deck, time, volume, log, errors)
+  subroutine write_probe(self, stem, program, deck, time, log, errors)
     class(dem_probe_type), intent(in) :: self
     character(len=*), intent(in) :: stem, program
     type(deck_type), intent(in) :: deck
-    real(wp), intent(in) :: time, volume  !! [s], [m^3]
+    real(wp), intent(in) :: time  !! [s]
     type(log_type), intent(inout) :: log
     type(error_list_type), intent(inout) :: errors
     type(summary_type) :: file
@@ -266,7 +268,7 @@ contains
     call file%set('both_sides', self%both)
     call file%set('steps', self%steps)
     call file%set('sides_differ', self%one_sided)
-    call file%set('volume_m3', volume)
+    call file%set('volume_m3', self%volume)
     call file%set('stress_Pa', six_of(self%sigma))
     call file%set('pressure_Pa', -sum([self%sigma(1, 1), self%sigma(2, 2), self%sigma(3, 3)]) &
                   /3.0_wp)
