@@ -17,6 +17,7 @@ from pathlib import Path
 
 import style_labels
 import style_procedures
+from style_procedures import code_of
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = ("common", "dem", "fem", "couple", "tests/unit")
@@ -50,29 +51,6 @@ BLIND = (
 )
 OF_C = re.compile(r"\bcall\s+c_f_pointer\b")
 FORMAT = re.compile(r"^\s*\d+\s+format\b")
-
-
-def code_of(lines: list[str]) -> list[str]:
-    """Return the lines in lower case without comments, and with the insides of strings blanked."""
-    bare, quote = [], ""
-    for line in lines:
-        kept = []
-        for letter in line:
-            if quote:
-                quote = "" if letter == quote else quote
-                kept.append(letter if not quote else " ")
-            elif letter in "'\"":
-                quote = letter
-                kept.append(letter)
-            elif letter == "!":
-                break
-            else:
-                kept.append(letter)
-        text = "".join(kept)
-        if quote and not text.rstrip().endswith("&") and not line.rstrip().endswith("&"):
-            quote = ""
-        bare.append(text.lower())
-    return bare
 
 
 def check_layout(path: Path, lines: list[str]) -> list[tuple[int, str]]:

@@ -1,6 +1,6 @@
 """Measure Fortran procedures: lines, arguments, levels of nesting; find variables of modules.
 
-All functions take code as style.code_of returns it: lower case, without comments and strings.
+The functions take code as `code_of` returns it: lower case, without comments and strings.
 """
 
 import re
@@ -34,6 +34,29 @@ class Procedure:
     lines: int
     arguments: int
     nesting: int
+
+
+def code_of(lines: list[str]) -> list[str]:
+    """Return the lines in lower case without comments, and with the insides of strings blanked."""
+    bare, quote = [], ""
+    for line in lines:
+        kept = []
+        for letter in line:
+            if quote:
+                quote = "" if letter == quote else quote
+                kept.append(letter if not quote else " ")
+            elif letter in "'\"":
+                quote = letter
+                kept.append(letter)
+            elif letter == "!":
+                break
+            else:
+                kept.append(letter)
+        text = "".join(kept)
+        if quote and not text.rstrip().endswith("&") and not line.rstrip().endswith("&"):
+            quote = ""
+        bare.append(text.lower())
+    return bare
 
 
 def joined(code: list[str]) -> list[tuple[int, int, str]]:
