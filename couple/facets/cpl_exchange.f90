@@ -76,9 +76,11 @@ contains
       face%ledger%iterations = trial
       call advance_grains(face, solvers(side_grains), t0, t1, timers, errors)
       if (errors%any()) return
-      face%motion%w_spring = face%motion%w_new
-      if (choices%scheme == scheme_average) &
-        face%motion%w_spring = face%motion%w_spring + lead(face)*(face%motion%w_new - face%motion%w)
+      if (choices%scheme == scheme_average) then
+        call face%lay_springs(lead(face))
+      else
+        call face%lay_springs()
+      end if
       call solve_solid(face, solvers(side_solid), trial, t0, t1, timers, errors)
       if (errors%any() .or. choices%scheme == scheme_average) exit
       gap = face%gap()
@@ -99,8 +101,7 @@ contains
       if (.not. errors%any()) &
         call judge_both(solvers, verb_reject, face%step, t0, t1, timers, errors)
       if (errors%any()) return
-      face%motion%w_new = face%motion%u_new
-      call face%follow()
+      call face%follow_facets()
     end do
     if (errors%any()) return
     if (use_midpoint(face)) face%forces%p_put = 2.0_wp*face%relax%held - face%forces%p_put
@@ -143,14 +144,11 @@ contains
     type(error_list_type), intent(inout) :: errors
 
     face%ledger%iterations = 1
-    face%forces%p_mean = face%forces%p_end
-    if (face%dynamic) face%forces%p_mean = 1.5_wp*face%forces%p_end - 0.5_wp*face%forces%p_before
-    face%forces%p_before = face%forces%p_end
+    call face%forces%foretell(face%dynamic)
     call solve_solid(face, solvers(side_solid), 1_i4, t0, t1, timers, errors)
     if (errors%any()) return
     if (use_midpoint(face)) face%forces%p_put = 2.0_wp*face%relax%held - face%forces%p_put
-    face%motion%w_new = face%motion%u_new
-    call face%follow()
+    call face%follow_facets()
     call advance_grains(face, solvers(side_grains), t0, t1, timers, errors)
   end subroutine step_with_state
 
@@ -161,10 +159,9 @@ contains
     real(wp), intent(in) :: t0, t1
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: span, impulse(3, face%map%ghosts)
+    real(wp), dimension(3, face%map%ghosts) :: impulse, moment_impulse
     integer(i4) :: substeps
 
-    span = t1 - t0
     call grains%start_request(verb_advance, face%step, t0, t1)
     call grains%request%put(ghost_set//dot_x, face%place%x_start + face%motion%d_new(:3, :))
     if (face%transfer%rows > 3) call grains%request%put(ghost_set//dot_quat, face%motion%quat_new)
@@ -173,18 +170,17 @@ contains
     associate (reply => grains%reply)
       call read_forces(face, grains, face%forces%p_end, errors)
       call reply%get(ghost_set//dot_impulse, impulse, errors)
-      face%forces%m_mean = 0.0_wp
+      moment_impulse = 0.0_wp
       if (len(face%place%material) == 0) &
-        call reply%get(ghost_set//dot_moment_impulse, face%forces%m_mean, errors)
+        call reply%get(ghost_set//dot_moment_impulse, moment_impulse, errors)
       call reply%get(ghost_set//dot_work, face%ledger%step_work, errors)
       call reply%get(field_scalars, face%ledger%grains_new, errors)
       call reply%get_int(field_substeps, substeps, errors)
       call reply%all_read(errors)
     end associate
-    face%forces%m_mean = face%forces%m_mean/span
-    face%forces%p_mean(:3, :) = impulse/span
-    if (face%transfer%rows > 3) face%forces%p_mean(4:, :) = face%forces%m_mean
-    if (errors%any() .or. face%finite()) return
+    if (errors%any()) return
+    call face%forces%average(impulse, moment_impulse, t1 - t0)
+    if (face%finite()) return
     call errors%add('N407', 'a force on a ghost is no number', &
       'exchange from '//str(t0)//' s to '// &
                     str(t1)//' s', 'the grains have become unstable: check their step limit')
@@ -318,8 +314,8 @@ contains
       call grains%reply%all_read(errors)
     end associate
     if (errors%any()) return
-    face%watch%contact_stiffness = maxval(stiffness)
-    face%watch%force_at_check = maxval(abs(face%forces%p_end))
+    call face%watch%note_stiffness(stiffness)
+    call face%watch%note_force(face%forces%p_end)
     if (face%watch%contact_stiffness <= face%springs%stiffness) then
       face%watch%outgrown = 0
       return

@@ -42,12 +42,16 @@ module cpl_interface
   contains
     procedure :: init
     procedure :: resume
+    procedure :: orient
     procedure :: follow
+    procedure :: follow_facets
+    procedure :: lay_springs
     procedure :: predict
     procedure :: gap
     procedure :: settled
     procedure, private :: force_lag
     procedure :: accept
+    procedure :: keep_rehearsed
     procedure :: finite
   end type interface_type
 
@@ -105,6 +109,14 @@ contains
     self%motion%quat_new = self%motion%quat
   end subroutine resume
 
+  !> Orientations of the ghosts, accepted and on trial.
+  subroutine orient(self, quat)
+    class(interface_type), intent(inout) :: self
+    real(wp), intent(in) :: quat(:, :)  !! (4, g)
+    self%motion%quat = quat
+    self%motion%quat_new = quat
+  end subroutine orient
+
   !> The ghosts go where the trial motion w_new of the nodes takes them. They turn by the change of
   !! their rotation since the accepted state, at a constant spin: the power of the moments is then
   !! that of the nodal forces.
@@ -118,6 +130,23 @@ contains
         - self%motion%d(4:6, g))
     end do
   end subroutine follow
+
+  !> The ghosts go where the facets are (trial).
+  subroutine follow_facets(self)
+    class(interface_type), intent(inout) :: self
+    self%motion%w_new = self%motion%u_new
+    call self%follow()
+  end subroutine follow_facets
+
+  !> Springs are laid where the ghosts are (trial), or ahead of them by a share of the motion of
+  !! the interval.
+  subroutine lay_springs(self, ahead)
+    class(interface_type), intent(inout) :: self
+    real(wp), intent(in), optional :: ahead  !! [-]
+    self%motion%w_spring = self%motion%w_new
+    if (present(ahead)) &
+      self%motion%w_spring = self%motion%w_spring + ahead*(self%motion%w_new - self%motion%w)
+  end subroutine lay_springs
 
   !> Motion that the ghosts follow in the next interval of length h [s]. Statics: to where the
   !! facets were found last (lagged: extrapolation halves the stable stiffness). Dynamics: straight
@@ -202,6 +231,14 @@ contains
     self%step = self%step + 1
     self%ledger%all_iterations = self%ledger%all_iterations + self%ledger%iterations
   end subroutine accept
+
+  !> What the ghosts did on trial in a rehearsal is where they are; the solid stays on trial.
+  subroutine keep_rehearsed(self)
+    class(interface_type), intent(inout) :: self
+    self%motion%w = self%motion%w_new
+    self%motion%d = self%motion%d_new
+    self%motion%quat = self%motion%quat_new
+  end subroutine keep_rehearsed
 
   !> Are motion and forces numbers?
   pure logical function finite(self)

@@ -56,6 +56,10 @@ module cpl_interface_state
     real(wp), allocatable :: p_before(:, :)  !! force at the end of the interval before [N]
     real(wp), allocatable :: p_put(:, :)     !! force at tn that the implicit solid holds [N]
     real(wp), allocatable :: m_mean(:, :)    !! mean moment on each ghost (3, g) [N m]
+  contains
+    procedure :: begin => begin_forces
+    procedure :: foretell
+    procedure :: average
   end type interface_forces_type
 
   !> Checks of the stiffness of the contacts, for springs.
@@ -65,6 +69,9 @@ module cpl_interface_state
     integer(i4) :: refactored = 0            !! times the springs were raised
     real(wp) :: contact_stiffness = 0.0_wp   !! largest of a ghost at the last check [N/m]
     real(wp) :: force_at_check = 0.0_wp       !! largest force on a ghost then [N]
+  contains
+    procedure :: note_stiffness
+    procedure :: note_force
   end type interface_watch_type
 
   !> Works, energies, iterations.
@@ -81,4 +88,47 @@ module cpl_interface_state
     real(wp) :: grains(scalar_count) = 0.0_wp, solid(scalar_count) = 0.0_wp
     real(wp) :: grains_new(scalar_count) = 0.0_wp, solid_new(scalar_count) = 0.0_wp
   end type interface_ledger_type
+
+contains
+
+  !> Forces at the start: those of the interval before are the same.
+  pure subroutine begin_forces(self, p)
+    class(interface_forces_type), intent(inout) :: self
+    real(wp), intent(in) :: p(:, :)  !! (rows, g) [N, N m]
+    self%p_end = p
+    self%p_before = p
+  end subroutine begin_forces
+
+  !> Mean force of the next interval: that at its start, or (straight) where the last two lead.
+  pure subroutine foretell(self, straight)
+    class(interface_forces_type), intent(inout) :: self
+    logical, intent(in) :: straight
+    self%p_mean = self%p_end
+    if (straight) self%p_mean = 1.5_wp*self%p_end - 0.5_wp*self%p_before
+    self%p_before = self%p_end
+  end subroutine foretell
+
+  !> Mean over an interval from the impulses; the mean moments are those of the ghosts' turning.
+  pure subroutine average(self, impulse, moment_impulse, span)
+    class(interface_forces_type), intent(inout) :: self
+    real(wp), intent(in) :: impulse(:, :), moment_impulse(:, :)  !! (3, g) [N s], [N m s]
+    real(wp), intent(in) :: span                                 !! [s]
+    self%m_mean = moment_impulse/span
+    self%p_mean(:3, :) = impulse/span
+    if (size(self%p_mean, 1) > 3) self%p_mean(4:, :) = self%m_mean
+  end subroutine average
+
+  !> Stiffness of the ghosts' contacts: the largest is kept.
+  pure subroutine note_stiffness(self, stiffness)
+    class(interface_watch_type), intent(inout) :: self
+    real(wp), intent(in) :: stiffness(:)  !! (g) [N/m]
+    self%contact_stiffness = maxval(stiffness)
+  end subroutine note_stiffness
+
+  !> Forces on the ghosts when their stiffness is known: the largest is kept.
+  pure subroutine note_force(self, p)
+    class(interface_watch_type), intent(inout) :: self
+    real(wp), intent(in) :: p(:, :)  !! (rows, g) [N, N m]
+    self%force_at_check = maxval(abs(p))
+  end subroutine note_force
 end module cpl_interface_state

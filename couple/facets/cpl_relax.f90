@@ -22,6 +22,8 @@ module cpl_relax
   contains
     procedure :: init
     procedure :: force
+    procedure :: hold
+    procedure :: resume
     procedure, private :: weighted
   end type relax_type
 
@@ -41,6 +43,22 @@ contains
     if (allocated(self%held)) deallocate (self%held, self%residual)
     allocate (self%held(rows, ghosts), self%residual(rows, ghosts), source=0.0_wp)
   end subroutine init
+
+  !> The solid carries this already.
+  subroutine hold(self, load)
+    class(relax_type), intent(inout) :: self
+    real(wp), intent(in) :: load(:, :)  !! (rows, ghosts) [N, N m]
+    self%held = load
+  end subroutine hold
+
+  !> Memory after a restart, beside held and residual.
+  subroutine resume(self, factor, begun)
+    class(relax_type), intent(inout) :: self
+    real(wp), intent(in) :: factor
+    logical, intent(in) :: begun
+    self%factor = factor
+    self%begun = begun
+  end subroutine resume
 
   !> Force to put on the solid at the ghosts, from the force measured there. Springs act beside it
   !! (cpl_springs).

@@ -181,7 +181,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i8), allocatable :: all_ids(:)
     real(wp), allocatable :: radius(:), quat(:, :)
-    integer(i4) :: g, k
+    integer(i4) :: row(face%map%ghosts), g
 
     call grains%describe(what_grains, '', timers, errors)
     if (errors%any()) return
@@ -190,11 +190,10 @@ contains
     call grains%reply%take(field_quat, quat, errors)
     if (errors%any()) return
     do g = 1, face%map%ghosts
-      k = findloc(all_ids, face%map%ghost_id(g), 1)
-      face%place%radius(g) = radius(k)
-      face%motion%quat(:, g) = quat(:, k)
+      row(g) = findloc(all_ids, face%map%ghost_id(g), 1)
     end do
-    face%motion%quat_new = face%motion%quat
+    face%place%radius = radius(row)
+    call face%orient(quat(:, row))
     face%relax%arm = sum(face%place%radius)/face%map%ghosts
   end subroutine find_radii
 
@@ -224,7 +223,7 @@ contains
       call select_rotations(face, solvers(side_solid), timers, errors)
     if (errors%any()) return
     call solvers(side_grains)%reply%get(field_stiffness, stiffness, errors)
-    if (.not. errors%any()) face%watch%contact_stiffness = maxval(stiffness)
+    if (.not. errors%any()) call face%watch%note_stiffness(stiffness)
   end subroutine select_sets
 
   !> SELECT the micro-rotations of the interface nodes.
@@ -261,9 +260,8 @@ contains
       call read_forces(face, solvers(side_grains), p, errors)
       call solvers(side_grains)%reply%get(field_scalars, face%ledger%grains, errors)
       if (errors%any()) return
-      face%forces%p_end = p
-      face%forces%p_before = p
-      face%watch%force_at_check = maxval(abs(p))
+      call face%forces%begin(p)
+      call face%watch%note_force(p)
       if (choices%interface == interface_springs) then
         stiffness = choices%stiffness
         if (.not. stiffness > 0.0_wp) stiffness = first_stiffness*face%watch%contact_stiffness
@@ -273,7 +271,7 @@ contains
       if (choices%dead_load) then
         call face%transfer%to_nodes(p, face%start%dead_load)
         face%start%dead_load = -face%start%dead_load
-        face%relax%held = p
+        call face%relax%hold(p)
         face%relax%begun = .true.
       end if
     end if
@@ -295,13 +293,14 @@ contains
     type(cpl_solver_type), intent(inout) :: solvers(2)
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
+    real(wp) :: p(face%transfer%rows, face%map%ghosts)
 
     call ready(solvers(side_grains), .false., face%step, timers, errors)
     if (errors%any()) return
-    call read_forces(face, solvers(side_grains), face%forces%p_end, errors)
+    call read_forces(face, solvers(side_grains), p, errors)
     call solvers(side_grains)%reply%get(field_scalars, face%ledger%grains, errors)
-    face%forces%p_before = face%forces%p_end
-    face%watch%force_at_check = maxval(abs(face%forces%p_end))
+    call face%forces%begin(p)
+    call face%watch%note_force(p)
     if (.not. errors%any()) call ready(solvers(side_solid), .false., face%step, timers, errors)
     if (.not. errors%any()) call take_solid(face, solvers(side_solid), errors)
   end subroutine end_rehearsal

@@ -89,16 +89,13 @@ contains
     change = 0.0_wp
     u_before = face%motion%u_new
     p_before = face%forces%p_mean
-    face%motion%w_new = face%motion%u_new
-    call face%follow()
+    call face%follow_facets()
     t1 = k*choices%exchange
     call advance_grains(face, solvers(side_grains), (k - 1)*choices%exchange, t1, timers, errors)
     if (.not. errors%any()) call send_verb(solvers(side_grains), verb_accept, timers, errors)
     if (errors%any()) return
-    face%motion%w_spring = face%motion%w_new + lead(face)*(face%motion%w_new - face%motion%w)
-    face%motion%w = face%motion%w_new
-    face%motion%d = face%motion%d_new
-    face%motion%quat = face%motion%quat_new
+    call face%lay_springs(lead(face))
+    call face%keep_rehearsed()
     call solve_solid(face, solvers(side_solid), k, 0.0_wp, 0.0_wp, timers, errors)
     if (errors%any()) return
     change(1) = relative(face%motion%u_new - u_before, face%motion%u_new)

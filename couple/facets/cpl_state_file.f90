@@ -128,7 +128,7 @@ contains
     face%ledger%lost_impulse = numbers(4)
     if (numbers(5) > 0.0_wp) &
       call face%springs%make(numbers(5), face%map, face%transfer, face%place%radius)
-    face%relax%factor = numbers(6)
+    call face%relax%resume(numbers(6), counts(5) == 1)
     face%watch%contact_stiffness = numbers(7)
     face%watch%force_at_check = numbers(8)
     face%ledger%largest = numbers(9)
@@ -136,7 +136,6 @@ contains
     face%ledger%all_iterations = counts(2)
     face%watch%outgrown = int(counts(3), i4)
     face%watch%refactored = int(counts(4), i4)
-    face%relax%begun = counts(5) == 1
     call face%resume()
   end subroutine read_state
 end module cpl_state_file
