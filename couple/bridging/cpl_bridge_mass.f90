@@ -69,8 +69,7 @@ contains
     all_phi = o%cells%inertia*own_phi
     own = o%cells%mass*own_phi
     b%weight_excess = own(o%op%node) - o%cells%mass(o%op%node)
-    o%own%mass = own(o%op%node)
-    o%own%inertia = all_phi(o%op%node_phi)
+    call o%own%take_masses(own(o%op%node), all_phi(o%op%node_phi))
     o%own%moved_mass = sum(b%weight*o%pack%mass(o%sets%ghost))
   end subroutine share_domain
 

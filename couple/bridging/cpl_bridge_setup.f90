@@ -110,10 +110,7 @@ contains
       b%hold(:, g) = -o%forces%p(:, g) - b%move%grain(g)*gravity
     end do
     if (b%turns) b%hold_couple = -o%forces%m
-    o%forces%f_hold = -o%forces%f
-    o%forces%c_hold = -o%forces%c
-    o%forces%f = 0.0_wp
-    o%forces%c = 0.0_wp
+    call o%forces%hold_nodes()
   end subroutine hold_start
 
   !> Sets of both solvers. Prescribed for the solid are all nodes of the overlap, bound or not.
@@ -190,7 +187,7 @@ contains
       domain%grain = b%weight*o%pack%mass(ghost)
       domain%held = o%own%held
       call b%move%build(domain, b%lumped, errors)
-      where (.not. bound(o%op%node)) o%own%mass = 0.0_wp
+      call o%own%drop_masses(bound(o%op%node))
       if (.not. b%turns .or. errors%any()) return
       domain%n = o%op%ghost_phi
       domain%bound = bound(o%op%node_phi)
@@ -199,7 +196,7 @@ contains
       domain%grain = b%weight*o%pack%slimmest(ghost)
       domain%held = o%own%held_phi
       call b%turn%build(domain, b%lumped, errors)
-      where (.not. bound(o%op%node_phi)) o%own%inertia = 0.0_wp
+      call o%own%drop_inertias(bound(o%op%node_phi))
     end associate
   end subroutine build_fields
 

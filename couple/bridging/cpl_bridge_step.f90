@@ -47,7 +47,8 @@ contains
     end associate
     trial%before = o%motion%v
     trial%before_phi = o%motion%w
-    call kick_nodes(o, b, kick, bulk)
+    call o%kick_nodes(b%move%at, kick, bulk)
+    if (b%turns) call o%kick_turns(b%turn%at, kick, bulk)
     if (.not. allocated(trial%v)) allocate (trial%v(3, o%op%ghosts), trial%spin(3, o%op%ghosts))
     do g = 1, o%op%ghosts
       trial%v(:, g) = keep*b%v(:, g) + trial%push*((o%forces%p(:, g) + b%hold(:, &
@@ -60,30 +61,6 @@ contains
     end do
   end subroutine trial_kick
 
-  !> Velocities of the nodes of the domain: forces of elements over free grains, and once an
-  !! exchange those of the others.
-  subroutine kick_nodes(o, b, kick, bulk)
-    type(overlap_type), intent(inout) :: o
-    type(bridge_type), intent(in) :: b
-    real(wp), intent(in) :: kick, bulk  !! [s]
-    integer(i4) :: k, a
-    associate (at => b%move%at)
-      do k = 1, size(at)
-        a = at(k)
-        where (.not. o%own%held(:, a)) o%motion%v(:, a) = o%motion%v(:, a) &
-          + (kick*o%forces%f(:, a) + bulk*o%forces%bulk(:, a))/o%own%mass(a)
-      end do
-    end associate
-    if (.not. b%turns) return
-    associate (at => b%turn%at)
-      do k = 1, size(at)
-        a = at(k)
-        where (.not. o%own%held_phi(:, a)) o%motion%w(:, a) = o%motion%w(:, a) &
-          + (kick*o%forces%c(:, a) + bulk*o%forces%bulk_phi(:, a))/o%own%inertia(a)
-      end do
-    end associate
-  end subroutine kick_nodes
-
   !> Nodes of the domain go on; the other nodes of the free grains' elements follow the grains when
   !! an exchange ends: nothing depends on them. Work of the loads that balance the start.
   subroutine drift(o, b, dt, last)
@@ -91,34 +68,42 @@ contains
     type(bridge_type), intent(in) :: b
     real(wp), intent(in) :: dt  !! [s]
     logical, intent(in) :: last
-    real(wp) :: u(3, o%op%nodes), phi(3, o%op%nodes_phi)
+    call note_hold(o, b, dt)
+    call o%drift_nodes(b%move%at, dt)
+    if (b%turns) call o%drift_turns(b%turn%at, dt)
+    if (.not. last) return
+    if (b%turns) then
+      call o%follow_around(b%move%at, b%turn%at)
+    else
+      call o%follow_around(b%move%at)
+    end if
+  end subroutine drift
+
+  !> Work of the loads that balance the start.
+  subroutine note_hold(o, b, dt)
+    type(overlap_type), intent(inout) :: o
+    type(bridge_type), intent(in) :: b
+    real(wp), intent(in) :: dt  !! [s]
+    real(wp) :: work
     integer(i4) :: a
 
+    work = o%ledger%hold_work
     do a = 1, size(b%move%at)
       associate (k => b%move%at(a))
-        o%motion%u(:, k) = o%motion%u(:, k) + dt*o%motion%v(:, k)
-        o%ledger%hold_work = o%ledger%hold_work + dt*dot_product(o%forces%f_hold(:, k), &
-          o%motion%v(:, k))
+        work = work + dt*dot_product(o%forces%f_hold(:, k), o%motion%v(:, k))
       end associate
     end do
-    o%ledger%hold_work = o%ledger%hold_work + dt*sum(b%hold*b%v)
+    work = work + dt*sum(b%hold*b%v)
     if (b%turns) then
       do a = 1, size(b%turn%at)
         associate (k => b%turn%at(a))
-          o%motion%phi(:, k) = o%motion%phi(:, k) + dt*o%motion%w(:, k)
-          o%ledger%hold_work = o%ledger%hold_work + dt*dot_product(o%forces%c_hold(:, k), &
-            o%motion%w(:, k))
+          work = work + dt*dot_product(o%forces%c_hold(:, k), o%motion%w(:, k))
         end associate
       end do
-      o%ledger%hold_work = o%ledger%hold_work + dt*sum(b%hold_couple*b%spin)
+      work = work + dt*sum(b%hold_couple*b%spin)
     end if
-    if (.not. last) return
-    u = o%motion%u
-    phi = o%motion%phi
-    call o%op%to_prescribed(o%motion%q, o%motion%theta, o%motion%u, o%motion%phi)
-    o%motion%u(:, b%move%at) = u(:, b%move%at)
-    if (b%turns) o%motion%phi(:, b%turn%at) = phi(:, b%turn%at)
-  end subroutine drift
+    call o%ledger%hold_to(work)
+  end subroutine note_hold
 
   !> KICK_DRIFT of the grains with the multipliers on the bound ones.
   subroutine send_push(o, b, grains, by, timers, errors)
@@ -147,18 +132,21 @@ contains
     type(error_list_type), intent(inout) :: errors
     call grains%reply%get(bound_set//dot_x, o%motion%d, errors)
     call grains%reply%get(bound_set//dot_v, b%v, errors)
-    o%motion%d = o%motion%d - o%map%x_ghost
     if (b%turns) then
       call grains%reply%get(bound_set//dot_omega, b%spin, errors)
       call grains%reply%get(bound_set//dot_theta, o%motion%turn, errors)
-      o%motion%turn = o%motion%turn - b%theta_ref
+      call o%motion%count_ghosts(o%map%x_ghost, b%theta_ref)
+    else
+      call o%motion%count_ghosts(o%map%x_ghost)
     end if
     if (.not. all) return
     call grains%reply%get(free_set//dot_x, o%motion%q, errors)
-    o%motion%q = o%motion%q - o%map%x_free
-    if (.not. o%rules%turns) return
-    call grains%reply%get(free_set//dot_theta, o%motion%theta, errors)
-    o%motion%theta = o%motion%theta - o%map%theta_ref
+    if (o%rules%turns) then
+      call grains%reply%get(free_set//dot_theta, o%motion%theta, errors)
+      call o%motion%count_free(o%map%x_free, o%map%theta_ref)
+    else
+      call o%motion%count_free(o%map%x_free)
+    end if
   end subroutine read_bound
 
   !> FORCE on both sides where grains and nodes are now; the surcharge of the grains' deck is part
@@ -192,8 +180,7 @@ contains
       call read_nodes(o, solid, field_force, field_moment, o%forces%element, &
         o%forces%element_phi, errors)
     end associate
-    o%forces%f = o%forces%element + o%forces%f_hold
-    o%forces%c = o%forces%element_phi + o%forces%c_hold
+    call o%forces%take_elements()
   end subroutine bridge_forces
 
   !> Forces of the other elements on the nodes; the weight there is that of their own mass.
@@ -204,10 +191,7 @@ contains
     real(wp), intent(in) :: kick, t  !! [s]
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    integer(i4) :: a
     call evaluate_bulk(o, solid, kick, t, timers, errors)
-    do a = 1, o%op%nodes
-      o%forces%bulk(:, a) = o%forces%bulk(:, a) + b%weight_excess(a)*solid%gravity
-    end do
+    call o%forces%add_weight(b%weight_excess, solid%gravity)
   end subroutine bridge_bulk
 end module cpl_bridge_step

@@ -52,6 +52,7 @@ module cpl_parts
     procedure :: renew
     procedure :: pull_all
     procedure :: pull_remainder
+    procedure :: forget_dead
   end type parts_type
 
 contains
@@ -120,10 +121,16 @@ contains
   subroutine pull_all(self, op)
     class(parts_type), intent(inout) :: self
     type(operators_type), intent(in) :: op
-    self%dead_known = .false.
+    call self%forget_dead()
     call pull(op, self%p_mean, self%m_mean, self%mean)
     call self%pull_remainder(op)
   end subroutine pull_all
+
+  !> Loads in every step are others from now on.
+  pure subroutine forget_dead(self)
+    class(parts_type), intent(inout) :: self
+    self%dead_known = .false.
+  end subroutine forget_dead
 
   subroutine pull_remainder(self, op)
     class(parts_type), intent(inout) :: self

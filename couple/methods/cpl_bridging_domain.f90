@@ -73,7 +73,7 @@ contains
       given = 0.5_wp*sum(impulse*(v + trial))
       taken = 0.5_wp*sum(on_nodes*(d0(:, field%at) + d(:, field%at)))
       call self%o%ledger%add(given, taken, 0.5_wp*sum(abs(impulse*(v + trial))))
-      self%o%ledger%lost = self%o%ledger%lost + taken - given
+      call self%o%ledger%lose(taken, given)
     end subroutine bind_field
   end subroutine bind
 

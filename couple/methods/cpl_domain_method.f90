@@ -152,7 +152,7 @@ contains
       o%map%fine = self%fine_scale()
       o%map%past = 0.0_wp
       call accept_both(o, run%solvers, t0, t1, run%timers, errors)
-      if (.not. errors%any()) o%step = o%step + 1
+      if (.not. errors%any()) call o%count_exchange()
     end associate
   end subroutine accept
 
@@ -203,8 +203,7 @@ contains
       call file%put('/bridge/hold', b%hold, errors)
       call file%put('/bridge/hold_couple', b%hold_couple, errors)
       call file%put('/bridge/theta_ref', b%theta_ref, errors)
-      call file%put('/bridge/lost', [o%ledger%lost], errors)
-      call file%put('/bridge/bond', [o%ledger%bond], errors)
+      call o%ledger%put_bond(file, errors)
     end associate
   end subroutine put_own
 
@@ -212,9 +211,6 @@ contains
     class(domain_method_type), intent(inout) :: self
     type(h5_file_type), intent(inout) :: file
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: lost(1), bond(1)
-    lost = 0.0_wp
-    bond = 0.0_wp
     associate (o => self%o, b => self%bridge)
       call file%get_into('/bridge/v', b%v, errors)
       call file%get_into('/bridge/spin', b%spin, errors)
@@ -223,10 +219,7 @@ contains
       call file%get_into('/bridge/hold', b%hold, errors)
       call file%get_into('/bridge/hold_couple', b%hold_couple, errors)
       call file%get_into('/bridge/theta_ref', b%theta_ref, errors)
-      call file%get_into('/bridge/lost', lost, errors)
-      if (file%exists('/bridge/bond')) call file%get_into('/bridge/bond', bond, errors)
-      o%ledger%lost = lost(1)
-      o%ledger%bond = bond(1)
+      call o%ledger%get_bond(file, errors)
     end associate
   end subroutine get_own
 end module cpl_domain_method

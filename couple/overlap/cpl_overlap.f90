@@ -9,9 +9,10 @@ module cpl_overlap
   use cpl_cells, only: cells_type
   use cpl_choices, only: interface_aitken
   use cpl_operators, only: operators_type
+  use cpl_overlap_forces, only: overlap_forces_type
+  use cpl_overlap_motion, only: overlap_motion_type, nodes_type, increment_type
   use cpl_overlap_state, only: overlap_rules_type, overlap_map_type, overlap_own_type, &
-    overlap_limit_type, overlap_share_type, overlap_start_type, overlap_motion_type, &
-    increment_type, overlap_forces_type, overlap_ledger_type
+    overlap_limit_type, overlap_share_type, overlap_start_type, overlap_ledger_type
   use cpl_relax, only: relax_type
   use cpl_sets, only: sets_type, pack_type
   use cpl_sums, only: work_since, add_works
@@ -53,8 +54,16 @@ module cpl_overlap
     procedure :: resist
     procedure :: note_work
     procedure :: note_dead
+    procedure :: count_exchange
+    procedure :: count_from_here
     procedure :: kick_edge
     procedure :: drift_edge
+    procedure :: place_edge
+    procedure :: kick_nodes
+    procedure :: kick_turns
+    procedure :: drift_nodes
+    procedure :: drift_turns
+    procedure :: follow_around
     procedure :: edge_kinetic
     procedure :: edge_momentum
     procedure :: past_nodes
@@ -76,8 +85,7 @@ contains
       call self%map%init(x(:, sets%free), x(:, sets%ghost), self%cells%x(:, op%node), &
                          op%nodes_phi, sets%free_spot%element > 0)
       allocate (self%own%held(3, op%nodes), self%own%held_phi(3, op%nodes_phi), source=.false.)
-      self%own%mass = self%cells%mass(op%node)
-      self%own%inertia = self%cells%inertia(op%node_phi)
+      call self%own%take_masses(self%cells%mass(op%node), self%cells%inertia(op%node_phi))
     end associate
   end subroutine allocate_state
 
@@ -257,6 +265,25 @@ contains
     end associate
   end function edge_work
 
+  !> An exchange is accepted.
+  pure subroutine count_exchange(self)
+    class(overlap_type), intent(inout) :: self
+    self%step = self%step + 1
+  end subroutine count_exchange
+
+  !> Displacements of the free grains count from where they are now; those of the nodes are kept.
+  subroutine count_from_here(self)
+    class(overlap_type), intent(inout) :: self
+    self%map%x_free = self%map%x_free + self%motion%q
+    self%map%theta_ref = self%map%theta_ref + self%motion%theta
+    self%motion%q = 0.0_wp
+    self%motion%theta = 0.0_wp
+    self%map%u_map = self%motion%u
+    self%map%phi_map = self%motion%phi
+    self%map%remaps = self%map%remaps + 1
+    self%map%checked = 0.0_wp
+  end subroutine count_from_here
+
   !> Velocities of the edge: v += dt f/m of what the deck does not hold. Nodes of the edge are
   !! integrated here, by talus-couple with every step of the grains, and not by talus-fem, which
   !! holds them as prescribed and returns their forces.
@@ -283,6 +310,83 @@ contains
       self%motion%phi(:, b:) = self%motion%phi(:, b:) + dt*self%motion%w(:, b:)
     end associate
   end subroutine drift_edge
+
+  !> The edge at a share [-] of its way.
+  subroutine place_edge(self, from, to, share)
+    class(overlap_type), intent(inout) :: self
+    type(nodes_type), intent(in) :: from, to
+    real(wp), intent(in) :: share
+    associate (a => self%op%prescribed + 1, b => self%op%prescribed_phi + 1)
+      self%motion%u(:, a:) = from%u(:, a:) + share*(to%u(:, a:) - from%u(:, a:))
+      self%motion%phi(:, b:) = from%phi(:, b:) + share*(to%phi(:, b:) - from%phi(:, b:))
+    end associate
+  end subroutine place_edge
+
+  !> Velocities of some nodes of a bridging domain: forces of elements over free grains, and once an
+  !! exchange those of the others.
+  subroutine kick_nodes(self, at, kick, bulk)
+    class(overlap_type), intent(inout) :: self
+    integer(i4), intent(in) :: at(:)
+    real(wp), intent(in) :: kick, bulk  !! [s]
+    integer(i4) :: k, a
+    do k = 1, size(at)
+      a = at(k)
+      where (.not. self%own%held(:, a)) self%motion%v(:, a) = self%motion%v(:, a) &
+        + (kick*self%forces%f(:, a) + bulk*self%forces%bulk(:, a))/self%own%mass(a)
+    end do
+  end subroutine kick_nodes
+
+  !> The same of micro-rotations.
+  subroutine kick_turns(self, at, kick, bulk)
+    class(overlap_type), intent(inout) :: self
+    integer(i4), intent(in) :: at(:)
+    real(wp), intent(in) :: kick, bulk  !! [s]
+    integer(i4) :: k, a
+    do k = 1, size(at)
+      a = at(k)
+      where (.not. self%own%held_phi(:, a)) self%motion%w(:, a) = self%motion%w(:, a) &
+        + (kick*self%forces%c(:, a) + bulk*self%forces%bulk_phi(:, a))/self%own%inertia(a)
+    end do
+  end subroutine kick_turns
+
+  !> Some nodes of a bridging domain go on.
+  subroutine drift_nodes(self, at, dt)
+    class(overlap_type), intent(inout) :: self
+    integer(i4), intent(in) :: at(:)
+    real(wp), intent(in) :: dt  !! [s]
+    integer(i4) :: a
+    do a = 1, size(at)
+      associate (k => at(a))
+        self%motion%u(:, k) = self%motion%u(:, k) + dt*self%motion%v(:, k)
+      end associate
+    end do
+  end subroutine drift_nodes
+
+  !> The same of micro-rotations.
+  subroutine drift_turns(self, at, dt)
+    class(overlap_type), intent(inout) :: self
+    integer(i4), intent(in) :: at(:)
+    real(wp), intent(in) :: dt  !! [s]
+    integer(i4) :: a
+    do a = 1, size(at)
+      associate (k => at(a))
+        self%motion%phi(:, k) = self%motion%phi(:, k) + dt*self%motion%w(:, k)
+      end associate
+    end do
+  end subroutine drift_turns
+
+  !> Nodes of the free grains' elements follow the grains, but for some that move by themselves.
+  subroutine follow_around(self, at, at_phi)
+    class(overlap_type), intent(inout) :: self
+    integer(i4), intent(in) :: at(:)
+    integer(i4), intent(in), optional :: at_phi(:)
+    real(wp) :: u(3, self%op%nodes), phi(3, self%op%nodes_phi)
+    u = self%motion%u
+    phi = self%motion%phi
+    call self%op%to_prescribed(self%motion%q, self%motion%theta, self%motion%u, self%motion%phi)
+    self%motion%u(:, at) = u(:, at)
+    if (present(at_phi)) self%motion%phi(:, at_phi) = phi(:, at_phi)
+  end subroutine follow_around
 
   !> Kinetic energy of the edge, and of what prescribed nodes carry [J].
   pure real(wp) function edge_kinetic(self)

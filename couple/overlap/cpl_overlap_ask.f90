@@ -73,12 +73,13 @@ contains
     type(error_list_type), intent(inout) :: errors
     call timers%start(messages)
     call grains%reply%get(free_set//dot_x, o%motion%q, errors)
-    o%motion%q = o%motion%q - o%map%x_free
     if (o%rules%reads_speed) call grains%reply%get(free_set//dot_v, o%motion%speed, errors)
     if (o%rules%turns) then
       if (o%rules%reads_speed) call grains%reply%get(free_set//dot_omega, o%motion%spin, errors)
       call grains%reply%get(free_set//dot_theta, o%motion%theta, errors)
-      o%motion%theta = o%motion%theta - o%map%theta_ref
+      call o%motion%count_free(o%map%x_free, o%map%theta_ref)
+    else
+      call o%motion%count_free(o%map%x_free)
     end if
     call timers%stop(messages)
   end subroutine read_free
@@ -184,8 +185,7 @@ contains
     call read_nodes(o, solid, field_reaction, field_reaction_moment, o%forces%bulk, &
       o%forces%bulk_phi, &
       errors)
-    o%forces%bulk = -o%forces%bulk - o%forces%element - o%forces%steady
-    o%forces%bulk_phi = -o%forces%bulk_phi - o%forces%element_phi - o%forces%steady_phi
+    call o%forces%take_reactions()
     call solid%reply%get(field_scalars, o%ledger%solid, errors)
   end subroutine read_bulk
 

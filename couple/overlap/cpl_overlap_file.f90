@@ -146,11 +146,10 @@ contains
     call file%get('/static/held', o%relax%held, errors)
     call file%get('/static/residual', o%relax%residual, errors)
     call file%get_into('/static/numbers', numbers, errors)
-    o%relax%factor = numbers(1)
     o%start%contact_stiffness = numbers(2)
     o%start%contact_count = nint(numbers(3))
     o%ledger%unbalanced = numbers(4)
-    o%relax%begun = numbers(5) > 0.0_wp
+    call o%relax%resume(numbers(1), numbers(5) > 0.0_wp)
     call o%relax_as_static()
   end subroutine read_static
 

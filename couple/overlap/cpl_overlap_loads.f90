@@ -69,10 +69,7 @@ contains
       call o%own%carried_phi%resist(turn, c1)
       call o%op%p_phi%transposed(c1, turn)
     end if
-    o%forces%force = o%forces%force + push
-    o%forces%moment = o%forces%moment + turn
-    o%forces%loads%f = f
-    o%forces%loads%c = c
+    call o%forces%renew_loads(f, c, push, turn)
   end subroutine renew_loads
 
   !> Loads at time t of a solid without inertia.

@@ -195,11 +195,10 @@ contains
     integer(i4) :: k
 
     call o%op%to_some_ghosts(o%forces%parts%other_rows, o%motion%u, o%motion%phi, d, turn)
-    call move_alloc(o%motion%d, o%forces%parts%d)
-    call move_alloc(o%motion%turn, o%forces%parts%turn)
-    allocate (o%motion%d(3, o%op%ghosts), o%motion%turn(3, o%op%ghosts))
-    call put_rows(o%forces%parts%other_rows, d, turn)
-    call put_rows(o%forces%parts%active_rows, o%forces%parts%d_active, o%forces%parts%turn_active)
+    call o%motion%begin_ghosts(o%forces%parts%d, o%forces%parts%turn)
+    call o%motion%put_ghosts(o%forces%parts%other_rows, d, turn)
+    call o%motion%put_ghosts(o%forces%parts%active_rows, o%forces%parts%d_active, &
+      o%forces%parts%turn_active)
     rate = 1.0_wp/h
     associate (parts => o%forces%parts)
       do k = 1, o%op%ghosts
@@ -212,18 +211,6 @@ contains
         o%motion%quat(:, parts%active_rows(k)) = parts%quat_active(:, k)
       end do
     end associate
-
-  contains
-
-    subroutine put_rows(rows, d, turn)
-      integer(i4), intent(in) :: rows(:)
-      real(wp), intent(in) :: d(:, :), turn(:, :)  !! (3, size(rows))
-      integer(i4) :: i
-      do i = 1, size(rows)
-        o%motion%d(:, rows(i)) = d(:, i)
-        o%motion%turn(:, rows(i)) = turn(:, i)
-      end do
-    end subroutine put_rows
   end subroutine follow_all
 
   !> The active ghosts, in a request FORCE: contacts of free grains alone.

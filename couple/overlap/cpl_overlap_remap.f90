@@ -43,7 +43,7 @@ contains
     next = o%map%checked + check_interval*o%sets%least_size
     if (leaving == 'remap') next = max(next, kept_for*o%sets%least_size)
     if (.not. far .and. o%map%past < next) return
-    o%map%checked = o%map%past
+    call o%map%note_check()
     call check_grains(o, leaving, far, time, said, errors)
   end subroutine check_after
 
@@ -106,14 +106,7 @@ contains
     real(wp) :: before
 
     before = o%edge_kinetic()
-    o%map%x_free = o%map%x_free + o%motion%q
-    o%map%theta_ref = o%map%theta_ref + o%motion%theta
-    o%motion%q = 0.0_wp
-    o%motion%theta = 0.0_wp
-    o%map%u_map = o%motion%u
-    o%map%phi_map = o%motion%phi
-    o%map%remaps = o%map%remaps + 1
-    o%map%checked = 0.0_wp
+    call o%count_from_here()
     call map_from(o, moved, spot, errors)
     if (errors%any()) return
     call hold_again(o)
@@ -138,7 +131,7 @@ contains
     type(overlap_type), intent(inout) :: o
     call o%op%from_prescribed(o%forces%f_hold, o%forces%c_hold, o%forces%force_hold, &
       o%forces%moment_hold)
-    o%forces%parts%dead_known = .false.
+    call o%forces%parts%forget_dead()
   end subroutine hold_again
 
   !> P and what depends on it, for free grains at x_free and nodes moved by u_map.

@@ -367,11 +367,7 @@ contains
       .and. .not. o%rules%static) call steady_forces(o)
     if (choices%overlap%dead_load) then
       call o%pull()
-      o%forces%f_hold = -o%forces%f
-      o%forces%c_hold = -o%forces%c
-      o%forces%force_hold = -o%forces%force
-      o%forces%moment_hold = -o%forces%moment
-      o%forces%parts%dead_known = .false.
+      call o%forces%hold()
       call o%pull()
       call o%resist()
     end if
@@ -398,12 +394,7 @@ contains
   !! balance, act on the edge in every step of the grains, too: in kicks they would shake it.
   subroutine steady_forces(o)
     type(overlap_type), intent(inout) :: o
-    o%forces%steady(:, o%op%prescribed + 1:) = o%forces%bulk(:, o%op%prescribed + 1:)
-    o%forces%steady_phi(:, o%op%prescribed_phi + 1:) = o%forces%bulk_phi(:, o%op%prescribed_phi &
-      + 1:)
-    o%forces%bulk = o%forces%bulk - o%forces%steady
-    o%forces%bulk_phi = o%forces%bulk_phi - o%forces%steady_phi
-    o%forces%parts%dead_known = .false.
+    call o%forces%make_steady(o%op%prescribed, o%op%prescribed_phi)
     call o%pull()
     call o%resist()
   end subroutine steady_forces
@@ -457,7 +448,7 @@ contains
       call solid%reply%get(field_speed, v, errors)
       if (errors%any()) return
       o%own%held(:, n + 1:) = held == 1
-      if (.not. (again .or. o%rules%static)) o%motion%v(:, n + 1:) = v
+      if (.not. (again .or. o%rules%static)) call o%motion%begin_speed(n, v)
       if (o%op%nodes_phi == 0) return
       call choose(solid, prescribed_phi_set, role_prescribe, &
         int(o%op%node_phi(:m:o%op%stride), i8), field_phi)
@@ -468,7 +459,7 @@ contains
       call solid%reply%get(field_speed_phi, w, errors)
       if (errors%any()) return
       o%own%held_phi(:, m + 1:) = held == 1
-      if (.not. (again .or. o%rules%static)) o%motion%w(:, m + 1:) = w
+      if (.not. (again .or. o%rules%static)) call o%motion%begin_spin(m, w)
     end associate
 
   contains

@@ -1,5 +1,6 @@
 !> What an overlap is made of, beside its cells, sets and operators: a type for each thing that is
-!! known, moves, acts or is accounted for (theory: overlap coupling).
+!! known or accounted for (theory: overlap coupling). What moves is in cpl_overlap_motion, what acts
+!! in cpl_overlap_forces.
 module cpl_overlap_state
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -9,20 +10,11 @@ module cpl_overlap_state
   use cpl_fine_damping, only: fine_damping_type
   use cpl_inertia, only: inertia_type
   use cpl_initial, only: initial_type
-  use cpl_parts, only: parts_type
   use cpl_weight_fit, only: fit_type
   implicit none
   private
-  public :: loads_type, overlap_rules_type, overlap_map_type, overlap_own_type, &
-    overlap_limit_type, overlap_share_type, overlap_start_type, overlap_motion_type, &
-    increment_type, overlap_forces_type, overlap_ledger_type
-
-  !> Loads of the solid's deck on prescribed nodes, without weight.
-  type :: loads_type
-    logical :: active = .false.
-    logical :: steady = .true.                     !! they do not change with time
-    real(wp), allocatable :: f(:, :), c(:, :)      !! (3, prescribed) [N], (3, prescribed_phi) [N m]
-  end type loads_type
+  public :: overlap_rules_type, overlap_map_type, overlap_own_type, &
+    overlap_limit_type, overlap_share_type, overlap_start_type, overlap_ledger_type
 
   !> How the overlap is run: chosen once, from the deck and what both sides are.
   type :: overlap_rules_type
@@ -56,6 +48,7 @@ module cpl_overlap_state
     procedure :: init => init_map
     procedure :: put => put_map
     procedure :: get => get_map
+    procedure :: note_check
   end type overlap_map_type
 
   !> Who owns which mass, and what the solid's deck holds.
@@ -67,6 +60,10 @@ module cpl_overlap_state
     real(wp), allocatable :: mass(:)               !! of the nodes, what they own [kg]
     real(wp), allocatable :: inertia(:)            !! of their micro-rotations [kg m^2]
     logical, allocatable :: held(:, :), held_phi(:, :)  !! by the solid's deck
+  contains
+    procedure :: take_masses
+    procedure :: drop_masses
+    procedure :: drop_inertias
   end type overlap_own_type
 
   !> Stable steps.
@@ -107,48 +104,6 @@ module cpl_overlap_state
     procedure :: get => get_start
   end type overlap_start_type
 
-  !> Where all are, from the reference state.
-  type :: overlap_motion_type
-    real(wp), allocatable :: q(:, :), theta(:, :)  !! of the free grains (3, free) [m], [rad]
-    real(wp), allocatable :: q_before(:, :), theta_before(:, :)  !! a step before
-    real(wp), allocatable :: u(:, :), v(:, :)      !! of the nodes (3, nodes) [m], [m/s]
-    real(wp), allocatable :: phi(:, :), w(:, :)    !! (3, nodes_phi) [rad], [rad/s]
-    real(wp), allocatable :: d(:, :), turn(:, :)   !! of the ghosts (3, ghosts) [m], [rad]
-    real(wp), allocatable :: quat(:, :)            !! of the ghosts (4, ghosts)
-    real(wp), allocatable :: speed(:, :), spin(:, :)  !! of free grains, half a step ago [m/s]
-  contains
-    procedure :: init => init_motion
-    procedure :: put => put_motion
-    procedure :: get => get_motion
-  end type overlap_motion_type
-
-  !> Motion in a step of the grains, for works.
-  type :: increment_type
-    real(wp), allocatable :: u(:, :), phi(:, :)        !! nodes at its start [m], [rad]
-    real(wp), allocatable :: moved(:, :), turns(:, :)  !! of the (active) ghosts, in it
-  end type increment_type
-
-  !> Forces on what is free, and those of ghosts and elements that they come from.
-  type :: overlap_forces_type
-    real(wp), allocatable :: steady(:, :), steady_phi(:, :)
-    !! forces of the solid at the start, which act in every step of the grains
-    real(wp), allocatable :: p(:, :), m(:, :)      !! on the ghosts [N], [N m]
-    real(wp), allocatable :: f(:, :), c(:, :)      !! on the nodes, every step of the grains
-    real(wp), allocatable :: bulk(:, :), bulk_phi(:, :)  !! the same, once an exchange
-    real(wp), allocatable :: element(:, :), element_phi(:, :)  !! of elements with prescribed nodes
-    real(wp), allocatable :: force(:, :), moment(:, :)  !! on the free grains [N], [N m]
-    real(wp), allocatable :: contact(:, :), contact_moment(:, :)  !! of contacts on free grains
-    real(wp), allocatable :: inertial(:, :), inertial_phi(:, :)  !! of what prescribed nodes carry
-    real(wp), allocatable :: f_hold(:, :), c_hold(:, :)  !! that balance the start
-    real(wp), allocatable :: force_hold(:, :), moment_hold(:, :)
-    type(loads_type) :: loads                      !! of the solid's deck on prescribed nodes
-    type(parts_type) :: parts                      !! forces between ghosts, once an exchange
-  contains
-    procedure :: init => init_forces
-    procedure :: put => put_forces
-    procedure :: get => get_forces
-  end type overlap_forces_type
-
   !> Works and energies.
   type :: overlap_ledger_type
     real(wp) :: unbalanced = 0.0_wp                !! static: largest rest / contact force [-]
@@ -161,114 +116,36 @@ module cpl_overlap_state
     real(wp) :: grains(scalar_count) = 0.0_wp, solid(scalar_count) = 0.0_wp
   contains
     procedure :: add => add_to_ledger
+    procedure :: hold_to
+    procedure :: lose
     procedure :: put => put_ledger
     procedure :: get => get_ledger
+    procedure :: put_bond
+    procedure :: get_bond
   end type overlap_ledger_type
+
 contains
 
-  !> Zero motion; quat of the ghosts as they are.
-  subroutine init_motion(self, free, nodes, nodes_phi, quat)
-    class(overlap_motion_type), intent(inout) :: self
-    integer(i4), intent(in) :: free, nodes, nodes_phi
-    real(wp), intent(in) :: quat(:, :)  !! (4, ghosts)
-    integer(i4) :: ghosts
-    ghosts = size(quat, 2, i4)
-    allocate (self%q(3, free), self%theta(3, free), self%q_before(3, free), &
-              self%theta_before(3, free), self%speed(3, free), self%spin(3, free), source=0.0_wp)
-    allocate (self%u(3, nodes), self%v(3, nodes), self%phi(3, nodes_phi), self%w(3, nodes_phi), &
-              self%d(3, ghosts), self%turn(3, ghosts), source=0.0_wp)
-    self%quat = quat
-  end subroutine init_motion
+  !> What the nodes own of mass and of inertia of their micro-rotations.
+  pure subroutine take_masses(self, mass, inertia)
+    class(overlap_own_type), intent(inout) :: self
+    real(wp), intent(in) :: mass(:), inertia(:)  !! (nodes) [kg], (nodes_phi) [kg m^2]
+    self%mass = mass
+    self%inertia = inertia
+  end subroutine take_masses
 
-  subroutine put_motion(self, file, errors)
-    class(overlap_motion_type), intent(in) :: self
-    type(h5_file_type), intent(inout) :: file
-    type(error_list_type), intent(inout) :: errors
-    call file%put('/free/q', self%q, errors)
-    call file%put('/free/theta', self%theta, errors)
-    call file%put('/ghosts/d', self%d, errors)
-    call file%put('/ghosts/turn', self%turn, errors)
-    call file%put('/ghosts/quat', self%quat, errors)
-    call file%put('/nodes/u', self%u, errors)
-    call file%put('/nodes/v', self%v, errors)
-    call file%put('/rotations/phi', self%phi, errors)
-    call file%put('/rotations/w', self%w, errors)
-  end subroutine put_motion
+  !> Nodes that are not kept own no mass.
+  pure subroutine drop_masses(self, kept)
+    class(overlap_own_type), intent(inout) :: self
+    logical, intent(in) :: kept(:)  !! (nodes)
+    where (.not. kept) self%mass = 0.0_wp
+  end subroutine drop_masses
 
-  subroutine get_motion(self, file, errors)
-    class(overlap_motion_type), intent(inout) :: self
-    type(h5_file_type), intent(inout) :: file
-    type(error_list_type), intent(inout) :: errors
-    call file%get_into('/free/q', self%q, errors)
-    call file%get_into('/free/theta', self%theta, errors)
-    call file%get_into('/ghosts/d', self%d, errors)
-    call file%get_into('/ghosts/turn', self%turn, errors)
-    call file%get_into('/ghosts/quat', self%quat, errors)
-    call file%get_into('/nodes/u', self%u, errors)
-    call file%get_into('/nodes/v', self%v, errors)
-    call file%get_into('/rotations/phi', self%phi, errors)
-    call file%get_into('/rotations/w', self%w, errors)
-  end subroutine get_motion
-
-  !> No forces.
-  subroutine init_forces(self, free, ghosts, nodes, nodes_phi, prescribed, prescribed_phi)
-    class(overlap_forces_type), intent(inout) :: self
-    integer(i4), intent(in) :: free, ghosts, nodes, nodes_phi, prescribed, prescribed_phi
-    allocate (self%force(3, free), self%moment(3, free), self%force_hold(3, free), &
-              self%moment_hold(3, free), self%contact(3, free), self%contact_moment(3, free), &
-              source=0.0_wp)
-    allocate (self%inertial(3, prescribed), self%inertial_phi(3, prescribed_phi), source=0.0_wp)
-    allocate (self%f(3, nodes), self%bulk(3, nodes), self%element(3, nodes), &
-              self%f_hold(3, nodes), self%steady(3, nodes), source=0.0_wp)
-    allocate (self%c(3, nodes_phi), self%bulk_phi(3, nodes_phi), self%element_phi(3, nodes_phi), &
-              self%c_hold(3, nodes_phi), self%steady_phi(3, nodes_phi), source=0.0_wp)
-    allocate (self%p(3, ghosts), self%m(3, ghosts), source=0.0_wp)
-  end subroutine init_forces
-
-  subroutine put_forces(self, file, errors)
-    class(overlap_forces_type), intent(in) :: self
-    type(h5_file_type), intent(inout) :: file
-    type(error_list_type), intent(inout) :: errors
-    call file%put('/free/force', self%force, errors)
-    call file%put('/free/moment', self%moment, errors)
-    call file%put('/free/force_hold', self%force_hold, errors)
-    call file%put('/free/moment_hold', self%moment_hold, errors)
-    call file%put('/nodes/f', self%f, errors)
-    call file%put('/nodes/bulk', self%bulk, errors)
-    call file%put('/nodes/element', self%element, errors)
-    call file%put('/nodes/f_hold', self%f_hold, errors)
-    call file%put('/rotations/c', self%c, errors)
-    call file%put('/rotations/bulk', self%bulk_phi, errors)
-    call file%put('/rotations/element', self%element_phi, errors)
-    call file%put('/rotations/c_hold', self%c_hold, errors)
-    call file%put('/start/steady', self%steady, errors)
-    call file%put('/start/steady_phi', self%steady_phi, errors)
-    if (.not. self%loads%active) return
-    call file%put('/loads/f', self%loads%f, errors)
-    call file%put('/loads/c', self%loads%c, errors)
-  end subroutine put_forces
-
-  subroutine get_forces(self, file, errors)
-    class(overlap_forces_type), intent(inout) :: self
-    type(h5_file_type), intent(inout) :: file
-    type(error_list_type), intent(inout) :: errors
-    call file%get_into('/free/force', self%force, errors)
-    call file%get_into('/free/moment', self%moment, errors)
-    call file%get_into('/free/force_hold', self%force_hold, errors)
-    call file%get_into('/free/moment_hold', self%moment_hold, errors)
-    call file%get_into('/nodes/f', self%f, errors)
-    call file%get_into('/nodes/bulk', self%bulk, errors)
-    call file%get_into('/nodes/element', self%element, errors)
-    call file%get_into('/nodes/f_hold', self%f_hold, errors)
-    call file%get_into('/rotations/c', self%c, errors)
-    call file%get_into('/rotations/bulk', self%bulk_phi, errors)
-    call file%get_into('/rotations/element', self%element_phi, errors)
-    call file%get_into('/rotations/c_hold', self%c_hold, errors)
-    call file%get_into('/start/steady', self%steady, errors)
-    call file%get_into('/start/steady_phi', self%steady_phi, errors)
-    if (file%exists('/loads/f')) call file%get('/loads/f', self%loads%f, errors)
-    if (file%exists('/loads/c')) call file%get('/loads/c', self%loads%c, errors)
-  end subroutine get_forces
+  pure subroutine drop_inertias(self, kept)
+    class(overlap_own_type), intent(inout) :: self
+    logical, intent(in) :: kept(:)  !! (nodes_phi)
+    where (.not. kept) self%inertia = 0.0_wp
+  end subroutine drop_inertias
 
   !> Maps of the reference state: nothing has moved since.
   subroutine init_map(self, x_free, x_ghost, x_node, nodes_phi, seen)
@@ -319,6 +196,12 @@ contains
     call file%get_into('/map/phi', self%phi_map, errors)
   end subroutine get_map
 
+  !> The grains are checked as they are now.
+  pure subroutine note_check(self)
+    class(overlap_map_type), intent(inout) :: self
+    self%checked = self%past
+  end subroutine note_check
+
   !> Works of both sides, and what went through without sign [J].
   pure subroutine add_to_ledger(self, given, taken, through)
     class(overlap_ledger_type), intent(inout) :: self
@@ -327,6 +210,41 @@ contains
     self%work_taken = self%work_taken + taken
     self%turnover = self%turnover + through
   end subroutine add_to_ledger
+
+  !> Work of the loads that balance the start is this now [J].
+  pure subroutine hold_to(self, work)
+    class(overlap_ledger_type), intent(inout) :: self
+    real(wp), intent(in) :: work
+    self%hold_work = work
+  end subroutine hold_to
+
+  !> What binds a domain takes from one side and does not give to the other [J].
+  pure subroutine lose(self, taken, given)
+    class(overlap_ledger_type), intent(inout) :: self
+    real(wp), intent(in) :: taken, given
+    self%lost = self%lost + taken - given
+  end subroutine lose
+
+  subroutine put_bond(self, file, errors)
+    class(overlap_ledger_type), intent(in) :: self
+    type(h5_file_type), intent(inout) :: file
+    type(error_list_type), intent(inout) :: errors
+    call file%put('/bridge/lost', [self%lost], errors)
+    call file%put('/bridge/bond', [self%bond], errors)
+  end subroutine put_bond
+
+  subroutine get_bond(self, file, errors)
+    class(overlap_ledger_type), intent(inout) :: self
+    type(h5_file_type), intent(inout) :: file
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: lost(1), bond(1)
+    lost = 0.0_wp
+    bond = 0.0_wp
+    call file%get_into('/bridge/lost', lost, errors)
+    if (file%exists('/bridge/bond')) call file%get_into('/bridge/bond', bond, errors)
+    self%lost = lost(1)
+    self%bond = bond(1)
+  end subroutine get_bond
 
   !> lost: what damping of the fine scale has taken of motion and rotation [J].
   subroutine put_ledger(self, lost, file, errors)

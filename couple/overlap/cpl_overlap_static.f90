@@ -16,7 +16,7 @@ module cpl_overlap_static
   use cpl_overlap, only: overlap_type, prescribed_set, edge_set, prescribed_phi_set, edge_phi_set
   use cpl_overlap_loads, only: follow_loads
   use cpl_overlap_ask, only: kick_type, send_kick, read_free, accept_both
-  use cpl_overlap_state, only: increment_type
+  use cpl_overlap_motion, only: increment_type, nodes_type
   use cpl_overlap_step, only: evaluate_forces
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
@@ -24,11 +24,6 @@ module cpl_overlap_static
   public :: static_step, begin_static
 
   real(wp), parameter :: first_factor = 0.5_wp  !! of Aitken
-
-  !> Where the nodes are.
-  type :: nodes_type
-    real(wp), allocatable :: u(:, :), phi(:, :)  !! (3, nodes) [m], (3, nodes_phi) [rad]
-  end type nodes_type
 
 contains
 
@@ -44,7 +39,7 @@ contains
     call edge_load(o, load)
     call o%relax%init(interface_aitken, first_factor, size(load, 1, i4), size(load, 2, i4))
     call o%relax_as_static()
-    o%relax%held = load
+    call o%relax%hold(load)
   end subroutine begin_static
 
   !> From t0 to t1 [s], a batch of the grains, accepted on both sides.
@@ -77,11 +72,7 @@ contains
       step%u = o%motion%u
       step%phi = o%motion%phi
       call read_free(o, solvers(side_grains), timers, errors)
-      associate (a => o%op%prescribed + 1, b => o%op%prescribed_phi + 1, share => real(k, &
-        wp)/o%rules%substeps)
-        o%motion%u(:, a:) = start%u(:, a:) + share*(solved%u(:, a:) - start%u(:, a:))
-        o%motion%phi(:, b:) = start%phi(:, b:) + share*(solved%phi(:, b:) - start%phi(:, b:))
-      end associate
+      call o%place_edge(start, solved, real(k, wp)/o%rules%substeps)
       call o%follow(dt, v, spin)
       call evaluate_forces(o, solvers, v, spin, now, timers, errors)
       if (errors%any()) return
@@ -101,7 +92,7 @@ contains
     call o%measure_past()
     call check_numbers(o, t1, errors)
     if (.not. errors%any()) call accept_both(o, solvers, t0, t1, timers, errors)
-    if (.not. errors%any()) o%step = o%step + 1
+    if (.not. errors%any()) call o%count_exchange()
   end subroutine static_step
 
   subroutine check_numbers(o, t1, errors)

@@ -15,9 +15,9 @@ module cpl_overlap_step
   use cpl_overlap_ask, only: kick_type, send_kick, read_free, send_bulk, read_bulk, ask_solid, &
     ask_grains, take_forces, send_accept
   use cpl_overlap_loads, only: renew_loads
+  use cpl_overlap_motion, only: increment_type
   use cpl_overlap_parts, only: remember_start, follow_active, follow_all, work_of_parts, &
     finish_parts
-  use cpl_overlap_state, only: increment_type
   use cpl_run, only: cpl_run_type
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
@@ -72,7 +72,7 @@ contains
       call finish_step(o, solvers, step, audit, timers, errors)
       if (errors%any()) return
       solvers%owes = .true.  ! answers to ACCEPT, which nobody needs yet
-      o%step = o%step + 1
+      call o%count_exchange()
       if (o%forces%parts%active) call finish_parts(o, solvers(side_grains), timers, errors)
     end associate
   end subroutine overlap_step
