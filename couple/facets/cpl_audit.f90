@@ -2,9 +2,8 @@
 module cpl_audit
   use talus_kinds, only: wp, i4
   use talus_text, only: string_type, append_string
-  use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_friction, &
-    scalar_contact_damping, scalar_background_damping, scalar_boundary, scalar_gravity, &
-    scalar_momentum, scalar_angular_momentum, scalar_max_overlap, scalar_flags
+  use talus_scalars, only: scalar_boundary, scalar_gravity, scalar_max_overlap
+  use cpl_audit_columns, only: begin_columns, append_momenta, append_vector, begin_values, momenta
   use cpl_interface, only: interface_type
   use cpl_lag, only: lag_type
   implicit none
@@ -30,33 +29,15 @@ contains
 
   subroutine audit_columns(columns)
     type(string_type), allocatable, intent(out) :: columns(:)
-    character(len=*), parameter :: axes(3) = ['x', 'y', 'z']
-    integer :: k
 
-    call append_string(columns, 'time [s]')
-    call append_string(columns, 'grains_kinetic [J]')
-    call append_string(columns, 'grains_elastic [J]')
-    call append_string(columns, 'grains_friction [J]')
-    call append_string(columns, 'grains_contact_damping [J]')
-    call append_string(columns, 'grains_background_damping [J]')
-    call append_string(columns, 'grains_boundary_work [J]')
-    call append_string(columns, 'grains_gravity_work [J]')
-    call append_string(columns, 'solid_kinetic [J]')
-    call append_string(columns, 'solid_elastic [J]')
+    call begin_columns(columns)
     call append_string(columns, 'solid_boundary_work [J]')
     call append_string(columns, 'solid_gravity_work [J]')
     call append_string(columns, 'interface_work_on_grains [J]')
     call append_string(columns, 'interface_work_on_solid [J]')
     call append_string(columns, 'interface_work_difference [J]')
-    do k = 1, 3
-      call append_string(columns, 'momentum_'//axes(k)//' [kg m/s]')
-    end do
-    do k = 1, 3
-      call append_string(columns, 'angular_momentum_'//axes(k)//' [N m s]')
-    end do
-    do k = 1, 3
-      call append_string(columns, 'force_on_solid_'//axes(k)//' [N]')
-    end do
+    call append_momenta(columns)
+    call append_vector(columns, 'force_on_solid', 'N')
     call append_string(columns, 'largest_ghost_displacement [m]')
     call append_string(columns, 'mean_ghost_force [N]')
     call append_string(columns, 'constraint_residual [m]')
@@ -65,9 +46,7 @@ contains
     call append_string(columns, 'iterations [-]')
     call append_string(columns, 'lost_moment_impulse [N m s]')
     call append_string(columns, 'largest_overlap [-]')
-    do k = 1, 3
-      call append_string(columns, 'moment_on_solid_'//axes(k)//' [N m]')
-    end do
+    call append_vector(columns, 'moment_on_solid', 'N m')
     if (size(columns) /= column_count) error stop 'bug: columns of the audit'
   end subroutine audit_columns
 
@@ -102,17 +81,12 @@ contains
     real(wp) :: value(column_count)
 
     associate (g => face%ledger%grains, s => face%ledger%solid)
-      value(1) = time
-      value(2:8) = g([scalar_kinetic, scalar_elastic, scalar_friction, scalar_contact_damping, &
-                      scalar_background_damping, scalar_boundary, scalar_gravity])
-      value(9:12) = s([scalar_kinetic, scalar_elastic, scalar_boundary, scalar_gravity])
+      value(:10) = begin_values(time, g, s)
+      value(11:12) = s([scalar_boundary, scalar_gravity])
       value(13) = face%ledger%grains_work
       value(14) = face%ledger%solid_work
       value(15) = face%ledger%grains_work + face%ledger%solid_work
-      value(16:18) = g(scalar_momentum:scalar_momentum + 2) + &
-        s(scalar_momentum:scalar_momentum + 2)
-      value(19:21) = g(scalar_angular_momentum:scalar_angular_momentum + 2) + &
-        s(scalar_angular_momentum:scalar_angular_momentum + 2)
+      value(16:21) = momenta(g, s)
       value(22:24) = sum(face%relax%held(:3, :), 2)
       value(25) = self%ghost_motion
       value(26) = self%ghost_force

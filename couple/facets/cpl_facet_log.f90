@@ -1,18 +1,18 @@
 !> What a run with facets reports: interface, rows, health and summary.
 module cpl_facet_log
   use talus_kinds, only: wp, i4
-  use talus_text, only: str, string_type
-  use talus_log, only: log_type, short_number, duration_text
+  use talus_text, only: str
+  use talus_log, only: log_type, short_number
   use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_max_overlap
   use talus_summary, only: summary_type
   use cpl_audit, only: audit_type
   use cpl_choices, only: cpl_choices_type, interface_springs
   use cpl_interface, only: interface_type
   use cpl_lag, only: lag_limit
-  use cpl_logbook, only: overhead_text
+  use cpl_logbook, only: log_cells, overhead_text
   implicit none
   private
-  public :: log_interface, log_row_titles, log_row, log_health, put_summary
+  public :: log_interface, log_row, log_health, put_summary
 
 contains
 
@@ -49,20 +49,6 @@ contains
     end do
   end function used_facets
 
-  subroutine log_row_titles(log)
-    type(log_type), intent(inout) :: log
-    type(string_type) :: titles(8)
-    titles(1)%s = 'time [s]'
-    titles(2)%s = 'ghosts moved [m]'
-    titles(3)%s = 'ghost force [N]'
-    titles(4)%s = 'kinetic [J]'
-    titles(5)%s = 'elastic grains [J]'
-    titles(6)%s = 'elastic solid [J]'
-    titles(7)%s = 'overhead [%]'
-    titles(8)%s = 'time left'
-    call log%row_titles(titles)
-  end subroutine log_row_titles
-
   subroutine log_row(log, face, audit, time, overhead, left)
     type(log_type), intent(inout) :: log
     type(interface_type), intent(in) :: face
@@ -70,18 +56,10 @@ contains
     real(wp), intent(in) :: time      !! s
     real(wp), intent(in) :: overhead  !! share of the run time
     real(wp), intent(in) :: left      !! wall time [s], < 0 not known
-    type(string_type) :: cells(8)
-    cells(1)%s = short_number(time)
-    cells(2)%s = short_number(audit%ghost_motion)
-    cells(3)%s = short_number(audit%ghost_force)
-    cells(4)%s = short_number(face%ledger%grains(scalar_kinetic) &
-      + face%ledger%solid(scalar_kinetic))
-    cells(5)%s = short_number(face%ledger%grains(scalar_elastic))
-    cells(6)%s = short_number(face%ledger%solid(scalar_elastic))
-    cells(7)%s = short_number(100.0_wp*overhead)
-    cells(8)%s = '-'
-    if (left >= 0.0_wp) cells(8)%s = duration_text(left)
-    call log%row(cells)
+    associate (g => face%ledger%grains, s => face%ledger%solid)
+      call log_cells(log, [time, audit%ghost_motion, audit%ghost_force, g(scalar_kinetic) &
+        + s(scalar_kinetic), g(scalar_elastic), s(scalar_elastic), overhead], left)
+    end associate
   end subroutine log_row
 
   !> The health line: whether the run can be trusted.

@@ -8,8 +8,9 @@ module cpl_facet_method
   use cpl_audit, only: audit_type, audit_columns
   use cpl_choices, only: rotation_fixed
   use cpl_exchange, only: exchange
-  use cpl_facet_log, only: log_interface, log_row_titles, log_row, log_health, put_summary
+  use cpl_facet_log, only: log_interface, log_row, log_health, put_summary
   use cpl_interface, only: interface_type
+  use cpl_logbook, only: log_row_titles
   use cpl_method, only: cpl_method_type
   use cpl_run, only: cpl_run_type
   use cpl_setup, only: find_ghosts, find_vertices, find_radii, make_map, select_sets, &
@@ -155,7 +156,7 @@ contains
   subroutine titles(self, log)
     class(facet_method_type), intent(in) :: self
     type(log_type), intent(inout) :: log
-    call log_row_titles(log)
+    call log_row_titles(log, 'ghost force [N]')
   end subroutine titles
 
   subroutine row(self, log, time, overhead, left)

@@ -10,12 +10,12 @@ module cpl_overlap_method
   use talus_log, only: log_type
   use talus_summary, only: summary_type
   use cpl_choices, only: cpl_choices_type
-  use cpl_logbook, only: overhead_text
+  use cpl_logbook, only: log_row_titles, overhead_text
   use cpl_method, only: cpl_method_type
   use cpl_overlap, only: overlap_type
   use cpl_overlap_file, only: put_overlap, get_overlap, read_overlap_reference
   use cpl_overlap_log, only: log_census, log_masses, log_exchanges, overlap_columns, &
-    overlap_values, overlap_row_titles, overlap_row, overlap_health, overlap_summary
+    overlap_values, overlap_row, overlap_health, overlap_summary
   use cpl_overlap_remap, only: rebuild_map, check_after
   use cpl_overlap_setup, only: make_overlap, give_masses
   use cpl_run, only: cpl_run_type
@@ -147,7 +147,7 @@ contains
   subroutine titles(self, log)
     class(overlap_method_type), intent(in) :: self
     type(log_type), intent(inout) :: log
-    call overlap_row_titles(log)
+    call log_row_titles(log, 'fine scale [m]')
   end subroutine titles
 
   subroutine row(self, log, time, overhead, left)

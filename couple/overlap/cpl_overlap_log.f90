@@ -2,19 +2,19 @@
 module cpl_overlap_log
   use talus_kinds, only: wp, i4
   use talus_text, only: str, string_type, append_string
-  use talus_log, only: log_type, short_number, duration_text
-  use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_friction, &
-    scalar_contact_damping, scalar_background_damping, scalar_boundary, scalar_gravity, &
-    scalar_momentum, scalar_angular_momentum, scalar_max_overlap
+  use talus_log, only: log_type, short_number
+  use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_max_overlap
   use talus_summary, only: summary_type
+  use cpl_audit_columns, only: begin_columns, append_momenta, append_vector, begin_values, momenta
   use cpl_choices, only: cpl_choices_type, rotation_micro, rotation_curl
+  use cpl_logbook, only: log_cells
   use cpl_overlap_limit, only: kick_warning
   use cpl_overlap, only: overlap_type
   use cpl_sets, only: part_rest, part_ghost, part_free
   implicit none
   private
   public :: log_census, log_masses, log_exchanges, overlap_columns, overlap_values, &
-    overlap_row_titles, overlap_row, overlap_health, overlap_summary
+    overlap_row, overlap_health, overlap_summary
 
   integer(i4), parameter :: column_count = 28
 
@@ -160,34 +160,16 @@ contains
   !> Columns of the audit that every overlap has.
   subroutine overlap_columns(columns)
     type(string_type), allocatable, intent(out) :: columns(:)
-    character(len=*), parameter :: axes(3) = ['x', 'y', 'z']
-    integer(i4) :: k
 
-    call append_string(columns, 'time [s]')
-    call append_string(columns, 'grains_kinetic [J]')
-    call append_string(columns, 'grains_elastic [J]')
-    call append_string(columns, 'grains_friction [J]')
-    call append_string(columns, 'grains_contact_damping [J]')
-    call append_string(columns, 'grains_background_damping [J]')
-    call append_string(columns, 'grains_boundary_work [J]')
-    call append_string(columns, 'grains_gravity_work [J]')
-    call append_string(columns, 'solid_kinetic [J]')
-    call append_string(columns, 'solid_elastic [J]')
+    call begin_columns(columns)
     call append_string(columns, 'edge_kinetic [J]')
     call append_string(columns, 'total_energy [J]')
     call append_string(columns, 'interface_work_given [J]')
     call append_string(columns, 'interface_work_taken [J]')
     call append_string(columns, 'held_load_work [J]')
     call append_string(columns, 'fine_scale_damping [J]')
-    do k = 1, 3
-      call append_string(columns, 'momentum_'//axes(k)//' [kg m/s]')
-    end do
-    do k = 1, 3
-      call append_string(columns, 'angular_momentum_'//axes(k)//' [N m s]')
-    end do
-    do k = 1, 3
-      call append_string(columns, 'force_on_edge_'//axes(k)//' [N]')
-    end do
+    call append_momenta(columns)
+    call append_vector(columns, 'force_on_edge', 'N')
     call append_string(columns, 'fine_scale [m]')
     call append_string(columns, 'largest_ghost_displacement [m]')
     call append_string(columns, 'largest_overlap [-]')
@@ -227,39 +209,19 @@ contains
     real(wp) :: value(column_count), edge(6)
 
     associate (g => o%ledger%grains, s => o%ledger%solid)
-      value(1) = time
-      value(2:8) = g([scalar_kinetic, scalar_elastic, scalar_friction, scalar_contact_damping, &
-                      scalar_background_damping, scalar_boundary, scalar_gravity])
-      value(9:10) = s([scalar_kinetic, scalar_elastic])
+      value(:10) = begin_values(time, g, s)
       value(11) = o%edge_kinetic()
       value(12) = total_energy(o)
       value(13:15) = [o%ledger%work_given, o%ledger%work_taken, o%ledger%hold_work]
       edge = o%edge_momentum()
       value(16) = fine_loss(o)
-      value(17:19) = g(scalar_momentum:scalar_momentum + 2) + s(scalar_momentum:scalar_momentum &
-        + 2) + edge(:3)
-      value(20:22) = g(scalar_angular_momentum:scalar_angular_momentum + 2) &
-        + s(scalar_angular_momentum:scalar_angular_momentum + 2) + edge(4:)
+      value(17:22) = momenta(g, s) + edge
       value(23:25) = sum(o%forces%f(:, o%op%prescribed + 1:), 2)
       value(26) = o%map%fine
       value(27) = ghost_motion(o)
       value(28) = g(scalar_max_overlap)
     end associate
   end function overlap_values
-
-  subroutine overlap_row_titles(log)
-    type(log_type), intent(inout) :: log
-    type(string_type) :: titles(8)
-    titles(1)%s = 'time [s]'
-    titles(2)%s = 'ghosts moved [m]'
-    titles(3)%s = 'fine scale [m]'
-    titles(4)%s = 'kinetic [J]'
-    titles(5)%s = 'elastic grains [J]'
-    titles(6)%s = 'elastic solid [J]'
-    titles(7)%s = 'overhead [%]'
-    titles(8)%s = 'time left'
-    call log%row_titles(titles)
-  end subroutine overlap_row_titles
 
   subroutine overlap_row(log, o, fine, time, overhead, left)
     type(log_type), intent(inout) :: log
@@ -268,18 +230,10 @@ contains
     real(wp), intent(in) :: time      !! s
     real(wp), intent(in) :: overhead  !! share of the run time
     real(wp), intent(in) :: left      !! wall time [s], < 0 not known
-    type(string_type) :: cells(8)
-    cells(1)%s = short_number(time)
-    cells(2)%s = short_number(ghost_motion(o))
-    cells(3)%s = short_number(fine)
-    cells(4)%s = short_number(o%ledger%grains(scalar_kinetic) + o%ledger%solid(scalar_kinetic) + &
-                              o%edge_kinetic())
-    cells(5)%s = short_number(o%ledger%grains(scalar_elastic))
-    cells(6)%s = short_number(o%ledger%solid(scalar_elastic))
-    cells(7)%s = short_number(100.0_wp*overhead)
-    cells(8)%s = '-'
-    if (left >= 0.0_wp) cells(8)%s = duration_text(left)
-    call log%row(cells)
+    associate (g => o%ledger%grains, s => o%ledger%solid)
+      call log_cells(log, [time, ghost_motion(o), fine, g(scalar_kinetic) + s(scalar_kinetic) &
+        + o%edge_kinetic(), g(scalar_elastic), s(scalar_elastic), overhead], left)
+    end associate
   end subroutine overlap_row
 
   !> Difference of the works from both sides, relative to what went through.

@@ -30,11 +30,7 @@ contains
     logical, intent(in) :: again
     real(wp), intent(in) :: time
     type(error_list_type), intent(inout) :: errors
-    if (again) then
-      call self%file%resume(path, columns, time, errors)
-    else
-      call self%file%open(path, columns, .false., errors)
-    end if
+    call self%file%begin(path, columns, merge(time, -1.0_wp, again), errors)
   end subroutine begin
 
   !> Take a row; the one before must have been written.

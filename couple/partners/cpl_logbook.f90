@@ -3,12 +3,12 @@ module cpl_logbook
   use talus_kinds, only: wp, i4
   use talus_text, only: str, string_type
   use talus_deck, only: deck_type
-  use talus_log, only: log_type, short_number
+  use talus_log, only: log_type, short_number, duration_text
   use talus_timers, only: timers_type
   use cpl_solver, only: cpl_solver_type
   implicit none
   private
-  public :: begin_log, log_solvers, work_share, overhead_text
+  public :: begin_log, log_solvers, log_row_titles, log_cells, work_share, overhead_text
 
 contains
 
@@ -38,6 +38,38 @@ contains
     end do
     call log%item('gravity', str(solvers(1)%gravity)//' m/s2')
   end subroutine log_solvers
+
+  !> Titles of the rows of the log; `third` is the method's own.
+  subroutine log_row_titles(log, third)
+    type(log_type), intent(inout) :: log
+    character(len=*), intent(in) :: third  !! with its unit
+    type(string_type) :: titles(8)
+    titles(1)%s = 'time [s]'
+    titles(2)%s = 'ghosts moved [m]'
+    titles(3)%s = third
+    titles(4)%s = 'kinetic [J]'
+    titles(5)%s = 'elastic grains [J]'
+    titles(6)%s = 'elastic solid [J]'
+    titles(7)%s = 'overhead [%]'
+    titles(8)%s = 'time left'
+    call log%row_titles(titles)
+  end subroutine log_row_titles
+
+  !> A row of the log.
+  subroutine log_cells(log, values, left)
+    type(log_type), intent(inout) :: log
+    real(wp), intent(in) :: values(7)  !! of the titles; overhead is a share
+    real(wp), intent(in) :: left       !! wall time [s], < 0 not known
+    type(string_type) :: cells(8)
+    integer(i4) :: k
+    do k = 1, 6
+      cells(k)%s = short_number(values(k))
+    end do
+    cells(7)%s = short_number(100.0_wp*values(7))
+    cells(8)%s = '-'
+    if (left >= 0.0_wp) cells(8)%s = duration_text(left)
+    call log%row(cells)
+  end subroutine log_cells
 
   !> Share of the time since `begun` [s of the timers] in which no solver was waited for: the work
   !! of the coupling, much of it done while they work.
