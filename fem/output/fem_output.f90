@@ -109,7 +109,7 @@ contains
     end do
     if (body%matter%active) call append_string(columns, 'plastic [J]')
     call append_string(columns, 'closure [J]')
-    call start_or_resume(self%energy, stem//'_energy.csv', columns, start_time, errors)
+    call self%energy%begin(stem//'_energy.csv', columns, start_time, errors)
     deallocate (columns)
     call append_string(columns, 'time [s]')
     allocate (self%support(0))
@@ -134,12 +134,12 @@ contains
         call append_string(columns, name//' r'//letters(c)//' [N m]')
       end do
     end do
-    call start_or_resume(self%reactions, stem//'_reactions.csv', columns, start_time, errors)
-    if (allocated(body%supports%rigid)) call start_or_resume(self%rigid, stem//'_rigid.csv', &
+    call self%reactions%begin(stem//'_reactions.csv', columns, start_time, errors)
+    if (allocated(body%supports%rigid)) call self%rigid%begin(stem//'_rigid.csv', &
       rigid_columns(body), start_time, errors)
     if (.not. body%matter%active .or. body%scheme%explicit) return
     call newton_titles(columns)
-    call start_or_resume(self%newton, stem//'_newton.csv', columns, start_time, errors)
+    call self%newton%begin(stem//'_newton.csv', columns, start_time, errors)
   end subroutine open_histories
 
   !> The table of an analysis that has one.
@@ -153,7 +153,7 @@ contains
     type(string_type), allocatable :: columns(:)
     if (len(analysis%table) == 0) return
     call analysis%columns(body, columns)
-    call start_or_resume(self%table, stem//'_'//analysis%table//'.csv', columns, start_time, errors)
+    call self%table%begin(stem//'_'//analysis%table//'.csv', columns, start_time, errors)
   end subroutine open_table
 
   !> Columns of the rigid groups.
@@ -171,19 +171,6 @@ contains
       end do
     end do
   end function rigid_columns
-
-  subroutine start_or_resume(history, path, columns, start_time, errors)
-    type(history_type), intent(inout) :: history
-    character(len=*), intent(in) :: path
-    type(string_type), intent(in) :: columns(:)
-    real(wp), intent(in) :: start_time
-    type(error_list_type), intent(inout) :: errors
-    if (start_time < 0.0_wp) then
-      call history%open(path, columns, .false., errors)
-    else
-      call history%resume(path, columns, start_time, errors)
-    end if
-  end subroutine start_or_resume
 
   subroutine open_fields(self, stem, body, start_time, errors)
     class(fem_output_type), intent(inout) :: self
