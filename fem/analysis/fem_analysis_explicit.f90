@@ -36,7 +36,7 @@ contains
     type(fem_scheme_type), intent(inout) :: scheme
     type(error_list_type), intent(inout) :: errors
     self%solves = .false.
-    scheme%dynamic = .true.
+    call scheme%take_inertia(.true.)
     scheme%explicit = .true.
   end subroutine read_explicit
 

@@ -68,9 +68,8 @@ contains
     type(error_list_type), intent(inout) :: errors
     self%table = 'harmonic'
     self%listed = .true.
-    scheme%massive = .true.
     scheme%damped = .true.
-    scheme%linear_only = .true.
+    call scheme%keep_linear(massive=.true.)
     call deck%get('analysis', 1, 'loss_factor', self%loss)
     call read_frequencies(deck, self%frequency)
   end subroutine read_harmonic

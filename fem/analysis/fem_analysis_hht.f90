@@ -24,7 +24,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp) :: alpha
     call deck%get('analysis', 1, 'alpha', alpha)
-    scheme%dynamic = .true.
+    call scheme%take_inertia(.true.)
     scheme%lag = -alpha
     scheme%beta = 0.25_wp*(1.0_wp - alpha)**2
     scheme%gamma = 0.5_wp - alpha

@@ -40,8 +40,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     self%table = 'modes'
     self%listed = .true.
-    scheme%massive = .true.
-    scheme%linear_only = .true.
+    call scheme%keep_linear(massive=.true.)
     call deck%get('analysis', 1, 'modes', self%wanted)
     call deck%get('analysis', 1, 'tolerance', self%tolerance)
     call deck%get('analysis', 1, 'max_iterations', self%most_iterations)

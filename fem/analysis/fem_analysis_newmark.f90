@@ -34,7 +34,7 @@ contains
     type(deck_type), intent(in) :: deck
     type(fem_scheme_type), intent(inout) :: scheme
     type(error_list_type), intent(inout) :: errors
-    scheme%dynamic = .true.
+    call scheme%take_inertia(.true.)
     call deck%get('analysis', 1, 'beta', scheme%beta)
     call deck%get('analysis', 1, 'gamma', scheme%gamma)
   end subroutine read_newmark

@@ -33,7 +33,7 @@ contains
     type(deck_type), intent(in) :: deck
     type(fem_scheme_type), intent(inout) :: scheme
     type(error_list_type), intent(inout) :: errors
-    scheme%linear_only = .true.
+    call scheme%keep_linear(massive=.false.)
     if (deck%given('analysis', 1, 'tolerance')) &
       call deck%get('analysis', 1, 'tolerance', self%tolerance)
     if (deck%given('analysis', 1, 'max_iterations')) &

@@ -112,7 +112,7 @@ contains
       call kick_all(dt, self%system%node_mass, self%system%initial_force, &
         self%system%weight_force, old, s, work)
       if (.not. is_finite(work%strain)) call self%check_finite(errors)
-      self%energy = self%accepted_energy
+      call self%begin_energy()
       associate (e => self%energy)
         e%strain = work%strain
         e%load = e%load + work%load

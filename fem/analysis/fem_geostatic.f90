@@ -30,9 +30,9 @@ contains
     call body%matter%update(body%mesh, body%dofs, body%elastic, nothing, nothing, internal, bad)
     body%accepted%external = internal  ! the loads grow from those that the stress balances
     dynamic = body%scheme%dynamic
-    body%scheme%dynamic = .false.  ! no inertia
+    call body%scheme%take_inertia(.false.)
     call newton_step(body, body%accepted%time, errors)
-    body%scheme%dynamic = dynamic
+    call body%scheme%take_inertia(dynamic)
     if (errors%any()) return
     iterations = body%newton%rows
     moved = sqrt(maxval(sum(body%state%u**2, 1)))
@@ -41,7 +41,7 @@ contains
       call body%impose(body%accepted%time, body%state%u)
     end if
     body%matter%state(at_stored:at_numerical, :) = 0.0_wp
-    body%energy = fem_energy_type()
+    call body%take_energy(fem_energy_type())
     call body%accept()
   end subroutine settle
 end module fem_geostatic

@@ -459,7 +459,7 @@ contains
       moved = s%u - old%u
       weight = 1.0_wp
       if (part%weight_before < 1.0_wp) weight = [part%before, part%after]
-      e = self%accepted_energy
+      call self%begin_energy()
       call self%matter_energy()
       e%load = e%load + 0.5_wp*sum(moved*(s%external + old%external))
       e%gravity = e%gravity + 0.5_wp*sum(weight)*sum(moved*self%system%weight_force)

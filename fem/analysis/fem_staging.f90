@@ -96,8 +96,7 @@ contains
       if (.not. self%elastic%absent(e)) &
         alone(self%dofs%block(self%dofs%start(e):self%dofs%start(e + 1) - 1)) = .false.
     end do
-    self%port%prescribed = spread(alone, 1, 3)
-    self%port%given_u = merge(self%accepted%u, 0.0_wp, self%port%prescribed)
+    call self%port%fix_at(spread(alone, 1, 3), self%accepted%u)
     call self%system%forget_numbers()
   end subroutine hide_absent
 

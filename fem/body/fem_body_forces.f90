@@ -150,7 +150,7 @@ contains
       ! the first static step raises the weight from zero, as all loads
       before = merge(1.0_wp, 0.0_wp, any(abs(old%external) > 0.0_wp))
       call step_works(old, s, internal, self%system%initial_force, self%system%weight_force, works)
-      e = self%accepted_energy
+      call self%begin_energy()
       e%strain = works%strain
       e%load = e%load + works%load
       e%gravity = e%gravity + 0.5_wp*(1.0_wp + before)*works%weight

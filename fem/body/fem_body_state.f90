@@ -48,6 +48,8 @@ module fem_body_state
     procedure :: keep
     procedure :: put_back
     procedure :: hand_over
+    procedure :: begin_energy
+    procedure :: take_energy
     procedure :: accept
     procedure :: reject
     procedure, private :: accept_rigid
@@ -158,6 +160,19 @@ contains
     self%matter%accepted_state = kept%points
   end subroutine put_back
 
+  !> The ledger of a trial begins with the accepted one.
+  pure subroutine begin_energy(self)
+    class(fem_body_state_type), intent(inout) :: self
+    self%energy = self%accepted_energy
+  end subroutine begin_energy
+
+  !> The ledger of the trial is this.
+  pure subroutine take_energy(self, energy)
+    class(fem_body_state_type), intent(inout) :: self
+    type(fem_energy_type), intent(in) :: energy
+    self%energy = energy
+  end subroutine take_energy
+
   !> Accept the trial state without a copy: the arrays change places, and `state` holds what is old
   !! until the next step fills it. For runs that use `accepted` alone and never reject.
   subroutine hand_over(self)
@@ -205,7 +220,7 @@ contains
   subroutine reject(self)
     class(fem_body_state_type), intent(inout) :: self
     self%state = self%accepted
-    self%energy = self%accepted_energy
+    call self%begin_energy()
     where (self%port%prescribed) self%port%given_u = self%accepted%u
     call self%matter%reject()
   end subroutine reject

@@ -22,6 +22,9 @@ module fem_parts
     logical :: linear_only = .false.  !! no law with a state
     real(wp) :: beta = 0.25_wp, gamma = 0.5_wp  !! Newmark's
     real(wp) :: lag = 0.0_wp          !! HHT: share of the old balance, -alpha [-]
+  contains
+    procedure :: take_inertia
+    procedure :: keep_linear
   end type fem_scheme_type
 
   type :: fem_loads_type
@@ -29,6 +32,8 @@ module fem_parts
     type(fem_load_type), allocatable :: load(:)
     type(fem_follower_type), allocatable :: follower(:)  !! pressures that follow the surface
     real(wp) :: gravity(3) = 0.0_wp                      !! [m/s^2]
+  contains
+    procedure :: append => append_load
   end type fem_loads_type
 
   !> Prescribed motion of one component of some blocks.
@@ -43,6 +48,8 @@ module fem_parts
     type(fem_motion_type), allocatable :: motion(:)
     type(fem_rigid_type), allocatable :: rigid(:)  !! groups that move as rigid bodies
     type(fem_springs_type) :: ground               !! springs to the ground
+  contains
+    procedure :: hold
   end type fem_supports_type
 
   !> What a partner at the port sets.
@@ -53,6 +60,10 @@ module fem_parts
     real(wp), allocatable :: dead_load(:, :)     !! (3, blocks) constant [N]
     real(wp), allocatable :: mass_factor(:)      !! (blocks) on mass and weight [-]
     type(fem_springs_type) :: robin              !! springs to the last accepted state
+  contains
+    procedure :: prescribe
+    procedure :: fix_at
+    procedure :: move_along
   end type fem_port_values_type
 
   !> Matrices and their factors.
@@ -100,6 +111,65 @@ module fem_parts
   end type fem_kept_type
 
 contains
+
+  !> Steps are in time, with velocities, or (no) in balance.
+  pure subroutine take_inertia(self, yes)
+    class(fem_scheme_type), intent(inout) :: self
+    logical, intent(in) :: yes
+    self%dynamic = yes
+  end subroutine take_inertia
+
+  !> No law with a state is allowed.
+  pure subroutine keep_linear(self, massive)
+    class(fem_scheme_type), intent(inout) :: self
+    logical, intent(in) :: massive  !! mass matters
+    self%linear_only = .true.
+    self%massive = massive
+  end subroutine keep_linear
+
+  !> One load more.
+  pure subroutine append_load(self, load)
+    class(fem_loads_type), intent(inout) :: self
+    type(fem_load_type), intent(in) :: load
+    type(fem_load_type), allocatable :: longer(:)
+    allocate (longer(size(self%load) + 1))
+    longer(:size(self%load)) = self%load
+    longer(size(longer)) = load
+    call move_alloc(longer, self%load)
+  end subroutine append_load
+
+  !> A component of some blocks is supported or moved by the deck.
+  pure subroutine hold(self, component, block)
+    class(fem_supports_type), intent(inout) :: self
+    integer(i4), intent(in) :: component, block(:)
+    self%held(component, block) = .true.
+  end subroutine hold
+
+  !> What a partner moves; what it did not move before keeps its displacement u.
+  pure subroutine prescribe(self, chosen, u)
+    class(fem_port_values_type), intent(inout) :: self
+    logical, intent(in) :: chosen(:, :)  !! (3, blocks)
+    real(wp), intent(in) :: u(:, :)      !! (3, blocks) [m]
+    where (chosen .and. .not. self%prescribed) self%given_u = u
+    self%prescribed = chosen
+  end subroutine prescribe
+
+  !> Only these are kept where they are, at u.
+  pure subroutine fix_at(self, chosen, u)
+    class(fem_port_values_type), intent(inout) :: self
+    logical, intent(in) :: chosen(:, :)  !! (3, blocks)
+    real(wp), intent(in) :: u(:, :)      !! (3, blocks) [m]
+    self%prescribed = chosen
+    self%given_u = merge(u, 0.0_wp, chosen)
+  end subroutine fix_at
+
+  !> What a partner moves at a share [-] of its way.
+  pure subroutine move_along(self, from, to, share)
+    class(fem_port_values_type), intent(inout) :: self
+    real(wp), intent(in) :: from(:, :), to(:, :)  !! (3, blocks) [m]
+    real(wp), intent(in) :: share
+    self%given_u = from + share*(to - from)
+  end subroutine move_along
 
   !> The factors are those of another matrix from now on.
   subroutine forget_factors(self)

@@ -77,8 +77,7 @@ contains
     type(h5_file_type) :: file
     type(checkpoint_info_type) :: info
     real(wp), allocatable :: u(:, :)
-    real(wp) :: energy(11)
-    real(wp) :: leaps
+    real(wp) :: energy(11), leaps
 
     steps = 0
     leaps = 0.0_wp
@@ -117,9 +116,9 @@ contains
     call file%close(errors)
     if (errors%any()) return
     body%state%time = info%time
-    body%energy = fem_energy_type(energy(1), energy(2), energy(3), energy(4), energy(5), &
-                                  energy(6), energy(7), energy(8), energy(9), energy(10), &
-                                  energy(11))
+    call body%take_energy(fem_energy_type(energy(1), energy(2), energy(3), energy(4), energy(5), &
+                                          energy(6), energy(7), energy(8), energy(9), &
+                                          energy(10), energy(11)))
     steps = info%step
     deck_changed = info%deck_hash /= checkpoint%deck_hash
     call body%accept()

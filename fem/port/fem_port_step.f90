@@ -80,7 +80,7 @@ contains
       call body%keep(kept)
       start: do k = 1, n
         share = real(k, wp)/real(n, wp)
-        body%port%given_u = start_u + share*(end_u - start_u)
+        call body%port%move_along(start_u, end_u, share)
         before(:, :) = body%accepted%reaction
         moved(:, :) = body%accepted%u
         call model%analysis%step(body, t0 + share*(request%t1 - t0), errors)

@@ -109,17 +109,16 @@ contains
     class(fem_sets_type), intent(in) :: self
     type(fem_body_type), intent(inout) :: body
     logical, intent(out) :: changed
-    logical :: before(3, body%dofs%blocks)
+    logical :: chosen(3, body%dofs%blocks)
     integer(i4) :: k
-    before = body%port%prescribed
-    body%port%prescribed = .false.
+    chosen = .false.
     do k = 1, self%n
       if (self%set(k)%role /= role_prescribe) cycle
-      if (self%set(k)%moves) body%port%prescribed(:, self%set(k)%node) = .true.
-      body%port%prescribed(:, self%set(k)%phi) = .true.
+      if (self%set(k)%moves) chosen(:, self%set(k)%node) = .true.
+      chosen(:, self%set(k)%phi) = .true.
     end do
-    where (body%port%prescribed .and. .not. before) body%port%given_u = body%accepted%u
-    changed = any(body%port%prescribed .neqv. before)
+    changed = any(chosen .neqv. body%port%prescribed)
+    call body%port%prescribe(chosen, body%accepted%u)
   end subroutine mark_prescribed
 
   !> Index of a set, 0 if there is none.

@@ -106,7 +106,7 @@ contains
           call blocks_for(body, g, text, component, block)
           if (component == 0) call field_fault(deck, 'support', s, text, errors)
           if (component == 0) exit
-          body%supports%held(component, block) = .true.
+          call body%supports%hold(component, block)
         end do
       end do
     end do
@@ -182,7 +182,7 @@ contains
         'component '//component//' of some of these nodes '// &
                                  'is held or moved already', 'motion', s, 'group', &
                                  'leave it out of &support and of the other &motion')
-      body%supports%held(motion%component, motion%block) = .true.
+      call body%supports%hold(motion%component, motion%block)
       call append_motion(body%supports%motion, motion)
     end do
   end subroutine read_motions

@@ -41,7 +41,7 @@ contains
       call deck%get('traction', s, 'value', value)
       load%force = 0.0_wp*body%state%u
       call traction_force(body%mesh, body%mesh%group(g), value, load%force)
-      call append_load(body%loads%load, load)
+      call body%loads%append(load)
     end do
     do s = 1, deck%count('pressure')
       call facet_group(deck, body, 'pressure', s, 'group', g, errors)
@@ -55,7 +55,7 @@ contains
       end if
       load%force = 0.0_wp*body%state%u
       call pressure_force(body%mesh, body%mesh%group(g), pressure, load%force)
-      call append_load(body%loads%load, load)
+      call body%loads%append(load)
     end do
   end subroutine read_tractions
 
@@ -82,7 +82,7 @@ contains
           "' has no micro-rotation", 'couple', s, 'group', &
           "couples act on sections of a material with law = 'micropolar'")
       end if
-      call append_load(body%loads%load, load)
+      call body%loads%append(load)
     end do
   end subroutine read_couples
 
@@ -123,7 +123,7 @@ contains
         load%force = 0.0_wp*body%state%u
         call body_force(body%mesh, body%dofs, body%elastic, element, force, couple, load%force)
       end associate
-      call append_load(body%loads%load, load)
+      call body%loads%append(load)
     end do
   end subroutine read_body_loads
 
@@ -152,7 +152,7 @@ contains
       else
         call at_position(deck, body, s, force, load%force, errors)
       end if
-      if (errors%count == before) call append_load(body%loads%load, load)
+      if (errors%count == before) call body%loads%append(load)
     end do
   end subroutine read_point_loads
 
@@ -254,14 +254,4 @@ contains
     if (.not. allocated(body%loads%follower)) allocate (body%loads%follower(0))
     body%loads%follower = [body%loads%follower, fem_follower_type(g, curve, pressure)]
   end subroutine append_follower
-
-  subroutine append_load(list, load)
-    type(fem_load_type), allocatable, intent(inout) :: list(:)
-    type(fem_load_type), intent(in) :: load
-    type(fem_load_type), allocatable :: longer(:)
-    allocate (longer(size(list) + 1))
-    longer(:size(list)) = list
-    longer(size(longer)) = load
-    call move_alloc(longer, list)
-  end subroutine append_load
 end module fem_setup_loads

@@ -128,7 +128,7 @@ contains
         column = merge(body%dofs%phi + c - 1, 0, body%dofs%phi > 0)
         call couple_force(body%mesh, body%mesh%group(g), column, value(c::3), load%force, missing)
       end do
-      call append(body, load)
+      call body%loads%append(load)
     end do
   end subroutine read_double_forces
 
@@ -178,14 +178,4 @@ contains
     if (g == 0) call deck%fault(errors, 'D301', "the mesh has no facet group '"//name//"'", &
       group, s, 'group', group_hint(body%mesh, name, [group_facet]))
   end subroutine find_facets
-
-  subroutine append(body, load)
-    type(fem_body_type), intent(inout) :: body
-    type(fem_load_type), intent(in) :: load
-    type(fem_load_type), allocatable :: longer(:)
-    allocate (longer(size(body%loads%load) + 1))
-    longer(:size(body%loads%load)) = body%loads%load
-    longer(size(longer)) = load
-    call move_alloc(longer, body%loads%load)
-  end subroutine append
 end module fem_setup_micro

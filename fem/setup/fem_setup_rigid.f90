@@ -24,7 +24,7 @@ contains
     type(fem_body_type), intent(inout) :: body
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: name
-    integer(i4) :: s, g
+    integer(i4) :: s, g, k
 
     if (deck%count('rigid') == 0) return
     allocate (body%supports%rigid(deck%count('rigid')))
@@ -42,7 +42,9 @@ contains
       if (any(body%supports%held(:, body%supports%rigid(s)%node))) call deck%fault(errors, 'D306', &
         'some of these nodes are held or moved already', 'rigid', s, 'group', &
         'leave them out of &support, &motion and other &rigid')
-      body%supports%held(:, body%supports%rigid(s)%node) = .true.
+      do k = 1, 3
+        call body%supports%hold(k, body%supports%rigid(s)%node)
+      end do
     end do
   end subroutine read_rigid
 

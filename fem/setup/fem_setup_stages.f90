@@ -162,24 +162,21 @@ contains
   !> A load for what is out of balance, with its curve, after those of the deck.
   subroutine add_release(body)
     type(fem_body_type), intent(inout) :: body
-    type(fem_load_type), allocatable :: load(:)
+    type(fem_load_type) :: load
     type(curve_type), allocatable :: curve(:)
     integer(i4) :: k
-    allocate (load(size(body%loads%load) + 1), curve(size(body%loads%curve) + 1))
-    do k = 1, size(body%loads%load)
-      load(k) = body%loads%load(k)
-    end do
+    allocate (curve(size(body%loads%curve) + 1))
     do k = 1, size(body%loads%curve)
       curve(k) = body%loads%curve(k)
     end do
-    body%stages%load = size(load)
+    load%curve = size(curve)
+    allocate (load%force(3, body%dofs%blocks), source=0.0_wp)
+    call body%loads%append(load)
+    body%stages%load = size(body%loads%load)
     body%stages%curve = size(curve)
-    load(size(load))%curve = size(curve)
-    allocate (load(size(load))%force(3, body%dofs%blocks), source=0.0_wp)
     curve(size(curve))%name = ''
     curve(size(curve))%time = [0.0_wp, 1.0_wp]
     curve(size(curve))%value = [1.0_wp, 0.0_wp]
-    call move_alloc(load, body%loads%load)
     call move_alloc(curve, body%loads%curve)
   end subroutine add_release
 end module fem_setup_stages
