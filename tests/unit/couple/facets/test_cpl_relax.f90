@@ -25,6 +25,7 @@ program test_cpl_relax
   call test%check_close('theta', u, 1.0_wp, 1.0e-12_wp)
   call iterate_aitken(u)
   call test%check_close('Aitken, iterated', u, 1.0_wp, 1.0e-12_wp)
+  call go_on()
   call test%finish()
 
 contains
@@ -58,6 +59,24 @@ contains
       d = d_new
     end do
   end subroutine settle
+
+  !> A relaxation whose memory is put back goes on as the other does.
+  subroutine go_on()
+    type(relax_type) :: first, second
+    real(wp) :: measured(3, 1)
+    measured = 3.0_wp
+    call first%init(interface_aitken, 0.0_wp, 3_i4, 1_i4)
+    call first%hold(measured)
+    call first%force(2.0_wp*measured)
+    call first%force(-measured)
+    call second%init(interface_aitken, 0.0_wp, 3_i4, 1_i4)
+    call second%hold(first%held)
+    second%residual = first%residual
+    call second%resume(first%factor, first%begun)
+    call first%force(measured)
+    call second%force(measured)
+    call test%check_all_close('memory put back', first%held - second%held, 0.0_wp, 0.0_wp)
+  end subroutine go_on
 
   !> The ghost follows the facet within the iteration.
   subroutine iterate_aitken(u)
