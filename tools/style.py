@@ -1,11 +1,12 @@
 """Check the layout rules of the code that a machine can check (marked (c) in the style guide).
 
 Usage: style.py [--root FOLDER] [--shrink]
-Fortran under common, dem, fem, couple and tests/unit; Python by ruff, where it is installed;
-labels of equations (style_labels.py); subjects of commits. Procedures that are too long, take too
-many arguments or nest too deeply, and variables of modules (style_procedures.py) are let through
-only if tools/style_exceptions.txt names them; that list may only shrink (--shrink removes what
-is mended). Prints `file:line: rule`, closes with 'N passed, M failed', exits with 1 on failure.
+Fortran under common, dem, fem, couple and tests/unit; Python by ruff, where it is installed; labels
+of equations (style_labels.py); writers of components (writers.py); subjects of commits. Procedures
+that are too long, take too many arguments or nest too deeply, and variables of modules
+(style_procedures.py) are let through only if tools/style_exceptions.txt names them; that list may
+only shrink (--shrink removes what is mended). Prints `file:line: rule`, closes with 'N passed, M
+failed', exits with 1 on failure.
 """
 
 import argparse
@@ -17,6 +18,7 @@ from pathlib import Path
 
 import style_labels
 import style_procedures
+import writers
 from style_procedures import code_of
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -228,7 +230,8 @@ def main() -> int:
         passed, failed = passed + (not found), failed + bool(found)
     if options.shrink:
         exceptions.shrink()
-    for found in (exceptions.idle(), style_labels.check(root), check_subjects(root)):
+    groups = (exceptions.idle(), style_labels.check(root), writers.check(root))
+    for found in (*groups, check_subjects(root)):
         print("\n".join(found), end="\n" if found else "")
         passed, failed = passed + (not found), failed + bool(found)
     good, bad, said = check_python(root)
