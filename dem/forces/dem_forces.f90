@@ -14,7 +14,7 @@ module dem_forces
   use dem_law_registry, only: place_of_memory
   use dem_ellipse, only: narrow_ellipsoids, narrow_shapes
   use dem_additional_list, only: held_lanes
-  use dem_additional, only: extra_forces
+  use dem_additional, only: additional_forces
   implicit none
   private
   public :: block_forces, sum_body
@@ -42,7 +42,7 @@ contains
     logical :: contact
     real(wp) :: none(lanes, 0)
 
-    if (pairs%extras%active) pairs%extras%work(:, k) = 0.0_wp
+    if (pairs%additional%active) pairs%additional%work(:, k) = 0.0_wp
     if (travel < 0.5_wp*pairs%least_gap(k) .and. .not. pairs%touched(k)) then
       pairs%columns(:, k) = 0.0_wp
       return
@@ -71,7 +71,7 @@ contains
       else
         call evaluate_planes(mine)
       end if
-      if (pairs%extras%active .and. k <= pairs%grain_blocks) call find_held(pairs, mine, &
+      if (pairs%additional%active .and. k <= pairs%grain_blocks) call find_held(pairs, mine, &
                                                                             mine_shapes, k)
     end if
     contact = any(mine%gap < 0.0_wp)
@@ -91,17 +91,17 @@ contains
     associate (law => laws(pairs%law_first(k), pairs%law_second(k)), &
                weight => pairs%weight(:, min(k, size(pairs%weight, 2))))
       if (law%base%reals > 0) then
-        range = place_of_memory(law, pairs%extras)
+        range = place_of_memory(law, pairs%additional)
         call law%base%forces(mine, law%law_numbers_type, pairs%round(k), h, pairs%m_star(:, k), &
                              weight, pairs%history(:, :, k), &
-                             pairs%extras%kept(:, range(1):range(2), k), pairs%columns(:, k))
+                             pairs%additional%kept(:, range(1):range(2), k), pairs%columns(:, k))
       else
         call law%base%forces(mine, law%law_numbers_type, pairs%round(k), h, pairs%m_star(:, k), &
                              weight, pairs%history(:, :, k), none, pairs%columns(:, k))
       end if
     end associate
     pairs%touched(k) = contact
-    if (pairs%extras%active) call extra_forces(mine, laws(pairs%law_first(k), &
+    if (pairs%additional%active) call additional_forces(mine, laws(pairs%law_first(k), &
                                                           pairs%law_second(k)), k, h, pairs)
     call put_loads(mine%load, pairs%past, pairs%result(:, (k - 1)*lanes + 1:k*lanes))
   end subroutine block_forces
@@ -242,7 +242,7 @@ contains
     integer(i4) :: lane
     logical :: needs(lanes)
 
-    needs = block%gap > 0.0_wp .and. held_lanes(pairs%extras, k)
+    needs = block%gap > 0.0_wp .and. held_lanes(pairs%additional, k)
     if (.not. any(needs)) return
     do lane = 1, lanes
       if (.not. needs(lane)) cycle

@@ -76,9 +76,9 @@ contains
       if (allocated(p%normal)) deallocate (p%normal, p%history)
       allocate (p%first(lanes, blocks), p%second(lanes, blocks), source=0_i4)
       allocate (p%normal(lanes, 3, blocks), p%history(lanes, history_size, blocks), source=0.0_wp)
-      if (p%extras%active) then
-        if (allocated(p%extras%kept)) deallocate (p%extras%kept)
-        allocate (p%extras%kept(lanes, p%extras%reals, blocks), source=0.0_wp)
+      if (p%additional%active) then
+        if (allocated(p%additional%kept)) deallocate (p%additional%kept)
+        allocate (p%additional%kept(lanes, p%additional%reals, blocks), source=0.0_wp)
       end if
       allocate (p%weight(0, 0), p%m_star(0, 0), p%touched(0), p%result(0, 0), p%columns(0, 0))
     end associate

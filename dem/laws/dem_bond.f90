@@ -10,7 +10,7 @@
 module dem_bond
   use talus_kinds, only: wp, i4
   use dem_state, only: lanes, dem_law_type
-  use dem_additional_state, only: dem_bond_type, bond_reals, extra_work_count, work_breakage, &
+  use dem_additional_state, only: dem_bond_type, bond_reals, additional_work_count, work_breakage, &
     work_torn, work_sheared
   use dem_block, only: dem_block_type
   implicit none
@@ -31,7 +31,7 @@ contains
     real(wp), intent(in) :: m_star(lanes), weight(lanes)
     real(wp), intent(inout) :: kept(lanes, bond_reals)
     real(wp), intent(out) :: work(2)
-    real(wp), intent(inout) :: extra(extra_work_count)
+    real(wp), intent(inout) :: extra(additional_work_count)
     real(wp) :: row(bond_reals), point(3), load(6), part(2)
     integer(i4) :: k, mode
 

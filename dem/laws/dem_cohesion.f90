@@ -91,7 +91,7 @@ contains
     last = row
     was = last(1) > 0.0_wp
     row = [0.0_wp, 0.0_wp, overlap, radius]
-    if (law%extra%cohesion /= cohesion_jkr) then
+    if (law%additional%cohesion /= cohesion_jkr) then
       if (overlap > 0.0_wp) row(1) = 1.0_wp
     else if (overlap > 0.0_wp .or. (was .and. overlap >= tear_overlap(law, radius))) then
       row(1) = neck_radius(law, radius, overlap)
@@ -112,15 +112,15 @@ contains
     type(dem_law_type), intent(in) :: law
     real(wp), intent(in) :: row(cohesion_reals)
     real(wp) :: a
-    select case (law%extra%cohesion)
+    select case (law%additional%cohesion)
     case (cohesion_constant)
-      pull = -law%extra%pull
+      pull = -law%additional%pull
     case (cohesion_dmt)
-      pull = -2.0_wp*pi*law%extra%surface_energy*row(4)
+      pull = -2.0_wp*pi*law%additional%surface_energy*row(4)
     case default
       a = row(1)
       pull = 4.0_wp/3.0_wp*law%e_star*a**3/row(4) &
-             - sqrt(8.0_wp*pi*law%extra%surface_energy*law%e_star*a**3) &
+             - sqrt(8.0_wp*pi*law%additional%surface_energy*law%e_star*a**3) &
              - 4.0_wp/3.0_wp*law%e_star*sqrt(row(4))*max(row(3), 0.0_wp)**1.5_wp
     end select
   end function pull
@@ -132,14 +132,14 @@ contains
     real(wp) :: a, root
     energy = 0.0_wp
     if (.not. row(1) > 0.0_wp) return
-    if (law%extra%cohesion /= cohesion_jkr) then
+    if (law%additional%cohesion /= cohesion_jkr) then
       energy = pull(law, row)*row(3)
       return
     end if
     a = row(1)
-    root = sqrt(2.0_wp*pi*law%extra%surface_energy*a/law%e_star)
+    root = sqrt(2.0_wp*pi*law%additional%surface_energy*a/law%e_star)
     energy = law%e_star*a*(8.0_wp/15.0_wp*(a**2/row(4))**2 - 4.0_wp/3.0_wp*root*a**2/row(4)) &
-             + pi*law%extra%surface_energy*a**2 &
+             + pi*law%additional%surface_energy*a**2 &
              - 8.0_wp/15.0_wp*law%e_star*sqrt(row(4))*max(row(3), 0.0_wp)**2.5_wp
   end function energy_of
 
@@ -149,7 +149,7 @@ contains
     real(wp), intent(in) :: radius, overlap
     real(wp) :: row(cohesion_reals)
     row = [1.0_wp, 0.0_wp, overlap, radius]
-    if (law%extra%cohesion == cohesion_jkr) then
+    if (law%additional%cohesion == cohesion_jkr) then
       row(3) = max(overlap, tear_overlap(law, radius))
       row(1) = neck_radius(law, radius, row(3))
     end if
@@ -161,7 +161,7 @@ contains
     type(dem_law_type), intent(in) :: law
     real(wp), intent(in) :: radius  !! R_e [m]
     real(wp) :: c
-    c = sqrt(2.0_wp*pi*law%extra%surface_energy/law%e_star)
+    c = sqrt(2.0_wp*pi*law%additional%surface_energy/law%e_star)
     overlap = -0.75_wp*c*(0.25_wp*c*radius)**(1.0_wp/3.0_wp)
   end function tear_overlap
 
@@ -172,7 +172,7 @@ contains
     real(wp) :: c, s, step, least
     integer(i4) :: k
     integer(i4), parameter :: most_steps = 60
-    c = sqrt(2.0_wp*pi*law%extra%surface_energy/law%e_star)
+    c = sqrt(2.0_wp*pi*law%additional%surface_energy/law%e_star)
     least = (0.25_wp*c*radius)**(1.0_wp/3.0_wp)
     s = sqrt(sqrt(radius*max(overlap, 0.0_wp))) + (c*radius)**(1.0_wp/3.0_wp)
     do k = 1, most_steps
@@ -188,7 +188,7 @@ contains
     type(dem_law_type), intent(in) :: law
     real(wp), intent(in) :: row(cohesion_reals)
     stiffness = 0.0_wp
-    if (law%extra%cohesion == cohesion_jkr) stiffness = 2.0_wp*law%e_star*row(1)
+    if (law%additional%cohesion == cohesion_jkr) stiffness = 2.0_wp*law%e_star*row(1)
   end function neck_stiffness
 
   !> Energy of cohesion of a block [J].

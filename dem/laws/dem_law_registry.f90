@@ -2,7 +2,7 @@
 module dem_law_registry
   use talus_kinds, only: i4
   use dem_law_state, only: base_law_type, dem_law_type
-  use dem_additional_state, only: extra_places_type, part_base
+  use dem_additional_state, only: kept_places_type, part_base
   use dem_hertz_mindlin, only: hertz_mindlin
   use dem_hertz_no_history, only: hertz_no_history
   use dem_linear, only: linear
@@ -72,7 +72,7 @@ contains
   !> Room for what the laws of a run keep, behind what is reserved.
   pure subroutine memory_places(laws, places)
     type(dem_law_type), intent(in) :: laws(:, :)
-    class(extra_places_type), intent(inout) :: places
+    class(kept_places_type), intent(inout) :: places
     type(base_law_type) :: list(most_laws)
     integer(i4) :: k, n
     call list_laws(list, n)
@@ -91,7 +91,7 @@ contains
   !> First and last of the reals that contacts of a law keep; none: [1, 0].
   pure function place_of_memory(law, places) result(range)
     type(dem_law_type), intent(in) :: law
-    class(extra_places_type), intent(in) :: places
+    class(kept_places_type), intent(in) :: places
     integer(i4) :: range(2)
     range = [1, 0]
     if (law%base%reals == 0) return

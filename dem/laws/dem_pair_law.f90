@@ -18,9 +18,9 @@ contains
     integer(i4) :: range(2)
     associate (law => d%laws(d%pairs%law_first(k), d%pairs%law_second(k)))
       if (law%base%reals > 0) then
-        range = place_of_memory(law, d%pairs%extras)
+        range = place_of_memory(law, d%pairs%additional)
         stiffness = contact_stiffness(law, d%pairs%history(lane, :, k), &
-                                      d%pairs%extras%kept(lane, range(1):range(2), k))
+                                      d%pairs%additional%kept(lane, range(1):range(2), k))
       else
         stiffness = contact_stiffness(law, d%pairs%history(lane, :, k), none)
       end if
@@ -37,9 +37,9 @@ contains
                weight => d%pairs%weight(:, min(k, size(d%pairs%weight, 2))))
       energy = stored_energy(constants_of(law%law_numbers_type), weight, d%pairs%history(:, :, k))
       if (.not. associated(law%base%energy)) return
-      range = place_of_memory(law, d%pairs%extras)
+      range = place_of_memory(law, d%pairs%additional)
       call law%base%energy(law%law_numbers_type, weight, &
-                           d%pairs%extras%kept(:, range(1):range(2), k), energy)
+                           d%pairs%additional%kept(:, range(1):range(2), k), energy)
     end associate
   end function pair_energy
 end module dem_pair_law

@@ -9,7 +9,7 @@
 module dem_rolling
   use talus_kinds, only: wp, i4
   use dem_state, only: lanes, history_size, history_side, history_root
-  use dem_additional_state, only: dem_extra_law_type, rolling_reals
+  use dem_additional_state, only: additional_law_type, rolling_reals
   use dem_block, only: dem_block_type
   use dem_contact, only: contact_constants_type
   implicit none
@@ -24,7 +24,7 @@ contains
   pure subroutine rolling_block(b, c, law, h, m_star, weight, history, kept, work, response)
     type(dem_block_type), intent(inout) :: b
     type(contact_constants_type), intent(in) :: c
-    type(dem_extra_law_type), intent(in) :: law
+    type(additional_law_type), intent(in) :: law
     real(wp), intent(in) :: h                             !! time since the last evaluation [s]
     real(wp), intent(in) :: m_star(lanes), weight(lanes)
     real(wp), intent(in) :: history(lanes, history_size)  !! already brought forward
@@ -69,7 +69,7 @@ contains
     type(dem_block_type), intent(in) :: b
     integer(i4), intent(in) :: k
     type(contact_constants_type), intent(in) :: c
-    type(dem_extra_law_type), intent(in) :: law
+    type(additional_law_type), intent(in) :: law
     real(wp), intent(in) :: h, m_star
     real(wp), intent(in) :: side, root        !! square roots of overlap and radius [m^1/2]
     real(wp), intent(inout) :: row(rolling_reals)
@@ -140,14 +140,14 @@ contains
   !> Energy in the two springs of a contact [J].
   pure real(wp) function stored(row, law)
     real(wp), intent(in) :: row(rolling_reals)
-    type(dem_extra_law_type), intent(in) :: law
+    type(additional_law_type), intent(in) :: law
     stored = 0.5_wp*(sum(row(1:3)**2)/max(law%rolling_stiffness*row(8), tiny_moment) &
                      + row(4)**2/max(law%twisting_stiffness*row(8), tiny_moment))
   end function stored
 
   !> Energy in the springs of a block [J].
   pure real(wp) function rolling_energy(law, weight, kept) result(energy)
-    type(dem_extra_law_type), intent(in) :: law
+    type(additional_law_type), intent(in) :: law
     real(wp), intent(in) :: weight(lanes), kept(lanes, rolling_reals)
     integer(i4) :: k
     energy = 0.0_wp

@@ -19,21 +19,21 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: k, lane, pair
 
-    if (.not. d%pairs%extras%bond%given) return
-    if (allocated(d%pairs%extras%bond%pairs)) then
-      do pair = 1, size(d%pairs%extras%bond%pairs, 2)
-        call glue_pair(d, d%pairs%extras%bond%pairs(:, pair), errors)
+    if (.not. d%pairs%additional%bond%given) return
+    if (allocated(d%pairs%additional%bond%pairs)) then
+      do pair = 1, size(d%pairs%additional%bond%pairs, 2)
+        call glue_pair(d, d%pairs%additional%bond%pairs(:, pair), errors)
       end do
     else
       do k = 1, d%pairs%grain_blocks
         do lane = 1, lanes
           if (d%pairs%first(lane, k) > d%grains%n) cycle
-          if (gap_of(d, lane, k) <= d%pairs%extras%bond%reach) call glue(d, lane, k)
+          if (gap_of(d, lane, k) <= d%pairs%additional%bond%reach) call glue(d, lane, k)
         end do
       end do
     end if
-    if (d%pairs%extras%made > 0 .or. errors%any()) return
-    call errors%add('I236', 'no two grains are within '//str(d%pairs%extras%bond%reach)// &
+    if (d%pairs%additional%made > 0 .or. errors%any()) return
+    call errors%add('I236', 'no two grains are within '//str(d%pairs%additional%bond%reach)// &
                     ' m of each other: there is nothing to bond', &
                     hint='a larger &bond reach, or a packing whose grains touch')
   end subroutine make_bonds
@@ -61,11 +61,11 @@ contains
       k = 1 + (slot - 1)/lanes
       gap = gap_of(d, lane, k)
     end if
-    if (slot > 0 .and. gap <= d%pairs%extras%bond%reach) then
+    if (slot > 0 .and. gap <= d%pairs%additional%bond%reach) then
       call glue(d, lane, k)
     else
       call errors%add('I236', 'grains '//str(minval(ids))//' and '//str(maxval(ids))//' are '// &
-                      str(gap)//' m apart, a bond reaches '//str(d%pairs%extras%bond%reach)// &
+                      str(gap)//' m apart, a bond reaches '//str(d%pairs%additional%bond%reach)// &
                       ' m', hint='bring them together, or give a larger &bond reach')
     end if
   end subroutine glue_pair
@@ -97,13 +97,13 @@ contains
     integer(i4) :: a, b, at
     a = d%pairs%first(lane, k)
     b = d%pairs%second(lane, k)
-    at = d%pairs%extras%bond_at
-    d%pairs%extras%kept(lane, at, k) = 1.0_wp
-    d%pairs%extras%kept(lane, at + 9, k) = d%pairs%extras%bond%radius &
+    at = d%pairs%additional%bond_at
+    d%pairs%additional%kept(lane, at, k) = 1.0_wp
+    d%pairs%additional%kept(lane, at + 9, k) = d%pairs%additional%bond%radius &
       *min(minval(d%grains%axes(:, a)), minval(d%grains%axes(:, d%pairs%grain(b))))
-    d%pairs%extras%kept(lane, at + 10, k) = norm2(d%pairs%body(1:3, b) - d%pairs%body(1:3, a))
+    d%pairs%additional%kept(lane, at + 10, k) = norm2(d%pairs%body(1:3, b) - d%pairs%body(1:3, a))
     d%pairs%touched(k) = .true.
-    d%pairs%extras%made = d%pairs%extras%made + 1
+    d%pairs%additional%made = d%pairs%additional%made + 1
   end subroutine glue
 
   !> A bond that has stretched beyond the margin of the list can no longer be worked (N205).
@@ -112,8 +112,8 @@ contains
     type(dem_data_type), intent(in) :: d
     type(error_list_type), intent(inout) :: errors
     real(wp) :: missing(1)
-    if (d%pairs%extras%bond_at == 0) return
-    missing = real(d%pairs%extras%lost, wp)
+    if (d%pairs%additional%bond_at == 0) return
+    missing = real(d%pairs%additional%lost, wp)
     if (d%halo%team%several()) then
       missing = missing_bonds(d)
       call d%halo%team%add_up(missing)
@@ -129,10 +129,10 @@ contains
   pure real(wp) function missing_bonds(d) result(missing)
     type(dem_data_type), intent(in) :: d
     integer(i4) :: k, held
-    associate (extras => d%pairs%extras)
-      missing = real(extras%made, wp) - sum(extras%broken)
+    associate (additional => d%pairs%additional)
+      missing = real(additional%made, wp) - sum(additional%broken)
       do k = 1, d%pairs%grain_blocks
-        held = count(extras%kept(:, extras%bond_at, k) > 0.0_wp)
+        held = count(additional%kept(:, additional%bond_at, k) > 0.0_wp)
         if (allocated(d%pairs%share)) then
           missing = missing - d%pairs%share(k)*held
         else

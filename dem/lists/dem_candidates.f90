@@ -321,8 +321,8 @@ contains
     logical :: held(lanes)
     in_contact = pairs%history(1 + mod(slot - 1, lanes), history_side, &
                                1 + (slot - 1)/lanes) > 0.0_wp
-    if (.not. pairs%extras%active) return
-    held = held_lanes(pairs%extras, 1 + (slot - 1)/lanes)
+    if (.not. pairs%additional%active) return
+    held = held_lanes(pairs%additional, 1 + (slot - 1)/lanes)
     in_contact = in_contact .or. held(1 + mod(slot - 1, lanes))
   end function in_contact
 end module dem_candidates

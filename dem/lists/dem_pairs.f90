@@ -11,7 +11,7 @@ module dem_pairs
   use dem_candidates, only: list_type, list_grain_pairs, list_plane_pairs, bands, geometries, &
     first_border_group, first_rim_group, first_ghost_group, first_wall_group
   use dem_cell, only: list_in_cell
-  use dem_additional_list, only: move_extras, mark_touched
+  use dem_additional_list, only: move_additional, mark_touched
   use dem_shape_state, only: shape_ellipsoid, put_frame
   use dem_images, only: place_images
   use dem_prescribed, only: put_body
@@ -266,9 +266,9 @@ contains
     do block = 1, pairs%blocks
       pairs%touched(block) = any(pairs%history(:, history_side, block) > 0.0_wp)
     end do
-    if (.not. pairs%extras%active) return
-    call move_extras(pairs%extras, pairs%blocks, list%old(:list%count), slot)
-    call mark_touched(pairs%extras, pairs%touched)
+    if (.not. pairs%additional%active) return
+    call move_additional(pairs%additional, pairs%blocks, list%old(:list%count), slot)
+    call mark_touched(pairs%additional, pairs%touched)
   end subroutine move_lanes
 
   !> What blocks need beside their bodies, normals and histories.

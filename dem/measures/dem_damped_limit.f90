@@ -10,7 +10,7 @@ module dem_damped_limit
   use dem_contact, only: contact_constants_type, constants_of, contact_point
   use dem_pair_law, only: pair_stiffness
   use dem_surface_measure, only: surface_stiffness
-  use dem_additional, only: extra_stiffness
+  use dem_additional, only: additional_stiffness
   use dem_state, only: dem_data_type, kind_free, kind_mirror, lanes, mode_relaxation, &
     history_side, history_root
   use dem_surface_body, only: is_free
@@ -48,7 +48,7 @@ contains
     limit = huge(1.0_wp)
     y = min(max(share, 1.0e-6_wp), 1.0_wp)
     ratio = max(maxval(d%laws%damping_ratio), maxval(d%laws%tangential_ratio), &
-                maxval(d%laws%extra%rolling_damping))
+                maxval(d%laws%additional%rolling_damping))
     if (.not. ratio*sqrt(most) > (1.0_wp - y*y)/(2.0_wp*y)) return
     allocate (sums(2, d%grains%n))
     call add_pairs(d, sums)
@@ -92,8 +92,8 @@ contains
           weight = d%pairs%weight(lane, min(k, size(d%pairs%weight, 2)))
           call set_springs(constants_of(law%law_numbers_type), pair_stiffness(d, lane, k), &
                            d%pairs%m_star(lane, k), weight, s)
-          if (d%pairs%extras%active .and. law%extra%used) call set_rolling( &
-            extra_stiffness(law, lane, k, d%pairs), law%extra%rolling_damping, &
+          if (d%pairs%additional%active .and. law%additional%used) call set_rolling( &
+            additional_stiffness(law, lane, k, d%pairs), law%additional%rolling_damping, &
             d%pairs%history(lane, history_root, k)**2, d%pairs%m_star(lane, k), weight, s)
           s%arm = contact_point(d%pairs, law%share, lane, k)
           s%normal = normal_of(d, lane, k)

@@ -3,12 +3,12 @@ module dem_ledger
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_data_type, dem_ledger_type, kind_free
   use dem_pair_law, only: pair_energy
-  use dem_additional, only: extra_energy
+  use dem_additional, only: additional_energy
   use dem_integrate, only: motion_type, motion_of, scaled_spin_momentum
   use dem_ellipsoid, only: rotation_of
   use dem_membrane, only: membranes_energy
   use dem_surface_body, only: body_energy
-  use dem_surface_additional, only: surface_extra_energy
+  use dem_surface_additional, only: surface_additional_energy
   use dem_surface_measure, only: surface_energy
   implicit none
   private
@@ -49,8 +49,8 @@ contains
       if (allocated(d%pairs%share)) energy = d%pairs%share(k)*energy
       ledger%elastic_normal = ledger%elastic_normal + energy(1)
       ledger%elastic_tangential = ledger%elastic_tangential + energy(2)
-      if (.not. d%pairs%extras%active) cycle
-      other = extra_energy(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)), k, d%pairs)
+      if (.not. d%pairs%additional%active) cycle
+      other = additional_energy(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)), k, d%pairs)
       if (allocated(d%pairs%share)) other = d%pairs%share(k)*other
       ledger%elastic_other = ledger%elastic_other + other
     end do
@@ -65,7 +65,7 @@ contains
     ledger%elastic_normal = ledger%elastic_normal + energy(1)
     ledger%elastic_tangential = ledger%elastic_tangential + energy(2)
     if (size(d%surfaces%list%kept) > 0) ledger%elastic_other = ledger%elastic_other &
-      + surface_extra_energy(d)
+      + surface_additional_energy(d)
   end subroutine refresh_stored
 
   !> Kinetic energy of a free grain with scaled masses, and the leapfrog's part of it: the works of

@@ -10,7 +10,7 @@ module dem_limits
   use dem_contact, only: contact_point
   use dem_pair_law, only: pair_stiffness
   use dem_damped_limit, only: damped_step
-  use dem_additional, only: extra_stiffness
+  use dem_additional, only: additional_stiffness
   use dem_membrane, only: membrane_rate, corner_stiffness
   use dem_surface_measure, only: add_surface_rows, body_rows, body_rate
   implicit none
@@ -33,7 +33,7 @@ contains
     do k = 1, d%pairs%blocks
       if (.not. d%pairs%touched(k)) cycle
       do lane = 1, lanes
-        if (d%pairs%extras%active) call add_extra(d, lane, k, lambda)
+        if (d%pairs%additional%active) call add_additional(d, lane, k, lambda)
         if (.not. d%pairs%history(lane, history_side, k) > 0.0_wp) cycle
         weight = d%pairs%weight(lane, min(k, size(d%pairs%weight, 2)))
         stiffness = weight*pair_stiffness(d, lane, k)
@@ -93,22 +93,23 @@ contains
   end function moves
 
   !> Add the stiffness of additional contact models to the rows of their grains.
-  pure subroutine add_extra(d, lane, k, lambda)
+  pure subroutine add_additional(d, lane, k, lambda)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: lane, k
     real(wp), intent(inout) :: lambda(:, :)
     real(wp) :: stiffness(2)
     integer(i4) :: first, second
 
-    stiffness = d%pairs%weight(lane, min(k, size(d%pairs%weight, 2))) &
-                *extra_stiffness(d%laws(d%pairs%law_first(k), d%pairs%law_second(k)), lane, k, &
-                                 d%pairs)
+    associate (law => d%laws(d%pairs%law_first(k), d%pairs%law_second(k)))
+      stiffness = d%pairs%weight(lane, min(k, size(d%pairs%weight, 2))) &
+                  *additional_stiffness(law, lane, k, d%pairs)
+    end associate
     if (.not. any(stiffness > 0.0_wp)) return
     first = d%pairs%first(lane, k)
     second = d%pairs%grain(d%pairs%second(lane, k))
     lambda(:, second) = lambda(:, second) + factor_of(d, first)*stiffness
     if (first <= d%grains%n) lambda(:, first) = lambda(:, first) + factor_of(d, second)*stiffness
-  end subroutine add_extra
+  end subroutine add_additional
 
   !> Gershgorin's factor of a contact with a partner: 2 if that moves, 1 if it is prescribed.
   pure real(wp) function factor_of(d, partner)

@@ -187,7 +187,7 @@ contains
         return
       end if
       if (size(rows, 2) == 0) exit
-      call fit_records(system%pairs%extras, layout, rows)
+      call fit_records(system%pairs%additional, layout, rows)
       call system%rank_team%add_records(rows)
       done = done + size(rows, 2)
     end do

@@ -4,8 +4,8 @@
 module dem_distribute
   use talus_kinds, only: wp, i4, i8
   use talus_ranks, only: ranks_type
-  use dem_additional_state, only: dem_extras_type
-  use dem_additional, only: plan_extras
+  use dem_additional_state, only: dem_additional_type
+  use dem_additional, only: plan_additional
   use dem_law_registry, only: bind_law
   use dem_shape_state, only: put_frame
   use dem_prescribed, only: put_body
@@ -45,7 +45,7 @@ contains
     call broadcast_parameters(team, part%par)
     call broadcast_health(team, part%health)
     call broadcast_laws(team, sizes(1), part)
-    call broadcast_extras(team, part)
+    call broadcast_additional(team, part)
     call broadcast_cell(team, part%cell)
     call broadcast_planes(team, sizes(2), part)
     call broadcast_surfaces(team, part%surfaces)
@@ -257,14 +257,14 @@ contains
   end subroutine broadcast_planes
 
   !> Additional contact models, and bonds. Those made and broken so far are the leader's.
-  subroutine broadcast_extras(team, part)
+  subroutine broadcast_additional(team, part)
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(inout) :: part
-    type(dem_extras_type) :: fresh
+    type(dem_additional_type) :: fresh
     real(wp) :: values(8)
 
-    if (.not. team%leads()) part%pairs%extras = fresh
-    associate (bond => part%pairs%extras%bond)
+    if (.not. team%leads()) part%pairs%additional = fresh
+    associate (bond => part%pairs%additional%bond)
       values = [merge(1.0_wp, 0.0_wp, bond%given), bond%young, bond%stiffness_ratio, bond%radius, &
                 bond%tensile_strength, bond%shear_strength, bond%damping_ratio, bond%reach]
       call team%broadcast_values(values)
@@ -278,8 +278,8 @@ contains
       bond%damping_ratio = values(7)
       bond%reach = values(8)
     end associate
-    call plan_extras(part%laws, part%pairs%extras)
-  end subroutine broadcast_extras
+    call plan_additional(part%laws, part%pairs%additional)
+  end subroutine broadcast_additional
 
   subroutine broadcast_cell(team, cell)
     type(ranks_type), intent(in) :: team

@@ -34,9 +34,9 @@ contains
     fresh%least_skin = pairs%least_skin
     fresh%most_skin = pairs%most_skin
     fresh%built_at = pairs%built_at
-    if (allocated(pairs%extras%kept)) deallocate (pairs%extras%kept)
-    if (allocated(pairs%extras%work)) deallocate (pairs%extras%work)
-    fresh%extras = pairs%extras
+    if (allocated(pairs%additional%kept)) deallocate (pairs%additional%kept)
+    if (allocated(pairs%additional%work)) deallocate (pairs%additional%work)
+    fresh%additional = pairs%additional
     pairs = fresh
   end subroutine release_list
 

@@ -106,7 +106,7 @@ contains
     report(at_bytes:at_messages) = [8*part%halo%width*(size(part%halo%out) &
                                                                + part%halo%partners), &
                                        part%halo%partners]
-    report(at_broken:at_broken + 1) = part%pairs%extras%broken
+    report(at_broken:at_broken + 1) = part%pairs%additional%broken
     do k = 1, part%planes%n
       at = report_size + plane_size*(k - 1)
       report(at + plane_force(1):at + plane_force(2)) = part%planes%force(:, k)
@@ -148,8 +148,8 @@ contains
       total(report_size + plane_size*whole%planes%n + 1:), whole%surfaces)
     call take_cell(part%cell, whole%cell)
     whole%grains%has_target = .false.
-    whole%pairs%extras%broken = total(at_broken:at_broken + 1)
-    call count_broken(whole%pairs%extras)
+    whole%pairs%additional%broken = total(at_broken:at_broken + 1)
+    call count_broken(whole%pairs%additional)
     call take_marks(reports, total(at_kinetic), marks)
     at = report_size + plane_size*whole%planes%n + surface_reals(whole%surfaces)
     call limit_surfaces(whole%surfaces, total(at + 1:), marks%limit(1))

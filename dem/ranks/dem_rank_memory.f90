@@ -167,7 +167,7 @@ contains
     prescribed = real(count(d%grains%kind /= kind_free), wp)
     record = row + bytes*(1 - body_size)
     record = record + bytes*merge(target_reals, -prescribed_reals, prescribed > 0.5_wp)
-    slot = bytes*(3 + history_size + result_size + 1 + 1 + 1) + bytes*d%pairs%extras%reals
+    slot = bytes*(3 + history_size + result_size + 1 + 1 + 1) + bytes*d%pairs%additional%reals
     if (size(d%pairs%weight, 2) > 1) slot = slot + bytes
     slot = slot*lanes*d%pairs%blocks/max(d%pairs%count, 1)  ! with the pads
     room = bytes_of_room(d)

@@ -101,7 +101,7 @@ contains
     self%stale = .true.
     call self%team%agree(errors)
     if (errors%any()) return
-    if (whole%pairs%extras%lost > 0) call check_bonds(whole, errors)
+    if (whole%pairs%additional%lost > 0) call check_bonds(whole, errors)
     call judge_runaway(whole, self%marks%kinetic, nint(self%marks%fastest(1), i8), &
                        self%marks%fastest(2), errors)
   end subroutine step

@@ -189,9 +189,9 @@ contains
     text = 'energy error '//short_number(relative_closure(system))//', largest overlap '// &
       short_number(100.0_wp*system%health%max_overlap)//' % of the least semi-axis, '// &
       str(system%health%rebuilds)//' list rebuilds, '//str(system%health%late_rebuilds)//' late'
-    if (system%pairs%extras%bond%given) text = text//', '//str(system%pairs%extras%made)// &
-      ' bonds, of which '//str(system%pairs%extras%torn)//' torn and '// &
-      str(system%pairs%extras%sheared)//' sheared'
+    if (system%pairs%additional%bond%given) text = text//', '//str(system%pairs%additional%made)// &
+      ' bonds, of which '//str(system%pairs%additional%torn)//' torn and '// &
+      str(system%pairs%additional%sheared)//' sheared'
     if (clock%unstable > 0) text = text//', step above the stability limit at '// &
       str(clock%unstable)//' checks'
     call log%health(text)

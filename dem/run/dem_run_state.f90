@@ -80,7 +80,7 @@ contains
   !> Does one process make the first list and forces, whatever the ranks?
   logical function starts_whole(self)
     class(dem_run_state_type), intent(in) :: self
-    starts_whole = self%needs_whole() .or. self%system%pairs%extras%bond%given &
+    starts_whole = self%needs_whole() .or. self%system%pairs%additional%bond%given &
       .or. self%system%springs%given > 0
   end function starts_whole
 

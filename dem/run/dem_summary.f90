@@ -43,10 +43,10 @@ contains
     call summary%set('health.rebuilds', run%system%health%rebuilds)
     call summary%set('health.late_rebuilds', run%system%health%late_rebuilds)
     call summary%set('health.steps_above_limit', run%clock%unstable)
-    if (run%system%pairs%extras%bond%given) then
-      call summary%set('health.bonds_made', run%system%pairs%extras%made)
-      call summary%set('health.bonds_torn', run%system%pairs%extras%torn)
-      call summary%set('health.bonds_sheared', run%system%pairs%extras%sheared)
+    if (run%system%pairs%additional%bond%given) then
+      call summary%set('health.bonds_made', run%system%pairs%additional%made)
+      call summary%set('health.bonds_torn', run%system%pairs%additional%torn)
+      call summary%set('health.bonds_sheared', run%system%pairs%additional%sheared)
     end if
     if (run%equilibrium%watched) then
       call summary%set('health.equilibrium', run%equilibrium%reached)

@@ -52,7 +52,7 @@ contains
     call read_contacts(deck, system%materials, choices%material, system%laws, errors)
     call read_walls(deck, choices%material, system%planes, choices%wall, errors)
     call read_surfaces(deck, choices%material, system%surfaces, errors)
-    call read_bonds(deck, system%pairs%extras%bond, errors)
+    call read_bonds(deck, system%pairs%additional%bond, errors)
     call grain_materials(deck, choices, material, errors)
     call read_parameters(deck, system, choices)
     call read_packing(packing, deck%path('particles', 1, 'file'), errors)

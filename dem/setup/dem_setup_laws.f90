@@ -80,7 +80,7 @@ contains
         cycle
       end if
       call read_law(deck, k, materials(a), materials(b), law, errors)
-      call read_extra(deck, k, law)
+      call read_additional(deck, k, law)
       laws(a, b) = law
       if (a /= b) laws(b, a) = mirrored_law(law)
     end do
@@ -118,24 +118,24 @@ contains
   end subroutine read_law
 
   !> Additional contact models.
-  subroutine read_extra(deck, k, law)
+  subroutine read_additional(deck, k, law)
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: k
     type(dem_law_type), intent(inout) :: law
 
-    associate (extra => law%extra)
-      call deck%get('contact', k, 'rolling_friction', extra%rolling)
-      call deck%get('contact', k, 'twisting_friction', extra%twisting)
-      call deck%get('contact', k, 'rolling_stiffness', extra%rolling_stiffness)
-      call deck%get('contact', k, 'twisting_stiffness', extra%twisting_stiffness)
-      extra%rolling_damping = law%damping_ratio
+    associate (additional => law%additional)
+      call deck%get('contact', k, 'rolling_friction', additional%rolling)
+      call deck%get('contact', k, 'twisting_friction', additional%twisting)
+      call deck%get('contact', k, 'rolling_stiffness', additional%rolling_stiffness)
+      call deck%get('contact', k, 'twisting_stiffness', additional%twisting_stiffness)
+      additional%rolling_damping = law%damping_ratio
       if (deck%given('contact', k, 'rolling_damping')) &
-        call deck%get('contact', k, 'rolling_damping', extra%rolling_damping)
+        call deck%get('contact', k, 'rolling_damping', additional%rolling_damping)
       call read_cohesion(deck, k, law)
-      extra%used = extra%rolling > 0.0_wp .or. extra%twisting > 0.0_wp &
-                   .or. extra%cohesion /= cohesion_none
+      additional%used = additional%rolling > 0.0_wp .or. additional%twisting > 0.0_wp &
+                   .or. additional%cohesion /= cohesion_none
     end associate
-  end subroutine read_extra
+  end subroutine read_additional
 
   !> Cohesion and its one parameter.
   subroutine read_cohesion(deck, k, law)
@@ -145,14 +145,14 @@ contains
     character(len=:), allocatable :: name
 
     call deck%get('contact', k, 'cohesion', name)
-    law%extra%cohesion = cohesion_none
-    if (name == 'constant') law%extra%cohesion = cohesion_constant
-    if (name == 'dmt') law%extra%cohesion = cohesion_dmt
-    if (name == 'jkr') law%extra%cohesion = cohesion_jkr
-    if (law%extra%cohesion == cohesion_constant) &
-      call deck%get('contact', k, 'pull_force', law%extra%pull)
-    if (law%extra%cohesion == cohesion_dmt .or. law%extra%cohesion == cohesion_jkr) &
-      call deck%get('contact', k, 'surface_energy', law%extra%surface_energy)
+    law%additional%cohesion = cohesion_none
+    if (name == 'constant') law%additional%cohesion = cohesion_constant
+    if (name == 'dmt') law%additional%cohesion = cohesion_dmt
+    if (name == 'jkr') law%additional%cohesion = cohesion_jkr
+    if (law%additional%cohesion == cohesion_constant) &
+      call deck%get('contact', k, 'pull_force', law%additional%pull)
+    if (law%additional%cohesion == cohesion_dmt .or. law%additional%cohesion == cohesion_jkr) &
+      call deck%get('contact', k, 'surface_energy', law%additional%surface_energy)
   end subroutine read_cohesion
 
   !> A pair that can meet needs a law (D233).

@@ -46,7 +46,7 @@ contains
     do k = 1, d%surfaces%parts
       do i = 1, d%grains%n
         associate (law => d%laws(d%surfaces%material(k), d%grains%material(i)))
-          on_top = on_top .or. law%extra%used .or. law%elliptic .or. law%base%reals > 0
+          on_top = on_top .or. law%additional%used .or. law%elliptic .or. law%base%reals > 0
         end associate
       end do
     end do

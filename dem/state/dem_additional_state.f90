@@ -5,13 +5,14 @@ module dem_additional_state
   use talus_kinds, only: wp, i4, i8
   implicit none
   private
-  public :: dem_extra_law_type, kept_part_type, extra_places_type, dem_extras_type, dem_bond_type
+  public :: additional_law_type, kept_part_type, kept_places_type, dem_additional_type
+  public :: dem_bond_type
   public :: part_rolling, part_cohesion, part_bond, part_base, most_parts
-  public :: extra_work_count, work_rolling, work_breakage, work_torn, work_sheared
+  public :: additional_work_count, work_rolling, work_breakage, work_torn, work_sheared
   public :: rolling_reals, cohesion_reals, bond_reals, turning_reals, turning_knots
   public :: cohesion_none, cohesion_constant, cohesion_dmt, cohesion_jkr
 
-  integer(i4), parameter :: extra_work_count = 4  !! works and counts of a block
+  integer(i4), parameter :: additional_work_count = 4  !! works and counts of a block
   integer(i4), parameter :: work_rolling = 1      !! dissipated by rolling and twisting
   integer(i4), parameter :: work_breakage = 2     !! lost when bonds break or necks form or tear
 
@@ -28,7 +29,7 @@ module dem_additional_state
     cohesion_jkr = 3
 
   !> Parameters of a pair of materials.
-  type :: dem_extra_law_type
+  type :: additional_law_type
     logical :: used = .false.                   !! any of the following
     real(wp) :: rolling = 0.0_wp                !! rolling friction: moment / (R_e force) [-]
     real(wp) :: twisting = 0.0_wp               !! the same about the normal [-]
@@ -38,7 +39,7 @@ module dem_additional_state
     integer(i4) :: cohesion = cohesion_none     !! cohesion_...
     real(wp) :: pull = 0.0_wp                   !! of cohesion_constant [N]
     real(wp) :: surface_energy = 0.0_wp         !! w, to part a unit of area [J/m^2]
-  end type dem_extra_law_type
+  end type additional_law_type
 
   !> The bonds of a run.
   type :: dem_bond_type
@@ -66,16 +67,16 @@ module dem_additional_state
   end type kept_part_type
 
   !> Places in what a contact keeps; 0 means that no law needs it.
-  type :: extra_places_type
+  type :: kept_places_type
     integer(i4) :: reals = 0                  !! kept for a candidate
     integer(i4) :: rolling_at = 0             !! first of dem_rolling
     integer(i4) :: cohesion_at = 0            !! first of dem_cohesion
     integer(i4) :: bond_at = 0                !! first of dem_bond
     type(kept_part_type) :: part(most_parts)  !! of all laws and models
-  end type extra_places_type
+  end type kept_places_type
 
   !> What contacts keep; empty unless active.
-  type, extends(extra_places_type) :: dem_extras_type
+  type, extends(kept_places_type) :: dem_additional_type
     logical :: active = .false.
     type(dem_bond_type) :: bond
     integer(i8) :: made = 0                   !! bonds at the start
@@ -83,6 +84,6 @@ module dem_additional_state
     real(wp) :: broken(2) = 0.0_wp            !! the same; of many ranks this one's part
     integer(i8) :: lost = 0                   !! bonds that left the candidate list
     real(wp), allocatable :: kept(:, :, :)    !! (lanes, reals, blocks)
-    real(wp), allocatable :: work(:, :)       !! (extra_work_count, blocks) of this step [J]
-  end type dem_extras_type
+    real(wp), allocatable :: work(:, :)       !! (additional_work_count, blocks) of this step [J]
+  end type dem_additional_type
 end module dem_additional_state

@@ -9,7 +9,7 @@ module dem_law_state
   use talus_deck, only: deck_type
   use dem_sizes, only: lanes
   use dem_block, only: dem_block_type
-  use dem_additional_state, only: dem_extra_law_type
+  use dem_additional_state, only: additional_law_type
   implicit none
   private
   public :: dem_material_type, law_numbers_type, dem_law_type, base_law_type
@@ -78,7 +78,7 @@ module dem_law_state
     integer(i4) :: kind = 0                !! place in dem_law_registry, 0: not given
     type(base_law_type) :: base
     logical :: elliptic = .false.          !! exact Hertz force of elliptic areas, see dem_ellipse
-    type(dem_extra_law_type) :: extra      !! additional contact models
+    type(additional_law_type) :: additional !! additional contact models
   end type dem_law_type
 
   abstract interface

@@ -29,7 +29,7 @@ contains
   !> Reals of a contact of this run.
   pure integer(i4) function contact_reals(d)
     type(dem_data_type), intent(in) :: d
-    contact_reals = plain_contact_reals + d%pairs%extras%reals
+    contact_reals = plain_contact_reals + d%pairs%additional%reals
   end function contact_reals
 
   !> All of a grain that moves with it. Force, moment, their impulses and the work come first: of a
@@ -142,8 +142,8 @@ contains
     associate (h => d%pairs%history(lane, :, block))
       carried = any(abs(h(:history_root - 1)) > 0.0_wp) .or. any(abs(h(history_root + 1:)) > 0.0_wp)
     end associate
-    if (carried .or. .not. d%pairs%extras%active) return
-    carried = any(abs(d%pairs%extras%kept(lane, :, block)) > 0.0_wp)
+    if (carried .or. .not. d%pairs%additional%active) return
+    carried = any(abs(d%pairs%additional%kept(lane, :, block)) > 0.0_wp)
   end function carried
 
   !> A contact: ids, lower one first, planes as -1, -2, ...; normal, history, force and moment, the
@@ -167,7 +167,8 @@ contains
     row(at_shift(1):at_shift(2)) = 0.0_wp
     if (second > d%pairs%plain) row(at_shift(1):at_shift(2)) = &
       d%pairs%shift(:, second - d%pairs%plain)
-    if (d%pairs%extras%active) row(plain_contact_reals + 1:) = d%pairs%extras%kept(lane, :, block)
+    if (d%pairs%additional%active) &
+      row(plain_contact_reals + 1:) = d%pairs%additional%kept(lane, :, block)
   end subroutine pack_contact
 
   !> Normal, history and what additional models keep, back to a place in the list.
@@ -177,7 +178,8 @@ contains
     integer(i4), intent(in) :: lane, block
     d%pairs%normal(lane, :, block) = row(at_normal(1):at_normal(2))
     d%pairs%history(lane, :, block) = row(at_history(1):at_history(2))
-    if (d%pairs%extras%active) d%pairs%extras%kept(lane, :, block) = row(plain_contact_reals + 1:)
+    if (d%pairs%additional%active) &
+      d%pairs%additional%kept(lane, :, block) = row(plain_contact_reals + 1:)
   end subroutine unpack_contact
 
   !> History, force and moment, back to a slot of the list.

@@ -6,7 +6,7 @@ module dem_state
   use dem_shape_state, only: dem_shapes_type
   use dem_law_state, only: dem_material_type, dem_law_type, history_size, history_side, &
     history_root, history_point, column_count
-  use dem_additional_state, only: dem_extras_type
+  use dem_additional_state, only: dem_additional_type
   use dem_surface_state, only: dem_surfaces_type
   use dem_halo_state, only: dem_halo_type
   implicit none
@@ -130,7 +130,7 @@ module dem_state
     integer(i4), allocatable :: image_start(:)   !! (grains+1) first image of each grain
     integer(i4), allocatable :: former(:)        !! (images) body in the list before, 0: none
     real(wp), allocatable :: image_force(:, :)   !! (3, images) at the last evaluation [N]
-    type(dem_extras_type) :: extras              !! of the additional contact models
+    type(dem_additional_type) :: additional              !! of the additional contact models
   end type dem_pairs_type
 
   !> Periodic cell and the homogeneous flow that carries all grains. Velocities of grains are those

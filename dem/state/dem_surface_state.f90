@@ -129,7 +129,7 @@ module dem_surface_state
                                                !! without them; see dem_additional_state
     real(wp), allocatable :: couple(:, :, :)   !! (slots, 3, near) on the grain besides the force
                                                !! [N m]; none without such models
-    real(wp), allocatable :: extra_work(:, :)  !! (extra_work_count, near) of the step
+    real(wp), allocatable :: additional_work(:, :)  !! (additional_work_count, near) of the step
     real(wp), allocatable :: load(:, :)        !! (6, near) on the grain, about its centre
     real(wp), allocatable :: columns(:, :)     !! (column_count, near) work of the step [J]
     real(wp), allocatable :: share(:, :)       !! (3, 3*candidates) on corners of soft triangles

@@ -110,7 +110,7 @@ contains
       end do
     end if
     if (d%surfaces%list%near > 0) total = total + surface_columns(d%surfaces)
-    if (d%pairs%extras%active) call add_work_on_top(d)
+    if (d%pairs%additional%active) call add_work_on_top(d)
     d%ledger%contact_damping = d%ledger%contact_damping + total(1)
     d%ledger%friction = d%ledger%friction + total(2)
     d%ledger%tangential_relaxation = d%ledger%tangential_relaxation + total(3)

@@ -73,7 +73,7 @@ contains
       end if
       if (allocated(work%blocks)) deallocate (work%blocks)  ! most memory is in use at a rebuild
       call rebuild_list(d, travel(1))
-      if (d%pairs%extras%active) call check_bonds(d, errors)
+      if (d%pairs%additional%active) call check_bonds(d, errors)
       if (errors%any()) return
       resumed = .true.
       if (d%halo%team%several()) call name_stray(d, errors)

@@ -5,14 +5,15 @@ module dem_surface_additional
   use dem_cohesion, only: tear_overlap
   use dem_contact, only: contact_stiffness, constants_of, stored_energy
   use dem_law_registry, only: place_of_memory
-  use dem_additional_state, only: extra_places_type, cohesion_jkr, extra_work_count
-  use dem_additional, only: add_extra_work, add_laws, stored_on_top, stiffness_on_top
+  use dem_additional_state, only: kept_places_type, cohesion_jkr, additional_work_count
+  use dem_additional, only: add_additional_work, add_laws, stored_on_top, stiffness_on_top
   use talus_vectors, only: cross
   use dem_state, only: dem_data_type, dem_law_type, lanes, history_size, column_count
   implicit none
   private
-  public :: surface_kept_reals, neck_reach, held_by_necks, laws_of_surface, surface_extra_energy, &
-    surface_extra_stiffness, surface_base_stiffness, has_own_energy, has_hertz_energy, &
+  public :: surface_kept_reals, neck_reach, held_by_necks, laws_of_surface, &
+    surface_additional_energy, &
+    surface_additional_stiffness, surface_base_stiffness, has_own_energy, has_hertz_energy, &
     own_energy, add_work_on_top, corner_couples
 
 contains
@@ -23,10 +24,10 @@ contains
     type(dem_data_type), intent(in) :: d
     integer(i4) :: k
     reals = 0
-    if (.not. d%pairs%extras%active) return
+    if (.not. d%pairs%additional%active) return
     do k = 1, d%surfaces%parts
       associate (laws => d%laws(d%surfaces%material(k), :))
-        if (any(laws%extra%used .or. laws%base%reals > 0)) reals = d%pairs%extras%reals
+        if (any(laws%additional%used .or. laws%base%reals > 0)) reals = d%pairs%additional%reals
       end associate
     end do
   end function surface_kept_reals
@@ -48,12 +49,12 @@ contains
     real(wp), parameter :: ample = 2.0_wp  !! radii grow as a grain turns
     integer(i4) :: k
     reach = 0.0_wp
-    associate (at => d%pairs%extras%cohesion_at)
+    associate (at => d%pairs%additional%cohesion_at)
       if (at == 0) return
       do k = 1, d%surfaces%list%contacts(g)
         if (.not. d%surfaces%list%kept(k, at, g) > 0.0_wp) cycle
         law = law_of(d, k, g)
-        if (law%extra%cohesion /= cohesion_jkr) cycle
+        if (law%additional%cohesion /= cohesion_jkr) cycle
         reach = max(reach, -tear_overlap(law, ample*d%surfaces%list%kept(k, at + 3, g)))
       end do
     end associate
@@ -61,7 +62,7 @@ contains
 
   !> Lanes that a neck holds.
   pure function held_by_necks(at, kept) result(held)
-    type(extra_places_type), intent(in) :: at
+    type(kept_places_type), intent(in) :: at
     real(wp), intent(in) :: kept(:, :)  !! (lanes, reals)
     logical :: held(lanes)
     held = .false.
@@ -72,11 +73,11 @@ contains
   pure subroutine laws_of_surface(b, law, at, h, m_star, history, kept, columns, work)
     type(dem_block_type), intent(inout) :: b
     type(dem_law_type), intent(in) :: law
-    type(extra_places_type), intent(in) :: at
+    type(kept_places_type), intent(in) :: at
     real(wp), intent(in) :: h, m_star(lanes)
     real(wp), intent(inout) :: history(lanes, history_size), kept(:, :)
     real(wp), intent(out) :: columns(column_count)
-    real(wp), intent(inout) :: work(extra_work_count)
+    real(wp), intent(inout) :: work(additional_work_count)
     real(wp) :: weight(lanes), memory(lanes, law%base%reals)
     integer(i4) :: range(2)
 
@@ -86,12 +87,12 @@ contains
     call law%base%forces(b, law%law_numbers_type, .false., h, m_star, weight, history, memory, &
                           columns)
     kept(:, range(1):range(2)) = memory
-    if (law%extra%used) &
+    if (law%additional%used) &
       call add_laws(b, law, at, .false., h, m_star, weight, history, kept, columns, work)
   end subroutine laws_of_surface
 
   !> Energy that additional contact models store in the contacts with surfaces [J].
-  pure real(wp) function surface_extra_energy(d) result(energy)
+  pure real(wp) function surface_additional_energy(d) result(energy)
     type(dem_data_type), intent(in) :: d
     type(dem_law_type) :: law
     real(wp) :: weight(lanes)
@@ -100,14 +101,14 @@ contains
     do g = 1, d%surfaces%list%near
       do k = 1, d%surfaces%list%contacts(g)
         law = law_of(d, k, g)
-        if (.not. law%extra%used) cycle
+        if (.not. law%additional%used) cycle
         weight = 0.0_wp
         weight(k) = 1.0_wp
-        energy = energy + stored_on_top(law, d%pairs%extras%extra_places_type, weight, &
+        energy = energy + stored_on_top(law, d%pairs%additional%kept_places_type, weight, &
                                         d%surfaces%list%kept(:, :, g))
       end do
     end do
-  end function surface_extra_energy
+  end function surface_additional_energy
 
   !> Normal and tangential stiffness of contact k of near grain g by its base law [N/m].
   pure function surface_base_stiffness(d, k, g) result(stiffness)
@@ -118,7 +119,7 @@ contains
     associate (law => d%laws(d%surfaces%material(d%surfaces%list%part(k, g)), &
                              d%grains%material(d%surfaces%list%near_grain(g))))
       if (law%base%reals > 0) then
-        range = place_of_memory(law, d%pairs%extras)
+        range = place_of_memory(law, d%pairs%additional)
         stiffness = contact_stiffness(law, d%surfaces%list%history(k, :, g), &
                                       d%surfaces%list%kept(k, range(1):range(2), g))
       else
@@ -149,7 +150,7 @@ contains
   pure function own_energy(d, k, g) result(energy)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: k, g
-    real(wp) :: energy(2), weight(lanes), memory(lanes, d%pairs%extras%reals)
+    real(wp) :: energy(2), weight(lanes), memory(lanes, d%pairs%additional%reals)
     real(wp) :: history(lanes, history_size)
     integer(i4) :: range(2)
     weight = 0.0_wp
@@ -161,14 +162,14 @@ contains
     associate (law => d%laws(d%surfaces%material(d%surfaces%list%part(k, g)), &
                              d%grains%material(d%surfaces%list%near_grain(g))))
       energy = stored_energy(constants_of(law%law_numbers_type), weight, history)
-      range = place_of_memory(law, d%pairs%extras)
+      range = place_of_memory(law, d%pairs%additional)
       call law%base%energy(law%law_numbers_type, weight, memory(:, range(1):range(2)), energy)
     end associate
   end function own_energy
 
   !> Stiffness that additional contact models add to a contact: of translation [N/m] and of rotation
   !! [N m].
-  pure function surface_extra_stiffness(d, k, g) result(stiffness)
+  pure function surface_additional_stiffness(d, k, g) result(stiffness)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: k, g
     real(wp) :: stiffness(2)
@@ -176,22 +177,22 @@ contains
     stiffness = 0.0_wp
     if (.not. size(d%surfaces%list%kept) > 0) return
     law = law_of(d, k, g)
-    stiffness = stiffness_on_top(law, d%pairs%extras%extra_places_type, &
+    stiffness = stiffness_on_top(law, d%pairs%additional%kept_places_type, &
       d%surfaces%list%kept(k, :, g))
-  end function surface_extra_stiffness
+  end function surface_additional_stiffness
 
   !> Works of the step of all additional contact models into the ledger, those at surfaces in the
   !! order of the grains.
   pure subroutine add_work_on_top(d)
     type(dem_data_type), intent(inout) :: d
-    real(wp) :: total(extra_work_count)
+    real(wp) :: total(additional_work_count)
     integer(i4) :: g
-    call add_extra_work(d)
+    call add_additional_work(d)
     if (d%surfaces%list%near == 0) return
     if (.not. size(d%surfaces%list%kept) > 0) return
     total = 0.0_wp
     do g = 1, d%surfaces%list%near
-      total = total + d%surfaces%list%extra_work(:, g)
+      total = total + d%surfaces%list%additional_work(:, g)
     end do
     d%ledger%rolling = d%ledger%rolling + total(1)
     d%ledger%breakage = d%ledger%breakage + total(2)

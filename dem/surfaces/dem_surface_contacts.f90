@@ -4,7 +4,7 @@
 module dem_surface_contacts
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
-  use dem_additional_state, only: extra_work_count
+  use dem_additional_state, only: additional_work_count
   use dem_block, only: dem_block_type
   use dem_record_layout, only: slot_history, slot_foot, slot_normal, slot_point, slot_push, &
     slot_motion
@@ -43,7 +43,7 @@ contains
     some = merge(s%list%near, 0_i4, reals > 0)
     associate (n => s%list%slots)
       allocate (s%list%kept(n, reals, some), s%list%couple(n, 3, some), &
-                s%list%extra_work(extra_work_count, some), source=0.0_wp)
+                s%list%additional_work(additional_work_count, some), source=0.0_wp)
       allocate (s%list%contacts(s%list%near), s%list%part(n, s%list%near), source=0)
       allocate (s%list%sign(n, s%list%near), source=1.0_wp)
       allocate (s%list%history(n, history_size, s%list%near), s%list%foot(n, 3, s%list%near), &
@@ -79,7 +79,7 @@ contains
     call move_alloc(list%load, old%load)
     call move_alloc(list%kept, old%kept)
     call move_alloc(list%couple, old%couple)
-    deallocate (list%extra_work, list%columns, list%share, list%near_of)
+    deallocate (list%additional_work, list%columns, list%share, list%near_of)
   end subroutine keep_contacts
 
   !> Contacts follow their grains into the new list; both ascend.
@@ -120,7 +120,7 @@ contains
     list%contacts(g) = 0
     list%load(:, g) = 0.0_wp
     list%columns(:, g) = 0.0_wp
-    if (size(list%kept) > 0) list%extra_work(:, g) = 0.0_wp
+    if (size(list%kept) > 0) list%additional_work(:, g) = 0.0_wp
   end subroutine leave_grain
 
   !> Current contacts for the next step.
@@ -151,7 +151,7 @@ contains
     real(wp), intent(in) :: kept(:, :), work(:)
     integer(i4) :: k
     list%kept(:, :, g) = kept
-    list%extra_work(:, g) = work
+    list%additional_work(:, g) = work
     do k = 1, n
       list%couple(k, :, g) = [block%load%mx(k), block%load%my(k), block%load%mz(k)] &
                           - cross(list%point(k, :, g), list%push(k, :, g))

@@ -5,7 +5,7 @@
 module dem_surface_forces
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
-  use dem_additional_state, only: extra_work_count
+  use dem_additional_state, only: additional_work_count
   use dem_state, only: dem_data_type, dem_law_type, kind_free, lanes, history_size, history_point, &
     column_count
   use dem_surface_state, only: dem_surfaces_type, is_soft
@@ -38,7 +38,7 @@ contains
     type(touches_type) :: touches
     type(dem_block_type) :: block
     real(wp) :: history(lanes, history_size), kept(lanes, size(d%surfaces%list%kept, 2))
-    real(wp) :: some(extra_work_count)
+    real(wp) :: some(additional_work_count)
     integer(i4) :: i, count, part(lanes)
 
     i = d%surfaces%list%near_grain(g)
@@ -58,7 +58,7 @@ contains
       end if
       call apply_laws(d, i, figure, h, part, count, block, history, kept, s%list%columns(:, g), &
                       some)
-      if (figure%reach > 0.0_wp) call drop_torn(held_by_necks(d%pairs%extras%extra_places_type, &
+      if (figure%reach > 0.0_wp) call drop_torn(held_by_necks(d%pairs%additional%kept_places_type, &
                                                               kept), features, touches, block, &
                                                 history, kept)
       call keep_touches(s%list, g, touches, block, history)
@@ -245,7 +245,7 @@ contains
     integer(i4), intent(in) :: part(lanes), count
     type(dem_block_type), intent(inout) :: b
     real(wp), intent(inout) :: history(lanes, history_size), kept(:, :)
-    real(wp), intent(out) :: columns(column_count), work(extra_work_count)
+    real(wp), intent(out) :: columns(column_count), work(additional_work_count)
     type(dem_block_type) :: mine
     type(dem_law_type) :: of_both
     real(wp) :: m_star(lanes), some(column_count), past(lanes, history_size)
@@ -276,7 +276,7 @@ contains
       of_both = d%laws(d%surfaces%material(part(lead)), d%grains%material(i))
       if (law(lead) < 0) of_both%share = 0.0_wp
       if (of_both%elliptic) call narrow(figure, mine)
-      call laws_of_surface(mine, of_both, d%pairs%extras%extra_places_type, h, m_star, past, &
+      call laws_of_surface(mine, of_both, d%pairs%additional%kept_places_type, h, m_star, past, &
                            memory, some, work)
       columns = columns + some
       do k = 1, count

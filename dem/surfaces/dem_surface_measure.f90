@@ -6,7 +6,7 @@ module dem_surface_measure
   use dem_surface_body, only: is_free
   use dem_surface_state, only: dem_surfaces_type, surface_membrane
   use dem_contact, only: contact_constants_type, constants_of
-  use dem_surface_additional, only: surface_extra_stiffness, has_own_energy, &
+  use dem_surface_additional, only: surface_additional_stiffness, has_own_energy, &
     has_hertz_energy, own_energy, &
     surface_stiffness => surface_base_stiffness
   implicit none
@@ -143,7 +143,7 @@ contains
         arm = d%surfaces%list%point(k, :, g) - d%pairs%body(1:3, i)
         lambda(1, i) = lambda(1, i) + sum(stiffness)
         lambda(2, i) = lambda(2, i) + stiffness(2)*sum(arm**2)
-        more = surface_extra_stiffness(d, k, g)
+        more = surface_additional_stiffness(d, k, g)
         if (any(more > 0.0_wp)) lambda(:, i) = lambda(:, i) + factor*more
       end do
     end do
@@ -161,7 +161,7 @@ contains
       do k = 1, d%surfaces%list%contacts(g)
         b = body_of_part(d, d%surfaces%list%part(k, g))
         stiffness = surface_stiffness(d, k, g)
-        more = surface_extra_stiffness(d, k, g)
+        more = surface_additional_stiffness(d, k, g)
         if (d%grains%kind(d%surfaces%list%near_grain(g)) == kind_free) then
           stiffness = 2.0_wp*stiffness
           more = 2.0_wp*more

@@ -7,7 +7,7 @@ module dem_surface_store
   use dem_archive, only: dem_archive_type
   use dem_record_layout, only: slot_motion
   use dem_state, only: dem_data_type
-  use dem_additional_state, only: extra_places_type, most_parts, part_bond
+  use dem_additional_state, only: kept_places_type, most_parts, part_bond
   use dem_surface_additional, only: surface_kept_reals
   use dem_surface_state, only: dem_surfaces_type, surface_soft, surface_cylinder, &
     surface_bore, soft_smooth
@@ -27,7 +27,7 @@ contains
   !> Everything that changes in a run.
   subroutine put_surfaces(s, places, archive)
     type(dem_surfaces_type), intent(in) :: s
-    type(extra_places_type), intent(in) :: places
+    type(kept_places_type), intent(in) :: places
     type(dem_archive_type), intent(inout) :: archive
     real(wp) :: packed(s%list%slots*contact_size, s%list%near)
     integer(i4) :: g
@@ -105,7 +105,7 @@ contains
   !> History of additional contact models, each by its name, as in dem_additional_list.
   subroutine put_kept(s, places, archive)
     type(dem_surfaces_type), intent(in) :: s
-    type(extra_places_type), intent(in) :: places
+    type(kept_places_type), intent(in) :: places
     type(dem_archive_type), intent(inout) :: archive
     integer(i4) :: k
     do k = 1, most_parts
@@ -122,7 +122,7 @@ contains
   !> The same back; a law that the checkpoint does not have starts from nothing.
   subroutine get_kept(s, places, archive, errors)
     type(dem_surfaces_type), intent(inout) :: s
-    type(extra_places_type), intent(in) :: places
+    type(kept_places_type), intent(in) :: places
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: flat(:, :)
@@ -248,7 +248,7 @@ contains
       end if
       if (errors%count == before) call get_contacts(s, int(sizes(5, 1), i4), d%grains%n, &
                                                     surface_kept_reals(d), archive, errors)
-      if (errors%count == before) call get_kept(s, d%pairs%extras%extra_places_type, archive, &
+      if (errors%count == before) call get_kept(s, d%pairs%additional%kept_places_type, archive, &
                                                 errors)
     end associate
   end subroutine get_surfaces

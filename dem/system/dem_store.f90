@@ -6,8 +6,8 @@ module dem_store
   use dem_state, only: dem_data_type, dem_cell_type, dem_ledger_type
   use dem_received_contacts, only: receive_contacts, give_results
   use dem_cell, only: is_periodic
-  use dem_additional_list, only: put_run_of_extras, get_run_of_extras, layout_kept, fit_records, &
-    layout_size
+  use dem_additional_list, only: put_run_of_additional, get_run_of_additional, layout_kept, &
+    fit_records, layout_size
   use dem_images, only: resize_images
   use dem_surface_store, only: put_surfaces
   use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
@@ -31,7 +31,8 @@ contains
     call put_grain_arrays(d, archive)
     call put_pairs(d%pairs, archive)
     if (is_periodic(d%cell)) call put_images(d%pairs, archive)
-    if (d%surfaces%n > 0) call put_surfaces(d%surfaces, d%pairs%extras%extra_places_type, archive)
+    if (d%surfaces%n > 0) &
+      call put_surfaces(d%surfaces, d%pairs%additional%kept_places_type, archive)
     call put_run(d, archive)
   end subroutine put_state
 
@@ -42,7 +43,7 @@ contains
 
     call put_planes(d, archive)
     if (d%cell%active) call put_cell(d%cell, archive)
-    call put_run_of_extras(d%pairs%extras, archive)
+    call put_run_of_additional(d%pairs%additional, archive)
     call archive%put_reals('pairs.skin', reshape([d%pairs%skin, d%pairs%least_skin, &
                                                   d%pairs%most_skin], [3, 1]))
     if (allocated(d%servo_seen)) call archive%put_reals('servo.seen', d%servo_seen)
@@ -205,7 +206,7 @@ contains
     layout = layout_kept(archive)
     call archive%get_reals(records, plain_contact_reals + layout(1), -1, rows, errors)
     if (errors%any()) return
-    call fit_records(d%pairs%extras, layout, rows)
+    call fit_records(d%pairs%additional, layout, rows)
     call receive_contacts(d, rows)
     call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)
     call give_results(d, rows)
@@ -261,7 +262,7 @@ contains
       k = archive%find('parts.spare')
       if (k > 0) d%parts%spare = archive%item(k)%reals(1, :)
     end if
-    call get_run_of_extras(d%pairs%extras, archive, errors)
+    call get_run_of_additional(d%pairs%additional, archive, errors)
     if (errors%any()) return
     call archive%get_reals('ledger', 18, 1, row, errors)
     d%ledger = ledger_from(row(:, 1))

@@ -5,7 +5,7 @@ module dem_store_pairs
   use dem_archive, only: dem_archive_type
   use dem_state, only: dem_data_type, dem_pairs_type, kind_ghost, lanes, history_size, &
     result_size, column_count, entries_ahead
-  use dem_additional_list, only: put_extras, get_extras
+  use dem_additional_list, only: put_additional, get_additional
   use dem_surface_store, only: get_surfaces
   use dem_pairs, only: update_bodies
   implicit none
@@ -36,7 +36,7 @@ contains
     call archive%put_reals('pairs.least_gap', reshape(p%least_gap, [1, m]))
     call archive%put_reals('pairs.weight', p%weight)
     call archive%put_reals('pairs.m_star', p%m_star)
-    call put_extras(p%extras, archive)
+    call put_additional(p%additional, archive)
     call archive%put_reals('pairs.reference_x', p%reference_x)
     if (any(p%ease < 1.0_wp)) &
       call archive%put_reals('pairs.ease', reshape(p%ease, [1, size(p%ease)]))
@@ -162,7 +162,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     call get_pairs(d, archive, errors)
     if (errors%any()) return
-    call get_extras(d%pairs%extras, d%pairs%blocks, archive, errors)
+    call get_additional(d%pairs%additional, d%pairs%blocks, archive, errors)
     if (errors%any()) return
     call update_bodies(d%pairs, d%grains, d%planes, d%cell)
     call get_surfaces(d, archive, errors)

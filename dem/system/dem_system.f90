@@ -10,7 +10,7 @@ module dem_system
   use dem_state, only: dem_data_type, kind_free
   use dem_bonds_make, only: make_bonds
   use dem_cell, only: is_periodic, least_width
-  use dem_additional, only: plan_extras, check_necks
+  use dem_additional, only: plan_additional, check_necks
   use dem_membrane, only: check_membranes
   use dem_make, only: make_planes
   use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
@@ -62,7 +62,7 @@ contains
 
     if (.not. allocated(self%planes%point)) call no_planes(self)
     call check_laws(self)
-    call plan_extras(self%laws, self%pairs%extras)
+    call plan_additional(self%laws, self%pairs%additional)
     self%pairs%skin = self%first_skin()
     self%pairs%most_skin = self%pairs%skin
     if (.not. self%par%skin > 0.0_wp) self%pairs%most_skin = 4.0_wp*self%pairs%skin
@@ -249,7 +249,7 @@ contains
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
     if (.not. allocated(self%planes%point)) call no_planes(self)
-    call plan_extras(self%laws, self%pairs%extras)
+    call plan_additional(self%laws, self%pairs%additional)
     call get_state(self%dem_data_type, archive, errors)
     self%ready = .not. errors%any()
   end subroutine import_state

@@ -118,15 +118,15 @@ contains
   subroutine add_laws(s, which)
     type(dem_system_type), intent(inout) :: s
     integer(i4), intent(in) :: which
-    s%laws%extra%used = .true.
+    s%laws%additional%used = .true.
     if (which == 1 .or. which == 5) then
-      s%laws%extra%rolling = 0.1_wp
-      s%laws%extra%twisting = 0.05_wp
-      s%laws%extra%rolling_damping = 0.1_wp
+      s%laws%additional%rolling = 0.1_wp
+      s%laws%additional%twisting = 0.05_wp
+      s%laws%additional%rolling_damping = 0.1_wp
     end if
-    if (which == 2 .or. which == 5) s%laws%extra%cohesion = cohesion_jkr
-    if (which == 3) s%laws%extra%cohesion = cohesion_dmt
-    s%laws%extra%surface_energy = 1.0e-2_wp
+    if (which == 2 .or. which == 5) s%laws%additional%cohesion = cohesion_jkr
+    if (which == 3) s%laws%additional%cohesion = cohesion_dmt
+    s%laws%additional%surface_energy = 1.0e-2_wp
     if (which == 4) call turn_laws(s)
   end subroutine add_laws
 
@@ -191,7 +191,7 @@ contains
     call a%refresh_ledger()
     ! a cohesive contact that ends is judged where it was, on a plane where it would be
     same = 1.0e-10_wp*abs(b%ledger%start)
-    if (any(b%laws%extra%cohesion /= 0)) same = 1.0e-8_wp*abs(b%ledger%start)
+    if (any(b%laws%additional%cohesion /= 0)) same = 1.0e-8_wp*abs(b%ledger%start)
     call test%check_close(name//' ledger', b%closure(), a%closure(), same)
     call test%check_close(name//' friction', b%ledger%friction/a%ledger%friction, 1.0_wp, 1.0e-9_wp)
     if (.not. present(on_top)) return

@@ -70,13 +70,13 @@ contains
     s%materials(1)%density = 2650.0_wp
     s%laws(1, 1) = make_law(trim(base), s%materials(1), s%materials(1), 0.5_wp, 0.05_wp, &
                             0.05_wp)
-    associate (extra => s%laws(1, 1)%extra)
-      extra%used = .true.
-      extra%rolling = 0.2_wp
-      extra%twisting = 0.1_wp
-      extra%rolling_damping = 0.05_wp
-      extra%cohesion = cohesion
-      extra%surface_energy = energy
+    associate (additional => s%laws(1, 1)%additional)
+      additional%used = .true.
+      additional%rolling = 0.2_wp
+      additional%twisting = 0.1_wp
+      additional%rolling_damping = 0.05_wp
+      additional%cohesion = cohesion
+      additional%surface_energy = energy
     end associate
     call make_grains(s%grains, s%materials, [(int(k, i8), k=1, n)], kind, spread(1_i4, 1, n), x, &
                      q, a, v, w, errors)

@@ -5,7 +5,7 @@ program test_dem_bond
   use talus_kinds, only: wp, i4
   use talus_test, only: max_abs, test_type
   use talus_vectors, only: cross
-  use dem_additional_state, only: dem_bond_type, bond_reals, extra_work_count
+  use dem_additional_state, only: dem_bond_type, bond_reals, additional_work_count
   use dem_block, only: dem_block_type
   use dem_bond, only: bond_block
   use dem_state, only: lanes, dem_law_type
@@ -101,7 +101,7 @@ contains
     type(dem_block_type) :: b
     type(dem_law_type) :: law
     type(dem_bond_type) :: bond
-    real(wp) :: kept(lanes, bond_reals), work(2), extra(extra_work_count), h, angle, stiffness
+    real(wp) :: kept(lanes, bond_reals), work(2), extra(additional_work_count), h, angle, stiffness
     real(wp) :: r(3), last(3), n(3), across(3)
     integer(i4) :: i
 

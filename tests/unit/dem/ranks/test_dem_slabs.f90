@@ -141,8 +141,8 @@ contains
       p%blocks = 1
       p%plain = n + 3
       p%images = 1
-      p%extras%active = .true.
-      p%extras%reals = 2
+      p%additional%active = .true.
+      p%additional%reals = 2
       allocate (p%first(lanes, 1), source=1_i4)
       allocate (p%second(lanes, 1), source=2_i4)
       p%second(2, 1) = p%plain + 1
@@ -151,11 +151,11 @@ contains
       p%grain = [(k, k=1, n), 0, 0, 0, 3]
       p%shift = reshape([1_i4, -1_i4, 2_i4], [3, 1])
       allocate (p%normal(lanes, 3, 1), p%history(lanes, history_size, 1), &
-                p%result(result_size, lanes), p%extras%kept(lanes, 2, 1))
+                p%result(result_size, lanes), p%additional%kept(lanes, 2, 1))
       call random_number(p%normal)
       call random_number(p%history)
       call random_number(p%result)
-      call random_number(p%extras%kept)
+      call random_number(p%additional%kept)
     end associate
   end subroutine make_contacts
 
@@ -170,7 +170,7 @@ contains
     copy%pairs%normal = 0.0_wp
     copy%pairs%history = 0.0_wp
     copy%pairs%result = 0.0_wp
-    copy%pairs%extras%kept = 0.0_wp
+    copy%pairs%additional%kept = 0.0_wp
     allocate (row(contact_reals(d)))
     do lane = 1, lanes
       row = ieee_value(1.0_wp, ieee_quiet_nan)
@@ -185,7 +185,7 @@ contains
     call test%check('normals', all(copy%pairs%normal == d%pairs%normal))
     call test%check('history', all(copy%pairs%history == d%pairs%history))
     call test%check('forces', all(copy%pairs%result == d%pairs%result))
-    call test%check('what models keep', all(copy%pairs%extras%kept == d%pairs%extras%kept))
+    call test%check('what models keep', all(copy%pairs%additional%kept == d%pairs%additional%kept))
   end subroutine check_contacts
 
   !> Contacts of two grains with surfaces, without and with what additional models keep.
