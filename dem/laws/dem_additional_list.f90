@@ -4,11 +4,13 @@ module dem_additional_list
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
-  use dem_state, only: lanes
-  use dem_additional_state, only: dem_additional_type, additional_work_count, most_parts
+  use dem_sizes, only: lanes
+  use dem_additional_numbers, only: additional_work_count
+  use dem_additional_state, only: dem_additional_type, kept_places_type, most_parts
+  use dem_bond_counts, only: count_lost, put_bonds, get_bonds
   implicit none
   private
-  public :: move_additional, mark_touched, held_lanes, count_broken, put_additional, get_additional
+  public :: move_additional, mark_touched, held_lanes, held_of, put_additional, get_additional
   public :: put_run_of_additional, get_run_of_additional, layout_kept, fit_records, layout_size
 
   integer(i4), parameter :: layout_size = 1 + most_parts  !! reals, and where each part begins
@@ -29,9 +31,7 @@ contains
       kept(1 + mod(slot(k) - 1, lanes), :, 1 + (slot(k) - 1)/lanes) = &
         additional%kept(1 + mod(old(k) - 1, lanes), :, 1 + (old(k) - 1)/lanes)
     end do
-    if (additional%bond_at > 0 .and. allocated(additional%kept)) additional%lost = additional%lost &
-      + count(additional%kept(:, additional%bond_at, :) > 0.0_wp, kind=i8) &
-      - count(kept(:, additional%bond_at, :) > 0.0_wp, kind=i8)
+    call count_lost(additional, kept)
     call move_alloc(kept, additional%kept)
     if (allocated(additional%work)) deallocate (additional%work)
     allocate (additional%work(additional_work_count, blocks), source=0.0_wp)
@@ -42,28 +42,32 @@ contains
     type(dem_additional_type), intent(in) :: additional
     logical, intent(inout) :: touched(:)  !! (blocks)
     integer(i4) :: k
-    if (additional%cohesion_at + additional%bond_at == 0) return
+    if (.not. any(additional%part%holds .and. additional%part%at > 0)) return
     do k = 1, size(touched)
       touched(k) = touched(k) .or. any(held_lanes(additional, k))
     end do
   end subroutine mark_touched
 
-  !> Lanes of a block that a neck or a bond holds, over a gap or not.
+  !> Lanes of block k that a model holds, over a gap or not.
   pure function held_lanes(additional, k) result(held)
     type(dem_additional_type), intent(in) :: additional
     integer(i4), intent(in) :: k
     logical :: held(lanes)
-    held = .false.
-    if (additional%cohesion_at > 0) held = additional%kept(:, additional%cohesion_at, k) > 0.0_wp
-    if (additional%bond_at > 0) held = held .or. additional%kept(:, additional%bond_at, k) > 0.0_wp
+    held = held_of(additional%kept_places_type, additional%kept(:, :, k))
   end function held_lanes
 
-  !> Bonds broken so far, in whole numbers.
-  pure subroutine count_broken(additional)
-    type(dem_additional_type), intent(inout) :: additional
-    additional%torn = nint(additional%broken(1), i8)
-    additional%sheared = nint(additional%broken(2), i8)
-  end subroutine count_broken
+  !> The same of lanes that keep these.
+  pure function held_of(places, kept) result(held)
+    type(kept_places_type), intent(in) :: places
+    real(wp), intent(in) :: kept(:, :)  !! (lanes, reals)
+    logical :: held(lanes)
+    integer(i4) :: k
+    held = .false.
+    do k = 1, most_parts
+      if (places%part(k)%at == 0 .or. .not. places%part(k)%holds) cycle
+      held = held .or. kept(:, places%part(k)%at) > 0.0_wp
+    end do
+  end function held_of
 
   !> Each law's reals by name, so that a restart may add or drop a law.
   subroutine put_additional(additional, archive)
@@ -123,8 +127,7 @@ contains
     if (.not. additional%active) return
     call archive%put_integers('extras.layout', reshape(int(layout_of(additional), i8), &
                                                        [layout_size, 1]))
-    if (additional%bond_at > 0) call archive%put_integers('extras.bonds', &
-      reshape([additional%made, additional%torn, additional%sheared], [3, 1]))
+    call put_bonds(additional, archive)
   end subroutine put_run_of_additional
 
   !> The bonds back.
@@ -132,13 +135,7 @@ contains
     type(dem_additional_type), intent(inout) :: additional
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
-    integer(i8), allocatable :: counts(:, :)
-    if (additional%bond_at == 0 .or. archive%find('extras.bonds') == 0) return
-    call archive%get_integers('extras.bonds', 3, 1, counts, errors)
-    if (errors%any()) return
-    additional%made = counts(1, 1)
-    additional%broken = real(counts(2:3, 1), wp)
-    call count_broken(additional)
+    call get_bonds(additional, archive, errors)
   end subroutine get_run_of_additional
 
   !> Layout of a checkpoint; without additional contact models all zero.

@@ -9,100 +9,174 @@
 !! eq. D.19
 module dem_bond
   use talus_kinds, only: wp, i4
-  use dem_state, only: lanes, dem_law_type
-  use dem_additional_state, only: dem_bond_type, bond_reals, additional_work_count, work_breakage, &
-    work_torn, work_sheared
+  use dem_sizes, only: lanes
+  use dem_law_state, only: history_size, column_damping, column_relaxation
+  use dem_additional_numbers, only: most_own, work_breakage, work_torn, work_sheared
+  use dem_additional_model, only: additional_model_type, additional_given_type, &
+    additional_works_type
   use dem_block, only: dem_block_type
   implicit none
   private
-  public :: bond_block, bond_energy, bond_stiffness
+  public :: bond, bond_type, bond_of, own_of, set_bond
 
   real(wp), parameter :: pi = acos(-1.0_wp)
   real(wp), parameter :: tiny_load = 1.0e-200_wp
+  integer(i4), parameter :: reals = 17  !! kept of a contact
+
+  !> Constants of the bonds of a run.
+  type :: bond_type
+    real(wp) :: young = 0.0_wp             !! of the beam [Pa]
+    real(wp) :: stiffness_ratio = 1.0_wp   !! normal / shear stiffness [-]
+    real(wp) :: radius = 1.0_wp            !! beam / least semi-axis of the two grains [-]
+    real(wp) :: tensile_strength = 0.0_wp  !! [Pa]
+    real(wp) :: shear_strength = 0.0_wp    !! [Pa]
+    real(wp) :: damping_ratio = 0.0_wp     !! of critical [-]
+    real(wp) :: reach = 0.0_wp             !! grains with at most this gap are bonded [m]
+  end type bond_type
+
+  !> A bond of a block over a step.
+  type :: step_type
+    type(bond_type) :: bond
+    real(wp) :: h         !! since the last evaluation [s]
+    real(wp) :: m_star    !! reduced mass [kg]
+    real(wp) :: point(3)  !! contact point from the centre of A [m]
+  end type step_type
 
 contains
 
-  !> Add the loads of all bonds. Work: damping, relaxation [J]; extra: see dem_additional_state.
-  pure subroutine bond_block(b, law, bond, h, m_star, weight, kept, work, extra)
+  !> It acts between all grains of a run; its constants are those of &bond (dem_setup_bonds).
+  pure function bond() result(model)
+    type(additional_model_type) :: model
+    model%name = 'bond'
+    model%forces => forces
+    model%energy => energy
+    model%stiffness => stiffness
+    model%reals = reals
+    model%holds = .true.
+  end function bond
+
+  !> Constants as the model's own, and back.
+  pure function own_of(constants) result(own)
+    type(bond_type), intent(in) :: constants
+    real(wp) :: own(most_own)
+    own = 0.0_wp
+    own(:7) = [constants%young, constants%stiffness_ratio, constants%radius, &
+               constants%tensile_strength, constants%shear_strength, constants%damping_ratio, &
+               constants%reach]
+  end function own_of
+
+  pure function bond_of(own) result(constants)
+    real(wp), intent(in) :: own(most_own)
+    type(bond_type) :: constants
+    constants = bond_type(own(1), own(2), own(3), own(4), own(5), own(6), own(7))
+  end function bond_of
+
+  !> A bond without load.
+  pure subroutine set_bond(kept, radius, length)
+    real(wp), intent(inout) :: kept(:)        !! of the lane
+    real(wp), intent(in) :: radius, length    !! [m]
+    kept(1) = 1.0_wp
+    kept(10) = radius
+    kept(11) = length
+  end subroutine set_bond
+
+  !> See forces_routine of dem_additional_model.
+  pure subroutine forces(b, given, history, kept, works)
     type(dem_block_type), intent(inout) :: b
-    type(dem_law_type), intent(in) :: law
-    type(dem_bond_type), intent(in) :: bond
-    real(wp), intent(in) :: h  !! time since the last evaluation [s]
-    real(wp), intent(in) :: m_star(lanes), weight(lanes)
-    real(wp), intent(inout) :: kept(lanes, bond_reals)
-    real(wp), intent(out) :: work(2)
-    real(wp), intent(inout) :: extra(additional_work_count)
-    real(wp) :: row(bond_reals), point(3), load(6), part(2)
+    type(additional_given_type), intent(in) :: given
+    real(wp), intent(in) :: history(lanes, history_size)
+    real(wp), intent(inout), contiguous :: kept(:, :)
+    type(additional_works_type), intent(inout) :: works
+    call work_bonds(b, given, kept, works)
+  end subroutine forces
+
+  !> The same with what is kept in a shape that the compiler knows.
+  pure subroutine work_bonds(b, given, kept, works)
+    type(dem_block_type), intent(inout) :: b
+    type(additional_given_type), intent(in) :: given
+    real(wp), intent(inout) :: kept(lanes, reals)
+    type(additional_works_type), intent(inout) :: works
+    type(step_type) :: step
+    real(wp) :: row(reals), load(6), part(2), work(2)
     integer(i4) :: k, mode
 
+    step%bond = bond_of(given%own)
+    step%h = given%h
     work = 0.0_wp
-    do k = 1, lanes
-      if (.not. kept(k, 1) > 0.0_wp) cycle
-      row = kept(k, :)
-      point = [b%ax(k), b%ay(k), b%az(k)] + law%share*b%gap(k)*[b%nx(k), b%ny(k), b%nz(k)]
-      call one_bond(b, k, bond, h, m_star(k), point, row, load, part, mode)
-      kept(k, :) = row
-      if (mode > 0) then
-        extra(work_breakage) = extra(work_breakage) + weight(k)*part(2)
-        extra(mode) = extra(mode) + 1.0_wp
-      else
-        work(2) = work(2) + weight(k)*part(2)
-      end if
-      work(1) = work(1) + weight(k)*part(1)
-      load = weight(k)*load
-      load(4:6) = load(4:6) + cross(point + b%a%x(k, :), load(1:3))
-      b%load%fx(k) = b%load%fx(k) + load(1)
-      b%load%fy(k) = b%load%fy(k) + load(2)
-      b%load%fz(k) = b%load%fz(k) + load(3)
-      b%load%mx(k) = b%load%mx(k) + load(4)
-      b%load%my(k) = b%load%my(k) + load(5)
-      b%load%mz(k) = b%load%mz(k) + load(6)
-    end do
-  end subroutine bond_block
+    associate (share => given%law%share, weight => given%weight, of_models => works%models)
+      do k = 1, lanes
+        if (.not. kept(k, 1) > 0.0_wp) cycle
+        row = kept(k, :)
+        step%m_star = given%m_star(k)
+        step%point = [b%ax(k), b%ay(k), b%az(k)] + share*b%gap(k)*[b%nx(k), b%ny(k), b%nz(k)]
+        call one_bond(b, k, step, row, load, part, mode)
+        kept(k, :) = row
+        if (mode > 0) then
+          of_models(work_breakage) = of_models(work_breakage) + weight(k)*part(2)
+          of_models(mode) = of_models(mode) + 1.0_wp
+        else
+          work(2) = work(2) + weight(k)*part(2)
+        end if
+        work(1) = work(1) + weight(k)*part(1)
+        load = weight(k)*load
+        load(4:6) = load(4:6) + cross(step%point + b%a%x(k, :), load(1:3))
+        b%load%fx(k) = b%load%fx(k) + load(1)
+        b%load%fy(k) = b%load%fy(k) + load(2)
+        b%load%fz(k) = b%load%fz(k) + load(3)
+        b%load%mx(k) = b%load%mx(k) + load(4)
+        b%load%my(k) = b%load%my(k) + load(5)
+        b%load%mz(k) = b%load%mz(k) + load(6)
+      end do
+    end associate
+    works%columns(column_damping) = works%columns(column_damping) + work(1)
+    works%columns(column_relaxation) = works%columns(column_relaxation) + work(2)
+  end subroutine work_bonds
 
-  !> One bond over the step; mode: 0 it holds, else the work that counts its break.
-  pure subroutine one_bond(b, k, bond, h, m_star, point, row, load, work, mode)
+  !> One bond over the step; work: damping; relaxation, or lost as it breaks [J]. mode: 0 it holds,
+  !! else the work that counts its break.
+  pure subroutine one_bond(b, k, step, row, load, work, mode)
     type(dem_block_type), intent(in) :: b
     integer(i4), intent(in) :: k
-    type(dem_bond_type), intent(in) :: bond
-    real(wp), intent(in) :: h, m_star, point(3)
-    real(wp), intent(inout) :: row(bond_reals)
-    real(wp), intent(out) :: load(6), work(2)
+    type(step_type), intent(in) :: step
+    real(wp), intent(inout) :: row(reals)
+    real(wp), intent(out) :: load(6), work(2)  !! on B [N, N m], [J]
     integer(i4), intent(out) :: mode
     real(wp) :: n(3), v(3), spin(3), moved(3), pulled, vn, wn, stiff(4), last(6), dash(6), was, c(4)
 
-    n = [b%nx(k), b%ny(k), b%nz(k)]
-    spin = [b%b%wx(k) - b%a%wx(k), b%b%wy(k) - b%a%wy(k), b%b%wz(k) - b%a%wz(k)]
-    v = velocity(b, k, point)
-    moved = displacement(b, k, h, v, point)
-    pulled = dot_product(moved, n)
-    vn = dot_product(v, n)
-    wn = dot_product(spin, n)
-    stiff = stiffnesses(bond, row)
-    was = stored(bond, row)
-    last = elastic(row, n)
-    dash = row(12:17)
-    call carry(b, k, h, n, row(3:5))
-    call carry(b, k, h, n, row(6:8))
-    row(2) = row(2) + stiff(1)*pulled
-    row(3:5) = row(3:5) - stiff(2)*(moved - pulled*n)
-    row(6:8) = row(6:8) - stiff(3)*h*(spin - wn*n)
-    row(9) = row(9) - stiff(4)*h*wn
-    mode = break_mode(bond, row)
-    c = 2.0_wp*bond%damping_ratio*sqrt(m_star*stiff*[1.0_wp, 1.0_wp, row(10)**2, row(10)**2])
-    row(12:14) = -c(1)*vn*n - c(2)*(v - vn*n)
-    row(15:17) = -c(3)*(spin - wn*n) - c(4)*wn*n
-    if (mode > 0) row = 0.0_wp
-    load = elastic(row, n)
-    work(2) = -0.5_wp*h*dot_product(last + load, [v, spin]) - (stored(bond, row) - was)
-    work(1) = -0.5_wp*h*dot_product(dash + row(12:17), [v, spin])
-    load = load + row(12:17)
+    associate (bond => step%bond, h => step%h, m_star => step%m_star, point => step%point)
+      n = [b%nx(k), b%ny(k), b%nz(k)]
+      spin = [b%b%wx(k) - b%a%wx(k), b%b%wy(k) - b%a%wy(k), b%b%wz(k) - b%a%wz(k)]
+      v = velocity(b, k, point)
+      moved = displacement(b, k, h, v, point)
+      pulled = dot_product(moved, n)
+      vn = dot_product(v, n)
+      wn = dot_product(spin, n)
+      stiff = stiffnesses(bond, row)
+      was = stored(bond, row)
+      last = elastic(row, n)
+      dash = row(12:17)
+      call carry(b, k, h, n, row(3:5))
+      call carry(b, k, h, n, row(6:8))
+      row(2) = row(2) + stiff(1)*pulled
+      row(3:5) = row(3:5) - stiff(2)*(moved - pulled*n)
+      row(6:8) = row(6:8) - stiff(3)*h*(spin - wn*n)
+      row(9) = row(9) - stiff(4)*h*wn
+      mode = break_mode(bond, row)
+      c = 2.0_wp*bond%damping_ratio*sqrt(m_star*stiff*[1.0_wp, 1.0_wp, row(10)**2, row(10)**2])
+      row(12:14) = -c(1)*vn*n - c(2)*(v - vn*n)
+      row(15:17) = -c(3)*(spin - wn*n) - c(4)*wn*n
+      if (mode > 0) row = 0.0_wp
+      load = elastic(row, n)
+      work(2) = -0.5_wp*h*dot_product(last + load, [v, spin]) - (stored(bond, row) - was)
+      work(1) = -0.5_wp*h*dot_product(dash + row(12:17), [v, spin])
+      load = load + row(12:17)
+    end associate
   end subroutine one_bond
 
   !> Which strength is passed: 0, or the work that counts it.
   pure integer(i4) function break_mode(bond, row) result(mode)
-    type(dem_bond_type), intent(in) :: bond
-    real(wp), intent(in) :: row(bond_reals)
+    type(bond_type), intent(in) :: bond
+    real(wp), intent(in) :: row(reals)
     real(wp) :: area
     area = pi*row(10)**2
     mode = 0
@@ -114,7 +188,7 @@ contains
 
   !> Elastic force and moment on B [N, N m].
   pure function elastic(row, n) result(load)
-    real(wp), intent(in) :: row(bond_reals), n(3)
+    real(wp), intent(in) :: row(reals), n(3)
     real(wp) :: load(6)
     load(1:3) = row(3:5) - row(2)*n
     load(4:6) = row(6:8) + row(9)*n
@@ -122,8 +196,8 @@ contains
 
   !> Stiffness of pull, shear [N/m], bending and twisting [N m].
   pure function stiffnesses(bond, row) result(stiff)
-    type(dem_bond_type), intent(in) :: bond
-    real(wp), intent(in) :: row(bond_reals)
+    type(bond_type), intent(in) :: bond
+    real(wp), intent(in) :: row(reals)
     real(wp) :: stiff(4)
     stiff(1) = bond%young*pi*row(10)**2/row(11)
     stiff(2) = stiff(1)/bond%stiffness_ratio
@@ -133,35 +207,37 @@ contains
 
   !> Energy in a bond [J].
   pure real(wp) function stored(bond, row)
-    type(dem_bond_type), intent(in) :: bond
-    real(wp), intent(in) :: row(bond_reals)
+    type(bond_type), intent(in) :: bond
+    real(wp), intent(in) :: row(reals)
     stored = 0.0_wp
     if (row(1) > 0.0_wp) stored = 0.5_wp*sum([row(2)**2, sum(row(3:5)**2), sum(row(6:8)**2), &
                                               row(9)**2]/stiffnesses(bond, row))
   end function stored
 
   !> Energy in the bonds of a block [J].
-  pure real(wp) function bond_energy(bond, weight, kept) result(energy)
-    type(dem_bond_type), intent(in) :: bond
-    real(wp), intent(in) :: weight(lanes), kept(lanes, bond_reals)
+  pure real(wp) function energy(given, kept)
+    type(additional_given_type), intent(in) :: given
+    real(wp), intent(in) :: kept(:, :)
+    type(bond_type) :: constants
     integer(i4) :: k
+    constants = bond_of(given%own)
     energy = 0.0_wp
     do k = 1, lanes
-      energy = energy + weight(k)*stored(bond, kept(k, :))
+      energy = energy + given%weight(k)*stored(constants, kept(k, :))
     end do
-  end function bond_energy
+  end function energy
 
-  !> Stiffness of a bond against translation [N/m] and rotation [N m], for the step limit.
-  pure function bond_stiffness(bond, row) result(stiffness)
-    type(dem_bond_type), intent(in) :: bond
-    real(wp), intent(in) :: row(bond_reals)
-    real(wp) :: stiffness(2), stiff(4)
+  !> Of a bond against translation [N/m] and rotation [N m].
+  pure function stiffness(given, kept) result(of_contact)
+    type(additional_given_type), intent(in) :: given
+    real(wp), intent(in) :: kept(:)
+    real(wp) :: of_contact(2), stiff(4)
     real(wp), parameter :: arm = 0.6_wp  !! of shear, in lengths of the bond
-    stiffness = 0.0_wp
-    if (.not. row(1) > 0.0_wp) return
-    stiff = stiffnesses(bond, row)
-    stiffness = [stiff(1) + stiff(2), stiff(3) + stiff(4) + stiff(2)*(arm*row(11))**2]
-  end function bond_stiffness
+    of_contact = 0.0_wp
+    if (.not. kept(1) > 0.0_wp) return
+    stiff = stiffnesses(bond_of(given%own), kept)
+    of_contact = [stiff(1) + stiff(2), stiff(3) + stiff(4) + stiff(2)*(arm*kept(11))**2]
+  end function stiffness
 
   !> Velocity of B relative to A at a point from the centre of A [m/s].
   pure function velocity(b, k, point) result(v)

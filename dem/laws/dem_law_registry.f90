@@ -2,7 +2,7 @@
 module dem_law_registry
   use talus_kinds, only: i4
   use dem_law_state, only: base_law_type, dem_law_type
-  use dem_additional_state, only: kept_places_type, part_base
+  use dem_additional_state, only: kept_places_type, kept_range, part_of_law, most_laws
   use dem_hertz_mindlin, only: hertz_mindlin
   use dem_hertz_no_history, only: hertz_no_history
   use dem_linear, only: linear
@@ -11,8 +11,6 @@ module dem_law_registry
   implicit none
   private
   public :: law_count, base_law, find_law, bind_law, place_of_memory, memory_places
-
-  integer(i4), parameter :: most_laws = 12
 
 contains
 
@@ -77,7 +75,7 @@ contains
     integer(i4) :: k, n
     call list_laws(list, n)
     do k = 1, n
-      associate (part => places%part(part_base + k))
+      associate (part => places%part(part_of_law(k)))
         part%name = list(k)%memory
         part%reals = list(k)%reals
         part%at = 0
@@ -94,8 +92,6 @@ contains
     class(kept_places_type), intent(in) :: places
     integer(i4) :: range(2)
     range = [1, 0]
-    if (law%base%reals == 0) return
-    range(1) = places%part(part_base + law%kind)%at
-    range(2) = range(1) + law%base%reals - 1
+    if (law%base%reals > 0) range = kept_range(places%part(part_of_law(law%kind)))
   end function place_of_memory
 end module dem_law_registry

@@ -3,6 +3,9 @@ module dem_bonds_make
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_text, only: str
+  use dem_additional_registry, only: find_model
+  use dem_bond, only: bond_type, bond_of, set_bond
+  use dem_bond_counts, only: bond_at
   use dem_state, only: dem_data_type, lanes
   use dem_shape_gap, only: find_shape_gap
   use dem_gap, only: solve_gap
@@ -17,9 +20,11 @@ contains
   subroutine make_bonds(d, errors)
     type(dem_data_type), intent(inout) :: d
     type(error_list_type), intent(inout) :: errors
+    type(bond_type) :: bond
     integer(i4) :: k, lane, pair
 
     if (.not. d%pairs%additional%bond%given) return
+    bond = constants(d)
     if (allocated(d%pairs%additional%bond%pairs)) then
       do pair = 1, size(d%pairs%additional%bond%pairs, 2)
         call glue_pair(d, d%pairs%additional%bond%pairs(:, pair), errors)
@@ -28,15 +33,22 @@ contains
       do k = 1, d%pairs%grain_blocks
         do lane = 1, lanes
           if (d%pairs%first(lane, k) > d%grains%n) cycle
-          if (gap_of(d, lane, k) <= d%pairs%additional%bond%reach) call glue(d, lane, k)
+          if (gap_of(d, lane, k) <= bond%reach) call glue(d, lane, k)
         end do
       end do
     end if
     if (d%pairs%additional%made > 0 .or. errors%any()) return
-    call errors%add('I236', 'no two grains are within '//str(d%pairs%additional%bond%reach)// &
+    call errors%add('I236', 'no two grains are within '//str(bond%reach)// &
                     ' m of each other: there is nothing to bond', &
                     hint='a larger &bond reach, or a packing whose grains touch')
   end subroutine make_bonds
+
+  !> Constants of the bonds of the run.
+  pure function constants(d)
+    type(dem_data_type), intent(in) :: d
+    type(bond_type) :: constants
+    constants = bond_of(d%pairs%additional%own(:, find_model('bond')))
+  end function constants
 
   !> One pair of the deck.
   subroutine glue_pair(d, ids, errors)
@@ -44,8 +56,10 @@ contains
     integer(i8), intent(in) :: ids(2)
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: first, second, slot, lane, k
+    type(bond_type) :: bond
     real(wp) :: gap
 
+    bond = constants(d)
     first = findloc(d%grains%id, minval(ids), 1)
     second = findloc(d%grains%id, maxval(ids), 1)
     if (first == 0 .or. second == 0 .or. first == second) then
@@ -61,11 +75,11 @@ contains
       k = 1 + (slot - 1)/lanes
       gap = gap_of(d, lane, k)
     end if
-    if (slot > 0 .and. gap <= d%pairs%additional%bond%reach) then
+    if (slot > 0 .and. gap <= bond%reach) then
       call glue(d, lane, k)
     else
       call errors%add('I236', 'grains '//str(minval(ids))//' and '//str(maxval(ids))//' are '// &
-                      str(gap)//' m apart, a bond reaches '//str(d%pairs%additional%bond%reach)// &
+                      str(gap)//' m apart, a bond reaches '//str(bond%reach)// &
                       ' m', hint='bring them together, or give a larger &bond reach')
     end if
   end subroutine glue_pair
@@ -94,14 +108,17 @@ contains
   subroutine glue(d, lane, k)
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: lane, k
+    type(bond_type) :: bond
+    real(wp) :: radius
     integer(i4) :: a, b, at
     a = d%pairs%first(lane, k)
     b = d%pairs%second(lane, k)
-    at = d%pairs%additional%bond_at
-    d%pairs%additional%kept(lane, at, k) = 1.0_wp
-    d%pairs%additional%kept(lane, at + 9, k) = d%pairs%additional%bond%radius &
-      *min(minval(d%grains%axes(:, a)), minval(d%grains%axes(:, d%pairs%grain(b))))
-    d%pairs%additional%kept(lane, at + 10, k) = norm2(d%pairs%body(1:3, b) - d%pairs%body(1:3, a))
+    at = bond_at(d%pairs%additional)
+    bond = constants(d)
+    radius = bond%radius &
+             *min(minval(d%grains%axes(:, a)), minval(d%grains%axes(:, d%pairs%grain(b))))
+    call set_bond(d%pairs%additional%kept(lane, at:, k), radius, &
+                  norm2(d%pairs%body(1:3, b) - d%pairs%body(1:3, a)))
     d%pairs%touched(k) = .true.
     d%pairs%additional%made = d%pairs%additional%made + 1
   end subroutine glue
@@ -112,7 +129,7 @@ contains
     type(dem_data_type), intent(in) :: d
     type(error_list_type), intent(inout) :: errors
     real(wp) :: missing(1)
-    if (d%pairs%additional%bond_at == 0) return
+    if (bond_at(d%pairs%additional) == 0) return
     missing = real(d%pairs%additional%lost, wp)
     if (d%halo%team%several()) then
       missing = missing_bonds(d)
@@ -128,11 +145,12 @@ contains
   !> This rank's part of the bonds that were made, have not broken and are in no list.
   pure real(wp) function missing_bonds(d) result(missing)
     type(dem_data_type), intent(in) :: d
-    integer(i4) :: k, held
+    integer(i4) :: k, held, at
     associate (additional => d%pairs%additional)
+      at = bond_at(additional)
       missing = real(additional%made, wp) - sum(additional%broken)
       do k = 1, d%pairs%grain_blocks
-        held = count(additional%kept(:, additional%bond_at, k) > 0.0_wp)
+        held = count(additional%kept(:, at, k) > 0.0_wp)
         if (allocated(d%pairs%share)) then
           missing = missing - d%pairs%share(k)*held
         else

@@ -10,7 +10,7 @@ module dem_damped_limit
   use dem_contact, only: contact_constants_type, constants_of, contact_point
   use dem_pair_law, only: pair_stiffness
   use dem_surface_measure, only: surface_stiffness
-  use dem_additional, only: additional_stiffness
+  use dem_additional, only: additional_stiffness, models_damping
   use dem_state, only: dem_data_type, kind_free, kind_mirror, lanes, mode_relaxation, &
     history_side, history_root
   use dem_surface_body, only: is_free
@@ -47,8 +47,7 @@ contains
 
     limit = huge(1.0_wp)
     y = min(max(share, 1.0e-6_wp), 1.0_wp)
-    ratio = max(maxval(d%laws%damping_ratio), maxval(d%laws%tangential_ratio), &
-                maxval(d%laws%additional%rolling_damping))
+    ratio = max(maxval(d%laws%damping_ratio), maxval(d%laws%tangential_ratio), turn_damping(d))
     if (.not. ratio*sqrt(most) > (1.0_wp - y*y)/(2.0_wp*y)) return
     allocate (sums(2, d%grains%n))
     call add_pairs(d, sums)
@@ -65,6 +64,18 @@ contains
       if (bound(2) > 0.0_wp) limit = min(limit, mode_step(bound(1), bound(2)))
     end do
   end function damped_step
+
+  !> Largest damping ratio of turns of all additional contact models [-].
+  pure real(wp) function turn_damping(d) result(ratio)
+    type(dem_data_type), intent(in) :: d
+    integer(i4) :: a, b
+    ratio = 0.0_wp
+    do a = 1, size(d%laws, 1)
+      do b = 1, size(d%laws, 2)
+        ratio = max(ratio, models_damping(d%laws(a, b), d%pairs%additional))
+      end do
+    end do
+  end function turn_damping
 
   !> Largest step of a mode [s].
   pure real(wp) function mode_step(k, c) result(dt)
@@ -92,8 +103,8 @@ contains
           weight = d%pairs%weight(lane, min(k, size(d%pairs%weight, 2)))
           call set_springs(constants_of(law%law_numbers_type), pair_stiffness(d, lane, k), &
                            d%pairs%m_star(lane, k), weight, s)
-          if (d%pairs%additional%active .and. law%additional%used) call set_rolling( &
-            additional_stiffness(law, lane, k, d%pairs), law%additional%rolling_damping, &
+          if (d%pairs%additional%active .and. law%additional%used) call set_turning( &
+            additional_stiffness(law, lane, k, d%pairs), models_damping(law, d%pairs%additional), &
             d%pairs%history(lane, history_root, k)**2, d%pairs%m_star(lane, k), weight, s)
           s%arm = contact_point(d%pairs, law%share, lane, k)
           s%normal = normal_of(d, lane, k)
@@ -159,13 +170,13 @@ contains
     s%c = weight*sqrt(m_star*stiffness(1))*[c%damping, c%tangential_damping, 0.0_wp]
   end subroutine set_springs
 
-  !> Those of rolling resistance.
-  pure subroutine set_rolling(stiffness, ratio, radius, m_star, weight, s)
+  !> Those of additional contact models, against rotation.
+  pure subroutine set_turning(stiffness, ratio, radius, m_star, weight, s)
     real(wp), intent(in) :: stiffness(2), ratio, radius, m_star, weight
     type(spring_type), intent(inout) :: s
     s%k(3) = weight*stiffness(2)
     s%c(3) = weight*2.0_wp*ratio*radius*sqrt(m_star*stiffness(2))
-  end subroutine set_rolling
+  end subroutine set_turning
 
   !> Add a contact to the sums of a grain: 1 stiffness, 2 dashpots.
   pure subroutine add_spring(s, factor, sums)

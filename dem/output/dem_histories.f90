@@ -31,7 +31,7 @@ module dem_histories
   type :: dem_histories_type
     type(history_type) :: energy, driven, walls, surfaces, bodies
     logical :: free = .false.                 !! there are free bodies
-    logical :: plastic = .false.              !! a law books plastic work
+    logical :: plastic = .false.              !! a law or model books plastic work
     integer(i4), allocatable :: index(:)      !! driven grains
     real(wp), allocatable :: driven_work(:)   !! of intervals that are over [J]
     real(wp), allocatable :: wall_work(:)     !! of intervals that are over [J]
@@ -54,6 +54,10 @@ contains
     integer(i4) :: k
     self%free = allocated(system%surfaces%rigid%free)
     self%plastic = any(system%laws%base%plastic)
+    do k = 1, system%pairs%additional%models
+      if (any(system%laws%additional%acts(k)) .or. system%pairs%additional%of_run(k)) &
+        self%plastic = self%plastic .or. system%pairs%additional%model(k)%plastic
+    end do
     self%index = pack([(k, k=1, system%grains%n)], system%grains%kind == kind_driven)
     if (allocated(self%driven_work)) deallocate (self%driven_work)
     if (allocated(self%wall_work)) deallocate (self%wall_work, self%surface_work)

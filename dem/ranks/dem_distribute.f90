@@ -4,6 +4,7 @@
 module dem_distribute
   use talus_kinds, only: wp, i4, i8
   use talus_ranks, only: ranks_type
+  use dem_additional_numbers, only: most_models, most_own
   use dem_additional_state, only: dem_additional_type
   use dem_additional, only: plan_additional
   use dem_law_registry, only: bind_law
@@ -261,22 +262,20 @@ contains
     type(ranks_type), intent(in) :: team
     type(dem_data_type), intent(inout) :: part
     type(dem_additional_type) :: fresh
-    real(wp) :: values(8)
+    real(wp) :: given(1), of_run(most_models), own(most_own*most_models)
 
     if (.not. team%leads()) part%pairs%additional = fresh
-    associate (bond => part%pairs%additional%bond)
-      values = [merge(1.0_wp, 0.0_wp, bond%given), bond%young, bond%stiffness_ratio, bond%radius, &
-                bond%tensile_strength, bond%shear_strength, bond%damping_ratio, bond%reach]
-      call team%broadcast_values(values)
+    associate (additional => part%pairs%additional)
+      given = merge(1.0_wp, 0.0_wp, additional%bond%given)
+      of_run = merge(1.0_wp, 0.0_wp, additional%of_run)
+      own = reshape(additional%own, [size(own)])
+      call team%broadcast_values(given)
+      call team%broadcast_values(of_run)
+      call team%broadcast_values(own)
       if (team%leads()) return
-      bond%given = values(1) > 0.0_wp
-      bond%young = values(2)
-      bond%stiffness_ratio = values(3)
-      bond%radius = values(4)
-      bond%tensile_strength = values(5)
-      bond%shear_strength = values(6)
-      bond%damping_ratio = values(7)
-      bond%reach = values(8)
+      additional%bond%given = given(1) > 0.0_wp
+      additional%of_run = of_run > 0.0_wp
+      additional%own = reshape(own, [most_own, most_models])
     end associate
     call plan_additional(part%laws, part%pairs%additional)
   end subroutine broadcast_additional

@@ -9,7 +9,7 @@ module dem_part
   use dem_halo_state, only: cell_reals
   use dem_ledger, only: follow_step, refresh_stored, start_ledger
   use dem_limits, only: gershgorin_step, rayleigh_step, foreseen_step
-  use dem_additional_list, only: count_broken
+  use dem_bond_counts, only: count_broken
   use dem_membrane, only: check_membranes, corner_stiffness, membrane_rate
   use dem_measure, only: check_overlap, fastest_grain, forces_left, wall_stiffnesses
   use dem_record_layout, only: plane_force, plane_moment, plane_impulse, plane_work

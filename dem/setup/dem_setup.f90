@@ -52,7 +52,7 @@ contains
     call read_contacts(deck, system%materials, choices%material, system%laws, errors)
     call read_walls(deck, choices%material, system%planes, choices%wall, errors)
     call read_surfaces(deck, choices%material, system%surfaces, errors)
-    call read_bonds(deck, system%pairs%additional%bond, errors)
+    call read_bonds(deck, system%pairs%additional, errors)
     call grain_materials(deck, choices, material, errors)
     call read_parameters(deck, system, choices)
     call read_packing(packing, deck%path('particles', 1, 'file'), errors)
@@ -91,7 +91,6 @@ contains
     type(error_list_type), intent(inout) :: errors
     character(len=15), parameter :: keys(3) = [character(len=15) :: &
       'material', 'fixed_material', 'driven_material']
-    character(len=:), allocatable :: name
     integer(i4) :: k
 
     material = 0
@@ -100,9 +99,8 @@ contains
         material(k) = material(1)
         cycle
       end if
-      call deck%get('particles', 1, trim(keys(k)), name)
-      call material_index(deck, choices%material, name, 'particles', 1, trim(keys(k)), &
-                          material(k), errors)
+      call material_index(deck, choices%material, 'particles', 1, trim(keys(k)), material(k), &
+                          errors)
     end do
   end subroutine grain_materials
 

@@ -4,7 +4,9 @@ module dem_setup_bonds
   use talus_errors, only: error_list_type
   use talus_text, only: str
   use talus_deck, only: deck_type
-  use dem_additional_state, only: dem_bond_type
+  use dem_additional_registry, only: use_in_run
+  use dem_additional_state, only: dem_additional_type
+  use dem_bond, only: bond_type, own_of
   implicit none
   private
   public :: read_bonds
@@ -12,14 +14,15 @@ module dem_setup_bonds
 contains
 
   !> The group &bond, if there is one.
-  subroutine read_bonds(deck, bond, errors)
+  subroutine read_bonds(deck, additional, errors)
     type(deck_type), intent(in) :: deck
-    type(dem_bond_type), intent(inout) :: bond
+    type(dem_additional_type), intent(inout) :: additional
     type(error_list_type), intent(inout) :: errors
+    type(bond_type) :: bond
     integer(i4), allocatable :: ids(:)
 
-    bond%given = deck%count('bond') > 0
-    if (.not. bond%given) return
+    additional%bond%given = deck%count('bond') > 0
+    if (.not. additional%bond%given) return
     call deck%get('bond', 1, 'young', bond%young)
     call deck%get('bond', 1, 'stiffness_ratio', bond%stiffness_ratio)
     call deck%get('bond', 1, 'radius', bond%radius)
@@ -27,6 +30,7 @@ contains
     call deck%get('bond', 1, 'shear_strength', bond%shear_strength)
     call deck%get('bond', 1, 'damping_ratio', bond%damping_ratio)
     call deck%get('bond', 1, 'reach', bond%reach)
+    call use_in_run(additional, 'bond', own_of(bond))
     if (.not. deck%given('bond', 1, 'pairs')) return
     call deck%get('bond', 1, 'pairs', ids)
     if (mod(size(ids), 2) == 1) then
@@ -34,6 +38,6 @@ contains
                       ', makes no pairs', 'bond', 1, 'pairs', 'two ids a bond: 1, 2,  2, 3, ...')
       return
     end if
-    bond%pairs = reshape(int(ids, i8), [2, size(ids)/2])
+    additional%bond%pairs = reshape(int(ids, i8), [2, size(ids)/2])
   end subroutine read_bonds
 end module dem_setup_bonds

@@ -6,7 +6,9 @@ module dem_setup_laws
   use talus_deck, only: deck_type
   use talus_suggest, only: did_you_mean
   use dem_state, only: dem_material_type, dem_law_type, dem_planes_type
-  use dem_additional_state, only: cohesion_none, cohesion_constant, cohesion_dmt, cohesion_jkr
+  use dem_additional_model, only: additional_model_type
+  use dem_additional_numbers, only: most_models
+  use dem_additional_registry, only: list_models
   use dem_law, only: make_law, mirrored_law, damping_ratio_for, restitution_of
   use dem_make, only: make_planes
   implicit none
@@ -38,21 +40,45 @@ contains
     end do
   end subroutine read_materials
 
-  !> Number of a material; an unknown name is a fault at that key (D231) and gives 0.
-  subroutine material_index(deck, names, name, group, instance, key, k, errors)
+  !> Numbers of the materials that a key names; an unknown name is a fault there (D231) and gives 0.
+  subroutine find_materials(deck, names, group, instance, key, number, errors)
     type(deck_type), intent(in) :: deck
     type(string_type), intent(in) :: names(:)
-    character(len=*), intent(in) :: name, group, key
+    character(len=*), intent(in) :: group, key
+    integer(i4), intent(in) :: instance
+    integer(i4), intent(out) :: number(:)
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: given(:)
+    integer(i4) :: k, j
+
+    if (size(number) > 1) then
+      call deck%get(group, instance, key, given)
+    else
+      allocate (given(1))
+      call deck%get(group, instance, key, given(1)%s)
+    end if
+    number = 0
+    do j = 1, size(number)
+      do k = size(names), 1, -1
+        if (names(k)%s == given(j)%s) number(j) = k
+      end do
+      if (number(j) == 0) &
+        call deck%fault(errors, 'D231', "there is no material '"//given(j)%s//"'", group, &
+                        instance, key, did_you_mean(given(j)%s, names, 'materials of this deck:'))
+    end do
+  end subroutine find_materials
+
+  !> The same of one material.
+  subroutine material_index(deck, names, group, instance, key, k, errors)
+    type(deck_type), intent(in) :: deck
+    type(string_type), intent(in) :: names(:)
+    character(len=*), intent(in) :: group, key
     integer(i4), intent(in) :: instance
     integer(i4), intent(out) :: k
     type(error_list_type), intent(inout) :: errors
-
-    do k = 1, size(names)
-      if (names(k)%s == name) return
-    end do
-    k = 0
-    call deck%fault(errors, 'D231', "there is no material '"//name//"'", group, instance, key, &
-                    did_you_mean(name, names, 'materials of this deck:'))
+    integer(i4) :: number(1)
+    call find_materials(deck, names, group, instance, key, number, errors)
+    k = number(1)
   end subroutine material_index
 
   !> Contact laws as a table over pairs of materials; kind 0 where the deck has none.
@@ -62,17 +88,16 @@ contains
     type(string_type), intent(in) :: names(:)
     type(dem_law_type), allocatable, intent(out) :: laws(:, :)
     type(error_list_type), intent(inout) :: errors
-    type(string_type), allocatable :: between(:)
     type(dem_law_type) :: law
-    integer(i4) :: k, a, b, before
+    integer(i4) :: k, a, b, before, pair(2)
 
     allocate (laws(size(materials), size(materials)))
     do k = 1, deck%count('contact')
       before = errors%count
-      call deck%get('contact', k, 'between', between)
-      call material_index(deck, names, between(1)%s, 'contact', k, 'between', a, errors)
-      call material_index(deck, names, between(2)%s, 'contact', k, 'between', b, errors)
+      call find_materials(deck, names, 'contact', k, 'between', pair, errors)
       if (errors%count > before) cycle
+      a = pair(1)
+      b = pair(2)
       if (laws(a, b)%kind /= 0) then
         call deck%fault(errors, 'D232', "the contact of '"//names(a)%s//"' and '"//names(b)%s// &
                         "' is given twice", 'contact', k, 'between', &
@@ -80,7 +105,7 @@ contains
         cycle
       end if
       call read_law(deck, k, materials(a), materials(b), law, errors)
-      call read_additional(deck, k, law)
+      call read_additional(deck, k, law, errors)
       laws(a, b) = law
       if (a /= b) laws(b, a) = mirrored_law(law)
     end do
@@ -118,42 +143,22 @@ contains
   end subroutine read_law
 
   !> Additional contact models.
-  subroutine read_additional(deck, k, law)
+  subroutine read_additional(deck, k, law, errors)
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: k
     type(dem_law_type), intent(inout) :: law
+    type(error_list_type), intent(inout) :: errors
+    type(additional_model_type) :: model(most_models)
+    integer(i4) :: m, models
 
-    associate (additional => law%additional)
-      call deck%get('contact', k, 'rolling_friction', additional%rolling)
-      call deck%get('contact', k, 'twisting_friction', additional%twisting)
-      call deck%get('contact', k, 'rolling_stiffness', additional%rolling_stiffness)
-      call deck%get('contact', k, 'twisting_stiffness', additional%twisting_stiffness)
-      additional%rolling_damping = law%damping_ratio
-      if (deck%given('contact', k, 'rolling_damping')) &
-        call deck%get('contact', k, 'rolling_damping', additional%rolling_damping)
-      call read_cohesion(deck, k, law)
-      additional%used = additional%rolling > 0.0_wp .or. additional%twisting > 0.0_wp &
-                   .or. additional%cohesion /= cohesion_none
-    end associate
+    call list_models(model, models)
+    do m = 1, models
+      if (.not. associated(model(m)%constants)) cycle
+      call model(m)%constants(deck, k, law%law_numbers_type, law%additional%own(:, m), &
+                              law%additional%acts(m), errors)
+    end do
+    law%additional%used = any(law%additional%acts)
   end subroutine read_additional
-
-  !> Cohesion and its one parameter.
-  subroutine read_cohesion(deck, k, law)
-    type(deck_type), intent(in) :: deck
-    integer(i4), intent(in) :: k
-    type(dem_law_type), intent(inout) :: law
-    character(len=:), allocatable :: name
-
-    call deck%get('contact', k, 'cohesion', name)
-    law%additional%cohesion = cohesion_none
-    if (name == 'constant') law%additional%cohesion = cohesion_constant
-    if (name == 'dmt') law%additional%cohesion = cohesion_dmt
-    if (name == 'jkr') law%additional%cohesion = cohesion_jkr
-    if (law%additional%cohesion == cohesion_constant) &
-      call deck%get('contact', k, 'pull_force', law%additional%pull)
-    if (law%additional%cohesion == cohesion_dmt .or. law%additional%cohesion == cohesion_jkr) &
-      call deck%get('contact', k, 'surface_energy', law%additional%surface_energy)
-  end subroutine read_cohesion
 
   !> A pair that can meet needs a law (D233).
   subroutine check_pair(deck, laws, names, a, b, why, errors)
@@ -180,7 +185,6 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: point(:, :), normal(:, :), velocity(:, :), values(:)
     integer(i4), allocatable :: material(:)
-    character(len=:), allocatable :: text
     integer(i4) :: k, j, n, before
 
     before = errors%count
@@ -202,8 +206,7 @@ contains
       if (.not. sum(values**2) > 0.0_wp) &
         call deck%fault(errors, 'D238', 'the normal of a wall has no length', 'wall', k, 'normal', &
                         'give the direction that points into the grains')
-      call deck%get('wall', k, 'material', text)
-      call material_index(deck, names, text, 'wall', k, 'material', material(k), errors)
+      call material_index(deck, names, 'wall', k, 'material', material(k), errors)
     end do
     if (errors%count == before) call make_planes(planes, point, normal, velocity, material)
   end subroutine read_walls

@@ -83,15 +83,14 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(mesh_type) :: mesh
     real(wp), allocatable :: corner(:, :, :), values(:)
-    character(len=:), allocatable :: name, material
+    character(len=:), allocatable :: name
     real(wp) :: smooth, scale, centre(3)
     logical :: closed
     integer(i4) :: before, number
 
     before = errors%count
     call deck%get('surface', k, 'id', name)
-    call deck%get('surface', k, 'material', material)
-    call material_index(deck, names, material, 'surface', k, 'material', number, errors)
+    call material_index(deck, names, 'surface', k, 'material', number, errors)
     call read_corners(deck, k, corner, mesh%name, errors)
     if (errors%count > before) return
     call deck%get('surface', k, 'scale', scale)
@@ -162,20 +161,17 @@ contains
     type(string_type), intent(in) :: names(:)
     type(dem_surfaces_type), intent(inout) :: s
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: name, material
+    character(len=:), allocatable :: name
     real(wp), allocatable :: tip(:), axis(:)
     real(wp) :: apex, diameter, length
     integer(i4) :: before, number(2)
 
     before = errors%count
     call deck%get('penetrometer', k, 'id', name)
-    call deck%get('penetrometer', k, 'material', material)
-    call material_index(deck, names, material, 'penetrometer', k, 'material', number(1), errors)
+    call material_index(deck, names, 'penetrometer', k, 'material', number(1), errors)
     number(2) = number(1)
     if (deck%given('penetrometer', k, 'shaft_material')) then
-      call deck%get('penetrometer', k, 'shaft_material', material)
-      call material_index(deck, names, material, 'penetrometer', k, 'shaft_material', number(2), &
-                          errors)
+      call material_index(deck, names, 'penetrometer', k, 'shaft_material', number(2), errors)
     end if
     call deck%get('penetrometer', k, 'tip', tip)
     call deck%get('penetrometer', k, 'axis', axis)
@@ -198,7 +194,7 @@ contains
     type(string_type), intent(in) :: names(:)
     type(dem_surfaces_type), intent(inout) :: s
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: name, material, side
+    character(len=:), allocatable :: name, side
     real(wp), allocatable :: centre(:), axis(:), spin(:)
     real(wp) :: radius, half
     integer(i4) :: before, number
@@ -206,8 +202,7 @@ contains
     before = errors%count
     call deck%get('cylinder', k, 'id', name)
     call deck%get('cylinder', k, 'side', side)
-    call deck%get('cylinder', k, 'material', material)
-    call material_index(deck, names, material, 'cylinder', k, 'material', number, errors)
+    call material_index(deck, names, 'cylinder', k, 'material', number, errors)
     call deck%get('cylinder', k, 'centre', centre)
     call deck%get('cylinder', k, 'axis', axis)
     call deck%get('cylinder', k, 'spin', spin)
@@ -239,14 +234,13 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(mesh_type) :: mesh
     real(wp), allocatable :: corner(:, :, :)
-    character(len=:), allocatable :: name, material
+    character(len=:), allocatable :: name
     real(wp) :: scale
     integer(i4) :: before, number
 
     before = errors%count
     call deck%get('membrane', k, 'id', name)
-    call deck%get('membrane', k, 'material', material)
-    call material_index(deck, names, material, 'membrane', k, 'material', number, errors)
+    call material_index(deck, names, 'membrane', k, 'material', number, errors)
     mesh%name = deck%path('membrane', k, 'file')
     call read_stl(mesh%name, corner, errors)
     if (errors%count > before) return

@@ -9,7 +9,7 @@ module dem_law_state
   use talus_deck, only: deck_type
   use dem_sizes, only: lanes
   use dem_block, only: dem_block_type
-  use dem_additional_state, only: additional_law_type
+  use dem_additional_numbers, only: additional_law_type
   implicit none
   private
   public :: dem_material_type, law_numbers_type, dem_law_type, base_law_type

@@ -6,7 +6,7 @@ module dem_step_work
   use dem_law_state, only: column_count, column_plastic
   use dem_integrate, only: work_count
   use dem_integration_block, only: integration_block_type
-  use dem_surface_additional, only: add_work_on_top
+  use dem_surface_additional, only: add_all_work
   use dem_surface_motion, only: surface_columns
   implicit none
   private
@@ -110,7 +110,7 @@ contains
       end do
     end if
     if (d%surfaces%list%near > 0) total = total + surface_columns(d%surfaces)
-    if (d%pairs%additional%active) call add_work_on_top(d)
+    if (d%pairs%additional%active) call add_all_work(d)
     d%ledger%contact_damping = d%ledger%contact_damping + total(1)
     d%ledger%friction = d%ledger%friction + total(2)
     d%ledger%tangential_relaxation = d%ledger%tangential_relaxation + total(3)

@@ -2,19 +2,20 @@
 module dem_surface_additional
   use talus_kinds, only: wp, i4
   use dem_block, only: dem_block_type
-  use dem_cohesion, only: tear_overlap
   use dem_contact, only: contact_stiffness, constants_of, stored_energy
   use dem_law_registry, only: place_of_memory
-  use dem_additional_state, only: kept_places_type, cohesion_jkr, additional_work_count
-  use dem_additional, only: add_additional_work, add_laws, stored_on_top, stiffness_on_top
+  use dem_additional_model, only: additional_given_type, additional_works_type
+  use dem_additional_numbers, only: additional_work_count
+  use dem_additional_state, only: dem_additional_type
+  use dem_additional, only: add_additional_work, add_models, models_energy, models_stiffness, &
+    models_reach, book_works
   use talus_vectors, only: cross
-  use dem_state, only: dem_data_type, dem_law_type, lanes, history_size, column_count
+  use dem_state, only: dem_data_type, dem_law_type, lanes, history_size
   implicit none
   private
-  public :: surface_kept_reals, neck_reach, held_by_necks, laws_of_surface, &
-    surface_additional_energy, &
+  public :: surface_kept_reals, held_reach, laws_of_surface, surface_additional_energy, &
     surface_additional_stiffness, surface_base_stiffness, has_own_energy, has_hertz_energy, &
-    own_energy, add_work_on_top, corner_couples
+    own_energy, add_all_work, corner_couples
 
 contains
 
@@ -41,70 +42,60 @@ contains
                  d%grains%material(d%surfaces%list%near_grain(g)))
   end function law_of
 
-  !> Gap up to which the necks of near grain g may hold, 0 without necks [m].
-  pure real(wp) function neck_reach(d, g) result(reach)
+  !> Gap up to which models may hold contacts of near grain g, 0 without such models [m].
+  pure real(wp) function held_reach(d, g) result(reach)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: g
-    type(dem_law_type) :: law
-    real(wp), parameter :: ample = 2.0_wp  !! radii grow as a grain turns
     integer(i4) :: k
     reach = 0.0_wp
-    associate (at => d%pairs%additional%cohesion_at)
-      if (at == 0) return
-      do k = 1, d%surfaces%list%contacts(g)
-        if (.not. d%surfaces%list%kept(k, at, g) > 0.0_wp) cycle
-        law = law_of(d, k, g)
-        if (law%additional%cohesion /= cohesion_jkr) cycle
-        reach = max(reach, -tear_overlap(law, ample*d%surfaces%list%kept(k, at + 3, g)))
-      end do
-    end associate
-  end function neck_reach
+    if (.not. any(d%pairs%additional%part%holds .and. d%pairs%additional%part%at > 0)) return
+    do k = 1, d%surfaces%list%contacts(g)
+      associate (law => d%laws(d%surfaces%material(d%surfaces%list%part(k, g)), &
+                               d%grains%material(d%surfaces%list%near_grain(g))))
+        reach = max(reach, models_reach(law, d%pairs%additional, d%surfaces%list%kept(k, :, g)))
+      end associate
+    end do
+  end function held_reach
 
-  !> Lanes that a neck holds.
-  pure function held_by_necks(at, kept) result(held)
-    type(kept_places_type), intent(in) :: at
-    real(wp), intent(in) :: kept(:, :)  !! (lanes, reals)
-    logical :: held(lanes)
-    held = .false.
-    if (at%cohesion_at > 0) held = kept(:, at%cohesion_at) > 0.0_wp
-  end function held_by_necks
-
-  !> Base law and additional models of the lanes of a block; history and kept are advanced by h.
-  pure subroutine laws_of_surface(b, law, at, h, m_star, history, kept, columns, work)
+  !> Base law and additional models of the lanes of a block, given the step and masses; history and
+  !! kept are advanced, works of models added.
+  pure subroutine laws_of_surface(b, law, additional, given, history, kept, works)
     type(dem_block_type), intent(inout) :: b
     type(dem_law_type), intent(in) :: law
-    type(kept_places_type), intent(in) :: at
-    real(wp), intent(in) :: h, m_star(lanes)
-    real(wp), intent(inout) :: history(lanes, history_size), kept(:, :)
-    real(wp), intent(out) :: columns(column_count)
-    real(wp), intent(inout) :: work(additional_work_count)
-    real(wp) :: weight(lanes), memory(lanes, law%base%reals)
+    type(dem_additional_type), intent(in) :: additional
+    type(additional_given_type), intent(inout) :: given
+    real(wp), intent(inout) :: history(lanes, history_size)
+    real(wp), intent(inout), contiguous :: kept(:, :)
+    type(additional_works_type), intent(inout) :: works
+    real(wp) :: memory(lanes, law%base%reals)
     integer(i4) :: range(2)
 
-    weight = 1.0_wp
-    range = place_of_memory(law, at)
+    given%surface = .true.
+    given%weight = 1.0_wp
+    range = place_of_memory(law, additional)
     memory = kept(:, range(1):range(2))
-    call law%base%forces(b, law%law_numbers_type, .false., h, m_star, weight, history, memory, &
-                          columns)
+    call law%base%forces(b, law%law_numbers_type, given%round, given%h, given%m_star, &
+                         given%weight, history, memory, works%columns)
     kept(:, range(1):range(2)) = memory
     if (law%additional%used) &
-      call add_laws(b, law, at, .false., h, m_star, weight, history, kept, columns, work)
+      call add_models(b, law, additional, given, history, kept, works)
   end subroutine laws_of_surface
 
   !> Energy that additional contact models store in the contacts with surfaces [J].
   pure real(wp) function surface_additional_energy(d) result(energy)
     type(dem_data_type), intent(in) :: d
     type(dem_law_type) :: law
-    real(wp) :: weight(lanes)
+    type(additional_given_type) :: given
     integer(i4) :: g, k
     energy = 0.0_wp
+    given%surface = .true.
     do g = 1, d%surfaces%list%near
       do k = 1, d%surfaces%list%contacts(g)
         law = law_of(d, k, g)
         if (.not. law%additional%used) cycle
-        weight = 0.0_wp
-        weight(k) = 1.0_wp
-        energy = energy + stored_on_top(law, d%pairs%additional%kept_places_type, weight, &
+        given%weight = 0.0_wp
+        given%weight(k) = 1.0_wp
+        energy = energy + models_energy(law, d%pairs%additional, given, &
                                         d%surfaces%list%kept(:, :, g))
       end do
     end do
@@ -177,13 +168,12 @@ contains
     stiffness = 0.0_wp
     if (.not. size(d%surfaces%list%kept) > 0) return
     law = law_of(d, k, g)
-    stiffness = stiffness_on_top(law, d%pairs%additional%kept_places_type, &
-      d%surfaces%list%kept(k, :, g))
+    stiffness = models_stiffness(law, d%pairs%additional, .true., d%surfaces%list%kept(k, :, g))
   end function surface_additional_stiffness
 
   !> Works of the step of all additional contact models into the ledger, those at surfaces in the
   !! order of the grains.
-  pure subroutine add_work_on_top(d)
+  pure subroutine add_all_work(d)
     type(dem_data_type), intent(inout) :: d
     real(wp) :: total(additional_work_count)
     integer(i4) :: g
@@ -194,9 +184,8 @@ contains
     do g = 1, d%surfaces%list%near
       total = total + d%surfaces%list%additional_work(:, g)
     end do
-    d%ledger%rolling = d%ledger%rolling + total(1)
-    d%ledger%breakage = d%ledger%breakage + total(2)
-  end subroutine add_work_on_top
+    call book_works(d, total)
+  end subroutine add_all_work
 
   !> Forces on the corners of a soft triangle that do the work of a couple on its spin: the
   !! transpose of that spin (dem_surface_find) [N].

@@ -4,7 +4,7 @@
 module dem_surface_contacts
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
-  use dem_additional_state, only: additional_work_count
+  use dem_additional_numbers, only: additional_work_count
   use dem_block, only: dem_block_type
   use dem_record_layout, only: slot_history, slot_foot, slot_normal, slot_point, slot_push, &
     slot_motion

@@ -5,14 +5,16 @@
 module dem_surface_forces
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
-  use dem_additional_state, only: additional_work_count
+  use dem_additional_list, only: held_of
+  use dem_additional_model, only: additional_given_type, additional_works_type
+  use dem_additional_numbers, only: additional_work_count
   use dem_state, only: dem_data_type, dem_law_type, kind_free, lanes, history_size, history_point, &
     column_count
   use dem_surface_state, only: dem_surfaces_type, is_soft
   use dem_surface_body, only: is_free
   use dem_figure, only: figure_type
   use dem_shape_state, only: shape_ellipsoid
-  use dem_surface_additional, only: laws_of_surface, neck_reach, held_by_necks, corner_couples
+  use dem_surface_additional, only: laws_of_surface, held_reach, corner_couples
   use dem_surface_contacts, only: leave_grain, keep_touches, keep_more
   use dem_surface_feature, only: touches_type, features_type
   use dem_surface_find, only: find_touches
@@ -44,7 +46,7 @@ contains
     i = d%surfaces%list%near_grain(g)
     figure = figure_of(d, i)
     associate (s => d%surfaces)
-      if (size(s%list%kept) > 0) figure%reach = neck_reach(d, g)
+      if (size(s%list%kept) > 0) figure%reach = held_reach(d, g)
       figure%span = figure%radius + figure%reach
       call find_touches(s, g, figure, features, touches)
       call fill_block(touches, 0, touches%n, d%pairs%body(:, i), block)
@@ -58,9 +60,8 @@ contains
       end if
       call apply_laws(d, i, figure, h, part, count, block, history, kept, s%list%columns(:, g), &
                       some)
-      if (figure%reach > 0.0_wp) call drop_torn(held_by_necks(d%pairs%additional%kept_places_type, &
-                                                              kept), features, touches, block, &
-                                                history, kept)
+      if (figure%reach > 0.0_wp) call drop_torn( &
+        held_of(d%pairs%additional%kept_places_type, kept), features, touches, block, history, kept)
       call keep_touches(s%list, g, touches, block, history)
       if (size(s%list%kept) > 0) call keep_more(s%list, g, touches%n, block, kept, some)
       call sum_loads(block, touches%n, d%pairs%body(1:3, i), s%list%load(:, g))
@@ -68,7 +69,7 @@ contains
     end associate
   end subroutine work_grain
 
-  !> Of contacts over a gap only those stay that a neck holds; the others never were any.
+  !> Of contacts over a gap only those stay that a model holds; the others never were any.
   pure subroutine drop_torn(held, features, touches, block, history, kept)
     logical, intent(in) :: held(lanes)
     type(features_type), intent(inout) :: features
@@ -248,19 +249,22 @@ contains
     real(wp), intent(out) :: columns(column_count), work(additional_work_count)
     type(dem_block_type) :: mine
     type(dem_law_type) :: of_both
-    real(wp) :: m_star(lanes), some(column_count), past(lanes, history_size)
+    type(additional_given_type) :: given
+    type(additional_works_type) :: works
+    real(wp) :: past(lanes, history_size)
     real(wp) :: memory(lanes, size(kept, 2))
     integer(i4) :: k, law(lanes), lead
     logical :: this(lanes)
 
     columns = 0.0_wp
-    work = 0.0_wp
-    m_star = d%grains%mass(i)
+    works%models = 0.0_wp
+    given%h = h
+    given%m_star = d%grains%mass(i)
     law = 0
     do k = 1, count
       law(k) = law_of(d%surfaces, part(k))
     end do
-    if (allocated(d%surfaces%rigid%free)) call reduce_masses(d, i, part(:count), m_star)
+    if (allocated(d%surfaces%rigid%free)) call reduce_masses(d, i, part(:count), given%m_star)
     do lead = 1, count
       if (any(law(:lead - 1) == law(lead))) cycle
       this = law == law(lead)
@@ -276,9 +280,8 @@ contains
       of_both = d%laws(d%surfaces%material(part(lead)), d%grains%material(i))
       if (law(lead) < 0) of_both%share = 0.0_wp
       if (of_both%elliptic) call narrow(figure, mine)
-      call laws_of_surface(mine, of_both, d%pairs%additional%kept_places_type, h, m_star, past, &
-                           memory, some, work)
-      columns = columns + some
+      call laws_of_surface(mine, of_both, d%pairs%additional, given, past, memory, works)
+      columns = columns + works%columns
       do k = 1, count
         if (.not. this(k)) cycle
         history(k, :) = past(k, :)
@@ -286,6 +289,7 @@ contains
         call take_lane(mine, k, k, b)
       end do
     end do
+    work = works%models
   end subroutine apply_laws
 
   !> A contact of a free body has the reduced mass of both, or that of the one that gives way.

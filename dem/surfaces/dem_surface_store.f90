@@ -7,7 +7,7 @@ module dem_surface_store
   use dem_archive, only: dem_archive_type
   use dem_record_layout, only: slot_motion
   use dem_state, only: dem_data_type
-  use dem_additional_state, only: kept_places_type, most_parts, part_bond
+  use dem_additional_state, only: kept_places_type, most_parts
   use dem_surface_additional, only: surface_kept_reals
   use dem_surface_state, only: dem_surfaces_type, surface_soft, surface_cylinder, &
     surface_bore, soft_smooth
@@ -109,11 +109,11 @@ contains
     type(dem_archive_type), intent(inout) :: archive
     integer(i4) :: k
     do k = 1, most_parts
-      if (k == part_bond) cycle
       associate (part => places%part(k))
-        if (part%at > 0) call archive%put_reals('surfaces.'//trim(part%name), reshape( &
-          s%list%kept(:, part%at:part%at + part%reals - 1, :), [s%list%slots*part%reals, &
-          s%list%near]))
+        if (part%at == 0 .or. .not. part%at_surfaces) cycle
+        call archive%put_reals('surfaces.'//trim(part%name), &
+                               reshape(s%list%kept(:, part%at:part%at + part%reals - 1, :), &
+                                       [s%list%slots*part%reals, s%list%near]))
       end associate
     end do
     call archive%put_reals('surfaces.couple', reshape(s%list%couple, [s%list%slots*3, s%list%near]))
@@ -134,9 +134,8 @@ contains
     kept = 0.0_wp
     couple = 0.0_wp
     do k = 1, most_parts
-      if (k == part_bond) cycle
       associate (part => places%part(k))
-        if (part%at == 0) cycle
+        if (part%at == 0 .or. .not. part%at_surfaces) cycle
         if (archive%find('surfaces.'//trim(part%name)) == 0) cycle
         call archive%get_reals('surfaces.'//trim(part%name), s%list%slots*part%reals, &
                                s%list%near, flat, errors)

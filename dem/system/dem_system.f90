@@ -10,7 +10,7 @@ module dem_system
   use dem_state, only: dem_data_type, kind_free
   use dem_bonds_make, only: make_bonds
   use dem_cell, only: is_periodic, least_width
-  use dem_additional, only: plan_additional, check_necks
+  use dem_additional, only: plan_additional, check_reach
   use dem_membrane, only: check_membranes
   use dem_make, only: make_planes
   use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
@@ -70,7 +70,7 @@ contains
     if (is_periodic(self%cell)) &
       self%pairs%most_skin = min(self%pairs%most_skin, &
                                  0.5_wp*least_width(self%cell) - 2.0_wp*maxval(self%grains%radius))
-    call check_necks(self%dem_data_type, errors)
+    call check_reach(self%dem_data_type, errors)
     if (errors%any()) return
     call allocate_bodies(self%pairs, self%grains, self%planes)
     call update_bodies(self%pairs, self%grains, self%planes, self%cell)

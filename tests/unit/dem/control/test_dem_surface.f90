@@ -6,7 +6,8 @@ program test_dem_surface
   use talus_errors, only: error_list_type
   use talus_test, only: larger, max_abs, test_type
   use dem_state, only: kind_free
-  use dem_additional_state, only: cohesion_jkr, cohesion_dmt
+  use dem_additional_registry, only: find_model, use_model
+  use dem_cohesion, only: cohesion_jkr, cohesion_dmt
   use dem_shape_make, only: make_shapes
   use dem_law, only: make_law
   use dem_law_registry, only: find_law, bind_law
@@ -118,15 +119,19 @@ contains
   subroutine add_laws(s, which)
     type(dem_system_type), intent(inout) :: s
     integer(i4), intent(in) :: which
-    s%laws%additional%used = .true.
-    if (which == 1 .or. which == 5) then
-      s%laws%additional%rolling = 0.1_wp
-      s%laws%additional%twisting = 0.05_wp
-      s%laws%additional%rolling_damping = 0.1_wp
-    end if
-    if (which == 2 .or. which == 5) s%laws%additional%cohesion = cohesion_jkr
-    if (which == 3) s%laws%additional%cohesion = cohesion_dmt
-    s%laws%additional%surface_energy = 1.0e-2_wp
+    integer(i4) :: a, b
+    do b = 1, size(s%laws, 2)
+      do a = 1, size(s%laws, 1)
+        associate (law => s%laws(a, b)%additional)
+          if (which == 1 .or. which == 5) &
+            call use_model(law, 'rolling', [0.1_wp, 0.05_wp, 1.0_wp, 1.0_wp, 0.1_wp])
+          if (which == 2 .or. which == 5) &
+            call use_model(law, 'cohesion', [real(cohesion_jkr, wp), 0.0_wp, 1.0e-2_wp])
+          if (which == 3) &
+            call use_model(law, 'cohesion', [real(cohesion_dmt, wp), 0.0_wp, 1.0e-2_wp])
+        end associate
+      end do
+    end do
     if (which == 4) call turn_laws(s)
   end subroutine add_laws
 
@@ -191,7 +196,7 @@ contains
     call a%refresh_ledger()
     ! a cohesive contact that ends is judged where it was, on a plane where it would be
     same = 1.0e-10_wp*abs(b%ledger%start)
-    if (any(b%laws%additional%cohesion /= 0)) same = 1.0e-8_wp*abs(b%ledger%start)
+    if (any(b%laws%additional%acts(find_model('cohesion')))) same = 1.0e-8_wp*abs(b%ledger%start)
     call test%check_close(name//' ledger', b%closure(), a%closure(), same)
     call test%check_close(name//' friction', b%ledger%friction/a%ledger%friction, 1.0_wp, 1.0e-9_wp)
     if (.not. present(on_top)) return

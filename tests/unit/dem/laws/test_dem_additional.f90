@@ -6,8 +6,8 @@ program test_dem_additional
   use talus_errors, only: error_list_type
   use talus_test, only: test_type
   use dem_archive, only: dem_archive_type
-  use dem_cohesion, only: neck_radius, tear_overlap
-  use dem_additional_state, only: cohesion_jkr, cohesion_dmt
+  use dem_additional_registry, only: use_model
+  use dem_cohesion, only: cohesion_type, neck_radius, tear_overlap, cohesion_jkr, cohesion_dmt
   use dem_law, only: make_law
   use dem_make, only: make_grains, make_planes
   use dem_state, only: kind_free, kind_fixed
@@ -70,14 +70,8 @@ contains
     s%materials(1)%density = 2650.0_wp
     s%laws(1, 1) = make_law(trim(base), s%materials(1), s%materials(1), 0.5_wp, 0.05_wp, &
                             0.05_wp)
-    associate (additional => s%laws(1, 1)%additional)
-      additional%used = .true.
-      additional%rolling = 0.2_wp
-      additional%twisting = 0.1_wp
-      additional%rolling_damping = 0.05_wp
-      additional%cohesion = cohesion
-      additional%surface_energy = energy
-    end associate
+    call use_model(s%laws(1, 1)%additional, 'rolling', [0.2_wp, 0.1_wp, 1.0_wp, 1.0_wp, 0.05_wp])
+    call use_model(s%laws(1, 1)%additional, 'cohesion', [real(cohesion, wp), 0.0_wp, energy])
     call make_grains(s%grains, s%materials, [(int(k, i8), k=1, n)], kind, spread(1_i4, 1, n), x, &
                      q, a, v, w, errors)
     call make_planes(s%planes, reshape([-7.6e-3_wp, 0.0_wp, 0.0_wp, 7.6e-3_wp, 0.0_wp, 0.0_wp], &
@@ -105,29 +99,31 @@ contains
   !> Pull-off 3/2 pi w R at a^3 = 9 pi w R^2/(8 E*), overlap 0 at a^3 = 2 pi w R^2/E*.
   subroutine check_neck()
     type(dem_system_type) :: s
+    type(cohesion_type) :: law
     real(wp), parameter :: radius = 1.0e-3_wp, w = 0.1_wp
     real(wp) :: a, least, overlap
     integer(i4) :: k
     call make_heap(s, 3.0e-4_wp, cohesion_jkr, w)
-    associate (law => s%laws(1, 1))
-      a = (2.0_wp*pi*w*radius**2/law%e_star)**(1.0_wp/3.0_wp)
-      call test%check_close('neck at the first touch', neck_radius(law, radius, 0.0_wp)/a, 1.0_wp, &
-                            1.0e-14_wp)
-      a = a/16.0_wp**(1.0_wp/3.0_wp)
-      call test%check_close('neck as it tears', neck_radius(law, radius, tear_overlap(law, &
-                            radius)*(1.0_wp - 1.0e-12_wp))/a, 1.0_wp, 1.0e-5_wp)
-      call test%check_close('overlap as it tears', tear_overlap(law, radius), &
-                            -0.75_wp*(pi**2*w**2*radius/law%e_star**2)**(1.0_wp/3.0_wp), &
-                            1.0e-14_wp*radius)
-      least = 0.0_wp
-      do k = 0, 10000
-        overlap = tear_overlap(law, radius)*(1.0_wp - real(k, wp)/1.0e4_wp)
-        a = neck_radius(law, radius, overlap)
-        least = min(least, 4.0_wp*law%e_star*a**3/(3.0_wp*radius) &
-                    - sqrt(8.0_wp*pi*w*law%e_star*a**3))
-      end do
-      call test%check_close('pull-off', least/(1.5_wp*pi*w*radius), -1.0_wp, 1.0e-6_wp)
-    end associate
+    law%kind = cohesion_jkr
+    law%surface_energy = w
+    law%e_star = s%laws(1, 1)%e_star
+    a = (2.0_wp*pi*w*radius**2/law%e_star)**(1.0_wp/3.0_wp)
+    call test%check_close('neck at the first touch', neck_radius(law, radius, 0.0_wp)/a, 1.0_wp, &
+                          1.0e-14_wp)
+    a = a/16.0_wp**(1.0_wp/3.0_wp)
+    call test%check_close('neck as it tears', neck_radius(law, radius, tear_overlap(law, &
+                          radius)*(1.0_wp - 1.0e-12_wp))/a, 1.0_wp, 1.0e-5_wp)
+    call test%check_close('overlap as it tears', tear_overlap(law, radius), &
+                          -0.75_wp*(pi**2*w**2*radius/law%e_star**2)**(1.0_wp/3.0_wp), &
+                          1.0e-14_wp*radius)
+    least = 0.0_wp
+    do k = 0, 10000
+      overlap = tear_overlap(law, radius)*(1.0_wp - real(k, wp)/1.0e4_wp)
+      a = neck_radius(law, radius, overlap)
+      least = min(least, 4.0_wp*law%e_star*a**3/(3.0_wp*radius) &
+                  - sqrt(8.0_wp*pi*w*law%e_star*a**3))
+    end do
+    call test%check_close('pull-off', least/(1.5_wp*pi*w*radius), -1.0_wp, 1.0e-6_wp)
   end subroutine check_neck
 
   !> Threads, other lists and a restart change no bit.

@@ -5,10 +5,11 @@ program test_dem_bond
   use talus_kinds, only: wp, i4
   use talus_test, only: max_abs, test_type
   use talus_vectors, only: cross
-  use dem_additional_state, only: dem_bond_type, bond_reals, additional_work_count
+  use dem_additional_model, only: additional_given_type, additional_model_type, &
+    additional_works_type
   use dem_block, only: dem_block_type
-  use dem_bond, only: bond_block
-  use dem_state, only: lanes, dem_law_type
+  use dem_bond, only: bond, bond_type, own_of
+  use dem_state, only: lanes, history_size
   implicit none
   type(test_type) :: test
   real(wp), parameter :: pi = acos(-1.0_wp), length = 2.0e-3_wp, beam = 0.8e-3_wp
@@ -99,29 +100,38 @@ contains
     integer(i4), intent(in) :: steps
     real(wp), intent(out) :: off(4)
     type(dem_block_type) :: b
-    type(dem_law_type) :: law
-    type(dem_bond_type) :: bond
-    real(wp) :: kept(lanes, bond_reals), work(2), extra(additional_work_count), h, angle, stiffness
+    type(bond_type) :: constants
+    type(additional_model_type) :: model
+    type(additional_given_type) :: given
+    type(additional_works_type) :: works
+    real(wp), allocatable :: kept(:, :)
+    real(wp) :: history(lanes, history_size), h, angle, stiffness
     real(wp) :: r(3), last(3), n(3), across(3)
     integer(i4) :: i
 
-    bond%young = 1.0e7_wp
-    bond%stiffness_ratio = 2.0_wp
-    bond%tensile_strength = huge(1.0_wp)
-    bond%shear_strength = huge(1.0_wp)
-    stiffness = bond%young*pi*beam**2/length
-    kept = 0.0_wp
+    model = bond()
+    constants%young = 1.0e7_wp
+    constants%stiffness_ratio = 2.0_wp
+    constants%tensile_strength = huge(1.0_wp)
+    constants%shear_strength = huge(1.0_wp)
+    stiffness = constants%young*pi*beam**2/length
+    allocate (kept(lanes, model%reals), source=0.0_wp)
     kept(lane, [1, 2, 9, 10, 11]) = [1.0_wp, held, held*length, beam, length]
     kept(lane, 3:8) = held*[1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, length, 0.0_wp]
     h = 1.0e-5_wp
-    extra = 0.0_wp
+    given%own = own_of(constants)
+    given%h = h
+    given%m_star = 1.0_wp
+    given%weight = 1.0_wp
+    history = 0.0_wp
+    works%columns = 0.0_wp
+    works%models = 0.0_wp
     last = [0.0_wp, 0.0_wp, length]
     do i = 1, turns*steps
       angle = 2.0_wp*pi*i/steps
       r = rotated(axis, angle, [0.0_wp, 0.0_wp, length])
       call place(b, r, (r - last)/h, 2.0_wp*pi/(steps*h)*axis)
-      call bond_block(b, law, bond, h, spread(1.0_wp, 1, lanes), spread(1.0_wp, 1, lanes), kept, &
-                      work, extra)
+      call model%forces(b, given, history, kept, works)
       last = r
     end do
     n = r/length
