@@ -13,6 +13,7 @@ program test_dem_bond
   implicit none
   type(test_type) :: test
   real(wp), parameter :: pi = acos(-1.0_wp), length = 2.0e-3_wp, beam = 0.8e-3_wp
+  real(wp), parameter :: step_time = 1.0e-5_wp  !! [s]
   real(wp), parameter :: load = 0.1_wp  !! of each kind, moments over the length [N]
   real(wp), parameter :: axes(3, 4) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, &
     0.0_wp, 0.0_wp, 1.0_wp, 0.48_wp, 0.64_wp, 0.6_wp], [3, 4])
@@ -36,35 +37,53 @@ contains
     w = cos(angle)*v + sin(angle)*cross(axis, v) + (1.0_wp - cos(angle))*dot_product(axis, v)*axis
   end function rotated
 
+  !> A bond that breaks not, without load, in one lane.
+  subroutine begin_bond(young, ratio, model, given, kept)
+    real(wp), intent(in) :: young, ratio  !! [Pa], [-]
+    type(additional_model_type), intent(out) :: model
+    type(additional_given_type), intent(out) :: given
+    real(wp), allocatable, intent(out) :: kept(:, :)
+    type(bond_type) :: constants
+    model = bond()
+    constants%young = young
+    constants%stiffness_ratio = ratio
+    constants%tensile_strength = huge(1.0_wp)
+    constants%shear_strength = huge(1.0_wp)
+    given%own = own_of(constants)
+    given%h = step_time
+    given%m_star = 1.0_wp
+    given%weight = 1.0_wp
+    allocate (kept(lanes, model%reals), source=0.0_wp)
+    kept(lane, [1, 10, 11]) = [1.0_wp, beam, length]
+  end subroutine begin_bond
+
   !> A pull, a shift, a bend and a twist of one step: E A/l, the same over the ratio, E I/l, G J/l.
   subroutine check_stiffnesses()
     real(wp), parameter :: step = 1.0e-9_wp, young = 1.0e7_wp, ratio = 2.5_wp
     real(wp), parameter :: area = pi*beam**2, angle = 1.0e-6_wp
     real(wp), parameter :: limit = angle*young*area/length*step  ! second order in the angle [N]
     type(dem_block_type) :: b
-    type(dem_law_type) :: law
-    type(dem_bond_type) :: bond
-    real(wp) :: kept(lanes, bond_reals), work(2), extra(extra_work_count), h
+    type(additional_model_type) :: model
+    type(additional_given_type) :: given
+    type(additional_works_type) :: works
+    real(wp), allocatable :: kept(:, :)
+    real(wp) :: history(lanes, history_size)
     real(wp), dimension(3) :: along, across
 
-    bond%young = young
-    bond%stiffness_ratio = ratio
-    bond%tensile_strength = huge(1.0_wp)
-    bond%shear_strength = huge(1.0_wp)
-    kept = 0.0_wp
-    kept(lane, [1, 10, 11]) = [1.0_wp, beam, length]
-    extra = 0.0_wp
-    h = 1.0e-5_wp
+    call begin_bond(young, ratio, model, given, kept)
     along = [0.0_wp, 0.0_wp, length]
     across = [step, 0.0_wp, 0.0_wp]
-    call place(b, along, (across + [0.0_wp, 0.0_wp, 3.0_wp*step])/h, [0.0_wp, 0.0_wp, 0.0_wp])
+    call place(b, along, (across + [0.0_wp, 0.0_wp, 3.0_wp*step])/step_time, [0.0_wp, 0.0_wp, &
+                                                                             0.0_wp])
     ! half a turn on each side leaves the contact point where it is
-    b%a%wy(lane) = -0.5_wp*angle/h
-    b%b%wy(lane) = 0.5_wp*angle/h
-    b%a%wz(lane) = -angle/h
-    b%b%wz(lane) = angle/h
-    call bond_block(b, law, bond, h, spread(1.0_wp, 1, lanes), spread(1.0_wp, 1, lanes), kept, &
-                    work, extra)
+    b%a%wy(lane) = -0.5_wp*angle/step_time
+    b%b%wy(lane) = 0.5_wp*angle/step_time
+    b%a%wz(lane) = -angle/step_time
+    b%b%wz(lane) = angle/step_time
+    history = 0.0_wp
+    works%columns = 0.0_wp
+    works%models = 0.0_wp
+    call model%forces(b, given, history, kept, works)
     call test%check_close('pull of a bond', kept(lane, 2), young*area/length*3.0_wp*step, limit)
     call test%check_all_close('shear of a bond', kept(lane, 3:5), &
                               -young*area/(ratio*length)*across, limit)
@@ -100,7 +119,6 @@ contains
     integer(i4), intent(in) :: steps
     real(wp), intent(out) :: off(4)
     type(dem_block_type) :: b
-    type(bond_type) :: constants
     type(additional_model_type) :: model
     type(additional_given_type) :: given
     type(additional_works_type) :: works
@@ -109,20 +127,11 @@ contains
     real(wp) :: r(3), last(3), n(3), across(3)
     integer(i4) :: i
 
-    model = bond()
-    constants%young = 1.0e7_wp
-    constants%stiffness_ratio = 2.0_wp
-    constants%tensile_strength = huge(1.0_wp)
-    constants%shear_strength = huge(1.0_wp)
-    stiffness = constants%young*pi*beam**2/length
-    allocate (kept(lanes, model%reals), source=0.0_wp)
+    h = step_time
+    stiffness = 1.0e7_wp*pi*beam**2/length
+    call begin_bond(1.0e7_wp, 2.0_wp, model, given, kept)
     kept(lane, [1, 2, 9, 10, 11]) = [1.0_wp, held, held*length, beam, length]
     kept(lane, 3:8) = held*[1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, length, 0.0_wp]
-    h = 1.0e-5_wp
-    given%own = own_of(constants)
-    given%h = h
-    given%m_star = 1.0_wp
-    given%weight = 1.0_wp
     history = 0.0_wp
     works%columns = 0.0_wp
     works%models = 0.0_wp
