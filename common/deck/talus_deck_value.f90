@@ -9,10 +9,11 @@ module talus_deck_value
 
   integer(i4), parameter :: value_good = 0        !! read
   integer(i4), parameter :: value_not_finite = 1  !! NaN or infinity
-  integer(i4), parameter :: value_too_large = 2   !! more than the type can hold
+  integer(i4), parameter :: value_too_large = 2   !! more than any quantity of physics
   integer(i4), parameter :: value_is_real = 3     !! a real where an integer is wanted
   integer(i4), parameter :: value_bad = 4         !! no number at all
-  integer(i4), parameter :: largest_power = 307   !! decimal powers that are safe in 64 bits
+  integer(i4), parameter :: most_power = 50      !! decimal, of a real: its fourth power is finite
+  integer(i4), parameter :: least_power = -307    !! decimal, that 64 bits hold in full
 
 contains
 
@@ -27,11 +28,11 @@ contains
     value = 0.0_wp
     call look_at_real(lower(text), power, status)
     if (status /= value_good) return
-    if (power > largest_power) then
+    if (power > most_power) then
       status = value_too_large
       return
     end if
-    if (power < -largest_power) return  ! nothing but zero can be meant
+    if (power < least_power) return  ! nothing but zero can be meant
     read (text, *, iostat=stat) value
     if (stat /= 0) status = value_bad
   end subroutine parse_real

@@ -100,8 +100,9 @@ contains
       call add_at(source, 'D019', key%name//' = '//text//' is no finite number', token, &
                   limits(key), faults)
     case (value_too_large)
-      call add_at(source, 'D016', key%name//' = '//text//' is too large for the machine', token, &
-                  limits(key), faults)
+      call add_at(source, 'D016', key%name//' = '//text//' is too large: '//trim(merge( &
+        'integers end at 2147483647         ', 'no quantity of physics reaches 1e51', &
+        key%kind == 'integer')), token, limits(key), faults)
     case (value_is_real)
       call add_at(source, 'D014', key%name//' needs an integer, '//text//' is a real number', &
                   token, limits(key), faults)

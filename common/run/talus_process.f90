@@ -5,6 +5,7 @@
 module talus_process
   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
   use talus_kinds, only: wp, i4
+  use talus_command, only: command_words
   use talus_text, only: str, string_type, append_string
   use talus_errors, only: error_list_type
   use talus_c_text, only: text_of
@@ -108,18 +109,24 @@ contains
     self%fd = c_open(self%pid)
   end subroutine process_spawn
 
-  !> Start a command line through the shell, which it replaces: 'mpirun -np 8 talus-dem a.nml'.
+  !> Start a command line (talus_command), with more arguments behind it: 'mpirun -np 8 talus-dem'.
   !! The launcher gets SIGTERM when we die, so that it can take its ranks along.
-  subroutine process_spawn_command(self, command, folder, log_file, threads, errors)
+  subroutine process_spawn_command(self, command, folder, log_file, threads, errors, arguments)
     class(process_type), intent(inout) :: self
     character(len=*), intent(in) :: command, folder, log_file
     integer(i4), intent(in) :: threads
     type(error_list_type), intent(inout) :: errors
+    type(string_type), intent(in), optional :: arguments(:)
     type(string_type), allocatable :: argv(:)
+    logical :: closed
+    integer :: k
 
-    call append_string(argv, '/bin/sh')
-    call append_string(argv, '-c')
-    call append_string(argv, 'exec '//command)
+    call command_words(command, argv, closed)
+    if (present(arguments)) then
+      do k = 1, size(arguments)
+        call append_string(argv, arguments(k)%s)
+      end do
+    end if
     call self%spawn(argv, folder, log_file, threads, errors, signal_term)
   end subroutine process_spawn_command
 

@@ -1,7 +1,8 @@
 !> What the coupled deck asks for, checked.
 module cpl_choices
   use talus_kinds, only: wp, i4
-  use talus_text, only: str
+  use talus_command, only: command_words
+  use talus_text, only: str, string_type
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use talus_files, only: folder_of, stem_of
@@ -187,6 +188,25 @@ contains
                       '.log', 'program', at(2), 'deck', 'give the decks different names')
   end subroutine read_solvers
 
+  !> The command line of a program can be taken apart.
+  subroutine check_command(deck, k, command, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    character(len=*), intent(in) :: command
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: words(:)
+    logical :: closed
+    if (len(command) == 0) return
+    call command_words(command, words, closed)
+    if (.not. closed) then
+      call deck%fault(errors, 'D405', 'command has a quote that does not end', 'program', k, &
+                      'command', 'blanks part words, quotes hold them together; no shell reads it')
+    else if (size(words) == 0) then
+      call deck%fault(errors, 'D405', 'command has no word', 'program', k, 'command', &
+                      'name the launcher or the program')
+    end if
+  end subroutine check_command
+
   subroutine read_solver(deck, k, s, stem, solver, errors)
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: k, s  !! number of the group, of the side
@@ -211,6 +231,7 @@ contains
       call deck%fault(errors, 'D405', "launch = 'command' needs a command", 'program', k, &
         'launch', &
                       "for example command = 'mpirun -np 2 "//solver%program//"'")
+    call check_command(deck, k, solver%command, errors)
     if (solver%launch /= 'command' .and. len(solver%command) > 0) &
       call deck%fault(errors, 'D405', "command means nothing with launch = '"//solver%launch//"'", &
                       'program', k, 'command', "write launch = 'command'")

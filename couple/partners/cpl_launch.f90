@@ -72,23 +72,16 @@ contains
     character(len=*), intent(in) :: spec, folder
     type(error_list_type), intent(inout) :: errors
     type(string_type), allocatable :: argv(:)
-    integer :: k
 
-    if (solver%launch == 'command') then
-      call append_string(argv, solver%command)
-    else
-      call append_string(argv, sibling_program(solver%program))
-    end if
+    if (solver%launch /= 'command') call append_string(argv, sibling_program(solver%program))
     call append_string(argv, solver%deck)
     call append_string(argv, '--port='//spec)
     call append_string(argv, '--output='//folder)
     if (solver%threads > 0) call append_string(argv, '--threads='//str(solver%threads))
     if (len(solver%restart) > 0) call append_string(argv, '--restart='//solver%restart)
     if (solver%launch == 'command') then
-      do k = 2, size(argv)
-        argv(1)%s = argv(1)%s//" '"//argv(k)%s//"'"
-      end do
-      call solver%process%spawn_command(argv(1)%s, '', solver%output, solver%threads, errors)
+      call solver%process%spawn_command(solver%command, '', solver%output, solver%threads, errors, &
+                                        argv)
     else
       call solver%process%spawn(argv, '', solver%output, solver%threads, errors)
     end if

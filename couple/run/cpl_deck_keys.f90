@@ -85,7 +85,9 @@ contains
     call table%allow('fork|command|attach')
     call table%add_key('command', 'string', '', &
       'Command line for launch = ''command'', without the deck: `''mpirun -np 8 ' &
-      //'talus-dem''`. Deck and port are put behind it.')
+      //'talus-dem''`. Deck and port are put behind it. No shell reads it: blanks part ' &
+      //'words, quotes hold them together, `$NAME` stands for a variable of the ' &
+      //'environment.')
     call table%preset('')
     call table%add_key('ranks', 'integer', '', &
       'MPI ranks; more than 1 needs launch = ''command'' with a launcher such as mpirun ' &
