@@ -12,7 +12,7 @@ module talus_deck_value
   integer(i4), parameter :: value_too_large = 2   !! more than any quantity of physics
   integer(i4), parameter :: value_is_real = 3     !! a real where an integer is wanted
   integer(i4), parameter :: value_bad = 4         !! no number at all
-  integer(i4), parameter :: most_power = 50      !! decimal, of a real: its fourth power is finite
+  integer(i4), parameter :: most_power = 50       !! decimal, of a real: its fourth power is finite
   integer(i4), parameter :: least_power = -307    !! decimal, that 64 bits hold in full
 
 contains

@@ -35,7 +35,7 @@ contains
     do while (k <= len(text))
       call take(text, k, now)
       if (.not. now%begun .or. now%quote /= ' ') cycle
-      if (verify(text(min(k, len(text) + 1):min(k, len(text))), ' ') /= 0) cycle
+      if (len_trim(text(k:min(k, len(text)))) > 0) cycle  ! it goes on
       call append_string(words, now%word)
       now%word = ''
       now%begun = .false.
