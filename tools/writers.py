@@ -32,6 +32,7 @@ WATCHED = (
     "fem_body_state",
     "fem_body",
     "fem_parts",
+    "dem_surface_state",
 )
 
 USE = re.compile(r"^use\s*(?:,\s*\w+\s*)?(?:::)?\s*(\w+)\s*(?:,\s*only\s*:\s*(.*))?$")

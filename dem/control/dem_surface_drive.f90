@@ -7,8 +7,10 @@ module dem_surface_drive
   use talus_deck, only: deck_type
   use dem_ledger, only: staggering_of, follow_load
   use dem_state, only: dem_data_type
-  use dem_surface_body, only: is_free
+  use dem_membrane, only: set_pressure, set_pressures
+  use dem_surface_body, only: is_free, set_load, set_loads
   use dem_surface_state, only: servo_velocity, is_bore
+  use dem_surface_values, only: set_velocity, stop_servos
   implicit none
   private
   public :: surface_drive_type
@@ -128,8 +130,8 @@ contains
     if (allocated(self%pressing)) then
       do k = 1, size(self%pressing)
         if (self%pressing(k) == 0) cycle
-        d%surfaces%membranes%pressure(k) = self%pressure(k) &
-          *self%curve(self%pressing(k))%mean(time, time + check_interval*d%par%dt)
+        call set_pressure(d%surfaces, k, self%pressure(k) &
+          *self%curve(self%pressing(k))%mean(time, time + check_interval*d%par%dt))
       end do
     end if
     do k = 1, size(self%number)
@@ -137,8 +139,8 @@ contains
       factor = self%curve(self%number(k))%mean(time, time + check_interval*d%par%dt)
       call prescribe(d, k, factor*self%velocity(:, k), factor*self%spin(:, k))
       if (allocated(d%surfaces%servo) .and. .not. is_bore(d%surfaces, k)) &
-        d%surfaces%velocity(:, k) = d%surfaces%velocity(:, k) + &
-        d%surfaces%servo(servo_velocity:servo_velocity + 2, k)
+        call set_velocity(d%surfaces, k, d%surfaces%velocity(:, k) + &
+                          d%surfaces%servo(servo_velocity:servo_velocity + 2, k))
     end do
   end subroutine update
 
@@ -150,8 +152,8 @@ contains
     logical :: held(6)
     held = .true.
     if (is_free(d%surfaces, k)) held = d%surfaces%rigid%free(:, k) < 0.5_wp
-    where (held(:3)) d%surfaces%velocity(:, k) = velocity
-    where (held(4:)) d%surfaces%spin(:, k) = spin
+    call set_velocity(d%surfaces, k, merge(velocity, d%surfaces%velocity(:, k), held(:3)), &
+                      merge(spin, d%surfaces%spin(:, k), held(4:)))
   end subroutine prescribe
 
   !> Loads of free bodies for the steps to come; a load that jumps changes no energy.
@@ -166,8 +168,8 @@ contains
     before = staggering_of(d)
     do k = 1, size(self%loading)
       if (self%loading(k) == 0) cycle
-      d%surfaces%rigid%given(:, k) = self%load(:, k) &
-        *self%curve(self%loading(k))%mean(time, time + check_interval*d%par%dt)
+      call set_load(d%surfaces, k, self%load(:, k) &
+        *self%curve(self%loading(k))%mean(time, time + check_interval*d%par%dt))
     end do
     call follow_load(d, before)
   end subroutine load_bodies
@@ -183,14 +185,13 @@ contains
     do k = 1, d%surfaces%n
       call prescribe(d, k, self%velocity(:, k), self%spin(:, k))
     end do
-    if (allocated(self%pressure)) d%surfaces%membranes%pressure = self%pressure
+    if (allocated(self%pressure)) call set_pressures(d%surfaces, self%pressure)
     if (allocated(self%load)) then
       before = staggering_of(d)
-      d%surfaces%rigid%given = self%load
+      call set_loads(d%surfaces, self%load)
       call follow_load(d, before)
     end if
-    if (allocated(d%surfaces%servo)) d%surfaces%servo(servo_velocity:servo_velocity + 2, :) = 0.0_wp
-    d%surfaces%round%swell = 0.0_wp
+    call stop_servos(d%surfaces)
     call self%update(d, time)
   end subroutine follow
 end module dem_surface_drive

@@ -18,6 +18,7 @@ module dem_surface_servo
   use dem_state, only: dem_data_type
   use dem_surface_measure, only: body_of_part, surface_stiffness
   use dem_surface_state, only: servo_size, servo_velocity, is_bore
+  use dem_surface_values, only: set_velocity, set_swell
   implicit none
   private
   public :: surface_servo_type, surface_stiffness_along
@@ -259,16 +260,16 @@ contains
       if (time < self%servo(k)%until) call answer(self, k, d, time, curve, speed)
       if (self%servo(k)%radial) then
         d%surfaces%servo(servo_velocity, b) = -speed
-        d%surfaces%round%swell(b) = -speed
+        call set_swell(d%surfaces, b, -speed)
         cycle
       end if
       d%surfaces%servo(servo_velocity:, b) = speed*self%servo(k)%direction
       if (self%curved(b)) then
-        d%surfaces%velocity(:, b) = d%surfaces%velocity(:, b) - old + &
-          d%surfaces%servo(servo_velocity:, b)
+        old = d%surfaces%velocity(:, b) - old
       else
-        d%surfaces%velocity(:, b) = self%velocity(:, b) + d%surfaces%servo(servo_velocity:, b)
+        old = self%velocity(:, b)
       end if
+      call set_velocity(d%surfaces, b, old + d%surfaces%servo(servo_velocity:, b))
     end do
   end subroutine update
 

@@ -2,7 +2,9 @@
 module dem_membrane_share
   use talus_kinds, only: wp
   use talus_ranks, only: ranks_type
+  use dem_membrane, only: set_stretches, set_forces
   use dem_surface_state, only: dem_surfaces_type
+  use dem_surface_values, only: set_vertex_velocities
   use dem_broadcast, only: broadcast_matrix, broadcast_list
   implicit none
   private
@@ -41,9 +43,8 @@ contains
   pure subroutine take_membranes(part, whole)
     type(dem_surfaces_type), intent(in) :: part
     type(dem_surfaces_type), intent(inout) :: whole
-    whole%mesh%v = part%mesh%v
-    whole%membranes%stretch = part%membranes%stretch
-    whole%membranes%press = part%membranes%press
-    whole%membranes%pull = part%membranes%pull
+    call set_vertex_velocities(whole, part%mesh%v)
+    call set_stretches(whole, part%membranes%stretch)
+    call set_forces(whole, part%membranes%press, part%membranes%pull)
   end subroutine take_membranes
 end module dem_membrane_share

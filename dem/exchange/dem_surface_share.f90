@@ -7,6 +7,8 @@ module dem_surface_share
   use dem_membrane_share, only: broadcast_membranes, take_membranes
   use dem_membrane, only: no_membranes
   use dem_surface_state, only: dem_surfaces_type
+  use dem_surface_values, only: surface_sizes_type, make_room, mark_reference, set_aimed, &
+    set_sums, set_velocities, copy_places, set_press, set_vertex_loads
   use dem_broadcast, only: broadcast_matrix, broadcast_list, broadcast_table
   implicit none
   private
@@ -28,7 +30,12 @@ contains
     if (allocated(s%mesh%fan)) sizes(6) = ubound(s%mesh%fan, 1)
     call team%broadcast_numbers(sizes)
     if (sizes(1) == 0) return
-    if (.not. team%leads()) call make_room(s, sizes)
+    if (.not. team%leads()) then
+      call make_room(s, surface_sizes_type(sizes(1), sizes(2), sizes(3), sizes(4), sizes(6), &
+                                           sizes(5) > 0))
+      if (sizes(7) > 0) call no_free_bodies(s)
+      if (sizes(8) > 0) call no_membranes(s)
+    end if
     call team%broadcast_numbers(s%kind)
     call broadcast_list(team, s%cos_smooth)
     call broadcast_list(team, s%reach)
@@ -52,9 +59,7 @@ contains
     if (sizes(8) > 0) call broadcast_membranes(team, s)
     call broadcast_motion(team, s)
     if (s%mesh%triangles > 0) call broadcast_triangles(team, s)
-    s%reference_x = s%centre
-    s%reference_q = s%quat
-    s%mesh%reference = s%mesh%x
+    call mark_reference(s)
   end subroutine broadcast_surfaces
 
   !> Bodies that move freely: all ranks move them alike, by what all grains do to them; the leader
@@ -88,38 +93,6 @@ contains
     call broadcast_table(team, s%mesh%mate)
   end subroutine broadcast_triangles
 
-  subroutine make_room(s, sizes)
-    type(dem_surfaces_type), intent(inout) :: s
-    integer(i4), intent(in) :: sizes(8)
-    type(dem_surfaces_type) :: fresh
-
-    s = fresh
-    s%n = sizes(1)
-    s%parts = sizes(2)
-    s%mesh%vertices = sizes(3)
-    s%mesh%triangles = sizes(4)
-    s%soft = sizes(5) > 0
-    allocate (s%name(s%n), s%kind(s%n), s%cos_smooth(s%n), s%reach(s%n))
-    allocate (s%centre(3, s%n), s%velocity(3, s%n), s%spin(3, s%n), s%round%rest_axis(3, s%n), &
-              s%round%axis(3, s%n), s%quat(4, s%n), source=0.0_wp)
-    allocate (s%round%sine(s%n), s%round%cosine(s%n), s%round%radius(s%n), s%round%extent(s%n), &
-              s%round%swell(s%n), s%round%press(s%n), s%round%press_impulse(s%n), &
-              s%round%listed_radius(s%n), s%round%start_radius(s%n), source=0.0_wp)
-    allocate (s%first_part(s%n + 1), s%first_vertex(s%n + 1), s%first_triangle(s%n + 1))
-    allocate (s%material(s%parts))
-    allocate (s%sums%force(3, s%parts), s%sums%moment(3, s%parts), s%sums%impulse(3, s%parts), &
-              s%sums%moment_impulse(3, s%parts), s%sums%work(s%parts), source=0.0_wp)
-    allocate (s%mesh%rest(3, s%mesh%vertices), s%mesh%x(3, s%mesh%vertices), &
-              s%mesh%v(3, s%mesh%vertices), s%mesh%target(3, s%mesh%vertices), &
-              s%mesh%force(3, s%mesh%vertices), s%mesh%impulse(3, s%mesh%vertices), source=0.0_wp)
-    allocate (s%mesh%home(s%mesh%vertices), s%mesh%fan_start(s%mesh%vertices + 1), &
-              s%mesh%fan(sizes(6)))
-    allocate (s%mesh%corner(3, s%mesh%triangles), s%mesh%owner(s%mesh%triangles), &
-              s%mesh%mate(3, s%mesh%triangles))
-    if (sizes(7) > 0) call no_free_bodies(s)
-    if (sizes(8) > 0) call no_membranes(s)
-  end subroutine make_room
-
   !> Velocities of surfaces for the next steps.
   subroutine broadcast_motion(team, s)
     type(ranks_type), intent(in) :: team
@@ -132,7 +105,7 @@ contains
     if (.not. s%soft) return
     aimed = merge(1_i4, 0_i4, s%mesh%has_target)
     call team%broadcast_numbers(aimed)
-    s%mesh%has_target = aimed(1) > 0
+    call set_aimed(s, aimed(1) > 0)
     call broadcast_matrix(team, s%mesh%v)
     call broadcast_matrix(team, s%mesh%target)
     if (allocated(s%membranes)) call broadcast_list(team, s%membranes%pressure)
@@ -165,27 +138,15 @@ contains
     integer(i4) :: n, v
     n = 3*whole%parts
     v = part_reals*whole%parts
-    whole%sums%force = reshape(report(:n), [3, whole%parts])
-    whole%sums%moment = reshape(report(n + 1:2*n), [3, whole%parts])
-    whole%sums%impulse = reshape(report(2*n + 1:3*n), [3, whole%parts])
-    whole%sums%moment_impulse = reshape(report(3*n + 1:4*n), [3, whole%parts])
-    whole%sums%work = report(4*n + 1:v)
-    if (allocated(whole%rigid%free)) then
-      whole%velocity = part%velocity
-      whole%spin = part%spin
-    end if
-    whole%centre = part%centre
-    whole%quat = part%quat
-    whole%round%axis = part%round%axis
-    whole%mesh%x = part%mesh%x
-    whole%round%radius = part%round%radius
-    whole%round%press = report(v + 1:v + whole%n)
-    whole%round%press_impulse = report(v + whole%n + 1:v + 2*whole%n)
+    call set_sums(whole, reshape(report(:4*n), [3, whole%parts, 4]), report(4*n + 1:v))
+    if (allocated(whole%rigid%free)) call set_velocities(whole, part%velocity, part%spin)
+    call copy_places(part, whole)
+    call set_press(whole, report(v + 1:v + whole%n), report(v + whole%n + 1:v + 2*whole%n))
     if (.not. whole%soft) return
     v = v + 2*whole%n
     n = 3*whole%mesh%vertices
-    whole%mesh%force = reshape(report(v + 1:v + n), [3, whole%mesh%vertices])
-    whole%mesh%impulse = reshape(report(v + n + 1:v + 2*n), [3, whole%mesh%vertices])
+    call set_vertex_loads(whole, reshape(report(v + 1:v + n), [3, whole%mesh%vertices]), &
+                          reshape(report(v + n + 1:v + 2*n), [3, whole%mesh%vertices]))
     if (allocated(whole%membranes)) call take_membranes(part, whole)
   end subroutine take_surfaces
 end module dem_surface_share

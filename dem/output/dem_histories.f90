@@ -7,6 +7,7 @@ module dem_histories
   use talus_errors, only: error_list_type
   use talus_history, only: history_type
   use dem_state, only: kind_driven
+  use dem_surface_motion, only: reset_works
   use dem_surface_output, only: open_surface_history, write_surface_rows, open_body_history, &
     write_body_rows
   use dem_system, only: dem_system_type
@@ -134,7 +135,7 @@ contains
     system%grains%work(self%index) = 0.0_wp
     if (system%surfaces%n > 0) then
       self%surface_work = self%surface_work + system%surfaces%sums%work
-      system%surfaces%sums%work = 0.0_wp
+      call reset_works(system%surfaces)
     end if
     if (system%planes%n == 0) return
     self%wall_work = self%wall_work + system%planes%work

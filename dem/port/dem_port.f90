@@ -19,6 +19,7 @@ module dem_port
   use dem_parts_forces, only: is_left, slice_of_free, stage_none
   use dem_port_state, only: reply_hello, reply_describe, reply_selected, put_scalars
   use dem_port_surface, only: select_surface
+  use dem_surface_values, only: set_velocities
   use dem_port_step, only: advance, force, kick_drift, put_sets
   implicit none
   private
@@ -271,6 +272,7 @@ contains
   !> Motion prescribed by the deck is suspended during a rehearsal.
   subroutine hold(self)
     class(dem_server_type), intent(inout) :: self
+    real(wp), parameter :: still(3) = 0.0_wp
     real(wp) :: rest(3, size(self%model%histories%index))
     if (self%held) return
     self%held = .true.
@@ -284,8 +286,8 @@ contains
       if (system%surfaces%n > 0) then
         self%held_surfaces = reshape([system%surfaces%velocity, system%surfaces%spin], &
                                      [3*system%surfaces%n, 2])
-        system%surfaces%velocity = 0.0_wp
-        system%surfaces%spin = 0.0_wp
+        call set_velocities(system%surfaces, spread(still, 2, system%surfaces%n), &
+                            spread(still, 2, system%surfaces%n))
       end if
     end associate
   end subroutine hold
@@ -299,8 +301,9 @@ contains
       call system%set_velocity(model%histories%index, self%held_v, self%held_omega)
       system%planes%velocity = self%held_planes
       if (system%surfaces%n > 0) then
-        system%surfaces%velocity = reshape(self%held_surfaces(:, 1), [3, system%surfaces%n])
-        system%surfaces%spin = reshape(self%held_surfaces(:, 2), [3, system%surfaces%n])
+        call set_velocities(system%surfaces, &
+                            reshape(self%held_surfaces(:, 1), [3, system%surfaces%n]), &
+                            reshape(self%held_surfaces(:, 2), [3, system%surfaces%n]))
       end if
       call model%clock%start_at(0.0_wp, system%par%dt)
       model%clock%steps = 0

@@ -9,7 +9,8 @@ module dem_port_surface
     field_force, field_impulse, field_material, field_triangle, field_work, field_x
   use dem_model, only: dem_model_type
   use dem_sets, only: dem_set_type, dem_sets_type, role_surface
-  use dem_surface_make, only: mesh_type, check_mesh, add_mesh
+  use dem_surface_make, only: mesh_type, check_mesh
+  use dem_surface_values, only: add_mesh, aim_vertices, set_vertices
   use dem_surface_state, only: surface_soft, soft_smooth
   use dem_system, only: dem_system_type
   implicit none
@@ -162,9 +163,7 @@ contains
     if (request%has(set%name//dot_x)) call request%get(set%name//dot_x, x, errors)
     call check_numbers(set, x, errors)
     if (errors%any()) return
-    system%surfaces%mesh%v(:, low:high) = (x - system%surfaces%mesh%x(:, low:high))/span
-    system%surfaces%mesh%target(:, low:high) = x
-    system%surfaces%mesh%has_target = .true.
+    call aim_vertices(system%surfaces, low, (x - system%surfaces%mesh%x(:, low:high))/span, x)
   end subroutine take_vertices
 
   !> FORCE: place and velocity of the vertices now; what is not mentioned stays.
@@ -185,9 +184,7 @@ contains
     call check_numbers(set, x, errors)
     call check_numbers(set, v, errors)
     if (errors%any()) return
-    system%surfaces%mesh%x(:, low:high) = x
-    system%surfaces%mesh%v(:, low:high) = v
-    system%surfaces%mesh%has_target = .false.
+    call set_vertices(system%surfaces, low, x, v)
   end subroutine place_vertices
 
   subroutine check_numbers(set, x, errors)

@@ -18,7 +18,10 @@ module dem_distribute
     target_spin, target_given, target_end_position, target_end_quat, target_turn, target_id, &
     load_id, load_force, load_moment, swap_motion, swap_ellipsoid, swap_frame
   use dem_records, only: grain_reals, index_of
+  use dem_membrane, only: set_pressures
+  use dem_surface_body, only: set_loads
   use dem_surface_share, only: broadcast_surfaces, broadcast_motion
+  use dem_surface_values, only: copy_velocities
   use dem_broadcast, only: broadcast_matrix
   implicit none
   private
@@ -78,18 +81,11 @@ contains
       part%cell%rate = whole%cell%rate
       part%cell%held = whole%cell%held
       if (part%surfaces%n > 0) then
-        part%surfaces%velocity = whole%surfaces%velocity
-        part%surfaces%spin = whole%surfaces%spin
-        part%surfaces%round%swell = whole%surfaces%round%swell
+        call copy_velocities(whole%surfaces, part%surfaces)
         if (allocated(part%surfaces%rigid%free)) &
-          part%surfaces%rigid%given = whole%surfaces%rigid%given
-      end if
-      if (part%surfaces%soft) then
-        part%surfaces%mesh%v = whole%surfaces%mesh%v
-        part%surfaces%mesh%target = whole%surfaces%mesh%target
-        part%surfaces%mesh%has_target = whole%surfaces%mesh%has_target
+          call set_loads(part%surfaces, whole%surfaces%rigid%given)
         if (allocated(part%surfaces%membranes)) &
-          part%surfaces%membranes%pressure = whole%surfaces%membranes%pressure
+          call set_pressures(part%surfaces, whole%surfaces%membranes%pressure)
       end if
     end if
     call broadcast_parameters(team, part%par)
@@ -106,7 +102,7 @@ contains
     if (team%leads()) part%par = whole%par
     call broadcast_parameters(team, part%par)
     if (.not. allocated(part%surfaces%rigid%free)) return
-    if (team%leads()) part%surfaces%rigid%given = whole%surfaces%rigid%given
+    if (team%leads()) call set_loads(part%surfaces, whole%surfaces%rigid%given)
     call broadcast_matrix(team, part%surfaces%rigid%given)
   end subroutine broadcast_energies
 

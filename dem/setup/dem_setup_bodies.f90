@@ -5,7 +5,7 @@ module dem_setup_bodies
   use talus_text, only: string_type
   use talus_deck, only: deck_type
   use talus_suggest, only: did_you_mean
-  use dem_surface_body, only: no_free_bodies, is_free
+  use dem_surface_body, only: no_free_bodies, set_load, is_free
   use dem_surface_state, only: dem_surfaces_type, is_cylinder
   implicit none
   private
@@ -41,7 +41,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(string_type), allocatable :: names(:)
     real(wp), allocatable :: values(:)
-    real(wp) :: free(6)
+    real(wp) :: free(6), load(6)
     integer(i4) :: b, j
 
     call find_body(deck, k, s, b, errors)
@@ -58,9 +58,10 @@ contains
       call take_inertia(deck, k, values, free, s%rigid%inertia(:, b), errors)
     end if
     call deck%get('body', k, 'force', values)
-    s%rigid%given(:3, b) = values
+    load(:3) = values
     call deck%get('body', k, 'moment', values)
-    s%rigid%given(4:, b) = values
+    load(4:) = values
+    call set_load(s, b, load)
     call check_body(deck, k, s, b, errors)
   end subroutine read_body
 

@@ -10,10 +10,10 @@ module dem_setup_surfaces
   use dem_setup_laws, only: material_index
   use dem_stl, only: read_stl
   use dem_surface_file, only: read_facets
-  use dem_surface_make, only: mesh_type, round_type, join_corners, check_mesh, add_mesh, &
-    add_cone, add_cylinder
+  use dem_surface_make, only: mesh_type, round_type, join_corners, check_mesh
   use dem_surface_state, only: dem_surfaces_type, surface_rigid, surface_membrane, soft_smooth, &
     is_bore
+  use dem_surface_values, only: add_mesh, add_cone, add_cylinder, set_velocity
   implicit none
   private
   public :: read_surfaces, check_units, refuse_cell
@@ -147,11 +147,10 @@ contains
     character(len=*), intent(in) :: group
     integer(i4), intent(in) :: k
     type(dem_surfaces_type), intent(inout) :: s
-    real(wp), allocatable :: values(:)
-    call deck%get(group, k, 'velocity', values)
-    s%velocity(:, s%n) = values
-    call deck%get(group, k, 'spin', values)
-    s%spin(:, s%n) = values
+    real(wp), allocatable :: velocity(:), spin(:)
+    call deck%get(group, k, 'velocity', velocity)
+    call deck%get(group, k, 'spin', spin)
+    call set_velocity(s, s%n, velocity, spin)
   end subroutine read_motion
 
   !> One group penetrometer (D273).

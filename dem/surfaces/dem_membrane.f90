@@ -21,6 +21,7 @@ module dem_membrane
   implicit none
   private
   public :: no_membranes, shape_membrane, push_surfaces, finish_membranes, pull_membranes
+  public :: set_pressure, set_pressures, set_stretches, set_forces
   public :: membranes_energy, membrane_rate, corner_stiffness, check_membranes
 
 contains
@@ -37,6 +38,37 @@ contains
       allocate (m%wall(s%mesh%vertices), source=-1_i4)
     end associate
   end subroutine no_membranes
+
+  !> The pressure of membrane b from now on [Pa].
+  pure subroutine set_pressure(s, b, pressure)
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4), intent(in) :: b
+    real(wp), intent(in) :: pressure
+    s%membranes%pressure(b) = pressure
+  end subroutine set_pressure
+
+  !> Those of all bodies (bodies) [Pa].
+  pure subroutine set_pressures(s, pressure)
+    type(dem_surfaces_type), intent(inout) :: s
+    real(wp), intent(in) :: pressure(:)
+    s%membranes%pressure = pressure
+  end subroutine set_pressures
+
+  !> The largest stretches so far (bodies) [-].
+  pure subroutine set_stretches(s, stretch)
+    type(dem_surfaces_type), intent(inout) :: s
+    real(wp), intent(in) :: stretch(:)
+    s%membranes%stretch = stretch
+  end subroutine set_stretches
+
+  !> The forces on all corners at the end of the last step.
+  pure subroutine set_forces(s, press, pull)
+    type(dem_surfaces_type), intent(inout) :: s
+    real(wp), intent(in) :: press(:, :)           !! (3, vertices) of the pressure [N]
+    real(wp), intent(in), optional :: pull(:, :)  !! (3, vertices) of the stretch [N]
+    s%membranes%press = press
+    if (present(pull)) s%membranes%pull = pull
+  end subroutine set_forces
 
   !> Shape at the start, masses of the corners, and on which side the point inside lies, of body b.
   subroutine shape_membrane(s, b, weight, inside)

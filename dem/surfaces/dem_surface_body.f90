@@ -10,8 +10,8 @@ module dem_surface_body
   use dem_surface_state, only: dem_surfaces_type
   implicit none
   private
-  public :: no_free_bodies, push_bodies, turn_free, turns_freely, body_energy, held_power, &
-    load_left, is_free
+  public :: no_free_bodies, set_load, set_loads, push_bodies, turn_free, turns_freely
+  public :: body_energy, held_power, load_left, is_free
 
 contains
 
@@ -21,6 +21,21 @@ contains
     allocate (s%rigid%free(6, s%n), s%rigid%mass(s%n), s%rigid%inertia(3, s%n), &
               s%rigid%given(6, s%n), source=0.0_wp)
   end subroutine no_free_bodies
+
+  !> The given load of body b: force and moment [N], [N m].
+  pure subroutine set_load(s, b, load)
+    type(dem_surfaces_type), intent(inout) :: s
+    integer(i4), intent(in) :: b
+    real(wp), intent(in) :: load(6)
+    s%rigid%given(:, b) = load
+  end subroutine set_load
+
+  !> Those of all bodies (6, bodies).
+  pure subroutine set_loads(s, load)
+    type(dem_surfaces_type), intent(inout) :: s
+    real(wp), intent(in) :: load(:, :)
+    s%rigid%given = load
+  end subroutine set_loads
 
   !> Does body b move freely in any direction?
   pure logical function is_free(s, b)
@@ -121,25 +136,26 @@ contains
                                          mask=s%rigid%free(4:, b) > 0.5_wp)
   end function body_energy
 
-  !> Free rotation of body b by dt: five turns about body axes (Dullweber, Leimkuhler & McLachlan).
-  pure subroutine turn_free(s, b, dt)
-    type(dem_surfaces_type), intent(inout) :: s
-    integer(i4), intent(in) :: b
-    real(wp), intent(in) :: dt
+  !> Free rotation by dt: five turns about body axes (Dullweber, Leimkuhler & McLachlan).
+  pure subroutine turn_free(inertia, dt, quat, spin)
+    real(wp), intent(in) :: inertia(3)  !! about the body's axes [kg m^2]
+    real(wp), intent(in) :: dt          !! [s]
+    real(wp), intent(inout) :: quat(4)  !! turn since the start [-]
+    real(wp), intent(inout) :: spin(3)  !! [rad/s]
     integer(i4), parameter :: about(5) = [1, 2, 3, 2, 1]
     real(wp), parameter :: part(5) = [0.5_wp, 0.5_wp, 1.0_wp, 0.5_wp, 0.5_wp]
     real(wp) :: l(3), q(4), r(3, 3)
     integer(i4) :: k
 
-    q = s%quat(:, b)
+    q = quat
     r = rotation_of(q)
-    l = s%rigid%inertia(:, b)*matmul(s%spin(:, b), r)
+    l = inertia*matmul(spin, r)
     do k = 1, 5
-      call turn_about(about(k), 0.5_wp*part(k)*dt/s%rigid%inertia(about(k), b), l, q)
+      call turn_about(about(k), 0.5_wp*part(k)*dt/inertia(about(k)), l, q)
     end do
     q = q/sqrt(sum(q*q))
-    s%quat(:, b) = q
-    s%spin(:, b) = matmul(rotation_of(q), l/s%rigid%inertia(:, b))
+    quat = q
+    spin = matmul(rotation_of(q), l/inertia)
   end subroutine turn_free
 
   !> Turn about body axis a by the Cayley angle 2 atan(factor l(a)): momentum in the body frame,

@@ -9,7 +9,7 @@ module dem_surface_motion
   use dem_ellipsoid, only: quaternion_from_rotation, quaternion_product, rotation_of
   implicit none
   private
-  public :: drift_surfaces, finish_surfaces, surface_travel, reset_surfaces
+  public :: drift_surfaces, finish_surfaces, surface_travel, reset_surfaces, reset_works
   public :: surface_columns, loads_of_bodies, loads_of_vertices
 
 contains
@@ -35,7 +35,7 @@ contains
       if (.not. any(abs([s%velocity(:, b), s%spin(:, b)]) > 0.0_wp)) cycle
       s%centre(:, b) = s%centre(:, b) + dt*s%velocity(:, b)
       if (turns_freely(s, b)) then
-        call turn_free(s, b, dt)
+        call turn_free(s%rigid%inertia(:, b), dt, s%quat(:, b), s%spin(:, b))
       else if (any(abs(s%spin(:, b)) > 0.0_wp)) then
         q = quaternion_product(quaternion_from_rotation(dt*s%spin(:, b)), s%quat(:, b))
         s%quat(:, b) = q/sqrt(sum(q*q))
@@ -248,7 +248,13 @@ contains
     type(dem_surfaces_type), intent(inout) :: s
     s%sums%impulse = 0.0_wp
     s%sums%moment_impulse = 0.0_wp
-    s%sums%work = 0.0_wp
     s%mesh%impulse = 0.0_wp
+    call reset_works(s)
   end subroutine reset_surfaces
+
+  !> Works to zero.
+  pure subroutine reset_works(s)
+    type(dem_surfaces_type), intent(inout) :: s
+    s%sums%work = 0.0_wp
+  end subroutine reset_works
 end module dem_surface_motion

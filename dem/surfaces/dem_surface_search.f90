@@ -8,6 +8,7 @@ module dem_surface_search
   use dem_surface_additional, only: surface_kept_reals
   use dem_surface_contacts, only: begin_list, allocate_contacts, keep_contacts, take_contacts
   use dem_surface_state, only: dem_surfaces_type, dem_touches_type, surface_cone, is_bore, is_round
+  use dem_surface_values, only: mark_reference
   implicit none
   private
   public :: list_near, triangle_distance
@@ -55,10 +56,7 @@ contains
       call begin_list(s%list, grain(:near), start(:near + 1), candidate(:found), gap(:near))
       call allocate_contacts(s, d%grains%n, surface_kept_reals(d))
       call take_contacts(s%list, old)
-      s%reference_x = s%centre
-      s%reference_q = s%quat
-      s%mesh%reference = s%mesh%x
-      s%round%listed_radius = s%round%radius
+      call mark_reference(s)
     end associate
   end subroutine list_near
 

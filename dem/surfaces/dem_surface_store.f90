@@ -11,10 +11,13 @@ module dem_surface_store
   use dem_surface_additional, only: surface_kept_reals
   use dem_surface_state, only: dem_surfaces_type, surface_soft, surface_cylinder, &
     surface_bore, soft_smooth
-  use dem_membrane, only: pull_membranes
+  use dem_membrane, only: pull_membranes, set_pressures, set_stretches, set_forces
+  use dem_surface_body, only: set_loads
   use dem_surface_contacts, only: begin_list, allocate_contacts, set_contacts, set_slots, &
     set_kept, set_shares
-  use dem_surface_make, only: mesh_type, check_mesh, add_mesh
+  use dem_surface_make, only: mesh_type, check_mesh
+  use dem_surface_values, only: add_mesh, set_places, set_velocities, set_swell, set_press, &
+    set_radii, set_sums, set_vertices, set_reference, set_vertex_loads, set_servos
   implicit none
   private
   public :: put_surfaces, get_surfaces
@@ -93,13 +96,13 @@ contains
     type(dem_surfaces_type), intent(inout) :: s
     real(wp), intent(in) :: values(:)
     real(wp) :: rows(5, s%n)
+    integer(i4) :: b
     rows = reshape(values(:5*s%n), [5, s%n])
-    s%round%swell = rows(1, :)
-    s%round%press = rows(2, :)
-    s%round%press_impulse = rows(3, :)
-    s%round%listed_radius = rows(4, :)
-    s%round%start_radius = rows(5, :)
-    s%round%radius = values(5*s%n + 1:)
+    do b = 1, s%n
+      call set_swell(s, b, rows(1, b))
+    end do
+    call set_press(s, rows(2, :), rows(3, :))
+    call set_radii(s, values(5*s%n + 1:), rows(4, :), rows(5, :))
   end subroutine get_bores
 
   !> History of additional contact models, each by its name, as in dem_additional_list.
@@ -231,19 +234,19 @@ contains
                         'the beginning')
       if (errors%count > before) return
       k = archive%find('surfaces.servo')
-      if (k > 0) s%servo = archive%item(k)%reals
+      if (k > 0) call set_servos(s, archive%item(k)%reals)
       k = archive%find('surfaces.bore')
       if (k > 0) call get_bores(s, archive%item(k)%reals(:, 1))
       k = archive%find('surfaces.given')
-      if (k > 0 .and. allocated(s%rigid%given)) s%rigid%given = archive%item(k)%reals
+      if (k > 0 .and. allocated(s%rigid%given)) call set_loads(s, archive%item(k)%reals)
       call get_bodies(s, archive, errors)
       k = archive%find('surfaces.membranes')
       if (k > 0 .and. allocated(s%membranes)) then
-        s%membranes%pressure = archive%item(k)%reals(:, 1)
-        s%membranes%stretch = archive%item(k)%reals(:, 2)
+        call set_pressures(s, archive%item(k)%reals(:, 1))
+        call set_stretches(s, archive%item(k)%reals(:, 2))
         call pull_membranes(s)
         k = archive%find('surfaces.press')  ! of the last step; the pressure may have changed since
-        if (k > 0) s%membranes%press = archive%item(k)%reals
+        if (k > 0) call set_forces(s, archive%item(k)%reals)
       end if
       if (errors%count == before) call get_contacts(s, int(sizes(5, 1), i4), d%grains%n, &
                                                     surface_kept_reals(d), archive, errors)
@@ -257,32 +260,24 @@ contains
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: part(:, :)
+    real(wp), allocatable :: bodies(:, :, :), turns(:, :, :), sums(:, :, :), vertices(:, :, :)
 
     call archive%get_reals('surfaces.body', 3*s%n, 4, part, errors)
-    s%centre = reshape(part(:, 1), [3, s%n])
-    s%velocity = reshape(part(:, 2), [3, s%n])
-    s%spin = reshape(part(:, 3), [3, s%n])
-    s%reference_x = reshape(part(:, 4), [3, s%n])
+    bodies = reshape(part, [3, s%n, 4])
     call archive%get_reals('surfaces.turn', 4*s%n, 2, part, errors)
-    s%quat = reshape(part(:, 1), [4, s%n])
-    s%reference_q = reshape(part(:, 2), [4, s%n])
+    turns = reshape(part, [4, s%n, 2])
     call archive%get_reals('surfaces.axis', 3, s%n, part, errors)
-    s%round%axis = part
+    call set_places(s, bodies(:, :, 1), turns(:, :, 1), part)
+    call set_velocities(s, bodies(:, :, 2), bodies(:, :, 3))
     call archive%get_reals('surfaces.sums', 3*s%parts, 4, part, errors)
-    s%sums%force = reshape(part(:, 1), [3, s%parts])
-    s%sums%moment = reshape(part(:, 2), [3, s%parts])
-    s%sums%impulse = reshape(part(:, 3), [3, s%parts])
-    s%sums%moment_impulse = reshape(part(:, 4), [3, s%parts])
+    sums = reshape(part, [3, s%parts, 4])
     call archive%get_reals('surfaces.work', 1, s%parts, part, errors)
-    s%sums%work = part(1, :)
+    call set_sums(s, sums, part(1, :))
     call archive%get_reals('surfaces.vertex', 3*s%mesh%vertices, 5, part, errors)
-    s%mesh%x = reshape(part(:, 1), [3, s%mesh%vertices])
-    s%mesh%v = reshape(part(:, 2), [3, s%mesh%vertices])
-    s%mesh%reference = reshape(part(:, 3), [3, s%mesh%vertices])
-    s%mesh%force = reshape(part(:, 4), [3, s%mesh%vertices])
-    s%mesh%impulse = reshape(part(:, 5), [3, s%mesh%vertices])
-    s%mesh%target = s%mesh%x
-    s%mesh%has_target = .false.
+    vertices = reshape(part, [3, s%mesh%vertices, 5])
+    call set_vertices(s, 1_i4, vertices(:, :, 1), vertices(:, :, 2))
+    call set_reference(s, bodies(:, :, 4), turns(:, :, 2), vertices(:, :, 3))
+    call set_vertex_loads(s, vertices(:, :, 4), vertices(:, :, 5))
   end subroutine get_bodies
 
   subroutine get_contacts(s, near, grains, reals, archive, errors)

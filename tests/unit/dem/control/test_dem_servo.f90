@@ -10,7 +10,8 @@ program test_dem_servo
   use dem_make, only: make_grains, make_planes
   use dem_measure, only: wall_stiffness, wall_stiffnesses
   use dem_servo, only: dem_servo_type, measured_area
-  use dem_surface_make, only: mesh_type, join_corners, check_mesh, add_mesh
+  use dem_surface_make, only: mesh_type, join_corners, check_mesh
+  use dem_surface_values, only: add_mesh
   use dem_surface_servo, only: surface_servo_type, surface_stiffness_along
   use dem_surface_state, only: surface_rigid
   use dem_system, only: dem_system_type

@@ -13,7 +13,8 @@ program test_dem_surface
   use dem_law_registry, only: find_law, bind_law
   use dem_make, only: make_grains, make_planes
   use dem_surface_state, only: surface_rigid, surface_soft
-  use dem_surface_make, only: mesh_type, join_corners, check_mesh, add_mesh
+  use dem_surface_make, only: mesh_type, join_corners, check_mesh
+  use dem_surface_values, only: add_mesh
   use dem_system, only: dem_system_type
   implicit none
   type(test_type) :: test

@@ -13,7 +13,8 @@ program test_dem_membrane
   use dem_ellipsoid, only: rotation_of
   use dem_surface_feature, only: features_type, touches_type, most_features
   use dem_surface_find, only: find_touches
-  use dem_surface_make, only: mesh_type, join_corners, check_mesh, add_mesh
+  use dem_surface_make, only: mesh_type, join_corners, check_mesh
+  use dem_surface_values, only: add_mesh
   use dem_surface_state, only: dem_surfaces_type, surface_membrane
   implicit none
   type(test_type) :: test

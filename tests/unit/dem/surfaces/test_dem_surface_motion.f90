@@ -3,7 +3,8 @@
 program test_dem_surface_motion
   use talus_kinds, only: wp, i4
   use talus_test, only: test_type
-  use dem_surface_make, only: mesh_type, add_mesh
+  use dem_surface_make, only: mesh_type
+  use dem_surface_values, only: add_mesh
   use dem_surface_motion, only: finish_surfaces
   use dem_surface_state, only: dem_surfaces_type, surface_rigid
   implicit none

@@ -11,7 +11,8 @@ program test_dem_bodies
   use dem_round_gap, only: bore_gap, most_places
   use dem_surface_body, only: no_free_bodies, is_free, load_left
   use dem_surface_state, only: surface_rigid
-  use dem_surface_make, only: mesh_type, join_corners, check_mesh, add_mesh
+  use dem_surface_make, only: mesh_type, join_corners, check_mesh
+  use dem_surface_values, only: add_mesh
   use dem_system, only: dem_system_type
   implicit none
   type(test_type) :: test
