@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
@@ -25,6 +26,7 @@ int talus_c_open_append(const char *path, int fresh, int *fd);
 int talus_c_write(int fd, const char *data, int64_t size);
 int talus_c_close(int fd, int sync);
 int talus_c_truncate(const char *path, int64_t size);
+int talus_c_reserve(const char *path, int64_t bytes);
 int talus_c_list(const char *folder, const char *prefix, char **text, int64_t *size);
 void talus_c_free(char *text);
 
@@ -145,6 +147,30 @@ int talus_c_close(int fd, int sync)
 int talus_c_truncate(const char *path, int64_t size)
 {
     return truncate(path, (off_t)size) == 0 ? 0 : errno;
+}
+
+/* Room for so many bytes behind the end of a file, whose size stays. Where the file system cannot
+   reserve, what is free must do. */
+int talus_c_reserve(const char *path, int64_t bytes)
+{
+    struct rlimit most;
+    struct stat st;
+    struct statvfs disk;
+    int error = 0, fd = open(path, O_WRONLY | O_CLOEXEC);
+    if (fd < 0) return errno;
+    if (fstat(fd, &st) != 0) {
+        error = errno;
+    } else if (getrlimit(RLIMIT_FSIZE, &most) == 0 && most.rlim_cur != RLIM_INFINITY &&
+               (rlim_t)(st.st_size + bytes) > most.rlim_cur) {
+        error = EFBIG;
+    } else if (fallocate(fd, FALLOC_FL_KEEP_SIZE, st.st_size, (off_t)bytes) != 0) {
+        error = errno;
+        if (error == EOPNOTSUPP || error == ENOSYS || error == EINVAL || error == EINTR)
+            error = fstatvfs(fd, &disk) == 0 &&
+                            (int64_t)disk.f_bavail * (int64_t)disk.f_frsize < bytes ? ENOSPC : 0;
+    }
+    if (close(fd) != 0 && error == 0) error = errno;
+    return error;
 }
 
 static int by_name(const struct dirent **a, const struct dirent **b)

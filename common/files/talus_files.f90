@@ -15,7 +15,8 @@ module talus_files
   public :: file_size, file_changed, disk_free, list_files
   public :: make_folder, remove_empty_folder
   public :: rename_file, link_file, remove_file, sync_file, sync_folder
-  public :: open_append, write_text, close_file, truncate_file, replace_file, read_file, write_fault
+  public :: open_append, write_text, close_file, truncate_file, reserve_room
+  public :: replace_file, read_file, write_fault
   public :: folder_of, name_of, stem_of, run_stem
 
   integer(i4), parameter :: no_space = 28, file_too_big = 27, over_quota = 122  !! Linux errno
@@ -90,6 +91,11 @@ module talus_files
       character(kind=c_char), intent(in) :: path(*)
       integer(c_int64_t), value :: size
     end function c_truncate
+    integer(c_int) function c_reserve(path, bytes) bind(c, name='talus_c_reserve')
+      import :: c_char, c_int, c_int64_t
+      character(kind=c_char), intent(in) :: path(*)
+      integer(c_int64_t), value :: bytes
+    end function c_reserve
     integer(c_int) function c_list(folder, prefix, text, size) bind(c, name='talus_c_list')
       import :: c_char, c_int, c_int64_t, c_ptr
       character(kind=c_char), intent(in) :: folder(*), prefix(*)
@@ -305,6 +311,16 @@ contains
     stat = c_truncate(c_string(path), bytes)
     if (stat /= 0) call write_fault(path, stat, errors)
   end subroutine truncate_file
+
+  !> Room for so many bytes more behind the end of a file (S002), whose size stays.
+  subroutine reserve_room(path, bytes, errors)
+    character(len=*), intent(in) :: path
+    integer(i8), intent(in) :: bytes
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: stat
+    stat = c_reserve(c_string(path), bytes)
+    if (stat /= 0) call write_fault(path, stat, errors)
+  end subroutine reserve_room
 
   !> Write a text file whole: under path.tmp, synced, then renamed. Readers never see a part of it.
   subroutine replace_file(path, text, errors)

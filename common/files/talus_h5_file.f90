@@ -24,6 +24,8 @@ module talus_h5_file
     character(len=:), allocatable :: actual   !! name now: path.tmp until commit
     logical :: writes = .false.               !! open for writing
     logical :: failed = .false.               !! a write has failed: no more are tried
+    integer(i8) :: spare = 0_i8               !! bytes that stay reserved behind the file, for
+                                              !! what HDF5 adds to arrays; 0: none, nor for these
     integer(i8) :: slab(2) = [0_i8, -1_i8]    !! arrays that are put now begin at this index from 0
                                               !! of datasets of this length; < 0: they are whole
   contains
@@ -64,6 +66,7 @@ contains
     self%actual = path//'.tmp'
     self%writes = .true.
     self%failed = .false.
+    self%spare = 0
     call h5fcreate_f(self%actual, h5f_acc_trunc_f, self%id, stat)
     if (stat < 0) then
       self%id = -1
@@ -89,6 +92,7 @@ contains
     self%actual = path
     self%writes = .false.
     self%failed = .false.
+    self%spare = 0
     self%id = -1
     if (present(write)) self%writes = write
     if (.not. looks_right(path, errors)) return

@@ -12,6 +12,7 @@ module talus_hdf5
   use hdf5, only: hsize_t
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
+  use talus_files, only: reserve_room
   use talus_h5_file, only: h5_base_type
   use talus_h5_raw, only: kind_integer4, kind_integer8, kind_real, write_dataset, write_slab, &
     read_dataset, write_attribute, read_attribute, object_shape
@@ -79,6 +80,8 @@ module talus_hdf5
     procedure, private :: attr_get_text
   end type h5_file_type
 
+  integer(i8), parameter :: widest = 8_i8  !! bytes of a value
+
 contains
 
   !> An array, or its part in a slab.
@@ -90,6 +93,8 @@ contains
     type(c_ptr), intent(in) :: data
     type(error_list_type), intent(inout) :: errors
     if (self%silent()) return
+    call reserve(self, extent, errors)
+    if (self%failed) return
     if (self%slab(2) < 0) then
       call write_dataset(self%id, self%path, name, kind_code, extent, data, errors)
     else
@@ -97,6 +102,22 @@ contains
     end if
     call self%note(errors)
   end subroutine put_array
+
+  !> Room for an array, or for the whole of which the first slab is put, so that a full disk is
+  !! found before the file is touched.
+  subroutine reserve(self, extent, errors)
+    class(h5_file_type), intent(inout) :: self
+    integer(hsize_t), intent(in) :: extent(:)
+    type(error_list_type), intent(inout) :: errors
+    integer(i8) :: values
+    integer(i4) :: before
+    if (self%spare == 0 .or. self%slab(1) > 0) return
+    values = product(extent)
+    if (self%slab(2) >= 0) values = product(extent(:size(extent) - 1))*self%slab(2)
+    before = errors%count
+    call reserve_room(self%actual, widest*values + self%spare, errors)
+    self%failed = errors%count > before
+  end subroutine reserve
 
   subroutine put_int4_0(self, name, value, errors)
     class(h5_file_type), intent(inout) :: self

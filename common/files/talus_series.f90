@@ -2,12 +2,13 @@
 !! attributes time [s], count and complete.
 !!
 !! The file is opened, added to and closed for every step, so that an interrupted run leaves the
-!! earlier steps readable and a viewer can read in between. On restart the steps later than the
-!! checkpoint are removed; an unreadable file is moved aside and reported in note.
+!! earlier steps readable and a viewer can read in between. Room for a step is reserved before the
+!! file is touched: on a full disk the step is absent and the file whole. On restart the steps
+!! later than the checkpoint are removed; an unreadable file is moved aside and reported in note.
 module talus_series
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use talus_files, only: file_exists, rename_file
+  use talus_files, only: file_exists, file_size, rename_file, reserve_room, truncate_file
   use talus_hdf5, only: h5_file_type
   use talus_text, only: string_type
   implicit none
@@ -29,6 +30,8 @@ module talus_series
     integer(i4) :: count = 0                      !! whole steps in the file
     type(step_type), allocatable :: step(:)
     type(step_type), private :: current
+    integer(i8), private :: before = 0            !! bytes of the file without the current step
+    integer(i8), private :: growth = 0            !! largest step so far [bytes]
   contains
     procedure :: start
     procedure :: resume
@@ -36,6 +39,8 @@ module talus_series
     procedure :: end_step
     procedure :: step_path
   end type series_type
+
+  integer(i8), parameter :: spare = 262144_i8  !! for what HDF5 adds to the arrays of a step
 
 contains
 
@@ -134,10 +139,17 @@ contains
     type(h5_file_type), intent(inout) :: file
     character(len=:), allocatable, intent(out) :: group
     type(error_list_type), intent(inout) :: errors
+    integer(i4) :: faults
     self%current = step_type(time=time)
     if (self%count > 0) self%current%number = self%step(self%count)%number + 1
     group = group_name(self%current%number)
+    file%failed = .true.
+    faults = errors%count
+    call reserve_room(self%path, spare + self%growth + self%growth/4_i8, errors)
+    if (errors%count > faults) return
+    self%before = file_size(self%path)
     call file%open(self%path, errors, format=self%format, write=.true.)
+    file%spare = spare
     if (file%exists(group)) call file%delete(group, errors)
     call file%group(group, errors)
     call file%attr_put(group, 'time', time, errors)
@@ -158,7 +170,11 @@ contains
     call file%attr_put(group, 'complete', 1_i4, errors)
     whole = .not. file%silent()
     call file%close(errors)
-    if (whole .and. .not. file%failed) call add(self, self%current)
+    if (whole .and. .not. file%failed) then
+      call add(self, self%current)
+      self%growth = max(self%growth, file_size(self%path) - self%before)
+    end if
+    if (file_exists(self%path)) call truncate_file(self%path, file_size(self%path), errors)
   end subroutine end_step
 
   !> Group of step k (1 is the first) in the file.
