@@ -9,7 +9,7 @@ module fem_mesh_checks
   use fem_quadrature, only: fem_rule_type, tabulate, mass_degree
   use fem_topology, only: element_nodes, facet_nodes, facet_total, fem_faces_type, list_faces, &
     find_face, nodes_of_face, twin_of, same_set
-  use fem_types, only: fem_mesh_type, group_facet
+  use fem_types, only: fem_mesh_type, fem_group_type, group_facet, group_volume
   implicit none
   private
   public :: check_ids, check_mesh
@@ -19,7 +19,7 @@ module fem_mesh_checks
 contains
 
   !> All checks that follow `check_ids`, each only if those before it found nothing; faults I302,
-  !! I303, I305, I308.
+  !! I303, I305, I308, I310.
   subroutine check_mesh(path, mesh, errors)
     character(len=*), intent(in) :: path
     type(fem_mesh_type), intent(in) :: mesh
@@ -27,6 +27,7 @@ contains
     type(fem_faces_type) :: faces
 
     call check_nodes(path, mesh, errors)
+    call check_groups(path, mesh, errors)
     if (.not. errors%any()) call check_shape(path, mesh, errors)
     if (errors%any()) return
     call list_faces(mesh, faces)
@@ -47,6 +48,65 @@ contains
       return
     end do
   end subroutine check_nodes
+
+  !> Fault I310 for the first group without members or with an element twice.
+  subroutine check_groups(path, mesh, errors)
+    character(len=*), intent(in) :: path
+    type(fem_mesh_type), intent(in) :: mesh
+    type(error_list_type), intent(inout) :: errors
+    logical :: seen(mesh%elements)
+    integer(i4) :: g, k
+
+    do g = 1, size(mesh%group)
+      associate (group => mesh%group(g))
+        if (size(group%node) == 0) then
+          call errors%add('I310', "group '"//trim(group%name)//"' is empty", path, &
+                          'a load or a support there would do nothing: fill the group or leave '// &
+                          'it out')
+          return
+        end if
+        if (group%kind == group_facet) call check_cells(path, group, mesh%elements, errors)
+        if (errors%any()) return
+        if (group%kind /= group_volume) cycle
+        seen = .false.
+        do k = 1, size(group%element)
+          if (seen(group%element(k))) then
+            call member_twice(path, trim(group%name), 'element '//str(group%element(k)), errors)
+            return
+          end if
+          seen(group%element(k)) = .true.
+        end do
+      end associate
+    end do
+  end subroutine check_groups
+
+  !> Fault I305 where the elements that a group's facets name are not one a facet, or do not exist.
+  subroutine check_cells(path, group, elements, errors)
+    character(len=*), intent(in) :: path
+    type(fem_group_type), intent(in) :: group
+    integer(i4), intent(in) :: elements
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: f
+    if (.not. allocated(group%element)) return
+    f = 0
+    if (size(group%element) == facet_total(group)) &
+      f = findloc(group%element < 1 .or. group%element > elements, .true., 1)
+    if (f == 0 .and. size(group%element) == facet_total(group)) return
+    if (f == 0) then
+      call errors%add('I305', "group '"//trim(group%name)//"' has "//str(facet_total(group))// &
+                      ' facets and names '//str(size(group%element, kind=i4))//' elements', path)
+    else
+      call errors%add('I305', 'facet '//str(f)//" of group '"//trim(group%name)// &
+                      "' names element "//str(group%element(f))//' of '//str(elements), path)
+    end if
+  end subroutine check_cells
+
+  subroutine member_twice(path, group, member, errors)
+    character(len=*), intent(in) :: path, group, member
+    type(error_list_type), intent(inout) :: errors
+    call errors%add('I310', "group '"//group//"' holds "//member//' twice', path, &
+                    'loads there would count twice: give it once')
+  end subroutine member_twice
 
   !> Fault I305 for ids out of range or twice in an element, I304 for nodes of no element.
   subroutine check_ids(path, mesh, errors)
@@ -136,19 +196,31 @@ contains
     if (abs(least) <= flat*size3) least = 0.0_wp
   end subroutine least_jacobian
 
-  !> Fault I305 for the first facet of a group that is no face of an element.
+  !> Fault I305 for the first facet of a group that is no face of an element, I310 for one that the
+  !! group has twice.
   subroutine check_facets(path, mesh, faces, errors)
     character(len=*), intent(in) :: path
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_faces_type), intent(in) :: faces
     type(error_list_type), intent(inout) :: errors
-    integer(i4) :: g, f
+    integer(i4), allocatable :: last(:)  !! group in which each face was met last
+    integer(i4) :: g, f, face
 
+    allocate (last(faces%n), source=0_i4)
     do g = 1, size(mesh%group)
       if (mesh%group(g)%kind /= group_facet) cycle
       do f = 1, facet_total(mesh%group(g))
         associate (group => mesh%group(g))
-          if (find_face(mesh, faces, group%facet_kind(f), facet_nodes(group, f)) > 0) cycle
+          face = find_face(mesh, faces, group%facet_kind(f), facet_nodes(group, f))
+          if (face > 0) then
+            if (last(face) == g) then
+              call member_twice(path, trim(group%name), 'facet '//str(f)//' (nodes '// &
+                                str(facet_nodes(group, f))//')', errors)
+              return
+            end if
+            last(face) = g
+            cycle
+          end if
           call errors%add('I305', 'facet '//str(f)//" of group '"//trim(group%name)// &
                           "' (nodes "//str(facet_nodes(group, f))// &
                           ') is no face of an element', path, &
