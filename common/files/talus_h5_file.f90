@@ -15,7 +15,7 @@ module talus_h5_file
   use talus_text, only: str, string_type
   implicit none
   private
-  public :: h5_base_type
+  public :: h5_base_type, free_place
 
   !> A file that is open, or not (id = -1).
   type :: h5_base_type
@@ -65,6 +65,13 @@ contains
     self%path = path
     self%actual = path//'.tmp'
     self%writes = .true.
+    self%id = -1
+    if (present(format)) then
+      if (.not. free_place(path, format, errors)) then
+        self%failed = .true.
+        return
+      end if
+    end if
     self%failed = .false.
     self%spare = 0
     call h5fcreate_f(self%actual, h5f_acc_trunc_f, self%id, stat)
@@ -77,6 +84,30 @@ contains
       call self%note(errors)
     end if
   end subroutine create
+
+  !> Is there no file whose content is of another format (S015)? A damaged one has none.
+  logical function free_place(path, format, errors)
+    character(len=*), intent(in) :: path, format
+    type(error_list_type), intent(inout) :: errors
+    type(error_list_type) :: ignored
+    type(h5_base_type) :: old
+    character(len=:), allocatable :: seen
+    logical :: found
+
+    free_place = .true.
+    if (.not. file_exists(path)) return
+    call old%open(path, ignored)
+    if (.not. old%is_open()) return
+    call read_text_attribute(old%id, '/', 'format', seen, found)
+    free_place = found
+    if (found) free_place = seen == format
+    call old%close(ignored)
+    if (free_place) return
+    if (.not. found) seen = 'unknown'
+    call errors%add('S015', "'"//path//"' would be overwritten: it is no "//format// &
+                    " file, its format is '"//seen//"'", path, &
+                    'rename it or the deck, or write elsewhere with --output=DIR')
+  end function free_place
 
   !> Open a file that is there; with format given its attribute must be this one.
   subroutine open_file(self, path, errors, format, write)

@@ -1,10 +1,12 @@
 !> When to stop before the end: a signal, the wall limit, or a stop file.
 !!
 !! check() is cheap enough for every step. A stop file is removed when it is seen, so that the
-!! restarted run does not stop at once.
+!! restarted run does not stop at once; one too large for a sign is somebody's data, and stays.
 module talus_stop
-  use talus_kinds, only: wp, i4
-  use talus_files, only: file_exists, remove_file
+  use talus_kinds, only: wp, i4, i8
+  use talus_deck, only: deck_type
+  use talus_errors, only: error_list_type
+  use talus_files, only: file_exists, file_size, remove_file
   use talus_system, only: install_signals, signal_seen, signal_checkpoint, wall_clock
   use talus_text, only: str
   implicit none
@@ -16,6 +18,7 @@ module talus_stop
   integer(i4), parameter :: stop_wall = 2    !! the wall limit is reached
   integer(i4), parameter :: stop_file = 3    !! the stop file is there
 
+  integer(i8), parameter :: largest_sign = 4096_i8       !! bytes of a stop file that is removed
   real(wp), parameter :: check_interval = 0.5_wp         !! [s] between checks of the stop file
 
   !> Reasons to stop that are watched.
@@ -27,6 +30,7 @@ module talus_stop
     real(wp), private :: looked = 0.0_wp             !! wall clock at the last check [s]
   contains
     procedure :: init
+    procedure :: read => read_stops
     procedure :: check
     procedure :: checkpoint_asked
     procedure :: elapsed
@@ -34,6 +38,32 @@ module talus_stop
   end type stop_type
 
 contains
+
+  !> Watch for what &run of the deck says; a run under a coupler has no limits of its own. A stop
+  !! file that is there already and holds something is refused (D027), as it would be removed.
+  subroutine read_stops(self, deck, served, errors)
+    class(stop_type), intent(inout) :: self
+    type(deck_type), intent(in) :: deck
+    logical, intent(in) :: served  !! the run is a partner's
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: file
+    real(wp) :: wall_limit
+
+    wall_limit = 0.0_wp
+    file = ''
+    if (.not. served) then
+      call deck%get('run', 1, 'wall_limit', wall_limit)
+      call deck%get('run', 1, 'stop_file', file)
+      if (len(file) > 0) file = deck%path('run', 1, 'stop_file')
+    end if
+    if (len(file) > 0) then
+      if (file_exists(file) .and. file_size(file) > 0) call deck%fault(errors, 'D027', &
+        "the stop file '"//file//"' is there and holds "//str(file_size(file))// &
+        ' bytes: it would be removed', 'run', 1, 'stop_file', &
+        'give a name that no other file has; remove a sign that was left behind')
+    end if
+    call self%init(wall_limit, file, obey_signals=.not. served)
+  end subroutine read_stops
 
   !> Watch from here on. A run under a coupler obeys no signals: they are the coupler's.
   subroutine init(self, wall_limit, file, obey_signals)
@@ -77,7 +107,7 @@ contains
 
     if (.not. file_exists(self%file)) return
     self%reason = stop_file
-    call remove_file(self%file)
+    if (file_size(self%file) <= largest_sign) call remove_file(self%file)
   end subroutine check_file
 
   !> True once after SIGUSR1: write a checkpoint and go on.

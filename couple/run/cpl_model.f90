@@ -96,10 +96,11 @@ contains
   subroutine open_run(self, errors)
     class(cpl_model_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: stop_file, path
-    real(wp) :: wall_limit
+    character(len=:), allocatable :: path
     integer(i4) :: k
 
+    call self%run%stop%read(self%run%deck, .false., errors)
+    if (errors%any()) return
     self%new_folder = .not. folder_exists(folder_of(self%run%stem))
     call make_folder(folder_of(self%run%stem), errors)
     if (.not. errors%any()) call self%lock%take(self%run%stem, program_name, errors)
@@ -125,10 +126,6 @@ contains
     do k = 1, size(self%warnings)
       call self%run%log%warn(self%warnings(k)%s)
     end do
-    call self%run%deck%get('run', 1, 'wall_limit', wall_limit)
-    call self%run%deck%get('run', 1, 'stop_file', stop_file)
-    if (len(stop_file) > 0) stop_file = self%run%deck%path('run', 1, 'stop_file')
-    call self%run%stop%init(wall_limit, stop_file)
   end subroutine open_run
 
   !> From here on the log is also a file.

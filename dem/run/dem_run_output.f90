@@ -25,7 +25,6 @@ module dem_run_output
     procedure :: write_row
     procedure :: save_checkpoint
     procedure :: close_files
-    procedure, private :: watch_stops
   end type dem_written_run_type
 
 contains
@@ -35,10 +34,14 @@ contains
   subroutine open_run(self, errors)
     class(dem_written_run_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: packing
     integer(i4) :: k
 
-    call self%watch_stops()
+    call self%stop%read(self%deck, self%served, errors)
+    if (errors%any()) return
     call make_folder(folder_of(self%stem), errors)
+    call self%deck%get('output', 1, 'packing', packing)
+    if (len(packing) > 0) call make_folder(folder_of(folder_of(self%stem)//'/'//packing), errors)
     if (.not. errors%any()) call self%lock%take(self%stem, program_name, errors)
     if (errors%any()) return
     call self%log%open(self%stem//'.log', errors, append=self%start_time >= 0.0_wp)
@@ -99,21 +102,6 @@ contains
     call self%surcharge%write(t, self%system%dem_data_type, errors)
     call self%flow%write(t, self%system%dem_data_type, errors)
   end subroutine write_histories
-
-  !> Signals, wall limit and stop file are watched from here on; a partner has its own.
-  subroutine watch_stops(self)
-    class(dem_written_run_type), intent(inout) :: self
-    character(len=:), allocatable :: stop_file
-    real(wp) :: wall_limit
-    wall_limit = 0.0_wp
-    stop_file = ''
-    if (.not. self%served) then
-      call self%deck%get('run', 1, 'wall_limit', wall_limit)
-      call self%deck%get('run', 1, 'stop_file', stop_file)
-      if (len(stop_file) > 0) stop_file = self%deck%path('run', 1, 'stop_file')
-    end if
-    call self%stop%init(wall_limit, stop_file, obey_signals=.not. self%served)
-  end subroutine watch_stops
 
   !> Histories, fields and log rows that are due.
   subroutine write_due(self, errors)

@@ -3,6 +3,7 @@ module dem_setup_run
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use talus_files, only: folder_of, name_of, same_file
+  use talus_h5_file, only: free_place
   implicit none
   private
   public :: spare_inputs
@@ -16,6 +17,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     character(len=*), parameter :: hint = 'rename one of both; results are named as the deck'
     character(len=:), allocatable :: input, packing
+    logical :: free
 
     input = deck%path('particles', 1, 'file')
     if (deck%count('output') == 0) return
@@ -30,6 +32,11 @@ contains
     else if (packing == folder_of(stem)//'/'//name_of(stem)//'.h5') then
       call deck%fault(errors, 'D249', 'the last state would overwrite the fields of this run', &
                       'output', 1, 'packing', hint)
+    else if (index(name_of(packing), name_of(stem)//'.chk') == 1) then
+      call deck%fault(errors, 'D249', 'the last state would overwrite checkpoints of this run', &
+                      'output', 1, 'packing', hint)
+    else
+      free = free_place(packing, 'talus-packing', errors)
     end if
   end subroutine spare_inputs
 end module dem_setup_run

@@ -20,10 +20,11 @@ contains
     type(fem_model_type), intent(inout) :: model
     type(error_list_type), intent(inout) :: errors
     type(string_type), allocatable :: lines(:)
-    character(len=:), allocatable :: title, stop_file
-    real(wp) :: wall_limit
+    character(len=:), allocatable :: title
     integer(i4) :: k
 
+    call model%stop%read(model%deck, model%served, errors)
+    if (errors%any()) return
     call open_log(model, errors)
     if (errors%any()) return
     model%opened = .true.
@@ -48,14 +49,6 @@ contains
     call row_titles(model%log)
     call model%output%open(model%deck, model%stem, model%body, model%analysis, model%start_time, &
                            errors)
-    wall_limit = 0.0_wp
-    stop_file = ''
-    if (.not. model%served) then
-      call model%deck%get('run', 1, 'wall_limit', wall_limit)
-      call model%deck%get('run', 1, 'stop_file', stop_file)
-      if (len(stop_file) > 0) stop_file = model%deck%path('run', 1, 'stop_file')
-    end if
-    call model%stop%init(wall_limit, stop_file, obey_signals=.not. model%served)
     call model%ranks%agree(errors)
     if (model%start_time < 0.0_wp .and. .not. (model%analysis%listed .or. errors%any())) &
       call model%output%write_due(model%body, model%analysis, .false., errors)
