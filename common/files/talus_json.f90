@@ -5,7 +5,7 @@ module talus_json
   use talus_text, only: string_type, str, is_finite
   implicit none
   private
-  public :: json_type, json_escape
+  public :: json_type, json_escape, utf8_bytes
 
   integer(i4), parameter :: deepest = 32          !! levels of nesting
   character(len=*), parameter :: newline = achar(10)
@@ -210,10 +210,13 @@ contains
     character(len=*), intent(in) :: text
     character(len=:), allocatable :: escaped
     character(len=6) :: code
-    integer(i4) :: k
+    integer(i4) :: k, last  !! last: of the character that is being copied
 
     escaped = ''
+    last = 0
     do k = 1, len(text)
+      if (k <= last) cycle
+      last = k
       select case (iachar(text(k:k)))
       case (34, 92)
         escaped = escaped//'\'//text(k:k)
@@ -226,9 +229,43 @@ contains
       case (0:8, 11, 12, 14:31)
         write (code, '(a,z4.4)') '\u', iachar(text(k:k))
         escaped = escaped//code
+      case (128:)
+        last = k + utf8_bytes(text(k:)) - 1
+        write (code, '(a,z4.4)') '\u', iachar(text(k:k))
+        if (last >= k) code = text(k:last)
+        last = max(last, k)
+        escaped = escaped//trim(code)
       case default
         escaped = escaped//text(k:k)
       end select
     end do
   end function json_escape
+
+  !> Bytes of the character of UTF-8 with which the text begins; 0 if it begins with none.
+  pure integer(i4) function utf8_bytes(text) result(bytes)
+    character(len=*), intent(in) :: text
+    integer(i4) :: k, low, high
+    low = 128
+    high = 191
+    bytes = 0
+    select case (iachar(text(1:1)))
+    case (:127); bytes = 1
+    case (194:223); bytes = 2
+    case (224:239); bytes = 3
+    case (240:244); bytes = 4
+    end select
+    if (iachar(text(1:1)) == 224) low = 160   ! no second form of shorter ones
+    if (iachar(text(1:1)) == 240) low = 144
+    if (iachar(text(1:1)) == 237) high = 159  ! no halves of pairs
+    if (iachar(text(1:1)) == 244) high = 143  ! none beyond the last
+    if (bytes > len(text)) bytes = 0
+    do k = 2, bytes
+      if (iachar(text(k:k)) < low .or. iachar(text(k:k)) > high) then
+        bytes = 0
+        return
+      end if
+      low = 128
+      high = 191
+    end do
+  end function utf8_bytes
 end module talus_json

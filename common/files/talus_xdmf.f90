@@ -9,6 +9,7 @@ module talus_xdmf
   use talus_errors, only: error_list_type
   use talus_files, only: name_of, replace_file
   use talus_series, only: series_type
+  use talus_json, only: utf8_bytes
   use talus_text, only: str, string_type
   implicit none
   private
@@ -123,7 +124,7 @@ contains
     integer(i4) :: a
 
     group = series%step_path(k)
-    source = name_of(series%path)//':'//group
+    source = xml_text(name_of(series%path))//':'//group
     nodes = merge(series%step(k)%count, self%node_count, self%form == shape_points)
     text = '<Grid Name="'//group(len('/steps/') + 1:)//'"><Time Value="'// &
            str(series%step(k)%time)//'"/>'//nl
@@ -191,11 +192,35 @@ contains
     end select
   end function attribute_text
 
+  !> A text inside a quoted attribute or an element: marks of XML escaped; what XML cannot hold
+  !! becomes a question mark.
+  pure function xml_text(text) result(escaped)
+    character(len=*), intent(in) :: text
+    character(len=:), allocatable :: escaped
+    integer(i4) :: k, more
+    escaped = ''
+    more = 0
+    do k = 1, len(text)
+      more = more - 1
+      select case (iachar(text(k:k)))
+      case (34); escaped = escaped//'&quot;'
+      case (38); escaped = escaped//'&amp;'
+      case (60); escaped = escaped//'&lt;'
+      case (62); escaped = escaped//'&gt;'
+      case (0:8, 11, 12, 14:31); escaped = escaped//'?'
+      case (128:)
+        if (more <= 0) more = utf8_bytes(text(k:))
+        escaped = escaped//merge(text(k:k), '?', more > 0)
+      case default; escaped = escaped//text(k:k)
+      end select
+    end do
+  end function xml_text
+
   pure function opening(attribute, name, type_name) result(text)
     type(attribute_type), intent(in) :: attribute
     character(len=*), intent(in) :: name, type_name
     character(len=:), allocatable :: text
-    text = '<Attribute Name="'//name//'" AttributeType="'//type_name//'" Center="'// &
+    text = '<Attribute Name="'//xml_text(name)//'" AttributeType="'//type_name//'" Center="'// &
            merge('Node', 'Cell', attribute%centre == xdmf_node)//'">'
   end function opening
 

@@ -54,31 +54,38 @@ contains
     character(len=*), intent(in) :: path
     type(fem_mesh_type), intent(in) :: mesh
     type(error_list_type), intent(inout) :: errors
-    logical :: seen(mesh%elements)
-    integer(i4) :: g, k
+    integer(i4) :: g
 
     do g = 1, size(mesh%group)
-      associate (group => mesh%group(g))
-        if (size(group%node) == 0) then
-          call errors%add('I310', "group '"//trim(group%name)//"' is empty", path, &
-                          'a load or a support there would do nothing: fill the group or leave '// &
-                          'it out')
-          return
-        end if
-        if (group%kind == group_facet) call check_cells(path, group, mesh%elements, errors)
-        if (errors%any()) return
-        if (group%kind /= group_volume) cycle
-        seen = .false.
-        do k = 1, size(group%element)
-          if (seen(group%element(k))) then
-            call member_twice(path, trim(group%name), 'element '//str(group%element(k)), errors)
-            return
-          end if
-          seen(group%element(k)) = .true.
-        end do
-      end associate
+      if (size(mesh%group(g)%node) == 0) &
+        call errors%add('I310', "group '"//trim(mesh%group(g)%name)//"' is empty", path, &
+                        'a load or a support there would do nothing: fill the group or leave '// &
+                        'it out')
+      if (mesh%group(g)%kind == group_facet) &
+        call check_cells(path, mesh%group(g), mesh%elements, errors)
+      if (mesh%group(g)%kind == group_volume) &
+        call check_once(path, mesh%group(g), mesh%elements, errors)
+      if (errors%any()) return
     end do
   end subroutine check_groups
+
+  !> Fault I310 for the first element that a group has twice.
+  subroutine check_once(path, group, elements, errors)
+    character(len=*), intent(in) :: path
+    type(fem_group_type), intent(in) :: group
+    integer(i4), intent(in) :: elements
+    type(error_list_type), intent(inout) :: errors
+    logical :: seen(elements)
+    integer(i4) :: k
+    seen = .false.
+    do k = 1, size(group%element)
+      if (seen(group%element(k))) then
+        call member_twice(path, group, 'element '//str(group%element(k)), errors)
+        return
+      end if
+      seen(group%element(k)) = .true.
+    end do
+  end subroutine check_once
 
   !> Fault I305 where the elements that a group's facets name are not one a facet, or do not exist.
   subroutine check_cells(path, group, elements, errors)
@@ -102,9 +109,10 @@ contains
   end subroutine check_cells
 
   subroutine member_twice(path, group, member, errors)
-    character(len=*), intent(in) :: path, group, member
+    character(len=*), intent(in) :: path, member
+    type(fem_group_type), intent(in) :: group
     type(error_list_type), intent(inout) :: errors
-    call errors%add('I310', "group '"//group//"' holds "//member//' twice', path, &
+    call errors%add('I310', "group '"//trim(group%name)//"' holds "//member//' twice', path, &
                     'loads there would count twice: give it once')
   end subroutine member_twice
 
@@ -208,25 +216,21 @@ contains
 
     allocate (last(faces%n), source=0_i4)
     do g = 1, size(mesh%group)
-      if (mesh%group(g)%kind /= group_facet) cycle
       do f = 1, facet_total(mesh%group(g))
-        associate (group => mesh%group(g))
-          face = find_face(mesh, faces, group%facet_kind(f), facet_nodes(group, f))
-          if (face > 0) then
-            if (last(face) == g) then
-              call member_twice(path, trim(group%name), 'facet '//str(f)//' (nodes '// &
-                                str(facet_nodes(group, f))//')', errors)
-              return
-            end if
-            last(face) = g
-            cycle
-          end if
-          call errors%add('I305', 'facet '//str(f)//" of group '"//trim(group%name)// &
-                          "' (nodes "//str(facet_nodes(group, f))// &
+        face = find_face(mesh, faces, mesh%group(g)%facet_kind(f), facet_nodes(mesh%group(g), f))
+        if (face == 0) then
+          call errors%add('I305', 'facet '//str(f)//" of group '"//trim(mesh%group(g)%name)// &
+                          "' (nodes "//str(facet_nodes(mesh%group(g), f))// &
                           ') is no face of an element', path, &
                           'facet groups hold faces of the elements, with all their nodes')
-        end associate
-        return
+          return
+        end if
+        if (last(face) == g) then
+          call member_twice(path, mesh%group(g), 'facet '//str(f)//' (nodes '// &
+                            str(facet_nodes(mesh%group(g), f))//')', errors)
+          return
+        end if
+        last(face) = g
       end do
     end do
   end subroutine check_facets

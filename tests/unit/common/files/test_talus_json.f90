@@ -3,7 +3,7 @@ program test_talus_json
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use talus_kinds, only: wp, i8
   use talus_text, only: string_type, append_string
-  use talus_json, only: json_type, json_escape
+  use talus_json, only: json_type, json_escape, utf8_bytes
   use talus_test, only: test_type
   implicit none
   character(len=*), parameter :: lf = achar(10)
@@ -13,6 +13,14 @@ program test_talus_json
 
   call append_string(names, 'x')
   call append_string(names, 'y"')
+  call test%check_text('UTF-8 stays', json_escape('M'//achar(195)//achar(188)//'hle'), &
+                       'M'//achar(195)//achar(188)//'hle')
+  call test%check_text('other bytes', json_escape('M'//achar(252)//'hle'//achar(195)), &
+                       'M\u00FChle\u00C3')
+  call test%check('lengths in UTF-8', all([utf8_bytes('a'), utf8_bytes(achar(226)//achar(130)// &
+    achar(172)), utf8_bytes(achar(240)//achar(159)//achar(152)//achar(128)), &
+    utf8_bytes(achar(192)//achar(128)), utf8_bytes(achar(237)//achar(160)//achar(128))] &
+    == [1, 3, 4, 0, 0]))
   call test%check_text('escape', json_escape('a"b\c'//achar(9)//lf//achar(1)), 'a\"b\\c\t\n\u0001')
   call json%begin()
   call json%put('name', 'it''s')

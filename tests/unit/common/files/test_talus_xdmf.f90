@@ -18,6 +18,7 @@ program test_talus_xdmf
   call install_signals(.true.)
   call make_folder(folder, errors)
   call grains()
+  call marks()
   call restart()
   call solid()
   call damaged()
@@ -47,6 +48,22 @@ contains
     call file%put(group//'/grains/id', [(int(k, i8), k=1, n)], errors)
     call series%end_step(int(n, i8), file, errors)
   end subroutine save_grains
+
+  !> A name with marks of XML and a byte that is no UTF-8.
+  subroutine marks()
+    type(series_type) :: series
+    type(xdmf_type) :: xdmf
+    type(h5_file_type) :: file
+    character(len=:), allocatable :: text
+    call series%start(folder//'/a&b<'//achar(252)//'.h5', 'talus-grains', file, errors)
+    call file%commit(errors)
+    call describe(xdmf)
+    call save_grains(series, 0.0_wp, 2)
+    call xdmf%write(series, errors)
+    call read_file(folder//'/grains.xdmf', text, errors)
+    call test%check('no faults with marks', .not. errors%any())
+    call test%check('marks escaped', index(text, '>a&amp;b&lt;?.h5:/steps/000000/grains/x<') > 0)
+  end subroutine marks
 
   subroutine grains()
     type(series_type) :: series
