@@ -8,7 +8,7 @@ module cpl_facet_log
   use cpl_audit, only: audit_type
   use cpl_choices, only: cpl_choices_type, interface_springs
   use cpl_interface, only: interface_type
-  use cpl_lag, only: lag_limit
+  use cpl_lag, only: lag_limit, shorter_exchange
   use cpl_logbook, only: log_cells, overhead_text
   implicit none
   private
@@ -63,10 +63,11 @@ contains
   end subroutine log_row
 
   !> The health line: whether the run can be trusted.
-  subroutine log_health(log, face, audit, overhead)
+  subroutine log_health(log, face, audit, exchange, overhead)
     type(log_type), intent(inout) :: log
     type(interface_type), intent(in) :: face
     type(audit_type), intent(in) :: audit
+    real(wp), intent(in) :: exchange     !! interval of the deck [s]
     real(wp), intent(in) :: overhead(2)  !! shares that the grains waited for, and worked
     character(len=:), allocatable :: text
     text = 'interface work differs by '//short_number(100.0_wp*audit%work_error(face))// &
@@ -79,7 +80,7 @@ contains
     call log%health(text)
     if (audit%lag%mean > lag_limit .and. .not. audit%lag%warned) call log%warn('the solid does '// &
       'not carry '//short_number(100.0_wp*audit%lag%mean)//" % of the ghosts' force at the "// &
-      "end: a shorter &clock exchange or scheme = 'iterated' shows how much it matters")
+      'end: '//shorter_exchange(audit%lag%mean, exchange)//", or write scheme = 'iterated'")
   end subroutine log_health
 
   !> The method's part of summary.json.

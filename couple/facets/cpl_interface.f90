@@ -46,6 +46,7 @@ module cpl_interface
     procedure :: follow
     procedure :: follow_facets
     procedure :: lay_springs
+    procedure :: lay_springs_ahead
     procedure :: predict
     procedure :: gap
     procedure :: settled
@@ -76,8 +77,8 @@ contains
       self%forces%m_mean(3, g), self%motion%quat(4, g), self%motion%quat_new(4, g), source=0.0_wp)
     allocate (self%motion%u(3, m), self%motion%v(3, m), self%motion%v_before(3, m), &
       self%motion%u_new(3, m), self%motion%v_new(3, m), self%motion%w(3, m), self%motion%w_new(3, &
-      m), self%motion%w_spring(3, m), self%place%u_start(3, m), self%start%dead_load(3, m), &
-      source=0.0_wp)
+      m), self%motion%w_spring(3, m), self%motion%drift(3, m), self%place%u_start(3, m), &
+      self%start%dead_load(3, m), source=0.0_wp)
     self%motion%quat(1, :) = 1.0_wp
     self%motion%quat_new = self%motion%quat
   end subroutine init
@@ -147,6 +148,18 @@ contains
     if (present(ahead)) &
       self%motion%w_spring = self%motion%w_spring + ahead*(self%motion%w_new - self%motion%w)
   end subroutine lay_springs
+
+  !> Springs are laid ahead of the ghosts by the steady part of their motion, so that they do not
+  !! hold it back: by the running mean of the motion in an interval.
+  !! eq. C.2
+  subroutine lay_springs_ahead(self)
+    class(interface_type), intent(inout) :: self
+    real(wp), parameter :: newest = 0.3_wp  !! share of the newest motion in the mean
+    associate (m => self%motion)
+      m%drift = m%drift + newest*(m%w_new - m%w - m%drift)
+      m%w_spring = m%w_new + m%drift
+    end associate
+  end subroutine lay_springs_ahead
 
   !> Motion that the ghosts follow in the next interval of length h [s]. Statics: to where the
   !! facets were found last (lagged: extrapolation halves the stable stiffness). Dynamics: straight

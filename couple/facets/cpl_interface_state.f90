@@ -46,6 +46,7 @@ module cpl_interface_state
     real(wp), allocatable :: d_new(:, :)
     real(wp), allocatable :: quat_new(:, :)
     real(wp), allocatable :: w_spring(:, :)  !! where the springs are laid (3, m) [m]
+    real(wp), allocatable :: drift(:, :)     !! steady part of the motion in an interval (3, m) [m]
   end type interface_motion_type
 
   !> Forces on the ghosts.

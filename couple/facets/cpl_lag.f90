@@ -6,9 +6,9 @@ module cpl_lag
   use cpl_choices, only: interface_aitken, interface_springs, interface_theta, scheme_iterated
   implicit none
   private
-  public :: lag_type, lag_limit
+  public :: lag_type, lag_limit, shorter_exchange
 
-  real(wp), parameter :: lag_limit = 0.1_wp  !! of the force lag, worth a warning [-]
+  real(wp), parameter :: lag_limit = 0.02_wp !! of the force lag, worth a warning [-]
   integer(i4), parameter :: half = 25        !! exchanges in half a window
   real(wp), parameter :: falling = 0.8_wp    !! second half over first: it is settling
 
@@ -49,9 +49,10 @@ contains
   end subroutine note
 
   !> Warning for the log, once: empty when all is well or it was given.
-  function warning(self, method, scheme) result(text)
+  function warning(self, method, scheme, exchange) result(text)
     class(lag_type), intent(inout) :: self
     integer(i4), intent(in) :: method, scheme
+    real(wp), intent(in) :: exchange  !! interval of the deck [s]
     character(len=:), allocatable :: text
     text = ''
     if (self%warned .or. self%stalls == 0) return
@@ -65,9 +66,19 @@ contains
       text = text//"interface = 'aitken' with scheme = 'average' ends in a limit cycle here; "// &
         "write interface = 'springs', or scheme = 'iterated'"
     else if (method == interface_springs .or. method == interface_theta) then
-      text = text//"the wall moves too slowly; shorten &clock exchange or write scheme = 'iterated'"
+      text = text//'the wall moves too slowly; '//shorter_exchange(self%mean, exchange)// &
+        ", or write scheme = 'iterated'"
     else
       text = text//"write interface = 'springs', or shorten &clock exchange"
     end if
   end function warning
+
+  !> What would bring the lag to its limit; it falls with the square of the exchange.
+  function shorter_exchange(lag, exchange) result(text)
+    real(wp), intent(in) :: lag       !! [-]
+    real(wp), intent(in) :: exchange  !! interval of the deck [s]
+    character(len=:), allocatable :: text
+    text = '&clock exchange = '//short_number(exchange*sqrt(lag_limit/lag))// &
+      ' would bring it to '//short_number(100.0_wp*lag_limit)//' %'
+  end function shorter_exchange
 end module cpl_lag

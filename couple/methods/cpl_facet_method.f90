@@ -138,7 +138,8 @@ contains
     call self%audit%put(self%worst%row(self%face, t1, gap))
     call self%audit%write(errors)
     if (self%worst%lag%stalls > 0 .and. .not. self%worst%lag%warned) then
-      text = self%worst%lag%warning(run%choices%interface, run%choices%scheme)
+      text = self%worst%lag%warning(run%choices%interface, run%choices%scheme, &
+        run%choices%exchange)
       call run%log%warn('time '//short_number(t1)//' s: '//text)
     end if
     call run%timers%stop('audit and log')
@@ -170,7 +171,7 @@ contains
     class(facet_method_type), intent(in) :: self
     type(cpl_run_type), intent(inout) :: run
     real(wp), intent(in) :: overhead(2)
-    call log_health(run%log, self%face, self%worst, overhead)
+    call log_health(run%log, self%face, self%worst, run%choices%exchange, overhead)
   end subroutine health
 
   subroutine summary(self, page)
