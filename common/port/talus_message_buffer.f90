@@ -6,6 +6,7 @@
 module talus_message_buffer
   use, intrinsic :: iso_c_binding, only: c_char, c_int64_t
   use talus_kinds, only: wp, i4, i8
+  use talus_crc64, only: crc64
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_port_names, only: protocol_version, name_length, header_words, description_words, &
@@ -84,12 +85,6 @@ module talus_message_buffer
       integer(c_int64_t), intent(in) :: word(*)
       integer(c_int64_t), value :: bytes
     end subroutine words_to_text
-    pure function checksum_of(word, count) result(checksum) bind(c, name='talus_checksum')
-      import :: c_int64_t
-      integer(c_int64_t), intent(in) :: word(*)
-      integer(c_int64_t), value :: count
-      integer(c_int64_t) :: checksum
-    end function checksum_of
   end interface
 
 contains
@@ -289,7 +284,7 @@ contains
     self%word(at_status) = self%status
     self%word(at_fields) = self%field_count
     self%word(at_words) = self%used
-    self%word(at_checksum) = checksum_of(self%word, self%used)
+    self%word(at_checksum) = crc64(self%word, 8*self%used, 0_i8)
   end subroutine seal
 
   !> Read the header and the fields of `words` received words; every disagreement is a fault.
@@ -318,7 +313,7 @@ contains
     call read_header(self)
     sent = self%word(at_checksum)
     self%word(at_checksum) = 0
-    if (checksum_of(self%word, words) /= sent) then
+    if (crc64(self%word, 8*words, 0_i8) /= sent) then
       call errors%add('P006', 'the checksum of a message is wrong', self%place(), &
                       'the message is damaged: memory or file system fault')
       return

@@ -39,7 +39,7 @@ module talus_port_names
   public :: can_contact_weight, can_mass_factor, can_springs, can_dead_load, can_initial_stress
   public :: can_quad_weight, can_moduli
 
-  integer(i4), parameter :: protocol_version = 1
+  integer(i4), parameter :: protocol_version = 2
   integer(i4), parameter :: name_length = 48
   integer(i4), parameter :: header_words = 16
   integer(i4), parameter :: description_words = 10

@@ -4,7 +4,7 @@
 #define TALUS_PORT_NAMES_H
 
 #define TALUS_PORT_MAGIC "TALUSMSG"
-#define TALUS_PORT_PROTOCOL 1
+#define TALUS_PORT_PROTOCOL 2
 #define TALUS_PORT_HEADER_WORDS 16
 #define TALUS_PORT_FIELD_WORDS 10
 #define TALUS_PORT_NAME_LENGTH 48
@@ -70,7 +70,7 @@ enum talus_flag {
 /* words of the header, from 0 */
 enum talus_header {
   TALUS_HEADER_MAGIC = 0, /* the bytes `TALUSMSG` */
-  TALUS_HEADER_PROTOCOL = 1, /* protocol version, 1 */
+  TALUS_HEADER_PROTOCOL = 1, /* protocol version, 2 */
   TALUS_HEADER_SEQUENCE = 2, /* 1 for the first request, one more for each; the reply repeats it */
   TALUS_HEADER_VERB = 3, /* number of the verb */
   TALUS_HEADER_STEP = 4, /* number of the coupled step */

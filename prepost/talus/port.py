@@ -13,6 +13,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from talus.crc64 import crc64
 from talus.faults import FaultError
 from talus.port_names import (
     FIELD_WORDS,
@@ -81,11 +82,8 @@ class Message:
         head[5:7] = np.array([self.t0, self.t1]).view("<i8")
         size = HEADER_WORDS + sum(len(words) for words in data)
         head[7:10] = self.status, len(self.fields), size
-        w = np.concatenate([head, *data]).view("<u8")
-        s1 = w.sum(dtype="u8")
-        s2 = (w * np.arange(1, w.size + 1, dtype="u8")).sum(dtype="u8")
-        turned = (s2 << np.uint64(32)) | (s2 >> np.uint64(32))
-        head[HEADER["checksum"]] = (s1 ^ turned).view("<i8")
+        checksum = crc64(np.concatenate([head, *data]))
+        head[HEADER["checksum"]] = np.uint64(checksum).view("<i8")
         return head
 
     def words_of(self, name: str) -> np.ndarray:

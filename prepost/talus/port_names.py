@@ -5,7 +5,7 @@ Made by tools/port.py from common/port/port.toml: change that file, then `make p
 
 # fmt: off
 MAGIC = b"TALUSMSG"
-PROTOCOL = 1
+PROTOCOL = 2
 HEADER_WORDS = 16
 FIELD_WORDS = 10
 NAME_LENGTH = 48

@@ -43,7 +43,7 @@ def spoil(reply: port.Message, deed: str, name: str) -> dict[str, int]:
     elif deed in ("checksum", "magic", "words"):
         return {deed: 1}
     elif deed == "protocol":
-        reply.protocol = 2
+        reply.protocol = 99
     return {}
 
 
