@@ -1,9 +1,9 @@
 /* CRC-64/XZ (ECMA-182 polynomial, reflected): finds every burst of up to 64 bits, and every two and
-   three flipped bits of a message.
+   three flipped bits of up to 1 GB (P. Koopman: Hamming distance 4 up to 8 589 606 850 bits).
 
    Sixteen bytes a look-up by tables; with carry-less multiplication, where the processor has it, four
-   blocks of 16 bytes are carried forward side by side (V. Gopal et al., Fast CRC computation for
-   generic polynomials using PCLMULQDQ, Intel 2009). Both give the same number. */
+   blocks of 16 bytes, or four pairs, are carried forward side by side (V. Gopal et al., Fast CRC
+   computation for generic polynomials using PCLMULQDQ, Intel 2009). All give the same number. */
 #include <pthread.h>
 #include <stdint.h>
 #include <string.h>
@@ -120,8 +120,52 @@ __attribute__((target("pclmul,sse2"))) static uint64_t by_products(const unsigne
     return by_tables(rest, BLOCK, 0);
 }
 
-static __m128i factor[2]; /* over all lanes, over one block */
-static int products;      /* whether the processor has carry-less multiplication */
+#define WIDE __attribute__((target("vpclmulqdq,avx2")))
+
+WIDE static __m256i carry_two(__m256i blocks, __m256i by, __m256i to)
+{
+    const __m256i low = _mm256_clmulepi64_epi128(blocks, by, 0x00);
+    const __m256i high = _mm256_clmulepi64_epi128(blocks, by, 0x11);
+    return _mm256_xor_si256(to, _mm256_xor_si256(low, high));
+}
+
+/* Two blocks a lane. What is left of `bytes`, a multiple of the step, has their remainder. */
+WIDE static void by_wide_products(const unsigned char *p, int64_t bytes, uint64_t crc, __m128i factor,
+                                  unsigned char left[2 * LANES * BLOCK])
+{
+    const __m256i by = _mm256_broadcastsi128_si256(factor);
+    __m256i lane[LANES];
+
+    for (int l = 0; l < LANES; l++)
+        lane[l] = _mm256_loadu_si256((const __m256i *)(const void *)(p + 2 * l * BLOCK));
+    lane[0] = _mm256_xor_si256(lane[0], _mm256_set_epi64x(0, 0, 0, (long long)crc));
+    for (int64_t k = 2 * LANES * BLOCK; k < bytes; k += 2 * LANES * BLOCK)
+        for (int l = 0; l < LANES; l++)
+            lane[l] = carry_two(lane[l], by, _mm256_loadu_si256(
+                (const __m256i *)(const void *)(p + k + 2 * l * BLOCK)));
+    for (int l = 0; l < LANES; l++)
+        _mm256_storeu_si256((__m256i *)(void *)(left + 2 * l * BLOCK), lane[l]);
+}
+
+static __m128i factor[3];    /* over all lanes, over one block, over all lanes of two blocks */
+static int products, widely; /* whether the processor has carry-less multiplication */
+
+static uint64_t in_blocks(const unsigned char *p, int64_t bytes, uint64_t crc, int64_t *done)
+{
+    enum { STEP = 2 * LANES * BLOCK };
+    unsigned char left[STEP];
+
+    if (widely && bytes >= 4 * STEP) {
+        const int64_t whole = bytes / STEP * STEP;
+        by_wide_products(p, whole, crc, factor[2], left);
+        crc = by_products(left, STEP, 0, factor, done);
+        *done = whole;
+        return crc;
+    }
+    if (products && bytes >= STEP)
+        crc = by_products(p, bytes, crc, factor, done);
+    return crc;
+}
 
 static void prepare(void)
 {
@@ -129,6 +173,8 @@ static void prepare(void)
     products = __builtin_cpu_supports("pclmul") != 0;
     factor[0] = factors(8 * LANES * BLOCK);
     factor[1] = factors(8 * BLOCK);
+    factor[2] = factors(8 * 2 * LANES * BLOCK);
+    widely = products && __builtin_cpu_supports("vpclmulqdq") && __builtin_cpu_supports("avx2");
 }
 #else
 static void prepare(void)
@@ -146,8 +192,7 @@ uint64_t talus_crc64_bytes(const void *data, int64_t bytes, uint64_t before)
 
     pthread_once(&made, prepare);
 #if defined(__x86_64__)
-    if (products && bytes >= 2 * LANES * BLOCK)
-        crc = by_products(p, bytes, crc, factor, &done);
+    crc = in_blocks(p, bytes, crc, &done);
 #endif
     return ~by_tables(p + done, bytes - done, crc);
 }

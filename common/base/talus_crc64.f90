@@ -1,5 +1,5 @@
 !> CRC-64/XZ of bytes (ECMA-182 polynomial, reflected; talus_crc64.c): finds every burst of up to
-!! 64 bits, and every two and three flipped bits of a message. No protection against intent.
+!! 64 bits, and every two and three flipped bits of up to 1 GB. No protection against intent.
 module talus_crc64
   use, intrinsic :: iso_c_binding, only: c_int64_t
   implicit none
