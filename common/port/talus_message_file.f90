@@ -2,9 +2,10 @@
 !!
 !! /fields/<name>: real64 (n, c), int64 (n, c) as read by h5py (one component: (n)), text as one
 !! string; /order: the names in the order of the message, one a line. Read back, the message has the
-!! same words and so the same checksum (manual/port.md).
+!! same words and so the same checksum (manual/port.md). Behind the HDF5 data stands a seal of the
+!! whole file, checked before HDF5 opens it.
 module talus_message_file
-  use, intrinsic :: iso_c_binding, only: c_ptr, c_loc
+  use, intrinsic :: iso_c_binding, only: c_ptr, c_loc, c_char, c_int, c_null_char
   use hdf5, only: hid_t, hsize_t, size_t, h5fcreate_f, h5fopen_f, &
     h5fclose_f, h5gcreate_f, h5gopen_f, h5gclose_f, h5gget_info_f, h5dcreate_f, h5dopen_f, &
     h5dclose_f, h5dwrite_f, h5dread_f, h5dget_space_f, h5dget_type_f, h5screate_f, &
@@ -27,6 +28,19 @@ module talus_message_file
   !! may be left out.
   character(len=8), parameter :: header_name(12) = [character(len=8) :: 'magic', 'protocol', &
     'sequence', 'verb', 'step', 't0', 't1', 'status', 'fields', 'words', 'checksum', 'waited']
+
+  interface
+    function c_seal(path) result(code) bind(c, name='talus_file_seal')
+      import :: c_char, c_int
+      character(kind=c_char), intent(in) :: path(*)
+      integer(c_int) :: code
+    end function c_seal
+    function c_check(path) result(code) bind(c, name='talus_file_check')
+      import :: c_char, c_int
+      character(kind=c_char), intent(in) :: path(*)
+      integer(c_int) :: code
+    end function c_check
+  end interface
 
 contains
 
@@ -60,6 +74,9 @@ contains
     call h5gclose_f(group, close_stat)
     call h5fclose_f(file, close_stat)
     if (min(stat, close_stat) < 0 .and. failed == '') failed = 'the end of the file'
+    if (failed == '') then
+      if (c_seal(path//c_null_char) /= 0) failed = 'the seal at the end of the file'
+    end if
   end subroutine write_message_file
 
   subroutine write_header(file, message, stat)
@@ -186,6 +203,13 @@ contains
     integer :: stat
 
     failed = ''
+    select case (c_check(path//c_null_char))
+    case (-1)
+      failed = 'its bytes are not those that were sealed (damaged, or cut off)'
+    case (-2)
+      failed = 'it is no file'
+    end select
+    if (failed /= '') return
     call start_library()
     call h5fopen_f(path, h5f_acc_rdonly_f, file, stat)
     if (stat < 0) then

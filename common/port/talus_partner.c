@@ -20,6 +20,8 @@ int talus_partner_open(int pid);
 int talus_partner_ended(int fd);
 void talus_partner_close(int fd);
 int64_t talus_partner_ticks(int pid, char *state);
+int64_t talus_partner_started(int pid);
+int talus_partner_lives(const char *place, int pid, int64_t started);
 
 double talus_partner_now(void)
 {
@@ -83,25 +85,57 @@ void talus_partner_close(int fd)
         close(fd);
 }
 
-/* CPU time of all threads of a process in clock ticks, and its state letter; -1 when unknown. */
-int64_t talus_partner_ticks(int pid, char *state)
+/* What /proc/PID/stat says behind the program's name, which may hold blanks and brackets. */
+static const char *status_of(int pid, char *text, size_t room)
 {
-    char path[64], text[1024];
-    unsigned long user = 0, kernel = 0;
-
-    *state = '?';
+    char path[64];
     snprintf(path, sizeof path, "/proc/%d/stat", pid);
     const int fd = open(path, O_RDONLY | O_CLOEXEC);
     if (fd < 0)
-        return -1;
-    const ssize_t n = read(fd, text, sizeof text - 1);
+        return NULL;
+    const ssize_t n = read(fd, text, room - 1);
     close(fd);
     if (n <= 0)
-        return -1;
+        return NULL;
     text[n] = '\0';
-    const char *after = strrchr(text, ')'); /* the program's name may hold blanks and brackets */
-    if (!after || sscanf(after + 1, " %c %*d %*d %*d %*d %*d %*u %*u %*u %*u %*u %lu %lu", state,
-                         &user, &kernel) != 3)
+    const char *after = strrchr(text, ')');
+    return after ? after + 1 : NULL;
+}
+
+/* CPU time of all threads of a process in clock ticks, and its state letter; -1 when unknown. */
+int64_t talus_partner_ticks(int pid, char *state)
+{
+    char text[1024];
+    unsigned long user = 0, kernel = 0;
+    const char *status = status_of(pid, text, sizeof text);
+
+    *state = '?';
+    if (!status || sscanf(status, " %c %*d %*d %*d %*d %*d %*u %*u %*u %*u %*u %lu %lu", state,
+                          &user, &kernel) != 3)
         return -1;
     return (int64_t)(user + kernel);
+}
+
+/* When a process started, in clock ticks since the start of the machine; 0 when there is none. */
+int64_t talus_partner_started(int pid)
+{
+    char text[1024], state;
+    unsigned long long started = 0;
+    const char *status = status_of(pid, text, sizeof text);
+
+    if (!status || sscanf(status, " %c %*d %*d %*d %*d %*d %*u %*u %*u %*u %*u %*u %*u %*d %*d %*d "
+                                  "%*d %*d %*d %llu", &state, &started) != 2)
+        return 0;
+    return state == 'Z' || state == 'X' ? 0 : (int64_t)started;
+}
+
+/* 1: the process that said this of itself lives, 0: it has ended; -1: it is of another machine or
+   process namespace. */
+int talus_partner_lives(const char *place, int pid, int64_t started)
+{
+    char here[128];
+    talus_partner_place(here, sizeof here);
+    if (strcmp(place, here) != 0)
+        return -1;
+    return talus_partner_started(pid) == started;
 }

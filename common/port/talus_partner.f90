@@ -12,7 +12,7 @@ module talus_partner
   use talus_errors, only: error_list_type
   implicit none
   private
-  public :: partner_type, own_pid, own_place, own_host, now, nap
+  public :: partner_type, own_pid, own_place, own_host, own_start, now, nap
 
   real(wp), parameter :: check_interval = 0.2_wp  !! s between two checks of the CPU time
   real(wp), parameter :: longest_gap = 1.0_wp !! s; a longer gap: we were stopped ourselves
@@ -39,6 +39,8 @@ module talus_partner
     procedure :: fresh => partner_fresh
     procedure :: report_end => partner_report_end
     procedure :: report_absence => partner_report_absence
+    procedure :: report_loss => partner_report_loss
+    procedure :: report_no_stop => partner_report_no_stop
     procedure :: report_silence => partner_report_silence
     procedure :: title => partner_title
     procedure :: close => partner_close
@@ -57,6 +59,11 @@ module talus_partner
       import :: c_int
       integer(c_int) :: pid
     end function c_own_pid
+    function c_started(pid) result(ticks) bind(c, name='talus_partner_started')
+      import :: c_int, c_int64_t
+      integer(c_int), value :: pid
+      integer(c_int64_t) :: ticks
+    end function c_started
     subroutine c_place(text, room) bind(c, name='talus_partner_place')
       import :: c_char, c_int
       character(kind=c_char), intent(inout) :: text(*)
@@ -178,6 +185,27 @@ contains
                     'see the end of its log; the last checkpoint is valid')
   end subroutine partner_report_end
 
+  !> Fault: it waits for a message, as we do: one that was sent has not arrived.
+  subroutine partner_report_loss(self, message, errors)
+    class(partner_type), intent(in) :: self
+    character(len=*), intent(in) :: message  !! the one that is due
+    type(error_list_type), intent(inout) :: errors
+    call errors%add('P024', self%title()//' waits, and so do we: a message was lost ('// &
+                    message//' is due)', log_place(self), 'was a file of the port''s '// &
+                    'folder removed? The last checkpoint is valid')
+  end subroutine partner_report_loss
+
+  !> Fault: a stop was requested, and the answer under way does not come.
+  subroutine partner_report_no_stop(self, request, limit, errors)
+    class(partner_type), intent(in) :: self
+    character(len=*), intent(in) :: request
+    real(wp), intent(in) :: limit  !! s
+    type(error_list_type), intent(inout) :: errors
+    call errors%add('P026', self%title()//' has not answered '//request//' within '// &
+                    str(limit)//' s after the request to stop', log_place(self), &
+                    'time_limit in &port sets how long an answer under way is waited for')
+  end subroutine partner_report_no_stop
+
   !> Fault: it did not join the port in time.
   subroutine partner_report_absence(self, errors)
     class(partner_type), intent(in) :: self
@@ -229,6 +257,11 @@ contains
   integer(i4) function own_pid()
     own_pid = c_own_pid()
   end function own_pid
+
+  !> When this process started, in clock ticks since the start of the machine.
+  integer(i8) function own_start()
+    own_start = c_started(c_own_pid())
+  end function own_start
 
   !> Boot id and process namespace of this machine.
   function own_place() result(text)

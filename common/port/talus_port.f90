@@ -12,6 +12,8 @@ module talus_port
   use talus_partner, only: partner_type, now, nap
   use talus_port_shm, only: shm_port_type
   use talus_port_file, only: file_port_type
+  use talus_port_remains, only: watch_asker, is_orphan
+  use talus_system, only: signal_seen
   use talus_rendezvous, only: write_rendezvous, read_rendezvous, remove_rendezvous
   implicit none
   private
@@ -22,6 +24,11 @@ module talus_port
   real(wp), parameter :: connect_limit = 30.0_wp     !! s that a solver waits for its port
   real(wp), parameter :: attach_limit = 600.0_wp     !! s that it waits for a rendezvous file
   real(wp), parameter :: far_ask_limit = 600.0_wp    !! s of silence of talus-couple on another host
+  real(wp), parameter :: stop_limit = 60.0_wp        !! s for an answer after a request to stop
+  real(wp), parameter :: join_stop_limit = 5.0_wp    !! the same where nobody has joined yet
+  !> Signs of a partner that waits as we do, after which a message is lost: sleeps of a slice in
+  !! shared memory; beats in files, of which those of another host may be seen late.
+  integer(i8), parameter :: sleeps_of_loss = 20, beats_of_loss = 8, far_beats_of_loss = 240
 
   !> One end of a port. Set `partner%name` and `partner%log` for good messages, `trace` and
   !! `join_limit` before `create`.
@@ -29,12 +36,15 @@ module talus_port
     type(partner_type) :: partner
     logical :: trace = .false.            !! keep the message files (hdf5 transport)
     real(wp) :: join_limit = 0.0_wp       !! s until the partner must have joined; 0 = time limit
+    real(wp) :: wall_end = 0.0_wp         !! wall clock at which the run is to stop, s; 0 none
     character(len=:), allocatable :: spec
     character(len=:), allocatable :: run_id
     integer(i4), private :: transport = transport_none
     logical, private :: asks = .false.
     integer(i8), private :: sequence = 0  !! of the last request
     integer(i4), private :: verb = 0      !! of the last request
+    integer(i8), private :: first_sign = -1       !! of a partner that waits as we do
+    real(wp), private :: stopping = -1.0_wp       !! since when a stop is requested in this wait, s
     character(len=:), allocatable, private :: rendezvous  !! file to remove at the end
     type(shm_port_type), private :: shm
     type(file_port_type), private :: file
@@ -118,12 +128,23 @@ contains
         call report_absent(self%spec, transport, errors)
         return
       end if
+      if (is_orphan()) then
+        call errors%add('P001', 'talus-couple has ended before this program joined its port', &
+                        self%spec, 'the reason is in the log of the coupled run')
+        return
+      end if
       call nap(0.01_wp)
     end do
     self%transport = transport
     if (.not. allocated(self%partner%name)) self%partner%name = 'talus-couple'
     call meet(self)
-    if (.not. self%partner%same_place) self%partner%time_limit = far_ask_limit
+    if (.not. self%partner%same_place) then
+      self%partner%time_limit = far_ask_limit
+    else if (transport == transport_shm) then
+      call watch_asker(self%partner%pid, self%spec(5:), '', .false.)
+    else
+      call self%file%watch()
+    end if
   end subroutine connect
 
   subroutine read_spec(spec, transport, errors)
@@ -179,7 +200,7 @@ contains
       self%verb = message%verb
     end if
     call message%seal(self%sequence)
-    call self%partner%fresh()
+    call begin_wait(self)
     do
       if (self%transport == transport_shm) then
         call self%shm%push(message, slice, finished)
@@ -203,10 +224,11 @@ contains
 
     if (self%transport == transport_none) error stop 'bug: the port is not open'
     faults = errors%count
-    call self%partner%fresh()
+    call begin_wait(self)
     do
       if (self%transport == transport_shm) then
         call self%shm%pull(message, slice, words)
+        if (words < 0) call self%shm%inspect(self%partner%title(), errors)
       else
         call self%file%pull(message, slice, words, errors)
       end if
@@ -261,31 +283,85 @@ contains
     if (errors%count == faults) call reply%faults(errors)
   end subroutine ask
 
-  !> While waiting: has the partner joined, ended, stopped answering?
+  subroutine begin_wait(self)
+    class(port_type), intent(inout) :: self
+    call self%partner%fresh()
+    self%first_sign = -1
+    self%stopping = -1.0_wp
+  end subroutine begin_wait
+
+  !> While waiting: has the partner joined, ended, stopped answering; is the port whole; is this run
+  !! to stop?
   subroutine look(self, reading, errors)
     class(port_type), intent(inout) :: self
     logical, intent(in) :: reading  !! a message that arrived counts more than the end of its sender
     type(error_list_type), intent(inout) :: errors
-    integer(i8) :: beat
+    integer(i8) :: beat, signs
+    integer(i4) :: faults
     logical :: gone
-    real(wp) :: limit
-    logical :: silent
 
+    faults = errors%count
     if (self%partner%pid == 0) call meet(self)
     gone = self%partner%ended()
-    if (self%transport == transport_shm) then
-      gone = gone .or. self%shm%partner_gone()
-      if (gone .and. reading) gone = .not. self%shm%arrived()
-      beat = self%shm%partner_beat()
-    else
-      call self%file%beat()
-      if (gone .and. reading) gone = .not. self%file%arrived()
-      beat = self%file%partner_beat()
-    end if
+    if (self%transport == transport_shm) gone = gone .or. self%shm%partner_gone()
+    if (gone .and. reading) gone = .not. self%arrived()
     if (gone) then
       call self%partner%report_end(errors)
       return
     end if
+    call look_at_port(self, beat, signs, errors)
+    if (errors%count == faults .and. reading) call judge_loss(self, signs, errors)
+    if (errors%count == faults) call judge_silence(self, beat, errors)
+    if (errors%count == faults .and. self%asks) call heed_stop(self, errors)
+  end subroutine look
+
+  !> The partner's heartbeat, and a count of signs that it, too, waits for a message (-1: it does
+  !! not); P023 or P025 where the port itself is damaged or gone.
+  subroutine look_at_port(self, beat, signs, errors)
+    class(port_type), intent(inout) :: self
+    integer(i8), intent(out) :: beat, signs
+    type(error_list_type), intent(inout) :: errors
+    logical :: waits
+
+    if (self%transport == transport_shm) then
+      beat = self%shm%partner_beat()
+      signs = self%shm%partner_waits()
+      call self%shm%inspect(self%partner%title(), errors)
+    else
+      call self%file%beat(waits=.true.)
+      call self%file%partner_beat(beat, waits)
+      signs = merge(beat, -1_i8, waits)
+      call self%file%inspect(errors)
+    end if
+  end subroutine look_at_port
+
+  !> P024 when both sides have waited for each other for a while and nothing has arrived.
+  subroutine judge_loss(self, signs, errors)
+    class(port_type), intent(inout) :: self
+    integer(i8), intent(in) :: signs
+    type(error_list_type), intent(inout) :: errors
+    integer(i8) :: limit
+
+    if (signs < 0 .or. signs < self%first_sign .or. self%arrived()) then
+      self%first_sign = -1
+      return
+    end if
+    if (self%first_sign < 0) self%first_sign = signs
+    limit = merge(beats_of_loss, far_beats_of_loss, self%partner%same_place)
+    if (self%transport == transport_shm) limit = sleeps_of_loss
+    if (signs - self%first_sign >= limit) call self%partner%report_loss( &
+      trim(merge('the reply  ', 'the request', self%asks))//' '//str(self%sequence + &
+      merge(0_i8, 1_i8, self%asks)), errors)
+  end subroutine judge_loss
+
+  !> P002 or P003 when the partner has given no sign of life for the time limit.
+  subroutine judge_silence(self, beat, errors)
+    class(port_type), intent(inout) :: self
+    integer(i8), intent(in) :: beat
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: limit
+    logical :: silent
+
     limit = self%partner%time_limit
     if (self%partner%pid == 0 .and. self%join_limit > 0.0_wp) &
       self%partner%time_limit = self%join_limit
@@ -296,7 +372,23 @@ contains
       call self%partner%report_silence(errors)
     end if
     self%partner%time_limit = limit
-  end subroutine look
+  end subroutine judge_silence
+
+  !> After a signal or the wall limit an answer is waited for no longer than the time limit, even
+  !! where the partner works on it (P026).
+  subroutine heed_stop(self, errors)
+    class(port_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: limit
+
+    if (signal_seen() == 0 .and. .not. (self%wall_end > 0.0_wp .and. now() >= self%wall_end)) return
+    if (self%stopping < 0.0_wp) self%stopping = now()
+    limit = stop_limit
+    if (self%partner%time_limit > 0.0_wp) limit = self%partner%time_limit
+    if (self%partner%pid == 0) limit = min(limit, join_stop_limit)
+    if (now() - self%stopping >= limit) &
+      call self%partner%report_no_stop(verb_name(self%verb), limit, errors)
+  end subroutine heed_stop
 
   !> Learn who is on the other side, once it has joined.
   subroutine meet(self)

@@ -1,4 +1,7 @@
-/* Files of the hdf5 transport: waiting for a name to appear, small texts, heartbeats, clean-up. */
+/* Files of the hdf5 transport: waiting for a name to appear, small texts, heartbeats, clean-up.
+
+   A message file ends with a seal behind what HDF5 has written: mark, bytes before it, their
+   CRC-64. HDF5 does not mind it, and a damaged file is refused before HDF5 sees it. */
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -17,6 +20,9 @@ int talus_file_publish(const char *temporary, const char *path);
 void talus_file_remove(const char *path);
 int talus_file_make_folder(const char *path);
 void talus_file_clear(const char *folder, const char *prefix, int keep_messages);
+int talus_file_seal(const char *path);
+int talus_file_check(const char *path);
+uint64_t talus_crc64_bytes(const void *data, int64_t bytes, uint64_t before);
 void talus_file_remove_folder(const char *path);
 
 static double now(void)
@@ -89,9 +95,14 @@ int talus_file_write(const char *path, const char *text)
 int talus_file_read(const char *path, char *text, int room)
 {
     text[0] = '\0';
-    const int fd = open(path, O_RDONLY | O_CLOEXEC);
+    struct stat file;
+    const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     if (fd < 0)
         return -1;
+    if (fstat(fd, &file) != 0 || !S_ISREG(file.st_mode)) {
+        close(fd);
+        return -1;
+    }
     const ssize_t n = read(fd, text, (size_t)room - 1);
     close(fd);
     text[n > 0 ? n : 0] = '\0';
@@ -123,7 +134,38 @@ int talus_file_make_folder(const char *path)
     return S_ISDIR(file.st_mode) ? 0 : ENOTDIR;
 }
 
-/* Remove the files of one side; with keep_messages all but the messages. */
+/* Whether a name ends like this; *length is then shorter by that. */
+static int ends(const char *name, size_t *length, const char *ending)
+{
+    const size_t n = strlen(ending);
+    if (*length <= n || strncmp(name + *length - n, ending, n) != 0)
+        return 0;
+    *length -= n;
+    return 1;
+}
+
+enum kind { FOREIGN, NOTE, MESSAGE };
+
+/* What a file in a port's folder is: SIDE.port, .joined, .beat, couple.run, SIDE.NUMBER.request.h5,
+   .reply.h5, or one of them unfinished. */
+static enum kind kind_of(const char *name)
+{
+    size_t n = strlen(name), digits;
+    const int unfinished = ends(name, &n, ".tmp");
+    if (ends(name, &n, ".port") || ends(name, &n, ".joined") || ends(name, &n, ".beat") ||
+        ends(name, &n, ".run"))
+        return NOTE;
+    if (!ends(name, &n, ".request.h5") && !ends(name, &n, ".reply.h5"))
+        return FOREIGN;
+    for (digits = 0; digits < n && name[n - 1 - digits] >= '0' && name[n - 1 - digits] <= '9';)
+        digits++;
+    if (digits < 8 || digits + 1 >= n || name[n - 1 - digits] != '.')
+        return FOREIGN;
+    return unfinished ? NOTE : MESSAGE;
+}
+
+/* Remove the files of one side ('' of all); with keep_messages all but the messages. What is not of
+   the port stays. */
 void talus_file_clear(const char *folder, const char *prefix, int keep_messages)
 {
     char path[4096];
@@ -133,12 +175,13 @@ void talus_file_clear(const char *folder, const char *prefix, int keep_messages)
     if (!d)
         return;
     for (struct dirent *entry = readdir(d); entry; entry = readdir(d)) {
-        const size_t length = strlen(entry->d_name);
-        const int message = length > 3 && strcmp(entry->d_name + length - 3, ".h5") == 0;
-        if (strncmp(entry->d_name, prefix, n) != 0 || (message && keep_messages))
+        const enum kind kind = kind_of(entry->d_name);
+        if (strncmp(entry->d_name, prefix, n) != 0 || kind == FOREIGN ||
+            (kind == MESSAGE && keep_messages))
             continue;
         snprintf(path, sizeof path, "%s/%s", folder, entry->d_name);
-        unlink(path);
+        if (unlink(path) != 0)
+            rmdir(path); /* an empty folder of that name */
     }
     closedir(d);
 }
@@ -146,4 +189,76 @@ void talus_file_clear(const char *folder, const char *prefix, int keep_messages)
 void talus_file_remove_folder(const char *path)
 {
     rmdir(path);
+}
+
+static const char SEAL[8] = {'T', 'A', 'L', 'U', 'S', 'E', 'N', 'D'};
+
+struct seal {
+    char mark[sizeof SEAL];
+    int64_t bytes;
+    uint64_t crc;
+};
+
+/* CRC-64 of the first bytes of a file; 0 or errno. */
+static int crc_of_file(int fd, int64_t bytes, uint64_t *crc)
+{
+    enum { PIECE = 1 << 16 };
+    unsigned char buffer[PIECE];
+
+    *crc = 0;
+    for (int64_t at = 0; at < bytes;) {
+        const size_t wanted = bytes - at < PIECE ? (size_t)(bytes - at) : PIECE;
+        const ssize_t n = pread(fd, buffer, wanted, (off_t)at);
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n <= 0)
+            return n < 0 ? errno : EIO;
+        *crc = talus_crc64_bytes(buffer, n, *crc);
+        at += n;
+    }
+    return 0;
+}
+
+/* Put the seal behind a closed message file; 0 or errno. */
+int talus_file_seal(const char *path)
+{
+    struct seal seal;
+    struct stat file;
+    const int fd = open(path, O_RDWR | O_CLOEXEC);
+    if (fd < 0)
+        return errno;
+    int why = fstat(fd, &file) == 0 ? 0 : errno;
+    memcpy(seal.mark, SEAL, sizeof SEAL);
+    seal.bytes = why ? 0 : file.st_size;
+    if (!why)
+        why = crc_of_file(fd, seal.bytes, &seal.crc);
+    if (!why && pwrite(fd, &seal, sizeof seal, file.st_size) != (ssize_t)sizeof seal)
+        why = errno ? errno : ENOSPC;
+    return close(fd) != 0 && !why ? errno : why;
+}
+
+/* 0: as it was sealed, or of a partner that seals nothing; -1 damaged, -2 no file; else errno. */
+int talus_file_check(const char *path)
+{
+    struct seal seal;
+    struct stat file;
+    uint64_t crc;
+    const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    if (fd < 0)
+        return errno;
+    int why = fstat(fd, &file) == 0 ? 0 : errno;
+    if (!why && !S_ISREG(file.st_mode))
+        why = -2;
+    const off_t at = why ? 0 : file.st_size - (off_t)sizeof seal;
+    if (!why && at >= 0) {
+        if (pread(fd, &seal, sizeof seal, at) != (ssize_t)sizeof seal)
+            why = EIO;
+        else if (memcmp(seal.mark, SEAL, sizeof SEAL) == 0 || seal.bytes == at) {
+            why = crc_of_file(fd, at, &crc);
+            if (!why && (seal.bytes != at || crc != seal.crc))
+                why = -1;
+        }
+    }
+    close(fd);
+    return why;
 }

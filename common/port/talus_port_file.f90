@@ -1,8 +1,9 @@
 !> hdf5 transport of the port: one file a message, written under a temporary name and renamed.
 !!
-!! In the folder of the port are SIDE.port (made by talus-couple, removed by the solver),
-!! SIDE.joined, the heartbeats SIDE.beat and couple.beat, and SIDE.NNNNNNNN.request.h5 / .reply.h5.
-!! It works across hosts on a shared file system; for an exchange in every sub-step it is slow.
+!! In the folder of the port are couple.run (whose it is), SIDE.port (made by talus-couple, removed
+!! by the solver), SIDE.joined, the heartbeats SIDE.beat and couple.beat, and
+!! SIDE.NNNNNNNN.request.h5 / .reply.h5. It works across hosts on a shared file system; for an
+!! exchange in every sub-step it is slow.
 module talus_port_file
   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_double, c_null_char
   use talus_kinds, only: wp, i4, i8
@@ -11,12 +12,15 @@ module talus_port_file
   use talus_message_buffer, only: message_buffer_type
   use talus_message_file, only: write_message_file, read_message_file
   use talus_c_text, only: text_of
-  use talus_partner, only: own_pid, own_place, now
+  use talus_port_remains, only: watch_asker
+  use talus_system, only: system_error_text
+  use talus_partner, only: own_pid, own_place, own_start, now
   implicit none
   private
   public :: file_port_type, read_lines, write_lines, remove_file
 
   real(wp), parameter :: beat_every = 0.25_wp  !! s between two writings of the heartbeat file
+  real(wp), parameter :: folder_limit = 2.0_wp !! s for which the folder may be out of reach
   integer, parameter :: room = 1024
   character(len=*), parameter :: first_line = 'talus-port 1'
 
@@ -28,6 +32,9 @@ module talus_port_file
     integer(i8), private :: due = 1       !! sequence of the message to read next
     integer(i8), private :: beats = 0
     real(wp), private :: beaten = -1.0_wp !! time of the last writing, s
+    logical, private :: waits = .false.   !! our heartbeat file says that we wait
+    integer, private :: trouble = 0       !! system error that kept the last beat from the folder
+    real(wp), private :: reached = 0.0_wp !! time of the last beat that was written, s
     integer(i4), private :: ask_pid = 0
     character(len=:), allocatable, private :: ask_place
   contains
@@ -38,6 +45,8 @@ module talus_port_file
     procedure :: arrived => file_arrived
     procedure :: partner => file_partner
     procedure :: partner_beat => file_partner_beat
+    procedure :: inspect => file_inspect
+    procedure :: watch => file_watch
     procedure :: beat => file_beat
     procedure :: close => file_close
   end type file_port_type
@@ -99,6 +108,8 @@ contains
     self%due = 1
     self%beats = 0
     self%beaten = -1.0_wp
+    self%waits = .false.
+    self%trouble = 0
   end subroutine set_names
 
   !> Make the folder, remove what an earlier run left for this side, and offer the port.
@@ -117,8 +128,11 @@ contains
     code = c_make_folder(self%folder//c_null_char)
     if (code == 0) then
       call c_clear(self%folder//c_null_char, self%side//'.'//c_null_char, 0_c_int)
+      code = c_write(self%folder//'/couple.run'//c_null_char, 'talus-run 1'//nl//own_place()// &
+                     nl//str(own_pid())//nl//str(own_start())//nl// &
+                     merge('1', '0', trace)//nl//c_null_char)
       call self%beat()
-      code = c_write(self%stem//'.port'//c_null_char, &
+      if (code == 0) code = c_write(self%stem//'.port'//c_null_char, &
                      first_line//nl//run_id//nl//own_place()//nl//str(own_pid())//nl// &
                      str(trace)//nl//c_null_char)
     end if
@@ -246,6 +260,10 @@ contains
     end if
     words = message%used
     self%due = self%due + 1
+    if (self%waits) then
+      self%beaten = -1.0_wp
+      call self%beat()
+    end if
     if (.not. self%trace) call c_remove(path//c_null_char)
   end subroutine file_pull
 
@@ -276,26 +294,31 @@ contains
     place = line(1)%s
   end subroutine file_partner
 
-  !> Heartbeat word of the other side; 0 before its first beat.
-  integer(i8) function file_partner_beat(self)
+  !> Heartbeat word of the other side, 0 before its first beat; whether it says that it waits.
+  subroutine file_partner_beat(self, beats, waits)
     class(file_port_type), intent(in) :: self
+    integer(i8), intent(out) :: beats
+    logical, intent(out) :: waits
     type(string_type), allocatable :: line(:)
     integer :: stat
 
-    file_partner_beat = 0
+    beats = 0
+    waits = .false.
     if (self%asks) then
       call read_lines(self%stem//'.beat', line)
     else
       call read_lines(self%folder//'/couple.beat', line)
     end if
     if (size(line) == 0) return
-    read (line(1)%s, *, iostat=stat) file_partner_beat
-    if (stat /= 0) file_partner_beat = 0
-  end function file_partner_beat
+    read (line(1)%s, *, iostat=stat) beats
+    if (stat /= 0) beats = 0
+    if (size(line) > 1) waits = line(2)%s == 'waits'
+  end subroutine file_partner_beat
 
-  !> Write the heartbeat file, at most every quarter of a second.
-  subroutine file_beat(self)
+  !> Write the heartbeat file, at most every quarter of a second, and whether this side only waits.
+  subroutine file_beat(self, waits)
     class(file_port_type), intent(inout) :: self
+    logical, intent(in), optional :: waits
     character(len=:), allocatable :: path
     real(wp) :: t
     integer(c_int) :: code
@@ -306,9 +329,30 @@ contains
     self%beats = self%beats + 1
     path = self%stem//'.beat'
     if (self%asks) path = self%folder//'/couple.beat'
-    ! a beat that cannot be written is missed by the other side, which then reports it
-    code = c_write(path//c_null_char, str(self%beats)//new_line('a')//c_null_char)
+    self%waits = .false.
+    if (present(waits)) self%waits = waits
+    code = c_write(path//c_null_char, str(self%beats)//new_line('a')// &
+                   merge('waits', 'works', self%waits)//new_line('a')//c_null_char)
+    if (code == 0) self%reached = t
+    self%trouble = code
   end subroutine file_beat
+
+  !> P025 when the folder has been out of reach for so long that it will not come back.
+  subroutine file_inspect(self, errors)
+    class(file_port_type), intent(in) :: self
+    type(error_list_type), intent(inout) :: errors
+    if (self%trouble == 0 .or. now() - self%reached < folder_limit) return
+    call errors%add('P025', 'the port''s folder cannot be reached any more ('// &
+                    system_error_text(self%trouble)//')', self%folder, &
+                    'it was removed, or its file system is full or gone')
+  end subroutine file_inspect
+
+  !> Solver: watch talus-couple's process, which is on this machine; once it has ended the folder is
+  !! removed.
+  subroutine file_watch(self)
+    class(file_port_type), intent(in) :: self
+    call watch_asker(self%ask_pid, '', self%folder, self%trace)
+  end subroutine file_watch
 
   !> Leave; talus-couple, or the last side when it has ended, removes the files.
   subroutine file_close(self, last)
@@ -321,6 +365,7 @@ contains
       keep = merge(1_c_int, 0_c_int, self%trace)
       call c_clear(self%folder//c_null_char, self%side//'.'//c_null_char, keep)
       call c_remove(self%folder//'/couple.beat'//c_null_char)
+      call c_remove(self%folder//'/couple.run'//c_null_char)
       call c_remove_folder(self%folder//c_null_char)
     else
       call c_remove(self%stem//'.beat'//c_null_char)

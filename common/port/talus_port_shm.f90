@@ -14,8 +14,10 @@ module talus_port_shm
 
   integer(i8), parameter :: slot_bytes = 2_i8**22  !! of each direction; longer messages in chunks
   integer(c_int), parameter :: stage_open = 1, stage_space = 2, stage_map = 3, stage_lock = 4
-  integer(c_int), parameter :: stage_absent = 5, stage_foreign = 6
+  integer(c_int), parameter :: stage_absent = 5, stage_foreign = 6, stage_damaged = 7
   integer, parameter :: room = 128
+  character(len=*), parameter :: damage_hint = 'memory fault, or a foreign program; '// &
+    'the last checkpoint is valid'
 
   !> One end of a segment.
   type :: shm_port_type
@@ -31,6 +33,8 @@ module talus_port_shm
     procedure :: partner => shm_partner
     procedure :: partner_beat => shm_partner_beat
     procedure :: partner_gone => shm_partner_gone
+    procedure :: partner_waits => shm_partner_waits
+    procedure :: inspect => shm_inspect
     procedure :: run_id => shm_run_id
     procedure :: beat => shm_beat
     procedure :: close => shm_close
@@ -94,6 +98,18 @@ module talus_port_shm
       type(c_ptr), value :: handle
       integer(c_int) :: gone
     end function c_partner_gone
+    function c_partner_waits(handle) result(slept) bind(c, name='talus_shm_partner_waits')
+      import :: c_int, c_ptr
+      type(c_ptr), value :: handle
+      integer(c_int) :: slept
+    end function c_partner_waits
+    function c_damage(handle, text, room) result(damaged) bind(c, name='talus_shm_damage')
+      import :: c_char, c_int, c_ptr
+      type(c_ptr), value :: handle
+      character(kind=c_char), intent(inout) :: text(*)
+      integer(c_int), value :: room
+      integer(c_int) :: damaged
+    end function c_damage
     subroutine c_run_id(handle, text, room) bind(c, name='talus_shm_run_id')
       import :: c_char, c_int, c_ptr
       type(c_ptr), value :: handle
@@ -151,6 +167,9 @@ contains
     case (stage_foreign)
       call errors%add('P005', 'the shared memory segment is not of this version of Talus', &
                       '/dev/shm'//name, 'use programs with the same version of the port')
+    case (stage_damaged)
+      call errors%add('P023', 'the head of the shared memory segment is damaged', &
+                      '/dev/shm'//name, damage_hint)
     case (stage_lock)
       call errors%add('P016', 'another process has already joined this port', '/dev/shm'//name, &
                       'one solver a port; a solver on several ranks uses rank 0 only')
@@ -224,6 +243,23 @@ contains
     class(shm_port_type), intent(in) :: self
     shm_partner_gone = c_partner_gone(self%handle) /= 0
   end function shm_partner_gone
+
+  !> How often the other side has slept while it waits for a message; -1 when it does not wait.
+  integer(i8) function shm_partner_waits(self)
+    class(shm_port_type), intent(in) :: self
+    shm_partner_waits = c_partner_waits(self%handle)
+  end function shm_partner_waits
+
+  !> P023 when a control word of the segment was found damaged.
+  subroutine shm_inspect(self, partner, errors)
+    class(shm_port_type), intent(in) :: self
+    character(len=*), intent(in) :: partner  !! its title
+    type(error_list_type), intent(inout) :: errors
+    character(kind=c_char) :: text(room)
+    if (c_damage(self%handle, text, int(room, c_int)) /= 0) &
+      call errors%add('P023', partner//': a control word of the shared memory is damaged: '// &
+                      text_of(text), '', damage_hint)
+  end subroutine shm_inspect
 
   function shm_run_id(self) result(run_id)
     class(shm_port_type), intent(in) :: self

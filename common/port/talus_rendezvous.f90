@@ -6,6 +6,7 @@ module talus_rendezvous
   use talus_kinds, only: wp
   use talus_text, only: str, string_type, starts_with
   use talus_errors, only: error_list_type
+  use talus_system, only: signal_seen
   use talus_partner, only: now, nap, own_host, own_place
   use talus_port_file, only: read_lines, write_lines, remove_file
   implicit none
@@ -40,6 +41,11 @@ contains
     do
       call read_lines(path, line)
       if (size(line) == 4) exit
+      if (signal_seen() /= 0) then
+        call errors%add('P003', 'stopped by a signal before a talus-couple had written the '// &
+                        'rendezvous file', path, 'start talus-couple with launch = ''attach''')
+        return
+      end if
       if (now() - started > limit) then
         call errors%add('P003', 'no talus-couple has written the rendezvous file within '// &
                         str(limit)//' s', path, 'start talus-couple with launch = ''attach''')

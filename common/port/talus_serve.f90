@@ -18,6 +18,7 @@ module talus_serve
     field_id, field_path, field_protocol, field_rehearsal, field_restart, field_role, &
     field_run_id, field_set, field_tag, field_what
   use talus_system, only: install_signals, wall_clock
+  use talus_text, only: starts_with
   implicit none
   private
   public :: server_type, serve_partner, restart_file, take_brief, take_flag
@@ -126,8 +127,10 @@ contains
     type(error_list_type) :: faults
     real(wp) :: waiting
 
-    call install_signals(.false.)
+    ! who waits for a user to start talus-couple is still the user's to stop
+    if (.not. starts_with(options%port, 'attach:')) call install_signals(.false.)
     call port%connect(options%port, errors)
+    call install_signals(.false.)
     server%exit_code = errors%exit_code()
     if (errors%any()) return
     call server%read(options, faults)

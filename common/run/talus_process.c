@@ -84,7 +84,7 @@ static void become(char **argument, char **variables, const char *folder, const 
 
     setpgid(0, 0);
     prctl(PR_SET_PDEATHSIG, death_signal);
-    if (getppid() != parent) /* it died before the line above took effect */
+    if (death_signal != 0 && getppid() != parent) /* it died before the line above took effect */
         _exit(127);
     signal(SIGINT, SIG_DFL);
     signal(SIGTERM, SIG_DFL);

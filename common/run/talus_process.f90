@@ -1,21 +1,24 @@
 !> Child processes: start in a group of their own, wait with a limit, end, report how they ended.
 !!
 !! A child gets no variables of a parent MPI launcher, a passive OpenMP wait policy, its thread
-!! counts, and is killed by the kernel when this program dies, however it dies.
+!! counts, and is killed by the kernel when this program dies, however it dies; unless it looks
+!! after that itself (death_signal = 0): TALUS_PARENT in its environment is our process then.
 module talus_process
   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
   use talus_kinds, only: wp, i4
   use talus_command, only: command_words
   use talus_text, only: str, string_type, append_string
   use talus_errors, only: error_list_type
+  use talus_system, only: process_id
   use talus_c_text, only: text_of
   implicit none
   private
   public :: process_type, sibling_program, tail_of, signal_kill, signal_term, signal_stop, &
-    signal_continue
+    signal_continue, signal_none
 
   integer(i4), parameter :: signal_kill = 9, signal_term = 15, signal_stop = 19
   integer(i4), parameter :: signal_continue = 18
+  integer(i4), parameter :: signal_none = 0
   integer, parameter :: room = 4096
 
   !> One child. After `spawn`: pid > 0 while it is ours to wait for.
@@ -88,13 +91,15 @@ contains
     character(len=*), intent(in) :: log_file  !! of stdout, stderr, in folder; '' = ours
     integer(i4), intent(in) :: threads        !! of OpenMP and BLAS; 0 = as it is
     type(error_list_type), intent(inout) :: errors
-    integer(i4), intent(in), optional :: death_signal  !! sent when we die; kill unless given
+    integer(i4), intent(in), optional :: death_signal  !! sent when we die; kill by default
     type(string_type), allocatable :: edits(:)
     integer(c_int) :: code, on_death
 
     on_death = signal_kill
     if (present(death_signal)) on_death = death_signal
     call environment_edits(threads, edits)
+    if (on_death == signal_none) &
+      call append_string(edits, 'TALUS_PARENT='//str(process_id()))
     self%ended = .false.
     self%exit_code = -1
     self%signal = 0

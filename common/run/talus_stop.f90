@@ -34,6 +34,7 @@ module talus_stop
     procedure :: check
     procedure :: checkpoint_asked
     procedure :: elapsed
+    procedure :: wall_end
     procedure :: text => reason_text
   end type stop_type
 
@@ -121,6 +122,13 @@ contains
     class(stop_type), intent(in) :: self
     elapsed = wall_clock() - self%begun
   end function elapsed
+
+  !> Wall clock at which the wall limit is reached [s]; 0: none.
+  real(wp) function wall_end(self)
+    class(stop_type), intent(in) :: self
+    wall_end = 0.0_wp
+    if (self%wall_limit > 0.0_wp) wall_end = self%begun + self%wall_limit
+  end function wall_end
 
   !> The reason in words: 'signal SIGTERM', 'wall limit of 3600 s', "stop file 'stop'".
   function reason_text(self) result(text)

@@ -7,7 +7,7 @@ module cpl_launch
   use talus_log, only: log_type
   use talus_message, only: verb_stop, verb_abort
   use talus_port_names, only: field_early
-  use talus_process, only: sibling_program
+  use talus_process, only: sibling_program, signal_none
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type
   use cpl_solver, only: cpl_solver_type
@@ -83,7 +83,7 @@ contains
       call solver%process%spawn_command(solver%command, '', solver%output, solver%threads, errors, &
                                         argv)
     else
-      call solver%process%spawn(argv, '', solver%output, solver%threads, errors)
+      call solver%process%spawn(argv, '', solver%output, solver%threads, errors, signal_none)
     end if
   end subroutine start_process
 

@@ -109,7 +109,9 @@ contains
     call table%preset('shared_memory')
     call table%allow('shared_memory|hdf5')
     call table%add_key('time_limit', 'real', 's', &
-      'Silence (no heartbeat and no CPU time) after which a solver counts as hung.')
+      'Silence (no heartbeat and no CPU time) after which a solver counts as hung. Also' &
+      //' how long an answer under way is waited for after a request to stop (signal, ' &
+      //'`wall_limit`), be the solver at work or not.')
     call table%preset('60.0')
     call table%bounds(above=0.0_wp)
     call table%add_key('trace', 'logical', '', &

@@ -15,6 +15,7 @@ module cpl_model
   use talus_log, only: short_number
   use talus_message, only: verb_checkpoint
   use talus_port_names, only: field_hash, field_path, field_tag
+  use talus_port_remains, only: remove_remains
   use talus_stop, only: stop_none
   use talus_summary, only: summary_type
   use talus_system, only: process_id, date_text
@@ -142,9 +143,11 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: k
 
+    call remove_remains(folder_of(self%run%stem))
     do k = 1, 2
       self%run%solvers(k)%restart = ''
       if (self%run%again) self%run%solvers(k)%restart = self%manifest%path(k)%s
+      self%run%solvers(k)%port%wall_end = self%run%stop%wall_end()
       call launch_solver(self%run%solvers(k), self%run%choices, self%run_id, &
                          folder_of(self%run%stem), self%run%log, errors)
       if (errors%any()) return

@@ -7,6 +7,7 @@ the parts: `Message`, `write_message`, `read_message`, `join`, `offer`, `spec_of
 import os
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -206,15 +207,21 @@ def serve(stem: str, answer: Callable[[Message], Values]) -> int:
     the reply.
     """
     offered = join(stem)
-    beats = 1
+    beats, waits = 1, False
+
+    def beat(state: str) -> None:
+        """Let the heartbeat move."""
+        nonlocal beats, waits
+        beats, waits = beats + 1, state == "waits"
+        with suppress(FileNotFoundError):
+            write_lines(Path(f"{stem}.beat"), str(beats), state)
 
     def alive() -> bool:
         """Beat; return whether talus-couple still runs, where that is known."""
-        nonlocal beats
-        beats += 1
-        if Path(stem).parent.exists():
-            write_lines(Path(f"{stem}.beat"), str(beats))
-        return offered[2] != place() or Path(f"/proc/{offered[3]}").exists()
+        beat("waits")
+        return Path(stem).parent.exists() and (
+            offered[2] != place() or Path(f"/proc/{offered[3]}").exists()
+        )
 
     sequence = 0
     while True:
@@ -222,6 +229,8 @@ def serve(stem: str, answer: Callable[[Message], Values]) -> int:
         request = read_message(stem, sequence, "request", alive)
         if request is None:
             return STATUS["system"]
+        if waits:
+            beat("works")
         reply = Message(request.verb, sequence, request.step, request.t0, request.t1)
         try:
             reply.put(answer(request))

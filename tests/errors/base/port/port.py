@@ -2,10 +2,18 @@
 
 import sys
 
-from talus.port import Message, join, offer, read_message, spec_of, write_message
+from talus.port import (
+    Message,
+    join,
+    offer,
+    read_message,
+    spec_of,
+    write_lines,
+    write_message,
+)
 from talus.port_names import PROTOCOL, VERBS, Field
 
-__all__ = ["Asker", "Message", "VERBS", "join", "offer", "read", "spec_of", "write"]
+__all__ = ["Asker", "Message", "VERBS", "join", "offer", "read", "spec_of", "write", "write_lines"]
 read, write = read_message, write_message
 
 

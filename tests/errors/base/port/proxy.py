@@ -5,6 +5,7 @@ VERB may be DESCRIBE/WHAT.
 """
 
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -47,6 +48,16 @@ def spoil(reply: port.Message, deed: str, name: str) -> dict[str, int]:
     return {}
 
 
+def wait_in_vain(stem: str, state: str) -> int:
+    """Say that we wait, or work, until talus-couple has gone."""
+    for beat in range(1000, 4000):
+        if not Path(stem).parent.exists():
+            break
+        port.write_lines(Path(f"{stem}.beat"), str(beat), state)
+        time.sleep(0.1)
+    return 4
+
+
 def main() -> int:
     """Serve until STOP or ABORT, or until the deed ends it."""
     program, verb, deed, name = sys.argv[1:5]
@@ -76,6 +87,13 @@ def main() -> int:
             asked += "/" + request.fields["what"].decode()
         wrong: dict[str, int] = {}
         if asked == verb and deed == "hang":
+            time.sleep(600.0)
+        if asked == verb and deed == "lose":
+            return wait_in_vain(outer, "waits")
+        if asked == verb and deed == "work":
+            return wait_in_vain(outer, "works")
+        if asked == verb and deed == "unfold":
+            shutil.rmtree(Path(outer).parent)
             time.sleep(600.0)
         if asked == verb and deed == "garbage":
             Path(f"{outer}.{sequence:08d}.reply.h5").write_text("no HDF5 at all")
