@@ -12,7 +12,7 @@ module cpl_manifest
   use talus_hash, only: hash_file
   implicit none
   private
-  public :: manifest_type, write_manifest, read_manifest, find_manifest
+  public :: manifest_type, write_manifest, read_manifest, find_manifest, is_in_a_manifest
 
   character(len=*), parameter :: first_line = 'talus-manifest 1'
   character(len=*), parameter :: nl = new_line('a')
@@ -57,6 +57,27 @@ contains
       call forget(path_of(stem, k), manifest)
     end do
   end subroutine write_manifest
+
+  !> Whether a manifest of this stem names a file of this path (in any folder). It must not be
+  !! written anew: until the next manifest is there, the old one is what a restart needs.
+  logical function is_in_a_manifest(stem, path)
+    character(len=*), intent(in) :: stem, path
+    type(error_list_type) :: ignored
+    character(len=:), allocatable :: text
+    integer(i4) :: age
+
+    is_in_a_manifest = .false.
+    do age = 0, most_kept
+      if (.not. file_exists(path_of(stem, age))) then
+        if (age > 0) exit
+        cycle
+      end if
+      call read_file(path_of(stem, age), text, ignored)
+      is_in_a_manifest = index(text, '/'//name_of(path)//nl) > 0 .or. &
+        index(text, ' '//name_of(path)//nl) > 0
+      if (is_in_a_manifest) exit
+    end do
+  end function is_in_a_manifest
 
   !> Path of a manifest by its age, 0 the newest.
   pure function path_of(stem, age) result(path)

@@ -25,7 +25,7 @@ module cpl_model
   use cpl_handshake, only: shake_hands
   use cpl_launch, only: launch_solver, stop_solvers, abort_solvers
   use cpl_logbook, only: begin_log, log_solvers, work_share
-  use cpl_manifest, only: manifest_type, write_manifest, find_manifest
+  use cpl_manifest, only: manifest_type, write_manifest, find_manifest, is_in_a_manifest
   use cpl_method, only: cpl_method_type
   use cpl_methods, only: choose_method
   use cpl_run, only: cpl_run_type
@@ -226,7 +226,7 @@ contains
 
     if (self%method%step == self%saved_step) return
     time = self%time_of(self%method%step)
-    tag = 'x'//str(self%method%step)
+    tag = free_tag(self)
     call self%method%audit%flush(errors)
     do k = 1, 2
       call self%run%solvers(k)%start_request(verb_checkpoint, self%method%step, time, time)
@@ -255,6 +255,21 @@ contains
     end if
     call self%run%timers%stop('checkpoint')
   end subroutine save_checkpoint
+
+  !> 'x' and the step; with a number behind it where a manifest of an earlier run, or of one that
+  !! went further, names the file that this would overwrite.
+  function free_tag(self) result(tag)
+    class(cpl_model_type), intent(in) :: self
+    character(len=:), allocatable :: tag
+    integer(i4) :: k
+
+    tag = 'x'//str(self%method%step)
+    k = 1
+    do while (is_in_a_manifest(self%run%stem, self%run%checkpoint%tag_path(tag)))
+      k = k + 1
+      tag = 'x'//str(self%method%step)//'-'//str(k)
+    end do
+  end function free_tag
 
   subroutine write_row(self)
     class(cpl_model_type), intent(inout) :: self

@@ -7,7 +7,8 @@ program test_cpl_manifest
   use talus_hash, only: hash_file
   use talus_system, only: process_id
   use talus_test, only: test_type
-  use cpl_manifest, only: manifest_type, write_manifest, read_manifest, find_manifest
+  use cpl_manifest, only: manifest_type, write_manifest, read_manifest, find_manifest, &
+    is_in_a_manifest
   implicit none
 
   type(test_type) :: test
@@ -46,6 +47,11 @@ contains
     call test%check('newest', found .and. manifest%step == 30_i8 .and. size(warnings) == 0)
     call test%check_close('time', manifest%time, 0.3_wp, 0.0_wp)
     call test%check_text('deck hash', manifest%deck_hash, 'ABC')
+    call test%check('files of a restart are not for others', is_in_a_manifest(stem, name_of(3, 3)) &
+                    .and. is_in_a_manifest(stem, name_of(2, 3)))
+    call test%check('others are', .not. is_in_a_manifest(stem, name_of(1, 3)) .and. &
+                    .not. is_in_a_manifest(stem, 'x20.chk.h5') .and. &
+                    .not. is_in_a_manifest(folder//'/other', name_of(3, 3)))
 
     call remove_file(name_of(3, 2))
     call find_manifest('auto', stem, manifest, path, found, warnings, errors)
