@@ -1,14 +1,15 @@
 !> Lock on the results of a run: two runs must not write the same files at the same time.
 !!
 !! <stem>.lock is beside the results while a run writes them. The kernel drops the lock when its
-!! process ends, however it ends, so that a file left by a killed run is taken over. On file systems
-!! without locks nothing is locked.
+!! process ends, however it ends, so that a file left by a killed run is taken over; what that run
+!! had not finished is removed. On file systems without locks nothing is locked.
 module talus_lock
   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
   use talus_kinds, only: i4
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_files, only: folder_of
+  use talus_leftovers, only: remove_leftovers
   use talus_c_text, only: c_string
   use talus_system, only: date_text, host_name, process_id
   implicit none
@@ -59,6 +60,7 @@ contains
         ' on host '//host_name()//', since '//date_text()//new_line('a')), descriptor, said, &
         int(room, c_int)) == 0) then
       self%descriptor = int(descriptor, i4)
+      if (self%descriptor >= 0) call remove_leftovers(stem)
       return
     end if
     holder = first_line(said)
