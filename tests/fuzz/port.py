@@ -23,7 +23,7 @@ from pathlib import Path
 import runs
 
 LIMIT = 20.0  # s for a run to end after the damage
-T_END = {"shared_memory": 0.02, "hdf5": 0.004}  # s; about a second of wall time
+T_END = {"shared_memory": 0.02, "hdf5": 0.003}  # s; about a second of wall time
 CONTROL = 1344  # bytes of the control block that are in use
 WORDS = {
     "requests written": 960, "requests taken": 1024, "replies written": 1152,
@@ -204,7 +204,7 @@ def main() -> int:
         tally.check(f"whole run over {transport} ends, code {code}", code in (0, 2), text)
         good[transport] = code, runs.result(folder)
     only = os.environ.get("TALUS_FUZZ_ONLY")
-    for k in range(180 if given.long else 6):
+    for k in range(180 if given.long else 5):
         if not only or int(only) == k:
             one(given, tally, k, good)
     return runs.leave(given, tally)

@@ -17,13 +17,14 @@ import runs
 
 LIMIT = 25.0  # s for a run to end after a signal
 T_END = {"shared_memory": 0.05, "hdf5": 0.008}  # s; some two seconds of wall time
+SHORT = 0.4  # of it, and of the moments, without --long
 STOPS = [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT]
 
 
 def whole(given: Namespace, tally: runs.Tally, transport: str) -> tuple:
     """Return exit code and result of a run that nobody disturbs."""
     folder = given.scratch / f"whole-{transport}"
-    runs.model(folder, T_END[transport], transport)
+    runs.model(folder, given.share * T_END[transport], transport)
     code, text = runs.Run(given.bin, folder).end(120.0)
     tally.check(f"whole run over {transport} ends, code {code}", code in (0, 2), text)
     left = runs.remains(folder)
@@ -68,7 +69,7 @@ def expected(program: str, number: int, good: int | None) -> set[int | None]:
 def one(given: Namespace, tally: runs.Tally, name: str, folder: Path, trial: tuple) -> None:
     """One trial: transport, program, signal, moment [s], and what a whole run gives."""
     transport, program, number, moment, (good, bits) = trial
-    runs.model(folder, T_END[transport], transport)
+    runs.model(folder, given.share * T_END[transport], transport)
     run = runs.Run(given.bin, folder)
     disturb(run, program, number, moment)
     code, text = run.end(LIMIT)
@@ -89,15 +90,16 @@ def main() -> int:
     """Run the trials."""
     given = runs.arguments(__doc__)
     tally = runs.Tally()
+    given.share = 1.0 if given.long else SHORT
     programs = ["talus-couple", *runs.SOLVERS]
     good = {transport: whole(given, tally, transport) for transport in T_END}
-    trials = 120 if given.long else 5
+    trials = 120 if given.long else 4
     only = os.environ.get("TALUS_FUZZ_ONLY")
     for k in range(trials):
         transport = given.rng.choice(sorted(T_END))
         program = given.rng.choice(programs)
         number = signal.SIGKILL if k % 3 else given.rng.choice(STOPS)
-        moment = given.rng.uniform(0.0, given.rng.choice([0.3, 1.0, 2.5]))
+        moment = given.share * given.rng.uniform(0.0, given.rng.choice([0.3, 1.0, 2.5]))
         if only and int(only) != k:
             continue
         name = f"{k} {transport}: {signal.Signals(number).name} to {program} at {moment:.3f} s"
