@@ -315,7 +315,8 @@ contains
     if (size(line) > 1) waits = line(2)%s == 'waits'
   end subroutine file_partner_beat
 
-  !> Write the heartbeat file, at most every quarter of a second, and whether this side only waits.
+  !> Write the heartbeat file, at most every quarter of a second, and whether this solver waits;
+  !! talus-couple, with one heartbeat for both sides, never says so.
   subroutine file_beat(self, waits)
     class(file_port_type), intent(inout) :: self
     logical, intent(in), optional :: waits
@@ -330,7 +331,7 @@ contains
     path = self%stem//'.beat'
     if (self%asks) path = self%folder//'/couple.beat'
     self%waits = .false.
-    if (present(waits)) self%waits = waits
+    if (present(waits)) self%waits = waits .and. .not. self%asks
     code = c_write(path//c_null_char, str(self%beats)//new_line('a')// &
                    merge('waits', 'works', self%waits)//new_line('a')//c_null_char)
     if (code == 0) self%reached = t

@@ -15,6 +15,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from talus.port_names import SCALARS
+
 sys.path.insert(0, str(Path(__file__).parents[1] / "faults/coupled"))
 from run import GRAINS, SOLID, alive, children, make_model  # noqa: E402
 
@@ -23,6 +25,7 @@ SOLVERS = {"talus-dem": "grains", "talus-fem": "solid"}
 OUTPUT = "&output every_time = 1.0e-3 /\n"
 SHM = Path("/dev/shm")
 STEP = "step at"
+STEP_LIMIT = SCALARS["step_limit"]  # no part of the state: estimated anew at a start
 TIMED = ("wall", "timer", "date", "seconds")  # attributes that differ between two equal runs
 
 
@@ -129,7 +132,10 @@ def put(into: dict[str, bytes], path: Path) -> None:
             if name.startswith("steps/"):
                 number, rest = name.split("/", 2)[1:]
                 name = f"{STEP} {times[number]} {rest}"
-            into[f"{path.name}/{name}"] = np.asarray(item[()]).tobytes()
+            value = np.asarray(item[()])
+            if name.startswith("scalars/"):
+                value = np.delete(value, STEP_LIMIT)
+            into[f"{path.name}/{name}"] = value.tobytes()
 
         file.visititems(visit)
 

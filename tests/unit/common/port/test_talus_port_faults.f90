@@ -24,6 +24,7 @@ program test_talus_port_faults
   end interface
 
   real(wp), parameter :: limit = 0.4_wp  !! s of silence that count as a hang here
+  real(wp), parameter :: long = 3.2_wp   !! s; more than a lost message is waited for
   type(test_type) :: test
   character(len=512) :: argument(3)
   integer :: k
@@ -47,6 +48,7 @@ program test_talus_port_faults
       call expect_answer('beat', k)
       call expect_fault('fail', 'N999', k)
       call asker_dies(k)
+      call other_works(k)
     end do
     call never_joins()
     call attached()
@@ -101,6 +103,8 @@ contains
           call work(2.5_wp*limit)
         case ('beat')
           call sleep_and_beat(port, 2.5_wp*limit)
+        case ('long')
+          call sleep_and_beat(port, long)
         case ('fail')
           call fault%add('N999', 'grain 17 is gone', 'grain 17', 'a hint')
           call reply%fail_with(fault)
@@ -223,6 +227,31 @@ contains
     call test%check_text('end of '//mode, process%epitaph(), 'exit code 0')
     call port%close()
   end subroutine expect_answer
+
+  !> One solver works long; the other waits all the while, and is not taken for one that has lost a
+  !! message.
+  subroutine other_works(transport)
+    integer, intent(in) :: transport
+    type(port_type) :: busy, idle
+    type(process_type) :: process(2)
+    type(message_type) :: request, reply
+    type(error_list_type) :: errors
+
+    call open_pair(spec_of(transport, 'busy'), 'serve', 'long', busy, process(1), errors)
+    call open_pair(spec_of(transport, 'idle'), 'serve', '-', idle, process(2), errors)
+    call request%start(verb_hello)
+    call idle%ask(request, reply, errors)
+    call hello_and_force(busy, errors)
+    call request%start(verb_stop)
+    call idle%ask(request, reply, errors)
+    call busy%ask(request, reply, errors)
+    call test%check('a solver waits while the other works', .not. errors%any())
+    if (errors%any()) call errors%print(0)
+    call process(1)%stop(2.0_wp)
+    call process(2)%stop(2.0_wp)
+    call busy%close()
+    call idle%close()
+  end subroutine other_works
 
   !> The other way round: a solver whose asker is killed leaves by itself, soon.
   subroutine asker_dies(transport)
@@ -432,9 +461,9 @@ contains
 
   !> Nothing of all this stays: no segment, no folder.
   subroutine left_over()
-    character(len=8), parameter :: name(18) = [character(len=8) :: 'die', 'leave', 'stop', 'work', &
-      'beat', 'fail', 'orphan', 'alone', 'protocol', 'magic', 'checksum', 'short', 'cut', &
-      'sequence', 'verb', 'bad', 'attach', '']
+    character(len=8), parameter :: name(20) = [character(len=8) :: 'busy', 'idle', 'die', &
+      'leave', 'stop', 'work', 'beat', 'fail', 'orphan', 'alone', 'protocol', 'magic', &
+      'checksum', 'short', 'cut', 'sequence', 'verb', 'bad', 'attach', '']
     logical :: left
     integer :: j
     do j = 1, size(name)
