@@ -45,7 +45,7 @@ module talus_port
     integer(i4), private :: verb = 0      !! of the last request
     integer(i8), private :: first_sign = -1       !! of a partner that waits as we do
     real(wp), private :: stopping = -1.0_wp       !! since when a stop is requested in this wait, s
-    character(len=:), allocatable, private :: rendezvous  !! file to remove at the end
+    character(len=:), allocatable, private :: rendezvous  !! file that is there while both are
     type(shm_port_type), private :: shm
     type(file_port_type), private :: file
   contains
@@ -109,8 +109,10 @@ contains
 
     faults = errors%count
     self%spec = spec
-    if (starts_with(spec, 'attach:')) &
-      call read_rendezvous(spec(8:), attach_limit, self%spec, errors)
+    if (starts_with(spec, 'attach:')) then
+      self%rendezvous = spec(8:)
+      call read_rendezvous(self%rendezvous, attach_limit, self%spec, errors)
+    end if
     if (errors%count == faults) call read_spec(self%spec, transport, errors)
     if (errors%count > faults) return
     self%asks = .false.
@@ -433,7 +435,7 @@ contains
     if (self%transport == transport_file) call self%file%close(self%partner%ended())
     self%transport = transport_none
     if (allocated(self%rendezvous)) then
-      call remove_rendezvous(self%rendezvous)
+      if (self%asks .or. self%partner%ended()) call remove_rendezvous(self%rendezvous)
       deallocate (self%rendezvous)
     end if
     call self%partner%close()
