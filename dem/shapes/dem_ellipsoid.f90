@@ -8,6 +8,9 @@ module dem_ellipsoid
   private
   public :: rotation_of, shape_matrix, support, surface_point, matrix_times
   public :: quaternion_product, quaternion_from_rotation, rotation_between
+  public :: line_of_centres, one_centre
+
+  real(wp), parameter :: one_centre = 1.0e-150_wp  !! centres no further apart coincide [m]
 
 contains
 
@@ -64,6 +67,15 @@ contains
     u = matrix_times(a, n)
     u = u/sqrt(dot_product(n, u))
   end function surface_point
+
+  !> Unit vector along r; of bodies with one centre z, so that they overlap and are no NaN.
+  pure function line_of_centres(r) result(n)
+    real(wp), intent(in) :: r(3)  !! from one centre to the other [m]
+    real(wp) :: n(3), distance
+    distance = sqrt(sum(r*r))
+    n = [0.0_wp, 0.0_wp, 1.0_wp]
+    if (distance > one_centre) n = r/distance
+  end function line_of_centres
 
   pure function quaternion_product(p, q) result(r)
     real(wp), intent(in) :: p(4), q(4)

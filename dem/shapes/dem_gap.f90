@@ -9,7 +9,7 @@ module dem_gap
   use talus_kinds, only: wp, i4
   use dem_sizes, only: lanes
   use dem_block, only: dem_block_type
-  use dem_ellipsoid, only: matrix_times
+  use dem_ellipsoid, only: matrix_times, line_of_centres, one_centre
   implicit none
   private
   public :: branch_vectors, evaluate_pairs, evaluate_spheres, evaluate_planes, &
@@ -45,10 +45,10 @@ contains
       ra = sqrt(b%a%s(k, 1))
       rb = sqrt(b%b%s(k, 1))
       distance = sqrt(b%rx(k)*b%rx(k) + b%ry(k)*b%ry(k) + b%rz(k)*b%rz(k))
-      inverse = 1.0_wp/max(distance, tiny(1.0_wp))
+      inverse = merge(1.0_wp/max(distance, one_centre), 0.0_wp, distance > one_centre)
       nx = b%rx(k)*inverse
       ny = b%ry(k)*inverse
-      nz = b%rz(k)*inverse
+      nz = merge(b%rz(k)*inverse, 1.0_wp, distance > one_centre)  ! as line_of_centres
       b%nx(k) = nx
       b%ny(k) = ny
       b%nz(k) = nz
@@ -230,7 +230,7 @@ contains
     integer(i4), parameter :: most_cuts = 30
 
     rounding = 4.0_wp*epsilon(1.0_wp)*sqrt(sum(r*r))
-    if (.not. sum(n*n) > 0.5_wp) n = r/sqrt(sum(r*r))
+    if (.not. sum(n*n) > 0.5_wp) n = line_of_centres(r)
     most = huge(most)
     if (present(enough)) most = enough
     call ascent(r, a, b, n, gap, t, residual)

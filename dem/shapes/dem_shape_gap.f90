@@ -4,6 +4,7 @@
 !! the wrong way the step follows the gradient uphill.
 module dem_shape_gap
   use talus_kinds, only: wp, i4
+  use dem_ellipsoid, only: line_of_centres
   use dem_shape, only: shape_size, shape_height, shape_tangent
   implicit none
   private
@@ -34,7 +35,7 @@ contains
       gap = gap_of_shapes(r, a, b, normal)
       if (gap > 0.0_wp) return
     else
-      normal = r/sqrt(sum(r*r))
+      normal = line_of_centres(r)
       gap = gap_of_shapes(r, a, b, normal)
       if (gap > skin) return
     end if
@@ -51,7 +52,7 @@ contains
     integer(i4) :: step, cut
 
     rounding = 4.0_wp*epsilon(1.0_wp)*sqrt(sum(r*r))
-    if (.not. sum(n*n) > 0.5_wp) n = r/sqrt(sum(r*r))
+    if (.not. sum(n*n) > 0.5_wp) n = line_of_centres(r)
     call ascent(r, a, b, n, gap, t, residual, slope)
     do step = 1, most_steps
       if (residual <= exact_residual) return

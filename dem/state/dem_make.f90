@@ -4,6 +4,7 @@ module dem_make
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_repeated_errors, only: repeated_errors_type
+  use dem_coincident, only: check_centres, order_along
   use dem_state, only: dem_grains_type, dem_planes_type, dem_material_type, kind_free, kind_mirror
   implicit none
   private
@@ -15,7 +16,8 @@ module dem_make
 
 contains
 
-  !> Fill `grains` from arrays in any order; faults name the grain (I210 to I214).
+  !> Fill `grains` from arrays in any order; faults name the grain (I210 to
+  !! I214, I237).
   subroutine make_grains(grains, materials, id, kind, material, x, quat, axes, v, omega, errors)
     type(dem_grains_type), intent(out) :: grains
     type(dem_material_type), intent(in) :: materials(:)
@@ -32,6 +34,8 @@ contains
     real(wp) :: axis(3), q(4)
 
     call check_grains(id, kind, material, size(materials), x, quat, axes, v, omega, errors)
+    if (errors%any()) return
+    call check_centres(id, kind, x, axes, sorted_order(order_along(x)), errors)
     if (errors%any()) return
     grains%n = size(id)
     call allocate_grains(grains, any(kind /= kind_free))

@@ -5,7 +5,8 @@ program test_dem_gap
   use talus_test, only: larger, max_abs, test_type
   use dem_state, only: lanes
   use dem_block, only: dem_block_type
-  use dem_gap, only: evaluate_spheres, solve_gap, evaluate_pairs, refine_normals, add_curvatures
+  use dem_gap, only: branch_vectors, evaluate_spheres, solve_gap, evaluate_pairs, refine_normals, &
+    add_curvatures
   use dem_ellipsoid, only: rotation_of, shape_matrix, matrix_times, support, surface_point
   implicit none
   type(test_type) :: test
@@ -16,6 +17,7 @@ program test_dem_gap
   call check_brute_force()
   call check_potential()
   call check_batch()
+  call check_one_centre()
   call test%finish()
 
 contains
@@ -247,4 +249,31 @@ contains
     call test%check_all_close('normal of spheres', block%nx*block%ry, block%ny*block%rx, &
                           1.0e-15_wp)
   end subroutine check_batch
+
+  !> Bodies with the same centre overlap along a unit vector, by no less than the sum of the least
+  !! semi-axes: spheres, ellipsoids by both paths, centres that are apart by less than squares hold.
+  subroutine check_one_centre()
+    type(dem_block_type) :: block
+    real(wp) :: r(3), a(6), b(6), q1(4), q2(4), n(3), gap, least
+    integer :: k
+    least = 2.0_wp*minval(axes)
+    block%a%x = 0.0_wp
+    block%b%x = 0.0_wp
+    block%b%x(2::2, 1) = 1.0e-170_wp
+    call branch_vectors(block)
+    block%a%s = spread([4.0_wp, 4.0_wp, 4.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 1, lanes)
+    block%b%s = block%a%s
+    call evaluate_spheres(block)
+    call test%check_all_close('gap of spheres with one centre', block%gap, -4.0_wp, 1.0e-15_wp)
+    call test%check_all_close('their normal', block%nx**2 + block%ny**2 + block%nz**2, 1.0_wp, &
+                              1.0e-15_wp)
+    do k = 1, 20
+      call random_pair(0.0_wp, r, a, b, q1, q2)
+      if (k == 1) b = a
+      n = 0.0_wp
+      call solve_gap(r, a, b, n, gap)
+      call test%check('ellipsoids with one centre overlap', gap <= -(1.0_wp - 1.0e-12_wp)*least)
+      call test%check_close('along a unit vector', sum(n**2), 1.0_wp, 1.0e-14_wp)
+    end do
+  end subroutine check_one_centre
 end program test_dem_gap
