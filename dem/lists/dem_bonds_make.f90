@@ -12,9 +12,24 @@ module dem_bonds_make
   use dem_candidates, only: slot_of
   implicit none
   private
-  public :: make_bonds, check_bonds
+  public :: make_bonds, check_bonds, check_bond_reach
 
 contains
+
+  !> Bonds are made among the pairs of the list: none may reach beyond its margin (I239).
+  subroutine check_bond_reach(d, errors)
+    type(dem_data_type), intent(in) :: d
+    type(error_list_type), intent(inout) :: errors
+    real(wp), parameter :: wider = 2.0_wp  !! a margin that leaves bonds room to stretch
+    type(bond_type) :: bond
+    if (.not. d%pairs%additional%bond%given) return
+    bond = constants(d)
+    if (bond%reach <= d%pairs%skin) return
+    call errors%add('I239', '&bond reach = '//str(bond%reach)//' m is more than the margin of '// &
+                    'the list of pairs, '//str(d%pairs%skin)//' m: pairs beyond it would get '// &
+                    'no bond', hint='give &search skin = '//str(wider*bond%reach)// &
+                    ', or a smaller reach')
+  end subroutine check_bond_reach
 
   !> Glue the grains; a named pair across a gap is a fault (I236), and so are no bonds at all.
   subroutine make_bonds(d, errors)

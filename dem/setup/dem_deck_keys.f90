@@ -302,8 +302,8 @@ contains
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
     call table%add_key('reach', 'real', 'm', &
-      'Largest gap that a bond fills, below the margin of the candidate list. A named ' &
-      //'pair further apart is a fault.')
+      'Largest gap that a bond fills, at most the margin of the candidate list ' &
+      //'(`&search skin`; more is a fault, I239). A named pair further apart is a fault.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
     call table%add_key('pairs', 'integer', '', &

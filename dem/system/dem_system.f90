@@ -8,7 +8,7 @@ module dem_system
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
   use dem_state, only: dem_data_type, kind_free
-  use dem_bonds_make, only: make_bonds
+  use dem_bonds_make, only: make_bonds, check_bond_reach
   use dem_cell, only: is_periodic, least_width
   use dem_additional, only: plan_additional, check_reach
   use dem_membrane, only: check_membranes
@@ -71,6 +71,7 @@ contains
       self%pairs%most_skin = min(self%pairs%most_skin, &
                                  0.5_wp*least_width(self%cell) - 2.0_wp*maxval(self%grains%radius))
     call check_reach(self%dem_data_type, errors)
+    call check_bond_reach(self%dem_data_type, errors)
     if (errors%any()) return
     call allocate_bodies(self%pairs, self%grains, self%planes)
     call update_bodies(self%pairs, self%grains, self%planes, self%cell)
