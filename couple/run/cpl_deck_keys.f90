@@ -12,9 +12,10 @@ contains
   !> All groups and keys of a deck of talus-couple.
   subroutine cpl_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-couple', 7)
+    call table%init('talus-couple', 8)
     call group_run(table)
     call group_checkpoint(table)
+    call group_limits(table)
     call group_program(table)
     call group_port(table)
     call group_clock(table)
@@ -64,6 +65,16 @@ contains
     call table%preset('2')
     call table%bounds(min=1.0_wp, max=1000.0_wp)
   end subroutine group_checkpoint
+
+  subroutine group_limits(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('limits', 1, 'What counts as a failure of the run.')
+    call table%add_key('allow', 'string', '', &
+      'Figures of the health of a run that may be red: they are warnings then, and the ' &
+      //'run does not end with exit code 2. See the manual, Running, Health.')
+    call table%sized(1_i4, huge(1_i4))
+    call table%allow('interface_work_error')
+  end subroutine group_limits
 
   subroutine group_program(table)
     type(key_table_type), intent(inout) :: table

@@ -17,6 +17,7 @@ contains
     call group_output(table)
     call group_history(table)
     call group_checkpoint(table)
+    call group_limits(table)
     call group_material(table)
     call group_curve(table)
     call group_contact(table)
@@ -43,7 +44,6 @@ contains
     call group_measure(table)
     call group_grid(table)
     call group_search(table)
-    call group_limits(table)
   end subroutine dem_deck_table
 
   subroutine group_run(table)
@@ -121,6 +121,32 @@ contains
     call table%preset('2')
     call table%bounds(min=1.0_wp, max=1000.0_wp)
   end subroutine group_checkpoint
+
+  subroutine group_limits(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('limits', 4, 'What counts as a failure of the run.')
+    call table%add_key('allow', 'string', '', &
+      'Figures of the health of a run that may be red: they are warnings then, and the ' &
+      //'run does not end with exit code 2. See the manual, Running, Health.')
+    call table%sized(1_i4, huge(1_i4))
+    call table%allow('energy_error|late_rebuilds|steps_above_limit')
+    call table%add_key('overlap', 'real', '', &
+      'Largest overlap over the smaller grain''s least semi-axis; beyond it the run ' &
+      //'stops with exit code 2. Contact laws are meant for a few per cent.')
+    call table%preset('0.3')
+    call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%add_key('initial_overlap', 'real', '', &
+      'Largest overlap between two free grains at the start, over the smaller grain''s ' &
+      //'least semi-axis; a packing beyond it is refused.')
+    call table%preset('0.05')
+    call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%add_key('energy', 'real', '', &
+      'Largest kinetic energy over the energy that the run has been given so far ' &
+      //'(kinetic at the start, work of gravity and boundaries); beyond it the run counts' &
+      //' as runaway and stops with exit code 2.')
+    call table%preset('1000.0')
+    call table%bounds(above=1.0_wp)
+  end subroutine group_limits
 
   subroutine group_material(table)
     type(key_table_type), intent(inout) :: table
@@ -1085,25 +1111,4 @@ contains
       //'grain size.')
     call table%bounds(above=0.0_wp)
   end subroutine group_search
-
-  subroutine group_limits(table)
-    type(key_table_type), intent(inout) :: table
-    call table%add_group('limits', 3, 'What counts as a failure of the run.')
-    call table%add_key('overlap', 'real', '', &
-      'Largest overlap over the smaller grain''s least semi-axis; beyond it the run ' &
-      //'stops with exit code 2. Contact laws are meant for a few per cent.')
-    call table%preset('0.3')
-    call table%bounds(max=1.0_wp, above=0.0_wp)
-    call table%add_key('initial_overlap', 'real', '', &
-      'Largest overlap between two free grains at the start, over the smaller grain''s ' &
-      //'least semi-axis; a packing beyond it is refused.')
-    call table%preset('0.05')
-    call table%bounds(max=1.0_wp, above=0.0_wp)
-    call table%add_key('energy', 'real', '', &
-      'Largest kinetic energy over the energy that the run has been given so far ' &
-      //'(kinetic at the start, work of gravity and boundaries); beyond it the run counts' &
-      //' as runaway and stops with exit code 2.')
-    call table%preset('1000.0')
-    call table%bounds(above=1.0_wp)
-  end subroutine group_limits
 end module dem_deck_keys

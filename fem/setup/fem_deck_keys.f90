@@ -12,11 +12,12 @@ contains
   !> All groups and keys of a deck of talus-fem.
   subroutine fem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-fem', 32)
+    call table%init('talus-fem', 33)
     call group_run(table)
     call group_output(table)
     call group_history(table)
     call group_checkpoint(table)
+    call group_limits(table)
     call group_material(table)
     call group_curve(table)
     call group_mesh(table)
@@ -114,6 +115,16 @@ contains
     call table%preset('2')
     call table%bounds(min=1.0_wp, max=1000.0_wp)
   end subroutine group_checkpoint
+
+  subroutine group_limits(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('limits', 1, 'What counts as a failure of the run.')
+    call table%add_key('allow', 'string', '', &
+      'Figures of the health of a run that may be red: they are warnings then, and the ' &
+      //'run does not end with exit code 2. See the manual, Running, Health.')
+    call table%sized(1_i4, huge(1_i4))
+    call table%allow('energy_error|displacement_gradient')
+  end subroutine group_limits
 
   subroutine group_material(table)
     type(key_table_type), intent(inout) :: table
