@@ -31,17 +31,18 @@ contains
 
   !> Geometry, law and results of one block. A block without contact whose bodies cannot have met
   !! since the list was made is left alone.
-  subroutine block_forces(pairs, laws, shapes, k, h, travel)
+  subroutine block_forces(pairs, laws, shapes, k, h, travel, deep)
     type(dem_pairs_type), intent(inout) :: pairs
     type(dem_law_type), intent(in) :: laws(:, :)
     type(dem_shapes_type), intent(in) :: shapes
     integer(i4), intent(in) :: k        !! block
     real(wp), intent(in) :: h           !! time since the last evaluation [s]
     real(wp), intent(in) :: travel      !! no surface has moved further since the list was made [m]
-    integer(i4) :: next, later, range(2)
+    logical, intent(out) :: deep        !! some contact may be beyond the limit, see dem_depth
+    integer(i4) :: next, later
     logical :: contact
-    real(wp) :: none(lanes, 0)
 
+    deep = .false.
     if (pairs%additional%active) pairs%additional%work(:, k) = 0.0_wp
     if (travel < 0.5_wp*pairs%least_gap(k) .and. .not. pairs%touched(k)) then
       pairs%columns(:, k) = 0.0_wp
@@ -75,6 +76,7 @@ contains
                                                                             mine_shapes, k)
     end if
     contact = any(mine%gap < 0.0_wp)
+    if (contact) deep = any(mine%gap < -pairs%shallow)
     if (.not. contact .and. .not. pairs%touched(k)) then
       pairs%columns(:, k) = 0.0_wp
       return
@@ -88,8 +90,22 @@ contains
       if (laws(pairs%law_first(k), pairs%law_second(k))%elliptic) &
         call narrow_ellipsoids(mine, k <= pairs%grain_blocks)
     end if
-    associate (law => laws(pairs%law_first(k), pairs%law_second(k)), &
-               weight => pairs%weight(:, min(k, size(pairs%weight, 2))))
+    call apply_law(pairs, laws(pairs%law_first(k), pairs%law_second(k)), k, h)
+    pairs%touched(k) = contact
+    if (pairs%additional%active) call additional_forces(mine, laws(pairs%law_first(k), &
+                                                          pairs%law_second(k)), k, h, pairs)
+    call put_loads(mine%load, pairs%past, pairs%result(:, (k - 1)*lanes + 1:k*lanes))
+  end subroutine block_forces
+
+  !> Forces of the base law of block k.
+  subroutine apply_law(pairs, law, k, h)
+    type(dem_pairs_type), intent(inout) :: pairs
+    type(dem_law_type), intent(in) :: law
+    integer(i4), intent(in) :: k
+    real(wp), intent(in) :: h  !! time since the last evaluation [s]
+    integer(i4) :: range(2)
+    real(wp) :: none(lanes, 0)
+    associate (weight => pairs%weight(:, min(k, size(pairs%weight, 2))))
       if (law%base%reals > 0) then
         range = place_of_memory(law, pairs%additional)
         call law%base%forces(mine, law%law_numbers_type, pairs%round(k), h, pairs%m_star(:, k), &
@@ -100,11 +116,7 @@ contains
                              weight, pairs%history(:, :, k), none, pairs%columns(:, k))
       end if
     end associate
-    pairs%touched(k) = contact
-    if (pairs%additional%active) call additional_forces(mine, laws(pairs%law_first(k), &
-                                                          pairs%law_second(k)), k, h, pairs)
-    call put_loads(mine%load, pairs%past, pairs%result(:, (k - 1)*lanes + 1:k*lanes))
-  end subroutine block_forces
+  end subroutine apply_law
 
   !> Both bodies of block k; those of the next block are called for. Of spheres, and shapes as their
   !! bounding spheres, no shapes.

@@ -260,6 +260,11 @@ contains
 
     call largest_overlap(d, ratio, first, second)
     d%health%max_overlap = max(d%health%max_overlap, ratio)
+    if (d%health%deepest > max(ratio, d%par%overlap_limit)) then
+      d%health%max_overlap = max(d%health%max_overlap, d%health%deepest)
+      call name_deepest(d, code, errors)
+      return
+    end if
     if (ratio <= d%par%overlap_limit) return
     if (d%surfaces%n > 0 .and. first > d%grains%n + 3 + d%planes%n) then
       partner = "surface '"//d%surfaces%name(first - d%grains%n - 3 - d%planes%n)%s//"'"
@@ -268,10 +273,37 @@ contains
     else
       partner = 'grain '//str(d%grains%id(first))
     end if
-    call errors%add(code, partner//' and grain '//str(d%grains%id(second))//' overlap by '// &
+    call add_overlap(d, code, partner, d%grains%id(second), ratio, errors)
+  end subroutine check_overlap
+
+  !> The deepest contact between two looks at all contacts, see dem_depth.
+  subroutine name_deepest(d, code, errors)
+    type(dem_data_type), intent(in) :: d
+    character(len=*), intent(in) :: code
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: partner
+    associate (other => d%health%deepest_pair(2))
+      if (other > 0) then
+        partner = 'grain '//str(other)
+      else if (-other <= d%planes%n) then
+        partner = 'plane '//str(-other)
+      else
+        partner = "surface '"//d%surfaces%name(-other - d%planes%n)%s//"'"
+      end if
+    end associate
+    call add_overlap(d, code, partner, d%health%deepest_pair(1), d%health%deepest, errors)
+  end subroutine name_deepest
+
+  subroutine add_overlap(d, code, partner, id, ratio, errors)
+    type(dem_data_type), intent(in) :: d
+    character(len=*), intent(in) :: code, partner
+    integer(i8), intent(in) :: id
+    real(wp), intent(in) :: ratio
+    type(error_list_type), intent(inout) :: errors
+    call errors%add(code, partner//' and grain '//str(id)//' overlap by '// &
                     str(ratio)//' of the least semi-axis, more than the limit '// &
                     str(d%par%overlap_limit), place='step '//str(d%health%steps), &
                     hint='a stiffer material, a smaller load or a smaller time step; the '// &
                     'limit is &limits overlap')
-  end subroutine check_overlap
+  end subroutine add_overlap
 end module dem_measure

@@ -14,6 +14,7 @@ module dem_port_step
   use dem_system, only: dem_system_type
   use dem_model, only: dem_model_type
   use dem_parts, only: border_is_old, check_border
+  use dem_passages, only: name_passage
   use dem_parts_forces, only: begin_ahead, forces_on_rim, stage_reported
   use dem_sets, only: dem_sets_type, dem_set_type, role_prescribe, role_load, role_report, &
     role_surface, role_border
@@ -226,6 +227,8 @@ contains
       call model%system%forces()
     end if
     call model%timers%stop('steps')
+    call name_passage(model%system%dem_data_type, errors)
+    if (errors%any()) return
     call put_forces(model%system, sets, scope, reply)
     if (ghosts) call put_border(model%system, reply, errors)
     if (.not. brief) call put_scalars(model%system, late, reply)

@@ -392,7 +392,7 @@ contains
     do round = 1, 2  ! memory freed by the first is not all reused by the second
       command = [command_renew, 0_i4]
       call self%team%await(command)
-      call rebuild_list(self%part, 0.0_wp)
+      call rebuild_list(self%part, 0.0_wp, 0.0_wp)
       call try_slabs(self, whole)
     end do
     if (gathers) call self%gather(whole)

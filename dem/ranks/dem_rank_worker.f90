@@ -101,7 +101,7 @@ contains
         call receive_kept(self%records, part)
         call send_report(self)
       case (command_renew)
-        call rebuild_list(part, 0.0_wp)
+        call rebuild_list(part, 0.0_wp, 0.0_wp)
       case default
         done = .false.
       end select

@@ -134,8 +134,22 @@ contains
       call deck%get('limits', 1, 'overlap', par%overlap_limit)
       call deck%get('limits', 1, 'energy', par%energy_limit)
       call deck%get('limits', 1, 'initial_overlap', choices%initial_overlap)
+      par%allow_late = allows(deck, 'late_rebuilds')
     end associate
   end subroutine read_parameters
+
+  !> Does the deck allow a figure of health to be red?
+  logical function allows(deck, key)
+    type(deck_type), intent(in) :: deck
+    character(len=*), intent(in) :: key
+    type(string_type), allocatable :: allow(:)
+    integer(i4) :: k
+    allows = .false.
+    call deck%get('limits', 1, 'allow', allow)
+    do k = 1, size(allow)
+      allows = allows .or. allow(k)%s == key
+    end do
+  end function allows
 
   !> The curve of an automatic step: positive, and never above all limits (D253).
   subroutine read_step_curve(deck, curve, choices, errors)

@@ -116,6 +116,7 @@ module dem_state
     real(wp), allocatable :: result(:, :)        !! (result_size, slots) on B [N, N m]
     integer(i4) :: past = 0                      !! 1: too much for the caches, see dem_lanes
     real(wp), allocatable :: columns(:, :)       !! (column_count, blocks) work of this step [J]
+    real(wp) :: shallow = huge(1.0_wp)           !! an overlap up to it is within the limit [m]
     real(wp), allocatable :: body(:, :)          !! (body_size, bodies) records
     real(wp), allocatable :: reference_x(:, :)   !! (3, bodies) where the list was made [m]
     real(wp), allocatable :: reference_q(:, :)   !! (4, bodies) orientation then [-]
@@ -173,6 +174,7 @@ module dem_state
     real(wp) :: dt_factor = 0.3_wp               !! automatic step / step limit [-]
     real(wp) :: overlap_limit = 0.1_wp           !! overlap / least semi-axis that is a fault [-]
     real(wp) :: energy_limit = 1.0e3_wp          !! kinetic energy / reference that is a fault [-]
+    logical :: allow_late = .false.              !! a step may go beyond the margin of the list
     logical :: ghost_pairs = .false.             !! keep ghost-ghost contacts
     logical :: overlapped = .false.              !! ghosts go on the bed within a solid
   end type dem_parameters_type
@@ -207,6 +209,12 @@ module dem_state
     integer(i8) :: evaluations = 0          !! force evaluations
     real(wp) :: max_overlap = 0.0_wp        !! largest overlap / least semi-axis so far [-]
     real(wp) :: reference_energy = 0.0_wp   !! scale for the runaway test [J]
+    real(wp) :: deepest = 0.0_wp            !! largest overlap / least semi-axis of an evaluation
+                                            !! in these steps, if it was beyond the limit [-]
+    integer(i8) :: deepest_pair(2) = 0      !! its grain, and its partner: a grain, -k: plane k or,
+                                            !! behind these, a surface
+    integer(i8) :: passed(2) = 0            !! grain, and grain or -surface, of a contact that a
+                                            !! step may have missed; 0 without one
   end type dem_health_type
 
   !> Forces in two parts, once a partner has chosen it: those of free grains and of active ghosts in

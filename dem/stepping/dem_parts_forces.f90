@@ -46,7 +46,7 @@ contains
     end do
     if (d%surfaces%n > 0) travel = larger(travel, surface_travel(d%surfaces))
     if (.not. travel <= 0.5_wp*d%pairs%skin) then
-      call rebuild_list(d, travel)
+      call rebuild_list(d, travel, d%pending)
       travel = 0.0_wp
     end if
     d%parts%travel = travel
@@ -145,7 +145,7 @@ contains
       call note_columns(d, 1_i4, d%pairs%bare_blocks)
     end if
     d%pairs%keep_results = .true.
-    call rebuild_list(d, larger(d%parts%travel, travel))
+    call rebuild_list(d, larger(d%parts%travel, travel), d%pending)
     d%pairs%keep_results = .false.
     d%parts%next = d%pairs%bare_blocks + 1
     d%parts%travel = 0.0_wp
@@ -206,15 +206,16 @@ contains
     integer(i4), intent(in) :: first, last
     real(wp), intent(in) :: h, travel  !! [s], [m]
     integer(i4) :: g, k, base
+    logical :: deep  ! not noted: no step is taken
 
     if (first > last) return
-    !$omp parallel default(none) shared(d, h, travel, first, last) private(g, k, base)
+    !$omp parallel default(none) shared(d, h, travel, first, last) private(g, k, base, deep)
     base = 0
     do g = 1, d%pairs%groups
       if (d%pairs%group_end(g) >= first .and. base < last) then
         !$omp do schedule(static)
         do k = max(first, base + 1), min(last, d%pairs%group_end(g))
-          call block_forces(d%pairs, d%laws, d%grains%shapes, k, h, travel)
+          call block_forces(d%pairs, d%laws, d%grains%shapes, k, h, travel, deep)
         end do
         !$omp end do nowait
       end if

@@ -6,6 +6,7 @@ module dem_relist
   use dem_cell, only: least_width, is_periodic
   use dem_margin, only: set_margins
   use dem_migrate, only: share_out
+  use dem_passages, only: find_passage
   use dem_pairs, only: build_pairs
   use dem_state, only: dem_data_type
   use dem_surface_motion, only: surface_travel
@@ -75,7 +76,7 @@ contains
     type(dem_data_type), intent(inout) :: d
     real(wp) :: travel
     travel = largest_travel(d)
-    if (.not. travel <= 0.5_wp*d%pairs%skin) call rebuild_list(d, travel)
+    if (.not. travel <= 0.5_wp*d%pairs%skin) call rebuild_list(d, travel, d%pending)
   end subroutine rebuild_if_needed
 
   !> The skin may be no wider than the cell allows; a cell narrower than two ranges ends the run
@@ -97,13 +98,17 @@ contains
                     hint='a larger cell with more grains, or less compression')
   end subroutine fit_skin
 
-  !> New list; late if one step went further than the whole margin.
-  subroutine rebuild_list(d, travel)
+  !> New list; late if one step went further than the whole margin, see dem_passages.
+  subroutine rebuild_list(d, travel, h)
     type(dem_data_type), intent(inout) :: d
-    real(wp), intent(in) :: travel
+    real(wp), intent(in) :: travel  !! since the last list [m]
+    real(wp), intent(in) :: h       !! since forces were worked [s]
     real(wp), allocatable :: contacts(:, :)
     d%health%rebuilds = d%health%rebuilds + 1
-    if (travel > d%pairs%skin) d%health%late_rebuilds = d%health%late_rebuilds + 1
+    if (travel > d%pairs%skin) then
+      d%health%late_rebuilds = d%health%late_rebuilds + 1
+      if (.not. d%par%allow_late) call find_passage(d, h)
+    end if
     if (d%health%steps - d%pairs%built_at < merge(few_in_parts, few_steps, d%parts%active)) then
       d%pairs%skin = min(1.3_wp*d%pairs%skin, d%pairs%most_skin)
     else if (d%health%steps - d%pairs%built_at > many_steps) then

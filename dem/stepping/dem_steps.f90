@@ -17,12 +17,14 @@ module dem_steps
   use dem_cell, only: advance_cell
   use dem_lost, only: all_finite, name_lost_grain, name_stray
   use dem_bonds_make, only: check_bonds
+  use dem_depth, only: watch_depth, note_block
   use dem_forces, only: block_forces, sum_body
   use dem_lanes, only: finish_puts
   use dem_integrate, only: motion_type, motion_of, kick_block, drift_block, work_count
   use dem_integration_block, only: integration_block_type, block_state_type, load_block, &
     store_block, load_forces, load_side, ready_state, put_bodies
   use dem_relist, only: rebuild_list, fit_skin, outlived
+  use dem_passages, only: name_passage
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_ellipsoid, only: quaternion_from_rotation
   use dem_membrane_forces, only: share_near
@@ -52,6 +54,7 @@ contains
     logical :: rebuild, resumed
 
     motion = motion_of(d, d%par%dt)
+    call watch_depth(d, .true.)
     call plan_work(d, work)
     call set_turns(d)
     done = 0
@@ -72,7 +75,9 @@ contains
         call d%halo%team%most(travel)
       end if
       if (allocated(work%blocks)) deallocate (work%blocks)  ! most memory is in use at a rebuild
-      call rebuild_list(d, travel(1))
+      call rebuild_list(d, travel(1), d%par%dt)
+      call name_passage(d, errors)
+      call watch_depth(d, .false.)
       if (d%pairs%additional%active) call check_bonds(d, errors)
       if (errors%any()) return
       resumed = .true.
@@ -194,13 +199,15 @@ contains
     logical, intent(in) :: border
     integer(i4), intent(in) :: me, threads
     integer(i4) :: g, k, base, length
+    logical :: deep
     base = 0
     do g = 1, d%pairs%groups
       length = d%pairs%group_end(g) - base
       if (at_border(d%pairs, d%pairs%group_end(g)) .neqv. border) length = 0
       do k = base + 1 + int(int(length, i8)*me/threads, i4), &
              base + int(int(length, i8)*(me + 1)/threads, i4)
-        call block_forces(d%pairs, d%laws, d%grains%shapes, k, h, travel)
+        call block_forces(d%pairs, d%laws, d%grains%shapes, k, h, travel, deep)
+        if (deep) call note_block(d, k)
       end do
       base = d%pairs%group_end(g)
     end do

@@ -19,6 +19,7 @@ module dem_surface_forces
   use dem_surface_feature, only: touches_type, features_type
   use dem_surface_find, only: find_touches
   use dem_block, only: dem_block_type
+  use dem_depth, only: note_touch
   use dem_ellipse, only: ratio_on_plane
   implicit none
   private
@@ -67,7 +68,19 @@ contains
       call sum_loads(block, touches%n, d%pairs%body(1:3, i), s%list%load(:, g))
       if (s%soft) call share_loads(s, g, features, touches)
     end associate
+    call note_depth(d, i, touches)
   end subroutine work_grain
+
+  !> Contacts of grain i deeper than the limit allows are noted.
+  subroutine note_depth(d, i, touches)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: i
+    type(touches_type), intent(in) :: touches
+    integer(i4) :: k
+    do k = 1, touches%n
+      if (-touches%gap(k) > d%pairs%shallow) call note_touch(d, i, touches%body(k), -touches%gap(k))
+    end do
+  end subroutine note_depth
 
   !> Of contacts over a gap only those stay that a model holds; the others never were any.
   pure subroutine drop_torn(held, features, touches, block, history, kept)
