@@ -3,13 +3,17 @@ module cpl_facet_method
   use talus_kinds, only: wp, i8
   use talus_text, only: string_type
   use talus_errors, only: error_list_type
+  use talus_deck, only: deck_type
+  use talus_health, only: health_type
   use talus_log, only: log_type, short_number
+  use talus_scalars, only: scalar_max_overlap
   use talus_summary, only: summary_type
   use cpl_audit, only: audit_type, audit_columns
   use cpl_choices, only: rotation_fixed
   use cpl_exchange, only: exchange
   use cpl_facet_log, only: log_interface, log_row, log_health, put_summary
   use cpl_interface, only: interface_type
+  use cpl_judgement, only: judge_coupling
   use cpl_logbook, only: log_row_titles
   use cpl_method, only: cpl_method_type
   use cpl_run, only: cpl_run_type
@@ -37,6 +41,7 @@ module cpl_facet_method
     procedure :: row
     procedure :: health
     procedure :: summary
+    procedure :: judge
   end type facet_method_type
 
 contains
@@ -179,4 +184,12 @@ contains
     type(summary_type), intent(inout) :: page
     call put_summary(page, self%face, self%worst)
   end subroutine summary
+
+  subroutine judge(self, deck, health)
+    class(facet_method_type), intent(in) :: self
+    type(deck_type), intent(in) :: deck
+    type(health_type), intent(inout) :: health
+    call judge_coupling(deck, self%worst%work_error(self%face), &
+                        self%face%ledger%grains(scalar_max_overlap), health)
+  end subroutine judge
 end module cpl_facet_method

@@ -6,9 +6,12 @@
 !!   exchange, after              every exchange; its row of the audit, what may change after it
 !!   save                         the coupling's own state into a checkpoint
 !!   titles, row, health, summary what is reported to the user
+!!   judge                        figures of its health
 module cpl_method
   use talus_kinds, only: wp, i8
   use talus_errors, only: error_list_type
+  use talus_deck, only: deck_type
+  use talus_health, only: health_type
   use talus_log, only: log_type
   use talus_summary, only: summary_type
   use cpl_audit_file, only: audit_file_type
@@ -33,6 +36,7 @@ module cpl_method
     procedure(row_part), deferred :: row
     procedure(health_part), deferred :: health
     procedure(summary_part), deferred :: summary
+    procedure(judge_part), deferred :: judge
   end type cpl_method_type
 
   abstract interface
@@ -95,6 +99,13 @@ module cpl_method
       class(cpl_method_type), intent(in) :: self
       type(summary_type), intent(inout) :: page
     end subroutine summary_part
+
+    subroutine judge_part(self, deck, health)
+      import
+      class(cpl_method_type), intent(in) :: self
+      type(deck_type), intent(in) :: deck
+      type(health_type), intent(inout) :: health
+    end subroutine judge_part
   end interface
 
 contains

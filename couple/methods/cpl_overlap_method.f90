@@ -7,15 +7,19 @@ module cpl_overlap_method
   use talus_errors, only: error_list_type
   use talus_checkpoint, only: checkpoint_info_type
   use talus_hdf5, only: h5_file_type
+  use talus_deck, only: deck_type
+  use talus_health, only: health_type
   use talus_log, only: log_type
+  use talus_scalars, only: scalar_max_overlap
   use talus_summary, only: summary_type
   use cpl_choices, only: cpl_choices_type
+  use cpl_judgement, only: judge_coupling
   use cpl_logbook, only: log_row_titles, overhead_text
   use cpl_method, only: cpl_method_type
   use cpl_overlap, only: overlap_type
   use cpl_overlap_file, only: put_overlap, get_overlap, read_overlap_reference
   use cpl_overlap_log, only: log_census, log_masses, log_exchanges, overlap_columns, &
-    overlap_values, overlap_row, overlap_health, overlap_summary
+    overlap_values, overlap_row, overlap_health, overlap_summary, work_error
   use cpl_overlap_remap, only: rebuild_map, check_after
   use cpl_overlap_setup, only: make_overlap, give_masses
   use cpl_run, only: cpl_run_type
@@ -37,6 +41,7 @@ module cpl_overlap_method
     procedure :: row
     procedure :: health => log_health
     procedure :: summary => put_summary
+    procedure :: judge
     procedure :: put_row       !! for methods that do more after an exchange
     procedure :: log_health
     procedure :: put_summary
@@ -171,6 +176,13 @@ contains
     type(summary_type), intent(inout) :: page
     call overlap_summary(page, self%o, self%fine_scale())
   end subroutine put_summary
+
+  subroutine judge(self, deck, health)
+    class(overlap_method_type), intent(in) :: self
+    type(deck_type), intent(in) :: deck
+    type(health_type), intent(inout) :: health
+    call judge_coupling(deck, work_error(self%o), self%o%ledger%grains(scalar_max_overlap), health)
+  end subroutine judge
 
   !> The method's part of the census.
   subroutine log_own_masses(self, log, choices)

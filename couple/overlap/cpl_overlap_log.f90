@@ -14,7 +14,7 @@ module cpl_overlap_log
   implicit none
   private
   public :: log_census, log_masses, log_exchanges, overlap_columns, overlap_values, &
-    overlap_row, overlap_health, overlap_summary
+    overlap_row, overlap_health, overlap_summary, work_error
 
   integer(i4), parameter :: column_count = 28
 

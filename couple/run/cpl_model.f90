@@ -12,6 +12,7 @@ module cpl_model
     folder_of, run_stem
   use talus_hash, only: hash_file, hash_text
   use talus_lock, only: lock_type
+  use talus_health, only: health_type
   use talus_log, only: short_number
   use talus_message, only: verb_checkpoint
   use talus_port_names, only: field_hash, field_path, field_tag
@@ -300,6 +301,7 @@ contains
     integer(i4), intent(out) :: exit_code
     type(error_list_type), intent(inout) :: errors
     type(error_list_type) :: ignored
+    type(health_type) :: health
     real(wp) :: time, overhead(2)
 
     time = self%time_of(self%method%step)
@@ -310,6 +312,9 @@ contains
       errors)
     call abort_solvers(self%run%solvers, self%method%step, time)
     call self%method%audit%close(errors)
+    if (self%running) call self%method%judge(self%run%deck, health)
+    if (.not. (self%stopped .or. errors%any())) &
+      call health%complain(self%run%deck%source%path, errors)
     exit_code = errors%exit_code()
     if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped
     if (self%begun_log .and. exit_code /= exit_input .and. .not. self%opened) &
@@ -321,7 +326,7 @@ contains
     call self%run%log%faults(errors)
     if (self%running) then
       if (self%method%step > self%first_step) call self%write_row()
-      call self%sum_up(time, overhead, exit_code, errors)
+      call self%sum_up(time, overhead, health, exit_code, errors)
     end if
     call self%run%log%finish(program_name, exit_code, 'time '//short_number(time)//' s, '// &
                          str(self%method%step)//' exchanges')
@@ -329,15 +334,17 @@ contains
   end subroutine finish
 
   !> Health line, timers, summary.json.
-  subroutine sum_up(self, time, overhead, exit_code, errors)
+  subroutine sum_up(self, time, overhead, health, exit_code, errors)
     class(cpl_model_type), intent(inout) :: self
     real(wp), intent(in) :: time, overhead(2)  !! [s], shares of the run time
+    type(health_type), intent(in) :: health
     integer(i4), intent(in) :: exit_code
     type(error_list_type), intent(in) :: errors
     type(error_list_type) :: ignored
     type(summary_type) :: page
 
     call self%method%health(self%run, overhead)
+    call health%warn(self%run%log)
     call self%run%log%timer_table(self%run%timers)
     call page%set_program(program_name, self%run%deck%source%path, self%run%deck%hash())
     call page%set('exit_code', exit_code)
@@ -346,6 +353,7 @@ contains
     call page%set('time_s', time)
     call page%set('coupling_overhead', overhead(1))
     call page%set('coupling_work', overhead(2))
+    call health%summarise(page)
     call self%method%summary(page)
     call page%set_timers(self%run%timers)
     call page%set_errors(errors)

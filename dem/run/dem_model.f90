@@ -6,10 +6,12 @@ module dem_model
   use talus_text, only: str
   use talus_errors, only: error_list_type, exit_stopped
   use talus_files, only: folder_of
+  use talus_health, only: health_type
   use talus_log, only: short_number
   use talus_stop, only: stop_none
   use dem_state, only: dem_health_type
   use dem_clock, only: event_checkpoint
+  use dem_judgement, only: judge_health
   use dem_logbook, only: log_health
   use dem_summary, only: write_summary
   use dem_surcharge_renew, only: renew_surcharge
@@ -134,6 +136,7 @@ contains
     class(dem_model_type), intent(inout) :: self
     integer(i4), intent(out) :: exit_code
     type(error_list_type), intent(inout) :: errors
+    type(health_type) :: health
 
     if (self%needs_whole()) call self%system%gather()
     if (self%surcharge%active) call see_grains(self%system)
@@ -142,11 +145,17 @@ contains
     call write_last(self, errors)
     call self%close_files(errors)
     if (.not. (self%stopped .or. errors%any())) call judge_end(self, errors)
+    if (self%opened) then
+      call self%system%refresh_ledger()
+      call judge_health(self, health)
+      if (.not. (self%served .or. self%stopped .or. errors%any())) &
+        call health%complain(self%deck%source%path, errors)
+    end if
     exit_code = errors%exit_code()
     if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped
     if (.not. self%opened) call self%lock%release()
     if (.not. self%opened) return
-    call report_end(self, exit_code, errors)
+    call report_end(self, health, exit_code, errors)
     call self%lock%release()
   end subroutine finish
 
@@ -182,8 +191,9 @@ contains
   end subroutine judge_end
 
   !> The end of the log, and the summary.
-  subroutine report_end(self, exit_code, errors)
+  subroutine report_end(self, health, exit_code, errors)
     class(dem_model_type), intent(inout) :: self
+    type(health_type), intent(in) :: health
     integer(i4), intent(in) :: exit_code
     type(error_list_type), intent(inout) :: errors
     type(error_list_type) :: ignored
@@ -193,10 +203,11 @@ contains
     if (self%surcharge%active) call self%log%line( &
       'surcharge: '//self%surcharge%text(self%system%dem_data_type))
     call log_health(self%log, self%system, self%clock)
+    call health%warn(self%log)
     if (allocated(self%system%rank_team)) &
       call self%log%item('ranks', self%system%rank_team%text(self%steps_seconds()))
     call self%log%timer_table(self%timers)
-    call write_summary(self, exit_code, errors, ignored)
+    call write_summary(self, health, exit_code, errors, ignored)
     call self%log%finish(program_name, exit_code, 'time '//short_number(self%clock%time())// &
                          ' s, '//str(self%clock%steps)//' steps')
     call self%log%close()

@@ -2,6 +2,7 @@
 module dem_summary
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
+  use talus_health, only: health_type
   use talus_summary, only: summary_type
   use dem_state, only: kind_free
   use dem_histories, only: relative_closure
@@ -14,8 +15,9 @@ module dem_summary
 contains
 
   !> <stem>_summary.json of a run that ends with this exit code and these faults.
-  subroutine write_summary(run, exit_code, faults, errors)
+  subroutine write_summary(run, health, exit_code, faults, errors)
     class(dem_run_state_type), intent(inout) :: run
+    type(health_type), intent(in) :: health
     integer(i4), intent(in) :: exit_code
     type(error_list_type), intent(in) :: faults
     type(error_list_type), intent(inout) :: errors
@@ -37,6 +39,7 @@ contains
     if (steps_time > 0.0_wp) rate = real(run%clock%steps - run%start_steps, wp)/steps_time
     call summary%set('grain_steps_per_s', rate*run%system%grains%n)
     call summary%set('free_grain_steps_per_s', rate*count(run%system%grains%kind == kind_free))
+    call health%summarise(summary)
     call summary%set('health.energy_error', relative_closure(run%system))
     call summary%set('health.closure_J', run%system%closure())
     call summary%set('health.max_overlap', run%system%health%max_overlap)

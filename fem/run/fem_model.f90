@@ -55,6 +55,7 @@ module fem_model
     logical :: elliptic = .true.             !! all micromorphic points so far
     logical :: settled = .false.             !! under an initial stress, before the first step
     real(wp) :: settlement = 0.0_wp          !! largest displacement to it [m]
+    real(wp) :: gradient = 0.0_wp            !! largest so far, see fem_judgement [-]
   contains
     procedure :: read => read_run
     procedure :: prepare

@@ -1,12 +1,13 @@
 !> Steps of a run of its own, to the end, a fault or a request to stop.
 module fem_run
-  use talus_kinds, only: wp, i4
+  use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_log, only: short_number
   use talus_stop, only: stop_none
   use fem_body, only: fem_body_type
   use fem_mm_watch, only: watch_ellipticity
+  use fem_judgement, only: watch_gradient
   use fem_model, only: fem_model_type
   use fem_run_files, only: log_row, log_factors
   implicit none
@@ -24,6 +25,7 @@ contains
     type(fem_model_type), intent(inout) :: model
     type(error_list_type), intent(inout) :: errors
     real(wp) :: t1
+    integer(i8) :: rows  !! of histories
     logical :: last, save_now
 
     do
@@ -46,7 +48,9 @@ contains
       call model%body%hand_over()
       model%steps = model%steps + 1
       call model%timers%start('output')
+      rows = model%output%next_history
       call model%output%write_due(model%body, model%analysis, last, errors)
+      if (model%output%next_history > rows) call watch_gradient(model)
       call model%timers%stop('output')
       call model%ranks%agree(errors)
       if (errors%any()) return

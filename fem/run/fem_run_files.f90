@@ -5,8 +5,10 @@ module fem_run_files
   use talus_text, only: str, string_type
   use talus_errors, only: error_list_type, exit_stopped
   use talus_files, only: make_folder, folder_of
+  use talus_health, only: health_type
   use talus_log, only: log_type, short_number
   use talus_summary, only: summary_type
+  use fem_judgement, only: judge_health
   use fem_model, only: fem_model_type, program_name
   use fem_output, only: energy_error
   implicit none
@@ -122,6 +124,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(error_list_type) :: late
     type(summary_type) :: summary
+    type(health_type) :: health
 
     if (model%opened) then
       if (errors%any()) call model%output%write_last(model%body, late)
@@ -130,6 +133,10 @@ contains
       call model%output%close(errors)
     end if
     call model%ranks%agree(errors)
+    if (model%opened) then
+      call judge_health(model, health)
+      if (.not. (model%stopped .or. errors%any())) call health%complain(model%options%deck, errors)
+    end if
     exit_code = errors%exit_code()
     if (exit_code == 0 .and. model%stopped) exit_code = exit_stopped
     if (.not. model%opened) call model%lock%release()
@@ -137,6 +144,7 @@ contains
     if (model%row_step < model%steps) call log_row(model)
     call model%log%health('energy error '//short_number(energy_error(model%body))//', '// &
                          str(model%body%system%solver%factorisations)//' factorisations')
+    call health%warn(model%log)
     call model%log%timer_table(model%timers)
     call model%log%faults(errors)
     call summary%set_program(program_name, model%options%deck, model%deck%hash())
@@ -144,7 +152,9 @@ contains
     call summary%set('wall_time_s', model%timers%elapsed())
     call summary%set('steps', model%steps)
     call summary%set('time_s', model%body%accepted%time)
+    call health%summarise(summary)
     call summary%set('health.energy_error', energy_error(model%body))
+    call summary%set('health.displacement_gradient', model%gradient)
     call summary%set('health.factorisations', model%body%system%solver%factorisations)
     if (model%body%system%solver%iterative) call summary%set('health.iterations', &
       model%body%system%solver%cg%iterations)
