@@ -5,6 +5,7 @@ module dem_judgement
   use talus_kinds, only: wp
   use talus_health, only: health_type
   use dem_histories, only: relative_closure
+  use dem_state, only: mode_relaxation
   use dem_run_state, only: dem_run_state_type
   implicit none
   private
@@ -32,6 +33,8 @@ contains
                       real(run%system%health%late_rebuilds, wp), late_limits, 'a smaller dt')
     limits = unstable_limits
     if (run%choices%allow_unstable) limits(2) = none
+    ! relaxation has no time to be true to, and the bound is on the safe side
+    if (run%system%par%mode == mode_relaxation) limits = none
     checks = max(real(run%clock%steps, wp)/check_steps, real(run%clock%unstable, wp), 1.0_wp)
     call health%judge(run%deck, 'steps_above_limit', &
                       'the share of checks with the step above the stability limit', &
