@@ -304,6 +304,7 @@ contains
       upper = max(upper, self%grid(k)%grid%upper)
       reach = max(reach, reach_of(self%grid(k)%grid))
     end do
+    if (any(lower > upper)) return  ! only regions of all grains
     reach = reach + 4.0_wp*maxval(system%grains%radius)
     call tile(self%sample, system%cell, lower - reach, upper + reach, self%tiled)
   end subroutine fill_tiles
