@@ -3,7 +3,8 @@
 !!
 !! A checkpoint is an HDF5 file that ends with the attribute 'complete'. It is written under a
 !! temporary name, synced and renamed, and the older one keeps its name until then: at every moment
-!! a whole checkpoint is on the disk. S011 incomplete, S012 of another program, S013 none is usable.
+!! a whole checkpoint is on the disk. S011 incomplete, S012 of another program, S013 none is usable,
+!! S015 without a checksum.
 module talus_checkpoint
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -270,6 +271,13 @@ contains
     info%path = path
     call file%open(path, errors, format=format)
     if (.not. file%is_open()) return
+    if (.not. file%checked) then
+      call errors%add('S015', "checkpoint '"//path//"' has no checksum: it is of another "// &
+                      'program or of an older version', path, &
+                      'restart with the version that wrote it, or start from the beginning')
+      call file%close(errors)
+      return
+    end if
     call file%attr_get('/', 'complete', complete, attributes)
     info%complete = complete == 1
     call file%attr_get('/', 'program', info%program, attributes)

@@ -3,12 +3,13 @@ module talus_h5_file
   use hdf5, only: hid_t, hsize_t, size_t, h5fcreate_f, h5fopen_f, h5fclose_f, h5fflush_f, &
     h5fis_hdf5_f, h5f_acc_trunc_f, h5f_acc_rdonly_f, h5f_acc_rdwr_f, h5f_scope_global_f, &
     h5gcreate_f, h5gclose_f, h5gget_info_by_name_f, h5lget_name_by_idx_f, h5ldelete_f, &
-    h5pcreate_f, h5pclose_f, h5pset_create_inter_group_f, h5p_link_create_f, h5_index_name_f, &
-    h5_iter_inc_f
+    h5pcreate_f, h5pclose_f, h5pset_create_inter_group_f, h5p_link_create_f, h5p_file_create_f, &
+    h5pset_userblock_f, h5_index_name_f, h5_iter_inc_f
   use talus_kinds, only: i4, i8, wp
   use talus_errors, only: error_list_type
   use talus_files, only: file_exists, folder_exists, file_size, remove_file, rename_file, &
     sync_file, sync_folder
+  use talus_file_checksum, only: write_checksum, check_checksum, room_for_checksum
   use talus_h5_raw, only: start_library, library_reason, object_exists, object_shape, &
     dataset_class, object_fault
   use talus_h5_text, only: read_text_attribute, write_text_attribute
@@ -26,6 +27,7 @@ module talus_h5_file
     logical :: failed = .false.               !! a write has failed: no more are tried
     integer(i8) :: spare = 0_i8               !! bytes that stay reserved behind the file, for
                                               !! what HDF5 adds to arrays; 0: none, nor for these
+    logical :: checked = .false.              !! it has a checksum, or gets one with its name
     integer(i8) :: slab(2) = [0_i8, -1_i8]    !! arrays that are put now begin at this index from 0
                                               !! of datasets of this length; < 0: they are whole
   contains
@@ -53,13 +55,16 @@ module talus_h5_file
 
 contains
 
-  !> Make a new file under path.tmp; commit gives it its name. format becomes its attribute.
-  subroutine create(self, path, errors, format)
+  !> Make a new file under path.tmp; commit gives it its name and its checksum. format becomes its
+  !! attribute.
+  subroutine create(self, path, errors, format, grows)
     class(h5_base_type), intent(inout) :: self
     character(len=*), intent(in) :: path
     type(error_list_type), intent(inout) :: errors
     character(len=*), intent(in), optional :: format
-    integer :: stat
+    logical, intent(in), optional :: grows  !! .true.: added to later, so without a checksum
+    integer(hid_t) :: layout
+    integer :: stat, ignored
 
     call start_library()
     self%path = path
@@ -74,7 +79,11 @@ contains
     end if
     self%failed = .false.
     self%spare = 0
-    call h5fcreate_f(self%actual, h5f_acc_trunc_f, self%id, stat)
+    self%checked = .true.
+    if (present(grows)) self%checked = .not. grows
+    call h5pcreate_f(h5p_file_create_f, layout, ignored)
+    if (self%checked) call h5pset_userblock_f(layout, int(room_for_checksum, hsize_t), ignored)
+    call h5fcreate_f(self%actual, h5f_acc_trunc_f, self%id, stat, creation_prp=layout)
     if (stat < 0) then
       self%id = -1
       self%failed = .true.
@@ -83,9 +92,10 @@ contains
       call write_text_attribute(self%id, path, '/', 'format', format, errors)
       call self%note(errors)
     end if
+    call h5pclose_f(layout, ignored)
   end subroutine create
 
-  !> Is there no file whose content is of another format (S015)? A damaged one has none.
+  !> Is there no file whose content is of another format (S016)? A damaged one has none.
   logical function free_place(path, format, errors)
     character(len=*), intent(in) :: path, format
     type(error_list_type), intent(inout) :: errors
@@ -104,12 +114,13 @@ contains
     call old%close(ignored)
     if (free_place) return
     if (.not. found) seen = 'unknown'
-    call errors%add('S015', "'"//path//"' would be overwritten: it is no "//format// &
+    call errors%add('S016', "'"//path//"' would be overwritten: it is no "//format// &
                     " file, its format is '"//seen//"'", path, &
                     'rename it or the deck, or write elsewhere with --output=DIR')
   end function free_place
 
-  !> Open a file that is there; with format given its attribute must be this one.
+  !> Open a file that is there and as it was written (if it has a checksum); with format given its
+  !! attribute must be this one.
   subroutine open_file(self, path, errors, format, write)
     class(h5_base_type), intent(inout) :: self
     character(len=*), intent(in) :: path
@@ -126,7 +137,7 @@ contains
     self%spare = 0
     self%id = -1
     if (present(write)) self%writes = write
-    if (.not. looks_right(path, errors)) return
+    if (.not. looks_right(path, self%checked, errors)) return
     call h5fopen_f(path, merge(h5f_acc_rdwr_f, h5f_acc_rdonly_f, self%writes), self%id, stat)
     if (stat < 0) then
       self%id = -1
@@ -136,13 +147,17 @@ contains
     if (present(format)) call check_format(self, format, errors)
   end subroutine open_file
 
-  !> There, not a folder, not empty, with HDF5's signature?
-  logical function looks_right(path, errors)
+  !> There, not a folder, not empty, with its checksum if it has one, with HDF5's signature?
+  logical function looks_right(path, checked, errors)
     character(len=*), intent(in) :: path
+    logical, intent(out) :: checked  !! it has a checksum
     type(error_list_type), intent(inout) :: errors
     logical :: is_hdf5
+    integer(i4) :: before
     integer :: stat
     looks_right = .false.
+    checked = .false.
+    before = errors%count
     if (.not. file_exists(path)) then
       call errors%add('S003', "'"//path//"' cannot be read: "// &
                       trim(merge('it is a folder       ', 'there is no such file', &
@@ -153,6 +168,8 @@ contains
       call errors%add('S005', "'"//path//"' is empty", path, 'make it again')
       return
     end if
+    call check_checksum(path, checked, errors)
+    if (errors%count > before) return
     call h5fis_hdf5_f(path, is_hdf5, stat)
     if (stat < 0) then
       call open_fault(path, library_reason(), errors)
@@ -195,8 +212,8 @@ contains
     call self%close(errors)
   end subroutine check_format
 
-  !> Give a new file its name: flushed, closed, synced, renamed. After a fault an older file of
-  !! this name is still there, untouched.
+  !> Give a new file its name: flushed, closed, with its checksum, synced, renamed. After a fault
+  !! an older file of this name is still there, untouched.
   subroutine commit(self, errors)
     class(h5_base_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
@@ -209,7 +226,8 @@ contains
       return
     end if
     if (self%actual == self%path) return
-    call sync_file(self%actual, errors)
+    if (self%checked) call write_checksum(self%actual, errors)
+    if (errors%count == before) call sync_file(self%actual, errors)
     if (errors%count == before) call rename_file(self%actual, self%path, errors)
     if (errors%count == before) call sync_folder(self%path, errors)
     if (errors%count > before) call self%discard()

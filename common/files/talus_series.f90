@@ -56,7 +56,7 @@ contains
     self%count = 0
     if (allocated(self%step)) deallocate (self%step)
     allocate (self%step(64))
-    call file%create(path, errors, format=format)
+    call file%create(path, errors, format=format, grows=.true.)
     call file%group('/steps', errors)
   end subroutine start
 

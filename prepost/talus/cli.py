@@ -5,10 +5,21 @@ import sys
 
 from talus import version
 from talus.arguments import Parser
-from talus.commands import check, compare, convert, measure, mesh, pack, plot, render, report
+from talus.commands import (
+    check,
+    checksum,
+    compare,
+    convert,
+    measure,
+    mesh,
+    pack,
+    plot,
+    render,
+    report,
+)
 from talus.faults import FaultError
 
-MODULES = (pack, mesh, check, plot, render, convert, report, measure, compare)
+MODULES = (pack, mesh, check, plot, render, convert, report, measure, compare, checksum)
 
 
 def build_parser() -> Parser:

@@ -11,6 +11,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from talus.checksum import created, opened
 from talus.elements import (
     CORNERS,
     FACET_OF,
@@ -165,7 +166,7 @@ def write_mesh(path: Path, mesh: Mesh) -> None:
     outer = boundary_faces(mesh.cells)
     facets = {name: orient(name, group, outer) for name, group in mesh.facets.items()}
     plain = set(mesh.cells) == {"hex8"}
-    with replaced(path) as temporary, h5py.File(temporary, "w") as file:
+    with replaced(path) as temporary, created(temporary) as file:
         file.attrs["format"] = np.bytes_("talus-mesh")
         file.attrs["version"] = np.int32(1 if plain else 2)
         file["nodes/x"] = np.ascontiguousarray(mesh.x, np.float64)
@@ -204,7 +205,7 @@ def orient(name: str, facets: Facets, outer: dict) -> tuple[np.ndarray, dict[str
 def read_mesh(path: Path) -> Mesh:
     """Read mesh.h5."""
     try:
-        with h5py.File(path) as file:
+        with opened(path) as file:
             volumes = {k: v[...] for k, v in file.get("volume_groups", {}).items()}
             facets = {k: read_facets(v) for k, v in file.get("facet_groups", {}).items()}
             nodes = {k: v[...] for k, v in file.get("node_groups", {}).items()}

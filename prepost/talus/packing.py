@@ -6,9 +6,9 @@ Arrays have one row a grain; SI units; quaternions are (w, x, y, z), body to spa
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import h5py
 import numpy as np
 
+from talus.checksum import created, opened
 from talus.faults import FaultError
 from talus.files import refuse, replaced, write_text_file
 from talus.forms import LEAST_EXPONENT, MOST_EXPONENT, MOST_SKEW, formed
@@ -175,7 +175,7 @@ def make_packing(
 
 def write_h5(path: Path, packing: Packing) -> None:
     """Write packing.h5 (to a temporary name, then renamed)."""
-    with replaced(path) as temporary, h5py.File(temporary, "w") as file:
+    with replaced(path) as temporary, created(temporary) as file:
         file.attrs["format"] = np.bytes_("talus-packing")
         file.attrs["version"] = np.int32(2 if packing.formed else 1)
         grains = file.create_group("grains")
@@ -201,7 +201,7 @@ def write_h5(path: Path, packing: Packing) -> None:
 def read_h5(path: Path) -> Packing:
     """Read packing.h5."""
     try:
-        with h5py.File(path) as file:
+        with opened(path) as file:
             kind = file.attrs.get("format", b"")
             kind = kind.decode() if isinstance(kind, bytes) else str(kind)
             if kind != "talus-packing":

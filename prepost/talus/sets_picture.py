@@ -5,10 +5,10 @@ The sets come from `<coupled deck>_sets.h5`, places from the field files of both
 
 from pathlib import Path
 
-import h5py
 import numpy as np
 
 from talus import version
+from talus.checksum import opened
 from talus.elements import VTK
 from talus.faults import FaultError
 from talus.fields import FieldFile
@@ -24,7 +24,7 @@ PARTS = {2: "#b9770e", 1: "#7fb3d5", 0: "#9aa3ad"}  # elements: of free grains, 
 def read_sets(path: Path) -> dict[str, np.ndarray]:
     """Return ids and sets of grains, sets of nodes, parts of elements."""
     try:
-        with h5py.File(path) as file:
+        with opened(path) as file:
             if file.attrs.get("format") not in ("talus-sets", b"talus-sets"):
                 raise FaultError("E543", f"{path} holds no sets", "coupled_sets.h5 is wanted")
             names = ("grains/id", "grains/set", "nodes/set", "elements/part")

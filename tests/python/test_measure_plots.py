@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from talus import boundary_plots, cell_plots, measure_plots, network
+from talus.checksum import edited
 from talus.cli import main
 from talus.faults import FaultError
 from talus.fields import Cell
@@ -91,7 +92,7 @@ def test_axes_rose(tmp_path: Path) -> None:
     write_pair(tmp_path / "p.h5")
     with pytest.raises(FaultError, match="E543"):
         measure_plots.axes_rose(tmp_path / "p.h5")
-    with h5py.File(tmp_path / "p.h5", "r+") as file:
+    with edited(tmp_path / "p.h5") as file:
         grains = file["steps/000000/grains"]
         grains["axes"][0] = [3.0, 2.0, 1.0]
         grains["quat"][0] = np.sqrt(0.5) * np.array([1.0, 0.0, 1.0, 0.0])

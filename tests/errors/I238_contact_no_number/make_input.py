@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-import h5py
 import numpy as np
 
+from talus.checksum import edited
 from talus.packing import make_packing, write_h5
 
 x = np.array([[0.0, 0.0, 2.0e-3], [5.0e-3, 0.0, 2.0e-3]])
@@ -12,5 +12,5 @@ packing = make_packing(x, np.full((2, 3), 1.0e-3))
 packing.pairs, packing.tangential = np.array([[1, 2]]), np.zeros((1, 3))
 write_h5(Path("packing.h5"), packing)
 
-with h5py.File("packing.h5", "r+") as file:
+with edited("packing.h5") as file:
     file["contacts/tangential"][0, 1] = np.nan

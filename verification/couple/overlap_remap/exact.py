@@ -7,6 +7,7 @@ import numpy as np
 from coupled import audit_of, compare_runs, write_deck
 from overlap_bars import ACROSS, CUT_OFF, DENSITY, SIDE, SPEED, A, Bar, deck_values
 
+from talus.checksum import edited
 from talus.verification import Case, field_steps
 
 BAR = Bar(grains=140, free=4, ghosts=1, rest=24)
@@ -88,7 +89,7 @@ def judge_pulse(case: Case, mass: str, damping: float, ax: object) -> None:
 def judge_shot(case: Case, ax: object) -> None:
     """Shoot one grain out sideways."""
     layer = BAR.grains + 6  # in the second element
-    with h5py.File(case.folder / "pack.h5", "r+") as file:
+    with edited(case.folder / "pack.h5") as file:
         row = int(np.flatnonzero(file["grains/id"][...] == 1 + layer * ACROSS**2)[0])
         file["grains/v"][...] = 0.0
         file["grains/v"][row, 0] = -SHOT

@@ -248,7 +248,7 @@ contains
     type(h5_file_type) :: file
     integer(i4) :: k
     type(string_type), allocatable :: steps(:)
-    call file%create(folder//'/run.h5', errors)
+    call file%create(folder//'/run.h5', errors, grows=.true.)
     call file%commit(errors)
     do k = 1, 3
       call file%open(folder//'/run.h5', errors, write=.true.)
