@@ -278,6 +278,7 @@ contains
       call file%close(errors)
       return
     end if
+    file%bounded = .true.
     call file%attr_get('/', 'complete', complete, attributes)
     info%complete = complete == 1
     call file%attr_get('/', 'program', info%program, attributes)

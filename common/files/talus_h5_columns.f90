@@ -46,5 +46,6 @@ contains
       call h5dclose_f(dataset, ignored)
     end if
     if (status < 0) call object_fault(file%path, name, 'read', errors)
+    call file%check_numbers(name, size(values, kind=i8), values, errors)
   end subroutine get_columns
 end module talus_h5_columns

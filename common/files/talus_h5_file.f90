@@ -28,6 +28,7 @@ module talus_h5_file
     integer(i8) :: spare = 0_i8               !! bytes that stay reserved behind the file, for
                                               !! what HDF5 adds to arrays; 0: none, nor for these
     logical :: checked = .false.              !! it has a checksum, or gets one with its name
+    logical :: bounded = .false.              !! numbers that are none or beyond physics are faults
     integer(i8) :: slab(2) = [0_i8, -1_i8]    !! arrays that are put now begin at this index from 0
                                               !! of datasets of this length; < 0: they are whole
   contains
@@ -47,11 +48,14 @@ module talus_h5_file
     procedure :: silent
     procedure :: note
     procedure :: check_dataset
+    procedure :: check_numbers
     procedure :: shape_fault
     procedure :: attribute_fault
   end type h5_base_type
 
   real(wp), parameter :: densest = 2000.0_wp  !! values a byte, packed (deflate: 1032 bytes a byte)
+
+  real(wp), parameter :: beyond_physics = 1.0e51_wp  !! as in decks (D016)
 
 contains
 
@@ -79,6 +83,7 @@ contains
     end if
     self%failed = .false.
     self%spare = 0
+    self%bounded = .false.
     self%checked = .true.
     if (present(grows)) self%checked = .not. grows
     call h5pcreate_f(h5p_file_create_f, layout, ignored)
@@ -135,6 +140,7 @@ contains
     self%writes = .false.
     self%failed = .false.
     self%spare = 0
+    self%bounded = .false.
     self%id = -1
     if (present(write)) self%writes = write
     if (.not. looks_right(path, self%checked, errors)) return
@@ -411,6 +417,24 @@ contains
       end if
     end if
   end subroutine check_dataset
+
+  !> Of a bounded file: are all numbers finite and within physics? huge(1.0) stands for no limit.
+  subroutine check_numbers(self, name, count, values, errors)
+    class(h5_base_type), intent(in) :: self
+    character(len=*), intent(in) :: name
+    integer(i8), intent(in) :: count
+    real(wp), intent(in) :: values(count)
+    type(error_list_type), intent(inout) :: errors
+    integer(i8) :: k
+    if (.not. self%bounded) return
+    do k = 1, count
+      if (.not. (abs(values(k)) < beyond_physics .or. abs(values(k) - huge(1.0_wp)) <= 0.0_wp)) exit
+    end do
+    if (k > count) return
+    call errors%add('I006', "'"//self%path//"': "//name//' holds '//str(values(k))// &
+                    ', no number that a run leaves', self%path//':'//name, &
+                    'the file is damaged or was changed: make it again or use an older one')
+  end subroutine check_numbers
 
   subroutine shape_fault(self, name, seen, wanted, errors)
     class(h5_base_type), intent(in) :: self

@@ -6,9 +6,10 @@ module talus_h5_raw
   use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_funloc, c_funptr, c_int, &
     c_int64_t, c_loc, c_null_char, c_ptr
   use hdf5, only: hid_t, hsize_t, size_t, h5open_f, h5eset_auto_f, h5iis_valid_f, &
-    h5t_native_double, h5s_scalar_f, h5screate_f, h5screate_simple_f, h5sclose_f, &
+    h5t_native_double, h5s_scalar_f, h5s_null_f, h5screate_f, h5screate_simple_f, h5sclose_f, &
     h5dcreate_f, h5dopen_f, h5dwrite_f, h5dread_f, h5dclose_f, h5dget_space_f, h5dget_type_f, &
-    h5sget_simple_extent_ndims_f, h5sget_simple_extent_dims_f, h5tget_class_f, h5tclose_f, &
+    h5sget_simple_extent_ndims_f, h5sget_simple_extent_dims_f, &
+    h5sget_simple_extent_type_f, h5tget_class_f, h5tclose_f, &
     h5t_integer_f, h5t_float_f, h5t_string_f, h5lexists_f, h5pcreate_f, h5pclose_f, &
     h5pset_create_inter_group_f, h5p_link_create_f, h5p_default_f, h5t_std_i32le, h5t_std_i64le, &
     h5t_ieee_f64le, h5aexists_f, h5acreate_f, h5adelete_f, h5aopen_f, h5awrite_f, h5aread_f, &
@@ -143,7 +144,8 @@ contains
     end do
   end function object_exists
 
-  !> Fortran shape of a dataset or, with attribute given, of an attribute; size 0 for a scalar.
+  !> Fortran shape of a dataset or, with attribute given, of an attribute; size 0 for a scalar, [0]
+  !! where there is nothing in it (HDF5's null dataspace).
   subroutine object_shape(file, name, extent, stat, attribute)
     integer(hid_t), intent(in) :: file
     character(len=*), intent(in) :: name
@@ -152,7 +154,7 @@ contains
     character(len=*), intent(in), optional :: attribute
     integer(hid_t) :: object, space, owner
     integer(hsize_t), allocatable :: limits(:)
-    integer :: rank, ignored
+    integer :: rank, space_class, ignored
 
     allocate (extent(0))
     if (present(attribute)) then
@@ -170,6 +172,8 @@ contains
       deallocate (extent)
       allocate (extent(max(rank, 0)), limits(max(rank, 0)))
       if (rank > 0) call h5sget_simple_extent_dims_f(space, extent, limits, ignored)
+      call h5sget_simple_extent_type_f(space, space_class, ignored)
+      if (space_class == h5s_null_f) extent = [0_hsize_t]
       call h5sclose_f(space, ignored)
     end if
     if (present(attribute)) then

@@ -9,7 +9,7 @@ module talus_h5_text
   use talus_kinds, only: i4
   use talus_errors, only: error_list_type
   use talus_h5_raw, only: write_dataset, read_dataset, write_attribute, read_attribute, kind_real, &
-    object_fault
+    object_fault, object_shape
   use talus_text, only: string_type
   implicit none
   private
@@ -145,12 +145,14 @@ contains
     call h5dclose_f(object, stat)
   end subroutine read_text_dataset
 
+  !> Text of an attribute; found is .false. when it is not there, is no text or is several.
   subroutine read_text_attribute(file, object, name, text, found)
     integer(hid_t), intent(in) :: file
     character(len=*), intent(in) :: object, name
     character(len=:), allocatable, intent(out) :: text
     logical, intent(out) :: found
     integer(hid_t) :: owner, attribute, type_id
+    integer(hsize_t), allocatable :: extent(:)
     type(string_type) :: list(1)
     type(c_ptr), target :: address(1)
     character(kind=c_char), allocatable, target :: letters(:)
@@ -160,6 +162,8 @@ contains
 
     text = ''
     found = .false.
+    call object_shape(file, object, extent, stat, name)
+    if (stat < 0 .or. product(extent) /= 1) return
     call h5oopen_f(file, object, owner, stat)
     if (stat < 0) return
     call h5aopen_f(owner, name, attribute, stat)

@@ -6,7 +6,7 @@
 !!
 !! S003 cannot be read, S004 no HDF5 file, S005 truncated or damaged, S006 another format,
 !! S001, S002, S009 cannot be written; I001 no such dataset, I002 shape, I003 kind, I004 attribute,
-!! I005 too large for 32 bits.
+!! I005 too large for 32 bits, I006 (of checkpoints) beyond physics.
 module talus_hdf5
   use, intrinsic :: iso_c_binding, only: c_loc, c_ptr
   use hdf5, only: hsize_t
@@ -248,6 +248,7 @@ contains
     call self%check_dataset(name, 'real', 0, extent, errors)
     if (.not. allocated(extent)) return
     call read_dataset(self%id, self%path, name, kind_real, c_loc(value), errors)
+    call self%check_numbers(name, 1_i8, [value], errors)
   end subroutine get_real_0
 
   subroutine get_real_1(self, name, values, errors)
@@ -262,6 +263,7 @@ contains
     allocate (values(extent(1)))
     if (size(values) == 0) return
     call read_dataset(self%id, self%path, name, kind_real, c_loc(values), errors)
+    call self%check_numbers(name, size(values, kind=i8), values, errors)
   end subroutine get_real_1
 
   subroutine get_real_2(self, name, values, errors)
@@ -276,6 +278,7 @@ contains
     allocate (values(extent(1), extent(2)))
     if (size(values) == 0) return
     call read_dataset(self%id, self%path, name, kind_real, c_loc(values), errors)
+    call self%check_numbers(name, size(values, kind=i8), values, errors)
   end subroutine get_real_2
 
   subroutine get_int4_0(self, name, value, errors)
@@ -551,6 +554,7 @@ contains
     if (found) call read_attribute(self%id, object, name, kind_real, c_loc(found_value), found)
     if (found) value = found_value
     if (.not. found) call self%attribute_fault(object, name, 'a number', errors)
+    if (found) call self%check_numbers(object//'@'//name, 1_i8, [value], errors)
   end subroutine attr_get_real
 
   subroutine attr_get_int4(self, object, name, value, errors)

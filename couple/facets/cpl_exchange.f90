@@ -76,10 +76,8 @@ contains
       face%ledger%iterations = trial
       call advance_grains(face, solvers(side_grains), t0, t1, timers, errors)
       if (errors%any()) return
-      if (choices%scheme == scheme_average .and. follows_drift(face)) then
-        call face%lay_springs_ahead()
-      else if (choices%scheme == scheme_average) then
-        call face%lay_springs(lead(face))
+      if (choices%scheme == scheme_average) then
+        call lay_springs_for_mean(face)
       else
         call face%lay_springs()
       end if
@@ -109,13 +107,24 @@ contains
     if (use_midpoint(face)) face%forces%p_put = 2.0_wp*face%relax%held - face%forces%p_put
   end subroutine step_with_mean
 
+  !> Springs ahead of the ghosts, as far as is stable.
+  subroutine lay_springs_for_mean(face)
+    type(interface_type), intent(inout) :: face
+    call face%mean_motion()
+    if (follows_drift(face)) then
+      call face%lay_springs_ahead()
+    else
+      call face%lay_springs(lead(face))
+    end if
+  end subroutine lay_springs_for_mean
+
   !> May springs be laid ahead by the whole steady motion? On a scalar model of a static solid that
   !! is stable for contacts up to 1.85 times as stiff as the springs.
   pure logical function follows_drift(face)
     type(interface_type), intent(in) :: face
     real(wp), parameter :: most = 1.5_wp  !! contact stiffness over that of the springs
     follows_drift = face%watch%contact_stiffness <= most*face%springs%stiffness .and. &
-                    .not. face%dynamic
+                    face%is_steady() .and. .not. face%dynamic
   end function follows_drift
 
   !> How far ahead of the ghosts the springs are laid, in motions of the last interval, so that they

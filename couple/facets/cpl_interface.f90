@@ -47,6 +47,8 @@ module cpl_interface
     procedure :: follow_facets
     procedure :: lay_springs
     procedure :: lay_springs_ahead
+    procedure :: mean_motion
+    procedure :: is_steady
     procedure :: predict
     procedure :: gap
     procedure :: settled
@@ -149,16 +151,29 @@ contains
       self%motion%w_spring = self%motion%w_spring + ahead*(self%motion%w_new - self%motion%w)
   end subroutine lay_springs
 
-  !> Springs are laid ahead of the ghosts by the steady part of their motion, so that they do not
-  !! hold it back: by the running mean of the motion in an interval.
-  !! eq. C.2
-  subroutine lay_springs_ahead(self)
+  !> The running mean of the motion in an interval, its steady part.
+  subroutine mean_motion(self)
     class(interface_type), intent(inout) :: self
     real(wp), parameter :: newest = 0.3_wp  !! share of the newest motion in the mean
     associate (m => self%motion)
       m%drift = m%drift + newest*(m%w_new - m%w - m%drift)
-      m%w_spring = m%w_new + m%drift
     end associate
+  end subroutine mean_motion
+
+  !> Is the motion of an interval small beside the whole of it? Not where a load has just come: what
+  !! it moves at first is no steady motion.
+  pure logical function is_steady(self)
+    class(interface_type), intent(in) :: self
+    real(wp), parameter :: small = 0.005_wp
+    is_steady = maxval(abs(self%motion%drift)) <= small*maxval(abs(self%motion%w_new))
+  end function is_steady
+
+  !> Springs are laid ahead of the ghosts by the steady part of their motion, so that they do not
+  !! hold it back.
+  !! eq. C.2
+  subroutine lay_springs_ahead(self)
+    class(interface_type), intent(inout) :: self
+    self%motion%w_spring = self%motion%w_new + self%motion%drift
   end subroutine lay_springs_ahead
 
   !> Motion that the ghosts follow in the next interval of length h [s]. Statics: to where the

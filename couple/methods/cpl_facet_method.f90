@@ -189,7 +189,7 @@ contains
     class(facet_method_type), intent(in) :: self
     type(deck_type), intent(in) :: deck
     type(health_type), intent(inout) :: health
-    call judge_coupling(deck, self%worst%work_error(self%face), &
+    call judge_coupling(deck, self%worst%work_error(self%face), self%face%step >= 10, &
                         self%face%ledger%grains(scalar_max_overlap), health)
   end subroutine judge
 end module cpl_facet_method

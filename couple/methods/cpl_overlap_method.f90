@@ -181,7 +181,8 @@ contains
     class(overlap_method_type), intent(in) :: self
     type(deck_type), intent(in) :: deck
     type(health_type), intent(inout) :: health
-    call judge_coupling(deck, work_error(self%o), self%o%ledger%grains(scalar_max_overlap), health)
+    call judge_coupling(deck, work_error(self%o), .true., &
+                        self%o%ledger%grains(scalar_max_overlap), health)
   end subroutine judge
 
   !> The method's part of the census.

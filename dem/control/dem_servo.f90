@@ -16,7 +16,7 @@ module dem_servo
   use talus_deck, only: deck_type
   use talus_history, only: history_type
   use talus_log, only: short_number
-  use dem_state, only: dem_data_type
+  use dem_state, only: dem_data_type, seen_size => servo_seen_size
   use dem_servo_law, only: servo_law_type, servo_view_type, check_interval
   use dem_surface_servo, only: surface_servo_type
   use dem_volume, only: constant_volume_type
@@ -24,7 +24,6 @@ module dem_servo
   private
   public :: dem_servo_type, measured_area
 
-  integer(i4), parameter :: seen_size = 7  !! impulse, time, stress, target of last update, v_i
   real(wp), parameter :: parallel = 1.0e-9_wp
   character(len=14), parameter :: columns(7) = [character(len=14) :: 'time [s]', 'wall [-]', &
     'area [m2]', 'target [Pa]', 'stress [Pa]', 'velocity [m/s]', 'position [m]']

@@ -18,14 +18,13 @@ module dem_surcharge
   use dem_ledger, only: staggering_of, follow_load
   use dem_plan, only: plan_type, free_area, cell_areas, outline_of, largest_reach
   use dem_ellipsoid, only: rotation_of
-  use dem_state, only: dem_data_type, kind_driven, kind_free
+  use dem_state, only: dem_data_type, kind_driven, kind_free, seen_size => surcharge_seen_size
   use dem_surface, only: surface_rows
   implicit none
   private
   public :: dem_surcharge_type
 
   integer(i4), parameter :: longest = 100  !! steps in a block
-  integer(i4), parameter :: seen_size = 8
   integer(i4), parameter :: seen_stress = 1, seen_area = 2, seen_grains = 3, seen_force = 4, &
                             seen_least = 5, seen_most = 6, seen_height = 7, seen_step = 8
   real(wp), parameter :: upright = 1.0e-9_wp  !! cosine to the axis, less than 1 by this

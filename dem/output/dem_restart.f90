@@ -139,6 +139,8 @@ contains
     call read_archive(file, slabs, archive, errors)
     if (.not. slabs) call file%close(errors)
     if (errors%count > before) return
+    call check_clock(path, reals, integers, errors)
+    if (errors%count > before) return
     if (size(driven) /= size(histories%driven_work) .or. &
         size(walls) /= size(histories%wall_work)) then
       call errors%add('I235', "checkpoint '"//path//"' has "//str(size(driven))// &
@@ -161,9 +163,43 @@ contains
     call archive%clear()
     if (slabs .and. errors%count == before) call read_slabs(file, layout, system, errors)
     if (slabs) call file%close(errors)
-    if (errors%count == before .and. allocated(surfaces)) histories%surface_work = surfaces
+    if (errors%count == before .and. allocated(surfaces)) &
+      call take_surface_work(path, surfaces, system%surfaces%parts, histories, errors)
     deck_changed = info%deck_hash /= checkpoint%deck_hash
   end subroutine read_checkpoint
+
+  !> Works of the parts of surfaces, of intervals that are over (I229 where they are not as many).
+  subroutine take_surface_work(path, work, parts, histories, errors)
+    character(len=*), intent(in) :: path
+    real(wp), intent(in) :: work(:)  !! [J]
+    integer(i4), intent(in) :: parts
+    type(dem_histories_type), intent(inout) :: histories
+    type(error_list_type), intent(inout) :: errors
+    if (all(size(work) /= [size(histories%surface_work), int(parts)])) &
+      call errors%add('I229', "checkpoint '"//path//"' has the work of "//str(size(work))// &
+                      ' surfaces, not of '//str(parts), path//':/clock/surface_work', &
+                      'the checkpoint belongs to another packing, deck or version')
+    histories%surface_work = work
+  end subroutine take_surface_work
+
+  !> Three reals: time, steps [s], and three counts.
+  subroutine check_clock(path, reals, integers, errors)
+    character(len=*), intent(in) :: path
+    real(wp), intent(in) :: reals(:)
+    integer(i8), intent(in) :: integers(:)
+    type(error_list_type), intent(inout) :: errors
+    character(len=*), parameter :: hint = 'the checkpoint belongs to another deck or version'
+    if (size(reals) /= 3 .or. size(integers) /= 3) then
+      call errors%add('I229', "checkpoint '"//path//"' has "//str(size(reals))//' times and '// &
+                      str(size(integers))//' counts of steps, not 3 and 3', path//':/clock', hint)
+    else if (any(integers < 0)) then
+      call errors%add('I229', "checkpoint '"//path//"' counts "//str(minval(integers))//' steps', &
+                      path//':/clock/integers', hint)
+    else if (any(reals(2:) < 0.0_wp)) then
+      call errors%add('I229', "checkpoint '"//path//"' has a step of "//str(minval(reals(2:)))// &
+                      ' s', path//':/clock/reals', hint)
+    end if
+  end subroutine check_clock
 
   !> Contacts for many ranks, some at a time.
   subroutine read_slabs(file, layout, system, errors)
@@ -205,6 +241,7 @@ contains
     integer(i4) :: k, before
 
     before = errors%count
+    archive%path = file%path
     call file%names('/state', names)
     do k = 1, size(names)
       if (slabs .and. names(k)%s == records) cycle

@@ -2,6 +2,7 @@
 module dem_archive
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
+  use talus_text, only: str
   implicit none
   private
   public :: dem_archive_type
@@ -18,7 +19,9 @@ module dem_archive
   type :: dem_archive_type
     integer(i4) :: count = 0
     type(dem_item_type), allocatable :: item(:)
+    character(len=:), allocatable :: path   !! of the file from which it was read
   contains
+    procedure :: refuse
     procedure :: put_reals
     procedure :: put_integers
     procedure :: get_reals
@@ -105,16 +108,17 @@ contains
       end if
     end if
     allocate (values(components, max(n, 0)), source=0.0_wp)
-    call misfit(name, errors)
+    call self%refuse(name, 'is missing or has another size', errors)
   end subroutine get_reals
 
-  !> As get_reals, for integers.
-  subroutine get_integers(self, name, components, n, values, errors)
+  !> As get_reals, for integers; one outside a range is a fault, too.
+  subroutine get_integers(self, name, components, n, values, errors, range)
     class(dem_archive_type), intent(in) :: self
     character(len=*), intent(in) :: name
     integer(i4), intent(in) :: components, n
     integer(i8), allocatable, intent(out) :: values(:, :)
     type(error_list_type), intent(inout) :: errors
+    integer(i8), intent(in), optional :: range(2)  !! least, greatest
     integer(i4) :: k
 
     k = find(self, name)
@@ -123,18 +127,42 @@ contains
         if (size(self%item(k)%integers, 1) == components .and. &
             (n < 0 .or. size(self%item(k)%integers, 2) == n)) then
           allocate (values, source=self%item(k)%integers)
+          if (present(range)) call check_range(self, name, range, values, errors)
           return
         end if
       end if
     end if
     allocate (values(components, max(n, 0)), source=0_i8)
-    call misfit(name, errors)
+    if (present(range)) values = range(1)
+    call self%refuse(name, 'is missing or has another size', errors)
   end subroutine get_integers
 
-  subroutine misfit(name, errors)
+  !> Values that are all in the range from then on.
+  subroutine check_range(self, name, range, values, errors)
+    class(dem_archive_type), intent(in) :: self
     character(len=*), intent(in) :: name
+    integer(i8), intent(in) :: range(2)
+    integer(i8), intent(inout) :: values(:, :)
     type(error_list_type), intent(inout) :: errors
-    call errors%add('I229', "checkpoint: array '"//name//"' is missing or has another size", &
-                    hint='the checkpoint belongs to another packing, deck or version')
-  end subroutine misfit
+    integer(i8) :: worst
+    if (size(values) == 0) return
+    worst = minval(values)
+    if (worst >= range(1)) worst = maxval(values)
+    if (worst >= range(1) .and. worst <= range(2)) return
+    call self%refuse(name, 'holds '//str(worst)//', no number from '//str(range(1))//' to '// &
+                     str(range(2)), errors)
+    values = range(1)
+  end subroutine check_range
+
+  !> A fault of an array of the file.
+  subroutine refuse(self, name, what, errors)
+    class(dem_archive_type), intent(in) :: self
+    character(len=*), intent(in) :: name, what
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: place
+    place = ''
+    if (allocated(self%path)) place = self%path//':/state/'//name
+    call errors%add('I229', "checkpoint: array '"//name//"' "//what, place, &
+                    'the checkpoint belongs to another packing, deck or version')
+  end subroutine refuse
 end module dem_archive

@@ -17,6 +17,7 @@ module dem_state
   public :: kind_free, kind_fixed, kind_driven, kind_ghost, kind_mirror
   public :: mode_dynamic, mode_relaxation
   public :: lanes, body_size, history_size, result_size, column_count
+  public :: servo_seen_size, surcharge_seen_size
   public :: entries_ahead, history_side, history_root, history_point
 
   integer(i4), parameter :: kind_free = 0    !! moved by the forces on it
@@ -30,6 +31,9 @@ module dem_state
   integer(i4), parameter :: body_size = 16     !! reals in a body record, see dem_pairs_type
   integer(i4), parameter :: result_size = 8    !! force, moment about the origin, two spare
 
+  integer(i4), parameter :: servo_seen_size = 7      !! impulse, time, stress, target of
+                                                     !! the last update, v_i
+  integer(i4), parameter :: surcharge_seen_size = 8  !! see dem_surcharge
   integer(i4), parameter :: entries_ahead = 48  !! spare entries that sums may read
 
   !> All grains, in ascending order of id. Arrays are (components, grains).

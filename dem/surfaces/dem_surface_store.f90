@@ -10,7 +10,7 @@ module dem_surface_store
   use dem_additional_state, only: kept_places_type, most_parts
   use dem_surface_additional, only: surface_kept_reals
   use dem_surface_state, only: dem_surfaces_type, surface_soft, surface_cylinder, &
-    surface_bore, soft_smooth
+    surface_bore, soft_smooth, servo_size, is_round
   use dem_membrane, only: pull_membranes, set_pressures, set_stretches, set_forces
   use dem_surface_body, only: set_loads
   use dem_surface_contacts, only: begin_list, allocate_contacts, set_contacts, set_slots, &
@@ -183,8 +183,9 @@ contains
   end subroutine put_soft
 
   !> Soft bodies of a checkpoint, after those of the deck.
-  subroutine make_soft(s, archive, errors)
+  subroutine make_soft(s, materials, archive, errors)
     type(dem_surfaces_type), intent(inout) :: s
+    integer(i4), intent(in) :: materials
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
     type(mesh_type) :: mesh
@@ -195,9 +196,14 @@ contains
     do
       number = str(s%n + 1)
       if (archive%find('surfaces.name.'//number) == 0) exit
-      call archive%get_integers('surfaces.name.'//number, longest_name + 2, 1, name, errors)
+      call archive%get_integers('surfaces.name.'//number, longest_name + 2, 1, name, errors, &
+                                [0_i8, int(huge(1_i4), i8)])
       call archive%get_reals('surfaces.rest.'//number, 3, -1, mesh%x, errors)
-      call archive%get_integers('surfaces.corner.'//number, 3, -1, corner, errors)
+      call archive%get_integers('surfaces.corner.'//number, 3, -1, corner, errors, &
+                                [1_i8, size(mesh%x, 2, kind=i8)])
+      if (any(name(:longest_name, 1) > 255) .or. name(longest_name + 1, 1) < 1 .or. &
+          name(longest_name + 1, 1) > materials) &
+        call archive%refuse('surfaces.name.'//number, 'has no name or no material', errors)
       if (errors%any()) return
       text = ''
       do k = 1, longest_name
@@ -218,13 +224,14 @@ contains
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
     integer(i8), allocatable :: sizes(:, :)
-    integer(i4) :: before, k
+    integer(i4) :: before
 
     if (d%surfaces%n == 0 .and. archive%find('surfaces.size') == 0) return
     before = errors%count
-    call make_soft(d%surfaces, archive, errors)
+    call make_soft(d%surfaces, size(d%materials, kind=i4), archive, errors)
     if (errors%count > before) return
-    call archive%get_integers('surfaces.size', 5, 1, sizes, errors)
+    call archive%get_integers('surfaces.size', 5, 1, sizes, errors, [0_i8, int(huge(1_i4), i8)])
+    if (errors%count > before) return
     associate (s => d%surfaces)
       if (any(sizes(:4, 1) /= [s%n, s%parts, s%mesh%vertices, s%mesh%triangles])) &
         call errors%add('I228', 'the checkpoint has '//str(sizes(1, 1))//' surfaces with '// &
@@ -233,27 +240,55 @@ contains
                         'restart with the deck and the files that made it, or start from '// &
                         'the beginning')
       if (errors%count > before) return
-      k = archive%find('surfaces.servo')
-      if (k > 0) call set_servos(s, archive%item(k)%reals)
-      k = archive%find('surfaces.bore')
-      if (k > 0) call get_bores(s, archive%item(k)%reals(:, 1))
-      k = archive%find('surfaces.given')
-      if (k > 0 .and. allocated(s%rigid%given)) call set_loads(s, archive%item(k)%reals)
+      call get_moved(s, archive, errors)
       call get_bodies(s, archive, errors)
-      k = archive%find('surfaces.membranes')
-      if (k > 0 .and. allocated(s%membranes)) then
-        call set_pressures(s, archive%item(k)%reals(:, 1))
-        call set_stretches(s, archive%item(k)%reals(:, 2))
-        call pull_membranes(s)
-        k = archive%find('surfaces.press')  ! of the last step; the pressure may have changed since
-        if (k > 0) call set_forces(s, archive%item(k)%reals)
-      end if
+      if (errors%count > before) return
+      if (allocated(s%membranes)) call get_membranes(s, archive, errors)
       if (errors%count == before) call get_contacts(s, int(sizes(5, 1), i4), d%grains%n, &
                                                     surface_kept_reals(d), archive, errors)
       if (errors%count == before) call get_kept(s, d%pairs%additional%kept_places_type, archive, &
                                                 errors)
     end associate
   end subroutine get_surfaces
+
+  !> What servos, cylinders and partners have made of the bodies.
+  subroutine get_moved(s, archive, errors)
+    type(dem_surfaces_type), intent(inout) :: s
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: rows(:, :)
+    if (archive%find('surfaces.servo') > 0) then
+      call archive%get_reals('surfaces.servo', servo_size, s%n, rows, errors)
+      call set_servos(s, rows)
+    end if
+    if (archive%find('surfaces.bore') > 0) then
+      call archive%get_reals('surfaces.bore', 6*s%n, 1, rows, errors)
+      call get_bores(s, rows(:, 1))
+    end if
+    if (archive%find('surfaces.given') > 0 .and. allocated(s%rigid%given)) then
+      call archive%get_reals('surfaces.given', size(s%rigid%given, 1), size(s%rigid%given, 2), &
+                             rows, errors)
+      call set_loads(s, rows)
+    end if
+  end subroutine get_moved
+
+  !> Pressure and stretch of membranes.
+  subroutine get_membranes(s, archive, errors)
+    type(dem_surfaces_type), intent(inout) :: s
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: rows(:, :)
+    if (archive%find('surfaces.membranes') == 0) return
+    call archive%get_reals('surfaces.membranes', s%n, 2, rows, errors)
+    if (errors%any()) return
+    call set_pressures(s, rows(:, 1))
+    call set_stretches(s, rows(:, 2))
+    call pull_membranes(s)
+    ! the press is of the last step: the pressure may have changed since
+    if (archive%find('surfaces.press') == 0) return
+    call archive%get_reals('surfaces.press', 3, s%mesh%vertices, rows, errors)
+    if (.not. errors%any()) call set_forces(s, rows)
+  end subroutine get_membranes
 
   subroutine get_bodies(s, archive, errors)
     type(dem_surfaces_type), intent(inout) :: s
@@ -280,6 +315,29 @@ contains
     call set_vertex_loads(s, vertices(:, :, 4), vertices(:, :, 5))
   end subroutine get_bodies
 
+  !> Grains rise, so do the places of their candidates, none of which is 0.
+  subroutine check_near(s, grain, start, candidate, archive, errors)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i8), intent(in) :: grain(:), start(:), candidate(:)
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k, near
+    near = size(grain)
+    if (any(grain(2:) <= grain(:near - 1))) &
+      call archive%refuse('surfaces.near', 'names grains that do not rise', errors)
+    if (any(start(2:) < start(:near)) .or. start(near + 1) /= size(candidate) + 1) &
+      call archive%refuse('surfaces.start', 'does not rise to '//str(size(candidate) + 1), errors)
+    do k = 1, size(candidate)
+      if (candidate(k) > 0) cycle
+      if (candidate(k) < 0) then
+        if (is_round(s, int(-candidate(k), i4))) cycle
+      end if
+      call archive%refuse('surfaces.candidate', 'holds '//str(candidate(k))// &
+                          ', neither a triangle nor a round body', errors)
+      return
+    end do
+  end subroutine check_near
+
   subroutine get_contacts(s, near, grains, reals, archive, errors)
     type(dem_surfaces_type), intent(inout) :: s
     integer(i4), intent(in) :: near    !! grains with something near
@@ -291,24 +349,36 @@ contains
     real(wp), allocatable :: gap(:, :), load(:, :), share(:, :), sign(:, :), packed(:, :)
     integer(i4) :: g
 
-    call archive%get_integers('surfaces.near', 1, near, grain, errors)
-    call archive%get_integers('surfaces.start', 1, near + 1, start, errors)
-    call archive%get_integers('surfaces.candidate', 1, -1, candidate, errors)
+    if (near > grains) call archive%refuse('surfaces.size', 'has '//str(near)//' of '// &
+                                           str(grains)//' grains', errors)
+    if (errors%any()) return
+    call archive%get_integers('surfaces.near', 1, near, grain, errors, [1_i8, int(grains, i8)])
+    call archive%get_integers('surfaces.start', 1, near + 1, start, errors, &
+                              [1_i8, int(huge(1_i4), i8)])
+    call archive%get_integers('surfaces.candidate', 1, -1, candidate, errors, &
+                              [-int(s%n, i8), int(s%mesh%triangles, i8)])
     call archive%get_reals('surfaces.gap', 1, near, gap, errors)
+    if (errors%any()) return
+    call check_near(s, grain(1, :), start(1, :), candidate(1, :), archive, errors)
     if (errors%any()) return
     call begin_list(s%list, int(grain(1, :), i4), int(start(1, :), i4), int(candidate(1, :), i4), &
                     gap(1, :))
     call allocate_contacts(s, grains, reals)
-    call archive%get_integers('surfaces.contacts', 1, near, number, errors)
-    call archive%get_integers('surfaces.part', s%list%slots, near, part, errors)
+    call archive%get_integers('surfaces.contacts', 1, near, number, errors, &
+                              [0_i8, int(s%list%slots, i8)])
+    call archive%get_integers('surfaces.part', s%list%slots, near, part, errors, &
+                              [0_i8, int(s%parts, i8)])
     allocate (sign(s%list%slots, near), source=1.0_wp)
     if (allocated(s%membranes)) &
       call archive%get_reals('surfaces.sign', s%list%slots, near, sign, errors)
     call archive%get_reals('surfaces.load', 6, near, load, errors)
-    call archive%get_reals('surfaces.share', 3, -1, share, errors)
+    call archive%get_reals('surfaces.share', 3, size(s%list%share, 2), share, errors)
     call archive%get_reals('surfaces.contact', s%list%slots*contact_size, near, packed, errors)
     if (errors%any()) return
     call set_shares(s%list, share)
+    if (any([(any(part(:int(number(1, g)), g) < 1), g=1, near)])) &
+      call archive%refuse('surfaces.part', 'lacks the part of a contact', errors)
+    if (errors%any()) return
     do g = 1, near
       call set_contacts(s%list, g, int(number(1, g), i4), int(part(:, g), i4), sign(:, g), &
                         load(:, g))

@@ -2,8 +2,10 @@
 module dem_store
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
+  use talus_text, only: str
   use dem_archive, only: dem_archive_type
-  use dem_state, only: dem_data_type, dem_cell_type, dem_ledger_type
+  use dem_state, only: dem_data_type, dem_cell_type, dem_ledger_type, servo_seen_size, &
+    surcharge_seen_size
   use dem_received_contacts, only: receive_contacts, give_results
   use dem_cell, only: is_periodic
   use dem_additional_list, only: put_run_of_additional, get_run_of_additional, layout_kept, &
@@ -18,6 +20,7 @@ module dem_store
   private
   public :: put_state, get_state, put_run, put_grain_arrays, records
 
+  integer(i8), parameter :: furthest_image = 4095  !! in edges of the cell, see dem_images
   character(len=*), parameter :: records = 'contacts'  !! of dem_records, in place of the list
 
 contains
@@ -102,6 +105,16 @@ contains
     call archive%put_reals('cell.place', reshape([c%origin, c%reach, c%stretch, c%held], [5, 3]))
   end subroutine put_cell
 
+  !> Owners of images are grains, shifts lie within what keys of images can hold.
+  subroutine check_images(images, archive, errors)
+    integer(i8), intent(in) :: images(:, :)  !! (n, 4) owner, shift
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    if (all(images(:, 1) >= 1) .and. all(images(:, 2:) <= furthest_image)) return
+    call archive%refuse('images', 'holds '//str(minval(images(:, 1)))//' as a grain or '// &
+                        str(maxval(images(:, 2:)))//' as a shift', errors)
+  end subroutine check_images
+
   !> The same back.
   subroutine get_cell(d, archive, errors)
     type(dem_data_type), intent(inout) :: d
@@ -132,8 +145,12 @@ contains
     end associate
     k = archive%find('images')
     n = 0
-    if (k > 0) n = size(archive%item(k)%integers, 1)
-    call archive%get_integers('images', n, 4, images, errors)
+    if (k > 0) then
+      if (allocated(archive%item(k)%integers)) n = size(archive%item(k)%integers, 1)
+    end if
+    call archive%get_integers('images', n, 4, images, errors, [-furthest_image, &
+                                                               int(d%grains%n, i8)])
+    if (.not. errors%any()) call check_images(images, archive, errors)
     call archive%get_reals('images.force', 3, n, rows, errors)
     if (errors%any()) return
     call resize_images(d%pairs, d%grains%n, int(images(:, 1), i4), &
@@ -233,20 +250,21 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: row(:, :)
     integer(i8), allocatable :: counts(:, :)
-    integer(i4) :: k
 
     if (archive%find('damping.seen_kinetic') > 0) then
       call archive%get_reals('damping.seen_kinetic', 1, d%grains%n, row, errors)
       d%seen_kinetic = row(1, :)
     end if
-    k = archive%find('servo.seen')
-    if (k > 0) d%servo_seen = archive%item(k)%reals
-    k = archive%find('volume.kept')
-    if (k > 0) d%kept_volume = archive%item(k)%reals(1, 1)
+    if (archive%find('servo.seen') > 0) &
+      call archive%get_reals('servo.seen', servo_seen_size, d%planes%n, d%servo_seen, errors)
+    if (archive%find('volume.kept') > 0) then
+      call archive%get_reals('volume.kept', 1, 1, row, errors)
+      d%kept_volume = row(1, 1)
+    end if
     if (archive%find('surcharge.force') > 0) then
       call archive%get_reals('surcharge.force', 1, d%grains%n, row, errors)
       d%surcharge = row(1, :)
-      call archive%get_reals('surcharge.seen', 1, -1, row, errors)
+      call archive%get_reals('surcharge.seen', 1, surcharge_seen_size, row, errors)
       d%surcharge_seen = row(1, :)
       d%surcharge_top = d%surcharge > 0.0_wp  ! as checkpoints without the next leave it
       if (archive%find('surcharge.top') > 0) then
@@ -259,8 +277,10 @@ contains
       call archive%get_reals('parts.of_ghosts', 6, d%grains%n, d%parts%of_ghosts, errors)
       call archive%get_reals('parts.pending', 1, 1, row, errors)
       d%parts%pending = row(1, 1)
-      k = archive%find('parts.spare')
-      if (k > 0) d%parts%spare = archive%item(k)%reals(1, :)
+      if (archive%find('parts.spare') > 0) then
+        call archive%get_reals('parts.spare', 1, d%grains%n, row, errors)
+        d%parts%spare = row(1, :)
+      end if
     end if
     call get_run_of_additional(d%pairs%additional, archive, errors)
     if (errors%any()) return
@@ -272,7 +292,7 @@ contains
     d%pending = row(3, 1)
     d%ledger_dt = row(4, 1)
     d%par%dt = row(5, 1)
-    call archive%get_integers('health.count', 4, 1, counts, errors)
+    call archive%get_integers('health.count', 4, 1, counts, errors, [0_i8, huge(1_i8)])
     d%health%steps = counts(1, 1)
     d%health%rebuilds = counts(2, 1)
     d%health%late_rebuilds = counts(3, 1)

@@ -2,8 +2,9 @@
 module dem_store_grains
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
+  use talus_text, only: str
   use dem_archive, only: dem_archive_type
-  use dem_state, only: dem_data_type, dem_grains_type
+  use dem_state, only: dem_data_type, dem_grains_type, kind_free, kind_ghost
   use dem_make, only: prescribe_some
   implicit none
   private
@@ -54,8 +55,9 @@ contains
     call compare_ids(d%grains, archive, errors)
     if (errors%any()) return
     associate (g => d%grains)
-      call take_numbers(archive, 'grains.kind', g%kind, errors)
-      call take_numbers(archive, 'grains.material', g%material, errors)
+      call take_numbers(archive, 'grains.kind', [kind_free, kind_ghost], g%kind, errors)
+      call take_numbers(archive, 'grains.material', [1_i4, size(d%materials, kind=i4)], &
+                        g%material, errors)
       call take(archive, 'grains.x', g%x, errors)
       call take(archive, 'grains.quat', g%quat, errors)
       call take(archive, 'grains.v', g%v, errors)
@@ -77,6 +79,7 @@ contains
       call compare_shapes(g, archive, errors)
       call take_row(archive, 'grains.mass', g%mass, errors)
     end associate
+    call check_grains(d%grains, archive, errors)
     if (d%grains%shapes%n == 0) d%grains%radius = maxval(d%grains%axes, dim=1)
     d%grains%has_target = .false.
     call take(archive, 'planes.point', d%planes%point, errors)
@@ -85,6 +88,29 @@ contains
     call take(archive, 'planes.impulse', d%planes%impulse, errors)
     call take_row(archive, 'planes.work', d%planes%work, errors)
   end subroutine get_grains
+
+  !> Are mass, inertia and semi-axes above 0, quaternions of length 1?
+  subroutine check_grains(g, archive, errors)
+    type(dem_grains_type), intent(in) :: g
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    real(wp), parameter :: unit = 1.0e-3_wp  !! how far the square of a length may be from 1
+    if (errors%any()) return
+    call above_zero('grains.mass', minval(g%mass))
+    call above_zero('grains.inertia', minval(g%inertia))
+    call above_zero('grains.axes', minval(g%axes))
+    if (any(abs(sum(g%quat**2, dim=1) - 1.0_wp) > unit)) &
+      call archive%refuse('grains.quat', 'holds a quaternion whose length is not 1', errors)
+
+  contains
+
+    subroutine above_zero(name, least)
+      character(len=*), intent(in) :: name
+      real(wp), intent(in) :: least
+      if (.not. least > 0.0_wp) &
+        call archive%refuse(name, 'holds '//str(least)//', which is not above 0', errors)
+    end subroutine above_zero
+  end subroutine check_grains
 
   !> An array of the archive instead of the one that is there, of the same shape.
   subroutine take(archive, name, array, errors)
@@ -107,13 +133,14 @@ contains
     array = values(1, :)
   end subroutine take_row
 
-  subroutine take_numbers(archive, name, array, errors)
+  subroutine take_numbers(archive, name, range, array, errors)
     type(dem_archive_type), intent(in) :: archive
     character(len=*), intent(in) :: name
+    integer(i4), intent(in) :: range(2)  !! least, greatest
     integer(i4), intent(inout) :: array(:)
     type(error_list_type), intent(inout) :: errors
     integer(i8), allocatable :: values(:, :)
-    call archive%get_integers(name, 1, size(array), values, errors)
+    call archive%get_integers(name, 1, size(array), values, errors, int(range, i8))
     array = int(values(1, :), i4)
   end subroutine take_numbers
 

@@ -2,6 +2,7 @@
 module dem_store_pairs
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
+  use talus_text, only: str
   use dem_archive, only: dem_archive_type
   use dem_state, only: dem_data_type, dem_pairs_type, kind_ghost, lanes, history_size, &
     result_size, column_count, entries_ahead
@@ -10,6 +11,9 @@ module dem_store_pairs
   use dem_pairs, only: update_bodies
   implicit none
   private
+  integer(i8), parameter :: most_pairs = 1000000000_i8  !! their entries have 32-bit numbers
+  integer(i8), parameter :: most_shape = 1000_i8        !! round + 2 shape, see put_pairs
+
   public :: put_pairs, put_images, get_skin, get_list
 
 contains
@@ -64,23 +68,35 @@ contains
   end subroutine get_skin
 
   !> Which bodies each lane of a block joins, by which law, and where a body finds its pairs.
-  subroutine get_blocks(p, archive, errors)
+  subroutine get_blocks(p, materials, archive, errors)
     type(dem_pairs_type), intent(inout) :: p
+    integer(i4), intent(in) :: materials
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
     integer(i8), allocatable :: counts(:, :), law(:, :), first(:, :), second(:, :), start(:, :), &
       entry(:, :), group(:, :)
+    integer(i8) :: bodies
     integer(i4) :: m
 
-    call archive%get_integers('pairs.count', 4, 1, counts, errors)
+    call archive%get_integers('pairs.count', 4, 1, counts, errors, [0_i8, most_pairs])
     if (errors%any()) return
     m = int(counts(1, 1), i4)
-    call archive%get_integers('pairs.first', lanes, m, first, errors)
-    call archive%get_integers('pairs.second', lanes, m, second, errors)
-    call archive%get_integers('pairs.law', m, 4, law, errors)
-    call archive%get_integers('pairs.group_end', 1, -1, group, errors)
-    call archive%get_integers('pairs.start', p%plain + p%images + 1, 1, start, errors)
-    call archive%get_integers('pairs.entry', 2*int(counts(3, 1), i4), 1, entry, errors)
+    bodies = p%plain + p%images
+    call archive%get_integers('pairs.first', lanes, m, first, errors, [1_i8, bodies])
+    call archive%get_integers('pairs.second', lanes, m, second, errors, [1_i8, bodies])
+    call archive%get_integers('pairs.law', m, 4, law, errors, [0_i8, most_shape])
+    call archive%get_integers('pairs.group_end', 1, -1, group, errors, [0_i8, int(m, i8)])
+    call archive%get_integers('pairs.start', int(bodies, i4) + 1, 1, start, errors, &
+                              [1_i8, 2*counts(3, 1) + 1])
+    call archive%get_integers('pairs.entry', 2*int(counts(3, 1), i4), 1, entry, errors, &
+                              [0_i8, 2_i8*lanes*m - 1])
+    if (errors%any()) return
+    if (counts(2, 1) > m) call archive%refuse('pairs.count', 'has '//str(counts(2, 1))// &
+                                              ' of '//str(m)//' blocks', errors)
+    if (any(law(:, :2) < 1) .or. any(law(:, :2) > materials)) &
+      call archive%refuse('pairs.law', 'names a material that the deck has not', errors)
+    call check_rising('pairs.start', start(:, 1), 2*counts(3, 1) + 1, archive, errors)
+    call check_rising('pairs.group_end', group(1, :), int(m, i8), archive, errors)
     if (errors%any()) return
     p%blocks = m
     p%grain_blocks = int(counts(2, 1), i4)
@@ -99,13 +115,26 @@ contains
     p%entry = int([entry(:, 1), spread(0_i8, 1, entries_ahead)], i4)
   end subroutine get_blocks
 
+  !> Places that rise to the last one.
+  subroutine check_rising(name, places, last, archive, errors)
+    character(len=*), intent(in) :: name
+    integer(i8), intent(in) :: places(:), last
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    integer :: n
+    n = size(places)
+    if (n == 0) return
+    if (any(places(2:) < places(:n - 1)) .or. places(n) /= last) &
+      call archive%refuse(name, 'does not rise to '//str(last), errors)
+  end subroutine check_rising
+
   subroutine get_pairs(d, archive, errors)
     type(dem_data_type), intent(inout) :: d
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: flat(:, :)
 
-    call get_blocks(d%pairs, archive, errors)
+    call get_blocks(d%pairs, size(d%materials, kind=i4), archive, errors)
     if (errors%any()) return
     associate (p => d%pairs, m => d%pairs%blocks)
       call get_skin(p, archive, errors)

@@ -102,7 +102,7 @@ contains
     type(fem_body_type), intent(inout) :: body
     type(h5_file_type), intent(inout) :: file
     type(error_list_type), intent(inout) :: errors
-    call get_arc(self%path, file, errors)
+    call get_arc(self%path, body%dofs%blocks, file, errors)
   end subroutine get
 
   subroutine columns(self, body, names)

@@ -7,6 +7,7 @@ module fem_arc
   use talus_kinds, only: wp, i4
   use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
+  use talus_h5_shaped, only: get_shaped
   use talus_hdf5, only: h5_file_type
   use fem_body, only: fem_body_type
   use fem_follower, only: follower_force
@@ -239,12 +240,13 @@ contains
   end subroutine put_arc
 
   !> And back.
-  subroutine get_arc(arc, file, errors)
+  subroutine get_arc(arc, blocks, file, errors)
     type(fem_arc_data_type), intent(inout) :: arc
+    integer(i4), intent(in) :: blocks  !! of unknowns
     type(h5_file_type), intent(inout) :: file
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: values(:)
-    call file%get('/state/arc', values, errors)
+    call get_shaped(file, '/state/arc', 6, values, errors)
     if (errors%any()) return
     arc%factor = values(1)
     arc%radius = values(2)
@@ -252,6 +254,6 @@ contains
     arc%last = values(4)
     arc%iterations = nint(values(5), i4)
     arc%limits = nint(values(6), i4)
-    if (arc%radius > 0.0_wp) call file%get('/state/arc_step', arc%step, errors)
+    if (arc%radius > 0.0_wp) call get_shaped(file, '/state/arc_step', [3, blocks], arc%step, errors)
   end subroutine get_arc
 end module fem_arc

@@ -3,7 +3,9 @@
 !! the stage's duration.
 module fem_staging
   use talus_kinds, only: wp, i4
+  use talus_text, only: str
   use talus_errors, only: error_list_type
+  use talus_h5_shaped, only: get_shaped
   use talus_hdf5, only: h5_file_type
   use fem_body, only: fem_body_type
   use fem_law, only: at_stored, at_numerical
@@ -117,9 +119,16 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: values(:), release(:, :)
     integer(i4) :: k
-    call file%get('/state/stages', values, errors)
-    call file%get('/state/release', release, errors)
+    call get_shaped(file, '/state/stages', 3, values, errors)
+    call get_shaped(file, '/state/release', shape(self%loads%load(self%stages%load)%force), &
+                    release, errors)
     if (errors%any()) return
+    if (.not. (values(1) >= 0.0_wp .and. values(1) <= size(self%stages%stage))) then
+      call errors%add('I306', 'the checkpoint counts '//str(values(1))//' of '// &
+                      str(size(self%stages%stage))//' stages', file%path//':/state/stages', &
+                      'use an older checkpoint, or start from the beginning')
+      return
+    end if
     self%stages%done = nint(values(1), i4)
     do k = 1, self%stages%done
       associate (stage => self%stages%stage(k))

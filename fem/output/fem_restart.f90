@@ -3,6 +3,7 @@ module fem_restart
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
+  use talus_h5_shaped, only: get_shaped
   use talus_hdf5, only: h5_file_type
   use talus_checkpoint, only: checkpoint_type, checkpoint_info_type
   use fem_types, only: fem_energy_type
@@ -86,22 +87,23 @@ contains
     if (errors%any()) return
     call file%get('/state/u', u, errors)
     if (.not. errors%any()) then
-      if (size(u, 2) /= body%dofs%blocks) call errors%add('I306', 'the checkpoint has '// &
-        str(int(size(u, 2), i4))//' blocks of unknowns, the model '//str(body%dofs%blocks), path, &
-        'restart with the mesh that wrote it')
+      if (size(u, 1) /= 3 .or. size(u, 2) /= body%dofs%blocks) &
+        call errors%add('I306', 'the checkpoint has '//str(int(size(u, 2), i4))// &
+                        ' blocks of unknowns, the model '//str(body%dofs%blocks), path, &
+                        'restart with the mesh that wrote it')
     end if
     if (.not. errors%any()) call analysis%get(body, file, errors)
     if (.not. errors%any()) then
       body%state%u = u
-      call file%get('/state/v', body%state%v, errors)
-      call file%get('/state/a', body%state%a, errors)
-      call file%get('/state/external', body%state%external, errors)
-      call file%get('/state/reaction', body%state%reaction, errors)
-      call file%get('/state/tie', body%state%tie, errors)
-      call file%get('/state/viscous', body%state%viscous, errors)
+      call file%get_into('/state/v', body%state%v, errors)
+      call file%get_into('/state/a', body%state%a, errors)
+      call file%get_into('/state/external', body%state%external, errors)
+      call file%get_into('/state/reaction', body%state%reaction, errors)
+      call file%get_into('/state/tie', body%state%tie, errors)
+      call file%get_into('/state/viscous', body%state%viscous, errors)
       call file%get('/state/factored_dt', body%system%restored_dt, errors)
-      call file%get('/state/port_load', body%port%port_load, errors)
-      call file%get('/state/given_u', body%port%given_u, errors)
+      call file%get_into('/state/port_load', body%port%port_load, errors)
+      call file%get_into('/state/given_u', body%port%given_u, errors)
       call file%get_into('/state/energy', energy, errors)
       if (body%matter%active) then
         call file%get('/state/largest_force', body%newton%largest, errors)
@@ -109,20 +111,40 @@ contains
         call get_points(file, '/state/point_state', body, body%matter%state, errors)
         call file%get('/state/leaps', leaps, errors)
         call file%get('/state/step_limit', body%limit%step, errors)
-        body%limit%leaps = nint(leaps, i8)
       end if
       if (allocated(body%supports%rigid)) call read_rigid(file, body, errors)
     end if
     call file%close(errors)
+    if (.not. errors%any()) call check_counts(path, info%step, leaps, body, errors)
     if (errors%any()) return
     body%state%time = info%time
     call body%take_energy(fem_energy_type(energy(1), energy(2), energy(3), energy(4), energy(5), &
                                           energy(6), energy(7), energy(8), energy(9), &
                                           energy(10), energy(11)))
     steps = info%step
+    if (body%matter%active) body%limit%leaps = nint(leaps, i8)
     deck_changed = info%deck_hash /= checkpoint%deck_hash
     call body%accept()
   end subroutine read_checkpoint
+
+  !> Counts and lengths of steps that are below 0 are faults (I306).
+  subroutine check_counts(path, steps, leaps, body, errors)
+    character(len=*), intent(in) :: path
+    integer(i8), intent(in) :: steps
+    real(wp), intent(in) :: leaps
+    type(fem_body_type), intent(in) :: body
+    type(error_list_type), intent(inout) :: errors
+    character(len=*), parameter :: hint = 'use an older checkpoint, or start from the beginning'
+    if (steps < 0) call errors%add('I306', 'the checkpoint counts '//str(steps)//' steps', &
+                                   path//':@step', hint)
+    if (leaps < 0.0_wp .or. leaps > real(huge(1_i4), wp)) &
+      call errors%add('I306', 'the checkpoint counts '//str(leaps)//' leaps', &
+                      path//':/state/leaps', hint)
+    if (.not. body%matter%active) return
+    if (.not. body%limit%step > 0.0_wp) &
+      call errors%add('I306', 'the checkpoint has a longest step of '//str(body%limit%step)//' s', &
+                      path//':/state/step_limit', hint)
+  end subroutine check_counts
 
   !> Values at all points; each rank has those of its elements.
   subroutine get_points(file, name, body, values, errors)
@@ -175,7 +197,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: values(:, :)
     integer(i4) :: k
-    call file%get('/state/rigid', values, errors)
+    call get_shaped(file, '/state/rigid', [6, size(body%supports%rigid)], values, errors)
     if (errors%any()) return
     do k = 1, size(body%supports%rigid)
       body%supports%rigid(k)%d = values(:3, k)

@@ -12,7 +12,7 @@ module fem_judgement
 
   real(wp), parameter :: none = huge(1.0_wp)
   real(wp), parameter :: energy_limits(2) = [1.0e-2_wp, 1.0e-1_wp]  !! closure over the largest term
-  real(wp), parameter :: gradient_limits(2) = [0.1_wp, 0.5_wp]      !! of displacements
+  real(wp), parameter :: gradient_limits(2) = [0.1_wp, 10.0_wp]     !! of displacements
 
 contains
 

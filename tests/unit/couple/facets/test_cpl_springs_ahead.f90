@@ -40,6 +40,7 @@ contains
     do n = 1, exchanges
       load = 1.0_wp + growth*n
       face%motion%w_new = face%motion%u
+      call face%mean_motion()
       call face%lay_springs_ahead()
       before = face%motion%u(1, 1)
       face%motion%u = (load - 0.5_wp*k*(face%motion%w + face%motion%w_new) &
