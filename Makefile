@@ -65,7 +65,7 @@ unit-one: $(BUILD)/unit/$(T)
 NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev bench-deps keys port style test demo \
   deposit penetration element-tests overlap-column block-on-grains tyre-segment micromorphic-triaxial \
   overlap-penetration \
-  verification verification-ranks manual bench mutants
+  verification verification-ranks manual bench mutants fuzz
 
 # --- version, stamped at build time --------------------------------------------------------
 VERSION := $(shell cat VERSION 2>/dev/null || echo 0.0.0)
@@ -143,6 +143,7 @@ help:
 	  'make demo          set up, build, run the coupled penetration, name its figures' \
 	  'make test          set up, build, run every test and the quick verification cases' \
 	  'make verification  all verification cases (CASE=id for one)' \
+	  'make fuzz          long campaigns of damaged files, messages and kills (SEED=n)' \
 	  'make verification-ranks  those of grains and coupled ones, grains on RANKS=2 ranks' \
 	  'make manual        the manual as HTML in build/manual' \
 	  'make penetration   three containers and the sweep of moduli (hours)' \
@@ -233,6 +234,12 @@ keys: deps-run
 mutants: deps
 	@$(MAKE) --no-print-directory all unit
 	$(PY) tools/mutants.py --out build/mutants $(if $(ONLY),--only $(ONLY)) $(if $(ACCEPT),--accept)
+
+fuzz: deps
+	@$(MAKE) --no-print-directory all
+	@for program in files port signals; do \
+	  PYTHONPATH=prepost $(PY) tests/fuzz/$$program.py --bin=$(BIN) --long --seed=$(or $(SEED),1) || exit 1; \
+	done
 
 port: deps-run
 	$(PY) tools/port.py
