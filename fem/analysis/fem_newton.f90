@@ -140,7 +140,8 @@ contains
   end subroutine give_up
 
   !> A part of the step by Newton's method. In statics the residual is measured by the largest loads
-  !! and reactions of the run, so that a body can be unloaded.
+  !! and reactions of the run, so that a body can be unloaded; not to nothing in one step that began
+  !! with loads, which is how a body that softens leaps to where it carries nothing at all.
   subroutine try_part(self, t0, t1, part, iterations, good)
     type(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: t0, t1
@@ -148,9 +149,12 @@ contains
     integer(i4), intent(out) :: iterations
     logical, intent(out) :: good
     real(wp), dimension(3, self%dofs%blocks) :: residual, du
-    real(wp) :: first, size_of, scale, search
+    real(wp), parameter :: loaded = 1.0e-2_wp, empty = 1.0e-6_wp  !! of the largest loads
+    real(wp) :: first, size_of, scale, search, forces(2)
     integer(i4) :: bad
+    logical :: emptied
 
+    emptied = .false.
     associate (s => self%state)
       s%time = t0 + part%after*(t1 - t0)
       part%dt = s%time - self%accepted%time
@@ -164,11 +168,17 @@ contains
       if (.not. good) return
       do iterations = 1, self%newton%most_iterations
         call measure(self, part, residual, size_of, scale)
+        if (iterations == 1) then
+          first = size_of
+          forces = scale
+        end if
+        forces(2) = scale
         if (.not. self%scheme%dynamic) scale = max(scale, self%newton%largest)
-        if (iterations == 1) first = size_of
         call note(self, part, iterations, size_of, scale, sum(du*residual), search)
         good = size_of <= self%newton%tolerance*scale
-        if (good .or. .not. is_finite(size_of) .or. size_of > diverged*first) exit
+        emptied = good .and. forces(1) > loaded*scale .and. forces(2) < empty*scale
+        if (emptied) good = .false.
+        if (good .or. emptied .or. .not. is_finite(size_of) .or. size_of > diverged*first) exit
         if (iterations == self%newton%most_iterations) exit
         call correct(self, part, residual, du, good)
         if (.not. good) return
@@ -179,6 +189,7 @@ contains
       if (.not. good) part%reason = 'the residual is '//str(size_of/max(scale, tiny(1.0_wp)))// &
         ' of loads and reactions after '//str(iterations)//' iterations, most at node '// &
         str(bad)//', element '//str(element_at(self, bad))
+      if (emptied) part%reason = 'loads and reactions fall to nothing in one step'
       if (good) call finish(self, part, size_of, scale)
     end associate
   end subroutine try_part

@@ -138,6 +138,7 @@ contains
                       str(pick(rows, limit))//' of '//str(limit), path)
       return
     end if
+    group%empty = size(rows) == 0
     if (group%kind == group_volume) then
       group%element = rows
       call nodes_of_elements(mesh, rows, group%node)
@@ -222,7 +223,8 @@ contains
     list = pack([(k, k=1, mesh%nodes)], in)
   end subroutine nodes_of_elements
 
-  !> Index of a named group of one of the kinds; 0 if there is none.
+  !> Index of a named group of one of the kinds; 0 if there is none, or an empty one, on which
+  !! nothing would act.
   pure integer(i4) function find_group(mesh, name, kinds)
     type(fem_mesh_type), intent(in) :: mesh
     character(len=*), intent(in) :: name
@@ -232,6 +234,7 @@ contains
     do k = 1, size(kinds)
       do g = 1, size(mesh%group)
         if (mesh%group(g)%name /= name .or. mesh%group(g)%kind /= kinds(k)) cycle
+        if (mesh%group(g)%empty) cycle
         find_group = g
         return
       end do
@@ -247,7 +250,7 @@ contains
     logical :: known
     allocate (names(0))
     do g = 1, size(mesh%group)
-      if (.not. any(kinds == mesh%group(g)%kind)) cycle
+      if (.not. any(kinds == mesh%group(g)%kind) .or. mesh%group(g)%empty) cycle
       known = .false.
       do k = 1, size(names)
         known = known .or. names(k)%s == mesh%group(g)%name
@@ -268,6 +271,7 @@ contains
     hint = did_you_mean(name, names, '')
     if (len(hint) > 0) hint = hint//' '
     if (size(names) == 0) hint = 'it has none'
+    if (any(mesh%group%empty .and. mesh%group%name == name)) hint = 'that one is empty; '//hint
     do k = 1, size(names)
       hint = hint//trim(merge('it has:', ',      ', k == 1))//' '//names(k)%s
     end do

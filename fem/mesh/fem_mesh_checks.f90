@@ -49,7 +49,7 @@ contains
     end do
   end subroutine check_nodes
 
-  !> Fault I310 for the first group without members or with an element twice.
+  !> Faults of groups: I305 where facets name wrong elements, I310 for an element twice.
   subroutine check_groups(path, mesh, errors)
     character(len=*), intent(in) :: path
     type(fem_mesh_type), intent(in) :: mesh
@@ -57,10 +57,6 @@ contains
     integer(i4) :: g
 
     do g = 1, size(mesh%group)
-      if (size(mesh%group(g)%node) == 0) &
-        call errors%add('I310', "group '"//trim(mesh%group(g)%name)//"' is empty", path, &
-                        'a load or a support there would do nothing: fill the group or leave '// &
-                        'it out')
       if (mesh%group(g)%kind == group_facet) &
         call check_cells(path, mesh%group(g), mesh%elements, errors)
       if (mesh%group(g)%kind == group_volume) &

@@ -20,6 +20,7 @@ module fem_types
     integer(i4), allocatable :: facet(:, :)    !! (most nodes, k) ids, normal outward, 0 beyond
     integer(i4), allocatable :: facet_kind(:)  !! (k) quad4, quad8, quad9, tri3, tri6 (fem_kinds)
     integer(i4), allocatable :: node(:)        !! ids of all its nodes, ascending
+    logical :: empty = .false.                 !! it is so in the whole mesh
   end type fem_group_type
 
   !> Mesh of one or several kinds of elements; ids count from 1, in the order of the kinds
