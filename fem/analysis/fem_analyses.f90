@@ -41,6 +41,7 @@ contains
     case default; error stop 'bug: a kind of deck.toml is not in the registry of analyses'
     end select
     analysis%kind = kind
+    call deck%get('analysis', 1, 'follows', analysis%follows)
     if (.not. allocated(analysis%table)) analysis%table = ''
   end subroutine choose_analysis
 end module fem_analyses

@@ -21,6 +21,8 @@ module fem_analysis
 
   type, abstract :: fem_analysis_type
     character(len=:), allocatable :: kind  !! of &analysis
+    character(len=:), allocatable :: follows  !! kind of the checkpoint that it begins from, where
+                                              !! it is another
     character(len=:), allocatable :: table !! <deck>_<table>.csv has the rows of the analysis; ''
     real(wp) :: t_end = 0.0_wp, dt = 0.0_wp  !! end and step of a run of its own, 0: open [s]
     logical :: listed = .false.            !! steps are items of a list (modes), not times

@@ -36,6 +36,7 @@ contains
       call checkpoint%begin(file, body%accepted%time, steps, errors)
     end if
     call file%group('/state', errors)
+    call file%attr_put('/state', 'kind', analysis%kind, errors)
     call file%put('/state/u', body%accepted%u, errors)
     call file%put('/state/v', body%accepted%v, errors)
     call file%put('/state/a', body%accepted%a, errors)
@@ -85,6 +86,7 @@ contains
     deck_changed = .false.
     call checkpoint%open(path, file, info, errors)
     if (errors%any()) return
+    call check_kind(path, file, analysis, errors)
     call file%get('/state/u', u, errors)
     if (.not. errors%any()) then
       if (size(u, 1) /= 3 .or. size(u, 2) /= body%dofs%blocks) &
@@ -126,6 +128,24 @@ contains
     deck_changed = info%deck_hash /= checkpoint%deck_hash
     call body%accept()
   end subroutine read_checkpoint
+
+  !> Fault I311 where the checkpoint is of a kind of analysis from which this one cannot go on.
+  subroutine check_kind(path, file, analysis, errors)
+    character(len=*), intent(in) :: path
+    type(h5_file_type), intent(inout) :: file
+    class(fem_analysis_type), intent(in) :: analysis
+    type(error_list_type), intent(inout) :: errors
+    character(len=*), parameter :: dynamics(3) = [character(len=8) :: 'newmark', 'hht', 'explicit']
+    character(len=:), allocatable :: kind
+    kind = ''
+    call file%attr_get('/state', 'kind', kind, errors)
+    if (errors%any() .or. kind == analysis%kind .or. kind == analysis%follows) return
+    if (any(dynamics == kind) .and. any(dynamics == analysis%kind)) return
+    call errors%add('I311', "the checkpoint is of kind = '"//kind//"', the deck has '"// &
+                    analysis%kind//"'", path, &
+                    'restart with the deck that wrote it; dynamics begin '// &
+                    "from a static state with &analysis follows = 'static'")
+  end subroutine check_kind
 
   !> Counts and lengths of steps that are below 0 are faults (I306).
   subroutine check_counts(path, steps, leaps, body, errors)

@@ -648,7 +648,7 @@ contains
 
   subroutine group_analysis(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('analysis', 26, &
+    call table%add_group('analysis', 27, &
       'What is computed, and in which steps.', required=.true.)
     call table%one_of('frequencies|frequency_range')
     call table%add_key('kind', 'string', '', &
@@ -659,6 +659,13 @@ contains
       //'their values at time 0.')
     call table%need()
     call table%allow('static|newmark|hht|explicit|modal|relaxation|harmonic')
+    call table%add_key('follows', 'string', '', &
+      'Kind of the checkpoint that a restart begins from, where it is another: dynamics' &
+      //' that begin from the state of a static run, with its loads, at rest. Without it ' &
+      //'such a checkpoint is refused (I311).')
+    call table%preset('same')
+    call table%allow('same|static|relaxation')
+    call table%only_with('kind', 'static|newmark|hht|explicit|relaxation')
     call table%add_key('dt', 'real', 's', &
       'Time step. Statics: t_end in one step if left out. Needed for `newmark` and ' &
       //'`hht`; `explicit` uses dt_factor times the largest stable step if it is left ' &
@@ -690,17 +697,17 @@ contains
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
     call table%only_with('kind', 'newmark|hht|explicit|harmonic')
+    call group_analysis_2(table)
+  end subroutine group_analysis
+
+  subroutine group_analysis_2(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('dt_factor', 'real', '', &
       'Step of `explicit` over the largest stable one, by the largest frequency of any ' &
       //'element.')
     call table%preset('0.9')
     call table%bounds(max=1.0_wp, above=0.0_wp)
     call table%only_with('kind', 'explicit')
-    call group_analysis_2(table)
-  end subroutine group_analysis
-
-  subroutine group_analysis_2(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('allow_unstable', 'logical', '', &
       'Allow a dt above the largest stable step, with a warning.')
     call table%preset('.false.')
@@ -743,17 +750,17 @@ contains
     call table%sized(2_i4, 2_i4)
     call table%bounds(above=0.0_wp)
     call table%only_with('kind', 'harmonic')
+    call group_analysis_3(table)
+  end subroutine group_analysis_2
+
+  subroutine group_analysis_3(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('frequency_count', 'integer', '', &
       'Frequencies of frequency_range, the ends among them.')
     call table%preset('50')
     call table%bounds(min=2.0_wp)
     call table%only_with('kind', 'harmonic')
     call table%needs('frequency_range')
-    call group_analysis_3(table)
-  end subroutine group_analysis_2
-
-  subroutine group_analysis_3(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('loss_factor', 'real', '', &
       'Structural damping of `harmonic`: the stiffness is K (1 + i loss_factor).')
     call table%preset('0.0')
@@ -792,6 +799,11 @@ contains
     call table%preset('10')
     call table%bounds(min=0.0_wp, max=30.0_wp)
     call table%only_with('kind', 'static|newmark|hht')
+    call group_analysis_4(table)
+  end subroutine group_analysis_3
+
+  subroutine group_analysis_4(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('continuation', 'string', '', &
       'How `static` of laws with a state advances: `load`, to the loads and motions of ' &
       //'the next time; `arc_length`, along the path of equilibrium with the load as an ' &
@@ -801,11 +813,6 @@ contains
     call table%preset('load')
     call table%allow('load|arc_length')
     call table%only_with('kind', 'static')
-    call group_analysis_4(table)
-  end subroutine group_analysis_3
-
-  subroutine group_analysis_4(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('first_share', 'real', '', &
       'Load factor of the first step by arc length, which sets its length; dt/t_end if ' &
       //'left out.')
