@@ -80,6 +80,9 @@ contains
     call file%get('/ghosts/id', ids, errors)
     call file%get('/ghosts/x_ref', x_ref, errors)
     call file%close(errors)
+    if (errors%any()) return
+    if (size(x_ref, 1) /= 3 .or. size(x_ref, 2) /= size(ids)) &
+      call file%shape_fault('/ghosts/x_ref', shape(x_ref, i8), [3_i8, size(ids, kind=i8)], errors)
   end subroutine read_reference
 
   !> The rest, into an interface whose map was rebuilt.

@@ -4,6 +4,7 @@ module cpl_overlap_file
   use talus_errors, only: error_list_type
   use talus_checkpoint, only: checkpoint_type, checkpoint_info_type
   use talus_hash, only: hash_text
+  use talus_h5_shaped, only: get_shaped
   use talus_hdf5, only: h5_file_type
   use talus_text, only: str
   use cpl_overlap, only: overlap_type
@@ -59,6 +60,9 @@ contains
     if (errors%any()) return
     call file%get('/grains/reference', reference, errors)
     call file%close(errors)
+    if (.not. allocated(reference)) allocate (reference(6, 0))
+    if (size(reference, 1) /= 6) call file%shape_fault('/grains/reference', shape(reference, i8), &
+                                                       [6_i8, size(reference, 2, i8)], errors)
   end subroutine read_overlap_reference
 
   !> The rest, into an overlap whose sets were made again; I404 when they are others.
@@ -94,10 +98,39 @@ contains
     if (o%own%damping%active) call file%get_into('/damping/force', o%own%damping%force, errors)
     if (o%own%damping_phi%active) call file%get_into('/damping/moment', o%own%damping_phi%force, &
       errors)
+    call check_loads(file, o, errors)
     o%own%damping%lost = lost(1)
     o%own%damping_phi%lost = lost(2)
     o%step = counts(1)
   end subroutine get_overlap
+
+  !> Have loads and weights, whose number the operators give, the right shapes?
+  subroutine check_loads(file, o, errors)
+    type(h5_file_type), intent(in) :: file
+    type(overlap_type), intent(in) :: o
+    type(error_list_type), intent(inout) :: errors
+    if (errors%any()) return
+    if (allocated(o%forces%loads%f)) call compare('/loads/f', shape(o%forces%loads%f, i8), &
+                                                  [3_i8, int(o%op%prescribed, i8)])
+    if (allocated(o%forces%loads%c)) call compare('/loads/c', shape(o%forces%loads%c, i8), &
+                                                  [3_i8, int(o%op%prescribed_phi, i8)])
+    call compare('/weights/ids', shape(o%share%weight_ids, i8), &
+                 [2_i8, size(o%share%weight, kind=i8)])
+    if (o%rules%static) then
+      call compare('/static/held', shape(o%relax%held, i8), &
+                   [merge(6_i8, 3_i8, size(o%relax%held, 1) == 6), &
+                    int(o%op%nodes - o%op%prescribed, i8)])
+      call compare('/static/residual', shape(o%relax%residual, i8), shape(o%relax%held, i8))
+    end if
+
+  contains
+
+    subroutine compare(name, seen, wanted)
+      character(len=*), intent(in) :: name
+      integer(i8), intent(in) :: seen(:), wanted(:)
+      if (any(seen /= wanted)) call file%shape_fault(name, seen, wanted, errors)
+    end subroutine compare
+  end subroutine check_loads
 
   !> Forces on ghosts in parts.
   subroutine write_parts(file, o, errors)
@@ -120,12 +153,19 @@ contains
     type(h5_file_type), intent(inout) :: file
     type(overlap_type), intent(inout) :: o
     type(error_list_type), intent(inout) :: errors
-    integer(i4) :: age(1)
+    integer(i4) :: age(1), near(2)
     age = 0
     call o%forces%parts%begin(o%op)
     call file%get('/parts/near', o%forces%parts%active_rows, errors)
-    call file%get('/parts/p_near', o%forces%parts%p_active, errors)
-    call file%get('/parts/m_near', o%forces%parts%m_active, errors)
+    if (errors%any()) return
+    if (any(o%forces%parts%active_rows < 1 .or. o%forces%parts%active_rows > o%op%ghosts)) then
+      call errors%add('I404', "'"//file%path//"': /parts/near names ghosts that are not there", &
+                      file%path//':/parts/near', 'use an older checkpoint')
+      return
+    end if
+    near = [3, size(o%forces%parts%active_rows)]
+    call get_shaped(file, '/parts/p_near', near, o%forces%parts%p_active, errors)
+    call get_shaped(file, '/parts/m_near', near, o%forces%parts%m_active, errors)
     call file%get_into('/parts/p', o%forces%parts%p, errors)
     call file%get_into('/parts/m', o%forces%parts%m, errors)
     call file%get_into('/parts/p_still', o%forces%parts%p_mean, errors)

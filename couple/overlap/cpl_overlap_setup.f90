@@ -55,12 +55,8 @@ contains
     if (choices%overlap%bound) o%rules%least_weight = choices%overlap%least_weight
     call read_grains(o, solvers(side_grains), timers, errors)
     if (errors%any()) return
-    if (allocated(reference)) then
-      o%pack%x = reference(:3, :)
-      o%pack%mass = reference(4, :)
-      o%pack%inertia = reference(5, :)
-      o%pack%slimmest = reference(6, :)
-    end if
+    if (allocated(reference)) call take_reference(o, reference, errors)
+    if (errors%any()) return
     call read_mesh(o, solvers(side_solid), timers, errors)
     if (errors%any()) return
     call choose_elements(o, solvers(side_solid), choices, timers, errors)
@@ -95,6 +91,23 @@ contains
     call o%op%identity_error(o%map%x_free, o%map%x_node, o%map%x_ghost, o%map%identity, errors)
     o%map%sets_hash = hash_of(o)
   end subroutine make_overlap
+
+  !> The grains as they were when the operators were made.
+  subroutine take_reference(o, reference, errors)
+    type(overlap_type), intent(inout) :: o
+    real(wp), intent(in) :: reference(:, :)  !! (6, grains) [m], [kg], [kg m^2], [m]
+    type(error_list_type), intent(inout) :: errors
+    if (size(reference, 2) /= size(o%pack%id)) then
+      call errors%add('I404', 'the checkpoint has '//str(size(reference, 2))// &
+                      ' grains, talus-dem has '//str(size(o%pack%id)), 'checkpoint', &
+                      'go on with the packing and the deck that wrote it')
+      return
+    end if
+    o%pack%x = reference(:3, :)
+    o%pack%mass = reference(4, :)
+    o%pack%inertia = reference(5, :)
+    o%pack%slimmest = reference(6, :)
+  end subroutine take_reference
 
   !> Factors on masses of free grains, masses that prescribed nodes carry, damping of the fine
   !! scale.
