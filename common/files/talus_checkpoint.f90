@@ -20,6 +20,7 @@ module talus_checkpoint
 
   character(len=*), parameter :: format = 'talus-checkpoint'
   character(len=*), parameter :: ending = '.chk.h5'
+  integer(i8), parameter :: most_steps = 10_i8**15  !! a microsecond each are thirty years
 
   !> Description stored in a checkpoint.
   type :: checkpoint_info_type
@@ -290,6 +291,10 @@ contains
     if (.not. info%complete .or. attributes%any()) then
       call errors%add('S011', "checkpoint '"//path//"' is not complete", path, &
                       'take an older one: --restart=auto finds the newest whole one')
+    else if (info%step < 0 .or. info%step > most_steps .or. info%time < 0.0_wp) then
+      call errors%add('I006', "checkpoint '"//path//"' is of step "//str(info%step)//' at '// &
+                      str(info%time)//' s, which no run reaches', path//':/@step', &
+                      'the file is damaged or was changed: use an older one')
     else if (info%program /= self%program) then
       call errors%add('S012', "checkpoint '"//path//"' is of "//info%program//', not of '// &
                       self%program, path, 'each program continues from its own checkpoint')

@@ -361,6 +361,21 @@ contains
     call h5oclose_f(owner, ignored)
   end subroutine write_attribute
 
+  !> Integers where integers are wanted, reals or integers where reals are?
+  logical function holds_kind(attribute, kind_code)
+    integer(hid_t), intent(in) :: attribute
+    integer(i4), intent(in) :: kind_code
+    integer(hid_t) :: type_id
+    integer :: class_id, stat
+    holds_kind = .false.
+    call h5aget_type_f(attribute, type_id, stat)
+    if (stat < 0) return
+    call h5tget_class_f(type_id, class_id, stat)
+    if (stat >= 0) holds_kind = class_id == h5t_integer_f .or. &
+                                (class_id == h5t_float_f .and. kind_code == kind_real)
+    call h5tclose_f(type_id, stat)
+  end function holds_kind
+
   !> Read an attribute; found is .false. when it is not there or is of another class.
   subroutine read_attribute(file, object, name, kind_code, data, found, memory)
     integer(hid_t), intent(in) :: file
@@ -383,10 +398,11 @@ contains
     if (stat >= 0 .and. found) then
       call h5aopen_f(owner, name, attribute, stat)
       if (stat >= 0) then
-        call h5aread_f(attribute, type_id, address, stat)
+        found = present(memory) .or. holds_kind(attribute, kind_code)
+        if (found) call h5aread_f(attribute, type_id, address, stat)
         call h5aclose_f(attribute, ignored)
       end if
-      found = stat >= 0
+      found = found .and. stat >= 0
     end if
     call h5oclose_f(owner, ignored)
   end subroutine read_attribute

@@ -117,7 +117,7 @@ contains
       if (allocated(body%supports%rigid)) call read_rigid(file, body, errors)
     end if
     call file%close(errors)
-    if (.not. errors%any()) call check_counts(path, info%step, leaps, body, errors)
+    if (.not. errors%any()) call check_counts(path, leaps, body, errors)
     if (errors%any()) return
     body%state%time = info%time
     call body%take_energy(fem_energy_type(energy(1), energy(2), energy(3), energy(4), energy(5), &
@@ -147,16 +147,13 @@ contains
                     "from a static state with &analysis follows = 'static'")
   end subroutine check_kind
 
-  !> Counts and lengths of steps that are below 0 are faults (I306).
-  subroutine check_counts(path, steps, leaps, body, errors)
+  !> Counts of leaps and lengths of steps that are below 0 are faults (I306).
+  subroutine check_counts(path, leaps, body, errors)
     character(len=*), intent(in) :: path
-    integer(i8), intent(in) :: steps
     real(wp), intent(in) :: leaps
     type(fem_body_type), intent(in) :: body
     type(error_list_type), intent(inout) :: errors
     character(len=*), parameter :: hint = 'use an older checkpoint, or start from the beginning'
-    if (steps < 0) call errors%add('I306', 'the checkpoint counts '//str(steps)//' steps', &
-                                   path//':@step', hint)
     if (leaps < 0.0_wp .or. leaps > real(huge(1_i4), wp)) &
       call errors%add('I306', 'the checkpoint counts '//str(leaps)//' leaps', &
                       path//':/state/leaps', hint)
