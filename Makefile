@@ -237,7 +237,7 @@ mutants: deps
 
 fuzz: deps
 	@$(MAKE) --no-print-directory all
-	@for program in files port signals; do \
+	@for program in files texts port signals; do \
 	  PYTHONPATH=prepost $(PY) tests/fuzz/$$program.py --bin=$(BIN) --long --seed=$(or $(SEED),1) || exit 1; \
 	done
 

@@ -7,12 +7,22 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from talus.datasets import DAMAGE, all_numbers, numbers
 from talus.elements import KINDS, MESHIO
 from talus.faults import FaultError
 from talus.files import make_folder, replaced, write_text_file
 from talus.forms import LEAST_EXPONENT, net_triangles, surface_points
 from talus.measure import rotations
-from talus.packing import DRIVEN, FIXED, FREE, Packing, check_packing, packing_of, read_packing
+from talus.packing import (
+    DRIVEN,
+    FIXED,
+    FREE,
+    Packing,
+    check_cell,
+    check_packing,
+    packing_of,
+    read_packing,
+)
 
 ALWAYS = ("id", "kind", "x", "quat", "axes")  # datasets of every step of grains
 GHOST = 3  # kind of grains that a partner moves
@@ -79,11 +89,14 @@ class FieldFile:
             self.file = h5py.File(path)
         except OSError as fault:
             raise FaultError("E542", f"{path} cannot be read: {fault}") from fault
-        if "steps" not in self.file or not len(self.file["steps"]):
+        try:
+            self.names = sorted(self.file["steps"]) if "steps" in self.file else []
+        except DAMAGE as fault:
+            raise FaultError("E542", f"{path} cannot be read: {fault.args[-1]}") from fault
+        if not self.names:
             self.file.close()
             hint = "a field file (grains.h5, solid.h5) of a run with output is wanted"
             raise FaultError("E543", f"{path} holds no steps", hint)
-        self.names = sorted(self.file["steps"])
 
     def __enter__(self) -> "FieldFile":
         """Return itself."""
@@ -102,31 +115,39 @@ class FieldFile:
         """Nodes (n, 3) [m] and elements by kind of a solid, or None for grains."""
         if "mesh" not in self.file:
             return None
-        mesh = self.file["mesh"]
-        return mesh["x"][...], {kind: mesh[kind][...] for kind in KINDS if kind in mesh}
+        try:
+            mesh = self.file["mesh"]
+            cells = {kind: numbers(mesh[kind]) for kind in KINDS if kind in mesh}
+            return numbers(mesh["x"]), cells
+        except DAMAGE as fault:
+            raise FaultError("E542", f"{self.path}, mesh: {fault.args[-1]}") from fault
 
     def read(self, step: int) -> Snapshot:
         """Read one step; negative numbers count from the end."""
         if not -len(self) <= step < len(self):
             raise FaultError("E544", f"{self.path} has no step {step}", f"it has {len(self)} steps")
-        group = self.file["steps"][self.names[step]]
         try:
+            group = self.file["steps"][self.names[step]]
             found = Snapshot(float(np.ravel(group.attrs["time"])[0]))
             if "grains" in group:
-                grains = {name: data[...] for name, data in group["grains"].items()}
+                grains = all_numbers(group["grains"])
                 missing = [name for name in ALWAYS if name not in grains]
                 if missing:
                     raise KeyError(f"no dataset grains/{missing[0]}")
+                odd = [name for name in grains if grains[name].shape[:1] != grains["id"].shape]
+                if odd:
+                    raise KeyError(f"grains/{odd[0]} has another number of rows than grains/id")
                 order = np.argsort(grains["id"], kind="stable")
                 found.grains = {name: data[order] for name, data in grains.items()}
             if "surfaces" in group:
-                found.surfaces = {name: data[...] for name, data in group["surfaces"].items()}
+                found.surfaces = all_numbers(group["surfaces"])
             if "cell" in group:
-                part = {name: data[...] for name, data in group["cell"].items()}
+                part = all_numbers(group["cell"])
+                check_cell(part["vectors"], part["origin"], str(self.path))
                 found.cell = Cell(part["vectors"], part["origin"], part["periodic"] > 0)
             datasets = (item for item in group.items() if isinstance(item[1], h5py.Dataset))
-            found.solid = {name: data[...] for name, data in datasets}
-        except (OSError, KeyError) as fault:
+            found.solid = {name: numbers(data) for name, data in datasets}
+        except DAMAGE as fault:
             raise FaultError("E542", f"{self.path}, step {step}: {fault.args[-1]}") from fault
         return found
 
@@ -153,7 +174,7 @@ def has_steps(path: Path) -> bool:
     try:
         with h5py.File(path) as file:
             return "steps" in file
-    except OSError:
+    except DAMAGE:
         return False
 
 

@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 
 from talus.checksum import created, opened
+from talus.datasets import DAMAGE, all_numbers, numbers
 from talus.elements import (
     CORNERS,
     FACET_OF,
@@ -206,19 +207,19 @@ def read_mesh(path: Path) -> Mesh:
     """Read mesh.h5."""
     try:
         with opened(path) as file:
-            volumes = {k: v[...] for k, v in file.get("volume_groups", {}).items()}
+            volumes = all_numbers(file.get("volume_groups", {}))
             facets = {k: read_facets(v) for k, v in file.get("facet_groups", {}).items()}
-            nodes = {k: v[...] for k, v in file.get("node_groups", {}).items()}
-            cells = {k: v[...] for k, v in file["cells"].items() if k in KINDS}
-            return Mesh(file["nodes/x"][...], cells, volumes, facets, nodes)
-    except (OSError, KeyError) as fault:
+            nodes = all_numbers(file.get("node_groups", {}))
+            cells = {k: numbers(v) for k, v in file["cells"].items() if k in KINDS}
+            return Mesh(numbers(file["nodes/x"]), cells, volumes, facets, nodes)
+    except DAMAGE as fault:
         reason = str(refuse(path, fault)).split(f"{path}: ", 1)[-1]
         raise FaultError("E520", f"{path} cannot be read as a mesh: {reason}") from fault
 
 
 def read_facets(group: h5py.Group) -> Facets:
     """Return the facets of a group: one array if they are of one kind."""
-    parts = {kind: group[kind][...] for kind in FACETS if kind in group}
+    parts = {kind: numbers(group[kind]) for kind in FACETS if kind in group}
     if not parts:
         raise KeyError(f"{group.name} has no facets")
     return parts if len(parts) > 1 else next(iter(parts.values()))

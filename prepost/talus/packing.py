@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from talus.checksum import created, opened
+from talus.datasets import DAMAGE, all_numbers, word
 from talus.faults import FaultError
 from talus.files import refuse, replaced, write_text_file
 from talus.forms import LEAST_EXPONENT, MOST_EXPONENT, MOST_SKEW, formed
@@ -202,25 +203,34 @@ def read_h5(path: Path) -> Packing:
     """Read packing.h5."""
     try:
         with opened(path) as file:
-            kind = file.attrs.get("format", b"")
-            kind = kind.decode() if isinstance(kind, bytes) else str(kind)
+            kind = word(file.attrs.get("format", b""))
             if kind != "talus-packing":
                 raise FaultError("E502", f"{path} is no packing (format '{kind}')")
-            grains = {name: file["grains"][name][...] for name in file["grains"]}
-            groups = {name: file["groups"][name][...] for name in file.get("groups", {})}
-            cell = {name: file["cell"][name][...] for name in file.get("cell", {})}
-            contacts = {name: file["contacts"][name][...] for name in file.get("contacts", {})}
+            grains = all_numbers(file["grains"])
+            groups = all_numbers(file.get("groups", {}))
+            cell = all_numbers(file.get("cell", {}))
+            contacts = all_numbers(file.get("contacts", {}))
     except FileNotFoundError as fault:
         raise FaultError("E501", f"no such file: {path}", exit_code=1) from fault
-    except (OSError, KeyError) as fault:
+    except DAMAGE as fault:
         reason = str(refuse(path, fault)).split(f"{path}: ", 1)[-1]
         raise FaultError("E502", f"{path} cannot be read as a packing: {reason}") from fault
     packing = packing_of(grains, groups, path)
     if "vectors" in cell:
         packing.cell, packing.corner = cell["vectors"], cell.get("origin", np.zeros(3))
+        check_cell(packing.cell, packing.corner, str(path))
     packing.pairs = contacts.get("ids", packing.pairs)
     packing.tangential = contacts.get("tangential", packing.tangential)
     return packing
+
+
+def check_cell(vectors: np.ndarray, origin: np.ndarray, place: str) -> None:
+    """Raise a fault (E502) for edges (3, 3) or a corner (3) of a cell that are none."""
+    good = vectors.shape == (3, 3) and origin.shape == (3,)
+    good = good and np.isfinite(vectors).all() and np.isfinite(origin).all()
+    if not good or not np.linalg.det(vectors) > 0.0:
+        text = f"the cell has edges {vectors.tolist()} and the corner {origin.tolist()}"
+        raise FaultError("E502", text[:300], "three edges of a right-handed frame", place)
 
 
 def packing_of(grains: dict[str, np.ndarray], groups: dict[str, np.ndarray], path: Path) -> Packing:
@@ -234,6 +244,10 @@ def packing_of(grains: dict[str, np.ndarray], groups: dict[str, np.ndarray], pat
     for name, shape in width.items():
         if name in grains and grains[name].shape != (n, *shape):
             text = f"/grains/{name} has the shape {grains[name].shape} instead of {(n, *shape)}"
+            raise FaultError("E502", text, place=str(path))
+    for name, ids in groups.items():
+        if ids.ndim != 1 or ids.dtype.kind not in "iu":
+            text = f"/groups/{name} has the shape {ids.shape} of {ids.dtype}, no list of ids"
             raise FaultError("E502", text, place=str(path))
     packing = make_packing(
         grains["x"], grains["axes"], grains.get("quat"), grains.get("kind"), grains.get("id"),
@@ -351,7 +365,11 @@ def read_text(path: Path) -> Packing:
             if not 1 <= ids[-1] <= LARGEST_ID:
                 raise ValueError(f"id {words[0]} is not from 1 to {LARGEST_ID}")
             kinds.append(int(words[1]))
+            if abs(kinds[-1]) > LARGEST_ID:
+                raise ValueError(f"kind {words[1]} is none of 0, 1, 2")
             numbers.append([float(word) for word in words[2:12]])
+            if "" in words[12].split(","):
+                raise ValueError(f"a group without a name in '{words[12]}'")
             forms.append([float(word) for word in words[13:]] or [0.0, 0.0, 0.0, LEAST_EXPONENT])
         except ValueError as fault:
             raise FaultError(

@@ -9,6 +9,7 @@ import numpy as np
 
 from talus import version
 from talus.checksum import opened
+from talus.datasets import DAMAGE, numbers, word
 from talus.elements import VTK
 from talus.faults import FaultError
 from talus.fields import FieldFile
@@ -25,11 +26,11 @@ def read_sets(path: Path) -> dict[str, np.ndarray]:
     """Return ids and sets of grains, sets of nodes, parts of elements."""
     try:
         with opened(path) as file:
-            if file.attrs.get("format") not in ("talus-sets", b"talus-sets"):
+            if word(file.attrs.get("format")) != "talus-sets":
                 raise FaultError("E543", f"{path} holds no sets", "coupled_sets.h5 is wanted")
             names = ("grains/id", "grains/set", "nodes/set", "elements/part")
-            return {name: file[name][...] for name in names}
-    except (OSError, KeyError) as fault:
+            return {name: numbers(file[name]) for name in names}
+    except DAMAGE as fault:
         raise FaultError("E542", f"{path} cannot be read: {fault}") from fault
 
 
