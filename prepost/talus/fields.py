@@ -141,6 +141,9 @@ class FieldFile:
                 found.grains = {name: data[order] for name, data in grains.items()}
             if "surfaces" in group:
                 found.surfaces = all_numbers(group["surfaces"])
+                missing = [name for name in ("x", "triangles") if name not in found.surfaces]
+                if missing:
+                    raise KeyError(f"no dataset surfaces/{missing[0]}")
             if "cell" in group:
                 part = all_numbers(group["cell"])
                 check_cell(part["vectors"], part["origin"], str(self.path))
