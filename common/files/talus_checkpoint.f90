@@ -41,6 +41,7 @@ module talus_checkpoint
     real(wp), private :: next_wall = 0.0_wp     !! wall clock [s]
     real(wp), private :: next_time = 0.0_wp     !! [s]
     character(len=:), allocatable, private :: tag
+    logical, private :: written = .false.       !! one without a tag, in this run
   contains
     procedure :: init
     procedure :: schedule
@@ -112,7 +113,8 @@ contains
 
     self%tag = ''
     if (present(tag)) self%tag = tag
-    call file%create(self%tag_path(self%tag), errors, format=format)
+    call file%create(self%tag_path(self%tag), errors, format=format, &
+                     own=self%written .and. len(self%tag) == 0)
     call file%attr_put('/', 'program', self%program, errors)
     call file%attr_put('/', 'version', version_text(), errors)
     call file%attr_put('/', 'deck_hash', self%deck_hash, errors)
@@ -141,6 +143,7 @@ contains
       call link_file(self%tag_path(''), kept, errors)
     end if
     call file%commit(errors)
+    if (errors%count == before .and. len(self%tag) == 0) self%written = .true.
     if (.not. file_exists(kept)) return
     if (errors%count > before) then
       if (file_exists(self%tag_path(''))) call remove_file(kept)

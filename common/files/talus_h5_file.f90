@@ -61,21 +61,25 @@ contains
 
   !> Make a new file under path.tmp; commit gives it its name and its checksum. format becomes its
   !! attribute.
-  subroutine create(self, path, errors, format, grows)
+  subroutine create(self, path, errors, format, grows, own)
     class(h5_base_type), intent(inout) :: self
     character(len=*), intent(in) :: path
     type(error_list_type), intent(inout) :: errors
     character(len=*), intent(in), optional :: format
     logical, intent(in), optional :: grows  !! .true.: added to later, so without a checksum
+    logical, intent(in), optional :: own    !! .true.: what it replaces is of this run
     integer(hid_t) :: layout
     integer :: stat, ignored
+    logical :: look
 
     call start_library()
     self%path = path
     self%actual = path//'.tmp'
     self%writes = .true.
     self%id = -1
-    if (present(format)) then
+    look = present(format)
+    if (present(own)) look = look .and. .not. own
+    if (look) then
       if (.not. free_place(path, format, errors)) then
         self%failed = .true.
         return
