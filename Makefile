@@ -143,7 +143,7 @@ help:
 	  'make demo          set up, build, run the coupled penetration, name its figures' \
 	  'make test          set up, build, run every test and the quick verification cases' \
 	  'make verification  all verification cases (CASE=id for one)' \
-	  'make fuzz          long campaigns of damaged files, messages and kills (SEED=n)' \
+	  'make fuzz          long campaigns of changed decks, damaged files, kills (SEED=n)' \
 	  'make verification-ranks  those of grains and coupled ones, grains on RANKS=2 ranks' \
 	  'make manual        the manual as HTML in build/manual' \
 	  'make penetration   three containers and the sweep of moduli (hours)' \
@@ -237,7 +237,7 @@ mutants: deps
 
 fuzz: deps
 	@$(MAKE) --no-print-directory all
-	@for program in files texts port signals; do \
+	@for program in decks files texts port signals; do \
 	  PYTHONPATH=prepost $(PY) tests/fuzz/$$program.py --bin=$(BIN) --long --seed=$(or $(SEED),1) || exit 1; \
 	done
 

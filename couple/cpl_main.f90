@@ -32,12 +32,14 @@ program talus_couple
   if (.not. errors%any()) call model%prepare(errors)
   if (.not. errors%any()) call model%execute(errors)
   call model%finish(exit_code, errors)
+  call errors%locate(options%deck)
   if (errors%any()) call errors%print(error_unit)
   call talus_exit(exit_code)
 
 contains
 
   subroutine leave_with_faults()
+    call errors%locate(options%deck)
     call errors%print(error_unit)
     call talus_exit(errors%exit_code())
   end subroutine leave_with_faults
@@ -60,6 +62,7 @@ contains
   !> --check: the coupled deck, then both solvers' own checks, all faults together.
   subroutine check()
     call check_solvers(model%run%solvers, errors)
+    call errors%locate(options%deck)
     call report_check(program_name, model%run%deck, errors, options%json)
     call talus_exit(errors%exit_code())
   end subroutine check

@@ -51,6 +51,7 @@ program talus_dem
     if (.not. errors%any()) call model%run(errors)
     call model%finish(exit_code, errors)
   end if
+  call errors%locate(options%deck)
   if (errors%any()) call errors%print(error_unit)
   call go(exit_code)
 
@@ -75,6 +76,7 @@ contains
   end subroutine follow
 
   subroutine leave_with_faults()
+    call errors%locate(options%deck)
     call errors%print(error_unit)
     call go(errors%exit_code())
   end subroutine leave_with_faults
@@ -95,6 +97,7 @@ contains
     if (.not. errors%any()) call model%read(options, errors)
     if (.not. errors%any()) call check_ranks(model, errors)
     if (.not. errors%any()) call model%prepare(errors)
+    call errors%locate(options%deck)
     call report_check(program_name, model%deck, errors, options%json)
     if (.not. (errors%any() .or. options%json)) &
       call report_memory(model)

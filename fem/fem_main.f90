@@ -49,6 +49,7 @@ program talus_fem
     if (.not. errors%any()) call run_model(model, errors)
     call finish_run(model, exit_code, errors)
   end if
+  call errors%locate(options%deck)
   if (errors%any() .and. ranks%leads()) call errors%print(error_unit)
   call model%body%system%solver%mumps%free()
   call leave_ranks()
@@ -66,6 +67,7 @@ contains
   end subroutine read_and_prepare
 
   subroutine leave_with_faults()
+    call errors%locate(options%deck)
     if (ranks%leads()) call errors%print(error_unit)
     call leave_ranks()
     call talus_exit(errors%exit_code())
@@ -83,6 +85,7 @@ contains
   !> --check: read everything, assemble and factor, report, leave.
   subroutine check()
     call read_and_prepare()
+    call errors%locate(options%deck)
     if (ranks%leads()) call report_check(program_name, model%deck, errors, options%json)
     call leave_ranks()
     call talus_exit(errors%exit_code())

@@ -31,6 +31,7 @@ class Key:
     least: int = 1
     most: int = 1
     unit: str = ""
+    magnitude: tuple[float, float] | None = None
     default: list | None = None
     required: bool = False
     bounds: dict[str, float] = field(default_factory=dict)
@@ -121,6 +122,33 @@ def read_size(entry: dict, place: str, faults: Faults) -> tuple[int, int]:
             return least, most
     faults.add(place, f'size = {size!r} is not 1, 3, "n" or [least, most]')
     return 1, 1
+
+
+def read_magnitudes(faults: Faults) -> dict[str, tuple[float, float]]:
+    """Return the least and the largest magnitude of each unit."""
+    table = load(ROOT / "common/units.toml", faults).get("magnitudes", {})
+    for unit, powers in table.items():
+        if not (isinstance(powers, list) and len(powers) == 2 and powers[0] < powers[1]):
+            faults.add(f"common/units.toml: {unit!r}", f"{powers!r} is not [least, most]")
+    return {unit: (float(f"1e{low}"), float(f"1e{high}")) for unit, (low, high) in table.items()}
+
+
+def limit_magnitude(key: Key, place: str, magnitudes: dict, faults: Faults) -> None:
+    """Give a real key the magnitudes of its unit, but where it has a bound of its own."""
+    if key.kind != "real":
+        return
+    if key.unit not in magnitudes:
+        faults.add(place, f"unit = {key.unit!r} has no magnitudes in common/units.toml")
+        return
+    least, most = magnitudes[key.unit]
+    if key.bounds.get("above") != 0.0:
+        least = 0.0
+    if {"max", "below"} & set(key.bounds):
+        most = max(abs(bound) for bound in key.bounds.values())
+    key.magnitude = (least, most)
+    for item in [*(key.default or []), *key.bounds.values()]:
+        if is_number(item) and not (abs(item) <= most and (abs(item) >= least or not item)):
+            faults.add(place, f"{item} is beyond the magnitudes of '{key.unit}'")
 
 
 def read_names(value: object, place: str, faults: Faults) -> list[str]:
@@ -338,6 +366,10 @@ def read_program(folder: str, common: dict, faults: Faults) -> Program | None:
     program = Program(str(title), folder, str(data.get("doc", "")).strip(),
                       str(data.get("example", "")).strip(), groups)  # fmt: skip
     check_relations(program, place, faults)
+    magnitudes = read_magnitudes(faults)
+    for group in groups:
+        for key in group.keys:
+            limit_magnitude(key, f"{place}: {group.name}.{key.name}", magnitudes, faults)
     return program
 
 

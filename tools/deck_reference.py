@@ -115,6 +115,29 @@ def group_page(group: Group) -> list[str]:
     return [*lines, ""]
 
 
+def magnitude_page(program: Program) -> list[str]:
+    """Return the section that says how large and how small numbers may be, by their unit."""
+    found = {
+        key.unit: key.magnitude[1]
+        for group in program.groups
+        for key in group.keys
+        if key.magnitude and not {"max", "below"} & set(key.bounds)
+    }
+    least = {
+        key.unit: key.magnitude[0]
+        for group in program.groups
+        for key in group.keys
+        if key.magnitude and key.magnitude[0] > 0.0
+    }
+    lines = ["## Magnitudes", "", "Real values larger than these, and values that must be positive"]
+    lines += ["but are smaller, are refused (D016), where the tables above give no bound on that"]
+    lines += ["side.", "", "| unit | smallest positive | largest |", "|---|---|---|"]
+    for unit in sorted(found):
+        small = f"{least[unit]:g}" if unit in least else ""
+        lines.append(f"| {unit or 'none'} | {small} | {found[unit]:g} |")
+    return [*lines, ""]
+
+
 def page(program: Program) -> str:
     """Return the page of one program."""
     lines = [f"# Deck of {program.name}", ""]
@@ -136,4 +159,5 @@ def page(program: Program) -> str:
     lines.append("")
     for group in program.groups:
         lines += group_page(group)
+    lines += magnitude_page(program)
     return "\n".join(lines)

@@ -59,6 +59,9 @@ def key_lines(key: Key) -> list[str]:
     if key.bounds:
         limits = ", ".join(f"{word}={real(value)}" for word, value in key.bounds.items())
         lines.append(f"    call table%bounds({limits})")
+    if key.magnitude:
+        least, most = map(real, key.magnitude)
+        lines.append(f"    call table%magnitude({least}, {most})")
     if key.choices:
         lines += call("call table%allow(", "|".join(key.choices), ")")
     if key.words:
@@ -107,7 +110,7 @@ def group_lines(group: Group) -> list[str]:
     parts: list[list[str]] = [[]]
     for key in group.keys:
         lines = key_lines(key)
-        if len(parts[-1]) + len(lines) > 48:
+        if len(parts[-1]) + len(lines) > 44:
             parts.append([])
         parts[-1] += lines
     tail = ", repeats=.true." if group.repeat else ""

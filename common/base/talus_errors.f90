@@ -39,6 +39,7 @@ module talus_errors
     procedure :: print => error_list_print
     procedure :: clear => error_list_clear
     procedure :: take => error_list_take
+    procedure :: locate => error_list_locate
   end type error_list_type
 
 contains
@@ -130,6 +131,16 @@ contains
     class(error_list_type), intent(inout) :: self
     self%count = 0
   end subroutine error_list_clear
+
+  !> A place, the deck, for the faults that name none.
+  subroutine error_list_locate(self, place)
+    class(error_list_type), intent(inout) :: self
+    character(len=*), intent(in) :: place
+    integer(i4) :: k
+    do k = 1, self%count
+      if (len(self%item(k)%place) == 0) self%item(k)%place = place
+    end do
+  end subroutine error_list_locate
 
   !> Append all faults of another list.
   subroutine error_list_take(self, other)

@@ -35,6 +35,7 @@ module talus_deck_table
     integer(i4) :: least = 1, most = 1            !! number of values
     type(string_type), allocatable :: preset(:)   !! default values as text; not allocated: none
     real(wp) :: low = -huge(1.0_wp), high = huge(1.0_wp)            !! bounds of each value
+    real(wp) :: smallest = 0.0_wp, largest = huge(1.0_wp)           !! magnitudes, but for zero
     logical :: low_open = .false., high_open = .false.              !! bound itself excluded
     type(string_type), allocatable :: choice(:)   !! strings that are allowed; not allocated: all
     type(string_type), allocatable :: word(:)     !! words that a real key accepts
@@ -76,6 +77,7 @@ module talus_deck_table
     procedure :: sized
     procedure :: preset
     procedure :: bounds
+    procedure :: magnitude
     procedure :: allow
     procedure :: words
     procedure :: only_with
@@ -185,6 +187,16 @@ contains
       end associate
     end associate
   end subroutine bounds
+
+  !> Smallest and largest magnitude of a value of the last key that is not zero.
+  subroutine magnitude(self, smallest, largest)
+    class(key_table_type), intent(inout) :: self
+    real(wp), intent(in) :: smallest, largest
+    associate (group => self%group(self%group_count))
+      group%key(group%key_count)%smallest = smallest
+      group%key(group%key_count)%largest = largest
+    end associate
+  end subroutine magnitude
 
   !> Strings that the last key may take, apart by '|'.
   subroutine allow(self, choices)

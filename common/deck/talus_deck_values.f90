@@ -156,13 +156,23 @@ contains
     type(token_type), intent(in) :: token
     real(wp), intent(in) :: value
     type(deck_faults_type), intent(inout) :: faults
-    logical :: low, high
+    character(len=:), allocatable :: unit
+    logical :: low, high, small, large
 
     low = value < key%low .or. (key%low_open .and. .not. value > key%low)
     high = value > key%high .or. (key%high_open .and. .not. value < key%high)
     if (low .or. high) call add_at(source, 'D016', key%name//' = '//token_text(source, token) &
                                    //' is out of range: it must be '//range_text(key), token, &
                                    key%doc, faults)
+    small = abs(value) > 0.0_wp .and. abs(value) < key%smallest
+    large = abs(value) > key%largest
+    if (low .or. high .or. .not. (small .or. large)) return
+    unit = 'numbers without a unit'
+    if (len(key%unit) > 0) unit = 'quantities in '//key%unit
+    if (small) unit = unit//' begin at '//str(key%smallest)
+    if (large) unit = unit//' end at '//str(key%largest)
+    call add_at(source, 'D016', key%name//' = '//token_text(source, token) &
+                //' is out of range: '//unit, token, key%doc, faults)
   end subroutine check_range
 
   subroutine check_logical(source, key, token, faults)

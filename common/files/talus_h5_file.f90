@@ -1,5 +1,6 @@
 !> Opening, closing and querying an HDF5 file: the parent of talus_hdf5's typed access.
 module talus_h5_file
+  use, intrinsic :: iso_c_binding, only: c_f_pointer, c_ptr
   use hdf5, only: hid_t, hsize_t, size_t, h5fcreate_f, h5fopen_f, h5fclose_f, h5fflush_f, &
     h5fis_hdf5_f, h5f_acc_trunc_f, h5f_acc_rdonly_f, h5f_acc_rdwr_f, h5f_scope_global_f, &
     h5gcreate_f, h5gclose_f, h5gget_info_by_name_f, h5lget_name_by_idx_f, h5ldelete_f, &
@@ -13,7 +14,7 @@ module talus_h5_file
   use talus_h5_raw, only: start_library, library_reason, object_exists, object_shape, &
     dataset_class, object_fault
   use talus_h5_text, only: read_text_attribute, write_text_attribute
-  use talus_text, only: str, string_type
+  use talus_text, only: str, string_type, is_finite
   implicit none
   private
   public :: h5_base_type, free_place
@@ -29,6 +30,7 @@ module talus_h5_file
                                               !! what HDF5 adds to arrays; 0: none, nor for these
     logical :: checked = .false.              !! it has a checksum, or gets one with its name
     logical :: bounded = .false.              !! numbers that are none or beyond physics are faults
+    logical :: tainted = .false.              !! NaN or infinity was put (and reported once)
     integer(i8) :: slab(2) = [0_i8, -1_i8]    !! arrays that are put now begin at this index from 0
                                               !! of datasets of this length; < 0: they are whole
   contains
@@ -49,6 +51,7 @@ module talus_h5_file
     procedure :: note
     procedure :: check_dataset
     procedure :: check_numbers
+    procedure :: check_finite
     procedure :: shape_fault
     procedure :: attribute_fault
   end type h5_base_type
@@ -88,6 +91,7 @@ contains
     self%failed = .false.
     self%spare = 0
     self%bounded = .false.
+    self%tainted = .false.
     self%checked = .true.
     if (present(grows)) self%checked = .not. grows
     call h5pcreate_f(h5p_file_create_f, layout, ignored)
@@ -382,6 +386,7 @@ contains
     class(h5_base_type), intent(inout) :: self
     type(error_list_type), intent(in) :: errors
     if (errors%count == 0) return
+    if (errors%item(errors%count)%code == 'N002') return
     if (index(errors%item(errors%count)%place, self%path) == 1) self%failed = .true.
   end subroutine note
 
@@ -439,6 +444,27 @@ contains
                     ', no number that a run leaves', self%path//':'//name, &
                     'the file is damaged or was changed: make it again or use an older one')
   end subroutine check_numbers
+
+  !> Are numbers that were put finite? If not: fault N002, once a file. A file with a checksum has
+  !! failed then, so that a checkpoint without NaN is kept; in others the values can be looked at.
+  subroutine check_finite(self, name, count, data, errors)
+    class(h5_base_type), intent(inout) :: self
+    character(len=*), intent(in) :: name
+    integer(hsize_t), intent(in) :: count
+    type(c_ptr), intent(in) :: data  !! reals
+    type(error_list_type), intent(inout) :: errors
+    real(wp), pointer :: values(:)
+    integer(i8) :: k
+    if (self%tainted .or. count == 0) return
+    call c_f_pointer(data, values, [count])
+    if (all(is_finite(values))) return
+    k = findloc(is_finite(values), .false., 1, kind=i8)
+    self%tainted = .true.
+    if (self%checked) self%failed = .true.
+    call errors%add('N002', "'"//self%path//"': value "//str(k)//' of '//str(count)//' of '// &
+                    name//' is '//str(values(k)), self%path//':'//name, 'a time step too long ' &
+                    //'or a material too weak for its loads are the usual causes')
+  end subroutine check_finite
 
   subroutine shape_fault(self, name, seen, wanted, errors)
     class(h5_base_type), intent(in) :: self

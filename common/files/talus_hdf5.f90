@@ -84,7 +84,7 @@ module talus_hdf5
 
 contains
 
-  !> An array, or its part in a slab.
+  !> A value, an array, or its part in a slab.
   subroutine put_array(self, name, kind_code, extent, data, errors)
     class(h5_file_type), intent(inout) :: self
     character(len=*), intent(in) :: name
@@ -95,12 +95,13 @@ contains
     if (self%silent()) return
     call reserve(self, extent, errors)
     if (self%failed) return
-    if (self%slab(2) < 0) then
+    if (self%slab(2) < 0 .or. size(extent) == 0) then
       call write_dataset(self%id, self%path, name, kind_code, extent, data, errors)
     else
       call write_slab(self%id, self%path, name, kind_code, extent, self%slab, data, errors)
     end if
     call self%note(errors)
+    if (kind_code == kind_real) call self%check_finite(name, product(extent), data, errors)
   end subroutine put_array
 
   !> Room for an array, or for the whole of which the first slab is put, so that a full disk is
@@ -124,10 +125,7 @@ contains
     character(len=*), intent(in) :: name
     integer(i4), intent(in), target :: value
     type(error_list_type), intent(inout) :: errors
-    if (self%silent()) return
-    call write_dataset(self%id, self%path, name, kind_integer4, [integer(hsize_t) ::], &
-                       c_loc(value), errors)
-    call self%note(errors)
+    call put_array(self, name, kind_integer4, [integer(hsize_t) ::], c_loc(value), errors)
   end subroutine put_int4_0
 
   subroutine put_int4_1(self, name, values, errors)
@@ -151,10 +149,7 @@ contains
     character(len=*), intent(in) :: name
     integer(i8), intent(in), target :: value
     type(error_list_type), intent(inout) :: errors
-    if (self%silent()) return
-    call write_dataset(self%id, self%path, name, kind_integer8, [integer(hsize_t) ::], &
-                       c_loc(value), errors)
-    call self%note(errors)
+    call put_array(self, name, kind_integer8, [integer(hsize_t) ::], c_loc(value), errors)
   end subroutine put_int8_0
 
   subroutine put_int8_1(self, name, values, errors)
@@ -178,10 +173,7 @@ contains
     character(len=*), intent(in) :: name
     real(wp), intent(in), target :: value
     type(error_list_type), intent(inout) :: errors
-    if (self%silent()) return
-    call write_dataset(self%id, self%path, name, kind_real, [integer(hsize_t) ::], &
-                       c_loc(value), errors)
-    call self%note(errors)
+    call put_array(self, name, kind_real, [integer(hsize_t) ::], c_loc(value), errors)
   end subroutine put_real_0
 
   subroutine put_real_1(self, name, values, errors)

@@ -4,7 +4,8 @@
 !! The file is opened, added to and closed for every step, so that an interrupted run leaves the
 !! earlier steps readable and a viewer can read in between. Room for a step is reserved before the
 !! file is touched: on a full disk the step is absent and the file whole. On restart the steps
-!! later than the checkpoint are removed; an unreadable file is moved aside and reported in note.
+!! later than the checkpoint are removed, and a last one that is extra; an unreadable file is moved
+!! aside and reported in note.
 module talus_series
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -28,6 +29,7 @@ module talus_series
     character(len=:), allocatable :: format
     character(len=:), allocatable :: note         !! what resume had to do, empty if nothing
     integer(i4) :: count = 0                      !! whole steps in the file
+    logical :: extra = .false.                    !! the next step is off the output times
     type(step_type), allocatable :: step(:)
     type(step_type), private :: current
     integer(i8), private :: before = 0            !! bytes of the file without the current step
@@ -97,20 +99,23 @@ contains
     type(h5_file_type), intent(inout) :: file
     real(wp), intent(in) :: time
     type(error_list_type), intent(inout) :: errors
-    type(error_list_type) :: missing
+    type(error_list_type) :: missing, ignored
     type(string_type), allocatable :: names(:)
     type(step_type) :: step
-    integer(i4) :: complete
+    integer(i4) :: complete, extra
     integer :: k, stat
 
     call file%names('/steps', names)
     do k = 1, size(names)
       complete = 0
+      extra = 0
       call file%attr_get('/steps/'//names(k)%s, 'time', step%time, missing)
       call file%attr_get('/steps/'//names(k)%s, 'count', step%count, missing)
       call file%attr_get('/steps/'//names(k)%s, 'complete', complete, missing)
+      call file%attr_get('/steps/'//names(k)%s, 'extra', extra, ignored)
       read (names(k)%s, *, iostat=stat) step%number
-      if (missing%any() .or. complete /= 1 .or. stat /= 0 .or. step%time > time) then
+      if (missing%any() .or. complete /= 1 .or. stat /= 0 .or. step%time > time &
+        .or. extra == 1) then
         call file%delete('/steps/'//names(k)%s, errors)
       else
         call add(self, step)
@@ -153,6 +158,8 @@ contains
     if (file%exists(group)) call file%delete(group, errors)
     call file%group(group, errors)
     call file%attr_put(group, 'time', time, errors)
+    if (self%extra) call file%attr_put(group, 'extra', 1_i4, errors)
+    self%extra = .false.
   end subroutine begin_step
 
   !> Mark the step complete and close the file.

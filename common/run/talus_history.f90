@@ -2,12 +2,13 @@
 !!
 !! Numbers have 17 digits and read back unchanged. On restart the rows after the time of the
 !! checkpoint are cut, so that the file equals that of an uninterrupted run; for this, rows must be
-!! flushed before the checkpoint of the same time is written. S002 full disk, S010 other columns.
+!! flushed before the checkpoint of the same time is written. S002 full disk, S010 other columns,
+!! N002 a value that is no number.
 module talus_history
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_files, only: open_append, write_text, close_file, file_exists, read_file, truncate_file
-  use talus_text, only: string_type
+  use talus_text, only: string_type, str, is_finite
   implicit none
   private
   public :: history_type
@@ -22,6 +23,8 @@ module talus_history
     integer(i4), private :: descriptor = -1
     integer(i4), private :: used = 0            !! bytes waiting in buffer
     logical, private :: failed = .false.        !! a write has failed: no more are tried
+    logical, private :: tainted = .false.       !! NaN or infinity was written (and reported once)
+    type(string_type), allocatable, private :: title(:)  !! of the columns
     character(len=:), allocatable, private :: buffer
   contains
     procedure :: open => open_history
@@ -115,6 +118,8 @@ contains
     self%columns = size(columns)
     self%used = 0
     self%failed = .false.
+    self%tainted = .false.
+    self%title = columns
     if (.not. allocated(self%buffer)) allocate (character(len=buffer_room) :: self%buffer)
     call open_append(path, .not. append, self%descriptor, errors)
     if (self%descriptor < 0 .or. append) return
@@ -177,7 +182,21 @@ contains
       call append(self, cell(:n))
     end do
     call append(self, new_line('a'))
+    if (.not. (self%tainted .or. all(is_finite(values)))) call taint(self, values, errors)
   end subroutine write_row
+
+  !> Fault N002 for the first value of the file that is no number.
+  subroutine taint(self, values, errors)
+    class(history_type), intent(inout) :: self
+    real(wp), intent(in) :: values(:)
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    self%tainted = .true.
+    k = findloc(is_finite(values), .false., 1, kind=i4)
+    call errors%add('N002', "'"//self%path//"': "//self%title(k)%s//' is '//str(values(k))// &
+                    ' at time '//str(values(1))//' s', self%path, 'a time step too long or a ' &
+                    //'material too weak for its loads are the usual causes')
+  end subroutine taint
 
   subroutine append(self, text)
     class(history_type), intent(inout) :: self

@@ -33,14 +33,17 @@ contains
       //'solver''s deck then leaves it out or gives the same.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('gravity', 'real', 'm/s2', &
       'Acceleration of gravity. Both solvers of a coupled run must agree.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1000000000.0_wp)
     call table%add_key('wall_limit', 'real', 's', &
       'Wall-clock time after which the run writes a checkpoint and leaves with exit ' &
       //'code 3; no limit if left out.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('stop_file', 'string', '', &
       'Name of a file, relative to the deck: when it appears, the run writes a ' &
       //'checkpoint and leaves with exit code 3. Empty: none.')
@@ -59,8 +62,10 @@ contains
       //' wall limit and stop file.')
     call table%add_key('every_wall', 'real', 's', 'Wall-clock time between two checkpoints.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('every_time', 'real', 's', 'Simulated time between two checkpoints.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('keep', 'integer', '', 'How many of the newest checkpoints are kept.')
     call table%preset('2')
     call table%bounds(min=1.0_wp, max=1000.0_wp)
@@ -125,6 +130,7 @@ contains
       //'`wall_limit`), be the solver at work or not.')
     call table%preset('60.0')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('trace', 'logical', '', &
       'Keep the message files of the transport ''hdf5''.')
     call table%preset('.false.')
@@ -138,6 +144,7 @@ contains
       'Interval between exchanges; t_end must be a multiple of it.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('scheme', 'string', '', &
       '`''average''`: the grains run the interval, the solid is loaded with the mean ' &
       //'force. `''iterated''`: the same, repeated until the mean force settles. ' &
@@ -152,6 +159,7 @@ contains
       //'force measured and the force put on, relative to the force.')
     call table%preset('1e-05')
     call table%bounds(above=0.0_wp, below=1.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
     call table%add_key('max_iterations', 'integer', '', &
       'Iterated: iterations after which the run fails.')
     call table%preset('100')
@@ -179,6 +187,7 @@ contains
       //'thousandth of the facet''s size. A force off its facet leaves a moment, which the' &
       //' audit counts.')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%needs('ghosts')
     call table%add_key('rotation', 'string', '', &
       'Rotation of the ghosts. `''fixed''`: none; the moments on them are counted as lost' &
@@ -193,6 +202,7 @@ contains
       //'around it, about one diameter; left out, it acts at a point. The ghosts then ' &
       //'follow the mean motion of the facets under the kernel.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
     call table%needs('ghosts')
     call table%add_key('interface', 'string', '', &
       'What keeps the exchange stable when contacts are stiffer than the facets: ' &
@@ -204,18 +214,20 @@ contains
       'Springs: stiffness at each ghost. Left out, one and a half times the largest ' &
       //'contact stiffness of a ghost, raised when contacts outgrow it.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1e+24_wp)
     call table%only_with('interface', 'springs')
-    call table%add_key('theta', 'real', '', &
-      'Theta: share of the new force, 1/(1 + contact stiffness/facet stiffness); also ' &
-      //'the first factor of Aitken.')
-    call table%bounds(max=1.0_wp, above=0.0_wp)
-    call table%only_with('interface', 'theta|aitken')
-    call table%need_with('interface', 'theta')
     call group_facets_2(table)
   end subroutine group_facets
 
   subroutine group_facets_2(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('theta', 'real', '', &
+      'Theta: share of the new force, 1/(1 + contact stiffness/facet stiffness); also ' &
+      //'the first factor of Aitken.')
+    call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
+    call table%only_with('interface', 'theta|aitken')
+    call table%need_with('interface', 'theta')
     call table%add_key('initial', 'string', '', &
       'What happens to the forces that the ghosts carry at the start: `''dead_load''` ' &
       //'balances them, so that the solid starts undeformed; `''relax''` runs exchanges ' &
@@ -229,6 +241,7 @@ contains
       //'exchange, relative to their largest, below which the start is found.')
     call table%preset('0.0001')
     call table%bounds(above=0.0_wp, below=1.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
     call table%only_with('initial', 'relax')
     call table%add_key('relax_exchanges', 'integer', '', &
       'Relax: exchanges after which the run begins nevertheless, with a warning.')
@@ -264,6 +277,7 @@ contains
       //'else would be 0.')
     call table%preset('0.01')
     call table%bounds(above=0.0_wp, below=0.5_wp)
+    call table%magnitude(1e-20_wp, 0.5_wp)
     call table%only_with('method', 'bridging_domain|penalty')
     call table%add_key('penalty', 'real', '', &
       'Penalty: stiffness of the springs between grains and nodes, as (ω Δt/2)² of the ' &
@@ -271,11 +285,13 @@ contains
       //'step. The gap decreases as 1/penalty.')
     call table%preset('0.25')
     call table%bounds(above=0.0_wp, below=1.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
     call table%only_with('method', 'penalty')
     call table%add_key('penalty_damping', 'real', '', &
       'Penalty: dashpots beside the springs, as a ratio to critical damping at ω.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%only_with('method', 'penalty')
     call table%add_key('free_elements', 'string', '', &
       'Volume group of the mesh in which grains are free and move the nodes. Give this ' &
@@ -284,17 +300,19 @@ contains
       'The same by a box, x y z of its lower, then of its upper corner: elements whose ' &
       //'middle lies in it.')
     call table%sized(6_i4, 6_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call group_overlap_2(table)
+  end subroutine group_overlap
+
+  subroutine group_overlap_2(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('ghost_elements', 'string', '', &
       'Volume group in which grains are ghosts, at least three largest diameters deep. ' &
       //'Give this or ghost_box.')
     call table%add_key('ghost_box', 'real', 'm', &
       'The same by a box; elements of the free grains are left out.')
     call table%sized(6_i4, 6_i4)
-    call group_overlap_2(table)
-  end subroutine group_overlap
-
-  subroutine group_overlap_2(table)
-    type(key_table_type), intent(inout) :: table
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%add_key('rotation', 'string', '', &
       'Rotation of the ghosts: `''micro''`, with the micro-rotation of a micropolar ' &
       //'solid, whose nodes over free grains take the grains'' rotation; `''curl''`, with ' &
@@ -324,6 +342,11 @@ contains
       //' momentum that the nodes see.')
     call table%preset('mass')
     call table%allow('unit|mass|volume')
+    call group_overlap_3(table)
+  end subroutine group_overlap_2
+
+  subroutine group_overlap_3(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('scheme', 'string', '', &
       '`''symmetric''`: forces of contacts and of elements over free grains act in every ' &
       //'step of the grains on both sides, those of the other elements at exchanges; ' &
@@ -341,12 +364,8 @@ contains
       //'force, above which the run warns that it has not settled.')
     call table%preset('0.0001')
     call table%bounds(above=0.0_wp, below=1.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
     call table%only_with('scheme', 'static')
-    call group_overlap_3(table)
-  end subroutine group_overlap_2
-
-  subroutine group_overlap_3(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('partition', 'string', '', &
       'How energy in the layer of ghosts is shared: `''ramp''`, contacts between ghosts ' &
       //'fade out and the solid fades in with the distance from the free grains; `''fit''`,' &
@@ -364,7 +383,13 @@ contains
       //'random packs of spheres.')
     call table%preset('1.0')
     call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
     call table%only_with('partition', 'auto|ramp|fit')
+    call group_overlap_4(table)
+  end subroutine group_overlap_3
+
+  subroutine group_overlap_4(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('initial', 'string', '', &
       'What happens to forces that are not balanced when the coupling begins: ' &
       //'`''stress''`: the mean stress of the grains, corrected until contacts, stress and ' &
@@ -394,24 +419,26 @@ contains
     call table%allow('step|exchange')
     call table%only_with('method', 'bridging_scale')
     call table%choice_with('exchange', 'scheme', 'symmetric')
-    call group_overlap_4(table)
-  end subroutine group_overlap_3
-
-  subroutine group_overlap_4(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('fine_damping', 'real', '1/s', &
       'Rate at which the motion of free grains that the nodes do not see is damped at ' &
       //'the ghosts, fading to the far end of the elements: waves that the mesh cannot ' &
       //'carry are not reflected. A tenth of the highest frequency of the grains is much.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
     call table%only_with('method', 'bridging_scale')
+    call group_overlap_5(table)
+  end subroutine group_overlap_4
+
+  subroutine group_overlap_5(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('remap', 'real', '', &
       'Motion of a free grain past the nodes, over the length of an element, beyond ' &
       //'which the projection is rebuilt from where all are (logged); 0 never. Grains ' &
       //'near the elements may then come under them.')
     call table%preset('0.25')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%only_with('method', 'bridging_scale')
     call table%add_key('leaving', 'string', '', &
       'What happens when a free grain leaves the elements of the free grains: ' &
@@ -431,5 +458,5 @@ contains
       'File of probed moduli (`<deck>_probe.json` of talus-dem), for moduli = ''probed''.')
     call table%need()
     call table%only_with('moduli', 'probed')
-  end subroutine group_overlap_4
+  end subroutine group_overlap_5
 end module cpl_deck_keys

@@ -323,6 +323,7 @@ contains
       call self%close_all(exit_code)
       return
     end if
+    call errors%locate(self%run%deck%source%path)
     call self%run%log%faults(errors)
     if (self%running) then
       if (self%method%step > self%first_step) call self%write_row()

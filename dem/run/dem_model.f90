@@ -198,6 +198,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(error_list_type) :: ignored
     if (self%row_step < self%clock%steps) call self%write_row()
+    call errors%locate(self%options%deck)
     call self%log%faults(errors)
     if (self%equilibrium%watched) call self%log%line(self%equilibrium%text())
     if (self%surcharge%active) call self%log%line( &

@@ -55,14 +55,17 @@ contains
       'Time at which the run ends. In a coupled run it belongs to the coupled deck; a ' &
       //'solver''s deck then leaves it out or gives the same.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('gravity', 'real', 'm/s2', &
       'Acceleration of gravity. Both solvers of a coupled run must agree.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1000000000.0_wp)
     call table%add_key('wall_limit', 'real', 's', &
       'Wall-clock time after which the run writes a checkpoint and leaves with exit ' &
       //'code 3; no limit if left out.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('stop_file', 'string', '', &
       'Name of a file, relative to the deck: when it appears, the run writes a ' &
       //'checkpoint and leaves with exit code 3. Empty: none.')
@@ -84,6 +87,7 @@ contains
       //'always written.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('fields', 'string', '', &
       'Fields besides the standard ones. Always written: id, x, quat, axes, v, omega, ' &
       //'force, moment, kind, coordination (their names are accepted and change nothing);' &
@@ -106,6 +110,7 @@ contains
     call table%add_key('every_time', 'real', 's', 'Simulated time between two rows.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
   end subroutine group_history
 
   subroutine group_checkpoint(table)
@@ -115,8 +120,10 @@ contains
       //' wall limit and stop file.')
     call table%add_key('every_wall', 'real', 's', 'Wall-clock time between two checkpoints.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('every_time', 'real', 's', 'Simulated time between two checkpoints.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('keep', 'integer', '', 'How many of the newest checkpoints are kept.')
     call table%preset('2')
     call table%bounds(min=1.0_wp, max=1000.0_wp)
@@ -135,17 +142,20 @@ contains
       //'stops with exit code 2. Contact laws are meant for a few per cent.')
     call table%preset('0.3')
     call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
     call table%add_key('initial_overlap', 'real', '', &
       'Largest overlap between two free grains at the start, over the smaller grain''s ' &
       //'least semi-axis; a packing beyond it is refused.')
     call table%preset('0.05')
     call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
     call table%add_key('energy', 'real', '', &
       'Largest kinetic energy over the energy that the run has been given so far ' &
       //'(kinetic at the start, work of gravity and boundaries); beyond it the run counts' &
       //' as runaway and stops with exit code 2.')
     call table%preset('1000.0')
     call table%bounds(above=1.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
   end subroutine group_limits
 
   subroutine group_material(table)
@@ -156,12 +166,15 @@ contains
     call table%add_key('density', 'real', 'kg/m3', 'Mass density of the solid substance.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+24_wp)
     call table%add_key('young', 'real', 'Pa', 'Young''s modulus.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
     call table%add_key('poisson', 'real', '', 'Poisson''s ratio.')
     call table%need()
     call table%bounds(above=-1.0_wp, below=0.5_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
   end subroutine group_material
 
   subroutine group_curve(table)
@@ -173,9 +186,11 @@ contains
     call table%add_key('times', 'real', 's', 'Times, increasing.')
     call table%need()
     call table%sized(1_i4, huge(1_i4))
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
     call table%add_key('values', 'real', '', 'Values at these times.')
     call table%need()
     call table%sized(1_i4, huge(1_i4))
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
   end subroutine group_curve
 
   subroutine group_contact(table)
@@ -214,35 +229,41 @@ contains
     call table%add_key('friction', 'real', '', 'Coulomb coefficient of friction.')
     call table%need()
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('damping_ratio', 'real', '', &
       'Fraction of critical damping of the normal contact, 2 ratio sqrt(m* k_n) v_n. ' &
       //'Give this or restitution; without both there is no damping.')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('restitution', 'real', '', &
       'Ratio of rebound to approach speed of a head-on impact, independent of the ' &
       //'speed; the damping ratio is found from it.')
     call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
     call table%only_with('law', 'hertz_mindlin|mindlin_deresiewicz|hertz_no_history|linear')
     call table%excludes('damping_ratio')
-    call table%add_key('tangential_damping', 'real', '', &
-      'Fraction of critical damping of the tangential contact; left out, that of the ' &
-      //'normal one.')
-    call table%bounds(min=0.0_wp)
     call group_contact_2(table)
   end subroutine group_contact
 
   subroutine group_contact_2(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('tangential_damping', 'real', '', &
+      'Fraction of critical damping of the tangential contact; left out, that of the ' &
+      //'normal one.')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('normal_stiffness', 'real', 'N/m', &
       'Normal stiffness; the law ''linear'' needs it, the others take it from the moduli.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1e+24_wp)
     call table%only_with('law', 'linear')
     call table%add_key('tangential_stiffness', 'real', 'N/m', &
       'Tangential stiffness; the law ''linear'' needs it, the others take it from the ' &
       //'moduli.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1e+24_wp)
     call table%only_with('law', 'linear')
     call table%add_key('yield_pressure', 'real', 'Pa', &
       'Greatest pressure of a contact, the law ''thornton_ning'' needs it; about 2.5 ' &
@@ -250,6 +271,7 @@ contains
       //'with the speed of impact.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
     call table%only_with('law', 'thornton_ning')
     call table%add_key('rolling_friction', 'real', '', &
       'Rolling resistance: an elastic-plastic spring on the relative spin across the ' &
@@ -257,27 +279,32 @@ contains
       //'normal force. A sphere rests on a slope as long as its tangent is below.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('twisting_friction', 'real', '', &
       'The same for the relative spin about the normal.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('rolling_stiffness', 'real', '', &
       'Stiffness of the rolling spring, in k_t R_e^2.')
     call table%preset('1.0')
     call table%bounds(above=0.0_wp)
-    call table%add_key('twisting_stiffness', 'real', '', &
-      'Stiffness of the twisting spring, in k_t R_e^2.')
-    call table%preset('1.0')
-    call table%bounds(above=0.0_wp)
-    call table%add_key('rolling_damping', 'real', '', &
-      'Fraction of critical damping of both springs, with m* R_e^2 as inertia, never ' &
-      //'beyond the cap; left out, that of the normal contact.')
-    call table%bounds(min=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call group_contact_3(table)
   end subroutine group_contact_2
 
   subroutine group_contact_3(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('twisting_stiffness', 'real', '', &
+      'Stiffness of the twisting spring, in k_t R_e^2.')
+    call table%preset('1.0')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%add_key('rolling_damping', 'real', '', &
+      'Fraction of critical damping of both springs, with m* R_e^2 as inertia, never ' &
+      //'beyond the cap; left out, that of the normal contact.')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('cohesion', 'string', '', &
       'Attraction along the normal in addition to the Hertz force: `constant`: ' &
       //'`pull_force` while the bodies overlap; `dmt`: 2 pi w R_e while they overlap; ' &
@@ -290,11 +317,13 @@ contains
     call table%add_key('pull_force', 'real', 'N', 'Force of the cohesion ''constant''.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-24_wp, 1e+24_wp)
     call table%only_with('cohesion', 'constant')
     call table%add_key('surface_energy', 'real', 'J/m2', &
       'Work w to part a unit of contact area, of the cohesions ''dmt'' and ''jkr''.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 1000000000000.0_wp)
     call table%only_with('cohesion', 'dmt|jkr')
   end subroutine group_contact_3
 
@@ -308,30 +337,37 @@ contains
       'Young''s modulus of the beams: k_n = E A/L, L the distance of the centres.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
     call table%add_key('stiffness_ratio', 'real', '', 'Normal over shear stiffness of a bond.')
     call table%preset('2.5')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%add_key('radius', 'real', '', &
       'Radius of the beam, in least semi-axes of the smaller grain.')
     call table%preset('1.0')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%add_key('tensile_strength', 'real', 'Pa', &
       'Largest tension at the edge of the section, N/A + |M| r/I.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
     call table%add_key('shear_strength', 'real', 'Pa', &
       'Largest shear at the edge of the section, |S|/A + |M_t| r/J.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
     call table%add_key('damping_ratio', 'real', '', &
       'Fraction of critical damping of each of the four springs of a bond.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('reach', 'real', 'm', &
       'Largest gap that a bond fills, at most the margin of the candidate list ' &
       //'(`&search skin`; more is a fault, I239). A named pair further apart is a fault.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%add_key('pairs', 'integer', '', &
       'Ids of the bonded grains, two a bond; left out, all grains within reach.')
     call table%sized(1_i4, huge(1_i4))
@@ -377,9 +413,11 @@ contains
     call table%add_key('velocity', 'real', 'm/s', 'Velocity of the centre.')
     call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 100000000.0_wp)
     call table%add_key('spin', 'real', 'rad/s', 'Angular velocity about the centre, in space.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1000000000.0_wp)
   end subroutine group_driven
 
   subroutine group_wall(table)
@@ -395,15 +433,18 @@ contains
     call table%add_key('point', 'real', 'm', 'A point of the plane.')
     call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%add_key('normal', 'real', '', 'Direction into the grains, of any length.')
     call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('material', 'string', '', 'Material of the wall.')
     call table%need()
     call table%add_key('velocity', 'real', 'm/s', &
       'Velocity of the wall, times the curve if there is one.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 100000000.0_wp)
     call table%add_key('curve', 'string', '', &
       'The curve by which the velocity is multiplied; every 10 steps the mean over the ' &
       //'next 10 is applied to the wall.')
@@ -435,41 +476,48 @@ contains
       'A finite plane: three corners in turn, x y z each; the fourth follows. Give this' &
       //' or file.')
     call table%sized(9_i4, 9_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%add_key('material', 'string', '', 'Material of the surface.')
     call table%need()
     call table%add_key('scale', 'real', '', &
       'Factor on all coordinates: 1.0e-3 for a file in mm.')
     call table%preset('1.0')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%add_key('shift', 'real', 'm', 'Added to all coordinates, after scale.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%add_key('centre', 'real', 'm', &
       'Point about which the body turns and moments are taken; left out, the middle of ' &
       //'its box.')
     call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%add_key('velocity', 'real', 'm/s', &
       'Velocity of the centre, times the curve if there is one.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 100000000.0_wp)
     call table%add_key('spin', 'real', 'rad/s', &
       'Angular velocity about the centre, times the curve if there is one.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
-    call table%add_key('curve', 'string', '', &
-      'The curve by which velocity and spin are multiplied; every 10 steps they take ' &
-      //'its mean over the next 10.')
-    call table%preset('')
-    call table%add_key('smooth_deg', 'real', 'degree', &
-      'Triangles bent towards the grain by less than this are one face; those bent by ' &
-      //'more are two, and a grain in the corner touches both.')
-    call table%preset('20.0')
-    call table%bounds(min=0.0_wp, max=90.0_wp)
+    call table%magnitude(0.0_wp, 1000000000.0_wp)
     call group_surface_2(table)
   end subroutine group_surface
 
   subroutine group_surface_2(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('curve', 'string', '', &
+      'The curve by which velocity and spin are multiplied; every 10 steps they take ' &
+      //'its mean over the next 10.')
+    call table%preset('')
+    call table%add_key('smooth_deg', 'real', 'deg', &
+      'Triangles bent towards the grain by less than this are one face; those bent by ' &
+      //'more are two, and a grain in the corner touches both.')
+    call table%preset('20.0')
+    call table%bounds(min=0.0_wp, max=90.0_wp)
+    call table%magnitude(0.0_wp, 90.0_wp)
     call table%add_key('closed', 'logical', '', &
       'Refuse a surface with holes (I226); otherwise its free edges are counted in the ' &
       //'log.')
@@ -487,21 +535,26 @@ contains
     call table%add_key('tip', 'real', 'm', 'Apex of the cone at the start.')
     call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%add_key('axis', 'real', '', &
       'Direction from the tip up the shaft, of any length.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|1.0')
-    call table%add_key('apex_deg', 'real', 'degree', 'Apex angle, from flank to flank.')
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%add_key('apex_deg', 'real', 'deg', 'Apex angle, from flank to flank.')
     call table%preset('60.0')
     call table%bounds(min=1.0_wp, max=179.0_wp)
+    call table%magnitude(0.0_wp, 179.0_wp)
     call table%add_key('diameter', 'real', 'm', 'Diameter of cone and shaft.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
     call table%add_key('shaft', 'real', 'm', &
       'Length of the shaft above the cone; its upper end is open and must stay above ' &
       //'the grains.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
     call table%add_key('material', 'string', '', 'Material of tip and cone.')
     call table%need()
     call table%add_key('shaft_material', 'string', '', &
@@ -509,10 +562,12 @@ contains
     call table%add_key('velocity', 'real', 'm/s', 'Velocity, times the curve if there is one.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 100000000.0_wp)
     call table%add_key('spin', 'real', 'rad/s', &
       'Angular velocity about the tip, times the curve if there is one.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1000000000.0_wp)
     call table%add_key('curve', 'string', '', &
       'The curve by which velocity and spin are multiplied; every 10 steps they take ' &
       //'its mean over the next 10.')
@@ -536,24 +591,30 @@ contains
       'Middle of the axis at the start; without a length any point of it.')
     call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%add_key('axis', 'real', '', 'Direction of the axis, of any length.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|1.0')
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('radius', 'real', 'm', 'Radius.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
     call table%add_key('length', 'real', 'm', 'Length; left out, the cylinder has no ends.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
     call table%add_key('material', 'string', '', 'Material.')
     call table%need()
     call table%add_key('velocity', 'real', 'm/s', &
       'Velocity of the centre, times the curve if there is one.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 100000000.0_wp)
     call table%add_key('spin', 'real', 'rad/s', &
       'Angular velocity about the centre, times the curve if there is one.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1000000000.0_wp)
     call table%add_key('curve', 'string', '', &
       'The curve by which velocity and spin are multiplied; every 10 steps they take ' &
       //'its mean over the next 10.')
@@ -577,23 +638,29 @@ contains
       'Factor on all coordinates: 1.0e-3 for a file in mm.')
     call table%preset('1.0')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%add_key('material', 'string', '', 'Material of its contacts.')
     call table%need()
     call table%add_key('young', 'real', 'Pa', 'Young''s modulus of the membrane.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
     call table%add_key('poisson', 'real', '', 'Its Poisson''s ratio.')
     call table%preset('0.3')
     call table%bounds(min=0.0_wp, max=0.5_wp)
+    call table%magnitude(0.0_wp, 0.5_wp)
     call table%add_key('thickness', 'real', 'm', 'Its thickness, which stays.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
     call table%add_key('density', 'real', 'kg/m3', &
       'Its density; a small one requires a small step.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+24_wp)
     call table%add_key('pressure', 'real', 'Pa', 'Pressure on the side away from the grains.')
     call table%preset('0.0')
+    call table%magnitude(0.0_wp, 1e+36_wp)
     call table%add_key('curve', 'string', '', &
       'The curve by which the pressure is multiplied; every 10 steps its mean over the ' &
       //'next 10 is applied.')
@@ -602,6 +669,12 @@ contains
       'A point among the grains, towards which the pressure acts.')
     call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call group_membrane_2(table)
+  end subroutine group_membrane
+
+  subroutine group_membrane_2(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('clamp', 'string', '', &
       'Walls that the free edges follow, each corner the nearest; left out, they are ' &
       //'fixed.')
@@ -609,12 +682,14 @@ contains
     call table%add_key('damping', 'real', '1/s', 'Background damping of its corners.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
     call table%add_key('stretch_limit', 'real', '', &
       'Largest stretch, length over length at the start; beyond it the membrane has ' &
       //'torn and the run ends (N207).')
     call table%preset('3.0')
     call table%bounds(above=1.0_wp)
-  end subroutine group_membrane
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+  end subroutine group_membrane_2
 
   subroutine group_body(table)
     type(key_table_type), intent(inout) :: table
@@ -636,16 +711,20 @@ contains
       'Mass; a body that moves freely needs it. Gravity acts on it in the free ' &
       //'directions.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-24_wp, 1e+24_wp)
     call table%add_key('inertia', 'real', 'kg m2', &
       'Moment of inertia about the free axis, or all three about x, y, z through the ' &
       //'centre, which must be principal axes at the start.')
     call table%sized(1_i4, huge(1_i4))
+    call table%magnitude(0.0_wp, 1e+21_wp)
     call table%add_key('force', 'real', 'N', 'Given force, in space, at the centre.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1e+24_wp)
     call table%add_key('moment', 'real', 'N m', 'Given moment, in space.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1e+18_wp)
     call table%add_key('curve', 'string', '', &
       'The curve by which force and moment are multiplied; every 10 steps they take its' &
       //' mean over the next 10.')
@@ -672,15 +751,18 @@ contains
       'Target: force of the grains on the wall or surface over its area; pressure is ' &
       //'positive.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
     call table%add_key('force', 'real', 'N', &
       'Target of a surface: force on the grains along the direction. Give this, or ' &
       //'stress and area.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-24_wp, 1e+24_wp)
     call table%needs('surface')
     call table%add_key('direction', 'real', '', &
       'Where a surface pushes the grains, of any length; it moves along it and back. A ' &
       //'cylinder with grains inside has none: its wall moves outwards and inwards.')
     call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%needs('surface')
     call table%add_key('curve', 'string', '', 'The curve by which the target is multiplied.')
     call table%preset('')
@@ -690,25 +772,35 @@ contains
       //' of a cylinder with grains inside grows with its radius.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 100000000000000.0_wp)
     call table%add_key('speed', 'real', 'm/s', &
       'Largest speed of the wall; it approaches at this speed as long as it touches no ' &
       //'grain.')
     call table%preset('0.05')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 100000000.0_wp)
     call table%add_key('gain', 'real', '', &
       'Part of the error that its own contacts would compensate until the next update.')
     call table%preset('0.1')
     call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
+    call group_servo_2(table)
+  end subroutine group_servo
+
+  subroutine group_servo_2(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('tolerance', 'real', '', &
       'Largest relative error of the stress at the end of the run, and for ' &
       //'&equilibrium.')
     call table%preset('0.05')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%add_key('until', 'real', 's', &
       'Time from which on the wall moves with its own velocity and curve; left out, the' &
       //' servo works to the end.')
     call table%bounds(above=0.0_wp)
-  end subroutine group_servo
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
+  end subroutine group_servo_2
 
   subroutine group_constant_volume(table)
     type(key_table_type), intent(inout) :: table
@@ -727,6 +819,7 @@ contains
       'From then on; the volume is that of the first update at or after it.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
   end subroutine group_constant_volume
 
   subroutine group_surcharge(table)
@@ -743,6 +836,7 @@ contains
     call table%add_key('stress', 'real', 'Pa', 'Pressure on the free area.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
     call table%add_key('curve', 'string', '', &
       'The curve by which the stress is multiplied, evaluated at each update; load a ' &
       //'bed along a ramp.')
@@ -751,19 +845,23 @@ contains
       'Lower corner (x, y) of the rectangle; left out with upper, it lies between the ' &
       //'four walls across x and y and moves with them.')
     call table%sized(2_i4, 2_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%needs('upper')
     call table%add_key('upper', 'real', 'm', 'Upper corner (x, y) of the rectangle.')
     call table%sized(2_i4, 2_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%needs('lower')
     call table%add_key('clearance', 'real', '', &
       'Radius of the disc left free around each driven grain, over the largest ' &
       //'semi-axis of its outline in the plan; 0: none.')
     call table%preset('1.2')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('hole', 'real', 'm', &
       'Centre (x, y) and radius of a disc that is left free, as around a tool that is ' &
       //'no grain.')
     call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%add_key('update_every', 'integer', '', &
       'Steps between two updates of the surface, a multiple of 100; under talus-couple ' &
       //'the first exchange after so many.')
@@ -776,6 +874,7 @@ contains
       //' damping.')
     call table%preset('20.0')
     call table%bounds(min=1.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
   end subroutine group_surcharge
 
   subroutine group_cell(table)
@@ -792,14 +891,17 @@ contains
       //'the packing.')
     call table%sized(3_i4, 3_i4)
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
     call table%add_key('vectors', 'real', 'm', &
       'The three edges, one after the other, of a cell that is no box; right-handed.')
     call table%sized(9_i4, 9_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%excludes('size')
     call table%add_key('origin', 'real', 'm', &
       'Corner from which the edges go out; the point that the flow leaves in place.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%add_key('periodic', 'string', '', &
       'The edges that are periodic; left out, all three. An edge that is not keeps ' &
       //'still, between walls; where none is, the cell is a strained frame for a pack ' &
@@ -819,6 +921,7 @@ contains
     call table%allow('xx|xy|xz|yx|yy|yz|zx|zy|zz|mean')
     call table%add_key('rate', 'real', '1/s', 'Rate; positive normal rates lengthen the cell.')
     call table%need()
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
     call table%add_key('curve', 'string', '', &
       'The curve by which the rate is multiplied; every 10 steps the mean over the next' &
       //' 10 is applied to the cell.')
@@ -842,6 +945,7 @@ contains
     call table%add_key('stress', 'real', 'Pa', &
       'Target. Pressure is positive in normal components and the mean; a shear stress ' &
       //'is positive where it resists a positive rate. Give this, or between and b.')
+    call table%magnitude(0.0_wp, 1e+36_wp)
     call table%add_key('between', 'string', '', &
       'True triaxial test: the target is (1 - b) of the stress in the first of these ' &
       //'two components and b of that in the second, evaluated at each update.')
@@ -851,6 +955,7 @@ contains
     call table%add_key('b', 'real', '', &
       'Place of the target between the two, 0 at the first, 1 at the second.')
     call table%bounds(min=0.0_wp, max=1.0_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
     call table%needs('between')
     call table%add_key('curve', 'string', '', 'The curve by which the stress is multiplied.')
     call table%preset('')
@@ -858,15 +963,18 @@ contains
       'Largest rate; the cell closes at this rate as long as no grains touch.')
     call table%preset('1.0')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('gain', 'real', '', &
       'Part of the error that the contacts would compensate until the next update.')
     call table%preset('0.1')
     call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
     call table%add_key('tolerance', 'real', '', &
       'Largest error of the stress at the end of the run, and for &equilibrium, over ' &
       //'the largest target.')
     call table%preset('0.05')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
   end subroutine group_cell_stress
 
   subroutine group_probe(table)
@@ -882,6 +990,7 @@ contains
       'Strain of a probe; a shear changes the angle by it.')
     call table%preset('1e-06')
     call table%bounds(max=0.01_wp, above=0.0_wp)
+    call table%magnitude(1e-20_wp, 0.01_wp)
     call table%add_key('sides', 'string', '', &
       'Central difference of both signs, or one sign only.')
     call table%preset('both')
@@ -891,15 +1000,18 @@ contains
       //'taken.')
     call table%preset('0.001')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%add_key('energy_ratio', 'real', '', &
       'Largest kinetic over elastic energy of a pack that is taken.')
     call table%preset('0.0001')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%add_key('accuracy', 'real', '', &
       'Mean unbalanced force at which a probe is at rest, over the affine change of the' &
       //' mean contact force.')
     call table%preset('0.001')
     call table%bounds(max=0.5_wp, above=0.0_wp)
+    call table%magnitude(1e-20_wp, 0.5_wp)
     call table%add_key('load_steps', 'integer', '', 'Steps over which the strain is put on.')
     call table%preset('100')
     call table%bounds(min=1.0_wp)
@@ -918,11 +1030,13 @@ contains
       //' is cut so that histories and output are written at their exact times.')
     call table%add_key('dt', 'real', 's', 'Fixed time step; left out, the program chooses it.')
     call table%bounds(min=1e-15_wp)
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
     call table%add_key('dt_factor', 'real', '', &
       'Automatic step over the smaller of stability limit and Rayleigh time; strong ' &
       //'dashpots of contacts may require less.')
     call table%preset('0.3')
     call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
     call table%add_key('curve', 'string', '', &
       'The curve by which dt_factor is multiplied: a finer step while grains hit each ' &
       //'other fast, whose impacts the ledger must resolve.')
@@ -931,6 +1045,7 @@ contains
       'Background damping a: a force -a m v on every free grain, and a moment alike.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
     call table%add_key('allow_unstable', 'logical', '', &
       'Run even if the given step is above the stability limit.')
     call table%preset('.false.')
@@ -947,9 +1062,11 @@ contains
       //'the true mass.')
     call table%preset('1.0')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%add_key('inertia_scale', 'real', '', 'Factor on the moments of inertia.')
     call table%preset('1.0')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%add_key('damping', 'real', '1/s', &
       'Background damping a, or `''full''`: a = 2/dt, which erases the velocity in every ' &
       //'step, v = F dt/(2 s m), or `''adaptive''`: no drag, but every damping_every steps ' &
@@ -958,6 +1075,7 @@ contains
       //'talus-couple.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
     call table%words('full|adaptive', [-1.0_wp, -2.0_wp])
     call table%add_key('damping_every', 'integer', '', &
       'Steps between two checks of adaptive damping: 10, 20, 50 or a multiple of 100. ' &
@@ -968,14 +1086,17 @@ contains
     call table%add_key('dt', 'real', 's', &
       'Fixed time step; left out, the program chooses it as in dynamics.')
     call table%bounds(min=1e-15_wp)
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
     call table%add_key('dt_factor', 'real', '', &
       'Automatic step over the smaller of stability limit and Rayleigh time, both with ' &
       //'scaled masses.')
     call table%preset('0.3')
     call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
     call table%add_key('gravity_scale', 'real', '', 'Factor on gravity.')
     call table%preset('1.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('allow_unstable', 'logical', '', &
       'Run even if the given step is above the stability limit.')
     call table%preset('.false.')
@@ -993,11 +1114,13 @@ contains
       //'forces, without background damping) over the mean contact force.')
     call table%preset('0.0001')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%add_key('energy_ratio', 'real', '', &
       'Largest kinetic energy (of the scaled masses) over the elastic energy stored in ' &
       //'the contacts.')
     call table%preset('1e-08')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%add_key('check_every', 'integer', '', &
       'Steps between two checks, a multiple of 100.')
     call table%preset('100')
@@ -1021,33 +1144,46 @@ contains
       'Simulated time between two rows, a multiple of the least of all measures and ' &
       //'grids. Left out: first and last state.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('lower', 'real', 'm', 'Lower corner of a box.')
     call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%only_with('region', 'box')
     call table%add_key('upper', 'real', 'm', 'Upper corner of a box.')
     call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%only_with('region', 'box')
     call table%add_key('base', 'real', 'm', 'Centre of the lower face of a cylinder.')
     call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%only_with('region', 'cylinder')
     call table%add_key('centre', 'real', 'm', 'Centre of a sphere.')
     call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%only_with('region', 'sphere')
     call table%add_key('axis', 'real', '', 'Direction of a cylinder, of any length.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|1.0')
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%only_with('region', 'cylinder')
     call table%add_key('radius', 'real', 'm', 'Radius of a cylinder or a sphere.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
     call table%only_with('region', 'cylinder|sphere')
+    call group_measure_2(table)
+  end subroutine group_measure
+
+  subroutine group_measure_2(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('length', 'real', 'm', 'Length of a cylinder along its axis.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
     call table%only_with('region', 'cylinder')
     call table%add_key('resolution', 'integer', '', &
       'Points to the diameter of a grain that the faces cut, by which the part inside ' &
@@ -1057,11 +1193,7 @@ contains
     call table%add_key('origin', 'real', 'm', &
       'Origin of the arms of the couple stress; left out, the middle of each branch.')
     call table%sized(3_i4, 3_i4)
-    call group_measure_2(table)
-  end subroutine group_measure
-
-  subroutine group_measure_2(table)
-    type(key_table_type), intent(inout) :: table
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%add_key('moduli', 'logical', '', &
       'Write the affine moduli in full (C, B and D, 9 x 9 each) to ' &
       //'`<deck>_moduli_<id>.csv`, and those of a micromorphic solid to ' &
@@ -1080,9 +1212,11 @@ contains
     call table%add_key('lower', 'real', 'm', 'Lower corner.')
     call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%add_key('upper', 'real', 'm', 'Upper corner.')
     call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%add_key('cells', 'integer', '', &
       'Cells along x, y, z; none wider than the kernel''s width.')
     call table%need()
@@ -1092,6 +1226,7 @@ contains
       'Width w of the kernel, usually 0.5 to 1 grain diameter.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
     call table%add_key('kernel', 'string', '', &
       '`''gaussian''`: exp(-r^2/(2 w^2)), cut at 3 w. `''lucy''`: (1 + 3 q)(1 - q)^3 with q' &
       //' = r/(2 w).')
@@ -1101,6 +1236,7 @@ contains
       'Simulated time between two steps, a multiple of the least of all measures and ' &
       //'grids. Left out: first and last state.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
   end subroutine group_grid
 
   subroutine group_search(table)
@@ -1110,5 +1246,6 @@ contains
       'Pairs closer than this are listed and followed; left out, a fraction of the ' &
       //'grain size.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
   end subroutine group_search
 end module dem_deck_keys

@@ -4,6 +4,7 @@ module dem_setup_laws
   use talus_text, only: str, string_type
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
+  use talus_log, only: short_number
   use talus_suggest, only: did_you_mean
   use dem_state, only: dem_material_type, dem_law_type, dem_planes_type
   use dem_additional_model, only: additional_model_type
@@ -226,18 +227,9 @@ contains
         if (laws(a, b)%kind == 0 .or. n == size(lines)) cycle
         n = n + 1
         lines(n)%s = names(a)%s//' - '//names(b)%s//': friction '//str(laws(a, b)%friction)// &
-          ', damping ratio '//rounded(laws(a, b)%damping_ratio)//', restitution '// &
-          rounded(restitution_of(laws(a, b)%base%oscillator, laws(a, b)%damping_ratio))
+          ', damping ratio '//short_number(laws(a, b)%damping_ratio)//', restitution '// &
+          short_number(restitution_of(laws(a, b)%base%oscillator, laws(a, b)%damping_ratio))
       end do
     end do
   end subroutine law_lines
-
-  pure function rounded(value) result(text)
-    real(wp), intent(in) :: value
-    character(len=:), allocatable :: text
-    character(len=16) :: buffer
-    write (buffer, '(f0.4)') value
-    text = trim(buffer)
-    if (text(1:1) == '.') text = '0'//text
-  end function rounded
 end module dem_setup_laws

@@ -254,6 +254,7 @@ contains
     logical, intent(in) :: last
     type(error_list_type), intent(inout) :: errors
     real(wp) :: t
+    logical :: due
 
     t = body%accepted%time
     if (analysis%listed) then
@@ -269,8 +270,9 @@ contains
       end if
     end if
     if (self%every_output > 0.0_wp) then
-      if (t >= (self%next_output - near)*self%every_output &
-        .or. (last .and. self%last_field < t)) then
+      due = t >= (self%next_output - near)*self%every_output
+      if (due .or. (last .and. self%last_field < t)) then
+        self%series%extra = .not. due
         call self%write_fields(body, errors)
         self%next_output = after(t, self%every_output)
       end if

@@ -146,6 +146,7 @@ contains
                          str(model%body%system%solver%factorisations)//' factorisations')
     call health%warn(model%log)
     call model%log%timer_table(model%timers)
+    call errors%locate(model%options%deck)
     call model%log%faults(errors)
     call summary%set_program(program_name, model%options%deck, model%deck%hash())
     call summary%set('exit_code', exit_code)

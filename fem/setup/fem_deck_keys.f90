@@ -57,14 +57,17 @@ contains
       'Time at which the run ends. In a coupled run it belongs to the coupled deck; a ' &
       //'solver''s deck then leaves it out or gives the same.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('gravity', 'real', 'm/s2', &
       'Acceleration of gravity. Both solvers of a coupled run must agree.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1000000000.0_wp)
     call table%add_key('wall_limit', 'real', 's', &
       'Wall-clock time after which the run writes a checkpoint and leaves with exit ' &
       //'code 3; no limit if left out.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('stop_file', 'string', '', &
       'Name of a file, relative to the deck: when it appears, the run writes a ' &
       //'checkpoint and leaves with exit code 3. Empty: none.')
@@ -86,6 +89,7 @@ contains
       //'always written.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('fields', 'string', '', &
       '`points` adds position, stress and couple stress of the quadrature points.')
     call table%sized(1_i4, huge(1_i4))
@@ -100,6 +104,7 @@ contains
     call table%add_key('every_time', 'real', 's', 'Simulated time between two rows.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
   end subroutine group_history
 
   subroutine group_checkpoint(table)
@@ -109,8 +114,10 @@ contains
       //' wall limit and stop file.')
     call table%add_key('every_wall', 'real', 's', 'Wall-clock time between two checkpoints.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('every_time', 'real', 's', 'Simulated time between two checkpoints.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('keep', 'integer', '', 'How many of the newest checkpoints are kept.')
     call table%preset('2')
     call table%bounds(min=1.0_wp, max=1000.0_wp)
@@ -134,8 +141,10 @@ contains
     call table%add_key('density', 'real', 'kg/m3', 'Mass density of the solid substance.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+24_wp)
     call table%add_key('young', 'real', 'Pa', 'Young''s modulus.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
     call table%only_with('law', &
       'linear_elastic|pressure_elastic|drucker_prager|layered|neo_hookean|st_venant_kir' &
       //'chhoff|micropolar|micropolar_drucker_prager|micropolar_pressure')
@@ -144,6 +153,7 @@ contains
       //'chhoff')
     call table%add_key('poisson', 'real', '', 'Poisson''s ratio.')
     call table%bounds(above=-1.0_wp, below=0.5_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
     call table%need_with('law', &
       'linear_elastic|pressure_elastic|drucker_prager|layered|neo_hookean|st_venant_kir' &
       //'chhoff|cam_clay')
@@ -169,74 +179,90 @@ contains
     call table%allow(&
       'linear_elastic|micropolar|pressure_elastic|drucker_prager|cam_clay|layered|neo_h' &
       //'ookean|st_venant_kirchhoff|micropolar_drucker_prager|micropolar_pressure')
-    call table%add_key('lambda', 'real', 'Pa', &
-      'Eringen''s lambda; with 3 lambda + 2 mu + kappa > 0.')
-    call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
-    call table%add_key('mu', 'real', 'Pa', &
-      'Eringen''s mu; it may be negative as long as 2 mu + kappa > 0. G = mu + kappa/2.')
-    call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
     call group_material_2(table)
   end subroutine group_material
 
   subroutine group_material_2(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('lambda', 'real', 'Pa', &
+      'Eringen''s lambda; with 3 lambda + 2 mu + kappa > 0.')
+    call table%magnitude(0.0_wp, 1e+36_wp)
+    call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
+    call table%add_key('mu', 'real', 'Pa', &
+      'Eringen''s mu; it may be negative as long as 2 mu + kappa > 0. G = mu + kappa/2.')
+    call table%magnitude(0.0_wp, 1e+36_wp)
+    call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
     call table%add_key('kappa', 'real', 'Pa', &
       'Eringen''s kappa > 0, which ties the micro-rotation to the rotation of the ' &
       //'material.')
+    call table%magnitude(0.0_wp, 1e+36_wp)
     call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
     call table%add_key('alpha', 'real', 'N', &
       'Eringen''s alpha; with 3 alpha + beta + gamma >= 0.')
+    call table%magnitude(0.0_wp, 1e+24_wp)
     call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
     call table%add_key('beta', 'real', 'N', 'Eringen''s beta, between -gamma and gamma.')
+    call table%magnitude(0.0_wp, 1e+24_wp)
     call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
     call table%add_key('gamma', 'real', 'N', 'Eringen''s gamma >= 0; gamma = 4 G l_b^2.')
+    call table%magnitude(0.0_wp, 1e+24_wp)
     call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
     call table%add_key('shear', 'real', 'Pa', &
       'Shear modulus G = mu + kappa/2 of a micropolar solid (or give `young`).')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
     call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
     call table%add_key('l_t', 'real', 'm', &
       'Characteristic length of torsion; l_t^2 = (beta + gamma)/(2 mu + kappa).')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
     call table%add_key('l_b', 'real', 'm', &
       'Characteristic length of bending; l_b^2 = gamma/(2 (2 mu + kappa)).')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
     call table%add_key('coupling', 'real', '', &
       'Coupling number N in [0, 1); N^2 = kappa/(2 (mu + kappa)).')
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
-    call table%add_key('polar_ratio', 'real', '', &
-      'Polar ratio Psi in (0, 3/2]; Psi = (beta + gamma)/(alpha + beta + gamma).')
-    call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
-    call table%add_key('micro_inertia', 'real', 'm2', &
-      'Micro-inertia j of a micropolar solid, 2/5 r^2 of spheres of radius r; dynamics ' &
-      //'needs it.')
-    call table%bounds(above=0.0_wp)
-    call table%only_with('law', &
-      'micropolar|micropolar_drucker_prager|micropolar_pressure|layered')
-    call table%add_key('layer_thickness', 'real', 'm', 'Thickness of a layer of `layered`.')
-    call table%need()
-    call table%bounds(above=0.0_wp)
-    call table%only_with('law', 'layered')
-    call table%add_key('joint_normal', 'real', 'Pa/m', &
-      'Normal stiffness per area of the joints of `layered`.')
-    call table%need()
-    call table%bounds(above=0.0_wp)
-    call table%only_with('law', 'layered')
     call group_material_3(table)
   end subroutine group_material_2
 
   subroutine group_material_3(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('polar_ratio', 'real', '', &
+      'Polar ratio Psi in (0, 3/2]; Psi = (beta + gamma)/(alpha + beta + gamma).')
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
+    call table%add_key('micro_inertia', 'real', 'm2', &
+      'Micro-inertia j of a micropolar solid, 2/5 r^2 of spheres of radius r; dynamics ' &
+      //'needs it.')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-24_wp, 100000000000000.0_wp)
+    call table%only_with('law', &
+      'micropolar|micropolar_drucker_prager|micropolar_pressure|layered')
+    call table%add_key('layer_thickness', 'real', 'm', 'Thickness of a layer of `layered`.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%only_with('law', 'layered')
+    call table%add_key('joint_normal', 'real', 'Pa/m', &
+      'Normal stiffness per area of the joints of `layered`.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+30_wp)
+    call table%only_with('law', 'layered')
     call table%add_key('joint_shear', 'real', 'Pa/m', &
       'Shear stiffness per area of the joints of `layered`; 0 lets them slip freely.')
     call table%need()
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1e+30_wp)
     call table%only_with('law', 'layered')
     call table%add_key('layer_normal', 'real', '', 'Direction across the layers of `layered`.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|1.0')
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%only_with('law', 'layered')
     call table%add_key('spin_modulus', 'real', 'Pa', &
       'Modulus of `layered` against micro-rotation about the layers'' normal relative to' &
@@ -244,7 +270,13 @@ contains
       //'everywhere (`fix = ''rz''`); else the layers'' shear modulus is a good value.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1e+36_wp)
     call table%only_with('law', 'layered')
+    call group_material_4(table)
+  end subroutine group_material_3
+
+  subroutine group_material_4(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('layer_moduli', 'string', '', &
       'Moduli of `layered` in the plane of its layers: `isotropic` there, with the ' &
       //'twist of the layers as plates and layers and joints in series; `published`, ' &
@@ -258,37 +290,43 @@ contains
       //'`micropolar_pressure`, where it is below 1.')
     call table%need()
     call table%bounds(min=0.0_wp, max=1.0_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
     call table%only_with('law', 'pressure_elastic|micropolar_pressure')
     call table%add_key('reference_pressure', 'real', 'Pa', &
       'Mean compressive stress at which `young` of `pressure_elastic` and the moduli of' &
       //' `micropolar_pressure` hold.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
     call table%only_with('law', 'pressure_elastic|micropolar_pressure')
     call table%add_key('least_pressure', 'real', 'Pa', &
       'Mean compressive stress below which the stiffness of `pressure_elastic` and ' &
       //'`micropolar_pressure` does not fall any more; a hundredth of ' &
       //'`reference_pressure` if left out.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
     call table%only_with('law', 'pressure_elastic|micropolar_pressure')
     call table%add_key('cohesion', 'real', 'Pa', 'Cohesion c of `drucker_prager` at the start.')
     call table%need()
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1e+36_wp)
     call table%only_with('law', 'drucker_prager|micropolar_drucker_prager')
-    call group_material_4(table)
-  end subroutine group_material_3
-
-  subroutine group_material_4(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('friction_deg', 'real', 'deg', 'Angle of friction of `drucker_prager`.')
     call table%need()
     call table%bounds(min=0.0_wp, below=90.0_wp)
+    call table%magnitude(0.0_wp, 90.0_wp)
     call table%only_with('law', 'drucker_prager|micropolar_drucker_prager')
+    call group_material_5(table)
+  end subroutine group_material_4
+
+  subroutine group_material_5(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('dilation_deg', 'real', 'deg', &
       'Angle of dilation of `drucker_prager`, 0 if left out, not above that of ' &
       //'friction: plastic flow would give energy. Below zero where shear compacts, as in' &
       //' loose soil.')
     call table%bounds(min=-45.0_wp, below=90.0_wp)
+    call table%magnitude(0.0_wp, 90.0_wp)
     call table%only_with('law', 'drucker_prager|micropolar_drucker_prager')
     call table%add_key('cone', 'string', '', &
       'Which strength of Mohr and Coulomb the cone of `drucker_prager` has: that of ' &
@@ -299,16 +337,19 @@ contains
     call table%add_key('hardening', 'real', 'Pa', &
       'Slope H of the cohesion of `drucker_prager`, c = cohesion + H Z, dZ = A_psi ' &
       //'dgamma; negative softens.')
+    call table%magnitude(0.0_wp, 1e+36_wp)
     call table%only_with('law', 'drucker_prager|micropolar_drucker_prager')
     call table%add_key('residual_cohesion', 'real', 'Pa', &
       'Least cohesion of `drucker_prager` that softens.')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1e+36_wp)
     call table%only_with('law', 'drucker_prager|micropolar_drucker_prager')
     call table%add_key('plastic_length', 'real', 'm', &
       'Length l of `micropolar_drucker_prager`: a couple stress m counts as a stress ' &
       //'m/l in the yield function.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
     call table%only_with('law', 'micropolar_drucker_prager')
     call table%add_key('invariant', 'real', '', &
       'Shares a1, a2, a3 of `micropolar_drucker_prager` in J2 = a1 s_ij s_ij + a2 s_ij ' &
@@ -316,44 +357,51 @@ contains
       //'-0.25, 0.125 or 0.375, 0.125, 0.25 (Muehlhaus and Vardoulakis 1987).')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.25|0.25|0.5')
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%only_with('law', 'micropolar_drucker_prager')
     call table%add_key('critical_slope', 'real', '', &
       'Slope M = q/p of the critical state line of `cam_clay`.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%only_with('law', 'cam_clay')
+    call group_material_6(table)
+  end subroutine group_material_5
+
+  subroutine group_material_6(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('compression_index', 'real', '', &
       'Slope lambda of the virgin line of `cam_clay`, v over ln p; above ' &
       //'`swelling_index`.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%only_with('law', 'cam_clay')
-    call group_material_5(table)
-  end subroutine group_material_4
-
-  subroutine group_material_5(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('swelling_index', 'real', '', &
       'Slope kappa of the swelling lines of `cam_clay`, v over ln p.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%only_with('law', 'cam_clay')
     call table%add_key('specific_volume', 'real', '', &
       'Specific volume v = 1 + e of `cam_clay`, constant at small strains.')
     call table%need()
     call table%bounds(above=1.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%only_with('law', 'cam_clay')
     call table%add_key('preconsolidation', 'real', 'Pa', &
       'Preconsolidation pressure pc of `cam_clay` at the start; without it ' &
       //'`overconsolidation` counts.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
     call table%only_with('law', 'cam_clay')
     call table%add_key('overconsolidation', 'real', '', &
       'pc of `cam_clay` at the start over that whose yield surface the initial stress ' &
       //'touches; 1 if left out.')
     call table%bounds(min=1.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%only_with('law', 'cam_clay')
-  end subroutine group_material_5
+  end subroutine group_material_6
 
   subroutine group_curve(table)
     type(key_table_type), intent(inout) :: table
@@ -364,9 +412,11 @@ contains
     call table%add_key('times', 'real', 's', 'Times, increasing.')
     call table%need()
     call table%sized(1_i4, huge(1_i4))
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
     call table%add_key('values', 'real', '', 'Values at these times.')
     call table%need()
     call table%sized(1_i4, huge(1_i4))
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
   end subroutine group_curve
 
   subroutine group_mesh(table)
@@ -409,6 +459,7 @@ contains
       //'free.')
     call table%preset('0.05')
     call table%bounds(min=0.0_wp, max=1.0_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
     call table%only_with('element', 'hex8_one_point')
   end subroutine group_section
 
@@ -443,6 +494,7 @@ contains
     call table%need()
     call table%add_key('scale', 'real', 'm', 'Factor of the curve.')
     call table%preset('1.0')
+    call table%magnitude(0.0_wp, 10000000.0_wp)
   end subroutine group_motion
 
   subroutine group_rigid(table)
@@ -456,10 +508,12 @@ contains
     call table%add_key('centre', 'real', 'm', 'The centre at the start.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%add_key('axis', 'real', '', &
       'Direction of the axis, of any length; it keeps its direction.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|1.0')
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('turn', 'string', '', &
       'Id of the curve of the angle [rad], by the right hand about the axis; without ' &
       //'one it does not turn.')
@@ -482,10 +536,12 @@ contains
       'Mass of what is free, beside that of the elements.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1e+24_wp)
     call table%add_key('force', 'real', 'N', &
       'Force on what is free; the weight of `mass` is to be counted in.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1e+24_wp)
     call table%add_key('curve', 'string', '', &
       'Id of a curve that scales the force; without one it is constant.')
     call table%preset('')
@@ -507,6 +563,7 @@ contains
     call table%allow('x|y|z|rx|ry|rz|chi11|chi12|chi13|chi21|chi22|chi23|chi31|chi32|chi33')
     call table%add_key('value', 'real', 'm/s', 'Velocity, or rate of micro-rotation [rad/s].')
     call table%need()
+    call table%magnitude(0.0_wp, 100000000.0_wp)
   end subroutine group_initial
 
   subroutine group_traction(table)
@@ -518,6 +575,7 @@ contains
     call table%add_key('value', 'real', 'Pa', 'The traction.')
     call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 1e+36_wp)
     call table%add_key('curve', 'string', '', &
       'Id of a curve that scales it; without one it is constant.')
     call table%preset('')
@@ -532,6 +590,7 @@ contains
     call table%need()
     call table%add_key('value', 'real', 'Pa', 'The pressure; negative values pull.')
     call table%need()
+    call table%magnitude(0.0_wp, 1e+36_wp)
     call table%add_key('curve', 'string', '', &
       'Id of a curve that scales it; without one it is constant.')
     call table%preset('')
@@ -551,6 +610,7 @@ contains
     call table%add_key('value', 'real', 'N/m', 'The couple per area.')
     call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 1e+24_wp)
     call table%add_key('curve', 'string', '', &
       'Id of a curve that scales it; without one it is constant.')
     call table%preset('')
@@ -567,6 +627,7 @@ contains
       'Per reference area, on chi_11 chi_12 chi_13 chi_21 to chi_33.')
     call table%need()
     call table%sized(9_i4, 9_i4)
+    call table%magnitude(0.0_wp, 1e+24_wp)
     call table%add_key('curve', 'string', '', &
       'Id of a curve that scales it; without one it is constant.')
     call table%preset('')
@@ -584,6 +645,7 @@ contains
       //'thousand times that makes both equal to some thousandths of the micro-strain.')
     call table%need()
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1e+24_wp)
   end subroutine group_micro_tie
 
   subroutine group_body_load(table)
@@ -596,9 +658,11 @@ contains
     call table%add_key('force', 'real', 'N/m3', 'Force per volume.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1e+30_wp)
     call table%add_key('couple', 'real', 'N/m2', 'Couple per volume, of a micropolar solid.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1e+36_wp)
     call table%add_key('curve', 'string', '', &
       'Id of a curve that scales it; without one it is constant.')
     call table%preset('')
@@ -615,15 +679,18 @@ contains
     call table%add_key('position', 'real', 'm', &
       'A point on a facet of `facets`; or give a node.')
     call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%needs('facets')
     call table%add_key('facets', 'string', '', 'Facet group on which the position lies.')
     call table%needs('position')
     call table%add_key('force', 'real', 'N', 'The force.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1e+24_wp)
     call table%add_key('couple', 'real', 'N m', 'The couple, at a node with micro-rotation.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1e+18_wp)
     call table%needs('node')
     call table%add_key('curve', 'string', '', &
       'Id of a curve that scales it; without one it is constant.')
@@ -640,10 +707,12 @@ contains
       'Stiffness along the facet''s normal, per area.')
     call table%need()
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1e+30_wp)
     call table%add_key('tangential', 'real', 'N/m3', &
       'Stiffness in the facet''s plane, per area.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1e+30_wp)
   end subroutine group_spring
 
   subroutine group_analysis(table)
@@ -672,41 +741,48 @@ contains
       //'out, and refuses a longer one than that. In a coupled run the exchange interval ' &
       //'is the step.')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
     call table%add_key('beta', 'real', '', 'Newmark''s beta; 1/4 is average acceleration.')
     call table%preset('0.25')
     call table%bounds(max=0.5_wp, above=0.0_wp)
+    call table%magnitude(1e-20_wp, 0.5_wp)
     call table%only_with('kind', 'newmark')
     call table%add_key('gamma', 'real', '', 'Newmark''s gamma; above 1/2 dissipates.')
     call table%preset('0.5')
     call table%bounds(min=0.5_wp, max=1.0_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
     call table%only_with('kind', 'newmark')
     call table%add_key('alpha', 'real', '', &
       'HHT''s alpha from -1/3 (most dissipation of high frequencies) to 0 (none); beta =' &
       //' (1 - alpha)^2/4, gamma = 1/2 - alpha.')
     call table%preset('-0.05')
     call table%bounds(min=-0.3333333333333333_wp, max=0.0_wp)
+    call table%magnitude(0.0_wp, 0.3333333333333333_wp)
     call table%only_with('kind', 'hht')
+    call group_analysis_2(table)
+  end subroutine group_analysis
+
+  subroutine group_analysis_2(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('rayleigh_mass', 'real', '1/s', &
       'Rayleigh damping, factor a of C = a M + b K; of dynamics and `harmonic`.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
     call table%only_with('kind', 'newmark|hht|explicit|harmonic')
     call table%add_key('rayleigh_stiffness', 'real', 's', &
       'Rayleigh damping, factor b of C = a M + b K; in `explicit` it shortens the ' &
       //'stable step.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
     call table%only_with('kind', 'newmark|hht|explicit|harmonic')
-    call group_analysis_2(table)
-  end subroutine group_analysis
-
-  subroutine group_analysis_2(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('dt_factor', 'real', '', &
       'Step of `explicit` over the largest stable one, by the largest frequency of any ' &
       //'element.')
     call table%preset('0.9')
     call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
     call table%only_with('kind', 'explicit')
     call table%add_key('allow_unstable', 'logical', '', &
       'Allow a dt above the largest stable step, with a warning.')
@@ -718,6 +794,7 @@ contains
       //'alone govern the step.')
     call table%preset('1.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%words('auto', [0.0_wp])
     call table%only_with('kind', 'explicit')
     call table%add_key('solver', 'string', '', &
@@ -729,6 +806,11 @@ contains
     call table%preset('auto')
     call table%allow('auto|direct|iterative')
     call table%only_with('kind', 'static')
+    call group_analysis_3(table)
+  end subroutine group_analysis_2
+
+  subroutine group_analysis_3(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('factors', 'string', '', &
       'Where the factors of the direct solver are kept; `auto`: in memory, on disk ' &
       //'where it does not suffice.')
@@ -743,18 +825,15 @@ contains
       'Frequencies of `harmonic`, in any order; or give frequency_range.')
     call table%sized(1_i4, huge(1_i4))
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 1000000000000.0_wp)
     call table%only_with('kind', 'harmonic')
     call table%add_key('frequency_range', 'real', 'Hz', &
       'First and last frequency of `harmonic`, with frequency_count of them in equal ' &
       //'steps.')
     call table%sized(2_i4, 2_i4)
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 1000000000000.0_wp)
     call table%only_with('kind', 'harmonic')
-    call group_analysis_3(table)
-  end subroutine group_analysis_2
-
-  subroutine group_analysis_3(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('frequency_count', 'integer', '', &
       'Frequencies of frequency_range, the ends among them.')
     call table%preset('50')
@@ -765,6 +844,7 @@ contains
       'Structural damping of `harmonic`: the stiffness is K (1 + i loss_factor).')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%only_with('kind', 'harmonic')
     call table%add_key('response', 'string', '', &
       'Groups whose mean displacement (and micro-rotation) is written to ' &
@@ -772,6 +852,11 @@ contains
       //'supported and moved groups always are.')
     call table%sized(1_i4, 99_i4)
     call table%only_with('kind', 'harmonic')
+    call group_analysis_4(table)
+  end subroutine group_analysis_3
+
+  subroutine group_analysis_4(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('modes', 'integer', '', &
       'Number of modes of `modal`, from the lowest; rigid motions count.')
     call table%preset('10')
@@ -785,6 +870,7 @@ contains
       //'conjugate gradients (`solver = ''iterative''`) end.')
     call table%preset('1e-10')
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%only_with('kind', 'modal|relaxation|static|newmark|hht')
     call table%add_key('max_iterations', 'integer', '', &
       'Most iterations of `modal`, of a step of `relaxation` (there 100 000 unless ' &
@@ -799,11 +885,6 @@ contains
     call table%preset('10')
     call table%bounds(min=0.0_wp, max=30.0_wp)
     call table%only_with('kind', 'static|newmark|hht')
-    call group_analysis_4(table)
-  end subroutine group_analysis_3
-
-  subroutine group_analysis_4(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('continuation', 'string', '', &
       'How `static` of laws with a state advances: `load`, to the loads and motions of ' &
       //'the next time; `arc_length`, along the path of equilibrium with the load as an ' &
@@ -817,12 +898,19 @@ contains
       'Load factor of the first step by arc length, which sets its length; dt/t_end if ' &
       //'left out.')
     call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
     call table%only_with('kind', 'static')
     call table%only_with('continuation', 'arc_length')
+    call group_analysis_5(table)
+  end subroutine group_analysis_4
+
+  subroutine group_analysis_5(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('arc_growth', 'real', '', &
       'Length of an arc over the first one, at most.')
     call table%preset('1.0')
     call table%bounds(min=1.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%only_with('kind', 'static')
     call table%only_with('continuation', 'arc_length')
     call table%add_key('arc_iterations', 'integer', '', &
@@ -832,7 +920,7 @@ contains
     call table%bounds(min=1.0_wp)
     call table%only_with('kind', 'static')
     call table%only_with('continuation', 'arc_length')
-  end subroutine group_analysis_4
+  end subroutine group_analysis_5
 
   subroutine group_initial_stress(table)
     type(key_table_type), intent(inout) :: table
@@ -847,6 +935,7 @@ contains
     call table%add_key('value', 'real', 'Pa', 'xx yy zz xy yz zx, tension positive.')
     call table%need()
     call table%sized(6_i4, 6_i4)
+    call table%magnitude(0.0_wp, 1e+36_wp)
   end subroutine group_initial_stress
 
   subroutine group_geostatic(table)
@@ -861,12 +950,15 @@ contains
     call table%add_key('level', 'real', 'm', &
       'Height of the surface, along the direction against gravity.')
     call table%need()
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%add_key('k0', 'real', '', 'Horizontal over vertical stress.')
     call table%need()
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('surcharge', 'real', 'Pa', &
       'Pressure on the surface, which a `&pressure` of the deck must apply too.')
     call table%preset('0.0')
+    call table%magnitude(0.0_wp, 1e+36_wp)
   end subroutine group_geostatic
 
   subroutine group_stage(table)
@@ -885,10 +977,12 @@ contains
     call table%add_key('time', 'real', 's', 'When; steps end there.')
     call table%need()
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
     call table%add_key('duration', 'real', 's', &
       'Over which the imbalance is released; a later stage includes what is left.')
     call table%need()
     call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
   end subroutine group_stage
 
   subroutine group_absorbing(table)
@@ -914,14 +1008,17 @@ contains
       'Displacement gradient, u_1,1 u_1,2 u_1,3 u_2,1 to u_3,3.')
     call table%need()
     call table%sized(9_i4, 9_i4)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('rotation', 'real', 'rad', &
       'Micro-rotation phi; a classical solid uses that of the gradient.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1000000.0_wp)
     call table%add_key('rotation_gradient', 'real', '1/m', &
       'Gradient of the micro-rotation, phi_1,1 phi_1,2 to phi_3,3.')
     call table%sized(9_i4, 9_i4)
     call table%preset('0.0|0.0|0.0|0.0|0.0|0.0|0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
   end subroutine group_path
 
   subroutine group_point(table)
@@ -941,6 +1038,7 @@ contains
       'Stress at the start, xx yy zz xy yz zx, tension positive.')
     call table%sized(6_i4, 6_i4)
     call table%preset('0.0|0.0|0.0|0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1e+36_wp)
   end subroutine group_point
 
   subroutine group_control(table)
@@ -965,14 +1063,17 @@ contains
     call table%add_key('stress_part', 'real', '', 'Factors of the stress in the combination.')
     call table%sized(6_i4, 6_i4)
     call table%preset('0.0|0.0|0.0|0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('strain_part', 'real', '', 'Factors of the strain in the combination.')
     call table%sized(6_i4, 6_i4)
     call table%preset('0.0|0.0|0.0|0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('curve', 'string', '', &
       'Id of a curve; without one the value is `scale`.')
     call table%preset('')
     call table%add_key('scale', 'real', '', 'Factor of the curve, or the value.')
     call table%preset('0.0')
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
   end subroutine group_control
 
   subroutine group_micromorphic(table)
@@ -987,11 +1088,13 @@ contains
       'Mass per reference volume; weight and dynamics need it.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1e+24_wp)
     call table%add_key('micro_inertia', 'real', 'm2', &
       'Micro-inertia per mass of the reference state, <xi_k xi_k>/3: r^2/5 of spheres ' &
       //'of radius r. Dynamics needs it.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 100000000000000.0_wp)
     call table%add_key('form', 'string', '', &
       'Weak form of the elements: `energy` has the derivatives of the energy for forces' &
       //' on chi, and a symmetric elastic tangent; `balance` has test functions of the ' &
@@ -1000,21 +1103,34 @@ contains
     call table%allow('energy|balance')
     call table%add_key('lambda', 'real', 'Pa', 'Modulus lambda of E:E.')
     call table%need()
+    call table%magnitude(0.0_wp, 1e+36_wp)
     call table%add_key('mu', 'real', 'Pa', 'Modulus mu of E:E.')
     call table%need()
+    call table%magnitude(0.0_wp, 1e+36_wp)
     call table%add_key('eta', 'real', 'Pa', 'Modulus eta of e:e.')
     call table%preset('0.0')
+    call table%magnitude(0.0_wp, 1e+36_wp)
     call table%add_key('tau', 'real', 'Pa', 'Modulus tau, which couples tr E and tr e.')
     call table%preset('0.0')
+    call table%magnitude(0.0_wp, 1e+36_wp)
     call table%add_key('kappa', 'real', 'Pa', 'Modulus kappa of e:e.')
     call table%preset('0.0')
+    call table%magnitude(0.0_wp, 1e+36_wp)
     call table%add_key('nu', 'real', 'Pa', 'Modulus nu of e:e^T.')
     call table%preset('0.0')
+    call table%magnitude(0.0_wp, 1e+36_wp)
     call table%add_key('sigma', 'real', 'Pa', 'Modulus sigma, which couples E and e.')
     call table%preset('0.0')
+    call table%magnitude(0.0_wp, 1e+36_wp)
     call table%add_key('taus', 'real', 'N', 'Moduli tau_1 to tau_11 of the gradient.')
     call table%sized(11_i4, 11_i4)
     call table%preset('0.0|0.0|0.0|0.0|0.0|0.0|0.0|0.0|0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1e+24_wp)
+    call group_micromorphic_2(table)
+  end subroutine group_micromorphic
+
+  subroutine group_micromorphic_2(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('elastic_form', 'string', '', &
       'Stresses as derivatives of the energy, or without products of strains (Regueiro ' &
       //'2010).')
@@ -1029,7 +1145,7 @@ contains
       'Equal parts into which each step of the law is divided.')
     call table%preset('1')
     call table%bounds(min=1.0_wp, max=1000.0_wp)
-  end subroutine group_micromorphic
+  end subroutine group_micromorphic_2
 
   subroutine group_cone(table)
     type(key_table_type), intent(inout) :: table
@@ -1045,30 +1161,37 @@ contains
     call table%add_key('friction_deg', 'real', 'deg', 'Angle of friction.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp, below=90.0_wp)
+    call table%magnitude(0.0_wp, 90.0_wp)
     call table%add_key('dilation_deg', 'real', 'deg', &
       'Angle of dilation, not above that of friction.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp, below=90.0_wp)
+    call table%magnitude(0.0_wp, 90.0_wp)
     call table%add_key('shape', 'real', '', &
       'Where the cone meets Mohr-Coulomb: -1 in triaxial compression, 1 in extension.')
     call table%preset('-1.0')
     call table%bounds(min=-1.0_wp, max=1.0_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
     call table%add_key('flow_shape', 'real', '', &
       'The same of the potential; `shape` if left out.')
     call table%bounds(min=-1.0_wp, max=1.0_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
     call table%add_key('cohesion', 'real', '', &
       'Cohesion at the start [Pa]; of level gradient [N/m].')
     call table%need()
     call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('hardening', 'real', '', &
       'Slope H of the cohesion, c = cohesion + H Z [Pa]; of level gradient [N], dZ ' &
       //'[1/m] = A_psi dgamma. Negative softens.')
     call table%preset('0.0')
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('rounding', 'real', '', &
       'Rounds the tip: l as a share of A cohesion in sqrt(dev^2 + l^2). A rounded cone ' &
       //'returns from tension; softening ends at this share of the cohesion.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp, below=1.0_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
   end subroutine group_cone
 
   subroutine group_micro_point(table)
@@ -1108,5 +1231,6 @@ contains
     call table%preset('')
     call table%add_key('scale', 'real', '', 'Factor of the curve, or the value.')
     call table%preset('0.0')
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
   end subroutine group_micro_control
 end module fem_deck_keys

@@ -1,201 +1,288 @@
-"""Small runs whose files the fuzzers damage: each takes a fraction of a second."""
+"""Change decks: numbers, words, keys, groups and characters of decks that run.
 
+Usage: decks.py [--bin build/bin] [--long] [--seed N] [--count N] [--only RUN ...] [--keep DIR]
+A program that gets such a deck runs to its end with finite results, or refuses it: exit code 1, 2
+or 4, a message with a code and a place. One that has more to do than a few seconds is told to stop
+and must end with exit code 3 at once. Memory is limited, so that a deck cannot take the machine's.
+"""
+
+import random
+import re
+import resource
+import shutil
+import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
+import inputs
 import numpy as np
-from fuzzing import Run, call
-
-from talus import mesh as meshes
-from talus.verification import write_packing
-
-R = 1.0e-3
-QUARTZ = "&material id = 'quartz', density = 2650.0, young = 1.0e8, poisson = 0.25 /\n"
-GRAINS = f"""{QUARTZ}
-&run title = 'Bed', t_end = END, gravity = 0.0, 0.0, -9.81 /
-&contact between = 'quartz', 'quartz', friction = 0.5, damping_ratio = 0.1, CONTACT /
-&particles file = 'packing.h5', material = 'quartz' /
-&dynamics dt = 2.0e-6 /
-&output every_time = 2.0e-4 /
-&history every_time = 2.0e-5 /
-"""
-BED = (
-    GRAINS.replace("CONTACT", "law = 'hertz_mindlin', rolling_friction = 0.1")
-    + """
-&wall id = 'floor', point = 0.0, 0.0, 0.0, normal = 0.0, 0.0, 1.0, material = 'quartz' /
-&surface id = 'tool', file = 'tool.stl', material = 'quartz', velocity = 0.1, 0.0, 0.0 /
-&driven group = 'pusher', velocity = 0.0, 0.0, -0.1 /
-&bond young = 1.0e7, tensile_strength = 1.0e5, shear_strength = 1.0e5 /
-"""
+from fuzzing import (
+    CODE,
+    CRASH,
+    FAST,
+    GOOD,
+    REFUSALS,
+    ROOT,
+    Run,
+    Tally,
+    baseline,
+    environment,
+    not_finite,
+    numbers,
+    options,
+    results,
 )
-LINEAR = "law = 'linear', normal_stiffness = 1.0e4, tangential_stiffness = 5.0e3"
-CELL = (
-    GRAINS.replace(", gravity = 0.0, 0.0, -9.81", "").replace("CONTACT", LINEAR)
-    + """
-&cell size = 5.97e-3, 5.97e-3, 5.97e-3 /
-&cell_rate component = 'zz', rate = -10.0 /
-"""
+
+sys.path.insert(0, str(ROOT / "tools"))
+
+import deck_definitions as definitions  # noqa: E402
+
+RUNS = {  # name: decks that are changed, the program that reads each
+    "bed": {"deck.nml": "dem"},
+    "cell": {"deck.nml": "dem"},
+    "elastic": {"deck.nml": "fem"},
+    "plastic": {"deck.nml": "fem"},
+    "coupled": {"deck.nml": "couple", "grains.nml": "dem", "solid.nml": "fem"},
+    "overlap": {"deck.nml": "couple", "grains.nml": "dem", "solid.nml": "fem"},
+}
+SHORT, LONG = 12, 1500  # changed decks of each run
+ENOUGH, LEAVE = 2.0, 20.0  # [s] until it is told to stop, then until it must have ended
+MEMORY = 8 << 30  # [bytes] of address space
+PLACE = re.compile(r"^ +at \S", re.MULTILINE)
+NUMBER = re.compile(r"(?<![\w'.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w'])")
+STRING = re.compile(r"'[^'\n]*'")
+GROUP = re.compile(r"&(\w+)([^/]*)/")
+ENTRY = re.compile(
+    r",?\s*(\w+)\s*=\s*((?:'[^']*'|[^='/,]+)(?:\s*,\s*(?:'[^']*'|[^='/,]+)(?!\w*\s*=))*)"
 )
-SOLID = """
-&run title = 'Cube', t_end = END, gravity = 0.0, 0.0, -9.81 /
-&mesh file = 'block.h5' /
-&section group = 'all', material = 'soil' /
-&support group = 'z0', fix = 'x', 'y', 'z' /
-&curve id = 'ramp', times = 0.0, 1.0, values = 0.0, 1.0 /
-&traction group = 'z1', value = 0.0, 1.0e3, -1.0e4, curve = 'ramp' /
-&output every_time = 5.0e-4 /
-&history every_time = 1.0e-4 /
-"""
-ELASTIC = (
-    SOLID
-    + """
-&material id = 'soil', density = 1500.0, young = 1.0e7, poisson = 0.3 /
-&analysis kind = 'newmark', dt = 1.0e-4 /
-"""
-)
-PLASTIC = (
-    SOLID
-    + """
-&material id = 'soil', law = 'drucker_prager', density = 1800.0, young = 1.0e8, poisson = 0.25,
-          cohesion = 2.0e1, friction_deg = 35.0, dilation_deg = 10.0, hardening = 0.5e6 /
-&analysis kind = 'static', dt = 1.0e-4 /
-"""
-)
-CHECKPOINT = "&checkpoint every_time = HALF /\n"
+EXTREMES = ["0", "-1", "1", "2", "1e300", "-1e300", "1e-300", "1e15", "1e-15", "1e49", "nan", "inf"]
+EXTREMES += [
+    "2147483647",
+    "-2147483648",
+    "99999999999",
+    "0.0",
+    "-0.0",
+    "1.0",
+    "1e5",
+    "1d3",
+    "3*0.0",
+]
+NAMES = ["quartz", "soil", "floor", "tool", "pusher", "low", "all", "z0", "z1", "ramp", "none", ""]
+NAMES += ["inner", "layer", "x", "y", "z", "xx", "zz", "packing.h5", "block.h5", "tool.stl", "a/b"]
+CHARACTERS = list("&/=,'!\n\t .*()@\\\"") + ["\x00", "é", "'", "/", "&run", "\r\n", "e", "-"]
 
 
-def stl(path: Path) -> None:
-    """Write a plate of two triangles beside the bed as STL text."""
-    corner = [(-0.5, -2, 0), (-0.5, 8, 0), (-0.5, 8, 8), (-0.5, -2, 8)]
-    lines = ["solid tool"]
-    for nodes in ((0, 1, 2), (0, 2, 3)):
-        lines += ["facet normal 1 0 0", "outer loop"]
-        lines += ["vertex " + " ".join(f"{R * v:.6e}" for v in corner[n]) for n in nodes]
-        lines += ["endloop", "endfacet"]
-    path.write_text("\n".join([*lines, "endsolid tool", ""]))
+def programs() -> dict[str, definitions.Program]:
+    """Return the groups and keys of all programs."""
+    faults = definitions.Faults()
+    common = definitions.load(ROOT / "common/deck.toml", faults)
+    found = {f: definitions.read_program(f, common, faults) for f in definitions.PROGRAMS}
+    return {folder: program for folder, program in found.items() if program}
 
 
-def bed(folder: Path) -> None:
-    """Write 27 grains of which one is driven, some no spheres, on a floor beside a plate."""
-    rng = np.random.default_rng(4)
-    x = np.stack(np.meshgrid(*3 * [np.arange(3.0)], indexing="ij"), -1).reshape(-1, 3)
-    x = R * (1.99 * x + 0.995) + rng.uniform(-2e-3, 2e-3, x.shape) * R
-    axes = np.full(x.shape, R)
-    axes[::3] *= np.array([1.0, 0.98, 0.97])
-    v = rng.normal(0.0, 0.01, x.shape)
-    v[26] = 0.0
-    write_packing(
-        folder / "packing.h5", x, axes, v=v, groups={"pusher": [27], "low": np.arange(1, 10)}
+def number(key: definitions.Key, dice: random.Random) -> str:
+    """Return a number for a key: mostly within its bounds, at times an extreme one."""
+    if dice.random() < 0.15:
+        return dice.choice(EXTREMES)
+    if key.default and dice.random() < 0.3:
+        value = dice.choice(key.default)
+        return f"'{value}'" if isinstance(value, str) else repr(value)
+    low = max(key.bounds.get("min", 0.0), key.bounds.get("above", 0.0))
+    high = min(key.bounds.get("max", 1e9), key.bounds.get("below", 1e9))
+    if key.kind == "integer":
+        return str(min(int(high), int(low) + dice.choice([0, 1, 2, 3, 10, 100, 5000])))
+    if high < 1e3:
+        return repr(dice.uniform(low, high))
+    return f"{dice.choice([1, 1, 1, -1]) * 10 ** dice.uniform(-7, 9):.4e}"
+
+
+def value(key: definitions.Key, dice: random.Random) -> str:
+    """Return the text of some value or values of a key."""
+    many = key.least if key.most == key.least else min(key.most, key.least + dice.randrange(3))
+    if dice.random() < 0.05:
+        many += dice.choice([-1, 1])
+    found = []
+    for _ in range(many):
+        if key.kind in ("real", "integer"):
+            found.append(number(key, dice))
+        elif key.kind == "logical":
+            found.append(dice.choice([".true.", ".false."]))
+        else:
+            found.append(f"'{dice.choice(key.choices or NAMES)}'")
+    return ", ".join(found)
+
+
+def group(known: definitions.Group, dice: random.Random) -> str:
+    """Return a group with its required keys and some others."""
+    chosen = [key for key in known.keys if key.required or dice.random() < 0.3]
+    for names in known.one_of:
+        name = dice.choice(names)
+        chosen += [key for key in known.keys if key.name == name and key not in chosen]
+    return f"&{known.name} " + ", ".join(f"{k.name} = {value(k, dice)}" for k in chosen) + " /\n"
+
+
+def change_number(text: str, program: definitions.Program, dice: random.Random) -> str:
+    """Put another number in place of one: an extreme one, or one some decades away."""
+    found = list(NUMBER.finditer(text))
+    if not found:
+        return text
+    one = dice.choice(found)
+    new = dice.choice(EXTREMES)
+    if dice.random() < 0.5:
+        new = repr(float(one.group(0)) * 10.0 ** dice.choice([-9, -3, -2, -1, 1, 2, 3, 9]))
+    return text[: one.start()] + new + text[one.end() :]
+
+
+def change_string(text: str, program: definitions.Program, dice: random.Random) -> str:
+    """Put another string in place of one: a choice of any key, a name, or one with a slip."""
+    one = dice.choice(list(STRING.finditer(text)))
+    choices = [c for g in program.groups for k in g.keys for c in k.choices]
+    old = one.group(0)[1:-1]
+    slip = old[:-1] + dice.choice("aeiou_")
+    new = dice.choice([dice.choice(choices), dice.choice(NAMES), slip])
+    return text[: one.start()] + f"'{new}'" + text[one.end() :]
+
+
+def insert_key(text: str, program: definitions.Program, dice: random.Random) -> str:
+    """Give a group of the deck one more key."""
+    one = dice.choice(list(GROUP.finditer(text)))
+    known = next((g for g in program.groups if g.name == one.group(1)), None)
+    if not known:
+        return text
+    key = dice.choice(known.keys)
+    comma = ", " if "=" in one.group(2) else " "
+    return (
+        text[: one.end() - 1] + f"{comma}{key.name} = {value(key, dice)} " + text[one.end() - 1 :]
     )
-    stl(folder / "tool.stl")
 
 
-def cube(folder: Path) -> None:
-    """Write a cube of eight elements."""
-    mesh = meshes.box(np.zeros(3), np.full(3, 0.01), (2, 2, 2))
-    meshes.write_mesh(folder / "block.h5", mesh)
+def insert_group(text: str, program: definitions.Program, dice: random.Random) -> str:
+    """Add a group, at times one that is there already."""
+    return text + "\n" + group(dice.choice(program.groups), dice)
 
 
-def coupled(folder: Path) -> None:
-    """Write four ghosts on the top of a cube and a grain above them, and the decks."""
-    p = 5.0e-3
-    flat = [(x, y, 0.0) for x in (p / 2, 1.5 * p) for y in (p / 2, 1.5 * p)]
-    x = np.array([*flat, (p, p, 0.705 * p)])
-    kind = np.array([1, 1, 1, 1, 0], dtype=np.int32)
-    groups = {"floor": np.arange(1, 5)}
-    write_packing(folder / "packing.h5", x, np.full((5, 3), 0.49 * p), kind=kind, groups=groups)
-    top = meshes.box(np.array([0.0, 0.0, -2 * p]), np.array([2 * p, 2 * p, 0.0]), (2, 2, 2))
-    meshes.write_mesh(folder / "block.h5", top)
-    (folder / "grains.nml").write_text(f"""{QUARTZ}
-&run title = 'Grain on four ghosts', gravity = 0.0, 0.0, -9.81 /
-&contact between = 'quartz', 'quartz', law = 'hertz_mindlin', friction = 0.5, damping_ratio = 0.1 /
-&particles file = 'packing.h5', material = 'quartz' /
-&dynamics dt = 5.0e-6 /
-&history every_time = 1.0e-4 /
-""")
-    (folder / "solid.nml").write_text("""
-&run title = 'Cube', gravity = 0.0, 0.0, -9.81 /
-&mesh file = 'block.h5' /
-&material id = 'soil', density = 1500.0, young = 1.0e7, poisson = 0.3 /
-&section group = 'all', material = 'soil' /
-&support group = 'z0', fix = 'x', 'y', 'z' /
-&analysis kind = 'newmark' /
-&history every_time = 1.0e-4 /
-""")
-    (folder / "deck.nml").write_text("""
-&run title = 'Test', t_end = END /
-&program side = 'grains', deck = 'grains.nml' /
-&program side = 'solid', deck = 'solid.nml' /
-&clock exchange = 5.0e-5 /
-&facets ghosts = 'floor', facets = 'z1' /
-&checkpoint every_time = 2.0e-4 /
-""")
+def remove(text: str, program: definitions.Program, dice: random.Random) -> str:
+    """Take out a key or a group, or say it twice."""
+    one = dice.choice(list(dice.choice([GROUP, ENTRY]).finditer(text)))
+    if dice.random() < 0.3:
+        return text[: one.end()] + one.group(0) + text[one.end() :]
+    return text[: one.start()] + text[one.end() :]
 
 
-def overlapping(folder: Path) -> None:
-    """Write a column of touching spheres in a bar of hexahedra, and the decks."""
-    d = 1.0e-3
-    line = d * (np.arange(2) + 0.5)
-    x = np.array([(a, b, d * (k + 0.5)) for k in range(-4, 10) for a in line for b in line])
-    v = np.where(x[:, 2:] < 0.0, np.array([0.0, 0.0, 0.05]), 0.0)
-    write_packing(folder / "packing.h5", x, np.full((len(x), 3), 0.5005 * d), v=v)
-    bar = meshes.box(np.zeros(3), np.array([2 * d, 2 * d, 14 * d]), (1, 1, 7))
-    bar.volumes.update(inner=np.arange(3), layer=np.arange(3, 5), rest=np.arange(5, 7))
-    meshes.write_mesh(folder / "block.h5", bar)
-    (folder / "grains.nml").write_text(f"""{QUARTZ}
-&run title = 'Column of spheres', gravity = 0.0, 0.0, 0.0 /
-&contact between = 'quartz', 'quartz', law = 'linear', normal_stiffness = 1.0e5,
-         tangential_stiffness = 5.0e4, friction = 0.5 /
-&particles file = 'packing.h5', material = 'quartz' /
-&dynamics dt = 2.0e-7 /
-&history every_time = 4.0e-6 /
-""")
-    (folder / "solid.nml").write_text("""
-&run title = 'Bar', gravity = 0.0, 0.0, 0.0 /
-&mesh file = 'block.h5' /
-&material id = 'soil', density = 1388.0, young = 1.0e8, poisson = 0.0 /
-&section group = 'all', material = 'soil' /
-&support group = 'z1', fix = 'x', 'y', 'z' /
-&analysis kind = 'explicit' /
-&history every_time = 4.0e-6 /
-""")
-    (folder / "deck.nml").write_text("""
-&run title = 'Test', t_end = END /
-&program side = 'grains', deck = 'grains.nml' /
-&program side = 'solid', deck = 'solid.nml' /
-&clock exchange = 1.0e-6 /
-&overlap free_elements = 'inner', ghost_elements = 'layer' /
-&checkpoint every_time = 0.8e-5 /
-""")
+def change_text(text: str, program: definitions.Program, dice: random.Random) -> str:
+    """Take out, double or replace characters, or cut the end off."""
+    place = dice.randrange(len(text))
+    what = dice.randrange(4)
+    if what == 0:
+        return text[:place]
+    length = dice.choice([1, 1, 1, 5, 40])
+    middle = ["", 2 * text[place : place + length], dice.choice(CHARACTERS)][what - 1]
+    return text[:place] + middle + text[place + length :]
 
 
-def make(name: str, scratch: Path, binaries: Path) -> Run:
-    """Make the inputs of a run: bed, cell, elastic, plastic, coupled, overlap; '_restart' behind
-    it: it was run to its half, and goes on from its checkpoint."""
-    kind, _, restart = name.partition("_")
-    folder = scratch / name
-    folder.mkdir(parents=True)
-    text, end, program = {
-        "bed": (BED, 4.0e-4, "talus-dem"),
-        "cell": (CELL, 4.0e-4, "talus-dem"),
-        "elastic": (ELASTIC, 1.0e-3, "talus-fem"),
-        "plastic": (PLASTIC, 1.0e-3, "talus-fem"),
-        "coupled": ("", 4.0e-4, "talus-couple"),
-        "overlap": ("", 1.6e-5, "talus-couple"),
-    }[kind]
-    writers = {"bed": bed, "cell": bed, "coupled": coupled, "overlap": overlapping}
-    writers.get(kind, cube)(folder)
-    deck = folder / "deck.nml"
-    text = text or deck.read_text()
-    command = [str(binaries / program), "deck.nml"]
-    if restart:
-        half = text if "&checkpoint" in text else text + CHECKPOINT
-        half = half.replace("HALF", f"{end / 4:.3e}").replace("END", f"{end / 2:.3e}")
-        deck.write_text(half)
-        code, said = call(command, folder)
-        if code != 0:
-            sys.exit(f"{name}: the first half ends with {code}:\n{said[-3000:]}")
-        newest = "deck.manifest" if program == "talus-couple" else "deck.chk.h5"
-        command = [*command, f"--restart={newest}"]
-    deck.write_text(text.replace("END", f"{end:.3e}"))
-    return Run(name, folder, command)
+CHANGES = [change_number] * 4 + [change_string, insert_key, insert_key, insert_key]
+CHANGES += [insert_group, insert_group, remove, change_text]
+
+
+def limit_memory() -> None:
+    """Let the program that is started have no more memory than MEMORY."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+
+
+def call(command: list[str], folder: Path) -> tuple[int | None, str]:
+    """Run a command; one that takes long is stopped. Return exit code (None: it hangs), output."""
+    with (folder / "said").open("wb") as said:
+        process = subprocess.Popen(
+            command,
+            cwd=folder,
+            env=environment() | {"OMP_THREAD_LIMIT": "4"},
+            stdin=subprocess.DEVNULL,
+            stdout=said,
+            stderr=subprocess.STDOUT,
+            preexec_fn=limit_memory,
+        )
+        try:
+            code = process.wait(ENOUGH)
+        except subprocess.TimeoutExpired:
+            process.terminate()
+            try:
+                code = process.wait(LEAVE)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+                return None, ""
+    return code, (folder / "said").read_text(errors="replace")
+
+
+def bad_fields(folder: Path, old: set[str]) -> str:
+    """First dataset of a file of results that holds NaN or infinity."""
+    for path in folder.rglob("*.h5"):
+        if str(path.relative_to(folder)) in old:
+            continue
+        try:
+            for name, values in numbers(path):
+                if values.dtype.kind == "f" and not np.all(np.isfinite(values)):
+                    return f"{path.name}:{name}"
+        except (OSError, RuntimeError, KeyError, ValueError):
+            return f"{path.name}: unreadable"
+    return ""
+
+
+def verdict(run: Run, folder: Path) -> str:
+    """Run a changed deck: changed, refused, stopped or a failure."""
+    code, said = call(run.command, folder)
+    if code is None:
+        return f"hang: does not end {LEAVE:g} s after it is told to"
+    crash = CRASH.search(said.replace("SIGTERM", ""))
+    if code < 0 or code >= 128 or crash:
+        return f"crash: exit {code}, {crash.group(0)[:90] if crash else said[-200:]!r}"
+    if code in REFUSALS:
+        if not CODE.search(said):
+            return f"unclear: exit {code}, {said[-200:]!r}"
+        if not PLACE.search(said):
+            return f"no place: {CODE.search(said).group(0)} {said[-200:]!r}"
+        return "refused"
+    if code not in (0, 3):
+        return f"unclear: exit {code}, {said[-200:]!r}"
+    bad = not_finite(results(folder, run.inputs), run.results) or bad_fields(folder, run.inputs)
+    return f"not finite: {bad}" if bad else "changed" if code == 0 else "stopped"
+
+
+def trial(run: Run, decks: dict[str, str], known: dict, dice: random.Random, keep: Path) -> str:
+    """Change a deck of a fresh copy, once or twice, and run it."""
+    with tempfile.TemporaryDirectory(prefix="talus_fuzz_", dir=FAST) as name:
+        folder = Path(name) / "run"
+        shutil.copytree(run.folder, folder)
+        deck = dice.choice(list(decks))
+        text = (folder / deck).read_text()
+        for _ in range(dice.choice([1, 1, 2])):
+            text = dice.choice(CHANGES)(text, known[decks[deck]], dice) or "!"
+        (folder / deck).write_text(text)
+        found = verdict(run, folder)
+        if keep and found.split(":")[0] not in GOOD:
+            place = keep / f"{run.name}_{len(list(keep.glob('*'))):03d}"
+            shutil.copytree(folder, place, ignore_dangling_symlinks=True)
+            (place / "command").write_text(" ".join(run.command) + f"\n{found}\n")
+        return found
+
+
+def main() -> int:
+    """Run the campaign."""
+    found = options(__doc__)
+    tally = Tally()
+    known = programs()
+    with tempfile.TemporaryDirectory(prefix="talus_fuzz_", dir=FAST) as scratch:
+        for name, decks in RUNS.items():
+            if found.only and not any(word in name for word in found.only):
+                continue
+            run = baseline(inputs.make(name, Path(scratch), found.bin))
+            for count in range(found.count or (LONG if found.long else SHORT)):
+                dice = random.Random(f"{found.seed} {name} {count}")
+                what = trial(run, decks, known, dice, found.keep)
+                tally.add(what, f"{name}, {count}, seed {found.seed}")
+    return tally.close()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -13,8 +13,8 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-import decks
 import h5py
+import inputs
 import numpy as np
 from fuzzing import FAST, ROOT, Run, Tally, baseline, options, trial
 
@@ -235,7 +235,7 @@ def main() -> int:
             if found.only and not any(word in kind for word in found.only):
                 continue
             if name not in runs:
-                runs[name] = baseline(decks.make(name, Path(scratch), found.bin))
+                runs[name] = baseline(inputs.make(name, Path(scratch), found.bin))
             count = found.count or weight * (LONG if found.long else SHORT)
             campaign(kind, runs[name], path, count, tally, found)
     return tally.close()

@@ -28,6 +28,7 @@ CRASH = re.compile(
 )
 PATIENCE = 60.0  # [s] a program that takes longer hangs; undamaged runs take less than a second
 REFUSALS = (1, 2, 4)
+GOOD = ("same", "changed", "refused", "stopped")  # verdicts that are no failures
 FAST = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None  # no disk waits for each copy
 
 
@@ -50,10 +51,10 @@ class Tally:
     failures: list[str] = field(default_factory=list)
 
     def add(self, verdict: str, what: str) -> None:
-        """Count a verdict; those that are not 'same', 'changed' or 'refused' are failures."""
+        """Count a verdict; those that are not in GOOD are failures."""
         kind = verdict.split(":")[0]
         self.counts[kind] = self.counts.get(kind, 0) + 1
-        if kind not in ("same", "changed", "refused"):
+        if kind not in GOOD:
             self.failures.append(f"{what}: {verdict}")
             print(f"FAILED: {what}: {verdict}", flush=True)
 
@@ -204,7 +205,7 @@ def trial(run: Run, damage: object, may_change: bool, keep: Path | None) -> str:
         if keep:
             shutil.copytree(folder, spare)
         found = verdict(run, folder, may_change)
-        if keep and found.split(":")[0] not in ("same", "changed", "refused"):
+        if keep and found.split(":")[0] not in GOOD:
             keep.mkdir(parents=True, exist_ok=True)
             place = keep / f"{run.name}_{len(list(keep.iterdir())):03d}"
             shutil.copytree(spare, place)

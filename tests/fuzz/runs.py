@@ -155,13 +155,8 @@ def result(folder: Path) -> dict[str, bytes]:
 
 
 def differences(a: dict[str, bytes], b: dict[str, bytes]) -> list[str]:
-    """Return the names of what differs between a result and that of a run in one piece.
-
-    A run that was stopped has fields of that instant, too.
-    """
-    more = {name for name in set(a) - set(b) if f"/{STEP}" not in name}
-    changed = {name for name in set(a) & set(b) if a[name] != b[name]}
-    return sorted(more | set(b) - set(a) | changed)
+    """Return the names of what differs between a result and that of a run in one piece."""
+    return sorted(name for name in set(a) | set(b) if a.get(name) != b.get(name))
 
 
 @dataclass

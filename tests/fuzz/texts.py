@@ -15,8 +15,8 @@ import tempfile
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
-import decks
 import files
+import inputs
 import numpy as np
 from fuzzing import CODE, FAST, ROOT, Tally, options
 
@@ -43,7 +43,7 @@ def write_inputs(scratch: Path, binaries: Path) -> Path:
     """Make a run of grains with its results, a packing as text and meshes of gmsh."""
     import meshio
 
-    run = decks.make("bed_restart", scratch, binaries)
+    run = inputs.make("bed_restart", scratch, binaries)
     folder = run.folder
     cli.main(["pack", "h52text", str(folder / "packing.h5"), "-o", str(folder / "bed.txt")])
     mesh = meshes.box(np.zeros(3), np.ones(3), (2, 1, 1))

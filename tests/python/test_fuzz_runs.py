@@ -1,4 +1,4 @@
-"""Short campaigns of the fuzzers (tests/fuzz): damaged files, the port, kills and signals."""
+"""Short campaigns of the fuzzers (tests/fuzz): changed decks, damaged files, port, signals."""
 
 import os
 import subprocess
@@ -12,7 +12,7 @@ from talus.programs import find_program
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.parametrize("name", ["files", "texts", "port", "signals"])
+@pytest.mark.parametrize("name", ["decks", "files", "texts", "port", "signals"])
 def test_short_campaign(name: str) -> None:
     """Every check of the campaign is passed, and there are some."""
     binaries = Path(find_program("talus-couple")).parent

@@ -1,5 +1,6 @@
 !> HDF5 files: what is put is read back; wrong, foreign, truncated and full are distinguished.
 program test_talus_hdf5
+  use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_files, only: file_exists, file_size, remove_file, replace_file, make_folder, &
@@ -24,6 +25,7 @@ program test_talus_hdf5
   call wrong_files()
   call failing_writes()
   call appending()
+  call no_numbers()
   call execute_command_line('rm -rf '//folder)
   deallocate (folder)
   call test%finish()
@@ -267,6 +269,39 @@ contains
     call remove_file(folder//'/run.h5', errors)
     call test%check('no faults at the end', .not. errors%any())
   end subroutine appending
+
+  !> NaN fails a file that has a checksum, the older one stays; a growing file takes it, reported.
+  subroutine no_numbers()
+    type(h5_file_type) :: file
+    real(wp) :: x(2, 3), back
+    x = 1.0_wp
+    call file%create(folder//'/n.h5', errors)
+    call file%put('/x', 1.0_wp, errors)
+    call file%commit(errors)
+    x(2, 2) = ieee_value(back, ieee_quiet_nan)
+    call file%create(folder//'/n.h5', errors)
+    call file%put('/x', x, errors)
+    call file%put('/y', x, errors)
+    call file%commit(errors)
+    call expect('NaN in a checkpoint', 'N002', 'value 4 of 6 of /x is NaN')
+    call file%open(folder//'/n.h5', errors)
+    call file%get('/x', back, errors)
+    call file%close(errors)
+    call test%check('the older file stays', abs(back - 1.0_wp) <= 0.0_wp .and. .not. errors%any())
+
+    call file%create(folder//'/g.h5', errors, grows=.true.)
+    call file%commit(errors)
+    call file%open(folder//'/g.h5', errors, write=.true.)
+    call file%put('/steps/1/x', x, errors)
+    call file%put('/steps/1/y', 2.0_wp, errors)
+    call file%close(errors)
+    call expect('NaN in a field', 'N002', '/steps/1/x')
+    call file%open(folder//'/g.h5', errors)
+    call file%get('/steps/1/y', back, errors)
+    call test%check('what follows is written', abs(back - 2.0_wp) <= 0.0_wp)
+    call file%close(errors)
+    call test%check('no more faults', .not. errors%any())
+  end subroutine no_numbers
 
   !> One fault with this code whose text has this part; the list is cleared.
   subroutine expect(name, code, part)

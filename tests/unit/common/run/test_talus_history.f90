@@ -1,5 +1,6 @@
 !> Time histories: full precision, cut at restart, full disk and other columns reported.
 program test_talus_history
+  use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_quiet_nan, ieee_value
   use talus_kinds, only: wp
   use talus_errors, only: error_list_type
   use talus_files, only: make_folder, read_file, replace_file
@@ -23,6 +24,7 @@ program test_talus_history
   call restart_equals_whole()
   call torn_last_row()
   call faults()
+  call no_numbers()
   call execute_command_line('rm -rf '//folder)
   deallocate (folder)
   call test%finish()
@@ -55,6 +57,28 @@ contains
                     all(abs(values - [0.1_wp, sin(1.0_wp), -1.0e-123_wp/2]) <= 0.0_wp))
     call test%check('all rows', count_lines(text) == 2001)
   end subroutine round_trip
+
+  !> NaN and infinity are written and reported, once a file.
+  subroutine no_numbers()
+    type(history_type) :: history
+    character(len=:), allocatable :: text
+    real(wp) :: nothing
+    call history%open(folder//'/n.csv', columns, .false., errors)
+    call history%write([0.1_wp, 1.0_wp, 2.0_wp], errors)
+    call test%check('numbers are no fault', .not. errors%any())
+    nothing = ieee_value(nothing, ieee_quiet_nan)
+    call history%write([0.2_wp, 1.0_wp, nothing], errors)
+    call test%check('NaN is one fault', errors%count == 1)
+    call test%check_text('its code', errors%item(1)%code, 'N002')
+    call test%check('column and time', index(errors%item(1)%message, 'elastic [J] is NaN at time ' &
+                                             //'0.2 s') > 0)
+    call errors%clear()
+    call history%write([0.3_wp, ieee_value(nothing, ieee_positive_inf), 2.0_wp], errors)
+    call history%close(errors)
+    call test%check('said once', .not. errors%any())
+    call read_file(folder//'/n.csv', text, errors)
+    call test%check('all rows are there', count_lines(text) == 4)
+  end subroutine no_numbers
 
   !> 0 to 20 at once equals 0 to 15, killed, continued from 10 to 20.
   subroutine restart_equals_whole()

@@ -94,7 +94,9 @@ contains
     hole = 0.0_wp
     list%force(1, 1) = hole/hole
     call write_packing(path, grains, group, errors, contacts=list)
+    call test%check_text('a force that is no number', errors%item(1)%code, 'N002')
+    errors = error_list_type()
     call read_packing(packing, path, errors)
-    call test%check_text('a force that is no number', errors%item(1)%code, 'I238')
+    call test%check_text('the packing before it stays', errors%item(1)%code, 'I233')
   end subroutine contacts_too
 end program test_dem_packing

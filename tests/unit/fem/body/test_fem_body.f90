@@ -1,6 +1,7 @@
 !> A body of a few bricks: factors with METIS' order, springs of both kinds, supports, Newmark,
 !! reject, against closed forms.
 program test_fem_body
+  use, intrinsic :: ieee_arithmetic, only: ieee_positive_inf, ieee_value
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use talus_test, only: larger, test_type
@@ -21,6 +22,7 @@ program test_fem_body
   call not_held()
   call newmark_frequency()
   call pushed_bar()
+  call not_finite()
   call leave_ranks()
   call test%finish()
 
@@ -53,6 +55,20 @@ contains
     body%supports%held(1:2, :) = .true.
     body%supports%held(3, 1:4) = .true.
   end subroutine make_column
+
+  !> A displacement that is no number is found, with its node.
+  subroutine not_finite()
+    type(fem_body_type) :: body
+    type(error_list_type) :: errors
+    call make_column(2, body)
+    call body%check_finite(errors)
+    call test%check('zeros are finite', .not. errors%any())
+    body%state%u(2, 7) = ieee_value(1.0_wp, ieee_positive_inf)
+    call body%check_finite(errors)
+    call test%check('infinity is found', errors%count == 1)
+    call test%check_text('its code', errors%item(1)%code, 'N304')
+    call test%check('its node', index(errors%item(1)%message, 'node 7 ') > 0)
+  end subroutine not_finite
 
   subroutine static_bar()
     type(fem_body_type) :: body
