@@ -457,8 +457,10 @@ contains
     integer(i8) :: k
     if (self%tainted .or. count == 0) return
     call c_f_pointer(data, values, [count])
-    if (all(is_finite(values))) return
-    k = findloc(is_finite(values), .false., 1, kind=i8)
+    do k = 1, count  ! no array of logicals
+      if (.not. is_finite(values(k))) exit
+    end do
+    if (k > count) return
     self%tainted = .true.
     if (self%checked) self%failed = .true.
     call errors%add('N002', "'"//self%path//"': value "//str(k)//' of '//str(count)//' of '// &

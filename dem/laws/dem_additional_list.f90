@@ -72,7 +72,7 @@ contains
   !> Each law's reals by name, so that a restart may add or drop a law.
   subroutine put_additional(additional, archive)
     type(dem_additional_type), intent(in) :: additional
-    type(dem_archive_type), intent(inout) :: archive
+    class(dem_archive_type), intent(inout) :: archive
     integer(i4) :: k
     do k = 1, most_parts
       associate (part => additional%part(k))
@@ -123,7 +123,7 @@ contains
   !> What is no list: bonds made and broken, and how what contacts keep is laid out.
   subroutine put_run_of_additional(additional, archive)
     type(dem_additional_type), intent(in) :: additional
-    type(dem_archive_type), intent(inout) :: archive
+    class(dem_archive_type), intent(inout) :: archive
     if (.not. additional%active) return
     call archive%put_integers('extras.layout', reshape(int(layout_of(additional), i8), &
                                                        [layout_size, 1]))

@@ -40,7 +40,7 @@ contains
 
   subroutine put_bonds(additional, archive)
     type(dem_additional_type), intent(in) :: additional
-    type(dem_archive_type), intent(inout) :: archive
+    class(dem_archive_type), intent(inout) :: archive
     if (bond_at(additional) > 0) call archive%put_integers('extras.bonds', &
       reshape([additional%made, additional%torn, additional%sheared], [3, 1]))
   end subroutine put_bonds

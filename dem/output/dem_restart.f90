@@ -20,6 +20,15 @@ module dem_restart
 
   integer(i8), parameter :: slab_contacts = 100000  !! read at a time
 
+  !> The arrays of /state go to the file as they are put.
+  type, extends(dem_archive_type) :: written_archive_type
+    type(h5_file_type) :: file
+    type(error_list_type) :: errors
+  contains
+    procedure :: put_reals => write_reals
+    procedure :: put_integers => write_integers
+  end type written_archive_type
+
 contains
 
   !> Write a checkpoint of an accepted state; with a tag it is set apart.
@@ -30,53 +39,52 @@ contains
     type(dem_histories_type), intent(in) :: histories
     character(len=*), intent(in) :: tag  !! '' for the run's own series
     type(error_list_type), intent(inout) :: errors
-    type(h5_file_type) :: file
-    type(dem_archive_type) :: archive
+    type(written_archive_type) :: state
 
-    if (len(tag) > 0) then
-      call checkpoint%begin(file, clock%time(), clock%steps, errors, tag)
-    else
-      call checkpoint%begin(file, clock%time(), clock%steps, errors)
-    end if
-    call file%group('/clock', errors)
-    call file%put('/clock/reals', [clock%base, clock%dt, system%par%dt], errors)
-    call file%put('/clock/integers', [clock%count, clock%steps, clock%unstable], errors)
-    call file%put('/clock/driven_work', histories%driven_work, errors)
-    call file%put('/clock/wall_work', histories%wall_work, errors)
-    if (size(histories%surface_work) > 0) &
-      call file%put('/clock/surface_work', histories%surface_work, errors)
-    call file%group('/state', errors)
-    if (system%owner_changed()) then
-      call write_slabs(file, system, errors)
-      call put_run(system%dem_data_type, archive)
-    else
-      call system%export_state(archive)
-    end if
-    call write_archive(file, archive, errors)
-    call checkpoint%finish(file, errors)
+    associate (file => state%file)
+      if (len(tag) > 0) then
+        call checkpoint%begin(file, clock%time(), clock%steps, errors, tag)
+      else
+        call checkpoint%begin(file, clock%time(), clock%steps, errors)
+      end if
+      call file%group('/clock', errors)
+      call file%put('/clock/reals', [clock%base, clock%dt, system%par%dt], errors)
+      call file%put('/clock/integers', [clock%count, clock%steps, clock%unstable], errors)
+      call file%put('/clock/driven_work', histories%driven_work, errors)
+      call file%put('/clock/wall_work', histories%wall_work, errors)
+      if (size(histories%surface_work) > 0) &
+        call file%put('/clock/surface_work', histories%surface_work, errors)
+      call file%group('/state', errors)
+      if (system%owner_changed()) then
+        call write_slabs(state, system)
+        call put_run(system%dem_data_type, state)
+      else
+        call system%export_state(state)
+      end if
+      call errors%take(state%errors)
+      call checkpoint%finish(file, errors)
+    end associate
   end subroutine write_checkpoint
 
-  subroutine write_archive(file, archive, errors)
-    type(h5_file_type), intent(inout) :: file
-    type(dem_archive_type), intent(inout) :: archive
-    type(error_list_type), intent(inout) :: errors
-    integer(i4) :: k
-    do k = 1, archive%count
-      if (archive%item(k)%is_real) then
-        call file%put('/state/'//trim(archive%item(k)%name), archive%item(k)%reals, errors)
-      else
-        call file%put('/state/'//trim(archive%item(k)%name), archive%item(k)%integers, errors)
-      end if
-    end do
-  end subroutine write_archive
+  subroutine write_reals(self, name, values)
+    class(written_archive_type), intent(inout) :: self
+    character(len=*), intent(in) :: name
+    real(wp), intent(in), contiguous :: values(:, :)
+    call self%file%put('/state/'//trim(name), values, self%errors)
+  end subroutine write_reals
+
+  subroutine write_integers(self, name, values)
+    class(written_archive_type), intent(inout) :: self
+    character(len=*), intent(in) :: name
+    integer(i8), intent(in), contiguous :: values(:, :)
+    call self%file%put('/state/'//trim(name), values, self%errors)
+  end subroutine write_integers
 
   !> Grains of many ranks and what their contacts keep, slab by slab.
-  subroutine write_slabs(file, system, errors)
-    type(h5_file_type), intent(inout) :: file
+  subroutine write_slabs(state, system)
+    type(written_archive_type), intent(inout) :: state
     type(dem_system_type), intent(inout) :: system
-    type(error_list_type), intent(inout) :: errors
     type(dem_slab_type) :: slab
-    type(dem_archive_type) :: archive
     integer(i4) :: low, high
     integer(i8) :: done
 
@@ -85,17 +93,14 @@ contains
       high = min(low + slab_grains - 1, system%grains%n)
       associate (id => system%grains%id)
         call system%rank_team%some_grains(id(low:high), slab)
-        call archive%clear()
-        call put_grain_arrays(slab%some, archive)
-        file%slab = [low - 1, system%grains%n]
-        call write_archive(file, archive, errors)
+        state%file%slab = [low - 1, system%grains%n]
+        call put_grain_arrays(slab%some, state)
         call write_records(id(low), id(high))
       end associate
     end do
     if (system%planes%n > 0) call write_records(-int(system%planes%n, i8), -1_i8)
-    file%slab = [0, -1]
-    call file%put('/state/'//records//'.built_at', reshape([system%pairs%built_at], [1, 1]), &
-                  errors)
+    state%file%slab = [0, -1]
+    call state%put_integers(records//'.built_at', reshape([system%pairs%built_at], [1, 1]))
 
   contains
 
@@ -103,8 +108,8 @@ contains
       integer(i8), intent(in) :: first, last
       real(wp), allocatable :: rows(:, :)
       call system%rank_team%some_records(first, last, rows)
-      file%slab = [done, nint(system%rank_team%marks%contacts(2), i8)]
-      call file%put('/state/'//records, rows, errors)
+      state%file%slab = [done, nint(system%rank_team%marks%contacts(2), i8)]
+      call state%put_reals(records, rows)
       done = done + size(rows, 2)
     end subroutine write_records
   end subroutine write_slabs

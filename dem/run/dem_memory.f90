@@ -19,6 +19,13 @@ module dem_memory
 
   real(wp), parameter :: mebibyte = 1048576.0_wp
 
+  !> Arrays of a checkpoint that nobody writes.
+  type, extends(dem_archive_type) :: unwritten_archive_type
+  contains
+    procedure :: put_reals => no_reals
+    procedure :: put_integers => no_integers
+  end type unwritten_archive_type
+
 contains
 
   !> Each planned rank must have a grain (D291).
@@ -61,7 +68,7 @@ contains
   function memory_of_one(system) result(text)
     type(dem_system_type), intent(inout) :: system
     character(len=:), allocatable :: text
-    type(dem_archive_type) :: archive
+    type(unwritten_archive_type) :: archive
     type(error_list_type) :: ignored  ! the run will tell
     integer(i8) :: now
     integer(i4) :: k
@@ -75,20 +82,20 @@ contains
     text = text//'; '//short_number(memory_most()/mebibyte)//' MiB in steps with new lists'
     if (memory_free() <= memory_resident()) return
     call system%export_state(archive)
-    text = text//'; '//short_number((memory_most() + largest_array(archive))/mebibyte)// &
-      ' MiB with a checkpoint'
+    text = text//'; '//short_number(memory_most()/mebibyte)//' MiB with a checkpoint'
   end function memory_of_one
 
-  !> Bytes of the largest array of a checkpoint, which is copied once more when it is written.
-  pure integer(i8) function largest_array(archive) result(bytes)
-    type(dem_archive_type), intent(in) :: archive
-    integer(i8), parameter :: word = 8
-    integer(i4) :: k
-    bytes = 0
-    do k = 1, archive%count
-      if (archive%item(k)%is_real) bytes = max(bytes, word*size(archive%item(k)%reals, kind=i8))
-    end do
-  end function largest_array
+  subroutine no_reals(self, name, values)
+    class(unwritten_archive_type), intent(inout) :: self
+    character(len=*), intent(in) :: name
+    real(wp), intent(in), contiguous :: values(:, :)
+  end subroutine no_reals
+
+  subroutine no_integers(self, name, values)
+    class(unwritten_archive_type), intent(inout) :: self
+    character(len=*), intent(in) :: name
+    integer(i8), intent(in), contiguous :: values(:, :)
+  end subroutine no_integers
 
   !> Most of the first rank and of the others, and the grains and mirrors that they hold.
   function memory_of_ranks(system, gathers) result(text)

@@ -1,4 +1,5 @@
-!> Named arrays: the complete state of a system on its way to or from a checkpoint.
+!> Named arrays: the complete state of a system on its way to or from a checkpoint. An extension may
+!! send each array on when it is put, so that the state need not be in memory twice.
 module dem_archive
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -61,7 +62,7 @@ contains
   subroutine put_reals(self, name, values)
     class(dem_archive_type), intent(inout) :: self
     character(len=*), intent(in) :: name
-    real(wp), intent(in) :: values(:, :)
+    real(wp), intent(in), contiguous :: values(:, :)
     call grow(self)
     self%item(self%count)%name = name
     self%item(self%count)%is_real = .true.
@@ -72,7 +73,7 @@ contains
   subroutine put_integers(self, name, values)
     class(dem_archive_type), intent(inout) :: self
     character(len=*), intent(in) :: name
-    integer(i8), intent(in) :: values(:, :)
+    integer(i8), intent(in), contiguous :: values(:, :)
     call grow(self)
     self%item(self%count)%name = name
     self%item(self%count)%is_real = .false.

@@ -31,7 +31,7 @@ contains
   subroutine put_surfaces(s, places, archive)
     type(dem_surfaces_type), intent(in) :: s
     type(kept_places_type), intent(in) :: places
-    type(dem_archive_type), intent(inout) :: archive
+    class(dem_archive_type), intent(inout) :: archive
     real(wp) :: packed(s%list%slots*contact_size, s%list%near)
     integer(i4) :: g
 
@@ -80,7 +80,7 @@ contains
   !> Radii of cylinders, and what presses on their walls.
   subroutine put_bores(s, archive)
     type(dem_surfaces_type), intent(in) :: s
-    type(dem_archive_type), intent(inout) :: archive
+    class(dem_archive_type), intent(inout) :: archive
     real(wp) :: rows(5, s%n)
     rows(1, :) = s%round%swell
     rows(2, :) = s%round%press
@@ -109,7 +109,7 @@ contains
   subroutine put_kept(s, places, archive)
     type(dem_surfaces_type), intent(in) :: s
     type(kept_places_type), intent(in) :: places
-    type(dem_archive_type), intent(inout) :: archive
+    class(dem_archive_type), intent(inout) :: archive
     integer(i4) :: k
     do k = 1, most_parts
       associate (part => places%part(k))
@@ -160,7 +160,7 @@ contains
   !> Soft bodies are not in the deck: name, material and triangles of each.
   subroutine put_soft(s, archive)
     type(dem_surfaces_type), intent(in) :: s
-    type(dem_archive_type), intent(inout) :: archive
+    class(dem_archive_type), intent(inout) :: archive
     character(len=:), allocatable :: number
     integer(i8) :: name(longest_name + 2, 1)
     integer(i4) :: b, k

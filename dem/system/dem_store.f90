@@ -28,7 +28,7 @@ contains
   !> Everything that changes in a run.
   subroutine put_state(d, archive)
     type(dem_data_type), intent(in) :: d
-    type(dem_archive_type), intent(inout) :: archive
+    class(dem_archive_type), intent(inout) :: archive
 
     call archive%clear()
     call put_grain_arrays(d, archive)
@@ -42,7 +42,7 @@ contains
   !> What is no list of grains, contacts or surfaces.
   subroutine put_run(d, archive)
     type(dem_data_type), intent(in) :: d
-    type(dem_archive_type), intent(inout) :: archive
+    class(dem_archive_type), intent(inout) :: archive
 
     call put_planes(d, archive)
     if (d%cell%active) call put_cell(d%cell, archive)
@@ -89,7 +89,7 @@ contains
 
   subroutine put_planes(d, archive)
     type(dem_data_type), intent(in) :: d
-    type(dem_archive_type), intent(inout) :: archive
+    class(dem_archive_type), intent(inout) :: archive
     call archive%put_reals('planes.point', d%planes%point)
     call archive%put_reals('planes.velocity', d%planes%velocity)
     call archive%put_reals('planes.force', d%planes%force)
@@ -99,7 +99,7 @@ contains
 
   subroutine put_cell(c, archive)
     type(dem_cell_type), intent(in) :: c
-    type(dem_archive_type), intent(inout) :: archive
+    class(dem_archive_type), intent(inout) :: archive
     call archive%put_reals('cell', reshape([c%vectors, c%start, c%rate, c%step, c%back, c%speed, &
                                             c%listed, c%deform], [3, 24]))
     call archive%put_reals('cell.place', reshape([c%origin, c%reach, c%stretch, c%held], [5, 3]))

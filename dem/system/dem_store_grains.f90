@@ -15,7 +15,7 @@ contains
   !> Grains, all or some, and what damping has seen of them.
   subroutine put_grain_arrays(d, archive)
     type(dem_data_type), intent(in) :: d
-    type(dem_archive_type), intent(inout) :: archive
+    class(dem_archive_type), intent(inout) :: archive
     integer(i4) :: n
     associate (g => d%grains)
       n = g%n

@@ -21,7 +21,7 @@ contains
   !> The list in its order, normals and history of every candidate, reference positions.
   subroutine put_pairs(p, archive)
     type(dem_pairs_type), intent(in) :: p
-    type(dem_archive_type), intent(inout) :: archive
+    class(dem_archive_type), intent(inout) :: archive
     integer(i4) :: m
     m = p%blocks
     call archive%put_integers('pairs.count', reshape([int(p%blocks, i8), &
@@ -50,7 +50,7 @@ contains
   !> The images of the list in a cell.
   subroutine put_images(p, archive)
     type(dem_pairs_type), intent(in) :: p
-    type(dem_archive_type), intent(inout) :: archive
+    class(dem_archive_type), intent(inout) :: archive
     call archive%put_integers('images', int(reshape([p%grain(p%plain + 1:), &
                               reshape(p%shift, [3*p%images])], [p%images, 4]), i8))
     call archive%put_reals('images.force', p%image_force)

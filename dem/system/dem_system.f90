@@ -240,7 +240,7 @@ contains
   !> The complete state as named arrays.
   subroutine export_state(self, archive)
     class(dem_system_type), intent(in) :: self
-    type(dem_archive_type), intent(inout) :: archive
+    class(dem_archive_type), intent(inout) :: archive
     call put_state(self%dem_data_type, archive)
   end subroutine export_state
 
