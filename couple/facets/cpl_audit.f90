@@ -57,10 +57,10 @@ contains
     real(wp), intent(out) :: gap  !! between ghosts and facets [m]
     gap = face%gap()
     self%gap = max(self%gap, gap)
-    call self%lag%note(face%ledger%lag)
     self%iterations = max(self%iterations, face%ledger%iterations)
     self%ghost_motion = sqrt(maxval(sum(face%motion%d_new(:3, :)**2, 1)))
     self%ghost_force = sum(sqrt(sum(face%forces%p_mean(:3, :)**2, 1)))/face%map%ghosts
+    call self%lag%note(face%ledger%lag, self%ghost_force)
   end subroutine note
 
   !> Difference of the works from both sides, relative to what went through the interface.

@@ -73,14 +73,16 @@ contains
     text = 'interface work differs by '//short_number(100.0_wp*audit%work_error(face))// &
       ' % between the sides, ghosts off their facets by '//short_number(audit%gap)// &
       ' m at most, iterations '//str(audit%iterations)//' at most, force lag '// &
-      short_number(100.0_wp*audit%lag%mean)//' % (limit '//short_number(100.0_wp*lag_limit)// &
-      ' %), windows that did not settle '//str(audit%lag%stalls)//', springs raised '// &
+      short_number(100.0_wp*audit%lag%overall())//' % of all forces (limit '// &
+      short_number(100.0_wp*lag_limit)//' %), windows that did not settle '// &
+      str(audit%lag%stalls)//', springs raised '// &
       str(face%watch%refactored)//' times, largest overlap '// &
       short_number(100.0_wp*face%ledger%grains(scalar_max_overlap))//' %, '//overhead_text(overhead)
     call log%health(text)
-    if (audit%lag%mean > lag_limit .and. .not. audit%lag%warned) call log%warn('the solid does '// &
-      'not carry '//short_number(100.0_wp*audit%lag%mean)//" % of the ghosts' force at the "// &
-      'end: '//shorter_exchange(audit%lag%mean, exchange)//", or write scheme = 'iterated'")
+    if (audit%lag%overall() > lag_limit .and. .not. audit%lag%warned) &
+      call log%warn('the solid did not carry '//short_number(100.0_wp*audit%lag%overall())// &
+        " % of the ghosts' forces: "//shorter_exchange(audit%lag%overall(), exchange)// &
+        ", or write scheme = 'iterated'")
   end subroutine log_health
 
   !> The method's part of summary.json.
@@ -93,7 +95,7 @@ contains
     call summary%set('iterations', face%ledger%all_iterations)
     call summary%set('health.interface_work_error', audit%work_error(face))
     call summary%set('health.constraint_residual_m', audit%gap)
-    call summary%set('health.force_lag', audit%lag%mean)
+    call summary%set('health.force_lag', audit%lag%overall())
     call summary%set('health.windows_not_settled', audit%lag%stalls)
     call summary%set('health.most_iterations', audit%iterations)
     call summary%set('health.springs_raised', face%watch%refactored)

@@ -19,18 +19,23 @@ module cpl_lag
     logical :: warned = .false.              !! the warning was given
     integer(i4), private :: count = 0        !! in the window
     real(wp), private :: first = 0.0_wp, second = 0.0_wp  !! sums of the halves
+    real(wp), private :: lagging = 0.0_wp, force = 0.0_wp !! sums since the start or restart [N]
   contains
     procedure :: note
+    procedure :: overall
     procedure :: warning
   end type lag_type
 
 contains
 
   !> The lag of one more exchange.
-  pure subroutine note(self, lag)
+  pure subroutine note(self, lag, force)
     class(lag_type), intent(inout) :: self
     real(wp), intent(in) :: lag
+    real(wp), intent(in) :: force  !! of a ghost in the mean [N]
     self%now = lag
+    self%lagging = self%lagging + lag*force
+    self%force = self%force + force
     self%count = self%count + 1
     if (self%count <= half) then
       self%first = self%first + lag
@@ -47,6 +52,13 @@ contains
     self%first = 0.0_wp
     self%second = 0.0_wp
   end subroutine note
+
+  !> What of all forces was not carried: exchanges that load much weigh much.
+  pure real(wp) function overall(self)
+    class(lag_type), intent(in) :: self
+    overall = 0.0_wp
+    if (self%force > 0.0_wp) overall = self%lagging/self%force
+  end function overall
 
   !> Warning for the log, once: empty when all is well or it was given.
   function warning(self, method, scheme, exchange) result(text)

@@ -118,7 +118,7 @@ contains
     end do
   end subroutine fit_node
 
-  !> Inverse of a matrix by its cofactors.
+  !> Inverse of a matrix by its cofactors; of one with too small a determinant no more than these.
   pure subroutine invert(a, inverse, det)
     real(wp), intent(in) :: a(3, 3)
     real(wp), intent(out) :: inverse(3, 3), det
@@ -126,7 +126,7 @@ contains
     inverse(2, :) = cross(a(:, 3), a(:, 1))
     inverse(3, :) = cross(a(:, 1), a(:, 2))
     det = dot_product(inverse(1, :), a(:, 1))
-    inverse = inverse/det
+    if (det > least_spread) inverse = inverse/det
   end subroutine invert
 
   !> Blocks of the prescribed nodes from displacements of the grains and mean rotations at the

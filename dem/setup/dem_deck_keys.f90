@@ -116,8 +116,8 @@ contains
   subroutine group_checkpoint(table)
     type(key_table_type), intent(inout) :: table
     call table%add_group('checkpoint', 3, &
-      'Checkpoints from which --restart=auto continues. One is also written on SIGTERM,' &
-      //' wall limit and stop file.')
+      'Checkpoints from which --restart=auto continues. One is also written at the end ' &
+      //'of the run, on SIGTERM, wall limit and stop file.')
     call table%add_key('every_wall', 'real', 's', 'Wall-clock time between two checkpoints.')
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-18_wp, 1000000000000.0_wp)

@@ -62,7 +62,9 @@ contains
     integer(i4), allocatable :: fast(:)
     real(wp) :: mean(3), least
     integer(i4) :: i
-    least = (0.5_wp*d%pairs%skin/max(h, tiny(1.0_wp)))**2
+    allocate (fast(0))
+    if (.not. h > 0.0_wp) return
+    least = (0.5_wp*d%pairs%skin/h)**2
     mean = 0.0_wp
     do i = 1, d%grains%n
       if (d%grains%kind(i) == kind_free) mean = mean + d%pairs%body(4:6, i)

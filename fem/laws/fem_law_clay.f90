@@ -23,6 +23,7 @@ module fem_law_clay
   real(wp), parameter :: settled = 1.0e-10_wp    !! the same where rounding stops the iteration
   real(wp), parameter :: outside = 1.0e-9_wp     !! of pc^2, that an initial stress may exceed f = 0
   real(wp), parameter :: far = 10.0_wp           !! change of log p in an increment that is cut
+  real(wp), parameter :: most_pressure = 1.0e40_wp  !! that no part of an increment starts from [Pa]
 
   type, extends(fem_law_type) :: fem_law_clay_type
     real(wp) :: slope = 1.0_wp             !! M of the critical state line [-]
@@ -126,7 +127,7 @@ contains
     path%s0 = stress + path%p0*unit
     path%e = matmul(project, strain)
     iterations = 0
-    good = abs(path%v) < far*self%swelling
+    good = abs(path%v) < far*self%swelling .and. path%p0 < most_pressure
     if (.not. good) return
     call self%look(path)
     yields = path%r(2) > 0.0_wp .or. (.not. any(abs(strain) > 0.0_wp) .and. &

@@ -117,7 +117,7 @@ contains
     end associate
   end subroutine log_factors
 
-  !> Checkpoint if stopped, close everything, summary, last line.
+  !> Checkpoint if stopped or asked for, close everything, summary, last line.
   subroutine finish_run(model, exit_code, errors)
     type(fem_model_type), intent(inout) :: model
     integer(i4), intent(out) :: exit_code
@@ -128,7 +128,7 @@ contains
 
     if (model%opened) then
       if (errors%any()) call model%output%write_last(model%body, late)
-      if (model%stopped .and. .not. model%served .and. .not. errors%any()) &
+      if (.not. (model%served .or. errors%any()) .and. (model%stopped .or. keeps_end(model))) &
         call model%save_checkpoint('', errors)
       call model%output%close(errors)
     end if
@@ -169,4 +169,10 @@ contains
     call model%log%close()
     call model%lock%release()
   end subroutine finish_run
+
+  !> Does a run that has come to its end leave a checkpoint, from which another deck may go on?
+  logical function keeps_end(model)
+    type(fem_model_type), intent(in) :: model
+    keeps_end = model%deck%count('checkpoint') > 0 .and. .not. model%analysis%listed
+  end function keeps_end
 end module fem_run_files

@@ -12,15 +12,25 @@ program test_cpl_lag
   call small()
   call falls()
   call stays()
+  call weighted()
   call test%finish()
 
 contains
+
+  !> Exchanges count by their forces: 0.5 of 1 N and 0.01 of 99 N are 0.0149 of all.
+  subroutine weighted()
+    type(lag_type) :: lag
+    call test%check_close('weighted: nothing yet', lag%overall(), 0.0_wp, 0.0_wp)
+    call lag%note(0.5_wp, 1.0_wp)
+    call lag%note(0.01_wp, 99.0_wp)
+    call test%check_close('weighted: of all forces', lag%overall(), 0.0149_wp, 1.0e-14_wp)
+  end subroutine weighted
 
   subroutine small()
     type(lag_type) :: lag
     integer(i4) :: k
     do k = 1, 200
-      call lag%note(0.5_wp*lag_limit)
+      call lag%note(0.5_wp*lag_limit, 1.0_wp)
     end do
     call test%check('small: no stall', lag%stalls == 0)
     call test%check_close('small: mean', lag%mean, 0.5_wp*lag_limit, 1.0e-14_wp)
@@ -33,7 +43,7 @@ contains
     type(lag_type) :: lag
     integer(i4) :: k
     do k = 1, 150
-      call lag%note(0.95_wp**k)
+      call lag%note(0.95_wp**k, 1.0_wp)
     end do
     call test%check('falls: no stall', lag%stalls == 0)
     call test%check('falls: the last is known', lag%now < 1.0e-3_wp)
@@ -45,7 +55,7 @@ contains
     character(len=:), allocatable :: text
     integer(i4) :: k
     do k = 1, 100
-      call lag%note(merge(0.9_wp, 0.05_wp, mod(k, 2) == 0))
+      call lag%note(merge(0.9_wp, 0.05_wp, mod(k, 2) == 0), 1.0_wp)
     end do
     call test%check('stays: two windows', lag%stalls == 2)
     text = lag%warning(interface_aitken, scheme_average, 1.0e-4_wp)

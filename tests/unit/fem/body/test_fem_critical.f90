@@ -114,6 +114,7 @@ contains
       if (.not. body%scheme%explicit) call linear_step(body, k*dt, errors)
       if (errors%any()) exit
       call body%accept()
+      if (max_abs(body%accepted%u) > 1.0e9_wp) exit
     end do
     largest = max_abs(body%accepted%u)
     if (errors%any()) largest = huge(1.0_wp)

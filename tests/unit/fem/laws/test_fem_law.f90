@@ -1,7 +1,7 @@
 !> Laws with a state: tangents against differences, closed forms of the return to cone and apex,
 !! dissipation that is never negative, increments in parts, starts that are refused.
 program test_fem_law
-  use talus_kinds, only: wp, i4
+  use talus_kinds, only: wp, i4, i8
   use talus_test, only: larger, max_abs, test_type
   use fem_law, only: fem_law_type, integrate, at_flag, at_stored, at_dissipated, at_numerical, &
     at_plastic, common_size, flag_yielding, flag_apex
@@ -301,7 +301,7 @@ contains
 
   !> Uniform numbers in -1 .. 1, always the same.
   real(wp) function next()
-    seed = mod(16807_i4*mod(seed, 127773_i4) - 2836_i4*(seed/127773_i4) + huge(seed), huge(seed))
+    seed = int(mod(16807_i8*seed, int(huge(seed), i8)), i4)
     next = 2.0_wp*real(seed, wp)/real(huge(seed), wp) - 1.0_wp
   end function next
 
