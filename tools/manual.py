@@ -49,6 +49,7 @@ ORDER += [
     "speed",
     "errors",
     "extending",
+    "release-0.2.0",
     "glossary",
 ]
 # a displayed formula and its label, as in $$ a = b $$ {D.12}

@@ -40,9 +40,11 @@ import deck_definitions as definitions  # noqa: E402
 
 RUNS = {  # name: decks that are changed, the program that reads each
     "bed": {"deck.nml": "dem"},
+    "tools": {"deck.nml": "dem"},
     "cell": {"deck.nml": "dem"},
     "elastic": {"deck.nml": "fem"},
     "plastic": {"deck.nml": "fem"},
+    "stages": {"deck.nml": "fem"},
     "coupled": {"deck.nml": "couple", "grains.nml": "dem", "solid.nml": "fem"},
     "overlap": {"deck.nml": "couple", "grains.nml": "dem", "solid.nml": "fem"},
 }

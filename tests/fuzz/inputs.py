@@ -36,6 +36,24 @@ CELL = (
 &cell_rate component = 'zz', rate = -10.0 /
 """
 )
+TOOLS = (
+    GRAINS.replace("CONTACT", "law = 'hertz_mindlin'")
+    + """
+&wall id = 'floor', point = 0.0, 0.0, 0.0, normal = 0.0, 0.0, 1.0, material = 'quartz' /
+&wall id = 'east', point = 5.96e-3, 0.0, 0.0, normal = -1.0, 0.0, 0.0, material = 'quartz' /
+&servo wall = 'east', stress = 1.0e3, area = 3.6e-5, tolerance = 1.0e3 /
+&surcharge stress = 5.0e2, lower = 0.0, 0.0, upper = 6.0e-3, 6.0e-3 /
+&surface id = 'tool', file = 'tool.stl', material = 'quartz' /
+&body surface = 'tool', free = 'x', mass = 1.0e-4, force = 0.01, 0.0, 0.0 /
+&membrane id = 'skin', file = 'skin.stl', material = 'quartz', young = 1.0e6, thickness = 1.0e-4,
+          density = 2.0e4, pressure = 1.0e2, inside = 0.003, 0.003, 0.003 /
+&penetrometer id = 'cone', tip = 3.0e-3, 3.0e-3, 5.9e-3, diameter = 2.0e-3, shaft = 2.0e-2,
+          material = 'quartz', velocity = 0.0, 0.0, -0.1 /
+&measure id = 'core', region = 'box', lower = 0.0, 0.0, 0.0, upper = 4.0e-3, 4.0e-3, 4.0e-3,
+          every_time = 1.0e-4 /
+&limits allow = 'energy_error', overlap = 0.5 /
+"""
+)
 SOLID = """
 &run title = 'Cube', t_end = END, gravity = 0.0, 0.0, -9.81 /
 &mesh file = 'block.h5' /
@@ -61,12 +79,24 @@ PLASTIC = (
 &analysis kind = 'static', dt = 1.0e-4 /
 """
 )
+STAGES = (
+    SOLID.replace("group = 'all', material", "group = 'lower', material")
+    + """
+&material id = 'soil', law = 'cam_clay', density = 1800.0, poisson = 0.25, critical_slope = 1.0,
+          compression_index = 0.1, swelling_index = 0.02, specific_volume = 2.0,
+          overconsolidation = 1.5 /
+&section group = 'upper', material = 'soil' /
+&initial_stress group = 'all', value = -1.0e5, -1.0e5, -1.0e5, 0.0, 0.0, 0.0 /
+&stage group = 'upper', time = 4.0e-4, duration = 2.0e-4 /
+&analysis kind = 'static', dt = 1.0e-4 /
+"""
+)
 CHECKPOINT = "&checkpoint every_time = HALF /\n"
 
 
-def stl(path: Path) -> None:
+def stl(path: Path, x: float = -0.5) -> None:
     """Write a plate of two triangles beside the bed as STL text."""
-    corner = [(-0.5, -2, 0), (-0.5, 8, 0), (-0.5, 8, 8), (-0.5, -2, 8)]
+    corner = [(x, -2, 0), (x, 8, 0), (x, 8, 8), (x, -2, 8)]
     lines = ["solid tool"]
     for nodes in ((0, 1, 2), (0, 2, 3)):
         lines += ["facet normal 1 0 0", "outer loop"]
@@ -88,11 +118,13 @@ def bed(folder: Path) -> None:
         folder / "packing.h5", x, axes, v=v, groups={"pusher": [27], "low": np.arange(1, 10)}
     )
     stl(folder / "tool.stl")
+    stl(folder / "skin.stl", -0.7)
 
 
 def cube(folder: Path) -> None:
     """Write a cube of eight elements."""
     mesh = meshes.box(np.zeros(3), np.full(3, 0.01), (2, 2, 2))
+    mesh.volumes.update(lower=np.arange(4), upper=np.arange(4, 8))
     meshes.write_mesh(folder / "block.h5", mesh)
 
 
@@ -170,7 +202,7 @@ def overlapping(folder: Path) -> None:
 
 
 def make(name: str, scratch: Path, binaries: Path) -> Run:
-    """Make the inputs of a run: bed, cell, elastic, plastic, coupled, overlap; '_restart' behind
+    """Make the inputs of a run: bed, tools, cell, elastic, ... (see below); '_restart' behind
     it: it was run to its half, and goes on from its checkpoint."""
     kind, _, restart = name.partition("_")
     folder = scratch / name
@@ -180,10 +212,12 @@ def make(name: str, scratch: Path, binaries: Path) -> Run:
         "cell": (CELL, 4.0e-4, "talus-dem"),
         "elastic": (ELASTIC, 1.0e-3, "talus-fem"),
         "plastic": (PLASTIC, 1.0e-3, "talus-fem"),
+        "stages": (STAGES, 1.0e-3, "talus-fem"),
+        "tools": (TOOLS, 4.0e-4, "talus-dem"),
         "coupled": ("", 4.0e-4, "talus-couple"),
         "overlap": ("", 1.6e-5, "talus-couple"),
     }[kind]
-    writers = {"bed": bed, "cell": bed, "coupled": coupled, "overlap": overlapping}
+    writers = {"bed": bed, "cell": bed, "tools": bed, "coupled": coupled, "overlap": overlapping}
     writers.get(kind, cube)(folder)
     deck = folder / "deck.nml"
     text = text or deck.read_text()
