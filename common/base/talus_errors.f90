@@ -1,7 +1,8 @@
 !> Faults of users and machines: collected in a list, returned, printed by the main program.
 !!
 !! A code is a letter and three digits. The letter gives the exit code: D deck and I input data 1,
-!! N numerical 2, S system and P partner 4, B bug 5. Meaning of each code: */errors.toml.
+!! N numerical 2, S system and P partner 4 (but 1 where a file that was given is at fault), B bug 5.
+!! Meaning of each code: */errors.toml.
 module talus_errors
   use talus_kinds, only: i4
   use talus_text, only: str
@@ -18,6 +19,9 @@ module talus_errors
   integer(i4), parameter :: exit_bug = 5        !! a fault of the program itself
 
   character(len=*), parameter :: no_room = 'S002'
+  !> Files that were given: no HDF5, damaged, of another format or program, in the way.
+  character(len=4), parameter :: given(9) = ['S004', 'S005', 'S006', 'S010', 'S011', 'S012', &
+                                             'S013', 'S015', 'S016']
 
   !> One fault.
   type :: error_type
@@ -99,7 +103,7 @@ contains
     case ('N')
       error_list_exit_code = exit_numerical
     case ('S', 'P')
-      error_list_exit_code = exit_system
+      error_list_exit_code = merge(exit_input, exit_system, any(given == self%item(1)%code))
     case default
       error_list_exit_code = exit_bug
     end select

@@ -29,7 +29,7 @@ from talus.port_names import (
     Field,
 )
 
-WORDS = [name for name in HEADER if name != "waited"]  # attributes of a message file
+REALS = ("t0", "t1", "waited")  # words of the header that are no integers
 VERB_NAMES = {number: name for name, number in VERBS.items()}
 KIND_OF = {"f": KINDS["real"], "i": KINDS["integer"]}
 PATIENCE = 100.0  # s for a message whose sender cannot be watched
@@ -49,6 +49,7 @@ class Message:
     status: int = 0
     protocol: int = PROTOCOL
     fields: dict[str, np.ndarray | bytes] = field(default_factory=dict)
+    waited: int = 0  # bits of a real
 
     @property
     def name(self) -> str:
@@ -83,6 +84,7 @@ class Message:
         head[5:7] = np.array([self.t0, self.t1]).view("<i8")
         size = HEADER_WORDS + sum(len(words) for words in data)
         head[7:10] = self.status, len(self.fields), size
+        head[HEADER["waited"]] = self.waited
         checksum = crc64(np.concatenate([head, *data]))
         head[HEADER["checksum"]] = np.uint64(checksum).view("<i8")
         return head
@@ -114,9 +116,9 @@ def write_message(
     path = Path(f"{stem}.{sequence or message.sequence:08d}.{ending}.h5")
     head = dict(zip(HEADER, message.header(), strict=False)) | wrong
     with h5py.File(f"{path}.tmp", "w") as file:
-        for name in WORDS:
+        for name in HEADER:
             value = np.int64(head[name])
-            file.attrs[name] = value.view(np.float64) if name in ("t0", "t1") else value
+            file.attrs[name] = value.view(np.float64) if name in REALS else value
         group = file.create_group("fields")
         for name, value in message.fields.items():
             if isinstance(value, bytes):
@@ -134,7 +136,8 @@ def read_message(
 ) -> Message | None:
     """Wait for a message file, read and remove it; None when it does not arrive.
 
-    The wait ends when `alive`, checked every quarter of a second, is false, else after PATIENCE.
+    The wait ends when `alive`, checked every quarter of a second, is false, else after PATIENCE. A
+    message whose length or checksum is not that of its content raises E534 (exit code 4).
     """
     path = Path(f"{stem}.{sequence:08d}.{ending}.h5")
     limit = time.monotonic() + (SLICE if alive else PATIENCE)
@@ -151,6 +154,7 @@ def read_message(
         message = Message(int(a["verb"]), int(a["sequence"]), int(a["step"]), float(a["t0"]))
         message.t1, message.status = float(a["t1"]), int(a["status"])
         message.protocol = int(a["protocol"])
+        message.waited = int(np.array(a.get("waited", 0)).view("<i8"))
         order = file["order"]
         names = [] if order.shape is None else order[()].decode().split()
         for name in names:
@@ -158,6 +162,12 @@ def read_message(
             text = data.dtype.kind == "S"
             value = b"" if data.shape is None else data[()]
             message.fields[name] = bytes(value) if text else value
+        seen = [int(a["words"]), int(a["checksum"])]
+    head = message.header()
+    if seen != [head[HEADER["words"]], head[HEADER["checksum"]]]:
+        raise FaultError("E534", f"message {sequence} of the partner is damaged: its checksum is "
+                         "not that of its content", "look at the disk or the memory of the host",
+                         str(path), 4)  # fmt: skip
     path.unlink()
     return message
 
@@ -227,7 +237,7 @@ def serve(stem: str, answer: Callable[[Message], Values]) -> int:
     while True:
         sequence += 1
         request = read_message(stem, sequence, "request", alive)
-        if request is None:
+        if request is None:  # the partner has gone
             return STATUS["system"]
         if waits:
             beat("works")

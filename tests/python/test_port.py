@@ -5,12 +5,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
 from talus import mesh as meshes
 from talus import port_names
-from talus.port import Message
+from talus.faults import FaultError
+from talus.port import Message, read_message, write_message
 from talus.programs import find_program
 from talus.verification import write_packing
 
@@ -204,3 +206,25 @@ def test_c_header_has_the_same_numbers(tmp_path: Path) -> None:
     subprocess.run(command, check=True)
     done = subprocess.run([binary], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == [value for _, value in lines]
+
+
+def test_damaged_message(tmp_path: Path) -> None:
+    """A message whose content was changed after it was written is refused (E534)."""
+    stem = str(tmp_path / "side")
+    message = Message(verb=3, sequence=7, step=5, t0=0.5, t1=1.0)
+    message.put({"a": np.arange(6.0).reshape(3, 2), "b": 4, "c": "text"})
+    write_message(stem, message, "reply")
+    again = read_message(stem, 7, "reply", lambda: False)
+    assert again and again.text("c") == "text" and again.t1 == 1.0
+    for name, value in (("a", 2.0), ("b", 5)):
+        write_message(stem, message, "reply")
+        with h5py.File(f"{stem}.00000007.reply.h5", "r+") as file:
+            values = file["fields"][name][()]
+            values.reshape(-1)[-1] = value
+            file["fields"][name][...] = values
+        with pytest.raises(FaultError) as fault:
+            read_message(stem, 7, "reply", lambda: False)
+        assert (fault.value.code, fault.value.exit_code) == ("E534", 4)
+    write_message(stem, message, "reply", words=17)
+    with pytest.raises(FaultError, match="E534"):
+        read_message(stem, 7, "reply", lambda: False)
