@@ -128,7 +128,9 @@ contains
     real(wp) :: total(size(reports, 1)), overlap, reference
     integer(i4) :: k, at
 
-    total = sum_of_columns(reports)
+    total(:works) = sum_of_columns(reports(:works, :))
+    total(at_overlap:at_speed) = 0.0_wp  ! largest and least ones, which are no sums
+    total(at_kinetic:) = sum_of_columns(reports(at_kinetic:, :))
     whole%ledger = transfer(total, whole%ledger)  ! stored energies are updated by the next snapshot
     whole%ledger_dt = part%ledger_dt
     overlap = max(whole%health%max_overlap, maxval(reports(at_overlap, :)))
