@@ -1,7 +1,7 @@
 !> Verbs of the port in which grains move: ADVANCE, FORCE, KICK_DRIFT, and what they reply.
 module dem_port_step
   use talus_kinds, only: wp, i4, i8
-  use talus_text, only: str
+  use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
   use talus_port_names, only: dot_force, dot_impulse, dot_load, dot_mean_force, dot_mean_moment, &
@@ -25,6 +25,8 @@ module dem_port_step
   public :: advance, force, kick_drift, put_sets
 
   real(wp), parameter :: round_off = 1.0e-9_wp  !! relative, for times of both sides
+
+  real(wp), parameter :: far = 1.0e6_wp  !! [m] where no grain is
 
 contains
 
@@ -136,7 +138,9 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: k
     do k = 1, size(x, 2)
-      if (all(abs(x(:, k)) < huge(1.0_wp)) .and. abs(sum(quat(:, k)**2) - 1.0_wp) < 1.0e-6_wp) cycle
+      if (all(is_finite(x(:, k))) .and. all(is_finite(quat(:, k)))) then
+        if (all(abs(x(:, k)) < far) .and. abs(norm2(quat(:, k)) - 1.0_wp) < 5.0e-7_wp) cycle
+      end if
       call errors%add('P257', "set '"//set%name//"': grain "// &
                       str(system%grains%id(set%index(k)))//' was sent to '//str(x(:, k))// &
                       ', orientation '//str(quat(:, k)), 'exchange port', &

@@ -2,7 +2,7 @@
 !! are made by SELECT with the role surface (P258), or again from a checkpoint.
 module dem_port_surface
   use talus_kinds, only: wp, i4, i8
-  use talus_text, only: str
+  use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
   use talus_port_names, only: dot_force, dot_impulse, dot_v, dot_work, dot_x, field_fields, &
@@ -16,6 +16,8 @@ module dem_port_surface
   implicit none
   private
   public :: select_surface, take_vertices, place_vertices, put_vertices
+
+  real(wp), parameter :: beyond = 1.0e6_wp  !! [m], [m/s] that no vertex reaches
 
 contains
 
@@ -109,7 +111,9 @@ contains
     end if
     do k = 1, size(triangle, 2)
       if (all(triangle(:, k) >= 1 .and. triangle(:, k) <= size(mesh%x, 2))) then
-        if (all(abs(mesh%x(:, triangle(:, k))) < huge(1.0_wp))) cycle
+        if (all(is_finite(mesh%x(:, triangle(:, k))))) then
+          if (all(abs(mesh%x(:, triangle(:, k))) < beyond)) cycle
+        end if
       end if
       call errors%add('P258', mesh%name//': triangle '//str(k)//' names a vertex that is not '// &
                       'there or has no place: '//str(int(triangle(:, k), i4)), request%place(), &
@@ -193,7 +197,9 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: k
     do k = 1, size(x, 2)
-      if (all(abs(x(:, k)) < huge(1.0_wp))) cycle
+      if (all(is_finite(x(:, k)))) then
+        if (all(abs(x(:, k)) < beyond)) cycle
+      end if
       call errors%add('P257', "set '"//set%name//"': vertex "//str(k)//' was sent to '// &
                       str(x(:, k)), 'exchange port', 'positions and velocities must be numbers')
       return

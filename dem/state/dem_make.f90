@@ -1,7 +1,7 @@
 !> Grains from bare data: sorted by id, checked, with mass, inertia and work arrays.
 module dem_make
   use talus_kinds, only: wp, i4, i8
-  use talus_text, only: str
+  use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
   use talus_repeated_errors, only: repeated_errors_type
   use dem_coincident, only: check_centres, order_along
@@ -78,8 +78,7 @@ contains
 
     do k = 1, size(id)
       who = 'grain '//str(id(k))//': '
-      if (.not. all(abs(x(:, k)) < huge(1.0_wp)) .or. .not. all(abs(v(:, k)) < huge(1.0_wp)) &
-          .or. .not. all(abs(omega(:, k)) < huge(1.0_wp))) then
+      if (.not. all(is_finite([x(:, k), v(:, k), omega(:, k)]))) then
         call few%add('I210', who//'position, velocity or spin is not a number: '// &
                      str([x(:, k), v(:, k), omega(:, k)]), hint, errors)
       end if

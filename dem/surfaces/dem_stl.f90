@@ -2,7 +2,7 @@
 module dem_stl
   use, intrinsic :: iso_fortran_env, only: int32, real32
   use talus_kinds, only: wp, i4, i8
-  use talus_text, only: str, lower
+  use talus_text, only: str, lower, is_finite
   use talus_errors, only: error_list_type
   use talus_files, only: read_file
   implicit none
@@ -136,7 +136,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: k
     do k = 1, size(corner, 3)
-      if (all(abs(corner(:, :, k)) <= huge(1.0_wp))) cycle
+      if (all(is_finite(corner(:, :, k)))) cycle
       call errors%add('I222', "'"//path//"': triangle "//str(k)//' has a corner that is not a '// &
                       'number: '//str(reshape(corner(:, :, k), [9])), path, hint)
       return

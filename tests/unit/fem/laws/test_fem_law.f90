@@ -70,7 +70,7 @@ program test_fem_law
   call check_walk('cone', drucker, 3.0e-3_wp)
   call check_walk('softening', soft, 3.0e-3_wp)
   call check_walk('clay', clay, 1.0e-3_wp)
-  call check_walk('clay, overconsolidated', stiff, 1.0e-3_wp)
+  call check_walk('clay, overconsolidated', stiff, 3.0e-3_wp)
   call check_parts()
   call check_starts()
   call test%finish()
