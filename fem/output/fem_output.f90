@@ -360,6 +360,7 @@ contains
 
     self%last_field = body%accepted%time
     step%leads = body%whole%ranks%leads()
+    step%group = ''
     if (body%matter%micro%active) then
       call self%series%begin_step(body%accepted%time, step%file, step%group, errors)
       call put_micro(body, self%points, step%file, step%group, errors)
