@@ -1,10 +1,8 @@
-"""Meshes: hexahedra, tetrahedra and wedges with named groups, in mesh.h5 and from gmsh files.
+"""Meshes: hexahedra, tetrahedra and wedges with named groups, and their file mesh.h5.
 
 A mesh is written as mesh.h5 (manual, Files): nodes from 0 in VTK order, facet normals outward.
 """
 
-import contextlib
-import io
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,7 +16,6 @@ from talus.elements import (
     FACET_OF,
     FACETS,
     KINDS,
-    MESHIO,
     NODES,
     faces,
     jacobians,
@@ -92,9 +89,7 @@ def all_faces(cells: dict[str, np.ndarray]) -> Faces:
     for kind, rows in cells.items():
         for local in faces(kind):
             name = FACET_OF[len(local)]
-            corners = np.full((len(rows), 4), -1)
-            corners[:, : CORNERS[name]] = rows[:, local[: CORNERS[name]]]
-            keys.append(np.sort(corners, axis=1))
+            keys.append(sorted_corners(name, rows[:, local]))
             element.append(first + np.arange(len(rows)))
             kinds.append(np.full(len(rows), FACETS.index(name)))
             whole = np.full((len(rows), 9), -1)
@@ -116,6 +111,22 @@ def boundary_faces(
         key = tuple(int(v) for v in table.keys[k] if v >= 0)
         outer[key] = int(table.element[k]), table.nodes[k, : NODES[FACETS[table.kind[k]]]]
     return outer
+
+
+def element_counts(cells: dict[str, np.ndarray], corners: np.ndarray) -> np.ndarray:
+    """Number of elements (k) that have facets of sorted corners (k, 4; -1 first of triangles)."""
+    keys = all_faces(cells).keys
+    _, place = np.unique(np.concatenate([keys, corners]), axis=0, return_inverse=True)
+    place = place.ravel()
+    counts = np.bincount(place[: len(keys)], minlength=place.max() + 1)
+    return counts[place[len(keys) :]]
+
+
+def sorted_corners(kind: str, facets: np.ndarray) -> np.ndarray:
+    """Sorted corners (k, 4) of facets of a kind, -1 first of triangles."""
+    corners = np.full((len(facets), 4), -1)
+    corners[:, : CORNERS[kind]] = facets[:, : CORNERS[kind]]
+    return np.sort(corners, axis=1)
 
 
 def corner_volumes(x: np.ndarray, hex8: np.ndarray) -> np.ndarray:
@@ -165,7 +176,7 @@ def write_mesh(path: Path, mesh: Mesh) -> None:
     """Check the mesh and write mesh.h5."""
     check_mesh(mesh)
     outer = boundary_faces(mesh.cells)
-    facets = {name: orient(name, group, outer) for name, group in mesh.facets.items()}
+    facets = {name: orient(name, group, outer, mesh.cells) for name, group in mesh.facets.items()}
     plain = set(mesh.cells) == {"hex8"}
     with replaced(path) as temporary, created(temporary) as file:
         file.attrs["format"] = np.bytes_("talus-mesh")
@@ -183,7 +194,9 @@ def write_mesh(path: Path, mesh: Mesh) -> None:
             file[f"facet_groups/{name}/cell"] = owners.astype(np.int32)
 
 
-def orient(name: str, facets: Facets, outer: dict) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def orient(
+    name: str, facets: Facets, outer: dict, cells: dict[str, np.ndarray]
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return (elements, facets by kind with outward normals) of a facet group on the boundary."""
     owners, turned = [], {}
     for kind, part in facet_parts(facets).items():
@@ -191,16 +204,34 @@ def orient(name: str, facets: Facets, outer: dict) -> tuple[np.ndarray, dict[str
         for facet in np.asarray(part).reshape(-1, NODES[kind]):
             found = outer.get(tuple(sorted(int(v) for v in facet[: CORNERS[kind]])))
             if found is None or set(found[1].tolist()) != set(facet.tolist()):
-                raise FaultError(
-                    "E524",
-                    f"facet group '{name}' has a facet (nodes "
-                    f"{', '.join(str(v + 1) for v in facet)}) that is no outer face of one element",
-                    "facet groups must lie on the surface of the mesh",
-                )
+                raise no_outer_face(name, kind, facet, cells)
             owners.append(found[0])
             rows.append(found[1])
         turned[kind] = np.array(rows, int).reshape(-1, NODES[kind])
     return np.array(owners, int), turned
+
+
+def no_outer_face(
+    name: str, kind: str, facet: np.ndarray, cells: dict[str, np.ndarray]
+) -> FaultError:
+    """Return fault E524 with the reason why a facet (nodes) cannot be in a facet group."""
+    table = all_faces(cells)
+    same = (table.keys == sorted_corners(kind, facet[None])).all(axis=1)
+    owners = table.element[same] + 1
+    hint = "facet groups must lie on the surface of the mesh"
+    if len(owners) == 0:
+        reason = "is no face of an element"
+    elif len(owners) == 1:
+        reason = f"has other nodes between its corners than element {owners[0]}"
+    else:
+        reason = f"lies inside the mesh, between elements {owners[0]} and {owners[1]}"
+        hint = (
+            "a load there would have no side: give a node group, or outer facets in a group alone"
+        )
+    nodes = ", ".join(str(v + 1) for v in facet)
+    return FaultError(
+        "E524", f"facet group '{name}' has a facet (nodes {nodes}) that {reason}", hint
+    )
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -269,90 +300,3 @@ def box(lower: np.ndarray, upper: np.ndarray, cells: tuple[int, int, int]) -> Me
             mesh.nodes[f"{letter}{side}"] = np.flatnonzero(on)
             mesh.facets[f"{letter}{side}"] = np.array([q for _, q in faces if on[q].all()])
     return mesh
-
-
-def from_gmsh(path: Path) -> Mesh:
-    """Read any gmsh file with physical groups through meshio (first and second order)."""
-    data = read_foreign(path)
-    known = {MESHIO[kind]: kind for kind in (*KINDS, *FACETS)}
-    dims = {kind: 3 for kind in KINDS} | {kind: 2 for kind in FACETS}
-    found = sorted({block.type for block in data.cells})
-    others = {name for name in found if name not in known and not name.startswith("line")}
-    cells: dict[str, list] = {kind: [] for kind in KINDS}
-    for block in data.cells:
-        if known.get(block.type) in KINDS:
-            cells[known[block.type]].append(np.asarray(block.data))
-    if not found:
-        raise FaultError("E525", f"{path} holds no elements", "save a mesh of volumes")
-    if others - {"vertex"} or not any(cells.values()):
-        raise FaultError(
-            "E525",
-            f"{path} has cells of type {', '.join(found)}; known are "
-            f"{', '.join(MESHIO[kind] for kind in KINDS)}",
-            "mesh volumes with these, of first or second order",
-        )
-    first = np.cumsum([0] + [sum(map(len, cells[kind])) for kind in KINDS])
-    row = dict(zip(KINDS, first[:-1], strict=True))
-    names = {(int(tag), int(dim)): name for name, (tag, dim) in data.field_data.items()}
-    tags = data.cell_data.get("gmsh:physical", [np.zeros(len(b.data), int) for b in data.cells])
-    groups: dict[int, dict[str, dict[str, list]]] = {3: {}, 2: {}, 0: {}}
-    for block, tag in zip(data.cells, tags, strict=True):
-        kind = known.get(block.type, block.type)
-        dim = 0 if kind == "vertex" else dims.get(kind, 1)
-        start = row.get(kind, 0)
-        if dim == 3:
-            row[kind] += len(block.data)
-        for value in np.unique(tag):
-            name = names.get((int(value), dim))
-            if name is None or dim == 1:
-                continue
-            chosen = np.flatnonzero(tag == value)
-            what = start + chosen if dim == 3 else np.asarray(block.data)[chosen]
-            groups[dim].setdefault(name, {}).setdefault(kind, []).append(what)
-    mesh = Mesh(data.points, {kind: np.concatenate(rows) for kind, rows in cells.items() if rows})
-    mesh.volumes = {name: joined_rows(parts) for name, parts in groups[3].items()}
-    mesh.facets = {name: joined_facets(parts) for name, parts in groups[2].items()}
-    mesh.nodes = {name: np.unique(joined_rows(parts)) for name, parts in groups[0].items()}
-    return without_unused(mesh)
-
-
-def joined_rows(parts: dict[str, list]) -> np.ndarray:
-    """Rows of all kinds in one array."""
-    return np.concatenate([rows for kind in parts.values() for rows in kind])
-
-
-def joined_facets(parts: dict[str, list]) -> Facets:
-    """Facets of one kind as an array, of several as a dict."""
-    joined = {kind: np.concatenate(rows) for kind, rows in parts.items()}
-    return joined if len(joined) > 1 else next(iter(joined.values()))
-
-
-def read_foreign(path: Path) -> object:
-    """Read a file through meshio; what it cannot read is fault E520."""
-    import meshio
-
-    if not path.is_file():
-        raise FaultError("E520", f"{path}: there is no such file")
-    try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            return meshio.read(path)
-    except SystemExit as fault:  # meshio exits when no reader of this ending accepts the file
-        hint = "a whole .msh file of gmsh is wanted"
-        raise FaultError("E520", f"{path} is not in the form of its ending", hint) from fault
-    except Exception as fault:  # a damaged file may raise anything inside a reader
-        hint = "a whole .msh file of gmsh (2.2 or 4.1) is wanted"
-        raise FaultError("E520", f"{path} cannot be read: {fault}", hint) from fault
-
-
-def without_unused(mesh: Mesh) -> Mesh:
-    """Drop nodes that belong to no element (gmsh keeps construction points)."""
-    used = np.unique(np.concatenate([rows.ravel() for rows in mesh.cells.values()]))
-    new = np.full(len(mesh.x), -1)
-    new[used] = np.arange(len(used))
-    facets = {
-        name: {k: new[part] for k, part in group.items()} if isinstance(group, dict) else new[group]
-        for name, group in mesh.facets.items()
-    }
-    nodes = {name: new[rows][new[rows] >= 0] for name, rows in mesh.nodes.items()}
-    cells = {kind: new[rows] for kind, rows in mesh.cells.items()}
-    return Mesh(mesh.x[used], cells, mesh.volumes, facets, nodes)

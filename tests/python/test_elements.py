@@ -14,6 +14,7 @@ from talus import mesh as meshes
 from talus.cli import main
 from talus.faults import FaultError
 from talus.fields import convert_to_vtu
+from talus.gmsh_file import from_gmsh
 from talus.orders import converted
 from talus.surface import check_hanging
 
@@ -117,9 +118,9 @@ def test_gmsh_meshes(tmp_path: Path, shape: str, order: int) -> None:
     kind = kinds[shape][order - 1]
     if not kind:
         with pytest.raises(FaultError, match="E525"):
-            meshes.from_gmsh(path)
+            from_gmsh(path)
         return
-    mesh = meshes.from_gmsh(path)
+    mesh = from_gmsh(path)
     assert list(mesh.cells) == [kind]
     assert volume(mesh) == pytest.approx(VOLUME, rel=1e-12)
     check_hanging(mesh)

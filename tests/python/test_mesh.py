@@ -12,6 +12,7 @@ from talus import mesh as meshes
 from talus.block import Block, build_block
 from talus.cli import main
 from talus.faults import FaultError
+from talus.gmsh_file import from_gmsh
 from talus.surface import check_hanging
 
 
@@ -35,7 +36,7 @@ def test_block(tmp_path: Path) -> None:
     """Volume = outer box - hole; areas of hole, top and outer are those of the boxes."""
     size = Block(size=12.0e-3)
     build_block(tmp_path / "block.msh", size)
-    meshes.write_mesh(tmp_path / "block.h5", meshes.from_gmsh(tmp_path / "block.msh"))
+    meshes.write_mesh(tmp_path / "block.h5", from_gmsh(tmp_path / "block.msh"))
     mesh = meshes.read_mesh(tmp_path / "block.h5")
     a, b, depth = 2 * size.outer, 2 * size.hole, size.top - size.bottom
     assert volume(mesh) == pytest.approx(a**2 * (depth + size.floor) - b**2 * depth, rel=1e-12)
@@ -96,7 +97,7 @@ def gmsh_cube(path: Path, facet: list[int]) -> None:
 def test_gmsh_facets_are_turned_outwards(tmp_path: Path, facet: list[int]) -> None:
     """Whatever the order in the gmsh file, normals of written facets leave the solid."""
     gmsh_cube(tmp_path / "cube.msh", facet)
-    meshes.write_mesh(tmp_path / "cube.h5", meshes.from_gmsh(tmp_path / "cube.msh"))
+    meshes.write_mesh(tmp_path / "cube.h5", from_gmsh(tmp_path / "cube.msh"))
     mesh = meshes.read_mesh(tmp_path / "cube.h5")
     assert len(mesh.x) == 8  # the node without element is left out
     assert vector_areas(mesh.x, mesh.facets["face"])[0].tolist() == [0.0, 0.0, 1.0]

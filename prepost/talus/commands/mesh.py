@@ -12,6 +12,7 @@ from talus import mesh as meshes
 from talus.arguments import counting, number, positive
 from talus.elements import KINDS
 from talus.faults import FaultError
+from talus.gmsh_file import from_gmsh
 from talus.orders import FIRST, converted
 from talus.surface import check_hanging
 
@@ -48,7 +49,7 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument("--cells", type=counting, nargs=3, required=True, metavar="N")
     _kind(new)
     _output(new, box)
-    new = mesh.add_parser("convert", help="any gmsh file with physical groups")
+    new = mesh.add_parser("convert", help="any gmsh file with all its physical groups")
     new.add_argument("source", type=Path)
     _output(new, convert)
 
@@ -92,7 +93,7 @@ def block(options: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "block.msh"
         blocks.build_block(path, wanted)
-        made = meshes.from_gmsh(path)
+        made = from_gmsh(path)
         if FIRST[options.kind] != "hex8":  # wedges and tetrahedra need hexahedra of one direction
             made = blocks.structured_block(wanted)
         return finish(options, converted(made, options.kind))
@@ -112,4 +113,4 @@ def box(options: argparse.Namespace) -> int:
 
 def convert(options: argparse.Namespace) -> int:
     """Convert a gmsh file."""
-    return finish(options, meshes.from_gmsh(options.source))
+    return finish(options, from_gmsh(options.source))
