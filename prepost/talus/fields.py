@@ -25,6 +25,13 @@ from talus.packing import (
 )
 
 ALWAYS = ("id", "kind", "x", "quat", "axes")  # datasets of every step of grains
+STRESSES = ("stress", "couple_stress", "micro_stress")
+# datasets of solids that are no means over elements: as talus-fem writes them
+OF_NODES = frozenset(
+    ["u", "v", "reaction", "phi", "phi_rate", "reaction_couple", "reaction_phi"]
+    + [f"{name}_nodal" for name in STRESSES]
+)
+OF_POINTS = frozenset(["points_x", "state_points"] + [f"{name}_points" for name in STRESSES])
 GHOST = 3  # kind of grains that a partner moves
 MOVED = 1.0e-12  # displacement above which a fixed grain counts as moved [m]
 
@@ -219,6 +226,8 @@ def convert_to_vtu(
             snapshot = fields.read(step)
             if mesh:
                 made = vtu_of_solid(snapshot, mesh)
+            elif not snapshot.grains:
+                raise FaultError("E543", f"{source} holds neither grains nor a mesh")
             else:
                 made = vtu_of_surfaces(snapshot) if surfaces else vtu_of_grains(snapshot)
             path = folder / f"{stem}_{step:06d}.vtu"
@@ -276,14 +285,28 @@ def vtu_of_surfaces(snapshot: Snapshot) -> object:
 
 
 def vtu_of_solid(snapshot: Snapshot, mesh: tuple[np.ndarray, dict[str, np.ndarray]]) -> object:
-    """Return the solid with the fields of nodes, and the mean stress of elements."""
+    """Return the solid with all fields of nodes and of elements; `OF_POINTS` stay in HDF5.
+
+    Where a field belongs its name says (manual, Files), not its length; another length is E542.
+    """
     import meshio
 
     x, elements = mesh
-    of_cells = {name for name in snapshot.solid if name == "stress"}
-    points = {k: d for k, d in snapshot.solid.items() if k not in of_cells and len(d) == len(x)}
-    ends = np.cumsum([len(rows) for rows in elements.values()])[:-1]
-    cells = {k: np.split(d, ends) for k, d in snapshot.solid.items() if k in of_cells}
+    ends = np.cumsum([len(rows) for rows in elements.values()])
+    points, cells = {}, {}
+    for name, data in snapshot.solid.items():
+        if name in OF_POINTS:
+            continue
+        nodal = name in OF_NODES
+        count = len(x) if nodal else int(ends[-1])
+        if data.shape[:1] != (count,):
+            what = "nodes" if nodal else "elements"
+            text = f"the field {name} at {snapshot.time:g} s has the shape {data.shape}"
+            raise FaultError("E542", f"{text}, and the mesh {count} {what}")
+        if nodal:
+            points[name] = data
+        else:
+            cells[name] = np.split(data, ends[:-1])
     blocks = [(MESHIO[kind], for_meshio(kind, rows)) for kind, rows in elements.items()]
     return meshio.Mesh(x, blocks, point_data=points, cell_data=cells)
 
