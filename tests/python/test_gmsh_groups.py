@@ -211,3 +211,15 @@ def test_nodes_twice(tmp_path: Path) -> None:
         for folder in ("volume_groups", "node_groups"):
             for group in file[folder].values():
                 assert len(np.unique(group[...])) == len(group)
+
+
+def test_a_group_given_twice(tmp_path: Path) -> None:
+    """A file of version 2.2 with all elements and names written twice is the same mesh."""
+    write_cubes(tmp_path / "a.msh", USUAL, MshFileVersion=2.2)
+    lines = (tmp_path / "a.msh").read_text().splitlines()
+    for section in ("PhysicalNames", "Elements"):
+        first, last = lines.index(f"${section}") + 2, lines.index(f"$End{section}")
+        lines[first - 1] = str(2 * (last - first))
+        lines[last:last] = lines[first:last]
+    (tmp_path / "a.msh").write_text("\n".join([*lines, ""]))
+    check_usual(converted(tmp_path), {"all 3": "all", "all 2": "all"})
