@@ -13,6 +13,7 @@ from talus.datasets import DAMAGE, all_numbers, word
 from talus.faults import FaultError
 from talus.files import refuse, replaced, write_text_file
 from talus.forms import LEAST_EXPONENT, MOST_EXPONENT, MOST_SKEW, formed
+from talus.images import check_shifts, joined_contacts, repeat_contacts
 
 FREE, FIXED, DRIVEN = 0, 1, 2
 UNIT = 1.0e-6  # how far the length of a quaternion may be from 1
@@ -41,6 +42,7 @@ class Packing:
     pairs: np.ndarray = field(default_factory=lambda: np.empty((0, 2), np.int64))  # ids in contact
     tangential: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))  # on the second [N]
     surcharge: np.ndarray | None = None  # load of each grain, downwards (n) [N]
+    shift: np.ndarray | None = None  # edges to the image of the second (m, 3); None: the nearest
 
     def __post_init__(self) -> None:
         """Take ellipsoids where no forms are given."""
@@ -70,6 +72,7 @@ class Packing:
             ids, self.x[keep], self.quat[keep], self.axes[keep], self.kind[keep], self.v[keep],
             self.omega[keep], groups, self.cell, self.corner, self.skew[keep],
             self.exponent[keep], self.pairs[both], self.tangential[both], self.surcharge[keep],
+            None if self.shift is None else self.shift[both],
         )  # fmt: skip
 
     def numbered(self, ids: np.ndarray) -> "Packing":
@@ -93,13 +96,14 @@ class Packing:
     def repeated(self, times: tuple[int, int, int]) -> "Packing":
         """Return the periodic cell laid side by side so many times along its edges.
 
-        Ids run on from copy to copy, and so do the groups. A packing without a cell is a fault
-        (E515).
+        Ids are row + N (i + n_x (j + n_y k)): row from 1 in the order of the ids of the N grains,
+        copy (i, j, k) from 0 of (n_x, n_y, n_z). Groups, contacts and loads go with their grains.
+        A packing without a cell is a fault (E515).
         """
         if self.cell is None:
             hint = "make it with --periodic, or take the packing of a run with &cell"
             raise FaultError("E515", "only a periodic cell can be repeated, this has none", hint)
-        places = np.indices(times).reshape(3, -1).T  # (copies, 3)
+        places = np.indices(times[::-1]).reshape(3, -1).T[:, ::-1]  # (copies, 3), i runs first
         copies = [self.renumbered(0)] * len(places)
         whole = Packing(
             *(
@@ -110,6 +114,7 @@ class Packing:
             corner=self.corner,
             skew=np.concatenate([part.skew for part in copies]),
             exponent=np.concatenate([part.exponent for part in copies]),
+            surcharge=np.concatenate([part.surcharge for part in copies]),
         )
         step = self.count
         whole.id = np.arange(1, step * len(places) + 1)
@@ -118,16 +123,21 @@ class Packing:
             name: (ids + step * np.arange(len(places))[:, None]).reshape(-1)
             for name, ids in copies[0].groups.items()
         }
+        repeat_contacts(copies[0], whole, places, np.array(times))
         return whole
 
     def join(self, other: "Packing") -> "Packing":
-        """Return both packings in one; ids must differ."""
+        """Return both packings in one, in the cell of this one; ids must differ.
+
+        Contacts over the faces of another cell than this one's are left out.
+        """
         twice = np.intersect1d(self.id, other.id)
         if twice.size:
             raise FaultError("E503", f"grain id {twice[0]} is in both packings")
         groups = dict(self.groups)
         for name, ids in other.groups.items():
             groups[name] = np.concatenate([groups.get(name, np.empty(0, np.int64)), ids])
+        pairs, tangential, shift = joined_contacts(self, other)
         return Packing(
             *(
                 np.concatenate([getattr(self, key), getattr(other, key)])
@@ -138,9 +148,10 @@ class Packing:
             corner=self.corner,
             skew=np.concatenate([self.skew, other.skew]),
             exponent=np.concatenate([self.exponent, other.exponent]),
-            pairs=np.concatenate([self.pairs, other.pairs]),
-            tangential=np.concatenate([self.tangential, other.tangential]),
+            pairs=pairs,
+            tangential=tangential,
             surcharge=np.concatenate([self.surcharge, other.surcharge]),
+            shift=shift,
         )
 
 
@@ -193,6 +204,8 @@ def write_h5(path: Path, packing: Packing) -> None:
             contacts = file.create_group("contacts")
             contacts["ids"] = packing.pairs.astype(np.int64)
             contacts["tangential"] = np.ascontiguousarray(packing.tangential, np.float64)
+            if packing.shift is not None:
+                contacts["shift"] = packing.shift.astype(np.int32)
         if packing.cell is not None:
             cell = file.create_group("cell")
             cell["vectors"] = np.ascontiguousarray(packing.cell, np.float64)
@@ -221,6 +234,7 @@ def read_h5(path: Path) -> Packing:
         check_cell(packing.cell, packing.corner, str(path))
     packing.pairs = contacts.get("ids", packing.pairs)
     packing.tangential = contacts.get("tangential", packing.tangential)
+    packing.shift = contacts.get("shift")
     return packing
 
 
@@ -312,6 +326,8 @@ def check_contacts(packing: Packing, place: str) -> None:
     if strangers.size:
         text = f"a contact is of grain {strangers[0]}, which there is not"
         raise FaultError("E504", text, "", place)
+    if packing.shift is not None:
+        check_shifts(packing.shift, rows, packing.cell is not None, place)
     if not np.isfinite(packing.tangential).all():
         text = "the tangential force of a contact is no finite number"
         raise FaultError("E504", text, "leave /contacts out, or make the packing again", place)
