@@ -14,8 +14,10 @@ module dem_images
   implicit none
   private
   public :: find_over_faces, place_images, place_image, resize_images, name_images, image_of
+  public :: most_shift
 
   integer(i8), parameter :: span = 8192_i8  !! shifts lie within half of it
+  integer(i8), parameter :: most_shift = span/2 - 1
 
   !> Grains folded into the short-edged cell, and copies of those near its faces.
   type :: folded_type

@@ -18,6 +18,7 @@ module dem_contacts
     real(wp), allocatable :: normal(:, :)      !! (3, n) from first to second [-]
     real(wp), allocatable :: branch(:, :)      !! (3, n) centre of second - first [m]
     real(wp), allocatable :: force(:, :)       !! (3, n) on the second [N]
+    real(wp), allocatable :: spring(:, :)      !! (3, n) of the tangential spring, on the second [N]
     real(wp), allocatable :: stiffness(:, :)   !! (2, n) k_n, k_t [N/m]
     real(wp), allocatable :: overlap(:)        !! (n) [m]
   end type dem_contacts_type
@@ -50,9 +51,9 @@ contains
     integer(i4), intent(in) :: m
     list%n = 0
     if (allocated(list%ids)) deallocate (list%ids, list%point, list%normal, list%branch, &
-                                         list%force, list%stiffness, list%overlap)
+                                         list%force, list%spring, list%stiffness, list%overlap)
     allocate (list%ids(2, m), list%point(3, m), list%normal(3, m), list%branch(3, m))
-    allocate (list%force(3, m), list%stiffness(2, m), list%overlap(m))
+    allocate (list%force(3, m), list%spring(3, m), list%stiffness(2, m), list%overlap(m))
   end subroutine make_contacts
 
   !> Some contacts behind those of a list that has room for them.
@@ -67,6 +68,7 @@ contains
     list%normal(:, a:b) = some%normal(:, :some%n)
     list%branch(:, a:b) = some%branch(:, :some%n)
     list%force(:, a:b) = some%force(:, :some%n)
+    list%spring(:, a:b) = some%spring(:, :some%n)
     list%stiffness(:, a:b) = some%stiffness(:, :some%n)
     list%overlap(a:b) = some%overlap(:some%n)
     list%n = b
@@ -94,6 +96,7 @@ contains
     list%branch(:, k) = d%pairs%body(1:3, j) - d%pairs%body(1:3, i)
     if (d%pairs%round(block)) list%normal(:, k) = list%branch(:, k)/norm2(list%branch(:, k))
     list%force(:, k) = d%pairs%result(1:3, (block - 1)*lanes + lane)
+    list%spring(:, k) = d%pairs%history(lane, 1:3, block)
     list%stiffness(:, k) = pair_stiffness(d, lane, block)
     list%overlap(k) = d%pairs%history(lane, history_side, block)**2
   end subroutine add_contact
@@ -115,6 +118,7 @@ contains
         list%branch(:, n) = d%grains%x(:, d%surfaces%list%near_grain(g)) &
                             - d%surfaces%centre(:, b)
         list%force(:, n) = d%surfaces%list%push(k, :, g)
+        list%spring(:, n) = d%surfaces%list%history(k, 1:3, g)
         list%stiffness(:, n) = surface_stiffness(d, k, g)
         list%overlap(n) = d%surfaces%list%history(k, history_side, g)**2
       end do

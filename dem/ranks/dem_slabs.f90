@@ -9,7 +9,7 @@ module dem_slabs
   use dem_make, only: allocate_grains, sorted_order
   use dem_measure, only: coordination_of
   use dem_record_layout, only: sum_reals, at_id, list_ids, list_point, list_normal, list_branch, &
-    list_force, list_stiffness, list_overlap
+    list_force, list_spring, list_stiffness, list_overlap
   use dem_records, only: grain_reals, pack_grain, unpack_grain, index_of
   use dem_state, only: dem_data_type, dem_grains_type, kind_free, kind_mirror, lanes, history_side
   use dem_surface_measure, only: surface_contact_count
@@ -216,6 +216,7 @@ contains
     row(list_normal(1):list_normal(2)) = list%normal(:, k)
     row(list_branch(1):list_branch(2)) = list%branch(:, k)
     row(list_force(1):list_force(2)) = list%force(:, k)
+    row(list_spring(1):list_spring(2)) = list%spring(:, k)
     row(list_stiffness(1):list_stiffness(2)) = list%stiffness(:, k)
     row(list_overlap) = list%overlap(k)
   end subroutine pack_listed
@@ -241,6 +242,7 @@ contains
     list%normal = rows(list_normal(1):list_normal(2), order)
     list%branch = rows(list_branch(1):list_branch(2), order)
     list%force = rows(list_force(1):list_force(2), order)
+    list%spring = rows(list_spring(1):list_spring(2), order)
     list%stiffness = rows(list_stiffness(1):list_stiffness(2), order)
     list%overlap = rows(list_overlap, order)
   end subroutine make_list

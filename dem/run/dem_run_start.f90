@@ -12,6 +12,7 @@ module dem_run_start
   use dem_setup_run, only: spare_inputs
   use dem_clock, only: event_history, event_output, event_checkpoint, event_measure, event_count
   use dem_restart, only: read_checkpoint
+  use dem_start_springs, only: count_unreachable
   use dem_surcharge_renew, only: renew_surcharge
   use dem_setup_bodies, only: read_bodies
   use dem_setup_membranes, only: read_membranes
@@ -160,6 +161,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: warning
     real(wp) :: dt
+    integer(i4) :: lost
 
     self%system%par%dt = self%choices%dt
     call self%system%init(errors)
@@ -169,6 +171,9 @@ contains
     call check_step(self%deck, self%system, self%choices, warning, errors)
     if (errors%any()) return
     if (len(warning) > 0) call append_string(self%warnings, warning)
+    lost = count_unreachable(self%system%springs, self%system%cell)
+    if (lost > 0) call append_string(self%warnings, str(lost)//' contacts of the packing lie '// &
+      'over faces of its cell that are not periodic in this run: their forces are left out')
     call self%clock%set_events(every)
     dt = self%choices%dt
     if (self%clock%automatic) dt = self%clock%chosen_step(self%automatic_dt())

@@ -20,8 +20,8 @@ module dem_record_layout
   public :: touch_grain, touch_count, touch_load, touch_head_columns
   public :: slot_history, slot_foot, slot_normal, slot_point, slot_push, slot_motion, slot_part, &
     slot_sign, slot_columns
-  public :: list_ids, list_point, list_normal, list_branch, list_force, list_stiffness, &
-    list_overlap, list_columns
+  public :: list_ids, list_point, list_normal, list_branch, list_force, list_spring, &
+    list_stiffness, list_overlap, list_columns
   public :: target_position, target_quat, target_velocity, target_spin, target_given, &
     target_end_position, target_end_quat, target_turn, target_id, target_columns
   public :: load_id, load_force, load_moment, load_columns
@@ -107,11 +107,12 @@ module dem_record_layout
   integer(i4), parameter :: list_normal(2) = list_point(2) + [1, 3]
   integer(i4), parameter :: list_branch(2) = list_normal(2) + [1, 3]
   integer(i4), parameter :: list_force(2) = list_branch(2) + [1, 3]
-  integer(i4), parameter :: list_stiffness(2) = list_force(2) + [1, 2]
+  integer(i4), parameter :: list_spring(2) = list_force(2) + [1, 3]
+  integer(i4), parameter :: list_stiffness(2) = list_spring(2) + [1, 2]
   integer(i4), parameter :: list_overlap = list_stiffness(2) + 1
-  integer(i4), parameter :: list_columns(2, 7) = reshape([ &
-    list_ids, list_point, list_normal, list_branch, list_force, list_stiffness, list_overlap, &
-    list_overlap], [2, 7])
+  integer(i4), parameter :: list_columns(2, 8) = reshape([ &
+    list_ids, list_point, list_normal, list_branch, list_force, list_spring, list_stiffness, &
+    list_overlap, list_overlap], [2, 8])
 
   ! Motion of a prescribed grain in the next steps.
   integer(i4), parameter :: target_position(2) = [1, 3]

@@ -1,17 +1,18 @@
 !> Packing files (HDF5, format 'talus-packing', version 1 or 2): read, check, write.
 !!
 !! Version 2 has grains that are no ellipsoids: /grains/skew and /grains/exponent beside the axes.
-!! Faults of the file itself come from talus_hdf5; here I230 to I233 and I238: version,
-!! sizes, groups, contacts.
+!! Faults of the file itself come from talus_hdf5; here I230 to I233: version,
+!! sizes, groups; those of contacts in dem_packed_contacts.
 !! What a grain may be is checked where grains are made (dem_make).
 module dem_packing
   use talus_kinds, only: wp, i4, i8
-  use talus_text, only: str, string_type, is_finite
+  use talus_text, only: str, string_type
   use talus_errors, only: error_list_type
   use talus_hdf5, only: h5_file_type
   use talus_suggest, only: did_you_mean
   use dem_cell, only: folded
   use dem_contacts, only: dem_contacts_type
+  use dem_packed_contacts, only: read_springs, put_springs, first_missing
   use dem_shape_make, only: octant_frames
   use dem_start_springs, only: start_springs_type
   use dem_state, only: dem_grains_type, dem_cell_type, kind_ghost, kind_driven
@@ -96,8 +97,9 @@ contains
     if (errors%count == before) call read_shapes(packing, file, errors)
     if (errors%count == before) call check_sizes(packing, path, errors)
     if (errors%count == before) call read_groups(packing, file, errors)
-    if (errors%count == before) call read_springs(packing, file, errors)
     packing%has_cell = file%exists('/cell/vectors')
+    if (errors%count == before) &
+      call read_springs(file, packing%id, packing%has_cell, packing%springs, errors)
     if (errors%count == before .and. packing%has_cell) then
       call file%get_into('/cell/vectors', packing%cell, errors)
       call file%get_into('/cell/origin', packing%cell_origin, errors)
@@ -176,90 +178,6 @@ contains
     end do
   end subroutine read_groups
 
-  !> Tangential forces of contacts and loads of a surcharge, where the file has them.
-  subroutine read_springs(packing, file, errors)
-    type(dem_packing_type), intent(inout) :: packing
-    type(h5_file_type), intent(inout) :: file
-    type(error_list_type), intent(inout) :: errors
-    integer(i8) :: missing
-    integer(i4) :: before
-
-    packing%springs = start_springs_type()
-    if (file%exists('/grains/surcharge')) &
-      call file%get('/grains/surcharge', packing%springs%load, errors)
-    if (allocated(packing%springs%load)) call check_load(packing%springs%load, packing%n, &
-                                                         file%path, errors)
-    if (.not. file%exists('/contacts/ids')) return
-    before = errors%count
-    call file%get('/contacts/ids', packing%springs%ids, errors)
-    call file%get('/contacts/tangential', packing%springs%force, errors)
-    if (errors%count > before) return
-    associate (ids => packing%springs%ids, force => packing%springs%force)
-      if (size(ids, 1) /= 2 .or. size(force, 1) /= 3 .or. size(ids, 2) /= size(force, 2)) then
-        call errors%add('I232', "'"//file%path//"': /contacts/ids has "//str(size(ids, 2))// &
-                        ' rows of '//str(size(ids, 1))//', /contacts/tangential '// &
-                        str(size(force, 2))//' of '//str(size(force, 1)), &
-                        file%path//':/contacts', 'each contact has a row of two ids and one of '// &
-                        'three numbers')
-        return
-      end if
-      missing = first_missing(pack(ids, .true.), packing%id)
-      if (missing /= 0) call errors%add('I233', "'"//file%path//"': a contact is of grain "// &
-        str(missing)//', which the packing has not', file%path//':/contacts/ids', &
-        'both ids of a contact are among /grains/id')
-      if (.not. all(is_finite(force))) call errors%add('I238', "'"//file%path//"': the "// &
-        'tangential force of a contact is no finite number', file%path//':/contacts/tangential', &
-        'make the packing again, or leave /contacts out')
-      packing%springs%given = size(ids, 2)
-    end associate
-  end subroutine read_springs
-
-  subroutine check_load(load, n, path, errors)
-    real(wp), intent(in) :: load(:)
-    integer(i4), intent(in) :: n
-    character(len=*), intent(in) :: path
-    type(error_list_type), intent(inout) :: errors
-    if (size(load) /= n) then
-      call errors%add('I232', "'"//path//"': /grains/surcharge has "//str(size(load))// &
-                      ' rows, not '//str(n), path//':/grains/surcharge', &
-                      'each grain has one row in every dataset')
-    else if (.not. all(is_finite(load))) then
-      call errors%add('I238', "'"//path//"': the surcharge of a grain is no finite number", &
-                      path//':/grains/surcharge', 'make the packing again, or leave it out')
-    end if
-  end subroutine check_load
-
-  !> First of some ids that is not among the known ones, 0 if all are.
-  pure integer(i8) function first_missing(ids, known) result(missing)
-    integer(i8), intent(in) :: ids(:), known(:)
-    logical, allocatable :: there(:)
-    integer(i8) :: low, high, k
-
-    missing = 0
-    if (size(ids) == 0) return
-    low = minval(known)
-    high = maxval(known)
-    if (high - low > 64_i8*size(known) + 1000000_i8) then
-      do k = 1, size(ids)
-        if (any(known == ids(k))) cycle
-        missing = ids(k)
-        return
-      end do
-      return
-    end if
-    allocate (there(low:high), source=.false.)
-    do k = 1, size(known)
-      there(known(k)) = .true.
-    end do
-    do k = 1, size(ids)
-      if (ids(k) >= low .and. ids(k) <= high) then
-        if (there(ids(k))) cycle
-      end if
-      missing = ids(k)
-      return
-    end do
-  end function first_missing
-
   !> Position of a group; 0 and a hint (the nearest name, or all) when there is none.
   subroutine group_index(groups, name, k, hint)
     type(dem_group_type), intent(in) :: groups(:)
@@ -311,6 +229,7 @@ contains
     real(wp), intent(in), optional :: load(:)  !! surcharge, downwards [N]
     type(h5_file_type) :: file
     type(dem_cell_type) :: own
+    real(wp), allocatable :: x(:, :)
     integer(i4) :: k, before
 
     if (present(cell)) own = cell
@@ -323,7 +242,8 @@ contains
     call file%put('/grains/id', grains%id, errors)
     call file%put('/grains/kind', merge(1_i4, min(grains%kind, kind_driven), &
                                         grains%kind == kind_ghost), errors)
-    call file%put('/grains/x', folded(own, grains%x), errors)
+    x = folded(own, grains%x)
+    call file%put('/grains/x', x, errors)
     call put_shapes(file, '/grains', grains, errors)
     call file%put('/grains/v', grains%v, errors)
     call file%put('/grains/omega', grains%omega, errors)
@@ -337,28 +257,7 @@ contains
     do k = 1, size(groups)
       call file%put('/groups/'//groups(k)%name, groups(k)%id, errors)
     end do
-    if (present(contacts)) call put_springs(file, contacts, errors)
+    if (present(contacts)) call put_springs(file, contacts, grains%id, x, own, errors)
     call file%commit(errors)
   end subroutine write_packing
-
-  !> Tangential forces of contacts between grains.
-  subroutine put_springs(file, list, errors)
-    type(h5_file_type), intent(inout) :: file
-    type(dem_contacts_type), intent(in) :: list
-    type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: force(:, :)
-    integer(i4), allocatable :: rows(:)
-    integer(i4) :: k
-
-    rows = pack([(k, k=1, list%n)], list%ids(1, :list%n) > 0)
-    force = list%force(:, rows)
-    do k = 1, size(rows)
-      associate (normal => list%normal(:, rows(k)))
-        force(:, k) = force(:, k) - dot_product(force(:, k), normal)*normal
-      end associate
-    end do
-    call file%group('/contacts', errors)
-    call file%put('/contacts/ids', list%ids(:, rows), errors)
-    call file%put('/contacts/tangential', force, errors)
-  end subroutine put_springs
 end module dem_packing

@@ -145,6 +145,7 @@ contains
     type(error_list_type), intent(inout) :: errors
 
     if (allocated(self%springs%ids)) deallocate (self%springs%ids, self%springs%force)
+    if (allocated(self%springs%shift)) deallocate (self%springs%shift)
     if (self%shared()) then
       call self%rank_team%step(self%dem_data_type, n, errors)
       return

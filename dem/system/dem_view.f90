@@ -3,7 +3,6 @@
 module dem_view
   use talus_kinds, only: wp
   use talus_errors, only: error_list_type
-  use dem_cell, only: is_periodic
   use dem_measure, only: forces_left, wall_stiffnesses
   use dem_packing, only: dem_group_type, write_packing
   use dem_system, only: dem_system_type, dem_contacts_type
@@ -30,8 +29,7 @@ contains
     end if
   end subroutine see_contacts
 
-  !> Write grains, and what their contacts bear by friction, as a packing. In a periodic cell two
-  !! grains may touch more than once: there contacts stay away.
+  !> Write grains, and what their contacts bear by friction, as a packing.
   subroutine keep_packing(system, path, groups, errors)
     type(dem_system_type), intent(inout) :: system
     character(len=*), intent(in) :: path
@@ -41,10 +39,6 @@ contains
     real(wp), allocatable :: load(:)
 
     call see_grains(system)
-    if (is_periodic(system%cell)) then
-      call write_packing(path, system%grains, groups, errors, system%cell)
-      return
-    end if
     call see_contacts(system, list)
     if (allocated(system%surcharge)) load = merge(system%surcharge, 0.0_wp, system%surcharge_top)
     call write_packing(path, system%grains, groups, errors, system%cell, list, load)

@@ -72,8 +72,8 @@ contains
     list%ids = reshape([3_i8, 5_i8, 5_i8, 7_i8, -1_i8, 7_i8], [2, 3])
     list%normal = reshape([0.0_wp, 0.0_wp, 1.0_wp, 0.6_wp, 0.8_wp, 0.0_wp, 1.0_wp, 0.0_wp, &
                            0.0_wp], [3, 3])
-    list%force = reshape([1.0_wp, 2.0_wp, 9.0_wp, 3.0_wp, 4.0_wp, 5.0_wp, 1.0_wp, 1.0_wp, 1.0_wp], &
-                         [3, 3])
+    list%spring = reshape([1.0_wp, 2.0_wp, 9.0_wp, 3.0_wp, 4.0_wp, 5.0_wp, 1.0_wp, 1.0_wp, &
+                           1.0_wp], [3, 3])
     call write_packing(path, grains, group, errors, contacts=list)
     call read_packing(packing, path, errors)
     call test%check('contacts: no faults', .not. errors%any())
@@ -92,7 +92,7 @@ contains
     errors = error_list_type()
     list%ids(2, 2) = 7
     hole = 0.0_wp
-    list%force(1, 1) = hole/hole
+    list%spring(1, 1) = hole/hole
     call write_packing(path, grains, group, errors, contacts=list)
     call test%check_text('a force that is no number', errors%item(1)%code, 'N002')
     errors = error_list_type()
