@@ -182,6 +182,10 @@ def test_repeated_cell(tmp_path: Path) -> None:
     assert np.abs(inside - places).max() < 1e-14
     assert len(np.unique(places[::2], axis=0)) == 6
     assert places.max(axis=0).tolist() == [1, 0, 2]
+    assert main([*line, str(tmp_path / "moved.h5"), "--shift", "0.5", "0", "-3"]) == 0
+    moved = read_h5(tmp_path / "moved.h5")
+    assert np.array_equal(moved.corner, [0.5, 0.0, -3.0])  # the cell goes with its grains
+    assert np.allclose(moved.x - moved.corner, many.x)
     one.cell = None
     with pytest.raises(FaultError, match="E515"):
         one.repeated((2, 1, 1))

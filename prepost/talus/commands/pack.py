@@ -84,7 +84,9 @@ def register(commands: argparse._SubParsersAction) -> None:
         "--repeat", type=counting, nargs=3, metavar="N",
         help="lay a periodic cell side by side so many times along its edges",
     )  # fmt: skip
-    new.add_argument("--shift", type=number, nargs=3, metavar="L", help="move all grains [m]")
+    new.add_argument(
+        "--shift", type=number, nargs=3, metavar="L", help="move all grains and the cell [m]"
+    )
     new.add_argument(
         "--join", type=Path, metavar="FILE",
         help="add the grains of another packing, numbered on; after all else",
@@ -256,6 +258,7 @@ def edit(options: argparse.Namespace) -> int:
         packing = packing.repeated(tuple(options.repeat))
     if options.shift is not None:
         packing.x += np.array(options.shift)
+        packing.corner = packing.corner + np.array(options.shift)
     if options.tool:
         if not (packing.kind == FREE).any():
             raise FaultError("E511", f"{options.source} has no free grains to push into")
