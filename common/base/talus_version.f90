@@ -20,7 +20,7 @@ module talus_version
 
 contains
 
-  !> '0.1.0'
+  !> '0.2.0'
   function version_text() result(text)
     character(len=:), allocatable :: text
     text = taken(c_version())
