@@ -36,13 +36,17 @@ contains
     real(wp), intent(in) :: value
     character(len=:), allocatable :: text
     integer, parameter :: digits(5) = [6, 9, 12, 15, 17]
+    real(wp), parameter :: near_overflow = 1.0e307_wp  !! its text may round to what cannot be read
     character(len=40) :: buffer, form
     real(wp) :: back
     integer :: k, stat
 
-    do k = 1, size(digits)
+    k = 1
+    if (is_finite(value)) k = merge(size(digits), 1, abs(value) > near_overflow)
+    do k = k, size(digits)
       write (form, '(a,i0,a,i0,a)') '(es', digits(k) + 9, '.', digits(k) - 1, 'e3)'
       write (buffer, form) value
+      if (k == size(digits) .or. .not. is_finite(value)) exit
       read (buffer, *, iostat=stat) back
       if (stat /= 0 .or. .not. back < value .and. .not. back > value) exit
     end do
