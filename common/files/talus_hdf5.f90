@@ -6,7 +6,7 @@
 !!
 !! S003 cannot be read, S004 no HDF5 file, S005 truncated or damaged, S006 another format,
 !! S001, S002, S009 cannot be written; I001 no such dataset, I002 shape, I003 kind, I004 attribute,
-!! I005 too large for 32 bits, I006 (of checkpoints) beyond physics.
+!! I005 too large for 32 bits, I006 (of checkpoints) beyond physics; N002 NaN or infinity is put.
 module talus_hdf5
   use, intrinsic :: iso_c_binding, only: c_loc, c_ptr
   use hdf5, only: hsize_t
