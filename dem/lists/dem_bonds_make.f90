@@ -105,7 +105,7 @@ contains
     integer(i4), intent(in) :: lane, k
     real(wp) :: normal(3)
     normal = 0.0_wp
-    if (d%grains%shapes%n > 0) then
+    if (d%grains%shapes%in_use) then
       associate (i => d%pairs%first(lane, k), j => d%pairs%second(lane, k))
         call find_shape_gap(d%pairs%body(1:3, j) - d%pairs%body(1:3, i), &
                            d%grains%shapes%record(:, i), &

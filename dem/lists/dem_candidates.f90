@@ -218,7 +218,7 @@ contains
     integer(i4), intent(in) :: i, j
     integer(i4) :: kind
     geometry = merge(1, 0, pairs%reach(i) > 0.0_wp .or. pairs%reach(j) > 0.0_wp)
-    if (grains%shapes%n == 0) return
+    if (.not. grains%shapes%in_use) return
     kind = max(grains%shapes%kind(i), grains%shapes%kind(pairs%grain(j)))
     if (kind /= shape_ellipsoid) geometry = 1 + kind
   end function geometry_of
@@ -271,7 +271,7 @@ contains
         skin = pair_skin(pairs, body, j)
         if (gap - grains%radius(j) > skin) cycle
         geometry = 1
-        if (grains%shapes%n > 0) geometry = 1 + grains%shapes%kind(j)
+        if (grains%shapes%in_use) geometry = 1 + grains%shapes%kind(j)
         if (geometry > 1) then
           call shape_support(grains%shapes%record(:, j), -normal, support, point)
           gap = gap - support

@@ -50,7 +50,7 @@ contains
       pairs%reach(i) = maxval(grains%axes(:, i)) - minval(grains%axes(:, i))
       pairs%grain(i) = i
     end do
-    if (grains%shapes%n == 0) return
+    if (.not. grains%shapes%in_use) return
     where (grains%shapes%kind(:n) /= shape_ellipsoid) pairs%reach(:n) = grains%shapes%reach
   end subroutine allocate_bodies
 

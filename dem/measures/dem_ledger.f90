@@ -13,7 +13,7 @@ module dem_ledger
   implicit none
   private
   public :: refresh_stored, start_ledger, follow_step, closure_of, turnover_of
-  public :: staggering_of, follow_load
+  public :: staggering_of, follow_load, content
 
 contains
 
@@ -165,17 +165,17 @@ contains
   pure real(wp) function closure_of(ledger) result(error)
     type(dem_ledger_type), intent(in) :: ledger
     error = ledger%start + ledger%boundary + ledger%external + ledger%gravity + ledger%curvature &
-            - content(ledger) - ledger%friction - ledger%contact_damping &
-            - ledger%background_damping - ledger%tangential_relaxation - ledger%rolling &
-            - ledger%breakage - ledger%plastic
+            + ledger%entered - ledger%left - content(ledger) - ledger%friction &
+            - ledger%contact_damping - ledger%background_damping - ledger%tangential_relaxation &
+            - ledger%rolling - ledger%breakage - ledger%plastic
   end function closure_of
 
   !> Energy turned over so far, the scale of the closure error [J].
   pure real(wp) function turnover_of(ledger) result(scale)
     type(dem_ledger_type), intent(in) :: ledger
     scale = max(abs(ledger%start), ledger%kinetic + ledger%elastic_normal, abs(ledger%boundary) &
-                + abs(ledger%external) + abs(ledger%gravity), ledger%friction &
-                + ledger%contact_damping + ledger%background_damping + ledger%rolling &
-                + ledger%plastic)
+                + abs(ledger%external) + abs(ledger%gravity) + abs(ledger%entered) &
+                + abs(ledger%left), ledger%friction + ledger%contact_damping &
+                + ledger%background_damping + ledger%rolling + ledger%plastic)
   end function turnover_of
 end module dem_ledger

@@ -238,7 +238,7 @@ contains
     real(wp) :: scale
 
     scale = max(abs(d%ledger%start), abs(d%ledger%gravity), abs(d%ledger%boundary), &
-                abs(d%ledger%external))
+                abs(d%ledger%external), abs(d%ledger%entered))
     d%health%reference_energy = max(d%health%reference_energy, scale)
     if (id == 0 .or. .not. d%health%reference_energy > 0.0_wp) return
     if (kinetic <= d%par%energy_limit*d%health%reference_energy) return

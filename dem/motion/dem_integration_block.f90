@@ -68,7 +68,7 @@ contains
       end do
       if (g%kind(i) == kind_free) b%free(k) = 1.0_wp
     end do
-    if (g%shapes%n > 0) call bound_shapes(g, b)
+    if (g%shapes%in_use) call bound_shapes(g, b)
     b%free_count = nint(sum(b%free))
     b%arm = maxval(pairs%reach(low + 1:low + count))
     b%round = .not. b%arm > 0.0_wp

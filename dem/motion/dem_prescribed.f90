@@ -26,7 +26,7 @@ contains
       body(13:15) = 0.0_wp
     end if
     body(16) = product(g%axes(:, i)**2)
-    if (g%shapes%n == 0) return
+    if (.not. g%shapes%in_use) return
     if (g%shapes%kind(i) == shape_ellipsoid) return
     body(10:12) = g%radius(i)**2
     body(13:15) = 0.0_wp

@@ -91,7 +91,7 @@ contains
     if (.not. self%opened .or. .not. time > self%last_time) return
     call self%series%begin_step(time, file, group, errors)
     call file%group(group//'/grains', errors)
-    if (system%owner_changed()) then
+    if (system%owner_changed() .and. system%grains%n > 0) then
       call put_slabs(file, group//'/grains', system, errors)
     else
       call put_grains(file, group//'/grains', system%grains, &

@@ -33,12 +33,14 @@ module dem_histories
     type(history_type) :: energy, driven, walls, surfaces, bodies
     logical :: free = .false.                 !! there are free bodies
     logical :: plastic = .false.              !! a law or model books plastic work
+    logical :: open_system = .false.          !! grains enter and leave
     integer(i4), allocatable :: index(:)      !! driven grains
     real(wp), allocatable :: driven_work(:)   !! of intervals that are over [J]
     real(wp), allocatable :: wall_work(:)     !! of intervals that are over [J]
     real(wp), allocatable :: surface_work(:)  !! of parts, of intervals that are over [J]
   contains
     procedure :: init
+    procedure :: find_driven
     procedure :: open => open_histories
     procedure :: write => write_rows
     procedure :: keep_work
@@ -54,18 +56,27 @@ contains
     type(dem_system_type), intent(in) :: system
     integer(i4) :: k
     self%free = allocated(system%surfaces%rigid%free)
+    self%open_system = system%open
     self%plastic = any(system%laws%base%plastic)
     do k = 1, system%pairs%additional%models
       if (any(system%laws%additional%acts(k)) .or. system%pairs%additional%of_run(k)) &
         self%plastic = self%plastic .or. system%pairs%additional%model(k)%plastic
     end do
-    self%index = pack([(k, k=1, system%grains%n)], system%grains%kind == kind_driven)
+    call self%find_driven(system)
     if (allocated(self%driven_work)) deallocate (self%driven_work)
     if (allocated(self%wall_work)) deallocate (self%wall_work, self%surface_work)
     allocate (self%driven_work(size(self%index)), source=0.0_wp)
     allocate (self%wall_work(system%planes%n), source=0.0_wp)
     allocate (self%surface_work(system%surfaces%parts), source=0.0_wp)
   end subroutine init
+
+  !> Numbers of the driven grains, which stay while others enter and leave.
+  subroutine find_driven(self, system)
+    class(dem_histories_type), intent(inout) :: self
+    type(dem_system_type), intent(in) :: system
+    integer(i4) :: k
+    self%index = pack([(k, k=1, system%grains%n)], system%grains%kind == kind_driven)
+  end subroutine find_driven
 
   !> Begin the files, or go on in them after a restart at time >= 0.
   subroutine open_histories(self, stem, time, errors)
@@ -74,12 +85,9 @@ contains
     real(wp), intent(in) :: time  !! of the checkpoint [s]; < 0: a fresh run
     type(error_list_type), intent(inout) :: errors
 
-    if (self%plastic) then
-      call self%energy%begin(stem//'_energy.csv', &
-                             [character(len=26) :: energy_columns, 'plastic [J]'], time, errors)
-    else
-      call self%energy%begin(stem//'_energy.csv', energy_columns, time, errors)
-    end if
+    call self%energy%begin(stem//'_energy.csv', &
+      [character(len=26) :: energy_columns, pack(['plastic [J]'], self%plastic), &
+       pack(['entered [J]', 'left [J]   '], self%open_system)], time, errors)
     if (size(self%index) > 0) &
       call self%driven%begin(stem//'_driven.csv', driven_columns, time, errors)
     if (size(self%wall_work) > 0) &
@@ -109,7 +117,8 @@ contains
                               real(system%contact_number(), wp), &
                               system%health%max_overlap, system%par%dt, l%elastic_other, &
                               l%rolling, l%breakage, &
-                              pack([l%plastic], self%plastic)], errors)
+                              pack([l%plastic], self%plastic), &
+                              pack([l%entered, l%left], self%open_system)], errors)
     end associate
     do k = 1, size(self%index)
       i = self%index(k)

@@ -11,7 +11,8 @@ module dem_measures
   use talus_measures, only: request_type, measure_columns, measure_row, moduli_columns, &
     moduli_row, micro_columns, micro_row
   use talus_coarse, only: reach_of
-  use talus_region, only: region_all, region_box, region_cylinder, region_sphere
+  use talus_region, only: region_all, region_box
+  use talus_region_deck, only: read_region
   use talus_sample, only: sample_type
   use dem_cell, only: is_periodic
   use dem_grids, only: dem_grid_type, read_grid
@@ -70,7 +71,7 @@ contains
       call deck%get('measure', k, 'every_time', self%item(k)%every)
       call deck%get('measure', k, 'moduli', self%item(k)%moduli)
       call check_name(deck, 'measure', k, self%item(k)%id, errors)
-      call read_region(deck, k, self%item(k)%request, errors)
+      call read_request(deck, k, self%item(k)%request, errors)
     end do
     do k = 1, self%grids
       call read_grid(deck, k, self%grid(k), errors)
@@ -131,66 +132,20 @@ contains
                       'take '//str(anint(every/least)*least))
   end subroutine check_interval
 
-  !> Region of a measure: keys that belong to it, none that do not (D261).
-  subroutine read_region(deck, k, request, errors)
+  !> Region of a measure, and how it is measured (D261).
+  subroutine read_request(deck, k, request, errors)
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: k
     type(request_type), intent(inout) :: request
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: kind
-    integer(i4) :: before
-
-    before = errors%count
-    call deck%get('measure', k, 'region', kind)
-    request%region%kind = region_all
-    if (kind == 'box') request%region%kind = region_box
-    if (kind == 'cylinder') request%region%kind = region_cylinder
-    if (kind == 'sphere') request%region%kind = region_sphere
+    real(wp), allocatable :: origin(:)
+    call read_region(deck, 'measure', k, 'D261', request%region, errors)
     call deck%get('measure', k, 'resolution', request%resolution)
     request%has_origin = deck%given('measure', k, 'origin')
-    if (request%has_origin) call get_three(deck, k, 'origin', request%origin)
-    if (errors%count == before) call read_extent(deck, k, request, errors)
-  end subroutine read_region
-
-  subroutine read_extent(deck, k, request, errors)
-    type(deck_type), intent(in) :: deck
-    integer(i4), intent(in) :: k
-    type(request_type), intent(inout) :: request
-    type(error_list_type), intent(inout) :: errors
-    associate (r => request%region)
-      if (r%kind == region_box) then
-        call get_three(deck, k, 'lower', r%lower)
-        call get_three(deck, k, 'upper', r%upper)
-        if (.not. all(r%upper > r%lower)) &
-          call deck%fault(errors, 'D261', 'the box has no volume', 'measure', k, 'upper', &
-                          'upper must be above lower in x, y and z')
-      else if (r%kind == region_cylinder) then
-        call get_three(deck, k, 'base', r%base)
-        call get_three(deck, k, 'axis', r%axis)
-        call deck%get('measure', k, 'radius', r%radius)
-        call deck%get('measure', k, 'length', r%length)
-        if (.not. norm2(r%axis) > 0.0_wp) then
-          call deck%fault(errors, 'D261', 'the axis has no length', 'measure', k, 'axis', &
-                          'give a direction, for example 0.0, 0.0, 1.0')
-          return
-        end if
-        r%axis = r%axis/norm2(r%axis)
-      else if (r%kind == region_sphere) then
-        call get_three(deck, k, 'centre', r%base)
-        call deck%get('measure', k, 'radius', r%radius)
-      end if
-    end associate
-  end subroutine read_extent
-
-  subroutine get_three(deck, k, key, value)
-    type(deck_type), intent(in) :: deck
-    integer(i4), intent(in) :: k
-    character(len=*), intent(in) :: key
-    real(wp), intent(out) :: value(3)
-    real(wp), allocatable :: list(:)
-    call deck%get('measure', k, key, list)
-    value = list
-  end subroutine get_three
+    if (.not. request%has_origin) return
+    call deck%get('measure', k, 'origin', origin)
+    request%origin = origin
+  end subroutine read_request
 
   !> Begin the files, or go on in them after a restart at time >= 0.
   subroutine open_measures(self, stem, time, errors)

@@ -39,7 +39,7 @@ contains
     if (team%leads()) sizes = [size(part%materials, kind=i4), part%planes%n, &
                                int(count(part%grains%kind /= kind_free), i4), &
                                merge(swap_motion(2), swap_ellipsoid(2), all_round(part)), &
-                               merge(1_i4, 0_i4, part%grains%shapes%n > 0), &
+                               merge(1_i4, 0_i4, part%grains%shapes%in_use), &
                                merge(1_i4, 0_i4, allocated(part%seen_kinetic))]
     call team%broadcast_numbers(sizes)
     part%halo%width = sizes(4)
@@ -62,7 +62,7 @@ contains
     type(dem_data_type), intent(in) :: d
     integer(i4) :: i
     all_round = .false.
-    if (d%grains%shapes%n > 0) return
+    if (d%grains%shapes%in_use) return
     do i = 1, d%grains%n
       if (maxval(d%grains%axes(:, i)) > minval(d%grains%axes(:, i))) return
     end do

@@ -161,7 +161,7 @@ contains
     real(wp) :: rooms, surfaces
     integer(i4) :: r
 
-    row = bytes*grain_reals(d%grains%shapes%n > 0)
+    row = bytes*grain_reals(d%grains%shapes%in_use)
     contact = bytes*contact_reals(d)
     body = bytes*(body_size + list_reals)
     prescribed = real(count(d%grains%kind /= kind_free), wp)

@@ -51,7 +51,7 @@ contains
     call log%item('grains', str(system%grains%n), counted(system, kind_free)//' free, '// &
                   counted(system, kind_fixed)//' fixed, '//counted(system, kind_driven)// &
                   ' driven, '//counted(system, kind_ghost)//' ghosts')
-    if (system%grains%shapes%n > 0) call log_shapes(log, system)
+    if (system%grains%shapes%in_use) call log_shapes(log, system)
     call log%item('walls', str(system%planes%n))
     do k = 1, system%surfaces%n
       call log%item(trim(merge('surfaces', '        ', k == 1)), system%surfaces%name(k)%s, &

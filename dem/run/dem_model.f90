@@ -10,7 +10,7 @@ module dem_model
   use talus_log, only: short_number
   use talus_stop, only: stop_none
   use dem_state, only: dem_health_type
-  use dem_clock, only: event_checkpoint
+  use dem_clock, only: event_checkpoint, event_opening
   use dem_judgement, only: judge_health
   use dem_logbook, only: log_health
   use dem_summary, only: write_summary
@@ -72,6 +72,12 @@ contains
       if (self%flow%due(self%clock%steps)) &
         call self%flow%update(self%system%dem_data_type, self%clock%time())
       if (self%drive%due(self%clock%steps)) call self%drive_surfaces()
+      if (self%clock%due(event_opening)) then
+        call self%timers%start('sources and sinks')
+        call self%renew_grains(self%clock%turns(event_opening), errors)
+        call self%clock%passed(event_opening)
+        call self%timers%stop('sources and sinks')
+      end if
       if (self%equilibrium%due(self%clock%steps)) call self%judge_rest()
       call self%equilibrium%damp(self%system, self%clock%steps)
       call self%write_due(errors)
@@ -203,6 +209,7 @@ contains
     if (self%equilibrium%watched) call self%log%line(self%equilibrium%text())
     if (self%surcharge%active) call self%log%line( &
       'surcharge: '//self%surcharge%text(self%system%dem_data_type))
+    if (self%openings%n > 0) call self%openings%log_totals(self%log, self%system)
     call log_health(self%log, self%system, self%clock)
     call health%warn(self%log)
     if (allocated(self%system%rank_team)) &

@@ -79,6 +79,7 @@ contains
       call self%servo%open(self%stem, self%start_time, errors)
       call self%surcharge%open(self%stem, self%start_time, errors)
       call self%flow%open(self%stem, self%start_time, errors)
+      call self%openings%open(self%stem, self%start_time, errors)
     end if
     if (self%deck%count('output') > 0 .and. .not. errors%any()) then
       call self%deck%get('output', 1, 'fields', fields)
@@ -101,6 +102,7 @@ contains
     call self%servo%write(t, self%system%dem_data_type, errors)
     call self%surcharge%write(t, self%system%dem_data_type, errors)
     call self%flow%write(t, self%system%dem_data_type, errors)
+    call self%openings%write(t, self%system, errors)
   end subroutine write_histories
 
   !> Histories, fields and log rows that are due.
@@ -131,6 +133,7 @@ contains
       call self%servo%flush(errors)
       call self%surcharge%history%flush(errors)
       call self%flow%history%flush(errors)
+      call self%openings%flush(errors)
       call self%write_row()
     end if
     call self%timers%stop('output')
@@ -166,6 +169,7 @@ contains
     call self%servo%flush(errors)
     call self%surcharge%history%flush(errors)
     call self%measures%flush(errors)
+    call self%openings%flush(errors)
     call self%system%refresh_ledger()
     call self%clock%passed(event_checkpoint)
     if (.not. errors%any()) call write_checkpoint(self%checkpoint, self%system, self%clock, &
@@ -181,6 +185,7 @@ contains
     call self%servo%close(errors)
     call self%surcharge%history%close(errors)
     call self%flow%history%close(errors)
+    call self%openings%close(errors)
     call self%measures%close(errors)
   end subroutine close_files
 end module dem_run_output

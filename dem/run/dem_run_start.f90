@@ -1,7 +1,7 @@
 !> The start of a run: deck and packing, first forces and time step, or the state of a checkpoint.
 module dem_run_start
   use omp_lib, only: omp_set_num_threads, omp_get_max_threads
-  use talus_kinds, only: wp, i4
+  use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, string_type, append_string
   use talus_errors, only: error_list_type
   use talus_options, only: options_type
@@ -10,7 +10,8 @@ module dem_run_start
   use dem_setup_cell, only: read_cell, check_regions
   use dem_setup, only: read_model, check_initial_overlap, check_step, read_step_curve
   use dem_setup_run, only: spare_inputs
-  use dem_clock, only: event_history, event_output, event_checkpoint, event_measure, event_count
+  use dem_clock, only: event_history, event_output, event_checkpoint, event_measure, event_count, &
+    event_opening
   use dem_restart, only: read_checkpoint
   use dem_start_springs, only: count_unreachable
   use dem_surcharge_renew, only: renew_surcharge
@@ -31,6 +32,7 @@ module dem_run_start
   contains
     procedure :: read => read_run
     procedure :: prepare
+    procedure :: renew_grains
     procedure :: begin_fresh
     procedure :: begin_again
   end type dem_started_run_type
@@ -90,6 +92,7 @@ contains
     call self%drive%read(self%deck, self%system%dem_data_type, self%servo%curve, self%served, &
                          errors)
     call self%probe%read(self%deck, self%system%dem_data_type, errors)
+    call self%openings%read(self%deck, self%choices%of_source, self%served, self%system, errors)
   end subroutine read_features
 
   !> Threads as requested, or as many as the number of grains justifies.
@@ -142,6 +145,7 @@ contains
     call self%deck%get('checkpoint', 1, 'every_time', every(event_checkpoint))
     if (self%served) every(event_checkpoint) = 0.0_wp
     every(event_measure) = self%measures%every
+    every(event_opening) = self%openings%every
     self%clock%automatic = .not. self%choices%dt > 0.0_wp
     if (len(self%options%restart) > 0 .and. .not. self%options%check) then
       call self%checkpoint%find(self%options%restart, self%restart_path, found, errors)
@@ -182,7 +186,21 @@ contains
     call self%system%glance()
     call self%flow%update(self%system%dem_data_type, 0.0_wp)
     call self%drive_surfaces()
+    if (self%openings%n > 0) call self%renew_grains([0_i8, -1_i8], errors)
   end subroutine begin_fresh
+
+  !> Grains leave and enter. Driven ones have other numbers afterwards, and the step follows.
+  subroutine renew_grains(self, turns, errors)
+    class(dem_started_run_type), intent(inout) :: self
+    integer(i8), intent(in) :: turns(2)  !! intervals until now, and at the last time; -1: none
+    type(error_list_type), intent(inout) :: errors
+    logical :: changed
+    call self%openings%update(self%system, turns, changed, errors)
+    if (errors%any() .or. .not. changed) return
+    call self%histories%find_driven(self%system)
+    call self%clock%review(self%automatic_dt(), self%system%step_limit())
+    if (abs(self%clock%dt - self%system%par%dt) > 0.0_wp) call self%use_step(self%clock%dt)
+  end subroutine renew_grains
 
   !> Start from a checkpoint.
   subroutine begin_again(self, path, every, errors)
@@ -195,6 +213,7 @@ contains
     call read_checkpoint(self%checkpoint, path, self%system, self%clock, self%histories, &
                          deck_changed, errors)
     if (errors%any()) return
+    call self%histories%find_driven(self%system)
     self%restart_path = path
     self%start_time = self%clock%time()
     self%start_steps = self%clock%steps

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 31)
+    call table%init('talus-dem', 33)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -42,6 +42,8 @@ contains
     call group_relaxation(table)
     call group_equilibrium(table)
     call group_measure(table)
+    call group_source(table)
+    call group_sink(table)
     call group_grid(table)
     call group_search(table)
   end subroutine dem_deck_table
@@ -379,8 +381,9 @@ contains
     call table%add_group('particles', 4, &
       'The packing: grains with shape, position, orientation and velocity, from `talus ' &
       //'pack` or an earlier run.', required=.true.)
-    call table%add_key('file', 'file', '', 'Packing file (HDF5, format ''talus-packing'').')
-    call table%need()
+    call table%add_key('file', 'file', '', &
+      'Packing file (HDF5, format ''talus-packing''). It may be left out only where all ' &
+      //'grains come from a `&source`: the run begins without grains.')
     call table%add_key('material', 'string', '', 'Material of the grains.')
     call table%need()
     call table%add_key('fixed_material', 'string', '', &
@@ -1200,6 +1203,241 @@ contains
       //'`<deck>_micromorphic_<id>.csv`.')
     call table%preset('.false.')
   end subroutine group_measure_2
+
+  subroutine group_source(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('source', 27, &
+      'Grains that enter the run: one by one at random places of a region, at a rate, ' &
+      //'or as a whole packing from time to time. New ids follow the largest that was ' &
+      //'ever given. What has entered is written to `<deck>_sources.csv`; the energy that' &
+      //' grains bring along is `entered` in the ledger. Not with `&surcharge`, `&bond` ' &
+      //'or a partner (D297).', repeats=.true.)
+    call table%one_of('file|semi_axes')
+    call table%add_key('id', 'string', '', 'Name, for the log and messages.')
+    call table%need()
+    call table%add_key('placement', 'string', '', &
+      '`''random''`: grains are drawn and placed one by one where their bounding spheres ' &
+      //'touch neither grains nor walls. `''packing''`: all grains of `file` enter as they ' &
+      //'lie there, with the friction of their contacts, every `every_time`.')
+    call table%preset('random')
+    call table%allow('random|packing')
+    call table%add_key('file', 'file', '', &
+      'Packing whose grains are drawn, each as likely as the others (sizes and shapes ' &
+      //'of any grading that `talus pack` makes), or that enters whole. Give this or ' &
+      //'semi_axes.')
+    call table%add_key('semi_axes', 'real', 'm', &
+      'Radius of spheres, or three semi-axes of ellipsoids. Give this or file.')
+    call table%sized(1_i4, huge(1_i4))
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%only_with('placement', 'random')
+    call table%add_key('scatter', 'real', '', &
+      'Sizes by semi_axes are uniform within 1 - scatter and 1 + scatter.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp, max=0.9_wp)
+    call table%magnitude(0.0_wp, 0.9_wp)
+    call table%only_with('placement', 'random')
+    call table%add_key('material', 'string', '', &
+      'Material of the grains; left out, that of `&particles`.')
+    call table%add_key('mass_rate', 'real', 'kg/s', &
+      'Mass that enters in a second. Give this or number_rate.')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-24_wp, 1e+18_wp)
+    call table%only_with('placement', 'random')
+    call table%add_key('number_rate', 'real', '1/s', &
+      'Grains that enter in a second. Give this or mass_rate.')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
+    call table%only_with('placement', 'random')
+    call table%add_key('every_time', 'real', 's', &
+      'Simulated time between two entries, a multiple of the least of all sources and ' &
+      //'sinks. Grains must have left the region in that time, or the next ones find no ' &
+      //'room and wait: take the depth of the region over the velocity. A new list of ' &
+      //'contacts is made at each entry.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
+    call group_source_2(table)
+  end subroutine group_source
+
+  subroutine group_source_2(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('start', 'real', 's', &
+      'The rate counts from this time; a whole packing enters for the first time then.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
+    call table%add_key('stop', 'real', 's', &
+      'Nothing more is due after this time; what still waits for room enters later. ' &
+      //'Left out: until the end of the run.')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
+    call table%add_key('mass', 'real', 'kg', 'Mass that enters at most.')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-24_wp, 1e+24_wp)
+    call table%add_key('grains', 'integer', '', 'Grains that enter at most.')
+    call table%bounds(min=1.0_wp)
+    call table%add_key('velocity', 'real', 'm/s', &
+      'Velocity of entering grains; that of a whole packing is added to those of its ' &
+      //'grains.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 100000000.0_wp)
+    call table%add_key('spin', 'real', 'rad/s', &
+      'Spin of entering grains; that of a whole packing is added to those of its ' &
+      //'grains.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1000000000.0_wp)
+    call table%add_key('turn', 'string', '', &
+      'Orientations: `''random''`, or those of the packing (of semi_axes along x, y, z).')
+    call table%preset('random')
+    call table%allow('random|as_packing')
+    call table%only_with('placement', 'random')
+    call table%add_key('shift', 'real', 'm', 'Added to the places of a whole packing.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%only_with('placement', 'packing')
+    call table%add_key('tries', 'integer', '', &
+      'Places that are tried for a grain before it waits for the next entry.')
+    call table%preset('200')
+    call table%bounds(min=1.0_wp, max=100000.0_wp)
+    call table%only_with('placement', 'random')
+    call group_source_3(table)
+  end subroutine group_source_2
+
+  subroutine group_source_3(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('seed', 'integer', '', &
+      'Of the random numbers, which depend on it, the source, the grain and the time ' &
+      //'alone.')
+    call table%preset('1')
+    call table%bounds(min=1.0_wp)
+    call table%only_with('placement', 'random')
+    call table%add_key('region', 'string', '', &
+      'Where grains enter; their bounding spheres lie in it as a whole.')
+    call table%need()
+    call table%allow('box|cylinder|sphere')
+    call table%only_with('placement', 'random')
+    call table%add_key('lower', 'real', 'm', 'Lower corner of a box.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%only_with('region', 'box')
+    call table%add_key('upper', 'real', 'm', 'Upper corner of a box.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%only_with('region', 'box')
+    call table%add_key('base', 'real', 'm', 'Centre of the lower face of a cylinder.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%only_with('region', 'cylinder')
+    call table%add_key('centre', 'real', 'm', 'Centre of a sphere.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%only_with('region', 'sphere')
+    call table%add_key('axis', 'real', '', 'Direction of a cylinder, of any length.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|1.0')
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%only_with('region', 'cylinder')
+    call table%add_key('radius', 'real', 'm', 'Radius of a cylinder or a sphere.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%only_with('region', 'cylinder|sphere')
+    call group_source_4(table)
+  end subroutine group_source_3
+
+  subroutine group_source_4(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('length', 'real', 'm', 'Length of a cylinder along its axis.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%only_with('region', 'cylinder')
+  end subroutine group_source_4
+
+  subroutine group_sink(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('sink', 13, &
+      'Free grains whose centres lie in a region leave the run, with their contacts. ' &
+      //'What has left is written to `<deck>_sinks.csv`; the energy that grains take ' &
+      //'along is `left` in the ledger. Not with `&surcharge`, `&bond` or a partner ' &
+      //'(D297).', repeats=.true.)
+    call table%add_key('id', 'string', '', 'Name, for the log.')
+    call table%need()
+    call table%add_key('region', 'string', '', &
+      'Where grains leave; `''plane''`: all beyond it, on the side to which the normal ' &
+      //'points.')
+    call table%need()
+    call table%allow('box|cylinder|sphere|plane')
+    call table%add_key('every_time', 'real', 's', &
+      'Simulated time between two looks, a multiple of the least of all sources and ' &
+      //'sinks.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
+    call table%add_key('start', 'real', 's', 'Grains leave from this time on.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
+    call table%add_key('point', 'real', 'm', 'A point of the plane.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%only_with('region', 'plane')
+    call table%add_key('normal', 'real', '', &
+      'Normal of the plane, of any length; it points to where grains leave.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%only_with('region', 'plane')
+    call table%add_key('lower', 'real', 'm', 'Lower corner of a box.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%only_with('region', 'box')
+    call table%add_key('upper', 'real', 'm', 'Upper corner of a box.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%only_with('region', 'box')
+    call table%add_key('base', 'real', 'm', 'Centre of the lower face of a cylinder.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%only_with('region', 'cylinder')
+    call group_sink_2(table)
+  end subroutine group_sink
+
+  subroutine group_sink_2(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('centre', 'real', 'm', 'Centre of a sphere.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%only_with('region', 'sphere')
+    call table%add_key('axis', 'real', '', 'Direction of a cylinder, of any length.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|1.0')
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%only_with('region', 'cylinder')
+    call table%add_key('radius', 'real', 'm', 'Radius of a cylinder or a sphere.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%only_with('region', 'cylinder|sphere')
+    call table%add_key('length', 'real', 'm', 'Length of a cylinder along its axis.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%only_with('region', 'cylinder')
+  end subroutine group_sink_2
 
   subroutine group_grid(table)
     type(key_table_type), intent(inout) :: table

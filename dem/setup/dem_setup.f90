@@ -12,7 +12,7 @@ module dem_setup
   use dem_shape_make, only: make_shapes
   use dem_make, only: make_grains, sorted_order
   use dem_measure, only: largest_overlap
-  use dem_packing, only: dem_packing_type, read_packing, drop_grains, group_index
+  use dem_packing, only: dem_packing_type, read_packing, empty_packing, drop_grains, group_index
   use dem_setup_surfaces, only: read_surfaces, check_units
   use dem_setup_bonds, only: read_bonds
   use dem_setup_laws, only: read_materials, read_contacts, read_walls, check_pair, &
@@ -32,6 +32,7 @@ module dem_setup
     logical :: adaptive = .false.                  !! damping stops grains as they need it
     real(wp) :: initial_overlap = 0.0_wp           !! limit, of the least semi-axis [-]
     integer(i8), allocatable :: idle(:)            !! driven grains that no group drives
+    integer(i4), allocatable :: of_source(:)       !! (sources) materials
   end type dem_choices_type
 
   integer(i4), parameter :: named = 5  !! pairs that overlap
@@ -54,8 +55,9 @@ contains
     call read_surfaces(deck, choices%material, system%surfaces, errors)
     call read_bonds(deck, system%pairs%additional, errors)
     call grain_materials(deck, choices, material, errors)
+    call source_materials(deck, material(1), choices, errors)
     call read_parameters(deck, system, choices)
-    call read_packing(packing, deck%path('particles', 1, 'file'), errors)
+    call read_grains(deck, packing, errors)
     if (errors%any()) return
     call check_units(deck, system%surfaces, packing, errors)
     call hold_grains(deck, packing, errors)
@@ -103,6 +105,36 @@ contains
                           errors)
     end do
   end subroutine grain_materials
+
+  !> Materials of what sources bring.
+  subroutine source_materials(deck, usual, choices, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: usual  !! that of the grains of the packing
+    type(dem_choices_type), intent(inout) :: choices
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    allocate (choices%of_source(deck%count('source')), source=usual)
+    do k = 1, size(choices%of_source)
+      if (.not. deck%given('source', k, 'material')) cycle
+      call material_index(deck, choices%material, 'source', k, 'material', choices%of_source(k), &
+                          errors)
+    end do
+  end subroutine source_materials
+
+  !> The packing; none where all grains come from sources (D298).
+  subroutine read_grains(deck, packing, errors)
+    type(deck_type), intent(in) :: deck
+    type(dem_packing_type), intent(inout) :: packing
+    type(error_list_type), intent(inout) :: errors
+    if (deck%given('particles', 1, 'file')) then
+      call read_packing(packing, deck%path('particles', 1, 'file'), errors)
+    else if (deck%count('source') > 0) then
+      call empty_packing(packing)
+    else
+      call deck%fault(errors, 'D298', 'the run has neither a packing nor a source of grains', &
+                      'particles', 1, 'file', "make one with 'talus pack', or add a &source")
+    end if
+  end subroutine read_grains
 
   subroutine read_parameters(deck, system, choices)
     type(deck_type), intent(in) :: deck
@@ -310,6 +342,7 @@ contains
     where (packing%kind == kind_driven) of_grain = material(3)
     allocate (grains(size(system%materials)), walls(size(system%materials)), source=.false.)
     grains(of_grain) = .true.
+    grains(choices%of_source) = .true.
     if (system%planes%n > 0) walls(system%planes%material) = .true.
     if (system%surfaces%n > 0) walls(system%surfaces%material) = .true.
     do a = 1, size(grains)

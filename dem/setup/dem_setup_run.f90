@@ -19,7 +19,8 @@ contains
     character(len=:), allocatable :: input, packing
     logical :: free
 
-    input = deck%path('particles', 1, 'file')
+    input = deck%source%path
+    if (deck%given('particles', 1, 'file')) input = deck%path('particles', 1, 'file')
     if (deck%count('output') == 0) return
     if (same_file(input, stem//'.h5')) call deck%fault(errors, 'D249', &
       'the fields of this run would overwrite its packing', 'particles', 1, 'file', hint)

@@ -1,5 +1,5 @@
-!> Shapes of the grains of a run: records that the contact kernel reads, there only if some grain is
-!! no ellipsoid.
+!> Shapes of the grains of a run: records that the contact kernel reads, there only if some grain
+!! is, or may come to be, no ellipsoid.
 module dem_shape_state
   use, intrinsic :: iso_c_binding, only: c_double, c_int32_t
   use talus_kinds, only: wp, i4
@@ -15,7 +15,8 @@ module dem_shape_state
 
   !> Forms of all grains; ellipsoids have records too, as partners of the others.
   type :: dem_shapes_type
-    integer(i4) :: n = 0                       !! grains; 0: all are ellipsoids
+    logical :: in_use = .false.                !! no: all grains are ellipsoids
+    integer(i4) :: n = 0                       !! grains, if in use
     integer(i4), allocatable :: kind(:)        !! (n+3) form_...; pads are ellipsoids
     real(wp), allocatable :: record(:, :)      !! (shape_size, n+3) see dem_shape
     real(wp), allocatable :: frame(:, :)       !! (4, n) octants' frame in the principal one
@@ -45,6 +46,7 @@ contains
     real(wp) :: none(3)
     integer(i4) :: i
     none = 0.0_wp
+    shapes%in_use = .true.
     shapes%n = n
     allocate (shapes%kind(n + 3), source=shape_ellipsoid)
     allocate (shapes%record(shape_size, n + 3), shapes%frame(4, n), shapes%skew(3, n), &
@@ -68,7 +70,7 @@ contains
     type(dem_shapes_type), intent(inout) :: shapes
     integer(i4), intent(in) :: i
     real(wp), intent(in) :: quat(4)
-    if (shapes%n > 0) call turn_frames(quat, 1, 1, shapes%frame(:, i), shapes%record(:, i))
+    if (shapes%in_use) call turn_frames(quat, 1, 1, shapes%frame(:, i), shapes%record(:, i))
   end subroutine put_frame
 
   !> The same of `count` grains that follow grain `low`.
@@ -76,7 +78,7 @@ contains
     type(dem_shapes_type), intent(inout) :: shapes
     integer(i4), intent(in) :: low, count
     real(wp), intent(in) :: quat(:, :)  !! (at least count, 4)
-    if (shapes%n > 0) call turn_frames(quat, size(quat, 1), count, shapes%frame(:, low + 1:), &
+    if (shapes%in_use) call turn_frames(quat, size(quat, 1), count, shapes%frame(:, low + 1:), &
                                       shapes%record(:, low + 1:))
   end subroutine put_frames
 end module dem_shape_state

@@ -8,11 +8,11 @@ module dem_clock
   implicit none
   private
   public :: dem_clock_type, event_history, event_output, event_checkpoint, event_measure
-  public :: event_count
+  public :: event_count, event_opening, interval_ends
 
   integer(i4), parameter :: event_history = 1, event_output = 2, event_checkpoint = 3
-  integer(i4), parameter :: event_measure = 4
-  integer(i4), parameter :: event_count = 4
+  integer(i4), parameter :: event_measure = 4, event_opening = 5
+  integer(i4), parameter :: event_count = 5
   integer(i4), parameter :: check_steps = 100   !! steps between two checks of the step limit
   real(wp), parameter :: near = 1.0e-6_wp       !! what counts as on time, in steps
   real(wp), parameter :: growth = 1.1_wp        !! automatic step, largest growth in one go
@@ -40,6 +40,7 @@ module dem_clock
     procedure :: advance
     procedure :: jump
     procedure :: due
+    procedure :: turns
     procedure :: passed
     procedure :: on_time
     procedure :: finished
@@ -70,6 +71,7 @@ contains
     self%grid = every(event_history)
     if (.not. self%grid > 0.0_wp) self%grid = every(event_output)
     if (.not. self%grid > 0.0_wp) self%grid = every(event_measure)
+    if (.not. self%grid > 0.0_wp) self%grid = every(event_opening)
     do k = 1, event_count
       call self%passed(k)
     end do
@@ -165,6 +167,21 @@ contains
     if (self%every(event) > 0.0_wp) &
       due = self%time() >= self%next(event)*self%every(event) - near*self%dt
   end function due
+
+  !> Number of an event that is due now, and of the last one that happened.
+  pure function turns(self, event) result(number)
+    class(dem_clock_type), intent(in) :: self
+    integer(i4), intent(in) :: event
+    integer(i8) :: number(2)
+    number = [floor((self%time() + near*self%dt)/self%every(event), i8), self%next(event) - 1]
+  end function turns
+
+  !> Has an interval of `each` turns ended since the last update? At turn 0 the zeroth one has.
+  pure logical function interval_ends(turns, each)
+    integer(i8), intent(in) :: turns(2)  !! now, at the last update; -1: there was none
+    integer(i8), intent(in) :: each
+    interval_ends = turns(1)/each > turns(2)/each .or. turns(2) < 0
+  end function interval_ends
 
   !> The event has happened (or is no longer requested): schedule the next one.
   pure subroutine passed(self, event)

@@ -12,7 +12,7 @@ module dem_shape_make
   use dem_state, only: dem_grains_type, dem_material_type
   implicit none
   private
-  public :: make_shapes, octant_frames
+  public :: make_shapes, admit_shapes, octant_frames
 
   real(wp), parameter :: most_skew = 0.8_wp    !! one half-axis nine times the other
   real(wp), parameter :: most_slender = 50.0_wp  !! greatest over least semi-axis
@@ -22,20 +22,24 @@ contains
 
   !> Forms of grains that make_grains has made as ellipsoids; nothing if all are. Arrays are in the
   !! order of `id`. Faults name the grain (I217, I218).
-  subroutine make_shapes(grains, materials, id, skew, exponent, errors)
+  subroutine make_shapes(grains, materials, id, skew, exponent, errors, always)
     type(dem_grains_type), intent(inout) :: grains
     type(dem_material_type), intent(in) :: materials(:)
     integer(i8), intent(in) :: id(:)
     real(wp), intent(in) :: skew(:, :)    !! (3, n) (upper - lower)/(upper + lower) [-]
     real(wp), intent(in) :: exponent(:)   !! (n) [-]
     type(error_list_type), intent(inout) :: errors
+    logical, intent(in), optional :: always  !! also if all are ellipsoids: others may join them
     integer(i4), allocatable :: order(:)
     integer(i4) :: i, n
+    logical :: needed
 
     call check_shapes(grains, id, skew, exponent, errors)
     if (errors%any()) return
     n = grains%n
-    if (.not. (any(abs(skew) > 0.0_wp) .or. any(exponent > least_exponent))) return
+    needed = any(abs(skew) > 0.0_wp) .or. any(exponent > least_exponent)
+    if (present(always)) needed = needed .or. always
+    if (.not. needed) return
     order = sorted_order(id)
     associate (f => grains%shapes)
       call allocate_shapes(f, n)
@@ -47,6 +51,18 @@ contains
       call make_shape(grains, materials(grains%material(i))%density, i)
     end do
   end subroutine make_shapes
+
+  !> Grains that are all ellipsoids get records beside which others may come to be.
+  subroutine admit_shapes(grains, materials, errors)
+    type(dem_grains_type), intent(inout) :: grains
+    type(dem_material_type), intent(in) :: materials(:)
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: even(3, grains%n), exponent(grains%n)
+    if (grains%shapes%in_use) return
+    even = 0.0_wp
+    exponent = least_exponent
+    call make_shapes(grains, materials, grains%id, even, exponent, errors, always=.true.)
+  end subroutine admit_shapes
 
   !> One grain: its axes become those of an ellipsoid of the same volume, its orientation that of
   !! the principal frame.
@@ -121,7 +137,7 @@ contains
     real(wp) :: quat(4, g%n)
     integer(i4) :: i
     quat = g%quat
-    do i = 1, merge(g%n, 0, g%shapes%n > 0)
+    do i = 1, merge(g%n, 0, g%shapes%in_use)
       if (g%shapes%kind(i) /= shape_ellipsoid) &
         quat(:, i) = quaternion_product(g%quat(:, i), g%shapes%frame(:, i))
     end do

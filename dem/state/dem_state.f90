@@ -17,7 +17,7 @@ module dem_state
   public :: kind_free, kind_fixed, kind_driven, kind_ghost, kind_mirror
   public :: mode_dynamic, mode_relaxation
   public :: lanes, body_size, history_size, result_size, column_count
-  public :: servo_seen_size, surcharge_seen_size
+  public :: servo_seen_size, surcharge_seen_size, fed_size, drained_size
   public :: entries_ahead, history_side, history_root, history_point
 
   integer(i4), parameter :: kind_free = 0    !! moved by the forces on it
@@ -34,6 +34,8 @@ module dem_state
   integer(i4), parameter :: servo_seen_size = 7      !! impulse, time, stress, target of
                                                      !! the last update, v_i
   integer(i4), parameter :: surcharge_seen_size = 8  !! see dem_surcharge
+  integer(i4), parameter :: fed_size = 4             !! see dem_sources
+  integer(i4), parameter :: drained_size = 6         !! see dem_sinks
   integer(i4), parameter :: entries_ahead = 48  !! spare entries that sums may read
 
   !> All grains, in ascending order of id. Arrays are (components, grains).
@@ -201,6 +203,8 @@ module dem_state
     real(wp) :: boundary = 0.0_wp               !! work of prescribed grains and planes
     real(wp) :: external = 0.0_wp               !! work of held extra forces
     real(wp) :: gravity = 0.0_wp                !! work of gravity
+    real(wp) :: entered = 0.0_wp                !! brought along by grains that have entered
+    real(wp) :: left = 0.0_wp                   !! taken along by grains that have left
     real(wp) :: start = 0.0_wp                  !! kinetic + elastic - staggering at the start
     real(wp) :: largest = 0.0_wp                !! largest energy turned over so far, for scale
   end type dem_ledger_type
@@ -260,6 +264,10 @@ module dem_state
     real(wp), allocatable :: surcharge(:)          !! (grains) force downwards now [N]
     logical, allocatable :: surcharge_top(:)       !! (grains) on the surface at the last update
     real(wp), allocatable :: surcharge_seen(:)     !! last update, dem_surcharge
+    logical :: open = .false.                      !! grains may enter and leave
+    integer(i8) :: last_id = 0                     !! largest id that was ever given, if open
+    real(wp), allocatable :: fed(:, :)             !! (fed_size, sources) so far, dem_sources
+    real(wp), allocatable :: drained(:, :)         !! (drained_size, sinks) so far, dem_sinks
     logical :: ready = .false.                     !! lists and forces exist
   end type dem_data_type
 end module dem_state

@@ -134,7 +134,7 @@ contains
     logical :: shaped
     normal = 0.0_wp
     shaped = .false.
-    if (d%grains%shapes%n > 0) shaped = any(d%grains%shapes%kind([i, j]) /= shape_ellipsoid)
+    if (d%grains%shapes%in_use) shaped = any(d%grains%shapes%kind([i, j]) /= shape_ellipsoid)
     if (shaped) then
       call solve_shapes(r, d%grains%shapes%record(:, i), d%grains%shapes%record(:, j), normal, gap)
     else

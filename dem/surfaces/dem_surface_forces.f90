@@ -124,7 +124,7 @@ contains
     figure%radius = d%grains%radius(i)
     figure%a = d%pairs%body(10:15, i)
     figure%square = d%pairs%body(16, i)
-    if (d%grains%shapes%n == 0) return
+    if (.not. d%grains%shapes%in_use) return
     figure%shaped = d%grains%shapes%kind(i) /= shape_ellipsoid
     if (figure%shaped) figure%shape = d%grains%shapes%record(:, i)
   end function figure_of

@@ -77,7 +77,7 @@ contains
     real(wp) :: reach
     integer(i4) :: k, c, cells
 
-    reach = maxval(radius) + skin
+    reach = max(maxval(radius), 0.0_wp) + skin  ! there may be no grains
     call size_grid(s, reach, grid)
     cells = product(grid%n)
     allocate (grid%start(cells + 1), grid%next(cells), source=0)

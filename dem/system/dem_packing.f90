@@ -19,7 +19,7 @@ module dem_packing
   implicit none
   private
   public :: dem_packing_type, dem_group_type, read_packing, write_packing, group_index, put_shapes
-  public :: drop_grains
+  public :: drop_grains, empty_packing
 
   character(len=*), parameter :: format_name = 'talus-packing'
   integer(i4), parameter :: format_version = 1  !! ellipsoids alone
@@ -66,6 +66,15 @@ contains
     packing%cell_origin = rest%cell_origin
     if (allocated(rest%group)) call move_alloc(rest%group, packing%group)
   end subroutine drop_grains
+
+  !> A packing without grains.
+  pure subroutine empty_packing(packing)
+    type(dem_packing_type), intent(inout) :: packing
+    packing = dem_packing_type()
+    allocate (packing%id(0), packing%kind(0), packing%x(3, 0), packing%quat(4, 0), &
+              packing%axes(3, 0), packing%skew(3, 0), packing%exponent(0), packing%v(3, 0), &
+              packing%omega(3, 0), packing%group(0))
+  end subroutine empty_packing
 
   !> Read a packing; all faults of the file are found in one go.
   subroutine read_packing(packing, path, errors)
@@ -207,7 +216,7 @@ contains
     character(len=*), intent(in) :: group
     type(dem_grains_type), intent(in) :: grains
     type(error_list_type), intent(inout) :: errors
-    if (grains%shapes%n == 0) then
+    if (.not. grains%shapes%in_use) then
       call file%put(group//'/quat', grains%quat, errors)
       call file%put(group//'/axes', grains%axes, errors)
       return
@@ -236,8 +245,8 @@ contains
     before = errors%count
     call file%create(path, errors, format=format_name)
     if (errors%count > before) return
-    call file%attr_put('/', 'version', merge(shapes_version, format_version, grains%shapes%n > 0), &
-                       errors)
+    call file%attr_put('/', 'version', &
+                       merge(shapes_version, format_version, grains%shapes%in_use), errors)
     call file%group('/grains', errors)
     call file%put('/grains/id', grains%id, errors)
     call file%put('/grains/kind', merge(1_i4, min(grains%kind, kind_driven), &

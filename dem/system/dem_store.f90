@@ -5,7 +5,7 @@ module dem_store
   use talus_text, only: str
   use dem_archive, only: dem_archive_type
   use dem_state, only: dem_data_type, dem_cell_type, dem_ledger_type, servo_seen_size, &
-    surcharge_seen_size
+    surcharge_seen_size, fed_size, drained_size
   use dem_received_contacts, only: receive_contacts, give_results
   use dem_cell, only: is_periodic
   use dem_additional_list, only: put_run_of_additional, get_run_of_additional, layout_kept, &
@@ -21,6 +21,7 @@ module dem_store
   public :: put_state, get_state, put_run, put_grain_arrays, records
 
   integer(i8), parameter :: furthest_image = 4095  !! in edges of the cell, see dem_images
+  integer(i4), parameter :: ledger_reals = 20
   character(len=*), parameter :: records = 'contacts'  !! of dem_records, in place of the list
 
 contains
@@ -59,6 +60,7 @@ contains
       call archive%put_reals('surcharge.top', reshape(merge(1.0_wp, 0.0_wp, d%surcharge_top), &
                                                       [1, size(d%surcharge_top)]))
     end if
+    if (d%open) call put_open(d, archive)
     if (d%parts%active) then
       call archive%put_reals('parts.of_free', d%parts%of_free)
       call archive%put_reals('parts.of_ghosts', d%parts%of_ghosts)
@@ -74,6 +76,31 @@ contains
     call archive%put_integers('weights.id', weight_ids(d))
     call archive%put_reals('weights.value', reshape(weight_values(d), [1, d%weights%n]))
   end subroutine put_run
+
+  !> What sources and sinks have done so far.
+  subroutine put_open(d, archive)
+    type(dem_data_type), intent(in) :: d
+    class(dem_archive_type), intent(inout) :: archive
+    call archive%put_integers('last_id', reshape([d%last_id], [1, 1]))
+    call archive%put_reals('sources.fed', d%fed)
+    call archive%put_reals('sinks.drained', d%drained)
+  end subroutine put_open
+
+  !> The same back.
+  subroutine get_open(d, archive, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: last(:, :)
+    integer(i4) :: sources, sinks
+    sources = size(d%fed, 2)
+    sinks = size(d%drained, 2)
+    call archive%get_integers('last_id', 1, 1, last, errors, [0_i8, int(huge(1_i4), i8)])
+    call archive%get_reals('sources.fed', fed_size, sources, d%fed, errors)
+    call archive%get_reals('sinks.drained', drained_size, sinks, d%drained, errors)
+    if (errors%any()) return
+    d%last_id = last(1, 1)
+  end subroutine get_open
 
   pure function weight_ids(d) result(ids)
     type(dem_data_type), intent(in) :: d
@@ -160,15 +187,15 @@ contains
 
   pure function ledger_row(l) result(row)
     type(dem_ledger_type), intent(in) :: l
-    real(wp) :: row(18, 1)
+    real(wp) :: row(ledger_reals, 1)
     row(:, 1) = [l%kinetic, l%elastic_normal, l%elastic_tangential, l%staggering, l%friction, &
                  l%contact_damping, l%background_damping, l%curvature, l%tangential_relaxation, &
                  l%boundary, l%external, l%gravity, l%start, l%largest, l%elastic_other, &
-                 l%rolling, l%breakage, l%plastic]
+                 l%rolling, l%breakage, l%plastic, l%entered, l%left]
   end function ledger_row
 
   pure function ledger_from(row) result(l)
-    real(wp), intent(in) :: row(18)
+    real(wp), intent(in) :: row(ledger_reals)
     type(dem_ledger_type) :: l
     l%kinetic = row(1)
     l%elastic_normal = row(2)
@@ -188,6 +215,8 @@ contains
     l%rolling = row(16)
     l%breakage = row(17)
     l%plastic = row(18)
+    l%entered = row(19)
+    l%left = row(20)
   end function ledger_from
 
   !> Take the state from an archive; grains must be those of the packing (same ids).
@@ -243,6 +272,22 @@ contains
     call update_bodies(d%pairs, d%grains, d%planes, d%cell)
   end subroutine get_age
 
+  !> Loads of a surcharge and what its last update saw.
+  subroutine get_surcharge(d, archive, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: row(:, :)
+    call archive%get_reals('surcharge.force', 1, d%grains%n, row, errors)
+    d%surcharge = row(1, :)
+    call archive%get_reals('surcharge.seen', 1, surcharge_seen_size, row, errors)
+    d%surcharge_seen = row(1, :)
+    d%surcharge_top = d%surcharge > 0.0_wp  ! as checkpoints without the next leave it
+    if (archive%find('surcharge.top') == 0) return
+    call archive%get_reals('surcharge.top', 1, d%grains%n, row, errors)
+    d%surcharge_top = row(1, :) > 0.5_wp
+  end subroutine get_surcharge
+
   !> What is no list of grains, contacts or surfaces.
   subroutine get_run(d, archive, errors)
     type(dem_data_type), intent(inout) :: d
@@ -261,17 +306,9 @@ contains
       call archive%get_reals('volume.kept', 1, 1, row, errors)
       d%kept_volume = row(1, 1)
     end if
-    if (archive%find('surcharge.force') > 0) then
-      call archive%get_reals('surcharge.force', 1, d%grains%n, row, errors)
-      d%surcharge = row(1, :)
-      call archive%get_reals('surcharge.seen', 1, surcharge_seen_size, row, errors)
-      d%surcharge_seen = row(1, :)
-      d%surcharge_top = d%surcharge > 0.0_wp  ! as checkpoints without the next leave it
-      if (archive%find('surcharge.top') > 0) then
-        call archive%get_reals('surcharge.top', 1, d%grains%n, row, errors)
-        d%surcharge_top = row(1, :) > 0.5_wp
-      end if
-    end if
+    if (archive%find('surcharge.force') > 0) call get_surcharge(d, archive, errors)
+    if (d%open) call get_open(d, archive, errors)
+    if (errors%any()) return
     if (archive%find('parts.of_free') > 0) then
       call archive%get_reals('parts.of_free', 6, d%grains%n, d%parts%of_free, errors)
       call archive%get_reals('parts.of_ghosts', 6, d%grains%n, d%parts%of_ghosts, errors)
@@ -284,7 +321,7 @@ contains
     end if
     call get_run_of_additional(d%pairs%additional, archive, errors)
     if (errors%any()) return
-    call archive%get_reals('ledger', 18, 1, row, errors)
+    call archive%get_reals('ledger', ledger_reals, 1, row, errors)
     d%ledger = ledger_from(row(:, 1))
     call archive%get_reals('health.real', 5, 1, row, errors)
     d%health%max_overlap = row(1, 1)

@@ -5,10 +5,15 @@ module dem_store_grains
   use talus_text, only: str
   use dem_archive, only: dem_archive_type
   use dem_state, only: dem_data_type, dem_grains_type, kind_free, kind_ghost
-  use dem_make, only: prescribe_some
+  use dem_make, only: prescribe_some, allocate_grains
+  use dem_shape_state, only: allocate_shapes, shape_ellipsoid, shape_powers
   implicit none
   private
   public :: put_grain_arrays, get_grains
+
+  !> Rows of what shapes were made from.
+  integer(i4), parameter :: made_kind = 1, made_frame(2) = [2, 5], made_skew(2) = [6, 8], &
+    made_exponent = 9, made_axes(2) = [10, 12], made_reach = 13, made_radius = 14, made_reals = 14
 
 contains
 
@@ -40,11 +45,75 @@ contains
         call archive%put_reals('grains.work', reshape(g%work, [1, n]))
         call archive%put_reals('grains.turn', g%turn)
       end if
-      if (g%shapes%n > 0) call archive%put_reals('grains.form', g%shapes%record(5:, :n))
+      if (g%shapes%in_use) call put_shape_arrays(g, archive)
     end associate
     if (allocated(d%seen_kinetic)) call archive%put_reals( &
       'damping.seen_kinetic', reshape(d%seen_kinetic, [1, size(d%seen_kinetic)]))
   end subroutine put_grain_arrays
+
+  !> Shapes of grains of which some are no ellipsoids: what the kernel reads of them besides the
+  !! orientation, and what they were made from.
+  subroutine put_shape_arrays(g, archive)
+    type(dem_grains_type), intent(in) :: g
+    class(dem_archive_type), intent(inout) :: archive
+    real(wp) :: rows(made_reals, g%n)
+    associate (s => g%shapes, n => g%n)
+      call archive%put_reals('grains.form', s%record(5:, :n))
+      rows(made_kind, :) = real(s%kind(:n), wp)
+      rows(made_frame(1):made_frame(2), :) = s%frame
+      rows(made_skew(1):made_skew(2), :) = s%skew
+      rows(made_exponent, :) = s%exponent
+      rows(made_axes(1):made_axes(2), :) = s%axes
+      rows(made_reach, :) = s%reach
+      rows(made_radius, :) = g%radius
+      call archive%put_reals('grains.made', rows)
+    end associate
+  end subroutine put_shape_arrays
+
+  !> Where grains enter and leave, those of the checkpoint take the place of those of the packing.
+  subroutine adopt_grains(g, archive, errors)
+    type(dem_grains_type), intent(inout) :: g
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    type(dem_grains_type) :: none
+    integer(i8), allocatable :: ids(:, :)
+    logical :: shaped
+    shaped = g%shapes%in_use
+    call archive%get_integers('grains.id', 1, -1, ids, errors, [1_i8, int(huge(1_i4), i8)])
+    if (errors%any()) return
+    if (any(ids(1, 2:) <= ids(1, :size(ids, 2) - 1))) &
+      call archive%refuse('grains.id', 'does not rise', errors)
+    g = none
+    g%n = size(ids, 2)
+    call allocate_grains(g, archive%find('grains.work') > 0)
+    g%id = ids(1, :)
+    if (shaped .and. .not. errors%any()) call adopt_shapes(g, archive, errors)
+  end subroutine adopt_grains
+
+  !> Their shapes.
+  subroutine adopt_shapes(g, archive, errors)
+    type(dem_grains_type), intent(inout) :: g
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: form(:, :), rows(:, :)
+    call allocate_shapes(g%shapes, g%n)
+    call archive%get_reals('grains.form', size(g%shapes%record, 1) - 4, g%n, form, errors)
+    call archive%get_reals('grains.made', made_reals, g%n, rows, errors)
+    if (errors%any()) return
+    associate (s => g%shapes, n => g%n)
+      s%record(5:, :n) = form
+      if (any(nint(rows(made_kind, :)) < shape_ellipsoid .or. &
+              nint(rows(made_kind, :)) > shape_powers)) &
+        call archive%refuse('grains.made', 'names a kind of shape that there is not', errors)
+      s%kind(:n) = nint(rows(made_kind, :), i4)
+      s%frame = rows(made_frame(1):made_frame(2), :)
+      s%skew = rows(made_skew(1):made_skew(2), :)
+      s%exponent = rows(made_exponent, :)
+      s%axes = rows(made_axes(1):made_axes(2), :)
+      s%reach = rows(made_reach, :)
+      g%radius = rows(made_radius, :)
+    end associate
+  end subroutine adopt_shapes
 
   !> Grains and planes as they were.
   subroutine get_grains(d, archive, errors)
@@ -52,6 +121,7 @@ contains
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
 
+    if (d%open) call adopt_grains(d%grains, archive, errors)
     call compare_ids(d%grains, archive, errors)
     if (errors%any()) return
     associate (g => d%grains)
@@ -80,7 +150,7 @@ contains
       call take_row(archive, 'grains.mass', g%mass, errors)
     end associate
     call check_grains(d%grains, archive, errors)
-    if (d%grains%shapes%n == 0) d%grains%radius = maxval(d%grains%axes, dim=1)
+    if (.not. d%grains%shapes%in_use) d%grains%radius = maxval(d%grains%axes, dim=1)
     d%grains%has_target = .false.
     call take(archive, 'planes.point', d%planes%point, errors)
     call take(archive, 'planes.velocity', d%planes%velocity, errors)
@@ -95,7 +165,7 @@ contains
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
     real(wp), parameter :: unit = 1.0e-3_wp  !! how far the square of a length may be from 1
-    if (errors%any()) return
+    if (errors%any() .or. g%n == 0) return
     call above_zero('grains.mass', minval(g%mass))
     call above_zero('grains.inertia', minval(g%inertia))
     call above_zero('grains.axes', minval(g%axes))
@@ -166,8 +236,8 @@ contains
     real(wp), allocatable :: shapes(:, :)
     logical :: same
 
-    same = (archive%find('grains.form') > 0) .eqv. (g%shapes%n > 0)
-    if (same .and. g%shapes%n > 0) then
+    same = (archive%find('grains.form') > 0) .eqv. g%shapes%in_use
+    if (same .and. g%shapes%in_use) then
       call archive%get_reals('grains.form', size(g%shapes%record, 1) - 4, g%n, shapes, errors)
       if (errors%any()) return
       same = all(abs(shapes - g%shapes%record(5:, :g%n)) <= 0.0_wp)

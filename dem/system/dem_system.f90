@@ -7,7 +7,7 @@ module dem_system
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
-  use dem_state, only: dem_data_type, kind_free
+  use dem_state, only: dem_data_type, dem_grains_type, kind_free
   use dem_bonds_make, only: make_bonds, check_bond_reach
   use dem_cell, only: is_periodic, least_width
   use dem_additional, only: plan_additional, check_reach
@@ -20,6 +20,7 @@ module dem_system
   use dem_parts, only: choose_border, place_ghosts
   use dem_parts_forces, only: forces_on_free, forces_between_ghosts
   use dem_measure, only: check_overlap, check_runaway
+  use dem_population, only: remove_grains, add_grains
   use dem_store, only: put_state, get_state
   use dem_contacts, only: dem_contacts_type, list_contacts
   use dem_start_springs, only: start_springs_type, hang_springs, count_springs
@@ -33,6 +34,7 @@ module dem_system
   type, extends(dem_driven_system_type) :: dem_system_type
     type(dem_data_type), allocatable :: kept
     type(start_springs_type) :: springs       !! that contacts begin with
+    real(wp) :: coming_axis = 1.0_wp          !! least semi-axis of what enters an empty system [m]
     logical :: apart = .false.                !! whose first lists and forces each makes for itself
     type(step_memory_type), private :: memory
   contains
@@ -49,6 +51,8 @@ module dem_system
     procedure :: save             !! (): keep the state in memory
     procedure :: forget           !! (): keep no state
     procedure :: restore          !! (): return to the kept state
+    procedure :: leave            !! (leaving): grains leave; no time passes
+    procedure :: enter            !! (entering, springs): grains enter; no time passes
     procedure :: export_state     !! (archive): complete state as named arrays
     procedure :: import_state     !! (archive, errors): instead of init, bit for bit
   end type dem_system_type
@@ -118,6 +122,8 @@ contains
     end do
     if (n > 0) then
       skin = part*skin/n
+    else if (self%grains%n == 0) then
+      skin = part*self%coming_axis
     else
       skin = part*minval(self%grains%axes)
     end if
@@ -237,6 +243,35 @@ contains
     if (allocated(self%kept)) self%dem_data_type = self%kept
     call self%begin_anew()
   end subroutine restore
+
+  !> These grains leave between two steps; the whole has been gathered.
+  subroutine leave(self, leaving)
+    class(dem_system_type), intent(inout) :: self
+    logical, intent(in) :: leaving(:)  !! (grains)
+    call follow_step(self%dem_data_type, self%par%dt)
+    call remove_grains(self%dem_data_type, leaving)
+    call settle_change(self)
+  end subroutine leave
+
+  !> These grains enter between two steps, with the friction of their contacts; the whole has been
+  !! gathered.
+  subroutine enter(self, entering, springs)
+    class(dem_system_type), intent(inout) :: self
+    type(dem_grains_type), intent(in) :: entering
+    type(start_springs_type), intent(in) :: springs
+    call follow_step(self%dem_data_type, self%par%dt)
+    call add_grains(self%dem_data_type, entering, springs)
+    call settle_change(self)
+  end subroutine enter
+
+  !> Ranks and memory of steps know other grains.
+  subroutine settle_change(self)
+    class(dem_system_type), intent(inout) :: self
+    type(step_memory_type) :: fresh
+    self%memory = fresh
+    self%pending = 0.0_wp
+    call self%begin_anew()
+  end subroutine settle_change
 
   !> The complete state as named arrays.
   subroutine export_state(self, archive)

@@ -1,10 +1,11 @@
 !> Access to a system that needs no more than its grains, a list of its contacts, or sums of them:
 !! on many ranks these are sent in slabs or as sums, without gathering the whole.
 module dem_view
-  use talus_kinds, only: wp
+  use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use dem_measure, only: forces_left, wall_stiffnesses
   use dem_packing, only: dem_group_type, write_packing
+  use dem_records, only: index_of
   use dem_system, only: dem_system_type, dem_contacts_type
   implicit none
   private
@@ -41,8 +42,23 @@ contains
     call see_grains(system)
     call see_contacts(system, list)
     if (allocated(system%surcharge)) load = merge(system%surcharge, 0.0_wp, system%surcharge_top)
-    call write_packing(path, system%grains, groups, errors, system%cell, list, load)
+    call write_packing(path, system%grains, those_left(system, groups), errors, system%cell, list, &
+                       load)
   end subroutine keep_packing
+
+  !> Groups without the grains that have gone through a sink.
+  function those_left(system, groups) result(rest)
+    type(dem_system_type), intent(in) :: system
+    type(dem_group_type), intent(in) :: groups(:)
+    type(dem_group_type), allocatable :: rest(:)
+    integer(i4) :: k, m
+    rest = groups
+    if (.not. system%open) return
+    do k = 1, size(rest)
+      rest(k)%id = pack(rest(k)%id, [(index_of(system%dem_data_type, real(rest(k)%id(m), wp)) > 0, &
+                                      m=1, size(rest(k)%id))])
+    end do
+  end function those_left
 
   !> Stiffness of the contacts of each plane [N/m].
   function wall_stiffness_of(system) result(stiffness)

@@ -26,6 +26,7 @@ from talus.checksum import ROOM, has_checksum, write_checksum  # noqa: E402
 TARGETS = {
     "dem checkpoint": ("bed_restart", "deck.chk.h5", 3),
     "dem checkpoint of a cell": ("cell_restart", "deck.chk.h5", 2),
+    "checkpoint of sources": ("feed_restart", "deck.chk.h5", 2),
     "checkpoint of tools": ("tools_restart", "deck.chk.h5", 2),
     "checkpoint of stages": ("stages_restart", "deck.chk.h5", 2),
     "fem checkpoint": ("elastic_restart", "deck.chk.h5", 2),

@@ -15,6 +15,7 @@ import tempfile
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 import h5py
@@ -26,6 +27,7 @@ CRASH = re.compile(
     r"SIG[A-Z]{3,4}\b.*|Backtrace.*|Fortran runtime error.*|.*Sanitizer.*|ERROR STOP.*|"
     r"bug: .*|Traceback \(most.*|free\(\): .*|malloc\(\): .*|.*corrupted.*|runtime error: .*"
 )
+MEMORY = 8 << 30  # [bytes] that a program may have
 PATIENCE = 60.0  # [s] a program that takes longer hangs; undamaged runs take less than a second
 REFUSALS = (1, 2, 4)
 GOOD = ("same", "changed", "refused", "stopped")  # verdicts that are no failures
@@ -88,7 +90,14 @@ def environment() -> dict[str, str]:
         PYTHONDONTWRITEBYTECODE="1",
         OMP_NUM_THREADS="1",
         OPENBLAS_NUM_THREADS="1",
+        ASAN_OPTIONS=f"detect_leaks=0:allocator_may_return_null=1:soft_rss_limit_mb={MEMORY >> 20}",
     )
+
+
+@cache
+def is_sanitized(program: Path) -> bool:
+    """Whether a program was built with MODE=debug, whose sanitizer watches its memory."""
+    return b"__asan_init" in program.read_bytes()
 
 
 def call(command: list[str], folder: Path) -> tuple[int | None, str]:

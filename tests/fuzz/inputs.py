@@ -54,6 +54,19 @@ TOOLS = (
 &limits allow = 'energy_error', overlap = 0.5 /
 """
 )
+FEED = (
+    GRAINS.replace("CONTACT", "law = 'hertz_mindlin', rolling_friction = 0.1")
+    + """
+&surface id = 'belt', file = 'tool.stl', material = 'quartz', velocity = 0.1, 0.0, 0.0 /
+&source id = 'rain', semi_axes = 5.0e-4, 4.0e-4, 3.0e-4, scatter = 0.2, number_rate = 2.0e4,
+        region = 'box', lower = 0.0, 0.0, 7.0e-3, upper = 6.0e-3, 6.0e-3, 9.0e-3,
+        velocity = 0.0, 0.0, -1.0, every_time = 1.0e-4 /
+&source id = 'batch', placement = 'packing', file = 'packing.h5', shift = 0.02, 0.0, 0.0,
+        start = 1.0e-4, grains = 27, every_time = 1.0e-4 /
+&sink id = 'out', region = 'sphere', centre = 0.0, 0.0, 0.0, radius = 2.0e-3, start = 1.0e-4,
+      every_time = 1.0e-4 /
+"""
+)
 SOLID = """
 &run title = 'Cube', t_end = END, gravity = 0.0, 0.0, -9.81 /
 &mesh file = 'block.h5' /
@@ -210,6 +223,7 @@ def make(name: str, scratch: Path, binaries: Path) -> Run:
     text, end, program = {
         "bed": (BED, 4.0e-4, "talus-dem"),
         "cell": (CELL, 4.0e-4, "talus-dem"),
+        "feed": (FEED, 4.0e-4, "talus-dem"),
         "elastic": (ELASTIC, 1.0e-3, "talus-fem"),
         "plastic": (PLASTIC, 1.0e-3, "talus-fem"),
         "stages": (STAGES, 1.0e-3, "talus-fem"),
@@ -217,8 +231,8 @@ def make(name: str, scratch: Path, binaries: Path) -> Run:
         "coupled": ("", 4.0e-4, "talus-couple"),
         "overlap": ("", 1.6e-5, "talus-couple"),
     }[kind]
-    writers = {"bed": bed, "cell": bed, "tools": bed, "coupled": coupled, "overlap": overlapping}
-    writers.get(kind, cube)(folder)
+    writers = {"coupled": coupled, "overlap": overlapping}
+    writers.get(kind, bed if program == "talus-dem" else cube)(folder)
     deck = folder / "deck.nml"
     text = text or deck.read_text()
     command = [str(binaries / program), "deck.nml"]

@@ -81,6 +81,9 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument("--at-rest", action="store_true", help="set all velocities to zero")
     new.add_argument("--fix", action="store_true", help="all grains become fixed ones")
     new.add_argument(
+        "--renumber", action="store_true", help="number the grains from 1 in their order"
+    )
+    new.add_argument(
         "--repeat", type=counting, nargs=3, metavar="N",
         help="lay a periodic cell side by side so many times along its edges",
     )  # fmt: skip
@@ -254,6 +257,8 @@ def edit(options: argparse.Namespace) -> int:
         packing.v[:], packing.omega[:] = 0.0, 0.0
     if options.fix:
         packing.kind[:] = FIXED
+    if options.renumber:
+        packing = packing.renumbered(0)
     if options.repeat is not None:
         packing = packing.repeated(tuple(options.repeat))
     if options.shift is not None:

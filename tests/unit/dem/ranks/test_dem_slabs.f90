@@ -115,7 +115,7 @@ contains
                     all(d%grains%material == copy%grains%material))
     call test%check('all reals of a grain', all(reals_of(d%grains) == reals_of(copy%grains)))
     call test%check('what damping has seen', all(d%seen_kinetic == copy%seen_kinetic))
-    if (d%grains%shapes%n == 0) return
+    if (.not. d%grains%shapes%in_use) return
     associate (a => d%grains%shapes, b => copy%grains%shapes)
       call test%check('shapes', all(a%kind(:n) == b%kind(:n)) .and. &
                       all(a%record(:, :n) == b%record(:, :n)) .and. all(a%frame == b%frame) .and. &

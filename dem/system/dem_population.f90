@@ -1,0 +1,151 @@
+!> Grains that leave a system and grains that enter it, between two steps.
+!!
+!! All others go on as if nothing had happened: a new list inherits the history of their contacts,
+!! as it does when grains change their rank. What the system stores before and after is booked in
+!! the ledger as taken along and brought along (eq. D.23).
+module dem_population
+  use talus_kinds, only: wp, i4, i8
+  use dem_cell, only: is_periodic, least_width
+  use dem_gather, only: pack_contacts
+  use dem_ledger, only: refresh_stored, content
+  use dem_make, only: is_prescribed
+  use dem_membrane_forces, only: share_anew
+  use dem_migrate, only: pack_grains, make_local
+  use dem_pairs, only: build_pairs
+  use dem_prescribed, only: put_body
+  use dem_received_contacts, only: receive_contacts, give_results
+  use dem_record_layout, only: touch_grain, at_body
+  use dem_records, only: grain_reals, pack_grain, index_of
+  use dem_shape_state, only: put_frame
+  use dem_start_springs, only: start_springs_type, hang_springs
+  use dem_state, only: dem_data_type, dem_grains_type, dem_ledger_type
+  use dem_steps, only: evaluate_forces
+  use dem_surface_records, only: pack_touches, receive_touches
+  use dem_surface_search, only: list_near
+  implicit none
+  private
+  public :: remove_grains, add_grains
+
+contains
+
+  !> These grains leave: their contacts are gone, and what they and those stored.
+  subroutine remove_grains(d, leaving)
+    type(dem_data_type), intent(inout) :: d
+    logical, intent(in) :: leaving(:)  !! (grains)
+    real(wp), allocatable :: none(:, :)
+    type(dem_ledger_type) :: before
+    call refresh_stored(d, d%ledger_dt, before)
+    allocate (none(grain_reals(d%grains%shapes%in_use), 0))
+    call exchange_grains(d, leaving, none)
+    call find_forces(d)
+    d%ledger%left = d%ledger%left - gain(d, before)
+  end subroutine remove_grains
+
+  !> These grains enter; ids differ from all that are there. Springs hang on their contacts.
+  subroutine add_grains(d, entering, springs)
+    type(dem_data_type), intent(inout) :: d
+    type(dem_grains_type), intent(in) :: entering  !! shapes, if the system has any
+    type(start_springs_type), intent(in) :: springs
+    type(dem_data_type) :: others
+    real(wp), allocatable :: rows(:, :)
+    logical :: leaving(d%grains%n)
+    type(dem_ledger_type) :: before
+    integer(i4) :: i
+
+    call refresh_stored(d, d%ledger_dt, before)
+    others%grains = entering
+    allocate (rows(grain_reals(d%grains%shapes%in_use), entering%n))
+    allocate (others%pairs%body(at_body(2) - at_body(1) + 1, entering%n))
+    do i = 1, entering%n
+      call put_frame(others%grains%shapes, i, entering%quat(:, i))
+      call put_body(others%grains, i, others%pairs%body(:, i))
+      call pack_grain(others, i, rows(:, i))
+    end do
+    leaving = .false.
+    call exchange_grains(d, leaving, rows)
+    if (springs%given > 0) call hang_springs(d, springs)
+    call find_forces(d)
+    d%ledger%entered = d%ledger%entered + gain(d, before)
+    d%last_id = max(d%last_id, maxval(entering%id))
+  end subroutine add_grains
+
+  !> Forces of the new list; no work is done, as no time passes. It is made once more, so that pairs
+  !! without contact begin the next step as they do on ranks that get their parts of the system:
+  !! without the normals found now.
+  subroutine find_forces(d)
+    type(dem_data_type), intent(inout) :: d
+    type(dem_ledger_type) :: before
+    logical :: kept
+    before = d%ledger
+    call evaluate_forces(d, 0.0_wp)
+    d%ledger = before
+    kept = d%pairs%keep_results
+    d%pairs%keep_results = .true.
+    call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)
+    d%pairs%keep_results = kept
+    if (d%surfaces%n > 0) call list_near(d)
+  end subroutine find_forces
+
+  !> Kinetic and elastic energy more than before [J]. What steps leave out of it is no energy of the
+  !! grains: the start of the ledger moves along.
+  real(wp) function gain(d, before)
+    type(dem_data_type), intent(inout) :: d
+    type(dem_ledger_type), intent(in) :: before
+    type(dem_ledger_type) :: now
+    call refresh_stored(d, d%ledger_dt, now)
+    d%ledger%start = d%ledger%start - (now%staggering - before%staggering)
+    gain = content(now) + now%staggering - (content(before) + before%staggering)
+  end function gain
+
+  !> New arrays of grains and a new list for them; bodies are up to date, forces are not.
+  subroutine exchange_grains(d, leaving, entering)
+    type(dem_data_type), intent(inout) :: d
+    logical, intent(in) :: leaving(:)        !! (grains)
+    real(wp), intent(in) :: entering(:, :)   !! rows of dem_records, as columns
+    real(wp), allocatable :: stay(:, :), rows(:, :), contacts(:, :), touches(:, :)
+
+    d%halo%shaped = d%grains%shapes%in_use
+    call pack_grains(d, .not. leaving, stay)
+    call pack_contacts(d, [-huge(1.0_wp), huge(1.0_wp)], contacts)
+    if (d%surfaces%n > 0) call pack_touches(d, touches)
+    if (d%surfaces%n > 0) call drop_touches(d, leaving, touches)
+    allocate (rows(size(stay, 1), size(stay, 2) + size(entering, 2)))
+    rows(:, :size(stay, 2)) = stay
+    rows(:, size(stay, 2) + 1:) = entering
+    deallocate (stay)
+    call make_local(d, rows)
+    call fit_list(d)
+    call receive_contacts(d, contacts)
+    if (d%surfaces%n > 0) call receive_touches(d, touches)
+    call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)
+    call give_results(d, contacts)
+    if (d%surfaces%n == 0) return
+    call list_near(d)
+    if (allocated(d%surfaces%membranes)) call share_anew(d)
+  end subroutine exchange_grains
+
+  !> The list is made at this step; larger grains leave less room for its margin in a cell.
+  subroutine fit_list(d)
+    type(dem_data_type), intent(inout) :: d
+    d%pairs%built_at = d%health%steps
+    d%pairs%ease = 1.0_wp
+    if (.not. is_periodic(d%cell) .or. d%grains%n == 0) return
+    d%pairs%most_skin = min(d%pairs%most_skin, 0.5_wp*least_width(d%cell) &
+                            - 2.0_wp*maxval(d%grains%radius))
+    d%pairs%skin = min(d%pairs%skin, d%pairs%most_skin)
+  end subroutine fit_list
+
+  !> Leave out the contacts of leaving grains with surfaces.
+  subroutine drop_touches(d, leaving, touches)
+    type(dem_data_type), intent(in) :: d
+    logical, intent(in) :: leaving(:)
+    real(wp), allocatable, intent(inout) :: touches(:, :)
+    integer(i4), allocatable :: rest(:)
+    integer(i4) :: k
+    allocate (rest(0))
+    do k = 1, size(touches, 2)
+      if (.not. leaving(index_of(d, touches(touch_grain, k)))) rest = [rest, k]
+    end do
+    touches = touches(:, rest)
+  end subroutine drop_touches
+end module dem_population
