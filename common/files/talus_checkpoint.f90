@@ -6,6 +6,7 @@
 !! a whole checkpoint is on the disk. S011 incomplete, S012 of another program, S013 none is usable,
 !! S015 without a checksum.
 module talus_checkpoint
+  use talus_intervals, only: intervals_until
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_files, only: file_exists, link_file, rename_file, remove_file, list_files, folder_of, &
@@ -83,8 +84,9 @@ contains
     class(checkpoint_type), intent(inout) :: self
     real(wp), intent(in) :: time
     real(wp), parameter :: round_off = 1.0e-9_wp  !! of an interval
-    self%next_time = self%every_time*(floor(time/self%every_time + round_off, i8) + 1_i8)
-    self%next_time = self%next_time - round_off*self%every_time
+    real(wp) :: early
+    early = round_off*self%every_time
+    self%next_time = self%every_time*(intervals_until(time + early, self%every_time) + 1_i8) - early
   end subroutine next_multiple
 
   !> Is a checkpoint due at this time [s]? Asking moves the schedule on.

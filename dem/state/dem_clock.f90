@@ -4,6 +4,7 @@
 !! that steps end on multiples of the grid (the interval of histories, else output, else measures).
 !! All data that determine a step are part of the state: a restart repeats the same steps.
 module dem_clock
+  use talus_intervals, only: intervals_until
   use talus_kinds, only: wp, i4, i8
   implicit none
   private
@@ -173,7 +174,7 @@ contains
     class(dem_clock_type), intent(in) :: self
     integer(i4), intent(in) :: event
     integer(i8) :: number(2)
-    number = [floor((self%time() + near*self%dt)/self%every(event), i8), self%next(event) - 1]
+    number = [intervals_until(self%time() + near*self%dt, self%every(event)), self%next(event) - 1]
   end function turns
 
   !> Has an interval of `each` turns ended since the last update? At turn 0 the zeroth one has.
@@ -188,7 +189,7 @@ contains
     class(dem_clock_type), intent(inout) :: self
     integer(i4), intent(in) :: event
     if (self%every(event) > 0.0_wp) &
-      self%next(event) = floor((self%time() + near*self%dt)/self%every(event), i8) + 1
+      self%next(event) = intervals_until(self%time() + near*self%dt, self%every(event)) + 1
   end subroutine passed
 
   !> Is an event due at the present time?

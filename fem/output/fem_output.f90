@@ -1,5 +1,6 @@
 !> Results of a body: energy ledger and reactions as CSV, fields in HDF5 with XDMF.
 module fem_output
+  use talus_intervals, only: intervals_until
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, string_type, append_string
   use talus_errors, only: error_list_type
@@ -86,7 +87,7 @@ contains
 
   pure integer(i8) function after(time, every)
     real(wp), intent(in) :: time, every
-    after = floor(time/every + near, i8) + 1
+    after = intervals_until(time + near*every, every) + 1
   end function after
 
   subroutine open_histories(self, deck, stem, body, start_time, errors)
