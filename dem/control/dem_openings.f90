@@ -1,5 +1,5 @@
-!> Where a run is open: its sources and sinks of grains, and when they act (theory-dem, Sources and
-!! sinks). Faults D262, D297.
+!> Where a run is open: its sources and sinks of grains and its window, and when they act
+!! (theory-dem, Sources and sinks, Moving window). Faults D262, D297.
 module dem_openings
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
@@ -11,6 +11,7 @@ module dem_openings
   use dem_sources, only: dem_sources_type
   use dem_state, only: fed_size, drained_size
   use dem_system, only: dem_system_type
+  use dem_window, only: dem_window_type
   implicit none
   private
   public :: dem_openings_type
@@ -21,7 +22,8 @@ module dem_openings
   type :: dem_openings_type
     type(dem_sources_type) :: sources
     type(dem_sinks_type) :: sinks
-    integer(i4) :: n = 0           !! of both
+    type(dem_window_type) :: window
+    integer(i4) :: n = 0           !! of all
     real(wp) :: every = 0.0_wp     !! least interval [s]; 0: there are none
     character(len=:), allocatable :: path  !! of the deck
   contains
@@ -36,11 +38,11 @@ module dem_openings
 
 contains
 
-  !> Sources and sinks of the deck; the system is open from now on if there are any.
-  subroutine read_openings(self, deck, material, served, system, errors)
+  !> Sources, sinks and window of the deck; the system is open from now on if there are any.
+  subroutine read_openings(self, deck, materials, served, system, errors)
     class(dem_openings_type), intent(inout) :: self
     type(deck_type), intent(in) :: deck
-    integer(i4), intent(in) :: material(:)  !! of the sources, among those of the run
+    integer(i4), intent(in) :: materials(:)  !! of the packing and of each source
     logical, intent(in) :: served           !! a partner drives the run
     type(dem_system_type), intent(inout) :: system
     type(error_list_type), intent(inout) :: errors
@@ -48,12 +50,15 @@ contains
 
     before = errors%count
     self%path = deck%source%path
-    call self%sources%read(deck, material, system, errors)
+    call self%sources%read(deck, materials(2:), system, errors)
     call self%sinks%read(deck, errors)
-    self%n = size(self%sources%item) + size(self%sinks%item)
+    call self%window%read(deck, materials(1), system, errors)
+    self%n = size(self%sources%item) + size(self%sinks%item) + merge(1, 0, self%window%active)
     if (self%n == 0 .or. errors%count > before) return
     call check_intervals(self, deck, errors)
     if (served) call bar(deck, 'a partner counts on the grains that it knows', errors)
+    if (self%window%active .and. self%n > 1) &
+      call bar(deck, 'a window gives and takes all grains itself', errors)
     do k = 1, size(barred)
       if (deck%count(trim(barred(k))) > 0) &
         call bar(deck, '&'//trim(barred(k))//' counts on the grains of the start', errors)
@@ -66,16 +71,17 @@ contains
     allocate (system%drained(drained_size, size(self%sinks%item)), source=0.0_wp)
   end subroutine read_openings
 
-  !> Fault D297 at the first source or sink.
+  !> Fault D297 at the first source or sink, or at the window.
   subroutine bar(deck, reason, errors)
     type(deck_type), intent(in) :: deck
     character(len=*), intent(in) :: reason
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: group
-    group = 'sink'
+    group = 'window'
+    if (deck%count('sink') > 0) group = 'sink'
     if (deck%count('source') > 0) group = 'source'
     call deck%fault(errors, 'D297', reason, group, 1, '', &
-                    'leave the sources and sinks out, or run in two stages: fill, then go on '// &
+                    'leave one of the two out, or run in two stages: fill, then go on '// &
                     'from the packing')
   end subroutine bar
 
@@ -92,6 +98,7 @@ contains
     do k = 1, size(self%sinks%item)
       self%every = min(self%every, self%sinks%item(k)%every)
     end do
+    if (self%window%active) self%every = min(self%every, self%window%every)
     do k = 1, size(self%sources%item)
       call check(self%sources%item(k)%every, 'source', k)
     end do
@@ -126,6 +133,8 @@ contains
     call self%sinks%update(system, self%every, turns)
     call self%sources%update(system, self%every, turns, self%path, errors)
     changed = any(abs([sum(system%fed(1, :)), sum(system%drained(1, :))] - before) > 0.0_wp)
+    if (self%window%active .and. .not. errors%any()) &
+      call self%window%update(system, self%every, turns, changed, errors)
   end subroutine update
 
   !> What has entered and left, for the log.
@@ -140,6 +149,7 @@ contains
     do k = 1, size(self%sinks%item)
       call log%line('sink '//self%sinks%item(k)%id//': '//self%sinks%text(k, system))
     end do
+    if (self%window%active) call log%line('window: '//self%window%text(system))
   end subroutine log_totals
 
   subroutine open_histories(self, stem, time, errors)
@@ -149,6 +159,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     call self%sources%open(stem, time, errors)
     call self%sinks%open(stem, time, errors)
+    call self%window%open(stem, time, errors)
   end subroutine open_histories
 
   subroutine write_histories(self, time, system, errors)
@@ -158,6 +169,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     call self%sources%write(time, system, errors)
     call self%sinks%write(time, system, errors)
+    call self%window%write(time, system, errors)
   end subroutine write_histories
 
   subroutine flush_histories(self, errors)
@@ -165,6 +177,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     call self%sources%history%flush(errors)
     call self%sinks%history%flush(errors)
+    call self%window%history%flush(errors)
   end subroutine flush_histories
 
   subroutine close_histories(self, errors)
@@ -172,5 +185,6 @@ contains
     type(error_list_type), intent(inout) :: errors
     call self%sources%history%close(errors)
     call self%sinks%history%close(errors)
+    call self%window%history%close(errors)
   end subroutine close_histories
 end module dem_openings

@@ -13,13 +13,12 @@ module dem_sources
   use talus_random, only: random_turn
   use dem_clock, only: interval_ends
   use dem_contacts, only: dem_contacts_type
-  use dem_make, only: make_grains
+  use dem_entry, only: size_batch, trim_batch, make_entering, check_ids
   use dem_packing, only: dem_packing_type
-  use dem_shape_make, only: make_shapes
   use dem_source, only: source_type, read_source
   use dem_source_place, only: room_type, gather_neighbours, find_place
   use dem_start_springs, only: start_springs_type
-  use dem_state, only: dem_grains_type, kind_free
+  use dem_state, only: dem_grains_type
   use dem_system, only: dem_system_type
   implicit none
   private
@@ -27,18 +26,9 @@ module dem_sources
 
   integer(i4), parameter :: fed_grains = 1, fed_mass = 2, fed_energy = 3, fed_waits = 4
   integer(i8), parameter :: how_turned = 4      !! what a random number is for
-  integer(i8), parameter :: most_id = int(huge(1_i4), i8)
   real(wp), parameter :: near = 1.0e-6_wp       !! what counts as on time, in intervals
   character(len=18), parameter :: columns(6) = [character(len=18) :: 'time [s]', 'source [-]', &
     'grains [-]', 'mass [kg]', 'energy [J]', 'waits [-]']
-
-  !> Bare data of the grains that are about to enter.
-  type :: batch_type
-    integer(i4) :: n = 0
-    integer(i8), allocatable :: id(:)
-    real(wp), allocatable :: x(:, :), quat(:, :), axes(:, :), v(:, :), omega(:, :), skew(:, :), &
-      exponent(:)
-  end type batch_type
 
   type :: dem_sources_type
     type(source_type), allocatable :: item(:)
@@ -134,7 +124,7 @@ contains
     real(wp), intent(in) :: time
     character(len=*), intent(in) :: path
     type(error_list_type), intent(inout) :: errors
-    type(batch_type) :: batch
+    type(dem_packing_type) :: batch
     type(dem_grains_type) :: entering
     type(start_springs_type) :: springs
     real(wp) :: before
@@ -149,9 +139,9 @@ contains
     end if
     if (waits) system%fed(fed_waits, k) = system%fed(fed_waits, k) + 1.0_wp
     if (batch%n == 0) return
-    call check_ids(self%item(k), batch, path, errors)
+    call check_ids("source '"//self%item(k)%id//"'", batch, path, errors)
     if (errors%any()) return
-    call make_entering(self%item(k), system, batch, entering, errors)
+    call make_entering(batch, self%item(k)%material, system, entering, errors)
     if (errors%any()) return
     before = system%ledger%entered
     call system%enter(entering, springs)
@@ -160,42 +150,13 @@ contains
     call check_room(self, k, system, batch%id(1), path, errors)
   end subroutine feed
 
-  !> Ids are 32-bit numbers (N210).
-  subroutine check_ids(source, batch, path, errors)
-    type(source_type), intent(in) :: source
-    type(batch_type), intent(in) :: batch
-    character(len=*), intent(in) :: path
-    type(error_list_type), intent(inout) :: errors
-    if (batch%id(batch%n) <= most_id) return
-    call errors%add('N210', "source '"//source%id//"' has no ids left for its grains: they go "// &
-                    'to '//str(most_id), path, 'begin again from the packing at the end, with '// &
-                    "new ids ('talus pack edit --renumber')")
-  end subroutine check_ids
-
-  !> Grains as the system has them.
-  subroutine make_entering(source, system, batch, entering, errors)
-    type(source_type), intent(in) :: source
-    type(dem_system_type), intent(in) :: system
-    type(batch_type), intent(in) :: batch
-    type(dem_grains_type), intent(inout) :: entering
-    type(error_list_type), intent(inout) :: errors
-    integer(i4) :: kind(batch%n), material(batch%n)
-    kind = kind_free
-    material = source%material
-    call make_grains(entering, system%materials, batch%id, kind, material, batch%x, batch%quat, &
-                     batch%axes, batch%v, batch%omega, errors)
-    if (errors%any()) return
-    call make_shapes(entering, system%materials, batch%id, batch%skew, batch%exponent, errors, &
-                     system%grains%shapes%in_use)
-  end subroutine make_entering
-
   !> A whole packing, once more, unless it would go beyond a limit; its spins and velocities are
   !! added to those of the source, its contacts keep their friction.
   subroutine take_packing(source, system, k, batch, springs)
     type(source_type), intent(in) :: source
     type(dem_system_type), intent(in) :: system
     integer(i4), intent(in) :: k
-    type(batch_type), intent(out) :: batch
+    type(dem_packing_type), intent(out) :: batch
     type(start_springs_type), intent(out) :: springs
     integer(i8) :: first
     integer(i4) :: i
@@ -225,7 +186,7 @@ contains
     type(dem_system_type), intent(in) :: system
     integer(i4), intent(in) :: k
     real(wp), intent(in) :: time   !! [s]
-    type(batch_type), intent(out) :: batch
+    type(dem_packing_type), intent(out) :: batch
     logical, intent(out) :: waits  !! there was no room for all
     type(room_type) :: room
     real(wp) :: mass, scale, x(3)
@@ -279,7 +240,7 @@ contains
     integer(i4), intent(in) :: row
     real(wp), intent(in) :: scale, x(3)
     integer(i8), intent(in) :: n
-    type(batch_type), intent(inout) :: batch
+    type(dem_packing_type), intent(inout) :: batch
     integer(i4) :: i
     if (batch%n == size(batch%id)) call trim_batch(batch, 2*batch%n)
     batch%n = batch%n + 1
@@ -302,40 +263,11 @@ contains
   pure subroutine copy_row(packing, row, batch, i)
     type(dem_packing_type), intent(in) :: packing
     integer(i4), intent(in) :: row, i
-    type(batch_type), intent(inout) :: batch
+    type(dem_packing_type), intent(inout) :: batch
     batch%axes(:, i) = packing%axes(:, row)
     batch%skew(:, i) = packing%skew(:, row)
     batch%exponent(i) = packing%exponent(row)
   end subroutine copy_row
-
-  !> Room for n grains.
-  pure subroutine size_batch(batch, n)
-    type(batch_type), intent(inout) :: batch
-    integer(i4), intent(in) :: n
-    allocate (batch%id(n), source=0_i8)
-    allocate (batch%x(3, n), batch%quat(4, n), batch%axes(3, n), batch%v(3, n), &
-              batch%omega(3, n), batch%skew(3, n), batch%exponent(n), source=0.0_wp)
-  end subroutine size_batch
-
-  !> The same grains in room for n.
-  pure subroutine trim_batch(batch, n)
-    type(batch_type), intent(inout) :: batch
-    integer(i4), intent(in) :: n
-    type(batch_type) :: other
-    integer(i4) :: m
-    m = min(n, batch%n)
-    call size_batch(other, n)
-    other%n = m
-    other%id(:m) = batch%id(:m)
-    other%x(:, :m) = batch%x(:, :m)
-    other%quat(:, :m) = batch%quat(:, :m)
-    other%axes(:, :m) = batch%axes(:, :m)
-    other%v(:, :m) = batch%v(:, :m)
-    other%omega(:, :m) = batch%omega(:, :m)
-    other%skew(:, :m) = batch%skew(:, :m)
-    other%exponent(:m) = batch%exponent(:m)
-    batch = other
-  end subroutine trim_batch
 
   !> Grains that have entered may overlap what is there no more than those of a packing at the start
   !! (N206).

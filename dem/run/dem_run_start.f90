@@ -92,7 +92,8 @@ contains
     call self%drive%read(self%deck, self%system%dem_data_type, self%servo%curve, self%served, &
                          errors)
     call self%probe%read(self%deck, self%system%dem_data_type, errors)
-    call self%openings%read(self%deck, self%choices%of_source, self%served, self%system, errors)
+    call self%openings%read(self%deck, self%choices%of_entering, self%served, self%system, &
+                            errors)
   end subroutine read_features
 
   !> Threads as requested, or as many as the number of grains justifies.

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 33)
+    call table%init('talus-dem', 34)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -44,6 +44,7 @@ contains
     call group_measure(table)
     call group_source(table)
     call group_sink(table)
+    call group_window(table)
     call group_grid(table)
     call group_search(table)
   end subroutine dem_deck_table
@@ -1438,6 +1439,59 @@ contains
     call table%magnitude(1e-12_wp, 10000000.0_wp)
     call table%only_with('region', 'cylinder')
   end subroutine group_sink_2
+
+  subroutine group_window(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('window', 8, &
+      'A window of grains that goes with a body through a bed of one periodic pack, the' &
+      //' tile, laid side by side: copies of it enter in front, what is left behind ' &
+      //'leaves, and the layers at both ends are held. The bed at the start is made by ' &
+      //'`talus pack edit --repeat` from the tile, so that the ids of copy c are row + N ' &
+      //'c. Written to `<deck>_window.csv`; the energy that comes and goes is `entered` ' &
+      //'and `left` in the ledger. Not with `&source`, `&sink`, `&surcharge`, `&bond` or ' &
+      //'a partner (D297).')
+    call table%add_key('surface', 'string', '', &
+      'Id of the surface, penetrometer or cylinder that the window goes with, by its ' &
+      //'centre.')
+    call table%need()
+    call table%add_key('tile', 'file', '', &
+      'Packing with a cell and contacts, at rest (I251): what a run with `&cell` leaves' &
+      //' at its end.')
+    call table%need()
+    call table%add_key('edge', 'string', '', &
+      'Edge of the tile''s cell along which the body goes; it is at right angles to the ' &
+      //'others (I252).')
+    call table%preset('a')
+    call table%allow('a|b|c')
+    call table%add_key('behind', 'real', 'm', &
+      'Grains reach so far behind the body''s centre at least.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%add_key('ahead', 'real', 'm', &
+      'And so far ahead of it. Where the body has moved them a copy no longer fits ' &
+      //'(N211).')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%add_key('hold', 'real', 'm', &
+      'Depth of the held layers at both ends: two grains, at most half a tile (D299).')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%add_key('moved', 'real', '', &
+      'Grains of the first copy may have moved by so much when the next one enters ' &
+      //'(root mean square, in mean semi-axes); more is a fault (N211).')
+    call table%preset('2.0')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%add_key('every_time', 'real', 's', &
+      'Simulated time between two looks: a small part of the time in which the body ' &
+      //'crosses a tile.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
+  end subroutine group_window
 
   subroutine group_grid(table)
     type(key_table_type), intent(inout) :: table

@@ -32,7 +32,7 @@ module dem_setup
     logical :: adaptive = .false.                  !! damping stops grains as they need it
     real(wp) :: initial_overlap = 0.0_wp           !! limit, of the least semi-axis [-]
     integer(i8), allocatable :: idle(:)            !! driven grains that no group drives
-    integer(i4), allocatable :: of_source(:)       !! (sources) materials
+    integer(i4), allocatable :: of_entering(:)     !! materials: of a window, of each source
   end type dem_choices_type
 
   integer(i4), parameter :: named = 5  !! pairs that overlap
@@ -106,18 +106,18 @@ contains
     end do
   end subroutine grain_materials
 
-  !> Materials of what sources bring.
+  !> Materials of what a window and sources bring.
   subroutine source_materials(deck, usual, choices, errors)
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: usual  !! that of the grains of the packing
     type(dem_choices_type), intent(inout) :: choices
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: k
-    allocate (choices%of_source(deck%count('source')), source=usual)
-    do k = 1, size(choices%of_source)
+    allocate (choices%of_entering(1 + deck%count('source')), source=usual)
+    do k = 1, deck%count('source')
       if (.not. deck%given('source', k, 'material')) cycle
-      call material_index(deck, choices%material, 'source', k, 'material', choices%of_source(k), &
-                          errors)
+      call material_index(deck, choices%material, 'source', k, 'material', &
+                          choices%of_entering(1 + k), errors)
     end do
   end subroutine source_materials
 
@@ -342,7 +342,7 @@ contains
     where (packing%kind == kind_driven) of_grain = material(3)
     allocate (grains(size(system%materials)), walls(size(system%materials)), source=.false.)
     grains(of_grain) = .true.
-    grains(choices%of_source) = .true.
+    grains(choices%of_entering) = .true.
     if (system%planes%n > 0) walls(system%planes%material) = .true.
     if (system%surfaces%n > 0) walls(system%surfaces%material) = .true.
     do a = 1, size(grains)

@@ -17,7 +17,7 @@ module dem_state
   public :: kind_free, kind_fixed, kind_driven, kind_ghost, kind_mirror
   public :: mode_dynamic, mode_relaxation
   public :: lanes, body_size, history_size, result_size, column_count
-  public :: servo_seen_size, surcharge_seen_size, fed_size, drained_size
+  public :: servo_seen_size, surcharge_seen_size, fed_size, drained_size, window_size
   public :: entries_ahead, history_side, history_root, history_point
 
   integer(i4), parameter :: kind_free = 0    !! moved by the forces on it
@@ -36,6 +36,7 @@ module dem_state
   integer(i4), parameter :: surcharge_seen_size = 8  !! see dem_surcharge
   integer(i4), parameter :: fed_size = 4             !! see dem_sources
   integer(i4), parameter :: drained_size = 6         !! see dem_sinks
+  integer(i4), parameter :: window_size = 5          !! see dem_window
   integer(i4), parameter :: entries_ahead = 48  !! spare entries that sums may read
 
   !> All grains, in ascending order of id. Arrays are (components, grains).
@@ -268,6 +269,7 @@ module dem_state
     integer(i8) :: last_id = 0                     !! largest id that was ever given, if open
     real(wp), allocatable :: fed(:, :)             !! (fed_size, sources) so far, dem_sources
     real(wp), allocatable :: drained(:, :)         !! (drained_size, sinks) so far, dem_sinks
+    real(wp), allocatable :: window(:)             !! (window_size) so far, dem_window
     logical :: ready = .false.                     !! lists and forces exist
   end type dem_data_type
 end module dem_state

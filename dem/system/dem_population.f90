@@ -8,7 +8,7 @@ module dem_population
   use dem_cell, only: is_periodic, least_width
   use dem_gather, only: pack_contacts
   use dem_ledger, only: refresh_stored, content
-  use dem_make, only: is_prescribed
+  use dem_make, only: is_prescribed, prescribe_some
   use dem_membrane_forces, only: share_anew
   use dem_migrate, only: pack_grains, make_local
   use dem_pairs, only: build_pairs
@@ -28,24 +28,29 @@ module dem_population
 
 contains
 
-  !> These grains leave: their contacts are gone, and what they and those stored.
-  subroutine remove_grains(d, leaving)
+  !> These grains leave: their contacts are gone, and what they and those stored. Of the others some
+  !! may be held from now on, or be free.
+  subroutine remove_grains(d, leaving, kind)
     type(dem_data_type), intent(inout) :: d
-    logical, intent(in) :: leaving(:)  !! (grains)
+    logical, intent(in) :: leaving(:)          !! (grains)
+    integer(i4), intent(in), optional :: kind(:)  !! (grains) from now on
     real(wp), allocatable :: none(:, :)
     type(dem_ledger_type) :: before
     call refresh_stored(d, d%ledger_dt, before)
+    if (present(kind)) call change_kinds(d, kind)
     allocate (none(grain_reals(d%grains%shapes%in_use), 0))
     call exchange_grains(d, leaving, none)
     call find_forces(d)
     d%ledger%left = d%ledger%left - gain(d, before)
   end subroutine remove_grains
 
-  !> These grains enter; ids differ from all that are there. Springs hang on their contacts.
-  subroutine add_grains(d, entering, springs)
+  !> These grains enter; ids differ from all that are there. Springs hang on their contacts. Of the
+  !! others some may be held from now on, or be free.
+  subroutine add_grains(d, entering, springs, kind)
     type(dem_data_type), intent(inout) :: d
     type(dem_grains_type), intent(in) :: entering  !! shapes, if the system has any
     type(start_springs_type), intent(in) :: springs
+    integer(i4), intent(in), optional :: kind(:)   !! (grains) from now on
     type(dem_data_type) :: others
     real(wp), allocatable :: rows(:, :)
     logical :: leaving(d%grains%n)
@@ -53,6 +58,7 @@ contains
     integer(i4) :: i
 
     call refresh_stored(d, d%ledger_dt, before)
+    if (present(kind)) call change_kinds(d, kind)
     others%grains = entering
     allocate (rows(grain_reals(d%grains%shapes%in_use), entering%n))
     allocate (others%pairs%body(at_body(2) - at_body(1) + 1, entering%n))
@@ -68,6 +74,21 @@ contains
     d%ledger%entered = d%ledger%entered + gain(d, before)
     d%last_id = max(d%last_id, maxval(entering%id))
   end subroutine add_grains
+
+  !> Kinds from now on; what is held stands still.
+  subroutine change_kinds(d, kind)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: kind(:)  !! (grains)
+    integer(i4) :: i
+    do i = 1, d%grains%n
+      if (kind(i) == d%grains%kind(i)) cycle
+      d%grains%kind(i) = kind(i)
+      d%grains%v(:, i) = 0.0_wp
+      d%grains%omega(:, i) = 0.0_wp
+      call put_body(d%grains, i, d%pairs%body(:, i))
+    end do
+    if (any(is_prescribed(kind))) call prescribe_some(d%grains)
+  end subroutine change_kinds
 
   !> Forces of the new list; no work is done, as no time passes. It is made once more, so that pairs
   !! without contact begin the next step as they do on ranks that get their parts of the system:

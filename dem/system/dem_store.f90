@@ -5,7 +5,7 @@ module dem_store
   use talus_text, only: str
   use dem_archive, only: dem_archive_type
   use dem_state, only: dem_data_type, dem_cell_type, dem_ledger_type, servo_seen_size, &
-    surcharge_seen_size, fed_size, drained_size
+    surcharge_seen_size, fed_size, drained_size, window_size
   use dem_received_contacts, only: receive_contacts, give_results
   use dem_cell, only: is_periodic
   use dem_additional_list, only: put_run_of_additional, get_run_of_additional, layout_kept, &
@@ -84,6 +84,7 @@ contains
     call archive%put_integers('last_id', reshape([d%last_id], [1, 1]))
     call archive%put_reals('sources.fed', d%fed)
     call archive%put_reals('sinks.drained', d%drained)
+    if (allocated(d%window)) call archive%put_reals('window', reshape(d%window, [window_size, 1]))
   end subroutine put_open
 
   !> The same back.
@@ -92,14 +93,17 @@ contains
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
     integer(i8), allocatable :: last(:, :)
+    real(wp), allocatable :: window(:, :)
     integer(i4) :: sources, sinks
     sources = size(d%fed, 2)
     sinks = size(d%drained, 2)
     call archive%get_integers('last_id', 1, 1, last, errors, [0_i8, int(huge(1_i4), i8)])
     call archive%get_reals('sources.fed', fed_size, sources, d%fed, errors)
     call archive%get_reals('sinks.drained', drained_size, sinks, d%drained, errors)
+    if (allocated(d%window)) call archive%get_reals('window', window_size, 1, window, errors)
     if (errors%any()) return
     d%last_id = last(1, 1)
+    if (allocated(d%window)) d%window = window(:, 1)
   end subroutine get_open
 
   pure function weight_ids(d) result(ids)

@@ -245,22 +245,24 @@ contains
   end subroutine restore
 
   !> These grains leave between two steps; the whole has been gathered.
-  subroutine leave(self, leaving)
+  subroutine leave(self, leaving, kind)
     class(dem_system_type), intent(inout) :: self
-    logical, intent(in) :: leaving(:)  !! (grains)
+    logical, intent(in) :: leaving(:)             !! (grains)
+    integer(i4), intent(in), optional :: kind(:)  !! (grains) of those that stay, from now on
     call follow_step(self%dem_data_type, self%par%dt)
-    call remove_grains(self%dem_data_type, leaving)
+    call remove_grains(self%dem_data_type, leaving, kind)
     call settle_change(self)
   end subroutine leave
 
   !> These grains enter between two steps, with the friction of their contacts; the whole has been
   !! gathered.
-  subroutine enter(self, entering, springs)
+  subroutine enter(self, entering, springs, kind)
     class(dem_system_type), intent(inout) :: self
     type(dem_grains_type), intent(in) :: entering
     type(start_springs_type), intent(in) :: springs
+    integer(i4), intent(in), optional :: kind(:)  !! (grains) of those there are, from now on
     call follow_step(self%dem_data_type, self%par%dt)
-    call add_grains(self%dem_data_type, entering, springs)
+    call add_grains(self%dem_data_type, entering, springs, kind)
     call settle_change(self)
   end subroutine enter
 
