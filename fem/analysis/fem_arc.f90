@@ -95,18 +95,15 @@ contains
     call self%external_at(arc%t_end, part%goal_load)
     if (.not. arc%settled) part%load = 0.0_wp
     if (.not. allocated(self%loads%follower)) return
-    allocate (part%pressure(size(self%loads%follower)), &
-      part%goal_pressure(size(self%loads%follower)))
-    part%goal_pressure = self%loads%follower%pressure
-    part%pressure = self%loads%follower%pressure
+    allocate (part%follower(size(self%loads%follower)), &
+      part%goal_follower(size(self%loads%follower)), source=1.0_wp)
     do k = 1, size(self%loads%follower)
       associate (f => self%loads%follower(k))
-        if (f%curve > 0) part%goal_pressure(k) = f%pressure &
-          *self%loads%curve(f%curve)%at(arc%t_end)
-        if (f%curve > 0) part%pressure(k) = f%pressure*self%loads%curve(f%curve)%at(0.0_wp)
+        if (f%curve > 0) part%goal_follower(k) = self%loads%curve(f%curve)%at(arc%t_end)
+        if (f%curve > 0) part%follower(k) = self%loads%curve(f%curve)%at(0.0_wp)
       end associate
     end do
-    if (.not. arc%settled) part%pressure = 0.0_wp
+    if (.not. arc%settled) part%follower = 0.0_wp
   end subroutine begin_path
 
   !> Predict along the tangent, then correct on the sphere; a radius below zero is that of the first
@@ -194,8 +191,8 @@ contains
     push = part%goal_load - part%load
     if (allocated(self%loads%follower)) then
       do k = 1, size(self%loads%follower)
-        call follower_force(self%mesh, self%loads%follower(k), part%goal_pressure(k) &
-                            - part%pressure(k), self%state%u, push)
+        call follower_force(self%mesh, self%loads%follower(k), part%goal_follower(k) &
+                            - part%follower(k), self%state%u, push)
       end do
     end if
     call assemble(self, part)

@@ -27,7 +27,7 @@ module fem_newton
   !> Start and target of a part of a step.
   type :: part_type
     real(wp), allocatable :: load(:, :), goal_load(:, :)  !! at start and end of the step [N]
-    real(wp), allocatable :: pressure(:), goal_pressure(:)  !! of those that follow the surface [Pa]
+    real(wp), allocatable :: follower(:), goal_follower(:)  !! shares of pressures that follow [-]
     real(wp), allocatable :: dead(:, :)                   !! loads of the part [N]
     real(wp), allocatable :: raw(:, :)                    !! residual plus reactions [N]
     real(wp), allocatable :: inertia(:, :), balance(:, :) !! M a, and that before the part (HHT) [N]
@@ -103,17 +103,15 @@ contains
     real(wp), intent(in) :: t1
     type(part_type), intent(inout) :: part
     integer(i4) :: k
-    allocate (part%pressure(size(self%loads%follower)), &
-      part%goal_pressure(size(self%loads%follower)))
-    part%goal_pressure = self%loads%follower%pressure
-    part%pressure = part%weight_before*self%loads%follower%pressure
+    allocate (part%follower(size(self%loads%follower)), source=part%weight_before)
+    allocate (part%goal_follower(size(self%loads%follower)), source=1.0_wp)
     do k = 1, size(self%loads%follower)
       associate (f => self%loads%follower(k))
         if (f%curve > 0) then
-          part%goal_pressure(k) = f%pressure*self%loads%curve(f%curve)%at(t1)
-          part%pressure(k) = part%pressure(k)*self%loads%curve(f%curve)%at(self%accepted%time)
+          part%goal_follower(k) = self%loads%curve(f%curve)%at(t1)
+          part%follower(k) = part%follower(k)*self%loads%curve(f%curve)%at(self%accepted%time)
         end if
-        call follower_force(self%mesh, f, -part%pressure(k), self%accepted%u, part%load)
+        call follower_force(self%mesh, f, -part%follower(k), self%accepted%u, part%load)
       end associate
     end do
   end subroutine begin_pressures
@@ -243,7 +241,7 @@ contains
     call add_springs(self%supports%ground, self%system%pattern, self%system%k, self%system%lower)
     if (allocated(self%loads%follower)) then
       do k = 1, size(self%loads%follower)
-        call add_follower_stiffness(self%mesh, self%loads%follower(k), pressure_now(part, k), &
+        call add_follower_stiffness(self%mesh, self%loads%follower(k), follower_now(part, k), &
                                     self%state%u, self%system%pattern, self%system%k, &
                                       self%system%lower)
       end do
@@ -255,12 +253,12 @@ contains
     call add_springs(self%port%robin, self%system%pattern, self%system%k, self%system%lower)
   end subroutine assemble
 
-  !> A pressure that follows the surface, in the part [Pa].
-  pure real(wp) function pressure_now(part, k)
+  !> Share of a pressure that follows the surface, in the part [-].
+  pure real(wp) function follower_now(part, k)
     type(part_type), intent(in) :: part
     integer(i4), intent(in) :: k
-    pressure_now = part%pressure(k) + part%after*(part%goal_pressure(k) - part%pressure(k))
-  end function pressure_now
+    follower_now = part%follower(k) + part%after*(part%goal_follower(k) - part%follower(k))
+  end function follower_now
 
   !> Factor and solve; a singular tangent is a reason to halve the step.
   subroutine solve(self, part, residual, du, good)
@@ -317,7 +315,7 @@ contains
       s%external = part%dead
       if (allocated(self%loads%follower)) then
         do k = 1, size(self%loads%follower)
-          call follower_force(self%mesh, self%loads%follower(k), pressure_now(part, k), s%u, &
+          call follower_force(self%mesh, self%loads%follower(k), follower_now(part, k), s%u, &
             s%external)
         end do
       end if

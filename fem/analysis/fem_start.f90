@@ -1,5 +1,5 @@
-!> The start of a dynamic run: initial velocities, accelerations and reactions in balance with the
-!! loads, and the initial energy of the body.
+!> The start of a dynamic run: initial velocities and displacements, accelerations and reactions in
+!! balance with the loads, and the initial energy of the body.
 module fem_start
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
@@ -11,8 +11,8 @@ module fem_start
 
 contains
 
-  !> Start from the velocities of the deck (zero where held), with accelerations and
-  !! reactions in balance with the loads there: M a = f - K u - C v.
+  !> Start from the velocities and displacements of the deck (zero where held), with accelerations
+  !! and reactions in balance with the loads there: M a = f - K u - C v.
   subroutine start_motion(self, errors)
     type(fem_body_type), intent(inout) :: self
     type(error_list_type), intent(inout) :: errors
@@ -41,11 +41,26 @@ contains
       end if
       self%energy%kinetic = 0.5_wp*sum(s%v*momentum)
     end associate
-    self%energy%start = self%energy%kinetic
+    call store_strain(self, internal)
+    self%energy%start = self%energy%kinetic + self%energy%strain + self%energy%plastic &
+      + self%energy%numerical
     self%accepted = self%state
     call self%energy%keep_largest()
     self%accepted_energy = self%energy
   end subroutine start_motion
+
+  !> Energy and state of the strain of initial displacements; without them nothing is strained yet.
+  subroutine store_strain(self, internal)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: internal(:, :)  !! [N]
+    if (.not. maxval(abs(self%state%u)) > 0.0_wp) return
+    if (self%matter%active) then
+      call self%matter_energy()
+      call self%matter%accept()
+    else
+      self%energy%strain = 0.5_wp*sum(self%state%u*(internal + self%system%initial_force))
+    end if
+  end subroutine store_strain
 
   !> Accelerations and reactions by factors of the consistent mass; the analysis of the pattern
   !! serves the steps too.

@@ -63,9 +63,9 @@ contains
     integer(i4) :: k
     if (.not. allocated(self%loads%follower)) return
     do k = 1, size(self%loads%follower)
-      value = self%loads%follower(k)%pressure
+      value = 1.0_wp
       if (self%loads%follower(k)%curve > 0) value = &
-        value*self%loads%curve(self%loads%follower(k)%curve)%at(t)
+        self%loads%curve(self%loads%follower(k)%curve)%at(t)
       call follower_force(self%mesh, self%loads%follower(k), value, u, force)
     end do
   end subroutine follow

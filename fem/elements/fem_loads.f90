@@ -13,13 +13,14 @@ module fem_loads
 
 contains
 
-  !> Add the nodal forces (3, nodes and more) of a constant traction [Pa] on facets [N].
-  subroutine traction_force(mesh, group, traction, force)
+  !> Add the nodal forces (3, nodes and more) of a traction [Pa] on facets [N] that varies linearly:
+  !! `traction` at the origin of x, `slope`(i, j) of component i along x_j [Pa/m].
+  subroutine traction_force(mesh, group, traction, slope, force)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_group_type), intent(in) :: group
-    real(wp), intent(in) :: traction(3)
+    real(wp), intent(in) :: traction(3), slope(3, 3)
     real(wp), intent(inout) :: force(:, :)
-    real(wp) :: n(most_facet_nodes), area(3)
+    real(wp) :: n(most_facet_nodes), area(3), here(3)
     real(wp), allocatable :: points(:, :), weights(:)
     integer(i4) :: f, q, m
     do f = 1, facet_total(group)
@@ -28,19 +29,21 @@ contains
       associate (node => group%facet(:m, f))
         do q = 1, size(weights)
           call facet_point(group%facet_kind(f), mesh%x(:, node), points(:, q), n(:m), area)
-          call add_shares(node, n(:m), weights(q)*norm2(area)*traction, force)
+          here = traction + matmul(slope, matmul(mesh%x(:, node), n(:m)))
+          call add_shares(node, n(:m), weights(q)*norm2(area)*here, force)
         end do
       end associate
     end do
   end subroutine traction_force
 
-  !> Add the nodal forces of a constant pressure [Pa] on facets, positive into the solid [N].
-  subroutine pressure_force(mesh, group, pressure, force)
+  !> Add the nodal forces of a pressure [Pa] on facets, positive into the solid [N], that varies
+  !! linearly: `pressure` at the origin of x, `slope` along x [Pa/m].
+  subroutine pressure_force(mesh, group, pressure, slope, force)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_group_type), intent(in) :: group
-    real(wp), intent(in) :: pressure
+    real(wp), intent(in) :: pressure, slope(3)
     real(wp), intent(inout) :: force(:, :)
-    real(wp) :: n(most_facet_nodes), area(3)
+    real(wp) :: n(most_facet_nodes), area(3), here
     real(wp), allocatable :: points(:, :), weights(:)
     integer(i4) :: f, q, m
     do f = 1, facet_total(group)
@@ -49,7 +52,8 @@ contains
       associate (node => group%facet(:m, f))
         do q = 1, size(weights)
           call facet_point(group%facet_kind(f), mesh%x(:, node), points(:, q), n(:m), area)
-          call add_shares(node, n(:m), -weights(q)*pressure*area, force)
+          here = pressure + dot_product(slope, matmul(mesh%x(:, node), n(:m)))
+          call add_shares(node, n(:m), -weights(q)*here*area, force)
         end do
       end associate
     end do

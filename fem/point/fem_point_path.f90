@@ -31,6 +31,8 @@ module fem_point_path
     real(wp) :: strain(6) = 0.0_wp, stress(6) = 0.0_wp
     real(wp), allocatable :: state(:)
     integer(i4) :: iterations = 0  !! of the last step
+    real(wp) :: tangent(6, 6) = 0.0_wp  !! d stress/d strain of the last step [Pa]
+    logical :: shows_tangent = .false.  !! is it written?
   end type point_type
 
 contains
@@ -57,11 +59,13 @@ contains
     allocate (point%state(law%states))
     call begin_point(deck, law, point, errors)
     call deck%get('point', 1, 'steps', steps)
+    call deck%get('point', 1, 'tangent', point%shows_tangent)
     t_end = 1.0_wp
     if (deck%given('run', 1, 't_end')) call deck%get('run', 1, 't_end', t_end)
     if (errors%any() .or. check) return
-    call open_table(law, path, file, errors)
+    call open_table(law, path, point%shows_tangent, file, errors)
     if (errors%any()) return
+    call start_tangent(law, point)
     call write_row(point, file, errors)
     do k = 1, steps
       call step_to(law, control, curve, k*t_end/steps, point, errors)
@@ -126,6 +130,18 @@ contains
     if (len(fault) > 0) call deck%fault(errors, 'D333', fault, 'point', 1, 'stress', cure)
   end subroutine begin_point
 
+  !> Tangent of a step of no length.
+  subroutine start_tangent(law, point)
+    class(fem_law_type), intent(in) :: law
+    type(point_type), intent(inout) :: point
+    real(wp) :: stress(6), state(size(point%state)), nothing(6)
+    logical :: good
+    nothing = 0.0_wp
+    stress = point%stress
+    state = point%state
+    call integrate(law, nothing, stress, state, point%tangent, good)
+  end subroutine start_tangent
+
   !> Advance to a time, halving steps that do not converge.
   subroutine step_to(law, control, curve, time, point, errors)
     class(fem_law_type), intent(in) :: law
@@ -158,7 +174,8 @@ contains
     type(point_type), intent(inout) :: point
     logical, intent(out) :: good
     real(wp), dimension(6) :: d, row, wanted, left, stress
-    real(wp) :: matrix(6, 6), tangent(6, 6), moduli(2), state(size(point%state)), largest, before
+    real(wp) :: matrix(6, 6), tangent(6, 6), change(6, 1), moduli(2), state(size(point%state))
+    real(wp) :: largest, before
     integer :: pivot(6), info
     integer(i4) :: k, j
 
@@ -183,31 +200,33 @@ contains
       if (k > 1 .and. good .and. largest >= 0.1_wp*before) exit
       if (k > 1 .and. largest <= 0.0_wp) exit
       before = largest
-      tangent(:, 1) = row*left
+      change(:, 1) = row*left
       do j = 1, 6
         matrix(:, j) = row*matrix(:, j)
       end do
-      call dgesv(6, 1, matrix, 6, pivot, tangent, 6, info)
-      good = info == 0 .and. maxval(abs(tangent(:, 1))) < wild
+      call dgesv(6, 1, matrix, 6, pivot, change, 6, info)
+      good = info == 0 .and. maxval(abs(change)) < wild
       if (.not. good) return
-      d = d + tangent(:, 1)
+      d = d + change(:, 1)
     end do
     good = good .and. k <= most_iterations
     if (.not. good) return
     point%stress = stress
     point%state = state
+    point%tangent = tangent
     point%strain = point%strain + d
     point%time = time
     point%iterations = k
   end subroutine one_step
 
-  subroutine open_table(law, path, file, errors)
+  subroutine open_table(law, path, tangent, file, errors)
     class(fem_law_type), intent(in) :: law
     character(len=*), intent(in) :: path
+    logical, intent(in) :: tangent  !! is it written?
     type(history_type), intent(inout) :: file
     type(error_list_type), intent(inout) :: errors
     type(string_type), allocatable :: columns(:)
-    integer(i4) :: k
+    integer(i4) :: k, j
     call append_string(columns, 'time [s]')
     do k = 1, 6
       call append_string(columns, 'strain '//component(k)//' [-]')
@@ -218,6 +237,11 @@ contains
     call append_string(columns, 'p [Pa]')
     call append_string(columns, 'q [Pa]')
     call append_states(law, columns)
+    do k = 1, merge(6, 0, tangent)
+      do j = 1, 6
+        call append_string(columns, 'stress '//component(k)//' by strain '//component(j)//' [Pa]')
+      end do
+    end do
     call file%open(path, columns, .false., errors)
   end subroutine open_table
 
@@ -226,10 +250,11 @@ contains
     type(point_type), intent(in) :: point
     type(history_type), intent(inout) :: file
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: p
+    real(wp) :: p, slopes(merge(36, 0, point%shows_tangent))
     p = -trace(point%stress)/3.0_wp
+    slopes = reshape(transpose(point%tangent), shape(slopes))
     call file%write([point%time, point%strain, point%stress, p, &
       sqrt(1.5_wp)*magnitude(point%stress + p*unit), point%state, &
-      real(point%iterations, wp)], errors)
+      real(point%iterations, wp), slopes], errors)
   end subroutine write_row
 end module fem_point_path

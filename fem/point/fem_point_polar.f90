@@ -31,6 +31,8 @@ module fem_point_polar
     real(wp) :: strain(polar_size) = 0.0_wp, stress(polar_size) = 0.0_wp
     real(wp), allocatable :: state(:)
     integer(i4) :: iterations = 0  !! of the last step
+    real(wp) :: tangent(polar_size, polar_size) = 0.0_wp  !! d stress/d strain of the last step
+    logical :: shows_tangent = .false.                    !! is it written?
   end type point_type
 
 contains
@@ -59,11 +61,13 @@ contains
     call law%begin(start, point%state, fault, cure)
     if (len(fault) > 0) call deck%fault(errors, 'D333', fault, 'point', 1, 'stress', cure)
     call deck%get('point', 1, 'steps', steps)
+    call deck%get('point', 1, 'tangent', point%shows_tangent)
     t_end = 1.0_wp
     if (deck%given('run', 1, 't_end')) call deck%get('run', 1, 't_end', t_end)
     if (errors%any() .or. check) return
-    call open_table(law, path, file, errors)
+    call open_table(law, path, point%shows_tangent, file, errors)
     if (errors%any()) return
+    call start_tangent(law, point)
     call write_row(point, file, errors)
     do k = 1, steps
       call step_to(law, control, curve, k*t_end/steps, point, errors)
@@ -109,6 +113,18 @@ contains
     end do
   end subroutine read_controls
 
+  !> Tangent of a step of no length.
+  subroutine start_tangent(law, point)
+    class(fem_law_polar_type), intent(in) :: law
+    type(point_type), intent(inout) :: point
+    real(wp) :: stress(polar_size), state(size(point%state)), nothing(polar_size)
+    logical :: good
+    nothing = 0.0_wp
+    stress = point%stress
+    state = point%state
+    call law%polar_update(nothing, stress, state, point%tangent, good)
+  end subroutine start_tangent
+
   !> Advance to a time, halving steps that do not converge.
   subroutine step_to(law, control, curve, time, point, errors)
     class(fem_law_polar_type), intent(in) :: law
@@ -141,7 +157,8 @@ contains
     type(point_type), intent(inout) :: point
     logical, intent(out) :: good
     real(wp), dimension(polar_size) :: d, row, wanted, left, stress
-    real(wp) :: matrix(polar_size, polar_size), change(polar_size, 1), largest, before
+    real(wp), dimension(polar_size, polar_size) :: matrix, tangent
+    real(wp) :: change(polar_size, 1), largest, before
     real(wp) :: state(size(point%state))
     integer :: pivot(polar_size), info
     integer(i4) :: k, j
@@ -157,8 +174,9 @@ contains
     do k = 1, most_iterations
       stress = point%stress
       state = point%state
-      call law%polar_update(d, stress, state, matrix, good)
+      call law%polar_update(d, stress, state, tangent, good)
       if (.not. good) return
+      matrix = tangent
       left = row*(wanted - merge(stress, point%strain + d, control%stress))
       largest = maxval(abs(left))
       good = largest <= accuracy + relative*maxval(abs(control%length*(point%strain + d)))
@@ -183,14 +201,16 @@ contains
     if (.not. good) return
     point%stress = stress
     point%state = state
+    point%tangent = tangent
     point%strain = point%strain + d
     point%time = time
     point%iterations = k
   end subroutine one_step
 
-  subroutine open_table(law, path, file, errors)
+  subroutine open_table(law, path, tangent, file, errors)
     class(fem_law_polar_type), intent(in) :: law
     character(len=*), intent(in) :: path
+    logical, intent(in) :: tangent  !! is it written?
     type(history_type), intent(inout) :: file
     type(error_list_type), intent(inout) :: errors
     type(string_type), allocatable :: columns(:)
@@ -204,14 +224,33 @@ contains
       end do
     end do
     call append_states(law, columns)
+    if (tangent) call append_tangent(what, columns)
     call file%open(path, columns, .false., errors)
   end subroutine open_table
+
+  !> Names of the slopes of stress and couple stress by strains and curvatures, stress by stress.
+  subroutine append_tangent(what, columns)
+    character(len=*), intent(in) :: what(4)
+    type(string_type), allocatable, intent(inout) :: columns(:)
+    character(len=*), parameter :: unit_of(3) = [character(len=3) :: 'Pa', 'N/m', 'N']
+    integer(i4) :: i, k, s, e
+    do k = 0, polar_size - 1
+      do i = 0, polar_size - 1
+        s = 1 + k/9
+        e = 1 + i/9
+        call append_string(columns, trim(what(2 + s))//' '//kl(1 + mod(k, 9))//' by '// &
+          trim(what(e))//' '//kl(1 + mod(i, 9))//' ['//trim(unit_of(s + e - 1))//']')
+      end do
+    end do
+  end subroutine append_tangent
 
   subroutine write_row(point, file, errors)
     type(point_type), intent(in) :: point
     type(history_type), intent(inout) :: file
     type(error_list_type), intent(inout) :: errors
+    real(wp) :: slopes(merge(polar_size**2, 0, point%shows_tangent))
+    slopes = reshape(transpose(point%tangent), shape(slopes))
     call file%write([point%time, point%strain, point%stress, point%state, &
-                     real(point%iterations, wp)], errors)
+                     real(point%iterations, wp), slopes], errors)
   end subroutine write_row
 end module fem_point_polar

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-fem.
   subroutine fem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-fem', 33)
+    call table%init('talus-fem', 34)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -26,6 +26,7 @@ contains
     call group_motion(table)
     call group_rigid(table)
     call group_initial(table)
+    call group_initial_displacement(table)
     call group_traction(table)
     call group_pressure(table)
     call group_couple(table)
@@ -549,7 +550,7 @@ contains
 
   subroutine group_initial(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('initial', 3, &
+    call table%add_group('initial', 5, &
       'A component of the velocity, or of the rate of micro-rotation, that a group has ' &
       //'at the start of a dynamic run. What is held stays at rest, what is moved follows' &
       //' its curve; where groups share nodes the last one counts.', repeats=.true.)
@@ -561,21 +562,75 @@ contains
       //'to `chi33` of chi [1/s], at the nodes that have one.')
     call table%need()
     call table%allow('x|y|z|rx|ry|rz|chi11|chi12|chi13|chi21|chi22|chi23|chi31|chi32|chi33')
-    call table%add_key('value', 'real', 'm/s', 'Velocity, or rate of micro-rotation [rad/s].')
+    call table%add_key('value', 'real', 'm/s', &
+      'Velocity, or rate of micro-rotation [rad/s]; with `gradient` that at `origin`.')
     call table%need()
     call table%magnitude(0.0_wp, 100000000.0_wp)
+    call table%add_key('gradient', 'real', '1/s', &
+      'Change in space: value + gradient . (x - origin); of rates of micro-rotation ' &
+      //'[rad/(s m)].')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
+    call table%add_key('origin', 'real', 'm', 'Where the component is `value`.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%needs('gradient')
   end subroutine group_initial
+
+  subroutine group_initial_displacement(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('initial_displacement', 5, &
+      'A component of the displacement, or of the micro-rotation or micro-deformation, ' &
+      //'that a group has at the start of a dynamic run: the body is let go there, with ' &
+      //'the stress of that strain. What is held has none, what is moved follows its ' &
+      //'curve; where groups share nodes the last one counts.', repeats=.true.)
+    call table%group_with('analysis.kind', 'newmark|hht|explicit')
+    call table%add_key('group', 'string', '', 'Facet, node or volume group.')
+    call table%need()
+    call table%add_key('component', 'string', '', &
+      'The component; `rx`, `ry` and `rz` are micro-rotations [rad], `chi11` to `chi33`' &
+      //' of chi - 1 [-], at the nodes that have one.')
+    call table%need()
+    call table%allow('x|y|z|rx|ry|rz|chi11|chi12|chi13|chi21|chi22|chi23|chi31|chi32|chi33')
+    call table%add_key('value', 'real', 'm', &
+      'Displacement, or micro-rotation [rad]; with `gradient` that at `origin`.')
+    call table%need()
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%add_key('gradient', 'real', '', &
+      'Change in space: value + gradient . (x - origin); of micro-rotations [rad/m].')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%add_key('origin', 'real', 'm', 'Where the component is `value`.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%needs('gradient')
+  end subroutine group_initial_displacement
 
   subroutine group_traction(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('traction', 3, &
-      'A force per area on facets, of fixed direction.', repeats=.true.)
+    call table%add_group('traction', 5, &
+      'A force per area on facets, of fixed direction, constant or linear.', repeats=.true.)
     call table%add_key('group', 'string', '', 'Facet group.')
     call table%need()
-    call table%add_key('value', 'real', 'Pa', 'The traction.')
+    call table%add_key('value', 'real', 'Pa', 'The traction; with `gradient` that at `origin`.')
     call table%need()
     call table%sized(3_i4, 3_i4)
     call table%magnitude(0.0_wp, 1e+36_wp)
+    call table%add_key('gradient', 'real', 'Pa/m', &
+      'Change in space, t_1,1 t_1,2 t_1,3 t_2,1 to t_3,3: t = value + gradient (x - ' &
+      //'origin), x of the undeformed mesh.')
+    call table%sized(9_i4, 9_i4)
+    call table%preset('0.0|0.0|0.0|0.0|0.0|0.0|0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1e+30_wp)
+    call table%add_key('origin', 'real', 'm', 'Where the traction is `value`.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%needs('gradient')
     call table%add_key('curve', 'string', '', &
       'Id of a curve that scales it; without one it is constant.')
     call table%preset('')
@@ -583,14 +638,26 @@ contains
 
   subroutine group_pressure(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('pressure', 4, &
+    call table%add_group('pressure', 6, &
       'A pressure on facets, along their normals into the solid: of the undeformed ' &
-      //'mesh, or where they are now.', repeats=.true.)
+      //'mesh, or where they are now; constant or linear in space.', repeats=.true.)
     call table%add_key('group', 'string', '', 'Facet group.')
     call table%need()
-    call table%add_key('value', 'real', 'Pa', 'The pressure; negative values pull.')
+    call table%add_key('value', 'real', 'Pa', &
+      'The pressure, with `gradient` that at `origin`; negative values pull.')
     call table%need()
     call table%magnitude(0.0_wp, 1e+36_wp)
+    call table%add_key('gradient', 'real', 'Pa/m', &
+      'Change in space: p = value + gradient . (x - origin); x of the undeformed mesh, ' &
+      //'of one that follows the surface where it is now, as of water.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1e+30_wp)
+    call table%add_key('origin', 'real', 'm', 'Where the pressure is `value`.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%needs('gradient')
     call table%add_key('curve', 'string', '', &
       'Id of a curve that scales it; without one it is constant.')
     call table%preset('')
@@ -1023,7 +1090,7 @@ contains
 
   subroutine group_point(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('point', 3, &
+    call table%add_group('point', 4, &
       'A path of a material point for `talus-fem --point deck.nml`: stress, strain or ' &
       //'linear combinations of them follow curves. Compression is negative. The table ' &
       //'`*_point.csv` has a row a step.', repeats=.true.)
@@ -1039,6 +1106,11 @@ contains
     call table%sized(6_i4, 6_i4)
     call table%preset('0.0|0.0|0.0|0.0|0.0|0.0')
     call table%magnitude(0.0_wp, 1e+36_wp)
+    call table%add_key('tangent', 'logical', '', &
+      'Write the consistent tangent of each step, too: the slopes of its stress (and ' &
+      //'couple stress) by its strains (and curvatures), in the order of the columns of ' &
+      //'the strains; before the first step that of a step of no length.')
+    call table%preset('.false.')
   end subroutine group_point
 
   subroutine group_control(table)

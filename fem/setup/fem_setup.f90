@@ -187,35 +187,62 @@ contains
     end do
   end subroutine read_motions
 
-  !> Velocities at the start of a dynamic run.
+  !> Velocities and displacements at the start of a dynamic run. `accepted` stays undisplaced:
+  !! the step from there to the start strains the points of laws with a state (start_motion).
   subroutine read_initial(deck, body, errors)
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
     type(error_list_type), intent(inout) :: errors
+    real(wp) :: field(3, body%dofs%blocks)
+
+    call read_field(deck, body, 'initial', field, errors)
+    body%state%v = field
+    body%accepted%v = field
+    if (deck%count('initial_displacement') == 0) return
+    call read_field(deck, body, 'initial_displacement', field, errors)
+    if (deck%count('initial_stress') + deck%count('geostatic') > 0) call deck%fault(errors, &
+      'D346', 'displacements count from the equilibrium under the initial stress', &
+      'initial_displacement', 1, '', 'leave it out, or leave the initial stress out')
+    if (errors%any()) return
+    body%state%u = field
+    call body%impose(0.0_wp, body%state%u)
+  end subroutine read_initial
+
+  !> A field that groups of the deck have at the start, linear in space; zero where held.
+  subroutine read_field(deck, body, what, field, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(in) :: body
+    character(len=*), intent(in) :: what
+    real(wp), intent(out) :: field(:, :)  !! (3, blocks)
+    type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: name, text
     integer(i4), allocatable :: block(:)
+    real(wp), allocatable :: slope(:), origin(:)
     real(wp) :: value
     integer(i4) :: s, g, component
 
-    do s = 1, deck%count('initial')
-      call deck%get('initial', s, 'group', name)
+    field = 0.0_wp
+    do s = 1, deck%count(what)
+      call deck%get(what, s, 'group', name)
       g = find_group(body%mesh, name, any_kind)
-      if (g == 0) call group_fault(deck, body, 'initial', s, any_kind, errors)
+      if (g == 0) call group_fault(deck, body, what, s, any_kind, errors)
       if (g == 0) cycle
-      call deck%get('initial', s, 'component', text)
-      call deck%get('initial', s, 'value', value)
+      call deck%get(what, s, 'component', text)
+      call deck%get(what, s, 'value', value)
+      call deck%get(what, s, 'gradient', slope)
+      call deck%get(what, s, 'origin', origin)
       call blocks_for(body, g, text, component, block)
-      if (component == 0) call field_fault(deck, 'initial', s, text, errors)
+      if (component == 0) call field_fault(deck, what, s, text, errors)
       if (component == 0) cycle
       if (size(block) > 0 .and. all(body%supports%held(component, block))) &
         call deck%fault(errors, 'D328', 'component '//text// &
-          " is held or moved at all nodes of '"//name//"'", 'initial', s, 'component', &
+          " is held or moved at all nodes of '"//name//"'", what, s, 'component', &
           'leave it out, or remove it from the &support')
-      body%state%v(component, block) = value
+      field(component, block) = value - dot_product(slope, origin) &
+        + matmul(slope, body%mesh%x(:, body%dofs%node(block)))
     end do
-    where (body%supports%held) body%state%v = 0.0_wp
-    body%accepted%v = body%state%v
-  end subroutine read_initial
+    where (body%supports%held) field = 0.0_wp
+  end subroutine read_field
 
   subroutine append_motion(list, motion)
     type(fem_motion_type), allocatable, intent(inout) :: list(:)

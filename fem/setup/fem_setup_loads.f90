@@ -27,8 +27,8 @@ contains
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: value(:)
-    real(wp) :: pressure
+    real(wp), allocatable :: value(:), slope(:), origin(:)
+    real(wp) :: pressure, matrix(3, 3)
     type(fem_load_type) :: load
     integer(i4) :: s, g
     logical :: follows
@@ -39,8 +39,12 @@ contains
       call curve_index(deck, 'D303', body%loads%curve, 'traction', s, load%curve, errors)
       if (g == 0) cycle
       call deck%get('traction', s, 'value', value)
+      call deck%get('traction', s, 'gradient', slope)
+      call deck%get('traction', s, 'origin', origin)
+      matrix = transpose(reshape(slope, [3, 3]))
       load%force = 0.0_wp*body%state%u
-      call traction_force(body%mesh, body%mesh%group(g), value, load%force)
+      call traction_force(body%mesh, body%mesh%group(g), value - matmul(matrix, origin), matrix, &
+        load%force)
       call body%loads%append(load)
     end do
     do s = 1, deck%count('pressure')
@@ -48,13 +52,16 @@ contains
       call curve_index(deck, 'D303', body%loads%curve, 'pressure', s, load%curve, errors)
       if (g == 0) cycle
       call deck%get('pressure', s, 'value', pressure)
+      call deck%get('pressure', s, 'gradient', slope)
+      call deck%get('pressure', s, 'origin', origin)
+      pressure = pressure - dot_product(slope, origin)
       call deck%get('pressure', s, 'follower', follows)
       if (follows) then
-        call append_follower(body, g, load%curve, pressure)
+        call append_follower(body, fem_follower_type(g, load%curve, pressure, slope))
         cycle
       end if
       load%force = 0.0_wp*body%state%u
-      call pressure_force(body%mesh, body%mesh%group(g), pressure, load%force)
+      call pressure_force(body%mesh, body%mesh%group(g), pressure, slope, load%force)
       call body%loads%append(load)
     end do
   end subroutine read_tractions
@@ -247,11 +254,10 @@ contains
                                 key, group_hint(body%mesh, name, [group_facet]))
   end subroutine facet_group
 
-  subroutine append_follower(body, g, curve, pressure)
+  subroutine append_follower(body, follower)
     type(fem_body_type), intent(inout) :: body
-    integer(i4), intent(in) :: g, curve
-    real(wp), intent(in) :: pressure
+    type(fem_follower_type), intent(in) :: follower
     if (.not. allocated(body%loads%follower)) allocate (body%loads%follower(0))
-    body%loads%follower = [body%loads%follower, fem_follower_type(g, curve, pressure)]
+    body%loads%follower = [body%loads%follower, follower]
   end subroutine append_follower
 end module fem_setup_loads

@@ -56,7 +56,37 @@ def judge_triaxial(case: Case) -> dict[str, np.ndarray]:
     at_yield = slope[1] / (1 - slope[0] / YOUNG)  # where the line meets E strain
     case.metric("triaxial: q at yield / Mohr-Coulomb", float(at_yield) / Q_YIELD, 1.0, 1e-8)
     judge_growth(case, "triaxial", found)
+    judge_tangent(case, found)
     return found
+
+
+def judge_tangent(case: Case, found: dict[str, np.ndarray]) -> None:
+    """Judge the elastic tangent, that of the flow along the path, which is linear, and in shear."""
+    names = ("xx", "yy", "zz", "xy", "yz", "zx")
+    tangent = np.array([[found[f"stress {a} by strain {b}"] for b in names] for a in names])
+    elastic = np.zeros((6, 6))
+    elastic[:3, :3] = BULK - 2 / 3 * SHEAR + 2 * SHEAR * np.eye(3)
+    elastic[3:, 3:] = SHEAR * np.eye(3)
+    off = max(abs(tangent[..., k] - elastic).max() for k in (0, 1))
+    case.below("tangent before yield, error / largest", float(off / elastic.max()), 1e-12)
+    strain = np.array([found[f"strain {a}"] for a in names])
+    stress = np.array([found[f"stress {a}"] for a in names])
+    flowing = np.flatnonzero((found["yield"][1:] > 0) & (found["yield"][:-1] > 0)) + 1
+    off = max(
+        abs(tangent[..., k] @ (strain[:, k] - strain[:, k - 1]) - stress[:, k] + stress[:, k - 1])
+        .max() for k in flowing
+    )  # fmt: skip
+    case.below("tangent of flow by the step, error / largest stress", float(off / 5e5), 1e-9)
+    off = []
+    for k in flowing:  # the return shortens the deviator and leaves its direction
+        step = strain[:3, k] - strain[:3, k - 1]
+        deviator, before = (s - s.mean() for s in (stress[:3, k], stress[:3, k - 1]))
+        trial = before + 2 * SHEAR * (step - step.mean())
+        wanted = SHEAR * np.linalg.norm(deviator) / np.linalg.norm(trial)
+        off.append(abs(tangent[3, 3, k] / wanted - 1))
+    case.below("tangent of flow in shear / exact - 1", float(max(off)), 1e-9)
+    skew = abs(tangent[0, 2, -1] - tangent[2, 0, -1]) / SHEAR
+    case.above("tangent of flow: not symmetric where dilation is not friction", float(skew), 0.05)
 
 
 def judge_expansion(case: Case) -> None:

@@ -1,4 +1,4 @@
-"""A bar against a wall and micro-rotations that spin, from initial velocities."""
+"""Bars and micro-rotations from initial velocities, and from initial displacements."""
 
 import shutil
 
@@ -18,6 +18,11 @@ KINDS = {
     "newmark": "kind = 'newmark', dt = 5.0e-5",
     "hht": "kind = 'hht', dt = 5.0e-5, alpha = -0.05",
 }
+STRAIN = 1.0e-3
+LAWS = {
+    "linear": "law = 'linear_elastic'",
+    "with a state": "law = 'drucker_prager', cohesion = 1.0e9, friction_deg = 0.0",
+}
 SPINS = {"explicit": "kind = 'explicit'", "newmark": "kind = 'newmark', dt = 2.0e-5"}
 MARKS = {"explicit": "o", "newmark": "s", "hht": "^"}
 
@@ -28,14 +33,15 @@ def triangle(time: np.ndarray) -> np.ndarray:
     return 4.0 * np.abs(phase - 0.5) - 1.0
 
 
-def solve(case: Case, deck: str, kind: str, analysis: str) -> tuple[list, dict]:
+def solve(case: Case, deck: str, kind: str, analysis: str, law: str = "") -> tuple[list, dict]:
     """Run one deck; judge its ledger; return the steps of its fields and its history."""
-    name = f"{deck}_{kind}"
+    name = f"{deck}_{kind}".replace(" ", "_").replace(",", "")
     text = (case.folder / f"{deck}.nml").read_text().replace("ANALYSIS", analysis)
+    text = text.replace("LAW", law)
     (case.folder / f"{name}.nml").write_text(text)
     case.run("talus-fem", f"{name}.nml")
     energy = read_history(case.folder / f"{name}_energy.csv")
-    start = float(energy["kinetic"][0])
+    start = float(energy["kinetic"][0] + energy["strain"][0])
     error = float(abs(energy["closure"]).max() / start)
     case.below(f"{deck}, {kind}: ledger, error / energy at the start", error, 1e-9)
     return field_steps(case.folder / f"{name}.h5"), energy
@@ -48,6 +54,26 @@ def judge_restart(case: Case, whole: list) -> None:
     again = field_steps(case.folder / "bar_explicit.h5")
     same = all((a.solid["u"] == b.solid["u"]).all() for a, b in zip(whole, again, strict=True))
     case.metric("bar, explicit: restart repeats every bit", float(same), 1.0, 0)
+
+
+def judge_stretched(case: Case, end: np.ndarray, ax: object) -> None:
+    """Judge a bar that is let go stretched: its end goes from one side to the other and back."""
+    for law, words in LAWS.items():
+        for kind, analysis in KINDS.items():
+            label = f"{kind}, {law}"
+            steps, energy = solve(case, "stretched", label, analysis, words)
+            time = np.array([s.time for s in steps])
+            u = np.array([s.solid["u"][end, 2].mean() for s in steps]) / (STRAIN * LENGTH)
+            exact = 4.0 * np.abs(np.mod(time / PERIOD, 1.0) - 0.5) - 1.0
+            off = float(abs(u - exact).max())
+            case.below(f"stretched, {label}: end displacement, error / (strain L)", off, 0.03)
+            begun = float(energy["strain"][0] / (0.5 * YOUNG * SIDE**2 * LENGTH * STRAIN**2))
+            case.metric(f"stretched, {label}: energy at the start / exact", begun, 1.0, 1e-9)
+            stress = steps[0].solid["stress"][:, 2] / (YOUNG * STRAIN)
+            off = float(abs(stress - 1.0).max())
+            case.below(f"stretched, {label}: stress at the start / exact - 1", off, 1e-12)
+    ax.plot(time / PERIOD, u, "C4.", ms=3, label="stretched bar, hht")
+    ax.plot(time / PERIOD, exact, "C4-", lw=0.8)
 
 
 def run(case: Case) -> None:
@@ -77,6 +103,7 @@ def run(case: Case) -> None:
         if kind == "explicit":
             judge_restart(case, steps)
     ax.plot(time / PERIOD, triangle(time), "k-", lw=1, label="d'Alembert")
+    judge_stretched(case, end, ax)
     save(converted(box(np.zeros(3), np.full(3, 0.1), (2, 2, 2)), "hex20"), case.folder / "block.h5")
     for kind, analysis in SPINS.items():
         steps, _ = solve(case, "spin", kind, analysis)
@@ -84,6 +111,10 @@ def run(case: Case) -> None:
         phi = np.array([s.solid["phi"][:, 2] for s in steps]) * OMEGA / 0.3
         off = float(abs(phi - np.sin(OMEGA * time)[:, None]).max())
         case.below(f"spin, {kind}: micro-rotation, error / amplitude", off, 1e-3)
+        steps, _ = solve(case, "turned", kind, analysis)
+        turned = np.array([s.solid["phi"][:, 2] for s in steps]) / 3.0e-4
+        off = float(abs(turned - np.cos(OMEGA * time)[:, None]).max())
+        case.below(f"turned, {kind}: micro-rotation, error / amplitude", off, 1e-3)
     ax.plot(time / PERIOD, phi.mean(axis=1), "C3+", ms=5, label="micro-rotation, newmark")
     ax.plot(time / PERIOD, np.sin(OMEGA * time), "C3-", lw=0.8, label="sine")
     ax.set(xlabel="time / (4 L/c) [-]", ylabel="displacement, rotation / amplitude [-]")

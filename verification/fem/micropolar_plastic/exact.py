@@ -63,6 +63,29 @@ def judge_strength(case: Case, name: str, shares: tuple[float, float, float]) ->
         case.metric(f"{label}: works / path", float(parts[-1] / work), 1.0, 1e-10)
 
 
+def judge_tangent(case: Case, found: dict[str, np.ndarray]) -> None:
+    """Judge slopes before yield against the constants, and those of flow by the steps."""
+    shear, coupling, length = 4.0e7, 0.6, 2.0e-3  # G, N, l_t = l_b of point.nml
+    both = shear / (1 - coupling**2)  # mu + kappa
+    gamma = 4 * shear * length**2
+    for label, column, wanted in (
+        ("12 by gamma 12", "sigma 12 by gamma 12", both),
+        ("12 by gamma 21", "sigma 12 by gamma 21", both * (1 - 2 * coupling**2)),
+        ("13 by kappa 13", "m 13 by kappa 13", gamma),
+        ("13 by kappa 31", "m 13 by kappa 31", 2 * shear * length**2 - gamma),
+    ):
+        case.metric(f"tangent: {label} / exact", float(found[column][0] / wanted), 1.0, 1e-12)
+    kl = [f"{k}{c}" for k in "123" for c in "123"]
+    strains = [f"gamma {c}" for c in kl] + [f"kappa {c}" for c in kl]
+    stresses = [f"sigma {c}" for c in kl] + [f"m {c}" for c in kl]
+    tangent = np.array([[found[f"{s} by {e}"] for e in strains] for s in stresses])
+    step = np.diff(np.array([found[e] for e in strains]), axis=1)
+    change = np.diff(np.array([found[s] for s in stresses]), axis=1)
+    flowing = np.flatnonzero((found["yield"][1:] > 0) & (found["yield"][:-1] > 0))
+    off = max(abs(tangent[..., k + 1] @ step[:, k] - change[:, k]).max() for k in flowing)
+    case.below("triaxial: tangent of flow by the step, error / cohesion", off / COHESION, 1e-8)
+
+
 def judge_triaxial(case: Case) -> dict[str, np.ndarray]:
     """Judge friction and dilation in triaxial compression: Mohr and Coulomb's strength."""
     rows = [f"component = '{c}', kind = 'stress', scale = {-CONFINED}" for c in ("11", "22")]
@@ -78,6 +101,7 @@ def judge_triaxial(case: Case) -> dict[str, np.ndarray]:
     flow = np.sqrt(2 / 3)  # n of the cone: -2, 1, 1 over the root of six
     wanted = (flow / 2 + b / 3) / (-flow + b / 3)
     case.metric("triaxial: radial over axial flow / exact", float(radial / wanted), 1.0, 1e-6)
+    judge_tangent(case, found)
     return found
 
 

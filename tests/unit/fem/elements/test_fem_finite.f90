@@ -226,10 +226,13 @@ contains
         end do
       end associate
       follower%group = 1
+      follower%pressure = 1.0_wp
+      follower%slope = 0.0_wp
       force = 0.0_wp
       call follower_force(body%mesh, follower, 2.0_wp, u, force)
       if (faces == 6) call test%check_all_close('follower: a closed surface', &
         sum(force, 2), 0.0_wp, 1.0e-13_wp)
+      follower%slope = [0.3_wp, -0.7_wp, 0.4_wp]
       high = 0.0_wp
       call follower_force(body%mesh, follower, 2.0_wp, u + step*way, high)
       low = 0.0_wp

@@ -16,6 +16,7 @@ program test_fem_loads
 
   do kind = 1, solid_kinds
     call check_surface(kind)
+    call check_slopes(kind)
   end do
   call check_shares()
   call check_locate()
@@ -70,12 +71,13 @@ contains
     type(fem_mesh_type) :: mesh
     type(fem_springs_type) :: springs
     real(wp), allocatable :: force(:, :), moment(:, :)
+    real(wp), parameter :: none(3, 3) = 0.0_wp
     real(wp) :: area, n(most_facet_nodes), normal(3), moved(3)
     integer(i4) :: f, m, s
 
     call make_element(kind, mesh)
     allocate (force(3, mesh%nodes), source=0.0_wp)
-    call pressure_force(mesh, mesh%group(1), 2.5_wp, force)
+    call pressure_force(mesh, mesh%group(1), 2.5_wp, [0.0_wp, 0.0_wp, 0.0_wp], force)
     call test%check(kind_name(kind)//': pressure has no resultant', &
                     max_abs(sum(force, dim=2)) < 1.0e-13_wp)
     call test%check_close(kind_name(kind)//': work of pressure', sum(force*mesh%x), &
@@ -92,7 +94,7 @@ contains
       area = area + merge(4.0_wp, 0.5_wp, m == 4)*norm2(normal)
     end do
     force = 0.0_wp
-    call traction_force(mesh, mesh%group(1), [3.0_wp, -1.0_wp, 2.0_wp], force)
+    call traction_force(mesh, mesh%group(1), [3.0_wp, -1.0_wp, 2.0_wp], none, force)
     call test%check(kind_name(kind)//': resultant of a traction', &
                     max_abs(sum(force, dim=2) - area*[3.0_wp, -1.0_wp, 2.0_wp]) < 1.0e-12_wp)
     call facet_springs(mesh, mesh%group(1), 5.0_wp, 5.0_wp, springs)
@@ -104,6 +106,39 @@ contains
     call test%check(kind_name(kind)//': resultant of springs', &
                     max_abs(normal - 5.0_wp*area*[1.0_wp, 2.0_wp, 3.0_wp]) < 1.0e-11_wp)
   end subroutine check_surface
+
+  !> Gauss: the resultant of a pressure of slope g on a closed surface is -g V. On a flat face the
+  !! traction -(p + g x) n gives the same forces.
+  subroutine check_slopes(kind)
+    integer(i4), intent(in) :: kind
+    type(fem_mesh_type) :: mesh
+    real(wp), parameter :: g(3) = [0.4_wp, -1.3_wp, 0.9_wp]
+    real(wp), allocatable :: force(:, :), other(:, :)
+    real(wp) :: n(most_facet_nodes), normal(3), weight
+    integer(i4) :: j
+
+    call make_element(kind, mesh)
+    allocate (force(3, mesh%nodes), other(3, mesh%nodes), source=0.0_wp)
+    call pressure_force(mesh, mesh%group(1), -3.0_wp, g, force)
+    weight = volume(mesh)
+    do j = 1, 3
+      call test%check_close(kind_name(kind)//': resultant of a sloping pressure', &
+                            sum(force(j, :)), -g(j)*weight, 1.0e-12_wp*weight)
+    end do
+    mesh%group(1)%facet = mesh%group(1)%facet(:, 1:1)
+    mesh%group(1)%facet_kind = mesh%group(1)%facet_kind(1:1)
+    associate (face => mesh%group(1)%facet_kind(1))
+      call facet_point(face, mesh%x(:, face_nodes(kind, 1)), [0.3_wp, 0.3_wp], &
+                       n(:node_count(face)), normal)
+    end associate
+    normal = normal/norm2(normal)
+    force = 0.0_wp
+    call pressure_force(mesh, mesh%group(1), -3.0_wp, g, force)
+    call traction_force(mesh, mesh%group(1), 3.0_wp*normal, &
+                        -spread(normal, 2, 3)*spread(g, 1, 3), other)
+    call test%check(kind_name(kind)//': traction of a sloping pressure', &
+                    max_abs(force - other) < 1.0e-12_wp .and. max_abs(force) > 0.1_wp)
+  end subroutine check_slopes
 
   !> Known shares of a uniform pressure on flat facets: quad8 -1/12 and 1/3, quad9 1/36, 1/9 and
   !! 4/9, tri6 0 and 1/3 of the whole.
@@ -124,7 +159,7 @@ contains
     mesh%group(1)%facet = mesh%group(1)%facet(:, 1:1)
     mesh%group(1)%facet_kind = mesh%group(1)%facet_kind(1:1)
     force = 0.0_wp
-    call pressure_force(mesh, mesh%group(1), pressure, force)
+    call pressure_force(mesh, mesh%group(1), pressure, [0.0_wp, 0.0_wp, 0.0_wp], force)
     area = norm2(sum(force, dim=2))
     associate (node => mesh%group(1)%facet(:, 1))
       c = corner_count(mesh%group(1)%facet_kind(1))
