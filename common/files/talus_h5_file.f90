@@ -437,8 +437,8 @@ contains
     integer(i8) :: k
     if (.not. self%bounded) return
     do k = 1, count
-      if (abs(values(k)) < beyond_physics) cycle
-      if (.not. (values(k) >= huge(1.0_wp) .and. values(k) <= huge(1.0_wp))) exit
+      if (.not. is_finite(values(k))) exit
+      if (abs(values(k)) >= beyond_physics .and. abs(values(k)) < huge(1.0_wp)) exit
     end do
     if (k > count) return
     call errors%add('I006', "'"//self%path//"': "//name//' holds '//str(values(k))// &

@@ -66,8 +66,8 @@ contains
         return
       end if
       mesh%kind = [mesh%kind, spread(k, 1, size(cells, 2))]
-      mesh%node = [mesh%node, reshape(cells, [size(cells)]) + 1]
-      if (k == hex8) mesh%hex8 = cells + 1
+      mesh%node = [mesh%node, row_of(reshape(cells, [size(cells)]))]
+      if (k == hex8) mesh%hex8 = row_of(cells)
     end do
     mesh%elements = size(mesh%kind)
     if (mesh%elements == 0) then
@@ -129,7 +129,7 @@ contains
     else
       call file%get(name, rows, errors)
       if (errors%any()) return
-      rows = rows + 1
+      rows = row_of(rows)
       if (group%kind == group_volume) limit = mesh%elements
     end if
     if (errors%any()) return
@@ -171,10 +171,10 @@ contains
       most = max(size(group%facet, 1), node_count(k))
       allocate (longer(most, n + size(part, 2)), source=0)
       longer(:size(group%facet, 1), :n) = group%facet
-      longer(:node_count(k), n + 1:) = part + 1
+      longer(:node_count(k), n + 1:) = row_of(part)
       call move_alloc(longer, group%facet)
       group%facet_kind = [group%facet_kind, spread(k, 1, size(part, 2))]
-      rows = [rows, reshape(part, [size(part)]) + 1]
+      rows = [rows, row_of(reshape(part, [size(part)]))]
     end do
     if (size(group%facet, 1) == 0) then
       call errors%add('I301', name//' has no facets', path, &
@@ -183,8 +183,14 @@ contains
     end if
     if (.not. file%exists(name//'/cell')) return
     call file%get(name//'/cell', group%element, errors)
-    if (.not. errors%any()) group%element = group%element + 1
+    if (.not. errors%any()) group%element = row_of(group%element)
   end subroutine read_facets
+
+  !> Row of a number of the file, which counts from 0; the largest stays what no mesh has.
+  elemental integer(i4) function row_of(number)
+    integer(i4), intent(in) :: number
+    row_of = min(number, huge(1_i4) - 1) + 1
+  end function row_of
 
   !> The first row out of range.
   pure integer(i4) function pick(rows, limit)

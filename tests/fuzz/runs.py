@@ -14,6 +14,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+from fuzzing import environment
 
 from talus.port_names import SCALARS
 
@@ -48,7 +49,7 @@ class Run:
         self.log = (folder / "seen.txt").open("w+")
         command = [str(binaries / "talus-couple"), "coupled.nml", *options]
         self.process = subprocess.Popen(
-            command, cwd=folder, stdout=self.log, stderr=subprocess.STDOUT
+            command, cwd=folder, env=environment(), stdout=self.log, stderr=subprocess.STDOUT
         )
         self.pid = self.process.pid
         self.solvers: dict[str, int] = {}
