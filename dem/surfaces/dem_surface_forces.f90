@@ -278,18 +278,24 @@ contains
       law(k) = law_of(d%surfaces, part(k))
     end do
     if (allocated(d%surfaces%rigid%free)) call reduce_masses(d, i, part(:count), given%m_star)
+    if (law(1) > 0 .and. all(law(:count) == law(1))) then
+      history(count + 1:, :) = 0.0_wp
+      kept(count + 1:, :) = 0.0_wp
+      associate (of_all => d%laws(d%surfaces%material(part(1)), d%grains%material(i)))
+        if (of_all%elliptic) call narrow(figure, b)
+        call laws_of_surface(b, of_all, d%pairs%additional, given, history, kept, works)
+      end associate
+      columns = works%columns
+      work = works%models
+      return
+    end if
     do lead = 1, count
       if (any(law(:lead - 1) == law(lead))) cycle
       this = law == law(lead)
       mine = b
       past = history
       memory = kept
-      do k = 1, lanes
-        if (this(k)) cycle
-        mine%gap(k) = 1.0_wp
-        past(k, :) = 0.0_wp
-        memory(k, :) = 0.0_wp
-      end do
+      call leave_out(.not. this, mine, past, memory)
       of_both = d%laws(d%surfaces%material(part(lead)), d%grains%material(i))
       if (law(lead) < 0) of_both%share = 0.0_wp
       if (of_both%elliptic) call narrow(figure, mine)
@@ -304,6 +310,20 @@ contains
     end do
     work = works%models
   end subroutine apply_laws
+
+  !> Lanes that are not worked: no contact, no memory.
+  pure subroutine leave_out(others, b, history, kept)
+    logical, intent(in) :: others(lanes)
+    type(dem_block_type), intent(inout) :: b
+    real(wp), intent(inout) :: history(lanes, history_size), kept(:, :)
+    integer(i4) :: k
+    do k = 1, lanes
+      if (.not. others(k)) cycle
+      b%gap(k) = 1.0_wp
+      history(k, :) = 0.0_wp
+      kept(k, :) = 0.0_wp
+    end do
+  end subroutine leave_out
 
   !> A contact of a free body has the reduced mass of both, or that of the one that gives way.
   pure subroutine reduce_masses(d, i, part, m_star)
