@@ -2,7 +2,8 @@
 program test_dem_clock
   use talus_kinds, only: wp, i4, i8
   use talus_test, only: test_type
-  use dem_clock, only: dem_clock_type, event_history, event_output, event_checkpoint
+  use dem_clock, only: dem_clock_type, event_history, event_output, event_checkpoint, &
+    event_opening, interval_ends
   implicit none
 
   type(test_type) :: test
@@ -10,6 +11,7 @@ program test_dem_clock
   call fixed_step()
   call automatic_step()
   call blocks()
+  call intervals()
   call test%finish()
 
 contains
@@ -21,7 +23,7 @@ contains
 
     clock%t_end = 1.0e-2_wp
     call clock%start_at(0.0_wp, 1.0e-6_wp)
-    call clock%set_events([1.0e-5_wp, 5.0e-3_wp, 0.0_wp, 0.0_wp])
+    call clock%set_events([1.0e-5_wp, 5.0e-3_wp, 0.0_wp, 0.0_wp, 0.0_wp])
     rows = 0
     do while (.not. clock%finished())
       call clock%advance(clock%steps_ahead(100_i4, clock%t_end))
@@ -46,7 +48,7 @@ contains
 
     clock%automatic = .true.
     clock%t_end = 1.0_wp
-    call clock%set_events([1.0e-3_wp, 0.0_wp, 0.0_wp, 0.0_wp])
+    call clock%set_events([1.0e-3_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp])
     dt = clock%chosen_step(3.0e-4_wp)
     call test%check_close('four steps to the grid', dt, 2.5e-4_wp, 1.0e-18_wp)
     call clock%start_at(0.0_wp, dt)
@@ -66,7 +68,7 @@ contains
   subroutine blocks()
     type(dem_clock_type) :: clock
     call clock%start_at(0.0_wp, 1.0e-6_wp)
-    call clock%set_events([0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp])
+    call clock%set_events([0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp])
     call test%check('stopped by the end', clock%steps_ahead(50_i4, 13.0e-6_wp) == 13)
     call clock%advance(13_i4)
     call test%check('the rest of the block', clock%steps_ahead(50_i4, 1.0_wp) == 37)
@@ -74,4 +76,22 @@ contains
     call test%check_close('a jump', clock%time(), 1.0_wp, 0.0_wp)
     call test%check('a whole block', clock%steps_ahead(50_i4, 2.0_wp) == 50)
   end subroutine blocks
+
+  !> How many intervals of an event have ended, and those of multiples of it.
+  subroutine intervals()
+    type(dem_clock_type) :: clock
+    clock%t_end = 1.0_wp
+    call clock%start_at(0.0_wp, 1.0e-3_wp)
+    call clock%set_events([0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0e-2_wp])
+    call test%check('none yet', .not. clock%due(event_opening))
+    call clock%advance(10_i4)
+    call test%check('one is due', clock%due(event_opening) .and. &
+                    all(clock%turns(event_opening) == [1_i8, 0_i8]))
+    call clock%passed(event_opening)
+    call clock%advance(25_i4)
+    call test%check('two at once', all(clock%turns(event_opening) == [3_i8, 1_i8]))
+    call test%check('one of two has ended', interval_ends([3_i8, 1_i8], 2_i8))
+    call test%check('none of four', .not. interval_ends([3_i8, 1_i8], 4_i8))
+    call test%check('the zeroth of four', interval_ends([0_i8, -1_i8], 4_i8))
+  end subroutine intervals
 end program test_dem_clock
