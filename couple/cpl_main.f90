@@ -61,7 +61,7 @@ contains
 
   !> --check: the coupled deck, then both solvers' own checks, all faults together.
   subroutine check()
-    call check_solvers(model%run%solvers, errors)
+    call check_solvers(model%run%solvers, model%run%choices, errors)
     call errors%locate(options%deck)
     call report_check(program_name, model%run%deck, errors, options%json)
     call talus_exit(errors%exit_code())

@@ -84,9 +84,12 @@ contains
 
   !> --check: read everything, assemble and factor, report, leave.
   subroutine check()
+    character(len=:), allocatable :: analysis
     call read_and_prepare()
     call errors%locate(options%deck)
-    if (ranks%leads()) call report_check(program_name, model%deck, errors, options%json)
+    if (allocated(model%analysis)) analysis = model%analysis%kind
+    if (ranks%leads()) &
+      call report_check(program_name, model%deck, errors, options%json, analysis)
     call leave_ranks()
     call talus_exit(errors%exit_code())
   end subroutine check

@@ -16,11 +16,12 @@ contains
 
   !> Outcome of --check: the deck as understood on stdout, or faults on stderr; with json one
   !! object on stdout. A deck that was never read (no path) is not echoed.
-  subroutine report_check(program, deck, errors, json)
+  subroutine report_check(program, deck, errors, json, analysis)
     character(len=*), intent(in) :: program
     type(deck_type), intent(in) :: deck
     type(error_list_type), intent(in) :: errors
     logical, intent(in) :: json
+    character(len=*), intent(in), optional :: analysis  !! kind of a solid's analysis
     type(string_type), allocatable :: lines(:)
     character(len=:), allocatable :: path
     integer(i4) :: k
@@ -28,7 +29,7 @@ contains
     path = ''
     if (allocated(deck%source%path)) path = deck%source%path
     if (json) then
-      write (output_unit, '(a)', advance='no') faults_json(program, path, errors)
+      write (output_unit, '(a)', advance='no') faults_json(program, path, errors, analysis)
     else if (errors%any()) then
       call errors%print(error_unit)
     else
@@ -41,10 +42,12 @@ contains
     flush (output_unit)
   end subroutine report_check
 
-  !> Faults as JSON: program, deck, ok, errors[code, message, place, line, column, source, hint].
-  function faults_json(program, deck, errors) result(text)
+  !> Faults as JSON: program, deck, ok, analysis (of a solid),
+  !! errors[code, message, place, line, column, source, hint].
+  function faults_json(program, deck, errors, analysis) result(text)
     character(len=*), intent(in) :: program, deck
     type(error_list_type), intent(in) :: errors
+    character(len=*), intent(in), optional :: analysis  !! kind of a solid's analysis
     character(len=:), allocatable :: text
     type(json_type) :: json
 
@@ -53,6 +56,7 @@ contains
     call json%put('deck', deck)
     call json%put('ok', .not. errors%any())
     call json%put('exit_code', errors%exit_code())
+    if (present(analysis)) call json%put('analysis', analysis)
     call put_faults(json, 'errors', errors)
     call json%end()
     text = json%text()

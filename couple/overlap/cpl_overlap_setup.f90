@@ -6,7 +6,7 @@ module cpl_overlap_setup
   use talus_errors, only: error_list_type
   use talus_log, only: short_number
   use talus_message, only: verb_set, verb_ready
-  use talus_port_names, only: can_border, can_kick_drift, dot_force, dot_moment, dot_theta, &
+  use talus_port_names, only: can_border, dot_force, dot_moment, dot_theta, &
     field_axes, field_element, field_force, field_held, field_held_phi, field_id, field_inertia, &
     field_kind, field_load, field_mass, field_mass_phi, field_mass_u, field_micromorphic, &
     field_moment, field_node, field_omega, field_phi, field_polar, field_quat, field_radius, &
@@ -47,7 +47,7 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
 
-    call check_solvers(solvers, choices, dynamic, o%rules%substeps, errors)
+    call check_solvers(solvers, choices, o%rules%substeps, errors)
     if (errors%any()) return
     o%rules%symmetric = choices%overlap%scheme == 'symmetric'
     o%rules%static = choices%overlap%scheme == 'static'
@@ -120,27 +120,17 @@ contains
     if (.not. errors%any()) call make_damping(o, choices%overlap%fine_damping, grains, errors)
   end subroutine give_masses
 
-  !> D422: a solid that takes no kicks, grains without a step of their own. D432: grains whose
-  !! masses are scaled beside a solid with inertia.
-  subroutine check_solvers(solvers, choices, dynamic, substeps, errors)
+  !> D422: grains without a step of their own. D432: grains whose masses are scaled beside a solid
+  !! with inertia. D423: an exchange above the stable step of the solid.
+  subroutine check_solvers(solvers, choices, substeps, errors)
     type(cpl_solver_type), intent(in) :: solvers(2)
     type(cpl_choices_type), intent(in) :: choices
-    logical, intent(in) :: dynamic
     integer(i4), intent(out) :: substeps
     type(error_list_type), intent(inout) :: errors
     logical :: static
 
     substeps = 1
     static = choices%overlap%scheme == 'static'
-    if (static .and. dynamic) then
-      call errors%add('D422', solvers(side_solid)%title()//' is not static', &
-                      solvers(side_solid)%deck, "write &analysis kind = 'static', or another "// &
-                      'scheme in &overlap')
-    else if (.not. static .and. .not. (dynamic .and. solvers(side_solid)%can(can_kick_drift))) then
-      call errors%add('D422', solvers(side_solid)%title()//' does not step explicitly', &
-                      solvers(side_solid)%deck, "write &analysis kind = 'explicit', or for a "// &
-                      "static solid &overlap scheme = 'static'")
-    end if
     if (.not. solvers(side_grains)%dt > 0.0_wp) then
       call errors%add('D422', solvers(side_grains)%title()//' has no step of its own', &
                       solvers(side_grains)%deck, 'write dt in &dynamics or &relaxation of its '// &

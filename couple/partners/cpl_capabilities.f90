@@ -63,8 +63,7 @@ contains
     end if
   end subroutine needs_of_facets
 
-  !> Capabilities for &overlap; a solid that cannot step explicitly where it should is refused with
-  !! its deck (D422).
+  !> Capabilities for &overlap.
   subroutine needs_of_overlap(side, choices, needed)
     integer(i4), intent(in) :: side  !! side_grains or side_solid
     type(cpl_choices_type), intent(in) :: choices
@@ -81,7 +80,11 @@ contains
       call append_string(needed, can_prescribe)
       call append_string(needed, can_load)
       call append_string(needed, can_force)
-      if (choices%overlap%scheme == 'static') call append_string(needed, can_solve)
+      if (choices%overlap%scheme == 'static') then
+        call append_string(needed, can_solve)
+      else
+        call append_string(needed, can_kick_drift)
+      end if
     end if
   end subroutine needs_of_overlap
 

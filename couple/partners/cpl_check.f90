@@ -5,29 +5,35 @@ module cpl_check
   use talus_errors, only: error_list_type
   use talus_files, only: read_file, remove_file
   use talus_process, only: process_type, sibling_program
-  use cpl_solver, only: cpl_solver_type
+  use cpl_analysis, only: check_analysis
+  use cpl_choices, only: cpl_choices_type
+  use cpl_solver, only: cpl_solver_type, side_solid
   implicit none
   private
-  public :: check_solvers, take_faults
+  public :: check_solvers, take_faults, take_analysis
 
   real(wp), parameter :: patience = 600.0_wp  !! s
 
 contains
 
-  !> Check the decks of both solvers as decks of a coupled run. Those launched by a command or by
-  !! the user are checked with the program next to this one.
-  subroutine check_solvers(solvers, errors)
-    type(cpl_solver_type), intent(in) :: solvers(2)
+  !> Check the decks of both solvers as decks of a coupled run, and whether the solid's analysis
+  !! fits it. Those launched by a command or by the user are checked with the program next to this
+  !! one.
+  subroutine check_solvers(solvers, choices, errors)
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(cpl_choices_type), intent(in) :: choices
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: k
     do k = 1, 2
       if (.not. allocated(solvers(k)%deck)) cycle
       if (len(solvers(k)%deck) > 0) call check_one(solvers(k), errors)
     end do
+    if (.not. allocated(solvers(side_solid)%analysis)) return
+    call check_analysis(solvers(side_solid), choices, errors)
   end subroutine check_solvers
 
   subroutine check_one(solver, errors)
-    type(cpl_solver_type), intent(in) :: solver
+    type(cpl_solver_type), intent(inout) :: solver
     type(error_list_type), intent(inout) :: errors
     type(process_type) :: process
     type(string_type), allocatable :: argv(:)
@@ -47,6 +53,7 @@ contains
     call remove_file(solver%output)
     if (errors%count > before) return
     call take_faults(solver%program, text, errors)
+    call take_analysis(text, solver%analysis)
     if (errors%count == before .and. process%exit_code /= 0) &
       call errors%add('P424', solver%program//' --check gave no answer: '//process%epitaph(), &
                       solver%deck, 'start it by hand to see why')
@@ -74,6 +81,17 @@ contains
       call errors%add(code, program//': '//message, place, hint)
     end do
   end subroutine take_faults
+
+  !> Kind of a solid's analysis in such an answer; not allocated where it names none.
+  subroutine take_analysis(json, analysis)
+    character(len=*), intent(in) :: json
+    character(len=:), allocatable, intent(out) :: analysis
+    character(len=:), allocatable :: value
+    integer :: at
+    at = 1
+    call next_value(json, 'analysis', at, value)
+    if (at > 0) analysis = value
+  end subroutine take_analysis
 
   !> Value of the next "key": after position at, which moves behind it; 0 when there is none.
   subroutine next_value(json, key, at, value)

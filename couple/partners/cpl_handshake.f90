@@ -8,6 +8,7 @@ module cpl_handshake
     field_gravity, field_motion, field_program, field_protocol, field_ranks, field_restart, &
     field_run_id, field_step_limit, field_t_end, field_time, field_version
   use talus_timers, only: timers_type
+  use cpl_analysis, only: check_analysis
   use cpl_capabilities, only: check_capabilities
   use cpl_choices, only: cpl_choices_type
   use cpl_solver, only: cpl_solver_type, side_solid
@@ -28,7 +29,6 @@ contains
     type(timers_type), intent(inout) :: timers
     logical, intent(out) :: dynamic  !! the solid has inertia
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: analysis
     integer(i4) :: k, faults
 
     dynamic = .false.
@@ -46,10 +46,10 @@ contains
       solvers(k)%greeted = errors%count == faults
     end do
     if (errors%any()) return
-    if (solvers(side_solid)%reply%has(field_analysis)) then
-      call solvers(side_solid)%reply%get_text(field_analysis, analysis, errors)
-      dynamic = analysis /= 'static'
-    end if
+    solvers(side_solid)%analysis = 'static'
+    if (solvers(side_solid)%reply%has(field_analysis)) &
+      call solvers(side_solid)%reply%get_text(field_analysis, solvers(side_solid)%analysis, errors)
+    dynamic = solvers(side_solid)%analysis /= 'static'
     do k = 1, 2
       call read_answer(solvers(k), errors)
     end do
@@ -59,11 +59,7 @@ contains
     end do
     call check_capabilities(solvers, choices, errors)
     call compare_gravity(solvers, choices, errors)
-    if (choices%relaxed .and. dynamic) &
-      call errors%add('D414', "initial = 'relax' needs a static solid, "// &
-                      solvers(side_solid)%title()//' is dynamic ('//analysis//')', &
-                      solvers(side_solid)%deck, "write initial = 'dead_load', or &analysis "// &
-                      "kind = 'static' in the solid's deck")
+    call check_analysis(solvers(side_solid), choices, errors)
   end subroutine shake_hands
 
   subroutine read_answer(solver, errors)

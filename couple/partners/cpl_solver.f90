@@ -37,6 +37,7 @@ module cpl_solver
     logical :: lost = .false.      !! its port gave a fault: nothing more can be asked
     logical :: owes = .false.      !! a reply that nobody needs, to be read before the next request
     character(len=:), allocatable :: version, deck_hash, capabilities
+    character(len=:), allocatable :: analysis  !! kind of a solid's analysis
     real(wp) :: gravity(3) = 0.0_wp  !! m/s2
     real(wp) :: time = 0.0_wp        !! s
     real(wp) :: t_end = 0.0_wp       !! s, 0: none given

@@ -48,9 +48,11 @@ contains
   subroutine overlap()
     choices%overlap%given = .true.
     choices%overlap%scheme = 'symmetric'
-    call told('report,load,force,kick_drift,prescribe', 'prescribe,load,force')
+    call told('report,load,force,kick_drift,prescribe', 'prescribe,load,force,kick_drift')
     call lacks('enough for an overlap', '')
-    call told('report,load,force,kick_drift', 'prescribe,load,force')
+    call told('report,load,force,kick_drift,prescribe', 'prescribe,load,force')
+    call lacks('a solid that takes no kicks', 'kick_drift')
+    call told('report,load,force,kick_drift', 'prescribe,load,force,kick_drift')
     call lacks('ghosts', 'prescribe')
     choices%overlap%bound = .true.
     call lacks('the bridging domain has none', '')

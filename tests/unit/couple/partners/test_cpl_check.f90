@@ -3,11 +3,12 @@ program test_cpl_check
   use talus_errors, only: error_list_type
   use talus_report, only: faults_json
   use talus_test, only: test_type
-  use cpl_check, only: take_faults
+  use cpl_check, only: take_analysis, take_faults
   implicit none
 
   type(test_type) :: test
   type(error_list_type) :: told, heard
+  character(len=:), allocatable :: analysis
   character(len=1), parameter :: nl = new_line('a')
 
   call told%add('D017', 'kind = ''a "b" \ c'' is wrong', 'solid.nml:6:16'//nl//'  6 | &x'//nl// &
@@ -27,5 +28,9 @@ program test_cpl_check
   call test%check('none', heard%count == 0)
   call take_faults('talus-fem', 'Segmentation fault', heard)
   call test%check('no JSON', heard%count == 0)
+  call take_analysis(faults_json('talus-fem', 'solid.nml', told, 'explicit'), analysis)
+  call test%check_text('analysis of a solid', analysis, 'explicit')
+  call take_analysis(faults_json('talus-dem', 'grains.nml', told), analysis)
+  call test%check('grains have none', .not. allocated(analysis))
   call test%finish()
 end program test_cpl_check
